@@ -1,0 +1,38 @@
+# mr_add_module(NAME SOURCES a.cpp … [USES mr::core …] [PRIVATE lib …])
+#   One folder = one static library mr_NAME = one namespace. USES: our own modules that its headers
+#   include. PRIVATE: libraries that only its .cpp files see.
+add_library(mr_flags INTERFACE)
+target_include_directories(mr_flags INTERFACE ${CMAKE_SOURCE_DIR}/src)
+target_compile_options(mr_flags INTERFACE -Wall -Wextra -Wshadow -Wnon-virtual-dtor -Wcast-qual)
+# The same floating-point results in every build: no fused multiply-add behind our back.
+target_compile_options(mr_flags INTERFACE -ffp-contract=off)
+if(MR_WERROR)
+  target_compile_options(mr_flags INTERFACE -Werror)
+endif()
+if(MR_ASSERTS)
+  target_compile_definitions(mr_flags INTERFACE MR_ENABLE_ASSERTS)
+endif()
+if(MR_SANITIZE)
+  target_compile_options(mr_flags INTERFACE -fsanitize=${MR_SANITIZE} -fno-omit-frame-pointer
+                                            -fno-sanitize-recover=all)
+  target_link_options(mr_flags INTERFACE -fsanitize=${MR_SANITIZE})
+endif()
+
+function(mr_add_module name)
+  cmake_parse_arguments(M "" "" "SOURCES;USES;PRIVATE" ${ARGN})
+  add_library(mr_${name} STATIC ${M_SOURCES})
+  add_library(mr::${name} ALIAS mr_${name})
+  target_link_libraries(mr_${name} PUBLIC mr_flags ${M_USES} PRIVATE ${M_PRIVATE})
+endfunction()
+
+# mr_add_test(NAME SOURCES a_test.cpp … USES mr::… [LABELS slow])
+function(mr_add_test name)
+  cmake_parse_arguments(T "" "" "SOURCES;USES;PRIVATE;LABELS" ${ARGN})
+  add_executable(${name} ${T_SOURCES})
+  target_include_directories(${name} PRIVATE ${CMAKE_SOURCE_DIR}/tests)
+  target_link_libraries(${name} PRIVATE mr_flags ${T_USES} ${T_PRIVATE} GTest::gtest_main
+                                        GTest::gmock)
+  target_compile_definitions(${name} PRIVATE MR_SOURCE_DIR="${CMAKE_SOURCE_DIR}")
+  add_test(NAME ${name} COMMAND ${name} --gtest_brief=1 WORKING_DIRECTORY ${CMAKE_SOURCE_DIR})
+  set_tests_properties(${name} PROPERTIES LABELS "${T_LABELS}" TIMEOUT 600)
+endfunction()

@@ -1,0 +1,34 @@
+#pragma once
+
+#include <map>
+#include <memory>
+#include <span>
+#include <vector>
+
+#include "mr/core/chunk.h"
+
+namespace mr::codec {
+
+/// What a node holds for receivers that lack a chunk: late joiners, losses and restarts are this one
+/// case (DESIGN section 4). Holds what the newest manifests name, and forgets a chunk once
+/// `kManifestsKept` manifests went by without it.
+class ChunkCache {
+ public:
+  static constexpr std::uint64_t kManifestsKept = 30;
+
+  void put(std::shared_ptr<const EncodedChunk> chunk);
+  /// Marks what is live, and forgets what has not been for long.
+  void keep(std::span<const ChunkKey> manifest);
+  std::shared_ptr<const EncodedChunk> find(const ChunkKey& key) const;  ///< null when forgotten
+  std::size_t size() const { return entries_.size(); }
+
+ private:
+  struct Entry {
+    std::shared_ptr<const EncodedChunk> chunk;
+    std::uint64_t last_named = 0;
+  };
+  std::map<ChunkKey, Entry> entries_;
+  std::uint64_t manifests_ = 0;
+};
+
+}  // namespace mr::codec

@@ -1,0 +1,24 @@
+#pragma once
+
+#include "mr/core/chunk.h"
+#include "mr/core/lattice.h"
+#include "mr/core/result.h"
+
+namespace mr::codec {
+
+/// Puts a mesh on the lattice: snaps every vertex, welds those that meet, drops triangles of no area
+/// and doubled ones, drops vertices that nothing uses; views are kept. Refuses (invalid) positions
+/// that are not finite or lie outside the lattice's cube, so that they never reach Draco.
+Result<Mesh> snap_to_lattice(const Mesh& mesh, const Lattice& lattice);
+
+/// Codes a chunk as one Edgebreaker stream (DESIGN section 4, "The mesh on the wire"): POSITION on
+/// the lattice, and a GENERIC uint8 label per corner where the chunk has more than one view.
+/// The mesh must be snapped and have runs. `speed`: Draco's, 0 smallest .. 10 fastest. Errors:
+/// invalid (not snapped, more than 254 views), empty, corrupt (Draco refused).
+Result<EncodedChunk> encode_chunk(const Chunk& chunk, const Lattice& lattice, int speed);
+
+/// Decodes and checks: lattice positions, labels and triangle count as promised, vertices welded,
+/// triangles sorted by view. Edgebreaker reorders triangles and vertices.
+Result<Chunk> decode_chunk(const EncodedChunk& chunk, const Lattice& lattice);
+
+}  // namespace mr::codec

@@ -1,0 +1,50 @@
+#pragma once
+
+#include <array>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "mr/core/vec.h"
+
+namespace mr {
+
+enum class CameraModel { pinhole, equirectangular, lidar };
+enum class DistortionModel { none, brown, rational };
+
+/// How a sensor's pixels relate to directions. Camera frame: x right, y down, z forward, metres.
+/// Pixel centres lie at integers.
+struct Camera {
+  CameraModel model = CameraModel::pinhole;
+  int width = 0, height = 0;  ///< pixels
+
+  // pinhole
+  double fx = 0, fy = 0, cx = 0, cy = 0;                   ///< pixels
+  DistortionModel distortion = DistortionModel::none;
+  std::array<double, 6> k{};                               ///< radial; Brown uses k1..k3
+  std::array<double, 2> p{};                               ///< tangential
+
+  // lidar: one beam per row
+  std::vector<double> beam_altitude_rad;                   ///< [height], up is positive
+  std::vector<double> beam_azimuth_rad;                    ///< [height], offset of the row
+
+  friend bool operator==(const Camera&, const Camera&) = default;
+
+  /// What makes this camera impossible; empty when usable.
+  std::vector<std::string> problems() const;
+};
+
+/// Where a point of the camera frame falls, in pixels; nothing when it cannot be seen (behind a
+/// pinhole, outside the range where the distortion is invertible, or at the origin).
+/// equirectangular: u = (lon/2π + 0.5) W - 0.5, v = (lat/π + 0.5) H - 0.5 with lon = atan2(x, z),
+/// lat positive downwards.
+std::optional<Vec2d> project(const Camera& camera, Vec3d point_camera);
+
+/// The direction that a pixel looks along: z = 1 for a pinhole (so depth · direction is the point),
+/// unit length for the others (range · direction).
+Vec3d unproject(const Camera& camera, Vec2d pixel);
+
+/// The same pinhole without its distortion; other models come back as they are.
+Camera undistorted(const Camera& camera);
+
+}  // namespace mr

@@ -1,0 +1,49 @@
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <vector>
+
+#include "mr/core/mesh.h"
+
+namespace mr {
+
+/// Chunk of a merged mesh: no single sensor made it.
+inline constexpr std::uint32_t kMergedSource = 0xFFFFFFFFu;
+
+/// Which part of the world, and below the first merger whose: the mesh inside one cube of the
+/// scene's chunk grid. Cube c covers [c, c + 1) · chunk_m.
+struct ChunkId {
+  Vec3i cube;
+  std::uint32_t source = kMergedSource;
+
+  friend auto operator<=>(const ChunkId&, const ChunkId&) = default;
+};
+
+/// Names one content for ever: a version never changes content.
+struct ChunkKey {
+  ChunkId id;
+  std::uint32_t level = 0;    ///< level of detail, 0 the finest
+  std::uint32_t version = 0;
+
+  friend auto operator<=>(const ChunkKey&, const ChunkKey&) = default;
+};
+
+/// The unit of transport and of reuse: one coded mesh.
+struct EncodedChunk {
+  ChunkKey key;
+  float error_m = 0;               ///< geometric error made so far
+  std::uint32_t triangles = 0;     ///< before coding; checked after decoding
+  std::vector<ViewId> views;       ///< what the stream's labels mean, at most 254
+  std::vector<std::byte> payload;  ///< Draco, Edgebreaker
+
+  friend bool operator==(const EncodedChunk&, const EncodedChunk&) = default;
+};
+
+struct Chunk {
+  ChunkKey key;
+  float error_m = 0;
+  Mesh mesh;  ///< vertices on the scene's lattice
+};
+
+}  // namespace mr

@@ -1,0 +1,21 @@
+#pragma once
+
+#include <map>
+#include <memory>
+#include <vector>
+
+#include "mr/core/chunk.h"
+#include "mr/core/packet.h"
+
+namespace mr {
+
+/// One capture as a client has it: everything a packet's manifest names, decoded.
+struct DecodedScene {
+  TimePoint captured_at{};
+  std::vector<SourceInfo> sources;
+  std::vector<View> views;                              ///< sorted by id
+  std::vector<std::shared_ptr<const Chunk>> chunks;     ///< in the manifest's order
+  std::map<std::uint32_t, std::shared_ptr<const ImageRgb>> textures;  ///< by stream
+};
+
+}  // namespace mr

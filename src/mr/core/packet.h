@@ -1,0 +1,84 @@
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include "mr/core/chunk.h"
+#include "mr/core/frame.h"
+#include "mr/core/view.h"
+
+namespace mr {
+
+/// Spread of a depth sensor: sigma(z) = base + per_m2 · z².
+struct Precision {
+  double base_m = 0.001;
+  double per_m2 = 0.0002;
+
+  double sigma_m(double depth_m) const { return base_m + per_m2 * depth_m * depth_m; }
+  friend bool operator==(const Precision&, const Precision&) = default;
+};
+
+/// A sensor that contributed to a packet, with all that a merger needs to cast its rays.
+struct SourceInfo {
+  std::uint32_t sensor = 0;   ///< index in the scene; also its ViewId
+  TimePoint captured_at{};
+  Camera depth_camera;        ///< undistorted
+  Pose T_world_depth;
+  Precision precision;
+
+  friend bool operator==(const SourceInfo&, const SourceInfo&) = default;
+};
+
+/// What rate control decided for one packet.
+struct CodingPlan {
+  float simplify_ratio = 1;      ///< triangles kept
+  int mesh_speed = 5;            ///< Draco: 0 smallest .. 10 fastest
+  float texture_scale = 1;       ///< of a tile against its camera picture
+  int texture_qp = 28;           ///< H.264 quantiser
+
+  friend bool operator==(const CodingPlan&, const CodingPlan&) = default;
+};
+
+enum class TextureCodec : std::uint8_t { h264 };
+
+/// One access unit of a texture stream: H.264 Annex B, BT.709 limited range.
+struct TextureUnit {
+  std::uint32_t stream = 0;
+  TextureCodec codec = TextureCodec::h264;
+  std::uint32_t layout = 0;
+  int width = 0, height = 0;      ///< decoded size
+  bool key_frame = false;
+  std::vector<std::byte> data;
+
+  friend bool operator==(const TextureUnit&, const TextureUnit&) = default;
+};
+
+/// When a stage ended, for latency overlays.
+struct TimeMark {
+  std::string stage;   ///< "<node>/<stage>"
+  TimePoint at{};
+
+  friend bool operator==(const TimeMark&, const TimeMark&) = default;
+};
+
+/// What every node produces and every merger and client consumes (DESIGN section 4). Mesh and
+/// texture of one capture travel together.
+struct Packet {
+  std::string scene, node;
+  std::uint32_t epoch = 0;           ///< another lattice or a restarted node is another epoch
+  std::uint64_t sequence = 0;
+  TimePoint captured_at{};           ///< of a merged packet: the tick it was aligned to
+  std::vector<SourceInfo> sources;   ///< each sensor's own time, sorted by sensor
+  CodingPlan plan;
+  std::vector<View> views;           ///< sorted by id
+  std::vector<ChunkKey> manifest;    ///< every live chunk, sorted
+  std::vector<EncodedChunk> chunks;  ///< the payloads that are new, sorted by key
+  std::vector<TextureUnit> textures;
+  std::vector<TimeMark> marks;
+
+  friend bool operator==(const Packet&, const Packet&) = default;
+};
+
+}  // namespace mr

@@ -1,0 +1,36 @@
+#include "mr/core/parallel.h"
+
+#include <tbb/blocked_range.h>
+#include <tbb/parallel_for.h>
+#include <tbb/task_arena.h>
+
+#include <algorithm>
+
+namespace mr {
+
+struct Arena::Impl {
+  explicit Impl(int threads) : arena(threads > 0 ? threads : tbb::task_arena::automatic) {}
+  tbb::task_arena arena;
+};
+
+Arena::Arena(int threads) : impl_(std::make_unique<Impl>(threads)) {}
+Arena::~Arena() = default;
+
+int Arena::threads() const { return impl_->arena.max_concurrency(); }
+
+void Arena::run(const std::function<void()>& work) {
+  impl_->arena.execute([&] { work(); });
+}
+
+void parallel_for(std::size_t count, std::size_t grain,
+                  const std::function<void(std::size_t, std::size_t)>& body) {
+  grain = std::max<std::size_t>(grain, 1);
+  if (count <= grain) {
+    if (count > 0) body(0, count);
+    return;
+  }
+  tbb::parallel_for(tbb::blocked_range<std::size_t>(0, count, grain),
+                    [&](const tbb::blocked_range<std::size_t>& r) { body(r.begin(), r.end()); });
+}
+
+}  // namespace mr

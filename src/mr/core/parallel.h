@@ -1,0 +1,34 @@
+#pragma once
+
+#include <cstddef>
+#include <functional>
+#include <memory>
+
+namespace mr {
+
+/// The threads that the app gives to the pipeline. parallel_for inside run() uses them; library
+/// settings stay untouched (DESIGN section 5).
+class Arena {
+ public:
+  /// `threads`: 0 = all cores.
+  explicit Arena(int threads);
+  ~Arena();
+  Arena(const Arena&) = delete;
+  Arena& operator=(const Arena&) = delete;
+
+  int threads() const;
+  void run(const std::function<void()>& work);
+
+ private:
+  struct Impl;
+  std::unique_ptr<Impl> impl_;
+};
+
+/// Calls body(begin, end) on disjoint pieces that cover [0, count), each at least `grain` long
+/// where possible; serial below one grain. Pieces may run at once and in any order, so the body
+/// writes to places that only its own indices name: then the result is the same on any number of
+/// threads. Exceptions from the body reach the caller.
+void parallel_for(std::size_t count, std::size_t grain,
+                  const std::function<void(std::size_t begin, std::size_t end)>& body);
+
+}  // namespace mr

@@ -1,0 +1,157 @@
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <optional>
+#include <string>
+#include <variant>
+#include <vector>
+
+#include "mr/core/camera.h"
+#include "mr/core/lattice.h"
+#include "mr/core/packet.h"
+#include "mr/core/pose.h"
+
+/// A scene file as a value: what scene-example.yaml describes. Lengths in metres, angles in degrees,
+/// times in milliseconds unless a name says otherwise. Defaults are those of a file that leaves the
+/// key out.
+namespace mr {
+
+/// Colour and depth as files; item i of one belongs to item i of the other.
+struct RgbdImagesSource {
+  std::vector<std::filesystem::path> color;  ///< JPEG or PNG; empty: the sensor has no colour
+  std::vector<std::filesystem::path> depth;  ///< 16-bit PNG or PGM
+  double depth_unit_m = 0.001;               ///< metres per count
+  std::vector<std::uint16_t> invalid{0};     ///< counts that mean "no depth"
+  bool loop = false;                         ///< start again after the last
+};
+
+/// One camera of the synthetic room; which one follows from the sensor's place in the rig.
+struct SyntheticSource {
+  std::uint32_t camera = 0;
+};
+
+struct SensorConfig {
+  std::string id;
+  std::variant<RgbdImagesSource, SyntheticSource> source;
+  Camera depth_camera;
+  std::optional<Camera> color_camera;          ///< none: the sensor has no colour
+  Pose T_color_depth;                          ///< depth-camera point → colour camera
+  std::vector<Pose> T_world_depth;             ///< one for a static sensor, else one per item
+  double depth_near_m = 0.3, depth_far_m = 5.0;
+  Precision precision;
+  double clock_offset_ms = 0;                  ///< added to the source's times
+};
+
+struct MergerConfig {
+  std::string id;
+  std::vector<std::string> inputs;             ///< ids of sensors or mergers
+  double deadline_ms = 50;                     ///< waits this long for the slowest input
+};
+
+struct LinkConfig {
+  std::string from, to;
+  double limit_mbps = 0;
+};
+
+enum class Decomposition { none, chunks, patches };
+
+struct FusionConfig {
+  Decomposition decomposition = Decomposition::chunks;
+  double chunk_m = 1.28;                       ///< edge of the scene's chunk grid
+  int patches_x = 4, patches_y = 4;            ///< the paper's M×N
+  double truncation_m = 0.04;                  ///< half width of the signed-distance band
+};
+
+struct SimplifyConfig {
+  double ratio = 1;                            ///< triangles kept, (0, 1]
+};
+
+struct MergeConfig {
+  enum class Owner { paper, coherent } owner = Owner::coherent;
+  enum class Overlap { rays, raster } overlap = Overlap::rays;
+  bool refine = false;
+  bool color_gain = false;
+  SimplifyConfig simplify;
+  double calibration_error_m = 0.005;          ///< how far two sensors may disagree, 1 sigma
+};
+
+struct AtlasConfig {
+  enum class Views { coherent, best_angle, packed, separate } views = Views::coherent;
+  bool mask = true;                            ///< pixels of no use become black
+  int width = 4096, height = 2304;             ///< the atlas is at most this large
+};
+
+struct RateConfig {
+  enum class Model { fixed, lookup, classifier, ours } model = Model::fixed;
+  double target_mbps = 20;
+};
+
+struct CodingConfig {
+  double texture_scale = 1;
+  int texture_qp = 28;
+  int sensor_texture_qp = 22;                  ///< between sensor and first merger
+};
+
+struct VideoConfig {
+  int threads = 2, slices = 2;                 ///< libx264's bytes follow them
+};
+
+/// A synthetic rig in place of `sensors`.
+struct RigConfig {
+  std::uint32_t seed = 1;
+  Vec3d room_m{6, 5, 3};                       ///< width, depth, height
+  int people = 0;
+  int sensors = 4;
+  int depth_width = 640, depth_height = 576;   ///< depth_mode nfov; wfov_binned 512x512, nfov_binned 320x288
+  int color_width = 1280, color_height = 720;
+  bool noise = true;                           ///< `kinect`; `none` is noiseless
+  double detail = 0.5;                         ///< texture contrast and clutter, 0..1
+  int frames = 1;
+};
+
+struct Scene {
+  std::filesystem::path file;
+  std::string id;
+  Vec3d up{0, 0, 1};                           ///< unit length
+  double fps = 30;
+  int threads = 0;                             ///< 0 = all cores
+  double voxel_m = 0.01;
+  Lattice lattice;
+  VideoConfig video;
+  std::optional<Box3d> volume;
+  std::vector<SensorConfig> sensors;
+  std::optional<RigConfig> rig;
+  std::vector<MergerConfig> mergers;           ///< children before parents; the last is the root
+  std::vector<LinkConfig> links;
+  std::string pipeline = "meshreduce";
+  FusionConfig fusion;
+  SimplifyConfig simplify;
+  MergeConfig merge;
+  AtlasConfig atlas;
+  bool reuse_chunks = true;
+  RateConfig rate;
+  CodingConfig coding;
+};
+
+/// Something wrong in a scene file; prints as "file:line: message".
+struct SceneProblem {
+  std::filesystem::path file;
+  int line = 0;  ///< 1-based; 0: the file as a whole
+  std::string message;
+};
+std::string to_string(const SceneProblem& problem);
+
+struct SceneResult {
+  Scene scene;                         ///< usable only when `problems` is empty
+  std::vector<SceneProblem> problems;  ///< everything that is wrong, by line
+  std::vector<SceneProblem> notices;   ///< accepted, but not acted on by this version
+};
+
+/// Reads and checks a scene file. Unknown and doubled keys, missing files, impossible intrinsics,
+/// poses that are not rigid, ids used twice, unknown inputs and cycles in the tree of mergers are
+/// all found in one go. ${NAME} and ${NAME:-default} are expanded in strings; relative paths are
+/// relative to the file.
+SceneResult load_scene(const std::filesystem::path& file);
+
+}  // namespace mr

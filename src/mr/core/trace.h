@@ -1,0 +1,75 @@
+#pragma once
+
+#include <chrono>
+#include <map>
+#include <mutex>
+#include <string>
+#include <vector>
+
+#include "mr/core/result.h"
+
+namespace mr {
+
+/// Milliseconds that each stage of a node took, one entry per frame in which it ran. Thread-safe.
+class Trace {
+ public:
+  void add(const std::string& stage, double ms) {
+    const std::lock_guard lock(mutex_);
+    stages_[stage].push_back(ms);
+  }
+  std::map<std::string, std::vector<double>> stages() const {
+    const std::lock_guard lock(mutex_);
+    return stages_;
+  }
+
+  /// Runs `work` and notes its time under `stage`; returns what it returns.
+  template <typename Work>
+  auto time(const std::string& stage, Work&& work) {
+    const Timer timer(*this, stage);
+    return work();
+  }
+
+ private:
+  struct Timer {
+    Timer(Trace& t, const std::string& s) : trace(t), stage(s) {}
+    ~Timer() {
+      const std::chrono::duration<double, std::milli> ms = std::chrono::steady_clock::now() - start;
+      trace.add(stage, ms.count());
+    }
+    Timer(const Timer&) = delete;
+    Timer& operator=(const Timer&) = delete;
+    Trace& trace;
+    const std::string& stage;
+    std::chrono::steady_clock::time_point start = std::chrono::steady_clock::now();
+  };
+
+  mutable std::mutex mutex_;
+  std::map<std::string, std::vector<double>> stages_;
+};
+
+/// The p-th percentile (0..1) by linear interpolation; 0 for no samples.
+double percentile(std::vector<double> samples, double p);
+
+/// What was dropped, counted by cause. Each cause is "<place>: <cause>". Thread-safe.
+class DropCounter {
+ public:
+  void count(const std::string& place, const Error& error) {
+    const std::lock_guard lock(mutex_);
+    ++by_cause_[place + ": " + cause_name(error.cause)];
+  }
+  std::map<std::string, std::uint64_t> by_cause() const {
+    const std::lock_guard lock(mutex_);
+    return by_cause_;
+  }
+  std::uint64_t total() const {
+    std::uint64_t sum = 0;
+    for (const auto& [cause, n] : by_cause()) sum += n;
+    return sum;
+  }
+
+ private:
+  mutable std::mutex mutex_;
+  std::map<std::string, std::uint64_t> by_cause_;
+};
+
+}  // namespace mr

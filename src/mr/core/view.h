@@ -1,0 +1,47 @@
+#pragma once
+
+#include "mr/core/camera.h"
+#include "mr/core/image.h"
+#include "mr/core/mesh.h"
+#include "mr/core/pose.h"
+
+namespace mr {
+
+/// A picture that textures triangles by projection (DESIGN section 4, "Texturing by projection").
+/// Colour is undistorted before it is coded, so clients know these two kinds only.
+struct View {
+  enum class Kind : std::uint8_t { pinhole, equirectangular };
+
+  ViewId id = 0;
+  Kind kind = Kind::pinhole;
+  int width = 0, height = 0;           ///< pixels of the undistorted camera picture
+  double fx = 0, fy = 0, cx = 0, cy = 0;
+  Pose T_world_camera;
+  Rect image_rect;                     ///< camera pixels that the tile shows
+  Rect atlas_rect;                     ///< where they lie in the decoded picture of `stream`
+  float gutter_px = 2;                 ///< margin inside image_rect that no triangle may use
+  std::uint32_t stream = 0;            ///< texture stream that holds the tile
+  std::uint32_t layout = 0;            ///< changes with the tiles' arrangement, with a key frame
+
+  friend bool operator==(const View&, const View&) = default;
+
+  /// The view's camera: pinhole without distortion, or equirectangular.
+  Camera camera() const {
+    Camera c;
+    c.model = kind == Kind::pinhole ? CameraModel::pinhole : CameraModel::equirectangular;
+    c.width = width, c.height = height;
+    c.fx = fx, c.fy = fy, c.cx = cx, c.cy = cy;
+    return c;
+  }
+};
+
+/// Texture coordinate of a camera pixel in the stream's picture of the given size:
+/// uv = (p + 0.5) / size, v from the top.
+inline Vec2d atlas_uv(const View& view, Vec2d camera_pixel, int atlas_width, int atlas_height) {
+  const double sx = static_cast<double>(view.atlas_rect.width) / view.image_rect.width;
+  const double sy = static_cast<double>(view.atlas_rect.height) / view.image_rect.height;
+  return {((camera_pixel.x + 0.5 - view.image_rect.x) * sx + view.atlas_rect.x) / atlas_width,
+          ((camera_pixel.y + 0.5 - view.image_rect.y) * sy + view.atlas_rect.y) / atlas_height};
+}
+
+}  // namespace mr

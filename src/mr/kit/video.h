@@ -1,0 +1,63 @@
+#pragma once
+
+#include <cstddef>
+#include <memory>
+#include <span>
+#include <vector>
+
+#include "mr/core/image.h"
+#include "mr/core/result.h"
+
+namespace mr::kit {
+
+struct VideoSettings {
+  int width = 0, height = 0;       ///< pixels, even, at most 8192
+  double fps = 30;
+  int qp = 28;                     ///< constant quantiser, 0..51
+  int threads = 1, slices = 1;     ///< fixed by the scene: libx264's bytes depend on them
+  friend bool operator==(const VideoSettings&, const VideoSettings&) = default;
+};
+
+struct AccessUnit {
+  std::vector<std::byte> data;     ///< H.264 Annex B; SPS and PPS before each key frame
+  bool key_frame = false;
+};
+
+/// H.264 by libx264 through libavcodec: no B frames, one picture in, one access unit out, BT.709
+/// limited range declared in the stream, main profile or below (browsers).
+class VideoEncoder {
+ public:
+  static Result<VideoEncoder> create(const VideoSettings& settings);
+  VideoEncoder(VideoEncoder&&) noexcept;
+  VideoEncoder& operator=(VideoEncoder&&) noexcept;
+  ~VideoEncoder();
+
+  /// The picture must have the settings' size.
+  Result<AccessUnit> encode(const ImageRgb& picture, bool force_key_frame = false);
+
+  const VideoSettings& settings() const;
+
+ private:
+  struct Impl;
+  explicit VideoEncoder(std::unique_ptr<Impl> impl);
+  std::unique_ptr<Impl> impl_;
+};
+
+/// Decodes one stream; access units in order. Garbage is an error and leaves the decoder usable
+/// from the next key frame on.
+class VideoDecoder {
+ public:
+  static Result<VideoDecoder> create();
+  VideoDecoder(VideoDecoder&&) noexcept;
+  VideoDecoder& operator=(VideoDecoder&&) noexcept;
+  ~VideoDecoder();
+
+  Result<ImageRgb> decode(std::span<const std::byte> access_unit);
+
+ private:
+  struct Impl;
+  explicit VideoDecoder(std::unique_ptr<Impl> impl);
+  std::unique_ptr<Impl> impl_;
+};
+
+}  // namespace mr::kit
