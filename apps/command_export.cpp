@@ -1,0 +1,44 @@
+#include <fmt/format.h>
+
+#include <memory>
+
+#include "commands.h"
+#include "output.h"
+
+namespace mr::apps {
+namespace {
+
+struct ExportOptions {
+  std::filesystem::path scene, file;
+  int frame = 0, threads = 0;
+};
+
+int export_moment(const ExportOptions& options) {
+  const Outputs outputs{options.file, {}, {}};
+  if (const Status ok = check(outputs); !ok) return fail(ok.error().message);
+  const auto scene = load_or_tell(options.scene);
+  if (!scene) return 1;
+  const auto outcome = run_scene(*scene, options.frame + 1, options.threads);
+  if (!outcome) return fail(outcome.error().message);
+  if (outcome->report.frames <= options.frame)
+    return fail(fmt::format("frame {} of scene '{}' did not come through: it gave {} frames", options.frame,
+                            scene->id, outcome->report.frames));
+  if (const Status written = write_outputs(*outcome, *scene, outputs); !written) return fail(written.error().message);
+  fmt::print("{}: {} triangles\n", options.file.string(), outcome->report.triangles);
+  return 0;
+}
+
+}  // namespace
+
+void add_export(CLI::App& app, int& exit_code) {
+  auto options = std::make_shared<ExportOptions>();
+  CLI::App* command = app.add_subcommand("export", "Write one merged moment of a scene for other tools");
+  command->add_option("SCENE", options->scene, "Scene file (YAML)")->required();
+  command->add_option("OUT", options->file, "File to write: .glb, .ply or .obj")->required();
+  command->add_option("--frame", options->frame, "Which frame, from 0")->check(CLI::Range(0, 1000000))->capture_default_str();
+  command->add_option("--threads", options->threads, "Threads; 0: as the scene says")->check(CLI::Range(0, 1024));
+  command->footer("Example:\n  meshreduce export examples/red-kitchen.yaml kitchen.ply --frame 0");
+  command->callback([options, &exit_code] { exit_code = export_moment(*options); });
+}
+
+}  // namespace mr::apps

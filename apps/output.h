@@ -1,0 +1,41 @@
+#pragma once
+
+#include <filesystem>
+#include <optional>
+#include <string>
+
+#include "mr/core/decoded_scene.h"
+#include "mr/core/result.h"
+#include "mr/core/scene.h"
+#include "mr/node/pipeline.h"
+
+/// What the commands share: loading a scene with all its problems told, running it with a progress
+/// line, and writing what came out.
+namespace mr::apps {
+
+/// Prints "meshreduce: message" to stderr; returns exit code 1.
+int fail(const std::string& message);
+
+/// Loads a scene; tells every problem on stderr, one line each, and gives nothing when there is any.
+std::optional<Scene> load_or_tell(const std::filesystem::path& file);
+
+/// Where a run's results go; empty paths: nowhere.
+struct Outputs {
+  std::filesystem::path model, report, snapshots;
+};
+
+/// Finds what would fail only at the end: a folder that is not there, an ending nobody writes.
+Status check(const Outputs& outputs);
+
+struct RunOutcome {
+  node::RunReport report;
+  DecodedScene last;
+};
+
+/// Runs a scene in lockstep with a progress line on a terminal and one line per dropped frame.
+Result<RunOutcome> run_scene(const Scene& scene, int frames, int threads);
+
+/// Writes the model, the report and the pictures that were asked for.
+Status write_outputs(const RunOutcome& outcome, const Scene& scene, const Outputs& outputs);
+
+}  // namespace mr::apps

@@ -1,0 +1,42 @@
+// decode_chunk on any bytes: no crash, and what it accepts is on the lattice and can be coded again.
+#include <cstdlib>
+
+#include "mr/codec/mesh_codec.h"
+#include "patched.h"
+#include "support/meshes.h"
+
+namespace {
+
+using namespace mr;
+
+EncodedChunk valid_chunk(int speed, bool labelled) {
+  Chunk chunk;
+  auto mesh = codec::snap_to_lattice(test::sphere({0, 0, 1}, 0.5f, 6), {});
+  if (!mesh) std::abort();
+  chunk.mesh = std::move(*mesh);
+  std::vector<ViewId> views(chunk.mesh.triangles.size(), 1);
+  for (std::size_t t = 0; labelled && t < views.size(); ++t)
+    views[t] = t % 9 == 8 ? kNoView : static_cast<ViewId>(t / 40);
+  set_triangle_views(chunk.mesh, views);
+  auto encoded = codec::encode_chunk(chunk, {}, speed);
+  if (!encoded) std::abort();
+  return std::move(*encoded);
+}
+
+}  // namespace
+
+extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
+  static const EncodedChunk valid[] = {valid_chunk(0, true), valid_chunk(5, true),
+                                       valid_chunk(10, true), valid_chunk(5, false)};
+  if (size < 2) return 0;
+  EncodedChunk chunk = valid[data[0] % 4];
+  chunk.payload = mr::fuzz::patched(chunk.payload, mr::fuzz::as_bytes(data + 1, size - 1));
+  // Promise what the header says, or nothing would get past it.
+  if ((data[0] & 128) != 0 && chunk.payload.size() > 14)
+    chunk.triangles = std::to_integer<std::uint32_t>(chunk.payload[13]);
+  const auto mesh = codec::decode_chunk(chunk, {});
+  if (!mesh) return 0;
+  const auto again = codec::encode_chunk(*mesh, {}, 5);
+  if (again && !codec::decode_chunk(*again, {})) std::abort();
+  return 0;
+}

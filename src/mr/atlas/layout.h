@@ -1,0 +1,21 @@
+#pragma once
+
+#include <vector>
+
+#include "mr/core/scene.h"
+#include "mr/core/view.h"
+
+namespace mr::atlas {
+
+/// Where every view's tile lies in one atlas picture.
+struct Layout {
+  int width = 0, height = 0;  ///< pixels, multiples of 16
+  std::vector<View> views;    ///< with atlas_rect, stream 0 and `layout` set
+};
+
+/// One tile per view, in rows, each scaled by `scale` (less when they would not fit into the largest
+/// atlas). Tiles start at multiples of 16 pixels, so that no macroblock of the video mixes two views.
+Layout make_layout(const std::vector<View>& views, const AtlasConfig& atlas, double scale,
+                   std::uint32_t layout_id);
+
+}  // namespace mr::atlas

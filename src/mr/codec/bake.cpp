@@ -1,0 +1,195 @@
+#include "mr/codec/bake.h"
+
+#include <algorithm>
+#include <bit>
+#include <cmath>
+#include <string>
+#include <unordered_map>
+
+namespace mr::codec {
+namespace {
+
+using Corners = std::array<Vec2f, 3>;
+
+Error invalid(std::string message) { return {Error::Cause::invalid, std::move(message)}; }
+
+/// A view with what baking needs to know about its picture.
+struct BakeView {
+  const View* view = nullptr;
+  Camera camera;
+  Pose T_camera_world;
+  int atlas_width = 0, atlas_height = 0;
+};
+
+Result<BakeView> find_view(const DecodedScene& scene, ViewId id) {
+  const std::string name = "view " + std::to_string(id);
+  const auto view = std::find_if(scene.views.begin(), scene.views.end(),
+                                 [&](const View& v) { return v.id == id; });
+  if (view == scene.views.end())
+    return invalid("triangles name " + name + ", which the scene does not have");
+  const auto picture = scene.textures.find(view->stream);
+  if (picture == scene.textures.end() || !picture->second || picture->second->empty())
+    return invalid(name + " has no picture: texture stream " + std::to_string(view->stream) +
+                   " is missing");
+  const int width = picture->second->width, height = picture->second->height;
+  const Rect& tile = view->atlas_rect;
+  if (view->width < 1 || view->height < 1 || view->image_rect.empty() || tile.empty() ||
+      tile.x < 0 || tile.y < 0 || tile.width > width - tile.x || tile.height > height - tile.y)
+    return invalid(name + " has a tile outside the picture of texture stream " +
+                   std::to_string(view->stream));
+  return BakeView{&*view, view->camera(), view->T_world_camera.inverse(), width, height};
+}
+
+/// Columns of a panorama: all corners on one turn, the one whose middle is nearest to the tile's.
+void unwrap(const View& view, std::array<Vec2d, 3>& pixels) {
+  const double turn = view.width;
+  double sum = 0;
+  for (Vec2d& p : pixels) {
+    p.x -= turn * std::round((p.x - pixels[0].x) / turn);
+    sum += p.x;
+  }
+  const double tile_middle = view.image_rect.x + 0.5 * view.image_rect.width - 0.5;
+  const double shift = turn * std::round((sum / 3 - tile_middle) / turn);
+  for (Vec2d& p : pixels) p.x -= shift;
+}
+
+/// Texture coordinates of a triangle's corners; nothing when the view cannot see one of them.
+std::optional<Corners> corner_uvs(const BakeView& bake_view, const std::array<Vec3f, 3>& corners) {
+  const View& view = *bake_view.view;
+  std::array<Vec2d, 3> pixels;
+  for (int i = 0; i < 3; ++i) {
+    const auto pixel =
+        project(bake_view.camera, bake_view.T_camera_world * vec_cast<double>(corners[i]));
+    if (!pixel || !std::isfinite(pixel->x) || !std::isfinite(pixel->y)) return std::nullopt;
+    pixels[i] = *pixel;
+  }
+  if (view.kind == View::Kind::equirectangular) unwrap(view, pixels);
+  const Rect& tile = view.atlas_rect;
+  const double w = bake_view.atlas_width, h = bake_view.atlas_height;
+  Corners out;
+  for (int i = 0; i < 3; ++i) {
+    const Vec2d uv = atlas_uv(view, pixels[i], bake_view.atlas_width, bake_view.atlas_height);
+    out[i].x =
+        static_cast<float>(std::clamp(uv.x, (tile.x + 0.5) / w, (tile.x + tile.width - 0.5) / w));
+    out[i].y =
+        static_cast<float>(std::clamp(uv.y, (tile.y + 0.5) / h, (tile.y + tile.height - 0.5) / h));
+  }
+  return out;
+}
+
+/// Position and coordinate as bits; -0 counts as 0.
+struct VertexKey {
+  std::array<std::uint32_t, 5> bits;
+
+  VertexKey(Vec3f p, Vec2f uv) {
+    int i = 0;
+    for (const float v : {p.x, p.y, p.z, uv.x, uv.y})
+      bits[i++] = std::bit_cast<std::uint32_t>(v + 0.f);
+  }
+  friend bool operator==(const VertexKey&, const VertexKey&) = default;
+};
+
+struct VertexKeyHash {
+  std::size_t operator()(const VertexKey& key) const {
+    const auto cell = [](std::uint32_t v) { return static_cast<std::int32_t>(v); };
+    const auto& b = key.bits;
+    return hash_cell({cell(b[0]), cell(b[1]), cell(b[2])}) * 31 +
+           hash_cell({cell(b[3]), cell(b[4]), 0});
+  }
+};
+
+/// Collects the triangles of one part.
+struct PartBuilder {
+  BakedPart part;
+  std::unordered_map<VertexKey, std::uint32_t, VertexKeyHash> seen;
+
+  void add(const std::array<Vec3f, 3>& corners, const Corners& uvs) {
+    Triangle triangle{};
+    for (int i = 0; i < 3; ++i) {
+      const auto next = static_cast<std::uint32_t>(part.positions.size());
+      const auto [at, is_new] = seen.try_emplace(VertexKey(corners[i], uvs[i]), next);
+      triangle[i] = at->second;
+      if (!is_new) continue;
+      part.positions.push_back(corners[i]);
+      if (part.stream) part.uvs.push_back(uvs[i]);
+    }
+    part.triangles.push_back(triangle);
+  }
+};
+
+struct Baker {
+  const DecodedScene& scene;
+  std::map<ViewId, BakeView> views;
+  std::map<std::uint32_t, PartBuilder> textured;  // by stream
+  PartBuilder plain;
+
+  Status add(const Mesh& mesh) {
+    const std::vector<ViewRun> unlabelled{
+        {0, static_cast<std::uint32_t>(mesh.triangles.size()), kNoView}};
+    for (const ViewRun& run : mesh.runs.empty() ? unlabelled : mesh.runs)
+      if (auto ok = add(mesh, run); !ok) return ok;
+    return {};
+  }
+
+  Status add(const Mesh& mesh, const ViewRun& run) {
+    if (std::uint64_t{run.first} + run.count > mesh.triangles.size())
+      return invalid("a view run ends after the last triangle");
+    const BakeView* view = nullptr;
+    if (run.view != kNoView && run.count > 0) {
+      if (!views.contains(run.view)) {
+        auto found = find_view(scene, run.view);
+        if (!found) return found.error();
+        views[run.view] = *found;
+      }
+      view = &views[run.view];
+    }
+    for (std::size_t t = run.first; t < std::size_t{run.first} + run.count; ++t) {
+      std::array<Vec3f, 3> corners;
+      for (int i = 0; i < 3; ++i) {
+        if (mesh.triangles[t][i] >= mesh.positions.size())
+          return invalid("a triangle names a vertex it does not have");
+        corners[i] = mesh.corner(t, i);
+        if (!is_finite(corners[i])) return invalid("a vertex has a position that is not finite");
+      }
+      add(corners, view);
+    }
+    return {};
+  }
+
+  void add(const std::array<Vec3f, 3>& corners, const BakeView* view) {
+    const auto uvs = view ? corner_uvs(*view, corners) : std::nullopt;
+    if (!uvs) return plain.add(corners, {});
+    PartBuilder& builder = textured[view->view->stream];
+    builder.part.stream = view->view->stream;
+    builder.add(corners, *uvs);
+  }
+};
+
+}  // namespace
+
+Result<std::vector<BakedPart>> bake(const DecodedScene& scene) {
+  Baker baker{scene, {}, {}, {}};
+  for (const auto& chunk : scene.chunks)
+    if (auto ok = baker.add(chunk->mesh); !ok) return ok.error();
+  std::vector<BakedPart> parts;
+  for (auto& [stream, builder] : baker.textured) parts.push_back(std::move(builder.part));
+  if (!baker.plain.part.triangles.empty()) parts.push_back(std::move(baker.plain.part));
+  if (parts.empty()) return Error{Error::Cause::empty, "the scene has no triangles"};
+  return parts;
+}
+
+std::array<std::uint8_t, 3> sample(const ImageRgb& picture, Vec2f uv) {
+  const double x = std::clamp(double{uv.x} * picture.width - 0.5, 0.0, picture.width - 1.0);
+  const double y = std::clamp(double{uv.y} * picture.height - 0.5, 0.0, picture.height - 1.0);
+  const int x0 = static_cast<int>(x), y0 = static_cast<int>(y);
+  const int x1 = std::min(x0 + 1, picture.width - 1), y1 = std::min(y0 + 1, picture.height - 1);
+  std::array<std::uint8_t, 3> out{};
+  for (int i = 0; i < 3; ++i) {
+    const double up = std::lerp(picture.at(x0, y0)[i], picture.at(x1, y0)[i], x - x0);
+    const double down = std::lerp(picture.at(x0, y1)[i], picture.at(x1, y1)[i], x - x0);
+    out[i] = static_cast<std::uint8_t>(std::lround(std::lerp(up, down, y - y0)));
+  }
+  return out;
+}
+
+}  // namespace mr::codec

@@ -1,0 +1,474 @@
+#include "mr/codec/mesh_codec.h"
+
+#include <draco/compression/expert_encode.h>
+#include <draco/compression/mesh/mesh_edgebreaker_decoder.h>
+
+#include <algorithm>
+#include <cstring>
+#include <exception>
+#include <optional>
+#include <span>
+#include <unordered_set>
+
+namespace mr::codec {
+namespace {
+
+constexpr std::uint32_t kMaxTriangles = 1u << 20;
+constexpr std::size_t kMaxPayload = 64u << 20;
+constexpr std::size_t kMaxViews = 254;
+constexpr std::uint8_t kNoViewLabel = 255;
+constexpr std::uint32_t kUnset = 0xFFFFFFFFu;
+
+Error invalid(const std::string& what) { return {Error::Cause::invalid, "chunk: " + what}; }
+Error corrupt(const std::string& what) { return {Error::Cause::corrupt, "chunk: " + what}; }
+
+std::string number(std::size_t n) { return std::to_string(n); }
+
+/// Lattice point → vertex index, in order of first use.
+class Welder {
+ public:
+  explicit Welder(std::size_t expected) {
+    std::size_t size = 16;
+    while (size < 2 * expected) size *= 2;
+    slots_.assign(size, kUnset);
+    cells_.reserve(expected);
+  }
+
+  std::uint32_t index_of(Vec3i cell) {
+    std::size_t slot = hash_cell(cell) & (slots_.size() - 1);
+    while (slots_[slot] != kUnset && cells_[slots_[slot]] != cell)
+      slot = (slot + 1) & (slots_.size() - 1);
+    if (slots_[slot] == kUnset) {
+      slots_[slot] = static_cast<std::uint32_t>(cells_.size());
+      cells_.push_back(cell);
+    }
+    return slots_[slot];
+  }
+  const std::vector<Vec3i>& cells() const { return cells_; }
+
+ private:
+  std::vector<std::uint32_t> slots_;  ///< never more than half full
+  std::vector<Vec3i> cells_;
+};
+
+/// Where a point lies on the lattice; nothing when it is not finite or outside the cube.
+std::optional<Vec3i> cell_of(const Lattice& lattice, Vec3f p) {
+  if (!is_finite(p)) return std::nullopt;
+  const Vec3i cell = lattice.quantize(p);
+  if (!Lattice::contains(cell)) return std::nullopt;
+  return cell;
+}
+
+bool no_area(const std::vector<Vec3i>& cells, const Triangle& t) {
+  const auto a = vec_cast<std::int64_t>(cells[t[0]]);
+  return cross(vec_cast<std::int64_t>(cells[t[1]]) - a, vec_cast<std::int64_t>(cells[t[2]]) - a) ==
+         Vec3<std::int64_t>{};
+}
+
+/// The same corners in the same winding, smallest index first.
+Triangle rotated(const Triangle& t) {
+  const auto first = std::min_element(t.begin(), t.end()) - t.begin();
+  return {t[first], t[(first + 1) % 3], t[(first + 2) % 3]};
+}
+
+struct TriangleHash {
+  std::size_t operator()(const Triangle& t) const {
+    return hash_cell({static_cast<std::int32_t>(t[0]), static_cast<std::int32_t>(t[1]),
+                      static_cast<std::int32_t>(t[2])});
+  }
+};
+
+bool indices_fit(const Mesh& mesh) {
+  for (const Triangle& t : mesh.triangles)
+    for (const std::uint32_t v : t)
+      if (v >= mesh.positions.size()) return false;
+  return true;
+}
+
+bool runs_fit(const Mesh& mesh) {
+  std::uint64_t next = 0;
+  for (std::size_t i = 0; i < mesh.runs.size(); ++i) {
+    const ViewRun& run = mesh.runs[i];
+    if (run.first != next || run.count == 0) return false;
+    if (i > 0 && run.view <= mesh.runs[i - 1].view) return false;
+    next += run.count;
+  }
+  return next == mesh.triangles.size();
+}
+
+/// Draco takes the lattice's corner as float: it must lie where floats are as fine as the lattice.
+bool usable(const Lattice& lattice) {
+  if (lattice.step_exp < -11 || lattice.step_exp > -9 || !is_finite(lattice.origin)) return false;
+  const double step = lattice.step_m(), limit = step * (1 << 24);
+  const Vec3d low = lattice.low_corner(), high = low + Vec3d{1, 1, 1} * (step * Lattice::kCells);
+  for (int axis = 0; axis < 3; ++axis) {
+    if (low[axis] < -limit || high[axis] > limit) return false;
+    if (std::floor(low[axis] / step) * step != low[axis]) return false;
+  }
+  return true;
+}
+
+Status check_for_encoding(const Mesh& mesh, const Lattice& lattice) {
+  if (!usable(lattice)) return invalid("the lattice's step or origin cannot be used");
+  if (mesh.triangles.empty()) return Error{Error::Cause::empty, "chunk: no triangles"};
+  if (mesh.triangles.size() > kMaxTriangles)
+    return Error{Error::Cause::too_large, "chunk: " + number(mesh.triangles.size()) +
+                                              " triangles, at most " + number(kMaxTriangles)};
+  if (!indices_fit(mesh)) return invalid("a triangle names a vertex that is not there");
+  if (!runs_fit(mesh)) return invalid("runs must be sorted by view and cover the triangles");
+  for (const Vec3f& p : mesh.positions) {
+    const auto cell = cell_of(lattice, p);
+    if (!cell || lattice.position(*cell) != p) return invalid("a vertex is not on the lattice");
+  }
+  for (std::size_t t = 0; t < mesh.triangles.size(); ++t) {
+    const Vec3f a = mesh.corner(t, 0), b = mesh.corner(t, 1), c = mesh.corner(t, 2);
+    if (a == b || b == c || c == a) return invalid("a triangle has two corners in one place");
+  }
+  return {};
+}
+
+/// The views that the labels stand for: sorted, without kNoView, which sorts last in the runs.
+std::vector<ViewId> label_views(const Mesh& mesh) {
+  std::vector<ViewId> views;
+  for (const ViewRun& run : mesh.runs)
+    if (run.view != kNoView) views.push_back(run.view);
+  return views;
+}
+
+draco::GeometryAttribute attribute(draco::GeometryAttribute::Type type, draco::DataType data,
+                                   int components, int bytes) {
+  draco::GeometryAttribute a;
+  a.Init(type, nullptr, static_cast<std::uint8_t>(components), data, false, bytes, 0);
+  return a;
+}
+
+struct Corners {
+  std::vector<std::uint32_t> vertex;  ///< [points]
+  std::vector<std::uint8_t> label;    ///< [points]
+  std::vector<Triangle> faces;        ///< of points
+};
+
+/// One Draco point for each pair of a vertex and a label.
+Corners split_by_label(const Mesh& mesh) {
+  Corners out;
+  out.faces.reserve(mesh.triangles.size());
+  std::vector<std::uint32_t> point(mesh.positions.size()), used_by(mesh.positions.size(), kUnset);
+  for (std::uint32_t r = 0; r < mesh.runs.size(); ++r) {
+    const ViewRun& run = mesh.runs[r];
+    const auto label = run.view == kNoView ? kNoViewLabel : static_cast<std::uint8_t>(r);
+    for (std::uint32_t t = run.first; t < run.first + run.count; ++t) {
+      Triangle face = mesh.triangles[t];
+      for (std::uint32_t& v : face) {
+        if (used_by[v] != r) {
+          used_by[v] = r;
+          point[v] = static_cast<std::uint32_t>(out.vertex.size());
+          out.vertex.push_back(v);
+          out.label.push_back(label);
+        }
+        v = point[v];
+      }
+      out.faces.push_back(face);
+    }
+  }
+  return out;
+}
+
+void set_faces(draco::Mesh& out, const std::vector<Triangle>& faces) {
+  out.SetNumFaces(faces.size());
+  for (std::uint32_t f = 0; f < faces.size(); ++f)
+    out.SetFace(draco::FaceIndex(f),
+                {draco::PointIndex(faces[f][0]), draco::PointIndex(faces[f][1]),
+                 draco::PointIndex(faces[f][2])});
+}
+
+struct DracoMesh {
+  draco::Mesh mesh;
+  int position = -1, label = -1;  ///< attribute ids; label -1: none
+};
+
+void build(const Mesh& mesh, bool labelled, DracoMesh& out) {
+  using draco::AttributeValueIndex;
+  using draco::GeometryAttribute;
+  Corners corners;
+  if (labelled) corners = split_by_label(mesh);
+  const auto vertices = static_cast<std::uint32_t>(mesh.positions.size());
+  const auto points = labelled ? static_cast<std::uint32_t>(corners.vertex.size()) : vertices;
+  out.mesh.set_num_points(points);
+  set_faces(out.mesh, labelled ? corners.faces : mesh.triangles);
+
+  const auto position = attribute(GeometryAttribute::POSITION, draco::DT_FLOAT32, 3, sizeof(Vec3f));
+  out.position = out.mesh.AddAttribute(position, !labelled, vertices);
+  draco::PointAttribute* values = out.mesh.attribute(out.position);
+  for (std::uint32_t v = 0; v < vertices; ++v)
+    values->SetAttributeValue(AttributeValueIndex(v), &mesh.positions[v]);
+  if (!labelled) return;
+
+  const auto label = attribute(GeometryAttribute::GENERIC, draco::DT_UINT8, 1, 1);
+  out.label = out.mesh.AddAttribute(label, false, 256);
+  draco::PointAttribute* labels = out.mesh.attribute(out.label);
+  values = out.mesh.attribute(out.position);
+  for (std::uint32_t i = 0; i < 256; ++i) {
+    const auto byte = static_cast<std::uint8_t>(i);
+    labels->SetAttributeValue(AttributeValueIndex(i), &byte);
+  }
+  for (std::uint32_t p = 0; p < points; ++p) {
+    values->SetPointMapEntry(draco::PointIndex(p), AttributeValueIndex(corners.vertex[p]));
+    labels->SetPointMapEntry(draco::PointIndex(p), AttributeValueIndex(corners.label[p]));
+  }
+}
+
+Result<std::vector<std::byte>> compress(const DracoMesh& in, const Lattice& lattice, int speed) {
+  draco::ExpertEncoder encoder(in.mesh);
+  const int draco_speed = std::clamp(speed, 0, 10);
+  encoder.SetSpeedOptions(draco_speed, draco_speed);
+  encoder.SetEncodingMethod(draco::MESH_EDGEBREAKER_ENCODING);
+  // Above speed 5 Draco would cut the mesh open along the labels, and pay for it in bytes.
+  encoder.options().SetGlobalBool("split_mesh_on_seams", false);
+  const Vec3f low = vec_cast<float>(lattice.low_corner());
+  const float corner[3] = {low.x, low.y, low.z};
+  const auto range = static_cast<float>(lattice.step_m() * (Lattice::kCells - 1));
+  encoder.SetAttributeExplicitQuantization(in.position, Lattice::kBits, 3, corner, range);
+  draco::EncoderBuffer buffer;
+  const draco::Status status = encoder.EncodeToBuffer(&buffer);
+  if (!status.ok()) return corrupt("Draco refuses to encode: " + status.error_msg_string());
+  const auto* bytes = reinterpret_cast<const std::byte*>(buffer.data());
+  return std::vector<std::byte>(bytes, bytes + buffer.size());
+}
+
+/// What a stream says about itself before anything is allocated for it.
+struct StreamHeader {
+  std::uint64_t vertices = 0, faces = 0;
+  int attribute_seams = 0;  ///< attributes with connectivity of their own
+};
+
+/// Draco's bitstream 2.2, Edgebreaker, no metadata: all that our encoder writes.
+std::optional<StreamHeader> read_header(std::span<const std::byte> payload) {
+  constexpr unsigned char kStart[] = {'D', 'R', 'A', 'C', 'O', 2, 2, 1, 1, 0, 0};
+  if (payload.size() < sizeof kStart + 4 ||
+      std::memcmp(payload.data(), kStart, sizeof kStart) != 0)
+    return std::nullopt;
+  std::size_t at = sizeof kStart + 1;  // one byte names the traversal
+  const auto varint = [&]() -> std::optional<std::uint64_t> {
+    std::uint64_t value = 0;
+    for (int shift = 0; shift < 35 && at < payload.size(); shift += 7) {
+      const auto byte = static_cast<std::uint64_t>(payload[at++]);
+      value |= (byte & 127) << shift;
+      if (byte < 128) return value;
+    }
+    return std::nullopt;
+  };
+  const auto vertices = varint(), faces = varint();
+  if (!vertices || !faces || at >= payload.size()) return std::nullopt;
+  return StreamHeader{*vertices, *faces, static_cast<int>(payload[at])};
+}
+
+bool is_position(const draco::PointAttribute& a) {
+  return a.attribute_type() == draco::GeometryAttribute::POSITION && a.num_components() == 3 &&
+         a.data_type() == draco::DT_FLOAT32;
+}
+bool is_label(const draco::PointAttribute& a) {
+  return a.attribute_type() == draco::GeometryAttribute::GENERIC && a.num_components() == 1 &&
+         a.data_type() == draco::DT_UINT8;
+}
+
+/// Looks at what attributes a stream declares before it lets Draco make room for their values: a
+/// few hundred bytes can ask for gigabytes.
+class GuardedDecoder final : public draco::MeshEdgebreakerDecoder {
+ protected:
+  bool DecodeAllAttributes() override {
+    const draco::PointCloud& cloud = *point_cloud();
+    const int count = cloud.num_attributes();
+    if (count < 1 || count > 2 || !is_position(*cloud.attribute(0))) return false;
+    if (count == 2 && !is_label(*cloud.attribute(1))) return false;
+    if (cloud.num_points() > 3 * std::uint64_t{mesh()->num_faces()}) return false;
+    return MeshEdgebreakerDecoder::DecodeAllAttributes();
+  }
+};
+
+Status decompress(std::span<const std::byte> payload, draco::Mesh& out) {
+  try {
+    draco::DecoderBuffer buffer;
+    buffer.Init(reinterpret_cast<const char*>(payload.data()), payload.size());
+    GuardedDecoder decoder;
+    const draco::Status status = decoder.Decode(draco::DecoderOptions(), &buffer, &out);
+    if (!status.ok()) return corrupt("Draco refuses to decode: " + status.error_msg_string());
+  } catch (const std::exception& e) {
+    return corrupt(std::string("Draco gave up: ") + e.what());
+  }
+  return {};
+}
+
+/// The values of an attribute as bytes; nothing when they are not all there.
+const std::uint8_t* values_of(const draco::PointAttribute& a, std::size_t value_bytes) {
+  if (a.byte_stride() != static_cast<std::int64_t>(value_bytes) || a.byte_offset() != 0 ||
+      a.buffer() == nullptr || a.buffer()->data_size() < a.size() * value_bytes)
+    return nullptr;
+  return a.buffer()->data();
+}
+
+/// Attribute value of each point, checked.
+Result<std::vector<std::uint32_t>> value_indices(const draco::Mesh& mesh,
+                                                 const draco::PointAttribute& a) {
+  if (!a.is_mapping_identity() && a.indices_map_size() < mesh.num_points())
+    return corrupt("points without values");
+  std::vector<std::uint32_t> indices(mesh.num_points());
+  for (std::uint32_t p = 0; p < mesh.num_points(); ++p) {
+    indices[p] = a.mapped_index(draco::PointIndex(p)).value();
+    if (indices[p] >= a.size()) return corrupt("a point names a value that is not there");
+  }
+  return indices;
+}
+
+Result<std::vector<Vec3i>> point_cells(const draco::Mesh& mesh, const Lattice& lattice) {
+  const draco::PointAttribute& positions = *mesh.attribute(0);
+  const std::uint8_t* data = values_of(positions, sizeof(Vec3f));
+  if (data == nullptr) return corrupt("positions are missing");
+  auto indices = value_indices(mesh, positions);
+  if (!indices) return indices.error();
+  std::vector<Vec3i> cells(positions.size());
+  for (std::size_t i = 0; i < cells.size(); ++i) {
+    Vec3f p;
+    std::memcpy(&p, data + i * sizeof p, sizeof p);
+    const auto cell = cell_of(lattice, p);
+    if (!cell || lattice.position(*cell) != p) return corrupt("a vertex is not on the lattice");
+    cells[i] = *cell;
+  }
+  std::vector<Vec3i> of_points(indices->size());
+  for (std::size_t p = 0; p < of_points.size(); ++p) of_points[p] = cells[(*indices)[p]];
+  return of_points;
+}
+
+/// Label of each point; without labels the chunk's one view, or none, textures all.
+Result<std::vector<std::uint8_t>> point_labels(const draco::Mesh& mesh, std::size_t views) {
+  if (mesh.num_attributes() < 2) {
+    if (views > 1) return corrupt("labels are missing");
+    return std::vector<std::uint8_t>(mesh.num_points(), views == 0 ? kNoViewLabel : 0);
+  }
+  const draco::PointAttribute& attribute = *mesh.attribute(1);
+  const std::uint8_t* data = values_of(attribute, 1);
+  if (data == nullptr) return corrupt("labels are missing");
+  auto indices = value_indices(mesh, attribute);
+  if (!indices) return indices.error();
+  std::vector<std::uint8_t> labels(indices->size());
+  for (std::size_t p = 0; p < labels.size(); ++p) {
+    labels[p] = data[(*indices)[p]];
+    if (labels[p] >= views && labels[p] != kNoViewLabel)
+      return corrupt("label " + number(labels[p]) + " of " + number(views) + " views");
+  }
+  return labels;
+}
+
+Result<Mesh> rebuild(const draco::Mesh& in, const std::vector<ViewId>& views,
+                     const Lattice& lattice) {
+  const auto cells = point_cells(in, lattice);
+  if (!cells) return cells.error();
+  const auto labels = point_labels(in, views.size());
+  if (!labels) return labels.error();
+  Welder welder(cells->size());
+  Mesh mesh;
+  std::vector<ViewId> of_triangles;
+  mesh.triangles.reserve(in.num_faces());
+  of_triangles.reserve(in.num_faces());
+  for (std::uint32_t f = 0; f < in.num_faces(); ++f) {
+    Triangle t;
+    std::uint8_t label[3];
+    for (int c = 0; c < 3; ++c) {
+      const std::uint32_t point = in.face(draco::FaceIndex(f))[c].value();
+      if (point >= cells->size()) return corrupt("a triangle names a point that is not there");
+      t[c] = welder.index_of((*cells)[point]);
+      label[c] = (*labels)[point];
+    }
+    if (t[0] == t[1] || t[1] == t[2] || t[2] == t[0])
+      return corrupt("a triangle has two corners in one place");
+    if (label[0] != label[1] || label[1] != label[2])
+      return corrupt("the corners of a triangle have different labels");
+    mesh.triangles.push_back(t);
+    of_triangles.push_back(label[0] == kNoViewLabel ? kNoView : views[label[0]]);
+  }
+  set_triangle_views(mesh, of_triangles);
+  mesh.positions.reserve(welder.cells().size());
+  for (const Vec3i& cell : welder.cells()) mesh.positions.push_back(lattice.position(cell));
+  return mesh;
+}
+
+Status check_for_decoding(const EncodedChunk& chunk, const Lattice& lattice) {
+  if (!usable(lattice)) return invalid("the lattice's step or origin cannot be used");
+  if (chunk.payload.size() > kMaxPayload || chunk.triangles > kMaxTriangles)
+    return Error{Error::Cause::too_large, "chunk: more bytes or triangles than a chunk may have"};
+  if (!std::isfinite(chunk.error_m) || chunk.error_m < 0) return invalid("impossible error_m");
+  if (chunk.views.size() > kMaxViews) return invalid("more than 254 views");
+  for (std::size_t i = 0; i < chunk.views.size(); ++i)
+    if (chunk.views[i] == kNoView || (i > 0 && chunk.views[i] <= chunk.views[i - 1]))
+      return invalid("views must be sorted and unique");
+  const auto header = read_header(chunk.payload);
+  if (!header) return corrupt("not an Edgebreaker stream of version 2.2");
+  if (header->faces == 0 || header->faces != chunk.triangles ||
+      header->vertices > 3 * header->faces || header->attribute_seams > 1)
+    return corrupt("the stream's size is not as promised");
+  return {};
+}
+
+}  // namespace
+
+Result<Mesh> snap_to_lattice(const Mesh& mesh, const Lattice& lattice) {
+  if (!usable(lattice)) return invalid("the lattice's step or origin cannot be used");
+  if (!indices_fit(mesh)) return invalid("a triangle names a vertex that is not there");
+  std::vector<Vec3i> cells(mesh.positions.size());
+  for (std::size_t v = 0; v < cells.size(); ++v) {
+    const auto cell = cell_of(lattice, mesh.positions[v]);
+    if (!cell) return invalid("vertex " + number(v) + " is not finite or outside the lattice");
+    cells[v] = *cell;
+  }
+  const std::vector<ViewId> views = triangle_views(mesh);
+  Welder welder(cells.size());
+  std::unordered_set<Triangle, TriangleHash> seen(2 * mesh.triangles.size());
+  Mesh out;
+  std::vector<ViewId> kept_views;
+  for (std::size_t i = 0; i < mesh.triangles.size(); ++i) {
+    const Triangle& old = mesh.triangles[i];
+    if (no_area(cells, old)) continue;
+    const Triangle t = {welder.index_of(cells[old[0]]), welder.index_of(cells[old[1]]),
+                        welder.index_of(cells[old[2]])};
+    if (!seen.insert(rotated(t)).second) continue;
+    out.triangles.push_back(t);
+    kept_views.push_back(views[i]);
+  }
+  out.positions.reserve(welder.cells().size());
+  for (const Vec3i& cell : welder.cells()) out.positions.push_back(lattice.position(cell));
+  if (!mesh.runs.empty()) set_triangle_views(out, kept_views);
+  return out;
+}
+
+Result<EncodedChunk> encode_chunk(const Chunk& chunk, const Lattice& lattice, int speed) {
+  if (auto ok = check_for_encoding(chunk.mesh, lattice); !ok) return ok.error();
+  EncodedChunk out;
+  out.key = chunk.key;
+  out.error_m = chunk.error_m;
+  out.triangles = static_cast<std::uint32_t>(chunk.mesh.triangles.size());
+  out.views = label_views(chunk.mesh);
+  if (out.views.size() > kMaxViews)
+    return invalid(number(out.views.size()) + " views, at most 254");
+  try {
+    DracoMesh mesh;
+    build(chunk.mesh, chunk.mesh.runs.size() > 1, mesh);
+    auto payload = compress(mesh, lattice, speed);
+    if (!payload) return payload.error();
+    out.payload = std::move(*payload);
+  } catch (const std::exception& e) {
+    return corrupt(std::string("Draco gave up: ") + e.what());
+  }
+  return out;
+}
+
+Result<Chunk> decode_chunk(const EncodedChunk& chunk, const Lattice& lattice) {
+  if (auto ok = check_for_decoding(chunk, lattice); !ok) return ok.error();
+  draco::Mesh decoded;
+  if (auto ok = decompress(chunk.payload, decoded); !ok) return ok.error();
+  if (decoded.num_faces() != chunk.triangles || decoded.num_attributes() < 1)
+    return corrupt("the stream's size is not as promised");
+  auto mesh = rebuild(decoded, chunk.views, lattice);
+  if (!mesh) return mesh.error();
+  return Chunk{chunk.key, chunk.error_m, std::move(*mesh)};
+}
+
+}  // namespace mr::codec

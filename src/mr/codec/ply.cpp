@@ -1,0 +1,40 @@
+#include <cstdint>
+
+#include "mr/codec/writers.h"
+
+namespace mr::codec {
+
+Result<Bytes> to_ply(const std::vector<BakedPart>& parts, const DecodedScene& scene) {
+  std::size_t vertices = 0, triangles = 0;
+  for (const BakedPart& part : parts)
+    vertices += part.positions.size(), triangles += part.triangles.size();
+  if (vertices > 0x7FFFFFFF)
+    return Error{Error::Cause::too_large, "a .ply file holds at most 2^31 vertices"};
+  Bytes out;
+  out.reserve(512 + vertices * 15 + triangles * 13);
+  put_text(out,
+           "ply\nformat binary_little_endian 1.0\ncomment MeshReduce\n"
+           "element vertex " +
+               std::to_string(vertices) +
+               "\nproperty float x\nproperty float y\nproperty float z\n"
+               "property uchar red\nproperty uchar green\nproperty uchar blue\n"
+               "element face " +
+               std::to_string(triangles) +
+               "\nproperty list uchar int vertex_indices\nend_header\n");
+  for (const BakedPart& part : parts)
+    for (std::size_t v = 0; v < part.positions.size(); ++v) {
+      put(out, part.positions[v]);
+      put(out, part.stream ? sample(*scene.textures.at(*part.stream), part.uvs[v]) : kNeutralColor);
+    }
+  std::uint32_t base = 0;
+  for (const BakedPart& part : parts) {
+    for (const Triangle& triangle : part.triangles) {
+      put(out, std::uint8_t{3});
+      for (const std::uint32_t vertex : triangle) put(out, base + vertex);
+    }
+    base += static_cast<std::uint32_t>(part.positions.size());
+  }
+  return out;
+}
+
+}  // namespace mr::codec

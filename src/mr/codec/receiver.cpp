@@ -1,0 +1,226 @@
+#include "mr/codec/receiver.h"
+
+#include <algorithm>
+#include <set>
+#include <string>
+
+#include "mr/codec/mesh_codec.h"
+#include "mr/core/parallel.h"
+#include "mr/kit/video.h"
+
+namespace mr::codec {
+namespace {
+
+/// One texture stream. Without a picture it waits for a key frame.
+struct Stream {
+  std::optional<kit::VideoDecoder> decoder;
+  std::uint32_t layout = 0;
+  std::shared_ptr<const ImageRgb> picture;
+
+  bool waiting() const { return picture == nullptr; }
+  Status decode(const TextureUnit& unit);
+};
+
+Status Stream::decode(const TextureUnit& unit) {
+  const auto fail = [&](Error::Cause cause, const std::string& what) {
+    picture = nullptr;
+    return Error{cause, "stream " + std::to_string(unit.stream) + ": " + what};
+  };
+  if (!unit.key_frame) {
+    if (waiting()) return {};  // nothing is wrong with it, only too early
+    if (unit.layout != layout)
+      return fail(Error::Cause::invalid, "the layout changed without a key frame");
+  }
+  if (!decoder) {
+    auto created = kit::VideoDecoder::create();
+    if (!created) return fail(created.error().cause, created.error().message);
+    decoder = std::move(*created);
+  }
+  auto decoded = decoder->decode(unit.data);
+  if (!decoded) return fail(decoded.error().cause, decoded.error().message);
+  if (decoded->width != unit.width || decoded->height != unit.height)
+    return fail(Error::Cause::invalid, "the picture's size is not as promised");
+  layout = unit.layout;
+  picture = std::make_shared<const ImageRgb>(std::move(*decoded));
+  return {};
+}
+
+/// The access units of one stream, in order.
+struct StreamWork {
+  Stream* stream = nullptr;
+  std::vector<const TextureUnit*> units;
+  std::vector<Error> errors;
+
+  void run() {
+    for (const TextureUnit* unit : units)
+      if (auto ok = stream->decode(*unit); !ok) errors.push_back(ok.error());
+  }
+};
+
+struct ChunkWork {
+  const EncodedChunk* encoded = nullptr;
+  std::shared_ptr<const Chunk> decoded;
+  std::optional<Error> error;
+
+  void run(const Lattice& lattice) {
+    auto chunk = decode_chunk(*encoded, lattice);
+    if (chunk)
+      decoded = std::make_shared<const Chunk>(std::move(*chunk));
+    else
+      error = chunk.error();
+  }
+};
+
+}  // namespace
+
+struct Receiver::Impl {
+  explicit Impl(const Lattice& l) : lattice(l) {}
+
+  Lattice lattice;
+  std::optional<Packet> newest;  ///< without payloads
+  std::map<ChunkKey, std::shared_ptr<const Chunk>> chunks;
+  std::map<std::uint32_t, Stream> streams;
+
+  bool same_origin(const Packet& p) const {
+    return newest && newest->scene == p.scene && newest->node == p.node && newest->epoch == p.epoch;
+  }
+  bool names(const ChunkKey& key) const {
+    return newest &&
+           std::binary_search(newest->manifest.begin(), newest->manifest.end(), key);
+  }
+  void take_head(const Packet& packet);
+  std::vector<ChunkWork> chunk_work(const Packet& packet) const;
+  std::vector<StreamWork> stream_work(const Packet& packet);
+  bool whole() const;
+};
+
+/// Everything but the payloads; forgets what the packet no longer uses.
+void Receiver::Impl::take_head(const Packet& packet) {
+  Packet head;
+  head.scene = packet.scene, head.node = packet.node;
+  head.epoch = packet.epoch, head.sequence = packet.sequence;
+  head.captured_at = packet.captured_at;
+  head.sources = packet.sources;
+  head.views = packet.views;
+  head.manifest = packet.manifest;
+  newest = std::move(head);
+  std::erase_if(chunks, [&](const auto& item) { return !names(item.first); });
+  std::set<std::uint32_t> used;
+  for (const View& view : packet.views) used.insert(view.stream);
+  for (const TextureUnit& unit : packet.textures) used.insert(unit.stream);
+  std::erase_if(streams, [&](const auto& item) { return !used.contains(item.first); });
+}
+
+std::vector<ChunkWork> Receiver::Impl::chunk_work(const Packet& packet) const {
+  std::vector<ChunkWork> work;
+  for (const EncodedChunk& chunk : packet.chunks)
+    if (names(chunk.key) && !chunks.contains(chunk.key)) work.push_back({&chunk, nullptr, {}});
+  return work;
+}
+
+std::vector<StreamWork> Receiver::Impl::stream_work(const Packet& packet) {
+  std::map<std::uint32_t, StreamWork> by_stream;
+  for (const TextureUnit& unit : packet.textures) {
+    StreamWork& work = by_stream[unit.stream];
+    work.stream = &streams[unit.stream];
+    work.units.push_back(&unit);
+  }
+  std::vector<StreamWork> work;
+  for (auto& [stream, item] : by_stream) work.push_back(std::move(item));
+  return work;
+}
+
+bool Receiver::Impl::whole() const {
+  if (!newest) return false;
+  for (const ChunkKey& key : newest->manifest)
+    if (!chunks.contains(key)) return false;
+  return std::ranges::all_of(newest->views, [&](const View& view) {
+    const auto it = streams.find(view.stream);
+    return it != streams.end() && !it->second.waiting() && it->second.layout == view.layout;
+  });
+}
+
+Receiver::Receiver(const Lattice& lattice) : impl_(std::make_unique<Impl>(lattice)) {}
+Receiver::~Receiver() = default;
+Receiver::Receiver(Receiver&&) noexcept = default;
+Receiver& Receiver::operator=(Receiver&&) noexcept = default;
+
+std::vector<Error> Receiver::accept(const Packet& packet) {
+  Impl& i = *impl_;
+  if (i.same_origin(packet)) {
+    const std::uint64_t last = i.newest->sequence;
+    if (packet.sequence <= last)
+      return {{Error::Cause::invalid, "packet " + std::to_string(packet.sequence) +
+                                          " comes after packet " + std::to_string(last)}};
+    // What was lost may hold access units that the next ones refer to.
+    if (packet.sequence != last + 1)
+      for (auto& [id, stream] : i.streams) stream.picture = nullptr;
+  } else {
+    i.chunks.clear();
+    i.streams.clear();
+  }
+  i.take_head(packet);
+
+  std::vector<ChunkWork> chunks = i.chunk_work(packet);
+  std::vector<StreamWork> streams = i.stream_work(packet);
+  parallel_for(streams.size() + chunks.size(), 1, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t n = begin; n < end; ++n)
+      n < streams.size() ? streams[n].run() : chunks[n - streams.size()].run(i.lattice);
+  });
+
+  std::vector<Error> errors;
+  for (ChunkWork& work : chunks) {
+    if (work.error)
+      errors.push_back(std::move(*work.error));
+    else
+      i.chunks[work.encoded->key] = std::move(work.decoded);
+  }
+  for (StreamWork& work : streams)
+    std::move(work.errors.begin(), work.errors.end(), std::back_inserter(errors));
+  return errors;
+}
+
+std::vector<ChunkKey> Receiver::missing() const {
+  std::vector<ChunkKey> out;
+  if (impl_->newest)
+    for (const ChunkKey& key : impl_->newest->manifest)
+      if (!impl_->chunks.contains(key)) out.push_back(key);
+  return out;
+}
+
+Status Receiver::provide(const EncodedChunk& chunk) {
+  if (!impl_->names(chunk.key))
+    return Error{Error::Cause::invalid, "chunk: not what the newest manifest names"};
+  if (impl_->chunks.contains(chunk.key)) return {};
+  auto decoded = decode_chunk(chunk, impl_->lattice);
+  if (!decoded) return decoded.error();
+  impl_->chunks[chunk.key] = std::make_shared<const Chunk>(std::move(*decoded));
+  return {};
+}
+
+std::vector<std::uint32_t> Receiver::streams_waiting() const {
+  std::set<std::uint32_t> out;
+  for (const auto& [id, stream] : impl_->streams)
+    if (stream.waiting()) out.insert(id);
+  // A view may name a stream of which nothing ever came, or a layout that was lost.
+  if (impl_->newest)
+    for (const View& view : impl_->newest->views) {
+      const auto it = impl_->streams.find(view.stream);
+      if (it == impl_->streams.end() || it->second.layout != view.layout) out.insert(view.stream);
+    }
+  return {out.begin(), out.end()};
+}
+
+std::optional<DecodedScene> Receiver::scene() const {
+  if (!impl_->whole()) return std::nullopt;
+  DecodedScene out;
+  out.captured_at = impl_->newest->captured_at;
+  out.sources = impl_->newest->sources;
+  out.views = impl_->newest->views;
+  for (const ChunkKey& key : impl_->newest->manifest) out.chunks.push_back(impl_->chunks.at(key));
+  for (const auto& [id, stream] : impl_->streams)
+    if (!stream.waiting()) out.textures[id] = stream.picture;
+  return out;
+}
+
+}  // namespace mr::codec

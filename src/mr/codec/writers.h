@@ -1,0 +1,50 @@
+#pragma once
+
+#include <array>
+#include <bit>
+#include <cstddef>
+#include <filesystem>
+#include <string>
+#include <type_traits>
+#include <vector>
+
+#include "mr/codec/bake.h"
+
+/// The file formats of export.h, each from baked parts; private to the module.
+namespace mr::codec {
+
+/// Colour of what has no texture.
+inline constexpr std::array<std::uint8_t, 3> kNeutralColor{176, 176, 176};
+
+using Bytes = std::vector<std::byte>;
+
+/// `parts`: not empty. `up`: unit length.
+Result<Bytes> to_glb(const std::vector<BakedPart>& parts, const DecodedScene& scene, Vec3d up);
+
+Result<Bytes> to_ply(const std::vector<BakedPart>& parts, const DecodedScene& scene);
+
+/// A file that belongs to an export.
+struct NamedBytes {
+  std::filesystem::path name;  ///< without folder
+  Bytes bytes;
+};
+
+/// The pictures, NAME.mtl, and NAME.obj last. White space in `name` becomes '_' inside the names of
+/// pictures and materials, which OBJ readers split at blanks.
+Result<std::vector<NamedBytes>> to_obj(const std::vector<BakedPart>& parts,
+                                       const DecodedScene& scene, const std::string& name);
+
+/// Adds a plain value's bytes in the machine's order, which is little-endian.
+template <typename T>
+void put(Bytes& out, const T& value) {
+  static_assert(std::is_trivially_copyable_v<T> && std::endian::native == std::endian::little);
+  const auto* first = reinterpret_cast<const std::byte*>(&value);
+  out.insert(out.end(), first, first + sizeof(T));
+}
+
+inline void put_text(Bytes& out, const std::string& text) {
+  const auto* first = reinterpret_cast<const std::byte*>(text.data());
+  out.insert(out.end(), first, first + text.size());
+}
+
+}  // namespace mr::codec

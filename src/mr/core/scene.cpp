@@ -1,0 +1,348 @@
+#include "mr/core/scene.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "mr/core/file.h"
+#include "mr/core/scene_parts.h"
+
+namespace mr {
+namespace {
+
+using scene_file::MapReader;
+using scene_file::MergerEntry;
+using scene_file::NodeName;
+using scene_file::Report;
+using scene_file::YamlNode;
+
+constexpr std::uintmax_t kMaxBytes = 16 * 1024 * 1024;
+
+void not_acted_on(MapReader& map, const std::string& key, const std::string& what) {
+  map.report.notice(map.line(key), what + ": accepted, but not acted on by this version");
+}
+
+void read_up(MapReader& top, Vec3d& up) {
+  double v[3];
+  if (!top.numbers("up", {-1e6, 1e6}, v)) return;
+  const Vec3d direction{v[0], v[1], v[2]};
+  if (length(direction) < 1e-9)
+    top.report.problem(top.line("up"), "up must be a direction, not 0 0 0");
+  else
+    up = normalized(direction);
+}
+
+void read_lattice(MapReader& top, Lattice& lattice) {
+  const YamlNode* node = top.find("lattice");
+  if (!node) return;
+  MapReader map(top.report, *node, "lattice");
+  if (map.integer("step_exp", lattice.step_exp, -1000, 1000) &&
+      (lattice.step_exp > -9 || lattice.step_exp < -11)) {
+    map.report.problem(map.line("step_exp"), "step_exp must be one of -9, -10, -11; not " +
+                                                 std::to_string(lattice.step_exp));
+    lattice.step_exp = Lattice{}.step_exp;
+  }
+  double v[3];
+  if (!map.numbers("origin", {-1e5, 1e5}, v)) return;
+  lattice.origin = {v[0], v[1], v[2]};
+  for (const double x : v)
+    if (x / lattice.step_m() != std::floor(x / lattice.step_m())) {
+      map.report.problem(map.line("origin"), "origin must be multiples of the lattice's step, 2^" +
+                                                 std::to_string(lattice.step_exp) + " m");
+      return;
+    }
+}
+
+void read_volume(MapReader& top, std::optional<Box3d>& volume) {
+  const YamlNode* node = top.find("volume");
+  if (!node) return;
+  MapReader map(top.report, *node, "volume");
+  const YamlNode* box = map.need("box");
+  if (!box) return;
+  if (box->kind != YamlNode::Kind::list || box->items.size() != 2) {
+    map.report.problem(map.line("box"),
+                       "box must be [[x, y, z], [x, y, z]]: the low and the high corner");
+    return;
+  }
+  double low[3], high[3];
+  const bool good = read_numbers(map.report, box->items[0], "box", {-1e5, 1e5}, low) &
+                    read_numbers(map.report, box->items[1], "box", {-1e5, 1e5}, high);
+  if (!good) return;
+  if (low[0] >= high[0] || low[1] >= high[1] || low[2] >= high[2]) {
+    map.report.problem(map.line("box"),
+                       "box is empty: its first corner must be below its second on every axis");
+    return;
+  }
+  volume = Box3d{{low[0], low[1], low[2]}, {high[0], high[1], high[2]}};
+}
+
+void read_general(MapReader& top, Scene& scene) {
+  if (const YamlNode* id = top.need("scene"))
+    scene.id = scene_file::read_id(top.report, *id, "scene").value_or("");
+  read_up(top, scene.up);
+  top.number("fps", scene.fps, {0, 240, true});
+  top.integer("threads", scene.threads, 0, 1024);
+  top.number("voxel_m", scene.voxel_m, {0.002, 0.05});
+  read_lattice(top, scene.lattice);
+  if (const YamlNode* node = top.find("video")) {
+    MapReader video(top.report, *node, "video");
+    video.integer("threads", scene.video.threads, 1, 64);
+    video.integer("slices", scene.video.slices, 1, 64);
+  }
+  read_volume(top, scene.volume);
+  if (top.choice<std::string>("pipeline", scene.pipeline,
+                              {{"meshreduce", "meshreduce"},
+                               {"holoportation", "holoportation"},
+                               {"holoportation++", "holoportation++"},
+                               {"points", "points"},
+                               {"rgbd", "rgbd"}}) &&
+      scene.pipeline != "meshreduce")
+    not_acted_on(top, "pipeline", "pipeline " + scene.pipeline);
+}
+
+void read_fusion(MapReader& top, const Scene& scene, FusionConfig& fusion) {
+  // Half the band must hold two voxels also where the file says nothing.
+  fusion.truncation_m = std::max(fusion.truncation_m, 2 * scene.voxel_m);
+  const YamlNode* node = top.find("fusion");
+  if (!node) return;
+  MapReader map(top.report, *node, "fusion");
+  map.choice<Decomposition>("decomposition", fusion.decomposition,
+                            {{"none", Decomposition::none},
+                             {"chunks", Decomposition::chunks},
+                             {"patches", Decomposition::patches}});
+  const auto voxels = [&](const char* key, double& out, int least, double most) {
+    constexpr double kRounding = 1e-9;
+    double value = 0;
+    if (!map.number(key, value, {0, most, true})) return;
+    if (value < least * scene.voxel_m - kRounding)
+      map.report.problem(map.line(key), std::string(key) + " must be at least " +
+                                            std::to_string(least) + " voxels of voxel_m");
+    else
+      out = value;
+  };
+  voxels("chunk_m", fusion.chunk_m, 8, 100);
+  voxels("truncation_m", fusion.truncation_m, 2, 1);
+  map.size("patches", 1, 16, fusion.patches_x, fusion.patches_y);
+}
+
+void read_simplify(MapReader& parent, SimplifyConfig& simplify) {
+  const YamlNode* node = parent.find("simplify");
+  if (!node) return;
+  MapReader map(parent.report, *node, "simplify");
+  map.number("ratio", simplify.ratio, {0, 1, true});
+}
+
+void read_merge(MapReader& top, MergeConfig& merge) {
+  const YamlNode* node = top.find("merge");
+  if (!node) return;
+  using Owner = MergeConfig::Owner;
+  using Overlap = MergeConfig::Overlap;
+  MapReader map(top.report, *node, "merge");
+  map.choice<Owner>("owner", merge.owner, {{"paper", Owner::paper}, {"coherent", Owner::coherent}});
+  map.choice<Overlap>("overlap", merge.overlap,
+                      {{"rays", Overlap::rays}, {"raster", Overlap::raster}});
+  map.flag("refine", merge.refine);
+  map.flag("color_gain", merge.color_gain);
+  map.number("calibration_error_m", merge.calibration_error_m, {0, 0.5});
+  read_simplify(map, merge.simplify);
+  if (merge.overlap == Overlap::raster) not_acted_on(map, "overlap", "merge.overlap raster");
+  if (merge.refine) not_acted_on(map, "refine", "merge.refine");
+  if (merge.color_gain) not_acted_on(map, "color_gain", "merge.color_gain");
+}
+
+void read_atlas(MapReader& top, AtlasConfig& atlas) {
+  const YamlNode* node = top.find("atlas");
+  if (!node) return;
+  using Views = AtlasConfig::Views;
+  MapReader map(top.report, *node, "atlas");
+  map.choice<Views>("views", atlas.views,
+                    {{"coherent", Views::coherent},
+                     {"best_angle", Views::best_angle},
+                     {"packed", Views::packed},
+                     {"separate", Views::separate}});
+  map.flag("mask", atlas.mask);
+  map.size("size", 16, 8192, atlas.width, atlas.height);
+  if (atlas.views == Views::packed) not_acted_on(map, "views", "atlas.views packed");
+  if (atlas.views == Views::separate) not_acted_on(map, "views", "atlas.views separate");
+}
+
+void read_rate_and_coding(MapReader& top, Scene& scene) {
+  using Model = RateConfig::Model;
+  if (const YamlNode* node = top.find("reuse")) {
+    MapReader reuse(top.report, *node, "reuse");
+    reuse.flag("chunks", scene.reuse_chunks);
+  }
+  if (const YamlNode* node = top.find("rate")) {
+    MapReader rate(top.report, *node, "rate");
+    rate.choice<Model>("model", scene.rate.model,
+                       {{"fixed", Model::fixed},
+                        {"lookup", Model::lookup},
+                        {"classifier", Model::classifier},
+                        {"ours", Model::ours}});
+    rate.number("target_mbps", scene.rate.target_mbps, {0, 1e5, true});
+    if (scene.rate.model != Model::fixed)
+      not_acted_on(rate, "model", "a rate.model other than fixed");
+  }
+  if (const YamlNode* node = top.find("coding")) {
+    MapReader coding(top.report, *node, "coding");
+    coding.number("texture_scale", scene.coding.texture_scale, {0, 1, true});
+    coding.integer("texture_qp", scene.coding.texture_qp, 0, 51);
+    coding.integer("sensor_texture_qp", scene.coding.sensor_texture_qp, 0, 51);
+  }
+}
+
+/// Parts of the network and of eval: checked for form, kept for later versions.
+void read_later_parts(MapReader& top) {
+  constexpr std::pair<const char*, const char*> kParts[] = {
+      {"gateway", "listen"}, {"nats", "url"}, {"truth", "mesh"}};
+  for (const auto& [part, key] : kParts) {
+    const YamlNode* node = top.find(part);
+    if (!node) continue;
+    MapReader map(top.report, *node, part);
+    std::string text;
+    if (map.need(key)) map.text(key, text);
+    not_acted_on(top, part, part);
+  }
+}
+
+void read_rig_errors(MapReader& map, RigConfig& rig) {
+  map.integer("people", rig.people, 0, 100);
+  double ignored[4]{};
+  map.number("calib_error_mm", ignored[0], {0, 1000});
+  map.number("calib_error_deg", ignored[1], {0, 90});
+  map.number("exposure_spread", ignored[2], {0, 100});
+  map.number("clock_offset_ms", ignored[3], {-1e7, 1e7});
+  if (rig.people > 0) not_acted_on(map, "people", "rig.people");
+  constexpr const char* kKeys[] = {"calib_error_mm", "calib_error_deg", "exposure_spread",
+                                   "clock_offset_ms"};
+  for (int i = 0; i < 4; ++i)
+    if (ignored[i] != 0) not_acted_on(map, kKeys[i], std::string("rig.") + kKeys[i]);
+}
+
+RigConfig read_rig(Report& report, const YamlNode& node) {
+  RigConfig rig;
+  MapReader map(report, node, "rig");
+  bool synthetic = true;
+  map.choice<bool>("type", synthetic, {{"synthetic", true}});
+  double seed = rig.seed;
+  if (map.number("seed", seed, {0, 4294967295.0}) && seed != std::floor(seed))
+    report.problem(map.line("seed"), "seed must be a whole number");
+  rig.seed = static_cast<std::uint32_t>(seed);
+  double room[3];
+  if (map.numbers("room", {1, 50}, room)) rig.room_m = {room[0], room[1], room[2]};
+  map.integer("sensors", rig.sensors, 1, 16);
+  std::pair<int, int> depth{rig.depth_width, rig.depth_height};
+  map.choice<std::pair<int, int>>("depth_mode", depth,
+                                  {{"nfov", {640, 576}},
+                                   {"nfov_binned", {320, 288}},
+                                   {"wfov_binned", {512, 512}},
+                                   {"wfov", {1024, 1024}}});
+  rig.depth_width = depth.first, rig.depth_height = depth.second;
+  map.size("color", 16, 8192, rig.color_width, rig.color_height);
+  map.choice<bool>("noise", rig.noise, {{"kinect", true}, {"none", false}});
+  map.number("detail", rig.detail, {0, 1});
+  map.integer("frames", rig.frames, 1, 1'000'000);
+  read_rig_errors(map, rig);
+  return rig;
+}
+
+/// Sensors or a rig; the names that mergers may use for them.
+std::vector<NodeName> read_leaves(MapReader& top, Scene& scene) {
+  Report& report = top.report;
+  std::vector<NodeName> names;
+  const YamlNode* sensors = top.find("sensors");
+  const YamlNode* rig = top.find("rig");
+  if (sensors) scene.sensors = scene_file::read_sensors(report, *sensors, names);
+  if (rig) scene.rig = read_rig(report, *rig);
+  if (rig && sensors) report.problem(top.line("rig"), "a scene has sensors or a rig, not both");
+  if (!rig && !sensors) report.problem(1, "the scene lacks the key 'sensors' (or 'rig')");
+  if (rig && !sensors)
+    for (int i = 0; i < scene.rig->sensors; ++i)
+      names.push_back({"cam-" + std::to_string(i), top.line("rig")});
+  return names;
+}
+
+void read_tree(MapReader& top, const std::vector<NodeName>& leaves, Scene& scene) {
+  std::vector<MergerEntry> mergers;
+  if (const YamlNode* node = top.find("mergers")) {
+    mergers = scene_file::read_mergers(top.report, *node);
+  } else {
+    MergerEntry root;
+    root.config.id = "root";
+    for (const NodeName& leaf : leaves) {
+      // A doubled id is reported as such; naming it twice here would only repeat that.
+      if (std::find(root.config.inputs.begin(), root.config.inputs.end(), leaf.id) !=
+          root.config.inputs.end())
+        continue;
+      if (leaf.id == root.config.id)
+        top.report.problem(leaf.line, "id 'root' is the merger's where 'mergers' is left out");
+      else
+        root.config.inputs.push_back(leaf.id);
+    }
+    scene.mergers = {root.config};
+    scene_file::check_ids(top.report, leaves, {});
+  }
+  const bool leaves_known =
+      scene.rig || (!scene.sensors.empty() && leaves.size() == scene.sensors.size());
+  if (!mergers.empty())
+    scene.mergers = scene_file::ordered_tree(top.report, leaves, mergers, leaves_known);
+  if (const YamlNode* node = top.find("links")) {
+    std::vector<NodeName> names = leaves;
+    for (const MergerConfig& merger : scene.mergers) names.push_back({merger.id, 0});
+    scene.links = scene_file::read_links(top.report, *node, names);
+    if (!scene.links.empty()) not_acted_on(top, "links", "links");
+  }
+}
+
+void read_scene(Report& report, const YamlNode& root, Scene& scene) {
+  if (root.kind != YamlNode::Kind::map) {
+    report.problem(root.line, "this is no scene file: its top level must be a mapping of keys");
+    return;
+  }
+  MapReader top(report, root, "the scene");
+  read_general(top, scene);
+  const std::vector<NodeName> leaves = read_leaves(top, scene);
+  read_tree(top, leaves, scene);
+  read_fusion(top, scene, scene.fusion);
+  read_simplify(top, scene.simplify);
+  read_merge(top, scene.merge);
+  read_atlas(top, scene.atlas);
+  read_rate_and_coding(top, scene);
+  read_later_parts(top);
+}
+
+}  // namespace
+
+std::string to_string(const SceneProblem& problem) {
+  if (problem.line <= 0) return problem.file.string() + ": " + problem.message;
+  return problem.file.string() + ":" + std::to_string(problem.line) + ": " + problem.message;
+}
+
+SceneResult load_scene(const std::filesystem::path& file) {
+  SceneResult result;
+  result.scene.file = file;
+  Report report(file);
+  try {
+    std::error_code failed;
+    const auto status = std::filesystem::status(file, failed);
+    const bool is_pipe = std::filesystem::exists(status) && std::filesystem::is_other(status);
+    const auto bytes = is_pipe ? Error{Error::Cause::io, file.string() + " is not a regular file"}
+                               : read_file(file, kMaxBytes);
+    if (!bytes) {
+      report.problem(0, bytes.error().message);
+    } else {
+      const auto tree = scene_file::parse_yaml(
+          std::string(reinterpret_cast<const char*>(bytes->data()), bytes->size()));
+      if (tree.problem.empty())
+        read_scene(report, tree.root, result.scene);
+      else
+        report.problem(tree.line, tree.problem);
+    }
+  } catch (const std::exception& e) {
+    report.problem(0, std::string("cannot read the scene: ") + e.what());
+  }
+  result.problems = report.take_problems();
+  result.notices = report.take_notices();
+  return result;
+}
+
+}  // namespace mr

@@ -1,0 +1,63 @@
+#pragma once
+
+#include <filesystem>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "mr/core/scene_reader.h"
+
+/// Inside load_scene: the parts of a scene file.
+namespace mr::scene_file {
+
+/// An id with the line where it stands.
+struct NodeName {
+  std::string id;
+  int line = 0;
+};
+
+/// Files named by a list, by one string, or by {pattern, first, last}; all of them exist where no
+/// problem was reported.
+struct FileList {
+  std::vector<std::filesystem::path> paths;
+  std::vector<int> lines;  ///< [paths] where each is named
+  bool is_pattern = false;
+};
+
+std::optional<FileList> read_files(Report& report, const YamlNode& node, const std::string& name);
+/// The same from a mapping that holds pattern, first and last.
+std::optional<FileList> read_pattern(MapReader& map, const std::string& name);
+
+std::optional<Camera> read_camera(Report& report, const YamlNode& node, const std::string& name);
+
+/// 16 numbers, {file: …}, {files: […]} or {pattern, first, last}.
+std::vector<Pose> read_poses(Report& report, const YamlNode& node, const std::string& name);
+/// 16 numbers.
+std::optional<Pose> read_pose(Report& report, const YamlNode& node, const std::string& name);
+
+/// The sensors in the file's order; a broken one keeps its place and its id. `names`: those that
+/// have an id.
+std::vector<SensorConfig> read_sensors(Report& report, const YamlNode& node,
+                                       std::vector<NodeName>& names);
+
+struct MergerEntry {
+  MergerConfig config;
+  int line = 0;
+  std::vector<int> input_lines;  ///< [inputs]
+};
+
+std::vector<MergerEntry> read_mergers(Report& report, const YamlNode& node);
+std::vector<LinkConfig> read_links(Report& report, const YamlNode& node,
+                                   const std::vector<NodeName>& names);
+
+/// Sensors and mergers share one namespace: reports ids used twice.
+void check_ids(Report& report, const std::vector<NodeName>& leaves,
+               const std::vector<MergerEntry>& mergers);
+
+/// Checks that sensors and mergers form one tree; children before parents, the root last.
+/// `leaves_known` is false where the sensors could not be read: then unknown inputs are no problem
+/// of their own.
+std::vector<MergerConfig> ordered_tree(Report& report, const std::vector<NodeName>& leaves,
+                                       const std::vector<MergerEntry>& mergers, bool leaves_known);
+
+}  // namespace mr::scene_file

@@ -1,0 +1,371 @@
+#include "mr/core/scene_reader.h"
+
+#include <algorithm>
+#include <charconv>
+#include <cmath>
+#include <cstdio>
+#include <cstdlib>
+#include <map>
+
+namespace mr::scene_file {
+namespace {
+
+constexpr std::size_t kMaxProblems = 1000;
+constexpr std::size_t kMaxFiles = 1'000'000;
+constexpr std::size_t kMaxShown = 160;
+
+const char* kind_name(YamlNode::Kind kind) {
+  constexpr const char* kNames[] = {"empty", "a single value", "a list", "a mapping"};
+  return kNames[static_cast<int>(kind)];
+}
+
+std::string number_text(double v) {
+  char text[32];
+  std::snprintf(text, sizeof text, "%.9g", v);
+  return text;
+}
+
+/// Edits (insert, drop, replace a letter) between two short words.
+std::size_t edit_distance(std::string_view a, std::string_view b) {
+  std::vector<std::size_t> row(b.size() + 1);
+  for (std::size_t j = 0; j < row.size(); ++j) row[j] = j;
+  for (std::size_t i = 1; i <= a.size(); ++i) {
+    std::size_t diagonal = row[0];
+    row[0] = i;
+    for (std::size_t j = 1; j <= b.size(); ++j) {
+      const std::size_t replace = diagonal + (a[i - 1] != b[j - 1]);
+      diagonal = row[j];
+      row[j] = std::min({replace, row[j] + 1, row[j - 1] + 1});
+    }
+  }
+  return row.back();
+}
+
+bool is_name(std::string_view name) {
+  const auto letter = [](char c) {
+    return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || c == '_';
+  };
+  if (name.empty() || !letter(name[0])) return false;
+  return std::all_of(name.begin(), name.end(),
+                     [&](char c) { return letter(c) || (c >= '0' && c <= '9'); });
+}
+
+/// Replaces ${NAME} and ${NAME:-default} once; what they bring in is not expanded again.
+std::optional<std::string> expand(Report& report, int line, const std::string& text) {
+  std::string out;
+  std::size_t at = 0;
+  for (;;) {
+    const std::size_t open = text.find("${", at);
+    out.append(text, at, open == std::string::npos ? open : open - at);
+    if (open == std::string::npos) return out;
+    const std::size_t close = text.find('}', open);
+    if (close == std::string::npos) {
+      report.problem(line, "${ without } in " + in_quotes(text));
+      return std::nullopt;
+    }
+    const std::string inside = text.substr(open + 2, close - open - 2);
+    const std::size_t dash = inside.find(":-");
+    const std::string name = inside.substr(0, dash);
+    if (!is_name(name)) {
+      report.problem(line, in_quotes(name) + " is not the name of an environment variable, in " +
+                               in_quotes(text));
+      return std::nullopt;
+    }
+    const char* value = std::getenv(name.c_str());
+    if (dash != std::string::npos && (!value || !*value))
+      out += inside.substr(dash + 2);
+    else if (value)
+      out += value;
+    else {
+      report.problem(line, "environment variable " + name + " is not set; set it or write ${" +
+                               name + ":-default}");
+      return std::nullopt;
+    }
+    at = close + 1;
+  }
+}
+
+/// Reads a decimal number; says what is wrong with it otherwise.
+struct Number {
+  double value = 0;
+  const char* problem = nullptr;
+};
+
+Number parse_number(std::string_view text) {
+  if (!text.empty() && (text[0] == '+' || text[0] == '-')) {
+    const bool minus = text[0] == '-';
+    if (text.size() > 1 && (text[1] == '+' || text[1] == '-')) return {0, "must be a number"};
+    Number n = parse_number(text.substr(1));
+    if (minus) n.value = -n.value;
+    return n;
+  }
+  std::string lower(text.substr(0, 8));
+  for (char& c : lower) c = c >= 'A' && c <= 'Z' ? static_cast<char>(c + ('a' - 'A')) : c;
+  if (lower == ".inf" || lower == ".nan" || lower == "inf" || lower == "nan" || lower == "infinity")
+    return {0, "must be a finite number"};
+  const auto digit = [&](std::size_t i) {
+    return i < text.size() && text[i] >= '0' && text[i] <= '9';
+  };
+  if (!digit(0) && !(text.starts_with('.') && digit(1))) return {0, "must be a number"};
+  if (text[0] == '0' && digit(1)) return {0, "must be a number without leading zeros"};
+  Number n;
+  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), n.value);
+  if (end != text.data() + text.size()) return {0, "must be a number"};
+  if (error != std::errc() || !std::isfinite(n.value)) return {0, "must be a finite number"};
+  return n;
+}
+
+std::string range_text(Range r) {
+  if (r.low_open)
+    return "must be greater than " + number_text(r.low) + " and at most " + number_text(r.high);
+  return "must be between " + number_text(r.low) + " and " + number_text(r.high);
+}
+
+}  // namespace
+
+void Report::problem(int line, std::string message) {
+  if (full()) return;
+  if (problems_.size() + 1 == kMaxProblems)
+    message = "more problems follow; the first " + std::to_string(kMaxProblems - 1) + " are listed";
+  problems_.push_back({file_, line, std::move(message)});
+}
+
+void Report::notice(int line, std::string message) {
+  if (notices_.size() < kMaxProblems) notices_.push_back({file_, line, std::move(message)});
+}
+
+bool Report::full() const { return problems_.size() >= kMaxProblems; }
+
+std::filesystem::path Report::resolve(const std::string& path) const {
+  return (file_.parent_path() / path).lexically_normal();
+}
+
+bool Report::spend_files(std::size_t count) {
+  files_ += count;
+  return files_ <= kMaxFiles;
+}
+
+namespace {
+
+std::vector<SceneProblem> by_line(std::vector<SceneProblem> list) {
+  std::stable_sort(list.begin(), list.end(),
+                   [](const SceneProblem& a, const SceneProblem& b) { return a.line < b.line; });
+  return list;
+}
+
+}  // namespace
+
+std::vector<SceneProblem> Report::take_problems() { return by_line(std::move(problems_)); }
+std::vector<SceneProblem> Report::take_notices() { return by_line(std::move(notices_)); }
+
+std::string in_quotes(std::string_view text) {
+  std::string out(text.substr(0, kMaxShown));
+  for (char& c : out)
+    if (static_cast<unsigned char>(c) < 0x20 || c == 0x7f) c = '?';
+  return "'" + out + (text.size() > kMaxShown ? "...'" : "'");
+}
+
+std::string did_you_mean(std::string_view word, const std::vector<std::string>& known) {
+  constexpr std::size_t kMaxWord = 32, kMaxKnown = 256;
+  std::size_t best = std::clamp<std::size_t>(word.size() / 2, 1, 3) + 1;
+  const std::string* nearest = nullptr;
+  if (word.size() <= kMaxWord)
+    for (const std::string& candidate : std::span(known).first(std::min(known.size(), kMaxKnown))) {
+      if (candidate.size() > kMaxWord) continue;
+      const std::size_t distance = edit_distance(word, candidate);
+      if (distance < best) best = distance, nearest = &candidate;
+    }
+  return nearest ? " (did you mean " + in_quotes(*nearest) + "?)" : "";
+}
+
+std::optional<std::string> read_text(Report& report, const YamlNode& node,
+                                     const std::string& name) {
+  if (node.kind != YamlNode::Kind::scalar) {
+    report.problem(node.line, name + (node.kind == YamlNode::Kind::null
+                                          ? " is empty"
+                                          : std::string(" must be a single value, not ") +
+                                                kind_name(node.kind)));
+    return std::nullopt;
+  }
+  const std::optional<std::string> text = expand(report, node.line, node.text);
+  if (!text) return std::nullopt;
+  if (std::any_of(text->begin(), text->end(),
+                  [](char c) { return static_cast<unsigned char>(c) < 0x20 || c == 0x7f; })) {
+    report.problem(node.line, name + " holds a control character: " + in_quotes(*text));
+    return std::nullopt;
+  }
+  return text;
+}
+
+std::optional<double> read_number(Report& report, const YamlNode& node, const std::string& name,
+                                  Range range) {
+  const auto refuse = [&](const std::string& why) {
+    report.problem(node.line, name + " " + why);
+    return std::nullopt;
+  };
+  if (node.kind == YamlNode::Kind::list || node.kind == YamlNode::Kind::map)
+    return refuse(std::string("must be a number, not ") + kind_name(node.kind));
+  const std::optional<std::string> text = read_text(report, node, name);
+  if (!text) return std::nullopt;
+  if (node.quoted && *text == node.text)
+    return refuse("must be a number, not the string " + in_quotes(*text));
+  const Number number = parse_number(*text);
+  if (number.problem) return refuse(number.problem + (", not " + in_quotes(*text)));
+  if (number.value < range.low || number.value > range.high ||
+      (range.low_open && number.value == range.low))
+    return refuse(range_text(range) + ", not " + number_text(number.value));
+  return number.value;
+}
+
+bool read_numbers(Report& report, const YamlNode& node, const std::string& name, Range range,
+                  std::span<double> out) {
+  if (node.kind != YamlNode::Kind::list || node.items.size() != out.size()) {
+    const std::string is = node.kind == YamlNode::Kind::list
+                               ? std::to_string(node.items.size()) + " of them"
+                               : kind_name(node.kind);
+    report.problem(node.line, name + " must be a list of " + std::to_string(out.size()) +
+                                  " numbers, not " + is);
+    return false;
+  }
+  std::vector<double> values;
+  for (const YamlNode& item : node.items)
+    if (const auto value = read_number(report, item, name, range)) values.push_back(*value);
+  if (values.size() != out.size()) return false;
+  std::copy(values.begin(), values.end(), out.begin());
+  return true;
+}
+
+std::optional<std::string> read_id(Report& report, const YamlNode& node, const std::string& name) {
+  const std::optional<std::string> id = read_text(report, node, name);
+  if (!id) return std::nullopt;
+  const bool good =
+      !id->empty() && id->size() <= 64 && std::all_of(id->begin(), id->end(), [](char c) {
+        return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || (c >= '0' && c <= '9') ||
+               c == '_' || c == '-';
+      });
+  if (!good)
+    report.problem(node.line,
+                   name + " must be 1 to 64 letters, digits, '_' or '-', not " + in_quotes(*id));
+  return id;
+}
+
+MapReader::MapReader(Report& r, const YamlNode& node, std::string name)
+    : report(r), node_(node), name_(std::move(name)) {
+  if (node.kind != YamlNode::Kind::map) {
+    report.problem(node.line, name_ + (node.kind == YamlNode::Kind::null
+                                           ? " is empty"
+                                           : std::string(" must be a mapping of keys, not ") +
+                                                 kind_name(node.kind)));
+    return;
+  }
+  std::map<std::string_view, int> first;
+  for (const YamlKey& key : node.keys) {
+    const auto [known, is_new] = first.emplace(key.name, key.line);
+    if (!is_new)
+      report.problem(key.line, "key " + in_quotes(key.name) + " is given twice (first in line " +
+                                   std::to_string(known->second) + ")");
+  }
+}
+
+MapReader::~MapReader() {
+  if (accept_all_) return;
+  for (const YamlKey& key : node_.keys) {
+    if (report.full()) return;
+    if (std::find(asked_.begin(), asked_.end(), key.name) != asked_.end()) continue;
+    if (key.name == "<<")
+      report.problem(key.line, "merge keys (<<) are not supported; write the keys out");
+    else
+      report.problem(key.line,
+                     "unknown key " + in_quotes(key.name) + did_you_mean(key.name, asked_));
+  }
+}
+
+std::optional<std::size_t> MapReader::index(const std::string& key) const {
+  for (std::size_t i = 0; i < node_.keys.size(); ++i)
+    if (node_.keys[i].name == key) return i;
+  return std::nullopt;
+}
+
+const YamlNode* MapReader::find(const std::string& key) {
+  if (std::find(asked_.begin(), asked_.end(), key) == asked_.end()) asked_.push_back(key);
+  const auto i = index(key);
+  return i ? &node_.items[*i] : nullptr;
+}
+
+const YamlNode* MapReader::need(const std::string& key) {
+  const YamlNode* node = find(key);
+  if (!node && node_.kind == YamlNode::Kind::map)
+    report.problem(node_.line, name_ + " lacks the key " + in_quotes(key));
+  return node;
+}
+
+int MapReader::line(const std::string& key) const {
+  const auto i = index(key);
+  return i ? node_.keys[*i].line : node_.line;
+}
+
+bool MapReader::number(const std::string& key, double& out, Range range) {
+  const YamlNode* node = find(key);
+  if (!node) return false;
+  const auto value = read_number(report, *node, key, range);
+  if (value) out = *value;
+  return value.has_value();
+}
+
+bool MapReader::integer(const std::string& key, int& out, int low, int high) {
+  double value = 0;
+  if (!number(key, value, {static_cast<double>(low), static_cast<double>(high)})) return false;
+  if (value != std::floor(value)) {
+    report.problem(line(key), key + " must be a whole number, not " + number_text(value));
+    return false;
+  }
+  out = static_cast<int>(value);
+  return true;
+}
+
+bool MapReader::flag(const std::string& key, bool& out) {
+  const YamlNode* node = find(key);
+  if (!node) return false;
+  const auto value = read_text(report, *node, key);
+  if (!value) return false;
+  const bool is_word = *value == "true" || *value == "false";
+  if (!is_word || (node->quoted && *value == node->text)) {
+    report.problem(node->line, key + " must be true or false, not " + in_quotes(*value));
+    return false;
+  }
+  out = *value == "true";
+  return true;
+}
+
+bool MapReader::text(const std::string& key, std::string& out) {
+  const YamlNode* node = find(key);
+  if (!node) return false;
+  auto value = read_text(report, *node, key);
+  if (value) out = std::move(*value);
+  return value.has_value();
+}
+
+bool MapReader::numbers(const std::string& key, Range range, std::span<double> out) {
+  const YamlNode* node = find(key);
+  return node && read_numbers(report, *node, key, range, out);
+}
+
+bool MapReader::size(const std::string& key, int low, int high, int& first, int& second) {
+  double pair[2];
+  if (!numbers(key, {static_cast<double>(low), static_cast<double>(high)}, pair)) return false;
+  if (pair[0] != std::floor(pair[0]) || pair[1] != std::floor(pair[1])) {
+    report.problem(line(key), key + " must be whole numbers");
+    return false;
+  }
+  first = static_cast<int>(pair[0]), second = static_cast<int>(pair[1]);
+  return true;
+}
+
+void MapReader::refuse_choice(const std::string& key, const std::string& value,
+                              const std::vector<std::string>& words) {
+  std::string list;
+  for (const std::string& word : words) list += (list.empty() ? "" : ", ") + word;
+  report.problem(line(key), key + " must be one of " + list + "; not " + in_quotes(value));
+}
+
+}  // namespace mr::scene_file

@@ -1,0 +1,124 @@
+#pragma once
+
+#include <filesystem>
+#include <initializer_list>
+#include <optional>
+#include <span>
+#include <string>
+#include <string_view>
+#include <utility>
+#include <vector>
+
+#include "mr/core/scene.h"
+#include "mr/core/yaml_tree.h"
+
+/// Inside load_scene: typed access to the YAML tree that notes every problem and goes on.
+namespace mr::scene_file {
+
+/// Collects what is wrong with one file.
+class Report {
+ public:
+  explicit Report(std::filesystem::path file) : file_(std::move(file)) {}
+
+  void problem(int line, std::string message);
+  void notice(int line, std::string message);
+  bool full() const;  ///< no further problem will be listed
+
+  /// A path of the file, which is relative to the file's own folder.
+  std::filesystem::path resolve(const std::string& path) const;
+  /// Whether `count` more files may be looked at; bounds the work that a small file can ask for.
+  bool spend_files(std::size_t count);
+
+  /// Moves out what was found, by line.
+  std::vector<SceneProblem> take_problems();
+  std::vector<SceneProblem> take_notices();
+
+ private:
+  std::filesystem::path file_;
+  std::vector<SceneProblem> problems_, notices_;
+  std::size_t files_ = 0;
+};
+
+/// 'text', shortened and without control characters.
+std::string in_quotes(std::string_view text);
+
+/// " (did you mean 'word'?)" with the most similar of `known`; empty when none is.
+std::string did_you_mean(std::string_view word, const std::vector<std::string>& known);
+
+/// The numbers that are allowed: [low, high], or (low, high] when `low_open`.
+struct Range {
+  double low, high;
+  bool low_open = false;
+};
+
+/// A scalar with ${NAME} and ${NAME:-default} expanded.
+std::optional<std::string> read_text(Report& report, const YamlNode& node, const std::string& name);
+std::optional<double> read_number(Report& report, const YamlNode& node, const std::string& name,
+                                  Range range);
+/// A list of exactly out.size() numbers.
+bool read_numbers(Report& report, const YamlNode& node, const std::string& name, Range range,
+                  std::span<double> out);
+/// A text of the form [A-Za-z0-9_-]{1,64}; a wrong one is reported and still returned.
+std::optional<std::string> read_id(Report& report, const YamlNode& node, const std::string& name);
+
+/// One mapping. Doubled keys are reported at once, keys that nobody asked for in the destructor.
+/// The getters return whether the key holds a usable value; else the output stays as it was.
+class MapReader {
+ public:
+  MapReader(Report& report, const YamlNode& node, std::string name);
+  ~MapReader();
+  MapReader(const MapReader&) = delete;
+  MapReader& operator=(const MapReader&) = delete;
+
+  const YamlNode* find(const std::string& key);
+  /// As find, but a missing key is a problem.
+  const YamlNode* need(const std::string& key);
+  /// No key of this mapping is unknown.
+  void accept_all() { accept_all_ = true; }
+  bool has(const std::string& key) { return find(key) != nullptr; }
+  int line() const { return node_.line; }
+  int line(const std::string& key) const;  ///< of the key; of the mapping where it is missing
+
+  bool number(const std::string& key, double& out, Range range);
+  bool integer(const std::string& key, int& out, int low, int high);
+  bool flag(const std::string& key, bool& out);
+  bool text(const std::string& key, std::string& out);
+  bool numbers(const std::string& key, Range range, std::span<double> out);
+  /// A list of two whole numbers.
+  bool size(const std::string& key, int low, int high, int& first, int& second);
+  /// One of the words; `out` becomes what stands beside it.
+  template <typename T>
+  bool choice(const std::string& key, T& out,
+              std::initializer_list<std::pair<const char*, T>> choices);
+
+  Report& report;
+
+ private:
+  std::optional<std::size_t> index(const std::string& key) const;
+  void refuse_choice(const std::string& key, const std::string& value,
+                     const std::vector<std::string>& words);
+
+  const YamlNode& node_;
+  std::string name_;
+  std::vector<std::string> asked_;
+  bool accept_all_ = false;
+};
+
+template <typename T>
+bool MapReader::choice(const std::string& key, T& out,
+                       std::initializer_list<std::pair<const char*, T>> choices) {
+  std::string value;
+  if (!text(key, value)) return false;
+  std::vector<std::string> words;
+  for (const auto& [word, meaning] : choices) {
+    if (value == word) {
+      out = meaning;
+      return true;
+    }
+    words.push_back(word);
+  }
+  refuse_choice(key, value, words);
+  return false;
+}
+
+}  // namespace mr::scene_file

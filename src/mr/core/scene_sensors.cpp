@@ -1,0 +1,190 @@
+#include "mr/core/scene_parts.h"
+
+namespace mr::scene_file {
+namespace {
+
+constexpr std::size_t kMaxSensors = 1024;
+
+void read_distortion(Report& report, const YamlNode& node, Camera& camera) {
+  MapReader map(report, node, "distortion");
+  const bool known =
+      map.need("model") && map.choice<DistortionModel>("model", camera.distortion,
+                                                       {{"none", DistortionModel::none},
+                                                        {"brown", DistortionModel::brown},
+                                                        {"rational", DistortionModel::rational}});
+  if (const YamlNode* k = map.find("k")) {
+    const std::size_t most = !known || camera.distortion == DistortionModel::rational ? 6 : 3;
+    if (k->kind == YamlNode::Kind::list && k->items.size() >= 1 && k->items.size() <= most)
+      read_numbers(report, *k, "k", {-1e6, 1e6}, std::span(camera.k).first(k->items.size()));
+    else
+      report.problem(k->line, "k must be a list of 1 to " + std::to_string(most) + " numbers");
+  }
+  map.numbers("p", {-1e6, 1e6}, camera.p);
+}
+
+/// Camera::problems names no key; this finds the line a reader would look at.
+int line_of_problem(const MapReader& map, const Camera& camera, const std::string& problem) {
+  if (problem.starts_with("size")) return map.line("size");
+  if (problem.starts_with("focal")) return map.line("fx");
+  if (problem.starts_with("distortion")) return map.line("distortion");
+  if (problem.starts_with("principal"))
+    return map.line(camera.cx < 0 || camera.cx > camera.width - 1 ? "cx" : "cy");
+  return map.line();
+}
+
+/// The source's depth and colour files; how many items it has, 0 where that is unknown.
+std::size_t read_images(MapReader& map, RgbdImagesSource& out) {
+  Report& report = map.report;
+  std::optional<FileList> depth, color;
+  if (const YamlNode* node = map.need("depth")) depth = read_files(report, *node, "depth");
+  if (const YamlNode* node = map.find("color")) color = read_files(report, *node, "color");
+  if (depth && color && depth->paths.size() != color->paths.size())
+    report.problem(map.line("color"),
+                   "color names " + std::to_string(color->paths.size()) + " files and depth " +
+                       std::to_string(depth->paths.size()) + "; they must be as many");
+  if (color) out.color = std::move(color->paths);
+  if (depth) out.depth = std::move(depth->paths);
+  return out.depth.size();
+}
+
+void read_invalid_counts(MapReader& map, std::vector<std::uint16_t>& out) {
+  const YamlNode* node = map.find("invalid");
+  if (!node) return;
+  const auto add = [&](const YamlNode& item) {
+    const auto value = read_number(map.report, item, "invalid", {0, 65535});
+    if (value && *value != static_cast<std::uint16_t>(*value))
+      map.report.problem(item.line, "invalid must be whole numbers");
+    if (value) out.push_back(static_cast<std::uint16_t>(*value));
+  };
+  out.clear();
+  if (node->kind == YamlNode::Kind::list)
+    for (const YamlNode& item : node->items) add(item);
+  else
+    add(*node);
+}
+
+/// Returns the number of items, 0 where it is unknown; so is has_color for other types.
+std::size_t read_source(Report& report, const YamlNode& node, SensorConfig& sensor,
+                        std::optional<bool>& has_color) {
+  MapReader map(report, node, "source");
+  std::string type;
+  for (const char* key : {"color", "depth", "depth_unit_m", "invalid", "loop"}) map.find(key);
+  if (!map.need("type") || !map.text("type", type)) return 0;
+  if (type != "rgbd-images") {
+    report.problem(map.line("type"),
+                   "source type " + in_quotes(type) +
+                       " is not supported by this version; supported: rgbd-images");
+    map.accept_all();  // the other keys belong to that type
+    return 0;
+  }
+  has_color = map.has("color");
+  RgbdImagesSource images;
+  const std::size_t items = read_images(map, images);
+  map.number("depth_unit_m", images.depth_unit_m, {0, 1, true});
+  read_invalid_counts(map, images.invalid);
+  map.flag("loop", images.loop);
+  sensor.source = std::move(images);
+  return items;
+}
+
+void read_cameras(MapReader& map, SensorConfig& sensor, std::optional<bool> source_has_color) {
+  Report& report = map.report;
+  if (const YamlNode* node = map.need("depth_camera")) {
+    const auto camera = read_camera(report, *node, "depth_camera");
+    if (camera && camera->model != CameraModel::pinhole)
+      report.problem(node->line,
+                     "depth_camera: only the model pinhole is supported by this version");
+    if (camera) sensor.depth_camera = *camera;
+  }
+  const YamlNode* color = map.find("color_camera");
+  if (color) sensor.color_camera = read_camera(report, *color, "color_camera");
+  if (source_has_color && *source_has_color != (color != nullptr))
+    report.problem(color ? map.line("color_camera") : map.line("source"),
+                   color ? "color_camera is given but source names no color"
+                         : "source names color but color_camera is missing");
+  if (const YamlNode* node = map.find("T_color_depth"))
+    if (const auto pose = read_pose(report, *node, "T_color_depth")) sensor.T_color_depth = *pose;
+}
+
+void read_depth_figures(MapReader& map, SensorConfig& sensor) {
+  double range[2];
+  if (map.numbers("depth_range_m", {0, 1000}, range)) {
+    if (range[0] < range[1])
+      sensor.depth_near_m = range[0], sensor.depth_far_m = range[1];
+    else
+      map.report.problem(map.line("depth_range_m"),
+                         "depth_range_m must be [near, far] with near less than far");
+  }
+  if (const YamlNode* node = map.find("precision")) {
+    MapReader precision(map.report, *node, "precision");
+    precision.number("base_m", sensor.precision.base_m, {0, 1, true});
+    precision.number("per_m2", sensor.precision.per_m2, {0, 1});
+  }
+  map.number("clock_offset_ms", sensor.clock_offset_ms, {-1e7, 1e7});
+}
+
+SensorConfig read_sensor(Report& report, const YamlNode& node, std::vector<NodeName>& names) {
+  SensorConfig sensor;
+  MapReader map(report, node, "sensor");
+  if (const YamlNode* id = map.need("id"))
+    if (const auto text = read_id(report, *id, "id")) {
+      sensor.id = *text;
+      names.push_back({*text, id->line});
+    }
+  std::optional<bool> has_color;
+  std::size_t items = 0;
+  if (const YamlNode* source = map.need("source"))
+    items = read_source(report, *source, sensor, has_color);
+  read_cameras(map, sensor, has_color);
+  if (const YamlNode* poses = map.need("T_world_depth"))
+    sensor.T_world_depth = read_poses(report, *poses, "T_world_depth");
+  const std::size_t poses = sensor.T_world_depth.size();
+  if (items > 0 && poses > 1 && poses != items)
+    report.problem(map.line("T_world_depth"), "T_world_depth holds " + std::to_string(poses) +
+                                                  " poses for " + std::to_string(items) +
+                                                  " items; it needs one, or one per item");
+  read_depth_figures(map, sensor);
+  return sensor;
+}
+
+}  // namespace
+
+std::optional<Camera> read_camera(Report& report, const YamlNode& node, const std::string& name) {
+  constexpr double kMost = 1e6;
+  Camera camera;
+  MapReader map(report, node, name);
+  bool good = !map.has("model") ||
+              map.choice<CameraModel>("model", camera.model,
+                                      {{"pinhole", CameraModel::pinhole},
+                                       {"equirectangular", CameraModel::equirectangular}});
+  const bool pinhole = camera.model == CameraModel::pinhole;
+  good &= map.need("size") && map.size("size", 1, 16384, camera.width, camera.height);
+  const auto intrinsic = [&](const char* key, double& out, Range range) {
+    if (pinhole && !map.need(key)) return false;
+    return map.number(key, out, range) || !pinhole;
+  };
+  good &= intrinsic("fx", camera.fx, {0, kMost, true});
+  good &= intrinsic("fy", camera.fy, {0, kMost, true});
+  good &= intrinsic("cx", camera.cx, {-kMost, kMost});
+  good &= intrinsic("cy", camera.cy, {-kMost, kMost});
+  if (const YamlNode* distortion = map.find("distortion"))
+    read_distortion(report, *distortion, camera);
+  if (!good) return std::nullopt;
+  for (const std::string& problem : camera.problems())
+    report.problem(line_of_problem(map, camera, problem), name + ": " + problem);
+  return camera;
+}
+
+std::vector<SensorConfig> read_sensors(Report& report, const YamlNode& node,
+                                       std::vector<NodeName>& names) {
+  std::vector<SensorConfig> sensors;
+  if (node.kind != YamlNode::Kind::list || node.items.empty() || node.items.size() > kMaxSensors) {
+    report.problem(node.line,
+                   "sensors must be a list of 1 to " + std::to_string(kMaxSensors) + " sensors");
+    return sensors;
+  }
+  for (const YamlNode& item : node.items) sensors.push_back(read_sensor(report, item, names));
+  return sensors;
+}
+
+}  // namespace mr::scene_file

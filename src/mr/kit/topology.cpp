@@ -1,0 +1,214 @@
+#include "mr/kit/topology.h"
+
+#include <algorithm>
+#include <bit>
+#include <numeric>
+#include <unordered_map>
+#include <unordered_set>
+
+#include "mr/core/assert.h"
+
+namespace mr::kit {
+namespace {
+
+std::uint64_t edge_key(std::uint32_t a, std::uint32_t b) {
+  return (static_cast<std::uint64_t>(std::min(a, b)) << 32) | std::max(a, b);
+}
+
+/// Half-edges grouped by the smaller of their two vertices: those of vertex v are
+/// items[start[v]] .. items[start[v + 1]].
+struct EdgesByVertex {
+  std::vector<std::uint32_t> start, items;
+};
+
+EdgesByVertex edges_by_lower_vertex(const Mesh& mesh) {
+  const auto lower = [&](std::uint32_t h) { return std::min(edge_from(mesh, h), edge_to(mesh, h)); };
+  const auto count = static_cast<std::uint32_t>(mesh.triangles.size() * 3);
+  EdgesByVertex out;
+  out.start.assign(mesh.positions.size() + 1, 0);
+  for (std::uint32_t h = 0; h < count; ++h) ++out.start[lower(h) + 1];
+  std::partial_sum(out.start.begin(), out.start.end(), out.start.begin());
+  out.items.resize(count);
+  std::vector<std::uint32_t> next(out.start.begin(), out.start.end() - 1);
+  for (std::uint32_t h = 0; h < count; ++h) out.items[next[lower(h)]++] = h;
+  return out;
+}
+
+std::uint32_t higher_vertex(const Mesh& mesh, std::uint32_t h) {
+  return std::max(edge_from(mesh, h), edge_to(mesh, h));
+}
+
+}  // namespace
+
+EdgeTable edge_table(const Mesh& mesh) {
+  const EdgesByVertex edges = edges_by_lower_vertex(mesh);
+  EdgeTable table;
+  table.twin.assign(edges.items.size(), kNoTwin);
+  table.uses.assign(edges.items.size(), 0);
+  for (std::size_t v = 0; v + 1 < edges.start.size(); ++v)
+    for (std::uint32_t i = edges.start[v]; i < edges.start[v + 1]; ++i) {
+      const std::uint32_t h = edges.items[i];
+      std::uint32_t same = 0, other = kNoTwin;
+      for (std::uint32_t j = edges.start[v]; j < edges.start[v + 1]; ++j) {
+        const std::uint32_t k = edges.items[j];
+        if (higher_vertex(mesh, k) != higher_vertex(mesh, h)) continue;
+        ++same;
+        if (k != h) other = k;
+      }
+      table.uses[h] = static_cast<std::uint8_t>(std::min(same, 255u));
+      if (same == 2 && edge_from(mesh, other) == edge_to(mesh, h)) table.twin[h] = other;
+    }
+  return table;
+}
+
+std::size_t count_nonmanifold_edges(const Mesh& mesh) {
+  double edges = 0;
+  for (const std::uint8_t uses : edge_table(mesh).uses)
+    if (uses > 2) edges += 1.0 / uses;
+  return static_cast<std::size_t>(edges + 0.5);
+}
+
+std::size_t count_boundary_edges(const Mesh& mesh) {
+  const EdgeTable table = edge_table(mesh);
+  return static_cast<std::size_t>(std::count(table.uses.begin(), table.uses.end(), 1));
+}
+
+namespace {
+
+/// The lowest vertex at the same position as each vertex.
+std::vector<std::uint32_t> representatives(const std::vector<Vec3f>& positions) {
+  const auto bits = [](Vec3f p) {
+    // + 0 turns -0 into 0: they are the same place.
+    return Vec3i{std::bit_cast<std::int32_t>(p.x + 0.0f), std::bit_cast<std::int32_t>(p.y + 0.0f),
+                 std::bit_cast<std::int32_t>(p.z + 0.0f)};
+  };
+  std::unordered_map<Vec3i, std::uint32_t, CellHash> first;
+  first.reserve(positions.size());
+  std::vector<std::uint32_t> out(positions.size());
+  for (std::uint32_t v = 0; v < positions.size(); ++v)
+    out[v] = first.try_emplace(bits(positions[v]), v).first->second;
+  return out;
+}
+
+/// The same triangle with its smallest index first.
+Vec3i canonical(Triangle t) {
+  std::rotate(t.begin(), std::min_element(t.begin(), t.end()), t.end());
+  return {static_cast<std::int32_t>(t[0]), static_cast<std::int32_t>(t[1]),
+          static_cast<std::int32_t>(t[2])};
+}
+
+}  // namespace
+
+Mesh weld(const Mesh& mesh) {
+  const std::vector<std::uint32_t> representative = representatives(mesh.positions);
+  Mesh joined = mesh;
+  std::vector<std::uint8_t> keep(mesh.triangles.size(), 0);
+  std::unordered_set<Vec3i, CellHash> seen;
+  seen.reserve(mesh.triangles.size());
+  for (std::size_t i = 0; i < mesh.triangles.size(); ++i) {
+    Triangle& t = joined.triangles[i];
+    for (std::uint32_t& v : t) v = representative[v];
+    const bool degenerate = t[0] == t[1] || t[1] == t[2] || t[2] == t[0];
+    keep[i] = !degenerate && seen.insert(canonical(t)).second;
+  }
+  return select_triangles(joined, keep);
+}
+
+Components components(const Mesh& mesh) {
+  std::vector<std::uint32_t> root(mesh.positions.size());
+  std::iota(root.begin(), root.end(), 0u);
+  const auto find = [&](std::uint32_t v) {
+    while (root[v] != v) v = root[v] = root[root[v]];
+    return v;
+  };
+  for (const Triangle& t : mesh.triangles)
+    for (int i = 1; i < 3; ++i) {
+      const std::uint32_t a = find(t[0]), b = find(t[i]);
+      root[std::max(a, b)] = std::min(a, b);
+    }
+  Components out;
+  std::vector<std::uint32_t> number(mesh.positions.size(), kNoTwin);
+  for (std::size_t t = 0; t < mesh.triangles.size(); ++t) {
+    std::uint32_t& n = number[find(mesh.triangles[t][0])];
+    if (n == kNoTwin) {
+      n = static_cast<std::uint32_t>(out.area_m2.size());
+      out.area_m2.push_back(0);
+    }
+    out.of_triangle.push_back(n);
+    out.area_m2[n] += 0.5 * length(mesh.area_normal(t));
+  }
+  return out;
+}
+
+std::vector<Vec3f> vertex_normals(const Mesh& mesh) {
+  std::vector<Vec3f> normals(mesh.positions.size());
+  for (std::size_t t = 0; t < mesh.triangles.size(); ++t)
+    for (const std::uint32_t v : mesh.triangles[t]) normals[v] += mesh.area_normal(t);
+  for (Vec3f& n : normals) n = normalized(n);
+  return normals;
+}
+
+namespace {
+
+/// Cuts triangle `t` whose edge i has the midpoint m[i] (kNoTwin: not cut).
+void cut_triangle(const Triangle& t, const std::array<std::uint32_t, 3>& m, const Mesh& mesh,
+                  std::vector<Triangle>& out) {
+  const auto is_cut = [&](int i) { return m[i] != kNoTwin; };
+  const int cuts = is_cut(0) + is_cut(1) + is_cut(2);
+  if (cuts == 0) {
+    out.push_back(t);
+  } else if (cuts == 1) {
+    const int i = is_cut(0) ? 0 : is_cut(1) ? 1 : 2;
+    const std::uint32_t a = t[i], b = t[(i + 1) % 3], c = t[(i + 2) % 3];
+    out.push_back({a, m[i], c});
+    out.push_back({m[i], b, c});
+  } else if (cuts == 2) {
+    const int i = !is_cut(0) ? 0 : !is_cut(1) ? 1 : 2;  // the edge that stays whole
+    const std::uint32_t a = t[i], b = t[(i + 1) % 3], c = t[(i + 2) % 3];
+    const std::uint32_t bc = m[(i + 1) % 3], ca = m[(i + 2) % 3];
+    out.push_back({ca, bc, c});
+    const auto span = [&](std::uint32_t u, std::uint32_t v) {
+      return length(mesh.positions[u] - mesh.positions[v]);
+    };
+    if (span(a, bc) <= span(b, ca)) {  // the shorter diagonal of the remaining quadrilateral
+      out.push_back({a, b, bc});
+      out.push_back({a, bc, ca});
+    } else {
+      out.push_back({a, b, ca});
+      out.push_back({b, bc, ca});
+    }
+  } else {
+    out.push_back({t[0], m[0], m[2]});
+    out.push_back({t[1], m[1], m[0]});
+    out.push_back({t[2], m[2], m[1]});
+    out.push_back({m[0], m[1], m[2]});
+  }
+}
+
+}  // namespace
+
+Refined refine(const Mesh& mesh, const std::vector<std::uint8_t>& split) {
+  MR_ASSERT(split.size() == mesh.triangles.size() * 3);
+  Refined out;
+  out.mesh.positions = mesh.positions;
+  std::unordered_map<std::uint64_t, std::uint32_t> midpoint;
+  for (std::uint32_t h = 0; h < split.size(); ++h) {
+    if (!split[h]) continue;
+    const std::uint32_t a = edge_from(mesh, h), b = edge_to(mesh, h);
+    const auto next = static_cast<std::uint32_t>(out.mesh.positions.size());
+    if (midpoint.try_emplace(edge_key(a, b), next).second)
+      out.mesh.positions.push_back((mesh.positions[a] + mesh.positions[b]) * 0.5f);
+  }
+  for (std::uint32_t t = 0; t < mesh.triangles.size(); ++t) {
+    std::array<std::uint32_t, 3> m{};
+    for (std::uint32_t i = 0; i < 3; ++i) {
+      const auto found = midpoint.find(edge_key(edge_from(mesh, 3 * t + i), edge_to(mesh, 3 * t + i)));
+      m[i] = found == midpoint.end() ? kNoTwin : found->second;
+    }
+    cut_triangle(mesh.triangles[t], m, out.mesh, out.mesh.triangles);
+    out.parent.resize(out.mesh.triangles.size(), t);
+  }
+  return out;
+}
+
+}  // namespace mr::kit

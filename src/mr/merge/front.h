@@ -1,0 +1,67 @@
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <span>
+#include <unordered_map>
+#include <unordered_set>
+#include <vector>
+
+#include "mr/core/mesh.h"
+
+namespace mr::merge {
+
+/// The open borders of a mesh as loops of half-edges with the surface on their left and the gap on their
+/// right, and the one step that closes gaps: a triangle from a border edge to a border corner.
+class Front {
+ public:
+  /// The mesh must have no vertex at which two borders touch (see split_bowties).
+  explicit Front(const Mesh& mesh);
+
+  struct Edge {
+    std::uint32_t from = 0, to = 0;
+    std::uint32_t next = 0, prev = 0;
+    bool alive = true;
+  };
+
+  std::size_t size() const { return edges_.size(); }  ///< edges ever; dead ones included
+  const Edge& edge(std::uint32_t e) const { return edges_[e]; }
+  /// Live edges that start at a vertex: each is one corner of a border.
+  std::span<const std::uint32_t> corners_at(std::uint32_t vertex) const;
+
+  /// Whether the triangle over edge `e` with the tip at the corner where edge `corner` starts fills part of
+  /// the gap: inside the gap's angle at all three corners, on the right of the edge, facing like
+  /// the surface around, and without a third triangle at any edge.
+  bool fits(std::uint32_t e, std::uint32_t corner) const;
+
+  /// Adds that triangle; returns the edges that are new on the border.
+  std::vector<std::uint32_t> fill(std::uint32_t e, std::uint32_t corner);
+
+  /// Number of edges of the loop that `e` is on, or nothing when there are more than `limit`.
+  std::optional<int> loop_length(std::uint32_t e, int limit) const;
+
+  const std::vector<Triangle>& added() const { return added_; }
+
+ private:
+  Vec3f at(std::uint32_t v) const { return positions_[v]; }
+  double angle(std::uint32_t vertex, std::uint32_t reference, std::uint32_t other) const;
+  std::uint32_t add_edge(std::uint32_t from, std::uint32_t to);
+  void link(std::uint32_t a, std::uint32_t b) { edges_[a].next = b, edges_[b].prev = a; }
+  void retire(std::uint32_t e);
+  /// Removes a pair of opposite border edges, if `e` has one.
+  void close(std::uint32_t e);
+
+  const std::vector<Vec3f>& positions_;
+  std::vector<Vec3f> normals_;
+  std::vector<Edge> edges_;
+  std::vector<std::vector<std::uint32_t>> corners_;              // per vertex
+  std::unordered_map<std::uint64_t, std::uint32_t> border_;      // directed edge → live edge
+  std::unordered_set<std::uint64_t> surface_;                    // directed edges between border vertices
+  std::vector<Triangle> added_;
+};
+
+/// Gives every fan of triangles at a vertex a vertex of its own, so that no two borders meet in one;
+/// edges of more than two triangles come apart too. Positions stay.
+Mesh split_bowties(const Mesh& mesh);
+
+}  // namespace mr::merge

@@ -1,0 +1,37 @@
+#pragma once
+
+#include <span>
+#include <vector>
+
+#include "mr/core/mesh.h"
+#include "mr/core/packet.h"
+#include "mr/core/scene.h"
+
+namespace mr::merge {
+
+/// The surface that one child (sensor or merger) sent, and the sensors it came from.
+struct Part {
+  Mesh mesh;
+  float error_m = 0;                ///< geometric error made so far
+  std::vector<SourceInfo> sources;  ///< at least one
+};
+
+struct OverlapConfig {
+  MergeConfig::Owner owner = MergeConfig::Owner::coherent;
+  double voxel_m = 0.01;              ///< triangles on the border of an overlap are cut to about this scale
+  double calibration_error_m = 0.005;
+  int pixel_stride = 2;               ///< casts through every n-th pixel of each camera, both ways
+};
+
+/// Overlap removal (paper 3.2). Rays go from every depth camera through its pixels and meet all parts;
+/// hits of different parts that face the camera alike and lie within twice the sensors' precision
+/// (plus calibration and decimation error) are one surface, and all but one of its triangles go:
+///   owner paper     the farther ones from that camera
+///   owner coherent  those whose own sensor measured the spot less precisely: sigma(z) / cos(angle)
+/// Overlap is decided between parts, never inside one. Triangles that lie in an overlap only partly
+/// are cut until the border is about two voxels fine; what is left keeps its vertices. Where
+/// everything would go, the best stays: removal makes no holes, only narrow gaps that zip() closes.
+/// Returns what stays of each part, in order, without views. Parallel; deterministic.
+std::vector<Mesh> remove_overlap(std::span<const Part> parts, const OverlapConfig& config);
+
+}  // namespace mr::merge

@@ -1,0 +1,41 @@
+#pragma once
+
+#include <cstddef>
+#include <optional>
+#include <vector>
+
+#include "mr/core/frame.h"
+
+namespace mr::node {
+
+/// Brings a merger's inputs to common ticks (multiples of the frame period) by capture time. A tick is
+/// ready when every live input has reached it, or `deadline` after the first input did: late and dead
+/// inputs never stall the rest. No clock inside.
+class Aligner {
+ public:
+  /// An input counts as live at a tick when its newest capture is at most this much older.
+  static constexpr Duration kMaxAge = std::chrono::milliseconds(500);
+
+  Aligner(std::size_t inputs, Duration period, Duration deadline);
+
+  void arrived(std::size_t input, TimePoint captured_at, TimePoint now);
+
+  /// The tick that can be merged now, if there is one.
+  std::optional<TimePoint> ready(TimePoint now) const;
+
+  /// The inputs whose newest capture belongs to a tick.
+  std::vector<std::size_t> live_at(TimePoint tick) const;
+
+  /// The tick was merged; older arrivals do not start it again.
+  void merged(TimePoint tick, TimePoint now);
+
+ private:
+  TimePoint tick_of(TimePoint captured_at) const;
+
+  Duration period_, deadline_;
+  std::vector<std::optional<TimePoint>> newest_;  // tick, per input
+  std::optional<TimePoint> last_merged_, pending_;
+  TimePoint pending_since_{};
+};
+
+}  // namespace mr::node

@@ -1,0 +1,81 @@
+#include "mr/node/chunk_publisher.h"
+
+#include <cmath>
+#include <optional>
+#include <vector>
+
+#include "mr/codec/mesh_codec.h"
+#include "mr/core/parallel.h"
+
+namespace mr::node {
+namespace {
+
+Vec3i cube_of(Vec3f p, double chunk_m) {
+  const auto cell = [&](float v) { return static_cast<std::int32_t>(std::floor(v / chunk_m)); };
+  return {cell(p.x), cell(p.y), cell(p.z)};
+}
+
+}  // namespace
+
+std::map<Vec3i, Mesh> split_by_cube(const Mesh& mesh, double chunk_m) {
+  struct Piece {
+    Mesh mesh;
+    std::vector<ViewId> views;
+    std::map<std::uint32_t, std::uint32_t> index;
+  };
+  std::map<Vec3i, Piece> pieces;
+  const std::vector<ViewId> views = triangle_views(mesh);
+  for (std::size_t t = 0; t < mesh.triangles.size(); ++t) {
+    Piece& piece = pieces[cube_of(mesh.centroid(t), chunk_m)];
+    Triangle triangle = mesh.triangles[t];
+    for (std::uint32_t& v : triangle) {
+      const auto next = static_cast<std::uint32_t>(piece.mesh.positions.size());
+      const auto [found, is_new] = piece.index.try_emplace(v, next);
+      if (is_new) piece.mesh.positions.push_back(mesh.positions[v]);
+      v = found->second;
+    }
+    piece.mesh.triangles.push_back(triangle);
+    piece.views.push_back(views[t]);
+  }
+  std::map<Vec3i, Mesh> out;
+  for (auto& [cube, piece] : pieces) {
+    set_triangle_views(piece.mesh, piece.views);
+    out.emplace(cube, std::move(piece.mesh));
+  }
+  return out;
+}
+
+ChunkPublisher::ChunkPublisher(const Scene& scene, std::uint32_t source)
+    : lattice_(scene.lattice), chunk_m_(scene.fusion.chunk_m), reuse_(scene.reuse_chunks), source_(source) {}
+
+Status ChunkPublisher::publish(const Mesh& mesh, float error_m, int mesh_speed, Packet& packet) {
+  std::map<ChunkId, Live> live;
+  std::vector<Chunk> fresh;
+  for (auto& [cube, piece] : split_by_cube(mesh, chunk_m_)) {
+    const ChunkId id{cube, source_};
+    const auto before = live_.find(id);
+    const bool kept = reuse_ && before != live_.end() && before->second.mesh == piece;
+    const std::uint32_t version = kept ? before->second.version : ++last_version_[id];
+    const ChunkKey key{id, 0, version};
+    packet.manifest.push_back(key);
+    if (!kept) fresh.push_back({key, error_m, piece});
+    live.emplace(id, Live{version, std::move(piece)});
+  }
+
+  std::vector<std::optional<Result<EncodedChunk>>> coded(fresh.size());
+  parallel_for(fresh.size(), 1, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t i = begin; i < end; ++i)
+      coded[i] = codec::encode_chunk(fresh[i], lattice_, mesh_speed);
+  });
+  for (const auto& chunk : coded)
+    if (!chunk->ok()) return chunk->error();
+  for (auto& chunk : coded) {
+    packet.chunks.push_back(**chunk);
+    cache_.put(std::make_shared<const EncodedChunk>(**std::move(chunk)));
+  }
+  cache_.keep(packet.manifest);
+  live_ = std::move(live);
+  return {};
+}
+
+}  // namespace mr::node

@@ -1,0 +1,44 @@
+#pragma once
+
+#include <map>
+#include <memory>
+
+#include "mr/codec/chunk_cache.h"
+#include "mr/core/packet.h"
+#include "mr/core/result.h"
+#include "mr/core/scene.h"
+
+namespace mr::node {
+
+/// Cuts a node's mesh along the scene's chunk grid, gives every chunk a version and codes what is new. A
+/// chunk whose content is that of the frame before keeps its version, and is not coded or sent again
+/// (DESIGN section 4, Chunk). All chunks of one packet come from one mesh, so their borders fit.
+class ChunkPublisher {
+ public:
+  ChunkPublisher(const Scene& scene, std::uint32_t source);
+
+  /// Fills the packet's manifest and chunks. The mesh lies on the lattice and has runs.
+  Status publish(const Mesh& mesh, float error_m, int mesh_speed, Packet& packet);
+
+  /// A chunk that a receiver lacks; null when it is not live any more.
+  std::shared_ptr<const EncodedChunk> find(const ChunkKey& key) const { return cache_.find(key); }
+
+ private:
+  struct Live {
+    std::uint32_t version = 0;
+    Mesh mesh;  // what the version stands for
+  };
+
+  Lattice lattice_;
+  double chunk_m_;
+  bool reuse_;
+  std::uint32_t source_;
+  std::map<ChunkId, Live> live_;
+  std::map<ChunkId, std::uint32_t> last_version_;
+  codec::ChunkCache cache_;
+};
+
+/// The triangles of a mesh by the cube that holds their centroid, in the mesh's order; views are kept.
+std::map<Vec3i, Mesh> split_by_cube(const Mesh& mesh, double chunk_m);
+
+}  // namespace mr::node

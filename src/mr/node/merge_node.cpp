@@ -1,0 +1,216 @@
+#include "mr/node/merge_node.h"
+
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+
+#include "mr/atlas/compose.h"
+#include "mr/atlas/labels.h"
+#include "mr/codec/mesh_codec.h"
+#include "mr/codec/packet_codec.h"
+#include "mr/core/parallel.h"
+#include "mr/kit/topology.h"
+#include "mr/merge/islands.h"
+#include "mr/merge/overlap.h"
+#include "mr/merge/zipper.h"
+#include "mr/node/sensor_node.h"
+#include "mr/simplify/simplify.h"
+
+namespace mr::node {
+namespace {
+
+constexpr std::uint32_t kAtlasStream = 0;
+
+Duration milliseconds(double ms) {
+  return std::chrono::round<Duration>(std::chrono::duration<double, std::milli>(ms));
+}
+
+/// The whole surface of a scene; borders between chunks are welded.
+merge::Part part_of(const DecodedScene& scene) {
+  merge::Part part;
+  for (const auto& chunk : scene.chunks) {
+    append(part.mesh, chunk->mesh);
+    part.error_m = std::max(part.error_m, chunk->error_m);
+  }
+  part.mesh = kit::weld(part.mesh);
+  part.sources = scene.sources;
+  return part;
+}
+
+/// Whether two gatherings have the same geometry seen by the same views.
+bool same_geometry(const std::vector<DecodedScene>& a, const std::vector<DecodedScene>& b) {
+  const auto key = [](const DecodedScene& s) {
+    std::vector<ChunkKey> keys;
+    for (const auto& chunk : s.chunks) keys.push_back(chunk->key);
+    return keys;
+  };
+  return std::equal(a.begin(), a.end(), b.begin(), b.end(), [&](const DecodedScene& x, const DecodedScene& y) {
+    const auto same_source = [](const SourceInfo& p, const SourceInfo& q) {
+      return p.sensor == q.sensor && p.T_world_depth == q.T_world_depth && p.depth_camera == q.depth_camera;
+    };
+    return x.views == y.views && key(x) == key(y) &&
+           std::equal(x.sources.begin(), x.sources.end(), y.sources.begin(), y.sources.end(), same_source);
+  });
+}
+
+}  // namespace
+
+MergeNode::MergeNode(const Scene& scene, const MergerConfig& merger, bool is_root, Ask ask)
+    : scene_(&scene), merger_(merger), is_root_(is_root), ask_(std::move(ask)),
+      aligner_(merger.inputs.size(), milliseconds(1000 / scene.fps), milliseconds(merger.deadline_ms)),
+      publisher_(scene, kMergedSource), texture_(scene, kAtlasStream) {
+  for (const std::string& input : merger.inputs) inputs_.push_back({input, codec::Receiver(scene.lattice), {}});
+}
+
+Status MergeNode::receive(std::size_t input, std::span<const std::byte> bytes, TimePoint now) {
+  const auto start = std::chrono::steady_clock::now();
+  Input& from = inputs_[input];
+  auto packet = codec::decode_packet(bytes);
+  if (!packet) {
+    drops_.count(from.id + " → " + id(), packet.error());
+    return Error{packet.error().cause, "packet from '" + from.id + "' to '" + id() + "': " + packet.error().message};
+  }
+  for (const Error& error : from.receiver.accept(*packet)) drops_.count(from.id + " → " + id(), error);
+  for (const ChunkKey& key : from.receiver.missing())
+    if (const auto chunk = ask_ ? ask_(input, key) : nullptr)
+      if (const Status taken = from.receiver.provide(*chunk); !taken) drops_.count(from.id + " → " + id(), taken.error());
+  if (!is_root_)
+    std::move(packet->textures.begin(), packet->textures.end(), std::back_inserter(from.units));
+  aligner_.arrived(input, packet->captured_at, now);
+  decode_ms_ += std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - start).count();
+  return {};
+}
+
+Result<std::optional<std::vector<std::byte>>> MergeNode::merge(TimePoint now) {
+  const auto tick = aligner_.ready(now);
+  if (!tick) return std::optional<std::vector<std::byte>>();
+  aligner_.merged(*tick, now);
+  auto gathered = gather(*tick);
+  if (!gathered) return gathered.error();
+
+  Packet packet;
+  packet.scene = scene_->id, packet.node = id(), packet.sequence = sequence_, packet.captured_at = *tick;
+  packet.sources = gathered->sources;
+  packet.plan = {is_root_ ? static_cast<float>(scene_->merge.simplify.ratio) : 1.0f, 5,
+                 static_cast<float>(scene_->coding.texture_scale), scene_->coding.texture_qp};
+
+  if (!last_ || !same_geometry(last_->first.scenes, gathered->scenes)) {
+    auto surface = merge_surfaces(*gathered);
+    if (!surface) return surface.error();
+    last_.emplace(Gathered{gathered->scenes, {}, {}}, *std::move(surface));
+  }
+  const Surface& surface = last_->second;
+  const Status coded = trace_.time("encode_mesh", [&] {
+    return publisher_.publish(surface.mesh, surface.error_m, packet.plan.mesh_speed, packet);
+  });
+  if (!coded) return coded.error();
+  if (const Status textured = add_textures(*gathered, surface.mesh, packet); !textured) return textured.error();
+  ++sequence_;
+  return std::optional(codec::encode_packet(packet));
+}
+
+Result<MergeNode::Gathered> MergeNode::gather(TimePoint tick) {
+  trace_.add("decode", std::exchange(decode_ms_, 0));
+  Gathered out;
+  for (const std::size_t i : aligner_.live_at(tick)) {
+    auto scene = inputs_[i].receiver.scene();
+    if (!scene) {
+      drops_.count(inputs_[i].id + " → " + id(), Error{Error::Cause::empty, "incomplete"});
+      continue;
+    }
+    out.views.insert(out.views.end(), scene->views.begin(), scene->views.end());
+    out.sources.insert(out.sources.end(), scene->sources.begin(), scene->sources.end());
+    out.scenes.push_back(*std::move(scene));
+  }
+  if (out.scenes.empty())
+    return Error{Error::Cause::empty, "merger '" + id() + "' has no live input at this tick"};
+  std::sort(out.views.begin(), out.views.end(), [](const View& a, const View& b) { return a.id < b.id; });
+  std::sort(out.sources.begin(), out.sources.end(),
+            [](const SourceInfo& a, const SourceInfo& b) { return a.sensor < b.sensor; });
+  return out;
+}
+
+Result<MergeNode::Surface> MergeNode::merge_surfaces(const Gathered& gathered) {
+  const double voxel_m = scene_->voxel_m;
+  std::vector<merge::Part> parts(gathered.scenes.size());
+  parallel_for(parts.size(), 1, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t i = begin; i < end; ++i) parts[i] = part_of(gathered.scenes[i]);
+  });
+  Surface out;
+  for (const merge::Part& part : parts) out.error_m = std::max(out.error_m, part.error_m);
+
+  std::vector<Mesh> owned = trace_.time("overlap", [&] {
+    return merge::remove_overlap(parts, {.owner = scene_->merge.owner, .voxel_m = voxel_m,
+                                         .calibration_error_m = scene_->merge.calibration_error_m});
+  });
+  trace_.time("islands", [&] {
+    for (Mesh& mesh : owned) mesh = merge::remove_islands(mesh, merge::island_area_m2(voxel_m));
+  });
+  const Mesh zipped = trace_.time("zipper", [&] {
+    return merge::zip(owned, {.max_gap_m = 6 * voxel_m, .edge_m = 2.5 * voxel_m});
+  });
+  auto simplified = trace_.time("simplify", [&]() -> Result<Mesh> {
+    auto snapped = codec::snap_to_lattice(zipped, scene_->lattice);
+    if (!snapped || !is_root_ || scene_->merge.simplify.ratio == 1) return snapped;
+    simplify::Simplified small = simplify::simplify(*snapped, scene_->merge.simplify.ratio);
+    out.error_m += small.error_m;
+    return codec::snap_to_lattice(small.mesh, scene_->lattice);
+  });
+  if (!simplified) return simplified.error();
+
+  const Mesh labelled = trace_.time("atlas", [&] {
+    return atlas::label_triangles(*simplified, gathered.views,
+                                  {.views = scene_->atlas.views,
+                                   .geometry_error_m = texturing_error_m(*scene_, out.error_m),
+                                   .min_edge_m = 2 * voxel_m});
+  });
+  auto snapped = codec::snap_to_lattice(labelled, scene_->lattice);
+  if (!snapped) return snapped.error();
+  out.mesh = *std::move(snapped);
+  if (out.mesh.empty()) return Error{Error::Cause::empty, "merger '" + id() + "': no surface is left"};
+  return out;
+}
+
+Status MergeNode::add_textures(const Gathered& gathered, const Mesh& mesh, Packet& packet) {
+  if (is_root_ && !gathered.views.empty()) return compose_atlas(gathered, mesh, packet);
+  hand_on_streams(gathered, packet);
+  return {};
+}
+
+void MergeNode::hand_on_streams(const Gathered& gathered, Packet& packet) {
+  packet.views = gathered.views;
+  for (Input& input : inputs_) {
+    std::move(input.units.begin(), input.units.end(), std::back_inserter(packet.textures));
+    input.units.clear();
+  }
+}
+
+Status MergeNode::compose_atlas(const Gathered& gathered, const Mesh& mesh, Packet& packet) {
+  const std::uint32_t current = layout_.views.empty() ? 0 : layout_.views.front().layout;
+  atlas::Layout wanted = atlas::make_layout(gathered.views, scene_->atlas, scene_->coding.texture_scale, current);
+  const auto same_tiles = [](const View& a, const View& b) { return a.id == b.id && a.atlas_rect == b.atlas_rect; };
+  if (!std::equal(wanted.views.begin(), wanted.views.end(), layout_.views.begin(), layout_.views.end(), same_tiles))
+    for (View& view : wanted.views) view.layout = current + 1;
+  layout_ = std::move(wanted);
+  packet.views = layout_.views;
+
+  auto unit = trace_.time("encode_atlas", [&] {
+    std::map<ViewId, View> children;
+    std::map<ViewId, ImageMask> used;
+    std::map<std::uint32_t, std::shared_ptr<const ImageRgb>> pictures;
+    for (const DecodedScene& scene : gathered.scenes) pictures.insert(scene.textures.begin(), scene.textures.end());
+    for (const View& view : gathered.views) {
+      children[view.id] = view;
+      if (!scene_->atlas.mask) continue;
+      const double margin = atlas::margin_px(view, texturing_error_m(*scene_, last_->second.error_m), 1.0);
+      used[view.id] = atlas::used_pixels(mesh, view, static_cast<int>(std::ceil(margin)));
+    }
+    const ImageRgb picture = atlas::compose_atlas(layout_, children, pictures, used, scene_->atlas.mask);
+    return texture_.encode(picture, packet.plan.texture_qp, layout_.views.front().layout);
+  });
+  if (!unit) return unit.error();
+  packet.textures.push_back(*std::move(unit));
+  return {};
+}
+
+}  // namespace mr::node

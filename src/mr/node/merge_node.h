@@ -1,0 +1,89 @@
+#pragma once
+
+#include <functional>
+#include <map>
+#include <memory>
+#include <optional>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "mr/atlas/layout.h"
+#include "mr/codec/receiver.h"
+#include "mr/core/result.h"
+#include "mr/core/scene.h"
+#include "mr/core/trace.h"
+#include "mr/node/aligner.h"
+#include "mr/node/chunk_publisher.h"
+#include "mr/node/texture_stream.h"
+
+namespace mr::node {
+
+/// A merging server (paper 3.2, 3.3). Takes packets of sensors or of other mergers, and gives packets of the
+/// same form: one surface without overlap, seams closed, every triangle labelled with a view. The root
+/// decimates and composes one texture atlas; an inner merger hands its children's texture streams
+/// on untouched, so that pictures are coded twice at most however many layers there are.
+/// Single-threaded object; its stages use the caller's arena.
+class MergeNode {
+ public:
+  /// Asks an input for a chunk that is missing; null when it cannot give it.
+  using Ask = std::function<std::shared_ptr<const EncodedChunk>(std::size_t input, const ChunkKey&)>;
+
+  /// The scene must outlive the node.
+  MergeNode(const Scene& scene, const MergerConfig& merger, bool is_root, Ask ask);
+
+  const std::string& id() const { return merger_.id; }
+  const MergerConfig& config() const { return merger_; }
+
+  /// Takes one packet of an input. What was wrong inside it is counted in drops(); an Error means that
+  /// the whole packet was refused.
+  Status receive(std::size_t input, std::span<const std::byte> bytes, TimePoint now);
+
+  /// The bytes of the next merged packet, if a tick is ready. empty: there is no live input.
+  Result<std::optional<std::vector<std::byte>>> merge(TimePoint now);
+
+  std::shared_ptr<const EncodedChunk> find(const ChunkKey& key) const { return publisher_.find(key); }
+  void ask_key_frame() { texture_.ask_key_frame(); }
+
+  const Trace& trace() const { return trace_; }
+  const DropCounter& drops() const { return drops_; }
+
+ private:
+  struct Input {
+    std::string id;
+    codec::Receiver receiver;
+    std::vector<TextureUnit> units;  // to hand on
+  };
+  struct Gathered {  // what is merged in one tick
+    std::vector<DecodedScene> scenes;
+    std::vector<View> views;           // of all, by id, streams as the children have them
+    std::vector<SourceInfo> sources;
+  };
+  struct Surface {
+    Mesh mesh;  // labelled, on the lattice
+    float error_m = 0;
+  };
+
+  Result<Gathered> gather(TimePoint tick);
+  Result<Surface> merge_surfaces(const Gathered& gathered);
+  Status add_textures(const Gathered& gathered, const Mesh& mesh, Packet& packet);
+  Status compose_atlas(const Gathered& gathered, const Mesh& mesh, Packet& packet);
+  void hand_on_streams(const Gathered& gathered, Packet& packet);
+
+  const Scene* scene_;
+  MergerConfig merger_;
+  bool is_root_;
+  Ask ask_;
+  std::vector<Input> inputs_;
+  Aligner aligner_;
+  ChunkPublisher publisher_;
+  TextureStream texture_;
+  atlas::Layout layout_;
+  std::optional<std::pair<Gathered, Surface>> last_;  // reused while the inputs' geometry stays
+  double decode_ms_ = 0;
+  std::uint64_t sequence_ = 0;
+  Trace trace_;
+  DropCounter drops_;
+};
+
+}  // namespace mr::node

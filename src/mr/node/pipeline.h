@@ -1,0 +1,73 @@
+#pragma once
+
+#include <functional>
+#include <map>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "mr/codec/receiver.h"
+#include "mr/core/decoded_scene.h"
+#include "mr/core/frame_source.h"
+#include "mr/core/result.h"
+#include "mr/core/scene.h"
+#include "mr/node/merge_node.h"
+#include "mr/node/report.h"
+#include "mr/node/sensor_node.h"
+
+namespace mr::node {
+
+/// What a run tells while it goes on; both may be empty.
+struct RunListener {
+  std::function<void(int frame, int frames, const std::string& node)> progress;
+  std::function<void(const std::string& message)> dropped;  ///< one line that names what and where
+};
+
+/// The whole scene in one process, in lockstep: every frame goes through every sensor node, every
+/// merger and a client, one after another, each with all threads of the caller's arena. No pacing, no
+/// deadline, no drops but those of broken input. Nodes exchange the same bytes as over a network.
+class Pipeline {
+ public:
+  /// Opens the scene's sources; a rig is turned into its sensors.
+  static Result<std::unique_ptr<Pipeline>> open(Scene scene);
+
+  /// Runs until `frames` were captured or all sources ended. empty: no frame reached the client.
+  Result<RunReport> run(int frames, const RunListener& listener = {});
+
+  /// The newest capture as a client has it; nothing before the first.
+  const std::optional<DecodedScene>& decoded() const { return decoded_; }
+  /// The root's newest packet, as it went to the client.
+  const std::vector<std::byte>& last_packet() const { return last_packet_; }
+  const Scene& scene() const { return *scene_; }
+
+ private:
+  /// Where a node's packets go: an input of a merger, or the client (none).
+  struct Edge {
+    MergeNode* merger = nullptr;
+    std::size_t input = 0;
+  };
+  struct Measured;
+
+  explicit Pipeline(std::unique_ptr<Scene> scene);
+  Edge edge_from(const std::string& id);
+  bool capture(std::vector<std::optional<Frame>>& frames, const RunListener& listener);
+  void run_frame(std::vector<std::optional<Frame>> frames, Measured& measured, const RunListener& listener);
+  void deliver(const Edge& edge, const std::vector<std::byte>& bytes, TimePoint now, Measured& measured,
+               const RunListener& listener);
+  void show(const std::vector<std::byte>& bytes, Measured& measured, const RunListener& listener);
+  void drop(const std::string& place, const Error& error, const RunListener& listener);
+  double critical_path_ms(const Measured& measured) const;
+  RunReport report(const Measured& measured, double seconds) const;
+
+  std::unique_ptr<Scene> scene_;  // nodes point to it
+  std::vector<std::unique_ptr<FrameSource>> sources_;
+  std::vector<std::unique_ptr<SensorNode>> sensors_;
+  std::vector<std::unique_ptr<MergeNode>> mergers_;
+  codec::Receiver client_;
+  std::optional<DecodedScene> decoded_;
+  std::vector<std::byte> last_packet_;
+  DropCounter drops_;
+};
+
+}  // namespace mr::node

@@ -1,0 +1,73 @@
+#include "mr/node/report.h"
+
+#include <fmt/format.h>
+
+#include <cmath>
+#include <nlohmann/json.hpp>
+
+#include "mr/core/trace.h"
+
+namespace mr::node {
+namespace {
+
+using Json = nlohmann::ordered_json;
+
+double rounded(double v) { return std::round(v * 1000) / 1000; }
+
+Json spread(const std::vector<double>& ms) {
+  return {{"p50_ms", rounded(percentile(ms, 0.5))}, {"p95_ms", rounded(percentile(ms, 0.95))}};
+}
+
+Json stages(const RunReport::Stages& all) {
+  Json out = Json::object();
+  for (const auto& [stage, ms] : all) out[stage] = spread(ms);
+  return out;
+}
+
+}  // namespace
+
+std::string to_json(const RunReport& r) {
+  std::uint64_t dropped = 0;
+  for (const auto& [cause, n] : r.drops) dropped += n;
+  const Json json = {
+      {"scene", r.scene},
+      {"frames", r.frames},
+      {"fps", rounded(r.fps)},
+      {"sensors", r.sensors},
+      {"threads", r.threads},
+      {"peak_rss_mb", rounded(r.peak_rss_mb)},
+      {"triangles", r.triangles},
+      {"vertices", r.vertices},
+      {"mesh_bytes_per_frame", rounded(r.mesh_bytes_per_frame)},
+      {"refresh_bytes", r.refresh_bytes},
+      {"texture_bytes_per_frame", rounded(r.texture_bytes_per_frame)},
+      {"chunks", {{"new", r.chunks_new}, {"kept", r.chunks_kept}}},
+      {"drops", {{"total", dropped}, {"by", Json(r.drops)}}},
+      {"nodes", {{"sensor", stages(r.sensor_stages_ms)}, {"merge", stages(r.merge_stages_ms)}}},
+      {"latency_ms",
+       {{"critical_path", rounded(r.critical_path_ms)},
+        {"end_to_end",
+         {{"p50", rounded(percentile(r.end_to_end_ms, 0.5))}, {"p95", rounded(percentile(r.end_to_end_ms, 0.95))}}}}},
+  };
+  return json.dump(2) + "\n";
+}
+
+std::string to_text(const RunReport& r) {
+  const auto line = [](const char* node, const RunReport::Stages& all) {
+    std::string out = fmt::format("{:<10}", node);
+    for (const auto& [stage, ms] : all) out += fmt::format(" {} {:.0f}", stage, percentile(ms, 0.5));
+    return out + "  (ms, p50)\n";
+  };
+  std::string out = fmt::format(
+      "{}: {} sensors, {} frames, {} triangles, {} vertices\n"
+      "mesh       {:.1f} kB/frame, {:.1f} kB to join; texture {:.1f} kB/frame; chunks {} new, {} kept\n",
+      r.scene, r.sensors, r.frames, r.triangles, r.vertices, r.mesh_bytes_per_frame / 1e3,
+      static_cast<double>(r.refresh_bytes) / 1e3, r.texture_bytes_per_frame / 1e3, r.chunks_new, r.chunks_kept);
+  out += line("sensor", r.sensor_stages_ms) + line("merge", r.merge_stages_ms);
+  out += fmt::format("latency    critical path {:.0f} ms; as it ran {:.0f} ms p50\n", r.critical_path_ms,
+                     percentile(r.end_to_end_ms, 0.5));
+  for (const auto& [cause, n] : r.drops) out += fmt::format("dropped    {} × {}\n", n, cause);
+  return out;
+}
+
+}  // namespace mr::node

@@ -1,0 +1,32 @@
+#pragma once
+
+#include <cstdint>
+#include <optional>
+
+#include "mr/core/packet.h"
+#include "mr/core/result.h"
+#include "mr/core/scene.h"
+#include "mr/kit/video.h"
+
+namespace mr::node {
+
+/// One texture stream of a node: an encoder that starts afresh, with a key frame, when the picture's
+/// size, its layout or the quantiser changes. Pictures of odd size are padded by repeating their last
+/// row and column, as H.264 wants even ones.
+class TextureStream {
+ public:
+  TextureStream(const Scene& scene, std::uint32_t stream) : scene_(&scene), stream_(stream) {}
+
+  Result<TextureUnit> encode(const ImageRgb& picture, int qp, std::uint32_t layout);
+  /// The next unit will be a key frame.
+  void ask_key_frame() { key_frame_asked_ = true; }
+
+ private:
+  const Scene* scene_;
+  std::uint32_t stream_;
+  std::uint32_t layout_ = 0;
+  bool key_frame_asked_ = false;
+  std::optional<kit::VideoEncoder> encoder_;
+};
+
+}  // namespace mr::node

@@ -1,0 +1,17 @@
+#pragma once
+
+#include "mr/core/result.h"
+
+namespace mr::render {
+
+/// What the fragment shader does: projects into a view's picture, shows the normal, lights one
+/// colour from the eye, or fills with it.
+enum class Paint : int { pinhole, equirectangular, normals, headlight, flat };
+inline constexpr int kPaints = 5;
+
+/// Compiles and links the program that paints scenes in this way (its uniforms: gl_program.cpp), in
+/// the current context. One program each, as llvmpipe computes both sides of every branch.
+/// unsupported with the driver's log when that fails.
+Result<unsigned> make_scene_program(Paint paint);
+
+}  // namespace mr::render

@@ -1,0 +1,122 @@
+#include "mr/sensor/registration.h"
+
+#include <algorithm>
+#include <cmath>
+#include <utility>
+
+#include "mr/core/parallel.h"
+
+namespace mr::sensor {
+namespace {
+
+constexpr Vec2f kNowhere{-1, -1};
+constexpr std::size_t kRowsAtOnce = 16;
+
+bool needs_undistortion(const Camera& camera) {
+  return camera.model == CameraModel::pinhole && camera.distortion != DistortionModel::none;
+}
+
+bool has_size_of(const auto& image, const Camera& camera) {
+  return image.width == camera.width && image.height == camera.height;
+}
+
+/// Where each undistorted pixel lies in the picture as taken; kNowhere outside it.
+std::vector<Vec2f> source_positions(const Camera& camera) {
+  const Camera straight = undistorted(camera);
+  std::vector<Vec2f> map(static_cast<std::size_t>(camera.width) * camera.height, kNowhere);
+  parallel_for(camera.height, kRowsAtOnce, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t y = begin; y < end; ++y)
+      for (int x = 0; x < camera.width; ++x) {
+        const Vec2d pixel{static_cast<double>(x), static_cast<double>(y)};
+        const auto p = project(camera, unproject(straight, pixel));
+        if (!p || p->x < -0.5 || p->y < -0.5 || p->x >= camera.width - 0.5 ||
+            p->y >= camera.height - 0.5)
+          continue;
+        map[y * camera.width + x] = {static_cast<float>(p->x), static_cast<float>(p->y)};
+      }
+  });
+  return map;
+}
+
+/// The same as the index of the nearest source pixel; -1 outside.
+std::vector<std::int32_t> nearest_pixels(const Camera& camera) {
+  const std::vector<Vec2f> positions = source_positions(camera);
+  std::vector<std::int32_t> map(positions.size(), -1);
+  for (std::size_t i = 0; i < map.size(); ++i) {
+    if (positions[i] == kNowhere) continue;
+    const int x = std::clamp(static_cast<int>(std::lround(positions[i].x)), 0, camera.width - 1);
+    const int y = std::clamp(static_cast<int>(std::lround(positions[i].y)), 0, camera.height - 1);
+    map[i] = y * camera.width + x;
+  }
+  return map;
+}
+
+/// `p` within half a pixel of the picture.
+void sample_bilinear(const ImageRgb& from, Vec2f p, std::uint8_t* to) {
+  const float px = std::clamp(p.x, 0.0f, static_cast<float>(from.width - 1));
+  const float py = std::clamp(p.y, 0.0f, static_cast<float>(from.height - 1));
+  const int x0 = static_cast<int>(px), y0 = static_cast<int>(py);
+  const int x1 = std::min(x0 + 1, from.width - 1), y1 = std::min(y0 + 1, from.height - 1);
+  const float fx = px - x0, fy = py - y0;
+  for (int c = 0; c < 3; ++c) {
+    const float top = from.at(x0, y0)[c] * (1 - fx) + from.at(x1, y0)[c] * fx;
+    const float bottom = from.at(x0, y1)[c] * (1 - fx) + from.at(x1, y1)[c] * fx;
+    to[c] = static_cast<std::uint8_t>(top * (1 - fy) + bottom * fy + 0.5f);
+  }
+}
+
+ImageDepth remap_depth(const ImageDepth& from, const std::vector<std::int32_t>& map) {
+  ImageDepth to(from.width, from.height);
+  for (std::size_t i = 0; i < map.size(); ++i)
+    if (map[i] >= 0) to.data[i] = from.data[map[i]];
+  return to;
+}
+
+ImageRgb remap_color(const ImageRgb& from, const std::vector<Vec2f>& map) {
+  ImageRgb to(from.width, from.height);
+  parallel_for(from.height, kRowsAtOnce, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t i = begin * from.width; i < end * from.width; ++i)
+      if (map[i] != kNowhere) sample_bilinear(from, map[i], &to.data[i * 3]);
+  });
+  return to;
+}
+
+}  // namespace
+
+Registration::Registration(const SensorConfig& sensor, std::uint32_t sensor_index)
+    : sensor_index_(sensor_index),
+      depth_camera_(undistorted(sensor.depth_camera)),
+      T_depth_color_(sensor.T_color_depth.inverse()) {
+  if (needs_undistortion(sensor.depth_camera)) depth_map_ = nearest_pixels(sensor.depth_camera);
+  if (!sensor.color_camera) return;
+  color_camera_ = undistorted(*sensor.color_camera);
+  if (needs_undistortion(*sensor.color_camera)) color_map_ = source_positions(*sensor.color_camera);
+}
+
+Frame Registration::undistort(Frame frame) const {
+  if (!depth_map_.empty() && !frame.depth.empty()) {
+    MR_ASSERT(has_size_of(frame.depth, depth_camera_));
+    frame.depth = remap_depth(frame.depth, depth_map_);
+  }
+  if (!color_map_.empty() && !frame.color.empty()) {
+    MR_ASSERT(has_size_of(frame.color, *color_camera_));
+    frame.color = remap_color(frame.color, color_map_);
+  }
+  return frame;
+}
+
+std::optional<View> Registration::color_view(const Pose& T_world_depth) const {
+  if (!color_camera_) return std::nullopt;
+  const Camera& camera = *color_camera_;
+  View view;
+  view.id = sensor_index_;
+  view.kind = camera.model == CameraModel::equirectangular ? View::Kind::equirectangular
+                                                           : View::Kind::pinhole;
+  view.width = camera.width, view.height = camera.height;
+  view.fx = camera.fx, view.fy = camera.fy, view.cx = camera.cx, view.cy = camera.cy;
+  view.T_world_camera = T_world_depth * T_depth_color_;
+  view.image_rect = view.atlas_rect = {0, 0, camera.width, camera.height};
+  return view;
+}
+
+}  // namespace mr::sensor

@@ -1,0 +1,343 @@
+#include "mr/codec/packet_codec.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <cstdlib>
+#include <cstring>
+#include <filesystem>
+#include <functional>
+#include <limits>
+#include <random>
+
+#include "mr/codec/mesh_codec.h"
+#include "mr/core/file.h"
+#include "packet_generated.h"
+#include "support/meshes.h"
+
+namespace mr::codec {
+namespace {
+
+std::vector<std::byte> counting(std::size_t n) {
+  std::vector<std::byte> out(n);
+  for (std::size_t i = 0; i < n; ++i) out[i] = static_cast<std::byte>(i * 37);
+  return out;
+}
+
+Camera pinhole(int width, int height) {
+  Camera c;
+  c.width = width, c.height = height;
+  c.fx = 500.5, c.fy = 501.25, c.cx = width / 2.0, c.cy = height / 2.0;
+  return c;
+}
+
+SourceInfo source(std::uint32_t sensor) {
+  SourceInfo s;
+  s.sensor = sensor;
+  s.captured_at = TimePoint(Duration(1'700'000'000'000'000'000 + sensor));
+  s.depth_camera = pinhole(640, 576);
+  s.T_world_depth = look_at({1, 2, 1.5}, {0.25, 0.5, 1}, {0, 0, 1});
+  s.precision = {0.002, 0.0003};
+  return s;
+}
+
+View view(ViewId id) {
+  View v;
+  v.id = id;
+  v.width = 1280, v.height = 720;
+  v.fx = 600, v.fy = 601, v.cx = 640, v.cy = 360.5;
+  v.T_world_camera = look_at({1, 2, 1.5}, {0.25, 0.5, 1}, {0, 0, 1});
+  v.image_rect = {10, 20, 1200, 700};
+  v.atlas_rect = {16, 32, 600, 350};
+  v.gutter_px = 2.5f;
+  v.layout = 3;
+  return v;
+}
+
+/// Every field holds something else than its default.
+Packet full_packet() {
+  Packet p;
+  p.scene = "living room", p.node = "merge/root";
+  p.epoch = 2, p.sequence = 1'234'567'890'123;
+  p.captured_at = TimePoint(Duration(1'700'000'000'123'456'789));
+  p.sources = {source(0), source(2), source(5)};
+  Camera& lidar = p.sources[1].depth_camera;
+  lidar = {};
+  lidar.model = CameraModel::lidar;
+  lidar.width = 1024, lidar.height = 4;
+  lidar.beam_altitude_rad = {0.3, 0.1, -0.1, -0.3};
+  lidar.beam_azimuth_rad = {0.01, -0.01, 0.02, 0};
+  p.sources[2].depth_camera.model = CameraModel::equirectangular;
+  p.plan = {0.5f, 7, 0.75f, 33};
+  p.views = {view(0), view(5)};
+  p.views[1].kind = View::Kind::equirectangular;
+  p.views[1].stream = 9;
+  p.manifest = {{{{-1, 2, 3}, kMergedSource}, 0, 7}, {{{0, 0, 0}, 1}, 0, 8}, {{{0, 0, 0}, 1}, 2, 1}};
+  const Mesh wall = test::grid({0, 0, 0}, {1, 0, 0}, {0, 1, 0}, 3, 3);
+  Chunk chunk{p.manifest[0], 0.003f, *snap_to_lattice(wall, {})};
+  chunk.mesh.runs = {{0, 10, 0}, {10, 8, 5}};
+  p.chunks = {*encode_chunk(chunk, {}, 5)};
+  p.chunks.push_back({p.manifest[2], 0, 12, {}, counting(45)});
+  p.textures = {{0, TextureCodec::h264, 3, 640, 400, true, counting(77)},
+                {1, TextureCodec::h264, 4, 8192, 8192, false, counting(5)}};
+  p.marks = {{"cam0/fuse", TimePoint(Duration(5))}, {"cam0/encode_mesh", TimePoint(Duration(6))}};
+  return p;
+}
+
+/// Whether the packet is refused after a change, with this cause.
+testing::AssertionResult refused(Error::Cause cause, const std::function<void(Packet&)>& change) {
+  Packet packet = full_packet();
+  change(packet);
+  const auto out = decode_packet(encode_packet(packet));
+  if (out) return testing::AssertionFailure() << "accepted";
+  if (out.error().cause != cause)
+    return testing::AssertionFailure()
+           << cause_name(out.error().cause) << ": " << out.error().message;
+  return testing::AssertionSuccess() << out.error().message;
+}
+testing::AssertionResult invalid(const std::function<void(Packet&)>& change) {
+  return refused(Error::Cause::invalid, change);
+}
+
+TEST(PacketCodec, RoundTrip) {
+  const Packet packet = full_packet();
+  const auto bytes = encode_packet(packet);
+  const auto back = decode_packet(bytes);
+  ASSERT_TRUE(back) << back.error().message;
+  EXPECT_EQ(*back, packet);
+  EXPECT_EQ(encode_packet(packet), bytes) << "the same packet is the same bytes";
+  EXPECT_EQ(encode_packet(*back), bytes);
+}
+
+TEST(PacketCodec, AnEmptyPacketIsAPacket) {
+  const auto back = decode_packet(encode_packet({}));
+  ASSERT_TRUE(back) << back.error().message;
+  EXPECT_EQ(*back, Packet{});
+}
+
+TEST(PacketCodec, GoldenBytesOfVersionOne) {
+  const auto file = std::filesystem::path(MR_SOURCE_DIR) / "tests/data/packet_v1.bin";
+  Packet packet = full_packet();
+  packet.chunks.erase(packet.chunks.begin());  // Draco's bytes are Draco's business
+  // Nor may the last bit of a root decide.
+  for (SourceInfo& s : packet.sources) s.T_world_depth = {{{0, 0, 1, 1, 0, 0, 0, 1, 0}}, {1, 2, 3}};
+  for (View& v : packet.views) v.T_world_camera = packet.sources[0].T_world_depth;
+  if (std::getenv("MR_UPDATE_GOLDEN") != nullptr) {
+    ASSERT_TRUE(write_file(file, encode_packet(packet)));
+  }
+  const auto golden = read_file(file);
+  ASSERT_TRUE(golden) << golden.error().message;
+  const auto back = decode_packet(*golden);
+  ASSERT_TRUE(back) << back.error().message;
+  EXPECT_EQ(*back, packet) << "old bytes must stay readable";
+  EXPECT_EQ(encode_packet(packet), *golden) << "a change of format; see docs/wire-format.md";
+}
+
+TEST(PacketCodec, AnyAlignmentReads) {
+  const Packet packet = full_packet();
+  const auto bytes = encode_packet(packet);
+  std::vector<std::byte> shifted(bytes.size() + 8);
+  for (std::size_t offset = 0; offset < 8; ++offset) {
+    std::memcpy(shifted.data() + offset, bytes.data(), bytes.size());
+    const auto back = decode_packet(std::span(shifted).subspan(offset, bytes.size()));
+    ASSERT_TRUE(back) << offset;
+    EXPECT_EQ(*back, packet);
+  }
+}
+
+TEST(PacketCodec, PayloadsLieOnEightBytes) {
+  const auto bytes = encode_packet(full_packet());
+  const auto* packet = wire::GetPacket(bytes.data());
+  for (const auto* chunk : *packet->chunks())
+    EXPECT_EQ((chunk->payload()->data() - reinterpret_cast<const std::uint8_t*>(bytes.data())) % 8, 0);
+  for (const auto* unit : *packet->textures())
+    EXPECT_EQ((unit->data()->data() - reinterpret_cast<const std::uint8_t*>(bytes.data())) % 8, 0);
+}
+
+TEST(PacketCodec, EveryTruncationIsAnError) {
+  const auto bytes = encode_packet(full_packet());
+  for (std::size_t n = 0; n < bytes.size(); ++n)
+    EXPECT_FALSE(decode_packet(std::span(bytes).first(n))) << n << " of " << bytes.size();
+}
+
+TEST(PacketCodec, OtherBytesAreRefused) {
+  EXPECT_FALSE(decode_packet({}));
+  auto bytes = encode_packet(full_packet());
+  bytes[4] = std::byte{'X'};
+  EXPECT_EQ(decode_packet(bytes).error().cause, Error::Cause::corrupt);
+}
+
+TEST(PacketCodec, CapsAreChecked) {
+  const Packet packet = full_packet();
+  const auto bytes = encode_packet(packet);
+  const auto too_large = [&](const PacketLimits& limits) {
+    const auto out = decode_packet(bytes, limits);
+    return !out && out.error().cause == Error::Cause::too_large;
+  };
+  EXPECT_TRUE(too_large({.packet_bytes = bytes.size() - 1}));
+  EXPECT_TRUE(decode_packet(bytes, {.packet_bytes = bytes.size()}));
+  EXPECT_TRUE(too_large({.manifest_chunks = 2}));
+  EXPECT_TRUE(too_large({.views = 1}));
+  EXPECT_TRUE(too_large({.textures = 1}));
+  EXPECT_TRUE(too_large({.texture_side = 8190}));
+  EXPECT_TRUE(too_large({.chunk_triangles = 17}));
+  EXPECT_TRUE(too_large({.packet_triangles = 29}));
+  EXPECT_TRUE(too_large({.name_bytes = 15}));
+  EXPECT_TRUE(refused(Error::Cause::too_large, [](Packet& p) { p.chunks[0].views.assign(255, 0); }));
+}
+
+TEST(PacketCodec, NamesArePrintableAscii) {
+  const std::string names[] = {"tab\t", "line\n", "\xC3\xA4", "\x7F", std::string("nul\0nul", 7)};
+  for (const std::string& name : names) {
+    EXPECT_TRUE(invalid([&](Packet& p) { p.scene = name; }));
+    EXPECT_TRUE(invalid([&](Packet& p) { p.node = name; }));
+    EXPECT_TRUE(invalid([&](Packet& p) { p.marks[1].stage = name; }));
+  }
+}
+
+TEST(PacketCodec, NumbersAreFiniteAndPossible) {
+  constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
+  constexpr double kInf = std::numeric_limits<double>::infinity();
+  for (const double bad : {kNan, kInf, -kInf}) {
+    const auto badf = static_cast<float>(bad);
+    EXPECT_TRUE(invalid([&](Packet& p) { p.plan.simplify_ratio = badf; }));
+    EXPECT_TRUE(invalid([&](Packet& p) { p.plan.texture_scale = badf; }));
+    EXPECT_TRUE(invalid([&](Packet& p) { p.sources[0].precision.base_m = bad; }));
+    EXPECT_TRUE(invalid([&](Packet& p) { p.sources[0].precision.per_m2 = bad; }));
+    EXPECT_TRUE(invalid([&](Packet& p) { p.sources[0].depth_camera.fx = bad; }));
+    EXPECT_TRUE(invalid([&](Packet& p) { p.sources[0].T_world_depth.translation.z = bad; }));
+    EXPECT_TRUE(invalid([&](Packet& p) { p.sources[1].depth_camera.beam_altitude_rad[2] = bad; }));
+    EXPECT_TRUE(invalid([&](Packet& p) { p.sources[1].depth_camera.beam_azimuth_rad[3] = bad; }));
+    EXPECT_TRUE(invalid([&](Packet& p) { p.sources[2].depth_camera.cy = bad; }));
+    EXPECT_TRUE(invalid([&](Packet& p) { p.views[0].cx = bad; }));
+    EXPECT_TRUE(invalid([&](Packet& p) { p.views[1].fx = bad; }));
+    EXPECT_TRUE(invalid([&](Packet& p) { p.views[0].gutter_px = badf; }));
+    EXPECT_TRUE(invalid([&](Packet& p) { p.views[0].T_world_camera.rotation(1, 2) = bad; }));
+    EXPECT_TRUE(invalid([&](Packet& p) { p.chunks[0].error_m = badf; }));
+  }
+  EXPECT_TRUE(invalid([](Packet& p) { p.plan.simplify_ratio = 1.1f; }));
+  EXPECT_TRUE(invalid([](Packet& p) { p.plan.mesh_speed = 11; }));
+  EXPECT_TRUE(invalid([](Packet& p) { p.plan.texture_qp = -1; }));
+  EXPECT_TRUE(invalid([](Packet& p) { p.captured_at = TimePoint(Duration(-1)); }));
+  EXPECT_TRUE(invalid([](Packet& p) { p.sources[0].captured_at = TimePoint(Duration(-1)); }));
+  EXPECT_TRUE(invalid([](Packet& p) { p.marks[0].at = TimePoint(Duration(-1)); }));
+  EXPECT_TRUE(invalid([](Packet& p) { p.chunks[0].triangles = 0; }));
+  EXPECT_TRUE(invalid([](Packet& p) { p.chunks[0].payload.clear(); }));
+  EXPECT_TRUE(invalid([](Packet& p) { p.textures[0].data.clear(); }));
+  EXPECT_TRUE(invalid([](Packet& p) { p.textures[0].width = 641; }));
+  EXPECT_TRUE(invalid([](Packet& p) { p.textures[0].height = 0; }));
+  EXPECT_TRUE(invalid([](Packet& p) { p.textures[0].codec = static_cast<TextureCodec>(9); }));
+  EXPECT_TRUE(invalid([](Packet& p) { p.views[0].kind = static_cast<View::Kind>(2); }));
+  EXPECT_TRUE(invalid([](Packet& p) { p.sources[0].depth_camera.model = static_cast<CameraModel>(3); }));
+}
+
+TEST(PacketCodec, PosesAreRigid) {
+  EXPECT_TRUE(invalid([](Packet& p) { p.views[0].T_world_camera.rotation(0, 0) += 0.01; }));
+  EXPECT_TRUE(invalid([](Packet& p) { p.sources[0].T_world_depth.rotation = {{0, 0, 0, 0, 0, 0, 0, 0, 0}}; }));
+  EXPECT_TRUE(invalid([](Packet& p) {
+    p.sources[0].T_world_depth.rotation = {{1, 0, 0, 0, 1, 0, 0, 0, -1}};
+  })) << "mirrored";
+  EXPECT_TRUE(invalid([](Packet& p) { p.views[0].T_world_camera.translation.x = 1e9; }));
+}
+
+TEST(PacketCodec, CamerasAreUsable) {
+  EXPECT_TRUE(invalid([](Packet& p) { p.sources[0].depth_camera.fx = 0; }));
+  EXPECT_TRUE(invalid([](Packet& p) { p.sources[0].depth_camera.width = -4; }));
+  EXPECT_TRUE(invalid([](Packet& p) { p.sources[1].depth_camera.beam_azimuth_rad.pop_back(); }));
+  EXPECT_TRUE(invalid([](Packet& p) { p.views[0].width = 1 << 20; }));
+  EXPECT_TRUE(invalid([](Packet& p) { p.views[0].fy = -600; }));
+}
+
+TEST(PacketCodec, RectanglesLieInTheirPictures) {
+  constexpr int kMax = std::numeric_limits<int>::max();
+  for (const Rect bad : {Rect{}, Rect{-1, 0, 10, 10}, {0, -1, 10, 10}, {1271, 0, 10, 10},
+                         {0, 711, 10, 10}, {0, 0, -5, 10}, {kMax, 0, 10, 10}, {1, 1, kMax, kMax}}) {
+    EXPECT_TRUE(invalid([&](Packet& p) { p.views[0].image_rect = bad; })) << bad.x << " " << bad.y;
+    EXPECT_TRUE(invalid([&](Packet& p) { p.views[0].atlas_rect = bad; })) << bad.x << " " << bad.y;
+  }
+  EXPECT_TRUE(invalid([](Packet& p) { p.views[0].atlas_rect.width = 625; })) << "16 + 625 > 640";
+  EXPECT_FALSE(invalid([](Packet& p) { p.views[0].atlas_rect.width = 624; }));
+  EXPECT_FALSE(invalid([](Packet& p) { p.views[1].atlas_rect.width = 8000; })) << "stream elsewhere";
+  EXPECT_TRUE(invalid([](Packet& p) { p.views[1].atlas_rect.width = 8192; })) << "beyond any texture";
+}
+
+TEST(PacketCodec, ListsAreSortedAndUnique) {
+  EXPECT_TRUE(invalid([](Packet& p) { std::swap(p.views[0], p.views[1]); }));
+  EXPECT_TRUE(invalid([](Packet& p) { p.views[1].id = p.views[0].id; }));
+  EXPECT_TRUE(invalid([](Packet& p) { p.views[1].id = kNoView; }));
+  EXPECT_TRUE(invalid([](Packet& p) { std::swap(p.sources[0], p.sources[1]); }));
+  EXPECT_TRUE(invalid([](Packet& p) { p.sources[1].sensor = p.sources[0].sensor; }));
+  EXPECT_TRUE(invalid([](Packet& p) { std::swap(p.manifest[0], p.manifest[1]); }));
+  EXPECT_TRUE(invalid([](Packet& p) { p.manifest[1] = p.manifest[0]; }));
+  EXPECT_TRUE(invalid([](Packet& p) { std::swap(p.chunks[0], p.chunks[1]); }));
+  EXPECT_TRUE(invalid([](Packet& p) { p.chunks[1] = p.chunks[0]; }));
+  EXPECT_TRUE(invalid([](Packet& p) { p.chunks[0].views = {5, 0}; }));
+  EXPECT_TRUE(invalid([](Packet& p) { p.chunks[0].views = {0, kNoView}; }));
+  EXPECT_TRUE(invalid([](Packet& p) { ++p.chunks[0].key.version; })) << "not in the manifest";
+  EXPECT_TRUE(invalid([](Packet& p) { p.manifest.clear(); }));
+}
+
+/// A small buffer may name one payload many times: what is copied stays within what came.
+TEST(PacketCodec, SharedPayloadsDoNotMultiply) {
+  flatbuffers::FlatBufferBuilder b;
+  const auto name = b.CreateString("n");
+  const std::vector<std::uint8_t> big(1u << 16, 1);
+  const auto payload = b.CreateVector(big);
+  std::vector<wire::ChunkKey> keys;
+  std::vector<flatbuffers::Offset<wire::Chunk>> chunks;
+  for (int i = 0; i < 1000; ++i) {
+    keys.emplace_back(i, 0, 0, 0, 0, 0);
+    chunks.push_back(wire::CreateChunk(b, &keys.back(), 0, 1, 0, payload));
+  }
+  const auto plan = wire::CreatePlan(b);
+  const auto manifest = b.CreateVectorOfStructs(keys);
+  const auto list = b.CreateVector(chunks);
+  wire::FinishPacketBuffer(
+      b, wire::CreatePacket(b, name, name, 0, 0, 0, 0, plan, 0, manifest, list));
+  const auto out = decode_packet(std::as_bytes(std::span(b.GetBufferPointer(), b.GetSize())));
+  ASSERT_FALSE(out);
+  EXPECT_EQ(out.error().cause, Error::Cause::invalid);
+}
+
+void expect_within_limits(const Packet& p, const PacketLimits& limits) {
+  EXPECT_LE(p.manifest.size(), limits.manifest_chunks);
+  EXPECT_LE(p.views.size(), limits.views);
+  EXPECT_LE(p.textures.size(), limits.textures);
+  EXPECT_LE(p.scene.size(), limits.name_bytes);
+  std::size_t bytes = 0;
+  for (const EncodedChunk& c : p.chunks) {
+    EXPECT_LE(c.triangles, limits.chunk_triangles);
+    bytes += c.payload.size();
+  }
+  for (const TextureUnit& t : p.textures) {
+    EXPECT_LE(std::max(t.width, t.height), limits.texture_side);
+    bytes += t.data.size();
+  }
+  EXPECT_LE(bytes, limits.packet_bytes);
+  for (const View& v : p.views) EXPECT_TRUE(v.camera().problems().empty());
+  for (const SourceInfo& s : p.sources) EXPECT_TRUE(s.depth_camera.problems().empty());
+}
+
+TEST(PacketCodec, CorruptionNeverCrashes) {
+  const auto good = encode_packet(full_packet());
+  const PacketLimits limits{.packet_bytes = good.size()};
+  std::mt19937 random(9);
+  int accepted = 0;
+  for (int i = 0; i < 20000; ++i) {
+    auto bad = good;
+    for (int flips = 1 + static_cast<int>(random() % 3); flips > 0; --flips)
+      bad[random() % bad.size()] = static_cast<std::byte>(random());
+    const auto out = decode_packet(bad, limits);
+    if (!out) {
+      EXPECT_EQ(out.error().message.find('\n'), std::string::npos);
+      continue;
+    }
+    ++accepted;
+    expect_within_limits(*out, limits);
+  }
+  EXPECT_GT(accepted, 100);
+  EXPECT_LT(accepted, 19000);
+}
+
+}  // namespace
+}  // namespace mr::codec

@@ -1,0 +1,522 @@
+#include "mr/core/scene.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <chrono>
+#include <cstdlib>
+
+#include "core/temp_dir.h"
+#include "mr/core/file.h"
+
+namespace mr {
+namespace {
+
+using testing::Contains;
+using testing::ElementsAre;
+using testing::HasSubstr;
+using testing::IsEmpty;
+
+constexpr const char* kIdentity = "[1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1]";
+
+/// One sensor on one line, with depth only.
+std::string sensor(const std::string& id) {
+  return "  - {id: " + id + ", source: {type: rgbd-images, depth: d.png}, " +
+         "depth_camera: {size: [640, 480], fx: 585, fy: 585, cx: 320, cy: 240}, T_world_depth: " +
+         kIdentity + "}\n";
+}
+
+std::string scene_of(std::initializer_list<const char*> ids, const std::string& rest = "") {
+  std::string text = "scene: s\nsensors:\n";
+  for (const char* id : ids) text += sensor(id);
+  return text + rest;
+}
+
+class SceneFile : public testing::Test {
+ protected:
+  SceneFile() { dir_.write("d.png", "x"); }
+
+  SceneResult load(const std::string& text) { return load_scene(dir_.write("scene.yaml", text)); }
+
+  /// "line: message" of each problem.
+  std::vector<std::string> problems(const std::string& text) {
+    return shorten(load(text).problems);
+  }
+  std::vector<std::string> notices(const std::string& text) { return shorten(load(text).notices); }
+
+  static std::vector<std::string> shorten(const std::vector<SceneProblem>& list) {
+    std::vector<std::string> out;
+    for (const SceneProblem& p : list) out.push_back(std::to_string(p.line) + ": " + p.message);
+    return out;
+  }
+
+  /// The one problem that a line of a small scene makes.
+  std::string problem_of(const std::string& line) {
+    const auto found = problems(scene_of({"a"}, line + "\n"));
+    if (found.size() != 1) return "not one problem but " + testing::PrintToString(found);
+    return found[0];
+  }
+
+  test::TempDir dir_;
+};
+
+// Each line's own mistake, all in one file.
+TEST_F(SceneFile, ReportsEverythingAtOnceWithItsLine) {
+  dir_.write("pose.txt", "2 0 0 0\n0 1 0 0\n0 0 1 0\n0 0 0 1\n");
+  const std::string text = R"(scene: two words
+fps: fast
+voxl_m: 0.01
+threads: 012
+fps: 30
+voxel_m: .inf
+lattice: {origin: [0.0003, 0, 0], step_exp: -7}
+sensors:
+  - id: a
+    source:
+      type: rgbd-images
+      color: [d.png, nobody.png]
+      depth: d.png
+      depth_unit_m: "0.001"
+    depth_camera:
+      size: [640, 480]
+      fx: -585
+      fy: 585
+      cx: 320
+      cy: 240
+    T_world_depth: {file: pose.txt}
+    depth_range_m: [5, 0.3]
+  - id: a
+    source: {type: azure-kinect-mkv, file: x.mkv}
+    depth_camera: {size: [640, 480], fx: 585, fy: 585, cx: 700, cy: 240}
+mergers:
+  - {id: root, inputs: [a, ghost]}
+coding: {texture_qp: 52, texture_scale: 0}
+merge:
+  owner: papr
+)";
+  const std::vector<std::pair<int, const char*>> expected = {
+      {1, "scene must be 1 to 64"},
+      {2, "fps must be a number, not 'fast'"},
+      {3, "unknown key 'voxl_m' (did you mean 'voxel_m'?)"},
+      {4, "threads must be a number without leading zeros, not '012'"},
+      {5, "key 'fps' is given twice (first in line 2)"},
+      {6, "voxel_m must be a finite number"},
+      {7, "origin must be multiples of the lattice's step"},
+      {7, "step_exp must be one of -9, -10, -11"},
+      {10, "source names color but color_camera is missing"},
+      {12, "nobody.png"},
+      {12, "color names 2 files and depth 1"},
+      {14, "depth_unit_m must be a number, not the string '0.001'"},
+      {17, "fx must be greater than 0"},
+      {21, "not rigid"},
+      {22, "near less than far"},
+      {23, "id 'a' is used twice (first in line 9)"},
+      {23, "lacks the key 'T_world_depth'"},
+      {24,
+       "source type 'azure-kinect-mkv' is not supported by this version; supported: rgbd-images"},
+      {25, "principal point"},
+      {27, "'ghost', which is no sensor and no merger"},
+      {28, "texture_qp must be between 0 and 51"},
+      {28, "texture_scale must be greater than 0 and at most 1"},
+      {30, "owner must be one of paper, coherent"},
+  };
+  const std::vector<SceneProblem> found = load(text).problems;
+  for (const auto& [line, message] : expected)
+    EXPECT_TRUE(std::any_of(found.begin(), found.end(),
+                            [&, l = line, m = message](const SceneProblem& p) {
+                              return p.line == l && p.message.find(m) != std::string::npos;
+                            }))
+        << line << ": " << message << "\nfound " << testing::PrintToString(shorten(found));
+  EXPECT_EQ(found.size(), expected.size()) << testing::PrintToString(shorten(found));
+  EXPECT_TRUE(std::is_sorted(found.begin(), found.end(),
+                             [](const auto& a, const auto& b) { return a.line < b.line; }));
+}
+
+TEST_F(SceneFile, TheExampleLoads) {
+  const char* set = std::getenv("MR_DATA");
+  const std::filesystem::path shared = std::filesystem::path(MR_SOURCE_DIR) / "../shared";
+  const std::filesystem::path data = set ? std::filesystem::path(set) : shared / "data";
+  const std::filesystem::path example = shared / "scene-example.yaml";
+  if (!std::filesystem::exists(data / "sevenscenes_redkitchen") ||
+      !std::filesystem::exists(example))
+    GTEST_SKIP() << "needs ../shared/scene-example.yaml and ../shared/data (or MR_DATA)";
+  ::setenv("MR_DATA", data.c_str(), 1);
+  const SceneResult result = load_scene(example);
+  if (!set) ::unsetenv("MR_DATA");
+
+  EXPECT_THAT(shorten(result.problems), IsEmpty());
+  const Scene& scene = result.scene;
+  EXPECT_EQ(scene.id, "red-kitchen");
+  EXPECT_EQ(scene.up, (Vec3d{0, -1, 0}));
+  ASSERT_EQ(scene.sensors.size(), 1u);
+  const SensorConfig& view = scene.sensors[0];
+  EXPECT_EQ(view.id, "view-0");
+  const auto& images = std::get<RgbdImagesSource>(view.source);
+  EXPECT_TRUE(std::filesystem::is_regular_file(images.depth.at(0)));
+  EXPECT_TRUE(std::filesystem::is_regular_file(images.color.at(0)));
+  EXPECT_EQ(images.invalid, (std::vector<std::uint16_t>{0, 65535}));
+  EXPECT_TRUE(images.loop);
+  EXPECT_EQ(view.depth_camera.fx, 585);
+  EXPECT_EQ(view.color_camera->fx, 527.5);
+  EXPECT_EQ(view.T_color_depth.translation, (Vec3d{-0.0225, 0, 0}));
+  ASSERT_EQ(view.T_world_depth.size(), 1u);
+  EXPECT_NEAR(view.T_world_depth[0].translation.z, 0.71433984999999998, 1e-15);
+  EXPECT_EQ(view.depth_near_m, 0.3);
+  EXPECT_EQ(scene.volume->high.x, 4);
+  EXPECT_EQ(scene.fusion.patches_y, 4);
+  EXPECT_EQ(scene.simplify.ratio, 0.1);
+  EXPECT_EQ(scene.merge.simplify.ratio, 1.0);
+  EXPECT_EQ(scene.atlas.height, 2304);
+  EXPECT_EQ(scene.rate.model, RateConfig::Model::ours);
+  ASSERT_EQ(scene.links.size(), 1u);
+  EXPECT_EQ(scene.links[0].limit_mbps, 50);
+  ASSERT_EQ(scene.mergers.size(), 1u);
+  EXPECT_THAT(scene.mergers[0].inputs, ElementsAre("view-0"));
+}
+
+TEST_F(SceneFile, LeftOutKeysHaveDefaultsAndOneMergerIsMade) {
+  const SceneResult result = load(scene_of({"a", "b"}));
+  EXPECT_THAT(shorten(result.problems), IsEmpty());
+  EXPECT_THAT(shorten(result.notices), IsEmpty());
+  EXPECT_EQ(result.scene.fps, 30);
+  EXPECT_EQ(result.scene.up, (Vec3d{0, 0, 1}));
+  ASSERT_EQ(result.scene.mergers.size(), 1u);
+  EXPECT_EQ(result.scene.mergers[0].id, "root");
+  EXPECT_THAT(result.scene.mergers[0].inputs, ElementsAre("a", "b"));
+  EXPECT_FALSE(result.scene.sensors[0].color_camera);
+  EXPECT_EQ(std::get<RgbdImagesSource>(result.scene.sensors[0].source).depth[0], dir_ / "d.png");
+}
+
+TEST_F(SceneFile, RefusesValuesOutOfRange) {
+  EXPECT_THAT(problem_of("fps: 0"), HasSubstr("4: fps must be greater than 0 and at most 240"));
+  EXPECT_THAT(problem_of("fps: 241"), HasSubstr("4: fps"));
+  EXPECT_THAT(problem_of("fps: [30]"), HasSubstr("4: fps must be a number, not a list"));
+  EXPECT_THAT(problem_of("fps:"), HasSubstr("4: fps is empty"));
+  EXPECT_THAT(problem_of("fps: 1e999"), HasSubstr("finite"));
+  EXPECT_THAT(problem_of("fps: 30fps"), HasSubstr("number"));
+  EXPECT_THAT(problem_of("voxel_m: 0.001"), HasSubstr("between 0.002 and 0.05"));
+  EXPECT_THAT(problem_of("threads: -1"), HasSubstr("threads"));
+  EXPECT_THAT(problem_of("threads: 1.5"), HasSubstr("whole"));
+  EXPECT_THAT(problem_of("up: [0, 0, 0]"), HasSubstr("direction"));
+  EXPECT_THAT(problem_of("up: [0, 1]"), HasSubstr("list of 3 numbers, not 2"));
+  EXPECT_THAT(problem_of("video: {threads: 65}"), HasSubstr("threads"));
+  EXPECT_THAT(problem_of("volume: {box: [[0, 0, 0], [1, -1, 1]]}"), HasSubstr("box is empty"));
+  EXPECT_THAT(problem_of("fusion: {truncation_m: 0.019}"), HasSubstr("at least 2 voxels"));
+  EXPECT_THAT(problem_of("fusion: {chunk_m: 0.07}"), HasSubstr("at least 8 voxels"));
+  EXPECT_THAT(problem_of("fusion: {patches: [4, 17]}"), HasSubstr("patches"));
+  EXPECT_THAT(problem_of("simplify: {ratio: 0}"), HasSubstr("ratio"));
+  EXPECT_THAT(problem_of("merge: {simplify: {ratio: 1.1}}"), HasSubstr("ratio"));
+  EXPECT_THAT(problem_of("merge: {refine: maybe}"), HasSubstr("refine must be true or false"));
+  EXPECT_THAT(problem_of("atlas: {size: [15, 100]}"), HasSubstr("size"));
+  EXPECT_THAT(problem_of("coding: {sensor_texture_qp: -1}"), HasSubstr("sensor_texture_qp"));
+  EXPECT_THAT(problem_of("coding: {texture_scale: 1.5}"), HasSubstr("texture_scale"));
+  EXPECT_THAT(problem_of("lattice: {step_exp: -12}"), HasSubstr("-9, -10, -11"));
+  EXPECT_THAT(problem_of("pipeline: magic"), HasSubstr("pipeline must be one of meshreduce"));
+  EXPECT_THAT(problem_of("mergers: [{id: r, inputs: [a], deadline_ms: 0}]"), HasSubstr("deadline"));
+}
+
+TEST_F(SceneFile, AcceptsTheEdgesOfTheRanges) {
+  EXPECT_THAT(problems(scene_of({"a"}, R"(up: [0, -2, 0]
+fps: 240
+voxel_m: 0.05
+lattice: {origin: [1.5, -0.0009765625, 0], step_exp: -10}
+fusion: {decomposition: patches, chunk_m: 0.4, truncation_m: 0.1, patches: [1, 16]}
+simplify: {ratio: 1}
+coding: {texture_scale: 1, texture_qp: 0, sensor_texture_qp: 51}
+atlas: {views: best_angle, size: [16, 8192]}
+merge: {owner: paper, overlap: rays, refine: false, color_gain: false, calibration_error_m: 0}
+)")),
+              IsEmpty());
+  EXPECT_EQ(load(scene_of({"a"}, "up: [0, -2, 0]\n")).scene.up, (Vec3d{0, -1, 0}));
+  EXPECT_GE(load(scene_of({"a"}, "voxel_m: 0.05\n")).scene.fusion.truncation_m, 0.1);
+}
+
+TEST_F(SceneFile, WhatThisVersionDoesNotActOnIsANotice) {
+  const std::string rest = R"(rate: {model: ours}
+pipeline: points
+merge: {overlap: raster, refine: true, color_gain: true}
+atlas: {views: packed}
+gateway: {listen: "127.0.0.1:8080"}
+nats: {url: "nats://x"}
+truth: {mesh: "truth/%06d.ply"}
+links: [{from: a, to: root}]
+)";
+  EXPECT_THAT(problems(scene_of({"a"}, rest)), IsEmpty());
+  EXPECT_THAT(notices(scene_of({"a"}, rest)),
+              ElementsAre(HasSubstr("4: "), HasSubstr("5: pipeline"), HasSubstr("6: merge.overlap"),
+                          HasSubstr("6: merge.refine"), HasSubstr("6: merge.color_gain"),
+                          HasSubstr("7: atlas"), HasSubstr("8: gateway"), HasSubstr("9: nats"),
+                          HasSubstr("10: truth"), HasSubstr("11: links")));
+}
+
+TEST_F(SceneFile, MergersAreSortedChildrenFirst) {
+  const SceneResult result = load(scene_of({"a", "b", "c"}, R"(mergers:
+  - {id: top, inputs: [left, right]}
+  - {id: right, inputs: [c]}
+  - {id: left, inputs: [a, b]}
+)"));
+  EXPECT_THAT(shorten(result.problems), IsEmpty());
+  std::vector<std::string> ids;
+  for (const MergerConfig& merger : result.scene.mergers) ids.push_back(merger.id);
+  EXPECT_THAT(ids, ElementsAre("left", "right", "top"));
+}
+
+TEST_F(SceneFile, RefusesWhatIsNoTree) {
+  EXPECT_THAT(problems(scene_of({"a", "b"}, "mergers:\n  - {id: r, inputs: [a]}\n")),
+              ElementsAre(HasSubstr("4: sensor 'b' reaches no root")));
+  EXPECT_THAT(problems(scene_of({"a"}, "mergers:\n  - {id: r, inputs: [a, a]}\n")),
+              ElementsAre(HasSubstr("5: 'a' is already an input of merger 'r'")));
+  EXPECT_THAT(problems(scene_of({"a"}, R"(mergers:
+  - {id: x, inputs: [a, y]}
+  - {id: y, inputs: [x]}
+)")),
+              ElementsAre(HasSubstr("mergers form a cycle")));
+  EXPECT_THAT(problems(scene_of({"a"}, "mergers:\n  - {id: x, inputs: [a, x]}\n")),
+              ElementsAre(HasSubstr("5: mergers form a cycle: 'x' -> 'x'")));
+  EXPECT_THAT(problems(scene_of({"a", "b"}, R"(mergers:
+  - {id: x, inputs: [a]}
+  - {id: y, inputs: [b]}
+)")),
+              ElementsAre(HasSubstr("6: more than one root")));
+  EXPECT_THAT(problems(scene_of({"a"}, "mergers:\n  - {id: a, inputs: [a]}\n")),
+              Contains(HasSubstr("5: id 'a' is used twice (first in line 3)")));
+  EXPECT_THAT(problems(scene_of({"root"})), ElementsAre(HasSubstr("3: id 'root'")));
+  EXPECT_THAT(problems(scene_of({"a", "a"})), ElementsAre(HasSubstr("4: id 'a' is used twice")));
+  EXPECT_THAT(problems(scene_of({"view-0"}, "mergers:\n  - {id: r, inputs: [view0]}\n")),
+              Contains(HasSubstr("(did you mean 'view-0'?)")));
+  EXPECT_THAT(problems(scene_of({"a"}, "mergers: []\n")), ElementsAre(HasSubstr("4: mergers")));
+  EXPECT_THAT(problems(scene_of({"a"}, "links: [{from: a, to: nobody}]\n")),
+              ElementsAre(HasSubstr("4: to: 'nobody'")));
+}
+
+TEST_F(SceneFile, MissingKeysAreNamed) {
+  EXPECT_THAT(problems("fps: 30\n"), ElementsAre(HasSubstr("lacks the key 'scene'"),
+                                                 HasSubstr("lacks the key 'sensors' (or 'rig')")));
+  EXPECT_THAT(problems("scene: s\nsensors:\n  - id: a\n"),
+              ElementsAre(HasSubstr("3: sensor lacks the key 'source'"),
+                          HasSubstr("3: sensor lacks the key 'depth_camera'"),
+                          HasSubstr("3: sensor lacks the key 'T_world_depth'")));
+}
+
+/// A sensor over several lines; `source` and `poses` are what stands behind those keys.
+std::string long_sensor(const std::string& source, const std::string& poses = kIdentity,
+                        const std::string& more = "") {
+  return "scene: s\nsensors:\n  - id: a\n    source: " + source +
+         "\n    depth_camera: {model: pinhole, size: [640, 480], fx: 585, fy: 585, cx: 320, cy: "
+         "240}"
+         "\n    T_world_depth: " +
+         poses + "\n" + more;
+}
+
+TEST_F(SceneFile, PatternsNameTheirFiles) {
+  for (const char* name : {"p/0008.png", "p/0009.png", "p/0010.png", "q/9.png", "q/10.png"})
+    dir_.write(name, "x");
+  const SceneResult padded =
+      load(long_sensor("{type: rgbd-images, depth: {pattern: p/%04d.png, first: 8, last: 10}}"));
+  EXPECT_THAT(shorten(padded.problems), IsEmpty());
+  const auto& files = std::get<RgbdImagesSource>(padded.scene.sensors.at(0).source).depth;
+  EXPECT_THAT(files, ElementsAre(dir_ / "p/0008.png", dir_ / "p/0009.png", dir_ / "p/0010.png"));
+  EXPECT_THAT(
+      problems(long_sensor("{type: rgbd-images, depth: {pattern: q/%d.png, first: 9, last: 10}}")),
+      IsEmpty());
+
+  EXPECT_THAT(
+      problems(
+          long_sensor("{type: rgbd-images, depth: {pattern: p/%04d.png, first: 8, last: 14}}")),
+      ElementsAre(testing::AllOf(HasSubstr("4: depth: 4 of the 7"), HasSubstr("0011.png"))));
+  std::filesystem::create_directories(dir_ / "empty");
+  EXPECT_THAT(problems(long_sensor(
+                  "{type: rgbd-images, depth: {pattern: empty/%d.png, first: 0, last: 9}}")),
+              ElementsAre(testing::AllOf(HasSubstr("none of the 10"), HasSubstr("is empty"))));
+  EXPECT_THAT(problems(long_sensor("{type: rgbd-images, depth: []}")),
+              ElementsAre(HasSubstr("4: depth must name at least one file")));
+  EXPECT_THAT(problems(long_sensor("{type: rgbd-images, depth: empty}")),
+              ElementsAre(HasSubstr("is a folder")));
+  EXPECT_THAT(problems(long_sensor("{type: rgbd-images, depth: {pattern: p/%04d.png, first: 8}}")),
+              ElementsAre(HasSubstr("lacks the key 'last'")));
+}
+
+TEST_F(SceneFile, HostilePatternsAreRefused) {
+  for (const char* pattern :
+       {"%s", "%n", "%", "%%", "x", "%d%d", "%0d", "%012d", "%*d", "%-4d", "%ld"})
+    EXPECT_THAT(problems(long_sensor(std::string("{type: rgbd-images, depth: {pattern: \"") +
+                                     pattern + "\", first: 0, last: 1}}")),
+                ElementsAre(HasSubstr("pattern must hold one %d")))
+        << pattern;
+  EXPECT_THAT(problems(long_sensor(
+                  "{type: rgbd-images, depth: {pattern: \"%d\", first: 0, last: 999999999}}")),
+              ElementsAre(HasSubstr("too many files")));
+  EXPECT_THAT(
+      problems(long_sensor("{type: rgbd-images, depth: {pattern: \"%d\", first: 2, last: 1}}")),
+      ElementsAre(HasSubstr("last must not be less")));
+}
+
+TEST_F(SceneFile, PosesComeInlineFromAFileOrOnePerItem) {
+  dir_.write("e.png", "x");
+  for (int i = 0; i < 3; ++i)
+    dir_.write("pose/" + std::to_string(i) + ".txt",
+               "1\t0 0 " + std::to_string(i) + "\r\n0 1 0 0 \n0 0 1 0\n0 0 0 1e0\n\n");
+  dir_.write("pose/short.txt", "1 0 0");
+  dir_.write("pose/words.txt", "one two");
+  dir_.write("pose/mirrored.txt", "-1 0 0 0  0 1 0 0  0 0 1 0  0 0 0 1");
+  const std::string two = "{type: rgbd-images, depth: [d.png, e.png]}";
+
+  const SceneResult moving = load(long_sensor(two, "{pattern: pose/%d.txt, first: 1, last: 2}"));
+  EXPECT_THAT(shorten(moving.problems), IsEmpty());
+  ASSERT_EQ(moving.scene.sensors[0].T_world_depth.size(), 2u);
+  EXPECT_EQ(moving.scene.sensors[0].T_world_depth[1].translation, (Vec3d{2, 0, 0}));
+
+  EXPECT_THAT(problems(long_sensor(two, "{files: [pose/0.txt, pose/1.txt]}")), IsEmpty());
+  EXPECT_THAT(problems(long_sensor(two, "{file: pose/0.txt}")), IsEmpty());
+  EXPECT_THAT(problems(long_sensor(two, "{pattern: pose/%d.txt, first: 0, last: 2}")),
+              ElementsAre(HasSubstr("6: T_world_depth holds 3 poses for 2 items")));
+  EXPECT_THAT(problems(long_sensor(two, "{file: pose/short.txt}")),
+              ElementsAre(HasSubstr("holds 3 numbers, not 16")));
+  EXPECT_THAT(problems(long_sensor(two, "{file: pose/words.txt}")),
+              ElementsAre(HasSubstr("'one'")));
+  EXPECT_THAT(problems(long_sensor(two, "{file: pose/mirrored.txt}")),
+              ElementsAre(testing::AllOf(HasSubstr("6: "), HasSubstr("mirrored"))));
+  EXPECT_THAT(problems(long_sensor(two, "{file: pose/none.txt}")),
+              ElementsAre(testing::AllOf(HasSubstr("no such file"), HasSubstr("pose/none.txt"))));
+  EXPECT_THAT(problems(long_sensor(two, "[1, 0, 0]")),
+              ElementsAre(HasSubstr("list of 16 numbers")));
+  EXPECT_THAT(problems(long_sensor(two, "[2, 0,0,0, 0,1,0,0, 0,0,1,0, 0,0,0,1]")),
+              ElementsAre(HasSubstr("not rigid")));
+  EXPECT_THAT(problems(long_sensor(two, "{}")),
+              ElementsAre(HasSubstr("one of file, files, pattern")));
+}
+
+TEST_F(SceneFile, DistortionIsRead) {
+  const std::string camera =
+      "    color_camera: {size: [640, 480], fx: 500, fy: 500, cx: 320, cy: 240, distortion: ";
+  const std::string source = "{type: rgbd-images, color: d.png, depth: d.png}";
+  const SceneResult brown = load(long_sensor(
+      source, kIdentity, camera + "{model: brown, k: [0.1, 0.2, 0.3], p: [0.01, 0.02]}}\n"));
+  EXPECT_THAT(shorten(brown.problems), IsEmpty());
+  ASSERT_TRUE(brown.scene.sensors[0].color_camera);
+  EXPECT_EQ(brown.scene.sensors[0].color_camera->distortion, DistortionModel::brown);
+  EXPECT_EQ(brown.scene.sensors[0].color_camera->k[2], 0.3);
+  EXPECT_EQ(brown.scene.sensors[0].color_camera->p[1], 0.02);
+  EXPECT_THAT(
+      problems(long_sensor(source, kIdentity, camera + "{model: brown, k: [1, 2, 3, 4]}}\n")),
+      ElementsAre(HasSubstr("7: k must be a list of 1 to 3 numbers")));
+  EXPECT_THAT(problems(long_sensor(source, kIdentity, camera + "{model: brown, k: [-50]}}\n")),
+              ElementsAre(HasSubstr("folds")));
+  EXPECT_THAT(problems(long_sensor("{type: rgbd-images, depth: d.png}", kIdentity,
+                                   camera + "{model: none}}\n")),
+              ElementsAre(HasSubstr("7: color_camera is given but source names no color")));
+}
+
+TEST_F(SceneFile, EnvironmentIsExpanded) {
+  ::setenv("MR_TEST_NAME", "d", 1);
+  ::setenv("MR_TEST_FPS", "15", 1);
+  ::unsetenv("MR_TEST_UNSET");
+  const auto with_depth = [](const std::string& file) {
+    return long_sensor("{type: rgbd-images, depth: \"" + file + "\"}");
+  };
+  EXPECT_THAT(problems(with_depth("${MR_TEST_NAME}.png")), IsEmpty());
+  EXPECT_THAT(problems(with_depth("${MR_TEST_UNSET:-d}.${MR_TEST_UNSET:-png}")), IsEmpty());
+  EXPECT_THAT(problems(with_depth("${MR_TEST_UNSET:-}d.png")), IsEmpty());
+  EXPECT_THAT(problems(with_depth("${MR_TEST_UNSET}/d.png")),
+              ElementsAre(HasSubstr("4: environment variable MR_TEST_UNSET is not set")));
+  EXPECT_THAT(problems(with_depth("${MR_TEST_NAME")), ElementsAre(HasSubstr("without }")));
+  EXPECT_THAT(problems(with_depth("${not a name}")), ElementsAre(HasSubstr("not the name")));
+  EXPECT_EQ(load(scene_of({"a"}, "fps: ${MR_TEST_FPS}\n")).scene.fps, 15);
+  EXPECT_EQ(load(scene_of({"a"}, "fps: \"${MR_TEST_FPS}\"\n")).scene.fps, 15);
+  // What a variable brings in is not expanded again.
+  ::setenv("MR_TEST_NAME", "${MR_TEST_NAME}", 1);
+  EXPECT_THAT(problems(with_depth("${MR_TEST_NAME}.png")), ElementsAre(HasSubstr("no such file")));
+  ::unsetenv("MR_TEST_NAME");
+  ::unsetenv("MR_TEST_FPS");
+}
+
+TEST_F(SceneFile, ARigReplacesSensors) {
+  const SceneResult result = load(R"(scene: s
+rig: {type: synthetic, seed: 4294967295, room: [6, 5, 3], sensors: 3, depth_mode: wfov, color: [640, 360],
+      noise: none, calib_error_mm: 0, detail: 0.25, frames: 300}
+)");
+  EXPECT_THAT(shorten(result.problems), IsEmpty());
+  EXPECT_THAT(shorten(result.notices), IsEmpty());
+  ASSERT_TRUE(result.scene.rig);
+  EXPECT_TRUE(result.scene.sensors.empty());
+  EXPECT_EQ(result.scene.rig->seed, 4294967295u);
+  EXPECT_EQ(result.scene.rig->depth_width, 1024);
+  EXPECT_EQ(result.scene.rig->color_height, 360);
+  EXPECT_FALSE(result.scene.rig->noise);
+  EXPECT_EQ(result.scene.rig->frames, 300);
+  ASSERT_EQ(result.scene.mergers.size(), 1u);
+  EXPECT_THAT(result.scene.mergers[0].inputs, ElementsAre("cam-0", "cam-1", "cam-2"));
+}
+
+TEST_F(SceneFile, ARigsMistakesAndNotices) {
+  EXPECT_THAT(problems("scene: s\nrig: {sensors: 17}\n"), ElementsAre(HasSubstr("2: sensors")));
+  EXPECT_THAT(problems("scene: s\nrig: {depth_mode: huge}\n"),
+              ElementsAre(HasSubstr("depth_mode")));
+  EXPECT_THAT(problems("scene: s\nrig: {noise: pink}\n"), ElementsAre(HasSubstr("kinect, none")));
+  EXPECT_THAT(problems(scene_of({"a"}, "rig: {}\n")), ElementsAre(HasSubstr("not both")));
+  EXPECT_THAT(
+      problems("scene: s\nrig: {sensors: 2}\nmergers:\n  - {id: r, inputs: [cam-0, cam-2]}\n"),
+      ElementsAre(HasSubstr("2: sensor 'cam-1' reaches no root"), HasSubstr("4: ")));
+  EXPECT_THAT(
+      notices("scene: s\nrig:\n  people: 2\n  exposure_spread: 0.1\n  calib_error_deg: 0\n"),
+      ElementsAre(HasSubstr("3: rig.people"), HasSubstr("4: rig.exposure_spread")));
+}
+
+TEST_F(SceneFile, AFileThatIsNoSceneIsOneProblem) {
+  EXPECT_EQ(load_scene(dir_ / "nobody.yaml").problems.size(), 1u);
+  EXPECT_EQ(load_scene(dir_.path()).problems.size(), 1u);
+  EXPECT_THAT(problems(""), ElementsAre(HasSubstr("0: the file holds nothing")));
+  EXPECT_THAT(problems("just words"), ElementsAre(HasSubstr("1: this is no scene file")));
+  EXPECT_THAT(problems("- a\n- b\n"), ElementsAre(HasSubstr("no scene file")));
+  EXPECT_EQ(problems(std::string("\x89PNG\r\n\x1a\n\0\0\0\rIHDR", 16)).size(), 1u);
+  EXPECT_THAT(problems("scene: s\nfps: [1, 2\nup: 3\n"), ElementsAre(HasSubstr("not valid YAML")));
+  EXPECT_THAT(problems("scene: s\n---\nscene: t\n"), ElementsAre(HasSubstr("one YAML document")));
+
+  std::filesystem::resize_file(dir_.write("big.yaml", "scene: s\n"), (16u << 20) + 1);
+  const SceneResult big = load_scene(dir_ / "big.yaml");
+  ASSERT_EQ(big.problems.size(), 1u);
+  EXPECT_EQ(to_string(big.problems[0]).rfind((dir_ / "big.yaml").string() + ": ", 0), 0u);
+}
+
+TEST_F(SceneFile, ProblemsPrintAsFileLineMessage) {
+  EXPECT_EQ(to_string(SceneProblem{"s.yaml", 7, "no"}), "s.yaml:7: no");
+  EXPECT_EQ(to_string(SceneProblem{"s.yaml", 0, "no"}), "s.yaml: no");
+}
+
+TEST_F(SceneFile, AliasesWorkMergeKeysAndTagsDoNot) {
+  EXPECT_THAT(problems(R"(scene: s
+rig: {sensors: &two 2, frames: *two}
+)"),
+              IsEmpty());
+  EXPECT_THAT(problems(scene_of({"a"}, "video: &v {threads: 2}\natlas: {<<: *v}\n")),
+              ElementsAre(HasSubstr("5: merge keys (<<) are not supported")));
+  EXPECT_THAT(problems(scene_of({"a"}, "fps: !!float 30\n")),
+              ElementsAre(HasSubstr("4: YAML tags")));
+}
+
+// Small files that grow when read, or that nest without end.
+TEST_F(SceneFile, BombsEndSoon) {
+  const auto start = std::chrono::steady_clock::now();
+  std::string laughs = "a0: &a0 [x, x, x, x, x, x, x, x, x, x]\n";
+  for (int i = 1; i < 20; ++i) {
+    laughs += "a" + std::to_string(i) + ": &a" + std::to_string(i) + " [";
+    for (int j = 0; j < 10; ++j) laughs += (j ? ", *a" : "*a") + std::to_string(i - 1);
+    laughs += "]\n";
+  }
+  EXPECT_THAT(problems(laughs), ElementsAre(HasSubstr("aliases included")));
+  EXPECT_THAT(problems("scene: &s [*s]\n"), ElementsAre(HasSubstr("inside its own anchor")));
+  EXPECT_EQ(problems(std::string(100'000, '[')).size(), 1u);
+  EXPECT_EQ(problems("a: " + std::string(100'000, '{')).size(), 1u);
+  std::string deep;
+  for (int i = 0; i < 100; ++i) deep += std::string(static_cast<std::size_t>(i), ' ') + "a:\n";
+  EXPECT_THAT(problems(deep), ElementsAre(HasSubstr("nested deeper")));
+  EXPECT_THAT(problems("scene: " + std::string(1 << 20, 'x')), ElementsAre(HasSubstr("16 KiB")));
+  std::string many = "scene: s\n";
+  for (int i = 0; i < 5000; ++i) many += "k" + std::to_string(i) + ": 1\n";
+  EXPECT_EQ(problems(many).size(), 1000u);
+  EXPECT_LT(std::chrono::steady_clock::now() - start, std::chrono::seconds(10));
+}
+
+}  // namespace
+}  // namespace mr

@@ -1,0 +1,521 @@
+#include "mr/render/renderer.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <cstdlib>
+#include <functional>
+#include <limits>
+#include <numbers>
+
+#include "support/meshes.h"
+
+namespace mr::render {
+namespace {
+
+using Color = std::array<std::uint8_t, 3>;
+using Shade = RenderOptions::Shade;
+
+constexpr Color kBackground{10, 20, 30};
+constexpr Color kNeutral{200, 100, 50};
+const RenderOptions kOptions{kBackground, kNeutral, false, Shade::texture};
+
+/// Mesa's llvmpipe is always there (scripts/setup), so no device is a failure.
+Renderer& renderer() {
+  static Result<Renderer> made = Renderer::create();
+  if (!made) {
+    ADD_FAILURE() << made.error().message;
+    std::abort();
+  }
+  return *made;
+}
+
+ImageRgb draw(const DecodedScene& scene, const Camera& camera, const Pose& pose = {},
+              const RenderOptions& options = kOptions) {
+  auto image = renderer().draw(scene, camera, pose, options);
+  if (image) return *image;
+  ADD_FAILURE() << image.error().message;
+  return ImageRgb(camera.width, camera.height);
+}
+
+Camera pinhole(int width, int height, double fx, double fy, double cx, double cy) {
+  Camera c;
+  c.width = width, c.height = height;
+  c.fx = fx, c.fy = fy, c.cx = cx, c.cy = cy;
+  return c;
+}
+
+Color at(const ImageRgb& image, int x, int y) {
+  const auto* p = image.at(x, y);
+  return {p[0], p[1], p[2]};
+}
+
+/// A picture from a formula that gives channels in 0..1.
+ImageRgb picture(int width, int height, const std::function<Vec3d(double, double)>& formula) {
+  ImageRgb image(width, height);
+  for (int y = 0; y < height; ++y)
+    for (int x = 0; x < width; ++x) {
+      const Vec3d c = formula(x, y);
+      for (int i = 0; i < 3; ++i)
+        image.at(x, y)[i] = static_cast<std::uint8_t>(std::lround(255 * std::clamp(c[i], 0., 1.)));
+    }
+  return image;
+}
+
+/// No two places alike, no symmetry: red grows to the right, green down, with waves.
+ImageRgb asymmetric_picture(int width, int height) {
+  return picture(width, height, [&](double x, double y) {
+    return Vec3d{x / width, y / height, 0.5 + 0.4 * std::sin(0.3 * x + 0.5 * y)};
+  });
+}
+
+ImageRgb plain_picture(int width, int height, Color color) {
+  return picture(width, height, [&](double, double) {
+    return Vec3d{color[0] / 255., color[1] / 255., color[2] / 255.};
+  });
+}
+
+View view_of(ViewId id, const Camera& camera, const Pose& T_world_camera, Rect atlas_rect) {
+  View view;
+  view.id = id;
+  view.width = camera.width, view.height = camera.height;
+  view.fx = camera.fx, view.fy = camera.fy, view.cx = camera.cx, view.cy = camera.cy;
+  view.T_world_camera = T_world_camera;
+  view.image_rect = {0, 0, camera.width, camera.height};
+  view.atlas_rect = atlas_rect;
+  return view;
+}
+
+void add(DecodedScene& scene, Mesh mesh, ViewId view) {
+  set_triangle_views(mesh, std::vector<ViewId>(mesh.triangles.size(), view));
+  auto chunk = std::make_shared<Chunk>();
+  chunk->mesh = std::move(mesh);
+  scene.chunks.push_back(std::move(chunk));
+}
+
+void set_texture(DecodedScene& scene, ImageRgb image, std::uint32_t stream = 0) {
+  scene.textures[stream] = std::make_shared<const ImageRgb>(std::move(image));
+}
+
+/// A wall across the line of sight of a camera at `pose`, facing it.
+Mesh wall_before(const Pose& pose, double distance_m, double half_m, int cells = 3) {
+  const auto point = [&](double x, double y) {
+    return vec_cast<float>(pose * Vec3d{x, y, distance_m});
+  };
+  const Vec3f origin = point(-half_m, half_m);  // lower left as the camera sees it
+  return test::grid(origin, point(half_m, half_m) - origin, point(-half_m, -half_m) - origin, cells,
+                    cells);
+}
+
+/// What DESIGN section 4 says a point of a view's surface looks like.
+Vec3d expected_color(const View& view, const ImageRgb& atlas, Vec3d p_world) {
+  Vec2d pixel = *project(view.camera(), view.T_world_camera.inverse() * p_world);
+  if (view.kind == View::Kind::equirectangular) {
+    const double middle = view.image_rect.x + 0.5 * view.image_rect.width - 0.5;
+    pixel.x -= view.width * std::round((pixel.x - middle) / view.width);
+  }
+  const Vec2d uv = atlas_uv(view, pixel, atlas.width, atlas.height);
+  const Rect& tile = view.atlas_rect;
+  const double x = std::clamp(uv.x * atlas.width - 0.5, tile.x + 0., tile.x + tile.width - 1.);
+  const double y = std::clamp(uv.y * atlas.height - 0.5, tile.y + 0., tile.y + tile.height - 1.);
+  const int x0 = static_cast<int>(x), y0 = static_cast<int>(y);
+  const int x1 = std::min(x0 + 1, atlas.width - 1), y1 = std::min(y0 + 1, atlas.height - 1);
+  Vec3d out;
+  for (int i = 0; i < 3; ++i) {
+    const double up = std::lerp(atlas.at(x0, y0)[i], atlas.at(x1, y0)[i], x - x0);
+    const double down = std::lerp(atlas.at(x0, y1)[i], atlas.at(x1, y1)[i], x - x0);
+    out[i] = std::lerp(up, down, y - y0);
+  }
+  return out;
+}
+
+/// Mean and largest difference of the interior of two pictures, in levels.
+struct Difference {
+  double mean = 0, max = 0;
+};
+Difference difference(const ImageRgb& image, const std::function<Vec3d(int, int)>& expected) {
+  Difference out;
+  int count = 0;
+  for (int y = 1; y + 1 < image.height; ++y)
+    for (int x = 1; x + 1 < image.width; ++x) {
+      const Vec3d want = expected(x, y);
+      for (int i = 0; i < 3; ++i) {
+        const double off = std::abs(image.at(x, y)[i] - want[i]);
+        out.mean += off, out.max = std::max(out.max, off), ++count;
+      }
+    }
+  out.mean /= count;
+  return out;
+}
+
+Vec3d as_vec(const std::uint8_t* p) { return {p[0] + 0., p[1] + 0., p[2] + 0.}; }
+
+const Camera kCamera = pinhole(96, 64, 70, 82, 40.3, 37.6);  // off-centre, pixels not square
+const Pose kPose = look_at({3, -2, 1.5}, {-1, 2, 0.4}, {0, 0, 1});
+
+TEST(Renderer, FindsADevice) {
+  const auto made = Renderer::create();
+  ASSERT_TRUE(made.ok()) << made.error().message;
+  EXPECT_FALSE(made->device().empty());
+  std::printf("device: %s\n", made->device().c_str());
+}
+
+TEST(Renderer, TwoLiveSideBySideAndCanBeMoved) {
+  auto first = Renderer::create(), second = Renderer::create();
+  ASSERT_TRUE(first.ok() && second.ok());
+  Renderer moved = std::move(*first);
+  EXPECT_TRUE(moved.draw({}, kCamera, {}).ok());
+  EXPECT_TRUE(second->draw({}, kCamera, {}).ok());
+  moved = std::move(*second);
+  EXPECT_TRUE(moved.draw({}, kCamera, {}).ok());
+}
+
+TEST(Renderer, EmptySceneGivesTheBackground) {
+  const ImageRgb image = draw({}, kCamera);
+  EXPECT_EQ(image.width, 96);
+  EXPECT_EQ(image.height, 64);
+  for (std::size_t i = 0; i < image.data.size(); ++i) ASSERT_EQ(image.data[i], kBackground[i % 3]);
+}
+
+TEST(Renderer, PicturesOfAnySizeHaveNoPadding) {
+  for (const int width : {1, 2, 3, 5, 97}) {
+    const ImageRgb image = draw({}, pinhole(width, 3, 50, 50, 0, 0));
+    ASSERT_EQ(image.data.size(), static_cast<std::size_t>(width) * 9);
+    EXPECT_EQ(at(image, width - 1, 2), kBackground);
+  }
+}
+
+TEST(Renderer, APointLightsUpThePixelThatProjectNames) {
+  for (const Vec2i pixel :
+       {Vec2i{0, 0}, Vec2i{95, 0}, Vec2i{0, 63}, Vec2i{95, 63}, Vec2i{41, 37}, Vec2i{13, 50}}) {
+    Mesh dot;  // covers the pixel's centre, not its neighbours'
+    for (const Vec2d off : {Vec2d{-0.4, 0.3}, Vec2d{0.4, 0.3}, Vec2d{0, -0.45}}) {
+      const Vec3d p = unproject(kCamera, {pixel.x + off.x, pixel.y + off.y}) * 2.7;
+      dot.positions.push_back(vec_cast<float>(kPose * p));
+    }
+    dot.triangles = {{0, 1, 2}};
+    DecodedScene scene;
+    add(scene, dot, kNoView);
+    const ImageRgb image = draw(scene, kCamera, kPose);
+    for (int y = 0; y < image.height; ++y)
+      for (int x = 0; x < image.width; ++x)
+        ASSERT_EQ(at(image, x, y), x == pixel.x && y == pixel.y ? kNeutral : kBackground)
+            << x << " " << y << ", wanted " << pixel.x << " " << pixel.y;
+  }
+}
+
+TEST(Renderer, AViewSeenFromItsOwnCameraIsItsPicture) {
+  const ImageRgb original = asymmetric_picture(96, 64);
+  DecodedScene scene;
+  scene.views.push_back(view_of(7, kCamera, kPose, {0, 0, 96, 64}));
+  set_texture(scene, original);
+  add(scene, wall_before(kPose, 2, 4), 7);
+  const ImageRgb image = draw(scene, kCamera, kPose);
+  const auto off = difference(image, [&](int x, int y) { return as_vec(original.at(x, y)); });
+  EXPECT_LT(off.mean, 0.5);
+  EXPECT_LE(off.max, 4);
+  const auto mirrored =
+      difference(image, [&](int x, int y) { return as_vec(original.at(95 - x, y)); });
+  EXPECT_GT(mirrored.mean, 20);
+}
+
+TEST(Renderer, OnlyPartOfAPictureScaledIntoAnAtlas) {
+  DecodedScene scene;
+  View view = view_of(0, kCamera, kPose, {20, 7, 33, 50});
+  view.image_rect = {10, 4, 66, 50};
+  view.stream = 3;
+  scene.views.push_back(view);
+  set_texture(scene, asymmetric_picture(75, 61), 3);  // odd width: rows are not 4-byte aligned
+  const Mesh wall = wall_before(kPose, 2, 4);
+  add(scene, wall, 0);
+  const Camera eye = pinhole(80, 60, 60, 60, 39.5, 29.5);
+  const Pose pose = look_at({2.6, -2.1, 1.6}, {-1, 2, 0.4}, {0, 0.1, 1});
+  const ImageRgb image = draw(scene, eye, pose);
+  const Vec3d normal = kPose.rotation.column(2), origin = vec_cast<double>(wall.positions[0]);
+  const auto off = difference(image, [&](int x, int y) {
+    const Vec3d ray = pose.rotation * unproject(eye, {x + 0., y + 0.});
+    const double t = dot(origin - pose.translation, normal) / dot(ray, normal);
+    return expected_color(view, *scene.textures[3], pose.translation + ray * t);
+  });
+  EXPECT_LT(off.mean, 0.6);
+  EXPECT_LE(off.max, 3);
+}
+
+TEST(Renderer, NeighboursInAnAtlasDoNotBleed) {
+  const Color red{255, 0, 0}, blue{0, 0, 255};
+  ImageRgb atlas = plain_picture(40, 20, blue);
+  for (int y = 0; y < 20; ++y)
+    for (int x = 0; x < 20; ++x) std::copy(red.begin(), red.end(), atlas.at(x, y));
+  const Camera small = pinhole(20, 20, 20, 20, 9.5, 9.5);
+  DecodedScene scene;
+  scene.views = {view_of(0, small, {}, {0, 0, 20, 20}), view_of(1, small, {}, {20, 0, 20, 20})};
+  set_texture(scene, atlas);
+  const Camera wide = pinhole(200, 60, 50, 50, 99.5, 29.5);
+  for (const ViewId view : {0u, 1u}) {  // the wall is wider than the pictures: the rim is repeated
+    scene.chunks.clear();
+    add(scene, wall_before({}, 2, 8), view);
+    const ImageRgb image = draw(scene, wide);
+    for (int y = 0; y < 60; ++y)
+      for (int x = 0; x < 200; ++x) ASSERT_EQ(at(image, x, y), view == 0 ? red : blue);
+  }
+}
+
+TEST(Renderer, RunsOfSeveralChunksUseTheirOwnViewsAndStreams) {
+  DecodedScene scene;
+  const Camera camera = pinhole(60, 40, 40, 40, 29.5, 19.5);
+  const std::array<Color, 3> colors{{{255, 0, 0}, {0, 255, 0}, {0, 0, 255}}};
+  for (const std::uint32_t id : {0u, 1u, 2u}) {
+    scene.views.push_back(view_of(id, camera, {}, {0, 0, 60, 40}));
+    scene.views.back().stream = 10 + id;
+    set_texture(scene, plain_picture(60, 40, colors[id]), 10 + id);
+  }
+  Mesh wall = test::grid({-1.5f, 2, 2}, {3, 0, 0}, {0, -4, 0}, 4, 1);  // 15 pixels a column
+  set_triangle_views(wall, {2, 2, 0, 0, kNoView, kNoView, 1, 1});
+  auto chunk = std::make_shared<Chunk>();
+  chunk->mesh = wall;
+  scene.chunks = {chunk, chunk};
+  const ImageRgb image = draw(scene, camera);
+  EXPECT_EQ(at(image, 7, 20), colors[2]);
+  EXPECT_EQ(at(image, 22, 20), colors[0]);
+  EXPECT_EQ(at(image, 37, 20), kNeutral);
+  EXPECT_EQ(at(image, 52, 20), colors[1]);
+}
+
+TEST(Renderer, NearerSurfacesHideFartherOnes) {
+  const Camera camera = pinhole(60, 40, 40, 40, 29.5, 19.5);
+  DecodedScene scene;
+  scene.views.push_back(view_of(0, camera, {}, {0, 0, 60, 40}));
+  set_texture(scene, plain_picture(60, 40, {0, 255, 0}));
+  add(scene, wall_before({}, 1.0, 0.2), 0);
+  add(scene, wall_before({}, 1.002, 3), kNoView);  // drawn later, 2 mm behind
+  const ImageRgb image = draw(scene, camera);
+  EXPECT_EQ(at(image, 30, 20), (Color{0, 255, 0}));
+  EXPECT_EQ(at(image, 5, 5), kNeutral);
+}
+
+TEST(Renderer, CullsWhatIsSeenFromBehindOnly) {
+  const Camera camera = pinhole(60, 40, 40, 40, 29.5, 19.5);
+  RenderOptions culled = kOptions;
+  culled.cull_back_faces = true;
+  const Mesh front = wall_before(kPose, 2, 4);
+  Mesh back = front;
+  for (Triangle& t : back.triangles) std::swap(t[1], t[2]);
+  DecodedScene facing, averted;
+  add(facing, front, kNoView);
+  add(averted, back, kNoView);
+  EXPECT_EQ(at(draw(facing, camera, kPose, culled), 30, 20), kNeutral);
+  EXPECT_EQ(at(draw(averted, camera, kPose, culled), 30, 20), kBackground);
+  EXPECT_EQ(at(draw(averted, camera, kPose), 30, 20), kNeutral);
+}
+
+TEST(Renderer, ABoxIsClosedFromOutsideAndOpenFromInsideWhenCulled) {
+  DecodedScene scene;
+  add(scene, test::box({-1, -1, -1}, {1, 1, 1}), kNoView);
+  RenderOptions culled = kOptions;
+  culled.cull_back_faces = true;
+  const Camera camera = pinhole(60, 40, 40, 40, 29.5, 19.5);
+  for (const Vec3d eye : {Vec3d{3, 2, 2}, Vec3d{-3, 1, -2}, Vec3d{0.5, -4, 0.3}}) {
+    const ImageRgb image = draw(scene, camera, look_at(eye, {}, {0, 0, 1}), culled);
+    EXPECT_EQ(at(image, 30, 20), kNeutral);
+  }
+  EXPECT_EQ(at(draw(scene, camera, {}, culled), 30, 20), kBackground);
+  EXPECT_EQ(at(draw(scene, camera), 30, 20), kNeutral);
+}
+
+/// A panorama whose colour follows the direction, padded by two columns of the far side.
+DecodedScene panorama_scene() {
+  const int width = 360, height = 180, pad = 2;
+  Camera sphere;
+  sphere.model = CameraModel::equirectangular;
+  sphere.width = width, sphere.height = height;
+  View view = view_of(0, sphere, look_at({0.2, 0.1, 0.3}, {1, -2, 0.5}, {0, 0, 1}),
+                      {5, 3, width + 2 * pad, height});
+  view.kind = View::Kind::equirectangular;
+  view.image_rect = {-pad, 0, width + 2 * pad, height};
+  DecodedScene scene;
+  scene.views.push_back(view);
+  set_texture(scene, picture(380, 190, [&](double x, double y) {
+                const Vec3d d = unproject(sphere, {x - 5 - pad, y - 3});
+                return Vec3d{0.5, 0.5, 0.5} + d * 0.5;
+              }));
+  Mesh room = test::box({-3, -3, -2}, {3, 3, 2});
+  for (Triangle& t : room.triangles) std::swap(t[1], t[2]);
+  add(scene, room, 0);
+  return scene;
+}
+
+TEST(Renderer, APanoramaShowsEveryDirectionAndItsSeam) {
+  const DecodedScene scene = panorama_scene();
+  const View& view = scene.views[0];
+  const Camera camera = pinhole(80, 80, 40, 40, 39.5, 39.5);
+  const Pose& T = view.T_world_camera;
+  for (const Vec3d ahead : {Vec3d{0, 0, 1}, Vec3d{1, 0, 0}, Vec3d{0, 0, -1}, Vec3d{-1, 0.2, 0},
+                            Vec3d{0, 1, 0.1}, Vec3d{0.1, -1, -0.1}}) {
+    const Pose pose = look_at(T.translation, T * ahead, T.rotation * Vec3d{0.1, -0.7, 0.3});
+    const ImageRgb image = draw(scene, camera, pose);
+    const auto off = difference(image, [&](int x, int y) {
+      const Vec3d ray = pose.rotation * unproject(camera, {x + 0., y + 0.});
+      return expected_color(view, *scene.textures.at(0), pose.translation + ray);
+    });
+    EXPECT_LT(off.mean, 0.6);
+    EXPECT_LE(off.max, 2);
+    const auto truth = difference(image, [&](int x, int y) {  // independent of the atlas
+      const Vec3d ray = pose.rotation * unproject(camera, {x + 0., y + 0.});
+      const Vec3d d = normalized(transposed(T.rotation) * ray);
+      return (Vec3d{0.5, 0.5, 0.5} + d * 0.5) * 255;
+    });
+    EXPECT_LT(truth.mean, 1);
+    EXPECT_LE(truth.max, 3);
+  }
+}
+
+TEST(Renderer, APanoramasTileMayLieAcrossTheSeam) {
+  DecodedScene scene = panorama_scene();
+  View& view = scene.views[0];
+  const ImageRgb& whole = *scene.textures[0];
+  ImageRgb part(120, 180);  // columns 300 .. 419 of the turn
+  for (int y = 0; y < 180; ++y)
+    for (int x = 0; x < 120; ++x)
+      std::copy_n(whole.at(7 + (300 + x) % 360, 3 + y), 3, part.at(x, y));
+  view.image_rect = {300, 0, 120, 180};
+  view.atlas_rect = {0, 0, 120, 180};
+  set_texture(scene, part);
+  const Camera camera = pinhole(60, 60, 60, 60, 29.5, 29.5);
+  const Pose& T = view.T_world_camera;
+  const Pose pose = look_at(T.translation, T * Vec3d{0, 0, -1}, T.rotation * Vec3d{0, -1, 0});
+  const auto off = difference(draw(scene, camera, pose), [&](int x, int y) {
+    const Vec3d d =
+        normalized(transposed(T.rotation) * (pose.rotation * unproject(camera, {x + 0., y + 0.})));
+    return (Vec3d{0.5, 0.5, 0.5} + d * 0.5) * 255;
+  });
+  EXPECT_LT(off.mean, 1);
+  EXPECT_LE(off.max, 3);
+}
+
+TEST(Renderer, NormalsAreColoursAndBackFacesAreDarkRed) {
+  const Camera camera = pinhole(60, 40, 40, 40, 29.5, 19.5);
+  RenderOptions options = kOptions;
+  options.shade = Shade::normals;
+  Mesh wall = wall_before({}, 2, 4);
+  DecodedScene scene, averted;
+  add(scene, wall, kNoView);
+  for (Triangle& t : wall.triangles) std::swap(t[1], t[2]);
+  add(averted, wall, kNoView);
+  const Color front = at(draw(scene, camera, {}, options), 30, 20);
+  const Color back = at(draw(averted, camera, {}, options), 30, 20);
+  EXPECT_NEAR(front[0], 127, 1);
+  EXPECT_NEAR(front[1], 127, 1);
+  EXPECT_EQ(front[2], 0);  // towards the camera: -z
+  EXPECT_TRUE(back[0] > 60 && back[0] < 140 && back[1] == 0 && back[2] == 0);
+}
+
+TEST(Renderer, ViewsHaveColoursOfTheirOwnAndNeedNoTextures) {
+  const Camera camera = pinhole(60, 40, 40, 40, 29.5, 19.5);
+  RenderOptions options = kOptions;
+  options.shade = Shade::views;
+  std::vector<Color> seen;
+  for (const ViewId view : {0u, 1u, 2u, 3u, 4u, 5u, 6u, 7u, kNoView}) {
+    DecodedScene scene;
+    add(scene, wall_before({}, 2, 4), view);
+    seen.push_back(at(draw(scene, camera, {}, options), 30, 20));
+  }
+  for (std::size_t i = 0; i < seen.size(); ++i)
+    for (std::size_t j = 0; j < i; ++j) {
+      int apart = 0;
+      for (int c = 0; c < 3; ++c) apart += std::abs(seen[i][c] - seen[j][c]);
+      EXPECT_GT(apart, 30) << i << " and " << j;
+    }
+  EXPECT_EQ(seen.back(), kNeutral);
+}
+
+TEST(Renderer, WireframeHasEdgesOverFaces) {
+  const Camera camera = pinhole(90, 90, 60, 60, 44.5, 44.5);
+  RenderOptions options = kOptions;
+  options.shade = Shade::wireframe;
+  DecodedScene scene;
+  add(scene, wall_before({}, 2, 1.2, 2), kNoView);
+  const ImageRgb image = draw(scene, camera, {}, options);
+  int edges = 0, faces = 0;
+  for (int y = 20; y < 70; ++y)
+    for (int x = 20; x < 70; ++x) (image.at(x, y)[0] < 60 ? edges : faces) += 1;
+  EXPECT_GT(edges, 100);
+  EXPECT_GT(faces, 1500);
+}
+
+TEST(Renderer, SameSceneAgainWithAnotherPictureShowsThatPicture) {
+  const Camera camera = pinhole(60, 40, 40, 40, 29.5, 19.5);
+  DecodedScene scene;
+  scene.views.push_back(view_of(0, camera, {}, {0, 0, 60, 40}));
+  add(scene, wall_before({}, 2, 4), 0);
+  for (const Color color : {Color{1, 2, 3}, Color{90, 80, 70}, Color{255, 254, 0}}) {
+    set_texture(scene, plain_picture(60, 40, color));
+    EXPECT_EQ(at(draw(scene, camera), 30, 20), color);
+    EXPECT_EQ(at(draw(scene, camera), 30, 20), color);
+  }
+}
+
+TEST(Renderer, FarFromTheOriginNothingMoves) {
+  const Vec3d far{400, -300, 250};
+  Pose pose = kPose;
+  pose.translation += far;
+  const ImageRgb original = asymmetric_picture(96, 64);
+  DecodedScene scene;
+  scene.views.push_back(view_of(0, kCamera, pose, {0, 0, 96, 64}));
+  set_texture(scene, original);
+  add(scene, wall_before(pose, 2, 4), 0);
+  const auto off = difference(draw(scene, kCamera, pose),
+                              [&](int x, int y) { return as_vec(original.at(x, y)); });
+  EXPECT_LT(off.mean, 0.5);
+}
+
+TEST(Renderer, WhatIsMissingIsAnError) {
+  const Camera camera = pinhole(60, 40, 40, 40, 29.5, 19.5);
+  DecodedScene scene;
+  add(scene, wall_before({}, 2, 4), 5);
+  const auto message = [&] {
+    const auto image = renderer().draw(scene, camera, {}, kOptions);
+    EXPECT_FALSE(image.ok());
+    EXPECT_EQ(image.error().cause, Error::Cause::invalid);
+    return image.error().message;
+  };
+  EXPECT_NE(message().find("view 5"), std::string::npos);
+  scene.views.push_back(view_of(5, camera, {}, {0, 0, 60, 40}));
+  scene.views[0].stream = 9;
+  EXPECT_NE(message().find("stream 9"), std::string::npos);
+  set_texture(scene, plain_picture(59, 40, {1, 1, 1}), 9);
+  EXPECT_NE(message().find("outside"), std::string::npos);
+  set_texture(scene, plain_picture(60, 40, {1, 1, 1}), 9);
+  EXPECT_TRUE(renderer().draw(scene, camera, {}, kOptions).ok());
+  Mesh broken = wall_before({}, 2, 4);
+  broken.triangles[0][1] = 1000;
+  add(scene, broken, 5);
+  EXPECT_NE(message().find("vertex"), std::string::npos);
+}
+
+TEST(Renderer, ImpossibleCamerasAreErrors) {
+  const double nan = std::numeric_limits<double>::quiet_NaN();
+  const auto refused = [](const Camera& camera, const Pose& pose = {}) {
+    return !renderer().draw({}, camera, pose).ok();
+  };
+  EXPECT_TRUE(refused(pinhole(60, 40, nan, 40, 30, 20)));
+  EXPECT_TRUE(refused(pinhole(60, 40, 40, 40, 30, nan)));
+  EXPECT_TRUE(refused(pinhole(60, 40, 0, 40, 30, 20)));
+  EXPECT_TRUE(refused(pinhole(0, 40, 40, 40, 30, 20)));
+  EXPECT_TRUE(refused(pinhole(1 << 20, 40, 40, 40, 30, 20)));
+  Camera bent = kCamera;
+  bent.distortion = DistortionModel::brown;
+  EXPECT_TRUE(refused(bent));
+  bent = kCamera;
+  bent.model = CameraModel::equirectangular;
+  EXPECT_TRUE(refused(bent));
+  Pose pose;
+  pose.translation.y = nan;
+  EXPECT_TRUE(refused(kCamera, pose));
+  pose = {};
+  pose.rotation.m[4] = nan;
+  EXPECT_TRUE(refused(kCamera, pose));
+  EXPECT_FALSE(refused(kCamera));
+}
+
+}  // namespace
+}  // namespace mr::render

@@ -1,0 +1,207 @@
+#include "mr/synth/room.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <string>
+
+#include "mr/core/parallel.h"
+
+namespace mr::synth {
+namespace {
+
+RigConfig small_rig() {
+  RigConfig rig;
+  rig.depth_width = 320, rig.depth_height = 288;
+  rig.color_width = 320, rig.color_height = 180;
+  rig.frames = 2;
+  return rig;
+}
+
+/// The default room, made once for all tests.
+std::shared_ptr<const Room> shared_room() {
+  static const auto room = std::make_shared<const Room>(make_room(RigConfig{}));
+  return room;
+}
+
+Frame frame_of(FrameSource& source) {
+  auto frame = source.next();
+  return frame.ok() && *frame ? **frame : Frame{};
+}
+
+Frame first_frame(const RigConfig& rig, const SensorConfig& sensor) {
+  return frame_of(*open_synthetic(shared_room(), rig, sensor, 0, 30));
+}
+
+TEST(Room, IsAWellFormedMesh) {
+  const Room& room = *shared_room();
+  const std::size_t triangles = room.mesh.triangles.size(), vertices = room.mesh.positions.size();
+  ASSERT_GT(triangles, 50'000u);
+  EXPECT_EQ(room.albedo.size(), triangles);
+  EXPECT_EQ(room.material.size(), triangles);
+  EXPECT_EQ(room.surface.size(), triangles);
+  EXPECT_EQ(room.light.size(), vertices);
+  EXPECT_EQ(room.surface_m.size(), vertices);
+  const Pose T_room_world = room.T_world_room.inverse();
+  for (const Vec3f p : room.mesh.positions) {
+    const Vec3d q = T_room_world * vec_cast<double>(p);
+    ASSERT_TRUE(std::abs(q.x) < 3.02 && std::abs(q.y) < 2.52 && q.z > -0.02 && q.z < 3.02);
+  }
+  for (const Vec3f light : room.light)
+    ASSERT_TRUE(is_finite(light) && light.x >= 0 && light.y >= 0 && light.z >= 0);
+  for (std::size_t t = 0; t < triangles; ++t) {
+    ASSERT_GT(length(room.mesh.area_normal(t)), 0);
+    ASSERT_LT(room.material[t], room.materials.size());
+  }
+}
+
+TEST(Room, SameSeedSameBytesOnAnyNumberOfThreads) {
+  const RigConfig rig = small_rig();
+  const SensorConfig sensor = rig_sensors(rig)[1];
+  std::vector<Room> rooms;
+  std::vector<Frame> frames;
+  for (const int threads : {1, 8})
+    Arena(threads).run([&] {
+      rooms.push_back(make_room(rig));
+      const auto source = open_synthetic(std::make_shared<const Room>(rooms.back()), rig, sensor, 1, 30);
+      for (int i = 0; i < 2; ++i) frames.push_back(frame_of(*source));
+      EXPECT_FALSE(*source->next());
+    });
+  EXPECT_EQ(rooms[0].mesh, rooms[1].mesh);
+  EXPECT_EQ(rooms[0].light, rooms[1].light);
+  for (const int i : {0, 1}) {
+    EXPECT_EQ(frames[i].depth, frames[i + 2].depth);
+    EXPECT_EQ(frames[i].color, frames[i + 2].color);
+  }
+  EXPECT_EQ(frames[0].color, frames[1].color);
+  EXPECT_NE(frames[0].depth, frames[1].depth);  // the noise is new in every frame
+  EXPECT_EQ(frames[1].index, 1u);
+  EXPECT_EQ(frames[1].sensor, 1u);
+}
+
+TEST(Room, AnotherSeedIsAnotherRoom) {
+  RigConfig rig = small_rig();
+  rig.seed = 2;
+  EXPECT_NE(make_room(rig).mesh, shared_room()->mesh);
+}
+
+TEST(Room, PureDepthAgreesWithTheDistanceToFloorAndWalls) {
+  RigConfig rig = small_rig();
+  rig.noise = false;
+  for (const SensorConfig& sensor : rig_sensors(rig)) {
+    const Frame frame = first_frame(rig, sensor);
+    // In the room's frame the empty room is a box: the exit of each ray is known.
+    const Pose T_room_depth = shared_room()->T_world_room.inverse() * sensor.T_world_depth[0];
+    const Vec3d eye = T_room_depth.translation, low{-3, -2.5, 0}, high{3, 2.5, 3};
+    int on_shell = 0, in_range = 0;
+    for (int y = 0; y < frame.depth.height; ++y)
+      for (int x = 0; x < frame.depth.width; ++x) {
+        const Vec3d ray = T_room_depth.rotation * unproject(sensor.depth_camera, {double(x), double(y)});
+        double exit = 1e9;
+        for (int axis = 0; axis < 3; ++axis)
+          if (ray[axis] != 0) exit = std::min(exit, ((ray[axis] > 0 ? high : low)[axis] - eye[axis]) / ray[axis]);
+        const double z = *frame.depth.at(x, y);
+        if (exit > sensor.depth_far_m) continue;
+        ++in_range;
+        ASSERT_LT(z, exit + 1e-4);
+        ASSERT_GT(z, 0) << x << "," << y;  // the room has no holes
+        on_shell += std::abs(z - exit) < 1e-4;
+      }
+    EXPECT_GT(on_shell, in_range / 4);
+  }
+}
+
+TEST(Room, NoiseIsAsLargeAsTheSensorsPrecisionSays) {
+  RigConfig rig = small_rig();
+  const SensorConfig sensor = rig_sensors(rig)[0];
+  const Frame noisy = first_frame(rig, sensor);
+  rig.noise = false;
+  const Frame pure = first_frame(rig, sensor);
+  std::vector<double> off;  // in sigmas
+  for (std::size_t i = 0; i < pure.depth.data.size(); ++i) {
+    const float z = noisy.depth.data[i];
+    if (z == 0) continue;
+    EXPECT_NEAR(z * 1000, std::round(z * 1000), 1e-3);  // whole millimetres
+    off.push_back((z - pure.depth.data[i]) / sensor.precision.sigma_m(pure.depth.data[i]));
+  }
+  ASSERT_GT(off.size(), pure.depth.data.size() / 2);
+  std::sort(off.begin(), off.end());
+  const auto at = [&](double p) { return off[static_cast<std::size_t>(p * (off.size() - 1))]; };
+  EXPECT_NEAR(at(0.5), 0, 0.1);
+  EXPECT_NEAR(at(0.841) - at(0.159), 2, 0.25);  // flying pixels are few
+}
+
+TEST(Room, EverySensorSeesTheRoom) {
+  RigConfig rig = small_rig();
+  for (const int count : {1, 4, 7, 16})
+    for (const int side : {288, 320}) {  // narrow and wide
+      rig.sensors = count, rig.depth_height = side;
+      const auto sensors = rig_sensors(rig);
+      ASSERT_EQ(sensors.size(), static_cast<std::size_t>(count));
+      for (SensorConfig sensor : sensors) {
+        EXPECT_TRUE(sensor.depth_camera.problems().empty());
+        EXPECT_TRUE(sensor.color_camera->problems().empty());
+        sensor.color_camera.reset();
+        const Frame frame = first_frame(rig, sensor);
+        const auto missing = std::count(frame.depth.data.begin(), frame.depth.data.end(), 0.0f);
+        EXPECT_LT(missing, 0.4 * frame.depth.data.size()) << sensor.id << " of " << count;
+        EXPECT_TRUE(frame.color.empty());
+      }
+    }
+}
+
+TEST(Room, AllRoomSizesAndDetailsCanBeBuilt) {
+  RigConfig rig = small_rig();
+  for (const double width : {3.0, 9.0})
+    for (const double detail : {0.0, 1.0}) {
+      rig.room_m = {width, 3.3, 2.3}, rig.detail = detail;
+      EXPECT_FALSE(make_room(rig).mesh.empty());
+    }
+}
+
+/// Letters as a reader knows them, drawn independently of the room's own font.
+constexpr const char* kLetterR[] = {"1111.", "1...1", "1...1", "1111.", "1.1..", "1..1.", "1...1"};
+constexpr const char* kLetterE[] = {"11111", "1....", "1....", "1111.", "1....", "1....", "11111"};
+
+TEST(Room, ThePosterCanBeReadFromInside) {
+  RigConfig rig;
+  const auto sensor = rig_sensors(rig)[0];
+  const Frame frame = first_frame(rig, sensor);
+  const Camera& camera = *sensor.color_camera;
+  const Pose T_color_room = sensor.T_color_depth * sensor.T_world_depth[0].inverse() * shared_room()->T_world_room;
+  // On the wall +x, centred at y = 0, z = 1.95; from inside, -y is to the right. Ten letters of 6
+  // columns each less the last gap, 84 % of 1.7 m wide.
+  constexpr double kPixel = 0.84 * 1.7 / 59, kFront = 3 - 0.025;
+  const auto ink = [&](double column, double row) {
+    const Vec3d p_room{kFront, -(column + 0.5 - 29.5) * kPixel, 1.95 - (row + 0.5 - 3.5) * kPixel};
+    const auto pixel = project(camera, T_color_room * p_room);
+    if (!pixel) return 0;
+    return 255 - frame.color.at(static_cast<int>(std::lround(pixel->x)), static_cast<int>(std::lround(pixel->y)))[1];
+  };
+  const auto agrees = [&](int letter, const char* const* glyph) {
+    int right = 0;
+    for (int row = 0; row < 7; ++row)
+      for (int column = 0; column < 5; ++column)
+        right += (ink(letter * 6 + column, row) > 110) == (glyph[row][column] == '1');
+    return right;
+  };
+  for (const int place : {1, 5, 9}) EXPECT_GE(agrees(place, kLetterE), 33) << place;  // mEshrEducE
+  EXPECT_GE(agrees(4, kLetterR), 33);
+  EXPECT_LT(agrees(3, kLetterE), 30);  // an H is no E
+}
+
+TEST(Texture, LettersRunToTheRightAndStandUpright) {
+  Material m;
+  m.pattern = Pattern::text;
+  m.text = "L";
+  m.size_m = {0.5f, 0.7f};
+  m.color = {1, 1, 1}, m.accent = {0, 0, 0};
+  const auto dark = [&](float x, float y) { return paint(m, {x, y}, 0).x < 0.5f; };
+  EXPECT_TRUE(dark(0.08f, 0.55f));   // the stem, on the left
+  EXPECT_FALSE(dark(0.42f, 0.55f));
+  EXPECT_TRUE(dark(0.42f, 0.12f));   // the foot, at the bottom
+}
+
+}  // namespace
+}  // namespace mr::synth
