@@ -472,8 +472,8 @@ TEST_F(Export, AFullDiskLeavesNothingBehind) {
   for (const char* name : {"a.glb", "a.ply", "a.obj"}) {
     Status status;
     {
-      const FileSizeLimit limit(
-          20000);  // picture and materials of the OBJ fit, its geometry does not
+      // The picture and the materials of the OBJ fit, its geometry does not.
+      const FileSizeLimit limit(20000);
       status = export_scene(scene, kUp, folder_ / name);
     }
     ASSERT_FALSE(status.ok()) << name;

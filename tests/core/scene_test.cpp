@@ -2,6 +2,7 @@
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <sys/stat.h>
 
 #include <algorithm>
 #include <chrono>
@@ -466,6 +467,10 @@ TEST_F(SceneFile, ARigsMistakesAndNotices) {
 TEST_F(SceneFile, AFileThatIsNoSceneIsOneProblem) {
   EXPECT_EQ(load_scene(dir_ / "nobody.yaml").problems.size(), 1u);
   EXPECT_EQ(load_scene(dir_.path()).problems.size(), 1u);
+  ASSERT_EQ(::mkfifo((dir_ / "pipe").c_str(), 0600), 0);
+  EXPECT_EQ(load_scene(dir_ / "pipe").problems.size(), 1u) << "does not wait for a writer";
+  EXPECT_THAT(problems(long_sensor("{type: rgbd-images, depth: d.png}", "{file: pipe}")),
+              ElementsAre(HasSubstr("not a regular file")));
   EXPECT_THAT(problems(""), ElementsAre(HasSubstr("0: the file holds nothing")));
   EXPECT_THAT(problems("just words"), ElementsAre(HasSubstr("1: this is no scene file")));
   EXPECT_THAT(problems("- a\n- b\n"), ElementsAre(HasSubstr("no scene file")));

@@ -134,9 +134,10 @@ TEST(Room, NoiseIsAsLargeAsTheSensorsPrecisionSays) {
 
 TEST(Room, EverySensorSeesTheRoom) {
   RigConfig rig = small_rig();
+  rig.depth_width = 160;
   for (const int count : {1, 4, 7, 16})
-    for (const int side : {288, 320}) {  // narrow and wide
-      rig.sensors = count, rig.depth_height = side;
+    for (const int height : {144, 160}) {  // narrow and wide
+      rig.sensors = count, rig.depth_height = height;
       const auto sensors = rig_sensors(rig);
       ASSERT_EQ(sensors.size(), static_cast<std::size_t>(count));
       for (SensorConfig sensor : sensors) {
@@ -153,11 +154,10 @@ TEST(Room, EverySensorSeesTheRoom) {
 
 TEST(Room, AllRoomSizesAndDetailsCanBeBuilt) {
   RigConfig rig = small_rig();
-  for (const double width : {3.0, 9.0})
-    for (const double detail : {0.0, 1.0}) {
-      rig.room_m = {width, 3.3, 2.3}, rig.detail = detail;
-      EXPECT_FALSE(make_room(rig).mesh.empty());
-    }
+  rig.room_m = {3, 3.3, 2.2}, rig.detail = 1;
+  EXPECT_FALSE(make_room(rig).mesh.empty());
+  rig.room_m = {7, 4, 3.5}, rig.detail = 0;
+  EXPECT_FALSE(make_room(rig).mesh.empty());
 }
 
 /// Letters as a reader knows them, drawn independently of the room's own font.

@@ -16,6 +16,7 @@ namespace {
 constexpr double kEnoughVisible = 0.9;
 constexpr double kLeastVisible = 0.3;    // below it, neutral colour is better than a wrong picture
 constexpr float kLeastFacing = 0.1f;     // cosine; flatter, a pixel smears over the surface
+constexpr int kNormalRounds = 4;
 constexpr int kCutRounds = 4;
 constexpr int kSweeps = 12;
 constexpr double kFrontOfMargin_m = 0.05;  // an occluder this much nearer needs a margin around it
@@ -61,16 +62,17 @@ double median_depth(const ImageDepth& depth) {
 /// A view with the mesh's depth as it sees it.
 class Eye {
  public:
-  Eye(const Mesh& mesh, const View& view, double geometry_error_m)
+  Eye(const Mesh& mesh, const View& view, const LabelConfig& config)
       : view_(view), camera_(view.camera()), T_camera_world_(view.T_world_camera.inverse()),
-        error_m_(geometry_error_m), depth_(kit::rasterize(mesh, camera_, view.T_world_camera).depth),
-        margin_(static_cast<int>(std::ceil(margin_px(view, geometry_error_m, median_depth(depth_))))),
+        config_(config), depth_(kit::rasterize(mesh, camera_, view.T_world_camera).depth),
+        margin_(static_cast<int>(std::ceil(margin_px(view, config.geometry_error_m, median_depth(depth_))))),
         around_(nearest_around(depth_, margin_)) {}
 
-  Sight look_at(const Mesh& mesh, std::size_t t) const {
+  /// `normal_world`: what the surface faces there, smoothed.
+  Sight look_at(const Mesh& mesh, std::size_t t, Vec3f normal_world) const {
     const std::array<Vec3d, 3> p = {in_camera(mesh.corner(t, 0)), in_camera(mesh.corner(t, 1)),
                                     in_camera(mesh.corner(t, 2))};
-    const Vec3d normal = normalized(cross(p[1] - p[0], p[2] - p[0]));
+    const Vec3d normal = T_camera_world_.rotation * vec_cast<double>(normal_world);
     const Vec3d middle = (p[0] + p[1] + p[2]) / 3.0;
     Sight sight;
     sight.facing = static_cast<float>(-dot(normal, normalized(middle)));
@@ -111,14 +113,15 @@ class Eye {
   /// the margin is not an occluder.
   bool visible(int x, int y, double z) const {
     const double pixel_m = z / camera_.fx;
-    if (*depth_.at(x, y) < z - error_m_ - 3 * pixel_m) return false;
-    return *around_.at(x, y) >= z - kFrontOfMargin_m - error_m_ - 3 * pixel_m * margin_;
+    const double slack = config_.geometry_error_m + 2 * config_.precision.sigma_m(z);
+    if (*depth_.at(x, y) < z - slack - 3 * pixel_m) return false;
+    return *around_.at(x, y) >= z - kFrontOfMargin_m - slack - 3 * pixel_m * margin_;
   }
 
   const View& view_;
   Camera camera_;
   Pose T_camera_world_;
-  double error_m_;
+  const LabelConfig& config_;
   ImageDepth depth_;
   int margin_;
   ImageDepth around_;
@@ -129,13 +132,17 @@ using Sights = std::vector<std::vector<Sight>>;
 
 Sights look(const Mesh& mesh, std::span<const View> views, const LabelConfig& config) {
   Sights sights(views.size());
+  const std::vector<Vec3f> normals = kit::smooth_normals(mesh, kNormalRounds);
   parallel_for(views.size(), 1, [&](std::size_t begin, std::size_t end) {
     for (std::size_t v = begin; v < end; ++v) {
       sights[v].resize(mesh.triangles.size());
       if (views[v].kind != View::Kind::pinhole) continue;
-      const Eye eye(mesh, views[v], config.geometry_error_m);
+      const Eye eye(mesh, views[v], config);
       parallel_for(mesh.triangles.size(), 1024, [&](std::size_t first, std::size_t last) {
-        for (std::size_t t = first; t < last; ++t) sights[v][t] = eye.look_at(mesh, t);
+        for (std::size_t t = first; t < last; ++t) {
+          const Triangle& tri = mesh.triangles[t];
+          sights[v][t] = eye.look_at(mesh, t, normalized(normals[tri[0]] + normals[tri[1]] + normals[tri[2]]));
+        }
       });
     }
   });

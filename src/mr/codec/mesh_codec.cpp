@@ -8,7 +8,6 @@
 #include <exception>
 #include <optional>
 #include <span>
-#include <unordered_set>
 
 namespace mr::codec {
 namespace {
@@ -24,7 +23,7 @@ Error corrupt(const std::string& what) { return {Error::Cause::corrupt, "chunk: 
 
 std::string number(std::size_t n) { return std::to_string(n); }
 
-/// Lattice point → vertex index, in order of first use.
+/// Numbers triples of integers, such as lattice points, in order of first use.
 class Welder {
  public:
   explicit Welder(std::size_t expected) {
@@ -65,18 +64,12 @@ bool no_area(const std::vector<Vec3i>& cells, const Triangle& t) {
          Vec3<std::int64_t>{};
 }
 
-/// The same corners in the same winding, smallest index first.
-Triangle rotated(const Triangle& t) {
+/// Equal for triangles with the same corners in the same winding: smallest index first.
+Vec3i name_of(const Triangle& t) {
   const auto first = std::min_element(t.begin(), t.end()) - t.begin();
-  return {t[first], t[(first + 1) % 3], t[(first + 2) % 3]};
+  return {static_cast<std::int32_t>(t[first]), static_cast<std::int32_t>(t[(first + 1) % 3]),
+          static_cast<std::int32_t>(t[(first + 2) % 3])};
 }
-
-struct TriangleHash {
-  std::size_t operator()(const Triangle& t) const {
-    return hash_cell({static_cast<std::int32_t>(t[0]), static_cast<std::int32_t>(t[1]),
-                      static_cast<std::int32_t>(t[2])});
-  }
-};
 
 bool indices_fit(const Mesh& mesh) {
   for (const Triangle& t : mesh.triangles)
@@ -420,8 +413,7 @@ Result<Mesh> snap_to_lattice(const Mesh& mesh, const Lattice& lattice) {
     cells[v] = *cell;
   }
   const std::vector<ViewId> views = triangle_views(mesh);
-  Welder welder(cells.size());
-  std::unordered_set<Triangle, TriangleHash> seen(2 * mesh.triangles.size());
+  Welder welder(cells.size()), kept(mesh.triangles.size());
   Mesh out;
   std::vector<ViewId> kept_views;
   for (std::size_t i = 0; i < mesh.triangles.size(); ++i) {
@@ -429,7 +421,7 @@ Result<Mesh> snap_to_lattice(const Mesh& mesh, const Lattice& lattice) {
     if (no_area(cells, old)) continue;
     const Triangle t = {welder.index_of(cells[old[0]]), welder.index_of(cells[old[1]]),
                         welder.index_of(cells[old[2]])};
-    if (!seen.insert(rotated(t)).second) continue;
+    if (kept.index_of(name_of(t)) < out.triangles.size()) continue;  // there already
     out.triangles.push_back(t);
     kept_views.push_back(views[i]);
   }

@@ -56,14 +56,17 @@ void scan_triangle(const ScreenPoint& a, const ScreenPoint& b, const ScreenPoint
   const int x1 = limit(std::floor(std::max({a.u, b.u, c.u})), -1, width - 1);
   const int y0 = limit(std::ceil(std::min({a.v, b.v, c.v})), first_row, end_row);
   const int y1 = limit(std::floor(std::max({a.v, b.v, c.v})), first_row - 1, end_row - 1);
-  for (int y = y0; y <= y1; ++y)
+  // Barycentric weights change by constants from pixel to pixel of a row.
+  const double wa_step = (b.v - c.v) / area, wb_step = (c.v - a.v) / area;
+  for (int y = y0; y <= y1; ++y) {
+    const double wa_0 = ((b.u - x0) * (c.v - y) - (c.u - x0) * (b.v - y)) / area;
+    const double wb_0 = ((c.u - x0) * (a.v - y) - (a.u - x0) * (c.v - y)) / area;
     for (int x = x0; x <= x1; ++x) {
-      const double wa = ((b.u - x) * (c.v - y) - (c.u - x) * (b.v - y)) / area;
-      const double wb = ((c.u - x) * (a.v - y) - (a.u - x) * (c.v - y)) / area;
-      const double wc = 1 - wa - wb;
+      const double wa = wa_0 + (x - x0) * wa_step, wb = wb_0 + (x - x0) * wb_step, wc = 1 - wa - wb;
       if (wa < 0 || wb < 0 || wc < 0) continue;
       pixel(x, y, 1 / (wa * a.inv_z + wb * b.inv_z + wc * c.inv_z));
     }
+  }
 }
 
 /// scan_triangle over a clipped polygon.

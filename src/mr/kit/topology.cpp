@@ -148,6 +148,19 @@ std::vector<Vec3f> vertex_normals(const Mesh& mesh) {
   return normals;
 }
 
+std::vector<Vec3f> smooth_normals(const Mesh& mesh, int rounds) {
+  std::vector<Vec3f> normals = vertex_normals(mesh);
+  for (int i = 0; i < rounds; ++i) {
+    std::vector<Vec3f> sum(normals.size());
+    for (const Triangle& t : mesh.triangles) {
+      const Vec3f all = normals[t[0]] + normals[t[1]] + normals[t[2]];
+      for (const std::uint32_t v : t) sum[v] += all;
+    }
+    for (std::size_t v = 0; v < sum.size(); ++v) normals[v] = normalized(sum[v]);
+  }
+  return normals;
+}
+
 namespace {
 
 /// Cuts triangle `t` whose edge i has the midpoint m[i] (kNoTwin: not cut).

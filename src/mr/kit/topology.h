@@ -44,6 +44,10 @@ Components components(const Mesh& mesh);
 /// Unit normals per vertex, weighted by area; zero where nothing meets.
 std::vector<Vec3f> vertex_normals(const Mesh& mesh);
 
+/// vertex_normals(), averaged `rounds` times over the neighbours: what the surface faces at a scale of
+/// several edges, without the bumps of sensor noise.
+std::vector<Vec3f> smooth_normals(const Mesh& mesh, int rounds);
+
 /// A mesh with edges cut in the middle, and where each triangle came from.
 struct Refined {
   Mesh mesh;

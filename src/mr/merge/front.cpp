@@ -70,12 +70,6 @@ bool Front::fits(std::uint32_t e, std::uint32_t corner) const {
   const std::uint32_t w = c.from;
   if (!alive || !c.alive || w == u || w == v) return false;
 
-  // No third triangle: u → w and w → v must be free, and what lies behind them on the border.
-  for (const auto& [from, to] : {std::pair(u, w), std::pair(w, v)}) {
-    if (surface_.contains(directed(from, to))) return false;
-    if (surface_.contains(directed(to, from)) && !border_.contains(directed(to, from))) return false;
-  }
-
   const Vec3f across = cross(at(u) - at(v), at(w) - at(v));
   const float size = length(across);
   if (size <= 1e-12f) return false;
@@ -93,7 +87,14 @@ bool Front::fits(std::uint32_t e, std::uint32_t corner) const {
     return false;
   const double gap = sector(w, a, b);
   const double to_v = a == v ? 0 : angle(w, a, v), to_u = b == u ? gap : angle(w, a, u);
-  return to_v < to_u && to_u <= gap + kAngleSlack;
+  if (to_v >= to_u || to_u > gap + kAngleSlack) return false;
+
+  // No third triangle: u → w and w → v must be free, and what lies behind them on the border.
+  for (const auto& [from, to] : {std::pair(u, w), std::pair(w, v)}) {
+    if (surface_.contains(directed(from, to))) return false;
+    if (surface_.contains(directed(to, from)) && !border_.contains(directed(to, from))) return false;
+  }
+  return true;
 }
 
 std::vector<std::uint32_t> Front::fill(std::uint32_t e, std::uint32_t corner) {

@@ -15,6 +15,7 @@
 namespace mr::merge {
 namespace {
 
+constexpr int kNormalRounds = 4;          // sensor noise must not decide who owns a spot
 constexpr int kMaxRounds = 6;            // halvings: 64 times finer than the decimated mesh
 constexpr double kBorderVoxels = 2.5;    // edges on an overlap's border are at most this long
 constexpr float kNearest_m = 0.05f, kFarthest_m = 1000.0f;
@@ -64,7 +65,7 @@ std::pair<float, float> measure(const SourceInfo& source, Vec3f spot, Vec3f n) {
 /// (Re)computes what depends on the geometry.
 void describe(Candidate& c, const Part& part) {
   const std::size_t count = c.mesh.triangles.size();
-  const std::vector<Vec3f> smooth = kit::vertex_normals(c.mesh);
+  const std::vector<Vec3f> smooth = kit::smooth_normals(c.mesh, kNormalRounds);
   c.normals.resize(count), c.sigma_m.resize(count), c.score_m.resize(count);
   parallel_for(count, 4096, [&](std::size_t begin, std::size_t end) {
     for (std::size_t t = begin; t < end; ++t) {

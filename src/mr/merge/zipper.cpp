@@ -41,7 +41,7 @@ void within(const KdTree& tree, Vec3f p, double radius,
   found.clear();
   const float query[3] = {p.x, p.y, p.z};
   // nanoflann's L2 radius is the square.
-  tree.radiusSearch(query, static_cast<float>(radius * radius), found, nanoflann::SearchParams());
+  tree.radiusSearch(query, static_cast<float>(radius * radius), found, nanoflann::SearchParams(32, 0, false));
   std::sort(found.begin(), found.end(), [](const auto& a, const auto& b) {
     return std::tie(a.second, a.first) < std::tie(b.second, b.first);
   });
@@ -138,12 +138,12 @@ class Zipper {
 
   void run() {
     if (cloud_.points.empty()) return;
-    std::size_t filled = 0;
-    do {  // again while it helps: loops that have become small may be closed now
-      filled = front_.added().size();
-      for (std::uint32_t e = 0; e < front_.size(); ++e) offer(e);
-      drain();
-    } while (front_.added().size() > filled);
+    for (std::uint32_t e = 0; e < front_.size(); ++e) offer(e);
+    drain();
+    // Loops that have become small by now may be closed inside one part too.
+    for (std::uint32_t e = 0; e < front_.size(); ++e)
+      if (front_.edge(e).alive && front_.loop_length(e, kSmallLoop)) offer(e);
+    drain();
   }
 
  private:

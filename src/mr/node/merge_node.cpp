@@ -37,6 +37,24 @@ merge::Part part_of(const DecodedScene& scene) {
   return part;
 }
 
+/// How many triangles the children spent on the surface that stays. Cutting along overlaps adds many
+/// small ones; decimation counts from here.
+double triangles_sent(const std::vector<merge::Part>& parts, const std::vector<Mesh>& owned) {
+  double sum = 0;
+  for (std::size_t i = 0; i < parts.size(); ++i)
+    if (!parts[i].mesh.empty())
+      sum += static_cast<double>(parts[i].mesh.triangles.size()) * surface_area_m2(owned[i]) / surface_area_m2(parts[i].mesh);
+  return sum;
+}
+
+/// The precision of the noisiest of several sensors, as seen from 2 m.
+Precision noisiest(const std::vector<SourceInfo>& sources) {
+  const auto worst = std::max_element(sources.begin(), sources.end(), [](const SourceInfo& a, const SourceInfo& b) {
+    return a.precision.sigma_m(2) < b.precision.sigma_m(2);
+  });
+  return worst == sources.end() ? Precision{} : worst->precision;
+}
+
 /// Whether two gatherings have the same geometry seen by the same views.
 bool same_geometry(const std::vector<DecodedScene>& a, const std::vector<DecodedScene>& b) {
   const auto key = [](const DecodedScene& s) {
@@ -151,8 +169,9 @@ Result<MergeNode::Surface> MergeNode::merge_surfaces(const Gathered& gathered) {
   });
   auto simplified = trace_.time("simplify", [&]() -> Result<Mesh> {
     auto snapped = codec::snap_to_lattice(zipped, scene_->lattice);
-    if (!snapped || !is_root_ || scene_->merge.simplify.ratio == 1) return snapped;
-    simplify::Simplified small = simplify::simplify(*snapped, scene_->merge.simplify.ratio);
+    if (!snapped || !is_root_) return snapped;
+    const double target = scene_->merge.simplify.ratio * triangles_sent(parts, owned);
+    simplify::Simplified small = simplify::simplify(*snapped, static_cast<std::size_t>(std::ceil(target)));
     out.error_m += small.error_m;
     return codec::snap_to_lattice(small.mesh, scene_->lattice);
   });
@@ -162,6 +181,7 @@ Result<MergeNode::Surface> MergeNode::merge_surfaces(const Gathered& gathered) {
     return atlas::label_triangles(*simplified, gathered.views,
                                   {.views = scene_->atlas.views,
                                    .geometry_error_m = texturing_error_m(*scene_, out.error_m),
+                                   .precision = noisiest(gathered.sources),
                                    .min_edge_m = 2 * voxel_m});
   });
   auto snapped = codec::snap_to_lattice(labelled, scene_->lattice);

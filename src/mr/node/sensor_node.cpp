@@ -33,7 +33,7 @@ std::vector<Mesh> SensorNode::fuse(const Frame& frame) const {
 Result<SensorNode::Surface> SensorNode::simplify(const std::vector<Mesh>& pieces, double ratio) const {
   std::vector<simplify::Simplified> small(pieces.size());
   parallel_for(pieces.size(), 1, [&](std::size_t begin, std::size_t end) {
-    for (std::size_t i = begin; i < end; ++i) small[i] = simplify::simplify(pieces[i], ratio);
+    for (std::size_t i = begin; i < end; ++i) small[i] = simplify::simplify_by_ratio(pieces[i], ratio);
   });
   Surface all;
   for (const simplify::Simplified& s : small) {
@@ -71,6 +71,7 @@ Result<std::vector<std::byte>> SensorNode::process(Frame raw) {
     return atlas::label_triangles(surface->mesh, packet.views,
                                   {.views = scene_->atlas.views,
                                    .geometry_error_m = texturing_error_m(*scene_, surface->error_m),
+                                   .precision = sensor.precision,
                                    .min_edge_m = 2 * scene_->voxel_m});
   });
   const Status coded = trace_.time("encode_mesh", [&]() -> Status {
