@@ -22,7 +22,8 @@ std::string text(const std::vector<std::byte>& bytes) {
 /// A picture with enough texture that its JPEG is not trivially small.
 ImageRgb noisy_picture() {
   ImageRgb image = test::gradient(80, 60);
-  for (std::size_t i = 0; i < image.data.size(); i += 3) image.data[i + 2] = static_cast<std::uint8_t>(i * 2654435761u >> 24);
+  for (std::size_t i = 0; i < image.data.size(); i += 3)
+    image.data[i + 2] = static_cast<std::uint8_t>(i * 2654435761u >> 24);
   return image;
 }
 
@@ -53,7 +54,8 @@ TEST(ImageIo, EveryTruncationIsAnError) {
   const auto jpeg = encode_jpeg(noisy_picture(), 80), png = encode_png(noisy_picture());
   ASSERT_TRUE(jpeg && png);
   for (const std::string& whole : {text(*jpeg), text(*png)})
-    for (std::size_t keep = 0; keep < whole.size(); keep += keep < 60 || keep + 20 > whole.size() ? 1 : whole.size() / 150) {
+    for (std::size_t keep = 0; keep < whole.size();
+         keep += keep < 60 || keep + 20 > whole.size() ? 1 : whole.size() / 150) {
       const auto back = read_color(dir.write("cut", whole.substr(0, keep)));
       ASSERT_FALSE(back) << keep << " of " << whole.size();
       EXPECT_THAT(back.error().message, HasSubstr("cut"));
@@ -93,9 +95,9 @@ TEST(ImageIo, PgmHeadersMayHoldCommentsAndMustFitTheData) {
   const auto good = read_depth16(dir.write("a", "P5 # x\n2#y\n 1\t300\nABCD"));
   ASSERT_TRUE(good) << good.error().message;
   EXPECT_EQ(good->data, (std::vector<std::uint16_t>{0x4142, 0x4344}));
-  for (const char* bad : {"P5 2 1 300\nABC", "P5 2 1 300\nABCDE", "P5 2 1 70000\nABCD", "P5 2 1 0\nABCD",
-                          "P5 2 0 300\n", "P5 2 -1 300\nABCD", "P5 2", "P5", "P5 2 1 300", "P5 9999999999 1 300\nAB",
-                          "P5 99999 99999 65535\n"})
+  for (const char* bad : {"P5 2 1 300\nABC", "P5 2 1 300\nABCDE", "P5 2 1 70000\nABCD",
+                          "P5 2 1 0\nABCD", "P5 2 0 300\n", "P5 2 -1 300\nABCD", "P5 2", "P5",
+                          "P5 2 1 300", "P5 9999999999 1 300\nAB", "P5 99999 99999 65535\n"})
     EXPECT_FALSE(read_depth16(dir.write("a", bad))) << bad;
 }
 
@@ -104,7 +106,8 @@ TEST(ImageIo, EightBitDepthIsRefused) {
   const auto as_rgb = encode_png(test::gradient(8, 8));
   const auto as_jpeg = encode_jpeg(test::gradient(8, 8), 90);
   const std::string grey8 = test::png_file(2, 1, 8, 0, std::string("\0ab", 3));
-  for (const std::string& bytes : {text(*as_rgb), text(*as_jpeg), grey8, std::string("P5 2 1 255\nab")}) {
+  for (const std::string& bytes :
+       {text(*as_rgb), text(*as_jpeg), grey8, std::string("P5 2 1 255\nab")}) {
     const auto back = read_depth16(dir.write("eight", bytes));
     ASSERT_FALSE(back);
     EXPECT_THAT(back.error().message, HasSubstr("depth must be 16-bit grey"));
@@ -114,7 +117,8 @@ TEST(ImageIo, EightBitDepthIsRefused) {
 
 TEST(ImageIo, SizesAreCheckedBeforeDecoding) {
   const TempDir dir;
-  for (const auto& [w, h] : {std::pair{16385u, 1u}, {1u, 16385u}, {16000u, 16000u}, {0xFFFFFFFFu, 0xFFFFFFFFu}}) {
+  for (const auto& [w, h] :
+       {std::pair{16385u, 1u}, {1u, 16385u}, {16000u, 16000u}, {0xFFFFFFFFu, 0xFFFFFFFFu}}) {
     const auto back = read_color(dir.write("bomb.png", test::png_file(w, h, 8, 2, "x")));
     ASSERT_FALSE(back);
     EXPECT_EQ(back.error().cause, Error::Cause::too_large) << w << "x" << h;

@@ -65,7 +65,8 @@ TEST(RayScene, NoRaySlipsBetweenTriangles) {
       for (int k = 0; k <= 4; ++k) {
         const Vec3f a = turned.positions[t[e]], b = turned.positions[t[(e + 1) % 3]];
         Vec3f p = a + (b - a) * (0.25f * k);
-        if (std::abs(0.8f * p.x + 0.6f * p.y) > 0.99f || std::abs(0.8f * p.y - 0.6f * p.x) > 0.99f) continue;
+        if (std::abs(0.8f * p.x + 0.6f * p.y) > 0.99f || std::abs(0.8f * p.y - 0.6f * p.x) > 0.99f)
+          continue;
         scene.all_hits({0.01f, 0.02f, 0}, p - Vec3f{0.01f, 0.02f, 0}, 0, 2, hits);
         ASSERT_FALSE(hits.empty());
         for (std::size_t i = 1; i < hits.size(); ++i) {
@@ -94,7 +95,9 @@ TEST(RayScene, AnswersAgreeOnAnyNumberOfThreads) {
       const RayScene scene = scene_of({&ball, &ball});
       parallel_for(hits.size(), 64, [&](std::size_t begin, std::size_t end) {
         for (std::size_t i = begin; i < end; ++i)
-          hits[i] = scene.first_hit({0, 0, 0}, {0.008f * (i % 100) - 0.4f, 0.008f * (i / 100) - 0.4f, 1}, 0, 9)
+          hits[i] = scene
+                        .first_hit({0, 0, 0},
+                                   {0.008f * (i % 100) - 0.4f, 0.008f * (i / 100) - 0.4f, 1}, 0, 9)
                         .value_or(RayHit{});
       });
     });

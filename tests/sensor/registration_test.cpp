@@ -37,7 +37,8 @@ TEST(Registration, APlaneSeenThroughABentLensComesOutStraight) {
   frame.depth = ImageDepth(160, 144);
   for (int y = 0; y < 144; ++y)
     for (int x = 0; x < 160; ++x)
-      *frame.depth.at(x, y) = static_cast<float>(plane_depth(unproject(sensor.depth_camera, {double(x), double(y)}), n, d));
+      *frame.depth.at(x, y) = static_cast<float>(
+          plane_depth(unproject(sensor.depth_camera, {double(x), double(y)}), n, d));
 
   const Registration registration(sensor, 0);
   const Frame straight = registration.undistort(frame);
@@ -69,7 +70,8 @@ TEST(Registration, ColourLinesBecomeStraight) {
   for (int y = 0; y < bent.height; ++y)
     for (int x = 0; x < bent.width; ++x)
       for (int c = 0; c < 3; ++c)
-        frame.color.at(x, y)[c] = static_cast<std::uint8_t>(std::lround(value(unproject(bent, {double(x), double(y)}).x)));
+        frame.color.at(x, y)[c] = static_cast<std::uint8_t>(
+            std::lround(value(unproject(bent, {double(x), double(y)}).x)));
   const Frame straight = Registration(sensor, 0).undistort(frame);
   for (int y = 10; y < bent.height - 10; ++y)
     for (int x = 10; x < bent.width - 10; ++x)

@@ -47,9 +47,12 @@ std::string jpeg_of(const ImageRgb& image) {
 /// The next frame, which must be there.
 Frame frame_of(FrameSource& source) {
   auto frame = source.next();
-  if (!frame) ADD_FAILURE() << frame.error().message;
-  else if (!*frame) ADD_FAILURE() << "the source has ended";
-  else return **frame;
+  if (!frame)
+    ADD_FAILURE() << frame.error().message;
+  else if (!*frame)
+    ADD_FAILURE() << "the source has ended";
+  else
+    return **frame;
   return {};
 }
 
@@ -63,10 +66,11 @@ TEST(RgbdImages, ReadsPngJpegAndPgm) {
   const auto counts = test::counting_depth(kWidth, kHeight);
   const auto color = test::gradient(kColorWidth, kColorHeight);
   ASSERT_TRUE(kit::write_png(dir / "1.png", color).ok());
-  const auto source = open_rgbd_images(
-      sensor_of({.color = {dir.write("0.jpg", jpeg_of(color)), dir / "1.png"},
-                 .depth = {dir.write("0.d.png", test::depth_png(counts)), dir.write("1.pgm", test::depth_pgm(counts))}}),
-      3, 10);
+  const auto source =
+      open_rgbd_images(sensor_of({.color = {dir.write("0.jpg", jpeg_of(color)), dir / "1.png"},
+                                  .depth = {dir.write("0.d.png", test::depth_png(counts)),
+                                            dir.write("1.pgm", test::depth_pgm(counts))}}),
+                       3, 10);
   const Frame a = frame_of(*source), b = frame_of(*source);
   EXPECT_TRUE(has_ended(*source));
   EXPECT_TRUE(has_ended(*source));
@@ -86,7 +90,8 @@ TEST(RgbdImages, UnitsInvalidCountsAndRange) {
   Image<std::uint16_t, 1> counts(kWidth, kHeight, 2000);
   counts.data[0] = 0, counts.data[1] = 65535, counts.data[2] = 777;
   counts.data[3] = 5001, counts.data[4] = 499, counts.data[5] = 500, counts.data[6] = 5000;
-  SensorConfig sensor = sensor_of({.color = {}, .depth = {dir.write("d.png", test::depth_png(counts))},
+  SensorConfig sensor = sensor_of({.color = {},
+                                   .depth = {dir.write("d.png", test::depth_png(counts))},
                                    .depth_unit_m = 0.0002,
                                    .invalid = {0, 65535, 777}});
   sensor.depth_near_m = 0.1, sensor.depth_far_m = 1.0;
@@ -129,17 +134,23 @@ TEST(RgbdImages, AWrongSizeNamesFileAndBothSizes) {
   const auto depth = dir.write("d.png", depth_of(1000));
   const auto small = dir.write("small.png", test::depth_png(test::counting_depth(6, 4)));
   const auto wide = dir.write("wide.jpg", jpeg_of(test::gradient(40, 10)));
-  const auto source = open_rgbd_images(sensor_of({.color = {wide, wide}, .depth = {small, depth}}), 0, 30);
+  const auto source =
+      open_rgbd_images(sensor_of({.color = {wide, wide}, .depth = {small, depth}}), 0, 30);
   const auto first = source->next(), second = source->next();
   ASSERT_FALSE(first);
-  EXPECT_THAT(first.error().message, AllOf(HasSubstr("small.png"), HasSubstr("12x8"), HasSubstr("6x4")));
+  EXPECT_THAT(first.error().message,
+              AllOf(HasSubstr("small.png"), HasSubstr("12x8"), HasSubstr("6x4")));
   ASSERT_FALSE(second);
-  EXPECT_THAT(second.error().message, AllOf(HasSubstr("wide.jpg"), HasSubstr("20x10"), HasSubstr("40x10")));
+  EXPECT_THAT(second.error().message,
+              AllOf(HasSubstr("wide.jpg"), HasSubstr("20x10"), HasSubstr("40x10")));
 }
 
 TEST(RgbdImages, LoopsGoOnCounting) {
   const TempDir dir;
-  RgbdImagesSource files{.color = {}, .depth = {dir.write("0.png", depth_of(1000)), dir.write("1.png", depth_of(2000))}, .loop = true};
+  RgbdImagesSource files{
+      .color = {},
+      .depth = {dir.write("0.png", depth_of(1000)), dir.write("1.png", depth_of(2000))},
+      .loop = true};
   SensorConfig sensor = sensor_of(files);
   sensor.T_world_depth.assign(2, Pose{});
   sensor.T_world_depth[1].translation = {1, 2, 3};
@@ -150,17 +161,20 @@ TEST(RgbdImages, LoopsGoOnCounting) {
     EXPECT_EQ(frame.index, i);
     EXPECT_FLOAT_EQ(frame.depth.data[0], i % 2 == 0 ? 1.0f : 2.0f);
     EXPECT_EQ(frame.T_world_depth, sensor.T_world_depth[i % 2]);
-    EXPECT_EQ(frame.captured_at(), TimePoint(std::chrono::milliseconds(10 * static_cast<int>(i) - 5)));
+    EXPECT_EQ(frame.captured_at(),
+              TimePoint(std::chrono::milliseconds(10 * static_cast<int>(i) - 5)));
   }
 }
 
 TEST(RgbdImages, AStillMayLoopAndAStaticPoseServesAllItems) {
   const TempDir dir;
-  SensorConfig still = sensor_of({.color = {}, .depth = {dir.write("0.png", depth_of(1000))}, .loop = true});
+  SensorConfig still =
+      sensor_of({.color = {}, .depth = {dir.write("0.png", depth_of(1000))}, .loop = true});
   still.T_world_depth[0].translation = {4, 5, 6};
   const auto source = open_rgbd_images(still, 0, 30);
   for (int i = 0; i < 3; ++i) EXPECT_EQ(frame_of(*source).T_world_depth, still.T_world_depth[0]);
-  EXPECT_TRUE(has_ended(*open_rgbd_images(sensor_of({.color = {}, .depth = {}, .loop = true}), 0, 30)));
+  EXPECT_TRUE(
+      has_ended(*open_rgbd_images(sensor_of({.color = {}, .depth = {}, .loop = true}), 0, 30)));
 }
 
 }  // namespace

@@ -38,7 +38,8 @@ inline std::string zlib_stored(const std::string& data) {
     const std::string block = data.substr(at, 65535);
     const auto n = static_cast<std::uint32_t>(block.size());
     out += at + 65535 >= data.size() ? '\x01' : '\0';
-    for (const std::uint32_t v : {n, ~n}) out += {static_cast<char>(v & 0xFF), static_cast<char>(v >> 8 & 0xFF)};
+    for (const std::uint32_t v : {n, ~n})
+      out += {static_cast<char>(v & 0xFF), static_cast<char>(v >> 8 & 0xFF)};
     out += block;
   }
   return out + big_endian(b << 16 | a, 4);
@@ -47,8 +48,9 @@ inline std::string zlib_stored(const std::string& data) {
 /// A PNG that claims a size and holds `rows` (filter bytes included).
 inline std::string png_file(std::uint32_t width, std::uint32_t height, int bits, int color_type,
                             const std::string& rows) {
-  const std::string header = big_endian(width, 4) + big_endian(height, 4) + static_cast<char>(bits) +
-                             static_cast<char>(color_type) + std::string(3, '\0');
+  const std::string header = big_endian(width, 4) + big_endian(height, 4) +
+                             static_cast<char>(bits) + static_cast<char>(color_type) +
+                             std::string(3, '\0');
   return std::string("\x89PNG\r\n\x1A\n", 8) + png_chunk("IHDR", header) +
          png_chunk("IDAT", zlib_stored(rows)) + png_chunk("IEND", "");
 }

@@ -64,7 +64,8 @@ TEST(Room, SameSeedSameBytesOnAnyNumberOfThreads) {
   for (const int threads : {1, 8})
     Arena(threads).run([&] {
       rooms.push_back(make_room(rig));
-      const auto source = open_synthetic(std::make_shared<const Room>(rooms.back()), rig, sensor, 1, 30);
+      const auto source =
+          open_synthetic(std::make_shared<const Room>(rooms.back()), rig, sensor, 1, 30);
       for (int i = 0; i < 2; ++i) frames.push_back(frame_of(*source));
       EXPECT_FALSE(*source->next());
     });
@@ -97,10 +98,12 @@ TEST(Room, PureDepthAgreesWithTheDistanceToFloorAndWalls) {
     int on_shell = 0, in_range = 0;
     for (int y = 0; y < frame.depth.height; ++y)
       for (int x = 0; x < frame.depth.width; ++x) {
-        const Vec3d ray = T_room_depth.rotation * unproject(sensor.depth_camera, {double(x), double(y)});
+        const Vec3d ray =
+            T_room_depth.rotation * unproject(sensor.depth_camera, {double(x), double(y)});
         double exit = 1e9;
         for (int axis = 0; axis < 3; ++axis)
-          if (ray[axis] != 0) exit = std::min(exit, ((ray[axis] > 0 ? high : low)[axis] - eye[axis]) / ray[axis]);
+          if (ray[axis] != 0)
+            exit = std::min(exit, ((ray[axis] > 0 ? high : low)[axis] - eye[axis]) / ray[axis]);
         const double z = *frame.depth.at(x, y);
         if (exit > sensor.depth_far_m) continue;
         ++in_range;
@@ -169,7 +172,8 @@ TEST(Room, ThePosterCanBeReadFromInside) {
   const auto sensor = rig_sensors(rig)[0];
   const Frame frame = first_frame(rig, sensor);
   const Camera& camera = *sensor.color_camera;
-  const Pose T_color_room = sensor.T_color_depth * sensor.T_world_depth[0].inverse() * shared_room()->T_world_room;
+  const Pose T_color_room =
+      sensor.T_color_depth * sensor.T_world_depth[0].inverse() * shared_room()->T_world_room;
   // On the wall +x, centred at y = 0, z = 1.95; from inside, -y is to the right. Ten letters of 6
   // columns each less the last gap, 84 % of 1.7 m wide.
   constexpr double kPixel = 0.84 * 1.7 / 59, kFront = 3 - 0.025;
@@ -177,7 +181,8 @@ TEST(Room, ThePosterCanBeReadFromInside) {
     const Vec3d p_room{kFront, -(column + 0.5 - 29.5) * kPixel, 1.95 - (row + 0.5 - 3.5) * kPixel};
     const auto pixel = project(camera, T_color_room * p_room);
     if (!pixel) return 0;
-    return 255 - frame.color.at(static_cast<int>(std::lround(pixel->x)), static_cast<int>(std::lround(pixel->y)))[1];
+    return 255 - frame.color.at(static_cast<int>(std::lround(pixel->x)),
+                                static_cast<int>(std::lround(pixel->y)))[1];
   };
   const auto agrees = [&](int letter, const char* const* glyph) {
     int right = 0;
@@ -198,9 +203,9 @@ TEST(Texture, LettersRunToTheRightAndStandUpright) {
   m.size_m = {0.5f, 0.7f};
   m.color = {1, 1, 1}, m.accent = {0, 0, 0};
   const auto dark = [&](float x, float y) { return paint(m, {x, y}, 0).x < 0.5f; };
-  EXPECT_TRUE(dark(0.08f, 0.55f));   // the stem, on the left
+  EXPECT_TRUE(dark(0.08f, 0.55f));  // the stem, on the left
   EXPECT_FALSE(dark(0.42f, 0.55f));
-  EXPECT_TRUE(dark(0.42f, 0.12f));   // the foot, at the bottom
+  EXPECT_TRUE(dark(0.42f, 0.12f));  // the foot, at the bottom
 }
 
 }  // namespace

@@ -14,7 +14,7 @@ namespace mr::atlas {
 namespace {
 
 constexpr double kEnoughVisible = 0.9;
-constexpr double kLeastVisible = 0.3;    // below it, neutral colour is better than a wrong picture
+constexpr double kLeastDirect = 0.75;    // below it, neutral colour is better than a wrong picture
 constexpr float kLeastFacing = 0.1f;     // cosine; flatter, a pixel smears over the surface
 constexpr int kNormalRounds = 4;
 constexpr int kCutRounds = 4;
@@ -23,9 +23,11 @@ constexpr double kFrontOfMargin_m = 0.05;  // an occluder this much nearer needs
 
 /// How one view sees one triangle.
 struct Sight {
-  float visible = 0;  ///< share of the triangle's pixels; 0 where the view may not be used
-  float facing = 0;   ///< cosine between the normal and the direction to the camera
-  float area_px = 0;  ///< visible pixels
+  float visible = 0;    ///< share of the triangle's pixels in sight, clear of occluders' margins; 0 where
+                        ///< the view may not be used
+  float direct_px = 0;  ///< pixels in sight, margins or not; 0 where the view may not be used
+  float facing = 0;     ///< cosine between the normal and the direction to the camera
+  bool touches = false; ///< some of it is in the picture and in sight
 };
 
 /// Smallest value in a window of (2r + 1)², ignoring 0.
@@ -77,10 +79,12 @@ class Eye {
     Sight sight;
     sight.facing = static_cast<float>(-dot(normal, normalized(middle)));
     if (sight.facing < kLeastFacing) return {};
-    int pixels = 0, seen = 0;
+    int pixels = 0, clear = 0, direct = 0;
     const auto count = [&](int x, int y, double z) {
+      const bool in_sight = nothing_in_front(x, y, z);
       ++pixels;
-      seen += visible(x, y, z);
+      direct += in_sight;
+      clear += in_sight && clear_of_occluders(x, y, z);
     };
     kit::scan_polygon(kit::clip_to_screen(camera_, p), camera_.width, 0, camera_.height, count);
     if (pixels == 0 && middle.z > kit::kNearPlane_m) {  // smaller than a pixel
@@ -89,11 +93,11 @@ class Eye {
       if (depth_.contains(x, y)) count(x, y, middle.z);
     }
     if (pixels == 0) return {};
-    sight.area_px = static_cast<float>(seen);
+    sight.touches = direct > 0;
     // A corner outside forbids the view for this triangle; cut, its inner pieces may use it.
-    const bool usable = std::all_of(p.begin(), p.end(), [&](Vec3d c) { return inside(c); });
-    const float share = static_cast<float>(seen) / static_cast<float>(pixels);
-    sight.visible = usable ? share : 0;
+    if (!std::all_of(p.begin(), p.end(), [&](Vec3d c) { return inside(c); })) return sight;
+    sight.visible = static_cast<float>(clear) / static_cast<float>(pixels);
+    if (direct > kLeastDirect * pixels) sight.direct_px = static_cast<float>(direct);
     return sight;
   }
 
@@ -109,13 +113,15 @@ class Eye {
            s.v <= r.y + r.height - 1 - g;
   }
 
-  /// Nothing in front of it here, and no occluder within the margin: a slope of up to 72 degrees across
-  /// the margin is not an occluder.
-  bool visible(int x, int y, double z) const {
-    const double pixel_m = z / camera_.fx;
-    const double slack = config_.geometry_error_m + 2 * config_.precision.sigma_m(z);
-    if (*depth_.at(x, y) < z - slack - 3 * pixel_m) return false;
-    return *around_.at(x, y) >= z - kFrontOfMargin_m - slack - 3 * pixel_m * margin_;
+  double slack_m(double z) const { return config_.geometry_error_m + 2 * config_.precision.sigma_m(z); }
+
+  bool nothing_in_front(int x, int y, double z) const {
+    return *depth_.at(x, y) >= z - slack_m(z) - 3 * z / camera_.fx;
+  }
+
+  /// No occluder within the margin: a slope of up to 72 degrees across the margin is not one.
+  bool clear_of_occluders(int x, int y, double z) const {
+    return *around_.at(x, y) >= z - kFrontOfMargin_m - slack_m(z) - 3 * z / camera_.fx * margin_;
   }
 
   const View& view_;
@@ -154,10 +160,10 @@ bool cut_occlusion_edges(Mesh& mesh, const Sights& sights, double min_edge_m) {
   std::vector<std::uint8_t> split(mesh.triangles.size() * 3, 0);
   bool any = false;
   for (std::uint32_t t = 0; t < mesh.triangles.size(); ++t) {
-    float best = 0, area = 0;
-    for (const auto& view : sights)
-      best = std::max(best, view[t].visible), area = std::max(area, view[t].area_px);
-    if (best >= kEnoughVisible || area == 0) continue;
+    float best = 0;
+    bool touched = false;
+    for (const auto& view : sights) best = std::max(best, view[t].visible), touched |= view[t].touches;
+    if (best >= kEnoughVisible || !touched) continue;
     for (std::uint32_t h = 3 * t; h < 3 * t + 3; ++h) {
       const Vec3f edge = mesh.positions[kit::edge_to(mesh, h)] - mesh.positions[kit::edge_from(mesh, h)];
       split[h] = length(edge) > 2 * min_edge_m;
@@ -170,15 +176,15 @@ bool cut_occlusion_edges(Mesh& mesh, const Sights& sights, double min_edge_m) {
 
 constexpr int kNone = -1;
 
-/// The view that looks most directly among those that see enough; else the one that sees most.
+/// The view that looks most directly among those that see enough; else the one that sees most of the
+/// triangle, if need be within the margin of an occluder.
 int best_view(const Sights& sights, std::size_t t) {
   int best = kNone, most = kNone;
   for (int v = 0; v < static_cast<int>(sights.size()); ++v) {
     const Sight& s = sights[v][t];
     if (s.visible >= kEnoughVisible && (best == kNone || s.facing > sights[best][t].facing)) best = v;
-    if (s.visible >= kLeastVisible &&
-        (most == kNone || s.visible * s.area_px > sights[most][t].visible * sights[most][t].area_px))
-      most = v;
+    const auto rank = [&](int view) { return std::pair(sights[view][t].visible, sights[view][t].direct_px); };
+    if (s.direct_px > 0 && (most == kNone || rank(v) > rank(most))) most = v;
   }
   return best != kNone ? best : most;
 }

@@ -107,7 +107,7 @@ struct RigConfig {
   int color_width = 1280, color_height = 720;
   bool noise = true;                           ///< `kinect`; `none` is noiseless
   double detail = 0.5;                         ///< texture contrast and clutter, 0..1
-  int frames = 1;
+  int frames = 300;                            ///< the source ends after so many
 };
 
 struct Scene {

@@ -43,7 +43,8 @@ Result<Header> within_limits(Header h) {
   return h;
 }
 
-// --- JPEG: libjpeg fills what is missing with grey and only warns, so the markers are walked first.
+// --- JPEG: libjpeg fills what is missing with grey and only warns, so the markers are walked
+// first.
 
 bool is_jpeg(Bytes b) { return b.size() >= 3 && b[0] == 0xFF && b[1] == 0xD8 && b[2] == 0xFF; }
 
@@ -195,7 +196,8 @@ Result<ImageDepth16> decode_pgm(Bytes b) {
 Result<cv::Mat> decode(Bytes b, const Header& header, int flags) {
   try {
     // imdecode() wants a matrix that it may write to, and only reads.
-    const cv::Mat input(1, static_cast<int>(b.size()), CV_8UC1, const_cast<std::uint8_t*>(b.data()));
+    const cv::Mat input(1, static_cast<int>(b.size()), CV_8UC1,
+                        const_cast<std::uint8_t*>(b.data()));
     cv::Mat picture = cv::imdecode(input, flags);
     if (picture.empty()) return corrupt("the picture cannot be decoded");
     if (static_cast<std::uint64_t>(picture.cols) != header.width ||
@@ -246,8 +248,7 @@ template <typename T>
 Result<T> read_with(Result<T> (*decoder)(Bytes), const std::filesystem::path& file) {
   const auto bytes = read_file(file, kMaxFileBytes);
   if (!bytes) return bytes.error();
-  auto image =
-      decoder({reinterpret_cast<const std::uint8_t*>(bytes->data()), bytes->size()});
+  auto image = decoder({reinterpret_cast<const std::uint8_t*>(bytes->data()), bytes->size()});
   if (!image) return Error{image.error().cause, file.string() + ": " + image.error().message};
   return image;
 }

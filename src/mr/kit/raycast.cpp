@@ -27,9 +27,8 @@ RTCDevice device() {
 /// Adds a copy of `mesh` as geometry number `place`.
 void attach(RTCScene scene, const Mesh& mesh, unsigned place) {
   const RTCGeometry geometry = rtcNewGeometry(device(), RTC_GEOMETRY_TYPE_TRIANGLE);
-  void* vertices =
-      rtcSetNewGeometryBuffer(geometry, RTC_BUFFER_TYPE_VERTEX, 0, RTC_FORMAT_FLOAT3,
-                              sizeof(Vec3f), mesh.positions.size());
+  void* vertices = rtcSetNewGeometryBuffer(geometry, RTC_BUFFER_TYPE_VERTEX, 0, RTC_FORMAT_FLOAT3,
+                                           sizeof(Vec3f), mesh.positions.size());
   void* indices = rtcSetNewGeometryBuffer(geometry, RTC_BUFFER_TYPE_INDEX, 0, RTC_FORMAT_UINT3,
                                           sizeof(Triangle), mesh.triangles.size());
   if (vertices == nullptr || indices == nullptr) {
@@ -118,8 +117,9 @@ struct RayScene::Impl {
 };
 
 RayScene::RayScene(std::span<const Mesh* const> meshes) : impl_(std::make_unique<Impl>()) {
-  rtcSetSceneFlags(impl_->scene, static_cast<RTCSceneFlags>(
-                                     RTC_SCENE_FLAG_ROBUST | RTC_SCENE_FLAG_CONTEXT_FILTER_FUNCTION));
+  rtcSetSceneFlags(
+      impl_->scene,
+      static_cast<RTCSceneFlags>(RTC_SCENE_FLAG_ROBUST | RTC_SCENE_FLAG_CONTEXT_FILTER_FUNCTION));
   for (unsigned i = 0; i < meshes.size(); ++i)
     if (!meshes[i]->empty()) attach(impl_->scene, *meshes[i], i);
   rtcCommitScene(impl_->scene);  // runs in the caller's arena

@@ -28,10 +28,9 @@ Status check_size(const auto& image, const Camera& camera, const char* which,
   const auto size = [](int width, int height) {
     return std::to_string(width) + "x" + std::to_string(height);
   };
-  return Error{Error::Cause::invalid, file.string() + ": expected " +
-                                          size(camera.width, camera.height) + " pixels of the " +
-                                          which + " camera, found " +
-                                          size(image.width, image.height)};
+  return Error{Error::Cause::invalid,
+               file.string() + ": expected " + size(camera.width, camera.height) +
+                   " pixels of the " + which + " camera, found " + size(image.width, image.height)};
 }
 
 class RgbdImages final : public FrameSource {
@@ -108,8 +107,8 @@ class RgbdImages final : public FrameSource {
 
 }  // namespace
 
-std::unique_ptr<FrameSource> open_rgbd_images(const SensorConfig& sensor, std::uint32_t sensor_index,
-                                              double fps) {
+std::unique_ptr<FrameSource> open_rgbd_images(const SensorConfig& sensor,
+                                              std::uint32_t sensor_index, double fps) {
   MR_ASSERT(std::holds_alternative<RgbdImagesSource>(sensor.source));
   MR_ASSERT(fps > 0);
   return std::make_unique<RgbdImages>(sensor, sensor_index, fps);

@@ -9,12 +9,15 @@
 namespace mr::synth {
 namespace {
 
-constexpr double kCell = 0.06;         // edge of the mesh on flat faces, metres: the light's resolution
+constexpr double kCell = 0.06;  // edge of the mesh on flat faces, metres: the light's resolution
 constexpr double kLightInset = 0.012;  // light is gathered this far off the face and its borders
 
-int cells(double length_m) { return std::max(1, static_cast<int>(std::ceil(length_m / kCell - 1e-6))); }
+int cells(double length_m) {
+  return std::max(1, static_cast<int>(std::ceil(length_m / kCell - 1e-6)));
+}
 
-/// Faces that share an edge compute its vertices along different ways: a fine grid makes them equal.
+/// Faces that share an edge compute its vertices along different ways: a fine grid makes them
+/// equal.
 Vec3d rounded(Vec3d p) {
   constexpr double kPerMetre = 1 << 20;
   const auto one = [](double v) { return std::floor(v * kPerMetre + 0.5) / kPerMetre; };
@@ -41,7 +44,9 @@ void Builder::place(const Pose& T_room_object, double scale) {
   scale_ = scale;
 }
 
-Vec3d Builder::to_world(Vec3d p_object) const { return T_world_object_ * rounded(p_object * scale_); }
+Vec3d Builder::to_world(Vec3d p_object) const {
+  return T_world_object_ * rounded(p_object * scale_);
+}
 
 void Builder::sheet(int columns, int rows, Vec2d size_m, MaterialId material,
                     const std::function<Vec3d(double, double)>& shape) {
@@ -54,15 +59,19 @@ void Builder::sheet(int columns, int rows, Vec2d size_m, MaterialId material,
       room_.mesh.positions.push_back(vec_cast<float>(to_world(shape(u, v))));
       room_.surface_m.push_back(
           {static_cast<float>(u * size_m.x), static_cast<float>(v * size_m.y)});
-      const double cu = std::clamp(u, inset_u, 1 - inset_u), cv = std::clamp(v, inset_v, 1 - inset_v);
+      const double cu = std::clamp(u, inset_u, 1 - inset_u),
+                   cv = std::clamp(v, inset_v, 1 - inset_v);
       constexpr double h = 1e-3;
-      const Vec3d du = shape(cu + h, cv) - shape(cu - h, cv), dv = shape(cu, cv + h) - shape(cu, cv - h);
+      const Vec3d du = shape(cu + h, cv) - shape(cu - h, cv),
+                  dv = shape(cu, cv + h) - shape(cu, cv - h);
       const Vec3d normal = T_world_object_.rotation * normalized(cross(du, dv));
       normals_.push_back(vec_cast<float>(normal));
-      light_places_.push_back(
-          vec_cast<float>(T_world_object_ * (shape(cu, cv) * scale_) + normal * (0.4 * kLightInset)));
+      light_places_.push_back(vec_cast<float>(T_world_object_ * (shape(cu, cv) * scale_) +
+                                              normal * (0.4 * kLightInset)));
     }
-  const auto at = [&](int i, int j) { return base + static_cast<std::uint32_t>(j * (columns + 1) + i); };
+  const auto at = [&](int i, int j) {
+    return base + static_cast<std::uint32_t>(j * (columns + 1) + i);
+  };
   const auto add_triangle = [&](const Triangle& t) {
     room_.mesh.triangles.push_back(t);
     const Vec3f normal = room_.mesh.area_normal(room_.mesh.triangles.size() - 1);

@@ -76,8 +76,8 @@ void books_lying(Builder& b, Vec3d place, int count, Random& random) {
     const double w = random.uniform(0.2, 0.26), d = random.uniform(0.14, 0.18);
     const double h = random.uniform(0.02, 0.04), shift = random.uniform(-0.02, 0.02);
     const MaterialId cover = b.add(plain(kBright[random.index(10)]));
-    b.box(place + Vec3d{shift - w / 2, shift - d / 2, 0}, place + Vec3d{shift + w / 2, shift + d / 2, h},
-          cover);
+    b.box(place + Vec3d{shift - w / 2, shift - d / 2, 0},
+          place + Vec3d{shift + w / 2, shift + d / 2, h}, cover);
     place.z += h;
   }
 }
@@ -125,7 +125,8 @@ void dining_place(Builder& b, const RigConfig& rig, Vec3d place, double scale, R
   cup(b, {-0.55, -0.22, 0.74}, 0.042, 0.095, 0xB23A2E);
   laptop(b, {0.5, 0.12, 0.74});
   if (rig.detail > 0.2) books_lying(b, {-0.6, 0.18, 0.74}, 3, random);
-  const std::array<Vec3d, 4> seats{{{-0.42, 0.62, 0}, {0.45, 0.7, 0}, {-0.4, -0.66, 0}, {0.5, -0.6, 0}}};
+  const std::array<Vec3d, 4> seats{
+      {{-0.42, 0.62, 0}, {0.45, 0.7, 0}, {-0.4, -0.66, 0}, {0.5, -0.6, 0}}};
   const std::array<std::uint32_t, 4> colors{0x2F6F73, 0xC2703D, 0xC2703D, 0x2F6F73};
   for (int i = 0; i < 4; ++i) {
     const double yaw = (i < 2 ? 0 : 180) + random.uniform(-14, 14);
@@ -177,9 +178,11 @@ void cushion(Builder& b, Vec3d center, Vec3d half, double lean, std::uint32_t co
   const auto soft = [](double c) { return std::copysign(std::pow(std::abs(c), 0.45), c); };
   const Vec2d size{4 * half.x, 2 * half.z};
   b.sheet(40, 20, size, b.sized(fabric, size.x, size.y), [&](double u, double v) {
-    const double a = 2 * std::numbers::pi * u, e = std::numbers::pi * (std::clamp(v, 0.0, 1.0) - 0.5);
+    const double a = 2 * std::numbers::pi * u,
+                 e = std::numbers::pi * (std::clamp(v, 0.0, 1.0) - 0.5);
     const double ring = soft(std::cos(e));
-    const Vec3d p{half.x * ring * soft(std::cos(a)), half.y * ring * std::sin(a), half.z * soft(std::sin(e))};
+    const Vec3d p{half.x * ring * soft(std::cos(a)), half.y * ring * std::sin(a),
+                  half.z * soft(std::sin(e))};
     return center + Vec3d{p.x, p.y + lean * p.z, p.z};
   });
 }
@@ -227,17 +230,22 @@ void table_lamp(Builder& b, const Pose& T_room_wall, double scale, std::vector<L
   const std::array<Vec2d, 2> shade{{{0.15, 0.24}, {0.1, 0.45}}};
   b.lathe(foot, shade, 32, b.add(paper));
   const double r = 0.08 * scale;
-  lights.push_back({T_room_wall * ((foot + Vec3d{0, 0, 0.34}) * scale), {r, 0, 0}, {0, 0, r}, {0.30f, 0.20f, 0.10f}});
+  lights.push_back({T_room_wall * ((foot + Vec3d{0, 0, 0.34}) * scale),
+                    {r, 0, 0},
+                    {0, 0, r},
+                    {0.30f, 0.20f, 0.10f}});
 }
 
 /// Hangs over the table.
-void pendant(Builder& b, const RigConfig& rig, Vec3d place, double scale, std::vector<Light>& lights) {
+void pendant(Builder& b, const RigConfig& rig, Vec3d place, double scale,
+             std::vector<Light>& lights) {
   const double ceiling = rig.room_m.z / scale, low = std::max(ceiling - 0.85, 1.5);
   b.place(standing(place, 0), scale);
   const MaterialId dark = b.add(plain(0x2A2A2C, 0.1f));
   const std::array<Vec2d, 2> cord{{{0.007, 0}, {0.007, ceiling - low - 0.2}}};
   b.lathe({0, 0, low + 0.2}, cord, 12, dark);
-  const std::array<Vec2d, 6> shade{{{0.2, 0.0}, {0.24, 0.003}, {0.2, 0.1}, {0.1, 0.18}, {0.03, 0.22}, {0.002, 0.222}}};
+  const std::array<Vec2d, 6> shade{
+      {{0.2, 0.0}, {0.24, 0.003}, {0.2, 0.1}, {0.1, 0.18}, {0.03, 0.22}, {0.002, 0.222}}};
   b.lathe({0, 0, low}, shade, 40, b.add(plain(0xC8573B, 0.08f)));
   const std::array<Vec2d, 4> inside{{{0.002, 0.2}, {0.09, 0.165}, {0.19, 0.09}, {0.235, 0.003}}};
   Material lit = plain(0xFFEFD0, 0.0f);
@@ -246,13 +254,15 @@ void pendant(Builder& b, const RigConfig& rig, Vec3d place, double scale, std::v
   b.lathe({0, 0, low}, inside, 40, glow);
   b.sphere({0, 0, low + 0.07}, 0.06, glow);
   const double r = 0.09 * scale;
-  lights.push_back({place + Vec3d{0, 0, low * scale - 0.02}, {r, 0, 0}, {0, r, 0}, {0.80f, 0.66f, 0.46f}});
+  lights.push_back(
+      {place + Vec3d{0, 0, low * scale - 0.02}, {r, 0, 0}, {0, r, 0}, {0.80f, 0.66f, 0.46f}});
 }
 
 // --- on the floor
 
 /// An arching leaf that starts at the pot's middle: `turn` about z, `reach` outwards, `rise` up.
-void leaf(Builder& b, Vec3d foot, double turn, double reach, double rise, double width, MaterialId green) {
+void leaf(Builder& b, Vec3d foot, double turn, double reach, double rise, double width,
+          MaterialId green) {
   const Vec3d out{std::cos(turn), std::sin(turn), 0}, side{std::sin(turn), -std::cos(turn), 0};
   const double long_m = std::hypot(reach, rise) * 1.2;
   const MaterialId sized = b.sized(green, width, long_m);
@@ -280,7 +290,8 @@ void plant(Builder& b, Random& random) {
   for (int i = 0; i < kLeaves; ++i) {
     const double turn = i * 2.39996, inner = static_cast<double>(i) / kLeaves;
     leaf(b, {0, 0, 0.3}, turn, random.uniform(0.3, 0.42) * (1.1 - 0.6 * inner),
-         random.uniform(0.35, 0.5) * (0.7 + 0.75 * inner), random.uniform(0.1, 0.14), i % 2 == 0 ? light : dark);
+         random.uniform(0.35, 0.5) * (0.7 + 0.75 * inner), random.uniform(0.1, 0.14),
+         i % 2 == 0 ? light : dark);
   }
 }
 
@@ -298,7 +309,8 @@ void toys(Builder& b, Vec3d middle, int count, double scale, Random& random) {
   for (int i = 0; i < count; ++i) {
     const double a = random.uniform(0, 6.28), r = random.uniform(0.1, 0.5);
     const double half = random.uniform(0.03, 0.055);
-    b.place(standing(middle + Vec3d{r * std::cos(a), r * std::sin(a), 0}, random.uniform(0, 90)), scale);
+    b.place(standing(middle + Vec3d{r * std::cos(a), r * std::sin(a), 0}, random.uniform(0, 90)),
+            scale);
     b.box({-half, -half, 0}, {half, half, 2 * half}, b.add(plain(kBright[(7 * i + 2) % 10], 0.1f)));
   }
 }

@@ -12,7 +12,7 @@ namespace mr::synth {
 namespace {
 
 constexpr int kSkyRays = 32;
-constexpr float kOpenness_m = 1.6f;           // nearer surfaces take ambient light away
+constexpr float kOpenness_m = 1.6f;  // nearer surfaces take ambient light away
 constexpr Vec3f kAmbient{0.42f, 0.415f, 0.42f};
 
 /// One point of a light, in the world.
@@ -83,7 +83,8 @@ class Gatherer {
     const Vec3f x = normalized(cross(helper, normal)), y = cross(normal, x);
     Vec3f sum;
     for (const Vec3f s : sky_) {
-      const auto hit = room_.rays->first_hit(place, x * s.x + y * s.y + normal * s.z, 0, kOpenness_m);
+      const auto hit =
+          room_.rays->first_hit(place, x * s.x + y * s.y + normal * s.z, 0, kOpenness_m);
       if (!hit || shines(*hit)) {
         sum += Vec3f{1, 1, 1};
         continue;

@@ -74,16 +74,19 @@ void window(Builder& b, const RigConfig& rig, double x, std::vector<Light>& ligh
   curtain(b, x - width / 2 - 0.42, 0.44, 0.12, high + 0.13, fabric);
   curtain(b, x + width / 2 - 0.02, 0.44, 0.12, high + 0.13, fabric);
   const MaterialId rail = b.add(plain(0x3A3532, 0.1f));
-  b.box({x - width / 2 - 0.5, -0.115, high + 0.12}, {x + width / 2 + 0.5, -0.085, high + 0.15}, rail);
+  b.box({x - width / 2 - 0.5, -0.115, high + 0.12}, {x + width / 2 + 0.5, -0.085, high + 0.15},
+        rail);
   const Pose T = at_wall(rig, 0);
-  lights.push_back({T * Vec3d{x, -0.22, middle}, T.rotation * Vec3d{width / 2, 0, 0},
-                    T.rotation * Vec3d{0, 0, height / 2}, {2.35f, 2.5f, 2.75f}, true});
+  lights.push_back({T * Vec3d{x, -0.22, middle},
+                    T.rotation * Vec3d{width / 2, 0, 0},
+                    T.rotation * Vec3d{0, 0, height / 2},
+                    {2.35f, 2.5f, 2.75f},
+                    true});
 }
 
 void door(Builder& b, double x) {
   const MaterialId frame = b.add(plain(0xEDE8DC, 0.08f));
   Material leaf = plain(0x8F5B34, 0.3f);
-  leaf.pattern = Pattern::plain;
   leaf.grain_scale = {9, 0.8f};
   const MaterialId wood = b.add(leaf);
   const double w = 0.9, h = 2.02;
@@ -91,8 +94,7 @@ void door(Builder& b, double x) {
   b.box({x + w / 2, -0.03, 0}, {x + w / 2 + 0.09, 0.01, h + 0.09}, frame);
   b.box({x - w / 2, -0.03, h}, {x + w / 2, 0.01, h + 0.09}, frame);
   b.box({x - w / 2, -0.015, 0}, {x + w / 2, 0.01, h}, wood);
-  for (const double z : {0.2, 1.15})
-    b.box({x - 0.3, -0.032, z}, {x + 0.3, -0.01, z + 0.72}, wood);
+  for (const double z : {0.2, 1.15}) b.box({x - 0.3, -0.032, z}, {x + 0.3, -0.01, z + 0.72}, wood);
   Material brass = plain(0xC9A548, 0.05f);
   b.sphere({x + w / 2 - 0.07, -0.07, 1.02}, 0.03, b.add(brass));
 }
@@ -160,7 +162,8 @@ void build_shell(Builder& b, const RigConfig& rig, std::vector<Light>& lights) {
   b.place(at_wall(rig, 2), s);
   hang(b, landscape(rig.seed * 7 + 2), 0xC7A252, -0.55, eye, 0.9, 0.6, 0.05);
   hang(b, landscape(rig.seed * 7 + 3), 0x232323, 0.45, eye, 0.55, 0.6, 0.04);
-  hang(b, lettered("^ ^\nTHIS\nWAY UP", 0xE9B93A, 0x201A12), 0x201A12, 1.6, eye - 0.1, 0.75, 0.95, 0.0);
+  hang(b, lettered("^ ^\nTHIS\nWAY UP", 0xE9B93A, 0x201A12), 0x201A12, 1.6, eye - 0.1, 0.75, 0.95,
+       0.0);
 
   b.place(at_wall(rig, 3), s);
   hang(b, lettered("THIS WAY UP ^", 0xF2EEE4, 0xA3271F), 0x6B4A2E, -0.35, 1.7, 1.35, 0.34, 0.03);

@@ -68,7 +68,10 @@ struct Touch {
 class Painter {
  public:
   Painter(const Room& room, const Eye& eye)
-      : room_(room), eye_(eye), origin_(eye.origin()), contrast_(static_cast<float>(2 * room.detail)) {}
+      : room_(room),
+        eye_(eye),
+        origin_(eye.origin()),
+        contrast_(static_cast<float>(2 * room.detail)) {}
 
   ImageRgb paint_all() const {
     const int width = eye_.camera.width, height = eye_.camera.height;
@@ -128,7 +131,8 @@ class Painter {
   Touch touch(std::uint32_t t, Vec3f ray) const {
     const Triangle& corners = room_.mesh.triangles[t];
     const Vec3f a = room_.mesh.positions[corners[0]];
-    const Vec3f ab = room_.mesh.positions[corners[1]] - a, ac = room_.mesh.positions[corners[2]] - a;
+    const Vec3f ab = room_.mesh.positions[corners[1]] - a,
+                ac = room_.mesh.positions[corners[2]] - a;
     const Vec3f n = cross(ab, ac);
     const float facing = dot(n, ray);
     const float depth = facing != 0 ? dot(n, a - origin_) / facing : 0;
@@ -195,7 +199,8 @@ TrueDepth true_depth(const Room& room, const Eye& eye) {
 double gaussian(std::uint64_t hash) {
   std::int64_t sum = 0;
   for (int i = 0; i < 3; ++i, hash = mix(hash))
-    for (int part = 0; part < 4; ++part) sum += static_cast<std::int64_t>(hash >> (16 * part) & 0xFFFF);
+    for (int part = 0; part < 4; ++part)
+      sum += static_cast<std::int64_t>(hash >> (16 * part) & 0xFFFF);
   return static_cast<double>(sum - 12 * 32767 - 6) / 65536.0;
 }
 
@@ -215,10 +220,15 @@ class SyntheticSourceReader final : public FrameSource {
  public:
   SyntheticSourceReader(std::shared_ptr<const Room> room, const RigConfig& rig,
                         const SensorConfig& sensor, std::uint32_t sensor_index, double fps)
-      : room_(std::move(room)), rig_(rig), sensor_(sensor), sensor_index_(sensor_index), fps_(fps) {}
+      : room_(std::move(room)),
+        rig_(rig),
+        sensor_(sensor),
+        sensor_index_(sensor_index),
+        fps_(fps) {}
 
   Result<std::optional<Frame>> next() override {
-    if (index_ >= static_cast<std::uint64_t>(std::max(rig_.frames, 0))) return std::optional<Frame>{};
+    if (index_ >= static_cast<std::uint64_t>(std::max(rig_.frames, 0)))
+      return std::optional<Frame>{};
     if (index_ == 0) render();
     Frame frame;
     frame.sensor = sensor_index_;

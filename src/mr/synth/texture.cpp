@@ -13,7 +13,8 @@ namespace {
 // --- letters
 
 constexpr int kGlyphWidth = 5, kGlyphHeight = 7, kAdvance = 6, kLineHeight = 9;
-using Glyph = std::array<std::uint8_t, kGlyphHeight>;  ///< rows from the top; bit 4 is the left column
+using Glyph =
+    std::array<std::uint8_t, kGlyphHeight>;  ///< rows from the top; bit 4 is the left column
 
 constexpr std::array<Glyph, 26> kLetters{{
     {0x0E, 0x11, 0x11, 0x1F, 0x11, 0x11, 0x11}, {0x1E, 0x11, 0x11, 0x1E, 0x11, 0x11, 0x1E},
@@ -31,11 +32,16 @@ constexpr std::array<Glyph, 26> kLetters{{
     {0x11, 0x11, 0x0A, 0x04, 0x04, 0x04, 0x04}, {0x1F, 0x01, 0x02, 0x04, 0x08, 0x10, 0x1F},
 }};
 constexpr std::array<Glyph, 10> kDigits{{
-    {0x0E, 0x11, 0x13, 0x15, 0x19, 0x11, 0x0E}, {0x04, 0x0C, 0x04, 0x04, 0x04, 0x04, 0x0E},
-    {0x0E, 0x11, 0x01, 0x02, 0x04, 0x08, 0x1F}, {0x1F, 0x02, 0x04, 0x02, 0x01, 0x11, 0x0E},
-    {0x02, 0x06, 0x0A, 0x12, 0x1F, 0x02, 0x02}, {0x1F, 0x10, 0x1E, 0x01, 0x01, 0x11, 0x0E},
-    {0x06, 0x08, 0x10, 0x1E, 0x11, 0x11, 0x0E}, {0x1F, 0x01, 0x02, 0x04, 0x08, 0x08, 0x08},
-    {0x0E, 0x11, 0x11, 0x0E, 0x11, 0x11, 0x0E}, {0x0E, 0x11, 0x11, 0x0F, 0x01, 0x02, 0x0C},
+    {0x0E, 0x11, 0x13, 0x15, 0x19, 0x11, 0x0E},
+    {0x04, 0x0C, 0x04, 0x04, 0x04, 0x04, 0x0E},
+    {0x0E, 0x11, 0x01, 0x02, 0x04, 0x08, 0x1F},
+    {0x1F, 0x02, 0x04, 0x02, 0x01, 0x11, 0x0E},
+    {0x02, 0x06, 0x0A, 0x12, 0x1F, 0x02, 0x02},
+    {0x1F, 0x10, 0x1E, 0x01, 0x01, 0x11, 0x0E},
+    {0x06, 0x08, 0x10, 0x1E, 0x11, 0x11, 0x0E},
+    {0x1F, 0x01, 0x02, 0x04, 0x08, 0x08, 0x08},
+    {0x0E, 0x11, 0x11, 0x0E, 0x11, 0x11, 0x0E},
+    {0x0E, 0x11, 0x11, 0x0F, 0x01, 0x02, 0x0C},
 }};
 constexpr Glyph kArrow{0x04, 0x0E, 0x1F, 0x04, 0x04, 0x04, 0x04};
 
@@ -61,7 +67,8 @@ bool text_covers(std::string_view text, int columns, float x, float y) {
   const int column = static_cast<int>(std::floor(x)) -
                      (columns - (static_cast<int>(text.size()) * kAdvance - 1)) / 2;
   if (column < 0 || column / kAdvance >= static_cast<int>(text.size())) return false;
-  return glyph_covers(text[column / kAdvance], column % kAdvance, static_cast<int>(y) % kLineHeight);
+  return glyph_covers(text[column / kAdvance], column % kAdvance,
+                      static_cast<int>(y) % kLineHeight);
 }
 
 // --- noise
@@ -90,7 +97,9 @@ float random_of(int a, int b, std::uint32_t seed) {
 
 float fraction(float v) { return v - std::floor(v); }
 Vec3f blend(Vec3f a, Vec3f b, float t) { return a * (1 - t) + b * t; }
-float ramp(float v, float from, float to) { return std::clamp((v - from) / (to - from), 0.0f, 1.0f); }
+float ramp(float v, float from, float to) {
+  return std::clamp((v - from) / (to - from), 0.0f, 1.0f);
+}
 
 // --- patterns; uv in metres, st in 0..1
 
@@ -195,16 +204,35 @@ Vec3f paint(const Material& m, Vec2f uv, float grain) {
   const Vec2f st{uv.x / m.size_m.x, uv.y / m.size_m.y};
   Vec3f color = m.color;
   switch (m.pattern) {
-    case Pattern::plain: break;
-    case Pattern::planks: color = planks(m, uv); break;
-    case Pattern::wood: color = wood(m, uv, grain); break;
-    case Pattern::rug: color = rug(m, uv); break;
-    case Pattern::stripes: color = fraction(st.x * 6) < 0.5f ? m.color : m.accent; break;
-    case Pattern::checker: color = checker(m, st); break;
-    case Pattern::text: color = lettering(m, uv); break;
-    case Pattern::book: color = book(m, st); break;
-    case Pattern::picture: color = landscape(m, st); break;
-    case Pattern::leaf: color = leaf(m, st); break;
+    case Pattern::plain:
+      break;
+    case Pattern::planks:
+      color = planks(m, uv);
+      break;
+    case Pattern::wood:
+      color = wood(m, uv, grain);
+      break;
+    case Pattern::rug:
+      color = rug(m, uv);
+      break;
+    case Pattern::stripes:
+      color = fraction(st.x * 6) < 0.5f ? m.color : m.accent;
+      break;
+    case Pattern::checker:
+      color = checker(m, st);
+      break;
+    case Pattern::text:
+      color = lettering(m, uv);
+      break;
+    case Pattern::book:
+      color = book(m, st);
+      break;
+    case Pattern::picture:
+      color = landscape(m, st);
+      break;
+    case Pattern::leaf:
+      color = leaf(m, st);
+      break;
   }
   const float shade = 1 + m.grain * grain;
   return max(color * std::max(shade, 0.0f), Vec3f{});

@@ -10,14 +10,14 @@ namespace mr::synth {
 /// What is painted on a surface.
 enum class Pattern : std::uint8_t {
   plain,
-  planks,    ///< floor boards along u
-  wood,      ///< grain along u
-  rug,       ///< bordered, with diamonds
-  stripes,   ///< upright, 12 over the width
-  checker,   ///< 9 x 6 squares with a margin
-  text,      ///< lines of `text`, framed
-  book,      ///< a spine
-  picture,   ///< a landscape
+  planks,   ///< floor boards along u
+  wood,     ///< grain along u
+  rug,      ///< bordered, with diamonds
+  stripes,  ///< upright, 12 over the width
+  checker,  ///< 9 x 6 squares with a margin
+  text,     ///< lines of `text`, framed
+  book,     ///< a spine
+  picture,  ///< a landscape
   leaf,
 };
 
@@ -27,10 +27,10 @@ struct Material {
   Vec3f color{0.5f, 0.5f, 0.5f};
   Vec3f accent{0.1f, 0.1f, 0.1f};  ///< of letters, lines, every other square
   Vec2f size_m{1, 1};              ///< the surface's extent
-  std::string text;                ///< capitals, digits and blanks; '^' is an arrow; '\n' ends a line
-  float grain = 0.12f;             ///< strength of the 1/f noise
-  Vec2f grain_scale{1, 1};         ///< stretches it: (1, 8) gives streaks along u
-  float emission = 0;              ///< over 0: shines by itself, whatever light falls on it
+  std::string text;         ///< capitals, digits and blanks; '^' is an arrow; '\n' ends a line
+  float grain = 0.12f;      ///< strength of the 1/f noise
+  Vec2f grain_scale{1, 1};  ///< stretches it: (1, 8) gives streaks along u
+  float emission = 0;       ///< over 0: shines by itself, whatever light falls on it
   std::uint32_t seed = 0;
 };
 

@@ -1,0 +1,77 @@
+#include <gtest/gtest.h>
+
+#include "mr/atlas/compose.h"
+#include "mr/atlas/layout.h"
+#include "support/meshes.h"
+
+namespace mr {
+namespace {
+
+View view(ViewId id, int w, int h) {
+  View v;
+  v.id = id, v.width = w, v.height = h, v.fx = v.fy = w, v.cx = w / 2.0, v.cy = h / 2.0;
+  v.image_rect = v.atlas_rect = {0, 0, w, h};
+  v.stream = id;
+  return v;
+}
+
+TEST(Layout, TilesDoNotShareMacroblocksAndFit) {
+  std::vector<View> views;
+  for (ViewId i = 0; i < 11; ++i) views.push_back(view(i, 300 + 10 * static_cast<int>(i), 203));
+  AtlasConfig config;
+  config.width = 1000, config.height = 800;
+  const atlas::Layout layout = atlas::make_layout(views, config, 1.0, 4);
+  EXPECT_LE(layout.width, 1000);
+  EXPECT_LE(layout.height, 800);
+  ImageMask taken(layout.width / 16, layout.height / 16);
+  for (const View& v : layout.views) {
+    EXPECT_EQ(v.layout, 4u);
+    const Rect& r = v.atlas_rect;
+    EXPECT_LE(r.x + r.width, layout.width);
+    EXPECT_LE(r.y + r.height, layout.height);
+    for (int y = r.y / 16; y <= (r.y + r.height - 1) / 16; ++y)
+      for (int x = r.x / 16; x <= (r.x + r.width - 1) / 16; ++x) {
+        EXPECT_EQ(*taken.at(x, y), 0);
+        *taken.at(x, y) = 1;
+      }
+  }
+}
+
+TEST(Layout, ScaleShrinksTiles) {
+  const atlas::Layout half = atlas::make_layout({view(0, 640, 480)}, {}, 0.5, 1);
+  EXPECT_EQ(half.views[0].atlas_rect, (Rect{0, 0, 320, 240}));
+  EXPECT_TRUE(atlas::make_layout({}, {}, 1, 1).views.empty());
+}
+
+TEST(Compose, TilesAreCopiedExactlyAtFullScale) {
+  auto picture = std::make_shared<ImageRgb>(64, 32);
+  for (std::size_t i = 0; i < picture->data.size(); ++i) picture->data[i] = static_cast<std::uint8_t>(i * 7);
+  const atlas::Layout layout = atlas::make_layout({view(0, 64, 32), view(1, 64, 32)}, {}, 1, 1);
+  const ImageRgb atlas_picture =
+      atlas::compose_atlas(layout, {{1, view(1, 64, 32)}}, {{1, picture}}, {}, false);
+  const Rect at = layout.views[1].atlas_rect;
+  for (int y = 0; y < 32; ++y)
+    for (int x = 0; x < 64; ++x)
+      for (int c = 0; c < 3; ++c)
+        ASSERT_EQ(atlas_picture.at(at.x + x, at.y + y)[c], picture->at(x, y)[c]);
+  const Rect black = layout.views[0].atlas_rect;  // the child lacks it
+  EXPECT_EQ(*atlas_picture.at(black.x + 5, black.y + 5), 0);
+}
+
+TEST(Compose, PixelsOfNoUseAreBlack) {
+  auto picture = std::make_shared<ImageRgb>(100, 100, 200);
+  Mesh mesh = test::grid({-0.2f, 0.2f, 1}, {0.4f, 0, 0}, {0, -0.4f, 0}, 1, 1);
+  set_triangle_views(mesh, {0, 0});
+  View v = view(0, 100, 100);
+  const ImageMask used = atlas::used_pixels(mesh, v, 3);
+  const atlas::Layout layout = atlas::make_layout({v}, {}, 1, 1);
+  const ImageRgb masked = atlas::compose_atlas(layout, {{0, v}}, {{0, picture}}, {{0, used}}, true);
+  EXPECT_EQ(*masked.at(50, 50), 200);
+  EXPECT_EQ(*masked.at(28, 50), 200);  // inside the margin: the square covers 30..70
+  EXPECT_EQ(*masked.at(20, 50), 0);
+  const ImageRgb whole = atlas::compose_atlas(layout, {{0, v}}, {{0, picture}}, {{0, used}}, false);
+  EXPECT_EQ(*whole.at(20, 50), 200);
+}
+
+}  // namespace
+}  // namespace mr

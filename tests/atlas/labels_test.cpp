@@ -1,0 +1,122 @@
+#include "mr/atlas/labels.h"
+
+#include <gtest/gtest.h>
+
+#include <set>
+
+#include "mr/core/parallel.h"
+#include "mr/kit/topology.h"
+#include "support/meshes.h"
+
+namespace mr {
+namespace {
+
+View view(ViewId id, Vec3d eye, Vec3d target) {
+  View v;
+  v.id = id, v.width = 320, v.height = 240, v.fx = v.fy = 260, v.cx = 159.5, v.cy = 119.5;
+  v.T_world_camera = look_at(eye, target, {0, -1, 0});
+  v.image_rect = v.atlas_rect = {0, 0, 320, 240};
+  return v;
+}
+
+/// Facing -z at z = 2.
+Mesh wall(float half, int n) { return test::grid({-half, half, 2}, {2 * half, 0, 0}, {0, -2 * half, 0}, n, n); }
+
+double labelled_area(const Mesh& mesh, ViewId id) {
+  double twice = 0;
+  const auto views = triangle_views(mesh);
+  for (std::size_t t = 0; t < views.size(); ++t)
+    if (views[t] == id) twice += length(mesh.area_normal(t));
+  return twice / 2;
+}
+
+/// No triangle of a view leaves its picture or its gutter.
+void expect_inside(const Mesh& mesh, const View& v) {
+  const auto views = triangle_views(mesh);
+  for (std::size_t t = 0; t < views.size(); ++t) {
+    if (views[t] != v.id) continue;
+    for (int i = 0; i < 3; ++i) {
+      const auto p = project(v.camera(), v.T_world_camera.inverse() * vec_cast<double>(mesh.corner(t, i)));
+      ASSERT_TRUE(p);
+      EXPECT_GE(p->x, v.gutter_px - 1e-6);
+      EXPECT_LE(p->x, v.width - 1 - v.gutter_px + 1e-6);
+      EXPECT_GE(p->y, v.gutter_px - 1e-6);
+      EXPECT_LE(p->y, v.height - 1 - v.gutter_px + 1e-6);
+    }
+  }
+}
+
+TEST(Labels, WhatNoViewSeesHasNone) {
+  const View v = view(3, {0, 0, 0}, {0, 0, 2});
+  const Mesh mesh = atlas::label_triangles(wall(3, 60), {{v}}, {});
+  expect_inside(mesh, v);
+  // The view covers 320/260 · 2 by 240/260 · 2 metres of the wall, less the gutter.
+  EXPECT_NEAR(labelled_area(mesh, 3), 2.43 * 1.81, 0.15);
+  EXPECT_GT(labelled_area(mesh, kNoView), 30);
+}
+
+TEST(Labels, FromBehindThereIsNothingToSee) {
+  const Mesh mesh = atlas::label_triangles(wall(0.5f, 10), {{view(0, {0, 0, 4}, {0, 0, 2})}}, {});
+  EXPECT_EQ(labelled_area(mesh, 0), 0);
+}
+
+TEST(Labels, OccluderIsNotPaintedOntoTheWall) {
+  Mesh scene = wall(0.8f, 2);  // large triangles: the occlusion edge has to be cut
+  append(scene, test::grid({-0.2f, 0.2f, 1}, {0.4f, 0, 0}, {0, -0.4f, 0}, 8, 8));
+  const View v = view(0, {0, 0, 0}, {0, 0, 2});
+  const Mesh mesh = atlas::label_triangles(scene, {{v}}, {.geometry_error_m = 0.005, .min_edge_m = 0.02});
+  EXPECT_NEAR(surface_area_m2(mesh), 1.6 * 1.6 + 0.16, 1e-3);
+  // The occluder's shadow on the wall is 0.8 m wide. Nothing well inside it may be labelled; and outside its
+  // margin everything is.
+  const auto views = triangle_views(mesh);
+  double outside = 0;
+  for (std::size_t t = 0; t < views.size(); ++t) {
+    const Vec3f c = mesh.centroid(t);
+    if (c.z < 1.5f) continue;
+    const float reach = std::max(std::abs(c.x), std::abs(c.y));
+    if (reach < 0.36f) EXPECT_EQ(views[t], kNoView) << c.x << " " << c.y;
+    if (reach > 0.5f && views[t] == kNoView) outside += 0.5 * length(mesh.area_normal(t));
+  }
+  EXPECT_LT(outside, 0.05);
+}
+
+TEST(Labels, BestAngleTakesTheMostDirectView) {
+  const std::vector<View> views = {view(0, {-1.5, 0, 0.5}, {0, 0, 2}), view(1, {0, 0, 0}, {0, 0, 2})};
+  const Mesh mesh = atlas::label_triangles(wall(0.4f, 10), views, {.views = AtlasConfig::Views::best_angle});
+  EXPECT_NEAR(labelled_area(mesh, 1), 0.64, 1e-3);
+}
+
+TEST(Labels, CoherentLabelsHaveShorterBorders) {
+  const std::vector<View> views = {view(0, {-0.4, 0, 0}, {-0.1, 0, 2}), view(1, {0.4, 0, 0}, {0.1, 0, 2})};
+  // A bumpy wall: the angle test alone flickers between two views of about the same angle.
+  const Mesh bumpy = test::grid({-0.6f, 0.6f, 2}, {1.2f, 0, 0}, {0, -1.2f, 0}, 30, 30, 0.01f, 5);
+  const auto border = [&](AtlasConfig::Views mode) {
+    const Mesh mesh = atlas::label_triangles(bumpy, views, {.views = mode, .geometry_error_m = 0.02});
+    const auto label = triangle_views(mesh);
+    const kit::EdgeTable edges = kit::edge_table(mesh);
+    int count = 0;
+    for (std::size_t h = 0; h < edges.twin.size(); ++h)
+      count += edges.twin[h] != kit::kNoTwin && label[h / 3] != label[edges.twin[h] / 3];
+    return count;
+  };
+  EXPECT_LT(border(AtlasConfig::Views::coherent), border(AtlasConfig::Views::best_angle));
+}
+
+TEST(Labels, SameOnAnyNumberOfThreads) {
+  const std::vector<View> views = {view(0, {-0.4, 0, 0}, {0, 0, 2}), view(1, {0.4, 0, 0}, {0, 0, 2})};
+  std::vector<Mesh> results;
+  for (const int threads : {1, 2, 8}) {
+    Arena arena(threads);
+    arena.run([&] { results.push_back(atlas::label_triangles(wall(1, 20), views, {})); });
+  }
+  EXPECT_EQ(results[0], results[1]);
+  EXPECT_EQ(results[0], results[2]);
+}
+
+TEST(Labels, NoViewsNoLabels) {
+  const Mesh mesh = atlas::label_triangles(wall(1, 2), {}, {});
+  EXPECT_EQ(mesh.runs, (std::vector<ViewRun>{{0, 8, kNoView}}));
+}
+
+}  // namespace
+}  // namespace mr

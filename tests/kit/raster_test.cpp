@@ -1,0 +1,56 @@
+#include "mr/kit/raster.h"
+
+#include <gtest/gtest.h>
+
+#include "mr/core/parallel.h"
+#include "mr/kit/raycast.h"
+#include "support/meshes.h"
+
+namespace mr {
+namespace {
+
+Camera camera() {
+  Camera c;
+  c.width = 160, c.height = 120, c.fx = 150, c.fy = 140, c.cx = 71, c.cy = 63;
+  return c;
+}
+
+TEST(Raster, AgreesWithRaysThroughPixelCentres) {
+  Mesh mesh = test::sphere({0.2f, -0.1f, 2.5f}, 0.6f, 24);
+  append(mesh, test::grid({-3, -3, 4}, {6, 0, 0.5f}, {0, 6, 0.3f}, 4, 4));
+  append(mesh, test::grid({-0.6f, 0.4f, -1}, {1.2f, 0, 0}, {0, 0, 4}, 1, 1));  // through the near plane
+  const kit::Raster raster = kit::rasterize(mesh, camera(), Pose{});
+  const Mesh* meshes[] = {&mesh};
+  const kit::RayScene rays(meshes);
+  int different = 0;
+  for (int y = 0; y < 120; ++y)
+    for (int x = 0; x < 160; ++x) {
+      const Vec3d d = unproject(camera(), {double(x), double(y)});
+      const auto hit = rays.first_hit({0, 0, 0}, vec_cast<float>(d), 0.05f, 100);
+      const float depth = *raster.depth.at(x, y);
+      if (hit.has_value() != (depth > 0) || (hit && std::abs(hit->distance - depth) > 2e-3f)) ++different;
+    }
+  EXPECT_LE(different, 160 * 120 / 500);  // silhouettes may differ by rounding
+}
+
+TEST(Raster, SameOnAnyNumberOfThreads) {
+  const Mesh mesh = test::sphere({0, 0, 2}, 1, 40);
+  std::vector<kit::Raster> results;
+  for (const int threads : {1, 2, 8}) {
+    Arena arena(threads);
+    arena.run([&] { results.push_back(kit::rasterize(mesh, camera(), Pose{})); });
+  }
+  EXPECT_EQ(results[0].depth, results[1].depth);
+  EXPECT_EQ(results[0].triangle, results[2].triangle);
+}
+
+TEST(Raster, NearestSurfaceWins) {
+  Mesh mesh = test::grid({-1, -1, 3}, {2, 0, 0}, {0, 2, 0}, 1, 1);
+  append(mesh, test::grid({-1, -1, 2}, {2, 0, 0}, {0, 2, 0}, 1, 1));
+  const kit::Raster raster = kit::rasterize(mesh, camera(), Pose{});
+  EXPECT_NEAR(*raster.depth.at(71, 63), 2, 1e-5);
+  EXPECT_GE(*raster.triangle.at(71, 63), 2u);
+}
+
+}  // namespace
+}  // namespace mr

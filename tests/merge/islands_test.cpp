@@ -1,0 +1,26 @@
+#include "mr/merge/islands.h"
+
+#include <gtest/gtest.h>
+
+#include "support/meshes.h"
+
+namespace mr {
+namespace {
+
+TEST(Islands, SmallOnesGoLargeOnesStay) {
+  Mesh mesh = test::grid({0, 0, 0}, {1, 0, 0}, {0, 1, 0}, 4, 4);
+  append(mesh, test::grid({3, 0, 0}, {0.03f, 0, 0}, {0, 0.03f, 0}, 1, 1));
+  const Mesh kept = merge::remove_islands(mesh, merge::island_area_m2(0.01));
+  EXPECT_EQ(kept, test::grid({0, 0, 0}, {1, 0, 0}, {0, 1, 0}, 4, 4));
+  EXPECT_EQ(merge::remove_islands(mesh, 0), mesh);
+}
+
+TEST(Islands, ViewsAreKept) {
+  Mesh mesh = test::grid({0, 0, 0}, {1, 0, 0}, {0, 1, 0}, 1, 1);
+  append(mesh, test::grid({3, 0, 0}, {0.01f, 0, 0}, {0, 0.01f, 0}, 1, 1));
+  set_triangle_views(mesh, {7, 4, 7, 4});
+  EXPECT_EQ(triangle_views(merge::remove_islands(mesh, 0.01)), (std::vector<ViewId>{4, 7}));
+}
+
+}  // namespace
+}  // namespace mr

@@ -1,0 +1,74 @@
+#!/usr/bin/env bash
+# The commands as a user calls them: right exit codes, one clear line on what is wrong, no partial files.
+#   command_line_test.sh PATH/TO/meshreduce
+set -uo pipefail
+meshreduce=$(realpath "$1")
+here=$(cd "$(dirname "$0")/../.." && pwd)
+work=$(mktemp -d)
+trap 'umount "$work/full" 2>/dev/null; rm -rf "$work"' EXIT
+cd "$work"
+failures=0
+
+check() {  # check NAME EXPECTED_CODE PATTERN COMMAND...
+  local name=$1 code=$2 pattern=$3 output
+  shift 3
+  output=$("$@" 2>&1)
+  local got=$?
+  if { [ "$code" = fails ] && [ $got -eq 0 ]; } || { [ "$code" != fails ] && [ $got -ne "$code" ]; }; then
+    echo "FAILED $name: exit $got, expected $code: $output"; failures=$((failures + 1)); return
+  fi
+  if [ $got -gt 127 ]; then echo "FAILED $name: killed ($got): $output"; failures=$((failures + 1)); return; fi
+  grep -qE -- "$pattern" <<<"$output" || { echo "FAILED $name: no '$pattern' in: $output"; failures=$((failures + 1)); }
+}
+
+cat >room.yaml <<'YAML'
+scene: room
+up: [0, 0, 1]
+voxel_m: 0.04
+rig: {type: synthetic, seed: 1, sensors: 2, depth_mode: nfov_binned, color: [320, 180]}
+fusion: {truncation_m: 0.16}
+simplify: {ratio: 0.3}
+YAML
+
+for command in run demo export info; do check "$command --help" 0 Example "$meshreduce" $command --help; done
+check "no command" fails "subcommand" "$meshreduce"
+check "unknown option" fails "nonsense" "$meshreduce" run room.yaml --nonsense
+check "no such scene" fails "missing.yaml" "$meshreduce" run missing.yaml
+check "info" 0 "2 sensors" "$meshreduce" info room.yaml
+check "info as JSON" 0 '"sensors"' "$meshreduce" info room.yaml --json
+check "run" 0 "triangles" "$meshreduce" run room.yaml --frames 2 --export out.glb --report out.json --snapshot pictures
+for file in out.glb out.json pictures/above.png; do
+  [ -s "$file" ] || { echo "FAILED run: no $file"; failures=$((failures + 1)); }
+done
+check "Khronos validator" 0 "" node "$here/tests/tools/validate_gltf.mjs" out.glb
+check "export PLY" 0 "triangles" "$meshreduce" export room.yaml out.ply
+check "export OBJ" 0 "triangles" "$meshreduce" export room.yaml out.obj
+check "unknown ending" fails "\.glb, \.ply or \.obj" "$meshreduce" export room.yaml out.stl
+check "no such folder" fails "no folder" "$meshreduce" run room.yaml --export nowhere/out.glb
+
+printf 'scene: bad\nvoxl_m: 1\nup: [0, 0, 0]\nsensors: []\n' >bad.yaml
+check "unknown key, line 2" fails "bad.yaml:2:.*voxl_m" "$meshreduce" run bad.yaml
+check "zero up, line 3" fails "bad.yaml:3:" "$meshreduce" run bad.yaml
+mkdir empty
+cat >empty.yaml <<'YAML'
+scene: empty
+sensors:
+  - id: a
+    source: {type: rgbd-images, color: {pattern: "empty/%06d.jpg", first: 0, last: 9}, depth: {pattern: "empty/%06d.png", first: 0, last: 9}}
+    depth_camera: {model: pinhole, size: [640, 480], fx: 585, fy: 585, cx: 320, cy: 240}
+    color_camera: {model: pinhole, size: [640, 480], fx: 585, fy: 585, cx: 320, cy: 240}
+    T_world_depth: [1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1]
+YAML
+check "an empty folder" fails "empty.yaml:4:.*empty/000000" "$meshreduce" run empty.yaml
+
+mkdir full
+if mount -t tmpfs -o size=64k tmpfs full 2>/dev/null; then
+  for ending in glb ply obj; do
+    check "full disk, $ending" fails "full/out.$ending|full/out" "$meshreduce" export room.yaml full/out.$ending
+    [ -z "$(ls -A full)" ] || { echo "FAILED full disk: left $(ls full)"; failures=$((failures + 1)); rm -rf full/*; }
+  done
+else
+  echo "full-disk check skipped: cannot mount a tmpfs here"
+fi
+[ $failures -eq 0 ] && echo "all command line checks passed"
+exit $((failures > 0))

@@ -1,0 +1,321 @@
+#include "mr/node/pipeline.h"
+
+#include <gtest/gtest.h>
+
+#include <filesystem>
+#include <fstream>
+#include <nlohmann/json.hpp>
+
+#include "mr/codec/mesh_codec.h"
+#include "mr/codec/packet_codec.h"
+#include "mr/core/parallel.h"
+#include "mr/kit/image_io.h"
+#include "mr/kit/raycast.h"
+#include "mr/kit/topology.h"
+#include "mr/synth/room.h"
+
+namespace mr {
+namespace {
+
+/// Small pictures and coarse voxels: seconds, not minutes.
+Scene small_room(int sensors = 4) {
+  Scene scene;
+  scene.id = "small-room";
+  scene.voxel_m = 0.03, scene.fusion.truncation_m = 0.12, scene.fusion.chunk_m = 1.28;
+  scene.simplify.ratio = 0.2;
+  scene.rig = RigConfig{};
+  scene.rig->sensors = sensors;
+  scene.rig->depth_width = 320, scene.rig->depth_height = 288;
+  scene.rig->color_width = 320, scene.rig->color_height = 180;
+  MergerConfig root{.id = "root", .inputs = {}, .deadline_ms = 50};
+  for (int i = 0; i < sensors; ++i) root.inputs.push_back("cam-" + std::to_string(i));
+  scene.mergers = {root};
+  return scene;
+}
+
+std::unique_ptr<node::Pipeline> run(const Scene& scene, int frames, node::RunReport* report = nullptr, int threads = 2) {
+  std::unique_ptr<node::Pipeline> out;
+  Arena arena(threads);
+  arena.run([&] {
+    auto pipeline = node::Pipeline::open(scene);
+    ASSERT_TRUE(pipeline) << pipeline.error().message;
+    const auto result = (*pipeline)->run(frames);
+    ASSERT_TRUE(result) << result.error().message;
+    if (report) *report = *result;
+    out = *std::move(pipeline);
+  });
+  return out;
+}
+
+Mesh whole(const DecodedScene& scene) {
+  Mesh mesh;
+  for (const auto& chunk : scene.chunks) append(mesh, chunk->mesh);
+  return kit::weld(mesh);
+}
+
+/// Root mean square distance from a's triangles to b, along b-facing rays, ignoring what b lacks.
+double rms_distance(const Mesh& a, const Mesh& b, double reach) {
+  const Mesh* meshes[] = {&b};
+  const kit::RayScene rays(meshes);
+  double sum = 0, area = 0;
+  for (std::size_t t = 0; t < a.triangles.size(); ++t) {
+    const Vec3f n = normalized(a.area_normal(t)), c = a.centroid(t);
+    const auto out = rays.first_hit(c, n, 0, static_cast<float>(reach)), in = rays.first_hit(c, -n, 0, static_cast<float>(reach));
+    if (!out && !in) continue;
+    const double d = std::min(out ? out->distance : 1e9f, in ? in->distance : 1e9f);
+    const double w = length(a.area_normal(t));
+    sum += w * d * d, area += w;
+  }
+  return area > 0 ? std::sqrt(sum / area) : 1e9;
+}
+
+TEST(Pipeline, RoomComesThroughWholeAndTextured) {
+  node::RunReport report;
+  const auto pipeline = run(small_room(), 2, &report);
+  ASSERT_TRUE(pipeline);
+  const DecodedScene& scene = *pipeline->decoded();
+  EXPECT_EQ(scene.views.size(), 4u);
+  const Mesh mesh = whole(scene);
+  const Mesh truth = synth::make_room(*small_room().rig).mesh;
+  EXPECT_LT(rms_distance(mesh, truth, 0.2), 0.02);
+  EXPECT_EQ(kit::count_nonmanifold_edges(mesh), 0u);
+
+  double textured = 0;
+  const auto views = triangle_views(mesh);
+  for (std::size_t t = 0; t < views.size(); ++t)
+    if (views[t] != kNoView) textured += 0.5 * length(mesh.area_normal(t));
+  EXPECT_GT(textured, 0.6 * surface_area_m2(mesh));
+
+  EXPECT_EQ(report.frames, 2);
+  EXPECT_TRUE(report.drops.empty());
+  EXPECT_EQ(report.triangles, mesh.triangles.size());
+  for (const char* stage : {"register", "fuse", "simplify", "encode_mesh", "encode_video"})
+    EXPECT_TRUE(report.sensor_stages_ms.contains(stage)) << stage;
+  for (const char* stage : {"decode", "overlap", "islands", "zipper", "simplify", "atlas", "encode_mesh", "encode_atlas"})
+    EXPECT_TRUE(report.merge_stages_ms.contains(stage)) << stage;
+  const auto json = nlohmann::json::parse(to_json(report));
+  for (const char* key : {"scene", "frames", "fps", "sensors", "threads", "peak_rss_mb", "triangles", "vertices",
+                          "mesh_bytes_per_frame", "refresh_bytes", "texture_bytes_per_frame", "chunks", "drops", "nodes", "latency_ms"})
+    EXPECT_TRUE(json.contains(key)) << key;
+}
+
+TEST(Pipeline, ChunkBordersAreClosedForTheClient) {
+  // Borders between chunks are no boundary of the welded mesh: along a cube's face no edge is open unless the
+  // surface ends there. Removing the cube's neighbours must open edges, so the test could fail.
+  const auto pipeline = run(small_room(2), 1);
+  ASSERT_TRUE(pipeline);
+  const DecodedScene& scene = *pipeline->decoded();
+  std::size_t open_apart = 0;
+  for (const auto& chunk : scene.chunks) open_apart += kit::count_boundary_edges(chunk->mesh);
+  EXPECT_GT(scene.chunks.size(), 5u);
+  EXPECT_LT(kit::count_boundary_edges(whole(scene)) + 500, open_apart);
+}
+
+TEST(Pipeline, SameBytesOnAnyNumberOfThreads) {
+  std::vector<std::vector<std::byte>> packets;
+  for (const int threads : {1, 2, 8}) {
+    const auto pipeline = run(small_room(2), 1, nullptr, threads);
+    ASSERT_TRUE(pipeline);
+    packets.push_back(pipeline->last_packet());
+  }
+  EXPECT_EQ(packets[0], packets[1]);
+  EXPECT_EQ(packets[0], packets[2]);
+}
+
+TEST(Pipeline, TwoLayersGiveTheSurfaceOfOne) {
+  Scene one = small_room();
+  one.rig->noise = false;
+  Scene two = one;
+  two.mergers = {{"west", {"cam-0", "cam-1"}, 50}, {"east", {"cam-2", "cam-3"}, 50}, {"root", {"west", "east"}, 50}};
+  const auto flat = run(one, 1), layered = run(two, 1);
+  ASSERT_TRUE(flat && layered);
+  const Mesh a = whole(*flat->decoded()), b = whole(*layered->decoded());
+  // Tolerance: half a voxel RMS both ways, and the area within 3 %.
+  EXPECT_LT(rms_distance(a, b, 0.2), 0.5 * one.voxel_m);
+  EXPECT_LT(rms_distance(b, a, 0.2), 0.5 * one.voxel_m);
+  EXPECT_NEAR(surface_area_m2(b) / surface_area_m2(a), 1, 0.03);
+  EXPECT_EQ(layered->decoded()->views.size(), 4u);
+}
+
+TEST(Pipeline, PatchesComeThrough) {
+  Scene scene = small_room(2);
+  scene.fusion.decomposition = Decomposition::patches;
+  scene.fusion.patches_x = 3, scene.fusion.patches_y = 2;
+  const auto pipeline = run(scene, 1), chunks = run(small_room(2), 1);
+  ASSERT_TRUE(pipeline && chunks);
+  EXPECT_NEAR(surface_area_m2(whole(*pipeline->decoded())) / surface_area_m2(whole(*chunks->decoded())), 1, 0.12);
+}
+
+/// Two sensors that look at a wall 1.5 m away, as files in a folder of their own.
+class PipelineFromFiles : public ::testing::Test {
+ protected:
+  void SetUp() override {
+    folder_ = std::filesystem::temp_directory_path() / ("mr_pipeline_" + std::to_string(::getpid()));
+    std::filesystem::create_directories(folder_);
+    for (int i = 0; i < 3; ++i) write_frame(i);
+  }
+  void TearDown() override { std::filesystem::remove_all(folder_); }
+
+  void write_frame(int i) {
+    write_depth(depth(i), 1500);
+    ImageRgb color(160, 120, 90);
+    for (int x = 0; x < 80; ++x)
+      for (int y = 0; y < 60; ++y) *color.at(x, y) = 230;
+    ASSERT_TRUE(kit::write_png(folder_ / ("color" + std::to_string(i) + ".png"), color));
+  }
+  static void write_depth(const std::filesystem::path& file, int value) {
+    std::ofstream out(file, std::ios::binary);
+    out << "P5\n160 120\n65535\n";
+    for (int i = 0; i < 160 * 120; ++i) out << static_cast<char>(value >> 8) << static_cast<char>(value & 255);
+  }
+  std::filesystem::path depth(int i) const { return folder_ / ("depth" + std::to_string(i) + ".pgm"); }
+
+  Scene scene() const {
+    Scene scene;
+    scene.id = "files";
+    scene.voxel_m = 0.02, scene.fusion.truncation_m = 0.08;
+    for (int s = 0; s < 2; ++s) {
+      SensorConfig sensor;
+      sensor.id = "s" + std::to_string(s);
+      RgbdImagesSource source;
+      for (int i = 0; i < 3; ++i) {
+        source.depth.push_back(depth(i));
+        source.color.push_back(folder_ / ("color" + std::to_string(i) + ".png"));
+      }
+      sensor.source = source;
+      Camera c;
+      c.width = 160, c.height = 120, c.fx = c.fy = 140, c.cx = 80, c.cy = 60;
+      sensor.depth_camera = c;
+      sensor.color_camera = c;
+      sensor.T_world_depth = {Pose{{}, {0.4 * s, 0.013, 0.007}}};
+      scene.sensors.push_back(sensor);
+    }
+    scene.mergers = {{"root", {"s0", "s1"}, 50}};
+    return scene;
+  }
+
+  std::filesystem::path folder_;
+};
+
+TEST_F(PipelineFromFiles, WallSeenTwiceIsOneSurface) {
+  node::RunReport report;
+  const auto pipeline = run(scene(), 3, &report);
+  ASSERT_TRUE(pipeline);
+  const Mesh mesh = whole(*pipeline->decoded());
+  const double one = 1.5 * 159 / 140 * 1.5 * 119 / 140;
+  EXPECT_NEAR(surface_area_m2(mesh), one + 0.4 * 1.5 * 119 / 140, 0.08);
+  for (const Vec3f p : mesh.positions) EXPECT_NEAR(p.z, 1.507f, 0.004f);
+  for (std::size_t t = 0; t < mesh.triangles.size(); ++t) ASSERT_LT(mesh.area_normal(t).z, 0);
+  // The wall stands still: only the first frame costs mesh.
+  EXPECT_EQ(report.frames, 3);
+  EXPECT_EQ(report.chunks_kept, 2 * report.chunks_new);
+}
+
+TEST_F(PipelineFromFiles, BrokenPictureIsACountedDropAndNothingElse) {
+  std::filesystem::resize_file(depth(1), 5000);
+  node::RunReport report;
+  ASSERT_TRUE(run(scene(), 3, &report));
+  EXPECT_EQ(report.frames, 2);  // both sensors share the files
+  EXPECT_EQ(report.drops["s0: corrupt"], 1u);
+  EXPECT_EQ(report.drops["s1: corrupt"], 1u);
+}
+
+TEST_F(PipelineFromFiles, SensorWithoutSurfaceLeavesTheOthersAlone) {
+  Scene s = scene();
+  for (int i = 3; i < 6; ++i) write_depth(depth(i), 0);
+  std::get<RgbdImagesSource>(s.sensors[1].source).depth = {depth(3), depth(4), depth(5)};
+  node::RunReport report;
+  const auto pipeline = run(s, 3, &report);
+  ASSERT_TRUE(pipeline);
+  EXPECT_EQ(report.frames, 3);
+  EXPECT_EQ(report.drops["s1: empty"], 3u);
+  EXPECT_NEAR(surface_area_m2(whole(*pipeline->decoded())), 1.5 * 159 / 140 * 1.5 * 119 / 140, 0.08);
+}
+
+TEST_F(PipelineFromFiles, NothingValidAtAllIsAnError) {
+  Scene s = scene();
+  for (int i = 0; i < 3; ++i) write_depth(depth(i), 0);
+  auto pipeline = node::Pipeline::open(s);
+  ASSERT_TRUE(pipeline);
+  std::vector<std::string> said;
+  const auto report = (*pipeline)->run(3, {{}, [&](const std::string& m) { said.push_back(m); }});
+  ASSERT_FALSE(report);
+  EXPECT_EQ(report.error().cause, Error::Cause::empty);
+  EXPECT_GE(said.size(), 6u);
+  EXPECT_NE(said[0].find("s0"), std::string::npos);
+}
+
+TEST_F(PipelineFromFiles, SensorWithoutColourIsTexturedByTheOther) {
+  Scene s = scene();
+  std::get<RgbdImagesSource>(s.sensors[1].source).color.clear();
+  s.sensors[1].color_camera.reset();
+  const auto pipeline = run(s, 1);
+  ASSERT_TRUE(pipeline);
+  EXPECT_EQ(pipeline->decoded()->views.size(), 1u);
+  const Mesh mesh = whole(*pipeline->decoded());
+  const auto views = triangle_views(mesh);
+  EXPECT_GT(std::count(views.begin(), views.end(), 0u), 0);
+  EXPECT_GT(std::count(views.begin(), views.end(), kNoView), 0);
+}
+
+TEST_F(PipelineFromFiles, SceneWithoutAnyColourStillHasASurface) {
+  Scene s = scene();
+  for (SensorConfig& sensor : s.sensors) {
+    std::get<RgbdImagesSource>(sensor.source).color.clear();
+    sensor.color_camera.reset();
+  }
+  const auto pipeline = run(s, 1);
+  ASSERT_TRUE(pipeline);
+  EXPECT_TRUE(pipeline->decoded()->views.empty());
+  EXPECT_FALSE(whole(*pipeline->decoded()).empty());
+}
+
+TEST_F(PipelineFromFiles, MergerSurvivesGarbagePackets) {
+  const Scene s = scene();
+  node::SensorNode sensor(s, 0);
+  node::MergeNode merger(s, s.mergers[0], true, [&](std::size_t, const ChunkKey& key) { return sensor.find(key); });
+  const TimePoint now{};
+  EXPECT_TRUE(merger.merge(now).ok());  // nothing arrived: nothing to merge, no error
+
+  const std::vector<std::byte> garbage(1000, std::byte{0x5a});
+  EXPECT_FALSE(merger.receive(1, garbage, now));
+  EXPECT_FALSE(merger.receive(1, {}, now));
+  Frame frame;
+  frame.depth = ImageDepth(160, 120, 1.5f);
+  frame.color = ImageRgb(160, 120, 128);
+  frame.T_world_depth = s.sensors[0].T_world_depth[0];
+  const auto bytes = sensor.process(frame);
+  ASSERT_TRUE(bytes);
+  EXPECT_FALSE(merger.receive(1, std::span(*bytes).first(bytes->size() / 2), now));  // half a packet
+  ASSERT_TRUE(merger.receive(0, *bytes, now));
+  const auto merged = merger.merge(now + std::chrono::milliseconds(51));
+  ASSERT_TRUE(merged && *merged);
+  EXPECT_TRUE(codec::decode_packet(**merged));
+  EXPECT_EQ(merger.drops().total(), 3u);
+}
+
+TEST_F(PipelineFromFiles, ChunkLostOnTheWayIsAskedFor) {
+  const Scene s = scene();
+  node::SensorNode sensor(s, 0);
+  int asked = 0;
+  node::MergeNode merger(s, s.mergers[0], true, [&](std::size_t, const ChunkKey& key) {
+    ++asked;
+    return sensor.find(key);
+  });
+  Frame frame;
+  frame.depth = ImageDepth(160, 120, 1.5f);
+  frame.color = ImageRgb(160, 120, 128);
+  frame.T_world_depth = s.sensors[0].T_world_depth[0];
+  const auto bytes = sensor.process(frame);
+  ASSERT_TRUE(bytes);
+  auto packet = codec::decode_packet(*bytes);
+  ASSERT_TRUE(packet);
+  packet->chunks.pop_back();
+  ASSERT_TRUE(merger.receive(0, codec::encode_packet(*packet), TimePoint{}));
+  EXPECT_EQ(asked, 1);
+  const auto merged = merger.merge(TimePoint{} + std::chrono::milliseconds(60));
+  EXPECT_TRUE(merged && *merged);
+}
+
+}  // namespace
+}  // namespace mr

@@ -1,0 +1,58 @@
+#pragma once
+
+#include "mr/core/camera.h"
+#include "mr/core/image.h"
+#include "mr/core/packet.h"
+#include "mr/core/pose.h"
+#include "mr/kit/raycast.h"
+
+namespace mr::test {
+
+/// A Kinect-like pinhole of 160 x 144.
+inline Camera small_camera() {
+  Camera c;
+  c.width = 160, c.height = 144, c.fx = c.fy = 126, c.cx = 79.5, c.cy = 71.5;
+  return c;
+}
+
+/// Exact depth of a mesh seen by a camera.
+inline ImageDepth render_depth(const Mesh& mesh, const Camera& camera, const Pose& T_world_camera) {
+  const Mesh* meshes[] = {&mesh};
+  const kit::RayScene rays(meshes);
+  ImageDepth depth(camera.width, camera.height);
+  for (int y = 0; y < camera.height; ++y)
+    for (int x = 0; x < camera.width; ++x) {
+      const Vec3d d = T_world_camera.rotation * unproject(camera, {double(x), double(y)});
+      const auto hit = rays.first_hit(vec_cast<float>(T_world_camera.translation), vec_cast<float>(d), 0.01f, 100);
+      *depth.at(x, y) = hit ? hit->distance : 0;
+    }
+  return depth;
+}
+
+inline SourceInfo source(std::uint32_t sensor, const Pose& T_world_depth) {
+  return {sensor, {}, small_camera(), T_world_depth, {0.001, 0.0002}};
+}
+
+/// Largest number of surfaces facing the viewer that lie within `range` behind each other on one ray,
+/// over a grid of parallel rays.
+inline int most_layers(const Mesh& mesh, Vec3f origin, Vec3f u, Vec3f v, Vec3f direction, float range, int n = 64) {
+  const Mesh* meshes[] = {&mesh};
+  const kit::RayScene rays(meshes);
+  std::vector<kit::RayHit> hits;
+  int most = 0;
+  for (int j = 0; j < n; ++j)
+    for (int i = 0; i < n; ++i) {
+      const Vec3f from = origin + u * ((i + 0.37f) / n) + v * ((j + 0.41f) / n);
+      rays.all_hits(from, direction, 0, 100, hits);
+      std::erase_if(hits, [&](const kit::RayHit& h) { return dot(mesh.area_normal(h.triangle), direction) >= 0; });
+      for (std::size_t a = 0; a < hits.size(); ++a) {
+        int layers = 1;
+        for (std::size_t b = a + 1; b < hits.size() && hits[b].distance - hits[a].distance <= range; ++b)
+          layers += hits[b].distance - hits[a].distance > 1e-5f;
+        most = std::max(most, layers);
+      }
+    }
+  return most;
+}
+
+}  // namespace mr::test
