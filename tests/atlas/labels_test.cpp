@@ -74,7 +74,9 @@ TEST(Labels, OccluderIsNotPaintedOntoTheWall) {
     const Vec3f c = mesh.centroid(t);
     if (c.z < 1.5f) continue;
     const float reach = std::max(std::abs(c.x), std::abs(c.y));
-    if (reach < 0.36f) EXPECT_EQ(views[t], kNoView) << c.x << " " << c.y;
+    if (reach < 0.36f) {
+      EXPECT_EQ(views[t], kNoView) << c.x << " " << c.y;
+    }
     if (reach > 0.5f && views[t] == kNoView) outside += 0.5 * length(mesh.area_normal(t));
   }
   EXPECT_LT(outside, 0.05);

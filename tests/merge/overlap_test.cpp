@@ -38,8 +38,9 @@ TEST(Overlap, WallSeenTwiceBecomesOneLayer) {
       Mesh both = kept[0];
       append(both, kept[1]);
       // Nearest owners change with the noise; the majority rule leaves a few doubled triangles.
-      if (owner == Owner::coherent)
+      if (owner == Owner::coherent) {
         EXPECT_EQ(test::most_layers(both, {-1, -1, 0}, {2, 0, 0}, {0, 2, 0}, {0, 0, 1}, 0.03f), 1) << offset;
+      }
       const double area = overlap_area(kept);
       EXPECT_GT(area, owner == Owner::coherent ? 3.7 : 3.0) << offset;
       EXPECT_LT(area, 4.4) << offset;

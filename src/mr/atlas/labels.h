@@ -13,7 +13,7 @@ struct LabelConfig {
   AtlasConfig::Views views = AtlasConfig::Views::coherent;
   double coherent_angle_deg = 30;    ///< a neighbour's view is taken when it is at most this much worse than the best
   double geometry_error_m = 0.01;    ///< decimation + lattice + calibration error
-  Precision precision;               ///< of the noisiest sensor: bumps of its noise are not occluders
+  Precision precision{};             ///< of the noisiest sensor: bumps of its noise are not occluders
   double min_edge_m = 0.02;          ///< triangles across an occlusion edge are cut down to this
 };
 

@@ -183,7 +183,9 @@ class Reader {
 
   bool read_time(std::int64_t ns, TimePoint& out) {
     out = TimePoint(Duration(ns));
-    return require(ns >= 0, "a time before 1970");
+    // Sums and differences of times must not overflow.
+    constexpr std::int64_t kCenturies = std::int64_t{1} << 61;
+    return require(ns > -kCenturies && ns < kCenturies, "a time out of range");
   }
 
   bool read_bytes(const fb::Vector<std::uint8_t>& in, std::vector<std::byte>& out) {
