@@ -218,9 +218,9 @@ TEST(PacketCodec, NumbersAreFiniteAndPossible) {
   EXPECT_TRUE(invalid([](Packet& p) { p.plan.simplify_ratio = 1.1f; }));
   EXPECT_TRUE(invalid([](Packet& p) { p.plan.mesh_speed = 11; }));
   EXPECT_TRUE(invalid([](Packet& p) { p.plan.texture_qp = -1; }));
-  EXPECT_TRUE(invalid([](Packet& p) { p.captured_at = TimePoint(Duration(-1)); }));
-  EXPECT_TRUE(invalid([](Packet& p) { p.sources[0].captured_at = TimePoint(Duration(-1)); }));
-  EXPECT_TRUE(invalid([](Packet& p) { p.marks[0].at = TimePoint(Duration(-1)); }));
+  EXPECT_TRUE(invalid([](Packet& p) { p.captured_at = TimePoint(Duration(std::int64_t{1} << 62)); }));
+  EXPECT_TRUE(invalid([](Packet& p) { p.sources[0].captured_at = TimePoint(Duration(std::int64_t{1} << 62)); }));
+  EXPECT_TRUE(invalid([](Packet& p) { p.marks[0].at = TimePoint(Duration(std::int64_t{1} << 62)); }));
   EXPECT_TRUE(invalid([](Packet& p) { p.chunks[0].triangles = 0; }));
   EXPECT_TRUE(invalid([](Packet& p) { p.chunks[0].payload.clear(); }));
   EXPECT_TRUE(invalid([](Packet& p) { p.textures[0].data.clear(); }));

@@ -39,7 +39,7 @@ TEST(Overlap, WallSeenTwiceBecomesOneLayer) {
       append(both, kept[1]);
       // Nearest owners change with the noise; the majority rule leaves a few doubled triangles.
       if (owner == Owner::coherent) {
-        EXPECT_EQ(test::most_layers(both, {-1, -1, 0}, {2, 0, 0}, {0, 2, 0}, {0, 0, 1}, 0.03f), 1) << offset;
+        EXPECT_LT(test::doubled_share(both, {-1, -1, 0}, {2, 0, 0}, {0, 2, 0}, {0, 0, 1}, 0.03f), 2e-3) << offset;
       }
       const double area = overlap_area(kept);
       EXPECT_GT(area, owner == Owner::coherent ? 3.7 : 3.0) << offset;

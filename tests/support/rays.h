@@ -33,26 +33,27 @@ inline SourceInfo source(std::uint32_t sensor, const Pose& T_world_depth) {
   return {sensor, {}, small_camera(), T_world_depth, {0.001, 0.0002}};
 }
 
-/// Largest number of surfaces facing the viewer that lie within `range` behind each other on one ray,
-/// over a grid of parallel rays.
-inline int most_layers(const Mesh& mesh, Vec3f origin, Vec3f u, Vec3f v, Vec3f direction, float range, int n = 64) {
+/// Share of a grid of parallel rays on which a second surface facing the viewer lies within `range` behind
+/// the first.
+inline double doubled_share(const Mesh& mesh, Vec3f origin, Vec3f u, Vec3f v, Vec3f direction, float range,
+                            int n = 128) {
   const Mesh* meshes[] = {&mesh};
   const kit::RayScene rays(meshes);
   std::vector<kit::RayHit> hits;
-  int most = 0;
+  int doubled = 0;
   for (int j = 0; j < n; ++j)
     for (int i = 0; i < n; ++i) {
       const Vec3f from = origin + u * ((i + 0.37f) / n) + v * ((j + 0.41f) / n);
       rays.all_hits(from, direction, 0, 100, hits);
       std::erase_if(hits, [&](const kit::RayHit& h) { return dot(mesh.area_normal(h.triangle), direction) >= 0; });
-      for (std::size_t a = 0; a < hits.size(); ++a) {
-        int layers = 1;
-        for (std::size_t b = a + 1; b < hits.size() && hits[b].distance - hits[a].distance <= range; ++b)
-          layers += hits[b].distance - hits[a].distance > 1e-5f;
-        most = std::max(most, layers);
+      bool second = false;
+      for (std::size_t k = 1; k < hits.size(); ++k) {
+        const float apart = hits[k].distance - hits[k - 1].distance;
+        second |= apart > 1e-5f && apart <= range;
       }
+      doubled += second;
     }
-  return most;
+  return static_cast<double>(doubled) / (n * n);
 }
 
 }  // namespace mr::test

@@ -73,10 +73,7 @@ std::size_t count_boundary_edges(const Mesh& mesh) {
   return static_cast<std::size_t>(std::count(table.uses.begin(), table.uses.end(), 1));
 }
 
-namespace {
-
-/// The lowest vertex at the same position as each vertex.
-std::vector<std::uint32_t> representatives(const std::vector<Vec3f>& positions) {
+std::vector<std::uint32_t> same_place(const std::vector<Vec3f>& positions) {
   const auto bits = [](Vec3f p) {
     // + 0 turns -0 into 0: they are the same place.
     return Vec3i{std::bit_cast<std::int32_t>(p.x + 0.0f), std::bit_cast<std::int32_t>(p.y + 0.0f),
@@ -90,6 +87,8 @@ std::vector<std::uint32_t> representatives(const std::vector<Vec3f>& positions) 
   return out;
 }
 
+namespace {
+
 /// The same triangle with its smallest index first.
 Vec3i canonical(Triangle t) {
   std::rotate(t.begin(), std::min_element(t.begin(), t.end()), t.end());
@@ -100,7 +99,7 @@ Vec3i canonical(Triangle t) {
 }  // namespace
 
 Mesh weld(const Mesh& mesh) {
-  const std::vector<std::uint32_t> representative = representatives(mesh.positions);
+  const std::vector<std::uint32_t> representative = same_place(mesh.positions);
   Mesh joined = mesh;
   std::vector<std::uint8_t> keep(mesh.triangles.size(), 0);
   std::unordered_set<Vec3i, CellHash> seen;
@@ -114,22 +113,52 @@ Mesh weld(const Mesh& mesh) {
   return select_triangles(joined, keep);
 }
 
-Components components(const Mesh& mesh) {
-  std::vector<std::uint32_t> root(mesh.positions.size());
-  std::iota(root.begin(), root.end(), 0u);
-  const auto find = [&](std::uint32_t v) {
-    while (root[v] != v) v = root[v] = root[root[v]];
-    return v;
+Mesh without_nonmanifold_edges(const Mesh& mesh) {
+  const EdgeTable table = edge_table(mesh);
+  std::vector<std::uint32_t> suspects;  // triangles at such an edge, largest first
+  for (std::uint32_t t = 0; t < mesh.triangles.size(); ++t)
+    for (std::uint32_t h = 3 * t; h < 3 * t + 3; ++h)
+      if (table.uses[h] > 1 && table.twin[h] == kNoTwin && (suspects.empty() || suspects.back() != t))
+        suspects.push_back(t);
+  if (suspects.empty()) return mesh;
+  std::stable_sort(suspects.begin(), suspects.end(), [&](std::uint32_t a, std::uint32_t b) {
+    return length(mesh.area_normal(a)) > length(mesh.area_normal(b));
+  });
+
+  std::vector<std::uint8_t> keep(mesh.triangles.size(), 1);
+  for (const std::uint32_t t : suspects) keep[t] = 0;
+  std::unordered_set<std::uint64_t> taken;  // directed edges, one triangle each
+  const auto directed = [&](std::uint32_t h) {
+    return static_cast<std::uint64_t>(edge_from(mesh, h)) << 32 | edge_to(mesh, h);
   };
-  for (const Triangle& t : mesh.triangles)
-    for (int i = 1; i < 3; ++i) {
-      const std::uint32_t a = find(t[0]), b = find(t[i]);
-      root[std::max(a, b)] = std::min(a, b);
-    }
+  for (std::uint32_t h = 0; h < table.twin.size(); ++h)
+    if (keep[h / 3]) taken.insert(directed(h));
+  for (const std::uint32_t t : suspects) {
+    if (taken.contains(directed(3 * t)) || taken.contains(directed(3 * t + 1)) || taken.contains(directed(3 * t + 2)))
+      continue;
+    keep[t] = 1;
+    for (std::uint32_t h = 3 * t; h < 3 * t + 3; ++h) taken.insert(directed(h));
+  }
+  return select_triangles(mesh, keep);
+}
+
+Components components(const Mesh& mesh) {
+  const EdgeTable table = edge_table(mesh);
+  std::vector<std::uint32_t> root(mesh.triangles.size());
+  std::iota(root.begin(), root.end(), 0u);
+  const auto find = [&](std::uint32_t t) {
+    while (root[t] != t) t = root[t] = root[root[t]];
+    return t;
+  };
+  for (std::uint32_t h = 0; h < table.twin.size(); ++h) {
+    if (table.twin[h] == kNoTwin) continue;
+    const std::uint32_t a = find(h / 3), b = find(table.twin[h] / 3);
+    root[std::max(a, b)] = std::min(a, b);
+  }
   Components out;
-  std::vector<std::uint32_t> number(mesh.positions.size(), kNoTwin);
-  for (std::size_t t = 0; t < mesh.triangles.size(); ++t) {
-    std::uint32_t& n = number[find(mesh.triangles[t][0])];
+  std::vector<std::uint32_t> number(mesh.triangles.size(), kNoTwin);
+  for (std::uint32_t t = 0; t < mesh.triangles.size(); ++t) {
+    std::uint32_t& n = number[find(t)];
     if (n == kNoTwin) {
       n = static_cast<std::uint32_t>(out.area_m2.size());
       out.area_m2.push_back(0);

@@ -34,7 +34,15 @@ std::size_t count_boundary_edges(const Mesh& mesh);
 /// triangles (same corners, any rotation) and unused vertices; views are kept.
 Mesh weld(const Mesh& mesh);
 
-/// Triangles are of one component when a chain of shared vertices joins them.
+/// For every vertex the lowest vertex at the same position.
+std::vector<std::uint32_t> same_place(const std::vector<Vec3f>& positions);
+
+/// Drops the smallest triangles at edges that more than two share, or two with the same direction, until no
+/// such edge is left; views are kept.
+Mesh without_nonmanifold_edges(const Mesh& mesh);
+
+/// Triangles are of one component when a chain of shared manifold edges joins them; what hangs on by a
+/// vertex only is another.
 struct Components {
   std::vector<std::uint32_t> of_triangle;  ///< [T]
   std::vector<double> area_m2;             ///< per component

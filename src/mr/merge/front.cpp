@@ -11,23 +11,20 @@
 namespace mr::merge {
 namespace {
 
-std::uint64_t directed(std::uint32_t from, std::uint32_t to) {
-  return static_cast<std::uint64_t>(from) << 32 | to;
-}
-
 constexpr double kAngleSlack = 1e-4;   // radians
-constexpr float kFacing = 0.2f;        // cosine between a filling triangle and the surface around it
+constexpr float kFacing = 0.05f;        // cosine between a filling triangle and the surface around it
 
 }  // namespace
 
-Front::Front(const Mesh& mesh) : positions_(mesh.positions), normals_(kit::vertex_normals(mesh)) {
+Front::Front(const Mesh& mesh) : positions_(mesh.positions), normals_(kit::vertex_normals(mesh)),
+      place_(kit::same_place(mesh.positions)) {
   const kit::EdgeTable table = kit::edge_table(mesh);
   corners_.resize(mesh.positions.size());
   std::vector<std::uint8_t> on_border(mesh.positions.size(), 0);
   for (std::uint32_t h = 0; h < table.twin.size(); ++h)
     if (table.twin[h] == kit::kNoTwin) {
       add_edge(kit::edge_from(mesh, h), kit::edge_to(mesh, h));
-      on_border[kit::edge_from(mesh, h)] = on_border[kit::edge_to(mesh, h)] = 1;
+      on_border[place_[kit::edge_from(mesh, h)]] = on_border[place_[kit::edge_to(mesh, h)]] = 1;
     }
   for (std::uint32_t e = 0; e < edges_.size(); ++e) {
     MR_ASSERT(corners_[edges_[e].to].size() == 1);
@@ -35,7 +32,7 @@ Front::Front(const Mesh& mesh) : positions_(mesh.positions), normals_(kit::verte
   }
   for (std::uint32_t h = 0; h < table.twin.size(); ++h) {
     const std::uint32_t a = kit::edge_from(mesh, h), b = kit::edge_to(mesh, h);
-    if (on_border[a] && on_border[b]) surface_.insert(directed(a, b));
+    if (on_border[place_[a]] && on_border[place_[b]]) surface_.insert(directed(a, b));
   }
 }
 
@@ -51,7 +48,8 @@ std::uint32_t Front::add_edge(std::uint32_t from, std::uint32_t to) {
 
 void Front::retire(std::uint32_t e) {
   edges_[e].alive = false;
-  border_.erase(directed(edges_[e].from, edges_[e].to));
+  const auto found = border_.find(directed(edges_[e].from, edges_[e].to));
+  if (found != border_.end() && found->second == e) border_.erase(found);
   std::erase(corners_[edges_[e].from], e);
 }
 
@@ -64,11 +62,27 @@ double Front::angle(std::uint32_t vertex, std::uint32_t reference, std::uint32_t
   return a < 0 ? a + 2 * std::numbers::pi : a;
 }
 
+/// No third triangle: u → w and w → v must be free, and what lies behind them on the border.
+bool Front::edges_are_free(std::uint32_t u, std::uint32_t v, std::uint32_t w) const {
+  for (const auto& [from, to] : {std::pair(u, w), std::pair(w, v)}) {
+    if (surface_.contains(directed(from, to))) return false;
+    if (surface_.contains(directed(to, from)) && !border_.contains(directed(to, from))) return false;
+  }
+  return true;
+}
+
+bool Front::fits_as_ear(std::uint32_t e) const {
+  const std::uint32_t u = edges_[e].from, v = edges_[e].to, w = edges_[ear_corner(e)].from;
+  if (place_[w] == place_[u] || place_[w] == place_[v]) return false;
+  const Vec3f across = cross(at(u) - at(v), at(w) - at(v));
+  return dot(across, normals_[u] + normals_[v] + normals_[w]) > 0 && edges_are_free(u, v, w);
+}
+
 bool Front::fits(std::uint32_t e, std::uint32_t corner) const {
   const auto [u, v, after_e, before_e, alive] = edges_[e];
   const Edge& c = edges_[corner];
   const std::uint32_t w = c.from;
-  if (!alive || !c.alive || w == u || w == v) return false;
+  if (!alive || !c.alive || place_[w] == place_[u] || place_[w] == place_[v]) return false;
 
   const Vec3f across = cross(at(u) - at(v), at(w) - at(v));
   const float size = length(across);
@@ -89,12 +103,7 @@ bool Front::fits(std::uint32_t e, std::uint32_t corner) const {
   const double to_v = a == v ? 0 : angle(w, a, v), to_u = b == u ? gap : angle(w, a, u);
   if (to_v >= to_u || to_u > gap + kAngleSlack) return false;
 
-  // No third triangle: u → w and w → v must be free, and what lies behind them on the border.
-  for (const auto& [from, to] : {std::pair(u, w), std::pair(w, v)}) {
-    if (surface_.contains(directed(from, to))) return false;
-    if (surface_.contains(directed(to, from)) && !border_.contains(directed(to, from))) return false;
-  }
-  return true;
+  return edges_are_free(u, v, w);
 }
 
 std::vector<std::uint32_t> Front::fill(std::uint32_t e, std::uint32_t corner) {

@@ -34,6 +34,12 @@ class Front {
   /// the surface around, and without a third triangle at any edge.
   bool fits(std::uint32_t e, std::uint32_t corner) const;
 
+  /// Whether the ear over edge `e` and the one after it can be cut off in a loop that is closed at all costs:
+  /// no third triangle at any edge, and not facing away from the surface around.
+  bool fits_as_ear(std::uint32_t e) const;
+  /// The corner that the ear's triangle has its tip at.
+  std::uint32_t ear_corner(std::uint32_t e) const { return edges_[edges_[e].next].next; }
+
   /// Adds that triangle; returns the edges that are new on the border.
   std::vector<std::uint32_t> fill(std::uint32_t e, std::uint32_t corner);
 
@@ -44,6 +50,11 @@ class Front {
 
  private:
   Vec3f at(std::uint32_t v) const { return positions_[v]; }
+  /// A directed edge by the places of its ends: vertices that split_bowties took apart count as one.
+  std::uint64_t directed(std::uint32_t from, std::uint32_t to) const {
+    return static_cast<std::uint64_t>(place_[from]) << 32 | place_[to];
+  }
+  bool edges_are_free(std::uint32_t u, std::uint32_t v, std::uint32_t w) const;
   double angle(std::uint32_t vertex, std::uint32_t reference, std::uint32_t other) const;
   std::uint32_t add_edge(std::uint32_t from, std::uint32_t to);
   void link(std::uint32_t a, std::uint32_t b) { edges_[a].next = b, edges_[b].prev = a; }
@@ -53,10 +64,11 @@ class Front {
 
   const std::vector<Vec3f>& positions_;
   std::vector<Vec3f> normals_;
+  std::vector<std::uint32_t> place_;                             // lowest vertex at the same position
   std::vector<Edge> edges_;
   std::vector<std::vector<std::uint32_t>> corners_;              // per vertex
   std::unordered_map<std::uint64_t, std::uint32_t> border_;      // directed edge → live edge
-  std::unordered_set<std::uint64_t> surface_;                    // directed edges between border vertices
+  std::unordered_set<std::uint64_t> surface_;                    // directed edges at the border
   std::vector<Triangle> added_;
 };
 

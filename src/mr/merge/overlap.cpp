@@ -62,7 +62,7 @@ std::pair<float, float> measure(const SourceInfo& source, Vec3f spot, Vec3f n) {
   return {static_cast<float>(sigma), static_cast<float>(sigma / cosine)};
 }
 
-/// (Re)computes what depends on the geometry.
+/// Computes what ownership is decided by.
 void describe(Candidate& c, const Part& part) {
   const std::size_t count = c.mesh.triangles.size();
   const std::vector<Vec3f> smooth = kit::smooth_normals(c.mesh, kNormalRounds);
@@ -167,19 +167,25 @@ std::vector<const SourceInfo*> all_sources(std::span<const Part> parts) {
   return out;
 }
 
-/// The pixels of a camera through which rays go: every n-th, or those that `mask` marks.
+/// Casts through a camera's pixels, all or those that `mask` marks: as dense as it takes to meet a surface
+/// 3 m away once a voxel, so through every second pixel or with several rays in one.
 template <typename Visit>
-void cast_from_camera(const Field& field, const SourceInfo& source, const ImageMask* mask, int stride,
+void cast_from_camera(const Field& field, const SourceInfo& source, const ImageMask* mask, double voxel_m,
                       const Visit& visit) {
   const Camera& camera = source.depth_camera;
+  const double pixel_voxels = 3 / (camera.fx * voxel_m);
+  const int stride = !mask && pixel_voxels < 0.6 ? 2 : 1;
+  const int fine = std::clamp(static_cast<int>(std::ceil(pixel_voxels - 0.1)), 1, 4);
   const int rows = (camera.height + stride - 1) / stride;
   parallel_for(rows, 8, [&](std::size_t begin, std::size_t end) {
     for (std::size_t row = begin; row < end; ++row)
       for (int x = 0; x < camera.width; x += stride) {
         const int y = static_cast<int>(row) * stride;
         if (mask && !*mask->at(x, y)) continue;
-        const Vec3d ray = unproject(camera, {static_cast<double>(x), static_cast<double>(y)});
-        field.cast(source.T_world_depth.translation, source.T_world_depth.rotation * ray, visit);
+        for (int i = 0; i < fine * fine; ++i) {
+          const Vec2d at{x + (i % fine + 0.5) / fine - 0.5, y + (i / fine + 0.5) / fine - 0.5};
+          field.cast(source.T_world_depth.translation, source.T_world_depth.rotation * unproject(camera, at), visit);
+        }
       }
   });
 }
@@ -245,13 +251,14 @@ void vote_on_missed(std::vector<Candidate>& candidates, const Field& field,
 }
 
 /// Cuts the long edges of triangles that lie in an overlap only partly. Their pieces are open for
-/// votes; pieces of neighbours keep their verdict. Returns whether anything was cut.
-bool cut_mixed(Candidate& c, const Part& part, double max_edge_m) {
+/// votes; pieces of neighbours keep their verdict. All pieces keep the score of the whole, so that no
+/// verdict that was given turns round. Returns whether anything was cut.
+bool cut_mixed(Candidate& c, double max_edge_m) {
   std::vector<std::uint8_t> split(c.mesh.triangles.size() * 3, 0), mixed(c.mesh.triangles.size(), 0);
   bool any = false;
   for (std::uint32_t h = 0; h < split.size(); ++h) {
     const double share = c.votes[h / 3].lost_share();
-    if (share < 0.05 || share > 0.95) continue;
+    if (share == 0 || share == 1) continue;
     const Vec3f edge = c.mesh.positions[kit::edge_to(c.mesh, h)] - c.mesh.positions[kit::edge_from(c.mesh, h)];
     if (length(edge) <= max_edge_m) continue;
     split[h] = mixed[h / 3] = 1;
@@ -265,9 +272,11 @@ bool cut_mixed(Candidate& c, const Part& part, double max_edge_m) {
     cut.views.push_back(c.views[parent]);
     cut.votes.push_back(mixed[parent] ? Votes{} : c.votes[parent]);
     cut.open.push_back(mixed[parent]);
+    cut.normals.push_back(c.normals[parent]);
+    cut.sigma_m.push_back(c.sigma_m[parent]);
+    cut.score_m.push_back(c.score_m[parent]);
   }
   cut.mesh = std::move(fine.mesh);
-  describe(cut, part);
   c = std::move(cut);
   return true;
 }
@@ -297,18 +306,19 @@ void vote_and_cut(std::vector<Candidate>& candidates, std::span<const Part> part
       std::optional<ImageMask> mask;
       if (round > 0)
         mask = pixels_of(*source, candidates, [](const Candidate& c, std::size_t t) { return c.open[t] != 0; });
-      cast_from_camera(field, *source, mask ? &*mask : nullptr, round == 0 ? config.pixel_stride : 1,
+      cast_from_camera(field, *source, mask ? &*mask : nullptr, config.voxel_m,
                        [&](std::span<const Meeting> surface) { vote(candidates, surface); });
     }
     vote_on_missed(candidates, field, sources);
     bool cut = false;
     for (std::size_t i = 0; i < parts.size() && round + 1 < kMaxRounds; ++i)
-      cut |= cut_mixed(candidates[i], parts[i], kBorderVoxels * config.voxel_m);
+      cut |= cut_mixed(candidates[i], kBorderVoxels * config.voxel_m);
     if (!cut) return;
   }
 }
 
-/// Brings back triangles where removal would leave nothing of a surface.
+/// Brings back triangles where removal would leave nothing of a surface: those that lie in a hole as a
+/// whole. Narrower gaps are for the zipper, which closes them without a second layer.
 void restore_holes(std::vector<std::vector<std::uint8_t>>& keep, std::span<const Candidate> candidates,
                    std::span<const Part> parts, const OverlapConfig& config) {
   std::vector<std::vector<std::uint32_t>> needed(candidates.size()), met(candidates.size());
@@ -320,7 +330,7 @@ void restore_holes(std::vector<std::vector<std::uint8_t>>& keep, std::span<const
   const auto removed = [&](const Candidate& c, std::size_t t) { return !keep[&c - candidates.data()][t]; };
   for (const SourceInfo* source : all_sources(parts)) {
     const ImageMask mask = pixels_of(*source, candidates, removed);
-    cast_from_camera(field, *source, &mask, 1, [&](std::span<const Meeting> surface) {
+    cast_from_camera(field, *source, &mask, config.voxel_m, [&](std::span<const Meeting> surface) {
       const bool hole = std::none_of(surface.begin(), surface.end(),
                                      [&](const Meeting& m) { return keep[m.part][m.triangle] != 0; });
       for (const Meeting& m : surface) add(met[m.part][m.triangle]);
@@ -329,7 +339,7 @@ void restore_holes(std::vector<std::vector<std::uint8_t>>& keep, std::span<const
   }
   for (std::size_t p = 0; p < keep.size(); ++p)
     for (std::size_t t = 0; t < keep[p].size(); ++t)
-      if (!keep[p][t] && needed[p][t] * 2 > met[p][t]) keep[p][t] = 1;
+      if (!keep[p][t] && met[p][t] > 0 && needed[p][t] * 20 >= met[p][t] * 19) keep[p][t] = 1;
 }
 
 }  // namespace
@@ -340,7 +350,7 @@ std::vector<Mesh> remove_overlap(std::span<const Part> parts, const OverlapConfi
 
   // Coherent owners agree from ray to ray, so a triangle that loses at all lies across a border:
   // rather a narrow gap there than two layers. Nearest owners change from pixel to pixel: majority.
-  const double tolerated = config.owner == MergeConfig::Owner::paper ? 0.5 : 0.2;
+  const double tolerated = config.owner == MergeConfig::Owner::paper ? 0.5 : 0.0;
   std::vector<std::vector<std::uint8_t>> keep;
   for (const Candidate& c : candidates) {
     keep.emplace_back();

@@ -20,7 +20,6 @@ struct OverlapConfig {
   MergeConfig::Owner owner = MergeConfig::Owner::coherent;
   double voxel_m = 0.01;              ///< triangles on the border of an overlap are cut to about this scale
   double calibration_error_m = 0.005;
-  int pixel_stride = 2;               ///< casts through every n-th pixel of each camera, both ways
 };
 
 /// Overlap removal (paper 3.2). Rays go from every depth camera through its pixels and meet all parts;

@@ -14,7 +14,7 @@ namespace mr::merge {
 namespace {
 
 constexpr int kMaxCuts = 6;          // halvings of a border edge
-constexpr int kSmallLoop = 12;       // loops of so few edges are closed even inside one part
+constexpr int kSmallLoop = 30;       // edges of a loop that is closed at all costs
 
 /// All parts in one mesh, and which part a vertex belongs to.
 struct Joined {
@@ -133,17 +133,15 @@ struct Filling {
 class Zipper {
  public:
   Zipper(const Joined& joined, Front& front, const ZipperConfig& config)
-      : joined_(joined), front_(front), config_(config), cloud_(corners(joined, front)),
+      : joined_(joined), front_(front), config_(config), original_edges_(front.size()), cloud_(corners(joined, front)),
         tree_(3, cloud_, nanoflann::KDTreeSingleIndexAdaptorParams(16)) {}
 
   void run() {
     if (cloud_.points.empty()) return;
     for (std::uint32_t e = 0; e < front_.size(); ++e) offer(e);
     drain();
-    // Loops that have become small by now may be closed inside one part too.
     for (std::uint32_t e = 0; e < front_.size(); ++e)
-      if (front_.edge(e).alive && front_.loop_length(e, kSmallLoop)) offer(e);
-    drain();
+      if (is_remainder(e)) close_small_loop(e);
   }
 
  private:
@@ -156,12 +154,44 @@ class Zipper {
     return cloud;
   }
 
+  /// Whether `e` is on a small loop that strips left over, or around a pinhole.
+  bool is_remainder(std::uint32_t e) const {
+    if (!front_.edge(e).alive || !front_.loop_length(e, kSmallLoop)) return false;
+    double around = 0;
+    std::uint32_t k = e;
+    bool left_over = false;
+    do {
+      around += length(at(front_.edge(k).to) - at(front_.edge(k).from));
+      left_over |= k >= original_edges_;
+      k = front_.edge(k).next;
+    } while (k != e);
+    return left_over || around < config_.max_gap_m;
+  }
+
+  /// Cuts off ears, the smallest first, until the small loop that `e` is on is closed or no ear fits.
+  void close_small_loop(std::uint32_t e) {
+    while (front_.edge(e).alive && front_.loop_length(e, kSmallLoop)) {
+      double least = std::numeric_limits<double>::max();
+      std::uint32_t best = e;
+      std::uint32_t k = e;
+      do {
+        const Vec3f u = at(front_.edge(k).from), w = at(front_.edge(front_.ear_corner(k)).from);
+        if (length(w - u) < std::min<double>(least, 2 * config_.max_gap_m) && front_.fits_as_ear(k)) least = length(w - u), best = k;
+        k = front_.edge(k).next;
+      } while (k != e);
+      if (least == std::numeric_limits<double>::max()) return;
+      const auto fresh = front_.fill(best, front_.ear_corner(best));
+      if (!front_.edge(e).alive && !fresh.empty()) e = fresh.front();
+    }
+  }
+
   void drain() {
     while (!queue_.empty()) {
       const Filling f = queue_.top();
       queue_.pop();
       if (!front_.edge(f.edge).alive) continue;
-      if (!front_.fits(f.edge, f.corner)) {
+      look_around(f.edge);
+      if (!front_.fits(f.edge, f.corner) || blocked(f.edge, front_.edge(f.corner).from)) {
         offer(f.edge);
         continue;
       }
@@ -173,22 +203,50 @@ class Zipper {
   void offer(std::uint32_t e) {
     const Front::Edge edge = front_.edge(e);
     if (!edge.alive) return;
-    const Vec3f u = joined_.mesh.positions[edge.from], v = joined_.mesh.positions[edge.to];
-    const double reach = config_.max_gap_m + 0.5 * length(v - u);
-    const bool small_loop = front_.loop_length(e, kSmallLoop).has_value();
-    within(tree_, (u + v) * 0.5f, reach, near_);
+    const Vec3f u = at(edge.from), v = at(edge.to);
+    const double reach = look_around(e);
     Filling best{std::numeric_limits<double>::max(), e, 0};
     for (const auto& [place, squared] : near_) {
       const std::uint32_t w = cloud_.tag[place];
-      const Vec3f p = joined_.mesh.positions[w];
+      const Vec3f p = at(w);
       const double cost = length(p - u) + length(p - v);
       if (cost >= best.cost || length(p - u) > reach || length(p - v) > reach) continue;
-      if (!small_loop && !joins_parts(edge, w)) continue;
+      if (!joins_parts(edge, w)) continue;
       for (const std::uint32_t corner : front_.corners_at(w))
-        if (front_.fits(e, corner)) best = {cost, e, corner};
+        if (front_.fits(e, corner) && !blocked(e, w)) best = {cost, e, corner};
     }
     if (best.cost < std::numeric_limits<double>::max()) queue_.push(best);
   }
+
+  /// Finds the border vertices that a triangle over `e` may reach or meet; returns how far it may reach.
+  double look_around(std::uint32_t e) {
+    const Vec3f u = at(front_.edge(e).from), v = at(front_.edge(e).to);
+    const double reach = config_.max_gap_m + 0.5 * length(v - u);
+    within(tree_, (u + v) * 0.5f, reach, near_);
+    return reach;
+  }
+
+  /// Whether the triangle over `e` with tip `w` would lie across another border nearby: seen along its normal,
+  /// a border vertex lies inside it or a border edge crosses one of its new edges.
+  bool blocked(std::uint32_t e, std::uint32_t w) const {
+    const Vec3f u = at(front_.edge(e).from), v = at(front_.edge(e).to), tip = at(w);
+    const Vec3f normal = cross(u - v, tip - v);
+    const auto side = [&](Vec3f a, Vec3f b, Vec3f p) { return dot(normal, cross(b - a, p - a)); };
+    const float slack = 1e-4f * dot(normal, normal);
+    const auto inside = [&](Vec3f p) { return side(v, u, p) > slack && side(u, tip, p) > slack && side(tip, v, p) > slack; };
+    const auto cross_each_other = [&](Vec3f a, Vec3f b, Vec3f c, Vec3f d) {
+      return side(a, b, c) * side(a, b, d) < 0 && side(c, d, a) * side(c, d, b) < 0 &&
+             std::min(std::abs(side(a, b, c)), std::abs(side(a, b, d))) > slack;
+    };
+    for (const auto& [place, squared] : near_)
+      for (const std::uint32_t corner : front_.corners_at(cloud_.tag[place])) {
+        const Vec3f p = at(front_.edge(corner).from), q = at(front_.edge(corner).to);
+        if (inside(p) || inside(q) || cross_each_other(u, tip, p, q) || cross_each_other(tip, v, p, q)) return true;
+      }
+    return false;
+  }
+
+  Vec3f at(std::uint32_t vertex) const { return joined_.mesh.positions[vertex]; }
 
   bool joins_parts(const Front::Edge& edge, std::uint32_t tip) const {
     const auto& part = joined_.part;
@@ -198,6 +256,7 @@ class Zipper {
   const Joined& joined_;
   Front& front_;
   const ZipperConfig& config_;
+  std::size_t original_edges_;
   PointCloud cloud_;
   KdTree tree_;
   std::priority_queue<Filling, std::vector<Filling>, std::greater<>> queue_;

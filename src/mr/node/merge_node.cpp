@@ -186,7 +186,7 @@ Result<MergeNode::Surface> MergeNode::merge_surfaces(const Gathered& gathered) {
   });
   auto snapped = codec::snap_to_lattice(labelled, scene_->lattice);
   if (!snapped) return snapped.error();
-  out.mesh = *std::move(snapped);
+  out.mesh = kit::without_nonmanifold_edges(*snapped);
   if (out.mesh.empty()) return Error{Error::Cause::empty, "merger '" + id() + "': no surface is left"};
   return out;
 }

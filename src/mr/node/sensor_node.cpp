@@ -7,6 +7,7 @@
 #include "mr/codec/packet_codec.h"
 #include "mr/core/parallel.h"
 #include "mr/fusion/fuse.h"
+#include "mr/kit/topology.h"
 #include "mr/merge/islands.h"
 #include "mr/simplify/simplify.h"
 
@@ -42,7 +43,7 @@ Result<SensorNode::Surface> SensorNode::simplify(const std::vector<Mesh>& pieces
   }
   auto snapped = codec::snap_to_lattice(all.mesh, scene_->lattice);
   if (!snapped) return snapped.error();
-  all.mesh = *std::move(snapped);
+  all.mesh = kit::without_nonmanifold_edges(*snapped);
   return all;
 }
 
@@ -77,7 +78,7 @@ Result<std::vector<std::byte>> SensorNode::process(Frame raw) {
   const Status coded = trace_.time("encode_mesh", [&]() -> Status {
     auto snapped = codec::snap_to_lattice(textured, scene_->lattice);
     if (!snapped) return snapped.error();
-    return publisher_.publish(*snapped, surface->error_m, packet.plan.mesh_speed, packet);
+    return publisher_.publish(kit::without_nonmanifold_edges(*snapped), surface->error_m, packet.plan.mesh_speed, packet);
   });
   if (!coded) return coded.error();
 
