@@ -21,9 +21,10 @@ int export_moment(const ExportOptions& options) {
   const auto outcome = run_scene(*scene, options.frame + 1, options.threads);
   if (!outcome) return fail(outcome.error().message);
   if (outcome->report.frames <= options.frame)
-    return fail(fmt::format("frame {} of scene '{}' did not come through: it gave {} frames", options.frame,
-                            scene->id, outcome->report.frames));
-  if (const Status written = write_outputs(*outcome, *scene, outputs); !written) return fail(written.error().message);
+    return fail(fmt::format("frame {} of scene '{}' did not come through: it gave {} frames",
+                            options.frame, scene->id, outcome->report.frames));
+  if (const Status written = write_outputs(*outcome, *scene, outputs); !written)
+    return fail(written.error().message);
   fmt::print("{}: {} triangles\n", options.file.string(), outcome->report.triangles);
   return 0;
 }
@@ -32,11 +33,15 @@ int export_moment(const ExportOptions& options) {
 
 void add_export(CLI::App& app, int& exit_code) {
   auto options = std::make_shared<ExportOptions>();
-  CLI::App* command = app.add_subcommand("export", "Write one merged moment of a scene for other tools");
+  CLI::App* command =
+      app.add_subcommand("export", "Write one merged moment of a scene for other tools");
   command->add_option("SCENE", options->scene, "Scene file (YAML)")->required();
   command->add_option("OUT", options->file, "File to write: .glb, .ply or .obj")->required();
-  command->add_option("--frame", options->frame, "Which frame, from 0")->check(CLI::Range(0, 1000000))->capture_default_str();
-  command->add_option("--threads", options->threads, "Threads; 0: as the scene says")->check(CLI::Range(0, 1024));
+  command->add_option("--frame", options->frame, "Which frame, from 0")
+      ->check(CLI::Range(0, 1000000))
+      ->capture_default_str();
+  command->add_option("--threads", options->threads, "Threads; 0: as the scene says")
+      ->check(CLI::Range(0, 1024));
   command->footer("Example:\n  meshreduce export examples/red-kitchen.yaml kitchen.ply --frame 0");
   command->callback([options, &exit_code] { exit_code = export_moment(*options); });
 }

@@ -25,22 +25,28 @@ std::size_t item_count(const SensorConfig& sensor) {
   return images ? images->depth.size() : 0;
 }
 
-std::string size_of(const Camera& camera) { return fmt::format("{}x{}", camera.width, camera.height); }
+std::string size_of(const Camera& camera) {
+  return fmt::format("{}x{}", camera.width, camera.height);
+}
 
 nlohmann::ordered_json as_json(const Scene& scene) {
-  nlohmann::ordered_json out{{"scene", scene.id}, {"fps", scene.fps}, {"voxel_m", scene.voxel_m},
+  nlohmann::ordered_json out{{"scene", scene.id},
+                             {"fps", scene.fps},
+                             {"voxel_m", scene.voxel_m},
                              {"sensors", nlohmann::ordered_json::array()},
                              {"mergers", nlohmann::ordered_json::array()}};
   for (const SensorConfig& s : scene.sensors) {
     const Vec3d at = s.T_world_depth.front().translation;
-    out["sensors"].push_back({{"id", s.id},
-                              {"source", source_name(s)},
-                              {"items", item_count(s)},
-                              {"depth", {s.depth_camera.width, s.depth_camera.height}},
-                              {"color", s.color_camera ? nlohmann::ordered_json{s.color_camera->width, s.color_camera->height}
-                                                       : nlohmann::ordered_json()},
-                              {"position_m", {at.x, at.y, at.z}},
-                              {"moving", s.T_world_depth.size() > 1}});
+    out["sensors"].push_back(
+        {{"id", s.id},
+         {"source", source_name(s)},
+         {"items", item_count(s)},
+         {"depth", {s.depth_camera.width, s.depth_camera.height}},
+         {"color", s.color_camera
+                       ? nlohmann::ordered_json{s.color_camera->width, s.color_camera->height}
+                       : nlohmann::ordered_json()},
+         {"position_m", {at.x, at.y, at.z}},
+         {"moving", s.T_world_depth.size() > 1}});
   }
   for (const MergerConfig& m : scene.mergers)
     out["mergers"].push_back({{"id", m.id}, {"inputs", m.inputs}, {"deadline_ms", m.deadline_ms}});
@@ -48,17 +54,21 @@ nlohmann::ordered_json as_json(const Scene& scene) {
 }
 
 std::string as_text(const Scene& scene) {
-  std::string out = fmt::format("scene {}: {} sensors, {} mergers, {} fps, {} mm voxels\n", scene.id,
-                                scene.sensors.size(), scene.mergers.size(), scene.fps, scene.voxel_m * 1000);
+  std::string out =
+      fmt::format("scene {}: {} sensors, {} mergers, {} fps, {} mm voxels\n", scene.id,
+                  scene.sensors.size(), scene.mergers.size(), scene.fps, scene.voxel_m * 1000);
   for (const SensorConfig& s : scene.sensors) {
     const Vec3d at = s.T_world_depth.front().translation;
-    out += fmt::format("  sensor {:<12} {:<12} {:>4} items  depth {:<9} color {:<9} at ({:.2f}, {:.2f}, {:.2f}) m{}\n",
-                       s.id, source_name(s), item_count(s), size_of(s.depth_camera),
-                       s.color_camera ? size_of(*s.color_camera) : "none", at.x, at.y, at.z,
-                       s.T_world_depth.size() > 1 ? ", moving" : "");
+    out += fmt::format(
+        "  sensor {:<12} {:<12} {:>4} items  depth {:<9} color {:<9} at ({:.2f}, {:.2f}, {:.2f}) "
+        "m{}\n",
+        s.id, source_name(s), item_count(s), size_of(s.depth_camera),
+        s.color_camera ? size_of(*s.color_camera) : "none", at.x, at.y, at.z,
+        s.T_world_depth.size() > 1 ? ", moving" : "");
   }
   for (const MergerConfig& m : scene.mergers)
-    out += fmt::format("  merger {:<12} from {}, waits {} ms\n", m.id, fmt::join(m.inputs, " "), m.deadline_ms);
+    out += fmt::format("  merger {:<12} from {}, waits {} ms\n", m.id, fmt::join(m.inputs, " "),
+                       m.deadline_ms);
   return out;
 }
 

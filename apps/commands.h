@@ -2,8 +2,8 @@
 
 #include <CLI/CLI.hpp>
 
-/// One function per command: adds its options to the app; when it was chosen, its work is done by the
-/// callback, which returns the exit code through `exit_code`.
+/// One function per command: adds its options to the app; when it was chosen, its work is done by
+/// the callback, which returns the exit code through `exit_code`.
 namespace mr::apps {
 
 void add_run(CLI::App& app, int& exit_code);

@@ -5,7 +5,9 @@
 #include "commands.h"
 
 int main(int argc, char** argv) {
-  CLI::App app{"MeshReduce: live 3D capture with many depth sensors, as one streamed textured mesh.", "meshreduce"};
+  CLI::App app{
+      "MeshReduce: live 3D capture with many depth sensors, as one streamed textured mesh.",
+      "meshreduce"};
   app.require_subcommand(1);
   app.failure_message(CLI::FailureMessage::simple);
   app.footer("meshreduce COMMAND --help shows a command's options and examples.");

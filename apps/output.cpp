@@ -22,10 +22,13 @@ class ProgressLine {
     if (shown_) std::fputs("\r\x1b[K", stderr);
   }
   void show(int frame, int frames, const std::string& node) {
-    if (!isatty(STDERR_FILENO) || std::chrono::steady_clock::now() - start_ < std::chrono::seconds(2)) return;
+    if (!isatty(STDERR_FILENO) ||
+        std::chrono::steady_clock::now() - start_ < std::chrono::seconds(2))
+      return;
     constexpr int kWidth = 30;
     const int done = frames > 0 ? kWidth * frame / frames : 0;
-    fmt::print(stderr, "\r\x1b[Kframe {}/{} [{:=<{}}>{: <{}}] {}", frame + 1, frames, "", done, "", kWidth - done, node);
+    fmt::print(stderr, "\r\x1b[Kframe {}/{} [{:=<{}}>{: <{}}] {}", frame + 1, frames, "", done, "",
+               kWidth - done, node);
     std::fflush(stderr);
     shown_ = true;
   }
@@ -38,13 +41,17 @@ class ProgressLine {
 Status write_snapshots(const DecodedScene& scene, Vec3d up, const std::filesystem::path& folder) {
   std::error_code failed;
   std::filesystem::create_directories(folder, failed);
-  if (failed) return Error{Error::Cause::io, "cannot make folder " + folder.string() + ": " + failed.message()};
+  if (failed)
+    return Error{Error::Cause::io,
+                 "cannot make folder " + folder.string() + ": " + failed.message()};
   auto renderer = render::Renderer::create();
   if (!renderer) return renderer.error();
   for (const render::Viewpoint& view : render::overview(scene, up)) {
-    auto picture = renderer->draw(scene, view.camera, view.T_world_camera);
+    auto picture =
+        renderer->draw(scene, view.camera, view.T_world_camera, {.cull_back_faces = true});
     if (!picture) return picture.error();
-    if (const Status written = kit::write_png(folder / (view.name + ".png"), *picture); !written) return written;
+    if (const Status written = kit::write_png(folder / (view.name + ".png"), *picture); !written)
+      return written;
   }
   return {};
 }
@@ -58,26 +65,29 @@ int fail(const std::string& message) {
 
 std::optional<Scene> load_or_tell(const std::filesystem::path& file) {
   SceneResult result = load_scene(file);
-  for (const SceneProblem& problem : result.problems) fmt::print(stderr, "{}\n", to_string(problem));
+  for (const SceneProblem& problem : result.problems)
+    fmt::print(stderr, "{}\n", to_string(problem));
   if (!result.problems.empty()) {
-    fmt::print(stderr, "meshreduce: {} problem{} in {}; nothing was started\n", result.problems.size(),
-               result.problems.size() == 1 ? "" : "s", file.string());
+    fmt::print(stderr, "meshreduce: {} problem{} in {}; nothing was started\n",
+               result.problems.size(), result.problems.size() == 1 ? "" : "s", file.string());
     return std::nullopt;
   }
-  for (const SceneProblem& notice : result.notices) fmt::print(stderr, "note: {}\n", to_string(notice));
+  for (const SceneProblem& notice : result.notices)
+    fmt::print(stderr, "note: {}\n", to_string(notice));
   return std::move(result.scene);
 }
 
 Status check(const Outputs& outputs) {
   const std::string ending = outputs.model.extension().string();
   if (!outputs.model.empty() && ending != ".glb" && ending != ".ply" && ending != ".obj")
-    return Error{Error::Cause::unsupported,
-                 "cannot export to " + outputs.model.string() + ": use the ending .glb, .ply or .obj"};
+    return Error{Error::Cause::unsupported, "cannot export to " + outputs.model.string() +
+                                                ": use the ending .glb, .ply or .obj"};
   for (const auto& file : {outputs.model, outputs.report}) {
     if (file.empty()) continue;
     const auto folder = file.has_parent_path() ? file.parent_path() : std::filesystem::path(".");
     if (!std::filesystem::is_directory(folder))
-      return Error{Error::Cause::not_found, "cannot write " + file.string() + ": no folder " + folder.string()};
+      return Error{Error::Cause::not_found,
+                   "cannot write " + file.string() + ": no folder " + folder.string()};
   }
   return {};
 }
@@ -101,11 +111,14 @@ Result<RunOutcome> run_scene(const Scene& scene, int frames, int threads) {
 
 Status write_outputs(const RunOutcome& outcome, const Scene& scene, const Outputs& outputs) {
   if (!outputs.model.empty())
-    if (const Status written = codec::export_scene(outcome.last, scene.up, outputs.model); !written) return written;
+    if (const Status written = codec::export_scene(outcome.last, scene.up, outputs.model); !written)
+      return written;
   if (!outputs.snapshots.empty())
-    if (const Status written = write_snapshots(outcome.last, scene.up, outputs.snapshots); !written) return written;
+    if (const Status written = write_snapshots(outcome.last, scene.up, outputs.snapshots); !written)
+      return written;
   if (!outputs.report.empty())
-    if (const Status written = write_file(outputs.report, to_json(outcome.report)); !written) return written;
+    if (const Status written = write_file(outputs.report, to_json(outcome.report)); !written)
+      return written;
   return {};
 }
 

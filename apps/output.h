@@ -16,7 +16,8 @@ namespace mr::apps {
 /// Prints "meshreduce: message" to stderr; returns exit code 1.
 int fail(const std::string& message);
 
-/// Loads a scene; tells every problem on stderr, one line each, and gives nothing when there is any.
+/// Loads a scene; tells every problem on stderr, one line each, and gives nothing when there is
+/// any.
 std::optional<Scene> load_or_tell(const std::filesystem::path& file);
 
 /// Where a run's results go; empty paths: nowhere.

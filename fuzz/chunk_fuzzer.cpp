@@ -1,4 +1,5 @@
-// decode_chunk on any bytes: no crash, and what it accepts is on the lattice and can be coded again.
+// decode_chunk on any bytes: no crash, and what it accepts is on the lattice and can be coded
+// again.
 #include <cstdlib>
 
 #include "mr/codec/mesh_codec.h"

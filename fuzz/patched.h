@@ -12,9 +12,9 @@ inline std::span<const std::byte> as_bytes(const std::uint8_t* data, std::size_t
   return std::as_bytes(std::span(data, size));
 }
 
-/// Bytes to decode. An input that starts with 0 is taken as it is; any other is a list of changes to
-/// `valid`, four bytes each (where, 24 bits; what), so that the fuzzer gets past the entropy coding
-/// without a corpus. A change with the highest bit set cuts the rest off.
+/// Bytes to decode. An input that starts with 0 is taken as it is; any other is a list of changes
+/// to `valid`, four bytes each (where, 24 bits; what), so that the fuzzer gets past the entropy
+/// coding without a corpus. A change with the highest bit set cuts the rest off.
 inline std::vector<std::byte> patched(const std::vector<std::byte>& valid,
                                       std::span<const std::byte> input) {
   if (input.empty() || input[0] == std::byte{0})

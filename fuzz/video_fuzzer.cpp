@@ -7,7 +7,8 @@
 namespace {
 
 std::vector<std::byte> valid_unit() {
-  auto encoder = mr::kit::VideoEncoder::create({.width = 48, .height = 32, .threads = 1, .slices = 2});
+  auto encoder =
+      mr::kit::VideoEncoder::create({.width = 48, .height = 32, .threads = 1, .slices = 2});
   if (!encoder) std::abort();
   mr::ImageRgb picture(48, 32);
   for (std::size_t i = 0; i < picture.data.size(); ++i)

@@ -45,7 +45,8 @@ TEST(Layout, ScaleShrinksTiles) {
 
 TEST(Compose, TilesAreCopiedExactlyAtFullScale) {
   auto picture = std::make_shared<ImageRgb>(64, 32);
-  for (std::size_t i = 0; i < picture->data.size(); ++i) picture->data[i] = static_cast<std::uint8_t>(i * 7);
+  for (std::size_t i = 0; i < picture->data.size(); ++i)
+    picture->data[i] = static_cast<std::uint8_t>(i * 7);
   const atlas::Layout layout = atlas::make_layout({view(0, 64, 32), view(1, 64, 32)}, {}, 1, 1);
   const ImageRgb atlas_picture =
       atlas::compose_atlas(layout, {{1, view(1, 64, 32)}}, {{1, picture}}, {}, false);

@@ -20,7 +20,9 @@ View view(ViewId id, Vec3d eye, Vec3d target) {
 }
 
 /// Facing -z at z = 2.
-Mesh wall(float half, int n) { return test::grid({-half, half, 2}, {2 * half, 0, 0}, {0, -2 * half, 0}, n, n); }
+Mesh wall(float half, int n) {
+  return test::grid({-half, half, 2}, {2 * half, 0, 0}, {0, -2 * half, 0}, n, n);
+}
 
 double labelled_area(const Mesh& mesh, ViewId id) {
   double twice = 0;
@@ -36,7 +38,8 @@ void expect_inside(const Mesh& mesh, const View& v) {
   for (std::size_t t = 0; t < views.size(); ++t) {
     if (views[t] != v.id) continue;
     for (int i = 0; i < 3; ++i) {
-      const auto p = project(v.camera(), v.T_world_camera.inverse() * vec_cast<double>(mesh.corner(t, i)));
+      const auto p =
+          project(v.camera(), v.T_world_camera.inverse() * vec_cast<double>(mesh.corner(t, i)));
       ASSERT_TRUE(p);
       EXPECT_GE(p->x, v.gutter_px - 1e-6);
       EXPECT_LE(p->x, v.width - 1 - v.gutter_px + 1e-6);
@@ -64,10 +67,11 @@ TEST(Labels, OccluderIsNotPaintedOntoTheWall) {
   Mesh scene = wall(0.8f, 2);  // large triangles: the occlusion edge has to be cut
   append(scene, test::grid({-0.2f, 0.2f, 1}, {0.4f, 0, 0}, {0, -0.4f, 0}, 8, 8));
   const View v = view(0, {0, 0, 0}, {0, 0, 2});
-  const Mesh mesh = atlas::label_triangles(scene, {{v}}, {.geometry_error_m = 0.005, .min_edge_m = 0.02});
+  const Mesh mesh =
+      atlas::label_triangles(scene, {{v}}, {.geometry_error_m = 0.005, .min_edge_m = 0.02});
   EXPECT_NEAR(surface_area_m2(mesh), 1.6 * 1.6 + 0.16, 1e-3);
-  // The occluder's shadow on the wall is 0.8 m wide. Nothing well inside it may be labelled; and outside its
-  // margin everything is.
+  // The occluder's shadow on the wall is 0.8 m wide. Nothing well inside it may be labelled; and
+  // outside its margin everything is.
   const auto views = triangle_views(mesh);
   double outside = 0;
   for (std::size_t t = 0; t < views.size(); ++t) {
@@ -83,17 +87,21 @@ TEST(Labels, OccluderIsNotPaintedOntoTheWall) {
 }
 
 TEST(Labels, BestAngleTakesTheMostDirectView) {
-  const std::vector<View> views = {view(0, {-1.5, 0, 0.5}, {0, 0, 2}), view(1, {0, 0, 0}, {0, 0, 2})};
-  const Mesh mesh = atlas::label_triangles(wall(0.4f, 10), views, {.views = AtlasConfig::Views::best_angle});
+  const std::vector<View> views = {view(0, {-1.5, 0, 0.5}, {0, 0, 2}),
+                                   view(1, {0, 0, 0}, {0, 0, 2})};
+  const Mesh mesh =
+      atlas::label_triangles(wall(0.4f, 10), views, {.views = AtlasConfig::Views::best_angle});
   EXPECT_NEAR(labelled_area(mesh, 1), 0.64, 1e-3);
 }
 
 TEST(Labels, CoherentLabelsHaveShorterBorders) {
-  const std::vector<View> views = {view(0, {-0.4, 0, 0}, {-0.1, 0, 2}), view(1, {0.4, 0, 0}, {0.1, 0, 2})};
+  const std::vector<View> views = {view(0, {-0.4, 0, 0}, {-0.1, 0, 2}),
+                                   view(1, {0.4, 0, 0}, {0.1, 0, 2})};
   // A bumpy wall: the angle test alone flickers between two views of about the same angle.
   const Mesh bumpy = test::grid({-0.6f, 0.6f, 2}, {1.2f, 0, 0}, {0, -1.2f, 0}, 30, 30, 0.01f, 5);
   const auto border = [&](AtlasConfig::Views mode) {
-    const Mesh mesh = atlas::label_triangles(bumpy, views, {.views = mode, .geometry_error_m = 0.02});
+    const Mesh mesh =
+        atlas::label_triangles(bumpy, views, {.views = mode, .geometry_error_m = 0.02});
     const auto label = triangle_views(mesh);
     const kit::EdgeTable edges = kit::edge_table(mesh);
     int count = 0;
@@ -105,7 +113,8 @@ TEST(Labels, CoherentLabelsHaveShorterBorders) {
 }
 
 TEST(Labels, SameOnAnyNumberOfThreads) {
-  const std::vector<View> views = {view(0, {-0.4, 0, 0}, {0, 0, 2}), view(1, {0.4, 0, 0}, {0, 0, 2})};
+  const std::vector<View> views = {view(0, {-0.4, 0, 0}, {0, 0, 2}),
+                                   view(1, {0.4, 0, 0}, {0, 0, 2})};
   std::vector<Mesh> results;
   for (const int threads : {1, 2, 8}) {
     Arena arena(threads);

@@ -139,8 +139,8 @@ TEST(MeshCodec, SameMeshGivesTheSameBytes) {
 }
 
 TEST(MeshCodec, NeighboursMeetInTheSameFloats) {
-  const Mesh whole = snapped(one_view(
-      grid({-1, -1, 0.7f}, {2, 0, 0.4f}, {0, 2, -0.3f}, 40, 40, 0.015f, 5)));
+  const Mesh whole =
+      snapped(one_view(grid({-1, -1, 0.7f}, {2, 0, 0.4f}, {0, 2, -0.3f}, 40, 40, 0.015f, 5)));
   std::vector<std::uint8_t> left(whole.triangles.size()), right(left);
   for (std::size_t t = 0; t < left.size(); ++t) {
     left[t] = whole.centroid(t).x < 0;
@@ -252,7 +252,8 @@ TEST(MeshCodec, RandomTriangleSoups) {
     Mesh mesh = snapped(soup);
     if (mesh.empty()) continue;
     std::vector<ViewId> labels(mesh.triangles.size());
-    for (ViewId& label : labels) label = random() % 4 == 3 ? kNoView : static_cast<ViewId>(random() % 3);
+    for (ViewId& label : labels)
+      label = random() % 4 == 3 ? kNoView : static_cast<ViewId>(random() % 3);
     set_triangle_views(mesh, labels);
     EXPECT_EQ(content(decoded(encoded(mesh, round % 11))), content(mesh)) << round;
   }
@@ -272,9 +273,9 @@ TEST(MeshCodec, OtherLattices) {
     for (const Vec3d origin : {Vec3d{}, Vec3d{12.5, -300.25, 7}, Vec3d{1000, 0, -2000}}) {
       const Lattice lattice{origin, step_exp};
       const Vec3f at = vec_cast<float>(origin);
-      Mesh mesh = snapped(one_view(grid(at + Vec3f{0.1f, 0.2f, 0.3f}, {1, 0, 0.2f}, {0, 1, 0.1f},
-                                        15, 15, 0.01f)),
-                          lattice);
+      Mesh mesh = snapped(
+          one_view(grid(at + Vec3f{0.1f, 0.2f, 0.3f}, {1, 0, 0.2f}, {0, 1, 0.1f}, 15, 15, 0.01f)),
+          lattice);
       label_in_blocks(mesh, 3);
       const EncodedChunk chunk = encoded(mesh, 5, lattice);
       EXPECT_EQ(content(decoded(chunk, lattice)), content(mesh));
@@ -285,7 +286,8 @@ TEST(MeshCodec, TheWholeCubeCanBeUsed) {
   const Lattice lattice{{3, -5, 8}, -10};
   const std::int32_t last = Lattice::kCells - 1;
   Mesh mesh;
-  for (const Vec3i q : {Vec3i{0, 0, 0}, {last, 0, 0}, {0, last, last}, {last, last, last}, {5, 6, 7}})
+  for (const Vec3i q :
+       {Vec3i{0, 0, 0}, {last, 0, 0}, {0, last, last}, {last, last, last}, {5, 6, 7}})
     mesh.positions.push_back(lattice.position(q));
   mesh.triangles = {{0, 1, 2}, {1, 3, 2}, {0, 4, 1}};
   mesh = one_view(mesh);
@@ -350,9 +352,8 @@ TEST(MeshCodec, PromisesAreChecked) {
   EXPECT_TRUE(refuses([](EncodedChunk& c) { c.views[2] = kNoView; }));
   EXPECT_TRUE(refuses([](EncodedChunk& c) { c.payload.clear(); }));
   EXPECT_TRUE(refuses([](EncodedChunk& c) { c.error_m = -1; }));
-  EXPECT_TRUE(refuses([](EncodedChunk& c) {
-    c.error_m = std::numeric_limits<float>::quiet_NaN();
-  }));
+  EXPECT_TRUE(
+      refuses([](EncodedChunk& c) { c.error_m = std::numeric_limits<float>::quiet_NaN(); }));
   EncodedChunk plain = encoded(surface(10));
   plain.views = {1, 2};
   EXPECT_FALSE(decode_chunk(plain, {})) << "two views and no labels";

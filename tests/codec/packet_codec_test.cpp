@@ -72,7 +72,8 @@ Packet full_packet() {
   p.views = {view(0), view(5)};
   p.views[1].kind = View::Kind::equirectangular;
   p.views[1].stream = 9;
-  p.manifest = {{{{-1, 2, 3}, kMergedSource}, 0, 7}, {{{0, 0, 0}, 1}, 0, 8}, {{{0, 0, 0}, 1}, 2, 1}};
+  p.manifest = {
+      {{{-1, 2, 3}, kMergedSource}, 0, 7}, {{{0, 0, 0}, 1}, 0, 8}, {{{0, 0, 0}, 1}, 2, 1}};
   const Mesh wall = test::grid({0, 0, 0}, {1, 0, 0}, {0, 1, 0}, 3, 3);
   Chunk chunk{p.manifest[0], 0.003f, *snap_to_lattice(wall, {})};
   chunk.mesh.runs = {{0, 10, 0}, {10, 8, 5}};
@@ -149,7 +150,8 @@ TEST(PacketCodec, PayloadsLieOnEightBytes) {
   const auto bytes = encode_packet(full_packet());
   const auto* packet = wire::GetPacket(bytes.data());
   for (const auto* chunk : *packet->chunks())
-    EXPECT_EQ((chunk->payload()->data() - reinterpret_cast<const std::uint8_t*>(bytes.data())) % 8, 0);
+    EXPECT_EQ((chunk->payload()->data() - reinterpret_cast<const std::uint8_t*>(bytes.data())) % 8,
+              0);
   for (const auto* unit : *packet->textures())
     EXPECT_EQ((unit->data()->data() - reinterpret_cast<const std::uint8_t*>(bytes.data())) % 8, 0);
 }
@@ -183,7 +185,8 @@ TEST(PacketCodec, CapsAreChecked) {
   EXPECT_TRUE(too_large({.chunk_triangles = 17}));
   EXPECT_TRUE(too_large({.packet_triangles = 29}));
   EXPECT_TRUE(too_large({.name_bytes = 15}));
-  EXPECT_TRUE(refused(Error::Cause::too_large, [](Packet& p) { p.chunks[0].views.assign(255, 0); }));
+  EXPECT_TRUE(
+      refused(Error::Cause::too_large, [](Packet& p) { p.chunks[0].views.assign(255, 0); }));
 }
 
 TEST(PacketCodec, NamesArePrintableAscii) {
@@ -218,9 +221,12 @@ TEST(PacketCodec, NumbersAreFiniteAndPossible) {
   EXPECT_TRUE(invalid([](Packet& p) { p.plan.simplify_ratio = 1.1f; }));
   EXPECT_TRUE(invalid([](Packet& p) { p.plan.mesh_speed = 11; }));
   EXPECT_TRUE(invalid([](Packet& p) { p.plan.texture_qp = -1; }));
-  EXPECT_TRUE(invalid([](Packet& p) { p.captured_at = TimePoint(Duration(std::int64_t{1} << 62)); }));
-  EXPECT_TRUE(invalid([](Packet& p) { p.sources[0].captured_at = TimePoint(Duration(std::int64_t{1} << 62)); }));
-  EXPECT_TRUE(invalid([](Packet& p) { p.marks[0].at = TimePoint(Duration(std::int64_t{1} << 62)); }));
+  EXPECT_TRUE(
+      invalid([](Packet& p) { p.captured_at = TimePoint(Duration(std::int64_t{1} << 62)); }));
+  EXPECT_TRUE(invalid(
+      [](Packet& p) { p.sources[0].captured_at = TimePoint(Duration(std::int64_t{1} << 62)); }));
+  EXPECT_TRUE(
+      invalid([](Packet& p) { p.marks[0].at = TimePoint(Duration(std::int64_t{1} << 62)); }));
   EXPECT_TRUE(invalid([](Packet& p) { p.chunks[0].triangles = 0; }));
   EXPECT_TRUE(invalid([](Packet& p) { p.chunks[0].payload.clear(); }));
   EXPECT_TRUE(invalid([](Packet& p) { p.textures[0].data.clear(); }));
@@ -228,12 +234,15 @@ TEST(PacketCodec, NumbersAreFiniteAndPossible) {
   EXPECT_TRUE(invalid([](Packet& p) { p.textures[0].height = 0; }));
   EXPECT_TRUE(invalid([](Packet& p) { p.textures[0].codec = static_cast<TextureCodec>(9); }));
   EXPECT_TRUE(invalid([](Packet& p) { p.views[0].kind = static_cast<View::Kind>(2); }));
-  EXPECT_TRUE(invalid([](Packet& p) { p.sources[0].depth_camera.model = static_cast<CameraModel>(3); }));
+  EXPECT_TRUE(
+      invalid([](Packet& p) { p.sources[0].depth_camera.model = static_cast<CameraModel>(3); }));
 }
 
 TEST(PacketCodec, PosesAreRigid) {
   EXPECT_TRUE(invalid([](Packet& p) { p.views[0].T_world_camera.rotation(0, 0) += 0.01; }));
-  EXPECT_TRUE(invalid([](Packet& p) { p.sources[0].T_world_depth.rotation = {{0, 0, 0, 0, 0, 0, 0, 0, 0}}; }));
+  EXPECT_TRUE(invalid([](Packet& p) {
+    p.sources[0].T_world_depth.rotation = {{0, 0, 0, 0, 0, 0, 0, 0, 0}};
+  }));
   EXPECT_TRUE(invalid([](Packet& p) {
     p.sources[0].T_world_depth.rotation = {{1, 0, 0, 0, 1, 0, 0, 0, -1}};
   })) << "mirrored";
@@ -250,15 +259,23 @@ TEST(PacketCodec, CamerasAreUsable) {
 
 TEST(PacketCodec, RectanglesLieInTheirPictures) {
   constexpr int kMax = std::numeric_limits<int>::max();
-  for (const Rect bad : {Rect{}, Rect{-1, 0, 10, 10}, {0, -1, 10, 10}, {1271, 0, 10, 10},
-                         {0, 711, 10, 10}, {0, 0, -5, 10}, {kMax, 0, 10, 10}, {1, 1, kMax, kMax}}) {
+  for (const Rect bad : {Rect{},
+                         Rect{-1, 0, 10, 10},
+                         {0, -1, 10, 10},
+                         {1271, 0, 10, 10},
+                         {0, 711, 10, 10},
+                         {0, 0, -5, 10},
+                         {kMax, 0, 10, 10},
+                         {1, 1, kMax, kMax}}) {
     EXPECT_TRUE(invalid([&](Packet& p) { p.views[0].image_rect = bad; })) << bad.x << " " << bad.y;
     EXPECT_TRUE(invalid([&](Packet& p) { p.views[0].atlas_rect = bad; })) << bad.x << " " << bad.y;
   }
   EXPECT_TRUE(invalid([](Packet& p) { p.views[0].atlas_rect.width = 625; })) << "16 + 625 > 640";
   EXPECT_FALSE(invalid([](Packet& p) { p.views[0].atlas_rect.width = 624; }));
-  EXPECT_FALSE(invalid([](Packet& p) { p.views[1].atlas_rect.width = 8000; })) << "stream elsewhere";
-  EXPECT_TRUE(invalid([](Packet& p) { p.views[1].atlas_rect.width = 8192; })) << "beyond any texture";
+  EXPECT_FALSE(invalid([](Packet& p) { p.views[1].atlas_rect.width = 8000; }))
+      << "stream elsewhere";
+  EXPECT_TRUE(invalid([](Packet& p) { p.views[1].atlas_rect.width = 8192; }))
+      << "beyond any texture";
 }
 
 TEST(PacketCodec, ListsAreSortedAndUnique) {
@@ -292,8 +309,8 @@ TEST(PacketCodec, SharedPayloadsDoNotMultiply) {
   const auto plan = wire::CreatePlan(b);
   const auto manifest = b.CreateVectorOfStructs(keys);
   const auto list = b.CreateVector(chunks);
-  wire::FinishPacketBuffer(
-      b, wire::CreatePacket(b, name, name, 0, 0, 0, 0, plan, 0, manifest, list));
+  wire::FinishPacketBuffer(b,
+                           wire::CreatePacket(b, name, name, 0, 0, 0, 0, plan, 0, manifest, list));
   const auto out = decode_packet(std::as_bytes(std::span(b.GetBufferPointer(), b.GetSize())));
   ASSERT_FALSE(out);
   EXPECT_EQ(out.error().cause, Error::Cause::invalid);

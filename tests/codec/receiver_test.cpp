@@ -38,7 +38,8 @@ class Sender {
 
   void new_layout() { ++layout_; }
   void restart_video() {
-    encoder_ = std::move(*kit::VideoEncoder::create({.width = kWidth, .height = kHeight, .qp = 20}));
+    encoder_ =
+        std::move(*kit::VideoEncoder::create({.width = kWidth, .height = kHeight, .qp = 20}));
   }
 
   Packet next(bool key_frame = false) {

@@ -30,11 +30,13 @@ TEST(CellTriangles, AreManifoldInsideTheCell) {
 }
 
 TEST(CellTriangles, OneCornerInsideFacesAwayFromIt) {
-  // Corner 0 inside: the triangle over the edges along x, y, z in that order, seen from the far corner.
+  // Corner 0 inside: the triangle over the edges along x, y, z in that order, seen from the far
+  // corner.
   ASSERT_EQ(cell_triangles()[1].size(), 1u);
   const auto t = cell_triangles()[1][0];
-  EXPECT_EQ((std::array<int, 3>{kCellEdges[t[0]].axis, kCellEdges[t[1]].axis, kCellEdges[t[2]].axis}),
-            (std::array<int, 3>{0, 1, 2}));
+  EXPECT_EQ(
+      (std::array<int, 3>{kCellEdges[t[0]].axis, kCellEdges[t[1]].axis, kCellEdges[t[2]].axis}),
+      (std::array<int, 3>{0, 1, 2}));
 }
 
 }  // namespace

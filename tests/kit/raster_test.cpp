@@ -18,7 +18,8 @@ Camera camera() {
 TEST(Raster, AgreesWithRaysThroughPixelCentres) {
   Mesh mesh = test::sphere({0.2f, -0.1f, 2.5f}, 0.6f, 24);
   append(mesh, test::grid({-3, -3, 4}, {6, 0, 0.5f}, {0, 6, 0.3f}, 4, 4));
-  append(mesh, test::grid({-0.6f, 0.4f, -1}, {1.2f, 0, 0}, {0, 0, 4}, 1, 1));  // through the near plane
+  append(mesh,
+         test::grid({-0.6f, 0.4f, -1}, {1.2f, 0, 0}, {0, 0, 4}, 1, 1));  // through the near plane
   const kit::Raster raster = kit::rasterize(mesh, camera(), Pose{});
   const Mesh* meshes[] = {&mesh};
   const kit::RayScene rays(meshes);
@@ -28,7 +29,8 @@ TEST(Raster, AgreesWithRaysThroughPixelCentres) {
       const Vec3d d = unproject(camera(), {double(x), double(y)});
       const auto hit = rays.first_hit({0, 0, 0}, vec_cast<float>(d), 0.05f, 100);
       const float depth = *raster.depth.at(x, y);
-      if (hit.has_value() != (depth > 0) || (hit && std::abs(hit->distance - depth) > 2e-3f)) ++different;
+      if (hit.has_value() != (depth > 0) || (hit && std::abs(hit->distance - depth) > 2e-3f))
+        ++different;
     }
   EXPECT_LE(different, 160 * 120 / 500);  // silhouettes may differ by rounding
 }

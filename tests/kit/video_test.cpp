@@ -32,8 +32,8 @@ ImageRgb waves(int width, int height, int t) {
   for (int y = 0; y < height; ++y)
     for (int x = 0; x < width; ++x)
       for (int c = 0; c < 3; ++c)
-        out.at(x, y)[c] = static_cast<std::uint8_t>(
-            128 + 60 * std::sin(0.05 * (x + 2 * t) + c) + 40 * std::cos(0.07 * y - 0.03 * x * c));
+        out.at(x, y)[c] = static_cast<std::uint8_t>(128 + 60 * std::sin(0.05 * (x + 2 * t) + c) +
+                                                    40 * std::cos(0.07 * y - 0.03 * x * c));
   return out;
 }
 
@@ -144,7 +144,8 @@ TEST(Video, SameInputAndSettingsGiveTheSameBytes) {
         VideoSettings{.width = 320, .height = 256, .threads = 4, .slices = 4}}) {
     auto a = encoder(settings), b = encoder(settings);
     for (int t = 0; t < 6; ++t) {
-      const auto ua = a.encode(waves(320, 256, t), t == 4), ub = b.encode(waves(320, 256, t), t == 4);
+      const auto ua = a.encode(waves(320, 256, t), t == 4),
+                 ub = b.encode(waves(320, 256, t), t == 4);
       ASSERT_TRUE(ua && ub);
       EXPECT_EQ(ua->data, ub->data);
       EXPECT_EQ(nal_units(*ua, 5) + nal_units(*ua, 1), settings.slices);

@@ -12,7 +12,9 @@
 namespace mr {
 namespace {
 
-Mesh zip(std::vector<Mesh> parts, double gap = 0.06) { return merge::zip(parts, {.max_gap_m = gap, .edge_m = 0.025}); }
+Mesh zip(std::vector<Mesh> parts, double gap = 0.06) {
+  return merge::zip(parts, {.max_gap_m = gap, .edge_m = 0.025});
+}
 
 /// Area of the holes in the rectangle [x0, x1] x [y0, y1], seen along +z.
 double open_area(const Mesh& mesh, float x0, float x1, float y0, float y1) {
@@ -22,13 +24,16 @@ double open_area(const Mesh& mesh, float x0, float x1, float y0, float y1) {
   int open = 0;
   for (int j = 0; j < kN; ++j)
     for (int i = 0; i < kN; ++i)
-      open += !rays.first_hit({x0 + (x1 - x0) * (i + 0.5f) / kN, y0 + (y1 - y0) * (j + 0.5f) / kN, -10}, {0, 0, 1}, 0, 100);
+      open +=
+          !rays.first_hit({x0 + (x1 - x0) * (i + 0.5f) / kN, y0 + (y1 - y0) * (j + 0.5f) / kN, -10},
+                          {0, 0, 1}, 0, 100);
   return static_cast<double>(open) / (kN * kN) * (x1 - x0) * (y1 - y0);
 }
 
 void expect_sound(const Mesh& mesh, Vec3f facing) {
   EXPECT_EQ(kit::count_nonmanifold_edges(mesh), 0u);
-  for (std::size_t t = 0; t < mesh.triangles.size(); ++t) EXPECT_GT(dot(mesh.area_normal(t), facing), 0);
+  for (std::size_t t = 0; t < mesh.triangles.size(); ++t)
+    EXPECT_GT(dot(mesh.area_normal(t), facing), 0);
 }
 
 TEST(Zipper, StraightGapBetweenDifferentBordersIsClosed) {
@@ -71,15 +76,19 @@ TEST(Zipper, JaggedHoleFilledByAnotherPart) {
 
 TEST(Zipper, WideGapsAndStepsStayOpen) {
   const Mesh left = test::grid({0, 1, 0}, {1, 0, 0}, {0, -1, 0}, 20, 20);
-  EXPECT_NEAR(surface_area_m2(zip({left, test::grid({1.2f, 1, 0}, {1, 0, 0}, {0, -1, 0}, 20, 20)})), 2, 1e-4);
+  EXPECT_NEAR(surface_area_m2(zip({left, test::grid({1.2f, 1, 0}, {1, 0, 0}, {0, -1, 0}, 20, 20)})),
+              2, 1e-4);
   // A step of 30 cm in depth: a table's edge and the floor beneath.
-  EXPECT_NEAR(surface_area_m2(zip({left, test::grid({1.01f, 1, 0.3f}, {1, 0, 0}, {0, -1, 0}, 20, 20)})), 2, 1e-4);
+  EXPECT_NEAR(
+      surface_area_m2(zip({left, test::grid({1.01f, 1, 0.3f}, {1, 0, 0}, {0, -1, 0}, 20, 20)})), 2,
+      1e-4);
 }
 
 TEST(Zipper, SurfacesFacingApartAreNotJoined) {
   Mesh back = test::grid({0, 1, 0.02f}, {1, 0, 0}, {0, -1, 0}, 20, 20);
   for (Triangle& t : back.triangles) std::swap(t[1], t[2]);
-  EXPECT_NEAR(surface_area_m2(zip({test::grid({0, 1, 0}, {1, 0, 0}, {0, -1, 0}, 20, 20), back})), 2, 1e-3);
+  EXPECT_NEAR(surface_area_m2(zip({test::grid({0, 1, 0}, {1, 0, 0}, {0, -1, 0}, 20, 20), back})), 2,
+              1e-3);
 }
 
 TEST(Zipper, OverlapRemovalAndZipperGiveOneClosedWall) {
@@ -87,8 +96,9 @@ TEST(Zipper, OverlapRemovalAndZipperGiveOneClosedWall) {
     return test::grid({x0, 1, 2 + z}, {x1 - x0, 0, 0}, {0, -2, 0}, n, n, 0.002f, seed);
   };
   const auto eye = [](double x) { return look_at({x, 0, 0}, {0, 0, 2}, {0, -1, 0}); };
-  const std::vector<merge::Part> parts = {{wall(-1, 0.4f, 0, 30, 1), 0.001f, {test::source(0, eye(-0.5))}},
-                                          {wall(-0.4f, 1, 0.006f, 23, 2), 0.001f, {test::source(1, eye(0.5))}}};
+  const std::vector<merge::Part> parts = {
+      {wall(-1, 0.4f, 0, 30, 1), 0.001f, {test::source(0, eye(-0.5))}},
+      {wall(-0.4f, 1, 0.006f, 23, 2), 0.001f, {test::source(1, eye(0.5))}}};
   std::vector<Mesh> owned = merge::remove_overlap(parts, {});
   for (Mesh& mesh : owned) mesh = merge::remove_islands(mesh, merge::island_area_m2(0.01));
   const Mesh zipped = zip(owned);

@@ -11,9 +11,11 @@ namespace mr {
 namespace {
 
 TEST(Kitchen, EightRealViewsBecomeOneTexturedMesh) {
-  const std::filesystem::path file = std::filesystem::path(MR_SOURCE_DIR) / "examples/red-kitchen.yaml";
+  const std::filesystem::path file =
+      std::filesystem::path(MR_SOURCE_DIR) / "examples/red-kitchen.yaml";
   const char* data = std::getenv("MR_DATA");
-  const auto folder = data ? std::filesystem::path(data) : std::filesystem::path(MR_SOURCE_DIR) / "../shared/data";
+  const auto folder =
+      data ? std::filesystem::path(data) : std::filesystem::path(MR_SOURCE_DIR) / "../shared/data";
   if (!std::filesystem::exists(folder / "sevenscenes_redkitchen"))
     GTEST_SKIP() << "no recordings at " << folder << " (set MR_DATA)";
   ::setenv("MR_DATA", std::filesystem::absolute(folder).c_str(), 1);
@@ -43,11 +45,13 @@ TEST(Kitchen, EightRealViewsBecomeOneTexturedMesh) {
       if (views[t] != kNoView) textured += 0.5 * length(mesh.area_normal(t));
     EXPECT_GT(textured, 0.85 * surface_area_m2(mesh));
 
-    // Drawn from a sensor's own view it looks like that sensor's picture (lighting differs between views).
+    // Drawn from a sensor's own view it looks like that sensor's picture (lighting differs between
+    // views).
     auto renderer = render::Renderer::create();
     ASSERT_TRUE(renderer) << renderer.error().message;
     const View& view = scene.views[3];
-    const auto drawn = renderer->draw(scene, view.camera(), view.T_world_camera, {.background = {0, 255, 0}});
+    const auto drawn =
+        renderer->draw(scene, view.camera(), view.T_world_camera, {.background = {0, 255, 0}});
     ASSERT_TRUE(drawn);
     const ImageRgb& atlas = *scene.textures.at(view.stream);
     double difference = 0;

@@ -33,7 +33,8 @@ Scene small_room(int sensors = 4) {
   return scene;
 }
 
-std::unique_ptr<node::Pipeline> run(const Scene& scene, int frames, node::RunReport* report = nullptr, int threads = 2) {
+std::unique_ptr<node::Pipeline> run(const Scene& scene, int frames,
+                                    node::RunReport* report = nullptr, int threads = 2) {
   std::unique_ptr<node::Pipeline> out;
   Arena arena(threads);
   arena.run([&] {
@@ -60,7 +61,8 @@ double rms_distance(const Mesh& a, const Mesh& b, double reach) {
   double sum = 0, area = 0;
   for (std::size_t t = 0; t < a.triangles.size(); ++t) {
     const Vec3f n = normalized(a.area_normal(t)), c = a.centroid(t);
-    const auto out = rays.first_hit(c, n, 0, static_cast<float>(reach)), in = rays.first_hit(c, -n, 0, static_cast<float>(reach));
+    const auto out = rays.first_hit(c, n, 0, static_cast<float>(reach)),
+               in = rays.first_hit(c, -n, 0, static_cast<float>(reach));
     if (!out && !in) continue;
     const double d = std::min(out ? out->distance : 1e9f, in ? in->distance : 1e9f);
     const double w = length(a.area_normal(t));
@@ -91,17 +93,20 @@ TEST(Pipeline, RoomComesThroughWholeAndTextured) {
   EXPECT_EQ(report.triangles, mesh.triangles.size());
   for (const char* stage : {"register", "fuse", "simplify", "encode_mesh", "encode_video"})
     EXPECT_TRUE(report.sensor_stages_ms.contains(stage)) << stage;
-  for (const char* stage : {"decode", "overlap", "islands", "zipper", "simplify", "atlas", "encode_mesh", "encode_atlas"})
+  for (const char* stage : {"decode", "overlap", "islands", "zipper", "simplify", "atlas",
+                            "encode_mesh", "encode_atlas"})
     EXPECT_TRUE(report.merge_stages_ms.contains(stage)) << stage;
   const auto json = nlohmann::json::parse(to_json(report));
-  for (const char* key : {"scene", "frames", "fps", "sensors", "threads", "peak_rss_mb", "triangles", "vertices",
-                          "mesh_bytes_per_frame", "refresh_bytes", "texture_bytes_per_frame", "chunks", "drops", "nodes", "latency_ms"})
+  for (const char* key : {"scene", "frames", "fps", "sensors", "threads", "peak_rss_mb",
+                          "triangles", "vertices", "mesh_bytes_per_frame", "refresh_bytes",
+                          "texture_bytes_per_frame", "chunks", "drops", "nodes", "latency_ms"})
     EXPECT_TRUE(json.contains(key)) << key;
 }
 
 TEST(Pipeline, ChunkBordersAreClosedForTheClient) {
-  // Borders between chunks are no boundary of the welded mesh: along a cube's face no edge is open unless the
-  // surface ends there. Removing the cube's neighbours must open edges, so the test could fail.
+  // Borders between chunks are no boundary of the welded mesh: along a cube's face no edge is open
+  // unless the surface ends there. Removing the cube's neighbours must open edges, so the test
+  // could fail.
   const auto pipeline = run(small_room(2), 1);
   ASSERT_TRUE(pipeline);
   const DecodedScene& scene = *pipeline->decoded();
@@ -126,7 +131,9 @@ TEST(Pipeline, TwoLayersGiveTheSurfaceOfOne) {
   Scene one = small_room();
   one.rig->noise = false;
   Scene two = one;
-  two.mergers = {{"west", {"cam-0", "cam-1"}, 50}, {"east", {"cam-2", "cam-3"}, 50}, {"root", {"west", "east"}, 50}};
+  two.mergers = {{"west", {"cam-0", "cam-1"}, 50},
+                 {"east", {"cam-2", "cam-3"}, 50},
+                 {"root", {"west", "east"}, 50}};
   const auto flat = run(one, 1), layered = run(two, 1);
   ASSERT_TRUE(flat && layered);
   const Mesh a = whole(*flat->decoded()), b = whole(*layered->decoded());
@@ -143,14 +150,17 @@ TEST(Pipeline, PatchesComeThrough) {
   scene.fusion.patches_x = 3, scene.fusion.patches_y = 2;
   const auto pipeline = run(scene, 1), chunks = run(small_room(2), 1);
   ASSERT_TRUE(pipeline && chunks);
-  EXPECT_NEAR(surface_area_m2(whole(*pipeline->decoded())) / surface_area_m2(whole(*chunks->decoded())), 1, 0.12);
+  EXPECT_NEAR(
+      surface_area_m2(whole(*pipeline->decoded())) / surface_area_m2(whole(*chunks->decoded())), 1,
+      0.12);
 }
 
 /// Two sensors that look at a wall 1.5 m away, as files in a folder of their own.
 class PipelineFromFiles : public ::testing::Test {
  protected:
   void SetUp() override {
-    folder_ = std::filesystem::temp_directory_path() / ("mr_pipeline_" + std::to_string(::getpid()));
+    folder_ =
+        std::filesystem::temp_directory_path() / ("mr_pipeline_" + std::to_string(::getpid()));
     std::filesystem::create_directories(folder_);
     for (int i = 0; i < 3; ++i) write_frame(i);
   }
@@ -166,9 +176,12 @@ class PipelineFromFiles : public ::testing::Test {
   static void write_depth(const std::filesystem::path& file, int value) {
     std::ofstream out(file, std::ios::binary);
     out << "P5\n160 120\n65535\n";
-    for (int i = 0; i < 160 * 120; ++i) out << static_cast<char>(value >> 8) << static_cast<char>(value & 255);
+    for (int i = 0; i < 160 * 120; ++i)
+      out << static_cast<char>(value >> 8) << static_cast<char>(value & 255);
   }
-  std::filesystem::path depth(int i) const { return folder_ / ("depth" + std::to_string(i) + ".pgm"); }
+  std::filesystem::path depth(int i) const {
+    return folder_ / ("depth" + std::to_string(i) + ".pgm");
+  }
 
   Scene scene() const {
     Scene scene;
@@ -229,7 +242,8 @@ TEST_F(PipelineFromFiles, SensorWithoutSurfaceLeavesTheOthersAlone) {
   ASSERT_TRUE(pipeline);
   EXPECT_EQ(report.frames, 3);
   EXPECT_EQ(report.drops["s1: empty"], 3u);
-  EXPECT_NEAR(surface_area_m2(whole(*pipeline->decoded())), 1.5 * 159 / 140 * 1.5 * 119 / 140, 0.08);
+  EXPECT_NEAR(surface_area_m2(whole(*pipeline->decoded())), 1.5 * 159 / 140 * 1.5 * 119 / 140,
+              0.08);
 }
 
 TEST_F(PipelineFromFiles, NothingValidAtAllIsAnError) {
@@ -273,7 +287,8 @@ TEST_F(PipelineFromFiles, SceneWithoutAnyColourStillHasASurface) {
 TEST_F(PipelineFromFiles, MergerSurvivesGarbagePackets) {
   const Scene s = scene();
   node::SensorNode sensor(s, 0);
-  node::MergeNode merger(s, s.mergers[0], true, [&](std::size_t, const ChunkKey& key) { return sensor.find(key); });
+  node::MergeNode merger(s, s.mergers[0], true,
+                         [&](std::size_t, const ChunkKey& key) { return sensor.find(key); });
   const TimePoint now{};
   EXPECT_TRUE(merger.merge(now).ok());  // nothing arrived: nothing to merge, no error
 
@@ -286,7 +301,8 @@ TEST_F(PipelineFromFiles, MergerSurvivesGarbagePackets) {
   frame.T_world_depth = s.sensors[0].T_world_depth[0];
   const auto bytes = sensor.process(frame);
   ASSERT_TRUE(bytes);
-  EXPECT_FALSE(merger.receive(1, std::span(*bytes).first(bytes->size() / 2), now));  // half a packet
+  EXPECT_FALSE(
+      merger.receive(1, std::span(*bytes).first(bytes->size() / 2), now));  // half a packet
   ASSERT_TRUE(merger.receive(0, *bytes, now));
   const auto merged = merger.merge(now + std::chrono::milliseconds(51));
   ASSERT_TRUE(merged && *merged);

@@ -9,8 +9,9 @@
 /// Scenes with known answers.
 namespace mr::test {
 
-/// A flat grid of (nx × ny) cells in the plane through `origin` spanned by `u` and `v` (metres, whole
-/// extent); its normal is u × v. Noise moves vertices along the normal, uniformly within ± noise_m.
+/// A flat grid of (nx × ny) cells in the plane through `origin` spanned by `u` and `v` (metres,
+/// whole extent); its normal is u × v. Noise moves vertices along the normal, uniformly within ±
+/// noise_m.
 inline Mesh grid(Vec3f origin, Vec3f u, Vec3f v, int nx, int ny, float noise_m = 0,
                  unsigned seed = 1) {
   std::mt19937 random(seed);

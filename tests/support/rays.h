@@ -23,7 +23,8 @@ inline ImageDepth render_depth(const Mesh& mesh, const Camera& camera, const Pos
   for (int y = 0; y < camera.height; ++y)
     for (int x = 0; x < camera.width; ++x) {
       const Vec3d d = T_world_camera.rotation * unproject(camera, {double(x), double(y)});
-      const auto hit = rays.first_hit(vec_cast<float>(T_world_camera.translation), vec_cast<float>(d), 0.01f, 100);
+      const auto hit = rays.first_hit(vec_cast<float>(T_world_camera.translation),
+                                      vec_cast<float>(d), 0.01f, 100);
       *depth.at(x, y) = hit ? hit->distance : 0;
     }
   return depth;
@@ -33,10 +34,10 @@ inline SourceInfo source(std::uint32_t sensor, const Pose& T_world_depth) {
   return {sensor, {}, small_camera(), T_world_depth, {0.001, 0.0002}};
 }
 
-/// Share of a grid of parallel rays on which a second surface facing the viewer lies within `range` behind
-/// the first.
-inline double doubled_share(const Mesh& mesh, Vec3f origin, Vec3f u, Vec3f v, Vec3f direction, float range,
-                            int n = 128) {
+/// Share of a grid of parallel rays on which a second surface facing the viewer lies within `range`
+/// behind the first.
+inline double doubled_share(const Mesh& mesh, Vec3f origin, Vec3f u, Vec3f v, Vec3f direction,
+                            float range, int n = 128) {
   const Mesh* meshes[] = {&mesh};
   const kit::RayScene rays(meshes);
   std::vector<kit::RayHit> hits;
@@ -45,7 +46,9 @@ inline double doubled_share(const Mesh& mesh, Vec3f origin, Vec3f u, Vec3f v, Ve
     for (int i = 0; i < n; ++i) {
       const Vec3f from = origin + u * ((i + 0.37f) / n) + v * ((j + 0.41f) / n);
       rays.all_hits(from, direction, 0, 100, hits);
-      std::erase_if(hits, [&](const kit::RayHit& h) { return dot(mesh.area_normal(h.triangle), direction) >= 0; });
+      std::erase_if(hits, [&](const kit::RayHit& h) {
+        return dot(mesh.area_normal(h.triangle), direction) >= 0;
+      });
       bool second = false;
       for (std::size_t k = 1; k < hits.size(); ++k) {
         const float apart = hits[k].distance - hits[k - 1].distance;

@@ -29,7 +29,8 @@ void sample(const ImageRgb& image, const Rect& rect, double x, double y, std::ui
   x = std::clamp(x, static_cast<double>(rect.x), rect.x + rect.width - 1.0);
   y = std::clamp(y, static_cast<double>(rect.y), rect.y + rect.height - 1.0);
   const int x0 = static_cast<int>(x), y0 = static_cast<int>(y);
-  const int x1 = std::min(x0 + 1, rect.x + rect.width - 1), y1 = std::min(y0 + 1, rect.y + rect.height - 1);
+  const int x1 = std::min(x0 + 1, rect.x + rect.width - 1),
+            y1 = std::min(y0 + 1, rect.y + rect.height - 1);
   const double fx = x - x0, fy = y - y0;
   for (int c = 0; c < 3; ++c) {
     const double top = image.at(x0, y0)[c] * (1 - fx) + image.at(x1, y0)[c] * fx;
@@ -41,7 +42,8 @@ void sample(const ImageRgb& image, const Rect& rect, double x, double y, std::ui
 void draw_tile(const View& tile, const View& child, const ImageRgb& picture, const ImageMask* used,
                ImageRgb& atlas) {
   const Rect &to = tile.atlas_rect, &crop = tile.image_rect;
-  const double sx = static_cast<double>(crop.width) / to.width, sy = static_cast<double>(crop.height) / to.height;
+  const double sx = static_cast<double>(crop.width) / to.width,
+               sy = static_cast<double>(crop.height) / to.height;
   parallel_for(to.height, 16, [&](std::size_t begin, std::size_t end) {
     for (int j = static_cast<int>(begin); j < static_cast<int>(end); ++j)
       for (int i = 0; i < to.width; ++i) {
@@ -70,7 +72,9 @@ ImageMask used_pixels(const Mesh& mesh, const View& view, int margin_px) {
   for (const ViewRun& run : mesh.runs) {
     if (run.view != view.id) continue;
     for (std::uint32_t t = run.first; t < run.first + run.count; ++t) {
-      const auto corner = [&](int i) { return T_camera_world * vec_cast<double>(mesh.corner(t, i)); };
+      const auto corner = [&](int i) {
+        return T_camera_world * vec_cast<double>(mesh.corner(t, i));
+      };
       const std::array<Vec3d, 3> corners = {corner(0), corner(1), corner(2)};
       kit::scan_polygon(kit::clip_to_screen(camera, corners), camera.width, 0, camera.height,
                         [&](int x, int y, double) { *mask.at(x, y) = 1; });

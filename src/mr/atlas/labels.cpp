@@ -14,8 +14,8 @@ namespace mr::atlas {
 namespace {
 
 constexpr double kEnoughVisible = 0.9;
-constexpr double kLeastDirect = 0.75;    // below it, neutral colour is better than a wrong picture
-constexpr float kLeastFacing = 0.1f;     // cosine; flatter, a pixel smears over the surface
+constexpr double kLeastDirect = 0.75;  // below it, neutral colour is better than a wrong picture
+constexpr float kLeastFacing = 0.1f;   // cosine; flatter, a pixel smears over the surface
 constexpr int kNormalRounds = 4;
 constexpr int kCutRounds = 4;
 constexpr int kSweeps = 12;
@@ -23,11 +23,11 @@ constexpr double kFrontOfMargin_m = 0.05;  // an occluder this much nearer needs
 
 /// How one view sees one triangle.
 struct Sight {
-  float visible = 0;    ///< share of the triangle's pixels in sight, clear of occluders' margins; 0 where
-                        ///< the view may not be used
-  float direct_px = 0;  ///< pixels in sight, margins or not; 0 where the view may not be used
-  float facing = 0;     ///< cosine between the normal and the direction to the camera
-  bool touches = false; ///< some of it is in the picture and in sight
+  float visible = 0;  ///< share of the triangle's pixels in sight, clear of occluders' margins; 0
+                      ///< where the view may not be used
+  float direct_px = 0;   ///< pixels in sight, margins or not; 0 where the view may not be used
+  float facing = 0;      ///< cosine between the normal and the direction to the camera
+  bool touches = false;  ///< some of it is in the picture and in sight
 };
 
 /// Smallest value in a window of (2r + 1)², ignoring 0.
@@ -46,8 +46,7 @@ ImageDepth nearest_around(const ImageDepth& depth, int r) {
   parallel_for(depth.height, 32, [&](std::size_t begin, std::size_t end) {
     for (int y = static_cast<int>(begin); y < static_cast<int>(end); ++y)
       for (int k = std::max(0, y - r); k <= std::min(depth.height - 1, y + r); ++k)
-        for (int x = 0; x < depth.width; ++x)
-          *out.at(x, y) = nearer(*out.at(x, y), *rows.at(x, k));
+        for (int x = 0; x < depth.width; ++x) *out.at(x, y) = nearer(*out.at(x, y), *rows.at(x, k));
   });
   return out;
 }
@@ -65,9 +64,13 @@ double median_depth(const ImageDepth& depth) {
 class Eye {
  public:
   Eye(const Mesh& mesh, const View& view, const LabelConfig& config)
-      : view_(view), camera_(view.camera()), T_camera_world_(view.T_world_camera.inverse()),
-        config_(config), depth_(kit::rasterize(mesh, camera_, view.T_world_camera).depth),
-        margin_(static_cast<int>(std::ceil(margin_px(view, config.geometry_error_m, median_depth(depth_))))),
+      : view_(view),
+        camera_(view.camera()),
+        T_camera_world_(view.T_world_camera.inverse()),
+        config_(config),
+        depth_(kit::rasterize(mesh, camera_, view.T_world_camera).depth),
+        margin_(static_cast<int>(
+            std::ceil(margin_px(view, config.geometry_error_m, median_depth(depth_))))),
         around_(nearest_around(depth_, margin_)) {}
 
   /// `normal_world`: what the surface faces there, smoothed.
@@ -113,7 +116,9 @@ class Eye {
            s.v <= r.y + r.height - 1 - g;
   }
 
-  double slack_m(double z) const { return config_.geometry_error_m + 2 * config_.precision.sigma_m(z); }
+  double slack_m(double z) const {
+    return config_.geometry_error_m + 2 * config_.precision.sigma_m(z);
+  }
 
   bool nothing_in_front(int x, int y, double z) const {
     return *depth_.at(x, y) >= z - slack_m(z) - 3 * z / camera_.fx;
@@ -147,7 +152,8 @@ Sights look(const Mesh& mesh, std::span<const View> views, const LabelConfig& co
       parallel_for(mesh.triangles.size(), 1024, [&](std::size_t first, std::size_t last) {
         for (std::size_t t = first; t < last; ++t) {
           const Triangle& tri = mesh.triangles[t];
-          sights[v][t] = eye.look_at(mesh, t, normalized(normals[tri[0]] + normals[tri[1]] + normals[tri[2]]));
+          sights[v][t] =
+              eye.look_at(mesh, t, normalized(normals[tri[0]] + normals[tri[1]] + normals[tri[2]]));
         }
       });
     }
@@ -162,10 +168,12 @@ bool cut_occlusion_edges(Mesh& mesh, const Sights& sights, double min_edge_m) {
   for (std::uint32_t t = 0; t < mesh.triangles.size(); ++t) {
     float best = 0;
     bool touched = false;
-    for (const auto& view : sights) best = std::max(best, view[t].visible), touched |= view[t].touches;
+    for (const auto& view : sights)
+      best = std::max(best, view[t].visible), touched |= view[t].touches;
     if (best >= kEnoughVisible || !touched) continue;
     for (std::uint32_t h = 3 * t; h < 3 * t + 3; ++h) {
-      const Vec3f edge = mesh.positions[kit::edge_to(mesh, h)] - mesh.positions[kit::edge_from(mesh, h)];
+      const Vec3f edge =
+          mesh.positions[kit::edge_to(mesh, h)] - mesh.positions[kit::edge_from(mesh, h)];
       split[h] = length(edge) > 2 * min_edge_m;
       any |= split[h] != 0;
     }
@@ -176,28 +184,33 @@ bool cut_occlusion_edges(Mesh& mesh, const Sights& sights, double min_edge_m) {
 
 constexpr int kNone = -1;
 
-/// The view that looks most directly among those that see enough; else the one that sees most of the
-/// triangle, if need be within the margin of an occluder.
+/// The view that looks most directly among those that see enough; else the one that sees most of
+/// the triangle, if need be within the margin of an occluder.
 int best_view(const Sights& sights, std::size_t t) {
   int best = kNone, most = kNone;
   for (int v = 0; v < static_cast<int>(sights.size()); ++v) {
     const Sight& s = sights[v][t];
-    if (s.visible >= kEnoughVisible && (best == kNone || s.facing > sights[best][t].facing)) best = v;
-    const auto rank = [&](int view) { return std::pair(sights[view][t].visible, sights[view][t].direct_px); };
+    if (s.visible >= kEnoughVisible && (best == kNone || s.facing > sights[best][t].facing))
+      best = v;
+    const auto rank = [&](int view) {
+      return std::pair(sights[view][t].visible, sights[view][t].direct_px);
+    };
     if (s.direct_px > 0 && (most == kNone || rank(v) > rank(most))) most = v;
   }
   return best != kNone ? best : most;
 }
 
-/// Moves labels to the neighbours' where the angle test allows (paper 3.3): in each sweep a triangle takes
-/// the allowed view with the longest border to triangles of that view. In index order: deterministic.
+/// Moves labels to the neighbours' where the angle test allows (paper 3.3): in each sweep a
+/// triangle takes the allowed view with the longest border to triangles of that view. In index
+/// order: deterministic.
 void agree_with_neighbours(std::vector<int>& label, const Mesh& mesh, const Sights& sights,
                            double angle_deg) {
   const kit::EdgeTable edges = kit::edge_table(mesh);
   const double allowance = angle_deg * std::numbers::pi / 180;
   const auto allowed = [&](int v, std::size_t t, int best) {
     const Sight& s = sights[v][t];
-    const double angle = std::acos(std::min(1.0f, s.facing)), least = std::acos(std::min(1.0f, sights[best][t].facing));
+    const double angle = std::acos(std::min(1.0f, s.facing)),
+                 least = std::acos(std::min(1.0f, sights[best][t].facing));
     return s.visible >= kEnoughVisible && angle <= least + allowance;
   };
   std::vector<int> best = label;
@@ -210,7 +223,8 @@ void agree_with_neighbours(std::vector<int>& label, const Mesh& mesh, const Sigh
         if (edges.twin[h] == kit::kNoTwin) continue;
         const int other = label[edges.twin[h] / 3];
         if (other == kNone || !allowed(other, t, best[t])) continue;
-        border[other] += length(mesh.positions[kit::edge_to(mesh, h)] - mesh.positions[kit::edge_from(mesh, h)]);
+        border[other] +=
+            length(mesh.positions[kit::edge_to(mesh, h)] - mesh.positions[kit::edge_from(mesh, h)]);
       }
       int choice = label[t];
       for (const auto& [view, length_m] : border)
@@ -232,7 +246,8 @@ Mesh label_triangles(const Mesh& input, std::span<const View> views, const Label
   Mesh mesh = input;
   mesh.runs.clear();
   Sights sights = look(mesh, views, config);
-  for (int round = 0; round < kCutRounds && cut_occlusion_edges(mesh, sights, config.min_edge_m); ++round)
+  for (int round = 0; round < kCutRounds && cut_occlusion_edges(mesh, sights, config.min_edge_m);
+       ++round)
     sights = look(mesh, views, config);
 
   std::vector<int> label(mesh.triangles.size(), kNone);

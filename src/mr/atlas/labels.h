@@ -11,20 +11,21 @@ namespace mr::atlas {
 
 struct LabelConfig {
   AtlasConfig::Views views = AtlasConfig::Views::coherent;
-  double coherent_angle_deg = 30;    ///< a neighbour's view is taken when it is at most this much worse than the best
-  double geometry_error_m = 0.01;    ///< decimation + lattice + calibration error
-  Precision precision{};             ///< of the noisiest sensor: bumps of its noise are not occluders
-  double min_edge_m = 0.02;          ///< triangles across an occlusion edge are cut down to this
+  double coherent_angle_deg =
+      30;  ///< a neighbour's view is taken when it is at most this much worse than the best
+  double geometry_error_m = 0.01;  ///< decimation + lattice + calibration error
+  Precision precision{};           ///< of the noisiest sensor: bumps of its noise are not occluders
+  double min_edge_m = 0.02;        ///< triangles across an occlusion edge are cut down to this
 };
 
-/// Chooses which view textures each triangle (paper 3.3; DESIGN section 4, "Texturing by projection").
-/// A view may be used where all corners lie beyond its near plane and inside image_rect minus the
-/// gutter, the triangle faces it, and at least 90 % of the triangle is visible in a rasterisation of
-/// this mesh from it, with a margin around occluders. A triangle across an occlusion edge is cut;
-/// what cannot be cut further goes to the view that sees most of it, or to none.
-/// best_angle takes the view that looks most directly; coherent prefers the neighbours' view
-/// where angles allow. Returns the mesh with runs; vertices that cutting added may lie off the lattice.
-/// Pinhole views only; others are ignored.
+/// Chooses which view textures each triangle (paper 3.3; DESIGN section 4, "Texturing by
+/// projection"). A view may be used where all corners lie beyond its near plane and inside
+/// image_rect minus the gutter, the triangle faces it, and at least 90 % of the triangle is visible
+/// in a rasterisation of this mesh from it, with a margin around occluders. A triangle across an
+/// occlusion edge is cut; what cannot be cut further goes to the view that sees most of it, or to
+/// none. best_angle takes the view that looks most directly; coherent prefers the neighbours' view
+/// where angles allow. Returns the mesh with runs; vertices that cutting added may lie off the
+/// lattice. Pinhole views only; others are ignored.
 Mesh label_triangles(const Mesh& mesh, std::span<const View> views, const LabelConfig& config);
 
 /// The margin in pixels that geometry error asks for at a depth: error · f / z + 2.

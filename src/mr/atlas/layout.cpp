@@ -14,7 +14,9 @@ int up_to_macroblock(int pixels) { return (pixels + kMacroblock - 1) / kMacroblo
 std::pair<int, int> place(std::vector<View>& views, double scale, int width) {
   int x = 0, y = 0, row_height = 0, used_width = 0;
   for (View& v : views) {
-    const auto scaled = [&](int size) { return std::max(2, static_cast<int>(std::lround(size * scale)) / 2 * 2); };
+    const auto scaled = [&](int size) {
+      return std::max(2, static_cast<int>(std::lround(size * scale)) / 2 * 2);
+    };
     const int w = scaled(v.image_rect.width), h = scaled(v.image_rect.height);
     if (x > 0 && x + w > width) x = 0, y += row_height, row_height = 0;
     v.atlas_rect = {x, y, w, h};
@@ -25,11 +27,16 @@ std::pair<int, int> place(std::vector<View>& views, double scale, int width) {
   return {used_width, y + row_height};
 }
 
-/// The row width, among those that hold a whole number of the widest tile, whose picture is smallest.
-std::pair<int, int> place_compactly(std::vector<View>& views, double scale, const AtlasConfig& atlas) {
-  const int limit_w = atlas.width / kMacroblock * kMacroblock, limit_h = atlas.height / kMacroblock * kMacroblock;
+/// The row width, among those that hold a whole number of the widest tile, whose picture is
+/// smallest.
+std::pair<int, int> place_compactly(std::vector<View>& views, double scale,
+                                    const AtlasConfig& atlas) {
+  const int limit_w = atlas.width / kMacroblock * kMacroblock,
+            limit_h = atlas.height / kMacroblock * kMacroblock;
   int widest = kMacroblock;
-  for (const View& v : views) widest = std::max(widest, up_to_macroblock(static_cast<int>(std::lround(v.image_rect.width * scale))));
+  for (const View& v : views)
+    widest = std::max(widest,
+                      up_to_macroblock(static_cast<int>(std::lround(v.image_rect.width * scale))));
   int best_width = 0;
   long best_area = -1;
   for (int width = widest; width <= limit_w; width += widest) {

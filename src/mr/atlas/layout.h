@@ -13,8 +13,9 @@ struct Layout {
   std::vector<View> views;    ///< with atlas_rect, stream 0 and `layout` set
 };
 
-/// One tile per view, in rows, each scaled by `scale` (less when they would not fit into the largest
-/// atlas). Tiles start at multiples of 16 pixels, so that no macroblock of the video mixes two views.
+/// One tile per view, in rows, each scaled by `scale` (less when they would not fit into the
+/// largest atlas). Tiles start at multiples of 16 pixels, so that no macroblock of the video mixes
+/// two views.
 Layout make_layout(const std::vector<View>& views, const AtlasConfig& atlas, double scale,
                    std::uint32_t layout_id);
 

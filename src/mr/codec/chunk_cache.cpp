@@ -13,7 +13,8 @@ void ChunkCache::put(std::shared_ptr<const EncodedChunk> chunk) {
 void ChunkCache::keep(std::span<const ChunkKey> manifest) {
   ++manifests_;
   for (const ChunkKey& key : manifest)
-    if (const auto it = entries_.find(key); it != entries_.end()) it->second.last_named = manifests_;
+    if (const auto it = entries_.find(key); it != entries_.end())
+      it->second.last_named = manifests_;
   std::erase_if(entries_, [&](const auto& item) {
     return manifests_ - item.second.last_named >= kManifestsKept;
   });

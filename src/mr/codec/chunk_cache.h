@@ -9,8 +9,8 @@
 
 namespace mr::codec {
 
-/// What a node holds for receivers that lack a chunk: late joiners, losses and restarts are this one
-/// case (DESIGN section 4). Holds what the newest manifests name, and forgets a chunk once
+/// What a node holds for receivers that lack a chunk: late joiners, losses and restarts are this
+/// one case (DESIGN section 4). Holds what the newest manifests name, and forgets a chunk once
 /// `kManifestsKept` manifests went by without it.
 class ChunkCache {
  public:

@@ -237,8 +237,7 @@ struct StreamHeader {
 /// Draco's bitstream 2.2, Edgebreaker, no metadata: all that our encoder writes.
 std::optional<StreamHeader> read_header(std::span<const std::byte> payload) {
   constexpr unsigned char kStart[] = {'D', 'R', 'A', 'C', 'O', 2, 2, 1, 1, 0, 0};
-  if (payload.size() < sizeof kStart + 4 ||
-      std::memcmp(payload.data(), kStart, sizeof kStart) != 0)
+  if (payload.size() < sizeof kStart + 4 || std::memcmp(payload.data(), kStart, sizeof kStart) != 0)
     return std::nullopt;
   std::size_t at = sizeof kStart + 1;  // one byte names the traversal
   const auto varint = [&]() -> std::optional<std::uint64_t> {

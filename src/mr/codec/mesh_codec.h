@@ -6,9 +6,9 @@
 
 namespace mr::codec {
 
-/// Puts a mesh on the lattice: snaps every vertex, welds those that meet, drops triangles of no area
-/// and doubled ones, drops vertices that nothing uses; views are kept. Refuses (invalid) positions
-/// that are not finite or lie outside the lattice's cube, so that they never reach Draco.
+/// Puts a mesh on the lattice: snaps every vertex, welds those that meet, drops triangles of no
+/// area and doubled ones, drops vertices that nothing uses; views are kept. Refuses (invalid)
+/// positions that are not finite or lie outside the lattice's cube, so that they never reach Draco.
 Result<Mesh> snap_to_lattice(const Mesh& mesh, const Lattice& lattice);
 
 /// Codes a chunk as one Edgebreaker stream (DESIGN section 4, "The mesh on the wire"): POSITION on

@@ -37,9 +37,8 @@ fb::Offset<wire::Source> write(Builder& b, const SourceInfo& s) {
   fb::Offset<fb::Vector<double>> altitude, azimuth;
   if (!c.beam_altitude_rad.empty()) altitude = b.CreateVector(c.beam_altitude_rad);
   if (!c.beam_azimuth_rad.empty()) azimuth = b.CreateVector(c.beam_azimuth_rad);
-  const auto camera =
-      wire::CreateCamera(b, static_cast<wire::CameraModel>(c.model), c.width, c.height, c.fx, c.fy,
-                         c.cx, c.cy, altitude, azimuth);
+  const auto camera = wire::CreateCamera(b, static_cast<wire::CameraModel>(c.model), c.width,
+                                         c.height, c.fx, c.fy, c.cx, c.cy, altitude, azimuth);
   const wire::Pose pose = to_wire(s.T_world_depth);
   return wire::CreateSource(b, s.sensor, to_ns(s.captured_at), camera, &pose, s.precision.base_m,
                             s.precision.per_m2);
@@ -160,9 +159,7 @@ class Reader {
     error_ = std::move(error);
     return false;
   }
-  bool require(bool condition, const char* what) {
-    return condition || fail(invalid(what));
-  }
+  bool require(bool condition, const char* what) { return condition || fail(invalid(what)); }
 
   /// Offsets may overlap, so a small buffer can name the same bytes often: what is copied out of
   /// it may not exceed what came in.
@@ -397,10 +394,9 @@ std::vector<std::byte> encode_packet(const Packet& packet) {
   const auto chunks = write_all<wire::Chunk>(b, packet.chunks);
   const auto textures = write_all<wire::Texture>(b, packet.textures);
   const auto marks = write_all<wire::Mark>(b, packet.marks);
-  wire::FinishPacketBuffer(
-      b, wire::CreatePacket(b, scene, node, packet.epoch, packet.sequence,
-                            to_ns(packet.captured_at), sources, plan, views, manifest, chunks,
-                            textures, marks));
+  wire::FinishPacketBuffer(b, wire::CreatePacket(b, scene, node, packet.epoch, packet.sequence,
+                                                 to_ns(packet.captured_at), sources, plan, views,
+                                                 manifest, chunks, textures, marks));
   const auto* bytes = reinterpret_cast<const std::byte*>(b.GetBufferPointer());
   return std::vector<std::byte>(bytes, bytes + b.GetSize());
 }

@@ -16,18 +16,18 @@ struct PacketLimits {
   std::size_t manifest_chunks = 1u << 16;
   std::size_t views = 4096;
   std::size_t textures = 1024;
-  int texture_side = 8192;                   ///< pixels
+  int texture_side = 8192;  ///< pixels
   std::uint32_t chunk_triangles = 1u << 20;
-  std::uint64_t packet_triangles = 1u << 24; ///< of all payloads together
+  std::uint64_t packet_triangles = 1u << 24;  ///< of all payloads together
   std::size_t name_bytes = 256;
 };
 
 /// The bytes of a packet: docs/wire-format.md, schema/packet.fbs.
 std::vector<std::byte> encode_packet(const Packet& packet);
 
-/// Verifies and reads bytes that may come from anyone, at any alignment. Errors: corrupt, too_large,
-/// invalid (a value that cannot be: poses, rectangles outside their picture, a payload that the
-/// manifest does not name, unsorted lists).
+/// Verifies and reads bytes that may come from anyone, at any alignment. Errors: corrupt,
+/// too_large, invalid (a value that cannot be: poses, rectangles outside their picture, a payload
+/// that the manifest does not name, unsorted lists).
 Result<Packet> decode_packet(std::span<const std::byte> bytes, const PacketLimits& limits = {});
 
 }  // namespace mr::codec

@@ -85,8 +85,7 @@ struct Receiver::Impl {
     return newest && newest->scene == p.scene && newest->node == p.node && newest->epoch == p.epoch;
   }
   bool names(const ChunkKey& key) const {
-    return newest &&
-           std::binary_search(newest->manifest.begin(), newest->manifest.end(), key);
+    return newest && std::binary_search(newest->manifest.begin(), newest->manifest.end(), key);
   }
   void take_head(const Packet& packet);
   std::vector<ChunkWork> chunk_work(const Packet& packet) const;

@@ -26,7 +26,8 @@ class Receiver {
 
   /// Takes a packet. Broken chunks and access units are reported and left out (a chunk then counts
   /// as missing, a stream waits for a key frame); an older packet than the newest is refused
-  /// (invalid). A new epoch, or another node, starts afresh. Returns what was wrong, one entry each.
+  /// (invalid). A new epoch, or another node, starts afresh. Returns what was wrong, one entry
+  /// each.
   std::vector<Error> accept(const Packet& packet);
 
   /// What the newest manifest names and the receiver lacks.

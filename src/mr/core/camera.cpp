@@ -122,11 +122,14 @@ std::vector<std::string> Camera::problems() const {
     if (!std::isfinite(v)) return {"intrinsics hold a number that is not finite"};
   if (fx <= 0 || fy <= 0) out.push_back("focal lengths fx and fy must be positive");
   if (fx > 100.0 * width || fy > 100.0 * height || fx < 0.05 * width || fy < 0.05 * height)
-    out.push_back("focal lengths do not fit the size: the field of view would be under 0.6 or over 168 degrees");
+    out.push_back(
+        "focal lengths do not fit the size: the field of view would be under 0.6 or over 168 "
+        "degrees");
   if (cx < 0 || cy < 0 || cx > width - 1 || cy > height - 1)
     out.push_back("principal point cx, cy lies outside the picture");
   if (out.empty() && distortion != DistortionModel::none) {
-    // Only the picture's inner half must be usable: vendors' models may fold beyond the field of view.
+    // Only the picture's inner half must be usable: vendors' models may fold beyond the field of
+    // view.
     const double r = 0.5 * std::hypot(width / (2 * fx), height / (2 * fy));
     if (folds_back(*this, r)) out.push_back("distortion folds the picture over");
   }

@@ -19,14 +19,14 @@ struct Camera {
   int width = 0, height = 0;  ///< pixels
 
   // pinhole
-  double fx = 0, fy = 0, cx = 0, cy = 0;                   ///< pixels
+  double fx = 0, fy = 0, cx = 0, cy = 0;  ///< pixels
   DistortionModel distortion = DistortionModel::none;
-  std::array<double, 6> k{};                               ///< radial; Brown uses k1..k3
-  std::array<double, 2> p{};                               ///< tangential
+  std::array<double, 6> k{};  ///< radial; Brown uses k1..k3
+  std::array<double, 2> p{};  ///< tangential
 
   // lidar: one beam per row
-  std::vector<double> beam_altitude_rad;                   ///< [height], up is positive
-  std::vector<double> beam_azimuth_rad;                    ///< [height], offset of the row
+  std::vector<double> beam_altitude_rad;  ///< [height], up is positive
+  std::vector<double> beam_azimuth_rad;   ///< [height], offset of the row
 
   friend bool operator==(const Camera&, const Camera&) = default;
 

@@ -23,7 +23,7 @@ struct ChunkId {
 /// Names one content for ever: a version never changes content.
 struct ChunkKey {
   ChunkId id;
-  std::uint32_t level = 0;    ///< level of detail, 0 the finest
+  std::uint32_t level = 0;  ///< level of detail, 0 the finest
   std::uint32_t version = 0;
 
   friend auto operator<=>(const ChunkKey&, const ChunkKey&) = default;

@@ -14,7 +14,8 @@ using FilePtr = std::unique_ptr<std::FILE, int (*)(std::FILE*)>;
 
 Error io_error(const std::filesystem::path& file, const char* doing) {
   const auto cause = errno == ENOENT ? Error::Cause::not_found : Error::Cause::io;
-  return {cause, std::string("cannot ") + doing + " " + file.string() + ": " + std::strerror(errno)};
+  return {cause,
+          std::string("cannot ") + doing + " " + file.string() + ": " + std::strerror(errno)};
 }
 
 }  // namespace
@@ -27,7 +28,8 @@ Result<std::vector<std::byte>> read_file(const std::filesystem::path& file,
   const FilePtr in(std::fopen(file.c_str(), "rb"), &std::fclose);
   if (!in) return io_error(file, "read");
   const std::uintmax_t size = std::filesystem::file_size(file, failed);
-  if (failed) return Error{Error::Cause::io, "cannot read " + file.string() + ": " + failed.message()};
+  if (failed)
+    return Error{Error::Cause::io, "cannot read " + file.string() + ": " + failed.message()};
   if (size > max_bytes)
     return Error{Error::Cause::too_large, file.string() + " holds " + std::to_string(size) +
                                               " bytes, more than the " + std::to_string(max_bytes) +

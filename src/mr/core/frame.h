@@ -13,12 +13,12 @@ using TimePoint = std::chrono::sys_time<Duration>;  ///< ns since the Unix epoch
 
 /// One sensor's capture.
 struct Frame {
-  std::uint32_t sensor = 0;       ///< index in the scene
-  std::uint64_t index = 0;        ///< counts from 0 at the source
+  std::uint32_t sensor = 0;                    ///< index in the scene
+  std::uint64_t index = 0;                     ///< counts from 0 at the source
   TimePoint exposure_start{}, exposure_end{};  ///< a LiDAR sweep lasts 100 ms
-  ImageDepth depth;               ///< [H, W] metres in depth-camera pixels, 0 invalid
-  ImageRgb color;                 ///< in colour-camera pixels; empty where the sensor has no colour
-  Pose T_world_depth;             ///< depth camera → world
+  ImageDepth depth;                            ///< [H, W] metres in depth-camera pixels, 0 invalid
+  ImageRgb color;      ///< in colour-camera pixels; empty where the sensor has no colour
+  Pose T_world_depth;  ///< depth camera → world
 
   TimePoint captured_at() const { return exposure_start + (exposure_end - exposure_start) / 2; }
 };

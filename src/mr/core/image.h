@@ -38,10 +38,10 @@ struct Image {
   }
 };
 
-using ImageRgb = Image<std::uint8_t, 3>;    ///< 8-bit sRGB, order R G B
-using ImageDepth = Image<float, 1>;         ///< metres along the camera's z axis; 0 = invalid
-using ImageMask = Image<std::uint8_t, 1>;   ///< 0 or 1
-using ImageId = Image<std::uint32_t, 1>;    ///< index per pixel
+using ImageRgb = Image<std::uint8_t, 3>;   ///< 8-bit sRGB, order R G B
+using ImageDepth = Image<float, 1>;        ///< metres along the camera's z axis; 0 = invalid
+using ImageMask = Image<std::uint8_t, 1>;  ///< 0 or 1
+using ImageId = Image<std::uint32_t, 1>;   ///< index per pixel
 
 /// A rectangle in pixels; `x`, `y` is its first pixel.
 struct Rect {

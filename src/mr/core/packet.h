@@ -22,9 +22,9 @@ struct Precision {
 
 /// A sensor that contributed to a packet, with all that a merger needs to cast its rays.
 struct SourceInfo {
-  std::uint32_t sensor = 0;   ///< index in the scene; also its ViewId
+  std::uint32_t sensor = 0;  ///< index in the scene; also its ViewId
   TimePoint captured_at{};
-  Camera depth_camera;        ///< undistorted
+  Camera depth_camera;  ///< undistorted
   Pose T_world_depth;
   Precision precision;
 
@@ -33,10 +33,10 @@ struct SourceInfo {
 
 /// What rate control decided for one packet.
 struct CodingPlan {
-  float simplify_ratio = 1;      ///< triangles kept
-  int mesh_speed = 5;            ///< Draco: 0 smallest .. 10 fastest
-  float texture_scale = 1;       ///< of a tile against its camera picture
-  int texture_qp = 28;           ///< H.264 quantiser
+  float simplify_ratio = 1;  ///< triangles kept
+  int mesh_speed = 5;        ///< Draco: 0 smallest .. 10 fastest
+  float texture_scale = 1;   ///< of a tile against its camera picture
+  int texture_qp = 28;       ///< H.264 quantiser
 
   friend bool operator==(const CodingPlan&, const CodingPlan&) = default;
 };
@@ -48,7 +48,7 @@ struct TextureUnit {
   std::uint32_t stream = 0;
   TextureCodec codec = TextureCodec::h264;
   std::uint32_t layout = 0;
-  int width = 0, height = 0;      ///< decoded size
+  int width = 0, height = 0;  ///< decoded size
   bool key_frame = false;
   std::vector<std::byte> data;
 
@@ -57,7 +57,7 @@ struct TextureUnit {
 
 /// When a stage ended, for latency overlays.
 struct TimeMark {
-  std::string stage;   ///< "<node>/<stage>"
+  std::string stage;  ///< "<node>/<stage>"
   TimePoint at{};
 
   friend bool operator==(const TimeMark&, const TimeMark&) = default;
@@ -67,10 +67,10 @@ struct TimeMark {
 /// texture of one capture travel together.
 struct Packet {
   std::string scene, node;
-  std::uint32_t epoch = 0;           ///< another lattice or a restarted node is another epoch
+  std::uint32_t epoch = 0;  ///< another lattice or a restarted node is another epoch
   std::uint64_t sequence = 0;
-  TimePoint captured_at{};           ///< of a merged packet: the tick it was aligned to
-  std::vector<SourceInfo> sources;   ///< each sensor's own time, sorted by sensor
+  TimePoint captured_at{};          ///< of a merged packet: the tick it was aligned to
+  std::vector<SourceInfo> sources;  ///< each sensor's own time, sorted by sensor
   CodingPlan plan;
   std::vector<View> views;           ///< sorted by id
   std::vector<ChunkKey> manifest;    ///< every live chunk, sorted

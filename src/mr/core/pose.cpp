@@ -37,13 +37,14 @@ std::array<double, 16> Pose::matrix() const {
 
 namespace {
 
-/// Inverse transpose of a well-conditioned matrix: its rows are cross products over the determinant.
+/// Inverse transpose of a well-conditioned matrix: its rows are cross products over the
+/// determinant.
 Mat3 inverse_transposed(const Mat3& a) {
   const Vec3d r0 = cross(a.row(1), a.row(2)), r1 = cross(a.row(2), a.row(0)),
               r2 = cross(a.row(0), a.row(1));
   const double d = dot(a.row(0), r0);
-  return {{r0.x / d, r0.y / d, r0.z / d, r1.x / d, r1.y / d, r1.z / d, r2.x / d, r2.y / d,
-           r2.z / d}};
+  return {
+      {r0.x / d, r0.y / d, r0.z / d, r1.x / d, r1.y / d, r1.z / d, r2.x / d, r2.y / d, r2.z / d}};
 }
 
 /// Largest entry of RᵀR - I.

@@ -101,7 +101,7 @@ void read_general(MapReader& top, Scene& scene) {
 
 void read_fusion(MapReader& top, const Scene& scene, FusionConfig& fusion) {
   // Half the band must hold two voxels also where the file says nothing.
-  fusion.truncation_m = std::max(fusion.truncation_m, 2 * scene.voxel_m);
+  fusion.truncation_m = 4 * scene.voxel_m;
   const YamlNode* node = top.find("fusion");
   if (!node) return;
   MapReader map(top.report, *node, "fusion");
@@ -120,6 +120,7 @@ void read_fusion(MapReader& top, const Scene& scene, FusionConfig& fusion) {
       out = value;
   };
   voxels("chunk_m", fusion.chunk_m, 8, 100);
+  map.flag("smooth_depth", fusion.smooth_depth);
   voxels("truncation_m", fusion.truncation_m, 2, 1);
   map.size("patches", 1, 16, fusion.patches_x, fusion.patches_y);
 }

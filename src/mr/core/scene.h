@@ -12,9 +12,9 @@
 #include "mr/core/packet.h"
 #include "mr/core/pose.h"
 
-/// A scene file as a value: what scene-example.yaml describes. Lengths in metres, angles in degrees,
-/// times in milliseconds unless a name says otherwise. Defaults are those of a file that leaves the
-/// key out.
+/// A scene file as a value: what scene-example.yaml describes. Lengths in metres, angles in
+/// degrees, times in milliseconds unless a name says otherwise. Defaults are those of a file that
+/// leaves the key out.
 namespace mr {
 
 /// Colour and depth as files; item i of one belongs to item i of the other.
@@ -35,18 +35,18 @@ struct SensorConfig {
   std::string id;
   std::variant<RgbdImagesSource, SyntheticSource> source;
   Camera depth_camera;
-  std::optional<Camera> color_camera;          ///< none: the sensor has no colour
-  Pose T_color_depth;                          ///< depth-camera point → colour camera
-  std::vector<Pose> T_world_depth;             ///< one for a static sensor, else one per item
+  std::optional<Camera> color_camera;  ///< none: the sensor has no colour
+  Pose T_color_depth;                  ///< depth-camera point → colour camera
+  std::vector<Pose> T_world_depth;     ///< one for a static sensor, else one per item
   double depth_near_m = 0.3, depth_far_m = 5.0;
   Precision precision;
-  double clock_offset_ms = 0;                  ///< added to the source's times
+  double clock_offset_ms = 0;  ///< added to the source's times
 };
 
 struct MergerConfig {
   std::string id;
-  std::vector<std::string> inputs;             ///< ids of sensors or mergers
-  double deadline_ms = 50;                     ///< waits this long for the slowest input
+  std::vector<std::string> inputs;  ///< ids of sensors or mergers
+  double deadline_ms = 50;          ///< waits this long for the slowest input
 };
 
 struct LinkConfig {
@@ -58,13 +58,14 @@ enum class Decomposition { none, chunks, patches };
 
 struct FusionConfig {
   Decomposition decomposition = Decomposition::chunks;
-  double chunk_m = 1.28;                       ///< edge of the scene's chunk grid
-  int patches_x = 4, patches_y = 4;            ///< the paper's M×N
-  double truncation_m = 0.04;                  ///< half width of the signed-distance band
+  double chunk_m = 1.28;             ///< edge of the scene's chunk grid
+  int patches_x = 4, patches_y = 4;  ///< the paper's M×N
+  double truncation_m = 0.04;        ///< half width of the signed-distance band
+  bool smooth_depth = true;          ///< average out sensor noise before fusion
 };
 
 struct SimplifyConfig {
-  double ratio = 1;                            ///< triangles kept, (0, 1]
+  double ratio = 1;  ///< triangles kept, (0, 1]
 };
 
 struct MergeConfig {
@@ -73,13 +74,13 @@ struct MergeConfig {
   bool refine = false;
   bool color_gain = false;
   SimplifyConfig simplify;
-  double calibration_error_m = 0.005;          ///< how far two sensors may disagree, 1 sigma
+  double calibration_error_m = 0.005;  ///< how far two sensors may disagree, 1 sigma
 };
 
 struct AtlasConfig {
   enum class Views { coherent, best_angle, packed, separate } views = Views::coherent;
-  bool mask = true;                            ///< pixels of no use become black
-  int width = 4096, height = 2304;             ///< the atlas is at most this large
+  bool mask = true;                 ///< pixels of no use become black
+  int width = 4096, height = 2304;  ///< the atlas is at most this large
 };
 
 struct RateConfig {
@@ -90,39 +91,40 @@ struct RateConfig {
 struct CodingConfig {
   double texture_scale = 1;
   int texture_qp = 28;
-  int sensor_texture_qp = 22;                  ///< between sensor and first merger
+  int sensor_texture_qp = 22;  ///< between sensor and first merger
 };
 
 struct VideoConfig {
-  int threads = 2, slices = 2;                 ///< libx264's bytes follow them
+  int threads = 2, slices = 2;  ///< libx264's bytes follow them
 };
 
 /// A synthetic rig in place of `sensors`.
 struct RigConfig {
   std::uint32_t seed = 1;
-  Vec3d room_m{6, 5, 3};                       ///< width, depth, height
+  Vec3d room_m{6, 5, 3};  ///< width, depth, height
   int people = 0;
   int sensors = 4;
-  int depth_width = 640, depth_height = 576;   ///< depth_mode nfov; wfov_binned 512x512, nfov_binned 320x288
+  int depth_width = 640,
+      depth_height = 576;  ///< depth_mode nfov; wfov_binned 512x512, nfov_binned 320x288
   int color_width = 1280, color_height = 720;
-  bool noise = true;                           ///< `kinect`; `none` is noiseless
-  double detail = 0.5;                         ///< texture contrast and clutter, 0..1
-  int frames = 300;                            ///< the source ends after so many
+  bool noise = true;    ///< `kinect`; `none` is noiseless
+  double detail = 0.5;  ///< texture contrast and clutter, 0..1
+  int frames = 300;     ///< the source ends after so many
 };
 
 struct Scene {
   std::filesystem::path file;
   std::string id;
-  Vec3d up{0, 0, 1};                           ///< unit length
+  Vec3d up{0, 0, 1};  ///< unit length
   double fps = 30;
-  int threads = 0;                             ///< 0 = all cores
+  int threads = 0;  ///< 0 = all cores
   double voxel_m = 0.01;
   Lattice lattice;
   VideoConfig video;
   std::optional<Box3d> volume;
   std::vector<SensorConfig> sensors;
   std::optional<RigConfig> rig;
-  std::vector<MergerConfig> mergers;           ///< children before parents; the last is the root
+  std::vector<MergerConfig> mergers;  ///< children before parents; the last is the root
   std::vector<LinkConfig> links;
   std::string pipeline = "meshreduce";
   FusionConfig fusion;

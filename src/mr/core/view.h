@@ -14,14 +14,14 @@ struct View {
 
   ViewId id = 0;
   Kind kind = Kind::pinhole;
-  int width = 0, height = 0;           ///< pixels of the undistorted camera picture
+  int width = 0, height = 0;  ///< pixels of the undistorted camera picture
   double fx = 0, fy = 0, cx = 0, cy = 0;
   Pose T_world_camera;
-  Rect image_rect;                     ///< camera pixels that the tile shows
-  Rect atlas_rect;                     ///< where they lie in the decoded picture of `stream`
-  float gutter_px = 2;                 ///< margin inside image_rect that no triangle may use
-  std::uint32_t stream = 0;            ///< texture stream that holds the tile
-  std::uint32_t layout = 0;            ///< changes with the tiles' arrangement, with a key frame
+  Rect image_rect;           ///< camera pixels that the tile shows
+  Rect atlas_rect;           ///< where they lie in the decoded picture of `stream`
+  float gutter_px = 2;       ///< margin inside image_rect that no triangle may use
+  std::uint32_t stream = 0;  ///< texture stream that holds the tile
+  std::uint32_t layout = 0;  ///< changes with the tiles' arrangement, with a key frame
 
   friend bool operator==(const View&, const View&) = default;
 

@@ -15,8 +15,9 @@ Rect patch_rect(int width, int height, const FusionConfig& fusion, int column, i
 
 }  // namespace
 
-std::vector<Mesh> fuse_frame(const ImageDepth& depth, const Camera& camera, const Pose& T_world_camera,
-                             const VolumeConfig& volume, const FusionConfig& fusion) {
+std::vector<Mesh> fuse_frame(const ImageDepth& depth, const Camera& camera,
+                             const Pose& T_world_camera, const VolumeConfig& volume,
+                             const FusionConfig& fusion) {
   const auto fuse_region = [&](const Rect& region) {
     VoxelVolume voxels(volume);
     voxels.integrate(depth, camera, T_world_camera, region);

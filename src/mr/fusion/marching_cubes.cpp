@@ -56,13 +56,15 @@ Neighbourhood neighbourhood(const VoxelVolume& volume, std::uint32_t block) {
   return n;
 }
 
-/// Whether the surface crosses between two seen voxels: one is inside, the other in front within the
-/// band.
+/// Whether the surface crosses between two seen voxels: one is inside, the other in front within
+/// the band.
 bool crosses(const Sample& a, const Sample& b) {
-  return a.seen && b.seen && (a.distance < 0) != (b.distance < 0) && a.distance < 1 && b.distance < 1;
+  return a.seen && b.seen && (a.distance < 0) != (b.distance < 0) && a.distance < 1 &&
+         b.distance < 1;
 }
 
-BlockVertices place_vertices(const VoxelVolume& volume, std::uint32_t block, const Neighbourhood& n) {
+BlockVertices place_vertices(const VoxelVolume& volume, std::uint32_t block,
+                             const Neighbourhood& n) {
   const std::span blocks = volume.blocks();
   const double voxel_m = volume.config().voxel_m;
   const Vec3i origin = blocks[block].coordinate * kSide;
@@ -75,8 +77,8 @@ BlockVertices place_vertices(const VoxelVolume& volume, std::uint32_t block, con
         const Sample a = sample_at(blocks, here);
         if (!a.seen) continue;
         for (int axis = 0; axis < 3; ++axis) {
-          const Sample b = sample_at(
-              blocks, voxel_at(n, x + (axis == 0), y + (axis == 1), z + (axis == 2)));
+          const Sample b =
+              sample_at(blocks, voxel_at(n, x + (axis == 0), y + (axis == 1), z + (axis == 2)));
           if (!crosses(a, b)) continue;
           Vec3d p = vec_cast<double>(origin + Vec3i{x, y, z});
           p[axis] += static_cast<double>(a.distance) / (a.distance - b.distance);
@@ -88,7 +90,8 @@ BlockVertices place_vertices(const VoxelVolume& volume, std::uint32_t block, con
 }
 
 /// Which corners of a cell are inside; 0 when the cell holds no surface.
-int inside_corners(std::span<const VoxelBlock> blocks, const Neighbourhood& n, int x, int y, int z) {
+int inside_corners(std::span<const VoxelBlock> blocks, const Neighbourhood& n, int x, int y,
+                   int z) {
   int inside = 0;
   for (int c = 0; c < 8; ++c) {
     const Sample s = sample_at(blocks, voxel_at(n, x + (c & 1), y + (c >> 1 & 1), z + (c >> 2)));
@@ -99,8 +102,8 @@ int inside_corners(std::span<const VoxelBlock> blocks, const Neighbourhood& n, i
 }
 
 /// Appends the cell's triangles; none when one of its crossings is a depth discontinuity.
-void emit_cell(const std::vector<BlockVertices>& vertices, const Neighbourhood& n, int inside, int x,
-               int y, int z, std::vector<Triangle>& out) {
+void emit_cell(const std::vector<BlockVertices>& vertices, const Neighbourhood& n, int inside,
+               int x, int y, int z, std::vector<Triangle>& out) {
   std::array<std::uint32_t, 12> vertex;
   for (int e = 0; e < 12; ++e) {
     const auto [low, axis] = kCellEdges[e];

@@ -23,7 +23,8 @@ std::array<int, 12> trace_faces(int inside) {
   const auto is_inside = [&](int corner) { return (inside >> corner & 1) != 0; };
   for (const auto& face : kFaces)
     for (int i = 0; i < 4; ++i) {
-      if (is_inside(face[i]) || !is_inside(face[(i + 1) % 4])) continue;  // a run of inside corners begins
+      if (is_inside(face[i]) || !is_inside(face[(i + 1) % 4]))
+        continue;  // a run of inside corners begins
       int end = (i + 1) % 4;
       while (is_inside(face[(end + 1) % 4])) end = (end + 1) % 4;
       next[edge_between(face[i], face[(i + 1) % 4])] = edge_between(face[end], face[(end + 1) % 4]);

@@ -41,7 +41,8 @@ void integrate_block(VoxelBlock& block, const FrameView& f, const VolumeConfig& 
   const Vec3d step_x = f.T_camera_world.rotation.column(0) * config.voxel_m;
   for (int z = 0; z < VoxelBlock::kSide; ++z)
     for (int y = 0; y < VoxelBlock::kSide; ++y) {
-      const Vec3i first = Vec3i{block.coordinate.x * 8, block.coordinate.y * 8 + y, block.coordinate.z * 8 + z};
+      const Vec3i first =
+          Vec3i{block.coordinate.x * 8, block.coordinate.y * 8 + y, block.coordinate.z * 8 + z};
       Vec3d p = f.T_camera_world * (vec_cast<double>(first) * config.voxel_m);
       for (int x = 0; x < VoxelBlock::kSide; ++x, p += step_x) {
         if (p.z <= 0) continue;
@@ -49,7 +50,8 @@ void integrate_block(VoxelBlock& block, const FrameView& f, const VolumeConfig& 
         if (depth <= 0) continue;
         const double signed_distance = depth - p.z;
         if (signed_distance < -config.truncation_m) continue;
-        const float value = static_cast<float>(std::min(1.0, signed_distance / config.truncation_m));
+        const float value =
+            static_cast<float>(std::min(1.0, signed_distance / config.truncation_m));
         const int i = (z * 8 + y) * 8 + x;
         const float weight = block.weight[i];
         block.distance[i] = (block.distance[i] * weight + value) / (weight + 1);
@@ -67,7 +69,8 @@ VoxelVolume::VoxelVolume(const VolumeConfig& config) : config_(config) {
 
 std::optional<std::uint32_t> VoxelVolume::find(Vec3i c) const {
   const std::size_t mask = directory_.size() - 1;
-  for (std::size_t slot = hash_cell(c) & mask; directory_[slot] != kEmptySlot; slot = (slot + 1) & mask)
+  for (std::size_t slot = hash_cell(c) & mask; directory_[slot] != kEmptySlot;
+       slot = (slot + 1) & mask)
     if (blocks_[directory_[slot]].coordinate == c) return directory_[slot];
   return std::nullopt;
 }
@@ -107,8 +110,8 @@ void VoxelVolume::sort_blocks() {
   blocks_ = std::move(sorted);
 }
 
-void VoxelVolume::allocate(const ImageDepth& depth, const Camera& camera, const Pose& T_world_camera,
-                           const Rect& region) {
+void VoxelVolume::allocate(const ImageDepth& depth, const Camera& camera,
+                           const Pose& T_world_camera, const Rect& region) {
   const double block_m = config_.voxel_m * VoxelBlock::kSide;
   const double step = block_m / 2;
   for (int y = region.y; y < region.y + region.height; ++y)
@@ -130,8 +133,8 @@ void VoxelVolume::allocate(const ImageDepth& depth, const Camera& camera, const 
   rebuild_directory(directory_.size());
 }
 
-void VoxelVolume::integrate(const ImageDepth& depth, const Camera& camera, const Pose& T_world_camera,
-                            const Rect& region) {
+void VoxelVolume::integrate(const ImageDepth& depth, const Camera& camera,
+                            const Pose& T_world_camera, const Rect& region) {
   MR_ASSERT(camera.model == CameraModel::pinhole && camera.distortion == DistortionModel::none);
   MR_ASSERT(depth.width == camera.width && depth.height == camera.height);
   allocate(depth, camera, T_world_camera, region);

@@ -15,22 +15,23 @@ namespace mr::fusion {
 
 struct VolumeConfig {
   double voxel_m = 0.01;
-  double truncation_m = 0.04;      ///< half width of the signed-distance band
-  std::optional<Box3d> bounds;     ///< world; surface outside is dropped before fusion
+  double truncation_m = 0.04;   ///< half width of the signed-distance band
+  std::optional<Box3d> bounds;  ///< world; surface outside is dropped before fusion
 };
 
-/// 8³ voxels. Voxel (x, y, z) has index (z·8 + y)·8 + x and lies at (block·8 + (x, y, z)) · voxel_m.
+/// 8³ voxels. Voxel (x, y, z) has index (z·8 + y)·8 + x and lies at (block·8 + (x, y, z)) ·
+/// voxel_m.
 struct VoxelBlock {
   static constexpr int kSide = 8;
   static constexpr int kVoxels = kSide * kSide * kSide;
 
-  Vec3i coordinate;                       ///< in blocks
-  std::array<float, kVoxels> distance;    ///< signed distance / truncation, in (-1, 1]; 1 = free
-  std::array<float, kVoxels> weight{};    ///< 0: never seen
+  Vec3i coordinate;                     ///< in blocks
+  std::array<float, kVoxels> distance;  ///< signed distance / truncation, in (-1, 1]; 1 = free
+  std::array<float, kVoxels> weight{};  ///< 0: never seen
 };
 
-/// A truncated signed distance field (Curless & Levoy 1996) in sparse blocks behind a hashed directory
-/// (Nießner et al. 2013). Several frames can be fused into one volume. World coordinates.
+/// A truncated signed distance field (Curless & Levoy 1996) in sparse blocks behind a hashed
+/// directory (Nießner et al. 2013). Several frames can be fused into one volume. World coordinates.
 class VoxelVolume {
  public:
   explicit VoxelVolume(const VolumeConfig& config);

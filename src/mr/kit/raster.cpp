@@ -29,7 +29,9 @@ Raster rasterize(const Mesh& mesh, const Camera& camera, const Pose& T_world_cam
   std::vector<Drawn> drawn(mesh.triangles.size());
   parallel_for(drawn.size(), 2048, [&](std::size_t begin, std::size_t end) {
     for (std::size_t t = begin; t < end; ++t) {
-      const auto corner = [&](int i) { return T_camera_world * vec_cast<double>(mesh.corner(t, i)); };
+      const auto corner = [&](int i) {
+        return T_camera_world * vec_cast<double>(mesh.corner(t, i));
+      };
       const ScreenPolygon p = clip_to_screen(camera, {corner(0), corner(1), corner(2)});
       if (p.count == 0) continue;
       const auto rows = std::minmax_element(p.points.begin(), p.points.begin() + p.count,

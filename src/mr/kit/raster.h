@@ -17,12 +17,12 @@ inline constexpr std::uint32_t kNoTriangle = 0xFFFFFFFFu;
 inline constexpr double kNearPlane_m = 0.05;
 
 struct Raster {
-  ImageDepth depth;   ///< metres along z of the nearest surface; 0: nothing
-  ImageId triangle;   ///< which triangle that is; kNoTriangle: nothing
+  ImageDepth depth;  ///< metres along z of the nearest surface; 0: nothing
+  ImageId triangle;  ///< which triangle that is; kNoTriangle: nothing
 };
 
-/// Draws both sides of every triangle into an undistorted pinhole camera, clipped at the near plane.
-/// Parallel over bands of rows; the result does not depend on the threads.
+/// Draws both sides of every triangle into an undistorted pinhole camera, clipped at the near
+/// plane. Parallel over bands of rows; the result does not depend on the threads.
 Raster rasterize(const Mesh& mesh, const Camera& camera, const Pose& T_world_camera);
 
 /// A point in the picture: pixel position and 1 / depth.

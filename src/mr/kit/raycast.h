@@ -12,8 +12,8 @@ namespace mr::kit {
 
 /// Where a ray meets a mesh.
 struct RayHit {
-  float distance = 0;          ///< in units of the direction's length
-  std::uint32_t mesh = 0;      ///< place in the list that the RayScene was built from
+  float distance = 0;      ///< in units of the direction's length
+  std::uint32_t mesh = 0;  ///< place in the list that the RayScene was built from
   std::uint32_t triangle = 0;
 };
 
@@ -26,8 +26,8 @@ class RayScene {
   RayScene(RayScene&&) noexcept;
   RayScene& operator=(RayScene&&) noexcept;
 
-  /// Every hit between `near` and `far`, sorted by distance, then mesh, then triangle; both sides of
-  /// a triangle count. `hits` is cleared first. Thread-safe.
+  /// Every hit between `near` and `far`, sorted by distance, then mesh, then triangle; both sides
+  /// of a triangle count. `hits` is cleared first. Thread-safe.
   void all_hits(Vec3f origin, Vec3f direction, float near, float far,
                 std::vector<RayHit>& hits) const;
 

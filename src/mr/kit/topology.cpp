@@ -22,7 +22,9 @@ struct EdgesByVertex {
 };
 
 EdgesByVertex edges_by_lower_vertex(const Mesh& mesh) {
-  const auto lower = [&](std::uint32_t h) { return std::min(edge_from(mesh, h), edge_to(mesh, h)); };
+  const auto lower = [&](std::uint32_t h) {
+    return std::min(edge_from(mesh, h), edge_to(mesh, h));
+  };
   const auto count = static_cast<std::uint32_t>(mesh.triangles.size() * 3);
   EdgesByVertex out;
   out.start.assign(mesh.positions.size() + 1, 0);
@@ -118,7 +120,8 @@ Mesh without_nonmanifold_edges(const Mesh& mesh) {
   std::vector<std::uint32_t> suspects;  // triangles at such an edge, largest first
   for (std::uint32_t t = 0; t < mesh.triangles.size(); ++t)
     for (std::uint32_t h = 3 * t; h < 3 * t + 3; ++h)
-      if (table.uses[h] > 1 && table.twin[h] == kNoTwin && (suspects.empty() || suspects.back() != t))
+      if (table.uses[h] > 1 && table.twin[h] == kNoTwin &&
+          (suspects.empty() || suspects.back() != t))
         suspects.push_back(t);
   if (suspects.empty()) return mesh;
   std::stable_sort(suspects.begin(), suspects.end(), [&](std::uint32_t a, std::uint32_t b) {
@@ -134,7 +137,8 @@ Mesh without_nonmanifold_edges(const Mesh& mesh) {
   for (std::uint32_t h = 0; h < table.twin.size(); ++h)
     if (keep[h / 3]) taken.insert(directed(h));
   for (const std::uint32_t t : suspects) {
-    if (taken.contains(directed(3 * t)) || taken.contains(directed(3 * t + 1)) || taken.contains(directed(3 * t + 2)))
+    if (taken.contains(directed(3 * t)) || taken.contains(directed(3 * t + 1)) ||
+        taken.contains(directed(3 * t + 2)))
       continue;
     keep[t] = 1;
     for (std::uint32_t h = 3 * t; h < 3 * t + 3; ++h) taken.insert(directed(h));
@@ -244,7 +248,8 @@ Refined refine(const Mesh& mesh, const std::vector<std::uint8_t>& split) {
   for (std::uint32_t t = 0; t < mesh.triangles.size(); ++t) {
     std::array<std::uint32_t, 3> m{};
     for (std::uint32_t i = 0; i < 3; ++i) {
-      const auto found = midpoint.find(edge_key(edge_from(mesh, 3 * t + i), edge_to(mesh, 3 * t + i)));
+      const auto found =
+          midpoint.find(edge_key(edge_from(mesh, 3 * t + i), edge_to(mesh, 3 * t + i)));
       m[i] = found == midpoint.end() ? kNoTwin : found->second;
     }
     cut_triangle(mesh.triangles[t], m, out.mesh, out.mesh.triangles);

@@ -12,9 +12,11 @@ namespace mr::kit {
 inline constexpr std::uint32_t kNoTwin = 0xFFFFFFFFu;
 
 struct EdgeTable {
-  std::vector<std::uint32_t> twin;  ///< [3T] the half-edge on the other side; kNoTwin on a boundary and
-                                    ///< on edges that are not manifold or not consistently wound
-  std::vector<std::uint8_t> uses;   ///< [3T] triangles that share the edge: 1 on a boundary (max 255)
+  std::vector<std::uint32_t>
+      twin;  ///< [3T] the half-edge on the other side; kNoTwin on a boundary and
+             ///< on edges that are not manifold or not consistently wound
+  std::vector<std::uint8_t>
+      uses;  ///< [3T] triangles that share the edge: 1 on a boundary (max 255)
 };
 EdgeTable edge_table(const Mesh& mesh);
 
@@ -37,12 +39,12 @@ Mesh weld(const Mesh& mesh);
 /// For every vertex the lowest vertex at the same position.
 std::vector<std::uint32_t> same_place(const std::vector<Vec3f>& positions);
 
-/// Drops the smallest triangles at edges that more than two share, or two with the same direction, until no
-/// such edge is left; views are kept.
+/// Drops the smallest triangles at edges that more than two share, or two with the same direction,
+/// until no such edge is left; views are kept.
 Mesh without_nonmanifold_edges(const Mesh& mesh);
 
-/// Triangles are of one component when a chain of shared manifold edges joins them; what hangs on by a
-/// vertex only is another.
+/// Triangles are of one component when a chain of shared manifold edges joins them; what hangs on
+/// by a vertex only is another.
 struct Components {
   std::vector<std::uint32_t> of_triangle;  ///< [T]
   std::vector<double> area_m2;             ///< per component
@@ -52,8 +54,8 @@ Components components(const Mesh& mesh);
 /// Unit normals per vertex, weighted by area; zero where nothing meets.
 std::vector<Vec3f> vertex_normals(const Mesh& mesh);
 
-/// vertex_normals(), averaged `rounds` times over the neighbours: what the surface faces at a scale of
-/// several edges, without the bumps of sensor noise.
+/// vertex_normals(), averaged `rounds` times over the neighbours: what the surface faces at a scale
+/// of several edges, without the bumps of sensor noise.
 std::vector<Vec3f> smooth_normals(const Mesh& mesh, int rounds);
 
 /// A mesh with edges cut in the middle, and where each triangle came from.

@@ -48,8 +48,8 @@ void silence_library() {
 
 /// Converts between 8-bit RGB and BT.709 limited-range 4:2:0, the same on every machine.
 Scaler make_scaler(int width, int height, AVPixelFormat from, AVPixelFormat to) {
-  const int flags = SWS_BILINEAR | SWS_ACCURATE_RND | SWS_FULL_CHR_H_INT | SWS_FULL_CHR_H_INP |
-                    SWS_BITEXACT;
+  const int flags =
+      SWS_BILINEAR | SWS_ACCURATE_RND | SWS_FULL_CHR_H_INT | SWS_FULL_CHR_H_INP | SWS_BITEXACT;
   Scaler scaler(
       sws_getContext(width, height, from, width, height, to, flags, nullptr, nullptr, nullptr));
   if (scaler == nullptr) return nullptr;
@@ -216,7 +216,7 @@ struct VideoDecoder::Impl {
   Context context;
   Picture picture;
   Unit unit;
-  Scaler scaler;                     ///< for pictures of `width` x `height`
+  Scaler scaler;  ///< for pictures of `width` x `height`
   int width = 0, height = 0;
   bool needs_key_frame = true;
   std::vector<std::uint8_t> padded;  ///< libavcodec reads beyond the end
@@ -262,7 +262,8 @@ Status VideoDecoder::Impl::feed(std::span<const std::byte> access_unit) {
   unit->size = 0;
   if (sent < 0) return failed(Error::Cause::corrupt, "a damaged access unit", sent);
   const int received = avcodec_receive_frame(context.get(), picture.get());
-  if (received < 0) return failed(Error::Cause::corrupt, "an access unit without picture", received);
+  if (received < 0)
+    return failed(Error::Cause::corrupt, "an access unit without picture", received);
   if (picture->decode_error_flags != 0 || (picture->flags & AV_FRAME_FLAG_CORRUPT) != 0)
     return Error{Error::Cause::corrupt, "video: a damaged picture"};
   return {};

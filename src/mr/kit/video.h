@@ -11,15 +11,15 @@
 namespace mr::kit {
 
 struct VideoSettings {
-  int width = 0, height = 0;       ///< pixels, even, at most 8192
+  int width = 0, height = 0;  ///< pixels, even, at most 8192
   double fps = 30;
-  int qp = 28;                     ///< constant quantiser, 0..51
-  int threads = 1, slices = 1;     ///< fixed by the scene: libx264's bytes depend on them
+  int qp = 28;                  ///< constant quantiser, 0..51
+  int threads = 1, slices = 1;  ///< fixed by the scene: libx264's bytes depend on them
   friend bool operator==(const VideoSettings&, const VideoSettings&) = default;
 };
 
 struct AccessUnit {
-  std::vector<std::byte> data;     ///< H.264 Annex B; SPS and PPS before each key frame
+  std::vector<std::byte> data;  ///< H.264 Annex B; SPS and PPS before each key frame
   bool key_frame = false;
 };
 

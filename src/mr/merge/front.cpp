@@ -11,12 +11,14 @@
 namespace mr::merge {
 namespace {
 
-constexpr double kAngleSlack = 1e-4;   // radians
-constexpr float kFacing = 0.05f;        // cosine between a filling triangle and the surface around it
+constexpr double kAngleSlack = 1e-4;  // radians
+constexpr float kFacing = 0.05f;      // cosine between a filling triangle and the surface around it
 
 }  // namespace
 
-Front::Front(const Mesh& mesh) : positions_(mesh.positions), normals_(kit::vertex_normals(mesh)),
+Front::Front(const Mesh& mesh)
+    : positions_(mesh.positions),
+      normals_(kit::vertex_normals(mesh)),
       place_(kit::same_place(mesh.positions)) {
   const kit::EdgeTable table = kit::edge_table(mesh);
   corners_.resize(mesh.positions.size());
@@ -36,7 +38,9 @@ Front::Front(const Mesh& mesh) : positions_(mesh.positions), normals_(kit::verte
   }
 }
 
-std::span<const std::uint32_t> Front::corners_at(std::uint32_t vertex) const { return corners_[vertex]; }
+std::span<const std::uint32_t> Front::corners_at(std::uint32_t vertex) const {
+  return corners_[vertex];
+}
 
 std::uint32_t Front::add_edge(std::uint32_t from, std::uint32_t to) {
   const auto e = static_cast<std::uint32_t>(edges_.size());
@@ -57,7 +61,8 @@ void Front::retire(std::uint32_t e) {
 /// `vertex`; in [0, 2π).
 double Front::angle(std::uint32_t vertex, std::uint32_t reference, std::uint32_t other) const {
   const Vec3d n = vec_cast<double>(normals_[vertex]);
-  const Vec3d r = vec_cast<double>(at(reference) - at(vertex)), o = vec_cast<double>(at(other) - at(vertex));
+  const Vec3d r = vec_cast<double>(at(reference) - at(vertex)),
+              o = vec_cast<double>(at(other) - at(vertex));
   const double a = std::atan2(dot(n, cross(r, o)), dot(r, o) - dot(n, r) * dot(n, o));
   return a < 0 ? a + 2 * std::numbers::pi : a;
 }
@@ -66,7 +71,8 @@ double Front::angle(std::uint32_t vertex, std::uint32_t reference, std::uint32_t
 bool Front::edges_are_free(std::uint32_t u, std::uint32_t v, std::uint32_t w) const {
   for (const auto& [from, to] : {std::pair(u, w), std::pair(w, v)}) {
     if (surface_.contains(directed(from, to))) return false;
-    if (surface_.contains(directed(to, from)) && !border_.contains(directed(to, from))) return false;
+    if (surface_.contains(directed(to, from)) && !border_.contains(directed(to, from)))
+      return false;
   }
   return true;
 }
@@ -91,13 +97,15 @@ bool Front::fits(std::uint32_t e, std::uint32_t corner) const {
     if (dot(across, normals_[k]) < kFacing * size) return false;
 
   // Inside the gap's angle, counter-clockwise from the incoming to the outgoing border edge.
-  const std::uint32_t x = edges_[before_e].from, y = edges_[after_e].to, a = edges_[c.prev].from, b = c.to;
+  const std::uint32_t x = edges_[before_e].from, y = edges_[after_e].to, a = edges_[c.prev].from,
+                      b = c.to;
   const auto sector = [&](std::uint32_t vertex, std::uint32_t in, std::uint32_t out) {
     const double s = angle(vertex, in, out);
     return s < kAngleSlack ? 2 * std::numbers::pi : s;
   };
   const double at_u = x == w ? 0 : angle(u, x, w), at_v = y == w ? sector(v, u, y) : angle(v, u, w);
-  if (at_u > sector(u, x, v) - kAngleSlack || at_v > sector(v, u, y) + kAngleSlack || at_v < kAngleSlack)
+  if (at_u > sector(u, x, v) - kAngleSlack || at_v > sector(v, u, y) + kAngleSlack ||
+      at_v < kAngleSlack)
     return false;
   const double gap = sector(w, a, b);
   const double to_v = a == v ? 0 : angle(w, a, v), to_u = b == u ? gap : angle(w, a, u);
@@ -168,7 +176,8 @@ Mesh split_bowties(const Mesh& mesh) {
 
   constexpr std::uint32_t kUnset = 0xFFFFFFFFu;
   Mesh out = mesh;
-  std::vector<std::uint32_t> fan_of_vertex(mesh.positions.size(), kUnset);  // its first fan keeps the index
+  std::vector<std::uint32_t> fan_of_vertex(mesh.positions.size(),
+                                           kUnset);  // its first fan keeps the index
   std::vector<std::uint32_t> vertex_of_fan(root.size(), kUnset);
   for (std::uint32_t c = 0; c < root.size(); ++c) {
     const std::uint32_t v = mesh.triangles[c / 3][c % 3], fan = find(c);

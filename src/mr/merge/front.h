@@ -11,8 +11,9 @@
 
 namespace mr::merge {
 
-/// The open borders of a mesh as loops of half-edges with the surface on their left and the gap on their
-/// right, and the one step that closes gaps: a triangle from a border edge to a border corner.
+/// The open borders of a mesh as loops of half-edges with the surface on their left and the gap on
+/// their right, and the one step that closes gaps: a triangle from a border edge to a border
+/// corner.
 class Front {
  public:
   /// The mesh must have no vertex at which two borders touch (see split_bowties).
@@ -29,13 +30,13 @@ class Front {
   /// Live edges that start at a vertex: each is one corner of a border.
   std::span<const std::uint32_t> corners_at(std::uint32_t vertex) const;
 
-  /// Whether the triangle over edge `e` with the tip at the corner where edge `corner` starts fills part of
-  /// the gap: inside the gap's angle at all three corners, on the right of the edge, facing like
-  /// the surface around, and without a third triangle at any edge.
+  /// Whether the triangle over edge `e` with the tip at the corner where edge `corner` starts fills
+  /// part of the gap: inside the gap's angle at all three corners, on the right of the edge, facing
+  /// like the surface around, and without a third triangle at any edge.
   bool fits(std::uint32_t e, std::uint32_t corner) const;
 
-  /// Whether the ear over edge `e` and the one after it can be cut off in a loop that is closed at all costs:
-  /// no third triangle at any edge, and not facing away from the surface around.
+  /// Whether the ear over edge `e` and the one after it can be cut off in a loop that is closed at
+  /// all costs: no third triangle at any edge, and not facing away from the surface around.
   bool fits_as_ear(std::uint32_t e) const;
   /// The corner that the ear's triangle has its tip at.
   std::uint32_t ear_corner(std::uint32_t e) const { return edges_[edges_[e].next].next; }
@@ -50,7 +51,8 @@ class Front {
 
  private:
   Vec3f at(std::uint32_t v) const { return positions_[v]; }
-  /// A directed edge by the places of its ends: vertices that split_bowties took apart count as one.
+  /// A directed edge by the places of its ends: vertices that split_bowties took apart count as
+  /// one.
   std::uint64_t directed(std::uint32_t from, std::uint32_t to) const {
     return static_cast<std::uint64_t>(place_[from]) << 32 | place_[to];
   }
@@ -64,16 +66,16 @@ class Front {
 
   const std::vector<Vec3f>& positions_;
   std::vector<Vec3f> normals_;
-  std::vector<std::uint32_t> place_;                             // lowest vertex at the same position
+  std::vector<std::uint32_t> place_;  // lowest vertex at the same position
   std::vector<Edge> edges_;
-  std::vector<std::vector<std::uint32_t>> corners_;              // per vertex
-  std::unordered_map<std::uint64_t, std::uint32_t> border_;      // directed edge → live edge
-  std::unordered_set<std::uint64_t> surface_;                    // directed edges at the border
+  std::vector<std::vector<std::uint32_t>> corners_;          // per vertex
+  std::unordered_map<std::uint64_t, std::uint32_t> border_;  // directed edge → live edge
+  std::unordered_set<std::uint64_t> surface_;                // directed edges at the border
   std::vector<Triangle> added_;
 };
 
-/// Gives every fan of triangles at a vertex a vertex of its own, so that no two borders meet in one;
-/// edges of more than two triangles come apart too. Positions stay.
+/// Gives every fan of triangles at a vertex a vertex of its own, so that no two borders meet in
+/// one; edges of more than two triangles come apart too. Positions stay.
 Mesh split_bowties(const Mesh& mesh);
 
 }  // namespace mr::merge

@@ -9,8 +9,8 @@ namespace mr::merge {
 Mesh remove_islands(const Mesh& mesh, double min_area_m2);
 
 /// The paper's threshold, "double the reconstruction resolution", compares an area with a length.
-/// Our reading: a component must be worth a square of twice the resolution times five, 20 cm² at 1 cm
-/// voxels; smaller ones are never furniture and nearly always noise.
+/// Our reading: a component must be worth a square of twice the resolution times five, 20 cm² at 1
+/// cm voxels; smaller ones are never furniture and nearly always noise.
 double island_area_m2(double voxel_m);
 
 }  // namespace mr::merge

@@ -15,11 +15,12 @@
 namespace mr::merge {
 namespace {
 
-constexpr int kNormalRounds = 4;          // sensor noise must not decide who owns a spot
-constexpr int kMaxRounds = 6;            // halvings: 64 times finer than the decimated mesh
-constexpr double kBorderVoxels = 2.5;    // edges on an overlap's border are at most this long
+constexpr int kNormalRounds = 4;       // sensor noise must not decide who owns a spot
+constexpr int kMaxRounds = 6;          // halvings: 64 times finer than the decimated mesh
+constexpr double kBorderVoxels = 2.5;  // edges on an overlap's border are at most this long
 constexpr float kNearest_m = 0.05f, kFarthest_m = 1000.0f;
-constexpr float kSameFacing = 0.5f;      // normals within 60 degrees: the back of a thin board is another surface
+constexpr float kSameFacing =
+    0.5f;  // normals within 60 degrees: the back of a thin board is another surface
 
 /// What the rays found about one triangle.
 struct Votes {
@@ -148,10 +149,10 @@ class Field {
     const auto key = [&](const Meeting& m) {
       return std::pair(candidates_[m.part].score_m[m.triangle], m.part);
     };
-    std::iter_swap(surface.begin(),
-                   std::min_element(surface.begin(), surface.end(), [&](const Meeting& a, const Meeting& b) {
-                     return key(a) < key(b);
-                   }));
+    std::iter_swap(surface.begin(), std::min_element(surface.begin(), surface.end(),
+                                                     [&](const Meeting& a, const Meeting& b) {
+                                                       return key(a) < key(b);
+                                                     }));
   }
 
   std::span<const Part> parts_;
@@ -167,11 +168,11 @@ std::vector<const SourceInfo*> all_sources(std::span<const Part> parts) {
   return out;
 }
 
-/// Casts through a camera's pixels, all or those that `mask` marks: as dense as it takes to meet a surface
-/// 3 m away once a voxel, so through every second pixel or with several rays in one.
+/// Casts through a camera's pixels, all or those that `mask` marks: as dense as it takes to meet a
+/// surface 3 m away once a voxel, so through every second pixel or with several rays in one.
 template <typename Visit>
-void cast_from_camera(const Field& field, const SourceInfo& source, const ImageMask* mask, double voxel_m,
-                      const Visit& visit) {
+void cast_from_camera(const Field& field, const SourceInfo& source, const ImageMask* mask,
+                      double voxel_m, const Visit& visit) {
   const Camera& camera = source.depth_camera;
   const double pixel_voxels = 3 / (camera.fx * voxel_m);
   const int stride = !mask && pixel_voxels < 0.6 ? 2 : 1;
@@ -184,7 +185,8 @@ void cast_from_camera(const Field& field, const SourceInfo& source, const ImageM
         if (mask && !*mask->at(x, y)) continue;
         for (int i = 0; i < fine * fine; ++i) {
           const Vec2d at{x + (i % fine + 0.5) / fine - 0.5, y + (i / fine + 0.5) / fine - 0.5};
-          field.cast(source.T_world_depth.translation, source.T_world_depth.rotation * unproject(camera, at), visit);
+          field.cast(source.T_world_depth.translation,
+                     source.T_world_depth.rotation * unproject(camera, at), visit);
         }
       }
   });
@@ -199,7 +201,9 @@ ImageMask pixels_of(const SourceInfo& source, std::span<const Candidate> candida
   for (const Candidate& c : candidates)
     for (std::size_t t = 0; t < c.mesh.triangles.size(); ++t) {
       if (!flagged(c, t)) continue;
-      const auto corner = [&](int i) { return T_camera_world * vec_cast<double>(c.mesh.corner(t, i)); };
+      const auto corner = [&](int i) {
+        return T_camera_world * vec_cast<double>(c.mesh.corner(t, i));
+      };
       const auto polygon = kit::clip_to_screen(camera, {corner(0), corner(1), corner(2)});
       kit::scan_polygon(polygon, camera.width, 0, camera.height,
                         [&](int x, int y, double) { *mask.at(x, y) = 1; });
@@ -207,7 +211,9 @@ ImageMask pixels_of(const SourceInfo& source, std::span<const Candidate> candida
   return mask;
 }
 
-void add(std::uint32_t& counter) { std::atomic_ref(counter).fetch_add(1, std::memory_order_relaxed); }
+void add(std::uint32_t& counter) {
+  std::atomic_ref(counter).fetch_add(1, std::memory_order_relaxed);
+}
 
 /// Notes the outcome of one surface for the triangles that are still open.
 void vote(std::vector<Candidate>& candidates, std::span<const Meeting> surface) {
@@ -251,15 +257,17 @@ void vote_on_missed(std::vector<Candidate>& candidates, const Field& field,
 }
 
 /// Cuts the long edges of triangles that lie in an overlap only partly. Their pieces are open for
-/// votes; pieces of neighbours keep their verdict. All pieces keep the score of the whole, so that no
-/// verdict that was given turns round. Returns whether anything was cut.
+/// votes; pieces of neighbours keep their verdict. All pieces keep the score of the whole, so that
+/// no verdict that was given turns round. Returns whether anything was cut.
 bool cut_mixed(Candidate& c, double max_edge_m) {
-  std::vector<std::uint8_t> split(c.mesh.triangles.size() * 3, 0), mixed(c.mesh.triangles.size(), 0);
+  std::vector<std::uint8_t> split(c.mesh.triangles.size() * 3, 0),
+      mixed(c.mesh.triangles.size(), 0);
   bool any = false;
   for (std::uint32_t h = 0; h < split.size(); ++h) {
     const double share = c.votes[h / 3].lost_share();
     if (share == 0 || share == 1) continue;
-    const Vec3f edge = c.mesh.positions[kit::edge_to(c.mesh, h)] - c.mesh.positions[kit::edge_from(c.mesh, h)];
+    const Vec3f edge =
+        c.mesh.positions[kit::edge_to(c.mesh, h)] - c.mesh.positions[kit::edge_from(c.mesh, h)];
     if (length(edge) <= max_edge_m) continue;
     split[h] = mixed[h / 3] = 1;
     any = true;
@@ -305,7 +313,8 @@ void vote_and_cut(std::vector<Candidate>& candidates, std::span<const Part> part
     for (const SourceInfo* source : sources) {
       std::optional<ImageMask> mask;
       if (round > 0)
-        mask = pixels_of(*source, candidates, [](const Candidate& c, std::size_t t) { return c.open[t] != 0; });
+        mask = pixels_of(*source, candidates,
+                         [](const Candidate& c, std::size_t t) { return c.open[t] != 0; });
       cast_from_camera(field, *source, mask ? &*mask : nullptr, config.voxel_m,
                        [&](std::span<const Meeting> surface) { vote(candidates, surface); });
     }
@@ -317,22 +326,26 @@ void vote_and_cut(std::vector<Candidate>& candidates, std::span<const Part> part
   }
 }
 
-/// Brings back triangles where removal would leave nothing of a surface: those that lie in a hole as a
-/// whole. Narrower gaps are for the zipper, which closes them without a second layer.
-void restore_holes(std::vector<std::vector<std::uint8_t>>& keep, std::span<const Candidate> candidates,
-                   std::span<const Part> parts, const OverlapConfig& config) {
+/// Brings back triangles where removal would leave nothing of a surface: those that lie in a hole
+/// as a whole. Narrower gaps are for the zipper, which closes them without a second layer.
+void restore_holes(std::vector<std::vector<std::uint8_t>>& keep,
+                   std::span<const Candidate> candidates, std::span<const Part> parts,
+                   const OverlapConfig& config) {
   std::vector<std::vector<std::uint32_t>> needed(candidates.size()), met(candidates.size());
   for (std::size_t p = 0; p < candidates.size(); ++p) {
     needed[p].assign(keep[p].size(), 0);
     met[p].assign(keep[p].size(), 0);
   }
   const Field field(parts, candidates, config);
-  const auto removed = [&](const Candidate& c, std::size_t t) { return !keep[&c - candidates.data()][t]; };
+  const auto removed = [&](const Candidate& c, std::size_t t) {
+    return !keep[&c - candidates.data()][t];
+  };
   for (const SourceInfo* source : all_sources(parts)) {
     const ImageMask mask = pixels_of(*source, candidates, removed);
     cast_from_camera(field, *source, &mask, config.voxel_m, [&](std::span<const Meeting> surface) {
-      const bool hole = std::none_of(surface.begin(), surface.end(),
-                                     [&](const Meeting& m) { return keep[m.part][m.triangle] != 0; });
+      const bool hole = std::none_of(surface.begin(), surface.end(), [&](const Meeting& m) {
+        return keep[m.part][m.triangle] != 0;
+      });
       for (const Meeting& m : surface) add(met[m.part][m.triangle]);
       if (hole) add(needed[surface[0].part][surface[0].triangle]);
     });
@@ -350,7 +363,7 @@ std::vector<Mesh> remove_overlap(std::span<const Part> parts, const OverlapConfi
 
   // Coherent owners agree from ray to ray, so a triangle that loses at all lies across a border:
   // rather a narrow gap there than two layers. Nearest owners change from pixel to pixel: majority.
-  const double tolerated = config.owner == MergeConfig::Owner::paper ? 0.5 : 0.0;
+  const double tolerated = config.owner == MergeConfig::Owner::paper ? 0.5 : 0.05;
   std::vector<std::vector<std::uint8_t>> keep;
   for (const Candidate& c : candidates) {
     keep.emplace_back();

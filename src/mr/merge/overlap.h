@@ -18,13 +18,14 @@ struct Part {
 
 struct OverlapConfig {
   MergeConfig::Owner owner = MergeConfig::Owner::coherent;
-  double voxel_m = 0.01;              ///< triangles on the border of an overlap are cut to about this scale
+  double voxel_m = 0.01;  ///< triangles on the border of an overlap are cut to about this scale
   double calibration_error_m = 0.005;
 };
 
-/// Overlap removal (paper 3.2). Rays go from every depth camera through its pixels and meet all parts;
-/// hits of different parts that face the camera alike and lie within twice the sensors' precision
-/// (plus calibration and decimation error) are one surface, and all but one of its triangles go:
+/// Overlap removal (paper 3.2). Rays go from every depth camera through its pixels and meet all
+/// parts; hits of different parts that face the camera alike and lie within twice the sensors'
+/// precision (plus calibration and decimation error) are one surface, and all but one of its
+/// triangles go:
 ///   owner paper     the farther ones from that camera
 ///   owner coherent  those whose own sensor measured the spot less precisely: sigma(z) / cos(angle)
 /// Overlap is decided between parts, never inside one. Triangles that lie in an overlap only partly

@@ -13,8 +13,8 @@
 namespace mr::merge {
 namespace {
 
-constexpr int kMaxCuts = 6;          // halvings of a border edge
-constexpr int kSmallLoop = 30;       // edges of a loop that is closed at all costs
+constexpr int kMaxCuts = 6;     // halvings of a border edge
+constexpr int kSmallLoop = 30;  // edges of a loop that is closed at all costs
 
 /// All parts in one mesh, and which part a vertex belongs to.
 struct Joined {
@@ -28,9 +28,13 @@ struct PointCloud {
   std::vector<std::uint32_t> tag;
 
   std::size_t kdtree_get_point_count() const { return points.size(); }
-  float kdtree_get_pt(std::size_t i, std::size_t axis) const { return points[i][static_cast<int>(axis)]; }
+  float kdtree_get_pt(std::size_t i, std::size_t axis) const {
+    return points[i][static_cast<int>(axis)];
+  }
   template <typename Box>
-  bool kdtree_get_bbox(Box&) const { return false; }
+  bool kdtree_get_bbox(Box&) const {
+    return false;
+  }
 };
 using KdTree = nanoflann::KDTreeSingleIndexAdaptor<nanoflann::L2_Simple_Adaptor<float, PointCloud>,
                                                    PointCloud, 3>;
@@ -41,7 +45,8 @@ void within(const KdTree& tree, Vec3f p, double radius,
   found.clear();
   const float query[3] = {p.x, p.y, p.z};
   // nanoflann's L2 radius is the square.
-  tree.radiusSearch(query, static_cast<float>(radius * radius), found, nanoflann::SearchParams(32, 0, false));
+  tree.radiusSearch(query, static_cast<float>(radius * radius), found,
+                    nanoflann::SearchParams(32, 0, false));
   std::sort(found.begin(), found.end(), [](const auto& a, const auto& b) {
     return std::tie(a.second, a.first) < std::tie(b.second, b.first);
   });
@@ -64,7 +69,8 @@ PointCloud sample_borders(const Joined& joined, const kit::EdgeTable& table, dou
   for (std::uint32_t h = 0; h < table.uses.size(); ++h) {
     if (table.uses[h] != 1) continue;
     const std::uint32_t a = kit::edge_from(joined.mesh, h);
-    const Vec3f p = joined.mesh.positions[a], q = joined.mesh.positions[kit::edge_to(joined.mesh, h)];
+    const Vec3f p = joined.mesh.positions[a],
+                q = joined.mesh.positions[kit::edge_to(joined.mesh, h)];
     const int steps = std::max(1, static_cast<int>(std::ceil(length(q - p) / spacing)));
     for (int i = 0; i < steps; ++i) {
       cloud.points.push_back(p + (q - p) * (static_cast<float>(i) / static_cast<float>(steps)));
@@ -80,7 +86,8 @@ float distance_to_segment(Vec3f p, Vec3f a, Vec3f b) {
   return length(p - (a + d * along));
 }
 
-/// Halves the long border edges that have another part's border near, once. Returns whether any was.
+/// Halves the long border edges that have another part's border near, once. Returns whether any
+/// was.
 bool cut_borders(Joined& joined, const ZipperConfig& config) {
   const Mesh& mesh = joined.mesh;
   const kit::EdgeTable table = kit::edge_table(mesh);
@@ -93,7 +100,8 @@ bool cut_borders(Joined& joined, const ZipperConfig& config) {
   for (std::uint32_t h = 0; h < split.size(); ++h) {
     if (table.uses[h] != 1) continue;
     const std::uint32_t part = joined.part[kit::edge_from(mesh, h)];
-    const Vec3f a = mesh.positions[kit::edge_from(mesh, h)], b = mesh.positions[kit::edge_to(mesh, h)];
+    const Vec3f a = mesh.positions[kit::edge_from(mesh, h)],
+                b = mesh.positions[kit::edge_to(mesh, h)];
     const float span = length(b - a);
     if (span <= config.edge_m * 1.5) continue;
     within(tree, (a + b) * 0.5f, span / 2 + config.max_gap_m, near);
@@ -133,7 +141,11 @@ struct Filling {
 class Zipper {
  public:
   Zipper(const Joined& joined, Front& front, const ZipperConfig& config)
-      : joined_(joined), front_(front), config_(config), original_edges_(front.size()), cloud_(corners(joined, front)),
+      : joined_(joined),
+        front_(front),
+        config_(config),
+        original_edges_(front.size()),
+        cloud_(corners(joined, front)),
         tree_(3, cloud_, nanoflann::KDTreeSingleIndexAdaptorParams(16)) {}
 
   void run() {
@@ -165,10 +177,11 @@ class Zipper {
       left_over |= k >= original_edges_;
       k = front_.edge(k).next;
     } while (k != e);
-    return left_over || around < config_.max_gap_m;
+    return left_over || around < 2 * config_.max_gap_m;
   }
 
-  /// Cuts off ears, the smallest first, until the small loop that `e` is on is closed or no ear fits.
+  /// Cuts off ears, the smallest first, until the small loop that `e` is on is closed or no ear
+  /// fits.
   void close_small_loop(std::uint32_t e) {
     while (front_.edge(e).alive && front_.loop_length(e, kSmallLoop)) {
       double least = std::numeric_limits<double>::max();
@@ -176,7 +189,8 @@ class Zipper {
       std::uint32_t k = e;
       do {
         const Vec3f u = at(front_.edge(k).from), w = at(front_.edge(front_.ear_corner(k)).from);
-        if (length(w - u) < std::min<double>(least, 2 * config_.max_gap_m) && front_.fits_as_ear(k)) least = length(w - u), best = k;
+        if (length(w - u) < std::min<double>(least, 2 * config_.max_gap_m) && front_.fits_as_ear(k))
+          least = length(w - u), best = k;
         k = front_.edge(k).next;
       } while (k != e);
       if (least == std::numeric_limits<double>::max()) return;
@@ -218,7 +232,8 @@ class Zipper {
     if (best.cost < std::numeric_limits<double>::max()) queue_.push(best);
   }
 
-  /// Finds the border vertices that a triangle over `e` may reach or meet; returns how far it may reach.
+  /// Finds the border vertices that a triangle over `e` may reach or meet; returns how far it may
+  /// reach.
   double look_around(std::uint32_t e) {
     const Vec3f u = at(front_.edge(e).from), v = at(front_.edge(e).to);
     const double reach = config_.max_gap_m + 0.5 * length(v - u);
@@ -226,14 +241,16 @@ class Zipper {
     return reach;
   }
 
-  /// Whether the triangle over `e` with tip `w` would lie across another border nearby: seen along its normal,
-  /// a border vertex lies inside it or a border edge crosses one of its new edges.
+  /// Whether the triangle over `e` with tip `w` would lie across another border nearby: seen along
+  /// its normal, a border vertex lies inside it or a border edge crosses one of its new edges.
   bool blocked(std::uint32_t e, std::uint32_t w) const {
     const Vec3f u = at(front_.edge(e).from), v = at(front_.edge(e).to), tip = at(w);
     const Vec3f normal = cross(u - v, tip - v);
     const auto side = [&](Vec3f a, Vec3f b, Vec3f p) { return dot(normal, cross(b - a, p - a)); };
     const float slack = 1e-4f * dot(normal, normal);
-    const auto inside = [&](Vec3f p) { return side(v, u, p) > slack && side(u, tip, p) > slack && side(tip, v, p) > slack; };
+    const auto inside = [&](Vec3f p) {
+      return side(v, u, p) > slack && side(u, tip, p) > slack && side(tip, v, p) > slack;
+    };
     const auto cross_each_other = [&](Vec3f a, Vec3f b, Vec3f c, Vec3f d) {
       return side(a, b, c) * side(a, b, d) < 0 && side(c, d, a) * side(c, d, b) < 0 &&
              std::min(std::abs(side(a, b, c)), std::abs(side(a, b, d))) > slack;
@@ -241,7 +258,9 @@ class Zipper {
     for (const auto& [place, squared] : near_)
       for (const std::uint32_t corner : front_.corners_at(cloud_.tag[place])) {
         const Vec3f p = at(front_.edge(corner).from), q = at(front_.edge(corner).to);
-        if (inside(p) || inside(q) || cross_each_other(u, tip, p, q) || cross_each_other(tip, v, p, q)) return true;
+        if (inside(p) || inside(q) || cross_each_other(u, tip, p, q) ||
+            cross_each_other(tip, v, p, q))
+          return true;
       }
     return false;
   }
@@ -272,7 +291,8 @@ Mesh zip(std::span<const Mesh> parts, const ZipperConfig& config) {
     }
   Front front(joined.mesh);
   if (parts.size() > 1) Zipper(joined, front, config).run();
-  joined.mesh.triangles.insert(joined.mesh.triangles.end(), front.added().begin(), front.added().end());
+  joined.mesh.triangles.insert(joined.mesh.triangles.end(), front.added().begin(),
+                               front.added().end());
   return std::move(joined.mesh);
 }
 

@@ -7,16 +7,16 @@
 namespace mr::merge {
 
 struct ZipperConfig {
-  double max_gap_m = 0.06;   ///< borders farther apart are not joined
-  double edge_m = 0.025;     ///< border edges near another part are cut to about this length first
+  double max_gap_m = 0.06;  ///< borders farther apart are not joined
+  double edge_m = 0.025;    ///< border edges near another part are cut to about this length first
 };
 
-/// Joins parts without overlap into one surface (paper 3.2, after Turk & Levoy 1994). Borders of different
-/// parts that lie within `max_gap_m` and face alike are found by nearest-neighbour search and the strip
-/// between them is triangulated, shortest connections first, as an advancing front: every new
-/// triangle grows from a border edge to a vertex on the opposite border, into the gap and never over
-/// existing surface, and no edge gets a third triangle. Small remaining loops are closed.
-/// Vertices of the parts stay where they are. Views are dropped. Deterministic.
+/// Joins parts without overlap into one surface (paper 3.2, after Turk & Levoy 1994). Borders of
+/// different parts that lie within `max_gap_m` and face alike are found by nearest-neighbour search
+/// and the strip between them is triangulated, shortest connections first, as an advancing front:
+/// every new triangle grows from a border edge to a vertex on the opposite border, into the gap and
+/// never over existing surface, and no edge gets a third triangle. Small remaining loops are
+/// closed. Vertices of the parts stay where they are. Views are dropped. Deterministic.
 Mesh zip(std::span<const Mesh> parts, const ZipperConfig& config);
 
 }  // namespace mr::merge

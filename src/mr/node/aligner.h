@@ -8,9 +8,9 @@
 
 namespace mr::node {
 
-/// Brings a merger's inputs to common ticks (multiples of the frame period) by capture time. A tick is
-/// ready when every live input has reached it, or `deadline` after the first input did: late and dead
-/// inputs never stall the rest. No clock inside.
+/// Brings a merger's inputs to common ticks (multiples of the frame period) by capture time. A tick
+/// is ready when every live input has reached it, or `deadline` after the first input did: late and
+/// dead inputs never stall the rest. No clock inside.
 class Aligner {
  public:
   /// An input counts as live at a tick when its newest capture is at most this much older.

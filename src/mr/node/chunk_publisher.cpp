@@ -46,7 +46,10 @@ std::map<Vec3i, Mesh> split_by_cube(const Mesh& mesh, double chunk_m) {
 }
 
 ChunkPublisher::ChunkPublisher(const Scene& scene, std::uint32_t source)
-    : lattice_(scene.lattice), chunk_m_(scene.fusion.chunk_m), reuse_(scene.reuse_chunks), source_(source) {}
+    : lattice_(scene.lattice),
+      chunk_m_(scene.fusion.chunk_m),
+      reuse_(scene.reuse_chunks),
+      source_(source) {}
 
 Status ChunkPublisher::publish(const Mesh& mesh, float error_m, int mesh_speed, Packet& packet) {
   std::map<ChunkId, Live> live;

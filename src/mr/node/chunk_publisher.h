@@ -10,9 +10,10 @@
 
 namespace mr::node {
 
-/// Cuts a node's mesh along the scene's chunk grid, gives every chunk a version and codes what is new. A
-/// chunk whose content is that of the frame before keeps its version, and is not coded or sent again
-/// (DESIGN section 4, Chunk). All chunks of one packet come from one mesh, so their borders fit.
+/// Cuts a node's mesh along the scene's chunk grid, gives every chunk a version and codes what is
+/// new. A chunk whose content is that of the frame before keeps its version, and is not coded or
+/// sent again (DESIGN section 4, Chunk). All chunks of one packet come from one mesh, so their
+/// borders fit.
 class ChunkPublisher {
  public:
   ChunkPublisher(const Scene& scene, std::uint32_t source);
@@ -38,7 +39,8 @@ class ChunkPublisher {
   codec::ChunkCache cache_;
 };
 
-/// The triangles of a mesh by the cube that holds their centroid, in the mesh's order; views are kept.
+/// The triangles of a mesh by the cube that holds their centroid, in the mesh's order; views are
+/// kept.
 std::map<Vec3i, Mesh> split_by_cube(const Mesh& mesh, double chunk_m);
 
 }  // namespace mr::node

@@ -37,21 +37,23 @@ merge::Part part_of(const DecodedScene& scene) {
   return part;
 }
 
-/// How many triangles the children spent on the surface that stays. Cutting along overlaps adds many
-/// small ones; decimation counts from here.
+/// How many triangles the children spent on the surface that stays. Cutting along overlaps adds
+/// many small ones; decimation counts from here.
 double triangles_sent(const std::vector<merge::Part>& parts, const std::vector<Mesh>& owned) {
   double sum = 0;
   for (std::size_t i = 0; i < parts.size(); ++i)
     if (!parts[i].mesh.empty())
-      sum += static_cast<double>(parts[i].mesh.triangles.size()) * surface_area_m2(owned[i]) / surface_area_m2(parts[i].mesh);
+      sum += static_cast<double>(parts[i].mesh.triangles.size()) * surface_area_m2(owned[i]) /
+             surface_area_m2(parts[i].mesh);
   return sum;
 }
 
 /// The precision of the noisiest of several sensors, as seen from 2 m.
 Precision noisiest(const std::vector<SourceInfo>& sources) {
-  const auto worst = std::max_element(sources.begin(), sources.end(), [](const SourceInfo& a, const SourceInfo& b) {
-    return a.precision.sigma_m(2) < b.precision.sigma_m(2);
-  });
+  const auto worst = std::max_element(sources.begin(), sources.end(),
+                                      [](const SourceInfo& a, const SourceInfo& b) {
+                                        return a.precision.sigma_m(2) < b.precision.sigma_m(2);
+                                      });
   return worst == sources.end() ? Precision{} : worst->precision;
 }
 
@@ -62,22 +64,31 @@ bool same_geometry(const std::vector<DecodedScene>& a, const std::vector<Decoded
     for (const auto& chunk : s.chunks) keys.push_back(chunk->key);
     return keys;
   };
-  return std::equal(a.begin(), a.end(), b.begin(), b.end(), [&](const DecodedScene& x, const DecodedScene& y) {
-    const auto same_source = [](const SourceInfo& p, const SourceInfo& q) {
-      return p.sensor == q.sensor && p.T_world_depth == q.T_world_depth && p.depth_camera == q.depth_camera;
-    };
-    return x.views == y.views && key(x) == key(y) &&
-           std::equal(x.sources.begin(), x.sources.end(), y.sources.begin(), y.sources.end(), same_source);
-  });
+  return std::equal(a.begin(), a.end(), b.begin(), b.end(),
+                    [&](const DecodedScene& x, const DecodedScene& y) {
+                      const auto same_source = [](const SourceInfo& p, const SourceInfo& q) {
+                        return p.sensor == q.sensor && p.T_world_depth == q.T_world_depth &&
+                               p.depth_camera == q.depth_camera;
+                      };
+                      return x.views == y.views && key(x) == key(y) &&
+                             std::equal(x.sources.begin(), x.sources.end(), y.sources.begin(),
+                                        y.sources.end(), same_source);
+                    });
 }
 
 }  // namespace
 
 MergeNode::MergeNode(const Scene& scene, const MergerConfig& merger, bool is_root, Ask ask)
-    : scene_(&scene), merger_(merger), is_root_(is_root), ask_(std::move(ask)),
-      aligner_(merger.inputs.size(), milliseconds(1000 / scene.fps), milliseconds(merger.deadline_ms)),
-      publisher_(scene, kMergedSource), texture_(scene, kAtlasStream) {
-  for (const std::string& input : merger.inputs) inputs_.push_back({input, codec::Receiver(scene.lattice), {}});
+    : scene_(&scene),
+      merger_(merger),
+      is_root_(is_root),
+      ask_(std::move(ask)),
+      aligner_(merger.inputs.size(), milliseconds(1000 / scene.fps),
+               milliseconds(merger.deadline_ms)),
+      publisher_(scene, kMergedSource),
+      texture_(scene, kAtlasStream) {
+  for (const std::string& input : merger.inputs)
+    inputs_.push_back({input, codec::Receiver(scene.lattice), {}});
 }
 
 Status MergeNode::receive(std::size_t input, std::span<const std::byte> bytes, TimePoint now) {
@@ -86,16 +97,20 @@ Status MergeNode::receive(std::size_t input, std::span<const std::byte> bytes, T
   auto packet = codec::decode_packet(bytes);
   if (!packet) {
     drops_.count(from.id + " → " + id(), packet.error());
-    return Error{packet.error().cause, "packet from '" + from.id + "' to '" + id() + "': " + packet.error().message};
+    return Error{packet.error().cause,
+                 "packet from '" + from.id + "' to '" + id() + "': " + packet.error().message};
   }
-  for (const Error& error : from.receiver.accept(*packet)) drops_.count(from.id + " → " + id(), error);
+  for (const Error& error : from.receiver.accept(*packet))
+    drops_.count(from.id + " → " + id(), error);
   for (const ChunkKey& key : from.receiver.missing())
     if (const auto chunk = ask_ ? ask_(input, key) : nullptr)
-      if (const Status taken = from.receiver.provide(*chunk); !taken) drops_.count(from.id + " → " + id(), taken.error());
+      if (const Status taken = from.receiver.provide(*chunk); !taken)
+        drops_.count(from.id + " → " + id(), taken.error());
   if (!is_root_)
     std::move(packet->textures.begin(), packet->textures.end(), std::back_inserter(from.units));
   aligner_.arrived(input, packet->captured_at, now);
-  decode_ms_ += std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - start).count();
+  decode_ms_ +=
+      std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - start).count();
   return {};
 }
 
@@ -107,12 +122,14 @@ Result<std::optional<std::vector<std::byte>>> MergeNode::merge(TimePoint now) {
   if (!gathered) return gathered.error();
 
   Packet packet;
-  packet.scene = scene_->id, packet.node = id(), packet.sequence = sequence_, packet.captured_at = *tick;
+  packet.scene = scene_->id, packet.node = id(), packet.sequence = sequence_,
+  packet.captured_at = *tick;
   packet.sources = gathered->sources;
   packet.plan = {is_root_ ? static_cast<float>(scene_->merge.simplify.ratio) : 1.0f, 5,
                  static_cast<float>(scene_->coding.texture_scale), scene_->coding.texture_qp};
 
-  if (!last_ || !same_geometry(last_->first.scenes, gathered->scenes)) {
+  reused_ = last_ && same_geometry(last_->first.scenes, gathered->scenes);
+  if (!reused_) {
     auto surface = merge_surfaces(*gathered);
     if (!surface) return surface.error();
     last_.emplace(Gathered{gathered->scenes, {}, {}}, *std::move(surface));
@@ -122,7 +139,8 @@ Result<std::optional<std::vector<std::byte>>> MergeNode::merge(TimePoint now) {
     return publisher_.publish(surface.mesh, surface.error_m, packet.plan.mesh_speed, packet);
   });
   if (!coded) return coded.error();
-  if (const Status textured = add_textures(*gathered, surface.mesh, packet); !textured) return textured.error();
+  if (const Status textured = add_textures(*gathered, surface.mesh, packet); !textured)
+    return textured.error();
   ++sequence_;
   return std::optional(codec::encode_packet(packet));
 }
@@ -142,7 +160,8 @@ Result<MergeNode::Gathered> MergeNode::gather(TimePoint tick) {
   }
   if (out.scenes.empty())
     return Error{Error::Cause::empty, "merger '" + id() + "' has no live input at this tick"};
-  std::sort(out.views.begin(), out.views.end(), [](const View& a, const View& b) { return a.id < b.id; });
+  std::sort(out.views.begin(), out.views.end(),
+            [](const View& a, const View& b) { return a.id < b.id; });
   std::sort(out.sources.begin(), out.sources.end(),
             [](const SourceInfo& a, const SourceInfo& b) { return a.sensor < b.sensor; });
   return out;
@@ -158,7 +177,8 @@ Result<MergeNode::Surface> MergeNode::merge_surfaces(const Gathered& gathered) {
   for (const merge::Part& part : parts) out.error_m = std::max(out.error_m, part.error_m);
 
   std::vector<Mesh> owned = trace_.time("overlap", [&] {
-    return merge::remove_overlap(parts, {.owner = scene_->merge.owner, .voxel_m = voxel_m,
+    return merge::remove_overlap(parts, {.owner = scene_->merge.owner,
+                                         .voxel_m = voxel_m,
                                          .calibration_error_m = scene_->merge.calibration_error_m});
   });
   trace_.time("islands", [&] {
@@ -171,7 +191,8 @@ Result<MergeNode::Surface> MergeNode::merge_surfaces(const Gathered& gathered) {
     auto snapped = codec::snap_to_lattice(zipped, scene_->lattice);
     if (!snapped || !is_root_) return snapped;
     const double target = scene_->merge.simplify.ratio * triangles_sent(parts, owned);
-    simplify::Simplified small = simplify::simplify(*snapped, static_cast<std::size_t>(std::ceil(target)));
+    simplify::Simplified small =
+        simplify::simplify(*snapped, static_cast<std::size_t>(std::ceil(target)));
     out.error_m += small.error_m;
     return codec::snap_to_lattice(small.mesh, scene_->lattice);
   });
@@ -187,7 +208,8 @@ Result<MergeNode::Surface> MergeNode::merge_surfaces(const Gathered& gathered) {
   auto snapped = codec::snap_to_lattice(labelled, scene_->lattice);
   if (!snapped) return snapped.error();
   out.mesh = kit::without_nonmanifold_edges(*snapped);
-  if (out.mesh.empty()) return Error{Error::Cause::empty, "merger '" + id() + "': no surface is left"};
+  if (out.mesh.empty())
+    return Error{Error::Cause::empty, "merger '" + id() + "': no surface is left"};
   return out;
 }
 
@@ -207,9 +229,13 @@ void MergeNode::hand_on_streams(const Gathered& gathered, Packet& packet) {
 
 Status MergeNode::compose_atlas(const Gathered& gathered, const Mesh& mesh, Packet& packet) {
   const std::uint32_t current = layout_.views.empty() ? 0 : layout_.views.front().layout;
-  atlas::Layout wanted = atlas::make_layout(gathered.views, scene_->atlas, scene_->coding.texture_scale, current);
-  const auto same_tiles = [](const View& a, const View& b) { return a.id == b.id && a.atlas_rect == b.atlas_rect; };
-  if (!std::equal(wanted.views.begin(), wanted.views.end(), layout_.views.begin(), layout_.views.end(), same_tiles))
+  atlas::Layout wanted =
+      atlas::make_layout(gathered.views, scene_->atlas, scene_->coding.texture_scale, current);
+  const auto same_tiles = [](const View& a, const View& b) {
+    return a.id == b.id && a.atlas_rect == b.atlas_rect;
+  };
+  if (!std::equal(wanted.views.begin(), wanted.views.end(), layout_.views.begin(),
+                  layout_.views.end(), same_tiles))
     for (View& view : wanted.views) view.layout = current + 1;
   layout_ = std::move(wanted);
   packet.views = layout_.views;
@@ -218,14 +244,17 @@ Status MergeNode::compose_atlas(const Gathered& gathered, const Mesh& mesh, Pack
     std::map<ViewId, View> children;
     std::map<ViewId, ImageMask> used;
     std::map<std::uint32_t, std::shared_ptr<const ImageRgb>> pictures;
-    for (const DecodedScene& scene : gathered.scenes) pictures.insert(scene.textures.begin(), scene.textures.end());
+    for (const DecodedScene& scene : gathered.scenes)
+      pictures.insert(scene.textures.begin(), scene.textures.end());
     for (const View& view : gathered.views) {
       children[view.id] = view;
       if (!scene_->atlas.mask) continue;
-      const double margin = atlas::margin_px(view, texturing_error_m(*scene_, last_->second.error_m), 1.0);
+      const double margin =
+          atlas::margin_px(view, texturing_error_m(*scene_, last_->second.error_m), 1.0);
       used[view.id] = atlas::used_pixels(mesh, view, static_cast<int>(std::ceil(margin)));
     }
-    const ImageRgb picture = atlas::compose_atlas(layout_, children, pictures, used, scene_->atlas.mask);
+    const ImageRgb picture =
+        atlas::compose_atlas(layout_, children, pictures, used, scene_->atlas.mask);
     return texture_.encode(picture, packet.plan.texture_qp, layout_.views.front().layout);
   });
   if (!unit) return unit.error();

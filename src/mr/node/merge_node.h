@@ -19,15 +19,16 @@
 
 namespace mr::node {
 
-/// A merging server (paper 3.2, 3.3). Takes packets of sensors or of other mergers, and gives packets of the
-/// same form: one surface without overlap, seams closed, every triangle labelled with a view. The root
-/// decimates and composes one texture atlas; an inner merger hands its children's texture streams
-/// on untouched, so that pictures are coded twice at most however many layers there are.
-/// Single-threaded object; its stages use the caller's arena.
+/// A merging server (paper 3.2, 3.3). Takes packets of sensors or of other mergers, and gives
+/// packets of the same form: one surface without overlap, seams closed, every triangle labelled
+/// with a view. The root decimates and composes one texture atlas; an inner merger hands its
+/// children's texture streams on untouched, so that pictures are coded twice at most however many
+/// layers there are. Single-threaded object; its stages use the caller's arena.
 class MergeNode {
  public:
   /// Asks an input for a chunk that is missing; null when it cannot give it.
-  using Ask = std::function<std::shared_ptr<const EncodedChunk>(std::size_t input, const ChunkKey&)>;
+  using Ask =
+      std::function<std::shared_ptr<const EncodedChunk>(std::size_t input, const ChunkKey&)>;
 
   /// The scene must outlive the node.
   MergeNode(const Scene& scene, const MergerConfig& merger, bool is_root, Ask ask);
@@ -35,15 +36,20 @@ class MergeNode {
   const std::string& id() const { return merger_.id; }
   const MergerConfig& config() const { return merger_; }
 
-  /// Takes one packet of an input. What was wrong inside it is counted in drops(); an Error means that
-  /// the whole packet was refused.
+  /// Takes one packet of an input. What was wrong inside it is counted in drops(); an Error means
+  /// that the whole packet was refused.
   Status receive(std::size_t input, std::span<const std::byte> bytes, TimePoint now);
 
   /// The bytes of the next merged packet, if a tick is ready. empty: there is no live input.
   Result<std::optional<std::vector<std::byte>>> merge(TimePoint now);
 
-  std::shared_ptr<const EncodedChunk> find(const ChunkKey& key) const { return publisher_.find(key); }
+  std::shared_ptr<const EncodedChunk> find(const ChunkKey& key) const {
+    return publisher_.find(key);
+  }
   void ask_key_frame() { texture_.ask_key_frame(); }
+
+  /// Whether the last merge found the inputs' geometry unchanged and kept its surface.
+  bool reused() const { return reused_; }
 
   const Trace& trace() const { return trace_; }
   const DropCounter& drops() const { return drops_; }
@@ -56,7 +62,7 @@ class MergeNode {
   };
   struct Gathered {  // what is merged in one tick
     std::vector<DecodedScene> scenes;
-    std::vector<View> views;           // of all, by id, streams as the children have them
+    std::vector<View> views;  // of all, by id, streams as the children have them
     std::vector<SourceInfo> sources;
   };
   struct Surface {
@@ -80,6 +86,7 @@ class MergeNode {
   TextureStream texture_;
   atlas::Layout layout_;
   std::optional<std::pair<Gathered, Surface>> last_;  // reused while the inputs' geometry stays
+  bool reused_ = false;
   double decode_ms_ = 0;
   std::uint64_t sequence_ = 0;
   Trace trace_;

@@ -25,8 +25,9 @@ struct RunListener {
 };
 
 /// The whole scene in one process, in lockstep: every frame goes through every sensor node, every
-/// merger and a client, one after another, each with all threads of the caller's arena. No pacing, no
-/// deadline, no drops but those of broken input. Nodes exchange the same bytes as over a network.
+/// merger and a client, one after another, each with all threads of the caller's arena. No pacing,
+/// no deadline, no drops but those of broken input. Nodes exchange the same bytes as over a
+/// network.
 class Pipeline {
  public:
   /// Opens the scene's sources; a rig is turned into its sensors.
@@ -52,9 +53,10 @@ class Pipeline {
   explicit Pipeline(std::unique_ptr<Scene> scene);
   Edge edge_from(const std::string& id);
   bool capture(std::vector<std::optional<Frame>>& frames, const RunListener& listener);
-  void run_frame(std::vector<std::optional<Frame>> frames, Measured& measured, const RunListener& listener);
-  void deliver(const Edge& edge, const std::vector<std::byte>& bytes, TimePoint now, Measured& measured,
-               const RunListener& listener);
+  void run_frame(std::vector<std::optional<Frame>> frames, Measured& measured,
+                 const RunListener& listener);
+  void deliver(const Edge& edge, const std::vector<std::byte>& bytes, TimePoint now,
+               Measured& measured, const RunListener& listener);
   void show(const std::vector<std::byte>& bytes, Measured& measured, const RunListener& listener);
   void drop(const std::string& place, const Error& error, const RunListener& listener);
   double critical_path_ms(const Measured& measured) const;

@@ -47,7 +47,8 @@ std::string to_json(const RunReport& r) {
       {"latency_ms",
        {{"critical_path", rounded(r.critical_path_ms)},
         {"end_to_end",
-         {{"p50", rounded(percentile(r.end_to_end_ms, 0.5))}, {"p95", rounded(percentile(r.end_to_end_ms, 0.95))}}}}},
+         {{"p50", rounded(percentile(r.end_to_end_ms, 0.5))},
+          {"p95", rounded(percentile(r.end_to_end_ms, 0.95))}}}}},
   };
   return json.dump(2) + "\n";
 }
@@ -55,17 +56,20 @@ std::string to_json(const RunReport& r) {
 std::string to_text(const RunReport& r) {
   const auto line = [](const char* node, const RunReport::Stages& all) {
     std::string out = fmt::format("{:<10}", node);
-    for (const auto& [stage, ms] : all) out += fmt::format(" {} {:.0f}", stage, percentile(ms, 0.5));
+    for (const auto& [stage, ms] : all)
+      out += fmt::format(" {} {:.0f}", stage, percentile(ms, 0.5));
     return out + "  (ms, p50)\n";
   };
   std::string out = fmt::format(
       "{}: {} sensors, {} frames, {} triangles, {} vertices\n"
-      "mesh       {:.1f} kB/frame, {:.1f} kB to join; texture {:.1f} kB/frame; chunks {} new, {} kept\n",
+      "mesh       {:.1f} kB/frame, {:.1f} kB to join; texture {:.1f} kB/frame; chunks {} new, {} "
+      "kept\n",
       r.scene, r.sensors, r.frames, r.triangles, r.vertices, r.mesh_bytes_per_frame / 1e3,
-      static_cast<double>(r.refresh_bytes) / 1e3, r.texture_bytes_per_frame / 1e3, r.chunks_new, r.chunks_kept);
+      static_cast<double>(r.refresh_bytes) / 1e3, r.texture_bytes_per_frame / 1e3, r.chunks_new,
+      r.chunks_kept);
   out += line("sensor", r.sensor_stages_ms) + line("merge", r.merge_stages_ms);
-  out += fmt::format("latency    critical path {:.0f} ms; as it ran {:.0f} ms p50\n", r.critical_path_ms,
-                     percentile(r.end_to_end_ms, 0.5));
+  out += fmt::format("latency    critical path {:.0f} ms; as it ran {:.0f} ms p50\n",
+                     r.critical_path_ms, percentile(r.end_to_end_ms, 0.5));
   for (const auto& [cause, n] : r.drops) out += fmt::format("dropped    {} × {}\n", n, cause);
   return out;
 }

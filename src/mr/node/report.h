@@ -10,20 +10,20 @@ namespace mr::node {
 /// What `meshreduce run --report` writes (DESIGN section 7).
 struct RunReport {
   std::string scene;
-  int frames = 0;                       ///< merged frames that reached the client
-  double fps = 0;                       ///< frames per second as it ran
+  int frames = 0;  ///< merged frames that reached the client
+  double fps = 0;  ///< frames per second as it ran
   int sensors = 0, threads = 0;
   double peak_rss_mb = 0;
   std::uint64_t triangles = 0, vertices = 0;      ///< of the last frame
-  double mesh_bytes_per_frame = 0;      ///< mean; all of a packet but its pictures
-  std::uint64_t refresh_bytes = 0;      ///< mesh payload that a late joiner needs
-  double texture_bytes_per_frame = 0;   ///< mean
+  double mesh_bytes_per_frame = 0;                ///< mean; all of a packet but its pictures
+  std::uint64_t refresh_bytes = 0;                ///< mesh payload that a late joiner needs
+  double texture_bytes_per_frame = 0;             ///< mean
   std::uint64_t chunks_new = 0, chunks_kept = 0;  ///< over all frames
   std::map<std::string, std::uint64_t> drops;     ///< by cause
   using Stages = std::map<std::string, std::vector<double>>;
   Stages sensor_stages_ms, merge_stages_ms;
-  double critical_path_ms = 0;          ///< slowest node of each layer, each alone, summed; p50
-  std::vector<double> end_to_end_ms;    ///< per frame, capture to decoded at the client, as it ran
+  double critical_path_ms = 0;        ///< slowest node of each layer, each alone, summed; p50
+  std::vector<double> end_to_end_ms;  ///< per frame, capture to decoded at the client, as it ran
 };
 
 std::string to_json(const RunReport& report);

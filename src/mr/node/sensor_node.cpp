@@ -7,6 +7,7 @@
 #include "mr/codec/packet_codec.h"
 #include "mr/core/parallel.h"
 #include "mr/fusion/fuse.h"
+#include "mr/fusion/smooth_depth.h"
 #include "mr/kit/topology.h"
 #include "mr/merge/islands.h"
 #include "mr/simplify/simplify.h"
@@ -19,22 +20,30 @@ double texturing_error_m(const Scene& scene, float mesh_error_m) {
 }
 
 SensorNode::SensorNode(const Scene& scene, std::uint32_t sensor_index)
-    : scene_(&scene), sensor_(sensor_index), registration_(scene.sensors[sensor_index], sensor_index),
-      publisher_(scene, sensor_index), texture_(scene, sensor_index) {}
+    : scene_(&scene),
+      sensor_(sensor_index),
+      registration_(scene.sensors[sensor_index], sensor_index),
+      publisher_(scene, sensor_index),
+      texture_(scene, sensor_index) {}
 
 std::vector<Mesh> SensorNode::fuse(const Frame& frame) const {
   const fusion::VolumeConfig volume{scene_->voxel_m, scene_->fusion.truncation_m, scene_->volume};
-  std::vector<Mesh> pieces = fusion::fuse_frame(frame.depth, registration_.depth_camera(),
+  const Precision& precision = scene_->sensors[sensor_].precision;
+  const ImageDepth depth =
+      scene_->fusion.smooth_depth ? fusion::smooth_depth(frame.depth, precision) : frame.depth;
+  std::vector<Mesh> pieces = fusion::fuse_frame(depth, registration_.depth_camera(),
                                                 frame.T_world_depth, volume, scene_->fusion);
   for (Mesh& piece : pieces)
     piece = merge::remove_islands(piece, merge::island_area_m2(scene_->voxel_m));
   return pieces;
 }
 
-Result<SensorNode::Surface> SensorNode::simplify(const std::vector<Mesh>& pieces, double ratio) const {
+Result<SensorNode::Surface> SensorNode::simplify(const std::vector<Mesh>& pieces,
+                                                 double ratio) const {
   std::vector<simplify::Simplified> small(pieces.size());
   parallel_for(pieces.size(), 1, [&](std::size_t begin, std::size_t end) {
-    for (std::size_t i = begin; i < end; ++i) small[i] = simplify::simplify_by_ratio(pieces[i], ratio);
+    for (std::size_t i = begin; i < end; ++i)
+      small[i] = simplify::simplify_by_ratio(pieces[i], ratio);
   });
   Surface all;
   for (const simplify::Simplified& s : small) {
@@ -49,23 +58,29 @@ Result<SensorNode::Surface> SensorNode::simplify(const std::vector<Mesh>& pieces
 
 Result<std::vector<std::byte>> SensorNode::process(Frame raw) {
   const SensorConfig& sensor = scene_->sensors[sensor_];
-  const Frame frame = trace_.time("register", [&] { return registration_.undistort(std::move(raw)); });
+  const Frame frame =
+      trace_.time("register", [&] { return registration_.undistort(std::move(raw)); });
   const std::vector<Mesh> pieces = trace_.time("fuse", [&] { return fuse(frame); });
   if (std::all_of(pieces.begin(), pieces.end(), [](const Mesh& m) { return m.empty(); }))
-    return Error{Error::Cause::empty, "sensor '" + id() + "', frame " + std::to_string(frame.index) +
-                                          ": depth holds no surface (all pixels invalid or out of range?)"};
+    return Error{Error::Cause::empty,
+                 "sensor '" + id() + "', frame " + std::to_string(frame.index) +
+                     ": depth holds no surface (all pixels invalid or out of range?)"};
 
   Packet packet;
   packet.scene = scene_->id, packet.node = id(), packet.sequence = sequence_;
   packet.captured_at = frame.captured_at();
-  packet.plan = {static_cast<float>(scene_->simplify.ratio), 5, 1, scene_->coding.sensor_texture_qp};
-  packet.sources = {{sensor_, frame.captured_at(), registration_.depth_camera(), frame.T_world_depth, sensor.precision}};
-  if (auto view = frame.color.empty() ? std::nullopt : registration_.color_view(frame.T_world_depth)) {
+  packet.plan = {static_cast<float>(scene_->simplify.ratio), 5, 1,
+                 scene_->coding.sensor_texture_qp};
+  packet.sources = {{sensor_, frame.captured_at(), registration_.depth_camera(),
+                     frame.T_world_depth, sensor.precision}};
+  if (auto view =
+          frame.color.empty() ? std::nullopt : registration_.color_view(frame.T_world_depth)) {
     view->stream = sensor_;
     packet.views = {*view};
   }
 
-  auto surface = trace_.time("simplify", [&] { return simplify(pieces, packet.plan.simplify_ratio); });
+  auto surface =
+      trace_.time("simplify", [&] { return simplify(pieces, packet.plan.simplify_ratio); });
   if (!surface) return surface.error();
 
   const Mesh textured = trace_.time("label", [&] {
@@ -78,12 +93,14 @@ Result<std::vector<std::byte>> SensorNode::process(Frame raw) {
   const Status coded = trace_.time("encode_mesh", [&]() -> Status {
     auto snapped = codec::snap_to_lattice(textured, scene_->lattice);
     if (!snapped) return snapped.error();
-    return publisher_.publish(kit::without_nonmanifold_edges(*snapped), surface->error_m, packet.plan.mesh_speed, packet);
+    return publisher_.publish(kit::without_nonmanifold_edges(*snapped), surface->error_m,
+                              packet.plan.mesh_speed, packet);
   });
   if (!coded) return coded.error();
 
   if (!packet.views.empty()) {
-    auto unit = trace_.time("encode_video", [&] { return texture_.encode(frame.color, packet.plan.texture_qp, 0); });
+    auto unit = trace_.time(
+        "encode_video", [&] { return texture_.encode(frame.color, packet.plan.texture_qp, 0); });
     if (!unit) return unit.error();
     packet.textures.push_back(*std::move(unit));
   }

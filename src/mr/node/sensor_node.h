@@ -28,7 +28,9 @@ class SensorNode {
   Result<std::vector<std::byte>> process(Frame frame);
 
   /// A chunk that a receiver lacks; null when forgotten.
-  std::shared_ptr<const EncodedChunk> find(const ChunkKey& key) const { return publisher_.find(key); }
+  std::shared_ptr<const EncodedChunk> find(const ChunkKey& key) const {
+    return publisher_.find(key);
+  }
   void ask_key_frame() { texture_.ask_key_frame(); }
 
   const Trace& trace() const { return trace_; }
@@ -50,8 +52,8 @@ class SensorNode {
   Trace trace_;
 };
 
-/// What the texturing rules take as the geometry's error in this scene: decimation (no more than a voxel
-/// counts, else a few bad triangles would forbid every view), lattice and calibration.
+/// What the texturing rules take as the geometry's error in this scene: decimation (no more than a
+/// voxel counts, else a few bad triangles would forbid every view), lattice and calibration.
 double texturing_error_m(const Scene& scene, float mesh_error_m);
 
 }  // namespace mr::node

@@ -10,7 +10,8 @@ ImageRgb padded_to_even(const ImageRgb& picture) {
   ImageRgb out((picture.width + 1) / 2 * 2, (picture.height + 1) / 2 * 2);
   for (int y = 0; y < out.height; ++y)
     for (int x = 0; x < out.width; ++x)
-      std::copy_n(picture.at(std::min(x, picture.width - 1), std::min(y, picture.height - 1)), 3, out.at(x, y));
+      std::copy_n(picture.at(std::min(x, picture.width - 1), std::min(y, picture.height - 1)), 3,
+                  out.at(x, y));
   return out;
 }
 
@@ -18,7 +19,7 @@ ImageRgb padded_to_even(const ImageRgb& picture) {
 
 Result<TextureUnit> TextureStream::encode(const ImageRgb& picture, int qp, std::uint32_t layout) {
   if (picture.width % 2 || picture.height % 2) return encode(padded_to_even(picture), qp, layout);
-  const kit::VideoSettings wanted{picture.width,        picture.height,        scene_->fps, qp,
+  const kit::VideoSettings wanted{picture.width,         picture.height,      scene_->fps, qp,
                                   scene_->video.threads, scene_->video.slices};
   if (!encoder_ || encoder_->settings() != wanted) {
     auto encoder = kit::VideoEncoder::create(wanted);
@@ -30,7 +31,7 @@ Result<TextureUnit> TextureStream::encode(const ImageRgb& picture, int qp, std::
   auto unit = encoder_->encode(picture, key);
   if (!unit) return unit.error();
   layout_ = layout;
-  return TextureUnit{stream_,        TextureCodec::h264, layout, picture.width, picture.height,
+  return TextureUnit{stream_,         TextureCodec::h264,   layout, picture.width, picture.height,
                      unit->key_frame, std::move(unit->data)};
 }
 

@@ -10,9 +10,9 @@
 
 namespace mr::node {
 
-/// One texture stream of a node: an encoder that starts afresh, with a key frame, when the picture's
-/// size, its layout or the quantiser changes. Pictures of odd size are padded by repeating their last
-/// row and column, as H.264 wants even ones.
+/// One texture stream of a node: an encoder that starts afresh, with a key frame, when the
+/// picture's size, its layout or the quantiser changes. Pictures of odd size are padded by
+/// repeating their last row and column, as H.264 wants even ones.
 class TextureStream {
  public:
   TextureStream(const Scene& scene, std::uint32_t stream) : scene_(&scene), stream_(stream) {}

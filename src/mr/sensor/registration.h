@@ -33,8 +33,9 @@ class Registration {
   Camera depth_camera_;
   std::optional<Camera> color_camera_;
   Pose T_depth_color_;
-  std::vector<std::int32_t> depth_map_;  ///< [H*W] source pixel per undistorted pixel, -1 none; empty: identity
-  std::vector<Vec2f> color_map_;         ///< [H*W] source position per undistorted pixel; empty: identity
+  std::vector<std::int32_t>
+      depth_map_;  ///< [H*W] source pixel per undistorted pixel, -1 none; empty: identity
+  std::vector<Vec2f> color_map_;  ///< [H*W] source position per undistorted pixel; empty: identity
 };
 
 }  // namespace mr::sensor

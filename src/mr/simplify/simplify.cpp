@@ -11,7 +11,8 @@ namespace mr::simplify {
 
 Simplified simplify_by_ratio(const Mesh& mesh, double ratio) {
   MR_ASSERT(ratio > 0 && ratio <= 1);
-  return simplify(mesh, static_cast<std::size_t>(std::ceil(static_cast<double>(mesh.triangles.size()) * ratio)));
+  return simplify(mesh, static_cast<std::size_t>(
+                            std::ceil(static_cast<double>(mesh.triangles.size()) * ratio)));
 }
 
 Simplified simplify(const Mesh& mesh, std::size_t target_triangles) {
@@ -26,10 +27,11 @@ Simplified simplify(const Mesh& mesh, std::size_t target_triangles) {
   std::vector<unsigned int> result(index_count);
   float relative_error = 0;
   constexpr float kNoErrorLimit = 1.0f;  // the target decides
-  const std::size_t count = meshopt_simplify(result.data(), indices, index_count, positions,
-                                             mesh.positions.size(), sizeof(Vec3f), target_triangles * 3,
-                                             kNoErrorLimit, 0, &relative_error);
-  out.error_m = relative_error * meshopt_simplifyScale(positions, mesh.positions.size(), sizeof(Vec3f));
+  const std::size_t count =
+      meshopt_simplify(result.data(), indices, index_count, positions, mesh.positions.size(),
+                       sizeof(Vec3f), target_triangles * 3, kNoErrorLimit, 0, &relative_error);
+  out.error_m =
+      relative_error * meshopt_simplifyScale(positions, mesh.positions.size(), sizeof(Vec3f));
   out.mesh.triangles.resize(count / 3);
   for (std::size_t i = 0; i < count; ++i) out.mesh.triangles[i / 3][i % 3] = result[i];
   out.mesh = select_triangles(out.mesh, std::vector<std::uint8_t>(count / 3, 1));
