@@ -28,10 +28,10 @@ endfunction()
 # mr_add_test(NAME SOURCES a_test.cpp … USES mr::… [LABELS slow])
 function(mr_add_test name)
   cmake_parse_arguments(T "" "" "SOURCES;USES;PRIVATE;LABELS" ${ARGN})
-  add_executable(${name} ${T_SOURCES})
+  add_executable(${name} ${T_SOURCES} ${CMAKE_SOURCE_DIR}/tests/support/eight_threads.cpp)
   target_include_directories(${name} PRIVATE ${CMAKE_SOURCE_DIR}/tests)
-  target_link_libraries(${name} PRIVATE mr_flags ${T_USES} ${T_PRIVATE} GTest::gtest_main
-                                        GTest::gmock)
+  target_link_libraries(${name} PRIVATE mr_flags ${T_USES} ${T_PRIVATE} TBB::tbb
+                                        GTest::gtest_main GTest::gmock)
   target_compile_definitions(${name} PRIVATE MR_SOURCE_DIR="${CMAKE_SOURCE_DIR}")
   add_test(NAME ${name} COMMAND ${name} --gtest_brief=1 WORKING_DIRECTORY ${CMAKE_SOURCE_DIR})
   set_tests_properties(${name} PROPERTIES LABELS "${T_LABELS}" TIMEOUT 600)
