@@ -326,33 +326,73 @@ void vote_and_cut(std::vector<Candidate>& candidates, std::span<const Part> part
   }
 }
 
+enum class Verdict : std::uint8_t { keep, remove, island };
+using Verdicts = std::vector<std::vector<Verdict>>;  // [part][triangle]
+
+Verdicts verdicts_of(std::span<const Candidate> candidates, MergeConfig::Owner owner) {
+  // Coherent owners agree from ray to ray, so a triangle that loses at all lies across a border:
+  // rather a narrow gap there than two layers. Nearest owners change from pixel to pixel: majority.
+  const double tolerated = owner == MergeConfig::Owner::paper ? 0.5 : 0.05;
+  Verdicts out;
+  for (const Candidate& c : candidates) {
+    out.emplace_back();
+    for (const Votes& v : c.votes)
+      out.back().push_back(v.lost_share() <= tolerated ? Verdict::keep : Verdict::remove);
+  }
+  return out;
+}
+
+Mesh kept_mesh(const Mesh& mesh, const std::vector<Verdict>& verdicts) {
+  std::vector<std::uint8_t> keep;
+  for (const Verdict v : verdicts) keep.push_back(v == Verdict::keep);
+  return select_triangles(mesh, keep);
+}
+
+/// What would float as an island must not be the reason for which another part lost the spot.
+void give_up_islands(Verdicts& verdicts, std::span<const Candidate> candidates,
+                     double min_area_m2) {
+  for (std::size_t p = 0; p < candidates.size(); ++p) {
+    const kit::Components pieces = kit::components(kept_mesh(candidates[p].mesh, verdicts[p]));
+    std::size_t kept = 0;
+    for (Verdict& v : verdicts[p])
+      if (v == Verdict::keep && pieces.area_m2[pieces.of_triangle[kept++]] < min_area_m2)
+        v = Verdict::island;
+  }
+}
+
 /// Brings back triangles where removal would leave nothing of a surface: those that lie in a hole
 /// as a whole. Narrower gaps are for the zipper, which closes them without a second layer.
-void restore_holes(std::vector<std::vector<std::uint8_t>>& keep,
-                   std::span<const Candidate> candidates, std::span<const Part> parts,
-                   const OverlapConfig& config) {
+void restore_holes(Verdicts& verdicts, std::span<const Candidate> candidates,
+                   std::span<const Part> parts, const OverlapConfig& config) {
   std::vector<std::vector<std::uint32_t>> needed(candidates.size()), met(candidates.size());
   for (std::size_t p = 0; p < candidates.size(); ++p) {
-    needed[p].assign(keep[p].size(), 0);
-    met[p].assign(keep[p].size(), 0);
+    needed[p].assign(verdicts[p].size(), 0);
+    met[p].assign(verdicts[p].size(), 0);
   }
   const Field field(parts, candidates, config);
-  const auto removed = [&](const Candidate& c, std::size_t t) {
-    return !keep[&c - candidates.data()][t];
+  const auto is = [&](const Meeting& m, Verdict v) { return verdicts[m.part][m.triangle] == v; };
+  const auto note = [&](std::span<const Meeting> surface) {
+    const Meeting* first_removed = nullptr;
+    bool hole = true;
+    for (const Meeting& m : surface) {
+      if (!is(m, Verdict::remove)) {
+        hole &= !is(m, Verdict::keep);
+        continue;
+      }
+      add(met[m.part][m.triangle]);
+      if (!first_removed) first_removed = &m;
+    }
+    if (hole && first_removed) add(needed[first_removed->part][first_removed->triangle]);
   };
   for (const SourceInfo* source : all_sources(parts)) {
-    const ImageMask mask = pixels_of(*source, candidates, removed);
-    cast_from_camera(field, *source, &mask, config.voxel_m, [&](std::span<const Meeting> surface) {
-      const bool hole = std::none_of(surface.begin(), surface.end(), [&](const Meeting& m) {
-        return keep[m.part][m.triangle] != 0;
-      });
-      for (const Meeting& m : surface) add(met[m.part][m.triangle]);
-      if (hole) add(needed[surface[0].part][surface[0].triangle]);
+    const ImageMask mask = pixels_of(*source, candidates, [&](const Candidate& c, std::size_t t) {
+      return verdicts[&c - candidates.data()][t] == Verdict::remove;
     });
+    cast_from_camera(field, *source, &mask, config.voxel_m, note);
   }
-  for (std::size_t p = 0; p < keep.size(); ++p)
-    for (std::size_t t = 0; t < keep[p].size(); ++t)
-      if (!keep[p][t] && met[p][t] > 0 && needed[p][t] * 20 >= met[p][t] * 19) keep[p][t] = 1;
+  for (std::size_t p = 0; p < verdicts.size(); ++p)
+    for (std::size_t t = 0; t < verdicts[p].size(); ++t)
+      if (met[p][t] > 0 && needed[p][t] * 20 >= met[p][t] * 19) verdicts[p][t] = Verdict::keep;
 }
 
 }  // namespace
@@ -360,20 +400,14 @@ void restore_holes(std::vector<std::vector<std::uint8_t>>& keep,
 std::vector<Mesh> remove_overlap(std::span<const Part> parts, const OverlapConfig& config) {
   std::vector<Candidate> candidates = candidates_of(parts);
   if (parts.size() > 1) vote_and_cut(candidates, parts, config);
-
-  // Coherent owners agree from ray to ray, so a triangle that loses at all lies across a border:
-  // rather a narrow gap there than two layers. Nearest owners change from pixel to pixel: majority.
-  const double tolerated = config.owner == MergeConfig::Owner::paper ? 0.5 : 0.05;
-  std::vector<std::vector<std::uint8_t>> keep;
-  for (const Candidate& c : candidates) {
-    keep.emplace_back();
-    for (const Votes& v : c.votes) keep.back().push_back(v.lost_share() <= tolerated);
+  Verdicts verdicts = verdicts_of(candidates, config.owner);
+  if (parts.size() > 1) {
+    give_up_islands(verdicts, candidates, config.island_area_m2);
+    restore_holes(verdicts, candidates, parts, config);
   }
-  if (parts.size() > 1) restore_holes(keep, candidates, parts, config);
-
   std::vector<Mesh> out;
   for (std::size_t i = 0; i < candidates.size(); ++i)
-    out.push_back(select_triangles(candidates[i].mesh, keep[i]));
+    out.push_back(kept_mesh(candidates[i].mesh, verdicts[i]));
   return out;
 }
 

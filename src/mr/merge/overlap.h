@@ -20,6 +20,7 @@ struct OverlapConfig {
   MergeConfig::Owner owner = MergeConfig::Owner::coherent;
   double voxel_m = 0.01;  ///< triangles on the border of an overlap are cut to about this scale
   double calibration_error_m = 0.005;
+  double island_area_m2 = 0.002;  ///< smaller pieces that would be left over are given up
 };
 
 /// Overlap removal (paper 3.2). Rays go from every depth camera through its pixels and meet all

@@ -179,7 +179,8 @@ Result<MergeNode::Surface> MergeNode::merge_surfaces(const Gathered& gathered) {
   std::vector<Mesh> owned = trace_.time("overlap", [&] {
     return merge::remove_overlap(parts, {.owner = scene_->merge.owner,
                                          .voxel_m = voxel_m,
-                                         .calibration_error_m = scene_->merge.calibration_error_m});
+                                         .calibration_error_m = scene_->merge.calibration_error_m,
+                                         .island_area_m2 = merge::island_area_m2(voxel_m)});
   });
   trace_.time("islands", [&] {
     for (Mesh& mesh : owned) mesh = merge::remove_islands(mesh, merge::island_area_m2(voxel_m));
