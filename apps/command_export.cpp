@@ -20,9 +20,10 @@ int export_moment(const ExportOptions& options) {
   if (!scene) return 1;
   const auto outcome = run_scene(*scene, options.frame + 1, options.threads);
   if (!outcome) return fail(outcome.error().message);
-  if (outcome->report.frames <= options.frame)
-    return fail(fmt::format("frame {} of scene '{}' did not come through: it gave {} frames",
-                            options.frame, scene->id, outcome->report.frames));
+  if (outcome->report.last_frame != options.frame)
+    return fail(
+        fmt::format("frame {} of scene '{}' did not come through; the newest that did is {}",
+                    options.frame, scene->id, outcome->report.last_frame));
   if (const Status written = write_outputs(*outcome, *scene, outputs); !written)
     return fail(written.error().message);
   fmt::print("{}: {} triangles\n", options.file.string(), outcome->report.triangles);

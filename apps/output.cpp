@@ -3,6 +3,8 @@
 #include <fmt/format.h>
 #include <unistd.h>
 
+#include <algorithm>
+#include <cctype>
 #include <chrono>
 #include <cstdio>
 
@@ -78,17 +80,25 @@ std::optional<Scene> load_or_tell(const std::filesystem::path& file) {
 }
 
 Status check(const Outputs& outputs) {
-  const std::string ending = outputs.model.extension().string();
+  std::string ending = outputs.model.extension().string();
+  std::transform(ending.begin(), ending.end(), ending.begin(),
+                 [](unsigned char c) { return std::tolower(c); });
   if (!outputs.model.empty() && ending != ".glb" && ending != ".ply" && ending != ".obj")
     return Error{Error::Cause::unsupported, "cannot export to " + outputs.model.string() +
                                                 ": use the ending .glb, .ply or .obj"};
+  const auto refuse = [](const std::filesystem::path& file, const std::string& why) {
+    return Error{Error::Cause::not_found, "cannot write " + file.string() + ": " + why};
+  };
   for (const auto& file : {outputs.model, outputs.report}) {
     if (file.empty()) continue;
     const auto folder = file.has_parent_path() ? file.parent_path() : std::filesystem::path(".");
-    if (!std::filesystem::is_directory(folder))
-      return Error{Error::Cause::not_found,
-                   "cannot write " + file.string() + ": no folder " + folder.string()};
+    if (!std::filesystem::is_directory(folder)) return refuse(file, "no folder " + folder.string());
+    if (std::filesystem::is_directory(file)) return refuse(file, "it is a folder");
+    if (::access(folder.c_str(), W_OK) != 0) return refuse(file, "no right to write to its folder");
   }
+  if (std::filesystem::exists(outputs.snapshots) &&
+      !std::filesystem::is_directory(outputs.snapshots))
+    return refuse(outputs.snapshots, "it is not a folder");
   return {};
 }
 
@@ -113,11 +123,11 @@ Status write_outputs(const RunOutcome& outcome, const Scene& scene, const Output
   if (!outputs.model.empty())
     if (const Status written = codec::export_scene(outcome.last, scene.up, outputs.model); !written)
       return written;
-  if (!outputs.snapshots.empty())
-    if (const Status written = write_snapshots(outcome.last, scene.up, outputs.snapshots); !written)
-      return written;
   if (!outputs.report.empty())
     if (const Status written = write_file(outputs.report, to_json(outcome.report)); !written)
+      return written;
+  if (!outputs.snapshots.empty())
+    if (const Status written = write_snapshots(outcome.last, scene.up, outputs.snapshots); !written)
       return written;
   return {};
 }

@@ -20,7 +20,7 @@ TEST(Layout, TilesDoNotShareMacroblocksAndFit) {
   for (ViewId i = 0; i < 11; ++i) views.push_back(view(i, 300 + 10 * static_cast<int>(i), 203));
   AtlasConfig config;
   config.width = 1000, config.height = 800;
-  const atlas::Layout layout = atlas::make_layout(views, config, 1.0, 4);
+  const atlas::Layout layout = *atlas::make_layout(views, config, 1.0, 4);
   EXPECT_LE(layout.width, 1000);
   EXPECT_LE(layout.height, 800);
   ImageMask taken(layout.width / 16, layout.height / 16);
@@ -38,16 +38,24 @@ TEST(Layout, TilesDoNotShareMacroblocksAndFit) {
 }
 
 TEST(Layout, ScaleShrinksTiles) {
-  const atlas::Layout half = atlas::make_layout({view(0, 640, 480)}, {}, 0.5, 1);
+  const atlas::Layout half = *atlas::make_layout({view(0, 640, 480)}, {}, 0.5, 1);
   EXPECT_EQ(half.views[0].atlas_rect, (Rect{0, 0, 320, 240}));
-  EXPECT_TRUE(atlas::make_layout({}, {}, 1, 1).views.empty());
+  EXPECT_TRUE(atlas::make_layout({}, {}, 1, 1)->views.empty());
+}
+
+TEST(Layout, TooManyViewsAreRefused) {
+  AtlasConfig tiny;
+  tiny.width = tiny.height = 16;
+  const auto layout = atlas::make_layout({view(0, 640, 480), view(1, 640, 480)}, tiny, 1, 1);
+  ASSERT_FALSE(layout);
+  EXPECT_EQ(layout.error().cause, Error::Cause::too_large);
 }
 
 TEST(Compose, TilesAreCopiedExactlyAtFullScale) {
   auto picture = std::make_shared<ImageRgb>(64, 32);
   for (std::size_t i = 0; i < picture->data.size(); ++i)
     picture->data[i] = static_cast<std::uint8_t>(i * 7);
-  const atlas::Layout layout = atlas::make_layout({view(0, 64, 32), view(1, 64, 32)}, {}, 1, 1);
+  const atlas::Layout layout = *atlas::make_layout({view(0, 64, 32), view(1, 64, 32)}, {}, 1, 1);
   const ImageRgb atlas_picture =
       atlas::compose_atlas(layout, {{1, view(1, 64, 32)}}, {{1, picture}}, {}, false);
   const Rect at = layout.views[1].atlas_rect;
@@ -65,7 +73,7 @@ TEST(Compose, PixelsOfNoUseAreBlack) {
   set_triangle_views(mesh, {0, 0});
   View v = view(0, 100, 100);
   const ImageMask used = atlas::used_pixels(mesh, v, 3);
-  const atlas::Layout layout = atlas::make_layout({v}, {}, 1, 1);
+  const atlas::Layout layout = *atlas::make_layout({v}, {}, 1, 1);
   const ImageRgb masked = atlas::compose_atlas(layout, {{0, v}}, {{0, picture}}, {{0, used}}, true);
   EXPECT_EQ(*masked.at(50, 50), 200);
   EXPECT_EQ(*masked.at(28, 50), 200);  // inside the margin: the square covers 30..70

@@ -24,21 +24,6 @@ ImageMask grown(const ImageMask& mask, int r) {
   return out;
 }
 
-/// Bilinear, clamped to the rectangle.
-void sample(const ImageRgb& image, const Rect& rect, double x, double y, std::uint8_t* out) {
-  x = std::clamp(x, static_cast<double>(rect.x), rect.x + rect.width - 1.0);
-  y = std::clamp(y, static_cast<double>(rect.y), rect.y + rect.height - 1.0);
-  const int x0 = static_cast<int>(x), y0 = static_cast<int>(y);
-  const int x1 = std::min(x0 + 1, rect.x + rect.width - 1),
-            y1 = std::min(y0 + 1, rect.y + rect.height - 1);
-  const double fx = x - x0, fy = y - y0;
-  for (int c = 0; c < 3; ++c) {
-    const double top = image.at(x0, y0)[c] * (1 - fx) + image.at(x1, y0)[c] * fx;
-    const double bottom = image.at(x0, y1)[c] * (1 - fx) + image.at(x1, y1)[c] * fx;
-    out[c] = static_cast<std::uint8_t>(top * (1 - fy) + bottom * fy + 0.5);
-  }
-}
-
 void draw_tile(const View& tile, const View& child, const ImageRgb& picture, const ImageMask* used,
                ImageRgb& atlas) {
   const Rect &to = tile.atlas_rect, &crop = tile.image_rect;
@@ -53,8 +38,9 @@ void draw_tile(const View& tile, const View& child, const ImageRgb& picture, con
                                std::clamp(static_cast<int>(std::lround(p.y)), 0, used->height - 1)))
           continue;
         const Vec2d uv = atlas_uv(child, p, picture.width, picture.height);
-        sample(picture, child.atlas_rect, uv.x * picture.width - 0.5, uv.y * picture.height - 0.5,
-               atlas.at(to.x + i, to.y + j));
+        std::ranges::copy(sample_bilinear(picture, child.atlas_rect, uv.x * picture.width - 0.5,
+                                          uv.y * picture.height - 0.5),
+                          atlas.at(to.x + i, to.y + j));
       }
   });
 }

@@ -23,10 +23,10 @@ constexpr double kFrontOfMargin_m = 0.05;  // an occluder this much nearer needs
 
 /// How one view sees one triangle.
 struct Sight {
-  float visible = 0;  ///< share of the triangle's pixels in sight, clear of occluders' margins; 0
-                      ///< where the view may not be used
-  float direct_px = 0;   ///< pixels in sight, margins or not; 0 where the view may not be used
-  float facing = 0;      ///< cosine between the normal and the direction to the camera
+  float visible = 0;    ///< share of the triangle's pixels in sight, clear of occluders' margins; 0
+                        ///< where the view may not be used
+  float direct_px = 0;  ///< pixels in sight, margins or not; 0 where the view may not be used
+  float facing = 0;     ///< cosine between the normal and the direction to the camera
   bool touches = false;  ///< some of it is in the picture and in sight
 };
 
@@ -51,13 +51,14 @@ ImageDepth nearest_around(const ImageDepth& depth, int r) {
   return out;
 }
 
-double median_depth(const ImageDepth& depth) {
+/// Depth that nine tenths of the picture are beyond: margins must do for occluders close by.
+double near_depth(const ImageDepth& depth) {
   std::vector<float> valid;
   for (const float d : depth.data)
     if (d > 0) valid.push_back(d);
   if (valid.empty()) return 1;
-  std::nth_element(valid.begin(), valid.begin() + valid.size() / 2, valid.end());
-  return valid[valid.size() / 2];
+  std::nth_element(valid.begin(), valid.begin() + valid.size() / 10, valid.end());
+  return valid[valid.size() / 10];
 }
 
 /// A view with the mesh's depth as it sees it.
@@ -70,7 +71,7 @@ class Eye {
         config_(config),
         depth_(kit::rasterize(mesh, camera_, view.T_world_camera).depth),
         margin_(static_cast<int>(
-            std::ceil(margin_px(view, config.geometry_error_m, median_depth(depth_))))),
+            std::ceil(margin_px(view, config.geometry_error_m, near_depth(depth_))))),
         around_(nearest_around(depth_, margin_)) {}
 
   /// `normal_world`: what the surface faces there, smoothed.

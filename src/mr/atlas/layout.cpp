@@ -2,6 +2,8 @@
 
 #include <algorithm>
 #include <cmath>
+#include <string>
+#include <tuple>
 
 namespace mr::atlas {
 namespace {
@@ -51,17 +53,18 @@ std::pair<int, int> place_compactly(std::vector<View>& views, double scale,
 
 }  // namespace
 
-Layout make_layout(const std::vector<View>& views, const AtlasConfig& atlas, double scale,
-                   std::uint32_t layout_id) {
+Result<Layout> make_layout(const std::vector<View>& views, const AtlasConfig& atlas, double scale,
+                           std::uint32_t layout_id) {
   Layout layout;
   layout.views = views;
   if (views.empty()) return layout;
-  for (double s = scale;; s *= 0.95) {
-    const auto [w, h] = place_compactly(layout.views, s, atlas);
-    if (w == 0) continue;
-    layout.width = w, layout.height = h;
-    break;
-  }
+  constexpr double kLeastScale = 1e-4;  // tiles have their least size by then
+  for (double s = scale; s > kLeastScale && layout.width == 0; s *= 0.95)
+    std::tie(layout.width, layout.height) = place_compactly(layout.views, s, atlas);
+  if (layout.width == 0)
+    return Error{Error::Cause::too_large,
+                 std::to_string(views.size()) + " views do not fit into an atlas of " +
+                     std::to_string(atlas.width) + "x" + std::to_string(atlas.height)};
   for (View& v : layout.views) {
     v.stream = 0;
     v.layout = layout_id;

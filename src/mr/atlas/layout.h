@@ -2,6 +2,7 @@
 
 #include <vector>
 
+#include "mr/core/result.h"
 #include "mr/core/scene.h"
 #include "mr/core/view.h"
 
@@ -14,9 +15,9 @@ struct Layout {
 };
 
 /// One tile per view, in rows, each scaled by `scale` (less when they would not fit into the
-/// largest atlas). Tiles start at multiples of 16 pixels, so that no macroblock of the video mixes
-/// two views.
-Layout make_layout(const std::vector<View>& views, const AtlasConfig& atlas, double scale,
-                   std::uint32_t layout_id);
+/// largest atlas; too_large when not even the smallest would). Tiles start at multiples of 16
+/// pixels, so that no macroblock of the video mixes two views.
+Result<Layout> make_layout(const std::vector<View>& views, const AtlasConfig& atlas, double scale,
+                           std::uint32_t layout_id);
 
 }  // namespace mr::atlas

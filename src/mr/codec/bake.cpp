@@ -180,17 +180,8 @@ Result<std::vector<BakedPart>> bake(const DecodedScene& scene) {
 }
 
 std::array<std::uint8_t, 3> sample(const ImageRgb& picture, Vec2f uv) {
-  const double x = std::clamp(double{uv.x} * picture.width - 0.5, 0.0, picture.width - 1.0);
-  const double y = std::clamp(double{uv.y} * picture.height - 0.5, 0.0, picture.height - 1.0);
-  const int x0 = static_cast<int>(x), y0 = static_cast<int>(y);
-  const int x1 = std::min(x0 + 1, picture.width - 1), y1 = std::min(y0 + 1, picture.height - 1);
-  std::array<std::uint8_t, 3> out{};
-  for (int i = 0; i < 3; ++i) {
-    const double up = std::lerp(picture.at(x0, y0)[i], picture.at(x1, y0)[i], x - x0);
-    const double down = std::lerp(picture.at(x0, y1)[i], picture.at(x1, y1)[i], x - x0);
-    out[i] = static_cast<std::uint8_t>(std::lround(std::lerp(up, down, y - y0)));
-  }
-  return out;
+  return sample_bilinear(picture, {0, 0, picture.width, picture.height},
+                         double{uv.x} * picture.width - 0.5, double{uv.y} * picture.height - 0.5);
 }
 
 }  // namespace mr::codec

@@ -144,6 +144,10 @@ Receiver::~Receiver() = default;
 Receiver::Receiver(Receiver&&) noexcept = default;
 Receiver& Receiver::operator=(Receiver&&) noexcept = default;
 
+bool Receiver::is_stale(const Packet& packet) const {
+  return impl_->same_origin(packet) && packet.sequence <= impl_->newest->sequence;
+}
+
 std::vector<Error> Receiver::accept(const Packet& packet) {
   Impl& i = *impl_;
   if (i.same_origin(packet)) {

@@ -30,6 +30,9 @@ class Receiver {
   /// each.
   std::vector<Error> accept(const Packet& packet);
 
+  /// Whether accept() would refuse the packet because a newer one of the same node was taken.
+  bool is_stale(const Packet& packet) const;
+
   /// What the newest manifest names and the receiver lacks.
   std::vector<ChunkKey> missing() const;
 

@@ -1,5 +1,7 @@
 #pragma once
 
+#include <algorithm>
+#include <array>
 #include <cstddef>
 #include <cstdint>
 #include <vector>
@@ -50,5 +52,24 @@ struct Rect {
   bool empty() const { return width <= 0 || height <= 0; }
   friend bool operator==(const Rect&, const Rect&) = default;
 };
+
+/// Bilinear sample at (x, y), clamped to the pixel centres of `within` (not empty, inside the
+/// picture).
+inline std::array<std::uint8_t, 3> sample_bilinear(const ImageRgb& image, const Rect& within,
+                                                   double x, double y) {
+  x = std::clamp(x, static_cast<double>(within.x), within.x + within.width - 1.0);
+  y = std::clamp(y, static_cast<double>(within.y), within.y + within.height - 1.0);
+  const int x0 = static_cast<int>(x), y0 = static_cast<int>(y);
+  const int x1 = std::min(x0 + 1, within.x + within.width - 1);
+  const int y1 = std::min(y0 + 1, within.y + within.height - 1);
+  const double fx = x - x0, fy = y - y0;
+  std::array<std::uint8_t, 3> out{};
+  for (int c = 0; c < 3; ++c) {
+    const double top = image.at(x0, y0)[c] * (1 - fx) + image.at(x1, y0)[c] * fx;
+    const double bottom = image.at(x0, y1)[c] * (1 - fx) + image.at(x1, y1)[c] * fx;
+    out[c] = static_cast<std::uint8_t>(top * (1 - fy) + bottom * fy + 0.5);
+  }
+  return out;
+}
 
 }  // namespace mr

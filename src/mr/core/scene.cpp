@@ -109,6 +109,8 @@ void read_fusion(MapReader& top, const Scene& scene, FusionConfig& fusion) {
                             {{"none", Decomposition::none},
                              {"chunks", Decomposition::chunks},
                              {"patches", Decomposition::patches}});
+  if (fusion.decomposition == Decomposition::none)
+    not_acted_on(map, "decomposition", "none (same as chunks)");
   const auto voxels = [&](const char* key, double& out, int least, double most) {
     constexpr double kRounding = 1e-9;
     double value = 0;
@@ -294,6 +296,22 @@ void read_tree(MapReader& top, const std::vector<NodeName>& leaves, Scene& scene
   }
 }
 
+/// What a sensor sees must lie on the lattice, or every frame would be lost.
+void check_positions(Report& report, const std::vector<NodeName>& leaves, const Scene& scene) {
+  const double half = scene.lattice.step_m() * Lattice::kCells / 2;
+  for (std::size_t i = 0; i < std::min(leaves.size(), scene.sensors.size()); ++i)
+    for (const Pose& pose : scene.sensors[i].T_world_depth) {
+      const Vec3d off = pose.translation - scene.lattice.origin;
+      const double reach = std::max({std::abs(off.x), std::abs(off.y), std::abs(off.z)}) +
+                           scene.sensors[i].depth_far_m;
+      if (reach < half) continue;
+      report.problem(leaves[i].line,
+                     "sensor '" + leaves[i].id + "' sees places outside the lattice's cube of " +
+                         std::to_string(static_cast<int>(2 * half)) + " m; poses are in metres");
+      break;
+    }
+}
+
 void read_scene(Report& report, const YamlNode& root, Scene& scene) {
   if (root.kind != YamlNode::Kind::map) {
     report.problem(root.line, "this is no scene file: its top level must be a mapping of keys");
@@ -302,6 +320,7 @@ void read_scene(Report& report, const YamlNode& root, Scene& scene) {
   MapReader top(report, root, "the scene");
   read_general(top, scene);
   const std::vector<NodeName> leaves = read_leaves(top, scene);
+  if (leaves.size() == scene.sensors.size()) check_positions(report, leaves, scene);
   read_tree(top, leaves, scene);
   read_fusion(top, scene, scene.fusion);
   read_simplify(top, scene.simplify);

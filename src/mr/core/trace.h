@@ -1,6 +1,7 @@
 #pragma once
 
 #include <chrono>
+#include <functional>
 #include <map>
 #include <mutex>
 #include <string>
@@ -53,9 +54,17 @@ double percentile(std::vector<double> samples, double p);
 /// What was dropped, counted by cause. Each cause is "<place>: <cause>". Thread-safe.
 class DropCounter {
  public:
+  using Listener = std::function<void(const std::string& place, const Error& error)>;
+
+  /// Called for every drop, under no lock. Set before the first one.
+  void set_listener(Listener listener) { listener_ = std::move(listener); }
+
   void count(const std::string& place, const Error& error) {
-    const std::lock_guard lock(mutex_);
-    ++by_cause_[place + ": " + cause_name(error.cause)];
+    {
+      const std::lock_guard lock(mutex_);
+      ++by_cause_[place + ": " + cause_name(error.cause)];
+    }
+    if (listener_) listener_(place, error);
   }
   std::map<std::string, std::uint64_t> by_cause() const {
     const std::lock_guard lock(mutex_);
@@ -68,6 +77,7 @@ class DropCounter {
   }
 
  private:
+  Listener listener_;
   mutable std::mutex mutex_;
   std::map<std::string, std::uint64_t> by_cause_;
 };

@@ -31,10 +31,10 @@ struct FrameView {
 float measured_depth(const FrameView& f, Vec3d p_camera) {
   const double u = f.camera.fx * p_camera.x / p_camera.z + f.camera.cx;
   const double v = f.camera.fy * p_camera.y / p_camera.z + f.camera.cy;
-  const int x = static_cast<int>(std::floor(u + 0.5)), y = static_cast<int>(std::floor(v + 0.5));
   const Rect& r = f.region;
-  if (x < r.x || y < r.y || x >= r.x + r.width || y >= r.y + r.height) return 0;
-  return *f.depth.at(x, y);
+  const double x = std::floor(u + 0.5), y = std::floor(v + 0.5);
+  if (!(x >= r.x && y >= r.y && x < r.x + r.width && y < r.y + r.height)) return 0;
+  return *f.depth.at(static_cast<int>(x), static_cast<int>(y));
 }
 
 void integrate_block(VoxelBlock& block, const FrameView& f, const VolumeConfig& config) {
@@ -58,6 +58,21 @@ void integrate_block(VoxelBlock& block, const FrameView& f, const VolumeConfig& 
         block.weight[i] = weight + 1;
       }
     }
+}
+
+/// Depth without the pixels whose point lies outside the box.
+ImageDepth inside(const Box3d& box, const ImageDepth& depth, const Camera& camera,
+                  const Pose& T_world_camera) {
+  ImageDepth out = depth;
+  parallel_for(depth.height, 32, [&](std::size_t begin, std::size_t end) {
+    for (int y = static_cast<int>(begin); y < static_cast<int>(end); ++y)
+      for (int x = 0; x < depth.width; ++x) {
+        const Vec3d ray = unproject(camera, {static_cast<double>(x), static_cast<double>(y)});
+        const double d = *depth.at(x, y);
+        if (d > 0 && !box.contains(T_world_camera * (ray * d))) *out.at(x, y) = 0;
+      }
+  });
+  return out;
 }
 
 }  // namespace
@@ -119,7 +134,6 @@ void VoxelVolume::allocate(const ImageDepth& depth, const Camera& camera,
       const double d = *depth.at(x, y);
       if (d <= 0) continue;
       const Vec3d ray = unproject(camera, {static_cast<double>(x), static_cast<double>(y)});
-      if (config_.bounds && !config_.bounds->contains(T_world_camera * (ray * d))) continue;
       Vec3i last{INT32_MAX, 0, 0};
       const double far = d + config_.truncation_m;
       for (double z = d - config_.truncation_m;; z = std::min(z + step, far)) {
@@ -133,10 +147,12 @@ void VoxelVolume::allocate(const ImageDepth& depth, const Camera& camera,
   rebuild_directory(directory_.size());
 }
 
-void VoxelVolume::integrate(const ImageDepth& depth, const Camera& camera,
+void VoxelVolume::integrate(const ImageDepth& all_depth, const Camera& camera,
                             const Pose& T_world_camera, const Rect& region) {
   MR_ASSERT(camera.model == CameraModel::pinhole && camera.distortion == DistortionModel::none);
-  MR_ASSERT(depth.width == camera.width && depth.height == camera.height);
+  MR_ASSERT(all_depth.width == camera.width && all_depth.height == camera.height);
+  const ImageDepth depth =
+      config_.bounds ? inside(*config_.bounds, all_depth, camera, T_world_camera) : all_depth;
   allocate(depth, camera, T_world_camera, region);
   const FrameView view{depth, camera, T_world_camera.inverse(), region};
   parallel_for(blocks_.size(), 32, [&](std::size_t begin, std::size_t end) {

@@ -16,7 +16,7 @@ std::uint64_t edge_key(std::uint32_t a, std::uint32_t b) {
 }
 
 /// Half-edges grouped by the smaller of their two vertices: those of vertex v are
-/// items[start[v]] .. items[start[v + 1]].
+/// items[start[v]] .. items[start[v + 1]], sorted by the other vertex, so edges are neighbours.
 struct EdgesByVertex {
   std::vector<std::uint32_t> start, items;
 };
@@ -33,11 +33,18 @@ EdgesByVertex edges_by_lower_vertex(const Mesh& mesh) {
   out.items.resize(count);
   std::vector<std::uint32_t> next(out.start.begin(), out.start.end() - 1);
   for (std::uint32_t h = 0; h < count; ++h) out.items[next[lower(h)]++] = h;
+  const auto higher = [&](std::uint32_t h) {
+    return std::max(edge_from(mesh, h), edge_to(mesh, h));
+  };
+  for (std::size_t v = 0; v + 1 < out.start.size(); ++v)
+    std::stable_sort(out.items.begin() + out.start[v], out.items.begin() + out.start[v + 1],
+                     [&](std::uint32_t a, std::uint32_t b) { return higher(a) < higher(b); });
   return out;
 }
 
-std::uint32_t higher_vertex(const Mesh& mesh, std::uint32_t h) {
-  return std::max(edge_from(mesh, h), edge_to(mesh, h));
+bool same_edge(const Mesh& mesh, std::uint32_t a, std::uint32_t b) {
+  return edge_key(edge_from(mesh, a), edge_to(mesh, a)) ==
+         edge_key(edge_from(mesh, b), edge_to(mesh, b));
 }
 
 }  // namespace
@@ -47,19 +54,17 @@ EdgeTable edge_table(const Mesh& mesh) {
   EdgeTable table;
   table.twin.assign(edges.items.size(), kNoTwin);
   table.uses.assign(edges.items.size(), 0);
-  for (std::size_t v = 0; v + 1 < edges.start.size(); ++v)
-    for (std::uint32_t i = edges.start[v]; i < edges.start[v + 1]; ++i) {
-      const std::uint32_t h = edges.items[i];
-      std::uint32_t same = 0, other = kNoTwin;
-      for (std::uint32_t j = edges.start[v]; j < edges.start[v + 1]; ++j) {
-        const std::uint32_t k = edges.items[j];
-        if (higher_vertex(mesh, k) != higher_vertex(mesh, h)) continue;
-        ++same;
-        if (k != h) other = k;
-      }
-      table.uses[h] = static_cast<std::uint8_t>(std::min(same, 255u));
-      if (same == 2 && edge_from(mesh, other) == edge_to(mesh, h)) table.twin[h] = other;
-    }
+  for (std::size_t first = 0, end; first < edges.items.size(); first = end) {
+    for (end = first + 1;
+         end < edges.items.size() && same_edge(mesh, edges.items[first], edges.items[end]);)
+      ++end;
+    for (std::size_t i = first; i < end; ++i)
+      table.uses[edges.items[i]] =
+          static_cast<std::uint8_t>(std::min<std::size_t>(end - first, 255));
+    const std::uint32_t a = edges.items[first], b = edges.items[end - 1];
+    if (end - first == 2 && edge_from(mesh, a) == edge_to(mesh, b))
+      table.twin[a] = b, table.twin[b] = a;
+  }
   return table;
 }
 

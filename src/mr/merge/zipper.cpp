@@ -285,12 +285,12 @@ class Zipper {
 }  // namespace
 
 Mesh zip(std::span<const Mesh> parts, const ZipperConfig& config) {
+  if (parts.size() == 1) return {parts[0].positions, parts[0].triangles, {}};
   Joined joined = join_parts(parts);
-  if (parts.size() > 1)
-    for (int i = 0; i < kMaxCuts && cut_borders(joined, config); ++i) {
-    }
+  for (int i = 0; i < kMaxCuts && cut_borders(joined, config); ++i) {
+  }
   Front front(joined.mesh);
-  if (parts.size() > 1) Zipper(joined, front, config).run();
+  Zipper(joined, front, config).run();
   joined.mesh.triangles.insert(joined.mesh.triangles.end(), front.added().begin(),
                                front.added().end());
   return std::move(joined.mesh);

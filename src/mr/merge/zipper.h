@@ -11,6 +11,10 @@ struct ZipperConfig {
   double edge_m = 0.025;    ///< border edges near another part are cut to about this length first
 };
 
+/// What suits a reconstruction of this resolution. The paper's radius, "the square root of the
+/// resolution", depends on the unit of length; ours is six voxels.
+inline ZipperConfig zipper_config(double voxel_m) { return {6 * voxel_m, 2.5 * voxel_m}; }
+
 /// Joins parts without overlap into one surface (paper 3.2, after Turk & Levoy 1994). Borders of
 /// different parts that lie within `max_gap_m` and face alike are found by nearest-neighbour search
 /// and the strip between them is triangulated, shortest connections first, as an advancing front:

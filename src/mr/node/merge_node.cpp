@@ -57,6 +57,17 @@ Precision noisiest(const std::vector<SourceInfo>& sources) {
   return worst == sources.end() ? Precision{} : worst->precision;
 }
 
+/// The sensors in the subtree of a node.
+std::set<std::uint32_t> sensors_below(const Scene& scene, const std::string& node) {
+  std::set<std::uint32_t> out;
+  for (std::uint32_t i = 0; i < scene.sensors.size(); ++i)
+    if (scene.sensors[i].id == node) out.insert(i);
+  for (const MergerConfig& merger : scene.mergers)
+    if (merger.id == node)
+      for (const std::string& input : merger.inputs) out.merge(sensors_below(scene, input));
+  return out;
+}
+
 /// Whether two gatherings have the same geometry seen by the same views.
 bool same_geometry(const std::vector<DecodedScene>& a, const std::vector<DecodedScene>& b) {
   const auto key = [](const DecodedScene& s) {
@@ -78,34 +89,62 @@ bool same_geometry(const std::vector<DecodedScene>& a, const std::vector<Decoded
 
 }  // namespace
 
-MergeNode::MergeNode(const Scene& scene, const MergerConfig& merger, bool is_root, Ask ask)
+MergeNode::MergeNode(const Scene& scene, const MergerConfig& merger, bool is_root,
+                     Upstream upstream)
     : scene_(&scene),
       merger_(merger),
       is_root_(is_root),
-      ask_(std::move(ask)),
+      upstream_(std::move(upstream)),
       aligner_(merger.inputs.size(), milliseconds(1000 / scene.fps),
                milliseconds(merger.deadline_ms)),
       publisher_(scene, kMergedSource),
       texture_(scene, kAtlasStream) {
   for (const std::string& input : merger.inputs)
-    inputs_.push_back({input, codec::Receiver(scene.lattice), {}});
+    inputs_.push_back({input, sensors_below(scene, input), codec::Receiver(scene.lattice), {}});
+}
+
+void MergeNode::ask_key_frame() {
+  if (is_root_) return texture_.ask_key_frame();
+  for (std::size_t i = 0; i < inputs_.size() && upstream_.key_frame; ++i) upstream_.key_frame(i);
+}
+
+/// The packet must come from the node that the input stands for, and speak for its sensors only:
+/// another's ids would collide with those of other inputs.
+Status MergeNode::check_sender(const Input& input, const Packet& packet) const {
+  const auto refuse = [](const std::string& why) { return Error{Error::Cause::invalid, why}; };
+  if (packet.scene != scene_->id || packet.node != input.id)
+    return refuse("is of node '" + packet.node + "' of scene '" + packet.scene + "'");
+  for (const View& view : packet.views)
+    if (!input.sensors.contains(view.id))
+      return refuse("brings view " + std::to_string(view.id) + ", which is not below it");
+  for (const SourceInfo& source : packet.sources)
+    if (!input.sensors.contains(source.sensor))
+      return refuse("brings sensor " + std::to_string(source.sensor) + ", which is not below it");
+  if (packet.sources.empty()) return refuse("names no sensor");
+  if (input.receiver.is_stale(packet)) return refuse("comes after a newer one");
+  return {};
 }
 
 Status MergeNode::receive(std::size_t input, std::span<const std::byte> bytes, TimePoint now) {
   const auto start = std::chrono::steady_clock::now();
   Input& from = inputs_[input];
+  const std::string link = from.id + " → " + id();
+  const auto refuse = [&](const Error& error) {
+    const Error told{error.cause,
+                     "packet from '" + from.id + "' to '" + id() + "': " + error.message};
+    drops_.count(link, told);
+    return told;
+  };
   auto packet = codec::decode_packet(bytes);
-  if (!packet) {
-    drops_.count(from.id + " → " + id(), packet.error());
-    return Error{packet.error().cause,
-                 "packet from '" + from.id + "' to '" + id() + "': " + packet.error().message};
-  }
-  for (const Error& error : from.receiver.accept(*packet))
-    drops_.count(from.id + " → " + id(), error);
+  if (!packet) return refuse(packet.error());
+  if (const Status fits = check_sender(from, *packet); !fits) return refuse(fits.error());
+
+  for (const Error& error : from.receiver.accept(*packet)) drops_.count(link, error);
   for (const ChunkKey& key : from.receiver.missing())
-    if (const auto chunk = ask_ ? ask_(input, key) : nullptr)
+    if (const auto chunk = upstream_.chunk ? upstream_.chunk(input, key) : nullptr)
       if (const Status taken = from.receiver.provide(*chunk); !taken)
-        drops_.count(from.id + " → " + id(), taken.error());
+        drops_.count(link, taken.error());
+  if (!from.receiver.streams_waiting().empty() && upstream_.key_frame) upstream_.key_frame(input);
   if (!is_root_)
     std::move(packet->textures.begin(), packet->textures.end(), std::back_inserter(from.units));
   aligner_.arrived(input, packet->captured_at, now);
@@ -114,16 +153,34 @@ Status MergeNode::receive(std::size_t input, std::span<const std::byte> bytes, T
   return {};
 }
 
+/// Units that could not be handed on are lost; whoever waits for them needs key frames.
+void MergeNode::give_up_units() {
+  for (std::size_t i = 0; i < inputs_.size(); ++i) {
+    if (inputs_[i].units.empty()) continue;
+    inputs_[i].units.clear();
+    if (upstream_.key_frame) upstream_.key_frame(i);
+  }
+}
+
 Result<std::optional<std::vector<std::byte>>> MergeNode::merge(TimePoint now) {
   const auto tick = aligner_.ready(now);
   if (!tick) return std::optional<std::vector<std::byte>>();
   aligner_.merged(*tick, now);
-  auto gathered = gather(*tick);
+  auto merged = merge_tick(*tick);
+  if (!merged) {
+    give_up_units();
+    return merged.error();
+  }
+  return std::optional(*std::move(merged));
+}
+
+Result<std::vector<std::byte>> MergeNode::merge_tick(TimePoint tick) {
+  auto gathered = gather(tick);
   if (!gathered) return gathered.error();
 
   Packet packet;
   packet.scene = scene_->id, packet.node = id(), packet.sequence = sequence_,
-  packet.captured_at = *tick;
+  packet.captured_at = tick;
   packet.sources = gathered->sources;
   packet.plan = {is_root_ ? static_cast<float>(scene_->merge.simplify.ratio) : 1.0f, 5,
                  static_cast<float>(scene_->coding.texture_scale), scene_->coding.texture_qp};
@@ -142,7 +199,7 @@ Result<std::optional<std::vector<std::byte>>> MergeNode::merge(TimePoint now) {
   if (const Status textured = add_textures(*gathered, surface.mesh, packet); !textured)
     return textured.error();
   ++sequence_;
-  return std::optional(codec::encode_packet(packet));
+  return codec::encode_packet(packet);
 }
 
 Result<MergeNode::Gathered> MergeNode::gather(TimePoint tick) {
@@ -151,7 +208,9 @@ Result<MergeNode::Gathered> MergeNode::gather(TimePoint tick) {
   for (const std::size_t i : aligner_.live_at(tick)) {
     auto scene = inputs_[i].receiver.scene();
     if (!scene) {
-      drops_.count(inputs_[i].id + " → " + id(), Error{Error::Cause::empty, "incomplete"});
+      drops_.count(inputs_[i].id + " → " + id(),
+                   Error{Error::Cause::empty, "merger '" + id() + "' left out '" + inputs_[i].id +
+                                                  "': its frame is incomplete"});
       continue;
     }
     out.views.insert(out.views.end(), scene->views.begin(), scene->views.end());
@@ -185,9 +244,8 @@ Result<MergeNode::Surface> MergeNode::merge_surfaces(const Gathered& gathered) {
   trace_.time("islands", [&] {
     for (Mesh& mesh : owned) mesh = merge::remove_islands(mesh, merge::island_area_m2(voxel_m));
   });
-  const Mesh zipped = trace_.time("zipper", [&] {
-    return merge::zip(owned, {.max_gap_m = 6 * voxel_m, .edge_m = 2.5 * voxel_m});
-  });
+  const Mesh zipped =
+      trace_.time("zipper", [&] { return merge::zip(owned, merge::zipper_config(voxel_m)); });
   auto simplified = trace_.time("simplify", [&]() -> Result<Mesh> {
     auto snapped = codec::snap_to_lattice(zipped, scene_->lattice);
     if (!snapped || !is_root_) return snapped;
@@ -230,8 +288,10 @@ void MergeNode::hand_on_streams(const Gathered& gathered, Packet& packet) {
 
 Status MergeNode::compose_atlas(const Gathered& gathered, const Mesh& mesh, Packet& packet) {
   const std::uint32_t current = layout_.views.empty() ? 0 : layout_.views.front().layout;
-  atlas::Layout wanted =
+  auto made =
       atlas::make_layout(gathered.views, scene_->atlas, scene_->coding.texture_scale, current);
+  if (!made) return made.error();
+  atlas::Layout wanted = *std::move(made);
   const auto same_tiles = [](const View& a, const View& b) {
     return a.id == b.id && a.atlas_rect == b.atlas_rect;
   };

@@ -4,6 +4,7 @@
 #include <map>
 #include <memory>
 #include <optional>
+#include <set>
 #include <span>
 #include <string>
 #include <vector>
@@ -26,12 +27,16 @@ namespace mr::node {
 /// layers there are. Single-threaded object; its stages use the caller's arena.
 class MergeNode {
  public:
-  /// Asks an input for a chunk that is missing; null when it cannot give it.
-  using Ask =
-      std::function<std::shared_ptr<const EncodedChunk>(std::size_t input, const ChunkKey&)>;
+  /// What a merger asks of its inputs.
+  struct Upstream {
+    /// A chunk that is missing; null when the input cannot give it.
+    std::function<std::shared_ptr<const EncodedChunk>(std::size_t input, const ChunkKey&)> chunk;
+    /// A key frame on all its texture streams, after a loss.
+    std::function<void(std::size_t input)> key_frame;
+  };
 
   /// The scene must outlive the node.
-  MergeNode(const Scene& scene, const MergerConfig& merger, bool is_root, Ask ask);
+  MergeNode(const Scene& scene, const MergerConfig& merger, bool is_root, Upstream upstream);
 
   const std::string& id() const { return merger_.id; }
   const MergerConfig& config() const { return merger_; }
@@ -46,17 +51,22 @@ class MergeNode {
   std::shared_ptr<const EncodedChunk> find(const ChunkKey& key) const {
     return publisher_.find(key);
   }
-  void ask_key_frame() { texture_.ask_key_frame(); }
+  /// The next packet's textures will be key frames; an inner merger hands the wish on.
+  void ask_key_frame();
 
   /// Whether the last merge found the inputs' geometry unchanged and kept its surface.
   bool reused() const { return reused_; }
 
   const Trace& trace() const { return trace_; }
   const DropCounter& drops() const { return drops_; }
+  void set_drop_listener(DropCounter::Listener listener) {
+    drops_.set_listener(std::move(listener));
+  }
 
  private:
   struct Input {
     std::string id;
+    std::set<std::uint32_t> sensors;  // that this input may speak for
     codec::Receiver receiver;
     std::vector<TextureUnit> units;  // to hand on
   };
@@ -70,6 +80,9 @@ class MergeNode {
     float error_m = 0;
   };
 
+  Status check_sender(const Input& input, const Packet& packet) const;
+  void give_up_units();
+  Result<std::vector<std::byte>> merge_tick(TimePoint tick);
   Result<Gathered> gather(TimePoint tick);
   Result<Surface> merge_surfaces(const Gathered& gathered);
   Status add_textures(const Gathered& gathered, const Mesh& mesh, Packet& packet);
@@ -79,7 +92,7 @@ class MergeNode {
   const Scene* scene_;
   MergerConfig merger_;
   bool is_root_;
-  Ask ask_;
+  Upstream upstream_;
   std::vector<Input> inputs_;
   Aligner aligner_;
   ChunkPublisher publisher_;

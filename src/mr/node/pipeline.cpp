@@ -42,7 +42,9 @@ std::vector<std::unique_ptr<FrameSource>> open_sources(const Scene& scene) {
 
 /// What one run adds up.
 struct Pipeline::Measured {
-  int frames = 0;
+  int frame = 0;        // under way
+  int frames = 0;       // that reached the client
+  int last_frame = -1;  // the newest of them
   std::uint64_t mesh_bytes = 0, texture_bytes = 0, chunks_new = 0, chunks_kept = 0;
   std::vector<double> end_to_end_ms;
   std::map<std::string, std::vector<double>> node_ms;  // per frame: receiving and processing
@@ -55,18 +57,27 @@ Pipeline::Pipeline(std::unique_ptr<Scene> scene)
   for (std::uint32_t i = 0; i < scene_->sensors.size(); ++i)
     sensors_.push_back(std::make_unique<SensorNode>(*scene_, i));
   for (const MergerConfig& merger : scene_->mergers) {
-    const auto ask = [this, inputs = merger.inputs](
-                         std::size_t input,
-                         const ChunkKey& key) -> std::shared_ptr<const EncodedChunk> {
-      for (const auto& s : sensors_)
-        if (s->id() == inputs[input]) return s->find(key);
-      for (const auto& m : mergers_)
-        if (m->id() == inputs[input]) return m->find(key);
-      return nullptr;
-    };
     const bool is_root = &merger == &scene_->mergers.back();
-    mergers_.push_back(std::make_unique<MergeNode>(*scene_, merger, is_root, ask));
+    mergers_.push_back(std::make_unique<MergeNode>(*scene_, merger, is_root, upstream_of(merger)));
   }
+}
+
+/// What a merger asks of its inputs, answered in this process.
+MergeNode::Upstream Pipeline::upstream_of(const MergerConfig& merger) {
+  const auto with_input = [this, inputs = merger.inputs](std::size_t input, const auto& act) {
+    for (const auto& sensor : sensors_)
+      if (sensor->id() == inputs[input]) act(*sensor);
+    for (const auto& child : mergers_)
+      if (child->id() == inputs[input]) act(*child);
+  };
+  return {[with_input](std::size_t input, const ChunkKey& key) {
+            std::shared_ptr<const EncodedChunk> chunk;
+            with_input(input, [&](const auto& node) { chunk = node.find(key); });
+            return chunk;
+          },
+          [with_input](std::size_t input) {
+            with_input(input, [](auto& node) { node.ask_key_frame(); });
+          }};
 }
 
 Result<std::unique_ptr<Pipeline>> Pipeline::open(Scene scene) {
@@ -86,56 +97,48 @@ Pipeline::Edge Pipeline::edge_from(const std::string& id) {
   return {};
 }
 
-void Pipeline::drop(const std::string& place, const Error& error, const RunListener& listener) {
-  drops_.count(place, error);
-  if (listener.dropped) listener.dropped(error.message);
-}
-
 /// One frame of every source; false when all have ended.
-bool Pipeline::capture(std::vector<std::optional<Frame>>& frames, const RunListener& listener) {
+bool Pipeline::capture(std::vector<std::optional<Frame>>& frames) {
   frames.assign(sources_.size(), std::nullopt);
   bool any = false;
   for (std::size_t i = 0; i < sources_.size(); ++i) {
     auto frame = sources_[i]->next();
     any |= !frame || frame->has_value();
-    if (frame) {
+    if (frame)
       frames[i] = *std::move(frame);
-    } else {
-      const std::string& id = scene_->sensors[i].id;
-      drop(id, Error{frame.error().cause, "sensor '" + id + "': " + frame.error().message},
-           listener);
-    }
+    else
+      drops_.count(scene_->sensors[i].id, frame.error());
   }
   return any;
 }
 
 void Pipeline::deliver(const Edge& edge, const std::vector<std::byte>& bytes, TimePoint now,
-                       Measured& measured, const RunListener& listener) {
-  if (!edge.merger) return show(bytes, measured, listener);
+                       Measured& measured) {
+  if (!edge.merger) return show(bytes, measured);
   const auto start = Clock::now();
-  const Status taken = edge.merger->receive(edge.input, bytes, now);
+  // A refusal is counted, and told, by the merger.
+  static_cast<void>(edge.merger->receive(edge.input, bytes, now).ok());
   measured.receiving_ms[edge.merger->id()] += ms_since(start);
-  if (!taken && listener.dropped) listener.dropped(taken.error().message);
 }
 
 /// The client's side: decodes what the root sent.
-void Pipeline::show(const std::vector<std::byte>& bytes, Measured& measured,
-                    const RunListener& listener) {
+void Pipeline::show(const std::vector<std::byte>& bytes, Measured& measured) {
+  MergeNode& root = *mergers_.back();
   auto packet = codec::decode_packet(bytes);
-  if (!packet) return drop("client", packet.error(), listener);
-  for (const Error& error : client_.accept(*packet)) drop("client", error, listener);
+  if (!packet) return drops_.count("client", packet.error());
+  for (const Error& error : client_.accept(*packet)) drops_.count("client", error);
   for (const ChunkKey& key : client_.missing())
-    if (const auto chunk = mergers_.back()->find(key))
+    if (const auto chunk = root.find(key))
       if (const Status taken = client_.provide(*chunk); !taken)
-        drop("client", taken.error(), listener);
+        drops_.count("client", taken.error());
+  if (!client_.streams_waiting().empty()) root.ask_key_frame();
   auto scene = client_.scene();
-  if (!scene)
-    return drop("client", Error{Error::Cause::empty, "client: a frame stayed incomplete"},
-                listener);
+  if (!scene) return drops_.count("client", {Error::Cause::empty, "a frame stayed incomplete"});
   decoded_ = *std::move(scene);
   last_packet_ = bytes;
 
   ++measured.frames;
+  measured.last_frame = measured.frame;
   std::uint64_t texture = 0;
   for (const TextureUnit& unit : packet->textures) texture += unit.data.size();
   measured.texture_bytes += texture;
@@ -144,61 +147,75 @@ void Pipeline::show(const std::vector<std::byte>& bytes, Measured& measured,
   measured.chunks_kept += packet->manifest.size() - packet->chunks.size();
 }
 
+/// Every sensor, then every merger, children before parents.
 void Pipeline::run_frame(std::vector<std::optional<Frame>> frames, Measured& measured,
-                         const RunListener& listener) {
+                         const Progress& progress) {
   TimePoint now{};
   measured.receiving_ms.clear();
+  const int shown = measured.frames;
   const auto captured = Clock::now();
   for (std::size_t i = 0; i < sensors_.size(); ++i) {
     if (!frames[i]) continue;
     SensorNode& sensor = *sensors_[i];
-    if (listener.progress) listener.progress(measured.frames, 0, sensor.id());
+    progress(sensor.id());
     now = std::max(now, frames[i]->captured_at());
     const auto start = Clock::now();
     const auto bytes = sensor.process(*std::move(frames[i]));
     measured.node_ms[sensor.id()].push_back(ms_since(start));
     if (bytes)
-      deliver(edge_from(sensor.id()), *bytes, now, measured, listener);
+      deliver(edge_from(sensor.id()), *bytes, now, measured);
     else
-      drop(sensor.id(), bytes.error(), listener);
+      drops_.count(sensor.id(), bytes.error());
   }
-  const int shown = measured.frames;
-  for (const auto& merger : mergers_) {  // children before parents
-    if (listener.progress) listener.progress(measured.frames, 0, merger->id());
+  for (const auto& merger : mergers_) {
+    progress(merger->id());
     now += std::chrono::ceil<Duration>(
         std::chrono::duration<double, std::milli>(merger->config().deadline_ms));
-    const auto start = Clock::now();
-    const auto bytes = merger->merge(now);
-    if (!merger->reused())  // a frame in which nothing moved would flatter the figures
-      measured.node_ms[merger->id()].push_back(ms_since(start) +
-                                               measured.receiving_ms[merger->id()]);
-    if (!bytes)
-      drop(merger->id(), bytes.error(), listener);
-    else if (*bytes)
-      deliver(edge_from(merger->id()), **bytes, now, measured, listener);
-    else
-      drop(merger->id(), {Error::Cause::empty, "merger '" + merger->id() + "' has no live input"},
-           listener);
+    run_merger(*merger, now, measured);
   }
   if (measured.frames > shown) measured.end_to_end_ms.push_back(ms_since(captured));
 }
 
+void Pipeline::run_merger(MergeNode& merger, TimePoint now, Measured& measured) {
+  const auto start = Clock::now();
+  const auto bytes = merger.merge(now);
+  if (!merger.reused())  // a frame in which nothing moved would flatter the figures
+    measured.node_ms[merger.id()].push_back(ms_since(start) + measured.receiving_ms[merger.id()]);
+  if (!bytes)
+    drops_.count(merger.id(), bytes.error());
+  else if (*bytes)
+    deliver(edge_from(merger.id()), **bytes, now, measured);
+  else
+    drops_.count(merger.id(), {Error::Cause::empty, "no live input"});
+}
+
 Result<RunReport> Pipeline::run(int frames, const RunListener& listener) {
+  const auto tell = [&](const std::string& place, const Error& error) {
+    if (listener.dropped) listener.dropped(place + ": " + error.message);
+  };
+  drops_.set_listener(tell);
+  for (const auto& merger : mergers_) merger->set_drop_listener(tell);
+
   Measured measured;
   const auto start = Clock::now();
   std::vector<std::optional<Frame>> captured;
-  for (int f = 0; f < frames && capture(captured, listener); ++f) {
-    const RunListener numbered{
-        listener.progress
-            ? [&, f](int, int, const std::string& node) { listener.progress(f, frames, node); }
-            : RunListener{}.progress,
-        listener.dropped};
-    run_frame(std::move(captured), measured, numbered);
-  }
+  for (measured.frame = 0; measured.frame < frames && capture(captured); ++measured.frame)
+    run_frame(std::move(captured), measured, [&](const std::string& node) {
+      if (listener.progress) listener.progress(measured.frame, frames, node);
+    });
+  drops_.set_listener({});
+  for (const auto& merger : mergers_) merger->set_drop_listener({});
   if (measured.frames == 0)
     return Error{Error::Cause::empty, "scene '" + scene_->id + "': no frame came through (" +
-                                          std::to_string(drops_.total()) + " drops)"};
+                                          std::to_string(all_drops().size()) + " causes of drops)"};
   return report(measured, ms_since(start) / 1000);
+}
+
+std::map<std::string, std::uint64_t> Pipeline::all_drops() const {
+  std::map<std::string, std::uint64_t> all = drops_.by_cause();
+  for (const auto& merger : mergers_)
+    for (const auto& [cause, n] : merger->drops().by_cause()) all[cause] += n;
+  return all;
 }
 
 /// The slowest node of each layer of the tree, summed over the layers.
@@ -239,7 +256,8 @@ RunReport Pipeline::report(const Measured& m, double seconds) const {
     if (const auto coded = mergers_.back()->find(chunk->key))
       r.refresh_bytes += coded->payload.size();
   r.chunks_new = m.chunks_new, r.chunks_kept = m.chunks_kept;
-  r.drops = drops_.by_cause();
+  r.drops = all_drops();
+  r.last_frame = m.last_frame;
   const auto add = [](RunReport::Stages& all, const Trace& trace) {
     for (const auto& [stage, ms] : trace.stages())
       all[stage].insert(all[stage].end(), ms.begin(), ms.end());
@@ -247,7 +265,6 @@ RunReport Pipeline::report(const Measured& m, double seconds) const {
   for (const auto& sensor : sensors_) add(r.sensor_stages_ms, sensor->trace());
   for (const auto& merger : mergers_) {
     add(r.merge_stages_ms, merger->trace());
-    for (const auto& [cause, n] : merger->drops().by_cause()) r.drops[cause] += n;
   }
   r.critical_path_ms = critical_path_ms(m);
   r.end_to_end_ms = m.end_to_end_ms;

@@ -52,13 +52,16 @@ class Pipeline {
 
   explicit Pipeline(std::unique_ptr<Scene> scene);
   Edge edge_from(const std::string& id);
-  bool capture(std::vector<std::optional<Frame>>& frames, const RunListener& listener);
+  using Progress = std::function<void(const std::string& node)>;
+  MergeNode::Upstream upstream_of(const MergerConfig& merger);
+  bool capture(std::vector<std::optional<Frame>>& frames);
   void run_frame(std::vector<std::optional<Frame>> frames, Measured& measured,
-                 const RunListener& listener);
+                 const Progress& progress);
+  void run_merger(MergeNode& merger, TimePoint now, Measured& measured);
   void deliver(const Edge& edge, const std::vector<std::byte>& bytes, TimePoint now,
-               Measured& measured, const RunListener& listener);
-  void show(const std::vector<std::byte>& bytes, Measured& measured, const RunListener& listener);
-  void drop(const std::string& place, const Error& error, const RunListener& listener);
+               Measured& measured);
+  void show(const std::vector<std::byte>& bytes, Measured& measured);
+  std::map<std::string, std::uint64_t> all_drops() const;
   double critical_path_ms(const Measured& measured) const;
   RunReport report(const Measured& measured, double seconds) const;
 

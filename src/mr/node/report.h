@@ -10,8 +10,9 @@ namespace mr::node {
 /// What `meshreduce run --report` writes (DESIGN section 7).
 struct RunReport {
   std::string scene;
-  int frames = 0;  ///< merged frames that reached the client
-  double fps = 0;  ///< frames per second as it ran
+  int frames = 0;       ///< merged frames that reached the client
+  int last_frame = -1;  ///< number of the newest of them, from 0 at the sources
+  double fps = 0;       ///< frames per second as it ran
   int sensors = 0, threads = 0;
   double peak_rss_mb = 0;
   std::uint64_t triangles = 0, vertices = 0;      ///< of the last frame

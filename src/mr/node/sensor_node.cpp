@@ -10,6 +10,7 @@
 #include "mr/fusion/smooth_depth.h"
 #include "mr/kit/topology.h"
 #include "mr/merge/islands.h"
+#include "mr/merge/zipper.h"
 #include "mr/simplify/simplify.h"
 
 namespace mr::node {
@@ -46,10 +47,14 @@ Result<SensorNode::Surface> SensorNode::simplify(const std::vector<Mesh>& pieces
       small[i] = simplify::simplify_by_ratio(pieces[i], ratio);
   });
   Surface all;
+  std::vector<Mesh> parts;
   for (const simplify::Simplified& s : small) {
-    append(all.mesh, s.mesh);
+    parts.push_back(s.mesh);
     all.error_m = std::max(all.error_m, s.error_m);
   }
+  // Patches were fused apart (paper 5): the gaps between them are closed like those between
+  // sensors.
+  all.mesh = merge::zip(parts, merge::zipper_config(scene_->voxel_m));
   auto snapped = codec::snap_to_lattice(all.mesh, scene_->lattice);
   if (!snapped) return snapped.error();
   all.mesh = kit::without_nonmanifold_edges(*snapped);

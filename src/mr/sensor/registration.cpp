@@ -1,6 +1,7 @@
 #include "mr/sensor/registration.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <utility>
 
@@ -51,20 +52,6 @@ std::vector<std::int32_t> nearest_pixels(const Camera& camera) {
   return map;
 }
 
-/// `p` within half a pixel of the picture.
-void sample_bilinear(const ImageRgb& from, Vec2f p, std::uint8_t* to) {
-  const float px = std::clamp(p.x, 0.0f, static_cast<float>(from.width - 1));
-  const float py = std::clamp(p.y, 0.0f, static_cast<float>(from.height - 1));
-  const int x0 = static_cast<int>(px), y0 = static_cast<int>(py);
-  const int x1 = std::min(x0 + 1, from.width - 1), y1 = std::min(y0 + 1, from.height - 1);
-  const float fx = px - x0, fy = py - y0;
-  for (int c = 0; c < 3; ++c) {
-    const float top = from.at(x0, y0)[c] * (1 - fx) + from.at(x1, y0)[c] * fx;
-    const float bottom = from.at(x0, y1)[c] * (1 - fx) + from.at(x1, y1)[c] * fx;
-    to[c] = static_cast<std::uint8_t>(top * (1 - fy) + bottom * fy + 0.5f);
-  }
-}
-
 ImageDepth remap_depth(const ImageDepth& from, const std::vector<std::int32_t>& map) {
   ImageDepth to(from.width, from.height);
   for (std::size_t i = 0; i < map.size(); ++i)
@@ -74,11 +61,47 @@ ImageDepth remap_depth(const ImageDepth& from, const std::vector<std::int32_t>& 
 
 ImageRgb remap_color(const ImageRgb& from, const std::vector<Vec2f>& map) {
   ImageRgb to(from.width, from.height);
+  const Rect whole{0, 0, from.width, from.height};
   parallel_for(from.height, kRowsAtOnce, [&](std::size_t begin, std::size_t end) {
     for (std::size_t i = begin * from.width; i < end * from.width; ++i)
-      if (map[i] != kNowhere) sample_bilinear(from, map[i], &to.data[i * 3]);
+      if (map[i] != kNowhere)
+        std::ranges::copy(sample_bilinear(from, whole, map[i].x, map[i].y), &to.data[i * 3]);
   });
   return to;
+}
+
+/// A large rectangle without uncovered pixels: the whole picture, with the side that has the
+/// largest share of them pushed in until none is left.
+Rect covered_rect(const std::vector<Vec2f>& map, int width, int height) {
+  int left = 0, top = 0, right = width, bottom = height;
+  const auto missing = [&](int x0, int y0, int x1, int y1) {
+    int count = 0;
+    for (int y = y0; y < y1; ++y)
+      for (int x = x0; x < x1; ++x)
+        count += map[static_cast<std::size_t>(y) * width + x] == kNowhere;
+    return static_cast<double>(count) / std::max(1, (x1 - x0) * (y1 - y0));
+  };
+  while (left < right && top < bottom) {
+    const std::array<double, 4> share = {
+        missing(left, top, left + 1, bottom), missing(right - 1, top, right, bottom),
+        missing(left, top, right, top + 1), missing(left, bottom - 1, right, bottom)};
+    const auto worst = std::max_element(share.begin(), share.end());
+    if (*worst == 0) break;
+    switch (worst - share.begin()) {
+      case 0:
+        ++left;
+        break;
+      case 1:
+        --right;
+        break;
+      case 2:
+        ++top;
+        break;
+      default:
+        --bottom;
+    }
+  }
+  return {left, top, right - left, bottom - top};
 }
 
 }  // namespace
@@ -90,7 +113,10 @@ Registration::Registration(const SensorConfig& sensor, std::uint32_t sensor_inde
   if (needs_undistortion(sensor.depth_camera)) depth_map_ = nearest_pixels(sensor.depth_camera);
   if (!sensor.color_camera) return;
   color_camera_ = undistorted(*sensor.color_camera);
-  if (needs_undistortion(*sensor.color_camera)) color_map_ = source_positions(*sensor.color_camera);
+  color_rect_ = {0, 0, color_camera_->width, color_camera_->height};
+  if (!needs_undistortion(*sensor.color_camera)) return;
+  color_map_ = source_positions(*sensor.color_camera);
+  color_rect_ = covered_rect(color_map_, color_camera_->width, color_camera_->height);
 }
 
 Frame Registration::undistort(Frame frame) const {
@@ -115,7 +141,7 @@ std::optional<View> Registration::color_view(const Pose& T_world_depth) const {
   view.width = camera.width, view.height = camera.height;
   view.fx = camera.fx, view.fy = camera.fy, view.cx = camera.cx, view.cy = camera.cy;
   view.T_world_camera = T_world_depth * T_depth_color_;
-  view.image_rect = view.atlas_rect = {0, 0, camera.width, camera.height};
+  view.image_rect = view.atlas_rect = color_rect_;
   return view;
 }
 

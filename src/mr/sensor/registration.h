@@ -24,7 +24,8 @@ class Registration {
 
   const Camera& depth_camera() const { return depth_camera_; }  ///< after undistortion
 
-  /// The colour camera as a view with the whole picture as image_rect and atlas_rect; nothing when
+  /// The colour camera as a view; image_rect and atlas_rect are the part of the undistorted picture
+  /// that the original covers, so no client sees the black rim. Nothing when
   /// the sensor has no colour. Stream and layout are left 0.
   std::optional<View> color_view(const Pose& T_world_depth) const;
 
@@ -34,7 +35,8 @@ class Registration {
   std::optional<Camera> color_camera_;
   Pose T_depth_color_;
   std::vector<std::int32_t>
-      depth_map_;  ///< [H*W] source pixel per undistorted pixel, -1 none; empty: identity
+      depth_map_;    ///< [H*W] source pixel per undistorted pixel, -1 none; empty: identity
+  Rect color_rect_;  ///< part of the undistorted colour picture that the original covers
   std::vector<Vec2f> color_map_;  ///< [H*W] source position per undistorted pixel; empty: identity
 };
 
