@@ -3,7 +3,8 @@
 #   include. PRIVATE: libraries that only its .cpp files see.
 add_library(mr_flags INTERFACE)
 target_include_directories(mr_flags INTERFACE ${CMAKE_SOURCE_DIR}/src)
-target_compile_options(mr_flags INTERFACE -Wall -Wextra -Wshadow -Wnon-virtual-dtor -Wcast-qual)
+target_compile_options(mr_flags INTERFACE -Wall -Wextra -Wshadow -Wnon-virtual-dtor -Wcast-qual
+                                        -Wno-restrict)  # false positives of g++ 12 (its bug 105651)
 # The same floating-point results in every build: no fused multiply-add behind our back.
 target_compile_options(mr_flags INTERFACE -ffp-contract=off)
 if(MR_WERROR)
