@@ -173,7 +173,7 @@ TEST(Fusion, SmoothingTakesNoiseNotEdges) {
       before += std::pow(*depth.at(x, y) - truth(x), 2),
           after += std::pow(*smooth.at(x, y) - truth(x), 2);
     }
-  EXPECT_LT(after, before / 2.5);
+  EXPECT_LT(after, before / 4);
 }
 
 TEST(Fusion, NoDepthNoSurface) {

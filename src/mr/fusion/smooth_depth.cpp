@@ -34,7 +34,7 @@ ImageDepth smooth_depth(const ImageDepth& depth, const Precision& precision) {
       for (int x = 0; x < depth.width; ++x) {
         const float d = *depth.at(x, y);
         if (d > 0)
-          *out.at(x, y) = smoothed(depth, x, y, 3 * static_cast<float>(precision.sigma_m(d)));
+          *out.at(x, y) = smoothed(depth, x, y, 5 * static_cast<float>(precision.sigma_m(d)));
       }
   });
   return out;
