@@ -5,7 +5,7 @@
 
 namespace mr::fusion {
 
-/// Averages every valid pixel with its neighbours (7 x 7) that lie within three sigma of it, closer
+/// Averages every valid pixel with its neighbours (7 x 7) that lie within five sigma of it, closer
 /// ones counting more: sensor noise and quantisation go, depth edges stay (bilateral filter, as in
 /// Newcombe et al. 2011, with the sensor's own precision as its range). Invalid pixels stay
 /// invalid. Parallel; the same bytes on any number of threads.

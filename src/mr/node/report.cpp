@@ -68,8 +68,10 @@ std::string to_text(const RunReport& r) {
       static_cast<double>(r.refresh_bytes) / 1e3, r.texture_bytes_per_frame / 1e3, r.chunks_new,
       r.chunks_kept);
   out += line("sensor", r.sensor_stages_ms) + line("merge", r.merge_stages_ms);
-  out += fmt::format("latency    critical path {:.0f} ms; as it ran {:.0f} ms p50\n",
-                     r.critical_path_ms, percentile(r.end_to_end_ms, 0.5));
+  out += fmt::format(
+      "latency    critical path {:.0f} ms in frames with news; as it ran {:.0f} ms p50 of all "
+      "frames\n",
+      r.critical_path_ms, percentile(r.end_to_end_ms, 0.5));
   for (const auto& [cause, n] : r.drops) out += fmt::format("dropped    {} × {}\n", n, cause);
   return out;
 }
