@@ -8,6 +8,7 @@ namespace mr::apps {
 
 void add_run(CLI::App& app, int& exit_code);
 void add_demo(CLI::App& app, int& exit_code);
+void add_node(CLI::App& app, int& exit_code);
 void add_export(CLI::App& app, int& exit_code);
 void add_info(CLI::App& app, int& exit_code);
 

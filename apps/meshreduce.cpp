@@ -14,6 +14,7 @@ int main(int argc, char** argv) {
   int exit_code = 0;
   mr::apps::add_demo(app, exit_code);
   mr::apps::add_run(app, exit_code);
+  mr::apps::add_node(app, exit_code);
   mr::apps::add_export(app, exit_code);
   mr::apps::add_info(app, exit_code);
   try {

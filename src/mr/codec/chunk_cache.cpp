@@ -7,10 +7,12 @@ namespace mr::codec {
 void ChunkCache::put(std::shared_ptr<const EncodedChunk> chunk) {
   MR_ASSERT(chunk != nullptr);
   const ChunkKey key = chunk->key;
+  const std::lock_guard lock(mutex_);
   entries_[key] = {std::move(chunk), manifests_};
 }
 
 void ChunkCache::keep(std::span<const ChunkKey> manifest) {
+  const std::lock_guard lock(mutex_);
   ++manifests_;
   for (const ChunkKey& key : manifest)
     if (const auto it = entries_.find(key); it != entries_.end())
@@ -21,8 +23,14 @@ void ChunkCache::keep(std::span<const ChunkKey> manifest) {
 }
 
 std::shared_ptr<const EncodedChunk> ChunkCache::find(const ChunkKey& key) const {
+  const std::lock_guard lock(mutex_);
   const auto it = entries_.find(key);
   return it == entries_.end() ? nullptr : it->second.chunk;
+}
+
+std::size_t ChunkCache::size() const {
+  const std::lock_guard lock(mutex_);
+  return entries_.size();
 }
 
 }  // namespace mr::codec

@@ -2,6 +2,7 @@
 
 #include <map>
 #include <memory>
+#include <mutex>
 #include <span>
 #include <vector>
 
@@ -11,7 +12,7 @@ namespace mr::codec {
 
 /// What a node holds for receivers that lack a chunk: late joiners, losses and restarts are this
 /// one case (DESIGN section 4). Holds what the newest manifests name, and forgets a chunk once
-/// `kManifestsKept` manifests went by without it.
+/// `kManifestsKept` manifests went by without it. Thread-safe: requests come on other threads.
 class ChunkCache {
  public:
   static constexpr std::uint64_t kManifestsKept = 30;
@@ -20,13 +21,14 @@ class ChunkCache {
   /// Marks what is live, and forgets what has not been for long.
   void keep(std::span<const ChunkKey> manifest);
   std::shared_ptr<const EncodedChunk> find(const ChunkKey& key) const;  ///< null when forgotten
-  std::size_t size() const { return entries_.size(); }
+  std::size_t size() const;
 
  private:
   struct Entry {
     std::shared_ptr<const EncodedChunk> chunk;
     std::uint64_t last_named = 0;
   };
+  mutable std::mutex mutex_;
   std::map<ChunkKey, Entry> entries_;
   std::uint64_t manifests_ = 0;
 };

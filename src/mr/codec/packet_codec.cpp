@@ -16,6 +16,7 @@ using Builder = fb::FlatBufferBuilder;
 
 constexpr std::size_t kMaxViewsOfChunk = 254;
 constexpr fb::uoffset_t kMaxDepth = 8, kMaxTables = 1u << 18;
+constexpr const char* kChunksIdentifier = "MRCH";
 
 // ---- values → FlatBuffers ----
 
@@ -144,13 +145,19 @@ std::size_t size_of(const Vector* vector) {
 /// Reads one verified buffer. Each step returns false once `error_` is set.
 class Reader {
  public:
-  Reader(const wire::Packet& in, std::size_t bytes, const PacketLimits& limits)
-      : in_(in), limits_(limits), unread_(bytes) {}
+  Reader(std::size_t bytes, const PacketLimits& limits) : limits_(limits), unread_(bytes) {}
 
-  Result<Packet> read_all() {
-    if (read_head() && read_plan() && read_sources() && read_manifest() && read_chunks() &&
-        read_textures() && read_views() && read_marks())
+  Result<Packet> read(const wire::Packet& in) {
+    if (read_head(in) && read_plan(*in.plan()) && read_sources(in.sources()) &&
+        read_manifest(in.manifest()) && read_packet_chunks(in.chunks()) &&
+        read_textures(in.textures()) && read_views(in.views()) && read_marks(in.marks()))
       return std::move(out_);
+    return error_;
+  }
+
+  Result<std::vector<EncodedChunk>> read(const wire::Chunks& in) {
+    if (size_of(in.chunks()) > limits_.manifest_chunks) return too_large("too many chunks");
+    if (read_chunks(in.chunks())) return std::move(out_.chunks);
     return error_;
   }
 
@@ -192,16 +199,17 @@ class Reader {
     return true;
   }
 
-  bool read_head() {
-    out_.epoch = in_.epoch();
-    out_.sequence = in_.sequence();
-    return read_name(*in_.scene(), out_.scene, "the scene's name") &&
-           read_name(*in_.node(), out_.node, "the node's name") &&
-           read_time(in_.captured_at_ns(), out_.captured_at);
+  bool read_head(const wire::Packet& in) {
+    out_.epoch = in.epoch();
+    out_.sequence = in.sequence();
+    out_.coalesced = in.coalesced();
+    return require(out_.coalesced <= out_.sequence, "more folded packets than there were") &&
+           read_name(*in.scene(), out_.scene, "the scene's name") &&
+           read_name(*in.node(), out_.node, "the node's name") &&
+           read_time(in.captured_at_ns(), out_.captured_at);
   }
 
-  bool read_plan() {
-    const wire::Plan& plan = *in_.plan();
+  bool read_plan(const wire::Plan& plan) {
     out_.plan = {plan.simplify_ratio(), plan.mesh_speed(), plan.texture_scale(), plan.texture_qp()};
     return require(within(plan.simplify_ratio(), 0, 1) && within(plan.mesh_speed(), 0, 10) &&
                        within(plan.texture_scale(), 0, 16) && within(plan.texture_qp(), 0, 51),
@@ -235,13 +243,13 @@ class Reader {
     return problems.empty() || fail(invalid("a camera whose " + problems.front()));
   }
 
-  bool read_sources() {
-    if (size_of(in_.sources()) > limits_.views) return fail(too_large("too many sources"));
-    for (std::size_t i = 0; i < size_of(in_.sources()); ++i) {
-      const wire::Source& in = *in_.sources()->Get(static_cast<fb::uoffset_t>(i));
+  bool read_sources(const fb::Vector<fb::Offset<wire::Source>>* all) {
+    if (size_of(all) > limits_.views) return fail(too_large("too many sources"));
+    for (std::size_t i = 0; i < size_of(all); ++i) {
+      const wire::Source& in = *all->Get(static_cast<fb::uoffset_t>(i));
       SourceInfo& out = out_.sources.emplace_back();
       out.sensor = in.sensor();
-      out.T_world_depth = read(*in.t_world_depth());
+      out.T_world_depth = mr::codec::read(*in.t_world_depth());
       out.precision = {in.sigma_base_m(), in.sigma_per_m2()};
       if (!require(i == 0 || out_.sources[i - 1].sensor < out.sensor, "unsorted sources") ||
           !read_time(in.captured_at_ns(), out.captured_at) ||
@@ -254,34 +262,37 @@ class Reader {
     return true;
   }
 
-  bool read_manifest() {
-    const std::size_t count = size_of(in_.manifest());
+  bool read_manifest(const fb::Vector<const wire::ChunkKey*>* all) {
+    const std::size_t count = size_of(all);
     if (count > limits_.manifest_chunks) return fail(too_large("too many chunks in the manifest"));
     out_.manifest.reserve(count);
     for (std::size_t i = 0; i < count; ++i) {
-      out_.manifest.push_back(read(*in_.manifest()->Get(static_cast<fb::uoffset_t>(i))));
+      out_.manifest.push_back(mr::codec::read(*all->Get(static_cast<fb::uoffset_t>(i))));
       if (!require(i == 0 || out_.manifest[i - 1] < out_.manifest[i], "an unsorted manifest"))
         return false;
     }
     return true;
   }
 
-  bool read_chunks() {
-    const std::size_t count = size_of(in_.chunks());
-    if (count > out_.manifest.size())
-      return fail(invalid("a chunk that the manifest does not name"));
-    for (std::size_t i = 0; i < count; ++i) {
-      const wire::Chunk& in = *in_.chunks()->Get(static_cast<fb::uoffset_t>(i));
+  bool read_packet_chunks(const fb::Vector<fb::Offset<wire::Chunk>>* all) {
+    const auto named = [&](const EncodedChunk& chunk) {
+      return std::binary_search(out_.manifest.begin(), out_.manifest.end(), chunk.key);
+    };
+    return require(size_of(all) <= out_.manifest.size(), kUnnamed) && read_chunks(all) &&
+           require(std::all_of(out_.chunks.begin(), out_.chunks.end(), named), kUnnamed);
+  }
+
+  bool read_chunks(const fb::Vector<fb::Offset<wire::Chunk>>* all) {
+    for (std::size_t i = 0; i < size_of(all); ++i) {
+      const wire::Chunk& in = *all->Get(static_cast<fb::uoffset_t>(i));
       EncodedChunk& out = out_.chunks.emplace_back();
-      out.key = read(*in.key());
+      out.key = mr::codec::read(*in.key());
       out.error_m = in.error_m();
       out.triangles = in.triangles();
       triangles_ += in.triangles();
       if (in.triangles() > limits_.chunk_triangles || triangles_ > limits_.packet_triangles)
         return fail(too_large("too many triangles"));
       if (!require(i == 0 || out_.chunks[i - 1].key < out.key, "unsorted chunks") ||
-          !require(std::binary_search(out_.manifest.begin(), out_.manifest.end(), out.key),
-                   "a chunk that the manifest does not name") ||
           !require(within(out.error_m, 0, 1e6), "an impossible error of a chunk") ||
           !require(out.triangles > 0, "a chunk without triangles") ||
           !read_labels(in.views(), out.views) || !read_bytes(*in.payload(), out.payload))
@@ -302,10 +313,10 @@ class Reader {
     return true;
   }
 
-  bool read_textures() {
-    if (size_of(in_.textures()) > limits_.textures) return fail(too_large("too many textures"));
-    for (std::size_t i = 0; i < size_of(in_.textures()); ++i) {
-      const wire::Texture& in = *in_.textures()->Get(static_cast<fb::uoffset_t>(i));
+  bool read_textures(const fb::Vector<fb::Offset<wire::Texture>>* all) {
+    if (size_of(all) > limits_.textures) return fail(too_large("too many textures"));
+    for (std::size_t i = 0; i < size_of(all); ++i) {
+      const wire::Texture& in = *all->Get(static_cast<fb::uoffset_t>(i));
       TextureUnit& out = out_.textures.emplace_back();
       out.stream = in.stream();
       out.layout = in.layout();
@@ -323,10 +334,10 @@ class Reader {
     return true;
   }
 
-  bool read_views() {
-    if (size_of(in_.views()) > limits_.views) return fail(too_large("too many views"));
-    for (std::size_t i = 0; i < size_of(in_.views()); ++i) {
-      const wire::View& in = *in_.views()->Get(static_cast<fb::uoffset_t>(i));
+  bool read_views(const fb::Vector<fb::Offset<wire::View>>* all) {
+    if (size_of(all) > limits_.views) return fail(too_large("too many views"));
+    for (std::size_t i = 0; i < size_of(all); ++i) {
+      const wire::View& in = *all->Get(static_cast<fb::uoffset_t>(i));
       if (!require(in.kind() <= wire::ViewKind::equirectangular, "an unknown kind of view"))
         return false;
       View& out = out_.views.emplace_back();
@@ -334,9 +345,9 @@ class Reader {
       out.kind = static_cast<View::Kind>(in.kind());
       out.width = in.width(), out.height = in.height();
       out.fx = in.fx(), out.fy = in.fy(), out.cx = in.cx(), out.cy = in.cy();
-      out.T_world_camera = read(*in.t_world_camera());
-      out.image_rect = read(*in.image_rect());
-      out.atlas_rect = read(*in.atlas_rect());
+      out.T_world_camera = mr::codec::read(*in.t_world_camera());
+      out.image_rect = mr::codec::read(*in.image_rect());
+      out.atlas_rect = mr::codec::read(*in.atlas_rect());
       out.gutter_px = in.gutter_px();
       out.stream = in.stream(), out.layout = in.layout();
       if (!require(i == 0 || out_.views[i - 1].id < out.id, "unsorted views") || !check_view(out))
@@ -359,9 +370,9 @@ class Reader {
            require(within(view.gutter_px, 0, 1024), "an impossible gutter");
   }
 
-  bool read_marks() {
-    for (std::size_t i = 0; i < size_of(in_.marks()); ++i) {
-      const wire::Mark& in = *in_.marks()->Get(static_cast<fb::uoffset_t>(i));
+  bool read_marks(const fb::Vector<fb::Offset<wire::Mark>>* all) {
+    for (std::size_t i = 0; i < size_of(all); ++i) {
+      const wire::Mark& in = *all->Get(static_cast<fb::uoffset_t>(i));
       TimeMark& out = out_.marks.emplace_back();
       if (!read_name(*in.stage(), out.stage, "a stage's name") || !read_time(in.at_ns(), out.at))
         return false;
@@ -369,7 +380,8 @@ class Reader {
     return true;
   }
 
-  const wire::Packet& in_;
+  static constexpr const char* kUnnamed = "a chunk that the manifest does not name";
+
   const PacketLimits& limits_;
   std::size_t unread_;
   std::uint64_t triangles_ = 0;
@@ -377,6 +389,31 @@ class Reader {
   Packet out_;
   Error error_;
 };
+
+std::vector<std::byte> bytes_of(const Builder& b) {
+  const auto* bytes = reinterpret_cast<const std::byte*>(b.GetBufferPointer());
+  return std::vector<std::byte>(bytes, bytes + b.GetSize());
+}
+
+/// Verifies bytes that may come from anyone, then reads them as the FlatBuffer `Wire`.
+template <typename Wire, typename Value>
+Result<Value> decode(std::span<const std::byte> bytes, const char* identifier,
+                     const PacketLimits& limits) {
+  if (bytes.size() > limits.packet_bytes)
+    return too_large(std::to_string(bytes.size()) + " bytes, at most " +
+                     std::to_string(limits.packet_bytes));
+  // Bytes from a network lie anywhere; the reads below need 8-byte alignment.
+  std::vector<std::uint64_t> aligned((bytes.size() + 7) / 8);
+  if (!bytes.empty()) std::memcpy(aligned.data(), bytes.data(), bytes.size());
+  const auto* data = reinterpret_cast<const std::uint8_t*>(aligned.data());
+  // The least that the identifier check reads; flatbuffers does not ask.
+  if (bytes.size() < 8 || !fb::BufferHasIdentifier(data, identifier))
+    return Error{Error::Cause::corrupt, "packet: not one of ours, or of another version"};
+  fb::Verifier verifier(data, bytes.size(), kMaxDepth, kMaxTables);
+  if (!verifier.VerifyBuffer<Wire>(identifier))
+    return Error{Error::Cause::corrupt, "packet: cut off or damaged"};
+  return Reader(bytes.size(), limits).read(*fb::GetRoot<Wire>(data));
+}
 
 }  // namespace
 
@@ -396,26 +433,27 @@ std::vector<std::byte> encode_packet(const Packet& packet) {
   const auto marks = write_all<wire::Mark>(b, packet.marks);
   wire::FinishPacketBuffer(b, wire::CreatePacket(b, scene, node, packet.epoch, packet.sequence,
                                                  to_ns(packet.captured_at), sources, plan, views,
-                                                 manifest, chunks, textures, marks));
-  const auto* bytes = reinterpret_cast<const std::byte*>(b.GetBufferPointer());
-  return std::vector<std::byte>(bytes, bytes + b.GetSize());
+                                                 manifest, chunks, textures, marks,
+                                                 packet.coalesced));
+  return bytes_of(b);
+}
+
+std::vector<std::byte> encode_chunks(std::span<const EncodedChunk> chunks) {
+  Builder b(1024);
+  std::vector<fb::Offset<wire::Chunk>> all;
+  for (const EncodedChunk& chunk : chunks) all.push_back(write(b, chunk));
+  const auto list = b.CreateVector(all);
+  b.Finish(wire::CreateChunks(b, list), kChunksIdentifier);
+  return bytes_of(b);
 }
 
 Result<Packet> decode_packet(std::span<const std::byte> bytes, const PacketLimits& limits) {
-  if (bytes.size() > limits.packet_bytes)
-    return too_large(std::to_string(bytes.size()) + " bytes, at most " +
-                     std::to_string(limits.packet_bytes));
-  // Bytes from a network lie anywhere; the reads below need 8-byte alignment.
-  std::vector<std::uint64_t> aligned((bytes.size() + 7) / 8);
-  if (!bytes.empty()) std::memcpy(aligned.data(), bytes.data(), bytes.size());
-  const auto* data = reinterpret_cast<const std::uint8_t*>(aligned.data());
-  // The least that the identifier check reads; flatbuffers does not ask.
-  if (bytes.size() < 8 || !wire::PacketBufferHasIdentifier(data))
-    return Error{Error::Cause::corrupt, "packet: not one of ours, or of another version"};
-  fb::Verifier verifier(data, bytes.size(), kMaxDepth, kMaxTables);
-  if (!wire::VerifyPacketBuffer(verifier))
-    return Error{Error::Cause::corrupt, "packet: cut off or damaged"};
-  return Reader(*wire::GetPacket(data), bytes.size(), limits).read_all();
+  return decode<wire::Packet, Packet>(bytes, wire::PacketIdentifier(), limits);
+}
+
+Result<std::vector<EncodedChunk>> decode_chunks(std::span<const std::byte> bytes,
+                                                const PacketLimits& limits) {
+  return decode<wire::Chunks, std::vector<EncodedChunk>>(bytes, kChunksIdentifier, limits);
 }
 
 }  // namespace mr::codec

@@ -30,4 +30,11 @@ std::vector<std::byte> encode_packet(const Packet& packet);
 /// that the manifest does not name, unsorted lists).
 Result<Packet> decode_packet(std::span<const std::byte> bytes, const PacketLimits& limits = {});
 
+/// Chunks in answer to a request, sorted by key: docs/wire-format.md, "Request and answer".
+std::vector<std::byte> encode_chunks(std::span<const EncodedChunk> chunks);
+
+/// As decode_packet().
+Result<std::vector<EncodedChunk>> decode_chunks(std::span<const std::byte> bytes,
+                                                const PacketLimits& limits = {});
+
 }  // namespace mr::codec

@@ -156,7 +156,7 @@ std::vector<Error> Receiver::accept(const Packet& packet) {
       return {{Error::Cause::invalid, "packet " + std::to_string(packet.sequence) +
                                           " comes after packet " + std::to_string(last)}};
     // What was lost may hold access units that the next ones refer to.
-    if (packet.sequence != last + 1)
+    if (packet.sequence - packet.coalesced > last + 1)
       for (auto& [id, stream] : i.streams) stream.picture = nullptr;
   } else {
     i.chunks.clear();
@@ -181,6 +181,10 @@ std::vector<Error> Receiver::accept(const Packet& packet) {
   for (StreamWork& work : streams)
     std::move(work.errors.begin(), work.errors.end(), std::back_inserter(errors));
   return errors;
+}
+
+std::optional<std::uint64_t> Receiver::newest_sequence() const {
+  return impl_->newest ? std::optional(impl_->newest->sequence) : std::nullopt;
 }
 
 std::vector<ChunkKey> Receiver::missing() const {

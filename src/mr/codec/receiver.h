@@ -33,6 +33,9 @@ class Receiver {
   /// Whether accept() would refuse the packet because a newer one of the same node was taken.
   bool is_stale(const Packet& packet) const;
 
+  /// Of the newest packet that was accepted.
+  std::optional<std::uint64_t> newest_sequence() const;
+
   /// What the newest manifest names and the receiver lacks.
   std::vector<ChunkKey> missing() const;
 

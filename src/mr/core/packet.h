@@ -69,6 +69,7 @@ struct Packet {
   std::string scene, node;
   std::uint32_t epoch = 0;  ///< another lattice or a restarted node is another epoch
   std::uint64_t sequence = 0;
+  std::uint32_t coalesced = 0;      ///< packets right before this one that were folded into it
   TimePoint captured_at{};          ///< of a merged packet: the tick it was aligned to
   std::vector<SourceInfo> sources;  ///< each sensor's own time, sorted by sensor
   CodingPlan plan;

@@ -5,6 +5,24 @@
 
 namespace mr {
 
+void Trace::add(const std::string& stage, double ms) {
+  const std::lock_guard lock(mutex_);
+  Ring& ring = stages_[stage];
+  if (ring.ms.size() < kKept) return ring.ms.push_back(ms);
+  ring.ms[ring.next] = ms;
+  ring.next = (ring.next + 1) % kKept;
+}
+
+std::map<std::string, std::vector<double>> Trace::stages() const {
+  const std::lock_guard lock(mutex_);
+  std::map<std::string, std::vector<double>> out;
+  for (const auto& [stage, ring] : stages_) {
+    std::vector<double>& ms = out[stage] = ring.ms;
+    std::rotate(ms.begin(), ms.begin() + static_cast<std::ptrdiff_t>(ring.next), ms.end());
+  }
+  return out;
+}
+
 double percentile(std::vector<double> samples, double p) {
   if (samples.empty()) return 0;
   std::sort(samples.begin(), samples.end());

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <chrono>
+#include <cstddef>
 #include <functional>
 #include <map>
 #include <mutex>
@@ -11,17 +12,15 @@
 
 namespace mr {
 
-/// Milliseconds that each stage of a node took, one entry per frame in which it ran. Thread-safe.
+/// Milliseconds that each stage of a node took, one entry per frame in which it ran; the newest
+/// `kKept` of each. Thread-safe.
 class Trace {
  public:
-  void add(const std::string& stage, double ms) {
-    const std::lock_guard lock(mutex_);
-    stages_[stage].push_back(ms);
-  }
-  std::map<std::string, std::vector<double>> stages() const {
-    const std::lock_guard lock(mutex_);
-    return stages_;
-  }
+  static constexpr std::size_t kKept = 4096;
+
+  void add(const std::string& stage, double ms);
+  /// Oldest first.
+  std::map<std::string, std::vector<double>> stages() const;
 
   /// Runs `work` and notes its time under `stage`; returns what it returns.
   template <typename Work>
@@ -44,8 +43,12 @@ class Trace {
     std::chrono::steady_clock::time_point start = std::chrono::steady_clock::now();
   };
 
+  struct Ring {
+    std::vector<double> ms;
+    std::size_t next = 0;  ///< the oldest, once it is full
+  };
   mutable std::mutex mutex_;
-  std::map<std::string, std::vector<double>> stages_;
+  std::map<std::string, Ring> stages_;
 };
 
 /// The p-th percentile (0..1) by linear interpolation; 0 for no samples.

@@ -25,8 +25,10 @@ void Aligner::arrived(std::size_t input, TimePoint captured_at, TimePoint now) {
 
 std::optional<TimePoint> Aligner::ready(TimePoint now) const {
   if (!pending_) return std::nullopt;
-  const bool all = std::all_of(newest_.begin(), newest_.end(),
-                               [&](const auto& tick) { return tick && *tick >= *pending_; });
+  // An input that has gone is not waited for.
+  const bool all = std::all_of(newest_.begin(), newest_.end(), [&](const auto& tick) {
+    return tick ? *tick >= *pending_ || *pending_ - *tick > kMaxAge : last_merged_.has_value();
+  });
   return all || now - pending_since_ >= deadline_ ? pending_ : std::nullopt;
 }
 

@@ -23,6 +23,11 @@ class Aligner {
   /// The tick that can be merged now, if there is one.
   std::optional<TimePoint> ready(TimePoint now) const;
 
+  /// When the tick that waits for late inputs is ready without them.
+  std::optional<TimePoint> due() const {
+    return pending_ ? std::optional(pending_since_ + deadline_) : std::nullopt;
+  }
+
   /// The inputs whose newest capture belongs to a tick.
   std::vector<std::size_t> live_at(TimePoint tick) const;
 

@@ -1,10 +1,12 @@
 #include "mr/node/chunk_publisher.h"
 
+#include <algorithm>
 #include <cmath>
 #include <optional>
 #include <vector>
 
 #include "mr/codec/mesh_codec.h"
+#include "mr/codec/packet_codec.h"
 #include "mr/core/parallel.h"
 
 namespace mr::node {
@@ -79,6 +81,15 @@ Status ChunkPublisher::publish(const Mesh& mesh, float error_m, int mesh_speed, 
   cache_.keep(packet.manifest);
   live_ = std::move(live);
   return {};
+}
+
+std::vector<std::byte> ChunkPublisher::answer(std::vector<ChunkKey> wanted) const {
+  std::sort(wanted.begin(), wanted.end());
+  wanted.erase(std::unique(wanted.begin(), wanted.end()), wanted.end());
+  std::vector<EncodedChunk> found;
+  for (const ChunkKey& key : wanted)
+    if (const auto chunk = cache_.find(key)) found.push_back(*chunk);
+  return found.empty() ? std::vector<std::byte>{} : codec::encode_chunks(found);
 }
 
 }  // namespace mr::node

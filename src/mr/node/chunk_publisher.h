@@ -1,7 +1,9 @@
 #pragma once
 
+#include <cstddef>
 #include <map>
 #include <memory>
+#include <vector>
 
 #include "mr/codec/chunk_cache.h"
 #include "mr/core/packet.h"
@@ -21,7 +23,9 @@ class ChunkPublisher {
   /// Fills the packet's manifest and chunks. The mesh lies on the lattice and has runs.
   Status publish(const Mesh& mesh, float error_m, int mesh_speed, Packet& packet);
 
-  /// A chunk that a receiver lacks; null when it is not live any more.
+  /// Those of the chunks that are still known, coded as an answer; empty when none is. Any thread.
+  std::vector<std::byte> answer(std::vector<ChunkKey> wanted) const;
+  /// null when it is not live any more. Any thread.
   std::shared_ptr<const EncodedChunk> find(const ChunkKey& key) const { return cache_.find(key); }
 
  private:

@@ -21,10 +21,6 @@ namespace {
 
 constexpr std::uint32_t kAtlasStream = 0;
 
-Duration milliseconds(double ms) {
-  return std::chrono::round<Duration>(std::chrono::duration<double, std::milli>(ms));
-}
-
 /// The whole surface of a scene; borders between chunks are welded.
 merge::Part part_of(const DecodedScene& scene) {
   merge::Part part;
@@ -57,31 +53,16 @@ Precision noisiest(const std::vector<SourceInfo>& sources) {
   return worst == sources.end() ? Precision{} : worst->precision;
 }
 
-/// The sensors in the subtree of a node.
-std::set<std::uint32_t> sensors_below(const Scene& scene, const std::string& node) {
-  std::set<std::uint32_t> out;
-  for (std::uint32_t i = 0; i < scene.sensors.size(); ++i)
-    if (scene.sensors[i].id == node) out.insert(i);
-  for (const MergerConfig& merger : scene.mergers)
-    if (merger.id == node)
-      for (const std::string& input : merger.inputs) out.merge(sensors_below(scene, input));
-  return out;
-}
-
-/// Whether two gatherings have the same geometry seen by the same views.
+/// Whether two gatherings have the same geometry seen by the same views. A chunk that was kept is
+/// the very same object.
 bool same_geometry(const std::vector<DecodedScene>& a, const std::vector<DecodedScene>& b) {
-  const auto key = [](const DecodedScene& s) {
-    std::vector<ChunkKey> keys;
-    for (const auto& chunk : s.chunks) keys.push_back(chunk->key);
-    return keys;
+  const auto same_source = [](const SourceInfo& p, const SourceInfo& q) {
+    return p.sensor == q.sensor && p.T_world_depth == q.T_world_depth &&
+           p.depth_camera == q.depth_camera;
   };
   return std::equal(a.begin(), a.end(), b.begin(), b.end(),
                     [&](const DecodedScene& x, const DecodedScene& y) {
-                      const auto same_source = [](const SourceInfo& p, const SourceInfo& q) {
-                        return p.sensor == q.sensor && p.T_world_depth == q.T_world_depth &&
-                               p.depth_camera == q.depth_camera;
-                      };
-                      return x.views == y.views && key(x) == key(y) &&
+                      return x.views == y.views && x.chunks == y.chunks &&
                              std::equal(x.sources.begin(), x.sources.end(), y.sources.begin(),
                                         y.sources.end(), same_source);
                     });
@@ -89,141 +70,61 @@ bool same_geometry(const std::vector<DecodedScene>& a, const std::vector<Decoded
 
 }  // namespace
 
-MergeNode::MergeNode(const Scene& scene, const MergerConfig& merger, bool is_root,
-                     Upstream upstream)
+MergeNode::MergeNode(const Scene& scene, const MergerConfig& merger, bool is_root, NodeClock clock)
     : scene_(&scene),
       merger_(merger),
       is_root_(is_root),
-      upstream_(std::move(upstream)),
-      aligner_(merger.inputs.size(), milliseconds(1000 / scene.fps),
-               milliseconds(merger.deadline_ms)),
+      clock_(std::move(clock)),
+      gatherer_(scene, merger, !is_root),
       publisher_(scene, kMergedSource),
-      texture_(scene, kAtlasStream) {
-  for (const std::string& input : merger.inputs)
-    inputs_.push_back({input, sensors_below(scene, input), codec::Receiver(scene.lattice), {}});
+      texture_(scene, kAtlasStream) {}
+
+std::vector<std::byte> MergeNode::answer(const codec::Request& request) {
+  if (request.key_frame && is_root_) texture_.ask_key_frame();
+  if (request.key_frame && !is_root_) key_frame_wished_ = true;
+  return publisher_.answer(request.chunks);
 }
 
-void MergeNode::ask_key_frame() {
-  if (is_root_) return texture_.ask_key_frame();
-  for (std::size_t i = 0; i < inputs_.size() && upstream_.key_frame; ++i) upstream_.key_frame(i);
-}
-
-/// The packet must come from the node that the input stands for, and speak for its sensors only:
-/// another's ids would collide with those of other inputs.
-Status MergeNode::check_sender(const Input& input, const Packet& packet) const {
-  const auto refuse = [](const std::string& why) { return Error{Error::Cause::invalid, why}; };
-  if (packet.scene != scene_->id || packet.node != input.id)
-    return refuse("is of node '" + packet.node + "' of scene '" + packet.scene + "'");
-  for (const View& view : packet.views)
-    if (!input.sensors.contains(view.id))
-      return refuse("brings view " + std::to_string(view.id) + ", which is not below it");
-  for (const SourceInfo& source : packet.sources)
-    if (!input.sensors.contains(source.sensor))
-      return refuse("brings sensor " + std::to_string(source.sensor) + ", which is not below it");
-  if (packet.sources.empty()) return refuse("names no sensor");
-  if (input.receiver.is_stale(packet)) return refuse("comes after a newer one");
-  return {};
-}
-
-Status MergeNode::receive(std::size_t input, std::span<const std::byte> bytes, TimePoint now) {
-  const auto start = std::chrono::steady_clock::now();
-  Input& from = inputs_[input];
-  const std::string link = from.id + " → " + id();
-  const auto refuse = [&](const Error& error) {
-    const Error told{error.cause,
-                     "packet from '" + from.id + "' to '" + id() + "': " + error.message};
-    drops_.count(link, told);
-    return told;
-  };
-  auto packet = codec::decode_packet(bytes);
-  if (!packet) return refuse(packet.error());
-  if (const Status fits = check_sender(from, *packet); !fits) return refuse(fits.error());
-
-  for (const Error& error : from.receiver.accept(*packet)) drops_.count(link, error);
-  for (const ChunkKey& key : from.receiver.missing())
-    if (const auto chunk = upstream_.chunk ? upstream_.chunk(input, key) : nullptr)
-      if (const Status taken = from.receiver.provide(*chunk); !taken)
-        drops_.count(link, taken.error());
-  if (!from.receiver.streams_waiting().empty() && upstream_.key_frame) upstream_.key_frame(input);
-  if (!is_root_)
-    std::move(packet->textures.begin(), packet->textures.end(), std::back_inserter(from.units));
-  aligner_.arrived(input, packet->captured_at, now);
-  decode_ms_ +=
-      std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - start).count();
-  return {};
-}
-
-/// Units that could not be handed on are lost; whoever waits for them needs key frames.
-void MergeNode::give_up_units() {
-  for (std::size_t i = 0; i < inputs_.size(); ++i) {
-    if (inputs_[i].units.empty()) continue;
-    inputs_[i].units.clear();
-    if (upstream_.key_frame) upstream_.key_frame(i);
-  }
-}
-
-Result<std::optional<std::vector<std::byte>>> MergeNode::merge(TimePoint now) {
-  const auto tick = aligner_.ready(now);
-  if (!tick) return std::optional<std::vector<std::byte>>();
-  aligner_.merged(*tick, now);
-  auto merged = merge_tick(*tick);
-  if (!merged) {
-    give_up_units();
-    return merged.error();
-  }
-  return std::optional(*std::move(merged));
-}
-
-Result<std::vector<std::byte>> MergeNode::merge_tick(TimePoint tick) {
-  auto gathered = gather(tick);
-  if (!gathered) return gathered.error();
-
+Packet MergeNode::head(const Gathered& gathered) const {
   Packet packet;
-  packet.scene = scene_->id, packet.node = id(), packet.sequence = sequence_,
-  packet.captured_at = tick;
-  packet.sources = gathered->sources;
+  packet.scene = scene_->id, packet.node = id();
+  packet.epoch = clock_.epoch, packet.sequence = sequence_;
+  packet.captured_at = gathered.tick;
+  packet.sources = gathered.sources;
   packet.plan = {is_root_ ? static_cast<float>(scene_->merge.simplify.ratio) : 1.0f, 5,
                  static_cast<float>(scene_->coding.texture_scale), scene_->coding.texture_qp};
+  return packet;
+}
 
-  reused_ = last_ && same_geometry(last_->first.scenes, gathered->scenes);
+Result<std::vector<std::byte>> MergeNode::merge(const Gathered& gathered) {
+  const TimePoint started = clock_.now ? clock_.now() : TimePoint{};
+  Packet packet = head(gathered);
+  reused_ = last_ && same_geometry(last_->first.scenes, gathered.scenes);
   if (!reused_) {
-    auto surface = merge_surfaces(*gathered);
+    auto surface = merge_surfaces(gathered);
     if (!surface) return surface.error();
-    last_.emplace(Gathered{gathered->scenes, {}, {}}, *std::move(surface));
+    Gathered seen;
+    seen.scenes = gathered.scenes;
+    for (DecodedScene& scene : seen.scenes) scene.textures.clear();
+    last_.emplace(std::move(seen), *std::move(surface));
   }
   const Surface& surface = last_->second;
   const Status coded = trace_.time("encode_mesh", [&] {
     return publisher_.publish(surface.mesh, surface.error_m, packet.plan.mesh_speed, packet);
   });
   if (!coded) return coded.error();
-  if (const Status textured = add_textures(*gathered, surface.mesh, packet); !textured)
+  if (const Status textured = add_textures(gathered, surface.mesh, packet); !textured)
     return textured.error();
   ++sequence_;
+  add_marks(gathered, started, packet);
   return codec::encode_packet(packet);
 }
 
-Result<MergeNode::Gathered> MergeNode::gather(TimePoint tick) {
-  trace_.add("decode", std::exchange(decode_ms_, 0));
-  Gathered out;
-  for (const std::size_t i : aligner_.live_at(tick)) {
-    auto scene = inputs_[i].receiver.scene();
-    if (!scene) {
-      drops_.count(inputs_[i].id + " → " + id(),
-                   Error{Error::Cause::empty, "merger '" + id() + "' left out '" + inputs_[i].id +
-                                                  "': its frame is incomplete"});
-      continue;
-    }
-    out.views.insert(out.views.end(), scene->views.begin(), scene->views.end());
-    out.sources.insert(out.sources.end(), scene->sources.begin(), scene->sources.end());
-    out.scenes.push_back(*std::move(scene));
-  }
-  if (out.scenes.empty())
-    return Error{Error::Cause::empty, "merger '" + id() + "' has no live input at this tick"};
-  std::sort(out.views.begin(), out.views.end(),
-            [](const View& a, const View& b) { return a.id < b.id; });
-  std::sort(out.sources.begin(), out.sources.end(),
-            [](const SourceInfo& a, const SourceInfo& b) { return a.sensor < b.sensor; });
-  return out;
+void MergeNode::add_marks(const Gathered& gathered, TimePoint started, Packet& packet) const {
+  if (!clock_.now) return;
+  for (const auto& [stage, at] : gathered.marks) packet.marks.push_back({stage, at});
+  packet.marks.push_back({id() + "/gathered", started});
+  packet.marks.push_back({id() + "/merged", clock_.now()});
 }
 
 Result<MergeNode::Surface> MergeNode::merge_surfaces(const Gathered& gathered) {
@@ -274,16 +175,9 @@ Result<MergeNode::Surface> MergeNode::merge_surfaces(const Gathered& gathered) {
 
 Status MergeNode::add_textures(const Gathered& gathered, const Mesh& mesh, Packet& packet) {
   if (is_root_ && !gathered.views.empty()) return compose_atlas(gathered, mesh, packet);
-  hand_on_streams(gathered, packet);
-  return {};
-}
-
-void MergeNode::hand_on_streams(const Gathered& gathered, Packet& packet) {
   packet.views = gathered.views;
-  for (Input& input : inputs_) {
-    std::move(input.units.begin(), input.units.end(), std::back_inserter(packet.textures));
-    input.units.clear();
-  }
+  packet.textures = gathered.units;
+  return {};
 }
 
 Status MergeNode::compose_atlas(const Gathered& gathered, const Mesh& mesh, Packet& packet) {

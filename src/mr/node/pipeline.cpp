@@ -1,14 +1,12 @@
 #include "mr/node/pipeline.h"
 
-#include <sys/resource.h>
-
 #include <algorithm>
 #include <chrono>
+#include <numeric>
 
 #include "mr/codec/packet_codec.h"
 #include "mr/kit/topology.h"
-#include "mr/sensor/rgbd_images.h"
-#include "mr/synth/room.h"
+#include "mr/node/sources.h"
 
 namespace mr::node {
 namespace {
@@ -17,25 +15,6 @@ using Clock = std::chrono::steady_clock;
 
 double ms_since(Clock::time_point start) {
   return std::chrono::duration<double, std::milli>(Clock::now() - start).count();
-}
-
-double peak_rss_mb() {
-  rusage usage{};
-  getrusage(RUSAGE_SELF, &usage);
-  return static_cast<double>(usage.ru_maxrss) / 1024;
-}
-
-std::vector<std::unique_ptr<FrameSource>> open_sources(const Scene& scene) {
-  const auto room =
-      scene.rig ? std::make_shared<const synth::Room>(synth::make_room(*scene.rig)) : nullptr;
-  std::vector<std::unique_ptr<FrameSource>> out;
-  for (std::uint32_t i = 0; i < scene.sensors.size(); ++i) {
-    const SensorConfig& sensor = scene.sensors[i];
-    out.push_back(std::holds_alternative<SyntheticSource>(sensor.source)
-                      ? synth::open_synthetic(room, *scene.rig, sensor, i, scene.fps)
-                      : sensor::open_rgbd_images(sensor, i, scene.fps));
-  }
-  return out;
 }
 
 }  // namespace
@@ -53,35 +32,37 @@ struct Pipeline::Measured {
 
 Pipeline::Pipeline(std::unique_ptr<Scene> scene)
     : scene_(std::move(scene)), client_(scene_->lattice) {
-  sources_ = open_sources(*scene_);
+  std::vector<std::uint32_t> all(scene_->sensors.size());
+  std::iota(all.begin(), all.end(), 0u);
+  sources_ = open_sources(*scene_, all);
   for (std::uint32_t i = 0; i < scene_->sensors.size(); ++i)
     sensors_.push_back(std::make_unique<SensorNode>(*scene_, i));
   for (const MergerConfig& merger : scene_->mergers) {
     const bool is_root = &merger == &scene_->mergers.back();
-    mergers_.push_back(std::make_unique<MergeNode>(*scene_, merger, is_root, upstream_of(merger)));
+    mergers_.push_back(std::make_unique<MergeNode>(*scene_, merger, is_root));
   }
 }
 
-/// What a merger asks of its inputs, answered in this process.
-MergeNode::Upstream Pipeline::upstream_of(const MergerConfig& merger) {
-  const auto with_input = [this, inputs = merger.inputs](std::size_t input, const auto& act) {
-    for (const auto& sensor : sensors_)
-      if (sensor->id() == inputs[input]) act(*sensor);
-    for (const auto& child : mergers_)
-      if (child->id() == inputs[input]) act(*child);
-  };
-  return {[with_input](std::size_t input, const ChunkKey& key) {
-            std::shared_ptr<const EncodedChunk> chunk;
-            with_input(input, [&](const auto& node) { chunk = node.find(key); });
-            return chunk;
-          },
-          [with_input](std::size_t input) {
-            with_input(input, [](auto& node) { node.ask_key_frame(); });
-          }};
+/// A node's answer to a request; empty when it has none.
+std::vector<std::byte> Pipeline::ask(const std::string& id, const codec::Request& request) {
+  for (const auto& sensor : sensors_)
+    if (sensor->id() == id) return sensor->answer(request);
+  for (const auto& merger : mergers_)
+    if (merger->id() == id) return merger->answer(request);
+  return {};
+}
+
+/// Passes a merger's requests to its inputs, and the answers back.
+void Pipeline::serve(MergeNode& merger, TimePoint now) {
+  if (merger.take_key_frame_wish()) merger.inputs().ask_key_frames();
+  for (const auto& [input, request] : merger.inputs().requests(now)) {
+    const auto answer = ask(merger.config().inputs[input], request);
+    if (!answer.empty()) merger.inputs().take_answer(input, answer, now);
+  }
 }
 
 Result<std::unique_ptr<Pipeline>> Pipeline::open(Scene scene) {
-  if (scene.rig) scene.sensors = synth::rig_sensors(*scene.rig);
+  scene = with_rig_sensors(std::move(scene));
   if (scene.sensors.empty() || scene.mergers.empty())
     return Error{Error::Cause::empty, "scene '" + scene.id + "' has no sensors"};
   return std::unique_ptr<Pipeline>(new Pipeline(std::make_unique<Scene>(std::move(scene))));
@@ -117,21 +98,26 @@ void Pipeline::deliver(const Edge& edge, const std::vector<std::byte>& bytes, Ti
   if (!edge.merger) return show(bytes, measured);
   const auto start = Clock::now();
   // A refusal is counted, and told, by the merger.
-  static_cast<void>(edge.merger->receive(edge.input, bytes, now).ok());
+  static_cast<void>(edge.merger->inputs().receive(edge.input, bytes, now).ok());
+  serve(*edge.merger, now);
   measured.receiving_ms[edge.merger->id()] += ms_since(start);
+}
+
+void Pipeline::take_answer(const std::vector<std::byte>& answer) {
+  if (answer.empty()) return;
+  const auto chunks = codec::decode_chunks(answer);
+  if (!chunks) return drops_.count("client", chunks.error());
+  for (const EncodedChunk& chunk : *chunks)
+    if (const Status taken = client_.provide(chunk); !taken) drops_.count("client", taken.error());
 }
 
 /// The client's side: decodes what the root sent.
 void Pipeline::show(const std::vector<std::byte>& bytes, Measured& measured) {
-  MergeNode& root = *mergers_.back();
   auto packet = codec::decode_packet(bytes);
   if (!packet) return drops_.count("client", packet.error());
   for (const Error& error : client_.accept(*packet)) drops_.count("client", error);
-  for (const ChunkKey& key : client_.missing())
-    if (const auto chunk = root.find(key))
-      if (const Status taken = client_.provide(*chunk); !taken)
-        drops_.count("client", taken.error());
-  if (!client_.streams_waiting().empty()) root.ask_key_frame();
+  const codec::Request lacking{!client_.streams_waiting().empty(), client_.missing(), {}};
+  if (!lacking.empty()) take_answer(ask(mergers_.back()->id(), lacking));
   auto scene = client_.scene();
   if (!scene) return drops_.count("client", {Error::Cause::empty, "a frame stayed incomplete"});
   decoded_ = *std::move(scene);
@@ -178,15 +164,15 @@ void Pipeline::run_frame(std::vector<std::optional<Frame>> frames, Measured& mea
 
 void Pipeline::run_merger(MergeNode& merger, TimePoint now, Measured& measured) {
   const auto start = Clock::now();
-  const auto bytes = merger.merge(now);
+  const auto gathered = merger.inputs().gather(now);
+  if (!gathered) return drops_.count(merger.id(), gathered.error());
+  if (!*gathered) return drops_.count(merger.id(), {Error::Cause::empty, "no live input"});
+  const auto bytes = merger.merge(**gathered);
   if (!merger.reused())  // a frame in which nothing moved would flatter the figures
     measured.node_ms[merger.id()].push_back(ms_since(start) + measured.receiving_ms[merger.id()]);
-  if (!bytes)
-    drops_.count(merger.id(), bytes.error());
-  else if (*bytes)
-    deliver(edge_from(merger.id()), **bytes, now, measured);
-  else
-    drops_.count(merger.id(), {Error::Cause::empty, "no live input"});
+  if (bytes) return deliver(edge_from(merger.id()), *bytes, now, measured);
+  drops_.count(merger.id(), bytes.error());
+  merger.inputs().ask_key_frames();
 }
 
 Result<RunReport> Pipeline::run(int frames, const RunListener& listener) {
@@ -194,7 +180,7 @@ Result<RunReport> Pipeline::run(int frames, const RunListener& listener) {
     if (listener.dropped) listener.dropped(place + ": " + error.message);
   };
   drops_.set_listener(tell);
-  for (const auto& merger : mergers_) merger->set_drop_listener(tell);
+  for (const auto& merger : mergers_) merger->inputs().set_drop_listener(tell);
 
   Measured measured;
   const auto start = Clock::now();
@@ -204,7 +190,7 @@ Result<RunReport> Pipeline::run(int frames, const RunListener& listener) {
       if (listener.progress) listener.progress(measured.frame, frames, node);
     });
   drops_.set_listener({});
-  for (const auto& merger : mergers_) merger->set_drop_listener({});
+  for (const auto& merger : mergers_) merger->inputs().set_drop_listener({});
   if (measured.frames == 0)
     return Error{Error::Cause::empty, "scene '" + scene_->id + "': no frame came through (" +
                                           std::to_string(all_drops().size()) + " causes of drops)"};
@@ -214,7 +200,7 @@ Result<RunReport> Pipeline::run(int frames, const RunListener& listener) {
 std::map<std::string, std::uint64_t> Pipeline::all_drops() const {
   std::map<std::string, std::uint64_t> all = drops_.by_cause();
   for (const auto& merger : mergers_)
-    for (const auto& [cause, n] : merger->drops().by_cause()) all[cause] += n;
+    for (const auto& [cause, n] : merger->inputs().drops().by_cause()) all[cause] += n;
   return all;
 }
 
@@ -242,6 +228,7 @@ double Pipeline::critical_path_ms(const Measured& measured) const {
 RunReport Pipeline::report(const Measured& m, double seconds) const {
   RunReport r;
   r.scene = scene_->id;
+  r.preset = preset_of(*scene_);
   r.frames = m.frames;
   r.fps = m.frames / seconds;
   r.sensors = static_cast<int>(sensors_.size());
@@ -264,6 +251,7 @@ RunReport Pipeline::report(const Measured& m, double seconds) const {
   };
   for (const auto& sensor : sensors_) add(r.sensor_stages_ms, sensor->trace());
   for (const auto& merger : mergers_) {
+    add(r.merge_stages_ms, merger->inputs().trace());
     add(r.merge_stages_ms, merger->trace());
   }
   r.critical_path_ms = critical_path_ms(m);

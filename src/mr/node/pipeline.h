@@ -53,7 +53,9 @@ class Pipeline {
   explicit Pipeline(std::unique_ptr<Scene> scene);
   Edge edge_from(const std::string& id);
   using Progress = std::function<void(const std::string& node)>;
-  MergeNode::Upstream upstream_of(const MergerConfig& merger);
+  std::vector<std::byte> ask(const std::string& id, const codec::Request& request);
+  void serve(MergeNode& merger, TimePoint now);
+  void take_answer(const std::vector<std::byte>& answer);
   bool capture(std::vector<std::optional<Frame>>& frames);
   void run_frame(std::vector<std::optional<Frame>> frames, Measured& measured,
                  const Progress& progress);

@@ -1,6 +1,7 @@
 #include "mr/node/report.h"
 
 #include <fmt/format.h>
+#include <sys/resource.h>
 
 #include <cmath>
 #include <nlohmann/json.hpp>
@@ -26,11 +27,35 @@ Json stages(const RunReport::Stages& all) {
 
 }  // namespace
 
+std::string preset_of(const Scene& scene) {
+  Json out = {{"sensors", scene.sensors.size()}, {"fps", scene.fps}, {"voxel_m", scene.voxel_m}};
+  if (!scene.sensors.empty()) {
+    const SensorConfig& first = scene.sensors.front();
+    out["depth"] = {first.depth_camera.width, first.depth_camera.height};
+    if (first.color_camera) out["color"] = {first.color_camera->width, first.color_camera->height};
+  }
+  if (scene.rig) {
+    out["people"] = scene.rig->people;
+    out["loop_s"] = rounded(scene.rig->frames / scene.fps);
+    out["seed"] = scene.rig->seed;
+  }
+  out["sensor_ratio"] = scene.simplify.ratio, out["root_ratio"] = scene.merge.simplify.ratio;
+  out["texture_qp"] = scene.coding.texture_qp;
+  return out.dump();
+}
+
+double peak_rss_mb() {
+  rusage usage{};
+  getrusage(RUSAGE_SELF, &usage);
+  return static_cast<double>(usage.ru_maxrss) / 1024;
+}
+
 std::string to_json(const RunReport& r) {
   std::uint64_t dropped = 0;
   for (const auto& [cause, n] : r.drops) dropped += n;
   const Json json = {
       {"scene", r.scene},
+      {"preset", Json::parse(r.preset)},
       {"frames", r.frames},
       {"fps", rounded(r.fps)},
       {"sensors", r.sensors},

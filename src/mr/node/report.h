@@ -5,11 +5,14 @@
 #include <string>
 #include <vector>
 
+#include "mr/core/scene.h"
+
 namespace mr::node {
 
 /// What `meshreduce run --report` writes (DESIGN section 7).
 struct RunReport {
   std::string scene;
+  std::string preset;   ///< of preset_of()
   int frames = 0;       ///< merged frames that reached the client
   int last_frame = -1;  ///< number of the newest of them, from 0 at the sources
   double fps = 0;       ///< frames per second as it ran
@@ -26,6 +29,12 @@ struct RunReport {
   double critical_path_ms = 0;        ///< slowest node of each layer, each alone, summed; p50
   std::vector<double> end_to_end_ms;  ///< per frame, capture to decoded at the client, as it ran
 };
+
+/// What a scene asks of the machine, as a JSON object: sensors, picture sizes, voxels, people, …
+std::string preset_of(const Scene& scene);
+
+/// Most memory that this process has held.
+double peak_rss_mb();
 
 std::string to_json(const RunReport& report);
 

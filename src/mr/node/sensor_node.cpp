@@ -20,9 +20,10 @@ double texturing_error_m(const Scene& scene, float mesh_error_m) {
          scene.merge.calibration_error_m;
 }
 
-SensorNode::SensorNode(const Scene& scene, std::uint32_t sensor_index)
+SensorNode::SensorNode(const Scene& scene, std::uint32_t sensor_index, NodeClock clock)
     : scene_(&scene),
       sensor_(sensor_index),
+      clock_(std::move(clock)),
       registration_(scene.sensors[sensor_index], sensor_index),
       publisher_(scene, sensor_index),
       texture_(scene, sensor_index) {}
@@ -39,78 +40,98 @@ std::vector<Mesh> SensorNode::fuse(const Frame& frame) const {
   return pieces;
 }
 
-Result<SensorNode::Surface> SensorNode::simplify(const std::vector<Mesh>& pieces,
-                                                 double ratio) const {
+Status SensorNode::simplify(const std::vector<Mesh>& pieces, Reconstructed& out) const {
   std::vector<simplify::Simplified> small(pieces.size());
   parallel_for(pieces.size(), 1, [&](std::size_t begin, std::size_t end) {
     for (std::size_t i = begin; i < end; ++i)
-      small[i] = simplify::simplify_by_ratio(pieces[i], ratio);
+      small[i] = simplify::simplify_by_ratio(pieces[i], scene_->simplify.ratio);
   });
-  Surface all;
   std::vector<Mesh> parts;
   for (const simplify::Simplified& s : small) {
     parts.push_back(s.mesh);
-    all.error_m = std::max(all.error_m, s.error_m);
+    out.error_m = std::max(out.error_m, s.error_m);
   }
   // Patches were fused apart (paper 5): the gaps between them are closed like those between
   // sensors.
-  all.mesh = merge::zip(parts, merge::zipper_config(scene_->voxel_m));
-  auto snapped = codec::snap_to_lattice(all.mesh, scene_->lattice);
+  auto snapped = codec::snap_to_lattice(merge::zip(parts, merge::zipper_config(scene_->voxel_m)),
+                                        scene_->lattice);
   if (!snapped) return snapped.error();
-  all.mesh = kit::without_nonmanifold_edges(*snapped);
-  return all;
+  out.mesh = kit::without_nonmanifold_edges(*snapped);
+  return {};
 }
 
-Result<std::vector<std::byte>> SensorNode::process(Frame raw) {
-  const SensorConfig& sensor = scene_->sensors[sensor_];
-  const Frame frame =
-      trace_.time("register", [&] { return registration_.undistort(std::move(raw)); });
-  const std::vector<Mesh> pieces = trace_.time("fuse", [&] { return fuse(frame); });
+Result<SensorNode::Reconstructed> SensorNode::reconstruct(Frame raw) {
+  Reconstructed out;
+  out.frame = trace_.time("register", [&] { return registration_.undistort(std::move(raw)); });
+  const std::vector<Mesh> pieces = trace_.time("fuse", [&] { return fuse(out.frame); });
   if (std::all_of(pieces.begin(), pieces.end(), [](const Mesh& m) { return m.empty(); }))
     return Error{Error::Cause::empty,
-                 "sensor '" + id() + "', frame " + std::to_string(frame.index) +
+                 "sensor '" + id() + "', frame " + std::to_string(out.frame.index) +
                      ": depth holds no surface (all pixels invalid or out of range?)"};
+  const Status simplified = trace_.time("simplify", [&] { return simplify(pieces, out); });
+  if (!simplified) return simplified.error();
+  return out;
+}
 
+/// Everything but mesh and picture.
+Packet SensorNode::head(const Frame& frame) const {
   Packet packet;
-  packet.scene = scene_->id, packet.node = id(), packet.sequence = sequence_;
+  packet.scene = scene_->id, packet.node = id();
+  packet.epoch = clock_.epoch, packet.sequence = sequence_;
   packet.captured_at = frame.captured_at();
   packet.plan = {static_cast<float>(scene_->simplify.ratio), 5, 1,
                  scene_->coding.sensor_texture_qp};
   packet.sources = {{sensor_, frame.captured_at(), registration_.depth_camera(),
-                     frame.T_world_depth, sensor.precision}};
+                     frame.T_world_depth, scene_->sensors[sensor_].precision}};
   if (auto view =
           frame.color.empty() ? std::nullopt : registration_.color_view(frame.T_world_depth)) {
     view->stream = sensor_;
     packet.views = {*view};
   }
+  return packet;
+}
 
-  auto surface =
-      trace_.time("simplify", [&] { return simplify(pieces, packet.plan.simplify_ratio); });
-  if (!surface) return surface.error();
-
+Status SensorNode::add_mesh(const Reconstructed& surface, Packet& packet) {
   const Mesh textured = trace_.time("label", [&] {
-    return atlas::label_triangles(surface->mesh, packet.views,
+    return atlas::label_triangles(surface.mesh, packet.views,
                                   {.views = scene_->atlas.views,
-                                   .geometry_error_m = texturing_error_m(*scene_, surface->error_m),
-                                   .precision = sensor.precision,
+                                   .geometry_error_m = texturing_error_m(*scene_, surface.error_m),
+                                   .precision = scene_->sensors[sensor_].precision,
                                    .min_edge_m = 2 * scene_->voxel_m});
   });
-  const Status coded = trace_.time("encode_mesh", [&]() -> Status {
+  return trace_.time("encode_mesh", [&]() -> Status {
     auto snapped = codec::snap_to_lattice(textured, scene_->lattice);
     if (!snapped) return snapped.error();
-    return publisher_.publish(kit::without_nonmanifold_edges(*snapped), surface->error_m,
+    return publisher_.publish(kit::without_nonmanifold_edges(*snapped), surface.error_m,
                               packet.plan.mesh_speed, packet);
   });
-  if (!coded) return coded.error();
+}
 
+Result<std::vector<std::byte>> SensorNode::code(const Reconstructed& surface) {
+  Packet packet = head(surface.frame);
+  if (clock_.now) packet.marks.push_back({"sensors/reconstructed", clock_.now()});
+  if (const Status coded = add_mesh(surface, packet); !coded) return coded.error();
   if (!packet.views.empty()) {
-    auto unit = trace_.time(
-        "encode_video", [&] { return texture_.encode(frame.color, packet.plan.texture_qp, 0); });
+    auto unit = trace_.time("encode_video", [&] {
+      return texture_.encode(surface.frame.color, packet.plan.texture_qp, 0);
+    });
     if (!unit) return unit.error();
     packet.textures.push_back(*std::move(unit));
   }
+  if (clock_.now) packet.marks.push_back({"sensors/coded", clock_.now()});
   ++sequence_;
   return codec::encode_packet(packet);
+}
+
+Result<std::vector<std::byte>> SensorNode::process(Frame frame) {
+  const auto surface = reconstruct(std::move(frame));
+  if (!surface) return surface.error();
+  return code(*surface);
+}
+
+std::vector<std::byte> SensorNode::answer(const codec::Request& request) {
+  if (request.key_frame) texture_.ask_key_frame();
+  return publisher_.answer(request.chunks);
 }
 
 }  // namespace mr::node

@@ -4,47 +4,58 @@
 #include <memory>
 #include <vector>
 
+#include "mr/codec/request.h"
 #include "mr/core/frame.h"
 #include "mr/core/packet.h"
 #include "mr/core/result.h"
 #include "mr/core/scene.h"
 #include "mr/core/trace.h"
 #include "mr/node/chunk_publisher.h"
+#include "mr/node/node_clock.h"
 #include "mr/node/texture_stream.h"
 #include "mr/sensor/registration.h"
 
 namespace mr::node {
 
 /// The small computer beside a sensor (paper 3.1): one frame of depth and colour in, one packet of
-/// coded mesh and video out. Single-threaded object; its stages use the caller's arena.
+/// coded mesh and video out. reconstruct() and code() may run on two threads, so that consecutive
+/// frames overlap; answer() on any. Stages use the caller's arena.
 class SensorNode {
  public:
+  /// A frame with its surface, on the way from the first half to the second.
+  struct Reconstructed {
+    Frame frame;  // undistorted
+    Mesh mesh;    // decimated, on the lattice
+    float error_m = 0;
+  };
+
   /// The scene must outlive the node.
-  SensorNode(const Scene& scene, std::uint32_t sensor_index);
+  SensorNode(const Scene& scene, std::uint32_t sensor_index, NodeClock clock = {});
 
   const std::string& id() const { return scene_->sensors[sensor_].id; }
 
-  /// The bytes of the frame's packet. empty: the depth holds no surface.
+  /// Depth to a decimated surface. empty: the depth holds no surface.
+  Result<Reconstructed> reconstruct(Frame frame);
+  /// Labels, codes mesh and picture: the bytes of the frame's packet.
+  Result<std::vector<std::byte>> code(const Reconstructed& surface);
+  /// Both.
   Result<std::vector<std::byte>> process(Frame frame);
 
-  /// A chunk that a receiver lacks; null when forgotten.
-  std::shared_ptr<const EncodedChunk> find(const ChunkKey& key) const {
-    return publisher_.find(key);
-  }
-  void ask_key_frame() { texture_.ask_key_frame(); }
+  /// Chunks that a receiver asked for; empty when there are none. A wish for a key frame is noted.
+  std::vector<std::byte> answer(const codec::Request& request);
 
+  Trace& trace() { return trace_; }
   const Trace& trace() const { return trace_; }
 
  private:
-  struct Surface {
-    Mesh mesh;
-    float error_m = 0;
-  };
   std::vector<Mesh> fuse(const Frame& frame) const;
-  Result<Surface> simplify(const std::vector<Mesh>& pieces, double ratio) const;
+  Status simplify(const std::vector<Mesh>& pieces, Reconstructed& out) const;
+  Packet head(const Frame& frame) const;
+  Status add_mesh(const Reconstructed& surface, Packet& packet);
 
   const Scene* scene_;
   std::uint32_t sensor_;
+  NodeClock clock_;
   sensor::Registration registration_;
   ChunkPublisher publisher_;
   TextureStream texture_;

@@ -1,7 +1,6 @@
 #include "mr/node/texture_stream.h"
 
 #include <algorithm>
-#include <utility>
 
 namespace mr::node {
 namespace {
@@ -27,7 +26,7 @@ Result<TextureUnit> TextureStream::encode(const ImageRgb& picture, int qp, std::
     encoder_.emplace(*std::move(encoder));
     key_frame_asked_ = true;
   }
-  const bool key = std::exchange(key_frame_asked_, false) || layout != layout_;
+  const bool key = key_frame_asked_.exchange(false) || layout != layout_;
   auto unit = encoder_->encode(picture, key);
   if (!unit) return unit.error();
   layout_ = layout;

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <atomic>
 #include <cstdint>
 #include <optional>
 
@@ -18,14 +19,14 @@ class TextureStream {
   TextureStream(const Scene& scene, std::uint32_t stream) : scene_(&scene), stream_(stream) {}
 
   Result<TextureUnit> encode(const ImageRgb& picture, int qp, std::uint32_t layout);
-  /// The next unit will be a key frame.
+  /// The next unit will be a key frame. Any thread.
   void ask_key_frame() { key_frame_asked_ = true; }
 
  private:
   const Scene* scene_;
   std::uint32_t stream_;
   std::uint32_t layout_ = 0;
-  bool key_frame_asked_ = false;
+  std::atomic<bool> key_frame_asked_ = false;
   std::optional<kit::VideoEncoder> encoder_;
 };
 

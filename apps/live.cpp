@@ -1,0 +1,165 @@
+#include "live.h"
+
+#include <fmt/format.h>
+#include <signal.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <chrono>
+#include <cstdio>
+#include <cstdlib>
+#include <mutex>
+
+#include "mr/core/file.h"
+#include "mr/node/live_scene.h"
+#include "output.h"
+
+namespace mr::apps {
+namespace {
+
+/// Lines for people and, on a terminal, one status line below them that is written over. Many
+/// equal lines are told once in ten seconds.
+class Console {
+ public:
+  void say(const std::string& line) {
+    const std::lock_guard lock(mutex_);
+    const auto now = std::chrono::steady_clock::now();
+    auto& told = told_[line.substr(0, line.find(':'))];
+    if (told.count++ > 0 && now - told.at < std::chrono::seconds(10)) return;
+    if (told_.size() > 1000) told_.clear();
+    clear();
+    fmt::print(stderr, "{}\n", line);
+    told_[line.substr(0, line.find(':'))] = {now, 1};
+  }
+  void status(const std::string& line) {
+    if (!isatty(STDERR_FILENO)) return;
+    const std::lock_guard lock(mutex_);
+    clear();
+    fmt::print(stderr, "{}", line);
+    std::fflush(stderr);
+    shown_ = !line.empty();
+  }
+
+ private:
+  struct Told {
+    std::chrono::steady_clock::time_point at;
+    int count = 0;
+  };
+  void clear() {
+    if (std::exchange(shown_, false)) std::fputs("\r\x1b[K", stderr);
+  }
+  std::mutex mutex_;
+  bool shown_ = false;
+  std::map<std::string, Told> told_;  // by the line's place
+};
+
+/// SIGINT and SIGTERM are waited for instead of ending the process. Set before any thread starts.
+class Interrupt {
+ public:
+  Interrupt() {
+    sigemptyset(&signals_);
+    sigaddset(&signals_, SIGINT);
+    sigaddset(&signals_, SIGTERM);
+    pthread_sigmask(SIG_BLOCK, &signals_, nullptr);
+  }
+  /// Whether one came within the time.
+  bool within(std::chrono::milliseconds time) const {
+    const timespec wait{time.count() / 1000, time.count() % 1000 * 1'000'000};
+    return sigtimedwait(&signals_, nullptr, &wait) > 0;
+  }
+
+ private:
+  sigset_t signals_;
+};
+
+/// The viewer is built into share/ beside bin/.
+std::filesystem::path default_page() {
+  std::error_code failed;
+  const auto program = std::filesystem::read_symlink("/proc/self/exe", failed);
+  return program.parent_path().parent_path() / "share" / "meshreduce" / "web";
+}
+
+std::filesystem::path default_cache() {
+  if (const char* cache = std::getenv("XDG_CACHE_HOME"); cache && *cache)
+    return std::filesystem::path(cache) / "meshreduce" / "rigs";
+  if (const char* home = std::getenv("HOME"); home && *home)
+    return std::filesystem::path(home) / ".cache" / "meshreduce" / "rigs";
+  return {};
+}
+
+void open_in_browser(const std::string& url) {
+  if (!std::getenv("DISPLAY") && !std::getenv("WAYLAND_DISPLAY")) return;
+  const std::string command = "command -v xdg-open >/dev/null && xdg-open " + url + " >/dev/null 2>&1 &";
+  static_cast<void>(std::system(command.c_str()));
+}
+
+/// "root 6.1 fps, cam-0 6.1 fps, …": frames since the last look.
+class FrameRates {
+ public:
+  std::string line(const node::LiveScene& live) {
+    const double seconds = live.seconds();
+    std::string out = "  ";
+    for (const node::LiveStats& node : live.stats()) {
+      auto& last = last_[node.id];
+      out += fmt::format(" {} {:.1f}", node.id,
+                         static_cast<double>(node.frames - last) / std::max(0.1, seconds - seconds_));
+      last = node.frames;
+    }
+    seconds_ = seconds;
+    return out + " frames/s";
+  }
+
+ private:
+  double seconds_ = 0;
+  std::map<std::string, std::uint64_t> last_;
+};
+
+void show_rendering(Console& console, int done, int of) {
+  constexpr int kWidth = 30;
+  const int filled = of > 0 ? kWidth * done / of : 0;
+  console.status(done >= of ? ""
+                            : fmt::format("rendering the rig, once [{:=<{}}>{: <{}}] {}/{}", "", filled,
+                                          "", kWidth - filled, done, of));
+}
+
+}  // namespace
+
+int run_live(Scene scene, const LiveRun& run) {
+  const Interrupt interrupt;
+  if (!run.listen.empty()) scene.gateway = GatewayConfig{run.listen};
+  Console console;
+  node::LiveOptions options;
+  options.nodes = run.nodes;
+  options.page = run.page.empty() ? default_page() : run.page;
+  options.cache_folder = default_cache();
+  options.threads = run.threads;
+  options.log = [&](const std::string& line) { console.say(line); };
+  options.rendering = [&](int done, int of) { show_rendering(console, done, of); };
+  auto live = node::LiveScene::start(std::move(scene), options);
+  if (!live) return fail(live.error().message);
+
+  if (const int port = (*live)->port(); port > 0) {
+    const auto gateway = (*live)->scene().gateway.value_or(GatewayConfig{});
+    const std::string host = gateway.listen.substr(0, gateway.listen.rfind(':'));
+    const std::string url = fmt::format("http://{}:{}", host, port);
+    fmt::print("Open {} in a browser. Ctrl-C ends it.\n", url);
+    if (!std::filesystem::is_regular_file(options.page / "index.html"))
+      console.say("viewer: no page in " + options.page.string() +
+                  "; build it with scripts/build, or name it with --page");
+    if (run.open_browser) open_in_browser(url);
+  } else {
+    fmt::print("Running {}. Ctrl-C ends it.\n", fmt::join(run.nodes, ", "));
+  }
+  std::fflush(stdout);
+
+  FrameRates rates;
+  while (!interrupt.within(std::chrono::seconds(1)) &&
+         (run.seconds <= 0 || (*live)->seconds() < run.seconds))
+    console.status(rates.line(**live));
+  console.status("");
+  if (run.report.empty()) return 0;
+  const Status written = write_file(run.report, to_json(**live));
+  return written ? 0 : fail(written.error().message);
+}
+
+}  // namespace mr::apps

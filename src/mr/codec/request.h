@@ -1,0 +1,31 @@
+#pragma once
+
+#include <cstddef>
+#include <optional>
+#include <span>
+#include <vector>
+
+#include "mr/core/chunk.h"
+#include "mr/core/result.h"
+
+namespace mr::codec {
+
+/// What a receiver says to the node that it receives from (docs/wire-format.md, "Request and
+/// answer"): what it lacks, and how far it has come.
+struct Request {
+  static constexpr std::size_t kMaxChunks = 4096;
+
+  bool key_frame = false;               ///< on every texture stream
+  std::vector<ChunkKey> chunks;         ///< wanted, at most kMaxChunks
+  std::optional<std::uint64_t> taken;   ///< sequence of the newest packet that was made use of
+
+  bool empty() const { return !key_frame && chunks.empty() && !taken; }
+  friend bool operator==(const Request&, const Request&) = default;
+};
+
+std::vector<std::byte> encode_request(const Request& request);
+
+/// Reads bytes that may come from anyone. Errors: corrupt, too_large.
+Result<Request> decode_request(std::span<const std::byte> bytes);
+
+}  // namespace mr::codec

@@ -1,0 +1,197 @@
+#include "mr/node/gatherer.h"
+
+#include <algorithm>
+#include <chrono>
+#include <iterator>
+
+#include "mr/codec/packet_codec.h"
+
+namespace mr::node {
+namespace {
+
+/// Units that wait in vain are given up; the streams then start again with a key frame.
+constexpr std::size_t kMaxUnitsWaiting = 64;
+
+Duration milliseconds(double ms) {
+  return std::chrono::round<Duration>(std::chrono::duration<double, std::milli>(ms));
+}
+
+/// The sensors in the subtree of a node.
+std::set<std::uint32_t> sensors_below(const Scene& scene, const std::string& node) {
+  std::set<std::uint32_t> out;
+  for (std::uint32_t i = 0; i < scene.sensors.size(); ++i)
+    if (scene.sensors[i].id == node) out.insert(i);
+  for (const MergerConfig& merger : scene.mergers)
+    if (merger.id == node)
+      for (const std::string& input : merger.inputs) out.merge(sensors_below(scene, input));
+  return out;
+}
+
+void keep_latest(std::map<std::string, TimePoint>& marks, const std::string& stage, TimePoint at) {
+  TimePoint& latest = marks[stage];
+  latest = std::max(latest, at);
+}
+
+/// Adds the time of a scope to a sum.
+class Stopwatch {
+ public:
+  explicit Stopwatch(double& sum_ms) : sum_ms_(sum_ms) {}
+  ~Stopwatch() {
+    sum_ms_ +=
+        std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - start_).count();
+  }
+  Stopwatch(const Stopwatch&) = delete;
+  Stopwatch& operator=(const Stopwatch&) = delete;
+
+ private:
+  double& sum_ms_;
+  std::chrono::steady_clock::time_point start_ = std::chrono::steady_clock::now();
+};
+
+}  // namespace
+
+Gatherer::Gatherer(const Scene& scene, const MergerConfig& merger, bool hand_on)
+    : scene_(&scene),
+      merger_(merger),
+      hand_on_(hand_on),
+      aligner_(merger.inputs.size(), milliseconds(1000 / scene.fps),
+               milliseconds(merger.deadline_ms)) {
+  for (const std::string& input : merger.inputs)
+    inputs_.emplace_back(input, sensors_below(scene, input), scene.lattice);
+}
+
+/// The packet must come from the node that the input stands for, and speak for its sensors only:
+/// another's ids would collide with those of other inputs.
+Status Gatherer::check_sender(const Input& input, const Packet& packet) const {
+  const auto refuse = [](const std::string& why) { return Error{Error::Cause::invalid, why}; };
+  if (packet.scene != scene_->id || packet.node != input.id)
+    return refuse("is of node '" + packet.node + "' of scene '" + packet.scene + "'");
+  for (const View& view : packet.views)
+    if (!input.sensors.contains(view.id))
+      return refuse("brings view " + std::to_string(view.id) + ", which is not below it");
+  for (const SourceInfo& source : packet.sources)
+    if (!input.sensors.contains(source.sensor))
+      return refuse("brings sensor " + std::to_string(source.sensor) + ", which is not below it");
+  if (packet.sources.empty()) return refuse("names no sensor");
+  if (input.receiver.is_stale(packet)) return refuse("comes after a newer one");
+  return {};
+}
+
+Status Gatherer::receive(std::size_t input, std::span<const std::byte> bytes, TimePoint now) {
+  auto packet = codec::decode_packet(bytes);
+  if (packet) return receive(input, *std::move(packet), now);
+  const Input& from = inputs_[input];
+  const Error told{packet.error().cause, "packet from '" + from.id + "' to '" + merger_.id +
+                                             "': " + packet.error().message};
+  drops_.count(link(from), told);
+  return told;
+}
+
+Status Gatherer::receive(std::size_t input, Packet packet, TimePoint now) {
+  const Stopwatch stopwatch(decode_ms_);
+  Input& from = inputs_[input];
+  if (const Status fits = check_sender(from, packet); !fits) {
+    const Error told{fits.error().cause, "packet from '" + from.id + "' to '" + merger_.id +
+                                             "': " + fits.error().message};
+    drops_.count(link(from), told);
+    return told;
+  }
+  for (const Error& error : from.receiver.accept(packet)) drops_.count(link(from), error);
+  for (const TimeMark& mark : packet.marks) keep_latest(from.marks, mark.stage, mark.at);
+  if (hand_on_) keep_units(from, packet);
+  settle(input, now);
+  return {};
+}
+
+void Gatherer::keep_units(Input& input, Packet& packet) {
+  for (TextureUnit& unit : packet.textures)
+    input.units.push_back({packet.captured_at, std::move(unit)});
+  if (input.units.size() <= kMaxUnitsWaiting) return;
+  input.units.clear();
+  input.key_frame_wanted = true;
+}
+
+void Gatherer::take_answer(std::size_t input, std::span<const std::byte> answer, TimePoint now) {
+  const Stopwatch stopwatch(decode_ms_);
+  Input& from = inputs_[input];
+  const auto chunks = codec::decode_chunks(answer);
+  if (!chunks) return drops_.count(link(from), chunks.error());
+  for (const EncodedChunk& chunk : *chunks)
+    if (const Status taken = from.receiver.provide(chunk); !taken)
+      drops_.count(link(from), taken.error());
+  settle(input, now);
+}
+
+/// If the input's newest capture is complete, it is what is merged from now on.
+void Gatherer::settle(std::size_t input, TimePoint now) {
+  Input& from = inputs_[input];
+  auto scene = from.receiver.scene();
+  if (!scene) return;
+  from.whole = *std::move(scene);
+  from.taken = from.receiver.newest_sequence();
+  aligner_.arrived(input, from.whole->captured_at, now);
+}
+
+std::vector<std::pair<std::size_t, codec::Request>> Gatherer::requests(TimePoint now) {
+  std::vector<std::pair<std::size_t, codec::Request>> out;
+  const auto is_time = [&](const std::optional<TimePoint>& last, Duration every) {
+    return !last || now - *last >= every || now < *last;
+  };
+  for (std::size_t i = 0; i < inputs_.size(); ++i) {
+    Input& input = inputs_[i];
+    codec::Request request;
+    if ((input.key_frame_wanted || !input.receiver.streams_waiting().empty()) &&
+        is_time(input.key_frame_asked, kKeyFrameEvery)) {
+      request.key_frame = true;
+      input.key_frame_wanted = false;
+      input.key_frame_asked = now;
+    }
+    if (is_time(input.chunks_asked, kChunksEvery)) {
+      request.chunks = input.receiver.missing();
+      if (request.chunks.size() > codec::Request::kMaxChunks)
+        request.chunks.resize(codec::Request::kMaxChunks);
+      if (!request.chunks.empty()) input.chunks_asked = now;
+    }
+    if (!request.empty()) out.emplace_back(i, std::move(request));
+  }
+  return out;
+}
+
+void Gatherer::ask_key_frames() {
+  for (Input& input : inputs_) input.key_frame_wanted = true;
+}
+
+Result<std::optional<Gathered>> Gatherer::gather(TimePoint now) {
+  const auto tick = aligner_.ready(now);
+  if (!tick) return std::optional<Gathered>();
+  aligner_.merged(*tick, now);
+  trace_.add("decode", std::exchange(decode_ms_, 0));
+  Gathered out;
+  out.tick = *tick;
+  for (const std::size_t i : aligner_.live_at(*tick)) add(i, out);
+  if (out.scenes.empty())
+    return Error{Error::Cause::empty, "merger '" + merger_.id + "' has no live input at this tick"};
+  std::sort(out.views.begin(), out.views.end(),
+            [](const View& a, const View& b) { return a.id < b.id; });
+  std::sort(out.sources.begin(), out.sources.end(),
+            [](const SourceInfo& a, const SourceInfo& b) { return a.sensor < b.sensor; });
+  return std::optional(std::move(out));
+}
+
+/// Adds an input's newest whole capture, with the texture units up to it.
+void Gatherer::add(std::size_t index, Gathered& out) {
+  Input& input = inputs_[index];
+  if (input.taken) out.taken.emplace_back(index, *std::exchange(input.taken, std::nullopt));
+  const DecodedScene& scene = *input.whole;
+  out.views.insert(out.views.end(), scene.views.begin(), scene.views.end());
+  out.sources.insert(out.sources.end(), scene.sources.begin(), scene.sources.end());
+  out.scenes.push_back(scene);
+  for (const auto& [stage, at] : input.marks) keep_latest(out.marks, stage, at);
+  const auto belongs = [&](const Unit& u) { return u.captured_at <= scene.captured_at; };
+  const auto later = std::find_if_not(input.units.begin(), input.units.end(), belongs);
+  for (auto unit = input.units.begin(); unit != later; ++unit)
+    out.units.push_back(std::move(unit->unit));
+  input.units.erase(input.units.begin(), later);
+}
+
+}  // namespace mr::node

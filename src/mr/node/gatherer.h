@@ -1,0 +1,109 @@
+#pragma once
+
+#include <cstdint>
+#include <map>
+#include <optional>
+#include <set>
+#include <span>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "mr/codec/receiver.h"
+#include "mr/codec/request.h"
+#include "mr/core/packet.h"
+#include "mr/core/result.h"
+#include "mr/core/scene.h"
+#include "mr/core/trace.h"
+#include "mr/node/aligner.h"
+
+namespace mr::node {
+
+/// What is merged in one tick.
+struct Gathered {
+  TimePoint tick{};
+  std::vector<DecodedScene> scenes;
+  std::vector<View> views;           ///< of all, by id, streams as the children have them
+  std::vector<SourceInfo> sources;   ///< of all, by sensor
+  std::vector<TextureUnit> units;    ///< to hand on; empty where textures are composed anew
+  std::map<std::string, TimePoint> marks;  ///< the latest of each stage below
+  /// Inputs of which something new was taken, with its sequence: to be acknowledged.
+  std::vector<std::pair<std::size_t, std::uint64_t>> taken;
+};
+
+/// The receiving half of a merger: decodes its inputs' packets, asks for what is missing, and
+/// brings captures together by time. An input whose newest packet is incomplete is shown as it was
+/// last whole. No socket, thread or clock inside; decodes in the caller's arena.
+class Gatherer {
+ public:
+  /// Key frames are asked for at most this often, missing chunks again after this long.
+  static constexpr Duration kKeyFrameEvery = std::chrono::milliseconds(500);
+  static constexpr Duration kChunksEvery = std::chrono::milliseconds(100);
+
+  /// `hand_on`: keep the inputs' texture units for the next merger. The scene must outlive this.
+  Gatherer(const Scene& scene, const MergerConfig& merger, bool hand_on);
+
+  /// Takes one packet of an input. What was wrong inside it is counted in drops(); an Error means
+  /// that the whole packet was refused.
+  Status receive(std::size_t input, std::span<const std::byte> bytes, TimePoint now);
+  Status receive(std::size_t input, Packet packet, TimePoint now);
+
+  /// Takes an input's answer to a request.
+  void take_answer(std::size_t input, std::span<const std::byte> answer, TimePoint now);
+
+  /// What the inputs should be asked now, one request each at most.
+  std::vector<std::pair<std::size_t, codec::Request>> requests(TimePoint now);
+
+  /// All inputs' next pictures should be key frames.
+  void ask_key_frames();
+
+  bool ready(TimePoint now) const { return aligner_.ready(now).has_value(); }
+
+  /// What can be merged now, if a tick is ready. empty: there is no live input.
+  Result<std::optional<Gathered>> gather(TimePoint now);
+
+  /// When gather() should be tried again though nothing arrives.
+  std::optional<TimePoint> due() const { return aligner_.due(); }
+
+  const Trace& trace() const { return trace_; }
+  const DropCounter& drops() const { return drops_; }
+  void set_drop_listener(DropCounter::Listener listener) {
+    drops_.set_listener(std::move(listener));
+  }
+
+ private:
+  struct Unit {  // waits to be handed on with the capture that it belongs to
+    TimePoint captured_at;
+    TextureUnit unit;
+  };
+  struct Input {
+    Input(std::string name, std::set<std::uint32_t> below, const Lattice& lattice)
+        : id(std::move(name)), sensors(std::move(below)), receiver(lattice) {}
+    std::string id;
+    std::set<std::uint32_t> sensors;  // that this input may speak for
+    codec::Receiver receiver;
+    std::optional<DecodedScene> whole;  // newest capture that was complete
+    std::vector<Unit> units;
+    std::map<std::string, TimePoint> marks;
+    std::optional<std::uint64_t> taken;  // sequence of `whole`, until it was gathered
+    bool key_frame_wanted = false;
+    std::optional<TimePoint> key_frame_asked, chunks_asked;
+  };
+
+  std::string link(const Input& input) const { return input.id + " → " + merger_.id; }
+  Status check_sender(const Input& input, const Packet& packet) const;
+  void keep_units(Input& input, Packet& packet);
+  void settle(std::size_t input, TimePoint now);
+  void add(std::size_t input, Gathered& out);
+
+  const Scene* scene_;
+  MergerConfig merger_;
+  bool hand_on_;
+  std::vector<Input> inputs_;
+  Aligner aligner_;
+  double decode_ms_ = 0;
+  Trace trace_;
+  DropCounter drops_;
+};
+
+}  // namespace mr::node

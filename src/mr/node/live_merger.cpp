@@ -1,0 +1,155 @@
+#include <mutex>
+#include <utility>
+
+#include "mr/codec/coalesce.h"
+#include "mr/codec/packet_codec.h"
+#include "mr/core/parallel.h"
+#include "mr/node/live_node.h"
+
+namespace mr::node {
+
+/// What arrived from one input and waits for the receiving thread.
+struct LiveMerger::Inbox {
+  net::Outbox packets{coalesce_packets};
+  std::mutex mutex;
+  std::vector<net::Message> answers;
+};
+
+net::Message coalesce_packets(std::span<const net::Message> packets) {
+  if (packets.size() == 1) return packets.front();
+  std::vector<Packet> decoded;
+  for (const net::Message& bytes : packets)
+    if (auto packet = codec::decode_packet(*bytes)) decoded.push_back(*std::move(packet));
+  // Bytes that are no packet: whoever takes them counts them.
+  if (decoded.empty()) return packets.back();
+  return std::make_shared<const std::vector<std::byte>>(
+      codec::encode_packet(codec::coalesce(decoded)));
+}
+
+LiveMerger::LiveMerger(const LiveContext& context, const MergerConfig& merger)
+    : context_(context),
+      node_(*context.scene, merger, merger.id == context.scene->mergers.back().id,
+            NodeClock::live()),
+      credit_(context.frames_ahead) {
+  const auto tell = [this](const std::string& place, const Error& error) {
+    context_.log(place + ": " + error.message);
+  };
+  drops_.set_listener(tell);
+  node_.inputs().set_drop_listener(tell);
+  service_ = context_.transport->serve(
+      node_.id(), [this](std::span<const std::byte> question) { return answer(question); });
+  for (const std::string& input : merger.inputs) {
+    auto inbox = inboxes_.emplace_back(std::make_shared<Inbox>());
+    subscriptions_.push_back(
+        context_.transport->subscribe(input, [this, inbox](net::Message packet) {
+          inbox->packets.push(std::move(packet));
+          signal_->notify();
+        }));
+  }
+  receives_ = std::jthread([this](const std::stop_token& stop) { receive(stop); });
+  merges_ = std::jthread([this](const std::stop_token& stop) { merge(stop); });
+}
+
+void LiveMerger::receive(const std::stop_token& stop) {
+  constexpr Duration kLookAgain = std::chrono::milliseconds(20);  // late answers are asked for anew
+  Arena arena(context_.threads);
+  while (!stop.stop_requested()) {
+    const TimePoint now = wall_time();
+    arena.run([&] { receive_what_waits(now); });
+    if (key_frames_wanted_.exchange(false) || node_.take_key_frame_wish())
+      node_.inputs().ask_key_frames();
+    for (const auto& [input, request] : node_.inputs().requests(now)) ask(input, request);
+    if (node_.inputs().ready(now) && credit_.try_begin()) hand_over(stop, now);
+
+    const auto due = node_.inputs().due();
+    signal_->wait(stop,
+                 due ? std::clamp<Duration>(*due - now, Duration(100'000), kLookAgain) : kLookAgain);
+  }
+}
+
+void LiveMerger::receive_what_waits(TimePoint now) {
+  for (std::size_t i = 0; i < inboxes_.size(); ++i) {
+    Inbox& inbox = *inboxes_[i];
+    // A refusal is counted, and told, by the gatherer.
+    if (const net::Message packet = inbox.packets.try_pop())
+      static_cast<void>(node_.inputs().receive(i, *packet, now).ok());
+    std::vector<net::Message> answers;
+    {
+      const std::lock_guard lock(inbox.mutex);
+      answers.swap(inbox.answers);
+    }
+    for (const net::Message& answer : answers) node_.inputs().take_answer(i, *answer, now);
+  }
+}
+
+/// Gives the merging thread what has come together, and tells the inputs that it was taken.
+void LiveMerger::hand_over(const std::stop_token& stop, TimePoint now) {
+  auto gathered = node_.inputs().gather(now);
+  if (!gathered) drops_.count(node_.id(), gathered.error());
+  if (!gathered || !*gathered) return credit_.end(false);
+  for (const auto& [input, sequence] : (*gathered)->taken)
+    ask(input, {.key_frame = false, .chunks = {}, .taken = sequence});
+  gathered_.put(stop, **std::move(gathered));
+}
+
+void LiveMerger::ask(std::size_t input, const codec::Request& request) {
+  context_.transport->request(
+      node_.config().inputs[input],
+      std::make_shared<const std::vector<std::byte>>(codec::encode_request(request)),
+      [inbox = std::weak_ptr(inboxes_[input]), signal = signal_](net::Message answer) {
+        constexpr std::size_t kMaxAnswers = 64;
+        const auto to = inbox.lock();
+        if (!to) return;
+        {
+          const std::lock_guard lock(to->mutex);
+          if (to->answers.size() < kMaxAnswers) to->answers.push_back(std::move(answer));
+        }
+        signal->notify();
+      });
+}
+
+void LiveMerger::merge(const std::stop_token& stop) {
+  Arena arena(context_.threads);
+  while (const auto gathered = gathered_.take(stop)) {
+    Result<std::vector<std::byte>> bytes = std::vector<std::byte>{};
+    arena.run([&] { bytes = node_.merge(*gathered); });
+    credit_.end(bytes.ok());
+    if (bytes) {
+      ++frames_;
+      context_.transport->publish(
+          node_.id(), std::make_shared<const std::vector<std::byte>>(*std::move(bytes)));
+    } else {
+      drops_.count(node_.id(), bytes.error());
+      key_frames_wanted_ = true;
+    }
+    signal_->notify();
+  }
+}
+
+net::Message LiveMerger::answer(std::span<const std::byte> question) {
+  const auto request = codec::decode_request(question);
+  if (!request) {
+    drops_.count("requests to " + node_.id(), request.error());
+    return nullptr;
+  }
+  if (request->taken) credit_.taken(*request->taken);
+  auto bytes = node_.answer(*request);
+  signal_->notify();
+  return bytes.empty() ? nullptr
+                       : std::make_shared<const std::vector<std::byte>>(std::move(bytes));
+}
+
+LiveStats LiveMerger::stats() const {
+  LiveStats out{node_.id(), frames_, drops_.by_cause(), node_.trace().stages()};
+  for (const auto& [cause, n] : node_.inputs().drops().by_cause()) out.drops[cause] += n;
+  for (const auto& [stage, ms] : node_.inputs().trace().stages()) out.stages_ms[stage] = ms;
+  for (std::size_t i = 0; i < inboxes_.size(); ++i) {
+    const auto counts = inboxes_[i]->packets.counts();
+    const std::string link = node_.config().inputs[i] + " → " + node_.id();
+    if (counts.folded > 0) out.drops[link + ": folded, " + node_.id() + " is slow"] = counts.folded;
+    if (counts.lost > 0) out.drops[link + ": lost, " + node_.id() + " is slow"] = counts.lost;
+  }
+  return out;
+}
+
+}  // namespace mr::node

@@ -1,0 +1,139 @@
+#include "mr/node/live_scene.h"
+
+#include <algorithm>
+#include <cmath>
+#include <nlohmann/json.hpp>
+
+#include "mr/core/trace.h"
+#include "mr/node/gateway.h"
+#include "mr/node/report.h"
+#include "mr/node/sources.h"
+
+namespace mr::node {
+namespace {
+
+constexpr const char* kGateway = "gateway";
+
+std::string joined(const std::vector<std::string>& words) {
+  std::string out;
+  for (const std::string& word : words) out += (out.empty() ? "" : ", ") + word;
+  return out;
+}
+
+std::vector<std::uint32_t> sensors_among(const Scene& scene, const std::vector<std::string>& names) {
+  std::vector<std::uint32_t> out;
+  for (std::uint32_t i = 0; i < scene.sensors.size(); ++i)
+    if (std::find(names.begin(), names.end(), scene.sensors[i].id) != names.end()) out.push_back(i);
+  return out;
+}
+
+}  // namespace
+
+std::vector<std::string> node_names(const Scene& scene) {
+  std::vector<std::string> names;
+  for (const SensorConfig& sensor : scene.sensors) names.push_back(sensor.id);
+  for (const MergerConfig& merger : scene.mergers) names.push_back(merger.id);
+  names.push_back(kGateway);
+  return names;
+}
+
+LiveScene::LiveScene(Scene scene) : scene_(std::make_unique<const Scene>(std::move(scene))) {}
+LiveScene::~LiveScene() = default;
+
+Result<std::unique_ptr<LiveScene>> LiveScene::start(Scene given, const LiveOptions& options) {
+  Scene scene = with_rig_sensors(std::move(given));
+  if (scene.sensors.empty() || scene.mergers.empty())
+    return Error{Error::Cause::empty, "scene '" + scene.id + "' has no sensors"};
+  const std::vector<std::string> known = node_names(scene);
+  for (const std::string& name : options.nodes)
+    if (std::find(known.begin(), known.end(), name) == known.end())
+      return Error{Error::Cause::not_found, "scene '" + scene.id + "' has no node '" + name +
+                                                "'; its nodes are " + joined(known)};
+
+  std::unique_ptr<LiveScene> live(new LiveScene(std::move(scene)));
+  if (const Status open = live->open_transport(options); !open) return open.error();
+  const LiveContext context{live->scene_.get(), live->transport_.get(),
+                            options.threads > 0 ? options.threads : live->scene_->threads,
+                            options.nodes.empty() ? 1 : 2, options.log};
+  // Consumers first, so that they see their producers' first packets.
+  const auto& names = options.nodes.empty() ? known : options.nodes;
+  const auto sensors = sensors_among(*live->scene_, names);
+  for (auto name = names.rbegin(); name != names.rend(); ++name)
+    if (const Status started = live->start_node(*name, context, options); !started)
+      return started.error();
+  auto sources = open_sources(*live->scene_, sensors, options.cache_folder, options.rendering);
+  for (std::size_t i = 0; i < sensors.size(); ++i)
+    live->nodes_.push_back(
+        std::make_unique<LiveSensor>(context, sensors[i], std::move(sources[i])));
+  live->started_ = std::chrono::steady_clock::now();
+  return live;
+}
+
+Status LiveScene::open_transport(const LiveOptions& options) {
+  net::TransportLimits limits;
+  limits.log = options.log;
+  if (options.nodes.empty()) {
+    transport_ = net::make_in_process_transport();
+    return {};
+  }
+  const NetworkConfig& network = scene_->network;
+  if (network.nats_url.empty() && network.tcp.empty())
+    return Error{Error::Cause::invalid,
+                 "nodes in processes of their own need 'nats: {url: …}' or 'tcp: {NODE: host:port, "
+                 "…}' in the scene file"};
+  auto made = network.nats_url.empty()
+                  ? net::make_tcp_transport(network.tcp, coalesce_packets, limits)
+                  : net::make_nats_transport(network.nats_url, scene_->id, limits, coalesce_packets);
+  if (!made) return made.error();
+  transport_ = *std::move(made);
+  return {};
+}
+
+Status LiveScene::start_node(const std::string& name, const LiveContext& context,
+                             const LiveOptions& options) {
+  for (const MergerConfig& merger : scene_->mergers)
+    if (merger.id == name) nodes_.push_back(std::make_unique<LiveMerger>(context, merger));
+  if (name != kGateway) return {};
+  auto gateway = Gateway::start(context, scene_->gateway.value_or(GatewayConfig{}), options.page);
+  if (!gateway) return gateway.error();
+  port_ = (*gateway)->port();
+  nodes_.push_back(*std::move(gateway));
+  return {};
+}
+
+std::vector<LiveStats> LiveScene::stats() const {
+  std::vector<LiveStats> out;
+  for (const auto& node : nodes_) out.push_back(node->stats());
+  return out;
+}
+
+double LiveScene::seconds() const {
+  return std::chrono::duration<double>(std::chrono::steady_clock::now() - started_).count();
+}
+
+std::string to_json(const LiveScene& live) {
+  using Json = nlohmann::ordered_json;
+  const double seconds = live.seconds();
+  const auto rounded = [](double v) { return std::round(v * 1000) / 1000; };
+  Json nodes = Json::object();
+  for (const LiveStats& node : live.stats()) {
+    Json stages = Json::object();
+    for (const auto& [stage, ms] : node.stages_ms)
+      stages[stage] = {{"p50_ms", rounded(percentile(ms, 0.5))},
+                       {"p95_ms", rounded(percentile(ms, 0.95))}};
+    nodes[node.id] = {{"frames", node.frames},
+                      {"fps", rounded(static_cast<double>(node.frames) / seconds)},
+                      {"drops", node.drops},
+                      {"stages", stages}};
+  }
+  return Json{{"scene", live.scene().id},
+              {"preset", Json::parse(preset_of(live.scene()))},
+              {"seconds", rounded(seconds)},
+              {"peak_rss_mb", rounded(peak_rss_mb())},
+              {"nodes", nodes},
+              {"transport_drops", live.transport_drops()}}
+             .dump(2) +
+         "\n";
+}
+
+}  // namespace mr::node

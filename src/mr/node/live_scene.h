@@ -1,0 +1,64 @@
+#pragma once
+
+#include <chrono>
+#include <filesystem>
+#include <functional>
+#include <map>
+#include <memory>
+#include <string>
+#include <thread>
+#include <vector>
+
+#include "mr/core/result.h"
+#include "mr/core/scene.h"
+#include "mr/node/live_node.h"
+
+namespace mr::node {
+
+struct LiveOptions {
+  /// Which nodes to run here: sensors, mergers, "gateway". Empty: all of them, joined in this
+  /// process; else by NATS or TCP, as the scene says.
+  std::vector<std::string> nodes;
+  std::filesystem::path page;          ///< folder of the built viewer, for the gateway
+  std::filesystem::path cache_folder;  ///< of rendered rigs; empty: none
+  int threads = 0;                     ///< of each stage; 0: as the scene says
+  std::function<void(const std::string&)> log = [](const std::string&) {};  ///< one line each
+  std::function<void(int done, int of)> rendering;  ///< a rig's pictures on their way to the cache
+};
+
+/// Some or all nodes of a scene, running until destroyed.
+class LiveScene {
+ public:
+  /// not_found: the scene has no node of such a name. invalid: several processes, but neither NATS
+  /// nor TCP in the scene. io: the gateway's address cannot be listened on.
+  static Result<std::unique_ptr<LiveScene>> start(Scene scene, const LiveOptions& options);
+  ~LiveScene();
+
+  const Scene& scene() const { return *scene_; }
+  /// Of the gateway; 0 where it does not run here.
+  int port() const { return port_; }
+  std::vector<LiveStats> stats() const;
+  /// Lost or folded between nodes since the start.
+  std::map<std::string, std::uint64_t> transport_drops() const { return transport_->drops(); }
+  double seconds() const;
+
+ private:
+  explicit LiveScene(Scene scene);
+  Status open_transport(const LiveOptions& options);
+  Status start_node(const std::string& name, const LiveContext& context,
+                    const LiveOptions& options);
+
+  std::unique_ptr<const Scene> scene_;  // nodes point to it
+  std::unique_ptr<net::Transport> transport_;
+  std::vector<std::unique_ptr<LiveNode>> nodes_;
+  int port_ = 0;
+  std::chrono::steady_clock::time_point started_ = std::chrono::steady_clock::now();
+};
+
+/// The names of all nodes of a scene, children before parents; the gateway is last.
+std::vector<std::string> node_names(const Scene& scene);
+
+/// What `meshreduce run --report` writes after a live run.
+std::string to_json(const LiveScene& live);
+
+}  // namespace mr::node

@@ -1,0 +1,81 @@
+#include <utility>
+
+#include "mr/core/parallel.h"
+#include "mr/node/live_node.h"
+
+namespace mr::node {
+
+LiveSensor::LiveSensor(const LiveContext& context, std::uint32_t sensor,
+                       std::unique_ptr<FrameSource> source)
+    : context_(context),
+      node_(*context.scene, sensor, NodeClock::live()),
+      source_(std::move(source), context.scene->fps),
+      credit_(context.frames_ahead) {
+  drops_.set_listener([this](const std::string& place, const Error& error) {
+    context_.log(place + ": " + error.message);
+  });
+  service_ = context_.transport->serve(
+      node_.id(), [this](std::span<const std::byte> question) { return answer(question); });
+  reconstructs_ = std::jthread([this](const std::stop_token& stop) { reconstruct_frames(stop); });
+  codes_ = std::jthread([this](const std::stop_token& stop) { code_frames(stop); });
+}
+
+void LiveSensor::reconstruct_frames(const std::stop_token& stop) {
+  Arena arena(context_.threads);
+  while (credit_.begin(stop)) {
+    auto frame = source_.newest(stop);
+    skipped_ = source_.skipped();
+    if (stop.stop_requested()) return;
+    if (frame && !*frame) return context_.log("sensor '" + node_.id() + "': its recording ended");
+    std::optional<SensorNode::Reconstructed> surface;
+    Error error = frame ? Error{} : frame.error();
+    if (frame)
+      arena.run([&] {
+        auto made = node_.reconstruct(**std::move(frame));
+        made ? void(surface = *std::move(made)) : void(error = made.error());
+      });
+    if (!surface) {
+      drops_.count(node_.id(), error);
+      credit_.end(false);
+    } else if (!reconstructed_.put(stop, *std::move(surface))) {
+      return;
+    }
+  }
+}
+
+void LiveSensor::code_frames(const std::stop_token& stop) {
+  Arena arena(context_.threads);
+  while (auto surface = reconstructed_.take(stop)) {
+    Result<std::vector<std::byte>> bytes = std::vector<std::byte>{};
+    arena.run([&] { bytes = node_.code(*surface); });
+    if (bytes) {
+      ++frames_;
+      credit_.end(true);
+      context_.transport->publish(
+          node_.id(), std::make_shared<const std::vector<std::byte>>(*std::move(bytes)));
+    } else {
+      credit_.end(false);
+      drops_.count(node_.id(), bytes.error());
+    }
+  }
+}
+
+net::Message LiveSensor::answer(std::span<const std::byte> question) {
+  const auto request = codec::decode_request(question);
+  if (!request) {
+    drops_.count("requests to " + node_.id(), request.error());
+    return nullptr;
+  }
+  if (request->taken) credit_.taken(*request->taken);
+  auto bytes = node_.answer(*request);
+  return bytes.empty() ? nullptr
+                       : std::make_shared<const std::vector<std::byte>>(std::move(bytes));
+}
+
+LiveStats LiveSensor::stats() const {
+  LiveStats out{node_.id(), frames_, drops_.by_cause(), node_.trace().stages()};
+  if (skipped_ > 0) out.drops[node_.id() + ": raw frames that it had no time for"] = skipped_;
+  return out;
+}
+
+}  // namespace mr::node

@@ -1,0 +1,18 @@
+#include "mr/node/node_clock.h"
+
+#include <chrono>
+
+namespace mr::node {
+
+TimePoint wall_time() {
+  return std::chrono::time_point_cast<Duration>(std::chrono::system_clock::now());
+}
+
+NodeClock NodeClock::live() {
+  // Hundredths of a second, so that a node that is restarted at once differs; they repeat after 497
+  // days.
+  const auto ticks = wall_time().time_since_epoch() / std::chrono::milliseconds(10);
+  return {static_cast<std::uint32_t>(ticks), wall_time};
+}
+
+}  // namespace mr::node

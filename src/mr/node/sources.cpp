@@ -1,0 +1,27 @@
+#include "mr/node/sources.h"
+
+#include <variant>
+
+#include "mr/sensor/rgbd_images.h"
+#include "mr/synth/room.h"
+
+namespace mr::node {
+
+std::vector<std::unique_ptr<FrameSource>> open_sources(
+    const Scene& scene, std::span<const std::uint32_t> wanted,
+    const std::filesystem::path& cache_folder, std::function<void(int done, int of)> rendering) {
+  if (scene.rig)
+    return synth::open_rig(*scene.rig, scene.sensors, wanted, scene.fps,
+                           {cache_folder, std::move(rendering)});
+  std::vector<std::unique_ptr<FrameSource>> out;
+  for (const std::uint32_t i : wanted)
+    out.push_back(sensor::open_rgbd_images(scene.sensors[i], i, scene.fps));
+  return out;
+}
+
+Scene with_rig_sensors(Scene scene) {
+  if (scene.rig && scene.sensors.empty()) scene.sensors = synth::rig_sensors(*scene.rig);
+  return scene;
+}
+
+}  // namespace mr::node

@@ -1,0 +1,26 @@
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <functional>
+#include <memory>
+#include <span>
+#include <vector>
+
+#include "mr/core/frame_source.h"
+#include "mr/core/scene.h"
+
+namespace mr::node {
+
+/// Opens the sources of the wanted sensors of a scene, in that order. A rig's sensors must have been
+/// filled in (with_rig_sensors); they share the room, and the cache of rendered pictures where
+/// `cache_folder` is not empty. `rendering` tells how far that is.
+std::vector<std::unique_ptr<FrameSource>> open_sources(
+    const Scene& scene, std::span<const std::uint32_t> wanted,
+    const std::filesystem::path& cache_folder = {},
+    std::function<void(int done, int of)> rendering = {});
+
+/// A scene whose rig, if it has one, is turned into its sensors.
+Scene with_rig_sensors(Scene scene);
+
+}  // namespace mr::node
