@@ -11,86 +11,12 @@
 #include "mr/codec/packet_codec.h"
 #include "mr/kit/video.h"
 #include "support/meshes.h"
+#include "support/sender.h"
 
 namespace mr::codec {
 namespace {
 
-constexpr int kWidth = 64, kHeight = 48;
-
-/// A node that sends a row of chunks, some of which change with every packet, and one video.
-class Sender {
- public:
-  explicit Sender(int chunks = 6, std::uint32_t epoch = 1) : epoch_(epoch) {
-    for (int i = 0; i < chunks; ++i) change(i);
-    restart_video();
-  }
-
-  void change(int cube) {
-    const auto x = static_cast<float>(cube);
-    const Mesh mesh = test::grid({x, 0, 1}, {1, 0, 0}, {0, 1, 0}, 8, 8, 0.05f, ++version_);
-    Chunk chunk{{{{cube, 0, 0}, kMergedSource}, 0, version_}, 0, *snap_to_lattice(mesh, {})};
-    chunk.mesh.runs = {{0, 60, 0}, {60, 68, kNoView}};
-    auto encoded = std::make_shared<const EncodedChunk>(*encode_chunk(chunk, {}, 5));
-    live_[cube] = encoded;
-    fresh_.insert(cube);
-    cache.put(encoded);
-  }
-
-  void new_layout() { ++layout_; }
-  void restart_video() {
-    encoder_ =
-        std::move(*kit::VideoEncoder::create({.width = kWidth, .height = kHeight, .qp = 20}));
-  }
-
-  Packet next(bool key_frame = false) {
-    Packet p;
-    p.scene = "test", p.node = "sender";
-    p.epoch = epoch_, p.sequence = sequence_++;
-    p.captured_at = TimePoint(Duration(33'000'000 * static_cast<std::int64_t>(p.sequence)));
-    View view;
-    view.id = 0;
-    view.width = kWidth, view.height = kHeight;
-    view.fx = view.fy = 60, view.cx = 32, view.cy = 24;
-    view.image_rect = view.atlas_rect = {0, 0, kWidth, kHeight};
-    view.stream = 4, view.layout = layout_;
-    p.views = {view};
-    for (const auto& [cube, chunk] : live_) {
-      p.manifest.push_back(chunk->key);
-      if (fresh_.contains(cube)) p.chunks.push_back(*chunk);
-    }
-    fresh_.clear();
-    cache.keep(p.manifest);
-    auto unit = encoder_->encode(picture(p.sequence), key_frame);
-    p.textures = {{4, TextureCodec::h264, layout_, kWidth, kHeight, unit->key_frame, unit->data}};
-    return p;
-  }
-
-  static ImageRgb picture(std::uint64_t sequence) {
-    ImageRgb out(kWidth, kHeight);
-    for (int y = 0; y < kHeight; ++y)
-      for (int x = 0; x < kWidth; ++x)
-        for (int c = 0; c < 3; ++c)
-          out.at(x, y)[c] = static_cast<std::uint8_t>(
-              128 + 100 * std::sin(0.1 * x + 0.2 * static_cast<double>(sequence) + c + 0.05 * y));
-    return out;
-  }
-
-  /// What a receiver should have.
-  std::vector<Chunk> chunks() const {
-    std::vector<Chunk> out;
-    for (const auto& [cube, chunk] : live_) out.push_back(*decode_chunk(*chunk, {}));
-    return out;
-  }
-
-  ChunkCache cache;
-
- private:
-  std::uint32_t epoch_ = 1, version_ = 0, layout_ = 0;
-  std::uint64_t sequence_ = 100;
-  std::map<int, std::shared_ptr<const EncodedChunk>> live_;
-  std::set<int> fresh_;
-  std::optional<kit::VideoEncoder> encoder_;
-};
+using test::Sender;
 
 double mean_difference(const ImageRgb& a, const ImageRgb& b) {
   double sum = 0;

@@ -239,42 +239,62 @@ std::vector<std::byte> wall_packet(const Scene& s, node::SensorNode& sensor) {
   return *bytes;
 }
 
+/// Passes requests of a merger to its only input, and the answers back; returns how many chunks
+/// were asked for.
+std::size_t serve(node::MergeNode& merger, node::SensorNode& sensor, TimePoint now) {
+  std::size_t asked = 0;
+  for (const auto& [input, request] : merger.inputs().requests(now)) {
+    asked += request.chunks.size();
+    const auto answer = sensor.answer(request);
+    if (!answer.empty()) merger.inputs().take_answer(input, answer, now);
+  }
+  return asked;
+}
+
+/// Merges what is ready; whether a packet came of it.
+bool merges(node::MergeNode& merger, TimePoint now) {
+  const auto gathered = merger.inputs().gather(now);
+  if (!gathered || !*gathered) return false;
+  const auto bytes = merger.merge(**gathered);
+  return bytes && codec::decode_packet(*bytes);
+}
+
 TEST_F(PipelineFromFiles, LossIsMendedByAKeyFrame) {
   const Scene s = scene();
   node::SensorNode sensor(s, 0);
-  node::MergeNode merger(s, s.mergers[0], true,
-                         {[&](std::size_t, const ChunkKey& key) { return sensor.find(key); },
-                          [&](std::size_t) { sensor.ask_key_frame(); }});
+  node::MergeNode merger(s, s.mergers[0], true);
   TimePoint now{};
-  const auto merged = [&] {
+  const auto shown = [&] {  // the capture that the merger shows after one more packet
     now += std::chrono::milliseconds(40);
     auto packet = codec::decode_packet(wall_packet(s, sensor));
     packet->captured_at = now;
-    EXPECT_TRUE(merger.receive(0, codec::encode_packet(*packet), now));
-    const auto result = merger.merge(now + std::chrono::milliseconds(60));
-    return result && *result;
+    EXPECT_TRUE(merger.inputs().receive(0, codec::encode_packet(*packet), now));
+    serve(merger, sensor, now);
+    const auto gathered = merger.inputs().gather(now + std::chrono::milliseconds(60));
+    return gathered && *gathered ? (*gathered)->scenes.at(0).captured_at : TimePoint{};
   };
-  EXPECT_TRUE(merged());
-  wall_packet(s, sensor);  // lost on the way
-  EXPECT_FALSE(merged());  // its pictures refer to the lost one
-  EXPECT_TRUE(merged());
+  EXPECT_EQ(shown(), now);
+  wall_packet(s, sensor);           // lost on the way
+  EXPECT_EQ(shown(), TimePoint{});  // its pictures refer to the lost one: nothing new to merge
+  EXPECT_EQ(shown(), now);
 }
 
 TEST_F(PipelineFromFiles, PacketsOfOtherSendersAreRefused) {
   const Scene s = scene();
   node::SensorNode sensor(s, 0);
-  node::MergeNode merger(s, s.mergers[0], true, {});
+  node::MergeNode merger(s, s.mergers[0], true);
+  node::Gatherer& inputs = merger.inputs();
   const std::vector<std::byte> bytes = wall_packet(s, sensor);
-  EXPECT_FALSE(merger.receive(1, bytes, TimePoint{}));  // s0's packet as if from s1
+  EXPECT_FALSE(inputs.receive(1, bytes, TimePoint{}));  // s0's packet as if from s1
   auto foreign = *codec::decode_packet(bytes);
   foreign.scene = "another";
-  EXPECT_FALSE(merger.receive(0, codec::encode_packet(foreign), TimePoint{}));
+  EXPECT_FALSE(inputs.receive(0, codec::encode_packet(foreign), TimePoint{}));
   auto impostor = *codec::decode_packet(bytes);
   impostor.node = "s1";  // right name, but another sensor's view
-  EXPECT_FALSE(merger.receive(1, codec::encode_packet(impostor), TimePoint{}));
-  EXPECT_TRUE(merger.receive(0, bytes, TimePoint{}));
-  EXPECT_FALSE(merger.receive(0, bytes, TimePoint{}));  // twice
-  EXPECT_EQ(merger.drops().total(), 4u);
+  EXPECT_FALSE(inputs.receive(1, codec::encode_packet(impostor), TimePoint{}));
+  EXPECT_TRUE(inputs.receive(0, bytes, TimePoint{}));
+  EXPECT_FALSE(inputs.receive(0, bytes, TimePoint{}));  // twice
+  EXPECT_EQ(inputs.drops().total(), 4u);
 }
 
 TEST_F(PipelineFromFiles, OneBrokenPictureLeavesTheOtherSensorAlone) {
@@ -382,52 +402,34 @@ TEST_F(PipelineFromFiles, SceneWithoutAnyColourStillHasASurface) {
 TEST_F(PipelineFromFiles, MergerSurvivesGarbagePackets) {
   const Scene s = scene();
   node::SensorNode sensor(s, 0);
-  node::MergeNode merger(s, s.mergers[0], true,
-                         {[&](std::size_t, const ChunkKey& key) { return sensor.find(key); }, {}});
+  node::MergeNode merger(s, s.mergers[0], true);
+  node::Gatherer& inputs = merger.inputs();
   const TimePoint now{};
-  EXPECT_TRUE(merger.merge(now).ok());  // nothing arrived: nothing to merge, no error
+  EXPECT_TRUE(inputs.gather(now).ok());  // nothing arrived: nothing to merge, no error
 
   const std::vector<std::byte> garbage(1000, std::byte{0x5a});
-  EXPECT_FALSE(merger.receive(1, garbage, now));
-  EXPECT_FALSE(merger.receive(1, {}, now));
-  Frame frame;
-  frame.depth = ImageDepth(160, 120, 1.5f);
-  frame.color = ImageRgb(160, 120, 128);
-  frame.T_world_depth = s.sensors[0].T_world_depth[0];
-  const auto bytes = sensor.process(frame);
-  ASSERT_TRUE(bytes);
-  EXPECT_FALSE(
-      merger.receive(1, std::span(*bytes).first(bytes->size() / 2), now));  // half a packet
-  ASSERT_TRUE(merger.receive(0, *bytes, now));
-  const auto merged = merger.merge(now + std::chrono::milliseconds(51));
-  ASSERT_TRUE(merged && *merged);
-  EXPECT_TRUE(codec::decode_packet(**merged));
-  EXPECT_EQ(merger.drops().total(), 3u);
+  EXPECT_FALSE(inputs.receive(1, garbage, now));
+  EXPECT_FALSE(inputs.receive(1, std::span<const std::byte>{}, now));
+  const auto bytes = wall_packet(s, sensor);
+  EXPECT_FALSE(inputs.receive(1, std::span(bytes).first(bytes.size() / 2), now));  // half a packet
+  inputs.take_answer(0, garbage, now);
+  ASSERT_TRUE(inputs.receive(0, bytes, now));
+  EXPECT_TRUE(merges(merger, now + std::chrono::milliseconds(51)));
+  EXPECT_EQ(inputs.drops().total(), 4u);
 }
 
 TEST_F(PipelineFromFiles, ChunkLostOnTheWayIsAskedFor) {
   const Scene s = scene();
   node::SensorNode sensor(s, 0);
-  int asked = 0;
-  node::MergeNode merger(s, s.mergers[0], true,
-                         {[&](std::size_t, const ChunkKey& key) {
-                            ++asked;
-                            return sensor.find(key);
-                          },
-                          {}});
-  Frame frame;
-  frame.depth = ImageDepth(160, 120, 1.5f);
-  frame.color = ImageRgb(160, 120, 128);
-  frame.T_world_depth = s.sensors[0].T_world_depth[0];
-  const auto bytes = sensor.process(frame);
-  ASSERT_TRUE(bytes);
-  auto packet = codec::decode_packet(*bytes);
+  node::MergeNode merger(s, s.mergers[0], true);
+  auto packet = codec::decode_packet(wall_packet(s, sensor));
   ASSERT_TRUE(packet);
   packet->chunks.pop_back();
-  ASSERT_TRUE(merger.receive(0, codec::encode_packet(*packet), TimePoint{}));
-  EXPECT_EQ(asked, 1);
-  const auto merged = merger.merge(TimePoint{} + std::chrono::milliseconds(60));
-  EXPECT_TRUE(merged && *merged);
+  ASSERT_TRUE(merger.inputs().receive(0, codec::encode_packet(*packet), TimePoint{}));
+  const TimePoint later = TimePoint{} + std::chrono::milliseconds(60);
+  EXPECT_FALSE(merges(merger, later));
+  EXPECT_EQ(serve(merger, sensor, TimePoint{}), 1u);
+  EXPECT_TRUE(merges(merger, later));
 }
 
 }  // namespace

@@ -1,0 +1,16 @@
+#pragma once
+
+#include "mr/core/camera.h"
+#include "mr/core/image.h"
+#include "mr/core/pose.h"
+#include "mr/core/scene.h"
+
+namespace mr::sensor {
+
+/// Sets the depth pixels that lie on the floor, or below it, to 0: in a capture volume in front of
+/// a known background only what stands on the floor is of interest (paper, Fig. 11). The camera is
+/// without distortion; `up` is the world's, unit length. Parallel over rows.
+void remove_floor(ImageDepth& depth, const Camera& camera, const Pose& T_world_camera,
+                  const FloorConfig& floor, Vec3d up);
+
+}  // namespace mr::sensor

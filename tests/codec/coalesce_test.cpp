@@ -1,0 +1,79 @@
+#include "mr/codec/coalesce.h"
+
+#include <gtest/gtest.h>
+
+namespace mr::codec {
+namespace {
+
+ChunkKey key(int cube, std::uint32_t version) {
+  return {{{cube, 0, 0}, kMergedSource}, 0, version};
+}
+
+EncodedChunk chunk(int cube, std::uint32_t version) {
+  EncodedChunk out;
+  out.key = key(cube, version);
+  out.triangles = 1;
+  out.payload = {std::byte{1}};
+  return out;
+}
+
+TextureUnit unit(int number) {
+  TextureUnit out;
+  out.width = out.height = 16;
+  out.data = {static_cast<std::byte>(number)};
+  return out;
+}
+
+Packet packet(std::uint64_t sequence, std::vector<ChunkKey> manifest,
+              std::vector<EncodedChunk> chunks) {
+  Packet out;
+  out.scene = "s", out.node = "n", out.epoch = 1;
+  out.sequence = sequence;
+  out.captured_at = TimePoint(Duration(static_cast<std::int64_t>(sequence)));
+  out.manifest = std::move(manifest);
+  out.chunks = std::move(chunks);
+  out.textures = {unit(static_cast<int>(sequence))};
+  return out;
+}
+
+TEST(Coalesce, NewestManifestNewestPayloadAllUnits) {
+  std::vector<Packet> packets = {
+      packet(5, {key(0, 1), key(1, 1), key(2, 1)}, {chunk(0, 1), chunk(1, 1), chunk(2, 1)}),
+      packet(6, {key(0, 1), key(1, 2)}, {chunk(1, 2)}),
+      packet(7, {key(0, 1), key(1, 3)}, {chunk(1, 3)})};
+  const Packet out = coalesce(packets);
+  EXPECT_EQ(out.sequence, 7u);
+  EXPECT_EQ(out.coalesced, 2u);
+  EXPECT_EQ(out.captured_at, TimePoint(Duration(7)));
+  EXPECT_EQ(out.manifest, (std::vector{key(0, 1), key(1, 3)}));
+  ASSERT_EQ(out.chunks.size(), 2u);
+  EXPECT_EQ(out.chunks[0].key, key(0, 1));
+  EXPECT_EQ(out.chunks[1].key, key(1, 3));
+  ASSERT_EQ(out.textures.size(), 3u);
+  for (int i = 0; i < 3; ++i) EXPECT_EQ(out.textures[i], unit(5 + i));
+}
+
+TEST(Coalesce, FoldedPacketsFoldAgain) {
+  std::vector<Packet> first = {packet(1, {}, {}), packet(2, {}, {})};
+  std::vector<Packet> second = {packet(3, {}, {}), packet(4, {}, {}), packet(5, {}, {})};
+  std::vector<Packet> both = {coalesce(first), coalesce(second)};
+  const Packet out = coalesce(both);
+  EXPECT_EQ(out.coalesced, 4u);
+  EXPECT_EQ(out.textures.size(), 5u);
+}
+
+TEST(Coalesce, WhatDoesNotFollowIsGivenUp) {
+  std::vector<Packet> gap = {packet(1, {}, {}), packet(3, {}, {}), packet(4, {}, {})};
+  Packet out = coalesce(gap);
+  EXPECT_EQ(out.coalesced, 1u);
+  EXPECT_EQ(out.textures.size(), 2u);
+
+  std::vector<Packet> restarted = {packet(8, {}, {}), packet(0, {}, {}), packet(1, {}, {})};
+  restarted[1].epoch = restarted[2].epoch = 2;
+  out = coalesce(restarted);
+  EXPECT_EQ(out.epoch, 2u);
+  EXPECT_EQ(out.coalesced, 1u);
+}
+
+}  // namespace
+}  // namespace mr::codec

@@ -1,0 +1,311 @@
+#include <gtest/gtest.h>
+#include <fcntl.h>
+#include <signal.h>
+#include <spawn.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <chrono>
+#include <cstdlib>
+#include <filesystem>
+#include <fstream>
+#include <map>
+#include <mutex>
+#include <random>
+#include <thread>
+
+#include "mr/codec/packet_codec.h"
+#include "mr/codec/receiver.h"
+#include "mr/codec/request.h"
+#include "mr/core/scene.h"
+#include "mr/net/transport.h"
+#include "mr/node/node_clock.h"
+#include "support/free_port.h"
+
+extern char** environ;
+
+/// A cluster as people run it: a real nats-server, two sensors, two layers of mergers and a
+/// gateway, each a process of its own.
+namespace mr {
+namespace {
+
+using std::chrono::milliseconds;
+using std::chrono::seconds;
+using Clock = std::chrono::steady_clock;
+
+/// A child process that is killed with this object.
+class Process {
+ public:
+  Process() = default;
+  explicit Process(const std::vector<std::string>& command, const std::filesystem::path& log) {
+    std::vector<char*> arguments;
+    for (const std::string& word : command) arguments.push_back(const_cast<char*>(word.c_str()));
+    arguments.push_back(nullptr);
+    posix_spawn_file_actions_t files;
+    posix_spawn_file_actions_init(&files);
+    for (const int fd : {1, 2})
+      posix_spawn_file_actions_addopen(&files, fd, log.c_str(), O_WRONLY | O_CREAT | O_APPEND, 0600);
+    if (posix_spawnp(&pid_, arguments[0], &files, nullptr, arguments.data(), environ) != 0) pid_ = 0;
+    posix_spawn_file_actions_destroy(&files);
+  }
+  Process(Process&& other) noexcept : pid_(std::exchange(other.pid_, 0)) {}
+  Process& operator=(Process&& other) noexcept {
+    stop(SIGKILL);
+    pid_ = std::exchange(other.pid_, 0);
+    return *this;
+  }
+  ~Process() { stop(SIGKILL); }
+
+  bool started() const { return pid_ > 0; }
+  void stop(int signal) {
+    if (pid_ <= 0) return;
+    ::kill(pid_, signal);
+    ::waitpid(std::exchange(pid_, 0), nullptr, 0);
+  }
+
+ private:
+  pid_t pid_ = 0;
+};
+
+/// Receives a node's packets as a client would, perhaps on a line that loses some.
+class Client {
+ public:
+  Client(net::Transport& transport, const Scene& scene, std::string node, double loss = 0)
+      : transport_(transport), node_(std::move(node)), loss_(loss), receiver_(scene.lattice) {
+    subscription_ = transport.subscribe(node_, [this](const net::Message& m) { take(*m); });
+  }
+
+  /// The newest whole capture. A client that watches acknowledges, which lets the node go on.
+  std::optional<DecodedScene> scene() {
+    const std::lock_guard lock(mutex_);
+    ask();
+    return receiver_.scene();
+  }
+  std::uint64_t packets() {
+    const std::lock_guard lock(mutex_);
+    ask();
+    return packets_;
+  }
+  std::uint64_t lost() const { return lost_; }
+  /// When the newest manifest became known to a client that loses nothing.
+  std::map<TimePoint, std::vector<ChunkKey>> manifests() {
+    const std::lock_guard lock(mutex_);
+    return manifests_;
+  }
+  /// When captures were whole.
+  std::map<TimePoint, std::vector<ChunkKey>> wholes() {
+    const std::lock_guard lock(mutex_);
+    return wholes_;
+  }
+
+ private:
+  void take(const std::vector<std::byte>& bytes) {
+    const std::lock_guard lock(mutex_);
+    auto packet = codec::decode_packet(bytes);
+    if (!packet) return;
+    manifests_[node::wall_time()] = packet->manifest;
+    sequence_ = packet->sequence;
+    if (std::uniform_real_distribution<>(0, 1)(random_) < loss_) {
+      ++lost_;
+      return;
+    }
+    ++packets_;
+    receiver_.accept(*packet);
+    note_whole();
+    ask();
+  }
+  void ask() {
+    codec::Request request;
+    const auto now = Clock::now();
+    const bool waiting = !receiver_.streams_waiting().empty() || packets_ == 0;
+    if (waiting && now - key_asked_ > milliseconds(500)) request.key_frame = true, key_asked_ = now;
+    if (now - chunks_asked_ > milliseconds(100)) {
+      request.chunks = receiver_.missing();
+      if (!request.chunks.empty()) chunks_asked_ = now;
+    }
+    if (sequence_ && sequence_ != acknowledged_) request.taken = acknowledged_ = sequence_;
+    if (request.empty()) return;
+    transport_.request(
+        node_, std::make_shared<const std::vector<std::byte>>(codec::encode_request(request)),
+        [this](const net::Message& answer) {
+          const std::lock_guard lock(mutex_);
+          if (const auto chunks = codec::decode_chunks(*answer))
+            for (const EncodedChunk& chunk : *chunks) static_cast<void>(receiver_.provide(chunk));
+          note_whole();
+        });
+  }
+  void note_whole() {
+    if (!receiver_.missing().empty()) return;
+    std::vector<ChunkKey> keys;
+    if (const auto scene = receiver_.scene())
+      for (const auto& chunk : scene->chunks) keys.push_back(chunk->key);
+    if (!keys.empty()) wholes_[node::wall_time()] = keys;
+  }
+
+  net::Transport& transport_;
+  const std::string node_;
+  const double loss_;
+  std::recursive_mutex mutex_;
+  codec::Receiver receiver_;
+  std::mt19937 random_{7};
+  std::uint64_t packets_ = 0, lost_ = 0;
+  std::optional<std::uint64_t> sequence_, acknowledged_;
+  Clock::time_point key_asked_{}, chunks_asked_{};
+  std::map<TimePoint, std::vector<ChunkKey>> manifests_, wholes_;
+  std::unique_ptr<net::Subscription> subscription_;
+};
+
+class Processes : public ::testing::Test {
+ protected:
+  static constexpr const char* kNodes[] = {"cam-0", "cam-1", "west", "east", "root", "gateway"};
+
+  void SetUp() override {
+    if (std::system("command -v nats-server >/dev/null") != 0)
+      GTEST_SKIP() << "no nats-server here (scripts/setup installs it)";
+    folder_ = std::filesystem::temp_directory_path() / ("mr_processes_" + std::to_string(::getpid()));
+    std::filesystem::create_directories(folder_);
+    nats_port_ = test::free_port();
+    write_scene();
+    start_nats();
+    scene_ = load_scene(file()).scene;
+    auto transport = net::make_nats_transport(scene_.network.nats_url, scene_.id);
+    ASSERT_TRUE(transport) << transport.error().message;
+    transport_ = *std::move(transport);
+  }
+  void TearDown() override {
+    nodes_.clear();
+    transport_.reset();
+    if (HasFailure()) {
+      std::ifstream log(log_file());
+      std::cerr << log.rdbuf();
+    }
+    nats_ = {};
+    std::filesystem::remove_all(folder_);
+  }
+
+  std::filesystem::path file() const { return folder_ / "scene.yaml"; }
+  std::filesystem::path log_file() const { return folder_ / "log"; }
+
+  void write_scene() {
+    std::ofstream(file()) << R"(scene: cluster
+up: [0, 0, 1]
+fps: 30
+voxel_m: 0.04
+rig: {type: synthetic, seed: 3, room: [5, 4, 2.6], sensors: 2, depth_mode: nfov_binned, color: [320, 180], frames: 60, loop: true}
+mergers:
+  - {id: west, inputs: [cam-0]}
+  - {id: east, inputs: [cam-1]}
+  - {id: root, inputs: [west, east], deadline_ms: 100}
+fusion: {chunk_m: 2.56, truncation_m: 0.12}
+simplify: {ratio: 0.05}
+threads: 1
+video: {threads: 1, slices: 1}
+gateway: {listen: "127.0.0.1:0"}
+nats: {url: "nats://127.0.0.1:)" << nats_port_
+                          << "\"}\n";
+  }
+  void start_nats() {
+    nats_ = Process({"nats-server", "-a", "127.0.0.1", "-p", std::to_string(nats_port_)}, log_file());
+    ASSERT_TRUE(nats_.started());
+  }
+  void start(const std::string& node) {
+    nodes_[node] = Process({MR_PROGRAM, "node", file().string(), node}, log_file());
+    ASSERT_TRUE(nodes_[node].started());
+  }
+  void start_all() {
+    for (const char* node : kNodes) start(node);
+  }
+
+  /// Waits until the client's newest capture comes from these sensors, and is newer than now.
+  testing::AssertionResult shows(Client& client, const std::vector<std::uint32_t>& sensors,
+                                 seconds patience = seconds(30)) {
+    const TimePoint since = node::wall_time();
+    const auto until = Clock::now() + patience;
+    std::string last = "nothing";
+    while (Clock::now() < until) {
+      if (const auto scene = client.scene()) {
+        std::vector<std::uint32_t> from;
+        for (const SourceInfo& s : scene->sources) from.push_back(s.sensor);
+        if (scene->captured_at > since && from == sensors) return testing::AssertionSuccess();
+        last = std::to_string(from.size()) + " sensors";
+      }
+      std::this_thread::sleep_for(milliseconds(10));
+    }
+    return testing::AssertionFailure() << "last seen: " << last;
+  }
+
+  std::filesystem::path folder_;
+  int nats_port_ = 0;
+  Scene scene_;
+  Process nats_;
+  std::map<std::string, Process> nodes_;
+  std::unique_ptr<net::Transport> transport_;
+};
+
+TEST_F(Processes, EachNodeMayDieAndComesBack) {
+  start_all();
+  Client client(*transport_, scene_, "root");
+  ASSERT_TRUE(shows(client, {0, 1}));
+  for (const std::string node : {"cam-1", "east"}) {  // a sensor; a merger of the first layer
+    nodes_[node].stop(SIGKILL);
+    EXPECT_TRUE(shows(client, {0})) << node << " is dead: the others go on without it";
+    start(node);
+    EXPECT_TRUE(shows(client, {0, 1})) << node << " is back";
+  }
+  nodes_["root"].stop(SIGTERM);
+  start("root");
+  EXPECT_TRUE(shows(client, {0, 1}));
+  nats_.stop(SIGKILL);
+  start_nats();
+  EXPECT_TRUE(shows(client, {0, 1})) << "nats-server was restarted";
+}
+
+TEST_F(Processes, MeshEqualsTheSendersWithin500MsThoughAFifthIsLost) {
+  for (const char* node : {"cam-0", "west"}) start(node);
+  Client lossy(*transport_, scene_, "west", 0.2);
+  ASSERT_TRUE(shows(lossy, {0}));
+  const auto until = Clock::now() + seconds(8);
+  while (Clock::now() < until) {
+    lossy.scene();
+    std::this_thread::sleep_for(milliseconds(5));
+  }
+  EXPECT_GT(lossy.lost(), 5u);
+  // Half a second after each manifest was sent, that one or a newer one is whole.
+  const auto sent = lossy.manifests();
+  const auto whole = lossy.wholes();
+  int checked = 0, late = 0;
+  for (const auto& [at, manifest] : sent) {
+    if (at < whole.begin()->first || at > sent.rbegin()->first - milliseconds(600)) continue;
+    ++checked;
+    const auto is_that_or_newer = [&](const auto& w) {
+      return std::any_of(sent.lower_bound(at), sent.end(),
+                         [&](const auto& s) { return s.second == w.second; });
+    };
+    const bool in_time = std::any_of(whole.lower_bound(at), whole.upper_bound(at + milliseconds(500)),
+                                     is_that_or_newer);
+    late += !in_time;
+  }
+  EXPECT_GT(checked, 10);
+  EXPECT_EQ(late, 0) << "of " << checked;
+}
+
+TEST_F(Processes, UnknownNodesAndBusyPortsAreOneLine) {
+  const auto said = [&](const std::string& arguments) {
+    const std::string out = (folder_ / "said").string();
+    const std::string command =
+        std::string(MR_PROGRAM) + " node " + file().string() + " " + arguments + " 2>" + out;
+    EXPECT_NE(std::system(command.c_str()), 0);
+    std::ifstream in(out);
+    return std::string(std::istreambuf_iterator<char>(in), {});
+  };
+  const std::string unknown = said("cam-9");
+  EXPECT_NE(unknown.find("no node 'cam-9'"), std::string::npos) << unknown;
+  EXPECT_EQ(std::count(unknown.begin(), unknown.end(), '\n'), 1) << unknown;
+  const std::string busy = said("gateway --listen 127.0.0.1:" + std::to_string(nats_port_));
+  EXPECT_NE(busy.find(std::to_string(nats_port_)), std::string::npos) << busy;
+  EXPECT_EQ(std::count(busy.begin(), busy.end(), '\n'), 1) << busy;
+}
+
+}  // namespace
+}  // namespace mr

@@ -1,0 +1,134 @@
+#include "mr/node/viewers.h"
+
+#include <gtest/gtest.h>
+
+#include "mr/codec/packet_codec.h"
+#include "mr/codec/receiver.h"
+#include "support/sender.h"
+
+namespace mr {
+namespace {
+
+using node::Viewers;
+using test::Sender;
+
+constexpr TimePoint kStart{};
+
+std::vector<Viewers::Send> give(Viewers& viewers, const Packet& packet) {
+  return viewers.packet(
+      packet, std::make_shared<const std::vector<std::byte>>(codec::encode_packet(packet)));
+}
+
+Packet decoded(const Viewers::Send& send) { return *codec::decode_packet(*send.second); }
+
+TEST(Viewers, ANewcomerStartsWithEverything) {
+  Sender sender;
+  Viewers viewers;
+  EXPECT_TRUE(give(viewers, sender.next(true)).empty());
+  viewers.opened(7);
+  EXPECT_TRUE(viewers.wanted(kStart).key_frame);
+  EXPECT_FALSE(viewers.wanted(kStart).key_frame) << "asked a moment ago";
+  EXPECT_TRUE(give(viewers, sender.next()).empty()) << "not without a key frame";
+  sender.change(3);
+  const auto sent = give(viewers, sender.next(true));
+  ASSERT_EQ(sent.size(), 1u);
+  EXPECT_EQ(sent[0].first, 7u);
+  const Packet packet = decoded(sent[0]);
+  EXPECT_EQ(packet.chunks.size(), packet.manifest.size());
+  codec::Receiver receiver({});
+  EXPECT_TRUE(receiver.accept(packet).empty());
+  EXPECT_TRUE(receiver.scene());
+}
+
+TEST(Viewers, SlowOnesGetFoldedPacketsAndHoldUpNobody) {
+  Sender sender;
+  Viewers viewers;
+  viewers.opened(1);
+  viewers.opened(2);
+  codec::Receiver slow({});
+  std::uint64_t newest = 0;
+  int to_fast = 0, to_slow = 0;
+  const auto count = [&](const std::vector<Viewers::Send>& sent) {
+    for (const auto& send : sent) {
+      (send.first == 1 ? to_fast : to_slow)++;
+      if (send.first == 2) {
+        EXPECT_TRUE(slow.accept(decoded(send)).empty());
+        EXPECT_TRUE(slow.streams_waiting().empty()) << "no gap";
+      }
+    }
+  };
+  for (int i = 0; i < 20; ++i) {
+    if (i > 0) sender.change(i % 6);
+    const Packet packet = sender.next(i == 0);
+    newest = packet.sequence;
+    count(give(viewers, packet));
+    count(viewers.shown(1, packet.sequence));
+    EXPECT_EQ(viewers.taken(), newest) << "the fast one sets the pace";
+  }
+  EXPECT_EQ(to_fast, 20);
+  EXPECT_EQ(to_slow, Viewers::kInFlight);
+  count(viewers.shown(2, newest - 19));
+  EXPECT_EQ(to_slow, Viewers::kInFlight + 1);
+  EXPECT_EQ(slow.newest_sequence(), newest);
+  const auto scene = slow.scene();
+  ASSERT_TRUE(scene);
+  const auto expected = sender.chunks();
+  for (std::size_t i = 0; i < expected.size(); ++i) EXPECT_EQ(scene->chunks[i]->key, expected[i].key);
+  EXPECT_EQ(viewers.drops().size(), 1u);
+}
+
+TEST(Viewers, WhoFallsFarBehindStartsAnew) {
+  Sender sender;
+  Viewers viewers;
+  viewers.opened(1);
+  std::vector<Viewers::Send> sent;
+  std::uint64_t first = 0;
+  for (int i = 0; i < 80; ++i) {
+    const Packet packet = sender.next(i % 10 == 0);
+    if (i == 0) first = packet.sequence;
+    const auto more = give(viewers, packet);
+    sent.insert(sent.end(), more.begin(), more.end());
+  }
+  EXPECT_EQ(sent.size(), 2u) << "who shows nothing gets nothing";
+  EXPECT_EQ(viewers.taken(), std::nullopt);
+  EXPECT_TRUE(viewers.wanted(kStart).key_frame);
+  viewers.shown(1, first + 1);
+  const auto again = give(viewers, sender.next(true));
+  ASSERT_EQ(again.size(), 1u);
+  const Packet packet = decoded(again[0]);
+  EXPECT_EQ(packet.chunks.size(), packet.manifest.size());
+}
+
+TEST(Viewers, AsksTheRootForWhatItLacksItself) {
+  Sender sender;
+  Viewers viewers;
+  static_cast<void>(sender.next(true));
+  const Packet packet = sender.next();  // the gateway came late
+  give(viewers, packet);
+  const codec::Request request = viewers.wanted(kStart);
+  EXPECT_EQ(request.chunks, packet.manifest);
+  EXPECT_FALSE(request.key_frame) << "nobody watches";
+  viewers.take_chunks(*codec::decode_chunks(sender.answer(request)));
+  viewers.opened(1);
+  EXPECT_EQ(give(viewers, sender.next(true)).size(), 1u);
+}
+
+TEST(Viewers, GiveChunksOnRequest) {
+  Sender sender;
+  Viewers viewers;
+  viewers.opened(1);
+  const Packet packet = sender.next(true);
+  give(viewers, packet);
+  const auto answer = viewers.asked(1, {true, {packet.manifest[2], packet.manifest[0]}, {}});
+  ASSERT_TRUE(answer);
+  const auto chunks = codec::decode_chunks(**answer);
+  ASSERT_TRUE(chunks);
+  ASSERT_EQ(chunks->size(), 2u);
+  EXPECT_EQ((*chunks)[0].key, packet.manifest[0]);
+  EXPECT_TRUE(viewers.wanted(kStart).key_frame);
+  EXPECT_FALSE(viewers.asked(9, {}));
+  EXPECT_FALSE(viewers.asked(1, {false, {{{{9, 9, 9}, 0}, 0, 0}}, {}})) << "unknown chunks";
+}
+
+}  // namespace
+}  // namespace mr
