@@ -11,5 +11,6 @@ void add_demo(CLI::App& app, int& exit_code);
 void add_node(CLI::App& app, int& exit_code);
 void add_export(CLI::App& app, int& exit_code);
 void add_info(CLI::App& app, int& exit_code);
+void add_synth(CLI::App& app, int& exit_code);
 
 }  // namespace mr::apps

@@ -10,15 +10,22 @@ namespace {
 
 using namespace mr;
 
-EncodedChunk valid_chunk(int speed, bool labelled) {
+enum class Kind { plain, labelled, background };
+
+EncodedChunk valid_chunk(int speed, Kind kind) {
   Chunk chunk;
   auto mesh = codec::snap_to_lattice(test::sphere({0, 0, 1}, 0.5f, 6), {});
   if (!mesh) std::abort();
   chunk.mesh = std::move(*mesh);
-  std::vector<ViewId> views(chunk.mesh.triangles.size(), 1);
-  for (std::size_t t = 0; labelled && t < views.size(); ++t)
+  std::vector<ViewId> views(chunk.mesh.triangles.size(), kind == Kind::background ? kNoView : 1);
+  for (std::size_t t = 0; kind == Kind::labelled && t < views.size(); ++t)
     views[t] = t % 9 == 8 ? kNoView : static_cast<ViewId>(t / 40);
   set_triangle_views(chunk.mesh, views);
+  if (kind == Kind::background) {
+    chunk.key.id.source = kBackgroundSource;
+    for (std::size_t v = 0; v < chunk.mesh.positions.size(); ++v)
+      chunk.colors.push_back({static_cast<std::uint8_t>(v), 90, 200});
+  }
   auto encoded = codec::encode_chunk(chunk, {}, speed);
   if (!encoded) std::abort();
   return std::move(*encoded);
@@ -27,10 +34,12 @@ EncodedChunk valid_chunk(int speed, bool labelled) {
 }  // namespace
 
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
-  static const EncodedChunk valid[] = {valid_chunk(0, true), valid_chunk(5, true),
-                                       valid_chunk(10, true), valid_chunk(5, false)};
+  static const EncodedChunk valid[] = {valid_chunk(0, Kind::labelled),
+                                       valid_chunk(5, Kind::labelled),
+                                       valid_chunk(10, Kind::labelled), valid_chunk(5, Kind::plain),
+                                       valid_chunk(2, Kind::background)};
   if (size < 2) return 0;
-  EncodedChunk chunk = valid[data[0] % 4];
+  EncodedChunk chunk = valid[data[0] % 5];
   chunk.payload = mr::fuzz::patched(chunk.payload, mr::fuzz::as_bytes(data + 1, size - 1));
   // Promise what the header says, or nothing would get past it.
   if ((data[0] & 128) != 0 && chunk.payload.size() > 14)

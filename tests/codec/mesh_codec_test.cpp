@@ -295,6 +295,83 @@ TEST(MeshCodec, TheWholeCubeCanBeUsed) {
     EXPECT_EQ(content(decoded(encoded(mesh, speed, lattice), lattice)), content(mesh));
 }
 
+// ---- colours ----
+
+using Rgb = std::array<std::uint8_t, 3>;
+
+Chunk background(int n) {
+  Chunk chunk{{{{1, -2, 3}, kBackgroundSource}, 0, 1}, 0, one_view(surface(n), kNoView)};
+  std::mt19937 random(7);
+  for (std::size_t v = 0; v < chunk.mesh.positions.size(); ++v)
+    chunk.colors.push_back({static_cast<std::uint8_t>(random()), static_cast<std::uint8_t>(v),
+                            static_cast<std::uint8_t>(random() % 2 * 255)});
+  return chunk;
+}
+
+std::map<Vec3f, Rgb> colors_by_place(const Chunk& chunk) {
+  std::map<Vec3f, Rgb> out;
+  for (std::size_t v = 0; v < chunk.colors.size(); ++v)
+    out[chunk.mesh.positions[v]] = chunk.colors[v];
+  return out;
+}
+
+TEST(MeshCodec, ColoursOfABackgroundSurviveExactly) {
+  const Chunk chunk = background(20);
+  for (int speed = 0; speed <= 10; ++speed) {
+    const auto coded = encode_chunk(chunk, {}, speed);
+    ASSERT_TRUE(coded) << coded.error().message;
+    EXPECT_TRUE(coded->views.empty());
+    const auto back = decode_chunk(*coded, {});
+    ASSERT_TRUE(back) << back.error().message;
+    EXPECT_EQ(back->key, chunk.key);
+    EXPECT_EQ(content(back->mesh), content(chunk.mesh));
+    ASSERT_EQ(back->colors.size(), back->mesh.positions.size());
+    EXPECT_EQ(colors_by_place(*back), colors_by_place(chunk)) << "speed " << speed;
+  }
+}
+
+TEST(MeshCodec, VerticesOfABackgroundThatManyMeetKeepTheirColour) {
+  Mesh hourglass = test::box({0, 0, 0}, {1, 1, 1});  // Draco doubles the corner they share
+  append(hourglass, test::box({1, 1, 1}, {2, 2, 2}));
+  Chunk chunk{{{{}, kBackgroundSource}, 0, 1}, 0, snapped(one_view(hourglass, kNoView))};
+  for (std::size_t v = 0; v < chunk.mesh.positions.size(); ++v)
+    chunk.colors.push_back({static_cast<std::uint8_t>(17 * v), 200, 3});
+  const auto coded = encode_chunk(chunk, {}, 5);
+  ASSERT_TRUE(coded);
+  const auto back = decode_chunk(*coded, {});
+  ASSERT_TRUE(back) << back.error().message;
+  EXPECT_EQ(back->mesh.positions.size(), chunk.mesh.positions.size());
+  EXPECT_EQ(colors_by_place(*back), colors_by_place(chunk));
+}
+
+TEST(MeshCodec, ColoursAreForBackgroundsOnly) {
+  const Chunk good = background(6);
+  Chunk bad = good;
+  bad.key.id.source = 3;
+  EXPECT_EQ(cause_of(encode_chunk(bad, {}, 5)), Error::Cause::invalid);
+  bad = good;
+  bad.colors.pop_back();
+  EXPECT_EQ(cause_of(encode_chunk(bad, {}, 5)), Error::Cause::invalid);
+  bad = good;
+  bad.mesh = one_view(bad.mesh, 3);
+  EXPECT_EQ(cause_of(encode_chunk(bad, {}, 5)), Error::Cause::invalid);
+  auto coded = encode_chunk(good, {}, 5);
+  ASSERT_TRUE(coded);
+  coded->key.id.source = kMergedSource;
+  EXPECT_FALSE(decode_chunk(*coded, {})) << "COLOR where a label should be";
+  coded->key.id.source = kBackgroundSource;
+  coded->views = {1};
+  EXPECT_FALSE(decode_chunk(*coded, {}));
+  EncodedChunk plain = encoded(one_view(surface(6), kNoView));
+  plain.key.id.source = kBackgroundSource;
+  EXPECT_FALSE(decode_chunk(plain, {})) << "no colours";
+  Mesh labelled = surface(6);
+  label_in_blocks(labelled, 3, 4);
+  plain = encoded(labelled);
+  plain.key.id.source = kBackgroundSource, plain.views.clear();
+  EXPECT_FALSE(decode_chunk(plain, {})) << "a label where COLOR should be";
+}
+
 // ---- refusals ----
 
 TEST(MeshCodec, RefusesWhatItCannotCode) {

@@ -240,15 +240,13 @@ merge: {overlap: raster, refine: true, color_gain: true}
 atlas: {views: packed}
 gateway: {listen: "127.0.0.1:8080"}
 nats: {url: "nats://x"}
-truth: {mesh: "truth/%06d.ply"}
 links: [{from: a, to: root}]
 )";
   EXPECT_THAT(problems(scene_of({"a"}, rest)), IsEmpty());
   EXPECT_THAT(notices(scene_of({"a"}, rest)),
               ElementsAre(HasSubstr("4: "), HasSubstr("5: pipeline"), HasSubstr("6: merge.overlap"),
                           HasSubstr("6: merge.refine"), HasSubstr("6: merge.color_gain"),
-                          HasSubstr("7: atlas"), HasSubstr("8: gateway"), HasSubstr("9: nats"),
-                          HasSubstr("10: truth"), HasSubstr("11: links")));
+                          HasSubstr("7: atlas"), HasSubstr("10: links")));
 }
 
 TEST_F(SceneFile, MergersAreSortedChildrenFirst) {
@@ -451,7 +449,7 @@ rig: {type: synthetic, seed: 4294967295, room: [6, 5, 3], sensors: 3, depth_mode
 }
 
 TEST_F(SceneFile, ARigsMistakesAndNotices) {
-  EXPECT_THAT(problems("scene: s\nrig: {sensors: 17}\n"), ElementsAre(HasSubstr("2: sensors")));
+  EXPECT_THAT(problems("scene: s\nrig: {sensors: 401}\n"), ElementsAre(HasSubstr("2: sensors")));
   EXPECT_THAT(problems("scene: s\nrig: {depth_mode: huge}\n"),
               ElementsAre(HasSubstr("depth_mode")));
   EXPECT_THAT(problems("scene: s\nrig: {noise: pink}\n"), ElementsAre(HasSubstr("kinect, none")));
@@ -459,9 +457,60 @@ TEST_F(SceneFile, ARigsMistakesAndNotices) {
   EXPECT_THAT(
       problems("scene: s\nrig: {sensors: 2}\nmergers:\n  - {id: r, inputs: [cam-0, cam-2]}\n"),
       ElementsAre(HasSubstr("2: sensor 'cam-1' reaches no root"), HasSubstr("4: ")));
+  EXPECT_THAT(problems("scene: s\nrig: {kind: castle}\n"), ElementsAre(HasSubstr("kind must be")));
+  EXPECT_THAT(problems("scene: s\nrig: {clock_offset_ms: -1}\n"), ElementsAre(HasSubstr("2: ")));
+}
+
+TEST_F(SceneFile, ARigHasPeopleErrorsAndOtherSensors) {
+  const SceneResult result = load(R"(scene: s
+rig: {kind: corridor, room: [2, 12, 2.6], people: 2, sensors: 400, lidars: 2, calib_error_mm: 5, calib_error_deg: 0.5,
+      exposure_spread: 0.3, clock_offset_ms: 4, loop: true}
+)");
+  EXPECT_THAT(shorten(result.problems), IsEmpty());
+  EXPECT_THAT(shorten(result.notices), IsEmpty());
+  const RigConfig& rig = *result.scene.rig;
+  EXPECT_EQ(rig.kind, RigConfig::Kind::corridor);
+  EXPECT_EQ(rig.people, 2);
+  EXPECT_EQ(rig.calib_error_mm, 5);
+  EXPECT_EQ(rig.calib_error_deg, 0.5);
+  EXPECT_EQ(rig.exposure_spread, 0.3);
+  EXPECT_EQ(rig.clock_offset_ms, 4);
+  EXPECT_TRUE(rig.loop);
+  ASSERT_EQ(result.scene.mergers[0].inputs.size(), 402u);
+  EXPECT_EQ(result.scene.mergers[0].inputs[399], "cam-399");
+  EXPECT_EQ(result.scene.mergers[0].inputs[401], "lidar-1");
+}
+
+TEST_F(SceneFile, TruthNamesTheSurfaceAndTheRigThatMadeIt) {
+  const SceneResult result =
+      load(scene_of({"a"}, "truth: {mesh: \"truth/%06d.ply\", rig: {seed: 7, kind: office}}\n"));
+  EXPECT_THAT(shorten(result.problems), IsEmpty());
+  EXPECT_EQ(result.scene.truth->mesh, "truth/%06d.ply");
+  EXPECT_EQ(result.scene.truth->rig->seed, 7u);
+  EXPECT_THAT(problems(scene_of({"a"}, "truth: {rig: {seed: -1}}\n")),
+              ElementsAre(HasSubstr("lacks the key 'mesh'"), HasSubstr("seed")));
+}
+
+TEST_F(SceneFile, ALidarHasBeams) {
+  const auto with_camera = [](const std::string& camera) {
+    return "scene: s\nsensors:\n  - {id: a, source: {type: rgbd-images, depth: d.png}, "
+           "depth_camera: " +
+           camera + ", T_world_depth: " + kIdentity + "}\n";
+  };
+  const SceneResult range =
+      load(with_camera("{model: lidar, size: [2048, 3], beam_altitude_deg: {from: 0, to: -90}}"));
+  EXPECT_THAT(shorten(range.problems), IsEmpty());
+  const Camera& camera = range.scene.sensors.at(0).depth_camera;
+  EXPECT_EQ(camera.model, CameraModel::lidar);
+  EXPECT_NEAR(camera.beam_altitude_rad.at(1), -0.7853981634, 1e-9);
+  EXPECT_EQ(camera.beam_azimuth_rad.size(), 3u);
   EXPECT_THAT(
-      notices("scene: s\nrig:\n  people: 2\n  exposure_spread: 0.1\n  calib_error_deg: 0\n"),
-      ElementsAre(HasSubstr("3: rig.people"), HasSubstr("4: rig.exposure_spread")));
+      problems(with_camera("{model: lidar, size: [2048, 2], beam_altitude_deg: [10, -10]}")),
+      IsEmpty());
+  EXPECT_THAT(problems(with_camera("{model: lidar, size: [2048, 2], beam_altitude_deg: [10]}")),
+              ElementsAre(HasSubstr("list of 2 numbers")));
+  EXPECT_THAT(problems(with_camera("{model: lidar, size: [2048, 2]}")),
+              ElementsAre(HasSubstr("lacks the key 'beam_altitude_deg'")));
 }
 
 TEST_F(SceneFile, AFileThatIsNoSceneIsOneProblem) {

@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include "mr/core/parallel.h"
 #include "mr/kit/topology.h"
 #include "mr/merge/front.h"
 #include "mr/merge/islands.h"
@@ -107,6 +108,18 @@ TEST(Zipper, OverlapRemovalAndZipperGiveOneClosedWall) {
   EXPECT_EQ(kit::count_nonmanifold_edges(zipped), 0u);
   EXPECT_EQ(kit::components(zipped).area_m2.size(), 1u);
   for (const Vec3f p : zipped.positions) EXPECT_NEAR(p.z, 2.003f, 0.006f);
+}
+
+TEST(Zipper, SameBytesOnAnyNumberOfThreads) {
+  const std::vector<Mesh> parts = {
+      test::grid({0, 1, 0}, {1, 0, 0}, {0, -1, 0}, 50, 50),
+      test::grid({1.03f, 1, 0.005f}, {1, 0, 0}, {0, -1, 0}, 33, 33, 0.004f)};
+  std::vector<Mesh> results;
+  for (const int threads : {1, 8}) {
+    Arena arena(threads);
+    arena.run([&] { results.push_back(zip(parts)); });
+  }
+  EXPECT_EQ(results[0], results[1]);
 }
 
 TEST(Front, BowtiesAreSplit) {

@@ -293,6 +293,56 @@ TEST(Renderer, NearerSurfacesHideFartherOnes) {
   EXPECT_EQ(at(image, 5, 5), kNeutral);
 }
 
+std::shared_ptr<Chunk> background_of(Mesh mesh, std::vector<Color> colors) {
+  auto chunk = std::make_shared<Chunk>();
+  chunk->key.id.source = kBackgroundSource;
+  set_triangle_views(mesh, std::vector<ViewId>(mesh.triangles.size(), kNoView));
+  chunk->mesh = std::move(mesh);
+  chunk->colors = std::move(colors);
+  return chunk;
+}
+
+TEST(Renderer, ABackgroundShowsItsColours) {
+  const Camera camera = pinhole(60, 40, 40, 40, 29.5, 19.5);
+  const Mesh wall = test::grid({-3, 3, 2}, {6, 0, 0}, {0, -6, 0}, 1, 1);
+  DecodedScene scene;
+  const Color plain{12, 130, 250};
+  scene.chunks = {background_of(wall, std::vector<Color>(4, plain))};
+  EXPECT_EQ(at(draw(scene, camera), 30, 20), plain);
+  EXPECT_EQ(at(draw(scene, camera), 0, 0), plain);
+  scene.chunks = {background_of(wall, {{0, 10, 20}, {240, 10, 20}, {0, 10, 20}, {240, 10, 20}})};
+  const ImageRgb image = draw(scene, camera);
+  for (int x = 0; x < 60; ++x) {  // red grows along x, linearly in the bytes
+    const double along = ((x - 29.5) / 40 * 2 + 3) / 6;
+    EXPECT_NEAR(at(image, x, 20)[0], 240 * along, 1.5);
+    EXPECT_EQ(at(image, x, 20)[1], 10);
+  }
+  auto broken = background_of(wall, std::vector<Color>(3, plain));
+  scene.chunks = {broken};
+  EXPECT_FALSE(renderer().draw(scene, camera, {}, kOptions));
+}
+
+TEST(Renderer, ABackgroundHidesAndIsHidden) {
+  const Camera camera = pinhole(60, 40, 40, 40, 29.5, 19.5);
+  const Color green{0, 255, 0}, blue{5, 60, 250};
+  for (const bool background_first : {true, false})
+    for (const double background_m : {0.9, 1.1}) {
+      DecodedScene scene;
+      scene.views.push_back(view_of(0, camera, {}, {0, 0, 60, 40}));
+      set_texture(scene, plain_picture(60, 40, green));
+      add(scene, wall_before({}, 1.0, 0.2), 0);
+      const Mesh wall = wall_before({}, background_m, background_m < 1 ? 0.05 : 3);
+      auto background = background_of(wall, std::vector<Color>(wall.positions.size(), blue));
+      scene.chunks.insert(background_first ? scene.chunks.begin() : scene.chunks.end(), background);
+      add(scene, test::grid({-0.19f, 0.05f, 0.95f}, {0.05f, 0, 0}, {0, -0.05f, 0}, 1, 1), kNoView);
+      const ImageRgb image = draw(scene, camera);
+      EXPECT_EQ(at(image, 30, 20), background_m < 1 ? blue : green);
+      EXPECT_EQ(at(image, 34, 20), green);
+      EXPECT_EQ(at(image, 22, 20), kNeutral) << "a chunk of no view beside them";
+      EXPECT_EQ(at(image, 2, 2), background_m < 1 ? kBackground : blue);
+    }
+}
+
 TEST(Renderer, CullsWhatIsSeenFromBehindOnly) {
   const Camera camera = pinhole(60, 40, 40, 40, 29.5, 19.5);
   RenderOptions culled = kOptions;

@@ -2,45 +2,80 @@
 
 #include <algorithm>
 #include <cmath>
+#include <vector>
 
+#include "mr/atlas/fold_around.h"
 #include "mr/core/parallel.h"
 #include "mr/kit/raster.h"
 
 namespace mr::atlas {
 namespace {
 
-/// Grows a mask by r pixels in all eight directions.
-ImageMask grown(const ImageMask& mask, int r) {
-  ImageMask rows(mask.width, mask.height), out(mask.width, mask.height);
-  for (int y = 0; y < mask.height; ++y)
-    for (int x = 0; x < mask.width; ++x)
-      if (*mask.at(x, y)) {
-        const int first = std::max(0, x - r), last = std::min(mask.width - 1, x + r);
-        std::fill(rows.at(first, y), rows.at(last, y) + 1, 1);
-      }
-  for (int y = 0; y < mask.height; ++y)
-    for (int k = std::max(0, y - r); k <= std::min(mask.height - 1, y + r); ++k)
-      for (int x = 0; x < mask.width; ++x) *out.at(x, y) |= *rows.at(x, k);
+/// Where the pixels of a tile's rows or columns come from.
+struct Source {
+  int first = 0, second = 0;  ///< the child's pixels that are mixed
+  double share = 0;           ///< of the second
+  int camera = 0;             ///< nearest pixel of the camera picture
+};
+
+/// Columns or rows of a rectangle.
+struct Extent {
+  int first, count;
+};
+Extent columns_of(const Rect& r) { return {r.x, r.width}; }
+Extent rows_of(const Rect& r) { return {r.y, r.height}; }
+
+/// Along one axis: tile pixel → camera pixel → child's picture, all with centres at integers.
+/// `shown`: the camera pixels of the tile; `child_shown`: those that the child has at `child`.
+std::vector<Source> sources(int tile_count, Extent shown, Extent child_shown, Extent child,
+                            int camera_count) {
+  std::vector<Source> out(tile_count);
+  const double scale = static_cast<double>(shown.count) / tile_count;
+  const double child_scale = static_cast<double>(child.count) / child_shown.count;
+  const int child_last = child.first + child.count - 1;
+  for (int i = 0; i < tile_count; ++i) {
+    const double camera = (i + 0.5) * scale + shown.first - 0.5;
+    double at = (camera + 0.5 - child_shown.first) * child_scale + child.first - 0.5;
+    if (std::abs(at - std::round(at)) < 1e-6) at = std::round(at);  // nothing to mix
+    at = std::clamp<double>(at, child.first, child_last);
+    const int first = static_cast<int>(at);
+    out[i] = {first, std::min(first + 1, child_last), at - first,
+              std::clamp(static_cast<int>(std::lround(camera)), 0, camera_count - 1)};
+  }
   return out;
+}
+
+/// Mixes four pixels.
+void mix(const ImageRgb& picture, const Source& column, const Source& row, std::uint8_t* out) {
+  for (int c = 0; c < 3; ++c) {
+    const auto line = [&](int y) {
+      return picture.at(column.first, y)[c] * (1 - column.share) +
+             picture.at(column.second, y)[c] * column.share;
+    };
+    out[c] = static_cast<std::uint8_t>(line(row.first) * (1 - row.share) +
+                                       line(row.second) * row.share + 0.5);
+  }
 }
 
 void draw_tile(const View& tile, const View& child, const ImageRgb& picture, const ImageMask* used,
                ImageRgb& atlas) {
-  const Rect &to = tile.atlas_rect, &crop = tile.image_rect;
-  const double sx = static_cast<double>(crop.width) / to.width,
-               sy = static_cast<double>(crop.height) / to.height;
+  const Rect& to = tile.atlas_rect;
+  const std::vector<Source> columns =
+      sources(to.width, columns_of(tile.image_rect), columns_of(child.image_rect),
+              columns_of(child.atlas_rect), tile.width);
+  const std::vector<Source> rows =
+      sources(to.height, rows_of(tile.image_rect), rows_of(child.image_rect),
+              rows_of(child.atlas_rect), tile.height);
   parallel_for(to.height, 16, [&](std::size_t begin, std::size_t end) {
-    for (int j = static_cast<int>(begin); j < static_cast<int>(end); ++j)
-      for (int i = 0; i < to.width; ++i) {
-        // Tile pixel → camera pixel → child's picture, all with centres at integers.
-        const Vec2d p{(i + 0.5) * sx + crop.x - 0.5, (j + 0.5) * sy + crop.y - 0.5};
-        if (used && !*used->at(std::clamp(static_cast<int>(std::lround(p.x)), 0, used->width - 1),
-                               std::clamp(static_cast<int>(std::lround(p.y)), 0, used->height - 1)))
-          continue;
-        const Vec2d uv = atlas_uv(child, p, picture.width, picture.height);
-        std::ranges::copy(sample_bilinear(picture, child.atlas_rect, uv.x * picture.width - 0.5,
-                                          uv.y * picture.height - 0.5),
-                          atlas.at(to.x + i, to.y + j));
+    for (std::size_t j = begin; j < end; ++j)
+      for (std::size_t i = 0; i < columns.size(); ++i) {
+        const Source &column = columns[i], &row = rows[j];
+        if (used && !*used->at(column.camera, row.camera)) continue;
+        std::uint8_t* const out = atlas.at(to.x + static_cast<int>(i), to.y + static_cast<int>(j));
+        if (column.share == 0 && row.share == 0)
+          std::copy_n(picture.at(column.first, row.first), 3, out);
+        else
+          mix(picture, column, row, out);
       }
   });
 }
@@ -63,7 +98,9 @@ ImageMask used_pixels(const Mesh& mesh, const View& view, int margin_px) {
       };
       const std::array<Vec3d, 3> corners = {corner(0), corner(1), corner(2)};
       kit::scan_polygon(kit::clip_to_screen(camera, corners), camera.width, 0, camera.height,
-                        [&](int x, int y, double) { *mask.at(x, y) = 1; });
+                        [&](const kit::ScreenSpan& s) {
+                          std::fill(mask.at(s.first, s.y), mask.at(s.last, s.y) + 1, 1);
+                        });
       for (const Vec3d& c : corners) {  // slivers hit no pixel centre
         const kit::ScreenPoint s = kit::to_screen(camera, c);
         const int x = static_cast<int>(std::lround(s.u)), y = static_cast<int>(std::lround(s.v));
@@ -71,7 +108,10 @@ ImageMask used_pixels(const Mesh& mesh, const View& view, int margin_px) {
       }
     }
   }
-  return grown(mask, margin_px);
+  const auto either = [](std::uint8_t a, std::uint8_t b) {
+    return static_cast<std::uint8_t>(a | b);
+  };
+  return fold_around(mask, margin_px, std::uint8_t{0}, either);
 }
 
 ImageRgb compose_atlas(const Layout& layout, const std::map<ViewId, View>& children,

@@ -1,11 +1,16 @@
 #include "mr/atlas/labels.h"
 
 #include <algorithm>
+#include <array>
+#include <bit>
 #include <cmath>
-#include <map>
+#include <limits>
 #include <numbers>
+#include <numeric>
+#include <optional>
 #include <vector>
 
+#include "mr/atlas/fold_around.h"
 #include "mr/core/parallel.h"
 #include "mr/kit/raster.h"
 #include "mr/kit/topology.h"
@@ -19,7 +24,7 @@ constexpr float kLeastFacing = 0.1f;   // cosine; flatter, a pixel smears over t
 constexpr int kNormalRounds = 4;
 constexpr int kCutRounds = 4;
 constexpr int kSweeps = 12;
-constexpr double kFrontOfMargin_m = 0.05;  // an occluder this much nearer needs a margin around it
+constexpr float kFrontOfMargin_m = 0.05f;  // an occluder this much nearer needs a margin around it
 
 /// How one view sees one triangle.
 struct Sight {
@@ -30,35 +35,31 @@ struct Sight {
   bool touches = false;  ///< some of it is in the picture and in sight
 };
 
-/// Smallest value in a window of (2r + 1)², ignoring 0.
+/// Smallest value in a window of (2r + 1)²; where the mesh leaves the picture empty counts as far.
 ImageDepth nearest_around(const ImageDepth& depth, int r) {
-  const auto nearer = [](float a, float b) { return a == 0 ? b : b == 0 ? a : std::min(a, b); };
-  ImageDepth rows(depth.width, depth.height), out(depth.width, depth.height);
-  parallel_for(depth.height, 32, [&](std::size_t begin, std::size_t end) {
-    for (int y = static_cast<int>(begin); y < static_cast<int>(end); ++y)
-      for (int x = 0; x < depth.width; ++x) {
-        float best = 0;
-        for (int k = std::max(0, x - r); k <= std::min(depth.width - 1, x + r); ++k)
-          best = nearer(best, *depth.at(k, y));
-        *rows.at(x, y) = best;
-      }
-  });
-  parallel_for(depth.height, 32, [&](std::size_t begin, std::size_t end) {
-    for (int y = static_cast<int>(begin); y < static_cast<int>(end); ++y)
-      for (int k = std::max(0, y - r); k <= std::min(depth.height - 1, y + r); ++k)
-        for (int x = 0; x < depth.width; ++x) *out.at(x, y) = nearer(*out.at(x, y), *rows.at(x, k));
-  });
-  return out;
+  constexpr float kFar = std::numeric_limits<float>::infinity();
+  const auto nearer = [](float a, float b) { return a < b ? a : b; };
+  ImageDepth far_where_empty = depth;
+  for (float& d : far_where_empty.data) d = d == 0 ? kFar : d;
+  return fold_around(far_where_empty, r, kFar, nearer);
 }
 
 /// Depth that nine tenths of the picture are beyond: margins must do for occluders close by.
 double near_depth(const ImageDepth& depth) {
-  std::vector<float> valid;
+  // Positive floats sort like their bits: count by the upper half, then look at one count only.
+  const auto upper_bits = [](float d) { return std::bit_cast<std::uint32_t>(d) >> 16; };
+  std::vector<std::uint32_t> histogram(1u << 16, 0);
+  for (const float d : depth.data) ++histogram[upper_bits(d)];
+  std::size_t rank = (depth.data.size() - histogram[0]) / 10;
+  if (histogram[0] == depth.data.size()) return 1;
+  std::uint32_t bucket = 1;
+  while (rank >= histogram[bucket]) rank -= histogram[bucket++];
+  std::vector<float> candidates;
   for (const float d : depth.data)
-    if (d > 0) valid.push_back(d);
-  if (valid.empty()) return 1;
-  std::nth_element(valid.begin(), valid.begin() + valid.size() / 10, valid.end());
-  return valid[valid.size() / 10];
+    if (upper_bits(d) == bucket) candidates.push_back(d);
+  std::nth_element(candidates.begin(), candidates.begin() + static_cast<std::ptrdiff_t>(rank),
+                   candidates.end());
+  return candidates[rank];
 }
 
 /// A view with the mesh's depth as it sees it.
@@ -68,7 +69,9 @@ class Eye {
       : view_(view),
         camera_(view.camera()),
         T_camera_world_(view.T_world_camera.inverse()),
-        config_(config),
+        error_m_(static_cast<float>(config.geometry_error_m + 2 * config.precision.base_m)),
+        noise_per_m2_(static_cast<float>(2 * config.precision.per_m2)),
+        pixel_(static_cast<float>(1 / view.fx)),
         depth_(kit::rasterize(mesh, camera_, view.T_world_camera).depth),
         margin_(static_cast<int>(
             std::ceil(margin_px(view, config.geometry_error_m, near_depth(depth_))))),
@@ -76,25 +79,34 @@ class Eye {
 
   /// `normal_world`: what the surface faces there, smoothed.
   Sight look_at(const Mesh& mesh, std::size_t t, Vec3f normal_world) const {
+    Sight sight;
+    const Vec3d sight_line = vec_cast<double>(mesh.centroid(t)) - view_.T_world_camera.translation;
+    sight.facing = static_cast<float>(-dot(vec_cast<double>(normal_world), normalized(sight_line)));
+    if (sight.facing < kLeastFacing) return {};
     const std::array<Vec3d, 3> p = {in_camera(mesh.corner(t, 0)), in_camera(mesh.corner(t, 1)),
                                     in_camera(mesh.corner(t, 2))};
-    const Vec3d normal = T_camera_world_.rotation * vec_cast<double>(normal_world);
     const Vec3d middle = (p[0] + p[1] + p[2]) / 3.0;
-    Sight sight;
-    sight.facing = static_cast<float>(-dot(normal, normalized(middle)));
-    if (sight.facing < kLeastFacing) return {};
     int pixels = 0, clear = 0, direct = 0;
-    const auto count = [&](int x, int y, double z) {
-      const bool in_sight = nothing_in_front(x, y, z);
-      ++pixels;
-      direct += in_sight;
-      clear += in_sight && clear_of_occluders(x, y, z);
+    const auto count = [&](const kit::ScreenSpan& s) {
+      const float* const nearest = depth_.row(s.y);
+      const float* const around = around_.row(s.y);
+      for (int x = s.first; x <= s.last; ++x) {
+        const float z = 1 / (s.inv_z + static_cast<float>(x - s.first) * s.inv_z_step);
+        // Bumps of the surface's own size hide nothing, and no slope of up to 72 degrees does.
+        const float in_front = z - (error_m_ + noise_per_m2_ * (z * z) + 3 * pixel_ * z);
+        const float occluder =
+            in_front - kFrontOfMargin_m - 3 * pixel_ * z * static_cast<float>(margin_ - 1);
+        const int in_sight = nearest[x] >= in_front;
+        direct += in_sight;
+        clear += in_sight & (around[x] >= occluder);
+      }
+      pixels += s.last - s.first + 1;
     };
     kit::scan_polygon(kit::clip_to_screen(camera_, p), camera_.width, 0, camera_.height, count);
     if (pixels == 0 && middle.z > kit::kNearPlane_m) {  // smaller than a pixel
       const kit::ScreenPoint s = kit::to_screen(camera_, middle);
       const int x = static_cast<int>(std::lround(s.u)), y = static_cast<int>(std::lround(s.v));
-      if (depth_.contains(x, y)) count(x, y, middle.z);
+      if (depth_.contains(x, y)) count({y, x, x, static_cast<float>(s.inv_z), 0});
     }
     if (pixels == 0) return {};
     sight.touches = direct > 0;
@@ -117,23 +129,11 @@ class Eye {
            s.v <= r.y + r.height - 1 - g;
   }
 
-  double slack_m(double z) const {
-    return config_.geometry_error_m + 2 * config_.precision.sigma_m(z);
-  }
-
-  bool nothing_in_front(int x, int y, double z) const {
-    return *depth_.at(x, y) >= z - slack_m(z) - 3 * z / camera_.fx;
-  }
-
-  /// No occluder within the margin: a slope of up to 72 degrees across the margin is not one.
-  bool clear_of_occluders(int x, int y, double z) const {
-    return *around_.at(x, y) >= z - kFrontOfMargin_m - slack_m(z) - 3 * z / camera_.fx * margin_;
-  }
-
   const View& view_;
   Camera camera_;
   Pose T_camera_world_;
-  const LabelConfig& config_;
+  float error_m_, noise_per_m2_;  ///< how far in front something must be to hide
+  float pixel_;                   ///< width of a pixel at 1 m
   ImageDepth depth_;
   int margin_;
   ImageDepth around_;
@@ -142,34 +142,67 @@ class Eye {
 /// [view][triangle]
 using Sights = std::vector<std::vector<Sight>>;
 
-Sights look(const Mesh& mesh, std::span<const View> views, const LabelConfig& config) {
-  Sights sights(views.size());
-  const std::vector<Vec3f> normals = kit::smooth_normals(mesh, kNormalRounds);
+/// The mesh while it is cut, with what the cuts leave as it is.
+struct Labelling {
+  Mesh mesh;
+  std::vector<Vec3f> normals;  ///< [V] smoothed
+  Sights sights;
+  std::vector<std::uint32_t> not_seen_yet;  ///< triangles whose sights are still to be found
+};
+
+/// One per view; nothing for those that are no pinholes.
+std::vector<std::optional<Eye>> open_eyes(const Mesh& mesh, std::span<const View> views,
+                                          const LabelConfig& config) {
+  std::vector<std::optional<Eye>> eyes(views.size());
   parallel_for(views.size(), 1, [&](std::size_t begin, std::size_t end) {
-    for (std::size_t v = begin; v < end; ++v) {
-      sights[v].resize(mesh.triangles.size());
-      if (views[v].kind != View::Kind::pinhole) continue;
-      const Eye eye(mesh, views[v], config);
-      parallel_for(mesh.triangles.size(), 1024, [&](std::size_t first, std::size_t last) {
-        for (std::size_t t = first; t < last; ++t) {
-          const Triangle& tri = mesh.triangles[t];
-          sights[v][t] =
-              eye.look_at(mesh, t, normalized(normals[tri[0]] + normals[tri[1]] + normals[tri[2]]));
-        }
-      });
+    for (std::size_t v = begin; v < end; ++v)
+      if (views[v].kind == View::Kind::pinhole) eyes[v].emplace(mesh, views[v], config);
+  });
+  return eyes;
+}
+
+/// Finds the sights that are missing.
+void look(std::span<const std::optional<Eye>> eyes, Labelling& l) {
+  for (auto& view : l.sights) view.resize(l.mesh.triangles.size());
+  parallel_for(l.not_seen_yet.size(), 256, [&](std::size_t first, std::size_t last) {
+    for (std::size_t i = first; i < last; ++i) {
+      const std::uint32_t t = l.not_seen_yet[i];
+      const auto& [a, b, c] = l.mesh.triangles[t];
+      const Vec3f normal = normalized(l.normals[a] + l.normals[b] + l.normals[c]);
+      for (std::size_t v = 0; v < eyes.size(); ++v)
+        l.sights[v][t] = eyes[v] ? eyes[v]->look_at(l.mesh, t, normal) : Sight{};
     }
   });
-  return sights;
+}
+
+/// Cuts the edges marked in `split`. Pieces face what their triangle faced; the sights of whole
+/// triangles move along.
+void cut(Labelling& l, const std::vector<std::uint8_t>& split) {
+  kit::Refined refined = kit::refine(l.mesh, split);
+  for (const auto& [a, b] : refined.cut_edges)
+    l.normals.push_back(normalized(l.normals[a] + l.normals[b]));
+  Sights sights(l.sights.size(), std::vector<Sight>(refined.parent.size()));
+  l.not_seen_yet.clear();
+  for (std::uint32_t t = 0; t < refined.parent.size(); ++t) {
+    const std::uint32_t parent = refined.parent[t];
+    if (refined.mesh.triangles[t] != l.mesh.triangles[parent])
+      l.not_seen_yet.push_back(t);
+    else
+      for (std::size_t v = 0; v < sights.size(); ++v) sights[v][t] = l.sights[v][parent];
+  }
+  l.mesh = std::move(refined.mesh);
+  l.sights = std::move(sights);
 }
 
 /// Cuts triangles that some view sees a good part of, but none enough.
-bool cut_occlusion_edges(Mesh& mesh, const Sights& sights, double min_edge_m) {
+bool cut_occlusion_edges(Labelling& l, double min_edge_m) {
+  const Mesh& mesh = l.mesh;
   std::vector<std::uint8_t> split(mesh.triangles.size() * 3, 0);
   bool any = false;
   for (std::uint32_t t = 0; t < mesh.triangles.size(); ++t) {
     float best = 0;
     bool touched = false;
-    for (const auto& view : sights)
+    for (const auto& view : l.sights)
       best = std::max(best, view[t].visible), touched |= view[t].touches;
     if (best >= kEnoughVisible || !touched) continue;
     for (std::uint32_t h = 3 * t; h < 3 * t + 3; ++h) {
@@ -179,7 +212,7 @@ bool cut_occlusion_edges(Mesh& mesh, const Sights& sights, double min_edge_m) {
       any |= split[h] != 0;
     }
   }
-  if (any) mesh = kit::refine(mesh, split).mesh;
+  if (any) cut(l, split);
   return any;
 }
 
@@ -201,39 +234,83 @@ int best_view(const Sights& sights, std::size_t t) {
   return best != kNone ? best : most;
 }
 
+/// [triangle][view] 1 where the view sees enough, at an angle that is not much worse than the best.
+std::vector<std::uint8_t> allowed_views(const std::vector<int>& best, const Sights& sights,
+                                        double angle_deg) {
+  const double allowance = angle_deg * std::numbers::pi / 180;
+  const auto angle = [](const Sight& s) { return std::acos(std::min(1.0f, s.facing)); };
+  std::vector<std::uint8_t> allowed(best.size() * sights.size(), 0);
+  for (std::size_t t = 0; t < best.size(); ++t) {
+    if (best[t] == kNone) continue;
+    const double most = angle(sights[best[t]][t]) + allowance;
+    for (std::size_t v = 0; v < sights.size(); ++v) {
+      const Sight& s = sights[v][t];
+      allowed[t * sights.size() + v] = s.visible >= kEnoughVisible && angle(s) <= most;
+    }
+  }
+  return allowed;
+}
+
+/// The view with the longest border among a triangle's own and those that its neighbours bring; its
+/// own when none is longer, else the lowest of equals.
+class LongestBorder {
+ public:
+  explicit LongestBorder(int own) : entries_{{{own, 0.0}}} {}
+
+  void add(int view, double length_m) {
+    int i = 0;
+    while (i < count_ && entries_[i].view != view) ++i;
+    if (i == count_) entries_[count_++] = {view, 0.0};
+    entries_[i].length_m += length_m;
+  }
+  int view() const {
+    Entry best = entries_[0];
+    for (int i = 1; i < count_; ++i) {
+      const Entry& e = entries_[i];
+      const bool lower_of_equals =
+          e.length_m == best.length_m && best.view != entries_[0].view && e.view < best.view;
+      if (e.length_m > best.length_m || lower_of_equals) best = e;
+    }
+    return best.view;
+  }
+
+ private:
+  struct Entry {
+    int view = kNone;
+    double length_m = 0;
+  };
+  std::array<Entry, 4> entries_;  // its own and one per edge
+  int count_ = 1;
+};
+
 /// Moves labels to the neighbours' where the angle test allows (paper 3.3): in each sweep a
 /// triangle takes the allowed view with the longest border to triangles of that view. In index
-/// order: deterministic.
+/// order: deterministic. Only triangles at which something changed are looked at again.
 void agree_with_neighbours(std::vector<int>& label, const Mesh& mesh, const Sights& sights,
                            double angle_deg) {
-  const kit::EdgeTable edges = kit::edge_table(mesh);
-  const double allowance = angle_deg * std::numbers::pi / 180;
-  const auto allowed = [&](int v, std::size_t t, int best) {
-    const Sight& s = sights[v][t];
-    const double angle = std::acos(std::min(1.0f, s.facing)),
-                 least = std::acos(std::min(1.0f, sights[best][t].facing));
-    return s.visible >= kEnoughVisible && angle <= least + allowance;
-  };
-  std::vector<int> best = label;
-  for (int sweep = 0; sweep < kSweeps; ++sweep) {
-    bool moved = false;
-    for (std::uint32_t t = 0; t < mesh.triangles.size(); ++t) {
-      if (best[t] == kNone) continue;
-      std::map<int, double> border{{label[t], 0.0}};
+  const std::vector<std::uint32_t> twin = kit::edge_table(mesh).twin;
+  const std::vector<std::uint8_t> allowed = allowed_views(label, sights, angle_deg);
+  std::vector<std::uint8_t> stale(label.size());
+  for (std::size_t t = 0; t < label.size(); ++t) stale[t] = label[t] != kNone;
+  bool moved = true;
+  for (int sweep = 0; sweep < kSweeps && moved; ++sweep) {
+    moved = false;
+    for (std::uint32_t t = 0; t < label.size(); ++t) {
+      if (!stale[t]) continue;
+      stale[t] = 0;
+      LongestBorder border(label[t]);
       for (std::uint32_t h = 3 * t; h < 3 * t + 3; ++h) {
-        if (edges.twin[h] == kit::kNoTwin) continue;
-        const int other = label[edges.twin[h] / 3];
-        if (other == kNone || !allowed(other, t, best[t])) continue;
-        border[other] +=
-            length(mesh.positions[kit::edge_to(mesh, h)] - mesh.positions[kit::edge_from(mesh, h)]);
+        const int other = twin[h] == kit::kNoTwin ? kNone : label[twin[h] / 3];
+        if (other == kNone || !allowed[t * sights.size() + other]) continue;
+        border.add(other, length(mesh.positions[kit::edge_to(mesh, h)] -
+                                 mesh.positions[kit::edge_from(mesh, h)]));
       }
-      int choice = label[t];
-      for (const auto& [view, length_m] : border)
-        if (length_m > border[choice]) choice = view;
-      moved |= choice != label[t];
-      label[t] = choice;
+      if (border.view() == label[t]) continue;
+      label[t] = border.view();
+      moved = true;
+      for (std::uint32_t h = 3 * t; h < 3 * t + 3; ++h)
+        if (twin[h] != kit::kNoTwin) stale[twin[h] / 3] = label[twin[h] / 3] != kNone;
     }
-    if (!moved) return;
   }
 }
 
@@ -244,22 +321,25 @@ double margin_px(const View& view, double geometry_error_m, double depth_m) {
 }
 
 Mesh label_triangles(const Mesh& input, std::span<const View> views, const LabelConfig& config) {
-  Mesh mesh = input;
-  mesh.runs.clear();
-  Sights sights = look(mesh, views, config);
-  for (int round = 0; round < kCutRounds && cut_occlusion_edges(mesh, sights, config.min_edge_m);
-       ++round)
-    sights = look(mesh, views, config);
+  Labelling l{input, kit::smooth_normals(input, kNormalRounds), Sights(views.size()), {}};
+  l.mesh.runs.clear();
+  l.not_seen_yet.resize(input.triangles.size());
+  std::iota(l.not_seen_yet.begin(), l.not_seen_yet.end(), 0u);
+  // Cutting leaves the surface as it is: what hides what is found out once.
+  const std::vector<std::optional<Eye>> eyes = open_eyes(input, views, config);
+  look(eyes, l);
+  for (int round = 0; round < kCutRounds && cut_occlusion_edges(l, config.min_edge_m); ++round)
+    look(eyes, l);
 
-  std::vector<int> label(mesh.triangles.size(), kNone);
-  for (std::size_t t = 0; t < label.size(); ++t) label[t] = best_view(sights, t);
+  std::vector<int> label(l.mesh.triangles.size(), kNone);
+  for (std::size_t t = 0; t < label.size(); ++t) label[t] = best_view(l.sights, t);
   if (config.views == AtlasConfig::Views::coherent)
-    agree_with_neighbours(label, mesh, sights, config.coherent_angle_deg);
+    agree_with_neighbours(label, l.mesh, l.sights, config.coherent_angle_deg);
 
   std::vector<ViewId> ids;
-  for (const int l : label) ids.push_back(l == kNone ? kNoView : views[l].id);
-  set_triangle_views(mesh, ids);
-  return mesh;
+  for (const int v : label) ids.push_back(v == kNone ? kNoView : views[v].id);
+  set_triangle_views(l.mesh, ids);
+  return std::move(l.mesh);
 }
 
 }  // namespace mr::atlas

@@ -11,6 +11,7 @@ namespace mr::codec {
 namespace {
 
 using Corners = std::array<Vec2f, 3>;
+using Color = std::array<std::uint8_t, 3>;
 
 Error invalid(std::string message) { return {Error::Cause::invalid, std::move(message)}; }
 
@@ -99,6 +100,9 @@ struct VertexKeyHash {
   }
 };
 
+/// A colour in place of a coordinate, for telling vertices apart.
+Vec2f as_coordinate(Color c) { return {static_cast<float>(c[0] << 16 | c[1] << 8 | c[2]), 0}; }
+
 /// Collects the triangles of one part.
 struct PartBuilder {
   BakedPart part;
@@ -107,14 +111,28 @@ struct PartBuilder {
   void add(const std::array<Vec3f, 3>& corners, const Corners& uvs) {
     Triangle triangle{};
     for (int i = 0; i < 3; ++i) {
-      const auto next = static_cast<std::uint32_t>(part.positions.size());
-      const auto [at, is_new] = seen.try_emplace(VertexKey(corners[i], uvs[i]), next);
-      triangle[i] = at->second;
-      if (!is_new) continue;
-      part.positions.push_back(corners[i]);
-      if (part.stream) part.uvs.push_back(uvs[i]);
+      const auto [vertex, is_new] = vertex_at(corners[i], uvs[i]);
+      triangle[i] = vertex;
+      if (is_new && part.stream) part.uvs.push_back(uvs[i]);
     }
     part.triangles.push_back(triangle);
+  }
+
+  void add(const std::array<Vec3f, 3>& corners, const std::array<Color, 3>& colors) {
+    Triangle triangle{};
+    for (int i = 0; i < 3; ++i) {
+      const auto [vertex, is_new] = vertex_at(corners[i], as_coordinate(colors[i]));
+      triangle[i] = vertex;
+      if (is_new) part.colors.push_back(colors[i]);
+    }
+    part.triangles.push_back(triangle);
+  }
+
+  std::pair<std::uint32_t, bool> vertex_at(Vec3f position, Vec2f uv) {
+    const auto next = static_cast<std::uint32_t>(part.positions.size());
+    const auto [at, is_new] = seen.try_emplace(VertexKey(position, uv), next);
+    if (is_new) part.positions.push_back(position);
+    return {at->second, is_new};
   }
 };
 
@@ -122,7 +140,7 @@ struct Baker {
   const DecodedScene& scene;
   std::map<ViewId, BakeView> views;
   std::map<std::uint32_t, PartBuilder> textured;  // by stream
-  PartBuilder plain;
+  PartBuilder colored, plain;
 
   Status add(const Mesh& mesh) {
     const std::vector<ViewRun> unlabelled{
@@ -145,21 +163,39 @@ struct Baker {
       view = &views[run.view];
     }
     for (std::size_t t = run.first; t < std::size_t{run.first} + run.count; ++t) {
-      std::array<Vec3f, 3> corners;
-      for (int i = 0; i < 3; ++i) {
-        if (mesh.triangles[t][i] >= mesh.positions.size())
-          return invalid("a triangle names a vertex it does not have");
-        corners[i] = mesh.corner(t, i);
-        if (!is_finite(corners[i])) return invalid("a vertex has a position that is not finite");
-      }
-      add(corners, view);
+      const auto corners = corners_of(mesh, t);
+      if (!corners) return corners.error();
+      add(*corners, view);
     }
     return {};
   }
 
+  Status add(const Mesh& mesh, const std::vector<Color>& colors) {
+    if (colors.size() != mesh.positions.size())
+      return invalid("a chunk has colours for some of its vertices only");
+    for (std::size_t t = 0; t < mesh.triangles.size(); ++t) {
+      const auto corners = corners_of(mesh, t);
+      if (!corners) return corners.error();
+      const Triangle& v = mesh.triangles[t];
+      colored.add(*corners, {colors[v[0]], colors[v[1]], colors[v[2]]});
+    }
+    return {};
+  }
+
+  static Result<std::array<Vec3f, 3>> corners_of(const Mesh& mesh, std::size_t triangle) {
+    std::array<Vec3f, 3> corners;
+    for (int i = 0; i < 3; ++i) {
+      if (mesh.triangles[triangle][i] >= mesh.positions.size())
+        return invalid("a triangle names a vertex it does not have");
+      corners[i] = mesh.corner(triangle, i);
+      if (!is_finite(corners[i])) return invalid("a vertex has a position that is not finite");
+    }
+    return corners;
+  }
+
   void add(const std::array<Vec3f, 3>& corners, const BakeView* view) {
     const auto uvs = view ? corner_uvs(*view, corners) : std::nullopt;
-    if (!uvs) return plain.add(corners, {});
+    if (!uvs) return plain.add(corners, Corners{});
     PartBuilder& builder = textured[view->view->stream];
     builder.part.stream = view->view->stream;
     builder.add(corners, *uvs);
@@ -169,11 +205,15 @@ struct Baker {
 }  // namespace
 
 Result<std::vector<BakedPart>> bake(const DecodedScene& scene) {
-  Baker baker{scene, {}, {}, {}};
-  for (const auto& chunk : scene.chunks)
-    if (auto ok = baker.add(chunk->mesh); !ok) return ok.error();
+  Baker baker{scene, {}, {}, {}, {}};
+  for (const auto& chunk : scene.chunks) {
+    const Status ok =
+        chunk->colors.empty() ? baker.add(chunk->mesh) : baker.add(chunk->mesh, chunk->colors);
+    if (!ok) return ok.error();
+  }
   std::vector<BakedPart> parts;
   for (auto& [stream, builder] : baker.textured) parts.push_back(std::move(builder.part));
+  if (!baker.colored.part.triangles.empty()) parts.push_back(std::move(baker.colored.part));
   if (!baker.plain.part.triangles.empty()) parts.push_back(std::move(baker.plain.part));
   if (parts.empty()) return Error{Error::Cause::empty, "the scene has no triangles"};
   return parts;

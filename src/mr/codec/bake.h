@@ -10,21 +10,22 @@
 
 namespace mr::codec {
 
-/// The triangles that one texture stream colours, as other tools take them.
+/// The triangles that one texture stream colours, or their vertices do, as other tools take them.
 struct BakedPart {
-  std::optional<std::uint32_t> stream;  ///< none: no texture
-  std::vector<Vec3f> positions;         ///< [V] metres, world frame
-  std::vector<Vec2f> uvs;               ///< [V] v from the top; empty without a stream
-  std::vector<Triangle> triangles;      ///< [T]
+  std::optional<std::uint32_t> stream;              ///< none: no texture
+  std::vector<Vec3f> positions;                     ///< [V] metres, world frame
+  std::vector<Vec2f> uvs;                           ///< [V] v from the top; empty without a stream
+  std::vector<std::array<std::uint8_t, 3>> colors;  ///< [V] sRGB, of a background; else empty
+  std::vector<Triangle> triangles;                  ///< [T]
 };
 
 /// Brings a scene's chunks together with texture coordinates in place of projection: one part per
-/// stream that is used, then one without texture. Vertices are welded where position and
-/// coordinate are equal. Coordinates are clamped to half a texel inside the view's tile; a triangle
-/// that crosses a panorama's seam follows the turn of its first corner; one with a corner that its
-/// view cannot see (behind a pinhole) loses its texture.
-/// Errors: empty without triangles; invalid for a position that is not finite, a vertex, view or
-/// texture stream that is not there, or a tile outside its picture.
+/// stream that is used, then one of the background with its colours, then one with neither.
+/// Vertices are welded where position and coordinate or colour are equal. Coordinates are clamped
+/// to half a texel inside the view's tile; a triangle that crosses a panorama's seam follows the
+/// turn of its first corner; one with a corner that its view cannot see (behind a pinhole) loses
+/// its texture. Errors: empty without triangles; invalid for a position that is not finite, a
+/// vertex, view, colour or texture stream that is not there, or a tile outside its picture.
 Result<std::vector<BakedPart>> bake(const DecodedScene& scene);
 
 /// The colour at a texture coordinate, bilinear, clamped to the picture's edge.

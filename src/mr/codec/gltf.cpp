@@ -1,8 +1,8 @@
-#include <cmath>
 #include <cstdint>
 #include <nlohmann/json.hpp>
 #include <span>
 
+#include "mr/codec/mip_chain.h"
 #include "mr/codec/writers.h"
 #include "mr/kit/image_io.h"
 
@@ -68,6 +68,22 @@ struct GltfBuilder {
                              {"type", "VEC2"}});
   }
 
+  /// Linear in 16 bits, from which every sRGB byte comes back; four of them, to be aligned.
+  int add_colors(const std::vector<std::array<std::uint8_t, 3>>& colors) {
+    Bytes bytes;
+    bytes.reserve(colors.size() * 8);
+    for (const auto& color : colors) {
+      for (const std::uint8_t c : color)
+        put(bytes, static_cast<std::uint16_t>(to_linear(c) * 65535 + 0.5f));
+      put(bytes, std::uint16_t{65535});
+    }
+    return add("accessors", {{"bufferView", add_bytes(bytes, kArrayBuffer)},
+                             {"componentType", kUint16},
+                             {"normalized", true},
+                             {"count", colors.size()},
+                             {"type", "VEC4"}});
+  }
+
   /// In 16 bits where they suffice; 65535 would restart the primitive.
   int add_indices(const std::vector<Triangle>& triangles, std::size_t vertices) {
     const bool small = vertices <= 65535;
@@ -96,8 +112,7 @@ struct GltfBuilder {
   }
 
   int add_plain_material() {
-    const double srgb = kNeutralColor[0] / 255.0;
-    const double linear = std::pow((srgb + 0.055) / 1.055, 2.4);  // factors are linear
+    const float linear = to_linear(kNeutralColor[0]);  // as factors are
     return add_material("no view", {{"baseColorFactor", {linear, linear, linear, 1}}});
   }
 
@@ -119,10 +134,12 @@ struct GltfBuilder {
   Result<Json> primitive(const BakedPart& part, const DecodedScene& scene) {
     Json attributes{{"POSITION", add_positions(part.positions)}};
     if (part.stream) attributes["TEXCOORD_0"] = add_uvs(part.uvs);
+    if (!part.colors.empty()) attributes["COLOR_0"] = add_colors(part.colors);
     const int indices = add_indices(part.triangles, part.positions.size());
     Result<int> material =
-        part.stream ? add_picture_material(*part.stream, *scene.textures.at(*part.stream))
-                    : Result<int>(add_plain_material());
+        part.stream           ? add_picture_material(*part.stream, *scene.textures.at(*part.stream))
+        : part.colors.empty() ? Result<int>(add_plain_material())
+                              : Result<int>(add_material("background", Json::object()));
     if (!material) return material.error();
     return Json{{"attributes", attributes}, {"indices", indices}, {"material", *material}};
   }

@@ -12,6 +12,8 @@
 namespace mr::codec {
 namespace {
 
+using Color = std::array<std::uint8_t, 3>;
+
 constexpr std::uint32_t kMaxTriangles = 1u << 20;
 constexpr std::size_t kMaxPayload = 64u << 20;
 constexpr std::size_t kMaxViews = 254;
@@ -120,6 +122,18 @@ Status check_for_encoding(const Mesh& mesh, const Lattice& lattice) {
   return {};
 }
 
+/// Colours belong to background chunks: one for each vertex, and triangles that no view textures.
+Status check_colors(const Chunk& chunk) {
+  const bool background = chunk.key.id.source == kBackgroundSource;
+  if (!background && !chunk.colors.empty()) return invalid("only a background has colours");
+  if (!background) return {};
+  if (chunk.colors.size() != chunk.mesh.positions.size())
+    return invalid("a background needs a colour for each vertex");
+  if (chunk.mesh.runs.size() != 1 || chunk.mesh.runs[0].view != kNoView)
+    return invalid("a background has no views");
+  return {};
+}
+
 /// The views that the labels stand for: sorted, without kNoView, which sorts last in the runs.
 std::vector<ViewId> label_views(const Mesh& mesh) {
   std::vector<ViewId> views;
@@ -178,6 +192,14 @@ struct DracoMesh {
   draco::Mesh mesh;
   int position = -1, label = -1;  ///< attribute ids; label -1: none
 };
+
+void add_colors(const std::vector<Color>& colors, draco::Mesh& out) {
+  const auto color = attribute(draco::GeometryAttribute::COLOR, draco::DT_UINT8, 3, sizeof(Color));
+  const int id = out.AddAttribute(color, true, static_cast<std::uint32_t>(colors.size()));
+  draco::PointAttribute* values = out.attribute(id);
+  for (std::uint32_t v = 0; v < colors.size(); ++v)
+    values->SetAttributeValue(draco::AttributeValueIndex(v), colors[v].data());
+}
 
 void build(const Mesh& mesh, bool labelled, DracoMesh& out) {
   using draco::AttributeValueIndex;
@@ -262,26 +284,37 @@ bool is_label(const draco::PointAttribute& a) {
   return a.attribute_type() == draco::GeometryAttribute::GENERIC && a.num_components() == 1 &&
          a.data_type() == draco::DT_UINT8;
 }
+bool is_color(const draco::PointAttribute& a) {
+  return a.attribute_type() == draco::GeometryAttribute::COLOR && a.num_components() == 3 &&
+         a.data_type() == draco::DT_UINT8;
+}
 
 /// Looks at what attributes a stream declares before it lets Draco make room for their values: a
 /// few hundred bytes can ask for gigabytes.
 class GuardedDecoder final : public draco::MeshEdgebreakerDecoder {
+ public:
+  explicit GuardedDecoder(bool colored) : colored_(colored) {}
+
  protected:
   bool DecodeAllAttributes() override {
     const draco::PointCloud& cloud = *point_cloud();
     const int count = cloud.num_attributes();
     if (count < 1 || count > 2 || !is_position(*cloud.attribute(0))) return false;
-    if (count == 2 && !is_label(*cloud.attribute(1))) return false;
+    if (colored_ && count != 2) return false;
+    if (count == 2 && !(colored_ ? is_color : is_label)(*cloud.attribute(1))) return false;
     if (cloud.num_points() > 3 * std::uint64_t{mesh()->num_faces()}) return false;
     return MeshEdgebreakerDecoder::DecodeAllAttributes();
   }
+
+ private:
+  bool colored_;  ///< COLOR must be there and is no label
 };
 
-Status decompress(std::span<const std::byte> payload, draco::Mesh& out) {
+Status decompress(std::span<const std::byte> payload, bool colored, draco::Mesh& out) {
   try {
     draco::DecoderBuffer buffer;
     buffer.Init(reinterpret_cast<const char*>(payload.data()), payload.size());
-    GuardedDecoder decoder;
+    GuardedDecoder decoder(colored);
     const draco::Status status = decoder.Decode(draco::DecoderOptions(), &buffer, &out);
     if (!status.ok()) return corrupt("Draco refuses to decode: " + status.error_msg_string());
   } catch (const std::exception& e) {
@@ -331,8 +364,9 @@ Result<std::vector<Vec3i>> point_cells(const draco::Mesh& mesh, const Lattice& l
 }
 
 /// Label of each point; without labels the chunk's one view, or none, textures all.
-Result<std::vector<std::uint8_t>> point_labels(const draco::Mesh& mesh, std::size_t views) {
-  if (mesh.num_attributes() < 2) {
+Result<std::vector<std::uint8_t>> point_labels(const draco::Mesh& mesh, bool labelled,
+                                               std::size_t views) {
+  if (!labelled) {
     if (views > 1) return corrupt("labels are missing");
     return std::vector<std::uint8_t>(mesh.num_points(), views == 0 ? kNoViewLabel : 0);
   }
@@ -350,11 +384,40 @@ Result<std::vector<std::uint8_t>> point_labels(const draco::Mesh& mesh, std::siz
   return labels;
 }
 
-Result<Mesh> rebuild(const draco::Mesh& in, const std::vector<ViewId>& views,
+/// Colour of each point.
+Result<std::vector<Color>> point_colors(const draco::Mesh& mesh) {
+  const draco::PointAttribute& attribute = *mesh.attribute(1);
+  const std::uint8_t* data = values_of(attribute, sizeof(Color));
+  if (data == nullptr) return corrupt("colours are missing");
+  auto indices = value_indices(mesh, attribute);
+  if (!indices) return indices.error();
+  std::vector<Color> colors(indices->size());
+  for (std::size_t p = 0; p < colors.size(); ++p)
+    std::memcpy(colors[p].data(), data + std::size_t{(*indices)[p]} * sizeof(Color), sizeof(Color));
+  return colors;
+}
+
+/// Colours of the vertices that rebuild() makes, by the same welding.
+Result<std::vector<Color>> rebuild_colors(const draco::Mesh& in, const Lattice& lattice) {
+  const auto cells = point_cells(in, lattice);
+  if (!cells) return cells.error();
+  const auto of_points = point_colors(in);
+  if (!of_points) return of_points.error();
+  Welder welder(cells->size());
+  std::vector<Color> colors;
+  for (std::uint32_t f = 0; f < in.num_faces(); ++f)
+    for (const draco::PointIndex& point : in.face(draco::FaceIndex(f))) {
+      const std::uint32_t vertex = welder.index_of((*cells)[point.value()]);
+      if (vertex == colors.size()) colors.push_back((*of_points)[point.value()]);
+    }
+  return colors;
+}
+
+Result<Mesh> rebuild(const draco::Mesh& in, bool labelled, const std::vector<ViewId>& views,
                      const Lattice& lattice) {
   const auto cells = point_cells(in, lattice);
   if (!cells) return cells.error();
-  const auto labels = point_labels(in, views.size());
+  const auto labels = point_labels(in, labelled, views.size());
   if (!labels) return labels.error();
   Welder welder(cells->size());
   Mesh mesh;
@@ -392,6 +455,8 @@ Status check_for_decoding(const EncodedChunk& chunk, const Lattice& lattice) {
   for (std::size_t i = 0; i < chunk.views.size(); ++i)
     if (chunk.views[i] == kNoView || (i > 0 && chunk.views[i] <= chunk.views[i - 1]))
       return invalid("views must be sorted and unique");
+  if (chunk.key.id.source == kBackgroundSource && !chunk.views.empty())
+    return invalid("a background has no views");
   const auto header = read_header(chunk.payload);
   if (!header) return corrupt("not an Edgebreaker stream of version 2.2");
   if (header->faces == 0 || header->faces != chunk.triangles ||
@@ -403,6 +468,12 @@ Status check_for_decoding(const EncodedChunk& chunk, const Lattice& lattice) {
 }  // namespace
 
 Result<Mesh> snap_to_lattice(const Mesh& mesh, const Lattice& lattice) {
+  auto snapped = snap_vertices(mesh, lattice);
+  if (!snapped) return snapped.error();
+  return std::move(snapped->mesh);
+}
+
+Result<Snapped> snap_vertices(const Mesh& mesh, const Lattice& lattice) {
   if (!usable(lattice)) return invalid("the lattice's step or origin cannot be used");
   if (!indices_fit(mesh)) return invalid("a triangle names a vertex that is not there");
   std::vector<Vec3i> cells(mesh.positions.size());
@@ -413,7 +484,8 @@ Result<Mesh> snap_to_lattice(const Mesh& mesh, const Lattice& lattice) {
   }
   const std::vector<ViewId> views = triangle_views(mesh);
   Welder welder(cells.size()), kept(mesh.triangles.size());
-  Mesh out;
+  Snapped snapped{{}, std::vector<std::uint32_t>(cells.size(), Snapped::kGone)};
+  Mesh& out = snapped.mesh;
   std::vector<ViewId> kept_views;
   for (std::size_t i = 0; i < mesh.triangles.size(); ++i) {
     const Triangle& old = mesh.triangles[i];
@@ -421,17 +493,19 @@ Result<Mesh> snap_to_lattice(const Mesh& mesh, const Lattice& lattice) {
     const Triangle t = {welder.index_of(cells[old[0]]), welder.index_of(cells[old[1]]),
                         welder.index_of(cells[old[2]])};
     if (kept.index_of(name_of(t)) < out.triangles.size()) continue;  // there already
+    for (int c = 0; c < 3; ++c) snapped.vertex_of[old[c]] = t[c];
     out.triangles.push_back(t);
     kept_views.push_back(views[i]);
   }
   out.positions.reserve(welder.cells().size());
   for (const Vec3i& cell : welder.cells()) out.positions.push_back(lattice.position(cell));
   if (!mesh.runs.empty()) set_triangle_views(out, kept_views);
-  return out;
+  return snapped;
 }
 
 Result<EncodedChunk> encode_chunk(const Chunk& chunk, const Lattice& lattice, int speed) {
   if (auto ok = check_for_encoding(chunk.mesh, lattice); !ok) return ok.error();
+  if (auto ok = check_colors(chunk); !ok) return ok.error();
   EncodedChunk out;
   out.key = chunk.key;
   out.error_m = chunk.error_m;
@@ -442,6 +516,7 @@ Result<EncodedChunk> encode_chunk(const Chunk& chunk, const Lattice& lattice, in
   try {
     DracoMesh mesh;
     build(chunk.mesh, chunk.mesh.runs.size() > 1, mesh);
+    if (!chunk.colors.empty()) add_colors(chunk.colors, mesh.mesh);
     auto payload = compress(mesh, lattice, speed);
     if (!payload) return payload.error();
     out.payload = std::move(*payload);
@@ -453,13 +528,20 @@ Result<EncodedChunk> encode_chunk(const Chunk& chunk, const Lattice& lattice, in
 
 Result<Chunk> decode_chunk(const EncodedChunk& chunk, const Lattice& lattice) {
   if (auto ok = check_for_decoding(chunk, lattice); !ok) return ok.error();
+  const bool colored = chunk.key.id.source == kBackgroundSource;
   draco::Mesh decoded;
-  if (auto ok = decompress(chunk.payload, decoded); !ok) return ok.error();
+  if (auto ok = decompress(chunk.payload, colored, decoded); !ok) return ok.error();
   if (decoded.num_faces() != chunk.triangles || decoded.num_attributes() < 1)
     return corrupt("the stream's size is not as promised");
-  auto mesh = rebuild(decoded, chunk.views, lattice);
+  const bool labelled = !colored && decoded.num_attributes() > 1;
+  auto mesh = rebuild(decoded, labelled, chunk.views, lattice);
   if (!mesh) return mesh.error();
-  return Chunk{chunk.key, chunk.error_m, std::move(*mesh)};
+  Chunk out{chunk.key, chunk.error_m, std::move(*mesh)};
+  if (!colored) return out;
+  auto colors = rebuild_colors(decoded, lattice);
+  if (!colors) return colors.error();
+  out.colors = std::move(*colors);
+  return out;
 }
 
 }  // namespace mr::codec

@@ -23,7 +23,8 @@ void put_number(std::string& out, Number value) {
 }
 
 std::string material_name(const BakedPart& part) {
-  return part.stream ? "stream_" + std::to_string(*part.stream) : "no_view";
+  if (part.stream) return "stream_" + std::to_string(*part.stream);
+  return part.colors.empty() ? "no_view" : "background";
 }
 
 void put_part(std::string& out, const BakedPart& part, std::uint64_t first_vertex,

@@ -24,7 +24,9 @@ Result<Bytes> to_ply(const std::vector<BakedPart>& parts, const DecodedScene& sc
   for (const BakedPart& part : parts)
     for (std::size_t v = 0; v < part.positions.size(); ++v) {
       put(out, part.positions[v]);
-      put(out, part.stream ? sample(*scene.textures.at(*part.stream), part.uvs[v]) : kNeutralColor);
+      put(out, part.stream            ? sample(*scene.textures.at(*part.stream), part.uvs[v])
+               : !part.colors.empty() ? part.colors[v]
+                                      : kNeutralColor);
     }
   std::uint32_t base = 0;
   for (const BakedPart& part : parts) {

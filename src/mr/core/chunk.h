@@ -1,5 +1,6 @@
 #pragma once
 
+#include <array>
 #include <cstddef>
 #include <cstdint>
 #include <vector>
@@ -10,6 +11,8 @@ namespace mr {
 
 /// Chunk of a merged mesh: no single sensor made it.
 inline constexpr std::uint32_t kMergedSource = 0xFFFFFFFFu;
+/// Chunk of the background model: it never changes and its vertices carry their colours.
+inline constexpr std::uint32_t kBackgroundSource = 0xFFFFFFFEu;
 
 /// Which part of the world, and below the first merger whose: the mesh inside one cube of the
 /// scene's chunk grid. Cube c covers [c, c + 1) · chunk_m.
@@ -43,7 +46,8 @@ struct EncodedChunk {
 struct Chunk {
   ChunkKey key;
   float error_m = 0;
-  Mesh mesh;  ///< vertices on the scene's lattice
+  Mesh mesh;                                          ///< vertices on the scene's lattice
+  std::vector<std::array<std::uint8_t, 3>> colors{};  ///< [V] sRGB; background chunks only
 };
 
 }  // namespace mr

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cstdint>
 #include <optional>
 
 #include "mr/core/frame.h"
@@ -15,6 +16,13 @@ class FrameSource {
   /// The next frame; an Error when that one frame was lost (its message names the file; calling
   /// again goes on with the one after it); nothing at the end.
   virtual Result<std::optional<Frame>> next() = 0;
+
+  /// Goes on as if so many more frames had been read; cheap. Frame i is captured at i / fps after
+  /// the epoch, so skip(now * fps) puts an endless source in step with the wall clock.
+  virtual void skip(std::uint64_t frames) = 0;
+
+  /// Whether it starts again after its last frame; its indices count on.
+  virtual bool endless() const = 0;
 };
 
 }  // namespace mr

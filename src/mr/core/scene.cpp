@@ -52,11 +52,8 @@ void read_lattice(MapReader& top, Lattice& lattice) {
     }
 }
 
-void read_volume(MapReader& top, std::optional<Box3d>& volume) {
-  const YamlNode* node = top.find("volume");
-  if (!node) return;
-  MapReader map(top.report, *node, "volume");
-  const YamlNode* box = map.need("box");
+void read_box(MapReader& map, std::optional<Box3d>& volume) {
+  const YamlNode* box = map.find("box");
   if (!box) return;
   if (box->kind != YamlNode::Kind::list || box->items.size() != 2) {
     map.report.problem(map.line("box"),
@@ -75,6 +72,21 @@ void read_volume(MapReader& top, std::optional<Box3d>& volume) {
   volume = Box3d{{low[0], low[1], low[2]}, {high[0], high[1], high[2]}};
 }
 
+void read_volume(MapReader& top, Scene& scene) {
+  const YamlNode* node = top.find("volume");
+  if (!node) return;
+  MapReader map(top.report, *node, "volume");
+  if (!map.has("box") && !map.has("remove_floor"))
+    map.report.problem(map.line(), "volume lacks the key 'box' or 'remove_floor'");
+  read_box(map, scene.volume);
+  if (const YamlNode* floor = map.find("remove_floor")) {
+    MapReader plane(map.report, *floor, "remove_floor");
+    scene.floor.emplace();
+    plane.number("height_m", scene.floor->height_m, {-1e5, 1e5});
+    plane.number("margin_m", scene.floor->margin_m, {0, 10});
+  }
+}
+
 void read_general(MapReader& top, Scene& scene) {
   if (const YamlNode* id = top.need("scene"))
     scene.id = scene_file::read_id(top.report, *id, "scene").value_or("");
@@ -88,7 +100,7 @@ void read_general(MapReader& top, Scene& scene) {
     video.integer("threads", scene.video.threads, 1, 64);
     video.integer("slices", scene.video.slices, 1, 64);
   }
-  read_volume(top, scene.volume);
+  read_volume(top, scene);
   if (top.choice<std::string>("pipeline", scene.pipeline,
                               {{"meshreduce", "meshreduce"},
                                {"holoportation", "holoportation"},
@@ -163,6 +175,7 @@ void read_atlas(MapReader& top, AtlasConfig& atlas) {
                      {"packed", Views::packed},
                      {"separate", Views::separate}});
   map.flag("mask", atlas.mask);
+  map.flag("burn_sequence", atlas.burn_sequence);
   map.size("size", 16, 8192, atlas.width, atlas.height);
   if (atlas.views == Views::packed) not_acted_on(map, "views", "atlas.views packed");
   if (atlas.views == Views::separate) not_acted_on(map, "views", "atlas.views separate");
@@ -193,46 +206,16 @@ void read_rate_and_coding(MapReader& top, Scene& scene) {
   }
 }
 
-/// Parts of the network and of eval: checked for form, kept for later versions.
-void read_later_parts(MapReader& top) {
-  constexpr std::pair<const char*, const char*> kParts[] = {
-      {"gateway", "listen"}, {"nats", "url"}, {"truth", "mesh"}};
-  for (const auto& [part, key] : kParts) {
-    const YamlNode* node = top.find(part);
-    if (!node) continue;
-    MapReader map(top.report, *node, part);
-    std::string text;
-    if (map.need(key)) map.text(key, text);
-    not_acted_on(top, part, part);
-  }
-}
-
 void read_rig_errors(MapReader& map, RigConfig& rig) {
-  map.integer("people", rig.people, 0, 100);
-  double ignored[4]{};
-  map.number("calib_error_mm", ignored[0], {0, 1000});
-  map.number("calib_error_deg", ignored[1], {0, 90});
-  map.number("exposure_spread", ignored[2], {0, 100});
-  map.number("clock_offset_ms", ignored[3], {-1e7, 1e7});
-  if (rig.people > 0) not_acted_on(map, "people", "rig.people");
-  constexpr const char* kKeys[] = {"calib_error_mm", "calib_error_deg", "exposure_spread",
-                                   "clock_offset_ms"};
-  for (int i = 0; i < 4; ++i)
-    if (ignored[i] != 0) not_acted_on(map, kKeys[i], std::string("rig.") + kKeys[i]);
+  map.number("calib_error_mm", rig.calib_error_mm, {0, 1000});
+  map.number("calib_error_deg", rig.calib_error_deg, {0, 90});
+  map.number("exposure_spread", rig.exposure_spread, {0, 4});
+  map.number("clock_offset_ms", rig.clock_offset_ms, {0, 10'000});
 }
 
-RigConfig read_rig(Report& report, const YamlNode& node) {
-  RigConfig rig;
-  MapReader map(report, node, "rig");
-  bool synthetic = true;
-  map.choice<bool>("type", synthetic, {{"synthetic", true}});
-  double seed = rig.seed;
-  if (map.number("seed", seed, {0, 4294967295.0}) && seed != std::floor(seed))
-    report.problem(map.line("seed"), "seed must be a whole number");
-  rig.seed = static_cast<std::uint32_t>(seed);
-  double room[3];
-  if (map.numbers("room", {1, 50}, room)) rig.room_m = {room[0], room[1], room[2]};
-  map.integer("sensors", rig.sensors, 1, 16);
+void read_rig_sensors(MapReader& map, RigConfig& rig) {
+  map.integer("sensors", rig.sensors, 1, 400);
+  map.integer("lidars", rig.lidars, 0, 16);
   std::pair<int, int> depth{rig.depth_width, rig.depth_height};
   map.choice<std::pair<int, int>>("depth_mode", depth,
                                   {{"nfov", {640, 576}},
@@ -242,10 +225,43 @@ RigConfig read_rig(Report& report, const YamlNode& node) {
   rig.depth_width = depth.first, rig.depth_height = depth.second;
   map.size("color", 16, 8192, rig.color_width, rig.color_height);
   map.choice<bool>("noise", rig.noise, {{"kinect", true}, {"none", false}});
+}
+
+RigConfig read_rig(Report& report, const YamlNode& node) {
+  RigConfig rig;
+  MapReader map(report, node, "rig");
+  bool synthetic = true;
+  map.choice<bool>("type", synthetic, {{"synthetic", true}});
+  using Kind = RigConfig::Kind;
+  map.choice<Kind>("kind", rig.kind,
+                   {{"room", Kind::room},
+                    {"conference", Kind::conference},
+                    {"office", Kind::office},
+                    {"corridor", Kind::corridor},
+                    {"hallway", Kind::hallway}});
+  rig.room_m = usual_room_m(rig.kind);
+  double seed = rig.seed;
+  if (map.number("seed", seed, {0, 4294967295.0}) && seed != std::floor(seed))
+    report.problem(map.line("seed"), "seed must be a whole number");
+  rig.seed = static_cast<std::uint32_t>(seed);
+  double room[3];
+  if (map.numbers("room", {1, 50}, room)) rig.room_m = {room[0], room[1], room[2]};
+  map.integer("people", rig.people, 0, 100);
+  read_rig_sensors(map, rig);
   map.number("detail", rig.detail, {0, 1});
   map.integer("frames", rig.frames, 1, 1'000'000);
+  map.flag("loop", rig.loop);
   read_rig_errors(map, rig);
   return rig;
+}
+
+void read_truth(MapReader& top, std::optional<TruthConfig>& truth) {
+  const YamlNode* node = top.find("truth");
+  if (!node) return;
+  MapReader map(top.report, *node, "truth");
+  truth.emplace();
+  if (map.need("mesh")) map.text("mesh", truth->mesh);
+  if (const YamlNode* rig = map.find("rig")) truth->rig = read_rig(top.report, *rig);
 }
 
 /// Sensors or a rig; the names that mergers may use for them.
@@ -259,8 +275,7 @@ std::vector<NodeName> read_leaves(MapReader& top, Scene& scene) {
   if (rig && sensors) report.problem(top.line("rig"), "a scene has sensors or a rig, not both");
   if (!rig && !sensors) report.problem(1, "the scene lacks the key 'sensors' (or 'rig')");
   if (rig && !sensors)
-    for (int i = 0; i < scene.rig->sensors; ++i)
-      names.push_back({"cam-" + std::to_string(i), top.line("rig")});
+    for (const std::string& id : scene.rig->sensor_ids()) names.push_back({id, top.line("rig")});
   return names;
 }
 
@@ -327,10 +342,24 @@ void read_scene(Report& report, const YamlNode& root, Scene& scene) {
   read_merge(top, scene.merge);
   read_atlas(top, scene.atlas);
   read_rate_and_coding(top, scene);
-  read_later_parts(top);
+  read_truth(top, scene.truth);
+  scene_file::read_background(top, scene.background);
+  scene_file::read_network(top, scene);
 }
 
 }  // namespace
+
+Vec3d usual_room_m(RigConfig::Kind kind) {
+  constexpr Vec3d kSizes[] = {{6, 5, 3}, {7, 5, 2.8}, {6, 5, 2.8}, {2.2, 12, 2.6}, {6, 5, 3}};
+  return kSizes[static_cast<int>(kind)];
+}
+
+std::vector<std::string> RigConfig::sensor_ids() const {
+  std::vector<std::string> ids;
+  for (int i = 0; i < sensors; ++i) ids.push_back("cam-" + std::to_string(i));
+  for (int i = 0; i < lidars; ++i) ids.push_back("lidar-" + std::to_string(i));
+  return ids;
+}
 
 std::string to_string(const SceneProblem& problem) {
   if (problem.line <= 0) return problem.file.string() + ": " + problem.message;

@@ -2,6 +2,7 @@
 
 #include <cstdint>
 #include <filesystem>
+#include <map>
 #include <optional>
 #include <string>
 #include <variant>
@@ -26,7 +27,8 @@ struct RgbdImagesSource {
   bool loop = false;                         ///< start again after the last
 };
 
-/// One camera of the synthetic room; which one follows from the sensor's place in the rig.
+/// One sensor of the synthetic rig; which one follows from its place in the rig: the Kinects come
+/// first, then the LiDARs.
 struct SyntheticSource {
   std::uint32_t camera = 0;
 };
@@ -80,6 +82,7 @@ struct MergeConfig {
 struct AtlasConfig {
   enum class Views { coherent, best_angle, packed, separate } views = Views::coherent;
   bool mask = true;                 ///< pixels of no use become black
+  bool burn_sequence = false;       ///< test pictures: the packet's number in the corner
   int width = 4096, height = 2304;  ///< the atlas is at most this large
 };
 
@@ -98,18 +101,60 @@ struct VideoConfig {
   int threads = 2, slices = 2;  ///< libx264's bytes follow them
 };
 
-/// A synthetic rig in place of `sensors`.
+/// A synthetic rig in place of `sensors`. Errors are drawn from the seed, one set per sensor.
 struct RigConfig {
+  enum class Kind { room, conference, office, corridor, hallway } kind = Kind::room;
   std::uint32_t seed = 1;
   Vec3d room_m{6, 5, 3};  ///< width, depth, height
-  int people = 0;
-  int sensors = 4;
+  int people = 0;         ///< who walk and gesture
+  int sensors = 4;        ///< Kinects, "cam-0" and so on; 1 to 400
+  int lidars = 0;         ///< 360-degree LiDARs with a panorama, "lidar-0" and so on
   int depth_width = 640,
       depth_height = 576;  ///< depth_mode nfov; wfov_binned 512x512, nfov_binned 320x288
   int color_width = 1280, color_height = 720;
-  bool noise = true;    ///< `kinect`; `none` is noiseless
-  double detail = 0.5;  ///< texture contrast and clutter, 0..1
-  int frames = 300;     ///< the source ends after so many
+  bool noise = true;           ///< `kinect`; `none` is noiseless
+  double calib_error_mm = 0;   ///< each stated pose is off by so much, in some direction
+  double calib_error_deg = 0;  ///< and turned by so much, about some axis
+  double exposure_spread =
+      0;  ///< stops: exposure is off by up to ± this, red and blue by a quarter
+  double clock_offset_ms = 0;  ///< each clock is off by up to ± this; the stated times do not tell
+  double detail = 0.5;         ///< texture contrast and clutter, 0..1
+  int frames = 300;            ///< the source ends, or starts again, after so many
+  bool loop = false;           ///< start again; then motion repeats after `frames`
+
+  /// The ids of its sensors, in order.
+  std::vector<std::string> sensor_ids() const;
+};
+
+/// A size that suits a kind of room; what a scene file without `room` means.
+Vec3d usual_room_m(RigConfig::Kind kind);
+
+/// What a scene's pictures were made from, for measuring: written by `synth`.
+struct TruthConfig {
+  std::string mesh;              ///< pattern of PLY files in world coordinates, one per frame
+  std::optional<RigConfig> rig;  ///< the rig that made them
+};
+
+/// The floor as a plane: what is at most `margin_m` above it is dropped before fusion.
+struct FloorConfig {
+  double height_m = 0;     ///< along the scene's up
+  double margin_m = 0.03;  ///< sensor noise and calibration
+};
+
+/// A model of what never moves: sent once, drawn with depth (paper, Fig. 11).
+struct BackgroundConfig {
+  std::filesystem::path model;  ///< .glb
+  Pose T_world_model;
+};
+
+struct GatewayConfig {
+  std::string listen = "127.0.0.1:8080";  ///< host:port; port 0: any free one
+};
+
+/// How the nodes of a scene find each other when they run as processes of their own.
+struct NetworkConfig {
+  std::string nats_url;                    ///< empty: no NATS
+  std::map<std::string, std::string> tcp;  ///< node → host:port; empty: no TCP
 };
 
 struct Scene {
@@ -122,8 +167,11 @@ struct Scene {
   Lattice lattice;
   VideoConfig video;
   std::optional<Box3d> volume;
+  std::optional<FloorConfig> floor;
+  std::optional<BackgroundConfig> background;
   std::vector<SensorConfig> sensors;
   std::optional<RigConfig> rig;
+  std::optional<TruthConfig> truth;
   std::vector<MergerConfig> mergers;  ///< children before parents; the last is the root
   std::vector<LinkConfig> links;
   std::string pipeline = "meshreduce";
@@ -134,6 +182,8 @@ struct Scene {
   bool reuse_chunks = true;
   RateConfig rate;
   CodingConfig coding;
+  std::optional<GatewayConfig> gateway;
+  NetworkConfig network;
 };
 
 /// Something wrong in a scene file; prints as "file:line: message".

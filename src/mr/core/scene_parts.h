@@ -50,6 +50,11 @@ std::vector<MergerEntry> read_mergers(Report& report, const YamlNode& node);
 std::vector<LinkConfig> read_links(Report& report, const YamlNode& node,
                                    const std::vector<NodeName>& names);
 
+void read_background(MapReader& top, std::optional<BackgroundConfig>& background);
+
+/// Gateway, NATS and TCP addresses; the scene's sensors and mergers are known by then.
+void read_network(MapReader& top, Scene& scene);
+
 /// Sensors and mergers share one namespace: reports ids used twice.
 void check_ids(Report& report, const std::vector<NodeName>& leaves,
                const std::vector<MergerEntry>& mergers);

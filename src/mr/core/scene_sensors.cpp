@@ -22,6 +22,32 @@ void read_distortion(Report& report, const YamlNode& node, Camera& camera) {
   map.numbers("p", {-1e6, 1e6}, camera.p);
 }
 
+/// A LiDAR's beams, one a row: [altitudes] or {from, to}, evenly spread; offsets of their azimuths
+/// may be left out. False where a problem was reported.
+bool read_beams(MapReader& map, Camera& camera) {
+  constexpr double kRadians = std::numbers::pi / 180;
+  const YamlNode* node = map.need("beam_altitude_deg");
+  if (!node) return false;
+  std::vector<double> degrees(camera.height);
+  if (node->kind == YamlNode::Kind::map) {
+    MapReader range(map.report, *node, "beam_altitude_deg");
+    double from = 0, to = 0;
+    if (!range.need("from") || !range.need("to") || !range.number("from", from, {-90, 90}) ||
+        !range.number("to", to, {-90, 90}))
+      return false;
+    for (int row = 0; row < camera.height; ++row)
+      degrees[row] = from + (to - from) * row / std::max(1, camera.height - 1);
+  } else if (!read_numbers(map.report, *node, "beam_altitude_deg", {-90, 90}, degrees)) {
+    return false;
+  }
+  for (const double angle : degrees) camera.beam_altitude_rad.push_back(angle * kRadians);
+  std::vector<double> azimuths(camera.height);
+  if (map.has("beam_azimuth_deg") && !map.numbers("beam_azimuth_deg", {-360, 360}, azimuths))
+    return false;
+  for (const double angle : azimuths) camera.beam_azimuth_rad.push_back(angle * kRadians);
+  return true;
+}
+
 /// Camera::problems names no key; this finds the line a reader would look at.
 int line_of_problem(const MapReader& map, const Camera& camera, const std::string& problem) {
   if (problem.starts_with("size")) return map.line("size");
@@ -91,13 +117,16 @@ void read_cameras(MapReader& map, SensorConfig& sensor, std::optional<bool> sour
   Report& report = map.report;
   if (const YamlNode* node = map.need("depth_camera")) {
     const auto camera = read_camera(report, *node, "depth_camera");
-    if (camera && camera->model != CameraModel::pinhole)
-      report.problem(node->line,
-                     "depth_camera: only the model pinhole is supported by this version");
+    if (camera && camera->model == CameraModel::equirectangular)
+      report.problem(
+          node->line,
+          "depth_camera: only the models pinhole and lidar are supported by this version");
     if (camera) sensor.depth_camera = *camera;
   }
   const YamlNode* color = map.find("color_camera");
   if (color) sensor.color_camera = read_camera(report, *color, "color_camera");
+  if (sensor.color_camera && sensor.color_camera->model == CameraModel::lidar)
+    report.problem(color->line, "color_camera: a lidar takes no colour pictures");
   if (source_has_color && *source_has_color != (color != nullptr))
     report.problem(color ? map.line("color_camera") : map.line("source"),
                    color ? "color_camera is given but source names no color"
@@ -156,7 +185,8 @@ std::optional<Camera> read_camera(Report& report, const YamlNode& node, const st
   bool good = !map.has("model") ||
               map.choice<CameraModel>("model", camera.model,
                                       {{"pinhole", CameraModel::pinhole},
-                                       {"equirectangular", CameraModel::equirectangular}});
+                                       {"equirectangular", CameraModel::equirectangular},
+                                       {"lidar", CameraModel::lidar}});
   const bool pinhole = camera.model == CameraModel::pinhole;
   good &= map.need("size") && map.size("size", 1, 16384, camera.width, camera.height);
   const auto intrinsic = [&](const char* key, double& out, Range range) {
@@ -169,6 +199,10 @@ std::optional<Camera> read_camera(Report& report, const YamlNode& node, const st
   good &= intrinsic("cy", camera.cy, {-kMost, kMost});
   if (const YamlNode* distortion = map.find("distortion"))
     read_distortion(report, *distortion, camera);
+  if (camera.model == CameraModel::lidar) {
+    const bool has_beams = map.has("beam_altitude_deg") | map.has("beam_azimuth_deg");
+    good = good && read_beams(map, camera) && has_beams;
+  }
   if (!good) return std::nullopt;
   for (const std::string& problem : camera.problems())
     report.problem(line_of_problem(map, camera, problem), name + ": " + problem);

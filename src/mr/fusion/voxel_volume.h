@@ -19,15 +19,19 @@ struct VolumeConfig {
   std::optional<Box3d> bounds;  ///< world; surface outside is dropped before fusion
 };
 
-/// 8³ voxels. Voxel (x, y, z) has index (z·8 + y)·8 + x and lies at (block·8 + (x, y, z)) ·
-/// voxel_m.
+/// 8³ voxels. Voxel (x, y, z) has index (z·8 + y)·8 + x, is bit y·8 + x of layer z, and lies at
+/// (block·8 + (x, y, z)) · voxel_m.
 struct VoxelBlock {
   static constexpr int kSide = 8;
   static constexpr int kVoxels = kSide * kSide * kSide;
+  using Bits = std::array<std::uint64_t, kSide>;  ///< one bit per voxel, in layers
 
-  Vec3i coordinate;                     ///< in blocks
-  std::array<float, kVoxels> distance;  ///< signed distance / truncation, in (-1, 1]; 1 = free
-  std::array<float, kVoxels> weight{};  ///< 0: never seen
+  Vec3i coordinate;                       ///< in blocks
+  std::array<float, kVoxels> distance{};  ///< signed distance / truncation, in [-1, 1]; 1 = free
+  std::array<float, kVoxels> weight{};    ///< 0: never seen, and `distance` means nothing
+  /// What the surface is found by: seen at all, seen behind a surface (distance
+  /// below 0), seen within the band (distance below 1).
+  Bits seen{}, inside{}, near{};
 };
 
 /// A truncated signed distance field (Curless & Levoy 1996) in sparse blocks behind a hashed
@@ -37,7 +41,7 @@ class VoxelVolume {
   explicit VoxelVolume(const VolumeConfig& config);
 
   /// Fuses the depth pixels inside `region` (all others count as unseen). The camera is an
-  /// undistorted pinhole. Parallel over blocks.
+  /// undistorted pinhole. Parallel over rows and blocks.
   void integrate(const ImageDepth& depth, const Camera& camera, const Pose& T_world_camera,
                  const Rect& region);
 
@@ -49,11 +53,8 @@ class VoxelVolume {
   std::size_t memory_bytes() const;
 
  private:
-  void allocate(const ImageDepth& depth, const Camera& camera, const Pose& T_world_camera,
-                const Rect& region);
-  void insert(Vec3i block_coordinate);
-  void sort_blocks();
-  void rebuild_directory(std::size_t slots);
+  void add_blocks(const std::vector<Vec3i>& sorted_coordinates);
+  void rebuild_directory();
 
   VolumeConfig config_;
   std::vector<VoxelBlock> blocks_;

@@ -20,6 +20,7 @@ using Bytes = std::span<const std::uint8_t>;
 constexpr std::uint64_t kMaxSide = 16384;
 constexpr std::uint64_t kMaxPixels = 64'000'000;
 constexpr std::uintmax_t kMaxFileBytes = std::uintmax_t{512} << 20;
+constexpr std::size_t kMaxBytesInMemory = 0x7FFFFFFF;  // OpenCV counts them in an int
 constexpr int kMaxJpegScans = 200;  // a progressive picture has about ten; thousands are an attack
 
 /// What a file's header claims, read without decoding.
@@ -209,7 +210,7 @@ Result<cv::Mat> decode(Bytes b, const Header& header, int flags) {
   }
 }
 
-Result<ImageRgb> decode_color(Bytes b) {
+Result<ImageRgb> decode_jpeg_or_png(Bytes b) {
   const bool known = is_jpeg(b) || is_png(b);
   if (!known) return Error{Error::Cause::unsupported, "neither JPEG nor PNG"};
   const auto header = is_jpeg(b) ? check_jpeg(b) : check_png(b);
@@ -278,7 +279,13 @@ Result<std::vector<std::byte>> encode(const ImageRgb& image, const char* extensi
 }  // namespace
 
 Result<ImageRgb> read_color(const std::filesystem::path& file) {
-  return read_with(&decode_color, file);
+  return read_with(&decode_jpeg_or_png, file);
+}
+
+Result<ImageRgb> decode_color(std::span<const std::byte> bytes) {
+  if (bytes.size() > kMaxBytesInMemory)
+    return Error{Error::Cause::too_large, "a coded picture of over 2 GiB"};
+  return decode_jpeg_or_png({reinterpret_cast<const std::uint8_t*>(bytes.data()), bytes.size()});
 }
 
 Result<ImageDepth16> read_depth16(const std::filesystem::path& file) {

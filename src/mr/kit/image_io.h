@@ -17,6 +17,9 @@ using ImageDepth16 = Image<std::uint16_t, 1>;  ///< sensor counts
 /// files are errors that name the file.
 Result<ImageRgb> read_color(const std::filesystem::path& file);
 
+/// The same from memory; at most 2 GiB.
+Result<ImageRgb> decode_color(std::span<const std::byte> bytes);
+
 /// Reads a 16-bit grey PNG or binary PGM (P5, maxval over 255: big-endian).
 Result<ImageDepth16> read_depth16(const std::filesystem::path& file);
 

@@ -19,24 +19,53 @@ ScreenPolygon clip_to_screen(const Camera& camera, const std::array<Vec3d, 3>& c
   return out;
 }
 
+namespace {
+
+/// A mesh's vertices in the camera and in its picture.
+struct Projection {
+  std::vector<Vec3d> in_camera;
+  std::vector<ScreenPoint> on_screen;  ///< without meaning in front of the near plane
+
+  ScreenPolygon polygon(const Camera& camera, const Triangle& t) const {
+    const auto beyond = [&](std::uint32_t v) { return in_camera[v].z >= kNearPlane_m; };
+    if (beyond(t[0]) && beyond(t[1]) && beyond(t[2]))
+      return {{on_screen[t[0]], on_screen[t[1]], on_screen[t[2]], {}}, 3};
+    return clip_to_screen(camera, {in_camera[t[0]], in_camera[t[1]], in_camera[t[2]]});
+  }
+};
+
+Projection project_vertices(const Mesh& mesh, const Camera& camera, const Pose& T_world_camera) {
+  const Pose T_camera_world = T_world_camera.inverse();
+  const std::size_t count = mesh.positions.size();
+  Projection out{std::vector<Vec3d>(count), std::vector<ScreenPoint>(count)};
+  parallel_for(count, 2048, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t v = begin; v < end; ++v) {
+      out.in_camera[v] = T_camera_world * vec_cast<double>(mesh.positions[v]);
+      out.on_screen[v] = to_screen(camera, out.in_camera[v]);
+    }
+  });
+  return out;
+}
+
+/// Which rows of the picture a triangle touches.
+struct Rows {
+  float top = 0, bottom = -1;
+};
+
+}  // namespace
+
 Raster rasterize(const Mesh& mesh, const Camera& camera, const Pose& T_world_camera) {
   MR_ASSERT(camera.model == CameraModel::pinhole && camera.distortion == DistortionModel::none);
-  struct Drawn {
-    ScreenPolygon polygon;
-    double top = 0, bottom = -1;  // rows
-  };
-  const Pose T_camera_world = T_world_camera.inverse();
-  std::vector<Drawn> drawn(mesh.triangles.size());
-  parallel_for(drawn.size(), 2048, [&](std::size_t begin, std::size_t end) {
+  const Projection projection = project_vertices(mesh, camera, T_world_camera);
+  std::vector<Rows> rows(mesh.triangles.size());
+  parallel_for(rows.size(), 2048, [&](std::size_t begin, std::size_t end) {
     for (std::size_t t = begin; t < end; ++t) {
-      const auto corner = [&](int i) {
-        return T_camera_world * vec_cast<double>(mesh.corner(t, i));
-      };
-      const ScreenPolygon p = clip_to_screen(camera, {corner(0), corner(1), corner(2)});
+      const ScreenPolygon p = projection.polygon(camera, mesh.triangles[t]);
       if (p.count == 0) continue;
-      const auto rows = std::minmax_element(p.points.begin(), p.points.begin() + p.count,
-                                            [](const auto& a, const auto& b) { return a.v < b.v; });
-      drawn[t] = {p, rows.first->v, rows.second->v};
+      const auto [top, bottom] =
+          std::minmax_element(p.points.begin(), p.points.begin() + p.count,
+                              [](const auto& a, const auto& b) { return a.v < b.v; });
+      rows[t] = {std::floor(static_cast<float>(top->v)), std::ceil(static_cast<float>(bottom->v))};
     }
   });
 
@@ -46,16 +75,26 @@ Raster rasterize(const Mesh& mesh, const Camera& camera, const Pose& T_world_cam
   parallel_for((camera.height + kBand - 1) / kBand, 1, [&](std::size_t begin, std::size_t end) {
     const int first = static_cast<int>(begin * kBand);
     const int last = std::min(static_cast<int>(end * kBand), camera.height);
-    for (std::uint32_t t = 0; t < drawn.size(); ++t) {
-      if (drawn[t].bottom < first || drawn[t].top >= last) continue;
-      scan_polygon(drawn[t].polygon, camera.width, first, last, [&](int x, int y, double z) {
-        float& depth = *out.depth.at(x, y);
-        const auto candidate = static_cast<float>(z);
-        if (depth != 0 && depth <= candidate) return;
-        depth = candidate;
-        *out.triangle.at(x, y) = t;
-      });
+    for (std::uint32_t t = 0; t < rows.size(); ++t) {
+      if (rows[t].bottom < static_cast<float>(first) || rows[t].top >= static_cast<float>(last))
+        continue;
+      const auto draw = [&](const ScreenSpan& s) {
+        float* const inv_depth = out.depth.row(s.y);
+        std::uint32_t* const triangle = out.triangle.row(s.y);
+        for (int x = s.first; x <= s.last; ++x) {
+          const float inv_z = s.inv_z + static_cast<float>(x - s.first) * s.inv_z_step;
+          const bool nearer = inv_z > inv_depth[x];
+          inv_depth[x] = nearer ? inv_z : inv_depth[x];
+          triangle[x] = nearer ? t : triangle[x];
+        }
+      };
+      scan_polygon(projection.polygon(camera, mesh.triangles[t]), camera.width, first, last, draw);
     }
+    for (int y = first; y < last; ++y)
+      for (int x = 0; x < camera.width; ++x) {
+        float& d = *out.depth.at(x, y);
+        d = d > 0 ? 1 / d : 0;
+      }
   });
   return out;
 }

@@ -4,6 +4,7 @@
 #include <array>
 #include <cmath>
 #include <cstdint>
+#include <utility>
 
 #include "mr/core/camera.h"
 #include "mr/core/image.h"
@@ -42,39 +43,71 @@ struct ScreenPolygon {
 };
 ScreenPolygon clip_to_screen(const Camera& camera, const std::array<Vec3d, 3>& corners_camera);
 
-/// Calls pixel(x, y, depth_m) for every pixel centre inside the triangle a, b, c (either winding,
-/// borders included) whose row lies in [first_row, end_row).
-template <typename PixelFunction>
-void scan_triangle(const ScreenPoint& a, const ScreenPoint& b, const ScreenPoint& c, int width,
-                   int first_row, int end_row, PixelFunction&& pixel) {
+/// Pixels of one row inside a triangle: `first` to `last`, with 1 / depth at `first` and what it
+/// grows by from pixel to pixel.
+struct ScreenSpan {
+  int y = 0, first = 0, last = -1;
+  float inv_z = 0, inv_z_step = 0;
+};
+
+/// An edge from a to b, a.v <= b.v: where it crosses a row. The same for both triangles at the
+/// edge.
+class ScreenEdge {
+ public:
+  ScreenEdge(const ScreenPoint& a, const ScreenPoint& b)
+      : u_(a.u), v_(a.v), slope_(a.v < b.v ? (b.u - a.u) / (b.v - a.v) : 0) {}
+  double at_row(int y) const { return u_ + (y - v_) * slope_; }
+
+ private:
+  double u_, v_, slope_;
+};
+
+/// Smallest integer that is not below v, limited to [low, high]; low >= -1.
+inline int ceil_within(double v, int low, int high) {
+  v = std::clamp<double>(v, low, high);
+  const int i = static_cast<int>(v);
+  return i + (i < v);
+}
+/// Largest integer that is not above v, limited to [low, high]; low >= -1.
+inline int floor_within(double v, int low, int high) {
+  v = std::clamp<double>(v, low, high);
+  const int i = static_cast<int>(v);
+  return i - (i > v);
+}
+
+/// Calls span(ScreenSpan) for each row of [first_row, end_row) that holds pixel centres inside the
+/// triangle a, b, c (either winding, borders included).
+template <typename SpanFunction>
+void scan_triangle(ScreenPoint a, ScreenPoint b, ScreenPoint c, int width, int first_row,
+                   int end_row, SpanFunction&& span) {
+  if (b.v < a.v) std::swap(a, b);
+  if (c.v < a.v) std::swap(a, c);
+  if (c.v < b.v) std::swap(b, c);
   const double area = (b.u - a.u) * (c.v - a.v) - (c.u - a.u) * (b.v - a.v);
-  if (area == 0 || !std::isfinite(area)) return;
-  const auto limit = [](double v, int low, int high) {
-    return static_cast<int>(std::clamp(v, static_cast<double>(low), static_cast<double>(high)));
-  };
-  const int x0 = limit(std::ceil(std::min({a.u, b.u, c.u})), 0, width);
-  const int x1 = limit(std::floor(std::max({a.u, b.u, c.u})), -1, width - 1);
-  const int y0 = limit(std::ceil(std::min({a.v, b.v, c.v})), first_row, end_row);
-  const int y1 = limit(std::floor(std::max({a.v, b.v, c.v})), first_row - 1, end_row - 1);
-  // Barycentric weights change by constants from pixel to pixel of a row.
-  const double wa_step = (b.v - c.v) / area, wb_step = (c.v - a.v) / area;
+  const int y0 = ceil_within(a.v, first_row, end_row);
+  const int y1 = floor_within(c.v, first_row - 1, end_row - 1);
+  const bool beside = std::max({a.u, b.u, c.u}) < 0 || std::min({a.u, b.u, c.u}) > width - 1;
+  if (area == 0 || !std::isfinite(area) || y0 > y1 || beside) return;
+  const double du = ((b.inv_z - a.inv_z) * (c.v - a.v) - (c.inv_z - a.inv_z) * (b.v - a.v)) / area;
+  const double dv = ((c.inv_z - a.inv_z) * (b.u - a.u) - (b.inv_z - a.inv_z) * (c.u - a.u)) / area;
+  const ScreenEdge a_c(a, c), a_b(a, b), b_c(b, c);
   for (int y = y0; y <= y1; ++y) {
-    const double wa_0 = ((b.u - x0) * (c.v - y) - (c.u - x0) * (b.v - y)) / area;
-    const double wb_0 = ((c.u - x0) * (a.v - y) - (a.u - x0) * (c.v - y)) / area;
-    for (int x = x0; x <= x1; ++x) {
-      const double wa = wa_0 + (x - x0) * wa_step, wb = wb_0 + (x - x0) * wb_step, wc = 1 - wa - wb;
-      if (wa < 0 || wb < 0 || wc < 0) continue;
-      pixel(x, y, 1 / (wa * a.inv_z + wb * b.inv_z + wc * c.inv_z));
-    }
+    const bool upper = y < b.v || (y == b.v && a.v < b.v);
+    const double u = a_c.at_row(y), other_u = upper ? a_b.at_row(y) : b_c.at_row(y);
+    const int first = ceil_within(std::min(u, other_u), 0, width);
+    const int last = floor_within(std::max(u, other_u), -1, width - 1);
+    if (first > last) continue;
+    const double inv_z = a.inv_z + (first - a.u) * du + (y - a.v) * dv;
+    span(ScreenSpan{y, first, last, static_cast<float>(inv_z), static_cast<float>(du)});
   }
 }
 
 /// scan_triangle over a clipped polygon.
-template <typename PixelFunction>
+template <typename SpanFunction>
 void scan_polygon(const ScreenPolygon& p, int width, int first_row, int end_row,
-                  PixelFunction&& pixel) {
+                  SpanFunction&& span) {
   for (int i = 2; i < p.count; ++i)
-    scan_triangle(p.points[0], p.points[i - 1], p.points[i], width, first_row, end_row, pixel);
+    scan_triangle(p.points[0], p.points[i - 1], p.points[i], width, first_row, end_row, span);
 }
 
 }  // namespace mr::kit

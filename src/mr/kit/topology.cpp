@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <bit>
 #include <numeric>
+#include <span>
 #include <unordered_map>
 #include <unordered_set>
 
@@ -15,36 +16,50 @@ std::uint64_t edge_key(std::uint32_t a, std::uint32_t b) {
   return (static_cast<std::uint64_t>(std::min(a, b)) << 32) | std::max(a, b);
 }
 
+/// A half-edge at the smaller of its two vertices.
+struct EdgeUse {
+  std::uint32_t other;  ///< the larger one
+  std::uint32_t half_edge;
+};
+
 /// Half-edges grouped by the smaller of their two vertices: those of vertex v are
 /// items[start[v]] .. items[start[v + 1]], sorted by the other vertex, so edges are neighbours.
 struct EdgesByVertex {
-  std::vector<std::uint32_t> start, items;
+  std::vector<std::uint32_t> start;
+  std::vector<EdgeUse> items;
 };
 
-EdgesByVertex edges_by_lower_vertex(const Mesh& mesh) {
-  const auto lower = [&](std::uint32_t h) {
-    return std::min(edge_from(mesh, h), edge_to(mesh, h));
-  };
-  const auto count = static_cast<std::uint32_t>(mesh.triangles.size() * 3);
-  EdgesByVertex out;
-  out.start.assign(mesh.positions.size() + 1, 0);
-  for (std::uint32_t h = 0; h < count; ++h) ++out.start[lower(h) + 1];
-  std::partial_sum(out.start.begin(), out.start.end(), out.start.begin());
-  out.items.resize(count);
-  std::vector<std::uint32_t> next(out.start.begin(), out.start.end() - 1);
-  for (std::uint32_t h = 0; h < count; ++h) out.items[next[lower(h)]++] = h;
-  const auto higher = [&](std::uint32_t h) {
-    return std::max(edge_from(mesh, h), edge_to(mesh, h));
-  };
-  for (std::size_t v = 0; v + 1 < out.start.size(); ++v)
-    std::stable_sort(out.items.begin() + out.start[v], out.items.begin() + out.start[v + 1],
-                     [&](std::uint32_t a, std::uint32_t b) { return higher(a) < higher(b); });
-  return out;
+/// Stable. A vertex has a handful of edges, so mostly by insertion.
+void sort_by_other(std::span<EdgeUse> uses) {
+  const auto before = [](const EdgeUse& a, const EdgeUse& b) { return a.other < b.other; };
+  constexpr std::size_t kHandful = 32;
+  if (uses.size() > kHandful) return std::stable_sort(uses.begin(), uses.end(), before);
+  for (std::size_t i = 1; i < uses.size(); ++i) {
+    const EdgeUse use = uses[i];
+    std::size_t at = i;
+    for (; at > 0 && before(use, uses[at - 1]); --at) uses[at] = uses[at - 1];
+    uses[at] = use;
+  }
 }
 
-bool same_edge(const Mesh& mesh, std::uint32_t a, std::uint32_t b) {
-  return edge_key(edge_from(mesh, a), edge_to(mesh, a)) ==
-         edge_key(edge_from(mesh, b), edge_to(mesh, b));
+EdgesByVertex edges_by_lower_vertex(const Mesh& mesh) {
+  EdgesByVertex out;
+  out.start.assign(mesh.positions.size() + 1, 0);
+  for (const auto& [a, b, c] : mesh.triangles)
+    ++out.start[std::min(a, b) + 1], ++out.start[std::min(b, c) + 1],
+        ++out.start[std::min(c, a) + 1];
+  std::partial_sum(out.start.begin(), out.start.end(), out.start.begin());
+  out.items.resize(mesh.triangles.size() * 3);
+  std::vector<std::uint32_t> next(out.start.begin(), out.start.end() - 1);
+  std::uint32_t h = 0;
+  for (const auto& [a, b, c] : mesh.triangles) {
+    out.items[next[std::min(a, b)]++] = {std::max(a, b), h++};
+    out.items[next[std::min(b, c)]++] = {std::max(b, c), h++};
+    out.items[next[std::min(c, a)]++] = {std::max(c, a), h++};
+  }
+  for (std::size_t v = 0; v + 1 < out.start.size(); ++v)
+    sort_by_other(std::span(out.items).subspan(out.start[v], out.start[v + 1] - out.start[v]));
+  return out;
 }
 
 }  // namespace
@@ -54,17 +69,18 @@ EdgeTable edge_table(const Mesh& mesh) {
   EdgeTable table;
   table.twin.assign(edges.items.size(), kNoTwin);
   table.uses.assign(edges.items.size(), 0);
-  for (std::size_t first = 0, end; first < edges.items.size(); first = end) {
-    for (end = first + 1;
-         end < edges.items.size() && same_edge(mesh, edges.items[first], edges.items[end]);)
-      ++end;
-    for (std::size_t i = first; i < end; ++i)
-      table.uses[edges.items[i]] =
-          static_cast<std::uint8_t>(std::min<std::size_t>(end - first, 255));
-    const std::uint32_t a = edges.items[first], b = edges.items[end - 1];
-    if (end - first == 2 && edge_from(mesh, a) == edge_to(mesh, b))
-      table.twin[a] = b, table.twin[b] = a;
-  }
+  for (std::size_t v = 0; v + 1 < edges.start.size(); ++v)
+    for (std::uint32_t first = edges.start[v], end; first < edges.start[v + 1]; first = end) {
+      for (end = first + 1;
+           end < edges.start[v + 1] && edges.items[first].other == edges.items[end].other;)
+        ++end;
+      for (std::uint32_t i = first; i < end; ++i)
+        table.uses[edges.items[i].half_edge] =
+            static_cast<std::uint8_t>(std::min<std::uint32_t>(end - first, 255));
+      if (end - first != 2) continue;
+      const std::uint32_t a = edges.items[first].half_edge, b = edges.items[end - 1].half_edge;
+      if (edge_from(mesh, a) == edge_to(mesh, b)) table.twin[a] = b, table.twin[b] = a;
+    }
   return table;
 }
 
@@ -243,19 +259,24 @@ Refined refine(const Mesh& mesh, const std::vector<std::uint8_t>& split) {
   Refined out;
   out.mesh.positions = mesh.positions;
   std::unordered_map<std::uint64_t, std::uint32_t> midpoint;
+  std::vector<std::uint8_t> at_cut(mesh.positions.size(), 0);  // vertices at an end of a cut edge
   for (std::uint32_t h = 0; h < split.size(); ++h) {
     if (!split[h]) continue;
     const std::uint32_t a = edge_from(mesh, h), b = edge_to(mesh, h);
     const auto next = static_cast<std::uint32_t>(out.mesh.positions.size());
-    if (midpoint.try_emplace(edge_key(a, b), next).second)
-      out.mesh.positions.push_back((mesh.positions[a] + mesh.positions[b]) * 0.5f);
+    if (!midpoint.try_emplace(edge_key(a, b), next).second) continue;
+    out.mesh.positions.push_back((mesh.positions[a] + mesh.positions[b]) * 0.5f);
+    out.cut_edges.push_back({a, b});
+    at_cut[a] = at_cut[b] = 1;
   }
   for (std::uint32_t t = 0; t < mesh.triangles.size(); ++t) {
     std::array<std::uint32_t, 3> m{};
     for (std::uint32_t i = 0; i < 3; ++i) {
-      const auto found =
-          midpoint.find(edge_key(edge_from(mesh, 3 * t + i), edge_to(mesh, 3 * t + i)));
-      m[i] = found == midpoint.end() ? kNoTwin : found->second;
+      const std::uint32_t a = edge_from(mesh, 3 * t + i), b = edge_to(mesh, 3 * t + i);
+      m[i] = kNoTwin;
+      if (!at_cut[a] || !at_cut[b]) continue;
+      if (const auto found = midpoint.find(edge_key(a, b)); found != midpoint.end())
+        m[i] = found->second;
     }
     cut_triangle(mesh.triangles[t], m, out.mesh, out.mesh.triangles);
     out.parent.resize(out.mesh.triangles.size(), t);

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <vector>
 
@@ -62,6 +63,8 @@ std::vector<Vec3f> smooth_normals(const Mesh& mesh, int rounds);
 struct Refined {
   Mesh mesh;
   std::vector<std::uint32_t> parent;  ///< [T'] triangle of the input
+  std::vector<std::array<std::uint32_t, 2>>
+      cut_edges;  ///< [V' - V] the ends of the edge that each new vertex lies on
 };
 
 /// Cuts every edge for which `split` ([3T], per half-edge) is set on any of its triangles; all

@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <numbers>
 #include <numeric>
 
 #include "mr/core/assert.h"
@@ -11,15 +10,17 @@
 namespace mr::merge {
 namespace {
 
-constexpr double kAngleSlack = 1e-4;  // radians
-constexpr float kFacing = 0.05f;      // cosine between a filling triangle and the surface around it
+constexpr double kFullTurn = 4;      // of Front::turn
+constexpr double kTurnSlack = 1e-4;  // about a 10000th of a radian
+constexpr float kFacing = 0.05f;     // cosine between a filling triangle and the surface around it
 
 }  // namespace
 
 Front::Front(const Mesh& mesh)
     : positions_(mesh.positions),
       normals_(kit::vertex_normals(mesh)),
-      place_(kit::same_place(mesh.positions)) {
+      place_(kit::same_place(mesh.positions)),
+      surface_(mesh.positions.size()) {
   const kit::EdgeTable table = kit::edge_table(mesh);
   corners_.resize(mesh.positions.size());
   std::vector<std::uint8_t> on_border(mesh.positions.size(), 0);
@@ -34,7 +35,7 @@ Front::Front(const Mesh& mesh)
   }
   for (std::uint32_t h = 0; h < table.twin.size(); ++h) {
     const std::uint32_t a = kit::edge_from(mesh, h), b = kit::edge_to(mesh, h);
-    if (on_border[place_[a]] && on_border[place_[b]]) surface_.insert(directed(a, b));
+    if (on_border[place_[a]] && on_border[place_[b]]) surface_.get_or_add(directed(a, b), kInner);
   }
 }
 
@@ -46,32 +47,35 @@ std::uint32_t Front::add_edge(std::uint32_t from, std::uint32_t to) {
   const auto e = static_cast<std::uint32_t>(edges_.size());
   edges_.push_back({from, to, e, e, true});
   corners_[from].push_back(e);
-  border_[directed(from, to)] = e;
+  surface_.get_or_add(directed(from, to), kInner) = e;
   return e;
 }
 
 void Front::retire(std::uint32_t e) {
   edges_[e].alive = false;
-  const auto found = border_.find(directed(edges_[e].from, edges_[e].to));
-  if (found != border_.end() && found->second == e) border_.erase(found);
+  std::uint32_t& there = surface_.get_or_add(directed(edges_[e].from, edges_[e].to), kInner);
+  if (there == e) there = kInner;
   std::erase(corners_[edges_[e].from], e);
 }
 
-/// Angle from the direction to `reference` counter-clockwise to `other`, seen against the normal at
-/// `vertex`; in [0, 2π).
-double Front::angle(std::uint32_t vertex, std::uint32_t reference, std::uint32_t other) const {
+/// The turn from the direction to `reference` counter-clockwise to `other`, seen against the normal
+/// at `vertex`: grows with the angle, 0 to 4 for a full turn, without its trigonometry.
+double Front::turn(std::uint32_t vertex, std::uint32_t reference, std::uint32_t other) const {
   const Vec3d n = vec_cast<double>(normals_[vertex]);
   const Vec3d r = vec_cast<double>(at(reference) - at(vertex)),
               o = vec_cast<double>(at(other) - at(vertex));
-  const double a = std::atan2(dot(n, cross(r, o)), dot(r, o) - dot(n, r) * dot(n, o));
-  return a < 0 ? a + 2 * std::numbers::pi : a;
+  const double y = dot(n, cross(r, o)), x = dot(r, o) - dot(n, r) * dot(n, o);
+  const double size = std::abs(x) + std::abs(y);
+  if (size == 0) return 0;
+  return x >= 0 ? (y >= 0 ? y / size : 4 + y / size) : 2 - y / size;
 }
 
 /// No third triangle: u → w and w → v must be free, and what lies behind them on the border.
 bool Front::edges_are_free(std::uint32_t u, std::uint32_t v, std::uint32_t w) const {
   for (const auto& [from, to] : {std::pair(u, w), std::pair(w, v)}) {
-    if (surface_.contains(directed(from, to))) return false;
-    if (surface_.contains(directed(to, from)) && !border_.contains(directed(to, from)))
+    if (surface_.find(directed(from, to))) return false;
+    if (const std::uint32_t* behind = surface_.find(directed(to, from));
+        behind && *behind == kInner)
       return false;
   }
   return true;
@@ -97,19 +101,20 @@ bool Front::fits(std::uint32_t e, std::uint32_t corner) const {
     if (dot(across, normals_[k]) < kFacing * size) return false;
 
   // Inside the gap's angle, counter-clockwise from the incoming to the outgoing border edge.
+  const auto gap_at = [&](std::uint32_t vertex, std::uint32_t in, std::uint32_t out) {
+    const double t = turn(vertex, in, out);
+    return t < kTurnSlack ? kFullTurn : t;
+  };
   const std::uint32_t x = edges_[before_e].from, y = edges_[after_e].to, a = edges_[c.prev].from,
                       b = c.to;
-  const auto sector = [&](std::uint32_t vertex, std::uint32_t in, std::uint32_t out) {
-    const double s = angle(vertex, in, out);
-    return s < kAngleSlack ? 2 * std::numbers::pi : s;
-  };
-  const double at_u = x == w ? 0 : angle(u, x, w), at_v = y == w ? sector(v, u, y) : angle(v, u, w);
-  if (at_u > sector(u, x, v) - kAngleSlack || at_v > sector(v, u, y) + kAngleSlack ||
-      at_v < kAngleSlack)
-    return false;
-  const double gap = sector(w, a, b);
-  const double to_v = a == v ? 0 : angle(w, a, v), to_u = b == u ? gap : angle(w, a, u);
-  if (to_v >= to_u || to_u > gap + kAngleSlack) return false;
+  if (x != w && turn(u, x, w) > gap_at(u, x, v) - kTurnSlack) return false;
+  if (y != w) {
+    const double to_w = turn(v, u, w);
+    if (to_w < kTurnSlack || to_w > gap_at(v, u, y) + kTurnSlack) return false;
+  }
+  const double gap = gap_at(w, a, b);
+  const double to_v = a == v ? 0 : turn(w, a, v), to_u = b == u ? gap : turn(w, a, u);
+  if (to_v >= to_u || to_u > gap + kTurnSlack) return false;
 
   return edges_are_free(u, v, w);
 }
@@ -118,10 +123,7 @@ std::vector<std::uint32_t> Front::fill(std::uint32_t e, std::uint32_t corner) {
   const Edge old = edges_[e];
   const std::uint32_t w = edges_[corner].from, before_w = edges_[corner].prev;
   added_.push_back({old.to, old.from, w});
-  surface_.insert(directed(old.to, old.from));
-  surface_.insert(directed(old.from, w));
-  surface_.insert(directed(w, old.to));
-
+  surface_.get_or_add(directed(old.to, old.from), kInner);
   const std::uint32_t in = add_edge(old.from, w), out = add_edge(w, old.to);
   link(old.prev, in);
   link(in, corner);
@@ -138,9 +140,9 @@ std::vector<std::uint32_t> Front::fill(std::uint32_t e, std::uint32_t corner) {
 
 void Front::close(std::uint32_t e) {
   if (!edges_[e].alive) return;
-  const auto found = border_.find(directed(edges_[e].to, edges_[e].from));
-  if (found == border_.end()) return;
-  const std::uint32_t o = found->second;
+  const std::uint32_t* opposite = surface_.find(directed(edges_[e].to, edges_[e].from));
+  if (!opposite || *opposite == kInner) return;
+  const std::uint32_t o = *opposite;
   const Edge a = edges_[e], b = edges_[o];
   retire(e);
   retire(o);

@@ -3,11 +3,10 @@
 #include <cstdint>
 #include <optional>
 #include <span>
-#include <unordered_map>
-#include <unordered_set>
 #include <vector>
 
 #include "mr/core/mesh.h"
+#include "mr/merge/pair_map.h"
 
 namespace mr::merge {
 
@@ -50,6 +49,8 @@ class Front {
   const std::vector<Triangle>& added() const { return added_; }
 
  private:
+  static constexpr std::uint32_t kInner = 0xFFFFFFFFu;  // not on the border
+
   Vec3f at(std::uint32_t v) const { return positions_[v]; }
   /// A directed edge by the places of its ends: vertices that split_bowties took apart count as
   /// one.
@@ -57,7 +58,7 @@ class Front {
     return static_cast<std::uint64_t>(place_[from]) << 32 | place_[to];
   }
   bool edges_are_free(std::uint32_t u, std::uint32_t v, std::uint32_t w) const;
-  double angle(std::uint32_t vertex, std::uint32_t reference, std::uint32_t other) const;
+  double turn(std::uint32_t vertex, std::uint32_t reference, std::uint32_t other) const;
   std::uint32_t add_edge(std::uint32_t from, std::uint32_t to);
   void link(std::uint32_t a, std::uint32_t b) { edges_[a].next = b, edges_[b].prev = a; }
   void retire(std::uint32_t e);
@@ -68,9 +69,8 @@ class Front {
   std::vector<Vec3f> normals_;
   std::vector<std::uint32_t> place_;  // lowest vertex at the same position
   std::vector<Edge> edges_;
-  std::vector<std::vector<std::uint32_t>> corners_;          // per vertex
-  std::unordered_map<std::uint64_t, std::uint32_t> border_;  // directed edge → live edge
-  std::unordered_set<std::uint64_t> surface_;                // directed edges at the border
+  std::vector<std::vector<std::uint32_t>> corners_;  // per vertex
+  PairMap surface_;  // directed edges of triangles at the border → the live edge there, or kInner
   std::vector<Triangle> added_;
 };
 

@@ -1,24 +1,21 @@
 #include "mr/merge/overlap.h"
 
 #include <algorithm>
-#include <atomic>
 #include <cmath>
-#include <functional>
-#include <optional>
+#include <iterator>
+#include <numeric>
 
 #include "mr/core/assert.h"
 #include "mr/core/parallel.h"
-#include "mr/kit/raster.h"
-#include "mr/kit/raycast.h"
 #include "mr/kit/topology.h"
+#include "mr/merge/layers.h"
 
 namespace mr::merge {
 namespace {
 
 constexpr int kNormalRounds = 4;       // sensor noise must not decide who owns a spot
-constexpr int kMaxRounds = 6;          // halvings: 64 times finer than the decimated mesh
+constexpr int kMaxCuts = 5;            // halvings: 32 times finer than the decimated mesh
 constexpr double kBorderVoxels = 2.5;  // edges on an overlap's border are at most this long
-constexpr float kNearest_m = 0.05f, kFarthest_m = 1000.0f;
 constexpr float kSameFacing =
     0.5f;  // normals within 60 degrees: the back of a thin board is another surface
 
@@ -30,20 +27,26 @@ struct Votes {
   double lost_share() const { return total() == 0 ? 0 : static_cast<double>(lost) / total(); }
 };
 
-/// One part while its triangles are voted on and cut.
-struct Candidate {
-  Mesh mesh;
-  std::vector<ViewId> views;       // [T]
-  std::vector<Vec3f> normals;      // [T] unit, smoothed over the neighbours
-  std::vector<float> sigma_m;      // [T] precision of the sensor that measured it
-  std::vector<float> score_m;      // [T] sigma / cos(angle): the smaller, the better measured
-  std::vector<Votes> votes;        // [T]
-  std::vector<std::uint8_t> open;  // [T] still to be voted on
+/// What ownership of a triangle is decided by. Its pieces inherit it, so that no verdict that was
+/// given turns round.
+struct Spot {
+  std::uint32_t part = 0;
+  Vec3f normal;       // unit, smoothed over the neighbours
+  float sigma_m = 0;  // precision of the sensor that measured it
+  float score_m = 0;  // sigma / cos(angle): the smaller, the better measured
+  float slack_m = 0;  // error of calibration and decimation
 };
 
-/// A ray's meeting with one part.
-struct Meeting {
-  std::uint32_t part = 0, triangle = 0;
+/// All parts side by side in one mesh while its triangles are voted on and cut. Each part is a
+/// range of triangles.
+struct Field {
+  Mesh mesh;
+  std::vector<Spot> spots;           // of the triangles as they came
+  std::vector<std::uint32_t> whole;  // [T] place in `spots`
+  std::vector<Votes> votes;          // [T]
+  std::vector<std::uint8_t> open;    // [T] still to be voted on
+
+  const Spot& spot(std::uint32_t triangle) const { return spots[whole[triangle]]; }
 };
 
 /// The source that measured a triangle: the only one, or the one whose view textures it.
@@ -63,352 +66,369 @@ std::pair<float, float> measure(const SourceInfo& source, Vec3f spot, Vec3f n) {
   return {static_cast<float>(sigma), static_cast<float>(sigma / cosine)};
 }
 
-/// Computes what ownership is decided by.
-void describe(Candidate& c, const Part& part) {
-  const std::size_t count = c.mesh.triangles.size();
-  const std::vector<Vec3f> smooth = kit::smooth_normals(c.mesh, kNormalRounds);
-  c.normals.resize(count), c.sigma_m.resize(count), c.score_m.resize(count);
-  parallel_for(count, 4096, [&](std::size_t begin, std::size_t end) {
-    for (std::size_t t = begin; t < end; ++t) {
-      const Triangle& tri = c.mesh.triangles[t];
-      c.normals[t] = normalized(smooth[tri[0]] + smooth[tri[1]] + smooth[tri[2]]);
-      c.sigma_m[t] = c.score_m[t] = 0;
-      const SourceInfo* source = measured_by(part, c.views[t]);
-      for (const SourceInfo& s : part.sources) {  // not known by whom: as bad as the worst could be
-        if (source && source != &s) continue;
-        const auto [sigma, score] = measure(s, c.mesh.centroid(t), c.normals[t]);
-        c.sigma_m[t] = std::max(c.sigma_m[t], sigma), c.score_m[t] = std::max(c.score_m[t], score);
-      }
+/// Computes what ownership of a part's triangles is decided by.
+void describe(const Part& part, std::uint32_t number, const OverlapConfig& config, Spot* spots) {
+  const std::vector<ViewId> views = triangle_views(part.mesh);
+  const std::vector<Vec3f> smooth = kit::smooth_normals(part.mesh, kNormalRounds);
+  const float slack = static_cast<float>(config.calibration_error_m) +
+                      std::min(part.error_m, static_cast<float>(config.voxel_m));
+  for (std::size_t t = 0; t < views.size(); ++t) {
+    const Triangle& tri = part.mesh.triangles[t];
+    Spot& spot = spots[t];
+    spot.part = number, spot.slack_m = slack;
+    spot.normal = normalized(smooth[tri[0]] + smooth[tri[1]] + smooth[tri[2]]);
+    const SourceInfo* source = measured_by(part, views[t]);
+    for (const SourceInfo& s : part.sources) {  // not known by whom: as bad as the worst could be
+      if (source && source != &s) continue;
+      const auto [sigma, score] = measure(s, part.mesh.centroid(t), spot.normal);
+      spot.sigma_m = std::max(spot.sigma_m, sigma), spot.score_m = std::max(spot.score_m, score);
     }
-  });
+  }
 }
 
-/// All parts with the rays that can be cast at them.
-class Field {
- public:
-  Field(std::span<const Part> parts, std::span<const Candidate> candidates,
-        const OverlapConfig& config)
-      : parts_(parts), candidates_(candidates), config_(config), rays_(build(candidates)) {}
+Field field_of(std::span<const Part> parts, const OverlapConfig& config) {
+  Field out;
+  std::vector<std::size_t> first;
+  for (const Part& part : parts) {
+    MR_ASSERT(!part.sources.empty());
+    first.push_back(out.mesh.triangles.size());
+    append(out.mesh, {part.mesh.positions, part.mesh.triangles, {}});
+  }
+  const std::size_t count = out.mesh.triangles.size();
+  out.spots.resize(count), out.whole.resize(count), out.votes.resize(count);
+  out.open.assign(count, 1);
+  std::iota(out.whole.begin(), out.whole.end(), 0u);
+  parallel_for(parts.size(), 1, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t i = begin; i < end; ++i)
+      describe(parts[i], static_cast<std::uint32_t>(i), config, out.spots.data() + first[i]);
+  });
+  return out;
+}
 
-  /// Casts a ray and calls visit(meetings) for every surface on it: the parts that saw it, the
-  /// owner first.
-  template <typename Visit>
-  void cast(Vec3d origin, Vec3d direction, Visit&& visit) const {
-    thread_local std::vector<kit::RayHit> hits;
-    const Vec3f o = vec_cast<float>(origin), d = vec_cast<float>(direction);
-    rays_.all_hits(o, d, kNearest_m, kFarthest_m, hits);
-    std::erase_if(hits, [&](const kit::RayHit& h) {
-      return dot(candidates_[h.mesh].mesh.area_normal(h.triangle), d) >= 0;  // seen from behind
-    });
-    std::vector<Meeting> surface;
-    for (std::size_t i = 0; i < hits.size(); ++i) {
-      if (hits[i].mesh == kTaken) continue;
-      surface.assign(1, {hits[i].mesh, hits[i].triangle});
-      for (std::size_t k = i + 1; k < hits.size(); ++k) {
-        if (hits[k].mesh == kTaken || !same_surface(hits[i], hits[k], d)) continue;
-        const bool seen = std::any_of(surface.begin(), surface.end(),
-                                      [&](const Meeting& m) { return m.part == hits[k].mesh; });
-        if (seen) continue;
-        surface.push_back({hits[k].mesh, hits[k].triangle});
-        hits[k].mesh = kTaken;
-      }
-      owner_first(surface);
-      visit(std::span<const Meeting>(surface));
+/// Whether a farther fragment, of another part, is the same surface as a nearer one.
+bool same_surface(const Field& field, const Fragment& near, const Fragment& far, Vec3f ray) {
+  const Spot &a = field.spot(near.triangle), &b = field.spot(far.triangle);
+  if (a.part == b.part || dot(a.normal, b.normal) < kSameFacing) return false;
+  const float range = 2 * std::max(a.sigma_m, b.sigma_m) + a.slack_m + b.slack_m;
+  const float deeper = far.depth_m - near.depth_m;
+  return deeper * std::abs(dot(a.normal, ray)) <= range && deeper * length(ray) <= 4 * range;
+}
+
+/// Brings the fragments of one ray, nearest first, into the order of the surfaces that they are
+/// of, each with its owner first.
+void join_surfaces(std::span<Fragment> f, Vec3f ray, const Field& field, MergeConfig::Owner owner) {
+  const auto score = [&](const Fragment& a) {
+    return std::pair(field.spot(a.triangle).score_m, field.spot(a.triangle).part);
+  };
+  for (std::size_t begin = 0, end; begin < f.size(); begin = end) {
+    const auto surface = f.begin() + static_cast<std::ptrdiff_t>(begin);
+    end = begin + 1;
+    for (std::size_t k = end; k < f.size(); ++k) {
+      if (!same_surface(field, f[begin], f[k], ray)) continue;
+      const bool seen = std::any_of(surface, surface + (end - begin), [&](const Fragment& m) {
+        return field.spot(m.triangle).part == field.spot(f[k].triangle).part;
+      });
+      if (seen) continue;
+      std::rotate(f.begin() + end, f.begin() + k, f.begin() + k + 1);
+      f[end++].joined = true;
     }
+    if (owner == MergeConfig::Owner::paper) continue;  // the nearest
+    const auto best =
+        std::min_element(surface, surface + (end - begin),
+                         [&](const Fragment& a, const Fragment& b) { return score(a) < score(b); });
+    std::iter_swap(surface, best);
+    std::swap(surface->joined, best->joined);
   }
+}
 
- private:
-  static constexpr std::uint32_t kTaken = 0xFFFFFFFFu;
-
-  static kit::RayScene build(std::span<const Candidate> candidates) {
-    std::vector<const Mesh*> meshes;
-    for (const Candidate& c : candidates) meshes.push_back(&c.mesh);
-    return kit::RayScene(meshes);
-  }
-
-  /// Whether a farther hit of another part is the same surface as a nearer one.
-  bool same_surface(const kit::RayHit& near, const kit::RayHit& far, Vec3f direction) const {
-    if (near.mesh == far.mesh) return false;
-    const Candidate &a = candidates_[near.mesh], &b = candidates_[far.mesh];
-    const Vec3f n = a.normals[near.triangle];
-    if (dot(n, b.normals[far.triangle]) < kSameFacing) return false;
-    const auto decimation = [&](const Part& p) {
-      return std::min(p.error_m, static_cast<float>(config_.voxel_m));
-    };
-    const float range = 2 * std::max(a.sigma_m[near.triangle], b.sigma_m[far.triangle]) +
-                        2 * static_cast<float>(config_.calibration_error_m) +
-                        decimation(parts_[near.mesh]) + decimation(parts_[far.mesh]);
-    const float along_ray = (far.distance - near.distance) * length(direction);
-    const float apart = (far.distance - near.distance) * std::abs(dot(n, direction));
-    return apart <= range && along_ray <= 4 * range;
-  }
-
-  /// Sorted by distance already, which is the paper's order.
-  void owner_first(std::vector<Meeting>& surface) const {
-    if (config_.owner == MergeConfig::Owner::paper) return;
-    const auto key = [&](const Meeting& m) {
-      return std::pair(candidates_[m.part].score_m[m.triangle], m.part);
-    };
-    std::iter_swap(surface.begin(), std::min_element(surface.begin(), surface.end(),
-                                                     [&](const Meeting& a, const Meeting& b) {
-                                                       return key(a) < key(b);
-                                                     }));
-  }
-
-  std::span<const Part> parts_;
-  std::span<const Candidate> candidates_;
-  const OverlapConfig& config_;
-  kit::RayScene rays_;
+/// The rays through one depth camera's pixels.
+struct RayGrid {
+  Camera camera;
+  Pose T_world_camera;
 };
 
-std::vector<const SourceInfo*> all_sources(std::span<const Part> parts) {
-  std::vector<const SourceInfo*> out;
-  for (const Part& p : parts)
-    for (const SourceInfo& s : p.sources) out.push_back(&s);
+/// The rays of all cameras: `sparse` ones meet a surface 3 m away about once a voxel, and `dense`
+/// ones twice as often where the camera has the pixels for it.
+struct RayGrids {
+  std::vector<RayGrid> sparse, dense;
+};
+
+RayGrids ray_grids(std::span<const Part> parts, double voxel_m) {
+  RayGrids out;
+  for (const Part& part : parts)
+    for (const SourceInfo& s : part.sources) {
+      const double pixel_voxels = 3 / (s.depth_camera.fx * voxel_m);
+      const double rays_per_pixel = std::clamp(std::ceil(pixel_voxels - 0.1), 1.0, 4.0);
+      const RayGrid all{scaled(s.depth_camera, rays_per_pixel), s.T_world_depth};
+      if (pixel_voxels >= 0.6) {
+        out.sparse.push_back(all);
+      } else {
+        out.sparse.push_back({scaled(s.depth_camera, 0.5), s.T_world_depth});
+        out.dense.push_back(all);
+      }
+    }
   return out;
 }
 
-/// Casts through a camera's pixels, all or those that `mask` marks: as dense as it takes to meet a
-/// surface 3 m away once a voxel, so through every second pixel or with several rays in one.
-template <typename Visit>
-void cast_from_camera(const Field& field, const SourceInfo& source, const ImageMask* mask,
-                      double voxel_m, const Visit& visit) {
-  const Camera& camera = source.depth_camera;
-  const double pixel_voxels = 3 / (camera.fx * voxel_m);
-  const int stride = !mask && pixel_voxels < 0.6 ? 2 : 1;
-  const int fine = std::clamp(static_cast<int>(std::ceil(pixel_voxels - 0.1)), 1, 4);
-  const int rows = (camera.height + stride - 1) / stride;
-  parallel_for(rows, 8, [&](std::size_t begin, std::size_t end) {
-    for (std::size_t row = begin; row < end; ++row)
-      for (int x = 0; x < camera.width; x += stride) {
-        const int y = static_cast<int>(row) * stride;
-        if (mask && !*mask->at(x, y)) continue;
-        for (int i = 0; i < fine * fine; ++i) {
-          const Vec2d at{x + (i % fine + 0.5) / fine - 0.5, y + (i / fine + 0.5) / fine - 0.5};
-          field.cast(source.T_world_depth.translation,
-                     source.T_world_depth.rotation * unproject(camera, at), visit);
-        }
-      }
+/// Calls work(i) for every i below `count`, in parallel.
+template <typename Work>
+void for_each_index(std::size_t count, Work&& work) {
+  parallel_for(count, 1, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t i = begin; i < end; ++i) work(i);
   });
 }
 
-/// The pixels of a camera behind which a triangle of any part is flagged.
-ImageMask pixels_of(const SourceInfo& source, std::span<const Candidate> candidates,
-                    const std::function<bool(const Candidate&, std::size_t)>& flagged) {
-  const Camera& camera = source.depth_camera;
-  ImageMask mask(camera.width, camera.height);
-  const Pose T_camera_world = source.T_world_depth.inverse();
-  for (const Candidate& c : candidates)
-    for (std::size_t t = 0; t < c.mesh.triangles.size(); ++t) {
-      if (!flagged(c, t)) continue;
-      const auto corner = [&](int i) {
-        return T_camera_world * vec_cast<double>(c.mesh.corner(t, i));
-      };
-      const auto polygon = kit::clip_to_screen(camera, {corner(0), corner(1), corner(2)});
-      kit::scan_polygon(polygon, camera.width, 0, camera.height,
-                        [&](int x, int y, double) { *mask.at(x, y) = 1; });
-    }
-  return mask;
-}
-
-void add(std::uint32_t& counter) {
-  std::atomic_ref(counter).fetch_add(1, std::memory_order_relaxed);
-}
-
-/// Notes the outcome of one surface for the triangles that are still open.
-void vote(std::vector<Candidate>& candidates, std::span<const Meeting> surface) {
-  for (std::size_t i = 0; i < surface.size(); ++i) {
-    Candidate& c = candidates[surface[i].part];
-    if (!c.open[surface[i].triangle]) continue;
-    Votes& v = c.votes[surface[i].triangle];
-    add(surface.size() == 1 ? v.alone : i == 0 ? v.won : v.lost);
-  }
-}
-
-/// Triangles that fall between the pixels get one ray through their middle, from the first camera
-/// that they face.
-void vote_on_missed(std::vector<Candidate>& candidates, const Field& field,
-                    std::span<const SourceInfo* const> sources) {
-  for (std::uint32_t part = 0; part < candidates.size(); ++part) {
-    Candidate& c = candidates[part];
-    parallel_for(c.mesh.triangles.size(), 512, [&](std::size_t begin, std::size_t end) {
-      for (std::size_t t = begin; t < end; ++t) {
-        if (!c.open[t] || c.votes[t].total() > 0) continue;
-        const Vec3d middle = vec_cast<double>(c.mesh.centroid(t));
-        for (const SourceInfo* s : sources) {
-          const Vec3d ray = middle - s->T_world_depth.translation;
-          if (dot(ray, vec_cast<double>(c.mesh.area_normal(t))) >= 0) continue;
-          const auto pixel = project(s->depth_camera, s->T_world_depth.inverse() * middle);
-          if (!pixel || pixel->x < 0 || pixel->y < 0 || pixel->x > s->depth_camera.width - 1 ||
-              pixel->y > s->depth_camera.height - 1)
-            continue;
-          Votes found;
-          field.cast(s->T_world_depth.translation, ray, [&](std::span<const Meeting> surface) {
-            for (std::size_t i = 0; i < surface.size(); ++i)
-              if (surface[i].part == part && surface[i].triangle == t)
-                ++(surface.size() == 1 ? found.alone : i == 0 ? found.won : found.lost);
-          });
-          c.votes[t] = found;
-          if (found.total() > 0) break;
-        }
-      }
-    });
-  }
-}
-
-/// Cuts the long edges of triangles that lie in an overlap only partly. Their pieces are open for
-/// votes; pieces of neighbours keep their verdict. All pieces keep the score of the whole, so that
-/// no verdict that was given turns round. Returns whether anything was cut.
-bool cut_mixed(Candidate& c, double max_edge_m) {
-  std::vector<std::uint8_t> split(c.mesh.triangles.size() * 3, 0),
-      mixed(c.mesh.triangles.size(), 0);
-  bool any = false;
-  for (std::uint32_t h = 0; h < split.size(); ++h) {
-    const double share = c.votes[h / 3].lost_share();
-    if (share == 0 || share == 1) continue;
-    const Vec3f edge =
-        c.mesh.positions[kit::edge_to(c.mesh, h)] - c.mesh.positions[kit::edge_from(c.mesh, h)];
-    if (length(edge) <= max_edge_m) continue;
-    split[h] = mixed[h / 3] = 1;
-    any = true;
-  }
-  std::fill(c.open.begin(), c.open.end(), 0);
-  if (!any) return false;
-  kit::Refined fine = kit::refine(c.mesh, split);
-  Candidate cut;
-  for (const std::uint32_t parent : fine.parent) {
-    cut.views.push_back(c.views[parent]);
-    cut.votes.push_back(mixed[parent] ? Votes{} : c.votes[parent]);
-    cut.open.push_back(mixed[parent]);
-    cut.normals.push_back(c.normals[parent]);
-    cut.sigma_m.push_back(c.sigma_m[parent]);
-    cut.score_m.push_back(c.score_m[parent]);
-  }
-  cut.mesh = std::move(fine.mesh);
-  c = std::move(cut);
-  return true;
-}
-
-std::vector<Candidate> candidates_of(std::span<const Part> parts) {
-  std::vector<Candidate> out(parts.size());
-  for (std::size_t i = 0; i < parts.size(); ++i) {
-    MR_ASSERT(!parts[i].sources.empty());
-    Candidate& c = out[i];
-    c.views = triangle_views(parts[i].mesh);
-    c.mesh = parts[i].mesh;
-    c.mesh.runs.clear();
-    c.votes.resize(c.views.size());
-    c.open.assign(c.views.size(), 1);
-    describe(c, parts[i]);
-  }
+/// Draws all parts into the cameras and finds the surfaces on every ray. With `flagged` ([T]):
+/// only rays that meet such a triangle.
+std::vector<Layers> meet(const Field& field, std::span<const RayGrid> grids,
+                         MergeConfig::Owner owner, const std::vector<std::uint8_t>* flagged) {
+  std::vector<Layers> out(grids.size());
+  for_each_index(grids.size(), [&](std::size_t i) {
+    const auto& [camera, T_world_camera] = grids[i];
+    out[i] = draw_layers(field.mesh, camera, T_world_camera, flagged);
+    for (int y = 0; y < camera.height; ++y)
+      for (int x = 0; x < camera.width; ++x)
+        if (const auto on_ray = out[i].at(x, y); on_ray.size() > 1)
+          join_surfaces(on_ray, out[i].ray(x, y), field, owner);
+  });
   return out;
 }
 
-/// Votes with rays and cuts at the borders of overlaps, until those are fine enough.
-void vote_and_cut(std::vector<Candidate>& candidates, std::span<const Part> parts,
-                  const OverlapConfig& config) {
-  const std::vector<const SourceInfo*> sources = all_sources(parts);
-  for (int round = 0; round < kMaxRounds; ++round) {
-    const Field field(parts, candidates, config);
-    for (const SourceInfo* source : sources) {
-      std::optional<ImageMask> mask;
-      if (round > 0)
-        mask = pixels_of(*source, candidates,
-                         [](const Candidate& c, std::size_t t) { return c.open[t] != 0; });
-      cast_from_camera(field, *source, mask ? &*mask : nullptr, config.voxel_m,
-                       [&](std::span<const Meeting> surface) { vote(candidates, surface); });
-    }
-    vote_on_missed(candidates, field, sources);
-    bool cut = false;
-    for (std::size_t i = 0; i < parts.size() && round + 1 < kMaxRounds; ++i)
-      cut |= cut_mixed(candidates[i], kBorderVoxels * config.voxel_m);
-    if (!cut) return;
+/// Notes what became of fragment `i` of a picture for its triangle, if that is still open.
+void vote(Field& field, const Layers& image, std::size_t i) {
+  const Fragment& f = image.fragments[i];
+  if (!field.open[f.triangle]) return;
+  const bool owns = i + 1 < image.fragments.size() && image.fragments[i + 1].joined;
+  Votes& votes = field.votes[f.triangle];
+  ++(f.joined ? votes.lost : owns ? votes.won : votes.alone);
+}
+
+void vote(Field& field, std::span<const Layers> images) {
+  for (const Layers& image : images)
+    for (std::size_t i = 0; i < image.fragments.size(); ++i) vote(field, image, i);
+}
+
+/// What the ray nearest to a triangle's middle would say, were the triangle as large as to meet it
+/// in place of what its part has there.
+Votes vote_nearby(const Field& field, std::uint32_t triangle, const RayGrid& grid,
+                  const Layers& image, MergeConfig::Owner owner) {
+  const Vec3d middle = vec_cast<double>(field.mesh.centroid(triangle));
+  const auto place = project(grid.camera, grid.T_world_camera.inverse() * middle);
+  if (!place) return {};
+  const double u = std::round(place->x), v = std::round(place->y);
+  if (!(u >= 0 && v >= 0 && u < image.width && v < image.height)) return {};
+  const int x = static_cast<int>(u), y = static_cast<int>(v);
+  const Vec3f ray = image.ray(x, y), normal = field.mesh.area_normal(triangle);
+  const float depth = dot(normal, field.mesh.centroid(triangle) - image.origin) / dot(normal, ray);
+  if (!(dot(normal, ray) < 0 && depth > 0)) return {};
+
+  std::vector<Fragment> on_ray{{triangle, depth, false}};
+  for (const Fragment& f : image.at(x, y))
+    if (field.spot(f.triangle).part != field.spot(triangle).part)
+      on_ray.push_back({f.triangle, f.depth_m, false});
+  std::stable_sort(on_ray.begin(), on_ray.end(),
+                   [](const Fragment& a, const Fragment& b) { return a.depth_m < b.depth_m; });
+  join_surfaces(on_ray, ray, field, owner);
+  std::size_t k = 0;
+  while (on_ray[k].triangle != triangle) ++k;
+  const bool alone = !on_ray[k].joined && (k + 1 == on_ray.size() || !on_ray[k + 1].joined);
+  return {alone, !alone && !on_ray[k].joined, on_ray[k].joined};
+}
+
+/// Triangles that fall between the rays follow the nearest of the first camera that they face.
+void vote_on_missed(Field& field, std::span<const RayGrid> grids, std::span<const Layers> images,
+                    MergeConfig::Owner owner) {
+  parallel_for(field.votes.size(), 4096, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t t = begin; t < end; ++t)
+      for (std::size_t i = 0; i < grids.size(); ++i)
+        if (field.open[t] && field.votes[t].total() == 0)
+          field.votes[t] =
+              vote_nearby(field, static_cast<std::uint32_t>(t), grids[i], images[i], owner);
+  });
+}
+
+/// Leaves open the triangles that lie in an overlap only partly and have long edges; returns those
+/// edges ([3T]).
+std::vector<std::uint8_t> open_mixed(Field& field, double max_edge_m, bool& any) {
+  const Mesh& mesh = field.mesh;
+  std::vector<std::uint8_t> split(mesh.triangles.size() * 3, 0);
+  std::fill(field.open.begin(), field.open.end(), 0);
+  any = false;
+  for (std::uint32_t t = 0; t < mesh.triangles.size(); ++t) {
+    const double share = field.votes[t].lost_share();
+    if (share == 0 || share == 1) continue;
+    for (std::uint32_t h = 3 * t; h < 3 * t + 3; ++h)
+      split[h] = length(mesh.positions[kit::edge_to(mesh, h)] -
+                        mesh.positions[kit::edge_from(mesh, h)]) > max_edge_m;
+    field.open[t] = split[3 * t] || split[3 * t + 1] || split[3 * t + 2];
+    any |= field.open[t] != 0;
   }
+  return split;
+}
+
+/// The piece, out of triangles [begin, end) in one plane, that a point of the plane lies in.
+std::uint32_t piece_at(const Mesh& mesh, std::uint32_t begin, std::uint32_t end, Vec3f p) {
+  // Seen along the axis that the plane faces most.
+  const Vec3f n = mesh.area_normal(begin);
+  const Vec3f size{std::abs(n.x), std::abs(n.y), std::abs(n.z)};
+  const int axis = size.x >= size.y && size.x >= size.z ? 0 : size.y >= size.z ? 1 : 2;
+  const int u = (axis + 1) % 3, v = (axis + 2) % 3;
+  const float sign = n[axis] < 0 ? -1.0f : 1.0f;
+  const auto depth_inside = [&](std::uint32_t t) {
+    const Vec3f a = mesh.corner(t, 0) - p, b = mesh.corner(t, 1) - p, c = mesh.corner(t, 2) - p;
+    return sign * std::min({a[u] * b[v] - a[v] * b[u], b[u] * c[v] - b[v] * c[u],
+                            c[u] * a[v] - c[v] * a[u]},
+                           [&](float x, float y) { return sign * x < sign * y; });
+  };
+  std::uint32_t best = begin;
+  float deepest = depth_inside(begin);
+  for (std::uint32_t t = begin + 1; t < end && deepest < 0; ++t)
+    if (const float depth = depth_inside(t); depth > deepest) deepest = depth, best = t;
+  return best;
+}
+
+/// Moves the fragments of triangles that were cut to their pieces: those of triangle t are
+/// [first[t], first[t + 1]) in `mesh`. Returns the fragments that changed.
+std::vector<std::uint32_t> move_to_pieces(Layers& image, const Mesh& mesh,
+                                          std::span<const std::uint32_t> first) {
+  std::vector<std::uint32_t> moved;
+  int pixel = 0;
+  for (std::uint32_t i = 0; i < image.fragments.size(); ++i) {
+    Fragment& f = image.fragments[i];
+    const std::uint32_t begin = first[f.triangle], end = first[f.triangle + 1];
+    f.triangle = begin;
+    if (end - begin == 1) continue;
+    while (image.first[pixel + 1] <= i) ++pixel;
+    const Vec3f ray = image.ray(pixel % image.width, pixel / image.width);
+    f.triangle = piece_at(mesh, begin, end, image.origin + ray * f.depth_m);
+    moved.push_back(i);
+  }
+  return moved;
+}
+
+/// Cuts edges ([3T]). Pieces of open triangles are voted on anew; those of neighbours keep their
+/// verdict.
+void cut(Field& field, std::span<Layers> images, const std::vector<std::uint8_t>& split) {
+  kit::Refined fine = kit::refine(field.mesh, split);
+  std::vector<std::uint32_t> first(field.mesh.triangles.size() + 1, 0);
+  Field out;
+  for (const std::uint32_t parent : fine.parent) {
+    ++first[parent + 1];
+    out.whole.push_back(field.whole[parent]);
+    out.votes.push_back(field.open[parent] ? Votes{} : field.votes[parent]);
+    out.open.push_back(field.open[parent]);
+  }
+  std::partial_sum(first.begin(), first.end(), first.begin());
+  out.mesh = std::move(fine.mesh);
+  out.spots = std::move(field.spots);
+  field = std::move(out);
+  std::vector<std::vector<std::uint32_t>> moved(images.size());
+  for_each_index(images.size(),
+                 [&](std::size_t i) { moved[i] = move_to_pieces(images[i], field.mesh, first); });
+  for (std::size_t i = 0; i < images.size(); ++i)
+    for (const std::uint32_t fragment : moved[i]) vote(field, images[i], fragment);
+}
+
+/// Votes with rays and cuts at the borders of overlaps, until those are fine enough. Returns the
+/// rays and what they met.
+std::vector<Layers> vote_and_cut(Field& field, std::span<const Part> parts,
+                                 const OverlapConfig& config) {
+  const RayGrids grids = ray_grids(parts, config.voxel_m);
+  std::vector<Layers> images = meet(field, grids.sparse, config.owner, nullptr);
+  vote(field, images);
+  vote_on_missed(field, grids.sparse, images, config.owner);
+
+  const double max_edge_m = kBorderVoxels * config.voxel_m;
+  bool any = false;
+  std::vector<std::uint8_t> split = open_mixed(field, max_edge_m, any);
+  if (any) {
+    std::vector<Layers> more = meet(field, grids.dense, config.owner, &field.open);
+    vote(field, more);
+    std::move(more.begin(), more.end(), std::back_inserter(images));
+  }
+  for (int i = 0; i < kMaxCuts && any; ++i) {
+    cut(field, images, split);
+    vote_on_missed(field, grids.sparse, images, config.owner);
+    split = open_mixed(field, max_edge_m, any);
+  }
+  return images;
 }
 
 enum class Verdict : std::uint8_t { keep, remove, island };
-using Verdicts = std::vector<std::vector<Verdict>>;  // [part][triangle]
+using Verdicts = std::vector<Verdict>;  // [T]
 
-Verdicts verdicts_of(std::span<const Candidate> candidates, MergeConfig::Owner owner) {
+Verdicts verdicts_of(const Field& field, MergeConfig::Owner owner) {
   // Coherent owners agree from ray to ray, so a triangle that loses at all lies across a border:
   // rather a narrow gap there than two layers. Nearest owners change from pixel to pixel: majority.
   const double tolerated = owner == MergeConfig::Owner::paper ? 0.5 : 0.05;
   Verdicts out;
-  for (const Candidate& c : candidates) {
-    out.emplace_back();
-    for (const Votes& v : c.votes)
-      out.back().push_back(v.lost_share() <= tolerated ? Verdict::keep : Verdict::remove);
-  }
+  for (const Votes& v : field.votes)
+    out.push_back(v.lost_share() <= tolerated ? Verdict::keep : Verdict::remove);
   return out;
 }
 
-Mesh kept_mesh(const Mesh& mesh, const std::vector<Verdict>& verdicts) {
-  std::vector<std::uint8_t> keep;
-  for (const Verdict v : verdicts) keep.push_back(v == Verdict::keep);
-  return select_triangles(mesh, keep);
+/// What is kept of every part.
+std::vector<Mesh> kept_meshes(const Field& field, const Verdicts& verdicts, std::size_t parts) {
+  std::vector<Mesh> out(parts);
+  for_each_index(parts, [&](std::size_t part) {
+    std::vector<std::uint8_t> keep(verdicts.size());
+    for (std::uint32_t t = 0; t < keep.size(); ++t)
+      keep[t] = verdicts[t] == Verdict::keep && field.spot(t).part == part;
+    out[part] = select_triangles(field.mesh, keep);
+  });
+  return out;
 }
 
 /// What would float as an island must not be the reason for which another part lost the spot.
-void give_up_islands(Verdicts& verdicts, std::span<const Candidate> candidates,
+void give_up_islands(Verdicts& verdicts, const Field& field, std::size_t parts,
                      double min_area_m2) {
-  for (std::size_t p = 0; p < candidates.size(); ++p) {
-    const kit::Components pieces = kit::components(kept_mesh(candidates[p].mesh, verdicts[p]));
-    std::size_t kept = 0;
-    for (Verdict& v : verdicts[p])
-      if (v == Verdict::keep && pieces.area_m2[pieces.of_triangle[kept++]] < min_area_m2)
-        v = Verdict::island;
+  const std::vector<Mesh> kept = kept_meshes(field, verdicts, parts);
+  std::vector<kit::Components> pieces(parts);
+  for_each_index(parts, [&](std::size_t i) { pieces[i] = kit::components(kept[i]); });
+  std::vector<std::size_t> next(parts, 0);
+  for (std::uint32_t t = 0; t < verdicts.size(); ++t) {
+    if (verdicts[t] != Verdict::keep) continue;
+    const std::uint32_t part = field.spot(t).part;
+    if (pieces[part].area_m2[pieces[part].of_triangle[next[part]++]] < min_area_m2)
+      verdicts[t] = Verdict::island;
   }
 }
 
 /// Brings back triangles where removal would leave nothing of a surface: those that lie in a hole
 /// as a whole. Narrower gaps are for the zipper, which closes them without a second layer.
-void restore_holes(Verdicts& verdicts, std::span<const Candidate> candidates,
-                   std::span<const Part> parts, const OverlapConfig& config) {
-  std::vector<std::vector<std::uint32_t>> needed(candidates.size()), met(candidates.size());
-  for (std::size_t p = 0; p < candidates.size(); ++p) {
-    needed[p].assign(verdicts[p].size(), 0);
-    met[p].assign(verdicts[p].size(), 0);
-  }
-  const Field field(parts, candidates, config);
-  const auto is = [&](const Meeting& m, Verdict v) { return verdicts[m.part][m.triangle] == v; };
-  const auto note = [&](std::span<const Meeting> surface) {
-    const Meeting* first_removed = nullptr;
-    bool hole = true;
-    for (const Meeting& m : surface) {
-      if (!is(m, Verdict::remove)) {
-        hole &= !is(m, Verdict::keep);
-        continue;
+void restore_holes(Verdicts& verdicts, std::span<const Layers> images) {
+  std::vector<std::uint32_t> needed(verdicts.size(), 0), met(verdicts.size(), 0);
+  for (const Layers& image : images) {
+    const std::vector<Fragment>& all = image.fragments;
+    for (std::size_t begin = 0, end; begin < all.size(); begin = end) {  // one surface
+      const Fragment* first_removed = nullptr;
+      bool hole = true;
+      for (end = begin; end == begin || (end < all.size() && all[end].joined); ++end) {
+        const Verdict verdict = verdicts[all[end].triangle];
+        hole &= verdict != Verdict::keep;
+        if (verdict != Verdict::remove) continue;
+        ++met[all[end].triangle];
+        if (!first_removed) first_removed = &all[end];
       }
-      add(met[m.part][m.triangle]);
-      if (!first_removed) first_removed = &m;
+      if (hole && first_removed) ++needed[first_removed->triangle];
     }
-    if (hole && first_removed) add(needed[first_removed->part][first_removed->triangle]);
-  };
-  for (const SourceInfo* source : all_sources(parts)) {
-    const ImageMask mask = pixels_of(*source, candidates, [&](const Candidate& c, std::size_t t) {
-      return verdicts[&c - candidates.data()][t] == Verdict::remove;
-    });
-    cast_from_camera(field, *source, &mask, config.voxel_m, note);
   }
-  for (std::size_t p = 0; p < verdicts.size(); ++p)
-    for (std::size_t t = 0; t < verdicts[p].size(); ++t)
-      if (met[p][t] > 0 && needed[p][t] * 20 >= met[p][t] * 19) verdicts[p][t] = Verdict::keep;
+  for (std::size_t t = 0; t < verdicts.size(); ++t)
+    if (met[t] > 0 && needed[t] * 20 >= met[t] * 19) verdicts[t] = Verdict::keep;
 }
 
 }  // namespace
 
 std::vector<Mesh> remove_overlap(std::span<const Part> parts, const OverlapConfig& config) {
-  std::vector<Candidate> candidates = candidates_of(parts);
-  if (parts.size() > 1) vote_and_cut(candidates, parts, config);
-  Verdicts verdicts = verdicts_of(candidates, config.owner);
+  Field field = field_of(parts, config);
+  std::vector<Layers> images;
+  if (parts.size() > 1) images = vote_and_cut(field, parts, config);
+  Verdicts verdicts = verdicts_of(field, config.owner);
   if (parts.size() > 1) {
-    give_up_islands(verdicts, candidates, config.island_area_m2);
-    restore_holes(verdicts, candidates, parts, config);
+    give_up_islands(verdicts, field, parts.size(), config.island_area_m2);
+    restore_holes(verdicts, images);
   }
-  std::vector<Mesh> out;
-  for (std::size_t i = 0; i < candidates.size(); ++i)
-    out.push_back(kept_mesh(candidates[i].mesh, verdicts[i]));
-  return out;
+  return kept_meshes(field, verdicts, parts.size());
 }
 
 }  // namespace mr::merge

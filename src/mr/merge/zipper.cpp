@@ -1,14 +1,17 @@
 #include "mr/merge/zipper.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <functional>
-#include <nanoflann.hpp>
+#include <optional>
 #include <queue>
 #include <tuple>
 
+#include "mr/core/parallel.h"
 #include "mr/kit/topology.h"
 #include "mr/merge/front.h"
+#include "mr/merge/point_grid.h"
 
 namespace mr::merge {
 namespace {
@@ -22,50 +25,29 @@ struct Joined {
   std::vector<std::uint32_t> part;  // [V]
 };
 
-/// Points for nanoflann.
-struct PointCloud {
+/// Points with something that they stand for.
+struct TaggedPoints {
   std::vector<Vec3f> points;
   std::vector<std::uint32_t> tag;
-
-  std::size_t kdtree_get_point_count() const { return points.size(); }
-  float kdtree_get_pt(std::size_t i, std::size_t axis) const {
-    return points[i][static_cast<int>(axis)];
-  }
-  template <typename Box>
-  bool kdtree_get_bbox(Box&) const {
-    return false;
-  }
 };
-using KdTree = nanoflann::KDTreeSingleIndexAdaptor<nanoflann::L2_Simple_Adaptor<float, PointCloud>,
-                                                   PointCloud, 3>;
-
-/// Places of all points within `radius`, nearest first.
-void within(const KdTree& tree, Vec3f p, double radius,
-            std::vector<std::pair<std::uint32_t, float>>& found) {
-  found.clear();
-  const float query[3] = {p.x, p.y, p.z};
-  // nanoflann's L2 radius is the square.
-  tree.radiusSearch(query, static_cast<float>(radius * radius), found,
-                    nanoflann::SearchParams(32, 0, false));
-  std::sort(found.begin(), found.end(), [](const auto& a, const auto& b) {
-    return std::tie(a.second, a.first) < std::tie(b.second, b.first);
-  });
-}
 
 Joined join_parts(std::span<const Mesh> parts) {
+  std::vector<Mesh> split(parts.size());
+  parallel_for(parts.size(), 1, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t i = begin; i < end; ++i) split[i] = split_bowties(parts[i]);
+  });
   Joined out;
-  for (std::uint32_t i = 0; i < parts.size(); ++i) {
-    Mesh part = split_bowties(parts[i]);
-    part.runs.clear();
-    append(out.mesh, part);
+  for (std::uint32_t i = 0; i < split.size(); ++i) {
+    split[i].runs.clear();
+    append(out.mesh, split[i]);
     out.part.resize(out.mesh.positions.size(), i);
   }
   return out;
 }
 
 /// Points along all border edges, at most `spacing` apart, tagged with their part.
-PointCloud sample_borders(const Joined& joined, const kit::EdgeTable& table, double spacing) {
-  PointCloud cloud;
+TaggedPoints sample_borders(const Joined& joined, const kit::EdgeTable& table, double spacing) {
+  TaggedPoints cloud;
   for (std::uint32_t h = 0; h < table.uses.size(); ++h) {
     if (table.uses[h] != 1) continue;
     const std::uint32_t a = kit::edge_from(joined.mesh, h);
@@ -86,46 +68,87 @@ float distance_to_segment(Vec3f p, Vec3f a, Vec3f b) {
   return length(p - (a + d * along));
 }
 
-/// Halves the long border edges that have another part's border near, once. Returns whether any
-/// was.
-bool cut_borders(Joined& joined, const ZipperConfig& config) {
-  const Mesh& mesh = joined.mesh;
-  const kit::EdgeTable table = kit::edge_table(mesh);
-  const PointCloud cloud = sample_borders(joined, table, config.edge_m);
-  if (cloud.points.empty()) return false;
-  const KdTree tree(3, cloud, nanoflann::KDTreeSingleIndexAdaptorParams(16));
-  std::vector<std::uint8_t> split(table.uses.size(), 0);
-  std::vector<std::pair<std::uint32_t, float>> near;
-  bool any = false;
-  for (std::uint32_t h = 0; h < split.size(); ++h) {
-    if (table.uses[h] != 1) continue;
-    const std::uint32_t part = joined.part[kit::edge_from(mesh, h)];
-    const Vec3f a = mesh.positions[kit::edge_from(mesh, h)],
-                b = mesh.positions[kit::edge_to(mesh, h)];
+/// Halves long border edges that have another part's border near, and the halves again.
+class BorderCutter {
+ public:
+  BorderCutter(const Joined& joined, const ZipperConfig& config)
+      : config_(config),
+        table_(kit::edge_table(joined.mesh)),
+        samples_(sample_borders(joined, table_, config.edge_m)),
+        grid_(samples_.points, config.max_gap_m / 2) {
+    out_.mesh.positions = joined.mesh.positions;
+    out_.part = joined.part;
+    for (std::uint32_t t = 0; t < joined.mesh.triangles.size(); ++t) {
+      const auto is_border = [&](std::uint32_t i) { return table_.uses[3 * t + i] == 1; };
+      cut(joined.mesh.triangles[t], {is_border(0), is_border(1), is_border(2)}, kMaxCuts);
+    }
+  }
+  Joined result() && { return std::move(out_); }
+
+ private:
+  /// Cuts a triangle across those of its edges that are `wanted`, and its pieces, `times` deep. No
+  /// other triangle shares those edges.
+  void cut(const Triangle& t, const std::array<bool, 3>& wanted, int times) {
+    std::array<std::uint32_t, 3> middle{};
+    std::array<bool, 3> is_cut{};
+    for (std::uint32_t i = 0; i < 3; ++i) {
+      is_cut[i] = wanted[i] && times > 0 && is_opposite_a_part(t[i], t[(i + 1) % 3]);
+      if (is_cut[i]) middle[i] = add_middle(t[i], t[(i + 1) % 3]);
+    }
+    const int cuts = is_cut[0] + is_cut[1] + is_cut[2];
+    if (cuts == 0) {
+      out_.mesh.triangles.push_back(t);
+    } else if (cuts == 1) {
+      const int i = is_cut[0] ? 0 : is_cut[1] ? 1 : 2;
+      const std::uint32_t a = t[i], b = t[(i + 1) % 3], c = t[(i + 2) % 3], ab = middle[i];
+      cut({a, ab, c}, {true, false, false}, times - 1);
+      cut({ab, b, c}, {true, false, false}, times - 1);
+    } else if (cuts == 2) {
+      const int i = !is_cut[0] ? 0 : !is_cut[1] ? 1 : 2;  // the edge that stays whole
+      const std::uint32_t a = t[i], b = t[(i + 1) % 3], c = t[(i + 2) % 3];
+      const std::uint32_t bc = middle[(i + 1) % 3], ca = middle[(i + 2) % 3];
+      cut({ca, bc, c}, {false, true, true}, times - 1);
+      if (length(at(a) - at(bc)) <= length(at(b) - at(ca))) {  // the shorter diagonal
+        cut({a, b, bc}, {false, true, false}, times - 1);
+        cut({a, bc, ca}, {false, false, true}, times - 1);
+      } else {
+        cut({a, b, ca}, {false, false, true}, times - 1);
+        cut({b, bc, ca}, {true, false, false}, times - 1);
+      }
+    } else {
+      for (int i = 0; i < 3; ++i)
+        cut({t[i], middle[i], middle[(i + 2) % 3]}, {true, false, true}, times - 1);
+      out_.mesh.triangles.push_back({middle[0], middle[1], middle[2]});
+    }
+  }
+
+  /// Whether an edge is long and another part's border lies within the gap.
+  bool is_opposite_a_part(std::uint32_t from, std::uint32_t to) const {
+    const Vec3f a = at(from), b = at(to);
     const float span = length(b - a);
-    if (span <= config.edge_m * 1.5) continue;
-    within(tree, (a + b) * 0.5f, span / 2 + config.max_gap_m, near);
-    split[h] = std::any_of(near.begin(), near.end(), [&](const auto& n) {
-      return cloud.tag[n.first] != part &&
-             distance_to_segment(cloud.points[n.first], a, b) <= config.max_gap_m;
-    });
-    any |= split[h] != 0;
+    if (span <= config_.edge_m * 1.5) return false;
+    bool found = false;
+    grid_.within(
+        (a + b) * 0.5f, static_cast<float>(span / 2 + config_.max_gap_m), [&](std::uint32_t i) {
+          found = found || (samples_.tag[i] != out_.part[from] &&
+                            distance_to_segment(samples_.points[i], a, b) <= config_.max_gap_m);
+        });
+    return found;
   }
-  if (!any) return false;
-  // A new vertex lies on an edge of one part.
-  Mesh fine = kit::refine(mesh, split).mesh;
-  std::vector<std::uint32_t> part = joined.part;
-  part.resize(fine.positions.size(), 0);
-  for (std::size_t t = 0; t < fine.triangles.size(); ++t) {
-    const Triangle& tri = fine.triangles[t];
-    for (const std::uint32_t v : tri)
-      if (v >= joined.part.size())
-        for (const std::uint32_t o : tri)
-          if (o < joined.part.size()) part[v] = joined.part[o];
+
+  std::uint32_t add_middle(std::uint32_t a, std::uint32_t b) {
+    out_.mesh.positions.push_back((at(a) + at(b)) * 0.5f);
+    out_.part.push_back(out_.part[a]);
+    return static_cast<std::uint32_t>(out_.part.size() - 1);
   }
-  joined = {std::move(fine), std::move(part)};
-  return true;
-}
+  Vec3f at(std::uint32_t vertex) const { return out_.mesh.positions[vertex]; }
+
+  const ZipperConfig& config_;
+  kit::EdgeTable table_;
+  TaggedPoints samples_;
+  PointGrid grid_;
+  Joined out_;
+};
 
 /// A way to fill a bit of the gap: a triangle from a border edge to a corner.
 struct Filling {
@@ -145,20 +168,26 @@ class Zipper {
         front_(front),
         config_(config),
         original_edges_(front.size()),
-        cloud_(corners(joined, front)),
-        tree_(3, cloud_, nanoflann::KDTreeSingleIndexAdaptorParams(16)) {}
+        border_(corners(joined, front)),
+        grid_(border_.points, (config.max_gap_m + config.edge_m / 2) / 2) {}
 
   void run() {
-    if (cloud_.points.empty()) return;
-    for (std::uint32_t e = 0; e < front_.size(); ++e) offer(e);
+    std::vector<std::optional<Filling>> best(front_.size());
+    parallel_for(best.size(), 256, [&](std::size_t begin, std::size_t end) {
+      Surroundings around;
+      for (std::size_t e = begin; e < end; ++e)
+        best[e] = best_filling(static_cast<std::uint32_t>(e), around);
+    });
+    for (const auto& filling : best)
+      if (filling) queue_.push(*filling);
     drain();
     for (std::uint32_t e = 0; e < front_.size(); ++e)
       if (is_remainder(e)) close_small_loop(e);
   }
 
  private:
-  static PointCloud corners(const Joined& joined, const Front& front) {
-    PointCloud cloud;
+  static TaggedPoints corners(const Joined& joined, const Front& front) {
+    TaggedPoints cloud;
     for (std::uint32_t e = 0; e < front.size(); ++e) {
       cloud.points.push_back(joined.mesh.positions[front.edge(e).from]);
       cloud.tag.push_back(front.edge(e).from);
@@ -199,67 +228,90 @@ class Zipper {
     }
   }
 
+  /// What lies around an edge. Kept to spare allocations.
+  struct Surroundings {
+    double reach = 0;                 // how far a triangle over the edge may go
+    std::vector<std::uint32_t> near;  // places in border_ that it may reach or meet
+    std::vector<Filling> candidates;  // with the place in border_ as corner
+  };
+
   void drain() {
+    Surroundings around;
     while (!queue_.empty()) {
       const Filling f = queue_.top();
       queue_.pop();
       if (!front_.edge(f.edge).alive) continue;
-      look_around(f.edge);
-      if (!front_.fits(f.edge, f.corner) || blocked(f.edge, front_.edge(f.corner).from)) {
-        offer(f.edge);
-        continue;
+      if (front_.fits(f.edge, f.corner)) {
+        look_around(f.edge, around);
+        if (!blocked(f.edge, front_.edge(f.corner).from, around)) {
+          for (const std::uint32_t fresh : front_.fill(f.edge, f.corner)) offer(fresh, around);
+          continue;
+        }
       }
-      for (const std::uint32_t fresh : front_.fill(f.edge, f.corner)) offer(fresh);
+      offer(f.edge, around);
     }
   }
 
-  /// Queues the best filling from an edge, if there is one.
-  void offer(std::uint32_t e) {
-    const Front::Edge edge = front_.edge(e);
-    if (!edge.alive) return;
+  void offer(std::uint32_t e, Surroundings& around) {
+    if (const auto best = best_filling(e, around)) queue_.push(*best);
+  }
+
+  /// The cheapest filling from an edge, if there is one.
+  std::optional<Filling> best_filling(std::uint32_t e, Surroundings& around) const {
+    const Front::Edge& edge = front_.edge(e);
+    if (!edge.alive) return std::nullopt;
+    look_around(e, around);
     const Vec3f u = at(edge.from), v = at(edge.to);
-    const double reach = look_around(e);
-    Filling best{std::numeric_limits<double>::max(), e, 0};
-    for (const auto& [place, squared] : near_) {
-      const std::uint32_t w = cloud_.tag[place];
-      const Vec3f p = at(w);
-      const double cost = length(p - u) + length(p - v);
-      if (cost >= best.cost || length(p - u) > reach || length(p - v) > reach) continue;
+    auto& candidates = around.candidates;
+    candidates.clear();
+    for (const std::uint32_t place : around.near) {
+      const std::uint32_t w = border_.tag[place];
       if (!joins_parts(edge, w)) continue;
-      for (const std::uint32_t corner : front_.corners_at(w))
-        if (front_.fits(e, corner) && !blocked(e, w)) best = {cost, e, corner};
+      const double to_u = length(at(w) - u), to_v = length(at(w) - v);
+      if (to_u <= around.reach && to_v <= around.reach)
+        candidates.push_back({to_u + to_v, e, place});
     }
-    if (best.cost < std::numeric_limits<double>::max()) queue_.push(best);
+    std::make_heap(candidates.begin(), candidates.end(), std::greater<>());
+    for (; !candidates.empty(); candidates.pop_back()) {
+      std::pop_heap(candidates.begin(), candidates.end(), std::greater<>());
+      const Filling& f = candidates.back();
+      const std::uint32_t w = border_.tag[f.corner];
+      for (const std::uint32_t corner : front_.corners_at(w))
+        if (front_.fits(e, corner) && !blocked(e, w, around)) return Filling{f.cost, e, corner};
+    }
+    return std::nullopt;
   }
 
-  /// Finds the border vertices that a triangle over `e` may reach or meet; returns how far it may
-  /// reach.
-  double look_around(std::uint32_t e) {
+  void look_around(std::uint32_t e, Surroundings& around) const {
     const Vec3f u = at(front_.edge(e).from), v = at(front_.edge(e).to);
-    const double reach = config_.max_gap_m + 0.5 * length(v - u);
-    within(tree_, (u + v) * 0.5f, reach, near_);
-    return reach;
+    around.reach = config_.max_gap_m + 0.5 * length(v - u);
+    around.near.clear();
+    grid_.within((u + v) * 0.5f, static_cast<float>(around.reach),
+                 [&](std::uint32_t place) { around.near.push_back(place); });
   }
 
   /// Whether the triangle over `e` with tip `w` would lie across another border nearby: seen along
   /// its normal, a border vertex lies inside it or a border edge crosses one of its new edges.
-  bool blocked(std::uint32_t e, std::uint32_t w) const {
+  bool blocked(std::uint32_t e, std::uint32_t w, const Surroundings& around) const {
     const Vec3f u = at(front_.edge(e).from), v = at(front_.edge(e).to), tip = at(w);
     const Vec3f normal = cross(u - v, tip - v);
-    const auto side = [&](Vec3f a, Vec3f b, Vec3f p) { return dot(normal, cross(b - a, p - a)); };
     const float slack = 1e-4f * dot(normal, normal);
-    const auto inside = [&](Vec3f p) {
-      return side(v, u, p) > slack && side(u, tip, p) > slack && side(tip, v, p) > slack;
+    // How far a point is on the inner side of each edge, times that edge's length.
+    const Vec3f in_vu = cross(normal, u - v), in_ut = cross(normal, tip - u),
+                in_tv = cross(normal, v - tip);
+    const auto side = [&](Vec3f a, Vec3f b, Vec3f p) { return dot(normal, cross(b - a, p - a)); };
+    const auto crosses = [&](float p_side, float q_side, Vec3f p, Vec3f q, Vec3f a, Vec3f b) {
+      return p_side * q_side < 0 && std::min(std::abs(p_side), std::abs(q_side)) > slack &&
+             side(p, q, a) * side(p, q, b) < 0;
     };
-    const auto cross_each_other = [&](Vec3f a, Vec3f b, Vec3f c, Vec3f d) {
-      return side(a, b, c) * side(a, b, d) < 0 && side(c, d, a) * side(c, d, b) < 0 &&
-             std::min(std::abs(side(a, b, c)), std::abs(side(a, b, d))) > slack;
-    };
-    for (const auto& [place, squared] : near_)
-      for (const std::uint32_t corner : front_.corners_at(cloud_.tag[place])) {
+    for (const std::uint32_t place : around.near)
+      for (const std::uint32_t corner : front_.corners_at(border_.tag[place])) {
         const Vec3f p = at(front_.edge(corner).from), q = at(front_.edge(corner).to);
-        if (inside(p) || inside(q) || cross_each_other(u, tip, p, q) ||
-            cross_each_other(tip, v, p, q))
+        const float p_ut = dot(in_ut, p - u), q_ut = dot(in_ut, q - u);
+        const float p_tv = dot(in_tv, p - tip), q_tv = dot(in_tv, q - tip);
+        if ((p_ut > slack && p_tv > slack && dot(in_vu, p - v) > slack) ||
+            (q_ut > slack && q_tv > slack && dot(in_vu, q - v) > slack) ||
+            crosses(p_ut, q_ut, p, q, u, tip) || crosses(p_tv, q_tv, p, q, tip, v))
           return true;
       }
     return false;
@@ -276,19 +328,16 @@ class Zipper {
   Front& front_;
   const ZipperConfig& config_;
   std::size_t original_edges_;
-  PointCloud cloud_;
-  KdTree tree_;
+  TaggedPoints border_;  // the corners at first, tagged with their vertices
+  PointGrid grid_;
   std::priority_queue<Filling, std::vector<Filling>, std::greater<>> queue_;
-  std::vector<std::pair<std::uint32_t, float>> near_;
 };
 
 }  // namespace
 
 Mesh zip(std::span<const Mesh> parts, const ZipperConfig& config) {
   if (parts.size() == 1) return {parts[0].positions, parts[0].triangles, {}};
-  Joined joined = join_parts(parts);
-  for (int i = 0; i < kMaxCuts && cut_borders(joined, config); ++i) {
-  }
+  Joined joined = BorderCutter(join_parts(parts), config).result();
   Front front(joined.mesh);
   Zipper(joined, front, config).run();
   joined.mesh.triangles.insert(joined.mesh.triangles.end(), front.added().begin(),

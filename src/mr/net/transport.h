@@ -10,18 +10,14 @@
 #include <vector>
 
 #include "mr/core/result.h"
+#include "mr/net/outbox.h"
 
 /// Carries bytes between nodes and to viewers, and never looks inside them.
 namespace mr::net {
 
-/// Bytes that many receivers may share.
-using Message = std::shared_ptr<const std::vector<std::byte>>;
-
-/// Folds messages that wait for one slow receiver into one (DESIGN section 4, Queues). Takes them
-/// oldest first, at least one; null when they cannot be folded, they are then lost.
-using Coalesce = std::function<Message(std::span<const Message>)>;
-
-/// Ends what it stands for when destroyed; no callback of it runs after that.
+/// Ends what it stands for when destroyed; no callback of it runs after that. The destructor waits
+/// for a callback that runs on another thread, so hold no lock that the callback takes. It may be
+/// destroyed from within its own callback, and after its transport.
 class Subscription {
  public:
   virtual ~Subscription() = default;
@@ -29,8 +25,9 @@ class Subscription {
 
 /// How the nodes of one scene reach each other: one packet stream and one request service per
 /// node. Implementations: in one process, plain TCP, NATS. Callbacks run on the transport's
-/// threads: they must only push to a queue or look something up, and never wait. Connections that
-/// break are made again by themselves, for ever. Thread-safe.
+/// threads: they must only push to a queue or look something up, never wait and never throw.
+/// Connections that break are made again by themselves, for ever. Thread-safe. A transport is
+/// not destroyed from within a callback; no callback runs once it is.
 class Transport {
  public:
   virtual ~Transport() = default;
@@ -43,41 +40,52 @@ class Transport {
   virtual std::unique_ptr<Subscription> subscribe(const std::string& node,
                                                   std::function<void(Message)> on_packet) = 0;
 
-  /// Asks `node` something. The answer comes later, or never (node away, answer null).
+  /// Asks `node` something, 1 MB at most. The answer comes later (in one process: before this
+  /// returns), or never (node away, answer null); after 2 s it is no longer waited for.
   virtual void request(const std::string& node, Message question,
                        std::function<void(Message)> on_answer) = 0;
 
-  /// Answers requests made to `node`; a null answer is not sent.
+  /// Answers requests made to `node`; a null answer is not sent. One service per node: of several
+  /// in one transport the newest answers.
   virtual std::unique_ptr<Subscription> serve(
       const std::string& node, std::function<Message(std::span<const std::byte>)> answer) = 0;
 
-  /// What was lost since the start, by "<slow or broken side>: <cause>".
+  /// What was lost or folded since the start, by "<slow or broken side>: <cause>".
   virtual std::map<std::string, std::uint64_t> drops() const = 0;
 };
 
+/// Largest question that request() sends.
+inline constexpr std::size_t kQuestionBytes = 1u << 20;
+
 /// Caps of every transport. A peer that sends more is disconnected and counted.
 struct TransportLimits {
-  std::size_t message_bytes = 64u << 20;   ///< NATS: what the server's max_payload allows
-  std::size_t queue_messages = 30;         ///< waiting for one receiver, before they are coalesced
-  std::size_t queue_bytes = 128u << 20;    ///< ... above it all that wait are lost
-  int connections = 256;                   ///< that a TCP node accepts at once
+  std::size_t message_bytes = 64u << 20;  ///< largest packet or answer
+  std::size_t queue_messages = 30;        ///< waiting for one receiver, before they are coalesced
+  std::size_t queue_bytes = 128u << 20;   ///< ... above it all that wait are lost
+  int connections = 256;                  ///< that a TCP node accepts at once
+  /// One line each time a peer, port or server goes or comes. Runs on any thread; must not wait.
+  std::function<void(const std::string&)> log = nullptr;
 };
 
 /// All nodes in this process. Delivers on the publisher's thread.
 std::unique_ptr<Transport> make_in_process_transport();
 
-/// Plain TCP (paper 5). `addresses`: "host:port" of each node that publishes; such a node listens
-/// there once it publishes or serves. io, invalid: a port in use is told by publish's log line and
-/// tried again.
+/// Plain TCP (paper 5). `addresses`: "host:port" of each node, "[v6]:port" for IPv6; a node listens
+/// there once it publishes or serves. invalid: addresses that cannot be read, all in one message. A
+/// port in use is logged and tried again each second.
 Result<std::unique_ptr<Transport>> make_tcp_transport(
     const std::map<std::string, std::string>& addresses, Coalesce coalesce,
     const TransportLimits& limits = {});
 
-/// NATS: subject "mr.<scene>.<node>.packet" for packets, "mr.<scene>.<node>.ask" for requests. The
+/// NATS: subject "mr.<scene>.<node>.packet" for packets, "mr.<scene>.<node>.ask" for requests.
+/// `url`: "nats://host:port", "tls://…", with "user:password@" or "token@" before the host. The
 /// server may be absent, restarted or replaced at any time: one line tells so, and the client goes
-/// on trying.
+/// on trying. Works with any max_payload: larger messages travel in parts. `coalesce` folds what
+/// waits while the server is slow; without it that is lost. invalid: the URL or a name cannot be
+/// used.
 Result<std::unique_ptr<Transport>> make_nats_transport(const std::string& url,
                                                        const std::string& scene,
-                                                       const TransportLimits& limits = {});
+                                                       const TransportLimits& limits = {},
+                                                       Coalesce coalesce = {});
 
 }  // namespace mr::net

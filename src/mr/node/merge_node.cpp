@@ -4,6 +4,7 @@
 #include <chrono>
 #include <cmath>
 
+#include "mr/atlas/burn.h"
 #include "mr/atlas/compose.h"
 #include "mr/atlas/labels.h"
 #include "mr/codec/mesh_codec.h"
@@ -208,8 +209,8 @@ Status MergeNode::compose_atlas(const Gathered& gathered, const Mesh& mesh, Pack
           atlas::margin_px(view, texturing_error_m(*scene_, last_->second.error_m), 1.0);
       used[view.id] = atlas::used_pixels(mesh, view, static_cast<int>(std::ceil(margin)));
     }
-    const ImageRgb picture =
-        atlas::compose_atlas(layout_, children, pictures, used, scene_->atlas.mask);
+    ImageRgb picture = atlas::compose_atlas(layout_, children, pictures, used, scene_->atlas.mask);
+    if (scene_->atlas.burn_sequence) atlas::burn_number(picture, packet.sequence);
     return texture_.encode(picture, packet.plan.texture_qp, layout_.views.front().layout);
   });
   if (!unit) return unit.error();

@@ -11,6 +11,7 @@
 #include "mr/kit/topology.h"
 #include "mr/merge/islands.h"
 #include "mr/merge/zipper.h"
+#include "mr/sensor/floor.h"
 #include "mr/simplify/simplify.h"
 
 namespace mr::node {
@@ -31,8 +32,11 @@ SensorNode::SensorNode(const Scene& scene, std::uint32_t sensor_index, NodeClock
 std::vector<Mesh> SensorNode::fuse(const Frame& frame) const {
   const fusion::VolumeConfig volume{scene_->voxel_m, scene_->fusion.truncation_m, scene_->volume};
   const Precision& precision = scene_->sensors[sensor_].precision;
-  const ImageDepth depth =
+  ImageDepth depth =
       scene_->fusion.smooth_depth ? fusion::smooth_depth(frame.depth, precision) : frame.depth;
+  if (scene_->floor)
+    sensor::remove_floor(depth, registration_.depth_camera(), frame.T_world_depth, *scene_->floor,
+                         scene_->up);
   std::vector<Mesh> pieces = fusion::fuse_frame(depth, registration_.depth_camera(),
                                                 frame.T_world_depth, volume, scene_->fusion);
   for (Mesh& piece : pieces)

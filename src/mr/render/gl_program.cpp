@@ -9,12 +9,15 @@ namespace {
 
 constexpr const char* kVertexShader = R"(#version 330 core
 layout(location = 0) in vec3 position;  // metres from the eye, along the world's axes
+layout(location = 1) in vec3 tint;      // of a background
 uniform mat4 T_clip_eye;
 uniform mat4 T_view_eye;                // to the camera frame of the texturing view
 out vec3 from_eye;
 out vec3 in_view;
+out vec3 vertex_color;
 
 void main() {
+  vertex_color = tint;
   from_eye = position;
   in_view = (T_view_eye * vec4(position, 1)).xyz;
   gl_Position = T_clip_eye * vec4(position, 1);
@@ -35,6 +38,7 @@ uniform sampler2D picture;
 
 in vec3 from_eye;
 in vec3 in_view;
+in vec3 vertex_color;
 out vec4 pixel;
 
 vec2 project_pinhole(vec3 p) { return focal * p.xy / p.z + center; }
@@ -75,6 +79,7 @@ constexpr const char* kPaintShaders[kPaints] = {
     "}",
     "vec3 paint() { return headlight(normal()) * color; }",
     "vec3 paint() { return color; }",
+    "vec3 paint() { return vertex_color; }",
 };
 
 Result<GLuint> compile(GLenum kind, const std::string& text) {

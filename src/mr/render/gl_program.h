@@ -5,9 +5,9 @@
 namespace mr::render {
 
 /// What the fragment shader does: projects into a view's picture, shows the normal, lights one
-/// colour from the eye, or fills with it.
-enum class Paint : int { pinhole, equirectangular, normals, headlight, flat };
-inline constexpr int kPaints = 5;
+/// colour from the eye, fills with it, or takes the vertices' own colours.
+enum class Paint : int { pinhole, equirectangular, normals, headlight, flat, vertex_colors };
+inline constexpr int kPaints = 6;
 
 /// Compiles and links the program that paints scenes in this way (its uniforms: gl_program.cpp), in
 /// the current context. One program each, as llvmpipe computes both sides of every branch.

@@ -105,7 +105,7 @@ struct Texture {
 struct Renderer::Impl {
   EglContext context;  // its end frees everything below
   std::array<GLuint, kPaints> programs{};
-  GLuint program = 0, vertices = 0, indices = 0, framebuffer = 0, color = 0, depth = 0;
+  GLuint program = 0, vertices = 0, colors = 0, indices = 0, framebuffer = 0, color = 0, depth = 0;
   int width = 0, height = 0, max_size = 0;
   std::map<std::uint32_t, Texture> textures;  // by stream
   Matrix4f T_clip_eye{};                      // of the present picture
@@ -139,11 +139,14 @@ Status Renderer::Impl::set_up() {
   glGenVertexArrays(1, &array);
   glBindVertexArray(array);
   glGenBuffers(1, &vertices);
+  glGenBuffers(1, &colors);
   glGenBuffers(1, &indices);
   glBindBuffer(GL_ARRAY_BUFFER, vertices);
   glBindBuffer(GL_ELEMENT_ARRAY_BUFFER, indices);
   glEnableVertexAttribArray(0);
   glVertexAttribPointer(0, 3, GL_FLOAT, GL_FALSE, sizeof(Vec3f), nullptr);
+  glBindBuffer(GL_ARRAY_BUFFER, colors);
+  glVertexAttribPointer(1, 3, GL_UNSIGNED_BYTE, GL_TRUE, sizeof(Color), nullptr);
   glGenFramebuffers(1, &framebuffer);
   glGenRenderbuffers(1, &color);
   glGenRenderbuffers(1, &depth);
@@ -211,11 +214,16 @@ Status Renderer::Impl::set_textures(const DecodedScene& scene,
 }
 
 void Renderer::Impl::upload(const SceneGeometry& geometry) {
-  const auto& [positions, list, ranges] = geometry;
+  const auto& [positions, list, ranges, tints] = geometry;
+  glBindBuffer(GL_ARRAY_BUFFER, vertices);
   glBufferData(GL_ARRAY_BUFFER, static_cast<GLsizeiptr>(positions.size() * sizeof(Vec3f)),
                positions.data(), GL_STREAM_DRAW);
   glBufferData(GL_ELEMENT_ARRAY_BUFFER, static_cast<GLsizeiptr>(list.size() * sizeof(GLuint)),
                list.data(), GL_STREAM_DRAW);
+  (tints.empty() ? glDisableVertexAttribArray : glEnableVertexAttribArray)(1);
+  glBindBuffer(GL_ARRAY_BUFFER, colors);
+  glBufferData(GL_ARRAY_BUFFER, static_cast<GLsizeiptr>(tints.size() * sizeof(Color)), tints.data(),
+               GL_STREAM_DRAW);
 }
 
 void Renderer::Impl::paint(Paint how, Color c) {
@@ -249,11 +257,11 @@ void Renderer::Impl::use_view(const View& view, Vec3d eye, Color otherwise) {
 
 void Renderer::Impl::draw_ranges(const DecodedScene& scene, const SceneGeometry& geometry,
                                  Vec3d eye, const RenderOptions& options) {
-  for (const auto& [view, first, count] : geometry.ranges) {
+  for (const auto& [view, colored, first, count] : geometry.ranges) {
     switch (options.shade) {
       case Shade::texture:
         if (view == kNoView)
-          paint(Paint::flat, options.no_view);
+          paint(colored ? Paint::vertex_colors : Paint::flat, options.no_view);
         else
           use_view(*find_view(scene, view), eye, options.no_view);
         break;

@@ -23,8 +23,8 @@ struct RenderOptions {
 };
 
 /// Draws a decoded scene as a client would: every fragment is projected into its triangle's view
-/// (DESIGN section 4). OpenGL 3.3 core through EGL, offscreen: the first hardware device, else
-/// llvmpipe. Must be used from the thread that made it.
+/// (DESIGN section 4), and a background takes its vertices' colours. OpenGL 3.3 core through EGL,
+/// offscreen: the first hardware device, else llvmpipe. Must be used from the thread that made it.
 class Renderer {
  public:
   /// unsupported when there is no EGL device or context.

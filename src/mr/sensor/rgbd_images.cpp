@@ -54,6 +54,9 @@ class RgbdImages final : public FrameSource {
     return std::optional<Frame>(std::move(*frame));
   }
 
+  void skip(std::uint64_t frames) override { index_ += frames; }
+  bool endless() const override { return files_.loop && !files_.depth.empty(); }
+
  private:
   /// The item's pictures and pose.
   Result<Frame> read_item(std::size_t item) const {

@@ -1,0 +1,45 @@
+#pragma once
+
+#include <cstddef>
+#include <functional>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "mr/core/chunk.h"
+#include "mr/core/lattice.h"
+#include "mr/core/result.h"
+#include "mr/core/scene.h"
+
+namespace mr::codec {
+
+/// Called with one line of text for the person who runs the node.
+using Notice = std::function<void(const std::string&)>;
+
+/// A background as chunks (paper, Fig. 11: a room that was captured before is drawn around the live
+/// people), sorted by key: source kBackgroundSource, level 0, version 1, colours per vertex.
+///
+/// Reads what read_glb() of gltf_model.h reads. glTF is right-handed with y up, metres;
+/// T_world_model maps that to the world. What export_scene() writes is turned so that the scene's
+/// `up` is +Y: with up [0, 1, 0] the identity puts it back in place, with up [0, 0, 1] the rotation
+/// [1 0 0; 0 0 -1; 0 1 0] does, as for any model whose up is glTF's.
+///
+/// As colours belong to vertices, edges are cut to at most `max_edge_m` and each vertex gets the
+/// mean of the texture around it. A model with more than 2 million triangles after that is cut more
+/// coarsely, with a notice. Triangles go to the cube of `chunk_m` that holds their centroid;
+/// neighbours share their border vertices and these vertices' colours. Where texture charts meet,
+/// the mean of their colours counts. The same bytes on any number of threads.
+///
+/// Errors, one line that names the file: those of reading it; invalid where it reaches beyond the
+/// lattice; too_large for more than 32,768 cubes, or 2^20 triangles in one.
+Result<std::vector<EncodedChunk>> load_background(const BackgroundConfig& config,
+                                                  const Lattice& lattice, double chunk_m,
+                                                  double max_edge_m, const Notice& notice = {});
+
+/// The same from a file's bytes; its errors do not name the file.
+Result<std::vector<EncodedChunk>> encode_background(std::span<const std::byte> glb,
+                                                    const Pose& T_world_model,
+                                                    const Lattice& lattice, double chunk_m,
+                                                    double max_edge_m, const Notice& notice = {});
+
+}  // namespace mr::codec

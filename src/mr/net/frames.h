@@ -1,0 +1,63 @@
+#pragma once
+
+#include <array>
+#include <cstddef>
+#include <cstdint>
+#include <map>
+#include <span>
+#include <string_view>
+#include <vector>
+
+#include "mr/core/result.h"
+
+namespace mr::net {
+
+/// What the TCP transport sends: {u32 payload length, u8 kind, u64 id}, little endian, then the
+/// payload. The connecting side starts with hello, and may then subscribe and ask at any time.
+enum class FrameKind : std::uint8_t {
+  hello = 1,  ///< payload: kHello and the node's name
+  subscribe,  ///< packets of the node, from now on
+  unsubscribe,
+  packet,
+  ask,    ///< id: the asker's choice
+  answer  ///< id: that of the question
+};
+
+struct Frame {
+  FrameKind kind = FrameKind::hello;
+  std::uint64_t id = 0;
+  std::vector<std::byte> payload;
+};
+
+inline constexpr std::size_t kFrameHeaderBytes = 13;
+inline constexpr std::string_view kHello = "MRT1";  ///< the node's name follows
+inline constexpr std::size_t kLongestName = 255;
+
+/// The bytes before a payload of less than 4 GB.
+std::array<std::byte, kFrameHeaderBytes> encode_frame_header(FrameKind kind, std::uint64_t id,
+                                                             std::size_t payload_bytes);
+
+/// Largest payload of each kind that is accepted; kinds not named are not.
+using FrameLimits = std::map<FrameKind, std::size_t>;
+
+/// Cuts a byte stream into frames. No socket inside.
+class FrameReader {
+ public:
+  explicit FrameReader(FrameLimits limits) : limits_(std::move(limits)) {}
+
+  /// Takes the next bytes, any number; returns the frames that they complete. corrupt, too_large:
+  /// the stream cannot be read any further. Memory grows with the bytes that came, not with the
+  /// length that a header promises.
+  Result<std::vector<Frame>> feed(std::span<const std::byte> bytes);
+
+ private:
+  Status read_header();
+  void take_into(std::vector<std::byte>& to, std::size_t wanted, std::span<const std::byte>& from);
+
+  FrameLimits limits_;
+  std::vector<std::byte> header_;
+  std::size_t length_ = 0;  ///< of the frame whose header is complete
+  Frame frame_;
+};
+
+}  // namespace mr::net

@@ -1,0 +1,70 @@
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <memory>
+#include <mutex>
+#include <set>
+#include <string>
+
+#include "mr/core/result.h"
+#include "mr/net/drops.h"
+#include "mr/net/transport.h"
+
+namespace mr::net {
+
+class NatsInlet;
+
+/// What came in on a subject, put together again.
+struct NatsArrival {
+  std::string subject;
+  std::string reply;  ///< empty: no answer is wanted
+  Message message;
+};
+
+/// The connection to a NATS server (or a cluster), for ever made again; messages of any size.
+class NatsLink {
+ public:
+  using Handler = std::function<void(const NatsArrival&)>;
+
+  /// `urls`: one or more, separated by commas. invalid: they cannot be read. No server need be
+  /// there.
+  static Result<std::shared_ptr<NatsLink>> open(const std::string& urls,
+                                                const TransportLimits& limits,
+                                                std::shared_ptr<Drops> drops);
+  ~NatsLink();
+
+  /// Ends all inlets, once nothing is sent any more: no handler runs after this.
+  void close();
+
+  /// Messages on `subject`, none larger than `message_bytes`, until forget(). Any thread.
+  std::shared_ptr<NatsInlet> receive(const std::string& subject, std::size_t message_bytes,
+                                     Handler handler);
+  /// No handler runs on another thread after this. Any thread.
+  void forget(const std::shared_ptr<NatsInlet>& inlet);
+
+  /// io: there is no server. too_large: for its max_payload. One thread at a time; may wait up to
+  /// two seconds for a server that does not read.
+  Status send(const std::string& subject, const std::string& reply, const Message& message);
+
+  /// Connects anew where the library gave up (it does after a refused password). To be called
+  /// about each second, by the thread that sends.
+  void revive();
+
+ private:
+  struct Connection;
+  NatsLink(std::string urls, const TransportLimits& limits, std::shared_ptr<Drops> drops);
+  Status connect();
+  void unsubscribe_all();
+  void subscribe(const std::shared_ptr<NatsInlet>& inlet);
+
+  const std::string urls_;
+  const TransportLimits limits_;
+  const std::shared_ptr<Drops> drops_;
+  std::uint64_t last_message_;  ///< id; starts anywhere, so that no two senders use the same
+  std::mutex mutex_;            ///< of all below
+  std::unique_ptr<Connection> connection_;
+  std::set<std::shared_ptr<NatsInlet>> inlets_;
+};
+
+}  // namespace mr::net

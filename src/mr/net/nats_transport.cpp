@@ -1,0 +1,264 @@
+#include <chrono>
+#include <condition_variable>
+#include <deque>
+#include <exception>
+#include <random>
+#include <thread>
+#include <utility>
+
+#include "mr/net/nats_link.h"
+#include "mr/net/registry.h"
+#include "mr/net/requests.h"
+#include "mr/net/transport.h"
+
+namespace mr::net {
+namespace {
+
+using Clock = std::chrono::steady_clock;
+
+constexpr std::chrono::milliseconds kTick{500};
+
+/// A name as one token of a subject: everything but letters, digits, '-' and '_' as %XX.
+std::string token(const std::string& name) {
+  constexpr char kHex[] = "0123456789ABCDEF";
+  std::string out;
+  for (const char c : name) {
+    const auto byte = static_cast<unsigned char>(c);
+    const bool plain = (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || (c >= '0' && c <= '9');
+    if (plain || c == '-' || c == '_')
+      out += c;
+    else
+      out += {'%', kHex[byte >> 4], kHex[byte & 15]};
+  }
+  return out;
+}
+
+std::string new_inbox() {
+  std::random_device random;
+  return "_INBOX.mr" + std::to_string(random()) + "x" + std::to_string(random());
+}
+
+/// The number behind the last dot; 0 when there is none.
+std::uint64_t last_number(const std::string& subject) {
+  std::uint64_t number = 0;
+  for (const char c : subject.substr(subject.rfind('.') + 1))
+    number = c >= '0' && c <= '9' ? number * 10 + static_cast<std::uint64_t>(c - '0') : 0;
+  return number;
+}
+
+class NatsSubscription final : public Subscription {
+ public:
+  NatsSubscription(const std::shared_ptr<NatsLink>& link, std::shared_ptr<NatsInlet> inlet)
+      : link_(link), inlet_(std::move(inlet)) {}
+  NatsSubscription(const NatsSubscription&) = delete;
+  NatsSubscription& operator=(const NatsSubscription&) = delete;
+  ~NatsSubscription() override {
+    if (const auto link = link_.lock()) link->forget(inlet_);
+  }
+
+ private:
+  std::weak_ptr<NatsLink> link_;  ///< the transport may be gone
+  std::shared_ptr<NatsInlet> inlet_;
+};
+
+/// Everything is sent by one thread, so that nobody waits for a slow server.
+class NatsTransport final : public Transport {
+ public:
+  NatsTransport(std::shared_ptr<NatsLink> link, std::shared_ptr<Drops> drops,
+                const std::string& scene, const TransportLimits& limits, Coalesce coalesce)
+      : link_(std::move(link)),
+        drops_(std::move(drops)),
+        prefix_("mr." + token(scene) + "."),
+        inbox_(new_inbox()),
+        limits_(limits),
+        coalesce_(std::move(coalesce)) {
+    link_->receive(inbox_ + ".*", limits_.message_bytes,
+                   [this](const NatsArrival& answer) { answered(answer); });
+    sender_ = std::jthread([this](const std::stop_token& stop) { run(stop); });
+  }
+  ~NatsTransport() override {
+    sender_.request_stop();
+    sender_.join();
+    link_->close();
+  }
+  NatsTransport(const NatsTransport&) = delete;
+  NatsTransport& operator=(const NatsTransport&) = delete;
+
+  void publish(const std::string& node, Message packet) override {
+    if (!packet) return;
+    if (packet->size() > limits_.message_bytes)
+      return drops_->count("node " + node, "packet too large");
+    outbox_of(node).push(std::move(packet));
+    {
+      const std::lock_guard lock(mutex_);
+      work_ = true;
+    }
+    wake_.notify_one();
+  }
+
+  std::unique_ptr<Subscription> subscribe(const std::string& node,
+                                          std::function<void(Message)> on_packet) override {
+    return subscription(packet_subject(node), limits_.message_bytes,
+                        [on_packet = std::move(on_packet)](const NatsArrival& packet) {
+                          on_packet(packet.message);
+                        });
+  }
+
+  void request(const std::string& node, Message question,
+               std::function<void(Message)> on_answer) override {
+    if (!question) return;
+    if (question->size() > kQuestionBytes)
+      return drops_->count("node " + node, "question too large");
+    const std::uint64_t id = requests_.add(Clock::now(), nullptr, std::move(on_answer));
+    if (id == 0) return drops_->count("node " + node, "too many requests at once");
+    send_later({ask_subject(node), inbox_ + "." + std::to_string(id), std::move(question)});
+  }
+
+  std::unique_ptr<Subscription> serve(
+      const std::string& node, std::function<Message(std::span<const std::byte>)> answer) override {
+    return subscription(ask_subject(node), kQuestionBytes,
+                        [this, answer = std::move(answer)](const NatsArrival& question) {
+                          Message message = answer(*question.message);
+                          if (message && !question.reply.empty())
+                            send_later({question.reply, "", std::move(message)});
+                        });
+  }
+
+  std::map<std::string, std::uint64_t> drops() const override {
+    const std::lock_guard lock(mutex_);
+    for (const auto& [node, sending] : packets_) {
+      const Outbox::Counts now = sending.outbox->counts();
+      drops_->count("sending " + node, "packets folded", now.folded - sending.reported.folded);
+      drops_->count("sending " + node, "packets lost", now.lost - sending.reported.lost);
+      sending.reported = now;
+    }
+    return drops_->all();
+  }
+
+ private:
+  struct Letter {
+    std::string subject, reply;
+    Message message;
+  };
+  struct Sending {
+    std::unique_ptr<Outbox> outbox;
+    mutable Outbox::Counts reported;
+  };
+
+  std::string packet_subject(const std::string& node) const {
+    return prefix_ + token(node) + ".packet";
+  }
+  std::string ask_subject(const std::string& node) const { return prefix_ + token(node) + ".ask"; }
+
+  std::unique_ptr<Subscription> subscription(const std::string& subject, std::size_t message_bytes,
+                                             NatsLink::Handler handler) {
+    return std::make_unique<NatsSubscription>(
+        link_, link_->receive(subject, message_bytes, std::move(handler)));
+  }
+
+  void answered(const NatsArrival& answer) {
+    if (const auto on_answer = requests_.take(last_number(answer.subject)))
+      on_answer(answer.message);
+  }
+
+  /// It stays for ever.
+  Outbox& outbox_of(const std::string& node) {
+    const std::lock_guard lock(mutex_);
+    auto& outbox = packets_[node].outbox;
+    if (!outbox)
+      outbox = std::make_unique<Outbox>(coalesce_,
+                                        OutboxLimits{limits_.queue_messages, limits_.queue_bytes});
+    return *outbox;
+  }
+
+  /// A question or an answer.
+  void send_later(Letter letter) {
+    {
+      const std::lock_guard lock(mutex_);
+      if (letter_bytes_ + letter.message->size() > limits_.queue_bytes)
+        return drops_->count("NATS server", "too slow, questions or answers lost");
+      letter_bytes_ += letter.message->size();
+      letters_.push_back(std::move(letter));
+      work_ = true;
+    }
+    wake_.notify_one();
+  }
+
+  void run(const std::stop_token& stop) {
+    while (!stop.stop_requested()) try {
+        std::unique_lock lock(mutex_);
+        wake_.wait_for(lock, stop, kTick, [&] { return work_; });
+        work_ = false;
+        lock.unlock();
+        tick(Clock::now());
+        while (!stop.stop_requested() && send_some()) continue;
+      } catch (const std::exception& e) {
+        if (limits_.log) limits_.log(std::string("NATS transport: ") + e.what());
+      }
+  }
+
+  void tick(Clock::time_point now) {
+    if (now < next_tick_) return;
+    next_tick_ = now + kTick;
+    drops_->count("NATS", "requests without an answer", requests_.expire(now));
+    link_->revive();
+  }
+
+  /// All letters, and one packet of each node; false when there was nothing.
+  bool send_some() {
+    std::deque<Letter> letters;
+    std::vector<std::pair<std::string, Outbox*>> outboxes;
+    {
+      const std::lock_guard lock(mutex_);
+      letters.swap(letters_);
+      letter_bytes_ = 0;
+      for (const auto& [node, sending] : packets_)
+        if (!sending.outbox->empty()) outboxes.emplace_back(node, sending.outbox.get());
+    }
+    for (const Letter& letter : letters) send(letter);
+    for (const auto& [node, outbox] : outboxes)
+      if (Message packet = outbox->try_pop()) send({packet_subject(node), "", std::move(packet)});
+    return !letters.empty() || !outboxes.empty();
+  }
+
+  void send(const Letter& letter) {
+    const auto sent = link_->send(letter.subject, letter.reply, letter.message);
+    if (!sent) drops_->count("NATS server", "messages not sent: " + sent.error().message);
+  }
+
+  const std::shared_ptr<NatsLink> link_;
+  const std::shared_ptr<Drops> drops_;
+  const std::string prefix_;
+  const std::string inbox_;
+  const TransportLimits limits_;
+  const Coalesce coalesce_;
+  Requests requests_;
+  Clock::time_point next_tick_;  ///< sender thread
+
+  mutable std::mutex mutex_;
+  std::condition_variable_any wake_;
+  std::map<std::string, Sending> packets_;  ///< by node
+  std::deque<Letter> letters_;
+  std::size_t letter_bytes_ = 0;
+  bool work_ = false;
+  std::jthread sender_;
+};
+
+}  // namespace
+
+Result<std::unique_ptr<Transport>> make_nats_transport(const std::string& url,
+                                                       const std::string& scene,
+                                                       const TransportLimits& limits,
+                                                       Coalesce coalesce) {
+  try {
+    auto drops = std::make_shared<Drops>();
+    auto link = NatsLink::open(url, limits, drops);
+    if (!link) return link.error();
+    return std::unique_ptr<Transport>(
+        std::make_unique<NatsTransport>(*link, drops, scene, limits, std::move(coalesce)));
+  } catch (const std::exception& e) {
+    return Error{Error::Cause::io, std::string("NATS transport: ") + e.what()};
+  }
+}
+
+}  // namespace mr::net

@@ -1,0 +1,64 @@
+#pragma once
+
+#include <boost/asio/io_context.hpp>
+#include <boost/asio/ip/tcp.hpp>
+#include <boost/asio/steady_timer.hpp>
+#include <chrono>
+#include <deque>
+#include <memory>
+#include <string>
+
+#include "mr/net/address.h"
+#include "mr/net/drops.h"
+#include "mr/net/frame_socket.h"
+#include "mr/net/registry.h"
+#include "mr/net/requests.h"
+
+namespace mr::net {
+
+/// The connection to one remote node, made again for ever while somebody wants its packets or waits
+/// for an answer. All but request() on the io thread, which must have ended before it is destroyed.
+class TcpLink {
+ public:
+  TcpLink(boost::asio::io_context& io, std::string node, Address address,
+          const PacketRegistry& packets, const TransportLimits& limits, Drops& drops);
+
+  /// Any thread; wake() has to follow.
+  void request(Message question, std::function<void(Message)> on_answer);
+  /// Connects, subscribes or asks where there is reason to.
+  void wake();
+  /// Forgets old requests, leaves a node that nobody needs. To be called about each second.
+  void tick();
+
+ private:
+  enum class State { idle, connecting, up, waiting };
+
+  bool wanted() const;
+  void connect();
+  void connected(boost::asio::ip::tcp::socket socket);
+  Status received(Frame frame);
+  std::optional<OutFrame> next();
+  void settled();
+  void failed(const Error& why);
+  void log(const std::string& line) const;
+
+  boost::asio::io_context& io_;
+  const std::string node_;
+  const Address address_;
+  const PacketRegistry& packets_;
+  const TransportLimits limits_;
+  Drops& drops_;
+  Requests requests_;
+
+  State state_ = State::idle;
+  boost::asio::ip::tcp::resolver resolver_;
+  boost::asio::ip::tcp::socket connecting_;
+  boost::asio::steady_timer timer_;
+  std::shared_ptr<FrameSocket> socket_;  ///< while up
+  bool greeted_ = false, subscribed_ = false;
+  std::uint64_t asked_ = 0;  ///< last question sent on this connection
+  std::chrono::milliseconds backoff_;
+  bool told_away_ = false;
+};
+
+}  // namespace mr::net

@@ -1,0 +1,292 @@
+#include "mr/net/tcp_server.h"
+
+#include <boost/asio/post.hpp>
+#include <boost/asio/steady_timer.hpp>
+#include <chrono>
+#include <deque>
+#include <utility>
+
+#include "mr/net/frame_socket.h"
+
+namespace mr::net {
+namespace asio = boost::asio;
+using tcp = asio::ip::tcp;
+
+namespace {
+
+constexpr std::chrono::seconds kHelloPatience{5};
+constexpr std::chrono::seconds kListenAgain{1};
+constexpr std::chrono::milliseconds kAcceptAgain{100};
+
+FrameLimits accepted_frames() {
+  return {{FrameKind::hello, kHello.size() + kLongestName},
+          {FrameKind::subscribe, 0},
+          {FrameKind::unsubscribe, 0},
+          {FrameKind::ask, kQuestionBytes}};
+}
+
+}  // namespace
+
+/// One peer that connected to us.
+class TcpSession : public std::enable_shared_from_this<TcpSession> {
+ public:
+  TcpSession(TcpServer& server, std::string peer)
+      : server_(server),
+        peer_(std::move(peer)),
+        hello_timer_(server.io_),
+        outbox_(server.coalesce_, {server.limits_.queue_messages, server.limits_.queue_bytes}) {}
+
+  void start(tcp::socket socket) {
+    const auto weak = weak_from_this();
+    socket_ = std::make_shared<FrameSocket>(
+        std::move(socket), accepted_frames(),
+        FrameSocket::Handlers{[this, weak](Frame frame) {
+                                const auto self = weak.lock();
+                                return self ? received(std::move(frame)) : Status();
+                              },
+                              [this, weak] {
+                                const auto self = weak.lock();
+                                return self ? next() : std::nullopt;
+                              },
+                              [this, weak](const Error& why) {
+                                if (const auto self = weak.lock()) ended(why);
+                              }});
+    hello_timer_.expires_after(kHelloPatience);
+    hello_timer_.async_wait([this, weak](const auto& error) {
+      const auto self = weak.lock();
+      if (self && !error) socket_->end({Error::Cause::invalid, "no greeting in time"});
+    });
+    socket_->start();
+  }
+
+  /// Any thread.
+  void push(const Message& packet) {
+    if (!outbox_.push(packet)) return;
+    asio::post(server_.io_, [self = shared_from_this()] { self->socket_->wake(); });
+  }
+
+  /// Any thread, once subscribed.
+  void report_drops() {
+    const std::lock_guard lock(reported_mutex_);
+    const Outbox::Counts now = outbox_.counts();
+    const std::string side = "receiver " + peer_ + " of " + node_;
+    server_.drops_.count(side, "packets folded", now.folded - reported_.folded);
+    server_.drops_.count(side, "packets lost", now.lost - reported_.lost);
+    reported_ = now;
+  }
+
+ private:
+  Status received(Frame frame) {
+    if (frame.kind == FrameKind::hello) return greeted(frame.payload);
+    if (node_.empty()) return Error{Error::Cause::corrupt, "no greeting"};
+    if (frame.kind == FrameKind::ask) return asked(std::move(frame));
+    server_.set_subscribed(node_, shared_from_this(), frame.kind == FrameKind::subscribe);
+    return {};
+  }
+
+  Status greeted(const std::vector<std::byte>& payload) {
+    const std::string text(reinterpret_cast<const char*>(payload.data()), payload.size());
+    if (!node_.empty() || !text.starts_with(kHello))
+      return Error{Error::Cause::corrupt, "wrong greeting"};
+    const std::string node = text.substr(kHello.size());
+    if (!server_.is_local(node))
+      return Error{Error::Cause::not_found, "asks for a node that is not here"};
+    node_ = node;
+    hello_timer_.cancel();
+    return {};
+  }
+
+  Status asked(Frame frame) {
+    Message answer = answer_from(server_.answers_, node_, frame.payload);
+    if (!answer) return {};
+    if (answer_bytes_ + answer->size() > server_.limits_.queue_bytes) {
+      server_.drops_.count("receiver " + peer_ + " of " + node_, "answers lost");
+      return {};
+    }
+    answer_bytes_ += answer->size();
+    answers_.push_back({FrameKind::answer, frame.id, std::move(answer)});
+    socket_->wake();
+    return {};
+  }
+
+  std::optional<OutFrame> next() {
+    if (!answers_.empty()) {
+      OutFrame frame = std::move(answers_.front());
+      answers_.pop_front();
+      answer_bytes_ -= frame.payload->size();
+      return frame;
+    }
+    Message packet = outbox_.try_pop();
+    if (!packet) return std::nullopt;
+    return OutFrame{FrameKind::packet, 0, std::move(packet)};
+  }
+
+  void ended(const Error& why) {
+    hello_timer_.cancel();
+    if (why.cause != Error::Cause::io) server_.drops_.count("peer " + peer_, why.message);
+    if (!node_.empty()) report_drops();
+    server_.ended(shared_from_this());
+  }
+
+  TcpServer& server_;
+  const std::string peer_;  ///< its IP address
+  std::string node_;        ///< that it greeted; set before it can subscribe
+  asio::steady_timer hello_timer_;
+  std::shared_ptr<FrameSocket> socket_;
+  Outbox outbox_;
+  std::deque<OutFrame> answers_;
+  std::size_t answer_bytes_ = 0;
+  std::mutex reported_mutex_;
+  Outbox::Counts reported_;
+};
+
+/// Listens at one address, for ever.
+class TcpListener {
+ public:
+  TcpListener(TcpServer& server, Address address)
+      : server_(server),
+        address_(std::move(address)),
+        resolver_(server.io_),
+        acceptor_(server.io_),
+        timer_(server.io_) {
+    resolve();
+  }
+
+ private:
+  void resolve() {
+    resolver_.async_resolve(address_.host, address_.port, tcp::resolver::passive,
+                            [this](const auto& error, const auto& endpoints) {
+                              if (error == asio::error::operation_aborted) return;
+                              auto why = error;
+                              if (!error) why = listen_on_any(endpoints);
+                              why ? listen_later(why) : listening();
+                            });
+  }
+
+  boost::system::error_code listen_on_any(const tcp::resolver::results_type& endpoints) {
+    boost::system::error_code error = asio::error::host_not_found;
+    for (const auto& entry : endpoints) {
+      error = listen(entry.endpoint());
+      if (!error) break;
+    }
+    return error;
+  }
+
+  boost::system::error_code listen(const tcp::endpoint& endpoint) {
+    boost::system::error_code error;
+    acceptor_.close(error);
+    acceptor_.open(endpoint.protocol(), error);
+    if (!error) acceptor_.set_option(tcp::acceptor::reuse_address(true), error);
+    if (!error) acceptor_.bind(endpoint, error);
+    if (!error) acceptor_.listen(tcp::acceptor::max_listen_connections, error);
+    return error;
+  }
+
+  void listen_later(const boost::system::error_code& why) {
+    if (!std::exchange(told_, true))
+      server_.log("cannot listen on " + to_string(address_) + ": " + why.message() +
+                  "; free the address or change it in the scene file; trying on");
+    timer_.expires_after(kListenAgain);
+    timer_.async_wait([this](const auto& error) {
+      if (!error) resolve();
+    });
+  }
+
+  void listening() {
+    if (told_) server_.log("listening on " + to_string(address_) + " now");
+    accept();
+  }
+
+  void accept() {
+    acceptor_.async_accept([this](const auto& error, tcp::socket socket) {
+      if (error == asio::error::operation_aborted) return;
+      if (!error) {
+        server_.accepted(std::move(socket));
+        return accept();
+      }
+      server_.drops_.count("listener " + to_string(address_), error.message());
+      timer_.expires_after(kAcceptAgain);  // out of file descriptors, say
+      timer_.async_wait([this](const auto& cancelled) {
+        if (!cancelled) accept();
+      });
+    });
+  }
+
+  TcpServer& server_;
+  const Address address_;
+  tcp::resolver resolver_;
+  tcp::acceptor acceptor_;
+  asio::steady_timer timer_;
+  bool told_ = false;
+};
+
+TcpServer::TcpServer(asio::io_context& io, const AnswerRegistry& answers, Coalesce coalesce,
+                     const TransportLimits& limits, Drops& drops)
+    : io_(io), answers_(answers), coalesce_(std::move(coalesce)), limits_(limits), drops_(drops) {}
+
+TcpServer::~TcpServer() = default;
+
+void TcpServer::announce(const std::string& node, const Address& address) {
+  {
+    const std::lock_guard lock(mutex_);
+    if (!local_.insert(node).second) return;
+  }
+  asio::post(io_, [this, address] {
+    auto& listener = listeners_[to_string(address)];
+    if (!listener) listener = std::make_unique<TcpListener>(*this, address);
+  });
+}
+
+void TcpServer::publish(const std::string& node, const Message& packet) {
+  std::vector<std::shared_ptr<TcpSession>> sessions;
+  {
+    const std::lock_guard lock(mutex_);
+    const auto at = subscribed_.find(node);
+    if (at != subscribed_.end()) sessions.assign(at->second.begin(), at->second.end());
+  }
+  for (const auto& session : sessions) session->push(packet);
+}
+
+void TcpServer::report_drops() const {
+  const std::lock_guard lock(mutex_);
+  for (const auto& [node, sessions] : subscribed_)
+    for (const auto& session : sessions) session->report_drops();
+}
+
+void TcpServer::accepted(tcp::socket socket) {
+  boost::system::error_code error;
+  const std::string peer = socket.remote_endpoint(error).address().to_string();
+  if (sessions_.size() >= static_cast<std::size_t>(limits_.connections)) {
+    drops_.count("peer " + peer, "too many connections");
+    return;
+  }
+  auto session = std::make_shared<TcpSession>(*this, peer);
+  sessions_.insert(session);
+  session->start(std::move(socket));
+}
+
+void TcpServer::ended(const std::shared_ptr<TcpSession>& session) {
+  sessions_.erase(session);
+  const std::lock_guard lock(mutex_);
+  for (auto& [node, sessions] : subscribed_) sessions.erase(session);
+}
+
+bool TcpServer::is_local(const std::string& node) const {
+  const std::lock_guard lock(mutex_);
+  return local_.contains(node);
+}
+
+void TcpServer::set_subscribed(const std::string& node, const std::shared_ptr<TcpSession>& session,
+                               bool on) {
+  const std::lock_guard lock(mutex_);
+  if (on)
+    subscribed_[node].insert(session);
+  else
+    subscribed_[node].erase(session);
+}
+
+void TcpServer::log(const std::string& line) const {
+  if (limits_.log) limits_.log(line);
+}
+
+}  // namespace mr::net

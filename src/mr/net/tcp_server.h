@@ -1,0 +1,61 @@
+#pragma once
+
+#include <boost/asio/io_context.hpp>
+#include <boost/asio/ip/tcp.hpp>
+#include <map>
+#include <memory>
+#include <mutex>
+#include <set>
+#include <string>
+#include <vector>
+
+#include "mr/net/address.h"
+#include "mr/net/drops.h"
+#include "mr/net/registry.h"
+#include "mr/net/transport.h"
+
+namespace mr::net {
+
+class TcpSession;
+class TcpListener;
+
+/// The side of the TCP transport that publishes and answers: listens for each local node, and
+/// sends to those that connected. Its io thread must have ended before it is destroyed.
+class TcpServer {
+ public:
+  TcpServer(boost::asio::io_context& io, const AnswerRegistry& answers, Coalesce coalesce,
+            const TransportLimits& limits, Drops& drops);
+  ~TcpServer();
+
+  /// Listens for `node`; again and again is fine. Any thread.
+  void announce(const std::string& node, const Address& address);
+  /// Any thread.
+  void publish(const std::string& node, const Message& packet);
+  /// Adds what is folded and lost so far to the drops. Any thread.
+  void report_drops() const;
+
+ private:
+  friend class TcpSession;
+  friend class TcpListener;
+
+  void accepted(boost::asio::ip::tcp::socket socket);
+  void ended(const std::shared_ptr<TcpSession>& session);
+  bool is_local(const std::string& node) const;
+  void set_subscribed(const std::string& node, const std::shared_ptr<TcpSession>& session, bool on);
+  void log(const std::string& line) const;
+
+  boost::asio::io_context& io_;
+  const AnswerRegistry& answers_;
+  const Coalesce coalesce_;
+  const TransportLimits limits_;
+  Drops& drops_;
+
+  std::map<std::string, std::unique_ptr<TcpListener>> listeners_;  ///< by address; io thread
+  std::set<std::shared_ptr<TcpSession>> sessions_;                 ///< io thread
+
+  mutable std::mutex mutex_;
+  std::set<std::string> local_;                                              ///< nodes; by mutex_
+  std::map<std::string, std::set<std::shared_ptr<TcpSession>>> subscribed_;  ///< by mutex_
+};
+
+}  // namespace mr::net

@@ -1,0 +1,190 @@
+import { Malformed } from "./bytes.ts";
+import { Connection, nowMs, type Hello, type LinkState } from "./connection.ts";
+import { DecodePool } from "./decode_pool.ts";
+import type { ChunkMesh, Lattice } from "./draco_chunk.ts";
+import {
+  kBackgroundSource, kindOf, readChunksAnswer, readPacket, writeRequest, type EncodedChunk, type Packet,
+} from "./packet.ts";
+import type { Picture } from "./picture.ts";
+import { Receiver, type Complete } from "./receiver.ts";
+import { Rate } from "./statistics.ts";
+import { Video } from "./video.ts";
+
+export type Capture = Complete<ChunkMesh, Picture>;
+
+export interface ClientEvents {
+  onHello(hello: Hello): void;
+  onState(state: LinkState): void;
+  /** A capture may be complete: take() should be called with the next animation frame. */
+  onChange(): void;
+  /** The viewer cannot go on. */
+  onBroken(message: string): void;
+}
+
+const kAskEveryMs = 500;
+
+/** From the socket to complete captures. */
+export class Client {
+  readonly meshBytes = new Rate();
+  readonly textureBytes = new Rate();
+  /** Chunks, pictures and messages that were broken. */
+  errors = 0;
+  private readonly connection: Connection;
+  private readonly video: Video;
+  private readonly pool: DecodePool;
+  private receiver = new Receiver<ChunkMesh, Picture>();
+  private lattice: Lattice | null = null;
+  private generation = 0;
+  private lastAskMs = -Infinity;
+  private askTimer = 0;
+  private held: Uint8Array | null = null;
+
+  /** `hold`: takes the first packet and nothing after it. */
+  constructor(url: string, private readonly hold: boolean, private readonly events: ClientEvents) {
+    this.connection = new Connection(url, {
+      onHello: (hello) => {
+        this.lattice = hello.lattice;
+        events.onHello(hello);
+      },
+      onState: (state) => {
+        if (state === "connecting") this.forget();
+        events.onState(state);
+      },
+      onBytes: (bytes) => this.received(bytes),
+    });
+    this.video = new Video({
+      onPicture: (ticket, picture) => {
+        this.receiver.pictureDecoded(ticket, picture);
+        events.onChange();
+      },
+      onFailed: (stream, message) => {
+        this.complain(`stream ${stream}: ${message}`);
+        this.receiver.streamFailed(stream);
+        events.onChange();
+      },
+    });
+    this.pool = new DecodePool((message) => events.onBroken(`The mesh decoder does not start: ${message}`));
+  }
+
+  open(): void {
+    this.connection.open();
+  }
+  close(): void {
+    this.connection.close();
+  }
+
+  /** The newest complete capture since the last call. Acknowledge what it says is done once that is drawn. */
+  take(): { complete: Capture | null; done: number[] } {
+    const taken = this.receiver.take();
+    this.ask();
+    return taken;
+  }
+
+  acknowledge(sequences: readonly number[]): void {
+    for (const sequence of sequences) this.connection.acknowledge(sequence);
+  }
+
+  /** The server's clock, ms since 1970; null before the first answer. */
+  serverNowMs(): number | null {
+    const offset = this.connection.clock.offsetMs();
+    return offset === null ? null : nowMs() + offset;
+  }
+
+  /** The bytes of the packet that is held. */
+  heldPacket(): Uint8Array | null {
+    return this.held;
+  }
+
+  private forget(): void {
+    this.receiver = new Receiver();
+    this.startAfresh();
+  }
+
+  private startAfresh(): void {
+    ++this.generation;
+    this.video.keepOnly(new Set());
+  }
+
+  private complain(message: string): void {
+    ++this.errors;
+    console.warn(message);
+  }
+
+  private received(bytes: Uint8Array): boolean {
+    try {
+      if (kindOf(bytes) === "chunks") this.decode(this.receiver.provide(readChunksAnswer(bytes)));
+      else this.accept(readPacket(bytes), bytes);
+      return true;
+    } catch (error) {
+      if (!(error instanceof Malformed)) throw error;
+      this.complain(`a broken message: ${error.message}`);
+      return false;
+    }
+  }
+
+  private accept(packet: Packet, bytes: Uint8Array): void {
+    if (this.hold && this.held !== null) return;
+    const work = this.receiver.accept(packet);
+    if (work === null) {
+      this.connection.acknowledge(packet.sequence);
+      return;
+    }
+    if (work.fresh) this.startAfresh();
+    this.count(packet);
+    this.decode(work.chunks);
+    this.video.keepOnly(new Set([...packet.views, ...packet.textures].map((item) => item.stream)));
+    this.video.decode(work.units);
+    if (this.hold) {
+      this.held = bytes;
+      this.video.flush();
+    }
+    this.events.onChange();
+  }
+
+  private count(packet: Packet): void {
+    const now = performance.now();
+    this.meshBytes.add(now, packet.chunks.reduce((sum, chunk) => sum + chunk.payload.length, 0));
+    this.textureBytes.add(now, packet.textures.reduce((sum, unit) => sum + unit.data.length, 0));
+  }
+
+  private decode(chunks: readonly EncodedChunk[]): void {
+    const generation = this.generation;
+    const lattice = this.lattice;
+    for (const { key, payload, triangles, views } of chunks) {
+      const done = (report: () => void): void => {
+        if (generation !== this.generation) return;
+        report();
+        this.events.onChange();
+      };
+      const failed = (message: string): void =>
+        done(() => {
+          this.complain(`chunk ${key.name}: ${message}`);
+          this.receiver.chunkFailed(key.name);
+        });
+      if (lattice === null) {
+        failed("it came before the lattice");
+        continue;
+      }
+      const background = key.source === kBackgroundSource;
+      this.pool.decode(
+        { payload, triangles, views, background, lattice },
+        (mesh) => done(() => this.receiver.chunkDecoded(key.name, mesh)),
+        failed,
+      );
+    }
+  }
+
+  /** Asks for what is missing, not too often. */
+  private ask(): void {
+    if (this.hold) return;
+    const missing = this.receiver.missing();
+    const keyFrame = this.receiver.needsKeyFrame();
+    if (missing.length === 0 && !keyFrame) return;
+    const wait = this.lastAskMs + kAskEveryMs - performance.now();
+    clearTimeout(this.askTimer);
+    this.askTimer = window.setTimeout(() => this.ask(), wait > 0 ? wait : kAskEveryMs);
+    if (wait > 0) return;
+    this.lastAskMs = performance.now();
+    this.connection.ask(writeRequest(missing, keyFrame));
+  }
+}

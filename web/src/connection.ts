@@ -1,0 +1,177 @@
+import type { Lattice } from "./draco_chunk.ts";
+import type { Vec3 } from "./vec.ts";
+
+export interface Hello {
+  readonly scene: string;
+  readonly up: Vec3;
+  readonly fps: number;
+  readonly lattice: Lattice;
+}
+
+export type LinkState = "connecting" | "waiting" | "live" | "silent" | "lost";
+
+export interface ConnectionEvents {
+  onHello(hello: Hello): void;
+  /** Whether the bytes were what they should be; the connection is made anew where not, as packets that
+   *  nobody acknowledges would hold up the rest. */
+  onBytes(bytes: Uint8Array): boolean;
+  onState(state: LinkState): void;
+}
+
+const kShortestBackoffMs = 250;
+const kLongestBackoffMs = 4000;
+const kPingEveryMs = 1000;
+const kSilentAfterMs = 2000;
+const kPingsKept = 20;
+
+/** The server's clock against ours, from pings: the middle one of the quickest answers. */
+export class ServerClock {
+  private readonly samples: { roundTripMs: number; offsetMs: number }[] = [];
+
+  add(sentMs: number, receivedMs: number, serverMs: number): void {
+    const roundTripMs = receivedMs - sentMs;
+    this.samples.push({ roundTripMs, offsetMs: serverMs - (sentMs + roundTripMs / 2) });
+    if (this.samples.length > kPingsKept) this.samples.shift();
+  }
+
+  /** Of the server's clock; null before the first answer. */
+  offsetMs(): number | null {
+    const best = [...this.samples].sort((a, b) => a.roundTripMs - b.roundTripMs).slice(0, 5);
+    const offsets = best.map((sample) => sample.offsetMs).sort((a, b) => a - b);
+    return offsets[Math.floor(offsets.length / 2)] ?? null;
+  }
+}
+
+/** Milliseconds since 1970. */
+export function nowMs(): number {
+  return performance.timeOrigin + performance.now();
+}
+
+function numbersOf(value: unknown): Vec3 | null {
+  if (!Array.isArray(value) || value.length !== 3 || !value.every(Number.isFinite)) return null;
+  return [value[0], value[1], value[2]];
+}
+
+/** Null unless all is as docs/wire-format.md says. */
+export function readHello(message: Readonly<Record<string, unknown>>): Hello | null {
+  const lattice = message["lattice"] as Readonly<Record<string, unknown>> | undefined;
+  const up = numbersOf(message["up"]);
+  const lowCorner = numbersOf(lattice?.["low_corner"]);
+  const { scene, fps } = message;
+  const step = lattice?.["step"];
+  if (typeof scene !== "string" || typeof fps !== "number" || typeof step !== "number") return null;
+  if (up === null || lowCorner === null || !(Math.hypot(...up) > 0) || !(step > 0)) return null;
+  const size = Math.hypot(...up);
+  return { scene, fps, up: [up[0] / size, up[1] / size, up[2] / size], lattice: { lowCorner, step } };
+}
+
+/** The WebSocket to the gateway: connects again by itself, and knows when nothing comes any more. */
+export class Connection {
+  readonly clock = new ServerClock();
+  private socket: WebSocket | null = null;
+  private state: LinkState = "connecting";
+  private backoffMs = kShortestBackoffMs;
+  private retry = 0;
+  private ticker = 0;
+  private lastBytesMs = 0;
+  private lastPing = 0;
+  private readonly pings = new Map<number, number>();
+
+  constructor(private readonly url: string, private readonly events: ConnectionEvents) {}
+
+  open(): void {
+    this.close();
+    this.setState("connecting");
+    const socket = new WebSocket(this.url);
+    this.socket = socket;
+    socket.binaryType = "arraybuffer";
+    socket.addEventListener("open", () => this.opened());
+    socket.addEventListener("message", (event: MessageEvent<ArrayBuffer | string>) => {
+      if (socket === this.socket) this.received(event.data);
+    });
+    socket.addEventListener("close", () => {
+      if (socket === this.socket) this.lost();
+    });
+  }
+
+  /** For good, unless opened again. */
+  close(): void {
+    clearTimeout(this.retry);
+    clearInterval(this.ticker);
+    const socket = this.socket;
+    this.socket = null;
+    socket?.close();
+  }
+
+  ask(request: Uint8Array<ArrayBuffer>): void {
+    if (this.socket?.readyState === WebSocket.OPEN) this.socket.send(request);
+  }
+
+  acknowledge(sequence: number): void {
+    this.say({ type: "shown", sequence });
+  }
+
+  private say(message: object): void {
+    if (this.socket?.readyState === WebSocket.OPEN) this.socket.send(JSON.stringify(message));
+  }
+
+  private setState(state: LinkState): void {
+    if (state === this.state) return;
+    this.state = state;
+    this.events.onState(state);
+  }
+
+  private opened(): void {
+    this.lastBytesMs = performance.now();
+    this.setState("waiting");
+    this.ticker = window.setInterval(() => this.tick(), kPingEveryMs);
+    this.tick();
+  }
+
+  private lost(): void {
+    this.close();
+    this.setState("lost");
+    this.retry = window.setTimeout(() => this.open(), this.backoffMs);
+    this.backoffMs = Math.min(2 * this.backoffMs, kLongestBackoffMs);
+  }
+
+  private tick(): void {
+    this.pings.set(++this.lastPing, nowMs());
+    this.pings.delete(this.lastPing - kPingsKept);
+    this.say({ type: "ping", id: this.lastPing });
+    if (performance.now() - this.lastBytesMs > kSilentAfterMs) this.setState("silent");
+  }
+
+  private received(data: ArrayBuffer | string): void {
+    if (typeof data === "string") {
+      this.receivedText(data);
+      return;
+    }
+    this.lastBytesMs = performance.now();
+    this.setState("live");
+    if (this.events.onBytes(new Uint8Array(data))) this.backoffMs = kShortestBackoffMs;
+    else this.lost();
+  }
+
+  private receivedText(text: string): void {
+    let message: Readonly<Record<string, unknown>> | null = null;
+    try {
+      message = JSON.parse(text);
+    } catch {
+      return; // not ours
+    }
+    if (message === null || typeof message !== "object") return;
+    if (message["type"] === "hello") {
+      const hello = readHello(message);
+      if (hello !== null) this.events.onHello(hello);
+    } else if (message["type"] === "stopped") {
+      this.setState("silent");
+    } else if (message["type"] === "pong") {
+      const { id, server_ms: serverMs } = message;
+      const sent = typeof id === "number" ? this.pings.get(id) : undefined;
+      if (sent === undefined || typeof serverMs !== "number") return;
+      this.pings.delete(Number(id));
+      this.clock.add(sent, nowMs(), serverMs);
+    }
+  }
+}

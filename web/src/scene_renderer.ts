@@ -1,0 +1,230 @@
+import {
+  BufferAttribute, BufferGeometry, Camera as ThreeCamera, ColorManagement, DataTexture, IntType, LinearFilter,
+  LinearSRGBColorSpace, Matrix4, Mesh, RedFormat, RGBAFormat, RGFormat, Scene, Sphere, UnsignedByteType, Vector3,
+  WebGLRenderer, WebGLRenderTarget, type RawShaderMaterial,
+} from "three";
+import { clipFromEye, type Camera } from "./camera.ts";
+import type { Box, ChunkMesh } from "./draco_chunk.ts";
+import type { View } from "./packet.ts";
+import { planeSizes, type Picture } from "./picture.ts";
+import type { Vec3 } from "./vec.ts";
+import { kBackground, makeColorMaterial, SharedUniforms, ViewMaterial } from "./view_material.ts";
+
+ColorManagement.enabled = false;
+
+/** What is drawn: a mesh and the pictures of the same capture. */
+export interface Drawable {
+  readonly views: readonly View[];
+  readonly meshes: ReadonlyMap<string, ChunkMesh>;
+  readonly pictures: ReadonlyMap<number, Picture>;
+}
+
+interface DrawnChunk {
+  readonly mesh: ChunkMesh;
+  readonly geometry: BufferGeometry;
+  readonly objects: Map<RawShaderMaterial, Mesh>;
+}
+
+const kFormats = { 1: RedFormat, 2: RGFormat, 4: RGBAFormat } as const;
+const kSamplers = ["luma", "chroma", "chroma_red"] as const;
+
+/** One stream's picture on the graphics card. */
+class StreamTexture {
+  readonly material: ViewMaterial;
+  private readonly planes: DataTexture[];
+
+  constructor(shared: SharedUniforms, readonly slot: number, private picture: Picture) {
+    this.material = new ViewMaterial(shared, slot, picture.format);
+    this.material.uniforms["atlas_size"]!.value.set(picture.width, picture.height);
+    this.planes = planeSizes(picture).map(({ width, height, components }, i) => {
+      const format = kFormats[components as keyof typeof kFormats];
+      const texture = new DataTexture(picture.planes[i]!, width, height, format, UnsignedByteType);
+      texture.magFilter = texture.minFilter = LinearFilter;
+      texture.unpackAlignment = 1;
+      texture.needsUpdate = true;
+      this.material.uniforms[kSamplers[i]!]!.value = texture;
+      return texture;
+    });
+  }
+
+  takes({ width, height, format }: Picture): boolean {
+    return width === this.picture.width && height === this.picture.height && format === this.picture.format;
+  }
+
+  update(picture: Picture): void {
+    if (picture === this.picture) return;
+    this.picture = picture;
+    this.planes.forEach((texture, i) => {
+      texture.image.data = picture.planes[i]!;
+      texture.needsUpdate = true;
+    });
+  }
+
+  dispose(): void {
+    for (const texture of this.planes) texture.dispose();
+    this.material.dispose();
+  }
+}
+
+/** Draws captures with WebGL 2. Draws when told to and never by itself. */
+export class SceneRenderer {
+  private readonly renderer: WebGLRenderer;
+  private readonly scene = new Scene();
+  private readonly camera = new ThreeCamera();
+  private readonly shared = new SharedUniforms();
+  private readonly plainMaterial = new ViewMaterial(this.shared, 0, "rgba");
+  private readonly colorMaterial = makeColorMaterial(this.shared);
+  private readonly streams = new Map<number, StreamTexture>();
+  private readonly chunks = new Map<string, DrawnChunk>();
+  private size: readonly [number, number] = [1, 1];
+
+  constructor(canvas: HTMLCanvasElement, antialias: boolean) {
+    this.renderer = new WebGLRenderer({ canvas, antialias, alpha: false, powerPreference: "high-performance" });
+    this.renderer.outputColorSpace = LinearSRGBColorSpace;
+    this.renderer.sortObjects = false;
+    this.renderer.setClearColor(kBackground, 1);
+    this.scene.matrixWorldAutoUpdate = false;
+    this.camera.matrixWorldAutoUpdate = false;
+  }
+
+  resize(width: number, height: number): void {
+    this.size = [width, height];
+    this.renderer.setSize(width, height, false);
+  }
+  width(): number {
+    return this.size[0];
+  }
+  height(): number {
+    return this.size[1];
+  }
+
+  /** Swaps mesh and pictures together. */
+  show({ views, meshes, pictures }: Drawable): void {
+    const used = [...new Set(views.map((view) => view.stream))].filter((stream) => pictures.has(stream));
+    this.setPictures(used, pictures);
+    this.shared.setViews(views, new Map(used.map((stream, slot) => [stream, slot])));
+    for (const [name, chunk] of this.chunks)
+      if (meshes.get(name) !== chunk.mesh) this.remove(name, chunk);
+    const streamOf = new Map(views.map((view) => [view.id, view.stream]));
+    for (const [name, mesh] of meshes) {
+      const chunk = this.chunks.get(name) ?? this.add(name, mesh);
+      this.paint(chunk, this.materialsFor(mesh, streamOf));
+    }
+  }
+
+  draw(camera: Camera): void {
+    this.setCamera(camera);
+    this.renderer.render(this.scene, this.camera);
+  }
+
+  /** Draws into memory: RGBA, top row first. */
+  pixels(camera: Camera): Uint8Array {
+    const { width, height } = camera;
+    const target = new WebGLRenderTarget(width, height, { depthBuffer: true, generateMipmaps: false });
+    const bottomUp = new Uint8Array(4 * width * height);
+    this.setCamera(camera);
+    this.renderer.setRenderTarget(target);
+    this.renderer.render(this.scene, this.camera);
+    this.renderer.readRenderTargetPixels(target, 0, 0, width, height, bottomUp);
+    this.renderer.setRenderTarget(null);
+    target.dispose();
+    const out = new Uint8Array(bottomUp.length);
+    for (let y = 0; y < height; ++y)
+      out.set(bottomUp.subarray(4 * width * (height - 1 - y), 4 * width * (height - y)), 4 * width * y);
+    return out;
+  }
+
+  triangles(): number {
+    let count = 0;
+    for (const { mesh } of this.chunks.values()) count += mesh.indices.length / 3;
+    return count;
+  }
+
+  /** Around all that is shown; null when that is nothing. */
+  bounds(): Box | null {
+    const boxes = [...this.chunks.values()].map((chunk) => chunk.mesh.box);
+    if (boxes.length === 0) return null;
+    const fold = (pick: (box: Box) => Vec3, best: (a: number, b: number) => number): Vec3 =>
+      boxes.map(pick).reduce((a, b) => [best(a[0], b[0]), best(a[1], b[1]), best(a[2], b[2])]);
+    return { low: fold((box) => box.low, Math.min), high: fold((box) => box.high, Math.max) };
+  }
+
+  private setPictures(used: readonly number[], pictures: ReadonlyMap<number, Picture>): void {
+    const slotOf = new Map(used.map((stream, slot) => [stream, slot]));
+    for (const [stream, texture] of this.streams) {
+      const picture = pictures.get(stream);
+      if (picture !== undefined && slotOf.get(stream) === texture.slot && texture.takes(picture))
+        texture.update(picture);
+      else this.dropStream(stream, texture);
+    }
+    for (const [stream, slot] of slotOf)
+      if (!this.streams.has(stream))
+        this.streams.set(stream, new StreamTexture(this.shared, slot, pictures.get(stream)!));
+  }
+
+  private dropStream(stream: number, texture: StreamTexture): void {
+    this.streams.delete(stream);
+    texture.dispose();
+  }
+
+  private materialsFor(mesh: ChunkMesh, streamOf: ReadonlyMap<number, number>): Set<RawShaderMaterial> {
+    if (mesh.colors !== null) return new Set([this.colorMaterial]);
+    const materials = new Set<RawShaderMaterial>();
+    for (const view of mesh.viewIds) {
+      const texture = this.streams.get(streamOf.get(view) ?? -1);
+      if (texture !== undefined) materials.add(texture.material);
+    }
+    // What no view textures is drawn in slot 0.
+    const first = [...this.streams.values()].find((texture) => texture.slot === 0);
+    return materials.add(first?.material ?? this.plainMaterial);
+  }
+
+  /** One object for each material that draws a part of the chunk. */
+  private paint({ geometry, objects }: DrawnChunk, materials: ReadonlySet<RawShaderMaterial>): void {
+    for (const [material, object] of objects)
+      if (!materials.has(material)) {
+        this.scene.remove(object);
+        objects.delete(material);
+      }
+    for (const material of materials) {
+      if (objects.has(material)) continue;
+      const object = new Mesh(geometry, material);
+      object.matrixAutoUpdate = object.matrixWorldAutoUpdate = false;
+      objects.set(material, object);
+      this.scene.add(object);
+    }
+  }
+
+  private add(name: string, mesh: ChunkMesh): DrawnChunk {
+    const geometry = new BufferGeometry();
+    geometry.setIndex(new BufferAttribute(mesh.indices, 1));
+    geometry.setAttribute("position", new BufferAttribute(mesh.positions, 3));
+    if (mesh.views !== null) {
+      const views = new BufferAttribute(mesh.views, 1);
+      views.gpuType = IntType;
+      geometry.setAttribute("view", views);
+    }
+    if (mesh.colors !== null) geometry.setAttribute("color", new BufferAttribute(mesh.colors, 3, true));
+    const [low, high] = [new Vector3(...mesh.box.low), new Vector3(...mesh.box.high)];
+    geometry.boundingSphere = new Sphere(low.clone().add(high).multiplyScalar(0.5), 0.5 * low.distanceTo(high));
+    const chunk: DrawnChunk = { mesh, geometry, objects: new Map() };
+    this.chunks.set(name, chunk);
+    return chunk;
+  }
+
+  private remove(name: string, { geometry, objects }: DrawnChunk): void {
+    this.chunks.delete(name);
+    for (const object of objects.values()) this.scene.remove(object);
+    geometry.dispose();
+  }
+
+  private setCamera(camera: Camera): void {
+    const eye = this.shared.eye.value;
+    eye.set(...camera.position).set(Math.fround(eye.x), Math.fround(eye.y), Math.fround(eye.z));
+    const clip = this.shared.T_clip_eye.value;
+    clip.fromArray(clipFromEye(camera)).transpose();
+    // Only for leaving out what is not in the picture.
+    this.camera.projectionMatrix.copy(clip).multiply(new Matrix4().makeTranslation(-eye.x, -eye.y, -eye.z));
+    this.camera.projectionMatrixInverse.copy(this.camera.projectionMatrix).invert();
+  }
+}

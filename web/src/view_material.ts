@@ -1,0 +1,202 @@
+import { DataTexture, FloatType, FrontSide, GLSL3, Matrix4, RawShaderMaterial, RGBAFormat, Vector2, Vector3 } from "three";
+import { kMostViews } from "./draco_chunk.ts";
+import type { View } from "./packet.ts";
+import type { Picture } from "./picture.ts";
+
+/** RenderOptions of src/mr/render/renderer.h. */
+export const kBackground = 0x808080;
+const kNoView = 176 / 255;
+
+// Texels of one view in the table: three of its pose, lens, camera pixel -> atlas, tile, size and kind, stream.
+const kTexels = 8;
+const kPinhole = 1;
+const kEquirectangular = 2;
+
+const kVertexShader = `
+precision highp float;
+precision highp int;
+precision highp sampler2D;
+in vec3 position;         // metres, world
+in uint view;             // the same at the three corners of a triangle
+uniform vec3 eye;
+uniform mat4 T_clip_eye;
+uniform sampler2D views;  // ${kTexels} texels each
+uniform float slot;       // the texture stream that is bound; triangles of the others are left out
+out vec3 in_view;         // camera frame of the view
+flat out vec4 lens;       // focal lengths, centre; camera pixels
+flat out vec4 to_atlas;   // camera pixel -> texels: scale, offset
+flat out vec4 tile;       // half a texel inside it: low, high
+flat out vec4 size_kind;  // camera pixels; camera column in the tile's middle; kind
+
+void main() {
+  int row = int(view);
+  bool known = row < textureSize(views, 0).y;
+  vec4 texels[${kTexels}];
+  for (int i = 0; i < ${kTexels}; ++i) texels[i] = known ? texelFetch(views, ivec2(i, row), 0) : vec4(0);
+  vec3 from_view = position - vec3(texels[0].w, texels[1].w, texels[2].w);
+  in_view = vec3(dot(texels[0].xyz, from_view), dot(texels[1].xyz, from_view), dot(texels[2].xyz, from_view));
+  lens = texels[3];
+  to_atlas = texels[4];
+  tile = texels[5];
+  size_kind = texels[6];
+  bool elsewhere = texels[7].x != slot;
+  gl_Position = elsewhere ? vec4(2, 2, 2, 1) : T_clip_eye * vec4(position - eye, 1);
+}
+`;
+
+// The same mathematics as src/mr/render/gl_program.cpp.
+const kFragmentShader = `
+precision highp float;
+precision highp int;
+precision highp sampler2D;
+const float kPi = 3.14159265358979;
+// Where the server's converter (kit/video.cpp) reads chroma, in texels of luma: between two columns, on the
+// second of two rows. (Chroma sited left would be 0.5, 0.)
+const vec2 kChromaShift = vec2(0.0, -0.5);
+
+uniform sampler2D luma;   // or RGBA
+uniform sampler2D chroma; // Cb, or CbCr
+uniform sampler2D chroma_red;
+uniform vec2 atlas_size;
+in vec3 in_view;
+flat in vec4 lens;
+flat in vec4 to_atlas;
+flat in vec4 tile;
+flat in vec4 size_kind;
+out vec4 pixel;
+
+vec2 project_pinhole(vec3 p) { return lens.xy * p.xy / p.z + lens.zw; }
+
+// Columns wrap to the turn whose middle is the tile's.
+vec2 project_equirectangular(vec3 p) {
+  vec2 turns = vec2(atan(p.x, p.z) / (2.0 * kPi), atan(p.y, length(p.xz)) / kPi);
+  vec2 at = (turns + 0.5) * size_kind.xy - 0.5;
+  at.x = size_kind.z + size_kind.x * (fract((at.x - size_kind.z) / size_kind.x + 0.5) - 0.5);
+  return at;
+}
+
+#ifdef RGBA
+vec3 atlas_at(vec2 texel) { return textureLod(luma, texel / atlas_size, 0.0).rgb; }
+#else
+// BT.709, limited range.
+vec3 atlas_at(vec2 texel) {
+  float y = (textureLod(luma, texel / atlas_size, 0.0).r - 16.0 / 255.0) * (255.0 / 219.0);
+  vec2 at = (texel + kChromaShift) / atlas_size;
+#ifdef NV12
+  vec2 c = textureLod(chroma, at, 0.0).rg;
+#else
+  vec2 c = vec2(textureLod(chroma, at, 0.0).r, textureLod(chroma_red, at, 0.0).r);
+#endif
+  c = (c - 128.0 / 255.0) * (255.0 / 224.0);
+  return vec3(y + 1.5748 * c.y, y - 0.187324 * c.x - 0.468124 * c.y, y + 1.8556 * c.x);
+}
+#endif
+
+vec3 texture_at(vec2 camera_pixel) {
+  return atlas_at(clamp(camera_pixel * to_atlas.xy + to_atlas.zw, tile.xy, tile.zw));
+}
+
+void main() {
+  vec3 color = vec3(${kNoView});
+  if (size_kind.w == ${kPinhole}.0) {
+    if (in_view.z > 1e-6) color = texture_at(project_pinhole(in_view));
+  } else if (size_kind.w == ${kEquirectangular}.0) {
+    color = texture_at(project_equirectangular(in_view));
+  }
+  pixel = vec4(color, 1);
+}
+`;
+
+const kColorVertexShader = `
+precision highp float;
+in vec3 position;
+in vec3 color;
+uniform vec3 eye;
+uniform mat4 T_clip_eye;
+out vec3 tint;
+void main() {
+  tint = color;
+  gl_Position = T_clip_eye * vec4(position - eye, 1);
+}
+`;
+
+const kColorFragmentShader = `
+precision highp float;
+in vec3 tint;
+out vec4 pixel;
+void main() { pixel = vec4(tint, 1); }
+`;
+
+/** What all materials share. */
+export class SharedUniforms {
+  readonly eye = { value: new Vector3() };
+  readonly T_clip_eye = { value: new Matrix4() };
+  readonly views = { value: new DataTexture(new Float32Array(4 * kTexels), kTexels, 1, RGBAFormat, FloatType) };
+
+  /** `slotOf`: which material holds the picture of a stream. */
+  setViews(views: readonly View[], slotOf: ReadonlyMap<number, number>): void {
+    const drawn = views.filter((view) => view.id < kMostViews);
+    const rows = 2 ** Math.ceil(Math.log2(1 + Math.max(0, ...drawn.map((view) => view.id))));
+    let table = this.views.value;
+    if (table.image.height !== rows) {
+      table.dispose();
+      table = new DataTexture(new Float32Array(4 * kTexels * rows), kTexels, rows, RGBAFormat, FloatType);
+      this.views.value = table;
+    }
+    const data = table.image.data as Float32Array;
+    data.fill(0);
+    for (const view of drawn) data.set(texelsOf(view, slotOf.get(view.stream) ?? 0), 4 * kTexels * view.id);
+    table.needsUpdate = true;
+  }
+}
+
+function texelsOf(view: View, slot: number): number[] {
+  const { imageRect: source, atlasRect: tile, pose } = view;
+  const [r, t] = [pose.rotation, pose.translation];
+  const sx = tile.width / source.width;
+  const sy = tile.height / source.height;
+  const axis = (column: number): number[] => [r[column]!, r[3 + column]!, r[6 + column]!, t[column]!];
+  return [
+    ...axis(0), ...axis(1), ...axis(2),
+    view.fx, view.fy, view.cx, view.cy,
+    sx, sy, (0.5 - source.x) * sx + tile.x, (0.5 - source.y) * sy + tile.y,
+    tile.x + 0.5, tile.y + 0.5, tile.x + tile.width - 0.5, tile.y + tile.height - 0.5,
+    view.width, view.height, source.x + 0.5 * source.width - 0.5,
+    view.kind === "pinhole" ? kPinhole : kEquirectangular,
+    slot, 0, 0, 0,
+  ];
+}
+
+/** Paints by projection into the views of one texture stream. */
+export class ViewMaterial extends RawShaderMaterial {
+  constructor(shared: SharedUniforms, slot: number, format: Picture["format"]) {
+    super({
+      glslVersion: GLSL3,
+      side: FrontSide,
+      vertexShader: kVertexShader,
+      fragmentShader: kFragmentShader,
+      defines: { [format.toUpperCase()]: "" },
+      uniforms: {
+        eye: shared.eye,
+        T_clip_eye: shared.T_clip_eye,
+        views: shared.views,
+        slot: { value: slot },
+        luma: { value: null },
+        chroma: { value: null },
+        chroma_red: { value: null },
+        atlas_size: { value: new Vector2(1, 1) },
+      },
+    });
+  }
+}
+
+/** Paints the vertices' own colours. */
+export function makeColorMaterial(shared: SharedUniforms): RawShaderMaterial {
+  return new RawShaderMaterial({
+    glslVersion: GLSL3,
+    side: FrontSide,
+    vertexShader: kColorVertexShader,
+    fragmentShader: kColorFragmentShader,
+    uniforms: { eye: shared.eye, T_clip_eye: shared.T_clip_eye },
+  });
+}
