@@ -30,8 +30,13 @@ Frame frame_of(FrameSource& source) {
   return frame.ok() && *frame ? **frame : Frame{};
 }
 
+std::unique_ptr<FrameSource> open_one(const RigConfig& rig, const SensorConfig& sensor) {
+  const std::uint32_t wanted[] = {0};
+  return std::move(open_rig(rig, {&sensor, 1}, wanted, 30, {}).front());
+}
+
 Frame first_frame(const RigConfig& rig, const SensorConfig& sensor) {
-  return frame_of(*open_synthetic(shared_room(), rig, sensor, 0, 30));
+  return frame_of(*open_one(rig, sensor));
 }
 
 TEST(Room, IsAWellFormedMesh) {
@@ -48,6 +53,7 @@ TEST(Room, IsAWellFormedMesh) {
     const Vec3d q = T_room_world * vec_cast<double>(p);
     ASSERT_TRUE(std::abs(q.x) < 3.02 && std::abs(q.y) < 2.52 && q.z > -0.02 && q.z < 3.02);
   }
+  EXPECT_GT(room.blocks.size(), 50u);
   for (const Vec3f light : room.light)
     ASSERT_TRUE(is_finite(light) && light.x >= 0 && light.y >= 0 && light.z >= 0);
   for (std::size_t t = 0; t < triangles; ++t) {
@@ -58,14 +64,14 @@ TEST(Room, IsAWellFormedMesh) {
 
 TEST(Room, SameSeedSameBytesOnAnyNumberOfThreads) {
   const RigConfig rig = small_rig();
-  const SensorConfig sensor = rig_sensors(rig)[1];
+  const std::vector<SensorConfig> sensors = rig_sensors(rig);
   std::vector<Room> rooms;
   std::vector<Frame> frames;
   for (const int threads : {1, 8})
     Arena(threads).run([&] {
       rooms.push_back(make_room(rig));
-      const auto source =
-          open_synthetic(std::make_shared<const Room>(rooms.back()), rig, sensor, 1, 30);
+      const std::uint32_t wanted[] = {1};
+      const auto source = std::move(open_rig(rig, sensors, wanted, 30, {}).front());
       for (int i = 0; i < 2; ++i) frames.push_back(frame_of(*source));
       EXPECT_FALSE(*source->next());
     });
@@ -84,14 +90,19 @@ TEST(Room, SameSeedSameBytesOnAnyNumberOfThreads) {
 TEST(Room, AnotherSeedIsAnotherRoom) {
   RigConfig rig = small_rig();
   rig.seed = 2;
-  EXPECT_NE(make_room(rig).mesh, shared_room()->mesh);
+  EXPECT_NE(build_room(rig).mesh, shared_room()->mesh);
 }
 
 TEST(Room, PureDepthAgreesWithTheDistanceToFloorAndWalls) {
   RigConfig rig = small_rig();
   rig.noise = false;
-  for (const SensorConfig& sensor : rig_sensors(rig)) {
-    const Frame frame = first_frame(rig, sensor);
+  rig.sensors = 2;
+  const std::vector<SensorConfig> sensors = rig_sensors(rig);
+  const std::uint32_t both[] = {0, 1};
+  const auto sources = open_rig(rig, sensors, both, 30, {});
+  for (const std::uint32_t i : both) {
+    const SensorConfig& sensor = sensors[i];
+    const Frame frame = frame_of(*sources[i]);
     // In the room's frame the empty room is a box: the exit of each ray is known.
     const Pose T_room_depth = shared_room()->T_world_room.inverse() * sensor.T_world_depth[0];
     const Vec3d eye = T_room_depth.translation, low{-3, -2.5, 0}, high{3, 2.5, 3};
@@ -107,60 +118,23 @@ TEST(Room, PureDepthAgreesWithTheDistanceToFloorAndWalls) {
         const double z = *frame.depth.at(x, y);
         if (exit > sensor.depth_far_m) continue;
         ++in_range;
-        ASSERT_LT(z, exit + 1e-4);
+        ASSERT_LT(z, exit + 6e-4);
         ASSERT_GT(z, 0) << x << "," << y;  // the room has no holes
-        on_shell += std::abs(z - exit) < 1e-4;
+        on_shell += std::abs(z - exit) < 6e-4;
       }
     EXPECT_GT(on_shell, in_range / 4);
   }
 }
 
-TEST(Room, NoiseIsAsLargeAsTheSensorsPrecisionSays) {
+TEST(Room, AllKindsSizesAndDetailsCanBeBuilt) {
+  using Kind = RigConfig::Kind;
   RigConfig rig = small_rig();
-  const SensorConfig sensor = rig_sensors(rig)[0];
-  const Frame noisy = first_frame(rig, sensor);
-  rig.noise = false;
-  const Frame pure = first_frame(rig, sensor);
-  std::vector<double> off;  // in sigmas
-  for (std::size_t i = 0; i < pure.depth.data.size(); ++i) {
-    const float z = noisy.depth.data[i];
-    if (z == 0) continue;
-    EXPECT_NEAR(z * 1000, std::round(z * 1000), 1e-3);  // whole millimetres
-    off.push_back((z - pure.depth.data[i]) / sensor.precision.sigma_m(pure.depth.data[i]));
-  }
-  ASSERT_GT(off.size(), pure.depth.data.size() / 2);
-  std::sort(off.begin(), off.end());
-  const auto at = [&](double p) { return off[static_cast<std::size_t>(p * (off.size() - 1))]; };
-  EXPECT_NEAR(at(0.5), 0, 0.1);
-  EXPECT_NEAR(at(0.841) - at(0.159), 2, 0.25);  // flying pixels are few
-}
-
-TEST(Room, EverySensorSeesTheRoom) {
-  RigConfig rig = small_rig();
-  rig.depth_width = 160;
-  for (const int count : {1, 4, 7, 16})
-    for (const int height : {144, 160}) {  // narrow and wide
-      rig.sensors = count, rig.depth_height = height;
-      const auto sensors = rig_sensors(rig);
-      ASSERT_EQ(sensors.size(), static_cast<std::size_t>(count));
-      for (SensorConfig sensor : sensors) {
-        EXPECT_TRUE(sensor.depth_camera.problems().empty());
-        EXPECT_TRUE(sensor.color_camera->problems().empty());
-        sensor.color_camera.reset();
-        const Frame frame = first_frame(rig, sensor);
-        const auto missing = std::count(frame.depth.data.begin(), frame.depth.data.end(), 0.0f);
-        EXPECT_LT(missing, 0.4 * frame.depth.data.size()) << sensor.id << " of " << count;
-        EXPECT_TRUE(frame.color.empty());
-      }
+  for (const Kind kind :
+       {Kind::room, Kind::conference, Kind::office, Kind::corridor, Kind::hallway})
+    for (const Vec3d size : {usual_room_m(kind), Vec3d{3, 3.3, 2.2}, Vec3d{6, 9, 3.5}}) {
+      rig.kind = kind, rig.room_m = size, rig.detail = size.x == 3 ? 1 : 0;
+      EXPECT_FALSE(build_room(rig).mesh.empty());
     }
-}
-
-TEST(Room, AllRoomSizesAndDetailsCanBeBuilt) {
-  RigConfig rig = small_rig();
-  rig.room_m = {3, 3.3, 2.2}, rig.detail = 1;
-  EXPECT_FALSE(make_room(rig).mesh.empty());
-  rig.room_m = {7, 4, 3.5}, rig.detail = 0;
-  EXPECT_FALSE(make_room(rig).mesh.empty());
 }
 
 /// Letters as a reader knows them, drawn independently of the room's own font.

@@ -40,6 +40,7 @@ MaterialId Builder::sized(MaterialId material, double width_m, double height_m) 
 }
 
 void Builder::place(const Pose& T_room_object, double scale) {
+  T_room_object_ = T_room_object;
   T_world_object_ = room_.T_world_room * T_room_object;
   scale_ = scale;
 }
@@ -93,7 +94,12 @@ void Builder::panel(Vec3d corner, Vec3d right, Vec3d up, MaterialId material) {
         [&](double u, double v) { return corner + right * u + up * v; });
 }
 
+void Builder::fill(Vec3d low, Vec3d high) {
+  room_.blocks.push_back({T_room_object_, low * scale_, high * scale_});
+}
+
 void Builder::box(Vec3d low, Vec3d high, MaterialId sides, MaterialId top) {
+  fill(low, high);
   const Vec3d size = high - low;
   const Vec3d x{size.x, 0, 0}, y{0, size.y, 0}, z{0, 0, size.z};
   panel({high.x, low.y, low.z}, y, z, sides);
@@ -113,6 +119,8 @@ void Builder::lathe(Vec3d foot, std::span<const Vec2d> profile, int sides, Mater
     const Vec2d step = profile[i] - profile[i - 1];
     along.push_back(along.back() + std::hypot(step.x, step.y));
   }
+  fill(foot + Vec3d{-widest, -widest, profile.front().y},
+       foot + Vec3d{widest, widest, profile.back().y});
   const int rows = static_cast<int>(profile.size()) - 1;
   const Vec2d size{2 * std::numbers::pi * widest, along.back()};
   const MaterialId wrapped = sized(material, size.x, size.y);

@@ -29,7 +29,7 @@ class Builder {
   /// viewer). `right` and `up` carry its size.
   void panel(Vec3d corner, Vec3d right, Vec3d up, MaterialId material);
 
-  /// Six faces outwards.
+  /// Six faces outwards. Boxes and what is turned fill blocks of the room.
   void box(Vec3d low, Vec3d high, MaterialId sides, MaterialId top);
   void box(Vec3d low, Vec3d high, MaterialId material) { box(low, high, material, material); }
 
@@ -42,6 +42,9 @@ class Builder {
   void lathe(Vec3d foot, std::span<const Vec2d> profile, int sides, MaterialId material);
   void sphere(Vec3d center, double radius, MaterialId material);
 
+  /// Notes that something fills a block: people and cameras keep clear of it.
+  void fill(Vec3d low, Vec3d high);
+
   /// [V] where and in what direction to gather the light of a vertex, world frame.
   const std::vector<Vec3f>& light_places() const { return light_places_; }
   const std::vector<Vec3f>& normals() const { return normals_; }
@@ -50,7 +53,7 @@ class Builder {
   Vec3d to_world(Vec3d p_object) const;
 
   Room& room_;
-  Pose T_world_object_;
+  Pose T_world_object_, T_room_object_;
   double scale_ = 1;
   std::uint32_t surfaces_ = 0;
   std::vector<Vec3f> light_places_, normals_;

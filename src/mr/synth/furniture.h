@@ -7,18 +7,17 @@
 
 namespace mr::synth {
 
-/// A sphere or rectangle that shines; all in the room's frame.
+/// A rectangle that shines; all in the room's frame.
 struct Light {
+  enum class Kind { lamp, window, panel };  ///< a lamp shines to all sides
+
   Vec3d center;
-  Vec3d half_right, half_up;  ///< of the rectangle; a lamp is a small square in three directions
+  Vec3d half_right, half_up;  ///< of the rectangle; windows and panels shine along their cross
   Vec3f power;                ///< of a rectangle: radiance · area; of a lamp: intensity
-  bool is_window = false;
+  Kind kind = Kind::lamp;
 };
 
-/// Walls, floor, ceiling, door, window, posters and pictures.
-void build_shell(Builder& builder, const RigConfig& rig, std::vector<Light>& lights);
-
-/// Everything that stands or hangs in the room.
+/// Walls, floor, ceiling, doors and windows, and everything that stands or hangs in the room.
 void furnish(Builder& builder, const RigConfig& rig, std::vector<Light>& lights);
 
 /// Where every room stands: turned by 11 degrees about z and 3 about x.

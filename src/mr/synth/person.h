@@ -6,6 +6,7 @@
 
 #include "mr/core/mesh.h"
 #include "mr/core/pose.h"
+#include "mr/synth/skeleton.h"
 #include "mr/synth/texture.h"
 
 namespace mr::synth {
@@ -17,27 +18,34 @@ struct Body {
   std::vector<std::uint16_t> material;  ///< [T] index into materials
   std::vector<std::uint32_t> surface;   ///< [T] triangles of one number make one smooth sheet
   std::vector<Vec2f> surface_m;         ///< [V] place on that sheet, as in Room
-  std::vector<Material> materials;      ///< skin, hair, shirt, trousers, shoes, ...
+  std::vector<std::uint32_t> place;  ///< [V] the lowest vertex at the same place: sheets meet there
+  std::vector<Material> materials;   ///< skin, hair, shirt, trousers, shoes, ...
   std::vector<std::array<std::uint8_t, 4>> bones;  ///< [V] which bones move a vertex
   std::vector<std::array<float, 4>> weights;       ///< [V] by how much; they sum to 1
+  std::vector<std::uint32_t> parts;  ///< first triangles of the closed pieces, and their end
+  Skeleton skeleton;
 };
 
-/// Man or woman, build, hair, clothes and their patterns follow from the seed.
+/// Man or woman, build, hair, clothes and their patterns follow from the seed. Takes about a
+/// second of one core; runs in the caller's arena, the same on any number of threads.
 Body make_body(std::uint64_t seed);
 
 /// Where and how a person walks: round and round an ellipse on the floor, gesturing; everything
 /// repeats after `period_s`.
 struct Walk {
-  Pose T_world_room;          ///< floor frame → world, z up, floor at z = 0
-  Vec2d center, radius;       ///< metres, floor frame
-  double start_turns = 0;     ///< where on the ellipse at time 0, 0..1
+  Pose T_world_room;       ///< floor frame → world, z up, floor at z = 0
+  Vec2d center, radius;    ///< metres, floor frame
+  double start_turns = 0;  ///< where on the ellipse at time 0, 0..1
   bool clockwise = false;
   double period_s = 10;
-  std::uint64_t seed = 0;     ///< gestures and gait
+  std::uint64_t seed = 0;  ///< gestures and gait
 };
 
 /// World positions [V] of the body's vertices at a time. Periodic, continuous, feet do not slide
 /// visibly, and the same on every machine.
 std::vector<Vec3f> pose_body(const Body& body, const Walk& walk, double time_s);
+
+/// Unit normals [V] of a posed body; smooth across the borders of sheets.
+std::vector<Vec3f> body_normals(const Body& body, const std::vector<Vec3f>& positions);
 
 }  // namespace mr::synth

@@ -24,18 +24,37 @@ Pose room_pose() {
   return T;
 }
 
-Room make_room(const RigConfig& rig) {
+namespace {
+
+struct Built {
   Room room;
-  room.detail = rig.detail;
-  room.T_world_room = room_pose();
-  Builder builder(room);
+  std::vector<Vec3f> light_places, normals;  // [V]
   std::vector<Light> lights;
-  build_shell(builder, rig, lights);
-  furnish(builder, rig, lights);
+};
+
+Built build(const RigConfig& rig) {
+  Built built;
+  built.room.detail = rig.detail;
+  built.room.T_world_room = room_pose();
+  Builder builder(built.room);
+  furnish(builder, rig, built.lights);
+  built.light_places = builder.light_places();
+  built.normals = builder.normals();
+  return built;
+}
+
+}  // namespace
+
+Room build_room(const RigConfig& rig) { return build(rig).room; }
+
+Room make_room(const RigConfig& rig) {
+  Built built = build(rig);
+  Room& room = built.room;
   const Mesh* const meshes[] = {&room.mesh};
   room.rays = std::make_shared<const kit::RayScene>(meshes);
-  bake_light(room, builder.light_places(), builder.normals(), lights);
-  return room;
+  bake_light(room, built.light_places, built.normals, built.lights);
+  if (rig.people > 0) bake_probes(room, rig.room_m, built.lights);
+  return std::move(built.room);
 }
 
 }  // namespace mr::synth

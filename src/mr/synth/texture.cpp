@@ -136,21 +136,26 @@ Vec3f checker(const Material& m, Vec2f st) {
   return (static_cast<int>(x) + static_cast<int>(y)) % 2 == 0 ? m.accent : m.color;
 }
 
-/// The text as large as its lines allow, centred, with a thin frame.
-Vec3f lettering(const Material& m, Vec2f uv) {
-  const float edge = std::min({uv.x, uv.y, m.size_m.x - uv.x, m.size_m.y - uv.y});
-  const float smaller = std::min(m.size_m.x, m.size_m.y);
-  if (edge > 0.03f * smaller && edge < 0.055f * smaller) return m.accent;
+/// Is a place inked by a text that fills a box in the middle of the surface as well as it can?
+bool text_inks(const Material& m, Vec2f uv, Vec2f box_m) {
   int columns = 0, rows = kGlyphHeight, line = 0;
   for (const char c : m.text) {
     line = c == '\n' ? 0 : line + kAdvance;
     rows += c == '\n' ? kLineHeight : 0;
     columns = std::max(columns, line - 1);
   }
-  const float pixel = std::min(0.84f * m.size_m.x / columns, 0.76f * m.size_m.y / rows);
+  const float pixel = std::min(box_m.x / columns, box_m.y / rows);
   const float x = (uv.x - 0.5f * m.size_m.x) / pixel + 0.5f * columns;
   const float y = (0.5f * m.size_m.y - uv.y) / pixel + 0.5f * rows;
-  return text_covers(m.text, columns, x, y) ? m.accent : m.color;
+  return text_covers(m.text, columns, x, y);
+}
+
+/// The text as large as its lines allow, centred, with a thin frame.
+Vec3f lettering(const Material& m, Vec2f uv) {
+  const float edge = std::min({uv.x, uv.y, m.size_m.x - uv.x, m.size_m.y - uv.y});
+  const float smaller = std::min(m.size_m.x, m.size_m.y);
+  if (edge > 0.03f * smaller && edge < 0.055f * smaller) return m.accent;
+  return text_inks(m, uv, {0.84f * m.size_m.x, 0.76f * m.size_m.y}) ? m.accent : m.color;
 }
 
 Vec3f book(const Material& m, Vec2f st) {
@@ -186,6 +191,95 @@ Vec3f leaf(const Material& m, Vec2f st) {
   if (across < 0.035f) return m.accent;
   const float vein = fraction(st.y * 8 - across * 3);
   return vein < 0.13f ? blend(m.color, m.accent, 0.5f) : m.color;
+}
+
+// --- people
+
+/// How much of a soft-edged ellipse around a centre covers a place, 0..1.
+float spot(Vec2f at, Vec2f center, Vec2f radii, float softness) {
+  const Vec2f d{(at.x - center.x) / radii.x, (at.y - center.y) / radii.y};
+  return 1 - ramp(std::sqrt(d.x * d.x + d.y * d.y), 1 - softness, 1 + softness);
+}
+
+/// An eye of the right half of a face; `at` from the middle of the eyes, x outwards.
+Vec3f eye(const Material& m, Vec3f skin, Vec2f at) {
+  constexpr Vec2f kCenter{0.0325f, 0};
+  const float bend = (at.x - kCenter.x) / 0.0135f;
+  const float upper = 0.0062f * (1 - bend * bend), lower = -0.0048f * (1 - bend * bend);
+  const float lid = 0.0016f;
+  if (std::abs(bend) > 1.12f || at.y > upper + lid || at.y < lower - 0.0007f) return skin;
+  if (std::abs(bend) > 1 || at.y > upper || at.y < lower) return skin * 0.22f;
+  const float to_iris = std::hypot(at.x - kCenter.x, at.y - 0.0006f);
+  const Vec3f white{0.55f, 0.53f, 0.50f};
+  const float brown = m.color.x > 0.4f ? random_of(1, 9, m.seed) : 0.0f;
+  const Vec3f iris = blend({0.10f, 0.045f, 0.02f}, {0.12f, 0.22f, 0.30f}, brown > 0.6f ? brown : 0);
+  if (to_iris < 0.0024f) return {0.01f, 0.01f, 0.01f};
+  return blend(iris, white, ramp(to_iris, 0.0052f, 0.0060f)) *
+         (at.y > upper - 0.002f ? 0.7f : 1.0f);
+}
+
+/// Both halves of a face are alike.
+Vec3f face(const Material& m, Vec2f uv, float grain) {
+  const Vec2f at{std::abs(uv.x - 0.5f * m.size_m.x), uv.y - 0.5f * m.size_m.y};
+  const Vec3f rosy{m.color.x * 0.92f, m.color.y * 0.62f, m.color.z * 0.58f};
+  const Vec3f lips{m.color.x * 0.72f, m.color.y * 0.38f, m.color.z * 0.40f};
+  Vec3f skin = blend(m.color, rosy, 0.35f * spot(at, {0.045f, -0.030f}, {0.026f, 0.020f}, 0.9f));
+  skin = blend(skin, rosy, 0.35f * spot(at, {0, -0.032f}, {0.016f, 0.012f}, 0.8f));
+  skin = skin * (1 - 0.15f * spot(at, {0.032f, 0.001f}, {0.022f, 0.013f}, 0.7f));
+  skin = skin * (1 - 0.75f * spot(at, {0.0075f, -0.0385f}, {0.0042f, 0.0022f}, 0.5f));
+  const float mouth_width = 0.024f, across = at.x / mouth_width;
+  const float upper = -0.0665f + 0.0068f * (1 - across * across) - 0.002f * (at.x < 0.003f ? 1 : 0);
+  const float lower = -0.0665f - 0.0095f * (1 - across * across);
+  if (across < 1 && at.y < upper && at.y > lower)
+    skin = std::abs(at.y + 0.0665f + 0.001f * across) < 0.0011f ? lips * 0.3f : lips;
+  const float arch = 0.0205f + 0.0045f * std::sin(3.0f * ramp(at.x, 0.012f, 0.056f));
+  const float brow = spot(at, {0.033f, arch}, {0.022f, 0.0040f}, 0.35f);
+  skin = blend(skin, m.accent * 0.7f, 0.9f * brow * (0.8f + 0.5f * grain));
+  return eye(m, skin, at);
+}
+
+Vec3f hair_strands(const Material& m, Vec2f uv) {
+  const float bent = uv.x + 0.004f * value_noise(uv.x * 20, uv.y * 14, m.seed);
+  const float strand = value_noise(bent * 900, uv.y * 9, m.seed + 1);
+  const float lock = value_noise(bent * 160, uv.y * 11, m.seed + 2);
+  const float light = 0.5f + 0.5f * value_noise(uv.x * 30, uv.y * 25, m.seed + 3);
+  return blend(m.color * (0.75f + 0.35f * strand + 0.3f * lock), m.accent,
+               0.10f * std::max(strand * light, 0.0f));
+}
+
+/// Brightness of stitches: columns of slanted loops.
+float stitches(Vec2f uv) {
+  constexpr float kWide = 0.0056f, kHigh = 0.0042f;
+  const float column = fraction(uv.x / kWide), slant = std::abs(column - 0.5f);
+  const float row = fraction(uv.y / kHigh + slant);
+  return (0.80f + 0.26f * row) * (slant > 0.43f ? 0.80f : 1.0f);
+}
+
+Vec3f denim(const Material& m, Vec2f uv, float grain) {
+  const float twill = fraction((uv.x + 0.6f * uv.y) / 0.0032f) < 0.5f ? 0.90f : 1.08f;
+  const float thread = value_noise(uv.x * 700, uv.y * 120, m.seed);
+  const float worn = ramp(0.6f * grain + value_noise(uv.x * 9, uv.y * 3, m.seed + 4), 0.2f, 1.3f);
+  const float seam = std::abs(uv.x - 0.5f * m.size_m.x) < 0.0012f ? 0.65f : 1.0f;
+  return blend(m.color, m.accent, 0.35f * worn) * (twill * seam * (1 + 0.10f * thread));
+}
+
+Vec3f plaid(const Material& m, Vec2f uv) {
+  constexpr float kPeriod = 0.062f;
+  const auto share = [](float at) {
+    return at < 0.42f ? 1.0f : at > 0.68f && at < 0.74f ? 0.7f : 0.0f;
+  };
+  const float both = share(fraction(uv.x / kPeriod)) + share(fraction(uv.y / kPeriod));
+  const float thread = fraction((uv.x - uv.y) / 0.0024f) < 0.5f ? 0.94f : 1.04f;
+  return blend(m.accent, m.color, 0.12f + 0.44f * both) * thread;
+}
+
+Vec3f bands(const Material& m, Vec2f uv) {
+  return (fraction(uv.y / 0.055f) < 0.36f ? m.accent : m.color) * stitches(uv);
+}
+
+Vec3f print(const Material& m, Vec2f uv) {
+  constexpr Vec2f kBox{0.22f, 0.14f};
+  return text_inks(m, uv, kBox) ? m.accent : m.color * stitches(uv);
 }
 
 }  // namespace
@@ -232,6 +326,27 @@ Vec3f paint(const Material& m, Vec2f uv, float grain) {
       break;
     case Pattern::leaf:
       color = leaf(m, st);
+      break;
+    case Pattern::face:
+      color = face(m, uv, grain);
+      break;
+    case Pattern::hair:
+      color = hair_strands(m, uv);
+      break;
+    case Pattern::knit:
+      color = m.color * stitches(uv);
+      break;
+    case Pattern::denim:
+      color = denim(m, uv, grain);
+      break;
+    case Pattern::bands:
+      color = bands(m, uv);
+      break;
+    case Pattern::plaid:
+      color = plaid(m, uv);
+      break;
+    case Pattern::print:
+      color = print(m, uv);
       break;
   }
   const float shade = 1 + m.grain * grain;

@@ -19,6 +19,13 @@ enum class Pattern : std::uint8_t {
   book,     ///< a spine
   picture,  ///< a landscape
   leaf,
+  face,   ///< skin; eyes, brows (accent), lips around the middle of the surface
+  hair,   ///< strands along v
+  knit,   ///< stitches in columns
+  denim,  ///< twill with worn places (accent)
+  bands,  ///< a knit with level stripes
+  plaid,  ///< woven checks
+  print,  ///< a knit with `text` in its middle
 };
 
 /// How a surface looks. Colours are linear, 0..1; lengths in metres.

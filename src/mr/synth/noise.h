@@ -1,0 +1,47 @@
+#pragma once
+
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "mr/core/image.h"
+#include "mr/core/scene.h"
+
+namespace mr::synth {
+
+/// What a time-of-flight camera would measure without noise, and where it fails.
+struct DepthTruth {
+  enum Flag : std::uint8_t {
+    kGrazing = 1,  ///< seen at under 8 degrees: no measurement
+    kDark = 2,     ///< hardly any light comes back: most measurements fail
+    kEdge = 4,     ///< half of them are mixed with what lies beside
+  };
+
+  int width = 0, height = 0;
+  std::vector<float> z_mm;          ///< [H*W] 0 where nothing is met
+  std::vector<float> beyond_mm;     ///< [H*W] of edges: the neighbour's depth that differs most
+  std::vector<std::uint8_t> flags;  ///< [H*W]
+
+  DepthTruth() = default;
+  DepthTruth(int w, int h);
+};
+
+/// Finds the edges of a part of the picture; `part` may reach over its borders.
+void find_edges(DepthTruth& truth, Rect part);
+
+/// Whether light of a time-of-flight camera is swallowed by a surface of this linear colour.
+bool is_dark(Vec3f color);
+
+/// How a camera measures.
+struct DepthNoise {
+  bool on = true;
+  Precision precision;
+  double near_m = 0, far_m = 0;  ///< beyond is no measurement
+};
+
+/// One frame's measurements in whole millimetres, 0 where there is none. `out`: [H*W]. The same on
+/// any number of threads and any platform.
+void measure(const DepthTruth& truth, const DepthNoise& noise, std::uint64_t frame_seed,
+             std::span<std::uint16_t> out);
+
+}  // namespace mr::synth

@@ -1,0 +1,126 @@
+#include "mr/synth/painter.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace mr::synth {
+namespace {
+
+constexpr int kToneSteps = 8192;
+constexpr float kBrightest = 4;
+constexpr float kExposure = 1.5f;
+
+using ToneTable = std::array<std::uint8_t, kToneSteps>;
+
+ToneTable tone_table() {
+  ToneTable table{};
+  for (int i = 0; i < kToneSteps; ++i) {
+    const double light = kExposure * kBrightest * i / (kToneSteps - 1);
+    const double v = light * (1 + light / 16) / (1 + light * 0.55);
+    const double srgb = v <= 0.0031308 ? 12.92 * v : 1.055 * std::pow(v, 1 / 2.4) - 0.055;
+    table[i] = static_cast<std::uint8_t>(std::clamp(srgb, 0.0, 1.0) * 255 + 0.5);
+  }
+  return table;
+}
+
+const ToneTable& shared_tone_table() {
+  static const ToneTable table = tone_table();
+  return table;
+}
+
+}  // namespace
+
+Skin skin_of(const Room& room) {
+  return {&room.mesh,
+          room.material,
+          room.surface,
+          room.surface_m,
+          room.light,
+          room.materials,
+          static_cast<float>(2 * room.detail),
+          room.rays.get()};
+}
+
+ToneCurve::ToneCurve(Vec3f gain) : scale_(gain * ((kToneSteps - 1) / kBrightest)) {}
+
+std::array<std::uint8_t, 3> ToneCurve::operator()(Vec3f light) const {
+  const ToneTable& table = shared_tone_table();
+  std::array<std::uint8_t, 3> out{};
+  for (int c = 0; c < 3; ++c) {
+    const float at = std::clamp(light[c] * scale_[c], 0.0f, kToneSteps - 1.0f);
+    out[c] = table[static_cast<int>(at + 0.5f)];
+  }
+  return out;
+}
+
+Painter::Hit Painter::cast(Vec3f ray) const {
+  const auto hit = skin_.rays->first_hit(origin_, ray, 0, kFarAway_m);
+  return hit ? Hit{hit->triangle, hit->distance} : Hit{};
+}
+
+Vec3f Painter::shade(std::uint32_t triangle, Vec3f ray) const {
+  const Touch at = touch(triangle, ray);
+  return shade(triangle, at, grain_on(triangle, at.surface_m));
+}
+
+Vec3f Painter::albedo(std::uint32_t triangle, Vec3f ray) const {
+  return paint(skin_.material_of(triangle), touch(triangle, ray).surface_m, 0);
+}
+
+Vec3f Painter::shade_pixel(std::uint32_t triangle, int x, int y) const {
+  const float grain = grain_on(triangle, touch(triangle, eye_.ray(x, y)).surface_m);
+  Vec3f sum;
+  for (const Vec2d quarter : kQuarters)
+    sum += shade(triangle, touch(triangle, eye_.ray(x + quarter.x, y + quarter.y)), grain);
+  return sum * 0.25f;
+}
+
+Painter::Touch Painter::touch(std::uint32_t t, Vec3f ray) const {
+  const Triangle& corners = skin_.mesh->triangles[t];
+  const std::vector<Vec3f>& positions = skin_.mesh->positions;
+  const Vec3f a = positions[corners[0]];
+  const Vec3f ab = positions[corners[1]] - a, ac = positions[corners[2]] - a;
+  const Vec3f n = cross(ab, ac);
+  const float facing = dot(n, ray);
+  const float depth = facing != 0 ? dot(n, a - origin_) / facing : 0;
+  const Vec3f p = origin_ + ray * depth - a;
+  const float nn = dot(n, n), wb = dot(cross(p, ac), n) / nn, wc = dot(cross(ab, p), n) / nn;
+  const auto mixed = [&](const auto& values) {
+    return values[corners[0]] * (1 - wb - wc) + values[corners[1]] * wb + values[corners[2]] * wc;
+  };
+  return {mixed(skin_.surface_m), mixed(skin_.light)};
+}
+
+float Painter::grain_on(std::uint32_t t, Vec2f surface_m) const {
+  const Material& m = skin_.material_of(t);
+  return m.grain > 0 ? skin_.contrast * grain_at(m, surface_m) : 0;
+}
+
+Vec3f Painter::shade(std::uint32_t t, const Touch& at, float grain) const {
+  const Material& m = skin_.material_of(t);
+  const Vec3f color = paint(m, at.surface_m, grain);
+  if (m.emission > 0) return color * m.emission;
+  const Vec3f light = max(at.light, Vec3f{});
+  return {color.x * light.x, color.y * light.y, color.z * light.z};
+}
+
+std::vector<std::array<std::uint8_t, 3>> vertex_colors(const Skin& skin) {
+  std::vector<std::uint16_t> material(skin.mesh->positions.size());
+  for (std::size_t t = 0; t < skin.mesh->triangles.size(); ++t)
+    for (const std::uint32_t v : skin.mesh->triangles[t]) material[v] = skin.material[t];
+  std::vector<std::array<std::uint8_t, 3>> out(material.size());
+  const ToneCurve tone;
+  parallel_for(out.size(), 512, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t v = begin; v < end; ++v) {
+      const Material& m = skin.materials[material[v]];
+      const float grain = m.grain > 0 ? skin.contrast * grain_at(m, skin.surface_m[v]) : 0;
+      const Vec3f color = paint(m, skin.surface_m[v], grain);
+      const Vec3f light =
+          m.emission > 0 ? Vec3f{m.emission, m.emission, m.emission} : max(skin.light[v], Vec3f{});
+      out[v] = tone({color.x * light.x, color.y * light.y, color.z * light.z});
+    }
+  });
+  return out;
+}
+
+}  // namespace mr::synth

@@ -1,0 +1,26 @@
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include "mr/core/scene.h"
+
+/// The errors that a rig injects, drawn from its seed, one set per sensor.
+namespace mr::synth {
+
+/// What turns a sensor's true pose into the one it states: T_world_stated = T_world_true * this.
+/// Exactly calib_error_mm long and calib_error_deg wide, in a random direction and about a random
+/// axis; the identity where both are 0.
+Pose calibration_error(const RigConfig& rig, std::uint32_t sensor);
+
+/// Factors on the linear light of red, green and blue: exposure within ± exposure_spread stops, red
+/// and blue within a further quarter of it.
+Vec3f exposure_gain(const RigConfig& rig, std::uint32_t sensor);
+
+/// How much later than stated a sensor looks, within ± clock_offset_ms.
+double clock_error_s(const RigConfig& rig, std::uint32_t sensor);
+
+/// The sensors of rig_sensors() with their true poses.
+std::vector<SensorConfig> exact_sensors(const RigConfig& rig);
+
+}  // namespace mr::synth

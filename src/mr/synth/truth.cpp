@@ -1,0 +1,91 @@
+#include "mr/synth/truth.h"
+
+#include <cstring>
+#include <string>
+#include <utility>
+
+#include "mr/core/file.h"
+#include "mr/synth/stage.h"
+#include "mr/synth/view.h"
+
+namespace mr::synth {
+namespace {
+
+ColoredMesh colored(const Skin& skin) { return {*skin.mesh, vertex_colors(skin)}; }
+
+}  // namespace
+
+struct Truth::Impl {
+  Impl(const RigConfig& r, double rate) : rig(r), fps(rate), stage(r, rate) { stage.set(); }
+
+  /// As the rig's own cameras without injected errors see it.
+  std::shared_ptr<const PosedPeople> people(std::uint64_t frame) {
+    const auto frames = static_cast<std::uint64_t>(rig.frames);
+    return stage.people(static_cast<double>(rig.loop ? frame % frames : frame) / fps);
+  }
+
+  RigConfig rig;
+  double fps;
+  Stage stage;
+  ColoredMesh room;  ///< once it was asked for
+};
+
+Truth::Truth(const RigConfig& rig, double fps) : impl_(std::make_unique<Impl>(rig, fps)) {}
+Truth::~Truth() = default;
+
+ColoredMesh Truth::surface(std::uint64_t frame) {
+  if (impl_->room.mesh.empty()) impl_->room = colored(skin_of(*impl_->stage.room()));
+  ColoredMesh surface = impl_->room;
+  if (const auto people = impl_->people(frame)) {
+    const ColoredMesh bodies = colored(people->skin(static_cast<float>(2 * impl_->rig.detail)));
+    append(surface.mesh, bodies.mesh);
+    surface.colors.insert(surface.colors.end(), bodies.colors.begin(), bodies.colors.end());
+  }
+  return surface;
+}
+
+TruthPicture Truth::look(const Camera& camera, const Pose& T_world_camera, std::uint64_t frame) {
+  ViewSetup setup;
+  setup.depth = {camera, T_world_camera};
+  setup.color = setup.depth;
+  setup.noise = {.on = false, .precision = {}, .near_m = 0, .far_m = 65};
+  SensorView view(impl_->stage.room(), setup);
+  const Shot shot = view.render(impl_->people(frame).get(), frame);
+  TruthPicture picture{view.empty_room(), ImageDepth(camera.width, camera.height)};
+  const std::uint8_t* from = shot.rgb.data();
+  for (const Shot::Span& span : shot.spans) {
+    std::memcpy(picture.color.data.data() + 3 * std::size_t{span.first}, from,
+                3 * std::size_t{span.count});
+    from += 3 * std::size_t{span.count};
+  }
+  for (std::size_t i = 0; i < shot.depth_mm.size(); ++i)
+    picture.depth.data[i] = static_cast<float>(shot.depth_mm[i] * 0.001);
+  return picture;
+}
+
+Status write_ply(const std::filesystem::path& file, const ColoredMesh& surface) {
+  const Mesh& mesh = surface.mesh;
+  MR_ASSERT(surface.colors.size() == mesh.positions.size());
+  std::string out =
+      "ply\nformat binary_little_endian 1.0\ncomment MeshReduce truth\nelement vertex " +
+      std::to_string(mesh.positions.size()) +
+      "\nproperty float x\nproperty float y\nproperty float z\n"
+      "property uchar red\nproperty uchar green\nproperty uchar blue\nelement face " +
+      std::to_string(mesh.triangles.size()) +
+      "\nproperty list uchar int vertex_indices\nend_header\n";
+  constexpr std::size_t kVertex = 15, kFace = 13;
+  std::size_t at = out.size();
+  out.resize(at + mesh.positions.size() * kVertex + mesh.triangles.size() * kFace);
+  for (std::size_t v = 0; v < mesh.positions.size(); ++v, at += kVertex) {
+    std::memcpy(&out[at], &mesh.positions[v], 12);
+    std::memcpy(&out[at + 12], surface.colors[v].data(), 3);
+  }
+  for (const Triangle& triangle : mesh.triangles) {
+    out[at] = 3;
+    std::memcpy(&out[at + 1], triangle.data(), 12);
+    at += kFace;
+  }
+  return write_file(file, out);
+}
+
+}  // namespace mr::synth

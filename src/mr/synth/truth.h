@@ -1,0 +1,44 @@
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <filesystem>
+#include <memory>
+#include <vector>
+
+#include "mr/core/image.h"
+#include "mr/core/result.h"
+#include "mr/synth/room.h"
+
+namespace mr::synth {
+
+/// A surface with a colour at every vertex.
+struct ColoredMesh {
+  Mesh mesh;
+  std::vector<std::array<std::uint8_t, 3>> colors;  ///< [V] 8-bit sRGB
+};
+
+/// What any camera would see of a rig's truth.
+struct TruthPicture {
+  ImageRgb color;    ///< under a neutral exposure, contact shadows included
+  ImageDepth depth;  ///< metres along z, or range; to the millimetre; 0 where nothing is met
+};
+
+/// The noiseless surface and colours of a rig, people included. One caller at a time.
+class Truth {
+ public:
+  Truth(const RigConfig& rig, double fps);
+  ~Truth();
+
+  ColoredMesh surface(std::uint64_t frame);
+  TruthPicture look(const Camera& camera, const Pose& T_world_camera, std::uint64_t frame);
+
+ private:
+  struct Impl;
+  std::unique_ptr<Impl> impl_;
+};
+
+/// Writes a binary little-endian PLY; no partial file is left on failure.
+Status write_ply(const std::filesystem::path& file, const ColoredMesh& surface);
+
+}  // namespace mr::synth

@@ -1,0 +1,69 @@
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <optional>
+#include <vector>
+
+#include "mr/synth/cover.h"
+#include "mr/synth/noise.h"
+#include "mr/synth/painter.h"
+#include "mr/synth/people.h"
+
+namespace mr::synth {
+
+/// What one sensor of a rig delivers for one frame: depth, and where its colour picture differs
+/// from that of the empty room.
+struct Shot {
+  struct Span {
+    std::uint32_t first = 0, count = 0;  ///< pixels, row by row
+
+    friend bool operator==(const Span&, const Span&) = default;
+  };
+
+  std::vector<std::uint16_t> depth_mm;  ///< [H*W]
+  std::vector<Span> spans;
+  std::vector<std::uint8_t> rgb;  ///< of the spans' pixels, one after another
+
+  friend bool operator==(const Shot&, const Shot&) = default;
+};
+
+/// How one sensor of a rig really is, injected errors included.
+struct ViewSetup {
+  Eye depth;
+  std::optional<Eye> color;
+  DepthNoise noise;
+  Vec3f gain{1, 1, 1};     ///< exposure and white balance
+  std::uint64_t seed = 0;  ///< of the noise
+};
+
+/// Renders one sensor's pictures. Room and camera stand still, so the empty room is looked at once;
+/// afterwards only the pixels that people cover are cast and shaded. One caller at a time.
+class SensorView {
+ public:
+  SensorView(std::shared_ptr<const Room> room, ViewSetup setup);
+
+  const ImageRgb& empty_room() const { return empty_color_; }
+
+  /// `people` may be null; `frame` chooses the noise.
+  Shot render(const PosedPeople* people, std::uint64_t frame);
+
+ private:
+  void look_at_depth();
+  void look_at_color();
+  void cast_depth(const PosedPeople& people, const Cover& cover);
+  void cast_color(const PosedPeople& people, const Cover& cover);
+  void shade_color(const Painter& painter, const Cover& cover, Rect tile);
+  void shade_shadows(const PosedPeople& people, Cover& cover);
+  void take_changes(const Cover& cover, Shot& shot);
+
+  const std::shared_ptr<const Room> room_;
+  const ViewSetup setup_;
+  const ToneCurve tone_;
+  DepthTruth empty_, depth_;           // depth_: of the frame under way, else the empty room's
+  ImageRgb empty_color_, color_;       // likewise
+  std::vector<float> color_distance_;  // [H*W] of the empty room, along the colour camera's rays
+  ImageId hits_;                       // triangles of people, valid where the frame's cover is
+};
+
+}  // namespace mr::synth
