@@ -4,10 +4,10 @@
 #include <bit>
 #include <numeric>
 #include <span>
-#include <unordered_map>
 #include <unordered_set>
 
 #include "mr/core/assert.h"
+#include "mr/kit/pair_map.h"
 
 namespace mr::kit {
 namespace {
@@ -96,21 +96,20 @@ std::size_t count_boundary_edges(const Mesh& mesh) {
   return static_cast<std::size_t>(std::count(table.uses.begin(), table.uses.end(), 1));
 }
 
-std::vector<std::uint32_t> same_place(const std::vector<Vec3f>& positions) {
-  const auto bits = [](Vec3f p) {
-    // + 0 turns -0 into 0: they are the same place.
-    return Vec3i{std::bit_cast<std::int32_t>(p.x + 0.0f), std::bit_cast<std::int32_t>(p.y + 0.0f),
-                 std::bit_cast<std::int32_t>(p.z + 0.0f)};
-  };
-  std::unordered_map<Vec3i, std::uint32_t, CellHash> first;
-  first.reserve(positions.size());
-  std::vector<std::uint32_t> out(positions.size());
-  for (std::uint32_t v = 0; v < positions.size(); ++v)
-    out[v] = first.try_emplace(bits(positions[v]), v).first->second;
+namespace {
+
+/// For every key the place of the first that equals it.
+std::vector<std::uint32_t> first_alike(const std::vector<Vec3i>& keys) {
+  constexpr std::uint32_t kFree = 0xFFFFFFFFu;
+  std::vector<std::uint32_t> slots(std::bit_ceil(2 * keys.size() + 1), kFree), out(keys.size());
+  for (std::uint32_t i = 0; i < keys.size(); ++i) {
+    std::size_t at = hash_cell(keys[i]) & (slots.size() - 1);
+    while (slots[at] != kFree && keys[slots[at]] != keys[i]) at = (at + 1) & (slots.size() - 1);
+    if (slots[at] == kFree) slots[at] = i;
+    out[i] = slots[at];
+  }
   return out;
 }
-
-namespace {
 
 /// The same triangle with its smallest index first.
 Vec3i canonical(Triangle t) {
@@ -121,17 +120,30 @@ Vec3i canonical(Triangle t) {
 
 }  // namespace
 
+std::vector<std::uint32_t> same_place(const std::vector<Vec3f>& positions) {
+  std::vector<Vec3i> bits(positions.size());
+  std::ranges::transform(positions, bits.begin(), [](Vec3f p) {
+    // + 0 turns -0 into 0: they are the same place.
+    return Vec3i{std::bit_cast<std::int32_t>(p.x + 0.0f), std::bit_cast<std::int32_t>(p.y + 0.0f),
+                 std::bit_cast<std::int32_t>(p.z + 0.0f)};
+  });
+  return first_alike(bits);
+}
+
 Mesh weld(const Mesh& mesh) {
   const std::vector<std::uint32_t> representative = same_place(mesh.positions);
   Mesh joined = mesh;
-  std::vector<std::uint8_t> keep(mesh.triangles.size(), 0);
-  std::unordered_set<Vec3i, CellHash> seen;
-  seen.reserve(mesh.triangles.size());
-  for (std::size_t i = 0; i < mesh.triangles.size(); ++i) {
-    Triangle& t = joined.triangles[i];
+  std::vector<Vec3i> names;
+  names.reserve(joined.triangles.size());
+  for (Triangle& t : joined.triangles) {
     for (std::uint32_t& v : t) v = representative[v];
-    const bool degenerate = t[0] == t[1] || t[1] == t[2] || t[2] == t[0];
-    keep[i] = !degenerate && seen.insert(canonical(t)).second;
+    names.push_back(canonical(t));
+  }
+  const std::vector<std::uint32_t> first = first_alike(names);
+  std::vector<std::uint8_t> keep(first.size());
+  for (std::uint32_t i = 0; i < keep.size(); ++i) {
+    const auto [a, b, c] = joined.triangles[i];
+    keep[i] = a != b && b != c && c != a && first[i] == i;
   }
   return select_triangles(joined, keep);
 }
@@ -151,12 +163,16 @@ Mesh without_nonmanifold_edges(const Mesh& mesh) {
 
   std::vector<std::uint8_t> keep(mesh.triangles.size(), 1);
   for (const std::uint32_t t : suspects) keep[t] = 0;
-  std::unordered_set<std::uint64_t> taken;  // directed edges, one triangle each
+  std::vector<std::uint8_t> suspect(mesh.positions.size(), 0);  // vertices
+  for (const std::uint32_t t : suspects)
+    for (const std::uint32_t v : mesh.triangles[t]) suspect[v] = 1;
+  std::unordered_set<std::uint64_t> taken;  // directed edges of suspects, one triangle each
   const auto directed = [&](std::uint32_t h) {
     return static_cast<std::uint64_t>(edge_from(mesh, h)) << 32 | edge_to(mesh, h);
   };
   for (std::uint32_t h = 0; h < table.twin.size(); ++h)
-    if (keep[h / 3]) taken.insert(directed(h));
+    if (keep[h / 3] && suspect[edge_from(mesh, h)] && suspect[edge_to(mesh, h)])
+      taken.insert(directed(h));
   for (const std::uint32_t t : suspects) {
     if (taken.contains(directed(3 * t)) || taken.contains(directed(3 * t + 1)) ||
         taken.contains(directed(3 * t + 2)))
@@ -258,25 +274,26 @@ Refined refine(const Mesh& mesh, const std::vector<std::uint8_t>& split) {
   MR_ASSERT(split.size() == mesh.triangles.size() * 3);
   Refined out;
   out.mesh.positions = mesh.positions;
-  std::unordered_map<std::uint64_t, std::uint32_t> midpoint;
+  PairMap midpoint(1024);
   std::vector<std::uint8_t> at_cut(mesh.positions.size(), 0);  // vertices at an end of a cut edge
   for (std::uint32_t h = 0; h < split.size(); ++h) {
     if (!split[h]) continue;
     const std::uint32_t a = edge_from(mesh, h), b = edge_to(mesh, h);
     const auto next = static_cast<std::uint32_t>(out.mesh.positions.size());
-    if (!midpoint.try_emplace(edge_key(a, b), next).second) continue;
+    if (midpoint.get_or_add(edge_key(a, b), next) != next) continue;
     out.mesh.positions.push_back((mesh.positions[a] + mesh.positions[b]) * 0.5f);
     out.cut_edges.push_back({a, b});
     at_cut[a] = at_cut[b] = 1;
   }
+  out.mesh.triangles.reserve(mesh.triangles.size() + 2 * out.cut_edges.size());
+  out.parent.reserve(out.mesh.triangles.capacity());
   for (std::uint32_t t = 0; t < mesh.triangles.size(); ++t) {
     std::array<std::uint32_t, 3> m{};
     for (std::uint32_t i = 0; i < 3; ++i) {
       const std::uint32_t a = edge_from(mesh, 3 * t + i), b = edge_to(mesh, 3 * t + i);
       m[i] = kNoTwin;
       if (!at_cut[a] || !at_cut[b]) continue;
-      if (const auto found = midpoint.find(edge_key(a, b)); found != midpoint.end())
-        m[i] = found->second;
+      if (const std::uint32_t* found = midpoint.find(edge_key(a, b))) m[i] = *found;
     }
     cut_triangle(mesh.triangles[t], m, out.mesh, out.mesh.triangles);
     out.parent.resize(out.mesh.triangles.size(), t);

@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "mr/core/mesh.h"
-#include "mr/merge/pair_map.h"
+#include "mr/kit/pair_map.h"
 
 namespace mr::merge {
 
@@ -70,7 +70,8 @@ class Front {
   std::vector<std::uint32_t> place_;  // lowest vertex at the same position
   std::vector<Edge> edges_;
   std::vector<std::vector<std::uint32_t>> corners_;  // per vertex
-  PairMap surface_;  // directed edges of triangles at the border → the live edge there, or kInner
+  kit::PairMap
+      surface_;  // directed edges of triangles at the border → the live edge there, or kInner
   std::vector<Triangle> added_;
 };
 

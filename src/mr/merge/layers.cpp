@@ -233,7 +233,7 @@ Layers draw_layers(const Mesh& mesh, const Camera& camera, const Pose& T_world_c
     std::uint32_t place = end[d.pixel]++;
     for (; place > out.first[d.pixel] && out.fragments[place - 1].depth_m > d.depth_m; --place)
       out.fragments[place] = out.fragments[place - 1];
-    out.fragments[place] = {d.triangle, d.depth_m, false};
+    out.fragments[place] = {d.triangle, d.depth_m, d.pixel, false};
   }
   return out;
 }

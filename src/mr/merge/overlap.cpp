@@ -4,6 +4,7 @@
 #include <cmath>
 #include <iterator>
 #include <numeric>
+#include <utility>
 
 #include "mr/core/assert.h"
 #include "mr/core/parallel.h"
@@ -107,7 +108,7 @@ Field field_of(std::span<const Part> parts, const OverlapConfig& config) {
 
 /// Whether a farther fragment, of another part, is the same surface as a nearer one.
 bool same_surface(const Field& field, const Fragment& near, const Fragment& far, Vec3f ray) {
-  const Spot &a = field.spot(near.triangle), &b = field.spot(far.triangle);
+  const Spot &a = field.spots[near.triangle], &b = field.spots[far.triangle];
   if (a.part == b.part || dot(a.normal, b.normal) < kSameFacing) return false;
   const float range = 2 * std::max(a.sigma_m, b.sigma_m) + a.slack_m + b.slack_m;
   const float deeper = far.depth_m - near.depth_m;
@@ -118,7 +119,7 @@ bool same_surface(const Field& field, const Fragment& near, const Fragment& far,
 /// of, each with its owner first.
 void join_surfaces(std::span<Fragment> f, Vec3f ray, const Field& field, MergeConfig::Owner owner) {
   const auto score = [&](const Fragment& a) {
-    return std::pair(field.spot(a.triangle).score_m, field.spot(a.triangle).part);
+    return std::pair(field.spots[a.triangle].score_m, field.spots[a.triangle].part);
   };
   for (std::size_t begin = 0, end; begin < f.size(); begin = end) {
     const auto surface = f.begin() + static_cast<std::ptrdiff_t>(begin);
@@ -126,7 +127,7 @@ void join_surfaces(std::span<Fragment> f, Vec3f ray, const Field& field, MergeCo
     for (std::size_t k = end; k < f.size(); ++k) {
       if (!same_surface(field, f[begin], f[k], ray)) continue;
       const bool seen = std::any_of(surface, surface + (end - begin), [&](const Fragment& m) {
-        return field.spot(m.triangle).part == field.spot(f[k].triangle).part;
+        return field.spots[m.triangle].part == field.spots[f[k].triangle].part;
       });
       if (seen) continue;
       std::rotate(f.begin() + end, f.begin() + k, f.begin() + k + 1);
@@ -194,18 +195,18 @@ std::vector<Layers> meet(const Field& field, std::span<const RayGrid> grids,
   return out;
 }
 
-/// Notes what became of fragment `i` of a picture for its triangle, if that is still open.
-void vote(Field& field, const Layers& image, std::size_t i) {
-  const Fragment& f = image.fragments[i];
-  if (!field.open[f.triangle]) return;
+/// Notes what became of fragment `i` of a picture.
+void vote(Votes& votes, const Layers& image, std::size_t i) {
   const bool owns = i + 1 < image.fragments.size() && image.fragments[i + 1].joined;
-  Votes& votes = field.votes[f.triangle];
-  ++(f.joined ? votes.lost : owns ? votes.won : votes.alone);
+  ++(image.fragments[i].joined ? votes.lost : owns ? votes.won : votes.alone);
 }
 
+/// The votes of pictures of uncut triangles, for those that are open.
 void vote(Field& field, std::span<const Layers> images) {
   for (const Layers& image : images)
-    for (std::size_t i = 0; i < image.fragments.size(); ++i) vote(field, image, i);
+    for (std::size_t i = 0; i < image.fragments.size(); ++i)
+      if (const std::uint32_t t = image.fragments[i].triangle; field.open[t])
+        vote(field.votes[t], image, i);
 }
 
 /// What the ray nearest to a triangle's middle would say, were the triangle as large as to meet it
@@ -222,15 +223,16 @@ Votes vote_nearby(const Field& field, std::uint32_t triangle, const RayGrid& gri
   const float depth = dot(normal, field.mesh.centroid(triangle) - image.origin) / dot(normal, ray);
   if (!(dot(normal, ray) < 0 && depth > 0)) return {};
 
-  std::vector<Fragment> on_ray{{triangle, depth, false}};
+  const std::uint32_t whole = field.whole[triangle];
+  std::vector<Fragment> on_ray{{whole, depth, 0, false}};
   for (const Fragment& f : image.at(x, y))
-    if (field.spot(f.triangle).part != field.spot(triangle).part)
-      on_ray.push_back({f.triangle, f.depth_m, false});
+    if (field.spots[f.triangle].part != field.spots[whole].part)
+      on_ray.push_back({f.triangle, f.depth_m, 0, false});
   std::stable_sort(on_ray.begin(), on_ray.end(),
                    [](const Fragment& a, const Fragment& b) { return a.depth_m < b.depth_m; });
   join_surfaces(on_ray, ray, field, owner);
   std::size_t k = 0;
-  while (on_ray[k].triangle != triangle) ++k;
+  while (on_ray[k].triangle != whole) ++k;
   const bool alone = !on_ray[k].joined && (k + 1 == on_ray.size() || !on_ray[k + 1].joined);
   return {alone, !alone && !on_ray[k].joined, on_ray[k].joined};
 }
@@ -240,10 +242,9 @@ void vote_on_missed(Field& field, std::span<const RayGrid> grids, std::span<cons
                     MergeConfig::Owner owner) {
   parallel_for(field.votes.size(), 4096, [&](std::size_t begin, std::size_t end) {
     for (std::size_t t = begin; t < end; ++t)
-      for (std::size_t i = 0; i < grids.size(); ++i)
-        if (field.open[t] && field.votes[t].total() == 0)
-          field.votes[t] =
-              vote_nearby(field, static_cast<std::uint32_t>(t), grids[i], images[i], owner);
+      for (std::size_t i = 0; i < grids.size() && field.open[t] && field.votes[t].total() == 0; ++i)
+        field.votes[t] =
+            vote_nearby(field, static_cast<std::uint32_t>(t), grids[i], images[i], owner);
   });
 }
 
@@ -266,52 +267,115 @@ std::vector<std::uint8_t> open_mixed(Field& field, double max_edge_m, bool& any)
   return split;
 }
 
-/// The piece, out of triangles [begin, end) in one plane, that a point of the plane lies in.
-std::uint32_t piece_at(const Mesh& mesh, std::uint32_t begin, std::uint32_t end, Vec3f p) {
-  // Seen along the axis that the plane faces most.
-  const Vec3f n = mesh.area_normal(begin);
-  const Vec3f size{std::abs(n.x), std::abs(n.y), std::abs(n.z)};
-  const int axis = size.x >= size.y && size.x >= size.z ? 0 : size.y >= size.z ? 1 : 2;
-  const int u = (axis + 1) % 3, v = (axis + 2) % 3;
-  const float sign = n[axis] < 0 ? -1.0f : 1.0f;
-  const auto depth_inside = [&](std::uint32_t t) {
-    const Vec3f a = mesh.corner(t, 0) - p, b = mesh.corner(t, 1) - p, c = mesh.corner(t, 2) - p;
-    return sign * std::min({a[u] * b[v] - a[v] * b[u], b[u] * c[v] - b[v] * c[u],
-                            c[u] * a[v] - c[v] * a[u]},
-                           [&](float x, float y) { return sign * x < sign * y; });
-  };
-  std::uint32_t best = begin;
-  float deepest = depth_inside(begin);
-  for (std::uint32_t t = begin + 1; t < end && deepest < 0; ++t)
-    if (const float depth = depth_inside(t); depth > deepest) deepest = depth, best = t;
-  return best;
-}
-
-/// Moves the fragments of triangles that were cut to their pieces: those of triangle t are
-/// [first[t], first[t + 1]) in `mesh`. Returns the fragments that changed.
-std::vector<std::uint32_t> move_to_pieces(Layers& image, const Mesh& mesh,
-                                          std::span<const std::uint32_t> first) {
-  std::vector<std::uint32_t> moved;
-  int pixel = 0;
-  for (std::uint32_t i = 0; i < image.fragments.size(); ++i) {
-    Fragment& f = image.fragments[i];
-    const std::uint32_t begin = first[f.triangle], end = first[f.triangle + 1];
-    f.triangle = begin;
-    if (end - begin == 1) continue;
-    while (image.first[pixel + 1] <= i) ++pixel;
-    const Vec3f ray = image.ray(pixel % image.width, pixel / image.width);
-    f.triangle = piece_at(mesh, begin, end, image.origin + ray * f.depth_m);
-    moved.push_back(i);
+/// The pieces of a triangle: triangles [begin, end) of a mesh, in one plane.
+class Pieces {
+ public:
+  Pieces(const Mesh& mesh, std::uint32_t begin, std::uint32_t end)
+      : mesh_(mesh), begin_(begin), end_(end) {
+    // Seen along the axis that the plane faces most.
+    const Vec3f n = mesh.area_normal(begin);
+    const Vec3f size{std::abs(n.x), std::abs(n.y), std::abs(n.z)};
+    const int axis = size.x >= size.y && size.x >= size.z ? 0 : size.y >= size.z ? 1 : 2;
+    u_ = (axis + 1) % 3, v_ = (axis + 2) % 3;
+    sign_ = n[axis] < 0 ? -1.0f : 1.0f;
   }
-  return moved;
-}
+
+  /// The one that a point of the plane lies in.
+  std::uint32_t at(Vec3f p) const {
+    std::uint32_t best = begin_;
+    float deepest = depth_inside(begin_, p);
+    for (std::uint32_t t = begin_ + 1; t < end_ && deepest < 0; ++t)
+      if (const float depth = depth_inside(t, p); depth > deepest) deepest = depth, best = t;
+    return best;
+  }
+
+ private:
+  float depth_inside(std::uint32_t t, Vec3f p) const {
+    const Vec3f a = mesh_.corner(t, 0) - p, b = mesh_.corner(t, 1) - p, c = mesh_.corner(t, 2) - p;
+    return std::min({sign_ * (a[u_] * b[v_] - a[v_] * b[u_]),
+                     sign_ * (b[u_] * c[v_] - b[v_] * c[u_]),
+                     sign_ * (c[u_] * a[v_] - c[v_] * a[u_])});
+  }
+
+  const Mesh& mesh_;
+  std::uint32_t begin_, end_;
+  int u_, v_;
+  float sign_;
+};
+
+/// What the rays met. A fragment names the triangle as it came; which piece of it the fragment
+/// lies on, the lists of the pieces tell.
+class Hits {
+ public:
+  Hits(std::vector<Layers> images, std::size_t triangles)
+      : images_(std::move(images)), head_(triangles, kEnd) {
+    for (const Layers& image : images_) {
+      first_.push_back(static_cast<std::uint32_t>(next_.size()));
+      for (const Fragment& f : image.fragments) {
+        next_.push_back(head_[f.triangle]);
+        head_[f.triangle] = static_cast<std::uint32_t>(next_.size() - 1);
+      }
+    }
+  }
+  std::span<const Layers> images() const { return images_; }
+
+  /// Hands the fragments of triangles that were cut on to their pieces: those of triangle t are
+  /// [first[t], first[t + 1]) in the field. Open pieces count them.
+  void move_to_pieces(Field& field, std::span<const std::uint32_t> first) {
+    const std::vector<std::uint32_t> heads = std::move(head_);
+    head_.assign(first.back(), kEnd);
+    parallel_for(heads.size(), 1024, [&](std::size_t begin, std::size_t end) {
+      for (std::size_t t = begin; t < end; ++t)
+        if (first[t + 1] - first[t] == 1)
+          head_[first[t]] = heads[t];
+        else if (heads[t] != kEnd)
+          share_out(heads[t], Pieces(field.mesh, first[t], first[t + 1]), field);
+    });
+  }
+
+  /// The pictures with the pieces in place of the triangles as they came.
+  std::vector<Layers> of_pieces() && {
+    for (std::uint32_t t = 0; t < head_.size(); ++t)
+      for (std::uint32_t hit = head_[t]; hit != kEnd; hit = next_[hit]) {
+        const std::size_t image = image_of(hit);
+        images_[image].fragments[hit - first_[image]].triangle = t;
+      }
+    return std::move(images_);
+  }
+
+ private:
+  static constexpr std::uint32_t kEnd = 0xFFFFFFFFu;
+
+  std::size_t image_of(std::uint32_t hit) const {
+    return static_cast<std::size_t>(std::ranges::upper_bound(first_, hit) - first_.begin()) - 1;
+  }
+
+  void share_out(std::uint32_t head, const Pieces& pieces, Field& field) {
+    for (std::uint32_t hit = head, rest; hit != kEnd; hit = rest) {
+      rest = next_[hit];
+      const std::size_t i = image_of(hit);
+      const std::uint32_t place = hit - first_[i];
+      const std::uint32_t piece = pieces.at(images_[i].position(images_[i].fragments[place]));
+      next_[hit] = std::exchange(head_[piece], hit);
+      if (field.open[piece]) vote(field.votes[piece], images_[i], place);
+    }
+  }
+
+  std::vector<Layers> images_;
+  std::vector<std::uint32_t> first_;  // [images] number of its first fragment
+  std::vector<std::uint32_t> next_;   // [fragments] of the same piece
+  std::vector<std::uint32_t> head_;   // [T]
+};
 
 /// Cuts edges ([3T]). Pieces of open triangles are voted on anew; those of neighbours keep their
 /// verdict.
-void cut(Field& field, std::span<Layers> images, const std::vector<std::uint8_t>& split) {
+void cut(Field& field, Hits& hits, const std::vector<std::uint8_t>& split) {
   kit::Refined fine = kit::refine(field.mesh, split);
   std::vector<std::uint32_t> first(field.mesh.triangles.size() + 1, 0);
   Field out;
+  out.whole.reserve(fine.parent.size());
+  out.votes.reserve(fine.parent.size());
+  out.open.reserve(fine.parent.size());
   for (const std::uint32_t parent : fine.parent) {
     ++first[parent + 1];
     out.whole.push_back(field.whole[parent]);
@@ -322,15 +386,11 @@ void cut(Field& field, std::span<Layers> images, const std::vector<std::uint8_t>
   out.mesh = std::move(fine.mesh);
   out.spots = std::move(field.spots);
   field = std::move(out);
-  std::vector<std::vector<std::uint32_t>> moved(images.size());
-  for_each_index(images.size(),
-                 [&](std::size_t i) { moved[i] = move_to_pieces(images[i], field.mesh, first); });
-  for (std::size_t i = 0; i < images.size(); ++i)
-    for (const std::uint32_t fragment : moved[i]) vote(field, images[i], fragment);
+  hits.move_to_pieces(field, first);
 }
 
-/// Votes with rays and cuts at the borders of overlaps, until those are fine enough. Returns the
-/// rays and what they met.
+/// Votes with rays and cuts at the borders of overlaps, until those are fine enough. Returns what
+/// the rays met.
 std::vector<Layers> vote_and_cut(Field& field, std::span<const Part> parts,
                                  const OverlapConfig& config) {
   const RayGrids grids = ray_grids(parts, config.voxel_m);
@@ -341,17 +401,17 @@ std::vector<Layers> vote_and_cut(Field& field, std::span<const Part> parts,
   const double max_edge_m = kBorderVoxels * config.voxel_m;
   bool any = false;
   std::vector<std::uint8_t> split = open_mixed(field, max_edge_m, any);
-  if (any) {
-    std::vector<Layers> more = meet(field, grids.dense, config.owner, &field.open);
-    vote(field, more);
-    std::move(more.begin(), more.end(), std::back_inserter(images));
-  }
+  if (!any) return images;
+  std::vector<Layers> more = meet(field, grids.dense, config.owner, &field.open);
+  vote(field, more);
+  std::move(more.begin(), more.end(), std::back_inserter(images));
+  Hits hits(std::move(images), field.mesh.triangles.size());
   for (int i = 0; i < kMaxCuts && any; ++i) {
-    cut(field, images, split);
-    vote_on_missed(field, grids.sparse, images, config.owner);
+    cut(field, hits, split);
+    vote_on_missed(field, grids.sparse, hits.images(), config.owner);
     split = open_mixed(field, max_edge_m, any);
   }
-  return images;
+  return std::move(hits).of_pieces();
 }
 
 enum class Verdict : std::uint8_t { keep, remove, island };

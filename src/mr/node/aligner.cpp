@@ -5,7 +5,7 @@
 namespace mr::node {
 
 Aligner::Aligner(std::size_t inputs, Duration period, Duration deadline)
-    : period_(period), deadline_(deadline), newest_(inputs) {}
+    : period_(period), deadline_(deadline), inputs_(inputs) {}
 
 TimePoint Aligner::tick_of(TimePoint captured_at) const {
   const auto since = captured_at.time_since_epoch() + period_ / 2;
@@ -16,8 +16,8 @@ TimePoint Aligner::tick_of(TimePoint captured_at) const {
 
 void Aligner::arrived(std::size_t input, TimePoint captured_at, TimePoint now) {
   const TimePoint tick = tick_of(captured_at);
-  auto& newest = newest_[input];
-  if (!newest || tick > *newest) newest = tick;
+  Input& from = inputs_[input];
+  if (!from.newest || tick > *from.newest) from = {tick, true};
   if (last_merged_ && tick <= *last_merged_) return;
   if (!pending_) pending_ = tick, pending_since_ = now;
   pending_ = std::max(*pending_, tick);
@@ -26,24 +26,27 @@ void Aligner::arrived(std::size_t input, TimePoint captured_at, TimePoint now) {
 std::optional<TimePoint> Aligner::ready(TimePoint now) const {
   if (!pending_) return std::nullopt;
   // An input that has gone is not waited for.
-  const bool all = std::all_of(newest_.begin(), newest_.end(), [&](const auto& tick) {
-    return tick ? *tick >= *pending_ || *pending_ - *tick > kMaxAge : last_merged_.has_value();
+  const bool all = std::all_of(inputs_.begin(), inputs_.end(), [&](const Input& input) {
+    if (!input.newest) return last_merged_.has_value();
+    return input.is_new || *input.newest >= *pending_ || *pending_ - *input.newest > kMaxAge;
   });
   return all || now - pending_since_ >= deadline_ ? pending_ : std::nullopt;
 }
 
 std::vector<std::size_t> Aligner::live_at(TimePoint tick) const {
   std::vector<std::size_t> live;
-  for (std::size_t i = 0; i < newest_.size(); ++i)
-    if (newest_[i] && tick - *newest_[i] <= kMaxAge) live.push_back(i);
+  for (std::size_t i = 0; i < inputs_.size(); ++i)
+    if (inputs_[i].newest && tick - *inputs_[i].newest <= kMaxAge) live.push_back(i);
   return live;
 }
 
 void Aligner::merged(TimePoint tick, TimePoint now) {
   last_merged_ = tick;
   pending_.reset();
-  for (const auto& newest : newest_)
-    if (newest && *newest > tick) pending_ = std::max(pending_.value_or(*newest), *newest);
+  for (Input& input : inputs_) {
+    input.is_new = input.newest && *input.newest > tick;
+    if (input.is_new) pending_ = std::max(pending_.value_or(*input.newest), *input.newest);
+  }
   if (pending_) pending_since_ = now;
 }
 

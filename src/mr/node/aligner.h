@@ -9,8 +9,9 @@
 namespace mr::node {
 
 /// Brings a merger's inputs to common ticks (multiples of the frame period) by capture time. A tick
-/// is ready when every live input has reached it, or `deadline` after the first input did: late and
-/// dead inputs never stall the rest. No clock inside.
+/// is ready when every live input has reached it or brought something new since the last one, or
+/// `deadline` after the first input did: late and dead inputs never stall the rest, and sensors that
+/// are a tick apart do not wait for each other. No clock inside.
 class Aligner {
  public:
   /// An input counts as live at a tick when its newest capture is at most this much older.
@@ -38,7 +39,11 @@ class Aligner {
   TimePoint tick_of(TimePoint captured_at) const;
 
   Duration period_, deadline_;
-  std::vector<std::optional<TimePoint>> newest_;  // tick, per input
+  struct Input {
+    std::optional<TimePoint> newest;  // tick
+    bool is_new = false;              // since the last merge
+  };
+  std::vector<Input> inputs_;
   std::optional<TimePoint> last_merged_, pending_;
   TimePoint pending_since_{};
 };

@@ -20,29 +20,28 @@ Vec3i cube_of(Vec3f p, double chunk_m) {
 }  // namespace
 
 std::map<Vec3i, Mesh> split_by_cube(const Mesh& mesh, double chunk_m) {
-  struct Piece {
-    Mesh mesh;
-    std::vector<ViewId> views;
-    std::map<std::uint32_t, std::uint32_t> index;
-  };
-  std::map<Vec3i, Piece> pieces;
+  std::map<Vec3i, std::vector<std::uint32_t>> cubes;  // their triangles
+  for (std::uint32_t t = 0; t < mesh.triangles.size(); ++t)
+    cubes[cube_of(mesh.centroid(t), chunk_m)].push_back(t);
   const std::vector<ViewId> views = triangle_views(mesh);
-  for (std::size_t t = 0; t < mesh.triangles.size(); ++t) {
-    Piece& piece = pieces[cube_of(mesh.centroid(t), chunk_m)];
-    Triangle triangle = mesh.triangles[t];
-    for (std::uint32_t& v : triangle) {
-      const auto next = static_cast<std::uint32_t>(piece.mesh.positions.size());
-      const auto [found, is_new] = piece.index.try_emplace(v, next);
-      if (is_new) piece.mesh.positions.push_back(mesh.positions[v]);
-      v = found->second;
-    }
-    piece.mesh.triangles.push_back(triangle);
-    piece.views.push_back(views[t]);
-  }
+  std::vector<std::uint32_t> index(mesh.positions.size());
+  std::vector<const Mesh*> index_in(mesh.positions.size(), nullptr);  // the piece that it is for
   std::map<Vec3i, Mesh> out;
-  for (auto& [cube, piece] : pieces) {
-    set_triangle_views(piece.mesh, piece.views);
-    out.emplace(cube, std::move(piece.mesh));
+  for (const auto& [cube, triangles] : cubes) {
+    Mesh& piece = out[cube];
+    std::vector<ViewId> piece_views;
+    for (const std::uint32_t t : triangles) {
+      Triangle& triangle = piece.triangles.emplace_back(mesh.triangles[t]);
+      for (std::uint32_t& v : triangle) {
+        if (index_in[v] != &piece) {
+          index_in[v] = &piece, index[v] = static_cast<std::uint32_t>(piece.positions.size());
+          piece.positions.push_back(mesh.positions[v]);
+        }
+        v = index[v];
+      }
+      piece_views.push_back(views[t]);
+    }
+    set_triangle_views(piece, piece_views);
   }
   return out;
 }

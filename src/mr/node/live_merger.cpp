@@ -87,9 +87,13 @@ void LiveMerger::hand_over(const std::stop_token& stop, TimePoint now) {
   auto gathered = node_.inputs().gather(now);
   if (!gathered) drops_.count(node_.id(), gathered.error());
   if (!gathered || !*gathered) return credit_.end(false);
-  for (const auto& [input, sequence] : (*gathered)->taken)
-    ask(input, {.key_frame = false, .chunks = {}, .taken = sequence});
+  if (context_.frames_ahead > 1) acknowledge(**gathered);
   gathered_.put(stop, **std::move(gathered));
+}
+
+void LiveMerger::acknowledge(const Gathered& gathered) {
+  for (const auto& [input, sequence] : gathered.taken)
+    ask(input, {.key_frame = false, .chunks = {}, .taken = sequence});
 }
 
 void LiveMerger::ask(std::size_t input, const codec::Request& request) {
@@ -113,6 +117,8 @@ void LiveMerger::merge(const std::stop_token& stop) {
   while (const auto gathered = gathered_.take(stop)) {
     Result<std::vector<std::byte>> bytes = std::vector<std::byte>{};
     arena.run([&] { bytes = node_.merge(*gathered); });
+    // On one machine the next frame's reconstruction would only slow this merge down.
+    if (context_.frames_ahead == 1) acknowledge(*gathered);
     credit_.end(bytes.ok());
     if (bytes) {
       ++frames_;

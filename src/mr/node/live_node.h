@@ -26,7 +26,9 @@ struct LiveContext {
   const Scene* scene = nullptr;         ///< outlives the nodes
   net::Transport* transport = nullptr;  ///< outlives the nodes
   int threads = 0;       ///< for the stages' loops; 0: all cores
-  int frames_ahead = 2;  ///< packets of a node begun and not yet taken by its consumer
+  /// Packets of a node begun and not yet taken by its consumer. 1: all nodes share one machine, and
+  /// what a merger gathered counts as taken when it is merged; more: machines of their own.
+  int frames_ahead = 2;
   std::function<void(const std::string&)> log = [](const std::string&) {};  ///< one line each
 };
 
@@ -81,6 +83,7 @@ class LiveMerger final : public LiveNode {
   void receive(const std::stop_token& stop);
   void receive_what_waits(TimePoint now);
   void hand_over(const std::stop_token& stop, TimePoint now);
+  void acknowledge(const Gathered& gathered);
   void ask(std::size_t input, const codec::Request& request);
   void merge(const std::stop_token& stop);
   net::Message answer(std::span<const std::byte> question);

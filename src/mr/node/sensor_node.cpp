@@ -6,6 +6,7 @@
 #include "mr/codec/mesh_codec.h"
 #include "mr/codec/packet_codec.h"
 #include "mr/core/parallel.h"
+#include "mr/fusion/fill_dropouts.h"
 #include "mr/fusion/fuse.h"
 #include "mr/fusion/smooth_depth.h"
 #include "mr/kit/topology.h"
@@ -32,8 +33,9 @@ SensorNode::SensorNode(const Scene& scene, std::uint32_t sensor_index, NodeClock
 std::vector<Mesh> SensorNode::fuse(const Frame& frame) const {
   const fusion::VolumeConfig volume{scene_->voxel_m, scene_->fusion.truncation_m, scene_->volume};
   const Precision& precision = scene_->sensors[sensor_].precision;
-  ImageDepth depth =
-      scene_->fusion.smooth_depth ? fusion::smooth_depth(frame.depth, precision) : frame.depth;
+  ImageDepth depth = frame.depth;
+  if (scene_->fusion.smooth_depth)
+    depth = fusion::smooth_depth(fusion::fill_dropouts(depth, precision), precision);
   if (scene_->floor)
     sensor::remove_floor(depth, registration_.depth_camera(), frame.T_world_depth, *scene_->floor,
                          scene_->up);

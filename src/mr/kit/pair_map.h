@@ -5,7 +5,7 @@
 #include <utility>
 #include <vector>
 
-namespace mr::merge {
+namespace mr::kit {
 
 /// Maps keys to numbers; nothing is ever taken out. Open addressing: one array, no allocation per
 /// entry.
@@ -56,4 +56,4 @@ class PairMap {
   int shift_ = 60;
 };
 
-}  // namespace mr::merge
+}  // namespace mr::kit
