@@ -32,8 +32,9 @@ TEST(FillDropouts, HolesInsideASurfaceClose) {
   const ImageDepth filled = fill_dropouts(broken, {});
   EXPECT_LT(valid(broken), 0.45 * 1600);
   EXPECT_GT(valid(filled), 0.9 * 1600);
-  for (std::size_t i = 0; i < filled.data.size(); ++i)
+  for (std::size_t i = 0; i < filled.data.size(); ++i) {
     if (filled.data[i] > 0) EXPECT_NEAR(filled.data[i], whole.data[i], 0.02f);
+  }
 }
 
 TEST(FillDropouts, NothingGrowsAndNothingElseChanges) {

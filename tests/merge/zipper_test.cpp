@@ -126,7 +126,7 @@ TEST(Front, BowtiesAreSplit) {
   Mesh mesh;
   mesh.positions = {{0, 0, 0}, {1, 0, 0}, {0, 1, 0}, {-1, 0, 0}, {0, -1, 0}};
   mesh.triangles = {{0, 1, 2}, {0, 3, 4}};
-  const Mesh apart = merge::split_bowties(mesh);
+  const Mesh apart = merge::split_bowties(mesh, kit::edge_table(mesh));
   EXPECT_EQ(apart.positions.size(), 6u);
   EXPECT_NE(apart.triangles[0][0], apart.triangles[1][0]);
   EXPECT_EQ(apart.positions[5], mesh.positions[0]);

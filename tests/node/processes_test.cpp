@@ -136,11 +136,10 @@ class Client {
         });
   }
   void note_whole() {
-    if (!receiver_.missing().empty()) return;
-    std::vector<ChunkKey> keys;
-    if (const auto scene = receiver_.scene())
-      for (const auto& chunk : scene->chunks) keys.push_back(chunk->key);
-    if (!keys.empty()) wholes_[node::wall_time()] = keys;
+    const auto mesh = receiver_.mesh();
+    if (!mesh) return;
+    std::vector<ChunkKey>& keys = wholes_[node::wall_time()];
+    for (const auto& chunk : *mesh) keys.push_back(chunk->key);
   }
 
   net::Transport& transport_;

@@ -50,9 +50,6 @@ precision highp float;
 precision highp int;
 precision highp sampler2D;
 const float kPi = 3.14159265358979;
-// Where the server's converter (kit/video.cpp) reads chroma, in texels of luma: between two columns, on the
-// second of two rows. (Chroma sited left would be 0.5, 0.)
-const vec2 kChromaShift = vec2(0.0, -0.5);
 
 uniform sampler2D luma;   // or RGBA
 uniform sampler2D chroma; // Cb, or CbCr
@@ -81,7 +78,7 @@ vec3 atlas_at(vec2 texel) { return textureLod(luma, texel / atlas_size, 0.0).rgb
 // BT.709, limited range.
 vec3 atlas_at(vec2 texel) {
   float y = (textureLod(luma, texel / atlas_size, 0.0).r - 16.0 / 255.0) * (255.0 / 219.0);
-  vec2 at = (texel + kChromaShift) / atlas_size;
+  vec2 at = texel / atlas_size;
 #ifdef NV12
   vec2 c = textureLod(chroma, at, 0.0).rg;
 #else

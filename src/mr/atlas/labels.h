@@ -20,7 +20,7 @@ struct LabelConfig {
   /// [views] the surface that the view's own sensors measured, or null; empty: not known. Where they
   /// measured none, something may stand in the way that depth cannot see, like dark hair: views that
   /// did measure the surface are preferred.
-  std::vector<const Mesh*> measured;
+  std::vector<const Mesh*> measured = {};
 };
 
 /// Chooses which view textures each triangle (paper 3.3; DESIGN section 4, "Texturing by

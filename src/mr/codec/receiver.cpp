@@ -218,13 +218,20 @@ std::vector<std::uint32_t> Receiver::streams_waiting() const {
   return {out.begin(), out.end()};
 }
 
+std::optional<std::vector<std::shared_ptr<const Chunk>>> Receiver::mesh() const {
+  if (!impl_->newest || !missing().empty()) return std::nullopt;
+  std::vector<std::shared_ptr<const Chunk>> out;
+  for (const ChunkKey& key : impl_->newest->manifest) out.push_back(impl_->chunks.at(key));
+  return out;
+}
+
 std::optional<DecodedScene> Receiver::scene() const {
   if (!impl_->whole()) return std::nullopt;
   DecodedScene out;
   out.captured_at = impl_->newest->captured_at;
   out.sources = impl_->newest->sources;
   out.views = impl_->newest->views;
-  for (const ChunkKey& key : impl_->newest->manifest) out.chunks.push_back(impl_->chunks.at(key));
+  out.chunks = *mesh();
   for (const auto& [id, stream] : impl_->streams)
     if (!stream.waiting()) out.textures[id] = stream.picture;
   return out;

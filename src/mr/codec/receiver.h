@@ -45,6 +45,9 @@ class Receiver {
   /// Streams that wait for a key frame.
   std::vector<std::uint32_t> streams_waiting() const;
 
+  /// The chunks of the newest manifest, once none is missing; pictures may still be waited for.
+  std::optional<std::vector<std::shared_ptr<const Chunk>>> mesh() const;
+
   /// The newest capture, once it is whole: nothing is missing and every stream that a view uses has
   /// a picture of the view's layout.
   std::optional<DecodedScene> scene() const;

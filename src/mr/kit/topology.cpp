@@ -212,8 +212,10 @@ Components components(const Mesh& mesh) {
 
 std::vector<Vec3f> vertex_normals(const Mesh& mesh) {
   std::vector<Vec3f> normals(mesh.positions.size());
-  for (std::size_t t = 0; t < mesh.triangles.size(); ++t)
-    for (const std::uint32_t v : mesh.triangles[t]) normals[v] += mesh.area_normal(t);
+  for (std::size_t t = 0; t < mesh.triangles.size(); ++t) {
+    const Vec3f n = mesh.area_normal(t);
+    for (const std::uint32_t v : mesh.triangles[t]) normals[v] += n;
+  }
   for (Vec3f& n : normals) n = normalized(n);
   return normals;
 }

@@ -91,7 +91,7 @@ Result<Context> open_encoder(const VideoSettings& s) {
   c->color_primaries = AVCOL_PRI_BT709;
   c->color_trc = AVCOL_TRC_BT709;
   c->colorspace = AVCOL_SPC_BT709;
-  c->chroma_sample_location = AVCHROMA_LOC_LEFT;
+  c->chroma_sample_location = AVCHROMA_LOC_CENTER;
   av_opt_set(c->priv_data, "preset", "superfast", 0);
   av_opt_set(c->priv_data, "tune", "zerolatency", 0);
   av_opt_set(c->priv_data, "profile", "main", 0);

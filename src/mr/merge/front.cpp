@@ -5,48 +5,44 @@
 #include <numeric>
 
 #include "mr/core/assert.h"
-#include "mr/kit/topology.h"
 
 namespace mr::merge {
 namespace {
 
 constexpr double kFullTurn = 4;      // of Front::turn
 constexpr double kTurnSlack = 1e-4;  // about a 10000th of a radian
-constexpr float kFacing = 0.05f;     // cosine between a filling triangle and the surface around it
 
 }  // namespace
 
-Front::Front(const Mesh& mesh)
+Front::Front(const Mesh& mesh, const std::vector<std::uint8_t>& border)
     : positions_(mesh.positions),
       normals_(kit::vertex_normals(mesh)),
       place_(kit::same_place(mesh.positions)),
       surface_(mesh.positions.size()) {
-  const kit::EdgeTable table = kit::edge_table(mesh);
-  corners_.resize(mesh.positions.size());
+  corner_.assign(mesh.positions.size(), kNone);
   std::vector<std::uint8_t> on_border(mesh.positions.size(), 0);
-  for (std::uint32_t h = 0; h < table.twin.size(); ++h)
-    if (table.twin[h] == kit::kNoTwin) {
+  for (std::uint32_t h = 0; h < border.size(); ++h)
+    if (border[h]) {
       add_edge(kit::edge_from(mesh, h), kit::edge_to(mesh, h));
       on_border[place_[kit::edge_from(mesh, h)]] = on_border[place_[kit::edge_to(mesh, h)]] = 1;
     }
   for (std::uint32_t e = 0; e < edges_.size(); ++e) {
-    MR_ASSERT(corners_[edges_[e].to].size() == 1);
-    link(e, corners_[edges_[e].to].front());
+    const std::uint32_t after = corner_[edges_[e].to];
+    MR_ASSERT(after != kNone && edges_[after].sibling == kNone);
+    link(e, after);
   }
-  for (std::uint32_t h = 0; h < table.twin.size(); ++h) {
+  for (std::uint32_t h = 0; h < border.size(); ++h) {
     const std::uint32_t a = kit::edge_from(mesh, h), b = kit::edge_to(mesh, h);
     if (on_border[place_[a]] && on_border[place_[b]]) surface_.get_or_add(directed(a, b), kInner);
   }
 }
 
-std::span<const std::uint32_t> Front::corners_at(std::uint32_t vertex) const {
-  return corners_[vertex];
-}
-
 std::uint32_t Front::add_edge(std::uint32_t from, std::uint32_t to) {
   const auto e = static_cast<std::uint32_t>(edges_.size());
-  edges_.push_back({from, to, e, e, true});
-  corners_[from].push_back(e);
+  std::uint32_t* last = &corner_[from];
+  while (*last != kNone) last = &edges_[*last].sibling;
+  *last = e;
+  edges_.push_back({from, to, e, e});
   surface_.get_or_add(directed(from, to), kInner) = e;
   return e;
 }
@@ -55,7 +51,9 @@ void Front::retire(std::uint32_t e) {
   edges_[e].alive = false;
   std::uint32_t& there = surface_.get_or_add(directed(edges_[e].from, edges_[e].to), kInner);
   if (there == e) there = kInner;
-  std::erase(corners_[edges_[e].from], e);
+  std::uint32_t* link = &corner_[edges_[e].from];
+  while (*link != e) link = &edges_[*link].sibling;
+  *link = edges_[e].sibling;
 }
 
 /// The turn from the direction to `reference` counter-clockwise to `other`, seen against the normal
@@ -89,23 +87,16 @@ bool Front::fits_as_ear(std::uint32_t e) const {
 }
 
 bool Front::fits(std::uint32_t e, std::uint32_t corner) const {
-  const auto [u, v, after_e, before_e, alive] = edges_[e];
-  const Edge& c = edges_[corner];
-  const std::uint32_t w = c.from;
-  if (!alive || !c.alive || place_[w] == place_[u] || place_[w] == place_[v]) return false;
-
-  const Vec3f across = cross(at(u) - at(v), at(w) - at(v));
-  const float size = length(across);
-  if (size <= 1e-12f) return false;
-  for (const std::uint32_t k : {u, v, w})
-    if (dot(across, normals_[k]) < kFacing * size) return false;
+  const Edge &edge = edges_[e], &c = edges_[corner];
+  const std::uint32_t u = edge.from, v = edge.to, w = c.from;
+  if (!edge.alive || !c.alive || place_[w] == place_[u] || place_[w] == place_[v]) return false;
 
   // Inside the gap's angle, counter-clockwise from the incoming to the outgoing border edge.
   const auto gap_at = [&](std::uint32_t vertex, std::uint32_t in, std::uint32_t out) {
     const double t = turn(vertex, in, out);
     return t < kTurnSlack ? kFullTurn : t;
   };
-  const std::uint32_t x = edges_[before_e].from, y = edges_[after_e].to, a = edges_[c.prev].from,
+  const std::uint32_t x = edges_[edge.prev].from, y = edges_[edge.next].to, a = edges_[c.prev].from,
                       b = c.to;
   if (x != w && turn(u, x, w) > gap_at(u, x, v) - kTurnSlack) return false;
   if (y != w) {
@@ -157,8 +148,7 @@ std::optional<int> Front::loop_length(std::uint32_t e, int limit) const {
   return count;
 }
 
-Mesh split_bowties(const Mesh& mesh) {
-  const kit::EdgeTable table = kit::edge_table(mesh);
+Mesh split_bowties(const Mesh& mesh, const kit::EdgeTable& table) {
   std::vector<std::uint32_t> root(mesh.triangles.size() * 3);  // one node per corner of a triangle
   std::iota(root.begin(), root.end(), 0u);
   const auto find = [&](std::uint32_t c) {

@@ -1,12 +1,14 @@
 #pragma once
 
+#include <algorithm>
 #include <cstdint>
 #include <optional>
-#include <span>
+#include <utility>
 #include <vector>
 
 #include "mr/core/mesh.h"
 #include "mr/kit/pair_map.h"
+#include "mr/kit/topology.h"
 
 namespace mr::merge {
 
@@ -15,23 +17,46 @@ namespace mr::merge {
 /// corner.
 class Front {
  public:
-  /// The mesh must have no vertex at which two borders touch (see split_bowties).
-  explicit Front(const Mesh& mesh);
+  /// The mesh must have no vertex at which two borders touch (see split_bowties). `border`: [3T]
+  /// set for half-edges with nothing on the other side.
+  Front(const Mesh& mesh, const std::vector<std::uint8_t>& border);
 
   struct Edge {
     std::uint32_t from = 0, to = 0;
     std::uint32_t next = 0, prev = 0;
     bool alive = true;
+    std::uint32_t sibling = kNone;  // the next live edge from the same vertex
   };
+  static constexpr std::uint32_t kNone = 0xFFFFFFFFu;
 
   std::size_t size() const { return edges_.size(); }  ///< edges ever; dead ones included
   const Edge& edge(std::uint32_t e) const { return edges_[e]; }
-  /// Live edges that start at a vertex: each is one corner of a border.
-  std::span<const std::uint32_t> corners_at(std::uint32_t vertex) const;
+  /// The first of the live edges that start at a vertex, or kNone; `sibling` leads on. Each is one
+  /// corner of a border.
+  std::uint32_t corner_at(std::uint32_t vertex) const { return corner_[vertex]; }
 
-  /// Whether the triangle over edge `e` with the tip at the corner where edge `corner` starts fills
-  /// part of the gap: inside the gap's angle at all three corners, on the right of the edge, facing
-  /// like the surface around, and without a third triangle at any edge.
+  /// From an edge into the gap, over both of its ends' surfaces: tips lie on this side.
+  Vec3f into_gap(std::uint32_t e) const {
+    const auto [u, v] = std::pair(edges_[e].from, edges_[e].to);
+    return cross(normals_[u] + normals_[v], at(u) - at(v));
+  }
+
+  /// Whether the triangle over edge `e` with the tip at a vertex faces like the surface around.
+  bool faces_alike(std::uint32_t e, std::uint32_t tip) const {
+    constexpr float kFacing = 0.05f;  // cosine to the normal at each corner
+    const std::uint32_t u = edges_[e].from, v = edges_[e].to;
+    const Vec3f across = cross(at(u) - at(v), at(tip) - at(v));
+    const float at_u = dot(across, normals_[u]), at_v = dot(across, normals_[v]),
+                at_tip = dot(across, normals_[tip]);
+    const float least = std::min({at_u, at_v, at_tip});
+    if (least <= 0) return false;
+    const float size = length(across);
+    return size > 1e-12f && least >= kFacing * size;
+  }
+
+  /// Whether such a triangle, with the tip at the corner where edge `corner` starts, fills part of
+  /// the gap: inside the gap's angle at all three corners, on the right of the edge, and without a
+  /// third triangle at any edge.
   bool fits(std::uint32_t e, std::uint32_t corner) const;
 
   /// Whether the ear over edge `e` and the one after it can be cut off in a loop that is closed at
@@ -69,7 +94,7 @@ class Front {
   std::vector<Vec3f> normals_;
   std::vector<std::uint32_t> place_;  // lowest vertex at the same position
   std::vector<Edge> edges_;
-  std::vector<std::vector<std::uint32_t>> corners_;  // per vertex
+  std::vector<std::uint32_t> corner_;  // [V]
   kit::PairMap
       surface_;  // directed edges of triangles at the border → the live edge there, or kInner
   std::vector<Triangle> added_;
@@ -77,6 +102,6 @@ class Front {
 
 /// Gives every fan of triangles at a vertex a vertex of its own, so that no two borders meet in
 /// one; edges of more than two triangles come apart too. Positions stay.
-Mesh split_bowties(const Mesh& mesh);
+Mesh split_bowties(const Mesh& mesh, const kit::EdgeTable& table);
 
 }  // namespace mr::merge

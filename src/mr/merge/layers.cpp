@@ -217,9 +217,9 @@ Layers draw_layers(const Mesh& mesh, const Camera& camera, const Pose& T_world_c
     scan(
         projection, t, [&](const Bounds& b) { return !mask || mask->any_near(b); },
         [&](int y, Columns columns) {
-          if (!depth) depth.emplace(projection, t);
           for (int x = columns.first; x <= columns.last; ++x) {
             if (mask && !mask->marked(x, y)) continue;
+            if (!depth) depth.emplace(projection, t);
             const auto pixel = static_cast<std::uint32_t>(y * camera.width + x);
             drawn.push_back({pixel, t, (*depth)(x, y)});
             ++out.first[pixel + 1];
@@ -233,7 +233,7 @@ Layers draw_layers(const Mesh& mesh, const Camera& camera, const Pose& T_world_c
     std::uint32_t place = end[d.pixel]++;
     for (; place > out.first[d.pixel] && out.fragments[place - 1].depth_m > d.depth_m; --place)
       out.fragments[place] = out.fragments[place - 1];
-    out.fragments[place] = {d.triangle, d.depth_m, d.pixel, false};
+    out.fragments[place] = {d.triangle, d.depth_m, false};
   }
   return out;
 }

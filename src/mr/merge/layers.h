@@ -14,9 +14,8 @@ namespace mr::merge {
 /// Where the ray through a pixel meets a triangle.
 struct Fragment {
   std::uint32_t triangle = 0;
-  float depth_m = 0;             ///< along the camera's z axis
-  std::uint32_t pixel : 31 = 0;  ///< y · width + x
-  bool joined : 1 = false;       ///< of one surface with the fragment before it
+  float depth_m = 0;    ///< along the camera's z axis
+  bool joined = false;  ///< of one surface with the fragment before it
 };
 
 /// A multi-layer depth image: all triangles that face a camera, hidden ones too.
@@ -30,11 +29,6 @@ struct Layers {
   /// The direction through pixel (x, y), as long as 1 m of depth.
   Vec3f ray(int x, int y) const {
     return corner + right * static_cast<float>(x) + down * static_cast<float>(y);
-  }
-  /// The place that a fragment shows.
-  Vec3f position(const Fragment& f) const {
-    const int pixel = static_cast<int>(f.pixel);
-    return origin + ray(pixel % width, pixel / width) * f.depth_m;
   }
   std::span<const Fragment> at(int x, int y) const {
     const std::uint32_t* f = &first[static_cast<std::size_t>(y) * width + x];

@@ -4,7 +4,6 @@
 #include <cmath>
 #include <iterator>
 #include <numeric>
-#include <utility>
 
 #include "mr/core/assert.h"
 #include "mr/core/parallel.h"
@@ -108,7 +107,7 @@ Field field_of(std::span<const Part> parts, const OverlapConfig& config) {
 
 /// Whether a farther fragment, of another part, is the same surface as a nearer one.
 bool same_surface(const Field& field, const Fragment& near, const Fragment& far, Vec3f ray) {
-  const Spot &a = field.spots[near.triangle], &b = field.spots[far.triangle];
+  const Spot &a = field.spot(near.triangle), &b = field.spot(far.triangle);
   if (a.part == b.part || dot(a.normal, b.normal) < kSameFacing) return false;
   const float range = 2 * std::max(a.sigma_m, b.sigma_m) + a.slack_m + b.slack_m;
   const float deeper = far.depth_m - near.depth_m;
@@ -119,7 +118,7 @@ bool same_surface(const Field& field, const Fragment& near, const Fragment& far,
 /// of, each with its owner first.
 void join_surfaces(std::span<Fragment> f, Vec3f ray, const Field& field, MergeConfig::Owner owner) {
   const auto score = [&](const Fragment& a) {
-    return std::pair(field.spots[a.triangle].score_m, field.spots[a.triangle].part);
+    return std::pair(field.spot(a.triangle).score_m, field.spot(a.triangle).part);
   };
   for (std::size_t begin = 0, end; begin < f.size(); begin = end) {
     const auto surface = f.begin() + static_cast<std::ptrdiff_t>(begin);
@@ -127,7 +126,7 @@ void join_surfaces(std::span<Fragment> f, Vec3f ray, const Field& field, MergeCo
     for (std::size_t k = end; k < f.size(); ++k) {
       if (!same_surface(field, f[begin], f[k], ray)) continue;
       const bool seen = std::any_of(surface, surface + (end - begin), [&](const Fragment& m) {
-        return field.spots[m.triangle].part == field.spots[f[k].triangle].part;
+        return field.spot(m.triangle).part == field.spot(f[k].triangle).part;
       });
       if (seen) continue;
       std::rotate(f.begin() + end, f.begin() + k, f.begin() + k + 1);
@@ -195,18 +194,18 @@ std::vector<Layers> meet(const Field& field, std::span<const RayGrid> grids,
   return out;
 }
 
-/// Notes what became of fragment `i` of a picture.
-void vote(Votes& votes, const Layers& image, std::size_t i) {
+/// Notes what became of fragment `i` of a picture for its triangle, if that is still open.
+void vote(Field& field, const Layers& image, std::size_t i) {
+  const Fragment& f = image.fragments[i];
+  if (!field.open[f.triangle]) return;
   const bool owns = i + 1 < image.fragments.size() && image.fragments[i + 1].joined;
-  ++(image.fragments[i].joined ? votes.lost : owns ? votes.won : votes.alone);
+  Votes& votes = field.votes[f.triangle];
+  ++(f.joined ? votes.lost : owns ? votes.won : votes.alone);
 }
 
-/// The votes of pictures of uncut triangles, for those that are open.
 void vote(Field& field, std::span<const Layers> images) {
   for (const Layers& image : images)
-    for (std::size_t i = 0; i < image.fragments.size(); ++i)
-      if (const std::uint32_t t = image.fragments[i].triangle; field.open[t])
-        vote(field.votes[t], image, i);
+    for (std::size_t i = 0; i < image.fragments.size(); ++i) vote(field, image, i);
 }
 
 /// What the ray nearest to a triangle's middle would say, were the triangle as large as to meet it
@@ -223,16 +222,15 @@ Votes vote_nearby(const Field& field, std::uint32_t triangle, const RayGrid& gri
   const float depth = dot(normal, field.mesh.centroid(triangle) - image.origin) / dot(normal, ray);
   if (!(dot(normal, ray) < 0 && depth > 0)) return {};
 
-  const std::uint32_t whole = field.whole[triangle];
-  std::vector<Fragment> on_ray{{whole, depth, 0, false}};
+  std::vector<Fragment> on_ray{{triangle, depth, false}};
   for (const Fragment& f : image.at(x, y))
-    if (field.spots[f.triangle].part != field.spots[whole].part)
-      on_ray.push_back({f.triangle, f.depth_m, 0, false});
+    if (field.spot(f.triangle).part != field.spot(triangle).part)
+      on_ray.push_back({f.triangle, f.depth_m, false});
   std::stable_sort(on_ray.begin(), on_ray.end(),
                    [](const Fragment& a, const Fragment& b) { return a.depth_m < b.depth_m; });
   join_surfaces(on_ray, ray, field, owner);
   std::size_t k = 0;
-  while (on_ray[k].triangle != whole) ++k;
+  while (on_ray[k].triangle != triangle) ++k;
   const bool alone = !on_ray[k].joined && (k + 1 == on_ray.size() || !on_ray[k + 1].joined);
   return {alone, !alone && !on_ray[k].joined, on_ray[k].joined};
 }
@@ -291,10 +289,11 @@ class Pieces {
 
  private:
   float depth_inside(std::uint32_t t, Vec3f p) const {
-    const Vec3f a = mesh_.corner(t, 0) - p, b = mesh_.corner(t, 1) - p, c = mesh_.corner(t, 2) - p;
-    return std::min({sign_ * (a[u_] * b[v_] - a[v_] * b[u_]),
-                     sign_ * (b[u_] * c[v_] - b[v_] * c[u_]),
-                     sign_ * (c[u_] * a[v_] - c[v_] * a[u_])});
+    const Vec3f a = mesh_.corner(t, 0), b = mesh_.corner(t, 1), c = mesh_.corner(t, 2);
+    const float au = a[u_] - p[u_], av = a[v_] - p[v_], bu = b[u_] - p[u_], bv = b[v_] - p[v_],
+                cu = c[u_] - p[u_], cv = c[v_] - p[v_];
+    return std::min({sign_ * (au * bv - av * bu), sign_ * (bu * cv - bv * cu),
+                     sign_ * (cu * av - cv * au)});
   }
 
   const Mesh& mesh_;
@@ -303,73 +302,28 @@ class Pieces {
   float sign_;
 };
 
-/// What the rays met. A fragment names the triangle as it came; which piece of it the fragment
-/// lies on, the lists of the pieces tell.
-class Hits {
- public:
-  Hits(std::vector<Layers> images, std::size_t triangles)
-      : images_(std::move(images)), head_(triangles, kEnd) {
-    for (const Layers& image : images_) {
-      first_.push_back(static_cast<std::uint32_t>(next_.size()));
-      for (const Fragment& f : image.fragments) {
-        next_.push_back(head_[f.triangle]);
-        head_[f.triangle] = static_cast<std::uint32_t>(next_.size() - 1);
-      }
-    }
+/// Moves the fragments of triangles that were cut to their pieces: those of triangle t are
+/// [first[t], first[t + 1]) in `mesh`. Returns the fragments that changed.
+std::vector<std::uint32_t> move_to_pieces(Layers& image, const Mesh& mesh,
+                                          std::span<const std::uint32_t> first) {
+  std::vector<std::uint32_t> moved;
+  int pixel = 0;
+  for (std::uint32_t i = 0; i < image.fragments.size(); ++i) {
+    Fragment& f = image.fragments[i];
+    const std::uint32_t begin = first[f.triangle], end = first[f.triangle + 1];
+    f.triangle = begin;
+    if (end - begin == 1) continue;
+    while (image.first[pixel + 1] <= i) ++pixel;
+    const Vec3f ray = image.ray(pixel % image.width, pixel / image.width);
+    f.triangle = Pieces(mesh, begin, end).at(image.origin + ray * f.depth_m);
+    moved.push_back(i);
   }
-  std::span<const Layers> images() const { return images_; }
-
-  /// Hands the fragments of triangles that were cut on to their pieces: those of triangle t are
-  /// [first[t], first[t + 1]) in the field. Open pieces count them.
-  void move_to_pieces(Field& field, std::span<const std::uint32_t> first) {
-    const std::vector<std::uint32_t> heads = std::move(head_);
-    head_.assign(first.back(), kEnd);
-    parallel_for(heads.size(), 1024, [&](std::size_t begin, std::size_t end) {
-      for (std::size_t t = begin; t < end; ++t)
-        if (first[t + 1] - first[t] == 1)
-          head_[first[t]] = heads[t];
-        else if (heads[t] != kEnd)
-          share_out(heads[t], Pieces(field.mesh, first[t], first[t + 1]), field);
-    });
-  }
-
-  /// The pictures with the pieces in place of the triangles as they came.
-  std::vector<Layers> of_pieces() && {
-    for (std::uint32_t t = 0; t < head_.size(); ++t)
-      for (std::uint32_t hit = head_[t]; hit != kEnd; hit = next_[hit]) {
-        const std::size_t image = image_of(hit);
-        images_[image].fragments[hit - first_[image]].triangle = t;
-      }
-    return std::move(images_);
-  }
-
- private:
-  static constexpr std::uint32_t kEnd = 0xFFFFFFFFu;
-
-  std::size_t image_of(std::uint32_t hit) const {
-    return static_cast<std::size_t>(std::ranges::upper_bound(first_, hit) - first_.begin()) - 1;
-  }
-
-  void share_out(std::uint32_t head, const Pieces& pieces, Field& field) {
-    for (std::uint32_t hit = head, rest; hit != kEnd; hit = rest) {
-      rest = next_[hit];
-      const std::size_t i = image_of(hit);
-      const std::uint32_t place = hit - first_[i];
-      const std::uint32_t piece = pieces.at(images_[i].position(images_[i].fragments[place]));
-      next_[hit] = std::exchange(head_[piece], hit);
-      if (field.open[piece]) vote(field.votes[piece], images_[i], place);
-    }
-  }
-
-  std::vector<Layers> images_;
-  std::vector<std::uint32_t> first_;  // [images] number of its first fragment
-  std::vector<std::uint32_t> next_;   // [fragments] of the same piece
-  std::vector<std::uint32_t> head_;   // [T]
-};
+  return moved;
+}
 
 /// Cuts edges ([3T]). Pieces of open triangles are voted on anew; those of neighbours keep their
 /// verdict.
-void cut(Field& field, Hits& hits, const std::vector<std::uint8_t>& split) {
+void cut(Field& field, std::span<Layers> images, const std::vector<std::uint8_t>& split) {
   kit::Refined fine = kit::refine(field.mesh, split);
   std::vector<std::uint32_t> first(field.mesh.triangles.size() + 1, 0);
   Field out;
@@ -386,11 +340,15 @@ void cut(Field& field, Hits& hits, const std::vector<std::uint8_t>& split) {
   out.mesh = std::move(fine.mesh);
   out.spots = std::move(field.spots);
   field = std::move(out);
-  hits.move_to_pieces(field, first);
+  std::vector<std::vector<std::uint32_t>> moved(images.size());
+  for_each_index(images.size(),
+                 [&](std::size_t i) { moved[i] = move_to_pieces(images[i], field.mesh, first); });
+  for (std::size_t i = 0; i < images.size(); ++i)
+    for (const std::uint32_t fragment : moved[i]) vote(field, images[i], fragment);
 }
 
-/// Votes with rays and cuts at the borders of overlaps, until those are fine enough. Returns what
-/// the rays met.
+/// Votes with rays and cuts at the borders of overlaps, until those are fine enough. Returns the
+/// rays and what they met.
 std::vector<Layers> vote_and_cut(Field& field, std::span<const Part> parts,
                                  const OverlapConfig& config) {
   const RayGrids grids = ray_grids(parts, config.voxel_m);
@@ -401,17 +359,17 @@ std::vector<Layers> vote_and_cut(Field& field, std::span<const Part> parts,
   const double max_edge_m = kBorderVoxels * config.voxel_m;
   bool any = false;
   std::vector<std::uint8_t> split = open_mixed(field, max_edge_m, any);
-  if (!any) return images;
-  std::vector<Layers> more = meet(field, grids.dense, config.owner, &field.open);
-  vote(field, more);
-  std::move(more.begin(), more.end(), std::back_inserter(images));
-  Hits hits(std::move(images), field.mesh.triangles.size());
+  if (any) {
+    std::vector<Layers> more = meet(field, grids.dense, config.owner, &field.open);
+    vote(field, more);
+    std::move(more.begin(), more.end(), std::back_inserter(images));
+  }
   for (int i = 0; i < kMaxCuts && any; ++i) {
-    cut(field, hits, split);
-    vote_on_missed(field, grids.sparse, hits.images(), config.owner);
+    cut(field, images, split);
+    vote_on_missed(field, grids.sparse, images, config.owner);
     split = open_mixed(field, max_edge_m, any);
   }
-  return std::move(hits).of_pieces();
+  return images;
 }
 
 enum class Verdict : std::uint8_t { keep, remove, island };

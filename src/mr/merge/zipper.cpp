@@ -22,7 +22,8 @@ constexpr int kSmallLoop = 30;  // edges of a loop that is closed at all costs
 /// All parts in one mesh, and which part a vertex belongs to.
 struct Joined {
   Mesh mesh;
-  std::vector<std::uint32_t> part;  // [V]
+  std::vector<std::uint32_t> part;   // [V]
+  std::vector<std::uint8_t> border;  // [3T] half-edges with nothing on the other side
 };
 
 /// Points with something that they stand for.
@@ -33,23 +34,28 @@ struct TaggedPoints {
 
 Joined join_parts(std::span<const Mesh> parts) {
   std::vector<Mesh> split(parts.size());
+  std::vector<kit::EdgeTable> tables(parts.size());
   parallel_for(parts.size(), 1, [&](std::size_t begin, std::size_t end) {
-    for (std::size_t i = begin; i < end; ++i) split[i] = split_bowties(parts[i]);
+    for (std::size_t i = begin; i < end; ++i) {
+      tables[i] = kit::edge_table(parts[i]);
+      split[i] = split_bowties(parts[i], tables[i]);
+    }
   });
   Joined out;
   for (std::uint32_t i = 0; i < split.size(); ++i) {
     split[i].runs.clear();
     append(out.mesh, split[i]);
     out.part.resize(out.mesh.positions.size(), i);
+    for (const std::uint32_t twin : tables[i].twin) out.border.push_back(twin == kit::kNoTwin);
   }
   return out;
 }
 
 /// Points along all border edges, at most `spacing` apart, tagged with their part.
-TaggedPoints sample_borders(const Joined& joined, const kit::EdgeTable& table, double spacing) {
+TaggedPoints sample_borders(const Joined& joined, double spacing) {
   TaggedPoints cloud;
-  for (std::uint32_t h = 0; h < table.uses.size(); ++h) {
-    if (table.uses[h] != 1) continue;
+  for (std::uint32_t h = 0; h < joined.border.size(); ++h) {
+    if (!joined.border[h]) continue;
     const std::uint32_t a = kit::edge_from(joined.mesh, h);
     const Vec3f p = joined.mesh.positions[a],
                 q = joined.mesh.positions[kit::edge_to(joined.mesh, h)];
@@ -73,53 +79,59 @@ class BorderCutter {
  public:
   BorderCutter(const Joined& joined, const ZipperConfig& config)
       : config_(config),
-        table_(kit::edge_table(joined.mesh)),
-        samples_(sample_borders(joined, table_, config.edge_m)),
+        samples_(sample_borders(joined, config.edge_m)),
         grid_(samples_.points, config.max_gap_m / 2) {
     out_.mesh.positions = joined.mesh.positions;
     out_.part = joined.part;
     for (std::uint32_t t = 0; t < joined.mesh.triangles.size(); ++t) {
-      const auto is_border = [&](std::uint32_t i) { return table_.uses[3 * t + i] == 1; };
-      cut(joined.mesh.triangles[t], {is_border(0), is_border(1), is_border(2)}, kMaxCuts);
+      const auto* border = &joined.border[3 * t];
+      cut(joined.mesh.triangles[t], {border[0], border[1], border[2]}, kMaxCuts);
     }
   }
   Joined result() && { return std::move(out_); }
 
  private:
-  /// Cuts a triangle across those of its edges that are `wanted`, and its pieces, `times` deep. No
-  /// other triangle shares those edges.
-  void cut(const Triangle& t, const std::array<bool, 3>& wanted, int times) {
+  using Flags = std::array<std::uint8_t, 3>;  // of a triangle's edges
+
+  /// Cuts a triangle across those of its edges that are on the border, and its pieces, `times`
+  /// deep. No other triangle shares those edges.
+  void cut(const Triangle& t, const Flags& border, int times) {
     std::array<std::uint32_t, 3> middle{};
     std::array<bool, 3> is_cut{};
     for (std::uint32_t i = 0; i < 3; ++i) {
-      is_cut[i] = wanted[i] && times > 0 && is_opposite_a_part(t[i], t[(i + 1) % 3]);
+      is_cut[i] = border[i] && times > 0 && is_opposite_a_part(t[i], t[(i + 1) % 3]);
       if (is_cut[i]) middle[i] = add_middle(t[i], t[(i + 1) % 3]);
     }
     const int cuts = is_cut[0] + is_cut[1] + is_cut[2];
     if (cuts == 0) {
-      out_.mesh.triangles.push_back(t);
+      add(t, border);
     } else if (cuts == 1) {
       const int i = is_cut[0] ? 0 : is_cut[1] ? 1 : 2;
       const std::uint32_t a = t[i], b = t[(i + 1) % 3], c = t[(i + 2) % 3], ab = middle[i];
-      cut({a, ab, c}, {true, false, false}, times - 1);
-      cut({ab, b, c}, {true, false, false}, times - 1);
+      cut({a, ab, c}, {1, 0, border[(i + 2) % 3]}, times - 1);
+      cut({ab, b, c}, {1, border[(i + 1) % 3], 0}, times - 1);
     } else if (cuts == 2) {
       const int i = !is_cut[0] ? 0 : !is_cut[1] ? 1 : 2;  // the edge that stays whole
       const std::uint32_t a = t[i], b = t[(i + 1) % 3], c = t[(i + 2) % 3];
       const std::uint32_t bc = middle[(i + 1) % 3], ca = middle[(i + 2) % 3];
-      cut({ca, bc, c}, {false, true, true}, times - 1);
+      cut({ca, bc, c}, {0, 1, 1}, times - 1);
       if (length(at(a) - at(bc)) <= length(at(b) - at(ca))) {  // the shorter diagonal
-        cut({a, b, bc}, {false, true, false}, times - 1);
-        cut({a, bc, ca}, {false, false, true}, times - 1);
+        cut({a, b, bc}, {border[i], 1, 0}, times - 1);
+        cut({a, bc, ca}, {0, 0, 1}, times - 1);
       } else {
-        cut({a, b, ca}, {false, false, true}, times - 1);
-        cut({b, bc, ca}, {true, false, false}, times - 1);
+        cut({a, b, ca}, {border[i], 0, 1}, times - 1);
+        cut({b, bc, ca}, {1, 0, 0}, times - 1);
       }
     } else {
       for (int i = 0; i < 3; ++i)
-        cut({t[i], middle[i], middle[(i + 2) % 3]}, {true, false, true}, times - 1);
-      out_.mesh.triangles.push_back({middle[0], middle[1], middle[2]});
+        cut({t[i], middle[i], middle[(i + 2) % 3]}, {1, 0, 1}, times - 1);
+      add({middle[0], middle[1], middle[2]}, {0, 0, 0});
     }
+  }
+
+  void add(const Triangle& t, const Flags& border) {
+    out_.mesh.triangles.push_back(t);
+    out_.border.insert(out_.border.end(), border.begin(), border.end());
   }
 
   /// Whether an edge is long and another part's border lies within the gap.
@@ -144,7 +156,6 @@ class BorderCutter {
   Vec3f at(std::uint32_t vertex) const { return out_.mesh.positions[vertex]; }
 
   const ZipperConfig& config_;
-  kit::EdgeTable table_;
   TaggedPoints samples_;
   PointGrid grid_;
   Joined out_;
@@ -169,7 +180,7 @@ class Zipper {
         config_(config),
         original_edges_(front.size()),
         border_(corners(joined, front)),
-        grid_(border_.points, (config.max_gap_m + config.edge_m / 2) / 2) {}
+        grid_(border_.points, (config.max_gap_m + config.edge_m / 2)) {}
 
   void run() {
     std::vector<std::optional<Filling>> best(front_.size());
@@ -261,13 +272,15 @@ class Zipper {
     const Front::Edge& edge = front_.edge(e);
     if (!edge.alive) return std::nullopt;
     look_around(e, around);
-    const Vec3f u = at(edge.from), v = at(edge.to);
+    const Vec3f u = at(edge.from), v = at(edge.to), into_gap = front_.into_gap(e);
     auto& candidates = around.candidates;
     candidates.clear();
     for (const std::uint32_t place : around.near) {
+      const Vec3f tip = border_.points[place];
       const std::uint32_t w = border_.tag[place];
-      if (!joins_parts(edge, w)) continue;
-      const double to_u = length(at(w) - u), to_v = length(at(w) - v);
+      if (dot(into_gap, tip - v) <= 0 || !joins_parts(edge, w) || !front_.faces_alike(e, w))
+        continue;
+      const double to_u = length(tip - u), to_v = length(tip - v);
       if (to_u <= around.reach && to_v <= around.reach)
         candidates.push_back({to_u + to_v, e, place});
     }
@@ -276,8 +289,8 @@ class Zipper {
       std::pop_heap(candidates.begin(), candidates.end(), std::greater<>());
       const Filling& f = candidates.back();
       const std::uint32_t w = border_.tag[f.corner];
-      for (const std::uint32_t corner : front_.corners_at(w))
-        if (front_.fits(e, corner) && !blocked(e, w, around)) return Filling{f.cost, e, corner};
+      for (std::uint32_t c = front_.corner_at(w); c != Front::kNone; c = front_.edge(c).sibling)
+        if (front_.fits(e, c) && !blocked(e, w, around)) return Filling{f.cost, e, c};
     }
     return std::nullopt;
   }
@@ -304,16 +317,21 @@ class Zipper {
       return p_side * q_side < 0 && std::min(std::abs(p_side), std::abs(q_side)) > slack &&
              side(p, q, a) * side(p, q, b) < 0;
     };
-    for (const std::uint32_t place : around.near)
-      for (const std::uint32_t corner : front_.corners_at(border_.tag[place])) {
-        const Vec3f p = at(front_.edge(corner).from), q = at(front_.edge(corner).to);
-        const float p_ut = dot(in_ut, p - u), q_ut = dot(in_ut, q - u);
-        const float p_tv = dot(in_tv, p - tip), q_tv = dot(in_tv, q - tip);
-        if ((p_ut > slack && p_tv > slack && dot(in_vu, p - v) > slack) ||
-            (q_ut > slack && q_tv > slack && dot(in_vu, q - v) > slack) ||
-            crosses(p_ut, q_ut, p, q, u, tip) || crosses(p_tv, q_tv, p, q, tip, v))
-          return true;
-      }
+    const auto is_across = [&](Vec3f p, Vec3f q) {
+      const float p_vu = dot(in_vu, p - v), q_vu = dot(in_vu, q - v);
+      if (p_vu <= 0 && q_vu <= 0) return false;
+      const float p_ut = dot(in_ut, p - u), q_ut = dot(in_ut, q - u);
+      if (p_ut <= 0 && q_ut <= 0) return false;
+      const float p_tv = dot(in_tv, p - tip), q_tv = dot(in_tv, q - tip);
+      return (p_ut > slack && p_tv > slack && p_vu > slack) ||
+             (q_ut > slack && q_tv > slack && q_vu > slack) ||
+             crosses(p_ut, q_ut, p, q, u, tip) || crosses(p_tv, q_tv, p, q, tip, v);
+    };
+    for (const std::uint32_t place : around.near) {
+      std::uint32_t c = front_.corner_at(border_.tag[place]);
+      for (; c != Front::kNone; c = front_.edge(c).sibling)
+        if (is_across(at(front_.edge(c).from), at(front_.edge(c).to))) return true;
+    }
     return false;
   }
 
@@ -338,7 +356,7 @@ class Zipper {
 Mesh zip(std::span<const Mesh> parts, const ZipperConfig& config) {
   if (parts.size() == 1) return {parts[0].positions, parts[0].triangles, {}};
   Joined joined = BorderCutter(join_parts(parts), config).result();
-  Front front(joined.mesh);
+  Front front(joined.mesh, joined.border);
   Zipper(joined, front, config).run();
   joined.mesh.triangles.insert(joined.mesh.triangles.end(), front.added().begin(),
                                front.added().end());

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <optional>
+#include <utility>
 #include <vector>
 
 #include "mr/codec/mesh_codec.h"
@@ -77,9 +78,29 @@ Status ChunkPublisher::publish(const Mesh& mesh, float error_m, int mesh_speed, 
     packet.chunks.push_back(**chunk);
     cache_.put(std::make_shared<const EncodedChunk>(**std::move(chunk)));
   }
+  name_background(packet);
   cache_.keep(packet.manifest);
   live_ = std::move(live);
   return {};
+}
+
+void ChunkPublisher::add_background(std::vector<EncodedChunk> chunks) {
+  for (EncodedChunk& chunk : chunks) {
+    background_.push_back(std::make_shared<const EncodedChunk>(std::move(chunk)));
+    cache_.put(background_.back());
+  }
+}
+
+void ChunkPublisher::name_background(Packet& packet) {
+  if (background_.empty()) return;
+  const bool first = !std::exchange(background_sent_, true);
+  for (const auto& chunk : background_) {
+    packet.manifest.push_back(chunk->key);
+    if (first) packet.chunks.push_back(*chunk);
+  }
+  std::sort(packet.manifest.begin(), packet.manifest.end());
+  std::sort(packet.chunks.begin(), packet.chunks.end(),
+            [](const EncodedChunk& a, const EncodedChunk& b) { return a.key < b.key; });
 }
 
 std::vector<std::byte> ChunkPublisher::answer(std::vector<ChunkKey> wanted) const {

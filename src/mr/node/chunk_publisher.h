@@ -20,6 +20,10 @@ class ChunkPublisher {
  public:
   ChunkPublisher(const Scene& scene, std::uint32_t source);
 
+  /// Chunks of a background model (codec::load_background), which every packet names and the first
+  /// one brings. Before the first publish().
+  void add_background(std::vector<EncodedChunk> chunks);
+
   /// Fills the packet's manifest and chunks. The mesh lies on the lattice and has runs.
   Status publish(const Mesh& mesh, float error_m, int mesh_speed, Packet& packet);
 
@@ -29,6 +33,8 @@ class ChunkPublisher {
   std::shared_ptr<const EncodedChunk> find(const ChunkKey& key) const { return cache_.find(key); }
 
  private:
+  void name_background(Packet& packet);
+
   struct Live {
     std::uint32_t version = 0;
     Mesh mesh;  // what the version stands for
@@ -40,6 +46,8 @@ class ChunkPublisher {
   std::uint32_t source_;
   std::map<ChunkId, Live> live_;
   std::map<ChunkId, std::uint32_t> last_version_;
+  std::vector<std::shared_ptr<const EncodedChunk>> background_;
+  bool background_sent_ = false;
   codec::ChunkCache cache_;
 };
 

@@ -59,6 +59,8 @@ class Gatherer {
 
   bool ready(TimePoint now) const { return aligner_.ready(now).has_value(); }
 
+  const codec::Receiver& receiver(std::size_t input) const { return inputs_[input].receiver; }
+
   /// What can be merged now, if a tick is ready. empty: there is no live input.
   Result<std::optional<Gathered>> gather(TimePoint now);
 

@@ -26,7 +26,8 @@ net::Message coalesce_packets(std::span<const net::Message> packets) {
       codec::encode_packet(codec::coalesce(decoded)));
 }
 
-LiveMerger::LiveMerger(const LiveContext& context, const MergerConfig& merger)
+LiveMerger::LiveMerger(const LiveContext& context, const MergerConfig& merger,
+                       std::vector<EncodedChunk> background)
     : context_(context),
       node_(*context.scene, merger, merger.id == context.scene->mergers.back().id,
             NodeClock::live()),
@@ -36,6 +37,7 @@ LiveMerger::LiveMerger(const LiveContext& context, const MergerConfig& merger)
   };
   drops_.set_listener(tell);
   node_.inputs().set_drop_listener(tell);
+  node_.set_background(std::move(background));
   service_ = context_.transport->serve(
       node_.id(), [this](std::span<const std::byte> question) { return answer(question); });
   for (const std::string& input : merger.inputs) {

@@ -75,7 +75,9 @@ class LiveSensor final : public LiveNode {
 /// another merges and sends.
 class LiveMerger final : public LiveNode {
  public:
-  LiveMerger(const LiveContext& context, const MergerConfig& merger);
+  /// `background`: chunks of the scene's background model, for the root.
+  LiveMerger(const LiveContext& context, const MergerConfig& merger,
+             std::vector<EncodedChunk> background = {});
   LiveStats stats() const override;
 
  private:

@@ -91,8 +91,16 @@ Status LiveScene::open_transport(const LiveOptions& options) {
 
 Status LiveScene::start_node(const std::string& name, const LiveContext& context,
                              const LiveOptions& options) {
-  for (const MergerConfig& merger : scene_->mergers)
-    if (merger.id == name) nodes_.push_back(std::make_unique<LiveMerger>(context, merger));
+  for (const MergerConfig& merger : scene_->mergers) {
+    if (merger.id != name) continue;
+    std::vector<EncodedChunk> background;
+    if (&merger == &scene_->mergers.back()) {
+      auto opened = open_background(*scene_, options.log);
+      if (!opened) return opened.error();
+      background = *std::move(opened);
+    }
+    nodes_.push_back(std::make_unique<LiveMerger>(context, merger, std::move(background)));
+  }
   if (name != kGateway) return {};
   auto gateway = Gateway::start(context, scene_->gateway.value_or(GatewayConfig{}), options.page);
   if (!gateway) return gateway.error();

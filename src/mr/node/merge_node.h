@@ -31,6 +31,11 @@ class MergeNode {
   /// The scene must outlive the node.
   MergeNode(const Scene& scene, const MergerConfig& merger, bool is_root, NodeClock clock = {});
 
+  /// Chunks of the scene's background model, for the root. Before the first merge().
+  void set_background(std::vector<EncodedChunk> chunks) {
+    publisher_.add_background(std::move(chunks));
+  }
+
   const std::string& id() const { return merger_.id; }
   const MergerConfig& config() const { return merger_; }
 

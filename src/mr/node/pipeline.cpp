@@ -65,7 +65,11 @@ Result<std::unique_ptr<Pipeline>> Pipeline::open(Scene scene) {
   scene = with_rig_sensors(std::move(scene));
   if (scene.sensors.empty() || scene.mergers.empty())
     return Error{Error::Cause::empty, "scene '" + scene.id + "' has no sensors"};
-  return std::unique_ptr<Pipeline>(new Pipeline(std::make_unique<Scene>(std::move(scene))));
+  auto background = open_background(scene);
+  if (!background) return background.error();
+  std::unique_ptr<Pipeline> made(new Pipeline(std::make_unique<Scene>(std::move(scene))));
+  made->mergers_.back()->set_background(*std::move(background));
+  return made;
 }
 
 Pipeline::Edge Pipeline::edge_from(const std::string& id) {

@@ -2,6 +2,7 @@
 
 #include <variant>
 
+#include "mr/codec/background.h"
 #include "mr/sensor/rgbd_images.h"
 #include "mr/synth/room.h"
 
@@ -17,6 +18,14 @@ std::vector<std::unique_ptr<FrameSource>> open_sources(
   for (const std::uint32_t i : wanted)
     out.push_back(sensor::open_rgbd_images(scene.sensors[i], i, scene.fps));
   return out;
+}
+
+Result<std::vector<EncodedChunk>> open_background(
+    const Scene& scene, const std::function<void(const std::string&)>& notice) {
+  if (!scene.background) return std::vector<EncodedChunk>{};
+  // Its colours are per vertex: as fine as the voxels.
+  return codec::load_background(*scene.background, scene.lattice, scene.fusion.chunk_m,
+                                scene.voxel_m, notice);
 }
 
 Scene with_rig_sensors(Scene scene) {

@@ -5,9 +5,12 @@
 #include <functional>
 #include <memory>
 #include <span>
+#include <string>
 #include <vector>
 
+#include "mr/core/chunk.h"
 #include "mr/core/frame_source.h"
+#include "mr/core/result.h"
 #include "mr/core/scene.h"
 
 namespace mr::node {
@@ -19,6 +22,11 @@ std::vector<std::unique_ptr<FrameSource>> open_sources(
     const Scene& scene, std::span<const std::uint32_t> wanted,
     const std::filesystem::path& cache_folder = {},
     std::function<void(int done, int of)> rendering = {});
+
+/// The chunks of the scene's background model; none where it has no background. `notice` is told in
+/// one line what was done to it.
+Result<std::vector<EncodedChunk>> open_background(
+    const Scene& scene, const std::function<void(const std::string&)>& notice = {});
 
 /// A scene whose rig, if it has one, is turned into its sensors.
 Scene with_rig_sensors(Scene scene);
