@@ -12,11 +12,12 @@ void add_node(CLI::App& app, int& exit_code) {
     LiveRun run;
   };
   auto options = std::make_shared<Options>();
-  CLI::App* command = app.add_subcommand(
-      "node", "Run one node of a scene, joined with the others by NATS or TCP");
+  CLI::App* command =
+      app.add_subcommand("node", "Run one node of a scene, joined with the others by NATS or TCP");
   command->add_option("SCENE", options->scene, "Scene file (YAML)")->required();
-  command->add_option("NAME", options->run.nodes,
-                      "Sensors, mergers or 'gateway' to run in this process")
+  command
+      ->add_option("NAME", options->run.nodes,
+                   "Sensors, mergers or 'gateway' to run in this process")
       ->required();
   command->add_option("--listen", options->run.listen, "Address of the gateway, host:port");
   command->add_option("--page", options->run.page, "Folder of the built viewer");
@@ -26,7 +27,8 @@ void add_node(CLI::App& app, int& exit_code) {
   command->add_option("--threads", options->run.threads, "Threads; 0: as the scene says")
       ->check(CLI::Range(0, 1024));
   command->footer(
-      "The scene file needs 'nats: {url: nats://host:4222}', or 'tcp: {NODE: host:port, ...}' with\n"
+      "The scene file needs 'nats: {url: nats://host:4222}', or 'tcp: {NODE: host:port, ...}' "
+      "with\n"
       "an address for every sensor and merger.\n"
       "Example, each on its own machine:\n"
       "  meshreduce node room.yaml cam-0\n"

@@ -89,7 +89,8 @@ std::filesystem::path default_cache() {
 
 void open_in_browser(const std::string& url) {
   if (!std::getenv("DISPLAY") && !std::getenv("WAYLAND_DISPLAY")) return;
-  const std::string command = "command -v xdg-open >/dev/null && xdg-open " + url + " >/dev/null 2>&1 &";
+  const std::string command =
+      "command -v xdg-open >/dev/null && xdg-open " + url + " >/dev/null 2>&1 &";
   static_cast<void>(std::system(command.c_str()));
 }
 
@@ -101,8 +102,9 @@ class FrameRates {
     std::string out = "  ";
     for (const node::LiveStats& node : live.stats()) {
       auto& last = last_[node.id];
-      out += fmt::format(" {} {:.1f}", node.id,
-                         static_cast<double>(node.frames - last) / std::max(0.1, seconds - seconds_));
+      out +=
+          fmt::format(" {} {:.1f}", node.id,
+                      static_cast<double>(node.frames - last) / std::max(0.1, seconds - seconds_));
       last = node.frames;
     }
     seconds_ = seconds;
@@ -118,8 +120,8 @@ void show_rendering(Console& console, int done, int of) {
   constexpr int kWidth = 30;
   const int filled = of > 0 ? kWidth * done / of : 0;
   console.status(done >= of ? ""
-                            : fmt::format("rendering the rig, once [{:=<{}}>{: <{}}] {}/{}", "", filled,
-                                          "", kWidth - filled, done, of));
+                            : fmt::format("rendering the rig, once [{:=<{}}>{: <{}}] {}/{}", "",
+                                          filled, "", kWidth - filled, done, of));
 }
 
 }  // namespace

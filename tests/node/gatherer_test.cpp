@@ -11,8 +11,8 @@
 namespace mr {
 namespace {
 
-using test::Sender;
 using std::chrono::milliseconds;
+using test::Sender;
 
 Scene one_sensor() {
   Scene scene;
@@ -26,8 +26,9 @@ Scene one_sensor() {
 
 bool same_mesh(const std::vector<std::shared_ptr<const Chunk>>& mesh,
                const std::vector<Chunk>& chunks) {
-  return std::equal(mesh.begin(), mesh.end(), chunks.begin(), chunks.end(),
-                    [](const auto& a, const Chunk& b) { return a->key == b.key && a->mesh == b.mesh; });
+  return std::equal(
+      mesh.begin(), mesh.end(), chunks.begin(), chunks.end(),
+      [](const auto& a, const Chunk& b) { return a->key == b.key && a->mesh == b.mesh; });
 }
 
 /// A network that loses packets, requests and answers, and takes 20 ms one way.

@@ -1,5 +1,5 @@
-#include <gtest/gtest.h>
 #include <fcntl.h>
+#include <gtest/gtest.h>
 #include <signal.h>
 #include <spawn.h>
 #include <sys/wait.h>
@@ -45,8 +45,10 @@ class Process {
     posix_spawn_file_actions_t files;
     posix_spawn_file_actions_init(&files);
     for (const int fd : {1, 2})
-      posix_spawn_file_actions_addopen(&files, fd, log.c_str(), O_WRONLY | O_CREAT | O_APPEND, 0600);
-    if (posix_spawnp(&pid_, arguments[0], &files, nullptr, arguments.data(), environ) != 0) pid_ = 0;
+      posix_spawn_file_actions_addopen(&files, fd, log.c_str(), O_WRONLY | O_CREAT | O_APPEND,
+                                       0600);
+    if (posix_spawnp(&pid_, arguments[0], &files, nullptr, arguments.data(), environ) != 0)
+      pid_ = 0;
     posix_spawn_file_actions_destroy(&files);
   }
   Process(Process&& other) noexcept : pid_(std::exchange(other.pid_, 0)) {}
@@ -162,7 +164,8 @@ class Processes : public ::testing::Test {
   void SetUp() override {
     if (std::system("command -v nats-server >/dev/null") != 0)
       GTEST_SKIP() << "no nats-server here (scripts/setup installs it)";
-    folder_ = std::filesystem::temp_directory_path() / ("mr_processes_" + std::to_string(::getpid()));
+    folder_ =
+        std::filesystem::temp_directory_path() / ("mr_processes_" + std::to_string(::getpid()));
     std::filesystem::create_directories(folder_);
     nats_port_ = test::free_port();
     write_scene();
@@ -201,11 +204,12 @@ simplify: {ratio: 0.05}
 threads: 1
 video: {threads: 1, slices: 1}
 gateway: {listen: "127.0.0.1:0"}
-nats: {url: "nats://127.0.0.1:)" << nats_port_
-                          << "\"}\n";
+nats: {url: "nats://127.0.0.1:)"
+                          << nats_port_ << "\"}\n";
   }
   void start_nats() {
-    nats_ = Process({"nats-server", "-a", "127.0.0.1", "-p", std::to_string(nats_port_)}, log_file());
+    nats_ =
+        Process({"nats-server", "-a", "127.0.0.1", "-p", std::to_string(nats_port_)}, log_file());
     ASSERT_TRUE(nats_.started());
   }
   void start(const std::string& node) {
@@ -281,8 +285,8 @@ TEST_F(Processes, MeshEqualsTheSendersWithin500MsThoughAFifthIsLost) {
       return std::any_of(sent.lower_bound(at), sent.end(),
                          [&](const auto& s) { return s.second == w.second; });
     };
-    const bool in_time = std::any_of(whole.lower_bound(at), whole.upper_bound(at + milliseconds(500)),
-                                     is_that_or_newer);
+    const bool in_time = std::any_of(whole.lower_bound(at),
+                                     whole.upper_bound(at + milliseconds(500)), is_that_or_newer);
     late += !in_time;
   }
   EXPECT_GT(checked, 10);

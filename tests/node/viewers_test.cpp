@@ -73,7 +73,8 @@ TEST(Viewers, SlowOnesGetFoldedPacketsAndHoldUpNobody) {
   const auto scene = slow.scene();
   ASSERT_TRUE(scene);
   const auto expected = sender.chunks();
-  for (std::size_t i = 0; i < expected.size(); ++i) EXPECT_EQ(scene->chunks[i]->key, expected[i].key);
+  for (std::size_t i = 0; i < expected.size(); ++i)
+    EXPECT_EQ(scene->chunks[i]->key, expected[i].key);
   EXPECT_EQ(viewers.drops().size(), 1u);
 }
 

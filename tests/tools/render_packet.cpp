@@ -1,7 +1,7 @@
 // Draws one packet as a client would, for comparison with what the browser shows:
 //   render_packet PACKET CAMERA.json OUT.ppm
-// CAMERA.json: {"position", "target", "up", "fx", "fy", "cx", "cy", "width", "height"}; the packet must hold
-// every chunk of its manifest and a key frame on every stream, on the default lattice.
+// CAMERA.json: {"position", "target", "up", "fx", "fy", "cx", "cy", "width", "height"}; the packet
+// must hold every chunk of its manifest and a key frame on every stream, on the default lattice.
 #include <cstdio>
 #include <fstream>
 #include <nlohmann/json.hpp>

@@ -32,7 +32,7 @@ struct Sight {
                         ///< where the view may not be used
   float direct_px = 0;  ///< pixels in sight, margins or not; 0 where the view may not be used
   float facing = 0;     ///< cosine between the normal and the direction to the camera
-  float measured = 0;    ///< share of the triangle's pixels where the view's own sensor measured it
+  float measured = 0;   ///< share of the triangle's pixels where the view's own sensor measured it
   bool touches = false;  ///< some of it is in the picture and in sight
 };
 
@@ -235,8 +235,8 @@ bool sees_enough(const Sight& s, bool measured) {
 }
 
 /// The view that looks most directly among those that see enough, best of all of what their own
-/// sensors measured; else the one that sees most of the triangle, if need be within the margin of an
-/// occluder.
+/// sensors measured; else the one that sees most of the triangle, if need be within the margin of
+/// an occluder.
 int best_view(const Sights& sights, std::size_t t) {
   const int count = static_cast<int>(sights.size());
   for (const bool measured : {true, false}) {

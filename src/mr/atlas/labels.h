@@ -17,9 +17,9 @@ struct LabelConfig {
   double geometry_error_m = 0.01;  ///< decimation + lattice + calibration error
   Precision precision{};           ///< of the noisiest sensor: bumps of its noise are not occluders
   double min_edge_m = 0.02;        ///< triangles across an occlusion edge are cut down to this
-  /// [views] the surface that the view's own sensors measured, or null; empty: not known. Where they
-  /// measured none, something may stand in the way that depth cannot see, like dark hair: views that
-  /// did measure the surface are preferred.
+  /// [views] the surface that the view's own sensors measured, or null; empty: not known. Where
+  /// they measured none, something may stand in the way that depth cannot see, like dark hair:
+  /// views that did measure the surface are preferred.
   std::vector<const Mesh*> measured = {};
 };
 

@@ -28,8 +28,7 @@ Packet fold(Packet older, Packet newer) {
 
   std::move(newer.textures.begin(), newer.textures.end(), std::back_inserter(older.textures));
   newer.textures = std::move(older.textures);
-  newer.coalesced =
-      static_cast<std::uint32_t>(newer.sequence - (older.sequence - older.coalesced));
+  newer.coalesced = static_cast<std::uint32_t>(newer.sequence - (older.sequence - older.coalesced));
   return newer;
 }
 

@@ -431,10 +431,10 @@ std::vector<std::byte> encode_packet(const Packet& packet) {
   const auto chunks = write_all<wire::Chunk>(b, packet.chunks);
   const auto textures = write_all<wire::Texture>(b, packet.textures);
   const auto marks = write_all<wire::Mark>(b, packet.marks);
-  wire::FinishPacketBuffer(b, wire::CreatePacket(b, scene, node, packet.epoch, packet.sequence,
-                                                 to_ns(packet.captured_at), sources, plan, views,
-                                                 manifest, chunks, textures, marks,
-                                                 packet.coalesced));
+  wire::FinishPacketBuffer(
+      b, wire::CreatePacket(b, scene, node, packet.epoch, packet.sequence,
+                            to_ns(packet.captured_at), sources, plan, views, manifest, chunks,
+                            textures, marks, packet.coalesced));
   return bytes_of(b);
 }
 

@@ -15,9 +15,9 @@ namespace mr::codec {
 struct Request {
   static constexpr std::size_t kMaxChunks = 4096;
 
-  bool key_frame = false;               ///< on every texture stream
-  std::vector<ChunkKey> chunks;         ///< wanted, at most kMaxChunks
-  std::optional<std::uint64_t> taken;   ///< sequence of the newest packet that was made use of
+  bool key_frame = false;              ///< on every texture stream
+  std::vector<ChunkKey> chunks;        ///< wanted, at most kMaxChunks
+  std::optional<std::uint64_t> taken;  ///< sequence of the newest packet that was made use of
 
   bool empty() const { return !key_frame && chunks.empty() && !taken; }
   friend bool operator==(const Request&, const Request&) = default;

@@ -221,6 +221,7 @@ struct VideoDecoder::Impl {
   bool needs_key_frame = true;
   std::vector<std::uint8_t> padded;  ///< libavcodec reads beyond the end
 
+  Status open();
   Status feed(std::span<const std::byte> access_unit);
   Result<ImageRgb> to_rgb();
 };
@@ -232,23 +233,29 @@ VideoDecoder::~VideoDecoder() = default;
 
 Result<VideoDecoder> VideoDecoder::create() {
   silence_library();
+  auto impl = std::make_unique<Impl>();
+  impl->picture.reset(av_frame_alloc());
+  impl->unit.reset(av_packet_alloc());
+  if (impl->picture == nullptr || impl->unit == nullptr)
+    return Error{Error::Cause::io, "video: out of memory"};
+  if (const Status opened = impl->open(); !opened) return opened.error();
+  return VideoDecoder(std::move(impl));
+}
+
+/// A decoder that knows nothing of what came before.
+Status VideoDecoder::Impl::open() {
   const AVCodec* codec = avcodec_find_decoder(AV_CODEC_ID_H264);
   if (codec == nullptr)
     return Error{Error::Cause::unsupported, "video: this libavcodec has no H.264 decoder"};
-  auto impl = std::make_unique<Impl>();
-  impl->context.reset(avcodec_alloc_context3(codec));
-  impl->picture.reset(av_frame_alloc());
-  impl->unit.reset(av_packet_alloc());
-  if (impl->context == nullptr || impl->picture == nullptr || impl->unit == nullptr)
-    return Error{Error::Cause::io, "video: out of memory"};
-  AVCodecContext& c = *impl->context;
-  c.thread_count = 1;
-  c.flags |= AV_CODEC_FLAG_LOW_DELAY;
-  c.err_recognition = AV_EF_EXPLODE | AV_EF_BITSTREAM | AV_EF_BUFFER;
-  c.max_pixels = std::int64_t{kMaxSide} * kMaxSide;
-  if (const int rc = avcodec_open2(&c, codec, nullptr); rc < 0)
+  context.reset(avcodec_alloc_context3(codec));
+  if (context == nullptr) return Error{Error::Cause::io, "video: out of memory"};
+  context->thread_count = 1;
+  context->flags |= AV_CODEC_FLAG_LOW_DELAY;
+  context->err_recognition = AV_EF_EXPLODE | AV_EF_BITSTREAM | AV_EF_BUFFER;
+  context->max_pixels = std::int64_t{kMaxSide} * kMaxSide;
+  if (const int rc = avcodec_open2(context.get(), codec, nullptr); rc < 0)
     return failed(Error::Cause::unsupported, "no H.264 decoder", rc);
-  return VideoDecoder(std::move(impl));
+  return {};
 }
 
 /// One access unit in, exactly one undamaged picture out.
@@ -295,7 +302,9 @@ Result<ImageRgb> VideoDecoder::decode(std::span<const std::byte> access_unit) {
     return Error{Error::Cause::corrupt, "video: an empty or endless access unit"};
   if (i.needs_key_frame && !holds_key_frame(access_unit))
     return Error{Error::Cause::corrupt, "video: waiting for a key frame"};
-  const Status fed = i.feed(access_unit);
+  Status fed = i.feed(access_unit);
+  // Damaged parameter sets leave traces that flushing does not remove, such as a longer delay.
+  if (!fed && holds_key_frame(access_unit) && i.open()) fed = i.feed(access_unit);
   Result<ImageRgb> out = fed ? i.to_rgb() : Result<ImageRgb>(fed.error());
   av_frame_unref(i.picture.get());
   i.needs_key_frame = !out;

@@ -265,42 +265,36 @@ std::vector<std::uint8_t> open_mixed(Field& field, double max_edge_m, bool& any)
   return split;
 }
 
-/// The pieces of a triangle: triangles [begin, end) of a mesh, in one plane.
-class Pieces {
- public:
-  Pieces(const Mesh& mesh, std::uint32_t begin, std::uint32_t end)
-      : mesh_(mesh), begin_(begin), end_(end) {
-    // Seen along the axis that the plane faces most.
-    const Vec3f n = mesh.area_normal(begin);
-    const Vec3f size{std::abs(n.x), std::abs(n.y), std::abs(n.z)};
-    const int axis = size.x >= size.y && size.x >= size.z ? 0 : size.y >= size.z ? 1 : 2;
-    u_ = (axis + 1) % 3, v_ = (axis + 2) % 3;
-    sign_ = n[axis] < 0 ? -1.0f : 1.0f;
-  }
+/// The piece, out of triangles [begin, end) in one plane, that a point of the plane lies in, seen
+/// along an axis that the plane faces (sign 1) or faces away from (-1).
+template <int kAxis>
+std::uint32_t piece_along(const Mesh& mesh, std::uint32_t begin, std::uint32_t end, Vec3f p,
+                          float sign) {
+  const auto from_p = [&](std::uint32_t t, int i) {
+    const Vec3f d = mesh.corner(t, i) - p;
+    return Vec2f{d[(kAxis + 1) % 3], d[(kAxis + 2) % 3]};
+  };
+  const auto area = [](Vec2f a, Vec2f b) { return a.x * b.y - a.y * b.x; };
+  const auto depth_inside = [&](std::uint32_t t) {
+    const Vec2f a = from_p(t, 0), b = from_p(t, 1), c = from_p(t, 2);
+    return std::min({sign * area(a, b), sign * area(b, c), sign * area(c, a)});
+  };
+  std::uint32_t best = begin;
+  float deepest = depth_inside(begin);
+  for (std::uint32_t t = begin + 1; t < end && deepest < 0; ++t)
+    if (const float depth = depth_inside(t); depth > deepest) deepest = depth, best = t;
+  return best;
+}
 
-  /// The one that a point of the plane lies in.
-  std::uint32_t at(Vec3f p) const {
-    std::uint32_t best = begin_;
-    float deepest = depth_inside(begin_, p);
-    for (std::uint32_t t = begin_ + 1; t < end_ && deepest < 0; ++t)
-      if (const float depth = depth_inside(t, p); depth > deepest) deepest = depth, best = t;
-    return best;
-  }
-
- private:
-  float depth_inside(std::uint32_t t, Vec3f p) const {
-    const Vec3f a = mesh_.corner(t, 0), b = mesh_.corner(t, 1), c = mesh_.corner(t, 2);
-    const float au = a[u_] - p[u_], av = a[v_] - p[v_], bu = b[u_] - p[u_], bv = b[v_] - p[v_],
-                cu = c[u_] - p[u_], cv = c[v_] - p[v_];
-    return std::min({sign_ * (au * bv - av * bu), sign_ * (bu * cv - bv * cu),
-                     sign_ * (cu * av - cv * au)});
-  }
-
-  const Mesh& mesh_;
-  std::uint32_t begin_, end_;
-  int u_, v_;
-  float sign_;
-};
+/// The same along the axis that the plane faces most.
+std::uint32_t piece_at(const Mesh& mesh, std::uint32_t begin, std::uint32_t end, Vec3f p) {
+  const Vec3f n = mesh.area_normal(begin);
+  const Vec3f size{std::abs(n.x), std::abs(n.y), std::abs(n.z)};
+  if (size.x >= size.y && size.x >= size.z)
+    return piece_along<0>(mesh, begin, end, p, n.x < 0 ? -1.0f : 1.0f);
+  if (size.y >= size.z) return piece_along<1>(mesh, begin, end, p, n.y < 0 ? -1.0f : 1.0f);
+  return piece_along<2>(mesh, begin, end, p, n.z < 0 ? -1.0f : 1.0f);
+}
 
 /// Moves the fragments of triangles that were cut to their pieces: those of triangle t are
 /// [first[t], first[t + 1]) in `mesh`. Returns the fragments that changed.
@@ -315,7 +309,7 @@ std::vector<std::uint32_t> move_to_pieces(Layers& image, const Mesh& mesh,
     if (end - begin == 1) continue;
     while (image.first[pixel + 1] <= i) ++pixel;
     const Vec3f ray = image.ray(pixel % image.width, pixel / image.width);
-    f.triangle = Pieces(mesh, begin, end).at(image.origin + ray * f.depth_m);
+    f.triangle = piece_at(mesh, begin, end, image.origin + ray * f.depth_m);
     moved.push_back(i);
   }
   return moved;

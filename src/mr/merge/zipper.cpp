@@ -123,8 +123,7 @@ class BorderCutter {
         cut({b, bc, ca}, {1, 0, 0}, times - 1);
       }
     } else {
-      for (int i = 0; i < 3; ++i)
-        cut({t[i], middle[i], middle[(i + 2) % 3]}, {1, 0, 1}, times - 1);
+      for (int i = 0; i < 3; ++i) cut({t[i], middle[i], middle[(i + 2) % 3]}, {1, 0, 1}, times - 1);
       add({middle[0], middle[1], middle[2]}, {0, 0, 0});
     }
   }
@@ -324,8 +323,8 @@ class Zipper {
       if (p_ut <= 0 && q_ut <= 0) return false;
       const float p_tv = dot(in_tv, p - tip), q_tv = dot(in_tv, q - tip);
       return (p_ut > slack && p_tv > slack && p_vu > slack) ||
-             (q_ut > slack && q_tv > slack && q_vu > slack) ||
-             crosses(p_ut, q_ut, p, q, u, tip) || crosses(p_tv, q_tv, p, q, tip, v);
+             (q_ut > slack && q_tv > slack && q_vu > slack) || crosses(p_ut, q_ut, p, q, u, tip) ||
+             crosses(p_tv, q_tv, p, q, tip, v);
     };
     for (const std::uint32_t place : around.near) {
       std::uint32_t c = front_.corner_at(border_.tag[place]);

@@ -10,8 +10,8 @@ namespace mr::node {
 
 /// Brings a merger's inputs to common ticks (multiples of the frame period) by capture time. A tick
 /// is ready when every live input has reached it or brought something new since the last one, or
-/// `deadline` after the first input did: late and dead inputs never stall the rest, and sensors that
-/// are a tick apart do not wait for each other. No clock inside.
+/// `deadline` after the first input did: late and dead inputs never stall the rest, and sensors
+/// that are a tick apart do not wait for each other. No clock inside.
 class Aligner {
  public:
   /// An input counts as live at a tick when its newest capture is at most this much older.

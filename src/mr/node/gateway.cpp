@@ -69,7 +69,8 @@ Result<std::unique_ptr<Gateway>> Gateway::start(const LiveContext& context,
   if (!server) return server.error();
   gateway->server_ = *std::move(server);
   gateway->listen_to_root();
-  gateway->thread_ = std::jthread([g = gateway.get()](const std::stop_token& stop) { g->run(stop); });
+  gateway->thread_ =
+      std::jthread([g = gateway.get()](const std::stop_token& stop) { g->run(stop); });
   return gateway;
 }
 
@@ -144,8 +145,8 @@ void Gateway::on_event(const Event& event) {
     case Event::Kind::binary:
       return on_request(event.viewer, event.bytes);
     case Event::Kind::text:
-      return on_text(event.viewer, {reinterpret_cast<const char*>(event.bytes.data()),
-                                    event.bytes.size()});
+      return on_text(event.viewer,
+                     {reinterpret_cast<const char*>(event.bytes.data()), event.bytes.size()});
   }
 }
 
@@ -171,7 +172,8 @@ void Gateway::on_text(net::ClientId viewer, const std::string& text) {
       message.is_object() && message.contains("type") && message["type"].is_string()
           ? message["type"].get<std::string>()
           : "";
-  if (type == "shown" && integer("sequence")) return send(viewers_.shown(viewer, *integer("sequence")));
+  if (type == "shown" && integer("sequence"))
+    return send(viewers_.shown(viewer, *integer("sequence")));
   if (type == "ping" && integer("id")) {
     const double ms = static_cast<double>(wall_time().time_since_epoch().count()) / 1e6;
     return server_->send_text(
@@ -218,12 +220,12 @@ void Gateway::send(std::vector<Viewers::Send> messages) {
 std::string Gateway::hello() const {
   const Scene& scene = *context_.scene;
   const Vec3d low = scene.lattice.low_corner();
-  return Json{{"type", "hello"},
-              {"scene", scene.id},
-              {"up", {scene.up.x, scene.up.y, scene.up.z}},
-              {"fps", scene.fps},
-              {"lattice",
-               {{"low_corner", {low.x, low.y, low.z}}, {"step", scene.lattice.step_m()}}}}
+  return Json{
+      {"type", "hello"},
+      {"scene", scene.id},
+      {"up", {scene.up.x, scene.up.y, scene.up.z}},
+      {"fps", scene.fps},
+      {"lattice", {{"low_corner", {low.x, low.y, low.z}}, {"step", scene.lattice.step_m()}}}}
       .dump();
 }
 

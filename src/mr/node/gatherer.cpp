@@ -37,8 +37,8 @@ class Stopwatch {
  public:
   explicit Stopwatch(double& sum_ms) : sum_ms_(sum_ms) {}
   ~Stopwatch() {
-    sum_ms_ +=
-        std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - start_).count();
+    sum_ms_ += std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - start_)
+                   .count();
   }
   Stopwatch(const Stopwatch&) = delete;
   Stopwatch& operator=(const Stopwatch&) = delete;

@@ -23,9 +23,9 @@ namespace mr::node {
 struct Gathered {
   TimePoint tick{};
   std::vector<DecodedScene> scenes;
-  std::vector<View> views;           ///< of all, by id, streams as the children have them
-  std::vector<SourceInfo> sources;   ///< of all, by sensor
-  std::vector<TextureUnit> units;    ///< to hand on; empty where textures are composed anew
+  std::vector<View> views;                 ///< of all, by id, streams as the children have them
+  std::vector<SourceInfo> sources;         ///< of all, by sensor
+  std::vector<TextureUnit> units;          ///< to hand on; empty where textures are composed anew
   std::map<std::string, TimePoint> marks;  ///< the latest of each stage below
   /// Inputs of which something new was taken, with its sequence: to be acknowledged.
   std::vector<std::pair<std::size_t, std::uint64_t>> taken;

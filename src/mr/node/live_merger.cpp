@@ -64,8 +64,8 @@ void LiveMerger::receive(const std::stop_token& stop) {
     if (node_.inputs().ready(now) && credit_.try_begin()) hand_over(stop, now);
 
     const auto due = node_.inputs().due();
-    signal_->wait(stop,
-                 due ? std::clamp<Duration>(*due - now, Duration(100'000), kLookAgain) : kLookAgain);
+    signal_->wait(
+        stop, due ? std::clamp<Duration>(*due - now, Duration(100'000), kLookAgain) : kLookAgain);
   }
 }
 
@@ -143,8 +143,7 @@ net::Message LiveMerger::answer(std::span<const std::byte> question) {
   if (request->taken) credit_.taken(*request->taken);
   auto bytes = node_.answer(*request);
   signal_->notify();
-  return bytes.empty() ? nullptr
-                       : std::make_shared<const std::vector<std::byte>>(std::move(bytes));
+  return bytes.empty() ? nullptr : std::make_shared<const std::vector<std::byte>>(std::move(bytes));
 }
 
 LiveStats LiveMerger::stats() const {

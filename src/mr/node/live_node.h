@@ -25,7 +25,7 @@ namespace mr::node {
 struct LiveContext {
   const Scene* scene = nullptr;         ///< outlives the nodes
   net::Transport* transport = nullptr;  ///< outlives the nodes
-  int threads = 0;       ///< for the stages' loops; 0: all cores
+  int threads = 0;                      ///< for the stages' loops; 0: all cores
   /// Packets of a node begun and not yet taken by its consumer. 1: all nodes share one machine, and
   /// what a merger gathered counts as taken when it is merged; more: machines of their own.
   int frames_ahead = 2;

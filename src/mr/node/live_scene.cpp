@@ -20,7 +20,8 @@ std::string joined(const std::vector<std::string>& words) {
   return out;
 }
 
-std::vector<std::uint32_t> sensors_among(const Scene& scene, const std::vector<std::string>& names) {
+std::vector<std::uint32_t> sensors_among(const Scene& scene,
+                                         const std::vector<std::string>& names) {
   std::vector<std::uint32_t> out;
   for (std::uint32_t i = 0; i < scene.sensors.size(); ++i)
     if (std::find(names.begin(), names.end(), scene.sensors[i].id) != names.end()) out.push_back(i);
@@ -81,9 +82,10 @@ Status LiveScene::open_transport(const LiveOptions& options) {
     return Error{Error::Cause::invalid,
                  "nodes in processes of their own need 'nats: {url: …}' or 'tcp: {NODE: host:port, "
                  "…}' in the scene file"};
-  auto made = network.nats_url.empty()
-                  ? net::make_tcp_transport(network.tcp, coalesce_packets, limits)
-                  : net::make_nats_transport(network.nats_url, scene_->id, limits, coalesce_packets);
+  auto made =
+      network.nats_url.empty()
+          ? net::make_tcp_transport(network.tcp, coalesce_packets, limits)
+          : net::make_nats_transport(network.nats_url, scene_->id, limits, coalesce_packets);
   if (!made) return made.error();
   transport_ = *std::move(made);
   return {};

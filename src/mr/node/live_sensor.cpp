@@ -68,8 +68,7 @@ net::Message LiveSensor::answer(std::span<const std::byte> question) {
   }
   if (request->taken) credit_.taken(*request->taken);
   auto bytes = node_.answer(*request);
-  return bytes.empty() ? nullptr
-                       : std::make_shared<const std::vector<std::byte>>(std::move(bytes));
+  return bytes.empty() ? nullptr : std::make_shared<const std::vector<std::byte>>(std::move(bytes));
 }
 
 LiveStats LiveSensor::stats() const {

@@ -28,8 +28,8 @@ class LiveSource {
 
   std::unique_ptr<FrameSource> source_;
   double fps_;
-  TimePoint start_;          ///< when its frame 0 is taken
-  std::uint64_t next_ = 0;   ///< index of the source's next frame
+  TimePoint start_;         ///< when its frame 0 is taken
+  std::uint64_t next_ = 0;  ///< index of the source's next frame
   std::uint64_t skipped_ = 0;
 };
 

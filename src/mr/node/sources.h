@@ -15,8 +15,8 @@
 
 namespace mr::node {
 
-/// Opens the sources of the wanted sensors of a scene, in that order. A rig's sensors must have been
-/// filled in (with_rig_sensors); they share the room, and the cache of rendered pictures where
+/// Opens the sources of the wanted sensors of a scene, in that order. A rig's sensors must have
+/// been filled in (with_rig_sensors); they share the room, and the cache of rendered pictures where
 /// `cache_folder` is not empty. `rendering` tells how far that is.
 std::vector<std::unique_ptr<FrameSource>> open_sources(
     const Scene& scene, std::span<const std::uint32_t> wanted,

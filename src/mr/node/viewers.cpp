@@ -148,9 +148,7 @@ codec::Request Viewers::wanted(TimePoint now) {
 
 std::optional<std::uint64_t> Viewers::taken() const {
   if (!newest_) return std::nullopt;
-  const auto can_take = [](const auto& item) {
-    return item.second.in_flight.size() < kInFlight;
-  };
+  const auto can_take = [](const auto& item) { return item.second.in_flight.size() < kInFlight; };
   if (viewers_.empty() || std::any_of(viewers_.begin(), viewers_.end(), can_take))
     return newest_->sequence;
   return std::nullopt;
