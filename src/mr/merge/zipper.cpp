@@ -179,7 +179,7 @@ class Zipper {
         config_(config),
         original_edges_(front.size()),
         border_(corners(joined, front)),
-        grid_(border_.points, (config.max_gap_m + config.edge_m / 2)) {}
+        grid_(border_.points, (config.max_gap_m + config.edge_m / 2) / 2) {}
 
   void run() {
     std::vector<std::optional<Filling>> best(front_.size());

@@ -42,9 +42,9 @@ LiveScene::LiveScene(Scene scene) : scene_(std::make_unique<const Scene>(std::mo
 LiveScene::~LiveScene() = default;
 
 Result<std::unique_ptr<LiveScene>> LiveScene::start(Scene given, const LiveOptions& options) {
-  Scene scene = with_rig_sensors(std::move(given));
-  if (scene.sensors.empty() || scene.mergers.empty())
-    return Error{Error::Cause::empty, "scene '" + scene.id + "' has no sensors"};
+  auto opened = prepare_scene(std::move(given));
+  if (!opened) return opened.error();
+  Scene scene = *std::move(opened);
   const std::vector<std::string> known = node_names(scene);
   for (const std::string& name : options.nodes)
     if (std::find(known.begin(), known.end(), name) == known.end())

@@ -61,13 +61,12 @@ void Pipeline::serve(MergeNode& merger, TimePoint now) {
   }
 }
 
-Result<std::unique_ptr<Pipeline>> Pipeline::open(Scene scene) {
-  scene = with_rig_sensors(std::move(scene));
-  if (scene.sensors.empty() || scene.mergers.empty())
-    return Error{Error::Cause::empty, "scene '" + scene.id + "' has no sensors"};
-  auto background = open_background(scene);
+Result<std::unique_ptr<Pipeline>> Pipeline::open(Scene given) {
+  auto scene = prepare_scene(std::move(given));
+  if (!scene) return scene.error();
+  auto background = open_background(*scene);
   if (!background) return background.error();
-  std::unique_ptr<Pipeline> made(new Pipeline(std::make_unique<Scene>(std::move(scene))));
+  std::unique_ptr<Pipeline> made(new Pipeline(std::make_unique<Scene>(*std::move(scene))));
   made->mergers_.back()->set_background(*std::move(background));
   return made;
 }

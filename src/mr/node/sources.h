@@ -16,7 +16,7 @@
 namespace mr::node {
 
 /// Opens the sources of the wanted sensors of a scene, in that order. A rig's sensors must have
-/// been filled in (with_rig_sensors); they share the room, and the cache of rendered pictures where
+/// been filled in (prepare_scene); they share the room, and the cache of rendered pictures where
 /// `cache_folder` is not empty. `rendering` tells how far that is.
 std::vector<std::unique_ptr<FrameSource>> open_sources(
     const Scene& scene, std::span<const std::uint32_t> wanted,
@@ -28,7 +28,8 @@ std::vector<std::unique_ptr<FrameSource>> open_sources(
 Result<std::vector<EncodedChunk>> open_background(
     const Scene& scene, const std::function<void(const std::string&)>& notice = {});
 
-/// A scene whose rig, if it has one, is turned into its sensors.
-Scene with_rig_sensors(Scene scene);
+/// A scene whose rig, if it has one, is turned into its sensors. empty: it has none. unsupported: one
+/// of them is no pinhole camera; LiDARs are rendered by `synth`, but not yet fused.
+Result<Scene> prepare_scene(Scene scene);
 
 }  // namespace mr::node

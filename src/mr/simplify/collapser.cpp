@@ -18,6 +18,7 @@ constexpr int kTries = 2;             // neighbours tried before a vertex waits
 // Costs are not negative, so their bits sort like them: exponent and one bit are the bucket.
 constexpr int kBucketShift = 22;
 constexpr int kBuckets = 0x7F800000 >> kBucketShift;
+constexpr int kRetry = 4;  // buckets further on, where nothing was allowed
 constexpr std::uint64_t kForbidden = std::uint64_t{0x7F800000} << 32;
 
 int bucket_of(std::uint64_t rated) { return static_cast<int>(rated >> (32 + kBucketShift)); }
@@ -27,6 +28,12 @@ std::uint64_t signature(std::uint32_t v) {
   std::uint64_t h = (v + std::uint64_t{1}) * 0x9E3779B97F4A7C15ull;
   h ^= h >> 29;
   return h * 0xBF58476D1CE4E5B9ull;
+}
+
+/// The error at `to` once the planes of `from`, whose quadric is given, have moved there.
+float merged_error(const Place& from, const Quadric& quadric, const Place& to) {
+  const float error = to.error + (from.error + quadric.growth(to.at - from.at));
+  return error > 0 ? error : 0;  // rounding
 }
 
 }  // namespace
@@ -85,19 +92,16 @@ void Collapser::add_border(std::uint32_t v) {
   if (sharp > 0) quadrics_[v].add_point(kTipWeight * kBorderWeight * sharp);
 }
 
-float Collapser::cost(std::uint32_t v, std::uint32_t u) const {
-  const float cost =
-      places_[u].error + places_[v].error + quadrics_[v].growth(places_[u].at - places_[v].at);
-  return cost > 0 ? cost : 0;  // rounding
-}
-
 /// Rates the neighbours that v may be pulled into; returns how many there are.
 int Collapser::rate(std::uint32_t v) {
-  const auto rated = [&](std::uint32_t u) {
-    return std::uint64_t{std::bit_cast<std::uint32_t>(cost(v, u))} << 32 | u;
-  };
   const auto star = stars_.of(v);
   if (kinds_[v] == Kind::fixed || star.empty() || star.size() > Stars::kMaxSize) return 0;
+  const Quadric quadric = quadrics_[v];
+  const Place here = places_[v];
+  const auto rated = [&](std::uint32_t u) {
+    const float cost = merged_error(here, quadric, places_[u]);
+    return std::uint64_t{std::bit_cast<std::uint32_t>(cost)} << 32 | u;
+  };
   int n = 0;
   if (kinds_[v] == Kind::inner)
     for (const Opposite o : star) rated_[n++] = rated(o.a);
@@ -138,7 +142,7 @@ bool Collapser::keeps_shape(std::uint32_t v, std::uint32_t u) {
 /// Does what was planned.
 void Collapser::collapse() {
   const std::uint32_t v = plan_.v, u = plan_.u;
-  places_[u].error = cost(v, u);
+  places_[u].error = merged_error(places_[v], quadrics_[v], places_[u]);
   quadrics_[u] += quadrics_[v].moved(places_[u].at - places_[v].at);
   std::uint32_t end = u;
   if (kinds_[v] == Kind::border) {
@@ -154,12 +158,11 @@ void Collapser::collapse() {
 /// Removes v if that costs no more than `bucket`. Returns where v is to wait otherwise: a higher
 /// bucket, or kBuckets and more when it is settled.
 int Collapser::settle(std::uint32_t v, int bucket) {
-  constexpr int kSoon = 2, kLater = 8;
   const int candidates = rate(v);
   if (candidates == 0) return kBuckets;
   for (int tried = 0; tried < kTries; ++tried) {
     const std::uint64_t best = cheapest(candidates);
-    if (best == kForbidden) return bucket + kLater;
+    if (best == kForbidden) break;
     if (bucket_of(best) > bucket) return bucket_of(best);
     if (keeps_shape(v, static_cast<std::uint32_t>(best))) {
       collapse();
@@ -167,7 +170,7 @@ int Collapser::settle(std::uint32_t v, int bucket) {
     }
     std::replace(rated_.begin(), rated_.begin() + candidates, best, kForbidden);
   }
-  return bucket + (candidates <= kTries ? kLater : kSoon);
+  return bucket + kRetry;
 }
 
 /// Up to which bucket collapses may be done in any order: so that about 8 in 10 of the vertices

@@ -10,6 +10,11 @@
 
 namespace mr::simplify {
 
+struct Place {
+  Vec3f at;
+  float error = 0;  ///< of the vertex's quadric, here
+};
+
 /// Removes vertices one by one: each is pulled into the neighbour that costs the least quadric
 /// error (half-edge collapses; Garland & Heckbert 1997). In place of a heap there is one sweep in
 /// the order of the vertices, near in memory, that takes all cheap collapses at once; what is left
@@ -27,10 +32,6 @@ class Collapser {
 
  private:
   enum class Kind : std::uint8_t { inner, border, fixed };
-  struct Place {
-    Vec3f at;
-    float error = 0;  // its quadric's
-  };
   /// Vertices that wait for their turn, first come, first served.
   struct Bucket {
     std::uint32_t first = kNobody, last = kNobody;
@@ -40,7 +41,6 @@ class Collapser {
   void add_planes(const Mesh& mesh);
   void add_border(std::uint32_t v);
 
-  float cost(std::uint32_t v, std::uint32_t u) const;
   int rate(std::uint32_t v);
   std::uint64_t cheapest(int candidates) const;
   bool keeps_facing() const;

@@ -23,13 +23,17 @@ struct Quadric {
   void add_point(float w) { xx += w, yy += w, zz += w; }
 
   /// How much larger the error is at d than at the vertex.
-  float growth(Vec3f d) const { return dot(d, times(d) + 2.0f * Vec3f{x, y, z}); }
+  float growth(Vec3f d) const {
+    return d.x * (xx * d.x + 2 * xy * d.y + 2 * xz * d.z + 2 * x) +
+           d.y * (yy * d.y + 2 * yz * d.z + 2 * y) + d.z * (zz * d.z + 2 * z);
+  }
 
   /// The same function for a vertex that lies `d` further on.
   Quadric moved(Vec3f d) const {
     Quadric q = *this;
-    const Vec3f step = times(d);
-    q.x += step.x, q.y += step.y, q.z += step.z;
+    q.x += xx * d.x + xy * d.y + xz * d.z;
+    q.y += xy * d.x + yy * d.y + yz * d.z;
+    q.z += xz * d.x + yz * d.y + zz * d.z;
     return q;
   }
   /// Both must belong to one vertex.
@@ -42,12 +46,6 @@ struct Quadric {
   /// The way to the least error; `hold` (of the weight) pulls back to the vertex, so that flat
   /// directions do not run away. Zero where there is none.
   Vec3f to_least_error(float hold) const;
-
- private:
-  Vec3f times(Vec3f d) const {
-    return {xx * d.x + xy * d.y + xz * d.z, xy * d.x + yy * d.y + yz * d.z,
-            xz * d.x + yz * d.y + zz * d.z};
-  }
 };
 
 inline Vec3f Quadric::to_least_error(float hold) const {

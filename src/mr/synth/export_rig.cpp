@@ -87,7 +87,8 @@ std::string scene_yaml(const RigExport& what, std::span<const SensorConfig> sens
   std::string out =
       "# Written by `meshreduce synth`; `truth` is the noiseless surface.\nscene: synthetic-";
   out += kind_name(what.rig.kind);
-  out += "\nup: [0, 0, 1]\nfps: " + number(what.fps) + "\nsensors:\n";
+  out += "\nup: [0, 0, 1]\nfps: " + number(what.fps) +
+         "\nvoxel_m: 0.02\nsimplify: {ratio: 0.1}\nsensors:\n";
   for (const SensorConfig& sensor : sensors) out += sensor_yaml(sensor, what.rig);
   return out + "truth: {mesh: \"truth/%06d.ply\", rig: " + rig_yaml(what.rig) + "}\n";
 }
