@@ -11,7 +11,7 @@ namespace {
 constexpr float kBorderWeight = 10;   // of a border's planes against the surface's
 constexpr float kTipWeight = 3;       // of a border's sharp tips against its planes
 constexpr float kHold = 0.01f;        // of relax()
-constexpr float kMostTurn = 0.2f;     // cosine of the most that a triangle may turn
+constexpr float kMostTurn = 0.6f;     // cosine of the most that a triangle may turn
 constexpr float kLeastAngle = 0.01f;  // sine, at a corner of a triangle that moves
 constexpr int kTries = 2;             // neighbours tried before a vertex waits
 
