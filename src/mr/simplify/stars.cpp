@@ -1,6 +1,7 @@
 #include "mr/simplify/stars.h"
 
 #include <algorithm>
+#include <utility>
 
 #include "mr/core/assert.h"
 
