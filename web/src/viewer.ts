@@ -34,6 +34,8 @@ export interface Shown {
 }
 
 const kMostPairs = 10_000;
+// Drawn by the processor, a larger picture is made smaller and stretched: motion matters more.
+const kMostSoftwarePixels = 300_000;
 const kHiddenForMs = 10_000;
 const kFirstStepS = 1 / 60;
 const kLongestStepS = 0.1;
@@ -187,7 +189,10 @@ export class Viewer {
   }
 
   private resize(): void {
-    const ratio = this.options.isSoftware ? 1 : Math.min(2, window.devicePixelRatio);
+    const shown = Math.max(1, window.innerWidth * window.innerHeight);
+    const ratio = this.options.isSoftware
+      ? Math.min(1, Math.sqrt(kMostSoftwarePixels / shown))
+      : Math.min(2, window.devicePixelRatio);
     const width = Math.max(1, Math.round(this.canvas.clientWidth * ratio));
     const height = Math.max(1, Math.round(this.canvas.clientHeight * ratio));
     if (width === this.renderer.width() && height === this.renderer.height()) return;

@@ -63,6 +63,14 @@ double near_depth(const ImageDepth& depth) {
   return candidates[rank];
 }
 
+/// The same camera with pixels twice as wide; one of an odd picture's last row is kept.
+Camera half(Camera camera) {
+  camera.width = (camera.width + 1) / 2, camera.height = (camera.height + 1) / 2;
+  camera.fx /= 2, camera.fy /= 2;
+  camera.cx = (camera.cx + 0.5) / 2 - 0.5, camera.cy = (camera.cy + 0.5) / 2 - 0.5;
+  return camera;
+}
+
 /// A view with the mesh's depth as it sees it.
 class Eye {
  public:
@@ -78,7 +86,7 @@ class Eye {
         margin_(static_cast<int>(
             std::ceil(margin_px(view, config.geometry_error_m, near_depth(depth_))))),
         around_(nearest_around(depth_, margin_)),
-        measured_(measured ? kit::rasterize(*measured, camera_, view.T_world_camera).depth
+        measured_(measured ? kit::rasterize(*measured, half(camera_), view.T_world_camera).depth
                            : ImageDepth()) {}
 
   /// `normal_world`: what the surface faces there, smoothed.
@@ -104,7 +112,7 @@ class Eye {
         direct += in_sight;
         clear += in_sight & (around[x] >= occluder);
         if (!measured_.empty())
-          measured += std::abs(*measured_.at(x, s.y) - z) <= z - in_front + kFrontOfMargin_m;
+          measured += std::abs(*measured_.at(x / 2, s.y / 2) - z) <= z - in_front + kFrontOfMargin_m;
       }
       pixels += s.last - s.first + 1;
     };
@@ -145,7 +153,7 @@ class Eye {
   ImageDepth depth_;
   int margin_;
   ImageDepth around_;
-  ImageDepth measured_;  ///< empty: not known
+  ImageDepth measured_;  ///< half the picture's size; empty: not known
 };
 
 /// [view][triangle]

@@ -118,9 +118,13 @@ void LiveMerger::merge(const std::stop_token& stop) {
   Arena arena(context_.threads);
   while (const auto gathered = gathered_.take(stop)) {
     Result<std::vector<std::byte>> bytes = std::vector<std::byte>{};
-    arena.run([&] { bytes = node_.merge(*gathered); });
-    // On one machine the next frame's reconstruction would only slow this merge down.
-    if (context_.frames_ahead == 1) acknowledge(*gathered);
+    // On one machine the inputs' next frames would slow the first half down.
+    bool told = context_.frames_ahead > 1;
+    const auto tell = [&] {
+      if (!std::exchange(told, true)) acknowledge(*gathered);
+    };
+    arena.run([&] { bytes = node_.merge(*gathered, tell); });
+    tell();
     credit_.end(bytes.ok());
     if (bytes) {
       ++frames_;

@@ -28,6 +28,12 @@ std::vector<std::uint32_t> sensors_among(const Scene& scene,
   return out;
 }
 
+/// Sensors of one process work at the same time: more threads than cores would only take turns.
+int threads_each(int threads, std::size_t sensors) {
+  const int all = threads > 0 ? threads : static_cast<int>(std::thread::hardware_concurrency());
+  return std::max(1, all / static_cast<int>(std::max<std::size_t>(sensors, 1)));
+}
+
 }  // namespace
 
 std::vector<std::string> node_names(const Scene& scene) {
@@ -63,9 +69,10 @@ Result<std::unique_ptr<LiveScene>> LiveScene::start(Scene given, const LiveOptio
     if (const Status started = live->start_node(*name, context, options); !started)
       return started.error();
   auto sources = open_sources(*live->scene_, sensors, options.cache_folder, options.rendering);
+  LiveContext shared = context;
+  shared.threads = threads_each(context.threads, sensors.size());
   for (std::size_t i = 0; i < sensors.size(); ++i)
-    live->nodes_.push_back(
-        std::make_unique<LiveSensor>(context, sensors[i], std::move(sources[i])));
+    live->nodes_.push_back(std::make_unique<LiveSensor>(shared, sensors[i], std::move(sources[i])));
   live->started_ = std::chrono::steady_clock::now();
   return live;
 }

@@ -1,3 +1,6 @@
+#include <sys/resource.h>
+#include <unistd.h>
+
 #include <utility>
 
 #include "mr/core/parallel.h"
@@ -20,7 +23,19 @@ LiveSensor::LiveSensor(const LiveContext& context, std::uint32_t sensor,
   codes_ = std::jthread([this](const std::stop_token& stop) { code_frames(stop); });
 }
 
+namespace {
+
+/// On one machine, what is furthest on its way goes first: merging before the next frame.
+void give_way(const LiveContext& context) {
+  constexpr int kNice = 5;
+  if (context.frames_ahead == 1)
+    ::setpriority(PRIO_PROCESS, static_cast<id_t>(::gettid()), kNice);
+}
+
+}  // namespace
+
 void LiveSensor::reconstruct_frames(const std::stop_token& stop) {
+  give_way(context_);
   Arena arena(context_.threads);
   while (credit_.begin(stop)) {
     auto frame = source_.newest(stop);
@@ -44,6 +59,7 @@ void LiveSensor::reconstruct_frames(const std::stop_token& stop) {
 }
 
 void LiveSensor::code_frames(const std::stop_token& stop) {
+  give_way(context_);
   Arena arena(context_.threads);
   while (auto surface = reconstructed_.take(stop)) {
     Result<std::vector<std::byte>> bytes = std::vector<std::byte>{};

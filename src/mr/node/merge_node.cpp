@@ -108,12 +108,13 @@ Packet MergeNode::head(const Gathered& gathered) const {
   return packet;
 }
 
-Result<std::vector<std::byte>> MergeNode::merge(const Gathered& gathered) {
+Result<std::vector<std::byte>> MergeNode::merge(const Gathered& gathered,
+                                                const std::function<void()>& halfway) {
   const TimePoint started = clock_.now ? clock_.now() : TimePoint{};
   Packet packet = head(gathered);
   reused_ = last_ && same_geometry(last_->first.scenes, gathered.scenes);
   if (!reused_) {
-    auto surface = merge_surfaces(gathered);
+    auto surface = merge_surfaces(gathered, halfway);
     if (!surface) return surface.error();
     Gathered seen;
     seen.scenes = gathered.scenes;
@@ -139,7 +140,8 @@ void MergeNode::add_marks(const Gathered& gathered, TimePoint started, Packet& p
   packet.marks.push_back({id() + "/merged", clock_.now()});
 }
 
-Result<MergeNode::Surface> MergeNode::merge_surfaces(const Gathered& gathered) {
+Result<MergeNode::Surface> MergeNode::merge_surfaces(const Gathered& gathered,
+                                                     const std::function<void()>& halfway) {
   const double voxel_m = scene_->voxel_m;
   std::vector<merge::Part> parts(gathered.scenes.size());
   parallel_for(parts.size(), 1, [&](std::size_t begin, std::size_t end) {
@@ -154,6 +156,7 @@ Result<MergeNode::Surface> MergeNode::merge_surfaces(const Gathered& gathered) {
                                          .calibration_error_m = scene_->merge.calibration_error_m,
                                          .island_area_m2 = merge::island_area_m2(voxel_m)});
   });
+  if (halfway) halfway();
   trace_.time("islands", [&] {
     for (Mesh& mesh : owned) mesh = merge::remove_islands(mesh, merge::island_area_m2(voxel_m));
   });

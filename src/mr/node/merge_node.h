@@ -2,6 +2,7 @@
 
 #include <atomic>
 #include <cstdint>
+#include <functional>
 #include <memory>
 #include <optional>
 #include <span>
@@ -43,8 +44,10 @@ class MergeNode {
   const Gatherer& inputs() const { return gatherer_; }
 
   /// The bytes of the merged packet. empty: no surface is left. After an Error the inputs should
-  /// send key frames, as units that were to be handed on are lost.
-  Result<std::vector<std::byte>> merge(const Gathered& gathered);
+  /// send key frames, as units that were to be handed on are lost. `halfway` is called when the
+  /// stages that use every core are over: on one machine, the inputs' next frames fit in from there.
+  Result<std::vector<std::byte>> merge(const Gathered& gathered,
+                                       const std::function<void()>& halfway = {});
 
   /// Chunks that a receiver asked for; empty when there are none. A wish for key frames is noted.
   std::vector<std::byte> answer(const codec::Request& request);
@@ -68,7 +71,7 @@ class MergeNode {
   };
 
   Packet head(const Gathered& gathered) const;
-  Result<Surface> merge_surfaces(const Gathered& gathered);
+  Result<Surface> merge_surfaces(const Gathered& gathered, const std::function<void()>& halfway);
   Status add_textures(const Gathered& gathered, const Mesh& mesh, Packet& packet);
   Status compose_atlas(const Gathered& gathered, const Mesh& mesh, Packet& packet);
   void add_marks(const Gathered& gathered, TimePoint started, Packet& packet) const;

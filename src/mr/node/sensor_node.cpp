@@ -2,7 +2,6 @@
 
 #include <algorithm>
 
-#include "mr/atlas/labels.h"
 #include "mr/codec/mesh_codec.h"
 #include "mr/codec/packet_codec.h"
 #include "mr/core/parallel.h"
@@ -39,18 +38,18 @@ std::vector<Mesh> SensorNode::fuse(const Frame& frame) const {
   if (scene_->floor)
     sensor::remove_floor(depth, registration_.depth_camera(), frame.T_world_depth, *scene_->floor,
                          scene_->up);
-  std::vector<Mesh> pieces = fusion::fuse_frame(depth, registration_.depth_camera(),
-                                                frame.T_world_depth, volume, scene_->fusion);
-  for (Mesh& piece : pieces)
-    piece = merge::remove_islands(piece, merge::island_area_m2(scene_->voxel_m));
-  return pieces;
+  return fusion::fuse_frame(depth, registration_.depth_camera(), frame.T_world_depth, volume,
+                            scene_->fusion);
 }
 
 Status SensorNode::simplify(const std::vector<Mesh>& pieces, Reconstructed& out) const {
   std::vector<simplify::Simplified> small(pieces.size());
   parallel_for(pieces.size(), 1, [&](std::size_t begin, std::size_t end) {
-    for (std::size_t i = begin; i < end; ++i)
+    for (std::size_t i = begin; i < end; ++i) {
       small[i] = simplify::simplify_by_ratio(pieces[i], scene_->simplify.ratio);
+      small[i].mesh =
+          merge::remove_islands(small[i].mesh, merge::island_area_m2(scene_->voxel_m));
+    }
   });
   std::vector<Mesh> parts;
   for (const simplify::Simplified& s : small) {
@@ -97,19 +96,14 @@ Packet SensorNode::head(const Frame& frame) const {
   return packet;
 }
 
+/// Which view textures what is decided where surfaces meet, by the mergers: here all is the sensor's
+/// own.
 Status SensorNode::add_mesh(const Reconstructed& surface, Packet& packet) {
-  const Mesh textured = trace_.time("label", [&] {
-    return atlas::label_triangles(surface.mesh, packet.views,
-                                  {.views = scene_->atlas.views,
-                                   .geometry_error_m = texturing_error_m(*scene_, surface.error_m),
-                                   .precision = scene_->sensors[sensor_].precision,
-                                   .min_edge_m = 2 * scene_->voxel_m});
-  });
-  return trace_.time("encode_mesh", [&]() -> Status {
-    auto snapped = codec::snap_to_lattice(textured, scene_->lattice);
-    if (!snapped) return snapped.error();
-    return publisher_.publish(kit::without_nonmanifold_edges(*snapped), surface.error_m,
-                              packet.plan.mesh_speed, packet);
+  return trace_.time("encode_mesh", [&] {
+    Mesh mesh = surface.mesh;
+    const ViewId view = packet.views.empty() ? kNoView : packet.views.front().id;
+    set_triangle_views(mesh, std::vector<ViewId>(mesh.triangles.size(), view));
+    return publisher_.publish(mesh, surface.error_m, packet.plan.mesh_speed, packet);
   });
 }
 
