@@ -31,7 +31,7 @@ Scene demo_scene() {
   scene.rig = rig;
   scene.fusion.truncation_m = 0.09;
   scene.fusion.chunk_m = 2.56;
-  scene.simplify.ratio = 0.07;
+  scene.simplify.ratio = 0.05;
   scene.atlas.width = 1280, scene.atlas.height = 720;
   MergerConfig root{.id = "root", .inputs = rig.sensor_ids(), .deadline_ms = 300};
   scene.mergers = {root};
