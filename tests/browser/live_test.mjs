@@ -157,6 +157,35 @@ test("a restarted server is found again", async () => {
   }
 });
 
+test("who talks garbage is cut off, and the others see nothing of it", async () => {
+  const server = await serve({ loop: true });
+  try {
+    const page = await openViewer(browser, server.url, [], small);
+    const rude = await browser.newPage();
+    await rude.goto(server.url);
+    const reasons = await rude.evaluate(async () => {
+      const request = new Uint8Array(36);
+      request.set([77, 82, 87, 84, 1, 0, 0, 0, 2]); // names two chunks, brings one
+      const words = [new Uint8Array(1000).fill(90), request, request.subarray(0, 7), "hello", '{"type":"shown"}'];
+      const closed = (word) =>
+        new Promise((resolve) => {
+          const socket = new WebSocket(location.origin.replace("http", "ws") + "/stream");
+          socket.onopen = () => socket.send(word);
+          socket.onclose = (event) => resolve(event.reason);
+        });
+      return Promise.all(words.map(closed));
+    });
+    assert.equal(reasons.length, 5);
+    for (const reason of reasons) assert.match(reason, /not a/);
+    const before = await sequenceOf(page);
+    await page.waitForFunction((n) => window.meshreduce.shown().sequence > n + 5, before, { timeout: 20_000 });
+    await rude.close();
+    await page.close();
+  } finally {
+    await server.stop();
+  }
+});
+
 test("a stream that stops is announced", async () => {
   const server = await serve({ loop: false });
   try {

@@ -14,7 +14,8 @@ const folder = mkdtempSync(join(tmpdir(), "mr_soak_"));
 const report = join(folder, "report.json");
 const errors = [];
 
-const rssMb = (pid) => Number(/VmRSS:\s+(\d+)/.exec(readFileSync(`/proc/${pid}/status`, "utf8"))[1]) / 1024;
+// Without the mapped cache of pictures, which fills up to its size.
+const ownMb = (pid) => Number(/RssAnon:\s+(\d+)/.exec(readFileSync(`/proc/${pid}/status`, "utf8"))[1]) / 1024;
 const sleep = (ms) => new Promise((resolve) => setTimeout(resolve, ms));
 const median = (values) => [...values].sort((a, b) => a - b)[Math.floor(values.length / 2)];
 
@@ -50,7 +51,7 @@ try {
   const session = await page.context().newCDPSession(page);
   for (let at = 0; at < Number(minutes) * 60_000; at += kEveryMs) {
     await sleep(kEveryMs);
-    const sample = { s: (at + kEveryMs) / 1000, server_mb: rssMb(server.child.pid), ...(await look(page, session)) };
+    const sample = { s: (at + kEveryMs) / 1000, server_mb: ownMb(server.child.pid), ...(await look(page, session)) };
     samples.push(sample);
     console.log(
       `${String(sample.s).padStart(4)} s  ${sample.fps} captures/s  ${sample.latency_ms} ms  mesh ${sample.mesh}  ` +

@@ -20,6 +20,7 @@
 #include "mr/codec/request.h"
 #include "mr/core/scene.h"
 #include "mr/net/transport.h"
+#include "mr/node/live_node.h"
 #include "mr/node/node_clock.h"
 #include "support/free_port.h"
 
@@ -207,6 +208,23 @@ gateway: {listen: "127.0.0.1:0"}
 nats: {url: "nats://127.0.0.1:)"
                           << nats_port_ << "\"}\n";
   }
+  /// The same scene over plain TCP (paper 5).
+  void use_tcp() {
+    std::string text;
+    {
+      std::ifstream in(file());
+      text.assign(std::istreambuf_iterator<char>(in), {});
+    }
+    text.resize(text.find("nats:"));
+    text += "tcp: {";
+    for (const char* node : {"cam-0", "cam-1", "west", "east", "root"})
+      text += std::string(node) + ": \"127.0.0.1:" + std::to_string(test::free_port()) + "\", ";
+    std::ofstream(file()) << text << "}\n";
+    scene_ = load_scene(file()).scene;
+    auto transport = net::make_tcp_transport(scene_.network.tcp, node::coalesce_packets);
+    ASSERT_TRUE(transport) << transport.error().message;
+    transport_ = *std::move(transport);
+  }
   void start_nats() {
     nats_ =
         Process({"nats-server", "-a", "127.0.0.1", "-p", std::to_string(nats_port_)}, log_file());
@@ -262,6 +280,18 @@ TEST_F(Processes, EachNodeMayDieAndComesBack) {
   nats_.stop(SIGKILL);
   start_nats();
   EXPECT_TRUE(shows(client, {0, 1})) << "nats-server was restarted";
+}
+
+TEST_F(Processes, PlainTcpDoesAsWell) {
+  use_tcp();
+  start_all();
+  Client client(*transport_, scene_, "root");
+  ASSERT_TRUE(shows(client, {0, 1}));
+  for (const std::string node : {"cam-0", "west", "root"}) {
+    nodes_[node].stop(SIGKILL);
+    start(node);
+    EXPECT_TRUE(shows(client, {0, 1})) << node << " was restarted";
+  }
 }
 
 TEST_F(Processes, MeshEqualsTheSendersWithin500MsThoughAFifthIsLost) {
