@@ -112,7 +112,8 @@ class Eye {
         direct += in_sight;
         clear += in_sight & (around[x] >= occluder);
         if (!measured_.empty())
-          measured += std::abs(*measured_.at(x / 2, s.y / 2) - z) <= z - in_front + kFrontOfMargin_m;
+          measured +=
+              std::abs(*measured_.at(x / 2, s.y / 2) - z) <= z - in_front + kFrontOfMargin_m;
       }
       pixels += s.last - s.first + 1;
     };

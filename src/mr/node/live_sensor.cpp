@@ -28,8 +28,7 @@ namespace {
 /// On one machine, what is furthest on its way goes first: merging before the next frame.
 void give_way(const LiveContext& context) {
   constexpr int kNice = 5;
-  if (context.frames_ahead == 1)
-    ::setpriority(PRIO_PROCESS, static_cast<id_t>(::gettid()), kNice);
+  if (context.frames_ahead == 1) ::setpriority(PRIO_PROCESS, static_cast<id_t>(::gettid()), kNice);
 }
 
 }  // namespace

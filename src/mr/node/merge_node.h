@@ -45,7 +45,8 @@ class MergeNode {
 
   /// The bytes of the merged packet. empty: no surface is left. After an Error the inputs should
   /// send key frames, as units that were to be handed on are lost. `halfway` is called when the
-  /// stages that use every core are over: on one machine, the inputs' next frames fit in from there.
+  /// stages that use every core are over: on one machine, the inputs' next frames fit in from
+  /// there.
   Result<std::vector<std::byte>> merge(const Gathered& gathered,
                                        const std::function<void()>& halfway = {});
 

@@ -47,8 +47,7 @@ Status SensorNode::simplify(const std::vector<Mesh>& pieces, Reconstructed& out)
   parallel_for(pieces.size(), 1, [&](std::size_t begin, std::size_t end) {
     for (std::size_t i = begin; i < end; ++i) {
       small[i] = simplify::simplify_by_ratio(pieces[i], scene_->simplify.ratio);
-      small[i].mesh =
-          merge::remove_islands(small[i].mesh, merge::island_area_m2(scene_->voxel_m));
+      small[i].mesh = merge::remove_islands(small[i].mesh, merge::island_area_m2(scene_->voxel_m));
     }
   });
   std::vector<Mesh> parts;
@@ -96,8 +95,8 @@ Packet SensorNode::head(const Frame& frame) const {
   return packet;
 }
 
-/// Which view textures what is decided where surfaces meet, by the mergers: here all is the sensor's
-/// own.
+/// Which view textures what is decided where surfaces meet, by the mergers: here all is the
+/// sensor's own.
 Status SensorNode::add_mesh(const Reconstructed& surface, Packet& packet) {
   return trace_.time("encode_mesh", [&] {
     Mesh mesh = surface.mesh;
