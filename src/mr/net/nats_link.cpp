@@ -184,12 +184,16 @@ class NatsInlet {
 struct NatsLink::Connection {
   std::shared_ptr<NatsEvents> events = std::make_shared<NatsEvents>();
   natsConnection* handle = nullptr;
+  /// Ended, but kept: libnats 3.4 may still deliver to a subscription on its reading thread while
+  /// we destroy it (its issue 637). That thread is gone once the connection is closed.
+  std::vector<natsSubscription*> ended;
 
   ~Connection() {
     if (handle == nullptr) return;
     events->silence();
     natsConnection_Close(handle);
     events->wait_closed();
+    for (natsSubscription* subscription : ended) natsSubscription_Destroy(subscription);
     natsConnection_Destroy(handle);
   }
 };
@@ -287,9 +291,15 @@ Status NatsLink::connect() {
   return {};
 }
 
+void NatsLink::unsubscribe(NatsInlet& inlet) {
+  natsSubscription* subscription = std::exchange(inlet.subscription, nullptr);
+  if (subscription == nullptr) return;
+  natsSubscription_Unsubscribe(subscription);
+  connection_->ended.push_back(subscription);
+}
+
 void NatsLink::unsubscribe_all() {
-  for (const auto& inlet : inlets_)
-    natsSubscription_Destroy(std::exchange(inlet->subscription, nullptr));
+  for (const auto& inlet : inlets_) unsubscribe(*inlet);
 }
 
 void NatsLink::revive() {
@@ -323,8 +333,7 @@ std::shared_ptr<NatsInlet> NatsLink::receive(const std::string& subject, std::si
 void NatsLink::forget(const std::shared_ptr<NatsInlet>& inlet) {
   {
     const std::lock_guard lock(mutex_);
-    if (inlets_.erase(inlet) > 0)
-      natsSubscription_Destroy(std::exchange(inlet->subscription, nullptr));
+    if (inlets_.erase(inlet) > 0) unsubscribe(*inlet);
   }
   inlet->end();
 }

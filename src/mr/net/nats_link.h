@@ -55,6 +55,7 @@ class NatsLink {
   struct Connection;
   NatsLink(std::string urls, const TransportLimits& limits, std::shared_ptr<Drops> drops);
   Status connect();
+  void unsubscribe(NatsInlet& inlet);
   void unsubscribe_all();
   void subscribe(const std::shared_ptr<NatsInlet>& inlet);
 
