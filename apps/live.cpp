@@ -136,7 +136,11 @@ int run_live(Scene scene, const LiveRun& run) {
   options.cache_folder = default_cache();
   options.threads = run.threads;
   options.log = [&](const std::string& line) { console.say(line); };
-  options.rendering = [&](int done, int of) { show_rendering(console, done, of); };
+  options.rendering = [&](int done, int of) {
+    show_rendering(console, done, of);
+    if (interrupt.within(std::chrono::milliseconds(0)))
+      std::_Exit(130);  // the cache keeps what is whole
+  };
   auto live = node::LiveScene::start(std::move(scene), options);
   if (!live) return fail(live.error().message);
 

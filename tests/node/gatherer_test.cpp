@@ -19,7 +19,7 @@ Scene one_sensor() {
   scene.id = "test";
   SensorConfig sensor;
   sensor.id = "sender";
-  scene.sensors = {sensor};
+  scene.sensors.assign(5, sensor);  // the sender's stream has number 4
   scene.mergers = {{"root", {"sender"}, 50}};
   return scene;
 }

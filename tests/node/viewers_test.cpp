@@ -92,8 +92,9 @@ TEST(Viewers, WhoFallsFarBehindStartsAnew) {
   }
   EXPECT_EQ(sent.size(), 2u) << "who shows nothing gets nothing";
   EXPECT_EQ(viewers.taken(), std::nullopt);
-  EXPECT_TRUE(viewers.wanted(kStart).key_frame);
+  EXPECT_FALSE(viewers.wanted(kStart).key_frame) << "nobody could use it";
   viewers.shown(1, first + 1);
+  EXPECT_TRUE(viewers.wanted(kStart).key_frame);
   const auto again = give(viewers, sender.next(true));
   ASSERT_EQ(again.size(), 1u);
   const Packet packet = decoded(again[0]);

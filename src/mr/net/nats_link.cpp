@@ -132,7 +132,8 @@ void on_closed(natsConnection*, void* closure) {
 }
 void on_error(natsConnection*, natsSubscription* subscription, natsStatus status, void* closure) {
   if (status != NATS_SLOW_CONSUMER || subscription == nullptr) return;
-  shared<NatsEvents>(closure)->on_slow(natsSubscription_GetSubject(subscription));
+  const char* subject = natsSubscription_GetSubject(subscription);  // null once it has ended
+  shared<NatsEvents>(closure)->on_slow(subject ? subject : "that has ended");
 }
 
 }  // namespace
@@ -304,7 +305,11 @@ void NatsLink::unsubscribe_all() {
 
 void NatsLink::revive() {
   const std::lock_guard lock(mutex_);
-  if (connection_->handle != nullptr && !natsConnection_IsClosed(connection_->handle)) return;
+  if (connection_->handle != nullptr && !natsConnection_IsClosed(connection_->handle)) {
+    for (const auto& inlet : inlets_)
+      if (inlet->subscription == nullptr) subscribe(inlet);
+    return;
+  }
   unsubscribe_all();
   static_cast<void>(connect());  // else again at the next call
 }

@@ -15,7 +15,8 @@ TimePoint Aligner::tick_of(TimePoint captured_at) const {
 }
 
 void Aligner::arrived(std::size_t input, TimePoint captured_at, TimePoint now) {
-  const TimePoint tick = tick_of(captured_at);
+  // A clock that is ahead must not carry the others' ticks into the future.
+  const TimePoint tick = std::min(tick_of(captured_at), tick_of(now));
   Input& from = inputs_[input];
   if (!from.newest || tick > *from.newest) from = {tick, true};
   if (last_merged_ && tick <= *last_merged_) return;

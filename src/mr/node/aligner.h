@@ -19,6 +19,7 @@ class Aligner {
 
   Aligner(std::size_t inputs, Duration period, Duration deadline);
 
+  /// A capture from the future counts as one of now.
   void arrived(std::size_t input, TimePoint captured_at, TimePoint now);
 
   /// The tick that can be merged now, if there is one.

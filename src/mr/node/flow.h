@@ -76,6 +76,7 @@ class Credit {
   bool begin(const std::stop_token& stop) {
     std::unique_lock lock(mutex_);
     changed_.wait_for(lock, stop, kPatience, [&] { return may_begin(); });
+    changed_.wait(lock, stop, [&] { return working_ < ahead_; });
     if (stop.stop_requested()) return false;
     ++working_;
     last_ = std::chrono::steady_clock::now();
@@ -85,7 +86,7 @@ class Credit {
   bool try_begin() {
     const std::lock_guard lock(mutex_);
     const bool impatient = std::chrono::steady_clock::now() - last_ >= kPatience;
-    if (!may_begin() && !impatient) return false;
+    if (working_ >= ahead_ || (!may_begin() && !impatient)) return false;
     ++working_;
     last_ = std::chrono::steady_clock::now();
     return true;

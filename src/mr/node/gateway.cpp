@@ -13,7 +13,8 @@ using Json = nlohmann::ordered_json;
 
 constexpr Duration kSilence = std::chrono::seconds(2);  // after it, viewers are told
 constexpr std::size_t kMaxText = 1024;                  // bytes of a viewer's text message
-constexpr std::size_t kMaxEvents = 4096;
+constexpr std::size_t kMaxEvents = 256;
+constexpr std::size_t kMaxMessage = 128u << 10;  // bytes; the longest request is a little shorter
 
 }  // namespace
 
@@ -24,12 +25,16 @@ struct Gateway::Inbox {
   std::mutex mutex;
   std::vector<Event> events;
   std::vector<net::Message> answers;
+  std::uint64_t refused = 0;  // messages of viewers
 
   void add(Event event) {
     {
       const std::lock_guard lock(mutex);
       const bool must = event.kind == Event::Kind::opened || event.kind == Event::Kind::closed;
-      if (must || events.size() < kMaxEvents) events.push_back(std::move(event));
+      if (must || events.size() < kMaxEvents)
+        events.push_back(std::move(event));
+      else
+        ++refused;
     }
     signal.notify();
   }
@@ -58,6 +63,7 @@ Result<std::unique_ptr<Gateway>> Gateway::start(const LiveContext& context,
   net::WebConfig web;
   web.listen = config.listen;
   web.root = page;
+  web.message_bytes = kMaxMessage;
   auto server = net::WebServer::start(
       web, {.opened = [event](net::ClientId id) { event(Event::Kind::opened, id); },
             .received =
@@ -234,6 +240,10 @@ LiveStats Gateway::stats() const {
   const std::lock_guard lock(mutex_);
   for (const auto& more : {viewers_.drops(), server_->drops()})
     for (const auto& [cause, n] : more) out.drops[cause] += n;
+  if (const auto lost = inbox_->packets.counts().lost)
+    out.drops[root_ + " → gateway: lost, gateway is slow"] = lost;
+  const std::lock_guard inbox_lock(inbox_->mutex);
+  if (inbox_->refused > 0) out.drops["viewers → gateway: too many messages"] = inbox_->refused;
   return out;
 }
 

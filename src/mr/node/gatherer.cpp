@@ -10,7 +10,7 @@ namespace mr::node {
 namespace {
 
 /// Units that wait in vain are given up; the streams then start again with a key frame.
-constexpr std::size_t kMaxUnitsWaiting = 64;
+constexpr std::size_t kMaxUnitsWaiting = 64;  // per sensor
 
 Duration milliseconds(double ms) {
   return std::chrono::round<Duration>(std::chrono::duration<double, std::milli>(ms));
@@ -72,6 +72,12 @@ Status Gatherer::check_sender(const Input& input, const Packet& packet) const {
   for (const SourceInfo& source : packet.sources)
     if (!input.sensors.contains(source.sensor))
       return refuse("brings sensor " + std::to_string(source.sensor) + ", which is not below it");
+  for (const View& view : packet.views)
+    if (!input.sensors.contains(view.stream))
+      return refuse("shows stream " + std::to_string(view.stream) + ", which is not below it");
+  for (const TextureUnit& unit : packet.textures)
+    if (!input.sensors.contains(unit.stream))
+      return refuse("brings stream " + std::to_string(unit.stream) + ", which is not below it");
   if (packet.sources.empty()) return refuse("names no sensor");
   if (input.receiver.is_stale(packet)) return refuse("comes after a newer one");
   return {};
@@ -106,7 +112,7 @@ Status Gatherer::receive(std::size_t input, Packet packet, TimePoint now) {
 void Gatherer::keep_units(Input& input, Packet& packet) {
   for (TextureUnit& unit : packet.textures)
     input.units.push_back({packet.captured_at, std::move(unit)});
-  if (input.units.size() <= kMaxUnitsWaiting) return;
+  if (input.units.size() <= kMaxUnitsWaiting * input.sensors.size()) return;
   input.units.clear();
   input.key_frame_wanted = true;
 }
@@ -168,7 +174,10 @@ Result<std::optional<Gathered>> Gatherer::gather(TimePoint now) {
   trace_.add("decode", std::exchange(decode_ms_, 0));
   Gathered out;
   out.tick = *tick;
-  for (const std::size_t i : aligner_.live_at(*tick)) add(i, out);
+  for (const std::size_t i : aligner_.live_at(*tick)) add(inputs_[i], out);
+  // Also what came too late was taken, else its sender would wait for word.
+  for (std::size_t i = 0; i < inputs_.size(); ++i)
+    if (inputs_[i].taken) out.taken.emplace_back(i, *std::exchange(inputs_[i].taken, std::nullopt));
   if (out.scenes.empty())
     return Error{Error::Cause::empty, "merger '" + merger_.id + "' has no live input at this tick"};
   std::sort(out.views.begin(), out.views.end(),
@@ -179,9 +188,7 @@ Result<std::optional<Gathered>> Gatherer::gather(TimePoint now) {
 }
 
 /// Adds an input's newest whole capture, with the texture units up to it.
-void Gatherer::add(std::size_t index, Gathered& out) {
-  Input& input = inputs_[index];
-  if (input.taken) out.taken.emplace_back(index, *std::exchange(input.taken, std::nullopt));
+void Gatherer::add(Input& input, Gathered& out) {
   const DecodedScene& scene = *input.whole;
   out.views.insert(out.views.end(), scene.views.begin(), scene.views.end());
   out.sources.insert(out.sources.end(), scene.sources.begin(), scene.sources.end());

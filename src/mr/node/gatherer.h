@@ -96,7 +96,7 @@ class Gatherer {
   Status check_sender(const Input& input, const Packet& packet) const;
   void keep_units(Input& input, Packet& packet);
   void settle(std::size_t input, TimePoint now);
-  void add(std::size_t input, Gathered& out);
+  void add(Input& input, Gathered& out);
 
   const Scene* scene_;
   MergerConfig merger_;

@@ -61,9 +61,11 @@ void LiveMerger::receive(const std::stop_token& stop) {
     if (key_frames_wanted_.exchange(false) || node_.take_key_frame_wish())
       node_.inputs().ask_key_frames();
     for (const auto& [input, request] : node_.inputs().requests(now)) ask(input, request);
-    if (node_.inputs().ready(now) && credit_.try_begin()) hand_over(stop, now);
+    const bool ready = node_.inputs().ready(now), begun = ready && credit_.try_begin();
+    if (begun) hand_over(stop, now);
 
-    const auto due = node_.inputs().due();
+    // Who waits for credit is woken by it.
+    const auto due = ready && !begun ? std::nullopt : node_.inputs().due();
     signal_->wait(
         stop, due ? std::clamp<Duration>(*due - now, Duration(100'000), kLookAgain) : kLookAgain);
   }
@@ -132,7 +134,8 @@ void LiveMerger::merge(const std::stop_token& stop) {
           node_.id(), std::make_shared<const std::vector<std::byte>>(*std::move(bytes)));
     } else {
       drops_.count(node_.id(), bytes.error());
-      key_frames_wanted_ = true;
+      // What was to be handed on is lost.
+      key_frames_wanted_ = node_.id() != context_.scene->mergers.back().id;
     }
     signal_->notify();
   }

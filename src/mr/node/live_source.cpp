@@ -29,6 +29,9 @@ std::uint64_t LiveSource::index_at(TimePoint now) const {
 }
 
 Result<std::optional<Frame>> LiveSource::newest(const std::stop_token& stop) {
+  // The clock was set back: go on from there.
+  if (const Duration ahead = time_of(next_) - wall_time(); ahead > std::chrono::seconds(1))
+    start_ -= ahead;
   if (!wait_until(stop, time_of(next_))) return std::optional<Frame>();
   const std::uint64_t now = index_at(wall_time());
   if (now > next_) {

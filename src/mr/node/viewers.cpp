@@ -127,17 +127,18 @@ std::optional<net::Message> Viewers::asked(Id id, const codec::Request& request)
 
 codec::Request Viewers::wanted(TimePoint now) {
   codec::Request request;
-  const auto is_time = [&](const std::optional<TimePoint>& last) {
-    return !last || now - *last >= kKeyFrameEvery || now < *last;
+  const auto is_time = [&](const std::optional<TimePoint>& last, Duration every) {
+    return !last || now - *last >= every || now < *last;
   };
-  const bool newcomer = std::any_of(viewers_.begin(), viewers_.end(),
-                                    [](const auto& item) { return item.second.fresh; });
-  if ((newcomer || key_frame_wanted_) && is_time(key_frame_asked_)) {
+  const bool newcomer = std::any_of(viewers_.begin(), viewers_.end(), [](const auto& item) {
+    return item.second.fresh && item.second.in_flight.size() < kInFlight;
+  });
+  if ((newcomer || key_frame_wanted_) && is_time(key_frame_asked_, kKeyFrameEvery)) {
     request.key_frame = true;
     key_frame_wanted_ = false;
     key_frame_asked_ = now;
   }
-  if (newest_ && !complete() && is_time(chunks_asked_)) {
+  if (newest_ && !complete() && is_time(chunks_asked_, kChunksEvery)) {
     for (const ChunkKey& key : newest_->manifest)
       if (!chunks_.contains(key) && request.chunks.size() < codec::Request::kMaxChunks)
         request.chunks.push_back(key);

@@ -28,6 +28,7 @@ class Viewers {
   static constexpr int kInFlight = 2;
   static constexpr std::size_t kMaxWaiting = 30;  ///< packets; a viewer with more starts anew
   static constexpr Duration kKeyFrameEvery = std::chrono::milliseconds(500);
+  static constexpr Duration kChunksEvery = std::chrono::milliseconds(100);
 
   void opened(Id viewer);
   void closed(Id viewer);
