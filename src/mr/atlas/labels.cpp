@@ -19,6 +19,7 @@ namespace mr::atlas {
 namespace {
 
 constexpr double kEnoughVisible = 0.9;
+constexpr float kMostlyMeasured = 0.5f;  // holes in a depth picture are common, what hides is large
 constexpr double kLeastDirect = 0.75;  // below it, neutral colour is better than a wrong picture
 constexpr float kLeastFacing = 0.1f;   // cosine; flatter, a pixel smears over the surface
 constexpr int kNormalRounds = 4;
@@ -240,7 +241,7 @@ constexpr int kNone = -1;
 
 /// Whether a view sees enough of a triangle to texture it, and has measured it where `measured`.
 bool sees_enough(const Sight& s, bool measured) {
-  return s.visible >= kEnoughVisible && (!measured || s.measured >= kEnoughVisible);
+  return s.visible >= kEnoughVisible && (!measured || s.measured >= kMostlyMeasured);
 }
 
 /// The view that looks most directly among those that see enough, best of all of what their own
@@ -275,7 +276,7 @@ std::vector<std::uint8_t> allowed_views(const std::vector<int>& best, const Sigh
     if (best[t] == kNone) continue;
     const Sight& chosen = sights[best[t]][t];
     const double most = angle(chosen) + allowance;
-    const bool measured = chosen.measured >= kEnoughVisible;
+    const bool measured = chosen.measured >= kMostlyMeasured;
     for (std::size_t v = 0; v < sights.size(); ++v) {
       const Sight& s = sights[v][t];
       allowed[t * sights.size() + v] = sees_enough(s, measured) && angle(s) <= most;
