@@ -20,8 +20,8 @@ namespace {
 
 constexpr double kEnoughVisible = 0.9;
 constexpr float kMostlyMeasured = 0.5f;  // holes in a depth picture are common, what hides is large
-constexpr double kLeastDirect = 0.75;  // below it, neutral colour is better than a wrong picture
-constexpr float kLeastFacing = 0.1f;   // cosine; flatter, a pixel smears over the surface
+constexpr double kLeastDirect = 0.75;    // below it, neutral colour is better than a wrong picture
+constexpr float kLeastFacing = 0.1f;     // cosine; flatter, a pixel smears over the surface
 constexpr int kNormalRounds = 4;
 constexpr int kCutRounds = 4;
 constexpr int kSweeps = 12;
