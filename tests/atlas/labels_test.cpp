@@ -86,27 +86,6 @@ TEST(Labels, OccluderIsNotPaintedOntoTheWall) {
   EXPECT_LT(outside, 0.05);
 }
 
-TEST(Labels, WhatDepthCannotSeeIsNotPaintedOntoTheWall) {
-  // View 0 looks straight at the wall, but something dark stands in its way: its own sensor
-  // measured only the left half. View 1 stands to the side and measured everything.
-  const View straight = view(0, {0, 0, 0}, {0, 0, 2}), aside = view(1, {-2.2, 0, 0}, {0, 0, 2});
-  const Mesh whole = wall(0.8f, 32);
-  std::vector<std::uint8_t> left;
-  for (std::size_t t = 0; t < whole.triangles.size(); ++t) left.push_back(whole.centroid(t).x < 0);
-  const Mesh half = select_triangles(whole, left);
-  const double side = 1.6 * 0.8;  // square metres of a half
-
-  const Mesh known =
-      atlas::label_triangles(whole, {{straight, aside}}, {.measured = {&half, &whole}});
-  EXPECT_NEAR(labelled_area(known, 0), side, 0.1 * side);
-  EXPECT_NEAR(labelled_area(known, 1), side, 0.1 * side);
-  const Mesh unknown = atlas::label_triangles(whole, {{straight, aside}}, {});
-  EXPECT_NEAR(labelled_area(unknown, 0), 2 * side, 0.1 * side);
-  // Nobody else looks there: better this picture than none.
-  const Mesh alone = atlas::label_triangles(whole, {{straight}}, {.measured = {&half}});
-  EXPECT_NEAR(labelled_area(alone, 0), 2 * side, 0.1 * side);
-}
-
 TEST(Labels, BestAngleTakesTheMostDirectView) {
   const std::vector<View> views = {view(0, {-1.5, 0, 0.5}, {0, 0, 2}),
                                    view(1, {0, 0, 0}, {0, 0, 2})};

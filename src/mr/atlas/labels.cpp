@@ -19,9 +19,8 @@ namespace mr::atlas {
 namespace {
 
 constexpr double kEnoughVisible = 0.9;
-constexpr float kMostlyMeasured = 0.5f;  // holes in a depth picture are common, what hides is large
-constexpr double kLeastDirect = 0.75;    // below it, neutral colour is better than a wrong picture
-constexpr float kLeastFacing = 0.1f;     // cosine; flatter, a pixel smears over the surface
+constexpr double kLeastDirect = 0.75;  // below it, neutral colour is better than a wrong picture
+constexpr float kLeastFacing = 0.1f;   // cosine; flatter, a pixel smears over the surface
 constexpr int kNormalRounds = 4;
 constexpr int kCutRounds = 4;
 constexpr int kSweeps = 12;
@@ -33,7 +32,6 @@ struct Sight {
                         ///< where the view may not be used
   float direct_px = 0;  ///< pixels in sight, margins or not; 0 where the view may not be used
   float facing = 0;     ///< cosine between the normal and the direction to the camera
-  float measured = 0;   ///< share of the triangle's pixels where the view's own sensor measured it
   bool touches = false;  ///< some of it is in the picture and in sight
 };
 
@@ -64,19 +62,10 @@ double near_depth(const ImageDepth& depth) {
   return candidates[rank];
 }
 
-/// The same camera with pixels twice as wide; one of an odd picture's last row is kept.
-Camera half(Camera camera) {
-  camera.width = (camera.width + 1) / 2, camera.height = (camera.height + 1) / 2;
-  camera.fx /= 2, camera.fy /= 2;
-  camera.cx = (camera.cx + 0.5) / 2 - 0.5, camera.cy = (camera.cy + 0.5) / 2 - 0.5;
-  return camera;
-}
-
 /// A view with the mesh's depth as it sees it.
 class Eye {
  public:
-  /// `measured`: by the view's own sensors; null: not known.
-  Eye(const Mesh& mesh, const Mesh* measured, const View& view, const LabelConfig& config)
+  Eye(const Mesh& mesh, const View& view, const LabelConfig& config)
       : view_(view),
         camera_(view.camera()),
         T_camera_world_(view.T_world_camera.inverse()),
@@ -86,9 +75,7 @@ class Eye {
         depth_(kit::rasterize(mesh, camera_, view.T_world_camera).depth),
         margin_(static_cast<int>(
             std::ceil(margin_px(view, config.geometry_error_m, near_depth(depth_))))),
-        around_(nearest_around(depth_, margin_)),
-        measured_(measured ? kit::rasterize(*measured, half(camera_), view.T_world_camera).depth
-                           : ImageDepth()) {}
+        around_(nearest_around(depth_, margin_)) {}
 
   /// `normal_world`: what the surface faces there, smoothed.
   Sight look_at(const Mesh& mesh, std::size_t t, Vec3f normal_world) const {
@@ -99,7 +86,7 @@ class Eye {
     const std::array<Vec3d, 3> p = {in_camera(mesh.corner(t, 0)), in_camera(mesh.corner(t, 1)),
                                     in_camera(mesh.corner(t, 2))};
     const Vec3d middle = (p[0] + p[1] + p[2]) / 3.0;
-    int pixels = 0, clear = 0, direct = 0, measured = 0;
+    int pixels = 0, clear = 0, direct = 0;
     const auto count = [&](const kit::ScreenSpan& s) {
       const float* const nearest = depth_.row(s.y);
       const float* const around = around_.row(s.y);
@@ -112,9 +99,6 @@ class Eye {
         const int in_sight = nearest[x] >= in_front;
         direct += in_sight;
         clear += in_sight & (around[x] >= occluder);
-        if (!measured_.empty())
-          measured +=
-              std::abs(*measured_.at(x / 2, s.y / 2) - z) <= z - in_front + kFrontOfMargin_m;
       }
       pixels += s.last - s.first + 1;
     };
@@ -125,8 +109,6 @@ class Eye {
       if (depth_.contains(x, y)) count({y, x, x, static_cast<float>(s.inv_z), 0});
     }
     if (pixels == 0) return {};
-    sight.measured =
-        measured_.empty() ? 1 : static_cast<float>(measured) / static_cast<float>(pixels);
     sight.touches = direct > 0;
     // A corner outside forbids the view for this triangle; cut, its inner pieces may use it.
     if (!std::all_of(p.begin(), p.end(), [&](Vec3d c) { return inside(c); })) return sight;
@@ -155,7 +137,6 @@ class Eye {
   ImageDepth depth_;
   int margin_;
   ImageDepth around_;
-  ImageDepth measured_;  ///< half the picture's size; empty: not known
 };
 
 /// [view][triangle]
@@ -175,9 +156,7 @@ std::vector<std::optional<Eye>> open_eyes(const Mesh& mesh, std::span<const View
   std::vector<std::optional<Eye>> eyes(views.size());
   parallel_for(views.size(), 1, [&](std::size_t begin, std::size_t end) {
     for (std::size_t v = begin; v < end; ++v)
-      if (views[v].kind == View::Kind::pinhole)
-        eyes[v].emplace(mesh, config.measured.empty() ? nullptr : config.measured[v], views[v],
-                        config);
+      if (views[v].kind == View::Kind::pinhole) eyes[v].emplace(mesh, views[v], config);
   });
   return eyes;
 }
@@ -239,31 +218,20 @@ bool cut_occlusion_edges(Labelling& l, double min_edge_m) {
 
 constexpr int kNone = -1;
 
-/// Whether a view sees enough of a triangle to texture it, and has measured it where `measured`.
-bool sees_enough(const Sight& s, bool measured) {
-  return s.visible >= kEnoughVisible && (!measured || s.measured >= kMostlyMeasured);
-}
-
-/// The view that looks most directly among those that see enough, best of all of what their own
-/// sensors measured; else the one that sees most of the triangle, if need be within the margin of
-/// an occluder.
+/// The view that looks most directly among those that see enough; else the one that sees most of
+/// the triangle, if need be within the margin of an occluder.
 int best_view(const Sights& sights, std::size_t t) {
-  const int count = static_cast<int>(sights.size());
-  for (const bool measured : {true, false}) {
-    int best = kNone;
-    for (int v = 0; v < count; ++v)
-      if (sees_enough(sights[v][t], measured) &&
-          (best == kNone || sights[v][t].facing > sights[best][t].facing))
-        best = v;
-    if (best != kNone) return best;
+  int best = kNone, most = kNone;
+  for (int v = 0; v < static_cast<int>(sights.size()); ++v) {
+    const Sight& s = sights[v][t];
+    if (s.visible >= kEnoughVisible && (best == kNone || s.facing > sights[best][t].facing))
+      best = v;
+    const auto rank = [&](int view) {
+      return std::pair(sights[view][t].visible, sights[view][t].direct_px);
+    };
+    if (s.direct_px > 0 && (most == kNone || rank(v) > rank(most))) most = v;
   }
-  const auto rank = [&](int view) {
-    return std::pair(sights[view][t].visible, sights[view][t].direct_px);
-  };
-  int most = kNone;
-  for (int v = 0; v < count; ++v)
-    if (sights[v][t].direct_px > 0 && (most == kNone || rank(v) > rank(most))) most = v;
-  return most;
+  return best != kNone ? best : most;
 }
 
 /// [triangle][view] 1 where the view sees enough, at an angle that is not much worse than the best.
@@ -274,12 +242,10 @@ std::vector<std::uint8_t> allowed_views(const std::vector<int>& best, const Sigh
   std::vector<std::uint8_t> allowed(best.size() * sights.size(), 0);
   for (std::size_t t = 0; t < best.size(); ++t) {
     if (best[t] == kNone) continue;
-    const Sight& chosen = sights[best[t]][t];
-    const double most = angle(chosen) + allowance;
-    const bool measured = chosen.measured >= kMostlyMeasured;
+    const double most = angle(sights[best[t]][t]) + allowance;
     for (std::size_t v = 0; v < sights.size(); ++v) {
       const Sight& s = sights[v][t];
-      allowed[t * sights.size() + v] = sees_enough(s, measured) && angle(s) <= most;
+      allowed[t * sights.size() + v] = s.visible >= kEnoughVisible && angle(s) <= most;
     }
   }
   return allowed;

@@ -1,7 +1,6 @@
 #pragma once
 
 #include <span>
-#include <vector>
 
 #include "mr/core/mesh.h"
 #include "mr/core/packet.h"
@@ -17,10 +16,6 @@ struct LabelConfig {
   double geometry_error_m = 0.01;  ///< decimation + lattice + calibration error
   Precision precision{};           ///< of the noisiest sensor: bumps of its noise are not occluders
   double min_edge_m = 0.02;        ///< triangles across an occlusion edge are cut down to this
-  /// [views] the surface that the view's own sensors measured, or null; empty: not known. Where
-  /// they measured none, something may stand in the way that depth cannot see, like dark hair:
-  /// views that did measure the surface are preferred.
-  std::vector<const Mesh*> measured = {};
 };
 
 /// Chooses which view textures each triangle (paper 3.3; DESIGN section 4, "Texturing by

@@ -54,17 +54,6 @@ Precision noisiest(const std::vector<SourceInfo>& sources) {
   return worst == sources.end() ? Precision{} : worst->precision;
 }
 
-/// For every view the surface of the child that it comes from.
-std::vector<const Mesh*> measured_by_views(const Gathered& gathered,
-                                           const std::vector<merge::Part>& parts) {
-  std::map<ViewId, const Mesh*> of_view;
-  for (std::size_t i = 0; i < parts.size(); ++i)
-    for (const View& view : gathered.scenes[i].views) of_view[view.id] = &parts[i].mesh;
-  std::vector<const Mesh*> out;
-  for (const View& view : gathered.views) out.push_back(of_view.at(view.id));
-  return out;
-}
-
 /// Whether two gatherings have the same geometry seen by the same views. A chunk that was kept is
 /// the very same object.
 bool same_geometry(const std::vector<DecodedScene>& a, const std::vector<DecodedScene>& b) {
@@ -178,8 +167,7 @@ Result<MergeNode::Surface> MergeNode::merge_surfaces(const Gathered& gathered,
                                   {.views = scene_->atlas.views,
                                    .geometry_error_m = texturing_error_m(*scene_, out.error_m),
                                    .precision = noisiest(gathered.sources),
-                                   .min_edge_m = 2 * voxel_m,
-                                   .measured = measured_by_views(gathered, parts)});
+                                   .min_edge_m = 2 * voxel_m});
   });
   auto snapped = codec::snap_to_lattice(labelled, scene_->lattice);
   if (!snapped) return snapped.error();
