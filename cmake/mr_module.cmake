@@ -35,5 +35,7 @@ function(mr_add_test name)
                                         GTest::gtest_main GTest::gmock)
   target_compile_definitions(${name} PRIVATE MR_SOURCE_DIR="${CMAKE_SOURCE_DIR}")
   add_test(NAME ${name} COMMAND ${name} --gtest_brief=1 WORKING_DIRECTORY ${CMAKE_SOURCE_DIR})
-  set_tests_properties(${name} PROPERTIES LABELS "${T_LABELS}" TIMEOUT 600)
+  set(suppressions suppressions=${CMAKE_SOURCE_DIR}/tests)  # third-party libraries only
+  set_tests_properties(${name} PROPERTIES LABELS "${T_LABELS}" TIMEOUT 600 ENVIRONMENT
+    "LSAN_OPTIONS=${suppressions}/lsan.supp;TSAN_OPTIONS=${suppressions}/tsan.supp")
 endfunction()
