@@ -19,18 +19,4 @@ void burn_number(ImageRgb& picture, std::uint64_t number) {
   }
 }
 
-std::optional<std::uint16_t> read_number(const ImageRgb& picture) {
-  if (picture.width < kColumns * kSquare || picture.height < kBits / kColumns * kSquare)
-    return std::nullopt;
-  std::uint16_t number = 0;
-  for (int bit = 0; bit < kBits; ++bit) {
-    const int x = bit % kColumns * kSquare + kSquare / 2,
-              y = bit / kColumns * kSquare + kSquare / 2;
-    const std::uint8_t value = *picture.at(x, y);
-    if (value > 64 && value < 192) return std::nullopt;
-    number = static_cast<std::uint16_t>(number << 1 | (value > 128));
-  }
-  return number;
-}
-
 }  // namespace mr::atlas

@@ -1,7 +1,6 @@
 #pragma once
 
 #include <cstdint>
-#include <optional>
 
 #include "mr/core/image.h"
 
@@ -11,8 +10,5 @@ namespace mr::atlas {
 /// of 16 pixels, white for 1, most significant first. For tests that mesh and texture belong
 /// together: a viewer reads it back from what it shows.
 void burn_number(ImageRgb& picture, std::uint64_t number);
-
-/// Reads it back, also after lossy coding; nothing where the corner holds no such squares.
-std::optional<std::uint16_t> read_number(const ImageRgb& picture);
 
 }  // namespace mr::atlas

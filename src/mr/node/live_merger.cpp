@@ -142,15 +142,9 @@ void LiveMerger::merge(const std::stop_token& stop) {
 }
 
 net::Message LiveMerger::answer(std::span<const std::byte> question) {
-  const auto request = codec::decode_request(question);
-  if (!request) {
-    drops_.count("requests to " + node_.id(), request.error());
-    return nullptr;
-  }
-  if (request->taken) credit_.taken(*request->taken);
-  auto bytes = node_.answer(*request);
+  net::Message answer = answer_request(question, node_, credit_, drops_);
   signal_->notify();
-  return bytes.empty() ? nullptr : std::make_shared<const std::vector<std::byte>>(std::move(bytes));
+  return answer;
 }
 
 LiveStats LiveMerger::stats() const {

@@ -5,10 +5,12 @@
 #include <functional>
 #include <map>
 #include <memory>
+#include <span>
 #include <string>
 #include <thread>
 #include <vector>
 
+#include "mr/codec/request.h"
 #include "mr/core/frame_source.h"
 #include "mr/core/scene.h"
 #include "mr/net/outbox.h"
@@ -46,6 +48,20 @@ class LiveNode {
   virtual ~LiveNode() = default;
   virtual LiveStats stats() const = 0;
 };
+
+/// What a node says to a request: null when it has nothing to give. What was taken is credited.
+template <typename Node>
+net::Message answer_request(std::span<const std::byte> question, Node& node, Credit& credit,
+                            DropCounter& drops) {
+  const auto request = codec::decode_request(question);
+  if (!request) {
+    drops.count("requests to " + node.id(), request.error());
+    return nullptr;
+  }
+  if (request->taken) credit.taken(*request->taken);
+  auto bytes = node.answer(*request);
+  return bytes.empty() ? nullptr : std::make_shared<const std::vector<std::byte>>(std::move(bytes));
+}
 
 /// A sensor node: one thread takes the newest frame and reconstructs its surface, another codes and
 /// sends it.

@@ -76,14 +76,7 @@ void LiveSensor::code_frames(const std::stop_token& stop) {
 }
 
 net::Message LiveSensor::answer(std::span<const std::byte> question) {
-  const auto request = codec::decode_request(question);
-  if (!request) {
-    drops_.count("requests to " + node_.id(), request.error());
-    return nullptr;
-  }
-  if (request->taken) credit_.taken(*request->taken);
-  auto bytes = node_.answer(*request);
-  return bytes.empty() ? nullptr : std::make_shared<const std::vector<std::byte>>(std::move(bytes));
+  return answer_request(question, node_, credit_, drops_);
 }
 
 LiveStats LiveSensor::stats() const {
