@@ -2,6 +2,8 @@
 
 #include <gtest/gtest.h>
 
+#include "mr/codec/packet_codec.h"
+
 namespace mr::codec {
 namespace {
 
@@ -73,6 +75,17 @@ TEST(Coalesce, WhatDoesNotFollowIsGivenUp) {
   out = coalesce(restarted);
   EXPECT_EQ(out.epoch, 2u);
   EXPECT_EQ(out.coalesced, 1u);
+}
+
+TEST(Coalesce, NoMoreUnitsThanAPacketMayHold) {
+  std::vector<Packet> packets;
+  for (std::uint64_t i = 0; i < 3; ++i) {
+    packets.push_back(packet(i, {}, {}));
+    packets.back().textures.assign(PacketLimits{}.textures / 2, unit(1));
+  }
+  const Packet out = coalesce(packets);
+  EXPECT_EQ(out.coalesced, 1u);
+  EXPECT_TRUE(decode_packet(encode_packet(out)));
 }
 
 }  // namespace

@@ -228,13 +228,15 @@ TEST_F(PipelineFromFiles, WallSeenTwiceIsOneSurface) {
   EXPECT_EQ(report.chunks_kept, 2 * report.chunks_new);
 }
 
-/// What one sensor node sends for a wall 1.5 m away.
-std::vector<std::byte> wall_packet(const Scene& s, node::SensorNode& sensor) {
+/// What one sensor node sends for a wall 1.5 m away; for nothing in front of it with 0.
+std::vector<std::byte> wall_packet(const Scene& s, node::SensorNode& sensor, float depth_m = 1.5f) {
   Frame frame;
-  frame.depth = ImageDepth(160, 120, 1.5f);
+  frame.depth = ImageDepth(160, 120, depth_m);
   frame.color = ImageRgb(160, 120, 128);
   frame.T_world_depth = s.sensors[0].T_world_depth[0];
-  auto bytes = sensor.process(frame);
+  const auto surface = sensor.reconstruct(frame);
+  EXPECT_TRUE(surface);
+  auto bytes = sensor.code(*surface);
   EXPECT_TRUE(bytes);
   return *bytes;
 }
@@ -277,6 +279,25 @@ TEST_F(PipelineFromFiles, LossIsMendedByAKeyFrame) {
   wall_packet(s, sensor);           // lost on the way
   EXPECT_EQ(shown(), TimePoint{});  // its pictures refer to the lost one: nothing new to merge
   EXPECT_EQ(shown(), now);
+}
+
+TEST_F(PipelineFromFiles, WhoLeavesTheVolumeLeavesTheScene) {
+  const Scene s = scene();
+  node::SensorNode sensor(s, 0);
+  node::MergeNode merger(s, s.mergers[0], true);
+  TimePoint now{};
+  for (const float depth_m : {1.5f, 0.0f, 1.5f}) {
+    now += std::chrono::milliseconds(40);
+    auto packet = *codec::decode_packet(wall_packet(s, sensor, depth_m));
+    packet.captured_at = now;
+    EXPECT_EQ(packet.manifest.empty(), depth_m == 0);
+    ASSERT_TRUE(merger.inputs().receive(0, codec::encode_packet(packet), now));
+    const auto gathered = merger.inputs().gather(now + std::chrono::milliseconds(60));
+    ASSERT_TRUE(gathered && *gathered);
+    const auto merged = merger.merge(**gathered);
+    ASSERT_TRUE(merged);
+    EXPECT_EQ(codec::decode_packet(*merged)->manifest.empty(), depth_m == 0);
+  }
 }
 
 TEST_F(PipelineFromFiles, PacketsOfOtherSendersAreRefused) {

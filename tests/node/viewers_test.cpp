@@ -121,15 +121,31 @@ TEST(Viewers, GiveChunksOnRequest) {
   viewers.opened(1);
   const Packet packet = sender.next(true);
   give(viewers, packet);
-  const auto answer = viewers.asked(1, {true, {packet.manifest[2], packet.manifest[0]}, {}});
+  const auto answer = viewers.asked(1, {true, {packet.manifest[2], packet.manifest[0]}, {}}, kStart);
   ASSERT_TRUE(answer);
   const auto chunks = codec::decode_chunks(**answer);
   ASSERT_TRUE(chunks);
   ASSERT_EQ(chunks->size(), 2u);
   EXPECT_EQ((*chunks)[0].key, packet.manifest[0]);
   EXPECT_TRUE(viewers.wanted(kStart).key_frame);
-  EXPECT_FALSE(viewers.asked(9, {}));
-  EXPECT_FALSE(viewers.asked(1, {false, {{{{9, 9, 9}, 0}, 0, 0}}, {}})) << "unknown chunks";
+  EXPECT_FALSE(viewers.asked(9, {}, kStart));
+  const TimePoint later = kStart + Viewers::kAnswerEvery;
+  EXPECT_FALSE(viewers.asked(1, {false, {{{{9, 9, 9}, 0}, 0, 0}}, {}}, later)) << "unknown chunks";
+}
+
+TEST(Viewers, WhoAsksInALoopIsAnsweredNowAndThen) {
+  Sender sender;
+  Viewers viewers;
+  viewers.opened(1);
+  viewers.opened(2);
+  const Packet packet = sender.next(true);
+  give(viewers, packet);
+  const codec::Request all{false, packet.manifest, {}};
+  EXPECT_TRUE(viewers.asked(1, all, kStart));
+  EXPECT_FALSE(viewers.asked(1, all, kStart + std::chrono::milliseconds(1)));
+  EXPECT_TRUE(viewers.asked(2, all, kStart + std::chrono::milliseconds(1)));
+  EXPECT_TRUE(viewers.asked(1, all, kStart + Viewers::kAnswerEvery));
+  EXPECT_EQ(viewers.drops().size(), 1u);
 }
 
 }  // namespace

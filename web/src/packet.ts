@@ -10,7 +10,7 @@ const kLimits = {
   manifestChunks: 1 << 16,
   views: 4096,
   viewsOfChunk: 254,
-  textures: 1024,
+  textures: 1 << 14,
   textureSide: 8192,
   cameraSide: 16384,
   chunkTriangles: 1 << 20,

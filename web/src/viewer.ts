@@ -29,6 +29,8 @@ export interface Shown {
   /** ms since 1970 */
   readonly capturedAt: number;
   readonly epoch: number;
+  /** How many cameras texture it. */
+  readonly views: number;
   readonly triangles: number;
   readonly chunks: number;
 }
@@ -110,6 +112,7 @@ export class Viewer {
       sequence: packet.sequence,
       capturedAt: Number(packet.capturedAtNs) / 1e6,
       epoch: packet.epoch,
+      views: packet.views.length,
       triangles: this.renderer.triangles(),
       chunks: packet.manifest.length,
     };
@@ -236,7 +239,7 @@ export class Viewer {
     this.lastCameMs = Date.now();
     this.captures.add(performance.now(), 1);
     if (this.options.checkPairs) this.notePair(packet.sequence, pictures);
-    if (!this.framed) {
+    if (!this.framed && this.renderer.triangles() > 0) {
       this.framed = true;
       this.home();
     }

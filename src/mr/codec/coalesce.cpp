@@ -5,6 +5,7 @@
 #include <map>
 #include <utility>
 
+#include "mr/codec/packet_codec.h"
 #include "mr/core/assert.h"
 
 namespace mr::codec {
@@ -34,8 +35,12 @@ Packet fold(Packet older, Packet newer) {
 
 Packet coalesce(std::span<Packet> packets) {
   MR_ASSERT(!packets.empty());
-  std::size_t first = packets.size() - 1;
-  while (first > 0 && can_fold(packets[first - 1], packets[first])) --first;
+  std::size_t first = packets.size() - 1, units = packets[first].textures.size();
+  while (first > 0 && can_fold(packets[first - 1], packets[first])) {
+    units += packets[first - 1].textures.size();
+    if (units > PacketLimits{}.textures) break;
+    --first;
+  }
   Packet out = std::move(packets[first]);
   for (std::size_t i = first + 1; i < packets.size(); ++i)
     out = fold(std::move(out), std::move(packets[i]));

@@ -14,8 +14,9 @@ bool can_fold(const Packet& older, const Packet& newer);
 /// payload of each chunk that it names, texture units of both in order.
 Packet fold(Packet older, Packet newer);
 
-/// Folds as many of the given packets, oldest first, as go together with the newest; the rest is
-/// given up, which the receiver sees as a gap in the sequence.
+/// Folds as many of the given packets, oldest first, as go together with the newest and hold no
+/// more texture units than a packet may; the rest is given up, which the receiver sees as a gap in
+/// the sequence.
 Packet coalesce(std::span<Packet> packets);
 
 }  // namespace mr::codec

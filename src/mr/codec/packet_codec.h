@@ -15,7 +15,7 @@ struct PacketLimits {
   std::size_t packet_bytes = 64u << 20;
   std::size_t manifest_chunks = 1u << 16;
   std::size_t views = 4096;
-  std::size_t textures = 1024;
+  std::size_t textures = 1u << 14;
   int texture_side = 8192;  ///< pixels
   std::uint32_t chunk_triangles = 1u << 20;
   std::uint64_t packet_triangles = 1u << 24;  ///< of all payloads together

@@ -5,6 +5,7 @@
 #include <iterator>
 
 #include "mr/codec/packet_codec.h"
+#include "mr/node/node_clock.h"
 
 namespace mr::node {
 namespace {
@@ -112,7 +113,9 @@ Status Gatherer::receive(std::size_t input, Packet packet, TimePoint now) {
 void Gatherer::keep_units(Input& input, Packet& packet) {
   for (TextureUnit& unit : packet.textures)
     input.units.push_back({packet.captured_at, std::move(unit)});
-  if (input.units.size() <= kMaxUnitsWaiting * input.sensors.size()) return;
+  const std::size_t most = std::min(kMaxUnitsWaiting * input.sensors.size(),
+                                    codec::PacketLimits{}.textures / inputs_.size());
+  if (input.units.size() <= most) return;
   input.units.clear();
   input.key_frame_wanted = true;
 }
@@ -140,19 +143,16 @@ void Gatherer::settle(std::size_t input, TimePoint now) {
 
 std::vector<std::pair<std::size_t, codec::Request>> Gatherer::requests(TimePoint now) {
   std::vector<std::pair<std::size_t, codec::Request>> out;
-  const auto is_time = [&](const std::optional<TimePoint>& last, Duration every) {
-    return !last || now - *last >= every || now < *last;
-  };
   for (std::size_t i = 0; i < inputs_.size(); ++i) {
     Input& input = inputs_[i];
     codec::Request request;
     if ((input.key_frame_wanted || !input.receiver.streams_waiting().empty()) &&
-        is_time(input.key_frame_asked, kKeyFrameEvery)) {
+        is_time(input.key_frame_asked, kKeyFrameEvery, now)) {
       request.key_frame = true;
       input.key_frame_wanted = false;
       input.key_frame_asked = now;
     }
-    if (is_time(input.chunks_asked, kChunksEvery)) {
+    if (is_time(input.chunks_asked, kChunksEvery, now)) {
       request.chunks = input.receiver.missing();
       if (request.chunks.size() > codec::Request::kMaxChunks)
         request.chunks.resize(codec::Request::kMaxChunks);

@@ -36,6 +36,7 @@ void give_way(const LiveContext& context) {
 void LiveSensor::reconstruct_frames(const std::stop_token& stop) {
   give_way(context_);
   Arena arena(context_.threads);
+  bool was_empty = false;  // an empty volume is news once
   while (credit_.begin(stop)) {
     auto frame = source_.newest(stop);
     skipped_ = source_.skipped();
@@ -51,9 +52,13 @@ void LiveSensor::reconstruct_frames(const std::stop_token& stop) {
     if (!surface) {
       drops_.count(node_.id(), error);
       credit_.end(false);
-    } else if (!reconstructed_.put(stop, *std::move(surface))) {
-      return;
+      continue;
     }
+    const bool is_empty = surface->mesh.empty();
+    if (is_empty && !std::exchange(was_empty, true))
+      context_.log(node_.no_surface(surface->frame).message);
+    was_empty = is_empty;
+    if (!reconstructed_.put(stop, *std::move(surface))) return;
   }
 }
 

@@ -172,8 +172,6 @@ Result<MergeNode::Surface> MergeNode::merge_surfaces(const Gathered& gathered,
   auto snapped = codec::snap_to_lattice(labelled, scene_->lattice);
   if (!snapped) return snapped.error();
   out.mesh = kit::without_nonmanifold_edges(*snapped);
-  if (out.mesh.empty())
-    return Error{Error::Cause::empty, "merger '" + id() + "': no surface is left"};
   return out;
 }
 

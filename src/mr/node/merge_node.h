@@ -43,7 +43,7 @@ class MergeNode {
   Gatherer& inputs() { return gatherer_; }
   const Gatherer& inputs() const { return gatherer_; }
 
-  /// The bytes of the merged packet. empty: no surface is left. After an Error the inputs should
+  /// The bytes of the merged packet. After an Error the inputs should
   /// send key frames, as units that were to be handed on are lost. `halfway` is called when the
   /// stages that use every core are over: on one machine, the inputs' next frames fit in from
   /// there.

@@ -2,6 +2,7 @@
 
 #include <cstdint>
 #include <functional>
+#include <optional>
 
 #include "mr/core/frame.h"
 
@@ -19,5 +20,10 @@ struct NodeClock {
 
 /// The machine's time.
 TimePoint wall_time();
+
+/// Whether what was last done then may be done again; clocks may be set back.
+inline bool is_time(const std::optional<TimePoint>& last, Duration every, TimePoint now) {
+  return !last || now - *last >= every || now < *last;
+}
 
 }  // namespace mr::node

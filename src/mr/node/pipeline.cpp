@@ -123,6 +123,8 @@ void Pipeline::show(const std::vector<std::byte>& bytes, Measured& measured) {
   if (!lacking.empty()) take_answer(ask(mergers_.back()->id(), lacking));
   auto scene = client_.scene();
   if (!scene) return drops_.count("client", {Error::Cause::empty, "a frame stayed incomplete"});
+  if (scene->chunks.empty())
+    return drops_.count("client", {Error::Cause::empty, "a frame shows no surface"});
   decoded_ = *std::move(scene);
   last_packet_ = bytes;
 
@@ -149,7 +151,7 @@ void Pipeline::run_frame(std::vector<std::optional<Frame>> frames, Measured& mea
     progress(sensor.id());
     now = std::max(now, frames[i]->captured_at());
     const auto start = Clock::now();
-    const auto bytes = sensor.process(*std::move(frames[i]));
+    const auto bytes = sense(sensor, *std::move(frames[i]));
     measured.node_ms[sensor.id()].push_back(ms_since(start));
     if (bytes)
       deliver(edge_from(sensor.id()), *bytes, now, measured);
@@ -163,6 +165,13 @@ void Pipeline::run_frame(std::vector<std::optional<Frame>> frames, Measured& mea
     run_merger(*merger, now, measured);
   }
   if (measured.frames > shown) measured.end_to_end_ms.push_back(ms_since(captured));
+}
+
+Result<std::vector<std::byte>> Pipeline::sense(SensorNode& sensor, Frame frame) {
+  const auto surface = sensor.reconstruct(std::move(frame));
+  if (!surface) return surface.error();
+  if (surface->mesh.empty()) drops_.count(sensor.id(), sensor.no_surface(surface->frame));
+  return sensor.code(*surface);
 }
 
 void Pipeline::run_merger(MergeNode& merger, TimePoint now, Measured& measured) {

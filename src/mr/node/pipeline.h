@@ -59,6 +59,7 @@ class Pipeline {
   bool capture(std::vector<std::optional<Frame>>& frames);
   void run_frame(std::vector<std::optional<Frame>> frames, Measured& measured,
                  const Progress& progress);
+  Result<std::vector<std::byte>> sense(SensorNode& sensor, Frame frame);
   void run_merger(MergeNode& merger, TimePoint now, Measured& measured);
   void deliver(const Edge& edge, const std::vector<std::byte>& bytes, TimePoint now,
                Measured& measured);

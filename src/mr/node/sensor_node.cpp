@@ -69,12 +69,16 @@ Result<SensorNode::Reconstructed> SensorNode::reconstruct(Frame raw) {
   out.frame = trace_.time("register", [&] { return registration_.undistort(std::move(raw)); });
   const std::vector<Mesh> pieces = trace_.time("fuse", [&] { return fuse(out.frame); });
   if (std::all_of(pieces.begin(), pieces.end(), [](const Mesh& m) { return m.empty(); }))
-    return Error{Error::Cause::empty,
-                 "sensor '" + id() + "', frame " + std::to_string(out.frame.index) +
-                     ": depth holds no surface (all pixels invalid or out of range?)"};
+    return out;
   const Status simplified = trace_.time("simplify", [&] { return simplify(pieces, out); });
   if (!simplified) return simplified.error();
   return out;
+}
+
+Error SensorNode::no_surface(const Frame& frame) const {
+  return {Error::Cause::empty,
+          "sensor '" + id() + "', frame " + std::to_string(frame.index) +
+              ": depth holds no surface (nothing in the volume, or all pixels invalid?)"};
 }
 
 /// Everything but mesh and picture.
@@ -120,12 +124,6 @@ Result<std::vector<std::byte>> SensorNode::code(const Reconstructed& surface) {
   if (clock_.now) packet.marks.push_back({"sensors/coded", clock_.now()});
   ++sequence_;
   return codec::encode_packet(packet);
-}
-
-Result<std::vector<std::byte>> SensorNode::process(Frame frame) {
-  const auto surface = reconstruct(std::move(frame));
-  if (!surface) return surface.error();
-  return code(*surface);
 }
 
 std::vector<std::byte> SensorNode::answer(const codec::Request& request) {

@@ -34,12 +34,12 @@ class SensorNode {
 
   const std::string& id() const { return scene_->sensors[sensor_].id; }
 
-  /// Depth to a decimated surface. empty: the depth holds no surface.
+  /// Depth to a decimated surface; an empty one where nothing is in the volume.
   Result<Reconstructed> reconstruct(Frame frame);
+  /// What to tell people about an empty one.
+  Error no_surface(const Frame& frame) const;
   /// Labels, codes mesh and picture: the bytes of the frame's packet.
   Result<std::vector<std::byte>> code(const Reconstructed& surface);
-  /// Both.
-  Result<std::vector<std::byte>> process(Frame frame);
 
   /// Chunks that a receiver asked for; empty when there are none. A wish for a key frame is noted.
   std::vector<std::byte> answer(const codec::Request& request);

@@ -5,6 +5,7 @@
 
 #include "mr/codec/coalesce.h"
 #include "mr/codec/packet_codec.h"
+#include "mr/node/node_clock.h"
 
 namespace mr::node {
 namespace {
@@ -113,9 +114,16 @@ std::vector<Viewers::Send> Viewers::shown(Id id, std::uint64_t sequence) {
   return send ? std::vector<Send>{*std::move(send)} : std::vector<Send>{};
 }
 
-std::optional<net::Message> Viewers::asked(Id id, const codec::Request& request) {
-  if (!viewers_.contains(id)) return std::nullopt;
+std::optional<net::Message> Viewers::asked(Id id, const codec::Request& request, TimePoint now) {
+  const auto viewer = viewers_.find(id);
+  if (viewer == viewers_.end()) return std::nullopt;
   key_frame_wanted_ |= request.key_frame;
+  if (request.chunks.empty()) return std::nullopt;
+  if (!is_time(viewer->second.answered, kAnswerEvery, now)) {
+    ++impatient_;
+    return std::nullopt;
+  }
+  viewer->second.answered = now;
   std::set<ChunkKey> wanted(request.chunks.begin(), request.chunks.end());
   std::vector<EncodedChunk> found;
   for (const ChunkKey& key : wanted)
@@ -127,18 +135,15 @@ std::optional<net::Message> Viewers::asked(Id id, const codec::Request& request)
 
 codec::Request Viewers::wanted(TimePoint now) {
   codec::Request request;
-  const auto is_time = [&](const std::optional<TimePoint>& last, Duration every) {
-    return !last || now - *last >= every || now < *last;
-  };
   const bool newcomer = std::any_of(viewers_.begin(), viewers_.end(), [](const auto& item) {
     return item.second.fresh && item.second.in_flight.size() < kInFlight;
   });
-  if ((newcomer || key_frame_wanted_) && is_time(key_frame_asked_, kKeyFrameEvery)) {
+  if ((newcomer || key_frame_wanted_) && is_time(key_frame_asked_, kKeyFrameEvery, now)) {
     request.key_frame = true;
     key_frame_wanted_ = false;
     key_frame_asked_ = now;
   }
-  if (newest_ && !complete() && is_time(chunks_asked_, kChunksEvery)) {
+  if (newest_ && !complete() && is_time(chunks_asked_, kChunksEvery, now)) {
     for (const ChunkKey& key : newest_->manifest)
       if (!chunks_.contains(key) && request.chunks.size() < codec::Request::kMaxChunks)
         request.chunks.push_back(key);
@@ -158,6 +163,7 @@ std::optional<std::uint64_t> Viewers::taken() const {
 std::map<std::string, std::uint64_t> Viewers::drops() const {
   std::map<std::string, std::uint64_t> out;
   if (folded_ > 0) out["viewers: packets folded, a viewer is slow"] = folded_;
+  if (impatient_ > 0) out["viewers: requests too soon after the last"] = impatient_;
   if (restarted_ > 0) out["viewers: a slow one had to start anew"] = restarted_;
   return out;
 }

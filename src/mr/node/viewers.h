@@ -29,6 +29,7 @@ class Viewers {
   static constexpr std::size_t kMaxWaiting = 30;  ///< packets; a viewer with more starts anew
   static constexpr Duration kKeyFrameEvery = std::chrono::milliseconds(500);
   static constexpr Duration kChunksEvery = std::chrono::milliseconds(100);
+  static constexpr Duration kAnswerEvery = std::chrono::milliseconds(100);  ///< per viewer
 
   void opened(Id viewer);
   void closed(Id viewer);
@@ -39,8 +40,8 @@ class Viewers {
   void take_chunks(std::vector<EncodedChunk> chunks);
   /// The viewer has shown, or given up, the packet with this sequence.
   std::vector<Send> shown(Id viewer, std::uint64_t sequence);
-  /// A viewer's request: the answer, if there is one. invalid: no such viewer.
-  std::optional<net::Message> asked(Id viewer, const codec::Request& request);
+  /// A viewer's request: the answer, if there is one. Whoever asks again too soon gets none.
+  std::optional<net::Message> asked(Id viewer, const codec::Request& request, TimePoint now);
 
   /// What to ask the root for now: chunks that are missing, a key frame that somebody waits for.
   codec::Request wanted(TimePoint now);
@@ -62,6 +63,7 @@ class Viewers {
     bool fresh = true;  // waits for a key frame
     std::deque<std::uint64_t> in_flight;
     std::vector<Waiting> waiting;
+    std::optional<TimePoint> answered;
   };
 
   void take_head(const std::shared_ptr<const Packet>& packet);
@@ -74,7 +76,7 @@ class Viewers {
   std::map<ChunkKey, std::shared_ptr<const EncodedChunk>> chunks_;  // of the newest manifest
   bool key_frame_wanted_ = false;
   std::optional<TimePoint> key_frame_asked_, chunks_asked_;
-  std::uint64_t folded_ = 0, restarted_ = 0;
+  std::uint64_t folded_ = 0, restarted_ = 0, impatient_ = 0;
 };
 
 }  // namespace mr::node
