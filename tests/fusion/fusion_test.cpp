@@ -29,8 +29,8 @@ Mesh fuse(const Mesh& scene, const Pose& pose, const FusionConfig& f = {},
           const VolumeConfig& volume = {}) {
   const ImageDepth depth = test::render_depth(scene, test::small_camera(), pose);
   Mesh all;
-  for (const Mesh& piece : fusion::fuse_frame(depth, test::small_camera(), pose, volume, f))
-    append(all, piece);
+  for (const Rect& patch : fusion::patches(depth.width, depth.height, f))
+    append(all, fusion::fuse_patch(depth, test::small_camera(), pose, volume, patch));
   return all;
 }
 
@@ -131,13 +131,14 @@ TEST(Fusion, SameBytesOnAnyNumberOfThreads) {
 TEST(Fusion, PatchesAreIndependentAndCoverNearlyEverything) {
   const Mesh whole = fuse(wall(), tilted());
   const ImageDepth depth = test::render_depth(wall(), test::small_camera(), tilted());
-  const auto patches = fusion::fuse_frame(depth, test::small_camera(), tilted(), {},
-                                          decomposition(Decomposition::patches));
+  const auto patches =
+      fusion::patches(depth.width, depth.height, decomposition(Decomposition::patches));
   ASSERT_EQ(patches.size(), 6u);
   double area = 0;
-  for (const Mesh& patch : patches) {
-    EXPECT_FALSE(patch.empty());
-    area += surface_area_m2(patch);
+  for (const Rect& patch : patches) {
+    const Mesh mesh = fusion::fuse_patch(depth, test::small_camera(), tilted(), {}, patch);
+    EXPECT_FALSE(mesh.empty());
+    area += surface_area_m2(mesh);
   }
   EXPECT_LT(area, surface_area_m2(whole));
   EXPECT_GT(area, 0.93 * surface_area_m2(whole));
@@ -178,9 +179,9 @@ TEST(Fusion, SmoothingTakesNoiseNotEdges) {
 
 TEST(Fusion, NoDepthNoSurface) {
   const Camera camera = test::small_camera();
-  for (const Mesh& m :
-       fusion::fuse_frame(ImageDepth(camera.width, camera.height), camera, Pose{}, {}, {}))
-    EXPECT_TRUE(m.empty());
+  const ImageDepth nothing(camera.width, camera.height);
+  const Rect all{0, 0, camera.width, camera.height};
+  EXPECT_TRUE(fusion::fuse_patch(nothing, camera, Pose{}, {}, all).empty());
 }
 
 }  // namespace

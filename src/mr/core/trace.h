@@ -12,6 +12,22 @@
 
 namespace mr {
 
+/// Adds the time of a scope to a sum.
+class Stopwatch {
+ public:
+  explicit Stopwatch(double& sum_ms) : sum_ms_(sum_ms) {}
+  ~Stopwatch() {
+    const std::chrono::duration<double, std::milli> ms = std::chrono::steady_clock::now() - start_;
+    sum_ms_ += ms.count();
+  }
+  Stopwatch(const Stopwatch&) = delete;
+  Stopwatch& operator=(const Stopwatch&) = delete;
+
+ private:
+  double& sum_ms_;
+  std::chrono::steady_clock::time_point start_ = std::chrono::steady_clock::now();
+};
+
 /// Milliseconds that each stage of a node took, one entry per frame in which it ran; the newest
 /// `kKept` of each. Thread-safe.
 class Trace {

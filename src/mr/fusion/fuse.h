@@ -11,12 +11,14 @@
 
 namespace mr::fusion {
 
-/// One depth frame → its surface (paper 3.1). Decomposition none and chunks: one mesh from one
-/// volume. Decomposition patches: patches_x · patches_y meshes, row by row, each from a volume of
-/// its own that sees only its rectangle of the picture (paper 5, "local decomposition"), so that
-/// they can be decimated and coded apart; between them lie gaps that merge::zip closes.
-std::vector<Mesh> fuse_frame(const ImageDepth& depth, const Camera& camera,
-                             const Pose& T_world_camera, const VolumeConfig& volume,
-                             const FusionConfig& fusion);
+/// The rectangles of a depth picture that are reconstructed apart. Decomposition none and chunks:
+/// the whole picture. Decomposition patches: patches_x · patches_y of them, row by row (paper 5,
+/// "local decomposition").
+std::vector<Rect> patches(int width, int height, const FusionConfig& fusion);
+
+/// One patch of a depth frame → its surface (paper 3.1), from a volume of its own that sees only
+/// its rectangle. Between patches lie gaps that merge::zip closes.
+Mesh fuse_patch(const ImageDepth& depth, const Camera& camera, const Pose& T_world_camera,
+                const VolumeConfig& volume, const Rect& patch);
 
 }  // namespace mr::fusion

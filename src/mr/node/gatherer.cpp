@@ -33,22 +33,6 @@ void keep_latest(std::map<std::string, TimePoint>& marks, const std::string& sta
   latest = std::max(latest, at);
 }
 
-/// Adds the time of a scope to a sum.
-class Stopwatch {
- public:
-  explicit Stopwatch(double& sum_ms) : sum_ms_(sum_ms) {}
-  ~Stopwatch() {
-    sum_ms_ += std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - start_)
-                   .count();
-  }
-  Stopwatch(const Stopwatch&) = delete;
-  Stopwatch& operator=(const Stopwatch&) = delete;
-
- private:
-  double& sum_ms_;
-  std::chrono::steady_clock::time_point start_ = std::chrono::steady_clock::now();
-};
-
 }  // namespace
 
 Gatherer::Gatherer(const Scene& scene, const MergerConfig& merger, bool hand_on)

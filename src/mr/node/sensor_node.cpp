@@ -29,8 +29,7 @@ SensorNode::SensorNode(const Scene& scene, std::uint32_t sensor_index, NodeClock
       publisher_(scene, sensor_index),
       texture_(scene, sensor_index) {}
 
-std::vector<Mesh> SensorNode::fuse(const Frame& frame) const {
-  const fusion::VolumeConfig volume{scene_->voxel_m, scene_->fusion.truncation_m, scene_->volume};
+ImageDepth SensorNode::prepare_depth(const Frame& frame) const {
   const Precision& precision = scene_->sensors[sensor_].precision;
   ImageDepth depth = frame.depth;
   if (scene_->fusion.smooth_depth)
@@ -38,25 +37,33 @@ std::vector<Mesh> SensorNode::fuse(const Frame& frame) const {
   if (scene_->floor)
     sensor::remove_floor(depth, registration_.depth_camera(), frame.T_world_depth, *scene_->floor,
                          scene_->up);
-  return fusion::fuse_frame(depth, registration_.depth_camera(), frame.T_world_depth, volume,
-                            scene_->fusion);
+  return depth;
 }
 
-Status SensorNode::simplify(const std::vector<Mesh>& pieces, Reconstructed& out) const {
-  std::vector<simplify::Simplified> small(pieces.size());
-  parallel_for(pieces.size(), 1, [&](std::size_t begin, std::size_t end) {
-    for (std::size_t i = begin; i < end; ++i) {
-      small[i] = simplify::simplify_by_ratio(pieces[i], scene_->simplify.ratio);
-      small[i].mesh = merge::remove_islands(small[i].mesh, merge::island_area_m2(scene_->voxel_m));
-    }
-  });
-  std::vector<Mesh> parts;
-  for (const simplify::Simplified& s : small) {
-    parts.push_back(s.mesh);
-    out.error_m = std::max(out.error_m, s.error_m);
+SensorNode::Patch SensorNode::reconstruct_patch(const ImageDepth& depth, const Pose& T_world_depth,
+                                                const Rect& rect) const {
+  const fusion::VolumeConfig volume{scene_->voxel_m, scene_->fusion.truncation_m, scene_->volume};
+  Patch out;
+  Mesh fused;
+  {
+    const Stopwatch stopwatch(out.fuse_ms);
+    fused = fusion::fuse_patch(depth, registration_.depth_camera(), T_world_depth, volume, rect);
   }
-  // Patches were fused apart (paper 5): the gaps between them are closed like those between
-  // sensors.
+  const Stopwatch stopwatch(out.simplify_ms);
+  out.surface = simplify::simplify_by_ratio(fused, scene_->simplify.ratio);
+  out.surface.mesh =
+      merge::remove_islands(out.surface.mesh, merge::island_area_m2(scene_->voxel_m));
+  return out;
+}
+
+/// Patches were reconstructed apart (paper 5): the gaps between them are closed like those between
+/// sensors.
+Status SensorNode::join(const std::vector<Patch>& patches, Reconstructed& out) const {
+  std::vector<Mesh> parts;
+  for (const Patch& patch : patches) {
+    parts.push_back(patch.surface.mesh);
+    out.error_m = std::max(out.error_m, patch.surface.error_m);
+  }
   auto snapped = codec::snap_to_lattice(merge::zip(parts, merge::zipper_config(scene_->voxel_m)),
                                         scene_->lattice);
   if (!snapped) return snapped.error();
@@ -67,11 +74,28 @@ Status SensorNode::simplify(const std::vector<Mesh>& pieces, Reconstructed& out)
 Result<SensorNode::Reconstructed> SensorNode::reconstruct(Frame raw) {
   Reconstructed out;
   out.frame = trace_.time("register", [&] { return registration_.undistort(std::move(raw)); });
-  const std::vector<Mesh> pieces = trace_.time("fuse", [&] { return fuse(out.frame); });
-  if (std::all_of(pieces.begin(), pieces.end(), [](const Mesh& m) { return m.empty(); }))
-    return out;
-  const Status simplified = trace_.time("simplify", [&] { return simplify(pieces, out); });
-  if (!simplified) return simplified.error();
+  double fuse_ms = 0, simplify_ms = 0;
+  ImageDepth depth;
+  {
+    const Stopwatch stopwatch(fuse_ms);
+    depth = prepare_depth(out.frame);
+  }
+  // A patch is decimated as soon as it is fused: none waits for the others.
+  const auto rects = fusion::patches(depth.width, depth.height, scene_->fusion);
+  std::vector<Patch> patches(rects.size());
+  parallel_for(patches.size(), 1, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t i = begin; i < end; ++i)
+      patches[i] = reconstruct_patch(depth, out.frame.T_world_depth, rects[i]);
+  });
+  for (const Patch& patch : patches) fuse_ms += patch.fuse_ms, simplify_ms += patch.simplify_ms;
+  Status joined;
+  {
+    const Stopwatch stopwatch(simplify_ms);
+    joined = join(patches, out);
+  }
+  trace_.add("fuse", fuse_ms);
+  trace_.add("simplify", simplify_ms);
+  if (!joined) return joined.error();
   return out;
 }
 

@@ -14,6 +14,7 @@
 #include "mr/node/node_clock.h"
 #include "mr/node/texture_stream.h"
 #include "mr/sensor/registration.h"
+#include "mr/simplify/simplify.h"
 
 namespace mr::node {
 
@@ -48,8 +49,14 @@ class SensorNode {
   const Trace& trace() const { return trace_; }
 
  private:
-  std::vector<Mesh> fuse(const Frame& frame) const;
-  Status simplify(const std::vector<Mesh>& pieces, Reconstructed& out) const;
+  struct Patch {
+    simplify::Simplified surface;
+    double fuse_ms = 0, simplify_ms = 0;
+  };
+  ImageDepth prepare_depth(const Frame& frame) const;
+  Patch reconstruct_patch(const ImageDepth& depth, const Pose& T_world_depth,
+                          const Rect& rect) const;
+  Status join(const std::vector<Patch>& patches, Reconstructed& out) const;
   Packet head(const Frame& frame) const;
   Status add_mesh(const Reconstructed& surface, Packet& packet);
 
