@@ -12,6 +12,7 @@
 
 #include "mr/core/file.h"
 #include "mr/node/live_scene.h"
+#include "mr/synth/room.h"
 #include "output.h"
 
 namespace mr::apps {
@@ -79,14 +80,6 @@ std::filesystem::path default_page() {
   return program.parent_path().parent_path() / "share" / "meshreduce" / "web";
 }
 
-std::filesystem::path default_cache() {
-  if (const char* cache = std::getenv("XDG_CACHE_HOME"); cache && *cache)
-    return std::filesystem::path(cache) / "meshreduce" / "rigs";
-  if (const char* home = std::getenv("HOME"); home && *home)
-    return std::filesystem::path(home) / ".cache" / "meshreduce" / "rigs";
-  return {};
-}
-
 void open_in_browser(const std::string& url) {
   if (!std::getenv("DISPLAY") && !std::getenv("WAYLAND_DISPLAY")) return;
   const std::string command =
@@ -133,7 +126,7 @@ int run_live(Scene scene, const LiveRun& run) {
   node::LiveOptions options;
   options.nodes = run.nodes;
   options.page = run.page.empty() ? default_page() : run.page;
-  options.cache_folder = default_cache();
+  options.cache_folder = synth::default_rig_cache();
   options.threads = run.threads;
   options.log = [&](const std::string& line) { console.say(line); };
   options.rendering = [&](int done, int of) {

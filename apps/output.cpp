@@ -13,6 +13,7 @@
 #include "mr/core/parallel.h"
 #include "mr/kit/image_io.h"
 #include "mr/render/renderer.h"
+#include "mr/synth/room.h"
 
 namespace mr::apps {
 namespace {
@@ -106,7 +107,7 @@ Result<RunOutcome> run_scene(const Scene& scene, int frames, int threads) {
   std::optional<Result<RunOutcome>> outcome;
   Arena arena(threads > 0 ? threads : scene.threads);
   arena.run([&] {
-    auto pipeline = node::Pipeline::open(scene);
+    auto pipeline = node::Pipeline::open(scene, synth::default_rig_cache());
     if (!pipeline) return void(outcome.emplace(pipeline.error()));
     ProgressLine line;
     auto report = (*pipeline)->run(

@@ -5,6 +5,7 @@ set -uo pipefail
 meshreduce=$(realpath "$1")
 here=$(cd "$(dirname "$0")/../.." && pwd)
 work=$(mktemp -d)
+export XDG_CACHE_HOME=$work/cache  # of rendered rigs
 trap 'rm -rf "$work"' EXIT
 cd "$work"
 failures=0

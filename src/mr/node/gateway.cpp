@@ -162,7 +162,8 @@ void Gateway::on_request(net::ClientId viewer, std::span<const std::byte> bytes)
     drops_.count("viewer → gateway", request.error());
     return server_->close(viewer, "not a request");
   }
-  if (const auto answer = viewers_.asked(viewer, *request, wall_time())) server_->send(viewer, *answer);
+  if (const auto answer = viewers_.asked(viewer, *request, wall_time()))
+    server_->send(viewer, *answer);
 }
 
 void Gateway::on_text(net::ClientId viewer, const std::string& text) {

@@ -30,11 +30,11 @@ struct Pipeline::Measured {
   std::map<std::string, double> receiving_ms;          // of the frame under way
 };
 
-Pipeline::Pipeline(std::unique_ptr<Scene> scene)
+Pipeline::Pipeline(std::unique_ptr<Scene> scene, const std::filesystem::path& cache_folder)
     : scene_(std::move(scene)), client_(scene_->lattice) {
   std::vector<std::uint32_t> all(scene_->sensors.size());
   std::iota(all.begin(), all.end(), 0u);
-  sources_ = open_sources(*scene_, all);
+  sources_ = open_sources(*scene_, all, cache_folder);
   for (std::uint32_t i = 0; i < scene_->sensors.size(); ++i)
     sensors_.push_back(std::make_unique<SensorNode>(*scene_, i));
   for (const MergerConfig& merger : scene_->mergers) {
@@ -61,12 +61,14 @@ void Pipeline::serve(MergeNode& merger, TimePoint now) {
   }
 }
 
-Result<std::unique_ptr<Pipeline>> Pipeline::open(Scene given) {
+Result<std::unique_ptr<Pipeline>> Pipeline::open(Scene given,
+                                                 const std::filesystem::path& cache_folder) {
   auto scene = prepare_scene(std::move(given));
   if (!scene) return scene.error();
   auto background = open_background(*scene);
   if (!background) return background.error();
-  std::unique_ptr<Pipeline> made(new Pipeline(std::make_unique<Scene>(*std::move(scene))));
+  std::unique_ptr<Pipeline> made(
+      new Pipeline(std::make_unique<Scene>(*std::move(scene)), cache_folder));
   made->mergers_.back()->set_background(*std::move(background));
   return made;
 }

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <filesystem>
 #include <functional>
 #include <map>
 #include <memory>
@@ -30,8 +31,10 @@ struct RunListener {
 /// network.
 class Pipeline {
  public:
-  /// Opens the scene's sources; a rig is turned into its sensors.
-  static Result<std::unique_ptr<Pipeline>> open(Scene scene);
+  /// Opens the scene's sources; a rig is turned into its sensors. `cache_folder`: of rendered rigs;
+  /// empty: none.
+  static Result<std::unique_ptr<Pipeline>> open(Scene scene,
+                                                const std::filesystem::path& cache_folder = {});
 
   /// Runs until `frames` were captured or all sources ended. empty: no frame reached the client.
   Result<RunReport> run(int frames, const RunListener& listener = {});
@@ -50,7 +53,7 @@ class Pipeline {
   };
   struct Measured;
 
-  explicit Pipeline(std::unique_ptr<Scene> scene);
+  Pipeline(std::unique_ptr<Scene> scene, const std::filesystem::path& cache_folder);
   Edge edge_from(const std::string& id);
   using Progress = std::function<void(const std::string& node)>;
   std::vector<std::byte> ask(const std::string& id, const codec::Request& request);
