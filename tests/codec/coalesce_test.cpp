@@ -82,10 +82,28 @@ TEST(Coalesce, NoMoreUnitsThanAPacketMayHold) {
   for (std::uint64_t i = 0; i < 3; ++i) {
     packets.push_back(packet(i, {}, {}));
     packets.back().textures.assign(PacketLimits{}.textures / 2, unit(1));
+    for (std::uint32_t stream = 0; TextureUnit & u : packets.back().textures) u.stream = stream++;
   }
   const Packet out = coalesce(packets);
   EXPECT_EQ(out.coalesced, 1u);
   EXPECT_TRUE(decode_packet(encode_packet(out)));
+}
+
+TEST(Coalesce, NoMoreOfAStreamThanCanBeDecodedSoon) {
+  std::vector<Packet> packets;
+  for (std::uint64_t i = 0; i < 2 * kMaxFoldedUnits; ++i) packets.push_back(packet(i, {}, {}));
+  EXPECT_EQ(coalesce(packets).textures.size(), kMaxFoldedUnits);
+}
+
+TEST(Coalesce, NoMoreBytesThanAPacketMayHold) {
+  std::vector<Packet> packets;
+  for (std::uint64_t i = 0; i < 5; ++i) {
+    packets.push_back(packet(i, {}, {}));
+    packets.back().textures[0].data.resize(PacketLimits{}.packet_bytes / 4);
+  }
+  const Packet out = coalesce(packets);
+  EXPECT_GT(out.textures.size(), 1u);
+  EXPECT_LT(encode_packet(out).size(), PacketLimits{}.packet_bytes);
 }
 
 }  // namespace

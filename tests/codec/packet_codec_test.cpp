@@ -180,6 +180,7 @@ TEST(PacketCodec, CapsAreChecked) {
   EXPECT_TRUE(decode_packet(bytes, {.packet_bytes = bytes.size()}));
   EXPECT_TRUE(too_large({.manifest_chunks = 2}));
   EXPECT_TRUE(too_large({.views = 1}));
+  EXPECT_TRUE(too_large({.marks = 1}));
   EXPECT_TRUE(too_large({.textures = 1}));
   EXPECT_TRUE(too_large({.texture_side = 8190}));
   EXPECT_TRUE(too_large({.chunk_triangles = 17}));

@@ -7,6 +7,7 @@
 #include <atomic>
 #include <filesystem>
 
+#include "mr/net/requests.h"
 #include "mr/net/transport.h"
 #include "net_support.h"
 
@@ -119,6 +120,24 @@ TEST_F(Nats, DeliversAndAnswersAnySize) {
   a->request("n", test::message(kQuestionBytes + 1), [](const Message&) { ADD_FAILURE(); });
   EXPECT_EQ(test::dropped(*a, "question too large"), 1u);
   EXPECT_EQ(test::dropped(*a, "broken"), 0u);
+}
+
+TEST_F(Nats, WordsThatNeedNoAnswerWaitForNone) {
+  const Server server(port_);
+  const auto producer = transport(), consumer = transport();
+  std::atomic<int> heard = 0;
+  const auto served = producer->serve("n", [&](auto) {
+    ++heard;
+    return nullptr;
+  });
+  EXPECT_TRUE(eventually([&] {  // the service may not be known to the server yet
+    consumer->request("n", test::message(1));
+    return heard > 0;
+  }));
+  for (int i = 0; i < 3000; ++i) consumer->request("n", test::message(1));
+  EXPECT_TRUE(eventually([&] { return heard > 3000; }));
+  std::this_thread::sleep_for(Requests::kPatience + 1s);
+  EXPECT_EQ(test::dropped(*consumer, "requests"), 0u);
 }
 
 TEST_F(Nats, ServerMayComeLateGoAndComeBack) {

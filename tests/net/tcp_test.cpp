@@ -4,6 +4,7 @@
 #include <mutex>
 
 #include "mr/net/frames.h"
+#include "mr/net/requests.h"
 #include "mr/net/transport.h"
 #include "net_support.h"
 
@@ -240,6 +241,23 @@ TEST(Tcp, RequestsWithoutAnAnswerAreForgotten) {
   EXPECT_TRUE(eventually([&] { return state.use_count() == 1; }));
   EXPECT_TRUE(
       eventually([&] { return test::dropped(*consumer, "requests without an answer") == 1024; }));
+}
+
+TEST(Tcp, WordsThatNeedNoAnswerWaitForNone) {
+  const std::map<std::string, std::string> addresses = {{"n", here(test::free_port())}};
+  const auto consumer = tcp(addresses), producer = tcp(addresses);
+  std::atomic<int> heard = 0;
+  const auto served = producer->serve("n", [&](auto) {
+    ++heard;
+    return nullptr;
+  });
+  for (int i = 1; i <= 3000; ++i) {
+    consumer->request("n", text_message("taken"));
+    if (i % 500 != 0) continue;
+    ASSERT_TRUE(eventually([&] { return heard == i; }));
+  }
+  std::this_thread::sleep_for(Requests::kPatience + 1s);
+  EXPECT_TRUE(consumer->drops().empty());
 }
 
 TEST(Tcp, BadAddressesAreAllTold) {

@@ -23,6 +23,36 @@ TEST(Aligner, ReadyAsSoonAsAllHaveTheTick) {
   EXPECT_FALSE(a.ready(at(500)));
 }
 
+TEST(Aligner, ClockThatIsSetBackStallsNothing) {
+  auto a = two_inputs();
+  for (const int hour : {3'600'000, 0}) {
+    for (const int input : {0, 1}) a.arrived(input, at(hour + 40), at(hour + 45));
+    EXPECT_EQ(a.ready(at(hour + 45)), at(hour + 40));
+    EXPECT_EQ(a.live_at(at(hour + 40)).size(), 2u);
+    a.merged(at(hour + 40), at(hour + 46));
+  }
+}
+
+TEST(Aligner, SlowInputsStayInThePicture) {
+  auto a = two_inputs();
+  for (int ms = 0; ms < 9000; ms += 900) {
+    a.arrived(0, at(ms), at(ms));
+    a.arrived(1, at(ms + 350), at(ms + 350));
+    if (ms < 900) continue;
+    EXPECT_EQ(a.live_at(at(ms)).size(), 2u);
+    EXPECT_EQ(a.live_at(at(ms + 360)).size(), 2u);
+  }
+  EXPECT_TRUE(a.live_at(at(12'000)).empty()) << "gone for long";
+}
+
+TEST(Aligner, WhoWasAwayCountsAsQuickAgain) {
+  auto a = two_inputs();
+  a.arrived(0, at(0), at(0));
+  a.arrived(0, at(60'000), at(60'000));
+  EXPECT_EQ(a.live_at(at(60'480)).size(), 1u);
+  EXPECT_TRUE(a.live_at(at(60'560)).empty());
+}
+
 TEST(Aligner, LateInputDoesNotStall) {
   auto a = two_inputs();
   a.arrived(0, at(80), at(100));

@@ -4,11 +4,13 @@
 
 #include "mr/codec/packet_codec.h"
 #include "mr/codec/receiver.h"
+#include "mr/node/viewer_inbox.h"
 #include "support/sender.h"
 
 namespace mr {
 namespace {
 
+using node::ViewerInbox;
 using node::Viewers;
 using test::Sender;
 
@@ -121,7 +123,8 @@ TEST(Viewers, GiveChunksOnRequest) {
   viewers.opened(1);
   const Packet packet = sender.next(true);
   give(viewers, packet);
-  const auto answer = viewers.asked(1, {true, {packet.manifest[2], packet.manifest[0]}, {}}, kStart);
+  const auto answer =
+      viewers.asked(1, {true, {packet.manifest[2], packet.manifest[0]}, {}}, kStart);
   ASSERT_TRUE(answer);
   const auto chunks = codec::decode_chunks(**answer);
   ASSERT_TRUE(chunks);
@@ -131,6 +134,32 @@ TEST(Viewers, GiveChunksOnRequest) {
   EXPECT_FALSE(viewers.asked(9, {}, kStart));
   const TimePoint later = kStart + Viewers::kAnswerEvery;
   EXPECT_FALSE(viewers.asked(1, {false, {{{{9, 9, 9}, 0}, 0, 0}}, {}}, later)) << "unknown chunks";
+}
+
+TEST(ViewerInbox, AFloodTakesNothingFromOthers) {
+  using Kind = ViewerInbox::Event::Kind;
+  ViewerInbox inbox;
+  const std::vector<std::byte> word(10);
+  const auto from = [&](net::ClientId viewer) {
+    std::vector<Kind> kinds;
+    for (const ViewerInbox::Event& event : inbox.take())
+      if (event.viewer == viewer) kinds.push_back(event.kind);
+    return kinds;
+  };
+  for (int round = 0; round < 2; ++round) {
+    for (int i = 0; i < 10'000; ++i) inbox.add(Kind::text, 1, word);
+    inbox.add(Kind::text, 2, word);
+    EXPECT_EQ(from(2), std::vector{Kind::text});
+  }
+  for (int i = 0; i < 10'000; ++i) inbox.add(Kind::text, 1, word);
+  inbox.add(Kind::closed, 1);
+  std::vector<Kind> kinds = from(1);
+  ASSERT_EQ(kinds.size(), ViewerInbox::kMostMessages + 2);
+  EXPECT_EQ(kinds[ViewerInbox::kMostMessages], Kind::flood);
+  EXPECT_EQ(kinds.back(), Kind::closed);
+
+  inbox.add(Kind::binary, 1, std::vector<std::byte>(ViewerInbox::kMostBytes + 1));
+  EXPECT_EQ(from(1), std::vector{Kind::flood});
 }
 
 TEST(Viewers, WhoAsksInALoopIsAnsweredNowAndThen) {

@@ -22,6 +22,7 @@ const kShortestBackoffMs = 250;
 const kLongestBackoffMs = 4000;
 const kPingEveryMs = 1000;
 const kSilentAfterMs = 2000;
+const kDeadAfterPings = 5; // without any word: a network that changed tells nobody
 const kPingsKept = 20;
 
 /** The server's clock against ours, from pings: the middle one of the quickest answers. */
@@ -74,6 +75,7 @@ export class Connection {
   private retry = 0;
   private ticker = 0;
   private lastBytesMs = 0;
+  private unanswered = 0;
   private lastPing = 0;
   private readonly pings = new Map<number, number>();
 
@@ -123,6 +125,7 @@ export class Connection {
 
   private opened(): void {
     this.lastBytesMs = performance.now();
+    this.unanswered = 0;
     this.setState("waiting");
     this.ticker = window.setInterval(() => this.tick(), kPingEveryMs);
     this.tick();
@@ -136,6 +139,10 @@ export class Connection {
   }
 
   private tick(): void {
+    if (this.unanswered++ >= kDeadAfterPings) {
+      this.lost();
+      return;
+    }
     this.pings.set(++this.lastPing, nowMs());
     this.pings.delete(this.lastPing - kPingsKept);
     this.say({ type: "ping", id: this.lastPing });
@@ -143,6 +150,7 @@ export class Connection {
   }
 
   private received(data: ArrayBuffer | string): void {
+    this.unanswered = 0;
     if (typeof data === "string") {
       this.receivedText(data);
       return;

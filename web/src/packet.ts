@@ -16,7 +16,7 @@ const kLimits = {
   chunkTriangles: 1 << 20,
   packetTriangles: 1 << 24,
   nameBytes: 256,
-  marks: 1 << 16,
+  marks: 1024,
   requestChunks: 4096,
 };
 const kCenturies = 1n << 61n;

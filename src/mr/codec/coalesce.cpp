@@ -15,6 +15,29 @@ bool can_fold(const Packet& older, const Packet& newer) {
          newer.sequence > older.sequence && newer.sequence - newer.coalesced <= older.sequence + 1;
 }
 
+namespace {
+
+/// Whether the two, folded, are within all limits.
+bool has_room(const Packet& older, const Packet& newer) {
+  constexpr std::size_t kOverhead = 128;  // bytes, of a chunk or unit
+  const PacketLimits limits;
+  std::size_t bytes = limits.packet_bytes / 16 + 24 * newer.manifest.size();  // head, views
+  std::map<std::uint32_t, std::size_t> units;
+  for (const Packet* packet : {&older, &newer}) {
+    for (const TextureUnit& unit : packet->textures)
+      bytes += unit.data.size() + kOverhead, ++units[unit.stream];
+    for (const EncodedChunk& chunk : packet->chunks)
+      if (std::binary_search(newer.manifest.begin(), newer.manifest.end(), chunk.key))
+        bytes += chunk.payload.size() + kOverhead;
+  }
+  const bool few = std::all_of(units.begin(), units.end(),
+                               [](const auto& stream) { return stream.second <= kMaxFoldedUnits; });
+  return few && older.textures.size() + newer.textures.size() <= limits.textures &&
+         bytes <= limits.packet_bytes;
+}
+
+}  // namespace
+
 Packet fold(Packet older, Packet newer) {
   MR_ASSERT(can_fold(older, newer));
   std::map<ChunkKey, EncodedChunk> chunks;
@@ -35,15 +58,11 @@ Packet fold(Packet older, Packet newer) {
 
 Packet coalesce(std::span<Packet> packets) {
   MR_ASSERT(!packets.empty());
-  std::size_t first = packets.size() - 1, units = packets[first].textures.size();
-  while (first > 0 && can_fold(packets[first - 1], packets[first])) {
-    units += packets[first - 1].textures.size();
-    if (units > PacketLimits{}.textures) break;
-    --first;
+  Packet out = std::move(packets.back());
+  for (std::size_t i = packets.size() - 1; i-- > 0;) {
+    if (!can_fold(packets[i], out) || !has_room(packets[i], out)) break;
+    out = fold(std::move(packets[i]), std::move(out));
   }
-  Packet out = std::move(packets[first]);
-  for (std::size_t i = first + 1; i < packets.size(); ++i)
-    out = fold(std::move(out), std::move(packets[i]));
   return out;
 }
 

@@ -14,9 +14,13 @@ bool can_fold(const Packet& older, const Packet& newer);
 /// payload of each chunk that it names, texture units of both in order.
 Packet fold(Packet older, Packet newer);
 
-/// Folds as many of the given packets, oldest first, as go together with the newest and hold no
-/// more texture units than a packet may; the rest is given up, which the receiver sees as a gap in
-/// the sequence.
+/// At most so many units of one stream are folded into a packet: the receiver has to decode them
+/// all.
+inline constexpr std::size_t kMaxFoldedUnits = 64;
+
+/// Folds the newest of the given packets, oldest first, as long as they go together and the result
+/// is within kMaxFoldedUnits and PacketLimits; the rest is given up, which the receiver sees as a
+/// gap in the sequence.
 Packet coalesce(std::span<Packet> packets);
 
 }  // namespace mr::codec

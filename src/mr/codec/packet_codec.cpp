@@ -371,6 +371,7 @@ class Reader {
   }
 
   bool read_marks(const fb::Vector<fb::Offset<wire::Mark>>* all) {
+    if (size_of(all) > limits_.marks) return fail(too_large("too many marks"));
     for (std::size_t i = 0; i < size_of(all); ++i) {
       const wire::Mark& in = *all->Get(static_cast<fb::uoffset_t>(i));
       TimeMark& out = out_.marks.emplace_back();

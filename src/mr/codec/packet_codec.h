@@ -19,6 +19,7 @@ struct PacketLimits {
   int texture_side = 8192;  ///< pixels
   std::uint32_t chunk_triangles = 1u << 20;
   std::uint64_t packet_triangles = 1u << 24;  ///< of all payloads together
+  std::size_t marks = 1024;
   std::size_t name_bytes = 256;
 };
 

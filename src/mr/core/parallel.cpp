@@ -33,4 +33,6 @@ void parallel_for(std::size_t count, std::size_t grain,
                     [&](const tbb::blocked_range<std::size_t>& r) { body(r.begin(), r.end()); });
 }
 
+void isolated(const std::function<void()>& work) { tbb::this_task_arena::isolate(work); }
+
 }  // namespace mr

@@ -31,4 +31,8 @@ class Arena {
 void parallel_for(std::size_t count, std::size_t grain,
                   const std::function<void(std::size_t begin, std::size_t end)>& body);
 
+/// Runs `work` so that a thread that waits inside it takes up nothing from outside: what is timed
+/// in it is its own.
+void isolated(const std::function<void()>& work);
+
 }  // namespace mr

@@ -13,6 +13,7 @@ namespace {
 
 constexpr std::size_t kReadBytes = 256u << 10;
 constexpr int kSendBufferBytes = 1 << 20;
+constexpr int kPatienceMs = 6000;  // with a peer that takes nothing
 
 Error closed(const boost::system::error_code& error) {
   return {Error::Cause::io, error == boost::asio::error::eof ? "closed" : error.message()};
@@ -30,6 +31,7 @@ void tune_socket(boost::asio::ip::tcp::socket& socket) {
   set(IPPROTO_TCP, TCP_KEEPIDLE, 2);
   set(IPPROTO_TCP, TCP_KEEPINTVL, 1);
   set(IPPROTO_TCP, TCP_KEEPCNT, 4);
+  set(IPPROTO_TCP, TCP_USER_TIMEOUT, kPatienceMs);
 }
 
 FrameSocket::FrameSocket(boost::asio::ip::tcp::socket socket, FrameLimits limits, Handlers handlers)

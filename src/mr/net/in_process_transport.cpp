@@ -21,7 +21,8 @@ class InProcessTransport final : public Transport {
   void request(const std::string& node, Message question,
                std::function<void(Message)> on_answer) override {
     if (!question) return;
-    if (Message answer = answer_from(answers_, node, *question)) on_answer(std::move(answer));
+    Message answer = answer_from(answers_, node, *question);
+    if (answer && on_answer) on_answer(std::move(answer));
   }
 
   std::unique_ptr<Subscription> serve(

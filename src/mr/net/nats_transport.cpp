@@ -109,6 +109,7 @@ class NatsTransport final : public Transport {
     if (!question) return;
     if (question->size() > kQuestionBytes)
       return drops_->count("node " + node, "question too large");
+    if (!on_answer) return send_later({ask_subject(node), "", std::move(question)});
     const std::uint64_t id = requests_.add(Clock::now(), nullptr, std::move(on_answer));
     if (id == 0) return drops_->count("node " + node, "too many requests at once");
     send_later({ask_subject(node), inbox_ + "." + std::to_string(id), std::move(question)});

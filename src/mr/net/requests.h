@@ -1,5 +1,6 @@
 #pragma once
 
+#include <algorithm>
 #include <chrono>
 #include <cstdint>
 #include <functional>
@@ -12,8 +13,8 @@
 
 namespace mr::net {
 
-/// Requests that wait for their answer. Those without one are forgotten after a while, and there
-/// are never more than a few. Thread-safe.
+/// Requests that wait to be sent or for their answer. Those without one are forgotten after a
+/// while, and there are never more than a few. Thread-safe.
 class Requests {
  public:
   using TimePoint = std::chrono::steady_clock::time_point;
@@ -41,21 +42,26 @@ class Requests {
     return node.empty() ? OnAnswer() : std::move(node.mapped().on_answer);
   }
 
-  /// Forgets what waited too long; how many.
+  /// Forgets what waited too long; how many of them for an answer.
   std::size_t expire(TimePoint now) {
     std::map<std::uint64_t, Waiting> late;  // destroyed after the lock is released
     const std::lock_guard lock(mutex_);
     while (!waiting_.empty() && waiting_.begin()->second.until <= now)
       late.insert(waiting_.extract(waiting_.begin()));
-    return late.size();
+    return static_cast<std::size_t>(std::count_if(late.begin(), late.end(), [](const auto& item) {
+      return item.second.on_answer != nullptr;
+    }));
   }
 
-  /// The oldest question that waits and has an id above `id`.
-  std::optional<Question> next_after(std::uint64_t id) const {
+  /// The oldest question that waits and has an id above `id`. One that needs no answer is forgotten
+  /// with that.
+  std::optional<Question> next_after(std::uint64_t id) {
     const std::lock_guard lock(mutex_);
     const auto at = waiting_.upper_bound(id);
     if (at == waiting_.end()) return std::nullopt;
-    return Question{at->first, at->second.question};
+    Question next{at->first, at->second.question};
+    if (!at->second.on_answer) waiting_.erase(at);
+    return next;
   }
 
   bool empty() const {

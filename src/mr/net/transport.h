@@ -41,9 +41,10 @@ class Transport {
                                                   std::function<void(Message)> on_packet) = 0;
 
   /// Asks `node` something, 1 MB at most. The answer comes later (in one process: before this
-  /// returns), or never (node away, answer null); after 2 s it is no longer waited for.
+  /// returns), or never (node away, answer null); after 2 s it is no longer waited for. Without
+  /// `on_answer` it is a word that needs none.
   virtual void request(const std::string& node, Message question,
-                       std::function<void(Message)> on_answer) = 0;
+                       std::function<void(Message)> on_answer = {}) = 0;
 
   /// Answers requests made to `node`; a null answer is not sent. One service per node: of several
   /// in one transport the newest answers.

@@ -16,12 +16,23 @@ TimePoint Aligner::tick_of(TimePoint captured_at) const {
 
 void Aligner::arrived(std::size_t input, TimePoint captured_at, TimePoint now) {
   // A clock that is ahead must not carry the others' ticks into the future.
-  const TimePoint tick = std::min(tick_of(captured_at), tick_of(now));
+  const TimePoint present = tick_of(now), tick = std::min(tick_of(captured_at), present);
+  const bool set_back = std::any_of(inputs_.begin(), inputs_.end(), [&](const Input& i) {
+    return i.newest && *i.newest - present > kMaxAge;
+  });
+  if (set_back) *this = Aligner(inputs_.size(), period_, deadline_);
   Input& from = inputs_[input];
-  if (!from.newest || tick > *from.newest) from = {tick, true};
+  if (!from.newest || tick > *from.newest)
+    from = {tick, from.newest ? tick - *from.newest : Duration{}, true};
   if (last_merged_ && tick <= *last_merged_) return;
   if (!pending_) pending_ = tick, pending_since_ = now;
   pending_ = std::max(*pending_, tick);
+}
+
+bool Aligner::is_live(const Input& input, TimePoint tick) {
+  if (!input.newest) return false;
+  const bool is_slow = input.interval <= kSlowest;  // else it was away
+  return tick - *input.newest <= (is_slow ? std::max(kMaxAge, input.interval * 5 / 2) : kMaxAge);
 }
 
 std::optional<TimePoint> Aligner::ready(TimePoint now) const {
@@ -29,7 +40,7 @@ std::optional<TimePoint> Aligner::ready(TimePoint now) const {
   // An input that has gone is not waited for.
   const bool all = std::all_of(inputs_.begin(), inputs_.end(), [&](const Input& input) {
     if (!input.newest) return last_merged_.has_value();
-    return input.is_new || *input.newest >= *pending_ || *pending_ - *input.newest > kMaxAge;
+    return input.is_new || *input.newest >= *pending_ || !is_live(input, *pending_);
   });
   return all || now - pending_since_ >= deadline_ ? pending_ : std::nullopt;
 }
@@ -37,7 +48,7 @@ std::optional<TimePoint> Aligner::ready(TimePoint now) const {
 std::vector<std::size_t> Aligner::live_at(TimePoint tick) const {
   std::vector<std::size_t> live;
   for (std::size_t i = 0; i < inputs_.size(); ++i)
-    if (inputs_[i].newest && tick - *inputs_[i].newest <= kMaxAge) live.push_back(i);
+    if (is_live(inputs_[i], tick)) live.push_back(i);
   return live;
 }
 

@@ -14,12 +14,14 @@ namespace mr::node {
 /// that are a tick apart do not wait for each other. No clock inside.
 class Aligner {
  public:
-  /// An input counts as live at a tick when its newest capture is at most this much older.
+  /// An input counts as live at a tick when its newest capture is at most this much older; a slow
+  /// one, whose captures are up to kSlowest apart, within two and a half times as long as that.
   static constexpr Duration kMaxAge = std::chrono::milliseconds(500);
+  static constexpr Duration kSlowest = std::chrono::seconds(3);
 
   Aligner(std::size_t inputs, Duration period, Duration deadline);
 
-  /// A capture from the future counts as one of now.
+  /// A capture from the future counts as one of now. Where `now` is set back, all starts afresh.
   void arrived(std::size_t input, TimePoint captured_at, TimePoint now);
 
   /// The tick that can be merged now, if there is one.
@@ -37,13 +39,15 @@ class Aligner {
   void merged(TimePoint tick, TimePoint now);
 
  private:
-  TimePoint tick_of(TimePoint captured_at) const;
-
-  Duration period_, deadline_;
   struct Input {
     std::optional<TimePoint> newest;  // tick
+    Duration interval{};              // since the one before
     bool is_new = false;              // since the last merge
   };
+  TimePoint tick_of(TimePoint captured_at) const;
+  static bool is_live(const Input& input, TimePoint tick);
+
+  Duration period_, deadline_;
   std::vector<Input> inputs_;
   std::optional<TimePoint> last_merged_, pending_;
   TimePoint pending_since_{};

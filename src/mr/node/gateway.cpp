@@ -13,7 +13,6 @@ using Json = nlohmann::ordered_json;
 
 constexpr Duration kSilence = std::chrono::seconds(2);  // after it, viewers are told
 constexpr std::size_t kMaxText = 1024;                  // bytes of a viewer's text message
-constexpr std::size_t kMaxEvents = 256;
 constexpr std::size_t kMaxMessage = 128u << 10;  // bytes; the longest request is a little shorter
 
 }  // namespace
@@ -22,22 +21,9 @@ constexpr std::size_t kMaxMessage = 128u << 10;  // bytes; the longest request i
 struct Gateway::Inbox {
   Signal signal;
   net::Outbox packets{{}};  // one by one: each is recorded in the viewers' queues
+  ViewerInbox viewers;
   std::mutex mutex;
-  std::vector<Event> events;
   std::vector<net::Message> answers;
-  std::uint64_t refused = 0;  // messages of viewers
-
-  void add(Event event) {
-    {
-      const std::lock_guard lock(mutex);
-      const bool must = event.kind == Event::Kind::opened || event.kind == Event::Kind::closed;
-      if (must || events.size() < kMaxEvents)
-        events.push_back(std::move(event));
-      else
-        ++refused;
-    }
-    signal.notify();
-  }
 };
 
 Gateway::Gateway(const LiveContext& context)
@@ -58,7 +44,8 @@ Result<std::unique_ptr<Gateway>> Gateway::start(const LiveContext& context,
   const auto inbox = gateway->inbox_;
   const auto event = [inbox](Event::Kind kind, net::ClientId viewer,
                              std::span<const std::byte> bytes = {}) {
-    inbox->add({kind, viewer, {bytes.begin(), bytes.end()}});
+    inbox->viewers.add(kind, viewer, bytes);
+    inbox->signal.notify();
   };
   net::WebConfig web;
   web.listen = config.listen;
@@ -131,12 +118,7 @@ void Gateway::take_packets(TimePoint now) {
 }
 
 void Gateway::take_events() {
-  std::vector<Event> events;
-  {
-    const std::lock_guard lock(inbox_->mutex);
-    events.swap(inbox_->events);
-  }
-  for (const Event& event : events) on_event(event);
+  for (const Event& event : inbox_->viewers.take()) on_event(event);
 }
 
 void Gateway::on_event(const Event& event) {
@@ -153,6 +135,9 @@ void Gateway::on_event(const Event& event) {
     case Event::Kind::text:
       return on_text(event.viewer,
                      {reinterpret_cast<const char*>(event.bytes.data()), event.bytes.size()});
+    case Event::Kind::flood:
+      drops_.count("viewer → gateway", {Error::Cause::too_large, "too many messages at once"});
+      return server_->close(event.viewer, "too many messages at once");
   }
 }
 
@@ -191,16 +176,16 @@ void Gateway::on_text(net::ClientId viewer, const std::string& text) {
 }
 
 void Gateway::ask_root(const codec::Request& request) {
-  context_.transport->request(
-      root_, std::make_shared<const std::vector<std::byte>>(codec::encode_request(request)),
-      [inbox = inbox_](net::Message answer) {
-        constexpr std::size_t kMaxAnswers = 64;
-        {
-          const std::lock_guard lock(inbox->mutex);
-          if (inbox->answers.size() < kMaxAnswers) inbox->answers.push_back(std::move(answer));
-        }
-        inbox->signal.notify();
-      });
+  auto bytes = std::make_shared<const std::vector<std::byte>>(codec::encode_request(request));
+  if (request.chunks.empty()) return context_.transport->request(root_, std::move(bytes));
+  context_.transport->request(root_, std::move(bytes), [inbox = inbox_](net::Message answer) {
+    constexpr std::size_t kMaxAnswers = 64;
+    {
+      const std::lock_guard lock(inbox->mutex);
+      if (inbox->answers.size() < kMaxAnswers) inbox->answers.push_back(std::move(answer));
+    }
+    inbox->signal.notify();
+  });
 }
 
 /// Lets the root go on as fast as the fastest viewer follows.
@@ -243,8 +228,6 @@ LiveStats Gateway::stats() const {
     for (const auto& [cause, n] : more) out.drops[cause] += n;
   if (const auto lost = inbox_->packets.counts().lost)
     out.drops[root_ + " → gateway: lost, gateway is slow"] = lost;
-  const std::lock_guard inbox_lock(inbox_->mutex);
-  if (inbox_->refused > 0) out.drops["viewers → gateway: too many messages"] = inbox_->refused;
   return out;
 }
 

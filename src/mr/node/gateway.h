@@ -7,6 +7,7 @@
 #include "mr/core/result.h"
 #include "mr/net/web_server.h"
 #include "mr/node/live_node.h"
+#include "mr/node/viewer_inbox.h"
 #include "mr/node/viewers.h"
 
 namespace mr::node {
@@ -25,11 +26,7 @@ class Gateway final : public LiveNode {
   LiveStats stats() const override;
 
  private:
-  struct Event {
-    enum class Kind { opened, closed, binary, text } kind;
-    net::ClientId viewer;
-    std::vector<std::byte> bytes;
-  };
+  using Event = ViewerInbox::Event;
   struct Inbox;
 
   explicit Gateway(const LiveContext& context);

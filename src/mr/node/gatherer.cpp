@@ -29,6 +29,8 @@ std::set<std::uint32_t> sensors_below(const Scene& scene, const std::string& nod
 }
 
 void keep_latest(std::map<std::string, TimePoint>& marks, const std::string& stage, TimePoint at) {
+  constexpr std::size_t kMost = codec::PacketLimits{}.marks / 2;  // room for those of mergers above
+  if (marks.size() >= kMost && !marks.contains(stage)) return;
   TimePoint& latest = marks[stage];
   latest = std::max(latest, at);
 }
@@ -88,6 +90,7 @@ Status Gatherer::receive(std::size_t input, Packet packet, TimePoint now) {
     return told;
   }
   for (const Error& error : from.receiver.accept(packet)) drops_.count(link(from), error);
+  from.marks.clear();
   for (const TimeMark& mark : packet.marks) keep_latest(from.marks, mark.stage, mark.at);
   if (hand_on_) keep_units(from, packet);
   settle(input, now);

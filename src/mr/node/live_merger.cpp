@@ -101,9 +101,11 @@ void LiveMerger::acknowledge(const Gathered& gathered) {
 }
 
 void LiveMerger::ask(std::size_t input, const codec::Request& request) {
+  const std::string& node = node_.config().inputs[input];
+  auto bytes = std::make_shared<const std::vector<std::byte>>(codec::encode_request(request));
+  if (request.chunks.empty()) return context_.transport->request(node, std::move(bytes));
   context_.transport->request(
-      node_.config().inputs[input],
-      std::make_shared<const std::vector<std::byte>>(codec::encode_request(request)),
+      node, std::move(bytes),
       [inbox = std::weak_ptr(inboxes_[input]), signal = signal_](net::Message answer) {
         constexpr std::size_t kMaxAnswers = 64;
         const auto to = inbox.lock();

@@ -85,7 +85,7 @@ Result<SensorNode::Reconstructed> SensorNode::reconstruct(Frame raw) {
   std::vector<Patch> patches(rects.size());
   parallel_for(patches.size(), 1, [&](std::size_t begin, std::size_t end) {
     for (std::size_t i = begin; i < end; ++i)
-      patches[i] = reconstruct_patch(depth, out.frame.T_world_depth, rects[i]);
+      isolated([&] { patches[i] = reconstruct_patch(depth, out.frame.T_world_depth, rects[i]); });
   });
   for (const Patch& patch : patches) fuse_ms += patch.fuse_ms, simplify_ms += patch.simplify_ms;
   Status joined;
@@ -101,7 +101,7 @@ Result<SensorNode::Reconstructed> SensorNode::reconstruct(Frame raw) {
 
 Error SensorNode::no_surface(const Frame& frame) const {
   return {Error::Cause::empty,
-          "sensor '" + id() + "', frame " + std::to_string(frame.index) +
+          "sensor '" + id() + "': frame " + std::to_string(frame.index) +
               ": depth holds no surface (nothing in the volume, or all pixels invalid?)"};
 }
 
