@@ -161,8 +161,24 @@ struct VideoEncoder::Impl {
   Scaler scaler;
   Picture picture;
   Unit unit;
+  std::vector<std::uint8_t> last_rows;
   std::int64_t frames = 0;
+
+  void convert(const ImageRgb& from);
 };
+
+/// libswscale reads some bytes past the end of the last row: the last two are given to it from
+/// memory that goes on.
+void VideoEncoder::Impl::convert(const ImageRgb& from) {
+  constexpr std::size_t kPastTheEnd = 64;
+  const int stride[] = {3 * from.width}, body = from.height - 2;
+  const std::uint8_t* rows[] = {from.data.data()};
+  if (body > 0) sws_scale(scaler.get(), rows, stride, 0, body, picture->data, picture->linesize);
+  last_rows.assign(from.data.end() - 2 * stride[0], from.data.end());
+  last_rows.resize(last_rows.size() + kPastTheEnd);
+  const std::uint8_t* last[] = {last_rows.data()};
+  sws_scale(scaler.get(), last, stride, body, 2, picture->data, picture->linesize);
+}
 
 VideoEncoder::VideoEncoder(std::unique_ptr<Impl> impl) : impl_(std::move(impl)) {}
 VideoEncoder::VideoEncoder(VideoEncoder&&) noexcept = default;
@@ -184,8 +200,8 @@ Result<VideoEncoder> VideoEncoder::create(const VideoSettings& settings) {
   Unit unit(av_packet_alloc());
   if (scaler == nullptr || unit == nullptr)
     return Error{Error::Cause::unsupported, "video: no colour conversion for this size"};
-  return VideoEncoder(std::make_unique<Impl>(Impl{settings, std::move(*context), std::move(scaler),
-                                                  std::move(*picture), std::move(unit)}));
+  return VideoEncoder(std::make_unique<Impl>(Impl{
+      settings, std::move(*context), std::move(scaler), std::move(*picture), std::move(unit), {}}));
 }
 
 Result<AccessUnit> VideoEncoder::encode(const ImageRgb& picture, bool force_key_frame) {
@@ -194,9 +210,7 @@ Result<AccessUnit> VideoEncoder::encode(const ImageRgb& picture, bool force_key_
     return Error{Error::Cause::invalid, "video: a picture of another size than the stream's"};
   if (const int rc = av_frame_make_writable(i.picture.get()); rc < 0)
     return failed(Error::Cause::io, "no room for a picture", rc);
-  const std::uint8_t* rows[] = {picture.data.data()};
-  const int stride[] = {3 * picture.width};
-  sws_scale(i.scaler.get(), rows, stride, 0, picture.height, i.picture->data, i.picture->linesize);
+  i.convert(picture);
   i.picture->pts = i.frames++;
   i.picture->pict_type = force_key_frame ? AV_PICTURE_TYPE_I : AV_PICTURE_TYPE_NONE;
   if (const int rc = avcodec_send_frame(i.context.get(), i.picture.get()); rc < 0)

@@ -20,7 +20,8 @@ class Handoff {
   /// False when stop was asked for.
   bool put(const std::stop_token& stop, T value) {
     std::unique_lock lock(mutex_);
-    if (!changed_.wait(lock, stop, [&] { return !value_; })) return false;
+    changed_.wait(lock, stop, [&] { return !value_; });
+    if (stop.stop_requested()) return false;
     value_ = std::move(value);
     changed_.notify_all();
     return true;
@@ -28,7 +29,8 @@ class Handoff {
   /// Nothing when stop was asked for.
   std::optional<T> take(const std::stop_token& stop) {
     std::unique_lock lock(mutex_);
-    if (!changed_.wait(lock, stop, [&] { return value_.has_value(); })) return std::nullopt;
+    changed_.wait(lock, stop, [&] { return value_.has_value(); });
+    if (stop.stop_requested()) return std::nullopt;  // also where there is one: more may follow
     auto value = std::exchange(value_, std::nullopt);
     changed_.notify_all();
     return value;
