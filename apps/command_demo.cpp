@@ -71,14 +71,20 @@ void add_demo(CLI::App& app, int& exit_code) {
   command->add_option("--threads", options->live.threads, "Threads; 0: all cores")
       ->check(CLI::Range(0, 1024));
   command->add_option("--report", options->outputs.report, "Write figures as JSON at the end");
-  command->add_flag("--no-viewer", options->no_viewer, "Run in lockstep, without a browser");
+  CLI::Option* no_viewer =
+      command->add_flag("--no-viewer", options->no_viewer, "Run in lockstep, without a browser");
   command->add_option("--frames", options->frames, "Frames to run without a viewer")
       ->check(CLI::Range(1, 1000000))
-      ->capture_default_str();
-  command->add_option("--export", options->outputs.model,
-                      "Without a viewer: write the last merged frame (.glb, .ply or .obj)");
-  command->add_option("--snapshot", options->outputs.snapshots,
-                      "Without a viewer: write PNGs from several viewpoints into this folder");
+      ->capture_default_str()
+      ->needs(no_viewer);
+  command
+      ->add_option("--export", options->outputs.model,
+                   "Without a viewer: write the last merged frame (.glb, .ply or .obj)")
+      ->needs(no_viewer);
+  command
+      ->add_option("--snapshot", options->outputs.snapshots,
+                   "Without a viewer: write PNGs from several viewpoints into this folder")
+      ->needs(no_viewer);
   command->add_flag("--burn-sequence", options->burn_sequence,
                     "For tests: paint each packet's number into its picture");
   command->footer(

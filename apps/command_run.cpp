@@ -51,7 +51,8 @@ void add_run(CLI::App& app, int& exit_code) {
                    "Run so many frames in lockstep, without a viewer; else live")
       ->check(CLI::Range(1, 1000000));
   command->add_option("--export", options->outputs.model,
-                      "Write the last merged frame (.glb, .ply or .obj); in lockstep");
+                      "Write the last merged frame (.glb, .ply or .obj); in lockstep, 1 frame "
+                      "unless --frames says more");
   command->add_option("--report", options->outputs.report, "Write figures as JSON");
   command->add_option("--snapshot", options->outputs.snapshots,
                       "Write PNGs from several viewpoints into this folder; in lockstep");
@@ -60,7 +61,9 @@ void add_run(CLI::App& app, int& exit_code) {
   command->add_flag("--json", options->json, "Print the figures as JSON; in lockstep");
   command->add_option("--listen", options->live.listen, "Live: address of the viewer, host:port");
   command->add_option("--page", options->live.page, "Live: folder of the built viewer");
-  command->add_option("--seconds", options->live.seconds, "Live: stop after so long")
+  command
+      ->add_option("--seconds", options->live.seconds,
+                   "Live: stop after so long; 0: when interrupted")
       ->check(CLI::Range(0.0, 1e9));
   command->footer(
       "Examples:\n"

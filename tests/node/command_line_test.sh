@@ -31,6 +31,7 @@ fusion: {truncation_m: 0.16}
 simplify: {ratio: 0.3}
 YAML
 
+check "demo --frames without --no-viewer" 107 "no-viewer" "$meshreduce" demo --frames 3
 for command in run demo export info; do check "$command --help" 0 Example "$meshreduce" $command --help; done
 check "no command" fails "subcommand" "$meshreduce"
 check "unknown option" fails "nonsense" "$meshreduce" run room.yaml --nonsense
