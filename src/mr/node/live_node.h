@@ -74,7 +74,6 @@ class LiveSensor final : public LiveNode {
   void reconstruct_frames(const std::stop_token& stop);
   void code_frames(const std::stop_token& stop);
   net::Message answer(std::span<const std::byte> question);
-  void drop(const Error& error);
 
   LiveContext context_;
   SensorNode node_;

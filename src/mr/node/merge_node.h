@@ -43,10 +43,9 @@ class MergeNode {
   Gatherer& inputs() { return gatherer_; }
   const Gatherer& inputs() const { return gatherer_; }
 
-  /// The bytes of the merged packet. After an Error the inputs should
-  /// send key frames, as units that were to be handed on are lost. `halfway` is called when the
-  /// stages that use every core are over: on one machine, the inputs' next frames fit in from
-  /// there.
+  /// The bytes of the merged packet. After an Error the inputs should send key frames, as units
+  /// that were to be handed on are lost. `halfway` is called when the stages that use every core
+  /// are over: on one machine, the inputs' next frames fit in from there.
   Result<std::vector<std::byte>> merge(const Gathered& gathered,
                                        const std::function<void()>& halfway = {});
 
