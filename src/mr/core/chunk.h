@@ -47,7 +47,8 @@ struct Chunk {
   ChunkKey key;
   float error_m = 0;
   Mesh mesh;                                          ///< vertices on the scene's lattice
-  std::vector<std::array<std::uint8_t, 3>> colors{};  ///< [V] sRGB; background chunks only
+  std::vector<std::array<std::uint8_t, 3>> colors{};  ///< [V] sRGB; background chunks, points
+  float point_m = 0;  ///< over 0: no triangles, each vertex is a point of this diameter
 };
 
 }  // namespace mr

@@ -58,6 +58,8 @@ class MergeNode {
   /// Whether key frames were asked for that the inputs have to give. Forgets it.
   bool take_key_frame_wish() { return key_frame_wished_.exchange(false); }
 
+  /// The newest merged surface, before coding; null before the first.
+  const Mesh* surface() const { return last_ ? &last_->second.mesh : nullptr; }
   /// Whether the last merge found the inputs' geometry unchanged and kept its surface.
   bool reused() const { return reused_; }
 

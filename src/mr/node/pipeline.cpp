@@ -29,6 +29,7 @@ struct Pipeline::Measured {
   std::vector<double> end_to_end_ms;
   std::map<std::string, std::vector<double>> node_ms;  // per frame: receiving and processing
   std::map<std::string, double> receiving_ms;          // of the frame under way
+  std::function<void(int frame, const DecodedScene& scene)> shown;
 };
 
 Pipeline::Pipeline(std::unique_ptr<Scene> scene, const std::filesystem::path& cache_folder)
@@ -43,6 +44,12 @@ Pipeline::Pipeline(std::unique_ptr<Scene> scene, const std::filesystem::path& ca
     mergers_.push_back(std::make_unique<MergeNode>(*scene_, merger, is_root));
   }
 }
+
+void Pipeline::skip(std::uint64_t frames) {
+  for (const auto& source : sources_) source->skip(frames);
+}
+
+const Mesh* Pipeline::surface() const { return mergers_.back()->surface(); }
 
 /// A node's answer to a request; empty when it has none.
 std::vector<std::byte> Pipeline::ask(const std::string& id, const codec::Request& request) {
@@ -129,6 +136,7 @@ void Pipeline::show(const std::vector<std::byte>& bytes, Measured& measured) {
   measured.any_surface |= !scene->chunks.empty();
   decoded_ = *std::move(scene);
   last_packet_ = bytes;
+  if (measured.shown) measured.shown(measured.frame, *decoded_);
 
   ++measured.frames;
   measured.last_frame = measured.frame;
@@ -197,6 +205,7 @@ Result<RunReport> Pipeline::run(int frames, const RunListener& listener) {
   for (const auto& merger : mergers_) merger->inputs().set_drop_listener(tell);
 
   Measured measured;
+  measured.shown = listener.shown;
   const auto start = Clock::now();
   std::vector<std::optional<Frame>> captured;
   for (measured.frame = 0; measured.frame < frames && capture(captured); ++measured.frame)

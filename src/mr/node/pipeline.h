@@ -19,10 +19,11 @@
 
 namespace mr::node {
 
-/// What a run tells while it goes on; both may be empty.
+/// What a run tells while it goes on; all may be empty.
 struct RunListener {
   std::function<void(int frame, int frames, const std::string& node)> progress;
   std::function<void(const std::string& message)> dropped;  ///< one line that names what and where
+  std::function<void(int frame, const DecodedScene& scene)> shown{};  ///< what a client has of it
 };
 
 /// The whole scene in one process, in lockstep: every frame goes through every sensor node, every
@@ -36,6 +37,9 @@ class Pipeline {
   static Result<std::unique_ptr<Pipeline>> open(Scene scene,
                                                 const std::filesystem::path& cache_folder = {});
 
+  /// Goes on as if so many more frames had been captured; cheap.
+  void skip(std::uint64_t frames);
+
   /// Runs until `frames` were captured or all sources ended. empty: no frame reached the client.
   Result<RunReport> run(int frames, const RunListener& listener = {});
 
@@ -43,6 +47,8 @@ class Pipeline {
   const std::optional<DecodedScene>& decoded() const { return decoded_; }
   /// The root's newest packet, as it went to the client.
   const std::vector<std::byte>& last_packet() const { return last_packet_; }
+  /// The root's newest merged surface, labelled, before coding; null before the first.
+  const Mesh* surface() const;
   const Scene& scene() const { return *scene_; }
 
  private:

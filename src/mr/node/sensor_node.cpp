@@ -5,13 +5,11 @@
 #include "mr/codec/mesh_codec.h"
 #include "mr/codec/packet_codec.h"
 #include "mr/core/parallel.h"
-#include "mr/fusion/fill_dropouts.h"
 #include "mr/fusion/fuse.h"
-#include "mr/fusion/smooth_depth.h"
 #include "mr/kit/topology.h"
 #include "mr/merge/islands.h"
 #include "mr/merge/zipper.h"
-#include "mr/sensor/floor.h"
+#include "mr/node/capture.h"
 #include "mr/simplify/simplify.h"
 
 namespace mr::node {
@@ -28,17 +26,6 @@ SensorNode::SensorNode(const Scene& scene, std::uint32_t sensor_index, NodeClock
       registration_(scene.sensors[sensor_index], sensor_index),
       publisher_(scene, sensor_index),
       texture_(scene, sensor_index) {}
-
-ImageDepth SensorNode::prepare_depth(const Frame& frame) const {
-  const Precision& precision = scene_->sensors[sensor_].precision;
-  ImageDepth depth = frame.depth;
-  if (scene_->fusion.smooth_depth)
-    depth = fusion::smooth_depth(fusion::fill_dropouts(depth, precision), precision);
-  if (scene_->floor)
-    sensor::remove_floor(depth, registration_.depth_camera(), frame.T_world_depth, *scene_->floor,
-                         scene_->up);
-  return depth;
-}
 
 SensorNode::Patch SensorNode::reconstruct_patch(const ImageDepth& depth, const Pose& T_world_depth,
                                                 const Rect& rect) const {
@@ -78,7 +65,7 @@ Result<SensorNode::Reconstructed> SensorNode::reconstruct(Frame raw) {
   ImageDepth depth;
   {
     const Stopwatch stopwatch(fuse_ms);
-    depth = prepare_depth(out.frame);
+    depth = prepare_depth(*scene_, registration_.depth_camera(), out.frame);
   }
   // A patch is decimated as soon as it is fused: none waits for the others.
   const auto rects = fusion::patches(depth.width, depth.height, scene_->fusion);

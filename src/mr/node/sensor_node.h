@@ -53,7 +53,6 @@ class SensorNode {
     simplify::Simplified surface;
     double fuse_ms = 0, simplify_ms = 0;
   };
-  ImageDepth prepare_depth(const Frame& frame) const;
   Patch reconstruct_patch(const ImageDepth& depth, const Pose& T_world_depth,
                           const Rect& rect) const;
   Status join(const std::vector<Patch>& patches, Reconstructed& out) const;

@@ -1,0 +1,3 @@
+#include "mr/baseline/baseline.h"
+
+namespace mr::baseline {}  // namespace mr::baseline

@@ -1,0 +1,3 @@
+#include "mr/eval/viewpoints.h"
+
+namespace mr::eval {}  // namespace mr::eval

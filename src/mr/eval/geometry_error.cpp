@@ -1,0 +1,3 @@
+#include "mr/eval/geometry_error.h"
+
+namespace mr::eval {}  // namespace mr::eval

@@ -1,0 +1,3 @@
+#include "mr/eval/plot.h"
+
+namespace mr::eval {}  // namespace mr::eval

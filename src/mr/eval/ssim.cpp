@@ -1,0 +1,3 @@
+#include "mr/eval/ssim.h"
+
+namespace mr::eval {}  // namespace mr::eval

@@ -1,0 +1,42 @@
+#pragma once
+
+#include "mr/core/image.h"
+#include "mr/core/result.h"
+
+namespace mr::eval {
+
+using ImageLuma = Image<float, 1>;  ///< BT.709 luma of 8-bit pictures, 0..255
+
+ImageLuma luma_of(const ImageRgb& picture);
+
+/// How alike two pictures are. `masked` counts only windows around pixels of interest.
+struct PictureScore {
+  double ssim_full = 0, ssim_masked = 0;
+  double psnr_db = 0;  ///< of luma over the masked pixels; kSamePsnr_db where nothing differs
+};
+inline constexpr double kSamePsnr_db = 100;
+
+/// Structural similarity (Wang, Bovik, Sheikh, Simoncelli 2004) to one reference picture, of which
+/// all sums are kept: 11x11 Gaussian windows of sigma 1.5, K1 0.01, K2 0.03, L 255, only windows
+/// that lie inside the picture (EVALUATION, Multi-View SSIM). Agrees with scikit-image's
+/// structural_similarity(gaussian_weights=True, sigma=1.5, use_sample_covariance=False,
+/// data_range=255) to 1e-3. Parallel over rows; the same result on any number of threads.
+class Ssim {
+ public:
+  /// invalid: the picture is smaller than a window.
+  static Result<Ssim> prepare(ImageLuma reference);
+
+  /// `mask` ([H, W], 1 = of interest; empty: everywhere) is dilated by the window first; a mask
+  /// that marks nothing gives ssim_masked 1. invalid: sizes differ, or a value is not finite.
+  Result<PictureScore> compare(const ImageLuma& test, const ImageMask& mask = {}) const;
+
+  const ImageLuma& reference() const { return reference_; }
+
+ private:
+  Ssim() = default;
+
+  ImageLuma reference_;
+  ImageLuma mean_, variance_;  ///< [H - 10, W - 10] of the reference's windows
+};
+
+}  // namespace mr::eval

@@ -1,0 +1,46 @@
+#include "mr/node/capture.h"
+
+#include <numeric>
+#include <utility>
+
+#include "mr/fusion/fill_dropouts.h"
+#include "mr/fusion/smooth_depth.h"
+#include "mr/node/sources.h"
+#include "mr/sensor/floor.h"
+
+namespace mr::node {
+
+CaptureReader::CaptureReader(const Scene& scene, const std::filesystem::path& cache_folder) {
+  std::vector<std::uint32_t> all(scene.sensors.size());
+  std::iota(all.begin(), all.end(), 0u);
+  sources_ = open_sources(scene, all, cache_folder);
+  for (const std::uint32_t i : all) registrations_.emplace_back(scene.sensors[i], i);
+}
+
+std::optional<std::vector<Frame>> CaptureReader::next(
+    const std::function<void(std::uint32_t, const Error&)>& dropped) {
+  std::vector<Frame> frames;
+  bool any = false;
+  for (std::uint32_t i = 0; i < sources_.size(); ++i) {
+    auto frame = sources_[i]->next();
+    any |= !frame || frame->has_value();
+    if (!frame && dropped) dropped(i, frame.error());
+    if (frame && *frame) frames.push_back(registrations_[i].undistort(**std::move(frame)));
+  }
+  return any ? std::optional(std::move(frames)) : std::nullopt;
+}
+
+void CaptureReader::skip(std::uint64_t frames) {
+  for (const auto& source : sources_) source->skip(frames);
+}
+
+ImageDepth prepare_depth(const Scene& scene, const Camera& camera, const Frame& frame) {
+  const Precision& precision = scene.sensors[frame.sensor].precision;
+  ImageDepth depth = frame.depth;
+  if (scene.fusion.smooth_depth)
+    depth = fusion::smooth_depth(fusion::fill_dropouts(depth, precision), precision);
+  if (scene.floor) sensor::remove_floor(depth, camera, frame.T_world_depth, *scene.floor, scene.up);
+  return depth;
+}
+
+}  // namespace mr::node

@@ -1,0 +1,3 @@
+#include "mr/rate/features.h"
+
+namespace mr::rate {}  // namespace mr::rate
