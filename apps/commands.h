@@ -12,5 +12,10 @@ void add_node(CLI::App& app, int& exit_code);
 void add_export(CLI::App& app, int& exit_code);
 void add_info(CLI::App& app, int& exit_code);
 void add_synth(CLI::App& app, int& exit_code);
+void add_eval(CLI::App& app, int& exit_code);
+
+// Of `eval`; the app is that command.
+void add_eval_geometry(CLI::App& eval, int& exit_code);
+void add_eval_features(CLI::App& eval, int& exit_code);
 
 }  // namespace mr::apps

@@ -1,3 +1,39 @@
-#include "mr/baseline/baseline.h"
+#include "mr/baseline/monolithic.h"
 
-namespace mr::baseline {}  // namespace mr::baseline
+#include <algorithm>
+
+#include "mr/fusion/marching_cubes.h"
+#include "mr/fusion/voxel_volume.h"
+#include "mr/merge/islands.h"
+#include "mr/node/capture.h"
+#include "mr/sensor/registration.h"
+
+namespace mr::baseline {
+
+Mesh fuse_all(const Scene& scene, std::span<const Frame> capture, double voxel_m) {
+  const double truncation_m = std::max(scene.fusion.truncation_m, 4 * voxel_m);
+  fusion::VoxelVolume volume({voxel_m, truncation_m, scene.volume});
+  for (const Frame& frame : capture) {
+    const sensor::Registration registration(scene.sensors[frame.sensor], frame.sensor);
+    const Camera& camera = registration.depth_camera();
+    const ImageDepth depth = node::prepare_depth(scene, camera, frame);
+    volume.integrate(depth, camera, frame.T_world_depth, {0, 0, depth.width, depth.height});
+  }
+  return merge::remove_islands(fusion::extract_surface(volume), merge::island_area_m2(voxel_m));
+}
+
+std::vector<View> color_views(const Scene& scene, std::span<const Frame> capture) {
+  std::vector<View> views;
+  for (const Frame& frame : capture) {
+    if (frame.color.empty()) continue;
+    const sensor::Registration registration(scene.sensors[frame.sensor], frame.sensor);
+    auto view = registration.color_view(frame.T_world_depth);
+    if (!view) continue;
+    view->stream = view->id;
+    views.push_back(*view);
+  }
+  std::sort(views.begin(), views.end(), [](const View& a, const View& b) { return a.id < b.id; });
+  return views;
+}
+
+}  // namespace mr::baseline

@@ -1,0 +1,14 @@
+#include "commands.h"
+
+namespace mr::apps {
+
+void add_eval(CLI::App& app, int& exit_code) {
+  CLI::App* eval = app.add_subcommand(
+      "eval", "Measure: quality, geometry, rate against distortion, baselines (docs/evaluation.md)");
+  eval->require_subcommand(1);
+  eval->footer("meshreduce eval COMMAND --help shows a command's options and examples.");
+  add_eval_geometry(*eval, exit_code);
+  add_eval_features(*eval, exit_code);
+}
+
+}  // namespace mr::apps
