@@ -1,7 +1,277 @@
+#include <fmt/format.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <map>
+#include <memory>
+#include <nlohmann/json.hpp>
+#include <utility>
+#include <vector>
+
 #include "commands.h"
+#include "mr/core/file.h"
+#include "mr/core/parallel.h"
+#include "mr/eval/plot.h"
+#include "mr/node/capture.h"
+#include "mr/node/sources.h"
+#include "mr/rate/features.h"
+#include "mr/synth/room.h"
+#include "output.h"
 
 namespace mr::apps {
+namespace {
 
-void add_eval_features(CLI::App&, int&) {}
+using rate::SceneFeatures;
+
+struct FeatureOptions {
+  std::vector<std::filesystem::path> scenes;
+  int frames = 60, every = 1, threads = 0;
+  std::filesystem::path csv, plot;
+  bool json = false;
+};
+
+struct Feature {
+  const char* key;    ///< in CSV and JSON
+  const char* title;  ///< in the plot
+  double SceneFeatures::*value;
+};
+constexpr Feature kFeatures[] = {
+    {"color_spatial", "Colour, spatial", &SceneFeatures::color_spatial},
+    {"color_temporal", "Colour, temporal", &SceneFeatures::color_temporal},
+    {"depth_spatial", "Depth, spatial", &SceneFeatures::depth_spatial},
+    {"depth_temporal", "Depth, temporal", &SceneFeatures::depth_temporal}};
+
+struct FrameFeatures {
+  std::uint64_t frame = 0;
+  SceneFeatures features;  ///< mean over sensors
+};
+
+struct SceneRow {
+  std::string id;
+  std::vector<FrameFeatures> frames;
+
+  double mean(const Feature& feature) const {
+    double sum = 0;
+    for (const FrameFeatures& frame : frames) sum += frame.features.*feature.value;
+    return sum / static_cast<double>(frames.size());
+  }
+};
+
+bool has_color(const Scene& scene) {
+  return std::any_of(scene.sensors.begin(), scene.sensors.end(),
+                     [](const SensorConfig& sensor) { return sensor.color_camera.has_value(); });
+}
+
+// ------------------------------------------------------------------------------------ measuring
+
+using Planes = std::map<std::uint32_t, rate::FeaturePlanes>;  // by sensor
+
+/// One capture of all sensors; nothing at the end.
+std::optional<Planes> next_planes(node::CaptureReader& reader) {
+  const auto frames = reader.next([](std::uint32_t, const Error& error) {
+    fmt::print(stderr, "dropped: {}\n", error.message);
+  });
+  if (!frames) return std::nullopt;
+  Planes planes;
+  for (const Frame& frame : *frames) planes[frame.sensor] = rate::feature_planes(frame);
+  return planes;
+}
+
+/// Mean over the sensors that delivered both frames, colour over those that have it; nothing where
+/// none did.
+std::optional<SceneFeatures> mean_features(const Planes& before, const Planes& now) {
+  SceneFeatures sum;
+  int sensors = 0, colored = 0;
+  for (const auto& [sensor, planes] : now) {
+    const auto old = before.find(sensor);
+    if (old == before.end()) continue;
+    const SceneFeatures one = rate::scene_features(old->second, planes);
+    for (const Feature& feature : kFeatures) sum.*feature.value += one.*feature.value;
+    ++sensors;
+    colored += planes.color.empty() ? 0 : 1;
+  }
+  if (sensors == 0) return std::nullopt;
+  sum.color_spatial /= std::max(colored, 1);
+  sum.color_temporal /= std::max(colored, 1);
+  sum.depth_spatial /= sensors;
+  sum.depth_temporal /= sensors;
+  return sum;
+}
+
+void show_progress(const std::string& scene, int done, int of) {
+  if (!isatty(STDERR_FILENO)) return;
+  fmt::print(stderr, "\r\x1b[K{}: frame {}/{}", scene, done + 1, of);
+  std::fflush(stderr);
+}
+
+/// Frames 1, 1 + every, …: each has one before it.
+std::vector<FrameFeatures> measure(const Scene& scene, const FeatureOptions& options) {
+  node::CaptureReader reader(scene, synth::default_rig_cache());
+  std::vector<FrameFeatures> rows;
+  std::optional<Planes> before = next_planes(reader), now;
+  for (int i = 0; before && i < options.frames; ++i) {
+    show_progress(scene.id, i, options.frames);
+    if (i > 0 && options.every > 1) {
+      reader.skip(static_cast<std::uint64_t>(options.every) - 2);
+      if (before = next_planes(reader); !before) break;
+    }
+    if (now = next_planes(reader); !now) break;
+    if (const auto features = mean_features(*before, *now))
+      rows.push_back({static_cast<std::uint64_t>(i) * options.every + 1, *features});
+    before = std::move(now);
+  }
+  return rows;
+}
+
+Result<std::vector<SceneRow>> measure_all(std::vector<Scene> scenes,
+                                          const FeatureOptions& options) {
+  std::vector<SceneRow> rows;
+  for (Scene& scene : scenes) {
+    SceneRow row{scene.id, {}};
+    Arena(options.threads > 0 ? options.threads : scene.threads).run([&] {
+      row.frames = measure(scene, options);
+    });
+    if (isatty(STDERR_FILENO)) std::fputs("\r\x1b[K", stderr);
+    if (row.frames.empty())
+      return Error{Error::Cause::not_found,
+                   scene.file.string() +
+                       ": no sensor delivered two frames in a row; for stills say loop: true"};
+    rows.push_back(std::move(row));
+  }
+  return rows;
+}
+
+// ------------------------------------------------------------------------------------ telling
+
+std::string to_csv(const std::vector<SceneRow>& rows) {
+  std::string csv = "scene,frame";
+  for (const Feature& feature : kFeatures) csv += fmt::format(",{}", feature.key);
+  csv += '\n';
+  for (const SceneRow& row : rows)
+    for (const FrameFeatures& frame : row.frames) {
+      csv += fmt::format("{},{}", row.id, frame.frame);
+      for (const Feature& feature : kFeatures)
+        csv += fmt::format(",{:.4f}", frame.features.*feature.value);
+      csv += '\n';
+    }
+  return csv;
+}
+
+std::string to_json(const std::vector<SceneRow>& rows) {
+  nlohmann::ordered_json json = nlohmann::ordered_json::array();
+  for (const SceneRow& row : rows) {
+    nlohmann::ordered_json one{{"scene", row.id}, {"frames", row.frames.size()}};
+    for (const Feature& feature : kFeatures) one["mean"][feature.key] = row.mean(feature);
+    for (const FrameFeatures& frame : row.frames) {
+      one["frame"].push_back(frame.frame);
+      for (const Feature& feature : kFeatures)
+        one[feature.key].push_back(frame.features.*feature.value);
+    }
+    json.push_back(std::move(one));
+  }
+  return json.dump(2) + "\n";
+}
+
+std::string to_text(const std::vector<SceneRow>& rows) {
+  std::string text = fmt::format("{:24} {:>6}", "mean DCT energy", "frames");
+  for (const Feature& feature : kFeatures) text += fmt::format(" {:>16}", feature.title);
+  text += '\n';
+  for (const SceneRow& row : rows) {
+    text += fmt::format("{:24} {:>6}", row.id, row.frames.size());
+    for (const Feature& feature : kFeatures) text += fmt::format(" {:>16.1f}", row.mean(feature));
+    text += '\n';
+  }
+  return text;
+}
+
+/// The paper's Fig. 9, a panel for each feature.
+std::string to_svg(const std::vector<SceneRow>& rows) {
+  std::vector<eval::Plot> panels;
+  for (const Feature& feature : kFeatures) {
+    eval::Plot plot{.title = feature.title, .x_label = "Frame", .y_label = "DCT energy"};
+    plot.width = 540, plot.height = 320;
+    for (const SceneRow& row : rows) {
+      eval::Series series{.name = row.id, .points = {}, .markers = false};
+      for (const FrameFeatures& frame : row.frames)
+        series.points.emplace_back(frame.frame, frame.features.*feature.value);
+      plot.series.push_back(std::move(series));
+    }
+    panels.push_back(std::move(plot));
+  }
+  return eval::draw_svg(panels, 2);
+}
+
+Status write(const FeatureOptions& options, const std::vector<SceneRow>& rows) {
+  if (!options.csv.empty())
+    if (const Status written = write_file(options.csv, to_csv(rows)); !written) return written;
+  if (!options.plot.empty())
+    if (const Status written = write_file(options.plot, to_svg(rows)); !written) return written;
+  return {};
+}
+
+// ------------------------------------------------------------------------------------ the command
+
+/// All scenes, ready to read; tells what is wrong with them and gives nothing where anything is.
+std::optional<std::vector<Scene>> load_all(const std::vector<std::filesystem::path>& files) {
+  std::vector<Scene> scenes;
+  for (const auto& file : files) {
+    auto scene = load_or_tell(file);
+    if (!scene) continue;
+    if (const Status ready = node::prepare_scene(*scene); !ready)
+      fail(ready.error().message);
+    else if (!has_color(*scene))
+      fail(file.string() + ": no sensor has colour, and features are of colour and depth");
+    else
+      scenes.push_back(*std::move(scene));
+  }
+  if (scenes.size() != files.size()) return std::nullopt;
+  return scenes;
+}
+
+int features(const FeatureOptions& options) {
+  for (const auto& file : {options.csv, options.plot})
+    if (const Status ok = check({{}, file, {}}); !ok) return fail(ok.error().message);
+  auto scenes = load_all(options.scenes);
+  if (!scenes) return 1;
+  const auto rows = measure_all(*std::move(scenes), options);
+  if (!rows) return fail(rows.error().message);
+  if (const Status written = write(options, *rows); !written) return fail(written.error().message);
+  fmt::print("{}", options.json ? to_json(*rows) : to_text(*rows));
+  return 0;
+}
+
+}  // namespace
+
+void add_eval_features(CLI::App& eval, int& exit_code) {
+  auto options = std::make_shared<FeatureOptions>();
+  CLI::App* command = eval.add_subcommand(
+      "features", "DCT energy of scenes over time, spatial and temporal (the paper's Fig. 9)");
+  command->add_option("SCENE", options->scenes, "Scene files (YAML)")->required();
+  command
+      ->add_option("--frames", options->frames,
+                   "How many; from the second of the scene on, as each is compared to the one "
+                   "before it")
+      ->check(CLI::Range(1, 1000000))
+      ->capture_default_str();
+  command->add_option("--every", options->every, "Only each so-manieth frame")
+      ->check(CLI::Range(1, 1000000))
+      ->capture_default_str();
+  command->add_option(
+      "--csv", options->csv,
+      "Write scene,frame,color_spatial,color_temporal,depth_spatial,depth_temporal");
+  command->add_option("--plot", options->plot,
+                      "Write an SVG of four panels, one for each feature, a line for each scene");
+  command->add_flag("--json", options->json, "Print means and frames as JSON");
+  command->add_option("--threads", options->threads, "Threads; 0: as the scene says")
+      ->check(CLI::Range(0, 1024));
+  command->footer(
+      "All figures are means over sensors, of luma 0..255 and depth in millimetres, noise "
+      "included.\n"
+      "Examples:\n"
+      "  meshreduce eval features examples/eval/office-lively.yaml --frames 30\n"
+      "  meshreduce eval features examples/eval/*.yaml --every 10 --frames 30 --csv energy.csv "
+      "--plot energy.svg");
+  command->callback([options, &exit_code] { exit_code = features(*options); });
+}
 
 }  // namespace mr::apps

@@ -1,7 +1,385 @@
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <map>
+#include <memory>
+#include <nlohmann/json.hpp>
+#include <optional>
+#include <utility>
+#include <vector>
+
 #include "commands.h"
+#include "mr/baseline/monolithic.h"
+#include "mr/baseline/run_baseline.h"
+#include "mr/core/parallel.h"
+#include "mr/eval/geometry_error.h"
+#include "mr/eval/read_mesh.h"
+#include "mr/node/capture.h"
+#include "mr/node/pipeline.h"
+#include "mr/node/sources.h"
+#include "mr/synth/rig_errors.h"
+#include "mr/synth/room.h"
+#include "mr/synth/truth.h"
+#include "output.h"
 
 namespace mr::apps {
+namespace {
 
-void add_eval_geometry(CLI::App&, int&) {}
+struct GeometryOptions {
+  std::vector<std::filesystem::path> inputs;
+  int frame = 0, threads = 0;
+  bool decoded = false, json = false;
+  std::string reference;  ///< empty: the scene's best
+  double voxel_m = 0;     ///< 0: the scene's, or 1 cm
+
+  bool compares_files() const { return inputs.size() == 2; }
+};
+
+struct PairResidual {
+  std::string a, b;
+  double residual_mm = 0;
+};
+
+struct Measured {
+  std::string tested, reference;  ///< for people
+  std::string reference_key;      ///< truth, monolithic, or a file
+  eval::GeometryError error;
+  std::vector<PairResidual> pairs;
+  std::string note;  ///< what was left out; may be empty
+};
+
+// ---------------------------------------------------------------------------- what is measured
+
+void tell_dropped(const std::string& message) { fmt::print(stderr, "dropped: {}\n", message); }
+
+Error no_such_frame(const Scene& scene, int frame) {
+  return {Error::Cause::empty,
+          fmt::format("frame {} of scene '{}' did not come through", frame, scene.id)};
+}
+
+Result<Mesh> joined(const Scene& scene, const DecodedScene& decoded) {
+  Mesh mesh;
+  for (const auto& chunk : decoded.chunks) {
+    if (chunk->point_m > 0)
+      return Error{Error::Cause::unsupported, "pipeline '" + scene.pipeline +
+                                                  "' shows points, which have no surface to "
+                                                  "measure"};
+    append(mesh, chunk->mesh);
+  }
+  return mesh;
+}
+
+Result<Mesh> baseline_surface(const Scene& scene, const GeometryOptions& options) {
+  const auto run = baseline::run_baseline(scene, 1, options.frame, {{}, tell_dropped, {}},
+                                          synth::default_rig_cache());
+  if (!run) return run.error();
+  return joined(scene, run->last);
+}
+
+/// One frame's surface through all nodes.
+Result<Mesh> tested_surface(const Scene& scene, const GeometryOptions& options) {
+  if (scene.pipeline != "meshreduce") return baseline_surface(scene, options);
+  auto pipeline = node::Pipeline::open(scene, synth::default_rig_cache());
+  if (!pipeline) return pipeline.error();
+  (*pipeline)->skip(static_cast<std::uint64_t>(options.frame));
+  const auto report = (*pipeline)->run(1, {{}, tell_dropped, {}});
+  if (!report) return report.error();
+  if (options.decoded) return joined(scene, *(*pipeline)->decoded());
+  if (!(*pipeline)->surface()) return no_such_frame(scene, options.frame);
+  return *(*pipeline)->surface();
+}
+
+Result<std::vector<Frame>> read_capture(const Scene& scene, int frame) {
+  node::CaptureReader reader(scene, synth::default_rig_cache());
+  reader.skip(static_cast<std::uint64_t>(frame));
+  auto capture =
+      reader.next([](std::uint32_t, const Error& error) { tell_dropped(error.message); });
+  if (!capture || capture->empty()) return no_such_frame(scene, frame);
+  return *std::move(capture);
+}
+
+// -------------------------------------------------------------------------------- the reference
+
+const RigConfig* known_rig(const Scene& scene) {
+  if (scene.rig) return &*scene.rig;
+  return scene.truth && scene.truth->rig ? &*scene.truth->rig : nullptr;
+}
+
+/// "truth/%06d.ply" with a number, beside the scene file; nothing where it is no such pattern.
+std::optional<std::filesystem::path> truth_file(const Scene& scene, int number) {
+  const std::string& pattern = scene.truth->mesh;
+  const std::size_t percent = pattern.find('%'), letter = pattern.find('d', percent);
+  if (percent == std::string::npos || letter == std::string::npos || letter - percent > 3)
+    return std::nullopt;
+  const std::string width = pattern.substr(percent + 1, letter - percent - 1);
+  if (!width.empty() && (width.size() != 2 || width[0] != '0' || width[1] < '1' || width[1] > '9'))
+    return std::nullopt;
+  return scene.file.parent_path() /
+         (pattern.substr(0, percent) +
+          fmt::format("{:0{}}", number, width.empty() ? 1 : width[1] - '0') +
+          pattern.substr(letter + 1));
+}
+
+/// Sources that loop show an item again.
+int item_of(const Scene& scene, int frame) {
+  for (const SensorConfig& sensor : scene.sensors)
+    if (const auto* images = std::get_if<RgbdImagesSource>(&sensor.source))
+      if (images->loop && !images->depth.empty())
+        return frame % static_cast<int>(images->depth.size());
+  return frame;
+}
+
+Result<Mesh> truth_surface(const Scene& scene, int frame) {
+  const int item = item_of(scene, frame);
+  if (const RigConfig* rig = known_rig(scene))
+    return synth::Truth(*rig, scene.fps).surface(static_cast<std::uint64_t>(item)).mesh;
+  const auto file = truth_file(scene, item);
+  if (!file)
+    return Error{
+        Error::Cause::invalid,
+        "truth.mesh must hold one %d or one of %01d to %09d, not '" + scene.truth->mesh + "'"};
+  return eval::read_ply(*file);
+}
+
+/// The depth cameras that delivered; with their true poses where those are known and wanted.
+std::vector<eval::Eyes> eyes_of(const Scene& scene, std::span<const Frame> capture, bool truth) {
+  std::map<std::string, Pose> exact;
+  if (const RigConfig* rig = truth ? known_rig(scene) : nullptr)
+    for (const SensorConfig& sensor : synth::exact_sensors(*rig))
+      exact[sensor.id] = sensor.T_world_depth.front();
+  std::vector<eval::Eyes> eyes;
+  for (const Frame& frame : capture) {
+    const SensorConfig& sensor = scene.sensors[frame.sensor];
+    const auto known = exact.find(sensor.id);
+    eyes.push_back({undistorted(sensor.depth_camera),
+                    known != exact.end() ? known->second : frame.T_world_depth, sensor.depth_near_m,
+                    sensor.depth_far_m});
+  }
+  return eyes;
+}
+
+/// What the scene file says is captured: its volume, and what is above its floor.
+std::vector<eval::HalfSpace> captured_part(const Scene& scene) {
+  std::vector<eval::HalfSpace> out;
+  if (scene.volume)
+    for (int axis = 0; axis < 3; ++axis) {
+      Vec3d along;
+      along[axis] = 1;
+      out.push_back({along, scene.volume->low[axis]});
+      out.push_back({-along, -scene.volume->high[axis]});
+    }
+  if (scene.floor) out.push_back({scene.up, scene.floor->height_m + scene.floor->margin_m});
+  return out;
+}
+
+// ------------------------------------------------------------------------------- sensor by sensor
+
+constexpr std::size_t kMostForAllPairs = 12;
+constexpr std::size_t kNeighbours = 4;
+
+using Pair = std::pair<std::size_t, std::size_t>;  // places in the capture, the lower one first
+
+/// All pairs; of many sensors each with those that stand nearest.
+std::vector<Pair> pairs_of(std::span<const Frame> capture) {
+  std::vector<Pair> pairs;
+  for (std::size_t a = 0; a < capture.size(); ++a) {
+    std::vector<std::pair<double, std::size_t>> others;
+    for (std::size_t b = 0; b < capture.size(); ++b)
+      if (b != a)
+        others.emplace_back(
+            length(capture[a].T_world_depth.translation - capture[b].T_world_depth.translation), b);
+    std::ranges::sort(others);
+    if (capture.size() > kMostForAllPairs) others.resize(kNeighbours);
+    for (const auto& [distance, b] : others) pairs.emplace_back(std::min(a, b), std::max(a, b));
+  }
+  std::ranges::sort(pairs);
+  pairs.erase(std::unique(pairs.begin(), pairs.end()), pairs.end());
+  return pairs;
+}
+
+/// How far each two sensors' own surfaces lie apart, where they share any.
+std::vector<PairResidual> pair_residuals(const Scene& scene, std::span<const Frame> capture,
+                                         double voxel_m) {
+  const eval::GeometryConfig config{.voxel_m = voxel_m, .samples = 40'000};
+  std::map<std::size_t, Mesh> surfaces;
+  const auto surface = [&](std::size_t i) -> const Mesh& {
+    const auto [at, is_new] = surfaces.try_emplace(i);
+    if (is_new) at->second = baseline::fuse_all(scene, capture.subspan(i, 1), scene.voxel_m);
+    return at->second;
+  };
+  std::vector<PairResidual> out;
+  for (const auto& [a, b] : pairs_of(capture)) {
+    surfaces.erase(surfaces.begin(), surfaces.lower_bound(a));  // pairs are in order
+    const double residual = eval::residual_mm(surface(a), surface(b), config);
+    if (residual >= 0)
+      out.push_back(
+          {scene.sensors[capture[a].sensor].id, scene.sensors[capture[b].sensor].id, residual});
+  }
+  return out;
+}
+
+// ------------------------------------------------------------------------------------- measuring
+
+Result<Measured> measure_scene(const Scene& given, const GeometryOptions& options) {
+  const bool has_truth = known_rig(given) || given.truth;
+  const bool truth = options.reference.empty() ? has_truth : options.reference == "truth";
+  if (truth && !has_truth)
+    return Error{Error::Cause::unsupported, "scene '" + given.id +
+                                                "' has no truth: it has neither a rig nor a key "
+                                                "'truth'; use --reference monolithic"};
+  const auto scene = node::prepare_scene(given);
+  if (!scene) return scene.error();
+  const auto capture = read_capture(*scene, options.frame);
+  if (!capture) return capture.error();
+  const auto reference = truth ? truth_surface(*scene, options.frame)
+                               : Result<Mesh>(baseline::fuse_all(*scene, *capture, 0.01));
+  if (!reference) return reference.error();
+  const auto tested = tested_surface(*scene, options);
+  if (!tested) return tested.error();
+  const double voxel_m = options.voxel_m > 0 ? options.voxel_m : scene->voxel_m;
+  const auto error = eval::geometry_error(*tested, *reference, eyes_of(*scene, *capture, truth),
+                                          {.voxel_m = voxel_m, .captured = captured_part(*scene)});
+  if (!error) return error.error();
+  std::string note;
+  if (capture->size() > kMostForAllPairs)
+    note = fmt::format("of {} sensors each is paired with the {} nearest only", capture->size(),
+                       kNeighbours);
+  const bool is_decoded = options.decoded || scene->pipeline != "meshreduce";
+  return Measured{fmt::format("{}, frame {}, {}", scene->id, options.frame,
+                              is_decoded ? "as a client decodes it" : "merged, before coding"),
+                  truth ? "the noiseless truth" : "all sensors in one 1 cm grid (monolithic)",
+                  truth ? "truth" : "monolithic",
+                  *error,
+                  pair_residuals(*scene, *capture, voxel_m),
+                  note};
+}
+
+Result<Measured> compare_files(const GeometryOptions& options) {
+  const std::string a = options.inputs[0].string(), b = options.inputs[1].string();
+  const auto tested = eval::read_ply(a), reference = eval::read_ply(b);
+  if (!tested) return tested.error();
+  if (!reference) return reference.error();
+  const auto error = eval::geometry_error(
+      *tested, *reference, {}, {.voxel_m = options.voxel_m > 0 ? options.voxel_m : 0.01});
+  if (!error) return error.error();
+  return Measured{a, b, b, *error, {}, {}};
+}
+
+// ---------------------------------------------------------------------------------------- telling
+
+/// To the tenth of a micrometre, or of a millionth.
+double rounded(double value) { return std::round(value * 1e4) / 1e4; }
+double rounded_ratio(double value) { return std::round(value * 1e7) / 1e7; }
+
+nlohmann::ordered_json as_json(const eval::SurfaceDistance& d) {
+  return {{"mean_mm", rounded(d.mean_mm)},
+          {"rms_mm", rounded(d.rms_mm)},
+          {"p95_mm", rounded(d.p95_mm)},
+          {"max_mm", rounded(d.max_mm)}};
+}
+
+nlohmann::ordered_json as_json(const Measured& m) {
+  const eval::GeometryError& e = m.error;
+  nlohmann::ordered_json out{{"reference", m.reference_key},
+                             {"to_reference", as_json(e.to_reference)},
+                             {"from_reference", as_json(e.from_reference)},
+                             {"duplicate_ratio", rounded_ratio(e.duplicate_ratio)},
+                             {"missing_ratio", rounded_ratio(e.missing_ratio)},
+                             {"seen_ratio", rounded_ratio(e.seen_ratio)},
+                             {"nonmanifold_edges", e.nonmanifold_edges},
+                             {"seam_gap_p95_mm", rounded(e.seam_gap_p95_mm)},
+                             {"boundary_m", rounded(e.boundary_m)},
+                             {"components", e.components},
+                             {"pairs", nlohmann::ordered_json::array()}};
+  for (const PairResidual& pair : m.pairs)
+    out["pairs"].push_back(
+        {{"a", pair.a}, {"b", pair.b}, {"residual_mm", rounded(pair.residual_mm)}});
+  return out;
+}
+
+std::string as_text(const eval::SurfaceDistance& d) {
+  return fmt::format("{:9.2f} {:9.2f} {:9.2f} {:9.2f}\n", d.mean_mm, d.rms_mm, d.p95_mm, d.max_mm);
+}
+
+std::string as_text(const Measured& m) {
+  const eval::GeometryError& e = m.error;
+  std::string out = fmt::format("{}\nagainst {}\n", m.tested, m.reference);
+  out += fmt::format("  {:<26} {:>9} {:>9} {:>9} {:>9}\n", "distances in mm", "mean", "RMS", "95 %",
+                     "max");
+  out += fmt::format("  {:<26} ", "to the reference") + as_text(e.to_reference);
+  out += fmt::format("  {:<26} ", "from what is seen of it") + as_text(e.from_reference);
+  const auto line = [&](const char* name, const std::string& value, const char* unit) {
+    out += fmt::format("  {:<26} {:>9} {}\n", name, value, unit);
+  };
+  line("duplicate layers", fmt::format("{:.3f}", 100 * e.duplicate_ratio), "% of the surface");
+  line("missing", fmt::format("{:.3f}", 100 * e.missing_ratio), "% of what is seen");
+  line("seen of the reference", fmt::format("{:.3f}", 100 * e.seen_ratio), "%");
+  line("seam gaps, 95 %", fmt::format("{:.2f}", e.seam_gap_p95_mm), "mm");
+  line("border", fmt::format("{:.2f}", e.boundary_m), "m");
+  line("components", std::to_string(e.components), "");
+  line("non-manifold edges", std::to_string(e.nonmanifold_edges), "");
+  for (const PairResidual& pair : m.pairs)
+    line(fmt::format("{} to {}", pair.a, pair.b).c_str(), fmt::format("{:.2f}", pair.residual_mm),
+         "mm RMS between sensors");
+  return out;
+}
+
+int eval_geometry(const GeometryOptions& options) {
+  std::optional<Scene> scene;
+  if (!options.compares_files()) {
+    if (options.inputs[0].extension() == ".ply")
+      return fail("a .ply file needs another to compare it with: eval geometry A.ply B.ply");
+    if (!(scene = load_or_tell(options.inputs[0]))) return 1;
+  }
+  std::optional<Result<Measured>> measured;
+  Arena arena(options.threads > 0 || !scene ? options.threads : scene->threads);
+  arena.run(
+      [&] { measured.emplace(scene ? measure_scene(*scene, options) : compare_files(options)); });
+  if (!*measured) return fail(measured->error().message);
+  if (!(*measured)->note.empty()) fmt::print(stderr, "note: {}\n", (*measured)->note);
+  fmt::print("{}", options.json ? as_json(**measured).dump(2) + "\n" : as_text(**measured));
+  return 0;
+}
+
+}  // namespace
+
+void add_eval_geometry(CLI::App& eval, int& exit_code) {
+  auto options = std::make_shared<GeometryOptions>();
+  CLI::App* command =
+      eval.add_subcommand("geometry", "Measure a merged surface, or a mesh file, against another");
+  command->add_option("INPUT", options->inputs, "A scene file (YAML), or two PLY files A and B")
+      ->required()
+      ->expected(1, 2);
+  auto* frame = command->add_option("--frame", options->frame, "Which frame, from 0")
+                    ->check(CLI::Range(0, 1000000))
+                    ->capture_default_str();
+  auto* decoded = command->add_flag("--decoded", options->decoded,
+                                    "Measure what a client has, not the surface before coding");
+  auto* reference =
+      command
+          ->add_option("--reference", options->reference,
+                       "truth: noiseless; monolithic: all sensors in one 1 cm grid; else truth "
+                       "where the scene has one")
+          ->check(CLI::IsMember({"truth", "monolithic"}));
+  command
+      ->add_option("--voxel", options->voxel_m,
+                   "Metres: what counts as missing, doubled or a gap; else the scene's, or 0.01")
+      ->check(CLI::Range(0.0005, 1.0));
+  command->add_option("--threads", options->threads, "Threads; 0: as the scene says")
+      ->check(CLI::Range(0, 1024));
+  command->add_flag("--json", options->json, "Print as JSON");
+  command->footer(
+      "Examples:\n"
+      "  meshreduce eval geometry examples/synthetic-room.yaml --frame 3\n"
+      "  meshreduce eval geometry merged.ply truth.ply --json");
+  command->callback([=, &exit_code] {
+    if (options->compares_files() && frame->count() + decoded->count() + reference->count() > 0)
+      exit_code = fail("--frame, --decoded and --reference are for scenes, not for two files");
+    else
+      exit_code = eval_geometry(*options);
+  });
+}
 
 }  // namespace mr::apps

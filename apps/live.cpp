@@ -120,6 +120,8 @@ void show_rendering(Console& console, int done, int of) {
 }  // namespace
 
 int run_live(Scene scene, const LiveRun& run) {
+  if (scene.pipeline != "meshreduce")
+    return fail(fmt::format("pipeline {} runs in lockstep only: add --frames N", scene.pipeline));
   const Interrupt interrupt;
   if (!run.listen.empty()) scene.gateway = GatewayConfig{run.listen};
   Console console;

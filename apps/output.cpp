@@ -8,6 +8,8 @@
 #include <chrono>
 #include <cstdio>
 
+#include "mr/baseline/ply_points.h"
+#include "mr/baseline/run_baseline.h"
 #include "mr/codec/export.h"
 #include "mr/core/file.h"
 #include "mr/core/parallel.h"
@@ -59,6 +61,38 @@ Status write_snapshots(const DecodedScene& scene, Vec3d up, const std::filesyste
   return {};
 }
 
+/// Points have no triangles, which all formats but .ply want.
+Status write_model(const DecodedScene& scene, Vec3d up, const std::filesystem::path& file) {
+  baseline::PointSet points;
+  for (const auto& chunk : scene.chunks) {
+    if (chunk->point_m <= 0) continue;
+    points.positions.insert(points.positions.end(), chunk->mesh.positions.begin(),
+                            chunk->mesh.positions.end());
+    points.colors.insert(points.colors.end(), chunk->colors.begin(), chunk->colors.end());
+  }
+  if (points.positions.empty()) return codec::export_scene(scene, up, file);
+  if (file.extension() != ".ply")
+    return Error{Error::Cause::unsupported,
+                 "cannot export points to " + file.string() + ": use the ending .ply"};
+  return write_file(file, baseline::to_ply(points));
+}
+
+Result<RunOutcome> run_meshreduce(const Scene& scene, int frames,
+                                  const node::RunListener& listener) {
+  auto pipeline = node::Pipeline::open(scene, synth::default_rig_cache());
+  if (!pipeline) return pipeline.error();
+  auto report = (*pipeline)->run(frames, listener);
+  if (!report) return report.error();
+  return RunOutcome{*std::move(report), *(*pipeline)->decoded()};
+}
+
+/// The scene's pipeline is one of the baselines.
+Result<RunOutcome> run_other(const Scene& scene, int frames, const node::RunListener& listener) {
+  auto run = baseline::run_baseline(scene, frames, 0, listener, synth::default_rig_cache());
+  if (!run) return run.error();
+  return RunOutcome{std::move(run->report), std::move(run->last)};
+}
+
 }  // namespace
 
 int fail(const std::string& message) {
@@ -107,22 +141,20 @@ Result<RunOutcome> run_scene(const Scene& scene, int frames, int threads) {
   std::optional<Result<RunOutcome>> outcome;
   Arena arena(threads > 0 ? threads : scene.threads);
   arena.run([&] {
-    auto pipeline = node::Pipeline::open(scene, synth::default_rig_cache());
-    if (!pipeline) return void(outcome.emplace(pipeline.error()));
     ProgressLine line;
-    auto report = (*pipeline)->run(
-        frames, {[&](int frame, int of, const std::string& node) { line.show(frame, of, node); },
-                 [](const std::string& message) { fmt::print(stderr, "dropped: {}\n", message); }});
-    if (!report) return void(outcome.emplace(report.error()));
-    report->threads = arena.threads();
-    outcome.emplace(RunOutcome{*std::move(report), *(*pipeline)->decoded()});
+    const node::RunListener listener{
+        [&](int frame, int of, const std::string& node) { line.show(frame, of, node); },
+        [](const std::string& message) { fmt::print(stderr, "dropped: {}\n", message); }};
+    outcome.emplace(scene.pipeline == "meshreduce" ? run_meshreduce(scene, frames, listener)
+                                                   : run_other(scene, frames, listener));
+    if (*outcome) (*outcome)->report.threads = arena.threads();
   });
   return *std::move(outcome);
 }
 
 Status write_outputs(const RunOutcome& outcome, const Scene& scene, const Outputs& outputs) {
   if (!outputs.model.empty())
-    if (const Status written = codec::export_scene(outcome.last, scene.up, outputs.model); !written)
+    if (const Status written = write_model(outcome.last, scene.up, outputs.model); !written)
       return written;
   if (!outputs.report.empty())
     if (const Status written = write_file(outputs.report, to_json(outcome.report)); !written)

@@ -29,7 +29,7 @@ struct Pipeline::Measured {
   std::vector<double> end_to_end_ms;
   std::map<std::string, std::vector<double>> node_ms;  // per frame: receiving and processing
   std::map<std::string, double> receiving_ms;          // of the frame under way
-  std::function<void(int frame, const DecodedScene& scene)> shown;
+  const RunListener* listener = nullptr;
 };
 
 Pipeline::Pipeline(std::unique_ptr<Scene> scene, const std::filesystem::path& cache_folder)
@@ -136,7 +136,6 @@ void Pipeline::show(const std::vector<std::byte>& bytes, Measured& measured) {
   measured.any_surface |= !scene->chunks.empty();
   decoded_ = *std::move(scene);
   last_packet_ = bytes;
-  if (measured.shown) measured.shown(measured.frame, *decoded_);
 
   ++measured.frames;
   measured.last_frame = measured.frame;
@@ -144,6 +143,9 @@ void Pipeline::show(const std::vector<std::byte>& bytes, Measured& measured) {
   for (const TextureUnit& unit : packet->textures) texture += unit.data.size();
   measured.texture_bytes += texture;
   measured.mesh_bytes += bytes.size() - texture;
+  if (measured.listener->sent)
+    measured.listener->sent(measured.frame, bytes.size() - texture, texture);
+  if (measured.listener->shown) measured.listener->shown(measured.frame, *decoded_);
   measured.chunks_new += packet->chunks.size();
   measured.chunks_kept += packet->manifest.size() - packet->chunks.size();
 }
@@ -205,7 +207,7 @@ Result<RunReport> Pipeline::run(int frames, const RunListener& listener) {
   for (const auto& merger : mergers_) merger->inputs().set_drop_listener(tell);
 
   Measured measured;
-  measured.shown = listener.shown;
+  measured.listener = &listener;
   const auto start = Clock::now();
   std::vector<std::optional<Frame>> captured;
   for (measured.frame = 0; measured.frame < frames && capture(captured); ++measured.frame)

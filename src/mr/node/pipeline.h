@@ -24,6 +24,8 @@ struct RunListener {
   std::function<void(int frame, int frames, const std::string& node)> progress;
   std::function<void(const std::string& message)> dropped;  ///< one line that names what and where
   std::function<void(int frame, const DecodedScene& scene)> shown{};  ///< what a client has of it
+  /// Bytes of one capture that went to the client; mesh: all of a packet but its pictures.
+  std::function<void(int frame, std::uint64_t mesh_bytes, std::uint64_t texture_bytes)> sent{};
 };
 
 /// The whole scene in one process, in lockstep: every frame goes through every sensor node, every

@@ -44,23 +44,46 @@ ColoredMesh Truth::surface(std::uint64_t frame) {
   return surface;
 }
 
-TruthPicture Truth::look(const Camera& camera, const Pose& T_world_camera, std::uint64_t frame) {
-  ViewSetup setup;
-  setup.depth = {camera, T_world_camera};
-  setup.color = setup.depth;
-  setup.noise = {.on = false, .precision = {}, .near_m = 0, .far_m = 65};
-  SensorView view(impl_->stage.room(), setup);
-  const Shot shot = view.render(impl_->people(frame).get(), frame);
-  TruthPicture picture{view.empty_room(), ImageDepth(camera.width, camera.height)};
-  const std::uint8_t* from = shot.rgb.data();
-  for (const Shot::Span& span : shot.spans) {
-    std::memcpy(picture.color.data.data() + 3 * std::size_t{span.first}, from,
-                3 * std::size_t{span.count});
-    from += 3 * std::size_t{span.count};
+/// The truth seen by one sensor without noise.
+class Truth::Eye final : public TruthView {
+ public:
+  Eye(Truth::Impl& truth, const Camera& camera, const Pose& T_world_camera)
+      : truth_(truth), camera_(camera), view_(truth.stage.room(), setup(camera, T_world_camera)) {}
+
+  TruthPicture at(std::uint64_t frame) override {
+    const Shot shot = view_.render(truth_.people(frame).get(), frame);
+    TruthPicture picture{view_.empty_room(), ImageDepth(camera_.width, camera_.height)};
+    const std::uint8_t* from = shot.rgb.data();
+    for (const Shot::Span& span : shot.spans) {
+      std::memcpy(picture.color.data.data() + 3 * std::size_t{span.first}, from,
+                  3 * std::size_t{span.count});
+      from += 3 * std::size_t{span.count};
+    }
+    for (std::size_t i = 0; i < shot.depth_mm.size(); ++i)
+      picture.depth.data[i] = static_cast<float>(shot.depth_mm[i] * 0.001);
+    return picture;
   }
-  for (std::size_t i = 0; i < shot.depth_mm.size(); ++i)
-    picture.depth.data[i] = static_cast<float>(shot.depth_mm[i] * 0.001);
-  return picture;
+
+ private:
+  static ViewSetup setup(const Camera& camera, const Pose& T_world_camera) {
+    ViewSetup setup;
+    setup.depth = {camera, T_world_camera};
+    setup.color = setup.depth;
+    setup.noise = {.on = false, .precision = {}, .near_m = 0, .far_m = 65};
+    return setup;
+  }
+
+  Truth::Impl& truth_;
+  Camera camera_;
+  SensorView view_;
+};
+
+std::unique_ptr<TruthView> Truth::view(const Camera& camera, const Pose& T_world_camera) {
+  return std::make_unique<Eye>(*impl_, camera, T_world_camera);
+}
+
+TruthPicture Truth::look(const Camera& camera, const Pose& T_world_camera, std::uint64_t frame) {
+  return view(camera, T_world_camera)->at(frame);
 }
 
 Status write_ply(const std::filesystem::path& file, const ColoredMesh& surface) {

@@ -24,6 +24,14 @@ struct TruthPicture {
   ImageDepth depth;  ///< metres along z, or range; to the millimetre; 0 where nothing is met
 };
 
+/// One camera that looks at the truth. The empty room is looked at once; afterwards frames with few
+/// people in sight are cheap. One caller at a time.
+class TruthView {
+ public:
+  virtual ~TruthView() = default;
+  virtual TruthPicture at(std::uint64_t frame) = 0;
+};
+
 /// The noiseless surface and colours of a rig, people included. One caller at a time.
 class Truth {
  public:
@@ -31,10 +39,13 @@ class Truth {
   ~Truth();
 
   ColoredMesh surface(std::uint64_t frame);
+  /// Must not outlive the truth.
+  std::unique_ptr<TruthView> view(const Camera& camera, const Pose& T_world_camera);
   TruthPicture look(const Camera& camera, const Pose& T_world_camera, std::uint64_t frame);
 
  private:
   struct Impl;
+  class Eye;
   std::unique_ptr<Impl> impl_;
 };
 

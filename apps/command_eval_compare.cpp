@@ -1,0 +1,120 @@
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <memory>
+
+#include "commands.h"
+#include "eval_options.h"
+#include "mr/core/file.h"
+#include "mr/eval/quality.h"
+#include "mr/kit/image_io.h"
+#include "output.h"
+
+namespace mr::apps {
+namespace {
+
+struct CompareOptions : EvalOptions {
+  std::vector<std::filesystem::path> scenes;
+  std::filesystem::path csv, pictures;
+  int view = 0;
+};
+
+constexpr const char* kPipelines[] = {"meshreduce", "holoportation", "holoportation++", "points",
+                                      "rgbd"};
+
+/// Pictures of one size in rows of three, each shown at half its size.
+ImageRgb contact_sheet(const std::vector<ImageRgb>& pictures) {
+  const int columns = 3, rows = (static_cast<int>(pictures.size()) + columns - 1) / columns;
+  const int w = pictures.front().width / 2, h = pictures.front().height / 2;
+  ImageRgb sheet(columns * w, rows * h, 255);
+  for (std::size_t i = 0; i < pictures.size(); ++i)
+    for (int y = 0; y < h; ++y)
+      for (int x = 0; x < w; ++x)
+        for (int c = 0; c < 3; ++c) {
+          const ImageRgb& from = pictures[i];
+          const int sum = from.at(2 * x, 2 * y)[c] + from.at(2 * x + 1, 2 * y)[c] +
+                          from.at(2 * x, 2 * y + 1)[c] + from.at(2 * x + 1, 2 * y + 1)[c];
+          const int column = static_cast<int>(i) % columns, row = static_cast<int>(i) / columns;
+          sheet.at(column * w + x, row * h + y)[c] = static_cast<std::uint8_t>((sum + 2) / 4);
+        }
+  return sheet;
+}
+
+/// All pipelines of one scene; the reference's picture first.
+Status compare_scene(const Scene& scene, const CompareOptions& options, std::string& csv) {
+  ProgressBar bar;
+  const eval::QualityConfig config = quality_config(options, bar);
+  const auto trial = eval::Trial::prepare(scene, config);
+  if (!trial) return trial.error();
+  const auto view = static_cast<std::size_t>(options.view) % trial->plan().views.size();
+  std::vector<ImageRgb> sheet{trial->pictures().front()[view].color};
+  for (const char* pipeline : kPipelines) {
+    Scene variant = scene;
+    variant.pipeline = pipeline;
+    const auto played = eval::play(variant, trial->moments(), config);
+    if (!played) return played.error();
+    std::vector<ImageRgb> pictures;
+    const auto report = eval::measure_quality(*trial, variant, *played, config, &pictures);
+    if (!report) return report.error();
+    sheet.push_back(std::move(pictures[view]));
+    const auto& score = report->score;
+    csv += fmt::format("{},{},{},{},{:.4f},{:.4f},{:.4f},{:.2f},{:.3f},{:.3f},{:.3f}\n", scene.id,
+                       pipeline, to_string(report->reference), report->triangles, score.masked.mean,
+                       score.masked.p5, score.full.mean, score.psnr_db, report->mesh_mbps,
+                       report->texture_mbps, report->mbps());
+    bar.hide();
+    fmt::print("{:<22} {:<16} SSIM {:.3f}  {:9.2f} Mbit/s  {} triangles\n", scene.id, pipeline,
+               score.masked.mean, report->mbps(), report->triangles);
+    std::fflush(stdout);
+  }
+  if (options.pictures.empty()) return {};
+  const auto jpeg = kit::encode_jpeg(contact_sheet(sheet), 85);
+  if (!jpeg) return jpeg.error();
+  return write_file(options.pictures / (scene.id + ".jpg"), *jpeg);
+}
+
+int compare(const CompareOptions& options) {
+  if (const Status ok = check({{}, options.csv, options.pictures}); !ok)
+    return fail(ok.error().message);
+  std::error_code failed;
+  if (!options.pictures.empty()) std::filesystem::create_directories(options.pictures, failed);
+  std::vector<Scene> scenes;
+  for (const auto& file : options.scenes) {
+    auto scene = load_for_eval(file);
+    if (!scene) return 1;
+    scenes.push_back(*std::move(scene));
+  }
+  std::string csv =
+      "scene,pipeline,reference,triangles,ssim_masked,ssim_masked_p5,ssim_full,psnr_db,mesh_mbps,"
+      "texture_mbps,mbps\n";
+  for (const Scene& scene : scenes) {
+    Status compared;
+    in_arena(options, scene, [&] { compared = compare_scene(scene, options, csv); });
+    if (!compared) return fail("scene '" + scene.id + "': " + compared.error().message);
+  }
+  if (options.csv.empty()) return 0;
+  const Status written = write_file(options.csv, csv);
+  return written ? 0 : fail(written.error().message);
+}
+
+}  // namespace
+
+void add_eval_compare(CLI::App& eval, int& exit_code) {
+  auto options = std::make_shared<CompareOptions>();
+  CLI::App* command = eval.add_subcommand(
+      "compare", "Our pipeline beside the four baselines, each with the scene's own settings");
+  command->add_option("SCENES", options->scenes, "Scene files (YAML)")->required();
+  add_eval_options(*command, *options);
+  command->remove_option(command->get_option("--json"));
+  command->add_option("--csv", options->csv, "Write the table");
+  command->add_option("--pictures", options->pictures,
+                      "Write one picture per scene into this folder: reference, meshreduce, "
+                      "holoportation; holoportation++, points, rgbd");
+  command->add_option("--view", options->view, "The viewpoint of those pictures")
+      ->check(CLI::Range(0, 1000));
+  command->footer(
+      "Example:\n  meshreduce eval compare examples/eval/*.yaml --csv table.csv --pictures docs");
+  command->callback([options, &exit_code] { exit_code = compare(*options); });
+}
+
+}  // namespace mr::apps

@@ -1,0 +1,118 @@
+#include <fmt/format.h>
+
+#include <memory>
+#include <nlohmann/json.hpp>
+
+#include "commands.h"
+#include "eval_options.h"
+#include "mr/core/file.h"
+#include "mr/eval/match.h"
+#include "output.h"
+
+namespace mr::apps {
+namespace {
+
+struct MatchOptions : EvalOptions {
+  std::filesystem::path scene;
+  eval::MatchTarget target;
+  std::vector<std::string> pipelines{"meshreduce", "holoportation", "holoportation++", "points",
+                                     "rgbd"};
+};
+
+Result<std::vector<eval::Match>> match_all(const Scene& scene, const MatchOptions& options) {
+  ProgressBar bar;
+  const eval::QualityConfig config = quality_config(options, bar);
+  const auto trial = eval::Trial::prepare(scene, config);
+  if (!trial) return trial.error();
+  std::vector<eval::Match> out;
+  for (const std::string& pipeline : options.pipelines) {
+    auto found = eval::match(*trial, pipeline, options.target, config);
+    if (!found) return found.error();
+    out.push_back(*std::move(found));
+  }
+  return out;
+}
+
+std::string to_json(const Scene& scene, const std::vector<eval::Match>& matches) {
+  nlohmann::ordered_json out;
+  out["scene"] = scene.id;
+  for (const eval::Match& m : matches) {
+    const eval::SweepPoint& p = m.point;
+    out["systems"].push_back({{"pipeline", m.pipeline},
+                              {"name", m.name},
+                              {"met", m.met},
+                              {"mbps", p.mbps()},
+                              {"ssim", p.score.masked.mean},
+                              {"psnr_db", p.score.psnr_db},
+                              {"triangles", p.triangles},
+                              {"voxel_m", p.geometry.voxel_m},
+                              {"ratio", p.geometry.ratio},
+                              {"step_exp", p.geometry.step_exp},
+                              {"depth_qp", p.geometry.depth_qp},
+                              {"texture_scale", p.texture.scale},
+                              {"texture_qp", p.texture.qp},
+                              {"fps", scene.fps / p.divider}});
+  }
+  return out.dump(2) + "\n";
+}
+
+/// The knobs that a pipeline has.
+std::string knobs(const eval::Match& m, double fps) {
+  const eval::SweepPoint& p = m.point;
+  const std::string voxel = fmt::format("voxel {:g} cm", 100 * p.geometry.voxel_m);
+  const std::string coded =
+      fmt::format("keep {:g} %, {} bits", 100 * p.geometry.ratio, -p.geometry.step_exp);
+  const std::string texture = fmt::format("texture x{:g} QP {}", p.texture.scale, p.texture.qp);
+  const std::string rate = fmt::format("{:g} fps", fps / p.divider);
+  if (m.pipeline == "holoportation")
+    return fmt::format("{}, texture x{:g}, {}", voxel, p.texture.scale, rate);
+  if (m.pipeline == "holoportation++")
+    return fmt::format("{}, {}, {}, {}", voxel, coded, texture, rate);
+  if (m.pipeline == "points") return fmt::format("{}, {} bits", voxel, -p.geometry.step_exp);
+  if (m.pipeline == "rgbd") return fmt::format("depth QP {}, {}", p.geometry.depth_qp, texture);
+  return fmt::format("{}, {}", coded, texture);
+}
+
+int run_match(const MatchOptions& options) {
+  if (options.target.mbps.has_value() == options.target.ssim.has_value())
+    return fail("give one of --mbps and --ssim");
+  const auto scene = load_for_eval(options.scene);
+  if (!scene) return 1;
+  std::optional<Result<std::vector<eval::Match>>> matches;
+  in_arena(options, *scene, [&] { matches.emplace(match_all(*scene, options)); });
+  if (!*matches) return fail(matches->error().message);
+  if (options.json) {
+    fmt::print("{}", to_json(*scene, **matches));
+    return 0;
+  }
+  for (const eval::Match& m : **matches)
+    fmt::print("{:<22} SSIM {:.3f} {:9.2f} Mbit/s{}  {}\n", m.name, m.point.score.masked.mean,
+               m.point.mbps(), m.met ? "  " : " !", knobs(m, scene->fps));
+  fmt::print("(! the target is out of this system's reach: its nearest setting)\n");
+  return 0;
+}
+
+}  // namespace
+
+void add_eval_match(CLI::App& eval, int& exit_code) {
+  auto options = std::make_shared<MatchOptions>();
+  CLI::App* command = eval.add_subcommand(
+      "match", "Each system's best setting within a rate, or its lowest rate for a quality");
+  command->add_option("SCENE", options->scene, "Scene file (YAML)")->required();
+  add_eval_options(*command, *options);
+  auto* rate = command->add_option("--mbps", options->target.mbps, "At most so many Mbit/s")
+                   ->check(CLI::Range(0.001, 1e6));
+  command->add_option("--ssim", options->target.ssim, "At least this Multi-View SSIM (masked)")
+      ->check(CLI::Range(0.0, 1.0))
+      ->excludes(rate);
+  command->add_option("--pipelines", options->pipelines, "Only these")
+      ->delimiter(',')
+      ->check(CLI::IsMember({"meshreduce", "holoportation", "holoportation++", "points", "rgbd"}));
+  command->footer(
+      "Examples:\n"
+      "  meshreduce eval match examples/eval/office.yaml --mbps 20\n"
+      "  meshreduce eval match examples/eval/office.yaml --ssim 0.7 --pipelines meshreduce,points");
+  command->callback([options, &exit_code] { exit_code = run_match(*options); });
+}
+
+}  // namespace mr::apps

@@ -1,0 +1,35 @@
+#pragma once
+
+#include <CLI/CLI.hpp>
+#include <filesystem>
+#include <functional>
+#include <optional>
+#include <string>
+
+#include "mr/core/result.h"
+#include "mr/core/scene.h"
+#include "mr/eval/quality.h"
+#include "progress.h"
+
+/// What the commands under `eval` share.
+namespace mr::apps {
+
+struct EvalOptions {
+  std::string reference;  ///< truth, monolithic; empty: the scene's best
+  int moments = 3, burst = 4, threads = 0;
+  bool json = false;
+};
+
+/// --reference, --moments, --burst, --threads and --json.
+void add_eval_options(CLI::App& command, EvalOptions& options);
+
+/// The measurement that the options ask for; `bar` must outlive it.
+eval::QualityConfig quality_config(const EvalOptions& options, ProgressBar& bar);
+
+/// Runs `work` with the threads of the options, else of the scene.
+void in_arena(const EvalOptions& options, const Scene& scene, const std::function<void()>& work);
+
+/// Loads and prepares a scene for measuring; tells what is wrong with its file.
+std::optional<Scene> load_for_eval(const std::filesystem::path& file);
+
+}  // namespace mr::apps

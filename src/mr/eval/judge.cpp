@@ -1,0 +1,59 @@
+#include "mr/eval/judge.h"
+
+#include <algorithm>
+
+#include "mr/core/trace.h"
+
+namespace mr::eval {
+namespace {
+
+Spread spread(const std::vector<double>& values) {
+  Spread out;
+  for (const double v : values) out.mean += v / static_cast<double>(values.size());
+  out.p5 = percentile(values, 0.05);
+  out.min = *std::min_element(values.begin(), values.end());
+  return out;
+}
+
+}  // namespace
+
+Result<Judge> Judge::prepare(const std::vector<std::vector<Drawn>>& reference) {
+  Judge judge;
+  for (const auto& pictures : reference) {
+    auto& faces = judge.faces_.emplace_back();
+    for (const Drawn& picture : pictures) {
+      auto ssim = Ssim::prepare(luma_of(picture.color));
+      if (!ssim) return ssim.error();
+      faces.push_back({*std::move(ssim), picture.covered});
+    }
+  }
+  return judge;
+}
+
+Result<PictureScore> Judge::compare(std::size_t moment, std::size_t view, const ImageLuma& luma,
+                                    const ImageMask& covered) const {
+  const Face& face = faces_.at(moment).at(view);
+  ImageMask mask = covered;
+  if (mask.data.size() != face.covered.data.size())
+    return Error{Error::Cause::invalid, "pictures differ in size"};
+  for (std::size_t i = 0; i < mask.data.size(); ++i) mask.data[i] |= face.covered.data[i];
+  return face.ssim.compare(luma, mask);
+}
+
+MultiViewScore summarize(const std::vector<std::vector<PictureScore>>& scores) {
+  std::vector<double> masked, full;
+  MultiViewScore out;
+  out.masked_views.assign(scores.front().size(), 0);
+  for (const auto& moment : scores)
+    for (std::size_t v = 0; v < moment.size(); ++v) {
+      masked.push_back(moment[v].ssim_masked);
+      full.push_back(moment[v].ssim_full);
+      out.psnr_db += moment[v].psnr_db;
+      out.masked_views[v] += moment[v].ssim_masked / static_cast<double>(scores.size());
+    }
+  out.psnr_db /= static_cast<double>(masked.size());
+  out.masked = spread(masked), out.full = spread(full);
+  return out;
+}
+
+}  // namespace mr::eval

@@ -1,0 +1,138 @@
+#include "mr/eval/match.h"
+
+#include <algorithm>
+
+namespace mr::eval {
+namespace {
+
+constexpr std::size_t kCoarseViews = 8;
+
+/// The judges of a plan's frame rates at some moments and the first views.
+Result<SweepJudges> make_judges(const Trial& trial, const SweepPlan& plan,
+                                const std::vector<std::size_t>& moments, std::size_t views,
+                                const QualityConfig& config) {
+  SweepJudges out;
+  out.moments = moments;
+  out.views.assign(trial.plan().views.begin(),
+                   trial.plan().views.begin() +
+                       static_cast<std::ptrdiff_t>(std::min(views, trial.plan().views.size())));
+  for (const int divider : plan.dividers) {
+    std::vector<int> frames;
+    for (const std::size_t m : moments) frames.push_back(trial.moments().shown(m) + divider / 2);
+    const auto pictures = reference_pictures(trial.scene(), trial.reference(), frames, out.views,
+                                             config.rig_cache, config.eval_cache);
+    if (!pictures) return pictures.error();
+    auto judge = Judge::prepare(*pictures);
+    if (!judge) return judge.error();
+    out.by_divider.push_back(*std::move(judge));
+  }
+  return out;
+}
+
+double quality(const SweepPoint& p) { return p.score.masked.mean; }
+
+bool meets(const SweepPoint& p, const MatchTarget& target) {
+  return target.mbps ? p.mbps() <= *target.mbps : quality(p) >= *target.ssim;
+}
+
+/// The points that no other beats in both, by rising rate and so by rising quality.
+std::vector<SweepPoint> front(std::vector<SweepPoint> points) {
+  std::stable_sort(points.begin(), points.end(), [](const SweepPoint& a, const SweepPoint& b) {
+    return std::pair(a.mbps(), -quality(a)) < std::pair(b.mbps(), -quality(b));
+  });
+  std::vector<SweepPoint> out;
+  for (SweepPoint& point : points)
+    if (out.empty() || quality(point) > quality(out.back())) out.push_back(std::move(point));
+  return out;
+}
+
+/// The place on a front where a target is just met; the nearest end where it is met nowhere.
+std::size_t crossing(const std::vector<SweepPoint>& points, const MatchTarget& target) {
+  const auto met = [&](const SweepPoint& p) { return meets(p, target); };
+  if (target.ssim) {
+    const auto first = std::find_if(points.begin(), points.end(), met);
+    return first == points.end() ? points.size() - 1
+                                 : static_cast<std::size_t>(first - points.begin());
+  }
+  const auto beyond = std::find_if_not(points.begin(), points.end(), met);
+  return beyond == points.begin() ? 0 : static_cast<std::size_t>(beyond - points.begin()) - 1;
+}
+
+}  // namespace
+
+SweepPlan match_plan(const std::string& pipeline, const Scene& scene) {
+  SweepPlan plan;
+  const GeometrySetting own = geometry_setting(scene);
+  const auto geometries = [&](const std::vector<double>& voxels, const std::vector<double>& ratios,
+                              const std::vector<int>& steps, const std::vector<int>& depth_qps) {
+    for (const double voxel : voxels)
+      for (const double ratio : ratios)
+        for (const int step : steps)
+          for (const int qp : depth_qps) plan.geometries.push_back({voxel, ratio, step, qp});
+  };
+  const auto textures = [&](const std::vector<double>& scales, const std::vector<int>& qps) {
+    for (const double scale : scales)
+      for (const int qp : qps) plan.textures.push_back({scale, qp});
+  };
+  const double voxel = own.voxel_m;
+  if (pipeline == "holoportation") {
+    geometries({voxel, 0.015, 0.02, 0.03, 0.04, 0.05}, {1}, {own.step_exp}, {own.depth_qp});
+    textures({1, 0.5, 0.25, 0.125}, {0});
+    plan.dividers = {1, 2, 3, 6};
+  } else if (pipeline == "holoportation++") {
+    geometries({voxel, 0.02}, {0.5, 0.2, 0.1, 0.05}, {-9, -10}, {own.depth_qp});
+    textures({1, 0.5, 0.25}, {22, 28, 34, 40});
+    plan.dividers = {1, 2, 3};
+  } else if (pipeline == "points") {
+    geometries({0.005, 0.0075, voxel, 0.015, 0.02, 0.03, 0.04}, {1}, {-9, -10}, {own.depth_qp});
+    textures({1}, {0});
+  } else if (pipeline == "rgbd") {
+    geometries({voxel}, {1}, {own.step_exp}, {8, 14, 20, 26, 32});
+    textures({1, 0.5, 0.25}, {22, 28, 34, 40});
+  } else {
+    geometries({voxel}, {0.5, 0.2, 0.1, 0.05, 0.02}, {-9, -10}, {own.depth_qp});
+    textures({1, 0.75, 0.5, 0.25}, {22, 28, 34, 40});
+  }
+  return plan;
+}
+
+Result<Match> match(const Trial& trial, const std::string& pipeline, const MatchTarget& target,
+                    const QualityConfig& config) {
+  Scene scene = trial.scene();
+  scene.pipeline = pipeline;
+  const SweepPlan all = match_plan(pipeline, scene);
+  auto system =
+      make_system(scene, {trial.moments(), config.rig_cache, config.eval_cache, all.geometries});
+  if (!system) return system.error();
+  const auto tell = [&](std::size_t done, std::size_t of) {
+    if (config.progress) config.progress((*system)->name(), done, of);
+  };
+  const auto run = [&](const SweepPlan& plan, const std::vector<std::size_t>& moments,
+                       std::size_t views) -> Result<std::vector<SweepPoint>> {
+    const auto judges = make_judges(trial, plan, moments, views, config);
+    if (!judges) return judges.error();
+    return sweep(**system, plan, *judges, trial.scene().fps, Store({}), tell);
+  };
+  const auto rough = run(all, {0}, kCoarseViews);
+  if (!rough) return rough.error();
+
+  std::vector<std::size_t> moments(trial.moments().first.size());
+  for (std::size_t m = 0; m < moments.size(); ++m) moments[m] = m;
+  // The rough measurement may be a little off: its neighbours are tried as well.
+  const std::vector<SweepPoint> on_front = front(*rough);
+  const std::size_t middle = crossing(on_front, target);
+  std::vector<SweepPoint> fine;
+  for (std::size_t i = middle > 0 ? middle - 1 : 0; i < std::min(middle + 3, on_front.size());
+       ++i) {
+    const SweepPoint& point = on_front[i];
+    auto again = run({{point.geometry}, {point.texture}, {point.divider}}, moments,
+                     trial.plan().views.size());
+    if (!again) return again.error();
+    fine.push_back(again->front());
+  }
+  fine = front(std::move(fine));
+  const SweepPoint point = fine[crossing(fine, target)];
+  return Match{pipeline, (*system)->name(), meets(point, target), point};
+}
+
+}  // namespace mr::eval

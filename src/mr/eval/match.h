@@ -1,0 +1,32 @@
+#pragma once
+
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "mr/eval/quality.h"
+#include "mr/eval/sweep.h"
+
+namespace mr::eval {
+
+/// What a system has to meet: a rate, or a quality (mean masked SSIM).
+struct MatchTarget {
+  std::optional<double> mbps, ssim;
+};
+
+/// A system's best setting: the best quality within a rate, or the lowest rate for a quality.
+struct Match {
+  std::string pipeline, name;
+  bool met = false;  ///< no setting did where false: then the one that comes nearest
+  SweepPoint point;
+};
+
+/// What EVALUATION lets each pipeline vary.
+SweepPlan match_plan(const std::string& pipeline, const Scene& scene);
+
+/// Tries all of match_plan() at one moment from few views, and the most promising settings again in
+/// full. The trial's scene, with this pipeline.
+Result<Match> match(const Trial& trial, const std::string& pipeline, const MatchTarget& target,
+                    const QualityConfig& config);
+
+}  // namespace mr::eval

@@ -1,0 +1,38 @@
+#pragma once
+
+#include <vector>
+
+#include "mr/core/scene.h"
+
+namespace mr::eval {
+
+/// Which captures are measured: short bursts that begin far apart. Quality is that of the last
+/// capture of each; the rate is that of the whole burst, see Rate.
+struct Moments {
+  std::vector<int> first;  ///< capture numbers, from 0 at the sources
+  int burst = 4;
+
+  int shown(std::size_t moment) const { return first[moment] + burst - 1; }
+};
+
+/// `moments` bursts spread evenly over what the scene's sources hold; fewer where they hold less (a
+/// still picture is one moment).
+Moments spread_moments(const Scene& scene, int moments, int burst);
+
+/// What a stream sends. A client joins, or loses a picture, now and then: we quote the rate of a
+/// stream of which one capture a second is sent afresh (key frame, every chunk) and the others
+/// follow from it.
+class Rate {
+ public:
+  /// The bytes of one burst, capture by capture.
+  void add_burst(const std::vector<double>& bytes);
+
+  /// Mean over the bursts, at `fps` captures a second.
+  double mbps(double fps) const;
+
+ private:
+  double first_ = 0, following_ = 0;  // sums of bytes a capture
+  int bursts_ = 0;
+};
+
+}  // namespace mr::eval

@@ -1,0 +1,217 @@
+#include "mr/eval/quality.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <nlohmann/json.hpp>
+#include <numeric>
+
+#include "mr/baseline/monolithic.h"
+#include "mr/baseline/run_baseline.h"
+#include "mr/eval/store.h"
+#include "mr/node/capture.h"
+#include "mr/node/pipeline.h"
+#include "mr/node/sources.h"
+
+namespace mr::eval {
+namespace {
+
+constexpr double kPlanVoxel_m = 0.03;
+
+void tell(const QualityConfig& config, const std::string& step, std::size_t done, std::size_t of) {
+  if (config.progress) config.progress(step, done, of);
+}
+
+/// One burst of a scene's pipeline, decoded; the bytes of its captures are added to the rates.
+struct Burst {
+  std::vector<double> mesh_bytes, texture_bytes;
+  std::optional<DecodedScene> shown;
+};
+
+Result<Burst> play_burst(const Scene& scene, int first, int frames, const QualityConfig& config) {
+  Burst burst;
+  node::RunListener listener;
+  listener.dropped = config.notice;
+  listener.sent = [&](int, std::uint64_t mesh, std::uint64_t texture) {
+    burst.mesh_bytes.push_back(static_cast<double>(mesh));
+    burst.texture_bytes.push_back(static_cast<double>(texture));
+  };
+  if (scene.pipeline == "meshreduce") {
+    auto pipeline = node::Pipeline::open(scene, config.rig_cache);
+    if (!pipeline) return pipeline.error();
+    (*pipeline)->skip(static_cast<std::uint64_t>(first));
+    if (const auto report = (*pipeline)->run(frames, listener); !report) return report.error();
+    burst.shown = (*pipeline)->decoded();
+  } else {
+    auto run = baseline::run_baseline(scene, frames, first, listener, config.rig_cache);
+    if (!run) return run.error();
+    burst.shown = std::move(run->last);
+  }
+  return burst;
+}
+
+/// A pipeline that sends every n-th capture is measured where that is fair: the burst ends with a
+/// capture that is sent, and pictures are compared when it is as old as on average.
+struct Spacing {
+  int burst, late;
+};
+Spacing spacing_of(const Scene& scene, int burst) {
+  const int every = scene.pipeline == "meshreduce" ? 1 : scene.coding.frame_divider;
+  if (every == 1) return {burst, 0};
+  return {1 + every * ((burst + every - 2) / every), every / 2};
+}
+
+std::uint64_t triangles_of(const DecodedScene& scene) {
+  std::uint64_t triangles = 0, points = 0;
+  for (const auto& chunk : scene.chunks) {
+    triangles += chunk->mesh.triangles.size();
+    if (chunk->point_m > 0) points += chunk->mesh.positions.size();
+  }
+  return triangles > 0 ? triangles : points;
+}
+
+nlohmann::ordered_json json_of(const Spread& spread) {
+  return {{"mean", spread.mean}, {"p5", spread.p5}, {"min", spread.min}};
+}
+
+}  // namespace
+
+Result<ViewPlan> plan_scene(const Scene& scene, const std::filesystem::path& rig_cache) {
+  node::CaptureReader reader(scene, rig_cache);
+  const auto capture = reader.next();
+  if (!capture || capture->empty())
+    return Error{Error::Cause::empty, "scene '" + scene.id + "' has no capture"};
+  const Mesh captured = baseline::fuse_all(scene, *capture, kPlanVoxel_m);
+  std::vector<Pose> sensors;
+  for (const Frame& frame : *capture) sensors.push_back(frame.T_world_depth);
+  return plan_viewpoints(captured, sensors, scene.up);
+}
+
+std::filesystem::path viewpoints_file(const Scene& scene) {
+  return std::filesystem::path(scene.file).replace_extension(".views.json");
+}
+
+std::string viewpoints_key(const Scene& scene) {
+  Fingerprint print;
+  print.add(scene.up.x).add(scene.up.y).add(scene.up.z);
+  if (scene.rig) print.add(*scene.rig);
+  for (const SensorConfig& sensor : scene.sensors) {
+    print.add(sensor.depth_camera).add(sensor.depth_near_m).add(sensor.depth_far_m);
+    for (const Pose& pose : sensor.T_world_depth) print.add(pose);
+  }
+  return print.hex();
+}
+
+Result<Trial> Trial::prepare(const Scene& scene, const QualityConfig& config) {
+  Trial trial;
+  auto prepared = node::prepare_scene(scene);
+  if (!prepared) return prepared.error();
+  trial.scene_ = *std::move(prepared);
+  const bool any_color =
+      std::any_of(trial.scene_.sensors.begin(), trial.scene_.sensors.end(),
+                  [](const SensorConfig& sensor) { return sensor.color_camera.has_value(); });
+  if (!any_color)
+    return Error{Error::Cause::empty,
+                 "scene '" + scene.id + "' has no colour, so pictures of it cannot be compared"};
+  trial.moments_ = spread_moments(trial.scene_, config.moments, config.burst);
+  trial.reference_ = config.reference.value_or(default_reference(trial.scene_));
+
+  const auto file = viewpoints_file(trial.scene_);
+  auto plan = std::filesystem::exists(file) ? read_viewpoints(file, viewpoints_key(trial.scene_))
+                                            : Result<ViewPlan>(Error{Error::Cause::not_found, ""});
+  if (!plan && plan.error().cause != Error::Cause::not_found && config.notice)
+    config.notice(plan.error().message + "; planning afresh (eval views writes it)");
+  if (!plan) plan = plan_scene(trial.scene_, config.rig_cache);
+  if (!plan) return plan.error();
+  trial.plan_ = *std::move(plan);
+
+  std::vector<int> frames;
+  const Spacing spacing = spacing_of(scene, trial.moments_.burst);
+  for (std::size_t m = 0; m < trial.moments_.first.size(); ++m)
+    frames.push_back(trial.moments_.first[m] + spacing.burst - 1 + spacing.late);
+  auto pictures = reference_pictures(
+      trial.scene_, trial.reference_, frames, trial.plan_.views, config.rig_cache,
+      config.eval_cache,
+      [&](std::size_t done, std::size_t of) { tell(config, "reference", done, of); });
+  if (!pictures) return pictures.error();
+  trial.pictures_ = *std::move(pictures);
+  auto judge = Judge::prepare(trial.pictures_);
+  if (!judge) return judge.error();
+  trial.judge_ = *std::move(judge);
+  return trial;
+}
+
+Result<Played> play(const Scene& scene, const Moments& moments, const QualityConfig& config) {
+  const Spacing spacing = spacing_of(scene, moments.burst);
+  Played out;
+  Rate mesh, texture;
+  for (std::size_t m = 0; m < moments.first.size(); ++m) {
+    tell(config, "stream", m, moments.first.size());
+    auto burst = play_burst(scene, moments.first[m], spacing.burst, config);
+    if (!burst) return burst.error();
+    mesh.add_burst(burst->mesh_bytes);
+    texture.add_burst(burst->texture_bytes);
+    out.shown.push_back(*std::move(burst->shown));
+  }
+  tell(config, "stream", moments.first.size(), moments.first.size());
+  out.mesh_mbps = mesh.mbps(scene.fps), out.texture_mbps = texture.mbps(scene.fps);
+  return out;
+}
+
+Result<QualityReport> measure_quality(const Trial& trial, const Scene& scene, const Played& played,
+                                      const QualityConfig& config,
+                                      std::vector<ImageRgb>* pictures) {
+  auto renderer = render::Renderer::create();
+  if (!renderer) return renderer.error();
+  QualityReport report;
+  report.scene = scene.id, report.pipeline = scene.pipeline, report.reference = trial.reference();
+  report.fps = scene.fps;
+  report.views = static_cast<int>(trial.plan().views.size());
+  report.frames = static_cast<int>(played.shown.size());
+  report.mesh_mbps = played.mesh_mbps, report.texture_mbps = played.texture_mbps;
+  report.triangles = triangles_of(played.shown.back());
+  std::vector<std::vector<PictureScore>> scores(played.shown.size());
+  const std::size_t all = played.shown.size() * trial.plan().views.size();
+  for (std::size_t m = 0; m < played.shown.size(); ++m)
+    for (std::size_t v = 0; v < trial.plan().views.size(); ++v) {
+      tell(config, "compare", m * trial.plan().views.size() + v, all);
+      auto drawn = draw_scene(*renderer, played.shown[m], trial.plan().views[v]);
+      if (!drawn) return drawn.error();
+      const auto score = trial.judge().compare(m, v, luma_of(drawn->color), drawn->covered);
+      if (!score) return score.error();
+      scores[m].push_back(*score);
+      if (pictures && m == 0) pictures->push_back(std::move(drawn->color));
+    }
+  tell(config, "compare", all, all);
+  report.score = summarize(scores);
+  return report;
+}
+
+std::string to_json(const QualityReport& r) {
+  nlohmann::ordered_json out;
+  out["scene"] = r.scene, out["pipeline"] = r.pipeline, out["reference"] = to_string(r.reference);
+  out["views"] = r.views, out["frames"] = r.frames, out["fps"] = r.fps, out["mbps"] = r.mbps();
+  out["mesh_mbps"] = r.mesh_mbps, out["texture_mbps"] = r.texture_mbps;
+  out["triangles"] = r.triangles;
+  out["psnr_db"] = r.score.psnr_db;
+  out["ssim"] = {{"masked", json_of(r.score.masked)}, {"full", json_of(r.score.full)}};
+  out["ssim_by_view"] = r.score.masked_views;
+  return out.dump(2) + "\n";
+}
+
+std::string to_text(const QualityReport& r) {
+  const auto line = [](const char* name, const Spread& s) {
+    return fmt::format("  SSIM {}  {:.4f} mean, {:.4f} 5th percentile, {:.4f} least\n", name,
+                       s.mean, s.p5, s.min);
+  };
+  return fmt::format("{} ({}), {} views at {} moments, against {}\n", r.scene, r.pipeline, r.views,
+                     r.frames,
+                     r.reference == ReferenceKind::truth ? "the truth" : "the monolithic fusion") +
+         line("masked", r.score.masked) + line("full  ", r.score.full) +
+         fmt::format("  PSNR         {:.2f} dB\n", r.score.psnr_db) +
+         fmt::format("  rate         {:.2f} Mbit/s at {:g} fps: mesh {:.2f}, texture {:.2f}\n",
+                     r.mbps(), r.fps, r.mesh_mbps, r.texture_mbps) +
+         fmt::format("  triangles    {}\n", r.triangles);
+}
+
+}  // namespace mr::eval

@@ -1,0 +1,90 @@
+#pragma once
+
+#include <filesystem>
+#include <functional>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "mr/core/decoded_scene.h"
+#include "mr/core/result.h"
+#include "mr/core/scene.h"
+#include "mr/eval/judge.h"
+#include "mr/eval/moments.h"
+#include "mr/eval/reference.h"
+#include "mr/eval/viewpoints.h"
+
+namespace mr::eval {
+
+/// What is asked of a measurement.
+struct QualityConfig {
+  std::optional<ReferenceKind> reference;  ///< none: the scene's best
+  int moments = 3, burst = 4;              ///< see Moments
+  std::filesystem::path rig_cache, eval_cache;
+  std::function<void(const std::string& step, std::size_t done, std::size_t of)> progress{};
+  std::function<void(const std::string& message)> notice{};  ///< one line
+};
+
+/// `eval ssim` (DESIGN section 7).
+struct QualityReport {
+  std::string scene, pipeline;
+  ReferenceKind reference = ReferenceKind::truth;
+  int views = 0, frames = 0;  ///< frames: moments at which pictures were compared
+  double fps = 30;
+  double mesh_mbps = 0, texture_mbps = 0;
+  std::uint64_t triangles = 0;  ///< of the last frame; points where it has none
+  MultiViewScore score;
+
+  double mbps() const { return mesh_mbps + texture_mbps; }
+};
+
+/// A prepared scene with all that its pictures are compared with; serves any pipeline of it.
+class Trial {
+ public:
+  /// Uses NAME.views.json beside the scene file where it was made for this scene, else plans the
+  /// viewpoints. empty: no viewpoint, no colour, no surface.
+  static Result<Trial> prepare(const Scene& scene, const QualityConfig& config);
+
+  const Scene& scene() const { return scene_; }
+  const ViewPlan& plan() const { return plan_; }
+  const Moments& moments() const { return moments_; }
+  ReferenceKind reference() const { return reference_; }
+  const std::vector<std::vector<Drawn>>& pictures() const { return pictures_; }  // [moment][view]
+  const Judge& judge() const { return judge_; }
+
+ private:
+  Scene scene_;
+  ViewPlan plan_;
+  Moments moments_;
+  ReferenceKind reference_ = ReferenceKind::truth;
+  std::vector<std::vector<Drawn>> pictures_;
+  Judge judge_;
+};
+
+/// One stream as a client decodes it, moment by moment.
+struct Played {
+  std::vector<DecodedScene> shown;  ///< [moments]
+  double mesh_mbps = 0, texture_mbps = 0;
+};
+
+/// Runs a scene's pipeline, whichever it names, through every moment.
+Result<Played> play(const Scene& scene, const Moments& moments, const QualityConfig& config);
+
+/// Draws what was played from every viewpoint and compares. `pictures`, where given, takes the
+/// first moment's, [views].
+Result<QualityReport> measure_quality(const Trial& trial, const Scene& scene, const Played& played,
+                                      const QualityConfig& config,
+                                      std::vector<ImageRgb>* pictures = nullptr);
+
+/// Where a scene's viewpoints are stored, and what they were made for.
+std::filesystem::path viewpoints_file(const Scene& scene);
+std::string viewpoints_key(const Scene& scene);
+
+/// Plans the viewpoints of a prepared scene from a coarse fusion of its first capture.
+Result<ViewPlan> plan_scene(const Scene& scene, const std::filesystem::path& rig_cache);
+
+/// How many views are in the plan, reference picture size, ... as JSON and as lines for people.
+std::string to_json(const QualityReport& report);
+std::string to_text(const QualityReport& report);
+
+}  // namespace mr::eval

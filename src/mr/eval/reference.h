@@ -1,0 +1,43 @@
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <filesystem>
+#include <functional>
+#include <memory>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "mr/core/image.h"
+#include "mr/core/result.h"
+#include "mr/core/scene.h"
+#include "mr/eval/draw.h"
+
+namespace mr::eval {
+
+/// What a stream is compared with (EVALUATION, Multi-View SSIM).
+enum class ReferenceKind {
+  truth,      ///< of a synthetic scene: its noiseless surface and colours
+  monolithic  ///< all sensors in one 1 cm grid, textured from uncompressed pictures
+};
+const char* to_string(ReferenceKind kind);
+
+/// The scene's best: truth where its rig is known.
+ReferenceKind default_reference(const Scene& scene);
+
+using Progress = std::function<void(std::size_t done, std::size_t of)>;
+
+/// Pictures from every viewpoint of every wanted capture: [frames][views]. The scene must be
+/// prepared. Pictures of a truth are kept in `eval_cache`, where it is not empty. unsupported:
+/// truth of a scene without a rig; empty: no capture, or none with a surface.
+Result<std::vector<std::vector<Drawn>>> reference_pictures(
+    const Scene& scene, ReferenceKind kind, const std::vector<int>& frames,
+    const std::vector<render::Viewpoint>& views, const std::filesystem::path& rig_cache,
+    const std::filesystem::path& eval_cache, const Progress& progress = {});
+
+/// The monolithic reference of one capture, as a client would draw it.
+/// empty: it holds no surface.
+Result<DecodedScene> monolithic_scene(const Scene& scene, std::span<const Frame> capture);
+
+}  // namespace mr::eval

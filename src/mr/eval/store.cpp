@@ -1,0 +1,104 @@
+#include "mr/eval/store.h"
+
+#include <fmt/format.h>
+
+#include <cstring>
+
+#include "mr/core/file.h"
+#include "mr/synth/room.h"
+#include "mr/synth/shot_cache.h"
+
+namespace mr::eval {
+
+std::optional<std::vector<std::byte>> Store::get(const std::string& name) const {
+  if (folder_.empty()) return std::nullopt;
+  auto bytes = read_file(folder_ / name);
+  return bytes ? std::optional(*std::move(bytes)) : std::nullopt;
+}
+
+void Store::put(const std::string& name, std::span<const std::byte> bytes) const {
+  if (folder_.empty()) return;
+  std::error_code failed;
+  std::filesystem::create_directories(folder_, failed);
+  static_cast<void>(write_file(folder_ / name, bytes).ok());
+}
+
+Fingerprint& Fingerprint::add(std::span<const std::byte> bytes) {
+  for (const std::byte b : bytes) sum_ = (sum_ ^ static_cast<std::uint64_t>(b)) * 0x100000001B3ull;
+  return *this;
+}
+
+Fingerprint& Fingerprint::add(std::string_view text) {
+  return add(std::as_bytes(std::span(text))).add(static_cast<double>(text.size()));
+}
+
+Fingerprint& Fingerprint::add(double v) { return add(std::as_bytes(std::span(&v, 1))); }
+
+Fingerprint& Fingerprint::add(const Camera& c) {
+  for (const double v : {static_cast<double>(c.model), 1.0 * c.width, 1.0 * c.height, c.fx, c.fy,
+                         c.cx, c.cy, static_cast<double>(c.distortion)})
+    add(v);
+  for (const double v : c.k) add(v);
+  for (const double v : c.p) add(v);
+  return *this;
+}
+
+Fingerprint& Fingerprint::add(const Pose& pose) {
+  for (const double v : pose.matrix()) add(v);
+  return *this;
+}
+
+Fingerprint& Fingerprint::add(const RigConfig& rig) {
+  for (const double v : {static_cast<double>(rig.kind),
+                         1.0 * rig.seed,
+                         rig.room_m.x,
+                         rig.room_m.y,
+                         rig.room_m.z,
+                         1.0 * rig.people,
+                         1.0 * rig.sensors,
+                         1.0 * rig.lidars,
+                         1.0 * rig.depth_width,
+                         1.0 * rig.depth_height,
+                         1.0 * rig.color_width,
+                         1.0 * rig.color_height,
+                         1.0 * rig.noise,
+                         rig.calib_error_mm,
+                         rig.calib_error_deg,
+                         rig.exposure_spread,
+                         rig.clock_offset_ms,
+                         rig.detail,
+                         1.0 * rig.frames,
+                         1.0 * rig.loop})
+    add(v);
+  return *this;
+}
+
+std::string Fingerprint::hex() const { return fmt::format("{:016x}", sum_); }
+
+const std::string& program_fingerprint() {
+  static const std::string print = [] {
+    const auto program = read_file("/proc/self/exe");
+    return Fingerprint{}
+        .add(program ? std::span<const std::byte>(*program) : std::span<const std::byte>{})
+        .hex();
+  }();
+  return print;
+}
+
+std::filesystem::path store_folder(const std::filesystem::path& cache_folder,
+                                   const std::string& name) {
+  constexpr std::uintmax_t kMostBytes = std::uintmax_t{8} << 30;
+  if (cache_folder.empty()) return {};
+  std::error_code failed;
+  std::filesystem::create_directories(cache_folder / name, failed);
+  if (failed) return {};
+  synth::trim_caches(cache_folder, cache_folder / name, kMostBytes);
+  return cache_folder / name;
+}
+
+std::filesystem::path default_eval_cache() {
+  const std::filesystem::path rigs = synth::default_rig_cache();
+  return rigs.empty() ? rigs : rigs.parent_path() / "eval";
+}
+
+}  // namespace mr::eval

@@ -1,0 +1,240 @@
+#include "mr/eval/sweep.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cstring>
+#include <numeric>
+#include <optional>
+#include <utility>
+
+#include "mr/core/parallel.h"
+#include "mr/eval/draw.h"
+#include "mr/eval/sight.h"
+
+namespace mr::eval {
+namespace {
+
+/// Scores of one geometry at one moment: [textures][dividers][views].
+using Scores = std::vector<PictureScore>;
+
+bool is_points(const baseline::Geometry& geometry) {
+  return std::any_of(geometry.chunks.begin(), geometry.chunks.end(),
+                     [](const auto& chunk) { return chunk->point_m > 0; });
+}
+
+std::uint64_t triangles_of(const baseline::Geometry& geometry) {
+  std::uint64_t sum = 0;
+  for (const auto& chunk : geometry.chunks)
+    sum += chunk->point_m > 0 ? chunk->mesh.positions.size() : chunk->mesh.triangles.size();
+  return sum;
+}
+
+/// One sweep under way.
+class Sweep {
+ public:
+  Sweep(System& system, const SweepPlan& plan, const SweepJudges& judges, const Store& scores,
+        const SweepProgress& progress)
+      : system_(system), plan_(plan), judges_(judges), store_(scores), progress_(progress) {}
+
+  Result<std::vector<SweepPoint>> run(double fps) {
+    const std::size_t points =
+        plan_.geometries.size() * plan_.textures.size() * plan_.dividers.size();
+    scores_.assign(points, {});
+    geometry_rates_.resize(plan_.geometries.size());
+    texture_rates_.resize(plan_.textures.size());
+    triangles_.resize(plan_.geometries.size());
+    for (std::size_t i = 0; i < judges_.moments.size(); ++i)
+      if (const Status done = run_moment(i); !done) return done.error();
+    return summary(fps);
+  }
+
+ private:
+  Status run_moment(std::size_t i) {
+    std::vector<LumaTexture> textures;
+    for (std::size_t t = 0; t < plan_.textures.size(); ++t) {
+      auto texture = system_.texture(plan_.textures[t], judges_.moments[i]);
+      if (!texture) return texture.error();
+      texture_rates_[t].add_burst(texture->bytes);
+      textures.push_back(luma_texture(texture->decoded));
+    }
+    for (std::size_t g = 0; g < plan_.geometries.size(); ++g) {
+      auto geometry = system_.geometry(plan_.geometries[g], judges_.moments[i]);
+      if (!geometry) return geometry.error();
+      geometry_rates_[g].add_burst(geometry->bytes);
+      triangles_[g] = triangles_of(geometry->decoded);
+      auto scores = kept(i, g);
+      if (!scores) {
+        auto made = is_points(geometry->decoded) ? score_points(i, geometry->decoded)
+                                                 : score(i, geometry->decoded, textures);
+        if (!made) return made.error();
+        scores = *std::move(made);
+        store_.put(name(i, g), std::as_bytes(std::span(*scores)));
+      }
+      take(g, *scores);
+      tell(judges_.views.size());
+    }
+    return {};
+  }
+
+  std::size_t row() const { return plan_.dividers.size() * judges_.views.size(); }
+
+  /// Draws each view once and shades it with every texture; views at once.
+  Result<Scores> score(std::size_t moment, const baseline::Geometry& geometry,
+                       const std::vector<LumaTexture>& textures) const {
+    Scores scores(textures.size() * row());
+    std::vector<std::optional<Error>> wrong(judges_.views.size());
+    parallel_for(judges_.views.size(), 1, [&](std::size_t begin, std::size_t end) {
+      for (std::size_t v = begin; v < end; ++v) {
+        const Sight sight = look_at_geometry(geometry, judges_.views[v]);
+        for (std::size_t t = 0; t < textures.size(); ++t)
+          if (const Status ok =
+                  compare(moment, v, shade(sight, textures[t]), sight.covered, &scores[t * row()]);
+              !ok)
+            wrong[v] = ok.error();
+      }
+    });
+    for (const auto& error : wrong)
+      if (error) return *error;
+    return scores;
+  }
+
+  /// Points carry their colours: one picture, whatever the texture.
+  Result<Scores> score_points(std::size_t moment, const baseline::Geometry& geometry) const {
+    auto renderer = render::Renderer::create();
+    if (!renderer) return renderer.error();
+    DecodedScene scene;
+    scene.chunks = geometry.chunks;
+    Scores scores(row());
+    for (std::size_t v = 0; v < judges_.views.size(); ++v) {
+      const auto drawn = draw_scene(*renderer, scene, judges_.views[v]);
+      if (!drawn) return drawn.error();
+      if (const Status ok =
+              compare(moment, v, luma_of(drawn->color), drawn->covered, scores.data());
+          !ok)
+        return ok.error();
+    }
+    Scores all;
+    for (std::size_t t = 0; t < plan_.textures.size(); ++t)
+      all.insert(all.end(), scores.begin(), scores.end());
+    return all;
+  }
+
+  /// `scores`: [dividers][views].
+  Status compare(std::size_t moment, std::size_t view, const ImageLuma& luma,
+                 const ImageMask& covered, PictureScore* scores) const {
+    for (std::size_t d = 0; d < plan_.dividers.size(); ++d) {
+      const auto result = judges_.by_divider.at(d).compare(moment, view, luma, covered);
+      if (!result) return result.error();
+      scores[d * judges_.views.size() + view] = *result;
+    }
+    return {};
+  }
+
+  std::string name(std::size_t moment, std::size_t g) const {
+    Fingerprint print;
+    for (const TextureSetting& texture : plan_.textures) print.add(to_string(texture));
+    for (const int divider : plan_.dividers) print.add(divider);
+    return fmt::format("scores-{}-{}-{}", judges_.moments[moment], to_string(plan_.geometries[g]),
+                       print.hex());
+  }
+
+  std::optional<Scores> kept(std::size_t moment, std::size_t g) const {
+    const auto bytes = store_.get(name(moment, g));
+    Scores scores(plan_.textures.size() * row());
+    if (!bytes || bytes->size() != scores.size() * sizeof(PictureScore)) return std::nullopt;
+    std::memcpy(scores.data(), bytes->data(), bytes->size());
+    return scores;
+  }
+
+  void take(std::size_t g, const Scores& scores) {
+    const std::size_t views = judges_.views.size();
+    for (std::size_t td = 0; td < plan_.textures.size() * plan_.dividers.size(); ++td) {
+      const PictureScore* of = &scores[td * views];
+      scores_[g * plan_.textures.size() * plan_.dividers.size() + td].emplace_back(of, of + views);
+    }
+  }
+
+  std::vector<SweepPoint> summary(double fps) const {
+    std::vector<SweepPoint> points;
+    for (std::size_t g = 0; g < plan_.geometries.size(); ++g)
+      for (std::size_t t = 0; t < plan_.textures.size(); ++t)
+        for (const int divider : plan_.dividers) {
+          SweepPoint point;
+          point.geometry = plan_.geometries[g], point.texture = plan_.textures[t];
+          point.divider = divider, point.triangles = triangles_[g];
+          point.geometry_mbps = geometry_rates_[g].mbps(fps / divider);
+          point.texture_mbps = texture_rates_[t].mbps(fps / divider);
+          point.score = summarize(scores_[points.size()]);
+          points.push_back(std::move(point));
+        }
+    return points;
+  }
+
+  void tell(std::size_t views) {
+    done_ += views;
+    const std::size_t of = judges_.moments.size() * plan_.geometries.size() * judges_.views.size();
+    if (progress_) progress_(done_, of);
+  }
+
+  System& system_;
+  const SweepPlan& plan_;
+  const SweepJudges& judges_;
+  const Store& store_;
+  const SweepProgress& progress_;
+  std::vector<std::vector<std::vector<PictureScore>>> scores_;  // [points][moments][views]
+  std::vector<Rate> geometry_rates_, texture_rates_;
+  std::vector<std::uint64_t> triangles_;
+  std::size_t done_ = 0;
+};
+
+}  // namespace
+
+Result<std::vector<SweepPoint>> sweep(System& system, const SweepPlan& plan,
+                                      const SweepJudges& judges, double fps, const Store& scores,
+                                      const SweepProgress& progress) {
+  return Sweep(system, plan, judges, scores, progress).run(fps);
+}
+
+std::vector<std::size_t> pareto_hull(const std::vector<SweepPoint>& points) {
+  std::vector<std::size_t> order(points.size());
+  std::iota(order.begin(), order.end(), std::size_t{0});
+  const auto quality = [&](std::size_t i) { return points[i].score.masked.mean; };
+  std::sort(order.begin(), order.end(), [&](std::size_t a, std::size_t b) {
+    return std::pair(points[a].mbps(), -quality(a)) < std::pair(points[b].mbps(), -quality(b));
+  });
+  std::vector<std::size_t> hull;
+  for (const std::size_t i : order) {
+    if (!hull.empty() && quality(i) <= quality(hull.back())) continue;
+    const auto rises_more = [&](std::size_t a, std::size_t b, std::size_t c) {
+      // Whether the slope from a to b is less than that from b to c: b lies below the line.
+      return (quality(b) - quality(a)) * (points[c].mbps() - points[b].mbps()) <=
+             (quality(c) - quality(b)) * (points[b].mbps() - points[a].mbps());
+    };
+    while (hull.size() >= 2 && rises_more(hull[hull.size() - 2], hull.back(), i)) hull.pop_back();
+    hull.push_back(i);
+  }
+  return hull;
+}
+
+std::string to_csv(const std::vector<SweepPoint>& points) {
+  const std::vector<std::size_t> hull = pareto_hull(points);
+  std::string out =
+      "voxel_m,ratio,step_exp,depth_qp,texture_scale,texture_qp,frame_divider,triangles,"
+      "geometry_mbps,texture_mbps,mbps,ssim_masked,ssim_masked_p5,ssim_masked_min,ssim_full,psnr_"
+      "db,on_hull\n";
+  for (std::size_t i = 0; i < points.size(); ++i) {
+    const SweepPoint& p = points[i];
+    const bool on_hull = std::find(hull.begin(), hull.end(), i) != hull.end();
+    out += fmt::format(
+        "{:g},{:g},{},{},{:g},{},{},{},{:.4f},{:.4f},{:.4f},{:.5f},{:.5f},{:.5f},"
+        "{:.5f},{:.3f},{}\n",
+        p.geometry.voxel_m, p.geometry.ratio, p.geometry.step_exp, p.geometry.depth_qp,
+        p.texture.scale, p.texture.qp, p.divider, p.triangles, p.geometry_mbps, p.texture_mbps,
+        p.mbps(), p.score.masked.mean, p.score.masked.p5, p.score.masked.min, p.score.full.mean,
+        p.score.psnr_db, on_hull ? 1 : 0);
+  }
+  return out;
+}
+
+}  // namespace mr::eval

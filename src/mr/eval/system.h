@@ -1,0 +1,98 @@
+#pragma once
+
+#include <compare>
+#include <filesystem>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "mr/baseline/baseline.h"
+#include "mr/core/result.h"
+#include "mr/core/scene.h"
+#include "mr/eval/moments.h"
+#include "mr/eval/reference.h"
+#include "mr/eval/store.h"
+
+namespace mr::eval {
+
+/// What is varied of a stream's geometry; a system looks at those that it has.
+struct GeometrySetting {
+  double voxel_m = 0.01;
+  double ratio = 0.1;  ///< simplify.ratio
+  int step_exp = -10;  ///< lattice.step_exp
+  int depth_qp = 16;   ///< coding.depth_qp
+
+  friend auto operator<=>(const GeometrySetting&, const GeometrySetting&) = default;
+};
+
+/// What is varied of its texture.
+struct TextureSetting {
+  double scale = 1;  ///< coding.texture_scale
+  int qp = 28;       ///< coding.texture_qp
+
+  friend auto operator<=>(const TextureSetting&, const TextureSetting&) = default;
+};
+
+/// The settings that a scene file asks for.
+GeometrySetting geometry_setting(const Scene& scene);
+TextureSetting texture_setting(const Scene& scene);
+std::string to_string(const GeometrySetting& setting);
+std::string to_string(const TextureSetting& setting);
+
+/// One half of a stream at one moment: the bytes of each capture of the burst, and what a client
+/// has of the last.
+template <typename Decoded>
+struct CodedHalf {
+  std::vector<double> bytes;
+  Decoded decoded;
+};
+using CodedGeometry = CodedHalf<baseline::Geometry>;
+using CodedTexture = CodedHalf<baseline::Texture>;
+
+/// A scene's pipeline taken apart, so that a sweep codes each half once and combines them freely.
+/// What was coded is kept in a store. Halves that carry no state from capture to capture are coded
+/// for the last capture of a burst only.
+class System {
+ public:
+  virtual ~System() = default;
+
+  /// For people, e.g. "Holoportation".
+  virtual std::string name() const = 0;
+
+  Result<CodedGeometry> geometry(const GeometrySetting& setting, std::size_t moment);
+  Result<CodedTexture> texture(const TextureSetting& setting, std::size_t moment);
+
+  /// Where scores of this system are kept.
+  Store scores(const std::vector<render::Viewpoint>& views, ReferenceKind reference) const;
+
+ protected:
+  using Bytes = baseline::Bytes;
+  /// `folder`: what was coded is kept there; empty: nowhere.
+  explicit System(std::filesystem::path folder) : folder_(std::move(folder)), store_(folder_) {}
+
+ private:
+  virtual Result<std::vector<Bytes>> encode(const GeometrySetting& setting, std::size_t moment) = 0;
+  virtual Result<std::vector<Bytes>> encode(const TextureSetting& setting, std::size_t moment) = 0;
+  virtual Result<baseline::Geometry> decode(const GeometrySetting& setting,
+                                            const std::vector<Bytes>& coded) = 0;
+  virtual Result<baseline::Texture> decode(const TextureSetting& setting,
+                                           const std::vector<Bytes>& coded) = 0;
+  template <typename Setting>
+  Result<std::vector<Bytes>> coded(const Setting& setting, std::size_t moment);
+
+  std::filesystem::path folder_;
+  Store store_;
+};
+
+struct SystemConfig {
+  Moments moments;
+  std::filesystem::path rig_cache, eval_cache;
+  /// meshreduce: the texture holds what is used by the surface in any of these settings, as it is
+  /// coded apart from it.
+  std::vector<GeometrySetting> mask_for;
+};
+
+/// By the scene's pipeline. The scene must be prepared; it is copied.
+Result<std::unique_ptr<System>> make_system(const Scene& scene, const SystemConfig& config);
+
+}  // namespace mr::eval
