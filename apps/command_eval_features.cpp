@@ -188,7 +188,8 @@ std::string to_text(const std::vector<SceneRow>& rows) {
 std::string to_svg(const std::vector<SceneRow>& rows) {
   std::vector<eval::Plot> panels;
   for (const Feature& feature : kFeatures) {
-    eval::Plot plot{.title = feature.title, .x_label = "Frame", .y_label = "DCT energy"};
+    eval::Plot plot;
+    plot.title = feature.title, plot.x_label = "Frame", plot.y_label = "DCT energy";
     plot.width = 540, plot.height = 320;
     for (const SceneRow& row : rows) {
       eval::Series series{.name = row.id, .points = {}, .markers = false};
@@ -215,10 +216,11 @@ Status write(const FeatureOptions& options, const std::vector<SceneRow>& rows) {
 std::optional<std::vector<Scene>> load_all(const std::vector<std::filesystem::path>& files) {
   std::vector<Scene> scenes;
   for (const auto& file : files) {
-    auto scene = load_or_tell(file);
-    if (!scene) continue;
-    if (const Status ready = node::prepare_scene(*scene); !ready)
-      fail(ready.error().message);
+    auto loaded = load_or_tell(file);
+    if (!loaded) continue;
+    auto scene = node::prepare_scene(*std::move(loaded));
+    if (!scene)
+      fail(scene.error().message);
     else if (!has_color(*scene))
       fail(file.string() + ": no sensor has colour, and features are of colour and depth");
     else
@@ -253,7 +255,9 @@ void add_eval_features(CLI::App& eval, int& exit_code) {
                    "before it")
       ->check(CLI::Range(1, 1000000))
       ->capture_default_str();
-  command->add_option("--every", options->every, "Only each so-manieth frame")
+  command
+      ->add_option("--every", options->every,
+                   "Take only one frame in so many; still compared to the one just before it")
       ->check(CLI::Range(1, 1000000))
       ->capture_default_str();
   command->add_option(

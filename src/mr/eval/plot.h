@@ -6,13 +6,19 @@
 
 namespace mr::eval {
 
-/// A figure as SVG: axes with round ticks, a grid, a legend; readable on white and on dark pages.
+/// A figure as SVG: axes with round ticks, a grid, a legend at the right; on a white ground, so
+/// that it reads the same on white and on dark pages. Colours are told apart by colour-blind
+/// readers (Okabe and Ito); from the eighth series on they come again with another dash and marker.
 struct Series {
-  std::string name;
+  std::string name;                               ///< empty: not in the legend
   std::vector<std::pair<double, double>> points;  ///< in drawing order
   bool line = true, markers = true;
+  bool dashed = false;          ///< as a limit or a hull is drawn
+  double marker_radius_px = 3;  ///< 1.5 suits clouds of hundreds
+  double opacity = 1;           ///< of line and markers
 };
 
+/// Points that are not finite (on a logarithmic axis: not above 0) are left out and break the line.
 struct Plot {
   std::string title, x_label, y_label;
   std::vector<Series> series;
@@ -21,5 +27,9 @@ struct Plot {
 };
 
 std::string draw_svg(const Plot& plot);
+
+/// Several plots in one figure, row by row, each as large as the first, with one legend: they hold
+/// the same series.
+std::string draw_svg(const std::vector<Plot>& panels, int columns);
 
 }  // namespace mr::eval

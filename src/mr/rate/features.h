@@ -1,7 +1,6 @@
 #pragma once
 
-#include <vector>
-
+#include "mr/core/frame.h"
 #include "mr/core/image.h"
 
 namespace mr::rate {
@@ -12,7 +11,8 @@ inline constexpr int kFeatureBlock = 32;  ///< pixels a side
 /// pixels the sum over i = 1..w, j = 1..h, (i, j) != (1, 1), of
 ///   exp((i j / (w h))² - 1) |DCT(i - 1, j - 1)|
 /// with the orthonormal DCT-II, averaged over the whole blocks of the picture. `plane`: luma
-/// 0..255, or depth in millimetres. 0 for a picture smaller than one block.
+/// 0..255, or depth in millimetres. 0 for a picture smaller than one block. The same on any number
+/// of threads.
 double dct_energy(const Image<float, 1>& plane);
 
 /// The same of the difference of two pictures of one size: how much moves.
@@ -21,12 +21,22 @@ double temporal_dct_energy(const Image<float, 1>& before, const Image<float, 1>&
 /// BT.709 luma, 0..255.
 Image<float, 1> luma_plane(const ImageRgb& picture);
 /// Depth in millimetres; invalid pixels take the value of their left neighbour (of the row above at
-/// a row's begin), so that holes do not count as texture.
+/// a row's begin; before the first valid pixel, that one's), so that holes do not count as texture.
+/// All 0 where nothing is valid.
 Image<float, 1> depth_plane(const ImageDepth& depth);
+
+/// A frame as features see it; an empty colour plane where the sensor has no colour.
+struct FeaturePlanes {
+  Image<float, 1> color, depth;
+};
+FeaturePlanes feature_planes(const Frame& frame);
 
 /// What describes one sensor's frame (paper Fig. 9).
 struct SceneFeatures {
   double color_spatial = 0, color_temporal = 0, depth_spatial = 0, depth_temporal = 0;
 };
+
+/// Of one sensor's frame and the one before it; 0 for the colour of a sensor without.
+SceneFeatures scene_features(const FeaturePlanes& before, const FeaturePlanes& now);
 
 }  // namespace mr::rate
