@@ -51,7 +51,11 @@ Status compare_scene(const Scene& scene, const CompareOptions& options, std::str
   for (const char* pipeline : kPipelines) {
     Scene variant = scene;
     variant.pipeline = pipeline;
-    const auto played = eval::play(variant, trial->moments(), config);
+    const auto system = eval::make_system(
+        variant,
+        {trial->moments(), config.rig_cache, config.eval_cache, {eval::geometry_setting(variant)}});
+    if (!system) return system.error();
+    const auto played = eval::play_apart(**system, variant, trial->moments(), config);
     if (!played) return played.error();
     std::vector<ImageRgb> pictures;
     const auto report = eval::measure_quality(*trial, variant, *played, config, &pictures);

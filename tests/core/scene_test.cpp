@@ -212,6 +212,9 @@ TEST_F(SceneFile, RefusesValuesOutOfRange) {
   EXPECT_THAT(problem_of("atlas: {size: [15, 100]}"), HasSubstr("size"));
   EXPECT_THAT(problem_of("coding: {sensor_texture_qp: -1}"), HasSubstr("sensor_texture_qp"));
   EXPECT_THAT(problem_of("coding: {texture_scale: 1.5}"), HasSubstr("texture_scale"));
+  EXPECT_THAT(problem_of("coding: {depth_qp: 52}"), HasSubstr("depth_qp"));
+  EXPECT_THAT(problem_of("coding: {frame_divider: 0}"), HasSubstr("frame_divider"));
+  EXPECT_THAT(problem_of("coding: {frame_divider: 31}"), HasSubstr("frame_divider"));
   EXPECT_THAT(problem_of("lattice: {step_exp: -12}"), HasSubstr("-9, -10, -11"));
   EXPECT_THAT(problem_of("pipeline: magic"), HasSubstr("pipeline must be one of meshreduce"));
   EXPECT_THAT(problem_of("mergers: [{id: r, inputs: [a], deadline_ms: 0}]"), HasSubstr("deadline"));
@@ -235,7 +238,7 @@ merge: {owner: paper, overlap: rays, refine: false, color_gain: false, calibrati
 
 TEST_F(SceneFile, WhatThisVersionDoesNotActOnIsANotice) {
   const std::string rest = R"(rate: {model: ours}
-pipeline: points
+coding: {frame_divider: 2}
 merge: {overlap: raster, refine: true, color_gain: true}
 atlas: {views: packed}
 gateway: {listen: "127.0.0.1:8080"}
@@ -244,9 +247,20 @@ links: [{from: a, to: root}]
 )";
   EXPECT_THAT(problems(scene_of({"a"}, rest)), IsEmpty());
   EXPECT_THAT(notices(scene_of({"a"}, rest)),
-              ElementsAre(HasSubstr("4: "), HasSubstr("5: pipeline"), HasSubstr("6: merge.overlap"),
+              ElementsAre(HasSubstr("4: "), HasSubstr("5: coding.frame_divider"), HasSubstr("6: merge.overlap"),
                           HasSubstr("6: merge.refine"), HasSubstr("6: merge.color_gain"),
                           HasSubstr("7: atlas"), HasSubstr("10: links")));
+}
+
+TEST_F(SceneFile, BaselinesAreActedOn) {
+  const SceneResult result = load(
+      scene_of({"a"}, "pipeline: holoportation++\ncoding: {depth_qp: 20, frame_divider: 3}\n"));
+  EXPECT_THAT(result.problems, IsEmpty());
+  EXPECT_THAT(result.notices, IsEmpty());
+  EXPECT_EQ(result.scene.pipeline, "holoportation++");
+  EXPECT_EQ(result.scene.coding.depth_qp, 20);
+  EXPECT_EQ(result.scene.coding.frame_divider, 3);
+  EXPECT_EQ(load(scene_of({"a"}, "")).scene.coding.frame_divider, 1);
 }
 
 TEST_F(SceneFile, MergersAreSortedChildrenFirst) {

@@ -2,7 +2,9 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
+#include <random>
 
 #include "mr/core/parallel.h"
 #include "support/meshes.h"
@@ -120,6 +122,99 @@ TEST(RayScene, ImpossibleRaysAndEmptyScenesMeetNothing) {
   EXPECT_FALSE(scene.first_hit({}, {0, 0, 1}, 5, 0));
   const RayScene moved = std::move(scene);
   EXPECT_TRUE(moved.first_hit({0.1f, 0.2f, 0}, {0, 0, 1}, 0, 9));
+}
+
+TEST(NearestPoint, OfATriangleLiesInsideOnASideOrAtACorner) {
+  const Vec3d a{0, 0, 0}, b{2, 0, 0}, c{0, 2, 0};
+  const auto expect = [&](Vec3d from, Vec3d to) {
+    const Vec3d p = nearest_on_triangle(from, a, b, c);
+    EXPECT_NEAR(length(p - to), 0, 1e-12) << p.x << ' ' << p.y << ' ' << p.z;
+  };
+  expect({0.5, 0.5, 3}, {0.5, 0.5, 0});
+  expect({0.5, -1, -2}, {0.5, 0, 0});
+  expect({-1, 0.75, 1}, {0, 0.75, 0});
+  expect({2, 2, 0}, {1, 1, 0});
+  expect({-3, -1, 1}, a);
+  expect({5, -1, 1}, b);
+  expect({-1, 4, 1}, c);
+}
+
+TEST(NearestPoint, OfADegenerateTriangleLiesOnWhatIsLeftOfIt) {
+  const Vec3d p = nearest_on_triangle({1, 1, 0}, {0, 0, 0}, {3, 0, 0}, {2, 0, 0});
+  EXPECT_EQ(p, (Vec3d{1, 0, 0}));
+  EXPECT_EQ(nearest_on_triangle({1, 1, 0}, {5, 0, 0}, {5, 0, 0}, {5, 0, 0}), (Vec3d{5, 0, 0}));
+}
+
+/// The nearest point by looking at every triangle, as the cheapest of the plane's foot, where it is
+/// inside, and the three sides: inside is told by barycentric coordinates.
+double distance_by_hand(Vec3f from, const Mesh& mesh) {
+  const Vec3d p = vec_cast<double>(from);
+  double best = 1e30;
+  for (std::size_t t = 0; t < mesh.triangles.size(); ++t) {
+    const Vec3d corner[3] = {vec_cast<double>(mesh.corner(t, 0)),
+                             vec_cast<double>(mesh.corner(t, 1)),
+                             vec_cast<double>(mesh.corner(t, 2))};
+    const Vec3d u = corner[1] - corner[0], v = corner[2] - corner[0], w = p - corner[0];
+    const double uu = dot(u, u), uv = dot(u, v), vv = dot(v, v), d = uu * vv - uv * uv;
+    const double s = (vv * dot(w, u) - uv * dot(w, v)) / d;
+    const double r = (uu * dot(w, v) - uv * dot(w, u)) / d;
+    if (s >= 0 && r >= 0 && s + r <= 1) best = std::min(best, length(w - u * s - v * r));
+    for (int e = 0; e < 3; ++e) {
+      const Vec3d a = corner[e], side = corner[(e + 1) % 3] - a;
+      const double at = std::clamp(dot(p - a, side) / dot(side, side), 0.0, 1.0);
+      best = std::min(best, length(p - a - side * at));
+    }
+  }
+  return best;
+}
+
+TEST(NearestPoint, AgreesWithLookingAtEveryTriangle) {
+  const Mesh rough = test::grid({-1, -1, 1}, {2, 0, 0.3f}, {0, 2, 0}, 40, 40, 0.04f, 5);
+  const Mesh ball = test::sphere({0.2f, 0.1f, 2}, 0.4f, 12), nothing;
+  const RayScene scene = scene_of({&rough, &nothing, &ball});
+  std::mt19937 random(1);
+  std::uniform_real_distribution<float> place(-2, 3);
+  int of_ball = 0;
+  for (int i = 0; i < 400; ++i) {
+    const Vec3f from{place(random), place(random), place(random)};
+    const auto found = scene.nearest(from);
+    ASSERT_TRUE(found);
+    EXPECT_NEAR(found->distance_m,
+                std::min(distance_by_hand(from, rough), distance_by_hand(from, ball)), 1e-12);
+    EXPECT_NEAR(length(found->point - vec_cast<double>(from)), found->distance_m, 1e-12);
+    of_ball += found->mesh == 2;
+  }
+  EXPECT_GT(of_ball, 30);
+  EXPECT_LT(of_ball, 370);
+}
+
+TEST(NearestPoint, LooksNoFartherThanItIsAskedTo) {
+  const Mesh wall = wall_at(1, 4), nothing;
+  const RayScene scene = scene_of({&wall}), hollow = scene_of({&nothing});
+  EXPECT_FALSE(scene.nearest({0.1f, 0.2f, 0}, 0.999f));
+  EXPECT_TRUE(scene.nearest({0.1f, 0.2f, 0}, 1));
+  EXPECT_EQ(scene.nearest({0.1f, 0.2f, 1}, 0)->distance_m, 0);
+  EXPECT_FALSE(scene.nearest({0, NAN, 0}));
+  EXPECT_FALSE(scene.nearest({0, 0, 0}, NAN));
+  EXPECT_FALSE(scene.nearest({0, 0, 0}, -1));
+  EXPECT_FALSE(hollow.nearest({0, 0, 0}));
+}
+
+TEST(NearestPoint, OfEquallyNearOnesItIsTheFirst) {
+  const Mesh wall = wall_at(1, 8);
+  const RayScene scene = scene_of({&wall, &wall, &wall});
+  for (int i = 0; i <= 8; ++i)
+    for (int j = 0; j <= 8; ++j) {
+      const auto found = scene.nearest({-1 + 0.25f * i, -1 + 0.25f * j, 0.5f});  // at a vertex
+      ASSERT_TRUE(found);
+      EXPECT_EQ(found->mesh, 0u);
+      const auto vertex = static_cast<std::uint32_t>(j * 9 + i);
+      const auto holds = [&](const Triangle& t) {
+        return t[0] == vertex || t[1] == vertex || t[2] == vertex;
+      };
+      const auto first = std::ranges::find_if(wall.triangles, holds) - wall.triangles.begin();
+      EXPECT_EQ(found->triangle, static_cast<std::uint32_t>(first));
+    }
 }
 
 }  // namespace

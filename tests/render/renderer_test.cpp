@@ -45,6 +45,13 @@ Camera pinhole(int width, int height, double fx, double fy, double cx, double cy
   return c;
 }
 
+Camera panorama(int width, int height) {
+  Camera c;
+  c.model = CameraModel::equirectangular;
+  c.width = width, c.height = height;
+  return c;
+}
+
 Color at(const ImageRgb& image, int x, int y) {
   const auto* p = image.at(x, y);
   return {p[0], p[1], p[2]};
@@ -107,7 +114,8 @@ Mesh wall_before(const Pose& pose, double distance_m, double half_m, int cells =
                     cells);
 }
 
-/// What DESIGN section 4 says a point of a view's surface looks like.
+/// What DESIGN section 4 says a point of a view's surface looks like; a tile that is the whole turn
+/// goes on with its other side.
 Vec3d expected_color(const View& view, const ImageRgb& atlas, Vec3d p_world) {
   Vec2d pixel = *project(view.camera(), view.T_world_camera.inverse() * p_world);
   if (view.kind == View::Kind::equirectangular) {
@@ -116,14 +124,20 @@ Vec3d expected_color(const View& view, const ImageRgb& atlas, Vec3d p_world) {
   }
   const Vec2d uv = atlas_uv(view, pixel, atlas.width, atlas.height);
   const Rect& tile = view.atlas_rect;
-  const double x = std::clamp(uv.x * atlas.width - 0.5, tile.x + 0., tile.x + tile.width - 1.);
+  const bool turn = view.kind == View::Kind::equirectangular && view.image_rect.width == view.width;
+  const double last = tile.x + tile.width - 1.;
+  const double wide = uv.x * atlas.width - 0.5;
+  const double x = turn ? wide : std::clamp(wide, tile.x + 0., last);
   const double y = std::clamp(uv.y * atlas.height - 0.5, tile.y + 0., tile.y + tile.height - 1.);
-  const int x0 = static_cast<int>(x), y0 = static_cast<int>(y);
-  const int x1 = std::min(x0 + 1, atlas.width - 1), y1 = std::min(y0 + 1, atlas.height - 1);
+  int x0 = static_cast<int>(std::floor(x)), x1 = x0 + 1;
+  x0 = x0 < tile.x ? tile.x + tile.width - 1 : x0;
+  x1 = x1 <= last ? x1 : turn ? tile.x : static_cast<int>(last);
+  const double across = x - std::floor(x);
+  const int y0 = static_cast<int>(y), y1 = std::min(y0 + 1, atlas.height - 1);
   Vec3d out;
   for (int i = 0; i < 3; ++i) {
-    const double up = std::lerp(atlas.at(x0, y0)[i], atlas.at(x1, y0)[i], x - x0);
-    const double down = std::lerp(atlas.at(x0, y1)[i], atlas.at(x1, y1)[i], x - x0);
+    const double up = std::lerp(atlas.at(x0, y0)[i], atlas.at(x1, y0)[i], across);
+    const double down = std::lerp(atlas.at(x0, y1)[i], atlas.at(x1, y1)[i], across);
     out[i] = std::lerp(up, down, y - y0);
   }
   return out;
@@ -175,6 +189,24 @@ TEST(Renderer, EmptySceneGivesTheBackground) {
   EXPECT_EQ(image.width, 96);
   EXPECT_EQ(image.height, 64);
   for (std::size_t i = 0; i < image.data.size(); ++i) ASSERT_EQ(image.data[i], kBackground[i % 3]);
+}
+
+TEST(Renderer, TellsWhereASurfaceIs) {
+  DecodedScene scene;
+  Chunk chunk;
+  chunk.mesh = test::box({-0.5f, -0.5f, 2}, {0.5f, 0.5f, 3});
+  scene.chunks.push_back(std::make_shared<const Chunk>(chunk));
+  const Camera camera = pinhole(80, 60, 50, 50, 39.5, 29.5);
+  const ImageRgb image = draw(scene, camera);
+  const ImageMask covered = renderer().covered();
+  ASSERT_EQ(covered.data.size(), image.data.size() / 3);
+  int inside = 0;
+  for (int y = 0; y < image.height; ++y)
+    for (int x = 0; x < image.width; ++x) {
+      EXPECT_EQ(*covered.at(x, y) == 1, at(image, x, y) == kNeutral) << x << ' ' << y;
+      inside += *covered.at(x, y);
+    }
+  EXPECT_NEAR(inside, 25 * 25, 60);  // 1 m at 2 m, 50 pixels focal length
 }
 
 TEST(Renderer, PicturesOfAnySizeHaveNoPadding) {
@@ -442,6 +474,303 @@ TEST(Renderer, APanoramasTileMayLieAcrossTheSeam) {
   EXPECT_LE(off.max, 3);
 }
 
+TEST(Renderer, AWholeTurnWithoutPaddingHasNoSeam) {
+  DecodedScene scene = panorama_scene();
+  View& view = scene.views[0];
+  view.width = 24, view.height = 12;  // large texels: the seam is half of two
+  view.image_rect = {0, 0, 24, 12};
+  view.atlas_rect = {5, 3, 24, 12};
+  ImageRgb atlas = plain_picture(40, 20, {255, 0, 255});  // nothing of this may be seen
+  for (int y = 0; y < 12; ++y)
+    for (int x = 0; x < 24; ++x)
+      for (int c = 0; c < 3; ++c)
+        atlas.at(5 + x, 3 + y)[c] = static_cast<std::uint8_t>((x * 67 + y * 41 + c * 89) % 256);
+  set_texture(scene, atlas);
+  const Camera camera = pinhole(120, 120, 130, 130, 59.5, 59.5);
+  const Pose& T = view.T_world_camera;
+  for (const Vec3d ahead : {Vec3d{0, 0, -1}, Vec3d{0, 0.3, -1}, Vec3d{0, 0, 1}}) {
+    const Pose pose = look_at(T.translation, T * ahead, T.rotation * Vec3d{0, -1, 0});
+    const auto off = difference(draw(scene, camera, pose), [&](int x, int y) {
+      const Vec3d ray = pose.rotation * unproject(camera, {x + 0., y + 0.});
+      return expected_color(view, atlas, pose.translation + ray);
+    });
+    EXPECT_LT(off.mean, 1.2);  // llvmpipe mixes in 1/256
+    EXPECT_LE(off.max, 6);
+  }
+}
+
+/// A colour for every direction in the world.
+Color color_of_direction(Vec3d ray) {
+  const Vec3d d = normalized(ray);
+  Color out{};
+  for (int i = 0; i < 3; ++i) out[i] = static_cast<std::uint8_t>(std::lround(127.5 + 127.5 * d[i]));
+  return out;
+}
+
+TEST(Renderer, AnEquirectangularPictureOfATexturedBox) {
+  const DecodedScene scene = panorama_scene();  // as seen from its view: colour follows direction
+  const View& view = scene.views[0];
+  for (const Camera& camera : {panorama(256, 128), panorama(250, 90), panorama(96, 128)}) {
+    const Pose turned = look_at(view.T_world_camera.translation, {-1, 4, -2}, {0.3, 0.2, 1});
+    for (const Pose& pose : {view.T_world_camera, turned}) {
+      const ImageRgb image = draw(scene, camera, pose);
+      ASSERT_EQ(image.width, camera.width);
+      ASSERT_EQ(image.height, camera.height);
+      int most = 0;  // all rows and columns: poles and seam are among them
+      for (int y = 0; y < image.height; ++y)
+        for (int x = 0; x < image.width; ++x) {
+          const Vec3d ray = pose.rotation * unproject(camera, {x + 0., y + 0.});
+          const Color want = color_of_direction(transposed(view.T_world_camera.rotation) * ray);
+          for (int c = 0; c < 3; ++c) most = std::max(most, std::abs(image.at(x, y)[c] - want[c]));
+        }
+      EXPECT_LE(most, 4) << camera.width << "x" << camera.height;
+    }
+  }
+}
+
+TEST(Renderer, AnEquirectangularPictureShowsPlacesWhereProjectPutsThem) {
+  // Nearer than the room and seen from elsewhere: small plates at known places, one across the
+  // seam, one above, one below.
+  const Camera camera = panorama(512, 256);
+  const Pose pose = look_at({400.2, -299.7, 1.4}, {401, -298, 1.2}, {0, 0, 1});
+  for (const Vec3d direction :
+       {Vec3d{0, 0, 1}, Vec3d{0.01, 0.1, -1}, Vec3d{1, 0.2, 0.9}, Vec3d{0.2, 1, 0.1},
+        Vec3d{-0.01, -1, -0.3}, Vec3d{-1, 0.6, -0.99}}) {
+    const Vec3d middle = normalized(direction) * 2.5;
+    DecodedScene scene;
+    Mesh plate = test::sphere(vec_cast<float>(pose * middle), 0.12f, 12);
+    add(scene, plate, kNoView);
+    const ImageRgb image = draw(scene, camera, pose);
+    int wrong = 0, inside = 0;
+    for (int y = 0; y < image.height; ++y)
+      for (int x = 0; x < image.width; ++x) {
+        const double angle = std::acos(
+            std::min(1.0, dot(unproject(camera, {x + 0., y + 0.}), normalized(direction))));
+        const double radius = std::asin(0.12 / 2.5), pixel = std::numbers::pi / 256;
+        if (std::abs(angle - radius) < 1.2 * pixel) continue;  // its rim
+        wrong += at(image, x, y) != (angle < radius ? kNeutral : kBackground);
+        inside += angle < radius;
+      }
+    EXPECT_EQ(wrong, 0) << direction.x << " " << direction.y << " " << direction.z;
+    EXPECT_GT(inside, 20);
+  }
+}
+
+TEST(Renderer, AllShadesDrawEquirectangularPicturesToo) {
+  const DecodedScene scene = panorama_scene();
+  const Camera camera = panorama(64, 32);
+  for (const Shade shade : {Shade::texture, Shade::normals, Shade::views, Shade::wireframe})
+    for (const bool cull : {false, true}) {
+      RenderOptions options = kOptions;
+      options.shade = shade, options.cull_back_faces = cull;
+      const ImageRgb image = draw(scene, camera, scene.views[0].T_world_camera, options);
+      for (int y = 0; y < 32; ++y)
+        for (int x = 0; x < 64; ++x) ASSERT_NE(at(image, x, y), kBackground);
+    }
+  for (const Camera& tiny : {panorama(1, 1), panorama(3, 1), panorama(1, 5)})
+    EXPECT_EQ(at(draw({}, tiny), tiny.width - 1, tiny.height - 1), kBackground);
+}
+
+std::shared_ptr<Chunk> points_of(std::vector<Vec3f> positions, std::vector<Color> colors,
+                                 float point_m) {
+  auto chunk = std::make_shared<Chunk>();
+  chunk->mesh.positions = std::move(positions);
+  chunk->colors = std::move(colors);
+  chunk->point_m = point_m;
+  return chunk;
+}
+
+int count(const ImageRgb& image, Color color) {
+  int out = 0;
+  for (int y = 0; y < image.height; ++y)
+    for (int x = 0; x < image.width; ++x) out += at(image, x, y) == color;
+  return out;
+}
+
+TEST(Renderer, PointsAreDiscsOfTheirSizeAndColour) {
+  const Camera camera = pinhole(200, 160, 300, 300, 99.5, 79.5);
+  const Color red{250, 10, 20}, green{10, 250, 30};
+  const Pose pose = look_at({500.3, 20, -3}, {501, 23, -2.6}, {0, 0, 1});
+  const Vec3d left{-0.2, 0.05, 1.5}, right{0.3, -0.1, 2.5};
+  DecodedScene scene;
+  scene.chunks = {
+      points_of({vec_cast<float>(pose * left), vec_cast<float>(pose * right)}, {red, green}, 0.1f)};
+  const ImageRgb image = draw(scene, camera, pose);
+  const auto check = [&](Vec3d p, Color color) {
+    const double radius_px = 300 * 0.05 / p.z;
+    const Vec2d middle = *project(camera, p);
+    for (int y = 0; y < image.height; ++y)
+      for (int x = 0; x < image.width; ++x) {
+        const double away = std::hypot(x - middle.x, y - middle.y);
+        const bool inside = away<radius_px - 0.7, beside = away> radius_px + 0.7;
+        if (!inside && (!beside || away > radius_px + 8)) continue;
+        ASSERT_EQ(at(image, x, y), inside ? color : kBackground) << x << " " << y;
+      }
+    EXPECT_NEAR(count(image, color), std::numbers::pi * radius_px * radius_px, 0.1 * 300);
+  };
+  check(left, red);
+  check(right, green);
+  RenderOptions culled = kOptions;
+  culled.cull_back_faces = true;
+  EXPECT_EQ(draw(scene, camera, pose, culled), image) << "discs face the eye";
+}
+
+TEST(Renderer, APointCoversAtLeastAPixelAndHidesWhatIsBehindIt) {
+  const Camera camera = pinhole(64, 48, 50, 50, 31.5, 23.5);
+  const Color blue{0, 20, 255};
+  for (const double x : {0.0, 0.013, 0.027, -0.31, 0.502}) {
+    DecodedScene scene;
+    scene.chunks = {points_of({vec_cast<float>(Vec3d{x, 0.011, 3})}, {blue}, 0.0001f)};
+    add(scene, wall_before({}, 3.01, 6), kNoView);
+    const int seen = count(draw(scene, camera), blue);
+    EXPECT_TRUE(seen >= 1 && seen <= 4) << seen;
+    add(scene, wall_before({}, 2.99, 6), kNoView);
+    EXPECT_EQ(count(draw(scene, camera), blue), 0);
+  }
+}
+
+TEST(Renderer, PointsOfSeveralSizesBesideTriangles) {
+  const Camera camera = pinhole(90, 60, 60, 60, 44.5, 29.5);
+  const Color small{1, 2, 250}, large{250, 2, 1}, wall{5, 200, 5};
+  DecodedScene scene;
+  const Mesh grid = wall_before({}, 2, 4);
+  auto coarse = points_of({{-0.5f, 0, 1.5f}}, {large}, 0.3f);
+  auto fine = points_of({{0.5f, 0, 1.5f}, {0.5f, 0.3f, 1.5f}}, {small, small}, 0.1f);
+  auto plain = points_of({{0, 0.4f, 1.5f}}, {}, 0.2f);  // no colours: neutral
+  scene.chunks = {coarse, background_of(grid, std::vector<Color>(grid.positions.size(), wall)),
+                  fine, plain};
+  const ImageRgb image = draw(scene, camera);
+  EXPECT_NEAR(count(image, large), std::numbers::pi * 36, 12);
+  EXPECT_NEAR(count(image, small), 2 * std::numbers::pi * 4, 10);
+  EXPECT_NEAR(count(image, kNeutral), std::numbers::pi * 16, 10);
+  EXPECT_EQ(count(image, wall) + count(image, large) + count(image, small) + count(image, kNeutral),
+            90 * 60);
+  for (const Shade shade : {Shade::normals, Shade::views, Shade::wireframe}) {
+    RenderOptions options = kOptions;
+    options.shade = shade;
+    scene.chunks = {coarse};
+    const ImageRgb other = draw(scene, camera, {}, options);
+    EXPECT_NEAR(90 * 60 - count(other, kBackground), std::numbers::pi * 36, 12);
+  }
+}
+
+TEST(Renderer, PointsLookAlikeInAllDirectionsOfAPanorama) {
+  const Camera camera = panorama(512, 256);
+  const Color red{255, 0, 0};
+  for (const Vec3d d : {Vec3d{0, 0, 1}, Vec3d{1, 0, 1}, Vec3d{0, 0, -1}, Vec3d{-1, 0, -1},
+                        Vec3d{1, 0.98, 1}, Vec3d{0, 1, 0}, Vec3d{0.02, -1, 0}}) {
+    DecodedScene scene;
+    scene.chunks = {points_of({vec_cast<float>(normalized(d) * 2.0)}, {red}, 0.4f)};
+    const ImageRgb image = draw(scene, camera);
+    double area_sr = 0;  // of a cone
+    for (int y = 0; y < 256; ++y)
+      for (int x = 0; x < 512; ++x)
+        if (at(image, x, y)[0] > 132)
+          area_sr +=
+              std::cos((y - 127.5) / 256 * std::numbers::pi) * std::pow(std::numbers::pi / 256, 2);
+    const double half_angle = std::atan(0.2 / 2.0);
+    const double cone_sr = 2 * std::numbers::pi * (1 - std::cos(half_angle));
+    EXPECT_NEAR(area_sr, cone_sr, 0.08 * cone_sr) << d.x << " " << d.y << " " << d.z;
+  }
+}
+
+TEST(Renderer, BrokenPointsAreErrors) {
+  DecodedScene scene;
+  auto both = points_of({{0, 0, 1}, {1, 0, 1}, {0, 1, 1}}, {}, 0.1f);
+  both->mesh.triangles = {{0, 1, 2}};
+  const auto endless = points_of({{0, 0, 1}}, {}, std::numeric_limits<float>::infinity());
+  const auto nowhere = points_of({{0, std::numeric_limits<float>::quiet_NaN(), 1}}, {}, 0.1f);
+  for (const auto& chunk : {both, endless, nowhere}) {
+    scene.chunks = {chunk};
+    for (int again = 0; again < 2; ++again) {
+      const auto image = renderer().draw(scene, kCamera, {}, kOptions);
+      ASSERT_FALSE(image);
+      EXPECT_EQ(image.error().cause, Error::Cause::invalid);
+    }
+  }
+}
+
+/// A rough ball and a wall with an asymmetric picture, moved by `offset`.
+DecodedScene rough_scene(Vec3d offset, unsigned seed = 1) {
+  Pose pose = kPose;
+  pose.translation += offset;
+  const Vec3d right = kPose.rotation.column(0), down = kPose.rotation.column(1);
+  const Vec3d origin = kPose * Vec3d{-2, 2, 3};
+  Mesh mesh = test::grid(vec_cast<float>(origin), vec_cast<float>(right * 4.0),
+                         vec_cast<float>(down * -4.0), 40, 40, 0.05f, seed);
+  append(mesh, test::sphere(vec_cast<float>(kPose * Vec3d{0.3, 0.2, 2}), 0.4f, 12));
+  for (Vec3f& p : mesh.positions) {  // as on a lattice, so that moving it is exact
+    for (int i = 0; i < 3; ++i) p[i] = std::round(p[i] * 1024) / 1024;
+    p = vec_cast<float>(vec_cast<double>(p) + offset);
+  }
+  DecodedScene scene;
+  scene.views.push_back(view_of(0, kCamera, pose, {0, 0, 96, 64}));
+  set_texture(scene, asymmetric_picture(96, 64));
+  add(scene, mesh, 0);
+  return scene;
+}
+
+TEST(Renderer, FiveHundredMetresFromTheOriginThePictureIsTheSame) {
+  const Camera camera = pinhole(320, 240, 260, 260, 159.5, 119.5);
+  const Pose eye = look_at({2.7, -1.8, 1.9}, {-1, 2, 0.4}, {0, 0, 1});
+  const ImageRgb near = draw(rough_scene({}), camera, eye);
+  for (const Vec3d offset : {Vec3d{500, 0, 0}, Vec3d{-288, 288, -288}, Vec3d{0.25, 499.5, 3}}) {
+    Pose moved = eye;
+    moved.translation += offset;
+    const ImageRgb far = draw(rough_scene(offset), camera, moved);
+    int apart = 0;
+    for (int y = 0; y < 240; ++y)
+      for (int x = 0; x < 320; ++x)
+        for (int c = 0; c < 3; ++c)
+          if (std::abs(near.at(x, y)[c] - far.at(x, y)[c]) > 1) {
+            ++apart;
+            break;
+          }
+    EXPECT_LT(apart, 320 * 240 / 1000);
+  }
+}
+
+TEST(Renderer, SameSceneAgainFromElsewhereOrWithOtherChunks) {
+  const auto fresh = [](const DecodedScene& scene, const Pose& pose) {
+    auto other = Renderer::create();
+    return *other->draw(scene, kCamera, pose, kOptions);
+  };
+  const Pose elsewhere = look_at({3.4, -1.2, 1.1}, {-1, 2, 0.4}, {0, 0, 1});
+  DecodedScene scene = rough_scene({});
+  for (const unsigned seed : {1u, 2u, 3u}) {
+    scene.chunks = rough_scene({}, seed).chunks;  // the old ones end; addresses may come again
+    for (const Pose& pose : {kPose, elsewhere, kPose})
+      ASSERT_EQ(draw(scene, kCamera, pose), fresh(scene, pose));
+  }
+  add(scene, wall_before(kPose, 0.5, 0.1), kNoView);
+  EXPECT_EQ(draw(scene, kCamera, kPose), fresh(scene, kPose));
+  EXPECT_EQ(at(draw(scene, kCamera, kPose), 40, 37), kNeutral);
+  scene.chunks.pop_back();
+  EXPECT_NE(at(draw(scene, kCamera, kPose), 40, 37), kNeutral);
+  scene.chunks.clear();
+  EXPECT_EQ(count(draw(scene, kCamera, kPose), kBackground), 96 * 64);
+}
+
+TEST(Renderer, NothingThatCanBeSeenIsLeftOut) {
+  // Many small chunks all around: whatever is left out must lie outside of the picture.
+  DecodedScene parts, whole;
+  Mesh all;
+  for (int i = 0; i < 200; ++i) {
+    const Vec3d d = normalized(Vec3d{std::sin(i * 1.3), std::sin(i * 2.1 + 1), std::sin(i * 0.7)});
+    const Mesh ball = test::sphere(vec_cast<float>(d * (1 + 0.01 * i)), 0.2f, 6);
+    add(parts, ball, kNoView);
+    append(all, ball);
+  }
+  add(whole, all, kNoView);
+  RenderOptions options = kOptions;
+  options.shade = Shade::normals;
+  for (int i = 0; i < 12; ++i) {
+    const Pose pose =
+        look_at({0.1 * i - 0.6, 0.3, 0.2}, {std::sin(i), std::cos(i), 0.1 * i - 0.5}, {0, 0, 1});
+    EXPECT_EQ(draw(parts, kCamera, pose, options), draw(whole, kCamera, pose, options));
+  }
+}
+
 TEST(Renderer, NormalsAreColoursAndBackFacesAreDarkRed) {
   const Camera camera = pinhole(60, 40, 40, 40, 29.5, 19.5);
   RenderOptions options = kOptions;
@@ -556,14 +885,21 @@ TEST(Renderer, ImpossibleCamerasAreErrors) {
   bent.distortion = DistortionModel::brown;
   EXPECT_TRUE(refused(bent));
   bent = kCamera;
-  bent.model = CameraModel::equirectangular;
+  bent.model = CameraModel::lidar;
   EXPECT_TRUE(refused(bent));
+  EXPECT_FALSE(refused(panorama(64, 32)));
+  EXPECT_TRUE(refused(panorama(0, 32)));
+  EXPECT_TRUE(refused(panorama(64, -1)));
+  EXPECT_TRUE(refused(panorama(1 << 20, 64)));
+  EXPECT_TRUE(refused(panorama(std::numeric_limits<int>::max(), 64)));
+  EXPECT_TRUE(refused(panorama(64, std::numeric_limits<int>::max())));
   Pose pose;
   pose.translation.y = nan;
   EXPECT_TRUE(refused(kCamera, pose));
   pose = {};
   pose.rotation.m[4] = nan;
   EXPECT_TRUE(refused(kCamera, pose));
+  EXPECT_TRUE(refused(panorama(64, 32), pose));
   EXPECT_FALSE(refused(kCamera));
 }
 

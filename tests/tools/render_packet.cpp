@@ -6,10 +6,8 @@
 #include <fstream>
 #include <nlohmann/json.hpp>
 
-#include "mr/codec/packet_codec.h"
-#include "mr/codec/receiver.h"
 #include "mr/core/file.h"
-#include "mr/render/renderer.h"
+#include "mr/node/packet_renderer.h"
 
 namespace {
 
@@ -23,22 +21,12 @@ int fail(const std::string& message) {
 
 Vec3d vector(const Json& v) { return {v.at(0), v.at(1), v.at(2)}; }
 
-std::optional<DecodedScene> decode(const std::vector<std::byte>& bytes) {
-  const auto packet = codec::decode_packet(bytes);
-  if (!packet) return std::nullopt;
-  codec::Receiver receiver({});
-  if (!receiver.accept(*packet).empty()) return std::nullopt;
-  return receiver.scene();
-}
-
 }  // namespace
 
 int main(int argc, char** argv) {
   if (argc != 4) return fail("usage: render_packet PACKET CAMERA.json OUT.ppm");
   const auto bytes = read_file(argv[1], 64u << 20);
   if (!bytes) return fail(bytes.error().message);
-  const auto scene = decode(*bytes);
-  if (!scene) return fail("the packet is not whole");
 
   const Json json = Json::parse(std::ifstream(argv[2]));
   Camera camera;
@@ -48,9 +36,10 @@ int main(int argc, char** argv) {
   const Pose T_world_camera =
       look_at(vector(json.at("position")), vector(json.at("target")), vector(json.at("up")));
 
-  auto renderer = render::Renderer::create();
+  auto renderer = node::PacketRenderer::create({});
   if (!renderer) return fail(renderer.error().message);
-  const auto picture = renderer->draw(*scene, camera, T_world_camera, {.cull_back_faces = true});
+  if (auto ok = renderer->accept(*bytes); !ok) return fail(ok.error().message);
+  const auto picture = renderer->draw(camera, T_world_camera, {.cull_back_faces = true});
   if (!picture) return fail(picture.error().message);
   std::ofstream out(argv[3], std::ios::binary);
   out << "P6\n" << picture->width << ' ' << picture->height << "\n255\n";

@@ -35,6 +35,12 @@ struct Texture {
   std::map<std::uint32_t, std::shared_ptr<const ImageRgb>> pictures;  ///< by stream
 };
 
+/// How long the four calls took for one capture.
+struct CallTimes {
+  double encode_geometry_ms = 0, encode_texture_ms = 0;
+  double decode_geometry_ms = 0, decode_texture_ms = 0;
+};
+
 /// One system's sender and receiver. The capture: one undistorted frame per sensor that delivered.
 /// Video carries state from call to call: calls of one kind go in the order of the captures.
 /// Each stage's time goes to trace().
@@ -48,6 +54,12 @@ class Baseline {
   virtual Result<Bytes> encode_texture(std::span<const Frame> capture) = 0;  ///< may be empty
   virtual Result<Geometry> decode_geometry(std::span<const std::byte> bytes) = 0;
   virtual Result<Texture> decode_texture(std::span<const std::byte> bytes) = 0;
+
+  /// Of the newest capture: each node alone, the slowest of each layer, summed over the layers that
+  /// it takes to the mesh (EVALUATION, Latency). One node does it all, unless said otherwise.
+  virtual double critical_path_ms(const CallTimes& calls) const {
+    return calls.encode_geometry_ms + calls.encode_texture_ms;
+  }
 
   Trace& trace() { return trace_; }
 

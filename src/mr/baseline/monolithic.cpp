@@ -11,14 +11,19 @@
 namespace mr::baseline {
 
 Mesh fuse_all(const Scene& scene, std::span<const Frame> capture, double voxel_m) {
+  std::vector<PreparedDepth> depths;
+  for (const Frame& frame : capture) {
+    const Camera camera = undistorted(scene.sensors[frame.sensor].depth_camera);
+    depths.push_back({node::prepare_depth(scene, camera, frame), camera, frame.T_world_depth});
+  }
+  return fuse_prepared(scene, depths, voxel_m);
+}
+
+Mesh fuse_prepared(const Scene& scene, std::span<const PreparedDepth> depths, double voxel_m) {
   const double truncation_m = std::max(scene.fusion.truncation_m, 4 * voxel_m);
   fusion::VoxelVolume volume({voxel_m, truncation_m, scene.volume});
-  for (const Frame& frame : capture) {
-    const sensor::Registration registration(scene.sensors[frame.sensor], frame.sensor);
-    const Camera& camera = registration.depth_camera();
-    const ImageDepth depth = node::prepare_depth(scene, camera, frame);
-    volume.integrate(depth, camera, frame.T_world_depth, {0, 0, depth.width, depth.height});
-  }
+  for (const PreparedDepth& d : depths)
+    volume.integrate(d.depth, d.camera, d.T_world_depth, {0, 0, d.depth.width, d.depth.height});
   return merge::remove_islands(fusion::extract_surface(volume), merge::island_area_m2(voxel_m));
 }
 

@@ -101,14 +101,12 @@ void read_general(MapReader& top, Scene& scene) {
     video.integer("slices", scene.video.slices, 1, 64);
   }
   read_volume(top, scene);
-  if (top.choice<std::string>("pipeline", scene.pipeline,
-                              {{"meshreduce", "meshreduce"},
-                               {"holoportation", "holoportation"},
-                               {"holoportation++", "holoportation++"},
-                               {"points", "points"},
-                               {"rgbd", "rgbd"}}) &&
-      scene.pipeline != "meshreduce")
-    not_acted_on(top, "pipeline", "pipeline " + scene.pipeline);
+  top.choice<std::string>("pipeline", scene.pipeline,
+                          {{"meshreduce", "meshreduce"},
+                           {"holoportation", "holoportation"},
+                           {"holoportation++", "holoportation++"},
+                           {"points", "points"},
+                           {"rgbd", "rgbd"}});
 }
 
 void read_fusion(MapReader& top, const Scene& scene, FusionConfig& fusion) {
@@ -203,6 +201,10 @@ void read_rate_and_coding(MapReader& top, Scene& scene) {
     coding.number("texture_scale", scene.coding.texture_scale, {0, 1, true});
     coding.integer("texture_qp", scene.coding.texture_qp, 0, 51);
     coding.integer("sensor_texture_qp", scene.coding.sensor_texture_qp, 0, 51);
+    coding.integer("depth_qp", scene.coding.depth_qp, 0, 51);
+    coding.integer("frame_divider", scene.coding.frame_divider, 1, 30);
+    if (scene.pipeline == "meshreduce" && scene.coding.frame_divider != 1)
+      not_acted_on(coding, "frame_divider", "coding.frame_divider of pipeline meshreduce");
   }
 }
 

@@ -158,6 +158,25 @@ Result<Played> play(const Scene& scene, const Moments& moments, const QualityCon
   return out;
 }
 
+Result<Played> play_apart(System& system, const Scene& scene, const Moments& moments,
+                          const QualityConfig& config) {
+  Played out;
+  Rate mesh, texture;
+  for (std::size_t m = 0; m < moments.first.size(); ++m) {
+    tell(config, system.name(), m, moments.first.size());
+    auto geometry = system.geometry(geometry_setting(scene), m);
+    if (!geometry) return geometry.error();
+    auto pictures = system.texture(texture_setting(scene), m);
+    if (!pictures) return pictures.error();
+    mesh.add_burst(geometry->bytes);
+    texture.add_burst(pictures->bytes);
+    out.shown.push_back(
+        baseline::join(std::move(geometry->decoded), std::move(pictures->decoded), {}));
+  }
+  out.mesh_mbps = mesh.mbps(scene.fps), out.texture_mbps = texture.mbps(scene.fps);
+  return out;
+}
+
 Result<QualityReport> measure_quality(const Trial& trial, const Scene& scene, const Played& played,
                                       const QualityConfig& config,
                                       std::vector<ImageRgb>* pictures) {

@@ -12,7 +12,7 @@ ImageLuma luma_of(const ImageRgb& picture);
 /// How alike two pictures are. `masked` counts only windows around pixels of interest.
 struct PictureScore {
   double ssim_full = 0, ssim_masked = 0;
-  double psnr_db = 0;  ///< of luma over the masked pixels; kSamePsnr_db where nothing differs
+  double psnr_db = 0;  ///< of luma over the mask's own pixels; at most kSamePsnr_db: no difference
 };
 inline constexpr double kSamePsnr_db = 100;
 
@@ -23,7 +23,7 @@ inline constexpr double kSamePsnr_db = 100;
 /// data_range=255) to 1e-3. Parallel over rows; the same result on any number of threads.
 class Ssim {
  public:
-  /// invalid: the picture is smaller than a window.
+  /// invalid: the picture is smaller than a window, or a value is not finite.
   static Result<Ssim> prepare(ImageLuma reference);
 
   /// `mask` ([H, W], 1 = of interest; empty: everywhere) is dilated by the window first; a mask
@@ -36,7 +36,7 @@ class Ssim {
   Ssim() = default;
 
   ImageLuma reference_;
-  ImageLuma mean_, variance_;  ///< [H - 10, W - 10] of the reference's windows
+  ImageLuma mean_, variance_;  ///< [H - 10, W - 10 rounded up to 4] of the reference's windows
 };
 
 }  // namespace mr::eval

@@ -44,8 +44,13 @@ struct ViewPlan {
   FloorMap floor;                        ///< empty for arcs
 };
 
+/// An undistorted pinhole with square pixels, its axis through the middle of the picture.
+Camera picture_camera(int width, int height, double vertical_fov_deg);
+
 /// Chooses viewpoints from which somebody would look at a captured place (paper 6.1: Voronoi
-/// planner), or on arcs between the sensors where nobody could stand in it. Deterministic.
+/// planner), or on arcs between the sensors where nobody could stand in it. Cameras in a room look
+/// 10 degrees down; those on arcs look at the middle of the surface, from nearer than the sensors
+/// where it would be too small in the picture. Deterministic. invalid: a position is not finite.
 /// `captured`: the surface that the sensors saw, world frame; `sensors`: their depth cameras'
 /// poses; `up`: unit length. empty: no viewpoint sees enough.
 Result<ViewPlan> plan_viewpoints(const Mesh& captured, std::span<const Pose> sensors, Vec3d up,

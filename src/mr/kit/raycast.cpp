@@ -3,11 +3,13 @@
 #include <embree3/rtcore.h>
 
 #include <algorithm>
+#include <cmath>
 #include <cstdio>
 #include <cstdlib>
 #include <cstring>
 #include <new>
 #include <tuple>
+#include <utility>
 
 namespace mr::kit {
 namespace {
@@ -24,8 +26,14 @@ RTCDevice device() {
   return shared;
 }
 
+/// Embree's copy of a mesh; lives as long as its scene.
+struct MeshCopy {
+  const Vec3f* positions = nullptr;
+  const Triangle* triangles = nullptr;
+};
+
 /// Adds a copy of `mesh` as geometry number `place`.
-void attach(RTCScene scene, const Mesh& mesh, unsigned place) {
+MeshCopy attach(RTCScene scene, const Mesh& mesh, unsigned place) {
   const RTCGeometry geometry = rtcNewGeometry(device(), RTC_GEOMETRY_TYPE_TRIANGLE);
   void* vertices = rtcSetNewGeometryBuffer(geometry, RTC_BUFFER_TYPE_VERTEX, 0, RTC_FORMAT_FLOAT3,
                                            sizeof(Vec3f), mesh.positions.size());
@@ -40,6 +48,7 @@ void attach(RTCScene scene, const Mesh& mesh, unsigned place) {
   rtcCommitGeometry(geometry);
   rtcAttachGeometryByID(scene, geometry, place);
   rtcReleaseGeometry(geometry);
+  return {static_cast<const Vec3f*>(vertices), static_cast<const Triangle*>(indices)};
 }
 
 bool before(const RayHit& a, const RayHit& b) {
@@ -105,7 +114,60 @@ bool is_castable(Vec3f origin, Vec3f direction, float near, float far) {
   return is_finite(origin) && is_finite(direction) && dot(direction, direction) > 0 && near <= far;
 }
 
+/// The nearest point so far.
+struct Search {
+  const MeshCopy* meshes;
+  Vec3d from;
+  double squared;  ///< what is farther is of no interest
+  std::optional<NearestPoint> best;
+};
+
+/// A little more than a distance, so that Embree's float boxes keep what is equally far away.
+float reach(double distance) { return static_cast<float>(std::max(distance * 1.00001, 1e-9)); }
+
+/// Embree offers a triangle that may be near enough.
+bool consider(RTCPointQueryFunctionArguments* args) {
+  Search& search = *static_cast<Search*>(args->userPtr);
+  const auto [positions, triangles] = search.meshes[args->geomID];
+  const auto [a, b, c] = triangles[args->primID];
+  const Vec3d point =
+      nearest_on_triangle(search.from, vec_cast<double>(positions[a]),
+                          vec_cast<double>(positions[b]), vec_cast<double>(positions[c]));
+  const double squared = dot(point - search.from, point - search.from);
+  if (squared > search.squared) return false;
+  if (search.best && squared == search.squared &&
+      std::tie(search.best->mesh, search.best->triangle) < std::tie(args->geomID, args->primID))
+    return false;
+  search.best = NearestPoint{point, std::sqrt(squared), args->geomID, args->primID};
+  search.squared = squared;
+  args->query->radius = std::min(args->query->radius, reach(search.best->distance_m));
+  return true;
+}
+
 }  // namespace
+
+Vec3d nearest_on_segment(Vec3d p, Vec3d a, Vec3d b) {
+  const Vec3d along = b - a;
+  const double squared = dot(along, along);
+  if (squared == 0) return a;
+  const double t = dot(p - a, along) / squared;
+  return t <= 0 ? a : t >= 1 ? b : a + along * t;
+}
+
+Vec3d nearest_on_triangle(Vec3d p, Vec3d a, Vec3d b, Vec3d c) {
+  const Vec3d normal = cross(b - a, c - a);
+  const double squared = dot(normal, normal);
+  // The foot of the perpendicular, where it lies inside all three sides.
+  if (squared > 0 && dot(cross(b - a, p - a), normal) >= 0 &&
+      dot(cross(c - b, p - b), normal) >= 0 && dot(cross(a - c, p - c), normal) >= 0)
+    return p - normal * (dot(p - a, normal) / squared);
+  Vec3d best = nearest_on_segment(p, a, b);
+  for (const auto& [from, to] : {std::pair(b, c), std::pair(c, a)}) {
+    const Vec3d point = nearest_on_segment(p, from, to);
+    if (dot(point - p, point - p) < dot(best - p, best - p)) best = point;
+  }
+  return best;
+}
 
 struct RayScene::Impl {
   Impl() : scene(rtcNewScene(device())) {}
@@ -114,14 +176,16 @@ struct RayScene::Impl {
   Impl& operator=(const Impl&) = delete;
 
   RTCScene scene;
+  std::vector<MeshCopy> meshes;  ///< by place
 };
 
 RayScene::RayScene(std::span<const Mesh* const> meshes) : impl_(std::make_unique<Impl>()) {
   rtcSetSceneFlags(
       impl_->scene,
       static_cast<RTCSceneFlags>(RTC_SCENE_FLAG_ROBUST | RTC_SCENE_FLAG_CONTEXT_FILTER_FUNCTION));
+  impl_->meshes.resize(meshes.size());
   for (unsigned i = 0; i < meshes.size(); ++i)
-    if (!meshes[i]->empty()) attach(impl_->scene, *meshes[i], i);
+    if (!meshes[i]->empty()) impl_->meshes[i] = attach(impl_->scene, *meshes[i], i);
   rtcCommitScene(impl_->scene);  // runs in the caller's arena
 }
 
@@ -151,6 +215,19 @@ std::optional<RayHit> RayScene::first_hit(Vec3f origin, Vec3f direction, float n
   const float shift = cast(impl_->scene, query, &keep_first, origin, direction, near, far);
   if (query.data) query.data->distance += shift;
   return query.data;
+}
+
+std::optional<NearestPoint> RayScene::nearest(Vec3f from, float within_m) const {
+  if (!is_finite(from) || !(within_m >= 0)) return std::nullopt;
+  const double within = within_m;
+  Search search{impl_->meshes.data(), vec_cast<double>(from), within * within, std::nullopt};
+  RTCPointQuery query{};
+  query.x = from.x, query.y = from.y, query.z = from.z;
+  query.radius = reach(within);
+  RTCPointQueryContext context;
+  rtcInitPointQueryContext(&context);
+  rtcPointQuery(impl_->scene, &query, &context, &consider, &search);
+  return search.best;
 }
 
 }  // namespace mr::kit

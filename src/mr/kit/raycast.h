@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstdint>
+#include <limits>
 #include <memory>
 #include <optional>
 #include <span>
@@ -16,6 +17,20 @@ struct RayHit {
   std::uint32_t mesh = 0;  ///< place in the list that the RayScene was built from
   std::uint32_t triangle = 0;
 };
+
+/// The point of a surface that lies nearest to another point.
+struct NearestPoint {
+  Vec3d point;
+  double distance_m = 0;
+  std::uint32_t mesh = 0;  ///< place in the list that the RayScene was built from
+  std::uint32_t triangle = 0;
+};
+
+/// The nearest point of triangle abc, borders included; of a degenerate one, of its longest side.
+Vec3d nearest_on_triangle(Vec3d p, Vec3d a, Vec3d b, Vec3d c);
+
+/// The nearest point of the line from a to b, ends included.
+Vec3d nearest_on_segment(Vec3d p, Vec3d a, Vec3d b);
 
 /// Several meshes to cast rays at (Embree). Built and cast inside the caller's arena.
 class RayScene {
@@ -33,6 +48,11 @@ class RayScene {
 
   /// The nearest hit. Thread-safe.
   std::optional<RayHit> first_hit(Vec3f origin, Vec3f direction, float near, float far) const;
+
+  /// The nearest point of any mesh, at most `within_m` away; exact: computed in doubles, of equally
+  /// near triangles the first mesh's lowest. Nothing for a point that is not finite. Thread-safe.
+  std::optional<NearestPoint> nearest(
+      Vec3f from, float within_m = std::numeric_limits<float>::infinity()) const;
 
  private:
   struct Impl;

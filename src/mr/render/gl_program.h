@@ -9,9 +9,12 @@ namespace mr::render {
 enum class Paint : int { pinhole, equirectangular, normals, headlight, flat, vertex_colors };
 inline constexpr int kPaints = 6;
 
-/// Compiles and links the program that paints scenes in this way (its uniforms: gl_program.cpp), in
-/// the current context. One program each, as llvmpipe computes both sides of every branch.
-/// unsupported with the driver's log when that fails.
-Result<unsigned> make_scene_program(Paint paint);
+/// Compiles and links the program that paints triangles, or points, in this way (its uniforms:
+/// gl_program.cpp), in the current context. One program each, as llvmpipe computes both sides of
+/// every branch. unsupported with the driver's log when that fails.
+Result<unsigned> make_scene_program(Paint paint, bool points);
+
+/// The program that puts six faces together as an equirectangular picture: panorama.h.
+Result<unsigned> make_panorama_program();
 
 }  // namespace mr::render

@@ -4,61 +4,72 @@
 
 #include <algorithm>
 #include <cmath>
-#include <map>
-#include <optional>
 #include <string>
 #include <utility>
+#include <vector>
 
 #include "mr/render/egl_context.h"
 #include "mr/render/gl_program.h"
-#include "mr/render/scene_geometry.h"
+#include "mr/render/panorama.h"
+#include "mr/render/scene_buffers.h"
+#include "mr/render/targets.h"
+#include "mr/render/texture_set.h"
 
 namespace mr::render {
 namespace {
 
 using Shade = RenderOptions::Shade;
 using Color = std::array<std::uint8_t, 3>;
-using Matrix4f = std::array<float, 16>;  // row-major
+using Matrix4d = std::array<double, 16>;  // row-major
 
 constexpr double kNear_m = 0.05;
+constexpr double kLeastPointRadius_px = 0.7072;  // covers a pixel's centre wherever it lies
 constexpr Color kEdge{24, 24, 24};
 
 Error invalid(std::string message) { return {Error::Cause::invalid, std::move(message)}; }
 
 Status check(const Camera& c, const Pose& T_world_camera) {
-  if (c.model != CameraModel::pinhole || c.distortion != DistortionModel::none)
+  const bool pinhole = c.model == CameraModel::pinhole;
+  if (!pinhole && c.model != CameraModel::equirectangular)
+    return invalid("rendering needs a pinhole or an equirectangular camera");
+  if (pinhole && c.distortion != DistortionModel::none)
     return invalid("rendering needs a pinhole camera without distortion");
   if (c.width < 1 || c.height < 1)
     return invalid("rendering needs a picture of at least one pixel");
+  for (const double v : T_world_camera.matrix())
+    if (!std::isfinite(v)) return invalid("render camera's pose holds a number that is not finite");
+  if (!pinhole) return {};
   for (const double v : {c.fx, c.fy, c.cx, c.cy})
     if (!std::isfinite(v)) return invalid("render camera holds a number that is not finite");
   if (c.fx <= 0 || c.fy <= 0) return invalid("render camera needs positive focal lengths");
-  for (const double v : T_world_camera.matrix())
-    if (!std::isfinite(v)) return invalid("render camera's pose holds a number that is not finite");
   return {};
 }
 
 /// From metres-from-the-eye to clip space: pixel (u, v) is window position (u + 0.5, v + 0.5), so
 /// row 0 is read back first; the far plane is at infinity.
-Matrix4f clip_from_eye(const Camera& c, const Pose& T_world_camera) {
-  const Mat3& R = T_world_camera.rotation;
+Matrix4d clip_from_eye(const Camera& c, const Mat3& R_world_camera) {
+  const Mat3& R = R_world_camera;
   const Vec3d x = R.column(0), y = R.column(1), z = R.column(2);
   const Vec3d right = (x * c.fx + z * (c.cx + 0.5)) * (2.0 / c.width) - z;
   const Vec3d down = (y * c.fy + z * (c.cy + 0.5)) * (2.0 / c.height) - z;
-  Matrix4f out{};
+  Matrix4d out{};
   int row = 0;
   for (const Vec3d v : {right, down, z, z}) {
-    for (int i = 0; i < 3; ++i) out[row * 4 + i] = static_cast<float>(v[i]);
+    for (int i = 0; i < 3; ++i) out[row * 4 + i] = v[i];
     ++row;
   }
-  out[11] = static_cast<float>(-2 * kNear_m);
+  out[11] = -2 * kNear_m;
   return out;
 }
 
-Matrix4f view_from_eye(const View& view, Vec3d eye) {
-  Matrix4f out{};
-  const auto m = (view.T_world_camera.inverse() * Pose{{}, eye}).matrix();
-  std::transform(m.begin(), m.end(), out.begin(), [](double v) { return static_cast<float>(v); });
+/// Row 0 = row 0 * scale + row 2 * offset, and so on: a pixel's place in the picture times its
+/// depth.
+Matrix4d picture_from_camera(const View& view, Vec2d scale, Vec2d offset, const Matrix4d& m) {
+  Matrix4d out = m;
+  for (int i = 0; i < 4; ++i) {
+    out[i] = view.fx * scale.x * m[i] + (view.cx * scale.x + offset.x) * m[8 + i];
+    out[4 + i] = view.fy * scale.y * m[4 + i] + (view.cy * scale.y + offset.y) * m[8 + i];
+  }
   return out;
 }
 
@@ -73,84 +84,139 @@ Color color_of(ViewId view) {
   return out;
 }
 
-const View* find_view(const DecodedScene& scene, ViewId id) {
-  for (const View& view : scene.views)
-    if (view.id == id) return &view;
-  return nullptr;
-}
+/// What a camera may see, as planes through the eye; a pixel more on each side.
+struct Frustum {
+  struct Plane {
+    Vec3d inward;
+    double least = 0;
+  };
+  std::array<Plane, 5> planes;
 
-/// The view's tile must lie in the picture that the scene holds for it.
-Status check(const View& view, const DecodedScene& scene) {
-  const std::string name = "view " + std::to_string(view.id);
-  const auto found = scene.textures.find(view.stream);
-  if (found == scene.textures.end() || !found->second || found->second->empty())
-    return invalid(name + " has no picture: texture stream " + std::to_string(view.stream) +
-                   " is missing");
-  const Rect &tile = view.atlas_rect, &source = view.image_rect;
-  const ImageRgb& picture = *found->second;
-  if (view.width < 1 || view.height < 1 || source.empty() || tile.empty() || tile.x < 0 ||
-      tile.y < 0 || tile.width > picture.width - tile.x || tile.height > picture.height - tile.y)
-    return invalid(name + " has a tile outside the picture of texture stream " +
-                   std::to_string(view.stream));
-  return {};
-}
+  Frustum(const Matrix4d& T_clip_eye, int width, int height) {
+    const auto row = [&](int r) {
+      return Vec3d{T_clip_eye[4 * r], T_clip_eye[4 * r + 1], T_clip_eye[4 * r + 2]};
+    };
+    const Vec3d across = row(3) * (1 + 2.0 / width), along = row(3) * (1 + 2.0 / height);
+    planes = {{{across + row(0)}, {across - row(0)}, {along + row(1)}, {along - row(1)}, {row(3)}}};
+    planes[4].least = kNear_m;
+  }
 
-struct Texture {
-  GLuint name = 0;
-  std::weak_ptr<const ImageRgb> image;  ///< what was uploaded; pictures never change
+  /// Whether a box whose middle lies at `middle` from the eye may be seen.
+  bool sees(Vec3d middle, Vec3d half) const {
+    return std::all_of(planes.begin(), planes.end(), [&](const Plane& plane) {
+      const Vec3d n = plane.inward, size{std::abs(n.x), std::abs(n.y), std::abs(n.z)};
+      return dot(n, middle) + dot(size, half) >= plane.least;
+    });
+  }
 };
+
+/// Which chunks of a scene a camera at `eye` (from the scene's origin) may see.
+std::vector<std::uint8_t> visible_chunks(const SceneGeometry& geometry, const Frustum& frustum,
+                                         Vec3d eye) {
+  std::vector<double> grow_m(geometry.boxes.size(), 0.0);  // points stand out of their box
+  for (const ViewRange& range : geometry.ranges)
+    for (std::size_t i = range.first_part; i < range.first_part + range.parts; ++i)
+      grow_m[geometry.parts[i].chunk] = 0.5 * range.point_m;
+  std::vector<std::uint8_t> out(geometry.boxes.size());
+  for (std::size_t i = 0; i < out.size(); ++i) {
+    const Vec3d low = vec_cast<double>(geometry.boxes[i].low);
+    const Vec3d high = vec_cast<double>(geometry.boxes[i].high);
+    const Vec3d grow{grow_m[i], grow_m[i], grow_m[i]};
+    out[i] = frustum.sees((low + high) * 0.5 - eye, (high - low) * 0.5 + grow);
+  }
+  return out;
+}
+
+/// A list for glMultiDrawElements: the parts of a range that may be seen, neighbours joined.
+struct DrawList {
+  std::vector<GLsizei> counts;
+  std::vector<const void*> offsets;
+
+  DrawList(const SceneGeometry& geometry, const ViewRange& range,
+           const std::vector<std::uint8_t>& visible) {
+    std::size_t end = 0;
+    for (std::size_t i = range.first_part; i < range.first_part + range.parts; ++i) {
+      const ScenePart& part = geometry.parts[i];
+      if (!visible[part.chunk]) continue;
+      if (counts.empty() || part.first_index != end) {
+        counts.push_back(0);
+        offsets.push_back(reinterpret_cast<const void*>(part.first_index * sizeof(GLuint)));
+      }
+      counts.back() += static_cast<GLsizei>(part.indices);
+      end = part.first_index + part.indices;
+    }
+  }
+
+  void draw() const {
+    if (!counts.empty())
+      glMultiDrawElements(GL_TRIANGLES, counts.data(), GL_UNSIGNED_INT, offsets.data(),
+                          static_cast<GLsizei>(counts.size()));
+  }
+};
+
+Vec3d in_floats(Vec3d v) { return vec_cast<double>(vec_cast<float>(v)); }
 
 }  // namespace
 
 struct Renderer::Impl {
-  EglContext context;  // its end frees everything below
-  std::array<GLuint, kPaints> programs{};
-  GLuint program = 0, vertices = 0, colors = 0, indices = 0, framebuffer = 0, color = 0, depth = 0;
-  int width = 0, height = 0, max_size = 0;
-  std::map<std::uint32_t, Texture> textures;  // by stream
-  Matrix4f T_clip_eye{};                      // of the present picture
+  EglContext context;                                     // its end frees everything below
+  std::array<std::array<GLuint, 2>, kPaints> programs{};  // of triangles, of points
+  GLuint panorama_program = 0, program = 0;
+  SceneBuffers buffers;
+  TextureSet textures;
+  PictureTarget picture;
+  FacesTarget faces;
+
+  /// Of the picture, or the face, that is being drawn.
+  struct Eye {
+    Vec3d world;        ///< metres
+    Vec3d from_origin;  ///< of the scene's geometry
+    Matrix4d T_clip_eye{};
+    double least_radius = 0;  ///< of points, per metre of distance
+  } eye;
 
   explicit Impl(EglContext c) : context(std::move(c)) {}
 
   Status set_up();
-  Status resize(int w, int h);
-  Status set_textures(const DecodedScene& scene, const std::vector<ViewRange>& ranges);
-  void upload(const SceneGeometry& geometry);
-  void use_view(const View& view, Vec3d eye, Color otherwise);
-  void paint(Paint how, Color c);
-  void draw_ranges(const DecodedScene& scene, const SceneGeometry& geometry, Vec3d eye,
-                   const RenderOptions& options);
-  Result<ImageRgb> read_back();
+  Status draw(const DecodedScene& scene, const Camera& camera, const Pose& T_world_camera,
+              const RenderOptions& options);
+  Status draw_equirectangular(const DecodedScene& scene, const Camera& camera,
+                              const Pose& T_world_camera, const RenderOptions& options);
+  void draw_pinhole(const DecodedScene& scene, const Camera& camera, const Pose& T_world_camera,
+                    const RenderOptions& options);
+  void draw_range(const DecodedScene& scene, const ViewRange& range, const DrawList& list,
+                  const RenderOptions& options);
+  void draw_edges(const std::vector<std::uint8_t>& visible);
+  void use_view(const View& view, Color otherwise);
+  void paint(Paint how, Color c, float point_m = 0);
 
   GLint at(const char* uniform) const { return glGetUniformLocation(program, uniform); }
+  void set(const char* uniform, Vec2d v) {
+    glUniform2f(at(uniform), static_cast<float>(v.x), static_cast<float>(v.y));
+  }
+  void set(const char* uniform, Vec3d v) {
+    glUniform3f(at(uniform), static_cast<float>(v.x), static_cast<float>(v.y),
+                static_cast<float>(v.z));
+  }
+  void set(const char* uniform, double v) { glUniform1f(at(uniform), static_cast<float>(v)); }
+  void set(const char* uniform, const Matrix4d& m) {
+    std::array<float, 16> out{};
+    std::transform(m.begin(), m.end(), out.begin(), [](double v) { return static_cast<float>(v); });
+    glUniformMatrix4fv(at(uniform), 1, GL_TRUE, out.data());
+  }
 };
 
 Status Renderer::Impl::set_up() {
-  for (int i = 0; i < kPaints; ++i) {
-    auto made = make_scene_program(static_cast<Paint>(i));
-    if (!made) return made.error();
-    programs[i] = *made;
-  }
-  GLint sizes[2]{};
-  glGetIntegerv(GL_MAX_RENDERBUFFER_SIZE, &sizes[0]);
-  glGetIntegerv(GL_MAX_TEXTURE_SIZE, &sizes[1]);
-  max_size = std::min(sizes[0], sizes[1]);
-  GLuint array = 0;
-  glGenVertexArrays(1, &array);
-  glBindVertexArray(array);
-  glGenBuffers(1, &vertices);
-  glGenBuffers(1, &colors);
-  glGenBuffers(1, &indices);
-  glBindBuffer(GL_ARRAY_BUFFER, vertices);
-  glBindBuffer(GL_ELEMENT_ARRAY_BUFFER, indices);
-  glEnableVertexAttribArray(0);
-  glVertexAttribPointer(0, 3, GL_FLOAT, GL_FALSE, sizeof(Vec3f), nullptr);
-  glBindBuffer(GL_ARRAY_BUFFER, colors);
-  glVertexAttribPointer(1, 3, GL_UNSIGNED_BYTE, GL_TRUE, sizeof(Color), nullptr);
-  glGenFramebuffers(1, &framebuffer);
-  glGenRenderbuffers(1, &color);
-  glGenRenderbuffers(1, &depth);
-  glBindFramebuffer(GL_FRAMEBUFFER, framebuffer);
+  for (int i = 0; i < kPaints; ++i)
+    for (const bool points : {false, true}) {
+      auto made = make_scene_program(static_cast<Paint>(i), points);
+      if (!made) return made.error();
+      programs[i][points] = *made;
+    }
+  auto made = make_panorama_program();
+  if (!made) return made.error();
+  panorama_program = *made;
+  buffers.set_up();
   glPixelStorei(GL_PACK_ALIGNMENT, 1);
   glPixelStorei(GL_UNPACK_ALIGNMENT, 1);
   glEnable(GL_DEPTH_TEST);
@@ -160,140 +226,122 @@ Status Renderer::Impl::set_up() {
   return {};
 }
 
-Status Renderer::Impl::resize(int w, int h) {
-  if (w > max_size || h > max_size)
-    return Error{Error::Cause::too_large,
-                 "this device draws at most " + std::to_string(max_size) + " pixels a side"};
-  if (w == width && h == height) return {};
-  width = height = 0;
-  glBindRenderbuffer(GL_RENDERBUFFER, color);
-  glRenderbufferStorage(GL_RENDERBUFFER, GL_RGBA8, w, h);
-  glBindRenderbuffer(GL_RENDERBUFFER, depth);
-  glRenderbufferStorage(GL_RENDERBUFFER, GL_DEPTH_COMPONENT24, w, h);
-  glFramebufferRenderbuffer(GL_FRAMEBUFFER, GL_COLOR_ATTACHMENT0, GL_RENDERBUFFER, color);
-  glFramebufferRenderbuffer(GL_FRAMEBUFFER, GL_DEPTH_ATTACHMENT, GL_RENDERBUFFER, depth);
-  if (glCheckFramebufferStatus(GL_FRAMEBUFFER) != GL_FRAMEBUFFER_COMPLETE)
-    return Error{Error::Cause::unsupported, "this device cannot draw into a picture"};
-  glViewport(0, 0, w, h);
-  width = w, height = h;
-  return {};
-}
-
-/// Uploads the pictures that the ranges need and that changed; forgets those of streams that ended.
-Status Renderer::Impl::set_textures(const DecodedScene& scene,
-                                    const std::vector<ViewRange>& ranges) {
-  std::erase_if(textures, [&](const auto& entry) {
-    if (scene.textures.contains(entry.first)) return false;
-    glDeleteTextures(1, &entry.second.name);
-    return true;
-  });
-  for (const ViewRange& range : ranges) {
-    if (range.view == kNoView) continue;
-    const View* view = find_view(scene, range.view);
-    if (!view)
-      return invalid("triangles name view " + std::to_string(range.view) +
-                     ", which the scene does not have");
-    if (auto ok = check(*view, scene); !ok) return ok.error();
-    const auto& image = scene.textures.at(view->stream);
-    if (image->width > max_size || image->height > max_size)
-      return Error{Error::Cause::too_large, "texture stream " + std::to_string(view->stream) +
-                                                " is larger than this device takes"};
-    Texture& texture = textures[view->stream];
-    if (texture.name && texture.image.lock() == image) continue;
-    if (!texture.name) glGenTextures(1, &texture.name);
-    glBindTexture(GL_TEXTURE_2D, texture.name);
-    glTexParameteri(GL_TEXTURE_2D, GL_TEXTURE_MIN_FILTER, GL_LINEAR);
-    glTexParameteri(GL_TEXTURE_2D, GL_TEXTURE_MAG_FILTER, GL_LINEAR);
-    glTexParameteri(GL_TEXTURE_2D, GL_TEXTURE_WRAP_S, GL_CLAMP_TO_EDGE);
-    glTexParameteri(GL_TEXTURE_2D, GL_TEXTURE_WRAP_T, GL_CLAMP_TO_EDGE);
-    glTexImage2D(GL_TEXTURE_2D, 0, GL_RGB8, image->width, image->height, 0, GL_RGB,
-                 GL_UNSIGNED_BYTE, image->data.data());
-    texture.image = image;
-  }
-  return {};
-}
-
-void Renderer::Impl::upload(const SceneGeometry& geometry) {
-  const auto& [positions, list, ranges, tints] = geometry;
-  glBindBuffer(GL_ARRAY_BUFFER, vertices);
-  glBufferData(GL_ARRAY_BUFFER, static_cast<GLsizeiptr>(positions.size() * sizeof(Vec3f)),
-               positions.data(), GL_STREAM_DRAW);
-  glBufferData(GL_ELEMENT_ARRAY_BUFFER, static_cast<GLsizeiptr>(list.size() * sizeof(GLuint)),
-               list.data(), GL_STREAM_DRAW);
-  (tints.empty() ? glDisableVertexAttribArray : glEnableVertexAttribArray)(1);
-  glBindBuffer(GL_ARRAY_BUFFER, colors);
-  glBufferData(GL_ARRAY_BUFFER, static_cast<GLsizeiptr>(tints.size() * sizeof(Color)), tints.data(),
-               GL_STREAM_DRAW);
-}
-
-void Renderer::Impl::paint(Paint how, Color c) {
-  program = programs[static_cast<int>(how)];
+/// Points of a diameter over 0, else triangles.
+void Renderer::Impl::paint(Paint how, Color c, float point_m) {
+  program = programs[static_cast<int>(how)][point_m > 0];
   glUseProgram(program);
-  glUniformMatrix4fv(at("T_clip_eye"), 1, GL_TRUE, T_clip_eye.data());
-  glUniform3f(at("color"), c[0] / 255.0f, c[1] / 255.0f, c[2] / 255.0f);
+  const Vec3d place = in_floats(eye.from_origin);
+  set("eye", place);
+  set("eye_rest", eye.from_origin - place);
+  set("T_clip_eye", eye.T_clip_eye);
+  set("color", Vec3d{c[0] / 255.0, c[1] / 255.0, c[2] / 255.0});
+  if (point_m <= 0) return;
+  glUniform1i(at("first_point"), static_cast<GLint>(buffers.geometry().first_point));
+  set("radius_m", 0.5 * point_m);
+  set("least_radius", eye.least_radius);
 }
 
 /// Paints by projection into a view, as atlas_uv() in core/view.h maps it; `otherwise`: the colour
 /// of what lies behind its camera.
-void Renderer::Impl::use_view(const View& view, Vec3d eye, Color otherwise) {
-  paint(view.kind == View::Kind::pinhole ? Paint::pinhole : Paint::equirectangular, otherwise);
-  const auto set = [&](const char* name, double x, double y) {
-    glUniform2f(at(name), static_cast<float>(x), static_cast<float>(y));
-  };
+void Renderer::Impl::use_view(const View& view, Color otherwise) {
+  const bool pinhole = view.kind == View::Kind::pinhole;
+  paint(pinhole ? Paint::pinhole : Paint::equirectangular, otherwise);
+  const auto [width, height] = textures.bind(view.stream);
   const Rect &tile = view.atlas_rect, &source = view.image_rect;
-  const double sx = static_cast<double>(tile.width) / source.width;
-  const double sy = static_cast<double>(tile.height) / source.height;
-  glUniformMatrix4fv(at("T_view_eye"), 1, GL_TRUE, view_from_eye(view, eye).data());
-  set("view_size", view.width, view.height);
-  set("focal", view.fx, view.fy);
-  set("center", view.cx, view.cy);
-  glUniform1f(at("tile_middle"), static_cast<float>(source.x + 0.5 * source.width - 0.5));
-  set("scale", sx, sy);
-  set("offset", (0.5 - source.x) * sx + tile.x, (0.5 - source.y) * sy + tile.y);
-  set("tile_low", tile.x + 0.5, tile.y + 0.5);
-  set("tile_high", tile.x + tile.width - 0.5, tile.y + tile.height - 0.5);
-  glBindTexture(GL_TEXTURE_2D, textures.at(view.stream).name);
+  const Vec2d scale{static_cast<double>(tile.width) / source.width / width,
+                    static_cast<double>(tile.height) / source.height / height};
+  const Vec2d offset{(0.5 - source.x) * scale.x + static_cast<double>(tile.x) / width,
+                     (0.5 - source.y) * scale.y + static_cast<double>(tile.y) / height};
+  const auto in_view = (view.T_world_camera.inverse() * Pose{{}, eye.world}).matrix();
+  set("T_view_eye", pinhole ? picture_from_camera(view, scale, offset, in_view) : in_view);
+  set("tile_low", Vec2d{(tile.x + 0.5) / width, (tile.y + 0.5) / height});
+  set("tile_high",
+      Vec2d{(tile.x + tile.width - 0.5) / width, (tile.y + tile.height - 0.5) / height});
+  if (pinhole) return;
+  set("view_size", Vec2d{view.width + 0.0, view.height + 0.0});
+  set("tile_middle", source.x + 0.5 * source.width - 0.5);
+  set("scale", scale);
+  set("offset", offset);
+  set("far_side", source.width == view.width ? width : 0.0);
 }
 
-void Renderer::Impl::draw_ranges(const DecodedScene& scene, const SceneGeometry& geometry,
-                                 Vec3d eye, const RenderOptions& options) {
-  for (const auto& [view, colored, first, count] : geometry.ranges) {
-    switch (options.shade) {
-      case Shade::texture:
-        if (view == kNoView)
-          paint(colored ? Paint::vertex_colors : Paint::flat, options.no_view);
-        else
-          use_view(*find_view(scene, view), eye, options.no_view);
-        break;
-      case Shade::normals:
-        paint(Paint::normals, options.no_view);
-        break;
-      case Shade::views:
-        paint(Paint::headlight, view == kNoView ? options.no_view : color_of(view));
-        break;
-      case Shade::wireframe:
-        paint(Paint::headlight, options.no_view);
-        break;
-    }
-    glDrawElements(GL_TRIANGLES, static_cast<GLsizei>(count), GL_UNSIGNED_INT,
-                   reinterpret_cast<const void*>(first * sizeof(GLuint)));
+void Renderer::Impl::draw_range(const DecodedScene& scene, const ViewRange& range,
+                                const DrawList& list, const RenderOptions& options) {
+  const Color plain = options.no_view;
+  switch (options.shade) {
+    case Shade::texture:
+      if (range.view == kNoView)
+        paint(range.colored ? Paint::vertex_colors : Paint::flat, plain, range.point_m);
+      else
+        use_view(*find_view(scene, range.view), plain);
+      break;
+    case Shade::normals:
+      paint(Paint::normals, plain, range.point_m);
+      break;
+    case Shade::views:
+      paint(Paint::headlight, range.view == kNoView ? plain : color_of(range.view), range.point_m);
+      break;
+    case Shade::wireframe:
+      paint(Paint::headlight, plain, range.point_m);
+      break;
   }
-  if (options.shade != Shade::wireframe) return;
+  list.draw();
+}
+
+void Renderer::Impl::draw_edges(const std::vector<std::uint8_t>& visible) {
   paint(Paint::flat, kEdge);
   glPolygonMode(GL_FRONT_AND_BACK, GL_LINE);
-  glDrawElements(GL_TRIANGLES, static_cast<GLsizei>(geometry.indices.size()), GL_UNSIGNED_INT,
-                 nullptr);
+  for (const ViewRange& range : buffers.geometry().ranges)
+    if (range.point_m <= 0) DrawList(buffers.geometry(), range, visible).draw();
   glPolygonMode(GL_FRONT_AND_BACK, GL_FILL);
 }
 
-Result<ImageRgb> Renderer::Impl::read_back() {
-  ImageRgb image(width, height);
-  glReadPixels(0, 0, width, height, GL_RGB, GL_UNSIGNED_BYTE, image.data.data());
-  if (const GLenum code = glGetError(); code != GL_NO_ERROR)
-    return Error{Error::Cause::unsupported,
-                 "OpenGL failed with error " + std::to_string(code) +
-                     (code == GL_OUT_OF_MEMORY ? " (out of memory)" : "")};
-  return image;
+/// Into the target in use.
+void Renderer::Impl::draw_pinhole(const DecodedScene& scene, const Camera& camera,
+                                  const Pose& T_world_camera, const RenderOptions& options) {
+  const SceneGeometry& geometry = buffers.geometry();
+  eye.world = T_world_camera.translation;
+  eye.from_origin = eye.world - geometry.origin;
+  eye.T_clip_eye = clip_from_eye(camera, T_world_camera.rotation);
+  eye.least_radius = kLeastPointRadius_px / std::min(camera.fx, camera.fy);
+  const auto [r, g, b] = options.background;
+  glClearColor(r / 255.0f, g / 255.0f, b / 255.0f, 0);  // alpha: where a surface is
+  glClear(GL_COLOR_BUFFER_BIT | GL_DEPTH_BUFFER_BIT);
+  (options.cull_back_faces ? glEnable : glDisable)(GL_CULL_FACE);
+  const bool edges = options.shade == Shade::wireframe;  // faces step back behind their edges
+  (edges ? glEnable : glDisable)(GL_POLYGON_OFFSET_FILL);
+  glPolygonOffset(1, 1);
+  const Frustum frustum(eye.T_clip_eye, camera.width, camera.height);
+  const auto visible = visible_chunks(geometry, frustum, eye.from_origin);
+  for (const ViewRange& range : geometry.ranges)
+    draw_range(scene, range, DrawList(geometry, range, visible), options);
+  if (edges) draw_edges(visible);
+}
+
+Status Renderer::Impl::draw_equirectangular(const DecodedScene& scene, const Camera& camera,
+                                            const Pose& T_world_camera,
+                                            const RenderOptions& options) {
+  const PanoramaFaces six = panorama_faces(camera);
+  if (auto ok = faces.resize(six.camera.width); !ok) return ok;
+  for (int i = 0; i < FacesTarget::kFaces; ++i) {
+    faces.use(i);
+    draw_pinhole(scene, six.camera, T_world_camera * Pose{six.R_camera_face[i], {}}, options);
+  }
+  if (auto ok = picture.use(camera.width, camera.height); !ok) return ok;
+  draw_panorama(panorama_program, camera, six, faces);
+  return {};
+}
+
+Status Renderer::Impl::draw(const DecodedScene& scene, const Camera& camera,
+                            const Pose& T_world_camera, const RenderOptions& options) {
+  if (auto ok = buffers.keep(scene); !ok) return ok;
+  if (auto ok = picture.use(camera.width, camera.height); !ok) return ok;
+  if (options.shade == Shade::texture)
+    if (auto ok = textures.keep(scene, buffers.geometry().ranges); !ok) return ok;
+  if (camera.model == CameraModel::equirectangular)
+    return draw_equirectangular(scene, camera, T_world_camera, options);
+  draw_pinhole(scene, camera, T_world_camera, options);
+  return {};
 }
 
 Result<Renderer> Renderer::create() {
@@ -318,25 +366,11 @@ std::string Renderer::device() const {
 Result<ImageRgb> Renderer::draw(const DecodedScene& scene, const Camera& camera,
                                 const Pose& T_world_camera, const RenderOptions& options) {
   if (auto ok = check(camera, T_world_camera); !ok) return ok.error();
-  const Vec3d eye = T_world_camera.translation;
-  const auto geometry = gather(scene, eye);
-  if (!geometry) return geometry.error();
   if (auto ok = impl_->context.make_current(); !ok) return ok.error();
-  if (auto ok = impl_->resize(camera.width, camera.height); !ok) return ok.error();
-  if (options.shade == Shade::texture)
-    if (auto ok = impl_->set_textures(scene, geometry->ranges); !ok) return ok.error();
-  impl_->upload(*geometry);
-
-  const auto [r, g, b] = options.background;
-  glClearColor(r / 255.0f, g / 255.0f, b / 255.0f, 1);
-  glClear(GL_COLOR_BUFFER_BIT | GL_DEPTH_BUFFER_BIT);
-  (options.cull_back_faces ? glEnable : glDisable)(GL_CULL_FACE);
-  const bool edges = options.shade == Shade::wireframe;  // faces step back behind their edges
-  (edges ? glEnable : glDisable)(GL_POLYGON_OFFSET_FILL);
-  glPolygonOffset(1, 1);
-  impl_->T_clip_eye = clip_from_eye(camera, T_world_camera);
-  impl_->draw_ranges(scene, *geometry, eye, options);
-  return impl_->read_back();
+  if (auto ok = impl_->draw(scene, camera, T_world_camera, options); !ok) return ok.error();
+  return impl_->picture.read_back();
 }
+
+ImageMask Renderer::covered() const { return impl_->picture.covered(); }
 
 }  // namespace mr::render

@@ -36,9 +36,16 @@ class Renderer {
   /// Name of the device that draws.
   std::string device() const;
 
-  /// Draws from an undistorted pinhole camera; pixel centres at integers, near plane 5 cm.
+  /// Draws from a pinhole camera without distortion, or an equirectangular one (of six pinhole
+  /// pictures); pixel centres at integers, near plane 5 cm. What a scene's chunks and pictures hold
+  /// stays on the card for the next draw, so one scene from many viewpoints is uploaded once.
+  /// Points are round and cover at least a pixel. invalid: camera, pose or scene cannot be drawn.
+  /// too_large: the device cannot.
   Result<ImageRgb> draw(const DecodedScene& scene, const Camera& camera, const Pose& T_world_camera,
                         const RenderOptions& options = {});
+
+  /// Where the last picture shows a surface. [H, W], 1 there.
+  ImageMask covered() const;
 
  private:
   struct Impl;

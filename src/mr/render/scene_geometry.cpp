@@ -1,41 +1,37 @@
 #include "mr/render/scene_geometry.h"
 
-#include <map>
+#include <algorithm>
+#include <cmath>
 #include <string>
+#include <tuple>
 #include <utility>
+
+#include "mr/core/parallel.h"
 
 namespace mr::render {
 namespace {
 
-/// A mesh that is not labelled yet, or has colours, is one run without a view.
-std::vector<ViewRun> runs_of(const Chunk& chunk) {
-  if (!chunk.mesh.runs.empty() && chunk.colors.empty()) return chunk.mesh.runs;
-  return {{0, static_cast<std::uint32_t>(chunk.mesh.triangles.size()), kNoView}};
-}
+/// A run of triangles, or all points, of a chunk on their way into the index list.
+struct Piece {
+  ViewId view = kNoView;
+  bool colored = false;
+  float point_m = 0;
+  std::uint32_t chunk = 0, first = 0, count = 0;
 
-/// The colours of all vertices; nothing where no chunk has any.
-std::vector<std::array<std::uint8_t, 3>> gather_colors(const DecodedScene& scene) {
-  std::vector<std::array<std::uint8_t, 3>> out;
-  std::size_t vertices = 0;
-  for (const auto& chunk : scene.chunks) {
-    if (!chunk->colors.empty()) {
-      out.resize(vertices);
-      out.insert(out.end(), chunk->colors.begin(), chunk->colors.end());
-    }
-    vertices += chunk->mesh.positions.size();
-  }
-  if (!out.empty()) out.resize(vertices);
-  return out;
-}
+  /// Pieces alike in this are painted together: by view, coloured ones and points last.
+  auto key() const { return std::tuple(view, colored, point_m); }
+};
 
-/// Ranges in the order in which they are drawn: by view, coloured ones last.
-using RangeKey = std::pair<ViewId, bool>;
+bool has_points(const Chunk& chunk) { return chunk.point_m > 0; }
 
 Status check(const Chunk& chunk) {
   const Mesh& mesh = chunk.mesh;
   const auto invalid = [](const char* what) {
     return Error{Error::Cause::invalid, std::string("chunk cannot be drawn: ") + what};
   };
+  if (!std::isfinite(chunk.point_m)) return invalid("its points have no finite size");
+  if (has_points(chunk) && !mesh.triangles.empty())
+    return invalid("it has both points and triangles");
   if (!chunk.colors.empty() && chunk.colors.size() != mesh.positions.size())
     return invalid("it has colours for some of its vertices only");
   for (const ViewRun& run : mesh.runs)
@@ -45,44 +41,139 @@ Status check(const Chunk& chunk) {
     for (const std::uint32_t vertex : triangle)
       if (vertex >= mesh.positions.size())
         return invalid("a triangle names a vertex it does not have");
+  for (const Vec3f p : mesh.positions)
+    if (!is_finite(p)) return invalid("a position is not finite");
   return {};
+}
+
+Status check(const DecodedScene& scene) {
+  std::vector<Status> checked(scene.chunks.size());
+  parallel_for(scene.chunks.size(), 4, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t i = begin; i < end; ++i) checked[i] = check(*scene.chunks[i]);
+  });
+  for (const Status& status : checked)
+    if (!status) return status;
+  return {};
+}
+
+/// In the order in which they are drawn. A mesh that is not labelled yet, or has colours, is one
+/// run without a view.
+std::vector<Piece> pieces_of(const DecodedScene& scene) {
+  std::vector<Piece> out;
+  for (std::uint32_t i = 0; i < scene.chunks.size(); ++i) {
+    const Chunk& chunk = *scene.chunks[i];
+    const bool colored = !chunk.colors.empty();
+    const auto all = [](const auto& list) { return static_cast<std::uint32_t>(list.size()); };
+    if (has_points(chunk))
+      out.push_back({kNoView, colored, chunk.point_m, i, 0, all(chunk.mesh.positions)});
+    else if (colored || chunk.mesh.runs.empty())
+      out.push_back({kNoView, colored, 0, i, 0, all(chunk.mesh.triangles)});
+    else
+      for (const ViewRun& run : chunk.mesh.runs)
+        out.push_back({run.view, false, 0, i, run.first, run.count});
+  }
+  std::erase_if(out, [](const Piece& piece) { return piece.count == 0; });
+  std::stable_sort(out.begin(), out.end(),
+                   [](const Piece& a, const Piece& b) { return a.key() < b.key(); });
+  return out;
+}
+
+/// Where each chunk's vertices begin: first those of triangles, then those of points.
+std::vector<std::uint32_t> place_vertices(const DecodedScene& scene, SceneGeometry& out) {
+  std::vector<std::uint32_t> first(scene.chunks.size());
+  std::uint32_t vertices = 0;
+  for (const bool points : {false, true}) {
+    if (points) out.first_point = vertices;
+    for (std::size_t i = 0; i < scene.chunks.size(); ++i) {
+      const Chunk& chunk = *scene.chunks[i];
+      if (has_points(chunk) != points) continue;
+      first[i] = vertices;
+      vertices += static_cast<std::uint32_t>(chunk.mesh.positions.size()) * (points ? 3 : 1);
+    }
+  }
+  out.positions.resize(vertices);
+  const bool colored = std::any_of(scene.chunks.begin(), scene.chunks.end(),
+                                   [](const auto& chunk) { return !chunk->colors.empty(); });
+  out.colors.resize(colored ? vertices : 0);
+  return first;
+}
+
+/// Ranges and parts of the pieces.
+void place_indices(const std::vector<Piece>& pieces, SceneGeometry& out) {
+  std::size_t indices = 0;
+  for (std::size_t i = 0; i < pieces.size(); ++i) {
+    const Piece& piece = pieces[i];
+    if (i == 0 || piece.key() != pieces[i - 1].key())
+      out.ranges.push_back({piece.view, piece.colored, piece.point_m, i, 0});
+    ++out.ranges.back().parts;
+    out.parts.push_back({indices, 3 * std::size_t{piece.count}, piece.chunk});
+    indices += out.parts.back().indices;
+  }
+  out.indices.resize(indices);
+}
+
+/// The middle of the scene in whole metres, so that what lies on a lattice stays exact.
+Vec3d origin_of(const DecodedScene& scene, std::vector<Box3f>& boxes) {
+  boxes.resize(scene.chunks.size());
+  parallel_for(boxes.size(), 4, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t i = begin; i < end; ++i)
+      for (const Vec3f p : scene.chunks[i]->mesh.positions) boxes[i].add(p);
+  });
+  Box3d all;
+  for (const Box3f& box : boxes) {
+    if (box.empty()) continue;
+    all.add(vec_cast<double>(box.low));
+    all.add(vec_cast<double>(box.high));
+  }
+  if (all.empty()) return {};
+  const Vec3d middle = (all.low + all.high) * 0.5;
+  return {std::round(middle.x), std::round(middle.y), std::round(middle.z)};
+}
+
+/// Positions and colours of one chunk from vertex `at` on.
+void put_vertices(const Chunk& chunk, std::size_t at, SceneGeometry& out) {
+  const int copies = has_points(chunk) ? 3 : 1;
+  for (std::size_t v = 0; v < chunk.mesh.positions.size(); ++v)
+    for (int copy = 0; copy < copies; ++copy, ++at) {
+      out.positions[at] = vec_cast<float>(vec_cast<double>(chunk.mesh.positions[v]) - out.origin);
+      if (!chunk.colors.empty()) out.colors[at] = chunk.colors[v];
+    }
+}
+
+void put_indices(const Piece& piece, const Mesh& mesh, std::uint32_t base, std::uint32_t* to) {
+  if (piece.point_m > 0)
+    for (std::uint32_t i = 0; i < 3 * piece.count; ++i) *to++ = base + i;
+  else
+    for (std::uint32_t t = piece.first; t < piece.first + piece.count; ++t)
+      for (const std::uint32_t vertex : mesh.triangles[t]) *to++ = base + vertex;
 }
 
 }  // namespace
 
-Result<SceneGeometry> gather(const DecodedScene& scene, Vec3d eye) {
-  SceneGeometry out;
-  std::map<RangeKey, std::size_t> sizes;
-  std::size_t vertices = 0;
-  for (const auto& chunk : scene.chunks) {
-    if (auto ok = check(*chunk); !ok) return ok.error();
-    for (const ViewRun& run : runs_of(*chunk))
-      sizes[{run.view, !chunk->colors.empty()}] += 3 * std::size_t{run.count};
-    vertices += chunk->mesh.positions.size();
-  }
+Result<SceneGeometry> gather(const DecodedScene& scene) {
+  if (auto ok = check(scene); !ok) return ok.error();
+  std::uint64_t vertices = 0;
+  for (const auto& chunk : scene.chunks)
+    vertices += chunk->mesh.positions.size() * (has_points(*chunk) ? 3 : 1);
   if (vertices > 0xFFFFFFFFu) return Error{Error::Cause::too_large, "scene has over 2^32 vertices"};
 
-  std::size_t total = 0;
-  std::map<RangeKey, std::size_t> next;
-  for (const auto& [key, size] : sizes) {
-    if (size > 0) out.ranges.push_back({key.first, key.second, total, size});
-    next[key] = total;
-    total += size;
-  }
-  out.positions.reserve(vertices);
-  out.indices.resize(total);
-  for (const auto& chunk : scene.chunks) {
-    const Mesh& mesh = chunk->mesh;
-    const auto base = static_cast<std::uint32_t>(out.positions.size());
-    for (const Vec3f p : mesh.positions)
-      out.positions.push_back(vec_cast<float>(vec_cast<double>(p) - eye));
-    for (const ViewRun& run : runs_of(*chunk)) {
-      std::size_t& at = next[{run.view, !chunk->colors.empty()}];
-      for (std::uint32_t t = run.first; t < run.first + run.count; ++t)
-        for (const std::uint32_t vertex : mesh.triangles[t]) out.indices[at++] = base + vertex;
+  SceneGeometry out;
+  const std::vector<Piece> pieces = pieces_of(scene);
+  const std::vector<std::uint32_t> base = place_vertices(scene, out);
+  place_indices(pieces, out);
+  out.origin = origin_of(scene, out.boxes);
+  parallel_for(scene.chunks.size(), 4, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t i = begin; i < end; ++i) {
+      put_vertices(*scene.chunks[i], base[i], out);
+      for (Vec3f* p : {&out.boxes[i].low, &out.boxes[i].high})
+        *p = vec_cast<float>(vec_cast<double>(*p) - out.origin);
     }
-  }
-  out.colors = gather_colors(scene);
+  });
+  parallel_for(pieces.size(), 8, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t i = begin; i < end; ++i)
+      put_indices(pieces[i], scene.chunks[pieces[i].chunk]->mesh, base[pieces[i].chunk],
+                  out.indices.data() + out.parts[i].first_index);
+  });
   return out;
 }
 

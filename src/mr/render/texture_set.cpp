@@ -1,0 +1,110 @@
+#include "mr/render/texture_set.h"
+
+#include <epoxy/gl.h>
+
+#include <algorithm>
+#include <string>
+#include <utility>
+
+#include "mr/core/parallel.h"
+
+namespace mr::render {
+namespace {
+
+Error invalid(std::string message) { return {Error::Cause::invalid, std::move(message)}; }
+
+/// The view's tile must lie in the picture that the scene holds for it.
+Status check(const View& view, const DecodedScene& scene) {
+  const std::string name = "view " + std::to_string(view.id);
+  const auto found = scene.textures.find(view.stream);
+  if (found == scene.textures.end() || !found->second || found->second->empty())
+    return invalid(name + " has no picture: texture stream " + std::to_string(view.stream) +
+                   " is missing");
+  const Rect &tile = view.atlas_rect, &source = view.image_rect;
+  const ImageRgb& picture = *found->second;
+  if (view.width < 1 || view.height < 1 || source.empty() || tile.empty() || tile.x < 0 ||
+      tile.y < 0 || tile.width > picture.width - tile.x || tile.height > picture.height - tile.y)
+    return invalid(name + " has a tile outside the picture of texture stream " +
+                   std::to_string(view.stream));
+  return {};
+}
+
+int largest_side() {
+  GLint side = 0;
+  glGetIntegerv(GL_MAX_TEXTURE_SIZE, &side);
+  return side;
+}
+
+void create(unsigned& name) {
+  glGenTextures(1, &name);
+  glBindTexture(GL_TEXTURE_2D, name);
+  for (const GLenum filter : {GL_TEXTURE_MIN_FILTER, GL_TEXTURE_MAG_FILTER})
+    glTexParameteri(GL_TEXTURE_2D, filter, GL_LINEAR);
+  for (const GLenum wrap : {GL_TEXTURE_WRAP_S, GL_TEXTURE_WRAP_T})
+    glTexParameteri(GL_TEXTURE_2D, wrap, GL_CLAMP_TO_EDGE);
+}
+
+/// As the card keeps it; the driver does this on one thread only.
+void widen(const ImageRgb& image, std::vector<std::uint8_t>& rgba) {
+  const std::size_t pixels = image.data.size() / 3;
+  rgba.resize(4 * pixels);
+  parallel_for(pixels, 1 << 16, [&](std::size_t begin, std::size_t end) {
+    const std::uint8_t* from = image.data.data() + 3 * begin;
+    std::uint8_t* to = rgba.data() + 4 * begin;
+    for (std::size_t i = begin; i < end; ++i, from += 3, to += 4)
+      to[0] = from[0], to[1] = from[1], to[2] = from[2], to[3] = 255;
+  });
+}
+
+}  // namespace
+
+const View* find_view(const DecodedScene& scene, ViewId id) {
+  for (const View& view : scene.views)
+    if (view.id == id) return &view;
+  return nullptr;
+}
+
+Status TextureSet::keep(const DecodedScene& scene, const std::vector<ViewRange>& ranges) {
+  std::erase_if(textures_, [&](const auto& entry) {
+    if (scene.textures.contains(entry.first)) return false;
+    glDeleteTextures(1, &entry.second.name);
+    return true;
+  });
+  for (const ViewRange& range : ranges) {
+    if (range.view == kNoView) continue;
+    const View* view = find_view(scene, range.view);
+    if (!view)
+      return invalid("triangles name view " + std::to_string(range.view) +
+                     ", which the scene does not have");
+    if (auto ok = check(*view, scene); !ok) return ok.error();
+    const auto& image = scene.textures.at(view->stream);
+    if (std::max(image->width, image->height) > largest_side())
+      return Error{Error::Cause::too_large, "texture stream " + std::to_string(view->stream) +
+                                                " is larger than this device takes"};
+    Texture& texture = textures_[view->stream];
+    if (texture.name && texture.image.lock() == image) continue;
+    upload(texture, *image);
+    texture.image = image;
+  }
+  return {};
+}
+
+void TextureSet::upload(Texture& texture, const ImageRgb& image) {
+  if (!texture.name) create(texture.name);
+  glBindTexture(GL_TEXTURE_2D, texture.name);
+  if (texture.width != image.width || texture.height != image.height)
+    glTexImage2D(GL_TEXTURE_2D, 0, GL_RGBA8, image.width, image.height, 0, GL_RGBA,
+                 GL_UNSIGNED_BYTE, nullptr);
+  texture.width = image.width, texture.height = image.height;
+  widen(image, rgba_);
+  glTexSubImage2D(GL_TEXTURE_2D, 0, 0, 0, image.width, image.height, GL_RGBA, GL_UNSIGNED_BYTE,
+                  rgba_.data());
+}
+
+Vec2i TextureSet::bind(std::uint32_t stream) const {
+  const Texture& texture = textures_.at(stream);
+  glBindTexture(GL_TEXTURE_2D, texture.name);
+  return {texture.width, texture.height};
+}
+
+}  // namespace mr::render

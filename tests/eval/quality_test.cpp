@@ -1,0 +1,184 @@
+#include "mr/eval/quality.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include "eval/small_scene.h"
+#include "mr/eval/geometry_error.h"
+#include "mr/eval/sight.h"
+#include "mr/eval/system.h"
+#include "mr/kit/topology.h"
+
+namespace mr::eval {
+namespace {
+
+/// What the tests of this file look at, made once.
+struct Measured {
+  SmallScene small;
+  Trial trial;
+  Played played;
+};
+
+const Measured& measured() {
+  static const Measured* const made = [] {
+    auto* m = new Measured;
+    auto trial = Trial::prepare(m->small.scene, m->small.config());
+    if (!trial) ADD_FAILURE() << trial.error().message;
+    m->trial = *std::move(trial);
+    auto played = play(m->small.scene, m->trial.moments(), m->small.config());
+    if (!played) ADD_FAILURE() << played.error().message;
+    m->played = *std::move(played);
+    return m;
+  }();
+  return *made;
+}
+
+QualityReport quality_of(const Played& played) {
+  const Measured& m = measured();
+  const auto report = measure_quality(m.trial, m.small.scene, played, m.small.config());
+  if (report) return *report;
+  ADD_FAILURE() << report.error().message;
+  return {};
+}
+
+Mesh whole(const DecodedScene& scene) {
+  Mesh mesh;
+  for (const auto& chunk : scene.chunks) append(mesh, chunk->mesh);
+  return kit::weld(mesh);
+}
+
+GeometryError against_itself(const DecodedScene& scene) {
+  const auto error = geometry_error(whole(scene), whole(measured().played.shown[0]), {},
+                                    {.voxel_m = 0.03, .samples = 40'000});
+  if (error) return *error;
+  ADD_FAILURE() << error.error().message;
+  return {};
+}
+
+/// The same stream with every chunk's mesh changed.
+template <typename Change>
+Played with_meshes(const Change& change) {
+  Played out = measured().played;
+  for (auto& chunk : out.shown[0].chunks) {
+    Chunk changed = *chunk;
+    change(changed.mesh);
+    chunk = std::make_shared<const Chunk>(changed);
+  }
+  return out;
+}
+
+/// Every picture moved to the right.
+Played with_shifted_texture(int pixels) {
+  Played out = measured().played;
+  for (auto& [stream, picture] : out.shown[0].textures) {
+    ImageRgb moved = *picture;
+    for (int y = 0; y < moved.height; ++y)
+      std::copy_n(picture->row(y), 3 * (moved.width - pixels), moved.row(y) + 3 * pixels);
+    picture = std::make_shared<const ImageRgb>(moved);
+  }
+  return out;
+}
+
+TEST(Quality, OfASmallRoomIsPlausible) {
+  const QualityReport report = quality_of(measured().played);
+  EXPECT_EQ(report.reference, ReferenceKind::truth);
+  EXPECT_EQ(report.views, 4);
+  EXPECT_EQ(report.frames, 1);
+  EXPECT_GT(report.score.masked.mean, 0.4);
+  EXPECT_LT(report.score.masked.mean, 0.99);
+  EXPECT_LE(report.score.masked.min, report.score.masked.p5);
+  EXPECT_LE(report.score.masked.p5, report.score.masked.mean);
+  EXPECT_GT(report.mesh_mbps, 0.1);
+  EXPECT_GT(report.texture_mbps, 0.1);
+}
+
+TEST(Quality, TheReferenceItselfIsPerfect) {
+  const Measured& m = measured();
+  for (std::size_t v = 0; v < m.trial.pictures()[0].size(); ++v) {
+    const Drawn& picture = m.trial.pictures()[0][v];
+    const auto score = m.trial.judge().compare(0, v, luma_of(picture.color), picture.covered);
+    ASSERT_TRUE(score.ok());
+    EXPECT_NEAR(score->ssim_masked, 1, 1e-6);
+  }
+}
+
+TEST(SeededError, AShiftedTextureLowersSsimAndLeavesTheGeometry) {
+  const Played shifted = with_shifted_texture(8);
+  EXPECT_LT(quality_of(shifted).score.masked.mean,
+            quality_of(measured().played).score.masked.mean - 0.02);
+  EXPECT_LT(against_itself(shifted.shown[0]).to_reference.max_mm, 0.01);
+}
+
+TEST(SeededError, AHoleIsMissing) {
+  const Mesh before = whole(measured().played.shown[0]);
+  const Vec3f middle = before.centroid(before.triangles.size() / 2);
+  const Played holed = with_meshes([&](Mesh& mesh) {
+    std::vector<std::uint8_t> keep(mesh.triangles.size());
+    for (std::size_t t = 0; t < keep.size(); ++t)
+      keep[t] = length(mesh.centroid(t) - middle) > 0.5f ? 1 : 0;
+    mesh = select_triangles(mesh, keep);
+  });
+  const double lost = 1 - surface_area_m2(whole(holed.shown[0])) / surface_area_m2(before);
+  ASSERT_GT(lost, 0.005);
+  const GeometryError error = against_itself(holed.shown[0]);
+  EXPECT_GT(error.missing_ratio, 0.6 * lost);  // but for a voxel around the hole's rim
+  EXPECT_LT(error.missing_ratio, lost);
+  EXPECT_EQ(against_itself(measured().played.shown[0]).missing_ratio, 0);
+  EXPECT_LT(error.to_reference.max_mm, 0.01);
+  EXPECT_LT(quality_of(holed).score.masked.mean, quality_of(measured().played).score.masked.mean);
+}
+
+TEST(SeededError, ADoubledWallIsADuplicate) {
+  const Played doubled = with_meshes([](Mesh& mesh) {
+    Mesh behind = mesh;
+    const std::vector<Vec3f> normals = kit::vertex_normals(mesh);
+    for (std::size_t v = 0; v < normals.size(); ++v)
+      behind.positions[v] = behind.positions[v] - normals[v] * 0.045f;
+    append(mesh, behind);
+  });
+  const double before = against_itself(measured().played.shown[0]).duplicate_ratio;
+  const double after = against_itself(doubled.shown[0]).duplicate_ratio;
+  EXPECT_LT(before, 0.2);
+  EXPECT_GT(after, before + 0.5);
+  EXPECT_LT(against_itself(doubled.shown[0]).missing_ratio, 0.001);
+}
+
+TEST(Sight, ShadesAsTheRendererDraws) {
+  const Measured& m = measured();
+  const DecodedScene& scene = m.played.shown[0];
+  auto renderer = render::Renderer::create();
+  ASSERT_TRUE(renderer.ok()) << renderer.error().message;
+  const LumaTexture texture = luma_texture({scene.views, scene.textures});
+  for (const render::Viewpoint& view : m.trial.plan().views) {
+    const auto drawn = draw_scene(*renderer, scene, view);
+    ASSERT_TRUE(drawn.ok()) << drawn.error().message;
+    const Sight sight = look_at_geometry({scene.chunks, scene.views, {}}, view);
+    const ImageLuma ours = shade(sight, texture), theirs = luma_of(drawn->color);
+    std::size_t covered_alike = 0, close = 0;
+    for (std::size_t i = 0; i < ours.data.size(); ++i) {
+      covered_alike += sight.covered.data[i] == drawn->covered.data[i];
+      close += std::abs(ours.data[i] - theirs.data[i]) < 2;
+    }
+    EXPECT_GT(static_cast<double>(covered_alike), 0.999 * ours.data.size()) << view.name;
+    EXPECT_GT(static_cast<double>(close), 0.998 * ours.data.size()) << view.name;
+  }
+}
+
+TEST(System, TakenApartIsAsGoodAsTheWhole) {
+  const Measured& m = measured();
+  const GeometrySetting setting = geometry_setting(m.small.scene);
+  auto system =
+      make_system(m.small.scene, {m.trial.moments(), m.small.config().rig_cache, {}, {setting}});
+  ASSERT_TRUE(system.ok()) << system.error().message;
+  const auto joined = play_apart(**system, m.small.scene, m.trial.moments(), m.small.config());
+  ASSERT_TRUE(joined.ok()) << joined.error().message;
+  const QualityReport apart = quality_of(*joined), together = quality_of(m.played);
+  EXPECT_NEAR(apart.score.masked.mean, together.score.masked.mean, 0.002);
+  EXPECT_NEAR(apart.mesh_mbps / together.mesh_mbps, 1, 0.05);
+  EXPECT_NEAR(apart.texture_mbps / together.texture_mbps, 1, 0.05);
+}
+
+}  // namespace
+}  // namespace mr::eval

@@ -1,0 +1,140 @@
+#include "mr/eval/sweep.h"
+
+#include <gtest/gtest.h>
+
+#include "core/temp_dir.h"
+#include "support/meshes.h"
+
+namespace mr::eval {
+namespace {
+
+constexpr int kWidth = 64, kHeight = 48;
+
+Camera camera() {
+  Camera c;
+  c.width = kWidth, c.height = kHeight;
+  c.fx = c.fy = 40;
+  c.cx = (kWidth - 1) / 2.0, c.cy = (kHeight - 1) / 2.0;
+  return c;
+}
+
+View front_view() {
+  const Camera c = camera();
+  View view;
+  view.width = c.width, view.height = c.height;
+  view.fx = c.fx, view.fy = c.fy, view.cx = c.cx, view.cy = c.cy;
+  view.image_rect = view.atlas_rect = {0, 0, c.width, c.height};
+  return view;
+}
+
+/// A picture that gets coarser with the quantiser.
+ImageRgb picture(int qp) {
+  ImageRgb image(kWidth, kHeight);
+  for (int y = 0; y < kHeight; ++y)
+    for (int x = 0; x < kWidth; ++x)
+      for (int c = 0; c < 3; ++c)
+        image.at(x, y)[c] = static_cast<std::uint8_t>((x * 7 + y * 13) % 200 / (1 + qp) * (1 + qp));
+  return image;
+}
+
+/// A wall 2 m ahead of the view; a smaller one with a smaller ratio.
+Mesh wall(double ratio) {
+  const auto r = static_cast<float>(2 * ratio);
+  Mesh mesh;
+  mesh.positions = {{-r, -r, 2}, {r, -r, 2}, {r, r, 2}, {-r, r, 2}};
+  mesh.triangles = {{0, 2, 1}, {0, 3, 2}};
+  mesh.runs = {{0, 2, 0}};
+  return mesh;
+}
+
+/// Codes nothing but what it was asked for, and counts how often.
+class FakeSystem final : public System {
+ public:
+  explicit FakeSystem(std::filesystem::path folder) : System(std::move(folder)) {}
+  std::string name() const override { return "fake"; }
+  int encoded = 0;
+
+ private:
+  Result<std::vector<Bytes>> encode(const GeometrySetting&, std::size_t) override {
+    ++encoded;
+    return std::vector<Bytes>{Bytes(1000)};
+  }
+  Result<std::vector<Bytes>> encode(const TextureSetting& setting, std::size_t) override {
+    ++encoded;
+    return std::vector<Bytes>{Bytes(500), Bytes(static_cast<std::size_t>(100 / (1 + setting.qp)))};
+  }
+  Result<baseline::Geometry> decode(const GeometrySetting& setting,
+                                    const std::vector<Bytes>&) override {
+    Chunk chunk;
+    chunk.mesh = wall(setting.ratio);
+    return baseline::Geometry{{std::make_shared<const Chunk>(chunk)}, {front_view()}, {}};
+  }
+  Result<baseline::Texture> decode(const TextureSetting& setting,
+                                   const std::vector<Bytes>&) override {
+    return baseline::Texture{{front_view()},
+                             {{0, std::make_shared<const ImageRgb>(picture(setting.qp))}}};
+  }
+};
+
+SweepPlan plan() {
+  SweepPlan plan;
+  plan.geometries = {{0.01, 1, -10, 16}, {0.01, 0.3, -10, 16}};
+  plan.textures = {{1, 0}, {1, 30}};
+  return plan;
+}
+
+SweepJudges judges() {
+  SweepJudges out;
+  out.views = {{"front", camera(), {}}};
+  out.moments = {0};
+  const Drawn reference{picture(0), ImageMask(kWidth, kHeight, 1)};
+  out.by_divider = {*Judge::prepare({{reference}})};
+  return out;
+}
+
+TEST(Sweep, CombinesHalvesThatWereCodedOnce) {
+  FakeSystem system({});
+  const auto points = sweep(system, plan(), judges(), 30, Store({}));
+  ASSERT_TRUE(points.ok()) << points.error().message;
+  ASSERT_EQ(points->size(), 4u);
+  EXPECT_EQ(system.encoded, 4);
+  const SweepPoint &best = (*points)[0], &coarse = (*points)[1], &small = (*points)[2];
+  EXPECT_GT(best.score.masked.mean, 0.999);  // shown as it is
+  EXPECT_LT(coarse.score.masked.mean, 0.95);
+  EXPECT_LT(small.score.masked.mean, 0.95);
+  EXPECT_EQ(best.triangles, 2u);
+  EXPECT_NEAR(best.geometry_mbps, 30 * 1000 * 8e-6, 1e-9);
+  EXPECT_NEAR(best.texture_mbps, (500 + 29 * 100) * 8e-6, 1e-9);
+  EXPECT_NEAR(coarse.texture_mbps, (500 + 29 * 3) * 8e-6, 1e-9);
+}
+
+TEST(Sweep, GoesOnWhereItWas) {
+  const test::TempDir folder;
+  const Store scores(folder.path() / "scores");
+  FakeSystem first(folder.path() / "coded");
+  const auto a = sweep(first, plan(), judges(), 30, scores);
+  FakeSystem second(folder.path() / "coded");
+  const auto b = sweep(second, plan(), judges(), 30, scores);
+  ASSERT_TRUE(a.ok() && b.ok());
+  EXPECT_EQ(second.encoded, 0);
+  EXPECT_EQ(to_csv(*a), to_csv(*b));
+}
+
+SweepPoint point(double mbps, double ssim) {
+  SweepPoint p;
+  p.geometry_mbps = mbps;
+  p.score.masked.mean = ssim;
+  return p;
+}
+
+TEST(ParetoHull, IsConvexAndRises) {
+  const std::vector<SweepPoint> points{point(1, 0.5), point(2, 0.8),   point(3, 0.82),
+                                       point(4, 0.9), point(2.5, 0.7), point(5, 0.89)};
+  // From (2, 0.8) straight to (4, 0.9): (3, 0.82) lies below that line.
+  EXPECT_EQ(pareto_hull(points), (std::vector<std::size_t>{0, 1, 3}));
+  EXPECT_TRUE(pareto_hull({}).empty());
+  EXPECT_EQ(pareto_hull({point(1, 0.5), point(1, 0.5)}).size(), 1u);
+}
+
+}  // namespace
+}  // namespace mr::eval
