@@ -246,10 +246,11 @@ nats: {url: "nats://x"}
 links: [{from: a, to: root}]
 )";
   EXPECT_THAT(problems(scene_of({"a"}, rest)), IsEmpty());
-  EXPECT_THAT(notices(scene_of({"a"}, rest)),
-              ElementsAre(HasSubstr("4: "), HasSubstr("5: coding.frame_divider"), HasSubstr("6: merge.overlap"),
-                          HasSubstr("6: merge.refine"), HasSubstr("6: merge.color_gain"),
-                          HasSubstr("7: atlas"), HasSubstr("10: links")));
+  EXPECT_THAT(
+      notices(scene_of({"a"}, rest)),
+      ElementsAre(HasSubstr("4: "), HasSubstr("5: coding.frame_divider"),
+                  HasSubstr("6: merge.overlap"), HasSubstr("6: merge.refine"),
+                  HasSubstr("6: merge.color_gain"), HasSubstr("7: atlas"), HasSubstr("10: links")));
 }
 
 TEST_F(SceneFile, BaselinesAreActedOn) {

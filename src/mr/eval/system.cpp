@@ -176,15 +176,19 @@ class MeshReduceSystem final : public System {
  private:
   using Pictures = std::map<std::uint32_t, std::shared_ptr<const ImageRgb>>;
   struct Inputs {
-    std::map<ViewId, View> views;    ///< of the sensors
-    std::vector<Pictures> pictures;  ///< [burst]
-    std::map<ViewId, ImageMask> used;
+    std::map<ViewId, View> views;                   ///< of the sensors
+    std::vector<Pictures> pictures;                 ///< [burst]
+    std::vector<std::map<ViewId, ImageMask>> used;  ///< [burst]
   };
 
-  Result<std::vector<Bytes>> encode(const GeometrySetting& setting, std::size_t moment) override {
+  Scene geometry_only(const GeometrySetting& setting) const {
     Scene scene = with(scene_, setting);
     scene.coding.texture_scale = 0.125;  // pictures are coded apart
-    auto pipeline = node::Pipeline::open(std::move(scene), config_.rig_cache);
+    return scene;
+  }
+
+  Result<std::vector<Bytes>> encode(const GeometrySetting& setting, std::size_t moment) override {
+    auto pipeline = node::Pipeline::open(geometry_only(setting), config_.rig_cache);
     if (!pipeline) return pipeline.error();
     (*pipeline)->skip(static_cast<std::uint64_t>(config_.moments.shown(moment)));
     if (const auto report = (*pipeline)->run(1); !report) return report.error();
@@ -212,6 +216,7 @@ class MeshReduceSystem final : public System {
     if (!burst) return burst.error();
     Inputs in;
     in.pictures.resize(burst->size());
+    in.used.resize(burst->size());
     for (const Frame& frame : burst->front()) {
       const sensor::Registration registration(scene_.sensors[frame.sensor], frame.sensor);
       auto view = frame.color.empty() ? std::nullopt : registration.color_view(frame.T_world_depth);
@@ -244,22 +249,43 @@ class MeshReduceSystem final : public System {
     return {};
   }
 
+  using Used = std::map<ViewId, ImageMask>;
+  using Chunks = std::vector<std::shared_ptr<const Chunk>>;
+
+  /// Which pixels a surface shows, as the root finds them.
+  void add_used(const Chunks& chunks, const std::map<ViewId, View>& views, Used& used) const {
+    Mesh mesh;
+    float error_m = 0;
+    for (const auto& chunk : chunks) {
+      append(mesh, chunk->mesh);
+      error_m = std::max(error_m, chunk->error_m);
+    }
+    for (const auto& [id, view] : views) {
+      const double margin = atlas::margin_px(view, node::texturing_error_m(scene_, error_m), 1.0);
+      const ImageMask shown = atlas::used_pixels(mesh, view, static_cast<int>(std::ceil(margin)));
+      ImageMask& all = used.try_emplace(id, shown).first->second;
+      for (std::size_t i = 0; i < shown.data.size(); ++i) all.data[i] |= shown.data[i];
+    }
+  }
+
+  /// What is used flickers with the noise from capture to capture, which costs bits: it is marked
+  /// as the first setting shows each, and as all others show the last.
   Status mark_used(std::size_t moment, Inputs& in) {
-    for (const GeometrySetting& setting : config_.mask_for) {
-      const auto surface = geometry(setting, moment);
+    if (config_.mask_for.empty()) return {};
+    auto pipeline =
+        node::Pipeline::open(geometry_only(config_.mask_for.front()), config_.rig_cache);
+    if (!pipeline) return pipeline.error();
+    (*pipeline)->skip(static_cast<std::uint64_t>(config_.moments.first[moment]));
+    node::RunListener listener;
+    listener.shown = [&](int capture, const DecodedScene& shown) {
+      add_used(shown.chunks, in.views, in.used.at(static_cast<std::size_t>(capture)));
+    };
+    const auto report = (*pipeline)->run(config_.moments.burst, listener);
+    if (!report) return report.error();
+    for (std::size_t i = 1; i < config_.mask_for.size(); ++i) {
+      const auto surface = geometry(config_.mask_for[i], moment);
       if (!surface) return surface.error();
-      Mesh mesh;
-      float error_m = 0;
-      for (const auto& chunk : surface->decoded.chunks) {
-        append(mesh, chunk->mesh);
-        error_m = std::max(error_m, chunk->error_m);
-      }
-      for (const auto& [id, view] : in.views) {
-        const double margin = atlas::margin_px(view, node::texturing_error_m(scene_, error_m), 1.0);
-        const ImageMask used = atlas::used_pixels(mesh, view, static_cast<int>(std::ceil(margin)));
-        ImageMask& all = in.used.try_emplace(id, used).first->second;
-        for (std::size_t i = 0; i < used.data.size(); ++i) all.data[i] |= used.data[i];
-      }
+      for (Used& used : in.used) add_used(surface->decoded.chunks, in.views, used);
     }
     return {};
   }
@@ -277,9 +303,9 @@ class MeshReduceSystem final : public System {
     if (!tiles) return tiles.error();
     node::TextureStream stream(scene_, 0);
     std::vector<Bytes> out;
-    for (const Pictures& pictures : (*in)->pictures) {
-      const ImageRgb atlas =
-          atlas::compose_atlas(*tiles, (*in)->views, pictures, (*in)->used, scene_.atlas.mask);
+    for (std::size_t i = 0; i < (*in)->pictures.size(); ++i) {
+      const ImageRgb atlas = atlas::compose_atlas(*tiles, (*in)->views, (*in)->pictures[i],
+                                                  (*in)->used[i], scene_.atlas.mask);
       auto unit = stream.encode(atlas, setting.qp, 0);
       if (!unit) return unit.error();
       out.push_back(std::move(unit->data));
