@@ -8,19 +8,7 @@ work=$(mktemp -d)
 export XDG_CACHE_HOME=$work/cache  # of rendered rigs
 trap 'rm -rf "$work"' EXIT
 cd "$work"
-failures=0
-
-check() {  # check NAME EXPECTED_CODE PATTERN COMMAND...
-  local name=$1 code=$2 pattern=$3 output
-  shift 3
-  output=$("$@" 2>&1)
-  local got=$?
-  if { [ "$code" = fails ] && [ $got -eq 0 ]; } || { [ "$code" != fails ] && [ $got -ne "$code" ]; }; then
-    echo "FAILED $name: exit $got, expected $code: $output"; failures=$((failures + 1)); return
-  fi
-  if [ $got -gt 127 ]; then echo "FAILED $name: killed ($got): $output"; failures=$((failures + 1)); return; fi
-  grep -qE -- "$pattern" <<<"$output" || { echo "FAILED $name: no '$pattern' in: $output"; failures=$((failures + 1)); }
-}
+source "$here/tests/support/check.sh"
 
 cat >room.yaml <<'YAML'
 scene: room
@@ -40,7 +28,7 @@ check "info" 0 "2 sensors" "$meshreduce" info room.yaml
 check "info as JSON" 0 '"sensors"' "$meshreduce" info room.yaml --json
 check "run" 0 "triangles" "$meshreduce" run room.yaml --frames 2 --export out.glb --report out.json --snapshot pictures
 for file in out.glb out.json pictures/above.png; do
-  [ -s "$file" ] || { echo "FAILED run: no $file"; failures=$((failures + 1)); }
+  [ -s "$file" ] || fail_test "run: no $file"
 done
 check "Khronos validator" 0 "" node "$here/tests/tools/validate_gltf.mjs" out.glb
 check "export PLY" 0 "triangles" "$meshreduce" export room.yaml out.ply
@@ -80,7 +68,6 @@ mkdir full
 for ending in glb ply obj; do
   check "full disk, $ending" fails "full/out" \
     bash -c "trap '' XFSZ; ulimit -f 32; exec '$meshreduce' export room.yaml full/out.$ending"
-  [ -z "$(ls -A full)" ] || { echo "FAILED full disk: left $(ls full)"; failures=$((failures + 1)); rm -rf full/*; }
+  [ -z "$(ls -A full)" ] || { fail_test "full disk: left $(ls full)"; rm -rf full/*; }
 done
-[ $failures -eq 0 ] && echo "all command line checks passed"
-exit $((failures > 0))
+finish

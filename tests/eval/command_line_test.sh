@@ -1,0 +1,74 @@
+#!/usr/bin/env bash
+# The eval commands as a user calls them: figures that add up, one clear line on what is wrong, nothing partial left.
+#   command_line_test.sh PATH/TO/meshreduce
+set -uo pipefail
+meshreduce=$(realpath "$1")
+here=$(cd "$(dirname "$0")/../.." && pwd)
+work=$(mktemp -d)
+export XDG_CACHE_HOME=$work/cache  # of rendered rigs, references and sweeps
+trap 'rm -rf "$work"' EXIT
+cd "$work"
+source "$here/tests/support/check.sh"
+measure() { "$meshreduce" eval "$@"; }
+absent() { for file in "$@"; do [ ! -e "$file" ] || fail_test "$file was left behind"; done; }
+number() { node -e 'const o = JSON.parse(require("fs").readFileSync(0)); console.log('"$1"')'; }  # JSON on stdin
+
+"$meshreduce" synth room --sensors 2 --frames 3 --people 1 --depth-mode nfov_binned --color 320x180 >/dev/null
+scene=room/scene.yaml
+sed -i 's/voxel_m: 0.02/voxel_m: 0.04/' $scene
+without() { sed "$2" $scene >room/$1.yaml; }  # a variant of the scene, beside it
+without colourless 's/color: {pattern[^}]*}, //; /color_camera:/d; /T_color_depth:/d'
+without elsewhere 's/^fps: 30/fps: 30\nvolume: {box: [[90, 90, 90], [91, 91, 91]]}/'
+without sliver 's/^fps: 30/fps: 30\nvolume: {box: [[-0.3, -0.3, -0.2], [0.3, 0.3, 0.1]]}/'
+without untrue 's/^truth:.*//'
+
+for command in "" ssim geometry views compare match rd features; do check "eval $command --help" 0 "Example|COMMAND" measure $command --help; done
+
+# Pictures
+pictures=$here/tests/data/ssim
+two=$(ls "$pictures"/*.png | head -2)
+check "two pictures" 0 "SSIM 0\.[0-9]{4}, PSNR" measure ssim $two
+check "a picture and itself" 0 '"ssim": 1.000000' measure ssim ${two%%$'\n'*} ${two%%$'\n'*} --json
+check "sizes differ" fails "differ in size" measure ssim ${two%%$'\n'*} room/cam-0/color/000000.png
+check "no such picture" fails "missing.png" measure ssim missing.png missing.png
+head -c 60 ${two%%$'\n'*} >cut.png
+check "cut picture" fails "cut.png" measure ssim cut.png cut.png
+
+# A scene
+check "views" 0 "viewpoints" measure views $scene --plan plan.svg
+grep -q "</svg>" plan.svg || fail_test "views: no plan drawn"
+check "ssim" 0 '"masked"' measure ssim $scene --json --reference monolithic --moments 1 --burst 1
+masked=$(measure ssim $scene --json --reference monolithic --moments 1 --burst 1 2>/dev/null | number 'o.ssim.masked.mean > 0.3 && o.ssim.masked.mean < 1 && o.mbps > 1 && o.views > 0 && o.reference')
+[ "$masked" = monolithic ] || fail_test "ssim: implausible figures ($masked)"
+check "ssim of a baseline" 0 '"rgbd"' measure ssim $scene --json --reference monolithic --moments 1 --burst 1 --pipeline rgbd
+check "geometry" 0 '"duplicate_ratio"' measure geometry $scene --json
+rms=$(measure geometry $scene --json 2>/dev/null | number 'o.reference == "truth" && o.to_reference.rms_mm > 0.5 && o.to_reference.rms_mm < 60 && o.pairs[0].residual_mm > 0')
+[ "$rms" = true ] || fail_test "geometry: implausible figures"
+check "rd" 0 "" measure rd $scene --csv rd.csv --plot rd.svg --reference monolithic --moments 1 --burst 2 --views 2 --scales 1,0.5 --qps 24,40 --ratios 0.2 --bits 10
+[ "$(wc -l <rd.csv)" = 5 ] || fail_test "rd: not 4 settings in rd.csv"
+grep -q ",1$" rd.csv || fail_test "rd: no setting is on the hull"
+grep -q "</svg>" rd.svg || fail_test "rd: no plot"
+check "match" 0 '"met": true' measure match $scene --mbps 2000 --json --reference monolithic --moments 1 --burst 1 --pipelines points
+check "features" 0 "" measure features $scene --frames 2 --csv features.csv
+
+# What cannot be measured
+for command in ssim compare rd; do
+  check "$command without colour" fails "no colour" measure $command room/colourless.yaml
+  check "$command without a surface" fails "no |holds no" measure $command room/elsewhere.yaml --reference monolithic
+done
+check "no viewpoint" fails "viewpoint|surface" measure views room/sliver.yaml --plan none.svg
+check "views without a surface" fails "surface|viewpoint" measure views room/elsewhere.yaml
+check "geometry without a surface" fails "no surface|empty|surface" measure geometry room/elsewhere.yaml
+check "features without colour" fails "colour" measure features room/colourless.yaml --csv none.csv --plot none.svg
+check "truth of a real scene" fails "no rig|truth" measure ssim room/untrue.yaml --reference truth
+check "compare: no folder for the table" fails "no folder" measure compare $scene --csv nowhere/table.csv
+check "rd: no folder for the table" fails "no folder" measure rd $scene --csv nowhere/rd.csv
+check "match without a target" fails "one of --mbps and --ssim" measure match $scene
+check "match with two targets" fails "excludes" measure match $scene --mbps 3 --ssim 0.5
+check "no such scene" fails "missing.yaml" measure ssim missing.yaml
+check "no such reference" fails "reference" measure ssim $scene --reference nonsense
+printf 'ply\nformat binary_little_endian 1.0\nelement vertex 3\n' >cut.ply
+check "cut mesh" fails "cut.ply" measure geometry cut.ply cut.ply
+absent none.svg none.csv room/sliver.views.json room/elsewhere.views.json nowhere
+
+finish
