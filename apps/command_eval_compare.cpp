@@ -19,9 +19,6 @@ struct CompareOptions : EvalOptions {
   int view = 0;
 };
 
-constexpr const char* kPipelines[] = {"meshreduce", "holoportation", "holoportation++", "points",
-                                      "rgbd"};
-
 /// Pictures of one size in rows of three, each shown at half its size.
 ImageRgb contact_sheet(const std::vector<ImageRgb>& pictures) {
   const int columns = 3, rows = (static_cast<int>(pictures.size()) + columns - 1) / columns;
@@ -40,15 +37,27 @@ ImageRgb contact_sheet(const std::vector<ImageRgb>& pictures) {
   return sheet;
 }
 
+/// What is written at the end.
+struct Table {
+  std::string csv =
+      "scene,pipeline,reference,ranked,triangles,ssim_masked,ssim_masked_p5,ssim_full,psnr_db,"
+      "mesh_mbps,texture_mbps,mbps\n";
+  std::vector<std::pair<std::filesystem::path, std::string>> pictures;
+};
+
 /// All pipelines of one scene; the reference's picture first.
-Status compare_scene(const Scene& scene, const CompareOptions& options, std::string& csv) {
+Status compare_scene(const Scene& scene, const CompareOptions& options, Table& table) {
   ProgressBar bar;
   const eval::QualityConfig config = quality_config(options, bar);
   const auto trial = eval::Trial::prepare(scene, config);
   if (!trial) return trial.error();
   const auto view = static_cast<std::size_t>(options.view) % trial->plan().views.size();
-  std::vector<ImageRgb> sheet{trial->pictures().front()[view].color};
-  for (const char* pipeline : kPipelines) {
+  const auto judge = trial->judge(trial->all_moments(), trial->plan().views.size(), 1, config);
+  if (!judge) return judge.error();
+  const auto reference = trial->pictures({0}, view + 1, 0, config);
+  if (!reference) return reference.error();
+  std::vector<ImageRgb> sheet{reference->front()[view].color};
+  for (const std::string& pipeline : baseline::pipeline_names()) {
     Scene variant = scene;
     variant.pipeline = pipeline;
     const auto system = eval::make_system(
@@ -58,46 +67,51 @@ Status compare_scene(const Scene& scene, const CompareOptions& options, std::str
     const auto played = eval::play_apart(**system, variant, trial->moments(), config);
     if (!played) return played.error();
     std::vector<ImageRgb> pictures;
-    const auto report = eval::measure_quality(*trial, variant, *played, config, &pictures);
+    const auto report = eval::measure_quality(*trial, *judge, variant, *played, config, &pictures);
     if (!report) return report.error();
     sheet.push_back(std::move(pictures[view]));
     const auto& score = report->score;
-    csv += fmt::format("{},{},{},{},{:.4f},{:.4f},{:.4f},{:.2f},{:.3f},{:.3f},{:.3f}\n", scene.id,
-                       pipeline, to_string(report->reference), report->triangles, score.masked.mean,
-                       score.masked.p5, score.full.mean, score.psnr_db, report->mesh_mbps,
-                       report->texture_mbps, report->mbps());
+    const bool ranked = !is_reference(pipeline, report->reference);
+    table.csv +=
+        fmt::format("{},{},{},{},{},{:.4f},{:.4f},{:.4f},{:.2f},{:.3f},{:.3f},{:.3f}\n", scene.id,
+                    pipeline, to_string(report->reference), ranked ? 1 : 0, report->triangles,
+                    score.masked.mean, score.masked.p5, score.full.mean, score.psnr_db,
+                    report->mesh_mbps, report->texture_mbps, report->mbps());
     bar.hide();
-    fmt::print("{:<22} {:<16} SSIM {:.3f}  {:9.2f} Mbit/s  {} triangles\n", scene.id, pipeline,
-               score.masked.mean, report->mbps(), report->triangles);
+    fmt::print("{:<22} {:<16} SSIM {:.3f}  {:9.2f} Mbit/s  {} triangles{}\n", scene.id, pipeline,
+               score.masked.mean, report->mbps(), report->triangles,
+               ranked ? "" : "  (not ranked: it sends the reference)");
     std::fflush(stdout);
   }
   if (options.pictures.empty()) return {};
   const auto jpeg = kit::encode_jpeg(contact_sheet(sheet), 85);
   if (!jpeg) return jpeg.error();
-  return write_file(options.pictures / (scene.id + ".jpg"), *jpeg);
+  table.pictures.emplace_back(
+      options.pictures / (scene.id + ".jpg"),
+      std::string(reinterpret_cast<const char*>(jpeg->data()), jpeg->size()));
+  return {};
 }
 
 int compare(const CompareOptions& options) {
   if (const Status ok = check({{}, options.csv, options.pictures}); !ok)
     return fail(ok.error().message);
-  std::error_code failed;
-  if (!options.pictures.empty()) std::filesystem::create_directories(options.pictures, failed);
   std::vector<Scene> scenes;
   for (const auto& file : options.scenes) {
     auto scene = load_for_eval(file);
     if (!scene) return 1;
+    scene->coding.frame_divider = 1;
     scenes.push_back(*std::move(scene));
   }
-  std::string csv =
-      "scene,pipeline,reference,triangles,ssim_masked,ssim_masked_p5,ssim_full,psnr_db,mesh_mbps,"
-      "texture_mbps,mbps\n";
+  Table table;
   for (const Scene& scene : scenes) {
     Status compared;
-    in_arena(options, scene, [&] { compared = compare_scene(scene, options, csv); });
+    in_arena(options, scene, [&] { compared = compare_scene(scene, options, table); });
     if (!compared) return fail("scene '" + scene.id + "': " + compared.error().message);
   }
-  if (options.csv.empty()) return 0;
-  const Status written = write_file(options.csv, csv);
+  std::error_code failed;
+  if (!options.pictures.empty()) std::filesystem::create_directories(options.pictures, failed);
+  table.pictures.emplace_back(options.csv, table.csv);
+  const Status written = write_all(table.pictures);
   return written ? 0 : fail(written.error().message);
 }
 

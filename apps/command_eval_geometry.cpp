@@ -11,11 +11,13 @@
 #include <vector>
 
 #include "commands.h"
+#include "eval_options.h"
 #include "mr/baseline/monolithic.h"
 #include "mr/baseline/run_baseline.h"
 #include "mr/core/parallel.h"
 #include "mr/eval/geometry_error.h"
 #include "mr/eval/read_mesh.h"
+#include "mr/eval/reference.h"
 #include "mr/node/capture.h"
 #include "mr/node/pipeline.h"
 #include "mr/node/sources.h"
@@ -102,11 +104,6 @@ Result<std::vector<Frame>> read_capture(const Scene& scene, int frame) {
 
 // -------------------------------------------------------------------------------- the reference
 
-const RigConfig* known_rig(const Scene& scene) {
-  if (scene.rig) return &*scene.rig;
-  return scene.truth && scene.truth->rig ? &*scene.truth->rig : nullptr;
-}
-
 /// "truth/%06d.ply" with a number, beside the scene file; nothing where it is no such pattern.
 std::optional<std::filesystem::path> truth_file(const Scene& scene, int number) {
   const std::string& pattern = scene.truth->mesh;
@@ -133,7 +130,7 @@ int item_of(const Scene& scene, int frame) {
 
 Result<Mesh> truth_surface(const Scene& scene, int frame) {
   const int item = item_of(scene, frame);
-  if (const RigConfig* rig = known_rig(scene))
+  if (const RigConfig* rig = eval::known_rig(scene))
     return synth::Truth(*rig, scene.fps).surface(static_cast<std::uint64_t>(item)).mesh;
   const auto file = truth_file(scene, item);
   if (!file)
@@ -146,7 +143,7 @@ Result<Mesh> truth_surface(const Scene& scene, int frame) {
 /// The depth cameras that delivered; with their true poses where those are known and wanted.
 std::vector<eval::Eyes> eyes_of(const Scene& scene, std::span<const Frame> capture, bool truth) {
   std::map<std::string, Pose> exact;
-  if (const RigConfig* rig = truth ? known_rig(scene) : nullptr)
+  if (const RigConfig* rig = truth ? eval::known_rig(scene) : nullptr)
     for (const SensorConfig& sensor : synth::exact_sensors(*rig))
       exact[sensor.id] = sensor.T_world_depth.front();
   std::vector<eval::Eyes> eyes;
@@ -223,7 +220,7 @@ std::vector<PairResidual> pair_residuals(const Scene& scene, std::span<const Fra
 // ------------------------------------------------------------------------------------- measuring
 
 Result<Measured> measure_scene(const Scene& given, const GeometryOptions& options) {
-  const bool has_truth = known_rig(given) || given.truth;
+  const bool has_truth = eval::known_rig(given) || given.truth;
   const bool truth = options.reference.empty() ? has_truth : options.reference == "truth";
   if (truth && !has_truth)
     return Error{Error::Cause::unsupported, "scene '" + given.id +
@@ -339,7 +336,11 @@ int eval_geometry(const GeometryOptions& options) {
       [&] { measured.emplace(scene ? measure_scene(*scene, options) : compare_files(options)); });
   if (!*measured) return fail(measured->error().message);
   if (!(*measured)->note.empty()) fmt::print(stderr, "note: {}\n", (*measured)->note);
-  fmt::print("{}", options.json ? as_json(**measured).dump(2) + "\n" : as_text(**measured));
+  fmt::print("{}", options.json ? as_json(**measured)
+                                          .dump(2, ' ', false,
+                                                nlohmann::ordered_json::error_handler_t::replace) +
+                                      "\n"
+                                : as_text(**measured));
   return 0;
 }
 
@@ -366,7 +367,7 @@ void add_eval_geometry(CLI::App& eval, int& exit_code) {
   command
       ->add_option("--voxel", options->voxel_m,
                    "Metres: what counts as missing, doubled or a gap; else the scene's, or 0.01")
-      ->check(CLI::Range(0.0005, 1.0));
+      ->check(between(0.0005, 1));
   command->add_option("--threads", options->threads, "Threads; 0: as the scene says")
       ->check(CLI::Range(0, 1024));
   command->add_flag("--json", options->json, "Print as JSON");

@@ -21,6 +21,11 @@ struct RdOptions : EvalOptions {
   int views = 30;
 };
 
+struct Swept {
+  eval::ReferenceKind reference;
+  std::vector<eval::SweepPoint> points;
+};
+
 eval::SweepPlan sweep_plan(const RdOptions& options, const Scene& scene) {
   eval::SweepPlan plan;
   for (const double ratio : options.ratios)
@@ -31,9 +36,11 @@ eval::SweepPlan sweep_plan(const RdOptions& options, const Scene& scene) {
   return plan;
 }
 
-std::string draw(const std::vector<eval::SweepPoint>& points, const Scene& scene) {
+std::string draw(const Swept& swept, const Scene& scene) {
+  const auto& points = swept.points;
   eval::Plot plot;
-  plot.title = scene.id + ": " + std::to_string(points.size()) + " settings";
+  plot.title = fmt::format("{}: {} settings, against {}", scene.id, points.size(),
+                           to_string(swept.reference));
   plot.x_label = "Mbit/s at " + fmt::format("{:g}", scene.fps) + " fps", plot.log_x = true;
   plot.y_label = "Multi-View SSIM (masked)";
   eval::Series all{"settings", {}, false, true}, hull{"Pareto hull", {}, true, true};
@@ -44,7 +51,7 @@ std::string draw(const std::vector<eval::SweepPoint>& points, const Scene& scene
   return eval::draw_svg(plot);
 }
 
-Result<std::vector<eval::SweepPoint>> sweep_scene(const Scene& scene, const RdOptions& options) {
+Result<Swept> sweep_scene(const Scene& scene, const RdOptions& options) {
   ProgressBar bar;
   const eval::QualityConfig config = quality_config(options, bar);
   const auto trial = eval::Trial::prepare(scene, config);
@@ -55,30 +62,32 @@ Result<std::vector<eval::SweepPoint>> sweep_scene(const Scene& scene, const RdOp
   if (!system) return system.error();
   eval::SweepJudges judges;
   const auto views = std::min<std::size_t>(options.views, trial->plan().views.size());
-  judges.views.assign(trial->plan().views.begin(),
-                      trial->plan().views.begin() + static_cast<std::ptrdiff_t>(views));
-  for (std::size_t m = 0; m < trial->moments().first.size(); ++m) judges.moments.push_back(m);
-  judges.by_divider = {trial->judge()};
-  return eval::sweep(**system, plan, judges, scene.fps,
-                     (*system)->scores(judges.views, trial->reference()),
-                     [&](std::size_t done, std::size_t of) { bar.show("sweep", done, of); });
+  judges.views = trial->plan().views;
+  judges.views.resize(views);
+  judges.moments = trial->all_moments();
+  auto judge = trial->judge(judges.moments, views, 1, config);
+  if (!judge) return judge.error();
+  judges.by_divider.push_back(*std::move(judge));
+  auto points = eval::sweep(**system, plan, judges, scene.fps,
+                            (*system)->scores(judges.views, trial->reference()),
+                            [&](std::size_t done, std::size_t of) { bar.show("sweep", done, of); });
+  if (!points) return points.error();
+  return Swept{trial->reference(), *std::move(points)};
 }
 
 int run_rd(const RdOptions& options) {
   if (const Status ok = check({{}, options.csv, {}}); !ok) return fail(ok.error().message);
   if (const Status ok = check({{}, options.plot, {}}); !ok) return fail(ok.error().message);
-  const auto scene = load_for_eval(options.scene);
+  auto scene = load_for_eval(options.scene);
   if (!scene) return 1;
-  std::optional<Result<std::vector<eval::SweepPoint>>> points;
-  in_arena(options, *scene, [&] { points.emplace(sweep_scene(*scene, options)); });
-  if (!*points) return fail(points->error().message);
-  if (!options.csv.empty())
-    if (const Status ok = write_file(options.csv, eval::to_csv(**points)); !ok)
-      return fail(ok.error().message);
-  if (!options.plot.empty())
-    if (const Status ok = write_file(options.plot, draw(**points, *scene)); !ok)
-      return fail(ok.error().message);
-  if (options.csv.empty()) fmt::print("{}", eval::to_csv(**points));
+  scene->coding.frame_divider = 1;
+  std::optional<Result<Swept>> swept;
+  in_arena(options, *scene, [&] { swept.emplace(sweep_scene(*scene, options)); });
+  if (!*swept) return fail(swept->error().message);
+  const std::string csv = eval::to_csv((*swept)->points, (*swept)->reference);
+  if (const Status ok = write_all({{options.csv, csv}, {options.plot, draw(**swept, *scene)}}); !ok)
+    return fail(ok.error().message);
+  if (options.csv.empty()) fmt::print("{}", csv);
   return 0;
 }
 
@@ -94,9 +103,9 @@ void add_eval_rd(CLI::App& eval, int& exit_code) {
   const auto list = [&](const char* name, auto& values, const char* what, auto range) {
     command->add_option(name, values, what)->delimiter(',')->check(range)->capture_default_str();
   };
-  list("--scales", options->scales, "Texture scales", CLI::Range(0.01, 1.0));
+  list("--scales", options->scales, "Texture scales", between(0.01, 1));
   list("--qps", options->qps, "H.264 quantisers", CLI::Range(0, 51));
-  list("--ratios", options->ratios, "Shares of the triangles kept", CLI::Range(0.001, 1.0));
+  list("--ratios", options->ratios, "Shares of the triangles kept", between(0.001, 1));
   list("--bits", options->bits, "Mesh bits: positions in steps of 2^-bits m", CLI::Range(9, 11));
   command->add_option("--views", options->views, "At most so many viewpoints")
       ->check(CLI::Range(1, 1000))
@@ -105,7 +114,7 @@ void add_eval_rd(CLI::App& eval, int& exit_code) {
   command->add_option("--plot", options->plot, "Draw them with their Pareto hull (SVG)");
   command->footer(
       "What was coded and compared is kept: an interrupted sweep goes on where it was.\n"
-      "Example:\n  meshreduce eval rd examples/eval/office.yaml --csv rd.csv --plot rd.svg");
+      "Example:\n  meshreduce eval rd examples/eval/office-still.yaml --csv rd.csv --plot rd.svg");
   command->callback([options, &exit_code] { exit_code = run_rd(*options); });
 }
 

@@ -18,7 +18,14 @@ struct SsimOptions : EvalOptions {
   std::filesystem::path pictures;
 };
 
+bool is_picture(const std::filesystem::path& file) {
+  const std::string ending = file.extension().string();
+  return ending == ".png" || ending == ".jpg" || ending == ".jpeg";
+}
+
 int compare_pictures(const SsimOptions& options) {
+  if (!options.pipeline.empty() || !options.reference.empty() || !options.pictures.empty())
+    return fail("--pipeline, --reference and --pictures are for scenes, not for two pictures");
   std::vector<eval::ImageLuma> lumas;
   for (const auto& file : options.files) {
     const auto picture = kit::read_color(file);
@@ -41,13 +48,15 @@ int compare_pictures(const SsimOptions& options) {
 
 /// The first moment's pictures beside those of the reference: view-00.png, view-00-reference.png, …
 Status write_pictures(const eval::Trial& trial, const std::vector<ImageRgb>& pictures,
-                      const std::filesystem::path& folder) {
+                      const eval::QualityConfig& config, const std::filesystem::path& folder) {
+  const auto references = trial.pictures({0}, pictures.size(), 0, config);
+  if (!references) return references.error();
   std::error_code failed;
   std::filesystem::create_directories(folder, failed);
   if (failed) return Error{Error::Cause::io, "cannot make folder " + folder.string()};
   for (std::size_t v = 0; v < pictures.size(); ++v) {
     const std::string& name = trial.plan().views[v].name;
-    const auto& reference = trial.pictures().front()[v].color;
+    const auto& reference = references->front()[v].color;
     if (auto ok = kit::write_png(folder / (name + ".png"), pictures[v]); !ok) return ok;
     if (auto ok = kit::write_png(folder / (name + "-reference.png"), reference); !ok) return ok;
   }
@@ -55,6 +64,9 @@ Status write_pictures(const eval::Trial& trial, const std::vector<ImageRgb>& pic
 }
 
 int measure_scene(const SsimOptions& options) {
+  if (is_picture(options.files.front()))
+    return fail("one picture cannot be compared: name two, or a scene file");
+  if (const Status ok = check({{}, {}, options.pictures}); !ok) return fail(ok.error().message);
   auto scene = load_for_eval(options.files.front());
   if (!scene) return 1;
   if (!options.pipeline.empty()) scene->pipeline = options.pipeline;
@@ -67,10 +79,13 @@ int measure_scene(const SsimOptions& options) {
     const auto played = eval::play(*scene, trial->moments(), config);
     if (!played) return void(code = fail(played.error().message));
     std::vector<ImageRgb> pictures;
-    const auto report = eval::measure_quality(*trial, *scene, *played, config, &pictures);
+    const auto judge = trial->judge(trial->all_moments(), trial->plan().views.size(),
+                                    eval::frame_divider(*scene), config);
+    if (!judge) return void(code = fail(judge.error().message));
+    const auto report = eval::measure_quality(*trial, *judge, *scene, *played, config, &pictures);
     if (!report) return void(code = fail(report.error().message));
     if (!options.pictures.empty())
-      if (const Status ok = write_pictures(*trial, pictures, options.pictures); !ok)
+      if (const Status ok = write_pictures(*trial, pictures, config, options.pictures); !ok)
         return void(code = fail(ok.error().message));
     bar.hide();
     fmt::print("{}", options.json ? eval::to_json(*report) : eval::to_text(*report));
@@ -93,12 +108,12 @@ void add_eval_ssim(CLI::App& eval, int& exit_code) {
       ->add_option("--pipeline", options->pipeline,
                    "Measure this pipeline rather than the scene's: meshreduce, holoportation, "
                    "holoportation++, points, rgbd")
-      ->check(CLI::IsMember({"meshreduce", "holoportation", "holoportation++", "points", "rgbd"}));
+      ->check(CLI::IsMember(baseline::pipeline_names()));
   command->add_option("--pictures", options->pictures,
                       "Write the first moment's pictures, and the reference's, into this folder");
   command->footer(
       "Examples:\n"
-      "  meshreduce eval ssim examples/eval/office.yaml --json\n"
+      "  meshreduce eval ssim examples/eval/office-still.yaml --json\n"
       "  meshreduce eval ssim rendered.png reference.png");
   command->callback([options, &exit_code] {
     exit_code = options->files.size() == 2 ? compare_pictures(*options) : measure_scene(*options);

@@ -23,11 +23,20 @@ struct EvalOptions {
 /// --reference, --moments, --burst, --threads and --json.
 void add_eval_options(CLI::App& command, EvalOptions& options);
 
+/// Whether a pipeline sends what it would be compared with: it must not be ranked then.
+bool is_reference(const std::string& pipeline, eval::ReferenceKind reference);
+
+/// A number between two, and not NaN.
+CLI::Validator between(double low, double high);
+
 /// The measurement that the options ask for; `bar` must outlive it.
 eval::QualityConfig quality_config(const EvalOptions& options, ProgressBar& bar);
 
 /// Runs `work` with the threads of the options, else of the scene.
 void in_arena(const EvalOptions& options, const Scene& scene, const std::function<void()>& work);
+
+/// Writes several files, or none of them. Files without a name are left out.
+Status write_all(const std::vector<std::pair<std::filesystem::path, std::string>>& files);
 
 /// Loads and prepares a scene for measuring; tells what is wrong with its file.
 std::optional<Scene> load_for_eval(const std::filesystem::path& file);

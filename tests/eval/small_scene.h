@@ -16,13 +16,16 @@ struct SmallScene {
   test::TempDir folder;
   Scene scene;
 
-  explicit SmallScene(const std::string& more = "") {
+  explicit SmallScene(const std::string& rig = "",
+                      const std::string& more = "reuse: {chunks: false}\n") {
     const auto file =
         folder.write("small.yaml",
                      "scene: small\nup: [0, 0, 1]\nvoxel_m: 0.03\n"
-                     "rig: {type: synthetic, seed: 3, room: [4, 3.5, 2.6], people: 0, sensors: 3, "
-                     "depth_mode: nfov_binned, color: [320, 180], frames: 4, loop: true}\n"
-                     "simplify: {ratio: 0.3}\nreuse: {chunks: false}\n" +
+                     "rig: {type: synthetic, seed: 3, room: [4, 3.5, 2.6], sensors: 3, "
+                     "depth_mode: nfov_binned, color: [320, 180], frames: 4, loop: true" +
+                         rig +
+                         "}\n"
+                         "simplify: {ratio: 0.3}\n" +
                          more);
     SceneResult loaded = load_scene(file);
     for (const SceneProblem& problem : loaded.problems) ADD_FAILURE() << to_string(problem);

@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include "core/temp_dir.h"
+#include "mr/eval/match.h"
 #include "support/meshes.h"
 
 namespace mr::eval {
@@ -52,10 +53,12 @@ class FakeSystem final : public System {
  public:
   explicit FakeSystem(std::filesystem::path folder) : System(std::move(folder)) {}
   std::string name() const override { return "fake"; }
-  int encoded = 0;
+  int encoded = 0, textures_decoded = 0;
+  double fails_at_ratio = 0;  ///< as if interrupted there
 
  private:
-  Result<std::vector<Bytes>> encode(const GeometrySetting&, std::size_t) override {
+  Result<std::vector<Bytes>> encode(const GeometrySetting& setting, std::size_t) override {
+    if (setting.ratio == fails_at_ratio) return Error{Error::Cause::io, "interrupted"};
     ++encoded;
     return std::vector<Bytes>{Bytes(1000)};
   }
@@ -69,8 +72,9 @@ class FakeSystem final : public System {
     chunk.mesh = wall(setting.ratio);
     return baseline::Geometry{{std::make_shared<const Chunk>(chunk)}, {front_view()}, {}};
   }
-  Result<baseline::Texture> decode(const TextureSetting& setting,
+  Result<baseline::Texture> decode(const TextureSetting& setting, std::size_t,
                                    const std::vector<Bytes>&) override {
+    ++textures_decoded;
     return baseline::Texture{{front_view()},
                              {{0, std::make_shared<const ImageRgb>(picture(setting.qp))}}};
   }
@@ -88,7 +92,7 @@ SweepJudges judges() {
   out.views = {{"front", camera(), {}}};
   out.moments = {0};
   const Drawn reference{picture(0), ImageMask(kWidth, kHeight, 1)};
-  out.by_divider = {*Judge::prepare({{reference}})};
+  EXPECT_TRUE(out.by_divider.emplace_back().add({{reference}}).ok());
   return out;
 }
 
@@ -108,16 +112,23 @@ TEST(Sweep, CombinesHalvesThatWereCodedOnce) {
   EXPECT_NEAR(coarse.texture_mbps, (500 + 29 * 3) * 8e-6, 1e-9);
 }
 
-TEST(Sweep, GoesOnWhereItWas) {
+TEST(Sweep, GoesOnWhereItWasInterrupted) {
   const test::TempDir folder;
   const Store scores(folder.path() / "scores");
-  FakeSystem first(folder.path() / "coded");
-  const auto a = sweep(first, plan(), judges(), 30, scores);
-  FakeSystem second(folder.path() / "coded");
-  const auto b = sweep(second, plan(), judges(), 30, scores);
-  ASSERT_TRUE(a.ok() && b.ok());
-  EXPECT_EQ(second.encoded, 0);
-  EXPECT_EQ(to_csv(*a), to_csv(*b));
+  FakeSystem whole({});
+  const auto expected = sweep(whole, plan(), judges(), 30, Store({}));
+  FakeSystem interrupted(folder.path() / "coded");
+  interrupted.fails_at_ratio = 0.3;
+  EXPECT_FALSE(sweep(interrupted, plan(), judges(), 30, scores).ok());
+  FakeSystem resumed(folder.path() / "coded");
+  const auto points = sweep(resumed, plan(), judges(), 30, scores);
+  ASSERT_TRUE(points.ok() && expected.ok());
+  EXPECT_EQ(resumed.encoded, 1);  // the geometry that was not reached
+  EXPECT_EQ(to_csv(*points, ReferenceKind::truth), to_csv(*expected, ReferenceKind::truth));
+  FakeSystem done(folder.path() / "coded");
+  ASSERT_TRUE(sweep(done, plan(), judges(), 30, scores).ok());
+  EXPECT_EQ(done.encoded, 0);
+  EXPECT_EQ(done.textures_decoded, 0);  // all scores are kept
 }
 
 SweepPoint point(double mbps, double ssim) {
@@ -134,6 +145,22 @@ TEST(ParetoHull, IsConvexAndRises) {
   EXPECT_EQ(pareto_hull(points), (std::vector<std::size_t>{0, 1, 3}));
   EXPECT_TRUE(pareto_hull({}).empty());
   EXPECT_EQ(pareto_hull({point(1, 0.5), point(1, 0.5)}).size(), 1u);
+}
+
+TEST(Match, TakesThePointWhereTheTargetIsJustMet) {
+  const std::vector<SweepPoint> points =
+      front({point(4, 0.9), point(1, 0.5), point(3, 0.6), point(2, 0.8), point(9, 0.85)});
+  ASSERT_EQ(points.size(), 3u);  // 1, 2, 4: no other has more for less
+  const auto at = [&](std::optional<double> mbps, std::optional<double> ssim) {
+    return points[crossing(points, {mbps, ssim})].mbps();
+  };
+  EXPECT_EQ(at(3.5, {}), 2);
+  EXPECT_EQ(at(4, {}), 4);
+  EXPECT_EQ(at(100, {}), 4);
+  EXPECT_EQ(at(0.5, {}), 1);  // met nowhere: the nearest
+  EXPECT_EQ(at({}, 0.55), 2);
+  EXPECT_EQ(at({}, 0.5), 1);
+  EXPECT_EQ(at({}, 0.99), 4);
 }
 
 }  // namespace

@@ -67,6 +67,13 @@ class Baseline {
   Trace trace_;
 };
 
+/// What a scene's `pipeline` key may name: ours, then the baselines.
+inline const std::vector<std::string>& pipeline_names() {
+  static const std::vector<std::string> names{"meshreduce", "holoportation", "holoportation++",
+                                              "points", "rgbd"};
+  return names;
+}
+
 /// By the scene's `pipeline` key: holoportation, holoportation++, points, rgbd. Knobs are the
 /// scene's own keys:
 ///   voxel_m              the grid of the first two, the spacing of points

@@ -182,11 +182,13 @@ Result<PointSet> from_ply(std::span<const std::byte> bytes, std::uint32_t most) 
   for (std::uint64_t i = 0; i < header->vertices; ++i) {
     if (!body.next()) return corrupt("a .ply file that ends early");
     const Vec3d p{body.value(0), body.value(1), body.value(2)};
-    if (!is_finite(p)) return corrupt("a .ply file with a point that is nowhere");
+    const Vec3d shade{body.value(3), body.value(4), body.value(5)};
+    if (!is_finite(p) || !is_finite(shade))
+      return corrupt("a .ply file with a point that is nowhere");
     out.positions.push_back(vec_cast<float>(p));
     auto& color = out.colors.emplace_back();
     for (int c = 0; c < 3; ++c)
-      color[c] = static_cast<std::uint8_t>(std::clamp(std::round(body.value(3 + c)), 0.0, 255.0));
+      color[c] = static_cast<std::uint8_t>(std::clamp(std::round(shade[c]), 0.0, 255.0));
   }
   return out;
 }

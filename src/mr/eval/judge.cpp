@@ -17,27 +17,35 @@ Spread spread(const std::vector<double>& values) {
 
 }  // namespace
 
-Result<Judge> Judge::prepare(const std::vector<std::vector<Drawn>>& reference) {
-  Judge judge;
+Status Judge::add(const std::vector<std::vector<Drawn>>& reference) {
+  Faces& faces = ages_.emplace_back();
   for (const auto& pictures : reference) {
-    auto& faces = judge.faces_.emplace_back();
+    faces.emplace_back();
     for (const Drawn& picture : pictures) {
       auto ssim = Ssim::prepare(luma_of(picture.color));
       if (!ssim) return ssim.error();
-      faces.push_back({*std::move(ssim), picture.covered});
+      faces.back().push_back({*std::move(ssim), picture.covered});
     }
   }
-  return judge;
+  return {};
 }
 
 Result<PictureScore> Judge::compare(std::size_t moment, std::size_t view, const ImageLuma& luma,
                                     const ImageMask& covered) const {
-  const Face& face = faces_.at(moment).at(view);
-  ImageMask mask = covered;
-  if (mask.data.size() != face.covered.data.size())
-    return Error{Error::Cause::invalid, "pictures differ in size"};
-  for (std::size_t i = 0; i < mask.data.size(); ++i) mask.data[i] |= face.covered.data[i];
-  return face.ssim.compare(luma, mask);
+  PictureScore sum;
+  for (const Faces& faces : ages_) {
+    const Face& face = faces.at(moment).at(view);
+    ImageMask mask = covered;
+    if (mask.data.size() != face.covered.data.size())
+      return Error{Error::Cause::invalid, "pictures differ in size"};
+    for (std::size_t i = 0; i < mask.data.size(); ++i) mask.data[i] |= face.covered.data[i];
+    const auto score = face.ssim.compare(luma, mask);
+    if (!score) return score.error();
+    const auto share = static_cast<double>(ages_.size());
+    sum.ssim_full += score->ssim_full / share, sum.ssim_masked += score->ssim_masked / share;
+    sum.psnr_db += score->psnr_db / share;
+  }
+  return sum;
 }
 
 MultiViewScore summarize(const std::vector<std::vector<PictureScore>>& scores) {

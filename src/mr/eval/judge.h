@@ -25,11 +25,9 @@ struct MultiViewScore {
 /// Compares pictures with those of a reference, which are prepared once. Thread-safe once made.
 class Judge {
  public:
-  /// `reference`: [moments][views], all of one size per view.
-  static Result<Judge> prepare(const std::vector<std::vector<Drawn>>& reference);
-
-  std::size_t moments() const { return faces_.size(); }
-  std::size_t views() const { return faces_.empty() ? 0 : faces_.front().size(); }
+  /// What the pictures are compared with: [moments][views]. A stream that sends some captures only
+  /// shows each for a while: then the reference has several ages, and scores are their mean.
+  Status add(const std::vector<std::vector<Drawn>>& reference);
 
   /// Masked: pixels that the reference or the picture covers.
   Result<PictureScore> compare(std::size_t moment, std::size_t view, const ImageLuma& luma,
@@ -40,7 +38,8 @@ class Judge {
     Ssim ssim;
     ImageMask covered;
   };
-  std::vector<std::vector<Face>> faces_;
+  using Faces = std::vector<std::vector<Face>>;  // [moments][views]
+  std::vector<Faces> ages_;
 };
 
 /// Mean over viewpoints, then over moments. `scores`: [moments][views], not empty.

@@ -7,22 +7,16 @@ namespace {
 
 constexpr std::size_t kCoarseViews = 8;
 
-/// The judges of a plan's frame rates at some moments and the first views.
-Result<SweepJudges> make_judges(const Trial& trial, const SweepPlan& plan,
+/// The judges of some frame rates at some moments and the first views.
+Result<SweepJudges> make_judges(const Trial& trial, const std::vector<int>& dividers,
                                 const std::vector<std::size_t>& moments, std::size_t views,
                                 const QualityConfig& config) {
   SweepJudges out;
   out.moments = moments;
-  out.views.assign(trial.plan().views.begin(),
-                   trial.plan().views.begin() +
-                       static_cast<std::ptrdiff_t>(std::min(views, trial.plan().views.size())));
-  for (const int divider : plan.dividers) {
-    std::vector<int> frames;
-    for (const std::size_t m : moments) frames.push_back(trial.moments().shown(m) + divider / 2);
-    const auto pictures = reference_pictures(trial.scene(), trial.reference(), frames, out.views,
-                                             config.rig_cache, config.eval_cache);
-    if (!pictures) return pictures.error();
-    auto judge = Judge::prepare(*pictures);
+  out.views = trial.plan().views;
+  out.views.resize(std::min(views, out.views.size()));
+  for (const int divider : dividers) {
+    auto judge = trial.judge(moments, views, divider, config);
     if (!judge) return judge.error();
     out.by_divider.push_back(*std::move(judge));
   }
@@ -35,7 +29,8 @@ bool meets(const SweepPoint& p, const MatchTarget& target) {
   return target.mbps ? p.mbps() <= *target.mbps : quality(p) >= *target.ssim;
 }
 
-/// The points that no other beats in both, by rising rate and so by rising quality.
+}  // namespace
+
 std::vector<SweepPoint> front(std::vector<SweepPoint> points) {
   std::stable_sort(points.begin(), points.end(), [](const SweepPoint& a, const SweepPoint& b) {
     return std::pair(a.mbps(), -quality(a)) < std::pair(b.mbps(), -quality(b));
@@ -46,7 +41,6 @@ std::vector<SweepPoint> front(std::vector<SweepPoint> points) {
   return out;
 }
 
-/// The place on a front where a target is just met; the nearest end where it is met nowhere.
 std::size_t crossing(const std::vector<SweepPoint>& points, const MatchTarget& target) {
   const auto met = [&](const SweepPoint& p) { return meets(p, target); };
   if (target.ssim) {
@@ -57,8 +51,6 @@ std::size_t crossing(const std::vector<SweepPoint>& points, const MatchTarget& t
   const auto beyond = std::find_if_not(points.begin(), points.end(), met);
   return beyond == points.begin() ? 0 : static_cast<std::size_t>(beyond - points.begin()) - 1;
 }
-
-}  // namespace
 
 SweepPlan match_plan(const std::string& pipeline, const Scene& scene) {
   SweepPlan plan;
@@ -84,7 +76,7 @@ SweepPlan match_plan(const std::string& pipeline, const Scene& scene) {
     textures({1, 0.5, 0.25}, {22, 28, 34, 40});
     plan.dividers = {1, 2, 3};
   } else if (pipeline == "points") {
-    geometries({0.005, 0.0075, voxel, 0.015, 0.02, 0.03, 0.04}, {1}, {-9, -10}, {own.depth_qp});
+    geometries({0.005, 0.0075, voxel, 0.015, 0.02, 0.03, 0.04}, {1}, {-7, -8, -9}, {own.depth_qp});
     textures({1}, {0});
   } else if (pipeline == "rgbd") {
     geometries({voxel}, {1}, {own.step_exp}, {8, 14, 20, 26, 32});
@@ -100,39 +92,37 @@ Result<Match> match(const Trial& trial, const std::string& pipeline, const Match
                     const QualityConfig& config) {
   Scene scene = trial.scene();
   scene.pipeline = pipeline;
-  const SweepPlan all = match_plan(pipeline, scene);
-  auto system =
-      make_system(scene, {trial.moments(), config.rig_cache, config.eval_cache, all.geometries});
-  if (!system) return system.error();
-  const auto tell = [&](std::size_t done, std::size_t of) {
-    if (config.progress) config.progress((*system)->name(), done, of);
-  };
+  std::string name;
   const auto run = [&](const SweepPlan& plan, const std::vector<std::size_t>& moments,
                        std::size_t views) -> Result<std::vector<SweepPoint>> {
-    const auto judges = make_judges(trial, plan, moments, views, config);
+    auto system =
+        make_system(scene, {trial.moments(), config.rig_cache, config.eval_cache, plan.geometries});
+    if (!system) return system.error();
+    name = (*system)->name();
+    const auto judges = make_judges(trial, plan.dividers, moments, views, config);
     if (!judges) return judges.error();
-    return sweep(**system, plan, *judges, trial.scene().fps, Store({}), tell);
+    return sweep(**system, plan, *judges, scene.fps, Store({}),
+                 [&](std::size_t done, std::size_t of) {
+                   if (config.progress) config.progress(name, done, of);
+                 });
   };
-  const auto rough = run(all, {0}, kCoarseViews);
+  const auto rough = run(match_plan(pipeline, scene), {0}, kCoarseViews);
   if (!rough) return rough.error();
 
-  std::vector<std::size_t> moments(trial.moments().first.size());
-  for (std::size_t m = 0; m < moments.size(); ++m) moments[m] = m;
-  // The rough measurement may be a little off: its neighbours are tried as well.
-  const std::vector<SweepPoint> on_front = front(*rough);
-  const std::size_t middle = crossing(on_front, target);
+  // The rough measurement may be a little off: its neighbours are tried as well, each with a
+  // texture of its own.
+  const std::vector<SweepPoint> best = front(*rough);
+  const std::size_t middle = crossing(best, target);
   std::vector<SweepPoint> fine;
-  for (std::size_t i = middle > 0 ? middle - 1 : 0; i < std::min(middle + 3, on_front.size());
-       ++i) {
-    const SweepPoint& point = on_front[i];
-    auto again = run({{point.geometry}, {point.texture}, {point.divider}}, moments,
-                     trial.plan().views.size());
+  for (std::size_t i = middle > 0 ? middle - 1 : 0; i < std::min(middle + 3, best.size()); ++i) {
+    auto again = run({{best[i].geometry}, {best[i].texture}, {best[i].divider}},
+                     trial.all_moments(), trial.plan().views.size());
     if (!again) return again.error();
     fine.push_back(again->front());
   }
   fine = front(std::move(fine));
   const SweepPoint point = fine[crossing(fine, target)];
-  return Match{pipeline, (*system)->name(), meets(point, target), point};
+  return Match{pipeline, name, meets(point, target), point};
 }
 
 }  // namespace mr::eval

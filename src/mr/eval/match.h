@@ -24,6 +24,12 @@ struct Match {
 /// What EVALUATION lets each pipeline vary.
 SweepPlan match_plan(const std::string& pipeline, const Scene& scene);
 
+/// The points that no other beats in both, by rising rate and so by rising quality.
+std::vector<SweepPoint> front(std::vector<SweepPoint> points);
+
+/// The place on a front where a target is just met; the nearest end where it is met nowhere.
+std::size_t crossing(const std::vector<SweepPoint>& points, const MatchTarget& target);
+
 /// Tries all of match_plan() at one moment from few views, and the most promising settings again in
 /// full. The trial's scene, with this pipeline.
 Result<Match> match(const Trial& trial, const std::string& pipeline, const MatchTarget& target,

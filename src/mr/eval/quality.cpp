@@ -12,6 +12,7 @@
 #include "mr/node/capture.h"
 #include "mr/node/pipeline.h"
 #include "mr/node/sources.h"
+#include "mr/synth/room.h"
 
 namespace mr::eval {
 namespace {
@@ -50,16 +51,8 @@ Result<Burst> play_burst(const Scene& scene, int first, int frames, const Qualit
   return burst;
 }
 
-/// A pipeline that sends every n-th capture is measured where that is fair: the burst ends with a
-/// capture that is sent, and pictures are compared when it is as old as on average.
-struct Spacing {
-  int burst, late;
-};
-Spacing spacing_of(const Scene& scene, int burst) {
-  const int every = scene.pipeline == "meshreduce" ? 1 : scene.coding.frame_divider;
-  if (every == 1) return {burst, 0};
-  return {1 + every * ((burst + every - 2) / every), every / 2};
-}
+/// A burst that ends with a capture that is sent.
+int burst_of(int burst, int divider) { return 1 + divider * ((burst + divider - 2) / divider); }
 
 std::uint64_t triangles_of(const DecodedScene& scene) {
   std::uint64_t triangles = 0, points = 0;
@@ -94,7 +87,7 @@ std::filesystem::path viewpoints_file(const Scene& scene) {
 std::string viewpoints_key(const Scene& scene) {
   Fingerprint print;
   print.add(scene.up.x).add(scene.up.y).add(scene.up.z);
-  if (scene.rig) print.add(*scene.rig);
+  if (scene.rig) print.add(static_cast<double>(synth::rig_key(*scene.rig, scene.fps)));
   for (const SensorConfig& sensor : scene.sensors) {
     print.add(sensor.depth_camera).add(sensor.depth_near_m).add(sensor.depth_far_m);
     for (const Pose& pose : sensor.T_world_depth) print.add(pose);
@@ -125,29 +118,52 @@ Result<Trial> Trial::prepare(const Scene& scene, const QualityConfig& config) {
   if (!plan) return plan.error();
   trial.plan_ = *std::move(plan);
 
-  std::vector<int> frames;
-  const Spacing spacing = spacing_of(scene, trial.moments_.burst);
-  for (std::size_t m = 0; m < trial.moments_.first.size(); ++m)
-    frames.push_back(trial.moments_.first[m] + spacing.burst - 1 + spacing.late);
-  auto pictures = reference_pictures(
-      trial.scene_, trial.reference_, frames, trial.plan_.views, config.rig_cache,
-      config.eval_cache,
-      [&](std::size_t done, std::size_t of) { tell(config, "reference", done, of); });
-  if (!pictures) return pictures.error();
-  trial.pictures_ = *std::move(pictures);
-  auto judge = Judge::prepare(trial.pictures_);
-  if (!judge) return judge.error();
-  trial.judge_ = *std::move(judge);
+  trial.moments_.burst = burst_of(trial.moments_.burst, frame_divider(scene));
   return trial;
 }
 
+std::vector<std::size_t> Trial::all_moments() const {
+  std::vector<std::size_t> all(moments_.first.size());
+  std::iota(all.begin(), all.end(), std::size_t{0});
+  return all;
+}
+
+Result<std::vector<std::vector<Drawn>>> Trial::pictures(const std::vector<std::size_t>& moments,
+                                                        std::size_t views, int captures_later,
+                                                        const QualityConfig& config) const {
+  std::vector<int> frames;
+  for (const std::size_t m : moments) frames.push_back(moments_.shown(m) + captures_later);
+  std::vector<render::Viewpoint> from = plan_.views;
+  from.resize(std::min(views, from.size()));
+  return reference_pictures(
+      scene_, reference_, frames, from, config.rig_cache, config.eval_cache,
+      [&](std::size_t done, std::size_t of) { tell(config, "reference", done, of); });
+}
+
+Result<Judge> Trial::judge(const std::vector<std::size_t>& moments, std::size_t views, int divider,
+                           const QualityConfig& config) const {
+  const int younger = (divider - 1) / 2, older = divider / 2;
+  Judge judge;
+  for (int age = younger; age <= older; ++age) {
+    const auto reference = pictures(moments, views, age, config);
+    if (!reference) return reference.error();
+    if (const Status added = judge.add(*reference); !added) return added.error();
+  }
+  return judge;
+}
+
+int frame_divider(const Scene& scene) {
+  return scene.pipeline == "meshreduce" ? 1 : scene.coding.frame_divider;
+}
+
 Result<Played> play(const Scene& scene, const Moments& moments, const QualityConfig& config) {
-  const Spacing spacing = spacing_of(scene, moments.burst);
+  if (moments.burst == 1 && config.notice)
+    config.notice("the sources hold one capture: the rate is that of sending it afresh each time");
   Played out;
   Rate mesh, texture;
   for (std::size_t m = 0; m < moments.first.size(); ++m) {
     tell(config, "stream", m, moments.first.size());
-    auto burst = play_burst(scene, moments.first[m], spacing.burst, config);
+    auto burst = play_burst(scene, moments.first[m], moments.burst, config);
     if (!burst) return burst.error();
     mesh.add_burst(burst->mesh_bytes);
     texture.add_burst(burst->texture_bytes);
@@ -177,8 +193,8 @@ Result<Played> play_apart(System& system, const Scene& scene, const Moments& mom
   return out;
 }
 
-Result<QualityReport> measure_quality(const Trial& trial, const Scene& scene, const Played& played,
-                                      const QualityConfig& config,
+Result<QualityReport> measure_quality(const Trial& trial, const Judge& judge, const Scene& scene,
+                                      const Played& played, const QualityConfig& config,
                                       std::vector<ImageRgb>* pictures) {
   auto renderer = render::Renderer::create();
   if (!renderer) return renderer.error();
@@ -196,7 +212,7 @@ Result<QualityReport> measure_quality(const Trial& trial, const Scene& scene, co
       tell(config, "compare", m * trial.plan().views.size() + v, all);
       auto drawn = draw_scene(*renderer, played.shown[m], trial.plan().views[v]);
       if (!drawn) return drawn.error();
-      const auto score = trial.judge().compare(m, v, luma_of(drawn->color), drawn->covered);
+      const auto score = judge.compare(m, v, luma_of(drawn->color), drawn->covered);
       if (!score) return score.error();
       scores[m].push_back(*score);
       if (pictures && m == 0) pictures->push_back(std::move(drawn->color));

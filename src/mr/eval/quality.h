@@ -39,7 +39,8 @@ struct QualityReport {
   double mbps() const { return mesh_mbps + texture_mbps; }
 };
 
-/// A prepared scene with all that its pictures are compared with; serves any pipeline of it.
+/// A prepared scene, and from where, when and with what pictures of it are compared; serves any
+/// pipeline of it.
 class Trial {
  public:
   /// Uses NAME.views.json beside the scene file where it was made for this scene, else plans the
@@ -50,17 +51,28 @@ class Trial {
   const ViewPlan& plan() const { return plan_; }
   const Moments& moments() const { return moments_; }
   ReferenceKind reference() const { return reference_; }
-  const std::vector<std::vector<Drawn>>& pictures() const { return pictures_; }  // [moment][view]
-  const Judge& judge() const { return judge_; }
+  std::vector<std::size_t> all_moments() const;
+
+  /// The reference from the first `views` viewpoints, so many captures after those that are shown
+  /// at some moments: [moments][views].
+  Result<std::vector<std::vector<Drawn>>> pictures(const std::vector<std::size_t>& moments,
+                                                   std::size_t views, int captures_later,
+                                                   const QualityConfig& config) const;
+
+  /// What a stream of every `divider`-th capture is compared with: on average it is
+  /// (divider - 1) / 2 captures old.
+  Result<Judge> judge(const std::vector<std::size_t>& moments, std::size_t views, int divider,
+                      const QualityConfig& config) const;
 
  private:
   Scene scene_;
   ViewPlan plan_;
   Moments moments_;
   ReferenceKind reference_ = ReferenceKind::truth;
-  std::vector<std::vector<Drawn>> pictures_;
-  Judge judge_;
 };
+
+/// Every how many captures a scene's pipeline sends one.
+int frame_divider(const Scene& scene);
 
 /// One stream as a client decodes it, moment by moment.
 struct Played {
@@ -78,8 +90,8 @@ Result<Played> play_apart(System& system, const Scene& scene, const Moments& mom
 
 /// Draws what was played from every viewpoint and compares. `pictures`, where given, takes the
 /// first moment's, [views].
-Result<QualityReport> measure_quality(const Trial& trial, const Scene& scene, const Played& played,
-                                      const QualityConfig& config,
+Result<QualityReport> measure_quality(const Trial& trial, const Judge& judge, const Scene& scene,
+                                      const Played& played, const QualityConfig& config,
                                       std::vector<ImageRgb>* pictures = nullptr);
 
 /// Where a scene's viewpoints are stored, and what they were made for.
@@ -89,7 +101,7 @@ std::string viewpoints_key(const Scene& scene);
 /// Plans the viewpoints of a prepared scene from a coarse fusion of its first capture.
 Result<ViewPlan> plan_scene(const Scene& scene, const std::filesystem::path& rig_cache);
 
-/// How many views are in the plan, reference picture size, ... as JSON and as lines for people.
+/// The figures as JSON (DESIGN section 7), and as lines for people.
 std::string to_json(const QualityReport& report);
 std::string to_text(const QualityReport& report);
 

@@ -11,6 +11,7 @@
 #include "mr/kit/image_io.h"
 #include "mr/node/capture.h"
 #include "mr/node/sensor_node.h"
+#include "mr/synth/room.h"
 #include "mr/synth/truth.h"
 
 namespace mr::eval {
@@ -18,14 +19,9 @@ namespace {
 
 using Pictures = std::vector<std::vector<Drawn>>;
 
-/// Another number whenever truth is drawn differently.
-constexpr double kTruthVersion = 1;
+/// Another number whenever truth is stored differently.
+constexpr double kTruthVersion = 2;
 constexpr double kMonolithicVoxel_m = 0.01;
-
-const RigConfig* rig_of(const Scene& scene) {
-  if (scene.rig) return &*scene.rig;
-  return scene.truth && scene.truth->rig ? &*scene.truth->rig : nullptr;
-}
 
 Drawn drawn(synth::TruthPicture picture) {
   Drawn out{std::move(picture.color), ImageMask(picture.depth.width, picture.depth.height)};
@@ -36,38 +32,32 @@ Drawn drawn(synth::TruthPicture picture) {
   return out;
 }
 
-/// Pictures of the truth as PNGs; what is not covered has a picture of its own.
+/// Pictures of the truth as PNGs, each above its mask.
 class TruthStore {
  public:
   TruthStore(const std::filesystem::path& cache_folder, const RigConfig& rig, double fps)
-      : store_(store_folder(cache_folder,
-                            "truth-" + Fingerprint{}.add(kTruthVersion).add(rig).add(fps).hex())) {}
+      : store_(store_folder(cache_folder, fmt::format("truth-{}-{:016x}", kTruthVersion,
+                                                      synth::rig_key(rig, fps)))) {}
 
   std::optional<Drawn> get(const render::Viewpoint& view, int frame) const {
     const auto png = store_.get(name(view, frame));
-    if (!png) return std::nullopt;
-    auto color = kit::decode_color(*png);
-    if (!color || color->width != view.camera.width || color->height != view.camera.height)
-      return std::nullopt;
-    Drawn out{*std::move(color), ImageMask(view.camera.width, view.camera.height, 1)};
-    const auto hole_png = store_.get("holes-" + name(view, frame));
-    if (!hole_png) return out;
-    const auto holes = kit::decode_color(*hole_png);
-    if (!holes || holes->data.size() != out.color.data.size()) return std::nullopt;
+    const auto both = png ? kit::decode_color(*png) : Error{Error::Cause::not_found, ""};
+    const int width = view.camera.width, height = view.camera.height;
+    if (!both || both->width != width || both->height != 2 * height) return std::nullopt;
+    Drawn out{ImageRgb(width, height), ImageMask(width, height)};
+    std::copy_n(both->data.begin(), out.color.data.size(), out.color.data.begin());
     for (std::size_t i = 0; i < out.covered.data.size(); ++i)
-      out.covered.data[i] = holes->data[3 * i] ? 0 : 1;
+      out.covered.data[i] = both->row(height)[3 * i] ? 1 : 0;
     return out;
   }
 
   void put(const render::Viewpoint& view, int frame, const Drawn& picture) const {
-    const auto& covered = picture.covered;
-    if (std::find(covered.data.begin(), covered.data.end(), 0) != covered.data.end()) {
-      ImageRgb holes(covered.width, covered.height);
-      for (std::size_t i = 0; i < covered.data.size(); ++i)
-        std::fill_n(&holes.data[3 * i], 3, static_cast<std::uint8_t>(covered.data[i] ? 0 : 255));
-      if (const auto png = kit::encode_png(holes)) store_.put("holes-" + name(view, frame), *png);
-    }
-    if (const auto png = kit::encode_png(picture.color)) store_.put(name(view, frame), *png);
+    ImageRgb both(picture.color.width, 2 * picture.color.height);
+    std::copy(picture.color.data.begin(), picture.color.data.end(), both.data.begin());
+    for (std::size_t i = 0; i < picture.covered.data.size(); ++i)
+      std::fill_n(both.row(picture.color.height) + 3 * i, 3,
+                  static_cast<std::uint8_t>(picture.covered.data[i] ? 255 : 0));
+    if (const auto png = kit::encode_png(both)) store_.put(name(view, frame), *png);
   }
 
  private:
@@ -83,7 +73,7 @@ Result<Pictures> truth_pictures(const Scene& scene, const std::vector<int>& fram
                                 const std::vector<render::Viewpoint>& views,
                                 const std::filesystem::path& cache_folder,
                                 const Progress& progress) {
-  const RigConfig* rig = rig_of(scene);
+  const RigConfig* rig = known_rig(scene);
   if (!rig)
     return Error{Error::Cause::unsupported,
                  "scene '" + scene.id +
@@ -140,12 +130,17 @@ Result<Pictures> monolithic_pictures(const Scene& scene, const std::vector<int>&
 
 }  // namespace
 
+const RigConfig* known_rig(const Scene& scene) {
+  if (scene.rig) return &*scene.rig;
+  return scene.truth && scene.truth->rig ? &*scene.truth->rig : nullptr;
+}
+
 const char* to_string(ReferenceKind kind) {
   return kind == ReferenceKind::truth ? "truth" : "monolithic";
 }
 
 ReferenceKind default_reference(const Scene& scene) {
-  return rig_of(scene) ? ReferenceKind::truth : ReferenceKind::monolithic;
+  return known_rig(scene) ? ReferenceKind::truth : ReferenceKind::monolithic;
 }
 
 Result<DecodedScene> monolithic_scene(const Scene& scene, std::span<const Frame> capture) {

@@ -48,29 +48,11 @@ Fingerprint& Fingerprint::add(const Pose& pose) {
   return *this;
 }
 
-Fingerprint& Fingerprint::add(const RigConfig& rig) {
-  for (const double v : {static_cast<double>(rig.kind),
-                         1.0 * rig.seed,
-                         rig.room_m.x,
-                         rig.room_m.y,
-                         rig.room_m.z,
-                         1.0 * rig.people,
-                         1.0 * rig.sensors,
-                         1.0 * rig.lidars,
-                         1.0 * rig.depth_width,
-                         1.0 * rig.depth_height,
-                         1.0 * rig.color_width,
-                         1.0 * rig.color_height,
-                         1.0 * rig.noise,
-                         rig.calib_error_mm,
-                         rig.calib_error_deg,
-                         rig.exposure_spread,
-                         rig.clock_offset_ms,
-                         rig.detail,
-                         1.0 * rig.frames,
-                         1.0 * rig.loop})
-    add(v);
-  return *this;
+Fingerprint& Fingerprint::add_file(const std::filesystem::path& file) {
+  std::error_code none;
+  add(file.string()).add(static_cast<double>(std::filesystem::file_size(file, none)));
+  const auto time = std::filesystem::last_write_time(file, none);
+  return add(static_cast<double>(time.time_since_epoch().count()));
 }
 
 std::string Fingerprint::hex() const { return fmt::format("{:016x}", sum_); }

@@ -37,7 +37,7 @@ class Fingerprint {
   Fingerprint& add(double v);
   Fingerprint& add(const Camera& camera);
   Fingerprint& add(const Pose& pose);
-  Fingerprint& add(const RigConfig& rig);
+  Fingerprint& add_file(const std::filesystem::path& file);  ///< its name, size and time
   std::string hex() const;
 
  private:

@@ -51,28 +51,45 @@ class Sweep {
 
  private:
   Status run_moment(std::size_t i) {
+    const std::size_t moment = judges_.moments[i];
+    std::vector<std::optional<Scores>> scores;
+    for (std::size_t g = 0; g < plan_.geometries.size(); ++g) scores.push_back(kept(i, g));
+    const bool all_kept =
+        std::all_of(scores.begin(), scores.end(), [](const auto& s) { return s.has_value(); });
     std::vector<LumaTexture> textures;
-    for (std::size_t t = 0; t < plan_.textures.size(); ++t) {
-      auto texture = system_.texture(plan_.textures[t], judges_.moments[i]);
-      if (!texture) return texture.error();
-      texture_rates_[t].add_burst(texture->bytes);
-      textures.push_back(luma_texture(texture->decoded));
-    }
+    if (const Status ready = take_textures(moment, all_kept, textures); !ready) return ready;
     for (std::size_t g = 0; g < plan_.geometries.size(); ++g) {
-      auto geometry = system_.geometry(plan_.geometries[g], judges_.moments[i]);
+      auto geometry = system_.geometry(plan_.geometries[g], moment);
       if (!geometry) return geometry.error();
       geometry_rates_[g].add_burst(geometry->bytes);
       triangles_[g] = triangles_of(geometry->decoded);
-      auto scores = kept(i, g);
-      if (!scores) {
+      if (!scores[g]) {
         auto made = is_points(geometry->decoded) ? score_points(i, geometry->decoded)
                                                  : score(i, geometry->decoded, textures);
         if (!made) return made.error();
-        scores = *std::move(made);
-        store_.put(name(i, g), std::as_bytes(std::span(*scores)));
+        scores[g] = *std::move(made);
+        store_.put(name(i, g), std::as_bytes(std::span(*scores[g])));
       }
-      take(g, *scores);
+      take(g, *scores[g]);
       tell(judges_.views.size());
+    }
+    return {};
+  }
+
+  /// Decoded where something is to be shaded.
+  Status take_textures(std::size_t moment, bool only_rates, std::vector<LumaTexture>& textures) {
+    for (std::size_t t = 0; t < plan_.textures.size(); ++t) {
+      if (only_rates) {
+        const auto bytes = system_.texture_bytes(plan_.textures[t], moment);
+        if (!bytes) return bytes.error();
+        texture_rates_[t].add_burst(*bytes);
+      } else {
+        const auto texture = system_.texture(plan_.textures[t], moment);
+        if (!texture) return texture.error();
+        texture_rates_[t].add_burst(texture->bytes);
+        textures.push_back(luma_texture(texture->decoded));
+      }
+      tell(1);
     }
     return {};
   }
@@ -171,9 +188,10 @@ class Sweep {
     return points;
   }
 
-  void tell(std::size_t views) {
-    done_ += views;
-    const std::size_t of = judges_.moments.size() * plan_.geometries.size() * judges_.views.size();
+  void tell(std::size_t more) {
+    done_ += more;
+    const std::size_t of = judges_.moments.size() *
+                           (plan_.textures.size() + plan_.geometries.size() * judges_.views.size());
     if (progress_) progress_(done_, of);
   }
 
@@ -217,22 +235,22 @@ std::vector<std::size_t> pareto_hull(const std::vector<SweepPoint>& points) {
   return hull;
 }
 
-std::string to_csv(const std::vector<SweepPoint>& points) {
+std::string to_csv(const std::vector<SweepPoint>& points, ReferenceKind reference) {
   const std::vector<std::size_t> hull = pareto_hull(points);
   std::string out =
       "voxel_m,ratio,step_exp,depth_qp,texture_scale,texture_qp,frame_divider,triangles,"
-      "geometry_mbps,texture_mbps,mbps,ssim_masked,ssim_masked_p5,ssim_masked_min,ssim_full,psnr_"
-      "db,on_hull\n";
+      "geometry_mbps,texture_mbps,mbps,reference,ssim_masked,ssim_masked_p5,ssim_masked_min,"
+      "ssim_full,psnr_db,on_hull\n";
   for (std::size_t i = 0; i < points.size(); ++i) {
     const SweepPoint& p = points[i];
     const bool on_hull = std::find(hull.begin(), hull.end(), i) != hull.end();
-    out += fmt::format(
-        "{:g},{:g},{},{},{:g},{},{},{},{:.4f},{:.4f},{:.4f},{:.5f},{:.5f},{:.5f},"
-        "{:.5f},{:.3f},{}\n",
-        p.geometry.voxel_m, p.geometry.ratio, p.geometry.step_exp, p.geometry.depth_qp,
-        p.texture.scale, p.texture.qp, p.divider, p.triangles, p.geometry_mbps, p.texture_mbps,
-        p.mbps(), p.score.masked.mean, p.score.masked.p5, p.score.masked.min, p.score.full.mean,
-        p.score.psnr_db, on_hull ? 1 : 0);
+    out += fmt::format("{:g},{:g},{},{},{:g},{},{},{},{:.4f},{:.4f},{:.4f},", p.geometry.voxel_m,
+                       p.geometry.ratio, p.geometry.step_exp, p.geometry.depth_qp, p.texture.scale,
+                       p.texture.qp, p.divider, p.triangles, p.geometry_mbps, p.texture_mbps,
+                       p.mbps());
+    out += fmt::format("{},{:.5f},{:.5f},{:.5f},{:.5f},{:.3f},{}\n", to_string(reference),
+                       p.score.masked.mean, p.score.masked.p5, p.score.masked.min,
+                       p.score.full.mean, p.score.psnr_db, on_hull ? 1 : 0);
   }
   return out;
 }

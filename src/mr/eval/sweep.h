@@ -19,12 +19,11 @@ struct SweepPlan {
   std::vector<int> dividers{1};
 };
 
-/// What pictures are compared with at one frame rate: a stream of every n-th capture is on average
-/// n / 2 captures late.
+/// What pictures are compared with.
 struct SweepJudges {
   std::vector<render::Viewpoint> views;
   std::vector<std::size_t> moments;  ///< of the system, one per moment of each judge
-  std::vector<Judge> by_divider;     ///< [dividers], each [moments][views]
+  std::vector<Judge> by_divider;     ///< [dividers], each of these moments and views
 };
 
 struct SweepPoint {
@@ -38,7 +37,7 @@ struct SweepPoint {
   double mbps() const { return geometry_mbps + texture_mbps; }
 };
 
-/// How much of a sweep is done, in views drawn and shaded.
+/// How much of a sweep is done, in textures coded and views drawn.
 using SweepProgress = std::function<void(std::size_t done, std::size_t of)>;
 
 /// Codes each half once, draws each geometry once per view and shades it with every texture. Scores
@@ -52,7 +51,7 @@ Result<std::vector<SweepPoint>> sweep(System& system, const SweepPlan& plan,
 /// rising rate. Places in `points`.
 std::vector<std::size_t> pareto_hull(const std::vector<SweepPoint>& points);
 
-/// Every point as a line: settings, rates, quality, whether it is on the hull.
-std::string to_csv(const std::vector<SweepPoint>& points);
+/// Every point as a line: settings, rates, quality, against what, whether it is on the hull.
+std::string to_csv(const std::vector<SweepPoint>& points, ReferenceKind reference);
 
 }  // namespace mr::eval

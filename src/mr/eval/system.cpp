@@ -12,6 +12,7 @@
 #include "mr/atlas/compose.h"
 #include "mr/atlas/labels.h"
 #include "mr/atlas/layout.h"
+#include "mr/baseline/monolithic.h"
 #include "mr/codec/packet_codec.h"
 #include "mr/codec/receiver.h"
 #include "mr/core/file.h"
@@ -150,7 +151,7 @@ class BaselineSystem final : public System {
                                     const std::vector<Bytes>& coded) override {
     return replay(with(scene_, setting), coded, &baseline::Baseline::decode_geometry);
   }
-  Result<baseline::Texture> decode(const TextureSetting& setting,
+  Result<baseline::Texture> decode(const TextureSetting& setting, std::size_t,
                                    const std::vector<Bytes>& coded) override {
     return replay(with(scene_, setting), coded, &baseline::Baseline::decode_texture);
   }
@@ -209,6 +210,13 @@ class MeshReduceSystem final : public System {
     return baseline::Geometry{*std::move(chunks), packet->views, packet->sources};
   }
 
+  /// The sensors' views, posed as in the capture that is shown.
+  std::map<ViewId, View> views_of(std::span<const Capture> burst) const {
+    std::map<ViewId, View> views;
+    for (View& view : baseline::color_views(scene_, burst.back())) views[view.id] = view;
+    return views;
+  }
+
   /// What the root is given of a moment, and what of it the surfaces show.
   Result<const Inputs*> inputs(std::size_t moment) {
     if (const auto known = inputs_.find(moment); known != inputs_.end()) return &known->second;
@@ -217,16 +225,11 @@ class MeshReduceSystem final : public System {
     Inputs in;
     in.pictures.resize(burst->size());
     in.used.resize(burst->size());
-    for (const Frame& frame : burst->front()) {
-      const sensor::Registration registration(scene_.sensors[frame.sensor], frame.sensor);
-      auto view = frame.color.empty() ? std::nullopt : registration.color_view(frame.T_world_depth);
-      if (!view) continue;
-      view->stream = frame.sensor;
-      in.views[view->id] = *view;
-      if (const Status sent = send_pictures(*burst, frame.sensor, in); !sent) return sent.error();
-    }
+    in.views = views_of(*burst);
     if (in.views.empty())
       return Error{Error::Cause::empty, "scene '" + scene_.id + "' has no colour"};
+    for (const auto& [id, view] : in.views)
+      if (const Status sent = send_pictures(*burst, view.stream, in); !sent) return sent.error();
     if (scene_.atlas.mask)
       if (const Status marked = mark_used(moment, in); !marked) return marked.error();
     return &inputs_.emplace(moment, std::move(in)).first->second;
@@ -290,16 +293,17 @@ class MeshReduceSystem final : public System {
     return {};
   }
 
-  Result<atlas::Layout> layout(const TextureSetting& setting, const Inputs& in) const {
-    std::vector<View> views;
-    for (const auto& [id, view] : in.views) views.push_back(view);
-    return atlas::make_layout(views, scene_.atlas, setting.scale, 0);
+  Result<atlas::Layout> layout(const TextureSetting& setting,
+                               const std::map<ViewId, View>& views) const {
+    std::vector<View> list;
+    for (const auto& [id, view] : views) list.push_back(view);
+    return atlas::make_layout(list, scene_.atlas, setting.scale, 0);
   }
 
   Result<std::vector<Bytes>> encode(const TextureSetting& setting, std::size_t moment) override {
     const auto in = inputs(moment);
     if (!in) return in.error();
-    const auto tiles = layout(setting, **in);
+    const auto tiles = layout(setting, (*in)->views);
     if (!tiles) return tiles.error();
     node::TextureStream stream(scene_, 0);
     std::vector<Bytes> out;
@@ -313,11 +317,11 @@ class MeshReduceSystem final : public System {
     return out;
   }
 
-  Result<baseline::Texture> decode(const TextureSetting& setting,
+  Result<baseline::Texture> decode(const TextureSetting& setting, std::size_t moment,
                                    const std::vector<Bytes>& coded) override {
-    const auto in = inputs(0);
-    if (!in) return in.error();
-    const auto tiles = layout(setting, **in);
+    const auto burst = bursts_.at(moment);
+    if (!burst) return burst.error();
+    const auto tiles = layout(setting, views_of(*burst));
     if (!tiles) return tiles.error();
     auto decoder = kit::VideoDecoder::create();
     if (!decoder) return decoder.error();
@@ -335,6 +339,17 @@ class MeshReduceSystem final : public System {
   Bursts bursts_;
   std::map<std::size_t, Inputs> inputs_;
 };
+
+/// The pictures and poses that a scene's sensors read.
+void add_inputs(const Scene& scene, Fingerprint& print) {
+  for (const SensorConfig& sensor : scene.sensors) {
+    for (const Pose& pose : sensor.T_world_depth) print.add(pose);
+    const auto* images = std::get_if<RgbdImagesSource>(&sensor.source);
+    if (!images) continue;
+    for (const auto& file : images->color) print.add_file(file);
+    for (const auto& file : images->depth) print.add_file(file);
+  }
+}
 
 std::vector<double> sizes(const std::vector<Bytes>& coded) {
   std::vector<double> out;
@@ -377,9 +392,16 @@ Result<CodedGeometry> System::geometry(const GeometrySetting& setting, std::size
 Result<CodedTexture> System::texture(const TextureSetting& setting, std::size_t moment) {
   const auto bytes = coded(setting, moment);
   if (!bytes) return bytes.error();
-  auto decoded = decode(setting, *bytes);
+  auto decoded = decode(setting, moment, *bytes);
   if (!decoded) return decoded.error();
   return CodedTexture{sizes(*bytes), *std::move(decoded)};
+}
+
+Result<std::vector<double>> System::texture_bytes(const TextureSetting& setting,
+                                                  std::size_t moment) {
+  const auto bytes = coded(setting, moment);
+  if (!bytes) return bytes.error();
+  return sizes(*bytes);
 }
 
 Store System::scores(const std::vector<render::Viewpoint>& views, ReferenceKind reference) const {
@@ -394,6 +416,7 @@ Result<std::unique_ptr<System>> make_system(const Scene& scene, const SystemConf
   Fingerprint print;
   print.add(program_fingerprint()).add(scene.pipeline).add(scene.file.string());
   if (const auto text = read_file(scene.file)) print.add(std::span<const std::byte>(*text));
+  add_inputs(scene, print);
   for (const int first : config.moments.first) print.add(static_cast<double>(first));
   print.add(static_cast<double>(config.moments.burst));
   for (const GeometrySetting& setting : config.mask_for) print.add(to_string(setting));

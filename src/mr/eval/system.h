@@ -62,6 +62,9 @@ class System {
   Result<CodedGeometry> geometry(const GeometrySetting& setting, std::size_t moment);
   Result<CodedTexture> texture(const TextureSetting& setting, std::size_t moment);
 
+  /// Only what it costs.
+  Result<std::vector<double>> texture_bytes(const TextureSetting& setting, std::size_t moment);
+
   /// Where scores of this system are kept.
   Store scores(const std::vector<render::Viewpoint>& views, ReferenceKind reference) const;
 
@@ -75,7 +78,7 @@ class System {
   virtual Result<std::vector<Bytes>> encode(const TextureSetting& setting, std::size_t moment) = 0;
   virtual Result<baseline::Geometry> decode(const GeometrySetting& setting,
                                             const std::vector<Bytes>& coded) = 0;
-  virtual Result<baseline::Texture> decode(const TextureSetting& setting,
+  virtual Result<baseline::Texture> decode(const TextureSetting& setting, std::size_t moment,
                                            const std::vector<Bytes>& coded) = 0;
   template <typename Setting>
   Result<std::vector<Bytes>> coded(const Setting& setting, std::size_t moment);

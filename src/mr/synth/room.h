@@ -62,6 +62,9 @@ Room build_room(const RigConfig& rig);
 /// off from those that the pictures are rendered from.
 std::vector<SensorConfig> rig_sensors(const RigConfig& rig);
 
+/// Names everything that a rig's pictures depend on, this version of the rig included.
+std::uint64_t rig_key(const RigConfig& rig, double fps);
+
 /// Where a rig keeps what it has rendered.
 struct RigCache {
   std::filesystem::path folder;  ///< of all rigs; empty: nothing is kept

@@ -161,34 +161,7 @@ class Hasher {
   std::uint64_t sum_ = mix(kPicturesVersion);
 };
 
-std::uint64_t rig_key(const RigConfig& rig, double fps) {
-  Hasher hash;
-  for (const double v : {static_cast<double>(rig.kind),
-                         1.0 * rig.seed,
-                         rig.room_m.x,
-                         rig.room_m.y,
-                         rig.room_m.z,
-                         1.0 * rig.people,
-                         1.0 * rig.sensors,
-                         1.0 * rig.lidars,
-                         1.0 * rig.depth_width,
-                         1.0 * rig.depth_height,
-                         1.0 * rig.color_width,
-                         1.0 * rig.color_height,
-                         1.0 * rig.noise,
-                         rig.calib_error_mm,
-                         rig.calib_error_deg,
-                         rig.exposure_spread,
-                         rig.clock_offset_ms,
-                         rig.detail,
-                         1.0 * rig.loop,
-                         rig.loop ? 1.0 * rig.frames : 0.0,
-                         fps})
-    hash.add(v);
-  return hash.sum();
-}
-
-std::uint64_t sensor_key(std::uint64_t rig_key, const ViewSetup& setup) {
+std::uint64_t sensor_key(std::uint64_t of_rig, const ViewSetup& setup) {
   Hasher hash;
   hash.add(setup.depth.camera);
   hash.add(setup.depth.T_world_camera);
@@ -199,7 +172,7 @@ std::uint64_t sensor_key(std::uint64_t rig_key, const ViewSetup& setup) {
   for (const double v : {setup.noise.precision.base_m, setup.noise.precision.per_m2,
                          setup.noise.near_m, setup.noise.far_m})
     hash.add(v);
-  return mix(rig_key, hash.sum());
+  return mix(of_rig, hash.sum());
 }
 
 /// What the pictures are made with: the rig's true pose, not the one that the sensor states.
@@ -252,6 +225,33 @@ void render_ahead(const std::vector<RigSource*>& sources, int frames,
 }
 
 }  // namespace
+
+std::uint64_t rig_key(const RigConfig& rig, double fps) {
+  Hasher hash;
+  for (const double v : {static_cast<double>(rig.kind),
+                         1.0 * rig.seed,
+                         rig.room_m.x,
+                         rig.room_m.y,
+                         rig.room_m.z,
+                         1.0 * rig.people,
+                         1.0 * rig.sensors,
+                         1.0 * rig.lidars,
+                         1.0 * rig.depth_width,
+                         1.0 * rig.depth_height,
+                         1.0 * rig.color_width,
+                         1.0 * rig.color_height,
+                         1.0 * rig.noise,
+                         rig.calib_error_mm,
+                         rig.calib_error_deg,
+                         rig.exposure_spread,
+                         rig.clock_offset_ms,
+                         rig.detail,
+                         1.0 * rig.loop,
+                         rig.loop ? 1.0 * rig.frames : 0.0,
+                         fps})
+    hash.add(v);
+  return hash.sum();
+}
 
 std::filesystem::path default_rig_cache() {
   const auto set = [](const char* name) {
