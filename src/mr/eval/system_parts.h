@@ -1,0 +1,45 @@
+#pragma once
+
+#include <filesystem>
+#include <map>
+#include <memory>
+#include <span>
+#include <utility>
+#include <vector>
+
+#include "mr/core/frame.h"
+#include "mr/core/result.h"
+#include "mr/core/scene.h"
+#include "mr/eval/moments.h"
+#include "mr/eval/system.h"
+
+/// What the systems under test are made of.
+namespace mr::eval {
+
+/// A scene with other settings.
+Scene with(Scene scene, const GeometrySetting& setting);
+Scene with(Scene scene, const TextureSetting& setting);
+
+using Capture = std::vector<Frame>;
+
+/// The captures of every moment's burst; read when first asked for.
+class Bursts {
+ public:
+  /// The scene must outlive this.
+  Bursts(const Scene& scene, Moments moments, std::filesystem::path rig_cache)
+      : scene_(&scene), moments_(std::move(moments)), rig_cache_(std::move(rig_cache)) {}
+
+  Result<std::span<const Capture>> at(std::size_t moment);
+
+ private:
+  const Scene* scene_;
+  Moments moments_;
+  std::filesystem::path rig_cache_;
+  std::map<std::size_t, std::vector<Capture>> read_;
+};
+
+/// MeshReduce itself, taken apart.
+std::unique_ptr<System> make_meshreduce_system(std::filesystem::path folder, const Scene& scene,
+                                               const SystemConfig& config);
+
+}  // namespace mr::eval
