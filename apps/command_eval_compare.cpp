@@ -51,7 +51,10 @@ Status compare_scene(const Scene& scene, const CompareOptions& options, Table& t
   const eval::QualityConfig config = quality_config(options, bar);
   const auto trial = eval::Trial::prepare(scene, config);
   if (!trial) return trial.error();
-  const auto view = static_cast<std::size_t>(options.view) % trial->plan().views.size();
+  const auto view = static_cast<std::size_t>(options.view), views = trial->plan().views.size();
+  if (view >= views)
+    return Error{Error::Cause::invalid, fmt::format("scene '{}' has viewpoints 0 to {}, and no {}",
+                                                    scene.id, views - 1, view)};
   const auto judge = trial->judge(trial->all_moments(), trial->plan().views.size(), 1, config);
   if (!judge) return judge.error();
   const auto reference = trial->pictures({0}, view + 1, 0, config);
@@ -78,8 +81,9 @@ Status compare_scene(const Scene& scene, const CompareOptions& options, Table& t
                     score.masked.mean, score.masked.p5, score.full.mean, score.psnr_db,
                     report->mesh_mbps, report->texture_mbps, report->mbps());
     bar.hide();
-    fmt::print("{:<22} {:<16} SSIM {:.3f}  {:9.2f} Mbit/s  {} triangles{}\n", scene.id, pipeline,
+    fmt::print("{:<22} {:<16} SSIM {:.3f}  {:9.2f} Mbit/s  {} {}{}\n", scene.id, pipeline,
                score.masked.mean, report->mbps(), report->triangles,
+               pipeline == "points" ? "points" : "triangles",
                ranked ? "" : "  (not ranked: it sends the reference)");
     std::fflush(stdout);
   }
@@ -106,7 +110,7 @@ int compare(const CompareOptions& options) {
   for (const Scene& scene : scenes) {
     Status compared;
     in_arena(options, scene, [&] { compared = compare_scene(scene, options, table); });
-    if (!compared) return fail("scene '" + scene.id + "': " + compared.error().message);
+    if (!compared) return fail(compared.error().message);
   }
   std::error_code failed;
   if (!options.pictures.empty()) std::filesystem::create_directories(options.pictures, failed);

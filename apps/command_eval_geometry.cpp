@@ -61,15 +61,9 @@ Error no_such_frame(const Scene& scene, int frame) {
           fmt::format("frame {} of scene '{}' did not come through", frame, scene.id)};
 }
 
-Result<Mesh> joined(const Scene& scene, const DecodedScene& decoded) {
+Mesh joined(const DecodedScene& decoded) {
   Mesh mesh;
-  for (const auto& chunk : decoded.chunks) {
-    if (chunk->point_m > 0)
-      return Error{Error::Cause::unsupported, "pipeline '" + scene.pipeline +
-                                                  "' shows points, which have no surface to "
-                                                  "measure"};
-    append(mesh, chunk->mesh);
-  }
+  for (const auto& chunk : decoded.chunks) append(mesh, chunk->mesh);
   return mesh;
 }
 
@@ -77,7 +71,7 @@ Result<Mesh> baseline_surface(const Scene& scene, const GeometryOptions& options
   const auto run = baseline::run_baseline(scene, 1, options.frame, {{}, tell_dropped, {}},
                                           synth::default_rig_cache());
   if (!run) return run.error();
-  return joined(scene, run->last);
+  return joined(run->last);
 }
 
 /// One frame's surface through all nodes.
@@ -88,7 +82,7 @@ Result<Mesh> tested_surface(const Scene& scene, const GeometryOptions& options) 
   (*pipeline)->skip(static_cast<std::uint64_t>(options.frame));
   const auto report = (*pipeline)->run(1, {{}, tell_dropped, {}});
   if (!report) return report.error();
-  if (options.decoded) return joined(scene, *(*pipeline)->decoded());
+  if (options.decoded) return joined(*(*pipeline)->decoded());
   if (!(*pipeline)->surface()) return no_such_frame(scene, options.frame);
   return *(*pipeline)->surface();
 }
@@ -226,6 +220,9 @@ Result<Measured> measure_scene(const Scene& given, const GeometryOptions& option
     return Error{Error::Cause::unsupported, "scene '" + given.id +
                                                 "' has no truth: it has neither a rig nor a key "
                                                 "'truth'; use --reference monolithic"};
+  if (given.pipeline == "points")
+    return Error{Error::Cause::unsupported,
+                 "scene '" + given.id + "' shows points, which have no surface to measure"};
   const auto scene = node::prepare_scene(given);
   if (!scene) return scene.error();
   const auto capture = read_capture(*scene, options.frame);

@@ -94,14 +94,15 @@ int run_match(const MatchOptions& options) {
     fmt::print("{}", to_json(*scene, **matches));
     return 0;
   }
-  fmt::print("{}, {} views at {} moments, against {}\n", scene->id, (*matches)->views,
-             (*matches)->moments, to_string((*matches)->reference));
+  fmt::print("{}, {} views at {} moment{}, against {}\n", scene->id, (*matches)->views,
+             (*matches)->moments, (*matches)->moments == 1 ? "" : "s",
+             to_string((*matches)->reference));
   for (const eval::Match& m : (*matches)->of)
     fmt::print("{:<22} SSIM {:.3f} {:9.2f} Mbit/s{}{}  {}\n", m.name, m.point.score.masked.mean,
                m.point.mbps(), m.met ? " " : "!",
                is_reference(m.pipeline, (*matches)->reference) ? "*" : " ", knobs(m, scene->fps));
   fmt::print(
-      "(! the target is out of this system's reach: its nearest setting; * this system sends the "
+      "(! no setting that was tried meets the target: the nearest; * this system sends the "
       "reference itself: not to be ranked)\n");
   return 0;
 }

@@ -1,5 +1,6 @@
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <memory>
 
 #include "commands.h"
@@ -41,12 +42,14 @@ std::string draw(const Swept& swept, const Scene& scene) {
   eval::Plot plot;
   plot.title = fmt::format("{}: {} settings, against {}", scene.id, points.size(),
                            to_string(swept.reference));
-  plot.x_label = "Mbit/s at " + fmt::format("{:g}", scene.fps) + " fps", plot.log_x = true;
+  plot.x_label = "Mbit/s at " + fmt::format("{:g}", scene.fps) + " fps";
   plot.y_label = "Multi-View SSIM (masked)";
   eval::Series all{"settings", {}, false, true}, hull{"Pareto hull", {}, true, true};
   for (const auto& p : points) all.points.emplace_back(p.mbps(), p.score.masked.mean);
   for (const std::size_t i : eval::pareto_hull(points))
     hull.points.emplace_back(points[i].mbps(), points[i].score.masked.mean);
+  const auto [least, most] = std::minmax_element(all.points.begin(), all.points.end());
+  plot.log_x = most->first > 4 * least->first;
   plot.series = {std::move(all), std::move(hull)};
   return eval::draw_svg(plot);
 }
@@ -75,6 +78,21 @@ Result<Swept> sweep_scene(const Scene& scene, const RdOptions& options) {
   return Swept{trial->reference(), *std::move(points)};
 }
 
+/// What is worth choosing among the settings.
+void print_hull(const Swept& swept) {
+  const auto hull = eval::pareto_hull(swept.points);
+  fmt::print("{} settings, {} on the hull, against {}:\n", swept.points.size(), hull.size(),
+             to_string(swept.reference));
+  for (const std::size_t i : hull) {
+    const eval::SweepPoint& p = swept.points[i];
+    fmt::print(
+        "{:8.2f} Mbit/s  SSIM {:.4f}  ratio {:g}, step_exp {}, texture_scale {:g}, "
+        "texture_qp {}\n",
+        p.mbps(), p.score.masked.mean, p.geometry.ratio, p.geometry.step_exp, p.texture.scale,
+        p.texture.qp);
+  }
+}
+
 int run_rd(const RdOptions& options) {
   if (const Status ok = check({{}, options.csv, {}}); !ok) return fail(ok.error().message);
   if (const Status ok = check({{}, options.plot, {}}); !ok) return fail(ok.error().message);
@@ -87,7 +105,10 @@ int run_rd(const RdOptions& options) {
   const std::string csv = eval::to_csv((*swept)->points, (*swept)->reference);
   if (const Status ok = write_all({{options.csv, csv}, {options.plot, draw(**swept, *scene)}}); !ok)
     return fail(ok.error().message);
-  if (options.csv.empty()) fmt::print("{}", csv);
+  if (options.csv.empty())
+    fmt::print("{}", csv);
+  else
+    print_hull(**swept);
   return 0;
 }
 

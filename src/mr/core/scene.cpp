@@ -31,14 +31,16 @@ void read_up(MapReader& top, Vec3d& up) {
     up = normalized(direction);
 }
 
-void read_lattice(MapReader& top, Lattice& lattice) {
+/// A point cloud may be coarser than what browsers decode.
+void read_lattice(MapReader& top, bool of_points, Lattice& lattice) {
   const YamlNode* node = top.find("lattice");
   if (!node) return;
   MapReader map(top.report, *node, "lattice");
   if (map.integer("step_exp", lattice.step_exp, -1000, 1000) &&
-      (lattice.step_exp > -9 || lattice.step_exp < -11)) {
-    map.report.problem(map.line("step_exp"), "step_exp must be one of -9, -10, -11; not " +
-                                                 std::to_string(lattice.step_exp));
+      (lattice.step_exp > (of_points ? -7 : -9) || lattice.step_exp < -11)) {
+    map.report.problem(map.line("step_exp"),
+                       std::string("step_exp must be one of ") + (of_points ? "-7, -8, " : "") +
+                           "-9, -10, -11; not " + std::to_string(lattice.step_exp));
     lattice.step_exp = Lattice{}.step_exp;
   }
   double v[3];
@@ -94,19 +96,19 @@ void read_general(MapReader& top, Scene& scene) {
   top.number("fps", scene.fps, {0, 240, true});
   top.integer("threads", scene.threads, 0, 1024);
   top.number("voxel_m", scene.voxel_m, {0.002, 0.05});
-  read_lattice(top, scene.lattice);
-  if (const YamlNode* node = top.find("video")) {
-    MapReader video(top.report, *node, "video");
-    video.integer("threads", scene.video.threads, 1, 64);
-    video.integer("slices", scene.video.slices, 1, 64);
-  }
-  read_volume(top, scene);
   top.choice<std::string>("pipeline", scene.pipeline,
                           {{"meshreduce", "meshreduce"},
                            {"holoportation", "holoportation"},
                            {"holoportation++", "holoportation++"},
                            {"points", "points"},
                            {"rgbd", "rgbd"}});
+  read_lattice(top, scene.pipeline == "points", scene.lattice);
+  if (const YamlNode* node = top.find("video")) {
+    MapReader video(top.report, *node, "video");
+    video.integer("threads", scene.video.threads, 1, 64);
+    video.integer("slices", scene.video.slices, 1, 64);
+  }
+  read_volume(top, scene);
 }
 
 void read_fusion(MapReader& top, const Scene& scene, FusionConfig& fusion) {

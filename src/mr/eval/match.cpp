@@ -76,7 +76,8 @@ SweepPlan match_plan(const std::string& pipeline, const Scene& scene) {
     textures({1, 0.5, 0.25}, {22, 28, 34, 40});
     plan.dividers = {1, 2, 3};
   } else if (pipeline == "points") {
-    geometries({0.005, 0.0075, voxel, 0.015, 0.02, 0.03, 0.04}, {1}, {-7, -8, -9}, {own.depth_qp});
+    geometries({0.005, 0.0075, voxel, 0.015, 0.02, 0.03, 0.04, 0.05}, {1}, {-7, -8, -9},
+               {own.depth_qp});
     textures({1}, {0});
   } else if (pipeline == "rgbd") {
     geometries({voxel}, {1}, {own.step_exp}, {8, 14, 20, 26, 32});

@@ -33,7 +33,7 @@ Moments spread_moments(const Scene& scene, int moments, int burst) {
   Moments out;
   out.burst = loops(scene) ? burst : std::min(burst, captures);
   const int last_start = loops(scene) ? captures - 1 : captures - out.burst;
-  const int count = std::min(moments, last_start + 1);
+  const int count = std::clamp(captures / out.burst, 1, moments);  // that do not overlap
   for (int i = 0; i < count; ++i)
     out.first.push_back(static_cast<int>(static_cast<long long>(i) * (last_start + 1) / count));
   return out;

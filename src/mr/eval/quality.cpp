@@ -107,7 +107,13 @@ Result<Trial> Trial::prepare(const Scene& scene, const QualityConfig& config) {
     return Error{Error::Cause::empty,
                  "scene '" + scene.id + "' has no colour, so pictures of it cannot be compared"};
   trial.moments_ = spread_moments(trial.scene_, config.moments, config.burst);
+  const auto moments = static_cast<int>(trial.moments_.first.size());
+  if ((moments < config.moments || trial.moments_.burst < config.burst) && config.notice)
+    config.notice(fmt::format("the sources hold {} moment{} of {} capture{}", moments,
+                              moments == 1 ? "" : "s", trial.moments_.burst,
+                              trial.moments_.burst == 1 ? "" : "s"));
   trial.reference_ = config.reference.value_or(default_reference(trial.scene_));
+  if (trial.reference_ == ReferenceKind::truth && !known_rig(trial.scene_)) return no_truth(scene);
 
   const auto file = viewpoints_file(trial.scene_);
   auto plan = std::filesystem::exists(file) ? read_viewpoints(file, viewpoints_key(trial.scene_))
@@ -239,14 +245,14 @@ std::string to_text(const QualityReport& r) {
     return fmt::format("  SSIM {}  {:.4f} mean, {:.4f} 5th percentile, {:.4f} least\n", name,
                        s.mean, s.p5, s.min);
   };
-  return fmt::format("{} ({}), {} views at {} moments, against {}\n", r.scene, r.pipeline, r.views,
-                     r.frames,
+  return fmt::format("{} ({}), {} views at {} moment{}, against {}\n", r.scene, r.pipeline, r.views,
+                     r.frames, r.frames == 1 ? "" : "s",
                      r.reference == ReferenceKind::truth ? "the truth" : "the monolithic fusion") +
          line("masked", r.score.masked) + line("full  ", r.score.full) +
          fmt::format("  PSNR         {:.2f} dB\n", r.score.psnr_db) +
          fmt::format("  rate         {:.2f} Mbit/s at {:g} fps: mesh {:.2f}, texture {:.2f}\n",
                      r.mbps(), r.fps, r.mesh_mbps, r.texture_mbps) +
-         fmt::format("  triangles    {}\n", r.triangles);
+         fmt::format("  {:<13}{}\n", r.pipeline == "points" ? "points" : "triangles", r.triangles);
 }
 
 }  // namespace mr::eval

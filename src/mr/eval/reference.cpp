@@ -74,11 +74,7 @@ Result<Pictures> truth_pictures(const Scene& scene, const std::vector<int>& fram
                                 const std::filesystem::path& cache_folder,
                                 const Progress& progress) {
   const RigConfig* rig = known_rig(scene);
-  if (!rig)
-    return Error{Error::Cause::unsupported,
-                 "scene '" + scene.id +
-                     "' has no rig, so its truth is not known; use --reference "
-                     "monolithic"};
+  if (!rig) return no_truth(scene);
   const TruthStore store(cache_folder, *rig, scene.fps);
   std::unique_ptr<synth::Truth> truth;  // made when something is missing
   Pictures out(frames.size(), std::vector<Drawn>(views.size()));
@@ -133,6 +129,12 @@ Result<Pictures> monolithic_pictures(const Scene& scene, const std::vector<int>&
 const RigConfig* known_rig(const Scene& scene) {
   if (scene.rig) return &*scene.rig;
   return scene.truth && scene.truth->rig ? &*scene.truth->rig : nullptr;
+}
+
+Error no_truth(const Scene& scene) {
+  return {Error::Cause::unsupported, "scene '" + scene.id +
+                                         "' has no rig, so its truth is not known; use --reference "
+                                         "monolithic"};
 }
 
 const char* to_string(ReferenceKind kind) {

@@ -26,6 +26,7 @@ const char* to_string(ReferenceKind kind);
 /// The rig whose truth is known: the scene's own, or the one that its pictures were made with; null
 /// for real scenes.
 const RigConfig* known_rig(const Scene& scene);
+Error no_truth(const Scene& scene);  ///< unsupported: for a scene without one
 
 /// The scene's best: truth where its rig is known.
 ReferenceKind default_reference(const Scene& scene);

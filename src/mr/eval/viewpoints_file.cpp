@@ -89,7 +89,7 @@ Result<ViewPlan> read_plan(const Json& json, const std::string& key) {
     return Error{Error::Cause::unsupported, fmt::format("version is not {}", kVersion)};
   if (!member(json, "key").is_string()) return corrupt("key is missing");
   if (!key.empty() && member(json, "key") != key)
-    return Error{Error::Cause::invalid, "planned for something else: its key is not '" + key + "'"};
+    return Error{Error::Cause::invalid, "planned for other sensors or another room"};
   ViewPlan plan;
   const Json &kind = member(json, "kind"), &views = member(json, "views");
   if (kind != "voronoi" && kind != "arcs") return corrupt("kind is neither voronoi nor arcs");

@@ -40,10 +40,13 @@ Camera camera_of(const View& view, Size size) {
 
 Box3d box_of(const DecodedScene& scene) {
   Box3d box;
-  for (const auto& chunk : scene.chunks)
+  for (const auto& chunk : scene.chunks) {
     for (const Triangle& triangle : chunk->mesh.triangles)
       for (const std::uint32_t vertex : triangle)
         box.add(vec_cast<double>(chunk->mesh.positions[vertex]));
+    if (chunk->point_m > 0)
+      for (const Vec3f point : chunk->mesh.positions) box.add(vec_cast<double>(point));
+  }
   return box;
 }
 
