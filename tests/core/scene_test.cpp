@@ -216,7 +216,8 @@ TEST_F(SceneFile, RefusesValuesOutOfRange) {
   EXPECT_THAT(problem_of("coding: {frame_divider: 0}"), HasSubstr("frame_divider"));
   EXPECT_THAT(problem_of("coding: {frame_divider: 31}"), HasSubstr("frame_divider"));
   EXPECT_THAT(problem_of("lattice: {step_exp: -12}"), HasSubstr("-9, -10, -11"));
-  EXPECT_EQ(problem_of("pipeline: points\nlattice: {step_exp: -7}"), "");
+  EXPECT_THAT(problem_of("pipeline: points\nlattice: {step_exp: -6}"), HasSubstr("-7, -8, -9"));
+  EXPECT_THAT(problems(scene_of({"a"}, "pipeline: points\nlattice: {step_exp: -7}\n")), IsEmpty());
   EXPECT_THAT(problem_of("pipeline: magic"), HasSubstr("pipeline must be one of meshreduce"));
   EXPECT_THAT(problem_of("mergers: [{id: r, inputs: [a], deadline_ms: 0}]"), HasSubstr("deadline"));
 }
