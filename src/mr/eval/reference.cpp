@@ -3,7 +3,6 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <numeric>
 
 #include "mr/atlas/labels.h"
 #include "mr/baseline/monolithic.h"
