@@ -206,6 +206,9 @@ TEST_F(SceneFile, RefusesValuesOutOfRange) {
   EXPECT_THAT(problem_of("fusion: {truncation_m: 0.019}"), HasSubstr("at least 2 voxels"));
   EXPECT_THAT(problem_of("fusion: {chunk_m: 0.07}"), HasSubstr("at least 8 voxels"));
   EXPECT_THAT(problem_of("fusion: {patches: [4, 17]}"), HasSubstr("patches"));
+  EXPECT_THAT(problem_of("fusion: {mixed_pixels: 1}"), HasSubstr("mixed_pixels must be true"));
+  EXPECT_THAT(problem_of("fusion: {speckle_px: -1}"), HasSubstr("speckle_px"));
+  EXPECT_THAT(problem_of("fusion: {fill_px: 8}"), HasSubstr("fill_px must be between 0 and 7"));
   EXPECT_THAT(problem_of("simplify: {ratio: 0}"), HasSubstr("ratio"));
   EXPECT_THAT(problem_of("merge: {simplify: {ratio: 1.1}}"), HasSubstr("ratio"));
   EXPECT_THAT(problem_of("merge: {refine: maybe}"), HasSubstr("refine must be true or false"));
@@ -236,6 +239,26 @@ merge: {owner: paper, overlap: rays, refine: false, color_gain: false, calibrati
               IsEmpty());
   EXPECT_EQ(load(scene_of({"a"}, "up: [0, -2, 0]\n")).scene.up, (Vec3d{0, -1, 0}));
   EXPECT_GE(load(scene_of({"a"}, "voxel_m: 0.05\n")).scene.fusion.truncation_m, 0.1);
+}
+
+TEST_F(SceneFile, EachPartOfTheDepthCleanUpIsASwitch) {
+  const CleanConfig usual = load(scene_of({"a"})).scene.fusion.clean;
+  EXPECT_TRUE(usual.mixed_pixels && usual.smooth_depth);
+  EXPECT_TRUE(usual.speckle_px > 1 && usual.fill_px > 0);
+  const auto off = load(scene_of({"a"}, R"(fusion:
+  mixed_pixels: false
+  speckle_px: 0
+  fill_px: 0
+  smooth_depth: false
+)"));
+  EXPECT_THAT(off.problems, IsEmpty());
+  EXPECT_FALSE(off.scene.fusion.clean.mixed_pixels || off.scene.fusion.clean.smooth_depth);
+  EXPECT_EQ(off.scene.fusion.clean.speckle_px, 0);
+  EXPECT_EQ(off.scene.fusion.clean.fill_px, 0);
+  const auto most = load(scene_of({"a"}, "fusion: {speckle_px: 1000000, fill_px: 7}\n"));
+  EXPECT_THAT(most.problems, IsEmpty());
+  EXPECT_EQ(most.scene.fusion.clean.speckle_px, 1000000);
+  EXPECT_EQ(most.scene.fusion.clean.fill_px, 7);
 }
 
 TEST_F(SceneFile, WhatThisVersionDoesNotActOnIsANotice) {

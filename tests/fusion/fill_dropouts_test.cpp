@@ -19,6 +19,12 @@ ImageDepth slanted() {
   return depth;
 }
 
+ImageDepth filled(const ImageDepth& depth, int most_px = 2) {
+  const RaySpacing rays(depth.width, depth.height);
+  const RayGrid grid = fill_dropouts(to_grid(depth, rays), rays, {}, most_px);
+  return to_depth(grid, rays, &depth);
+}
+
 long valid(const ImageDepth& depth) {
   return std::count_if(depth.data.begin(), depth.data.end(), [](float d) { return d > 0; });
 }
@@ -29,18 +35,18 @@ TEST(FillDropouts, HolesInsideASurfaceClose) {
   std::mt19937 random(1);
   for (float& d : broken.data)
     if (random() % 10 < 6) d = 0;  // as on black hair
-  const ImageDepth filled = fill_dropouts(broken, {});
+  const ImageDepth whole_again = filled(broken);
   EXPECT_LT(valid(broken), 0.45 * 1600);
-  EXPECT_GT(valid(filled), 0.8 * 1600);
-  for (std::size_t i = 0; i < filled.data.size(); ++i) {
-    if (filled.data[i] == 0) continue;
-    EXPECT_NEAR(filled.data[i], whole.data[i], 0.02f);
+  EXPECT_GT(valid(whole_again), 0.8 * 1600);
+  for (std::size_t i = 0; i < whole_again.data.size(); ++i) {
+    if (whole_again.data[i] == 0) continue;
+    EXPECT_NEAR(whole_again.data[i], whole.data[i], 0.02f);
   }
 }
 
 TEST(FillDropouts, NothingGrowsAndNothingElseChanges) {
   const ImageDepth whole = slanted();
-  EXPECT_EQ(fill_dropouts(whole, {}), whole);
+  EXPECT_EQ(filled(whole), whole);
 }
 
 TEST(FillDropouts, GapsBetweenTwoSurfacesStay) {
@@ -49,7 +55,26 @@ TEST(FillDropouts, GapsBetweenTwoSurfacesStay) {
     *depth.at(30, y) = 0;
     for (int x = 31; x < kSide; ++x) *depth.at(x, y) = 3;
   }
-  EXPECT_EQ(fill_dropouts(depth, {}), depth);
+  EXPECT_EQ(filled(depth, 7), depth);
+}
+
+TEST(FillDropouts, GapsCloseUpToTheBound) {
+  for (int gap = 1; gap <= 9; ++gap) {
+    ImageDepth depth(kSide, kSide, 2.0f);
+    for (int y = 0; y < kSide; ++y) std::fill_n(depth.at(20, y), gap, 0.0f);
+    const ImageDepth whole(kSide, kSide, 2.0f);
+    for (int most = 0; most <= 7; ++most)
+      EXPECT_EQ(filled(depth, most), gap <= most ? whole : depth) << gap << ", " << most;
+  }
+}
+
+TEST(FillDropouts, AGapIsFilledStraight) {
+  ImageDepth depth(kSide, 1);
+  for (int x = 0; x < kSide; ++x) *depth.at(x, 0) = 1 / (0.5f + 0.0005f * static_cast<float>(x));
+  const ImageDepth whole = depth;
+  std::fill_n(depth.at(30, 0), 5, 0.0f);
+  const ImageDepth closed = filled(depth, 5);
+  for (int x = 0; x < kSide; ++x) EXPECT_NEAR(*closed.at(x, 0), *whole.at(x, 0), 1e-5f);
 }
 
 }  // namespace

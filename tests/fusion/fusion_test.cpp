@@ -25,12 +25,17 @@ FusionConfig decomposition(Decomposition d, int m = 3, int n = 2) {
 /// Rotated against the voxel grid, as a real camera is.
 Pose tilted() { return look_at({0.13, -0.21, 0.07}, {0.5, 0.3, 2}, {0.1, -1, 0}); }
 
+Mesh fuse_frame(const fusion::DepthFrame& frame, VolumeConfig volume = {}) {
+  volume.history = fusion::History::none;
+  return fusion::FrameFuser(volume).fuse(frame).mesh;
+}
+
 Mesh fuse(const Mesh& scene, const Pose& pose, const FusionConfig& f = {},
           const VolumeConfig& volume = {}) {
   const ImageDepth depth = test::render_depth(scene, test::small_camera(), pose);
   Mesh all;
   for (const Rect& patch : fusion::patches(depth.width, depth.height, f))
-    append(all, fusion::fuse_patch(depth, test::small_camera(), pose, volume, patch));
+    append(all, fuse_frame({depth, test::small_camera(), pose, patch, {}}, volume));
   return all;
 }
 
@@ -107,8 +112,8 @@ TEST(Fusion, SecondFrameIsAveragedIn) {
   fusion::VoxelVolume volume({});
   const Camera camera = test::small_camera();
   for (const float z : {1.50f, 1.52f})
-    volume.integrate(ImageDepth(camera.width, camera.height, z), camera, Pose{},
-                     {0, 0, camera.width, camera.height});
+    volume.integrate({ImageDepth(camera.width, camera.height, z), camera, Pose{},
+                      {0, 0, camera.width, camera.height}, {}});
   const Mesh mesh = fusion::extract_surface(volume);
   ASSERT_FALSE(mesh.empty());
   for (const Vec3f p : mesh.positions) EXPECT_NEAR(p.z, 1.51f, 0.002f);
@@ -136,7 +141,7 @@ TEST(Fusion, PatchesAreIndependentAndCoverNearlyEverything) {
   ASSERT_EQ(patches.size(), 6u);
   double area = 0;
   for (const Rect& patch : patches) {
-    const Mesh mesh = fusion::fuse_patch(depth, test::small_camera(), tilted(), {}, patch);
+    const Mesh mesh = fuse_frame({depth, test::small_camera(), tilted(), patch, {}});
     EXPECT_FALSE(mesh.empty());
     area += surface_area_m2(mesh);
   }
@@ -181,7 +186,7 @@ TEST(Fusion, NoDepthNoSurface) {
   const Camera camera = test::small_camera();
   const ImageDepth nothing(camera.width, camera.height);
   const Rect all{0, 0, camera.width, camera.height};
-  EXPECT_TRUE(fusion::fuse_patch(nothing, camera, Pose{}, {}, all).empty());
+  EXPECT_TRUE(fuse_frame({nothing, camera, Pose{}, all, {}}).empty());
 }
 
 }  // namespace

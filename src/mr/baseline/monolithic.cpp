@@ -21,9 +21,14 @@ Mesh fuse_all(const Scene& scene, std::span<const Frame> capture, double voxel_m
 
 Mesh fuse_prepared(const Scene& scene, std::span<const PreparedDepth> depths, double voxel_m) {
   const double truncation_m = std::max(scene.fusion.truncation_m, 4 * voxel_m);
-  fusion::VoxelVolume volume({voxel_m, truncation_m, scene.volume});
+  fusion::VoxelVolume volume(
+      {.voxel_m = voxel_m, .truncation_m = truncation_m, .bounds = scene.volume});
   for (const PreparedDepth& d : depths)
-    volume.integrate(d.depth, d.camera, d.T_world_depth, {0, 0, d.depth.width, d.depth.height});
+    volume.integrate({.depth = d.depth,
+                      .camera = d.camera,
+                      .T_world_camera = d.T_world_depth,
+                      .region = {0, 0, d.depth.width, d.depth.height},
+                      .precision = {}});
   return merge::remove_islands(fusion::extract_surface(volume), merge::island_area_m2(voxel_m));
 }
 

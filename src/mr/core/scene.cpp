@@ -134,7 +134,10 @@ void read_fusion(MapReader& top, const Scene& scene, FusionConfig& fusion) {
       out = value;
   };
   voxels("chunk_m", fusion.chunk_m, 8, 100);
-  map.flag("smooth_depth", fusion.smooth_depth);
+  map.flag("mixed_pixels", fusion.clean.mixed_pixels);
+  map.integer("speckle_px", fusion.clean.speckle_px, 0, 1000000);
+  map.integer("fill_px", fusion.clean.fill_px, 0, 7);
+  map.flag("smooth_depth", fusion.clean.smooth_depth);
   voxels("truncation_m", fusion.truncation_m, 2, 1);
   map.size("patches", 1, 16, fusion.patches_x, fusion.patches_y);
 }

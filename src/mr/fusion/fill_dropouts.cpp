@@ -1,44 +1,79 @@
 #include "mr/fusion/fill_dropouts.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
-#include <utility>
+#include <cstddef>
 
 #include "mr/core/parallel.h"
 
 namespace mr::fusion {
 namespace {
 
-constexpr int kRounds = 2;
-constexpr float kSlope = 0.015f;  // of the depth: what a slanted surface rises in two pixels
+constexpr float kGrazing = 0.26f;  // sine of the angle to the ray at which surfaces are still one
+constexpr float kSigmas = 5;
 
-/// The mean of the opposite neighbours that agree best; 0 when none do.
-float between(const ImageDepth& depth, int x, int y, const Precision& precision) {
-  float best = 0, least = 0;
-  for (const auto& [dx, dy] : {std::pair{1, 0}, {0, 1}, {1, 1}, {1, -1}}) {
-    const float a = *depth.at(x - dx, y - dy), b = *depth.at(x + dx, y + dy);
-    if (a <= 0 || b <= 0) continue;
-    const float mean = 0.5f * (a + b), apart = std::abs(a - b);
-    if (apart > 5 * static_cast<float>(precision.sigma_m(mean)) + kSlope * mean) continue;
-    if (best == 0 || apart < least) best = mean, least = apart;
+/// From a pixel to its neighbour in one direction.
+struct Way {
+  std::ptrdiff_t step;
+  float slope;  ///< steepest surface: change of inverse depth a step / inverse depth
+};
+
+/// A straight line across a gap.
+struct Bridge {
+  float middle = 0;  ///< inverse depth at the pixel; 0: there is none
+  float apart = 0;   ///< how much its ends differ
+};
+
+Bridge bridge(const float* p, const Way& way, InverseSigma sigma, int most_px) {
+  int i = 1, j = 1;
+  while (i <= most_px && p[-i * way.step] <= 0) ++i;
+  if (i > most_px) return {};
+  const int most = most_px + 1 - i;
+  while (j <= most && p[j * way.step] <= 0) ++j;
+  if (j > most) return {};
+  const float a = p[-i * way.step], b = p[j * way.step];
+  const auto steps = static_cast<float>(i + j);
+  const float middle = (a * static_cast<float>(j) + b * static_cast<float>(i)) / steps;
+  const float apart = std::abs(a - b);
+  if (apart > way.slope * steps * middle + kSigmas * sigma(middle)) return {};
+  return {middle, apart};
+}
+
+void fill_row(const RayGrid& grid, const RaySpacing& rays, int y, InverseSigma sigma, int most_px,
+              float* out) {
+  const float across = rays.across_rad[y] / kGrazing;
+  const float down =
+      std::max(std::abs(rays.down_rad(y - 1)), std::abs(rays.down_rad(y))) / kGrazing;
+  const std::ptrdiff_t next = grid.row(y + 1) - grid.row(y);
+  const std::array<Way, 4> ways{
+      {{1, across}, {next, down}, {next + 1, across + down}, {next - 1, across + down}}};
+  const std::size_t used = rays.rows_touch ? ways.size() : 1;
+  const float* const in = grid.row(y);
+  for (int x = 0; x < grid.width(); ++x) {
+    if (in[x] > 0) continue;
+    Bridge best;
+    for (std::size_t i = 0; i < used; ++i) {
+      const Bridge found = bridge(in + x, ways[i], sigma, most_px);
+      if (found.middle > 0 && (best.middle == 0 || found.apart < best.apart)) best = found;
+    }
+    out[x] = best.middle;
   }
-  return best;
 }
 
 }  // namespace
 
-ImageDepth fill_dropouts(const ImageDepth& depth, const Precision& precision) {
-  ImageDepth from, to = depth;
-  for (int round = 0; round < kRounds; ++round) {
-    from = to;
-    parallel_for(depth.height, 16, [&](std::size_t begin, std::size_t end) {
-      const int last = std::min(static_cast<int>(end), depth.height - 1);
-      for (int y = std::max(static_cast<int>(begin), 1); y < last; ++y)
-        for (int x = 1; x < depth.width - 1; ++x)
-          if (*from.at(x, y) <= 0) *to.at(x, y) = between(from, x, y, precision);
-    });
-  }
-  return to;
+RayGrid fill_dropouts(const RayGrid& grid, const RaySpacing& rays, const Precision& precision,
+                      int most_px) {
+  RayGrid out = grid;
+  const int most = std::min(most_px, RayGrid::kMargin - 1);
+  parallel_for(grid.height(), 16, [&](std::size_t begin, std::size_t end) {
+    for (int y = static_cast<int>(begin); y < static_cast<int>(end); ++y) {
+      fill_row(grid, rays, y, InverseSigma(precision), most, out.row(y));
+      out.wrap(y);
+    }
+  });
+  return out;
 }
 
 }  // namespace mr::fusion

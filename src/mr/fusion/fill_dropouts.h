@@ -1,13 +1,14 @@
 #pragma once
 
-#include "mr/core/image.h"
-#include "mr/core/packet.h"
+#include "mr/fusion/ray_grid.h"
 
 namespace mr::fusion {
 
-/// Fills depth pixels that failed, as many do on dark or grazing surfaces, where two opposite
-/// neighbours lie on one surface: by their mean, twice over, so that holes of up to two pixels
-/// close and nothing grows past an edge. Parallel over rows.
-ImageDepth fill_dropouts(const ImageDepth& depth, const Precision& precision);
+/// Fills pixels that failed, as many do on dark or grazing surfaces, where two opposite neighbours
+/// lie on one surface and the gap between them is at most `most_px` (up to RayGrid::kMargin - 1)
+/// pixels: by the straight line between the two that agree best. Nothing grows past an edge. Rows
+/// are compared only where their beams share light.
+RayGrid fill_dropouts(const RayGrid& grid, const RaySpacing& rays, const Precision& precision,
+                      int most_px);
 
 }  // namespace mr::fusion

@@ -1,7 +1,5 @@
 #include "mr/fusion/fuse.h"
 
-#include "mr/fusion/marching_cubes.h"
-
 namespace mr::fusion {
 
 std::vector<Rect> patches(int width, int height, const FusionConfig& fusion) {
@@ -15,11 +13,11 @@ std::vector<Rect> patches(int width, int height, const FusionConfig& fusion) {
   return out;
 }
 
-Mesh fuse_patch(const ImageDepth& depth, const Camera& camera, const Pose& T_world_camera,
-                const VolumeConfig& volume, const Rect& patch) {
-  VoxelVolume voxels(volume);
-  voxels.integrate(depth, camera, T_world_camera, patch);
-  return extract_surface(voxels);
+const Surface& FrameFuser::fuse(const DepthFrame& frame, IntegrateReport* report) {
+  const IntegrateReport done = volume_.integrate(frame);
+  if (report) *report = done;
+  marching_cubes_.run(volume_, surface_);
+  return surface_;
 }
 
 }  // namespace mr::fusion

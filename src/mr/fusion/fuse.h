@@ -2,23 +2,33 @@
 
 #include <vector>
 
-#include "mr/core/camera.h"
 #include "mr/core/image.h"
-#include "mr/core/mesh.h"
-#include "mr/core/pose.h"
 #include "mr/core/scene.h"
+#include "mr/fusion/marching_cubes.h"
 #include "mr/fusion/voxel_volume.h"
 
 namespace mr::fusion {
 
 /// The rectangles of a depth picture that are reconstructed apart. Decomposition none and chunks:
 /// the whole picture. Decomposition patches: patches_x · patches_y of them, row by row (paper 5,
-/// "local decomposition").
+/// "local decomposition"); each gets a volume of its own, and between them lie gaps that merge::zip
+/// closes.
 std::vector<Rect> patches(int width, int height, const FusionConfig& fusion);
 
-/// One patch of a depth frame → its surface (paper 3.1), from a volume of its own that sees only
-/// its rectangle. Between patches lie gaps that merge::zip closes.
-Mesh fuse_patch(const ImageDepth& depth, const Camera& camera, const Pose& T_world_camera,
-                const VolumeConfig& volume, const Rect& patch);
+/// One depth frame after another → their surfaces (paper 3.1). Keeps its memory between frames.
+class FrameFuser {
+ public:
+  explicit FrameFuser(const VolumeConfig& config) : volume_(config) {}
+
+  /// The surface of a frame; good until the next. `report`, where wanted: what became of it.
+  const Surface& fuse(const DepthFrame& frame, IntegrateReport* report = nullptr);
+
+  VoxelVolume& volume() { return volume_; }
+
+ private:
+  VoxelVolume volume_;
+  MarchingCubes marching_cubes_;
+  Surface surface_;
+};
 
 }  // namespace mr::fusion

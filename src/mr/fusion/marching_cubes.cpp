@@ -1,227 +1,203 @@
 #include "mr/fusion/marching_cubes.h"
 
 #include <algorithm>
-#include <array>
 #include <bit>
-#include <vector>
+#include <cmath>
+#include <utility>
 
 #include "mr/core/parallel.h"
-#include "mr/fusion/marching_cubes_table.h"
 
 namespace mr::fusion {
 namespace {
 
-constexpr int kSide = VoxelBlock::kSide;
 constexpr std::size_t kBlocksAtOnce = 64;
-using Bits = VoxelBlock::Bits;
 
 const VoxelBlock kUnseen{};
+const BlockSurface kEmpty{};
 
-/// How many bits are set in a byte.
-constexpr std::array<std::uint8_t, 256> kBitCount = [] {
-  std::array<std::uint8_t, 256> count{};
-  for (int i = 1; i < 256; ++i) count[i] = static_cast<std::uint8_t>(count[i / 2] + i % 2);
-  return count;
-}();
-
-/// Surface vertices on the edges that start at a block's voxels. The vertex on the edge along
-/// `axis` from voxel (x, y, z) has the number first[axis][z·8 + y] + the crossings before it in its
-/// row.
-struct BlockVertices {
-  std::array<Bits, 3> crossing{};  ///< [axis]
-  std::array<std::array<std::uint32_t, kSide * kSide>, 3> first;
-  std::uint32_t count = 0;
-
-  std::uint32_t vertex(int axis, int x, int y, int z) const {
-    const std::uint64_t before = (std::uint64_t{1} << x) - 1;
-    return first[axis][z * kSide + y] + kBitCount[crossing[axis][z] >> 8 * y & before];
+/// The slots of a block's neighbours towards larger (1) or smaller (-1) coordinates.
+std::array<std::uint32_t, 8> neighbours(const BlockDirectory& directory, Vec3i block,
+                                        int direction) {
+  std::array<std::uint32_t, 8> out;
+  const Vec3i region = BlockDirectory::region_of(block);
+  const BlockDirectory::Region& home = *directory.find_region(region);
+  for (int i = 0; i < 8; ++i) {
+    const Vec3i at = block + Vec3i{i & 1, i >> 1 & 1, i >> 2} * direction;
+    out[i] = BlockDirectory::region_of(at) == region
+                 ? home.slots[BlockDirectory::place_in_region(at)]
+                 : directory.find(at);
   }
-};
-
-/// A block (0) and its seven neighbours towards larger coordinates: bit `axis` of a place tells
-/// whether it is the next one along that axis.
-template <typename Block>
-using Around = std::array<const Block*, 8>;
-
-std::array<std::uint32_t, 8> neighbours(const VoxelVolume& volume, std::uint32_t block) {
-  const auto missing = static_cast<std::uint32_t>(volume.blocks().size());
-  std::array<std::uint32_t, 8> out{block};
-  for (int i = 1; i < 8; ++i)
-    out[i] = volume.find(volume.blocks()[block].coordinate + Vec3i{i & 1, i >> 1 & 1, i >> 2})
-                 .value_or(missing);
   return out;
 }
 
-template <typename Block>
-Around<Block> around(std::span<const Block> all, const std::array<std::uint32_t, 8>& places,
-                     const Block& missing) {
-  Around<Block> out;
-  for (int i = 0; i < 8; ++i) out[i] = places[i] < all.size() ? &all[places[i]] : &missing;
-  return out;
+/// Calls work(group, first, last) for groups of blocks, in parallel.
+template <typename Work>
+void for_groups(std::size_t blocks, const Work& work) {
+  const std::size_t groups = (blocks + kBlocksAtOnce - 1) / kBlocksAtOnce;
+  parallel_for(groups, 1, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t g = begin; g < end; ++g)
+      work(g, g * kBlocksAtOnce, std::min((g + 1) * kBlocksAtOnce, blocks));
+  });
 }
 
-/// For all 64 voxels of layer z at once: the bit of the voxel at offset `corner` (bit `axis`: one
-/// further along that axis).
-std::uint64_t corner_bits(const Around<VoxelBlock>& a, Bits VoxelBlock::*bits, int z, int corner) {
-  const int up = (corner & 4) != 0 && z + 1 == kSide ? 4 : 0, layer = (z + (corner >> 2)) % kSide;
-  const auto of = [&](int place) { return (a[place | up]->*bits)[layer]; };
-  constexpr std::uint64_t kLastColumn = 0x8080808080808080u;
-  const auto along_x = [&](int place) {
-    return (of(place) >> 1 & ~kLastColumn) | (of(place | 1) << 7 & kLastColumn);
-  };
-  const auto row_of = [&](int place) { return corner & 1 ? along_x(place) : of(place); };
-  return corner & 2 ? row_of(0) >> kSide | row_of(2) << (64 - kSide) : row_of(0);
-}
-
-/// Finds the edges at which one end is inside and the other in front, both within the band.
-void mark_crossings(const Around<VoxelBlock>& a, BlockVertices& out) {
-  for (int z = 0; z < kSide; ++z)
-    for (int axis = 0; axis < 3; ++axis) {
-      const std::uint64_t near = a[0]->near[z] & corner_bits(a, &VoxelBlock::near, z, 1 << axis);
-      const std::uint64_t crossing =
-          near & (a[0]->inside[z] ^ corner_bits(a, &VoxelBlock::inside, z, 1 << axis));
-      out.crossing[axis][z] = crossing;
-      for (std::uint64_t rest = crossing; rest != 0; rest >>= 8)
-        out.count += kBitCount[rest & 0xFF];
-    }
-}
-
-/// Numbers a block's vertices from `number` on and writes their positions.
-void place_vertices(const Around<VoxelBlock>& a, double voxel_m, std::uint32_t number,
-                    BlockVertices& vertices, std::vector<Vec3f>& positions) {
-  const VoxelBlock& block = *a[0];
-  for (int axis = 0; axis < 3; ++axis)
-    for (int z = 0; z < kSide; ++z) {
-      int last_row = -1;
-      for (std::uint64_t rest = vertices.crossing[axis][z]; rest != 0; rest &= rest - 1) {
-        const int bit = std::countr_zero(rest), row = z * kSide + bit / kSide;
-        if (row != last_row) vertices.first[axis][row] = number;
-        last_row = row;
-        const Vec3i here{bit % kSide, bit / kSide, z};
-        Vec3i next = here;
-        ++next[axis];
-        const VoxelBlock& other = *a[next[axis] == kSide ? 1 << axis : 0];
-        next[axis] %= kSide;
-        const float d_here = block.distance[z * 64 + bit],
-                    d_next = other.distance[(next.z * kSide + next.y) * kSide + next.x];
-        Vec3d place = vec_cast<double>(block.coordinate * kSide + here);
-        place[axis] += static_cast<double>(d_here) / (d_here - d_next);
-        positions[number++] = vec_cast<float>(place * voxel_m);
-      }
-    }
-}
-
-/// [inside corners] corners outside that share an edge of the cell with one inside.
-const std::array<std::uint8_t, 256> kOutsideNextToInside = [] {
-  std::array<std::uint8_t, 256> out{};
-  for (int inside = 0; inside < 256; ++inside)
-    for (const auto& [low, axis] : kCellEdges) {
-      const int ends = 1 << low | 1 << (low | 1 << axis);
-      if ((inside & ends) != 0 && (inside & ends) != ends)
-        out[inside] = static_cast<std::uint8_t>(out[inside] | (ends & ~inside));
-    }
-  return out;
-}();
-
-/// Appends the triangles of the cell at voxel (x, y, z).
-void emit_cell(const Around<BlockVertices>& vertices, int inside, int x, int y, int z,
-               std::vector<Triangle>& out) {
-  const auto vertex = [&](int e) {
-    const auto [low, axis] = kCellEdges[e];
-    const int vx = x + (low & 1), vy = y + (low >> 1 & 1), vz = z + (low >> 2);
-    const int place = vx / kSide | vy / kSide << 1 | vz / kSide << 2;
-    return vertices[place]->vertex(axis, vx % kSide, vy % kSide, vz % kSide);
-  };
-  for (const auto& [a, b, c] : cell_triangles()[inside])
-    out.push_back({vertex(a), vertex(b), vertex(c)});
-}
-
-/// Appends the triangles of the cells at a layer's voxels. Cells with a corner never seen have
-/// none, nor have those in which the inside meets free space beyond the band.
-void emit_layer(const Around<VoxelBlock>& blocks, const Around<BlockVertices>& vertices, int z,
-                std::vector<Triangle>& out) {
-  std::array<std::uint64_t, 8> inside, near;
-  std::uint64_t any = 0, all = ~std::uint64_t{0}, seen = all;
-  for (int corner = 0; corner < 8; ++corner) {
-    inside[corner] = corner_bits(blocks, &VoxelBlock::inside, z, corner);
-    any |= inside[corner], all &= inside[corner];
-  }
-  if ((any & ~all) == 0) return;
-  for (int corner = 0; corner < 8; ++corner) {
-    near[corner] = corner_bits(blocks, &VoxelBlock::near, z, corner);
-    seen &= corner_bits(blocks, &VoxelBlock::seen, z, corner);
-  }
-  for (std::uint64_t cells = any & ~all & seen; cells != 0; cells &= cells - 1) {
-    const int bit = std::countr_zero(cells);
-    unsigned in = 0, in_band = 0;
-    for (int corner = 0; corner < 8; ++corner) {
-      in |= (inside[corner] >> bit & 1u) << corner;
-      in_band |= (near[corner] >> bit & 1u) << corner;
-    }
-    if ((kOutsideNextToInside[in] & ~in_band) == 0)
-      emit_cell(vertices, static_cast<int>(in), bit % kSide, bit / kSide, z, out);
-  }
-}
-
-/// Numbers vertices in the order in which triangles use them; others are dropped.
-Mesh in_order_of_use(const std::vector<Vec3f>& positions,
-                     const std::vector<std::vector<Triangle>>& triangles) {
-  constexpr std::uint32_t kUnused = 0xFFFFFFFFu;
-  std::vector<std::uint32_t> new_index(positions.size(), kUnused);
-  Mesh mesh;
+std::size_t count_cells(const BlockSurface& surface) {
   std::size_t count = 0;
-  for (const auto& group : triangles) count += group.size();
-  mesh.triangles.reserve(count);
-  mesh.positions.reserve(positions.size());
-  for (const auto& group : triangles)
-    for (Triangle t : group) {
-      for (std::uint32_t& v : t) {
-        if (new_index[v] == kUnused) {
-          new_index[v] = static_cast<std::uint32_t>(mesh.positions.size());
-          mesh.positions.push_back(positions[v]);
-        }
-        v = new_index[v];
-      }
-      mesh.triangles.push_back(t);
-    }
-  return mesh;
+  for (const std::uint64_t layer : surface.cells) count += std::popcount(layer);
+  return count;
+}
+
+/// Vertices of one cell lie at least 1/256 of a voxel apart; that far from the origin, floats do not
+/// tell them apart any more.
+bool may_coincide(const VoxelVolume& volume) {
+  double farthest_m = 0;
+  for (const BlockDirectory::Region& r : volume.directory().regions())
+    for (int axis = 0; axis < 3; ++axis)
+      farthest_m = std::max(farthest_m, (std::abs(r.coordinate[axis]) + 1.0) *
+                                            BlockDirectory::kRegionSide * VoxelBlock::kSide *
+                                            volume.config().voxel_m);
+  constexpr double kFloatSteps = 1 << 22;
+  return farthest_m > volume.config().voxel_m / 256 * kFloatSteps;
+}
+
+/// Drops triangles of which two corners fell together; pieces follow.
+void drop_degenerate(Surface& surface) {
+  Mesh& mesh = surface.mesh;
+  std::uint32_t kept = 0;
+  for (SurfacePiece& piece : surface.pieces) {
+    const std::uint32_t first = kept;
+    for (std::uint32_t t = piece.first_triangle; t < piece.first_triangle + piece.triangles; ++t)
+      if (length(mesh.area_normal(t)) > 0) mesh.triangles[kept++] = mesh.triangles[t];
+    piece.first_triangle = first, piece.triangles = kept - first;
+  }
+  mesh.triangles.resize(kept);
 }
 
 }  // namespace
 
-Mesh extract_surface(const VoxelVolume& volume) {
-  const std::span<const VoxelBlock> blocks = volume.blocks();
-  const auto for_blocks = [&](const auto& work) {
-    parallel_for(blocks.size(), kBlocksAtOnce, [&](std::size_t begin, std::size_t end) {
-      for (std::size_t b = begin; b < end; ++b) work(b);
-    });
+Around<VoxelBlock> MarchingCubes::blocks_ahead(const VoxelVolume& volume,
+                                               std::uint32_t slot) const {
+  Around<VoxelBlock> out;
+  for (int i = 0; i < 8; ++i) {
+    const std::uint32_t other = ahead_[slot][i];
+    out[i] = other == BlockDirectory::kNone ? &kUnseen : &volume.block(other);
+  }
+  return out;
+}
+
+Around<BlockSurface> MarchingCubes::surfaces(const Slots& slots) const {
+  Around<BlockSurface> out;
+  for (int i = 0; i < 8; ++i)
+    out[i] = slots[i] == BlockDirectory::kNone ? &kEmpty : &surface_[slots[i]];
+  return out;
+}
+
+/// Which cells hold triangles, and which edges vertices.
+void MarchingCubes::find(const VoxelVolume& volume, const Blocks& blocks) {
+  const auto slots_of = [&](std::uint32_t slot, int direction) {
+    return neighbours(volume.directory(), volume.block(slot).coordinate, direction);
   };
-  std::vector<std::array<std::uint32_t, 8>> places(blocks.size());
-  std::vector<BlockVertices> vertices(blocks.size());
-  for_blocks([&](std::size_t b) {
-    places[b] = neighbours(volume, static_cast<std::uint32_t>(b));
-    mark_crossings(around(blocks, places[b], kUnseen), vertices[b]);
+  surface_.resize(volume.slots()), ahead_.resize(volume.slots());
+  cells_.resize((blocks.cells.size() + kBlocksAtOnce - 1) / kBlocksAtOnce);
+  for_groups(blocks.cells.size(), [&](std::size_t g, std::size_t first, std::size_t last) {
+    cells_[g].clear();
+    for (std::size_t b = first; b < last; ++b) {
+      const std::uint32_t slot = blocks.cells[b];
+      ahead_[slot] = slots_of(slot, 1);
+      find_cells(blocks_ahead(volume, slot), edges_ == DepthEdges::cut, surface_[slot], cells_[g]);
+    }
   });
+  for_groups(blocks.vertices.size(), [&](std::size_t, std::size_t first, std::size_t last) {
+    for (std::size_t b = first; b < last; ++b) {
+      const std::uint32_t slot = blocks.vertices[b];
+      find_edges(blocks_ahead(volume, slot), surfaces(slots_of(slot, -1)), surface_[slot]);
+    }
+  });
+}
 
-  std::vector<std::uint32_t> first(blocks.size() + 1, 0);
-  for (std::size_t b = 0; b < blocks.size(); ++b) first[b + 1] = first[b] + vertices[b].count;
-  std::vector<Vec3f> positions(first.back());
-  for_blocks([&](std::size_t b) {
-    place_vertices(around(blocks, places[b], kUnseen), volume.config().voxel_m, first[b],
-                   vertices[b], positions);
-  });
+/// Where each block's vertices and triangles go.
+void MarchingCubes::number(std::span<const std::uint32_t> slots) {
+  vertices_ = triangles_ = 0;
+  for (const std::uint32_t slot : slots) {
+    surface_[slot].first_vertex = vertices_, surface_[slot].first_triangle = triangles_;
+    vertices_ += surface_[slot].vertices, triangles_ += surface_[slot].triangles;
+  }
+}
 
-  const BlockVertices none{};
-  std::vector<std::vector<Triangle>> triangles((blocks.size() + kBlocksAtOnce - 1) / kBlocksAtOnce);
-  parallel_for(triangles.size(), 1, [&](std::size_t begin, std::size_t end) {
-    const std::size_t last = std::min(end * kBlocksAtOnce, blocks.size());
-    for (std::size_t b = begin * kBlocksAtOnce; b < last; ++b)
-      for (int z = 0; z < kSide; ++z)
-        emit_layer(around(blocks, places[b], kUnseen),
-                   around<BlockVertices>(vertices, places[b], none), z,
-                   triangles[b / kBlocksAtOnce]);
+void MarchingCubes::emit(const VoxelVolume& volume, const Blocks& blocks, Mesh& out) const {
+  out.positions.resize(vertices_), out.triangles.resize(triangles_), out.runs.clear();
+  if (triangles_ == 0) return;
+  std::uint32_t* const corners = out.triangles.data()->data();
+  for_groups(blocks.cells.size(), [&](std::size_t g, std::size_t first, std::size_t last) {
+    std::span<const Cell> cells(cells_[g]);
+    const BlockSurface& final = surface_[blocks.cells[last - 1]];
+    const std::uint32_t* const end = corners + 3 * (final.first_triangle + final.triangles);
+    for (std::size_t b = first; b < last; ++b) {
+      const std::uint32_t slot = blocks.cells[b];
+      const BlockSurface& s = surface_[slot];
+      if (s.vertices == 0 && s.triangles == 0) continue;
+      const std::size_t count = count_cells(s);
+      emit_block(blocks_ahead(volume, slot), surfaces(ahead_[slot]), cells.first(count),
+                 volume.config().voxel_m, out.positions.data(), corners + 3 * s.first_triangle,
+                 end);
+      cells = cells.subspan(count);
+    }
   });
-  return in_order_of_use(positions, triangles);
+}
+
+void MarchingCubes::run(const VoxelVolume& volume, Surface& out) {
+  const Blocks all{volume.order(), volume.order()};
+  find(volume, all);
+  number(all.cells);
+  emit(volume, all, out.mesh);
+  out.pieces.clear();
+  for (const ChunkBlocks& chunk : volume.chunks()) {
+    const BlockSurface& first = surface_[volume.order()[chunk.first]];
+    const BlockSurface& last = surface_[volume.order()[chunk.first + chunk.count - 1]];
+    const SurfacePiece piece{chunk.cube, first.first_vertex,
+                             last.first_vertex + last.vertices - first.first_vertex,
+                             first.first_triangle,
+                             last.first_triangle + last.triangles - first.first_triangle};
+    if (piece.vertices + piece.triangles > 0) out.pieces.push_back(piece);
+  }
+  if (may_coincide(volume)) drop_degenerate(out);
+}
+
+Mesh MarchingCubes::run_chunk(const VoxelVolume& volume, Vec3i cube) {
+  const auto chunks = volume.chunks();
+  const auto chunk = std::find_if(chunks.begin(), chunks.end(),
+                                  [&](const ChunkBlocks& c) { return c.cube == cube; });
+  if (chunk == chunks.end()) return {};
+  std::vector<std::uint32_t> slots(volume.order().begin() + static_cast<std::ptrdiff_t>(chunk->first),
+                                   volume.order().begin() +
+                                       static_cast<std::ptrdiff_t>(chunk->first + chunk->count));
+  const std::size_t own = slots.size();
+  // Others count as empty, but for the vertices that the chunk's own cells use.
+  surface_.assign(volume.slots(), kEmpty);
+  std::vector<std::uint8_t> listed(volume.slots(), 0);
+  for (const std::uint32_t slot : slots) listed[slot] = 1;
+  for (std::size_t b = 0; b < own; ++b)
+    for (const std::uint32_t other :
+         neighbours(volume.directory(), volume.block(slots[b]).coordinate, 1))
+      if (other != BlockDirectory::kNone && std::exchange(listed[other], 1) == 0)
+        slots.push_back(other);
+  ahead_.resize(volume.slots());
+  for (std::size_t b = own; b < slots.size(); ++b)
+    ahead_[slots[b]] = neighbours(volume.directory(), volume.block(slots[b]).coordinate, 1);
+  const std::span<const std::uint32_t> all(slots);
+  find(volume, {all.first(own), all});
+  number(all);
+  Surface out;
+  cells_.resize((all.size() + kBlocksAtOnce - 1) / kBlocksAtOnce);
+  emit(volume, {all, all}, out.mesh);
+  out.pieces = {{cube, 0, vertices_, 0, triangles_}};
+  if (may_coincide(volume)) drop_degenerate(out);
+  return std::move(out.mesh);
+}
+
+Mesh extract_surface(const VoxelVolume& volume, DepthEdges edges) {
+  Surface out;
+  MarchingCubes(edges).run(volume, out);
+  return std::move(out.mesh);
 }
 
 }  // namespace mr::fusion

@@ -1,15 +1,73 @@
 #pragma once
 
+#include <cstddef>
+#include <cstdint>
+#include <span>
+#include <vector>
+
 #include "mr/core/mesh.h"
+#include "mr/fusion/surface_kernels.h"
 #include "mr/fusion/voxel_volume.h"
 
 namespace mr::fusion {
 
-/// The zero surface of a volume (Lorensen & Cline 1987): vertices shared between cells and blocks,
-/// triangles counter-clockwise seen from the free side, in block order. Cells of which a corner was
-/// never seen stay empty, and so do cells in which free space beyond the truncation band meets
-/// the inside directly: that is a depth discontinuity, not a surface. Parallel over blocks; the
-/// same bytes on any number of threads.
-Mesh extract_surface(const VoxelVolume& volume);
+/// What becomes of cells in which the inside meets free space beyond the truncation band directly.
+/// There depth jumps and nobody saw a surface.
+enum class DepthEdges {
+  cut,     ///< they stay empty
+  bridge,  ///< they become surface like any other, as most TSDF libraries do
+};
+
+/// A chunk's share of a surface: ranges of its vertices and triangles. Triangles at the border use
+/// vertices of the chunks ahead.
+struct SurfacePiece {
+  Vec3i cube;  ///< in VolumeConfig::chunk_m
+  std::uint32_t first_vertex = 0, vertices = 0, first_triangle = 0, triangles = 0;
+};
+
+/// The zero surface of a volume.
+struct Surface {
+  Mesh mesh;                         ///< block by block
+  std::vector<SurfacePiece> pieces;  ///< chunks that hold any, in the volume's order; cover `mesh`
+};
+
+/// Marching cubes (Lorensen & Cline 1987): vertices shared between cells and blocks, triangles
+/// counter-clockwise seen from the free side, none degenerate, no edge with more than two. Cells of
+/// which a corner was never seen stay empty. Works on bits, 64 voxels at a time, and touches
+/// distances only where the surface crosses an edge of the grid. Parallel; the same bytes on any
+/// number of threads and with any SIMD target. Keeps its memory from call to call.
+class MarchingCubes {
+ public:
+  explicit MarchingCubes(DepthEdges edges = DepthEdges::cut) : edges_(edges) {}
+
+  /// The whole surface; what `out` held is replaced, its memory used again.
+  void run(const VoxelVolume& volume, Surface& out);
+
+  /// One chunk's surface as a mesh of its own; at its border it has the same vertices, bit by bit,
+  /// as its neighbours. Empty where the volume has no such chunk.
+  Mesh run_chunk(const VoxelVolume& volume, Vec3i cube);
+
+ private:
+  struct Blocks {
+    std::span<const std::uint32_t> cells;     ///< slots of blocks whose cells count
+    std::span<const std::uint32_t> vertices;  ///< those and the ones ahead of them
+  };
+  using Slots = std::array<std::uint32_t, 8>;
+
+  void find(const VoxelVolume& volume, const Blocks& blocks);
+  void number(std::span<const std::uint32_t> slots);
+  void emit(const VoxelVolume& volume, const Blocks& blocks, Mesh& out) const;
+  Around<VoxelBlock> blocks_ahead(const VoxelVolume& volume, std::uint32_t slot) const;
+  Around<BlockSurface> surfaces(const Slots& slots) const;
+
+  DepthEdges edges_;
+  std::vector<BlockSurface> surface_;     ///< [slot]
+  std::vector<Slots> ahead_;              ///< [slot]
+  std::vector<std::vector<Cell>> cells_;  ///< by group of blocks
+  std::uint32_t vertices_ = 0, triangles_ = 0;
+};
+
+/// The whole surface, for those who need it once.
+Mesh extract_surface(const VoxelVolume& volume, DepthEdges edges = DepthEdges::cut);
 
 }  // namespace mr::fusion

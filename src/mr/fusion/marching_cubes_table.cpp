@@ -1,5 +1,8 @@
 #include "mr/fusion/marching_cubes_table.h"
 
+#include <algorithm>
+#include <cstddef>
+
 namespace mr::fusion {
 namespace {
 
@@ -32,6 +35,33 @@ std::array<int, 12> trace_faces(int inside) {
   return next;
 }
 
+/// Whether two cell edges lie in one face of the cell.
+bool share_face(int e, int f) {
+  for (int normal = 0; normal < 3; ++normal)
+    for (int side = 0; side < 2; ++side) {
+      const auto in_face = [&](int edge) {
+        return kCellEdges[edge].axis != normal && (kCellEdges[edge].low >> normal & 1) == side;
+      };
+      if (in_face(e) && in_face(f)) return true;
+    }
+  return false;
+}
+
+/// The corner of a polygon to spread triangles from. None of their inner sides should lie in a face
+/// of the cell, or the next cell's may coincide with it and join four triangles.
+std::size_t best_apex(const std::vector<int>& loop) {
+  const std::size_t n = loop.size();
+  const auto in_faces = [&](std::size_t apex) {
+    int count = 0;
+    for (std::size_t i = 2; i + 1 < n; ++i) count += share_face(loop[apex], loop[(apex + i) % n]);
+    return count;
+  };
+  std::size_t best = 0;
+  for (std::size_t apex = 1; apex < n; ++apex)
+    if (in_faces(apex) < in_faces(best)) best = apex;
+  return best;
+}
+
 CellTriangles triangulate(int inside) {
   std::array<int, 12> next = trace_faces(inside);
   CellTriangles out;
@@ -44,6 +74,8 @@ CellTriangles triangulate(int inside) {
       next[e] = -1;
       e = follower;
     }
+    std::rotate(loop.begin(), loop.begin() + static_cast<std::ptrdiff_t>(best_apex(loop)),
+                loop.end());
     for (std::size_t i = 2; i < loop.size(); ++i)
       out.push_back({static_cast<std::uint8_t>(loop[0]), static_cast<std::uint8_t>(loop[i - 1]),
                      static_cast<std::uint8_t>(loop[i])});

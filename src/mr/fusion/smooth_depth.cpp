@@ -1,62 +1,74 @@
 #include "mr/fusion/smooth_depth.h"
 
 #include <algorithm>
-#include <vector>
+#include <array>
 
 #include "mr/core/parallel.h"
 
 namespace mr::fusion {
 namespace {
 
-constexpr int kRadius = 3;
+constexpr float kRange = 5;                                     // sigmas
+constexpr std::array<float, 4> kNear{1, 0.97f, 0.875f, 0.72f};  // by distance in pixels
 
-/// What is summed up for every pixel of a row.
-struct Sums {
-  explicit Sums(int width) : range_m(width), depth(width), weight(width) {}
-  std::vector<float> range_m, depth, weight;
+struct Sum {
+  float value, weight;
 };
 
-/// Adds the row `other`, moved by `du` pixels, to the sums of row `middle` with the weight `near`.
-void add_row(const float* middle, const float* other, int width, int du, float near, Sums& sums) {
-  const float* const range_m = sums.range_m.data();
-  float* const depth = sums.depth.data();
-  float* const weight = sums.weight.data();
-  for (int x = std::max(0, -du); x < std::min(width, width - du); ++x) {
-    const float d = other[x + du];
-    const float off = (d - middle[x]) / range_m[x];
-    const float unlike = off * off;
-    const float alike = (1 - unlike) * (1 - unlike);
-    const auto counts = static_cast<float>((d > 0) & (unlike < 1));  // no branch: vectorised
-    const float w = near * alike * counts;
-    depth[x] += w * d;
-    weight[x] += w;
+/// How alike two inverse depths are that differ by `off` ranges, 0..1. No branch: vectorised.
+inline float alike(float off, int valid) {
+  const float unlike = off * off;
+  return (1 - unlike) * (1 - unlike) * static_cast<float>(valid & (unlike < 1));
+}
+
+inline float either(float a, float b) { return a + b - a * b; }
+
+/// Adds two opposite neighbours of pixel p, each as far as it resembles p or both as far as their
+/// mean does: on a slanted surface that is p however much the two differ.
+inline void add(float p, float a, float b, float per_range, float near, Sum& sum) {
+  const float off_a = (a - p) * per_range, off_b = (b - p) * per_range;
+  const float both = alike(0.5f * (off_a + off_b), (a > 0) & (b > 0));
+  const float wa = near * either(alike(off_a, a > 0), both);
+  const float wb = near * either(alike(off_b, b > 0), both);
+  sum.value += wa * a + wb * b;
+  sum.weight += wa + wb;
+}
+
+/// Smooths a row; neighbours lie `step` floats apart.
+void smooth_row(const float* in, std::ptrdiff_t step, int width, InverseSigma sigma, float* out) {
+  for (int x = 0; x < width; ++x) {
+    const float* const n = in + x;
+    const float p = *n, per_range = 1 / (kRange * sigma(p));
+    Sum sum{p, 1};
+    add(p, n[-step], n[step], per_range, kNear[1], sum);
+    add(p, n[-2 * step], n[2 * step], per_range, kNear[2], sum);
+    add(p, n[-3 * step], n[3 * step], per_range, kNear[3], sum);
+    out[x] = static_cast<float>((p > 0) & (sum.weight > 0)) * (sum.value / sum.weight);
   }
 }
 
-void smooth_row(const ImageDepth& in, int y, const Precision& precision, Sums& sums, float* out) {
-  const float* const middle = in.row(y);
-  for (int x = 0; x < in.width; ++x)
-    sums.range_m[x] = 5 * static_cast<float>(precision.sigma_m(middle[x]));
-  std::fill(sums.depth.begin(), sums.depth.end(), 0.0f);
-  std::fill(sums.weight.begin(), sums.weight.end(), 0.0f);
-  for (int v = std::max(0, y - kRadius); v <= std::min(in.height - 1, y + kRadius); ++v)
-    for (int du = -kRadius; du <= kRadius; ++du) {
-      const int dv = v - y, near = (kRadius + 1) * (kRadius + 1) - (du * du + dv * dv) / 2;
-      add_row(middle, in.row(v), in.width, du, static_cast<float>(near), sums);
+RayGrid smooth_along(const RayGrid& grid, std::ptrdiff_t step, InverseSigma sigma) {
+  RayGrid out(grid.width(), grid.height(), grid.around());
+  parallel_for(grid.height(), 32, [&](std::size_t begin, std::size_t end) {
+    for (int y = static_cast<int>(begin); y < static_cast<int>(end); ++y) {
+      smooth_row(grid.row(y), step, grid.width(), sigma, out.row(y));
+      out.wrap(y);
     }
-  for (int x = 0; x < in.width; ++x) out[x] = middle[x] > 0 ? sums.depth[x] / sums.weight[x] : 0.0f;
+  });
+  return out;
 }
 
 }  // namespace
 
+RayGrid smooth_depth(const RayGrid& grid, const RaySpacing& rays, const Precision& precision) {
+  const InverseSigma sigma(precision);
+  RayGrid out = smooth_along(grid, 1, sigma);
+  return rays.rows_touch ? smooth_along(out, out.row(1) - out.row(0), sigma) : out;
+}
+
 ImageDepth smooth_depth(const ImageDepth& depth, const Precision& precision) {
-  ImageDepth out(depth.width, depth.height);
-  parallel_for(depth.height, 16, [&](std::size_t begin, std::size_t end) {
-    Sums sums(depth.width);
-    for (int y = static_cast<int>(begin); y < static_cast<int>(end); ++y)
-      smooth_row(depth, y, precision, sums, out.row(y));
-  });
-  return out;
+  const RaySpacing rays(depth.width, depth.height);
+  return to_depth(smooth_depth(to_grid(depth, rays), rays, precision), rays, nullptr);
 }
 
 }  // namespace mr::fusion

@@ -3,272 +3,314 @@
 #include <algorithm>
 #include <bit>
 #include <cmath>
-#include <cstring>
+#include <map>
 #include <tuple>
 
 #include "mr/core/assert.h"
 #include "mr/core/parallel.h"
+#include "mr/core/simd.h"
+#include "mr/core/trace.h"
+#include "mr/fusion/integrate_kernels.h"
+#include "mr/fusion/range_planes.h"
 
 namespace mr::fusion {
 namespace {
 
-constexpr std::uint32_t kEmptySlot = 0xFFFFFFFFu;
 constexpr int kSide = VoxelBlock::kSide;
+constexpr std::size_t kBlocksAtOnce = 32;
 
-/// The order of blocks in a volume.
+/// How many voxels around the surface are computed: what marching cubes reads where a frame stands
+/// for itself, else what the next frame's surface may need.
+constexpr float kMargin = 1.5f, kMarginOfHistory = 3;
+/// A block moved when so many of its voxels at the surface did; fewer are stray pixels.
+constexpr int kLeastMoved = 8;
+
+/// The order of regions and chunks.
 bool in_order(Vec3i a, Vec3i b) { return std::tie(a.z, a.y, a.x) < std::tie(b.z, b.y, b.x); }
 
-/// What a pixel of a row looks along, in the world and per metre of depth.
-class RowOfRays {
- public:
-  RowOfRays(const Camera& camera, const Pose& T_world_camera, int y)
-      : first_(T_world_camera.rotation * unproject(camera, {0, static_cast<double>(y)})),
-        step_(T_world_camera.rotation.column(0) / camera.fx) {}
-  Vec3d at(int x) const { return first_ + step_ * x; }
-
- private:
-  Vec3d first_, step_;
-};
-
-/// Depth without the pixels whose point lies outside the box.
-ImageDepth inside(const Box3d& box, const ImageDepth& depth, const Camera& camera,
-                  const Pose& T_world_camera) {
-  ImageDepth out = depth;
-  parallel_for(depth.height, 32, [&](std::size_t begin, std::size_t end) {
-    for (int y = static_cast<int>(begin); y < static_cast<int>(end); ++y) {
-      const RowOfRays rays(camera, T_world_camera, y);
-      for (int x = 0; x < depth.width; ++x) {
-        float& d = *out.at(x, y);
-        if (!box.contains(T_world_camera.translation + rays.at(x) * d)) d = 0;
-      }
-    }
-  });
-  return out;
+TileRule tile_rule(const VolumeConfig& config) {
+  const float margin = config.history == History::none ? kMargin : kMarginOfHistory;
+  return {margin / kSide, 1, static_cast<float>(config.truncation_m)};
 }
 
-// --- which blocks a frame touches
+UpdateRule update_rule(const VolumeConfig& config) {
+  constexpr int kMost = 65535;
+  const bool remember = config.history == History::remember;
+  const int most = std::min(config.most_frames * VoxelBlock::kWeightUnit, kMost);
+  return {.most_weight = static_cast<float>(remember ? most : kMost),
+          .remember = remember,
+          .moved_m = static_cast<float>(config.voxel_m / 4),
+          .surface_m = static_cast<float>(1.5 * config.voxel_m)};
+}
 
-/// Collects block coordinates and drops most that it has met lately.
-class BlockCollector {
+/// Lists by chunk, in order of the chunks.
+class Chunks {
  public:
-  BlockCollector() { recent_.fill({INT32_MAX, 0, 0}); }
-  void add(Vec3i block) {
-    const std::uint32_t mixed = static_cast<std::uint32_t>(block.x) * 1u +
-                                static_cast<std::uint32_t>(block.y) * 61u +
-                                static_cast<std::uint32_t>(block.z) * 3571u;
-    Vec3i& slot = recent_[mixed % recent_.size()];
-    if (slot == block) return;
-    slot = block;
-    met_.push_back(block);
+  std::vector<std::uint32_t>& of(Vec3i cube) {
+    if (last_ == nullptr || last_cube_ != cube) last_cube_ = cube, last_ = &lists_[cube];
+    return *last_;
   }
-  const std::vector<Vec3i>& met() const { return met_; }
+  template <typename Use>
+  void for_each(const Use& use) const {
+    for (const auto& [cube, slots] : lists_) use(cube, slots);
+  }
 
  private:
-  std::array<Vec3i, 1024> recent_;
-  std::vector<Vec3i> met_;
-};
-
-/// The surface lies within a voxel of the depth pixels; what is farther off need not be stored.
-constexpr double kStoredBand = 3;  // voxels
-
-/// Adds the blocks within the stored part of the truncation band around the pixels of a row.
-void collect_row(const ImageDepth& depth, const RowOfRays& rays, Vec3d eye,
-                 const VolumeConfig& config, const Rect& region, int y, BlockCollector& blocks) {
-  const double per_block = 1 / (config.voxel_m * kSide);
-  const double step = config.voxel_m * kSide / 2;
-  const double band = std::min(config.truncation_m, kStoredBand * config.voxel_m);
-  const auto floor_of = [](double v) {
-    v = std::clamp(v, -1e9, 1e9);
-    const auto i = static_cast<std::int32_t>(v);
-    return i - (i > v);
+  struct InOrder {
+    bool operator()(Vec3i a, Vec3i b) const { return in_order(a, b); }
   };
-  for (int x = region.x; x < region.x + region.width; ++x) {
-    const double d = *depth.at(x, y);
-    if (d <= 0) continue;
-    const Vec3d ray = rays.at(x) * per_block;
-    const double far = d + band;
-    for (double z = d - band;; z = std::min(z + step, far)) {
-      const Vec3d p = eye * per_block + ray * z;
-      blocks.add({floor_of(p.x), floor_of(p.y), floor_of(p.z)});
-      if (z >= far) break;
-    }
-  }
-}
-
-/// Each once, in order.
-std::vector<Vec3i> touched_blocks(const ImageDepth& depth, const Camera& camera,
-                                  const Pose& T_world_camera, const VolumeConfig& config,
-                                  const Rect& region) {
-  constexpr int kRows = 64;
-  const int bands = (region.height + kRows - 1) / kRows;
-  std::vector<std::vector<Vec3i>> of_band(bands);
-  parallel_for(of_band.size(), 1, [&](std::size_t begin, std::size_t end) {
-    for (std::size_t b = begin; b < end; ++b) {
-      BlockCollector blocks;
-      const int first = region.y + static_cast<int>(b) * kRows;
-      for (int y = first; y < std::min(first + kRows, region.y + region.height); ++y)
-        collect_row(depth, RowOfRays(camera, T_world_camera, y), T_world_camera.translation, config,
-                    region, y, blocks);
-      of_band[b] = blocks.met();
-    }
-  });
-  std::vector<Vec3i> all;
-  for (const auto& blocks : of_band) all.insert(all.end(), blocks.begin(), blocks.end());
-  std::sort(all.begin(), all.end(), in_order);
-  all.erase(std::unique(all.begin(), all.end()), all.end());
-  return all;
-}
-
-// --- averaging a frame in
-
-/// Four numbers at once, on any CPU (an extension that g++ and clang share).
-using Float4 [[gnu::vector_size(16)]] = float;
-using Int4 [[gnu::vector_size(16)]] = std::int32_t;
-
-Float4 load(const float* from) {
-  Float4 v;
-  std::memcpy(&v, from, sizeof v);
-  return v;
-}
-void store(Float4 v, float* to) { std::memcpy(to, &v, sizeof v); }
-
-/// What integrating voxels needs to know of the frame.
-struct FrameView {
-  FrameView(const ImageDepth& d, const Camera& c, const Pose& T_world_camera,
-            const VolumeConfig& config, const Rect& region)
-      : depth(d),
-        T_camera_world(T_world_camera.inverse()),
-        voxel_m(config.voxel_m),
-        truncation_m(static_cast<float>(config.truncation_m)),
-        fx(static_cast<float>(c.fx)),
-        fy(static_cast<float>(c.fy)),
-        cx(static_cast<float>(c.cx + 0.5)),
-        cy(static_cast<float>(c.cy + 0.5)),
-        left(static_cast<float>(region.x)),
-        top(static_cast<float>(region.y)),
-        right(static_cast<float>(region.x + region.width)),
-        bottom(static_cast<float>(region.y + region.height)) {
-    for (int axis = 0; axis < 3; ++axis)
-      step[axis] = vec_cast<float>(T_camera_world.rotation.column(axis) * voxel_m);
-  }
-
-  const ImageDepth& depth;
-  Pose T_camera_world;
-  double voxel_m;
-  std::array<Vec3f, 3> step;  ///< from voxel to voxel along x, y, z, in the camera
-  float truncation_m;
-  float fx, fy, cx, cy;            ///< cx, cy: of pixel corners, so that rounding is cutting off
-  float left, top, right, bottom;  ///< pixels in use
+  std::map<Vec3i, std::vector<std::uint32_t>, InOrder> lists_;
+  Vec3i last_cube_;
+  std::vector<std::uint32_t>* last_ = nullptr;
 };
 
-/// The depth that four voxel centres are compared with; 0 where nothing was measured.
-Float4 measured_depth(const FrameView& f, Float4 x, Float4 y, Float4 z) {
-  const Float4 per_z = 1.0f / z;
-  const Float4 u = f.fx * x * per_z + f.cx, v = f.fy * y * per_z + f.cy;
-  const Int4 in_picture =
-      (z > 0.0f) & (u >= f.left) & (u < f.right) & (v >= f.top) & (v < f.bottom);
-  const Int4 column = __builtin_convertvector(in_picture ? u : Float4{}, Int4),
-             row = __builtin_convertvector(in_picture ? v : Float4{}, Int4);
-  const Int4 pixel = row * f.depth.width + column;
-  const float* const d = f.depth.data.data();
-  return in_picture ? Float4{d[pixel[0]], d[pixel[1]], d[pixel[2]], d[pixel[3]]} : Float4{};
+/// Whether a block may lie in the picture.
+bool may_see(const FrameView& view, const VoxelBlock& block) {
+  if (view.spherical) return true;
+  constexpr double kHalf = (kSide - 1) / 2.0;
+  const auto at = [&](int axis) { return block.coordinate[axis] * double{kSide} + kHalf; };
+  const Vec3d p = view.origin + view.axis[0] * at(0) + view.axis[1] * at(1) + view.axis[2] * at(2);
+  Vec3d reach;  // of (U, V, Z) inside the block
+  for (const Vec3d a : view.axis)
+    reach += Vec3d{std::abs(a.x), std::abs(a.y), std::abs(a.z)} * kHalf;
+  // u >= 0 is U >= 0 where Z > 0, and u <= w is U <= w Z: linear, so the corners decide.
+  const auto below_end = [&](double end, double v, double reach_v) {
+    return v - reach_v <= end * (p.z + reach.z);
+  };
+  return p.z + reach.z > 0 && p.x + reach.x >= 0 && p.y + reach.y >= 0 &&
+         below_end(view.width + 2, p.x, reach.x) && below_end(view.height + 2, p.y, reach.y);
 }
 
-/// Averages the frame into four voxels, the first of them at `p_camera`. Returns bit i for voxel i
-/// seen, bit 8 + i inside, bit 16 + i near (see VoxelBlock).
-std::int32_t integrate_four(const FrameView& f, Vec3f p_camera, float* distance, float* weight) {
-  constexpr Float4 kSteps{0, 1, 2, 3};
-  const Float4 z = p_camera.z + f.step[0].z * kSteps;
-  const Float4 depth =
-      measured_depth(f, p_camera.x + f.step[0].x * kSteps, p_camera.y + f.step[0].y * kSteps, z);
-  const Float4 in_front = depth - z;
-  const Int4 used = (depth > 0.0f) & (in_front >= -f.truncation_m);
-  const Float4 value = in_front / f.truncation_m, old_weight = load(weight);
-  const Float4 limited = value < 1.0f ? value : Float4{} + 1.0f;
-  const Float4 mean = (load(distance) * old_weight + limited) / (old_weight + 1.0f);
-  const Float4 new_distance = used ? mean : load(distance);
-  const Float4 new_weight = used ? old_weight + 1.0f : old_weight;
-  store(new_distance, distance);
-  store(new_weight, weight);
-  const Int4 seen = new_weight > 0.0f;
-  const Int4 bits = seen & (Int4{1, 2, 4, 8} | ((new_distance < 0.0f) & (Int4{1, 2, 4, 8} << 8)) |
-                            ((new_distance < 1.0f) & (Int4{1, 2, 4, 8} << 16)));
-  return bits[0] | bits[1] | bits[2] | bits[3];
-}
-
-void integrate_block(VoxelBlock& block, const FrameView& f) {
-  const Vec3d first = vec_cast<double>(block.coordinate * kSide) * f.voxel_m;
-  const Vec3f corner = vec_cast<float>(f.T_camera_world * first);
-  for (int z = 0; z < kSide; ++z) {
-    std::uint64_t seen = 0, inside = 0, near = 0;
-    for (int y = 0; y < kSide; ++y) {
-      const Vec3f p =
-          corner + f.step[1] * static_cast<float>(y) + f.step[2] * static_cast<float>(z);
-      float* const distance = &block.distance[(z * kSide + y) * kSide];
-      float* const weight = &block.weight[(z * kSide + y) * kSide];
-      const auto bits = static_cast<std::uint64_t>(
-          integrate_four(f, p, distance, weight) |
-          integrate_four(f, p + f.step[0] * 4.0f, distance + 4, weight + 4) << 4);
-      seen |= (bits & 0xFF) << 8 * y;
-      inside |= (bits >> 8 & 0xFF) << 8 * y;
-      near |= (bits >> 16) << 8 * y;
-    }
-    block.seen[z] = seen, block.inside[z] = inside, block.near[z] = near;
-  }
+bool holds_surface(const VoxelBlock& block) {
+  for (int z = 0; z < kSide; ++z)
+    if ((block.inside[z] & block.near[z]) != 0) return true;
+  return false;
 }
 
 }  // namespace
 
 VoxelVolume::VoxelVolume(const VolumeConfig& config) : config_(config) {
-  MR_ASSERT(config.voxel_m > 0 && config.truncation_m >= config.voxel_m);
-  rebuild_directory();
+  MR_ASSERT(config.voxel_m > 0 && config.truncation_m >= config.voxel_m && config.chunk_m >= 0);
+  apply_simd_override();
 }
 
-std::optional<std::uint32_t> VoxelVolume::find(Vec3i c) const {
-  const std::size_t mask = directory_.size() - 1;
-  for (std::size_t slot = hash_cell(c) & mask; directory_[slot] != kEmptySlot;
-       slot = (slot + 1) & mask)
-    if (blocks_[directory_[slot]].coordinate == c) return directory_[slot];
-  return std::nullopt;
+void VoxelVolume::clear() {
+  directory_.clear();
+  order_.clear(), chunks_.clear();
+  free_slots_.clear();
+  history_.clear();
+  rows_.clear();
+  changed_gone_.clear();
+  slots_ = 0;
 }
 
-void VoxelVolume::rebuild_directory() {
-  directory_.assign(std::bit_ceil(std::max<std::size_t>(1024, 2 * blocks_.size())), kEmptySlot);
-  const std::size_t mask = directory_.size() - 1;
-  for (std::uint32_t b = 0; b < blocks_.size(); ++b) {
-    std::size_t slot = hash_cell(blocks_[b].coordinate) & mask;
-    while (directory_[slot] != kEmptySlot) slot = (slot + 1) & mask;
-    directory_[slot] = b;
-  }
-}
-
-void VoxelVolume::add_blocks(const std::vector<Vec3i>& sorted_coordinates) {
-  const std::size_t before = blocks_.size();
-  blocks_.reserve(before + sorted_coordinates.size());
-  for (const Vec3i c : sorted_coordinates)
-    if (before == 0 || !find(c)) blocks_.emplace_back().coordinate = c;
-  if (before > 0 && blocks_.size() > before)
-    std::sort(blocks_.begin(), blocks_.end(), [](const VoxelBlock& a, const VoxelBlock& b) {
-      return in_order(a.coordinate, b.coordinate);
-    });
-  rebuild_directory();
-}
-
-void VoxelVolume::integrate(const ImageDepth& all_depth, const Camera& camera,
-                            const Pose& T_world_camera, const Rect& region) {
-  MR_ASSERT(camera.model == CameraModel::pinhole && camera.distortion == DistortionModel::none);
-  MR_ASSERT(all_depth.width == camera.width && all_depth.height == camera.height);
-  const ImageDepth depth =
-      config_.bounds ? inside(*config_.bounds, all_depth, camera, T_world_camera) : all_depth;
-  add_blocks(touched_blocks(depth, camera, T_world_camera, config_, region));
-  const FrameView view(depth, camera, T_world_camera, config_, region);
-  parallel_for(blocks_.size(), 32, [&](std::size_t begin, std::size_t end) {
-    for (std::size_t b = begin; b < end; ++b) integrate_block(blocks_[b], view);
-  });
+Vec3i VoxelVolume::chunk_of(Vec3i block) const {
+  if (config_.chunk_m == 0) return {};
+  const auto cube = [&](std::int32_t b) {
+    return static_cast<std::int32_t>(
+        std::floor((b + 0.5) * kSide * config_.voxel_m / config_.chunk_m));
+  };
+  return {cube(block.x), cube(block.y), cube(block.z)};
 }
 
 std::size_t VoxelVolume::memory_bytes() const {
-  return blocks_.capacity() * sizeof(VoxelBlock) + directory_.capacity() * sizeof(std::uint32_t);
+  return slabs_.size() * sizeof(Slab) + weights_.size() * sizeof(WeightSlab) +
+         history_.capacity() * sizeof(BlockHistory) + directory_.memory_bytes() +
+         (order_.capacity() + free_slots_.capacity()) * sizeof(std::uint32_t) +
+         rows_.capacity() * sizeof(std::uint64_t) + view_.depth.capacity() * sizeof(float) +
+         view_.planes.capacity() * sizeof(RangePlane);
+}
+
+// --- allocation
+
+/// What each band of the picture asks for.
+std::vector<std::vector<WantedRows>> VoxelVolume::wanted_rows() const {
+  constexpr int kRowsAtOnce = 96;
+  static_assert(kRowsAtOnce % kTile == 0);
+  const TileRule rule = tile_rule(config_);
+  std::vector<std::vector<WantedRows>> out((view_.height + kRowsAtOnce - 1) / kRowsAtOnce);
+  parallel_for(out.size(), 1, [&](std::size_t begin, std::size_t end) {
+    std::vector<VoxelRange> ranges;
+    for (std::size_t band = begin; band < end; ++band) {
+      RowCollector collector;
+      const int first = static_cast<int>(band) * kRowsAtOnce;
+      for (int y = first; y < std::min(first + kRowsAtOnce, view_.height);
+           y += view_.spherical ? 1 : kTile) {
+        ranges.clear();
+        if (view_.spherical)
+          plane_ranges(view_, y, rule.margin, ranges);
+        else
+          tile_ranges(view_, y / kTile, rule, ranges);
+        for (const VoxelRange& range : ranges) collector.add(range);
+      }
+      out[band] = collector.take();
+    }
+  });
+  return out;
+}
+
+std::uint32_t VoxelVolume::new_slot(Vec3i coordinate) {
+  std::uint32_t slot = static_cast<std::uint32_t>(slots_);
+  if (!free_slots_.empty()) {
+    slot = free_slots_.back();
+    free_slots_.pop_back();
+  } else {
+    ++slots_;
+    if (slot == slabs_.size() * kSlab) slabs_.push_back(std::make_unique<Slab>());
+    rows_.push_back(0);
+  }
+  block(slot).coordinate = coordinate;
+  if (config_.history == History::none) return slot;
+  if (slot / kSlab == weights_.size()) weights_.push_back(std::make_unique<WeightSlab>());
+  weights(slot).fill(0);
+  history_.resize(slots_);
+  history_[slot] = {};
+  return slot;
+}
+
+/// Gives every wanted block a slot. Returns how many found no place.
+std::size_t VoxelVolume::allocate() {
+  std::fill(rows_.begin(), rows_.end(), 0);
+  std::size_t left_out = 0;
+  bool added = false;
+  for (const auto& list : wanted_rows())
+    for (const WantedRows& wanted : list) {
+      const Vec3i at = view_.eye_block + wanted.block;
+      std::uint32_t& slot = directory_.at(at);
+      if (slot == BlockDirectory::kNone) {
+        if (slots_ - free_slots_.size() >= config_.most_blocks) {
+          ++left_out;
+          continue;
+        }
+        slot = new_slot(at);
+        added = true;
+      }
+      rows_[slot] |= wanted.rows;
+    }
+  if (added) sort_blocks();
+  return left_out;
+}
+
+void VoxelVolume::sort_blocks() {
+  const auto regions = directory_.regions();
+  std::vector<std::uint32_t> sorted(regions.size());
+  for (std::uint32_t i = 0; i < sorted.size(); ++i) sorted[i] = i;
+  std::sort(sorted.begin(), sorted.end(), [&](std::uint32_t a, std::uint32_t b) {
+    return in_order(regions[a].coordinate, regions[b].coordinate);
+  });
+  Chunks chunks;
+  for (const std::uint32_t r : sorted)
+    for (const std::uint32_t slot : regions[r].slots)
+      if (slot != BlockDirectory::kNone)
+        chunks.of(chunk_of(block(slot).coordinate)).push_back(slot);
+  order_.clear(), chunks_.clear();
+  chunks.for_each([&](Vec3i cube, const std::vector<std::uint32_t>& slots) {
+    chunks_.push_back({cube, order_.size(), slots.size()});
+    order_.insert(order_.end(), slots.begin(), slots.end());
+  });
+}
+
+// --- frames
+
+IntegrateReport VoxelVolume::integrate(const DepthFrame& frame) {
+  MR_ASSERT(frame.camera.distortion == DistortionModel::none);
+  IntegrateReport report;
+  if (config_.history == History::none) clear();
+  report.usable = set_frame(frame, config_, view_);
+  if (!report.usable) return report;
+  {
+    const Stopwatch stopwatch(report.allocate_ms);
+    std::vector<std::size_t> refused(view_.height);
+    parallel_for(view_.height, 32, [&](std::size_t begin, std::size_t end) {
+      refused[begin] = copy_rows(frame, static_cast<int>(begin), static_cast<int>(end), view_);
+    });
+    for (const std::size_t count : refused) report.refused_pixels += count;
+    if (view_.spherical) fit_planes(view_);
+    report.left_out_blocks = allocate();
+  }
+  const Stopwatch stopwatch(report.integrate_ms);
+  update_blocks();
+  if (config_.history == History::remember) free_idle_blocks();
+  ++frame_;
+  return report;
+}
+
+void VoxelVolume::update_blocks() {
+  const UpdateRule rule = update_rule(config_);
+  std::vector<int> moved(rule.remember ? order_.size() : 0);
+  parallel_for(order_.size(), kBlocksAtOnce, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t i = begin; i < end; ++i) {
+      const std::uint32_t slot = order_[i];
+      if (config_.history == History::none) {
+        integrate_first(view_, rows_[slot], block(slot));
+      } else if (may_see(view_, block(slot))) {
+        const int count = integrate_next(view_, rule, block(slot), weights(slot));
+        if (rule.remember) moved[i] = count;
+      }
+    }
+  });
+  if (rule.remember) note_changes(moved);
+}
+
+void VoxelVolume::note_changes(std::span<const int> moved_voxels) {
+  for (std::size_t i = 0; i < order_.size(); ++i) {
+    BlockHistory& h = history_[order_[i]];
+    if (rows_[order_[i]] != 0) h.wanted_at = frame_;
+    if (moved_voxels[i] >= kLeastMoved) {
+      h.moved = true, h.frames = 0;
+    } else if (h.frames < config_.most_frames) {
+      ++h.frames;
+      const auto frames = static_cast<unsigned>(h.frames);
+      const bool power_of_4 = std::has_single_bit(frames) && std::countr_zero(frames) % 2 == 0;
+      if (frames > 1 && power_of_4) h.refined = true;
+    }
+  }
+}
+
+void VoxelVolume::free_idle_blocks() {
+  const auto idle = [&](std::uint32_t slot) {
+    return frame_ - history_[slot].wanted_at > static_cast<std::uint32_t>(config_.patience);
+  };
+  std::vector<Vec3i> kept;
+  for (const std::uint32_t slot : order_) {
+    if (!idle(slot)) {
+      kept.push_back(block(slot).coordinate);
+      continue;
+    }
+    if (holds_surface(block(slot)) || history_[slot].moved)
+      changed_gone_.push_back(chunk_of(block(slot).coordinate));
+    block(slot).seen = block(slot).inside = block(slot).near = {};
+    free_slots_.push_back(slot);
+  }
+  if (kept.size() == order_.size()) return;
+  BlockDirectory smaller;  // so that regions without blocks go, too
+  for (const Vec3i at : kept) smaller.at(at) = directory_.find(at);
+  directory_ = std::move(smaller);
+  sort_blocks();
+}
+
+std::vector<ChunkChange> VoxelVolume::take_changes() {
+  std::vector<ChunkChange> all;
+  for (const Vec3i cube : changed_gone_) all.push_back({cube, true, false});
+  changed_gone_.clear();
+  for (const std::uint32_t slot : order_) {
+    if (history_.empty()) break;
+    BlockHistory& h = history_[slot];
+    if (h.moved || (h.refined && holds_surface(block(slot))))
+      all.push_back({chunk_of(block(slot).coordinate), h.moved, h.refined});
+    h.moved = h.refined = false;
+  }
+  std::stable_sort(all.begin(), all.end(), [](const ChunkChange& a, const ChunkChange& b) {
+    return in_order(a.cube, b.cube);
+  });
+  std::vector<ChunkChange> out;
+  for (const ChunkChange& change : all) {
+    if (out.empty() || out.back().cube != change.cube) out.push_back({change.cube, false, false});
+    out.back().moved |= change.moved, out.back().refined |= change.refined;
+  }
+  for (ChunkChange& change : out)
+    if (change.moved) change.refined = false;
+  return out;
 }
 
 }  // namespace mr::fusion

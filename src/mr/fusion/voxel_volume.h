@@ -1,64 +1,130 @@
 #pragma once
 
 #include <array>
+#include <cstddef>
 #include <cstdint>
+#include <memory>
 #include <optional>
 #include <span>
 #include <vector>
 
-#include "mr/core/camera.h"
-#include "mr/core/image.h"
-#include "mr/core/pose.h"
 #include "mr/core/vec.h"
+#include "mr/fusion/block_directory.h"
+#include "mr/fusion/frame_view.h"
+#include "mr/fusion/row_collector.h"
+#include "mr/fusion/voxel_block.h"
 
 namespace mr::fusion {
 
+/// What a volume keeps of earlier frames.
+enum class History {
+  none,      ///< nothing: each frame stands for itself, and only what its surface needs is stored
+  average,   ///< all: frames of several sensors, or of one that moves, make up one surface
+  remember,  ///< what is still seen: noise averages out, what moved or is hidden leaves nothing
+};
+
 struct VolumeConfig {
   double voxel_m = 0.01;
-  double truncation_m = 0.04;   ///< half width of the signed-distance band
+  double truncation_m = 0.04;   ///< half width of the signed-distance band, >= 1 voxel
   std::optional<Box3d> bounds;  ///< world; surface outside is dropped before fusion
+  double chunk_m = 0;           ///< blocks are sorted by cubes of this edge; 0: all are one chunk
+  History history = History::average;
+  std::size_t most_blocks = std::size_t{1} << 18;  ///< bounds the memory; more surface is left out
+  int most_frames = 64;    ///< remember: what lies longer back fades
+  int patience = 30;       ///< remember: blocks that no frame wanted for so many are freed
 };
 
-/// 8³ voxels. Voxel (x, y, z) has index (z·8 + y)·8 + x, is bit y·8 + x of layer z, and lies at
-/// (block·8 + (x, y, z)) · voxel_m.
-struct VoxelBlock {
-  static constexpr int kSide = 8;
-  static constexpr int kVoxels = kSide * kSide * kSide;
-  using Bits = std::array<std::uint64_t, kSide>;  ///< one bit per voxel, in layers
+/// How a chunk's surface differs from what it was. `moved`: by more than noise. `refined`: it is
+/// the same, seen four times as often as when this was last said; so a still chunk is worth
+/// being meshed again a few times, and no more.
+struct ChunkChange {
+  Vec3i cube;  ///< in chunk_m
+  bool moved = false, refined = false;
 
-  Vec3i coordinate;                       ///< in blocks
-  std::array<float, kVoxels> distance{};  ///< signed distance / truncation, in [-1, 1]; 1 = free
-  std::array<float, kVoxels> weight{};    ///< 0: never seen, and `distance` means nothing
-  /// What the surface is found by: seen at all, seen behind a surface (distance
-  /// below 0), seen within the band (distance below 1).
-  Bits seen{}, inside{}, near{};
+  friend bool operator==(const ChunkChange&, const ChunkChange&) = default;
 };
 
-/// A truncated signed distance field (Curless & Levoy 1996) in sparse blocks behind a hashed
-/// directory (Nießner et al. 2013). Several frames can be fused into one volume. World coordinates.
+/// The blocks of one chunk, as places in VoxelVolume::order().
+struct ChunkBlocks {
+  Vec3i cube;  ///< in chunk_m
+  std::size_t first = 0, count = 0;
+};
+
+/// What became of a frame.
+struct IntegrateReport {
+  bool usable = true;              ///< false: camera or pose cannot be used, nothing was integrated
+  std::size_t refused_pixels = 0;  ///< NaN, infinite, negative, or farther than 100 km
+  std::size_t left_out_blocks = 0;       ///< did not fit into most_blocks
+  double allocate_ms = 0, integrate_ms = 0;
+};
+
+/// A truncated signed distance field (Curless & Levoy 1996) in sparse blocks of 8³ voxels behind a
+/// hashed directory (Nießner et al. 2013). World coordinates. Where surface is goes by the
+/// extents of small tiles of pixels; only blocks, and with History::none only rows of voxels, that
+/// surface may cross are computed. docs/fusion.md draws it.
 class VoxelVolume {
  public:
   explicit VoxelVolume(const VolumeConfig& config);
 
-  /// Fuses the depth pixels inside `region` (all others count as unseen). The camera is an
-  /// undistorted pinhole. Parallel over rows and blocks.
-  void integrate(const ImageDepth& depth, const Camera& camera, const Pose& T_world_camera,
-                 const Rect& region);
+  /// Fuses a frame. Parallel; the same bytes on any number of threads and with any SIMD target.
+  IntegrateReport integrate(const DepthFrame& frame);
+
+  /// Forgets all surface; keeps its memory for the next.
+  void clear();
 
   const VolumeConfig& config() const { return config_; }
-  /// Sorted by z, y, x after each integrate().
-  std::span<const VoxelBlock> blocks() const { return blocks_; }
-  /// Place in blocks(), or nothing.
-  std::optional<std::uint32_t> find(Vec3i block_coordinate) const;
+  /// The slots of all blocks: chunk by chunk (by z, y, x of the cubes), inside a chunk by region and
+  /// place.
+  std::span<const std::uint32_t> order() const { return order_; }
+  std::span<const ChunkBlocks> chunks() const { return chunks_; }  ///< by z, y, x; cover order()
+  /// Slots are below this.
+  std::size_t slots() const { return slots_; }
+  const VoxelBlock& block(std::uint32_t slot) const { return slabs_[slot / kSlab]->blocks[slot % kSlab]; }
+  const BlockDirectory& directory() const { return directory_; }
+  /// The cube of chunk_m that a block belongs to: that of its middle.
+  Vec3i chunk_of(Vec3i block) const;
   std::size_t memory_bytes() const;
 
+  /// History::remember: chunks that changed since this was last called, sorted by z, y, x.
+  std::vector<ChunkChange> take_changes();
+
  private:
-  void add_blocks(const std::vector<Vec3i>& sorted_coordinates);
-  void rebuild_directory();
+  static constexpr std::uint32_t kSlab = 64;
+  struct Slab {
+    std::array<VoxelBlock, kSlab> blocks{};
+  };
+  using WeightSlab = std::array<VoxelBlock::Weights, kSlab>;
+  struct BlockHistory {
+    std::uint32_t wanted_at = 0;  ///< frame
+    std::uint16_t frames = 0;     ///< since it last moved
+    bool moved = false, refined = false;
+  };
+
+  VoxelBlock& block(std::uint32_t slot) { return slabs_[slot / kSlab]->blocks[slot % kSlab]; }
+  VoxelBlock::Weights& weights(std::uint32_t slot) { return (*weights_[slot / kSlab])[slot % kSlab]; }
+
+  std::size_t allocate();
+  std::vector<std::vector<WantedRows>> wanted_rows() const;
+  std::size_t take_slots();
+  std::uint32_t new_slot(Vec3i block);
+  void sort_blocks();
+  void update_blocks();
+  void note_changes(std::span<const int> moved_voxels);
+  void free_idle_blocks();
 
   VolumeConfig config_;
-  std::vector<VoxelBlock> blocks_;
-  std::vector<std::uint32_t> directory_;  ///< open addressing; kEmptySlot or a place in blocks_
+  BlockDirectory directory_;
+  std::vector<std::unique_ptr<Slab>> slabs_;
+  std::vector<std::unique_ptr<WeightSlab>> weights_;  ///< of slabs_; none with History::none
+  std::vector<BlockHistory> history_;                 ///< [slots] History::remember
+  std::vector<std::uint32_t> free_slots_;
+  std::size_t slots_ = 0;
+  std::vector<std::uint32_t> order_;
+  std::vector<ChunkBlocks> chunks_;
+  std::vector<std::uint64_t> rows_;  ///< [slots] wanted by the last frame
+  std::vector<Vec3i> changed_gone_;  ///< chunks that lost a block since take_changes()
+  std::uint32_t frame_ = 0;
+  FrameView view_;  ///< of the last frame; kept for its memory
 };
 
 }  // namespace mr::fusion

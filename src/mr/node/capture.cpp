@@ -3,8 +3,7 @@
 #include <numeric>
 #include <utility>
 
-#include "mr/fusion/fill_dropouts.h"
-#include "mr/fusion/smooth_depth.h"
+#include "mr/fusion/clean_depth.h"
 #include "mr/node/sources.h"
 #include "mr/sensor/floor.h"
 
@@ -36,9 +35,7 @@ void CaptureReader::skip(std::uint64_t frames) {
 
 ImageDepth prepare_depth(const Scene& scene, const Camera& camera, const Frame& frame) {
   const Precision& precision = scene.sensors[frame.sensor].precision;
-  ImageDepth depth = frame.depth;
-  if (scene.fusion.smooth_depth)
-    depth = fusion::smooth_depth(fusion::fill_dropouts(depth, precision), precision);
+  ImageDepth depth = fusion::clean_depth(frame.depth, camera, precision, scene.fusion.clean);
   if (scene.floor) sensor::remove_floor(depth, camera, frame.T_world_depth, *scene.floor, scene.up);
   return depth;
 }

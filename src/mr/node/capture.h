@@ -33,8 +33,8 @@ class CaptureReader {
   std::vector<sensor::Registration> registrations_;
 };
 
-/// What fusion takes: depth without dropouts, noise and floor, as the scene asks for. `camera`: the
-/// undistorted depth camera of the frame's sensor.
+/// What fusion takes: depth cleaned as the scene asks for (fusion::clean_depth), without the floor.
+/// `camera`: the undistorted depth camera of the frame's sensor.
 ImageDepth prepare_depth(const Scene& scene, const Camera& camera, const Frame& frame);
 
 }  // namespace mr::node

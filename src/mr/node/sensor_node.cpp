@@ -5,7 +5,6 @@
 #include "mr/codec/mesh_codec.h"
 #include "mr/codec/packet_codec.h"
 #include "mr/core/parallel.h"
-#include "mr/fusion/fuse.h"
 #include "mr/kit/topology.h"
 #include "mr/merge/islands.h"
 #include "mr/merge/zipper.h"
@@ -19,6 +18,18 @@ double texturing_error_m(const Scene& scene, float mesh_error_m) {
          scene.merge.calibration_error_m;
 }
 
+namespace {
+
+fusion::VolumeConfig volume_config(const Scene& scene) {
+  return {.voxel_m = scene.voxel_m,
+          .truncation_m = scene.fusion.truncation_m,
+          .bounds = scene.volume,
+          .chunk_m = scene.fusion.chunk_m,
+          .history = fusion::History::none};
+}
+
+}  // namespace
+
 SensorNode::SensorNode(const Scene& scene, std::uint32_t sensor_index, NodeClock clock)
     : scene_(&scene),
       sensor_(sensor_index),
@@ -28,16 +39,21 @@ SensorNode::SensorNode(const Scene& scene, std::uint32_t sensor_index, NodeClock
       texture_(scene, sensor_index) {}
 
 SensorNode::Patch SensorNode::reconstruct_patch(const ImageDepth& depth, const Pose& T_world_depth,
-                                                const Rect& rect) const {
-  const fusion::VolumeConfig volume{scene_->voxel_m, scene_->fusion.truncation_m, scene_->volume};
+                                                const Rect& rect, fusion::FrameFuser& fuser) const {
   Patch out;
-  Mesh fused;
+  const Mesh* fused = nullptr;
   {
     const Stopwatch stopwatch(out.fuse_ms);
-    fused = fusion::fuse_patch(depth, registration_.depth_camera(), T_world_depth, volume, rect);
+    fused = &fuser
+                 .fuse({.depth = depth,
+                        .camera = registration_.depth_camera(),
+                        .T_world_camera = T_world_depth,
+                        .region = rect,
+                        .precision = {}})
+                 .mesh;
   }
   const Stopwatch stopwatch(out.simplify_ms);
-  out.surface = simplify::simplify_by_ratio(fused, scene_->simplify.ratio);
+  out.surface = simplify::simplify_by_ratio(*fused, scene_->simplify.ratio);
   out.surface.mesh =
       merge::remove_islands(out.surface.mesh, merge::island_area_m2(scene_->voxel_m));
   return out;
@@ -70,9 +86,12 @@ Result<SensorNode::Reconstructed> SensorNode::reconstruct(Frame raw) {
   // A patch is decimated as soon as it is fused: none waits for the others.
   const auto rects = fusion::patches(depth.width, depth.height, scene_->fusion);
   std::vector<Patch> patches(rects.size());
+  while (fusers_.size() < rects.size()) fusers_.emplace_back(volume_config(*scene_));
   parallel_for(patches.size(), 1, [&](std::size_t begin, std::size_t end) {
     for (std::size_t i = begin; i < end; ++i)
-      isolated([&] { patches[i] = reconstruct_patch(depth, out.frame.T_world_depth, rects[i]); });
+      isolated([&] {
+        patches[i] = reconstruct_patch(depth, out.frame.T_world_depth, rects[i], fusers_[i]);
+      });
   });
   for (const Patch& patch : patches) fuse_ms += patch.fuse_ms, simplify_ms += patch.simplify_ms;
   Status joined;

@@ -10,6 +10,7 @@
 #include "mr/core/result.h"
 #include "mr/core/scene.h"
 #include "mr/core/trace.h"
+#include "mr/fusion/fuse.h"
 #include "mr/node/chunk_publisher.h"
 #include "mr/node/node_clock.h"
 #include "mr/node/texture_stream.h"
@@ -54,7 +55,7 @@ class SensorNode {
     double fuse_ms = 0, simplify_ms = 0;
   };
   Patch reconstruct_patch(const ImageDepth& depth, const Pose& T_world_depth,
-                          const Rect& rect) const;
+                          const Rect& rect, fusion::FrameFuser& fuser) const;
   Status join(const std::vector<Patch>& patches, Reconstructed& out) const;
   Packet head(const Frame& frame) const;
   Status add_mesh(const Reconstructed& surface, Packet& packet);
@@ -65,6 +66,7 @@ class SensorNode {
   sensor::Registration registration_;
   ChunkPublisher publisher_;
   TextureStream texture_;
+  std::vector<fusion::FrameFuser> fusers_;  ///< one per patch
   std::uint64_t sequence_ = 0;
   Trace trace_;
 };

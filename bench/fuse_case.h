@@ -1,0 +1,35 @@
+#pragma once
+
+#include <filesystem>
+#include <string>
+#include <vector>
+
+#include "mr/core/camera.h"
+#include "mr/core/image.h"
+#include "mr/core/mesh.h"
+#include "mr/core/pose.h"
+#include "stage.h"
+
+namespace mr::bench {
+
+/// One depth frame to fuse.
+struct FuseCase {
+  std::string name;
+  ImageDepth depth;  ///< metres; what lies beyond the limit is 0 already
+  Camera camera;     ///< undistorted pinhole
+  Pose T_world_camera;
+  double voxel_m = 0.01, truncation_m = 0.04, limit_m = 5;
+  Mesh truth;  ///< the noiseless surface; empty: not known
+};
+
+/// The stage's own cases: recorded frames (found in $MR_DATA, or ../shared/data from here or from
+/// the sources) and one synthetic sensor.
+std::vector<CaseInfo> fuse_cases();
+
+Result<FuseCase> load_fuse_case(const std::string& name);
+
+/// The first frame of every sensor of a scene, named by the sensor. Several problems of a
+/// scene are told on standard error, one line each. unsupported: a sensor is no pinhole camera.
+Result<std::vector<FuseCase>> load_fuse_scene(const std::filesystem::path& scene_file);
+
+}  // namespace mr::bench

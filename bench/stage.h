@@ -1,0 +1,35 @@
+#pragma once
+
+#include <filesystem>
+#include <string>
+#include <vector>
+
+#include "apps/progress.h"
+#include "report.h"
+
+namespace mr::bench {
+
+/// What the command line asks of a stage.
+struct Request {
+  std::vector<int> threads{1, 2};
+  std::vector<std::string> cases;  ///< empty: the default ones
+  std::filesystem::path input;     ///< a scene file; empty: the stage's own cases
+  int runs = 11;
+};
+
+struct CaseInfo {
+  std::string name, what;
+  bool by_default = true;  ///< else only by name
+  std::string missing;     ///< why it cannot run here; empty: it can
+};
+
+/// One stage of the pipeline beside its peers; one .cpp file each.
+struct Stage {
+  std::string name, what;
+  std::vector<CaseInfo> (*cases)();
+  Result<Report> (*run)(const Request& request, apps::ProgressBar& bar);
+};
+
+Stage fuse_stage();
+
+}  // namespace mr::bench

@@ -1,0 +1,18 @@
+#pragma once
+
+#include "child.h"
+#include "mr/core/mesh.h"
+
+namespace mr::bench {
+
+/// Positions and triangles; runs are left out.
+Message to_message(const Mesh& mesh);
+Mesh mesh_from(const Message& message);
+
+/// triangles, vertices, area_m2, nonmanifold_edges.
+Message surface_figures(const Mesh& mesh);
+
+/// RMS distance from samples of one surface to another, in millimetres.
+double rms_mm(const Mesh& from, const Mesh& to);
+
+}  // namespace mr::bench

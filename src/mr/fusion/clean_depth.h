@@ -1,0 +1,18 @@
+#pragma once
+
+#include "mr/core/camera.h"
+#include "mr/core/image.h"
+#include "mr/core/packet.h"
+#include "mr/core/scene.h"
+
+namespace mr::fusion {
+
+/// What a sensor delivers, made fit for fusion: depth that is no positive number becomes 0
+/// (invalid); then, each as `config` asks for it, mixed pixels go, holes are filled, speckle goes,
+/// noise is averaged out. `camera`: of that depth, undistorted and of its size; pinhole depth is
+/// along z, of the other models along the ray. Where no step did anything, depth keeps its bytes.
+/// Parallel; the same bytes on any number of threads.
+ImageDepth clean_depth(const ImageDepth& depth, const Camera& camera, const Precision& precision,
+                       const CleanConfig& config);
+
+}  // namespace mr::fusion

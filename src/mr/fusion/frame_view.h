@@ -1,0 +1,89 @@
+#pragma once
+
+#include <array>
+#include <cstddef>
+#include <cstdint>
+#include <optional>
+#include <vector>
+
+#include "mr/core/camera.h"
+#include "mr/core/image.h"
+#include "mr/core/packet.h"
+#include "mr/core/pose.h"
+#include "mr/core/vec.h"
+
+namespace mr::fusion {
+
+/// A sensor's depth picture with all that fusion must know of it. What it points to must outlive the
+/// call that it is given to.
+struct DepthFrame {
+  const ImageDepth& depth;
+  const Camera& camera;  ///< undistorted pinhole, equirectangular or LiDAR
+  const Pose& T_world_camera;
+  Rect region;                         ///< only pixels inside count
+  std::optional<Precision> precision;  ///< nearer, so better, measurements weigh more; none: equal
+};
+
+/// The surface that a pixel of a range picture sees, as a plane: inverse range and its change per
+/// radian to the right and downwards, and how the distance along the ray shrinks to that across
+/// the plane.
+struct RangePlane {
+  float inverse = 0, right = 0, down = 0, cosine = 1;
+};
+
+/// A depth picture, or a rectangle of it, as the kernels read it: usable pixels only, with a border
+/// in which nothing was measured, and the camera as two formulas, pixel → point and point → pixel.
+/// Kept from frame to frame for its memory.
+struct FrameView {
+  static constexpr float kNothing = -1e30f;  ///< no depth: far behind any voxel's band
+  static constexpr int kPadding = 16;        ///< floats that a row may be read past its end
+
+  int width = 0, height = 0;  ///< of the rectangle
+  int stride = 0;             ///< floats from row to row
+  /// [(height + 2) · stride] depth or range, or kNothing; pixel (x, y) is at place(x, y).
+  std::vector<float> depth;
+  std::size_t place(int x, int y) const {
+    return static_cast<std::size_t>(y + 1) * stride + x + 1;
+  }
+  const float* row(int y) const { return depth.data() + place(0, y); }
+  float* row(int y) { return depth.data() + place(0, y); }
+
+  // Pixel → point, in blocks from the corner of eye_block:
+  // eye + depth · (ray[y][0] + s[x] · ray[y][1] + t[x] · ray[y][2]).
+  Vec3i eye_block;
+  Vec3f eye;
+  std::vector<float> s, t;                ///< [width + kPadding]
+  std::vector<std::array<Vec3f, 3>> ray;  ///< [height]
+  std::optional<Box3f> bounds;            ///< in blocks from the corner of eye_block
+  Vec3f direction(int x, int y) const {
+    return ray[y][0] + ray[y][1] * s[x] + ray[y][2] * t[x];
+  }
+
+  // Voxel → pixel. `origin` and `axis` make (U, V, Z) of a voxel. Pinhole: its place in `depth` is
+  // (U / Z, V / Z), rounded down, and its depth is Z. Others: (U, V, Z) is the point in the camera.
+  Vec3d origin;                      ///< of the world's origin
+  std::array<Vec3d, 3> axis;         ///< what a voxel along x, y, z adds
+  std::array<float, 64> dU, dV, dZ;  ///< from a layer's first voxel to each of its 64
+
+  // Of range pictures only.
+  bool spherical = false;
+  bool wraps = false;               ///< the picture goes all around
+  std::vector<RangePlane> planes;   ///< as `depth`
+  std::vector<std::int32_t> row_at; ///< [bins from straight up to straight down] row + 1; 0 none
+  float bins_per_rad = 0;
+  std::vector<float> row_down, row_right;  ///< [height + 2] rad: angle of row y - 1 and of its start
+  float columns_per_rad = 0, first_column = 0;
+  Vec3f down_axis;  ///< the camera's y axis, in blocks per metre
+
+  float pixel_rad = 0;  ///< between neighbouring pixels, about
+  float truncation_m = 0;
+  std::optional<Precision> precision;
+};
+
+/// Sets all but the pixels. False when nothing can be measured with this camera from this place:
+/// impossible intrinsics, no pixels in the region, a pose that is not finite or more than 1000 km
+/// from the origin.
+struct VolumeConfig;
+bool set_frame(const DepthFrame& frame, const VolumeConfig& config, FrameView& view);
+
+}  // namespace mr::fusion

@@ -1,0 +1,471 @@
+#include "mr/fusion/integrate_kernels.h"
+
+#include <algorithm>
+#include <array>
+#include <bit>
+#include <cmath>
+
+#undef HWY_TARGET_INCLUDE
+#define HWY_TARGET_INCLUDE "mr/fusion/integrate_kernels.cpp"
+#include <hwy/foreach_target.h>
+// After foreach_target.h:
+#include <hwy/highway.h>
+
+HWY_BEFORE_NAMESPACE();
+namespace mr::fusion::HWY_NAMESPACE {
+namespace hn = hwy::HWY_NAMESPACE;
+
+constexpr int kSide = VoxelBlock::kSide;
+constexpr float kMost = VoxelBlock::kTruncated;
+
+using Df = hn::CappedTag<float, 16>;
+using Di = hn::RebindToSigned<Df>;
+using Vf = hn::Vec<Df>;
+using Vi = hn::Vec<Di>;
+using Mf = hn::Mask<Df>;
+constexpr Df df;
+constexpr Di di;
+constexpr hn::Rebind<std::int16_t, Df> d16;
+constexpr hn::Rebind<std::uint16_t, Df> du16;
+
+HWY_INLINE int lanes() { return static_cast<int>(hn::Lanes(df)); }
+
+HWY_INLINE std::uint64_t bits_of(Mf mask) {
+  std::uint8_t bytes[8] = {};
+  hn::StoreMaskBits(df, mask, bytes);
+  return bytes[0] | static_cast<std::uint64_t>(bytes[1]) << 8;
+}
+
+/// [8 bits] a byte of ones for each bit that is set.
+constexpr std::array<std::uint64_t, 256> kBytes = [] {
+  std::array<std::uint64_t, 256> out{};
+  for (int i = 0; i < 256; ++i)
+    for (int b = 0; b < 8; ++b)
+      if ((i >> b & 1) != 0) out[i] |= std::uint64_t{0xFF} << 8 * b;
+  return out;
+}();
+
+// --- pixels and their points
+
+struct Points {
+  Vf x, y, z;
+};
+
+/// The points of pixels [x, x + N) of a row, in blocks from eye_block.
+HWY_INLINE Points points_at(const FrameView& view, int y, int x, Vf depth) {
+  const auto& ray = view.ray[y];
+  const Vf s = hn::LoadU(df, view.s.data() + x), t = hn::LoadU(df, view.t.data() + x);
+  const auto along = [&](float a, float b, float c, float e) HWY_ATTR {
+    const Vf turned = hn::Add(hn::Mul(s, hn::Set(df, b)), hn::Mul(t, hn::Set(df, c)));
+    return hn::Add(hn::Set(df, e), hn::Mul(depth, hn::Add(hn::Set(df, a), turned)));
+  };
+  return {along(ray[0].x, ray[1].x, ray[2].x, view.eye.x),
+          along(ray[0].y, ray[1].y, ray[2].y, view.eye.y),
+          along(ray[0].z, ray[1].z, ray[2].z, view.eye.z)};
+}
+
+HWY_INLINE Mf within(const Box3f& box, const Points& p) {
+  const auto between = [](Vf v, float low, float high) HWY_ATTR {
+    return hn::And(hn::Ge(v, hn::Set(df, low)), hn::Le(v, hn::Set(df, high)));
+  };
+  return hn::And(between(p.x, box.low.x, box.high.x),
+                 hn::And(between(p.y, box.low.y, box.high.y), between(p.z, box.low.z, box.high.z)));
+}
+
+std::size_t CopyRows(const DepthFrame& frame, int begin, int end, FrameView& view) {
+  constexpr float kFarthest_m = 1e5f;
+  const Vf zero = hn::Zero(df), nothing = hn::Set(df, FrameView::kNothing);
+  std::size_t refused = 0;
+  for (int y = begin; y < end; ++y) {
+    const float* const from = frame.depth.at(frame.region.x, frame.region.y + y);
+    float* const row = view.row(y);
+    std::copy(from, from + view.width, row);
+    std::fill(row + view.width, row + view.stride - 1, 0.0f);
+    row[-1] = FrameView::kNothing;
+    for (int x = 0; x < view.width; x += lanes()) {
+      const Vf d = hn::LoadU(df, row + x);
+      const Mf measured = hn::And(hn::Gt(d, zero), hn::Lt(d, hn::Set(df, kFarthest_m)));
+      refused += hn::Lanes(df) - hn::CountTrue(df, hn::Or(measured, hn::Eq(d, zero)));
+      const Mf kept = view.bounds ? hn::And(measured, within(*view.bounds, points_at(view, y, x, d)))
+                                  : measured;
+      hn::StoreU(hn::IfThenElse(kept, d, nothing), df, row + x);
+    }
+    std::fill(row + view.width, row + view.stride - 1, FrameView::kNothing);
+  }
+  return refused;
+}
+
+// --- where surface is
+
+/// What the columns of a tile row hold: the extent of their points.
+struct ColumnBounds {
+  std::array<std::vector<float>, 3> low, high;
+
+  void reset(int width) {
+    for (auto& v : low) v.assign(width + FrameView::kPadding, 1e30f);
+    for (auto& v : high) v.assign(width + FrameView::kPadding, -1e30f);
+  }
+};
+
+HWY_INLINE void add_row(const FrameView& view, int y, ColumnBounds& bounds) {
+  for (int x = 0; x < view.width; x += lanes()) {
+    const Vf d = hn::LoadU(df, view.row(y) + x);
+    const Mf measured = hn::Gt(d, hn::Zero(df));
+    const Points p = points_at(view, y, x, d);
+    const auto widen = [&](Vf v, float* low, float* high) HWY_ATTR {
+      const Vf l = hn::LoadU(df, low + x), h = hn::LoadU(df, high + x);
+      hn::StoreU(hn::Min(l, hn::IfThenElse(measured, v, l)), df, low + x);
+      hn::StoreU(hn::Max(h, hn::IfThenElse(measured, v, h)), df, high + x);
+    };
+    widen(p.x, bounds.low[0].data(), bounds.high[0].data());
+    widen(p.y, bounds.low[1].data(), bounds.high[1].data());
+    widen(p.z, bounds.low[2].data(), bounds.high[2].data());
+  }
+}
+
+/// The voxels inside a box of blocks and its margin.
+HWY_INLINE VoxelRange range_of(Vec3f low, Vec3f high, float margin) {
+  const auto voxel = [](float blocks) {
+    return static_cast<std::int32_t>(std::floor(std::clamp(blocks, -2e8f, 2e8f) * kSide));
+  };
+  return {{voxel(low.x - margin) + 1, voxel(low.y - margin) + 1, voxel(low.z - margin) + 1},
+          {voxel(high.x + margin), voxel(high.y + margin), voxel(high.z + margin)}};
+}
+
+/// A tile may extend so many times as far as it would facing the sensor: more is a depth edge.
+constexpr float kSteepTile = 3, kLargestTile = 16;  // blocks
+
+/// Each pixel of a tile by itself, as far as surface may be found along its ray.
+HWY_INLINE void pixel_ranges(const FrameView& view, const Rect& tile, const TileRule& rule,
+                             std::vector<VoxelRange>& out) {
+  for (int y = tile.y; y < tile.y + tile.height; ++y)
+    for (int x = tile.x; x < tile.x + tile.width; ++x) {
+      const float d = view.row(y)[x];
+      if (d < 0) continue;
+      const Vec3f ray = view.direction(x, y);
+      const Vec3f a = view.eye + ray * (d - rule.band_m), b = view.eye + ray * (d + rule.band_m);
+      out.push_back(range_of(min(a, b), max(a, b), rule.margin));
+    }
+}
+
+void TileRanges(const FrameView& view, int tile_row, const TileRule& rule,
+                std::vector<VoxelRange>& out) {
+  thread_local ColumnBounds bounds;
+  bounds.reset(view.width);
+  // One row and column more than the tile: surface lies also between it and the next.
+  const int top = tile_row * kTile, bottom = std::min(top + kTile, view.height - 1);
+  for (int y = top; y <= bottom; ++y) add_row(view, y, bounds);
+  for (int x = 0; x < view.width; x += kTile) {
+    const int right = std::min(x + kTile, view.width - 1);
+    Vec3f low, high;
+    for (int axis = 0; axis < 3; ++axis) {
+      const auto& l = bounds.low[axis];
+      const auto& h = bounds.high[axis];
+      low[axis] = *std::min_element(l.begin() + x, l.begin() + right + 1);
+      high[axis] = *std::max_element(h.begin() + x, h.begin() + right + 1);
+    }
+    if (low.x > high.x) continue;
+    const Vec3f extent = high - low;
+    const float seen_as = length((low + high) * 0.5f - view.eye) * view.pixel_rad * kTile;
+    if (std::max({extent.x, extent.y, extent.z}) <=
+        std::clamp(kSteepTile * seen_as, rule.largest, kLargestTile))
+      out.push_back(range_of(low, high, rule.margin));
+    else
+      pixel_ranges(view, {x, top, right + 1 - x, bottom + 1 - top}, rule, out);
+  }
+}
+
+// --- voxels and what a frame says of them
+
+/// How far voxels lie in front of the surface that their pixel measured, and how far from the
+/// sensor; nothing measured: far behind.
+struct Sample {
+  Vf in_front_m, depth_m;
+};
+
+/// The place in the picture, kept inside its border.
+HWY_INLINE Vi pixel_place(const FrameView& view, Vi column, Vi row) {
+  return hn::Add(hn::Mul(row, hn::Set(di, view.stride)), column);
+}
+
+struct Pinhole {
+  const FrameView& view;
+  HWY_INLINE Sample operator()(Vf U, Vf V, Vf Z) const {
+    const Vf zero = hn::Zero(df);
+    const Vf per_z = hn::Div(hn::Set(df, 1.0f), hn::Max(Z, hn::Set(df, 1e-3f)));
+    const Vf right = hn::Set(df, static_cast<float>(view.width + 1)),
+             bottom = hn::Set(df, static_cast<float>(view.height + 1));
+    const Vi column = hn::ConvertTo(di, hn::Max(zero, hn::Min(hn::Mul(U, per_z), right)));
+    const Vi row = hn::ConvertTo(di, hn::Max(zero, hn::Min(hn::Mul(V, per_z), bottom)));
+    const Vf depth = hn::GatherIndex(df, view.depth.data(), pixel_place(view, column, row));
+    return {hn::Sub(depth, Z), Z};
+  }
+};
+
+/// The angle of (x, y) from the x axis, within 3e-7 rad; 0 at the origin.
+HWY_INLINE Vf angle_of(Vf y, Vf x) {
+  const Vf ax = hn::Abs(x), ay = hn::Abs(y);
+  const Vf t = hn::Div(hn::Min(ax, ay), hn::Max(hn::Max(ax, ay), hn::Set(df, 1e-20f)));
+  const Vf t2 = hn::Mul(t, t);
+  Vf sum = hn::Set(df, -0.00455979199f);
+  for (const float c : {0.0237805186f, -0.0588297531f, 0.0986886546f, -0.140032902f, 0.199669618f,
+                        -0.333318127f, 0.999999882f})
+    sum = hn::Add(hn::Mul(sum, t2), hn::Set(df, c));
+  const Vf octant = hn::Mul(t, sum);
+  const Vf quadrant =
+      hn::IfThenElse(hn::Gt(ay, ax), hn::Sub(hn::Set(df, 1.57079633f), octant), octant);
+  const Vf half =
+      hn::IfThenElse(hn::Lt(x, hn::Zero(df)), hn::Sub(hn::Set(df, 3.14159265f), quadrant), quadrant);
+  return hn::IfThenElse(hn::Lt(y, hn::Zero(df)), hn::Neg(half), half);
+}
+
+struct Spherical {
+  const FrameView& view;
+
+  /// The column of an angle to the right of the row's start, and what is left of the angle.
+  HWY_INLINE Vi column_of(Vf right, Vf& rest) const {
+    const Vf per_rad = hn::Set(df, view.columns_per_rad);
+    const Vf around = hn::Mul(per_rad, hn::Set(df, 6.28318531f));
+    Vf u = hn::Add(hn::Mul(right, per_rad), hn::Set(df, view.first_column));
+    u = hn::IfThenElse(hn::Lt(u, hn::Zero(df)), hn::Add(u, around), u);
+    u = hn::IfThenElse(hn::Ge(u, around), hn::Sub(u, around), u);
+    const Vf last = hn::Set(df, static_cast<float>(view.wraps ? view.width - 1 : view.width));
+    const Vf first = hn::Set(df, view.wraps ? 0.0f : -1.0f);
+    const Vf column = hn::Max(first, hn::Min(hn::Floor(u), last));
+    rest = hn::Div(hn::Sub(hn::Sub(u, column), hn::Set(df, 0.5f)), per_rad);
+    return hn::Add(hn::ConvertTo(di, column), hn::Set(di, 1));
+  }
+
+  HWY_INLINE Sample operator()(Vf x, Vf y, Vf z) const {
+    const Vf flat2 = hn::Add(hn::Mul(x, x), hn::Mul(z, z));
+    const Vf range = hn::Sqrt(hn::Add(flat2, hn::Mul(y, y)));
+    const Vf down = angle_of(y, hn::Sqrt(flat2));
+    const Vf bin = hn::Mul(hn::Add(down, hn::Set(df, 1.57079633f)), hn::Set(df, view.bins_per_rad));
+    const Vf last_bin = hn::Set(df, static_cast<float>(view.row_at.size() - 1));
+    const Vi row = hn::GatherIndex(
+        di, view.row_at.data(),
+        hn::ConvertTo(di, hn::Max(hn::Zero(df), hn::Min(bin, last_bin))));
+    const Vf row_down = hn::GatherIndex(df, view.row_down.data(), row);
+    const Vf row_right = hn::GatherIndex(df, view.row_right.data(), row);
+    Vf rest_right;
+    const Vi column = column_of(hn::Sub(angle_of(x, z), row_right), rest_right);
+    const Vi place = hn::ShiftLeft<2>(pixel_place(view, column, row));
+    const float* const plane = &view.planes[0].inverse;
+    const auto field = [&](int i) HWY_ATTR {
+      return hn::GatherIndex(df, plane, hn::Add(place, hn::Set(di, i)));
+    };
+    const Vf measured = field(0);
+    const Vf moved = hn::Add(hn::Mul(field(1), rest_right),
+                             hn::Mul(field(2), hn::Sub(down, row_down)));
+    const Vf half = hn::Mul(measured, hn::Set(df, 0.5f));  // a plane tells little that far off
+    const Vf inverse = hn::Add(measured, hn::Max(hn::Neg(half), hn::Min(moved, half)));
+    const Mf valid = hn::Gt(measured, hn::Zero(df));
+    const Vf there = hn::Div(hn::Set(df, 1.0f), hn::IfThenElse(valid, inverse, hn::Set(df, 1.0f)));
+    const Vf in_front = hn::Mul(hn::Sub(there, range), field(3));
+    return {hn::IfThenElse(valid, in_front, hn::Set(df, FrameView::kNothing)), range};
+  }
+};
+
+/// Walks through the voxels of a block, as many at a time as there are lanes.
+class Walk {
+ public:
+  Walk(const FrameView& view, const VoxelBlock& block)
+      : view_(view),
+        corner_(view.origin + view.axis[0] * (block.coordinate.x * double{kSide}) +
+                view.axis[1] * (block.coordinate.y * double{kSide}) +
+                view.axis[2] * (block.coordinate.z * double{kSide})) {}
+
+  HWY_INLINE void set_layer(int z) {
+    const Vec3f first = vec_cast<float>(corner_ + view_.axis[2] * z);
+    u_ = first.x, v_ = first.y, z_ = first.z;
+  }
+  template <typename Camera>
+  HWY_INLINE Sample sample(const Camera& camera, int i) const {
+    return camera(hn::Add(hn::Set(df, u_), hn::LoadU(df, view_.dU.data() + i)),
+                  hn::Add(hn::Set(df, v_), hn::LoadU(df, view_.dV.data() + i)),
+                  hn::Add(hn::Set(df, z_), hn::LoadU(df, view_.dZ.data() + i)));
+  }
+
+ private:
+  const FrameView& view_;
+  Vec3d corner_;
+  float u_ = 0, v_ = 0, z_ = 0;
+};
+
+/// Distances as they are stored: rounded, and never 0 but 1 in front and -1 behind.
+HWY_INLINE Vi stored(Vf distance) {
+  const Vi rounded = hn::NearestInt(distance);
+  const Vi sign = hn::IfThenElse(hn::RebindMask(di, hn::Lt(distance, hn::Zero(df))),
+                                 hn::Set(di, -1), hn::Set(di, 1));
+  return hn::IfThenElse(hn::Eq(rounded, hn::Zero(di)), sign, rounded);
+}
+
+/// A layer's bits while it is worked on.
+struct LayerBits {
+  std::uint64_t seen = 0, inside = 0, near = 0;
+
+  HWY_INLINE void set(int i, Mf is_seen, Vi value) {
+    const Vf v = hn::ConvertTo(df, value);
+    seen |= bits_of(is_seen) << i;
+    inside |= bits_of(hn::And(is_seen, hn::Lt(v, hn::Zero(df)))) << i;
+    near |= bits_of(hn::And(is_seen, hn::Lt(v, hn::Set(df, kMost)))) << i;
+  }
+  void store(int z, std::uint64_t where, VoxelBlock& block) const {
+    block.seen[z] = seen & where, block.inside[z] = inside & where, block.near[z] = near & where;
+  }
+};
+
+HWY_INLINE Vf limited(Vf distance) {
+  return hn::Max(hn::Set(df, -kMost), hn::Min(distance, hn::Set(df, kMost)));
+}
+
+template <typename Camera>
+HWY_INLINE void first_frame(const FrameView& view, std::uint64_t rows, VoxelBlock& block) {
+  const Camera camera{view};
+  const Vf behind = hn::Set(df, -view.truncation_m), scale = hn::Set(df, kMost / view.truncation_m);
+  Walk walk(view, block);
+  for (int z = 0; z < kSide; ++z) {
+    const std::uint64_t wanted = kBytes[rows >> 8 * z & 0xFF];
+    LayerBits bits;
+    if (wanted != 0) walk.set_layer(z);
+    for (int i = 0; i < 64 && wanted != 0; i += lanes()) {
+      if ((wanted >> i & ((std::uint64_t{1} << lanes()) - 1)) == 0) continue;
+      const Sample s = walk.sample(camera, i);
+      const Vi value = stored(limited(hn::Mul(s.in_front_m, scale)));
+      hn::StoreU(hn::DemoteTo(d16, value), d16, block.distance.data() + z * 64 + i);
+      bits.set(i, hn::Ge(s.in_front_m, behind), value);
+    }
+    bits.store(z, wanted, block);
+  }
+}
+
+void IntegrateFirst(const FrameView& view, std::uint64_t rows, VoxelBlock& block) {
+  if (view.spherical)
+    first_frame<Spherical>(view, rows, block);
+  else
+    first_frame<Pinhole>(view, rows, block);
+}
+
+/// Standard deviation of a measurement at some depth, metres.
+HWY_INLINE Vf sigma_m(const Precision& p, Vf depth) {
+  return hn::Add(hn::Set(df, static_cast<float>(p.base_m)),
+                 hn::Mul(hn::Set(df, static_cast<float>(p.per_m2)), hn::Mul(depth, depth)));
+}
+
+/// The weight of one measurement: inverse variance against that at one metre, within limits.
+HWY_INLINE Vf weight_of(const FrameView& view, Vf depth) {
+  constexpr float kUnit = VoxelBlock::kWeightUnit;
+  if (!view.precision) return hn::Set(df, kUnit);
+  const float at_1m = static_cast<float>(view.precision->sigma_m(1));
+  const Vf ratio = hn::Div(hn::Set(df, at_1m), sigma_m(*view.precision, depth));
+  const Vf weight = hn::Mul(hn::Set(df, kUnit), hn::Mul(ratio, ratio));
+  return hn::ConvertTo(
+      df, hn::NearestInt(hn::Max(hn::Set(df, 1.0f), hn::Min(weight, hn::Set(df, 4 * kUnit)))));
+}
+
+/// What voxels hold between frames.
+struct Voxels {
+  Vf distance, weight;
+};
+
+HWY_INLINE Voxels load(const VoxelBlock& block, const VoxelBlock::Weights& weights, int i) {
+  return {hn::ConvertTo(df, hn::PromoteTo(di, hn::LoadU(d16, block.distance.data() + i))),
+          hn::ConvertTo(df, hn::PromoteTo(di, hn::LoadU(du16, weights.data() + i)))};
+}
+
+HWY_INLINE Mf at_surface(Vf distance, float limit) {
+  return hn::Le(hn::Abs(distance), hn::Set(df, limit));
+}
+
+/// One step of averaging; what moved at the surface is told in `moved`.
+template <bool kRemember>
+HWY_INLINE Voxels averaged(const FrameView& view, const UpdateRule& rule, const Sample& s,
+                           const Voxels& old, Mf& moved) {
+  const float scale = kMost / view.truncation_m;
+  const Mf seen = hn::Ge(s.in_front_m, hn::Set(df, -view.truncation_m));
+  const Mf known = hn::Gt(old.weight, hn::Zero(df));
+  const Vf value = limited(hn::Mul(s.in_front_m, hn::Set(df, scale)));
+  const Vf weight = weight_of(view, s.depth_m), sum = hn::Add(old.weight, weight);
+  const Vf mean =
+      hn::Div(hn::Add(hn::Mul(old.distance, old.weight), hn::Mul(value, weight)), sum);
+  Voxels out{hn::IfThenElse(seen, mean, old.distance),
+             hn::IfThenElse(seen, hn::Min(sum, hn::Set(df, rule.most_weight)), old.weight)};
+  if (!kRemember) return out;
+  const Precision precision = view.precision.value_or(Precision{});
+  const Vf noise_m = hn::Mul(hn::Set(df, rule.moved_sigmas), sigma_m(precision, s.depth_m));
+  const Vf noise = hn::Mul(hn::Add(noise_m, hn::Set(df, rule.moved_m)), hn::Set(df, scale));
+  const Mf jumped = hn::And(hn::And(seen, known),
+                            hn::Gt(hn::Abs(hn::Sub(value, old.distance)), noise));
+  out.distance = hn::IfThenElse(jumped, value, out.distance);
+  out.weight = hn::IfThenElse(jumped, weight, out.weight);
+  const Mf hidden = hn::And(hn::Lt(s.in_front_m, hn::Set(df, -view.truncation_m)),
+                            hn::Gt(s.in_front_m, hn::Set(df, 0.5f * FrameView::kNothing)));
+  out.weight = hn::IfThenZeroElse(hidden, out.weight);
+  const Mf now = at_surface(value, rule.surface_m * scale),
+           before = hn::And(known, at_surface(old.distance, rule.surface_m * scale));
+  const Mf appeared = hn::And(hn::AndNot(known, seen), now), vanished = hn::And(hidden, before);
+  moved = hn::Or(hn::And(jumped, hn::Or(now, before)), hn::Or(appeared, vanished));
+  return out;
+}
+
+template <typename Camera, bool kRemember>
+HWY_INLINE int next_frame(const FrameView& view, const UpdateRule& rule, VoxelBlock& block,
+                          VoxelBlock::Weights& weights) {
+  const Camera camera{view};
+  Walk walk(view, block);
+  int moved_voxels = 0;
+  for (int z = 0; z < kSide; ++z) {
+    LayerBits bits;
+    walk.set_layer(z);
+    for (int i = 0; i < 64; i += lanes()) {
+      Mf moved = hn::Lt(hn::Zero(df), hn::Zero(df));
+      const Voxels now = averaged<kRemember>(view, rule, walk.sample(camera, i),
+                                             load(block, weights, z * 64 + i), moved);
+      const Vi value = stored(now.distance);
+      hn::StoreU(hn::DemoteTo(d16, value), d16, block.distance.data() + z * 64 + i);
+      hn::StoreU(hn::DemoteTo(du16, hn::NearestInt(now.weight)), du16, weights.data() + z * 64 + i);
+      bits.set(i, hn::Gt(now.weight, hn::Zero(df)), value);
+      if (kRemember) moved_voxels += std::popcount(bits_of(moved));
+    }
+    bits.store(z, ~std::uint64_t{0}, block);
+  }
+  return moved_voxels;
+}
+
+int IntegrateNext(const FrameView& view, const UpdateRule& rule, VoxelBlock& block,
+                  VoxelBlock::Weights& weights) {
+  if (view.spherical)
+    return rule.remember ? next_frame<Spherical, true>(view, rule, block, weights)
+                         : next_frame<Spherical, false>(view, rule, block, weights);
+  return rule.remember ? next_frame<Pinhole, true>(view, rule, block, weights)
+                       : next_frame<Pinhole, false>(view, rule, block, weights);
+}
+
+}  // namespace mr::fusion::HWY_NAMESPACE
+HWY_AFTER_NAMESPACE();
+
+#if HWY_ONCE
+namespace mr::fusion {
+
+HWY_EXPORT(CopyRows);
+HWY_EXPORT(TileRanges);
+HWY_EXPORT(IntegrateFirst);
+HWY_EXPORT(IntegrateNext);
+
+std::size_t copy_rows(const DepthFrame& frame, int begin, int end, FrameView& view) {
+  return HWY_DYNAMIC_DISPATCH(CopyRows)(frame, begin, end, view);
+}
+void tile_ranges(const FrameView& view, int tile_row, const TileRule& rule,
+                 std::vector<VoxelRange>& out) {
+  HWY_DYNAMIC_DISPATCH(TileRanges)(view, tile_row, rule, out);
+}
+void integrate_first(const FrameView& view, std::uint64_t rows, VoxelBlock& block) {
+  HWY_DYNAMIC_DISPATCH(IntegrateFirst)(view, rows, block);
+}
+int integrate_next(const FrameView& view, const UpdateRule& rule, VoxelBlock& block,
+                   VoxelBlock::Weights& weights) {
+  return HWY_DYNAMIC_DISPATCH(IntegrateNext)(view, rule, block, weights);
+}
+
+}  // namespace mr::fusion
+#endif

@@ -1,0 +1,55 @@
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <vector>
+
+#include "mr/fusion/frame_view.h"
+#include "mr/fusion/voxel_block.h"
+
+/// The inner loops of allocation and integration, compiled for several instruction sets and chosen
+/// at run time (Highway; core/simd.h). All arithmetic is in single IEEE operations, without fused
+/// multiply-add and approximations: every set gives the same bytes.
+namespace mr::fusion {
+
+/// Copies rows [begin, end) of a frame into a view; what is no usable depth, or lies outside the
+/// view's bounds, becomes kNothing. Returns how many pixels held a number that can be no depth.
+std::size_t copy_rows(const DepthFrame& frame, int begin, int end, FrameView& view);
+
+/// A box of voxels, both ends included, from the first voxel of a view's eye_block.
+struct VoxelRange {
+  Vec3i low, high;
+};
+
+/// Pixels are looked at in squares of so many.
+inline constexpr int kTile = 4;
+
+/// How a tile's pixels become ranges of voxels.
+struct TileRule {
+  float margin;   ///< around the surface, blocks
+  float largest;  ///< blocks; a tile that extends farther, and is steep, is taken apart
+  float band_m;   ///< then each pixel counts so far before and behind its point
+};
+
+/// Appends the boxes that hold the surface seen by row `tile_row` of tiles.
+void tile_ranges(const FrameView& view, int tile_row, const TileRule& rule,
+                 std::vector<VoxelRange>& out);
+
+/// Writes a frame into a block, and only into those of its rows along x whose bit z·8 + y is set;
+/// whatever the block held is lost.
+void integrate_first(const FrameView& view, std::uint64_t rows, VoxelBlock& block);
+
+/// How further frames change a block.
+struct UpdateRule {
+  float most_weight = 65535;  ///< in 1 / kWeightUnit; older frames fade beyond it
+  bool remember = false;      ///< what moved is replaced at once, what is hidden is forgotten
+  float moved_sigmas = 5, moved_m = 0;  ///< more than both together is no noise
+  float surface_m = 0;  ///< distances up to this make up the surface whose change is reported
+};
+
+/// Averages a frame into all of a block; weights start with 0 (Curless & Levoy 1996). Returns how many voxels at the
+/// surface moved, appeared or vanished; 0 unless `rule.remember`.
+int integrate_next(const FrameView& view, const UpdateRule& rule, VoxelBlock& block,
+                   VoxelBlock::Weights& weights);
+
+}  // namespace mr::fusion

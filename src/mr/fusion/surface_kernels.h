@@ -1,0 +1,50 @@
+#pragma once
+
+#include <array>
+#include <cstddef>
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "mr/core/mesh.h"
+#include "mr/fusion/voxel_block.h"
+
+/// The inner loops of marching cubes, compiled for several instruction sets and chosen at run time.
+/// A cell belongs to the block of its lowest corner, an edge and the vertex on it to that of its
+/// lower end.
+namespace mr::fusion {
+
+/// What is found of a block's surface before anything is emitted.
+struct BlockSurface {
+  VoxelBlock::Bits cells;                 ///< those that hold triangles
+  std::array<VoxelBlock::Bits, 3> edges;  ///< [axis] those that hold a vertex
+  /// Vertices are numbered by axis, layer and bit; how many come before each layer.
+  std::array<std::array<std::uint16_t, VoxelBlock::kSide>, 3> first;
+  std::uint32_t first_vertex, first_triangle;  ///< in the mesh
+  std::uint16_t vertices, triangles;           ///< how many
+};
+
+/// A cell that holds triangles: its voxel's index << 8 | its corners that are inside.
+using Cell = std::uint32_t;
+
+/// Neighbours by direction: bit `axis` set: the next along that axis. 0 is the block itself.
+template <typename Block>
+using Around = std::array<const Block*, 8>;
+
+/// Finds a block's cells, appends them to `list` and sets `cells` and `triangles`. `cut`: without
+/// those in which the inside meets free space beyond the band.
+void find_cells(const Around<VoxelBlock>& ahead, bool cut, BlockSurface& surface,
+                std::vector<Cell>& list);
+
+/// Finds the edges that cells of the block or of those behind it use. `ahead`: 1, 2 and 4 are used;
+/// `behind`: bit `axis` set: the one before along that axis; 7 is not used.
+void find_edges(const Around<VoxelBlock>& ahead, const Around<BlockSurface>& behind,
+                BlockSurface& surface);
+
+/// Writes a block's vertices into the mesh's `positions`, and the triangles of its cells, as vertex
+/// numbers, from `corners` on. Up to `corners_end` what lies behind them may be overwritten.
+void emit_block(const Around<VoxelBlock>& ahead, const Around<BlockSurface>& surface_ahead,
+                std::span<const Cell> cells, double voxel_m, Vec3f* positions,
+                std::uint32_t* corners, const std::uint32_t* corners_end);
+
+}  // namespace mr::fusion

@@ -1,0 +1,65 @@
+#!/usr/bin/env bash
+# mr-bench as a user calls it: lists, figures that add up, one clear line on what is wrong.
+#   command_line_test.sh PATH/TO/mr-bench PATH/TO/meshreduce
+set -uo pipefail
+bench=$(realpath "$1")
+meshreduce=$(realpath "$2")
+here=$(cd "$(dirname "$0")/../.." && pwd)
+work=$(mktemp -d)
+export XDG_CACHE_HOME=$work/cache  # of rendered rigs
+trap 'rm -rf "$work"' EXIT
+cd "$work"
+source "$here/tests/support/check.sh"
+number() { node -e 'const o = JSON.parse(require("fs").readFileSync(0, "utf8").trimEnd().split("\n").pop()); console.log('"$1"')'; }
+refused() {  # refused NAME PATTERN ARGUMENTS...   exit code 1, and one line that says why
+  local name=$1 pattern=$2
+  shift 2
+  check "$name" 1 "^mr-bench: .*($pattern)" "$bench" "$@"
+  [ "$("$bench" "$@" 2>&1 | wc -l)" = 1 ] || fail_test "$name: more than one line"
+}
+
+check "--help" 0 "Examples" "$bench" --help
+check "--list" 0 "^fuse: " "$bench" --list
+check "--list names cases" 0 "^  rig +one Kinect" "$bench" --list
+listed=$("$bench" --list --json | number 'o.fuse.map(c => c.case).filter(c => ["room_bench", "kitchen", "rig"].includes(c)).length')
+[ "$listed" = 3 ] || fail_test "--list --json: not the three default cases ($listed)"
+
+# A small rig as a scene: quick, and everywhere the same.
+"$meshreduce" synth room --sensors 2 --frames 1 --depth-mode nfov_binned --color 320x180 >/dev/null
+sed -i 's/voxel_m: [0-9.]*/voxel_m: 0.04/; s/truncation_m: [0-9.]*/truncation_m: 0.16/' room/scene.yaml
+grep -q "voxel_m: 0.04" room/scene.yaml || fail_test "the scene has no voxel_m"
+"$bench" fuse --input room/scene.yaml --case cam-0 --runs 3 --json >out.json 2>err.txt || fail_test "fuse: $(cat err.txt)"
+figures=$(number '(() => {
+  const ours = o.results.filter(r => r.impl == "ours");
+  const sound = r => r.case == "cam-0" && r.ms > 0 && r.p95_ms >= r.ms && r.runs == 3 && r.triangles > 1000 && r.area_m2 > 5;
+  const one = ours[0], two = ours[1];
+  return ours.length == 2 && ours.every(sound) && one.threads == 1 && two.threads == 2 && one.triangles == two.triangles
+      && one.stages.extract > 0 && o.input["cam-0"].width == 320 && o.stage == "fuse"; })()' <out.json)
+[ "$figures" = true ] || fail_test "fuse: implausible figures: $(cat out.json)"
+# The peer, where it is installed: ratios are what the results say.
+ratios=$(number '(() => {
+  if (o.absent.includes("open3d")) return Object.keys(o.ratio).length == 0;
+  return [1, 2].every(t => { const of = i => o.results.find(r => r.impl == i && r.threads == t);
+    const ours = of("ours"), peer = of("open3d");
+    return peer.aborted || Math.abs(o.ratio[`open3d/cam-0/t${t}`] - peer.ms / ours.ms) < 0.01
+        && ours.to_peer_rms_mm >= 0 && Math.abs(peer.area_m2 / ours.area_m2 - 1) < 0.3; }); })()' <out.json)
+[ "$ratios" = true ] || fail_test "fuse: ratios do not fit the results: $(cat out.json)"
+check "a table for people" 0 "^cam-1 +1 ours" "$bench" fuse --input room/scene.yaml --case cam-1 --runs 1 --threads 1
+
+refused "no stage" "name a stage"
+refused "unknown stage" "no stage 'fusion'" fusion
+refused "unknown case" "no case 'nothing'" fuse --case nothing
+refused "unknown option" "nonsense" fuse --nonsense
+refused "no threads" "threads" fuse --threads 0
+refused "no number of threads" "threads" fuse --threads two
+refused "no scene" "missing.yaml" fuse --input missing.yaml
+refused "no such sensor" "sensor 'cam-9'" fuse --input room/scene.yaml --case cam-9
+MR_DATA=$work refused "no recordings" "room_bench.*MR_DATA" fuse --case room_bench
+sed 's/voxel_m: 0.04/voxel_m: -1/' room/scene.yaml >room/wrong.yaml
+refused "a scene with a problem" "wrong.yaml:[0-9]+: .*voxel_m" fuse --input room/wrong.yaml
+sed 's/voxel_m: 0.04/voxel_m: -1/; s/^fps: 30/fps: -3/' room/scene.yaml >room/wrong.yaml
+check "a scene with two" 1 "mr-bench: 2 problems in " "$bench" fuse --input room/wrong.yaml
+head -c 100 room/cam-0/depth/000000.png >cut.png && cp cut.png room/cam-0/depth/000000.png
+check "a cut picture" 1 "dropped: .*000000.png" "$bench" fuse --input room/scene.yaml --case cam-0
+
+finish
