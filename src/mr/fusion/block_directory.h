@@ -10,8 +10,8 @@
 
 namespace mr::fusion {
 
-/// Where each block of a volume is kept: 8³ blocks make a region, which a hash finds (Nießner et al.
-/// 2013); inside a region a slot is one look-up. Space without end costs nothing: only regions
+/// Where each block of a volume is kept: 8³ blocks make a region, which a hash finds (Nießner et
+/// al. 2013); inside a region a slot is one look-up. Space without end costs nothing: only regions
 /// that hold a block exist.
 class BlockDirectory {
  public:
@@ -34,7 +34,9 @@ class BlockDirectory {
     return region ? region->slots[place_in_region(block)] : kNone;
   }
   /// The place of a block's slot; its region is made where it is missing. Good until the next call.
-  std::uint32_t& at(Vec3i block) { return need_region(region_of(block)).slots[place_in_region(block)]; }
+  std::uint32_t& at(Vec3i block) {
+    return need_region(region_of(block)).slots[place_in_region(block)];
+  }
   const Region* find_region(Vec3i region) const;
 
   std::span<Region> regions() { return {regions_.data(), count_}; }

@@ -40,7 +40,10 @@ void set_pinhole(const DepthFrame& frame, const VolumeConfig& config, FrameView&
   const double cx = c.cx - region.x + 1.5, cy = c.cy - region.y + 1.5;
   set_projection(
       frame.T_world_camera.inverse(), config.voxel_m,
-      [&](Vec3d p) { return Vec3d{c.fx * p.x + cx * p.z, c.fy * p.y + cy * p.z, p.z}; }, view);
+      [&](Vec3d p) {
+        return Vec3d{c.fx * p.x + cx * p.z, c.fy * p.y + cy * p.z, p.z};
+      },
+      view);
 }
 
 /// The angle of each row below the horizon, and how far it is turned to the right.
@@ -51,8 +54,8 @@ void set_rows(const DepthFrame& frame, FrameView& view) {
   view.row_right.assign(view.height + 2, 0);
   for (int y = 0; y < view.height; ++y) {
     const int row = frame.region.y + y;
-    view.row_down[y + 1] = static_cast<float>(lidar ? -c.beam_altitude_rad[row]
-                                                    : ((row + 0.5) / c.height - 0.5) * pi);
+    view.row_down[y + 1] =
+        static_cast<float>(lidar ? -c.beam_altitude_rad[row] : ((row + 0.5) / c.height - 0.5) * pi);
     view.row_right[y + 1] = static_cast<float>(lidar ? c.beam_azimuth_rad[row] : 0);
   }
 }
@@ -64,9 +67,9 @@ void set_row_bins(FrameView& view) {
   const auto down = [&](int y) { return static_cast<double>(view.row_down[y + 1]); };
   std::sort(by_angle.begin(), by_angle.end(),
             [&](int a, int b) { return std::pair(down(a), a) < std::pair(down(b), b); });
-  const double gap = view.height < 2 ? pi / 180
-                                     : (down(by_angle.back()) - down(by_angle.front())) /
-                                           (view.height - 1);
+  const double gap = view.height < 2
+                         ? pi / 180
+                         : (down(by_angle.back()) - down(by_angle.front())) / (view.height - 1);
   const int bins = std::max(4096, 8 * view.height);
   view.bins_per_rad = static_cast<float>(bins / pi);
   view.row_at.assign(bins + 1, 0);
@@ -93,12 +96,15 @@ void set_spherical(const DepthFrame& frame, const VolumeConfig& config, FrameVie
   };
   for (int x = 0; x < region.width; ++x) {
     const double right = ((region.x + x + 0.5) / frame.camera.width - 0.5) * 2 * pi;
-    view.s[x] = static_cast<float>(std::sin(right)), view.t[x] = static_cast<float>(std::cos(right));
+    view.s[x] = static_cast<float>(std::sin(right)),
+    view.t[x] = static_cast<float>(std::cos(right));
   }
   for (int y = 0; y < region.height; ++y) {
     const double down = view.row_down[y + 1], right = view.row_right[y + 1];
-    const Vec3d ahead = (column(0) * std::sin(right) + column(2) * std::cos(right)) * std::cos(down);
-    const Vec3d aside = (column(0) * std::cos(right) - column(2) * std::sin(right)) * std::cos(down);
+    const Vec3d ahead =
+        (column(0) * std::sin(right) + column(2) * std::cos(right)) * std::cos(down);
+    const Vec3d aside =
+        (column(0) * std::cos(right) - column(2) * std::sin(right)) * std::cos(down);
     view.ray[y] = {vec_cast<float>(column(1) * std::sin(down)), vec_cast<float>(aside),
                    vec_cast<float>(ahead)};
   }
@@ -143,8 +149,8 @@ bool set_frame(const DepthFrame& frame, const VolumeConfig& config, FrameView& v
     set_pinhole(frame, config, view);
   view.truncation_m = static_cast<float>(config.truncation_m);
   view.precision = frame.precision;
-  view.pixel_rad = static_cast<float>(view.spherical ? 2 * pi / frame.camera.width
-                                                     : 1 / frame.camera.fx);
+  view.pixel_rad =
+      static_cast<float>(view.spherical ? 2 * pi / frame.camera.width : 1 / frame.camera.fx);
   view.bounds.reset();
   if (config.bounds) {
     const Vec3d corner = vec_cast<double>(view.eye_block);

@@ -14,8 +14,8 @@
 
 namespace mr::fusion {
 
-/// A sensor's depth picture with all that fusion must know of it. What it points to must outlive the
-/// call that it is given to.
+/// A sensor's depth picture with all that fusion must know of it. What it points to must outlive
+/// the call that it is given to.
 struct DepthFrame {
   const ImageDepth& depth;
   const Camera& camera;  ///< undistorted pinhole, equirectangular or LiDAR
@@ -42,9 +42,7 @@ struct FrameView {
   int stride = 0;             ///< floats from row to row
   /// [(height + 2) · stride] depth or range, or kNothing; pixel (x, y) is at place(x, y).
   std::vector<float> depth;
-  std::size_t place(int x, int y) const {
-    return static_cast<std::size_t>(y + 1) * stride + x + 1;
-  }
+  std::size_t place(int x, int y) const { return static_cast<std::size_t>(y + 1) * stride + x + 1; }
   const float* row(int y) const { return depth.data() + place(0, y); }
   float* row(int y) { return depth.data() + place(0, y); }
 
@@ -55,9 +53,7 @@ struct FrameView {
   std::vector<float> s, t;                ///< [width + kPadding]
   std::vector<std::array<Vec3f, 3>> ray;  ///< [height]
   std::optional<Box3f> bounds;            ///< in blocks from the corner of eye_block
-  Vec3f direction(int x, int y) const {
-    return ray[y][0] + ray[y][1] * s[x] + ray[y][2] * t[x];
-  }
+  Vec3f direction(int x, int y) const { return ray[y][0] + ray[y][1] * s[x] + ray[y][2] * t[x]; }
 
   // Voxel → pixel. `origin` and `axis` make (U, V, Z) of a voxel. Pinhole: its place in `depth` is
   // (U / Z, V / Z), rounded down, and its depth is Z. Others: (U, V, Z) is the point in the camera.
@@ -67,11 +63,12 @@ struct FrameView {
 
   // Of range pictures only.
   bool spherical = false;
-  bool wraps = false;               ///< the picture goes all around
-  std::vector<RangePlane> planes;   ///< as `depth`
-  std::vector<std::int32_t> row_at; ///< [bins from straight up to straight down] row + 1; 0 none
+  bool wraps = false;                ///< the picture goes all around
+  std::vector<RangePlane> planes;    ///< as `depth`
+  std::vector<std::int32_t> row_at;  ///< [bins from straight up to straight down] row + 1; 0 none
   float bins_per_rad = 0;
-  std::vector<float> row_down, row_right;  ///< [height + 2] rad: angle of row y - 1 and of its start
+  std::vector<float> row_down,
+      row_right;  ///< [height + 2] rad: angle of row y - 1 and of its start
   float columns_per_rad = 0, first_column = 0;
   Vec3f down_axis;  ///< the camera's y axis, in blocks per metre
 

@@ -86,8 +86,9 @@ std::size_t CopyRows(const DepthFrame& frame, int begin, int end, FrameView& vie
       const Vf d = hn::LoadU(df, row + x);
       const Mf measured = hn::And(hn::Gt(d, zero), hn::Lt(d, hn::Set(df, kFarthest_m)));
       refused += hn::Lanes(df) - hn::CountTrue(df, hn::Or(measured, hn::Eq(d, zero)));
-      const Mf kept = view.bounds ? hn::And(measured, within(*view.bounds, points_at(view, y, x, d)))
-                                  : measured;
+      const Mf kept = view.bounds
+                          ? hn::And(measured, within(*view.bounds, points_at(view, y, x, d)))
+                          : measured;
       hn::StoreU(hn::IfThenElse(kept, d, nothing), df, row + x);
     }
     std::fill(row + view.width, row + view.stride - 1, FrameView::kNothing);
@@ -214,8 +215,8 @@ HWY_INLINE Vf angle_of(Vf y, Vf x) {
   const Vf octant = hn::Mul(t, sum);
   const Vf quadrant =
       hn::IfThenElse(hn::Gt(ay, ax), hn::Sub(hn::Set(df, 1.57079633f), octant), octant);
-  const Vf half =
-      hn::IfThenElse(hn::Lt(x, hn::Zero(df)), hn::Sub(hn::Set(df, 3.14159265f), quadrant), quadrant);
+  const Vf half = hn::IfThenElse(hn::Lt(x, hn::Zero(df)),
+                                 hn::Sub(hn::Set(df, 3.14159265f), quadrant), quadrant);
   return hn::IfThenElse(hn::Lt(y, hn::Zero(df)), hn::Neg(half), half);
 }
 
@@ -243,8 +244,7 @@ struct Spherical {
     const Vf bin = hn::Mul(hn::Add(down, hn::Set(df, 1.57079633f)), hn::Set(df, view.bins_per_rad));
     const Vf last_bin = hn::Set(df, static_cast<float>(view.row_at.size() - 1));
     const Vi row = hn::GatherIndex(
-        di, view.row_at.data(),
-        hn::ConvertTo(di, hn::Max(hn::Zero(df), hn::Min(bin, last_bin))));
+        di, view.row_at.data(), hn::ConvertTo(di, hn::Max(hn::Zero(df), hn::Min(bin, last_bin))));
     const Vf row_down = hn::GatherIndex(df, view.row_down.data(), row);
     const Vf row_right = hn::GatherIndex(df, view.row_right.data(), row);
     Vf rest_right;
@@ -255,8 +255,8 @@ struct Spherical {
       return hn::GatherIndex(df, plane, hn::Add(place, hn::Set(di, i)));
     };
     const Vf measured = field(0);
-    const Vf moved = hn::Add(hn::Mul(field(1), rest_right),
-                             hn::Mul(field(2), hn::Sub(down, row_down)));
+    const Vf moved =
+        hn::Add(hn::Mul(field(1), rest_right), hn::Mul(field(2), hn::Sub(down, row_down)));
     const Vf half = hn::Mul(measured, hn::Set(df, 0.5f));  // a plane tells little that far off
     const Vf inverse = hn::Add(measured, hn::Max(hn::Neg(half), hn::Min(moved, half)));
     const Mf valid = hn::Gt(measured, hn::Zero(df));
@@ -386,16 +386,15 @@ HWY_INLINE Voxels averaged(const FrameView& view, const UpdateRule& rule, const 
   const Mf known = hn::Gt(old.weight, hn::Zero(df));
   const Vf value = limited(hn::Mul(s.in_front_m, hn::Set(df, scale)));
   const Vf weight = weight_of(view, s.depth_m), sum = hn::Add(old.weight, weight);
-  const Vf mean =
-      hn::Div(hn::Add(hn::Mul(old.distance, old.weight), hn::Mul(value, weight)), sum);
+  const Vf mean = hn::Div(hn::Add(hn::Mul(old.distance, old.weight), hn::Mul(value, weight)), sum);
   Voxels out{hn::IfThenElse(seen, mean, old.distance),
              hn::IfThenElse(seen, hn::Min(sum, hn::Set(df, rule.most_weight)), old.weight)};
   if (!kRemember) return out;
   const Precision precision = view.precision.value_or(Precision{});
   const Vf noise_m = hn::Mul(hn::Set(df, rule.moved_sigmas), sigma_m(precision, s.depth_m));
   const Vf noise = hn::Mul(hn::Add(noise_m, hn::Set(df, rule.moved_m)), hn::Set(df, scale));
-  const Mf jumped = hn::And(hn::And(seen, known),
-                            hn::Gt(hn::Abs(hn::Sub(value, old.distance)), noise));
+  const Mf jumped =
+      hn::And(hn::And(seen, known), hn::Gt(hn::Abs(hn::Sub(value, old.distance)), noise));
   out.distance = hn::IfThenElse(jumped, value, out.distance);
   out.weight = hn::IfThenElse(jumped, weight, out.weight);
   const Mf hidden = hn::And(hn::Lt(s.in_front_m, hn::Set(df, -view.truncation_m)),

@@ -47,8 +47,8 @@ struct UpdateRule {
   float surface_m = 0;  ///< distances up to this make up the surface whose change is reported
 };
 
-/// Averages a frame into all of a block; weights start with 0 (Curless & Levoy 1996). Returns how many voxels at the
-/// surface moved, appeared or vanished; 0 unless `rule.remember`.
+/// Averages a frame into all of a block; weights start with 0 (Curless & Levoy 1996). Returns how
+/// many voxels at the surface moved, appeared or vanished; 0 unless `rule.remember`.
 int integrate_next(const FrameView& view, const UpdateRule& rule, VoxelBlock& block,
                    VoxelBlock::Weights& weights);
 

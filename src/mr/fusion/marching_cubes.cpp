@@ -46,15 +46,15 @@ std::size_t count_cells(const BlockSurface& surface) {
   return count;
 }
 
-/// Vertices of one cell lie at least 1/256 of a voxel apart; that far from the origin, floats do not
-/// tell them apart any more.
+/// Vertices of one cell lie at least 1/256 of a voxel apart; that far from the origin, floats do
+/// not tell them apart any more.
 bool may_coincide(const VoxelVolume& volume) {
   double farthest_m = 0;
   for (const BlockDirectory::Region& r : volume.directory().regions())
     for (int axis = 0; axis < 3; ++axis)
-      farthest_m = std::max(farthest_m, (std::abs(r.coordinate[axis]) + 1.0) *
-                                            BlockDirectory::kRegionSide * VoxelBlock::kSide *
-                                            volume.config().voxel_m);
+      farthest_m =
+          std::max(farthest_m, (std::abs(r.coordinate[axis]) + 1.0) * BlockDirectory::kRegionSide *
+                                   VoxelBlock::kSide * volume.config().voxel_m);
   constexpr double kFloatSteps = 1 << 22;
   return farthest_m > volume.config().voxel_m / 256 * kFloatSteps;
 }
@@ -153,10 +153,9 @@ void MarchingCubes::run(const VoxelVolume& volume, Surface& out) {
   for (const ChunkBlocks& chunk : volume.chunks()) {
     const BlockSurface& first = surface_[volume.order()[chunk.first]];
     const BlockSurface& last = surface_[volume.order()[chunk.first + chunk.count - 1]];
-    const SurfacePiece piece{chunk.cube, first.first_vertex,
-                             last.first_vertex + last.vertices - first.first_vertex,
-                             first.first_triangle,
-                             last.first_triangle + last.triangles - first.first_triangle};
+    const SurfacePiece piece{
+        chunk.cube, first.first_vertex, last.first_vertex + last.vertices - first.first_vertex,
+        first.first_triangle, last.first_triangle + last.triangles - first.first_triangle};
     if (piece.vertices + piece.triangles > 0) out.pieces.push_back(piece);
   }
   if (may_coincide(volume)) drop_degenerate(out);
@@ -167,9 +166,9 @@ Mesh MarchingCubes::run_chunk(const VoxelVolume& volume, Vec3i cube) {
   const auto chunk = std::find_if(chunks.begin(), chunks.end(),
                                   [&](const ChunkBlocks& c) { return c.cube == cube; });
   if (chunk == chunks.end()) return {};
-  std::vector<std::uint32_t> slots(volume.order().begin() + static_cast<std::ptrdiff_t>(chunk->first),
-                                   volume.order().begin() +
-                                       static_cast<std::ptrdiff_t>(chunk->first + chunk->count));
+  std::vector<std::uint32_t> slots(
+      volume.order().begin() + static_cast<std::ptrdiff_t>(chunk->first),
+      volume.order().begin() + static_cast<std::ptrdiff_t>(chunk->first + chunk->count));
   const std::size_t own = slots.size();
   // Others count as empty, but for the vertices that the chunk's own cells use.
   surface_.assign(volume.slots(), kEmpty);

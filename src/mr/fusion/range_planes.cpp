@@ -27,7 +27,8 @@ float slope(const Line& w, float angle) {
   };
   const auto straight = [&](int i, int j) {
     return measured(i) && measured(j) &&
-           std::abs(step(i) - step(j)) <= kStraight * std::max(std::abs(step(i)), std::abs(step(j)));
+           std::abs(step(i) - step(j)) <=
+               kStraight * std::max(std::abs(step(i)), std::abs(step(j)));
   };
   const bool before = measured(1) && (!steep(1) || straight(1, 2) || straight(0, 1));
   const bool after = measured(2) && (!steep(2) || straight(1, 2) || straight(2, 3));
@@ -104,7 +105,8 @@ class Patch {
 
 VoxelRange voxels_around(Vec3f low, Vec3f high, float margin) {
   const auto voxel = [](float blocks) {
-    return static_cast<std::int32_t>(std::floor(std::clamp(blocks, -2e8f, 2e8f) * VoxelBlock::kSide));
+    return static_cast<std::int32_t>(
+        std::floor(std::clamp(blocks, -2e8f, 2e8f) * VoxelBlock::kSide));
   };
   return {{voxel(low.x - margin) + 1, voxel(low.y - margin) + 1, voxel(low.z - margin) + 1},
           {voxel(high.x + margin), voxel(high.y + margin), voxel(high.z + margin)}};
@@ -144,11 +146,21 @@ void fit_planes(FrameView& view) {
   });
 }
 
-void plane_ranges(const FrameView& view, int y, float margin_blocks,
-                  std::vector<VoxelRange>& out) {
+void plane_ranges(const FrameView& view, int y, float margin_blocks, std::vector<VoxelRange>& out) {
   const float right = 0.5f / view.columns_per_rad, down = half_gap_rad(view, y);
-  for (int x = 0; x < view.width; ++x)
-    if (view.row(y)[x] > 0) patch_ranges(Patch(view, x, y), right, down, margin_blocks, out);
+  // Pixels that lie close enough: the margin around their point holds their plane.
+  const float blocks_per_m = length(view.down_axis);
+  const float near = 0.5f * margin_blocks / (blocks_per_m * std::hypot(right, down));
+  for (int x = 0; x < view.width; ++x) {
+    const float range = view.row(y)[x];
+    if (range <= 0) continue;
+    if (range < near * view.planes[view.place(x, y)].cosine) {
+      const Vec3f point = view.eye + view.direction(x, y) * range;
+      out.push_back(voxels_around(point, point, 1.5f * margin_blocks));
+    } else {
+      patch_ranges(Patch(view, x, y), right, down, margin_blocks, out);
+    }
+  }
 }
 
 }  // namespace mr::fusion

@@ -19,7 +19,9 @@ namespace mr::fusion {
 /// voxel (x, y, z) along `axis`, each coordinate up to 8.
 struct VertexIds {
   static constexpr int kY = 9, kZ = 81, kAxis = 729;
-  static constexpr int at(int axis, int x, int y, int z) { return axis * kAxis + z * kZ + y * kY + x; }
+  static constexpr int at(int axis, int x, int y, int z) {
+    return axis * kAxis + z * kZ + y * kY + x;
+  }
   std::array<std::uint32_t, 3 * kAxis> id;
 };
 
@@ -36,8 +38,8 @@ inline const std::array<CellCase, 256>& cell_cases() {
       for (const auto& triangle : cell_triangles()[c])
         for (const int e : triangle) {
           const auto [low, axis] = kCellEdges[e];
-          out[c].edge[out[c].corners++] = static_cast<std::uint16_t>(
-              VertexIds::at(axis, low & 1, low >> 1 & 1, low >> 2 & 1));
+          out[c].edge[out[c].corners++] =
+              static_cast<std::uint16_t>(VertexIds::at(axis, low & 1, low >> 1 & 1, low >> 2 & 1));
         }
     return out;
   }();
@@ -190,12 +192,14 @@ void FindEdges(const Around<VoxelBlock>& ahead, const Around<BlockSurface>& behi
   layers_of(ahead, &VoxelBlock::inside, 0, inside);
   for (int z = 0; z < kSide; ++z) {
     const std::uint64_t in = inside[z];
-    const std::uint64_t next_x = (in >> 1 & ~kLastColumn) | (ahead[1]->inside[z] << 7 & kLastColumn);
+    const std::uint64_t next_x =
+        (in >> 1 & ~kLastColumn) | (ahead[1]->inside[z] << 7 & kLastColumn);
     const std::uint64_t next_y = in >> kSide | ahead[2]->inside[z] << (64 - kSide);
     surface.edges[0][z] = (in ^ next_x) & (back_y[z] | back_y[z + 1]);
     surface.edges[1][z] = (in ^ next_y) & (back_x[z] | back_x[z + 1]);
     const std::uint64_t x_or_own = back_x[z + 1];
-    const std::uint64_t before_y = (y[z + 1] | (y[z + 1] << 1 & ~kFirstColumn) | (xy[z + 1] >> 7 & kFirstColumn));
+    const std::uint64_t before_y =
+        (y[z + 1] | (y[z + 1] << 1 & ~kFirstColumn) | (xy[z + 1] >> 7 & kFirstColumn));
     surface.edges[2][z] =
         (in ^ inside[z + 1]) & (x_or_own | x_or_own << kSide | before_y >> (64 - kSide));
   }
@@ -207,8 +211,8 @@ void FindEdges(const Around<VoxelBlock>& ahead, const Around<BlockSurface>& behi
   surface.vertices = static_cast<std::uint16_t>(count);
 }
 
-/// Notes the numbers of those vertices of `from`, a block ahead, along `axis` in layer z that `mask`
-/// picks. `offset`: of that block in VertexIds.
+/// Notes the numbers of those vertices of `from`, a block ahead, along `axis` in layer z that
+/// `mask` picks. `offset`: of that block in VertexIds.
 HWY_INLINE void note_ids(const BlockSurface& from, int axis, int z, std::uint64_t mask, int offset,
                          VertexIds& ids) {
   const std::uint64_t all = from.edges[axis][z];
@@ -247,7 +251,8 @@ HWY_INLINE float crossing(std::int16_t here, std::int16_t next) {
 template <int kAxis>
 HWY_INLINE std::uint32_t emit_vertices_along(const Around<VoxelBlock>& ahead,
                                              const BlockSurface& surface, Vec3f corner, float voxel,
-                                             std::uint32_t number, VertexIds& ids, Vec3f* positions) {
+                                             std::uint32_t number, VertexIds& ids,
+                                             Vec3f* positions) {
   constexpr int kStep = kAxis == 0 ? 1 : kAxis == 1 ? kSide : kSide * kSide;
   for (int z = 0; z < kSide; ++z) {
     // The other ends of the edges that leave the block lie in the next one, seven steps back.
@@ -326,7 +331,8 @@ void find_edges(const Around<VoxelBlock>& ahead, const Around<BlockSurface>& beh
 void emit_block(const Around<VoxelBlock>& ahead, const Around<BlockSurface>& surface_ahead,
                 std::span<const Cell> cells, double voxel_m, Vec3f* positions,
                 std::uint32_t* corners, const std::uint32_t* corners_end) {
-  HWY_DYNAMIC_DISPATCH(EmitBlock)(ahead, surface_ahead, cells, voxel_m, positions, corners, corners_end);
+  HWY_DYNAMIC_DISPATCH(EmitBlock)
+  (ahead, surface_ahead, cells, voxel_m, positions, corners, corners_end);
 }
 
 }  // namespace mr::fusion

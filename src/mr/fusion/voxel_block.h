@@ -12,11 +12,11 @@ namespace mr::fusion {
 struct alignas(64) VoxelBlock {
   static constexpr int kSide = 8;
   static constexpr int kVoxels = kSide * kSide * kSide;
-  static constexpr int kTruncated = 32767;               ///< the stored distance of ± truncation
-  static constexpr int kWeightUnit = 16;                 ///< of one observation from 1 m away
-  using Bits = std::array<std::uint64_t, kSide>;         ///< one bit per voxel, in layers
-  using Distances = std::array<std::int16_t, kVoxels>;   ///< in truncation / kTruncated
-  using Weights = std::array<std::uint16_t, kVoxels>;    ///< in 1 / kWeightUnit; 0: never seen
+  static constexpr int kTruncated = 32767;              ///< the stored distance of ± truncation
+  static constexpr int kWeightUnit = 16;                ///< of one observation from 1 m away
+  using Bits = std::array<std::uint64_t, kSide>;        ///< one bit per voxel, in layers
+  using Distances = std::array<std::int16_t, kVoxels>;  ///< in truncation / kTruncated
+  using Weights = std::array<std::uint16_t, kVoxels>;   ///< in 1 / kWeightUnit; 0: never seen
 
   /// Signed distance to the surface; never 0, so that no vertex falls on a voxel. Means nothing
   /// where `seen` is not set.

@@ -5,6 +5,7 @@
 #include <cmath>
 #include <map>
 #include <tuple>
+#include <utility>
 
 #include "mr/core/assert.h"
 #include "mr/core/parallel.h"
@@ -256,7 +257,7 @@ void VoxelVolume::note_changes(std::span<const int> moved_voxels) {
   for (std::size_t i = 0; i < order_.size(); ++i) {
     BlockHistory& h = history_[order_[i]];
     if (rows_[order_[i]] != 0) h.wanted_at = frame_;
-    if (moved_voxels[i] >= kLeastMoved) {
+    if (moved_voxels[i] >= (std::exchange(h.fresh, false) ? 1 : kLeastMoved)) {
       h.moved = true, h.frames = 0;
     } else if (h.frames < config_.most_frames) {
       ++h.frames;

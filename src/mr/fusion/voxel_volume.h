@@ -30,8 +30,8 @@ struct VolumeConfig {
   double chunk_m = 0;           ///< blocks are sorted by cubes of this edge; 0: all are one chunk
   History history = History::average;
   std::size_t most_blocks = std::size_t{1} << 18;  ///< bounds the memory; more surface is left out
-  int most_frames = 64;    ///< remember: what lies longer back fades
-  int patience = 30;       ///< remember: blocks that no frame wanted for so many are freed
+  int most_frames = 64;                            ///< remember: what lies longer back fades
+  int patience = 30;  ///< remember: blocks that no frame wanted for so many are freed
 };
 
 /// How a chunk's surface differs from what it was. `moved`: by more than noise. `refined`: it is
@@ -54,7 +54,7 @@ struct ChunkBlocks {
 struct IntegrateReport {
   bool usable = true;              ///< false: camera or pose cannot be used, nothing was integrated
   std::size_t refused_pixels = 0;  ///< NaN, infinite, negative, or farther than 100 km
-  std::size_t left_out_blocks = 0;       ///< did not fit into most_blocks
+  std::size_t left_out_blocks = 0;  ///< did not fit into most_blocks
   double allocate_ms = 0, integrate_ms = 0;
 };
 
@@ -73,13 +73,15 @@ class VoxelVolume {
   void clear();
 
   const VolumeConfig& config() const { return config_; }
-  /// The slots of all blocks: chunk by chunk (by z, y, x of the cubes), inside a chunk by region and
-  /// place.
+  /// The slots of all blocks: chunk by chunk (by z, y, x of the cubes), inside a chunk by region
+  /// and place.
   std::span<const std::uint32_t> order() const { return order_; }
   std::span<const ChunkBlocks> chunks() const { return chunks_; }  ///< by z, y, x; cover order()
   /// Slots are below this.
   std::size_t slots() const { return slots_; }
-  const VoxelBlock& block(std::uint32_t slot) const { return slabs_[slot / kSlab]->blocks[slot % kSlab]; }
+  const VoxelBlock& block(std::uint32_t slot) const {
+    return slabs_[slot / kSlab]->blocks[slot % kSlab];
+  }
   const BlockDirectory& directory() const { return directory_; }
   /// The cube of chunk_m that a block belongs to: that of its middle.
   Vec3i chunk_of(Vec3i block) const;
@@ -97,11 +99,13 @@ class VoxelVolume {
   struct BlockHistory {
     std::uint32_t wanted_at = 0;  ///< frame
     std::uint16_t frames = 0;     ///< since it last moved
-    bool moved = false, refined = false;
+    bool fresh = true, moved = false, refined = false;
   };
 
   VoxelBlock& block(std::uint32_t slot) { return slabs_[slot / kSlab]->blocks[slot % kSlab]; }
-  VoxelBlock::Weights& weights(std::uint32_t slot) { return (*weights_[slot / kSlab])[slot % kSlab]; }
+  VoxelBlock::Weights& weights(std::uint32_t slot) {
+    return (*weights_[slot / kSlab])[slot % kSlab];
+  }
 
   std::size_t allocate();
   std::vector<std::vector<WantedRows>> wanted_rows() const;
