@@ -1,5 +1,6 @@
 #include "mr/core/camera.h"
 
+#include <algorithm>
 #include <cmath>
 #include <limits>
 #include <numbers>
@@ -117,6 +118,13 @@ std::vector<std::string> Camera::problems() const {
       (beam_altitude_rad.size() != static_cast<std::size_t>(height) ||
        beam_azimuth_rad.size() != static_cast<std::size_t>(height)))
     out.push_back("a LiDAR needs one altitude and one azimuth per row");
+  const auto within = [](double angle, double most) { return std::abs(angle) <= most; };  // not NaN
+  if (model == CameraModel::lidar &&
+      !(std::all_of(beam_altitude_rad.begin(), beam_altitude_rad.end(),
+                    [&](double a) { return within(a, kPi / 2 + 1e-9); }) &&
+        std::all_of(beam_azimuth_rad.begin(), beam_azimuth_rad.end(),
+                    [&](double a) { return within(a, 2 * kPi); })))
+    out.push_back("a LiDAR's altitudes must lie within 90 degrees, its azimuths within 360");
   if (model != CameraModel::pinhole) return out;
   for (const double v : {fx, fy, cx, cy, k[0], k[1], k[2], k[3], k[4], k[5], p[0], p[1]})
     if (!std::isfinite(v)) return {"intrinsics hold a number that is not finite"};

@@ -139,6 +139,7 @@ void read_fusion(MapReader& top, const Scene& scene, FusionConfig& fusion) {
   map.integer("fill_px", fusion.clean.fill_px, 0, 7);
   map.flag("smooth_depth", fusion.clean.smooth_depth);
   voxels("truncation_m", fusion.truncation_m, 2, 1);
+  map.flag("memory", fusion.memory);
   map.size("patches", 1, 16, fusion.patches_x, fusion.patches_y);
 }
 

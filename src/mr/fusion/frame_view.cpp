@@ -36,8 +36,8 @@ void set_pinhole(const DepthFrame& frame, const VolumeConfig& config, FrameView&
   for (int y = 0; y < region.height; ++y)
     view.ray[y] = {vec_cast<float>(column(2) + column(1) * ((region.y + y - c.cy) / c.fy)),
                    vec_cast<float>(column(0)), Vec3f{}};
-  // Of pixel corners and counted from the border, so that rounding down finds the nearest pixel.
-  const double cx = c.cx - region.x + 1.5, cy = c.cy - region.y + 1.5;
+  // Counted from the border: the place in `depth` is the nearest integer.
+  const double cx = c.cx - region.x + 1, cy = c.cy - region.y + 1;
   set_projection(
       frame.T_world_camera.inverse(), config.voxel_m,
       [&](Vec3d p) {
@@ -119,8 +119,12 @@ bool usable(const DepthFrame& frame) {
   if (r.x < 0 || r.y < 0 || r.x > frame.depth.width - r.width ||
       r.y > frame.depth.height - r.height)
     return false;
-  for (int axis = 0; axis < 3; ++axis)
-    if (!is_finite(T.rotation.column(axis))) return false;
+  if (frame.camera.width != frame.depth.width || frame.camera.height != frame.depth.height)
+    return false;
+  for (int a = 0; a < 3; ++a)
+    for (int b = 0; b < 3; ++b)
+      if (!(std::abs(dot(T.rotation.column(a), T.rotation.column(b)) - (a == b)) < 1e-3))
+        return false;
   return length(T.translation) < kFarthestPlace_m;
 }
 

@@ -56,7 +56,7 @@ struct FrameView {
   Vec3f direction(int x, int y) const { return ray[y][0] + ray[y][1] * s[x] + ray[y][2] * t[x]; }
 
   // Voxel → pixel. `origin` and `axis` make (U, V, Z) of a voxel. Pinhole: its place in `depth` is
-  // (U / Z, V / Z), rounded down, and its depth is Z. Others: (U, V, Z) is the point in the camera.
+  // (U / Z, V / Z), rounded, and its depth is Z. Others: (U, V, Z) is the point in the camera.
   Vec3d origin;                      ///< of the world's origin
   std::array<Vec3d, 3> axis;         ///< what a voxel along x, y, z adds
   std::array<float, 64> dU, dV, dZ;  ///< from a layer's first voxel to each of its 64

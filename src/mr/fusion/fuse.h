@@ -18,7 +18,8 @@ std::vector<Rect> patches(int width, int height, const FusionConfig& fusion);
 /// One depth frame after another → their surfaces (paper 3.1). Keeps its memory between frames.
 class FrameFuser {
  public:
-  explicit FrameFuser(const VolumeConfig& config) : volume_(config) {}
+  explicit FrameFuser(const VolumeConfig& config, DepthEdges edges = DepthEdges::cut)
+      : volume_(config), marching_cubes_(edges) {}
 
   /// The surface of a frame; good until the next. `report`, where wanted: what became of it.
   const Surface& fuse(const DepthFrame& frame, IntegrateReport* report = nullptr);

@@ -4,6 +4,7 @@
 #include <array>
 #include <bit>
 #include <cmath>
+#include <cstring>
 
 #undef HWY_TARGET_INCLUDE
 #define HWY_TARGET_INCLUDE "mr/fusion/integrate_kernels.cpp"
@@ -29,6 +30,19 @@ constexpr hn::Rebind<std::int16_t, Df> d16;
 constexpr hn::Rebind<std::uint16_t, Df> du16;
 
 HWY_INLINE int lanes() { return static_cast<int>(hn::Lanes(df)); }
+
+/// Stores a mask's bits where bit `i` of `bits` begins; up to 8 bytes more may be written.
+template <typename D, typename M>
+HWY_INLINE void store_bits(D d, M mask, std::size_t i, std::uint8_t* bits) {
+  if (hn::Lanes(d) >= 8) {
+    hn::StoreMaskBits(d, mask, bits + i / 8);
+  } else {  // several times into one byte
+    std::uint8_t few[8] = {};
+    hn::StoreMaskBits(d, mask, few);
+    if (i % 8 == 0) bits[i / 8] = 0;
+    bits[i / 8] = static_cast<std::uint8_t>(bits[i / 8] | few[0] << i % 8);
+  }
+}
 
 HWY_INLINE std::uint64_t bits_of(Mf mask) {
   std::uint8_t bytes[8] = {};
@@ -112,11 +126,13 @@ HWY_INLINE void add_row(const FrameView& view, int y, ColumnBounds& bounds) {
   for (int x = 0; x < view.width; x += lanes()) {
     const Vf d = hn::LoadU(df, view.row(y) + x);
     const Mf measured = hn::Gt(d, hn::Zero(df));
+    if (hn::AllFalse(df, measured)) continue;
+    const bool all = hn::AllTrue(df, measured);
     const Points p = points_at(view, y, x, d);
     const auto widen = [&](Vf v, float* low, float* high) HWY_ATTR {
       const Vf l = hn::LoadU(df, low + x), h = hn::LoadU(df, high + x);
-      hn::StoreU(hn::Min(l, hn::IfThenElse(measured, v, l)), df, low + x);
-      hn::StoreU(hn::Max(h, hn::IfThenElse(measured, v, h)), df, high + x);
+      hn::StoreU(hn::Min(l, all ? v : hn::IfThenElse(measured, v, l)), df, low + x);
+      hn::StoreU(hn::Max(h, all ? v : hn::IfThenElse(measured, v, h)), df, high + x);
     };
     widen(p.x, bounds.low[0].data(), bounds.high[0].data());
     widen(p.y, bounds.low[1].data(), bounds.high[1].data());
@@ -124,28 +140,59 @@ HWY_INLINE void add_row(const FrameView& view, int y, ColumnBounds& bounds) {
   }
 }
 
-/// The voxels inside a box of blocks and its margin.
-HWY_INLINE VoxelRange range_of(Vec3f low, Vec3f high, float margin) {
-  const auto voxel = [](float blocks) {
-    return static_cast<std::int32_t>(std::floor(std::clamp(blocks, -2e8f, 2e8f) * kSide));
-  };
-  return {{voxel(low.x - margin) + 1, voxel(low.y - margin) + 1, voxel(low.z - margin) + 1},
-          {voxel(high.x + margin), voxel(high.y + margin), voxel(high.z + margin)}};
+/// The least of a tile's columns and the next one.
+HWY_INLINE float least(const float* v) {
+  static_assert(kTile == 4);
+  return std::min(std::min(std::min(v[0], v[1]), std::min(v[2], v[3])), v[4]);
+}
+HWY_INLINE float most(const float* v) {
+  return std::max(std::max(std::max(v[0], v[1]), std::max(v[2], v[3])), v[4]);
 }
 
 /// A tile may extend so many times as far as it would facing the sensor: more is a depth edge.
 constexpr float kSteepTile = 3, kLargestTile = 16;  // blocks
 
-/// Each pixel of a tile by itself, as far as surface may be found along its ray.
-HWY_INLINE void pixel_ranges(const FrameView& view, const Rect& tile, const TileRule& rule,
-                             std::vector<VoxelRange>& out) {
+/// Where pixels lie farther apart than twice this, not all between them is found.
+constexpr float kMostHalfPixel = 1;  // blocks
+
+/// The surface seen by those pixels of a tile that lie between two depths, and what may hang behind
+/// it where depth jumps. False, and nothing is done, where it extends too far.
+HWY_INLINE bool layer_range(const FrameView& view, const Rect& tile, float nearest, float farthest,
+                            const TileRule& rule, float half_pixel, std::vector<VoxelRange>& out) {
+  Box3f points, all;
   for (int y = tile.y; y < tile.y + tile.height; ++y)
     for (int x = tile.x; x < tile.x + tile.width; ++x) {
       const float d = view.row(y)[x];
-      if (d < 0) continue;
-      const Vec3f ray = view.direction(x, y);
-      const Vec3f a = view.eye + ray * (d - rule.band_m), b = view.eye + ray * (d + rule.band_m);
-      out.push_back(range_of(min(a, b), max(a, b), rule.margin));
+      if (d < nearest || d > farthest) continue;
+      const Vec3f ray = view.direction(x, y), p = view.eye + ray * d;
+      points.add(p), all.add(p), all.add(view.eye + ray * (d + rule.band_m));
+    }
+  if (points.empty()) return true;
+  const Vec3f extent = points.high - points.low;
+  if (std::max({extent.x, extent.y, extent.z}) > rule.largest) return false;
+  out.push_back(voxels_within(all.low, all.high, rule.margin + half_pixel));
+  return true;
+}
+
+/// A tile with a depth edge: a nearer and a farther surface, or else each pixel by itself.
+HWY_INLINE void edge_ranges(const FrameView& view, const Rect& tile, const TileRule& rule,
+                            float half_pixel, std::vector<VoxelRange>& out) {
+  float nearest = 1e30f, farthest = 0;
+  for (int y = tile.y; y < tile.y + tile.height; ++y)
+    for (int x = tile.x; x < tile.x + tile.width; ++x) {
+      const float d = view.row(y)[x];
+      if (d > 0) nearest = std::min(nearest, d), farthest = std::max(farthest, d);
+    }
+  const float middle = 0.5f * (nearest + farthest);
+  const std::size_t before = out.size();
+  if (layer_range(view, tile, nearest, middle, rule, half_pixel, out) &&
+      layer_range(view, tile, std::nextafter(middle, farthest), farthest, rule, half_pixel, out))
+    return;
+  out.resize(before);
+  for (int y = tile.y; y < tile.y + tile.height; ++y)
+    for (int x = tile.x; x < tile.x + tile.width; ++x) {
+      const float d = view.row(y)[x];
+      if (d > 0) layer_range(view, {x, y, 1, 1}, d, d, rule, half_pixel, out);
     }
 }
 
@@ -157,22 +204,18 @@ void TileRanges(const FrameView& view, int tile_row, const TileRule& rule,
   const int top = tile_row * kTile, bottom = std::min(top + kTile, view.height - 1);
   for (int y = top; y <= bottom; ++y) add_row(view, y, bounds);
   for (int x = 0; x < view.width; x += kTile) {
-    const int right = std::min(x + kTile, view.width - 1);
-    Vec3f low, high;
-    for (int axis = 0; axis < 3; ++axis) {
-      const auto& l = bounds.low[axis];
-      const auto& h = bounds.high[axis];
-      low[axis] = *std::min_element(l.begin() + x, l.begin() + right + 1);
-      high[axis] = *std::max_element(h.begin() + x, h.begin() + right + 1);
-    }
+    const Vec3f low{least(&bounds.low[0][x]), least(&bounds.low[1][x]), least(&bounds.low[2][x])};
+    const Vec3f high{most(&bounds.high[0][x]), most(&bounds.high[1][x]), most(&bounds.high[2][x])};
     if (low.x > high.x) continue;
     const Vec3f extent = high - low;
-    const float seen_as = length((low + high) * 0.5f - view.eye) * view.pixel_rad * kTile;
-    if (std::max({extent.x, extent.y, extent.z}) <=
-        std::clamp(kSteepTile * seen_as, rule.largest, kLargestTile))
-      out.push_back(range_of(low, high, rule.margin));
+    const float largest = std::max({extent.x, extent.y, extent.z});
+    const float pixel = view.pixel_rad * (length((low + high) * 0.5f - view.eye) + 0.5f * largest);
+    const float half_pixel = std::min(0.5f * pixel, kMostHalfPixel);
+    if (largest <= std::clamp(kSteepTile * kTile * pixel, rule.largest, kLargestTile))
+      out.push_back(voxels_within(low, high, rule.margin + half_pixel));
     else
-      pixel_ranges(view, {x, top, right + 1 - x, bottom + 1 - top}, rule, out);
+      edge_ranges(view, {x, top, std::min(kTile + 1, view.width - x), bottom + 1 - top}, rule,
+                  half_pixel, out);
   }
 }
 
@@ -184,23 +227,35 @@ struct Sample {
   Vf in_front_m, depth_m;
 };
 
-/// The place in the picture, kept inside its border.
-HWY_INLINE Vi pixel_place(const FrameView& view, Vi column, Vi row) {
-  return hn::Add(hn::Mul(row, hn::Set(di, view.stride)), column);
-}
+/// To the nearest integer, for |v| < 2²²: adding 1.5 · 2²³ leaves it in the lowest bits. Without
+/// the checks for what does not fit that conversions make.
+constexpr float kRounder = 12582912.0f;
+constexpr std::int32_t kRounderBits = 0x4B400000;
+HWY_INLINE Vi raw_rounded(Vf v) { return hn::BitCast(di, hn::Add(v, hn::Set(df, kRounder))); }
+HWY_INLINE Vi rounded(Vf v) { return hn::Sub(raw_rounded(v), hn::Set(di, kRounderBits)); }
 
 struct Pinhole {
-  const FrameView& view;
+  explicit Pinhole(const FrameView& v)
+      : depth(v.depth.data()),
+        right(static_cast<float>(v.width + 1)),
+        bottom(static_cast<float>(v.height + 1)),
+        stride(v.stride),
+        raw_origin(static_cast<std::int32_t>(static_cast<std::uint32_t>(kRounderBits) *
+                                             static_cast<std::uint32_t>(v.stride + 1))) {}
+
   HWY_INLINE Sample operator()(Vf U, Vf V, Vf Z) const {
     const Vf zero = hn::Zero(df);
     const Vf per_z = hn::Div(hn::Set(df, 1.0f), hn::Max(Z, hn::Set(df, 1e-3f)));
-    const Vf right = hn::Set(df, static_cast<float>(view.width + 1)),
-             bottom = hn::Set(df, static_cast<float>(view.height + 1));
-    const Vi column = hn::ConvertTo(di, hn::Max(zero, hn::Min(hn::Mul(U, per_z), right)));
-    const Vi row = hn::ConvertTo(di, hn::Max(zero, hn::Min(hn::Mul(V, per_z), bottom)));
-    const Vf depth = hn::GatherIndex(df, view.depth.data(), pixel_place(view, column, row));
-    return {hn::Sub(depth, Z), Z};
+    const Vf u = hn::Max(zero, hn::Min(hn::Mul(U, per_z), hn::Set(df, right)));
+    const Vf v = hn::Max(zero, hn::Min(hn::Mul(V, per_z), hn::Set(df, bottom)));
+    const Vi raw_place = hn::Add(hn::Mul(raw_rounded(v), hn::Set(di, stride)), raw_rounded(u));
+    const Vi place = hn::Sub(raw_place, hn::Set(di, raw_origin));
+    return {hn::Sub(hn::GatherIndex(df, depth, place), Z), Z};
   }
+
+  const float* depth;
+  float right, bottom;
+  std::int32_t stride, raw_origin;  ///< raw_origin: the place that raw_rounded makes of (0, 0)
 };
 
 /// The angle of (x, y) from the x axis, within 3e-7 rad; 0 at the origin.
@@ -221,7 +276,7 @@ HWY_INLINE Vf angle_of(Vf y, Vf x) {
 }
 
 struct Spherical {
-  const FrameView& view;
+  explicit Spherical(const FrameView& v) : view(v) {}
 
   /// The column of an angle to the right of the row's start, and what is left of the angle.
   HWY_INLINE Vi column_of(Vf right, Vf& rest) const {
@@ -249,7 +304,7 @@ struct Spherical {
     const Vf row_right = hn::GatherIndex(df, view.row_right.data(), row);
     Vf rest_right;
     const Vi column = column_of(hn::Sub(angle_of(x, z), row_right), rest_right);
-    const Vi place = hn::ShiftLeft<2>(pixel_place(view, column, row));
+    const Vi place = hn::ShiftLeft<2>(hn::Add(hn::Mul(row, hn::Set(di, view.stride)), column));
     const float* const plane = &view.planes[0].inverse;
     const auto field = [&](int i) HWY_ATTR {
       return hn::GatherIndex(df, plane, hn::Add(place, hn::Set(di, i)));
@@ -264,6 +319,8 @@ struct Spherical {
     const Vf in_front = hn::Mul(hn::Sub(there, range), field(3));
     return {hn::IfThenElse(valid, in_front, hn::Set(df, FrameView::kNothing)), range};
   }
+
+  const FrameView& view;
 };
 
 /// Walks through the voxels of a block, as many at a time as there are lanes.
@@ -292,28 +349,23 @@ class Walk {
   float u_ = 0, v_ = 0, z_ = 0;
 };
 
-/// Distances as they are stored: rounded, and never 0 but 1 in front and -1 behind.
-HWY_INLINE Vi stored(Vf distance) {
-  const Vi rounded = hn::NearestInt(distance);
-  const Vi sign = hn::IfThenElse(hn::RebindMask(di, hn::Lt(distance, hn::Zero(df))),
-                                 hn::Set(di, -1), hn::Set(di, 1));
-  return hn::IfThenElse(hn::Eq(rounded, hn::Zero(di)), sign, rounded);
+/// Distances as they are stored: rounded, and odd, so never 0.
+HWY_INLINE Vi stored(Vf distance) { return hn::Or(rounded(distance), hn::Set(di, 1)); }
+
+/// Sets a layer's bits, `seen` being known and distances stored.
+HWY_INLINE void set_bits(int z, std::uint64_t seen, VoxelBlock& block) {
+  constexpr hn::CappedTag<std::int16_t, 64> d;
+  const std::int16_t* const distance = block.distance.data() + z * 64;
+  alignas(8) std::uint8_t inside[8 + 64], near[8 + 64];  // room for what is stored past the end
+  for (std::size_t i = 0; i < 64; i += hn::Lanes(d)) {
+    const auto v = hn::LoadU(d, distance + i);
+    store_bits(d, hn::Lt(v, hn::Zero(d)), i, inside);
+    store_bits(d, hn::Lt(v, hn::Set(d, VoxelBlock::kTruncated)), i, near);
+  }
+  std::uint64_t inside_word, near_word;
+  std::memcpy(&inside_word, inside, 8), std::memcpy(&near_word, near, 8);
+  block.seen[z] = seen, block.inside[z] = inside_word & seen, block.near[z] = near_word & seen;
 }
-
-/// A layer's bits while it is worked on.
-struct LayerBits {
-  std::uint64_t seen = 0, inside = 0, near = 0;
-
-  HWY_INLINE void set(int i, Mf is_seen, Vi value) {
-    const Vf v = hn::ConvertTo(df, value);
-    seen |= bits_of(is_seen) << i;
-    inside |= bits_of(hn::And(is_seen, hn::Lt(v, hn::Zero(df)))) << i;
-    near |= bits_of(hn::And(is_seen, hn::Lt(v, hn::Set(df, kMost)))) << i;
-  }
-  void store(int z, std::uint64_t where, VoxelBlock& block) const {
-    block.seen[z] = seen & where, block.inside[z] = inside & where, block.near[z] = near & where;
-  }
-};
 
 HWY_INLINE Vf limited(Vf distance) {
   return hn::Max(hn::Set(df, -kMost), hn::Min(distance, hn::Set(df, kMost)));
@@ -321,21 +373,25 @@ HWY_INLINE Vf limited(Vf distance) {
 
 template <typename Camera>
 HWY_INLINE void first_frame(const FrameView& view, std::uint64_t rows, VoxelBlock& block) {
-  const Camera camera{view};
+  const Camera camera(view);
   const Vf behind = hn::Set(df, -view.truncation_m), scale = hn::Set(df, kMost / view.truncation_m);
   Walk walk(view, block);
   for (int z = 0; z < kSide; ++z) {
     const std::uint64_t wanted = kBytes[rows >> 8 * z & 0xFF];
-    LayerBits bits;
-    if (wanted != 0) walk.set_layer(z);
-    for (int i = 0; i < 64 && wanted != 0; i += lanes()) {
+    if (wanted == 0) {
+      block.seen[z] = block.inside[z] = block.near[z] = 0;
+      continue;
+    }
+    std::uint64_t seen = 0;
+    walk.set_layer(z);
+    for (int i = 0; i < 64; i += lanes()) {
       if ((wanted >> i & ((std::uint64_t{1} << lanes()) - 1)) == 0) continue;
       const Sample s = walk.sample(camera, i);
       const Vi value = stored(limited(hn::Mul(s.in_front_m, scale)));
       hn::StoreU(hn::DemoteTo(d16, value), d16, block.distance.data() + z * 64 + i);
-      bits.set(i, hn::Ge(s.in_front_m, behind), value);
+      seen |= bits_of(hn::Ge(s.in_front_m, behind)) << i;
     }
-    bits.store(z, wanted, block);
+    set_bits(z, seen & wanted, block);
   }
 }
 
@@ -360,7 +416,7 @@ HWY_INLINE Vf weight_of(const FrameView& view, Vf depth) {
   const Vf ratio = hn::Div(hn::Set(df, at_1m), sigma_m(*view.precision, depth));
   const Vf weight = hn::Mul(hn::Set(df, kUnit), hn::Mul(ratio, ratio));
   return hn::ConvertTo(
-      df, hn::NearestInt(hn::Max(hn::Set(df, 1.0f), hn::Min(weight, hn::Set(df, 4 * kUnit)))));
+      df, rounded(hn::Max(hn::Set(df, 1.0f), hn::Min(weight, hn::Set(df, 4 * kUnit)))));
 }
 
 /// What voxels hold between frames.
@@ -410,11 +466,11 @@ HWY_INLINE Voxels averaged(const FrameView& view, const UpdateRule& rule, const 
 template <typename Camera, bool kRemember>
 HWY_INLINE int next_frame(const FrameView& view, const UpdateRule& rule, VoxelBlock& block,
                           VoxelBlock::Weights& weights) {
-  const Camera camera{view};
+  const Camera camera(view);
   Walk walk(view, block);
   int moved_voxels = 0;
   for (int z = 0; z < kSide; ++z) {
-    LayerBits bits;
+    std::uint64_t seen = 0;
     walk.set_layer(z);
     for (int i = 0; i < 64; i += lanes()) {
       Mf moved = hn::Lt(hn::Zero(df), hn::Zero(df));
@@ -422,11 +478,11 @@ HWY_INLINE int next_frame(const FrameView& view, const UpdateRule& rule, VoxelBl
                                              load(block, weights, z * 64 + i), moved);
       const Vi value = stored(now.distance);
       hn::StoreU(hn::DemoteTo(d16, value), d16, block.distance.data() + z * 64 + i);
-      hn::StoreU(hn::DemoteTo(du16, hn::NearestInt(now.weight)), du16, weights.data() + z * 64 + i);
-      bits.set(i, hn::Gt(now.weight, hn::Zero(df)), value);
+      hn::StoreU(hn::DemoteTo(du16, rounded(now.weight)), du16, weights.data() + z * 64 + i);
+      seen |= bits_of(hn::Gt(now.weight, hn::Zero(df))) << i;
       if (kRemember) moved_voxels += std::popcount(bits_of(moved));
     }
-    bits.store(z, ~std::uint64_t{0}, block);
+    set_bits(z, seen, block);
   }
   return moved_voxels;
 }

@@ -1,5 +1,7 @@
 #pragma once
 
+#include <algorithm>
+#include <cmath>
 #include <cstddef>
 #include <cstdint>
 #include <vector>
@@ -21,14 +23,27 @@ struct VoxelRange {
   Vec3i low, high;
 };
 
+/// The voxels inside a box of blocks from eye_block, and a margin around it. What lies more than
+/// kFarthestBlock away is cut off.
+inline constexpr std::int32_t kFarthestBlock = 1'000'000;
+inline VoxelRange voxels_within(Vec3f low, Vec3f high, float margin) {
+  const auto voxel = [](float blocks) {
+    constexpr float kFarthest = kFarthestBlock;
+    return static_cast<std::int32_t>(
+        std::floor(std::clamp(blocks, -kFarthest, kFarthest) * VoxelBlock::kSide));
+  };
+  return {{voxel(low.x - margin) + 1, voxel(low.y - margin) + 1, voxel(low.z - margin) + 1},
+          {voxel(high.x + margin), voxel(high.y + margin), voxel(high.z + margin)}};
+}
+
 /// Pixels are looked at in squares of so many.
 inline constexpr int kTile = 4;
 
 /// How a tile's pixels become ranges of voxels.
 struct TileRule {
-  float margin;   ///< around the surface, blocks
+  float margin;   ///< around the surface, blocks; half a pixel comes on top
   float largest;  ///< blocks; a tile that extends farther, and is steep, is taken apart
-  float band_m;   ///< then each pixel counts so far before and behind its point
+  float band_m;   ///< how far behind an edge something may hang
 };
 
 /// Appends the boxes that hold the surface seen by row `tile_row` of tiles.

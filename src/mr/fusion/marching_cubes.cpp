@@ -10,7 +10,7 @@
 namespace mr::fusion {
 namespace {
 
-constexpr std::size_t kBlocksAtOnce = 64;
+constexpr std::size_t kBlocksAtOnce = 64, kAhead = 2;
 
 const VoxelBlock kUnseen{};
 const BlockSurface kEmpty{};
@@ -38,6 +38,14 @@ void for_groups(std::size_t blocks, const Work& work) {
     for (std::size_t g = begin; g < end; ++g)
       work(g, g * kBlocksAtOnce, std::min((g + 1) * kBlocksAtOnce, blocks));
   });
+}
+
+/// Asks for memory that is needed soon: blocks lie anywhere, so the CPU does not guess it.
+template <typename T>
+void prefetch(const T& object) {
+  constexpr std::size_t kLine = 64;
+  const auto* const bytes = reinterpret_cast<const char*>(&object);
+  for (std::size_t i = 0; i < sizeof(T); i += kLine) __builtin_prefetch(bytes + i);
 }
 
 std::size_t count_cells(const BlockSurface& surface) {
@@ -102,6 +110,10 @@ void MarchingCubes::find(const VoxelVolume& volume, const Blocks& blocks) {
     cells_[g].clear();
     for (std::size_t b = first; b < last; ++b) {
       const std::uint32_t slot = blocks.cells[b];
+      if (b + kAhead < blocks.cells.size()) {
+        const VoxelBlock& soon = volume.block(blocks.cells[b + kAhead]);
+        prefetch(soon.seen), prefetch(soon.inside), prefetch(soon.near);
+      }
       ahead_[slot] = slots_of(slot, 1);
       find_cells(blocks_ahead(volume, slot), edges_ == DepthEdges::cut, surface_[slot], cells_[g]);
     }
@@ -134,6 +146,8 @@ void MarchingCubes::emit(const VoxelVolume& volume, const Blocks& blocks, Mesh& 
     for (std::size_t b = first; b < last; ++b) {
       const std::uint32_t slot = blocks.cells[b];
       const BlockSurface& s = surface_[slot];
+      if (b + kAhead < blocks.cells.size() && surface_[blocks.cells[b + kAhead]].vertices != 0)
+        prefetch(volume.block(blocks.cells[b + kAhead]).distance);
       if (s.vertices == 0 && s.triangles == 0) continue;
       const std::size_t count = count_cells(s);
       emit_block(blocks_ahead(volume, slot), surfaces(ahead_[slot]), cells.first(count),

@@ -103,26 +103,19 @@ class Patch {
   Vec3f eye_, ahead_, aside_, down_;
 };
 
-VoxelRange voxels_around(Vec3f low, Vec3f high, float margin) {
-  const auto voxel = [](float blocks) {
-    return static_cast<std::int32_t>(
-        std::floor(std::clamp(blocks, -2e8f, 2e8f) * VoxelBlock::kSide));
-  };
-  return {{voxel(low.x - margin) + 1, voxel(low.y - margin) + 1, voxel(low.z - margin) + 1},
-          {voxel(high.x + margin), voxel(high.y + margin), voxel(high.z + margin)}};
-}
-
 /// A patch is taken in pieces of about this size, so that their boxes fit it closely.
-constexpr float kPiece = 0.5f;  // blocks
-constexpr int kMostPieces = 64;
+constexpr float kPiece = 0.5f;   // blocks
+constexpr int kMostPieces = 32;  // along a side; what lies farther from the ray is left out
 
 void patch_ranges(const Patch& patch, float right, float down, float margin,
                   std::vector<VoxelRange>& out) {
-  const auto pieces = [](float length_blocks) {
-    return std::clamp(static_cast<int>(std::ceil(length_blocks / kPiece)), 1, kMostPieces);
+  const auto pieces = [](float length_blocks, float& reach_rad) {
+    const float count = std::max(std::ceil(length_blocks / kPiece), 1.0f);
+    if (count > kMostPieces) reach_rad *= kMostPieces / count;
+    return static_cast<int>(std::min<float>(count, kMostPieces));
   };
-  const int columns = pieces(length(patch.at(right, 0) - patch.at(-right, 0)));
-  const int rows = pieces(length(patch.at(0, down) - patch.at(0, -down)));
+  const int columns = pieces(length(patch.at(right, 0) - patch.at(-right, 0)), right);
+  const int rows = pieces(length(patch.at(0, down) - patch.at(0, -down)), down);
   const auto corner = [&](int i, int j) {
     return patch.at(right * static_cast<float>(2 * i - columns) / static_cast<float>(columns),
                     down * static_cast<float>(2 * j - rows) / static_cast<float>(rows));
@@ -132,7 +125,7 @@ void patch_ranges(const Patch& patch, float right, float down, float margin,
       Box3f box;
       for (const int dj : {0, 1})
         for (const int di : {0, 1}) box.add(corner(i + di, j + dj));
-      out.push_back(voxels_around(box.low, box.high, margin));
+      out.push_back(voxels_within(box.low, box.high, margin));
     }
 }
 
@@ -156,7 +149,7 @@ void plane_ranges(const FrameView& view, int y, float margin_blocks, std::vector
     if (range <= 0) continue;
     if (range < near * view.planes[view.place(x, y)].cosine) {
       const Vec3f point = view.eye + view.direction(x, y) * range;
-      out.push_back(voxels_around(point, point, 1.5f * margin_blocks));
+      out.push_back(voxels_within(point, point, 1.5f * margin_blocks));
     } else {
       patch_ranges(Patch(view, x, y), right, down, margin_blocks, out);
     }

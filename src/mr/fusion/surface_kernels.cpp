@@ -248,9 +248,21 @@ HWY_INLINE float crossing(std::int16_t here, std::int16_t next) {
   return std::clamp(a / (a - b), kLeast, 1 - kLeast);
 }
 
+/// Where the voxels of a block lie: [axis][place along it], metres.
+struct GridLines {
+  std::array<std::array<float, kSide>, 3> at;
+  float voxel;
+
+  GridLines(Vec3i block, double voxel_m) : voxel(static_cast<float>(voxel_m)) {
+    for (int axis = 0; axis < 3; ++axis)
+      for (int i = 0; i < kSide; ++i)
+        at[axis][i] = static_cast<float>((double{kSide} * block[axis] + i) * voxel_m);
+  }
+};
+
 template <int kAxis>
 HWY_INLINE std::uint32_t emit_vertices_along(const Around<VoxelBlock>& ahead,
-                                             const BlockSurface& surface, Vec3f corner, float voxel,
+                                             const BlockSurface& surface, const GridLines& lines,
                                              std::uint32_t number, VertexIds& ids,
                                              Vec3f* positions) {
   constexpr int kStep = kAxis == 0 ? 1 : kAxis == 1 ? kSide : kSide * kSide;
@@ -264,12 +276,11 @@ HWY_INLINE std::uint32_t emit_vertices_along(const Around<VoxelBlock>& ahead,
     const std::int16_t* const ends[2] = {here + kStep,
                                          ahead[1 << kAxis]->distance.data() + z * 64 - 7 * kStep};
     for (std::uint64_t rest = surface.edges[kAxis][z]; rest != 0; rest &= rest - 1) {
-      const int bit = std::countr_zero(rest);
-      const float t = crossing(here[bit], ends[leaving >> bit & 1][bit]);
-      const int x = bit & 7, y = bit >> 3;
-      positions[number] = {corner.x + (static_cast<float>(x) + (kAxis == 0 ? t : 0)) * voxel,
-                           corner.y + (static_cast<float>(y) + (kAxis == 1 ? t : 0)) * voxel,
-                           corner.z + (static_cast<float>(z) + (kAxis == 2 ? t : 0)) * voxel};
+      const int bit = std::countr_zero(rest), x = bit & 7, y = bit >> 3;
+      const float along = crossing(here[bit], ends[leaving >> bit & 1][bit]) * lines.voxel;
+      Vec3f& p = positions[number];
+      p = {lines.at[0][x], lines.at[1][y], lines.at[2][z]};
+      (kAxis == 0 ? p.x : kAxis == 1 ? p.y : p.z) += along;
       ids.id[VertexIds::at(kAxis, x, y, z)] = number++;
     }
   }
@@ -278,12 +289,11 @@ HWY_INLINE std::uint32_t emit_vertices_along(const Around<VoxelBlock>& ahead,
 
 HWY_INLINE void emit_vertices(const Around<VoxelBlock>& ahead, const BlockSurface& surface,
                               double voxel_m, VertexIds& ids, Vec3f* positions) {
-  const Vec3f corner = vec_cast<float>(vec_cast<double>(ahead[0]->coordinate * kSide) * voxel_m);
-  const float voxel = static_cast<float>(voxel_m);
+  const GridLines lines(ahead[0]->coordinate, voxel_m);
   std::uint32_t n = surface.first_vertex;
-  n = emit_vertices_along<0>(ahead, surface, corner, voxel, n, ids, positions);
-  n = emit_vertices_along<1>(ahead, surface, corner, voxel, n, ids, positions);
-  emit_vertices_along<2>(ahead, surface, corner, voxel, n, ids, positions);
+  n = emit_vertices_along<0>(ahead, surface, lines, n, ids, positions);
+  n = emit_vertices_along<1>(ahead, surface, lines, n, ids, positions);
+  emit_vertices_along<2>(ahead, surface, lines, n, ids, positions);
 }
 
 void EmitBlock(const Around<VoxelBlock>& ahead, const Around<BlockSurface>& surface_ahead,

@@ -22,7 +22,7 @@ constexpr std::size_t kBlocksAtOnce = 32;
 
 /// How many voxels around the surface are computed: what marching cubes reads where a frame stands
 /// for itself, else what the next frame's surface may need.
-constexpr float kMargin = 1.5f, kMarginOfHistory = 3;
+constexpr float kMargin = 1.05f, kMarginOfHistory = 3;
 /// A block moved when so many of its voxels at the surface did; fewer are stray pixels.
 constexpr int kLeastMoved = 8;
 
@@ -31,7 +31,8 @@ bool in_order(Vec3i a, Vec3i b) { return std::tie(a.z, a.y, a.x) < std::tie(b.z,
 
 TileRule tile_rule(const VolumeConfig& config) {
   const float margin = config.history == History::none ? kMargin : kMarginOfHistory;
-  return {margin / kSide, 1, static_cast<float>(config.truncation_m)};
+  const double block_m = kSide * config.voxel_m;
+  return {margin / kSide, 1, static_cast<float>(std::min(config.truncation_m, block_m))};
 }
 
 UpdateRule update_rule(const VolumeConfig& config) {
@@ -125,15 +126,16 @@ std::size_t VoxelVolume::memory_bytes() const {
 // --- allocation
 
 /// What each band of the picture asks for.
-std::vector<std::vector<WantedRows>> VoxelVolume::wanted_rows() const {
+std::vector<std::vector<WantedRows>> VoxelVolume::wanted_rows(std::size_t& left_out_ranges) const {
   constexpr int kRowsAtOnce = 96;
   static_assert(kRowsAtOnce % kTile == 0);
   const TileRule rule = tile_rule(config_);
   std::vector<std::vector<WantedRows>> out((view_.height + kRowsAtOnce - 1) / kRowsAtOnce);
+  std::vector<std::size_t> left_out(out.size());
   parallel_for(out.size(), 1, [&](std::size_t begin, std::size_t end) {
     std::vector<VoxelRange> ranges;
     for (std::size_t band = begin; band < end; ++band) {
-      RowCollector collector;
+      RowCollector collector(config_.most_blocks);
       const int first = static_cast<int>(band) * kRowsAtOnce;
       for (int y = first; y < std::min(first + kRowsAtOnce, view_.height);
            y += view_.spherical ? 1 : kTile) {
@@ -144,9 +146,11 @@ std::vector<std::vector<WantedRows>> VoxelVolume::wanted_rows() const {
           tile_ranges(view_, y / kTile, rule, ranges);
         for (const VoxelRange& range : ranges) collector.add(range);
       }
+      left_out[band] = collector.left_out();
       out[band] = collector.take();
     }
   });
+  for (const std::size_t count : left_out) left_out_ranges += count;
   return out;
 }
 
@@ -160,7 +164,9 @@ std::uint32_t VoxelVolume::new_slot(Vec3i coordinate) {
     if (slot == slabs_.size() * kSlab) slabs_.push_back(std::make_unique<Slab>());
     rows_.push_back(0);
   }
-  block(slot).coordinate = coordinate;
+  VoxelBlock& added = block(slot);
+  added.coordinate = coordinate;
+  added.seen = added.inside = added.near = {};
   if (config_.history == History::none) return slot;
   if (slot / kSlab == weights_.size()) weights_.push_back(std::make_unique<WeightSlab>());
   weights(slot).fill(0);
@@ -174,18 +180,16 @@ std::size_t VoxelVolume::allocate() {
   std::fill(rows_.begin(), rows_.end(), 0);
   std::size_t left_out = 0;
   bool added = false;
-  for (const auto& list : wanted_rows())
+  for (const auto& list : wanted_rows(left_out))
     for (const WantedRows& wanted : list) {
-      const Vec3i at = view_.eye_block + wanted.block;
-      std::uint32_t& slot = directory_.at(at);
-      if (slot == BlockDirectory::kNone) {
-        if (slots_ - free_slots_.size() >= config_.most_blocks) {
-          ++left_out;
-          continue;
-        }
-        slot = new_slot(at);
-        added = true;
+      const Vec3i at = view_.eye_block + wanted.block();
+      if (slots_ - free_slots_.size() >= config_.most_blocks &&
+          directory_.find(at) == BlockDirectory::kNone) {
+        ++left_out;
+        continue;
       }
+      std::uint32_t& slot = directory_.at(at);
+      if (slot == BlockDirectory::kNone) slot = new_slot(at), added = true;
       rows_[slot] |= wanted.rows;
     }
   if (added) sort_blocks();

@@ -54,7 +54,7 @@ struct ChunkBlocks {
 struct IntegrateReport {
   bool usable = true;              ///< false: camera or pose cannot be used, nothing was integrated
   std::size_t refused_pixels = 0;  ///< NaN, infinite, negative, or farther than 100 km
-  std::size_t left_out_blocks = 0;  ///< did not fit into most_blocks
+  std::size_t left_out_blocks = 0;  ///< wanted in vain: most_blocks are there
   double allocate_ms = 0, integrate_ms = 0;
 };
 
@@ -108,7 +108,7 @@ class VoxelVolume {
   }
 
   std::size_t allocate();
-  std::vector<std::vector<WantedRows>> wanted_rows() const;
+  std::vector<std::vector<WantedRows>> wanted_rows(std::size_t& left_out_ranges) const;
   std::size_t take_slots();
   std::uint32_t new_slot(Vec3i block);
   void sort_blocks();

@@ -251,6 +251,14 @@ double Pipeline::critical_path_ms(const Measured& measured) const {
   return sum;
 }
 
+/// What the slowest node could do with a machine of its own.
+double Pipeline::throughput_fps(const Measured& measured) const {
+  double slowest_ms = 0;
+  for (const auto& [node, ms] : measured.node_ms)
+    slowest_ms = std::max(slowest_ms, percentile(ms, 0.5));
+  return slowest_ms > 0 ? 1000 / slowest_ms : 0;
+}
+
 RunReport Pipeline::report(const Measured& m, double seconds) const {
   RunReport r;
   r.scene = scene_->id;
@@ -281,6 +289,7 @@ RunReport Pipeline::report(const Measured& m, double seconds) const {
     add(r.merge_stages_ms, merger->trace());
   }
   r.critical_path_ms = critical_path_ms(m);
+  r.throughput_fps = throughput_fps(m);
   r.end_to_end_ms = m.end_to_end_ms;
   return r;
 }

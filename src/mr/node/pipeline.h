@@ -77,6 +77,7 @@ class Pipeline {
   void show(const std::vector<std::byte>& bytes, Measured& measured);
   std::map<std::string, std::uint64_t> all_drops() const;
   double critical_path_ms(const Measured& measured) const;
+  double throughput_fps(const Measured& measured) const;
   RunReport report(const Measured& measured, double seconds) const;
 
   std::unique_ptr<Scene> scene_;  // nodes point to it

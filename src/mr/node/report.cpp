@@ -69,6 +69,7 @@ std::string to_json(const RunReport& r) {
       {"chunks", {{"new", r.chunks_new}, {"kept", r.chunks_kept}}},
       {"drops", {{"total", dropped}, {"by", Json(r.drops)}}},
       {"nodes", {{"sensor", stages(r.sensor_stages_ms)}, {"merge", stages(r.merge_stages_ms)}}},
+      {"throughput_fps", rounded(r.throughput_fps)},
       {"latency_ms",
        {{"critical_path", rounded(r.critical_path_ms)},
         {"end_to_end",
@@ -95,8 +96,8 @@ std::string to_text(const RunReport& r) {
   out += line("sensor", r.sensor_stages_ms) + line("merge", r.merge_stages_ms);
   out += fmt::format(
       "latency    critical path {:.0f} ms in frames with news; as it ran {:.0f} ms p50 of all "
-      "frames\n",
-      r.critical_path_ms, percentile(r.end_to_end_ms, 0.5));
+      "frames\nthroughput {:.1f} frames/s by the slowest node\n",
+      r.critical_path_ms, percentile(r.end_to_end_ms, 0.5), r.throughput_fps);
   for (const auto& [cause, n] : r.drops) out += fmt::format("dropped    {} × {}\n", n, cause);
   return out;
 }

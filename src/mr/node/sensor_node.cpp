@@ -25,7 +25,7 @@ fusion::VolumeConfig volume_config(const Scene& scene) {
           .truncation_m = scene.fusion.truncation_m,
           .bounds = scene.volume,
           .chunk_m = scene.fusion.chunk_m,
-          .history = fusion::History::none};
+          .history = scene.fusion.memory ? fusion::History::remember : fusion::History::none};
 }
 
 }  // namespace
@@ -49,7 +49,7 @@ SensorNode::Patch SensorNode::reconstruct_patch(const ImageDepth& depth, const P
                         .camera = registration_.depth_camera(),
                         .T_world_camera = T_world_depth,
                         .region = rect,
-                        .precision = {}})
+                        .precision = scene_->sensors[sensor_].precision})
                  .mesh;
   }
   const Stopwatch stopwatch(out.simplify_ms);

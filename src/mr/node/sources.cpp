@@ -32,10 +32,6 @@ Result<Scene> prepare_scene(Scene scene) {
   if (scene.rig && scene.sensors.empty()) scene.sensors = synth::rig_sensors(*scene.rig);
   if (scene.sensors.empty() || scene.mergers.empty())
     return Error{Error::Cause::empty, "scene '" + scene.id + "' has no sensors"};
-  for (const SensorConfig& sensor : scene.sensors)
-    if (sensor.depth_camera.model != CameraModel::pinhole)
-      return Error{Error::Cause::unsupported,
-                   "sensor '" + sensor.id + "' is a LiDAR, which is not fused yet; leave it out"};
   return scene;
 }
 

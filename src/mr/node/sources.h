@@ -28,8 +28,7 @@ std::vector<std::unique_ptr<FrameSource>> open_sources(
 Result<std::vector<EncodedChunk>> open_background(
     const Scene& scene, const std::function<void(const std::string&)>& notice = {});
 
-/// A scene whose rig, if it has one, is turned into its sensors. empty: it has none. unsupported:
-/// one of them is no pinhole camera; LiDARs are rendered by `synth`, but not yet fused.
+/// A scene whose rig, if it has one, is turned into its sensors. empty: it has none.
 Result<Scene> prepare_scene(Scene scene);
 
 }  // namespace mr::node
