@@ -18,6 +18,9 @@ namespace {
 
 const std::string kOurs = "ours", kPeer = "open3d";
 
+/// Ours or a variant of it.
+bool is_ours(const Contender& c) { return c.impl.starts_with(kOurs); }
+
 /// What was raced, what each did, and its fields of the report.
 struct Raced {
   std::vector<Contender> contenders;
@@ -30,7 +33,7 @@ std::vector<Contender> contenders_of(const FuseCase& input, const Request& reque
   std::vector<Contender> out;
   std::size_t sized = 0;
   for (const int threads : request.threads) {
-    out.push_back(fuse_ours(input, threads));
+    for (Contender& ours : fuse_ours(input, threads)) out.push_back(std::move(ours));
     if (has_open3d()) bar.show(input.name + ": sizing the peer", sized++, request.threads.size());
     for (Contender& peer : fuse_open3d(input, threads)) out.push_back(std::move(peer));
   }
@@ -56,7 +59,7 @@ std::optional<std::size_t> fastest_peer(const Raced& raced, int threads) {
   };
   for (std::size_t i = 0; i < raced.contenders.size(); ++i) {
     const Contender& c = raced.contenders[i];
-    if (c.threads != threads || c.impl == kOurs) continue;
+    if (c.threads != threads || is_ours(c)) continue;
     if (!best || rank(i) < rank(*best)) best = i;
   }
   return best;
@@ -65,20 +68,22 @@ std::optional<std::size_t> fastest_peer(const Raced& raced, int threads) {
 double rounded(double value) { return std::round(value * 1e4) / 1e4; }
 
 /// How far each peer's surface and ours on as many threads lie apart: the larger of both ways, and
-/// in our row, of the fastest, each way.
+/// in our row, of the fastest, also each way.
 void compare_with_peers(const Raced& raced, const std::vector<Mesh>& meshes, Message& fields) {
   for (std::size_t ours = 0; ours < meshes.size(); ++ours) {
-    if (raced.contenders[ours].impl != kOurs || meshes[ours].empty()) continue;
+    if (!is_ours(raced.contenders[ours]) || meshes[ours].empty()) continue;
     const int threads = raced.contenders[ours].threads;
     for (std::size_t peer = 0; peer < meshes.size(); ++peer) {
       const Contender& other = raced.contenders[peer];
-      if (other.impl == kOurs || other.threads != threads || meshes[peer].empty()) continue;
-      const double to_mm = rounded(rms_mm(meshes[ours], meshes[peer]));
-      const double from_mm = rounded(rms_mm(meshes[peer], meshes[ours]));
-      fields[peer]["to_ours_rms_mm"] = std::max(to_mm, from_mm);
+      if (is_ours(other) || other.threads != threads || meshes[peer].empty()) continue;
+      const auto to = distance(meshes[ours], meshes[peer]);
+      const auto from = distance(meshes[peer], meshes[ours]);
+      if (raced.contenders[ours].impl == kOurs)
+        fields[peer]["to_ours_rms_mm"] = rounded(std::max(to.rms_mm, from.rms_mm));
       if (peer != fastest_peer(raced, threads)) continue;
-      fields[ours]["to_peer_rms_mm"] = std::max(to_mm, from_mm);
-      fields[ours]["to_peer_ways_mm"] = {to_mm, from_mm};
+      fields[ours]["to_peer_rms_mm"] = rounded(std::max(to.rms_mm, from.rms_mm));
+      fields[ours]["to_peer_p95_mm"] = rounded(std::max(to.p95_mm, from.p95_mm));
+      fields[ours]["to_peer_ways_mm"] = {rounded(to.rms_mm), rounded(from.rms_mm)};
     }
   }
 }
@@ -95,7 +100,7 @@ Message judge(const FuseCase& input, const Raced& raced) {
       fields.push_back(raced.outcomes[i].result.is_null() ? Message::object()
                                                           : surface_figures(meshes[i]));
       if (!input.truth.empty() && !meshes[i].empty())
-        fields[i]["to_truth_rms_mm"] = rounded(rms_mm(meshes[i], input.truth));
+        fields[i]["to_truth_rms_mm"] = rounded(distance(meshes[i], input.truth).rms_mm);
     }
     compare_with_peers(raced, meshes, fields);
   });

@@ -7,9 +7,11 @@
 
 namespace mr::bench {
 
-/// Depth to indexed mesh in one run, the volume made and filled anew. The case must outlive them.
+/// Depth to indexed mesh in one run. The case must outlive them.
 
-Contender fuse_ours(const FuseCase& input, int threads);
+/// "ours", which bridges depth edges as the peer does, so that like is compared with like, and
+/// "ours/cut", which is what the pipeline runs.
+std::vector<Contender> fuse_ours(const FuseCase& input, int threads);
 
 /// Whether Open3D was there when this was built.
 bool has_open3d();

@@ -58,6 +58,9 @@ class Open3d final : public Work {
     const Camera& k = input.camera;
     intrinsic_ = Tensor(std::vector<double>{k.fx, 0, k.cx, 0, k.fy, k.cy, 0, 0, 1}, {3, 3},
                         open3d::core::Float64, device_);
+    // It cuts off pixel coordinates: half a pixel more, and it finds the nearest one, as we do.
+    look_up_ = Tensor(std::vector<double>{k.fx, 0, k.cx + 0.5, 0, k.fy, k.cy + 0.5, 0, 0, 1},
+                      {3, 3}, open3d::core::Float64, device_);
     const auto world_to_camera = input.T_world_camera.inverse().matrix();
     extrinsic_ = Tensor(std::vector<double>(world_to_camera.begin(), world_to_camera.end()), {4, 4},
                         open3d::core::Float64, device_);
@@ -75,7 +78,7 @@ class Open3d final : public Work {
     const Tensor blocks = grid.GetUniqueBlockCoordinates(depth_, intrinsic_, extrinsic_,
                                                          kDepthScale, limit_m, band_voxels);
     clock.lap("allocate");
-    grid.Integrate(blocks, depth_, intrinsic_, extrinsic_, kDepthScale, limit_m, band_voxels);
+    grid.Integrate(blocks, depth_, look_up_, extrinsic_, kDepthScale, limit_m, band_voxels);
     clock.lap("integrate");
     mesh_ = grid.ExtractTriangleMesh(0.0f);
     clock.lap("extract");
@@ -102,7 +105,7 @@ class Open3d final : public Work {
   const Threads threads_;
   const open3d::core::Device device_{"CPU:0"};
   const o3d::Image depth_;
-  Tensor intrinsic_, extrinsic_;
+  Tensor intrinsic_, look_up_, extrinsic_;
   std::optional<o3d::TriangleMesh> mesh_;
 };
 

@@ -1,5 +1,8 @@
+#include <string>
+
 #include "fuse_contenders.h"
 #include "mr/core/parallel.h"
+#include "mr/core/simd.h"
 #include "mr/fusion/marching_cubes.h"
 #include "mr/fusion/voxel_volume.h"
 #include "surfaces.h"
@@ -7,41 +10,58 @@
 namespace mr::bench {
 namespace {
 
+/// As a sensor node does it: the volume and the mesh keep their memory from frame to frame.
 class Ours final : public Work {
  public:
-  Ours(const FuseCase& input, int threads) : input_(input), arena_(threads) {}
+  Ours(const FuseCase& input, int threads, fusion::DepthEdges edges)
+      : input_(input),
+        arena_(threads),
+        volume_({.voxel_m = input.voxel_m,
+                 .truncation_m = input.truncation_m,
+                 .bounds = {},
+                 .history = fusion::History::none}),
+        marching_cubes_(edges) {}
 
-  void clear() override { mesh_ = Mesh{}; }
+  void clear() override {}
 
   void run(StageClock& clock) override {
     arena_.run([&] {
-      fusion::VoxelVolume volume({.voxel_m = input_.voxel_m,
-                                  .truncation_m = input_.truncation_m,
-                                  .history = fusion::History::none});
-      volume.integrate({.depth = input_.depth,
-                        .camera = input_.camera,
-                        .T_world_camera = input_.T_world_camera,
-                        .region = {0, 0, input_.depth.width, input_.depth.height},
-                        .precision = {}});
-      clock.lap("integrate");
-      mesh_ = fusion::extract_surface(volume, fusion::DepthEdges::bridge);
+      const fusion::IntegrateReport made =
+          volume_.integrate({.depth = input_.depth,
+                             .camera = input_.camera,
+                             .T_world_camera = input_.T_world_camera,
+                             .region = {0, 0, input_.depth.width, input_.depth.height},
+                             .precision = {}});
+      clock.skip();
+      clock.add("allocate", made.allocate_ms);
+      clock.add("integrate", made.integrate_ms);
+      marching_cubes_.run(volume_, surface_);
       clock.lap("extract");
     });
   }
 
-  Message result() override { return to_message(mesh_); }
+  Message result() override { return to_message(surface_.mesh); }
 
  private:
   const FuseCase& input_;
   Arena arena_;
-  Mesh mesh_;
+  fusion::VoxelVolume volume_;
+  fusion::MarchingCubes marching_cubes_;
+  fusion::Surface surface_;
 };
+
+Contender contender(const std::string& name, const FuseCase& input, int threads,
+                    fusion::DepthEdges edges) {
+  return {name, threads, Message{{"simd", simd_target()}},
+          [&input, threads, edges] { return std::make_unique<Ours>(input, threads, edges); }};
+}
 
 }  // namespace
 
-Contender fuse_ours(const FuseCase& input, int threads) {
-  return {"ours", threads, Message::object(),
-          [&input, threads] { return std::make_unique<Ours>(input, threads); }};
+std::vector<Contender> fuse_ours(const FuseCase& input, int threads) {
+  apply_simd_override();
+  return {contender("ours", input, threads, fusion::DepthEdges::bridge),
+          contender("ours/cut", input, threads, fusion::DepthEdges::cut)};
 }
 
 }  // namespace mr::bench

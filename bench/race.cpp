@@ -1,6 +1,7 @@
 #include "race.h"
 
 #include <fmt/format.h>
+#include <malloc.h>
 
 #include <algorithm>
 #include <cmath>
@@ -50,12 +51,15 @@ Message run_once(Work& work) {
 
 /// The child's side: "run", "memory", "result".
 Answerer contender_at_work(const Contender& contender) {
+  ::malloc_trim(0);  // else what the parent freed would be memory that costs nothing
   std::ofstream("/proc/self/clear_refs") << "5";  // the peak counts from here; may be refused
-  const double before_kb = memory_kb("VmRSS");
+  // A forked child meets its program's own pages anew: those of files are not its memory.
+  const auto files_kb = [] { return memory_kb("RssFile"); };
+  const double before_kb = memory_kb("VmRSS") - files_kb();
   const std::shared_ptr<Work> work = contender.make();
-  return [work, before_kb](const Message& question) -> Message {
+  return [work, before_kb, files_kb](const Message& question) -> Message {
     if (question == "run") return run_once(*work);
-    if (question == "memory") return (memory_kb("VmHWM") - before_kb) * 1024 / 1e6;
+    if (question == "memory") return (memory_kb("VmHWM") - files_kb() - before_kb) * 1024 / 1e6;
     return work->result();
   };
 }
@@ -132,10 +136,15 @@ std::vector<Runner> start_all(const std::vector<Contender>& contenders, const Ra
 }  // namespace
 
 void StageClock::lap(const std::string& stage) {
-  const auto now = Clock::now();
-  const std::chrono::duration<double, std::milli> took = now - last_;
-  stage_ms_[stage] = stage_ms_.value(stage, 0.0) + took.count();
-  last_ = now;
+  const std::chrono::duration<double, std::milli> took = Clock::now() - last_;
+  add(stage, took.count());
+  skip();
+}
+
+void StageClock::skip() { last_ = Clock::now(); }
+
+void StageClock::add(const std::string& stage, double ms) {
+  stage_ms_[stage] = stage_ms_.value(stage, 0.0) + ms;
 }
 
 double median(std::vector<double> values) {

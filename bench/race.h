@@ -15,6 +15,8 @@ class StageClock {
  public:
   /// What passed since the last lap, or the start, belongs to `stage`.
   void lap(const std::string& stage);
+  void skip();                                           ///< what passed belongs to no stage
+  void add(const std::string& stage, double ms);         ///< measured elsewhere
   const Message& stage_ms() const { return stage_ms_; }  ///< by stage, in order
 
  private:
@@ -54,7 +56,7 @@ struct RaceConfig {
 struct Outcome {
   std::vector<double> ms, cpu_ms;  ///< cpu_ms: of all its threads
   std::vector<std::pair<std::string, std::vector<double>>> stage_ms;  ///< in order
-  double peak_mb = 0;   ///< most memory it had, less what it had before its first run
+  double peak_mb = 0;   ///< most memory it had, less what it had before it began; no program code
   std::string aborted;  ///< why it did not come to the end; empty: it did
   Message result;       ///< null where it was aborted, or not wanted
 

@@ -3,7 +3,6 @@
 #include <cmath>
 
 #include "bytes.h"
-#include "mr/eval/geometry_error.h"
 #include "mr/kit/topology.h"
 
 namespace mr::bench {
@@ -32,8 +31,8 @@ Message surface_figures(const Mesh& mesh) {
           {"nonmanifold_edges", kit::count_nonmanifold_edges(mesh)}};
 }
 
-double rms_mm(const Mesh& from, const Mesh& to) {
-  return eval::surface_distance(from, to, kSamples, kSeed).rms_mm;
+eval::SurfaceDistance distance(const Mesh& from, const Mesh& to) {
+  return eval::surface_distance(from, to, kSamples, kSeed);
 }
 
 }  // namespace mr::bench

@@ -2,6 +2,7 @@
 
 #include "child.h"
 #include "mr/core/mesh.h"
+#include "mr/eval/geometry_error.h"
 
 namespace mr::bench {
 
@@ -12,7 +13,7 @@ Mesh mesh_from(const Message& message);
 /// triangles, vertices, area_m2, nonmanifold_edges.
 Message surface_figures(const Mesh& mesh);
 
-/// RMS distance from samples of one surface to another, in millimetres.
-double rms_mm(const Mesh& from, const Mesh& to);
+/// Distance from samples of one surface to another.
+eval::SurfaceDistance distance(const Mesh& from, const Mesh& to);
 
 }  // namespace mr::bench

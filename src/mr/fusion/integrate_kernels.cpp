@@ -87,7 +87,7 @@ HWY_INLINE Mf within(const Box3f& box, const Points& p) {
 }
 
 std::size_t CopyRows(const DepthFrame& frame, int begin, int end, FrameView& view) {
-  constexpr float kFarthest_m = 1e5f;
+  constexpr float kNearest_m = 1e-6f, kFarthest_m = 1e5f;
   const Vf zero = hn::Zero(df), nothing = hn::Set(df, FrameView::kNothing);
   std::size_t refused = 0;
   for (int y = begin; y < end; ++y) {
@@ -98,7 +98,8 @@ std::size_t CopyRows(const DepthFrame& frame, int begin, int end, FrameView& vie
     row[-1] = FrameView::kNothing;
     for (int x = 0; x < view.width; x += lanes()) {
       const Vf d = hn::LoadU(df, row + x);
-      const Mf measured = hn::And(hn::Gt(d, zero), hn::Lt(d, hn::Set(df, kFarthest_m)));
+      const Mf measured =
+          hn::And(hn::Gt(d, hn::Set(df, kNearest_m)), hn::Lt(d, hn::Set(df, kFarthest_m)));
       refused += hn::Lanes(df) - hn::CountTrue(df, hn::Or(measured, hn::Eq(d, zero)));
       const Mf kept = view.bounds
                           ? hn::And(measured, within(*view.bounds, points_at(view, y, x, d)))

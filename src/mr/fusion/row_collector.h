@@ -42,7 +42,10 @@ class RowCollector {
   explicit RowCollector(std::size_t most) : most_(most) { recent_.fill(0); }
 
   void add(const VoxelRange& r) {
-    if (blocks_.size() >= most_) {
+    // A box as large as this comes from a pixel that looks along a surface far away.
+    constexpr std::int32_t kLargest = 32 * VoxelBlock::kSide;
+    const Vec3i extent = r.high - r.low;
+    if (blocks_.size() >= most_ || std::max({extent.x, extent.y, extent.z}) > kLargest) {
       ++left_out_;
       return;
     }
@@ -65,7 +68,7 @@ class RowCollector {
     }
   }
 
-  std::size_t left_out() const { return left_out_; }  ///< ranges that came too late
+  std::size_t left_out() const { return left_out_; }  ///< ranges too large or too late
   std::vector<WantedRows> take() { return std::move(blocks_); }
 
  private:

@@ -53,7 +53,7 @@ struct ChunkBlocks {
 /// What became of a frame.
 struct IntegrateReport {
   bool usable = true;              ///< false: camera or pose cannot be used, nothing was integrated
-  std::size_t refused_pixels = 0;  ///< NaN, infinite, negative, or farther than 100 km
+  std::size_t refused_pixels = 0;  ///< NaN, infinite, negative, below 1 µm or over 100 km
   std::size_t left_out_blocks = 0;  ///< wanted in vain: most_blocks are there
   double allocate_ms = 0, integrate_ms = 0;
 };
