@@ -129,5 +129,92 @@ TEST(Labels, NoViewsNoLabels) {
   EXPECT_EQ(mesh.runs, (std::vector<ViewRun>{{0, 8, kNoView}}));
 }
 
+/// All around the origin; looks along z.
+View panorama(ViewId id, Vec3d eye = {}) {
+  View v;
+  v.id = id, v.kind = View::Kind::equirectangular, v.width = 512, v.height = 256;
+  v.T_world_camera.translation = eye;
+  v.image_rect = v.atlas_rect = {0, 0, 512, 256};
+  return v;
+}
+
+/// A box of 4 x 2 x 4 m around the origin, seen from inside, of `cells`² · 2 triangles a side.
+Mesh room(int cells) {
+  Mesh mesh;
+  const auto side = [&](Vec3f origin, Vec3f u, Vec3f v) {
+    append(mesh, test::grid(origin, u, v, cells, cells));
+  };
+  side({-2, 1, 2}, {4, 0, 0}, {0, -2, 0}), side({2, 1, -2}, {-4, 0, 0}, {0, -2, 0});
+  side({2, 1, 2}, {0, 0, -4}, {0, -2, 0}), side({-2, 1, -2}, {0, 0, 4}, {0, -2, 0});
+  side({-2, 1, -2}, {4, 0, 0}, {0, 0, 4}), side({-2, -1, 2}, {4, 0, 0}, {0, 0, -4});
+  return mesh;
+}
+
+TEST(Labels, PanoramaTexturesTheWholeRoomAcrossItsSeamAndPoles) {
+  const Mesh input = room(8);
+  const double area = surface_area_m2(input);
+  EXPECT_NEAR(area, 64, 1e-3);
+  const View v = panorama(7);
+  const Mesh mesh = atlas::label_triangles(input, {{v}}, {.min_edge_m = 0.05});
+  EXPECT_NEAR(surface_area_m2(mesh), area, 1e-3);
+  EXPECT_GT(labelled_area(mesh, 7), 0.995 * area);
+  // What lies across the seam, behind at x = 0, or over a pole is small.
+  double across = 0;
+  for (std::size_t t = 0; t < mesh.triangles.size(); ++t) {
+    double left = 1e9, right = -1e9;
+    for (int i = 0; i < 3; ++i) {
+      const auto p = project(v.camera(), vec_cast<double>(mesh.corner(t, i)));
+      ASSERT_TRUE(p);
+      left = std::min(left, p->x), right = std::max(right, p->x);
+    }
+    if (right - left > 256) across += 0.5 * length(mesh.area_normal(t));
+  }
+  EXPECT_LT(across, 0.02 * area);
+}
+
+TEST(Labels, PanoramaPaintsNoOccluderOntoTheWall) {
+  // A board beside the camera, at its right, where no pinhole that looks along z would see it.
+  Mesh scene = room(8);
+  append(scene, test::grid({1, 0.2f, 0.2f}, {0, 0, -0.4f}, {0, -0.4f, 0}, 8, 8));
+  const Mesh mesh = atlas::label_triangles(scene, {{panorama(0)}},
+                                           {.geometry_error_m = 0.005, .min_edge_m = 0.02});
+  const auto views = triangle_views(mesh);
+  double hidden = 0, beside = 0, board = 0;
+  for (std::size_t t = 0; t < views.size(); ++t) {
+    const Vec3f c = mesh.centroid(t);
+    const double area = 0.5 * length(mesh.area_normal(t));
+    const bool on_board = std::abs(c.x - 1) < 0.01f && std::abs(c.z) < 0.3f && std::abs(c.y) < 0.3f;
+    if (on_board && views[t] == 0) board += area;
+    if (c.x < 1.99f) continue;  // the wall behind it: its shadow reaches 0.4 m to each side
+    const float reach = std::max(std::abs(c.y), std::abs(c.z));
+    if (reach < 0.34f && views[t] == 0) hidden += area;
+    if (reach > 0.52f && views[t] != 0) beside += area;
+  }
+  EXPECT_EQ(hidden, 0);
+  EXPECT_LT(beside, 0.05);
+  EXPECT_NEAR(board, 0.16, 0.01);
+}
+
+TEST(Labels, PinholeAndPanoramaShareTheRoom) {
+  // The pinhole looks at one wall from near by; the panorama stands aside.
+  View near = view(1, {0, 0, 0.8}, {0, 0, 2});
+  const View around = panorama(0, {-1.2, 0, 0.3});
+  const Mesh mesh = atlas::label_triangles(
+      room(20), {{around, near}}, {.views = AtlasConfig::Views::best_angle, .min_edge_m = 0.05});
+  EXPECT_GT(labelled_area(mesh, 1), 0.8);
+  EXPECT_GT(labelled_area(mesh, 0), 60);
+  expect_inside(mesh, near);
+}
+
+TEST(Labels, OfPanoramasAreTheSameOnAnyNumberOfThreads) {
+  const std::vector<View> views = {panorama(0, {-1, 0, 0}), panorama(1, {1, 0, 0})};
+  std::vector<Mesh> results;
+  for (const int threads : {1, 8}) {
+    Arena arena(threads);
+    arena.run([&] { results.push_back(atlas::label_triangles(room(10), views, {})); });
+  }
+  EXPECT_EQ(results[0], results[1]);
+}
+
 }  // namespace
 }  // namespace mr

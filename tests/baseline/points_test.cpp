@@ -243,5 +243,18 @@ TEST(Points, WithoutThemDracoIsNamed) {
   EXPECT_EQ(test::Rig("points", 1, 1).system->name(), "point cloud (Draco)");
 }
 
+TEST(FlyingPixels, OfALidarGoByItsRowsAndWrap) {
+  Camera camera;
+  camera.model = CameraModel::lidar;
+  camera.width = 256, camera.height = 16;
+  for (int row = 0; row < 16; ++row) camera.beam_altitude_rad.push_back(0.2 - 0.03 * row);
+  camera.beam_azimuth_rad.assign(16, 0);
+  ImageDepth depth(256, 16, 3.0f);  // a wall all around
+  *depth.at(100, 8) = 1.5f;         // a speck in front of it
+  baseline::drop_flying_pixels(depth, camera, {});
+  EXPECT_EQ(*depth.at(100, 8), 0);
+  EXPECT_EQ(std::count(depth.data.begin(), depth.data.end(), 0.0f), 1);
+}
+
 }  // namespace
 }  // namespace mr

@@ -497,5 +497,21 @@ TEST(ReadPly, NoByteThatIsWrongCrashesIt) {
   }
 }
 
+TEST(SeenSamples, ALidarSeesBetweenItsBeamsOnly) {
+  Mesh wall = test::grid({-0.5f, 2, 2}, {1, 0, 0}, {0, -4, 0}, 4, 40);  // y is down
+  Eyes eye;
+  eye.depth_camera.model = CameraModel::lidar;
+  eye.depth_camera.width = 512, eye.depth_camera.height = 46;
+  for (int row = 0; row < 46; ++row) eye.depth_camera.beam_altitude_rad.push_back(-row * 0.0174533);
+  eye.depth_camera.beam_azimuth_rad.assign(46, 0);
+  const auto samples = sample_surface(wall, 4000, 1);
+  const auto seen = seen_samples(wall, samples, std::span(&eye, 1), 0.01);
+  int above = 0, below = 0;
+  for (std::size_t i = 0; i < samples.size(); ++i)
+    (samples[i].position.y < -0.03f ? above : below) += seen[i];
+  EXPECT_EQ(above, 0);
+  EXPECT_GT(below, 1800);
+}
+
 }  // namespace
 }  // namespace mr::eval

@@ -54,5 +54,35 @@ TEST(Raster, NearestSurfaceWins) {
   EXPECT_GE(*raster.triangle.at(71, 63), 2u);
 }
 
+TEST(CubeFaces, LookEveryWayOnceWithARingAround) {
+  const auto faces = kit::cube_faces(20, 3);
+  Camera panorama;
+  panorama.model = CameraModel::equirectangular;
+  panorama.width = 96, panorama.height = 48;
+  for (int y = 0; y < 48; ++y)
+    for (int x = 0; x < 96; ++x) {
+      const Vec3d ray = unproject(panorama, {double(x), double(y)});
+      int inside = 0;
+      for (const kit::CubeFace& face : faces) {
+        const auto pixel = project(face.camera, transposed(face.R_camera_face) * ray);
+        if (!pixel) continue;
+        const double least = face.ring_px - 0.5, most = face.camera.width - 1 - least;
+        inside += pixel->x >= least && pixel->y >= least && pixel->x <= most && pixel->y <= most;
+      }
+      EXPECT_EQ(inside, 1) << x << " " << y;
+    }
+  for (const kit::CubeFace& face : faces) EXPECT_DOUBLE_EQ(determinant(face.R_camera_face), 1);
+}
+
+TEST(CubeFaces, AsDenseAsTheCamera) {
+  Camera lidar;
+  lidar.model = CameraModel::lidar;
+  lidar.width = 628, lidar.height = 3;
+  lidar.beam_altitude_rad = {0.1, 0.0, -0.1}, lidar.beam_azimuth_rad = {0, 0, 0};
+  EXPECT_NEAR(kit::pixels_per_rad(lidar).x, 99.95, 0.01);
+  EXPECT_NEAR(kit::pixels_per_rad(lidar).y, 10, 1e-9);
+  EXPECT_EQ(kit::pixels_per_rad(camera()).y, 140);
+}
+
 }  // namespace
 }  // namespace mr

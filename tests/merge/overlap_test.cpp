@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include "mr/core/parallel.h"
+#include "mr/merge/ray_grids.h"
 #include "mr/merge/zipper.h"
 #include "support/meshes.h"
 #include "support/rays.h"
@@ -118,6 +119,75 @@ TEST(Overlap, OnePartAndEmptyPartsPassThrough) {
   const auto kept = merge::remove_overlap(with_empty, {});
   EXPECT_NEAR(surface_area_m2(kept[0]), 4, 1e-4);
   EXPECT_TRUE(kept[1].empty());
+}
+
+/// An upright LiDAR with a beam per degree, as far above the horizon as below.
+SourceInfo lidar_source(std::uint32_t sensor, Vec3d eye, int most_deg = 50) {
+  SourceInfo out;
+  out.sensor = sensor;
+  Camera& c = out.depth_camera;
+  c.model = CameraModel::lidar;
+  c.width = 512, c.height = 2 * most_deg + 1;
+  for (int row = 0; row < c.height; ++row)
+    c.beam_altitude_rad.push_back((most_deg - row) * 0.0174533);
+  c.beam_azimuth_rad.assign(c.height, 0);
+  out.T_world_depth = {{}, eye};
+  return out;
+}
+
+/// The four walls of a square of 4 m around the origin, 2 m high, facing inwards; y is down.
+Mesh four_walls(int cells, float half = 2) {
+  Mesh mesh = test::grid({-half, 1, half}, {2 * half, 0, 0}, {0, -2, 0}, cells, cells);
+  append(mesh, test::grid({half, 1, half}, {0, 0, -2 * half}, {0, -2, 0}, cells, cells));
+  append(mesh, test::grid({half, 1, -half}, {-2 * half, 0, 0}, {0, -2, 0}, cells, cells));
+  append(mesh, test::grid({-half, 1, -half}, {0, 0, 2 * half}, {0, -2, 0}, cells, cells));
+  return mesh;
+}
+
+TEST(Overlap, LidarAndKinectBecomeOneLayerAllAround) {
+  // The Kinect stands before one wall and measures it better; the LiDAR has all four.
+  const Mesh seen = wall(-1, 1, -0.004f, 30);
+  const std::vector<merge::Part> parts = {{four_walls(40), 0.001f, {lidar_source(0, {0, 0, 0})}},
+                                          part(seen, 1, {0, 0, 0.8})};
+  const auto kept = merge::remove_overlap(parts, {});
+  EXPECT_NEAR(surface_area_m2(kept[0]), 32 - 4, 0.4);
+  EXPECT_NEAR(surface_area_m2(kept[1]), 4, 0.05);
+}
+
+TEST(Overlap, OfTwoLidarsTheNearerKeepsItsWall) {
+  // Also behind and beside, where no pinhole looks.
+  const std::vector<merge::Part> parts = {{four_walls(40), 0.001f, {lidar_source(0, {0, 0, -1})}},
+                                          {four_walls(37), 0.001f, {lidar_source(1, {0, 0, 1})}}};
+  const auto kept = merge::remove_overlap(parts, {});
+  EXPECT_NEAR(overlap_area(kept), 32, 0.9);
+  double behind[2] = {}, ahead[2] = {};
+  for (int i = 0; i < 2; ++i)
+    for (std::size_t t = 0; t < kept[i].triangles.size(); ++t) {
+      const float z = kept[i].centroid(t).z;
+      if (z < -1.9f) behind[i] += 0.5 * length(kept[i].area_normal(t));
+      if (z > 1.9f) ahead[i] += 0.5 * length(kept[i].area_normal(t));
+    }
+  EXPECT_GT(behind[0], 7);  // all but its ends, which the farther one sees less at a slant
+  EXPECT_LT(behind[1], 1);
+  EXPECT_GT(ahead[1], 7);
+  EXPECT_LT(ahead[0], 1);
+}
+
+TEST(RayGrids, OfALidarStayInItsField) {
+  merge::RayGrids grids;
+  merge::add_ray_grids(lidar_source(0, {1, 2, 3}, 20), 0.05, grids);
+  EXPECT_EQ(grids.sparse.size(), 4u);  // neither up nor down
+  std::size_t inside = 0, all = 0;
+  for (const merge::RayGrid& grid : grids.sparse)
+    for (int y = 0; y < grid.camera.height; ++y)
+      for (int x = 0; x < grid.camera.width; ++x) {
+        const Vec3d ray = normalized(grid.T_world_camera.rotation *
+                                     unproject(grid.camera, {double(x), double(y)}));
+        inside += std::abs(ray.y) < std::sin(20.6 * 0.0174533);
+        ++all;
+      }
+  EXPECT_GT(inside, 4u * 30 * 60);
+  EXPECT_GT(inside, 0.6 * static_cast<double>(all));
 }
 
 }  // namespace

@@ -144,6 +144,57 @@ TEST(Pipeline, TwoLayersGiveTheSurfaceOfOne) {
   EXPECT_EQ(layered->decoded()->views.size(), 4u);
 }
 
+/// The share of a surface that is textured by a view, by area.
+double textured_share(const Mesh& mesh, ViewId view) {
+  double sum = 0;
+  const auto views = triangle_views(mesh);
+  for (std::size_t t = 0; t < views.size(); ++t)
+    if (views[t] == view) sum += 0.5 * length(mesh.area_normal(t));
+  return sum / surface_area_m2(mesh);
+}
+
+/// The share of b's area, away from other surface, that `a` has within 5 cm: how much is covered.
+double covered_share(const Mesh& a, const Mesh& b) {
+  const Mesh* meshes[] = {&a};
+  const kit::RayScene rays(meshes);
+  double sum = 0;
+  for (std::size_t t = 0; t < b.triangles.size(); ++t)
+    if (rays.nearest(b.centroid(t), 0.05f)) sum += 0.5 * length(b.area_normal(t));
+  return sum / surface_area_m2(b);
+}
+
+/// A small room seen by a Kinect and by a LiDAR with a panorama camera.
+Scene room_with_lidar() {
+  Scene scene = small_room(1);
+  scene.voxel_m = 0.04, scene.fusion.truncation_m = 0.16;
+  scene.rig->lidars = 1;
+  scene.sensors = synth::rig_sensors(*scene.rig);
+  scene.mergers[0].inputs.push_back("lidar-0");
+  scene.sensors[1].depth_camera.width = 1024;
+  scene.sensors[1].color_camera->width = 768, scene.sensors[1].color_camera->height = 384;
+  return scene;
+}
+
+TEST(Pipeline, LidarAndKinectMakeOneSurface) {
+  const Scene scene = room_with_lidar();
+  const auto both = run(scene, 1);
+  ASSERT_TRUE(both);
+  const Mesh mesh = whole(*both->decoded());
+  const Mesh truth = synth::make_room(*scene.rig).mesh;
+  EXPECT_LT(rms_distance(mesh, truth, 0.2), 0.02);
+  EXPECT_EQ(kit::count_nonmanifold_edges(mesh), 0u);
+  EXPECT_EQ(both->decoded()->sources.size(), 2u);
+  // The LiDAR's walls and floor are textured by its panorama, what the Kinect sees by that.
+  EXPECT_GT(textured_share(mesh, 0), 0.05);
+  EXPECT_GT(textured_share(mesh, 1), 0.5);
+  // Each has surface that the other lacks, and together they do not double it.
+  const auto kinect = run(small_room(1), 1);
+  ASSERT_TRUE(kinect);
+  const Mesh of_kinect = whole(*kinect->decoded());
+  EXPECT_GT(covered_share(mesh, of_kinect), 0.97);
+  EXPECT_LT(covered_share(of_kinect, mesh), 0.6);
+}
+
 TEST(Pipeline, PatchesComeThroughWithoutGaps) {
   Scene scene = small_room(1);
   scene.rig->noise = false;

@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <cmath>
 
 namespace mr::sensor {
 namespace {
@@ -40,6 +41,22 @@ TEST(Floor, HeightAndMarginCount) {
   EXPECT_EQ(Scene().without({0.48, 0.03}), 0);
   EXPECT_EQ(Scene().without({0.48, 0.01}), kTable);
   EXPECT_EQ(Scene().without({-0.1, 0}), 64 * 48);
+}
+
+TEST(Floor, OfALidarGoesByRangeAlongTheRay) {
+  Camera camera;
+  camera.model = CameraModel::lidar;
+  camera.width = 32, camera.height = 8;
+  for (int row = 0; row < 8; ++row) camera.beam_altitude_rad.push_back(-0.1 - 0.18 * row);
+  camera.beam_azimuth_rad.assign(8, 0);
+  const Pose T_world_camera{{}, {0, -2, 0}};  // upright, 2 m above the floor
+  ImageDepth depth(32, 8);
+  for (int y = 0; y < 8; ++y)  // the floor, and a table half a metre high on the right half
+    for (int x = 0; x < 32; ++x)
+      *depth.at(x, y) = static_cast<float>((x < 16 ? 2 : 1.5) / std::sin(0.1 + 0.18 * y));
+  remove_floor(depth, camera, T_world_camera, {0, 0.03}, {0, -1, 0});
+  for (int y = 0; y < 8; ++y)
+    for (int x = 0; x < 32; ++x) EXPECT_EQ(*depth.at(x, y) > 0, x >= 16) << x << " " << y;
 }
 
 }  // namespace

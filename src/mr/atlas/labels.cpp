@@ -62,6 +62,106 @@ double near_depth(const ImageDepth& depth) {
   return candidates[rank];
 }
 
+double margin_of(const Camera& camera, double geometry_error_m, double depth_m) {
+  const Vec2d density = kit::pixels_per_rad(camera);
+  return geometry_error_m * std::max(density.x, density.y) / std::max(depth_m, kit::kNearPlane_m) +
+         2;
+}
+
+/// A pinhole picture of the mesh: a view's own, or one of the six that a panorama is made of.
+class Face {
+ public:
+  /// The triangle's pixels that a face has seen.
+  struct Count {
+    int pixels = 0, clear = 0, direct = 0;
+  };
+
+  /// `ring_px`: pixels at the border that only serve those inside.
+  Face(const Mesh& mesh, const Camera& camera, const Pose& T_world_face, int ring_px,
+       const LabelConfig& config)
+      : camera_(camera),
+        T_face_world_(T_world_face.inverse()),
+        ring_(ring_px),
+        error_m_(static_cast<float>(config.geometry_error_m + 2 * config.precision.base_m)),
+        noise_per_m2_(static_cast<float>(2 * config.precision.per_m2)),
+        pixel_(static_cast<float>(1 / camera.fx)),
+        depth_(kit::rasterize(mesh, camera, T_world_face).depth),
+        margin_(static_cast<int>(
+            std::ceil(margin_of(camera, config.geometry_error_m, near_depth(depth_))))),
+        around_(nearest_around(depth_, margin_)) {}
+
+  /// Adds the pixels inside a triangle.
+  void count(const std::array<Vec3f, 3>& corners, Count& count) const {
+    const std::array<Vec3d, 3> p = {in_face(corners[0]), in_face(corners[1]), in_face(corners[2])};
+    kit::scan_polygon(kit::clip_to_screen(camera_, p), camera_.width, ring_, camera_.height - ring_,
+                      [&](kit::ScreenSpan s) {
+                        const int skipped = std::max(0, ring_ - s.first);
+                        s.first += skipped;
+                        s.inv_z += static_cast<float>(skipped) * s.inv_z_step;
+                        s.last = std::min(s.last, camera_.width - 1 - ring_);
+                        add(s, count);
+                      });
+  }
+
+  /// Adds the pixel at a point, if it is inside.
+  void count(Vec3f point, Count& count) const {
+    const Vec3d p = in_face(point);
+    if (p.z <= kit::kNearPlane_m) return;
+    const kit::ScreenPoint s = kit::to_screen(camera_, p);
+    const double most = std::max(camera_.width, camera_.height);
+    if (!(std::abs(s.u) <= most && std::abs(s.v) <= most)) return;
+    const int x = static_cast<int>(std::lround(s.u)), y = static_cast<int>(std::lround(s.v));
+    if (x >= ring_ && y >= ring_ && x < camera_.width - ring_ && y < camera_.height - ring_)
+      add({y, x, x, static_cast<float>(s.inv_z), 0}, count);
+  }
+
+ private:
+  Vec3d in_face(Vec3f p_world) const { return T_face_world_ * vec_cast<double>(p_world); }
+
+  void add(const kit::ScreenSpan& s, Count& count) const {
+    const float* const nearest = depth_.row(s.y);
+    const float* const around = around_.row(s.y);
+    for (int x = s.first; x <= s.last; ++x) {
+      const float z = 1 / (s.inv_z + static_cast<float>(x - s.first) * s.inv_z_step);
+      // Bumps of the surface's own size hide nothing, and no slope of up to 72 degrees does.
+      const float in_front = z - (error_m_ + noise_per_m2_ * (z * z) + 3 * pixel_ * z);
+      const float occluder =
+          in_front - kFrontOfMargin_m - 3 * pixel_ * z * static_cast<float>(margin_ - 1);
+      const int in_sight = nearest[x] >= in_front;
+      count.direct += in_sight;
+      count.clear += in_sight & (around[x] >= occluder);
+    }
+    count.pixels += std::max(0, s.last - s.first + 1);
+  }
+
+  Camera camera_;
+  Pose T_face_world_;
+  int ring_;
+  float error_m_, noise_per_m2_;  ///< how far in front something must be to hide
+  float pixel_;                   ///< width of a pixel at 1 m
+  ImageDepth depth_;
+  int margin_;
+  ImageDepth around_;
+};
+
+/// The faces of a view.
+std::vector<Face> faces_of(const Mesh& mesh, const View& view, const LabelConfig& config) {
+  std::vector<Face> out;
+  const Camera camera = view.camera();
+  if (view.kind == View::Kind::pinhole) {
+    out.emplace_back(mesh, camera, view.T_world_camera, 0, config);
+    return out;
+  }
+  constexpr int kRing_px = 24;
+  constexpr double kEnoughPerRad = 512;  // to tell what hides what
+  const Vec2d density = kit::pixels_per_rad(camera);
+  const double focal_px = std::min(std::max(density.x, density.y), kEnoughPerRad);
+  for (const kit::CubeFace& face : kit::cube_faces(focal_px, kRing_px))
+    out.emplace_back(mesh, face.camera, view.T_world_camera * Pose{face.R_camera_face, {}},
+                     face.ring_px, config);
+  return out;
+}
+
 /// A view with the mesh's depth as it sees it.
 class Eye {
  public:
@@ -69,13 +169,7 @@ class Eye {
       : view_(view),
         camera_(view.camera()),
         T_camera_world_(view.T_world_camera.inverse()),
-        error_m_(static_cast<float>(config.geometry_error_m + 2 * config.precision.base_m)),
-        noise_per_m2_(static_cast<float>(2 * config.precision.per_m2)),
-        pixel_(static_cast<float>(1 / view.fx)),
-        depth_(kit::rasterize(mesh, camera_, view.T_world_camera).depth),
-        margin_(static_cast<int>(
-            std::ceil(margin_px(view, config.geometry_error_m, near_depth(depth_))))),
-        around_(nearest_around(depth_, margin_)) {}
+        faces_(faces_of(mesh, view, config)) {}
 
   /// `normal_world`: what the surface faces there, smoothed.
   Sight look_at(const Mesh& mesh, std::size_t t, Vec3f normal_world) const {
@@ -83,60 +177,67 @@ class Eye {
     const Vec3d sight_line = vec_cast<double>(mesh.centroid(t)) - view_.T_world_camera.translation;
     sight.facing = static_cast<float>(-dot(vec_cast<double>(normal_world), normalized(sight_line)));
     if (sight.facing < kLeastFacing) return {};
-    const std::array<Vec3d, 3> p = {in_camera(mesh.corner(t, 0)), in_camera(mesh.corner(t, 1)),
-                                    in_camera(mesh.corner(t, 2))};
-    const Vec3d middle = (p[0] + p[1] + p[2]) / 3.0;
-    int pixels = 0, clear = 0, direct = 0;
-    const auto count = [&](const kit::ScreenSpan& s) {
-      const float* const nearest = depth_.row(s.y);
-      const float* const around = around_.row(s.y);
-      for (int x = s.first; x <= s.last; ++x) {
-        const float z = 1 / (s.inv_z + static_cast<float>(x - s.first) * s.inv_z_step);
-        // Bumps of the surface's own size hide nothing, and no slope of up to 72 degrees does.
-        const float in_front = z - (error_m_ + noise_per_m2_ * (z * z) + 3 * pixel_ * z);
-        const float occluder =
-            in_front - kFrontOfMargin_m - 3 * pixel_ * z * static_cast<float>(margin_ - 1);
-        const int in_sight = nearest[x] >= in_front;
-        direct += in_sight;
-        clear += in_sight & (around[x] >= occluder);
-      }
-      pixels += s.last - s.first + 1;
-    };
-    kit::scan_polygon(kit::clip_to_screen(camera_, p), camera_.width, 0, camera_.height, count);
-    if (pixels == 0 && middle.z > kit::kNearPlane_m) {  // smaller than a pixel
-      const kit::ScreenPoint s = kit::to_screen(camera_, middle);
-      const int x = static_cast<int>(std::lround(s.u)), y = static_cast<int>(std::lround(s.v));
-      if (depth_.contains(x, y)) count({y, x, x, static_cast<float>(s.inv_z), 0});
-    }
-    if (pixels == 0) return {};
-    sight.touches = direct > 0;
+    const std::array<Vec3f, 3> corners = {mesh.corner(t, 0), mesh.corner(t, 1), mesh.corner(t, 2)};
+    const Face::Count count = count_pixels(corners, mesh.centroid(t));
+    if (count.pixels == 0) return {};
+    sight.touches = count.direct > 0;
+    const bool inside = is_inside(corners);
     // A corner outside forbids the view for this triangle; cut, its inner pieces may use it.
-    if (!std::all_of(p.begin(), p.end(), [&](Vec3d c) { return inside(c); })) return sight;
-    sight.visible = static_cast<float>(clear) / static_cast<float>(pixels);
-    if (direct > kLeastDirect * pixels) sight.direct_px = static_cast<float>(direct);
+    // Across the seam of a panorama, though, what cannot be cut further has its picture.
+    if (!inside && !is_whole_turn()) return sight;
+    if (inside) sight.visible = static_cast<float>(count.clear) / static_cast<float>(count.pixels);
+    if (count.direct > kLeastDirect * count.pixels)
+      sight.direct_px = static_cast<float>(count.direct);
     return sight;
   }
 
  private:
-  Vec3d in_camera(Vec3f p_world) const { return T_camera_world_ * vec_cast<double>(p_world); }
+  Face::Count count_pixels(const std::array<Vec3f, 3>& corners, Vec3f middle) const {
+    Face::Count count;
+    for (const Face& face : faces_) face.count(corners, count);
+    // Smaller than a pixel.
+    for (std::size_t i = 0; i < faces_.size() && count.pixels == 0; ++i)
+      faces_[i].count(middle, count);
+    return count;
+  }
 
-  bool inside(Vec3d p) const {
-    if (p.z <= kit::kNearPlane_m) return false;
+  bool is_whole_turn() const {
+    return view_.kind == View::Kind::equirectangular &&
+           view_.image_rect == Rect{0, 0, view_.width, view_.height};
+  }
+
+  /// Where a point falls in the view's picture; nothing when it is too near.
+  std::optional<Vec2d> pixel_of(Vec3f p_world) const {
+    const Vec3d p = T_camera_world_ * vec_cast<double>(p_world);
+    if (view_.kind == View::Kind::equirectangular) return project(camera_, p);
+    if (p.z <= kit::kNearPlane_m) return std::nullopt;
     const kit::ScreenPoint s = kit::to_screen(camera_, p);
+    return Vec2d{s.u, s.v};
+  }
+
+  /// Whether all of a triangle lies in the tile without its gutter, and not across its seam.
+  bool is_inside(const std::array<Vec3f, 3>& corners) const {
+    double left = std::numeric_limits<double>::max(), right = -left;
+    for (const Vec3f& corner : corners) {
+      const auto pixel = pixel_of(corner);
+      if (!pixel || !inside_tile(*pixel)) return false;
+      left = std::min(left, pixel->x), right = std::max(right, pixel->x);
+    }
+    // Corners of one more than half a turn apart: it goes the other way, or around a pole.
+    return view_.kind == View::Kind::pinhole || right - left < 0.5 * view_.width;
+  }
+
+  bool inside_tile(Vec2d pixel) const {
     const Rect& r = view_.image_rect;
     const double g = view_.gutter_px;
-    return s.u >= r.x + g && s.v >= r.y + g && s.u <= r.x + r.width - 1 - g &&
-           s.v <= r.y + r.height - 1 - g;
+    return pixel.x >= r.x + g && pixel.y >= r.y + g && pixel.x <= r.x + r.width - 1 - g &&
+           pixel.y <= r.y + r.height - 1 - g;
   }
 
   const View& view_;
   Camera camera_;
   Pose T_camera_world_;
-  float error_m_, noise_per_m2_;  ///< how far in front something must be to hide
-  float pixel_;                   ///< width of a pixel at 1 m
-  ImageDepth depth_;
-  int margin_;
-  ImageDepth around_;
+  std::vector<Face> faces_;
 };
 
 /// [view][triangle]
@@ -150,13 +251,12 @@ struct Labelling {
   std::vector<std::uint32_t> not_seen_yet;  ///< triangles whose sights are still to be found
 };
 
-/// One per view; nothing for those that are no pinholes.
+/// One per view.
 std::vector<std::optional<Eye>> open_eyes(const Mesh& mesh, std::span<const View> views,
                                           const LabelConfig& config) {
   std::vector<std::optional<Eye>> eyes(views.size());
   parallel_for(views.size(), 1, [&](std::size_t begin, std::size_t end) {
-    for (std::size_t v = begin; v < end; ++v)
-      if (views[v].kind == View::Kind::pinhole) eyes[v].emplace(mesh, views[v], config);
+    for (std::size_t v = begin; v < end; ++v) eyes[v].emplace(mesh, views[v], config);
   });
   return eyes;
 }
@@ -170,7 +270,7 @@ void look(std::span<const std::optional<Eye>> eyes, Labelling& l) {
       const auto& [a, b, c] = l.mesh.triangles[t];
       const Vec3f normal = normalized(l.normals[a] + l.normals[b] + l.normals[c]);
       for (std::size_t v = 0; v < eyes.size(); ++v)
-        l.sights[v][t] = eyes[v] ? eyes[v]->look_at(l.mesh, t, normal) : Sight{};
+        l.sights[v][t] = eyes[v]->look_at(l.mesh, t, normal);
     }
   });
 }
@@ -317,7 +417,7 @@ void agree_with_neighbours(std::vector<int>& label, const Mesh& mesh, const Sigh
 }  // namespace
 
 double margin_px(const View& view, double geometry_error_m, double depth_m) {
-  return geometry_error_m * std::max(view.fx, view.fy) / std::max(depth_m, kit::kNearPlane_m) + 2;
+  return margin_of(view.camera(), geometry_error_m, depth_m);
 }
 
 Mesh label_triangles(const Mesh& input, std::span<const View> views, const LabelConfig& config) {

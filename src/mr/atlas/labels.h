@@ -21,14 +21,15 @@ struct LabelConfig {
 /// Chooses which view textures each triangle (paper 3.3; DESIGN section 4, "Texturing by
 /// projection"). A view may be used where all corners lie beyond its near plane and inside
 /// image_rect minus the gutter, the triangle faces it, and at least 90 % of the triangle is visible
-/// in a rasterisation of this mesh from it, with a margin around occluders. A triangle across an
-/// occlusion edge is cut; what cannot be cut further goes to the view that sees most of it, or to
-/// none. best_angle takes the view that looks most directly; coherent prefers the neighbours' view
-/// where angles allow. Returns the mesh with runs; vertices that cutting added may lie off the
-/// lattice. Pinhole views only; others are ignored.
+/// in a rasterisation of this mesh from it (of a panorama: from its six sides), with a margin
+/// around occluders. A triangle across an occlusion edge, or the seam of a panorama, is cut; what
+/// cannot be cut further goes to the view that sees most of it, or to none. best_angle takes the
+/// view that looks most directly; coherent prefers the neighbours' view where angles allow. Returns
+/// the mesh with runs; vertices that cutting added may lie off the lattice.
 Mesh label_triangles(const Mesh& mesh, std::span<const View> views, const LabelConfig& config);
 
-/// The margin in pixels that geometry error asks for at a depth: error · f / z + 2.
+/// The margin in pixels that geometry error asks for at a depth: error · f / z + 2,
+/// f: pixels per radian.
 double margin_px(const View& view, double geometry_error_m, double depth_m);
 
 }  // namespace mr::atlas

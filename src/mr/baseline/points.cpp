@@ -5,17 +5,25 @@
 #include <limits>
 
 #include "mr/core/parallel.h"
+#include "mr/kit/raster.h"
 
 namespace mr::baseline {
 namespace {
+
+/// Along rows or columns, whichever lie farther apart.
+double coarsest_px_per_rad(const Camera& camera) {
+  const Vec2d density = kit::pixels_per_rad(camera);
+  return std::min(density.x, density.y);
+}
 
 /// How near the nearest point lies in each cell of some pixels of a colour picture: cells are large
 /// enough to leave no hole between the points of one surface.
 class DepthBuffer {
  public:
-  DepthBuffer(const View& view, double depth_fx)
+  DepthBuffer(const View& view, const Camera& depth_camera)
       : camera_(view.camera()),
-        cell_px_(std::max(2, static_cast<int>(std::ceil(2 * view.fx / depth_fx)))),
+        cell_px_(std::max(2, static_cast<int>(std::ceil(2 * kit::pixels_per_rad(camera_).x /
+                                                        coarsest_px_per_rad(depth_camera))))),
         nearest_((view.width + cell_px_ - 1) / cell_px_, (view.height + cell_px_ - 1) / cell_px_,
                  std::numeric_limits<float>::infinity()) {}
 
@@ -34,14 +42,11 @@ class DepthBuffer {
   /// Slopes of up to some 80 degrees hide nothing of themselves.
   bool hidden(Vec2d pixel, double range_m) {
     constexpr double kNoise_m = 0.02, kSlope = 6;
-    const double slack = kNoise_m + kSlope * cell_px_ * range_m / focal();
+    const double slack = kNoise_m + kSlope * cell_px_ * range_m / kit::pixels_per_rad(camera_).x;
     return range_m > static_cast<double>(cell(pixel)) + slack;
   }
 
  private:
-  double focal() const {
-    return camera_.model == CameraModel::pinhole ? camera_.fx : camera_.width / 6.28;
-  }
   float& cell(Vec2d pixel) {
     return *nearest_.at(static_cast<int>(pixel.x) / cell_px_, static_cast<int>(pixel.y) / cell_px_);
   }
@@ -125,7 +130,8 @@ void drop_flying_pixels(ImageDepth& depth, const Camera& camera, const Precision
   constexpr int kFewest = 5;      // of eight; on a straight edge of a surface it is five
   constexpr float kSteepest = 6;  // some 80 degrees
   const ImageDepth from = depth;
-  const auto per_m = kSteepest / static_cast<float>(camera.fx);
+  const auto per_m = kSteepest / static_cast<float>(coarsest_px_per_rad(camera));
+  const bool wraps = camera.model != CameraModel::pinhole;
   parallel_for(depth.height, 16, [&](std::size_t begin, std::size_t end) {
     for (int y = static_cast<int>(begin); y < static_cast<int>(end); ++y)
       for (int x = 0; x < depth.width; ++x) {
@@ -133,8 +139,11 @@ void drop_flying_pixels(ImageDepth& depth, const Camera& camera, const Precision
         const float reach = per_m * z + 3 * static_cast<float>(precision.sigma_m(z));
         int near = 0;
         for (int j = std::max(0, y - 1); j <= std::min(depth.height - 1, y + 1); ++j)
-          for (int i = std::max(0, x - 1); i <= std::min(depth.width - 1, x + 1); ++i)
-            near += *from.at(i, j) > 0 && std::abs(*from.at(i, j) - z) <= reach;
+          for (int i = x - 1; i <= x + 1; ++i) {
+            if (!wraps && (i < 0 || i >= depth.width)) continue;
+            const float other = *from.at((i + depth.width) % depth.width, j);
+            near += other > 0 && std::abs(other - z) <= reach;
+          }
         if (near < kFewest + 1) *depth.at(x, y) = 0;  // it counts itself
       }
   });
@@ -142,7 +151,7 @@ void drop_flying_pixels(ImageDepth& depth, const Camera& camera, const Precision
 
 PointSet colored_points(const PreparedDepth& depth, const ImageRgb& color, const View& view,
                         const std::optional<Box3d>& volume) {
-  DepthBuffer buffer(view, depth.camera.fx);
+  DepthBuffer buffer(view, depth.camera);
   const Pose T_view_world = view.T_world_camera.inverse();
   std::vector<Candidate> seen;
   for (int y = 0; y < depth.depth.height; ++y)

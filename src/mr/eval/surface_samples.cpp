@@ -38,6 +38,16 @@ SurfaceSample sample_at(const Mesh& mesh, std::uint32_t t, double u, double v) {
   return {vec_cast<float>(a + b * u + c * v), vec_cast<float>(normalized(cross(b, c))), t};
 }
 
+/// Whether a direction lies between a LiDAR's beams, or half a row beyond; project() takes the
+/// nearest beam, however far.
+bool in_field(const Camera& lidar, Vec3d p) {
+  const auto [low, high] =
+      std::minmax_element(lidar.beam_altitude_rad.begin(), lidar.beam_altitude_rad.end());
+  const double half_row = 0.5 * (*high - *low) / std::max(1, lidar.height - 1);
+  const double altitude = std::atan2(-p.y, std::hypot(p.x, p.z));
+  return altitude >= *low - half_row && altitude <= *high + half_row;
+}
+
 /// Whether a camera could measure a point of a surface if nothing stood between them.
 bool could_see(const Eyes& eye, const Pose& T_depth_world, const SurfaceSample& sample) {
   constexpr double kLeastCosine = 0.1;
@@ -46,6 +56,7 @@ bool could_see(const Eyes& eye, const Pose& T_depth_world, const SurfaceSample& 
   if (depth < eye.near_m || depth > eye.far_m) return false;
   const Vec3d towards = normalized(eye.T_world_depth.translation - p_world);
   if (dot(vec_cast<double>(sample.normal), towards) <= kLeastCosine) return false;
+  if (eye.depth_camera.model == CameraModel::lidar && !in_field(eye.depth_camera, p)) return false;
   const auto pixel = project(eye.depth_camera, p);
   return pixel && pixel->x >= -0.5 && pixel->y >= -0.5 && pixel->x < eye.depth_camera.width - 0.5 &&
          pixel->y < eye.depth_camera.height - 0.5;

@@ -1,11 +1,46 @@
 #include "mr/kit/raster.h"
 
+#include <numbers>
 #include <vector>
 
 #include "mr/core/assert.h"
 #include "mr/core/parallel.h"
 
 namespace mr::kit {
+
+Vec2d pixels_per_rad(const Camera& camera) {
+  constexpr double kPi = std::numbers::pi;
+  if (camera.model == CameraModel::pinhole) return {camera.fx, camera.fy};
+  const double across = camera.width / (2 * kPi);
+  if (camera.model == CameraModel::equirectangular) return {across, camera.height / kPi};
+  const auto [low, high] =
+      std::minmax_element(camera.beam_altitude_rad.begin(), camera.beam_altitude_rad.end());
+  if (camera.height < 2 || !(*high > *low)) return {across, across};
+  return {across, (camera.height - 1) / (*high - *low)};
+}
+
+std::array<CubeFace, 6> cube_faces(double focal_px, int ring_px) {
+  CubeFace face;
+  face.ring_px = ring_px;
+  Camera& c = face.camera;
+  c.fx = c.fy = focal_px;
+  c.width = c.height = 2 * (static_cast<int>(std::ceil(focal_px)) + ring_px);
+  c.cx = c.cy = 0.5 * (c.width - 1);
+  std::array<CubeFace, 6> out;
+  for (int i = 0; i < 6; ++i) {
+    Vec3d forward, side;
+    forward[i / 2] = i % 2 == 0 ? 1 : -1;
+    side[(i / 2 + 1) % 3] = 1;
+    const Vec3d down = cross(forward, side);
+    for (int row = 0; row < 3; ++row) {
+      face.R_camera_face(row, 0) = side[row];
+      face.R_camera_face(row, 1) = down[row];
+      face.R_camera_face(row, 2) = forward[row];
+    }
+    out[i] = face;
+  }
+  return out;
+}
 
 ScreenPolygon clip_to_screen(const Camera& camera, const std::array<Vec3d, 3>& corners) {
   ScreenPolygon out;

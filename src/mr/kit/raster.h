@@ -26,6 +26,20 @@ struct Raster {
 /// plane. Parallel over bands of rows; the result does not depend on the threads.
 Raster rasterize(const Mesh& mesh, const Camera& camera, const Pose& T_world_camera);
 
+/// Pixels per radian to the right (x) and downwards (y): of a pinhole in the middle of its picture,
+/// of a LiDAR's rows on average.
+Vec2d pixels_per_rad(const Camera& camera);
+
+/// One of the six pinhole pictures that a panorama or a LiDAR sees around itself.
+struct CubeFace {
+  Camera camera;       ///< width = height; `ring_px` pixels on each side show what neighbours show
+  Mat3 R_camera_face;  ///< turns from the face to the camera
+  int ring_px = 0;
+};
+
+/// Towards x, -x, y, -y, z, -z of the camera. `focal_px`: of each.
+std::array<CubeFace, 6> cube_faces(double focal_px, int ring_px);
+
 /// A point in the picture: pixel position and 1 / depth.
 struct ScreenPoint {
   double u = 0, v = 0, inv_z = 0;

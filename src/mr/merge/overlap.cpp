@@ -9,6 +9,7 @@
 #include "mr/core/parallel.h"
 #include "mr/kit/topology.h"
 #include "mr/merge/layers.h"
+#include "mr/merge/ray_grids.h"
 
 namespace mr::merge {
 namespace {
@@ -60,7 +61,9 @@ const SourceInfo* measured_by(const Part& part, ViewId view) {
 /// Precision and score of a spot with normal `n`, as measured by `source`.
 std::pair<float, float> measure(const SourceInfo& source, Vec3f spot, Vec3f n) {
   const Vec3d ray = vec_cast<double>(spot) - source.T_world_depth.translation;
-  const double depth = std::max(dot(ray, source.T_world_depth.rotation.column(2)), 0.0);
+  const double depth = source.depth_camera.model == CameraModel::pinhole
+                           ? std::max(dot(ray, source.T_world_depth.rotation.column(2)), 0.0)
+                           : length(ray);
   const double cosine = std::max(-dot(normalized(ray), vec_cast<double>(n)), 0.1);
   const double sigma = source.precision.sigma_m(depth);
   return {static_cast<float>(sigma), static_cast<float>(sigma / cosine)};
@@ -141,32 +144,10 @@ void join_surfaces(std::span<Fragment> f, Vec3f ray, const Field& field, MergeCo
   }
 }
 
-/// The rays through one depth camera's pixels.
-struct RayGrid {
-  Camera camera;
-  Pose T_world_camera;
-};
-
-/// The rays of all cameras: `sparse` ones meet a surface 3 m away about once a voxel, and `dense`
-/// ones twice as often where the camera has the pixels for it.
-struct RayGrids {
-  std::vector<RayGrid> sparse, dense;
-};
-
-RayGrids ray_grids(std::span<const Part> parts, double voxel_m) {
+RayGrids grids_of(std::span<const Part> parts, double voxel_m) {
   RayGrids out;
   for (const Part& part : parts)
-    for (const SourceInfo& s : part.sources) {
-      const double pixel_voxels = 3 / (s.depth_camera.fx * voxel_m);
-      const double rays_per_pixel = std::clamp(std::ceil(pixel_voxels - 0.1), 1.0, 4.0);
-      const RayGrid all{scaled(s.depth_camera, rays_per_pixel), s.T_world_depth};
-      if (pixel_voxels >= 0.6) {
-        out.sparse.push_back(all);
-      } else {
-        out.sparse.push_back({scaled(s.depth_camera, 0.5), s.T_world_depth});
-        out.dense.push_back(all);
-      }
-    }
+    for (const SourceInfo& s : part.sources) add_ray_grids(s, voxel_m, out);
   return out;
 }
 
@@ -345,7 +326,7 @@ void cut(Field& field, std::span<Layers> images, const std::vector<std::uint8_t>
 /// rays and what they met.
 std::vector<Layers> vote_and_cut(Field& field, std::span<const Part> parts,
                                  const OverlapConfig& config) {
-  const RayGrids grids = ray_grids(parts, config.voxel_m);
+  const RayGrids grids = grids_of(parts, config.voxel_m);
   std::vector<Layers> images = meet(field, grids.sparse, config.owner, nullptr);
   vote(field, images);
   vote_on_missed(field, grids.sparse, images, config.owner);

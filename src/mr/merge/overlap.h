@@ -23,10 +23,10 @@ struct OverlapConfig {
   double island_area_m2 = 0.002;  ///< smaller pieces that would be left over are given up
 };
 
-/// Overlap removal (paper 3.2). Rays go from every depth camera through its pixels and meet all
-/// parts; hits of different parts that face the camera alike and lie within twice the sensors'
-/// precision (plus calibration and decimation error) are one surface, and all but one of its
-/// triangles go:
+/// Overlap removal (paper 3.2). Rays go from every depth camera through its pixels (from a LiDAR
+/// evenly into its field) and meet all parts; hits of different parts that face the camera alike
+/// and lie within twice the sensors' precision (plus calibration and decimation error) are one
+/// surface, and all but one of its triangles go:
 ///   owner paper     the farther ones from that camera
 ///   owner coherent  those whose own sensor measured the spot less precisely: sigma(z) / cos(angle)
 /// Overlap is decided between parts, never inside one. Triangles that lie in an overlap only partly
