@@ -172,7 +172,7 @@ TEST(BadDepth, FarPixelsBesideNearOnes) {
       ImageDepth depth = test::depth_picture(test::furnished_room(), camera, test::tilted_pose());
       for (int i = 0; i < 20; ++i) depth.data[random() % depth.data.size()] = 9e4f;
       VolumeConfig config = voxels(0.05, 0.2);
-      config.most_blocks = 1000;
+      config.most_blocks = 600;
       const Result r = fuse(depth, camera, test::tilted_pose(), config, history);
       EXPECT_GT(r.mesh.triangles.size(), 1000u);
       EXPECT_LT(r.memory_bytes, 32u << 20);

@@ -112,8 +112,11 @@ TEST(Fusion, SecondFrameIsAveragedIn) {
   fusion::VoxelVolume volume({});
   const Camera camera = test::small_camera();
   for (const float z : {1.50f, 1.52f})
-    volume.integrate({ImageDepth(camera.width, camera.height, z), camera, Pose{},
-                      {0, 0, camera.width, camera.height}, {}});
+    volume.integrate({ImageDepth(camera.width, camera.height, z),
+                      camera,
+                      Pose{},
+                      {0, 0, camera.width, camera.height},
+                      {}});
   const Mesh mesh = fusion::extract_surface(volume);
   ASSERT_FALSE(mesh.empty());
   for (const Vec3f p : mesh.positions) EXPECT_NEAR(p.z, 1.51f, 0.002f);

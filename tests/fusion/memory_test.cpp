@@ -3,7 +3,9 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
+#include <map>
 #include <random>
 
 #include "mr/fusion/marching_cubes.h"
@@ -174,16 +176,57 @@ TEST(Memory, WhatLeftIsFreedAndReported) {
   VoxelVolume volume(config);
   const Ball ball{{-0.3, 0, 1.2}, 0.3};
   for (int i = 0; i < 3; ++i) add(sensor.see(ball), volume);
-  const std::size_t with_ball = volume.order().size();
   volume.take_changes();
   add(sensor.see({}), volume);
   EXPECT_GT(count_changes(volume.take_changes(), &ChunkChange::moved), 0);
+  const std::size_t with_both = volume.order().size();
   for (int i = 0; i < 8; ++i) add(sensor.see({}), volume);
-  EXPECT_LT(volume.order().size(), with_ball);
+  EXPECT_LT(volume.order().size(), with_both);
   VoxelVolume fresh(config);
   for (int i = 0; i < 9; ++i) add(sensor.see({}), fresh);
   EXPECT_NEAR(static_cast<double>(volume.order().size()), static_cast<double>(fresh.order().size()),
               0.05 * fresh.order().size());
+}
+
+TEST(Memory, WhoLeavesBeforeNothingLeavesNothing) {
+  Sensor sensor;
+  VolumeConfig config = remembering();
+  config.patience = 4;
+  VoxelVolume volume(config);
+  const Ball ball{{-0.3, 0, 1.6}, 0.3};
+  const auto window = [&](ImageDepth depth) {  // where the ball was seen, nothing is
+    const ImageDepth with = sensor.see(ball, 0), without = sensor.see({}, 0);
+    for (std::size_t i = 0; i < depth.data.size(); ++i)
+      if (with.data[i] < without.data[i] - 0.1f) depth.data[i] = 0;
+    return depth;
+  };
+  for (int i = 0; i < 6; ++i) add(sensor.see(ball), volume);
+  for (int i = 0; i < 8; ++i) add(window(sensor.see({})), volume);
+  long ghost = 0;
+  const Mesh mesh = extract_surface(volume);
+  for (const Vec3f p : mesh.positions) ghost += off(p, {}) > 0.05;
+  EXPECT_LT(ghost, 20) << "of " << mesh.positions.size();
+}
+
+/// Keeps a mesh of every chunk and makes anew only those that are reported.
+TEST(Memory, ReportedChunksAreAllThatChange) {
+  Sensor sensor;
+  VolumeConfig config = remembering();
+  config.chunk_m = 0.33;
+  VoxelVolume volume(config);
+  MarchingCubes marching_cubes;
+  std::map<std::array<int, 3>, Mesh> kept;
+  for (int i = 0; i < 14; ++i) {
+    add(sensor.see({{-0.4 + 0.06 * i, 0, 1.6}, 0.25}), volume);
+    for (const ChunkChange& change : volume.take_changes())
+      if (change.moved)
+        kept[{change.cube.x, change.cube.y, change.cube.z}] =
+            marching_cubes.run_chunk(volume, change.cube);
+  }
+  const Mesh whole = extract_surface(volume);
+  double area = 0;
+  for (const auto& [cube, mesh] : kept) area += surface_area_m2(mesh);
+  EXPECT_NEAR(area, surface_area_m2(whole), 0.02 * surface_area_m2(whole));
 }
 
 TEST(Memory, AFlickeringBlackPictureForgetsOnlyAfterAWhile) {

@@ -22,7 +22,10 @@ Mesh fuse_all(const Scene& scene, std::span<const Frame> capture, double voxel_m
 Mesh fuse_prepared(const Scene& scene, std::span<const PreparedDepth> depths, double voxel_m) {
   const double truncation_m = std::max(scene.fusion.truncation_m, 4 * voxel_m);
   fusion::VoxelVolume volume(
-      {.voxel_m = voxel_m, .truncation_m = truncation_m, .bounds = scene.volume});
+      {.voxel_m = voxel_m,
+       .truncation_m = truncation_m,
+       .bounds = scene.volume,
+       .most_blocks = std::size_t{1} << 24});  // a reference leaves nothing out
   for (const PreparedDepth& d : depths)
     volume.integrate({.depth = d.depth,
                       .camera = d.camera,

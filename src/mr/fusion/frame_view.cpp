@@ -116,6 +116,7 @@ bool usable(const DepthFrame& frame) {
   const Rect& r = frame.region;
   const Pose& T = frame.T_world_camera;
   if (!frame.camera.problems().empty() || r.empty()) return false;
+  if (frame.camera.distortion != DistortionModel::none) return false;
   if (r.x < 0 || r.y < 0 || r.x > frame.depth.width - r.width ||
       r.y > frame.depth.height - r.height)
     return false;
@@ -154,7 +155,8 @@ bool set_frame(const DepthFrame& frame, const VolumeConfig& config, FrameView& v
   view.truncation_m = static_cast<float>(config.truncation_m);
   view.precision = frame.precision;
   view.pixel_rad =
-      static_cast<float>(view.spherical ? 2 * pi / frame.camera.width : 1 / frame.camera.fx);
+      static_cast<float>(view.spherical ? 2 * pi / frame.camera.width
+                                        : 1 / std::min(frame.camera.fx, frame.camera.fy));
   view.bounds.reset();
   if (config.bounds) {
     const Vec3d corner = vec_cast<double>(view.eye_block);

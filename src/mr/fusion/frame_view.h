@@ -14,6 +14,8 @@
 
 namespace mr::fusion {
 
+struct VolumeConfig;
+
 /// A sensor's depth picture with all that fusion must know of it. What it points to must outlive
 /// the call that it is given to.
 struct DepthFrame {
@@ -80,7 +82,6 @@ struct FrameView {
 /// Sets all but the pixels. False when nothing can be measured with this camera from this place:
 /// impossible intrinsics, no pixels in the region, a pose that is not finite or more than 1000 km
 /// from the origin.
-struct VolumeConfig;
 bool set_frame(const DepthFrame& frame, const VolumeConfig& config, FrameView& view);
 
 }  // namespace mr::fusion

@@ -246,7 +246,8 @@ struct Pinhole {
 
   HWY_INLINE Sample operator()(Vf U, Vf V, Vf Z) const {
     const Vf zero = hn::Zero(df);
-    const Vf per_z = hn::Div(hn::Set(df, 1.0f), hn::Max(Z, hn::Set(df, 1e-3f)));
+    // Behind the camera: the corner of the border, where nothing was measured.
+    const Vf per_z = hn::IfThenElseZero(hn::Gt(Z, zero), hn::Div(hn::Set(df, 1.0f), Z));
     const Vf u = hn::Max(zero, hn::Min(hn::Mul(U, per_z), hn::Set(df, right)));
     const Vf v = hn::Max(zero, hn::Min(hn::Mul(V, per_z), hn::Set(df, bottom)));
     const Vi raw_place = hn::Add(hn::Mul(raw_rounded(v), hn::Set(di, stride)), raw_rounded(u));
@@ -350,8 +351,11 @@ class Walk {
   float u_ = 0, v_ = 0, z_ = 0;
 };
 
-/// Distances as they are stored: rounded, and odd, so never 0.
-HWY_INLINE Vi stored(Vf distance) { return hn::Or(rounded(distance), hn::Set(di, 1)); }
+/// Distances as they are stored: the nearest odd number, so never 0.
+HWY_INLINE Vi stored(Vf distance) {
+  const Vf half = hn::Set(df, 0.5f);
+  return hn::Or(hn::ShiftLeft<1>(rounded(hn::Sub(hn::Mul(distance, half), half))), hn::Set(di, 1));
+}
 
 /// Sets a layer's bits, `seen` being known and distances stored.
 HWY_INLINE void set_bits(int z, std::uint64_t seen, VoxelBlock& block) {

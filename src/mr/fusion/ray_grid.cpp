@@ -12,11 +12,12 @@ namespace {
 constexpr double kBeam_rad = 0.009;  // LiDAR rays further apart than half a degree share no light
 constexpr double kPi = std::numbers::pi;
 
+constexpr float kLeast_m = 1e-6f, kMost_m = 1e6f;  // beyond is no depth
+
 int wrapped(int x, int width) { return ((x % width) + width) % width; }
 
 /// A row of depth as inverse depth, turned. No branch: vectorised.
 void invert_row(const float* depth, int count, float* out) {
-  constexpr float kLeast_m = 1e-6f, kMost_m = 1e6f;  // beyond is no depth
   for (int x = 0; x < count; ++x) {
     const float d = depth[x];
     const int good = (d > kLeast_m) & (d < kMost_m);
@@ -31,7 +32,7 @@ void depth_row(const float* grid, const float* before, int count, float* out) {
     const bool good = w > 0;
     const float z = 1.0f / (good ? w : 1.0f);
     const float was = before ? before[x] : 0.0f;
-    out[x] = good ? (was > 0 ? was : z) : 0.0f;
+    out[x] = good ? (was > kLeast_m && was < kMost_m ? was : z) : 0.0f;
   }
 }
 

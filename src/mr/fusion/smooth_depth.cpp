@@ -2,13 +2,15 @@
 
 #include <algorithm>
 #include <array>
+#include <cmath>
 
 #include "mr/core/parallel.h"
 
 namespace mr::fusion {
 namespace {
 
-constexpr float kRange = 5;                                     // sigmas
+constexpr float kRange = 5;  // sigmas
+constexpr float kSlant = 3;  // ranges; what differs more is no slant but an edge
 constexpr std::array<float, 4> kNear{1, 0.97f, 0.875f, 0.72f};  // by distance in pixels
 
 struct Sum {
@@ -24,10 +26,11 @@ inline float alike(float off, int valid) {
 inline float either(float a, float b) { return a + b - a * b; }
 
 /// Adds two opposite neighbours of pixel p, each as far as it resembles p or both as far as their
-/// mean does: on a slanted surface that is p however much the two differ.
+/// mean does, unless they differ by too much: on a slanted surface that mean is p.
 inline void add(float p, float a, float b, float per_range, float near, Sum& sum) {
   const float off_a = (a - p) * per_range, off_b = (b - p) * per_range;
-  const float both = alike(0.5f * (off_a + off_b), (a > 0) & (b > 0));
+  const int slant = (std::abs(off_a) < kSlant) & (std::abs(off_b) < kSlant);
+  const float both = alike(0.5f * (off_a + off_b), (a > 0) & (b > 0) & slant);
   const float wa = near * either(alike(off_a, a > 0), both);
   const float wb = near * either(alike(off_b, b > 0), both);
   sum.value += wa * a + wb * b;

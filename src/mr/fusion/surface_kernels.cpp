@@ -34,13 +34,16 @@ struct CellCase {
 inline const std::array<CellCase, 256>& cell_cases() {
   static const std::array<CellCase, 256> cases = [] {
     std::array<CellCase, 256> out;
-    for (int c = 0; c < 256; ++c)
+    for (int c = 0; c < 256; ++c) {
       for (const auto& triangle : cell_triangles()[c])
         for (const int e : triangle) {
           const auto [low, axis] = kCellEdges[e];
           out[c].edge[out[c].corners++] =
               static_cast<std::uint16_t>(VertexIds::at(axis, low & 1, low >> 1 & 1, low >> 2 & 1));
         }
+      for (std::size_t i = out[c].corners; i < out[c].edge.size(); ++i)
+        out[c].edge[i] = out[c].edge[0];  // read in vain: any that was written
+    }
     return out;
   }();
   return cases;

@@ -26,9 +26,6 @@ constexpr float kMargin = 1.05f, kMarginOfHistory = 3;
 /// A block moved when so many of its voxels at the surface did; fewer are stray pixels.
 constexpr int kLeastMoved = 8;
 
-/// The order of regions and chunks.
-bool in_order(Vec3i a, Vec3i b) { return std::tie(a.z, a.y, a.x) < std::tie(b.z, b.y, b.x); }
-
 TileRule tile_rule(const VolumeConfig& config) {
   const float margin = config.history == History::none ? kMargin : kMarginOfHistory;
   const double block_m = kSide * config.voxel_m;
@@ -58,10 +55,7 @@ class Chunks {
   }
 
  private:
-  struct InOrder {
-    bool operator()(Vec3i a, Vec3i b) const { return in_order(a, b); }
-  };
-  std::map<Vec3i, std::vector<std::uint32_t>, InOrder> lists_;
+  std::map<Vec3i, std::vector<std::uint32_t>, ByZyx> lists_;
   Vec3i last_cube_;
   std::vector<std::uint32_t>* last_ = nullptr;
 };
@@ -83,10 +77,8 @@ bool may_see(const FrameView& view, const VoxelBlock& block) {
          below_end(view.width + 2, p.x, reach.x) && below_end(view.height + 2, p.y, reach.y);
 }
 
-bool holds_surface(const VoxelBlock& block) {
-  for (int z = 0; z < kSide; ++z)
-    if ((block.inside[z] & block.near[z]) != 0) return true;
-  return false;
+bool holds_any(const VoxelBlock::Bits& bits) {
+  return std::any_of(bits.begin(), bits.end(), [](std::uint64_t layer) { return layer != 0; });
 }
 
 }  // namespace
@@ -102,7 +94,7 @@ void VoxelVolume::clear() {
   free_slots_.clear();
   history_.clear();
   rows_.clear();
-  changed_gone_.clear();
+  gone_.clear();
   slots_ = 0;
 }
 
@@ -201,7 +193,7 @@ void VoxelVolume::sort_blocks() {
   std::vector<std::uint32_t> sorted(regions.size());
   for (std::uint32_t i = 0; i < sorted.size(); ++i) sorted[i] = i;
   std::sort(sorted.begin(), sorted.end(), [&](std::uint32_t a, std::uint32_t b) {
-    return in_order(regions[a].coordinate, regions[b].coordinate);
+    return ByZyx()(regions[a].coordinate, regions[b].coordinate);
   });
   Chunks chunks;
   for (const std::uint32_t r : sorted)
@@ -218,7 +210,6 @@ void VoxelVolume::sort_blocks() {
 // --- frames
 
 IntegrateReport VoxelVolume::integrate(const DepthFrame& frame) {
-  MR_ASSERT(frame.camera.distortion == DistortionModel::none);
   IntegrateReport report;
   if (config_.history == History::none) clear();
   report.usable = set_frame(frame, config_, view_);
@@ -252,9 +243,29 @@ void VoxelVolume::update_blocks() {
         const int count = integrate_next(view_, rule, block(slot), weights(slot));
         if (rule.remember) moved[i] = count;
       }
+      if (rule.remember) moved[i] += forget_rows(slot);
     }
   });
   if (rule.remember) note_changes(moved);
+}
+
+/// Forgets those rows of a block near which nothing was measured for so long: where somebody left
+/// and nothing is seen behind, say a window. Returns how many voxels at a surface went.
+int VoxelVolume::forget_rows(std::uint32_t slot) {
+  const int patience = std::min(config_.patience, 254);
+  VoxelBlock& b = block(slot);
+  int gone = 0;
+  for (int row = 0; row < kSide * kSide; ++row) {
+    std::uint8_t& age = history_[slot].row_age[row];
+    age = (rows_[slot] >> row & 1) != 0 ? 0 : static_cast<std::uint8_t>(std::min(age + 1, 255));
+    if (age <= patience) continue;
+    const std::uint64_t bits = std::uint64_t{0xFF} << 8 * (row % kSide);
+    const int z = row / kSide;
+    gone += std::popcount(b.inside[z] & b.near[z] & bits);
+    b.seen[z] &= ~bits, b.inside[z] &= ~bits, b.near[z] &= ~bits;
+    std::fill_n(weights(slot).begin() + row * kSide, kSide, std::uint16_t{0});
+  }
+  return gone;
 }
 
 void VoxelVolume::note_changes(std::span<const int> moved_voxels) {
@@ -263,11 +274,13 @@ void VoxelVolume::note_changes(std::span<const int> moved_voxels) {
     if (rows_[order_[i]] != 0) h.wanted_at = frame_;
     if (moved_voxels[i] >= (std::exchange(h.fresh, false) ? 1 : kLeastMoved)) {
       h.moved = true, h.frames = 0;
-    } else if (h.frames < config_.most_frames) {
+    } else {
       ++h.frames;
       const auto frames = static_cast<unsigned>(h.frames);
       const bool power_of_4 = std::has_single_bit(frames) && std::countr_zero(frames) % 2 == 0;
-      if (frames > 1 && power_of_4) h.refined = true;
+      const bool settled = h.frames >= config_.most_frames;
+      if ((frames > 1 && power_of_4) || settled) h.refined = true;
+      if (settled) h.frames = 0;  // what drifts slowly is told of now and then, too
     }
   }
 }
@@ -282,8 +295,7 @@ void VoxelVolume::free_idle_blocks() {
       kept.push_back(block(slot).coordinate);
       continue;
     }
-    if (holds_surface(block(slot)) || history_[slot].moved)
-      changed_gone_.push_back(chunk_of(block(slot).coordinate));
+    if (holds_any(block(slot).near) || history_[slot].moved) note_chunks(slot, true, gone_);
     block(slot).seen = block(slot).inside = block(slot).near = {};
     free_slots_.push_back(slot);
   }
@@ -294,27 +306,25 @@ void VoxelVolume::free_idle_blocks() {
   sort_blocks();
 }
 
+/// Notes a change of a block for its chunk and those of the blocks behind it, whose cells read it.
+void VoxelVolume::note_chunks(std::uint32_t slot, bool moved, ChangeByCube& changes) const {
+  for (int i = 0; i < 8; ++i) {
+    const Vec3i behind = block(slot).coordinate - Vec3i{i & 1, i >> 1 & 1, i >> 2};
+    bool& has_moved = changes.try_emplace(chunk_of(behind), false).first->second;
+    has_moved |= moved;
+  }
+}
+
 std::vector<ChunkChange> VoxelVolume::take_changes() {
-  std::vector<ChunkChange> all;
-  for (const Vec3i cube : changed_gone_) all.push_back({cube, true, false});
-  changed_gone_.clear();
+  ChangeByCube changes = std::exchange(gone_, {});
   for (const std::uint32_t slot : order_) {
-    if (history_.empty()) break;
+    if (config_.history != History::remember) break;
     BlockHistory& h = history_[slot];
-    if (h.moved || (h.refined && holds_surface(block(slot))))
-      all.push_back({chunk_of(block(slot).coordinate), h.moved, h.refined});
+    if (h.moved || (h.refined && holds_any(block(slot).near))) note_chunks(slot, h.moved, changes);
     h.moved = h.refined = false;
   }
-  std::stable_sort(all.begin(), all.end(), [](const ChunkChange& a, const ChunkChange& b) {
-    return in_order(a.cube, b.cube);
-  });
   std::vector<ChunkChange> out;
-  for (const ChunkChange& change : all) {
-    if (out.empty() || out.back().cube != change.cube) out.push_back({change.cube, false, false});
-    out.back().moved |= change.moved, out.back().refined |= change.refined;
-  }
-  for (ChunkChange& change : out)
-    if (change.moved) change.refined = false;
+  for (const auto& [cube, moved] : changes) out.push_back({cube, moved, !moved});
   return out;
 }
 

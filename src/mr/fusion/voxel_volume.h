@@ -3,9 +3,11 @@
 #include <array>
 #include <cstddef>
 #include <cstdint>
+#include <map>
 #include <memory>
 #include <optional>
 #include <span>
+#include <tuple>
 #include <vector>
 
 #include "mr/core/vec.h"
@@ -15,6 +17,13 @@
 #include "mr/fusion/voxel_block.h"
 
 namespace mr::fusion {
+
+/// The order of chunks and regions.
+struct ByZyx {
+  bool operator()(Vec3i a, Vec3i b) const {
+    return std::tie(a.z, a.y, a.x) < std::tie(b.z, b.y, b.x);
+  }
+};
 
 /// What a volume keeps of earlier frames.
 enum class History {
@@ -34,9 +43,9 @@ struct VolumeConfig {
   int patience = 30;  ///< remember: blocks that no frame wanted for so many are freed
 };
 
-/// How a chunk's surface differs from what it was. `moved`: by more than noise. `refined`: it is
-/// the same, seen four times as often as when this was last said; so a still chunk is worth
-/// being meshed again a few times, and no more.
+/// How a chunk's surface differs from what it was. `moved`: by more than noise. `refined`: not so,
+/// but it has been seen four times as often, or for another `most_frames`, since this was last
+/// said: a still chunk is worth being meshed again then, and no more often.
 struct ChunkChange {
   Vec3i cube;  ///< in chunk_m
   bool moved = false, refined = false;
@@ -54,7 +63,7 @@ struct ChunkBlocks {
 struct IntegrateReport {
   bool usable = true;              ///< false: camera or pose cannot be used, nothing was integrated
   std::size_t refused_pixels = 0;  ///< NaN, infinite, negative, below 1 µm or over 100 km
-  std::size_t left_out_blocks = 0;  ///< wanted in vain: most_blocks are there
+  std::size_t left_out_blocks = 0;  ///< or boxes of them: wanted, but too many or too large
   double allocate_ms = 0, integrate_ms = 0;
 };
 
@@ -96,10 +105,12 @@ class VoxelVolume {
     std::array<VoxelBlock, kSlab> blocks{};
   };
   using WeightSlab = std::array<VoxelBlock::Weights, kSlab>;
+  using ChangeByCube = std::map<Vec3i, bool, ByZyx>;  ///< whether it moved
   struct BlockHistory {
     std::uint32_t wanted_at = 0;  ///< frame
     std::uint16_t frames = 0;     ///< since it last moved
     bool fresh = true, moved = false, refined = false;
+    std::array<std::uint8_t, 64> row_age{};  ///< frames since it was wanted
   };
 
   VoxelBlock& block(std::uint32_t slot) { return slabs_[slot / kSlab]->blocks[slot % kSlab]; }
@@ -109,11 +120,12 @@ class VoxelVolume {
 
   std::size_t allocate();
   std::vector<std::vector<WantedRows>> wanted_rows(std::size_t& left_out_ranges) const;
-  std::size_t take_slots();
   std::uint32_t new_slot(Vec3i block);
   void sort_blocks();
   void update_blocks();
+  int forget_rows(std::uint32_t slot);
   void note_changes(std::span<const int> moved_voxels);
+  void note_chunks(std::uint32_t slot, bool moved, ChangeByCube& changes) const;
   void free_idle_blocks();
 
   VolumeConfig config_;
@@ -126,7 +138,7 @@ class VoxelVolume {
   std::vector<std::uint32_t> order_;
   std::vector<ChunkBlocks> chunks_;
   std::vector<std::uint64_t> rows_;  ///< [slots] wanted by the last frame
-  std::vector<Vec3i> changed_gone_;  ///< chunks that lost a block since take_changes()
+  ChangeByCube gone_;                ///< chunks that lost a block since take_changes()
   std::uint32_t frame_ = 0;
   FrameView view_;  ///< of the last frame; kept for its memory
 };

@@ -54,8 +54,8 @@ class SensorNode {
     simplify::Simplified surface;
     double fuse_ms = 0, simplify_ms = 0;
   };
-  Patch reconstruct_patch(const ImageDepth& depth, const Pose& T_world_depth,
-                          const Rect& rect, fusion::FrameFuser& fuser) const;
+  Patch reconstruct_patch(const ImageDepth& depth, const Pose& T_world_depth, const Rect& rect,
+                          fusion::FrameFuser& fuser) const;
   Status join(const std::vector<Patch>& patches, Reconstructed& out) const;
   Packet head(const Frame& frame) const;
   Status add_mesh(const Reconstructed& surface, Packet& packet);
