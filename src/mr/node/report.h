@@ -27,8 +27,8 @@ struct RunReport {
   using Stages = std::map<std::string, std::vector<double>>;
   Stages sensor_stages_ms, merge_stages_ms;
   double critical_path_ms = 0;  ///< slowest node of each layer, each alone, summed; p50
-  /// Frames per second of the slowest node, each alone: they work at the same time, so this, not
-  /// the critical path, bounds the rate.
+  /// Frames per second of the slowest node, each alone and its steps one after another: nodes work
+  /// at the same time, so the rate follows this, not the critical path.
   double throughput_fps = 0;
   std::vector<double> end_to_end_ms;  ///< per frame, capture to decoded at the client, as it ran
 };

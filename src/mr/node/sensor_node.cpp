@@ -42,6 +42,7 @@ SensorNode::Patch SensorNode::reconstruct_patch(const ImageDepth& depth, const P
                                                 const Rect& rect, fusion::FrameFuser& fuser) const {
   Patch out;
   const Mesh* fused = nullptr;
+  fusion::IntegrateReport report;
   {
     const Stopwatch stopwatch(out.fuse_ms);
     fused = &fuser
@@ -49,9 +50,11 @@ SensorNode::Patch SensorNode::reconstruct_patch(const ImageDepth& depth, const P
                         .camera = registration_.depth_camera(),
                         .T_world_camera = T_world_depth,
                         .region = rect,
-                        .precision = scene_->sensors[sensor_].precision})
+                        .precision = scene_->sensors[sensor_].precision},
+                       &report)
                  .mesh;
   }
+  out.usable = report.usable;
   const Stopwatch stopwatch(out.simplify_ms);
   out.surface = simplify::simplify_by_ratio(*fused, scene_->simplify.ratio);
   out.surface.mesh =
@@ -93,6 +96,11 @@ Result<SensorNode::Reconstructed> SensorNode::reconstruct(Frame raw) {
         patches[i] = reconstruct_patch(depth, out.frame.T_world_depth, rects[i], fusers_[i]);
       });
   });
+  if (!std::all_of(patches.begin(), patches.end(), [](const Patch& p) { return p.usable; }))
+    return Error{Error::Cause::invalid,
+                 "sensor '" + id() + "': frame " + std::to_string(out.frame.index) +
+                     ": camera or pose cannot be used (not a rotation, not finite, or farther than "
+                     "1000 km)"};
   for (const Patch& patch : patches) fuse_ms += patch.fuse_ms, simplify_ms += patch.simplify_ms;
   Status joined;
   {

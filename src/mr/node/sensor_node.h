@@ -53,6 +53,7 @@ class SensorNode {
   struct Patch {
     simplify::Simplified surface;
     double fuse_ms = 0, simplify_ms = 0;
+    bool usable = true;
   };
   Patch reconstruct_patch(const ImageDepth& depth, const Pose& T_world_depth, const Rect& rect,
                           fusion::FrameFuser& fuser) const;
