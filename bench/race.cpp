@@ -18,6 +18,7 @@ constexpr double kSlowRun_ms = 2000;
 constexpr int kRunsOfSlow = 3;
 /// Idle threads of the one before spin for a while before they sleep.
 constexpr auto kPause = std::chrono::milliseconds(10);
+constexpr double kShort_ms = 100;  // shorter runs are made twice, the first one untimed
 
 double rounded(double value) { return std::round(value * 1000) / 1000; }
 
@@ -57,8 +58,15 @@ Answerer contender_at_work(const Contender& contender) {
   const auto files_kb = [] { return memory_kb("RssFile"); };
   const double before_kb = memory_kb("VmRSS") - files_kb();
   const std::shared_ptr<Work> work = contender.make();
-  return [work, before_kb, files_kb](const Message& question) -> Message {
-    if (question == "run") return run_once(*work);
+  const auto last_ms = std::make_shared<double>(0);
+  return [work, before_kb, files_kb, last_ms](const Message& question) -> Message {
+    if (question == "run") {
+      // While the others ran, its caches went cold and its threads to sleep: that is not the code.
+      if (*last_ms > 0 && *last_ms < kShort_ms) run_once(*work);
+      const Message told = run_once(*work);
+      *last_ms = told["ms"];
+      return told;
+    }
     if (question == "memory") return (memory_kb("VmHWM") - files_kb() - before_kb) * 1024 / 1e6;
     return work->result();
   };
