@@ -15,8 +15,7 @@ namespace mr::fusion {
 /// that hold a block exist.
 class BlockDirectory {
  public:
-  static constexpr std::uint32_t kNone = 0xFFFFFFFFu;    ///< no block there
-  static constexpr std::uint32_t kWanted = 0xFFFFFFFEu;  ///< to be given a slot
+  static constexpr std::uint32_t kNone = 0xFFFFFFFFu;  ///< no block there
   static constexpr int kRegionBits = 3, kRegionSide = 1 << kRegionBits;
 
   struct Region {

@@ -24,8 +24,6 @@ class FrameFuser {
   /// The surface of a frame; good until the next. `report`, where wanted: what became of it.
   const Surface& fuse(const DepthFrame& frame, IntegrateReport* report = nullptr);
 
-  VoxelVolume& volume() { return volume_; }
-
  private:
   VoxelVolume volume_;
   MarchingCubes marching_cubes_;

@@ -302,7 +302,7 @@ HWY_INLINE void emit_vertices(const Around<VoxelBlock>& ahead, const BlockSurfac
 void EmitBlock(const Around<VoxelBlock>& ahead, const Around<BlockSurface>& surface_ahead,
                std::span<const Cell> cells, double voxel_m, Vec3f* positions,
                std::uint32_t* corners, const std::uint32_t* corners_end) {
-  VertexIds ids;  // only what is written is read
+  VertexIds ids;  // not cleared: cells read only edges that hold a vertex
   const BlockSurface& surface = *surface_ahead[0];
   emit_vertices(ahead, surface, voxel_m, ids, positions);
   if (cells.empty()) return;
