@@ -18,6 +18,16 @@ namespace {
 
 using simplify::Simplified;
 
+Simplified to_count(const Mesh& mesh, std::size_t triangles) {
+  auto made = simplify::simplify(mesh, {.triangles = triangles});
+  EXPECT_TRUE(made.ok());
+  return *std::move(made);
+}
+
+Simplified by_ratio(const Mesh& mesh, double ratio) {
+  return to_count(mesh, simplify::triangles_at(mesh, ratio));
+}
+
 /// A closed box whose faces are grids of n × n cells.
 Mesh fine_box(Vec3f size, int n) {
   const Vec3f x{size.x, 0, 0}, y{0, size.y, 0}, z{0, 0, size.z};
@@ -76,7 +86,7 @@ std::set<Vec3f> border_vertices(const Mesh& mesh) {
 
 TEST(Simplify, FlatGridLosesTrianglesButNothingElse) {
   const Mesh mesh = test::grid({0, 0, 1}, {2, 0, 0}, {0, 1, 0}, 60, 30);
-  const Simplified small = simplify::simplify_by_ratio(mesh, 0.1);
+  const Simplified small = by_ratio(mesh, 0.1);
   EXPECT_LE(small.mesh.triangles.size(), mesh.triangles.size() / 10 + 1);
   EXPECT_NEAR(surface_area_m2(small.mesh), 2.0, 1e-4);
   EXPECT_LT(small.error_m, 1e-4f);
@@ -86,7 +96,7 @@ TEST(Simplify, FlatGridLosesTrianglesButNothingElse) {
 
 TEST(Simplify, SphereStaysClosedAndReportsItsError) {
   const Mesh mesh = test::sphere({0, 0, 0}, 1, 60);
-  const Simplified small = simplify::simplify_by_ratio(mesh, 0.2);
+  const Simplified small = by_ratio(mesh, 0.2);
   EXPECT_NEAR(static_cast<double>(small.mesh.triangles.size()),
               0.2 * static_cast<double>(mesh.triangles.size()),
               0.02 * static_cast<double>(mesh.triangles.size()));
@@ -98,15 +108,15 @@ TEST(Simplify, SphereStaysClosedAndReportsItsError) {
 
 TEST(Simplify, WholeRatioAndEmptyMeshPassThrough) {
   const Mesh mesh = test::box({0, 0, 0}, {1, 1, 1});
-  EXPECT_EQ(simplify::simplify_by_ratio(mesh, 1).mesh, mesh);
-  EXPECT_TRUE(simplify::simplify(Mesh{}, 0).mesh.empty());
+  EXPECT_EQ(by_ratio(mesh, 1).mesh, mesh);
+  EXPECT_TRUE(to_count(Mesh{}, 0).mesh.empty());
 }
 
 TEST(Simplify, BoxKeepsItsEdgesAndCorners) {
   const Vec3f size{1, 0.5f, 0.3f};
   const Mesh mesh = fine_box(size, 24);
   ASSERT_EQ(kit::count_boundary_edges(mesh), 0u);
-  const Simplified small = simplify::simplify(mesh, 100);
+  const Simplified small = to_count(mesh, 100);
   EXPECT_LE(small.mesh.triangles.size(), 100u);
   EXPECT_EQ(kit::count_boundary_edges(small.mesh), 0u);
   EXPECT_NEAR(surface_area_m2(small.mesh), surface_area_m2(mesh), 1e-4);
@@ -119,7 +129,7 @@ TEST(Simplify, BoxKeepsItsEdgesAndCorners) {
 
 TEST(Simplify, ThinBoardKeepsBothSides) {
   const Mesh mesh = fine_box({1, 1, 0.01f}, 40);
-  const Simplified small = simplify::simplify_by_ratio(mesh, 0.02);
+  const Simplified small = by_ratio(mesh, 0.02);
   EXPECT_LE(small.mesh.triangles.size(), mesh.triangles.size() / 50 + 1);
   double up = 0, down = 0;
   for (std::size_t t = 0; t < small.mesh.triangles.size(); ++t)
@@ -135,7 +145,7 @@ TEST(Simplify, BordersKeepTheirCourse) {
     const float turn = 1.5f * std::numbers::pi_v<float> * p.x, radius = 0.5f - 0.3f * p.y;
     p = {radius * std::cos(turn), radius * std::sin(turn), 0};
   }
-  const Simplified small = simplify::simplify_by_ratio(mesh, 0.05);
+  const Simplified small = by_ratio(mesh, 0.05);
   EXPECT_LE(small.mesh.triangles.size(), mesh.triangles.size() / 20 + 1);
   EXPECT_NEAR(surface_area_m2(small.mesh), surface_area_m2(mesh), 2e-3);
   const std::set<Vec3f> before = border_vertices(mesh);
@@ -146,7 +156,7 @@ TEST(Simplify, ThinTipsOfABorderStay) {
   Mesh mesh = test::grid({0, 0, 0}, {1, 0, 0}, {0, 1, 0}, 40, 40);
   mesh.positions.push_back({0.5125f, 1.1f, 0});  // 10 cm beyond the last row
   mesh.triangles.push_back({40 * 41 + 21, 40 * 41 + 20, 41 * 41});
-  const Simplified small = simplify::simplify_by_ratio(mesh, 0.05);
+  const Simplified small = by_ratio(mesh, 0.05);
   float top = 0;
   for (const Vec3f p : small.mesh.positions) top = std::max(top, p.y);
   EXPECT_FLOAT_EQ(top, 1.1f);
@@ -155,7 +165,7 @@ TEST(Simplify, ThinTipsOfABorderStay) {
 TEST(Simplify, NoisyRoomStaysAManifoldThatFacesUp) {
   const Mesh mesh = room_seen_from_above();
   for (const double ratio : {0.5, 0.1, 0.02}) {
-    const Simplified small = simplify::simplify_by_ratio(mesh, ratio);
+    const Simplified small = by_ratio(mesh, ratio);
     const auto target = std::ceil(ratio * static_cast<double>(mesh.triangles.size()));
     EXPECT_NEAR(static_cast<double>(small.mesh.triangles.size()), target, 1);
     EXPECT_EQ(kit::count_nonmanifold_edges(small.mesh), 0u);
@@ -170,7 +180,7 @@ TEST(Simplify, NoisyRoomStaysAManifoldThatFacesUp) {
 TEST(Simplify, ErrsNoMoreThanMeshoptimizer) {
   const Mesh mesh = room_seen_from_above();
   for (const double ratio : {0.3, 0.1, 0.03}) {
-    const Simplified small = simplify::simplify_by_ratio(mesh, ratio);
+    const Simplified small = by_ratio(mesh, ratio);
     const Mesh reference = by_meshoptimizer(mesh, small.mesh.triangles.size());
     EXPECT_LE(rms_height_error_m(small.mesh, mesh), rms_height_error_m(reference, mesh)) << ratio;
   }
@@ -183,7 +193,7 @@ TEST(Simplify, SameOnAnyNumberOfThreads) {
     std::vector<Simplified> same(4);
     Arena(threads).run([&] {
       parallel_for(same.size(), 1, [&](std::size_t begin, std::size_t end) {
-        for (std::size_t i = begin; i < end; ++i) same[i] = simplify::simplify_by_ratio(mesh, 0.1);
+        for (std::size_t i = begin; i < end; ++i) same[i] = by_ratio(mesh, 0.1);
       });
     });
     results.insert(results.end(), same.begin(), same.end());
@@ -204,7 +214,7 @@ TEST(Simplify, NoPartVanishes) {
     for (Vec3f& p : single.positions) p.z = static_cast<float>(i);
     append(mesh, single);
   }
-  const Simplified small = simplify::simplify(mesh, 0);
+  const Simplified small = to_count(mesh, 0);
   EXPECT_EQ(kit::components(small.mesh).area_m2.size(), 2201u);
   EXPECT_EQ(kit::count_nonmanifold_edges(small.mesh), 0u);
 }
@@ -218,7 +228,7 @@ TEST(Simplify, DegenerateInputsDoNoHarm) {
   mesh.positions.insert(mesh.positions.end(), 3, {1, 1, 1});
   mesh.triangles.push_back({base, base + 1, base + 2});  // three corners at one place
   mesh.positions.push_back({9, 9, 9});                   // of no triangle
-  const Simplified small = simplify::simplify_by_ratio(mesh, 0.05);
+  const Simplified small = by_ratio(mesh, 0.05);
   EXPECT_LE(small.mesh.triangles.size(), mesh.triangles.size() / 20 + 1);
   EXPECT_TRUE(std::isfinite(small.error_m));
   for (const Vec3f p : small.mesh.positions) EXPECT_TRUE(is_finite(p));
@@ -227,7 +237,7 @@ TEST(Simplify, DegenerateInputsDoNoHarm) {
 
 TEST(Simplify, VerticesOfManyTrianglesStay) {
   const Mesh mesh = test::sphere({0, 0, 0}, 1, 100);  // 200 triangles at each pole
-  const Simplified small = simplify::simplify_by_ratio(mesh, 0.01);
+  const Simplified small = by_ratio(mesh, 0.01);
   EXPECT_EQ(kit::count_boundary_edges(small.mesh), 0u);
   EXPECT_NEAR(surface_area_m2(small.mesh), 4 * std::numbers::pi, 0.3);
 }

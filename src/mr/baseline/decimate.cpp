@@ -81,7 +81,7 @@ Piece make_piece(const Mesh& mesh, const std::vector<std::uint32_t>& triangles,
 Decimated decimate_piece(const Piece& piece, double ratio) {
   const auto own = static_cast<double>(piece.mesh.triangles.size() - piece.tips.size());
   const auto target = static_cast<std::size_t>(std::ceil(own * ratio)) + piece.tips.size();
-  const simplify::Simplified small = simplify::simplify(piece.mesh, target);
+  const simplify::Simplified small = *simplify::simplify(piece.mesh, {.triangles = target});
   std::vector<std::uint8_t> keep(small.mesh.triangles.size(), 1);
   for (std::size_t t = 0; t < keep.size(); ++t)
     for (int i = 0; i < 3; ++i)

@@ -15,7 +15,6 @@
 #include "mr/merge/overlap.h"
 #include "mr/merge/zipper.h"
 #include "mr/node/sensor_node.h"
-#include "mr/simplify/simplify.h"
 
 namespace mr::node {
 namespace {
@@ -155,10 +154,11 @@ Result<MergeNode::Surface> MergeNode::merge_surfaces(const Gathered& gathered,
     auto snapped = codec::snap_to_lattice(zipped, scene_->lattice);
     if (!snapped || !is_root_) return snapped;
     const double target = scene_->merge.simplify.ratio * triangles_sent(parts, owned);
-    simplify::Simplified small =
-        simplify::simplify(*snapped, static_cast<std::size_t>(std::ceil(target)));
-    out.error_m += small.error_m;
-    return codec::snap_to_lattice(small.mesh, scene_->lattice);
+    const auto small =
+        simplifier_.run(*snapped, {.triangles = static_cast<std::size_t>(std::ceil(target))});
+    if (!small) return small.error();
+    out.error_m += small->error_m;
+    return codec::snap_to_lattice(small->mesh, scene_->lattice);
   });
   if (!simplified) return simplified.error();
 

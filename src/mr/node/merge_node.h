@@ -18,6 +18,7 @@
 #include "mr/node/gatherer.h"
 #include "mr/node/node_clock.h"
 #include "mr/node/texture_stream.h"
+#include "mr/simplify/simplify.h"
 
 namespace mr::node {
 
@@ -85,6 +86,7 @@ class MergeNode {
   Gatherer gatherer_;
   ChunkPublisher publisher_;
   TextureStream texture_;
+  simplify::Simplifier simplifier_;
   atlas::Layout layout_;
   std::optional<std::pair<Gathered, Surface>> last_;  // reused while the inputs' geometry stays
   std::atomic<bool> reused_ = false, key_frame_wished_ = false;

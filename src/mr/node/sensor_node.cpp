@@ -39,13 +39,13 @@ SensorNode::SensorNode(const Scene& scene, std::uint32_t sensor_index, NodeClock
       texture_(scene, sensor_index) {}
 
 SensorNode::Patch SensorNode::reconstruct_patch(const ImageDepth& depth, const Pose& T_world_depth,
-                                                const Rect& rect, fusion::FrameFuser& fuser) const {
+                                                const Rect& rect, PatchWorker& worker) const {
   Patch out;
   const Mesh* fused = nullptr;
   fusion::IntegrateReport report;
   {
     const Stopwatch stopwatch(out.fuse_ms);
-    fused = &fuser
+    fused = &worker.fuser
                  .fuse({.depth = depth,
                         .camera = registration_.depth_camera(),
                         .T_world_camera = T_world_depth,
@@ -56,7 +56,8 @@ SensorNode::Patch SensorNode::reconstruct_patch(const ImageDepth& depth, const P
   }
   out.usable = report.usable;
   const Stopwatch stopwatch(out.simplify_ms);
-  out.surface = simplify::simplify_by_ratio(*fused, scene_->simplify.ratio);
+  out.surface = *worker.simplifier.run(
+      *fused, {.triangles = simplify::triangles_at(*fused, scene_->simplify.ratio)});
   out.surface.mesh =
       merge::remove_islands(out.surface.mesh, merge::island_area_m2(scene_->voxel_m));
   return out;
@@ -89,11 +90,12 @@ Result<SensorNode::Reconstructed> SensorNode::reconstruct(Frame raw) {
   // A patch is decimated as soon as it is fused: none waits for the others.
   const auto rects = fusion::patches(depth.width, depth.height, scene_->fusion);
   std::vector<Patch> patches(rects.size());
-  while (fusers_.size() < rects.size()) fusers_.emplace_back(volume_config(*scene_));
+  while (workers_.size() < rects.size())
+    workers_.push_back({fusion::FrameFuser(volume_config(*scene_)), {}});
   parallel_for(patches.size(), 1, [&](std::size_t begin, std::size_t end) {
     for (std::size_t i = begin; i < end; ++i)
       isolated([&] {
-        patches[i] = reconstruct_patch(depth, out.frame.T_world_depth, rects[i], fusers_[i]);
+        patches[i] = reconstruct_patch(depth, out.frame.T_world_depth, rects[i], workers_[i]);
       });
   });
   if (!std::all_of(patches.begin(), patches.end(), [](const Patch& p) { return p.usable; }))

@@ -55,8 +55,13 @@ class SensorNode {
     double fuse_ms = 0, simplify_ms = 0;
     bool usable = true;
   };
+  /// What keeps its memory from frame to frame.
+  struct PatchWorker {
+    fusion::FrameFuser fuser;
+    simplify::Simplifier simplifier;
+  };
   Patch reconstruct_patch(const ImageDepth& depth, const Pose& T_world_depth, const Rect& rect,
-                          fusion::FrameFuser& fuser) const;
+                          PatchWorker& worker) const;
   Status join(const std::vector<Patch>& patches, Reconstructed& out) const;
   Packet head(const Frame& frame) const;
   Status add_mesh(const Reconstructed& surface, Packet& packet);
@@ -67,7 +72,7 @@ class SensorNode {
   sensor::Registration registration_;
   ChunkPublisher publisher_;
   TextureStream texture_;
-  std::vector<fusion::FrameFuser> fusers_;  ///< one per patch
+  std::vector<PatchWorker> workers_;  ///< one per patch
   std::uint64_t sequence_ = 0;
   Trace trace_;
 };

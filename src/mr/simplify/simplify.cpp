@@ -7,18 +7,42 @@
 
 namespace mr::simplify {
 
-Simplified simplify_by_ratio(const Mesh& mesh, double ratio) {
-  MR_ASSERT(ratio > 0 && ratio <= 1);
-  return simplify(mesh, static_cast<std::size_t>(
-                            std::ceil(static_cast<double>(mesh.triangles.size()) * ratio)));
+struct Simplifier::Impl {};
+
+Simplifier::Simplifier() : impl_(std::make_unique<Impl>()) {}
+Simplifier::~Simplifier() = default;
+Simplifier::Simplifier(Simplifier&&) noexcept = default;
+Simplifier& Simplifier::operator=(Simplifier&&) noexcept = default;
+
+Result<Simplified> Simplifier::run(const Mesh& mesh, const SimplifyOptions& options) {
+  if (options.triangles >= mesh.triangles.size()) return Simplified{mesh, {}, 0};
+  Collapser collapser(mesh);
+  collapser.reduce_to(options.triangles);
+  collapser.relax();
+  return Simplified{collapser.mesh(), {}, collapser.error_m()};
 }
 
-Simplified simplify(const Mesh& mesh, std::size_t target_triangles) {
-  if (target_triangles >= mesh.triangles.size()) return {{mesh.positions, mesh.triangles, {}}, 0};
-  Collapser collapser(mesh);
-  collapser.reduce_to(target_triangles);
-  collapser.relax();
-  return {collapser.mesh(), collapser.error_m()};
+Result<std::vector<Simplified>> Simplifier::run(const Mesh& mesh,
+                                                std::span<const std::size_t> triangles,
+                                                const SimplifyOptions& options) {
+  std::vector<Simplified> out;
+  for (const std::size_t n : triangles) {
+    SimplifyOptions one = options;
+    one.triangles = n;
+    auto level = run(mesh, one);
+    if (!level) return level.error();
+    out.push_back(*std::move(level));
+  }
+  return out;
+}
+
+Result<Simplified> simplify(const Mesh& mesh, const SimplifyOptions& options) {
+  return Simplifier().run(mesh, options);
+}
+
+std::size_t triangles_at(const Mesh& mesh, double ratio) {
+  MR_ASSERT(ratio > 0 && ratio <= 1);
+  return static_cast<std::size_t>(std::ceil(static_cast<double>(mesh.triangles.size()) * ratio));
 }
 
 }  // namespace mr::simplify
