@@ -142,26 +142,6 @@ Status measure_case(const FuseCase& input, const Request& request, apps::Progres
   return {};
 }
 
-/// The wanted cases: those that the request names, else the default ones that can run.
-Result<std::vector<std::string>> wanted_cases(const Request& request) {
-  const std::vector<CaseInfo> known = fuse_cases();
-  std::vector<std::string> out;
-  if (request.cases.empty())
-    for (const CaseInfo& c : known)
-      if (c.by_default && c.missing.empty()) out.push_back(c.name);
-  for (const std::string& name : request.cases) {
-    const auto found =
-        std::find_if(known.begin(), known.end(), [&](const CaseInfo& c) { return c.name == name; });
-    if (found == known.end())
-      return Error{Error::Cause::not_found,
-                   "fuse has no case '" + name + "'; mr-bench --list names them"};
-    if (!found->missing.empty())
-      return Error{Error::Cause::not_found, "case " + name + ": " + found->missing};
-    out.push_back(name);
-  }
-  return out;
-}
-
 /// A scene's cases, or those of them that the request names.
 Result<std::vector<FuseCase>> scene_cases(const Request& request) {
   auto all = load_fuse_scene(request.input);
@@ -181,7 +161,7 @@ Result<std::vector<FuseCase>> scene_cases(const Request& request) {
 
 Result<std::vector<FuseCase>> load(const Request& request, apps::ProgressBar& bar) {
   if (!request.input.empty()) return scene_cases(request);
-  const auto names = wanted_cases(request);
+  const auto names = wanted_cases(fuse_cases(), request, "fuse has");
   if (!names) return names.error();
   std::vector<FuseCase> out;
   for (const std::string& name : *names) {
@@ -196,7 +176,10 @@ Result<std::vector<FuseCase>> load(const Request& request, apps::ProgressBar& ba
 Result<Report> run_fuse(const Request& request, apps::ProgressBar& bar) {
   const auto inputs = load(request, bar);
   if (!inputs) return inputs.error();
-  Report report{"fuse", Message::object(), {}, {}};
+  Report report{
+      .stage = "fuse",
+      .columns = {
+          {"m2", "area_m2"}, {"peer mm", "to_peer_rms_mm"}, {"truth mm", "to_truth_rms_mm"}}};
   if (!has_open3d()) report.absent.push_back(kPeer);
   for (const FuseCase& input : *inputs)
     if (const Status measured = measure_case(input, request, bar, report); !measured)

@@ -3,17 +3,15 @@
 #include <fmt/format.h>
 
 #include <array>
-#include <cstdlib>
 #include <fstream>
 #include <stdexcept>
 
 #include "bytes.h"
-#include "mr/core/scene.h"
 #include "mr/kit/image_io.h"
 #include "mr/node/capture.h"
-#include "mr/node/sources.h"
 #include "mr/synth/room.h"
 #include "mr/synth/truth.h"
+#include "scene_input.h"
 #include "surfaces.h"
 
 namespace mr::bench {
@@ -61,13 +59,6 @@ const std::vector<Recording>& recordings() {
 }
 
 const std::string kRig = "rig";
-
-/// $MR_DATA, or the first ../shared/data that is there; it may be missing.
-std::filesystem::path data_folder() {
-  if (const char* named = std::getenv("MR_DATA")) return named;
-  const std::filesystem::path usual = "../shared/data";
-  return std::filesystem::exists(usual) ? usual : std::filesystem::path(MR_SOURCE_DIR) / usual;
-}
 
 Result<Pose> read_pose(const std::filesystem::path& file) {
   std::ifstream in(file);
@@ -148,19 +139,6 @@ FuseCase render_rig() {
     if (depth_m > kLimit_m) depth_m = 0;
   out.truth = synth::Truth(rig, kTruthFps).surface(0).mesh;
   return out;
-}
-
-Scene load_or_throw(const std::filesystem::path& file) {
-  SceneResult loaded = load_scene(file);
-  if (loaded.problems.size() == 1) throw std::runtime_error(to_string(loaded.problems[0]));
-  for (const SceneProblem& problem : loaded.problems)
-    fmt::print(stderr, "{}\n", to_string(problem));
-  if (!loaded.problems.empty())
-    throw std::runtime_error(fmt::format("{} problems in {}; nothing was measured",
-                                         loaded.problems.size(), file.string()));
-  auto scene = node::prepare_scene(std::move(loaded.scene));
-  if (!scene) throw std::runtime_error(scene.error().message);
-  return *std::move(scene);
 }
 
 Message read_scene(const std::filesystem::path& file) {

@@ -5,6 +5,7 @@
 #include <cstdio>
 #include <exception>
 
+#include "mr/core/file.h"
 #include "stage.h"
 
 namespace mr::bench {
@@ -13,10 +14,11 @@ namespace {
 struct Options {
   std::string stage;
   Request request;
+  std::filesystem::path plot;
   bool json = false, list = false;
 };
 
-std::vector<Stage> stages() { return {fuse_stage()}; }
+std::vector<Stage> stages() { return {fuse_stage(), simplify_stage()}; }
 
 int fail(const std::string& message) {
   fmt::print(stderr, "mr-bench: {}\n", message);
@@ -40,7 +42,7 @@ std::string list_as_text() {
     out += fmt::format("{}: {}\n", stage.name, stage.what);
     for (const CaseInfo& c : stage.cases())
       out +=
-          fmt::format("  {:<14} {}{}{}\n", c.name, c.what, c.by_default ? "" : "; only by --case",
+          fmt::format("  {:<16} {}{}{}\n", c.name, c.what, c.by_default ? "" : "; only by --case",
                       c.missing.empty() ? "" : "; " + c.missing);
   }
   return out;
@@ -54,10 +56,14 @@ int measure(const Options& options) {
     return fail(options.stage.empty()
                     ? "name a stage; mr-bench --list names them"
                     : "no stage '" + options.stage + "'; mr-bench --list names them");
+  if (!options.plot.empty() && !stage->plot) return fail(stage->name + " draws no figure");
   apps::ProgressBar bar;
   const auto report = stage->run(options.request, bar);
   bar.hide();
   if (!report) return fail(report.error().message);
+  if (!options.plot.empty())
+    if (const Status drawn = write_file(options.plot, stage->plot(*report)); !drawn)
+      return fail(drawn.error().message);
   if (options.json)
     fmt::print("{}\n", as_json(*report).dump(-1, ' ', false, Message::error_handler_t::replace));
   else
@@ -84,6 +90,7 @@ void add_options(CLI::App& app, Options& options) {
   app.add_option("--runs", options.request.runs, "Timed runs of each; 3 where one takes over 2 s")
       ->check(CLI::Range(1, 100000))
       ->capture_default_str();
+  app.add_option("--plot", options.plot, "Also draws the results as SVG, for stages with a figure");
   app.add_flag("--json", options.json, "One JSON object on the last line");
   app.add_flag("--list", options.list, "Name the stages and their cases");
   app.footer(
@@ -91,7 +98,8 @@ void add_options(CLI::App& app, Options& options) {
       "Examples:\n"
       "  mr-bench fuse\n"
       "  mr-bench fuse --case room_bench --threads 1 --json\n"
-      "  mr-bench fuse --input examples/red-kitchen.yaml");
+      "  mr-bench fuse --input examples/red-kitchen.yaml\n"
+      "  mr-bench simplify --case 50% --case 10% --json");
 }
 
 }  // namespace

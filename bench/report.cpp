@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <cmath>
 #include <fstream>
 #include <thread>
@@ -18,27 +19,35 @@ std::string cpu_model() {
   return "unknown";
 }
 
-/// Ours for the same case and threads; null where there is none with that field.
-const Message* our_twin(const Report& report, const Message& peer, const char* field) {
-  for (const Message& row : report.results)
-    if (row["impl"] == kOurs && row["case"] == peer["case"] && row["threads"] == peer["threads"])
-      return row.contains(field) && row[field].is_number() && row[field] > 0 ? &row : nullptr;
-  return nullptr;
+/// A peer whose variants ("open3d/8") are named apart has its own name but once.
+bool is_peer(const Message& row) {
+  const std::string impl = row["impl"];
+  return impl != kOurs && impl.find('/') == std::string::npos;
 }
 
-/// field of the peer / field of ours, for each peer that has both. A peer's variants ("open3d/8")
-/// have none of their own.
+/// Whether a peer's row is what ours on `threads` is set against: the peer's on as many, or on the
+/// only number that it ran on, if that is one.
+bool faces(const Report& report, const Message& peer, int threads) {
+  if (peer["threads"] == threads) return true;
+  return peer["threads"] == 1 && std::ranges::none_of(report.results, [&](const Message& row) {
+           return row["impl"] == peer["impl"] && row["case"] == peer["case"] && row["threads"] != 1;
+         });
+}
+
+/// field of the peer / field of ours, for each peer that has both.
 Message ratios(const Report& report, const char* field) {
+  const auto number = [&](const Message& row) {
+    return row.contains(field) && row[field].is_number() ? row[field].get<double>() : 0.0;
+  };
   Message out = Message::object();
-  for (const Message& row : report.results) {
-    const std::string impl = row["impl"];
-    if (impl == kOurs || impl.find('/') != std::string::npos) continue;
-    const Message* twin = our_twin(report, row, field);
-    if (!twin || !row.contains(field) || !row[field].is_number()) continue;
-    const double ratio = row[field].get<double>() / (*twin)[field].get<double>();
-    out[fmt::format("{}/{}/t{}", impl, row["case"].get<std::string>(), row["threads"].get<int>())] =
-        std::round(ratio * 100) / 100;
-  }
+  for (const Message& peer : report.results)
+    for (const Message& ours : report.results) {
+      const int threads = ours["threads"];
+      if (!is_peer(peer) || ours["impl"] != kOurs || ours["case"] != peer["case"]) continue;
+      if (!faces(report, peer, threads) || !(number(peer) > 0 && number(ours) > 0)) continue;
+      out[fmt::format("{}/{}/t{}", peer["impl"].get<std::string>(), peer["case"].get<std::string>(),
+                      threads)] = std::round(number(peer) / number(ours) * 100) / 100;
+    }
   return out;
 }
 
@@ -57,11 +66,19 @@ std::string stages_text(const Message& row) {
   return out;
 }
 
+/// A line per peer: "faster than PEER: CASE/tN 2.09, ...".
 std::string ratio_text(const char* name, const Message& ratios) {
-  std::string out;
-  for (const auto& [key, value] : ratios.items())
-    out += fmt::format("{} {}: {:.2f}\n", name, key, value.get<double>());
-  return out;
+  std::string out, last;
+  for (const auto& [key, value] : ratios.items()) {
+    const std::string peer = key.substr(0, key.find('/')), rest = key.substr(peer.size() + 1);
+    if (peer != last)
+      out += fmt::format("{}{} {}: ", out.empty() ? "" : "\n", name, peer);
+    else
+      out += ", ";
+    out += fmt::format("{} {:.2f}", rest, value.get<double>());
+    last = peer;
+  }
+  return out.empty() ? out : out + "\n";
 }
 
 }  // namespace
@@ -78,16 +95,19 @@ Message as_json(const Report& report) {
 }
 
 std::string as_text(const Report& report) {
-  constexpr const char* kLine =
-      "{:<14} {:>2} {:<10} {:>9} {:>9} {:>8} {:>9} {:>9} {:>8} {:>8}  {}\n";
-  std::string out = fmt::format(kLine, "case", "t", "impl", "ms", "p95 ms", "MB", "triangles", "m2",
-                                "peer mm", "truth mm", "stages, ms");
-  for (const Message& row : report.results)
-    out += fmt::format(kLine, row["case"].get<std::string>(), row["threads"].get<int>(),
-                       row["impl"].get<std::string>(), cell(row, "ms", 1), cell(row, "p95_ms", 1),
-                       cell(row, "peak_mb", 1), cell(row, "triangles", 0), cell(row, "area_m2", 3),
-                       cell(row, "to_peer_rms_mm", 3), cell(row, "to_truth_rms_mm", 3),
-                       stages_text(row));
+  std::string out = fmt::format("{:<16} {:>2} {:<22} {:>9} {:>9} {:>8} {:>9}", "case", "t", "impl",
+                                "ms", "p95 ms", "MB", "triangles");
+  for (const Column& column : report.columns) out += fmt::format(" {:>9}", column.title);
+  out += "  stages, ms\n";
+  for (const Message& row : report.results) {
+    out +=
+        fmt::format("{:<16} {:>2} {:<22} {:>9} {:>9} {:>8} {:>9}", row["case"].get<std::string>(),
+                    row["threads"].get<int>(), row["impl"].get<std::string>(), cell(row, "ms", 1),
+                    cell(row, "p95_ms", 1), cell(row, "peak_mb", 1), cell(row, "triangles", 0));
+    for (const Column& column : report.columns)
+      out += fmt::format(" {:>9}", cell(row, column.field.c_str(), column.digits));
+    out += "  " + stages_text(row) + "\n";
+  }
   out += ratio_text("faster than", ratios(report, "ms"));
   out += ratio_text("less memory than", ratios(report, "peak_mb"));
   for (const std::string& peer : report.absent) out += peer + " is not installed\n";

@@ -7,15 +7,23 @@
 
 namespace mr::bench {
 
+/// A number of the rows that as_text() shows.
+struct Column {
+  std::string title, field;
+  int digits = 3;
+};
+
 /// What `mr-bench STAGE` found (DESIGN section 7).
 struct Report {
   std::string stage;
   Message input = Message::object();  ///< per case: what was measured on
-  std::vector<Message> results;       ///< as result_row() begins them
-  std::vector<std::string> absent;    ///< peers that are not installed
+  std::vector<Message> results{};     ///< as result_row() begins them
+  std::vector<std::string> absent{};  ///< peers that are not installed
+  std::vector<Column> columns{};      ///< for people, beside those that every stage has
 };
 
-/// With `ratio` ("PEER/CASE/tN": the peer's ms / ours), likewise `cpu_ratio` (of time on all cores,
+/// With `ratio` ("PEER/CASE/tN": the peer's ms / ours on N threads; a peer that ran on one thread
+/// only is set against ours on any number), likewise `cpu_ratio` (of time on all cores,
 /// which other programs disturb less) and `memory_ratio`, and the machine.
 Message as_json(const Report& report);
 

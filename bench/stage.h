@@ -28,8 +28,16 @@ struct Stage {
   std::string name, what;
   std::vector<CaseInfo> (*cases)();
   Result<Report> (*run)(const Request& request, apps::ProgressBar& bar);
+  std::string (*plot)(const Report& report) = nullptr;  ///< an SVG; null: there is no figure
 };
 
 Stage fuse_stage();
+Stage simplify_stage();
+
+/// The names of those cases that the request names, else of the default ones that can run. A case
+/// "kitchen/50%" is also one of those called "kitchen" and, where no case is named just that,
+/// "50%". `whose`: for the error, such as "fuse has".
+Result<std::vector<std::string>> wanted_cases(const std::vector<CaseInfo>& known,
+                                              const Request& request, const std::string& whose);
 
 }  // namespace mr::bench

@@ -20,6 +20,7 @@ refused() {  # refused NAME PATTERN ARGUMENTS...   exit code 1, and one line tha
 
 check "--help" 0 "Examples" "$bench" --help
 check "--list" 0 "^fuse: " "$bench" --list
+check "--list names shares" 0 "^  merged/10% +the merged" "$bench" --list
 check "--list names cases" 0 "^  rig +one Kinect" "$bench" --list
 listed=$("$bench" --list --json | number 'o.fuse.map(c => c.case).filter(c => ["room_bench", "kitchen", "rig"].includes(c)).length')
 [ "$listed" = 3 ] || fail_test "--list --json: not the three default cases ($listed)"
@@ -46,15 +47,33 @@ ratios=$(number '(() => {
 [ "$ratios" = true ] || fail_test "fuse: ratios do not fit the results: $(cat out.json)"
 check "a table for people" 0 "^cam-1 +1 ours" "$bench" fuse --input room/scene.yaml --case cam-1 --runs 1 --threads 1
 
+# Decimation of the same: whole-mesh peers run on one thread, and face ours on any number.
+"$bench" simplify --input room/scene.yaml --case "cam-0/10%" --runs 1 --plot plot.svg --json >out.json 2>err.txt || fail_test "simplify: $(cat err.txt)"
+figures=$(number '(() => {
+  const wanted = o.input["cam-0/10%"].wanted_triangles, at = (i, t) => o.results.find(r => r.impl == i && r.threads == t);
+  const near = r => r.case == "cam-0/10%" && r.ms > 0 && Math.abs(r.triangles / wanted - 1) < 0.05 && r.rms_mm > 0
+      && r.rms_mm == Math.max(r.to_input_rms_mm, r.from_input_rms_mm) && r.max_mm >= r.p95_mm && r.rms_mm < 100;
+  const ours = [at("ours", 1), at("ours", 2)], peers = ["meshoptimizer", "heap"], whole = peers.map(p => at(p, 1));
+  return Math.abs(wanted / o.input["cam-0/10%"].triangles - 0.1) < 0.001 && [...ours, ...whole].every(near)
+      && ours[0].rms_mm == ours[1].rms_mm && !at("heap", 2) && at("meshoptimizer/patches", 2).ms > 0 && o.stage == "simplify"
+      && peers.every((p, i) => [1, 2].every(t => Math.abs(o.ratio[`${p}/cam-0/10%/t${t}`] - whole[i].ms / ours[t - 1].ms) < 0.01))
+      && ["open3d", "cgal"].every(p => o.absent.includes(p) != o.results.some(r => r.impl == p)); })()' <out.json)
+[ "$figures" = true ] || fail_test "simplify: implausible figures: $(cat out.json)"
+grep -q "Worst error" plot.svg || fail_test "simplify --plot: $(head -c 300 plot.svg)"
+check "a figure where there is none" 1 "mr-bench: fuse draws no figure" "$bench" fuse --plot plot.svg
+
 refused "no stage" "name a stage"
 refused "unknown stage" "no stage 'fusion'" fusion
 refused "unknown case" "no case 'nothing'" fuse --case nothing
+refused "unknown share" "no case '7%'" simplify --case 7%
+refused "no such sensor's share" "no case 'cam-9/10%'" simplify --input room/scene.yaml --case cam-9/10%
 refused "unknown option" "nonsense" fuse --nonsense
 refused "no threads" "threads" fuse --threads 0
 refused "no number of threads" "threads" fuse --threads two
 refused "no scene" "missing.yaml" fuse --input missing.yaml
 refused "no such sensor" "sensor 'cam-9'" fuse --input room/scene.yaml --case cam-9
 MR_DATA=$work refused "no recordings" "room_bench.*MR_DATA" fuse --case room_bench
+MR_DATA=$work refused "no merged surface" "merged/10%.*MR_DATA" simplify --case merged/10%
 sed 's/voxel_m: 0.04/voxel_m: -1/' room/scene.yaml >room/wrong.yaml
 refused "a scene with a problem" "wrong.yaml:[0-9]+: .*voxel_m" fuse --input room/wrong.yaml
 sed 's/voxel_m: 0.04/voxel_m: -1/; s/^fps: 30/fps: -3/' room/scene.yaml >room/wrong.yaml

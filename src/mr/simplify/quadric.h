@@ -7,10 +7,10 @@ namespace mr::simplify {
 /// A sum of weighted squared distances to planes (Garland & Heckbert 1997) as a function of the way
 /// d from a vertex: d' A d + 2 b' d + c. It stays with its vertex, so fp32 is enough. c, the error
 /// at the vertex itself, is kept beside the vertex's position. Weights are in m², errors in m⁴.
-struct Quadric {
+struct alignas(16) Quadric {
   float xx = 0, xy = 0, xz = 0, yy = 0, yz = 0, zz = 0;  ///< A
-  float weight = 0;                                      ///< of all planes together
   float x = 0, y = 0, z = 0;                             ///< b
+  float weight = 0;                                      ///< of all planes together
 
   /// A plane with unit normal `n` through the vertex.
   void add_plane(Vec3f n, float w) {
@@ -22,8 +22,9 @@ struct Quadric {
   /// The vertex's own place, as if three planes at right angles met there.
   void add_point(float w) { xx += w, yy += w, zz += w; }
 
-  /// How much larger the error is at d than at the vertex.
-  float growth(Vec3f d) const {
+  /// How much larger the error is at d than at the vertex; d: Vec3f, or several at once.
+  template <typename Vec>
+  auto growth(const Vec& d) const {
     return d.x * (xx * d.x + 2 * xy * d.y + 2 * xz * d.z + 2 * x) +
            d.y * (yy * d.y + 2 * yz * d.z + 2 * y) + d.z * (zz * d.z + 2 * z);
   }
@@ -39,8 +40,15 @@ struct Quadric {
   /// Both must belong to one vertex.
   Quadric& operator+=(const Quadric& q) {
     xx += q.xx, xy += q.xy, xz += q.xz, yy += q.yy, yz += q.yz, zz += q.zz;
-    weight += q.weight, x += q.x, y += q.y, z += q.z;
+    x += q.x, y += q.y, z += q.z, weight += q.weight;
     return *this;
+  }
+
+  Quadric scaled(float by) const {
+    Quadric q = *this;
+    q.xx *= by, q.xy *= by, q.xz *= by, q.yy *= by, q.yz *= by, q.zz *= by;
+    q.x *= by, q.y *= by, q.z *= by, q.weight *= by;
+    return q;
   }
 
   /// The way to the least error; `hold` (of the weight) pulls back to the vertex, so that flat
@@ -55,10 +63,11 @@ inline Vec3f Quadric::to_least_error(float hold) const {
   const double bb_minor = a * c - ac * ac, bc_minor = ab * ac - a * bc, cc_minor = a * b - ab * ab;
   const double determinant = a * aa_minor + ab * ab_minor + ac * ac_minor;
   if (!(determinant > 0)) return {};
+  const double scale = -1 / determinant;
   return vec_cast<float>(Vec3d{aa_minor * x + ab_minor * y + ac_minor * z,
                                ab_minor * x + bb_minor * y + bc_minor * z,
-                               ac_minor * x + bc_minor * y + cc_minor * z} /
-                         -determinant);
+                               ac_minor * x + bc_minor * y + cc_minor * z} *
+                         scale);
 }
 
 }  // namespace mr::simplify

@@ -1,13 +1,152 @@
 #include "mr/simplify/simplify.h"
 
+#include <algorithm>
+#include <atomic>
 #include <cmath>
+#include <cstdint>
+#include <map>
+#include <utility>
 
 #include "mr/core/assert.h"
-#include "mr/simplify/collapser.h"
+#include "mr/core/parallel.h"
+#include "mr/simplify/builder.h"
+#include "mr/simplify/chunk_lines.h"
+#include "mr/simplify/output.h"
+#include "mr/simplify/reduce.h"
+#include "mr/simplify/spatial_order.h"
 
 namespace mr::simplify {
 
-struct Simplifier::Impl {};
+namespace {
+
+using SteadyClock = std::chrono::steady_clock;
+
+constexpr float kFarthest_m = 1e6f;
+constexpr std::size_t kGrain = 65536;
+
+template <typename T, typename Test>
+bool all_of(std::span<const T> values, const Test& test) {
+  std::atomic<bool> holds = true;
+  parallel_for(values.size(), kGrain, [&](std::size_t begin, std::size_t end) {
+    if (!std::all_of(values.begin() + static_cast<std::ptrdiff_t>(begin),
+                     values.begin() + static_cast<std::ptrdiff_t>(end), test))
+      holds = false;
+  });
+  return holds;
+}
+
+Error invalid(const std::string& message) {
+  return {Error::Cause::invalid, "simplify: " + message};
+}
+
+Status check_options(const Mesh& mesh, const SimplifyOptions& options) {
+  if (!(options.error_m >= 0)) return invalid("error_m is negative or no number");
+  if (!(options.border_error_m >= 0)) return invalid("border_error_m is negative or no number");
+  if (!options.weights.empty() && options.weights.size() != mesh.positions.size())
+    return invalid(std::to_string(options.weights.size()) + " weights for " +
+                   std::to_string(mesh.positions.size()) + " vertices");
+  if (!options.chunks.empty() && options.chunks.size() != mesh.triangles.size())
+    return invalid(std::to_string(options.chunks.size()) + " chunks for " +
+                   std::to_string(mesh.triangles.size()) + " triangles");
+  if (!all_of(options.weights, [](float w) { return w > 0 && w <= 1e6f; }))
+    return invalid("a weight is not over 0, or over a million");
+  return {};
+}
+
+Status check_mesh(const Mesh& mesh) {
+  const std::size_t vertices = mesh.positions.size();
+  if (vertices >= kNobody || mesh.triangles.size() >= kNobody / 3)
+    return Error{Error::Cause::too_large, "simplify: the mesh has too many vertices or triangles"};
+  if (!all_of<Triangle>(mesh.triangles, [&](const Triangle& t) {
+        return t[0] < vertices && t[1] < vertices && t[2] < vertices;
+      }))
+    return invalid("a triangle names a vertex that is not there");
+  if (!all_of<Vec3f>(mesh.positions, [](Vec3f p) {
+        return std::abs(p.x) <= kFarthest_m && std::abs(p.y) <= kFarthest_m &&
+               std::abs(p.z) <= kFarthest_m;
+      }))
+    return invalid("a position is not finite, or over 1000 km away");
+  std::size_t covered = 0;
+  for (const ViewRun& run : mesh.runs) {
+    if (run.first != covered) return invalid("the runs of the mesh do not cover its triangles");
+    covered += run.count;
+  }
+  if (!mesh.runs.empty() && covered != mesh.triangles.size())
+    return invalid("the runs of the mesh do not cover its triangles");
+  return {};
+}
+
+/// Labels of triangles, and what they mean.
+struct Labels {
+  std::vector<std::uint32_t> of_triangle;
+  std::vector<Label> meaning;
+};
+
+Labels find_labels(const Mesh& mesh, std::span<const std::uint32_t> chunks) {
+  Labels out;
+  if (mesh.runs.empty() && chunks.empty()) return out;
+  std::map<Label, std::uint32_t> known;
+  const std::vector<ViewId> views = triangle_views(mesh);
+  out.of_triangle.resize(mesh.triangles.size());
+  Label last;
+  for (std::size_t t = 0; t < out.of_triangle.size(); ++t) {
+    const Label label{chunks.empty() ? 0 : chunks[t], views[t]};
+    if (t > 0 && label == last) {
+      out.of_triangle[t] = out.of_triangle[t - 1];
+      continue;
+    }
+    last = label;
+    const auto [found, is_new] = known.try_emplace(label, static_cast<std::uint32_t>(known.size()));
+    if (is_new) out.meaning.push_back(label);
+    out.of_triangle[t] = found->second;
+  }
+  return out;
+}
+
+}  // namespace
+
+struct Simplifier::Impl {
+  ShrinkingMesh mesh, spare;
+  Builder builder;
+  Sweep sweep;
+  std::vector<std::uint32_t> number;
+
+  Labels start(const Mesh& mesh, const SimplifyOptions& options);
+  std::vector<Simplified> run(const Mesh& mesh, std::span<const std::size_t> triangles,
+                              const SimplifyOptions& options);
+};
+
+/// Builds what shrinks; lines between chunks are simplified at once.
+Labels Simplifier::Impl::start(const Mesh& input, const SimplifyOptions& options) {
+  Labels labels = find_labels(input, options.chunks);
+  if (is_scattered(input)) {
+    const Scattered sorted = sort_in_space(input, options.weights);
+    builder.run(sorted.mesh, labels.of_triangle, sorted.weights, mesh);
+  } else {
+    builder.run(input, labels.of_triangle, options.weights, mesh);
+  }
+  sweep.start(mesh);
+  if (!options.chunks.empty()) simplify_chunk_lines(labels.meaning, options.border_error_m, mesh);
+  return labels;
+}
+
+std::vector<Simplified> Simplifier::Impl::run(const Mesh& input,
+                                              std::span<const std::size_t> triangles,
+                                              const SimplifyOptions& options) {
+  const SteadyClock::time_point started = SteadyClock::now();
+  const Labels labels = start(input, options);
+  Goal goal{.triangles = 0, .error_m = options.error_m};
+  // The way out takes about half as long as the way in.
+  if (options.time) goal.deadline = started + *options.time - (SteadyClock::now() - started) / 2;
+  std::vector<Simplified> out;
+  for (const std::size_t level : triangles) {
+    goal.triangles = level;
+    reduce(goal, sweep, mesh, spare, number);
+    relax(sweep, mesh);
+    out.push_back(output(mesh, labels.meaning, !options.chunks.empty(), number));
+  }
+  return out;
+}
 
 Simplifier::Simplifier() : impl_(std::make_unique<Impl>()) {}
 Simplifier::~Simplifier() = default;
@@ -15,24 +154,30 @@ Simplifier::Simplifier(Simplifier&&) noexcept = default;
 Simplifier& Simplifier::operator=(Simplifier&&) noexcept = default;
 
 Result<Simplified> Simplifier::run(const Mesh& mesh, const SimplifyOptions& options) {
-  if (options.triangles >= mesh.triangles.size()) return Simplified{mesh, {}, 0};
-  Collapser collapser(mesh);
-  collapser.reduce_to(options.triangles);
-  collapser.relax();
-  return Simplified{collapser.mesh(), {}, collapser.error_m()};
+  auto levels = run(mesh, std::span(&options.triangles, 1), options);
+  if (!levels) return levels.error();
+  return std::move(levels->front());
 }
 
 Result<std::vector<Simplified>> Simplifier::run(const Mesh& mesh,
                                                 std::span<const std::size_t> triangles,
                                                 const SimplifyOptions& options) {
+  if (const Status fits = check_options(mesh, options); !fits) return fits.error();
+  if (const Status usable = check_mesh(mesh); !usable) return usable.error();
+  if (!std::is_sorted(triangles.rbegin(), triangles.rend()))
+    return invalid("levels of detail do not fall");
+  // What needs no work is handed back as it came.
   std::vector<Simplified> out;
-  for (const std::size_t n : triangles) {
-    SimplifyOptions one = options;
-    one.triangles = n;
-    auto level = run(mesh, one);
-    if (!level) return level.error();
-    out.push_back(*std::move(level));
+  std::size_t whole = 0;
+  const std::vector<std::uint32_t> chunks(options.chunks.begin(), options.chunks.end());
+  while (options.chunks.empty() && whole < triangles.size() &&
+         triangles[whole] >= mesh.triangles.size()) {
+    out.push_back({mesh, chunks, 0});
+    ++whole;
   }
+  if (whole == triangles.size()) return out;
+  for (Simplified& level : impl_->run(mesh, triangles.subspan(whole), options))
+    out.push_back(std::move(level));
   return out;
 }
 

@@ -1,0 +1,227 @@
+#include "mr/simplify/builder.h"
+
+#include <algorithm>
+#include <cmath>
+#include <numeric>
+#include <utility>
+
+#include "mr/core/parallel.h"
+
+namespace mr::simplify {
+
+namespace {
+
+constexpr float kBorderWeight = 10;  // of the planes that hold a border or crease, per edge length²
+constexpr float kStay =
+    1e-7f;  // of its own place: where all is flat, the nearest neighbour is best
+constexpr float kTipWeight = 3;        // of a border's sharp tips against its planes
+constexpr std::size_t kBatch = 32768;  // triangles that are assigned at once
+
+/// Sums of the lanes of each.
+Float4 sums(Float4 a, Float4 b, Float4 c, Float4 d) {
+  transpose(a, b, c, d);
+  return (a + b) + (c + d);
+}
+
+/// The planes of a vertex's triangles, weighted by area.
+Quadric planes(const Neighbourhood& near) {
+  Float4 xx{}, xy{}, xz{}, yy{}, yz{}, zz{}, area{};
+  for (std::uint32_t i = 0; i < near.triangles(); i += 4) {
+    const Vec4 normal = cross(near.arms(i), near.arms(i + 1));  // twice the area long
+    const Float4 square = dot(normal, normal);
+    Float4 length;
+    for (std::uint32_t k = 0; k < 4; ++k) length[k] = std::sqrt(square[k]);
+    const Word4 place = Word4{0, 1, 2, 3} + i;
+    const Float4 weight = (place < near.triangles()) & (square > 0) ? 0.5f / length : Float4{};
+    const Float4 x = normal.x * weight, y = normal.y * weight, z = normal.z * weight;
+    xx += normal.x * x, xy += normal.x * y, xz += normal.x * z;
+    yy += normal.y * y, yz += normal.y * z, zz += normal.z * z;
+    area += weight * square;
+  }
+  const Float4 first = sums(xx, xy, xz, yy), second = sums(yz, zz, area, Float4{});
+  Quadric out;
+  out.xx = first[0], out.xy = first[1], out.xz = first[2], out.yy = first[3];
+  out.yz = second[0], out.zz = second[1], out.weight = second[2];
+  out.add_point(kStay * out.weight);
+  return out;
+}
+
+/// A plane along an edge that leaves the vertex, at right angles to the surface there.
+void add_wall(Vec3f edge, Vec3f normal, Quadric& quadric) {
+  quadric.add_plane(normalized(cross(edge, normal)), kBorderWeight * dot(edge, edge));
+}
+
+/// Both walls of a thin tip pass near its root: without this it would be pulled in for nothing.
+void add_tip(Vec3f on, Vec3f back, Quadric& quadric) {
+  const float sharp = dot(on, back);
+  if (sharp > 0) quadric.add_point(kTipWeight * kBorderWeight * sharp);
+}
+
+void hold_border(const Neighbourhood& near, Quadric& quadric) {
+  const std::uint32_t last = near.size() - 1;
+  const Vec3f on = near.arm(0), back = near.arm(last);
+  add_wall(on, cross(on, near.arm(1)), quadric);
+  add_wall(back, cross(near.arm(last - 1), back), quadric);
+  add_tip(on, back, quadric);
+}
+
+/// Places in the ring where the label changes; true when there are just two, in a closed ring.
+bool find_crease(const Rings& rings, std::uint32_t v, std::uint32_t (&at)[2],
+                 std::uint32_t& count) {
+  const Rings::Line& labels = rings.labels(v);
+  const std::uint32_t size = rings.size(v), open = rings.is_open(v);
+  count = 0;
+  for (std::uint32_t i = open; i + open < size; ++i)
+    if (labels[i] != labels[i > 0 ? i - 1 : size - 1]) {
+      if (count < 2) at[count] = i;
+      ++count;
+    }
+  return count == 2 && !open;
+}
+
+void hold_crease(const Neighbourhood& near, const std::uint32_t (&at)[2], Quadric& quadric) {
+  for (const std::uint32_t i : at) {
+    const Vec3f edge = near.arm(i);
+    const Vec3f next = near.arm(i + 1 < near.size() ? i + 1 : 0);
+    const Vec3f before = near.arm(i > 0 ? i - 1 : near.size() - 1);
+    add_wall(edge, cross(edge, next) + cross(before, edge), quadric);
+  }
+  add_tip(near.arm(at[0]), near.arm(at[1]), quadric);
+}
+
+/// What kind of vertex v is, and its quadric.
+void prepare(std::uint32_t v, float weight, Neighbourhood& near, ShrinkingMesh& mesh) {
+  const Rings& rings = mesh.rings;
+  near.load(rings, mesh.places.data(), v);
+  Quadric quadric = planes(near);
+  Kind kind = rings.is_open(v) ? Kind::border : Kind::inner;
+  if (rings.is_open(v)) hold_border(near, quadric);
+  if (rings.has_labels()) {
+    std::uint32_t at[2], count = 0;
+    const bool crease = find_crease(rings, v, at, count);
+    if (crease) hold_crease(near, at, quadric);
+    if (count > 0) kind = crease ? Kind::crease : Kind::fixed;
+  }
+  mesh.kinds[v] = kind;
+  mesh.quadrics[v] = weight == 1 ? quadric : quadric.scaled(weight);
+}
+
+}  // namespace
+
+/// Lists the triangles of each range of vertices, in order. Those that name a vertex twice are left
+/// out.
+void Builder::assign_triangles(const Mesh& mesh, std::uint32_t ranges) {
+  const std::size_t total = mesh.triangles.size(), batches = (total + kBatch - 1) / kBatch;
+  std::vector<std::uint32_t> at(batches * ranges, 0);
+  const auto each_batch = [&](const auto& put) {
+    parallel_for(batches, 1, [&](std::size_t begin, std::size_t end) {
+      for (std::size_t batch = begin; batch < end; ++batch)
+        for (std::size_t t = batch * kBatch; t < std::min(total, (batch + 1) * kBatch); ++t) {
+          const auto& [a, b, c] = mesh.triangles[t];
+          const std::uint32_t ra = a / ShrinkingMesh::kRange, rb = b / ShrinkingMesh::kRange,
+                              rc = c / ShrinkingMesh::kRange;
+          if (a == b || b == c || c == a) continue;
+          put(at[batch * ranges + ra], t);
+          if (rb != ra) put(at[batch * ranges + rb], t);
+          if (rc != ra && rc != rb) put(at[batch * ranges + rc], t);
+        }
+    });
+  };
+  each_batch([](std::uint32_t& count, std::size_t) { ++count; });
+  first_.resize(ranges + 1);
+  std::uint32_t sum = 0;
+  for (std::uint32_t range = 0; range < ranges; ++range) {
+    first_[range] = sum;
+    for (std::size_t batch = 0; batch < batches; ++batch)
+      sum += std::exchange(at[batch * ranges + range], sum);
+  }
+  first_[ranges] = sum;
+  list_.resize(sum);
+  each_batch(
+      [&](std::uint32_t& to, std::size_t t) { list_[to++] = static_cast<std::uint32_t>(t); });
+}
+
+/// Gives the vertices of a range their places and triangles. Returns how many triangles begin
+/// there.
+std::size_t Builder::gather(const Mesh& mesh, std::span<const std::uint32_t> labels,
+                            std::uint32_t range, std::vector<Refused>& refused,
+                            ShrinkingMesh& out) const {
+  const std::uint32_t begin = out.begin(range), size = out.end(range) - begin;
+  for (std::uint32_t v = begin; v < begin + size; ++v) {
+    out.places[v] = {mesh.positions[v], 0};
+    out.rings.clear(v);
+    out.spans[v] = 0;
+  }
+  std::size_t count = 0;
+  for (std::uint32_t i = first_[range]; i < first_[range + 1]; ++i) {
+    const auto [a, b, c] = mesh.triangles[list_[i]];
+    const std::uint32_t label = labels.empty() ? 0 : labels[list_[i]];
+    const bool spans = a - begin >= size || b - begin >= size || c - begin >= size;
+    count += a - begin < size;
+    const auto add = [&](std::uint32_t v, const Opposite& triangle) {
+      if (!out.rings.add(v, triangle)) refused.push_back({v, triangle});
+    };
+    const auto add_spanning = [&](std::uint32_t v, const Opposite& triangle) {
+      if (v - begin >= size) return;
+      out.spans[v] = 1;
+      add(v, triangle);
+    };
+    if (spans)
+      add_spanning(a, {b, c, label}), add_spanning(b, {c, a, label}),
+          add_spanning(c, {a, b, label});
+    else
+      add(a, {b, c, label}), add(b, {c, a, label}), add(c, {a, b, label});
+  }
+  return count;
+}
+
+void Builder::close_rings(std::uint32_t range, std::vector<Refused>& refused,
+                          std::vector<Complex>& complex, ShrinkingMesh& out) {
+  std::stable_sort(refused.begin(), refused.end(),
+                   [](const Refused& p, const Refused& q) { return p.v < q.v; });
+  auto next = refused.begin();
+  std::vector<Opposite> more, all;
+  for (std::uint32_t v = out.begin(range); v < out.end(range); ++v) {
+    more.clear();
+    for (; next != refused.end() && next->v == v; ++next) more.push_back(next->triangle);
+    out.next[v] = 0;
+    if (!out.rings.alive(v)) {
+      out.next[v] = kNever;
+    } else if (!out.rings.close(v, more, all)) {
+      out.next[v] = kNever;
+      out.kinds[v] = Kind::fixed, out.quadrics[v] = {};
+      complex.push_back({v, std::exchange(all, {})});
+    }
+  }
+}
+
+void Builder::run(const Mesh& mesh, std::span<const std::uint32_t> labels,
+                  std::span<const float> weights, ShrinkingMesh& out) {
+  const std::size_t vertices = mesh.positions.size();
+  out.resize(vertices, !labels.empty());
+  const std::uint32_t ranges = out.ranges();
+  assign_triangles(mesh, ranges);
+  std::vector<std::size_t> triangles(ranges);
+  std::vector<std::vector<Complex>> complex(ranges);
+  parallel_for(ranges, 1, [&](std::size_t begin, std::size_t end) {
+    std::vector<Refused> refused;
+    for (auto range = static_cast<std::uint32_t>(begin); range < end; ++range) {
+      refused.clear();
+      triangles[range] = gather(mesh, labels, range, refused, out);
+      close_rings(range, refused, complex[range], out);
+    }
+  });
+  out.triangles = std::accumulate(triangles.begin(), triangles.end(), std::size_t{0});
+  for (std::vector<Complex>& found : complex)
+    for (Complex& one : found) out.rings.set_complex(one.v, std::move(one.triangles));
+  parallel_for(vertices, ShrinkingMesh::kRange, [&](std::size_t begin, std::size_t end) {
+    Neighbourhood near;
+    for (auto v = static_cast<std::uint32_t>(begin); v < end; ++v) {
+      if (!out.rings.alive(v) || out.rings.is_complex(v)) continue;
+      prepare(v, weights.empty() ? 1 : weights[v], near, out);
+      if (out.kinds[v] == Kind::fixed) out.next[v] = kNever;
+    }
+  });
+}
+
+}  // namespace mr::simplify

@@ -1,0 +1,177 @@
+#include "mr/simplify/chunk_lines.h"
+
+#include <algorithm>
+#include <array>
+#include <utility>
+#include <vector>
+
+#include "mr/simplify/collapser.h"
+
+namespace mr::simplify {
+
+namespace {
+
+/// A line from end to end. A closed one begins and ends with the same vertex.
+using Line = std::vector<std::uint32_t>;
+
+class Lines {
+ public:
+  Lines(std::span<const Label> labels, const ShrinkingMesh& mesh) : labels_(labels), mesh_(mesh) {}
+
+  /// All lines, each in the direction in which its ends' places come first.
+  std::vector<Line> find() const;
+
+ private:
+  bool is_on_line(std::uint32_t v) const;
+  std::array<std::uint32_t, 2> neighbours(std::uint32_t v) const;
+  void follow(std::uint32_t from, std::uint32_t next, std::vector<std::uint8_t>& seen,
+              Line& line) const;
+  void put_in_order(Line& line) const;
+  Vec3f at(std::uint32_t v) const { return mesh_.places[v].at; }
+
+  std::span<const Label> labels_;
+  const ShrinkingMesh& mesh_;
+};
+
+bool Lines::is_on_line(std::uint32_t v) const {
+  if (!mesh_.rings.alive(v) || mesh_.kinds[v] != Kind::crease) return false;
+  const Rings::Line& ring = mesh_.rings.labels(v);
+  for (std::uint32_t i = 1; i < mesh_.rings.size(v); ++i)
+    if (labels_[ring[i]].chunk != labels_[ring[0]].chunk) return true;
+  return false;
+}
+
+/// Of a vertex on a line: those before and after it.
+std::array<std::uint32_t, 2> Lines::neighbours(std::uint32_t v) const {
+  const Rings::Line& ring = mesh_.rings.labels(v);
+  const std::uint32_t size = mesh_.rings.size(v);
+  std::array<std::uint32_t, 2> out{kNobody, kNobody};
+  std::size_t n = 0;
+  for (std::uint32_t i = 0; i < size && n < 2; ++i)
+    if (ring[i] != ring[i > 0 ? i - 1 : size - 1]) out[n++] = mesh_.rings.ring(v)[i];
+  return out;
+}
+
+/// Goes on with `next`, as long as that is on a line and new.
+void Lines::follow(std::uint32_t from, std::uint32_t next, std::vector<std::uint8_t>& seen,
+                   Line& line) const {
+  for (;;) {
+    line.push_back(next);
+    if (!is_on_line(next) || seen[next]) return;
+    seen[next] = 1;
+    const auto [a, b] = neighbours(next);
+    from = std::exchange(next, a == from ? b : a);
+  }
+}
+
+void Lines::put_in_order(Line& line) const {
+  const auto before = [&](std::uint32_t v, std::uint32_t w) { return at(v) < at(w); };
+  if (line.front() != line.back() || line.size() == 1) {
+    if (before(line.back(), line.front())) std::reverse(line.begin(), line.end());
+    return;
+  }
+  line.pop_back();
+  std::rotate(line.begin(), std::min_element(line.begin(), line.end(), before), line.end());
+  if (before(line.back(), line[1])) std::reverse(line.begin() + 1, line.end());
+  line.push_back(line.front());
+}
+
+std::vector<Line> Lines::find() const {
+  std::vector<Line> out;
+  std::vector<std::uint8_t> seen(mesh_.vertices(), 0);
+  for (std::uint32_t v = 0; v < mesh_.vertices(); ++v) {
+    if (seen[v] || !is_on_line(v)) continue;
+    seen[v] = 1;
+    const auto [back, on] = neighbours(v);
+    Line line, rest;
+    follow(v, back, seen, line);
+    if (line.back() != v) {
+      std::reverse(line.begin(), line.end());
+      line.push_back(v);
+      follow(v, on, seen, line);
+    } else {
+      line.insert(line.begin(), v);
+    }
+    put_in_order(line);
+    out.push_back(std::move(line));
+  }
+  // Whatever numbers vertices have, lines are worked on in the same order.
+  std::sort(out.begin(), out.end(),
+            [&](const Line& a, const Line& b) { return at(a[1]) < at(b[1]); });
+  return out;
+}
+
+float distance2(Vec3f p, Vec3f a, Vec3f b) {
+  const Vec3f edge = b - a;
+  const float length2 = dot(edge, edge);
+  const float t = length2 > 0 ? std::clamp(dot(p - a, edge) / length2, 0.0f, 1.0f) : 0.0f;
+  const Vec3f away = p - (a + edge * t);
+  return dot(away, away);
+}
+
+/// Marks the places of a line that stay.
+std::vector<std::uint8_t> choose(const Line& line, float error_m, const ShrinkingMesh& mesh) {
+  std::vector<std::uint8_t> stays(line.size(), 0);
+  stays.front() = stays.back() = 1;
+  std::vector<std::pair<std::size_t, std::size_t>> spans{{0, line.size() - 1}};
+  const auto at = [&](std::size_t i) { return mesh.places[line[i]].at; };
+  while (!spans.empty()) {
+    const auto [first, last] = spans.back();
+    spans.pop_back();
+    // A ring without ends is no line yet.
+    float worst = first == 0 && line.front() == line.back() && last + 1 == line.size()
+                      ? -1.0f
+                      : error_m * error_m;
+    std::size_t split = 0;
+    for (std::size_t i = first + 1; i < last; ++i)
+      if (const float d = distance2(at(i), at(first), at(last)); d > worst) worst = d, split = i;
+    if (split == 0) continue;
+    stays[split] = 1;
+    spans.push_back({first, split}), spans.push_back({split, last});
+  }
+  return stays;
+}
+
+std::uint32_t place_in_ring(const Rings& rings, std::uint32_t v, std::uint32_t u) {
+  std::uint32_t i = 0;
+  while (i < rings.size(v) && rings.ring(v)[i] != u) ++i;
+  return i;
+}
+
+/// Takes out what need not stay, as far as nothing turns over for it.
+void take_out(const Line& line, const std::vector<std::uint8_t>& stays, Collapser& collapser,
+              ShrinkingMesh& mesh) {
+  std::vector<std::uint32_t> left = line;
+  std::vector<std::uint8_t> keep = stays;
+  for (bool again = true; again;) {
+    again = false;
+    for (std::size_t i = 1; i + 1 < left.size(); ++i) {
+      if (keep[i]) continue;
+      const std::uint32_t v = left[i];
+      for (const std::uint32_t u : {left[i - 1], left[i + 1]}) {
+        const std::uint32_t place = place_in_ring(mesh.rings, v, u);
+        const std::uint32_t gone =
+            place < mesh.rings.size(v) ? collapser.collapse_into(v, place) : 0;
+        if (gone == 0) continue;
+        mesh.triangles -= gone;
+        left.erase(left.begin() + static_cast<std::ptrdiff_t>(i));
+        keep.erase(keep.begin() + static_cast<std::ptrdiff_t>(i));
+        --i, again = true;
+        break;
+      }
+    }
+  }
+}
+
+}  // namespace
+
+void simplify_chunk_lines(std::span<const Label> labels, float error_m, ShrinkingMesh& mesh) {
+  const std::vector<Line> lines = Lines(labels, mesh).find();
+  Collapser collapser(mesh);
+  for (const Line& line : lines) take_out(line, choose(line, error_m, mesh), collapser, mesh);
+  for (const Line& line : lines)
+    for (const std::uint32_t v : line)
+      if (mesh.rings.alive(v)) mesh.kinds[v] = Kind::fixed, mesh.next[v] = kNever;
+}
+
+}  // namespace mr::simplify

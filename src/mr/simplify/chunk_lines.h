@@ -1,0 +1,16 @@
+#pragma once
+
+#include <span>
+
+#include "mr/simplify/builder.h"
+#include "mr/simplify/shrinking_mesh.h"
+
+namespace mr::simplify {
+
+/// Simplifies the lines where triangles of different chunks meet, each on its own (Douglas &
+/// Peucker 1973): no vertex that goes lies farther than `error_m` from the line that is left. What
+/// stays of them is fixed from then on. A line ends where a third chunk, a real border or a complex
+/// vertex begins; those stay.
+void simplify_chunk_lines(std::span<const Label> labels, float error_m, ShrinkingMesh& mesh);
+
+}  // namespace mr::simplify

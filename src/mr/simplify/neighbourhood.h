@@ -1,0 +1,63 @@
+#pragma once
+
+#include <array>
+#include <cstdint>
+
+#include "mr/core/vec.h"
+#include "mr/simplify/lanes.h"
+#include "mr/simplify/rings.h"
+
+namespace mr::simplify {
+
+/// A vertex's place; one vector of four.
+struct alignas(16) Place {
+  Vec3f at;
+  float error = 0;  ///< of the vertex's quadric, here
+};
+
+/// The ring of a vertex, laid out for arithmetic on four neighbours or triangles at once. Places
+/// are relative to the vertex. What lies in the lanes past the last is any of the others.
+class Neighbourhood {
+ public:
+  /// `v` is neither gone nor complex.
+  void load(const Rings& rings, const Place* places, std::uint32_t v);
+
+  std::uint32_t vertex() const { return v_; }
+  std::uint32_t size() const { return size_; }
+  std::uint32_t triangles() const { return triangles_; }
+  std::uint32_t id(std::uint32_t i) const { return (*ring_)[i]; }
+  Vec3f arm(std::uint32_t i) const { return {x_[i], y_[i], z_[i]}; }
+  float error(std::uint32_t i) const { return error_[i]; }
+
+  /// Of neighbours i to i + 3; i may be one past a multiple of four: the first follows the last.
+  Vec4 arms(std::uint32_t i) const {
+    return {load4<Float4>(&x_[i]), load4<Float4>(&y_[i]), load4<Float4>(&z_[i])};
+  }
+  static Word4 places(std::uint32_t i) { return Word4{0, 1, 2, 3} + i; }
+  Float4 errors(std::uint32_t i) const { return load4<Float4>(&error_[i]); }
+
+ private:
+  using Floats = std::array<float, Rings::kMost + 8>;
+
+  std::uint32_t v_ = 0, size_ = 0, triangles_ = 0;
+  const Rings::Line* ring_ = nullptr;
+  alignas(16) Floats x_{}, y_{}, z_{}, error_{};
+};
+
+inline void Neighbourhood::load(const Rings& rings, const Place* places, std::uint32_t v) {
+  const Rings::Line& ring = rings.ring(v);
+  const Vec3f here = places[v].at;
+  v_ = v, ring_ = &ring, size_ = rings.size(v), triangles_ = rings.triangles(v);
+  const auto place = [&](std::uint32_t i) {
+    return load4<Float4>(&places[ring[i] == kNobody ? ring[0] : ring[i]].at.x);
+  };
+  for (std::uint32_t i = 0; i < size_; i += 4) {
+    Float4 x = place(i), y = place(i + 1), z = place(i + 2), error = place(i + 3);
+    transpose(x, y, z, error);
+    store4(x - here.x, &x_[i]), store4(y - here.y, &y_[i]), store4(z - here.z, &z_[i]);
+    store4(error, &error_[i]);
+  }
+  x_[size_] = x_[0], y_[size_] = y_[0], z_[size_] = z_[0];
+}
+
+}  // namespace mr::simplify

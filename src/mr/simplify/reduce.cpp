@@ -1,0 +1,204 @@
+#include "mr/simplify/reduce.h"
+
+#include "mr/simplify/compact.h"
+
+#include <algorithm>
+#include <array>
+#include <atomic>
+#include <bit>
+#include <cmath>
+#include <utility>
+#include <vector>
+
+namespace mr::simplify {
+
+namespace {
+
+constexpr std::size_t kFew = 256;    // triangles: the last ones go one by one, cheapest first
+constexpr double kFirstShare = 1.1;  // of the vertices that have to go: may go in the first round,
+constexpr double kMostFirst = 0.95;  // but no more of those that there are;
+constexpr double kCare = 0.8;        // of what would do if as many succeed as in the round before:
+constexpr double kMostLater = 0.6;   // in each of the later rounds
+constexpr double kLeastSuccess = 0.02;
+constexpr double kCrowded = 1.1;  // triangles per place for a vertex; below, many are empty
+constexpr std::uint32_t kSamples = 65536;      // vertices that a limit is judged by
+constexpr std::uint32_t kRatedSamples = 4096;  // the same where they have to be rated for it
+constexpr float kRetry = 4;                    // times the limit: what was blocked is tried again
+constexpr float kLeastCost = 1e-30f;
+
+/// A vertex's number, well mixed.
+std::uint32_t shuffled(std::uint32_t v) {
+  v = (v ^ v >> 16) * 0x7FEB352Du;
+  v = (v ^ v >> 15) * 0x846CA68Bu;
+  return v ^ v >> 16;
+}
+
+/// What a round takes: all costs under `below`, and of those up to `most`, which are much the same,
+/// a share of the vertices. Without it a flat wall, where all cost nothing, would go at once.
+struct Limit {
+  float below = 0, most = 0;
+  std::uint32_t share = 0;  ///< of 2^32
+
+  static Limit upto(float cost) { return {cost, cost, 0xFFFFFFFFu}; }
+
+  bool takes(float cost, std::uint32_t v) const {
+    return cost < below || (cost <= most && shuffled(v) <= share);
+  }
+};
+
+/// How many costs are how large. Costs are not negative, so their bits sort like them.
+class Histogram {
+ public:
+  void add(float cost) { ++count_[std::bit_cast<std::uint32_t>(cost) >> kShift]; }
+  /// The limit under which `wanted` of them lie.
+  Limit limit(double wanted) const {
+    double under = 0;
+    for (std::uint32_t bin = 0; bin < kBins; ++bin) {
+      if (under + count_[bin] < wanted) {
+        under += count_[bin];
+        continue;
+      }
+      const double share = count_[bin] > 0 ? (wanted - under) / count_[bin] : 0;
+      return {std::bit_cast<float>(bin << kShift), std::bit_cast<float>(((bin + 1) << kShift) - 1),
+              static_cast<std::uint32_t>(std::min(share * 0x1p32, 0x1p32 - 1))};
+    }
+    return {kNever, kNever, 0};
+  }
+
+ private:
+  static constexpr int kShift = 19;  // 16 bins per doubling
+  static constexpr std::uint32_t kBins = 0x7F800000u >> kShift;
+
+  std::array<std::uint32_t, kBins + 1> count_{};  // the last: kNever
+};
+
+/// The limit below which `wanted` vertices lie, as judged by some of them. Those that were not
+/// rated yet are, for this.
+Limit find_limit(double wanted, bool rated, ShrinkingMesh& mesh) {
+  const std::uint32_t step = std::max(1u, mesh.vertices() / (rated ? kSamples : kRatedSamples));
+  Histogram costs;
+  Collapser collapser(mesh);
+  for (std::uint32_t v = step / 2; v < mesh.vertices(); v += step)
+    costs.add(rated || mesh.next[v] == kNever ? mesh.next[v] : collapser.rate(v));
+  return costs.limit(wanted / step);
+}
+
+/// Tells all threads when time is over.
+class Clock {
+ public:
+  explicit Clock(const Goal& goal) : deadline_(goal.deadline) {}
+  bool is_over() const { return over_.load(std::memory_order_relaxed); }
+  void tick() {
+    if (deadline_ && std::chrono::steady_clock::now() >= *deadline_) over_ = true;
+  }
+
+ private:
+  std::optional<std::chrono::steady_clock::time_point> deadline_;
+  std::atomic<bool> over_ = false;
+};
+
+/// Pulls v into a neighbour if that costs no more than the limit; otherwise notes when to look at
+/// it again. Returns how many triangles went.
+std::uint32_t look_at(std::uint32_t v, const Limit& limit, float error_m, Collapser& collapser,
+                      ShrinkingMesh& mesh) {
+  const float cost = collapser.rate(v);
+  if (!limit.takes(cost, v)) {
+    mesh.next[v] = cost;
+    return 0;
+  }
+  if (collapser.errs_more(error_m)) {
+    mesh.next[v] = kNever;
+    return 0;
+  }
+  const std::uint32_t gone = collapser.collapse(limit.most);
+  if (gone == 0) mesh.next[v] = std::max(limit.most, kLeastCost) * kRetry;
+  return gone;
+}
+
+/// One round. Returns how many triangles went.
+std::size_t run_round(const Limit& limit, float error_m, Clock& clock, Sweep& sweep,
+                      ShrinkingMesh& mesh) {
+  const auto wanted = [&](std::uint32_t v) {
+    return limit.takes(mesh.next[v], v) && !clock.is_over();
+  };
+  return sweep.run(mesh, wanted, [&](Collapser& collapser, std::uint32_t v) {
+    if (v % 64 == 0) clock.tick();
+    return look_at(v, limit, error_m, collapser, mesh);
+  });
+}
+
+/// Looks at the cheapest vertices one by one until the goal is met. False: none of them may go.
+bool take_cheapest(std::size_t most, const Goal& goal, Clock& clock, ShrinkingMesh& mesh) {
+  struct Candidate {
+    float cost;
+    std::uint32_t order, v;
+    bool operator<(const Candidate& other) const {
+      return std::pair(cost, order) < std::pair(other.cost, other.order);
+    }
+  };
+  std::vector<Candidate> candidates;
+  for (std::uint32_t v = 0; v < mesh.vertices(); ++v)
+    if (mesh.next[v] < kNever) candidates.push_back({mesh.next[v], shuffled(v), v});
+  most = std::min(most, candidates.size());
+  std::partial_sort(candidates.begin(), candidates.begin() + static_cast<std::ptrdiff_t>(most),
+                    candidates.end());
+  candidates.resize(most);
+  bool any = false;
+  float enough = kNever;  // what costs more waits until what was blocked has been tried once more
+  Collapser collapser(mesh);
+  for (const Candidate& candidate : candidates) {
+    if (mesh.triangles <= goal.triangles || clock.is_over()) return true;
+    if (candidate.cost > enough) break;
+    if (mesh.next[candidate.v] == kNever) continue;
+    const std::uint32_t gone =
+        look_at(candidate.v, Limit::upto(candidates.back().cost), goal.error_m, collapser, mesh);
+    mesh.triangles -= gone;
+    if (gone > 0 && !any) any = true, enough = kRetry * std::max(candidate.cost, kLeastCost);
+    clock.tick();
+  }
+  return any;
+}
+
+}  // namespace
+
+void reduce(const Goal& goal, Sweep& sweep, ShrinkingMesh& mesh, ShrinkingMesh& spare,
+            std::vector<std::uint32_t>& number) {
+  const std::size_t nearly = goal.triangles + std::max(goal.triangles / 128, kFew);
+  Clock clock(goal);
+  double success = 1;
+  for (bool first = true; mesh.triangles > nearly && !clock.is_over(); first = false) {
+    if (static_cast<double>(mesh.triangles) < kCrowded * mesh.vertices()) {
+      compact(mesh, number, spare);
+      std::swap(mesh, spare);
+    }
+    const double vertices = static_cast<double>(mesh.triangles) / 2;
+    const double to_go = static_cast<double>(mesh.triangles - goal.triangles) / 2;
+    const double wanted = first ? std::min(kFirstShare * to_go, kMostFirst * vertices)
+                                : std::min(kCare * to_go / success, kMostLater * vertices);
+    const Limit limit = find_limit(wanted, !first, mesh);
+    const std::size_t gone = run_round(limit, goal.error_m, clock, sweep, mesh);
+    mesh.triangles -= gone;
+    success = static_cast<double>(gone) / 2 / wanted;
+    if (success < kLeastSuccess) break;
+  }
+  std::size_t most = 4 * kFew;
+  while (mesh.triangles > goal.triangles && !clock.is_over()) {
+    const bool all = most >= mesh.vertices();
+    most = std::max(most, mesh.triangles - goal.triangles);
+    if (take_cheapest(most, goal, clock, mesh)) continue;
+    if (all) break;
+    most *= 4;
+  }
+}
+
+void relax(Sweep& sweep, ShrinkingMesh& mesh) {
+  const auto wanted = [&](std::uint32_t v) {
+    return mesh.rings.alive(v) && mesh.kinds[v] == Kind::inner && mesh.places[v].error > 0;
+  };
+  sweep.run(mesh, wanted, [](Collapser& collapser, std::uint32_t v) -> std::uint32_t {
+    collapser.relax(v);
+    return 0;
+  });
+}
+
+}  // namespace mr::simplify

@@ -1,0 +1,270 @@
+#include "mr/simplify/rings.h"
+
+#include <algorithm>
+#include <bit>
+
+#include "mr/core/assert.h"
+#include "mr/simplify/lanes.h"
+
+namespace mr::simplify {
+
+namespace {
+
+using Line = Rings::Line;
+
+constexpr Line kPlaces{0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15};
+constexpr Line kEmpty{kNobody, kNobody, kNobody, kNobody, kNobody, kNobody, kNobody, kNobody,
+                      kNobody, kNobody, kNobody, kNobody, kNobody, kNobody, kNobody, kNobody};
+
+/// How many lanes hold a ring of this size: short rings are half a line, which is most of them.
+std::uint32_t lanes_of(std::uint32_t size) { return size <= 8 ? 8 : 16; }
+
+/// Bit i: lane i of the first `lanes` is v.
+std::uint32_t find(const std::uint32_t* line, std::uint32_t lanes, std::uint32_t v) {
+  std::uint32_t found = 0;
+  for (std::uint32_t i = 0; i < lanes; i += 4) found |= bits_of(load4<Word4>(line + i) == v) << i;
+  return found;
+}
+/// Where v is, which the line names once.
+std::uint32_t place_of(const std::uint32_t* line, std::uint32_t lanes, std::uint32_t v) {
+  return static_cast<std::uint32_t>(std::countr_zero(find(line, lanes, v)));
+}
+
+/// Half a line.
+struct Eight {
+  Word4 low, high;
+
+  static Eight load(const std::uint32_t* from) {
+    return {load4<Word4>(from), load4<Word4>(from + 4)};
+  }
+  void store(std::uint32_t* to) const { store4(low, to), store4(high, to + 4); }
+};
+
+/// Puts `count` in the place of what stands at `at` in a line of `size`. `with`: a line's length
+/// may be read.
+void insert(const std::uint32_t* with, std::uint32_t count, std::uint32_t at, std::uint32_t size,
+            Line& line) {
+  const std::uint32_t result = size - 1 + count;
+  if (size <= 8 && result <= 8) {
+    // All is read before the first is written; each hides what the one before wrote too much.
+    const Eight middle = Eight::load(with), tail = Eight::load(&line[at + 1]);
+    middle.store(&line[at]);
+    tail.store(&line[at + count]);
+    Eight::load(kEmpty.data()).store(&line[result]);
+    return;
+  }
+  const Line before = line;
+  line = kEmpty;
+  std::copy_n(before.begin(), at, line.begin());
+  std::copy_n(with, count, line.begin() + at);
+  std::copy(before.begin() + at + 1, before.begin() + size, line.begin() + at + count);
+}
+
+/// Takes out what stands at `at` in a line of `size`.
+void take_out(std::uint32_t at, std::uint32_t size, Line& line) {
+  if (size <= 8) {
+    for (std::uint32_t i = 0; i < 8; i += 4) {
+      const auto moves = static_cast<Word4>(load4<Word4>(&kPlaces[i]) >= at);
+      const Word4 here = load4<Word4>(&line[i]), next = load4<Word4>(&line[i + 1]);
+      store4((here & ~moves) | (next & moves), &line[i]);
+    }
+    return;
+  }
+  std::copy(line.begin() + at + 1, line.begin() + size, line.begin() + at);
+  line[size - 1] = kNobody;
+}
+
+/// A vertex's triangles on the way to a ring; [i]: counter-clockwise from a to b.
+struct Fan {
+  const std::uint32_t *a = nullptr, *b = nullptr, *label = nullptr;
+  std::uint32_t size = 0;
+  std::array<std::uint8_t, Rings::kMost> next{};  ///< begins where this one ends; over size: none
+  std::uint32_t begun = 0;                        ///< bit i: triangle i begins where another ends
+
+  void find_next() {
+    const std::uint32_t all = (1u << size) - 1, lanes = lanes_of(size);
+    for (std::uint32_t i = 0; i < size; ++i) {
+      const std::uint32_t found = find(a, lanes, b[i]) & all;
+      next[i] = static_cast<std::uint8_t>(std::countr_zero(found | 1u << 31));
+      begun |= found;
+    }
+  }
+  /// The ring and its labels, when the triangles make one. `open`: it has ends.
+  bool order(Line& ring, Line& labels, bool& open) const {
+    const std::uint32_t unbegun = ~begun & ((1u << size) - 1);
+    open = unbegun != 0;
+    if ((open && size == Rings::kMost) || (!open && size < 3)) return false;
+    const std::uint32_t first = open ? static_cast<std::uint32_t>(std::countr_zero(unbegun)) : 0;
+    std::uint32_t at = first;
+    for (std::uint32_t i = 0; i + 1 < size; ++i) {
+      ring[i] = a[at];
+      if (label) labels[i] = label[at];
+      at = next[at];
+      if (at == first || at >= size) return false;
+    }
+    ring[size - 1] = a[at];
+    if (label) labels[size - 1] = label[at];
+    if (open) ring[size] = b[at];
+    return open ? next[at] >= size : next[at] == first;
+  }
+};
+
+}  // namespace
+
+void Rings::start(std::size_t vertices, bool labels) {
+  rings_.resize(vertices);
+  labels_.resize(labels ? vertices : 0);
+  size_.resize(vertices);
+  open_.resize(vertices);
+  complex_.clear();
+}
+
+bool Rings::close(std::uint32_t v, std::span<const Opposite> more, std::vector<Opposite>& all) {
+  const std::size_t count = size_[v] + more.size();
+  Line& ring = rings_[v];
+  Fan fan;
+  fan.a = ring.data(), fan.b = ring.data() + kFew, fan.size = size_[v];
+  if (has_labels()) fan.label = labels_[v].data();
+  Line a, b, label;
+  if (!more.empty()) {
+    std::copy_n(fan.a, kFew, a.begin()), std::copy_n(fan.b, kFew, b.begin());
+    if (has_labels()) label = labels_[v];
+    for (std::size_t i = size_[v]; i < std::min<std::size_t>(count, kMost); ++i) {
+      const Opposite& triangle = more[i - size_[v]];
+      a[i] = triangle.a, b[i] = triangle.b, label[i] = triangle.label;
+    }
+    fan.a = a.data(), fan.b = b.data(), fan.label = has_labels() ? label.data() : nullptr;
+    fan.size = static_cast<std::uint32_t>(std::min<std::size_t>(count, kMost));
+  }
+  Line ordered = kEmpty, labels;
+  bool open = false;
+  fan.find_next();
+  if (count <= kMost && fan.order(ordered, labels, open)) {
+    ring = ordered;
+    if (has_labels()) labels_[v] = labels;
+    size_[v] = static_cast<std::uint8_t>(count + open), open_[v] = open;
+    return true;
+  }
+  for (std::uint32_t i = 0; i < size_[v]; ++i)
+    all.push_back({ring[i], ring[kFew + i], has_labels() ? labels_[v][i] : 0});
+  all.insert(all.end(), more.begin(), more.end());
+  return false;
+}
+
+void Rings::set_complex(std::uint32_t v, std::vector<Opposite> triangles) {
+  size_[v] = kComplex, open_[v] = 0;
+  complex_[v] = std::move(triangles);
+}
+
+void Rings::copy(const Rings& from, std::uint32_t v, const std::vector<std::uint32_t>& number,
+                 std::uint32_t as) {
+  size_[as] = from.size_[v], open_[as] = from.open_[v];
+  if (from.is_complex(v)) return;
+  const Line& ring = from.rings_[v];
+  rings_[as] = kEmpty;
+  for (std::uint32_t i = 0; i < size_[as]; ++i) rings_[as][i] = number[ring[i]];
+  if (has_labels()) labels_[as] = from.labels_[v];
+}
+
+void Rings::copy_complex(const Rings& from, const std::vector<std::uint32_t>& number) {
+  for (const auto& [v, triangles] : from.complex_) {
+    if (!from.alive(v)) continue;
+    std::vector<Opposite>& copy = complex_[number[v]];
+    for (const Opposite& t : triangles) copy.push_back({number[t.a], number[t.b], t.label});
+  }
+}
+
+/// Whether one of v's triangles may vanish.
+bool Rings::may_lose_one(std::uint32_t v) const {
+  if (is_complex(v)) return complex_.at(v).size() > 1;
+  return size_[v] > 3u - open_[v];
+}
+
+bool Rings::may_collapse(std::uint32_t v, std::uint32_t i) const {
+  const Line& ring = rings_[v];
+  const std::uint32_t n = size_[v], u = ring[i], open = open_[v];
+  if (is_complex(u)) return false;
+  const Line& other = rings_[u];
+  const std::uint32_t m = size_[u], common = 2 - open;
+  const std::uint32_t size = n + m - 2 - common;  // of u's ring afterwards
+  if (size > kMost || size < 3u - open_[u]) return false;
+  // The neighbours of both are those of the triangles that vanish.
+  Word4 met{};
+  const std::uint32_t lanes = lanes_of(n);
+  for (std::uint32_t k = 0; k < m; ++k)
+    for (std::uint32_t j = 0; j < lanes; j += 4)
+      met -= static_cast<Word4>(load4<Word4>(&ring[j]) == other[k]);
+  if (sum_of(met) != common) return false;
+  if ((!open || i == 0) && !may_lose_one(ring[i + 1 < n ? i + 1 : 0])) return false;
+  return (open && i == 0) || may_lose_one(ring[i > 0 ? i - 1 : n - 1]);
+}
+
+void Rings::rename(std::uint32_t in, std::uint32_t v, std::uint32_t u) {
+  if (is_complex(in)) {
+    for (Opposite& o : complex_.find(in)->second) {
+      if (o.a == v) o.a = u;
+      if (o.b == v) o.b = u;
+    }
+    return;
+  }
+  Line& ring = rings_[in];
+  for (std::uint32_t i = 0; i < lanes_of(size_[in]); i += 4) {
+    const Word4 lanes = load4<Word4>(&ring[i]);
+    store4(lanes == v ? u + Word4{} : lanes, &ring[i]);
+  }
+}
+
+void Rings::remove_from_complex(std::uint32_t in, std::uint32_t v, std::uint32_t u) {
+  rename(in, v, u);
+  std::vector<Opposite>& triangles = complex_.find(in)->second;
+  const auto gone = std::find_if(triangles.begin(), triangles.end(),
+                                 [](const Opposite& o) { return o.a == o.b; });
+  MR_ASSERT(gone != triangles.end());
+  *gone = triangles.back(), triangles.pop_back();
+}
+
+/// The triangle of `in`, v and u vanishes, and v with it.
+void Rings::remove(std::uint32_t in, std::uint32_t v, std::uint32_t u) {
+  if (is_complex(in)) return remove_from_complex(in, v, u);
+  Line& ring = rings_[in];
+  const std::uint32_t n = size_[in], i = place_of(ring.data(), lanes_of(n), v);
+  if (has_labels()) {
+    Line& labels = labels_[in];
+    const std::uint32_t before = i > 0 ? i - 1 : n - 1;
+    // u, v, w: the triangle of v and w becomes that of u and w.
+    if (ring[before] == u && (i > 0 || !open_[in])) labels[before] = labels[i];
+    take_out(i, n, labels);
+  }
+  take_out(i, n, ring);
+  size_[in] = static_cast<std::uint8_t>(n - 1);
+}
+
+std::uint32_t Rings::collapse(std::uint32_t v, std::uint32_t i) {
+  // Around v: u, x, p..., y; around u: x, v, y. The p take the place of v. Where v lies on a
+  // border, x or y is missing.
+  const std::uint32_t n = size_[v], u = rings_[v][i], open = open_[v];
+  const bool has_x = !open || i == 0, has_y = !open || i != 0;
+  const std::uint32_t p = open ? (i == 0 ? 2 : 0) : i + 2, count = n - 3 + open;
+  std::array<std::uint32_t, 3 * kMost> around;  // v's ring, and once more
+  const auto twice = [&](const Line& line) {
+    for (const std::uint32_t at : {0u, n})
+      for (std::uint32_t k = 0; k < lanes_of(n); k += 8)
+        Eight::load(&line[k]).store(&around[at + k]);
+  };
+  const std::uint32_t m = size_[u], at = place_of(rings_[u].data(), lanes_of(m), v);
+  const std::uint32_t size = m - 1 + count;
+  if (has_labels()) {
+    twice(labels_[v]);
+    insert(&around[p], count, at, m, labels_[u]);
+    if (has_x) labels_[u][at > 0 ? at - 1 : size - 1] = around[i + 1];
+  }
+  twice(rings_[v]);
+  insert(&around[p], count, at, m, rings_[u]);
+  size_[u] = static_cast<std::uint8_t>(size), size_[v] = 0;
+  for (std::uint32_t k = 0; k < count; ++k) rename(around[p + k], v, u);
+  if (has_x) remove(around[i + 1], v, u);
+  if (has_y) remove(around[i + n - 1], v, u);
+  return 2 - open;
+}
+
+}  // namespace mr::simplify
