@@ -1,4 +1,5 @@
 #include "mr/simplify/builder.h"
+#include "mr/simplify/lanes.h"
 
 #include <algorithm>
 #include <cmath>
@@ -11,40 +12,29 @@ namespace mr::simplify {
 
 namespace {
 
-constexpr float kBorderWeight = 10;  // of the planes that hold a border or crease, per edge length²
-constexpr float kStay =
-    1e-7f;  // of its own place: where all is flat, the nearest neighbour is best
-constexpr float kTipWeight = 3;        // of a border's sharp tips against its planes
+constexpr float kBorderWeight =
+    2.5f;                        // of the planes that hold a border or crease, per edge length²
+constexpr float kTipWeight = 3;  // of a border's sharp tips against its planes
 constexpr std::size_t kBatch = 32768;  // triangles that are assigned at once
 
-/// Sums of the lanes of each.
-Float4 sums(Float4 a, Float4 b, Float4 c, Float4 d) {
-  transpose(a, b, c, d);
-  return (a + b) + (c + d);
-}
+/// A triangle's plane through each of its corners, weighted by area: A of a Quadric and the weight.
+struct Plane {
+  Float4 first, second;  // xx xy xz yy, yz zz weight area
 
-/// The planes of a vertex's triangles, weighted by area.
-Quadric planes(const Neighbourhood& near) {
-  Float4 xx{}, xy{}, xz{}, yy{}, yz{}, zz{}, area{};
-  for (std::uint32_t i = 0; i < near.triangles(); i += 4) {
-    const Vec4 normal = cross(near.arms(i), near.arms(i + 1));  // twice the area long
-    const Float4 square = dot(normal, normal);
-    Float4 length;
-    for (std::uint32_t k = 0; k < 4; ++k) length[k] = std::sqrt(square[k]);
-    const Word4 place = Word4{0, 1, 2, 3} + i;
-    const Float4 weight = (place < near.triangles()) & (square > 0) ? 0.5f / length : Float4{};
-    const Float4 x = normal.x * weight, y = normal.y * weight, z = normal.z * weight;
-    xx += normal.x * x, xy += normal.x * y, xz += normal.x * z;
-    yy += normal.y * y, yz += normal.y * z, zz += normal.z * z;
-    area += weight * square;
+  Plane(Vec3f a, Vec3f b, Vec3f c) {
+    const Vec3f normal = cross(b - a, c - a);  // twice the area long
+    const float square = dot(normal, normal);
+    const float scale = square > 0 ? 0.5f / std::sqrt(square) : 0;
+    const Vec3f m = normal * scale;
+    const float area = square * scale;
+    first = Float4{normal.x * m.x, normal.x * m.y, normal.x * m.z, normal.y * m.y};
+    second = Float4{normal.y * m.z, normal.z * m.z, area, area};
   }
-  const Float4 first = sums(xx, xy, xz, yy), second = sums(yz, zz, area, Float4{});
-  Quadric out;
-  out.xx = first[0], out.xy = first[1], out.xz = first[2], out.yy = first[3];
-  out.yz = second[0], out.zz = second[1], out.weight = second[2];
-  out.add_point(kStay * out.weight);
-  return out;
-}
+  void add_to(Quadric& quadric) const {
+    store4(load4<Float4>(&quadric.xx) + first, &quadric.xx);
+    store4(load4<Float4>(&quadric.yz) + second, &quadric.yz);
+  }
+};
 
 /// A plane along an edge that leaves the vertex, at right angles to the surface there.
 void add_wall(Vec3f edge, Vec3f normal, Quadric& quadric) {
@@ -89,21 +79,20 @@ void hold_crease(const Neighbourhood& near, const std::uint32_t (&at)[2], Quadri
   add_tip(near.arm(at[0]), near.arm(at[1]), quadric);
 }
 
-/// What kind of vertex v is, and its quadric.
-void prepare(std::uint32_t v, float weight, Neighbourhood& near, ShrinkingMesh& mesh) {
+/// What kind of vertex v is; its border or crease is held in place.
+void prepare(std::uint32_t v, Neighbourhood& near, ShrinkingMesh& mesh) {
   const Rings& rings = mesh.rings;
+  Quadric& quadric = mesh.quadrics[v];
+  const bool open = rings.is_open(v);
+  mesh.kinds[v] = open ? Kind::border : Kind::inner;
+  if (!open && !rings.has_labels()) return;
   near.load(rings, mesh.places.data(), v);
-  Quadric quadric = planes(near);
-  Kind kind = rings.is_open(v) ? Kind::border : Kind::inner;
-  if (rings.is_open(v)) hold_border(near, quadric);
-  if (rings.has_labels()) {
-    std::uint32_t at[2], count = 0;
-    const bool crease = find_crease(rings, v, at, count);
-    if (crease) hold_crease(near, at, quadric);
-    if (count > 0) kind = crease ? Kind::crease : Kind::fixed;
-  }
-  mesh.kinds[v] = kind;
-  mesh.quadrics[v] = weight == 1 ? quadric : quadric.scaled(weight);
+  if (open) hold_border(near, quadric);
+  if (!rings.has_labels()) return;
+  std::uint32_t at[2], count = 0;
+  const bool crease = find_crease(rings, v, at, count);
+  if (crease) hold_crease(near, at, quadric);
+  if (count > 0) mesh.kinds[v] = crease ? Kind::crease : Kind::fixed;
 }
 
 }  // namespace
@@ -148,9 +137,8 @@ std::size_t Builder::gather(const Mesh& mesh, std::span<const std::uint32_t> lab
                             ShrinkingMesh& out) const {
   const std::uint32_t begin = out.begin(range), size = out.end(range) - begin;
   for (std::uint32_t v = begin; v < begin + size; ++v) {
-    out.places[v] = {mesh.positions[v], 0};
     out.rings.clear(v);
-    out.spans[v] = 0;
+    out.spans[v] = 0, out.quadrics[v] = {};
   }
   std::size_t count = 0;
   for (std::uint32_t i = first_[range]; i < first_[range + 1]; ++i) {
@@ -158,7 +146,9 @@ std::size_t Builder::gather(const Mesh& mesh, std::span<const std::uint32_t> lab
     const std::uint32_t label = labels.empty() ? 0 : labels[list_[i]];
     const bool spans = a - begin >= size || b - begin >= size || c - begin >= size;
     count += a - begin < size;
+    const Plane plane(out.places[a].at, out.places[b].at, out.places[c].at);
     const auto add = [&](std::uint32_t v, const Opposite& triangle) {
+      plane.add_to(out.quadrics[v]);
       if (!out.rings.add(v, triangle)) refused.push_back({v, triangle});
     };
     const auto add_spanning = [&](std::uint32_t v, const Opposite& triangle) {
@@ -175,21 +165,25 @@ std::size_t Builder::gather(const Mesh& mesh, std::span<const std::uint32_t> lab
   return count;
 }
 
-void Builder::close_rings(std::uint32_t range, std::vector<Refused>& refused,
-                          std::vector<Complex>& complex, ShrinkingMesh& out) {
+/// Makes rings of the triangles of a range's vertices, and sums up their planes.
+void Builder::finish(std::uint32_t range, std::span<const float> weights,
+                     std::vector<Refused>& refused, std::vector<Complex>& complex,
+                     ShrinkingMesh& out) {
   std::stable_sort(refused.begin(), refused.end(),
                    [](const Refused& p, const Refused& q) { return p.v < q.v; });
   auto next = refused.begin();
   std::vector<Opposite> more, all;
+  Neighbourhood near;
   for (std::uint32_t v = out.begin(range); v < out.end(range); ++v) {
+    out.next[v] = kNever, out.kinds[v] = Kind::fixed;
+    if (!out.rings.alive(v)) continue;
     more.clear();
     for (; next != refused.end() && next->v == v; ++next) more.push_back(next->triangle);
-    out.next[v] = 0;
-    if (!out.rings.alive(v)) {
-      out.next[v] = kNever;
-    } else if (!out.rings.close(v, more, all)) {
-      out.next[v] = kNever;
-      out.kinds[v] = Kind::fixed, out.quadrics[v] = {};
+    if (out.rings.close(v, more, all)) {
+      prepare(v, near, out);
+      if (!weights.empty()) out.quadrics[v] = out.quadrics[v].scaled(weights[v]);
+      if (out.kinds[v] != Kind::fixed) out.next[v] = 0;
+    } else {
       complex.push_back({v, std::exchange(all, {})});
     }
   }
@@ -200,6 +194,10 @@ void Builder::run(const Mesh& mesh, std::span<const std::uint32_t> labels,
   const std::size_t vertices = mesh.positions.size();
   out.resize(vertices, !labels.empty());
   const std::uint32_t ranges = out.ranges();
+  out.for_each_range([&](std::uint32_t range) {
+    for (std::uint32_t v = out.begin(range); v < out.end(range); ++v)
+      out.places[v] = {mesh.positions[v], 0};
+  });
   assign_triangles(mesh, ranges);
   std::vector<std::size_t> triangles(ranges);
   std::vector<std::vector<Complex>> complex(ranges);
@@ -208,20 +206,12 @@ void Builder::run(const Mesh& mesh, std::span<const std::uint32_t> labels,
     for (auto range = static_cast<std::uint32_t>(begin); range < end; ++range) {
       refused.clear();
       triangles[range] = gather(mesh, labels, range, refused, out);
-      close_rings(range, refused, complex[range], out);
+      finish(range, weights, refused, complex[range], out);
     }
   });
   out.triangles = std::accumulate(triangles.begin(), triangles.end(), std::size_t{0});
   for (std::vector<Complex>& found : complex)
     for (Complex& one : found) out.rings.set_complex(one.v, std::move(one.triangles));
-  parallel_for(vertices, ShrinkingMesh::kRange, [&](std::size_t begin, std::size_t end) {
-    Neighbourhood near;
-    for (auto v = static_cast<std::uint32_t>(begin); v < end; ++v) {
-      if (!out.rings.alive(v) || out.rings.is_complex(v)) continue;
-      prepare(v, weights.empty() ? 1 : weights[v], near, out);
-      if (out.kinds[v] == Kind::fixed) out.next[v] = kNever;
-    }
-  });
 }
 
 }  // namespace mr::simplify

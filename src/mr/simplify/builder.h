@@ -38,8 +38,9 @@ class Builder {
   void assign_triangles(const Mesh& mesh, std::uint32_t ranges);
   std::size_t gather(const Mesh& mesh, std::span<const std::uint32_t> labels, std::uint32_t range,
                      std::vector<Refused>& refused, ShrinkingMesh& out) const;
-  static void close_rings(std::uint32_t range, std::vector<Refused>& refused,
-                          std::vector<Complex>& complex, ShrinkingMesh& out);
+  static void finish(std::uint32_t range, std::span<const float> weights,
+                     std::vector<Refused>& refused, std::vector<Complex>& complex,
+                     ShrinkingMesh& out);
 
   std::vector<std::uint32_t> list_;   // triangles by range of their vertices
   std::vector<std::uint32_t> first_;  // [ranges + 1] in list_

@@ -11,6 +11,8 @@ namespace mr::simplify {
 
 namespace {
 
+constexpr std::size_t kMostSkipped = 3;  // vertices in a row that go: rings must not grow too long
+
 /// A line from end to end. A closed one begins and ends with the same vertex.
 using Line = std::vector<std::uint32_t>;
 
@@ -125,6 +127,7 @@ std::vector<std::uint8_t> choose(const Line& line, float error_m, const Shrinkin
     std::size_t split = 0;
     for (std::size_t i = first + 1; i < last; ++i)
       if (const float d = distance2(at(i), at(first), at(last)); d > worst) worst = d, split = i;
+    if (split == 0 && last - first > kMostSkipped + 1) split = (first + last) / 2;
     if (split == 0) continue;
     stays[split] = 1;
     spans.push_back({first, split}), spans.push_back({split, last});
@@ -138,28 +141,27 @@ std::uint32_t place_in_ring(const Rings& rings, std::uint32_t v, std::uint32_t u
   return i;
 }
 
-/// Takes out what need not stay, as far as nothing turns over for it.
+/// Takes out what need not stay. Each goes to the nearer of those that do, but not to the end of a
+/// line if that can be helped: many lines may end there, and rings must not grow too long.
 void take_out(const Line& line, const std::vector<std::uint8_t>& stays, Collapser& collapser,
               ShrinkingMesh& mesh) {
-  std::vector<std::uint32_t> left = line;
-  std::vector<std::uint8_t> keep = stays;
-  for (bool again = true; again;) {
-    again = false;
-    for (std::size_t i = 1; i + 1 < left.size(); ++i) {
-      if (keep[i]) continue;
-      const std::uint32_t v = left[i];
-      for (const std::uint32_t u : {left[i - 1], left[i + 1]}) {
-        const std::uint32_t place = place_in_ring(mesh.rings, v, u);
-        const std::uint32_t gone =
-            place < mesh.rings.size(v) ? collapser.collapse_into(v, place) : 0;
-        if (gone == 0) continue;
-        mesh.triangles -= gone;
-        left.erase(left.begin() + static_cast<std::ptrdiff_t>(i));
-        keep.erase(keep.begin() + static_cast<std::ptrdiff_t>(i));
-        --i, again = true;
-        break;
-      }
-    }
+  const auto pull = [&](std::uint32_t v, std::uint32_t& into) {
+    const std::uint32_t place = place_in_ring(mesh.rings, v, into);
+    const std::uint32_t gone = place < mesh.rings.size(v) ? collapser.collapse_into(v, place) : 0;
+    mesh.triangles -= gone;
+    if (gone == 0) into = v;
+  };
+  const std::size_t end = line.size() - 1;
+  for (std::size_t first = 0, last = 1; first < end; first = last++) {
+    while (!stays[last]) ++last;
+    const std::size_t count = last - first - 1;
+    std::size_t back = (count + 1) / 2;
+    if (first == 0 && last != end) back = 0;
+    if (first != 0 && last == end) back = count;
+    std::uint32_t into = line[first];
+    for (std::size_t i = first + 1; i <= first + back; ++i) pull(line[i], into);
+    into = line[last];
+    for (std::size_t i = last - 1; i > first + back; --i) pull(line[i], into);
   }
 }
 

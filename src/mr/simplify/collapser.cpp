@@ -11,7 +11,8 @@ constexpr float kHold = 0.01f;          // of relax()
 constexpr float kMostTurn2 = 0.36f;     // square of the cosine of the most that a triangle may turn
 constexpr float kMostRelax2 = 0.5f;     // the same in relax()
 constexpr float kLeastQuality = 0.05f;  // of a triangle, 1 being equilateral, unless in its ring
-constexpr float kWorse2 = 0.5f;         // one was worse: then this share of its square
+constexpr float kWorse2 = 0.5f;         // one is worse: then this share of its square
+constexpr float kStay = 1e-7f;          // m2 of error per m2 of way: where all is flat, the nearest
 constexpr int kTries = 4;               // neighbours tried
 
 }  // namespace
@@ -25,10 +26,14 @@ float Collapser::rate(std::uint32_t v) {
   load(v);
   const Quadric& quadric = mesh_.quadrics[v];
   const float own = mesh_.places[v].error;
-  for (std::uint32_t i = 0; i < near_.size(); i += 4) {
-    const Float4 cost = near_.errors(i) + (own + quadric.growth(near_.arms(i)));
-    const Float4 rounded = cost > 0 ? cost : Float4{};
-    store4(near_.places(i) < near_.size() ? rounded : kNever + Float4{}, &cost_[i]);
+  const float stay = kStay * quadric.weight;
+  for (std::uint32_t i = 0; i < near_.lanes(); i += 4) {
+    const Vec4 way = near_.arms(i);
+    const Float4 sum = near_.errors(i) + (own + quadric.growth(way));
+    const Float4 error = sum > 0 ? sum : Float4{};  // less by rounding only
+    const Float4 cost = error + stay * dot(way, way);
+    store4(error, &error_[i]);
+    store4(near_.places(i) < near_.size() ? cost : kNever + Float4{}, &cost_[i]);
   }
   const Kind kind = mesh_.kinds[v];
   if (kind == Kind::border)
@@ -44,13 +49,13 @@ float Collapser::rate(std::uint32_t v) {
 /// Finds the best neighbour; the first of equals.
 float Collapser::choose() {
   Float4 least = load4<Float4>(&cost_[0]);
-  for (std::uint32_t i = 4; i < near_.size(); i += 4) {
+  for (std::uint32_t i = 4; i < near_.lanes(); i += 4) {
     const Float4 cost = load4<Float4>(&cost_[i]);
     least = cost < least ? cost : least;
   }
   const float best = least_of(least);
   std::uint32_t found = 0;
-  for (std::uint32_t i = 0; i < near_.size(); i += 4)
+  for (std::uint32_t i = 0; i < near_.lanes(); i += 4)
     found |= bits_of(load4<Float4>(&cost_[i]) == best) << i;
   best_ = static_cast<std::uint32_t>(std::countr_zero(found));
   return best;
@@ -58,8 +63,8 @@ float Collapser::choose() {
 
 /// 12 area2 / edges² is the square of 4 √3 area / edges, which is 1 for equilateral triangles.
 void Collapser::measure_triangles() {
-  Float4 least = kLeastQuality * kLeastQuality / kWorse2 + Float4{};
-  for (std::uint32_t i = 0; i < near_.triangles(); i += 4) {
+  Float4 least = 1 + Float4{};
+  for (std::uint32_t i = 0; i < near_.lanes(); i += 4) {
     const Vec4 a = near_.arms(i), b = near_.arms(i + 1), side = a - b, normal = cross(a, b);
     const Float4 area2 = dot(normal, normal), edges = dot(a, a) + dot(b, b) + dot(side, side);
     store4(normal.x, &nx_[i]), store4(normal.y, &ny_[i]), store4(normal.z, &nz_[i]);
@@ -68,18 +73,21 @@ void Collapser::measure_triangles() {
     const Mask4 counts = (near_.places(i) < near_.triangles()) & (quality2 < least);
     least = counts ? quality2 : least;
   }
-  least_quality2_ = kWorse2 * least_of(least);
+  const float worst = least_of(least);
+  least_quality2_ = std::min(kLeastQuality * kLeastQuality,
+                             worst < kLeastQuality * kLeastQuality ? kWorse2 * worst : worst);
   measured_ = true;
 }
 
-/// Whether the triangles that stay keep their side and become no worse slivers than the ring
-/// has when the vertex goes to
-/// `to` (from where it is). Those with the neighbour at place `u` vanish.
+/// Whether the triangles that stay keep their side and become no worse slivers than the ring has
+/// when the vertex goes to `to` (from where it is). Those with the neighbour at place `u` vanish.
+/// With most_turn2 = 0 any shape will do that is not turned over.
 bool Collapser::keeps_shape(std::uint32_t u, Vec3f to, float most_turn2) {
   if (!measured_) measure_triangles();
+  const float least_quality2 = most_turn2 > 0 ? least_quality2_ : 0;
   const std::uint32_t vanishes[2] = {u, u == 0 ? near_.size() - 1 : u - 1};
   const Vec4 there{to.x + Float4{}, to.y + Float4{}, to.z + Float4{}};
-  for (std::uint32_t i = 0; i < near_.triangles(); i += 4) {
+  for (std::uint32_t i = 0; i < near_.lanes(); i += 4) {
     const Vec4 a = near_.arms(i) - there, b = near_.arms(i + 1) - there, side = a - b;
     const Vec4 before{load4<Float4>(&nx_[i]), load4<Float4>(&ny_[i]), load4<Float4>(&nz_[i])};
     const Vec4 after = cross(a, b);
@@ -87,7 +95,7 @@ bool Collapser::keeps_shape(std::uint32_t u, Vec3f to, float most_turn2) {
     const Float4 edges = dot(a, a) + dot(b, b) + dot(side, side);
     const Float4 area2_before = load4<Float4>(&area2_[i]);
     const Mask4 turns = (along <= 0) | (along * along <= most_turn2 * area2_before * area2);
-    const Mask4 thin = 12 * area2 < least_quality2_ * edges * edges;
+    const Mask4 thin = 12 * area2 < least_quality2 * edges * edges;
     const Word4 triangle = near_.places(i);
     const Mask4 stays =
         (triangle < near_.triangles()) & (triangle != vanishes[0]) & (triangle != vanishes[1]);
@@ -96,26 +104,26 @@ bool Collapser::keeps_shape(std::uint32_t u, Vec3f to, float most_turn2) {
   return true;
 }
 
-bool Collapser::errs_more(float error_m) const {
+bool Collapser::errs_more(std::uint32_t i, float error_m) const {
   if (error_m == kNever) return false;
-  const float weight =
-      mesh_.quadrics[near_.id(best_)].weight + mesh_.quadrics[near_.vertex()].weight;
-  return cost_[best_] > error_m * error_m * weight;
+  const float area = mesh_.quadrics[near_.id(i)].area + mesh_.quadrics[near_.vertex()].area;
+  return error_[i] > error_m * error_m * area;
 }
 
 std::uint32_t Collapser::pull_into(std::uint32_t i) {
   const std::uint32_t v = near_.vertex(), u = near_.id(i);
-  mesh_.places[u].error = cost_[i];
+  mesh_.places[u].error = error_[i];
   mesh_.quadrics[u] += mesh_.quadrics[v].moved(near_.arm(i));
   mesh_.next[v] = kNever;
   return mesh_.rings.collapse(v, i);
 }
 
-std::uint32_t Collapser::collapse(float limit) {
+std::uint32_t Collapser::collapse(float limit, float error_m) {
   for (int tried = 0; tried < kTries; ++tried, choose()) {
     const std::uint32_t i = best_;
     if (!(cost_[i] <= limit) || cost_[i] == kNever) return 0;
-    if (keeps_shape(i, near_.arm(i), kMostTurn2) && mesh_.rings.may_collapse(near_.vertex(), i))
+    if (keeps_shape(i, near_.arm(i), kMostTurn2) && mesh_.rings.may_collapse(near_.vertex(), i) &&
+        !errs_more(i, error_m))
       return pull_into(i);
     cost_[i] = kNever;
   }
@@ -124,8 +132,7 @@ std::uint32_t Collapser::collapse(float limit) {
 
 std::uint32_t Collapser::collapse_into(std::uint32_t v, std::uint32_t i) {
   rate(v);
-  if (cost_[i] == kNever || !keeps_shape(i, near_.arm(i), 0) || !mesh_.rings.may_collapse(v, i))
-    return 0;
+  if (cost_[i] == kNever || !mesh_.rings.may_collapse(v, i)) return 0;
   return pull_into(i);
 }
 

@@ -15,12 +15,11 @@ class Collapser {
 
   /// Rates the neighbours that v may go to; the cost of the best. v is neither gone nor fixed.
   float rate(std::uint32_t v);
-  /// Whether the best of them errs more than that: the RMS distance to all planes.
-  bool errs_more(float error_m) const;
-  /// Pulls the rated vertex into the best neighbour that costs no more than `limit`, if one of the
-  /// first few may be had. Returns how many triangles vanish.
-  std::uint32_t collapse(float limit);
-  /// Pulls v into its neighbour at place `i` whatever that costs, if it turns nothing.
+  /// Pulls the rated vertex into the best neighbour that costs no more than `limit` and errs no
+  /// more than `error_m`, if one of the first few may be had. Returns how many triangles vanish.
+  std::uint32_t collapse(float limit, float error_m);
+  /// Pulls v into its neighbour at place `i` whatever that costs, if that turns
+  /// nothing over.
   std::uint32_t collapse_into(std::uint32_t v, std::uint32_t i);
   /// Moves an inner v to where its error is least, if that turns nothing.
   void relax(std::uint32_t v);
@@ -32,12 +31,13 @@ class Collapser {
   float choose();
   void measure_triangles();
   bool keeps_shape(std::uint32_t u, Vec3f to, float most_turn2);
+  bool errs_more(std::uint32_t i, float error_m) const;
   std::uint32_t pull_into(std::uint32_t i);
 
   ShrinkingMesh& mesh_;
   Neighbourhood near_;
   std::uint32_t best_ = 0;
-  alignas(16) Floats cost_{};  // by neighbour
+  alignas(16) Floats error_{}, cost_{};  // by neighbour
   bool measured_ = false;
   float least_quality2_ = 0;
   alignas(16) Floats nx_{}, ny_{}, nz_{}, area2_{};  // by triangle, before

@@ -34,7 +34,7 @@ void compact(const ShrinkingMesh& from, std::vector<std::uint32_t>& number, Shri
       to.places[w] = from.places[v], to.quadrics[w] = from.quadrics[v];
       to.kinds[w] = from.kinds[v], to.next[w] = from.next[v];
       to.rings.copy(from.rings, v, number, w);
-      to.spans[w] = to.reaches_out(w);
+      to.spans[w] = to.rings.is_complex(w) || to.reaches_out(w);
     }
   });
   to.rings.copy_complex(from.rings, number);

@@ -25,6 +25,8 @@ class Neighbourhood {
   std::uint32_t vertex() const { return v_; }
   std::uint32_t size() const { return size_; }
   std::uint32_t triangles() const { return triangles_; }
+  /// How many lanes to go through: the same for most vertices, so that branches are foreseen.
+  std::uint32_t lanes() const { return size_ <= 8 ? 8 : Rings::kMost; }
   std::uint32_t id(std::uint32_t i) const { return (*ring_)[i]; }
   Vec3f arm(std::uint32_t i) const { return {x_[i], y_[i], z_[i]}; }
   float error(std::uint32_t i) const { return error_[i]; }
@@ -51,7 +53,7 @@ inline void Neighbourhood::load(const Rings& rings, const Place* places, std::ui
   const auto place = [&](std::uint32_t i) {
     return load4<Float4>(&places[ring[i] == kNobody ? ring[0] : ring[i]].at.x);
   };
-  for (std::uint32_t i = 0; i < size_; i += 4) {
+  for (std::uint32_t i = 0; i < lanes(); i += 4) {
     Float4 x = place(i), y = place(i + 1), z = place(i + 2), error = place(i + 3);
     transpose(x, y, z, error);
     store4(x - here.x, &x_[i]), store4(y - here.y, &y_[i]), store4(z - here.z, &z_[i]);

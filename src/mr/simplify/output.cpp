@@ -39,7 +39,7 @@ std::vector<Share> share_out(const ShrinkingMesh& mesh, Share& total) {
 
 /// Sorts the triangles by view and names their chunks.
 void sort_by_label(std::span<const std::uint32_t> of_triangle, std::span<const Label> labels,
-                   bool with_chunks, Simplified& out) {
+                   bool with_chunks, bool with_views, Simplified& out) {
   std::vector<std::uint32_t> order(of_triangle.size());
   std::iota(order.begin(), order.end(), 0u);
   const auto label = [&](std::uint32_t t) -> const Label& { return labels[of_triangle[t]]; };
@@ -53,13 +53,13 @@ void sort_by_label(std::span<const std::uint32_t> of_triangle, std::span<const L
     views.push_back(label(t).view);
     if (with_chunks) out.chunks.push_back(label(t).chunk);
   }
-  set_triangle_views(out.mesh, views);
+  if (with_views) set_triangle_views(out.mesh, views);
 }
 
 }  // namespace
 
 Simplified output(const ShrinkingMesh& mesh, std::span<const Label> labels, bool with_chunks,
-                  std::vector<std::uint32_t>& index) {
+                  bool with_views, std::vector<std::uint32_t>& index) {
   Share total;
   const std::vector<Share> shares = share_out(mesh, total);
   Simplified out;
@@ -89,7 +89,7 @@ Simplified output(const ShrinkingMesh& mesh, std::span<const Label> labels, bool
     }
   });
   for (const float error : worst) out.error_m = std::max(out.error_m, std::sqrt(error));
-  if (!labels.empty()) sort_by_label(of_triangle, labels, with_chunks, out);
+  if (!labels.empty()) sort_by_label(of_triangle, labels, with_chunks, with_views, out);
   return out;
 }
 

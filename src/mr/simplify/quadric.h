@@ -9,15 +9,16 @@ namespace mr::simplify {
 /// at the vertex itself, is kept beside the vertex's position. Weights are in m², errors in m⁴.
 struct alignas(16) Quadric {
   float xx = 0, xy = 0, xz = 0, yy = 0, yz = 0, zz = 0;  ///< A
-  float x = 0, y = 0, z = 0;                             ///< b
   float weight = 0;                                      ///< of all planes together
+  float area = 0;             ///< the same without the vertex's own weight
+  float x = 0, y = 0, z = 0;  ///< b
 
   /// A plane with unit normal `n` through the vertex.
   void add_plane(Vec3f n, float w) {
     const Vec3f m = n * w;
     xx += n.x * m.x, xy += n.x * m.y, xz += n.x * m.z;
     yy += n.y * m.y, yz += n.y * m.z, zz += n.z * m.z;
-    weight += w;
+    weight += w, area += w;
   }
   /// The vertex's own place, as if three planes at right angles met there.
   void add_point(float w) { xx += w, yy += w, zz += w; }
@@ -40,10 +41,11 @@ struct alignas(16) Quadric {
   /// Both must belong to one vertex.
   Quadric& operator+=(const Quadric& q) {
     xx += q.xx, xy += q.xy, xz += q.xz, yy += q.yy, yz += q.yz, zz += q.zz;
-    x += q.x, y += q.y, z += q.z, weight += q.weight;
+    x += q.x, y += q.y, z += q.z, weight += q.weight, area += q.area;
     return *this;
   }
 
+  /// Counts `by` times; area stays.
   Quadric scaled(float by) const {
     Quadric q = *this;
     q.xx *= by, q.xy *= by, q.xz *= by, q.yy *= by, q.yz *= by, q.zz *= by;

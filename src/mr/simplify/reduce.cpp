@@ -7,6 +7,7 @@
 #include <atomic>
 #include <bit>
 #include <cmath>
+#include <limits>
 #include <utility>
 #include <vector>
 
@@ -14,13 +15,18 @@ namespace mr::simplify {
 
 namespace {
 
-constexpr std::size_t kFew = 256;    // triangles: the last ones go one by one, cheapest first
-constexpr double kFirstShare = 1.1;  // of the vertices that have to go: may go in the first round,
-constexpr double kMostFirst = 0.95;  // but no more of those that there are;
-constexpr double kCare = 0.8;        // of what would do if as many succeed as in the round before:
-constexpr double kMostLater = 0.6;   // in each of the later rounds
-constexpr double kLeastSuccess = 0.02;
-constexpr double kCrowded = 1.1;  // triangles per place for a vertex; below, many are empty
+constexpr std::size_t kFew = 256;  // triangles: the last ones go one by one, cheapest first
+// How many vertices a round looks at, so that no more go than have to:
+constexpr double kCare = 0.9;        // of what would do if as many succeed as in the round before,
+constexpr double kMostFirst = 0.9;   // and no more than these of all, in the first round
+constexpr double kMostLater = 0.65;  // and in the others
+constexpr std::uint32_t kTrialBlock =
+    512;                                 // before the first round a few blocks of so many vertices
+constexpr std::uint32_t kTrialStep = 8;  // show how many succeed
+constexpr double kFewest = 0.35;        // as few are reckoned with at least: success comes in waves
+constexpr double kLeastSuccess = 0.02;  // below, rounds are of no use any more
+constexpr double kCrowded = 0.55;       // of the places for vertices: when fewer are left they are
+constexpr double kWorthwhile = 0.2;     // moved together, if so many of those are still to go
 constexpr std::uint32_t kSamples = 65536;      // vertices that a limit is judged by
 constexpr std::uint32_t kRatedSamples = 4096;  // the same where they have to be rated for it
 constexpr float kRetry = 4;                    // times the limit: what was blocked is tried again
@@ -62,7 +68,7 @@ class Histogram {
       return {std::bit_cast<float>(bin << kShift), std::bit_cast<float>(((bin + 1) << kShift) - 1),
               static_cast<std::uint32_t>(std::min(share * 0x1p32, 0x1p32 - 1))};
     }
-    return {kNever, kNever, 0};
+    return {kNever, std::numeric_limits<float>::max(), 0};
   }
 
  private:
@@ -106,24 +112,21 @@ std::uint32_t look_at(std::uint32_t v, const Limit& limit, float error_m, Collap
     mesh.next[v] = cost;
     return 0;
   }
-  if (collapser.errs_more(error_m)) {
-    mesh.next[v] = kNever;
-    return 0;
-  }
-  const std::uint32_t gone = collapser.collapse(limit.most);
+  const std::uint32_t gone = collapser.collapse(limit.most, error_m);
   if (gone == 0) mesh.next[v] = std::max(limit.most, kLeastCost) * kRetry;
   return gone;
 }
 
-/// One round. Returns how many triangles went.
-std::size_t run_round(const Limit& limit, float error_m, Clock& clock, Sweep& sweep,
+/// One round, for all vertices or a trial for some. Returns how many triangles went.
+std::size_t run_round(const Limit& limit, bool trial, const Goal& goal, Clock& clock, Sweep& sweep,
                       ShrinkingMesh& mesh) {
   const auto wanted = [&](std::uint32_t v) {
-    return limit.takes(mesh.next[v], v) && !clock.is_over();
+    return limit.takes(mesh.next[v], v) && (!trial || v / kTrialBlock % kTrialStep == 0);
   };
-  return sweep.run(mesh, wanted, [&](Collapser& collapser, std::uint32_t v) {
+  const std::size_t budget = mesh.triangles - goal.triangles;
+  return sweep.run(mesh, budget, wanted, [&](Collapser& collapser, std::uint32_t v) {
     if (v % 64 == 0) clock.tick();
-    return look_at(v, limit, error_m, collapser, mesh);
+    return clock.is_over() ? 0 : look_at(v, limit, goal.error_m, collapser, mesh);
   });
 }
 
@@ -166,20 +169,23 @@ void reduce(const Goal& goal, Sweep& sweep, ShrinkingMesh& mesh, ShrinkingMesh& 
   const std::size_t nearly = goal.triangles + std::max(goal.triangles / 128, kFew);
   Clock clock(goal);
   double success = 1;
-  for (bool first = true; mesh.triangles > nearly && !clock.is_over(); first = false) {
-    if (static_cast<double>(mesh.triangles) < kCrowded * mesh.vertices()) {
+  for (int round = 0; mesh.triangles > nearly && !clock.is_over(); ++round) {
+    const bool trial = round == 0, first = round == 1;
+    const double vertices = static_cast<double>(mesh.triangles) / 2;
+    const double to_go = static_cast<double>(mesh.triangles - goal.triangles) / 2;
+    if (vertices < kCrowded * mesh.vertices() && to_go > kWorthwhile * vertices) {
       compact(mesh, number, spare);
       std::swap(mesh, spare);
     }
-    const double vertices = static_cast<double>(mesh.triangles) / 2;
-    const double to_go = static_cast<double>(mesh.triangles - goal.triangles) / 2;
-    const double wanted = first ? std::min(kFirstShare * to_go, kMostFirst * vertices)
-                                : std::min(kCare * to_go / success, kMostLater * vertices);
-    const Limit limit = find_limit(wanted, !first, mesh);
-    const std::size_t gone = run_round(limit, goal.error_m, clock, sweep, mesh);
+    const double wanted =
+        trial ? std::min(to_go, kMostLater * vertices)
+              : std::min(kCare * to_go / success, (first ? kMostFirst : kMostLater) * vertices);
+    const Limit limit = find_limit(wanted, !trial && !first, mesh);
+    const std::size_t gone = run_round(limit, trial, goal, clock, sweep, mesh);
     mesh.triangles -= gone;
-    success = static_cast<double>(gone) / 2 / wanted;
-    if (success < kLeastSuccess) break;
+    success = static_cast<double>(gone) / 2 / (trial ? wanted / kTrialStep : wanted);
+    if (!trial && success < kLeastSuccess) break;
+    success = std::clamp(success, kFewest, 1.0);
   }
   std::size_t most = 4 * kFew;
   while (mesh.triangles > goal.triangles && !clock.is_over()) {
@@ -193,11 +199,11 @@ void reduce(const Goal& goal, Sweep& sweep, ShrinkingMesh& mesh, ShrinkingMesh& 
 
 void relax(Sweep& sweep, ShrinkingMesh& mesh) {
   const auto wanted = [&](std::uint32_t v) {
-    return mesh.rings.alive(v) && mesh.kinds[v] == Kind::inner && mesh.places[v].error > 0;
+    return mesh.places[v].error > 0 && mesh.rings.alive(v) && mesh.kinds[v] == Kind::inner;
   };
-  sweep.run(mesh, wanted, [](Collapser& collapser, std::uint32_t v) -> std::uint32_t {
+  sweep.run(mesh, mesh.vertices(), wanted, [](Collapser& collapser, std::uint32_t v) {
     collapser.relax(v);
-    return 0;
+    return 0u;
   });
 }
 

@@ -76,38 +76,42 @@ void take_out(std::uint32_t at, std::uint32_t size, Line& line) {
 
 /// A vertex's triangles on the way to a ring; [i]: counter-clockwise from a to b.
 struct Fan {
-  const std::uint32_t *a = nullptr, *b = nullptr, *label = nullptr;
   std::uint32_t size = 0;
-  std::array<std::uint8_t, Rings::kMost> next{};  ///< begins where this one ends; over size: none
-  std::uint32_t begun = 0;                        ///< bit i: triangle i begins where another ends
+  const std::uint32_t *a = nullptr, *b = nullptr;
 
-  void find_next() {
-    const std::uint32_t all = (1u << size) - 1, lanes = lanes_of(size);
-    for (std::uint32_t i = 0; i < size; ++i) {
-      const std::uint32_t found = find(a, lanes, b[i]) & all;
-      next[i] = static_cast<std::uint8_t>(std::countr_zero(found | 1u << 31));
+  /// The triangles in order around the vertex, if they are a single fan. `open`: it has ends. The
+  /// same steps whatever the size, up to kLanes, so that nothing has to be guessed.
+  template <std::uint32_t kLanes>
+  bool order(std::array<std::uint8_t, Rings::kMost>& out, bool& open) const {
+    constexpr std::uint8_t kEnd = 31;
+    const std::uint32_t all = (1u << size) - 1;
+    std::array<std::uint8_t, 32> next;  // the triangle that begins where this one ends
+    std::uint32_t begun = 0;            // bit i: triangle i begins where another ends
+    for (std::uint32_t i = 0; i < kLanes; ++i) {
+      const std::uint32_t found = i < size ? find(a, kLanes, b[i]) & all : 0;
+      next[i] = static_cast<std::uint8_t>(std::countr_zero(found | 1u << kEnd));
       begun |= found;
     }
-  }
-  /// The ring and its labels, when the triangles make one. `open`: it has ends.
-  bool order(Line& ring, Line& labels, bool& open) const {
-    const std::uint32_t unbegun = ~begun & ((1u << size) - 1);
-    open = unbegun != 0;
-    if ((open && size == Rings::kMost) || (!open && size < 3)) return false;
-    const std::uint32_t first = open ? static_cast<std::uint32_t>(std::countr_zero(unbegun)) : 0;
-    std::uint32_t at = first;
-    for (std::uint32_t i = 0; i + 1 < size; ++i) {
-      ring[i] = a[at];
-      if (label) labels[i] = label[at];
+    next[kEnd] = kEnd;
+    open = begun != all;
+    auto at = static_cast<std::uint8_t>(open ? std::countr_zero(~begun) : 0);
+    std::uint32_t seen = 0;
+    for (std::uint32_t i = 0; i < kLanes; ++i) {
+      out[i] = at;
+      seen |= 1u << at;
       at = next[at];
-      if (at == first || at >= size) return false;
     }
-    ring[size - 1] = a[at];
-    if (label) labels[size - 1] = label[at];
-    if (open) ring[size] = b[at];
-    return open ? next[at] >= size : next[at] == first;
+    // All were met, each once: closed fans go round and round, open ones end.
+    return (seen & all) == all;
   }
 };
+
+/// Turns lanes past the size into kNobody.
+void end_after(std::uint32_t size, Line& line) {
+  for (std::uint32_t i = 0; i < Rings::kMost; i += 4)
+    store4(load4<Word4>(&line[i]) | static_cast<Word4>(load4<Word4>(&kPlaces[i]) >= size),
+           &line[i]);
+}
 
 }  // namespace
 
@@ -120,35 +124,36 @@ void Rings::start(std::size_t vertices, bool labels) {
 }
 
 bool Rings::close(std::uint32_t v, std::span<const Opposite> more, std::vector<Opposite>& all) {
-  const std::size_t count = size_[v] + more.size();
+  const std::uint32_t few = size_[v];
+  const std::size_t count = few + more.size();
+  Line a, b, labels{};
+  Eight::load(&rings_[v][0]).store(&a[0]);
+  Eight::load(&rings_[v][kFew]).store(&b[0]);
+  if (has_labels()) labels = labels_[v];
+  std::array<std::uint8_t, kMost> order;
+  bool open = false, whole = false;
+  if (more.empty()) {
+    whole = Fan{few, a.data(), b.data()}.order<kFew>(order, open);
+  } else if (count <= kMost) {
+    for (std::size_t i = few; i < count; ++i)
+      a[i] = more[i - few].a, b[i] = more[i - few].b, labels[i] = more[i - few].label;
+    whole = Fan{static_cast<std::uint32_t>(count), a.data(), b.data()}.order<kMost>(order, open);
+  }
+  const std::size_t size = count + open;
+  if (!whole || size < 3u - open || size > kMost) {
+    for (std::uint32_t i = 0; i < few; ++i) all.push_back({a[i], b[i], labels[i]});
+    all.insert(all.end(), more.begin(), more.end());
+    return false;
+  }
   Line& ring = rings_[v];
-  Fan fan;
-  fan.a = ring.data(), fan.b = ring.data() + kFew, fan.size = size_[v];
-  if (has_labels()) fan.label = labels_[v].data();
-  Line a, b, label;
-  if (!more.empty()) {
-    std::copy_n(fan.a, kFew, a.begin()), std::copy_n(fan.b, kFew, b.begin());
-    if (has_labels()) label = labels_[v];
-    for (std::size_t i = size_[v]; i < std::min<std::size_t>(count, kMost); ++i) {
-      const Opposite& triangle = more[i - size_[v]];
-      a[i] = triangle.a, b[i] = triangle.b, label[i] = triangle.label;
-    }
-    fan.a = a.data(), fan.b = b.data(), fan.label = has_labels() ? label.data() : nullptr;
-    fan.size = static_cast<std::uint32_t>(std::min<std::size_t>(count, kMost));
-  }
-  Line ordered = kEmpty, labels;
-  bool open = false;
-  fan.find_next();
-  if (count <= kMost && fan.order(ordered, labels, open)) {
-    ring = ordered;
-    if (has_labels()) labels_[v] = labels;
-    size_[v] = static_cast<std::uint8_t>(count + open), open_[v] = open;
-    return true;
-  }
-  for (std::uint32_t i = 0; i < size_[v]; ++i)
-    all.push_back({ring[i], ring[kFew + i], has_labels() ? labels_[v][i] : 0});
-  all.insert(all.end(), more.begin(), more.end());
-  return false;
+  const std::uint32_t lanes = lanes_of(static_cast<std::uint32_t>(count));
+  for (std::uint32_t i = 0; i < lanes; ++i) ring[i] = a[order[i] % kMost];
+  if (open) ring[count] = b[order[count - 1]];
+  end_after(static_cast<std::uint32_t>(size), ring);
+  if (has_labels())
+    for (std::uint32_t i = 0; i < lanes; ++i) labels_[v][i] = labels[order[i] % kMost];
+  size_[v] = static_cast<std::uint8_t>(size), open_[v] = open;
+  return true;
 }
 
 void Rings::set_complex(std::uint32_t v, std::vector<Opposite> triangles) {

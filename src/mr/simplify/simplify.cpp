@@ -23,6 +23,7 @@ using SteadyClock = std::chrono::steady_clock;
 
 constexpr float kFarthest_m = 1e6f;
 constexpr std::size_t kGrain = 65536;
+constexpr std::chrono::hours kLongest(24);
 
 template <typename T, typename Test>
 bool all_of(std::span<const T> values, const Test& test) {
@@ -137,13 +138,16 @@ std::vector<Simplified> Simplifier::Impl::run(const Mesh& input,
   const Labels labels = start(input, options);
   Goal goal{.triangles = 0, .error_m = options.error_m};
   // The way out takes about half as long as the way in.
-  if (options.time) goal.deadline = started + *options.time - (SteadyClock::now() - started) / 2;
+  if (options.time)
+    goal.deadline = started + std::min<std::chrono::nanoseconds>(*options.time, kLongest) -
+                    (SteadyClock::now() - started) / 2;
   std::vector<Simplified> out;
   for (const std::size_t level : triangles) {
     goal.triangles = level;
     reduce(goal, sweep, mesh, spare, number);
     relax(sweep, mesh);
-    out.push_back(output(mesh, labels.meaning, !options.chunks.empty(), number));
+    out.push_back(
+        output(mesh, labels.meaning, !options.chunks.empty(), !input.runs.empty(), number));
   }
   return out;
 }

@@ -23,14 +23,15 @@ struct SimplifyOptions {
   /// Stops in time, with the least error that so many triangles can have. Not deterministic.
   std::optional<std::chrono::nanoseconds> time{};
 
-  /// [V], or empty: all 1. What is 4 may err half as much as what is 1 (hands and faces against
-  /// walls). Over 0 and finite.
+  /// [V], or empty: all 1. How often errors count (hands and faces against walls): what is 4 may
+  /// err half of error_m, and keeps more of a count of triangles. Over 0, at most a million.
   std::span<const float> weights{};
   /// [T], or empty: all alike. Triangles of one number stay together, such as those of a chunk.
   /// Lines where two numbers meet are simplified before all else, each on its own, so that they
   /// are the same whatever becomes of the triangles beside them (DESIGN section 4, The border).
   std::span<const std::uint32_t> chunks{};
-  /// How far a line between chunks may move.
+  /// How far a line between chunks may move. Lines use up triangles: where they leave too few for
+  /// a count, more stay.
   float border_error_m = 0.0025f;
 };
 

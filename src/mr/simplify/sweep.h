@@ -1,6 +1,7 @@
 #pragma once
 
 #include <array>
+#include <cmath>
 #include <cstddef>
 #include <cstdint>
 #include <numeric>
@@ -22,11 +23,11 @@ class Sweep {
   /// Lays the grid over the mesh.
   void start(const ShrinkingMesh& mesh);
 
-  /// Calls work(collapser, v) for each vertex with wanted(v); returns the sum of what that returns.
-  /// `wanted` is asked once, before v's turn; it may be gone by then only if it lies between
-  /// ranges, and then is left out.
+  /// Calls work(collapser, v) for each vertex with wanted(v), which is asked before the first work;
+  /// returns the sum of what that returns. About `budget` is the most: each range and cell gets a
+  /// share of it by how many vertices it has, and stops then.
   template <typename Wanted, typename Work>
-  std::size_t run(ShrinkingMesh& mesh, const Wanted& wanted, const Work& work);
+  std::size_t run(ShrinkingMesh& mesh, std::size_t budget, const Wanted& wanted, const Work& work);
 
  private:
   static constexpr std::uint32_t kCells = 16;  // along each axis, at most
@@ -37,30 +38,41 @@ class Sweep {
 
   Vec3f origin_;
   float cells_per_m_ = 0;
+  std::vector<std::vector<std::uint32_t>> within_;  // by range: vertices with neighbours there only
   std::vector<std::vector<std::uint32_t>> between_;  // by range: vertices that span it
   std::vector<std::uint32_t> by_cell_;               // the same, sorted
   std::vector<std::vector<std::uint32_t>> last_;     // by cell: what spans that, too
   std::vector<std::size_t> sums_;
 };
 
+/// A part's share of a budget.
+inline std::size_t share_of(std::size_t budget, std::size_t part, std::size_t whole) {
+  return static_cast<std::size_t>(std::ceil(
+      static_cast<double>(budget) * static_cast<double>(part) / static_cast<double>(whole)));
+}
+
 template <typename Wanted, typename Work>
-std::size_t Sweep::run(ShrinkingMesh& mesh, const Wanted& wanted, const Work& work) {
-  between_.resize(mesh.ranges());
+std::size_t Sweep::run(ShrinkingMesh& mesh, std::size_t budget, const Wanted& wanted,
+                       const Work& work) {
+  within_.resize(mesh.ranges()), between_.resize(mesh.ranges());
+  mesh.for_each_range([&](std::uint32_t range) {
+    within_[range].clear(), between_[range].clear();
+    for (std::uint32_t v = mesh.begin(range); v < mesh.end(range); ++v)
+      if (wanted(v)) (mesh.spans[v] ? between_ : within_)[range].push_back(v);
+  });
+  std::size_t all = 0;
+  for (std::uint32_t range = 0; range < mesh.ranges(); ++range)
+    all += within_[range].size() + between_[range].size();
   sums_.assign(mesh.ranges(), 0);
-  parallel_for(mesh.ranges(), 1, [&](std::size_t begin, std::size_t end) {
+  mesh.for_each_range([&](std::uint32_t range) {
     Collapser collapser(mesh);
-    for (auto range = static_cast<std::uint32_t>(begin); range < end; ++range) {
-      between_[range].clear();
-      std::size_t sum = 0;
-      for (std::uint32_t v = mesh.begin(range); v < mesh.end(range); ++v) {
-        if (!wanted(v)) continue;
-        if (mesh.spans[v])
-          between_[range].push_back(v);
-        else
-          sum += work(collapser, v);
-      }
-      sums_[range] = sum;
+    const std::size_t most = share_of(budget, within_[range].size(), all);
+    std::size_t sum = 0;
+    for (const std::uint32_t v : within_[range]) {
+      if (sum >= most) break;
+      sum += work(collapser, v);
     }
+    sums_[range] = sum;
   });
   std::size_t total = std::accumulate(sums_.begin(), sums_.end(), std::size_t{0});
 
@@ -81,8 +93,10 @@ std::size_t Sweep::run(ShrinkingMesh& mesh, const Wanted& wanted, const Work& wo
     for (std::size_t c = begin; c < end; ++c) {
       last_[c].clear();
       const std::uint32_t cell = cell_of(mesh.places[by_cell_[first[c]]].at);
+      const std::size_t most = share_of(budget, first[c + 1] - first[c], all);
       for (std::uint32_t i = first[c]; i < first[c + 1]; ++i) {
         const std::uint32_t v = by_cell_[i];
+        if (sums_[c] >= most) break;
         if (!mesh.rings.alive(v)) continue;
         if (is_inside(mesh, v, cell))
           sums_[c] += work_between(collapser, v);
@@ -96,7 +110,7 @@ std::size_t Sweep::run(ShrinkingMesh& mesh, const Wanted& wanted, const Work& wo
   Collapser collapser(mesh);
   for (std::size_t c = 0; c < cells; ++c)
     for (const std::uint32_t v : last_[c])
-      if (mesh.rings.alive(v)) total += work_between(collapser, v);
+      if (mesh.rings.alive(v) && total < budget) total += work_between(collapser, v);
   return total;
 }
 
