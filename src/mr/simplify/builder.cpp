@@ -12,9 +12,9 @@ namespace mr::simplify {
 
 namespace {
 
-constexpr float kBorderWeight =
-    2.5f;                        // of the planes that hold a border or crease, per edge length²
-constexpr float kTipWeight = 3;  // of a border's sharp tips against its planes
+// Of the planes that hold a border or crease, per edge length squared.
+constexpr float kBorderWeight = 5;
+constexpr float kTipWeight = 3;        // of a border's sharp tips against its planes
 constexpr std::size_t kBatch = 32768;  // triangles that are assigned at once
 
 /// A triangle's plane through each of its corners, weighted by area: A of a Quadric and the weight.
