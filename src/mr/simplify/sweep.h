@@ -47,8 +47,9 @@ class Sweep {
 
 /// A part's share of a budget.
 inline std::size_t share_of(std::size_t budget, std::size_t part, std::size_t whole) {
-  return static_cast<std::size_t>(std::ceil(
-      static_cast<double>(budget) * static_cast<double>(part) / static_cast<double>(whole)));
+  if (whole == 0) return 0;
+  const double share = static_cast<double>(part) / static_cast<double>(whole);
+  return static_cast<std::size_t>(std::ceil(static_cast<double>(budget) * share));
 }
 
 template <typename Wanted, typename Work>
