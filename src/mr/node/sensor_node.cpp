@@ -56,8 +56,13 @@ SensorNode::Patch SensorNode::reconstruct_patch(const ImageDepth& depth, const P
   }
   out.usable = report.usable;
   const Stopwatch stopwatch(out.simplify_ms);
-  out.surface = *worker.simplifier.run(
+  auto small = worker.simplifier.run(
       *fused, {.triangles = simplify::triangles_at(*fused, scene_->simplify.ratio)});
+  if (!small) {  // what the camera saw lies too far away
+    out.usable = false;
+    return out;
+  }
+  out.surface = *std::move(small);
   out.surface.mesh =
       merge::remove_islands(out.surface.mesh, merge::island_area_m2(scene_->voxel_m));
   return out;

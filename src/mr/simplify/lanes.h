@@ -1,6 +1,5 @@
 #pragma once
 
-#include <cmath>
 #include <cstdint>
 #include <cstring>
 #ifdef __SSE2__
@@ -45,13 +44,6 @@ inline std::uint32_t sum_of(Word4 a) {
   return a[0];
 }
 
-inline Float4 root(Float4 a) {
-#ifdef __SSE2__
-  return reinterpret_cast<Float4>(_mm_sqrt_ps(reinterpret_cast<__m128>(a)));
-#else
-  return Float4{std::sqrt(a[0]), std::sqrt(a[1]), std::sqrt(a[2]), std::sqrt(a[3])};
-#endif
-}
 inline float least_of(Float4 a) {
   const Float4 b = __builtin_shufflevector(a, a, 2, 3, 0, 1);
   a = a < b ? a : b;

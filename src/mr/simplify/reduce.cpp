@@ -1,7 +1,5 @@
 #include "mr/simplify/reduce.h"
 
-#include "mr/simplify/compact.h"
-
 #include <algorithm>
 #include <array>
 #include <atomic>
@@ -10,6 +8,8 @@
 #include <limits>
 #include <utility>
 #include <vector>
+
+#include "mr/simplify/compact.h"
 
 namespace mr::simplify {
 
@@ -20,9 +20,8 @@ constexpr std::size_t kFew = 256;  // triangles: the last ones go one by one, ch
 constexpr double kCare = 0.9;        // of what would do if as many succeed as in the round before,
 constexpr double kMostFirst = 0.9;   // and no more than these of all, in the first round
 constexpr double kMostLater = 0.65;  // and in the others
-constexpr std::uint32_t kTrialBlock =
-    512;                                 // before the first round a few blocks of so many vertices
-constexpr std::uint32_t kTrialStep = 8;  // show how many succeed
+// Before the first round one in so many blocks of vertices shows how many succeed.
+constexpr std::uint32_t kTrialBlock = 512, kTrialStep = 8;
 constexpr double kFewest = 0.35;        // as few are reckoned with at least: success comes in waves
 constexpr double kLeastSuccess = 0.02;  // below, rounds are of no use any more
 constexpr double kCrowded = 0.55;       // of the places for vertices: when fewer are left they are

@@ -173,10 +173,9 @@ Result<std::vector<Simplified>> Simplifier::run(const Mesh& mesh,
   // What needs no work is handed back as it came.
   std::vector<Simplified> out;
   std::size_t whole = 0;
-  const std::vector<std::uint32_t> chunks(options.chunks.begin(), options.chunks.end());
   while (options.chunks.empty() && whole < triangles.size() &&
          triangles[whole] >= mesh.triangles.size()) {
-    out.push_back({mesh, chunks, 0});
+    out.push_back({mesh, {}, 0});
     ++whole;
   }
   if (whole == triangles.size()) return out;
