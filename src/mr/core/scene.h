@@ -49,6 +49,11 @@ struct MergerConfig {
   std::string id;
   std::vector<std::string> inputs;  ///< ids of sensors or mergers
   double deadline_ms = 50;          ///< waits this long for the slowest input
+  double budget_ms = 0;  ///< merging should take no longer: what only improves the surface is then
+                         ///< left out; 0: no limit
+  /// Spatial split: the merger owns the surface in here, and takes no other. Its inputs may feed
+  /// other mergers with a region, too.
+  std::optional<Box3d> region;
 };
 
 struct LinkConfig {
@@ -82,11 +87,15 @@ struct SimplifyConfig {
 
 struct MergeConfig {
   enum class Owner { paper, coherent } owner = Owner::coherent;
-  enum class Overlap { rays, raster } overlap = Overlap::rays;
+  enum class Overlap { rays, raster } overlap = Overlap::raster;
   bool refine = false;
   bool color_gain = false;
   SimplifyConfig simplify;
   double calibration_error_m = 0.005;  ///< how far two sensors may disagree, 1 sigma
+  double island_area_m2 = 0;           ///< smaller components go; 0: what suits the voxel
+  double gap_m = 0;                    ///< wider gaps between sensors stay open; 0: six voxels
+  double leave_out_mm = 0;  ///< a sensor whose surface lies farther than this from its neighbours'
+                            ///< is left out; 0: it is told, and stays
 };
 
 struct AtlasConfig {

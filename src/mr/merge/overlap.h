@@ -4,20 +4,14 @@
 #include <vector>
 
 #include "mr/core/mesh.h"
-#include "mr/core/packet.h"
 #include "mr/core/scene.h"
+#include "mr/merge/part.h"
 
 namespace mr::merge {
 
-/// The surface that one child (sensor or merger) sent, and the sensors it came from.
-struct Part {
-  Mesh mesh;
-  float error_m = 0;                ///< geometric error made so far
-  std::vector<SourceInfo> sources;  ///< at least one
-};
-
 struct OverlapConfig {
   MergeConfig::Owner owner = MergeConfig::Owner::coherent;
+  MergeConfig::Overlap overlap = MergeConfig::Overlap::raster;  ///< how hits are found
   double voxel_m = 0.01;  ///< triangles on the border of an overlap are cut to about this scale
   double calibration_error_m = 0.005;
   double island_area_m2 = 0.002;  ///< smaller pieces that would be left over are given up

@@ -1,0 +1,17 @@
+#pragma once
+
+#include <vector>
+
+#include "mr/core/mesh.h"
+#include "mr/core/packet.h"
+
+namespace mr::merge {
+
+/// The surface that one child (sensor or merger) sent, and the sensors it came from.
+struct Part {
+  Mesh mesh;
+  float error_m = 0;                ///< geometric error made so far
+  std::vector<SourceInfo> sources;  ///< at least one
+};
+
+}  // namespace mr::merge
