@@ -9,6 +9,8 @@
 #include <optional>
 #include <span>
 
+#include "mr/codec/flat_triangles.h"
+
 namespace mr::codec {
 namespace {
 
@@ -60,17 +62,24 @@ std::optional<Vec3i> cell_of(const Lattice& lattice, Vec3f p) {
   return cell;
 }
 
-bool no_area(const std::vector<Vec3i>& cells, const Triangle& t) {
-  const auto a = vec_cast<std::int64_t>(cells[t[0]]);
-  return cross(vec_cast<std::int64_t>(cells[t[1]]) - a, vec_cast<std::int64_t>(cells[t[2]]) - a) ==
-         Vec3<std::int64_t>{};
-}
-
 /// Equal for triangles with the same corners in the same winding: smallest index first.
 Vec3i name_of(const Triangle& t) {
   const auto first = std::min_element(t.begin(), t.end()) - t.begin();
   return {static_cast<std::int32_t>(t[first]), static_cast<std::int32_t>(t[(first + 1) % 3]),
           static_cast<std::int32_t>(t[(first + 2) % 3])};
+}
+
+/// The triangles of a mesh by places in place of vertices, without those that lost a corner.
+void add_snapped(const Mesh& mesh, const std::vector<std::uint32_t>& place_of,
+                 std::vector<Triangle>& triangles, std::vector<ViewId>& views) {
+  const std::vector<ViewId> all = triangle_views(mesh);
+  triangles.reserve(all.size()), views.reserve(all.size());
+  for (std::size_t i = 0; i < all.size(); ++i) {
+    const auto& [a, b, c] = mesh.triangles[i];
+    const Triangle t = {place_of[a], place_of[b], place_of[c]};
+    if (t[0] == t[1] || t[1] == t[2] || t[2] == t[0]) continue;
+    triangles.push_back(t), views.push_back(all[i]);
+  }
 }
 
 bool indices_fit(const Mesh& mesh) {
@@ -482,23 +491,33 @@ Result<Snapped> snap_vertices(const Mesh& mesh, const Lattice& lattice) {
     if (!cell) return invalid("vertex " + number(v) + " is not finite or outside the lattice");
     cells[v] = *cell;
   }
-  const std::vector<ViewId> views = triangle_views(mesh);
-  Welder welder(cells.size()), kept(mesh.triangles.size());
+  Welder places(cells.size()), kept(mesh.triangles.size());
+  std::vector<std::uint32_t> place_of(cells.size());
+  for (std::size_t v = 0; v < cells.size(); ++v) place_of[v] = places.index_of(cells[v]);
+  std::vector<Triangle> triangles;
+  std::vector<ViewId> views;
+  add_snapped(mesh, place_of, triangles, views);
+  turn_flat_edges(places.cells(), triangles, views);
+
   Snapped snapped{{}, std::vector<std::uint32_t>(cells.size(), Snapped::kGone)};
   Mesh& out = snapped.mesh;
+  std::vector<std::uint32_t> vertex_of(places.cells().size(), Snapped::kGone);
   std::vector<ViewId> kept_views;
-  for (std::size_t i = 0; i < mesh.triangles.size(); ++i) {
-    const Triangle& old = mesh.triangles[i];
-    if (no_area(cells, old)) continue;
-    const Triangle t = {welder.index_of(cells[old[0]]), welder.index_of(cells[old[1]]),
-                        welder.index_of(cells[old[2]])};
+  for (std::size_t i = 0; i < triangles.size(); ++i) {
+    Triangle t = triangles[i];
+    if (is_flat(places.cells(), t)) continue;
+    for (std::uint32_t& v : t) {
+      if (vertex_of[v] == Snapped::kGone) {
+        vertex_of[v] = static_cast<std::uint32_t>(out.positions.size());
+        out.positions.push_back(lattice.position(places.cells()[v]));
+      }
+      v = vertex_of[v];
+    }
     if (kept.index_of(name_of(t)) < out.triangles.size()) continue;  // there already
-    for (int c = 0; c < 3; ++c) snapped.vertex_of[old[c]] = t[c];
     out.triangles.push_back(t);
     kept_views.push_back(views[i]);
   }
-  out.positions.reserve(welder.cells().size());
-  for (const Vec3i& cell : welder.cells()) out.positions.push_back(lattice.position(cell));
+  for (std::size_t v = 0; v < cells.size(); ++v) snapped.vertex_of[v] = vertex_of[place_of[v]];
   if (!mesh.runs.empty()) set_triangle_views(out, kept_views);
   return snapped;
 }

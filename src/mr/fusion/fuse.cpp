@@ -13,7 +13,7 @@ std::vector<Rect> patches(int width, int height, const FusionConfig& fusion) {
   return out;
 }
 
-const Surface& FrameFuser::fuse(const DepthFrame& frame, IntegrateReport* report) {
+Surface& FrameFuser::fuse(const DepthFrame& frame, IntegrateReport* report) {
   const IntegrateReport done = volume_.integrate(frame);
   if (report) *report = done;
   marching_cubes_.run(volume_, surface_);

@@ -21,8 +21,9 @@ class FrameFuser {
   explicit FrameFuser(const VolumeConfig& config, DepthEdges edges = DepthEdges::cut)
       : volume_(config), marching_cubes_(edges) {}
 
-  /// The surface of a frame; good until the next. `report`, where wanted: what became of it.
-  const Surface& fuse(const DepthFrame& frame, IntegrateReport* report = nullptr);
+  /// The surface of a frame; good until the next, the caller's to change. `report`, where wanted:
+  /// what became of it.
+  Surface& fuse(const DepthFrame& frame, IntegrateReport* report = nullptr);
 
  private:
   VoxelVolume volume_;

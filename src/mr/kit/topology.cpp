@@ -64,6 +64,24 @@ EdgesByVertex edges_by_lower_vertex(const Mesh& mesh) {
 
 }  // namespace
 
+std::vector<std::uint8_t> border_vertices(const Mesh& mesh) {
+  // Going around a vertex, each neighbour is once the next corner of a triangle and once the one
+  // before: then what stands for the neighbours cancels out.
+  const auto stands_for = [](std::uint32_t v) {
+    std::uint64_t h = (v + 1) * 0x9E3779B97F4A7C15ull;
+    h ^= h >> 32;
+    return h * 0xBF58476D1CE4E5B9ull;
+  };
+  std::vector<std::uint64_t> sum(mesh.positions.size(), 0);
+  for (const auto& [a, b, c] : mesh.triangles) {
+    const std::uint64_t ha = stands_for(a), hb = stands_for(b), hc = stands_for(c);
+    sum[a] += hb - hc, sum[b] += hc - ha, sum[c] += ha - hb;
+  }
+  std::vector<std::uint8_t> out(sum.size());
+  for (std::size_t v = 0; v < out.size(); ++v) out[v] = sum[v] != 0;
+  return out;
+}
+
 EdgeTable edge_table(const Mesh& mesh) {
   const EdgesByVertex edges = edges_by_lower_vertex(mesh);
   EdgeTable table;

@@ -33,6 +33,10 @@ std::size_t count_nonmanifold_edges(const Mesh& mesh);
 /// Edges of one triangle only, counted.
 std::size_t count_boundary_edges(const Mesh& mesh);
 
+/// [V] 1 for vertices whose triangles do not close a ring around them: on a border, at an edge of
+/// more than two triangles, or where winding changes.
+std::vector<std::uint8_t> border_vertices(const Mesh& mesh);
+
 /// Merges vertices at identical positions, drops triangles that thereby lose a corner, doubled
 /// triangles (same corners, any rotation) and unused vertices; views are kept.
 Mesh weld(const Mesh& mesh);

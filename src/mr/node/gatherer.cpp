@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <chrono>
+#include <cmath>
 #include <iterator>
 
 #include "mr/codec/packet_codec.h"
@@ -17,15 +18,24 @@ Duration milliseconds(double ms) {
   return std::chrono::round<Duration>(std::chrono::duration<double, std::milli>(ms));
 }
 
-/// The sensors in the subtree of a node.
-std::set<std::uint32_t> sensors_below(const Scene& scene, const std::string& node) {
-  std::set<std::uint32_t> out;
-  for (std::uint32_t i = 0; i < scene.sensors.size(); ++i)
-    if (scene.sensors[i].id == node) out.insert(i);
-  for (const MergerConfig& merger : scene.mergers)
-    if (merger.id == node)
-      for (const std::string& input : merger.inputs) out.merge(sensors_below(scene, input));
+/// The sensors below each node: of a sensor, itself.
+std::map<std::string, std::set<std::uint32_t>> sensors_below(const Scene& scene) {
+  std::map<std::string, std::set<std::uint32_t>> out;
+  for (std::uint32_t i = 0; i < scene.sensors.size(); ++i) out[scene.sensors[i].id].insert(i);
+  for (const MergerConfig& merger : scene.mergers)  // children first
+    for (const std::string& input : merger.inputs)
+      out[merger.id].insert(out[input].begin(), out[input].end());
   return out;
+}
+
+/// Whether a cube lies in a region that is `margin` cubes larger on every side.
+bool in_region(Vec3i cube, const Box3d& region, double chunk_m, int margin) {
+  for (int axis = 0; axis < 3; ++axis) {
+    const double low = std::round(region.low[axis] / chunk_m) - margin;
+    const double high = std::round(region.high[axis] / chunk_m) + margin;
+    if (cube[axis] < low || cube[axis] >= high) return false;
+  }
+  return true;
 }
 
 void keep_latest(std::map<std::string, TimePoint>& marks, const std::string& stage, TimePoint at) {
@@ -35,7 +45,27 @@ void keep_latest(std::map<std::string, TimePoint>& marks, const std::string& sta
   latest = std::max(latest, at);
 }
 
+/// Sorts by `id` and keeps the first of those that have the same.
+template <typename T, typename Id>
+void keep_first_of_each(std::vector<T>& items, Id T::*id) {
+  std::stable_sort(items.begin(), items.end(),
+                   [&](const T& a, const T& b) { return a.*id < b.*id; });
+  items.erase(std::unique(items.begin(), items.end(),
+                          [&](const T& a, const T& b) { return a.*id == b.*id; }),
+              items.end());
+}
+
 }  // namespace
+
+Mesh inside(const Mesh& mesh, const Box3d& region, double chunk_m) {
+  std::vector<std::uint8_t> keep(mesh.triangles.size());
+  for (std::size_t t = 0; t < keep.size(); ++t) {
+    const Vec3f p = mesh.centroid(t);
+    const auto cell = [&](float v) { return static_cast<std::int32_t>(std::floor(v / chunk_m)); };
+    keep[t] = in_region({cell(p.x), cell(p.y), cell(p.z)}, region, chunk_m, 0);
+  }
+  return select_triangles(mesh, keep);
+}
 
 Gatherer::Gatherer(const Scene& scene, const MergerConfig& merger, bool hand_on)
     : scene_(&scene),
@@ -43,8 +73,12 @@ Gatherer::Gatherer(const Scene& scene, const MergerConfig& merger, bool hand_on)
       hand_on_(hand_on),
       aligner_(merger.inputs.size(), milliseconds(1000 / scene.fps),
                milliseconds(merger.deadline_ms)) {
-  for (const std::string& input : merger.inputs)
-    inputs_.emplace_back(input, sensors_below(scene, input), scene.lattice);
+  const auto below = sensors_below(scene);
+  for (const std::string& input : merger.inputs) {
+    const auto sensors = below.find(input);
+    inputs_.emplace_back(
+        input, sensors == below.end() ? std::set<std::uint32_t>{} : sensors->second, scene.lattice);
+  }
 }
 
 /// The packet must come from the node that the input stands for, and speak for its sensors only:
@@ -89,12 +123,24 @@ Status Gatherer::receive(std::size_t input, Packet packet, TimePoint now) {
     drops_.count(link(from), told);
     return told;
   }
+  keep_region(packet);
   for (const Error& error : from.receiver.accept(packet)) drops_.count(link(from), error);
   from.marks.clear();
   for (const TimeMark& mark : packet.marks) keep_latest(from.marks, mark.stage, mark.at);
   if (hand_on_) keep_units(from, packet);
   settle(input, now);
   return {};
+}
+
+/// Leaves out the chunks that are others' to merge; they are not decoded, or asked for.
+void Gatherer::keep_region(Packet& packet) const {
+  if (!merger_.region) return;
+  constexpr int kMargin = 1;  // cubes
+  const auto is_far = [&](const ChunkKey& key) {
+    return !in_region(key.id.cube, *merger_.region, scene_->fusion.chunk_m, kMargin);
+  };
+  std::erase_if(packet.manifest, is_far);
+  std::erase_if(packet.chunks, [&](const EncodedChunk& chunk) { return is_far(chunk.key); });
 }
 
 void Gatherer::keep_units(Input& input, Packet& packet) {
@@ -161,31 +207,49 @@ Result<std::optional<Gathered>> Gatherer::gather(TimePoint now) {
   trace_.add("decode", std::exchange(decode_ms_, 0));
   Gathered out;
   out.tick = *tick;
-  for (const std::size_t i : aligner_.live_at(*tick)) add(inputs_[i], out);
+  for (const std::size_t i : aligner_.live_at(*tick)) add(i, out);
   // Also what came too late was taken, else its sender would wait for word.
   for (std::size_t i = 0; i < inputs_.size(); ++i)
     if (inputs_[i].taken) out.taken.emplace_back(i, *std::exchange(inputs_[i].taken, std::nullopt));
   if (out.scenes.empty())
     return Error{Error::Cause::empty, "merger '" + merger_.id + "' has no live input at this tick"};
-  std::sort(out.views.begin(), out.views.end(),
-            [](const View& a, const View& b) { return a.id < b.id; });
-  std::sort(out.sources.begin(), out.sources.end(),
-            [](const SourceInfo& a, const SourceInfo& b) { return a.sensor < b.sensor; });
+  keep_first_of_each(out.views, &View::id);
+  keep_first_of_each(out.sources, &SourceInfo::sensor);
   return std::optional(std::move(out));
 }
 
 /// Adds an input's newest whole capture, with the texture units up to it.
-void Gatherer::add(Input& input, Gathered& out) {
-  const DecodedScene& scene = *input.whole;
+void Gatherer::add(std::size_t input, Gathered& out) {
+  const Input& from = inputs_[input];
+  const DecodedScene& scene = *from.whole;
+  std::set<std::uint32_t> given;  // by an input before
+  for (const View& view : out.views) given.insert(view.stream);
   out.views.insert(out.views.end(), scene.views.begin(), scene.views.end());
   out.sources.insert(out.sources.end(), scene.sources.begin(), scene.sources.end());
   out.scenes.push_back(scene);
-  for (const auto& [stage, at] : input.marks) keep_latest(out.marks, stage, at);
-  const auto belongs = [&](const Unit& u) { return u.captured_at <= scene.captured_at; };
-  const auto later = std::find_if_not(input.units.begin(), input.units.end(), belongs);
-  for (auto unit = input.units.begin(); unit != later; ++unit)
-    out.units.push_back(std::move(unit->unit));
-  input.units.erase(input.units.begin(), later);
+  for (const auto& [stage, at] : from.marks) keep_latest(out.marks, stage, at);
+  hand_on_units(input, given, out);
+}
+
+/// Hands on the units up to the input's newest whole capture, but for streams that are `given`. A
+/// stream that another input gave so far goes on with a key frame.
+void Gatherer::hand_on_units(std::size_t input, const std::set<std::uint32_t>& given,
+                             Gathered& out) {
+  Input& from = inputs_[input];
+  const auto later = std::find_if(from.units.begin(), from.units.end(), [&](const Unit& unit) {
+    return unit.captured_at > from.whole->captured_at;
+  });
+  for (auto waiting = from.units.begin(); waiting != later; ++waiting) {
+    TextureUnit& unit = waiting->unit;
+    if (given.contains(unit.stream)) continue;
+    std::size_t& giver = stream_from_.try_emplace(unit.stream, input).first->second;
+    if (unit.key_frame) giver = input;
+    if (giver == input)
+      out.units.push_back(std::move(unit));
+    else
+      from.key_frame_wanted = true;
+  }
+  from.units.erase(from.units.begin(), later);
 }
 
 }  // namespace mr::node

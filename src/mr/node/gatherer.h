@@ -11,6 +11,7 @@
 
 #include "mr/codec/receiver.h"
 #include "mr/codec/request.h"
+#include "mr/core/mesh.h"
 #include "mr/core/packet.h"
 #include "mr/core/result.h"
 #include "mr/core/scene.h"
@@ -19,7 +20,8 @@
 
 namespace mr::node {
 
-/// What is merged in one tick.
+/// What is merged in one tick. Mergers that share the space bring the same sensors: then `views`,
+/// `sources` and `units` are those of the first input that brings them.
 struct Gathered {
   TimePoint tick{};
   std::vector<DecodedScene> scenes;
@@ -31,9 +33,15 @@ struct Gathered {
   std::vector<std::pair<std::size_t, std::uint64_t>> taken;
 };
 
+/// The triangles of the cubes that lie in a region, by their centroids; views are kept. Of two
+/// regions side by side, each triangle is inside one.
+Mesh inside(const Mesh& mesh, const Box3d& region, double chunk_m);
+
 /// The receiving half of a merger: decodes its inputs' packets, asks for what is missing, and
 /// brings captures together by time. An input whose newest packet is incomplete is shown as it was
-/// last whole. No socket, thread or clock inside; decodes in the caller's arena.
+/// last whole. A merger with a region takes the chunks in it and in one cube around it, so that at
+/// its border it decides from the same surface as its neighbour. No socket, thread or clock inside;
+/// decodes in the caller's arena.
 class Gatherer {
  public:
   /// Key frames are asked for at most this often, missing chunks again after this long.
@@ -94,15 +102,18 @@ class Gatherer {
 
   std::string link(const Input& input) const { return input.id + " → " + merger_.id; }
   Status check_sender(const Input& input, const Packet& packet) const;
+  void keep_region(Packet& packet) const;
   void keep_units(Input& input, Packet& packet);
   void settle(std::size_t input, TimePoint now);
-  void add(Input& input, Gathered& out);
+  void add(std::size_t input, Gathered& out);
+  void hand_on_units(std::size_t input, const std::set<std::uint32_t>& given, Gathered& out);
 
   const Scene* scene_;
   MergerConfig merger_;
   bool hand_on_;
   std::vector<Input> inputs_;
   Aligner aligner_;
+  std::map<std::uint32_t, std::size_t> stream_from_;  // the input whose units are handed on
   double decode_ms_ = 0;
   Trace trace_;
   DropCounter drops_;

@@ -5,6 +5,7 @@
 #include "mr/codec/mesh_codec.h"
 #include "mr/codec/packet_codec.h"
 #include "mr/core/parallel.h"
+#include "mr/kit/pinholes.h"
 #include "mr/kit/topology.h"
 #include "mr/merge/islands.h"
 #include "mr/merge/zipper.h"
@@ -19,6 +20,8 @@ double texturing_error_m(const Scene& scene, float mesh_error_m) {
 }
 
 namespace {
+
+constexpr double kPinhole_voxels = 12;  // around: what a few failed pixels leave
 
 fusion::VolumeConfig volume_config(const Scene& scene) {
   return {.voxel_m = scene.voxel_m,
@@ -41,7 +44,7 @@ SensorNode::SensorNode(const Scene& scene, std::uint32_t sensor_index, NodeClock
 SensorNode::Patch SensorNode::reconstruct_patch(const ImageDepth& depth, const Pose& T_world_depth,
                                                 const Rect& rect, PatchWorker& worker) const {
   Patch out;
-  const Mesh* fused = nullptr;
+  Mesh* fused = nullptr;
   fusion::IntegrateReport report;
   {
     const Stopwatch stopwatch(out.fuse_ms);
@@ -56,6 +59,7 @@ SensorNode::Patch SensorNode::reconstruct_patch(const ImageDepth& depth, const P
   }
   out.usable = report.usable;
   const Stopwatch stopwatch(out.simplify_ms);
+  kit::close_pinholes(*fused, kPinhole_voxels * scene_->voxel_m);
   auto small = worker.simplifier.run(
       *fused, {.triangles = simplify::triangles_at(*fused, scene_->simplify.ratio)});
   if (!small) {  // what the camera saw lies too far away

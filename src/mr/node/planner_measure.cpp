@@ -1,0 +1,238 @@
+#include <malloc.h>
+
+#include <algorithm>
+#include <cmath>
+#include <fstream>
+#include <limits>
+#include <numeric>
+#include <utility>
+
+#include "mr/codec/mesh_codec.h"
+#include "mr/core/parallel.h"
+#include "mr/core/trace.h"
+#include "mr/merge/islands.h"
+#include "mr/merge/overlap.h"
+#include "mr/merge/zipper.h"
+#include "mr/node/chunk_publisher.h"
+#include "mr/node/planner.h"
+#include "mr/node/sensor_node.h"
+#include "mr/node/sources.h"
+
+namespace mr::node {
+namespace {
+
+constexpr int kParts = 4, kColumns = 72, kRows = 70;  // 10,080 triangles each
+constexpr int kRuns = 3;
+
+/// The picture of a Kinect with as many pixels as the scene's first sensor.
+Camera camera_of(const Scene& scene) {
+  Camera camera;
+  camera.width = 640, camera.height = 576;
+  if (!scene.sensors.empty() && scene.sensors[0].depth_camera.model == CameraModel::pinhole)
+    camera.width = scene.sensors[0].depth_camera.width,
+    camera.height = scene.sensors[0].depth_camera.height;
+  camera.fx = camera.fy = 0.65 * camera.width;  // 75 degrees
+  camera.cx = (camera.width - 1) / 2.0, camera.cy = (camera.height - 1) / 2.0;
+  return camera;
+}
+
+/// A wall with ripples and noise, 3.2 x 2.6 m, 2.5 m before a sensor at (x_m, 0, 0).
+merge::Part wall(const Scene& scene, std::uint32_t sensor, float x_m) {
+  merge::Part part;
+  for (int y = 0; y <= kRows; ++y)
+    for (int x = 0; x <= kColumns; ++x) {
+      const float right = 3.2f * (static_cast<float>(x) / kColumns - 0.5f);
+      const float down = 2.6f * (static_cast<float>(y) / kRows - 0.5f);
+      const std::uint64_t random = hash_cell({x, y, static_cast<std::int32_t>(sensor)});
+      const float noise_m = 0.004f * (static_cast<float>(random >> 40) / 16777216.0f - 0.5f);
+      const float ripple_m = 0.03f * std::sin(5 * right) * std::cos(4 * down);
+      part.mesh.positions.push_back({x_m + right, down, 2.5f + ripple_m + noise_m});
+    }
+  for (std::uint32_t y = 0; y < kRows; ++y)
+    for (std::uint32_t x = 0; x < kColumns; ++x) {
+      const std::uint32_t a = y * (kColumns + 1) + x, b = a + 1, c = a + kColumns + 1, d = c + 1;
+      part.mesh.triangles.push_back({a, c, b});
+      part.mesh.triangles.push_back({b, c, d});
+    }
+  if (auto snapped = codec::snap_to_lattice(part.mesh, Lattice{}); snapped)
+    part.mesh = *std::move(snapped);
+  set_triangle_views(part.mesh, std::vector<ViewId>(part.mesh.triangles.size(), sensor));
+  SourceInfo source;
+  source.sensor = sensor, source.depth_camera = camera_of(scene);
+  source.T_world_depth.translation = {x_m, 0, 0};
+  part.sources = {source};
+  return part;
+}
+
+/// Sensors side by side, `step_m` apart.
+std::vector<merge::Part> walls(const Scene& scene, float step_m) {
+  std::vector<merge::Part> out;
+  for (int i = 0; i < kParts; ++i)
+    out.push_back(wall(scene, static_cast<std::uint32_t>(i), step_m * static_cast<float>(i)));
+  return out;
+}
+
+Mesh merged(const Scene& scene, const std::vector<merge::Part>& parts) {
+  const double island_m2 = merge::island_area_m2(scene.voxel_m);
+  std::vector<Mesh> owned =
+      merge::remove_overlap(parts, {.owner = scene.merge.owner,
+                                    .overlap = scene.merge.overlap,
+                                    .voxel_m = scene.voxel_m,
+                                    .calibration_error_m = scene.merge.calibration_error_m,
+                                    .island_area_m2 = island_m2});
+  for (Mesh& mesh : owned) mesh = merge::remove_islands(mesh, island_m2);
+  return merge::zip(owned, merge::zipper_config(scene.voxel_m));
+}
+
+std::vector<EncodedChunk> coded(const Scene& scene, const std::vector<merge::Part>& parts) {
+  std::vector<Chunk> chunks;
+  for (const merge::Part& part : parts)
+    for (auto& [cube, mesh] : split_by_cube(part.mesh, scene.fusion.chunk_m))
+      chunks.push_back({{{cube, part.sources[0].sensor}, 0, 1}, 0, std::move(mesh)});
+  std::vector<EncodedChunk> out(chunks.size());
+  parallel_for(chunks.size(), 1, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t i = begin; i < end; ++i)
+      if (auto chunk = codec::encode_chunk(chunks[i], Lattice{}, 5)) out[i] = *std::move(chunk);
+  });
+  return out;
+}
+
+std::size_t decoded_triangles(const std::vector<EncodedChunk>& chunks) {
+  std::vector<std::size_t> out(chunks.size());
+  parallel_for(chunks.size(), 1, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t i = begin; i < end; ++i)
+      if (const auto chunk = codec::decode_chunk(chunks[i], Lattice{}))
+        out[i] = chunk->mesh.triangles.size();
+  });
+  return std::accumulate(out.begin(), out.end(), std::size_t{0});
+}
+
+/// The fastest of several runs, in ms.
+template <typename Work>
+double fastest_ms(Work&& work) {
+  double best = std::numeric_limits<double>::max();
+  for (int i = 0; i < kRuns; ++i) {
+    double ms = 0;
+    {
+      const Stopwatch stopwatch(ms);
+      work();
+    }
+    best = std::min(best, ms);
+  }
+  return best;
+}
+
+/// "VmHWM" or "VmRSS" of this process, in bytes; 0 where the system does not tell.
+double memory_bytes(const std::string& key) {
+  std::ifstream status("/proc/self/status");
+  for (std::string line; std::getline(status, line);)
+    if (line.starts_with(key + ":")) return std::atof(line.c_str() + key.size() + 1) * 1024;
+  return 0;
+}
+
+/// How much more memory the process has at the peak of some work; 0 where the system does not tell.
+template <typename Work>
+double peak_bytes(Work&& work) {
+  ::malloc_trim(0);
+  std::ofstream("/proc/self/clear_refs") << "5";  // Linux: the peak counts from here
+  const double before = memory_bytes("VmRSS");
+  work();
+  return std::max(memory_bytes("VmHWM") - before, 0.0);
+}
+
+/// Points that stand for all triangles.
+std::vector<Vec3f> some_points(const Mesh& mesh) {
+  constexpr std::size_t kMost = 2048;
+  const std::size_t count = std::min(mesh.triangles.size(), kMost);
+  std::vector<Vec3f> out;
+  for (std::size_t i = 0; i < count; ++i)
+    out.push_back(mesh.centroid(i * mesh.triangles.size() / count));
+  return out;
+}
+
+Result<Sight> look(const Scene& scene, std::uint32_t sensor, FrameSource& source) {
+  auto frame = source.next();
+  if (!frame) return frame.error();
+  if (!*frame) return Error{Error::Cause::empty, "its source has no frame"};
+  SensorNode node(scene, sensor);
+  Sight out;
+  std::optional<SensorNode::Reconstructed> made;
+  {
+    const Stopwatch stopwatch(out.reconstruct_ms);
+    auto reconstructed = node.reconstruct(**std::move(frame));
+    if (!reconstructed) return reconstructed.error();
+    made = *std::move(reconstructed);
+  }
+  out.triangles = static_cast<double>(made->mesh.triangles.size());
+  out.area_m2 = surface_area_m2(made->mesh);
+  out.surface = some_points(made->mesh);
+  out.T_world_depth = made->frame.T_world_depth;
+  out.depth = std::move(made->frame.depth);
+  return out;
+}
+
+/// What stands for the sensors that were not looked at.
+Sight mean_of(std::span<const Sight> looked) {
+  Sight out;
+  if (looked.empty()) return out;
+  out.triangles = 0;
+  const double n = static_cast<double>(looked.size());
+  for (const Sight& sight : looked) {
+    out.triangles += sight.triangles / n, out.area_m2 += sight.area_m2 / n;
+    out.reconstruct_ms += sight.reconstruct_ms / n;
+  }
+  return out;
+}
+
+}  // namespace
+
+MergeCosts measure_merge_costs(const Scene& scene) {
+  const auto apart = walls(scene, 10), together = walls(scene, 0.05f);
+  const std::vector<EncodedChunk> chunks = coded(scene, together);
+  double triangles = 0, bytes = 0;
+  for (const EncodedChunk& chunk : chunks)
+    triangles += chunk.triangles, bytes += static_cast<double>(chunk.payload.size());
+  MergeCosts out;
+  constexpr double kUsualBytes = 600;
+  const double peak = peak_bytes([&] {
+    decoded_triangles(chunks);
+    merged(scene, together);
+  });
+  out.memory_bytes = peak > 0 ? peak / triangles : kUsualBytes;
+  const double ns = 1e6 / triangles;
+  out.decode_ns = ns * fastest_ms([&] { decoded_triangles(chunks); });
+  out.code_ns = ns * fastest_ms([&] { coded(scene, together); });
+  out.merge_ns = ns * fastest_ms([&] { merged(scene, apart); });
+  const double both_ns = ns * fastest_ms([&] { merged(scene, together); });
+  out.overlap_ns = std::max(both_ns - out.merge_ns, 0.0);
+  out.coded_bytes = bytes / triangles;
+  return out;
+}
+
+std::vector<Sight> look_at_sensors(const Scene& scene, const std::filesystem::path& rig_cache,
+                                   const LookConfig& config) {
+  const std::size_t n = scene.sensors.size();
+  const bool all = n <= static_cast<std::size_t>(config.most_sensors);
+  const std::size_t count = all ? n : std::min<std::size_t>(n, LookConfig::kSamples);
+  std::vector<std::uint32_t> wanted;
+  for (std::size_t i = 0; i < count; ++i)
+    wanted.push_back(static_cast<std::uint32_t>(i * n / count));
+  const auto sources = open_sources(scene, wanted, rig_cache);
+  std::vector<Sight> out(n), looked;
+  for (std::size_t i = 0; i < count; ++i) {
+    if (config.progress) config.progress(i, count);
+    auto sight = look(scene, wanted[i], *sources[i]);
+    if (!sight && config.notice)
+      config.notice("sensor '" + scene.sensors[wanted[i]].id +
+                    "' is taken for usual: " + sight.error().message);
+    if (!sight) continue;
+    if (all)
+      out[i] = *std::move(sight);
+    else
+      looked.push_back(*std::move(sight));
+  }
+  if (!all) std::fill(out.begin(), out.end(), mean_of(looked));
+  return out;
+}
+
+}  // namespace mr::node
