@@ -18,7 +18,9 @@ struct Options {
   bool json = false, list = false;
 };
 
-std::vector<Stage> stages() { return {fuse_stage(), simplify_stage()}; }
+std::vector<Stage> stages() {
+  return {fuse_stage(), simplify_stage(), overlap_stage(), merge_stage(), zipper_stage()};
+}
 
 int fail(const std::string& message) {
   fmt::print(stderr, "mr-bench: {}\n", message);

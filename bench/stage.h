@@ -32,6 +32,9 @@ struct Stage {
 };
 
 Stage fuse_stage();
+Stage merge_stage();
+Stage overlap_stage();
+Stage zipper_stage();
 Stage simplify_stage();
 
 /// The names of those cases that the request names, else of the default ones that can run. A case

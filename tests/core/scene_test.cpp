@@ -273,11 +273,9 @@ nats: {url: "nats://x"}
 links: [{from: a, to: root}]
 )";
   EXPECT_THAT(problems(scene_of({"a"}, rest)), IsEmpty());
-  EXPECT_THAT(
-      notices(scene_of({"a"}, rest)),
-      ElementsAre(HasSubstr("4: "), HasSubstr("5: coding.frame_divider"),
-                  HasSubstr("6: merge.overlap"), HasSubstr("6: merge.refine"),
-                  HasSubstr("6: merge.color_gain"), HasSubstr("7: atlas"), HasSubstr("10: links")));
+  EXPECT_THAT(notices(scene_of({"a"}, rest)),
+              ElementsAre(HasSubstr("4: "), HasSubstr("5: coding.frame_divider"),
+                          HasSubstr("7: atlas"), HasSubstr("10: links")));
 }
 
 TEST_F(SceneFile, BaselinesAreActedOn) {
@@ -329,6 +327,80 @@ TEST_F(SceneFile, RefusesWhatIsNoTree) {
   EXPECT_THAT(problems(scene_of({"a"}, "mergers: []\n")), ElementsAre(HasSubstr("4: mergers")));
   EXPECT_THAT(problems(scene_of({"a"}, "links: [{from: a, to: nobody}]\n")),
               ElementsAre(HasSubstr("4: to: 'nobody'")));
+}
+
+TEST_F(SceneFile, MergingIsReadWithItsLimits) {
+  const SceneResult result = load(scene_of({"a"}, R"(mergers: [{id: r, inputs: [a], budget_ms: 40}]
+merge: {overlap: rays, refine: true, color_gain: true, island_area_m2: 0.01, gap_m: 0.05, leave_out_mm: 25}
+)"));
+  EXPECT_THAT(shorten(result.problems), IsEmpty());
+  EXPECT_THAT(shorten(result.notices), IsEmpty());
+  EXPECT_EQ(result.scene.mergers.at(0).budget_ms, 40);
+  EXPECT_FALSE(result.scene.mergers[0].region);
+  EXPECT_EQ(result.scene.merge.island_area_m2, 0.01);
+  EXPECT_EQ(result.scene.merge.gap_m, 0.05);
+  EXPECT_EQ(result.scene.merge.leave_out_mm, 25);
+  EXPECT_THAT(problem_of("mergers: [{id: r, inputs: [a], budget_ms: -1}]"), HasSubstr("budget_ms"));
+  EXPECT_THAT(problem_of("merge: {island_area_m2: -1}"), HasSubstr("island_area_m2"));
+  EXPECT_THAT(problem_of("merge: {gap_m: 2}"), HasSubstr("gap_m"));
+  EXPECT_THAT(problem_of("merge: {leave_out_mm: -1}"), HasSubstr("leave_out_mm"));
+}
+
+/// Two mergers that share the space, and a root; lines 5 to 8.
+std::string two_regions(const std::string& west, const std::string& east,
+                        const std::string& rest = "") {
+  return scene_of({"a", "b"}, "mergers:\n  - {id: w, inputs: [a, b]" + west +
+                                  "}\n  - {id: e, inputs: [a, b]" + east +
+                                  "}\n  - {id: r, inputs: [w, e]}\n" + rest);
+}
+
+TEST_F(SceneFile, MergersWithRegionsShareInputs) {
+  const SceneResult result = load(two_regions(", region: [[-2.56, 0, 0], [0, 2.56, 3.84]]",
+                                              ", region: [[0, 0, 0], [1.28, 2.56, 3.84]]"));
+  EXPECT_THAT(shorten(result.problems), IsEmpty());
+  ASSERT_EQ(result.scene.mergers.size(), 3u);
+  EXPECT_EQ(result.scene.mergers[0].region->low, (Vec3d{-2.56, 0, 0}));
+  EXPECT_EQ(result.scene.mergers[1].region->high, (Vec3d{1.28, 2.56, 3.84}));
+  EXPECT_EQ(result.scene.mergers[2].id, "r");
+  EXPECT_THAT(problems(two_regions(", region: [[-0.5, 0, 0], [0, 1, 1]]",
+                                   ", region: [[0, 0, 0], [2, 1, 1]]", "fusion: {chunk_m: 0.5}\n")),
+              IsEmpty());
+}
+
+TEST_F(SceneFile, RegionsThatCannotBe) {
+  const std::string west = ", region: [[-1.28, 0, 0], [0, 1.28, 1.28]]";
+  EXPECT_THAT(problems(two_regions(west, "")),
+              ElementsAre(HasSubstr("7: 'a' is already an input of merger 'w'; a node has one"),
+                          HasSubstr("7: 'b' is already an input")));
+  EXPECT_THAT(problems(two_regions(west, ", region: [[-1.28, 0, 0], [1.28, 1.28, 1.28]]")),
+              ElementsAre(HasSubstr("7: the regions of mergers 'w' and 'e' overlap, and both have "
+                                    "the input 'a'")));
+  EXPECT_THAT(problems(two_regions(west, ", region: [[0.1, 0, 0], [2.5, 1.28, 1.2]]")),
+              ElementsAre(testing::AllOf(HasSubstr("7: region must lie on the chunk grid"),
+                                         HasSubstr("multiples of 1.28 m"),
+                                         HasSubstr("[[0, 0, 0], [2.56, 1.28, 1.28]]"))));
+  EXPECT_THAT(
+      problems(two_regions(west, ", region: [[0, 0, 0], [1, 1, 1]]", "fusion: {chunk_m: 0.5}\n")),
+      ElementsAre(HasSubstr("6: region must lie on the chunk grid, multiples of 0.5 m")));
+  EXPECT_THAT(problems(two_regions(west, ", region: [[0, 0, 0], [0, 1.28, 1.28]]")),
+              ElementsAre(HasSubstr("7: region is empty")));
+  EXPECT_THAT(problems(two_regions(west, ", region: [[0, 0], [1.28, 1.28, 1.28]]")),
+              ElementsAre(HasSubstr("7: region must be a list of 3 numbers")));
+  EXPECT_THAT(problems(two_regions(west, ", region: everywhere")),
+              ElementsAre(HasSubstr("7: region must be [[x, y, z], [x, y, z]]")));
+  EXPECT_THAT(problems(scene_of({"a"},
+                                "mergers: [{id: r, inputs: [a, a], region: [[0, 0, 0], "
+                                "[1.28, 1.28, 1.28]]}]\n")),
+              ElementsAre(HasSubstr("'a' is already an input of merger 'r'")));
+}
+
+TEST_F(SceneFile, CyclesAreFoundAlsoWhereInputsAreShared) {
+  EXPECT_THAT(problems(scene_of({"a"}, R"(mergers:
+  - {id: x, inputs: [a, z], region: [[0, 0, 0], [1.28, 1.28, 1.28]]}
+  - {id: y, inputs: [a], region: [[1.28, 0, 0], [2.56, 1.28, 1.28]]}
+  - {id: z, inputs: [x]}
+)")),
+              Contains(HasSubstr("mergers form a cycle: 'x' -> 'z' -> 'x'")));
 }
 
 TEST_F(SceneFile, MissingKeysAreNamed) {

@@ -174,11 +174,10 @@ TEST(Overlap, OfTwoLidarsTheNearerKeepsItsWall) {
 }
 
 TEST(RayGrids, OfALidarStayInItsField) {
-  merge::RayGrids grids;
-  merge::add_ray_grids(lidar_source(0, {1, 2, 3}, 20), 0.05, grids);
-  EXPECT_EQ(grids.sparse.size(), 4u);  // neither up nor down
+  const auto grids = merge::camera_rays(lidar_source(0, {1, 2, 3}, 20), 0.05);
+  EXPECT_EQ(grids.size(), 4u);  // neither up nor down
   std::size_t inside = 0, all = 0;
-  for (const merge::RayGrid& grid : grids.sparse)
+  for (const merge::RayGrid& grid : grids)
     for (int y = 0; y < grid.camera.height; ++y)
       for (int x = 0; x < grid.camera.width; ++x) {
         const Vec3d ray = normalized(grid.T_world_camera.rotation *
@@ -188,6 +187,17 @@ TEST(RayGrids, OfALidarStayInItsField) {
       }
   EXPECT_GT(inside, 4u * 30 * 60);
   EXPECT_GT(inside, 0.6 * static_cast<double>(all));
+}
+
+TEST(RayGrids, AScaledCameraSeesTheSameView) {
+  Camera whole;
+  whole.width = 96, whole.height = 64;
+  whole.fx = 60, whole.fy = 62, whole.cx = 47.3, whole.cy = 31.8;
+  const Camera half = merge::scaled(whole, 0.5);
+  EXPECT_EQ(half.width, 48);
+  const auto corner = project(whole, {-0.3, 0.2, 1}), same = project(half, {-0.3, 0.2, 1});
+  EXPECT_NEAR(same->x + 0.5, 0.5 * (corner->x + 0.5), 1e-12);
+  EXPECT_NEAR(same->y + 0.5, 0.5 * (corner->y + 0.5), 1e-12);
 }
 
 }  // namespace

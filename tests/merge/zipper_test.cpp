@@ -4,9 +4,10 @@
 
 #include "mr/core/parallel.h"
 #include "mr/kit/topology.h"
-#include "mr/merge/front.h"
+#include "mr/merge/border.h"
 #include "mr/merge/islands.h"
 #include "mr/merge/overlap.h"
+#include "mr/merge/stitch.h"
 #include "support/meshes.h"
 #include "support/rays.h"
 
@@ -122,14 +123,38 @@ TEST(Zipper, SameBytesOnAnyNumberOfThreads) {
   EXPECT_EQ(results[0], results[1]);
 }
 
-TEST(Front, BowtiesAreSplit) {
+TEST(Border, BowtiesAreSplit) {
   Mesh mesh;
   mesh.positions = {{0, 0, 0}, {1, 0, 0}, {0, 1, 0}, {-1, 0, 0}, {0, -1, 0}};
   mesh.triangles = {{0, 1, 2}, {0, 3, 4}};
-  const Mesh apart = merge::split_bowties(mesh, kit::edge_table(mesh));
-  EXPECT_EQ(apart.positions.size(), 6u);
-  EXPECT_NE(apart.triangles[0][0], apart.triangles[1][0]);
-  EXPECT_EQ(apart.positions[5], mesh.positions[0]);
+  const merge::Joined apart = merge::join_parts(std::vector<Mesh>{mesh});
+  EXPECT_EQ(apart.mesh.positions.size(), 6u);
+  EXPECT_NE(apart.mesh.triangles[0][0], apart.mesh.triangles[1][0]);
+  EXPECT_EQ(apart.mesh.positions[5], mesh.positions[0]);
+  EXPECT_EQ(apart.border.size(), 6u);
+}
+
+TEST(Border, EdgesOfThreeTrianglesComeApart) {
+  Mesh mesh;
+  mesh.positions = {{0, 0, 0}, {1, 0, 0}, {0, 1, 0}, {0, -1, 0}, {0, 0, 1}};
+  mesh.triangles = {{0, 1, 2}, {1, 0, 3}, {0, 1, 4}};
+  const merge::Joined apart = merge::join_parts(std::vector<Mesh>{mesh});
+  EXPECT_EQ(apart.border.size(), 9u);
+  EXPECT_EQ(kit::count_nonmanifold_edges(apart.mesh), 0u);
+}
+
+TEST(Stitch, BordersThatNearlyMeetBecomeOneLine) {
+  // 6 mm apart, one 4 mm deeper; 50 against 33 edges.
+  const Mesh left = test::grid({0, 1, 0}, {1, 0, 0}, {0, -1, 0}, 50, 50);
+  const Mesh right = test::grid({1.006f, 1, 0.004f}, {1, 0, 0}, {0, -1, 0}, 33, 33);
+  merge::Joined joined = merge::join_parts(std::vector<Mesh>{left, right});
+  const Mesh before = joined.mesh;
+  merge::stitch(joined, {});
+  EXPECT_EQ(kit::components(joined.mesh).area_m2.size(), 1u);
+  EXPECT_LT(open_area(joined.mesh, 0.01f, 1.99f, 0.02f, 0.98f), 1e-5);
+  expect_sound(joined.mesh, {0, 0, -1});
+  for (std::size_t v = 0; v < before.positions.size(); ++v)
+    EXPECT_LE(length(joined.mesh.positions[v] - before.positions[v]), 0.0075f) << v;
 }
 
 }  // namespace

@@ -148,5 +148,150 @@ TEST(Gatherer, UnitsAreHandedOnWithTheirCapture) {
   EXPECT_EQ((*gathered)->units, second.textures);
 }
 
+/// The cubes of what an input brought.
+std::vector<Vec3i> cubes_of(const DecodedScene& scene) {
+  std::vector<Vec3i> out;
+  for (const auto& chunk : scene.chunks) out.push_back(chunk->key.id.cube);
+  return out;
+}
+
+TEST(Gatherer, AMergerWithARegionTakesItsChunksAndThoseAround) {
+  Scene scene = one_sensor();
+  scene.fusion.chunk_m = 0.5;
+  scene.mergers[0].region = Box3d{{1, 0, 0}, {1.5, 0.5, 0.5}};  // cube 2
+  Sender sender;                                                // a row of cubes 0 to 5
+  node::Gatherer gatherer(scene, scene.mergers[0], false);
+  const Packet first = sender.next(true);
+  ASSERT_TRUE(gatherer.receive(0, first, first.captured_at));
+  auto gathered = gatherer.gather(first.captured_at + milliseconds(60));
+  ASSERT_TRUE(gathered && *gathered);
+  EXPECT_EQ(cubes_of((*gathered)->scenes.at(0)),
+            (std::vector<Vec3i>{{1, 0, 0}, {2, 0, 0}, {3, 0, 0}}));
+  EXPECT_EQ((*gathered)->views.size(), 1u);
+
+  // What is lost elsewhere is not missed.
+  sender.change(5);
+  Packet second = sender.next();
+  second.chunks.clear();
+  ASSERT_TRUE(gatherer.receive(0, second, second.captured_at));
+  EXPECT_TRUE(gatherer.requests(second.captured_at).empty());
+  gathered = gatherer.gather(second.captured_at + milliseconds(60));
+  ASSERT_TRUE(gathered && *gathered);
+  EXPECT_EQ((*gathered)->taken, (std::vector<std::pair<std::size_t, std::uint64_t>>{{0, 101}}));
+}
+
+TEST(Gatherer, ARegionFarAwayStillKnowsItsSensors) {
+  Scene scene = one_sensor();
+  scene.mergers[0].region = Box3d{{128, 0, 0}, {129.28, 1.28, 1.28}};
+  Sender sender;
+  node::Gatherer gatherer(scene, scene.mergers[0], false);
+  const Packet first = sender.next(true);
+  ASSERT_TRUE(gatherer.receive(0, first, first.captured_at));
+  const auto gathered = gatherer.gather(first.captured_at + milliseconds(60));
+  ASSERT_TRUE(gathered && *gathered);
+  EXPECT_TRUE((*gathered)->scenes.at(0).chunks.empty());
+  EXPECT_EQ((*gathered)->sources.size(), 1u);
+}
+
+TEST(Gatherer, RegionsSideBySideShareOutAllTriangles) {
+  Mesh mesh = test::grid({-1, -1, 0.3f}, {2, 0, 0}, {0, 2, 0.2f}, 20, 20, 0.02f, 3);
+  std::vector<ViewId> views(mesh.triangles.size());
+  for (std::size_t t = 0; t < views.size(); ++t) views[t] = t % 3;
+  set_triangle_views(mesh, views);
+  const Box3d west{{-1.28, -1.28, 0}, {0, 1.28, 1.28}}, east{{0, -1.28, 0}, {1.28, 1.28, 1.28}};
+  const Mesh a = node::inside(mesh, west, 1.28), b = node::inside(mesh, east, 1.28);
+  EXPECT_GT(a.triangles.size(), 300u);
+  EXPECT_GT(b.triangles.size(), 300u);
+  EXPECT_EQ(a.triangles.size() + b.triangles.size(), mesh.triangles.size());
+  for (std::size_t t = 0; t < a.triangles.size(); ++t) ASSERT_LT(a.centroid(t).x, 0);
+  for (std::size_t t = 0; t < b.triangles.size(); ++t) ASSERT_GE(b.centroid(t).x, 0);
+  EXPECT_EQ(a.runs.size(), 3u);
+  EXPECT_TRUE(node::inside(mesh, {{0, 0, 2.56}, {1.28, 1.28, 3.84}}, 1.28).empty());
+}
+
+/// Two mergers with regions bring the same sensor to their parent.
+class SharedSensor : public testing::Test {
+ protected:
+  SharedSensor() {
+    scene_.id = "test";
+    scene_.sensors.resize(5);
+    for (std::size_t i = 0; i < 5; ++i) scene_.sensors[i].id = "cam-" + std::to_string(i);
+    MergerConfig west{.id = "west", .inputs = {"cam-0", "cam-4"}, .deadline_ms = 50};
+    west.region = Box3d{{-1.28, 0, 0}, {0, 1.28, 1.28}};
+    MergerConfig east = west;
+    east.id = "east", east.region = Box3d{{0, 0, 0}, {1.28, 1.28, 1.28}};
+    scene_.mergers = {west, east, {.id = "root", .inputs = {"west", "east"}, .deadline_ms = 50}};
+  }
+  /// The next packet of a child, at a time.
+  static Packet next(Sender& sender, const std::string& node, TimePoint at, bool key = false) {
+    Packet packet = sender.next(key);
+    packet.node = node, packet.captured_at = at;
+    for (SourceInfo& source : packet.sources) source.captured_at = at;
+    return packet;
+  }
+  node::Gathered gather(node::Gatherer& gatherer, TimePoint now) {
+    auto gathered = gatherer.gather(now);
+    EXPECT_TRUE(gathered && *gathered);
+    return gathered && *gathered ? **std::move(gathered) : node::Gathered{};
+  }
+
+  Scene scene_;
+  Sender west_, east_;
+};
+
+TEST_F(SharedSensor, ViewsSourcesAndStreamsAreThoseOfTheFirstInput) {
+  node::Gatherer gatherer(scene_, scene_.mergers[2], true);
+  const TimePoint now{milliseconds(1000)};
+  const Packet a = next(west_, "west", now, true);
+  east_.next(true);  // so its next unit is another one
+  for (int cube = 0; cube < 6; ++cube) east_.change(cube);
+  const Packet b = next(east_, "east", now, true);
+  ASSERT_NE(a.textures, b.textures);
+  ASSERT_TRUE(gatherer.receive(1, b, now));
+  ASSERT_TRUE(gatherer.receive(0, a, now));
+  const node::Gathered gathered = gather(gatherer, now);
+  EXPECT_EQ(gathered.scenes.size(), 2u);
+  EXPECT_EQ(gathered.views, a.views);
+  EXPECT_EQ(gathered.sources, a.sources);
+  EXPECT_EQ(gathered.units, a.textures);
+  EXPECT_EQ(gatherer.drops().total(), 0u);
+}
+
+TEST_F(SharedSensor, AStreamGoesOverToAnotherInputWithAKeyFrame) {
+  node::Gatherer gatherer(scene_, scene_.mergers[2], true);
+  TimePoint now{milliseconds(1000)};
+  ASSERT_TRUE(gatherer.receive(0, next(west_, "west", now, true), now));
+  ASSERT_TRUE(gatherer.receive(1, next(east_, "east", now, true), now));
+  EXPECT_EQ(gather(gatherer, now).units.size(), 1u);
+
+  now += milliseconds(2000);  // west has died
+  Packet packet = next(east_, "east", now);
+  ASSERT_FALSE(packet.textures.at(0).key_frame);
+  ASSERT_TRUE(gatherer.receive(1, packet, now));
+  const node::Gathered without = gather(gatherer, now + milliseconds(60));
+  EXPECT_EQ(without.views.size(), 1u);
+  EXPECT_TRUE(without.units.empty());
+  const auto requests = gatherer.requests(now + milliseconds(60));
+  ASSERT_EQ(requests.size(), 1u);
+  EXPECT_EQ(requests[0].first, 1u);
+  EXPECT_TRUE(requests[0].second.key_frame);
+
+  now += milliseconds(100);
+  packet = next(east_, "east", now, true);
+  ASSERT_TRUE(gatherer.receive(1, packet, now));
+  EXPECT_EQ(gather(gatherer, now + milliseconds(60)).units, packet.textures);
+  now += milliseconds(100);
+  packet = next(east_, "east", now);
+  ASSERT_TRUE(gatherer.receive(1, packet, now));
+  EXPECT_EQ(gather(gatherer, now + milliseconds(60)).units, packet.textures);
+}
+
+TEST_F(SharedSensor, OtherSensorsAreStillRefused) {
+  node::Gatherer gatherer(scene_, scene_.mergers[2], true);
+  Packet packet = next(west_, "west", TimePoint{milliseconds(1000)}, true);
+  packet.sources[0].sensor = 3;
+  EXPECT_FALSE(gatherer.receive(0, packet, packet.captured_at));
+}
+
 }  // namespace
 }  // namespace mr

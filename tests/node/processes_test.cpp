@@ -23,6 +23,7 @@
 #include "mr/node/live_node.h"
 #include "mr/node/node_clock.h"
 #include "support/free_port.h"
+#include "support/merging.h"
 
 extern char** environ;
 
@@ -196,23 +197,23 @@ class Processes : public ::testing::Test {
   std::filesystem::path file() const { return folder_ / "scene.yaml"; }
   std::filesystem::path log_file() const { return folder_ / "log"; }
 
-  void write_scene() {
+  static constexpr const char* kTwoOfOne =
+      "{id: west, inputs: [cam-0]}, {id: east, inputs: [cam-1]}, "
+      "{id: root, inputs: [west, east], deadline_ms: 100}";
+
+  void write_scene(int sensors = 2, int frames = 60, const std::string& mergers = kTwoOfOne) {
     std::ofstream(file()) << R"(scene: cluster
 up: [0, 0, 1]
 fps: 30
 voxel_m: 0.04
-rig: {type: synthetic, seed: 3, room: [5, 4, 2.6], sensors: 2, depth_mode: nfov_binned, color: [320, 180], frames: 60, loop: true}
-mergers:
-  - {id: west, inputs: [cam-0]}
-  - {id: east, inputs: [cam-1]}
-  - {id: root, inputs: [west, east], deadline_ms: 100}
 fusion: {chunk_m: 2.56, truncation_m: 0.12}
 simplify: {ratio: 0.05}
 threads: 1
 video: {threads: 1, slices: 1}
 gateway: {listen: "127.0.0.1:0"}
-nats: {url: "nats://127.0.0.1:)"
-                          << nats_port_ << "\"}\n";
+rig: {type: synthetic, seed: 3, room: [5, 4, 2.6], depth_mode: nfov_binned, color: [320, 180], loop: true, sensors: )"
+                          << sensors << ", frames: " << frames << "}\nmergers: [" << mergers
+                          << "]\nnats: {url: \"nats://127.0.0.1:" << nats_port_ << "\"}\n";
   }
   /// The same scene over plain TCP (paper 5).
   void use_tcp() {
@@ -262,6 +263,21 @@ nats: {url: "nats://127.0.0.1:)"
     return testing::AssertionFailure() << "last seen: " << last;
   }
 
+  /// What the root sends of a still scene of four sensors, with these mergers.
+  DecodedScene still_scene(const std::string& mergers) {
+    write_scene(4, 1, mergers);
+    const SceneResult loaded = load_scene(file());
+    EXPECT_TRUE(loaded.problems.empty());
+    scene_ = loaded.scene;
+    Client client(*transport_, scene_, "root");
+    for (const char* node : {"cam-0", "cam-1", "cam-2", "cam-3"}) start(node);
+    for (const MergerConfig& merger : scene_.mergers) start(merger.id);
+    EXPECT_TRUE(shows(client, {0, 1, 2, 3}, seconds(60)));
+    const auto scene = client.scene();
+    nodes_.clear();
+    return scene ? *scene : DecodedScene{};
+  }
+
   std::filesystem::path folder_;
   int nats_port_ = 0;
   Scene scene_;
@@ -286,6 +302,78 @@ TEST_F(Processes, EachNodeMayDieAndComesBack) {
   nats_.stop(SIGKILL);
   start_nats();
   EXPECT_TRUE(shows(client, {0, 1})) << "nats-server was restarted";
+}
+
+Mesh mesh_of(const DecodedScene& scene) {
+  Mesh out;
+  std::vector<ViewId> views;
+  for (const auto& chunk : scene.chunks) {
+    append(out, {chunk->mesh.positions, chunk->mesh.triangles, {}});
+    const std::vector<ViewId> of_chunk = triangle_views(chunk->mesh);
+    views.insert(views.end(), of_chunk.begin(), of_chunk.end());
+  }
+  set_triangle_views(out, views);
+  return out;
+}
+
+/// Share of a surface whose view is that of the nearest triangle of another.
+double same_view_share(const Mesh& mesh, const Mesh& other) {
+  const test::Rays rays({&other});
+  const std::vector<ViewId> views = triangle_views(mesh), others = triangle_views(other);
+  const std::vector<test::SurfacePoint> points = test::points_on(mesh, 500);
+  double same = 0;
+  for (const test::SurfacePoint& p : points)
+    same += views[p.triangle] == others[rays.scene().nearest(p.point)->triangle];
+  return same / static_cast<double>(points.size());
+}
+
+TEST_F(Processes, TwoLayersEqualOneOverNats) {
+  const Mesh flat =
+      mesh_of(still_scene("{id: root, inputs: [cam-0, cam-1, cam-2, cam-3], deadline_ms: 500}"));
+  const Mesh layered =
+      mesh_of(still_scene("{id: west, inputs: [cam-0, cam-1], deadline_ms: 500}, "
+                          "{id: east, inputs: [cam-2, cam-3], deadline_ms: 500}, "
+                          "{id: root, inputs: [west, east], deadline_ms: 500}"));
+  ASSERT_GT(surface_area_m2(flat), 40);
+  EXPECT_NEAR(surface_area_m2(layered), surface_area_m2(flat), 0.02 * surface_area_m2(flat));
+  EXPECT_LT(test::two_way_rms_m(flat, layered, 300), scene_.voxel_m / 2);
+  EXPECT_GT(same_view_share(flat, layered), 0.99);
+}
+
+/// When a client's newest capture first came from these sensors and was taken after `since`.
+std::optional<Clock::duration> time_to_show(Client& client, const std::vector<std::uint32_t>& from,
+                                            TimePoint since, seconds patience) {
+  const auto begun = Clock::now();
+  while (Clock::now() - begun < patience) {
+    std::vector<std::uint32_t> sensors;
+    const auto scene = client.scene();
+    if (scene && scene->captured_at > since)
+      for (const SourceInfo& s : scene->sources) sensors.push_back(s.sensor);
+    if (sensors == from) return Clock::now() - begun;
+    std::this_thread::sleep_for(milliseconds(5));
+  }
+  return std::nullopt;
+}
+
+TEST_F(Processes, AMergerThatDiesCostsOnlyItsPart) {
+  for (const char* node : {"cam-0", "cam-1", "west", "east", "root"}) start(node);
+  Client client(*transport_, scene_, "root");
+  ASSERT_TRUE(shows(client, {0, 1}));
+  nodes_["east"].stop(SIGKILL);
+  const TimePoint killed = node::wall_time();
+  const auto alone = time_to_show(client, {0}, killed, seconds(30));
+  ASSERT_TRUE(alone);
+  EXPECT_LT(*alone, seconds(1) * kSlower) << "the root waits for what is dead";
+
+  Client east(*transport_, scene_, "east");
+  start("east");
+  const auto begun = Clock::now();
+  while (east.packets() == 0 && Clock::now() - begun < seconds(30))
+    std::this_thread::sleep_for(milliseconds(5));
+  ASSERT_GT(east.packets(), 0u);
+  const auto back = time_to_show(client, {0, 1}, node::wall_time(), seconds(30));
+  ASSERT_TRUE(back);
+  EXPECT_LT(*back, milliseconds(1500) * kSlower) << "its first packet was there";
 }
 
 TEST_F(Processes, PlainTcpDoesAsWell) {

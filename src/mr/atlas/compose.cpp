@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <optional>
 #include <vector>
 
 #include "mr/atlas/fold_around.h"
@@ -45,20 +46,40 @@ std::vector<Source> sources(int tile_count, Extent shown, Extent child_shown, Ex
   return out;
 }
 
-/// Mixes four pixels.
-void mix(const ImageRgb& picture, const Source& column, const Source& row, std::uint8_t* out) {
+/// Mixes four pixels. `shade(c, v)`: what becomes of a channel's byte.
+template <typename Shade>
+void mix(const ImageRgb& picture, const Source& column, const Source& row, const Shade& shade,
+         std::uint8_t* out) {
   for (int c = 0; c < 3; ++c) {
     const auto line = [&](int y) {
       return picture.at(column.first, y)[c] * (1 - column.share) +
              picture.at(column.second, y)[c] * column.share;
     };
-    out[c] = static_cast<std::uint8_t>(line(row.first) * (1 - row.share) +
-                                       line(row.second) * row.share + 0.5);
+    out[c] = shade(c, static_cast<std::uint8_t>(line(row.first) * (1 - row.share) +
+                                                line(row.second) * row.share + 0.5));
   }
 }
 
+/// `used`: of the camera's row; null: all.
+template <typename Shade>
+void draw_row(const ImageRgb& picture, const std::vector<Source>& columns, const Source& row,
+              const std::uint8_t* used, const Shade& shade, std::uint8_t* out) {
+  for (const Source& column : columns) {
+    if (!used || used[column.camera]) {
+      if (column.share == 0 && row.share == 0) {
+        const std::uint8_t* const pixel = picture.at(column.first, row.first);
+        for (int c = 0; c < 3; ++c) out[c] = shade(c, pixel[c]);
+      } else {
+        mix(picture, column, row, shade, out);
+      }
+    }
+    out += 3;
+  }
+}
+
+/// `used`, `tables`: may be null.
 void draw_tile(const View& tile, const View& child, const ImageRgb& picture, const ImageMask* used,
-               ImageRgb& atlas) {
+               const GainTables* tables, ImageRgb& atlas) {
   const Rect& to = tile.atlas_rect;
   const std::vector<Source> columns =
       sources(to.width, columns_of(tile.image_rect), columns_of(child.image_rect),
@@ -66,17 +87,17 @@ void draw_tile(const View& tile, const View& child, const ImageRgb& picture, con
   const std::vector<Source> rows =
       sources(to.height, rows_of(tile.image_rect), rows_of(child.image_rect),
               rows_of(child.atlas_rect), tile.height);
+  const auto as_it_is = [](int, std::uint8_t v) { return v; };
+  const auto with_gain = [&](int c, std::uint8_t v) { return (*tables)[c][v]; };
   parallel_for(to.height, 16, [&](std::size_t begin, std::size_t end) {
-    for (std::size_t j = begin; j < end; ++j)
-      for (std::size_t i = 0; i < columns.size(); ++i) {
-        const Source &column = columns[i], &row = rows[j];
-        if (used && !*used->at(column.camera, row.camera)) continue;
-        std::uint8_t* const out = atlas.at(to.x + static_cast<int>(i), to.y + static_cast<int>(j));
-        if (column.share == 0 && row.share == 0)
-          std::copy_n(picture.at(column.first, row.first), 3, out);
-        else
-          mix(picture, column, row, out);
-      }
+    for (std::size_t j = begin; j < end; ++j) {
+      const std::uint8_t* const used_row = used ? used->row(rows[j].camera) : nullptr;
+      std::uint8_t* const out = atlas.at(to.x, to.y + static_cast<int>(j));
+      if (tables)
+        draw_row(picture, columns, rows[j], used_row, with_gain, out);
+      else
+        draw_row(picture, columns, rows[j], used_row, as_it_is, out);
+    }
   });
 }
 
@@ -115,8 +136,8 @@ ImageMask used_pixels(const Mesh& mesh, const View& view, int margin_px) {
 }
 
 ImageRgb compose_atlas(const Layout& layout, const std::map<ViewId, View>& children,
-                       const std::map<std::uint32_t, std::shared_ptr<const ImageRgb>>& pictures,
-                       const std::map<ViewId, ImageMask>& used, bool mask) {
+                       const Pictures& pictures, const std::map<ViewId, ImageMask>& used, bool mask,
+                       const Gains& gains) {
   ImageRgb atlas(layout.width, layout.height);
   for (const View& tile : layout.views) {
     const auto child = children.find(tile.id);
@@ -124,8 +145,12 @@ ImageRgb compose_atlas(const Layout& layout, const std::map<ViewId, View>& child
     const auto picture = pictures.find(child->second.stream);
     if (picture == pictures.end() || !picture->second) continue;
     const auto found = used.find(tile.id);
+    const auto gain = gains.find(tile.id);
+    std::optional<GainTables> tables;
+    if (gain != gains.end() && gain->second != Vec3f{1, 1, 1}) tables = gain_tables(gain->second);
     draw_tile(tile, child->second, *picture->second,
-              mask && found != used.end() ? &found->second : nullptr, atlas);
+              mask && found != used.end() ? &found->second : nullptr, tables ? &*tables : nullptr,
+              atlas);
   }
   return atlas;
 }

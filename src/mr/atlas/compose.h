@@ -1,8 +1,8 @@
 #pragma once
 
 #include <map>
-#include <memory>
 
+#include "mr/atlas/color_gain.h"
 #include "mr/atlas/layout.h"
 #include "mr/core/image.h"
 #include "mr/core/mesh.h"
@@ -14,10 +14,11 @@ namespace mr::atlas {
 ImageMask used_pixels(const Mesh& mesh, const View& view, int margin_px);
 
 /// Draws the atlas picture of a layout: every tile is resampled from where the child's view has it
-/// (`children`: the same views by id, in their own streams; `pictures`: by stream). Pixels of no
-/// use are black when `mask` is set (paper 3.3). Views that a child lacks stay black.
+/// (`children`: the same views by id, in their own streams; `pictures`: by stream), and brightened
+/// by its gain (none: 1). Pixels of no use are black when `mask` is set (paper 3.3). Views that a
+/// child lacks stay black.
 ImageRgb compose_atlas(const Layout& layout, const std::map<ViewId, View>& children,
-                       const std::map<std::uint32_t, std::shared_ptr<const ImageRgb>>& pictures,
-                       const std::map<ViewId, ImageMask>& used, bool mask);
+                       const Pictures& pictures, const std::map<ViewId, ImageMask>& used, bool mask,
+                       const Gains& gains = {});
 
 }  // namespace mr::atlas

@@ -54,33 +54,13 @@ void read_lattice(MapReader& top, bool of_points, Lattice& lattice) {
     }
 }
 
-void read_box(MapReader& map, std::optional<Box3d>& volume) {
-  const YamlNode* box = map.find("box");
-  if (!box) return;
-  if (box->kind != YamlNode::Kind::list || box->items.size() != 2) {
-    map.report.problem(map.line("box"),
-                       "box must be [[x, y, z], [x, y, z]]: the low and the high corner");
-    return;
-  }
-  double low[3], high[3];
-  const bool good = read_numbers(map.report, box->items[0], "box", {-1e5, 1e5}, low) &
-                    read_numbers(map.report, box->items[1], "box", {-1e5, 1e5}, high);
-  if (!good) return;
-  if (low[0] >= high[0] || low[1] >= high[1] || low[2] >= high[2]) {
-    map.report.problem(map.line("box"),
-                       "box is empty: its first corner must be below its second on every axis");
-    return;
-  }
-  volume = Box3d{{low[0], low[1], low[2]}, {high[0], high[1], high[2]}};
-}
-
 void read_volume(MapReader& top, Scene& scene) {
   const YamlNode* node = top.find("volume");
   if (!node) return;
   MapReader map(top.report, *node, "volume");
   if (!map.has("box") && !map.has("remove_floor"))
     map.report.problem(map.line(), "volume lacks the key 'box' or 'remove_floor'");
-  read_box(map, scene.volume);
+  scene.volume = scene_file::read_box(map, "box");
   if (const YamlNode* floor = map.find("remove_floor")) {
     MapReader plane(map.report, *floor, "remove_floor");
     scene.floor.emplace();
@@ -162,10 +142,10 @@ void read_merge(MapReader& top, MergeConfig& merge) {
   map.flag("refine", merge.refine);
   map.flag("color_gain", merge.color_gain);
   map.number("calibration_error_m", merge.calibration_error_m, {0, 0.5});
+  map.number("island_area_m2", merge.island_area_m2, {0, 100});
+  map.number("gap_m", merge.gap_m, {0, 1});
+  map.number("leave_out_mm", merge.leave_out_mm, {0, 10'000});
   read_simplify(map, merge.simplify);
-  if (merge.overlap == Overlap::raster) not_acted_on(map, "overlap", "merge.overlap raster");
-  if (merge.refine) not_acted_on(map, "refine", "merge.refine");
-  if (merge.color_gain) not_acted_on(map, "color_gain", "merge.color_gain");
 }
 
 void read_atlas(MapReader& top, AtlasConfig& atlas) {
@@ -310,7 +290,8 @@ void read_tree(MapReader& top, const std::vector<NodeName>& leaves, Scene& scene
   const bool leaves_known =
       scene.rig || (!scene.sensors.empty() && leaves.size() == scene.sensors.size());
   if (!mergers.empty())
-    scene.mergers = scene_file::ordered_tree(top.report, leaves, mergers, leaves_known);
+    scene.mergers =
+        scene_file::ordered_tree(top.report, leaves, mergers, scene.fusion.chunk_m, leaves_known);
   if (const YamlNode* node = top.find("links")) {
     std::vector<NodeName> names = leaves;
     for (const MergerConfig& merger : scene.mergers) names.push_back({merger.id, 0});
@@ -344,8 +325,8 @@ void read_scene(Report& report, const YamlNode& root, Scene& scene) {
   read_general(top, scene);
   const std::vector<NodeName> leaves = read_leaves(top, scene);
   if (leaves.size() == scene.sensors.size()) check_positions(report, leaves, scene);
-  read_tree(top, leaves, scene);
   read_fusion(top, scene, scene.fusion);
+  read_tree(top, leaves, scene);
   read_simplify(top, scene.simplify);
   read_merge(top, scene.merge);
   read_atlas(top, scene.atlas);

@@ -53,7 +53,7 @@ struct MergerConfig {
                          ///< left out; 0: no limit
   /// Spatial split: the merger owns the surface in here, and takes no other. Its inputs may feed
   /// other mergers with a region, too.
-  std::optional<Box3d> region;
+  std::optional<Box3d> region{};
 };
 
 struct LinkConfig {

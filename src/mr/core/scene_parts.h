@@ -40,9 +40,13 @@ std::optional<Pose> read_pose(Report& report, const YamlNode& node, const std::s
 std::vector<SensorConfig> read_sensors(Report& report, const YamlNode& node,
                                        std::vector<NodeName>& names);
 
+/// [[x, y, z], [x, y, z]]: the low and the high corner. Nothing where the key is missing or wrong.
+std::optional<Box3d> read_box(MapReader& map, const std::string& key);
+
 struct MergerEntry {
   MergerConfig config;
   int line = 0;
+  int region_line = 0;           ///< 0: it has none
   std::vector<int> input_lines;  ///< [inputs]
 };
 
@@ -59,10 +63,12 @@ void read_network(MapReader& top, Scene& scene);
 void check_ids(Report& report, const std::vector<NodeName>& leaves,
                const std::vector<MergerEntry>& mergers);
 
-/// Checks that sensors and mergers form one tree; children before parents, the root last.
+/// Checks that sensors and mergers form one tree, in which mergers that share the space may share
+/// inputs, and that regions lie on the chunk grid; children before parents, the root last.
 /// `leaves_known` is false where the sensors could not be read: then unknown inputs are no problem
 /// of their own.
 std::vector<MergerConfig> ordered_tree(Report& report, const std::vector<NodeName>& leaves,
-                                       const std::vector<MergerEntry>& mergers, bool leaves_known);
+                                       const std::vector<MergerEntry>& mergers, double chunk_m,
+                                       bool leaves_known);
 
 }  // namespace mr::scene_file

@@ -14,27 +14,45 @@ constexpr double kTurnSlack = 1e-4;  // about a 10000th of a radian
 
 }  // namespace
 
-Front::Front(const Mesh& mesh, const std::vector<std::uint8_t>& border)
+Front::Front(const Mesh& mesh, std::span<const std::uint32_t> border)
     : positions_(mesh.positions),
-      normals_(kit::vertex_normals(mesh)),
-      place_(kit::same_place(mesh.positions)),
-      surface_(mesh.positions.size()) {
+      normals_(mesh.positions.size()),
+      place_(mesh.positions.size()),
+      surface_(4 * border.size() + 16) {
   corner_.assign(mesh.positions.size(), kNone);
   std::vector<std::uint8_t> on_border(mesh.positions.size(), 0);
-  for (std::uint32_t h = 0; h < border.size(); ++h)
-    if (border[h]) {
-      add_edge(kit::edge_from(mesh, h), kit::edge_to(mesh, h));
-      on_border[place_[kit::edge_from(mesh, h)]] = on_border[place_[kit::edge_to(mesh, h)]] = 1;
-    }
+  for (const std::uint32_t h : border) {
+    add_edge(kit::edge_from(mesh, h), kit::edge_to(mesh, h));
+    on_border[kit::edge_from(mesh, h)] = on_border[kit::edge_to(mesh, h)] = 1;
+  }
   for (std::uint32_t e = 0; e < edges_.size(); ++e) {
     const std::uint32_t after = corner_[edges_[e].to];
-    MR_ASSERT(after != kNone && edges_[after].sibling == kNone);
-    link(e, after);
+    MR_ASSERT(after == kNone || edges_[after].sibling == kNone);
+    if (after != kNone) link(e, after);
   }
-  for (std::uint32_t h = 0; h < border.size(); ++h) {
-    const std::uint32_t a = kit::edge_from(mesh, h), b = kit::edge_to(mesh, h);
-    if (on_border[place_[a]] && on_border[place_[b]]) surface_.get_or_add(directed(a, b), kInner);
+  find_places(on_border);
+  for (const Triangle& t : mesh.triangles) {
+    if (!(on_border[t[0]] | on_border[t[1]] | on_border[t[2]])) continue;
+    const Vec3f n = cross(at(t[1]) - at(t[0]), at(t[2]) - at(t[0]));
+    for (int i = 0; i < 3; ++i) {
+      normals_[t[i]] += n;
+      const std::uint32_t a = t[i], b = t[(i + 1) % 3];
+      if (on_border[a] && on_border[b]) surface_.get_or_add(directed(a, b), kInner);
+    }
   }
+  for (Vec3f& n : normals_) n = normalized(n);
+}
+
+/// Vertices of the border that lie at one place count as one.
+void Front::find_places(const std::vector<std::uint8_t>& on_border) {
+  std::vector<std::uint32_t> vertices;
+  std::vector<Vec3f> positions;
+  for (std::uint32_t v = 0; v < on_border.size(); ++v) {
+    place_[v] = v;
+    if (on_border[v]) vertices.push_back(v), positions.push_back(at(v));
+  }
+  const std::vector<std::uint32_t> same = kit::same_place(positions);
+  for (std::size_t i = 0; i < vertices.size(); ++i) place_[vertices[i]] = vertices[same[i]];
 }
 
 std::uint32_t Front::add_edge(std::uint32_t from, std::uint32_t to) {
@@ -146,45 +164,6 @@ std::optional<int> Front::loop_length(std::uint32_t e, int limit) const {
   for (std::uint32_t k = edges_[e].next; k != e; k = edges_[k].next)
     if (++count > limit) return std::nullopt;
   return count;
-}
-
-Mesh split_bowties(const Mesh& mesh, const kit::EdgeTable& table) {
-  std::vector<std::uint32_t> root(mesh.triangles.size() * 3);  // one node per corner of a triangle
-  std::iota(root.begin(), root.end(), 0u);
-  const auto find = [&](std::uint32_t c) {
-    while (root[c] != c) c = root[c] = root[root[c]];
-    return c;
-  };
-  const auto join = [&](std::uint32_t a, std::uint32_t b) {
-    a = find(a), b = find(b);
-    root[std::max(a, b)] = std::min(a, b);
-  };
-  const auto after = [](std::uint32_t h) { return h - h % 3 + (h % 3 + 1) % 3; };
-  for (std::uint32_t h = 0; h < root.size(); ++h)
-    if (const std::uint32_t twin = table.twin[h]; twin != kit::kNoTwin) {
-      join(h, after(twin));
-      join(after(h), twin);
-    }
-
-  constexpr std::uint32_t kUnset = 0xFFFFFFFFu;
-  Mesh out = mesh;
-  std::vector<std::uint32_t> fan_of_vertex(mesh.positions.size(),
-                                           kUnset);  // its first fan keeps the index
-  std::vector<std::uint32_t> vertex_of_fan(root.size(), kUnset);
-  for (std::uint32_t c = 0; c < root.size(); ++c) {
-    const std::uint32_t v = mesh.triangles[c / 3][c % 3], fan = find(c);
-    if (vertex_of_fan[fan] == kUnset) {
-      if (fan_of_vertex[v] == kUnset) {
-        fan_of_vertex[v] = fan;
-        vertex_of_fan[fan] = v;
-      } else {
-        vertex_of_fan[fan] = static_cast<std::uint32_t>(out.positions.size());
-        out.positions.push_back(mesh.positions[v]);
-      }
-    }
-    out.triangles[c / 3][c % 3] = vertex_of_fan[fan];
-  }
-  return out;
 }
 
 }  // namespace mr::merge

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cstdint>
 #include <optional>
+#include <span>
 #include <utility>
 #include <vector>
 
@@ -17,9 +18,10 @@ namespace mr::merge {
 /// corner.
 class Front {
  public:
-  /// The mesh must have no vertex at which two borders touch (see split_bowties). `border`: [3T]
-  /// set for half-edges with nothing on the other side.
-  Front(const Mesh& mesh, const std::vector<std::uint8_t>& border);
+  /// `border`: half-edges with nothing on the other side, some or all of the mesh's; at most one
+  /// starts at a vertex, and one ends (see join_parts). Where some are left out, the others are
+  /// chains: the first has itself as `prev`, the last has itself as `next`.
+  Front(const Mesh& mesh, std::span<const std::uint32_t> border);
 
   struct Edge {
     std::uint32_t from = 0, to = 0;
@@ -77,11 +79,12 @@ class Front {
   static constexpr std::uint32_t kInner = 0xFFFFFFFFu;  // not on the border
 
   Vec3f at(std::uint32_t v) const { return positions_[v]; }
-  /// A directed edge by the places of its ends: vertices that split_bowties took apart count as
+  /// A directed edge by the places of its ends: vertices that join_parts took apart count as
   /// one.
   std::uint64_t directed(std::uint32_t from, std::uint32_t to) const {
     return static_cast<std::uint64_t>(place_[from]) << 32 | place_[to];
   }
+  void find_places(const std::vector<std::uint8_t>& on_border);
   bool edges_are_free(std::uint32_t u, std::uint32_t v, std::uint32_t w) const;
   double turn(std::uint32_t vertex, std::uint32_t reference, std::uint32_t other) const;
   std::uint32_t add_edge(std::uint32_t from, std::uint32_t to);
@@ -92,16 +95,12 @@ class Front {
 
   const std::vector<Vec3f>& positions_;
   std::vector<Vec3f> normals_;
-  std::vector<std::uint32_t> place_;  // lowest vertex at the same position
+  std::vector<std::uint32_t> place_;  // of border vertices: the lowest at the same position
   std::vector<Edge> edges_;
   std::vector<std::uint32_t> corner_;  // [V]
   kit::PairMap
       surface_;  // directed edges of triangles at the border → the live edge there, or kInner
   std::vector<Triangle> added_;
 };
-
-/// Gives every fan of triangles at a vertex a vertex of its own, so that no two borders meet in
-/// one; edges of more than two triangles come apart too. Positions stay.
-Mesh split_bowties(const Mesh& mesh, const kit::EdgeTable& table);
 
 }  // namespace mr::merge

@@ -11,22 +11,17 @@ namespace mr::merge {
 
 struct OverlapConfig {
   MergeConfig::Owner owner = MergeConfig::Owner::coherent;
-  MergeConfig::Overlap overlap = MergeConfig::Overlap::raster;  ///< how hits are found
-  double voxel_m = 0.01;  ///< triangles on the border of an overlap are cut to about this scale
+  MergeConfig::Overlap overlap = MergeConfig::Overlap::raster;  ///< how the paper's rays find hits
+  double voxel_m = 0.01;
   double calibration_error_m = 0.005;
-  double island_area_m2 = 0.002;  ///< smaller pieces that would be left over are given up
 };
 
-/// Overlap removal (paper 3.2). Rays go from every depth camera through its pixels (from a LiDAR
-/// evenly into its field) and meet all parts; hits of different parts that face the camera alike
-/// and lie within twice the sensors' precision (plus calibration and decimation error) are one
-/// surface, and all but one of its triangles go:
-///   owner paper     the farther ones from that camera
-///   owner coherent  those whose own sensor measured the spot less precisely: sigma(z) / cos(angle)
-/// Overlap is decided between parts, never inside one. Triangles that lie in an overlap only partly
-/// are cut until the border is about two voxels fine; what is left keeps its vertices. Where
-/// everything would go, the best stays: removal makes no holes, only narrow gaps that zip() closes.
-/// Returns what stays of each part, in order, without views. Parallel; deterministic.
+/// Overlap removal (paper 3.2). Surfaces of different parts that face alike and lie within twice
+/// the sensors' precision (plus calibration and decimation error) are one, and all but one go:
+///   owner paper     the farther ones, on the rays of the depth cameras (paper_rule.h)
+///   owner coherent  those that were measured less well; parts are cut along the line (ownership.h)
+/// Overlap is decided between parts, never inside one; vertices that stay do not move. Returns what
+/// stays of each part, in order, without views. Parallel; deterministic.
 std::vector<Mesh> remove_overlap(std::span<const Part> parts, const OverlapConfig& config);
 
 }  // namespace mr::merge

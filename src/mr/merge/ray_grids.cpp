@@ -7,7 +7,6 @@
 
 #include "mr/core/image.h"
 #include "mr/kit/raster.h"
-#include "mr/merge/layers.h"
 
 namespace mr::merge {
 namespace {
@@ -65,26 +64,29 @@ void add_faces(const SourceInfo& source, double focal_px, std::vector<RayGrid>& 
   }
 }
 
+/// Columns or rows of a camera that sees all around per radian, but no more than a voxel needs.
+double face_pixels_per_rad(const Camera& camera, double voxel_m) {
+  const Vec2d density = kit::pixels_per_rad(camera);
+  return std::min(std::max(density.x, density.y), std::min(12 / voxel_m, kMostPerRad));
+}
+
 }  // namespace
 
-void add_ray_grids(const SourceInfo& source, double voxel_m, RayGrids& grids) {
-  const Camera& camera = source.depth_camera;
-  const bool pinhole = camera.model == CameraModel::pinhole;
-  const Vec2d density = kit::pixels_per_rad(camera);
-  const double enough_per_rad = std::min(12 / voxel_m, kMostPerRad);
-  const double per_rad =
-      pinhole ? camera.fx : std::min(std::max(density.x, density.y), enough_per_rad);
-  const double pixel_voxels = 3 / (per_rad * voxel_m);
-  const auto add = [&](double rays_per_pixel, std::vector<RayGrid>& out) {
-    if (pinhole)
-      out.push_back({scaled(camera, rays_per_pixel), source.T_world_depth});
-    else
-      add_faces(source, per_rad * rays_per_pixel, out);
-  };
-  const double rays_per_pixel = std::clamp(std::ceil(pixel_voxels - 0.1), 1.0, 4.0);
-  if (pixel_voxels >= 0.6) return add(rays_per_pixel, grids.sparse);
-  add(0.5, grids.sparse);
-  add(rays_per_pixel, grids.dense);
+std::vector<RayGrid> camera_rays(const SourceInfo& source, double voxel_m) {
+  if (source.depth_camera.model == CameraModel::pinhole)
+    return {{source.depth_camera, source.T_world_depth}};
+  std::vector<RayGrid> out;
+  add_faces(source, face_pixels_per_rad(source.depth_camera, voxel_m), out);
+  return out;
+}
+
+Camera scaled(const Camera& camera, double factor) {
+  Camera out = camera;
+  out.width = static_cast<int>(camera.width * factor);
+  out.height = static_cast<int>(camera.height * factor);
+  out.fx *= factor, out.fy *= factor;
+  out.cx = factor * (camera.cx + 0.5) - 0.5, out.cy = factor * (camera.cy + 0.5) - 0.5;
+  return out;
 }
 
 }  // namespace mr::merge

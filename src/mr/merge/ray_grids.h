@@ -14,17 +14,13 @@ struct RayGrid {
   Pose T_world_camera;
 };
 
-/// The rays of several depth cameras: `sparse` ones meet a surface 3 m away about once a voxel, and
-/// `dense` ones twice as often where the camera has the pixels for it.
-struct RayGrids {
-  std::vector<RayGrid> sparse, dense;
-};
+/// A depth camera's rays: a pinhole's through its pixels, those of a LiDAR or an equirectangular
+/// camera through the faces of a cube, as near together as its columns or rows, whichever are the
+/// nearer, but at 3 m no nearer than a quarter of a voxel, and as far around as its field: from its
+/// lowest to its highest beam, and half a row beyond.
+std::vector<RayGrid> camera_rays(const SourceInfo& source, double voxel_m);
 
-/// Adds a depth camera's rays. A pinhole's go through its pixels, or through more where those are
-/// far apart. Those of a LiDAR or an equirectangular camera go through the faces of a cube, as
-/// near together as its columns or rows, whichever are the nearer, but at 3 m no nearer than a
-/// quarter of a voxel, and cover its field: from its lowest to its highest beam, and half a row
-/// beyond.
-void add_ray_grids(const SourceInfo& source, double voxel_m, RayGrids& grids);
+/// The same pinhole view with `factor` times as many pixels a side.
+Camera scaled(const Camera& camera, double factor);
 
 }  // namespace mr::merge

@@ -7,24 +7,22 @@
 #include <optional>
 #include <queue>
 #include <tuple>
+#include <utility>
 
 #include "mr/core/parallel.h"
+#include "mr/kit/pair_map.h"
 #include "mr/kit/topology.h"
+#include "mr/merge/border.h"
 #include "mr/merge/front.h"
 #include "mr/merge/point_grid.h"
+#include "mr/merge/stitch.h"
 
 namespace mr::merge {
 namespace {
 
-constexpr int kMaxCuts = 6;     // halvings of a border edge
-constexpr int kSmallLoop = 30;  // edges of a loop that is closed at all costs
-
-/// All parts in one mesh, and which part a vertex belongs to.
-struct Joined {
-  Mesh mesh;
-  std::vector<std::uint32_t> part;   // [V]
-  std::vector<std::uint8_t> border;  // [3T] half-edges with nothing on the other side
-};
+constexpr int kMaxCuts = 6;            // halvings of a border edge
+constexpr int kSmallLoop = 30;         // edges of a loop that is closed at all costs
+constexpr double kMostSamples = 4096;  // of one edge
 
 /// Points with something that they stand for.
 struct TaggedPoints {
@@ -32,37 +30,19 @@ struct TaggedPoints {
   std::vector<std::uint32_t> tag;
 };
 
-Joined join_parts(std::span<const Mesh> parts) {
-  std::vector<Mesh> split(parts.size());
-  std::vector<kit::EdgeTable> tables(parts.size());
-  parallel_for(parts.size(), 1, [&](std::size_t begin, std::size_t end) {
-    for (std::size_t i = begin; i < end; ++i) {
-      tables[i] = kit::edge_table(parts[i]);
-      split[i] = split_bowties(parts[i], tables[i]);
-    }
-  });
-  Joined out;
-  for (std::uint32_t i = 0; i < split.size(); ++i) {
-    split[i].runs.clear();
-    append(out.mesh, split[i]);
-    out.part.resize(out.mesh.positions.size(), i);
-    for (const std::uint32_t twin : tables[i].twin) out.border.push_back(twin == kit::kNoTwin);
-  }
-  return out;
-}
-
-/// Points along all border edges, at most `spacing` apart, tagged with their part.
+/// Points along all border edges, at most `spacing` apart, tagged with their place in the border.
 TaggedPoints sample_borders(const Joined& joined, double spacing) {
   TaggedPoints cloud;
-  for (std::uint32_t h = 0; h < joined.border.size(); ++h) {
-    if (!joined.border[h]) continue;
-    const std::uint32_t a = kit::edge_from(joined.mesh, h);
-    const Vec3f p = joined.mesh.positions[a],
+  for (std::uint32_t e = 0; e < joined.border.size(); ++e) {
+    const std::uint32_t h = joined.border[e];
+    const Vec3f p = joined.mesh.positions[kit::edge_from(joined.mesh, h)],
                 q = joined.mesh.positions[kit::edge_to(joined.mesh, h)];
-    const int steps = std::max(1, static_cast<int>(std::ceil(length(q - p) / spacing)));
+    const double wanted = std::ceil(static_cast<double>(length(q - p)) / spacing);
+    const int steps = static_cast<int>(std::clamp(wanted, 1.0, kMostSamples));
     for (int i = 0; i < steps; ++i) {
-      cloud.points.push_back(p + (q - p) * (static_cast<float>(i) / static_cast<float>(steps)));
-      cloud.tag.push_back(joined.part[a]);
+      const float along = (static_cast<float>(i) + 0.5f) / static_cast<float>(steps);
+      cloud.points.push_back(p + (q - p) * along);
+      cloud.tag.push_back(e);
     }
   }
   return cloud;
@@ -74,24 +54,131 @@ float distance_to_segment(Vec3f p, Vec3f a, Vec3f b) {
   return length(p - (a + d * along));
 }
 
+/// Which parts have border in which cell of a coarse grid, as far as it is one or several.
+class PartsNearby {
+ public:
+  PartsNearby(const TaggedPoints& samples, const std::vector<std::uint32_t>& part_of_tag,
+              float cell_m)
+      : per_cell_(1 / cell_m), cells_(samples.points.size() / 4) {
+    for (std::size_t i = 0; i < samples.points.size(); ++i) {
+      const std::uint32_t part = part_of_tag[samples.tag[i]];
+      std::uint32_t& known = cells_.get_or_add(key(cell(samples.points[i], 0)), part);
+      if (known != part) known = kSeveral;
+    }
+  }
+
+  /// Whether a ball with a radius of at most half a cell may hold border of another part.
+  bool has_other(Vec3f middle, std::uint32_t part) const {
+    const Vec3i low = cell(middle, -0.5f);
+    for (int i = 0; i < 8; ++i) {
+      const std::uint32_t* known = cells_.find(key(low + Vec3i{i & 1, i >> 1 & 1, i >> 2 & 1}));
+      if (known && *known != part) return true;
+    }
+    return false;
+  }
+
+ private:
+  static constexpr std::uint32_t kSeveral = 0xFFFFFFFFu;
+  static std::uint64_t key(Vec3i cell) { return hash_cell(cell); }  // a collision costs a look
+  Vec3i cell(Vec3f p, float shift) const {
+    const auto along = [&](float x) {
+      return static_cast<std::int32_t>(std::clamp(std::floor(x * per_cell_ + shift), -1e9f, 1e9f));
+    };
+    return {along(p.x), along(p.y), along(p.z)};
+  }
+
+  float per_cell_;
+  kit::PairMap cells_;
+};
+
+/// The border edges that another part's border is near, running the other way: where there is
+/// something to close.
+class Facing {
+ public:
+  Facing(const Joined& joined, const ZipperConfig& config)
+      : joined_(joined),
+        config_(config),
+        samples_(sample_borders(joined, 2 * config.edge_m)),
+        grid_(samples_.points, config.max_gap_m),
+        nearby_(samples_, parts_of(joined), 4 * static_cast<float>(reach())) {}
+
+  /// [border] of edges longer than `longer_than_m`; 0 for the others.
+  std::vector<std::uint8_t> edges(float longer_than_m = 0) const {
+    std::vector<std::uint8_t> out(joined_.border.size());
+    parallel_for(out.size(), 512, [&](std::size_t begin, std::size_t end) {
+      for (std::size_t e = begin; e < end; ++e)
+        out[e] = has_other(static_cast<std::uint32_t>(e), longer_than_m);
+    });
+    return out;
+  }
+
+ private:
+  static std::vector<std::uint32_t> parts_of(const Joined& joined) {
+    std::vector<std::uint32_t> out;
+    for (const std::uint32_t h : joined.border)
+      out.push_back(joined.part[kit::edge_from(joined.mesh, h)]);
+    return out;
+  }
+  double reach() const { return config_.max_gap_m + config_.edge_m; }
+  Vec3f along(std::uint32_t e) const {
+    const std::uint32_t h = joined_.border[e];
+    return joined_.mesh.positions[kit::edge_to(joined_.mesh, h)] -
+           joined_.mesh.positions[kit::edge_from(joined_.mesh, h)];
+  }
+  std::uint32_t part(std::uint32_t e) const {
+    return joined_.part[kit::edge_from(joined_.mesh, joined_.border[e])];
+  }
+
+  bool has_other(std::uint32_t e, float longer_than_m) const {
+    const std::uint32_t h = joined_.border[e];
+    const Vec3f a = joined_.mesh.positions[kit::edge_from(joined_.mesh, h)], d = along(e);
+    const auto reach = static_cast<float>(this->reach());
+    const float size = length(d);
+    if (size <= longer_than_m) return false;
+    // Half a cell is two reaches: enough for a ball around an edge of two.
+    if (size <= 2 * reach && !nearby_.has_other(a + d * 0.5f, part(e))) return false;
+    bool found = false;
+    grid_.within(a + d * 0.5f, size / 2 + reach, [&](std::uint32_t i) {
+      const std::uint32_t other = samples_.tag[i];
+      found = found || (part(other) != part(e) && dot(along(other), d) < 0 &&
+                        distance_to_segment(samples_.points[i], a, a + d) <= reach);
+    });
+    return found;
+  }
+
+  const Joined& joined_;
+  const ZipperConfig& config_;
+  TaggedPoints samples_;
+  PointGrid grid_;
+  PartsNearby nearby_;
+};
+
 /// Halves long border edges that have another part's border near, and the halves again.
 class BorderCutter {
  public:
-  BorderCutter(const Joined& joined, const ZipperConfig& config)
-      : config_(config),
-        samples_(sample_borders(joined, config.edge_m)),
-        grid_(samples_.points, config.max_gap_m / 2) {
-    out_.mesh.positions = joined.mesh.positions;
-    out_.part = joined.part;
-    for (std::uint32_t t = 0; t < joined.mesh.triangles.size(); ++t) {
-      const auto* border = &joined.border[3 * t];
-      cut(joined.mesh.triangles[t], {border[0], border[1], border[2]}, kMaxCuts);
+  BorderCutter(Joined& joined, const ZipperConfig& config)
+      : joined_(joined), longest_m_(static_cast<float>(1.5 * config.edge_m)) {
+    const std::vector<std::uint8_t> near = Facing(joined, config).edges(longest_m_);
+    std::vector<std::uint32_t> triangles;
+    for (std::size_t e = 0; e < near.size(); ++e)
+      if (near[e]) triangles.push_back(joined.border[e] / 3);
+    triangles.erase(std::unique(triangles.begin(), triangles.end()), triangles.end());
+    for (const std::uint32_t t : triangles) {
+      place_ = t;
+      cut(joined.mesh.triangles[t], flags(t), kMaxCuts);
     }
+    if (!triangles.empty()) joined.border = border_half_edges(joined.mesh);
   }
-  Joined result() && { return std::move(out_); }
 
  private:
   using Flags = std::array<std::uint8_t, 3>;  // of a triangle's edges
+
+  Flags flags(std::uint32_t t) const {
+    const auto is_border = [&](std::uint32_t h) {
+      return static_cast<std::uint8_t>(std::ranges::binary_search(joined_.border, h));
+    };
+    return {is_border(3 * t), is_border(3 * t + 1), is_border(3 * t + 2)};
+  }
 
   /// Cuts a triangle across those of its edges that are on the border, and its pieces, `times`
   /// deep. No other triangle shares those edges.
@@ -99,12 +186,12 @@ class BorderCutter {
     std::array<std::uint32_t, 3> middle{};
     std::array<bool, 3> is_cut{};
     for (std::uint32_t i = 0; i < 3; ++i) {
-      is_cut[i] = border[i] && times > 0 && is_opposite_a_part(t[i], t[(i + 1) % 3]);
+      is_cut[i] = border[i] && times > 0 && length(at(t[i]) - at(t[(i + 1) % 3])) > longest_m_;
       if (is_cut[i]) middle[i] = add_middle(t[i], t[(i + 1) % 3]);
     }
     const int cuts = is_cut[0] + is_cut[1] + is_cut[2];
     if (cuts == 0) {
-      add(t, border);
+      add(t);
     } else if (cuts == 1) {
       const int i = is_cut[0] ? 0 : is_cut[1] ? 1 : 2;
       const std::uint32_t a = t[i], b = t[(i + 1) % 3], c = t[(i + 2) % 3], ab = middle[i];
@@ -124,41 +211,50 @@ class BorderCutter {
       }
     } else {
       for (int i = 0; i < 3; ++i) cut({t[i], middle[i], middle[(i + 2) % 3]}, {1, 0, 1}, times - 1);
-      add({middle[0], middle[1], middle[2]}, {0, 0, 0});
+      add({middle[0], middle[1], middle[2]});
     }
   }
 
-  void add(const Triangle& t, const Flags& border) {
-    out_.mesh.triangles.push_back(t);
-    out_.border.insert(out_.border.end(), border.begin(), border.end());
-  }
-
-  /// Whether an edge is long and another part's border lies within the gap.
-  bool is_opposite_a_part(std::uint32_t from, std::uint32_t to) const {
-    const Vec3f a = at(from), b = at(to);
-    const float span = length(b - a);
-    if (span <= config_.edge_m * 1.5) return false;
-    bool found = false;
-    grid_.within(
-        (a + b) * 0.5f, static_cast<float>(span / 2 + config_.max_gap_m), [&](std::uint32_t i) {
-          found = found || (samples_.tag[i] != out_.part[from] &&
-                            distance_to_segment(samples_.points[i], a, b) <= config_.max_gap_m);
-        });
-    return found;
+  /// The first piece takes the triangle's place.
+  void add(const Triangle& t) {
+    if (place_ != kNoPlace)
+      joined_.mesh.triangles[std::exchange(place_, kNoPlace)] = t;
+    else
+      joined_.mesh.triangles.push_back(t);
   }
 
   std::uint32_t add_middle(std::uint32_t a, std::uint32_t b) {
-    out_.mesh.positions.push_back((at(a) + at(b)) * 0.5f);
-    out_.part.push_back(out_.part[a]);
-    return static_cast<std::uint32_t>(out_.part.size() - 1);
+    joined_.mesh.positions.push_back((at(a) + at(b)) * 0.5f);
+    joined_.part.push_back(joined_.part[a]);
+    return static_cast<std::uint32_t>(joined_.part.size() - 1);
   }
-  Vec3f at(std::uint32_t vertex) const { return out_.mesh.positions[vertex]; }
+  Vec3f at(std::uint32_t vertex) const { return joined_.mesh.positions[vertex]; }
 
-  const ZipperConfig& config_;
-  TaggedPoints samples_;
-  PointGrid grid_;
-  Joined out_;
+  static constexpr std::uint32_t kNoPlace = 0xFFFFFFFFu;
+  Joined& joined_;
+  float longest_m_;
+  std::uint32_t place_ = kNoPlace;
 };
+
+/// The half-edges of the border that has something to close, and a few more on both sides.
+std::vector<std::uint32_t> to_close(const Joined& joined, std::vector<std::uint8_t> near) {
+  constexpr int kMore = 3;
+  std::vector<std::uint8_t> at_vertex(joined.mesh.positions.size(), 0);
+  for (int round = 0; round < kMore; ++round) {
+    const auto ends = [&](std::size_t e) {
+      return std::pair(kit::edge_from(joined.mesh, joined.border[e]),
+                       kit::edge_to(joined.mesh, joined.border[e]));
+    };
+    for (std::size_t e = 0; e < near.size(); ++e)
+      if (near[e]) at_vertex[ends(e).first] = at_vertex[ends(e).second] = 1;
+    for (std::size_t e = 0; e < near.size(); ++e)
+      near[e] |= at_vertex[ends(e).first] | at_vertex[ends(e).second];
+  }
+  std::vector<std::uint32_t> out;
+  for (std::size_t e = 0; e < near.size(); ++e)
+    if (near[e]) out.push_back(joined.border[e]);
+  return out;
+}
 
 /// A way to fill a bit of the gap: a triangle from a border edge to a corner.
 struct Filling {
@@ -354,8 +450,10 @@ class Zipper {
 
 Mesh zip(std::span<const Mesh> parts, const ZipperConfig& config) {
   if (parts.size() == 1) return {parts[0].positions, parts[0].triangles, {}};
-  Joined joined = BorderCutter(join_parts(parts), config).result();
-  Front front(joined.mesh, joined.border);
+  Joined joined = join_parts(parts);
+  stitch(joined, {.reach_m = config.stitch_m, .snap_m = config.stitch_m / 5});
+  BorderCutter(joined, config);
+  Front front(joined.mesh, to_close(joined, Facing(joined, config).edges()));
   Zipper(joined, front, config).run();
   joined.mesh.triangles.insert(joined.mesh.triangles.end(), front.added().begin(),
                                front.added().end());

@@ -9,18 +9,22 @@ namespace mr::merge {
 struct ZipperConfig {
   double max_gap_m = 0.06;  ///< borders farther apart are not joined
   double edge_m = 0.025;    ///< border edges near another part are cut to about this length first
+  double stitch_m = 0.015;  ///< borders nearer than this are sewn into one line
 };
 
 /// What suits a reconstruction of this resolution. The paper's radius, "the square root of the
 /// resolution", depends on the unit of length; ours is six voxels.
-inline ZipperConfig zipper_config(double voxel_m) { return {6 * voxel_m, 2.5 * voxel_m}; }
+inline ZipperConfig zipper_config(double voxel_m) {
+  return {6 * voxel_m, 2.5 * voxel_m, 1.5 * voxel_m};
+}
 
-/// Joins parts without overlap into one surface (paper 3.2, after Turk & Levoy 1994). Borders of
-/// different parts that lie within `max_gap_m` and face alike are found by nearest-neighbour search
-/// and the strip between them is triangulated, shortest connections first, as an advancing front:
+/// Joins parts without overlap into one surface (paper 3.2, after Turk & Levoy 1994). Borders that
+/// run along each other within `stitch_m` are sewn into one line halfway (stitch.h). Those that lie
+/// within `max_gap_m` and face alike are found by nearest-neighbour search and the strip between
+/// them is triangulated, shortest connections first, as an advancing front:
 /// every new triangle grows from a border edge to a vertex on the opposite border, into the gap and
 /// never over existing surface, and no edge gets a third triangle. Small remaining loops are
-/// closed. Vertices of the parts stay where they are. Views are dropped. Deterministic.
+/// closed. No vertex moves farther than half of `stitch_m`. Views are dropped. Deterministic.
 Mesh zip(std::span<const Mesh> parts, const ZipperConfig& config);
 
 }  // namespace mr::merge

@@ -129,6 +129,8 @@ void LiveMerger::merge(const std::stop_token& stop) {
     };
     arena.run([&] { bytes = node_.merge(*gathered, tell); });
     tell();
+    if (const auto notice = node_.calibration().take_notice())
+      context_.log(node_.id() + ": " + *notice);
     credit_.end(bytes.ok());
     if (bytes) {
       ++frames_;

@@ -77,7 +77,8 @@ MergeNode::MergeNode(const Scene& scene, const MergerConfig& merger, bool is_roo
       clock_(std::move(clock)),
       gatherer_(scene, merger, !is_root),
       publisher_(scene, kMergedSource),
-      texture_(scene, kAtlasStream) {}
+      texture_(scene, kAtlasStream),
+      calibration_(scene) {}
 
 std::vector<std::byte> MergeNode::answer(const codec::Request& request) {
   if (request.key_frame && is_root_) texture_.ask_key_frame();
@@ -114,7 +115,7 @@ Result<std::vector<std::byte>> MergeNode::merge(const Gathered& gathered,
     return publisher_.publish(surface.mesh, surface.error_m, packet.plan.mesh_speed, packet);
   });
   if (!coded) return coded.error();
-  if (const Status textured = add_textures(gathered, surface.mesh, packet); !textured)
+  if (const Status textured = add_textures(gathered, surface, packet); !textured)
     return textured.error();
   ++sequence_;
   add_marks(gathered, started, packet);
@@ -130,44 +131,25 @@ void MergeNode::add_marks(const Gathered& gathered, TimePoint started, Packet& p
 
 Result<MergeNode::Surface> MergeNode::merge_surfaces(const Gathered& gathered,
                                                      const std::function<void()>& halfway) {
-  const double voxel_m = scene_->voxel_m;
   std::vector<merge::Part> parts(gathered.scenes.size());
   parallel_for(parts.size(), 1, [&](std::size_t begin, std::size_t end) {
     for (std::size_t i = begin; i < end; ++i) parts[i] = part_of(gathered.scenes[i]);
   });
-  Surface out;
+  Surface out{{}, 0, gathered.views, gathered.sources};
   for (const merge::Part& part : parts) out.error_m = std::max(out.error_m, part.error_m);
+  trace_.time("register", [&] { calibration_.run(parts, out.views, out.sources); });
 
-  std::vector<Mesh> owned = trace_.time("overlap", [&] {
-    return merge::remove_overlap(parts, {.owner = scene_->merge.owner,
-                                         .voxel_m = voxel_m,
-                                         .calibration_error_m = scene_->merge.calibration_error_m,
-                                         .island_area_m2 = merge::island_area_m2(voxel_m)});
-  });
-  if (halfway) halfway();
-  trace_.time("islands", [&] {
-    for (Mesh& mesh : owned) mesh = merge::remove_islands(mesh, merge::island_area_m2(voxel_m));
-  });
-  const Mesh zipped =
-      trace_.time("zipper", [&] { return merge::zip(owned, merge::zipper_config(voxel_m)); });
-  auto simplified = trace_.time("simplify", [&]() -> Result<Mesh> {
-    auto snapped = codec::snap_to_lattice(zipped, scene_->lattice);
-    if (!snapped || !is_root_) return snapped;
-    const double target = scene_->merge.simplify.ratio * triangles_sent(parts, owned);
-    const auto small =
-        simplifier_.run(*snapped, {.triangles = static_cast<std::size_t>(std::ceil(target))});
-    if (!small) return small.error();
-    out.error_m += small->error_m;
-    return codec::snap_to_lattice(small->mesh, scene_->lattice);
-  });
-  if (!simplified) return simplified.error();
-
+  double triangles = 0;
+  const Mesh joined = join(parts, halfway, triangles);
+  const auto small =
+      trace_.time("simplify", [&] { return decimated(joined, triangles, out.error_m); });
+  if (!small) return small.error();
   const Mesh labelled = trace_.time("atlas", [&] {
-    return atlas::label_triangles(*simplified, gathered.views,
+    return atlas::label_triangles(*small, out.views,
                                   {.views = scene_->atlas.views,
                                    .geometry_error_m = texturing_error_m(*scene_, out.error_m),
-                                   .precision = noisiest(gathered.sources),
-                                   .min_edge_m = 2 * voxel_m});
+                                   .precision = noisiest(out.sources),
+                                   .min_edge_m = 2 * scene_->voxel_m});
   });
   auto snapped = codec::snap_to_lattice(labelled, scene_->lattice);
   if (!snapped) return snapped.error();
@@ -175,17 +157,61 @@ Result<MergeNode::Surface> MergeNode::merge_surfaces(const Gathered& gathered,
   return out;
 }
 
-Status MergeNode::add_textures(const Gathered& gathered, const Mesh& mesh, Packet& packet) {
-  if (is_root_ && !gathered.views.empty()) return compose_atlas(gathered, mesh, packet);
-  packet.views = gathered.views;
+/// Paper 3.2: one surface of all parts. `triangles`: how many the children spent on it.
+Mesh MergeNode::join(const std::vector<merge::Part>& parts, const std::function<void()>& halfway,
+                     double& triangles) {
+  const double voxel_m = scene_->voxel_m;
+  const MergeConfig& config = scene_->merge;
+  std::vector<Mesh> owned = trace_.time("overlap", [&] {
+    return merge::remove_overlap(parts, {.owner = config.owner,
+                                         .overlap = config.overlap,
+                                         .voxel_m = voxel_m,
+                                         .calibration_error_m = config.calibration_error_m});
+  });
+  triangles = triangles_sent(parts, owned);
+  if (halfway) halfway();
+  trace_.time("islands", [&] {
+    const double least_m2 =
+        config.island_area_m2 > 0 ? config.island_area_m2 : merge::island_area_m2(voxel_m);
+    parallel_for(owned.size(), 1, [&](std::size_t begin, std::size_t end) {
+      for (std::size_t i = begin; i < end; ++i)
+        owned[i] = merge::remove_islands(owned[i], least_m2);
+    });
+  });
+  return trace_.time("zipper", [&] {
+    merge::ZipperConfig zipper = merge::zipper_config(voxel_m);
+    if (config.gap_m > 0) zipper.max_gap_m = config.gap_m;
+    Mesh zipped = merge::zip(owned, zipper);
+    return merger_.region ? inside(zipped, *merger_.region, scene_->fusion.chunk_m) : zipped;
+  });
+}
+
+/// On the lattice. Only the root decimates, and only where the scene asks for it.
+Result<Mesh> MergeNode::decimated(const Mesh& mesh, double triangles, float& error_m) {
+  auto snapped = codec::snap_to_lattice(mesh, scene_->lattice);
+  if (!snapped || !is_root_ || scene_->merge.simplify.ratio >= 1) return snapped;
+  const double target = scene_->merge.simplify.ratio * triangles;
+  const auto small =
+      simplifier_.run(*snapped, {.triangles = static_cast<std::size_t>(std::ceil(target))});
+  if (!small) return small.error();
+  error_m += small->error_m;
+  return codec::snap_to_lattice(small->mesh, scene_->lattice);
+}
+
+Status MergeNode::add_textures(const Gathered& gathered, const Surface& surface, Packet& packet) {
+  for (SourceInfo& source : packet.sources)
+    for (const SourceInfo& corrected : surface.sources)
+      if (corrected.sensor == source.sensor) source.T_world_depth = corrected.T_world_depth;
+  if (is_root_ && !surface.views.empty()) return compose_atlas(gathered, surface, packet);
+  packet.views = surface.views;
   packet.textures = gathered.units;
   return {};
 }
 
-Status MergeNode::compose_atlas(const Gathered& gathered, const Mesh& mesh, Packet& packet) {
+Status MergeNode::compose_atlas(const Gathered& gathered, const Surface& surface, Packet& packet) {
   const std::uint32_t current = layout_.views.empty() ? 0 : layout_.views.front().layout;
   auto made =
-      atlas::make_layout(gathered.views, scene_->atlas, scene_->coding.texture_scale, current);
+      atlas::make_layout(surface.views, scene_->atlas, scene_->coding.texture_scale, current);
   if (!made) return made.error();
   atlas::Layout wanted = *std::move(made);
   const auto same_tiles = [](const View& a, const View& b) {
@@ -203,14 +229,16 @@ Status MergeNode::compose_atlas(const Gathered& gathered, const Mesh& mesh, Pack
     std::map<std::uint32_t, std::shared_ptr<const ImageRgb>> pictures;
     for (const DecodedScene& scene : gathered.scenes)
       pictures.insert(scene.textures.begin(), scene.textures.end());
-    for (const View& view : gathered.views) {
+    for (const View& view : surface.views) {
       children[view.id] = view;
       if (!scene_->atlas.mask) continue;
       const double margin =
-          atlas::margin_px(view, texturing_error_m(*scene_, last_->second.error_m), 1.0);
-      used[view.id] = atlas::used_pixels(mesh, view, static_cast<int>(std::ceil(margin)));
+          atlas::margin_px(view, texturing_error_m(*scene_, surface.error_m), 1.0);
+      used[view.id] = atlas::used_pixels(surface.mesh, view, static_cast<int>(std::ceil(margin)));
     }
-    ImageRgb picture = atlas::compose_atlas(layout_, children, pictures, used, scene_->atlas.mask);
+    if (scene_->merge.color_gain) balance_.update(surface.mesh, surface.views, pictures);
+    ImageRgb picture = atlas::compose_atlas(layout_, children, pictures, used, scene_->atlas.mask,
+                                            balance_.gains());
     if (scene_->atlas.burn_sequence) atlas::burn_number(picture, packet.sequence);
     return texture_.encode(picture, packet.plan.texture_qp, layout_.views.front().layout);
   });

@@ -10,10 +10,13 @@
 #include <utility>
 #include <vector>
 
+#include "mr/atlas/color_gain.h"
 #include "mr/atlas/layout.h"
 #include "mr/core/result.h"
 #include "mr/core/scene.h"
 #include "mr/core/trace.h"
+#include "mr/merge/part.h"
+#include "mr/node/calibration_check.h"
 #include "mr/node/chunk_publisher.h"
 #include "mr/node/gatherer.h"
 #include "mr/node/node_clock.h"
@@ -64,6 +67,9 @@ class MergeNode {
   /// Whether the last merge found the inputs' geometry unchanged and kept its surface.
   bool reused() const { return reused_; }
 
+  /// How well the inputs fit, and a line when one does not.
+  CalibrationCheck& calibration() { return calibration_; }
+
   Trace& trace() { return trace_; }
   const Trace& trace() const { return trace_; }
 
@@ -71,12 +77,18 @@ class MergeNode {
   struct Surface {
     Mesh mesh;  // labelled, on the lattice
     float error_m = 0;
+    // As merge.refine corrected them.
+    std::vector<View> views;
+    std::vector<SourceInfo> sources;
   };
 
   Packet head(const Gathered& gathered) const;
   Result<Surface> merge_surfaces(const Gathered& gathered, const std::function<void()>& halfway);
-  Status add_textures(const Gathered& gathered, const Mesh& mesh, Packet& packet);
-  Status compose_atlas(const Gathered& gathered, const Mesh& mesh, Packet& packet);
+  Mesh join(const std::vector<merge::Part>& parts, const std::function<void()>& halfway,
+            double& triangles);
+  Result<Mesh> decimated(const Mesh& mesh, double triangles, float& error_m);
+  Status add_textures(const Gathered& gathered, const Surface& surface, Packet& packet);
+  Status compose_atlas(const Gathered& gathered, const Surface& surface, Packet& packet);
   void add_marks(const Gathered& gathered, TimePoint started, Packet& packet) const;
 
   const Scene* scene_;
@@ -87,6 +99,8 @@ class MergeNode {
   ChunkPublisher publisher_;
   TextureStream texture_;
   simplify::Simplifier simplifier_;
+  CalibrationCheck calibration_;
+  atlas::ColorBalance balance_;
   atlas::Layout layout_;
   std::optional<std::pair<Gathered, Surface>> last_;  // reused while the inputs' geometry stays
   std::atomic<bool> reused_ = false, key_frame_wished_ = false;

@@ -81,14 +81,16 @@ Result<std::unique_ptr<Pipeline>> Pipeline::open(Scene given,
   return made;
 }
 
-Pipeline::Edge Pipeline::edge_from(const std::string& id) {
+/// A node feeds one merger, or several with a region each; none: the client.
+std::vector<Pipeline::Edge> Pipeline::edges_from(const std::string& id) {
+  std::vector<Edge> edges;
   for (const auto& merger : mergers_) {
     const auto& inputs = merger->config().inputs;
     const auto found = std::find(inputs.begin(), inputs.end(), id);
     if (found != inputs.end())
-      return {merger.get(), static_cast<std::size_t>(found - inputs.begin())};
+      edges.push_back({merger.get(), static_cast<std::size_t>(found - inputs.begin())});
   }
-  return {};
+  return edges;
 }
 
 /// One frame of every source; false when all have ended.
@@ -106,14 +108,17 @@ bool Pipeline::capture(std::vector<std::optional<Frame>>& frames) {
   return any;
 }
 
-void Pipeline::deliver(const Edge& edge, const std::vector<std::byte>& bytes, TimePoint now,
+void Pipeline::deliver(const std::string& from, const std::vector<std::byte>& bytes, TimePoint now,
                        Measured& measured) {
-  if (!edge.merger) return show(bytes, measured);
-  const auto start = Clock::now();
-  // A refusal is counted, and told, by the merger.
-  static_cast<void>(edge.merger->inputs().receive(edge.input, bytes, now).ok());
-  serve(*edge.merger, now);
-  measured.receiving_ms[edge.merger->id()] += ms_since(start);
+  const std::vector<Edge> edges = edges_from(from);
+  if (edges.empty()) return show(bytes, measured);
+  for (const Edge& edge : edges) {
+    const auto start = Clock::now();
+    // A refusal is counted, and told, by the merger.
+    static_cast<void>(edge.merger->inputs().receive(edge.input, bytes, now).ok());
+    serve(*edge.merger, now);
+    measured.receiving_ms[edge.merger->id()] += ms_since(start);
+  }
 }
 
 void Pipeline::take_answer(const std::vector<std::byte>& answer) {
@@ -166,7 +171,7 @@ void Pipeline::run_frame(std::vector<std::optional<Frame>> frames, Measured& mea
     const auto bytes = sense(sensor, *std::move(frames[i]));
     measured.node_ms[sensor.id()].push_back(ms_since(start));
     if (bytes)
-      deliver(edge_from(sensor.id()), *bytes, now, measured);
+      deliver(sensor.id(), *bytes, now, measured);
     else
       drops_.count(sensor.id(), bytes.error());
   }
@@ -192,9 +197,11 @@ void Pipeline::run_merger(MergeNode& merger, TimePoint now, Measured& measured) 
   if (!gathered) return drops_.count(merger.id(), gathered.error());
   if (!*gathered) return drops_.count(merger.id(), {Error::Cause::empty, "no live input"});
   const auto bytes = merger.merge(**gathered);
+  if (const auto notice = merger.calibration().take_notice(); notice && measured.listener->dropped)
+    measured.listener->dropped(merger.id() + ": " + *notice);
   if (!merger.reused())  // a frame in which nothing moved would flatter the figures
     measured.node_ms[merger.id()].push_back(ms_since(start) + measured.receiving_ms[merger.id()]);
-  if (bytes) return deliver(edge_from(merger.id()), *bytes, now, measured);
+  if (bytes) return deliver(merger.id(), *bytes, now, measured);
   drops_.count(merger.id(), bytes.error());
   merger.inputs().ask_key_frames();
 }
@@ -288,6 +295,8 @@ RunReport Pipeline::report(const Measured& m, double seconds) const {
     add(r.merge_stages_ms, merger->inputs().trace());
     add(r.merge_stages_ms, merger->trace());
   }
+  for (const auto& merger : mergers_)
+    for (const InputResidual& pair : merger->calibration().residuals()) r.pairs.push_back(pair);
   r.critical_path_ms = critical_path_ms(m);
   r.throughput_fps = throughput_fps(m);
   r.end_to_end_ms = m.end_to_end_ms;

@@ -54,7 +54,7 @@ class Pipeline {
   const Scene& scene() const { return *scene_; }
 
  private:
-  /// Where a node's packets go: an input of a merger, or the client (none).
+  /// Where a node's packets go: an input of a merger.
   struct Edge {
     MergeNode* merger = nullptr;
     std::size_t input = 0;
@@ -62,7 +62,7 @@ class Pipeline {
   struct Measured;
 
   Pipeline(std::unique_ptr<Scene> scene, const std::filesystem::path& cache_folder);
-  Edge edge_from(const std::string& id);
+  std::vector<Edge> edges_from(const std::string& id);
   using Progress = std::function<void(const std::string& node)>;
   std::vector<std::byte> ask(const std::string& id, const codec::Request& request);
   void serve(MergeNode& merger, TimePoint now);
@@ -72,7 +72,7 @@ class Pipeline {
                  const Progress& progress);
   Result<std::vector<std::byte>> sense(SensorNode& sensor, Frame frame);
   void run_merger(MergeNode& merger, TimePoint now, Measured& measured);
-  void deliver(const Edge& edge, const std::vector<std::byte>& bytes, TimePoint now,
+  void deliver(const std::string& from, const std::vector<std::byte>& bytes, TimePoint now,
                Measured& measured);
   void show(const std::vector<std::byte>& bytes, Measured& measured);
   std::map<std::string, std::uint64_t> all_drops() const;

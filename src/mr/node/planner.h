@@ -27,8 +27,9 @@ struct MergeCosts {
   double coded_bytes = 0;   ///< of the output, on the wire
 };
 
-/// Measures by merging and coding small synthetic parts; takes about a second.
-MergeCosts measure_merge_costs(const Scene& scene);
+/// Measures by merging and coding four synthetic walls, apart and side by side, of about as many
+/// triangles as a sensor sends (at most 20,000); takes about a second.
+MergeCosts measure_merge_costs(const Scene& scene, double triangles = 10'000);
 
 /// What is known about a sensor before the scene runs.
 struct Sight {
@@ -57,9 +58,9 @@ std::vector<Sight> look_at_sensors(const Scene& scene, const std::filesystem::pa
 enum class Split { sensors, space };
 
 struct PlanConfig {
-  int mergers = 2;             ///< below the root; 1: the root alone
-  std::optional<Split> split;  ///< nothing: what suits the scene
-  double link_ms = 1;          ///< from one machine to the next, without the time for the bytes
+  int mergers = 2;               ///< below the root; 1: the root alone
+  std::optional<Split> split{};  ///< nothing: what suits the scene
+  double link_ms = 1;            ///< from one machine to the next, without the time for the bytes
 };
 
 /// A merger, as it is expected to work.
@@ -68,7 +69,7 @@ struct PlannedMerger {
   int layer = 1;  ///< 1: its inputs are sensors
   double triangles_in = 0, triangles_out = 0;
   double triangles_shared = 0;  ///< of those in: where another input has surface, too
-  double latency_ms = 0;        ///< decoding, merging and coding, without pictures
+  double latency_ms = 0;        ///< decoding, merging, coding; no labels, no pictures
   double memory_mb = 0;         ///< pictures included
 };
 

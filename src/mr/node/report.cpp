@@ -50,6 +50,16 @@ double peak_rss_mb() {
   return static_cast<double>(usage.ru_maxrss) / 1024;
 }
 
+Json pairs(const std::vector<InputResidual>& residuals) {
+  Json out = Json::array();
+  for (const InputResidual& pair : residuals)
+    out.push_back({{"a", pair.a},
+                   {"b", pair.b},
+                   {"residual_mm", rounded(pair.residual_mm)},
+                   {"shared_m2", rounded(pair.shared_m2)}});
+  return out;
+}
+
 std::string to_json(const RunReport& r) {
   std::uint64_t dropped = 0;
   for (const auto& [cause, n] : r.drops) dropped += n;
@@ -69,6 +79,7 @@ std::string to_json(const RunReport& r) {
       {"chunks", {{"new", r.chunks_new}, {"kept", r.chunks_kept}}},
       {"drops", {{"total", dropped}, {"by", Json(r.drops)}}},
       {"nodes", {{"sensor", stages(r.sensor_stages_ms)}, {"merge", stages(r.merge_stages_ms)}}},
+      {"pairs", pairs(r.pairs)},
       {"throughput_fps", rounded(r.throughput_fps)},
       {"latency_ms",
        {{"critical_path", rounded(r.critical_path_ms)},
@@ -98,6 +109,12 @@ std::string to_text(const RunReport& r) {
       "latency    critical path {:.0f} ms in frames with news; as it ran {:.0f} ms p50 of all "
       "frames\nthroughput {:.1f} frames/s by the slowest node\n",
       r.critical_path_ms, percentile(r.end_to_end_ms, 0.5), r.throughput_fps);
+  if (!r.pairs.empty()) {
+    out += "fit        ";
+    for (const InputResidual& pair : r.pairs)
+      out += fmt::format(" {}~{} {:.1f}", pair.a, pair.b, pair.residual_mm);
+    out += "  (mm RMS between inputs)\n";
+  }
   for (const auto& [cause, n] : r.drops) out += fmt::format("dropped    {} × {}\n", n, cause);
   return out;
 }

@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "mr/core/scene.h"
+#include "mr/node/calibration_check.h"
 
 namespace mr::node {
 
@@ -26,7 +27,8 @@ struct RunReport {
   std::map<std::string, std::uint64_t> drops;     ///< by cause
   using Stages = std::map<std::string, std::vector<double>>;
   Stages sensor_stages_ms, merge_stages_ms;
-  double critical_path_ms = 0;  ///< slowest node of each layer, each alone, summed; p50
+  std::vector<InputResidual> pairs;  ///< how well inputs of the mergers fit, as last looked at
+  double critical_path_ms = 0;       ///< slowest node of each layer, each alone, summed; p50
   /// Frames per second of the slowest node, each alone and its steps one after another: nodes work
   /// at the same time, so the rate follows this, not the critical path.
   double throughput_fps = 0;

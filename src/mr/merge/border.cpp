@@ -1,0 +1,137 @@
+#include "mr/merge/border.h"
+
+#include <algorithm>
+#include <utility>
+
+#include "mr/core/parallel.h"
+#include "mr/kit/pair_map.h"
+#include "mr/kit/topology.h"
+
+namespace mr::merge {
+namespace {
+
+std::uint64_t directed(std::uint32_t from, std::uint32_t to) {
+  return static_cast<std::uint64_t>(from) << 32 | to;
+}
+
+/// The half-edges between border vertices, and which of them belong together.
+struct BorderEdges {
+  std::vector<std::uint32_t> half_edges;  ///< ascending
+  std::vector<std::uint8_t> paired;       ///< the only one this way, and one the other way
+};
+
+BorderEdges edges_among(const Mesh& mesh, const std::vector<std::uint8_t>& at_border) {
+  BorderEdges out;
+  for (std::uint32_t t = 0; t < mesh.triangles.size(); ++t) {
+    const auto& [a, b, c] = mesh.triangles[t];
+    if (at_border[a] + at_border[b] + at_border[c] < 2) continue;
+    for (std::uint32_t h = 3 * t; h < 3 * t + 3; ++h)
+      if (at_border[kit::edge_from(mesh, h)] && at_border[kit::edge_to(mesh, h)])
+        out.half_edges.push_back(h);
+  }
+  kit::PairMap count(out.half_edges.size());
+  for (const std::uint32_t h : out.half_edges)
+    ++count.get_or_add(directed(kit::edge_from(mesh, h), kit::edge_to(mesh, h)), 0);
+  const auto once = [&](std::uint32_t from, std::uint32_t to) {
+    const std::uint32_t* n = count.find(directed(from, to));
+    return n && *n == 1;
+  };
+  for (const std::uint32_t h : out.half_edges) {
+    const std::uint32_t from = kit::edge_from(mesh, h), to = kit::edge_to(mesh, h);
+    out.paired.push_back(once(from, to) && once(to, from));
+  }
+  return out;
+}
+
+/// Gives each fan of triangles at a border vertex a vertex of its own.
+class FanSplitter {
+ public:
+  FanSplitter(Mesh& mesh, const std::vector<std::uint8_t>& at_border, const BorderEdges& edges)
+      : mesh_(mesh), unpaired_(mesh.triangles.size(), 0) {
+    for (std::size_t i = 0; i < edges.half_edges.size(); ++i)
+      if (!edges.paired[i])
+        unpaired_[edges.half_edges[i] / 3] |=
+            static_cast<std::uint8_t>(1u << (edges.half_edges[i] % 3));
+    std::vector<std::uint32_t> first(mesh.positions.size() + 1, 0);
+    for (const Triangle& t : mesh.triangles)
+      for (const std::uint32_t v : t) first[v + 1] += at_border[v];
+    for (std::size_t v = 0; v + 1 < first.size(); ++v) first[v + 1] += first[v];
+    std::vector<std::uint32_t> corners(first.back()), next(first.begin(), first.end() - 1);
+    for (std::uint32_t h = 0; h < mesh.triangles.size() * 3; ++h)
+      if (const std::uint32_t v = kit::edge_from(mesh, h); at_border[v]) corners[next[v]++] = h;
+    for (std::size_t v = 0; v + 1 < first.size(); ++v)
+      split(std::span(corners).subspan(first[v], first[v + 1] - first[v]));
+  }
+
+ private:
+  /// Corners (as half-edges that start there) of one vertex.
+  void split(std::span<std::uint32_t> corners) {
+    for (std::size_t left = 0; left < corners.size();) {
+      std::size_t fan = left + 1;  // [left, fan): one fan, as far as known
+      for (std::size_t i = left; i < fan; ++i)
+        for (std::size_t k = fan; k < corners.size(); ++k)
+          if (side_by_side(corners[i], corners[k])) std::swap(corners[fan++], corners[k]);
+      if (left > 0) {
+        const auto fresh = static_cast<std::uint32_t>(mesh_.positions.size());
+        mesh_.positions.push_back(mesh_.positions[kit::edge_from(mesh_, corners[left])]);
+        for (std::size_t i = left; i < fan; ++i)
+          mesh_.triangles[corners[i] / 3][corners[i] % 3] = fresh;
+      }
+      left = fan;
+    }
+  }
+
+  bool side_by_side(std::uint32_t a, std::uint32_t b) const { return shares(a, b) || shares(b, a); }
+  /// Whether the edge that leaves corner `a` is the one that comes to corner `b`.
+  bool shares(std::uint32_t a, std::uint32_t b) const {
+    const std::uint32_t before = b - b % 3 + (b % 3 + 2) % 3;
+    return !(unpaired_[a / 3] >> a % 3 & 1) &&
+           kit::edge_to(mesh_, a) == kit::edge_from(mesh_, before) &&
+           !(unpaired_[before / 3] >> before % 3 & 1);
+  }
+
+  Mesh& mesh_;
+  std::vector<std::uint8_t> unpaired_;  // [T] bits of the edges that are on a border
+};
+
+struct Split {
+  Mesh mesh;
+  std::vector<std::uint32_t> border;
+};
+
+Split split_fans(const Mesh& mesh) {
+  Split out{{mesh.positions, mesh.triangles, {}}, {}};
+  const std::vector<std::uint8_t> at_border = kit::border_vertices(mesh);
+  const BorderEdges edges = edges_among(mesh, at_border);
+  for (std::size_t i = 0; i < edges.half_edges.size(); ++i)
+    if (!edges.paired[i]) out.border.push_back(edges.half_edges[i]);
+  FanSplitter(out.mesh, at_border, edges);
+  return out;
+}
+
+}  // namespace
+
+Joined join_parts(std::span<const Mesh> parts) {
+  std::vector<Split> split(parts.size());
+  parallel_for(parts.size(), 1, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t i = begin; i < end; ++i) split[i] = split_fans(parts[i]);
+  });
+  Joined out;
+  for (std::uint32_t i = 0; i < split.size(); ++i) {
+    const auto base = static_cast<std::uint32_t>(3 * out.mesh.triangles.size());
+    for (const std::uint32_t h : split[i].border) out.border.push_back(base + h);
+    append(out.mesh, split[i].mesh);
+    out.part.resize(out.mesh.positions.size(), i);
+  }
+  return out;
+}
+
+std::vector<std::uint32_t> border_half_edges(const Mesh& mesh) {
+  const BorderEdges edges = edges_among(mesh, kit::border_vertices(mesh));
+  std::vector<std::uint32_t> out;
+  for (std::size_t i = 0; i < edges.half_edges.size(); ++i)
+    if (!edges.paired[i]) out.push_back(edges.half_edges[i]);
+  return out;
+}
+
+}  // namespace mr::merge

@@ -1,0 +1,205 @@
+#include "mr/merge/ownership.h"
+
+#include <algorithm>
+#include <cmath>
+#include <optional>
+#include <utility>
+
+#include "mr/core/parallel.h"
+#include "mr/kit/raster.h"
+#include "mr/merge/cutter.h"
+#include "mr/merge/part_field.h"
+#include "mr/merge/part_view.h"
+#include "mr/merge/patches.h"
+#include "mr/merge/ray_grids.h"
+
+namespace mr::merge {
+namespace {
+
+constexpr std::size_t kBlock = 512;      // vertices whose views are chosen together
+constexpr float kFirstWins = 1e-3f;      // of two equally good measurements
+constexpr float kSpotOfNobody = -1;      // quality of no rival
+constexpr double kFocal_voxels = 2.5;    // pixels per radian · voxel_m: 1.2 voxels a pixel at 3 m
+constexpr double kPatch_voxels2 = 100;   // smaller patches are given up
+constexpr float kRetreat_voxels = 0.2f;  // from an owner's border, on both sides
+constexpr int kCutSteps = 4;
+
+/// The pinholes that a source looks through, as coarse as ownership needs.
+std::vector<RayGrid> places_of(const SourceInfo& source, double voxel_m) {
+  const double focal_px = kFocal_voxels / voxel_m;
+  const Camera& camera = source.depth_camera;
+  if (camera.model == CameraModel::pinhole)
+    return {{scaled(camera, std::min(1.0, focal_px / camera.fx)), source.T_world_depth}};
+  std::vector<RayGrid> out;
+  for (const kit::CubeFace& face : kit::cube_faces(focal_px, 0))
+    out.push_back({face.camera, source.T_world_depth * Pose{face.R_camera_face, {}}});
+  return out;
+}
+
+/// Calls work(i) for every i below `count`, in parallel.
+template <typename Work>
+void for_each_index(std::size_t count, Work&& work) {
+  parallel_for(count, 1, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t i = begin; i < end; ++i) work(i);
+  });
+}
+
+/// The parts of a merge, and who owns what of them.
+class Ownership {
+ public:
+  Ownership(std::span<const Part> parts, const OverlapConfig& config)
+      : parts_(parts), config_(config), fields_(parts.size()), owned_(parts.size()) {
+    for_each_index(parts.size(), [&](std::size_t i) { fields_[i] = part_field(parts[i], config); });
+    draw_views();
+  }
+
+  std::vector<Mesh> run() {
+    compare();
+    give_up_patches();
+    std::vector<Mesh> out(parts_.size());
+    for_each_index(parts_.size(), [&](std::size_t i) { out[i] = cut(i); });
+    return out;
+  }
+
+ private:
+  struct View {
+    std::uint32_t part;
+    PartView view;
+  };
+  using Rivals = std::vector<const View*>;
+
+  void draw_views() {
+    struct Wanted {
+      std::uint32_t part, source;
+      RayGrid place;
+    };
+    std::vector<Wanted> wanted;
+    for (std::uint32_t i = 0; i < parts_.size(); ++i)
+      for (std::uint32_t s = 0; s < parts_[i].sources.size(); ++s)
+        for (RayGrid& place : places_of(parts_[i].sources[s], config_.voxel_m))
+          wanted.push_back({i, s, std::move(place)});
+    std::vector<std::optional<View>> drawn(wanted.size());
+    for_each_index(wanted.size(), [&](std::size_t w) {
+      const auto& [part, source, place] = wanted[w];
+      drawn[w].emplace(
+          part, PartView(parts_[part], fields_[part], source, place.camera, place.T_world_camera));
+    });
+    for (auto& view : drawn) views_.push_back(*std::move(view));
+  }
+
+  /// The views of other parts that may see something in a box.
+  Rivals rivals_in(const Box3f& box, std::uint32_t part) const {
+    Rivals out;
+    for (const View& view : views_)
+      if (view.part != part && view.view.may_see(box)) out.push_back(&view);
+    return out;
+  }
+
+  /// How well the best rival measured a spot, and who that is.
+  struct Best {
+    float quality = kSpotOfNobody;
+    Loss to;
+  };
+  Best best_rival(const FieldVertex& spot, std::uint32_t part, const Rivals& rivals) const {
+    Best best;
+    for (const View* r : rivals) {
+      const auto rival = r->view.at(spot, fields_[part].slack_m);
+      if (!rival || owned_[r->part].is_given_up(rival->triangle)) continue;
+      if (!rival->same && best.to.part == Loss::kNobody) best.to = {r->part, rival->triangle};
+      const float quality = rival->quality * (r->part < part ? 1 + kFirstWins : 1 - kFirstWins);
+      if (rival->same && quality > best.quality) best = {quality, {r->part, rival->triangle}};
+    }
+    return best;
+  }
+
+  /// Finds the owner at every vertex.
+  void compare() {
+    struct Block {
+      std::uint32_t part;
+      std::size_t begin, end;
+    };
+    std::vector<Block> blocks;
+    for (std::uint32_t i = 0; i < parts_.size(); ++i) {
+      const std::size_t count = fields_[i].vertices.size();
+      owned_[i].margin.resize(count), owned_[i].loss.resize(count);
+      for (std::size_t b = 0; b < count; b += kBlock)
+        blocks.push_back({i, b, std::min(b + kBlock, count)});
+    }
+    for_each_index(blocks.size(), [&](std::size_t k) {
+      const auto& [part, begin, end] = blocks[k];
+      Box3f box;
+      for (std::size_t v = begin; v < end; ++v) box.add(fields_[part].vertices[v].position);
+      const Rivals rivals = rivals_in(box, part);
+      for (std::size_t v = begin; v < end; ++v) decide(part, v, rivals);
+    });
+  }
+
+  void decide(std::uint32_t part, std::size_t vertex, const Rivals& rivals) {
+    const FieldVertex& spot = fields_[part].vertices[vertex];
+    const Best best = best_rival(spot, part, rivals);
+    owned_[part].margin[vertex] = spot.quality - best.quality;
+    owned_[part].loss[vertex] = best.to;
+  }
+
+  /// Small patches change hands: their owners give them up, and who lost to those decides anew.
+  void give_up_patches() {
+    const double least_m2 = kPatch_voxels2 * config_.voxel_m * config_.voxel_m;
+    std::vector<std::uint8_t> any(parts_.size());
+    for_each_index(parts_.size(), [&](std::size_t i) {
+      any[i] = merge::give_up_patches(parts_[i].mesh, least_m2, owned_[i]);
+    });
+    for_each_index(parts_.size(), [&](std::size_t i) {
+      const auto part = static_cast<std::uint32_t>(i);
+      std::vector<std::size_t> anew;
+      for (std::size_t v = 0; v < owned_[i].loss.size(); ++v) {
+        const Loss& loss = owned_[i].loss[v];
+        if (loss.part != Loss::kNobody && any[loss.part] &&
+            owned_[loss.part].is_given_up(loss.triangle) && !owned_[i].is_vertex_given_up(v))
+          anew.push_back(v);
+      }
+      if (anew.empty()) return;
+      const Rivals rivals = rivals_in(fields_[i].box, part);
+      for (const std::size_t v : anew) decide(part, v, rivals);
+    });
+  }
+
+  /// Cuts a part where its margin is zero: found between two vertices by looking there.
+  Mesh cut(std::size_t i) const {
+    const auto part = static_cast<std::uint32_t>(i);
+    const PartField& field = fields_[i];
+    const Rivals rivals = rivals_in(field.box, part);
+    const auto margin_at = [&](std::uint32_t a, std::uint32_t b, float t) {
+      const FieldVertex &p = field.vertices[a], &q = field.vertices[b];
+      const FieldVertex spot{
+          p.position + (q.position - p.position) * t, p.quality + (q.quality - p.quality) * t,
+          p.normal + (q.normal - p.normal) * t, p.sigma_m + (q.sigma_m - p.sigma_m) * t};
+      return spot.quality - best_rival(spot, part, rivals).quality;
+    };
+    const float retreat_m = kRetreat_voxels * static_cast<float>(config_.voxel_m);
+    const auto crossing = [&](std::uint32_t kept, std::uint32_t lost) {
+      float low = 0, high = 1, at_low = owned_[i].margin[kept], at_high = owned_[i].margin[lost];
+      for (int k = 0; k < kCutSteps; ++k) {
+        const float share = std::clamp(at_low / (at_low - at_high), 0.1f, 0.9f);
+        const float t = low + (high - low) * share, f = margin_at(kept, lost, t);
+        (f > 0 ? low : high) = t, (f > 0 ? at_low : at_high) = f;
+      }
+      const float edge_m = length(field.vertices[lost].position - field.vertices[kept].position);
+      return std::max(low - retreat_m / edge_m, 0.0f);
+    };
+    return cut_at_zero(parts_[i].mesh, owned_[i].margin, crossing);
+  }
+
+  std::span<const Part> parts_;
+  const OverlapConfig& config_;
+  std::vector<PartField> fields_;
+  std::vector<View> views_;
+  std::vector<Owned> owned_;
+};
+
+}  // namespace
+
+std::vector<Mesh> best_measured(std::span<const Part> parts, const OverlapConfig& config) {
+  return Ownership(parts, config).run();
+}
+
+}  // namespace mr::merge

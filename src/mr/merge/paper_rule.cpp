@@ -1,0 +1,244 @@
+#include "mr/merge/paper_rule.h"
+
+#include <algorithm>
+#include <atomic>
+#include <cmath>
+#include <limits>
+
+#include "mr/core/assert.h"
+#include "mr/core/parallel.h"
+#include "mr/kit/raster.h"
+#include "mr/kit/raycast.h"
+#include "mr/merge/cast_layers.h"
+#include "mr/merge/ray_votes.h"
+
+namespace mr::merge {
+namespace {
+
+/// The depth that a source measured a spot at.
+double depth_m(const SourceInfo& source, Vec3f spot) {
+  const Vec3d ray = vec_cast<double>(spot) - source.T_world_depth.translation;
+  return source.depth_camera.model == CameraModel::pinhole
+             ? std::max(dot(ray, source.T_world_depth.rotation.column(2)), 0.0)
+             : length(ray);
+}
+
+/// Precision of a spot: of the source that measured it, or the worst, where that is not known.
+float sigma_m(const Part& part, ViewId view, Vec3f spot) {
+  double worst = 0;
+  for (const SourceInfo& s : part.sources) {
+    const double sigma = s.precision.sigma_m(depth_m(s, spot));
+    if (s.sensor == view) return static_cast<float>(sigma);
+    worst = std::max(worst, sigma);
+  }
+  return static_cast<float>(worst);
+}
+
+/// Twice the areas around every vertex along their normals; what is no number is left out.
+std::vector<Vec3f> normals_around(const Mesh& mesh) {
+  std::vector<Vec3f> out(mesh.positions.size());
+  for (std::size_t t = 0; t < mesh.triangles.size(); ++t) {
+    const Vec3f normal = mesh.area_normal(t);
+    if (!is_finite(normal)) continue;
+    for (const std::uint32_t v : mesh.triangles[t]) out[v] += normal;
+  }
+  return out;
+}
+
+/// Describes a part's triangles.
+void describe(const Part& part, std::uint32_t number, const OverlapConfig& config, Facing* out) {
+  constexpr std::size_t kGrain = 8192;
+  const std::vector<ViewId> views = triangle_views(part.mesh);
+  const std::vector<Vec3f> normals = normals_around(part.mesh);
+  const float slack = static_cast<float>(config.calibration_error_m) +
+                      std::min(part.error_m, static_cast<float>(config.voxel_m));
+  parallel_for(views.size(), kGrain, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t t = begin; t < end; ++t) {
+      const Triangle& tri = part.mesh.triangles[t];
+      out[t].normal = normalized(normals[tri[0]] + normals[tri[1]] + normals[tri[2]]);
+      out[t].sigma_m = sigma_m(part, views[t], part.mesh.centroid(t));
+      out[t].slack_m = slack, out[t].part = number;
+    }
+  });
+}
+
+/// A box in the world.
+struct Bounds {
+  Vec3f low, high;
+};
+
+Bounds bounds_of(const Mesh& mesh) {
+  constexpr float kFar = std::numeric_limits<float>::max();
+  Bounds out{{kFar, kFar, kFar}, {-kFar, -kFar, -kFar}};
+  for (const Vec3f p : mesh.positions) {
+    if (!is_finite(p)) continue;
+    for (int i = 0; i < 3; ++i)
+      out.low[i] = std::min(out.low[i], p[i]), out.high[i] = std::max(out.high[i], p[i]);
+  }
+  return out;
+}
+
+/// Whether a camera's frustum may hold some of a box: no side of it has the whole box outside.
+bool may_hold(const RayGrid& grid, const Bounds& box) {
+  if (box.low.x > box.high.x) return false;
+  const Camera& c = grid.camera;
+  const Mat3& axes = grid.T_world_camera.rotation;
+  const Vec3d x = axes.column(0), y = axes.column(1), z = axes.column(2);
+  const double left = (-1 - c.cx) / c.fx, right = (c.width - c.cx) / c.fx;
+  const double top = (-1 - c.cy) / c.fy, bottom = (c.height - c.cy) / c.fy;
+  const Vec3d inwards[] = {x - z * left, z * right - x, y - z * top, z * bottom - y, z};
+  for (const Vec3d& n : inwards) {
+    const Vec3d corner{n.x > 0 ? box.high.x : box.low.x, n.y > 0 ? box.high.y : box.low.y,
+                       n.z > 0 ? box.high.z : box.low.z};
+    if (dot(n, corner - grid.T_world_camera.translation) < 0) return false;
+  }
+  return true;
+}
+
+/// A camera's rays and the parts that they may meet.
+struct Look {
+  RayGrid grid;
+  std::vector<std::uint32_t> parts;  ///< ascending
+};
+
+std::vector<Look> looks_of(std::span<const Part> parts, double voxel_m) {
+  std::vector<Bounds> bounds(parts.size());
+  parallel_for(parts.size(), 1, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t i = begin; i < end; ++i) bounds[i] = bounds_of(parts[i].mesh);
+  });
+  std::vector<Look> out;
+  for (const Part& part : parts)
+    for (const SourceInfo& source : part.sources)
+      for (const RayGrid& grid : camera_rays(source, voxel_m)) {
+        Look look{grid, {}};
+        for (std::uint32_t i = 0; i < parts.size(); ++i)
+          if (!parts[i].mesh.empty() && may_hold(grid, bounds[i])) look.parts.push_back(i);
+        if (look.parts.size() > 1) out.push_back(std::move(look));
+      }
+  return out;
+}
+
+// ------------------------------------------------------------ the reference: rays at the meshes
+
+/// Casts rays with Embree.
+class RayCaster {
+ public:
+  explicit RayCaster(const PaperField& field) : field_(field), scene_(meshes(field)) {}
+
+  void cast(const RayGrid& grid, RayVotes& votes, RayVerdicts* told) const {
+    const Camera& camera = grid.camera;
+    std::vector<std::vector<std::vector<RayVerdict>>> rows(told ? camera.height : 0);
+    parallel_for(camera.height, 4, [&](std::size_t begin, std::size_t end) {
+      for (std::size_t y = begin; y < end; ++y) {
+        if (told) rows[y].resize(camera.width);
+        cast_row(grid, static_cast<int>(y), votes, told ? rows[y].data() : nullptr);
+      }
+    });
+    if (!told) return;
+    *told = {camera.width, camera.height, {0}, {}};
+    for (const auto& row : rows)
+      for (const auto& pixel : row) {
+        told->verdicts.insert(told->verdicts.end(), pixel.begin(), pixel.end());
+        told->first.push_back(static_cast<std::uint32_t>(told->verdicts.size()));
+      }
+  }
+
+ private:
+  static std::vector<const Mesh*> meshes(const PaperField& field) {
+    std::vector<const Mesh*> out;
+    for (const Part& part : field.parts) out.push_back(&part.mesh);
+    return out;
+  }
+
+  /// The meetings of a ray with fronts of triangles, nearest first.
+  void meet(Vec3f origin, Vec3f ray, std::vector<kit::RayHit>& hits,
+            std::vector<RayMeeting>& out) const {
+    constexpr float kFar_m = 1e6f;
+    scene_.all_hits(origin, ray, static_cast<float>(kit::kNearPlane_m), kFar_m, hits);
+    out.clear();
+    for (const kit::RayHit& hit : hits)
+      if (dot(field_.parts[hit.mesh].mesh.area_normal(hit.triangle), ray) < 0)
+        out.push_back({hit.distance, field_.first[hit.mesh] + hit.triangle});
+  }
+
+  void cast_row(const RayGrid& grid, int y, RayVotes& votes, std::vector<RayVerdict>* told) const {
+    const RayPencil rays(grid);
+    std::vector<kit::RayHit> hits;
+    std::vector<RayMeeting> on_ray;
+    for (int x = 0; x < grid.camera.width; ++x) {
+      meet(rays.origin, rays.at(x, y), hits, on_ray);
+      decide(on_ray, field_, rays.at(x, y));
+      for (const RayMeeting& m : on_ray) {
+        std::atomic_ref(votes.hits[m.triangle]).fetch_add(1, std::memory_order_relaxed);
+        if (m.lost) std::atomic_ref(votes.lost[m.triangle]).fetch_add(1, std::memory_order_relaxed);
+        if (told) told[x].push_back({m.triangle, m.lost});
+      }
+      if (told)
+        std::sort(told[x].begin(), told[x].end(),
+                  [](const RayVerdict& a, const RayVerdict& b) { return a.triangle < b.triangle; });
+    }
+  }
+
+  const PaperField& field_;
+  kit::RayScene scene_;
+};
+
+/// Casts all rays; with `told`, also says what each decided.
+RayVotes cast_all(const PaperField& field, const OverlapConfig& config,
+                  std::vector<RayVerdicts>* told) {
+  const std::vector<Look> looks = looks_of(field.parts, config.voxel_m);
+  RayVotes votes{std::vector<std::uint32_t>(field.facing.size()),
+                 std::vector<std::uint32_t>(field.facing.size())};
+  if (told) told->resize(looks.size());
+  const auto told_of = [&](std::size_t i) { return told ? &(*told)[i] : nullptr; };
+  if (looks.empty()) return votes;
+  if (config.overlap == MergeConfig::Overlap::raster) {
+    LayerCaster caster(field);
+    for (std::size_t i = 0; i < looks.size(); ++i)
+      caster.cast(looks[i].grid, looks[i].parts, votes, told_of(i));
+  } else {
+    const RayCaster caster(field);
+    for (std::size_t i = 0; i < looks.size(); ++i) caster.cast(looks[i].grid, votes, told_of(i));
+  }
+  return votes;
+}
+
+}  // namespace
+
+PaperField paper_field(std::span<const Part> parts, const OverlapConfig& config) {
+  PaperField out{parts, {0}, {}, 0};
+  for (const Part& part : parts) {
+    MR_ASSERT(!part.sources.empty());
+    out.first.push_back(out.first.back() + static_cast<std::uint32_t>(part.mesh.triangles.size()));
+  }
+  out.facing.resize(out.first.back());
+  parallel_for(parts.size(), 1, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t i = begin; i < end; ++i)
+      describe(parts[i], static_cast<std::uint32_t>(i), config, out.facing.data() + out.first[i]);
+  });
+  float sigma = 0, slack = 0;
+  for (const Facing& f : out.facing)
+    sigma = std::max(sigma, f.sigma_m), slack = std::max(slack, f.slack_m);
+  out.reach_m = 4.001f * (2 * sigma + 2 * slack);  // rounding included
+  return out;
+}
+
+std::vector<std::vector<std::uint8_t>> farther_triangles(std::span<const Part> parts,
+                                                         const OverlapConfig& config) {
+  const PaperField field = paper_field(parts, config);
+  const RayVotes votes = cast_all(field, config, nullptr);
+  std::vector<std::vector<std::uint8_t>> out(parts.size());
+  for (std::size_t i = 0; i < parts.size(); ++i)
+    for (std::uint32_t t = field.first[i]; t < field.first[i + 1]; ++t)
+      out[i].push_back(2 * std::uint64_t{votes.lost[t]} > votes.hits[t]);
+  return out;
+}
+
+std::vector<RayVerdicts> ray_verdicts(std::span<const Part> parts, const OverlapConfig& config) {
+  const PaperField field = paper_field(parts, config);
+  std::vector<RayVerdicts> out;
+  cast_all(field, config, &out);
+  return out;
+}
+
+}  // namespace mr::merge

@@ -1,0 +1,143 @@
+#include "mr/merge/part_view.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include "mr/core/assert.h"
+#include "mr/kit/raster.h"
+
+namespace mr::merge {
+namespace {
+
+constexpr float kSameFacing = 0.5f;  // cosine: the back of a thin board is another surface
+constexpr float kSlack = 1e-3f;      // rounding leaves no pixel between two triangles
+constexpr float kOblique = 4;        // of the range: the farthest along the ray
+constexpr float kFarApart = 3;       // ranges
+
+struct ScreenVertex {
+  float u, v, inv_z;  // inv_z 0: before the near plane
+};
+
+/// The picture while it is drawn. 1 / depth is linear in it.
+struct Canvas {
+  int width, height;
+  std::vector<std::uint32_t>& triangle;
+  std::vector<float> inv_z;
+
+  void draw(const ScreenVertex& a, const ScreenVertex& b, const ScreenVertex& c, std::uint32_t id) {
+    const float area = (b.u - a.u) * (c.v - a.v) - (c.u - a.u) * (b.v - a.v);
+    if (!(area < 0)) return;  // rows go down: a triangle that faces the camera turns this way
+    const auto first = [](float low) { return std::max(static_cast<int>(std::ceil(low)), 0); };
+    const float left = std::min({a.u, b.u, c.u}), right = std::max({a.u, b.u, c.u});
+    const float top = std::min({a.v, b.v, c.v}), bottom = std::max({a.v, b.v, c.v});
+    if (!(right >= 0 && bottom >= 0 && left <= static_cast<float>(width - 1) &&
+          top <= static_cast<float>(height - 1)))
+      return;
+    const int x0 = first(left), y0 = first(top);
+    const int x1 = static_cast<int>(std::min(right, static_cast<float>(width - 1)));
+    const int y1 = static_cast<int>(std::min(bottom, static_cast<float>(height - 1)));
+    if (x0 > x1 || y0 > y1) return;
+    // Barycentric weights of b and c, and 1 / depth, as planes over the picture.
+    const float scale = 1 / area;
+    const float wb_u = (c.v - a.v) * scale, wb_v = -(c.u - a.u) * scale;
+    const float wc_u = -(b.v - a.v) * scale, wc_v = (b.u - a.u) * scale;
+    const float db = b.inv_z - a.inv_z, dc = c.inv_z - a.inv_z;
+    for (int y = y0; y <= y1; ++y) {
+      const float dv = static_cast<float>(y) - a.v;
+      for (int x = x0; x <= x1; ++x) {
+        const float du = static_cast<float>(x) - a.u;
+        const float wb = wb_u * du + wb_v * dv, wc = wc_u * du + wc_v * dv;
+        if (wb < -kSlack || wc < -kSlack || wb + wc > 1 + kSlack) continue;
+        const float nearness = a.inv_z + wb * db + wc * dc;
+        const std::size_t pixel = static_cast<std::size_t>(y) * width + x;
+        if (nearness <= inv_z[pixel]) continue;
+        inv_z[pixel] = nearness, triangle[pixel] = id;
+      }
+    }
+  }
+};
+
+/// The value at a point of a triangle's plane, between the values at its corners.
+float interpolated(const FieldVertex& a, const FieldVertex& b, const FieldVertex& c, Vec3f p) {
+  const Vec3f ab = b.position - a.position, ac = c.position - a.position, ap = p - a.position;
+  const float bb = dot(ab, ab), bc = dot(ab, ac), cc = dot(ac, ac);
+  const float pb = dot(ap, ab), pc = dot(ap, ac), det = bb * cc - bc * bc;
+  if (!(det > 1e-6f * bb * cc)) return std::min({a.quality, b.quality, c.quality});
+  const float wb = std::clamp((cc * pb - bc * pc) / det, 0.0f, 1.0f);
+  const float wc = std::clamp((bb * pc - bc * pb) / det, 0.0f, 1 - wb);
+  return a.quality + wb * (b.quality - a.quality) + wc * (c.quality - a.quality);
+}
+
+}  // namespace
+
+PartView::PartView(const Part& part, const PartField& field, std::uint32_t source,
+                   const Camera& camera, const Pose& T_world_camera)
+    : mesh_(&part.mesh),
+      field_(&field),
+      width_(camera.width),
+      height_(camera.height),
+      precision_(part.sources[source].precision) {
+  MR_ASSERT(camera.model == CameraModel::pinhole && camera.distortion == DistortionModel::none);
+  const Mat3& axes = T_world_camera.rotation;
+  origin_ = vec_cast<float>(T_world_camera.translation);
+  forward_ = vec_cast<float>(axes.column(2));
+  right_ = vec_cast<float>(axes.column(0) * camera.fx + axes.column(2) * camera.cx);
+  down_ = vec_cast<float>(axes.column(1) * camera.fy + axes.column(2) * camera.cy);
+
+  std::vector<ScreenVertex> screen(field.vertices.size());
+  for (std::size_t v = 0; v < screen.size(); ++v) {
+    const Vec3f d = field.vertices[v].position - origin_;
+    const float z = dot(forward_, d), inv_z = 1 / z;
+    screen[v] = z >= static_cast<float>(kit::kNearPlane_m)
+                    ? ScreenVertex{dot(right_, d) * inv_z, dot(down_, d) * inv_z, inv_z}
+                    : ScreenVertex{0, 0, 0};
+  }
+  triangle_.assign(static_cast<std::size_t>(width_) * height_, kit::kNoTriangle);
+  Canvas canvas{width_, height_, triangle_, std::vector<float>(triangle_.size(), 0.0f)};
+  for (std::uint32_t t = 0; t < part.mesh.triangles.size(); ++t) {
+    if (field.source[t] != source && field.source[t] != PartField::kNoSource) continue;
+    const auto& [i, j, k] = part.mesh.triangles[t];
+    const ScreenVertex &a = screen[i], &b = screen[j], &c = screen[k];
+    if (a.inv_z > 0 && b.inv_z > 0 && c.inv_z > 0) canvas.draw(a, b, c, t);
+  }
+}
+
+bool PartView::may_see(const Box3f& box) const {
+  const auto most = [&](Vec3f n) {  // of dot(n, p - origin) over the box
+    const Vec3f p{n.x > 0 ? box.high.x : box.low.x, n.y > 0 ? box.high.y : box.low.y,
+                  n.z > 0 ? box.high.z : box.low.z};
+    return dot(n, p - origin_);
+  };
+  const auto w = static_cast<float>(width_), h = static_cast<float>(height_);
+  return !box.empty() && most(forward_) > 0 && most(right_ + forward_) > 0 &&
+         most(forward_ * w - right_) > 0 && most(down_ + forward_) > 0 &&
+         most(forward_ * h - down_) > 0;
+}
+
+std::optional<Rival> PartView::at(const FieldVertex& spot, float slack_m) const {
+  const Vec3f d = spot.position - origin_;
+  const float z = dot(forward_, d);
+  if (!(z >= static_cast<float>(kit::kNearPlane_m))) return std::nullopt;
+  const float inv_z = 1 / z;
+  const float u = dot(right_, d) * inv_z + 0.5f, v = dot(down_, d) * inv_z + 0.5f;
+  if (!(u >= 0 && v >= 0 && u < static_cast<float>(width_) && v < static_cast<float>(height_)))
+    return std::nullopt;
+  const std::uint32_t t =
+      triangle_[static_cast<std::size_t>(static_cast<int>(v)) * width_ + static_cast<int>(u)];
+  if (t == kit::kNoTriangle) return std::nullopt;
+  const auto& [i, j, k] = mesh_->triangles[t];
+  const FieldVertex &a = field_->vertices[i], &b = field_->vertices[j], &c = field_->vertices[k];
+  const Vec3f normal = normalized(a.normal + b.normal + c.normal);
+  if (dot(normal, spot.normal) < kSameFacing) return std::nullopt;
+  const float away =
+      dot(normal, (a.position + b.position + c.position) * (1.0f / 3) - spot.position);
+  const auto sigma = static_cast<float>(precision_.sigma_m(z));
+  const float range = 2 * std::max(sigma, spot.sigma_m) + slack_m + field_->slack_m;
+  if (!(std::abs(away) <= kFarApart * range)) return std::nullopt;
+  const float slope = std::abs(dot(normal, d)) / length(d);  // cosine to the ray
+  const bool same = std::abs(away) <= range * std::min(1.0f, kOblique * slope);
+  return Rival{interpolated(a, b, c, spot.position + normal * away), t, same};
+}
+
+}  // namespace mr::merge

@@ -1,0 +1,47 @@
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <vector>
+
+#include "mr/core/camera.h"
+#include "mr/core/pose.h"
+#include "mr/merge/part_field.h"
+
+namespace mr::merge {
+
+/// What another part has at a spot.
+struct Rival {
+  float quality = 0;
+  std::uint32_t triangle = 0;  ///< of its mesh
+  bool same = true;            ///< it is the same surface; else one a little farther away
+};
+
+/// The nearest surface of a part, as one of its sources' cameras sees it: the triangle in every
+/// pixel.
+class PartView {
+ public:
+  /// Draws the triangles that `source` (place in the part's sources) measured, as far as they face
+  /// the camera. `camera`: an undistorted pinhole at the source's place. All must outlive the view.
+  PartView(const Part& part, const PartField& field, std::uint32_t source, const Camera& camera,
+           const Pose& T_world_camera);
+
+  /// Whether anything in a box can be in the picture.
+  bool may_see(const Box3f& box) const;
+
+  /// The part's surface at a spot of another part, if it has any there: it faces alike and lies
+  /// within twice the sensors' precision (paper 3.2) and both parts' slack, along the normal; or
+  /// within three times that, which says that the spot may be a floating remain.
+  std::optional<Rival> at(const FieldVertex& spot, float slack_m) const;
+
+ private:
+  const Mesh* mesh_;
+  const PartField* field_;
+  int width_ = 0, height_ = 0;
+  Vec3f origin_, right_, down_,
+      forward_;  ///< rows of the projection: pixel = right · p / forward · p
+  Precision precision_;
+  std::vector<std::uint32_t> triangle_;  ///< [width · height], kit::kNoTriangle: none
+};
+
+}  // namespace mr::merge

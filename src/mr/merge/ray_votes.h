@@ -1,0 +1,103 @@
+#pragma once
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstddef>
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "mr/merge/overlap.h"
+#include "mr/merge/paper_rule.h"
+#include "mr/merge/ray_grids.h"
+
+/// What both ways of the paper's rule share: when two hits are one surface, and who loses.
+namespace mr::merge {
+
+/// What is known of a triangle when a ray meets it.
+struct Facing {
+  Vec3f normal;       ///< unit, smoothed over the neighbours
+  float sigma_m = 0;  ///< precision of the sensor that measured it
+  float slack_m = 0;  ///< error of calibration and decimation
+  std::uint32_t part = 0;
+};
+
+/// All triangles of all parts, one after the other.
+struct PaperField {
+  std::span<const Part> parts;
+  std::vector<std::uint32_t> first;  ///< [parts + 1] part → its first triangle
+  std::vector<Facing> facing;        ///< [T]
+  float reach_m = 0;                 ///< farther behind each other no hits are one surface
+};
+
+PaperField paper_field(std::span<const Part> parts, const OverlapConfig& config);
+
+/// What rays found, by triangle ([T]).
+struct RayVotes {
+  std::vector<std::uint32_t> hits, lost;
+};
+
+/// Where a ray meets the front of a triangle.
+struct RayMeeting {
+  float depth_m = 0;           ///< along the camera's z axis
+  std::uint32_t triangle = 0;  ///< in the field
+  bool lost = false;
+};
+
+/// The nearest meetings of a ray that are decided; those behind them count as alone. Only meshes
+/// of slivers come near it.
+inline constexpr std::size_t kMostMeetings = 128;
+
+/// Whether the farther of two meetings, of another part, is the same surface as the nearer one.
+/// `ray`: as long as 1 m of depth, `stretch2` its length squared. Without branches: which of two
+/// noisy surfaces is which is anyone's guess.
+inline bool same_surface(const Facing& near, const Facing& far, float deeper_m, Vec3f ray,
+                         float stretch2) {
+  constexpr float kSameFacing = 0.5f;  // within 60 degrees: a thin board's back is another surface
+  const float range = 2 * std::max(near.sigma_m, far.sigma_m) + near.slack_m + far.slack_m;
+  return (near.part != far.part) & (dot(near.normal, far.normal) >= kSameFacing) &
+         (deeper_m * std::abs(dot(near.normal, ray)) <= range) &
+         (deeper_m * deeper_m * stretch2 <= 16 * range * range);
+}
+
+/// Decides a ray's meetings, nearest first: each one that none before it took takes the first of
+/// every other part that is its surface, and those lose.
+inline void decide(std::span<RayMeeting> all, const PaperField& field, Vec3f ray) {
+  const float stretch2 = dot(ray, ray), reach2 = field.reach_m * field.reach_m;
+  const std::size_t count = std::min(all.size(), kMostMeetings);
+  std::array<std::uint32_t, kMostMeetings> parts;
+  for (std::size_t i = 0; i + 1 < count; ++i) {
+    if (all[i].lost) continue;
+    const Facing& owner = field.facing[all[i].triangle];
+    std::size_t taken = 0;
+    for (std::size_t k = i + 1; k < count; ++k) {
+      const float deeper = all[k].depth_m - all[i].depth_m;
+      if (deeper * deeper * stretch2 > reach2) break;
+      if (all[k].lost) continue;
+      const Facing& other = field.facing[all[k].triangle];
+      if (!same_surface(owner, other, deeper, ray, stretch2)) continue;
+      if (std::find(parts.begin(), parts.begin() + taken, other.part) != parts.begin() + taken)
+        continue;
+      parts[taken++] = other.part;
+      all[k].lost = true;
+    }
+  }
+}
+
+/// The rays of one camera, as both ways cast them.
+struct RayPencil {
+  Vec3f origin;               ///< world frame
+  Vec3f corner, right, down;  ///< through pixel (0, 0), and from pixel to pixel
+
+  explicit RayPencil(const RayGrid& grid)
+      : origin(vec_cast<float>(grid.T_world_camera.translation)),
+        corner(vec_cast<float>(grid.T_world_camera.rotation * unproject(grid.camera, {0, 0}))),
+        right(vec_cast<float>(grid.T_world_camera.rotation.column(0) / grid.camera.fx)),
+        down(vec_cast<float>(grid.T_world_camera.rotation.column(1) / grid.camera.fy)) {}
+  Vec3f row(int y) const { return corner + down * static_cast<float>(y); }
+  /// The direction through pixel (x, y), as long as 1 m of depth.
+  Vec3f at(int x, int y) const { return row(y) + right * static_cast<float>(x); }
+};
+
+}  // namespace mr::merge

@@ -1,0 +1,85 @@
+#include "mr/node/calibration_check.h"
+
+#include <algorithm>
+#include <utility>
+
+#include "mr/core/parallel.h"
+
+namespace mr::node {
+namespace {
+
+constexpr int kLookEvery = 30;   // merges
+constexpr double kOdd_mm = 20;   // more is told
+constexpr int kRefineEvery = 3;  // merges
+
+merge::RegistrationConfig registration(const Scene& scene) { return {.voxel_m = scene.voxel_m}; }
+
+}  // namespace
+
+CalibrationCheck::CalibrationCheck(const Scene& scene)
+    : scene_(&scene), refiner_(registration(scene)) {}
+
+/// A sensor's id, or the first of a merger's with how many there are.
+std::string CalibrationCheck::name(const merge::Part& part) const {
+  const std::string& first = scene_->sensors[part.sources.front().sensor].id;
+  return part.sources.size() == 1 ? first : first + "+" + std::to_string(part.sources.size() - 1);
+}
+
+void CalibrationCheck::run(std::vector<merge::Part>& parts, std::vector<View>& views,
+                           std::vector<SourceInfo>& sources) {
+  if (parts.size() < 2) return;
+  if (calls_ % kLookEvery == 0) measure(parts);
+  if (scene_->merge.leave_out_mm > 0) leave_out(parts);
+  if (scene_->merge.refine) correct(parts, views, sources);
+  ++calls_;
+}
+
+void CalibrationCheck::measure(const std::vector<merge::Part>& parts) {
+  const auto pairs = merge::pair_residuals(parts, registration(*scene_));
+  residuals_.clear();
+  for (const merge::PairResidual& pair : pairs)
+    residuals_.push_back(
+        {name(parts[pair.a]), name(parts[pair.b]), pair.residual_mm, pair.shared_m2});
+  const double limit_mm = scene_->merge.leave_out_mm > 0 ? scene_->merge.leave_out_mm : kOdd_mm;
+  std::vector<std::string> misfits;
+  for (const std::uint32_t i : merge::outliers(pairs, parts.size(), limit_mm))
+    misfits.push_back(name(parts[i]));
+  if (misfits == misfits_) return;
+  misfits_ = std::move(misfits);
+  notice_ = misfits_.empty() ? "all inputs fit each other again" : "";
+  for (const std::string& misfit : misfits_)
+    *notice_ += (notice_->empty() ? "" : "; ") + ("'" + misfit + "' does not fit its neighbours") +
+                (scene_->merge.leave_out_mm > 0
+                     ? " and is left out"
+                     : ": check its pose, or set merge.leave_out_mm to leave such sensors out");
+}
+
+void CalibrationCheck::leave_out(std::vector<merge::Part>& parts) const {
+  for (merge::Part& part : parts)
+    if (std::ranges::find(misfits_, name(part)) != misfits_.end()) part.mesh = {};
+}
+
+void CalibrationCheck::correct(std::vector<merge::Part>& parts, std::vector<View>& views,
+                               std::vector<SourceInfo>& sources) {
+  std::vector<std::uint64_t> ids;
+  for (const merge::Part& part : parts) ids.push_back(part.sources.front().sensor);
+  if (calls_ % kRefineEvery == 0 || corrections_.size() != parts.size() || ids != ids_)
+    corrections_ = refiner_.update(parts, ids), ids_ = ids;
+  parallel_for(parts.size(), 1, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t i = begin; i < end; ++i) {
+      for (Vec3f& p : parts[i].mesh.positions)
+        p = vec_cast<float>(corrections_[i] * vec_cast<double>(p));
+      for (SourceInfo& s : parts[i].sources) s.T_world_depth = corrections_[i] * s.T_world_depth;
+    }
+  });
+  for (std::size_t i = 0; i < parts.size(); ++i)
+    for (const SourceInfo& corrected : parts[i].sources) {
+      for (SourceInfo& s : sources)
+        if (s.sensor == corrected.sensor) s.T_world_depth = corrected.T_world_depth;
+      for (View& view : views)
+        if (view.id == corrected.sensor)
+          view.T_world_camera = corrections_[i] * view.T_world_camera;
+    }
+}
+
+}  // namespace mr::node
