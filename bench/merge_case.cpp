@@ -48,12 +48,9 @@ Pose pose_from_file(const std::filesystem::path& file) {
 }
 
 /// The four sensors of PERFORMANCE.md, as a sensor node takes them.
-Scene room_bench_scene(double ratio) {
+Scene room_bench_scene() {
   Scene scene;
   scene.id = kRoomBench;
-  scene.simplify.ratio = ratio;
-  scene.fusion.clean = {
-      .mixed_pixels = false, .speckle_px = 0, .fill_px = 0, .smooth_depth = false};
   for (int i = 0; i < 4; ++i) {
     SensorConfig sensor;
     sensor.id = fmt::format("cam-{}", i);
@@ -290,7 +287,7 @@ Status load_into(MergeCase& out) {
   const auto rooms = sensors_in(out.name, kRooms), one_room = sensors_in(out.name, kOneRoom);
   auto parts = rooms      ? load_rooms(*rooms)
                : one_room ? load_one_room(*one_room)
-                          : load_room_bench(0.1);
+                          : load_room_bench(kTrianglesOfABench);
   if (!parts) return parts.error();
   out.parts = *std::move(parts);
   out.groups = groups_of_20(out.parts.size());
@@ -338,8 +335,8 @@ Result<MergeCase> load_merge_scene(const std::filesystem::path& scene_file) {
   return out;
 }
 
-Result<std::vector<merge::Part>> load_room_bench(double ratio) {
-  return load_parts([&] { return parts_of(room_bench_scene(ratio), first(4), 0); });
+Result<std::vector<merge::Part>> load_room_bench(std::size_t triangles) {
+  return load_parts([&] { return parts_of(room_bench_scene(), first(4), triangles); });
 }
 
 std::string no_room_bench() {

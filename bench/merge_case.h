@@ -31,8 +31,10 @@ Result<MergeCase> load_merge_case(const std::string& name);
 /// The first frame of a scene's sensors, decimated as the scene says.
 Result<MergeCase> load_merge_scene(const std::filesystem::path& scene_file);
 
-/// The four sensors of room_bench, with this share of their triangles.
-Result<std::vector<merge::Part>> load_room_bench(double ratio);
+/// The four sensors of room_bench with about so many triangles each; 0: with all.
+Result<std::vector<merge::Part>> load_room_bench(std::size_t triangles);
+/// 10 % of what marching cubes gives.
+inline constexpr std::size_t kTrianglesOfABench = 68'700;
 /// Why they cannot be loaded here; empty: they can.
 std::string no_room_bench();
 

@@ -16,9 +16,14 @@ Mesh merge_parts(std::span<const merge::Part> parts, const merge::OverlapConfig&
 /// What MergeNode gives to overlap removal.
 merge::OverlapConfig overlap_config(const MergeCase& input);
 
-/// merge_parts() with some of a case's parts, by the rule of `owner`. The parts must outlive it.
+/// Whether the result is labelled with the sensors that see it, as a merger above needs it. That is
+/// not timed: it belongs to texturing.
+enum class Handed { plain, labelled };
+
+/// merge_parts() with some of a case's parts, which must outlive it.
 Contender merge_ours(const std::string& name, std::span<const merge::Part> parts,
-                     const merge::OverlapConfig& config, int threads);
+                     const merge::OverlapConfig& config, int threads,
+                     Handed handed = Handed::plain);
 
 /// What the paper looked at and rejected (3.2): all vertices of a cell of twice the voxel's size
 /// become one, their mean; triangles that lose a corner, and doubled ones, go. One thread.

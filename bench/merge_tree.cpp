@@ -2,6 +2,7 @@
 
 #include <algorithm>
 
+#include "bytes.h"
 #include "merge_contenders.h"
 #include "surfaces.h"
 
@@ -9,8 +10,9 @@ namespace mr::bench {
 namespace {
 
 Outcome measure_one(std::span<const merge::Part> parts, const MergeCase& input, int threads,
-                    const RaceConfig& config) {
-  return race({merge_ours("merger", parts, overlap_config(input), threads)}, config).front();
+                    Handed handed, const RaceConfig& config) {
+  return race({merge_ours("merger", parts, overlap_config(input), threads, handed)}, config)
+      .front();
 }
 
 double megabytes_of(std::span<const merge::Part> parts) {
@@ -21,6 +23,7 @@ double megabytes_of(std::span<const merge::Part> parts) {
 merge::Part part_of(const Message& merged, std::span<const merge::Part> parts) {
   merge::Part out;
   out.mesh = mesh_from(merged);
+  out.mesh.runs = array_from<ViewRun>(merged.at("runs"));
   for (const merge::Part& part : parts) {
     out.error_m = std::max(out.error_m, part.error_m);
     out.sources.insert(out.sources.end(), part.sources.begin(), part.sources.end());
@@ -65,14 +68,14 @@ TreeOutcome measure_tree(const MergeCase& input, int threads, const RaceConfig& 
   for (const std::size_t size : input.groups) {
     told(groups.size(), input.groups.size() + 1);
     const auto parts = std::span(input.parts).subspan(at, size);
-    groups.push_back(measure_one(parts, input, threads, config));
+    groups.push_back(measure_one(parts, input, threads, Handed::labelled, config));
     add_merger(groups.back(), megabytes_of(parts), out);
     if (!out.whole.aborted.empty()) return out;
     merged.push_back(part_of(std::exchange(groups.back().result, {}), parts));
     at += size;
   }
   told(groups.size(), input.groups.size() + 1);
-  Outcome root = measure_one(merged, input, threads, config);
+  Outcome root = measure_one(merged, input, threads, Handed::plain, config);
   add_merger(root, megabytes_of(merged), out);
   if (!out.whole.aborted.empty()) return out;
   add_runs(groups, root, out);

@@ -20,10 +20,10 @@ const std::string kStrips = "strips/";
 struct Size {
   const char* name;
   std::size_t points;
-  double ratio;  ///< of the parts' triangles that are left
+  std::size_t triangles;  ///< of a part; 0: all
 };
 /// A border of 10,000 vertices is one of decimated parts; 100,000 are there without.
-constexpr Size kSizes[]{{"10k", 10'000, 0.1}, {"100k", 100'000, 1}};
+constexpr Size kSizes[]{{"10k", 10'000, kTrianglesOfABench}, {"100k", 100'000, 0}};
 
 /// Every so many of the parts' border vertices; where there are too few, copies of them up to a
 /// centimetre away.
@@ -60,7 +60,7 @@ BorderPoints borders_of(const std::vector<merge::Part>& parts) {
 
 /// In a child, because what it calls takes threads.
 Result<BorderPoints> load_border(const Size& size) {
-  const auto parts = load_room_bench(size.ratio);
+  const auto parts = load_room_bench(size.triangles);
   if (!parts) return parts.error();
   BorderPoints all;
   const auto told = apart([&]() -> Message {
@@ -86,7 +86,8 @@ Result<Strips> load_strips(const std::string& name) {
     arena.run([&] {
       const merge::OverlapConfig config = overlap_config(*input);
       for (const Mesh& mesh : merge::remove_overlap(input->parts, config))
-        out.push_back(to_message(merge::remove_islands(mesh, merge::island_area_m2(config.voxel_m))));
+        out.push_back(
+            to_message(merge::remove_islands(mesh, merge::island_area_m2(config.voxel_m))));
     });
     return out;
   });

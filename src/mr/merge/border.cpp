@@ -4,15 +4,10 @@
 #include <utility>
 
 #include "mr/core/parallel.h"
-#include "mr/kit/pair_map.h"
 #include "mr/kit/topology.h"
 
 namespace mr::merge {
 namespace {
-
-std::uint64_t directed(std::uint32_t from, std::uint32_t to) {
-  return static_cast<std::uint64_t>(from) << 32 | to;
-}
 
 /// The half-edges between border vertices, and which of them belong together.
 struct BorderEdges {
@@ -29,16 +24,23 @@ BorderEdges edges_among(const Mesh& mesh, const std::vector<std::uint8_t>& at_bo
       if (at_border[kit::edge_from(mesh, h)] && at_border[kit::edge_to(mesh, h)])
         out.half_edges.push_back(h);
   }
-  kit::PairMap count(out.half_edges.size());
-  for (const std::uint32_t h : out.half_edges)
-    ++count.get_or_add(directed(kit::edge_from(mesh, h), kit::edge_to(mesh, h)), 0);
-  const auto once = [&](std::uint32_t from, std::uint32_t to) {
-    const std::uint32_t* n = count.find(directed(from, to));
-    return n && *n == 1;
+  // The half-edges that start at a vertex, as a list.
+  constexpr std::uint32_t kEnd = 0xFFFFFFFFu;
+  std::vector<std::uint32_t> first(mesh.positions.size(), kEnd), next(out.half_edges.size()),
+      to(out.half_edges.size());
+  for (std::uint32_t i = 0; i < next.size(); ++i) {
+    to[i] = kit::edge_to(mesh, out.half_edges[i]);
+    next[i] = std::exchange(first[kit::edge_from(mesh, out.half_edges[i])], i);
+  }
+  const auto once = [&](std::uint32_t a, std::uint32_t b) {
+    int count = 0;
+    for (std::uint32_t i = first[a]; i != kEnd; i = next[i]) count += to[i] == b;
+    return count == 1;
   };
-  for (const std::uint32_t h : out.half_edges) {
-    const std::uint32_t from = kit::edge_from(mesh, h), to = kit::edge_to(mesh, h);
-    out.paired.push_back(once(from, to) && once(to, from));
+  out.paired.resize(next.size());
+  for (std::size_t i = 0; i < next.size(); ++i) {
+    const std::uint32_t a = kit::edge_from(mesh, out.half_edges[i]);
+    out.paired[i] = once(to[i], a) && once(a, to[i]);
   }
   return out;
 }

@@ -14,23 +14,21 @@ constexpr double kTurnSlack = 1e-4;  // about a 10000th of a radian
 
 }  // namespace
 
-Front::Front(const Mesh& mesh, std::span<const std::uint32_t> border)
+Front::Front(const Mesh& mesh, std::span<const std::uint32_t> border,
+             std::span<const std::uint8_t> wanted)
     : positions_(mesh.positions),
       normals_(mesh.positions.size()),
       place_(mesh.positions.size()),
       surface_(4 * border.size() + 16) {
   corner_.assign(mesh.positions.size(), kNone);
-  std::vector<std::uint8_t> on_border(mesh.positions.size(), 0);
-  for (const std::uint32_t h : border) {
-    add_edge(kit::edge_from(mesh, h), kit::edge_to(mesh, h));
-    on_border[kit::edge_from(mesh, h)] = on_border[kit::edge_to(mesh, h)] = 1;
-  }
+  for (std::size_t e = 0; e < border.size(); ++e)
+    if (wanted[e]) add_edge(kit::edge_from(mesh, border[e]), kit::edge_to(mesh, border[e]));
   for (std::uint32_t e = 0; e < edges_.size(); ++e) {
     const std::uint32_t after = corner_[edges_[e].to];
     MR_ASSERT(after == kNone || edges_[after].sibling == kNone);
     if (after != kNone) link(e, after);
   }
-  find_places(on_border);
+  const std::vector<std::uint8_t> on_border = find_places(mesh, border);
   for (const Triangle& t : mesh.triangles) {
     if (!(on_border[t[0]] | on_border[t[1]] | on_border[t[2]])) continue;
     const Vec3f n = cross(at(t[1]) - at(t[0]), at(t[2]) - at(t[0]));
@@ -43,16 +41,22 @@ Front::Front(const Mesh& mesh, std::span<const std::uint32_t> border)
   for (Vec3f& n : normals_) n = normalized(n);
 }
 
-/// Vertices of the border that lie at one place count as one.
-void Front::find_places(const std::vector<std::uint8_t>& on_border) {
+/// Vertices of the border that lie at one place count as one. Returns those at places of the edges
+/// that are looked at.
+std::vector<std::uint8_t> Front::find_places(const Mesh& mesh,
+                                             std::span<const std::uint32_t> border) {
   std::vector<std::uint32_t> vertices;
   std::vector<Vec3f> positions;
-  for (std::uint32_t v = 0; v < on_border.size(); ++v) {
-    place_[v] = v;
-    if (on_border[v]) vertices.push_back(v), positions.push_back(at(v));
-  }
+  for (const std::uint32_t h : border)  // each border vertex starts one edge
+    vertices.push_back(kit::edge_from(mesh, h)), positions.push_back(at(vertices.back()));
+  std::iota(place_.begin(), place_.end(), 0u);
   const std::vector<std::uint32_t> same = kit::same_place(positions);
   for (std::size_t i = 0; i < vertices.size(); ++i) place_[vertices[i]] = vertices[same[i]];
+  std::vector<std::uint8_t> at_place(place_.size(), 0);
+  for (const Edge& edge : edges_) at_place[place_[edge.from]] = at_place[place_[edge.to]] = 1;
+  std::vector<std::uint8_t> out(place_.size(), 0);
+  for (const std::uint32_t v : vertices) out[v] = at_place[place_[v]];
+  return out;
 }
 
 std::uint32_t Front::add_edge(std::uint32_t from, std::uint32_t to) {

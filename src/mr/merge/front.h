@@ -18,10 +18,11 @@ namespace mr::merge {
 /// corner.
 class Front {
  public:
-  /// `border`: half-edges with nothing on the other side, some or all of the mesh's; at most one
-  /// starts at a vertex, and one ends (see join_parts). Where some are left out, the others are
-  /// chains: the first has itself as `prev`, the last has itself as `next`.
-  Front(const Mesh& mesh, std::span<const std::uint32_t> border);
+  /// `border`: the mesh's half-edges with nothing on the other side; at most one starts at a
+  /// vertex, and one ends (see join_parts). `wanted`: [border] those that are looked at; they may
+  /// be chains: the first has itself as `prev`, the last has itself as `next`.
+  Front(const Mesh& mesh, std::span<const std::uint32_t> border,
+        std::span<const std::uint8_t> wanted);
 
   struct Edge {
     std::uint32_t from = 0, to = 0;
@@ -84,7 +85,7 @@ class Front {
   std::uint64_t directed(std::uint32_t from, std::uint32_t to) const {
     return static_cast<std::uint64_t>(place_[from]) << 32 | place_[to];
   }
-  void find_places(const std::vector<std::uint8_t>& on_border);
+  std::vector<std::uint8_t> find_places(const Mesh& mesh, std::span<const std::uint32_t> border);
   bool edges_are_free(std::uint32_t u, std::uint32_t v, std::uint32_t w) const;
   double turn(std::uint32_t vertex, std::uint32_t reference, std::uint32_t other) const;
   std::uint32_t add_edge(std::uint32_t from, std::uint32_t to);

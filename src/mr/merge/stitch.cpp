@@ -10,6 +10,7 @@
 #include "mr/core/parallel.h"
 #include "mr/kit/pair_map.h"
 #include "mr/kit/topology.h"
+#include "mr/merge/border_samples.h"
 #include "mr/merge/point_grid.h"
 
 namespace mr::merge {
@@ -47,6 +48,7 @@ class Stitcher {
 
   void run() {
     find_places();
+    find_touched();
     blocked_.assign(mesh_.positions.size(), 0);
     for (int round = 0; round < kMaxRounds; ++round) {
       plan();
@@ -54,7 +56,7 @@ class Stitcher {
       if (round + 2 == kMaxRounds) std::fill(blocked_.begin(), blocked_.end(), 1);
     }
     mesh_.positions = std::move(moved_);
-    mesh_.triangles = std::move(triangles_);
+    assemble();
     joined_.border = border_half_edges(mesh_);
   }
 
@@ -66,34 +68,37 @@ class Stitcher {
     return normalized(mesh_.area_normal(joined_.border[e] / 3));
   }
 
-  /// Points along the border, with the edges that they lie on.
-  void sample(std::vector<Vec3f>& points, std::vector<std::uint32_t>& edges, float spacing) const {
-    for (std::uint32_t e = 0; e < joined_.border.size(); ++e) {
-      const Vec3f p = at(from(e)), d = at(to(e)) - p;
-      const float pieces = std::clamp(std::ceil(length(d) / spacing), 1.0f, 1000.0f);
-      for (float i = 0; i < pieces; ++i)
-        points.push_back(p + d * ((i + 0.5f) / pieces)), edges.push_back(e);
+  /// The samples that another part's border may be near; notes their edges.
+  TaggedPoints near_other_parts(const TaggedPoints& samples, float reach) {
+    const PartsNearby nearby(joined_, samples, reach);
+    near_.assign(joined_.border.size(), 0);
+    TaggedPoints out;
+    for (std::size_t i = 0; i < samples.points.size(); ++i) {
+      const std::uint32_t e = samples.tag[i];
+      if (!nearby.has_other(samples.points[i], joined_.part[from(e)])) continue;
+      near_[e] = 1;
+      out.points.push_back(samples.points[i]), out.tag.push_back(e);
     }
+    return out;
   }
 
   /// The nearest edge of another part's border that runs the other way, for every border vertex.
   void find_places() {
     const auto reach = static_cast<float>(config_.reach_m), spacing = 2 * reach;
-    std::vector<Vec3f> points;
-    std::vector<std::uint32_t> edges;
-    sample(points, edges, spacing);
-    const PointGrid grid(points, 2 * reach);
+    const TaggedPoints samples = near_other_parts(sample_border(joined_, spacing), 2 * reach);
+    const PointGrid grid(samples.points, 2 * reach);
     places_.assign(joined_.border.size(), {});
     parallel_for(places_.size(), 512, [&](std::size_t begin, std::size_t end) {
       for (std::size_t i = begin; i < end; ++i) {
         const auto e = static_cast<std::uint32_t>(i);
+        if (!near_[i]) continue;
         const std::uint32_t v = from(e);
         const Vec3f along =
             coming_[v] == kNone ? at(to(e)) - at(v) : at(to(e)) - at(from(coming_[v]));
         const Vec3f normal = facing(e);
         Place best{reach, kNone, 0};
         grid.within(at(v), reach + spacing / 2, [&](std::uint32_t k) {
-          const std::uint32_t other = edges[k];
+          const std::uint32_t other = samples.tag[k];
           if (joined_.part[from(other)] == joined_.part[v]) return;
           const Vec3f a = at(from(other)), d = at(to(other)) - a;
           const float t = std::clamp(dot(at(v) - a, d) / std::max(dot(d, d), 1e-20f), 0.0f, 1.0f);
@@ -111,6 +116,29 @@ class Stitcher {
       if (places_[e].edge != kNone) order_.push_back(e);
     std::ranges::sort(order_, {},
                       [&](std::uint32_t e) { return std::pair(places_[e].distance_m, e); });
+  }
+
+  /// The triangles that sewing may change.
+  void find_touched() {
+    std::vector<std::uint8_t> moves(mesh_.positions.size(), 0);
+    for (const std::uint32_t e : order_)
+      moves[from(e)] = moves[from(places_[e].edge)] = moves[to(places_[e].edge)] = 1;
+    is_touched_.assign(mesh_.triangles.size(), 0);
+    for (std::uint32_t t = 0; t < mesh_.triangles.size(); ++t) {
+      const auto& [a, b, c] = mesh_.triangles[t];
+      is_touched_[t] = moves[a] | moves[b] | moves[c];
+      if (is_touched_[t]) touched_.push_back(t);
+    }
+  }
+
+  /// The triangles that stay as they are, then those as planned.
+  void assemble() {
+    std::vector<Triangle> all;
+    all.reserve(mesh_.triangles.size() + triangles_.size());
+    for (std::uint32_t t = 0; t < mesh_.triangles.size(); ++t)
+      if (!is_touched_[t]) all.push_back(mesh_.triangles[t]);
+    all.insert(all.end(), triangles_.begin(), triangles_.end());
+    mesh_.triangles = std::move(all);
   }
 
   /// Decides which vertices go where, nearest first; each is sewn on once.
@@ -147,7 +175,6 @@ class Stitcher {
   /// The triangles as planned. False where some would turn over or make an edge of three: then
   /// their vertices are blocked.
   bool rebuild() {
-    std::vector<std::array<std::uint32_t, 3>> of_edge_first;
     triangles_.clear();
     std::vector<std::uint32_t> polygon_of(mesh_.triangles.size(), kNone);
     for (std::uint32_t i = 0; i < inserted_.size(); ++i)
@@ -155,7 +182,7 @@ class Stitcher {
     bool sound = true;
     kit::PairMap edges(4 * inserted_.size() + 1024);
     std::vector<std::uint32_t> polygon;
-    for (std::uint32_t t = 0; t < mesh_.triangles.size(); ++t) {
+    for (const std::uint32_t t : touched_) {
       const Triangle& old = mesh_.triangles[t];
       const bool touched = sewn_[old[0]] | sewn_[old[1]] | sewn_[old[2]];
       if (!touched && polygon_of[t] == kNone) {
@@ -244,10 +271,13 @@ class Stitcher {
   Mesh& mesh_;
   const StitchConfig& config_;
   std::vector<std::uint32_t> leaving_, coming_;  // [V] border edges
+  std::vector<std::uint8_t> near_;               // [border] another part's may be near
   std::vector<Place> places_;                    // [border] of the vertex that the edge starts at
-  std::vector<std::uint32_t> order_;
-  std::vector<std::uint8_t> blocked_, sewn_;  // [V]
-  std::vector<std::uint32_t> merged_;         // [V] the vertex that it became
+  std::vector<std::uint32_t> order_;             // border edges with a place, the nearest first
+  std::vector<std::uint8_t> is_touched_;         // [T]
+  std::vector<std::uint32_t> touched_;           // triangles
+  std::vector<std::uint8_t> blocked_, sewn_;     // [V]
+  std::vector<std::uint32_t> merged_;            // [V] the vertex that it became
   std::vector<Inserted> inserted_;
   std::vector<Vec3f> moved_;
   std::vector<Triangle> triangles_;

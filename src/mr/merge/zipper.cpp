@@ -10,9 +10,9 @@
 #include <utility>
 
 #include "mr/core/parallel.h"
-#include "mr/kit/pair_map.h"
 #include "mr/kit/topology.h"
 #include "mr/merge/border.h"
+#include "mr/merge/border_samples.h"
 #include "mr/merge/front.h"
 #include "mr/merge/point_grid.h"
 #include "mr/merge/stitch.h"
@@ -20,76 +20,14 @@
 namespace mr::merge {
 namespace {
 
-constexpr int kMaxCuts = 6;            // halvings of a border edge
-constexpr int kSmallLoop = 30;         // edges of a loop that is closed at all costs
-constexpr double kMostSamples = 4096;  // of one edge
-
-/// Points with something that they stand for.
-struct TaggedPoints {
-  std::vector<Vec3f> points;
-  std::vector<std::uint32_t> tag;
-};
-
-/// Points along all border edges, at most `spacing` apart, tagged with their place in the border.
-TaggedPoints sample_borders(const Joined& joined, double spacing) {
-  TaggedPoints cloud;
-  for (std::uint32_t e = 0; e < joined.border.size(); ++e) {
-    const std::uint32_t h = joined.border[e];
-    const Vec3f p = joined.mesh.positions[kit::edge_from(joined.mesh, h)],
-                q = joined.mesh.positions[kit::edge_to(joined.mesh, h)];
-    const double wanted = std::ceil(static_cast<double>(length(q - p)) / spacing);
-    const int steps = static_cast<int>(std::clamp(wanted, 1.0, kMostSamples));
-    for (int i = 0; i < steps; ++i) {
-      const float along = (static_cast<float>(i) + 0.5f) / static_cast<float>(steps);
-      cloud.points.push_back(p + (q - p) * along);
-      cloud.tag.push_back(e);
-    }
-  }
-  return cloud;
-}
+constexpr int kMaxCuts = 6;     // halvings of a border edge
+constexpr int kSmallLoop = 30;  // edges of a loop that is closed at all costs
 
 float distance_to_segment(Vec3f p, Vec3f a, Vec3f b) {
   const Vec3f d = b - a;
   const float along = std::clamp(dot(p - a, d) / std::max(dot(d, d), 1e-20f), 0.0f, 1.0f);
   return length(p - (a + d * along));
 }
-
-/// Which parts have border in which cell of a coarse grid, as far as it is one or several.
-class PartsNearby {
- public:
-  PartsNearby(const TaggedPoints& samples, const std::vector<std::uint32_t>& part_of_tag,
-              float cell_m)
-      : per_cell_(1 / cell_m), cells_(samples.points.size() / 4) {
-    for (std::size_t i = 0; i < samples.points.size(); ++i) {
-      const std::uint32_t part = part_of_tag[samples.tag[i]];
-      std::uint32_t& known = cells_.get_or_add(key(cell(samples.points[i], 0)), part);
-      if (known != part) known = kSeveral;
-    }
-  }
-
-  /// Whether a ball with a radius of at most half a cell may hold border of another part.
-  bool has_other(Vec3f middle, std::uint32_t part) const {
-    const Vec3i low = cell(middle, -0.5f);
-    for (int i = 0; i < 8; ++i) {
-      const std::uint32_t* known = cells_.find(key(low + Vec3i{i & 1, i >> 1 & 1, i >> 2 & 1}));
-      if (known && *known != part) return true;
-    }
-    return false;
-  }
-
- private:
-  static constexpr std::uint32_t kSeveral = 0xFFFFFFFFu;
-  static std::uint64_t key(Vec3i cell) { return hash_cell(cell); }  // a collision costs a look
-  Vec3i cell(Vec3f p, float shift) const {
-    const auto along = [&](float x) {
-      return static_cast<std::int32_t>(std::clamp(std::floor(x * per_cell_ + shift), -1e9f, 1e9f));
-    };
-    return {along(p.x), along(p.y), along(p.z)};
-  }
-
-  float per_cell_;
-  kit::PairMap cells_;
-};
 
 /// The border edges that another part's border is near, running the other way: where there is
 /// something to close.
@@ -98,9 +36,9 @@ class Facing {
   Facing(const Joined& joined, const ZipperConfig& config)
       : joined_(joined),
         config_(config),
-        samples_(sample_borders(joined, 2 * config.edge_m)),
+        samples_(sample_border(joined, 2 * config.edge_m)),
         grid_(samples_.points, config.max_gap_m),
-        nearby_(samples_, parts_of(joined), 4 * static_cast<float>(reach())) {}
+        nearby_(joined, samples_, static_cast<float>(2 * reach())) {}
 
   /// [border] of edges longer than `longer_than_m`; 0 for the others.
   std::vector<std::uint8_t> edges(float longer_than_m = 0) const {
@@ -113,12 +51,6 @@ class Facing {
   }
 
  private:
-  static std::vector<std::uint32_t> parts_of(const Joined& joined) {
-    std::vector<std::uint32_t> out;
-    for (const std::uint32_t h : joined.border)
-      out.push_back(joined.part[kit::edge_from(joined.mesh, h)]);
-    return out;
-  }
   double reach() const { return config_.max_gap_m + config_.edge_m; }
   Vec3f along(std::uint32_t e) const {
     const std::uint32_t h = joined_.border[e];
@@ -236,24 +168,21 @@ class BorderCutter {
   std::uint32_t place_ = kNoPlace;
 };
 
-/// The half-edges of the border that has something to close, and a few more on both sides.
-std::vector<std::uint32_t> to_close(const Joined& joined, std::vector<std::uint8_t> near) {
+/// Some edges of the border ([border]), and a few more on both sides.
+std::vector<std::uint8_t> dilated(const Joined& joined, std::vector<std::uint8_t> edges) {
   constexpr int kMore = 3;
+  const auto ends = [&](std::size_t e) {
+    return std::pair(kit::edge_from(joined.mesh, joined.border[e]),
+                     kit::edge_to(joined.mesh, joined.border[e]));
+  };
   std::vector<std::uint8_t> at_vertex(joined.mesh.positions.size(), 0);
   for (int round = 0; round < kMore; ++round) {
-    const auto ends = [&](std::size_t e) {
-      return std::pair(kit::edge_from(joined.mesh, joined.border[e]),
-                       kit::edge_to(joined.mesh, joined.border[e]));
-    };
-    for (std::size_t e = 0; e < near.size(); ++e)
-      if (near[e]) at_vertex[ends(e).first] = at_vertex[ends(e).second] = 1;
-    for (std::size_t e = 0; e < near.size(); ++e)
-      near[e] |= at_vertex[ends(e).first] | at_vertex[ends(e).second];
+    for (std::size_t e = 0; e < edges.size(); ++e)
+      if (edges[e]) at_vertex[ends(e).first] = at_vertex[ends(e).second] = 1;
+    for (std::size_t e = 0; e < edges.size(); ++e)
+      edges[e] |= at_vertex[ends(e).first] | at_vertex[ends(e).second];
   }
-  std::vector<std::uint32_t> out;
-  for (std::size_t e = 0; e < near.size(); ++e)
-    if (near[e]) out.push_back(joined.border[e]);
-  return out;
+  return edges;
 }
 
 /// A way to fill a bit of the gap: a triangle from a border edge to a corner.
@@ -453,7 +382,7 @@ Mesh zip(std::span<const Mesh> parts, const ZipperConfig& config) {
   Joined joined = join_parts(parts);
   stitch(joined, {.reach_m = config.stitch_m, .snap_m = config.stitch_m / 5});
   BorderCutter(joined, config);
-  Front front(joined.mesh, to_close(joined, Facing(joined, config).edges()));
+  Front front(joined.mesh, joined.border, dilated(joined, Facing(joined, config).edges()));
   Zipper(joined, front, config).run();
   joined.mesh.triangles.insert(joined.mesh.triangles.end(), front.added().begin(),
                                front.added().end());
