@@ -65,6 +65,9 @@ class FanSplitter {
       split(std::span(corners).subspan(first[v], first[v + 1] - first[v]));
   }
 
+  /// The vertices that those at the end of the mesh are copies of.
+  const std::vector<std::uint32_t>& copied() const { return copied_; }
+
  private:
   /// Corners (as half-edges that start there) of one vertex.
   void split(std::span<std::uint32_t> corners) {
@@ -75,7 +78,8 @@ class FanSplitter {
           if (side_by_side(corners[i], corners[k])) std::swap(corners[fan++], corners[k]);
       if (left > 0) {
         const auto fresh = static_cast<std::uint32_t>(mesh_.positions.size());
-        mesh_.positions.push_back(mesh_.positions[kit::edge_from(mesh_, corners[left])]);
+        copied_.push_back(kit::edge_from(mesh_, corners[left]));
+        mesh_.positions.push_back(mesh_.positions[copied_.back()]);
         for (std::size_t i = left; i < fan; ++i)
           mesh_.triangles[corners[i] / 3][corners[i] % 3] = fresh;
       }
@@ -93,30 +97,30 @@ class FanSplitter {
   }
 
   Mesh& mesh_;
+  std::vector<std::uint32_t> copied_;
   std::vector<std::uint8_t> unpaired_;  // [T] bits of the edges that are on a border
 };
 
-struct Split {
-  Mesh mesh;
-  std::vector<std::uint32_t> border;
-};
-
-Split split_fans(const Mesh& mesh) {
-  Split out{{mesh.positions, mesh.triangles, {}}, {}};
-  const std::vector<std::uint8_t> at_border = kit::border_vertices(mesh);
-  const BorderEdges edges = edges_among(mesh, at_border);
-  for (std::size_t i = 0; i < edges.half_edges.size(); ++i)
-    if (!edges.paired[i]) out.border.push_back(edges.half_edges[i]);
-  FanSplitter(out.mesh, at_border, edges);
-  return out;
-}
-
 }  // namespace
 
+void split_fans(Joined& joined) {
+  const std::vector<std::uint8_t> at_border = kit::border_vertices(joined.mesh);
+  const BorderEdges edges = edges_among(joined.mesh, at_border);
+  joined.border.clear();
+  for (std::size_t i = 0; i < edges.half_edges.size(); ++i)
+    if (!edges.paired[i]) joined.border.push_back(edges.half_edges[i]);
+  const FanSplitter splitter(joined.mesh, at_border, edges);
+  for (const std::uint32_t v : splitter.copied()) joined.part.push_back(joined.part[v]);
+}
+
 Joined join_parts(std::span<const Mesh> parts) {
-  std::vector<Split> split(parts.size());
+  std::vector<Joined> split(parts.size());
   parallel_for(parts.size(), 1, [&](std::size_t begin, std::size_t end) {
-    for (std::size_t i = begin; i < end; ++i) split[i] = split_fans(parts[i]);
+    for (std::size_t i = begin; i < end; ++i) {
+      split[i].mesh = {parts[i].positions, parts[i].triangles, {}};
+      split[i].part.resize(parts[i].positions.size());
+      split_fans(split[i]);
+    }
   });
   Joined out;
   for (std::uint32_t i = 0; i < split.size(); ++i) {

@@ -21,6 +21,9 @@ struct Joined {
 /// found by counting the neighbours of an edge).
 Joined join_parts(std::span<const Mesh> parts);
 
+/// Finds the border anew, and gives fans vertices of their own, after the mesh was changed.
+void split_fans(Joined& joined);
+
 /// The border of a mesh whose vertices do not need to be split any more.
 std::vector<std::uint32_t> border_half_edges(const Mesh& mesh);
 

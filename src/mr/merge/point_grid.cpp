@@ -140,7 +140,8 @@ class PointGrid::Matcher {
     }
     if (most > x_.size()) {
       for (auto* lane : {&x_, &y_, &z_}) lane->resize(2 * most);
-      for (auto* lane : {&at_, &tag_, &square_}) lane->resize(2 * most);
+      for (auto* lane : {&at_, &tag_}) lane->resize(2 * most);
+      square_.resize(2 * most);
     }
     return grid_.first_[grid_.row_number(y, z) + 1];
   }
@@ -187,15 +188,17 @@ class PointGrid::Matcher {
 
   Match match(std::uint32_t i) {
     const Vec3f middle = grid_.points_[i].at;
-    const std::uint32_t own = tags_[i], limit = std::bit_cast<std::uint32_t>(radius_m_ * radius_m_);
+    const std::uint32_t own = tags_[i];
+    const auto limit = std::bit_cast<std::int32_t>(radius_m_ * radius_m_);
     const float *x = x_.data(), *y = y_.data(), *z = z_.data();
     const std::uint32_t* tag = tag_.data();
-    std::uint32_t* squares = square_.data();
-    std::uint32_t found = 0, least = limit;
+    std::int32_t* squares = square_.data();
+    std::uint32_t found = 0;
+    std::int32_t least = limit;
     const std::size_t n = count_ / kLanes * kLanes;
     for (std::size_t k = 0; k < n; ++k) {
       const Vec3f d{x[k] - middle.x, y[k] - middle.y, z[k] - middle.z};
-      const auto square = std::bit_cast<std::uint32_t>(dot(d, d));  // in the order of the floats
+      const auto square = std::bit_cast<std::int32_t>(dot(d, d));  // in the order of the floats
       squares[k] = square;
       found += square < limit;
       least = std::min(least, tag[k] == own ? limit : square);
@@ -219,7 +222,8 @@ class PointGrid::Matcher {
   std::vector<Window> windows_;
   std::size_t count_ = 0;  // of those copied out
   std::vector<float> x_, y_, z_;
-  std::vector<std::uint32_t> at_, tag_, square_;  // at_: places; square_: of distances, as bits
+  std::vector<std::uint32_t> at_, tag_;  // at_: places
+  std::vector<std::int32_t> square_;     // of distances, as their floats' bits
 };
 
 std::vector<PointGrid::Match> PointGrid::match(std::span<const std::uint32_t> tags,

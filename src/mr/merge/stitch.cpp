@@ -57,7 +57,7 @@ class Stitcher {
     }
     mesh_.positions = std::move(moved_);
     assemble();
-    joined_.border = border_half_edges(mesh_);
+    split_fans(joined_);
   }
 
  private:

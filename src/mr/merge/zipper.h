@@ -7,15 +7,16 @@
 namespace mr::merge {
 
 struct ZipperConfig {
-  double max_gap_m = 0.06;  ///< borders farther apart are not joined
+  double max_gap_m = 0.06;  ///< borders farther apart are not joined; at most stitch_m: no strips
   double edge_m = 0.025;    ///< border edges near another part are cut to about this length first
   double stitch_m = 0.015;  ///< borders nearer than this are sewn into one line
 };
 
 /// What suits a reconstruction of this resolution. The paper's radius, "the square root of the
-/// resolution", depends on the unit of length; ours is six voxels.
+/// resolution", depends on the unit of length; ours is two and a half voxels: wider strips are
+/// right less often than not (docs/merging.md).
 inline ZipperConfig zipper_config(double voxel_m) {
-  return {6 * voxel_m, 2.5 * voxel_m, 1.5 * voxel_m};
+  return {2.5 * voxel_m, 2.5 * voxel_m, 1.5 * voxel_m};
 }
 
 /// Joins parts without overlap into one surface (paper 3.2, after Turk & Levoy 1994). Borders that

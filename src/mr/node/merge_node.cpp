@@ -162,6 +162,11 @@ Mesh MergeNode::join(const std::vector<merge::Part>& parts, const std::function<
                      double& triangles) {
   const double voxel_m = scene_->voxel_m;
   const MergeConfig& config = scene_->merge;
+  const auto started = std::chrono::steady_clock::now();
+  const auto spent_ms = [&] {
+    return std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - started)
+        .count();
+  };
   std::vector<Mesh> owned = trace_.time("overlap", [&] {
     return merge::remove_overlap(parts, {.owner = config.owner,
                                          .overlap = config.overlap,
@@ -181,7 +186,11 @@ Mesh MergeNode::join(const std::vector<merge::Part>& parts, const std::function<
   return trace_.time("zipper", [&] {
     merge::ZipperConfig zipper = merge::zipper_config(voxel_m);
     if (config.gap_m > 0) zipper.max_gap_m = config.gap_m;
+    const double before_ms = spent_ms();
+    const bool hurry = merger_.budget_ms > 0 && before_ms + zipper_ms_ > merger_.budget_ms;
+    if (hurry) zipper.max_gap_m = 0;
     Mesh zipped = merge::zip(owned, zipper);
+    if (!hurry) zipper_ms_ = spent_ms() - before_ms;
     return merger_.region ? inside(zipped, *merger_.region, scene_->fusion.chunk_m) : zipped;
   });
 }

@@ -105,6 +105,7 @@ class MergeNode {
   std::optional<std::pair<Gathered, Surface>> last_;  // reused while the inputs' geometry stays
   std::atomic<bool> reused_ = false, key_frame_wished_ = false;
   std::uint64_t sequence_ = 0;
+  double zipper_ms_ = 0;  ///< what closing all gaps took last; for merger.budget_ms
   Trace trace_;
 };
 
