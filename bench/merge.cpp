@@ -148,6 +148,8 @@ Status measure_case(const MergeCase& input, const Request& request, apps::Progre
 
 Result<Report> run_merge(const Request& request, apps::ProgressBar& bar) {
   std::vector<std::string> names{request.input.string()};
+  if (!request.input.empty() && !request.cases.empty())
+    return Error{Error::Cause::invalid, "merge takes a scene as a whole: no --case with --input"};
   if (request.input.empty()) {
     auto wanted = wanted_cases(merge_cases(), request, "merge has");
     if (!wanted) return wanted.error();

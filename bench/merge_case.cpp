@@ -204,17 +204,26 @@ void move_by(Vec3d by, merge::Part& part) {
     source.T_world_depth.translation = source.T_world_depth.translation + by;
 }
 
+/// How rooms lie in the world. In a child, because building one takes threads.
+Result<Mat3> turn_of_rooms() {
+  const auto told = apart(
+      [] { return binary(std::vector<Pose>{synth::build_room(room_of_20(1)).T_world_room}); });
+  if (!told) return told.error();
+  return array_from<Pose>(*told).at(0).rotation;
+}
+
 /// Where room number `i` of a building stands: walls of neighbours are half a metre apart.
-Vec3d place_of_room(std::size_t i) {
+Vec3d place_of_room(std::size_t i, const Mat3& turn) {
   constexpr std::size_t kRoomsInARow = 5;
-  static const RigConfig rig = room_of_20(1);
-  static const Mat3 turn = synth::build_room(rig).T_world_room.rotation;
+  const Vec3d room_m = room_of_20(1).room_m;
   const double x = static_cast<double>(i % kRoomsInARow), y = static_cast<double>(i / kRoomsInARow);
-  return turn * Vec3d{x * (rig.room_m.x + 0.5), y * (rig.room_m.y + 0.5), 0};
+  return turn * Vec3d{x * (room_m.x + 0.5), y * (room_m.y + 0.5), 0};
 }
 
 /// `sensors` of them in rooms of 20; three rooms are rendered, the others are copies of theirs.
 Parts load_rooms(std::uint32_t sensors) {
+  const auto turn = turn_of_rooms();
+  if (!turn) return turn.error();
   std::vector<merge::Part> out;
   std::vector<std::vector<merge::Part>> made;
   const std::uint32_t rooms = (sensors + kSensorsOfARoom - 1) / kSensorsOfARoom;
@@ -228,7 +237,7 @@ Parts load_rooms(std::uint32_t sensors) {
       made.push_back(*std::move(parts));
     }
     for (merge::Part part : made[room % kRoomsMade]) {
-      move_by(place_of_room(room), part);
+      move_by(place_of_room(room, *turn), part);
       part.sources[0].sensor += room * kSensorsOfARoom;
       out.push_back(std::move(part));
     }
@@ -322,9 +331,8 @@ Result<MergeCase> load_merge_case(const std::string& name) {
 Result<MergeCase> load_merge_scene(const std::filesystem::path& scene_file) {
   MergeCase out;
   out.name = scene_file.stem().string();
-  // What the child cannot tell with the parts comes from the file, which takes no threads.
-  out.voxel_m = load_scene(scene_file).scene.voxel_m;
-  out.config = load_scene(scene_file).scene.merge;
+  const Scene stated = load_scene(scene_file).scene;  // the child tells what is wrong with it
+  out.voxel_m = stated.voxel_m, out.config = stated.merge;
   auto parts = load_parts([&] {
     const Scene scene = load_or_throw(scene_file);
     return parts_of(scene, first(scene.sensors.size()), 0);

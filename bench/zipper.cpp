@@ -126,6 +126,8 @@ Status measure_case(const std::string& name, const Request& request, apps::Progr
 }
 
 Result<Report> run_zipper(const Request& request, apps::ProgressBar& bar) {
+  if (!request.input.empty())
+    return Error{Error::Cause::unsupported, "zipper has cases of its own only: no --input"};
   const auto names = wanted_cases(zipper_cases(), request, "zipper has");
   if (!names) return names.error();
   Report report{.stage = "zipper",

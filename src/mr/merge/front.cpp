@@ -21,6 +21,7 @@ Front::Front(const Mesh& mesh, std::span<const std::uint32_t> border,
       place_(mesh.positions.size()),
       surface_(4 * border.size() + 16) {
   corner_.assign(mesh.positions.size(), kNone);
+  find_places(mesh, border);
   for (std::size_t e = 0; e < border.size(); ++e)
     if (wanted[e]) add_edge(kit::edge_from(mesh, border[e]), kit::edge_to(mesh, border[e]));
   for (std::uint32_t e = 0; e < edges_.size(); ++e) {
@@ -28,7 +29,7 @@ Front::Front(const Mesh& mesh, std::span<const std::uint32_t> border,
     MR_ASSERT(after == kNone || edges_[after].sibling == kNone);
     if (after != kNone) link(e, after);
   }
-  const std::vector<std::uint8_t> on_border = find_places(mesh, border);
+  const std::vector<std::uint8_t> on_border = at_places_of_edges(mesh, border);
   for (const Triangle& t : mesh.triangles) {
     if (!(on_border[t[0]] | on_border[t[1]] | on_border[t[2]])) continue;
     const Vec3f n = cross(at(t[1]) - at(t[0]), at(t[2]) - at(t[0]));
@@ -41,10 +42,8 @@ Front::Front(const Mesh& mesh, std::span<const std::uint32_t> border,
   for (Vec3f& n : normals_) n = normalized(n);
 }
 
-/// Vertices of the border that lie at one place count as one. Returns those at places of the edges
-/// that are looked at.
-std::vector<std::uint8_t> Front::find_places(const Mesh& mesh,
-                                             std::span<const std::uint32_t> border) {
+/// Vertices of the border that lie at one place count as one.
+void Front::find_places(const Mesh& mesh, std::span<const std::uint32_t> border) {
   std::vector<std::uint32_t> vertices;
   std::vector<Vec3f> positions;
   for (const std::uint32_t h : border)  // each border vertex starts one edge
@@ -52,10 +51,15 @@ std::vector<std::uint8_t> Front::find_places(const Mesh& mesh,
   std::iota(place_.begin(), place_.end(), 0u);
   const std::vector<std::uint32_t> same = kit::same_place(positions);
   for (std::size_t i = 0; i < vertices.size(); ++i) place_[vertices[i]] = vertices[same[i]];
-  std::vector<std::uint8_t> at_place(place_.size(), 0);
+}
+
+/// [V] 1 for border vertices at places of the edges that are looked at.
+std::vector<std::uint8_t> Front::at_places_of_edges(const Mesh& mesh,
+                                                    std::span<const std::uint32_t> border) const {
+  std::vector<std::uint8_t> at_place(place_.size(), 0), out(place_.size(), 0);
   for (const Edge& edge : edges_) at_place[place_[edge.from]] = at_place[place_[edge.to]] = 1;
-  std::vector<std::uint8_t> out(place_.size(), 0);
-  for (const std::uint32_t v : vertices) out[v] = at_place[place_[v]];
+  for (const std::uint32_t h : border)
+    out[kit::edge_from(mesh, h)] = at_place[place_[kit::edge_from(mesh, h)]];
   return out;
 }
 

@@ -85,7 +85,9 @@ class Front {
   std::uint64_t directed(std::uint32_t from, std::uint32_t to) const {
     return static_cast<std::uint64_t>(place_[from]) << 32 | place_[to];
   }
-  std::vector<std::uint8_t> find_places(const Mesh& mesh, std::span<const std::uint32_t> border);
+  void find_places(const Mesh& mesh, std::span<const std::uint32_t> border);
+  std::vector<std::uint8_t> at_places_of_edges(const Mesh& mesh,
+                                               std::span<const std::uint32_t> border) const;
   bool edges_are_free(std::uint32_t u, std::uint32_t v, std::uint32_t w) const;
   double turn(std::uint32_t vertex, std::uint32_t reference, std::uint32_t other) const;
   std::uint32_t add_edge(std::uint32_t from, std::uint32_t to);

@@ -7,6 +7,7 @@
 
 #include "mr/core/parallel.h"
 #include "mr/kit/raster.h"
+#include "mr/kit/topology.h"
 #include "mr/merge/cutter.h"
 #include "mr/merge/part_field.h"
 #include "mr/merge/part_view.h"
@@ -23,6 +24,13 @@ constexpr double kFocal_voxels = 2.5;    // pixels per radian · voxel_m: 1.2 vo
 constexpr double kPatch_voxels2 = 100;   // smaller patches are given up
 constexpr float kRetreat_voxels = 0.2f;  // from an owner's border, on both sides
 constexpr int kCutSteps = 4;
+constexpr double kLongest_voxels = 6;  // of an edge where owners change
+constexpr int kMaxCuts = 6;            // halvings of an edge
+
+FieldVertex between(const FieldVertex& a, const FieldVertex& b, float t) {
+  return {a.position + (b.position - a.position) * t, a.quality + (b.quality - a.quality) * t,
+          a.normal + (b.normal - a.normal) * t, a.sigma_m + (b.sigma_m - a.sigma_m) * t};
+}
 
 /// The pinholes that a source looks through, as coarse as ownership needs.
 std::vector<RayGrid> places_of(const SourceInfo& source, double voxel_m) {
@@ -48,13 +56,19 @@ void for_each_index(std::size_t count, Work&& work) {
 class Ownership {
  public:
   Ownership(std::span<const Part> parts, const OverlapConfig& config)
-      : parts_(parts), config_(config), fields_(parts.size()), owned_(parts.size()) {
+      : parts_(parts),
+        config_(config),
+        fields_(parts.size()),
+        surfaces_(parts.size()),
+        owned_(parts.size()) {
+    for (std::size_t i = 0; i < parts.size(); ++i) surfaces_[i].mesh = &parts[i].mesh;
     for_each_index(parts.size(), [&](std::size_t i) { fields_[i] = part_field(parts[i], config); });
     draw_views();
   }
 
   std::vector<Mesh> run() {
     compare();
+    for_each_index(parts_.size(), [&](std::size_t i) { refine(static_cast<std::uint32_t>(i)); });
     give_up_patches();
     std::vector<Mesh> out(parts_.size());
     for_each_index(parts_.size(), [&](std::size_t i) { out[i] = cut(i); });
@@ -65,6 +79,17 @@ class Ownership {
   struct View {
     std::uint32_t part;
     PartView view;
+  };
+  /// A part while it is cut finer: at first its own mesh.
+  struct Surface {
+    const Mesh* mesh = nullptr;
+    Mesh own_mesh{};
+    std::vector<FieldVertex> own_vertices{};
+    std::vector<std::uint32_t> whole{};  // [T] triangle of the part; empty: the same
+
+    const std::vector<FieldVertex>& vertices(const PartField& field) const {
+      return own_vertices.empty() ? field.vertices : own_vertices;
+    }
   };
   using Rivals = std::vector<const View*>;
 
@@ -81,8 +106,10 @@ class Ownership {
     std::vector<std::optional<View>> drawn(wanted.size());
     for_each_index(wanted.size(), [&](std::size_t w) {
       const auto& [part, source, place] = wanted[w];
-      drawn[w].emplace(
-          part, PartView(parts_[part], fields_[part], source, place.camera, place.T_world_camera));
+      const bool pinhole = parts_[part].sources[source].depth_camera.model == CameraModel::pinhole;
+      const int margin_px = pinhole ? place.camera.width / 4 : 1;
+      drawn[w].emplace(part, PartView(parts_[part], fields_[part], source, place.camera,
+                                      place.T_world_camera, margin_px));
     });
     for (auto& view : drawn) views_.push_back(*std::move(view));
   }
@@ -135,10 +162,71 @@ class Ownership {
   }
 
   void decide(std::uint32_t part, std::size_t vertex, const Rivals& rivals) {
-    const FieldVertex& spot = fields_[part].vertices[vertex];
+    const FieldVertex& spot = surfaces_[part].vertices(fields_[part])[vertex];
     const Best best = best_rival(spot, part, rivals);
     owned_[part].margin[vertex] = spot.quality - best.quality;
     owned_[part].loss[vertex] = best.to;
+  }
+
+  /// Cuts long edges of triangles that are owned in part, so that a border between owners bends
+  /// where it has to.
+  void refine(std::uint32_t part) {
+    const auto longest_m = static_cast<float>(kLongest_voxels * config_.voxel_m);
+    const Rivals rivals = rivals_in(fields_[part].box, part);
+    for (int round = 0; round < kMaxCuts && !rivals.empty(); ++round) {
+      Surface& surface = surfaces_[part];
+      std::vector<std::uint8_t> split(surface.mesh->triangles.size() * 3, 0);
+      bool any = false;
+      for (std::uint32_t t = 0; t < surface.mesh->triangles.size(); ++t) {
+        const std::uint8_t edges = long_edges(*surface.mesh, t, longest_m);
+        if (edges == 0 || !is_divided(part, t, rivals)) continue;
+        for (int i = 0; i < 3; ++i) split[3 * t + i] = edges >> i & 1;
+        any = true;
+      }
+      if (!any) return;
+      split_edges(part, split, rivals);
+    }
+  }
+
+  static std::uint8_t long_edges(const Mesh& mesh, std::uint32_t t, float longest_m) {
+    std::uint8_t out = 0;
+    for (int i = 0; i < 3; ++i)
+      if (length(mesh.corner(t, i) - mesh.corner(t, (i + 1) % 3)) > longest_m)
+        out |= static_cast<std::uint8_t>(1u << i);
+    return out;
+  }
+
+  /// Whether a triangle's corners, middle and middles of its edges have different owners.
+  bool is_divided(std::uint32_t part, std::uint32_t t, const Rivals& rivals) const {
+    const auto& [a, b, c] = surfaces_[part].mesh->triangles[t];
+    const std::vector<float>& margin = owned_[part].margin;
+    const bool own = margin[a] > 0;
+    if ((margin[b] > 0) != own || (margin[c] > 0) != own) return true;
+    const auto differs = [&](const FieldVertex& spot) {
+      return (spot.quality > best_rival(spot, part, rivals).quality) != own;
+    };
+    const std::vector<FieldVertex>& v = surfaces_[part].vertices(fields_[part]);
+    const FieldVertex ab = between(v[a], v[b], 0.5f);
+    return differs(ab) || differs(between(v[b], v[c], 0.5f)) ||
+           differs(between(v[c], v[a], 0.5f)) || differs(between(ab, v[c], 1.0f / 3));
+  }
+
+  void split_edges(std::uint32_t part, const std::vector<std::uint8_t>& split,
+                   const Rivals& rivals) {
+    Surface& surface = surfaces_[part];
+    kit::Refined fine = kit::refine(*surface.mesh, split);
+    std::vector<std::uint32_t> whole;
+    for (const std::uint32_t parent : fine.parent)
+      whole.push_back(surface.whole.empty() ? parent : surface.whole[parent]);
+    std::vector<FieldVertex> vertices = surface.vertices(fields_[part]);
+    for (const auto& [a, b] : fine.cut_edges)
+      vertices.push_back(between(vertices[a], vertices[b], 0.5f));
+    surface.own_mesh = std::move(fine.mesh), surface.mesh = &surface.own_mesh;
+    surface.whole = std::move(whole), surface.own_vertices = std::move(vertices);
+    const std::size_t old = owned_[part].margin.size();
+    owned_[part].margin.resize(surface.own_vertices.size());
+    owned_[part].loss.resize(surface.own_vertices.size());
+    for (std::size_t v = old; v < surface.own_vertices.size(); ++v) decide(part, v, rivals);
   }
 
   /// Small patches change hands: their owners give them up, and who lost to those decides anew.
@@ -146,7 +234,9 @@ class Ownership {
     const double least_m2 = kPatch_voxels2 * config_.voxel_m * config_.voxel_m;
     std::vector<std::uint8_t> any(parts_.size());
     for_each_index(parts_.size(), [&](std::size_t i) {
-      any[i] = merge::give_up_patches(parts_[i].mesh, least_m2, owned_[i]);
+      const Surface& surface = surfaces_[i];
+      any[i] = merge::give_up_patches(*surface.mesh, surface.whole, parts_[i].mesh.triangles.size(),
+                                      least_m2, owned_[i]);
     });
     for_each_index(parts_.size(), [&](std::size_t i) {
       const auto part = static_cast<std::uint32_t>(i);
@@ -166,13 +256,10 @@ class Ownership {
   /// Cuts a part where its margin is zero: found between two vertices by looking there.
   Mesh cut(std::size_t i) const {
     const auto part = static_cast<std::uint32_t>(i);
-    const PartField& field = fields_[i];
-    const Rivals rivals = rivals_in(field.box, part);
+    const std::vector<FieldVertex>& vertices = surfaces_[i].vertices(fields_[i]);
+    const Rivals rivals = rivals_in(fields_[i].box, part);
     const auto margin_at = [&](std::uint32_t a, std::uint32_t b, float t) {
-      const FieldVertex &p = field.vertices[a], &q = field.vertices[b];
-      const FieldVertex spot{
-          p.position + (q.position - p.position) * t, p.quality + (q.quality - p.quality) * t,
-          p.normal + (q.normal - p.normal) * t, p.sigma_m + (q.sigma_m - p.sigma_m) * t};
+      const FieldVertex spot = between(vertices[a], vertices[b], t);
       return spot.quality - best_rival(spot, part, rivals).quality;
     };
     const float retreat_m = kRetreat_voxels * static_cast<float>(config_.voxel_m);
@@ -183,15 +270,16 @@ class Ownership {
         const float t = low + (high - low) * share, f = margin_at(kept, lost, t);
         (f > 0 ? low : high) = t, (f > 0 ? at_low : at_high) = f;
       }
-      const float edge_m = length(field.vertices[lost].position - field.vertices[kept].position);
+      const float edge_m = length(vertices[lost].position - vertices[kept].position);
       return std::max(low - retreat_m / edge_m, 0.0f);
     };
-    return cut_at_zero(parts_[i].mesh, owned_[i].margin, crossing);
+    return cut_at_zero(*surfaces_[i].mesh, owned_[i].margin, crossing);
   }
 
   std::span<const Part> parts_;
   const OverlapConfig& config_;
   std::vector<PartField> fields_;
+  std::vector<Surface> surfaces_;
   std::vector<View> views_;
   std::vector<Owned> owned_;
 };

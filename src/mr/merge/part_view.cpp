@@ -5,6 +5,7 @@
 #include <limits>
 
 #include "mr/core/assert.h"
+#include "mr/core/image.h"
 #include "mr/kit/raster.h"
 
 namespace mr::merge {
@@ -16,7 +17,26 @@ constexpr float kOblique = 4;        // of the range: the farthest along the ray
 constexpr float kFarApart = 3;       // ranges
 
 struct ScreenVertex {
-  float u, v, inv_z;  // inv_z 0: before the near plane
+  float u = 0, v = 0, inv_z = 0;  // inv_z 0: before the near plane
+};
+
+/// Where a part falls in a picture.
+struct Extent {
+  float left = 1e9f, top = 1e9f, right = -1e9f, bottom = -1e9f;
+
+  void add(const ScreenVertex& p) {
+    left = std::min(left, p.u), right = std::max(right, p.u);
+    top = std::min(top, p.v), bottom = std::max(bottom, p.v);
+  }
+  /// With a pixel around it, but at most `margin` pixels outside of the camera's picture.
+  Rect within(const Camera& camera, int margin) const {
+    const auto limited = [&](float at, int size) {
+      return static_cast<int>(std::clamp(std::floor(at), static_cast<float>(-margin),
+                                         static_cast<float>(size + margin)));
+    };
+    const int x = limited(left - 1, camera.width), y = limited(top - 1, camera.height);
+    return {x, y, limited(right + 3, camera.width) - x, limited(bottom + 3, camera.height) - y};
+  }
 };
 
 /// The picture while it is drawn. 1 / depth is linear in it.
@@ -72,12 +92,8 @@ float interpolated(const FieldVertex& a, const FieldVertex& b, const FieldVertex
 }  // namespace
 
 PartView::PartView(const Part& part, const PartField& field, std::uint32_t source,
-                   const Camera& camera, const Pose& T_world_camera)
-    : mesh_(&part.mesh),
-      field_(&field),
-      width_(camera.width),
-      height_(camera.height),
-      precision_(part.sources[source].precision) {
+                   const Camera& camera, const Pose& T_world_camera, int margin_px)
+    : mesh_(&part.mesh), field_(&field), precision_(part.sources[source].precision) {
   MR_ASSERT(camera.model == CameraModel::pinhole && camera.distortion == DistortionModel::none);
   const Mat3& axes = T_world_camera.rotation;
   origin_ = vec_cast<float>(T_world_camera.translation);
@@ -86,13 +102,19 @@ PartView::PartView(const Part& part, const PartField& field, std::uint32_t sourc
   down_ = vec_cast<float>(axes.column(1) * camera.fy + axes.column(2) * camera.cy);
 
   std::vector<ScreenVertex> screen(field.vertices.size());
+  Extent extent;
   for (std::size_t v = 0; v < screen.size(); ++v) {
     const Vec3f d = field.vertices[v].position - origin_;
     const float z = dot(forward_, d), inv_z = 1 / z;
-    screen[v] = z >= static_cast<float>(kit::kNearPlane_m)
-                    ? ScreenVertex{dot(right_, d) * inv_z, dot(down_, d) * inv_z, inv_z}
-                    : ScreenVertex{0, 0, 0};
+    if (!(z >= static_cast<float>(kit::kNearPlane_m))) continue;
+    screen[v] = {dot(right_, d) * inv_z, dot(down_, d) * inv_z, inv_z};
+    extent.add(screen[v]);
   }
+  const auto [left, top, width, height] = extent.within(camera, margin_px);
+  width_ = width, height_ = height;
+  right_ = right_ - forward_ * static_cast<float>(left);
+  down_ = down_ - forward_ * static_cast<float>(top);
+  for (ScreenVertex& v : screen) v.u -= static_cast<float>(left), v.v -= static_cast<float>(top);
   triangle_.assign(static_cast<std::size_t>(width_) * height_, kit::kNoTriangle);
   Canvas canvas{width_, height_, triangle_, std::vector<float>(triangle_.size(), 0.0f)};
   for (std::uint32_t t = 0; t < part.mesh.triangles.size(); ++t) {
@@ -101,6 +123,23 @@ PartView::PartView(const Part& part, const PartField& field, std::uint32_t sourc
     const ScreenVertex &a = screen[i], &b = screen[j], &c = screen[k];
     if (a.inv_z > 0 && b.inv_z > 0 && c.inv_z > 0) canvas.draw(a, b, c, t);
   }
+  widen();
+}
+
+/// Surfaces end a pixel later: where two parts end at one line, rounding must not hide one from the
+/// other.
+void PartView::widen() {
+  const std::vector<std::uint32_t> drawn = triangle_;
+  for (int y = 0; y < height_; ++y)
+    for (int x = 0; x < width_; ++x) {
+      const std::size_t i = static_cast<std::size_t>(y) * width_ + x;
+      if (drawn[i] != kit::kNoTriangle) continue;
+      const auto take = [&](bool inside, std::size_t k) {
+        if (inside && triangle_[i] == kit::kNoTriangle) triangle_[i] = drawn[k];
+      };
+      take(x > 0, i - 1), take(x + 1 < width_, i + 1);
+      take(y > 0, i - width_), take(y + 1 < height_, i + width_);
+    }
 }
 
 bool PartView::may_see(const Box3f& box) const {

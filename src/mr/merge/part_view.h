@@ -22,9 +22,11 @@ struct Rival {
 class PartView {
  public:
   /// Draws the triangles that `source` (place in the part's sources) measured, as far as they face
-  /// the camera. `camera`: an undistorted pinhole at the source's place. All must outlive the view.
+  /// the camera. `camera`: an undistorted pinhole at the source's place; surface up to `margin_px`
+  /// outside of its picture counts as well, as poses and labels may be a little off. All must
+  /// outlive the view.
   PartView(const Part& part, const PartField& field, std::uint32_t source, const Camera& camera,
-           const Pose& T_world_camera);
+           const Pose& T_world_camera, int margin_px);
 
   /// Whether anything in a box can be in the picture.
   bool may_see(const Box3f& box) const;
@@ -35,6 +37,8 @@ class PartView {
   std::optional<Rival> at(const FieldVertex& spot, float slack_m) const;
 
  private:
+  void widen();
+
   const Mesh* mesh_;
   const PartField* field_;
   int width_ = 0, height_ = 0;

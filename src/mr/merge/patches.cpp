@@ -28,7 +28,8 @@ class Patches {
 
 }  // namespace
 
-bool give_up_patches(const Mesh& mesh, double least_m2, Owned& owned) {
+bool give_up_patches(const Mesh& mesh, const std::vector<std::uint32_t>& whole,
+                     std::size_t triangles, double least_m2, Owned& owned) {
   const auto& margin = owned.margin;
   const auto is_own = [&](std::uint32_t v) { return margin[v] > 0; };
   Patches patches(margin.size());
@@ -61,10 +62,10 @@ bool give_up_patches(const Mesh& mesh, double least_m2, Owned& owned) {
     owned.given_up_vertex.clear();
     return false;
   }
-  owned.given_up.resize(mesh.triangles.size());
+  owned.given_up.assign(triangles, 0);
   for (std::size_t t = 0; t < mesh.triangles.size(); ++t) {
     const auto& [a, b, c] = mesh.triangles[t];
-    owned.given_up[t] =
+    owned.given_up[whole.empty() ? t : whole[t]] |=
         owned.given_up_vertex[a] | owned.given_up_vertex[b] | owned.given_up_vertex[c];
   }
   for (std::uint32_t v = 0; v < margin.size(); ++v)

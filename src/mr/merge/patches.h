@@ -18,7 +18,7 @@ struct Owned {
   std::vector<float>
       margin;              ///< [V] how much better it measured than the best rival; over 0: its own
   std::vector<Loss> loss;  ///< [V] the best rival
-  std::vector<std::uint8_t> given_up;         ///< [T], empty: nothing was
+  std::vector<std::uint8_t> given_up;         ///< [T of the part], empty: nothing was
   std::vector<std::uint8_t> given_up_vertex;  ///< [V], empty: nothing was
 
   bool is_given_up(std::uint32_t triangle) const {
@@ -31,6 +31,8 @@ struct Owned {
 
 /// Gives up the connected patches that a part owns of less than `least_m2`, where rivals have
 /// surface under most of them. Returns whether there were any.
-bool give_up_patches(const Mesh& mesh, double least_m2, Owned& owned);
+/// `whole`: [T] which of the part's `triangles` a triangle of the mesh is of; empty: the same.
+bool give_up_patches(const Mesh& mesh, const std::vector<std::uint32_t>& whole,
+                     std::size_t triangles, double least_m2, Owned& owned);
 
 }  // namespace mr::merge

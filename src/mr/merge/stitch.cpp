@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <limits>
 #include <numeric>
 #include <optional>
 #include <span>
@@ -20,7 +21,9 @@ constexpr std::uint32_t kNone = 0xFFFFFFFFu;
 constexpr int kMaxRounds = 24;
 constexpr float kSameFacing = 0.5f;  // cosine between the surfaces
 constexpr float kTurned = 0.03f;     // cosine by which a triangle may turn
-constexpr float kSnapShare = 0.2f;   // of an edge
+constexpr float kNeedle = 1e-4f;     // roundness of a triangle that is none
+constexpr std::size_t kMostCorners = 16;
+constexpr float kSnapShare = 0.2f;  // of an edge
 
 /// Where a border vertex would be sewn on.
 struct Place {
@@ -229,42 +232,56 @@ class Stitcher {
     for (const Inserted& i : range) add_corner(polygon, merged_[i.vertex]);
   }
 
-  Vec3f normal_of(std::uint32_t a, std::uint32_t b, std::uint32_t c) const {
-    return cross(moved_[b] - moved_[a], moved_[c] - moved_[a]);
-  }
-
-  /// Cuts a polygon into triangles that face like the one it was, the roundest ears first.
-  bool fill(std::vector<std::uint32_t> polygon, Vec3f facing, kit::PairMap& edges) {
-    const float size = length(facing);
-    while (polygon.size() >= 3) {
-      const std::size_t n = polygon.size();
-      std::size_t best = n;
-      float roundest = 0;
-      for (std::size_t i = 0; i < n && n > 3; ++i) {
-        const float q = roundness(polygon[i], polygon[(i + 1) % n], polygon[(i + 2) % n], facing);
-        if (q > roundest) roundest = q, best = i;
+  /// Cuts a polygon into triangles that face like the one it was; of all ways the one whose worst
+  /// triangle is the roundest.
+  bool fill(const std::vector<std::uint32_t>& polygon, Vec3f facing, kit::PairMap& edges) {
+    const std::size_t n = polygon.size();
+    if (n < 3) return true;
+    if (n > kMostCorners) return false;
+    std::array<std::array<float, kMostCorners>, kMostCorners> worst{};
+    std::array<std::array<std::uint8_t, kMostCorners>, kMostCorners> tip{};
+    for (std::size_t span = 1; span < n; ++span)
+      for (std::size_t i = 0; i + span < n; ++i) {
+        const std::size_t j = i + span;
+        worst[i][j] = span == 1 ? std::numeric_limits<float>::max() : -1;
+        for (std::size_t k = i + 1; k < j; ++k) {
+          const float w = std::min(
+              {worst[i][k], worst[k][j], roundness(polygon[i], polygon[k], polygon[j], facing)});
+          if (w > worst[i][j]) worst[i][j] = w, tip[i][j] = static_cast<std::uint8_t>(k);
+        }
       }
-      if (n == 3) best = 0;
-      if (best == n) return false;
-      const std::uint32_t a = polygon[best], b = polygon[(best + 1) % n],
-                          c = polygon[(best + 2) % n];
-      if (a == b || b == c || c == a) return false;
-      const Vec3f normal = normal_of(a, b, c);
-      if (dot(normal, facing) < kTurned * length(normal) * size) return false;
-      for (const auto& [p, q] : {std::pair(a, b), std::pair(b, c), std::pair(c, a)})
-        if (sewn_[p] && sewn_[q] &&
-            edges.get_or_add(static_cast<std::uint64_t>(p) << 32 | q, 0)++ > 0)
-          return false;
-      triangles_.push_back({a, b, c});
-      polygon.erase(polygon.begin() + static_cast<std::ptrdiff_t>((best + 1) % n));
+    std::vector<std::pair<std::size_t, std::size_t>> open{{0, n - 1}};
+    while (!open.empty()) {
+      const auto [i, j] = open.back();
+      open.pop_back();
+      if (j - i < 2) continue;
+      const std::size_t k = tip[i][j];
+      if (worst[i][j] <= 0 || !add({polygon[i], polygon[k], polygon[j]}, facing, edges))
+        return false;
+      open.emplace_back(i, k), open.emplace_back(k, j);
     }
     return true;
   }
 
+  bool add(const Triangle& t, Vec3f facing, kit::PairMap& edges) {
+    const auto& [a, b, c] = t;
+    if (a == b || b == c || c == a) return false;
+    const Vec3f normal = cross(moved_[b] - moved_[a], moved_[c] - moved_[a]);
+    if (dot(normal, facing) < kTurned * length(normal) * length(facing)) return false;
+    for (const auto& [p, q] : {std::pair(a, b), std::pair(b, c), std::pair(c, a)})
+      if (sewn_[p] && sewn_[q] &&
+          edges.get_or_add(static_cast<std::uint64_t>(p) << 32 | q, 0)++ > 0)
+        return false;
+    triangles_.push_back(t);
+    return true;
+  }
+
+  /// Over 0 when a triangle faces like the one before and is no needle.
   float roundness(std::uint32_t a, std::uint32_t b, std::uint32_t c, Vec3f facing) const {
     const Vec3f ab = moved_[b] - moved_[a], bc = moved_[c] - moved_[b], ca = moved_[a] - moved_[c];
     const float around = dot(ab, ab) + dot(bc, bc) + dot(ca, ca);
-    return around > 0 ? dot(cross(ab, bc), facing) / around : 0;
+    const float round = dot(cross(ab, bc), facing) / std::max(around * length(facing), 1e-30f);
+    return round > kNeedle ? round : -1;
   }
 
   Joined& joined_;

@@ -29,8 +29,7 @@ float distance_to_segment(Vec3f p, Vec3f a, Vec3f b) {
   return length(p - (a + d * along));
 }
 
-/// The border edges that another part's border is near, running the other way: where there is
-/// something to close.
+/// The border edges that another part's border is near: where there may be something to close.
 class Facing {
  public:
   Facing(const Joined& joined, const ZipperConfig& config)
@@ -72,7 +71,7 @@ class Facing {
     bool found = false;
     grid_.within(a + d * 0.5f, size / 2 + reach, [&](std::uint32_t i) {
       const std::uint32_t other = samples_.tag[i];
-      found = found || (part(other) != part(e) && dot(along(other), d) < 0 &&
+      found = found || (part(other) != part(e) &&
                         distance_to_segment(samples_.points[i], a, a + d) <= reach);
     });
     return found;
