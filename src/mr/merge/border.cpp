@@ -48,19 +48,16 @@ BorderEdges edges_among(const Mesh& mesh, const std::vector<std::uint8_t>& at_bo
 /// Gives each fan of triangles at a border vertex a vertex of its own.
 class FanSplitter {
  public:
-  FanSplitter(Mesh& mesh, const std::vector<std::uint8_t>& at_border, const BorderEdges& edges)
-      : mesh_(mesh), unpaired_(mesh.triangles.size(), 0) {
-    for (std::size_t i = 0; i < edges.half_edges.size(); ++i)
-      if (!edges.paired[i])
-        unpaired_[edges.half_edges[i] / 3] |=
-            static_cast<std::uint8_t>(1u << (edges.half_edges[i] % 3));
+  FanSplitter(Mesh& mesh, const std::vector<std::uint8_t>& at_border) : mesh_(mesh) {
     std::vector<std::uint32_t> first(mesh.positions.size() + 1, 0);
     for (const Triangle& t : mesh.triangles)
       for (const std::uint32_t v : t) first[v + 1] += at_border[v];
     for (std::size_t v = 0; v + 1 < first.size(); ++v) first[v + 1] += first[v];
-    std::vector<std::uint32_t> corners(first.back()), next(first.begin(), first.end() - 1);
+    std::vector<std::uint32_t> next(first.begin(), first.end() - 1);
+    std::vector<Corner> corners(first.back());
     for (std::uint32_t h = 0; h < mesh.triangles.size() * 3; ++h)
-      if (const std::uint32_t v = kit::edge_from(mesh, h); at_border[v]) corners[next[v]++] = h;
+      if (const std::uint32_t v = kit::edge_from(mesh, h); at_border[v])
+        corners[next[v]++] = {h, kit::edge_to(mesh, h), kit::edge_from(mesh, before(h))};
     for (std::size_t v = 0; v + 1 < first.size(); ++v)
       split(std::span(corners).subspan(first[v], first[v + 1] - first[v]));
   }
@@ -69,36 +66,42 @@ class FanSplitter {
   const std::vector<std::uint32_t>& copied() const { return copied_; }
 
  private:
-  /// Corners (as half-edges that start there) of one vertex.
-  void split(std::span<std::uint32_t> corners) {
+  /// A triangle at the vertex: the half-edge that starts there, and the neighbours at its two ends.
+  struct Corner {
+    std::uint32_t half_edge = 0, next = 0, prev = 0;
+  };
+
+  static std::uint32_t before(std::uint32_t h) { return h - h % 3 + (h % 3 + 2) % 3; }
+
+  void split(std::span<Corner> corners) {
     for (std::size_t left = 0; left < corners.size();) {
       std::size_t fan = left + 1;  // [left, fan): one fan, as far as known
       for (std::size_t i = left; i < fan; ++i)
         for (std::size_t k = fan; k < corners.size(); ++k)
-          if (side_by_side(corners[i], corners[k])) std::swap(corners[fan++], corners[k]);
+          if (side_by_side(corners[i], corners[k], corners)) std::swap(corners[fan++], corners[k]);
       if (left > 0) {
         const auto fresh = static_cast<std::uint32_t>(mesh_.positions.size());
-        copied_.push_back(kit::edge_from(mesh_, corners[left]));
+        copied_.push_back(kit::edge_from(mesh_, corners[left].half_edge));
         mesh_.positions.push_back(mesh_.positions[copied_.back()]);
         for (std::size_t i = left; i < fan; ++i)
-          mesh_.triangles[corners[i] / 3][corners[i] % 3] = fresh;
+          mesh_.triangles[corners[i].half_edge / 3][corners[i].half_edge % 3] = fresh;
       }
       left = fan;
     }
   }
 
-  bool side_by_side(std::uint32_t a, std::uint32_t b) const { return shares(a, b) || shares(b, a); }
-  /// Whether the edge that leaves corner `a` is the one that comes to corner `b`.
-  bool shares(std::uint32_t a, std::uint32_t b) const {
-    const std::uint32_t before = b - b % 3 + (b % 3 + 2) % 3;
-    return !(unpaired_[a / 3] >> a % 3 & 1) &&
-           kit::edge_to(mesh_, a) == kit::edge_from(mesh_, before) &&
-           !(unpaired_[before / 3] >> before % 3 & 1);
+  static bool side_by_side(const Corner& a, const Corner& b, std::span<const Corner> all) {
+    return (a.next == b.prev && is_manifold(a.next, all)) ||
+           (b.next == a.prev && is_manifold(b.next, all));
+  }
+  /// Whether the edge to a neighbour has one triangle on either side.
+  static bool is_manifold(std::uint32_t neighbour, std::span<const Corner> all) {
+    return std::ranges::count(all, neighbour, &Corner::next) == 1 &&
+           std::ranges::count(all, neighbour, &Corner::prev) == 1;
   }
 
   Mesh& mesh_;
   std::vector<std::uint32_t> copied_;
-  std::vector<std::uint8_t> unpaired_;  // [T] bits of the edges that are on a border
 };
 
 }  // namespace
@@ -109,7 +112,7 @@ void split_fans(Joined& joined) {
   joined.border.clear();
   for (std::size_t i = 0; i < edges.half_edges.size(); ++i)
     if (!edges.paired[i]) joined.border.push_back(edges.half_edges[i]);
-  const FanSplitter splitter(joined.mesh, at_border, edges);
+  const FanSplitter splitter(joined.mesh, at_border);
   for (const std::uint32_t v : splitter.copied()) joined.part.push_back(joined.part[v]);
 }
 

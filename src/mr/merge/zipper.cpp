@@ -96,7 +96,8 @@ class BorderCutter {
     triangles.erase(std::unique(triangles.begin(), triangles.end()), triangles.end());
     for (const std::uint32_t t : triangles) {
       place_ = t;
-      cut(joined.mesh.triangles[t], flags(t), kMaxCuts);
+      const Triangle whole = joined.mesh.triangles[t];
+      cut(whole, flags(t), kMaxCuts);
     }
     if (!triangles.empty()) joined.border = border_half_edges(joined.mesh);
   }
