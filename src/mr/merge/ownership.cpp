@@ -24,8 +24,8 @@ constexpr double kFocal_voxels = 2.5;    // pixels per radian · voxel_m: 1.2 vo
 constexpr double kPatch_voxels2 = 100;   // smaller patches are given up
 constexpr float kRetreat_voxels = 0.2f;  // from an owner's border, on both sides
 constexpr int kCutSteps = 4;
-constexpr double kLongest_voxels = 6;  // of an edge where owners change
-constexpr int kMaxCuts = 6;            // halvings of an edge
+constexpr double kLongest_voxels = 10;  // of an edge where owners change
+constexpr int kMaxCuts = 6;             // halvings of an edge
 
 FieldVertex between(const FieldVertex& a, const FieldVertex& b, float t) {
   return {a.position + (b.position - a.position) * t, a.quality + (b.quality - a.quality) * t,

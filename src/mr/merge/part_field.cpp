@@ -11,8 +11,8 @@ namespace {
 
 constexpr int kNormalRounds = 2;      // sensor noise must not decide who owns a spot
 constexpr int kQualityRounds = 6;     // nor what decimation left of it
-constexpr double kTaper_voxels = 4;  // width of the strip along borders
-constexpr float kLeastTaper = 0.02f;  // at the border itself
+constexpr double kTaper_voxels = 4;   // width of the strip along borders
+constexpr float kLeastTaper = 0.25f;  // at the border itself
 constexpr double kLeastCosine = 0.1;
 
 /// Sums of what surrounds each vertex, `rounds` times over: normals by area at first.
