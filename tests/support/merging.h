@@ -207,9 +207,7 @@ inline Merged merged(std::span<const merge::Part> parts,
                      MergeConfig::Owner owner = MergeConfig::Owner::coherent,
                      double voxel_m = kVoxel_m) {
   const double island = merge::island_area_m2(voxel_m);
-  Merged out{
-      merge::remove_overlap(parts, {.owner = owner, .voxel_m = voxel_m}),
-      {}};
+  Merged out{merge::remove_overlap(parts, {.owner = owner, .voxel_m = voxel_m}), {}};
   for (Mesh& mesh : out.owned) mesh = merge::remove_islands(mesh, island);
   out.mesh = merge::zip(out.owned, merge::zipper_config(voxel_m));
   return out;
