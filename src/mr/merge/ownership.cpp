@@ -18,7 +18,7 @@ namespace mr::merge {
 namespace {
 
 constexpr std::size_t kBlock = 512;      // vertices whose views are chosen together
-constexpr float kFirstWins = 1e-3f;      // of two equally good measurements
+constexpr float kFirstWins = 1.001f;     // of two about equally good measurements
 constexpr float kSpotOfNobody = -1;      // quality of no rival
 constexpr double kFocal_voxels = 2.5;    // pixels per radian · voxel_m: 1.2 voxels a pixel at 3 m
 constexpr double kPatch_voxels2 = 100;   // smaller patches are given up
@@ -133,7 +133,7 @@ class Ownership {
       const auto rival = r->view.at(spot, fields_[part].slack_m);
       if (!rival || owned_[r->part].is_given_up(rival->triangle)) continue;
       if (!rival->same && best.to.part == Loss::kNobody) best.to = {r->part, rival->triangle};
-      const float quality = rival->quality * (r->part < part ? 1 + kFirstWins : 1 - kFirstWins);
+      const float quality = rival->quality * (r->part < part ? kFirstWins : 1 / kFirstWins);
       if (rival->same && quality > best.quality) best = {quality, {r->part, rival->triangle}};
     }
     return best;

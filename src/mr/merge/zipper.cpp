@@ -381,13 +381,13 @@ Mesh zip(std::span<const Mesh> parts, const ZipperConfig& config) {
   if (parts.size() == 1) return {parts[0].positions, parts[0].triangles, {}};
   Joined joined = join_parts(parts);
   stitch(joined, {.reach_m = config.stitch_m, .snap_m = config.stitch_m / 5});
-  if (config.max_gap_m <= config.stitch_m) return std::move(joined.mesh);
+  if (config.max_gap_m <= config.stitch_m) return kit::without_nonmanifold_edges(joined.mesh);
   BorderCutter(joined, config);
   Front front(joined.mesh, joined.border, dilated(joined, Facing(joined, config).edges()));
   Zipper(joined, front, config).run();
   joined.mesh.triangles.insert(joined.mesh.triangles.end(), front.added().begin(),
                                front.added().end());
-  return std::move(joined.mesh);
+  return kit::without_nonmanifold_edges(joined.mesh);
 }
 
 }  // namespace mr::merge
