@@ -161,7 +161,13 @@ class Stitcher {
       const bool at_a = place.t * edge_m <= snap, at_b = (1 - place.t) * edge_m <= snap;
       if (at_a || at_b) {
         const std::uint32_t w = at_a && (!at_b || place.t <= 0.5f) ? a : b;
-        if (sewn_[w] || blocked_[w] || length(at(w) - at(v)) > config_.reach_m) continue;
+        if (blocked_[w] || length(at(w) - at(v)) > config_.reach_m) continue;
+        if (sewn_[w]) {  // there already: the edge along the border goes
+          const Vec3f there = moved_[merged_[w]];
+          if (length(there - at(v)) > config_.reach_m / 2) continue;
+          merged_[v] = merged_[w], moved_[v] = there, sewn_[v] = 1;
+          continue;
+        }
         merged_[w] = v;
         moved_[v] = moved_[w] = (at(v) + at(w)) * 0.5f;
         sewn_[v] = sewn_[w] = 1;
