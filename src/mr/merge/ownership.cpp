@@ -17,10 +17,12 @@
 namespace mr::merge {
 namespace {
 
-constexpr std::size_t kBlock = 512;      // vertices whose views are chosen together
-constexpr float kFirstWins = 1.001f;     // of two about equally good measurements
-constexpr float kSpotOfNobody = -1;      // quality of no rival
-constexpr double kFocal_voxels = 2.5;    // pixels per radian · voxel_m: 1.2 voxels a pixel at 3 m
+constexpr std::size_t kBlock = 512;    // vertices whose views are chosen together
+constexpr float kFirstWins = 1.001f;   // of two about equally good measurements
+constexpr float kSpotOfNobody = -1;    // quality of no rival
+constexpr double kFocal_voxels = 2.5;  // pixels per radian · voxel_m: 1.2 voxels a pixel at 3 m
+constexpr double kMostPatch_m2 = 0.02;
+constexpr double kLeastFocal_px = 250;
 constexpr double kPatch_voxels2 = 100;   // smaller patches are given up
 constexpr float kRetreat_voxels = 0.2f;  // from an owner's border, on both sides
 constexpr int kCutSteps = 4;
@@ -34,7 +36,7 @@ FieldVertex between(const FieldVertex& a, const FieldVertex& b, float t) {
 
 /// The pinholes that a source looks through, as coarse as ownership needs.
 std::vector<RayGrid> places_of(const SourceInfo& source, double voxel_m) {
-  const double focal_px = kFocal_voxels / voxel_m;
+  const double focal_px = std::max(kFocal_voxels / voxel_m, kLeastFocal_px);
   const Camera& camera = source.depth_camera;
   if (camera.model == CameraModel::pinhole)
     return {{scaled(camera, std::min(1.0, focal_px / camera.fx)), source.T_world_depth}};
@@ -132,9 +134,8 @@ class Ownership {
     for (const View* r : rivals) {
       const auto rival = r->view.at(spot, fields_[part].slack_m);
       if (!rival || owned_[r->part].is_given_up(rival->triangle)) continue;
-      if (!rival->same && best.to.part == Loss::kNobody) best.to = {r->part, rival->triangle};
       const float quality = rival->quality * (r->part < part ? kFirstWins : 1 / kFirstWins);
-      if (rival->same && quality > best.quality) best = {quality, {r->part, rival->triangle}};
+      if (quality > best.quality) best = {quality, {r->part, rival->triangle}};
     }
     return best;
   }
@@ -231,13 +232,18 @@ class Ownership {
 
   /// Small patches change hands: their owners give them up, and who lost to those decides anew.
   void give_up_patches() {
-    const double least_m2 = kPatch_voxels2 * config_.voxel_m * config_.voxel_m;
+    const double voxel_m2 = config_.voxel_m * config_.voxel_m;
+    const double least_m2 = std::min(kPatch_voxels2 * voxel_m2, kMostPatch_m2);
     std::vector<std::uint8_t> any(parts_.size());
-    for_each_index(parts_.size(), [&](std::size_t i) {
+    // One part after another: who gives up a spot must leave it to one that does not.
+    for (std::size_t i = 0; i < parts_.size(); ++i) {
+      const auto keeps = [&](const Loss& loss) {
+        return loss.part != Loss::kNobody && !owned_[loss.part].is_given_up(loss.triangle);
+      };
       const Surface& surface = surfaces_[i];
       any[i] = merge::give_up_patches(*surface.mesh, surface.whole, parts_[i].mesh.triangles.size(),
-                                      least_m2, owned_[i]);
-    });
+                                      least_m2, keeps, owned_[i]);
+    }
     for_each_index(parts_.size(), [&](std::size_t i) {
       const auto part = static_cast<std::uint32_t>(i);
       std::vector<std::size_t> anew;

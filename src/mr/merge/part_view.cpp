@@ -14,7 +14,6 @@ namespace {
 constexpr float kSameFacing = 0.5f;  // cosine: the back of a thin board is another surface
 constexpr float kSlack = 1e-3f;      // rounding leaves no pixel between two triangles
 constexpr float kOblique = 4;        // of the range: the farthest along the ray
-constexpr float kFarApart = 3;       // ranges
 
 struct ScreenVertex {
   float u = 0, v = 0, inv_z = 0;  // inv_z 0: before the near plane
@@ -173,10 +172,9 @@ std::optional<Rival> PartView::at(const FieldVertex& spot, float slack_m) const 
       dot(normal, (a.position + b.position + c.position) * (1.0f / 3) - spot.position);
   const auto sigma = static_cast<float>(precision_.sigma_m(z));
   const float range = 2 * std::max(sigma, spot.sigma_m) + slack_m + field_->slack_m;
-  if (!(std::abs(away) <= kFarApart * range)) return std::nullopt;
   const float slope = std::abs(dot(normal, d)) / length(d);  // cosine to the ray
-  const bool same = std::abs(away) <= range * std::min(1.0f, kOblique * slope);
-  return Rival{interpolated(a, b, c, spot.position + normal * away), t, same};
+  if (!(std::abs(away) <= range * std::min(1.0f, kOblique * slope))) return std::nullopt;
+  return Rival{interpolated(a, b, c, spot.position + normal * away), t};
 }
 
 }  // namespace mr::merge

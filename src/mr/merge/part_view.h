@@ -14,7 +14,6 @@ namespace mr::merge {
 struct Rival {
   float quality = 0;
   std::uint32_t triangle = 0;  ///< of its mesh
-  bool same = true;            ///< it is the same surface; else one a little farther away
 };
 
 /// The nearest surface of a part, as one of its sources' cameras sees it: the triangle in every
@@ -32,8 +31,7 @@ class PartView {
   bool may_see(const Box3f& box) const;
 
   /// The part's surface at a spot of another part, if it has any there: it faces alike and lies
-  /// within twice the sensors' precision (paper 3.2) and both parts' slack, along the normal; or
-  /// within three times that, which says that the spot may be a floating remain.
+  /// within twice the sensors' precision (paper 3.2) and both parts' slack, along the normal.
   std::optional<Rival> at(const FieldVertex& spot, float slack_m) const;
 
  private:

@@ -29,7 +29,8 @@ class Patches {
 }  // namespace
 
 bool give_up_patches(const Mesh& mesh, const std::vector<std::uint32_t>& whole,
-                     std::size_t triangles, double least_m2, Owned& owned) {
+                     std::size_t triangles, double least_m2,
+                     const std::function<bool(const Loss&)>& keeps, Owned& owned) {
   const auto& margin = owned.margin;
   const auto is_own = [&](std::uint32_t v) { return margin[v] > 0; };
   Patches patches(margin.size());
@@ -46,7 +47,7 @@ bool give_up_patches(const Mesh& mesh, const std::vector<std::uint32_t>& whole,
       if (!is_own(v)) continue;
       const std::uint32_t patch = patches.find(v);
       area[patch] += third;
-      if (owned.loss[v].part == Loss::kNobody) alone[patch] += third;
+      if (!keeps(owned.loss[v])) alone[patch] += third;
     }
   }
   const auto goes = [&](std::uint32_t v) {

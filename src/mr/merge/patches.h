@@ -1,13 +1,14 @@
 #pragma once
 
 #include <cstdint>
+#include <functional>
 #include <vector>
 
 #include "mr/core/mesh.h"
 
 namespace mr::merge {
 
-/// The best rival at a vertex, or one that has surface a little farther away.
+/// The best rival at a vertex.
 struct Loss {
   static constexpr std::uint32_t kNobody = 0xFFFFFFFFu;
   std::uint32_t part = kNobody, triangle = 0;
@@ -31,8 +32,10 @@ struct Owned {
 
 /// Gives up the connected patches that a part owns of less than `least_m2`, where rivals have
 /// surface under most of them. Returns whether there were any.
+/// `keeps`: whether a rival has surface that it does not give up.
 /// `whole`: [T] which of the part's `triangles` a triangle of the mesh is of; empty: the same.
 bool give_up_patches(const Mesh& mesh, const std::vector<std::uint32_t>& whole,
-                     std::size_t triangles, double least_m2, Owned& owned);
+                     std::size_t triangles, double least_m2,
+                     const std::function<bool(const Loss&)>& keeps, Owned& owned);
 
 }  // namespace mr::merge
