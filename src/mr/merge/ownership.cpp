@@ -72,6 +72,7 @@ class Ownership {
     compare();
     for_each_index(parts_.size(), [&](std::size_t i) { refine(static_cast<std::uint32_t>(i)); });
     give_up_patches();
+    restore_orphans();
     std::vector<Mesh> out(parts_.size());
     for_each_index(parts_.size(), [&](std::size_t i) { out[i] = cut(i); });
     return out;
@@ -257,6 +258,34 @@ class Ownership {
       const Rivals rivals = rivals_in(fields_[i].box, part);
       for (const std::size_t v : anew) decide(part, v, rivals);
     });
+  }
+
+  /// Whether a part keeps any of one of its triangles.
+  bool keeps(const Loss& loss) const {
+    const Owned& owned = owned_[loss.part];
+    const auto& [a, b, c] = parts_[loss.part].mesh.triangles[loss.triangle];
+    return !owned.is_given_up(loss.triangle) &&
+           (owned.margin[a] > 0 || owned.margin[b] > 0 || owned.margin[c] > 0);
+  }
+
+  /// Removal makes no holes: what was lost to a part that lost it, too, comes back, unless a third
+  /// one keeps it. One part after another, so that only one of them has it back.
+  void restore_orphans() {
+    for (std::size_t i = 0; i < parts_.size(); ++i) {
+      Owned& owned = owned_[i];
+      const auto part = static_cast<std::uint32_t>(i);
+      const Rivals rivals = rivals_in(fields_[i].box, part);
+      const std::vector<FieldVertex>& vertices = surfaces_[i].vertices(fields_[i]);
+      for (std::size_t v = 0; v < vertices.size(); ++v) {
+        const Loss& loss = owned.loss[v];
+        if (owned.margin[v] > 0 || loss.part == Loss::kNobody || keeps(loss)) continue;
+        const bool kept_by_another = std::ranges::any_of(rivals, [&](const View* r) {
+          const auto rival = r->view.at(vertices[v], fields_[i].slack_m);
+          return rival && keeps({r->part, rival->triangle});
+        });
+        if (!kept_by_another) owned.margin[v] = std::max(-owned.margin[v], 1e-3f);
+      }
+    }
   }
 
   /// Cuts a part where its margin is zero: found between two vertices by looking there.
