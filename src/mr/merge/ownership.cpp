@@ -300,13 +300,13 @@ class Ownership {
     const float retreat_m = kRetreat_voxels * static_cast<float>(config_.voxel_m);
     const auto crossing = [&](std::uint32_t kept, std::uint32_t lost) {
       float low = 0, high = 1, at_low = owned_[i].margin[kept], at_high = owned_[i].margin[lost];
-      for (int k = 0; k < kCutSteps; ++k) {
-        const float share = std::clamp(at_low / (at_low - at_high), 0.1f, 0.9f);
-        const float t = low + (high - low) * share, f = margin_at(kept, lost, t);
+      const auto guess = [&] { return low + (high - low) * (at_low / (at_low - at_high)); };
+      for (int k = 0; k < kCutSteps; ++k) {  // halving by turns: the margin may jump
+        const float t = k % 2 == 0 ? guess() : (low + high) / 2, f = margin_at(kept, lost, t);
         (f > 0 ? low : high) = t, (f > 0 ? at_low : at_high) = f;
       }
       const float edge_m = length(vertices[lost].position - vertices[kept].position);
-      return std::max(low - retreat_m / edge_m, 0.0f);
+      return std::max(guess() - retreat_m / edge_m, 0.0f);
     };
     return cut_at_zero(*surfaces_[i].mesh, owned_[i].margin, crossing);
   }
