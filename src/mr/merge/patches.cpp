@@ -1,30 +1,11 @@
 #include "mr/merge/patches.h"
 
-#include <algorithm>
-#include <numeric>
+#include "mr/merge/disjoint_sets.h"
 
 namespace mr::merge {
 namespace {
 
 constexpr double kMostAlone = 0.2;  // share of a patch under which no rival has surface
-
-/// Sets of vertices that grow together.
-class Patches {
- public:
-  explicit Patches(std::size_t count) : root_(count) { std::iota(root_.begin(), root_.end(), 0u); }
-
-  std::uint32_t find(std::uint32_t v) {
-    while (root_[v] != v) v = root_[v] = root_[root_[v]];
-    return v;
-  }
-  void join(std::uint32_t a, std::uint32_t b) {
-    a = find(a), b = find(b);
-    root_[std::max(a, b)] = std::min(a, b);
-  }
-
- private:
-  std::vector<std::uint32_t> root_;
-};
 
 }  // namespace
 
@@ -33,7 +14,7 @@ bool give_up_patches(const Mesh& mesh, const std::vector<std::uint32_t>& whole,
                      const std::function<bool(const Loss&)>& keeps, Owned& owned) {
   const auto& margin = owned.margin;
   const auto is_own = [&](std::uint32_t v) { return margin[v] > 0; };
-  Patches patches(margin.size());
+  DisjointSets patches(margin.size());
   for (const auto& [a, b, c] : mesh.triangles) {
     if (is_own(a) && is_own(b)) patches.join(a, b);
     if (is_own(b) && is_own(c)) patches.join(b, c);
@@ -45,14 +26,14 @@ bool give_up_patches(const Mesh& mesh, const std::vector<std::uint32_t>& whole,
     const float third = length(mesh.area_normal(t)) / 6;
     for (const std::uint32_t v : mesh.triangles[t]) {
       if (!is_own(v)) continue;
-      const std::uint32_t patch = patches.find(v);
+      const std::uint32_t patch = patches.of(v);
       area[patch] += third;
       if (!keeps(owned.loss[v])) alone[patch] += third;
     }
   }
   const auto goes = [&](std::uint32_t v) {
     if (!is_own(v)) return false;
-    const std::uint32_t patch = patches.find(v);
+    const std::uint32_t patch = patches.of(v);
     return area[patch] < least_m2 && alone[patch] <= kMostAlone * area[patch];
   };
   owned.given_up_vertex.assign(margin.size(), 0);

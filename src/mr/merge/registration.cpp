@@ -12,6 +12,7 @@
 #include "mr/core/parallel.h"
 #include "mr/kit/raster.h"
 
+#include "mr/merge/disjoint_sets.h"
 #include "mr/merge/ray_grids.h"
 
 namespace mr::merge {
@@ -388,28 +389,10 @@ bool agree(const PairResidual& r, double limit_mm) {
 
 // ---- Groups of parts
 
-/// Sets of parts, joined step by step.
-class Sets {
- public:
-  explicit Sets(std::size_t count) : parent_(count) {
-    std::iota(parent_.begin(), parent_.end(), 0u);
-  }
-  std::uint32_t of(std::uint32_t i) {
-    while (parent_[i] != i) i = parent_[i] = parent_[parent_[i]];
-    return i;
-  }
-  void join(std::uint32_t a, std::uint32_t b) {
-    a = of(a), b = of(b);
-    parent_[std::max(a, b)] = std::min(a, b);
-  }
-
- private:
-  std::vector<std::uint32_t> parent_;
-};
-
 /// Marks the members of the largest group within each set of parts that overlap; none where two
 /// are as large.
-std::vector<std::uint8_t> in_largest(Sets& overlap, Sets& groups, std::size_t parts) {
+std::vector<std::uint8_t> in_largest(DisjointSets& overlap, DisjointSets& groups,
+                                     std::size_t parts) {
   std::vector<std::uint32_t> size(parts), largest(parts);
   for (std::uint32_t i = 0; i < parts; ++i) ++size[groups.of(i)];
   std::vector<std::uint32_t> winner(parts, static_cast<std::uint32_t>(parts));
@@ -724,7 +707,7 @@ Plan checked_plan(std::vector<Overlap> overlaps, const std::vector<Surface>& sur
 /// together. None where the full way would not bring them closer, or once one is at its limit.
 std::vector<double> shares(const Plan& plan, const Motions& corrections) {
   const std::size_t parts = corrections.size();
-  Sets sets(parts);
+  DisjointSets sets(parts);
   for (const Overlap& o : plan.overlaps) sets.join(o.pair.a, o.pair.b);
   std::vector<double> gain(parts), of_set(parts, kFollow), out(parts);
   for (std::size_t i = 0; i < plan.overlaps.size(); ++i) {
@@ -757,7 +740,7 @@ std::vector<PairResidual> pair_residuals(std::span<const Part> parts,
 
 std::vector<std::uint32_t> outliers(std::span<const PairResidual> residuals, std::size_t parts,
                                     double limit_mm) {
-  Sets overlap(parts), groups(parts);
+  DisjointSets overlap(parts), groups(parts);
   for (const PairResidual& r : residuals) {
     MR_ASSERT(r.a < parts && r.b < parts);
     overlap.join(r.a, r.b);
