@@ -71,13 +71,10 @@ Mesh merge_parts(std::span<const merge::Part> parts, const merge::OverlapConfig&
   clock.skip();
   std::vector<Mesh> owned = merge::remove_overlap(parts, config);
   clock.lap("overlap");
-  parallel_for(owned.size(), 1, [&](std::size_t begin, std::size_t end) {
-    for (std::size_t i = begin; i < end; ++i)
-      owned[i] = merge::remove_islands(owned[i], merge::island_area_m2(config.voxel_m));
-  });
-  clock.lap("islands");
-  Mesh merged = merge::zip(owned, merge::zipper_config(config.voxel_m));
+  const Mesh zipped = merge::zip(owned, merge::zipper_config(config.voxel_m));
   clock.lap("zipper");
+  Mesh merged = merge::remove_islands(zipped, merge::island_area_m2(config.voxel_m));
+  clock.lap("islands");
   return merged;
 }
 

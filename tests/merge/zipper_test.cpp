@@ -7,7 +7,6 @@
 #include "mr/merge/border.h"
 #include "mr/merge/islands.h"
 #include "mr/merge/overlap.h"
-#include "mr/merge/stitch.h"
 #include "support/meshes.h"
 #include "support/rays.h"
 
@@ -141,20 +140,6 @@ TEST(Border, EdgesOfThreeTrianglesComeApart) {
   const merge::Joined apart = merge::join_parts(std::vector<Mesh>{mesh});
   EXPECT_EQ(apart.border.size(), 9u);
   EXPECT_EQ(kit::count_nonmanifold_edges(apart.mesh), 0u);
-}
-
-TEST(Stitch, BordersThatNearlyMeetBecomeOneLine) {
-  // 6 mm apart, one 4 mm deeper; 50 against 33 edges.
-  const Mesh left = test::grid({0, 1, 0}, {1, 0, 0}, {0, -1, 0}, 50, 50);
-  const Mesh right = test::grid({1.006f, 1, 0.004f}, {1, 0, 0}, {0, -1, 0}, 33, 33);
-  merge::Joined joined = merge::join_parts(std::vector<Mesh>{left, right});
-  const Mesh before = joined.mesh;
-  merge::stitch(joined, {});
-  EXPECT_EQ(kit::components(joined.mesh).area_m2.size(), 1u);
-  EXPECT_LT(open_area(joined.mesh, 0.01f, 1.99f, 0.02f, 0.98f), 1e-5);
-  expect_sound(joined.mesh, {0, 0, -1});
-  for (std::size_t v = 0; v < before.positions.size(); ++v)
-    EXPECT_LE(length(joined.mesh.positions[v] - before.positions[v]), 0.0075f) << v;
 }
 
 }  // namespace

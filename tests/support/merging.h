@@ -198,18 +198,17 @@ inline std::vector<Eye> eyes_in_the_corner() {
           {{-0.2, -0.6, -0.2}, {0.7, 0.9, 0.7}}};
 }
 
-/// Overlap removal, islands and zipper with the settings of a node.
+/// Overlap removal, zipper and islands with the settings of a node.
 struct Merged {
-  std::vector<Mesh> owned;  ///< per part, without islands
+  std::vector<Mesh> owned;  ///< per part
   Mesh mesh;
 };
 inline Merged merged(std::span<const merge::Part> parts,
                      MergeConfig::Owner owner = MergeConfig::Owner::coherent,
                      double voxel_m = kVoxel_m) {
-  const double island = merge::island_area_m2(voxel_m);
   Merged out{merge::remove_overlap(parts, {.owner = owner, .voxel_m = voxel_m}), {}};
-  for (Mesh& mesh : out.owned) mesh = merge::remove_islands(mesh, island);
-  out.mesh = merge::zip(out.owned, merge::zipper_config(voxel_m));
+  out.mesh = merge::remove_islands(merge::zip(out.owned, merge::zipper_config(voxel_m)),
+                                   merge::island_area_m2(voxel_m));
   return out;
 }
 

@@ -9,29 +9,28 @@
 #include "mr/kit/raster.h"
 #include "mr/kit/topology.h"
 #include "mr/merge/cutter.h"
-#include "mr/merge/part_field.h"
+#include "mr/merge/measured.h"
 #include "mr/merge/part_view.h"
-#include "mr/merge/patches.h"
+#include "mr/merge/quality_grid.h"
 #include "mr/merge/ray_grids.h"
 
 namespace mr::merge {
 namespace {
 
-constexpr std::size_t kBlock = 512;    // vertices whose views are chosen together
+constexpr std::size_t kBlock = 2048;   // vertices that are looked at together
+constexpr double kCell_voxels = 16;    // of the quality grid
 constexpr float kFirstWins = 1.001f;   // of two about equally good measurements
-constexpr float kSpotOfNobody = -1;    // quality of no rival
 constexpr double kFocal_voxels = 2.5;  // pixels per radian · voxel_m: 1.2 voxels a pixel at 3 m
-constexpr double kMostPatch_m2 = 0.02;
 constexpr double kLeastFocal_px = 250;
-constexpr double kPatch_voxels2 = 100;   // smaller patches are given up
-constexpr float kRetreat_voxels = 0.2f;  // from an owner's border, on both sides
+constexpr float kRetreat_voxels = 0.8f;  // from an owner's border, on both sides
 constexpr int kCutSteps = 4;
 constexpr double kLongest_voxels = 10;  // of an edge where owners change
 constexpr int kMaxCuts = 6;             // halvings of an edge
 
-FieldVertex between(const FieldVertex& a, const FieldVertex& b, float t) {
-  return {a.position + (b.position - a.position) * t, a.quality + (b.quality - a.quality) * t,
-          a.normal + (b.normal - a.normal) * t, a.sigma_m + (b.sigma_m - a.sigma_m) * t};
+Spot between(const Spot& a, const Spot& b, float t) {
+  return {a.position + (b.position - a.position) * t,
+          normalized(a.normal + (b.normal - a.normal) * t),
+          a.sigma_m + (b.sigma_m - a.sigma_m) * t};
 }
 
 /// The pinholes that a source looks through, as coarse as ownership needs.
@@ -54,275 +53,204 @@ void for_each_index(std::size_t count, Work&& work) {
   });
 }
 
-/// The parts of a merge, and who owns what of them.
-class Ownership {
+std::vector<Measured> all_measured(std::span<const Part> parts, const OverlapConfig& config) {
+  std::vector<Measured> out(parts.size());
+  for_each_index(parts.size(), [&](std::size_t i) { out[i] = measured(parts[i], config); });
+  return out;
+}
+
+/// Who owns what: at any place, the part with surface there that measured it best.
+class Owners {
  public:
-  Ownership(std::span<const Part> parts, const OverlapConfig& config)
+  Owners(std::span<const Part> parts, const OverlapConfig& config)
       : parts_(parts),
-        config_(config),
-        fields_(parts.size()),
-        surfaces_(parts.size()),
-        owned_(parts.size()) {
-    for (std::size_t i = 0; i < parts.size(); ++i) surfaces_[i].mesh = &parts[i].mesh;
-    for_each_index(parts.size(), [&](std::size_t i) { fields_[i] = part_field(parts[i], config); });
-    draw_views();
-  }
-
-  std::vector<Mesh> run() {
-    compare();
-    for_each_index(parts_.size(), [&](std::size_t i) { refine(static_cast<std::uint32_t>(i)); });
-    give_up_patches();
-    restore_orphans();
-    std::vector<Mesh> out(parts_.size());
-    for_each_index(parts_.size(), [&](std::size_t i) { out[i] = cut(i); });
-    return out;
-  }
-
- private:
-  struct View {
-    std::uint32_t part;
-    PartView view;
-  };
-  /// A part while it is cut finer: at first its own mesh.
-  struct Surface {
-    const Mesh* mesh = nullptr;
-    Mesh own_mesh{};
-    std::vector<FieldVertex> own_vertices{};
-    std::vector<std::uint32_t> whole{};  // [T] triangle of the part; empty: the same
-
-    const std::vector<FieldVertex>& vertices(const PartField& field) const {
-      return own_vertices.empty() ? field.vertices : own_vertices;
-    }
-  };
-  using Rivals = std::vector<const View*>;
-
-  void draw_views() {
+        measured_(all_measured(parts, config)),
+        grid_(parts, measured_, kCell_voxels * config.voxel_m),
+        views_(parts.size()) {
     struct Wanted {
       std::uint32_t part, source;
       RayGrid place;
     };
     std::vector<Wanted> wanted;
-    for (std::uint32_t i = 0; i < parts_.size(); ++i)
-      for (std::uint32_t s = 0; s < parts_[i].sources.size(); ++s)
-        for (RayGrid& place : places_of(parts_[i].sources[s], config_.voxel_m))
+    for (std::uint32_t i = 0; i < parts.size(); ++i)
+      for (std::uint32_t s = 0; s < parts[i].sources.size(); ++s)
+        for (RayGrid& place : places_of(parts[i].sources[s], config.voxel_m))
           wanted.push_back({i, s, std::move(place)});
-    std::vector<std::optional<View>> drawn(wanted.size());
+    std::vector<std::optional<PartView>> drawn(wanted.size());
     for_each_index(wanted.size(), [&](std::size_t w) {
       const auto& [part, source, place] = wanted[w];
-      const bool pinhole = parts_[part].sources[source].depth_camera.model == CameraModel::pinhole;
-      const int margin_px = pinhole ? place.camera.width / 4 : 1;
-      drawn[w].emplace(part, PartView(parts_[part], fields_[part], source, place.camera,
-                                      place.T_world_camera, margin_px));
+      const bool pinhole = parts[part].sources[source].depth_camera.model == CameraModel::pinhole;
+      drawn[w].emplace(parts[part], measured_[part], source, place.camera, place.T_world_camera,
+                       pinhole ? place.camera.width / 4 : 1);
     });
-    for (auto& view : drawn) views_.push_back(*std::move(view));
+    for (std::size_t w = 0; w < wanted.size(); ++w)
+      views_[wanted[w].part].push_back(*std::move(drawn[w]));
   }
 
-  /// The views of other parts that may see something in a box.
-  Rivals rivals_in(const Box3f& box, std::uint32_t part) const {
-    Rivals out;
-    for (const View& view : views_)
-      if (view.part != part && view.view.may_see(box)) out.push_back(&view);
-    return out;
-  }
+  const Mesh& mesh(std::size_t part) const { return parts_[part].mesh; }
+  const std::vector<Spot>& vertices(std::size_t part) const { return measured_[part].vertices; }
 
-  /// How well the best rival measured a spot, and who that is.
-  struct Best {
-    float quality = kSpotOfNobody;
-    Loss to;
+  /// Looks at one part's spots, best those near each other in turn.
+  class Look {
+   public:
+    Look(const Owners& owners, std::size_t part)
+        : owners_(owners), part_(static_cast<std::uint32_t>(part)), reader_(owners.grid_) {}
+
+    /// How much better the part measured a spot of its own than the best other with surface there;
+    /// over 0: its own.
+    float margin(const Spot& spot) {
+      const auto qualities = reader_.at(spot.position, spot.normal);
+      const auto own = std::ranges::find(qualities, part_, &QualityGrid::PartQuality::part);
+      const float mine = own == qualities.end() ? 0 : own->quality;
+      float above = -1, below = 0;  // the best rivals that are better and worse
+      for (const auto& [rival, its] : qualities) {
+        if (rival == part_) continue;
+        const float quality = its * (rival < part_ ? kFirstWins : 1 / kFirstWins);
+        if (quality < mine || (quality == mine && part_ < rival))
+          below = std::max(below, quality);
+        else if (quality > above && owners_.has(rival, spot, part_))
+          above = quality;
+      }
+      return above < 0 ? std::max(mine - below, kLeast) : std::min(mine - above, -kLeast);
+    }
+
+   private:
+    static constexpr float kLeast = 1e-12f;
+    const Owners& owners_;
+    std::uint32_t part_;
+    QualityGrid::Reader reader_;
   };
-  Best best_rival(const FieldVertex& spot, std::uint32_t part, const Rivals& rivals) const {
-    Best best;
-    for (const View* r : rivals) {
-      const auto rival = r->view.at(spot, fields_[part].slack_m);
-      if (!rival || owned_[r->part].is_given_up(rival->triangle)) continue;
-      const float quality = rival->quality * (r->part < part ? kFirstWins : 1 / kFirstWins);
-      if (quality > best.quality) best = {quality, {r->part, rival->triangle}};
-    }
-    return best;
+
+ private:
+  bool has(std::uint32_t part, const Spot& spot, std::uint32_t of) const {
+    return std::ranges::any_of(
+        views_[part], [&](const PartView& view) { return view.has(spot, measured_[of].slack_m); });
   }
 
-  /// Finds the owner at every vertex.
-  void compare() {
-    struct Block {
-      std::uint32_t part;
-      std::size_t begin, end;
-    };
-    std::vector<Block> blocks;
-    for (std::uint32_t i = 0; i < parts_.size(); ++i) {
-      const std::size_t count = fields_[i].vertices.size();
-      owned_[i].margin.resize(count), owned_[i].loss.resize(count);
-      for (std::size_t b = 0; b < count; b += kBlock)
-        blocks.push_back({i, b, std::min(b + kBlock, count)});
-    }
-    for_each_index(blocks.size(), [&](std::size_t k) {
-      const auto& [part, begin, end] = blocks[k];
-      Box3f box;
-      for (std::size_t v = begin; v < end; ++v) box.add(fields_[part].vertices[v].position);
-      const Rivals rivals = rivals_in(box, part);
-      for (std::size_t v = begin; v < end; ++v) decide(part, v, rivals);
-    });
-  }
+  std::span<const Part> parts_;
+  std::vector<Measured> measured_;
+  QualityGrid grid_;
+  std::vector<std::vector<PartView>> views_;  // [part]
+};
 
-  void decide(std::uint32_t part, std::size_t vertex, const Rivals& rivals) {
-    const FieldVertex& spot = surfaces_[part].vertices(fields_[part])[vertex];
-    const Best best = best_rival(spot, part, rivals);
-    owned_[part].margin[vertex] = spot.quality - best.quality;
-    owned_[part].loss[vertex] = best.to;
+/// What a part owns, while it is found.
+class OwnPart {
+ public:
+  OwnPart(const Owners& owners, std::size_t part, const OverlapConfig& config)
+      : owners_(owners),
+        part_(part),
+        config_(config),
+        mesh_(&owners.mesh(part)),
+        vertices_(&owners.vertices(part)),
+        margin_(vertices_->size()) {}
+
+  void look_at(std::size_t begin, std::size_t end) {
+    Owners::Look look(owners_, part_);
+    for (std::size_t v = begin; v < end; ++v) margin_[v] = look.margin((*vertices_)[v]);
   }
 
   /// Cuts long edges of triangles that are owned in part, so that a border between owners bends
   /// where it has to.
-  void refine(std::uint32_t part) {
+  void refine() {
     const auto longest_m = static_cast<float>(kLongest_voxels * config_.voxel_m);
-    const Rivals rivals = rivals_in(fields_[part].box, part);
-    for (int round = 0; round < kMaxCuts && !rivals.empty(); ++round) {
-      Surface& surface = surfaces_[part];
-      std::vector<std::uint8_t> split(surface.mesh->triangles.size() * 3, 0);
-      bool any = false;
-      for (std::uint32_t t = 0; t < surface.mesh->triangles.size(); ++t) {
-        const std::uint8_t edges = long_edges(*surface.mesh, t, longest_m);
-        if (edges == 0 || !is_divided(part, t, rivals)) continue;
+    Owners::Look look(owners_, part_);
+    for (int round = 0; round < kMaxCuts; ++round) {
+      std::vector<std::uint8_t> split;
+      for (std::uint32_t t = 0; t < mesh_->triangles.size(); ++t) {
+        const std::uint8_t edges = long_edges(t, longest_m);
+        if (edges == 0 || !is_divided(t, look)) continue;
+        split.resize(mesh_->triangles.size() * 3);
         for (int i = 0; i < 3; ++i) split[3 * t + i] = edges >> i & 1;
-        any = true;
       }
-      if (!any) return;
-      split_edges(part, split, rivals);
+      if (split.empty()) return;
+      split_edges(split, look);
     }
   }
 
-  static std::uint8_t long_edges(const Mesh& mesh, std::uint32_t t, float longest_m) {
+  /// What is left of the part: cut where its margin is zero, which is found between two vertices
+  /// by looking there.
+  Mesh cut() const {
+    Owners::Look look(owners_, part_);
+    const float retreat_m = kRetreat_voxels * static_cast<float>(config_.voxel_m);
+    const auto crossing = [&](std::uint32_t kept, std::uint32_t lost) {
+      const Spot &k = (*vertices_)[kept], &l = (*vertices_)[lost];
+      float low = 0, high = 1, at_low = margin_[kept], at_high = margin_[lost];
+      const auto guess = [&] { return low + (high - low) * (at_low / (at_low - at_high)); };
+      for (int i = 0; i < kCutSteps; ++i) {  // halving by turns: the margin may jump
+        const float t = i % 2 == 0 ? guess() : (low + high) / 2, m = look.margin(between(k, l, t));
+        (m > 0 ? low : high) = t, (m > 0 ? at_low : at_high) = m;
+      }
+      return std::max(guess() - retreat_m / length(l.position - k.position), 0.0f);
+    };
+    return cut_at_zero(*mesh_, margin_, crossing);
+  }
+
+ private:
+  std::uint8_t long_edges(std::uint32_t t, float longest_m) const {
     std::uint8_t out = 0;
     for (int i = 0; i < 3; ++i)
-      if (length(mesh.corner(t, i) - mesh.corner(t, (i + 1) % 3)) > longest_m)
+      if (length(mesh_->corner(t, i) - mesh_->corner(t, (i + 1) % 3)) > longest_m)
         out |= static_cast<std::uint8_t>(1u << i);
     return out;
   }
 
   /// Whether a triangle's corners, middle and middles of its edges have different owners.
-  bool is_divided(std::uint32_t part, std::uint32_t t, const Rivals& rivals) const {
-    const auto& [a, b, c] = surfaces_[part].mesh->triangles[t];
-    const std::vector<float>& margin = owned_[part].margin;
-    const bool own = margin[a] > 0;
-    if ((margin[b] > 0) != own || (margin[c] > 0) != own) return true;
-    const auto differs = [&](const FieldVertex& spot) {
-      return (spot.quality > best_rival(spot, part, rivals).quality) != own;
-    };
-    const std::vector<FieldVertex>& v = surfaces_[part].vertices(fields_[part]);
-    const FieldVertex ab = between(v[a], v[b], 0.5f);
+  bool is_divided(std::uint32_t t, Owners::Look& look) const {
+    const auto& [a, b, c] = mesh_->triangles[t];
+    const bool own = margin_[a] > 0;
+    if ((margin_[b] > 0) != own || (margin_[c] > 0) != own) return true;
+    const auto differs = [&](const Spot& spot) { return (look.margin(spot) > 0) != own; };
+    const std::vector<Spot>& v = *vertices_;
+    const Spot ab = between(v[a], v[b], 0.5f);
     return differs(ab) || differs(between(v[b], v[c], 0.5f)) ||
            differs(between(v[c], v[a], 0.5f)) || differs(between(ab, v[c], 1.0f / 3));
   }
 
-  void split_edges(std::uint32_t part, const std::vector<std::uint8_t>& split,
-                   const Rivals& rivals) {
-    Surface& surface = surfaces_[part];
-    kit::Refined fine = kit::refine(*surface.mesh, split);
-    std::vector<std::uint32_t> whole;
-    for (const std::uint32_t parent : fine.parent)
-      whole.push_back(surface.whole.empty() ? parent : surface.whole[parent]);
-    std::vector<FieldVertex> vertices = surface.vertices(fields_[part]);
-    for (const auto& [a, b] : fine.cut_edges)
+  void split_edges(const std::vector<std::uint8_t>& split, Owners::Look& look) {
+    kit::Refined fine = kit::refine(*mesh_, split);
+    std::vector<Spot> vertices = *vertices_;
+    for (const auto& [a, b] : fine.cut_edges) {
       vertices.push_back(between(vertices[a], vertices[b], 0.5f));
-    surface.own_mesh = std::move(fine.mesh), surface.mesh = &surface.own_mesh;
-    surface.whole = std::move(whole), surface.own_vertices = std::move(vertices);
-    const std::size_t old = owned_[part].margin.size();
-    owned_[part].margin.resize(surface.own_vertices.size());
-    owned_[part].loss.resize(surface.own_vertices.size());
-    for (std::size_t v = old; v < surface.own_vertices.size(); ++v) decide(part, v, rivals);
-  }
-
-  /// Small patches change hands: their owners give them up, and who lost to those decides anew.
-  void give_up_patches() {
-    const double voxel_m2 = config_.voxel_m * config_.voxel_m;
-    const double least_m2 = std::min(kPatch_voxels2 * voxel_m2, kMostPatch_m2);
-    std::vector<std::uint8_t> any(parts_.size());
-    // One part after another: who gives up a spot must leave it to one that does not.
-    for (std::size_t i = 0; i < parts_.size(); ++i) {
-      const auto keeps = [&](const Loss& loss) {
-        return loss.part != Loss::kNobody && !owned_[loss.part].is_given_up(loss.triangle);
-      };
-      const Surface& surface = surfaces_[i];
-      any[i] = merge::give_up_patches(*surface.mesh, surface.whole, parts_[i].mesh.triangles.size(),
-                                      least_m2, keeps, owned_[i]);
+      margin_.push_back(look.margin(vertices.back()));
     }
-    for_each_index(parts_.size(), [&](std::size_t i) {
-      const auto part = static_cast<std::uint32_t>(i);
-      std::vector<std::size_t> anew;
-      for (std::size_t v = 0; v < owned_[i].loss.size(); ++v) {
-        const Loss& loss = owned_[i].loss[v];
-        if (loss.part != Loss::kNobody && any[loss.part] &&
-            owned_[loss.part].is_given_up(loss.triangle) && !owned_[i].is_vertex_given_up(v))
-          anew.push_back(v);
-      }
-      if (anew.empty()) return;
-      const Rivals rivals = rivals_in(fields_[i].box, part);
-      for (const std::size_t v : anew) decide(part, v, rivals);
-    });
+    finer_mesh_ = std::move(fine.mesh), mesh_ = &finer_mesh_;
+    finer_vertices_ = std::move(vertices), vertices_ = &finer_vertices_;
   }
 
-  /// Whether a part keeps any of one of its triangles.
-  bool keeps(const Loss& loss) const {
-    const Owned& owned = owned_[loss.part];
-    const auto& [a, b, c] = parts_[loss.part].mesh.triangles[loss.triangle];
-    return !owned.is_given_up(loss.triangle) &&
-           (owned.margin[a] > 0 || owned.margin[b] > 0 || owned.margin[c] > 0);
-  }
-
-  /// Removal makes no holes: what was lost to a part that lost it, too, comes back, unless a third
-  /// one keeps it. One part after another, so that only one of them has it back.
-  void restore_orphans() {
-    for (std::size_t i = 0; i < parts_.size(); ++i) {
-      Owned& owned = owned_[i];
-      const auto part = static_cast<std::uint32_t>(i);
-      const Rivals rivals = rivals_in(fields_[i].box, part);
-      const std::vector<FieldVertex>& vertices = surfaces_[i].vertices(fields_[i]);
-      for (std::size_t v = 0; v < vertices.size(); ++v) {
-        const Loss& loss = owned.loss[v];
-        if (owned.margin[v] > 0 || loss.part == Loss::kNobody || keeps(loss)) continue;
-        const bool kept_by_another = std::ranges::any_of(rivals, [&](const View* r) {
-          const auto rival = r->view.at(vertices[v], fields_[i].slack_m);
-          return rival && keeps({r->part, rival->triangle});
-        });
-        if (!kept_by_another) owned.margin[v] = std::max(-owned.margin[v], 1e-3f);
-      }
-    }
-  }
-
-  /// Cuts a part where its margin is zero: found between two vertices by looking there.
-  Mesh cut(std::size_t i) const {
-    const auto part = static_cast<std::uint32_t>(i);
-    const std::vector<FieldVertex>& vertices = surfaces_[i].vertices(fields_[i]);
-    const Rivals rivals = rivals_in(fields_[i].box, part);
-    const auto margin_at = [&](std::uint32_t a, std::uint32_t b, float t) {
-      const FieldVertex spot = between(vertices[a], vertices[b], t);
-      return spot.quality - best_rival(spot, part, rivals).quality;
-    };
-    const float retreat_m = kRetreat_voxels * static_cast<float>(config_.voxel_m);
-    const auto crossing = [&](std::uint32_t kept, std::uint32_t lost) {
-      float low = 0, high = 1, at_low = owned_[i].margin[kept], at_high = owned_[i].margin[lost];
-      const auto guess = [&] { return low + (high - low) * (at_low / (at_low - at_high)); };
-      for (int k = 0; k < kCutSteps; ++k) {  // halving by turns: the margin may jump
-        const float t = k % 2 == 0 ? guess() : (low + high) / 2, f = margin_at(kept, lost, t);
-        (f > 0 ? low : high) = t, (f > 0 ? at_low : at_high) = f;
-      }
-      const float edge_m = length(vertices[lost].position - vertices[kept].position);
-      return std::max(guess() - retreat_m / edge_m, 0.0f);
-    };
-    return cut_at_zero(*surfaces_[i].mesh, owned_[i].margin, crossing);
-  }
-
-  std::span<const Part> parts_;
+  const Owners& owners_;
+  std::size_t part_;
   const OverlapConfig& config_;
-  std::vector<PartField> fields_;
-  std::vector<Surface> surfaces_;
-  std::vector<View> views_;
-  std::vector<Owned> owned_;
+  const Mesh* mesh_;                   // the part's, or finer_mesh_
+  const std::vector<Spot>* vertices_;  // of mesh_
+  std::vector<float> margin_;          // [V] of mesh_
+  Mesh finer_mesh_;
+  std::vector<Spot> finer_vertices_;
 };
 
 }  // namespace
 
 std::vector<Mesh> best_measured(std::span<const Part> parts, const OverlapConfig& config) {
-  return Ownership(parts, config).run();
+  const Owners owners(parts, config);
+  struct Block {
+    std::size_t part, begin, end;
+  };
+  std::vector<OwnPart> own;
+  std::vector<Block> blocks;
+  for (std::size_t i = 0; i < parts.size(); ++i) {
+    own.emplace_back(owners, i, config);
+    const std::size_t count = owners.vertices(i).size();
+    for (std::size_t b = 0; b < count; b += kBlock)
+      blocks.push_back({i, b, std::min(b + kBlock, count)});
+  }
+  for_each_index(blocks.size(), [&](std::size_t b) {
+    own[blocks[b].part].look_at(blocks[b].begin, blocks[b].end);
+  });
+  std::vector<Mesh> out(parts.size());
+  for_each_index(parts.size(), [&](std::size_t i) {
+    own[i].refine();
+    out[i] = own[i].cut();
+  });
+  return out;
 }
 
 }  // namespace mr::merge

@@ -77,22 +77,11 @@ struct Canvas {
   }
 };
 
-/// The value at a point of a triangle's plane, between the values at its corners.
-float interpolated(const FieldVertex& a, const FieldVertex& b, const FieldVertex& c, Vec3f p) {
-  const Vec3f ab = b.position - a.position, ac = c.position - a.position, ap = p - a.position;
-  const float bb = dot(ab, ab), bc = dot(ab, ac), cc = dot(ac, ac);
-  const float pb = dot(ap, ab), pc = dot(ap, ac), det = bb * cc - bc * bc;
-  if (!(det > 1e-6f * bb * cc)) return std::min({a.quality, b.quality, c.quality});
-  const float wb = std::clamp((cc * pb - bc * pc) / det, 0.0f, 1.0f);
-  const float wc = std::clamp((bb * pc - bc * pb) / det, 0.0f, 1 - wb);
-  return a.quality + wb * (b.quality - a.quality) + wc * (c.quality - a.quality);
-}
-
 }  // namespace
 
-PartView::PartView(const Part& part, const PartField& field, std::uint32_t source,
+PartView::PartView(const Part& part, const Measured& measured, std::uint32_t source,
                    const Camera& camera, const Pose& T_world_camera, int margin_px)
-    : mesh_(&part.mesh), field_(&field), precision_(part.sources[source].precision) {
+    : mesh_(&part.mesh), measured_(&measured), precision_(part.sources[source].precision) {
   MR_ASSERT(camera.model == CameraModel::pinhole && camera.distortion == DistortionModel::none);
   const Mat3& axes = T_world_camera.rotation;
   origin_ = vec_cast<float>(T_world_camera.translation);
@@ -100,10 +89,10 @@ PartView::PartView(const Part& part, const PartField& field, std::uint32_t sourc
   right_ = vec_cast<float>(axes.column(0) * camera.fx + axes.column(2) * camera.cx);
   down_ = vec_cast<float>(axes.column(1) * camera.fy + axes.column(2) * camera.cy);
 
-  std::vector<ScreenVertex> screen(field.vertices.size());
+  std::vector<ScreenVertex> screen(measured.vertices.size());
   Extent extent;
   for (std::size_t v = 0; v < screen.size(); ++v) {
-    const Vec3f d = field.vertices[v].position - origin_;
+    const Vec3f d = measured.vertices[v].position - origin_;
     const float z = dot(forward_, d), inv_z = 1 / z;
     if (!(z >= static_cast<float>(kit::kNearPlane_m))) continue;
     screen[v] = {dot(right_, d) * inv_z, dot(down_, d) * inv_z, inv_z};
@@ -117,7 +106,7 @@ PartView::PartView(const Part& part, const PartField& field, std::uint32_t sourc
   triangle_.assign(static_cast<std::size_t>(width_) * height_, kit::kNoTriangle);
   Canvas canvas{width_, height_, triangle_, std::vector<float>(triangle_.size(), 0.0f)};
   for (std::uint32_t t = 0; t < part.mesh.triangles.size(); ++t) {
-    if (field.source[t] != source && field.source[t] != PartField::kNoSource) continue;
+    if (measured.source[t] != source && measured.source[t] != Measured::kNoSource) continue;
     const auto& [i, j, k] = part.mesh.triangles[t];
     const ScreenVertex &a = screen[i], &b = screen[j], &c = screen[k];
     if (a.inv_z > 0 && b.inv_z > 0 && c.inv_z > 0) canvas.draw(a, b, c, t);
@@ -141,40 +130,27 @@ void PartView::widen() {
     }
 }
 
-bool PartView::may_see(const Box3f& box) const {
-  const auto most = [&](Vec3f n) {  // of dot(n, p - origin) over the box
-    const Vec3f p{n.x > 0 ? box.high.x : box.low.x, n.y > 0 ? box.high.y : box.low.y,
-                  n.z > 0 ? box.high.z : box.low.z};
-    return dot(n, p - origin_);
-  };
-  const auto w = static_cast<float>(width_), h = static_cast<float>(height_);
-  return !box.empty() && most(forward_) > 0 && most(right_ + forward_) > 0 &&
-         most(forward_ * w - right_) > 0 && most(down_ + forward_) > 0 &&
-         most(forward_ * h - down_) > 0;
-}
-
-std::optional<Rival> PartView::at(const FieldVertex& spot, float slack_m) const {
+bool PartView::has(const Spot& spot, float slack_m) const {
   const Vec3f d = spot.position - origin_;
   const float z = dot(forward_, d);
-  if (!(z >= static_cast<float>(kit::kNearPlane_m))) return std::nullopt;
+  if (!(z >= static_cast<float>(kit::kNearPlane_m))) return false;
   const float inv_z = 1 / z;
   const float u = dot(right_, d) * inv_z + 0.5f, v = dot(down_, d) * inv_z + 0.5f;
   if (!(u >= 0 && v >= 0 && u < static_cast<float>(width_) && v < static_cast<float>(height_)))
-    return std::nullopt;
+    return false;
   const std::uint32_t t =
       triangle_[static_cast<std::size_t>(static_cast<int>(v)) * width_ + static_cast<int>(u)];
-  if (t == kit::kNoTriangle) return std::nullopt;
+  if (t == kit::kNoTriangle) return false;
   const auto& [i, j, k] = mesh_->triangles[t];
-  const FieldVertex &a = field_->vertices[i], &b = field_->vertices[j], &c = field_->vertices[k];
+  const Spot &a = measured_->vertices[i], &b = measured_->vertices[j], &c = measured_->vertices[k];
   const Vec3f normal = normalized(a.normal + b.normal + c.normal);
-  if (dot(normal, spot.normal) < kSameFacing) return std::nullopt;
+  if (dot(normal, spot.normal) < kSameFacing) return false;
   const float away =
       dot(normal, (a.position + b.position + c.position) * (1.0f / 3) - spot.position);
   const auto sigma = static_cast<float>(precision_.sigma_m(z));
-  const float range = 2 * std::max(sigma, spot.sigma_m) + slack_m + field_->slack_m;
+  const float range = 2 * std::max(sigma, spot.sigma_m) + slack_m + measured_->slack_m;
   const float slope = std::abs(dot(normal, d)) / length(d);  // cosine to the ray
-  if (!(std::abs(away) <= range * std::min(1.0f, kOblique * slope))) return std::nullopt;
-  return Rival{interpolated(a, b, c, spot.position + normal * away), t};
+  return std::abs(away) <= range * std::min(1.0f, kOblique * slope);
 }
 
 }  // namespace mr::merge

@@ -1,20 +1,13 @@
 #pragma once
 
 #include <cstdint>
-#include <optional>
 #include <vector>
 
 #include "mr/core/camera.h"
 #include "mr/core/pose.h"
-#include "mr/merge/part_field.h"
+#include "mr/merge/measured.h"
 
 namespace mr::merge {
-
-/// What another part has at a spot.
-struct Rival {
-  float quality = 0;
-  std::uint32_t triangle = 0;  ///< of its mesh
-};
 
 /// The nearest surface of a part, as one of its sources' cameras sees it: the triangle in every
 /// pixel.
@@ -24,21 +17,18 @@ class PartView {
   /// the camera. `camera`: an undistorted pinhole at the source's place; surface up to `margin_px`
   /// outside of its picture counts as well, as poses and labels may be a little off. All must
   /// outlive the view.
-  PartView(const Part& part, const PartField& field, std::uint32_t source, const Camera& camera,
+  PartView(const Part& part, const Measured& measured, std::uint32_t source, const Camera& camera,
            const Pose& T_world_camera, int margin_px);
 
-  /// Whether anything in a box can be in the picture.
-  bool may_see(const Box3f& box) const;
-
-  /// The part's surface at a spot of another part, if it has any there: it faces alike and lies
-  /// within twice the sensors' precision (paper 3.2) and both parts' slack, along the normal.
-  std::optional<Rival> at(const FieldVertex& spot, float slack_m) const;
+  /// Whether the part has surface at a spot of another part: it faces alike and lies within twice
+  /// the sensors' precision (paper 3.2) and both parts' slack, along the normal.
+  bool has(const Spot& spot, float slack_m) const;
 
  private:
   void widen();
 
   const Mesh* mesh_;
-  const PartField* field_;
+  const Measured* measured_;
   int width_ = 0, height_ = 0;
   Vec3f origin_, right_, down_,
       forward_;  ///< rows of the projection: pixel = right · p / forward · p

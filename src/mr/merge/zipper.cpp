@@ -12,10 +12,9 @@
 #include "mr/core/parallel.h"
 #include "mr/kit/topology.h"
 #include "mr/merge/border.h"
-#include "mr/merge/border_samples.h"
+#include "mr/merge/border_map.h"
 #include "mr/merge/front.h"
 #include "mr/merge/point_grid.h"
-#include "mr/merge/stitch.h"
 
 namespace mr::merge {
 namespace {
@@ -23,88 +22,34 @@ namespace {
 constexpr int kMaxCuts = 6;     // halvings of a border edge
 constexpr int kSmallLoop = 30;  // edges of a loop that is closed at all costs
 
-float distance_to_segment(Vec3f p, Vec3f a, Vec3f b) {
-  const Vec3f d = b - a;
-  const float along = std::clamp(dot(p - a, d) / std::max(dot(d, d), 1e-20f), 0.0f, 1.0f);
-  return length(p - (a + d * along));
-}
-
-/// The border edges that another part's border is near: where there may be something to close.
-class Facing {
- public:
-  Facing(const Joined& joined, const ZipperConfig& config)
-      : joined_(joined),
-        config_(config),
-        samples_(sample_border(joined, 2 * config.edge_m)),
-        grid_(samples_.points, config.max_gap_m),
-        nearby_(joined, samples_, static_cast<float>(2 * reach())) {}
-
-  /// [border] of edges longer than `longer_than_m`; 0 for the others.
-  std::vector<std::uint8_t> edges(float longer_than_m = 0) const {
-    std::vector<std::uint8_t> out(joined_.border.size());
-    parallel_for(out.size(), 512, [&](std::size_t begin, std::size_t end) {
-      for (std::size_t e = begin; e < end; ++e)
-        out[e] = has_other(static_cast<std::uint32_t>(e), longer_than_m);
-    });
-    return out;
-  }
-
- private:
-  double reach() const { return config_.max_gap_m + config_.edge_m; }
-  Vec3f along(std::uint32_t e) const {
-    const std::uint32_t h = joined_.border[e];
-    return joined_.mesh.positions[kit::edge_to(joined_.mesh, h)] -
-           joined_.mesh.positions[kit::edge_from(joined_.mesh, h)];
-  }
-  std::uint32_t part(std::uint32_t e) const {
-    return joined_.part[kit::edge_from(joined_.mesh, joined_.border[e])];
-  }
-
-  bool has_other(std::uint32_t e, float longer_than_m) const {
-    const std::uint32_t h = joined_.border[e];
-    const Vec3f a = joined_.mesh.positions[kit::edge_from(joined_.mesh, h)], d = along(e);
-    const auto reach = static_cast<float>(this->reach());
-    const float size = length(d);
-    if (size <= longer_than_m) return false;
-    // Half a cell is two reaches: enough for a ball around an edge of two.
-    if (size <= 2 * reach && !nearby_.has_other(a + d * 0.5f, part(e))) return false;
-    bool found = false;
-    grid_.within(a + d * 0.5f, size / 2 + reach, [&](std::uint32_t i) {
-      const std::uint32_t other = samples_.tag[i];
-      found = found || (part(other) != part(e) &&
-                        distance_to_segment(samples_.points[i], a, a + d) <= reach);
-    });
-    return found;
-  }
-
-  const Joined& joined_;
-  const ZipperConfig& config_;
-  TaggedPoints samples_;
-  PointGrid grid_;
-  PartsNearby nearby_;
-};
-
 /// Halves long border edges that have another part's border near, and the halves again.
 class BorderCutter {
  public:
-  BorderCutter(Joined& joined, const ZipperConfig& config)
+  BorderCutter(Joined& joined, const BorderMap& map, const ZipperConfig& config)
       : joined_(joined), longest_m_(static_cast<float>(1.5 * config.edge_m)) {
-    const std::vector<std::uint8_t> near = Facing(joined, config).edges(longest_m_);
-    std::vector<std::uint32_t> triangles;
-    for (std::size_t e = 0; e < near.size(); ++e)
-      if (near[e]) triangles.push_back(joined.border[e] / 3);
+    std::vector<std::uint32_t> triangles;  // that are cut
+    for (const std::uint32_t h : joined.border)
+      if (is_long(h) && map.has_other_near(joined, h)) triangles.push_back(h / 3);
     triangles.erase(std::unique(triangles.begin(), triangles.end()), triangles.end());
+    if (triangles.empty()) return;
+    for (const std::uint32_t h : joined.border)
+      if (!std::ranges::binary_search(triangles, h / 3)) border_.push_back(h);
     for (const std::uint32_t t : triangles) {
       place_ = t;
       const Triangle whole = joined.mesh.triangles[t];
       cut(whole, flags(t), kMaxCuts);
     }
-    if (!triangles.empty()) joined.border = border_half_edges(joined.mesh);
+    std::ranges::sort(border_);
+    joined.border = std::move(border_);
   }
 
  private:
   using Flags = std::array<std::uint8_t, 3>;  // of a triangle's edges
 
+  bool is_long(std::uint32_t h) const {
+    return length(at(kit::edge_from(joined_.mesh, h)) - at(kit::edge_to(joined_.mesh, h))) >
+           longest_m_;
+  }
   Flags flags(std::uint32_t t) const {
     const auto is_border = [&](std::uint32_t h) {
       return static_cast<std::uint8_t>(std::ranges::binary_search(joined_.border, h));
@@ -123,7 +68,7 @@ class BorderCutter {
     }
     const int cuts = is_cut[0] + is_cut[1] + is_cut[2];
     if (cuts == 0) {
-      add(t);
+      add(t, border);
     } else if (cuts == 1) {
       const int i = is_cut[0] ? 0 : is_cut[1] ? 1 : 2;
       const std::uint32_t a = t[i], b = t[(i + 1) % 3], c = t[(i + 2) % 3], ab = middle[i];
@@ -143,16 +88,20 @@ class BorderCutter {
       }
     } else {
       for (int i = 0; i < 3; ++i) cut({t[i], middle[i], middle[(i + 2) % 3]}, {1, 0, 1}, times - 1);
-      add({middle[0], middle[1], middle[2]});
+      add({middle[0], middle[1], middle[2]}, {0, 0, 0});
     }
   }
 
   /// The first piece takes the triangle's place.
-  void add(const Triangle& t) {
-    if (place_ != kNoPlace)
-      joined_.mesh.triangles[std::exchange(place_, kNoPlace)] = t;
-    else
-      joined_.mesh.triangles.push_back(t);
+  void add(const Triangle& t, const Flags& border) {
+    auto place = std::exchange(place_, kNoPlace);
+    if (place == kNoPlace) {
+      place = static_cast<std::uint32_t>(joined_.mesh.triangles.size());
+      joined_.mesh.triangles.emplace_back();
+    }
+    joined_.mesh.triangles[place] = t;
+    for (std::uint32_t i = 0; i < 3; ++i)
+      if (border[i]) border_.push_back(3 * place + i);
   }
 
   std::uint32_t add_middle(std::uint32_t a, std::uint32_t b) {
@@ -165,12 +114,16 @@ class BorderCutter {
   static constexpr std::uint32_t kNoPlace = 0xFFFFFFFFu;
   Joined& joined_;
   float longest_m_;
+  std::vector<std::uint32_t> border_;  // anew
   std::uint32_t place_ = kNoPlace;
 };
 
-/// Some edges of the border ([border]), and a few more on both sides.
-std::vector<std::uint8_t> dilated(const Joined& joined, std::vector<std::uint8_t> edges) {
+/// [border] The edges that another part's border may be near, and a few more on both sides.
+std::vector<std::uint8_t> wanted_edges(const Joined& joined, const BorderMap& map) {
   constexpr int kMore = 3;
+  std::vector<std::uint8_t> edges(joined.border.size());
+  for (std::size_t e = 0; e < edges.size(); ++e)
+    edges[e] = map.has_other_near(joined, joined.border[e]);
   const auto ends = [&](std::size_t e) {
     return std::pair(kit::edge_from(joined.mesh, joined.border[e]),
                      kit::edge_to(joined.mesh, joined.border[e]));
@@ -203,8 +156,8 @@ class Zipper {
         front_(front),
         config_(config),
         original_edges_(front.size()),
-        border_(corners(joined, front)),
-        grid_(border_.points, (config.max_gap_m + config.edge_m / 2) / 2) {}
+        corners_(corners(front)),
+        grid_(places_of(corners_), config.max_gap_m + config.edge_m / 2) {}
 
   void run() {
     std::vector<std::optional<Filling>> best(front_.size());
@@ -221,13 +174,15 @@ class Zipper {
   }
 
  private:
-  static TaggedPoints corners(const Joined& joined, const Front& front) {
-    TaggedPoints cloud;
-    for (std::uint32_t e = 0; e < front.size(); ++e) {
-      cloud.points.push_back(joined.mesh.positions[front.edge(e).from]);
-      cloud.tag.push_back(front.edge(e).from);
-    }
-    return cloud;
+  static std::vector<std::uint32_t> corners(const Front& front) {
+    std::vector<std::uint32_t> out;
+    for (std::uint32_t e = 0; e < front.size(); ++e) out.push_back(front.edge(e).from);
+    return out;
+  }
+  std::vector<Vec3f> places_of(const std::vector<std::uint32_t>& vertices) const {
+    std::vector<Vec3f> out;
+    for (const std::uint32_t v : vertices) out.push_back(at(v));
+    return out;
   }
 
   /// Whether `e` is on a small loop that strips left over, or around a pinhole.
@@ -266,8 +221,8 @@ class Zipper {
   /// What lies around an edge. Kept to spare allocations.
   struct Surroundings {
     double reach = 0;                 // how far a triangle over the edge may go
-    std::vector<std::uint32_t> near;  // places in border_ that it may reach or meet
-    std::vector<Filling> candidates;  // with the place in border_ as corner
+    std::vector<std::uint32_t> near;  // places in corners_ that it may reach or meet
+    std::vector<Filling> candidates;  // with the place in corners_ as corner
   };
 
   void drain() {
@@ -300,8 +255,8 @@ class Zipper {
     auto& candidates = around.candidates;
     candidates.clear();
     for (const std::uint32_t place : around.near) {
-      const Vec3f tip = border_.points[place];
-      const std::uint32_t w = border_.tag[place];
+      const std::uint32_t w = corners_[place];
+      const Vec3f tip = at(w);
       if (dot(into_gap, tip - v) <= 0 || !joins_parts(edge, w) || !front_.faces_alike(e, w))
         continue;
       const double to_u = length(tip - u), to_v = length(tip - v);
@@ -312,7 +267,7 @@ class Zipper {
     for (; !candidates.empty(); candidates.pop_back()) {
       std::pop_heap(candidates.begin(), candidates.end(), std::greater<>());
       const Filling& f = candidates.back();
-      const std::uint32_t w = border_.tag[f.corner];
+      const std::uint32_t w = corners_[f.corner];
       for (std::uint32_t c = front_.corner_at(w); c != Front::kNone; c = front_.edge(c).sibling)
         if (front_.fits(e, c) && !blocked(e, w, around)) return Filling{f.cost, e, c};
     }
@@ -352,7 +307,7 @@ class Zipper {
              crosses(p_tv, q_tv, p, q, tip, v);
     };
     for (const std::uint32_t place : around.near) {
-      std::uint32_t c = front_.corner_at(border_.tag[place]);
+      std::uint32_t c = front_.corner_at(corners_[place]);
       for (; c != Front::kNone; c = front_.edge(c).sibling)
         if (is_across(at(front_.edge(c).from), at(front_.edge(c).to))) return true;
     }
@@ -370,7 +325,7 @@ class Zipper {
   Front& front_;
   const ZipperConfig& config_;
   std::size_t original_edges_;
-  TaggedPoints border_;  // the corners at first, tagged with their vertices
+  std::vector<std::uint32_t> corners_;  // vertices, as they were at first
   PointGrid grid_;
   std::priority_queue<Filling, std::vector<Filling>, std::greater<>> queue_;
 };
@@ -380,14 +335,14 @@ class Zipper {
 Mesh zip(std::span<const Mesh> parts, const ZipperConfig& config) {
   if (parts.size() == 1) return {parts[0].positions, parts[0].triangles, {}};
   Joined joined = join_parts(parts);
-  stitch(joined, {.reach_m = config.stitch_m, .snap_m = config.stitch_m / 5});
-  if (config.max_gap_m <= config.stitch_m) return kit::without_nonmanifold_edges(joined.mesh);
-  BorderCutter(joined, config);
-  Front front(joined.mesh, joined.border, dilated(joined, Facing(joined, config).edges()));
+  if (config.max_gap_m <= 0) return joined.mesh;
+  const BorderMap map(joined, config.max_gap_m + config.edge_m);
+  BorderCutter(joined, map, config);
+  Front front(joined.mesh, joined.border, wanted_edges(joined, map));
   Zipper(joined, front, config).run();
   joined.mesh.triangles.insert(joined.mesh.triangles.end(), front.added().begin(),
                                front.added().end());
-  return kit::without_nonmanifold_edges(joined.mesh);
+  return std::move(joined.mesh);
 }
 
 }  // namespace mr::merge

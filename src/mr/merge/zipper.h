@@ -7,25 +7,21 @@
 namespace mr::merge {
 
 struct ZipperConfig {
-  double max_gap_m = 0.06;  ///< borders farther apart are not joined; at most stitch_m: no strips
-  double edge_m = 0.025;    ///< border edges near another part are cut to about this length first
-  double stitch_m = 0.015;  ///< borders nearer than this are sewn into one line
+  double max_gap_m = 0.025;  ///< borders farther apart are not joined; 0: none are
+  double edge_m = 0.025;     ///< border edges near another part are cut to about this length first
 };
 
 /// What suits a reconstruction of this resolution. The paper's radius, "the square root of the
 /// resolution", depends on the unit of length; ours is two and a half voxels: wider strips are
 /// right less often than not (docs/merging.md).
-inline ZipperConfig zipper_config(double voxel_m) {
-  return {2.5 * voxel_m, 2.5 * voxel_m, 1.5 * voxel_m};
-}
+inline ZipperConfig zipper_config(double voxel_m) { return {2.5 * voxel_m, 2.5 * voxel_m}; }
 
 /// Joins parts without overlap into one surface (paper 3.2, after Turk & Levoy 1994). Borders that
-/// run along each other within `stitch_m` are sewn into one line halfway (stitch.h). Those that lie
-/// within `max_gap_m` and face alike are found by nearest-neighbour search and the strip between
-/// them is triangulated, shortest connections first, as an advancing front:
-/// every new triangle grows from a border edge to a vertex on the opposite border, into the gap and
-/// never over existing surface, and no edge gets a third triangle. Small remaining loops are
-/// closed. No vertex moves farther than half of `stitch_m`. Views are dropped. Deterministic.
+/// lie within `max_gap_m` and face alike are found by nearest-neighbour search and the strip
+/// between them is triangulated, shortest connections first, as an advancing front: every new
+/// triangle grows from a border edge to a vertex on the opposite border, into the gap and never
+/// over existing surface, and no edge gets a third triangle. Small remaining loops are closed. No
+/// vertex moves. Views are dropped. Deterministic.
 Mesh zip(std::span<const Mesh> parts, const ZipperConfig& config);
 
 }  // namespace mr::merge

@@ -175,24 +175,21 @@ Mesh MergeNode::join(const std::vector<merge::Part>& parts, const std::function<
   });
   triangles = triangles_sent(parts, owned);
   if (halfway) halfway();
-  trace_.time("islands", [&] {
-    const double least_m2 =
-        config.island_area_m2 > 0 ? config.island_area_m2 : merge::island_area_m2(voxel_m);
-    parallel_for(owned.size(), 1, [&](std::size_t begin, std::size_t end) {
-      for (std::size_t i = begin; i < end; ++i)
-        owned[i] = merge::remove_islands(owned[i], least_m2);
-    });
-  });
-  return trace_.time("zipper", [&] {
+  const Mesh zipped = trace_.time("zipper", [&] {
     merge::ZipperConfig zipper = merge::zipper_config(voxel_m);
     if (config.gap_m > 0) zipper.max_gap_m = config.gap_m;
     const double before_ms = spent_ms();
     const bool hurry = merger_.budget_ms > 0 && before_ms + zipper_ms_ > merger_.budget_ms;
     if (hurry) zipper.max_gap_m = 0;
-    Mesh zipped = merge::zip(owned, zipper);
+    Mesh out = merge::zip(owned, zipper);
     if (!hurry) zipper_ms_ = spent_ms() - before_ms;
-    return merger_.region ? inside(zipped, *merger_.region, scene_->fusion.chunk_m) : zipped;
+    return out;
   });
+  const Mesh whole = trace_.time("islands", [&] {
+    return merge::remove_islands(
+        zipped, config.island_area_m2 > 0 ? config.island_area_m2 : merge::island_area_m2(voxel_m));
+  });
+  return merger_.region ? inside(whole, *merger_.region, scene_->fusion.chunk_m) : whole;
 }
 
 /// On the lattice. Only the root decimates, and only where the scene asks for it.

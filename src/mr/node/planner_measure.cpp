@@ -98,14 +98,13 @@ double shared_triangles(const std::vector<merge::Part>& parts, float step_m) {
 }
 
 Mesh merged(const Scene& scene, const std::vector<merge::Part>& parts) {
-  const double island_m2 = merge::island_area_m2(scene.voxel_m);
-  std::vector<Mesh> owned =
+  const std::vector<Mesh> owned =
       merge::remove_overlap(parts, {.owner = scene.merge.owner,
                                     .overlap = scene.merge.overlap,
                                     .voxel_m = scene.voxel_m,
                                     .calibration_error_m = scene.merge.calibration_error_m});
-  for (Mesh& mesh : owned) mesh = merge::remove_islands(mesh, island_m2);
-  return merge::zip(owned, merge::zipper_config(scene.voxel_m));
+  return merge::remove_islands(merge::zip(owned, merge::zipper_config(scene.voxel_m)),
+                               merge::island_area_m2(scene.voxel_m));
 }
 
 std::vector<EncodedChunk> coded(const Scene& scene, const std::vector<merge::Part>& parts) {

@@ -1,0 +1,168 @@
+#include "mr/merge/quality_grid.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "mr/core/parallel.h"
+
+namespace mr::merge {
+namespace {
+
+constexpr int kMostPieces = 16;  // of a triangle's edges, when it is spread over cells
+
+Vec3i floored(Vec3f p) {
+  const auto whole = [](float x) {
+    return static_cast<std::int32_t>(std::floor(std::clamp(x, -1e6f, 1e6f)));
+  };
+  return {whole(p.x), whole(p.y), whole(p.z)};
+}
+
+std::uint64_t key(Vec3i cell) {
+  const auto bits = [](std::int32_t x) { return static_cast<std::uint64_t>(x + (1 << 20)); };
+  return bits(cell.x) << 42 | bits(cell.y) << 21 | bits(cell.z);
+}
+
+constexpr std::uint64_t kStep[3] = {1ull << 42, 1ull << 21, 1};  // of a key, per axis
+constexpr float kLeastShare = 0.1f;  // of the surface in a cell, to count for its neighbours
+
+}  // namespace
+
+/// The cells of one part, in the order in which its triangles fill them.
+struct QualityGrid::PartCells {
+  kit::PairMap places{256};
+  std::vector<std::uint64_t> keys;
+  std::vector<Axes> quality;
+
+  PartCells(const Mesh& mesh, const Measured& measured, float per_cell) {
+    for (std::uint32_t t = 0; t < mesh.triangles.size(); ++t) {
+      const Vec3f a = mesh.corner(t, 0), ab = mesh.corner(t, 1) - a, ac = mesh.corner(t, 2) - a;
+      const Vec3f across = cross(ab, ac);
+      const float size = length(across);
+      if (!(size > 0)) continue;
+      const float longest = std::max({length(ab), length(ac), length(ac - ab)});
+      const int n = static_cast<int>(
+          std::clamp(std::ceil(longest * per_cell), 1.0f, static_cast<float>(kMostPieces)));
+      const float share = measured.quality[t] / (2 * size * static_cast<float>(n * n));
+      const Axes each{across.x * across.x * share, across.y * across.y * share,
+                      across.z * across.z * share};
+      for_each_piece(n, [&](float b, float c) {
+        Axes& here = quality[place_of(key(floored((a + ab * b + ac * c) * per_cell)))];
+        for (int i = 0; i < 3; ++i) here[i] += each[i];
+      });
+    }
+    spread();
+  }
+
+  /// Calls visit(b, c) with the weights of ab and ac for the middles of n² equal pieces.
+  template <typename Visit>
+  static void for_each_piece(int n, Visit&& visit) {
+    const float step = 1 / static_cast<float>(n);
+    for (int i = 0; i < n; ++i)
+      for (int j = 0; i + j < n; ++j) {
+        const auto x = static_cast<float>(i), y = static_cast<float>(j);
+        visit((x + 1.0f / 3) * step, (y + 1.0f / 3) * step);
+        if (i + j + 1 < n) visit((x + 2.0f / 3) * step, (y + 2.0f / 3) * step);
+      }
+  }
+
+  /// Where a cell is kept.
+  std::uint32_t place_of(std::uint64_t cell) {
+    const auto fresh = static_cast<std::uint32_t>(keys.size());
+    const std::uint32_t place = places.get_or_add(cell, fresh);
+    if (place == fresh) keys.push_back(cell), quality.push_back({});
+    return place;
+  }
+
+  /// Takes out of the sums how triangles happen to fall into cells: along the surface they are
+  /// averaged, 1 2 1; across it a cell and its two neighbours are taken together, so that parts
+  /// that lie a little before or behind each other read the same.
+  void spread() {
+    const std::size_t count = keys.size();
+    for (int axis = 0; axis < 3; ++axis) {
+      const std::vector<Axes> before = quality;
+      for (std::size_t i = 0; i < count; ++i)
+        for (const std::uint64_t neighbour : {keys[i] - kStep[axis], keys[i] + kStep[axis]}) {
+          const std::uint32_t* other = places.find(neighbour);
+          for (int k = 0; k < 3; ++k)
+            if (k != axis)
+              quality[i][k] += 0.25f * ((other ? before[*other][k] : 0.0f) - before[i][k]);
+        }
+    }
+    const std::vector<Axes> before = quality;
+    for (std::size_t i = 0; i < count; ++i)
+      for (int axis = 0; axis < 3; ++axis) {
+        const float across = before[i][axis];
+        if (across < kLeastShare * (before[i][0] + before[i][1] + before[i][2])) continue;
+        quality[place_of(keys[i] - kStep[axis])][axis] += across;
+        quality[place_of(keys[i] + kStep[axis])][axis] += across;
+      }
+  }
+};
+
+QualityGrid::QualityGrid(std::span<const Part> parts, std::span<const Measured> measured,
+                         double cell_m)
+    : per_cell_(static_cast<float>(1 / cell_m)), cells_(1024) {
+  std::vector<std::optional<PartCells>> of_part(parts.size());
+  parallel_for(parts.size(), 1, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t i = begin; i < end; ++i)
+      of_part[i].emplace(parts[i].mesh, measured[i], per_cell_);
+  });
+  std::vector<std::uint32_t> count, place;
+  for (const auto& part : of_part)
+    for (const std::uint64_t cell : part->keys) {
+      place.push_back(cells_.get_or_add(cell, static_cast<std::uint32_t>(count.size())));
+      if (place.back() == count.size()) count.push_back(0);
+      ++count[place.back()];
+    }
+  first_.assign(count.size() + 1, 0);
+  for (std::size_t c = 0; c < count.size(); ++c) first_[c + 1] = first_[c] + count[c];
+  entries_.resize(place.size());
+  std::vector<std::uint32_t> next(first_.begin(), first_.end() - 1);
+  const std::uint32_t* at = place.data();
+  for (std::uint32_t i = 0; i < of_part.size(); ++i)
+    for (const Axes& quality : of_part[i]->quality) entries_[next[*at++]++] = {i, quality};
+}
+
+std::span<const QualityGrid::PartQuality> QualityGrid::Reader::at(Vec3f place, Vec3f normal) {
+  const Vec3f in_cells = place * grid_.per_cell_ - Vec3f{0.5f, 0.5f, 0.5f};
+  const Vec3i cell = floored(in_cells);
+  const Around& here = around(cell);
+  const Vec3f f = in_cells - vec_cast<float>(cell);
+  std::array<float, 24> weights;
+  for (int c = 0; c < 8; ++c) {
+    const float w = (c & 1 ? f.x : 1 - f.x) * (c & 2 ? f.y : 1 - f.y) * (c & 4 ? f.z : 1 - f.z);
+    weights[3 * c] = w * normal.x * normal.x;
+    weights[3 * c + 1] = w * normal.y * normal.y;
+    weights[3 * c + 2] = w * normal.z * normal.z;
+  }
+  out_.clear();
+  for (std::size_t i = 0; i < here.parts.size(); ++i) {
+    float sum = 0;
+    for (int k = 0; k < 24; ++k) sum += weights[k] * here.values[i][k];
+    out_.push_back({here.parts[i], sum});
+  }
+  return out_;
+}
+
+const QualityGrid::Reader::Around& QualityGrid::Reader::around(Vec3i cell) {
+  Around& here = cache_[hash_cell(cell) % kCached];
+  if (here.used && here.cell == cell) return here;
+  here.used = true, here.cell = cell;
+  here.parts.clear(), here.values.clear();
+  for (int c = 0; c < 8; ++c) {
+    const std::uint32_t* known = grid_.cells_.find(key(cell + Vec3i{c & 1, c >> 1 & 1, c >> 2}));
+    if (!known) continue;
+    for (std::uint32_t e = grid_.first_[*known]; e < grid_.first_[*known + 1]; ++e) {
+      const Entry& entry = grid_.entries_[e];
+      const auto i = std::ranges::lower_bound(here.parts, entry.part) - here.parts.begin();
+      if (i == std::ssize(here.parts) || here.parts[i] != entry.part) {
+        here.parts.insert(here.parts.begin() + i, entry.part);
+        here.values.insert(here.values.begin() + i, std::array<float, 24>{});
+      }
+      std::ranges::copy(entry.quality, here.values[i].begin() + 3 * c);
+    }
+  }
+  return here;
+}
+
+}  // namespace mr::merge
