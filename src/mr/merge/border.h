@@ -14,17 +14,12 @@ struct Joined {
   Mesh mesh;                          ///< without views
   std::vector<std::uint32_t> part;    ///< [V] which one a vertex belongs to
   std::vector<std::uint32_t> border;  ///< half-edges with nothing on the other side, ascending
+  bool came_apart = false;  ///< at edges that were not manifold, which lie there several times
 };
 
 /// Puts parts side by side. Fans of triangles that meet in a vertex only get a vertex each, and
 /// edges of more than two triangles, or of two wound alike, come apart (paper 3.2: borders are
 /// found by counting the neighbours of an edge).
 Joined join_parts(std::span<const Mesh> parts);
-
-/// Finds the border anew, and gives fans vertices of their own, after the mesh was changed.
-void split_fans(Joined& joined);
-
-/// The border of a mesh whose vertices do not need to be split any more.
-std::vector<std::uint32_t> border_half_edges(const Mesh& mesh);
 
 }  // namespace mr::merge

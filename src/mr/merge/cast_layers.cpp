@@ -491,7 +491,11 @@ struct InverseDepth {
     per_x = n[0] * (scale * kLattice), per_y = n[1] * (scale * kLattice);
     least = least_of(least_of(a, b), c)[2], most = most_of(most_of(a, b), c)[2];
   }
-  Float4 limited(Float4 inv_z) const { return least_of(most_of(inv_z, all4(least)), all4(most)); }
+  Float4 limited(Float4 inv_z) const {
+    const Float4 inside = least_of(most_of(inv_z, all4(least)), all4(most));
+    return reinterpret_cast<Float4>(reinterpret_cast<Int4>(inside) &
+                                    static_cast<std::int32_t>(kInverseDepthBits));
+  }
 };
 
 template <int kLane>
@@ -579,7 +583,7 @@ std::uint32_t draw(const Rare& s, const Tile& tile, std::uint32_t entry, TileIma
       Float4 inv_z;
       for (int i = 0; i < 4; ++i) {
         const double at = s.at_origin + s.per_x * static_cast<double>(x + i) + s.per_y * y;
-        inv_z[i] = std::clamp(static_cast<float>(at), s.farthest, s.nearest);
+        inv_z[i] = comparable(std::clamp(static_cast<float>(at), s.farthest, s.nearest));
       }
       const auto some = static_cast<unsigned>(std::min<std::int64_t>(last - x + 1, 4));
       image.add(row + static_cast<std::size_t>(x - tile.left), (1u << some) - 1, inv_z, entry);

@@ -159,6 +159,9 @@ class RayCaster {
     for (const kit::RayHit& hit : hits)
       if (dot(field_.parts[hit.mesh].mesh.area_normal(hit.triangle), ray) < 0)
         out.push_back({hit.distance, field_.first[hit.mesh] + hit.triangle});
+    std::ranges::sort(out, {}, [](const RayMeeting& m) {
+      return std::pair(-comparable(1 / m.depth_m), m.triangle);
+    });
   }
 
   void cast_row(const RayGrid& grid, int y, RayVotes& votes, std::vector<RayVerdict>* told) const {

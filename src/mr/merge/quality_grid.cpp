@@ -31,7 +31,7 @@ constexpr float kLeastShare = 0.1f;  // of the surface in a cell, to count for i
 struct QualityGrid::PartCells {
   kit::PairMap places{256};
   std::vector<std::uint64_t> keys;
-  std::vector<Axes> quality;
+  std::vector<Sums> sums;
 
   PartCells(const Mesh& mesh, const Measured& measured, float per_cell) {
     for (std::uint32_t t = 0; t < mesh.triangles.size(); ++t) {
@@ -42,12 +42,15 @@ struct QualityGrid::PartCells {
       const float longest = std::max({length(ab), length(ac), length(ac - ab)});
       const int n = static_cast<int>(
           std::clamp(std::ceil(longest * per_cell), 1.0f, static_cast<float>(kMostPieces)));
-      const float share = measured.quality[t] / (2 * size * static_cast<float>(n * n));
-      const Axes each{across.x * across.x * share, across.y * across.y * share,
-                      across.z * across.z * share};
+      const float share = 1 / (2 * size * static_cast<float>(n * n));
+      Sums each;
+      for (int axis = 0; axis < 3; ++axis) {
+        each[axis] = across[axis] * across[axis] * share;
+        each[axis + 3] = each[axis] * measured.quality[t];
+      }
       for_each_piece(n, [&](float b, float c) {
-        Axes& here = quality[place_of(key(floored((a + ab * b + ac * c) * per_cell)))];
-        for (int i = 0; i < 3; ++i) here[i] += each[i];
+        Sums& here = sums[place_of(key(floored((a + ab * b + ac * c) * per_cell)))];
+        for (std::size_t i = 0; i < each.size(); ++i) here[i] += each[i];
       });
     }
     spread();
@@ -69,7 +72,7 @@ struct QualityGrid::PartCells {
   std::uint32_t place_of(std::uint64_t cell) {
     const auto fresh = static_cast<std::uint32_t>(keys.size());
     const std::uint32_t place = places.get_or_add(cell, fresh);
-    if (place == fresh) keys.push_back(cell), quality.push_back({});
+    if (place == fresh) keys.push_back(cell), sums.push_back({});
     return place;
   }
 
@@ -79,22 +82,24 @@ struct QualityGrid::PartCells {
   void spread() {
     const std::size_t count = keys.size();
     for (int axis = 0; axis < 3; ++axis) {
-      const std::vector<Axes> before = quality;
+      const std::vector<Sums> before = sums;
       for (std::size_t i = 0; i < count; ++i)
         for (const std::uint64_t neighbour : {keys[i] - kStep[axis], keys[i] + kStep[axis]}) {
           const std::uint32_t* other = places.find(neighbour);
-          for (int k = 0; k < 3; ++k)
-            if (k != axis)
-              quality[i][k] += 0.25f * ((other ? before[*other][k] : 0.0f) - before[i][k]);
+          for (int k = 0; k < 6; ++k)
+            if (k % 3 != axis)
+              sums[i][k] += 0.25f * ((other ? before[*other][k] : 0.0f) - before[i][k]);
         }
     }
-    const std::vector<Axes> before = quality;
+    const std::vector<Sums> before = sums;
     for (std::size_t i = 0; i < count; ++i)
       for (int axis = 0; axis < 3; ++axis) {
-        const float across = before[i][axis];
-        if (across < kLeastShare * (before[i][0] + before[i][1] + before[i][2])) continue;
-        quality[place_of(keys[i] - kStep[axis])][axis] += across;
-        quality[place_of(keys[i] + kStep[axis])][axis] += across;
+        const Sums& here = before[i];
+        if (here[axis] < kLeastShare * (here[0] + here[1] + here[2])) continue;
+        for (const std::uint64_t beside : {keys[i] - kStep[axis], keys[i] + kStep[axis]}) {
+          Sums& there = sums[place_of(beside)];
+          there[axis] += here[axis], there[axis + 3] += here[axis + 3];
+        }
       }
   }
 };
@@ -120,7 +125,7 @@ QualityGrid::QualityGrid(std::span<const Part> parts, std::span<const Measured> 
   std::vector<std::uint32_t> next(first_.begin(), first_.end() - 1);
   const std::uint32_t* at = place.data();
   for (std::uint32_t i = 0; i < of_part.size(); ++i)
-    for (const Axes& quality : of_part[i]->quality) entries_[next[*at++]++] = {i, quality};
+    for (const Sums& sums : of_part[i]->sums) entries_[next[*at++]++] = {i, sums};
 }
 
 std::span<const QualityGrid::PartQuality> QualityGrid::Reader::at(Vec3f place, Vec3f normal) {
@@ -128,7 +133,7 @@ std::span<const QualityGrid::PartQuality> QualityGrid::Reader::at(Vec3f place, V
   const Vec3i cell = floored(in_cells);
   const Around& here = around(cell);
   const Vec3f f = in_cells - vec_cast<float>(cell);
-  std::array<float, 24> weights;
+  Corners weights;
   for (int c = 0; c < 8; ++c) {
     const float w = (c & 1 ? f.x : 1 - f.x) * (c & 2 ? f.y : 1 - f.y) * (c & 4 ? f.z : 1 - f.z);
     weights[3 * c] = w * normal.x * normal.x;
@@ -137,9 +142,13 @@ std::span<const QualityGrid::PartQuality> QualityGrid::Reader::at(Vec3f place, V
   }
   out_.clear();
   for (std::size_t i = 0; i < here.parts.size(); ++i) {
-    float sum = 0;
-    for (int k = 0; k < 24; ++k) sum += weights[k] * here.values[i][k];
-    out_.push_back({here.parts[i], sum});
+    float area = 0, quality = 0;
+    for (int k = 0; k < 24; ++k) {
+      area += weights[k] * here.area[i][k];
+      quality += weights[k] * here.quality[i][k];
+    }
+    const float taper = std::sqrt(std::sqrt(area));
+    out_.push_back({here.parts[i], area > 0 ? quality / area * taper : 0});
   }
   return out_;
 }
@@ -148,7 +157,7 @@ const QualityGrid::Reader::Around& QualityGrid::Reader::around(Vec3i cell) {
   Around& here = cache_[hash_cell(cell) % kCached];
   if (here.used && here.cell == cell) return here;
   here.used = true, here.cell = cell;
-  here.parts.clear(), here.values.clear();
+  here.parts.clear(), here.area.clear(), here.quality.clear();
   for (int c = 0; c < 8; ++c) {
     const std::uint32_t* known = grid_.cells_.find(key(cell + Vec3i{c & 1, c >> 1 & 1, c >> 2}));
     if (!known) continue;
@@ -157,9 +166,11 @@ const QualityGrid::Reader::Around& QualityGrid::Reader::around(Vec3i cell) {
       const auto i = std::ranges::lower_bound(here.parts, entry.part) - here.parts.begin();
       if (i == std::ssize(here.parts) || here.parts[i] != entry.part) {
         here.parts.insert(here.parts.begin() + i, entry.part);
-        here.values.insert(here.values.begin() + i, std::array<float, 24>{});
+        here.area.insert(here.area.begin() + i, Corners{});
+        here.quality.insert(here.quality.begin() + i, Corners{});
       }
-      std::ranges::copy(entry.quality, here.values[i].begin() + 3 * c);
+      std::copy_n(entry.sums.begin(), 3, here.area[i].begin() + 3 * c);
+      std::copy_n(entry.sums.begin() + 3, 3, here.quality[i].begin() + 3 * c);
     }
   }
   return here;

@@ -11,10 +11,11 @@
 
 namespace mr::merge {
 
-/// How well each part measured each place: the sum of area · cos(angle) / sigma over the triangles
-/// around, in cells of a few voxels, apart for the three axes that a surface may face along. It
-/// falls off by itself towards a part's borders, where depth is worst. Being a smooth function of
-/// space and not of any one mesh, it divides all meshes along the same lines.
+/// How well each part measured each place: cos(angle) / sigma, averaged over the triangles around
+/// in cells of some voxels, apart for the three axes that a surface may face along. It falls off
+/// with the fourth root of the area around, so towards a part's borders, where depth is worst.
+/// Being a smooth function of space and not of any one mesh, it divides all meshes along the same
+/// lines.
 class QualityGrid {
  public:
   /// `parts[i]` was measured as `measured[i]`. Parallel; deterministic.
@@ -36,12 +37,13 @@ class QualityGrid {
 
    private:
     static constexpr std::size_t kCached = 64;
+    using Corners = std::array<float, 24>;  // three axes of cell after cell
     /// What the eight cells around a place hold.
     struct Around {
       bool used = false;
       Vec3i cell;
       std::vector<std::uint32_t> parts;
-      std::vector<std::array<float, 24>> values;  // [parts], three axes of cell after cell
+      std::vector<Corners> area, quality;  // [parts]
     };
     const Around& around(Vec3i cell);
 
@@ -51,10 +53,10 @@ class QualityGrid {
   };
 
  private:
-  using Axes = std::array<float, 3>;
+  using Sums = std::array<float, 6>;  ///< area, then area · quality, by axis
   struct Entry {
     std::uint32_t part;
-    Axes quality;
+    Sums sums;
   };
   struct PartCells;
 

@@ -19,8 +19,9 @@
 namespace mr::merge {
 namespace {
 
-constexpr int kMaxCuts = 6;     // halvings of a border edge
-constexpr int kSmallLoop = 30;  // edges of a loop that is closed at all costs
+constexpr int kMaxCuts = 6;               // halvings of a border edge
+constexpr std::size_t kMostAround = 256;  // corners in reach; where there are more lie slivers
+constexpr int kSmallLoop = 30;            // edges of a loop that is closed at all costs
 
 /// Halves long border edges that have another part's border near, and the halves again.
 class BorderCutter {
@@ -280,6 +281,7 @@ class Zipper {
     around.near.clear();
     grid_.within((u + v) * 0.5f, static_cast<float>(around.reach),
                  [&](std::uint32_t place) { around.near.push_back(place); });
+    if (around.near.size() > kMostAround) around.near.clear();
   }
 
   /// Whether the triangle over `e` with tip `w` would lie across another border nearby: seen along
@@ -335,14 +337,14 @@ class Zipper {
 Mesh zip(std::span<const Mesh> parts, const ZipperConfig& config) {
   if (parts.size() == 1) return {parts[0].positions, parts[0].triangles, {}};
   Joined joined = join_parts(parts);
-  if (config.max_gap_m <= 0) return joined.mesh;
+  if (config.max_gap_m <= 0) return std::move(joined.mesh);
   const BorderMap map(joined, config.max_gap_m + config.edge_m);
   BorderCutter(joined, map, config);
   Front front(joined.mesh, joined.border, wanted_edges(joined, map));
   Zipper(joined, front, config).run();
   joined.mesh.triangles.insert(joined.mesh.triangles.end(), front.added().begin(),
                                front.added().end());
-  return std::move(joined.mesh);
+  return joined.came_apart ? kit::without_nonmanifold_edges(joined.mesh) : std::move(joined.mesh);
 }
 
 }  // namespace mr::merge
