@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <optional>
 #include <utility>
 
@@ -59,6 +60,19 @@ std::vector<Measured> all_measured(std::span<const Part> parts, const OverlapCon
   return out;
 }
 
+/// A triangle of a part.
+struct Place {
+  static constexpr std::uint32_t kNobody = 0xFFFFFFFFu;
+  std::uint32_t part = kNobody, triangle = 0;
+};
+
+/// How much better a part measured a spot of its own than the best other with surface there (over
+/// 0: its own), and that one.
+struct Verdict {
+  float margin = 0;
+  Place lost_to;
+};
+
 /// Who owns what: at any place, the part with surface there that measured it best.
 class Owners {
  public:
@@ -96,35 +110,51 @@ class Owners {
     Look(const Owners& owners, std::size_t part)
         : owners_(owners), part_(static_cast<std::uint32_t>(part)), reader_(owners.grid_) {}
 
-    /// How much better the part measured a spot of its own than the best other with surface there;
-    /// over 0: its own.
-    float margin(const Spot& spot) {
+    /// Whether the part owns a spot of its own.
+    Verdict verdict(const Spot& spot) {
       const auto qualities = reader_.at(spot.position, spot.normal);
       const auto own = std::ranges::find(qualities, part_, &QualityGrid::PartQuality::part);
       const float mine = own == qualities.end() ? 0 : own->quality;
-      float above = -1, below = 0;  // the best rivals that are better and worse
+      Verdict out{-1, {}};
+      float below = 0;  // the best of those that measured it worse
       for (const auto& [rival, its] : qualities) {
         if (rival == part_) continue;
         const float quality = its * (rival < part_ ? kFirstWins : 1 / kFirstWins);
         if (quality < mine || (quality == mine && part_ < rival))
           below = std::max(below, quality);
-        else if (quality > above && owners_.has(rival, spot, part_))
-          above = quality;
+        else if (const auto t = quality > out.margin ? owners_.find(rival, spot, part_) : kNothing)
+          out = {quality, {rival, *t}};
       }
-      return above < 0 ? std::max(mine - below, kLeast) : std::min(mine - above, -kLeast);
+      out.margin = out.lost_to.part == Place::kNobody ? std::max(mine - below, kLeast)
+                                                      : std::min(mine - out.margin, -kLeast);
+      return out;
+    }
+    float margin(const Spot& spot) { return verdict(spot).margin; }
+
+    /// Whether another part has surface at a spot that satisfies `holds(place)`.
+    template <typename Holds>
+    bool any_rival(const Spot& spot, Holds&& holds) {
+      const auto qualities = reader_.at(spot.position, spot.normal);
+      return std::ranges::any_of(qualities, [&](const QualityGrid::PartQuality& q) {
+        const auto t = q.part == part_ ? kNothing : owners_.find(q.part, spot, part_);
+        return t && holds(Place{q.part, *t});
+      });
     }
 
    private:
     static constexpr float kLeast = 1e-12f;
+    static constexpr std::optional<std::uint32_t> kNothing = std::nullopt;
     const Owners& owners_;
     std::uint32_t part_;
     QualityGrid::Reader reader_;
   };
 
  private:
-  bool has(std::uint32_t part, const Spot& spot, std::uint32_t of) const {
-    return std::ranges::any_of(
-        views_[part], [&](const PartView& view) { return view.has(spot, measured_[of].slack_m); });
+  /// The triangle that a part has at another one's spot.
+  std::optional<std::uint32_t> find(std::uint32_t part, const Spot& spot, std::uint32_t of) const {
+    for (const PartView& view : views_[part])
+      if (const auto t = view.at(spot, measured_[of].slack_m)) return t;
+    return std::nullopt;
   }
 
   std::span<const Part> parts_;
@@ -142,11 +172,33 @@ class OwnPart {
         config_(config),
         mesh_(&owners.mesh(part)),
         vertices_(&owners.vertices(part)),
-        margin_(vertices_->size()) {}
+        margin_(vertices_->size()),
+        lost_to_(vertices_->size()) {}
 
   void look_at(std::size_t begin, std::size_t end) {
     Owners::Look look(owners_, part_);
-    for (std::size_t v = begin; v < end; ++v) margin_[v] = look.margin((*vertices_)[v]);
+    for (std::size_t v = begin; v < end; ++v) {
+      const Verdict verdict = look.verdict((*vertices_)[v]);
+      margin_[v] = verdict.margin, lost_to_[v] = verdict.lost_to;
+    }
+  }
+
+  /// Whether any corner of one of the part's triangles is its own.
+  bool keeps(std::uint32_t triangle) const {
+    const auto& [a, b, c] = mesh_->triangles[triangle];
+    return margin_[a] > 0 || margin_[b] > 0 || margin_[c] > 0;
+  }
+
+  /// Removal makes no holes: what was lost to a part that lost it, too, as in a gap as narrow as
+  /// triangles are, comes back unless a third part keeps it.
+  void restore(const std::vector<OwnPart>& all) {
+    std::optional<Owners::Look> look;
+    const auto kept = [&](const Place& place) { return all[place.part].keeps(place.triangle); };
+    for (std::size_t v = 0; v < margin_.size(); ++v) {
+      if (lost_to_[v].part == Place::kNobody || kept(lost_to_[v])) continue;
+      if (!look) look.emplace(owners_, part_);
+      if (!look->any_rival((*vertices_)[v], kept)) margin_[v] = kRestored;
+    }
   }
 
   /// Cuts long edges of triangles that are owned in part, so that a border between owners bends
@@ -174,6 +226,7 @@ class OwnPart {
     const float retreat_m = kRetreat_voxels * static_cast<float>(config_.voxel_m);
     const auto crossing = [&](std::uint32_t kept, std::uint32_t lost) {
       const Spot &k = (*vertices_)[kept], &l = (*vertices_)[lost];
+      if (margin_[kept] == kRestored) return 0.5f;
       float low = 0, high = 1, at_low = margin_[kept], at_high = margin_[lost];
       const auto guess = [&] { return low + (high - low) * (at_low / (at_low - at_high)); };
       for (int i = 0; i < kCutSteps; ++i) {  // halving by turns: the margin may jump
@@ -186,6 +239,8 @@ class OwnPart {
   }
 
  private:
+  static constexpr float kRestored = std::numeric_limits<float>::max();
+
   std::uint8_t long_edges(std::uint32_t t, float longest_m) const {
     std::uint8_t out = 0;
     for (int i = 0; i < 3; ++i)
@@ -223,6 +278,7 @@ class OwnPart {
   const Mesh* mesh_;                   // the part's, or finer_mesh_
   const std::vector<Spot>* vertices_;  // of mesh_
   std::vector<float> margin_;          // [V] of mesh_
+  std::vector<Place> lost_to_;         // [V] of the part
   Mesh finer_mesh_;
   std::vector<Spot> finer_vertices_;
 };
@@ -245,6 +301,7 @@ std::vector<Mesh> best_measured(std::span<const Part> parts, const OverlapConfig
   for_each_index(blocks.size(), [&](std::size_t b) {
     own[blocks[b].part].look_at(blocks[b].begin, blocks[b].end);
   });
+  for (OwnPart& part : own) part.restore(own);  // one by one: only one of them has it back
   std::vector<Mesh> out(parts.size());
   for_each_index(parts.size(), [&](std::size_t i) {
     own[i].refine();

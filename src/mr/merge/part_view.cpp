@@ -130,27 +130,28 @@ void PartView::widen() {
     }
 }
 
-bool PartView::has(const Spot& spot, float slack_m) const {
+std::optional<std::uint32_t> PartView::at(const Spot& spot, float slack_m) const {
   const Vec3f d = spot.position - origin_;
   const float z = dot(forward_, d);
-  if (!(z >= static_cast<float>(kit::kNearPlane_m))) return false;
+  if (!(z >= static_cast<float>(kit::kNearPlane_m))) return std::nullopt;
   const float inv_z = 1 / z;
   const float u = dot(right_, d) * inv_z + 0.5f, v = dot(down_, d) * inv_z + 0.5f;
   if (!(u >= 0 && v >= 0 && u < static_cast<float>(width_) && v < static_cast<float>(height_)))
-    return false;
+    return std::nullopt;
   const std::uint32_t t =
       triangle_[static_cast<std::size_t>(static_cast<int>(v)) * width_ + static_cast<int>(u)];
-  if (t == kit::kNoTriangle) return false;
+  if (t == kit::kNoTriangle) return std::nullopt;
   const auto& [i, j, k] = mesh_->triangles[t];
   const Spot &a = measured_->vertices[i], &b = measured_->vertices[j], &c = measured_->vertices[k];
   const Vec3f normal = normalized(a.normal + b.normal + c.normal);
-  if (dot(normal, spot.normal) < kSameFacing) return false;
+  if (dot(normal, spot.normal) < kSameFacing) return std::nullopt;
   const float away =
       dot(normal, (a.position + b.position + c.position) * (1.0f / 3) - spot.position);
   const auto sigma = static_cast<float>(precision_.sigma_m(z));
   const float range = 2 * std::max(sigma, spot.sigma_m) + slack_m + measured_->slack_m;
   const float slope = std::abs(dot(normal, d)) / length(d);  // cosine to the ray
-  return std::abs(away) <= range * std::min(1.0f, kOblique * slope);
+  if (!(std::abs(away) <= range * std::min(1.0f, kOblique * slope))) return std::nullopt;
+  return t;
 }
 
 }  // namespace mr::merge

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstdint>
+#include <optional>
 #include <vector>
 
 #include "mr/core/camera.h"
@@ -20,9 +21,9 @@ class PartView {
   PartView(const Part& part, const Measured& measured, std::uint32_t source, const Camera& camera,
            const Pose& T_world_camera, int margin_px);
 
-  /// Whether the part has surface at a spot of another part: it faces alike and lies within twice
-  /// the sensors' precision (paper 3.2) and both parts' slack, along the normal.
-  bool has(const Spot& spot, float slack_m) const;
+  /// The part's triangle at a spot of another part, if it has surface there: it faces alike and
+  /// lies within twice the sensors' precision (paper 3.2) and both parts' slack, along the normal.
+  std::optional<std::uint32_t> at(const Spot& spot, float slack_m) const;
 
  private:
   void widen();
