@@ -2,7 +2,10 @@
 
 #include <gtest/gtest.h>
 
+#include <cmath>
+
 #include "mr/core/parallel.h"
+#include "mr/merge/quality_grid.h"
 #include "mr/merge/ray_grids.h"
 #include "mr/merge/zipper.h"
 #include "support/meshes.h"
@@ -99,6 +102,36 @@ TEST(Overlap, LargeTrianglesAreCutAtTheBorder) {
   const auto kept = merge::remove_overlap(parts, {});
   EXPECT_GT(overlap_area(kept), 3.8);
   EXPECT_LT(overlap_area(kept), 4.02);
+}
+
+/// By how much the border between two owners of a wall wanders while noise changes, in m².
+double wandering_m2(merge::QualityMemory* memory) {
+  double sum = 0, last = 0;
+  for (unsigned frame = 0; frame < 12; ++frame) {
+    const std::vector<merge::Part> parts = {
+        part(wall(-1, 0.4f, 0, 40, 0.004f, 2 * frame + 1), 0, {-0.5, 0, 0}),
+        part(wall(-0.4f, 1, 0, 37, 0.004f, 2 * frame + 2), 1, {0.5, 0, 0})};
+    const double area = surface_area_m2(merge::remove_overlap(parts, {}, memory)[0]);
+    if (frame > 0) sum += std::abs(area - last);
+    last = area;
+  }
+  return sum;
+}
+
+TEST(Overlap, NoiseDoesNotMoveTheBordersOfWhoRemembers) {
+  merge::QualityMemory memory;
+  EXPECT_LT(wandering_m2(&memory), 0.5 * wandering_m2(nullptr));
+}
+
+TEST(Overlap, WhoRemembersSeesThatASensorMoved) {
+  merge::QualityMemory memory;
+  const auto area_of_first = [&](double x) {
+    const std::vector<merge::Part> parts = {part(wall(-1, 1, 0, 40), 0, {-0.5, 0, 0}),
+                                            part(wall(-1, 1, 0, 37), 1, {x, 0, 1})};
+    return surface_area_m2(merge::remove_overlap(parts, {}, &memory)[0]);
+  };
+  EXPECT_LT(area_of_first(0), 2);     // the second stands near the middle
+  EXPECT_GT(area_of_first(40), 3.9);  // now far off: all goes to the first
 }
 
 TEST(Overlap, SameBytesOnAnyNumberOfThreads) {

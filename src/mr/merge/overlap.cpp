@@ -26,11 +26,12 @@ std::vector<Mesh> nearest(std::span<const Part> parts, const OverlapConfig& conf
 
 }  // namespace
 
-std::vector<Mesh> remove_overlap(std::span<const Part> parts, const OverlapConfig& config) {
+std::vector<Mesh> remove_overlap(std::span<const Part> parts, const OverlapConfig& config,
+                                 QualityMemory* memory) {
   for (const Part& part : parts) MR_ASSERT(!part.sources.empty());
   if (parts.size() == 1) return {without_views(parts[0].mesh)};
   return config.owner == MergeConfig::Owner::paper ? nearest(parts, config)
-                                                   : best_measured(parts, config);
+                                                   : best_measured(parts, config, memory);
 }
 
 }  // namespace mr::merge

@@ -16,12 +16,16 @@ struct OverlapConfig {
   double calibration_error_m = 0.005;
 };
 
+class QualityMemory;  // quality_grid.h
+
 /// Overlap removal (paper 3.2). Surfaces of different parts that face alike and lie within twice
 /// the sensors' precision (plus calibration and decimation error) are one, and all but one go:
 ///   owner paper     the farther ones, on the rays of the depth cameras (paper_rule.h)
 ///   owner coherent  those that were measured less well; parts are cut along the line (ownership.h)
 /// Overlap is decided between parts, never inside one; vertices that stay do not move. Returns what
-/// stays of each part, in order, without views. Parallel; deterministic.
-std::vector<Mesh> remove_overlap(std::span<const Part> parts, const OverlapConfig& config);
+/// stays of each part, in order, without views. `memory`: of who merges the same sensors frame
+/// after frame, so that noise does not move coherent borders. Parallel; deterministic.
+std::vector<Mesh> remove_overlap(std::span<const Part> parts, const OverlapConfig& config,
+                                 QualityMemory* memory = nullptr);
 
 }  // namespace mr::merge

@@ -76,10 +76,10 @@ struct Verdict {
 /// Who owns what: at any place, the part with surface there that measured it best.
 class Owners {
  public:
-  Owners(std::span<const Part> parts, const OverlapConfig& config)
+  Owners(std::span<const Part> parts, const OverlapConfig& config, QualityMemory* memory)
       : parts_(parts),
         measured_(all_measured(parts, config)),
-        grid_(parts, measured_, kCell_voxels * config.voxel_m),
+        grid_(parts, measured_, kCell_voxels * config.voxel_m, memory),
         views_(parts.size()) {
     struct Wanted {
       std::uint32_t part, source;
@@ -285,8 +285,9 @@ class OwnPart {
 
 }  // namespace
 
-std::vector<Mesh> best_measured(std::span<const Part> parts, const OverlapConfig& config) {
-  const Owners owners(parts, config);
+std::vector<Mesh> best_measured(std::span<const Part> parts, const OverlapConfig& config,
+                                QualityMemory* memory) {
+  const Owners owners(parts, config, memory);
   struct Block {
     std::size_t part, begin, end;
   };

@@ -23,17 +23,15 @@ std::uint64_t key(Vec3i cell) {
 }
 
 constexpr std::uint64_t kStep[3] = {1ull << 42, 1ull << 21, 1};  // of a key, per axis
+constexpr float kHeld = 0.1f;        // by how much a sum may change unnoticed
 constexpr float kLeastShare = 0.1f;  // of the surface in a cell, to count for its neighbours
 
-}  // namespace
+/// Fills the cells of one part.
+class Filler {
+ public:
+  explicit Filler(QualityCells& cells) : cells_(cells) {}
 
-/// The cells of one part, in the order in which its triangles fill them.
-struct QualityGrid::PartCells {
-  kit::PairMap places{256};
-  std::vector<std::uint64_t> keys;
-  std::vector<Sums> sums;
-
-  PartCells(const Mesh& mesh, const Measured& measured, float per_cell) {
+  void fill(const Mesh& mesh, const Measured& measured, float per_cell) {
     for (std::uint32_t t = 0; t < mesh.triangles.size(); ++t) {
       const Vec3f a = mesh.corner(t, 0), ab = mesh.corner(t, 1) - a, ac = mesh.corner(t, 2) - a;
       const Vec3f across = cross(ab, ac);
@@ -43,13 +41,13 @@ struct QualityGrid::PartCells {
       const int n = static_cast<int>(
           std::clamp(std::ceil(longest * per_cell), 1.0f, static_cast<float>(kMostPieces)));
       const float share = 1 / (2 * size * static_cast<float>(n * n));
-      Sums each;
+      QualitySums each;
       for (int axis = 0; axis < 3; ++axis) {
         each[axis] = across[axis] * across[axis] * share;
         each[axis + 3] = each[axis] * measured.quality[t];
       }
       for_each_piece(n, [&](float b, float c) {
-        Sums& here = sums[place_of(key(floored((a + ab * b + ac * c) * per_cell)))];
+        QualitySums& here = cells_.sums[place_of(key(floored((a + ab * b + ac * c) * per_cell)))];
         for (std::size_t i = 0; i < each.size(); ++i) here[i] += each[i];
       });
     }
@@ -70,9 +68,9 @@ struct QualityGrid::PartCells {
 
   /// Where a cell is kept.
   std::uint32_t place_of(std::uint64_t cell) {
-    const auto fresh = static_cast<std::uint32_t>(keys.size());
-    const std::uint32_t place = places.get_or_add(cell, fresh);
-    if (place == fresh) keys.push_back(cell), sums.push_back({});
+    const auto fresh = static_cast<std::uint32_t>(cells_.keys.size());
+    const std::uint32_t place = cells_.places.get_or_add(cell, fresh);
+    if (place == fresh) cells_.keys.push_back(cell), cells_.sums.push_back({});
     return place;
   }
 
@@ -80,41 +78,63 @@ struct QualityGrid::PartCells {
   /// averaged, 1 2 1; across it a cell and its two neighbours are taken together, so that parts
   /// that lie a little before or behind each other read the same.
   void spread() {
+    const std::vector<std::uint64_t>& keys = cells_.keys;
+    std::vector<QualitySums>& sums = cells_.sums;
     const std::size_t count = keys.size();
     for (int axis = 0; axis < 3; ++axis) {
-      const std::vector<Sums> before = sums;
+      const std::vector<QualitySums> before = sums;
       for (std::size_t i = 0; i < count; ++i)
         for (const std::uint64_t neighbour : {keys[i] - kStep[axis], keys[i] + kStep[axis]}) {
-          const std::uint32_t* other = places.find(neighbour);
+          const std::uint32_t* other = cells_.places.find(neighbour);
           for (int k = 0; k < 6; ++k)
             if (k % 3 != axis)
               sums[i][k] += 0.25f * ((other ? before[*other][k] : 0.0f) - before[i][k]);
         }
     }
-    const std::vector<Sums> before = sums;
+    const std::vector<QualitySums> before = sums;
     for (std::size_t i = 0; i < count; ++i)
       for (int axis = 0; axis < 3; ++axis) {
-        const Sums& here = before[i];
+        const QualitySums& here = before[i];
         if (here[axis] < kLeastShare * (here[0] + here[1] + here[2])) continue;
         for (const std::uint64_t beside : {keys[i] - kStep[axis], keys[i] + kStep[axis]}) {
-          Sums& there = sums[place_of(beside)];
+          QualitySums& there = sums[place_of(beside)];
           there[axis] += here[axis], there[axis + 3] += here[axis + 3];
         }
       }
   }
+
+  QualityCells& cells_;
 };
 
+}  // namespace
+
+void QualityMemory::steady(std::uint32_t sensor, QualityCells& cells) {
+  QualityCells& last = last_[sensor];
+  for (std::size_t i = 0; i < cells.keys.size(); ++i) {
+    const std::uint32_t* before = last.places.find(cells.keys[i]);
+    if (!before) continue;
+    for (std::size_t k = 0; k < cells.sums[i].size(); ++k) {
+      const float held = last.sums[*before][k];
+      if (std::abs(cells.sums[i][k] - held) <= kHeld * held) cells.sums[i][k] = held;
+    }
+  }
+  last = cells;
+}
+
 QualityGrid::QualityGrid(std::span<const Part> parts, std::span<const Measured> measured,
-                         double cell_m)
+                         double cell_m, QualityMemory* memory)
     : per_cell_(static_cast<float>(1 / cell_m)), cells_(1024) {
-  std::vector<std::optional<PartCells>> of_part(parts.size());
+  std::vector<QualityCells> of_part(parts.size());
   parallel_for(parts.size(), 1, [&](std::size_t begin, std::size_t end) {
     for (std::size_t i = begin; i < end; ++i)
-      of_part[i].emplace(parts[i].mesh, measured[i], per_cell_);
+      Filler(of_part[i]).fill(parts[i].mesh, measured[i], per_cell_);
   });
+  if (memory)
+    for (std::size_t i = 0; i < parts.size(); ++i)
+      memory->steady(parts[i].sources[0].sensor, of_part[i]);
   std::vector<std::uint32_t> count, place;
   for (const auto& part : of_part)
-    for (const std::uint64_t cell : part->keys) {
+    for (const std::uint64_t cell : part.keys) {
       place.push_back(cells_.get_or_add(cell, static_cast<std::uint32_t>(count.size())));
       if (place.back() == count.size()) count.push_back(0);
       ++count[place.back()];
@@ -125,7 +145,7 @@ QualityGrid::QualityGrid(std::span<const Part> parts, std::span<const Measured> 
   std::vector<std::uint32_t> next(first_.begin(), first_.end() - 1);
   const std::uint32_t* at = place.data();
   for (std::uint32_t i = 0; i < of_part.size(); ++i)
-    for (const Sums& sums : of_part[i]->sums) entries_[next[*at++]++] = {i, sums};
+    for (const QualitySums& sums : of_part[i].sums) entries_[next[*at++]++] = {i, sums};
 }
 
 std::span<const QualityGrid::PartQuality> QualityGrid::Reader::at(Vec3f place, Vec3f normal) {

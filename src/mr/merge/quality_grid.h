@@ -2,6 +2,7 @@
 
 #include <array>
 #include <cstdint>
+#include <map>
 #include <span>
 #include <vector>
 
@@ -11,6 +12,27 @@
 
 namespace mr::merge {
 
+/// What a part adds to a cell: area by the axis that it faces along, then area · quality.
+using QualitySums = std::array<float, 6>;
+
+/// The cells of one part.
+struct QualityCells {
+  kit::PairMap places{256};         ///< cell → its place
+  std::vector<std::uint64_t> keys;  ///< [cells]
+  std::vector<QualitySums> sums;    ///< [cells]
+};
+
+/// The grid as it was, by part (its first sensor): sums that changed by less than a tenth stay as
+/// they were, so that borders between owners lie still while noise does not.
+class QualityMemory {
+ public:
+  /// Steadies a part's sums, and remembers them. Parts that were not seen before stay as they are.
+  void steady(std::uint32_t sensor, QualityCells& cells);
+
+ private:
+  std::map<std::uint32_t, QualityCells> last_;
+};
+
 /// How well each part measured each place: cos(angle) / sigma, averaged over the triangles around
 /// in cells of some voxels, apart for the three axes that a surface may face along. It falls off
 /// with the fourth root of the area around, so towards a part's borders, where depth is worst.
@@ -18,8 +40,9 @@ namespace mr::merge {
 /// lines.
 class QualityGrid {
  public:
-  /// `parts[i]` was measured as `measured[i]`. Parallel; deterministic.
-  QualityGrid(std::span<const Part> parts, std::span<const Measured> measured, double cell_m);
+  /// `parts[i]` was measured as `measured[i]`. `memory` may be null. Parallel; deterministic.
+  QualityGrid(std::span<const Part> parts, std::span<const Measured> measured, double cell_m,
+              QualityMemory* memory);
 
   struct PartQuality {
     std::uint32_t part;
@@ -53,12 +76,10 @@ class QualityGrid {
   };
 
  private:
-  using Sums = std::array<float, 6>;  ///< area, then area · quality, by axis
   struct Entry {
     std::uint32_t part;
-    Sums sums;
+    QualitySums sums;
   };
-  struct PartCells;
 
   float per_cell_;
   kit::PairMap cells_;                // cell → its place in first_

@@ -171,7 +171,8 @@ Mesh MergeNode::join(const std::vector<merge::Part>& parts, const std::function<
     return merge::remove_overlap(parts, {.owner = config.owner,
                                          .overlap = config.overlap,
                                          .voxel_m = voxel_m,
-                                         .calibration_error_m = config.calibration_error_m});
+                                         .calibration_error_m = config.calibration_error_m},
+                                 &quality_);
   });
   triangles = triangles_sent(parts, owned);
   if (halfway) halfway();

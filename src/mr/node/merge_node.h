@@ -16,6 +16,7 @@
 #include "mr/core/scene.h"
 #include "mr/core/trace.h"
 #include "mr/merge/part.h"
+#include "mr/merge/quality_grid.h"
 #include "mr/node/calibration_check.h"
 #include "mr/node/chunk_publisher.h"
 #include "mr/node/gatherer.h"
@@ -100,6 +101,7 @@ class MergeNode {
   TextureStream texture_;
   simplify::Simplifier simplifier_;
   CalibrationCheck calibration_;
+  merge::QualityMemory quality_;
   atlas::ColorBalance balance_;
   atlas::Layout layout_;
   std::optional<std::pair<Gathered, Surface>> last_;  // reused while the inputs' geometry stays
