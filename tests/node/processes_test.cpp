@@ -159,6 +159,14 @@ class Client {
   std::unique_ptr<net::Subscription> subscription_;
 };
 
+/// All chunks of a scene side by side.
+Mesh mesh_of(const DecodedScene& scene) {
+  Mesh out;
+  for (const auto& chunk : scene.chunks)
+    append(out, {chunk->mesh.positions, chunk->mesh.triangles, {}});
+  return out;
+}
+
 #if defined(__SANITIZE_THREAD__)
 constexpr int kSlower = 10;  // what the thread sanitizer makes of the nodes
 #else
@@ -263,19 +271,32 @@ rig: {type: synthetic, seed: 3, room: [5, 4, 2.6], depth_mode: nfov_binned, colo
     return testing::AssertionFailure() << "last seen: " << last;
   }
 
-  /// What the root sends of a still scene of four sensors, with these mergers.
-  DecodedScene still_scene(const std::string& mergers) {
+  /// What the root and the sensors send of a still scene of four sensors, with these mergers.
+  struct Still {
+    Mesh merged;
+    std::vector<Mesh> sensors;
+  };
+  Still still_scene(const std::string& mergers) {
     write_scene(4, 1, mergers);
     const SceneResult loaded = load_scene(file());
     EXPECT_TRUE(loaded.problems.empty());
     scene_ = loaded.scene;
-    Client client(*transport_, scene_, "root");
-    for (const char* node : {"cam-0", "cam-1", "cam-2", "cam-3"}) start(node);
+    Client root(*transport_, scene_, "root");
+    std::vector<std::unique_ptr<Client>> sensors;
+    for (const char* node : {"cam-0", "cam-1", "cam-2", "cam-3"}) {
+      sensors.push_back(std::make_unique<Client>(*transport_, scene_, node));
+      start(node);
+    }
     for (const MergerConfig& merger : scene_.mergers) start(merger.id);
-    EXPECT_TRUE(shows(client, {0, 1, 2, 3}, seconds(60)));
-    const auto scene = client.scene();
+    EXPECT_TRUE(shows(root, {0, 1, 2, 3}, seconds(60)));
+    Still out;
+    if (const auto scene = root.scene()) out.merged = mesh_of(*scene);
+    for (std::uint32_t i = 0; i < sensors.size(); ++i) {
+      EXPECT_TRUE(shows(*sensors[i], {i}));
+      if (const auto scene = sensors[i]->scene()) out.sensors.push_back(mesh_of(*scene));
+    }
     nodes_.clear();
-    return scene ? *scene : DecodedScene{};
+    return out;
   }
 
   std::filesystem::path folder_;
@@ -304,40 +325,33 @@ TEST_F(Processes, EachNodeMayDieAndComesBack) {
   EXPECT_TRUE(shows(client, {0, 1})) << "nats-server was restarted";
 }
 
-Mesh mesh_of(const DecodedScene& scene) {
-  Mesh out;
-  std::vector<ViewId> views;
-  for (const auto& chunk : scene.chunks) {
-    append(out, {chunk->mesh.positions, chunk->mesh.triangles, {}});
-    const std::vector<ViewId> of_chunk = triangle_views(chunk->mesh);
-    views.insert(views.end(), of_chunk.begin(), of_chunk.end());
-  }
-  set_triangle_views(out, views);
-  return out;
-}
-
-/// Share of a surface whose view is that of the nearest triangle of another.
-double same_view_share(const Mesh& mesh, const Mesh& other) {
-  const test::Rays rays({&other});
-  const std::vector<ViewId> views = triangle_views(mesh), others = triangle_views(other);
+/// Share of a surface that comes from the same sensor as what is nearest on another: merging moves
+/// nothing, so every spot lies on its sensor's own surface.
+double same_owner_share(const Mesh& mesh, const Mesh& other, const std::vector<Mesh>& sensors) {
+  std::vector<const Mesh*> all;
+  for (const Mesh& sensor : sensors) all.push_back(&sensor);
+  const test::Rays owners(all), there({&other});
+  const auto owner = [&](Vec3f p) { return owners.scene().nearest(p)->mesh; };
   const std::vector<test::SurfacePoint> points = test::points_on(mesh, 500);
   double same = 0;
   for (const test::SurfacePoint& p : points)
-    same += views[p.triangle] == others[rays.scene().nearest(p.point)->triangle];
+    same += owner(p.point) == owner(vec_cast<float>(there.scene().nearest(p.point)->point));
   return same / static_cast<double>(points.size());
 }
 
 TEST_F(Processes, TwoLayersEqualOneOverNats) {
-  const Mesh flat =
-      mesh_of(still_scene("{id: root, inputs: [cam-0, cam-1, cam-2, cam-3], deadline_ms: 500}"));
-  const Mesh layered =
-      mesh_of(still_scene("{id: west, inputs: [cam-0, cam-1], deadline_ms: 500}, "
-                          "{id: east, inputs: [cam-2, cam-3], deadline_ms: 500}, "
-                          "{id: root, inputs: [west, east], deadline_ms: 500}"));
-  ASSERT_GT(surface_area_m2(flat), 40);
-  EXPECT_NEAR(surface_area_m2(layered), surface_area_m2(flat), 0.02 * surface_area_m2(flat));
-  EXPECT_LT(test::two_way_rms_m(flat, layered, 300), scene_.voxel_m / 2);
-  EXPECT_GT(same_view_share(flat, layered), 0.99);
+  const Still flat =
+      still_scene("{id: root, inputs: [cam-0, cam-1, cam-2, cam-3], deadline_ms: 500}");
+  const Still layered = still_scene(
+      "{id: west, inputs: [cam-0, cam-1], deadline_ms: 500}, "
+      "{id: east, inputs: [cam-2, cam-3], deadline_ms: 500}, "
+      "{id: root, inputs: [west, east], deadline_ms: 500}");
+  const double area_m2 = surface_area_m2(flat.merged);
+  ASSERT_GT(area_m2, 40);
+  ASSERT_EQ(flat.sensors.size(), 4u);
+  EXPECT_NEAR(surface_area_m2(layered.merged), area_m2, 0.02 * area_m2);
+  EXPECT_LT(test::two_way_rms_m(flat.merged, layered.merged, 300), scene_.voxel_m / 2);
+  EXPECT_GT(same_owner_share(flat.merged, layered.merged, flat.sensors), 0.99);
 }
 
 /// When a client's newest capture first came from these sensors and was taken after `since`.

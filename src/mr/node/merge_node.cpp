@@ -168,10 +168,11 @@ Mesh MergeNode::join(const std::vector<merge::Part>& parts, const std::function<
         .count();
   };
   std::vector<Mesh> owned = trace_.time("overlap", [&] {
-    return merge::remove_overlap(parts, {.owner = config.owner,
-                                         .overlap = config.overlap,
-                                         .voxel_m = voxel_m,
-                                         .calibration_error_m = config.calibration_error_m},
+    return merge::remove_overlap(parts,
+                                 {.owner = config.owner,
+                                  .overlap = config.overlap,
+                                  .voxel_m = voxel_m,
+                                  .calibration_error_m = config.calibration_error_m},
                                  &quality_);
   });
   triangles = triangles_sent(parts, owned);
