@@ -15,9 +15,9 @@ class Cutter {
  public:
   Cutter(const Mesh& mesh, const std::vector<float>& margin, const Crossing& crossing)
       : mesh_(mesh), margin_(margin), crossing_(crossing), kept_(mesh.positions.size(), kNone) {
-    for (const Triangle& t : mesh.triangles) add(t);
+    for (; parent_ < mesh.triangles.size(); ++parent_) add(mesh.triangles[parent_]);
   }
-  Mesh result() && { return std::move(out_); }
+  Cut result() && { return std::move(out_); }
 
  private:
   bool keeps(std::uint32_t v) const { return margin_[v] > 0; }
@@ -36,12 +36,14 @@ class Cutter {
   }
 
   void add_triangle(std::uint32_t a, std::uint32_t b, std::uint32_t c) {
-    if (a != b && b != c && c != a) out_.triangles.push_back({a, b, c});
+    if (a == b || b == c || c == a) return;
+    out_.mesh.triangles.push_back({a, b, c});
+    out_.parent.push_back(parent_);
   }
 
   std::uint32_t add_vertex(Vec3f p) {
-    out_.positions.push_back(p);
-    return static_cast<std::uint32_t>(out_.positions.size() - 1);
+    out_.mesh.positions.push_back(p);
+    return static_cast<std::uint32_t>(out_.mesh.positions.size() - 1);
   }
 
   std::uint32_t keep(std::uint32_t v) {
@@ -64,12 +66,13 @@ class Cutter {
   const Crossing& crossing_;
   std::vector<std::uint32_t> kept_;  // [V] in out_
   kit::PairMap crossings_{1024};
-  Mesh out_;
+  std::uint32_t parent_ = 0;
+  Cut out_;
 };
 
 }  // namespace
 
-Mesh cut_at_zero(const Mesh& mesh, const std::vector<float>& margin, const Crossing& crossing) {
+Cut cut_at_zero(const Mesh& mesh, const std::vector<float>& margin, const Crossing& crossing) {
   return Cutter(mesh, margin, crossing).result();
 }
 

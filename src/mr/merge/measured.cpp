@@ -27,8 +27,8 @@ float quality_at(const SourceInfo& source, Vec3f spot, Vec3f unit_normal) {
   return static_cast<float>(std::max(cosine, kLeastCosine)) / sigma_at(source, spot);
 }
 
-/// The source that measured each triangle: the only one, or the one whose view textures it.
-std::vector<std::uint32_t> triangle_sources(const Part& part) {
+/// The source that each triangle is labelled with, or the only one.
+std::vector<std::uint32_t> triangle_labels(const Part& part) {
   std::vector<std::uint32_t> out(part.mesh.triangles.size(),
                                  part.sources.size() == 1 ? 0 : Measured::kNoSource);
   if (part.sources.size() == 1) return out;
@@ -38,20 +38,16 @@ std::vector<std::uint32_t> triangle_sources(const Part& part) {
   return out;
 }
 
-/// Who measured each vertex: the source of one of its triangles.
-std::vector<std::uint32_t> vertex_sources(const Mesh& mesh,
-                                          const std::vector<std::uint32_t>& of_triangle) {
-  std::vector<std::uint32_t> out(mesh.positions.size(), Measured::kNoSource);
-  for (std::size_t t = 0; t < mesh.triangles.size(); ++t)
-    for (const std::uint32_t v : mesh.triangles[t]) out[v] = std::min(out[v], of_triangle[t]);
-  return out;
-}
-
-/// Calls visit(source) for the source that measured something, or for all where that is not known.
-template <typename Visit>
-void for_each_source(const Part& part, std::uint32_t source, Visit&& visit) {
-  if (source != Measured::kNoSource) return visit(part.sources[source]);
-  for (const SourceInfo& s : part.sources) visit(s);
+/// Finds who measured a triangle, and how well.
+void measure(const Part& part, std::size_t t, Measured& out) {
+  const Vec3f normal = normalized(part.mesh.area_normal(t)), middle = part.mesh.centroid(t);
+  const bool known = out.label[t] != Measured::kNoSource;
+  const std::uint32_t first = known ? out.label[t] : 0,
+                      end = known ? first + 1 : static_cast<std::uint32_t>(part.sources.size());
+  out.quality[t] = std::numeric_limits<float>::max();
+  for (std::uint32_t s = first; s < end; ++s)
+    if (const float q = quality_at(part.sources[s], middle, normal); q < out.quality[t])
+      out.quality[t] = q, out.source[t] = s;
 }
 
 }  // namespace
@@ -61,22 +57,19 @@ Measured measured(const Part& part, const OverlapConfig& config) {
   Measured out;
   out.slack_m = static_cast<float>(config.calibration_error_m) +
                 std::min(part.error_m, static_cast<float>(config.voxel_m));
-  out.source = triangle_sources(part);
-  const std::vector<std::uint32_t> of_vertex = vertex_sources(mesh, out.source);
+  out.label = triangle_labels(part);
+  out.source.resize(mesh.triangles.size());
+  out.quality.resize(mesh.triangles.size());
+  for (std::size_t t = 0; t < mesh.triangles.size(); ++t) measure(part, t, out);
   const std::vector<Vec3f> normals = kit::vertex_normals(mesh);
   out.vertices.resize(mesh.positions.size());
+  for (std::size_t t = mesh.triangles.size(); t-- > 0;)  // the first triangle decides
+    for (const std::uint32_t v : mesh.triangles[t]) out.vertices[v].source = out.source[t];
   for (std::size_t v = 0; v < normals.size(); ++v) {
-    out.vertices[v] = {mesh.positions[v], normals[v], 0};
-    for_each_source(part, of_vertex[v], [&](const SourceInfo& s) {
-      out.vertices[v].sigma_m = std::max(out.vertices[v].sigma_m, sigma_at(s, mesh.positions[v]));
-    });
+    const std::uint32_t source = out.vertices[v].source;
+    const float sigma_m = sigma_at(part.sources[source], mesh.positions[v]);
+    out.vertices[v] = {mesh.positions[v], normals[v], sigma_m, source};
   }
-  out.quality.assign(mesh.triangles.size(), std::numeric_limits<float>::max());
-  for (std::size_t t = 0; t < out.quality.size(); ++t)
-    for_each_source(part, out.source[t], [&](const SourceInfo& s) {
-      const Vec3f normal = normalized(mesh.area_normal(t));
-      out.quality[t] = std::min(out.quality[t], quality_at(s, mesh.centroid(t), normal));
-    });
   return out;
 }
 

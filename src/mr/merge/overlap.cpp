@@ -8,7 +8,13 @@
 namespace mr::merge {
 namespace {
 
-Mesh without_views(const Mesh& mesh) { return {mesh.positions, mesh.triangles, {}}; }
+/// A part's mesh, each triangle with the sensor that measured it as its view.
+Mesh by_sensor(const Part& part) {
+  Mesh out = part.mesh;
+  if (part.sources.size() == 1)
+    set_triangle_views(out, std::vector(out.triangles.size(), part.sources[0].sensor));
+  return out;
+}
 
 /// What is left by the paper's rule.
 std::vector<Mesh> nearest(std::span<const Part> parts, const OverlapConfig& config) {
@@ -18,7 +24,7 @@ std::vector<Mesh> nearest(std::span<const Part> parts, const OverlapConfig& conf
     for (std::size_t i = begin; i < end; ++i) {
       std::vector<std::uint8_t> keep(goes[i].size());
       for (std::size_t t = 0; t < keep.size(); ++t) keep[t] = goes[i][t] == 0;
-      out[i] = select_triangles(without_views(parts[i].mesh), keep);
+      out[i] = select_triangles(by_sensor(parts[i]), keep);
     }
   });
   return out;
@@ -29,7 +35,7 @@ std::vector<Mesh> nearest(std::span<const Part> parts, const OverlapConfig& conf
 std::vector<Mesh> remove_overlap(std::span<const Part> parts, const OverlapConfig& config,
                                  QualityMemory* memory) {
   for (const Part& part : parts) MR_ASSERT(!part.sources.empty());
-  if (parts.size() == 1) return {without_views(parts[0].mesh)};
+  if (parts.size() == 1) return {by_sensor(parts[0])};
   return config.owner == MergeConfig::Owner::paper ? nearest(parts, config)
                                                    : best_measured(parts, config, memory);
 }

@@ -23,8 +23,9 @@ class QualityMemory;  // quality_grid.h
 ///   owner paper     the farther ones, on the rays of the depth cameras (paper_rule.h)
 ///   owner coherent  those that were measured less well; parts are cut along the line (ownership.h)
 /// Overlap is decided between parts, never inside one; vertices that stay do not move. Returns what
-/// stays of each part, in order, without views. `memory`: of who merges the same sensors frame
-/// after frame, so that noise does not move coherent borders. Parallel; deterministic.
+/// stays of each part, in order, each triangle with the sensor that measured it as its view.
+/// `memory`: of who merges the same sensors frame after frame, so that noise does not move coherent
+/// borders. Parallel; deterministic.
 std::vector<Mesh> remove_overlap(std::span<const Part> parts, const OverlapConfig& config,
                                  QualityMemory* memory = nullptr);
 

@@ -30,8 +30,8 @@ constexpr int kMaxCuts = 6;             // halvings of an edge
 
 Spot between(const Spot& a, const Spot& b, float t) {
   return {a.position + (b.position - a.position) * t,
-          normalized(a.normal + (b.normal - a.normal) * t),
-          a.sigma_m + (b.sigma_m - a.sigma_m) * t};
+          normalized(a.normal + (b.normal - a.normal) * t), a.sigma_m + (b.sigma_m - a.sigma_m) * t,
+          t < 0.5f ? a.source : b.source};
 }
 
 /// The pinholes that a source looks through, as coarse as ownership needs.
@@ -79,30 +79,34 @@ class Owners {
   Owners(std::span<const Part> parts, const OverlapConfig& config, QualityMemory* memory)
       : parts_(parts),
         measured_(all_measured(parts, config)),
-        grid_(parts, measured_, kCell_voxels * config.voxel_m, memory),
-        views_(parts.size()) {
+        grid_(parts, measured_, kCell_voxels * config.voxel_m, memory) {
     struct Wanted {
       std::uint32_t part, source;
+      std::size_t owner;
       RayGrid place;
     };
     std::vector<Wanted> wanted;
     for (std::uint32_t i = 0; i < parts.size(); ++i)
-      for (std::uint32_t s = 0; s < parts[i].sources.size(); ++s)
+      for (std::uint32_t s = 0; s < parts[i].sources.size(); ++s, views_.emplace_back())
         for (RayGrid& place : places_of(parts[i].sources[s], config.voxel_m))
-          wanted.push_back({i, s, std::move(place)});
+          wanted.push_back({i, s, views_.size(), std::move(place)});
     std::vector<std::optional<PartView>> drawn(wanted.size());
     for_each_index(wanted.size(), [&](std::size_t w) {
-      const auto& [part, source, place] = wanted[w];
+      const auto& [part, source, owner, place] = wanted[w];
       const bool pinhole = parts[part].sources[source].depth_camera.model == CameraModel::pinhole;
       drawn[w].emplace(parts[part], measured_[part], source, place.camera, place.T_world_camera,
                        pinhole ? place.camera.width / 4 : 1);
     });
     for (std::size_t w = 0; w < wanted.size(); ++w)
-      views_[wanted[w].part].push_back(*std::move(drawn[w]));
+      views_[wanted[w].owner].push_back(*std::move(drawn[w]));
   }
 
   const Mesh& mesh(std::size_t part) const { return parts_[part].mesh; }
   const std::vector<Spot>& vertices(std::size_t part) const { return measured_[part].vertices; }
+  /// The sensor that measured a triangle of a part.
+  ViewId sensor(std::size_t part, std::uint32_t triangle) const {
+    return parts_[part].sources[measured_[part].source[triangle]].sensor;
+  }
 
   /// Looks at one part's spots, best those near each other in turn.
   class Look {
@@ -112,18 +116,18 @@ class Owners {
 
     /// Whether the part owns a spot of its own.
     Verdict verdict(const Spot& spot) {
-      const auto qualities = reader_.at(spot.position, spot.normal);
-      const auto own = std::ranges::find(qualities, part_, &QualityGrid::PartQuality::part);
-      const float mine = own == qualities.end() ? 0 : own->quality;
+      const auto candidates = reader_.at(spot.position, spot.normal);
+      float mine = 0, below = 0;  // the best of those that measured it worse
+      for (const auto& [owner, number, quality] : candidates)
+        if (owner.part == part_ && owner.source == spot.source) mine = quality;
       Verdict out{-1, {}};
-      float below = 0;  // the best of those that measured it worse
-      for (const auto& [rival, its] : qualities) {
-        if (rival == part_) continue;
-        const float quality = its * (rival < part_ ? kFirstWins : 1 / kFirstWins);
-        if (quality < mine || (quality == mine && part_ < rival))
+      for (const auto& [owner, number, its] : candidates) {
+        if (owner.part == part_) continue;
+        const float quality = its * (owner.part < part_ ? kFirstWins : 1 / kFirstWins);
+        if (quality < mine || (quality == mine && part_ < owner.part))
           below = std::max(below, quality);
-        else if (const auto t = quality > out.margin ? owners_.find(rival, spot, part_) : kNothing)
-          out = {quality, {rival, *t}};
+        else if (const auto t = quality > out.margin ? owners_.find(number, spot, part_) : kNothing)
+          out = {quality, {owner.part, *t}};
       }
       out.margin = out.lost_to.part == Place::kNobody ? std::max(mine - below, kLeast)
                                                       : std::min(mine - out.margin, -kLeast);
@@ -134,10 +138,10 @@ class Owners {
     /// Whether another part has surface at a spot that satisfies `holds(place)`.
     template <typename Holds>
     bool any_rival(const Spot& spot, Holds&& holds) {
-      const auto qualities = reader_.at(spot.position, spot.normal);
-      return std::ranges::any_of(qualities, [&](const QualityGrid::PartQuality& q) {
-        const auto t = q.part == part_ ? kNothing : owners_.find(q.part, spot, part_);
-        return t && holds(Place{q.part, *t});
+      const auto candidates = reader_.at(spot.position, spot.normal);
+      return std::ranges::any_of(candidates, [&](const QualityGrid::Candidate& c) {
+        const auto t = c.owner.part == part_ ? kNothing : owners_.find(c.number, spot, part_);
+        return t && holds(Place{c.owner.part, *t});
       });
     }
 
@@ -150,9 +154,9 @@ class Owners {
   };
 
  private:
-  /// The triangle that a part has at another one's spot.
-  std::optional<std::uint32_t> find(std::uint32_t part, const Spot& spot, std::uint32_t of) const {
-    for (const PartView& view : views_[part])
+  /// The triangle that an owner has at a spot of another part.
+  std::optional<std::uint32_t> find(std::uint32_t owner, const Spot& spot, std::uint32_t of) const {
+    for (const PartView& view : views_[owner])
       if (const auto t = view.at(spot, measured_[of].slack_m)) return t;
     return std::nullopt;
   }
@@ -160,7 +164,7 @@ class Owners {
   std::span<const Part> parts_;
   std::vector<Measured> measured_;
   QualityGrid grid_;
-  std::vector<std::vector<PartView>> views_;  // [part]
+  std::vector<std::vector<PartView>> views_;  // [owners]
 };
 
 /// What a part owns, while it is found.
@@ -235,7 +239,12 @@ class OwnPart {
       }
       return std::max(guess() - retreat_m / length(l.position - k.position), 0.0f);
     };
-    return cut_at_zero(*mesh_, margin_, crossing);
+    Cut out = cut_at_zero(*mesh_, margin_, crossing);
+    std::vector<ViewId> sensors;
+    for (const std::uint32_t t : out.parent)
+      sensors.push_back(owners_.sensor(part_, whole_.empty() ? t : whole_[t]));
+    set_triangle_views(out.mesh, sensors);
+    return std::move(out.mesh);
   }
 
  private:
@@ -268,6 +277,8 @@ class OwnPart {
       vertices.push_back(between(vertices[a], vertices[b], 0.5f));
       margin_.push_back(look.margin(vertices.back()));
     }
+    for (std::uint32_t& parent : fine.parent) parent = whole_.empty() ? parent : whole_[parent];
+    whole_ = std::move(fine.parent);
     finer_mesh_ = std::move(fine.mesh), mesh_ = &finer_mesh_;
     finer_vertices_ = std::move(vertices), vertices_ = &finer_vertices_;
   }
@@ -279,6 +290,7 @@ class OwnPart {
   const std::vector<Spot>* vertices_;  // of mesh_
   std::vector<float> margin_;          // [V] of mesh_
   std::vector<Place> lost_to_;         // [V] of the part
+  std::vector<std::uint32_t> whole_;   // [T of mesh_] triangle of the part; empty: the same
   Mesh finer_mesh_;
   std::vector<Spot> finer_vertices_;
 };

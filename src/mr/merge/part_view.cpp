@@ -106,7 +106,7 @@ PartView::PartView(const Part& part, const Measured& measured, std::uint32_t sou
   triangle_.assign(static_cast<std::size_t>(width_) * height_, kit::kNoTriangle);
   Canvas canvas{width_, height_, triangle_, std::vector<float>(triangle_.size(), 0.0f)};
   for (std::uint32_t t = 0; t < part.mesh.triangles.size(); ++t) {
-    if (measured.source[t] != source && measured.source[t] != Measured::kNoSource) continue;
+    if (measured.label[t] != source && measured.label[t] != Measured::kNoSource) continue;
     const auto& [i, j, k] = part.mesh.triangles[t];
     const ScreenVertex &a = screen[i], &b = screen[j], &c = screen[k];
     if (a.inv_z > 0 && b.inv_z > 0 && c.inv_z > 0) canvas.draw(a, b, c, t);

@@ -31,8 +31,9 @@ class Filler {
  public:
   explicit Filler(QualityCells& cells) : cells_(cells) {}
 
-  void fill(const Mesh& mesh, const Measured& measured, float per_cell) {
+  void fill(const Mesh& mesh, const Measured& measured, std::uint32_t source, float per_cell) {
     for (std::uint32_t t = 0; t < mesh.triangles.size(); ++t) {
+      if (measured.source[t] != source) continue;
       const Vec3f a = mesh.corner(t, 0), ab = mesh.corner(t, 1) - a, ac = mesh.corner(t, 2) - a;
       const Vec3f across = cross(ab, ac);
       const float size = length(across);
@@ -124,17 +125,22 @@ void QualityMemory::steady(std::uint32_t sensor, QualityCells& cells) {
 QualityGrid::QualityGrid(std::span<const Part> parts, std::span<const Measured> measured,
                          double cell_m, QualityMemory* memory)
     : per_cell_(static_cast<float>(1 / cell_m)), cells_(1024) {
-  std::vector<QualityCells> of_part(parts.size());
-  parallel_for(parts.size(), 1, [&](std::size_t begin, std::size_t end) {
-    for (std::size_t i = begin; i < end; ++i)
-      Filler(of_part[i]).fill(parts[i].mesh, measured[i], per_cell_);
+  for (std::uint32_t i = 0; i < parts.size(); ++i)
+    for (std::uint32_t source = 0; source < parts[i].sources.size(); ++source)
+      owners_.push_back({i, source});
+  std::vector<QualityCells> of_owner(owners_.size());
+  parallel_for(owners_.size(), 1, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t k = begin; k < end; ++k) {
+      const auto [part, source] = owners_[k];
+      Filler(of_owner[k]).fill(parts[part].mesh, measured[part], source, per_cell_);
+    }
   });
   if (memory)
-    for (std::size_t i = 0; i < parts.size(); ++i)
-      memory->steady(parts[i].sources[0].sensor, of_part[i]);
+    for (std::size_t k = 0; k < owners_.size(); ++k)
+      memory->steady(parts[owners_[k].part].sources[owners_[k].source].sensor, of_owner[k]);
   std::vector<std::uint32_t> count, place;
-  for (const auto& part : of_part)
-    for (const std::uint64_t cell : part.keys) {
+  for (const QualityCells& cells : of_owner)
+    for (const std::uint64_t cell : cells.keys) {
       place.push_back(cells_.get_or_add(cell, static_cast<std::uint32_t>(count.size())));
       if (place.back() == count.size()) count.push_back(0);
       ++count[place.back()];
@@ -144,11 +150,11 @@ QualityGrid::QualityGrid(std::span<const Part> parts, std::span<const Measured> 
   entries_.resize(place.size());
   std::vector<std::uint32_t> next(first_.begin(), first_.end() - 1);
   const std::uint32_t* at = place.data();
-  for (std::uint32_t i = 0; i < of_part.size(); ++i)
-    for (const QualitySums& sums : of_part[i].sums) entries_[next[*at++]++] = {i, sums};
+  for (std::uint32_t k = 0; k < of_owner.size(); ++k)
+    for (const QualitySums& sums : of_owner[k].sums) entries_[next[*at++]++] = {k, sums};
 }
 
-std::span<const QualityGrid::PartQuality> QualityGrid::Reader::at(Vec3f place, Vec3f normal) {
+std::span<const QualityGrid::Candidate> QualityGrid::Reader::at(Vec3f place, Vec3f normal) {
   const Vec3f in_cells = place * grid_.per_cell_ - Vec3f{0.5f, 0.5f, 0.5f};
   const Vec3i cell = floored(in_cells);
   const Around& here = around(cell);
@@ -161,31 +167,44 @@ std::span<const QualityGrid::PartQuality> QualityGrid::Reader::at(Vec3f place, V
     weights[3 * c + 2] = w * normal.z * normal.z;
   }
   out_.clear();
-  for (std::size_t i = 0; i < here.parts.size(); ++i) {
+  float around_part =
+      0;  // area of all sources of a part: its borders count, not those between them
+  std::size_t first = 0;
+  for (std::size_t i = 0; i < here.owners.size(); ++i) {
     float area = 0, quality = 0;
     for (int k = 0; k < 24; ++k) {
       area += weights[k] * here.area[i][k];
       quality += weights[k] * here.quality[i][k];
     }
-    const float taper = std::sqrt(std::sqrt(area));
-    out_.push_back({here.parts[i], area > 0 ? quality / area * taper : 0});
+    const Owner& owner = grid_.owners_[here.owners[i]];
+    if (i > 0 && owner.part != out_.back().owner.part) taper(first, around_part);
+    if (out_.empty() || owner.part != out_.back().owner.part) first = i, around_part = 0;
+    around_part += area;
+    out_.push_back({owner, here.owners[i], area > 0 ? quality / area : 0});
   }
+  taper(first, around_part);
   return out_;
+}
+
+/// Towards a part's borders its quality falls off.
+void QualityGrid::Reader::taper(std::size_t first, float area) {
+  const float factor = std::sqrt(std::sqrt(area));
+  for (std::size_t i = first; i < out_.size(); ++i) out_[i].quality *= factor;
 }
 
 const QualityGrid::Reader::Around& QualityGrid::Reader::around(Vec3i cell) {
   Around& here = cache_[hash_cell(cell) % kCached];
   if (here.used && here.cell == cell) return here;
   here.used = true, here.cell = cell;
-  here.parts.clear(), here.area.clear(), here.quality.clear();
+  here.owners.clear(), here.area.clear(), here.quality.clear();
   for (int c = 0; c < 8; ++c) {
     const std::uint32_t* known = grid_.cells_.find(key(cell + Vec3i{c & 1, c >> 1 & 1, c >> 2}));
     if (!known) continue;
     for (std::uint32_t e = grid_.first_[*known]; e < grid_.first_[*known + 1]; ++e) {
       const Entry& entry = grid_.entries_[e];
-      const auto i = std::ranges::lower_bound(here.parts, entry.part) - here.parts.begin();
-      if (i == std::ssize(here.parts) || here.parts[i] != entry.part) {
-        here.parts.insert(here.parts.begin() + i, entry.part);
+      const auto i = std::ranges::lower_bound(here.owners, entry.owner) - here.owners.begin();
+      if (i == std::ssize(here.owners) || here.owners[i] != entry.owner) {
+        here.owners.insert(here.owners.begin() + i, entry.owner);
         here.area.insert(here.area.begin() + i, Corners{});
         here.quality.insert(here.quality.begin() + i, Corners{});
       }

@@ -15,18 +15,18 @@ namespace mr::merge {
 /// What a part adds to a cell: area by the axis that it faces along, then area · quality.
 using QualitySums = std::array<float, 6>;
 
-/// The cells of one part.
+/// The cells of one source of a part.
 struct QualityCells {
   kit::PairMap places{256};         ///< cell → its place
   std::vector<std::uint64_t> keys;  ///< [cells]
   std::vector<QualitySums> sums;    ///< [cells]
 };
 
-/// The grid as it was, by part (its first sensor): sums that changed by less than a tenth stay as
+/// The grid as it was, by sensor: sums that changed by less than a tenth stay as
 /// they were, so that borders between owners lie still while noise does not.
 class QualityMemory {
  public:
-  /// Steadies a part's sums, and remembers them. Parts that were not seen before stay as they are.
+  /// Steadies the sums of a sensor, and remembers them.
   void steady(std::uint32_t sensor, QualityCells& cells);
 
  private:
@@ -44,8 +44,13 @@ class QualityGrid {
   QualityGrid(std::span<const Part> parts, std::span<const Measured> measured, double cell_m,
               QualityMemory* memory);
 
-  struct PartQuality {
-    std::uint32_t part;
+  /// A source of a part: whose surface a spot may be.
+  struct Owner {
+    std::uint32_t part, source;
+  };
+  struct Candidate {
+    Owner owner;
+    std::uint32_t number;  ///< of the owner, part by part and source by source
     float quality;
   };
 
@@ -54,9 +59,9 @@ class QualityGrid {
    public:
     explicit Reader(const QualityGrid& grid) : grid_(grid) {}
 
-    /// The parts that have surface around a place, by number, as far as it faces along the axes of
-    /// `normal`. Valid until the next call.
-    std::span<const PartQuality> at(Vec3f place, Vec3f normal);
+    /// Who has surface around a place, by number, as far as it faces along the axes of `normal`.
+    /// Valid until the next call.
+    std::span<const Candidate> at(Vec3f place, Vec3f normal);
 
    private:
     static constexpr std::size_t kCached = 64;
@@ -65,26 +70,28 @@ class QualityGrid {
     struct Around {
       bool used = false;
       Vec3i cell;
-      std::vector<std::uint32_t> parts;
-      std::vector<Corners> area, quality;  // [parts]
+      std::vector<std::uint32_t> owners;   // ascending
+      std::vector<Corners> area, quality;  // [owners]
     };
     const Around& around(Vec3i cell);
+    void taper(std::size_t first, float area);
 
     const QualityGrid& grid_;
     std::array<Around, kCached> cache_;
-    std::vector<PartQuality> out_;
+    std::vector<Candidate> out_;
   };
 
  private:
   struct Entry {
-    std::uint32_t part;
+    std::uint32_t owner;
     QualitySums sums;
   };
 
   float per_cell_;
+  std::vector<Owner> owners_;
   kit::PairMap cells_;                // cell → its place in first_
   std::vector<std::uint32_t> first_;  // [cells + 1] into entries_
-  std::vector<Entry> entries_;        // by cell, then by part
+  std::vector<Entry> entries_;        // by cell, then by owner
 };
 
 }  // namespace mr::merge

@@ -36,7 +36,7 @@ class BorderCutter {
     for (const std::uint32_t h : joined.border)
       if (!std::ranges::binary_search(triangles, h / 3)) border_.push_back(h);
     for (const std::uint32_t t : triangles) {
-      place_ = t;
+      place_ = whole_ = t;
       const Triangle whole = joined.mesh.triangles[t];
       cut(whole, flags(t), kMaxCuts);
     }
@@ -99,6 +99,7 @@ class BorderCutter {
     if (place == kNoPlace) {
       place = static_cast<std::uint32_t>(joined_.mesh.triangles.size());
       joined_.mesh.triangles.emplace_back();
+      joined_.view.push_back(joined_.view[whole_]);
     }
     joined_.mesh.triangles[place] = t;
     for (std::uint32_t i = 0; i < 3; ++i)
@@ -115,8 +116,8 @@ class BorderCutter {
   static constexpr std::uint32_t kNoPlace = 0xFFFFFFFFu;
   Joined& joined_;
   float longest_m_;
-  std::vector<std::uint32_t> border_;  // anew
-  std::uint32_t place_ = kNoPlace;
+  std::vector<std::uint32_t> border_;           // anew
+  std::uint32_t place_ = kNoPlace, whole_ = 0;  // whole_: the triangle that is cut
 };
 
 /// [border] The edges that another part's border may be near, and a few more on both sides.
@@ -332,19 +333,37 @@ class Zipper {
   std::priority_queue<Filling, std::vector<Filling>, std::greater<>> queue_;
 };
 
+/// Adds the strips; each triangle takes the view of the surface at one of its corners.
+void add_strips(const Front& front, Joined& joined) {
+  std::vector<ViewId> view(joined.mesh.positions.size(), kNoView);
+  for (const std::uint32_t h : joined.border)
+    view[kit::edge_from(joined.mesh, h)] = joined.view[h / 3];
+  for (const Triangle& t : front.added()) joined.view.push_back(view[t[0]]);
+  joined.mesh.triangles.insert(joined.mesh.triangles.end(), front.added().begin(),
+                               front.added().end());
+}
+
+/// The mesh, with views if any part had some.
+Mesh with_views(Joined joined) {
+  if (std::ranges::any_of(joined.view, [](ViewId v) { return v != kNoView; }))
+    set_triangle_views(joined.mesh, joined.view);
+  return std::move(joined.mesh);
+}
+
 }  // namespace
 
 Mesh zip(std::span<const Mesh> parts, const ZipperConfig& config) {
-  if (parts.size() == 1) return {parts[0].positions, parts[0].triangles, {}};
+  if (parts.size() == 1) return parts[0];
   Joined joined = join_parts(parts);
-  if (config.max_gap_m <= 0) return std::move(joined.mesh);
+  if (config.max_gap_m <= 0) return with_views(std::move(joined));
   const BorderMap map(joined, config.max_gap_m + config.edge_m);
   BorderCutter(joined, map, config);
   Front front(joined.mesh, joined.border, wanted_edges(joined, map));
   Zipper(joined, front, config).run();
-  joined.mesh.triangles.insert(joined.mesh.triangles.end(), front.added().begin(),
-                               front.added().end());
-  return joined.came_apart ? kit::without_nonmanifold_edges(joined.mesh) : std::move(joined.mesh);
+  add_strips(front, joined);
+  const bool came_apart = joined.came_apart;
+  Mesh out = with_views(std::move(joined));
+  return came_apart ? kit::without_nonmanifold_edges(out) : out;
 }
 
 }  // namespace mr::merge

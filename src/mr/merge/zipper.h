@@ -21,7 +21,7 @@ inline ZipperConfig zipper_config(double voxel_m) { return {2.5 * voxel_m, 2.5 *
 /// between them is triangulated, shortest connections first, as an advancing front: every new
 /// triangle grows from a border edge to a vertex on the opposite border, into the gap and never
 /// over existing surface, and no edge gets a third triangle. Small remaining loops are closed. No
-/// vertex moves. Views are dropped. Deterministic.
+/// vertex moves. Views are kept; strips take those beside them. Deterministic.
 Mesh zip(std::span<const Mesh> parts, const ZipperConfig& config);
 
 }  // namespace mr::merge

@@ -145,6 +145,7 @@ Result<MergeNode::Surface> MergeNode::merge_surfaces(const Gathered& gathered,
       trace_.time("simplify", [&] { return decimated(joined, triangles, out.error_m); });
   if (!small) return small.error();
   const Mesh labelled = trace_.time("atlas", [&] {
+    if (!is_root_) return *small;  // with the sensors that measured it, which the next one asks for
     return atlas::label_triangles(*small, out.views,
                                   {.views = scene_->atlas.views,
                                    .geometry_error_m = texturing_error_m(*scene_, out.error_m),
