@@ -8,22 +8,17 @@
 
 namespace mr::bench {
 
-/// Parts in memory to one surface, as MergeNode does it up to there. Laps: overlap, islands,
-/// zipper.
+/// Parts in memory to one surface, as MergeNode does it up to there. Laps: overlap, zipper,
+/// islands.
 Mesh merge_parts(std::span<const merge::Part> parts, const merge::OverlapConfig& config,
                  StageClock& clock);
 
 /// What MergeNode gives to overlap removal.
 merge::OverlapConfig overlap_config(const MergeCase& input);
 
-/// Whether the result is labelled with the sensors that see it, as a merger above needs it. That is
-/// not timed: it belongs to texturing.
-enum class Handed { plain, labelled };
-
 /// merge_parts() with some of a case's parts, which must outlive it.
 Contender merge_ours(const std::string& name, std::span<const merge::Part> parts,
-                     const merge::OverlapConfig& config, int threads,
-                     Handed handed = Handed::plain);
+                     const merge::OverlapConfig& config, int threads);
 
 /// What the paper looked at and rejected (3.2): all vertices of a cell of twice the voxel's size
 /// become one, their mean; triangles that lose a corner, and doubled ones, go. One thread.

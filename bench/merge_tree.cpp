@@ -10,9 +10,8 @@ namespace mr::bench {
 namespace {
 
 Outcome measure_one(std::span<const merge::Part> parts, const MergeCase& input, int threads,
-                    Handed handed, const RaceConfig& config) {
-  return race({merge_ours("merger", parts, overlap_config(input), threads, handed)}, config)
-      .front();
+                    const RaceConfig& config) {
+  return race({merge_ours("merger", parts, overlap_config(input), threads)}, config).front();
 }
 
 double megabytes_of(std::span<const merge::Part> parts) {
@@ -68,14 +67,14 @@ TreeOutcome measure_tree(const MergeCase& input, int threads, const RaceConfig& 
   for (const std::size_t size : input.groups) {
     told(groups.size(), input.groups.size() + 1);
     const auto parts = std::span(input.parts).subspan(at, size);
-    groups.push_back(measure_one(parts, input, threads, Handed::labelled, config));
+    groups.push_back(measure_one(parts, input, threads, config));
     add_merger(groups.back(), megabytes_of(parts), out);
     if (!out.whole.aborted.empty()) return out;
     merged.push_back(part_of(std::exchange(groups.back().result, {}), parts));
     at += size;
   }
   told(groups.size(), input.groups.size() + 1);
-  Outcome root = measure_one(merged, input, threads, Handed::plain, config);
+  Outcome root = measure_one(merged, input, threads, config);
   add_merger(root, megabytes_of(merged), out);
   if (!out.whole.aborted.empty()) return out;
   add_runs(groups, root, out);

@@ -8,7 +8,6 @@
 #include "merge_contenders.h"
 #include "mr/core/parallel.h"
 #include "mr/kit/topology.h"
-#include "mr/merge/islands.h"
 #include "mr/merge/overlap.h"
 #include "surfaces.h"
 
@@ -86,8 +85,7 @@ Result<Strips> load_strips(const std::string& name) {
     arena.run([&] {
       const merge::OverlapConfig config = overlap_config(*input);
       for (const Mesh& mesh : merge::remove_overlap(input->parts, config))
-        out.push_back(
-            to_message(merge::remove_islands(mesh, merge::island_area_m2(config.voxel_m))));
+        out.push_back(to_message(mesh));
     });
     return out;
   });

@@ -183,16 +183,15 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   std::size_t bad_before = 0;
   for (const Part& part : parts) bad_before += count_bad_edges(part.mesh);
 
-  std::vector<Mesh> owned = merge::remove_overlap(parts, config);
+  const std::vector<Mesh> owned = merge::remove_overlap(parts, config);
   require(owned.size() == parts.size(), "one mesh per part");
-  for (Mesh& mesh : owned) {
+  for (const Mesh& mesh : owned) {
     require_whole(mesh);
     require(bad_before > 0 || count_bad_edges(mesh) == 0, "removal makes no non-manifold edge");
-    mesh = merge::remove_islands(mesh, merge::island_area_m2(config.voxel_m));
-    require_whole(mesh);
   }
   const Mesh zipped = merge::zip(owned, merge::zipper_config(config.voxel_m));
   require_whole(zipped);
   require(bad_before > 0 || count_bad_edges(zipped) == 0, "zipping makes no non-manifold edge");
+  require_whole(merge::remove_islands(zipped, merge::island_area_m2(config.voxel_m)));
   return 0;
 }

@@ -254,12 +254,10 @@ bool is_manifold(std::span<const Part> parts) {
 test::Merged merged_soundly(std::span<const Part> parts, const OverlapConfig& config) {
   test::Merged out{merge::remove_overlap(parts, config), {}};
   EXPECT_EQ(out.owned.size(), parts.size());
-  for (Mesh& mesh : out.owned) {
-    EXPECT_TRUE(test::is_whole(mesh));
-    mesh = merge::remove_islands(mesh, merge::island_area_m2(config.voxel_m));
-    EXPECT_TRUE(test::is_whole(mesh));
-  }
-  out.mesh = merge::zip(out.owned, merge::zipper_config(config.voxel_m));
+  for (const Mesh& mesh : out.owned) EXPECT_TRUE(test::is_whole(mesh));
+  const Mesh zipped = merge::zip(out.owned, merge::zipper_config(config.voxel_m));
+  EXPECT_TRUE(test::is_whole(zipped));
+  out.mesh = merge::remove_islands(zipped, merge::island_area_m2(config.voxel_m));
   EXPECT_TRUE(test::is_whole(out.mesh));
   if (parts.size() > 1) {
     EXPECT_EQ(kit::count_nonmanifold_edges(out.mesh), 0u);

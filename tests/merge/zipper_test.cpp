@@ -5,7 +5,6 @@
 #include "mr/core/parallel.h"
 #include "mr/kit/topology.h"
 #include "mr/merge/border.h"
-#include "mr/merge/islands.h"
 #include "mr/merge/overlap.h"
 #include "support/meshes.h"
 #include "support/rays.h"
@@ -100,9 +99,7 @@ TEST(Zipper, OverlapRemovalAndZipperGiveOneClosedWall) {
   const std::vector<merge::Part> parts = {
       {wall(-1, 0.4f, 0, 30, 1), 0.001f, {test::source(0, eye(-0.5))}},
       {wall(-0.4f, 1, 0.006f, 23, 2), 0.001f, {test::source(1, eye(0.5))}}};
-  std::vector<Mesh> owned = merge::remove_overlap(parts, {});
-  for (Mesh& mesh : owned) mesh = merge::remove_islands(mesh, merge::island_area_m2(0.01));
-  const Mesh zipped = zip(owned);
+  const Mesh zipped = zip(merge::remove_overlap(parts, {}));
   EXPECT_LT(open_area(zipped, -0.98f, 0.98f, -0.98f, 0.98f), 2e-3);
   EXPECT_LT(test::doubled_share(zipped, {-1, -1, 0}, {2, 0, 0}, {0, 2, 0}, {0, 0, 1}, 0.05f), 4e-3);
   EXPECT_EQ(kit::count_nonmanifold_edges(zipped), 0u);

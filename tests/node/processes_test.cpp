@@ -325,27 +325,34 @@ TEST_F(Processes, EachNodeMayDieAndComesBack) {
   EXPECT_TRUE(shows(client, {0, 1})) << "nats-server was restarted";
 }
 
-/// The sensor whose own surface a place is on: merging moves nothing. None: on a strip between two.
-std::optional<std::uint32_t> owner_at(Vec3f place, const test::Rays& sensors) {
-  constexpr float kOnIt_m = 0.001f;
-  const auto near = sensors.scene().nearest(place, kOnIt_m);
-  return near ? std::optional(near->mesh) : std::nullopt;
+/// The sensor whose own surface a place is on: merging moves nothing. None: on a strip between two,
+/// or where another sensor's surface is the same.
+std::optional<std::size_t> owner_at(Vec3f place, const std::vector<test::Rays>& sensors) {
+  constexpr float kOnIt_m = 0.0005f, kApart_m = 0.0015f;
+  std::optional<std::size_t> owner;
+  for (std::size_t i = 0; i < sensors.size(); ++i) {
+    const auto near = sensors[i].scene().nearest(place, kApart_m);
+    if (!near) continue;
+    if (owner || near->distance_m > kOnIt_m) return std::nullopt;
+    owner = i;
+  }
+  return owner;
 }
 
 /// Share of a surface that comes from the same sensor as what is nearest on another.
-double same_owner_share(const Mesh& mesh, const Mesh& other, const std::vector<Mesh>& sensors) {
-  std::vector<const Mesh*> all;
-  for (const Mesh& sensor : sensors) all.push_back(&sensor);
-  const test::Rays owners(all), there({&other});
+double same_owner_share(const Mesh& mesh, const Mesh& other, const std::vector<Mesh>& meshes) {
+  std::vector<test::Rays> sensors;
+  for (const Mesh& sensor : meshes) sensors.emplace_back(std::vector{&sensor});
+  const test::Rays there({&other});
   const std::vector<test::SurfacePoint> points = test::points_on(mesh, 500);
   double same = 0, owned = 0;
   for (const test::SurfacePoint& p : points) {
-    const auto one = owner_at(p.point, owners),
-               two = owner_at(vec_cast<float>(there.scene().nearest(p.point)->point), owners);
+    const auto one = owner_at(p.point, sensors),
+               two = owner_at(vec_cast<float>(there.scene().nearest(p.point)->point), sensors);
     if (!one || !two) continue;
     ++owned, same += *one == *two;
   }
-  EXPECT_GT(owned, 0.85 * static_cast<double>(points.size()));
+  EXPECT_GT(owned, 0.5 * static_cast<double>(points.size()));
   return same / owned;
 }
 

@@ -188,7 +188,7 @@ std::span<const QualityGrid::Candidate> QualityGrid::Reader::at(Vec3f place, Vec
 
 /// Towards a part's borders its quality falls off.
 void QualityGrid::Reader::taper(std::size_t first, float area) {
-  const float factor = std::sqrt(std::sqrt(area));
+  const float factor = std::pow(area, 0.125f);
   for (std::size_t i = first; i < out_.size(); ++i) out_[i].quality *= factor;
 }
 

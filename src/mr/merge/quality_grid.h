@@ -35,7 +35,7 @@ class QualityMemory {
 
 /// How well each part measured each place: cos(angle) / sigma, averaged over the triangles around
 /// in cells of some voxels, apart for the three axes that a surface may face along. It falls off
-/// with the fourth root of the area around, so towards a part's borders, where depth is worst.
+/// with the eighth root of the area around, so towards a part's borders, where depth is worst.
 /// Being a smooth function of space and not of any one mesh, it divides all meshes along the same
 /// lines.
 class QualityGrid {
