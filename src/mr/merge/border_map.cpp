@@ -5,19 +5,13 @@
 
 #include "mr/core/parallel.h"
 #include "mr/kit/topology.h"
+#include "mr/merge/cell.h"
 
 namespace mr::merge {
 namespace {
 
 constexpr float kMostSamples = 4096;  // of one edge
 constexpr std::uint32_t kSeveral = 0xFFFFFFFFu;
-
-Vec3i floored(Vec3f p) {
-  const auto whole = [](float x) {
-    return static_cast<std::int32_t>(std::floor(std::clamp(x, -1e9f, 1e9f)));
-  };
-  return {whole(p.x), whole(p.y), whole(p.z)};
-}
 
 }  // namespace
 
@@ -60,10 +54,10 @@ void BorderMap::for_each_cell(const Joined& joined, std::uint32_t half_edge, Vis
               b = joined.mesh.positions[kit::edge_to(joined.mesh, half_edge)] * per_cell_;
   const float wanted = std::ceil(2 * length(b - a));
   const int steps = static_cast<int>(std::clamp(wanted, 1.0f, kMostSamples));
-  Vec3i last = floored(a);
+  Vec3i last = cell_at(a);
   visit(last);
   for (int i = 1; i <= steps; ++i) {
-    const Vec3i cell = floored(a + (b - a) * (static_cast<float>(i) / static_cast<float>(steps)));
+    const Vec3i cell = cell_at(a + (b - a) * (static_cast<float>(i) / static_cast<float>(steps)));
     if (cell != last) visit(cell);
     last = cell;
   }

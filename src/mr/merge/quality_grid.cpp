@@ -4,18 +4,12 @@
 #include <cmath>
 
 #include "mr/core/parallel.h"
+#include "mr/merge/cell.h"
 
 namespace mr::merge {
 namespace {
 
 constexpr int kMostPieces = 16;  // of a triangle's edges, when it is spread over cells
-
-Vec3i floored(Vec3f p) {
-  const auto whole = [](float x) {
-    return static_cast<std::int32_t>(std::floor(std::clamp(x, -1e6f, 1e6f)));
-  };
-  return {whole(p.x), whole(p.y), whole(p.z)};
-}
 
 std::uint64_t key(Vec3i cell) {
   const auto bits = [](std::int32_t x) { return static_cast<std::uint64_t>(x + (1 << 20)); };
@@ -48,7 +42,7 @@ class Filler {
         each[axis + 3] = each[axis] * measured.quality[t];
       }
       for_each_piece(n, [&](float b, float c) {
-        QualitySums& here = cells_.sums[place_of(key(floored((a + ab * b + ac * c) * per_cell)))];
+        QualitySums& here = cells_.sums[place_of(key(cell_at((a + ab * b + ac * c) * per_cell)))];
         for (std::size_t i = 0; i < each.size(); ++i) here[i] += each[i];
       });
     }
@@ -87,9 +81,9 @@ class Filler {
       for (std::size_t i = 0; i < count; ++i)
         for (const std::uint64_t neighbour : {keys[i] - kStep[axis], keys[i] + kStep[axis]}) {
           const std::uint32_t* other = cells_.places.find(neighbour);
+          if (!other) continue;
           for (int k = 0; k < 6; ++k)
-            if (k % 3 != axis)
-              sums[i][k] += 0.25f * ((other ? before[*other][k] : 0.0f) - before[i][k]);
+            if (k % 3 != axis) sums[i][k] += 0.25f * (before[*other][k] - before[i][k]);
         }
     }
     const std::vector<QualitySums> before = sums;
@@ -154,63 +148,49 @@ QualityGrid::QualityGrid(std::span<const Part> parts, std::span<const Measured> 
     for (const QualitySums& sums : of_owner[k].sums) entries_[next[*at++]++] = {k, sums};
 }
 
+QualityGrid::Reader::Reader(const QualityGrid& grid)
+    : grid_(grid),
+      area_(grid.owners_.size(), 0.0f),
+      quality_(grid.owners_.size(), 0.0f),
+      part_area_(grid.owners_.empty() ? 0 : grid.owners_.back().part + 1, 0.0f) {}
+
 std::span<const QualityGrid::Candidate> QualityGrid::Reader::at(Vec3f place, Vec3f normal) {
   const Vec3f in_cells = place * grid_.per_cell_ - Vec3f{0.5f, 0.5f, 0.5f};
-  const Vec3i cell = floored(in_cells);
+  const Vec3i cell = cell_at(in_cells);
   const Around& here = around(cell);
   const Vec3f f = in_cells - vec_cast<float>(cell);
-  Corners weights;
+  const Vec3f along{normal.x * normal.x, normal.y * normal.y, normal.z * normal.z};
+  out_.clear();
   for (int c = 0; c < 8; ++c) {
     const float w = (c & 1 ? f.x : 1 - f.x) * (c & 2 ? f.y : 1 - f.y) * (c & 4 ? f.z : 1 - f.z);
-    weights[3 * c] = w * normal.x * normal.x;
-    weights[3 * c + 1] = w * normal.y * normal.y;
-    weights[3 * c + 2] = w * normal.z * normal.z;
-  }
-  out_.clear();
-  float around_part =
-      0;  // area of all sources of a part: its borders count, not those between them
-  std::size_t first = 0;
-  for (std::size_t i = 0; i < here.owners.size(); ++i) {
-    float area = 0, quality = 0;
-    for (int k = 0; k < 24; ++k) {
-      area += weights[k] * here.area[i][k];
-      quality += weights[k] * here.quality[i][k];
+    const float x = w * along.x, y = w * along.y, z = w * along.z;
+    for (std::uint32_t e = here.begin[c]; e < here.end[c]; ++e) {
+      const auto& [owner, sums] = grid_.entries_[e];
+      const float area = x * sums[0] + y * sums[1] + z * sums[2];
+      if (!(area > 0)) continue;
+      if (area_[owner] == 0) out_.push_back({grid_.owners_[owner], owner, 0});
+      area_[owner] += area;
+      quality_[owner] += x * sums[3] + y * sums[4] + z * sums[5];
+      part_area_[grid_.owners_[owner].part] += area;
     }
-    const Owner& owner = grid_.owners_[here.owners[i]];
-    if (i > 0 && owner.part != out_.back().owner.part) taper(first, around_part);
-    if (out_.empty() || owner.part != out_.back().owner.part) first = i, around_part = 0;
-    around_part += area;
-    out_.push_back({owner, here.owners[i], area > 0 ? quality / area : 0});
   }
-  taper(first, around_part);
+  // Towards a part's borders it falls off; borders between its sources do not count.
+  for (Candidate& c : out_)
+    c.quality = quality_[c.number] / area_[c.number] *
+                std::sqrt(std::sqrt(std::sqrt(part_area_[c.owner.part])));
+  for (const Candidate& c : out_)
+    area_[c.number] = quality_[c.number] = part_area_[c.owner.part] = 0;
   return out_;
-}
-
-/// Towards a part's borders its quality falls off.
-void QualityGrid::Reader::taper(std::size_t first, float area) {
-  const float factor = std::pow(area, 0.125f);
-  for (std::size_t i = first; i < out_.size(); ++i) out_[i].quality *= factor;
 }
 
 const QualityGrid::Reader::Around& QualityGrid::Reader::around(Vec3i cell) {
   Around& here = cache_[hash_cell(cell) % kCached];
   if (here.used && here.cell == cell) return here;
   here.used = true, here.cell = cell;
-  here.owners.clear(), here.area.clear(), here.quality.clear();
   for (int c = 0; c < 8; ++c) {
     const std::uint32_t* known = grid_.cells_.find(key(cell + Vec3i{c & 1, c >> 1 & 1, c >> 2}));
-    if (!known) continue;
-    for (std::uint32_t e = grid_.first_[*known]; e < grid_.first_[*known + 1]; ++e) {
-      const Entry& entry = grid_.entries_[e];
-      const auto i = std::ranges::lower_bound(here.owners, entry.owner) - here.owners.begin();
-      if (i == std::ssize(here.owners) || here.owners[i] != entry.owner) {
-        here.owners.insert(here.owners.begin() + i, entry.owner);
-        here.area.insert(here.area.begin() + i, Corners{});
-        here.quality.insert(here.quality.begin() + i, Corners{});
-      }
-      std::copy_n(entry.sums.begin(), 3, here.area[i].begin() + 3 * c);
-      std::copy_n(entry.sums.begin() + 3, 3, here.quality[i].begin() + 3 * c);
-    }
+    here.begin[c] = known ? grid_.first_[*known] : 0;
+    here.end[c] = known ? grid_.first_[*known + 1] : 0;
   }
   return here;
 }

@@ -54,30 +54,29 @@ class QualityGrid {
     float quality;
   };
 
-  /// Reads the grid at places that lie near each other.
+  /// Reads the grid, best at places that lie near each other in turn.
   class Reader {
    public:
-    explicit Reader(const QualityGrid& grid) : grid_(grid) {}
+    explicit Reader(const QualityGrid& grid);
 
-    /// Who has surface around a place, by number, as far as it faces along the axes of `normal`.
-    /// Valid until the next call.
+    /// Who has surface around a place, as far as it faces along the axes of `normal`; the order
+    /// depends on the grid only. Valid until the next call.
     std::span<const Candidate> at(Vec3f place, Vec3f normal);
 
    private:
     static constexpr std::size_t kCached = 64;
-    using Corners = std::array<float, 24>;  // three axes of cell after cell
-    /// What the eight cells around a place hold.
+    /// The eight cells around a place.
     struct Around {
       bool used = false;
       Vec3i cell;
-      std::vector<std::uint32_t> owners;   // ascending
-      std::vector<Corners> area, quality;  // [owners]
+      std::array<std::uint32_t, 8> begin, end;  // into entries_
     };
     const Around& around(Vec3i cell);
-    void taper(std::size_t first, float area);
 
     const QualityGrid& grid_;
     std::array<Around, kCached> cache_;
+    std::vector<float> area_, quality_;  // [owners] 0 but while they are summed up
+    std::vector<float> part_area_;       // [parts] likewise
     std::vector<Candidate> out_;
   };
 
