@@ -113,7 +113,7 @@ void QualityMemory::steady(std::uint32_t sensor, QualityCells& cells) {
       if (std::abs(cells.sums[i][k] - held) <= kHeld * held) cells.sums[i][k] = held;
     }
   }
-  last = cells;
+  if (!frozen_) last = cells;
 }
 
 QualityGrid::QualityGrid(std::span<const Part> parts, std::span<const Measured> measured,

@@ -28,8 +28,11 @@ class QualityMemory {
  public:
   /// Steadies the sums of a sensor, and remembers them.
   void steady(std::uint32_t sensor, QualityCells& cells);
+  /// While frozen, nothing is remembered: a piece of a scene is merged.
+  void freeze(bool frozen) { frozen_ = frozen; }
 
  private:
+  bool frozen_ = false;
   std::map<std::uint32_t, QualityCells> last_;
 };
 

@@ -11,19 +11,16 @@
 #include "mr/core/parallel.h"
 
 namespace mr::node {
-namespace {
 
-Vec3i cube_of(Vec3f p, double chunk_m) {
-  const auto cell = [&](float v) { return static_cast<std::int32_t>(std::floor(v / chunk_m)); };
+Vec3i cube_of(Vec3d p, double chunk_m) {
+  const auto cell = [&](double v) { return static_cast<std::int32_t>(std::floor(v / chunk_m)); };
   return {cell(p.x), cell(p.y), cell(p.z)};
 }
-
-}  // namespace
 
 std::map<Vec3i, Mesh> split_by_cube(const Mesh& mesh, double chunk_m) {
   std::map<Vec3i, std::vector<std::uint32_t>> cubes;  // their triangles
   for (std::uint32_t t = 0; t < mesh.triangles.size(); ++t)
-    cubes[cube_of(mesh.centroid(t), chunk_m)].push_back(t);
+    cubes[cube_of(vec_cast<double>(mesh.centroid(t)), chunk_m)].push_back(t);
   const std::vector<ViewId> views = triangle_views(mesh);
   std::vector<std::uint32_t> index(mesh.positions.size());
   std::vector<const Mesh*> index_in(mesh.positions.size(), nullptr);  // the piece that it is for

@@ -51,6 +51,9 @@ class ChunkPublisher {
   codec::ChunkCache cache_;
 };
 
+/// The cube of the chunk grid that a point lies in.
+Vec3i cube_of(Vec3d p, double chunk_m);
+
 /// The triangles of a mesh by the cube that holds their centroid, in the mesh's order; views are
 /// kept.
 std::map<Vec3i, Mesh> split_by_cube(const Mesh& mesh, double chunk_m);

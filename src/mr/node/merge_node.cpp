@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <chrono>
 #include <cmath>
+#include <utility>
 
 #include "mr/atlas/burn.h"
 #include "mr/atlas/compose.h"
@@ -20,18 +21,7 @@ namespace mr::node {
 namespace {
 
 constexpr std::uint32_t kAtlasStream = 0;
-
-/// The whole surface of a scene; borders between chunks are welded.
-merge::Part part_of(const DecodedScene& scene) {
-  merge::Part part;
-  for (const auto& chunk : scene.chunks) {
-    append(part.mesh, chunk->mesh);
-    part.error_m = std::max(part.error_m, chunk->error_m);
-  }
-  part.mesh = kit::weld(part.mesh);
-  part.sources = scene.sources;
-  return part;
-}
+constexpr double kReach_voxels = 48;  // three cells of the quality grid
 
 /// How many triangles the children spent on the surface that stays. Cutting along overlaps adds
 /// many small ones; decimation counts from here.
@@ -78,7 +68,8 @@ MergeNode::MergeNode(const Scene& scene, const MergerConfig& merger, bool is_roo
       gatherer_(scene, merger, !is_root),
       publisher_(scene, kMergedSource),
       texture_(scene, kAtlasStream),
-      calibration_(scene) {}
+      calibration_(scene),
+      cubes_(scene.fusion.chunk_m, kReach_voxels * scene.voxel_m) {}
 
 std::vector<std::byte> MergeNode::answer(const codec::Request& request) {
   if (request.key_frame && is_root_) texture_.ask_key_frame();
@@ -139,10 +130,15 @@ Result<MergeNode::Surface> MergeNode::merge_surfaces(const Gathered& gathered,
   for (const merge::Part& part : parts) out.error_m = std::max(out.error_m, part.error_m);
   trace_.time("register", [&] { calibration_.run(parts, out.views, out.sources); });
 
-  double triangles = 0;
-  const Mesh joined = join(parts, halfway, triangles);
-  const auto small =
-      trace_.time("simplify", [&] { return decimated(joined, triangles, out.error_m); });
+  const auto join_some = [&](const std::vector<merge::Part>& some, bool all) {
+    return join(some, all, halfway);
+  };
+  // Corrections of poses (merge.refine) concern all that an input has.
+  const bool whole = scene_->merge.refine || scene_->merge.leave_out_mm > 0;
+  const Mesh joined =
+      whole ? join(parts, true, halfway) : cubes_.run(gathered.scenes, parts, join_some);
+  if (std::exchange(hurried_, false)) cubes_.forget();  // seams are open
+  const auto small = trace_.time("simplify", [&] { return decimated(joined, out.error_m); });
   if (!small) return small.error();
   const Mesh labelled = trace_.time("atlas", [&] {
     if (!is_root_) return *small;  // with the sensors that measured it, which the next one asks for
@@ -158,9 +154,9 @@ Result<MergeNode::Surface> MergeNode::merge_surfaces(const Gathered& gathered,
   return out;
 }
 
-/// Paper 3.2: one surface of all parts. `triangles`: how many the children spent on it.
-Mesh MergeNode::join(const std::vector<merge::Part>& parts, const std::function<void()>& halfway,
-                     double& triangles) {
+/// Paper 3.2: one surface of all parts, which may be pieces.
+Mesh MergeNode::join(const std::vector<merge::Part>& parts, bool all,
+                     const std::function<void()>& halfway) {
   const double voxel_m = scene_->voxel_m;
   const MergeConfig& config = scene_->merge;
   const auto started = std::chrono::steady_clock::now();
@@ -168,7 +164,8 @@ Mesh MergeNode::join(const std::vector<merge::Part>& parts, const std::function<
     return std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - started)
         .count();
   };
-  std::vector<Mesh> owned = trace_.time("overlap", [&] {
+  quality_.freeze(!all);
+  const std::vector<Mesh> owned = trace_.time("overlap", [&] {
     return merge::remove_overlap(parts,
                                  {.owner = config.owner,
                                   .overlap = config.overlap,
@@ -176,13 +173,14 @@ Mesh MergeNode::join(const std::vector<merge::Part>& parts, const std::function<
                                   .calibration_error_m = config.calibration_error_m},
                                  &quality_);
   });
-  triangles = triangles_sent(parts, owned);
+  if (all) triangles_ = triangles_sent(parts, owned);
   if (halfway) halfway();
   const Mesh zipped = trace_.time("zipper", [&] {
     merge::ZipperConfig zipper = merge::zipper_config(voxel_m);
     if (config.gap_m > 0) zipper.max_gap_m = config.gap_m;
     const double before_ms = spent_ms();
     const bool hurry = merger_.budget_ms > 0 && before_ms + zipper_ms_ > merger_.budget_ms;
+    hurried_ |= hurry;
     if (hurry) zipper.max_gap_m = 0;
     Mesh out = merge::zip(owned, zipper);
     if (!hurry) zipper_ms_ = spent_ms() - before_ms;
@@ -196,10 +194,10 @@ Mesh MergeNode::join(const std::vector<merge::Part>& parts, const std::function<
 }
 
 /// On the lattice. Only the root decimates, and only where the scene asks for it.
-Result<Mesh> MergeNode::decimated(const Mesh& mesh, double triangles, float& error_m) {
+Result<Mesh> MergeNode::decimated(const Mesh& mesh, float& error_m) {
   auto snapped = codec::snap_to_lattice(mesh, scene_->lattice);
   if (!snapped || !is_root_ || scene_->merge.simplify.ratio >= 1) return snapped;
-  const double target = scene_->merge.simplify.ratio * triangles;
+  const double target = scene_->merge.simplify.ratio * triangles_;
   const auto small =
       simplifier_.run(*snapped, {.triangles = static_cast<std::size_t>(std::ceil(target))});
   if (!small) return small.error();

@@ -19,6 +19,7 @@
 #include "mr/merge/quality_grid.h"
 #include "mr/node/calibration_check.h"
 #include "mr/node/chunk_publisher.h"
+#include "mr/node/cube_merger.h"
 #include "mr/node/gatherer.h"
 #include "mr/node/node_clock.h"
 #include "mr/node/texture_stream.h"
@@ -68,6 +69,9 @@ class MergeNode {
   /// Whether the last merge found the inputs' geometry unchanged and kept its surface.
   bool reused() const { return reused_; }
 
+  /// How much of the scene the last merge had to look at.
+  const CubeMerger& cubes() const { return cubes_; }
+
   /// How well the inputs fit, and a line when one does not.
   CalibrationCheck& calibration() { return calibration_; }
 
@@ -85,9 +89,8 @@ class MergeNode {
 
   Packet head(const Gathered& gathered) const;
   Result<Surface> merge_surfaces(const Gathered& gathered, const std::function<void()>& halfway);
-  Mesh join(const std::vector<merge::Part>& parts, const std::function<void()>& halfway,
-            double& triangles);
-  Result<Mesh> decimated(const Mesh& mesh, double triangles, float& error_m);
+  Mesh join(const std::vector<merge::Part>& parts, bool all, const std::function<void()>& halfway);
+  Result<Mesh> decimated(const Mesh& mesh, float& error_m);
   Status add_textures(const Gathered& gathered, const Surface& surface, Packet& packet);
   Status compose_atlas(const Gathered& gathered, const Surface& surface, Packet& packet);
   void add_marks(const Gathered& gathered, TimePoint started, Packet& packet) const;
@@ -102,12 +105,15 @@ class MergeNode {
   simplify::Simplifier simplifier_;
   CalibrationCheck calibration_;
   merge::QualityMemory quality_;
+  CubeMerger cubes_;
   atlas::ColorBalance balance_;
   atlas::Layout layout_;
   std::optional<std::pair<Gathered, Surface>> last_;  // reused while the inputs' geometry stays
   std::atomic<bool> reused_ = false, key_frame_wished_ = false;
   std::uint64_t sequence_ = 0;
   double zipper_ms_ = 0;  ///< what closing all gaps took last; for merger.budget_ms
+  bool hurried_ = false;  ///< some gaps were left open
+  double triangles_ = 0;  ///< that the children spent on what stays, when all was merged last
   Trace trace_;
 };
 

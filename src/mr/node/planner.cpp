@@ -14,6 +14,7 @@
 
 #include "mr/core/parallel.h"
 #include "mr/fusion/voxel_block.h"
+#include "mr/node/chunk_publisher.h"
 
 namespace mr::node {
 namespace {
@@ -223,11 +224,6 @@ struct Cubes {
     return {vec_cast<double>(low - more) * chunk_m, vec_cast<double>(high + more) * chunk_m};
   }
 };
-
-Vec3i cube_of(Vec3d p, double chunk_m) {
-  const auto cell = [&](double v) { return static_cast<std::int32_t>(std::floor(v / chunk_m)); };
-  return {cell(p.x), cell(p.y), cell(p.z)};
-}
 
 bool holds(const Cubes& cubes, Vec3i cube, int margin) {
   for (int axis = 0; axis < 3; ++axis)

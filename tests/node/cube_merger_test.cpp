@@ -1,0 +1,116 @@
+#include "mr/node/cube_merger.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <array>
+
+#include "mr/merge/islands.h"
+#include "mr/merge/overlap.h"
+#include "mr/merge/quality_grid.h"
+#include "mr/merge/zipper.h"
+#include "mr/node/chunk_publisher.h"
+#include "support/meshes.h"
+#include "support/rays.h"
+
+namespace mr {
+namespace {
+
+constexpr double kVoxel_m = 0.01, kChunk_m = 0.64;
+
+/// A wall of 12 m by 2 m at z = 2, in chunks, as one sensor sees it.
+DecodedScene wall(std::uint32_t sensor, float z, int cells, unsigned seed) {
+  const Mesh mesh = test::grid({-6, 1, z}, {12, 0, 0}, {0, -2, 0}, 6 * cells, cells, 0.001f, seed);
+  DecodedScene out;
+  SourceInfo source =
+      test::source(sensor, look_at({sensor == 0 ? -3.0 : 3.0, 0, -4}, {0, 0, 2}, {0, -1, 0}));
+  out.sources = {source};
+  for (auto& [cube, piece] : node::split_by_cube(mesh, kChunk_m))
+    out.chunks.push_back(
+        std::make_shared<const Chunk>(Chunk{{{cube, sensor}, 0, 1}, 0.001f, piece}));
+  return out;
+}
+
+/// The same with a dent of some millimetres in one chunk.
+DecodedScene dented(DecodedScene scene, Vec3f at) {
+  for (auto& chunk : scene.chunks) {
+    if (chunk->key.id.cube != node::cube_of(vec_cast<double>(at), kChunk_m)) continue;
+    Chunk changed = *chunk;
+    ++changed.key.version;
+    for (Vec3f& p : changed.mesh.positions) p.z += 0.004f * std::max(0.0f, 1 - 8 * length(p - at));
+    chunk = std::make_shared<const Chunk>(std::move(changed));
+  }
+  return scene;
+}
+
+struct Merger {
+  Mesh run(const std::vector<DecodedScene>& scenes) {
+    std::vector<merge::Part> parts;
+    for (const DecodedScene& scene : scenes) parts.push_back(node::part_of(scene));
+    return cubes.run(scenes, parts, [&](const std::vector<merge::Part>& some, bool all) {
+      all_calls += all, some_calls += !all;
+      memory.freeze(!all);
+      const auto owned = merge::remove_overlap(some, {.voxel_m = kVoxel_m}, &memory);
+      return merge::remove_islands(merge::zip(owned, merge::zipper_config(kVoxel_m)),
+                                   merge::island_area_m2(kVoxel_m));
+    });
+  }
+  node::CubeMerger cubes{kChunk_m, 48 * kVoxel_m};
+  merge::QualityMemory memory;
+  int all_calls = 0, some_calls = 0;
+};
+
+std::vector<std::array<Vec3f, 3>> triangles_of(const Mesh& mesh) {
+  std::vector<std::array<Vec3f, 3>> out;
+  for (std::size_t t = 0; t < mesh.triangles.size(); ++t) {
+    out.push_back({mesh.corner(t, 0), mesh.corner(t, 1), mesh.corner(t, 2)});
+    std::ranges::rotate(out.back(), std::ranges::min_element(out.back()));
+  }
+  std::ranges::sort(out);
+  return out;
+}
+
+TEST(CubeMerger, MergesOnlyAroundWhatChanged) {
+  const std::vector<DecodedScene> before = {wall(0, 2, 40, 1), wall(1, 2.003f, 37, 2)};
+  const std::vector<DecodedScene> after = {dented(before[0], {-4.1f, 0.2f, 2}), before[1]};
+  Merger merger, other;
+  merger.run(before);
+  const Mesh mended = merger.run(after);
+  EXPECT_EQ(merger.all_calls, 1);
+  EXPECT_EQ(merger.some_calls, 1);
+  EXPECT_GT(merger.cubes.cubes(), 50u);
+  EXPECT_LT(merger.cubes.merged_cubes(), merger.cubes.cubes() / 3);
+  EXPECT_GT(merger.cubes.merged_cubes(), 0u);
+
+  const Mesh whole = other.run(after);  // who sees it for the first time merges all
+  EXPECT_EQ(triangles_of(mended), triangles_of(whole));
+}
+
+TEST(CubeMerger, NothingNewIsNotMergedAgain) {
+  const std::vector<DecodedScene> scenes = {wall(0, 2, 40, 1), wall(1, 2.003f, 37, 2)};
+  Merger merger;
+  const Mesh first = merger.run(scenes), second = merger.run(scenes);
+  EXPECT_EQ(merger.cubes.merged_cubes(), 0u);
+  EXPECT_EQ(triangles_of(first), triangles_of(second));
+}
+
+TEST(CubeMerger, WhatIsNewInHalfOfTheSceneOrFromAnotherPlaceIsMergedWhole) {
+  std::vector<DecodedScene> scenes = {wall(0, 2, 40, 1), wall(1, 2.003f, 37, 2)};
+  Merger merger;
+  merger.run(scenes);
+  scenes[0] = wall(0, 2, 40, 3);  // every chunk
+  merger.run(scenes);
+  EXPECT_EQ(merger.all_calls, 2);
+  scenes[1].sources[0].T_world_depth.translation.x += 0.001;  // the sensor moved
+  merger.run(scenes);
+  EXPECT_EQ(merger.all_calls, 3);
+  scenes.pop_back();
+  merger.run(scenes);
+  EXPECT_EQ(merger.all_calls, 4);
+  merger.cubes.forget();
+  merger.run(scenes);
+  EXPECT_EQ(merger.all_calls, 5);
+}
+
+}  // namespace
+}  // namespace mr
