@@ -1,6 +1,7 @@
 #include "mr/merge/ownership.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <limits>
 #include <optional>
@@ -258,16 +259,23 @@ class OwnPart {
     return out;
   }
 
-  /// Whether a triangle's corners, middle and middles of its edges have different owners.
+  /// Whether a triangle's corners, middle and middle of its longest edge have different owners.
   bool is_divided(std::uint32_t t, Owners::Look& look) const {
-    const auto& [a, b, c] = mesh_->triangles[t];
-    const bool own = margin_[a] > 0;
-    if ((margin_[b] > 0) != own || (margin_[c] > 0) != own) return true;
+    const Triangle& corners = mesh_->triangles[t];
+    const bool own = margin_[corners[0]] > 0;
+    if ((margin_[corners[1]] > 0) != own || (margin_[corners[2]] > 0) != own) return true;
+    int longest = 0;
+    std::array<float, 3> edges;
+    for (int i = 0; i < 3; ++i) {
+      edges[i] = length(mesh_->corner(t, i) - mesh_->corner(t, (i + 1) % 3));
+      if (edges[i] > edges[longest]) longest = i;
+    }
+    const Spot& a = (*vertices_)[corners[longest]];
+    const Spot& b = (*vertices_)[corners[(longest + 1) % 3]];
+    const Spot& c = (*vertices_)[corners[(longest + 2) % 3]];
     const auto differs = [&](const Spot& spot) { return (look.margin(spot) > 0) != own; };
-    const std::vector<Spot>& v = *vertices_;
-    const Spot ab = between(v[a], v[b], 0.5f);
-    return differs(ab) || differs(between(v[b], v[c], 0.5f)) ||
-           differs(between(v[c], v[a], 0.5f)) || differs(between(ab, v[c], 1.0f / 3));
+    const Spot middle = between(a, b, 0.5f);
+    return differs(middle) || differs(between(middle, c, 1.0f / 3));
   }
 
   void split_edges(const std::vector<std::uint8_t>& split, Owners::Look& look) {
