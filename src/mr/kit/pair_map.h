@@ -13,8 +13,6 @@ class PairMap {
  public:
   explicit PairMap(std::size_t expected) { resize(2 * expected); }
 
-  std::size_t size() const { return count_; }
-
   /// The number behind a key, or null.
   const std::uint32_t* find(std::uint64_t key) const {
     const Slot& slot = slots_[place(key)];
