@@ -20,7 +20,7 @@ constexpr std::uint64_t kStep[3] = {1ull << 42, 1ull << 21, 1};  // of a key, pe
 constexpr float kHeld = 0.1f;        // by how much a sum may change unnoticed
 constexpr float kLeastShare = 0.1f;  // of the surface in a cell, to count for its neighbours
 
-/// Fills the cells of one part.
+/// Fills the cells of one source of a part.
 class Filler {
  public:
   explicit Filler(QualityCells& cells) : cells_(cells) {}

@@ -22,8 +22,8 @@ struct QualityCells {
   std::vector<QualitySums> sums;    ///< [cells]
 };
 
-/// The grid as it was, by sensor: sums that changed by less than a tenth stay as
-/// they were, so that borders between owners lie still while noise does not.
+/// The grid as it was, by sensor: sums that changed by less than a tenth stay as they were, so that
+/// borders between owners lie still while noise does not.
 class QualityMemory {
  public:
   /// Steadies the sums of a sensor, and remembers them.
