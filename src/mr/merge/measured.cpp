@@ -52,11 +52,15 @@ void measure(const Part& part, std::size_t t, Measured& out) {
 
 }  // namespace
 
+float slack_m(const Part& part, const OverlapConfig& config) {
+  return static_cast<float>(config.calibration_error_m) +
+         std::min(part.error_m, static_cast<float>(config.voxel_m)) / 2;
+}
+
 Measured measured(const Part& part, const OverlapConfig& config) {
   const Mesh& mesh = part.mesh;
   Measured out;
-  out.slack_m = static_cast<float>(config.calibration_error_m) +
-                std::min(part.error_m, static_cast<float>(config.voxel_m));
+  out.slack_m = slack_m(part, config);
   out.label = triangle_labels(part);
   out.source.resize(mesh.triangles.size());
   out.quality.resize(mesh.triangles.size());

@@ -9,6 +9,11 @@
 
 namespace mr::merge {
 
+/// How far a part may lie off because of calibration and decimation. `error_m` is the largest error
+/// that decimation made anywhere: two parts hardly ever both have it at one place, so each counts
+/// with half of it.
+float slack_m(const Part& part, const OverlapConfig& config);
+
 /// A place on a part's surface.
 struct Spot {
   Vec3f position;
@@ -25,7 +30,7 @@ struct Measured {
   std::vector<std::uint32_t> label;   ///< [T] source whose view it has; kNoSource: none of them
   std::vector<std::uint32_t> source;  ///< [T] that measured it: the labelled one, else the worst
   std::vector<float> quality;         ///< [T] how well: cos(angle) / sigma, 1/m
-  float slack_m = 0;                  ///< error of calibration and decimation
+  float slack_m = 0;                  ///< of the part
 };
 
 Measured measured(const Part& part, const OverlapConfig& config);

@@ -121,18 +121,23 @@ class Owners {
       float mine = 0, below = 0;  // the best of those that measured it worse
       for (const auto& [owner, number, quality] : candidates)
         if (owner.part == part_ && owner.source == spot.source) mine = quality;
-      Verdict out{-1, {}};
-      for (const auto& [owner, number, its] : candidates) {
-        if (owner.part == part_) continue;
-        const float quality = its * (owner.part < part_ ? kFirstWins : 1 / kFirstWins);
-        if (quality < mine || (quality == mine && part_ < owner.part))
-          below = std::max(below, quality);
-        else if (const auto t = quality > out.margin ? owners_.find(number, spot, part_) : kNothing)
-          out = {quality, {owner.part, *t}};
+      better_.clear();
+      for (QualityGrid::Candidate its : candidates) {
+        if (its.owner.part == part_) continue;
+        its.quality *= its.owner.part < part_ ? kFirstWins : 1 / kFirstWins;
+        if (its.quality < mine || (its.quality == mine && part_ < its.owner.part))
+          below = std::max(below, its.quality);
+        else
+          better_.push_back(its);
       }
-      out.margin = out.lost_to.part == Place::kNobody ? std::max(mine - below, kLeast)
-                                                      : std::min(mine - out.margin, -kLeast);
-      return out;
+      std::ranges::make_heap(better_, {}, by_quality);
+      for (; !better_.empty(); better_.pop_back()) {
+        std::ranges::pop_heap(better_, {}, by_quality);
+        const auto& [owner, number, quality] = better_.back();
+        if (const auto t = owners_.find(number, spot, part_))
+          return {std::min(mine - quality, -kLeast), {owner.part, *t}};
+      }
+      return {std::max(mine - below, kLeast), {}};
     }
     float margin(const Spot& spot) { return verdict(spot).margin; }
 
@@ -141,17 +146,23 @@ class Owners {
     bool any_rival(const Spot& spot, Holds&& holds) {
       const auto candidates = reader_.at(spot.position, spot.normal);
       return std::ranges::any_of(candidates, [&](const QualityGrid::Candidate& c) {
-        const auto t = c.owner.part == part_ ? kNothing : owners_.find(c.number, spot, part_);
+        if (c.owner.part == part_) return false;
+        const auto t = owners_.find(c.number, spot, part_);
         return t && holds(Place{c.owner.part, *t});
       });
     }
 
    private:
     static constexpr float kLeast = 1e-12f;
-    static constexpr std::optional<std::uint32_t> kNothing = std::nullopt;
+    /// Of equals the one with the lower number comes first.
+    static std::pair<float, std::uint32_t> by_quality(const QualityGrid::Candidate& c) {
+      return {c.quality, ~c.number};
+    }
+
     const Owners& owners_;
     std::uint32_t part_;
     QualityGrid::Reader reader_;
+    std::vector<QualityGrid::Candidate> better_;  // than the part, those not asked yet
   };
 
  private:
@@ -214,6 +225,7 @@ class OwnPart {
     for (int round = 0; round < kMaxCuts; ++round) {
       std::vector<std::uint8_t> split;
       for (std::uint32_t t = 0; t < mesh_->triangles.size(); ++t) {
+        if (round > 0 && !is_new_[t]) continue;  // it was asked before
         const std::uint8_t edges = long_edges(t, longest_m);
         if (edges == 0 || !is_divided(t, look)) continue;
         split.resize(mesh_->triangles.size() * 3);
@@ -285,6 +297,9 @@ class OwnPart {
       vertices.push_back(between(vertices[a], vertices[b], 0.5f));
       margin_.push_back(look.margin(vertices.back()));
     }
+    is_new_.resize(fine.parent.size());
+    for (std::size_t t = 0; t < is_new_.size(); ++t)
+      is_new_[t] = fine.mesh.triangles[t] != mesh_->triangles[fine.parent[t]];
     for (std::uint32_t& parent : fine.parent) parent = whole_.empty() ? parent : whole_[parent];
     whole_ = std::move(fine.parent);
     finer_mesh_ = std::move(fine.mesh), mesh_ = &finer_mesh_;
@@ -299,6 +314,7 @@ class OwnPart {
   std::vector<float> margin_;          // [V] of mesh_
   std::vector<Place> lost_to_;         // [V] of the part
   std::vector<std::uint32_t> whole_;   // [T of mesh_] triangle of the part; empty: the same
+  std::vector<std::uint8_t> is_new_;   // [T of mesh_] since edges were last split
   Mesh finer_mesh_;
   std::vector<Spot> finer_vertices_;
 };

@@ -10,6 +10,7 @@
 #include "mr/kit/raster.h"
 #include "mr/kit/raycast.h"
 #include "mr/merge/cast_layers.h"
+#include "mr/merge/measured.h"
 #include "mr/merge/ray_votes.h"
 
 namespace mr::merge {
@@ -50,8 +51,7 @@ void describe(const Part& part, std::uint32_t number, const OverlapConfig& confi
   constexpr std::size_t kGrain = 8192;
   const std::vector<ViewId> views = triangle_views(part.mesh);
   const std::vector<Vec3f> normals = normals_around(part.mesh);
-  const float slack = static_cast<float>(config.calibration_error_m) +
-                      std::min(part.error_m, static_cast<float>(config.voxel_m));
+  const float slack = slack_m(part, config);
   parallel_for(views.size(), kGrain, [&](std::size_t begin, std::size_t end) {
     for (std::size_t t = begin; t < end; ++t) {
       const Triangle& tri = part.mesh.triangles[t];

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
 #include "mr/core/parallel.h"
 #include "mr/merge/cell.h"
@@ -19,6 +20,8 @@ std::uint64_t key(Vec3i cell) {
 constexpr std::uint64_t kStep[3] = {1ull << 42, 1ull << 21, 1};  // of a key, per axis
 constexpr float kHeld = 0.1f;        // by how much a sum may change unnoticed
 constexpr float kLeastShare = 0.1f;  // of the surface in a cell, to count for its neighbours
+constexpr std::uint32_t kNotHere = 0xFFFFFFFFu;
+constexpr Vec3i kNowhere{1 << 30, 0, 0};
 
 /// Fills the cells of one source of a part.
 class Filler {
@@ -149,50 +152,79 @@ QualityGrid::QualityGrid(std::span<const Part> parts, std::span<const Measured> 
 }
 
 QualityGrid::Reader::Reader(const QualityGrid& grid)
-    : grid_(grid),
-      area_(grid.owners_.size(), 0.0f),
-      quality_(grid.owners_.size(), 0.0f),
-      part_area_(grid.owners_.empty() ? 0 : grid.owners_.back().part + 1, 0.0f) {}
+    : grid_(grid), cache_(kCached), place_(grid.owners_.size(), kNotHere) {
+  for (Around& none : cache_) none.cell = kNowhere;
+}
 
 std::span<const QualityGrid::Candidate> QualityGrid::Reader::at(Vec3f place, Vec3f normal) {
   const Vec3f in_cells = place * grid_.per_cell_ - Vec3f{0.5f, 0.5f, 0.5f};
   const Vec3i cell = cell_at(in_cells);
   const Around& here = around(cell);
   const Vec3f f = in_cells - vec_cast<float>(cell);
-  const Vec3f along{normal.x * normal.x, normal.y * normal.y, normal.z * normal.z};
-  out_.clear();
+  std::array<float, 24> share;  // of each cell's three sums
   for (int c = 0; c < 8; ++c) {
     const float w = (c & 1 ? f.x : 1 - f.x) * (c & 2 ? f.y : 1 - f.y) * (c & 4 ? f.z : 1 - f.z);
-    const float x = w * along.x, y = w * along.y, z = w * along.z;
-    for (std::uint32_t e = here.begin[c]; e < here.end[c]; ++e) {
-      const auto& [owner, sums] = grid_.entries_[e];
-      const float area = x * sums[0] + y * sums[1] + z * sums[2];
-      if (!(area > 0)) continue;
-      if (area_[owner] == 0) out_.push_back({grid_.owners_[owner], owner, 0});
-      area_[owner] += area;
-      quality_[owner] += x * sums[3] + y * sums[4] + z * sums[5];
-      part_area_[grid_.owners_[owner].part] += area;
-    }
+    for (int axis = 0; axis < 3; ++axis) share[3 * c + axis] = w * normal[axis] * normal[axis];
   }
-  // Towards a part's borders it falls off; borders between its sources do not count.
-  for (Candidate& c : out_)
-    c.quality = quality_[c.number] / area_[c.number] *
-                std::sqrt(std::sqrt(std::sqrt(part_area_[c.owner.part])));
-  for (const Candidate& c : out_)
-    area_[c.number] = quality_[c.number] = part_area_[c.owner.part] = 0;
+  area_.resize(here.sums.size() * kFour), quality_.resize(area_.size());
+  for (std::size_t k = 0; k < here.sums.size(); ++k) {
+    std::array<float, kFour> area{}, quality{};
+    for (std::size_t i = 0; i < share.size(); ++i)
+      for (std::size_t j = 0; j < kFour; ++j) {
+        area[j] += share[i] * here.sums[k].area[i][j];
+        quality[j] += share[i] * here.sums[k].quality[i][j];
+      }
+    std::ranges::copy(area, area_.begin() + kFour * k);
+    std::ranges::copy(quality, quality_.begin() + kFour * k);
+  }
+  out_.clear();
+  const std::size_t count = here.owners.size();
+  for (std::size_t i = 0; i < count;) {
+    const std::uint32_t part = grid_.owners_[here.owners[i]].part;
+    std::size_t end = i;
+    float of_part = 0;
+    for (; end < count && grid_.owners_[here.owners[end]].part == part; ++end)
+      of_part += area_[end];
+    // Towards a part's borders it falls off; borders between its sources do not count.
+    const float taper = std::sqrt(std::sqrt(std::sqrt(of_part)));
+    for (; i < end; ++i)
+      if (area_[i] > 0)
+        out_.push_back(
+            {grid_.owners_[here.owners[i]], here.owners[i], quality_[i] / area_[i] * taper});
+  }
   return out_;
 }
 
 const QualityGrid::Reader::Around& QualityGrid::Reader::around(Vec3i cell) {
   Around& here = cache_[hash_cell(cell) % kCached];
-  if (here.used && here.cell == cell) return here;
-  here.used = true, here.cell = cell;
+  if (here.cell != cell) gather(cell, here);
+  return here;
+}
+
+void QualityGrid::Reader::gather(Vec3i cell, Around& out) {
+  out.cell = cell;
+  out.owners.clear();
+  std::array<std::span<const Entry>, 8> entries;
   for (int c = 0; c < 8; ++c) {
     const std::uint32_t* known = grid_.cells_.find(key(cell + Vec3i{c & 1, c >> 1 & 1, c >> 2}));
-    here.begin[c] = known ? grid_.first_[*known] : 0;
-    here.end[c] = known ? grid_.first_[*known + 1] : 0;
+    if (!known) continue;
+    const std::uint32_t begin = grid_.first_[*known], end = grid_.first_[*known + 1];
+    entries[c] = std::span(grid_.entries_).subspan(begin, end - begin);
+    for (const Entry& entry : entries[c])
+      if (std::exchange(place_[entry.owner], 0) == kNotHere) out.owners.push_back(entry.owner);
   }
-  return here;
+  std::ranges::sort(out.owners);
+  for (std::uint32_t i = 0; i < out.owners.size(); ++i) place_[out.owners[i]] = i;
+  out.sums.assign((out.owners.size() + kFour - 1) / kFour, {});
+  for (std::size_t c = 0; c < 8; ++c)
+    for (const auto& [owner, sums] : entries[c]) {
+      Four& four = out.sums[place_[owner] / kFour];
+      for (std::size_t axis = 0; axis < 3; ++axis) {
+        four.area[3 * c + axis][place_[owner] % kFour] = sums[axis];
+        four.quality[3 * c + axis][place_[owner] % kFour] = sums[axis + 3];
+      }
+    }
+  for (const std::uint32_t owner : out.owners) place_[owner] = kNotHere;
 }
 
 }  // namespace mr::merge

@@ -68,18 +68,23 @@ class QualityGrid {
 
    private:
     static constexpr std::size_t kCached = 64;
-    /// The eight cells around a place.
+    static constexpr std::size_t kFour = 4;
+    /// The sums of four owners in the eight cells around a place, to be added up for all at once.
+    struct Four {
+      std::array<std::array<float, kFour>, 24> area{}, quality{};  // [3 · cell + axis][owner]
+    };
     struct Around {
-      bool used = false;
       Vec3i cell;
-      std::array<std::uint32_t, 8> begin, end;  // into entries_
+      std::vector<std::uint32_t> owners;  // ascending
+      std::vector<Four> sums;             // [owners / 4]
     };
     const Around& around(Vec3i cell);
+    void gather(Vec3i cell, Around& out);
 
     const QualityGrid& grid_;
-    std::array<Around, kCached> cache_;
-    std::vector<float> area_, quality_;  // [owners] 0 but while they are summed up
-    std::vector<float> part_area_;       // [parts] likewise
+    std::vector<Around> cache_;
+    std::vector<std::uint32_t> place_;   // [owners of the grid] in those around, while gathered
+    std::vector<float> area_, quality_;  // [owners around, or a few more] at the place
     std::vector<Candidate> out_;
   };
 
