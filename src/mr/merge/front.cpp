@@ -1,10 +1,10 @@
 #include "mr/merge/front.h"
 
-#include <algorithm>
 #include <cmath>
-#include <numeric>
+#include <utility>
 
 #include "mr/core/assert.h"
+#include "mr/kit/topology.h"
 
 namespace mr::merge {
 namespace {
@@ -14,80 +14,138 @@ constexpr double kTurnSlack = 1e-4;  // about a 10000th of a radian
 
 }  // namespace
 
-Front::Front(const Mesh& mesh, std::span<const std::uint32_t> border,
-             std::span<const std::uint8_t> wanted)
-    : positions_(mesh.positions),
-      normals_(mesh.positions.size()),
-      place_(mesh.positions.size()),
-      surface_(4 * border.size() + 16) {
-  corner_.assign(mesh.positions.size(), kNone);
-  find_places(mesh, border);
-  for (std::size_t e = 0; e < border.size(); ++e)
-    if (wanted[e]) add_edge(kit::edge_from(mesh, border[e]), kit::edge_to(mesh, border[e]));
-  for (std::uint32_t e = 0; e < edges_.size(); ++e) {
-    const std::uint32_t after = corner_[edges_[e].to];
+Front::Front(const Joined& joined, std::span<const std::uint8_t> wanted) {
+  const Mesh& mesh = joined.mesh;
+  const std::vector<std::uint32_t> local = find_vertices(joined, wanted);
+  for (std::size_t b = 0; b < wanted.size(); ++b) {
+    if (!wanted[b]) continue;
+    const std::uint32_t h = joined.border[b], e = size();
+    edges_.emplace_back();
+    add_live(local[kit::edge_from(mesh, h)], local[kit::edge_to(mesh, h)], e);
+  }
+  original_ = size();
+  for (std::uint32_t e = 0; e < original_; ++e) {
+    const std::uint32_t after = corner_at(edges_[e].to);
     MR_ASSERT(after == kNone || edges_[after].sibling == kNone);
     if (after != kNone) link(e, after);
   }
-  const std::vector<std::uint8_t> on_border = at_places_of_edges(mesh, border);
+  look_at_triangles(mesh, local);
+}
+
+/// Takes the border's vertices at the places of wanted edges. Returns their numbers: [V of the
+/// mesh], kNone for all others.
+std::vector<std::uint32_t> Front::find_vertices(const Joined& joined,
+                                                std::span<const std::uint8_t> wanted) {
+  const Mesh& mesh = joined.mesh;
+  std::vector<std::uint32_t> start, local(mesh.positions.size(), kNone);
+  std::vector<Vec3f> positions;
+  for (const std::uint32_t h : joined.border) {  // each border vertex starts one edge
+    const std::uint32_t v = kit::edge_from(mesh, h);
+    local[v] = static_cast<std::uint32_t>(start.size());
+    start.push_back(v), positions.push_back(mesh.positions[v]);
+  }
+  const std::vector<std::uint32_t> place = kit::same_place(positions);
+  std::vector<std::uint8_t> is_wanted(start.size(), 0);  // at a place
+  for (std::size_t b = 0; b < wanted.size(); ++b)
+    if (wanted[b])
+      is_wanted[place[b]] = is_wanted[place[local[kit::edge_to(mesh, joined.border[b])]]] = 1;
+  std::vector<std::uint32_t> last(start.size(), kNone);  // vertex at a place
+  for (std::size_t b = 0; b < start.size(); ++b) {
+    const std::uint32_t v = start[b];
+    if (!is_wanted[place[b]]) {
+      local[v] = kNone;
+      continue;
+    }
+    local[v] = static_cast<std::uint32_t>(vertices_.size());
+    std::uint32_t& before = last[place[b]];
+    if (before != kNone) vertices_[before].next_here = local[v];
+    Vertex vertex{positions[b], {}, v, joined.part[v], local[v]};
+    if (before != kNone) vertex.place = vertices_[before].place;
+    before = local[v];
+    vertices_.push_back(vertex);
+  }
+  return local;
+}
+
+/// Finds the vertices' normals, and the edges between them that have surface on the left.
+void Front::look_at_triangles(const Mesh& mesh, const std::vector<std::uint32_t>& local) {
   for (const Triangle& t : mesh.triangles) {
-    if (!(on_border[t[0]] | on_border[t[1]] | on_border[t[2]])) continue;
-    const Vec3f n = cross(at(t[1]) - at(t[0]), at(t[2]) - at(t[0]));
+    const std::array<std::uint32_t, 3> v{local[t[0]], local[t[1]], local[t[2]]};
+    if (v[0] == kNone && v[1] == kNone && v[2] == kNone) continue;
+    const Vec3f a = mesh.positions[t[0]];
+    const Vec3f n = cross(mesh.positions[t[1]] - a, mesh.positions[t[2]] - a);
     for (int i = 0; i < 3; ++i) {
-      normals_[t[i]] += n;
-      const std::uint32_t a = t[i], b = t[(i + 1) % 3];
-      if (on_border[a] && on_border[b]) surface_.get_or_add(directed(a, b), kInner);
+      const std::uint32_t from = v[i], to = v[(i + 1) % 3];
+      if (from == kNone) continue;
+      vertices_[from].normal += n;
+      if (to == kNone || find_live(from, to) != kNone) continue;
+      edges_.push_back({from, to});
+      add_inner(size() - 1);
     }
   }
-  for (Vec3f& n : normals_) n = normalized(n);
+  for (Vertex& v : vertices_) v.normal = normalized(v.normal);
 }
 
-/// Vertices of the border that lie at one place count as one.
-void Front::find_places(const Mesh& mesh, std::span<const std::uint32_t> border) {
-  std::vector<std::uint32_t> vertices;
-  std::vector<Vec3f> positions;
-  for (const std::uint32_t h : border)  // each border vertex starts one edge
-    vertices.push_back(kit::edge_from(mesh, h)), positions.push_back(at(vertices.back()));
-  std::iota(place_.begin(), place_.end(), 0u);
-  const std::vector<std::uint32_t> same = kit::same_place(positions);
-  for (std::size_t i = 0; i < vertices.size(); ++i) place_[vertices[i]] = vertices[same[i]];
+Front::Workspace Front::workspace(std::size_t edges) {
+  const std::uint32_t begin = size();
+  edges_.resize(edges_.size() + edges);
+  return {begin, size(), {}};
 }
 
-/// [V] 1 for border vertices at places of the edges that are looked at.
-std::vector<std::uint8_t> Front::at_places_of_edges(const Mesh& mesh,
-                                                    std::span<const std::uint32_t> border) const {
-  std::vector<std::uint8_t> at_place(place_.size(), 0), out(place_.size(), 0);
-  for (const Edge& edge : edges_) at_place[place_[edge.from]] = at_place[place_[edge.to]] = 1;
-  for (const std::uint32_t h : border)
-    out[kit::edge_from(mesh, h)] = at_place[place_[kit::edge_from(mesh, h)]];
-  return out;
+std::uint32_t Front::take(Workspace& space) {
+  if (space.next == size()) edges_.emplace_back();
+  return space.next++;
 }
 
-std::uint32_t Front::add_edge(std::uint32_t from, std::uint32_t to) {
-  const auto e = static_cast<std::uint32_t>(edges_.size());
-  std::uint32_t* last = &corner_[from];
-  while (*last != kNone) last = &edges_[*last].sibling;
-  *last = e;
-  edges_.push_back({from, to, e, e});
-  surface_.get_or_add(directed(from, to), kInner) = e;
+std::uint32_t Front::add_edge(std::uint32_t from, std::uint32_t to, Workspace& space) {
+  const std::uint32_t e = take(space);
+  add_live(from, to, e);
   return e;
 }
 
-void Front::retire(std::uint32_t e) {
+void Front::add_live(std::uint32_t from, std::uint32_t to, std::uint32_t e) {
+  std::uint32_t* last = &vertices_[from].corner;
+  while (*last != kNone) last = &edges_[*last].sibling;
+  *last = e;
+  edges_[e] = {from, to, e, e, kNone, true};
+}
+
+void Front::add_inner(std::uint32_t e) {
   edges_[e].alive = false;
-  std::uint32_t& there = surface_.get_or_add(directed(edges_[e].from, edges_[e].to), kInner);
-  if (there == e) there = kInner;
-  std::uint32_t* link = &corner_[edges_[e].from];
+  edges_[e].sibling = std::exchange(vertices_[vertices_[edges_[e].from].place].inner, e);
+}
+
+void Front::retire(std::uint32_t e) {
+  std::uint32_t* link = &vertices_[edges_[e].from].corner;
   while (*link != e) link = &edges_[*link].sibling;
   *link = edges_[e].sibling;
+  add_inner(e);
+}
+
+/// Whether an edge that is not live leads from one vertex's place to another's.
+bool Front::has_inner(std::uint32_t from, std::uint32_t to) const {
+  const std::uint32_t place = vertices_[to].place;
+  std::uint32_t e = vertices_[vertices_[from].place].inner;
+  while (e != kNone && vertices_[edges_[e].to].place != place) e = edges_[e].sibling;
+  return e != kNone;
+}
+
+/// The live edge that leads from one vertex's place to another's, or kNone.
+std::uint32_t Front::find_live(std::uint32_t from, std::uint32_t to) const {
+  const std::uint32_t place = vertices_[to].place;
+  for (std::uint32_t v = vertices_[from].place; v != kNone; v = vertices_[v].next_here)
+    for (std::uint32_t e = vertices_[v].corner; e != kNone; e = edges_[e].sibling)
+      if (vertices_[edges_[e].to].place == place) return e;
+  return kNone;
 }
 
 /// The turn from the direction to `reference` counter-clockwise to `other`, seen against the normal
 /// at `vertex`: grows with the angle, 0 to 4 for a full turn, without its trigonometry.
 double Front::turn(std::uint32_t vertex, std::uint32_t reference, std::uint32_t other) const {
-  const Vec3d n = vec_cast<double>(normals_[vertex]);
-  const Vec3d r = vec_cast<double>(at(reference) - at(vertex)),
-              o = vec_cast<double>(at(other) - at(vertex));
+  const Vertex& v = vertices_[vertex];
+  const Vec3d n = vec_cast<double>(v.normal);
+  const Vec3d r = vec_cast<double>(vertices_[reference].at - v.at),
+              o = vec_cast<double>(vertices_[other].at - v.at);
   const double y = dot(n, cross(r, o)), x = dot(r, o) - dot(n, r) * dot(n, o);
   const double size = std::abs(x) + std::abs(y);
   if (size == 0) return 0;
@@ -96,26 +154,25 @@ double Front::turn(std::uint32_t vertex, std::uint32_t reference, std::uint32_t 
 
 /// No third triangle: u → w and w → v must be free, and what lies behind them on the border.
 bool Front::edges_are_free(std::uint32_t u, std::uint32_t v, std::uint32_t w) const {
-  for (const auto& [from, to] : {std::pair(u, w), std::pair(w, v)}) {
-    if (surface_.find(directed(from, to))) return false;
-    if (const std::uint32_t* behind = surface_.find(directed(to, from));
-        behind && *behind == kInner)
-      return false;
-  }
+  for (const auto& [from, to] : {std::pair(u, w), std::pair(w, v)})
+    if (has_inner(from, to) || has_inner(to, from) || find_live(from, to) != kNone) return false;
   return true;
 }
 
 bool Front::fits_as_ear(std::uint32_t e) const {
-  const std::uint32_t u = edges_[e].from, v = edges_[e].to, w = edges_[ear_corner(e)].from;
-  if (place_[w] == place_[u] || place_[w] == place_[v]) return false;
-  const Vec3f across = cross(at(u) - at(v), at(w) - at(v));
-  return dot(across, normals_[u] + normals_[v] + normals_[w]) > 0 && edges_are_free(u, v, w);
+  const std::uint32_t corner = edges_[ear_corner(e)].from;
+  const Vertex &u = vertices_[edges_[e].from], &v = vertices_[edges_[e].to], &w = vertices_[corner];
+  if (w.place == u.place || w.place == v.place) return false;
+  const Vec3f across = cross(u.at - v.at, w.at - v.at);
+  return dot(across, u.normal + v.normal + w.normal) > 0 &&
+         edges_are_free(edges_[e].from, edges_[e].to, corner);
 }
 
 bool Front::fits(std::uint32_t e, std::uint32_t corner) const {
   const Edge &edge = edges_[e], &c = edges_[corner];
   const std::uint32_t u = edge.from, v = edge.to, w = c.from;
-  if (!edge.alive || !c.alive || place_[w] == place_[u] || place_[w] == place_[v]) return false;
+  const auto place = [&](std::uint32_t vertex) { return vertices_[vertex].place; };
+  if (!edge.alive || !c.alive || place(w) == place(u) || place(w) == place(v)) return false;
 
   // Inside the gap's angle, counter-clockwise from the incoming to the outgoing border edge.
   const auto gap_at = [&](std::uint32_t vertex, std::uint32_t in, std::uint32_t out) {
@@ -136,12 +193,16 @@ bool Front::fits(std::uint32_t e, std::uint32_t corner) const {
   return edges_are_free(u, v, w);
 }
 
-std::vector<std::uint32_t> Front::fill(std::uint32_t e, std::uint32_t corner) {
+std::array<std::uint32_t, 2> Front::fill(std::uint32_t e, std::uint32_t corner, Workspace& space) {
   const Edge old = edges_[e];
   const std::uint32_t w = edges_[corner].from, before_w = edges_[corner].prev;
-  added_.push_back({old.to, old.from, w});
-  surface_.get_or_add(directed(old.to, old.from), kInner);
-  const std::uint32_t in = add_edge(old.from, w), out = add_edge(w, old.to);
+  const auto of_mesh = [&](std::uint32_t v) { return vertices_[v].of_mesh; };
+  space.added.push_back({of_mesh(old.to), of_mesh(old.from), of_mesh(w)});
+  const std::uint32_t behind = take(space);
+  edges_[behind] = {old.to, old.from};
+  add_inner(behind);
+  std::array<std::uint32_t, 2> fresh{add_edge(old.from, w, space), add_edge(w, old.to, space)};
+  const auto [in, out] = fresh;
   link(old.prev, in);
   link(in, corner);
   link(before_w, out);
@@ -149,17 +210,15 @@ std::vector<std::uint32_t> Front::fill(std::uint32_t e, std::uint32_t corner) {
   retire(e);
   close(in);
   close(out);
-  std::vector<std::uint32_t> fresh;
-  for (const std::uint32_t f : {in, out})
-    if (edges_[f].alive) fresh.push_back(f);
+  for (std::uint32_t& f : fresh)
+    if (!edges_[f].alive) f = kNone;
   return fresh;
 }
 
 void Front::close(std::uint32_t e) {
   if (!edges_[e].alive) return;
-  const std::uint32_t* opposite = surface_.find(directed(edges_[e].to, edges_[e].from));
-  if (!opposite || *opposite == kInner) return;
-  const std::uint32_t o = *opposite;
+  const std::uint32_t o = find_live(edges_[e].to, edges_[e].from);
+  if (o == kNone) return;
   const Edge a = edges_[e], b = edges_[o];
   retire(e);
   retire(o);

@@ -4,6 +4,9 @@
 #include <array>
 #include <cmath>
 #include <functional>
+#include <limits>
+#include <map>
+#include <numeric>
 #include <optional>
 #include <queue>
 #include <tuple>
@@ -13,6 +16,7 @@
 #include "mr/kit/topology.h"
 #include "mr/merge/border.h"
 #include "mr/merge/border_map.h"
+#include "mr/merge/cell.h"
 #include "mr/merge/front.h"
 #include "mr/merge/point_grid.h"
 
@@ -22,6 +26,9 @@ namespace {
 constexpr int kMaxCuts = 6;               // halvings of a border edge
 constexpr std::size_t kMostAround = 256;  // corners in reach; where there are more lie slivers
 constexpr int kSmallLoop = 30;            // edges of a loop that is closed at all costs
+constexpr double kCube_gaps = 64;         // side of the cubes that are closed on their own
+constexpr std::size_t kRoom = 8;          // edges that may be made in them, per edge
+constexpr double kMoreReach = 1.001;      // rounding included
 
 /// Halves long border edges that have another part's border near, and the halves again.
 class BorderCutter {
@@ -150,145 +157,169 @@ struct Filling {
   }
 };
 
-/// Closes the gaps of a front, shortest connections first.
+/// Closes the gaps of a front, shortest connections first: in each cube of space on its own, then
+/// in what is left between them.
 class Zipper {
  public:
-  Zipper(const Joined& joined, Front& front, const ZipperConfig& config)
-      : joined_(joined),
-        front_(front),
+  Zipper(Front& front, const ZipperConfig& config)
+      : front_(front),
         config_(config),
-        original_edges_(front.size()),
-        corners_(corners(front)),
-        grid_(places_of(corners_), config.max_gap_m + config.edge_m / 2) {}
+        per_cube_(static_cast<float>(1 / (kCube_gaps * config.max_gap_m))),
+        grid_(places_of(front), config.max_gap_m + config.edge_m / 2) {}
 
-  void run() {
-    std::vector<std::optional<Filling>> best(front_.size());
-    parallel_for(best.size(), 256, [&](std::size_t begin, std::size_t end) {
-      Surroundings around;
-      for (std::size_t e = begin; e < end; ++e)
-        best[e] = best_filling(static_cast<std::uint32_t>(e), around);
+  /// Returns the strips.
+  std::vector<Triangle> run() {
+    std::vector<std::uint32_t> edges(front_.original());
+    std::iota(edges.begin(), edges.end(), 0u);
+    auto [cubes, between] = jobs(edges);
+    parallel_for(cubes.size(), 1, [&](std::size_t begin, std::size_t end) {
+      for (std::size_t i = begin; i < end; ++i) drain(cubes[i]);
     });
-    for (const auto& filling : best)
-      if (filling) queue_.push(*filling);
-    drain();
-    for (std::uint32_t e = 0; e < front_.size(); ++e)
-      if (is_remainder(e)) close_small_loop(e);
+    between.space = front_.open_workspace();
+    std::vector<Triangle> out;
+    for (Job& cube : cubes) {
+      out.insert(out.end(), cube.space.added.begin(), cube.space.added.end());
+      for (const auto& filling : best_fillings(cube.left))
+        if (filling) between.queue.push(*filling);
+    }
+    drain(between);
+    close_small_loops(between.space);
+    out.insert(out.end(), between.space.added.begin(), between.space.added.end());
+    return out;
   }
 
  private:
-  static std::vector<std::uint32_t> corners(const Front& front) {
-    std::vector<std::uint32_t> out;
-    for (std::uint32_t e = 0; e < front.size(); ++e) out.push_back(front.edge(e).from);
-    return out;
-  }
-  std::vector<Vec3f> places_of(const std::vector<std::uint32_t>& vertices) const {
+  static std::vector<Vec3f> places_of(const Front& front) {
     std::vector<Vec3f> out;
-    for (const std::uint32_t v : vertices) out.push_back(at(v));
+    for (const Front::Vertex& v : front.vertices()) out.push_back(v.at);
     return out;
-  }
-
-  /// Whether `e` is on a small loop that strips left over, or around a pinhole.
-  bool is_remainder(std::uint32_t e) const {
-    if (!front_.edge(e).alive || !front_.loop_length(e, kSmallLoop)) return false;
-    double around = 0;
-    std::uint32_t k = e;
-    bool left_over = false;
-    do {
-      around += length(at(front_.edge(k).to) - at(front_.edge(k).from));
-      left_over |= k >= original_edges_;
-      k = front_.edge(k).next;
-    } while (k != e);
-    return left_over || around < 2 * config_.max_gap_m;
-  }
-
-  /// Cuts off ears, the smallest first, until the small loop that `e` is on is closed or no ear
-  /// fits.
-  void close_small_loop(std::uint32_t e) {
-    while (front_.edge(e).alive && front_.loop_length(e, kSmallLoop)) {
-      double least = std::numeric_limits<double>::max();
-      std::uint32_t best = e;
-      std::uint32_t k = e;
-      do {
-        const Vec3f u = at(front_.edge(k).from), w = at(front_.edge(front_.ear_corner(k)).from);
-        if (length(w - u) < std::min<double>(least, 2 * config_.max_gap_m) && front_.fits_as_ear(k))
-          least = length(w - u), best = k;
-        k = front_.edge(k).next;
-      } while (k != e);
-      if (least == std::numeric_limits<double>::max()) return;
-      const auto fresh = front_.fill(best, front_.ear_corner(best));
-      if (!front_.edge(e).alive && !fresh.empty()) e = fresh.front();
-    }
   }
 
   /// What lies around an edge. Kept to spare allocations.
   struct Surroundings {
     double reach = 0;                 // how far a triangle over the edge may go
-    std::vector<std::uint32_t> near;  // places in corners_ that it may reach or meet
-    std::vector<Filling> candidates;  // with the place in corners_ as corner
+    std::vector<std::uint32_t> near;  // vertices that it may reach or meet
+    std::vector<Filling> candidates;  // with the vertex as corner
   };
 
-  void drain() {
+  /// What is done one after another.
+  struct Job {
+    std::optional<Vec3i> cube;  // that edges must lie in with all that they may reach; none: any
+    std::priority_queue<Filling, std::vector<Filling>, std::greater<>> queue;
+    Front::Workspace space;
+    std::vector<std::uint32_t> left;  // edges that are not for this job
     Surroundings around;
-    while (!queue_.empty()) {
-      const Filling f = queue_.top();
-      queue_.pop();
+  };
+  struct Jobs {
+    std::vector<Job> cubes;
+    Job between;
+  };
+
+  /// Deals out the edges that a filling is found for.
+  Jobs jobs(const std::vector<std::uint32_t>& edges) {
+    Jobs out;
+    std::map<std::tuple<int, int, int>, std::size_t> place;  // of cubes
+    for (const auto& filling : best_fillings(edges)) {
+      if (!filling) continue;
+      const std::optional<Vec3i> cube = cube_of(filling->edge);
+      if (!cube) {
+        out.between.queue.push(*filling);
+        continue;
+      }
+      const auto [known, fresh] = place.try_emplace({cube->x, cube->y, cube->z}, out.cubes.size());
+      if (fresh) out.cubes.emplace_back().cube = cube;
+      out.cubes[known->second].queue.push(*filling);
+    }
+    for (Job& job : out.cubes) job.space = front_.workspace(kRoom * job.queue.size());
+    return out;
+  }
+
+  /// The cube that holds all that an edge may reach, if one does.
+  std::optional<Vec3i> cube_of(std::uint32_t e) const {
+    const Vec3f middle = (from(e) + to(e)) * 0.5f;
+    const auto reach = static_cast<float>(kMoreReach * reach_of(e));
+    const Vec3f around{reach, reach, reach};
+    const Vec3i low = cell_at((middle - around) * per_cube_);
+    return low == cell_at((middle + around) * per_cube_) ? std::optional(low) : std::nullopt;
+  }
+
+  void drain(Job& job) {
+    while (!job.queue.empty()) {
+      const Filling f = job.queue.top();
+      job.queue.pop();
       if (!front_.edge(f.edge).alive) continue;
+      if (!front_.has_room(job.space)) {
+        job.left.push_back(f.edge);
+        continue;
+      }
       if (front_.fits(f.edge, f.corner)) {
-        look_around(f.edge, around);
-        if (!blocked(f.edge, front_.edge(f.corner).from, around)) {
-          for (const std::uint32_t fresh : front_.fill(f.edge, f.corner)) offer(fresh, around);
+        look_around(f.edge, job.around);
+        if (!blocked(f.edge, front_.edge(f.corner).from, job.around)) {
+          for (const std::uint32_t fresh : front_.fill(f.edge, f.corner, job.space))
+            if (fresh != Front::kNone) offer(fresh, job);
           continue;
         }
       }
-      offer(f.edge, around);
+      offer(f.edge, job);
     }
   }
 
-  void offer(std::uint32_t e, Surroundings& around) {
-    if (const auto best = best_filling(e, around)) queue_.push(*best);
+  void offer(std::uint32_t e, Job& job) {
+    if (job.cube && cube_of(e) != job.cube)
+      job.left.push_back(e);
+    else if (const auto best = best_filling(e, job.around))
+      job.queue.push(*best);
+  }
+
+  std::vector<std::optional<Filling>> best_fillings(const std::vector<std::uint32_t>& edges) const {
+    std::vector<std::optional<Filling>> out(edges.size());
+    parallel_for(out.size(), 256, [&](std::size_t begin, std::size_t end) {
+      Surroundings around;
+      for (std::size_t i = begin; i < end; ++i) out[i] = best_filling(edges[i], around);
+    });
+    return out;
   }
 
   /// The cheapest filling from an edge, if there is one.
   std::optional<Filling> best_filling(std::uint32_t e, Surroundings& around) const {
-    const Front::Edge& edge = front_.edge(e);
-    if (!edge.alive) return std::nullopt;
+    if (!front_.edge(e).alive) return std::nullopt;
     look_around(e, around);
-    const Vec3f u = at(edge.from), v = at(edge.to), into_gap = front_.into_gap(e);
+    const Vec3f u = from(e), v = to(e), into_gap = front_.into_gap(e);
     auto& candidates = around.candidates;
     candidates.clear();
-    for (const std::uint32_t place : around.near) {
-      const std::uint32_t w = corners_[place];
+    for (const std::uint32_t w : around.near) {
       const Vec3f tip = at(w);
-      if (dot(into_gap, tip - v) <= 0 || !joins_parts(edge, w) || !front_.faces_alike(e, w))
-        continue;
+      if (dot(into_gap, tip - v) <= 0 || !joins_parts(e, w) || !front_.faces_alike(e, w)) continue;
       const double to_u = length(tip - u), to_v = length(tip - v);
-      if (to_u <= around.reach && to_v <= around.reach)
-        candidates.push_back({to_u + to_v, e, place});
+      if (to_u <= around.reach && to_v <= around.reach) candidates.push_back({to_u + to_v, e, w});
     }
     std::make_heap(candidates.begin(), candidates.end(), std::greater<>());
     for (; !candidates.empty(); candidates.pop_back()) {
       std::pop_heap(candidates.begin(), candidates.end(), std::greater<>());
       const Filling& f = candidates.back();
-      const std::uint32_t w = corners_[f.corner];
-      for (std::uint32_t c = front_.corner_at(w); c != Front::kNone; c = front_.edge(c).sibling)
-        if (front_.fits(e, c) && !blocked(e, w, around)) return Filling{f.cost, e, c};
+      std::uint32_t c = front_.corner_at(f.corner);
+      for (; c != Front::kNone; c = front_.edge(c).sibling)
+        if (front_.fits(e, c) && !blocked(e, f.corner, around)) return Filling{f.cost, e, c};
     }
     return std::nullopt;
   }
 
+  double reach_of(std::uint32_t e) const {
+    return config_.max_gap_m + 0.5 * length(to(e) - from(e));
+  }
+
   void look_around(std::uint32_t e, Surroundings& around) const {
-    const Vec3f u = at(front_.edge(e).from), v = at(front_.edge(e).to);
-    around.reach = config_.max_gap_m + 0.5 * length(v - u);
+    around.reach = reach_of(e);
     around.near.clear();
-    grid_.within((u + v) * 0.5f, static_cast<float>(around.reach),
-                 [&](std::uint32_t place) { around.near.push_back(place); });
+    grid_.within((from(e) + to(e)) * 0.5f, static_cast<float>(around.reach),
+                 [&](std::uint32_t vertex) { around.near.push_back(vertex); });
     if (around.near.size() > kMostAround) around.near.clear();
   }
 
   /// Whether the triangle over `e` with tip `w` would lie across another border nearby: seen along
   /// its normal, a border vertex lies inside it or a border edge crosses one of its new edges.
   bool blocked(std::uint32_t e, std::uint32_t w, const Surroundings& around) const {
-    const Vec3f u = at(front_.edge(e).from), v = at(front_.edge(e).to), tip = at(w);
+    const Vec3f u = from(e), v = to(e), tip = at(w);
     const Vec3f normal = cross(u - v, tip - v);
     const float slack = 1e-4f * dot(normal, normal);
     // How far a point is on the inner side of each edge, times that edge's length.
@@ -309,38 +340,80 @@ class Zipper {
              (q_ut > slack && q_tv > slack && q_vu > slack) || crosses(p_ut, q_ut, p, q, u, tip) ||
              crosses(p_tv, q_tv, p, q, tip, v);
     };
-    for (const std::uint32_t place : around.near) {
-      std::uint32_t c = front_.corner_at(corners_[place]);
+    for (const std::uint32_t near : around.near) {
+      std::uint32_t c = front_.corner_at(near);
       for (; c != Front::kNone; c = front_.edge(c).sibling)
-        if (is_across(at(front_.edge(c).from), at(front_.edge(c).to))) return true;
+        if (is_across(from(c), to(c))) return true;
     }
     return false;
   }
 
-  Vec3f at(std::uint32_t vertex) const { return joined_.mesh.positions[vertex]; }
-
-  bool joins_parts(const Front::Edge& edge, std::uint32_t tip) const {
-    const auto& part = joined_.part;
-    return part[edge.from] != part[tip] || part[edge.to] != part[tip];
+  /// Closes small loops that strips left over, and pinholes.
+  void close_small_loops(Front::Workspace& space) {
+    std::vector<std::uint8_t> seen;
+    for (std::uint32_t e = 0; e < front_.size(); ++e) {
+      seen.resize(front_.size());
+      if (front_.edge(e).alive && !seen[e] && is_remainder(e, seen)) close_small_loop(e, space);
+    }
   }
 
-  const Joined& joined_;
+  /// Whether `e` is on a small loop that strips left over, or around a pinhole. Marks what is on
+  /// the same loop.
+  bool is_remainder(std::uint32_t e, std::vector<std::uint8_t>& seen) const {
+    double around = 0;
+    int count = 0;
+    bool left_over = false;
+    std::uint32_t k = e;
+    for (; !seen[k]; k = front_.edge(k).next, ++count) {
+      seen[k] = 1;
+      around += length(to(k) - from(k));
+      left_over |= k >= front_.original();
+    }
+    return k == e && count <= kSmallLoop && (left_over || around < 2 * config_.max_gap_m);
+  }
+
+  /// Cuts off ears, the smallest first, until the small loop that `e` is on is closed or no ear
+  /// fits.
+  void close_small_loop(std::uint32_t e, Front::Workspace& space) {
+    while (front_.edge(e).alive && front_.loop_length(e, kSmallLoop)) {
+      double least = std::numeric_limits<double>::max();
+      std::uint32_t best = e;
+      std::uint32_t k = e;
+      do {
+        const double across = length(from(front_.ear_corner(k)) - from(k));
+        if (across < std::min(least, 2 * config_.max_gap_m) && front_.fits_as_ear(k))
+          least = across, best = k;
+        k = front_.edge(k).next;
+      } while (k != e);
+      if (least == std::numeric_limits<double>::max()) return;
+      for (const std::uint32_t fresh : front_.fill(best, front_.ear_corner(best), space))
+        if (!front_.edge(e).alive && fresh != Front::kNone) e = fresh;
+    }
+  }
+
+  Vec3f at(std::uint32_t vertex) const { return front_.vertex(vertex).at; }
+  Vec3f from(std::uint32_t e) const { return at(front_.edge(e).from); }
+  Vec3f to(std::uint32_t e) const { return at(front_.edge(e).to); }
+
+  bool joins_parts(std::uint32_t e, std::uint32_t tip) const {
+    const auto part = [&](std::uint32_t v) { return front_.vertex(v).part; };
+    const Front::Edge& edge = front_.edge(e);
+    return part(edge.from) != part(tip) || part(edge.to) != part(tip);
+  }
+
   Front& front_;
   const ZipperConfig& config_;
-  std::size_t original_edges_;
-  std::vector<std::uint32_t> corners_;  // vertices, as they were at first
-  PointGrid grid_;
-  std::priority_queue<Filling, std::vector<Filling>, std::greater<>> queue_;
+  float per_cube_;
+  PointGrid grid_;  // of the front's vertices
 };
 
 /// Adds the strips; each triangle takes the view of the surface at one of its corners.
-void add_strips(const Front& front, Joined& joined) {
+void add_strips(const std::vector<Triangle>& strips, Joined& joined) {
   std::vector<ViewId> view(joined.mesh.positions.size(), kNoView);
   for (const std::uint32_t h : joined.border)
     view[kit::edge_from(joined.mesh, h)] = joined.view[h / 3];
-  for (const Triangle& t : front.added()) joined.view.push_back(view[t[0]]);
-  joined.mesh.triangles.insert(joined.mesh.triangles.end(), front.added().begin(),
-                               front.added().end());
+  for (const Triangle& t : strips) joined.view.push_back(view[t[0]]);
+  joined.mesh.triangles.insert(joined.mesh.triangles.end(), strips.begin(), strips.end());
 }
 
 /// The mesh, with views if any part had some.
@@ -358,9 +431,8 @@ Mesh zip(std::span<const Mesh> parts, const ZipperConfig& config) {
   if (config.max_gap_m <= 0) return with_views(std::move(joined));
   const BorderMap map(joined, config.max_gap_m + config.edge_m);
   BorderCutter(joined, map, config);
-  Front front(joined.mesh, joined.border, wanted_edges(joined, map));
-  Zipper(joined, front, config).run();
-  add_strips(front, joined);
+  Front front(joined, wanted_edges(joined, map));
+  add_strips(Zipper(front, config).run(), joined);
   const bool came_apart = joined.came_apart;
   Mesh out = with_views(std::move(joined));
   return came_apart ? kit::without_nonmanifold_edges(out) : out;
