@@ -7,10 +7,13 @@
 #include <unordered_set>
 
 #include "mr/core/assert.h"
+#include "mr/core/parallel.h"
 #include "mr/kit/pair_map.h"
 
 namespace mr::kit {
 namespace {
+
+constexpr std::size_t kGrain = 8192;  // vertices that are looked at together
 
 std::uint64_t edge_key(std::uint32_t a, std::uint32_t b) {
   return (static_cast<std::uint64_t>(std::min(a, b)) << 32) | std::max(a, b);
@@ -57,8 +60,10 @@ EdgesByVertex edges_by_lower_vertex(const Mesh& mesh) {
     out.items[next[std::min(b, c)]++] = {std::max(b, c), h++};
     out.items[next[std::min(c, a)]++] = {std::max(c, a), h++};
   }
-  for (std::size_t v = 0; v + 1 < out.start.size(); ++v)
-    sort_by_other(std::span(out.items).subspan(out.start[v], out.start[v + 1] - out.start[v]));
+  parallel_for(mesh.positions.size(), kGrain, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t v = begin; v < end; ++v)
+      sort_by_other(std::span(out.items).subspan(out.start[v], out.start[v + 1] - out.start[v]));
+  });
   return out;
 }
 
@@ -87,7 +92,7 @@ EdgeTable edge_table(const Mesh& mesh) {
   EdgeTable table;
   table.twin.assign(edges.items.size(), kNoTwin);
   table.uses.assign(edges.items.size(), 0);
-  for (std::size_t v = 0; v + 1 < edges.start.size(); ++v)
+  const auto look_at = [&](std::size_t v) {
     for (std::uint32_t first = edges.start[v], end; first < edges.start[v + 1]; first = end) {
       for (end = first + 1;
            end < edges.start[v + 1] && edges.items[first].other == edges.items[end].other;)
@@ -99,6 +104,10 @@ EdgeTable edge_table(const Mesh& mesh) {
       const std::uint32_t a = edges.items[first].half_edge, b = edges.items[end - 1].half_edge;
       if (edge_from(mesh, a) == edge_to(mesh, b)) table.twin[a] = b, table.twin[b] = a;
     }
+  };
+  parallel_for(mesh.positions.size(), kGrain, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t v = begin; v < end; ++v) look_at(v);
+  });
   return table;
 }
 
@@ -210,7 +219,7 @@ Components components(const Mesh& mesh) {
     return t;
   };
   for (std::uint32_t h = 0; h < table.twin.size(); ++h) {
-    if (table.twin[h] == kNoTwin) continue;
+    if (table.twin[h] == kNoTwin || table.twin[h] < h) continue;
     const std::uint32_t a = find(h / 3), b = find(table.twin[h] / 3);
     root[std::max(a, b)] = std::min(a, b);
   }

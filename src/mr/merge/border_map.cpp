@@ -11,22 +11,40 @@ namespace mr::merge {
 namespace {
 
 constexpr float kMostSamples = 4096;  // of one edge
+constexpr std::size_t kBlock = 4096;  // edges that are looked at together
 constexpr std::uint32_t kSeveral = 0xFFFFFFFFu;
 
 }  // namespace
 
 BorderMap::BorderMap(const Joined& joined, double reach_m)
     : per_cell_(static_cast<float>(1 / reach_m)), place_(joined.border.size() / 4) {
+  struct Passed {
+    Vec3i cell;
+    std::uint32_t part;
+    bool operator==(const Passed&) const = default;
+  };
+  std::vector<std::vector<Passed>> blocks((joined.border.size() + kBlock - 1) / kBlock);
+  const auto pass = [&](std::uint32_t half_edge, std::vector<Passed>& block) {
+    const std::uint32_t part = joined.part[kit::edge_from(joined.mesh, half_edge)];
+    for_each_cell(joined, half_edge, [&](Vec3i cell) {
+      if (const Passed passed{cell, part}; block.empty() || block.back() != passed)
+        block.push_back(passed);
+    });
+  };
+  parallel_for(blocks.size(), 1, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t b = begin; b < end; ++b)
+      for (std::size_t e = b * kBlock; e < std::min((b + 1) * kBlock, joined.border.size()); ++e)
+        pass(joined.border[e], blocks[b]);
+  });
   std::vector<Vec3i> cells;
   std::vector<std::uint32_t> part;  // [cells] the only one with border there, or kSeveral
-  for (const std::uint32_t h : joined.border)
-    for_each_cell(joined, h, [&](Vec3i cell) {
-      const std::uint32_t its = joined.part[kit::edge_from(joined.mesh, h)];
+  for (const std::vector<Passed>& block : blocks)
+    for (const auto& [cell, its] : block) {
       const auto fresh = static_cast<std::uint32_t>(cells.size());
       const std::uint32_t place = place_.get_or_add(hash_cell(cell), fresh);
       if (place == fresh) cells.push_back(cell), part.push_back(its);
       if (part[place] != its) part[place] = kSeveral;
-    });
+    }
   is_near_.resize(cells.size());
   parallel_for(cells.size(), 256, [&](std::size_t begin, std::size_t end) {
     for (std::size_t c = begin; c < end; ++c)
@@ -36,6 +54,14 @@ BorderMap::BorderMap(const Joined& joined, double reach_m)
         is_near_[c] = place && (part[*place] == kSeveral || part[*place] != part[c]);
       }
   });
+}
+
+std::vector<std::uint8_t> BorderMap::has_other_near(const Joined& joined) const {
+  std::vector<std::uint8_t> out(joined.border.size());
+  parallel_for(out.size(), kBlock, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t e = begin; e < end; ++e) out[e] = has_other_near(joined, joined.border[e]);
+  });
+  return out;
 }
 
 bool BorderMap::has_other_near(const Joined& joined, std::uint32_t half_edge) const {

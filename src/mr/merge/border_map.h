@@ -16,11 +16,12 @@ class BorderMap {
   /// far are, too.
   BorderMap(const Joined& joined, double reach_m);
 
-  /// Whether another part's border may be near a border half-edge, of the mesh as it was or cut
-  /// finer.
-  bool has_other_near(const Joined& joined, std::uint32_t half_edge) const;
+  /// [border] Whether another part's border may be near an edge, of the mesh as it was or cut
+  /// finer. Parallel.
+  std::vector<std::uint8_t> has_other_near(const Joined& joined) const;
 
  private:
+  bool has_other_near(const Joined& joined, std::uint32_t half_edge) const;
   template <typename Visit>
   void for_each_cell(const Joined& joined, std::uint32_t half_edge, Visit&& visit) const;
 

@@ -16,7 +16,7 @@ constexpr double kTurnSlack = 1e-4;  // about a 10000th of a radian
 
 Front::Front(const Joined& joined, std::span<const std::uint8_t> wanted) {
   const Mesh& mesh = joined.mesh;
-  const std::vector<std::uint32_t> local = find_vertices(joined, wanted);
+  std::vector<std::uint32_t> local = find_vertices(joined, wanted);
   for (std::size_t b = 0; b < wanted.size(); ++b) {
     if (!wanted[b]) continue;
     const std::uint32_t h = joined.border[b], e = size();
@@ -29,7 +29,7 @@ Front::Front(const Joined& joined, std::span<const std::uint8_t> wanted) {
     MR_ASSERT(after == kNone || edges_[after].sibling == kNone);
     if (after != kNone) link(e, after);
   }
-  look_at_triangles(mesh, local);
+  look_at_triangles(mesh, std::move(local));
 }
 
 /// Takes the border's vertices at the places of wanted edges. Returns their numbers: [V of the
@@ -67,17 +67,32 @@ std::vector<std::uint32_t> Front::find_vertices(const Joined& joined,
   return local;
 }
 
-/// Finds the vertices' normals, and the edges between them that have surface on the left.
-void Front::look_at_triangles(const Mesh& mesh, const std::vector<std::uint32_t>& local) {
-  for (const Triangle& t : mesh.triangles) {
-    const std::array<std::uint32_t, 3> v{local[t[0]], local[t[1]], local[t[2]]};
-    if (v[0] == kNone && v[1] == kNone && v[2] == kNone) continue;
-    const Vec3f a = mesh.positions[t[0]];
-    const Vec3f n = cross(mesh.positions[t[1]] - a, mesh.positions[t[2]] - a);
+/// Finds the vertices' normals, and the edges between their places that have surface on the left.
+void Front::look_at_triangles(const Mesh& mesh, std::vector<std::uint32_t> local) {
+  std::vector<std::uint32_t> triangles, inside;  // inside: corners that are not on the border
+  for (std::uint32_t t = 0; t < mesh.triangles.size(); ++t) {
+    const auto& [a, b, c] = mesh.triangles[t];
+    if (local[a] == kNone && local[b] == kNone && local[c] == kNone) continue;
+    triangles.push_back(t);
+    for (const std::uint32_t v : {a, b, c})
+      if (local[v] == kNone) inside.push_back(v);
+  }
+  // Those of them that happen to lie where a vertex of another part's border does stand for it.
+  std::vector<Vec3f> positions;
+  for (const Vertex& v : vertices_) positions.push_back(v.at);
+  for (const std::uint32_t v : inside) positions.push_back(mesh.positions[v]);
+  const std::vector<std::uint32_t> same = kit::same_place(positions);
+  for (std::size_t i = 0; i < inside.size(); ++i)
+    if (const std::uint32_t v = same[vertices_.size() + i]; v < vertices_.size())
+      local[inside[i]] = v;
+
+  for (const std::uint32_t t : triangles) {
+    const Triangle& corners = mesh.triangles[t];
+    const Vec3f normal = mesh.area_normal(t);
     for (int i = 0; i < 3; ++i) {
-      const std::uint32_t from = v[i], to = v[(i + 1) % 3];
+      const std::uint32_t from = local[corners[i]], to = local[corners[(i + 1) % 3]];
       if (from == kNone) continue;
-      vertices_[from].normal += n;
+      if (vertices_[from].of_mesh == corners[i]) vertices_[from].normal += normal;
       if (to == kNone || find_live(from, to) != kNone) continue;
       edges_.push_back({from, to});
       add_inner(size() - 1);

@@ -106,7 +106,7 @@ class Front {
 
   std::vector<std::uint32_t> find_vertices(const Joined& joined,
                                            std::span<const std::uint8_t> wanted);
-  void look_at_triangles(const Mesh& mesh, const std::vector<std::uint32_t>& local);
+  void look_at_triangles(const Mesh& mesh, std::vector<std::uint32_t> local);
   bool has_inner(std::uint32_t from, std::uint32_t to) const;
   std::uint32_t find_live(std::uint32_t from, std::uint32_t to) const;
   bool edges_are_free(std::uint32_t u, std::uint32_t v, std::uint32_t w) const;

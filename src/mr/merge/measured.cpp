@@ -64,6 +64,7 @@ Measured measured(const Part& part, const OverlapConfig& config) {
   out.label = triangle_labels(part);
   out.source.resize(mesh.triangles.size());
   out.quality.resize(mesh.triangles.size());
+  out.plane.resize(mesh.triangles.size());
   for (std::size_t t = 0; t < mesh.triangles.size(); ++t) measure(part, t, out);
   const std::vector<Vec3f> normals = kit::vertex_normals(mesh);
   out.vertices.resize(mesh.positions.size());
@@ -73,6 +74,11 @@ Measured measured(const Part& part, const OverlapConfig& config) {
     const std::uint32_t source = out.vertices[v].source;
     const float sigma_m = sigma_at(part.sources[source], mesh.positions[v]);
     out.vertices[v] = {mesh.positions[v], normals[v], sigma_m, source};
+  }
+  for (std::size_t t = 0; t < mesh.triangles.size(); ++t) {
+    const auto& [a, b, c] = mesh.triangles[t];
+    const Vec3f normal = normalized(normals[a] + normals[b] + normals[c]);
+    out.plane[t] = {normal, dot(normal, mesh.centroid(t))};
   }
   return out;
 }

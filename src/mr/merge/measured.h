@@ -22,6 +22,12 @@ struct Spot {
   std::uint32_t source = 0;  ///< that sensor's place in the part's sources
 };
 
+/// Points p with dot(normal, p) = offset_m.
+struct Plane {
+  Vec3f normal;  ///< unit
+  float offset_m = 0;
+};
+
 /// What is known of a part's surface.
 struct Measured {
   static constexpr std::uint32_t kNoSource = 0xFFFFFFFFu;
@@ -30,6 +36,7 @@ struct Measured {
   std::vector<std::uint32_t> label;   ///< [T] source whose view it has; kNoSource: none of them
   std::vector<std::uint32_t> source;  ///< [T] that measured it: the labelled one, else the worst
   std::vector<float> quality;         ///< [T] how well: cos(angle) / sigma, 1/m
+  std::vector<Plane> plane;           ///< [T] through its middle, facing as its corners do
   float slack_m = 0;                  ///< of the part
 };
 

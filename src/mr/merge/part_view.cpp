@@ -11,9 +11,10 @@
 namespace mr::merge {
 namespace {
 
-constexpr float kSameFacing = 0.5f;  // cosine: the back of a thin board is another surface
-constexpr float kSlack = 1e-3f;      // rounding leaves no pixel between two triangles
-constexpr float kOblique = 4;        // of the range: the farthest along the ray
+constexpr float kSameFacing = 0.25f;  // cosine: near creases normals differ, those of a board's
+                                      // two sides still more
+constexpr float kSlack = 1e-3f;       // rounding leaves no pixel between two triangles
+constexpr float kOblique = 4;         // of the range: the farthest along the ray
 
 struct ScreenVertex {
   float u = 0, v = 0, inv_z = 0;  // inv_z 0: before the near plane
@@ -81,7 +82,7 @@ struct Canvas {
 
 PartView::PartView(const Part& part, const Measured& measured, std::uint32_t source,
                    const Camera& camera, const Pose& T_world_camera, int margin_px)
-    : mesh_(&part.mesh), measured_(&measured), precision_(part.sources[source].precision) {
+    : measured_(&measured), precision_(part.sources[source].precision) {
   MR_ASSERT(camera.model == CameraModel::pinhole && camera.distortion == DistortionModel::none);
   const Mat3& axes = T_world_camera.rotation;
   origin_ = vec_cast<float>(T_world_camera.translation);
@@ -141,12 +142,9 @@ std::optional<std::uint32_t> PartView::at(const Spot& spot, float slack_m) const
   const std::uint32_t t =
       triangle_[static_cast<std::size_t>(static_cast<int>(v)) * width_ + static_cast<int>(u)];
   if (t == kit::kNoTriangle) return std::nullopt;
-  const auto& [i, j, k] = mesh_->triangles[t];
-  const Spot &a = measured_->vertices[i], &b = measured_->vertices[j], &c = measured_->vertices[k];
-  const Vec3f normal = normalized(a.normal + b.normal + c.normal);
+  const auto& [normal, offset_m] = measured_->plane[t];
   if (dot(normal, spot.normal) < kSameFacing) return std::nullopt;
-  const float away =
-      dot(normal, (a.position + b.position + c.position) * (1.0f / 3) - spot.position);
+  const float away = offset_m - dot(normal, spot.position);
   const auto sigma = static_cast<float>(precision_.sigma_m(z));
   const float range = 2 * std::max(sigma, spot.sigma_m) + slack_m + measured_->slack_m;
   const float slope = std::abs(dot(normal, d)) / length(d);  // cosine to the ray

@@ -16,8 +16,8 @@ class PartView {
  public:
   /// Draws the triangles that `source` (place in the part's sources) measured, as far as they face
   /// the camera. `camera`: an undistorted pinhole at the source's place; surface up to `margin_px`
-  /// outside of its picture counts as well, as poses and labels may be a little off. All must
-  /// outlive the view.
+  /// outside of its picture counts as well, as poses and labels may be a little off. `measured`
+  /// must outlive the view.
   PartView(const Part& part, const Measured& measured, std::uint32_t source, const Camera& camera,
            const Pose& T_world_camera, int margin_px);
 
@@ -28,7 +28,6 @@ class PartView {
  private:
   void widen();
 
-  const Mesh* mesh_;
   const Measured* measured_;
   int width_ = 0, height_ = 0;
   Vec3f origin_, right_, down_,

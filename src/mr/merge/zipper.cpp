@@ -27,7 +27,7 @@ constexpr int kMaxCuts = 6;               // halvings of a border edge
 constexpr std::size_t kMostAround = 256;  // corners in reach; where there are more lie slivers
 constexpr int kSmallLoop = 30;            // edges of a loop that is closed at all costs
 constexpr double kCube_gaps = 64;         // side of the cubes that are closed on their own
-constexpr std::size_t kRoom = 8;          // edges that may be made in them, per edge
+constexpr std::size_t kRoom = 6;          // edges that may be made in them, per edge
 constexpr double kMoreReach = 1.001;      // rounding included
 
 /// Halves long border edges that have another part's border near, and the halves again.
@@ -35,9 +35,10 @@ class BorderCutter {
  public:
   BorderCutter(Joined& joined, const BorderMap& map, const ZipperConfig& config)
       : joined_(joined), longest_m_(static_cast<float>(1.5 * config.edge_m)) {
+    const std::vector<std::uint8_t> near = map.has_other_near(joined);
     std::vector<std::uint32_t> triangles;  // that are cut
-    for (const std::uint32_t h : joined.border)
-      if (is_long(h) && map.has_other_near(joined, h)) triangles.push_back(h / 3);
+    for (std::size_t e = 0; e < near.size(); ++e)
+      if (near[e] && is_long(joined.border[e])) triangles.push_back(joined.border[e] / 3);
     triangles.erase(std::unique(triangles.begin(), triangles.end()), triangles.end());
     if (triangles.empty()) return;
     for (const std::uint32_t h : joined.border)
@@ -130,9 +131,7 @@ class BorderCutter {
 /// [border] The edges that another part's border may be near, and a few more on both sides.
 std::vector<std::uint8_t> wanted_edges(const Joined& joined, const BorderMap& map) {
   constexpr int kMore = 3;
-  std::vector<std::uint8_t> edges(joined.border.size());
-  for (std::size_t e = 0; e < edges.size(); ++e)
-    edges[e] = map.has_other_near(joined, joined.border[e]);
+  std::vector<std::uint8_t> edges = map.has_other_near(joined);
   const auto ends = [&](std::size_t e) {
     return std::pair(kit::edge_from(joined.mesh, joined.border[e]),
                      kit::edge_to(joined.mesh, joined.border[e]));
