@@ -1,6 +1,7 @@
 #pragma once
 
 #include <algorithm>
+#include <array>
 #include <cstdint>
 
 #include "mr/core/vec.h"
@@ -16,5 +17,12 @@ inline Vec3i cell_at(Vec3f p) {
   };
   return {whole(p.x), whole(p.y), whole(p.z)};
 }
+
+/// A number of its own for each of those cells, and for those beside them.
+inline std::uint64_t cell_key(Vec3i cell) {
+  const auto bits = [](std::int32_t x) { return static_cast<std::uint64_t>(x + (1 << 20)); };
+  return bits(cell.x) << 42 | bits(cell.y) << 21 | bits(cell.z);
+}
+inline constexpr std::array<std::uint64_t, 3> kCellStep{1ull << 42, 1ull << 21, 1};  // of a key
 
 }  // namespace mr::merge

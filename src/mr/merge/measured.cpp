@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <limits>
 
+#include "mr/core/parallel.h"
 #include "mr/kit/topology.h"
 
 namespace mr::merge {
@@ -81,6 +82,19 @@ Measured measured(const Part& part, const OverlapConfig& config) {
     out.plane[t] = {normal, dot(normal, mesh.centroid(t))};
   }
   return out;
+}
+
+double farthest_alike_m(std::span<const Part> parts, const OverlapConfig& config) {
+  std::vector<float> of_part(parts.size(), 0.0f);
+  parallel_for(parts.size(), 1, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t i = begin; i < end; ++i) {
+      for (const SourceInfo& source : parts[i].sources)
+        for (const Vec3f p : parts[i].mesh.positions)
+          of_part[i] = std::max(of_part[i], sigma_at(source, p));
+      of_part[i] += slack_m(parts[i], config);
+    }
+  });
+  return parts.empty() ? 0 : 2.0 * *std::ranges::max_element(of_part);
 }
 
 }  // namespace mr::merge

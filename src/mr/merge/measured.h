@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstdint>
+#include <span>
 #include <vector>
 
 #include "mr/core/mesh.h"
@@ -41,5 +42,8 @@ struct Measured {
 };
 
 Measured measured(const Part& part, const OverlapConfig& config);
+
+/// How far apart two spots may lie, along the normal, and be one surface, at the most. Parallel.
+double farthest_alike_m(std::span<const Part> parts, const OverlapConfig& config);
 
 }  // namespace mr::merge

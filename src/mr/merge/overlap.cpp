@@ -1,12 +1,18 @@
 #include "mr/merge/overlap.h"
 
+#include <algorithm>
+
 #include "mr/core/assert.h"
 #include "mr/core/parallel.h"
+#include "mr/merge/groups.h"
+#include "mr/merge/measured.h"
 #include "mr/merge/ownership.h"
 #include "mr/merge/paper_rule.h"
 
 namespace mr::merge {
 namespace {
+
+constexpr double kLeastReach_voxels = 8;  // of parts that meet: coarse cells are fewer
 
 /// A part's mesh, each triangle with the sensor that measured it as its view.
 Mesh by_sensor(const Part& part) {
@@ -30,6 +36,33 @@ std::vector<Mesh> nearest(std::span<const Part> parts, const OverlapConfig& conf
   return out;
 }
 
+/// What is left where each spot goes to who measured it best. Parts that do not meet have nothing
+/// to decide between them.
+std::vector<Mesh> best(std::span<const Part> parts, const OverlapConfig& config,
+                       QualityMemory* memory) {
+  std::vector<const Mesh*> meshes;
+  for (const Part& part : parts) meshes.push_back(&part.mesh);
+  const double reach_m =
+      std::max(farthest_alike_m(parts, config), kLeastReach_voxels * config.voxel_m);
+  const auto groups = groups_that_meet(meshes, reach_m);
+  if (groups.size() == 1) return best_measured(parts, config, memory);
+  std::vector<Mesh> out(parts.size());
+  const auto work = [&](const std::vector<std::uint32_t>& group) {
+    if (group.size() == 1) {
+      out[group[0]] = by_sensor(parts[group[0]]);
+      return;
+    }
+    std::vector<Part> some;
+    for (const std::uint32_t i : group) some.push_back(parts[i]);
+    std::vector<Mesh> owned = best_measured(some, config, memory);
+    for (std::size_t k = 0; k < group.size(); ++k) out[group[k]] = std::move(owned[k]);
+  };
+  parallel_for(groups.size(), 1, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t g = begin; g < end; ++g) work(groups[g]);
+  });
+  return out;
+}
+
 }  // namespace
 
 std::vector<Mesh> remove_overlap(std::span<const Part> parts, const OverlapConfig& config,
@@ -37,7 +70,7 @@ std::vector<Mesh> remove_overlap(std::span<const Part> parts, const OverlapConfi
   for (const Part& part : parts) MR_ASSERT(!part.sources.empty());
   if (parts.size() == 1) return {by_sensor(parts[0])};
   return config.owner == MergeConfig::Owner::paper ? nearest(parts, config)
-                                                   : best_measured(parts, config, memory);
+                                                   : best(parts, config, memory);
 }
 
 }  // namespace mr::merge

@@ -22,6 +22,7 @@ namespace {
 constexpr std::size_t kBlock = 2048;   // vertices that are looked at together
 constexpr double kCell_voxels = 16;    // of the quality grid
 constexpr float kFirstWins = 1.001f;   // of two about equally good measurements
+constexpr float kClear = 0.8f;         // of another's quality: worse than that beside it, too
 constexpr double kFocal_voxels = 2.5;  // pixels per radian · voxel_m: 1.2 voxels a pixel at 3 m
 constexpr double kLeastFocal_px = 250;
 constexpr float kRetreat_voxels = 0.8f;  // from an owner's border, on both sides
@@ -63,15 +64,22 @@ std::vector<Measured> all_measured(std::span<const Part> parts, const OverlapCon
 
 /// A triangle of a part.
 struct Place {
+  std::uint32_t part = 0, triangle = 0;
+};
+
+/// Who has a spot instead of the part that it is of.
+struct Loss {
   static constexpr std::uint32_t kNobody = 0xFFFFFFFFu;
-  std::uint32_t part = kNobody, triangle = 0;
+  Place to;
+  std::uint32_t owner = kNobody;  ///< number of it
+  bool is_clear = false;          ///< that one measured it better by far
 };
 
 /// How much better a part measured a spot of its own than the best other with surface there (over
 /// 0: its own), and that one.
 struct Verdict {
   float margin = 0;
-  Place lost_to;
+  Loss loss;
 };
 
 /// Who owns what: at any place, the part with surface there that measured it best.
@@ -135,11 +143,17 @@ class Owners {
         std::ranges::pop_heap(better_, {}, by_quality);
         const auto& [owner, number, quality] = better_.back();
         if (const auto t = owners_.find(number, spot, part_))
-          return {std::min(mine - quality, -kLeast), {owner.part, *t}};
+          return {std::min(mine - quality, -kLeast),
+                  {{owner.part, *t}, number, mine < kClear * quality}};
       }
       return {std::max(mine - below, kLeast), {}};
     }
     float margin(const Spot& spot) { return verdict(spot).margin; }
+
+    /// Whether it is plain that a spot is lost to the same one as a spot beside it.
+    bool is_lost_like(const Loss& beside, const Spot& spot) const {
+      return beside.is_clear && owners_.find(beside.owner, spot, part_);
+    }
 
     /// Whether another part has surface at a spot that satisfies `holds(place)`.
     template <typename Holds>
@@ -189,13 +203,13 @@ class OwnPart {
         mesh_(&owners.mesh(part)),
         vertices_(&owners.vertices(part)),
         margin_(vertices_->size()),
-        lost_to_(vertices_->size()) {}
+        loss_(vertices_->size()) {}
 
   void look_at(std::size_t begin, std::size_t end) {
     Owners::Look look(owners_, part_);
     for (std::size_t v = begin; v < end; ++v) {
       const Verdict verdict = look.verdict((*vertices_)[v]);
-      margin_[v] = verdict.margin, lost_to_[v] = verdict.lost_to;
+      margin_[v] = verdict.margin, loss_[v] = verdict.loss;
     }
   }
 
@@ -211,7 +225,7 @@ class OwnPart {
     std::optional<Owners::Look> look;
     const auto kept = [&](const Place& place) { return all[place.part].keeps(place.triangle); };
     for (std::size_t v = 0; v < margin_.size(); ++v) {
-      if (lost_to_[v].part == Place::kNobody || kept(lost_to_[v])) continue;
+      if (loss_[v].owner == Loss::kNobody || kept(loss_[v].to)) continue;
       if (!look) look.emplace(owners_, part_);
       if (!look->any_rival((*vertices_)[v], kept)) margin_[v] = kRestored;
     }
@@ -285,7 +299,12 @@ class OwnPart {
     const Spot& a = (*vertices_)[corners[longest]];
     const Spot& b = (*vertices_)[corners[(longest + 1) % 3]];
     const Spot& c = (*vertices_)[corners[(longest + 2) % 3]];
-    const auto differs = [&](const Spot& spot) { return (look.margin(spot) > 0) != own; };
+    const auto differs = [&](const Spot& spot) {
+      if (!own && std::ranges::any_of(
+                      corners, [&](std::uint32_t v) { return look.is_lost_like(loss_[v], spot); }))
+        return false;
+      return (look.margin(spot) > 0) != own;
+    };
     const Spot middle = between(a, b, 0.5f);
     return differs(middle) || differs(between(middle, c, 1.0f / 3));
   }
@@ -295,7 +314,8 @@ class OwnPart {
     std::vector<Spot> vertices = *vertices_;
     for (const auto& [a, b] : fine.cut_edges) {
       vertices.push_back(between(vertices[a], vertices[b], 0.5f));
-      margin_.push_back(look.margin(vertices.back()));
+      const Verdict verdict = look.verdict(vertices.back());
+      margin_.push_back(verdict.margin), loss_.push_back(verdict.loss);
     }
     is_new_.resize(fine.parent.size());
     for (std::size_t t = 0; t < is_new_.size(); ++t)
@@ -312,7 +332,7 @@ class OwnPart {
   const Mesh* mesh_;                   // the part's, or finer_mesh_
   const std::vector<Spot>* vertices_;  // of mesh_
   std::vector<float> margin_;          // [V] of mesh_
-  std::vector<Place> lost_to_;         // [V] of the part
+  std::vector<Loss> loss_;             // [V] of mesh_
   std::vector<std::uint32_t> whole_;   // [T of mesh_] triangle of the part; empty: the same
   std::vector<std::uint8_t> is_new_;   // [T of mesh_] since edges were last split
   Mesh finer_mesh_;

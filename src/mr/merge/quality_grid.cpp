@@ -6,18 +6,13 @@
 
 #include "mr/core/parallel.h"
 #include "mr/merge/cell.h"
+#include "mr/merge/pieces.h"
 
 namespace mr::merge {
 namespace {
 
 constexpr int kMostPieces = 16;  // of a triangle's edges, when it is spread over cells
 
-std::uint64_t key(Vec3i cell) {
-  const auto bits = [](std::int32_t x) { return static_cast<std::uint64_t>(x + (1 << 20)); };
-  return bits(cell.x) << 42 | bits(cell.y) << 21 | bits(cell.z);
-}
-
-constexpr std::uint64_t kStep[3] = {1ull << 42, 1ull << 21, 1};  // of a key, per axis
 constexpr float kHeld = 0.1f;        // by how much a sum may change unnoticed
 constexpr float kLeastShare = 0.1f;  // of the surface in a cell, to count for its neighbours
 constexpr std::uint32_t kNotHere = 0xFFFFFFFFu;
@@ -45,23 +40,12 @@ class Filler {
         each[axis + 3] = each[axis] * measured.quality[t];
       }
       for_each_piece(n, [&](float b, float c) {
-        QualitySums& here = cells_.sums[place_of(key(cell_at((a + ab * b + ac * c) * per_cell)))];
+        QualitySums& here =
+            cells_.sums[place_of(cell_key(cell_at((a + ab * b + ac * c) * per_cell)))];
         for (std::size_t i = 0; i < each.size(); ++i) here[i] += each[i];
       });
     }
     spread();
-  }
-
-  /// Calls visit(b, c) with the weights of ab and ac for the middles of n² equal pieces.
-  template <typename Visit>
-  static void for_each_piece(int n, Visit&& visit) {
-    const float step = 1 / static_cast<float>(n);
-    for (int i = 0; i < n; ++i)
-      for (int j = 0; i + j < n; ++j) {
-        const auto x = static_cast<float>(i), y = static_cast<float>(j);
-        visit((x + 1.0f / 3) * step, (y + 1.0f / 3) * step);
-        if (i + j + 1 < n) visit((x + 2.0f / 3) * step, (y + 2.0f / 3) * step);
-      }
   }
 
   /// Where a cell is kept.
@@ -82,7 +66,8 @@ class Filler {
     for (int axis = 0; axis < 3; ++axis) {
       const std::vector<QualitySums> before = sums;
       for (std::size_t i = 0; i < count; ++i)
-        for (const std::uint64_t neighbour : {keys[i] - kStep[axis], keys[i] + kStep[axis]}) {
+        for (const std::uint64_t neighbour :
+             {keys[i] - kCellStep[axis], keys[i] + kCellStep[axis]}) {
           const std::uint32_t* other = cells_.places.find(neighbour);
           if (!other) continue;
           for (int k = 0; k < 6; ++k)
@@ -94,7 +79,7 @@ class Filler {
       for (int axis = 0; axis < 3; ++axis) {
         const QualitySums& here = before[i];
         if (here[axis] < kLeastShare * (here[0] + here[1] + here[2])) continue;
-        for (const std::uint64_t beside : {keys[i] - kStep[axis], keys[i] + kStep[axis]}) {
+        for (const std::uint64_t beside : {keys[i] - kCellStep[axis], keys[i] + kCellStep[axis]}) {
           QualitySums& there = sums[place_of(beside)];
           there[axis] += here[axis], there[axis + 3] += here[axis + 3];
         }
@@ -106,8 +91,13 @@ class Filler {
 
 }  // namespace
 
+QualityCells& QualityMemory::remembered(std::uint32_t sensor) {
+  const std::lock_guard lock(mutex_);
+  return last_[sensor];
+}
+
 void QualityMemory::steady(std::uint32_t sensor, QualityCells& cells) {
-  QualityCells& last = last_[sensor];
+  QualityCells& last = remembered(sensor);
   for (std::size_t i = 0; i < cells.keys.size(); ++i) {
     const std::uint32_t* before = last.places.find(cells.keys[i]);
     if (!before) continue;
@@ -206,7 +196,8 @@ void QualityGrid::Reader::gather(Vec3i cell, Around& out) {
   out.owners.clear();
   std::array<std::span<const Entry>, 8> entries;
   for (int c = 0; c < 8; ++c) {
-    const std::uint32_t* known = grid_.cells_.find(key(cell + Vec3i{c & 1, c >> 1 & 1, c >> 2}));
+    const std::uint32_t* known =
+        grid_.cells_.find(cell_key(cell + Vec3i{c & 1, c >> 1 & 1, c >> 2}));
     if (!known) continue;
     const std::uint32_t begin = grid_.first_[*known], end = grid_.first_[*known + 1];
     entries[c] = std::span(grid_.entries_).subspan(begin, end - begin);

@@ -3,6 +3,7 @@
 #include <array>
 #include <cstdint>
 #include <map>
+#include <mutex>
 #include <span>
 #include <vector>
 
@@ -26,13 +27,16 @@ struct QualityCells {
 /// borders between owners lie still while noise does not.
 class QualityMemory {
  public:
-  /// Steadies the sums of a sensor, and remembers them.
+  /// Steadies the sums of a sensor, and remembers them. Different sensors may come at once.
   void steady(std::uint32_t sensor, QualityCells& cells);
   /// While frozen, nothing is remembered: a piece of a scene is merged.
   void freeze(bool frozen) { frozen_ = frozen; }
 
  private:
+  QualityCells& remembered(std::uint32_t sensor);
+
   bool frozen_ = false;
+  std::mutex mutex_;  // for the map alone
   std::map<std::uint32_t, QualityCells> last_;
 };
 

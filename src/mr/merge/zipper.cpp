@@ -18,6 +18,7 @@
 #include "mr/merge/border_map.h"
 #include "mr/merge/cell.h"
 #include "mr/merge/front.h"
+#include "mr/merge/groups.h"
 #include "mr/merge/point_grid.h"
 
 namespace mr::merge {
@@ -170,13 +171,14 @@ class Zipper {
   std::vector<Triangle> run() {
     std::vector<std::uint32_t> edges(front_.original());
     std::iota(edges.begin(), edges.end(), 0u);
-    auto [cubes, between] = jobs(edges);
-    parallel_for(cubes.size(), 1, [&](std::size_t begin, std::size_t end) {
-      for (std::size_t i = begin; i < end; ++i) drain(cubes[i]);
+    Jobs jobs = deal_out(edges);
+    parallel_for(jobs.cubes.size(), 1, [&](std::size_t begin, std::size_t end) {
+      for (std::size_t i = begin; i < end; ++i) drain(jobs.cubes[i]);
     });
+    Job& between = jobs.between;
     between.space = front_.open_workspace();
     std::vector<Triangle> out;
-    for (Job& cube : cubes) {
+    for (const Job& cube : jobs.cubes) {
       out.insert(out.end(), cube.space.added.begin(), cube.space.added.end());
       for (const auto& filling : best_fillings(cube.left))
         if (filling) between.queue.push(*filling);
@@ -215,7 +217,7 @@ class Zipper {
   };
 
   /// Deals out the edges that a filling is found for.
-  Jobs jobs(const std::vector<std::uint32_t>& edges) {
+  Jobs deal_out(const std::vector<std::uint32_t>& edges) {
     Jobs out;
     std::map<std::tuple<int, int, int>, std::size_t> place;  // of cubes
     for (const auto& filling : best_fillings(edges)) {
@@ -422,10 +424,8 @@ Mesh with_views(Joined joined) {
   return std::move(joined.mesh);
 }
 
-}  // namespace
-
-Mesh zip(std::span<const Mesh> parts, const ZipperConfig& config) {
-  if (parts.size() == 1) return parts[0];
+/// One surface of parts that meet.
+Mesh close(std::span<const Mesh> parts, const ZipperConfig& config) {
   Joined joined = join_parts(parts);
   if (config.max_gap_m <= 0) return with_views(std::move(joined));
   const BorderMap map(joined, config.max_gap_m + config.edge_m);
@@ -435,6 +435,33 @@ Mesh zip(std::span<const Mesh> parts, const ZipperConfig& config) {
   const bool came_apart = joined.came_apart;
   Mesh out = with_views(std::move(joined));
   return came_apart ? kit::without_nonmanifold_edges(out) : out;
+}
+
+}  // namespace
+
+Mesh zip(std::span<const Mesh> parts, const ZipperConfig& config) {
+  if (parts.size() == 1) return parts[0];
+  std::vector<const Mesh*> meshes;
+  for (const Mesh& part : parts) meshes.push_back(&part);
+  const double reach_m = std::max({config.max_gap_m + config.edge_m, 2 * config.edge_m, 1e-3});
+  const auto groups = groups_that_meet(meshes, reach_m);
+  if (groups.size() == 1) return close(parts, config);
+  std::vector<Mesh> closed(groups.size());
+  parallel_for(groups.size(), 1, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t g = begin; g < end; ++g) {
+      std::vector<Mesh> some;
+      for (const std::uint32_t i : groups[g]) some.push_back(parts[i]);
+      closed[g] = some.size() == 1 ? std::move(some[0]) : close(some, config);
+    }
+  });
+  Joined out;
+  for (const Mesh& mesh : closed) {
+    const std::vector<ViewId> view = triangle_views(mesh);
+    out.view.insert(out.view.end(), view.begin(), view.end());
+    append(out.mesh, mesh);
+  }
+  out.mesh.runs.clear();
+  return with_views(std::move(out));
 }
 
 }  // namespace mr::merge
