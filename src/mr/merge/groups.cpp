@@ -13,10 +13,10 @@
 namespace mr::merge {
 namespace {
 
-constexpr std::size_t kFew = 6;        // meshes: merging them together costs less than looking
-constexpr double kCell_reaches = 2;    // so that what is within reach, and a piece of a triangle
-constexpr float kPiece_cells = 0.37f;  // away from its middle, lies in the next cell at the most
-constexpr int kMostPieces = 64;        // of an edge: where a larger triangle lies is not looked at
+constexpr std::size_t kFew = 6;       // meshes: merging them together costs less than looking
+constexpr double kCell_reaches = 3;   // so that what is within reach, and a piece of a triangle
+constexpr float kPiece_cells = 0.5f;  // away from its middle, lies in the next cell at the most
+constexpr int kMostPieces = 64;       // of an edge: where a larger triangle lies is not looked at
 
 /// The cells that the middles of a mesh's triangles lie in, or of their pieces.
 struct Occupied {

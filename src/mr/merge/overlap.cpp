@@ -12,7 +12,7 @@
 namespace mr::merge {
 namespace {
 
-constexpr double kLeastReach_voxels = 8;  // of parts that meet: coarse cells are fewer
+constexpr double kLeastReach_voxels = 5;  // of parts that meet: coarse cells are fewer
 
 /// A part's mesh, each triangle with the sensor that measured it as its view.
 Mesh by_sensor(const Part& part) {
