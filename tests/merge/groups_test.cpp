@@ -51,7 +51,7 @@ TEST(Groups, FewAreOneAndHugeTrianglesMeetAll) {
   EXPECT_EQ(groups_of(walls({0, 10}, 2), 0.06).size(), 1u);
   auto meshes = walls({0, 10, 20, 30, 40, 50}, 2);
   EXPECT_EQ(groups_of({}, 0.06).size(), 0u);
-  meshes.push_back(test::grid({0, 0, 500}, {1000, 0, 0}, {0, -1000, 0}, 1, 1));
+  meshes.push_back(test::grid({0, 0.5f, 2}, {1000, 0, 0}, {0, -1000, 1000}, 1, 1));
   EXPECT_EQ(groups_of(meshes, 0.06).size(), 1u);
 }
 

@@ -2,7 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
-#include <ranges>
+#include <utility>
 
 #include "mr/core/parallel.h"
 #include "mr/kit/pair_map.h"
@@ -16,70 +16,146 @@ namespace {
 constexpr std::size_t kFew = 6;       // meshes: merging them together costs less than looking
 constexpr double kCell_reaches = 3;   // so that what is within reach, and a piece of a triangle
 constexpr float kPiece_cells = 0.5f;  // away from its middle, lies in the next cell at the most
-constexpr int kMostPieces = 64;       // of an edge: where a larger triangle lies is not looked at
+constexpr float kMostPieces = 64;     // of an edge: who has a larger triangle meets all
+constexpr std::size_t kEvery = 4;     // vertex is looked at first
 
-/// The cells that the middles of a mesh's triangles lie in, or of their pieces.
-struct Occupied {
-  std::vector<Vec3i> cells;
-  bool everywhere = false;
+using Cells = std::vector<Vec3i>;
+
+Box3f grown(const Box3f& box, float by) {
+  return {box.low - Vec3f{by, by, by}, box.high + Vec3f{by, by, by}};
+}
+
+bool meet(const Box3f& a, const Box3f& b) {
+  return a.low.x <= b.high.x && a.low.y <= b.high.y && a.low.z <= b.high.z && b.low.x <= a.high.x &&
+         b.low.y <= a.high.y && b.low.z <= a.high.z;
+}
+
+/// Cells, each once.
+class CellSet {
+ public:
+  void add(Vec3i cell) {
+    if (cell == last_) return;
+    last_ = cell;
+    const auto fresh = static_cast<std::uint32_t>(cells_.size());
+    if (known_.get_or_add(cell_key(cell), fresh) == fresh) cells_.push_back(cell);
+  }
+  Cells take() && { return std::move(cells_); }
+
+ private:
+  kit::PairMap known_{256};
+  Vec3i last_{1 << 30, 0, 0};
+  Cells cells_;
 };
 
-Occupied occupied(const Mesh& mesh, float per_cell) {
-  Occupied out;
-  kit::PairMap known(mesh.triangles.size() / 8);
-  Vec3i last{1 << 30, 0, 0};
-  for (std::size_t t = 0; t < mesh.triangles.size(); ++t) {
-    const Vec3f a = mesh.corner(t, 0) * per_cell, ab = mesh.corner(t, 1) * per_cell - a,
-                ac = mesh.corner(t, 2) * per_cell - a;
-    const float pieces = std::max({length(ab), length(ac), length(ac - ab)}) / kPiece_cells;
-    if (!(pieces <= kMostPieces)) return {{}, true};
-    for_each_piece(std::max(static_cast<int>(std::ceil(pieces)), 1), [&](float b, float c) {
-      const Vec3i cell = cell_at(a + ab * b + ac * c);
-      if (cell == last) return;
-      last = cell;
-      const auto fresh = static_cast<std::uint32_t>(out.cells.size());
-      if (known.get_or_add(cell_key(cell), fresh) == fresh) out.cells.push_back(cell);
-    });
-  }
-  return out;
-}
+class Grouping {
+ public:
+  Grouping(std::span<const Mesh* const> meshes, double reach_m)
+      : meshes_(meshes),
+        per_cell_(static_cast<float>(1 / (kCell_reaches * reach_m))),
+        reach_m_(static_cast<float>(reach_m)),
+        sets_(meshes.size()) {}
 
-/// Joins those with surface in the same cell, then those in cells beside each other.
-void join_meeting(const std::vector<Occupied>& meshes, DisjointSets& sets) {
-  kit::PairMap first(1024);  // cell → the first mesh there
-  for (std::uint32_t m = 0; m < meshes.size(); ++m) {
-    if (meshes[m].everywhere)
-      for (std::uint32_t other = 0; other < meshes.size(); ++other) sets.join(m, other);
-    for (const Vec3i cell : meshes[m].cells) sets.join(m, first.get_or_add(cell_key(cell), m));
+  /// Joins all that meet. Most of them share a cell with a vertex in it; only where others come
+  /// near is looked at more closely.
+  void run() {
+    join_sharing(cells_of_all([&](std::uint32_t m) { return cells_of_vertices(*meshes_[m]); }));
+    find_rivals();
+    const auto close = cells_of_all([&](std::uint32_t m) { return cells_near_rivals(m); });
+    for (std::uint32_t m = 0; m < is_huge_.size(); ++m)
+      for (std::uint32_t other = 0; is_huge_[m] && other < is_huge_.size(); ++other) join(m, other);
+    join_sharing(close);
+    join_beside(close);
   }
-  const auto is_apart = [&](std::size_t m) { return sets.of(static_cast<std::uint32_t>(m)) != 0; };
-  if (std::ranges::none_of(std::views::iota(std::size_t{0}, meshes.size()), is_apart)) return;
-  for (std::uint32_t m = 0; m < meshes.size(); ++m)
-    for (const Vec3i cell : meshes[m].cells)
-      for (int i = 14; i < 27; ++i) {  // half of the neighbours: the others look this way
-        const Vec3i beside = cell + Vec3i{i % 3 - 1, i / 3 % 3 - 1, i / 9 - 1};
-        if (const std::uint32_t* other = first.find(cell_key(beside))) sets.join(m, *other);
-      }
-}
+
+  std::uint32_t of(std::uint32_t mesh) { return sets_.of(mesh); }
+  void join(std::uint32_t a, std::uint32_t b) { sets_.join(a, b); }
+
+ private:
+  template <typename Work>
+  std::vector<Cells> cells_of_all(Work&& work) const {
+    std::vector<Cells> out(meshes_.size());
+    parallel_for(out.size(), 1, [&](std::size_t begin, std::size_t end) {
+      for (std::size_t m = begin; m < end; ++m) out[m] = work(static_cast<std::uint32_t>(m));
+    });
+    return out;
+  }
+
+  Cells cells_of_vertices(const Mesh& mesh) const {
+    CellSet out;
+    for (std::size_t v = 0; v < mesh.positions.size(); v += kEvery)
+      out.add(cell_at(mesh.positions[v] * per_cell_));
+    return std::move(out).take();
+  }
+
+  /// Where a mesh of another set may be within reach.
+  void find_rivals() {
+    std::vector<Box3f> boxes(meshes_.size());
+    parallel_for(boxes.size(), 1, [&](std::size_t begin, std::size_t end) {
+      for (std::size_t m = begin; m < end; ++m)
+        for (const Vec3f p : meshes_[m]->positions) boxes[m].add(p);
+    });
+    rivals_.resize(meshes_.size()), is_huge_.resize(meshes_.size());
+    for (std::uint32_t m = 0; m < meshes_.size(); ++m)
+      for (std::uint32_t other = 0; other < meshes_.size(); ++other)
+        if (of(m) != of(other) && !meshes_[other]->positions.empty())
+          if (const Box3f box = grown(boxes[other], reach_m_); meet(box, boxes[m]))
+            rivals_[m].push_back(box);
+  }
+
+  /// The cells that the middles of a mesh's triangles lie in, or of their pieces, as far as rivals
+  /// may be near.
+  Cells cells_near_rivals(std::uint32_t m) {
+    const Mesh& mesh = *meshes_[m];
+    if (rivals_[m].empty()) return {};
+    CellSet out;
+    for (std::size_t t = 0; t < mesh.triangles.size(); ++t) {
+      Box3f box;
+      for (int i = 0; i < 3; ++i) box.add(mesh.corner(t, i));
+      if (std::ranges::none_of(rivals_[m], [&](const Box3f& b) { return meet(b, box); })) continue;
+      const Vec3f a = mesh.corner(t, 0) * per_cell_, ab = mesh.corner(t, 1) * per_cell_ - a,
+                  ac = mesh.corner(t, 2) * per_cell_ - a;
+      const float pieces = std::max({length(ab), length(ac), length(ac - ab)}) / kPiece_cells;
+      is_huge_[m] |= !(pieces <= kMostPieces);
+      if (is_huge_[m]) return {};
+      for_each_piece(std::max(static_cast<int>(std::ceil(pieces)), 1),
+                     [&](float b, float c) { out.add(cell_at(a + ab * b + ac * c)); });
+    }
+    return std::move(out).take();
+  }
+
+  void join_sharing(const std::vector<Cells>& cells) {
+    for (std::uint32_t m = 0; m < cells.size(); ++m)
+      for (const Vec3i cell : cells[m]) join(m, first_.get_or_add(cell_key(cell), m));
+  }
+  void join_beside(const std::vector<Cells>& cells) {
+    for (std::uint32_t m = 0; m < cells.size(); ++m)
+      for (const Vec3i cell : cells[m])
+        for (int i = 0; i < 27; ++i) {
+          const Vec3i beside = cell + Vec3i{i % 3 - 1, i / 3 % 3 - 1, i / 9 - 1};
+          if (const std::uint32_t* other = first_.find(cell_key(beside))) join(m, *other);
+        }
+  }
+
+  std::span<const Mesh* const> meshes_;
+  float per_cell_, reach_m_;
+  DisjointSets sets_;
+  kit::PairMap first_{1024};                // cell → a mesh with surface there
+  std::vector<std::vector<Box3f>> rivals_;  // [meshes] boxes of those of other sets
+  std::vector<std::uint8_t> is_huge_;       // [meshes] has a triangle that is not looked at
+};
 
 }  // namespace
 
 std::vector<std::vector<std::uint32_t>> groups_that_meet(std::span<const Mesh* const> meshes,
                                                          double reach_m) {
   const auto count = static_cast<std::uint32_t>(meshes.size());
-  DisjointSets sets(count);
-  if (count <= kFew) {
-    for (std::uint32_t m = 1; m < count; ++m) sets.join(0, m);
-  } else {
-    std::vector<Occupied> cells(count);
-    parallel_for(count, 1, [&](std::size_t begin, std::size_t end) {
-      for (std::size_t m = begin; m < end; ++m)
-        cells[m] = occupied(*meshes[m], static_cast<float>(1 / (kCell_reaches * reach_m)));
-    });
-    join_meeting(cells, sets);
-  }
+  Grouping grouping(meshes, reach_m);
+  if (count > kFew)
+    grouping.run();
+  else
+    for (std::uint32_t m = 1; m < count; ++m) grouping.join(0, m);
   std::vector<std::vector<std::uint32_t>> of_root(count), out;
-  for (std::uint32_t m = 0; m < count; ++m) of_root[sets.of(m)].push_back(m);
+  for (std::uint32_t m = 0; m < count; ++m) of_root[grouping.of(m)].push_back(m);
   for (std::vector<std::uint32_t>& group : of_root)
     if (!group.empty()) out.push_back(std::move(group));
   std::ranges::sort(out);

@@ -1,6 +1,7 @@
 #include "mr/merge/measured.h"
 
 #include <algorithm>
+#include <cmath>
 #include <limits>
 
 #include "mr/core/parallel.h"
@@ -51,6 +52,14 @@ void measure(const Part& part, std::size_t t, Measured& out) {
       out.quality[t] = q, out.source[t] = s;
 }
 
+/// A bound of a source's spread anywhere on a mesh; it grows with distance.
+float largest_sigma(const SourceInfo& source, const Mesh& mesh) {
+  const auto eye = vec_cast<float>(source.T_world_depth.translation);
+  float farthest = 0;  // squared
+  for (const Vec3f p : mesh.positions) farthest = std::max(farthest, dot(p - eye, p - eye));
+  return static_cast<float>(source.precision.sigma_m(std::sqrt(farthest)));
+}
+
 }  // namespace
 
 float slack_m(const Part& part, const OverlapConfig& config) {
@@ -89,8 +98,7 @@ double farthest_alike_m(std::span<const Part> parts, const OverlapConfig& config
   parallel_for(parts.size(), 1, [&](std::size_t begin, std::size_t end) {
     for (std::size_t i = begin; i < end; ++i) {
       for (const SourceInfo& source : parts[i].sources)
-        for (const Vec3f p : parts[i].mesh.positions)
-          of_part[i] = std::max(of_part[i], sigma_at(source, p));
+        of_part[i] = std::max(of_part[i], largest_sigma(source, parts[i].mesh));
       of_part[i] += slack_m(parts[i], config);
     }
   });

@@ -352,10 +352,15 @@ class Zipper {
   /// Closes small loops that strips left over, and pinholes.
   void close_small_loops(Front::Workspace& space) {
     std::vector<std::uint8_t> seen;
-    for (std::uint32_t e = 0; e < front_.size(); ++e) {
+    const auto next_corner = [&](std::uint32_t v) {
       seen.resize(front_.size());
-      if (front_.edge(e).alive && !seen[e] && is_remainder(e, seen)) close_small_loop(e, space);
-    }
+      std::uint32_t e = front_.corner_at(v);
+      while (e != Front::kNone && seen[e]) e = front_.edge(e).sibling;
+      return e;
+    };
+    for (std::uint32_t v = 0; v < front_.vertices().size(); ++v)
+      for (std::uint32_t e = next_corner(v); e != Front::kNone; e = next_corner(v))
+        if (is_remainder(e, seen)) close_small_loop(e, space);
   }
 
   /// Whether `e` is on a small loop that strips left over, or around a pinhole. Marks what is on
@@ -446,21 +451,22 @@ Mesh zip(std::span<const Mesh> parts, const ZipperConfig& config) {
   const double reach_m = std::max({config.max_gap_m + config.edge_m, 2 * config.edge_m, 1e-3});
   const auto groups = groups_that_meet(meshes, reach_m);
   if (groups.size() == 1) return close(parts, config);
-  std::vector<Mesh> closed(groups.size());
+  std::vector<Mesh> closed(groups.size());  // empty where a part is alone
   parallel_for(groups.size(), 1, [&](std::size_t begin, std::size_t end) {
     for (std::size_t g = begin; g < end; ++g) {
+      if (groups[g].size() == 1) continue;
       std::vector<Mesh> some;
       for (const std::uint32_t i : groups[g]) some.push_back(parts[i]);
-      closed[g] = some.size() == 1 ? std::move(some[0]) : close(some, config);
+      closed[g] = close(some, config);
     }
   });
   Joined out;
-  for (const Mesh& mesh : closed) {
+  for (std::size_t g = 0; g < groups.size(); ++g) {
+    const Mesh& mesh = groups[g].size() == 1 ? parts[groups[g][0]] : closed[g];
     const std::vector<ViewId> view = triangle_views(mesh);
     out.view.insert(out.view.end(), view.begin(), view.end());
-    append(out.mesh, mesh);
+    append(out.mesh, {mesh.positions, mesh.triangles, {}});
   }
-  out.mesh.runs.clear();
   return with_views(std::move(out));
 }
 
