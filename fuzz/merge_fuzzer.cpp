@@ -178,7 +178,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   Input in(data, size);
   const OverlapConfig config = any_config(in);
   std::vector<Part> parts;
-  const std::uint32_t count = 1 + in.below(4);
+  const std::uint32_t count = 1 + (in.one_in(4) ? in.below(10) : in.below(4));
   for (std::uint32_t i = 0; i < count; ++i) parts.push_back(any_part(in, i));
   std::size_t bad_before = 0;
   for (const Part& part : parts) bad_before += count_bad_edges(part.mesh);

@@ -269,11 +269,23 @@ test::Merged merged_soundly(std::span<const Part> parts, const OverlapConfig& co
   return out;
 }
 
+/// So many parts that those that do not meet are merged apart: some more, near and far, and empty.
+std::vector<Part> among_others(std::vector<Part> parts) {
+  for (std::uint32_t i = 0; i < 7; ++i) {
+    parts.push_back(
+        {wall(11, 2.0f + 20.0f * static_cast<float>(i / 3)), 0.001f, {test::source(90 + i, {})}});
+    if (i == 5) parts.back().mesh = {};
+  }
+  return parts;
+}
+
 void merge_all(const std::vector<Odd>& all) {
   for (const Odd& odd : all)
     for (const Named& named : configs()) {
       SCOPED_TRACE(odd.name + ", " + named.name);
       merged_soundly(odd.parts, named.config);
+      if (named.config.owner == Owner::coherent)
+        merged_soundly(among_others(odd.parts), named.config);
     }
 }
 

@@ -107,14 +107,15 @@ TEST(Zipper, OverlapRemovalAndZipperGiveOneClosedWall) {
   for (const Vec3f p : zipped.positions) EXPECT_NEAR(p.z, 2.003f, 0.006f);
 }
 
-/// Two walls with a long gap between them: longer than the cubes that are closed at once.
+/// Two walls with a long gap between them: longer than the cubes of 1.6 m that are closed at once,
+/// and in the middle of them.
 std::vector<Mesh> long_walls() {
-  return {test::grid({0, 9, 0}, {1, 0, 0}, {0, -9, 0}, 20, 450),
-          test::grid({1.02f, 9, 0.005f}, {1, 0, 0}, {0, -9, 0}, 15, 310, 0.004f)};
+  return {test::grid({0, 9, 0.8f}, {1, 0, 0}, {0, -9, 0}, 20, 450),
+          test::grid({1.02f, 9, 0.805f}, {1, 0, 0}, {0, -9, 0}, 15, 310, 0.004f)};
 }
 
 TEST(Zipper, GapsAreClosedFromCubeToCube) {
-  const Mesh zipped = zip(long_walls(), 0.025);  // in cubes of 1.6 m
+  const Mesh zipped = zip(long_walls(), 0.025);
   EXPECT_LT(open_area(zipped, 0.01f, 2.01f, 0.01f, 8.99f), 1e-4);
   EXPECT_EQ(kit::components(zipped).area_m2.size(), 1u);
   expect_sound(zipped, {0, 0, -1});

@@ -93,7 +93,7 @@ struct MergeConfig {
   SimplifyConfig simplify;
   double calibration_error_m = 0.005;  ///< how far two sensors may disagree, 1 sigma
   double island_area_m2 = 0;           ///< smaller components go; 0: what suits the voxel
-  double gap_m = 0;                    ///< wider gaps between sensors stay open; 0: six voxels
+  double gap_m = 0;                    ///< wider gaps between sensors stay open; 0: 2.5 voxels
   double leave_out_mm = 0;  ///< a sensor whose surface lies farther than this from its neighbours'
                             ///< is left out; 0: it is told, and stays
 };

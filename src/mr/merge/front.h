@@ -14,7 +14,7 @@ namespace mr::merge {
 
 /// The open borders of a mesh as loops of directed edges with the surface on their left and the gap
 /// on their right, and the one step that closes gaps: a triangle from a border edge to a border
-/// corner. Steps that touch different vertices may be made at once.
+/// corner. Steps that touch different places may be made at once.
 class Front {
  public:
   static constexpr std::uint32_t kNone = 0xFFFFFFFFu;

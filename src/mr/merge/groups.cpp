@@ -16,7 +16,7 @@ namespace {
 constexpr std::size_t kFew = 6;       // meshes: merging them together costs less than looking
 constexpr double kCell_reaches = 3;   // so that what is within reach, and a piece of a triangle
 constexpr float kPiece_cells = 0.5f;  // away from its middle, lies in the next cell at the most
-constexpr float kMostPieces = 64;     // of an edge: who has a larger triangle meets all
+constexpr float kMostPieces = 64;     // of an edge: who has a larger triangle there joins all near
 constexpr std::size_t kEvery = 4;     // vertex is looked at first
 
 using Cells = std::vector<Vec3i>;
@@ -62,7 +62,8 @@ class Grouping {
     find_rivals();
     const auto close = cells_of_all([&](std::uint32_t m) { return cells_near_rivals(m); });
     for (std::uint32_t m = 0; m < is_huge_.size(); ++m)
-      for (std::uint32_t other = 0; is_huge_[m] && other < is_huge_.size(); ++other) join(m, other);
+      if (is_huge_[m])
+        for (const Rival& rival : rivals_[m]) join(m, rival.mesh);
     join_sharing(close);
     join_beside(close);
   }
@@ -71,6 +72,12 @@ class Grouping {
   void join(std::uint32_t a, std::uint32_t b) { sets_.join(a, b); }
 
  private:
+  /// A mesh of another set, and where it may be within reach.
+  struct Rival {
+    std::uint32_t mesh;
+    Box3f box;
+  };
+
   template <typename Work>
   std::vector<Cells> cells_of_all(Work&& work) const {
     std::vector<Cells> out(meshes_.size());
@@ -99,7 +106,7 @@ class Grouping {
       for (std::uint32_t other = 0; other < meshes_.size(); ++other)
         if (of(m) != of(other) && !meshes_[other]->positions.empty())
           if (const Box3f box = grown(boxes[other], reach_m_); meet(box, boxes[m]))
-            rivals_[m].push_back(box);
+            rivals_[m].push_back({other, box});
   }
 
   /// The cells that the middles of a mesh's triangles lie in, or of their pieces, as far as rivals
@@ -111,7 +118,8 @@ class Grouping {
     for (std::size_t t = 0; t < mesh.triangles.size(); ++t) {
       Box3f box;
       for (int i = 0; i < 3; ++i) box.add(mesh.corner(t, i));
-      if (std::ranges::none_of(rivals_[m], [&](const Box3f& b) { return meet(b, box); })) continue;
+      if (std::ranges::none_of(rivals_[m], [&](const Rival& r) { return meet(r.box, box); }))
+        continue;
       const Vec3f a = mesh.corner(t, 0) * per_cell_, ab = mesh.corner(t, 1) * per_cell_ - a,
                   ac = mesh.corner(t, 2) * per_cell_ - a;
       const float pieces = std::max({length(ab), length(ac), length(ac - ab)}) / kPiece_cells;
@@ -140,7 +148,7 @@ class Grouping {
   float per_cell_, reach_m_;
   DisjointSets sets_;
   kit::PairMap first_{1024};                // cell → a mesh with surface there
-  std::vector<std::vector<Box3f>> rivals_;  // [meshes] boxes of those of other sets
+  std::vector<std::vector<Rival>> rivals_;  // [meshes]
   std::vector<std::uint8_t> is_huge_;       // [meshes] has a triangle that is not looked at
 };
 
@@ -157,8 +165,7 @@ std::vector<std::vector<std::uint32_t>> groups_that_meet(std::span<const Mesh* c
   std::vector<std::vector<std::uint32_t>> of_root(count), out;
   for (std::uint32_t m = 0; m < count; ++m) of_root[grouping.of(m)].push_back(m);
   for (std::vector<std::uint32_t>& group : of_root)
-    if (!group.empty()) out.push_back(std::move(group));
-  std::ranges::sort(out);
+    if (!group.empty()) out.push_back(std::move(group));  // a set goes by its lowest: in order
   return out;
 }
 

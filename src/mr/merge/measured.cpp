@@ -94,15 +94,16 @@ Measured measured(const Part& part, const OverlapConfig& config) {
 }
 
 double farthest_alike_m(std::span<const Part> parts, const OverlapConfig& config) {
-  std::vector<float> of_part(parts.size(), 0.0f);
+  std::vector<float> sigma_m(parts.size(), 0.0f);
   parallel_for(parts.size(), 1, [&](std::size_t begin, std::size_t end) {
-    for (std::size_t i = begin; i < end; ++i) {
+    for (std::size_t i = begin; i < end; ++i)
       for (const SourceInfo& source : parts[i].sources)
-        of_part[i] = std::max(of_part[i], largest_sigma(source, parts[i].mesh));
-      of_part[i] += slack_m(parts[i], config);
-    }
+        sigma_m[i] = std::max(sigma_m[i], largest_sigma(source, parts[i].mesh));
   });
-  return parts.empty() ? 0 : 2.0 * *std::ranges::max_element(of_part);
+  float sigma = 0, slack = 0;
+  for (std::size_t i = 0; i < parts.size(); ++i)
+    sigma = std::max(sigma, sigma_m[i]), slack = std::max(slack, slack_m(parts[i], config));
+  return 2.0 * (sigma + slack);
 }
 
 }  // namespace mr::merge

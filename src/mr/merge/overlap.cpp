@@ -36,6 +36,15 @@ std::vector<Mesh> nearest(std::span<const Part> parts, const OverlapConfig& conf
   return out;
 }
 
+/// Whether a sensor is a source of several parts.
+bool share_sensors(std::span<const Part> parts) {
+  std::vector<std::uint32_t> sensors;
+  for (const Part& part : parts)
+    for (const SourceInfo& source : part.sources) sensors.push_back(source.sensor);
+  std::ranges::sort(sensors);
+  return std::ranges::adjacent_find(sensors) != sensors.end();
+}
+
 /// What is left where each spot goes to who measured it best. Parts that do not meet have nothing
 /// to decide between them.
 std::vector<Mesh> best(std::span<const Part> parts, const OverlapConfig& config,
@@ -57,7 +66,9 @@ std::vector<Mesh> best(std::span<const Part> parts, const OverlapConfig& config,
     std::vector<Mesh> owned = best_measured(some, config, memory);
     for (std::size_t k = 0; k < group.size(); ++k) out[group[k]] = std::move(owned[k]);
   };
-  parallel_for(groups.size(), 1, [&](std::size_t begin, std::size_t end) {
+  // What is remembered is remembered by sensor: who has one in common comes one after another.
+  const std::size_t grain = memory && share_sensors(parts) ? groups.size() : 1;
+  parallel_for(groups.size(), grain, [&](std::size_t begin, std::size_t end) {
     for (std::size_t g = begin; g < end; ++g) work(groups[g]);
   });
   return out;

@@ -288,6 +288,8 @@ class OwnPart {
   /// Whether a triangle's corners, middle and middle of its longest edge have different owners.
   bool is_divided(std::uint32_t t, Owners::Look& look) const {
     const Triangle& corners = mesh_->triangles[t];
+    if (std::ranges::all_of(corners, [&](std::uint32_t v) { return margin_[v] == kRestored; }))
+      return false;
     const bool own = margin_[corners[0]] > 0;
     if ((margin_[corners[1]] > 0) != own || (margin_[corners[2]] > 0) != own) return true;
     int longest = 0;

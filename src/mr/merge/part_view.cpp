@@ -35,7 +35,8 @@ struct Extent {
                                          static_cast<float>(size + margin)));
     };
     const int x = limited(left - 1, camera.width), y = limited(top - 1, camera.height);
-    return {x, y, limited(right + 3, camera.width) - x, limited(bottom + 3, camera.height) - y};
+    return {x, y, std::max(limited(right + 3, camera.width) - x, 0),
+            std::max(limited(bottom + 3, camera.height) - y, 0)};
   }
 };
 

@@ -26,7 +26,7 @@ namespace {
 
 constexpr int kMaxCuts = 6;               // halvings of a border edge
 constexpr std::size_t kMostAround = 256;  // corners in reach; where there are more lie slivers
-constexpr int kSmallLoop = 30;            // edges of a loop that is closed at all costs
+constexpr std::size_t kSmallLoop = 30;    // edges of a loop that is closed at all costs
 constexpr double kCube_gaps = 64;         // side of the cubes that are closed on their own
 constexpr std::size_t kRoom = 6;          // edges that may be made in them, per edge
 constexpr double kMoreReach = 1.001;      // rounding included
@@ -351,31 +351,39 @@ class Zipper {
 
   /// Closes small loops that strips left over, and pinholes.
   void close_small_loops(Front::Workspace& space) {
-    std::vector<std::uint8_t> seen;
-    const auto next_corner = [&](std::uint32_t v) {
-      seen.resize(front_.size());
-      std::uint32_t e = front_.corner_at(v);
-      while (e != Front::kNone && seen[e]) e = front_.edge(e).sibling;
-      return e;
-    };
-    for (std::uint32_t v = 0; v < front_.vertices().size(); ++v)
-      for (std::uint32_t e = next_corner(v); e != Front::kNone; e = next_corner(v))
-        if (is_remainder(e, seen)) close_small_loop(e, space);
+    std::vector<std::uint8_t> seen(front_.size(), 0);
+    std::vector<std::uint32_t> edges, loop;
+    for (std::uint32_t v = 0; v < front_.vertices().size(); ++v) {
+      for (std::uint32_t e = front_.corner_at(v); e != Front::kNone; e = front_.edge(e).sibling)
+        edges.push_back(e);
+      for (; !edges.empty();) {
+        const std::uint32_t e = edges.back();
+        edges.pop_back();
+        if (!front_.edge(e).alive || seen[e] || !is_remainder(e, seen, loop)) continue;
+        const std::size_t before = space.added.size();
+        close_small_loop(e, space);
+        seen.resize(front_.size(), 0);
+        if (space.added.size() == before) continue;
+        for (const std::uint32_t k : loop)
+          seen[k] = 0, edges.push_back(k);  // it may have come apart
+      }
+    }
   }
 
-  /// Whether `e` is on a small loop that strips left over, or around a pinhole. Marks what is on
-  /// the same loop.
-  bool is_remainder(std::uint32_t e, std::vector<std::uint8_t>& seen) const {
+  /// Whether `e` is on a small loop that strips left over, or around a pinhole. Marks and returns
+  /// what is on the same loop.
+  bool is_remainder(std::uint32_t e, std::vector<std::uint8_t>& seen,
+                    std::vector<std::uint32_t>& loop) const {
     double around = 0;
-    int count = 0;
     bool left_over = false;
     std::uint32_t k = e;
-    for (; !seen[k]; k = front_.edge(k).next, ++count) {
+    for (loop.clear(); !seen[k]; k = front_.edge(k).next) {
       seen[k] = 1;
+      loop.push_back(k);
       around += length(to(k) - from(k));
       left_over |= k >= front_.original();
     }
-    return k == e && count <= kSmallLoop && (left_over || around < 2 * config_.max_gap_m);
+    return k == e && loop.size() <= kSmallLoop && (left_over || around < 2 * config_.max_gap_m);
   }
 
   /// Cuts off ears, the smallest first, until the small loop that `e` is on is closed or no ear
@@ -429,11 +437,17 @@ Mesh with_views(Joined joined) {
   return std::move(joined.mesh);
 }
 
+/// How far a strip may reach: every new edge may be longer than the one that it grew from, up to
+/// twice the gap.
+double reach_m(const ZipperConfig& config) {
+  return std::max(2 * config.max_gap_m, config.max_gap_m + config.edge_m);
+}
+
 /// One surface of parts that meet.
 Mesh close(std::span<const Mesh> parts, const ZipperConfig& config) {
   Joined joined = join_parts(parts);
   if (config.max_gap_m <= 0) return with_views(std::move(joined));
-  const BorderMap map(joined, config.max_gap_m + config.edge_m);
+  const BorderMap map(joined, reach_m(config));
   BorderCutter(joined, map, config);
   Front front(joined, wanted_edges(joined, map));
   add_strips(Zipper(front, config).run(), joined);
@@ -446,26 +460,28 @@ Mesh close(std::span<const Mesh> parts, const ZipperConfig& config) {
 
 Mesh zip(std::span<const Mesh> parts, const ZipperConfig& config) {
   if (parts.size() == 1) return parts[0];
+  if (config.max_gap_m <= 0) return close(parts, config);
   std::vector<const Mesh*> meshes;
   for (const Mesh& part : parts) meshes.push_back(&part);
-  const double reach_m = std::max({config.max_gap_m + config.edge_m, 2 * config.edge_m, 1e-3});
-  const auto groups = groups_that_meet(meshes, reach_m);
+  const auto groups = groups_that_meet(meshes, reach_m(config));
   if (groups.size() == 1) return close(parts, config);
-  std::vector<Mesh> closed(groups.size());  // empty where a part is alone
+  std::vector<Mesh> closed(groups.size());
   parallel_for(groups.size(), 1, [&](std::size_t begin, std::size_t end) {
     for (std::size_t g = begin; g < end; ++g) {
-      if (groups[g].size() == 1) continue;
       std::vector<Mesh> some;
       for (const std::uint32_t i : groups[g]) some.push_back(parts[i]);
-      closed[g] = close(some, config);
+      closed[g] = some.size() == 1 ? kit::without_nonmanifold_edges(some[0]) : close(some, config);
     }
   });
   Joined out;
-  for (std::size_t g = 0; g < groups.size(); ++g) {
-    const Mesh& mesh = groups[g].size() == 1 ? parts[groups[g][0]] : closed[g];
+  std::size_t triangles = 0;
+  for (const Mesh& mesh : closed) triangles += mesh.triangles.size();
+  out.mesh.triangles.reserve(triangles);
+  for (Mesh& mesh : closed) {
     const std::vector<ViewId> view = triangle_views(mesh);
     out.view.insert(out.view.end(), view.begin(), view.end());
-    append(out.mesh, {mesh.positions, mesh.triangles, {}});
+    mesh.runs.clear();
+    append(out.mesh, mesh);
   }
   return with_views(std::move(out));
 }
