@@ -6,6 +6,7 @@
 
 #include "mr/core/parallel.h"
 #include "mr/kit/pair_map.h"
+#include "mr/merge/boxes.h"
 #include "mr/merge/cell.h"
 #include "mr/merge/disjoint_sets.h"
 #include "mr/merge/pieces.h"
@@ -20,15 +21,6 @@ constexpr float kMostPieces = 64;     // of an edge: who has a larger triangle t
 constexpr std::size_t kEvery = 4;     // vertex is looked at first
 
 using Cells = std::vector<Vec3i>;
-
-Box3f grown(const Box3f& box, float by) {
-  return {box.low - Vec3f{by, by, by}, box.high + Vec3f{by, by, by}};
-}
-
-bool meet(const Box3f& a, const Box3f& b) {
-  return a.low.x <= b.high.x && a.low.y <= b.high.y && a.low.z <= b.high.z && b.low.x <= a.high.x &&
-         b.low.y <= a.high.y && b.low.z <= a.high.z;
-}
 
 /// Cells, each once.
 class CellSet {
@@ -72,7 +64,7 @@ class Grouping {
   void join(std::uint32_t a, std::uint32_t b) { sets_.join(a, b); }
 
  private:
-  /// A mesh of another set, and where it may be within reach.
+  /// A mesh of another set that may be within reach, and where it is.
   struct Rival {
     std::uint32_t mesh;
     Box3f box;
@@ -104,9 +96,8 @@ class Grouping {
     rivals_.resize(meshes_.size()), is_huge_.resize(meshes_.size());
     for (std::uint32_t m = 0; m < meshes_.size(); ++m)
       for (std::uint32_t other = 0; other < meshes_.size(); ++other)
-        if (of(m) != of(other) && !meshes_[other]->positions.empty())
-          if (const Box3f box = grown(boxes[other], reach_m_); meet(box, boxes[m]))
-            rivals_[m].push_back({other, box});
+        if (of(m) != of(other) && meet(boxes[m], boxes[other], reach_m_))
+          rivals_[m].push_back({other, boxes[other]});
   }
 
   /// The cells that the middles of a mesh's triangles lie in, or of their pieces, as far as rivals
@@ -118,7 +109,8 @@ class Grouping {
     for (std::size_t t = 0; t < mesh.triangles.size(); ++t) {
       Box3f box;
       for (int i = 0; i < 3; ++i) box.add(mesh.corner(t, i));
-      if (std::ranges::none_of(rivals_[m], [&](const Rival& r) { return meet(r.box, box); }))
+      if (std::ranges::none_of(rivals_[m],
+                               [&](const Rival& r) { return meet(r.box, box, reach_m_); }))
         continue;
       const Vec3f a = mesh.corner(t, 0) * per_cell_, ab = mesh.corner(t, 1) * per_cell_ - a,
                   ac = mesh.corner(t, 2) * per_cell_ - a;

@@ -12,6 +12,7 @@
 #include "mr/core/parallel.h"
 #include "mr/kit/raster.h"
 
+#include "mr/merge/boxes.h"
 #include "mr/merge/disjoint_sets.h"
 #include "mr/merge/ray_grids.h"
 
@@ -230,13 +231,6 @@ struct Pair {
   std::uint32_t a, b;
   std::size_t stride_a, stride_b;  // of the samples that are looked at
 };
-
-bool meet(const Box3f& a, const Box3f& b, float reach_m) {
-  const auto along = [&](int i) {
-    return a.low[i] <= b.high[i] + reach_m && b.low[i] <= a.high[i] + reach_m;
-  };
-  return !a.empty() && !b.empty() && along(0) && along(1) && along(2);
-}
 
 std::vector<Pair> pairs_of(const std::vector<Surface>& surfaces, const RegistrationConfig& config) {
   std::vector<Pair> out;

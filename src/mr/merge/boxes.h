@@ -1,0 +1,15 @@
+#pragma once
+
+#include "mr/core/vec.h"
+
+namespace mr::merge {
+
+/// Whether two boxes come within a distance of each other, axis by axis. Empty ones never do.
+inline bool meet(const Box3f& a, const Box3f& b, float reach_m) {
+  const auto along = [&](int i) {
+    return a.low[i] <= b.high[i] + reach_m && b.low[i] <= a.high[i] + reach_m;
+  };
+  return !a.empty() && !b.empty() && along(0) && along(1) && along(2);
+}
+
+}  // namespace mr::merge
