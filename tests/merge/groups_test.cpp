@@ -108,5 +108,19 @@ TEST(Groups, SameBytesOnAnyNumberOfThreads) {
   for (const Mesh& mesh : results) EXPECT_EQ(mesh, results[0]);
 }
 
+TEST(Groups, ASensorOfSeveralGroupsIsRememberedAlikeOnAnyNumberOfThreads) {
+  std::vector<merge::Part> parts = pairs_of_sensors(5);
+  for (merge::Part& part : parts) part.sources.push_back(test::source(99, {}));
+  std::vector<Mesh> results;
+  for (const int threads : {1, 8}) {
+    Arena arena(threads);
+    arena.run([&] {
+      merge::QualityMemory memory;
+      for (int frame = 0; frame < 3; ++frame) results.push_back(merged(parts, &memory));
+    });
+  }
+  for (int frame = 0; frame < 3; ++frame) EXPECT_EQ(results[frame], results[frame + 3]) << frame;
+}
+
 }  // namespace
 }  // namespace mr
