@@ -98,7 +98,7 @@ std::optional<SceneFeatures> mean_features(const Planes& before, const Planes& n
   return sum;
 }
 
-void show_progress(const std::string& scene, int done, int of) {
+void show_frame(const std::string& scene, int done, int of) {
   if (!isatty(STDERR_FILENO)) return;
   fmt::print(stderr, "\r\x1b[K{}: frame {}/{}", scene, done + 1, of);
   std::fflush(stderr);
@@ -110,7 +110,7 @@ std::vector<FrameFeatures> measure(const Scene& scene, const FeatureOptions& opt
   std::vector<FrameFeatures> rows;
   std::optional<Planes> before = next_planes(reader), now;
   for (int i = 0; before && i < options.frames; ++i) {
-    show_progress(scene.id, i, options.frames);
+    show_frame(scene.id, i, options.frames);
     if (i > 0 && options.every > 1) {
       reader.skip(static_cast<std::uint64_t>(options.every) - 2);
       if (before = next_planes(reader); !before) break;

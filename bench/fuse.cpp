@@ -10,13 +10,14 @@
 #include "fuse_contenders.h"
 #include "mr/core/parallel.h"
 #include "race.h"
+#include "report.h"
 #include "stage.h"
 #include "surfaces.h"
 
 namespace mr::bench {
 namespace {
 
-const std::string kOurs = "ours", kPeer = "open3d";
+const std::string kOpen3d = "open3d";
 
 /// Ours or a variant of it.
 bool is_ours(const Contender& c) { return c.impl.starts_with(kOurs); }
@@ -65,8 +66,6 @@ std::optional<std::size_t> fastest_peer(const Raced& raced, int threads) {
   return best;
 }
 
-double rounded(double value) { return std::round(value * 1e4) / 1e4; }
-
 /// How far each peer's surface and ours on as many threads lie apart: the larger of both ways, and
 /// in our row, of the fastest, also each way.
 void compare_with_peers(const Raced& raced, const std::vector<Mesh>& meshes, Message& fields) {
@@ -79,11 +78,11 @@ void compare_with_peers(const Raced& raced, const std::vector<Mesh>& meshes, Mes
       const auto to = distance(meshes[ours], meshes[peer]);
       const auto from = distance(meshes[peer], meshes[ours]);
       if (raced.contenders[ours].impl == kOurs)
-        fields[peer]["to_ours_rms_mm"] = rounded(std::max(to.rms_mm, from.rms_mm));
+        fields[peer]["to_ours_rms_mm"] = rounded(std::max(to.rms_mm, from.rms_mm), 4);
       if (peer != fastest_peer(raced, threads)) continue;
-      fields[ours]["to_peer_rms_mm"] = rounded(std::max(to.rms_mm, from.rms_mm));
-      fields[ours]["to_peer_p95_mm"] = rounded(std::max(to.p95_mm, from.p95_mm));
-      fields[ours]["to_peer_ways_mm"] = {rounded(to.rms_mm), rounded(from.rms_mm)};
+      fields[ours]["to_peer_rms_mm"] = rounded(std::max(to.rms_mm, from.rms_mm), 4);
+      fields[ours]["to_peer_p95_mm"] = rounded(std::max(to.p95_mm, from.p95_mm), 4);
+      fields[ours]["to_peer_ways_mm"] = {rounded(to.rms_mm, 4), rounded(from.rms_mm, 4)};
     }
   }
 }
@@ -100,7 +99,7 @@ Message judge(const FuseCase& input, const Raced& raced) {
       fields.push_back(raced.outcomes[i].result.is_null() ? Message::object()
                                                           : surface_figures(meshes[i]));
       if (!input.truth.empty() && !meshes[i].empty())
-        fields[i]["to_truth_rms_mm"] = rounded(distance(meshes[i], input.truth).rms_mm);
+        fields[i]["to_truth_rms_mm"] = rounded(distance(meshes[i], input.truth).rms_mm, 4);
     }
     compare_with_peers(raced, meshes, fields);
   });
@@ -114,7 +113,7 @@ std::vector<Message> rows_of(const Raced& raced, const Request& request) {
     if (const auto best = fastest_peer(raced, threads)) {
       Message row = raced.rows[*best];
       row["variant"] = row["impl"];
-      row["impl"] = kPeer;
+      row["impl"] = kOpen3d;
       out.push_back(std::move(row));
     }
   return out;
@@ -130,8 +129,8 @@ Message describe(const FuseCase& c) {
           {"limit_m", c.limit_m}};
 }
 
-Status measure_case(const FuseCase& input, const Request& request, apps::ProgressBar& bar,
-                    Report& report) {
+Status measure_fuse_case(const FuseCase& input, const Request& request, apps::ProgressBar& bar,
+                         Report& report) {
   Raced raced = race_case(input, request, bar);
   bar.show(input.name + ": comparing surfaces", 0, 1);
   const auto judged = apart([&] { return judge(input, raced); });
@@ -159,7 +158,7 @@ Result<std::vector<FuseCase>> scene_cases(const Request& request) {
   return out;
 }
 
-Result<std::vector<FuseCase>> load(const Request& request, apps::ProgressBar& bar) {
+Result<std::vector<FuseCase>> load_fuse_cases(const Request& request, apps::ProgressBar& bar) {
   if (!request.input.empty()) return scene_cases(request);
   const auto names = wanted_cases(fuse_cases(), request, "fuse has");
   if (!names) return names.error();
@@ -174,15 +173,15 @@ Result<std::vector<FuseCase>> load(const Request& request, apps::ProgressBar& ba
 }
 
 Result<Report> run_fuse(const Request& request, apps::ProgressBar& bar) {
-  const auto inputs = load(request, bar);
+  const auto inputs = load_fuse_cases(request, bar);
   if (!inputs) return inputs.error();
   Report report{
       .stage = "fuse",
       .columns = {
           {"m2", "area_m2"}, {"peer mm", "to_peer_rms_mm"}, {"truth mm", "to_truth_rms_mm"}}};
-  if (!has_open3d()) report.absent.push_back(kPeer);
+  if (!has_open3d()) report.absent.push_back(kOpen3d);
   for (const FuseCase& input : *inputs)
-    if (const Status measured = measure_case(input, request, bar, report); !measured)
+    if (const Status measured = measure_fuse_case(input, request, bar, report); !measured)
       return measured.error();
   return report;
 }

@@ -47,9 +47,9 @@ class Threads {
   tbb::global_control tbb_;
 };
 
-class Open3d final : public Work {
+class FuseOpen3d final : public Work {
  public:
-  Open3d(const FuseCase& input, int threads, GridConfig grid)
+  FuseOpen3d(const FuseCase& input, int threads, GridConfig grid)
       : input_(input),
         grid_(grid),
         threads_(threads),
@@ -111,7 +111,7 @@ class Open3d final : public Work {
 
 Contender contender(const FuseCase& input, int threads, GridConfig grid) {
   return {fmt::format("open3d/{}", grid.block_side), threads, Message{{"capacity", grid.capacity}},
-          [&input, threads, grid] { return std::make_unique<Open3d>(input, threads, grid); }};
+          [&input, threads, grid] { return std::make_unique<FuseOpen3d>(input, threads, grid); }};
 }
 
 /// The contender whose quickest run was the quickest; the first when all died.

@@ -11,9 +11,9 @@ namespace mr::bench {
 namespace {
 
 /// As a sensor node does it: the volume and the mesh keep their memory from frame to frame.
-class Ours final : public Work {
+class FuseOurs final : public Work {
  public:
-  Ours(const FuseCase& input, int threads, fusion::DepthEdges edges)
+  FuseOurs(const FuseCase& input, int threads, fusion::DepthEdges edges)
       : input_(input),
         arena_(threads),
         volume_({.voxel_m = input.voxel_m,
@@ -53,7 +53,7 @@ class Ours final : public Work {
 Contender contender(const std::string& name, const FuseCase& input, int threads,
                     fusion::DepthEdges edges) {
   return {name, threads, Message{{"simd", simd_target()}},
-          [&input, threads, edges] { return std::make_unique<Ours>(input, threads, edges); }};
+          [&input, threads, edges] { return std::make_unique<FuseOurs>(input, threads, edges); }};
 }
 
 }  // namespace

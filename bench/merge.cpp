@@ -8,6 +8,7 @@
 #include "merge_tree.h"
 #include "mr/core/parallel.h"
 #include "mr/eval/geometry_error.h"
+#include "report.h"
 #include "stage.h"
 #include "surfaces.h"
 
@@ -15,8 +16,6 @@ namespace mr::bench {
 namespace {
 
 constexpr std::size_t kMostJudged = 20;  // parts: with more, surfaces are only counted
-
-double rounded(double value) { return std::round(value * 1e5) / 1e5; }
 
 std::vector<Contender> contenders_of(const MergeCase& input, const Request& request) {
   merge::OverlapConfig coherent = overlap_config(input), paper = coherent;
@@ -52,12 +51,12 @@ void add_quality(const Mesh& mesh, const Mesh& reference, const std::vector<eval
                  const eval::GeometryConfig& config, Message& fields) {
   const auto error = eval::geometry_error(mesh, reference, eyes, config);
   if (!error) throw std::runtime_error(error.error().message);
-  fields["to_reference_rms_mm"] = rounded(error->to_reference.rms_mm);
-  fields["from_reference_rms_mm"] = rounded(error->from_reference.rms_mm);
-  fields["rms_mm"] = rounded(std::max(error->to_reference.rms_mm, error->from_reference.rms_mm));
-  fields["duplicate_ratio"] = rounded(error->duplicate_ratio);
-  fields["missing_ratio"] = rounded(error->missing_ratio);
-  fields["seam_gap_p95_mm"] = rounded(error->seam_gap_p95_mm);
+  fields["to_reference_rms_mm"] = rounded(error->to_reference.rms_mm, 5);
+  fields["from_reference_rms_mm"] = rounded(error->from_reference.rms_mm, 5);
+  fields["rms_mm"] = rounded(std::max(error->to_reference.rms_mm, error->from_reference.rms_mm), 5);
+  fields["duplicate_ratio"] = rounded(error->duplicate_ratio, 5);
+  fields["missing_ratio"] = rounded(error->missing_ratio, 5);
+  fields["seam_gap_p95_mm"] = rounded(error->seam_gap_p95_mm, 5);
   fields["nonmanifold_edges"] = error->nonmanifold_edges;
   fields["components"] = error->components;
 }
@@ -73,11 +72,12 @@ Message judge(const MergeCase& input, const std::vector<Outcome>& outcomes) {
     const auto judge_one = [&](const Mesh& mesh) {
       Message of = surface_figures(mesh);
       of["saving"] = rounded(1 - static_cast<double>(mesh.triangles.size()) /
-                                     static_cast<double>(sum.triangles.size()));
+                                     static_cast<double>(sum.triangles.size()),
+                             5);
       if (input.parts.size() <= kMostJudged)
         add_quality(mesh, input.truth.empty() ? sum : input.truth, eyes, config, of);
       else
-        of["duplicate_ratio"] = rounded(eval::duplicate_ratio(mesh, config));
+        of["duplicate_ratio"] = rounded(eval::duplicate_ratio(mesh, config), 5);
       return of;
     };
     for (std::size_t i = 0; i < outcomes.size(); ++i) {
@@ -98,8 +98,8 @@ Message judge(const MergeCase& input, const std::vector<Outcome>& outcomes) {
 
 void add_memory(const MergeCase& input, Message& row) {
   if (!row.contains("peak_mb")) return;
-  row["input_mb"] = rounded(megabytes(input.parts));
-  row["total_mb"] = rounded(row["peak_mb"].get<double>() + megabytes(input.parts));
+  row["input_mb"] = rounded(megabytes(input.parts), 5);
+  row["total_mb"] = rounded(row["peak_mb"].get<double>() + megabytes(input.parts), 5);
 }
 
 /// A row for a tree of mergers.
@@ -107,10 +107,10 @@ Message tree_row(const MergeCase& input, int threads, const TreeOutcome& tree) {
   Message row =
       result_row({"hierarchical", threads, Message::object(), {}}, input.name, tree.whole);
   row["mergers"] = input.groups.size() + 1;
-  row["slowest_merger_ms"] = rounded(tree.slowest_ms);
-  row["root_ms"] = rounded(tree.root_ms);
-  row["sum_ms"] = rounded(tree.sum_ms);
-  row["total_mb"] = rounded(tree.largest_mb);
+  row["slowest_merger_ms"] = rounded(tree.slowest_ms, 5);
+  row["root_ms"] = rounded(tree.root_ms, 5);
+  row["sum_ms"] = rounded(tree.sum_ms, 5);
+  row["total_mb"] = rounded(tree.largest_mb, 5);
   return row;
 }
 

@@ -13,9 +13,9 @@
 namespace mr::bench {
 namespace {
 
-class Ours final : public Work {
+class MergeOurs final : public Work {
  public:
-  Ours(std::span<const merge::Part> parts, const merge::OverlapConfig& config, int threads)
+  MergeOurs(std::span<const merge::Part> parts, const merge::OverlapConfig& config, int threads)
       : parts_(parts), config_(config), arena_(threads) {}
 
   void clear() override { merged_ = {}; }
@@ -64,7 +64,7 @@ Contender merge_ours(const std::string& name, std::span<const merge::Part> parts
                      const merge::OverlapConfig& config, int threads) {
   apply_simd_override();
   return {name, threads, Message::object(),
-          [=] { return std::make_unique<Ours>(parts, config, threads); }};
+          [=] { return std::make_unique<MergeOurs>(parts, config, threads); }};
 }
 
 }  // namespace mr::bench

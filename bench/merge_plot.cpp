@@ -8,10 +8,12 @@
 #include <iterator>
 #include <vector>
 
+#include "svg_plot.h"
+
 namespace mr::bench {
 namespace {
 
-constexpr double kWidth_px = 380, kHeight_px = 320, kLeft_px = 62, kTop_px = 40, kStep_px = 470;
+constexpr PlotLayout kMergeLayout{380, 320, 62, 40, 470};
 constexpr double kPaperSensors = 400, kPaper_s = 1.2, kPaper_gb = 43.2;  // on 16 cores
 
 /// One way to merge one kind of place. Dashed: in a tree. Okabe and Ito's colours.
@@ -25,17 +27,8 @@ constexpr std::array<Series, 4> kSeries{
      {"one room, flat", "one_room/", "flat", "#D55E00", false},
      {"one room, tree", "one_room/", "hierarchical", "#D55E00", true}}};
 
-struct Point {
+struct MergePoint {
   double sensors, value;
-};
-
-/// A logarithmic axis from one tick to another.
-struct LogAxis {
-  std::vector<double> ticks;
-
-  double place(double value) const {  ///< 0..1
-    return std::log(value / ticks.front()) / std::log(ticks.back() / ticks.front());
-  }
 };
 
 /// Whole decades around the values.
@@ -48,58 +41,22 @@ LogAxis decades(const std::vector<double>& values) {
   }
 }
 
-struct Panel {
-  double left;
-  LogAxis x, y;
-
-  double x_px(double value) const { return left + kWidth_px * x.place(value); }
-  double y_px(double value) const { return kTop_px + kHeight_px * (1 - y.place(value)); }
-};
-
 /// `field` of a series' rows, by the number of sensors.
-std::vector<Point> points_of(const Report& report, const Series& series, const char* field,
-                             double unit) {
-  std::vector<Point> out;
+std::vector<MergePoint> points_of(const Report& report, const Series& series, const char* field,
+                                  double unit) {
+  std::vector<MergePoint> out;
   for (const Message& row : report.results) {
     const std::string name = row["case"];
     if (name.starts_with(series.prefix) && row["impl"] == series.impl && row.contains(field) &&
         row[field].is_number() && row[field] > 0)
       out.push_back({report.input.at(name).at("sensors"), row[field].get<double>() / unit});
   }
-  std::ranges::sort(out, {}, &Point::sensors);
+  std::ranges::sort(out, {}, &MergePoint::sensors);
   return out;
 }
 
-void draw_text(std::string& out, double x, double y, const std::string& text,
-               const char* more = "text-anchor=\"middle\"") {
-  out += fmt::format("<text x=\"{:.1f}\" y=\"{:.1f}\" {}>{}</text>\n", x, y, more, text);
-}
-
-void draw_line(std::string& out, double x1, double y1, double x2, double y2, const char* color,
-               bool dashed = false) {
-  out += fmt::format(
-      "<line x1=\"{:.1f}\" y1=\"{:.1f}\" x2=\"{:.1f}\" y2=\"{:.1f}\" stroke=\"{}\" {}/>\n", x1, y1,
-      x2, y2, color, dashed ? "stroke-dasharray=\"5 3\"" : "");
-}
-
-void draw_axes(std::string& out, const Panel& panel, const std::string& title) {
-  constexpr const char* kGrid = "#dddddd";
-  const double bottom = kTop_px + kHeight_px;
-  for (const double tick : panel.x.ticks) {
-    draw_line(out, panel.x_px(tick), kTop_px, panel.x_px(tick), bottom, kGrid);
-    draw_text(out, panel.x_px(tick), bottom + 18, fmt::format("{:.0f}", tick));
-  }
-  for (const double tick : panel.y.ticks) {
-    draw_line(out, panel.left, panel.y_px(tick), panel.left + kWidth_px, panel.y_px(tick), kGrid);
-    draw_text(out, panel.left - 7, panel.y_px(tick) + 4.5, fmt::format("{:.4g}", tick),
-              "text-anchor=\"end\"");
-  }
-  draw_text(out, panel.left + kWidth_px / 2, kTop_px - 14, title,
-            "text-anchor=\"middle\" font-weight=\"bold\"");
-}
-
-void draw_series(std::string& out, const Panel& panel, const Series& series,
-                 const std::vector<Point>& points) {
+void draw_series(std::string& out, const PlotPanel& panel, const Series& series,
+                 const std::vector<MergePoint>& points) {
   for (std::size_t i = 0; i < points.size(); ++i) {
     const double x = panel.x_px(points[i].sensors), y = panel.y_px(points[i].value);
     if (i > 0)
@@ -112,12 +69,13 @@ void draw_series(std::string& out, const Panel& panel, const Series& series,
   }
 }
 
-void draw_panel(std::string& out, const Report& report, double left, const std::string& title,
-                const char* field, double unit, double paper) {
+void draw_merge_panel(std::string& out, const Report& report, double left, const std::string& title,
+                      const char* field, double unit, double paper) {
   std::vector<double> values{paper};
   for (const Series& series : kSeries)
-    for (const Point& point : points_of(report, series, field, unit)) values.push_back(point.value);
-  const Panel panel{left, {{1, 5, 20, 100, 400}}, decades(values)};
+    for (const MergePoint& point : points_of(report, series, field, unit))
+      values.push_back(point.value);
+  const PlotPanel panel{kMergeLayout, left, {{1, 5, 20, 100, 400}}, decades(values)};
   draw_axes(out, panel, title);
   for (const Series& series : kSeries)
     draw_series(out, panel, series, points_of(report, series, field, unit));
@@ -127,8 +85,8 @@ void draw_panel(std::string& out, const Report& report, double left, const std::
             "text-anchor=\"end\" font-size=\"11\"");
 }
 
-void draw_legend(std::string& out, double left) {
-  double y = kTop_px + 6;
+void draw_merge_legend(std::string& out, double left) {
+  double y = kMergeLayout.top + 6;
   for (const Series& series : kSeries) {
     draw_line(out, left, y, left + 26, y, series.color, series.dashed);
     draw_text(out, left + 34, y + 4.5, series.name, "");
@@ -139,19 +97,15 @@ void draw_legend(std::string& out, double left) {
 }  // namespace
 
 std::string plot_merge(const Report& report) {
-  std::string out = fmt::format(
-      "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {0} {1}\" width=\"{0}\" "
-      "height=\"{1}\" font-family=\"Helvetica, Arial, sans-serif\" font-size=\"13\" "
-      "fill=\"#222222\" stroke-width=\"1.6\">\n<rect width=\"{0}\" height=\"{1}\" "
-      "fill=\"#ffffff\"/>\n",
-      kLeft_px + 2 * kStep_px + 110, kTop_px + kHeight_px + 56);
-  draw_panel(out, report, kLeft_px, "Time to merge, s", "ms", 1e3, kPaper_s);
-  draw_panel(out, report, kLeft_px + kStep_px, "Peak memory with input, GB", "total_mb", 1e3,
-             kPaper_gb);
-  draw_text(out, kLeft_px + (kStep_px + kWidth_px) / 2, kTop_px + kHeight_px + 42,
+  std::string out = open_svg(kMergeLayout, 110);
+  draw_merge_panel(out, report, kMergeLayout.left, "Time to merge, s", "ms", 1e3, kPaper_s);
+  draw_merge_panel(out, report, kMergeLayout.left + kMergeLayout.step, "Peak memory with input, GB",
+                   "total_mb", 1e3, kPaper_gb);
+  draw_text(out, kMergeLayout.left + (kMergeLayout.step + kMergeLayout.width) / 2,
+            kMergeLayout.top + kMergeLayout.height + 42,
             "sensors, 10,000 triangles each; tree: the slowest merger below the root and the root; "
             "the largest merger");
-  draw_legend(out, kLeft_px + 2 * kStep_px - 50);
+  draw_merge_legend(out, kMergeLayout.left + 2 * kMergeLayout.step - 50);
   return out + "</svg>\n";
 }
 

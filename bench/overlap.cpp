@@ -12,7 +12,7 @@
 namespace mr::bench {
 namespace {
 
-const std::string kRoomBench = "room_bench", kTwin = "rooms/5";
+const std::string kOverlapRoom = "room_bench", kOverlapTwin = "rooms/5";
 
 double share(std::size_t part, std::size_t of) {
   return of == 0 ? 1 : std::round(1e6 * static_cast<double>(part) / static_cast<double>(of)) / 1e6;
@@ -23,8 +23,8 @@ double share(std::size_t part, std::size_t of) {
 std::vector<CaseInfo> overlap_cases() {
   std::vector<CaseInfo> out;
   for (CaseInfo& c : merge_cases()) {
-    if (c.name != kRoomBench && !c.name.ends_with("/5") && !c.name.ends_with("/20")) continue;
-    c.by_default = c.name == kRoomBench || (c.name == kTwin && !no_room_bench().empty());
+    if (c.name != kOverlapRoom && !c.name.ends_with("/5") && !c.name.ends_with("/20")) continue;
+    c.by_default = c.name == kOverlapRoom || (c.name == kOverlapTwin && !no_room_bench().empty());
     out.push_back(std::move(c));
   }
   return out;
@@ -63,8 +63,8 @@ void add_findings(const Message& result, Message& row) {
   if (with_time) row["with_decisions_ms"] = result.at("with_decisions_ms");
 }
 
-Status measure_case(const MergeCase& input, const Request& request, apps::ProgressBar& bar,
-                    Report& report) {
+Status measure_overlap_case(const MergeCase& input, const Request& request, apps::ProgressBar& bar,
+                            Report& report) {
   std::vector<Contender> contenders;
   for (const int threads : request.threads) {
     contenders.push_back(overlap_ours(input, threads));
@@ -91,7 +91,7 @@ Status measure_case(const MergeCase& input, const Request& request, apps::Progre
   return {};
 }
 
-Result<std::vector<MergeCase>> load(const Request& request, apps::ProgressBar& bar) {
+Result<std::vector<MergeCase>> load_overlap_cases(const Request& request, apps::ProgressBar& bar) {
   std::vector<MergeCase> out;
   if (!request.input.empty()) {
     auto one = load_merge_scene(request.input);
@@ -111,7 +111,7 @@ Result<std::vector<MergeCase>> load(const Request& request, apps::ProgressBar& b
 }
 
 Result<Report> run_overlap(const Request& request, apps::ProgressBar& bar) {
-  const auto inputs = load(request, bar);
+  const auto inputs = load_overlap_cases(request, bar);
   if (!inputs) return inputs.error();
   Report report{.stage = "overlap",
                 .columns = {{"removed", "removed", 0},
@@ -120,7 +120,7 @@ Result<Report> run_overlap(const Request& request, apps::ProgressBar& bar) {
                             {"same", "same_decision", 5},
                             {"all ms", "with_decisions_ms", 1}}};
   for (const MergeCase& input : *inputs)
-    if (const Status measured = measure_case(input, request, bar, report); !measured)
+    if (const Status measured = measure_overlap_case(input, request, bar, report); !measured)
       return measured.error();
   return report;
 }

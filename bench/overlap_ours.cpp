@@ -6,9 +6,9 @@
 namespace mr::bench {
 namespace {
 
-class Ours final : public Work {
+class OverlapOurs final : public Work {
  public:
-  Ours(const MergeCase& input, int threads) : input_(input), arena_(threads) {}
+  OverlapOurs(const MergeCase& input, int threads) : input_(input), arena_(threads) {}
 
   void clear() override { gone_ = {}; }
   void run(StageClock&) override {
@@ -31,7 +31,7 @@ class Ours final : public Work {
 
 Contender overlap_ours(const MergeCase& input, int threads) {
   return {"ours", threads, Message::object(),
-          [&input, threads] { return std::make_unique<Ours>(input, threads); }};
+          [&input, threads] { return std::make_unique<OverlapOurs>(input, threads); }};
 }
 
 }  // namespace mr::bench

@@ -1,5 +1,7 @@
 #include "race.h"
 
+#include "report.h"
+
 #include <fmt/format.h>
 #include <malloc.h>
 
@@ -19,8 +21,6 @@ constexpr int kRunsOfSlow = 3;
 /// Idle threads of the one before spin for a while before they sleep.
 constexpr auto kPause = std::chrono::milliseconds(10);
 constexpr double kShort_ms = 100;  // shorter runs are made twice, the first one untimed
-
-double rounded(double value) { return std::round(value * 1000) / 1000; }
 
 /// A figure of /proc/self/status, in kB; 0 where it is not told.
 double memory_kb(const std::string& name) {
@@ -192,12 +192,12 @@ Message result_row(const Contender& contender, const std::string& case_name,
               {"case", case_name},      {"ms", nullptr},
               {"p95_ms", nullptr},      {"runs", outcome.ms.size()}};
   if (outcome.usable()) {
-    row["ms"] = rounded(median(outcome.ms));
-    row["p95_ms"] = rounded(percentile95(outcome.ms));
-    row["cpu_ms"] = rounded(median(outcome.cpu_ms));
+    row["ms"] = rounded(median(outcome.ms), 3);
+    row["p95_ms"] = rounded(percentile95(outcome.ms), 3);
+    row["cpu_ms"] = rounded(median(outcome.cpu_ms), 3);
     row["stages"] = Message::object();
-    for (const auto& [stage, ms] : outcome.stage_ms) row["stages"][stage] = rounded(median(ms));
-    if (outcome.peak_mb > 0) row["peak_mb"] = rounded(outcome.peak_mb);
+    for (const auto& [stage, ms] : outcome.stage_ms) row["stages"][stage] = rounded(median(ms), 3);
+    if (outcome.peak_mb > 0) row["peak_mb"] = rounded(outcome.peak_mb, 3);
   }
   row.update(contender.about);
   if (!outcome.aborted.empty()) row["aborted"] = true, row["why"] = outcome.aborted;

@@ -10,8 +10,6 @@
 namespace mr::bench {
 namespace {
 
-const std::string kOurs = "ours";
-
 std::string cpu_model() {
   std::ifstream info("/proc/cpuinfo");
   for (std::string line; std::getline(info, line);)
@@ -82,6 +80,11 @@ std::string ratio_text(const char* name, const Message& ratios) {
 }
 
 }  // namespace
+
+double rounded(double value, int digits) {
+  const double scale = std::pow(10.0, digits);
+  return std::round(value * scale) / scale;
+}
 
 Message as_json(const Report& report) {
   return {{"stage", report.stage},

@@ -7,11 +7,17 @@
 
 namespace mr::bench {
 
+/// The contender that is our own code.
+inline const std::string kOurs = "ours";
+
 /// A number of the rows that as_text() shows.
 struct Column {
   std::string title, field;
   int digits = 3;
 };
+
+/// To so many digits after the point: rows are read by people, too.
+double rounded(double value, int digits);
 
 /// What `mr-bench STAGE` found (DESIGN section 7).
 struct Report {

@@ -8,6 +8,7 @@
 #include "mr/core/parallel.h"
 #include "mr/kit/raycast.h"
 #include "race.h"
+#include "report.h"
 #include "simplify_contenders.h"
 #include "simplify_plot.h"
 #include "stage.h"
@@ -16,16 +17,13 @@
 namespace mr::bench {
 namespace {
 
-double rounded(double value) { return std::round(value * 1e4) / 1e4; }
-
 std::vector<Contender> contenders_of(const SimplifyCase& input, const Request& request) {
   std::vector<Contender> out;
   const auto add = [&](std::vector<Contender> some) {
     std::ranges::move(some, std::back_inserter(out));
   };
   for (const int threads : request.threads) add({simplify_ours(input, threads)});
-  add({simplify_meshoptimizer(input)});
-  for (const int threads : request.threads) add({simplify_meshoptimizer_patches(input, threads)});
+  add(simplify_meshoptimizer(input, request.threads));
   add(simplify_open3d(input));
   add(simplify_cgal(input));
   add({simplify_heap(input)});
@@ -47,9 +45,9 @@ std::size_t flipped_triangles(const Mesh& mesh, const Mesh& input, const kit::Ra
 
 void add_distance(const std::string& way, const eval::SurfaceDistance& d, Message& fields) {
   const auto add = [&](const char* name, double mm) {
-    fields[way + "_" + name] = rounded(mm);
+    fields[way + "_" + name] = rounded(mm, 4);
     const double other = fields.value(name, 0.0);
-    fields[name] = rounded(std::max(other, mm));  // the larger of both ways
+    fields[name] = rounded(std::max(other, mm), 4);  // the larger of both ways
   };
   add("mean_mm", d.mean_mm), add("rms_mm", d.rms_mm);
   add("p95_mm", d.p95_mm), add("max_mm", d.max_mm);
@@ -93,7 +91,7 @@ Message describe(const SimplifyCase& c) {
   return {{"mesh", c.input},
           {"vertices", c.mesh->positions.size()},
           {"triangles", c.mesh->triangles.size()},
-          {"area_m2", rounded(surface_area_m2(*c.mesh))},
+          {"area_m2", rounded(surface_area_m2(*c.mesh), 4)},
           {"wanted_triangles", c.triangles}};
 }
 
@@ -128,6 +126,7 @@ Result<Report> run_simplify(const Request& request, apps::ProgressBar& bar) {
                             {"m2", "area_m2"},
                             {"flipped", "flipped", 0},
                             {"nonman.", "nonmanifold_edges", 0}}};
+  if (!has_meshoptimizer()) report.absent.push_back("meshoptimizer");
   if (!has_open3d()) report.absent.push_back("open3d");
   if (!has_cgal()) report.absent.push_back("cgal");
   for (const SimplifyCase& input : *inputs)

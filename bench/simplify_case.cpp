@@ -27,7 +27,7 @@ struct Share {
 constexpr std::array<Share, 4> kShares{
     {{"50%", 0.5, false}, {"25%", 0.25, false}, {"10%", 0.1, true}, {"5%", 0.05, false}}};
 
-const std::string kFrame = "room_bench", kTwin = "rig", kKitchen = "kitchen", kMerged = "merged";
+const std::string kFrame = "room_bench", kRigTwin = "rig", kKitchen = "kitchen", kMerged = "merged";
 
 /// A mesh to decimate. name: before the shares; empty for the default one.
 struct Input {
@@ -122,7 +122,7 @@ Result<Loaded> load_own(const std::string& input) {
         std::ranges::any_of(frames,
                             [](const CaseInfo& c) { return c.name == kFrame && c.missing.empty(); })
             ? kFrame
-            : kTwin;
+            : kRigTwin;
   }
   auto mesh = [&]() -> Result<std::shared_ptr<const Mesh>> {
     if (input == kMerged) return mesh_by(merged);

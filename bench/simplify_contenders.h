@@ -12,11 +12,14 @@ namespace mr::bench {
 
 Contender simplify_ours(const SimplifyCase& input, int threads);
 
-/// The whole mesh at once, without a limit on the error; it knows one thread only.
-Contender simplify_meshoptimizer(const SimplifyCase& input);
+/// Whether meshoptimizer was there when this was built.
+bool has_meshoptimizer();
 
-/// The same on patches of at most 25,000 vertices, whose borders stay as they are.
-Contender simplify_meshoptimizer_patches(const SimplifyCase& input, int threads);
+/// The whole mesh at once, without a limit on the error, on one thread, which is all it knows; and
+/// for each number of threads on patches of at most 25,000 vertices, whose borders stay as they
+/// are. Empty where there is no meshoptimizer.
+std::vector<Contender> simplify_meshoptimizer(const SimplifyCase& input,
+                                              const std::vector<int>& threads);
 
 /// Garland & Heckbert 1997 as anyone would write it: one thread, one heap of edges. What the
 /// paper's Fig. 2 was measured with.

@@ -135,14 +135,16 @@ class Patches final : public Work {
 
 }  // namespace
 
-Contender simplify_meshoptimizer(const SimplifyCase& input) {
-  return {"meshoptimizer", 1, Message::object(),
-          [&input] { return std::make_unique<Whole>(input); }};
-}
+bool has_meshoptimizer() { return true; }
 
-Contender simplify_meshoptimizer_patches(const SimplifyCase& input, int threads) {
-  return {"meshoptimizer/patches", threads, Message{{"patch_vertices", kPatchVertices}},
-          [&input, threads] { return std::make_unique<Patches>(input, threads); }};
+std::vector<Contender> simplify_meshoptimizer(const SimplifyCase& input,
+                                              const std::vector<int>& threads) {
+  std::vector<Contender> out{
+      {"meshoptimizer", 1, Message::object(), [&input] { return std::make_unique<Whole>(input); }}};
+  for (const int n : threads)
+    out.push_back({"meshoptimizer/patches", n, Message{{"patch_vertices", kPatchVertices}},
+                   [&input, n] { return std::make_unique<Patches>(input, n); }});
+  return out;
 }
 
 }  // namespace mr::bench

@@ -11,9 +11,9 @@ namespace {
 
 using TheirMesh = open3d::geometry::TriangleMesh;
 
-class Open3d final : public Work {
+class SimplifyOpen3d final : public Work {
  public:
-  explicit Open3d(const SimplifyCase& input) : input_(input) {
+  explicit SimplifyOpen3d(const SimplifyCase& input) : input_(input) {
     for (const Vec3f p : input.mesh->positions) mesh_.vertices_.emplace_back(p.x, p.y, p.z);
     for (const Triangle& t : input.mesh->triangles)
       mesh_.triangles_.emplace_back(static_cast<int>(t[0]), static_cast<int>(t[1]),
@@ -49,7 +49,8 @@ class Open3d final : public Work {
 }  // namespace
 
 std::vector<Contender> simplify_open3d(const SimplifyCase& input) {
-  return {{"open3d", 1, Message::object(), [&input] { return std::make_unique<Open3d>(input); }}};
+  return {{"open3d", 1, Message::object(),
+           [&input] { return std::make_unique<SimplifyOpen3d>(input); }}};
 }
 
 }  // namespace mr::bench

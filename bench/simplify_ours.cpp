@@ -10,9 +10,9 @@ namespace mr::bench {
 namespace {
 
 /// As a sensor node does it: the simplifier keeps its memory from frame to frame.
-class Ours final : public Work {
+class SimplifyOurs final : public Work {
  public:
-  Ours(const SimplifyCase& input, int threads) : input_(input), arena_(threads) {}
+  SimplifyOurs(const SimplifyCase& input, int threads) : input_(input), arena_(threads) {}
 
   void clear() override { small_ = {}; }
 
@@ -42,7 +42,7 @@ class Ours final : public Work {
 Contender simplify_ours(const SimplifyCase& input, int threads) {
   apply_simd_override();
   return {"ours", threads, Message::object(),
-          [&input, threads] { return std::make_unique<Ours>(input, threads); }};
+          [&input, threads] { return std::make_unique<SimplifyOurs>(input, threads); }};
 }
 
 }  // namespace mr::bench

@@ -14,7 +14,7 @@
 namespace mr::bench {
 namespace {
 
-const std::string kPeer = "nanoflann";
+const std::string kNanoflann = "nanoflann";
 
 std::vector<Contender> contenders_of(const ZipperCase& input, const Request& request) {
   std::vector<Contender> out;
@@ -57,12 +57,13 @@ void add_fastest_peer(const Request& request, std::vector<Message>& rows) {
   for (const int threads : request.threads) {
     const Message* best = nullptr;
     for (const Message& row : rows)
-      if (row["threads"] == threads && row["impl"].get<std::string>().starts_with(kPeer + "/") &&
-          row["ms"].is_number() && (!best || row["ms"] < best->at("ms")))
+      if (row["threads"] == threads &&
+          row["impl"].get<std::string>().starts_with(kNanoflann + "/") && row["ms"].is_number() &&
+          (!best || row["ms"] < best->at("ms")))
         best = &row;
     if (!best) continue;
     Message row = *best;
-    row["variant"] = row["impl"], row["impl"] = kPeer;
+    row["variant"] = row["impl"], row["impl"] = kNanoflann;
     rows.push_back(std::move(row));
   }
 }
@@ -136,7 +137,7 @@ Result<Report> run_zipper(const Request& request, apps::ProgressBar& bar) {
                             {"differ", "different", 0},
                             {"added", "added", 0},
                             {"nonman.", "nonmanifold_edges", 0}}};
-  if (!has_nanoflann()) report.absent.push_back(kPeer);
+  if (!has_nanoflann()) report.absent.push_back(kNanoflann);
   if (!has_open3d()) report.absent.push_back("open3d");
   for (const std::string& name : *names)
     if (const Status measured = measure_case(name, request, bar, report); !measured)

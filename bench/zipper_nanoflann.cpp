@@ -10,7 +10,7 @@ namespace mr::bench {
 namespace {
 
 using Match = merge::PointGrid::Match;
-constexpr std::size_t kGrain = 256;
+constexpr std::size_t kNanoflannGrain = 256;
 
 /// The points as it wants to see them.
 struct Cloud {
@@ -71,7 +71,7 @@ class Nanoflann final : public Work {
       const Tree tree(3, cloud);
       clock.lap("build");
       matches_.resize(input_.points.size());
-      parallel_for(matches_.size(), kGrain, [&](std::size_t begin, std::size_t end) {
+      parallel_for(matches_.size(), kNanoflannGrain, [&](std::size_t begin, std::size_t end) {
         lists_ ? list_some(tree, begin, end) : visit_some(tree, begin, end);
       });
       clock.lap("search");

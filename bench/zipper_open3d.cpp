@@ -10,11 +10,11 @@ namespace mr::bench {
 namespace {
 
 using Match = merge::PointGrid::Match;
-constexpr std::size_t kGrain = 256;
+constexpr std::size_t kOpen3dGrain = 256;
 
-class Open3d final : public Work {
+class ZipperOpen3d final : public Work {
  public:
-  Open3d(const BorderPoints& input, int threads) : input_(input), arena_(threads) {
+  ZipperOpen3d(const BorderPoints& input, int threads) : input_(input), arena_(threads) {
     points_.resize(3, static_cast<Eigen::Index>(input.points.size()));
     for (Eigen::Index i = 0; i < points_.cols(); ++i) {
       const Vec3f p = input.points[i];
@@ -28,7 +28,7 @@ class Open3d final : public Work {
       const open3d::geometry::KDTreeFlann tree(points_);
       clock.lap("build");
       matches_.resize(input_.points.size());
-      parallel_for(matches_.size(), kGrain,
+      parallel_for(matches_.size(), kOpen3dGrain,
                    [&](std::size_t begin, std::size_t end) { search(tree, begin, end); });
       clock.lap("search");
     });
@@ -61,7 +61,7 @@ class Open3d final : public Work {
 
 std::vector<Contender> match_open3d(const BorderPoints& input, int threads) {
   return {{"open3d", threads, Message::object(),
-           [&input, threads] { return std::make_unique<Open3d>(input, threads); }}};
+           [&input, threads] { return std::make_unique<ZipperOpen3d>(input, threads); }}};
 }
 
 }  // namespace mr::bench

@@ -89,7 +89,7 @@ ImageRgb ramp(int width, int height) {
 }
 
 /// A textured wall that stands 2 m before a camera at the origin, as our exporter writes it.
-DecodedScene wall_scene() {
+DecodedScene background_scene() {
   DecodedScene scene;
   View view;
   view.id = 0;
@@ -122,7 +122,7 @@ class Background : public testing::Test {
 TEST_F(Background, WhatWeExportedComesBackInPlaceWithItsColours) {
   const std::pair<Vec3d, Pose> cases[] = {{{0, 1, 0}, {}}, {{0, 0, 1}, kUpright}};
   for (const auto& [up, T_world_model] : cases) {
-    const DecodedScene scene = wall_scene();
+    const DecodedScene scene = background_scene();
     ASSERT_TRUE(export_scene(scene, up, file_).ok());
     const auto chunks = decoded(load_background({file_, T_world_model}, kLattice, kChunk_m, 0.05));
     const auto colors = colors_of(chunks);
@@ -145,7 +145,7 @@ TEST_F(Background, WhatWeExportedComesBackInPlaceWithItsColours) {
 }
 
 TEST_F(Background, SurvivesItsOwnExport) {
-  ASSERT_TRUE(export_scene(wall_scene(), {0, 0, 1}, file_).ok());
+  ASSERT_TRUE(export_scene(background_scene(), {0, 0, 1}, file_).ok());
   const auto first = decoded(load_background({file_, kUpright}, kLattice, kChunk_m, 0.05));
   DecodedScene scene;
   for (const Chunk& chunk : first) scene.chunks.push_back(std::make_shared<Chunk>(chunk));

@@ -23,14 +23,14 @@ constexpr float kNan = std::numeric_limits<float>::quiet_NaN();
 constexpr float kInfinite = std::numeric_limits<float>::infinity();
 constexpr History kHistories[] = {History::none, History::average, History::remember};
 
-VolumeConfig voxels(double voxel_m = 0.02, double truncation_m = 0.08) {
+VolumeConfig small_volume(double voxel_m = 0.02, double truncation_m = 0.08) {
   VolumeConfig config;
   config.voxel_m = voxel_m, config.truncation_m = truncation_m, config.chunk_m = 0.5;
   config.most_blocks = 20000;
   return config;
 }
 
-struct Result {
+struct FuseOutcome {
   IntegrateReport report;
   Mesh mesh;
   std::size_t memory_bytes = 0, blocks = 0;
@@ -51,12 +51,12 @@ void expect_sound(const Mesh& mesh) {
 }
 
 /// Fuses a frame, twice where there is memory, and meshes it.
-Result fuse(const ImageDepth& depth, const Camera& camera, const Pose& pose = {},
-            VolumeConfig config = voxels(), History history = History::none,
-            std::optional<Rect> region = {}) {
+FuseOutcome fuse_once(const ImageDepth& depth, const Camera& camera, const Pose& pose = {},
+                      VolumeConfig config = small_volume(), History history = History::none,
+                      std::optional<Rect> region = {}) {
   config.history = history;
   VoxelVolume volume(config);
-  Result out;
+  FuseOutcome out;
   const fusion::DepthFrame frame{depth, camera, pose, region.value_or(test::whole(depth)),
                                  Precision{}};
   out.report = volume.integrate(frame);
@@ -84,7 +84,8 @@ TEST(BadDepth, PicturesOfNothingGiveNothing) {
       for (const float bad : {0.0f, -0.0f, kNan, -kNan, kInfinite, -kInfinite, -1.0f, 1e9f, 1e5f,
                               std::numeric_limits<float>::max()}) {
         SCOPED_TRACE(bad);
-        const Result r = fuse(ImageDepth(40, 30, bad), camera, {}, voxels(), history);
+        const FuseOutcome r =
+            fuse_once(ImageDepth(40, 30, bad), camera, {}, small_volume(), history);
         EXPECT_TRUE(r.report.usable);
         EXPECT_TRUE(r.mesh.positions.empty());
         EXPECT_EQ(r.blocks, 0u);
@@ -101,7 +102,7 @@ TEST(BadDepth, IsCountedAndTheRestIsFused) {
         *holes.at(x, y) = 0;
         *depth.at(x, y) = std::array{kNan, kInfinite, -kInfinite, -2.0f, 1e9f}[bad++ % 5];
       }
-    const Result with_bad = fuse(depth, camera), with_holes = fuse(holes, camera);
+    const FuseOutcome with_bad = fuse_once(depth, camera), with_holes = fuse_once(holes, camera);
     EXPECT_EQ(with_bad.report.refused_pixels, bad);
     EXPECT_EQ(with_holes.report.refused_pixels, 0u);
     EXPECT_GT(with_bad.mesh.triangles.size(), 1000u);
@@ -113,15 +114,15 @@ TEST(BadDepth, SmallestAndLargestNumbers) {
   for (const Camera& camera : cameras(16, 12))
     for (const float depth : {1e-45f, 1e-30f, 1e-6f, 0.001f, 0.019f}) {
       SCOPED_TRACE(depth);
-      EXPECT_TRUE(fuse(ImageDepth(16, 12, depth), camera).report.usable);
+      EXPECT_TRUE(fuse_once(ImageDepth(16, 12, depth), camera).report.usable);
     }
   // One pixel 90 km away beside a wall.
   const Camera camera = test::pinhole(64, 48, 60);
   ImageDepth depth(64, 48, 1.3f);
-  const Result wall = fuse(depth, camera);
+  const FuseOutcome wall = fuse_once(depth, camera);
   *depth.at(30, 20) = 9e4f;
   for (const History history : kHistories) {
-    const Result r = fuse(depth, camera, test::tilted_pose(), voxels(), history);
+    const FuseOutcome r = fuse_once(depth, camera, test::tilted_pose(), small_volume(), history);
     EXPECT_EQ(r.report.refused_pixels, 0u);
     EXPECT_GT(r.mesh.triangles.size(), wall.mesh.triangles.size() / 2);
     EXPECT_LT(r.memory_bytes, 20u << 20);
@@ -138,10 +139,10 @@ TEST(BadDepth, RandomBitsStayWithinTheirMemory) {
   const ImageDepth scattered = test::random_depth(160, 120, 0.1, 9e4, 12);
   for (const History history : kHistories)
     for (const ImageDepth& depth : {bits, scattered}) {
-      VolumeConfig config = voxels();
+      VolumeConfig config = small_volume();
       config.most_blocks = 500;
-      const Result r =
-          fuse(depth, test::pinhole(160, 120, 140), test::tilted_pose(), config, history);
+      const FuseOutcome r =
+          fuse_once(depth, test::pinhole(160, 120, 140), test::tilted_pose(), config, history);
       EXPECT_LE(r.blocks, 500u);
       EXPECT_GT(r.blocks, 100u);
       EXPECT_GT(r.report.left_out_blocks, 0u);
@@ -155,10 +156,11 @@ TEST(BadDepth, FarRangesStayWithinTheirMemory) {
     for (const Camera& camera : {test::panorama(1, 1), test::panorama(24, 12),
                                  test::lidar(24, 6, 15, 15), test::lidar(1, 1, 0, 0)}) {
       SCOPED_TRACE(range_m);
-      VolumeConfig config = voxels();
+      VolumeConfig config = small_volume();
       config.most_blocks = 500;
-      const Result r = fuse(ImageDepth(camera.width, camera.height, static_cast<float>(range_m)),
-                            camera, test::tilted_pose(), config);
+      const FuseOutcome r =
+          fuse_once(ImageDepth(camera.width, camera.height, static_cast<float>(range_m)), camera,
+                    test::tilted_pose(), config);
       EXPECT_LE(r.blocks, 500u);
       EXPECT_LT(r.memory_bytes, 8u << 20);
     }
@@ -171,9 +173,9 @@ TEST(BadDepth, FarPixelsBesideNearOnes) {
     for (const History history : {History::none, History::average}) {
       ImageDepth depth = test::depth_picture(test::furnished_room(), camera, test::tilted_pose());
       for (int i = 0; i < 20; ++i) depth.data[random() % depth.data.size()] = 9e4f;
-      VolumeConfig config = voxels(0.05, 0.2);
+      VolumeConfig config = small_volume(0.05, 0.2);
       config.most_blocks = 600;
-      const Result r = fuse(depth, camera, test::tilted_pose(), config, history);
+      const FuseOutcome r = fuse_once(depth, camera, test::tilted_pose(), config, history);
       EXPECT_GT(r.mesh.triangles.size(), 1000u);
       EXPECT_LT(r.memory_bytes, 32u << 20);
     }
@@ -187,8 +189,8 @@ TEST(BadCamera, PicturesOfOnePixelOrRow) {
       for (const History history : kHistories) {
         SCOPED_TRACE(testing::Message()
                      << width << " x " << height << " model " << static_cast<int>(camera.model));
-        const Result r = fuse(ImageDepth(width, height, 0.7f), camera, test::tilted_pose(),
-                              voxels(0.1, 0.4), history);
+        const FuseOutcome r = fuse_once(ImageDepth(width, height, 0.7f), camera,
+                                        test::tilted_pose(), small_volume(0.1, 0.4), history);
         EXPECT_TRUE(r.report.usable);
       }
 }
@@ -198,7 +200,7 @@ TEST(BadCamera, ImpossibleIntrinsicsAreRefused) {
   const auto refused = [&](auto change) {
     Camera camera = test::pinhole(32, 24, 30);
     change(camera);
-    const Result r = fuse(depth, camera);
+    const FuseOutcome r = fuse_once(depth, camera);
     return !r.report.usable && r.mesh.empty();
   };
   for (const double bad : {0.0, -30.0, static_cast<double>(kNan), static_cast<double>(kInfinite),
@@ -218,7 +220,7 @@ TEST(BadCamera, ImpossibleIntrinsicsAreRefused) {
 TEST(BadCamera, OfAnotherSizeThanThePictureIsRefused) {
   // A picture larger than its camera's: what of its rows has no beam must not be looked up.
   const ImageDepth depth(64, 32, 1.0f);
-  for (const Camera& camera : cameras(32, 16)) EXPECT_FALSE(fuse(depth, camera).report.usable);
+  for (const Camera& camera : cameras(32, 16)) EXPECT_FALSE(fuse_once(depth, camera).report.usable);
 }
 
 TEST(BadCamera, WidestPicture) {
@@ -227,9 +229,9 @@ TEST(BadCamera, WidestPicture) {
   for (const Camera& camera : {wide, test::panorama(16384, 2)}) {
     ImageDepth depth(16384, 2, 0.0f);
     for (int x = 0; x < 16384; ++x) *depth.at(x, 0) = *depth.at(x, 1) = 1.0f;
-    EXPECT_TRUE(fuse(depth, camera, {}, voxels(0.05, 0.2)).report.usable);
+    EXPECT_TRUE(fuse_once(depth, camera, {}, small_volume(0.05, 0.2)).report.usable);
   }
-  EXPECT_FALSE(fuse(ImageDepth(16385, 1, 1.0f), test::pinhole(16385, 1, 16385)).report.usable);
+  EXPECT_FALSE(fuse_once(ImageDepth(16385, 1, 1.0f), test::pinhole(16385, 1, 16385)).report.usable);
 }
 
 TEST(BadCamera, RegionsThatAreNoneAreRefused) {
@@ -240,11 +242,11 @@ TEST(BadCamera, RegionsThatAreNoneAreRefused) {
          {Rect{0, 0, 0, 0}, Rect{4, 4, -3, 5}, Rect{-1, 0, 8, 8}, Rect{0, 0, 33, 24},
           Rect{0, 0, 32, 25}, Rect{32, 0, 1, 1}, Rect{kMax, kMax, 1, 1}, Rect{1, 1, kMax, kMax},
           Rect{kMin, kMin, kMax, kMax}}) {
-      const Result r = fuse(depth, camera, {}, voxels(), History::average, region);
+      const FuseOutcome r = fuse_once(depth, camera, {}, small_volume(), History::average, region);
       EXPECT_FALSE(r.report.usable);
       EXPECT_TRUE(r.mesh.empty());
     }
-  EXPECT_FALSE(fuse(ImageDepth(), test::pinhole(32, 24, 30)).report.usable);
+  EXPECT_FALSE(fuse_once(ImageDepth(), test::pinhole(32, 24, 30)).report.usable);
 }
 
 TEST(BadCamera, BeamsThatMakeNoSense) {
@@ -252,7 +254,7 @@ TEST(BadCamera, BeamsThatMakeNoSense) {
   const auto report_of = [&](auto change) {
     Camera camera = test::lidar(64, 8, 20, 20);
     change(camera);
-    return fuse(depth, camera, test::tilted_pose(), voxels(0.05, 0.2)).report;
+    return fuse_once(depth, camera, test::tilted_pose(), small_volume(0.05, 0.2)).report;
   };
   EXPECT_FALSE(report_of([](Camera& c) { c.beam_altitude_rad.clear(); }).usable);
   EXPECT_FALSE(report_of([](Camera& c) { c.beam_azimuth_rad.resize(7); }).usable);
@@ -282,11 +284,11 @@ TEST(BadPose, NotFiniteIsRefused) {
       for (int i = 0; i < 3; ++i) {
         Pose pose;
         pose.translation[i] = bad;
-        EXPECT_FALSE(fuse(depth, camera, pose).report.usable) << bad;
+        EXPECT_FALSE(fuse_once(depth, camera, pose).report.usable) << bad;
         if (std::isfinite(bad)) continue;
         pose = {};
         pose.rotation(i, (i + 1) % 3) = bad;
-        EXPECT_FALSE(fuse(depth, camera, pose).report.usable) << bad;
+        EXPECT_FALSE(fuse_once(depth, camera, pose).report.usable) << bad;
       }
 }
 
@@ -297,9 +299,9 @@ TEST(BadPose, NoRotationAtAll) {
     for (const double scale : {0.0, 1e-30, 1e6, 1e30, 1e300}) {
       Pose pose = test::tilted_pose();
       for (double& m : pose.rotation.m) m *= scale;
-      VolumeConfig config = voxels();
+      VolumeConfig config = small_volume();
       config.most_blocks = 500;
-      fuse(depth, camera, pose, config);
+      fuse_once(depth, camera, pose, config);
     }
 }
 
@@ -307,11 +309,12 @@ TEST(BadPose, AKilometreAwayIsTheSameSurface) {
   const Camera camera = test::pinhole(96, 72, 90);
   const ImageDepth depth = test::depth_picture(test::furnished_room(), camera, test::tilted_pose());
   for (const History history : kHistories) {
-    const Result near = fuse(depth, camera, test::tilted_pose(), voxels(0.025, 0.1), history);
+    const FuseOutcome near =
+        fuse_once(depth, camera, test::tilted_pose(), small_volume(0.025, 0.1), history);
     Pose far = test::tilted_pose();
-    const Vec3d away{1000, -1000, 500};  // whole voxels and chunks
+    const Vec3d away{1000, -1000, 500};  // whole small_volume and chunks
     far.translation = far.translation + away;
-    const Result moved = fuse(depth, camera, far, voxels(0.025, 0.1), history);
+    const FuseOutcome moved = fuse_once(depth, camera, far, small_volume(0.025, 0.1), history);
     ASSERT_GT(near.mesh.triangles.size(), 2000u);
     // Floats are 6e-5 m apart there; triangles that lose their area by that are dropped.
     EXPECT_NEAR(surface_area_m2(moved.mesh) / surface_area_m2(near.mesh), 1, 2e-3);
@@ -329,7 +332,7 @@ TEST(BadPose, ThousandKilometresAwayIsTheLast) {
   const ImageDepth depth(32, 24, 1.0f);
   for (const double voxel_m : {0.002, 0.01, 0.05}) {
     const Pose pose{{}, {999e3, 0, 0}};
-    EXPECT_TRUE(fuse(depth, camera, pose, voxels(voxel_m, 4 * voxel_m)).report.usable);
+    EXPECT_TRUE(fuse_once(depth, camera, pose, small_volume(voxel_m, 4 * voxel_m)).report.usable);
   }
 }
 
@@ -340,9 +343,9 @@ TEST(BadConfig, FewBlocksAreFilledAndTheRestIsCounted) {
   const ImageDepth depth = test::depth_picture(test::furnished_room(), camera, test::tilted_pose());
   for (const History history : kHistories)
     for (const std::size_t most : {0, 1, 7, 64}) {
-      VolumeConfig config = voxels();
+      VolumeConfig config = small_volume();
       config.most_blocks = most;
-      const Result r = fuse(depth, camera, test::tilted_pose(), config, history);
+      const FuseOutcome r = fuse_once(depth, camera, test::tilted_pose(), config, history);
       EXPECT_LE(r.blocks, most);
       EXPECT_GT(r.report.left_out_blocks, 0u);
     }
@@ -353,15 +356,15 @@ TEST(BadConfig, VoxelsLargerThanTheScene) {
   const ImageDepth depth = test::depth_picture(test::furnished_room(), camera, test::tilted_pose());
   for (const History history : kHistories)
     for (const double voxel_m : {1.0, 10.0, 1000.0})
-      fuse(depth, camera, test::tilted_pose(), voxels(voxel_m, voxel_m), history);
+      fuse_once(depth, camera, test::tilted_pose(), small_volume(voxel_m, voxel_m), history);
 }
 
 TEST(BadConfig, TruncationFarLargerThanTheScene) {
   for (const Camera& camera : cameras(64, 48)) {
     const ImageDepth depth = test::random_depth(64, 48, 0.5, 3, 2);
-    VolumeConfig config = voxels(0.02, 30);
+    VolumeConfig config = small_volume(0.02, 30);
     config.most_blocks = 500;
-    const Result r = fuse(depth, camera, test::tilted_pose(), config);
+    const FuseOutcome r = fuse_once(depth, camera, test::tilted_pose(), config);
     EXPECT_LT(r.memory_bytes, 8u << 20);
   }
 }
@@ -373,13 +376,13 @@ TEST(BadConfig, BoundsThatHoldNothing) {
     for (const Box3d bounds :
          {Box3d{}, Box3d{{1, 1, 1}, {-1, -1, -1}}, Box3d{{50, 50, 50}, {51, 51, 51}},
           Box3d{{nan, nan, nan}, {nan, nan, nan}}}) {
-      VolumeConfig config = voxels();
+      VolumeConfig config = small_volume();
       config.bounds = bounds;
-      EXPECT_TRUE(fuse(depth, camera, {}, config).mesh.empty());
+      EXPECT_TRUE(fuse_once(depth, camera, {}, config).mesh.empty());
     }
-    VolumeConfig all = voxels(), open = all;
+    VolumeConfig all = small_volume(), open = all;
     open.bounds = Box3d{{-infinite, -infinite, -infinite}, {infinite, infinite, infinite}};
-    EXPECT_TRUE(fuse(depth, camera, {}, open).mesh == fuse(depth, camera, {}, all).mesh);
+    EXPECT_TRUE(fuse_once(depth, camera, {}, open).mesh == fuse_once(depth, camera, {}, all).mesh);
   }
 }
 
@@ -387,7 +390,7 @@ TEST(BadConfig, ASensorThatClaimsToBePerfect) {
   const ImageDepth depth(32, 24, 1.0f);
   for (const Camera& camera : cameras(32, 24))
     for (const History history : {History::average, History::remember}) {
-      VolumeConfig config = voxels(0.05, 0.2);
+      VolumeConfig config = small_volume(0.05, 0.2);
       config.history = history;
       VoxelVolume volume(config);
       for (int i = 0; i < 3; ++i)

@@ -59,7 +59,7 @@ ImageDepth cleaned(const ImageDepth& depth, const CleanConfig& config) {
   return clean_depth(depth, pinhole(depth.width, depth.height), {}, config);
 }
 
-long valid(const ImageDepth& depth) {
+long valid_pixels(const ImageDepth& depth) {
   return std::count_if(depth.data.begin(), depth.data.end(), [](float d) { return d > 0; });
 }
 
@@ -98,8 +98,8 @@ TEST(CleanDepth, MixedPixelsInALineVanish) {
   for (int along = 0; along < 60; ++along)
     for (int i = 0; i < 41; ++i)
       *upright.at(i, along) = *level.at(along, i) = i == 40 ? 1.5f : 1.0f;
-  EXPECT_EQ(valid(cleaned(upright, only_mixed())), 79 * 60);
-  EXPECT_EQ(valid(cleaned(level, only_mixed())), 79 * 60);
+  EXPECT_EQ(valid_pixels(cleaned(upright, only_mixed())), 79 * 60);
+  EXPECT_EQ(valid_pixels(cleaned(level, only_mixed())), 79 * 60);
 }
 
 TEST(CleanDepth, ThinPolesStay) {
@@ -140,7 +140,7 @@ TEST(CleanDepth, SpecklesVanishAndLargerRegionsStay) {
   expected.data[0] = 0;
   EXPECT_EQ(cleaned(depth, only_speckle(20)), expected);
   EXPECT_EQ(cleaned(depth, only_speckle(1)), depth);
-  EXPECT_EQ(valid(cleaned(depth, only_speckle(1000000))), 0);
+  EXPECT_EQ(valid_pixels(cleaned(depth, only_speckle(1000000))), 0);
 }
 
 TEST(CleanDepth, ARegionMayWindAndMeetItself) {
@@ -148,8 +148,8 @@ TEST(CleanDepth, ARegionMayWindAndMeetItself) {
   for (int y = 0; y < 30; ++y)
     for (int x = 0; x < 41; ++x)
       if (x % 2 == 0 || y == 29) *comb.at(x, y) = 1;
-  EXPECT_EQ(cleaned(comb, only_speckle(static_cast<int>(valid(comb)))), comb);
-  EXPECT_EQ(valid(cleaned(comb, only_speckle(static_cast<int>(valid(comb)) + 1))), 0);
+  EXPECT_EQ(cleaned(comb, only_speckle(static_cast<int>(valid_pixels(comb)))), comb);
+  EXPECT_EQ(valid_pixels(cleaned(comb, only_speckle(static_cast<int>(valid_pixels(comb)) + 1))), 0);
 }
 
 TEST(CleanDepth, RowsOfALidarAreComparedWhereTheyLookTheSameWay) {
@@ -180,13 +180,13 @@ TEST(CleanDepth, RangeImagesGoRound) {
     std::fill_n(depth.row(y), 512, 3.0f);
     *depth.at(0, y) = 4.5f;  // between column 1 and column 1023
   }
-  EXPECT_EQ(valid(clean_depth(depth, camera, {}, only_mixed())), 1023 * 16);
+  EXPECT_EQ(valid_pixels(clean_depth(depth, camera, {}, only_mixed())), 1023 * 16);
   ImageDepth holes(camera.width, camera.height, 6.0f);
   for (int y = 0; y < 16; ++y) *holes.at(0, y) = *holes.at(1023, y) = 0;
-  EXPECT_EQ(valid(clean_depth(holes, camera, {}, only_fill(2))), 1024 * 16);
+  EXPECT_EQ(valid_pixels(clean_depth(holes, camera, {}, only_fill(2))), 1024 * 16);
   EXPECT_EQ(clean_depth(holes, camera, {}, only_fill(1)), holes);
   camera.model = CameraModel::equirectangular;
-  EXPECT_EQ(valid(clean_depth(holes, camera, {}, only_fill(2))), 1024 * 16);
+  EXPECT_EQ(valid_pixels(clean_depth(holes, camera, {}, only_fill(2))), 1024 * 16);
 }
 
 TEST(CleanDepth, SmoothingLeavesASlantedPlaneWhereItIs) {
@@ -240,10 +240,10 @@ TEST(CleanDepth, SmallAndEmptyPictures) {
   Camera tiny = lidar();
   for (const int width : {1, 2, 3}) {
     tiny.width = width;
-    EXPECT_EQ(valid(clean_depth(ImageDepth(width, 16, 2.0f), tiny, {}, {})), width * 16);
-    EXPECT_EQ(valid(cleaned(ImageDepth(width, 16, 2.0f), {})), width * 16);
+    EXPECT_EQ(valid_pixels(clean_depth(ImageDepth(width, 16, 2.0f), tiny, {}, {})), width * 16);
+    EXPECT_EQ(valid_pixels(cleaned(ImageDepth(width, 16, 2.0f), {})), width * 16);
   }
-  EXPECT_EQ(valid(cleaned(ImageDepth(64, 48), {})), 0);
+  EXPECT_EQ(valid_pixels(cleaned(ImageDepth(64, 48), {})), 0);
 }
 
 TEST(CleanDepth, TheSameOnAnyNumberOfThreads) {

@@ -25,7 +25,7 @@ ImageDepth filled(const ImageDepth& depth, int most_px = 2) {
   return to_depth(grid, rays, &depth);
 }
 
-long valid(const ImageDepth& depth) {
+long filled_pixels(const ImageDepth& depth) {
   return std::count_if(depth.data.begin(), depth.data.end(), [](float d) { return d > 0; });
 }
 
@@ -36,8 +36,8 @@ TEST(FillDropouts, HolesInsideASurfaceClose) {
   for (float& d : broken.data)
     if (random() % 10 < 6) d = 0;  // as on black hair
   const ImageDepth whole_again = filled(broken);
-  EXPECT_LT(valid(broken), 0.45 * 1600);
-  EXPECT_GT(valid(whole_again), 0.8 * 1600);
+  EXPECT_LT(filled_pixels(broken), 0.45 * 1600);
+  EXPECT_GT(filled_pixels(whole_again), 0.8 * 1600);
   for (std::size_t i = 0; i < whole_again.data.size(); ++i) {
     if (whole_again.data[i] == 0) continue;
     EXPECT_NEAR(whole_again.data[i], whole.data[i], 0.02f);

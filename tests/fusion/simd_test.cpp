@@ -40,13 +40,14 @@ std::vector<View> views(const Camera& camera) {
   return out;
 }
 
-struct Result {
+struct TargetOutcome {
   Mesh mesh;
   std::vector<fusion::SurfacePiece> pieces;
   std::vector<fusion::ChunkChange> changes;
 };
 
-Result fuse(const std::vector<View>& views, History history, DepthEdges edges = DepthEdges::cut) {
+TargetOutcome fuse_views(const std::vector<View>& views, History history,
+                         DepthEdges edges = DepthEdges::cut) {
   VolumeConfig config;
   config.voxel_m = views[0].camera.model == CameraModel::pinhole ? 0.05 : 0.13;
   config.truncation_m = 4 * config.voxel_m, config.chunk_m = 0.5;
@@ -100,7 +101,7 @@ TEST_P(EverySimdTarget, GivesTheSameBytesOnAnyNumberOfThreads) {
   const std::vector<View> all = views(camera());
   for (const History history : {History::none, History::average, History::remember}) {
     ASSERT_TRUE(set_simd_target(""));
-    const Result expected = fuse(all, history);
+    const TargetOutcome expected = fuse_views(all, history);
     ASSERT_GT(expected.mesh.triangles.size(), 1000u);
     EXPECT_EQ(expected.changes.empty(), history != History::remember);
     for (const std::string& target : simd_targets())
@@ -108,8 +109,8 @@ TEST_P(EverySimdTarget, GivesTheSameBytesOnAnyNumberOfThreads) {
         if (threads == 8 && target != simd_targets()[0]) continue;
         ASSERT_TRUE(set_simd_target(target));
         ASSERT_EQ(simd_target(), target);
-        Result result;
-        Arena(threads).run([&] { result = fuse(all, history); });
+        TargetOutcome result;
+        Arena(threads).run([&] { result = fuse_views(all, history); });
         EXPECT_TRUE(result.mesh == expected.mesh) << target << ", " << threads << " threads";
         EXPECT_EQ(result.pieces.size(), expected.pieces.size());
         EXPECT_TRUE(result.changes == expected.changes) << target;
@@ -129,7 +130,7 @@ TEST_P(EverySimdTarget, TakesRefusedPixelsAlike) {
   std::optional<Mesh> expected;
   for (const std::string& target : simd_targets()) {
     ASSERT_TRUE(set_simd_target(target));
-    const Mesh mesh = fuse(one, History::average, DepthEdges::bridge).mesh;
+    const Mesh mesh = fuse_views(one, History::average, DepthEdges::bridge).mesh;
     if (!expected) expected = mesh;
     EXPECT_TRUE(mesh == *expected) << target;
   }
@@ -142,9 +143,9 @@ TEST(Golden, ThePinholesSurfaceIsTheSameOnEveryMachine) {
   // Panoramas and LiDARs take sines and cosines from the C library, which may differ.
   const std::vector<View> all = views(test::pinhole(71, 53, 60));
   EXPECT_EQ(hash_of(all[0].depth), 18304241832893145315u);
-  EXPECT_EQ(hash_of(fuse({all[0]}, History::none).mesh), 5586656198061701454u);
-  EXPECT_EQ(hash_of(fuse(all, History::average).mesh), 16510993536880927537u);
-  EXPECT_EQ(hash_of(fuse(all, History::remember).mesh), 6468709441494422755u);
+  EXPECT_EQ(hash_of(fuse_views({all[0]}, History::none).mesh), 5586656198061701454u);
+  EXPECT_EQ(hash_of(fuse_views(all, History::average).mesh), 16510993536880927537u);
+  EXPECT_EQ(hash_of(fuse_views(all, History::remember).mesh), 6468709441494422755u);
 }
 
 }  // namespace

@@ -192,7 +192,7 @@ struct Shot {
   fusion::VolumeConfig volume;
 };
 
-fusion::VolumeConfig voxels(double voxel_m, double truncation_m, double chunk_m = 0) {
+fusion::VolumeConfig surface_volume(double voxel_m, double truncation_m, double chunk_m = 0) {
   fusion::VolumeConfig config;
   config.voxel_m = voxel_m, config.truncation_m = truncation_m, config.chunk_m = chunk_m;
   config.history = History::none;
@@ -214,18 +214,22 @@ std::vector<Shot> shots() {
       {}};
   const Camera camera = test::pinhole(80, 60, 65);
   std::vector<Shot> out;
-  out.push_back(shot("noisy room, 2 cm", room, camera, 0.004, voxels(0.02, 0.08)));
-  out.push_back(shot("noisy room, 5 cm", room, camera, 0.004, voxels(0.05, 0.2, 0.33)));
-  out.push_back(shot("ball, 2 mm", ball, camera, 0.0005, voxels(0.002, 0.008),
+  out.push_back(shot("noisy room, 2 cm", room, camera, 0.004, surface_volume(0.02, 0.08)));
+  out.push_back(shot("noisy room, 5 cm", room, camera, 0.004, surface_volume(0.05, 0.2, 0.33)));
+  out.push_back(shot("ball, 2 mm", ball, camera, 0.0005, surface_volume(0.002, 0.008),
                      test::tilted_pose({0.07, -0.08, 0.01})));
-  out.push_back(shot("boxes, 1 cm", boxes, camera, 0.001, voxels(0.01, 0.03, 0.3)));
-  out.push_back(shot("panorama, 8 cm", room, test::panorama(96, 48), 0.004, voxels(0.08, 0.3)));
-  out.push_back(shot("panorama, 5 cm", room, test::panorama(96, 48), 0.004, voxels(0.05, 0.2)));
-  out.push_back(shot("lidar, 5 cm", room, test::lidar(128, 24, 40, 40), 0.01, voxels(0.05, 0.2)));
-  Shot noise = shot("random depth, 1 cm", {}, test::pinhole(48, 40, 60), 0, voxels(0.01, 0.04));
+  out.push_back(shot("boxes, 1 cm", boxes, camera, 0.001, surface_volume(0.01, 0.03, 0.3)));
+  out.push_back(
+      shot("panorama, 8 cm", room, test::panorama(96, 48), 0.004, surface_volume(0.08, 0.3)));
+  out.push_back(
+      shot("panorama, 5 cm", room, test::panorama(96, 48), 0.004, surface_volume(0.05, 0.2)));
+  out.push_back(
+      shot("lidar, 5 cm", room, test::lidar(128, 24, 40, 40), 0.01, surface_volume(0.05, 0.2)));
+  Shot noise =
+      shot("random depth, 1 cm", {}, test::pinhole(48, 40, 60), 0, surface_volume(0.01, 0.04));
   noise.depth = test::random_depth(48, 40, 0.2, 0.6, 3);
   out.push_back(noise);
-  noise.name = "random depth, 5 cm", noise.volume = voxels(0.05, 0.3, 0.17);
+  noise.name = "random depth, 5 cm", noise.volume = surface_volume(0.05, 0.3, 0.17);
   noise.depth = test::random_depth(48, 40, 0.5, 2, 4);
   out.push_back(noise);
   return out;
@@ -259,10 +263,11 @@ TEST(Surface, FacesTheSensor) {
   // Voxels at least as far apart as pixels: else steps between pixels show.
   const test::Solids room = test::furnished_room();
   const Camera camera = test::pinhole(240, 180, 200);
-  for (const Shot& s : {shot("room", room, camera, 0, voxels(0.02, 0.08)),
-                        shot("noisy room", room, camera, 0.002, voxels(0.03, 0.12)),
-                        shot("panorama", room, test::panorama(256, 128), 0, voxels(0.05, 0.2)),
-                        shot("lidar", room, test::lidar(256, 64, 40, 40), 0, voxels(0.05, 0.2))}) {
+  for (const Shot& s :
+       {shot("room", room, camera, 0, surface_volume(0.02, 0.08)),
+        shot("noisy room", room, camera, 0.002, surface_volume(0.03, 0.12)),
+        shot("panorama", room, test::panorama(256, 128), 0, surface_volume(0.05, 0.2)),
+        shot("lidar", room, test::lidar(256, 64, 40, 40), 0, surface_volume(0.05, 0.2))}) {
     VoxelVolume volume(s.volume);
     volume.integrate(frame_of(s));
     const Mesh mesh = fusion::extract_surface(volume);
@@ -280,7 +285,7 @@ TEST(Surface, SphereSeenFromAllSidesIsClosed) {
   const Vec3d center{0.031, -0.017, 0.043};
   test::Solids solids{Box3d{{-3, -3, -3}, {3, 3, 3}}, {}, {{center, 0.31}}};
   const Camera camera = test::pinhole(160, 160, 160);
-  fusion::VolumeConfig config = voxels(0.01, 0.04);
+  fusion::VolumeConfig config = surface_volume(0.01, 0.04);
   config.history = History::average;
   config.bounds = Box3d{{-0.6, -0.6, -0.6}, {0.6, 0.6, 0.6}};
   VoxelVolume volume(config);
@@ -311,7 +316,7 @@ TEST(Surface, StaysItselfWhenTheGridIsMoved) {
   const Camera camera = test::pinhole(120, 90, 98);
   std::vector<double> areas, borders;
   for (const Vec3d moved : {Vec3d{}, Vec3d{0.15, 0, 0}, Vec3d{0.03, 0.09, -0.06}}) {
-    Shot s = shot("", room, camera, 0, voxels(0.03, 0.12));
+    Shot s = shot("", room, camera, 0, surface_volume(0.03, 0.12));
     s.pose.translation = s.pose.translation + moved;
     VoxelVolume volume(s.volume);
     volume.integrate(frame_of(s));
@@ -320,7 +325,7 @@ TEST(Surface, StaysItselfWhenTheGridIsMoved) {
     borders.push_back(static_cast<double>(border(mesh).size()));
   }
   for (std::size_t i = 1; i < areas.size(); ++i) {
-    // Whole voxels, so nothing but rounding differs.
+    // Whole surface_volume, so nothing but rounding differs.
     EXPECT_NEAR(areas[i] / areas[0], 1, 2e-3);
     EXPECT_NEAR(borders[i] / borders[0], 1, 2e-2);
   }
@@ -351,7 +356,8 @@ void expect_pieces_cover(const Surface& surface) {
 }
 
 TEST(Chunks, PiecesAreTheChunksMeshesWhateverTheirSize) {
-  Shot s = shot("", test::furnished_room(), test::pinhole(96, 72, 80), 0.004, voxels(0.03, 0.12));
+  Shot s = shot("", test::furnished_room(), test::pinhole(96, 72, 80), 0.004,
+                surface_volume(0.03, 0.12));
   for (const double chunk_m : {0.0, 0.16, 0.11, 0.5, 0.777, 100.0}) {
     SCOPED_TRACE(chunk_m);
     s.volume.chunk_m = chunk_m;
@@ -380,7 +386,8 @@ TEST(Chunks, PiecesAreTheChunksMeshesWhateverTheirSize) {
 }
 
 TEST(Chunks, TogetherTheyCloseAtTheirBorders) {
-  Shot s = shot("", test::furnished_room(), test::pinhole(96, 72, 80), 0.004, voxels(0.02, 0.08));
+  Shot s = shot("", test::furnished_room(), test::pinhole(96, 72, 80), 0.004,
+                surface_volume(0.02, 0.08));
   s.volume.chunk_m = 0.29;
   VoxelVolume volume(s.volume);
   volume.integrate(frame_of(s));

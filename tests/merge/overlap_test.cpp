@@ -10,20 +10,15 @@
 #include "mr/merge/zipper.h"
 #include "support/meshes.h"
 #include "support/rays.h"
+#include "walls.h"
 
 namespace mr {
 namespace {
 
+using test::part;
+using test::wall;
+
 using Owner = MergeConfig::Owner;
-
-/// A wall in the plane z = 2 + offset, facing -z, from x0 to x1.
-Mesh wall(float x0, float x1, float offset, int cells = 40, float noise = 0, unsigned seed = 1) {
-  return test::grid({x0, 1, 2 + offset}, {x1 - x0, 0, 0}, {0, -2, 0}, cells, cells, noise, seed);
-}
-
-merge::Part part(Mesh mesh, std::uint32_t sensor, Vec3d eye, Vec3d target = {0, 0, 2}) {
-  return {std::move(mesh), 0.001f, {test::source(sensor, look_at(eye, target, {0, -1, 0}))}};
-}
 
 std::vector<merge::Part> wall_seen_twice(float offset, float noise = 0.002f) {
   return {part(wall(-1, 0.4f, 0, 40, noise, 1), 0, {-0.5, 0, 0}),

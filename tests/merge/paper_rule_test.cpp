@@ -15,9 +15,13 @@
 #include "mr/kit/image_io.h"
 #include "support/meshes.h"
 #include "support/rays.h"
+#include "walls.h"
 
 namespace mr {
 namespace {
+
+using test::part;
+using test::wall;
 
 using Overlap = MergeConfig::Overlap;
 using Flags = std::vector<std::vector<std::uint8_t>>;
@@ -26,15 +30,6 @@ merge::OverlapConfig by(Overlap how) {
   return {.owner = MergeConfig::Owner::paper, .overlap = how};
 }
 constexpr Overlap kWays[] = {Overlap::raster, Overlap::rays};
-
-merge::Part part(Mesh mesh, std::uint32_t sensor, Vec3d eye, Vec3d target = {0, 0, 2}) {
-  return {std::move(mesh), 0.001f, {test::source(sensor, look_at(eye, target, {0, -1, 0}))}};
-}
-
-/// A wall in the plane z = 2 + offset, facing -z, from x0 to x1.
-Mesh wall(float x0, float x1, float offset, int cells = 40, float noise = 0, unsigned seed = 1) {
-  return test::grid({x0, 1, 2 + offset}, {x1 - x0, 0, 0}, {0, -2, 0}, cells, cells, noise, seed);
-}
 
 /// A noisy wall, a ball before it and a floor that passes beneath the cameras, seen three times.
 std::vector<merge::Part> room() {

@@ -18,6 +18,8 @@ namespace {
 
 using namespace std::chrono_literals;
 using test::eventually;
+using test::publish_until;
+using test::Receiver;
 using test::text_message;
 
 std::string server_program() {
@@ -73,26 +75,6 @@ class Nats : public testing::Test {
   const int port_ = test::free_port();
   test::Lines lines_;
 };
-
-struct Receiver {
-  std::atomic<int> count = 0;
-  std::atomic<std::size_t> last_bytes = 0;
-  std::unique_ptr<Subscription> subscription;
-
-  Receiver(Transport& transport, const std::string& node)
-      : subscription(transport.subscribe(node, [this](const Message& m) {
-          last_bytes = m->size();
-          ++count;
-        })) {}
-};
-
-template <typename F>
-bool publish_until(Transport& transport, const std::string& node, F condition) {
-  return eventually([&] {
-    transport.publish(node, text_message("x"));
-    return condition();
-  });
-}
 
 TEST_F(Nats, DeliversAndAnswersAnySize) {
   const Server server(port_);  // its max_payload is 1 MB

@@ -7,6 +7,7 @@
 #include <sys/socket.h>
 #include <unistd.h>
 
+#include <atomic>
 #include <chrono>
 #include <cstring>
 #include <memory>
@@ -18,6 +19,7 @@
 #include <vector>
 
 #include "mr/net/outbox.h"
+#include "mr/net/transport.h"
 
 namespace mr::test {
 
@@ -187,6 +189,28 @@ std::uint64_t dropped(const T& source, const std::string& part) {
   for (const auto& [name, times] : source.drops())
     if (name.find(part) != std::string::npos) n += times;
   return n;
+}
+
+/// What arrived, and how often.
+struct Receiver {
+  std::atomic<int> count = 0;
+  std::atomic<std::size_t> last_bytes = 0;
+  std::unique_ptr<net::Subscription> subscription;
+
+  Receiver(net::Transport& transport, const std::string& node)
+      : subscription(transport.subscribe(node, [this](const net::Message& m) {
+          last_bytes = m->size();
+          ++count;
+        })) {}
+};
+
+/// Publishes until a condition holds: a new connection sees packets "from now on" only.
+template <typename F>
+bool publish_until(net::Transport& transport, const std::string& node, F condition) {
+  return eventually([&] {
+    transport.publish(node, text_message("x"));
+    return condition();
+  });
 }
 
 }  // namespace mr::test

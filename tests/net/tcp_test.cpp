@@ -13,6 +13,8 @@ namespace {
 
 using namespace std::chrono_literals;
 using test::eventually;
+using test::publish_until;
+using test::Receiver;
 using test::text_message;
 
 std::string here(int port) { return "127.0.0.1:" + std::to_string(port); }
@@ -27,28 +29,6 @@ std::unique_ptr<Transport> tcp(const std::map<std::string, std::string>& address
 std::string frame(FrameKind kind, const std::string& payload = {}) {
   const auto header = encode_frame_header(kind, 1, payload.size());
   return test::text_of(header) + payload;
-}
-
-/// What arrived, and how often.
-struct Receiver {
-  std::atomic<int> count = 0;
-  std::atomic<std::size_t> last_bytes = 0;
-  std::unique_ptr<Subscription> subscription;
-
-  Receiver(Transport& transport, const std::string& node)
-      : subscription(transport.subscribe(node, [this](const Message& m) {
-          last_bytes = m->size();
-          ++count;
-        })) {}
-};
-
-/// Publishes until a condition holds: a new connection sees packets "from now on" only.
-template <typename F>
-bool publish_until(Transport& transport, const std::string& node, F condition) {
-  return eventually([&] {
-    transport.publish(node, text_message("x"));
-    return condition();
-  });
 }
 
 TEST(Tcp, DeliversToSeveralAndAnswersRequests) {

@@ -33,6 +33,17 @@ inline Mesh hills(int nx, int ny, float cell_m, float noise_m, unsigned seed = 1
   return mesh;
 }
 
+/// Heights over [0, 4] x [0, 3] m as a depth camera sees a room: boxes on a floor, noise.
+inline Mesh room_seen_from_above() {
+  Mesh mesh = grid({}, {4, 0, 0}, {0, 3, 0}, 160, 120, 0.004f, 3);
+  for (Vec3f& p : mesh.positions) {
+    if (p.x > 0.5f && p.x < 1.6f && p.y > 0.7f && p.y < 2.1f) p.z += 0.45f;
+    if (p.x > 2.4f && p.y > 1.0f && p.y < 1.8f) p.z += 0.25f;
+    p.z += 0.05f * std::sin(3 * p.x) * std::cos(2 * p.y);
+  }
+  return mesh;
+}
+
 /// The same mesh with its vertices numbered at random.
 inline Mesh with_shuffled_vertices(const Mesh& mesh, unsigned seed) {
   std::vector<std::uint32_t> number(mesh.positions.size());

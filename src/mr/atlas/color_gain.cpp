@@ -21,7 +21,7 @@ constexpr std::size_t kSamplesPerView = 1024, kMostSamples = 32768;
 constexpr int kCoarse_px = 128;  // longer side of the pictures that tell what is in sight
 constexpr float kSightMargin_m = 0.03f;
 constexpr float kSightMargin_px = 3;  // coarse pixels: a slope of 60 degrees hides nothing
-constexpr float kLeastFacing =
+constexpr float kLeastGainFacing =
     0.5f;  // sine: flatter than 30 degrees to the surface, gloss misleads
 constexpr float kSimilarFacing = 0.2f;
 constexpr int kDarkest = 8, kBrightest = 247;           // beyond, a channel may be clipped
@@ -136,9 +136,9 @@ class CoarseDepth {
 };
 
 /// The pinhole pictures that tell what a view has in sight.
-class Sight {
+class ViewDepth {
  public:
-  Sight(const Mesh& mesh, const View& view) {
+  ViewDepth(const Mesh& mesh, const View& view) {
     if (view.kind == View::Kind::pinhole) {
       faces_.emplace_back(mesh, coarse(view.camera()), view.T_world_camera);
       return;
@@ -300,7 +300,7 @@ struct Look {
 std::vector<std::vector<Look>> look_at(std::span<const Sample> samples, const Mesh& mesh,
                                        std::span<const View> views, const Pictures& pictures) {
   std::vector<std::optional<Shown>> shown(views.size());
-  std::vector<std::optional<Sight>> sights(views.size());
+  std::vector<std::optional<ViewDepth>> sights(views.size());
   parallel_for(views.size(), 1, [&](std::size_t begin, std::size_t end) {
     for (std::size_t v = begin; v < end; ++v) {
       shown[v] = Shown::find(views[v], pictures);
@@ -314,7 +314,7 @@ std::vector<std::vector<Look>> look_at(std::span<const Sample> samples, const Me
         const Sample& s = samples[i];
         if (!shown[v]) continue;
         const float facing = shown[v]->facing(s.p_world, s.normal);
-        if (!(facing >= kLeastFacing) || !sights[v]->sees(s.p_world)) continue;
+        if (!(facing >= kLeastGainFacing) || !sights[v]->sees(s.p_world)) continue;
         const auto pixel = shown[v]->pixel(s.p_world);
         const auto light = pixel ? shown[v]->light(*pixel) : std::nullopt;
         if (!light) continue;

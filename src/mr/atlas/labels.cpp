@@ -27,7 +27,7 @@ constexpr int kSweeps = 12;
 constexpr float kFrontOfMargin_m = 0.05f;  // an occluder this much nearer needs a margin around it
 
 /// How one view sees one triangle.
-struct Sight {
+struct TriangleSight {
   float visible = 0;    ///< share of the triangle's pixels in sight, clear of occluders' margins; 0
                         ///< where the view may not be used
   float direct_px = 0;  ///< pixels in sight, margins or not; 0 where the view may not be used
@@ -172,8 +172,8 @@ class Eye {
         faces_(faces_of(mesh, view, config)) {}
 
   /// `normal_world`: what the surface faces there, smoothed.
-  Sight look_at(const Mesh& mesh, std::size_t t, Vec3f normal_world) const {
-    Sight sight;
+  TriangleSight look_at(const Mesh& mesh, std::size_t t, Vec3f normal_world) const {
+    TriangleSight sight;
     const Vec3d sight_line = vec_cast<double>(mesh.centroid(t)) - view_.T_world_camera.translation;
     sight.facing = static_cast<float>(-dot(vec_cast<double>(normal_world), normalized(sight_line)));
     if (sight.facing < kLeastFacing) return {};
@@ -241,7 +241,7 @@ class Eye {
 };
 
 /// [view][triangle]
-using Sights = std::vector<std::vector<Sight>>;
+using Sights = std::vector<std::vector<TriangleSight>>;
 
 /// The mesh while it is cut, with what the cuts leave as it is.
 struct Labelling {
@@ -281,7 +281,7 @@ void cut(Labelling& l, const std::vector<std::uint8_t>& split) {
   kit::Refined refined = kit::refine(l.mesh, split);
   for (const auto& [a, b] : refined.cut_edges)
     l.normals.push_back(normalized(l.normals[a] + l.normals[b]));
-  Sights sights(l.sights.size(), std::vector<Sight>(refined.parent.size()));
+  Sights sights(l.sights.size(), std::vector<TriangleSight>(refined.parent.size()));
   l.not_seen_yet.clear();
   for (std::uint32_t t = 0; t < refined.parent.size(); ++t) {
     const std::uint32_t parent = refined.parent[t];
@@ -323,7 +323,7 @@ constexpr int kNone = -1;
 int best_view(const Sights& sights, std::size_t t) {
   int best = kNone, most = kNone;
   for (int v = 0; v < static_cast<int>(sights.size()); ++v) {
-    const Sight& s = sights[v][t];
+    const TriangleSight& s = sights[v][t];
     if (s.visible >= kEnoughVisible && (best == kNone || s.facing > sights[best][t].facing))
       best = v;
     const auto rank = [&](int view) {
@@ -338,13 +338,13 @@ int best_view(const Sights& sights, std::size_t t) {
 std::vector<std::uint8_t> allowed_views(const std::vector<int>& best, const Sights& sights,
                                         double angle_deg) {
   const double allowance = angle_deg * std::numbers::pi / 180;
-  const auto angle = [](const Sight& s) { return std::acos(std::min(1.0f, s.facing)); };
+  const auto angle = [](const TriangleSight& s) { return std::acos(std::min(1.0f, s.facing)); };
   std::vector<std::uint8_t> allowed(best.size() * sights.size(), 0);
   for (std::size_t t = 0; t < best.size(); ++t) {
     if (best[t] == kNone) continue;
     const double most = angle(sights[best[t]][t]) + allowance;
     for (std::size_t v = 0; v < sights.size(); ++v) {
-      const Sight& s = sights[v][t];
+      const TriangleSight& s = sights[v][t];
       allowed[t * sights.size() + v] = s.visible >= kEnoughVisible && angle(s) <= most;
     }
   }

@@ -13,7 +13,7 @@ namespace {
 using Corners = std::array<Vec2f, 3>;
 using Color = std::array<std::uint8_t, 3>;
 
-Error invalid(std::string message) { return {Error::Cause::invalid, std::move(message)}; }
+Error invalid_scene(std::string message) { return {Error::Cause::invalid, std::move(message)}; }
 
 /// A view with what baking needs to know about its picture.
 struct BakeView {
@@ -28,17 +28,17 @@ Result<BakeView> find_view(const DecodedScene& scene, ViewId id) {
   const auto view = std::find_if(scene.views.begin(), scene.views.end(),
                                  [&](const View& v) { return v.id == id; });
   if (view == scene.views.end())
-    return invalid("triangles name " + name + ", which the scene does not have");
+    return invalid_scene("triangles name " + name + ", which the scene does not have");
   const auto picture = scene.textures.find(view->stream);
   if (picture == scene.textures.end() || !picture->second || picture->second->empty())
-    return invalid(name + " has no picture: texture stream " + std::to_string(view->stream) +
-                   " is missing");
+    return invalid_scene(name + " has no picture: texture stream " + std::to_string(view->stream) +
+                         " is missing");
   const int width = picture->second->width, height = picture->second->height;
   const Rect& tile = view->atlas_rect;
   if (view->width < 1 || view->height < 1 || view->image_rect.empty() || tile.empty() ||
       tile.x < 0 || tile.y < 0 || tile.width > width - tile.x || tile.height > height - tile.y)
-    return invalid(name + " has a tile outside the picture of texture stream " +
-                   std::to_string(view->stream));
+    return invalid_scene(name + " has a tile outside the picture of texture stream " +
+                         std::to_string(view->stream));
   return BakeView{&*view, view->camera(), view->T_world_camera.inverse(), width, height};
 }
 
@@ -152,7 +152,7 @@ struct Baker {
 
   Status add(const Mesh& mesh, const ViewRun& run) {
     if (std::uint64_t{run.first} + run.count > mesh.triangles.size())
-      return invalid("a view run ends after the last triangle");
+      return invalid_scene("a view run ends after the last triangle");
     const BakeView* view = nullptr;
     if (run.view != kNoView && run.count > 0) {
       if (!views.contains(run.view)) {
@@ -172,7 +172,7 @@ struct Baker {
 
   Status add(const Mesh& mesh, const std::vector<Color>& colors) {
     if (colors.size() != mesh.positions.size())
-      return invalid("a chunk has colours for some of its vertices only");
+      return invalid_scene("a chunk has colours for some of its vertices only");
     for (std::size_t t = 0; t < mesh.triangles.size(); ++t) {
       const auto corners = corners_of(mesh, t);
       if (!corners) return corners.error();
@@ -186,9 +186,10 @@ struct Baker {
     std::array<Vec3f, 3> corners;
     for (int i = 0; i < 3; ++i) {
       if (mesh.triangles[triangle][i] >= mesh.positions.size())
-        return invalid("a triangle names a vertex it does not have");
+        return invalid_scene("a triangle names a vertex it does not have");
       corners[i] = mesh.corner(triangle, i);
-      if (!is_finite(corners[i])) return invalid("a vertex has a position that is not finite");
+      if (!is_finite(corners[i]))
+        return invalid_scene("a vertex has a position that is not finite");
     }
     return corners;
   }

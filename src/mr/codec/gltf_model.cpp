@@ -29,11 +29,9 @@ constexpr int kMaxJsonDepth = 64;
 constexpr std::size_t kMaxVertices = 3 * kMaxModelTriangles;
 constexpr std::size_t kMaxPixels = 128'000'000;
 
-Error corrupt(std::string what) { return {Error::Cause::corrupt, std::move(what)}; }
-Error unsupported(std::string what) { return {Error::Cause::unsupported, std::move(what)}; }
-Error too_large(std::string what) { return {Error::Cause::too_large, std::move(what)}; }
-
-std::string number(std::size_t n) { return std::to_string(n); }
+Error corrupt_model(std::string what) { return {Error::Cause::corrupt, std::move(what)}; }
+Error unsupported_model(std::string what) { return {Error::Cause::unsupported, std::move(what)}; }
+Error too_large_model(std::string what) { return {Error::Cause::too_large, std::move(what)}; }
 
 /// Another's message, which may quote the file, as one line of plain text.
 std::string one_line(std::string text) {
@@ -54,14 +52,14 @@ std::uint32_t word_at(std::span<const std::byte> bytes, std::size_t at) {
 
 Result<std::string_view> json_of(std::span<const std::byte> bytes) {
   constexpr std::uint32_t kMagic = 0x46546C67, kJson = 0x4E4F534A;
-  if (bytes.size() > kMaxModelBytes) return too_large("a model of over 512 MiB");
-  if (bytes.size() < 20 || word_at(bytes, 0) != kMagic) return corrupt("no binary glTF file");
-  if (word_at(bytes, 4) != 2) return unsupported("glTF of another version than 2");
-  if (word_at(bytes, 8) > bytes.size()) return corrupt("the file is cut off");
+  if (bytes.size() > kMaxModelBytes) return too_large_model("a model of over 512 MiB");
+  if (bytes.size() < 20 || word_at(bytes, 0) != kMagic) return corrupt_model("no binary glTF file");
+  if (word_at(bytes, 4) != 2) return unsupported_model("glTF of another version than 2");
+  if (word_at(bytes, 8) > bytes.size()) return corrupt_model("the file is cut off");
   const std::uint32_t length = word_at(bytes, 12);
   if (word_at(bytes, 16) != kJson || length > bytes.size() - 20)
-    return corrupt("the file does not start with JSON");
-  if (length > kMaxJsonBytes) return too_large("its JSON is longer than 32 MiB");
+    return corrupt_model("the file does not start with JSON");
+  if (length > kMaxJsonBytes) return too_large_model("its JSON is longer than 32 MiB");
   return std::string_view(reinterpret_cast<const char*>(bytes.data()) + 20, length);
 }
 
@@ -88,15 +86,15 @@ bool nested_too_deep(std::string_view json) {
 Status check_container(std::span<const std::byte> bytes) {
   const auto text = json_of(bytes);
   if (!text) return text.error();
-  if (nested_too_deep(*text)) return corrupt("its JSON is nested too deep");
+  if (nested_too_deep(*text)) return corrupt_model("its JSON is nested too deep");
   const auto json = nlohmann::json::parse(*text, nullptr, false);
-  if (!json.is_object()) return corrupt("its JSON is broken");
+  if (!json.is_object()) return corrupt_model("its JSON is broken");
   const auto buffers = json.find("buffers");
   if (buffers == json.end()) return {};
-  if (!buffers->is_array()) return corrupt("its buffers are no list");
+  if (!buffers->is_array()) return corrupt_model("its buffers are no list");
   for (const auto& buffer : *buffers)
     if (!buffer.is_object() || buffer.contains("uri") || buffers->size() > 1)
-      return unsupported("its data must lie in the file's own binary part");
+      return unsupported_model("its data must lie in the file's own binary part");
   return {};
 }
 
@@ -115,10 +113,11 @@ Result<tinygltf::Model> parse(std::span<const std::byte> bytes) {
   const bool ok = loader.LoadBinaryFromMemory(&gltf, &error, &warning,
                                               reinterpret_cast<const unsigned char*>(bytes.data()),
                                               static_cast<unsigned>(bytes.size()), "", 0);
-  if (!ok) return corrupt("it is no glTF: " + one_line(error));
+  if (!ok) return corrupt_model("it is no glTF: " + one_line(error));
   static const std::set<std::string> kKnown = {"KHR_materials_unlit", "KHR_mesh_quantization"};
   for (const std::string& name : gltf.extensionsRequired)
-    if (!kKnown.contains(name)) return unsupported("it needs the extension " + one_line(name));
+    if (!kKnown.contains(name))
+      return unsupported_model("it needs the extension " + one_line(name));
   return gltf;
 }
 
@@ -214,22 +213,22 @@ int component_count(int type) {
 Result<Elements> elements_of(const tinygltf::Model& gltf, int accessor) {
   const std::string name = "accessor " + std::to_string(accessor);
   const tinygltf::Accessor* a = find(gltf.accessors, accessor);
-  if (!a) return corrupt(name + " is not there");
-  if (a->sparse.isSparse) return unsupported(name + " is sparse");
+  if (!a) return corrupt_model(name + " is not there");
+  if (a->sparse.isSparse) return unsupported_model(name + " is sparse");
   const auto view = bytes_of(gltf, a->bufferView);
-  if (!view) return corrupt(name + " has no data in the file");
+  if (!view) return corrupt_model(name + " has no data in the file");
   Elements out;
   out.type = a->componentType, out.size = component_bytes(out.type);
   out.components = component_count(a->type);
   out.count = a->count, out.normalized = a->normalized;
   const std::size_t element = out.size * static_cast<std::size_t>(out.components);
-  if (element == 0) return unsupported(name + " is of a type that is not read");
+  if (element == 0) return unsupported_model(name + " is of a type that is not read");
   const std::size_t stride = gltf.bufferViews[static_cast<std::size_t>(a->bufferView)].byteStride;
   out.stride = stride == 0 ? element : stride;
   const std::size_t room = view->size();
   if (out.stride < element || a->byteOffset > room || out.count > room ||
       (out.count > 0 && (out.count - 1) * out.stride + element > room - a->byteOffset))
-    return corrupt(name + " reaches beyond its data");
+    return corrupt_model(name + " reaches beyond its data");
   out.bytes = view->subspan(a->byteOffset);
   return out;
 }
@@ -264,7 +263,7 @@ Result<Affine> transform_of(const tinygltf::Node& node) {
     return v.empty() || v.size() == size;
   };
   if (!fits(m, 16) || !fits(t, 3) || !fits(r, 4) || !fits(s, 3))
-    return corrupt("a node's transform has too many numbers, or too few");
+    return corrupt_model("a node's transform has too many numbers, or too few");
   Affine out;
   if (!m.empty()) {  // by columns
     out.linear = {{m[0], m[4], m[8], m[1], m[5], m[9], m[2], m[6], m[10]}};
@@ -272,13 +271,13 @@ Result<Affine> transform_of(const tinygltf::Node& node) {
   } else {
     if (!r.empty()) {
       const double size = std::sqrt(r[0] * r[0] + r[1] * r[1] + r[2] * r[2] + r[3] * r[3]);
-      if (!(size > 1e-6)) return corrupt("a node's rotation is no quaternion");
+      if (!(size > 1e-6)) return corrupt_model("a node's rotation is no quaternion");
       out.linear = rotation_of(r[0] / size, r[1] / size, r[2] / size, r[3] / size);
     }
     for (int i = 0; i < 9 && !s.empty(); ++i) out.linear.m[i] *= s[i % 3];
     if (!t.empty()) out.offset = {t[0], t[1], t[2]};
   }
-  if (!finite(out)) return corrupt("a node's transform is not finite");
+  if (!finite(out)) return corrupt_model("a node's transform is not finite");
   return out;
 }
 
@@ -303,14 +302,14 @@ Result<std::vector<PlacedMesh>> placed_meshes(const tinygltf::Model& gltf) {
     const Visit visit = open.back();
     open.pop_back();
     const tinygltf::Node* node = find(gltf.nodes, visit.node);
-    if (!node) return corrupt("node " + std::to_string(visit.node) + " is not there");
+    if (!node) return corrupt_model("node " + std::to_string(visit.node) + " is not there");
     if (seen[static_cast<std::size_t>(visit.node)])
-      return corrupt("node " + std::to_string(visit.node) + " hangs in its tree twice");
+      return corrupt_model("node " + std::to_string(visit.node) + " hangs in its tree twice");
     seen[static_cast<std::size_t>(visit.node)] = true;
     const auto own = transform_of(*node);
     if (!own) return own.error();
     const Affine T_model_node = visit.T_model_parent * *own;
-    if (!finite(T_model_node)) return corrupt("a node's transform is not finite");
+    if (!finite(T_model_node)) return corrupt_model("a node's transform is not finite");
     if (node->mesh >= 0) out.push_back({node->mesh, T_model_node});
     for (const int child : node->children) open.push_back({child, T_model_node});
   }
@@ -330,7 +329,7 @@ class ModelReader {
     if (!meshes) return meshes.error();
     for (const PlacedMesh& placed : *meshes) {
       const tinygltf::Mesh* mesh = find(gltf_.meshes, placed.mesh);
-      if (!mesh) return corrupt("mesh " + std::to_string(placed.mesh) + " is not there");
+      if (!mesh) return corrupt_model("mesh " + std::to_string(placed.mesh) + " is not there");
       for (const tinygltf::Primitive& primitive : mesh->primitives)
         if (auto ok = add(primitive, placed.T_model_mesh); !ok) return ok.error();
     }
@@ -357,7 +356,7 @@ Status ModelReader::add(const tinygltf::Primitive& primitive, const Affine& T_mo
   if (primitive.mode >= TINYGLTF_MODE_POINTS && primitive.mode <= TINYGLTF_MODE_LINE_STRIP)
     return {};
   if (primitive.mode != TINYGLTF_MODE_TRIANGLES)
-    return unsupported("it has strips or fans of triangles");
+    return unsupported_model("it has strips or fans of triangles");
   ModelPart part;
   if (auto ok = add_positions(primitive, T_model_mesh, part); !ok) return ok;
   if (auto ok = add_triangles(primitive, part); !ok) return ok;
@@ -382,14 +381,14 @@ Status ModelReader::add_positions(const tinygltf::Primitive& primitive, const Af
                                   ModelPart& part) {
   const auto in = elements_of(gltf_, accessor_of(primitive, "POSITION"));
   if (!in) return in.error();
-  if (in->components != 3 || !holds_reals(*in)) return corrupt("positions of a wrong type");
+  if (in->components != 3 || !holds_reals(*in)) return corrupt_model("positions of a wrong type");
   vertices_ += in->count;
   if (vertices_ > kMaxVertices)
-    return too_large("it has more than " + number(kMaxVertices) + " vertices");
+    return too_large_model("it has more than " + std::to_string(kMaxVertices) + " vertices");
   part.positions.resize(in->count);
   for (std::size_t v = 0; v < in->count; ++v) {
     part.positions[v] = T * Vec3d{in->real(v, 0), in->real(v, 1), in->real(v, 2)};
-    if (!is_finite(part.positions[v])) return corrupt("a position is not finite");
+    if (!is_finite(part.positions[v])) return corrupt_model("a position is not finite");
   }
   return {};
 }
@@ -402,18 +401,19 @@ Status ModelReader::add_triangles(const tinygltf::Primitive& primitive, ModelPar
     const bool whole = in->type == TINYGLTF_COMPONENT_TYPE_UNSIGNED_BYTE ||
                        in->type == TINYGLTF_COMPONENT_TYPE_UNSIGNED_SHORT ||
                        in->type == TINYGLTF_COMPONENT_TYPE_UNSIGNED_INT;
-    if (in->components != 1 || !whole) return corrupt("indices of a wrong type");
+    if (in->components != 1 || !whole) return corrupt_model("indices of a wrong type");
     indices = *in;
   }
   const std::size_t corners = indices ? indices->count : part.positions.size();
-  if (corners % 3 != 0) return corrupt("a triangle without all its corners");
+  if (corners % 3 != 0) return corrupt_model("a triangle without all its corners");
   triangles_ += corners / 3;
   if (triangles_ > kMaxModelTriangles)
-    return too_large("it has more than " + number(kMaxModelTriangles) + " triangles");
+    return too_large_model("it has more than " + std::to_string(kMaxModelTriangles) + " triangles");
   part.triangles.resize(corners / 3);
   for (std::size_t i = 0; i < corners; ++i) {
     const std::uint32_t v = indices ? indices->integer(i) : static_cast<std::uint32_t>(i);
-    if (v >= part.positions.size()) return corrupt("a triangle names a vertex that is not there");
+    if (v >= part.positions.size())
+      return corrupt_model("a triangle names a vertex that is not there");
     part.triangles[i / 3][i % 3] = v;
   }
   return {};
@@ -425,13 +425,14 @@ Status ModelReader::add_colors(const tinygltf::Primitive& primitive, ModelPart& 
   const auto in = elements_of(gltf_, accessor);
   if (!in) return in.error();
   const bool real = in->type == TINYGLTF_COMPONENT_TYPE_FLOAT || in->normalized;
-  if (in->components < 3 || !real || !holds_reals(*in)) return corrupt("colours of a wrong type");
-  if (in->count != part.positions.size()) return corrupt("not a colour for each vertex");
+  if (in->components < 3 || !real || !holds_reals(*in))
+    return corrupt_model("colours of a wrong type");
+  if (in->count != part.positions.size()) return corrupt_model("not a colour for each vertex");
   part.colors.resize(in->count);
   for (std::size_t v = 0; v < in->count; ++v)
     for (int i = 0; i < 3; ++i) {
       const double value = in->real(v, i);
-      if (!std::isfinite(value)) return corrupt("a colour is not finite");
+      if (!std::isfinite(value)) return corrupt_model("a colour is not finite");
       part.colors[v][i] = static_cast<float>(std::clamp(value, 0.0, 1.0));
     }
   return {};
@@ -440,12 +441,13 @@ Status ModelReader::add_colors(const tinygltf::Primitive& primitive, ModelPart& 
 Status ModelReader::add_material(const tinygltf::Primitive& primitive, ModelPart& part) {
   if (primitive.material < 0) return {};
   const tinygltf::Material* material = find(gltf_.materials, primitive.material);
-  if (!material) return corrupt("a material is not there");
+  if (!material) return corrupt_model("a material is not there");
   const tinygltf::PbrMetallicRoughness& look = material->pbrMetallicRoughness;
-  if (look.baseColorFactor.size() != 4) return corrupt("a colour factor without four numbers");
+  if (look.baseColorFactor.size() != 4)
+    return corrupt_model("a colour factor without four numbers");
   for (int i = 0; i < 3; ++i) {
     const double value = look.baseColorFactor[static_cast<std::size_t>(i)];
-    if (!std::isfinite(value)) return corrupt("a colour factor is not finite");
+    if (!std::isfinite(value)) return corrupt_model("a colour factor is not finite");
     part.factor[i] = static_cast<float>(std::clamp(value, 0.0, 1.0));
   }
   if (look.baseColorTexture.index < 0) return {};
@@ -456,16 +458,17 @@ Result<Wrap> wrap_of(int mode) {
   if (mode == TINYGLTF_TEXTURE_WRAP_REPEAT) return Wrap::repeat;
   if (mode == TINYGLTF_TEXTURE_WRAP_MIRRORED_REPEAT) return Wrap::mirror;
   if (mode == TINYGLTF_TEXTURE_WRAP_CLAMP_TO_EDGE) return Wrap::clamp;
-  return corrupt("a sampler wraps in an unknown way");
+  return corrupt_model("a sampler wraps in an unknown way");
 }
 
 Status ModelReader::add_texture(const tinygltf::TextureInfo& info,
                                 const tinygltf::Primitive& primitive, ModelPart& part) {
   const tinygltf::Texture* texture = find(gltf_.textures, info.index);
-  if (!texture || !find(gltf_.images, texture->source)) return corrupt("a texture has no picture");
+  if (!texture || !find(gltf_.images, texture->source))
+    return corrupt_model("a texture has no picture");
   if (texture->sampler >= 0) {
     const tinygltf::Sampler* sampler = find(gltf_.samplers, texture->sampler);
-    if (!sampler) return corrupt("a sampler is not there");
+    if (!sampler) return corrupt_model("a sampler is not there");
     const auto u = wrap_of(sampler->wrapS), v = wrap_of(sampler->wrapT);
     if (!u || !v) return u ? v.error() : u.error();
     part.wrap = {*u, *v};
@@ -475,14 +478,14 @@ Status ModelReader::add_texture(const tinygltf::TextureInfo& info,
   if (!in) return in.error();
   const bool real = in->type == TINYGLTF_COMPONENT_TYPE_FLOAT || in->normalized;
   if (in->components != 2 || !real || !holds_reals(*in))
-    return corrupt("texture coordinates of a wrong type");
+    return corrupt_model("texture coordinates of a wrong type");
   if (in->count != part.positions.size())
-    return corrupt("not a texture coordinate for each vertex");
+    return corrupt_model("not a texture coordinate for each vertex");
   part.uvs.resize(in->count);
   for (std::size_t v = 0; v < in->count; ++v) {
     part.uvs[v] = {static_cast<float>(in->real(v, 0)), static_cast<float>(in->real(v, 1))};
     if (!std::isfinite(part.uvs[v].x) || !std::isfinite(part.uvs[v].y))
-      return corrupt("a texture coordinate is not finite");
+      return corrupt_model("a texture coordinate is not finite");
   }
   part.picture = static_cast<std::size_t>(texture->source);
   return decode_picture(*part.picture);
@@ -491,20 +494,21 @@ Status ModelReader::add_texture(const tinygltf::TextureInfo& info,
 Status ModelReader::decode_picture(std::size_t index) {
   ImageRgb& picture = model_.pictures[index];
   if (!picture.empty()) return {};
-  const std::string name = "picture " + number(index);
+  const std::string name = "picture " + std::to_string(index);
   const tinygltf::Image& image = gltf_.images[index];
   std::span<const unsigned char> coded = image.image;
   if (image.bufferView >= 0) {
     const auto view = bytes_of(gltf_, image.bufferView);
-    if (!view) return corrupt(name + " has no data in the file");
+    if (!view) return corrupt_model(name + " has no data in the file");
     coded = *view;
   }
-  if (coded.empty()) return unsupported(name + " lies outside the file");
+  if (coded.empty()) return unsupported_model(name + " lies outside the file");
   auto decoded = kit::decode_color(std::as_bytes(coded));
   if (!decoded)
     return Error{decoded.error().cause, name + ": " + one_line(decoded.error().message)};
   pixels_ += static_cast<std::size_t>(decoded->width) * decoded->height;
-  if (pixels_ > kMaxPixels) return too_large("its pictures have more than 128 million pixels");
+  if (pixels_ > kMaxPixels)
+    return too_large_model("its pictures have more than 128 million pixels");
   picture = std::move(*decoded);
   return {};
 }
@@ -518,7 +522,7 @@ Result<Model> read_glb(std::span<const std::byte> bytes) {
     if (!gltf) return gltf.error();
     return ModelReader(*gltf).read();
   } catch (const std::exception& e) {  // of tinygltf, or no memory
-    return corrupt("it cannot be read: " + one_line(e.what()));
+    return corrupt_model("it cannot be read: " + one_line(e.what()));
   }
 }
 

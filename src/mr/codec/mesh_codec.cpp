@@ -22,10 +22,8 @@ constexpr std::size_t kMaxViews = 254;
 constexpr std::uint8_t kNoViewLabel = 255;
 constexpr std::uint32_t kUnset = 0xFFFFFFFFu;
 
-Error invalid(const std::string& what) { return {Error::Cause::invalid, "chunk: " + what}; }
-Error corrupt(const std::string& what) { return {Error::Cause::corrupt, "chunk: " + what}; }
-
-std::string number(std::size_t n) { return std::to_string(n); }
+Error invalid_chunk(const std::string& what) { return {Error::Cause::invalid, "chunk: " + what}; }
+Error corrupt_chunk(const std::string& what) { return {Error::Cause::corrupt, "chunk: " + what}; }
 
 /// Numbers triples of integers, such as lattice points, in order of first use.
 class Welder {
@@ -113,20 +111,22 @@ bool usable(const Lattice& lattice) {
 }
 
 Status check_for_encoding(const Mesh& mesh, const Lattice& lattice) {
-  if (!usable(lattice)) return invalid("the lattice's step or origin cannot be used");
+  if (!usable(lattice)) return invalid_chunk("the lattice's step or origin cannot be used");
   if (mesh.triangles.empty()) return Error{Error::Cause::empty, "chunk: no triangles"};
   if (mesh.triangles.size() > kMaxTriangles)
-    return Error{Error::Cause::too_large, "chunk: " + number(mesh.triangles.size()) +
-                                              " triangles, at most " + number(kMaxTriangles)};
-  if (!indices_fit(mesh)) return invalid("a triangle names a vertex that is not there");
-  if (!runs_fit(mesh)) return invalid("runs must be sorted by view and cover the triangles");
+    return Error{Error::Cause::too_large, "chunk: " + std::to_string(mesh.triangles.size()) +
+                                              " triangles, at most " +
+                                              std::to_string(kMaxTriangles)};
+  if (!indices_fit(mesh)) return invalid_chunk("a triangle names a vertex that is not there");
+  if (!runs_fit(mesh)) return invalid_chunk("runs must be sorted by view and cover the triangles");
   for (const Vec3f& p : mesh.positions) {
     const auto cell = cell_of(lattice, p);
-    if (!cell || lattice.position(*cell) != p) return invalid("a vertex is not on the lattice");
+    if (!cell || lattice.position(*cell) != p)
+      return invalid_chunk("a vertex is not on the lattice");
   }
   for (std::size_t t = 0; t < mesh.triangles.size(); ++t) {
     const Vec3f a = mesh.corner(t, 0), b = mesh.corner(t, 1), c = mesh.corner(t, 2);
-    if (a == b || b == c || c == a) return invalid("a triangle has two corners in one place");
+    if (a == b || b == c || c == a) return invalid_chunk("a triangle has two corners in one place");
   }
   return {};
 }
@@ -134,12 +134,12 @@ Status check_for_encoding(const Mesh& mesh, const Lattice& lattice) {
 /// Colours belong to background chunks: one for each vertex, and triangles that no view textures.
 Status check_colors(const Chunk& chunk) {
   const bool background = chunk.key.id.source == kBackgroundSource;
-  if (!background && !chunk.colors.empty()) return invalid("only a background has colours");
+  if (!background && !chunk.colors.empty()) return invalid_chunk("only a background has colours");
   if (!background) return {};
   if (chunk.colors.size() != chunk.mesh.positions.size())
-    return invalid("a background needs a colour for each vertex");
+    return invalid_chunk("a background needs a colour for each vertex");
   if (chunk.mesh.runs.size() != 1 || chunk.mesh.runs[0].view != kNoView)
-    return invalid("a background has no views");
+    return invalid_chunk("a background has no views");
   return {};
 }
 
@@ -158,15 +158,15 @@ draco::GeometryAttribute attribute(draco::GeometryAttribute::Type type, draco::D
   return a;
 }
 
-struct Corners {
+struct LabelledCorners {
   std::vector<std::uint32_t> vertex;  ///< [points]
   std::vector<std::uint8_t> label;    ///< [points]
   std::vector<Triangle> faces;        ///< of points
 };
 
 /// One Draco point for each pair of a vertex and a label.
-Corners split_by_label(const Mesh& mesh) {
-  Corners out;
+LabelledCorners split_by_label(const Mesh& mesh) {
+  LabelledCorners out;
   out.faces.reserve(mesh.triangles.size());
   std::vector<std::uint32_t> point(mesh.positions.size()), used_by(mesh.positions.size(), kUnset);
   for (std::uint32_t r = 0; r < mesh.runs.size(); ++r) {
@@ -213,7 +213,7 @@ void add_colors(const std::vector<Color>& colors, draco::Mesh& out) {
 void build(const Mesh& mesh, bool labelled, DracoMesh& out) {
   using draco::AttributeValueIndex;
   using draco::GeometryAttribute;
-  Corners corners;
+  LabelledCorners corners;
   if (labelled) corners = split_by_label(mesh);
   const auto vertices = static_cast<std::uint32_t>(mesh.positions.size());
   const auto points = labelled ? static_cast<std::uint32_t>(corners.vertex.size()) : vertices;
@@ -254,7 +254,7 @@ Result<std::vector<std::byte>> compress(const DracoMesh& in, const Lattice& latt
   encoder.SetAttributeExplicitQuantization(in.position, Lattice::kBits, 3, corner, range);
   draco::EncoderBuffer buffer;
   const draco::Status status = encoder.EncodeToBuffer(&buffer);
-  if (!status.ok()) return corrupt("Draco refuses to encode: " + status.error_msg_string());
+  if (!status.ok()) return corrupt_chunk("Draco refuses to encode: " + status.error_msg_string());
   const auto* bytes = reinterpret_cast<const std::byte*>(buffer.data());
   return std::vector<std::byte>(bytes, bytes + buffer.size());
 }
@@ -325,9 +325,9 @@ Status decompress(std::span<const std::byte> payload, bool colored, draco::Mesh&
     buffer.Init(reinterpret_cast<const char*>(payload.data()), payload.size());
     GuardedDecoder decoder(colored);
     const draco::Status status = decoder.Decode(draco::DecoderOptions(), &buffer, &out);
-    if (!status.ok()) return corrupt("Draco refuses to decode: " + status.error_msg_string());
+    if (!status.ok()) return corrupt_chunk("Draco refuses to decode: " + status.error_msg_string());
   } catch (const std::exception& e) {
-    return corrupt(std::string("Draco gave up: ") + e.what());
+    return corrupt_chunk(std::string("Draco gave up: ") + e.what());
   }
   return {};
 }
@@ -344,11 +344,11 @@ const std::uint8_t* values_of(const draco::PointAttribute& a, std::size_t value_
 Result<std::vector<std::uint32_t>> value_indices(const draco::Mesh& mesh,
                                                  const draco::PointAttribute& a) {
   if (!a.is_mapping_identity() && a.indices_map_size() < mesh.num_points())
-    return corrupt("points without values");
+    return corrupt_chunk("points without values");
   std::vector<std::uint32_t> indices(mesh.num_points());
   for (std::uint32_t p = 0; p < mesh.num_points(); ++p) {
     indices[p] = a.mapped_index(draco::PointIndex(p)).value();
-    if (indices[p] >= a.size()) return corrupt("a point names a value that is not there");
+    if (indices[p] >= a.size()) return corrupt_chunk("a point names a value that is not there");
   }
   return indices;
 }
@@ -356,7 +356,7 @@ Result<std::vector<std::uint32_t>> value_indices(const draco::Mesh& mesh,
 Result<std::vector<Vec3i>> point_cells(const draco::Mesh& mesh, const Lattice& lattice) {
   const draco::PointAttribute& positions = *mesh.attribute(0);
   const std::uint8_t* data = values_of(positions, sizeof(Vec3f));
-  if (data == nullptr) return corrupt("positions are missing");
+  if (data == nullptr) return corrupt_chunk("positions are missing");
   auto indices = value_indices(mesh, positions);
   if (!indices) return indices.error();
   std::vector<Vec3i> cells(positions.size());
@@ -364,7 +364,8 @@ Result<std::vector<Vec3i>> point_cells(const draco::Mesh& mesh, const Lattice& l
     Vec3f p;
     std::memcpy(&p, data + i * sizeof p, sizeof p);
     const auto cell = cell_of(lattice, p);
-    if (!cell || lattice.position(*cell) != p) return corrupt("a vertex is not on the lattice");
+    if (!cell || lattice.position(*cell) != p)
+      return corrupt_chunk("a vertex is not on the lattice");
     cells[i] = *cell;
   }
   std::vector<Vec3i> of_points(indices->size());
@@ -376,19 +377,20 @@ Result<std::vector<Vec3i>> point_cells(const draco::Mesh& mesh, const Lattice& l
 Result<std::vector<std::uint8_t>> point_labels(const draco::Mesh& mesh, bool labelled,
                                                std::size_t views) {
   if (!labelled) {
-    if (views > 1) return corrupt("labels are missing");
+    if (views > 1) return corrupt_chunk("labels are missing");
     return std::vector<std::uint8_t>(mesh.num_points(), views == 0 ? kNoViewLabel : 0);
   }
   const draco::PointAttribute& attribute = *mesh.attribute(1);
   const std::uint8_t* data = values_of(attribute, 1);
-  if (data == nullptr) return corrupt("labels are missing");
+  if (data == nullptr) return corrupt_chunk("labels are missing");
   auto indices = value_indices(mesh, attribute);
   if (!indices) return indices.error();
   std::vector<std::uint8_t> labels(indices->size());
   for (std::size_t p = 0; p < labels.size(); ++p) {
     labels[p] = data[(*indices)[p]];
     if (labels[p] >= views && labels[p] != kNoViewLabel)
-      return corrupt("label " + number(labels[p]) + " of " + number(views) + " views");
+      return corrupt_chunk("label " + std::to_string(labels[p]) + " of " + std::to_string(views) +
+                           " views");
   }
   return labels;
 }
@@ -397,7 +399,7 @@ Result<std::vector<std::uint8_t>> point_labels(const draco::Mesh& mesh, bool lab
 Result<std::vector<Color>> point_colors(const draco::Mesh& mesh) {
   const draco::PointAttribute& attribute = *mesh.attribute(1);
   const std::uint8_t* data = values_of(attribute, sizeof(Color));
-  if (data == nullptr) return corrupt("colours are missing");
+  if (data == nullptr) return corrupt_chunk("colours are missing");
   auto indices = value_indices(mesh, attribute);
   if (!indices) return indices.error();
   std::vector<Color> colors(indices->size());
@@ -438,14 +440,15 @@ Result<Mesh> rebuild(const draco::Mesh& in, bool labelled, const std::vector<Vie
     std::uint8_t label[3];
     for (int c = 0; c < 3; ++c) {
       const std::uint32_t point = in.face(draco::FaceIndex(f))[c].value();
-      if (point >= cells->size()) return corrupt("a triangle names a point that is not there");
+      if (point >= cells->size())
+        return corrupt_chunk("a triangle names a point that is not there");
       t[c] = welder.index_of((*cells)[point]);
       label[c] = (*labels)[point];
     }
     if (t[0] == t[1] || t[1] == t[2] || t[2] == t[0])
-      return corrupt("a triangle has two corners in one place");
+      return corrupt_chunk("a triangle has two corners in one place");
     if (label[0] != label[1] || label[1] != label[2])
-      return corrupt("the corners of a triangle have different labels");
+      return corrupt_chunk("the corners of a triangle have different labels");
     mesh.triangles.push_back(t);
     of_triangles.push_back(label[0] == kNoViewLabel ? kNoView : views[label[0]]);
   }
@@ -456,21 +459,22 @@ Result<Mesh> rebuild(const draco::Mesh& in, bool labelled, const std::vector<Vie
 }
 
 Status check_for_decoding(const EncodedChunk& chunk, const Lattice& lattice) {
-  if (!usable(lattice)) return invalid("the lattice's step or origin cannot be used");
+  if (!usable(lattice)) return invalid_chunk("the lattice's step or origin cannot be used");
   if (chunk.payload.size() > kMaxPayload || chunk.triangles > kMaxTriangles)
     return Error{Error::Cause::too_large, "chunk: more bytes or triangles than a chunk may have"};
-  if (!std::isfinite(chunk.error_m) || chunk.error_m < 0) return invalid("impossible error_m");
-  if (chunk.views.size() > kMaxViews) return invalid("more than 254 views");
+  if (!std::isfinite(chunk.error_m) || chunk.error_m < 0)
+    return invalid_chunk("impossible error_m");
+  if (chunk.views.size() > kMaxViews) return invalid_chunk("more than 254 views");
   for (std::size_t i = 0; i < chunk.views.size(); ++i)
     if (chunk.views[i] == kNoView || (i > 0 && chunk.views[i] <= chunk.views[i - 1]))
-      return invalid("views must be sorted and unique");
+      return invalid_chunk("views must be sorted and unique");
   if (chunk.key.id.source == kBackgroundSource && !chunk.views.empty())
-    return invalid("a background has no views");
+    return invalid_chunk("a background has no views");
   const auto header = read_header(chunk.payload);
-  if (!header) return corrupt("not an Edgebreaker stream of version 2.2");
+  if (!header) return corrupt_chunk("not an Edgebreaker stream of version 2.2");
   if (header->faces == 0 || header->faces != chunk.triangles ||
       header->vertices > 3 * header->faces || header->attribute_seams > 1)
-    return corrupt("the stream's size is not as promised");
+    return corrupt_chunk("the stream's size is not as promised");
   return {};
 }
 
@@ -483,12 +487,13 @@ Result<Mesh> snap_to_lattice(const Mesh& mesh, const Lattice& lattice) {
 }
 
 Result<Snapped> snap_vertices(const Mesh& mesh, const Lattice& lattice) {
-  if (!usable(lattice)) return invalid("the lattice's step or origin cannot be used");
-  if (!indices_fit(mesh)) return invalid("a triangle names a vertex that is not there");
+  if (!usable(lattice)) return invalid_chunk("the lattice's step or origin cannot be used");
+  if (!indices_fit(mesh)) return invalid_chunk("a triangle names a vertex that is not there");
   std::vector<Vec3i> cells(mesh.positions.size());
   for (std::size_t v = 0; v < cells.size(); ++v) {
     const auto cell = cell_of(lattice, mesh.positions[v]);
-    if (!cell) return invalid("vertex " + number(v) + " is not finite or outside the lattice");
+    if (!cell)
+      return invalid_chunk("vertex " + std::to_string(v) + " is not finite or outside the lattice");
     cells[v] = *cell;
   }
   Welder places(cells.size()), kept(mesh.triangles.size());
@@ -531,7 +536,7 @@ Result<EncodedChunk> encode_chunk(const Chunk& chunk, const Lattice& lattice, in
   out.triangles = static_cast<std::uint32_t>(chunk.mesh.triangles.size());
   out.views = label_views(chunk.mesh);
   if (out.views.size() > kMaxViews)
-    return invalid(number(out.views.size()) + " views, at most 254");
+    return invalid_chunk(std::to_string(out.views.size()) + " views, at most 254");
   try {
     DracoMesh mesh;
     build(chunk.mesh, chunk.mesh.runs.size() > 1, mesh);
@@ -540,7 +545,7 @@ Result<EncodedChunk> encode_chunk(const Chunk& chunk, const Lattice& lattice, in
     if (!payload) return payload.error();
     out.payload = std::move(*payload);
   } catch (const std::exception& e) {
-    return corrupt(std::string("Draco gave up: ") + e.what());
+    return corrupt_chunk(std::string("Draco gave up: ") + e.what());
   }
   return out;
 }
@@ -551,7 +556,7 @@ Result<Chunk> decode_chunk(const EncodedChunk& chunk, const Lattice& lattice) {
   draco::Mesh decoded;
   if (auto ok = decompress(chunk.payload, colored, decoded); !ok) return ok.error();
   if (decoded.num_faces() != chunk.triangles || decoded.num_attributes() < 1)
-    return corrupt("the stream's size is not as promised");
+    return corrupt_chunk("the stream's size is not as promised");
   const bool labelled = !colored && decoded.num_attributes() > 1;
   auto mesh = rebuild(decoded, labelled, chunk.views, lattice);
   if (!mesh) return mesh.error();

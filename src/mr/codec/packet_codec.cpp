@@ -93,8 +93,10 @@ std::size_t expected_bytes(const Packet& packet) {
 
 // ---- FlatBuffers → values, every one of them checked ----
 
-Error invalid(const std::string& what) { return {Error::Cause::invalid, "packet: " + what}; }
-Error too_large(const std::string& what) { return {Error::Cause::too_large, "packet: " + what}; }
+Error invalid_packet(const std::string& what) { return {Error::Cause::invalid, "packet: " + what}; }
+Error too_large_packet(const std::string& what) {
+  return {Error::Cause::too_large, "packet: " + what};
+}
 
 bool is_finite(const Pose& T) {
   for (const double v : T.rotation.m)
@@ -156,7 +158,7 @@ class Reader {
   }
 
   Result<std::vector<EncodedChunk>> read(const wire::Chunks& in) {
-    if (size_of(in.chunks()) > limits_.manifest_chunks) return too_large("too many chunks");
+    if (size_of(in.chunks()) > limits_.manifest_chunks) return too_large_packet("too many chunks");
     if (read_chunks(in.chunks())) return std::move(out_.chunks);
     return error_;
   }
@@ -166,21 +168,23 @@ class Reader {
     error_ = std::move(error);
     return false;
   }
-  bool require(bool condition, const char* what) { return condition || fail(invalid(what)); }
+  bool require(bool condition, const char* what) { return condition || fail(invalid_packet(what)); }
 
   /// Offsets may overlap, so a small buffer can name the same bytes often: what is copied out of
   /// it may not exceed what came in.
   bool spend(std::size_t bytes) {
-    if (bytes > unread_) return fail(invalid("fields overlap"));
+    if (bytes > unread_) return fail(invalid_packet("fields overlap"));
     unread_ -= bytes;
     return true;
   }
 
   bool read_name(const fb::String& in, std::string& out, const char* what) {
-    if (in.size() > limits_.name_bytes) return fail(too_large(std::string(what) + " is too long"));
+    if (in.size() > limits_.name_bytes)
+      return fail(too_large_packet(std::string(what) + " is too long"));
     if (!spend(in.size())) return false;
     for (const char c : in)
-      if (c < ' ' || c > '~') return fail(invalid(std::string(what) + " is not printable ASCII"));
+      if (c < ' ' || c > '~')
+        return fail(invalid_packet(std::string(what) + " is not printable ASCII"));
     out.assign(in.c_str(), in.size());
     return true;
   }
@@ -220,7 +224,7 @@ class Reader {
     if (!spend(8 * size_of(in))) return false;
     for (std::size_t i = 0; i < size_of(in); ++i) {
       out.push_back(in->Get(static_cast<fb::uoffset_t>(i)));
-      if (!within(out.back(), -7, 7)) return fail(invalid("an impossible LiDAR beam"));
+      if (!within(out.back(), -7, 7)) return fail(invalid_packet("an impossible LiDAR beam"));
     }
     return true;
   }
@@ -238,13 +242,13 @@ class Reader {
 
   bool check_camera(const Camera& camera) {
     for (const double v : {camera.fx, camera.fy, camera.cx, camera.cy})
-      if (!std::isfinite(v)) return fail(invalid("intrinsics that are not finite"));
+      if (!std::isfinite(v)) return fail(invalid_packet("intrinsics that are not finite"));
     const auto problems = camera.problems();
-    return problems.empty() || fail(invalid("a camera whose " + problems.front()));
+    return problems.empty() || fail(invalid_packet("a camera whose " + problems.front()));
   }
 
   bool read_sources(const fb::Vector<fb::Offset<wire::Source>>* all) {
-    if (size_of(all) > limits_.views) return fail(too_large("too many sources"));
+    if (size_of(all) > limits_.views) return fail(too_large_packet("too many sources"));
     for (std::size_t i = 0; i < size_of(all); ++i) {
       const wire::Source& in = *all->Get(static_cast<fb::uoffset_t>(i));
       SourceInfo& out = out_.sources.emplace_back();
@@ -264,7 +268,8 @@ class Reader {
 
   bool read_manifest(const fb::Vector<const wire::ChunkKey*>* all) {
     const std::size_t count = size_of(all);
-    if (count > limits_.manifest_chunks) return fail(too_large("too many chunks in the manifest"));
+    if (count > limits_.manifest_chunks)
+      return fail(too_large_packet("too many chunks in the manifest"));
     out_.manifest.reserve(count);
     for (std::size_t i = 0; i < count; ++i) {
       out_.manifest.push_back(mr::codec::read(*all->Get(static_cast<fb::uoffset_t>(i))));
@@ -291,7 +296,7 @@ class Reader {
       out.triangles = in.triangles();
       triangles_ += in.triangles();
       if (in.triangles() > limits_.chunk_triangles || triangles_ > limits_.packet_triangles)
-        return fail(too_large("too many triangles"));
+        return fail(too_large_packet("too many triangles"));
       if (!require(i == 0 || out_.chunks[i - 1].key < out.key, "unsorted chunks") ||
           !require(within(out.error_m, 0, 1e6), "an impossible error of a chunk") ||
           !require(out.triangles > 0, "a chunk without triangles") ||
@@ -302,7 +307,8 @@ class Reader {
   }
 
   bool read_labels(const fb::Vector<std::uint32_t>* in, std::vector<ViewId>& out) {
-    if (size_of(in) > kMaxViewsOfChunk) return fail(too_large("a chunk with over 254 views"));
+    if (size_of(in) > kMaxViewsOfChunk)
+      return fail(too_large_packet("a chunk with over 254 views"));
     if (!spend(4 * size_of(in))) return false;
     for (std::size_t i = 0; i < size_of(in); ++i) {
       out.push_back(in->Get(static_cast<fb::uoffset_t>(i)));
@@ -314,7 +320,7 @@ class Reader {
   }
 
   bool read_textures(const fb::Vector<fb::Offset<wire::Texture>>* all) {
-    if (size_of(all) > limits_.textures) return fail(too_large("too many textures"));
+    if (size_of(all) > limits_.textures) return fail(too_large_packet("too many textures"));
     for (std::size_t i = 0; i < size_of(all); ++i) {
       const wire::Texture& in = *all->Get(static_cast<fb::uoffset_t>(i));
       TextureUnit& out = out_.textures.emplace_back();
@@ -323,7 +329,7 @@ class Reader {
       out.width = in.width(), out.height = in.height();
       out.key_frame = in.key_frame();
       if (out.width > limits_.texture_side || out.height > limits_.texture_side)
-        return fail(too_large("a texture's side is too long"));
+        return fail(too_large_packet("a texture's side is too long"));
       if (!require(in.codec() == wire::TextureCodec::h264, "an unknown texture codec") ||
           !require(out.width > 0 && out.height > 0 && out.width % 2 == 0 && out.height % 2 == 0,
                    "an impossible size of a texture") ||
@@ -335,7 +341,7 @@ class Reader {
   }
 
   bool read_views(const fb::Vector<fb::Offset<wire::View>>* all) {
-    if (size_of(all) > limits_.views) return fail(too_large("too many views"));
+    if (size_of(all) > limits_.views) return fail(too_large_packet("too many views"));
     for (std::size_t i = 0; i < size_of(all); ++i) {
       const wire::View& in = *all->Get(static_cast<fb::uoffset_t>(i));
       if (!require(in.kind() <= wire::ViewKind::equirectangular, "an unknown kind of view"))
@@ -371,7 +377,7 @@ class Reader {
   }
 
   bool read_marks(const fb::Vector<fb::Offset<wire::Mark>>* all) {
-    if (size_of(all) > limits_.marks) return fail(too_large("too many marks"));
+    if (size_of(all) > limits_.marks) return fail(too_large_packet("too many marks"));
     for (std::size_t i = 0; i < size_of(all); ++i) {
       const wire::Mark& in = *all->Get(static_cast<fb::uoffset_t>(i));
       TimeMark& out = out_.marks.emplace_back();
@@ -401,8 +407,8 @@ template <typename Wire, typename Value>
 Result<Value> decode(std::span<const std::byte> bytes, const char* identifier,
                      const PacketLimits& limits) {
   if (bytes.size() > limits.packet_bytes)
-    return too_large(std::to_string(bytes.size()) + " bytes, at most " +
-                     std::to_string(limits.packet_bytes));
+    return too_large_packet(std::to_string(bytes.size()) + " bytes, at most " +
+                            std::to_string(limits.packet_bytes));
   // Bytes from a network lie anywhere; the reads below need 8-byte alignment.
   std::vector<std::uint64_t> aligned((bytes.size() + 7) / 8);
   if (!bytes.empty()) std::memcpy(aligned.data(), bytes.data(), bytes.size());

@@ -13,7 +13,7 @@ constexpr std::uint32_t kKeyFrame = 1, kTaken = 2;
 constexpr std::size_t kHeadBytes = 12, kKeyBytes = 24;
 
 template <typename Integer>
-void put(std::vector<std::byte>& out, Integer value) {
+void put_integer(std::vector<std::byte>& out, Integer value) {
   for (std::size_t i = 0; i < sizeof value; ++i)
     out.push_back(static_cast<std::byte>(static_cast<std::uint64_t>(value) >> (8 * i) & 0xFF));
 }
@@ -37,13 +37,13 @@ std::vector<std::byte> encode_request(const Request& request) {
   MR_ASSERT(request.chunks.size() <= Request::kMaxChunks);
   std::vector<std::byte> out;
   for (const char c : kMagic) out.push_back(static_cast<std::byte>(c));
-  put(out, (request.key_frame ? kKeyFrame : 0) | (request.taken ? kTaken : 0));
-  put(out, static_cast<std::uint32_t>(request.chunks.size()));
+  put_integer(out, (request.key_frame ? kKeyFrame : 0) | (request.taken ? kTaken : 0));
+  put_integer(out, static_cast<std::uint32_t>(request.chunks.size()));
   for (const ChunkKey& k : request.chunks) {
-    for (const std::int32_t v : {k.id.cube.x, k.id.cube.y, k.id.cube.z}) put(out, v);
-    for (const std::uint32_t v : {k.id.source, k.level, k.version}) put(out, v);
+    for (const std::int32_t v : {k.id.cube.x, k.id.cube.y, k.id.cube.z}) put_integer(out, v);
+    for (const std::uint32_t v : {k.id.source, k.level, k.version}) put_integer(out, v);
   }
-  if (request.taken) put(out, *request.taken);
+  if (request.taken) put_integer(out, *request.taken);
   return out;
 }
 

@@ -17,7 +17,7 @@ constexpr std::array<const char*, 7> kColors{"#0072B2", "#D55E00", "#009E73", "#
 constexpr std::array<const char*, 3> kDashes{"", "7 3", "2 2.5"};
 constexpr double kFont_px = 13, kGlyph_px = 7.2;  // mean width of a letter
 constexpr double kLegendRow_px = 20, kLegendSwatch_px = 26;
-constexpr double kLargest = 1e100;  // beyond it nothing is drawn
+constexpr double kLargestDrawn = 1e100;  // beyond it nothing is drawn
 
 std::string escaped(const std::string& text) {
   std::string out;
@@ -60,8 +60,8 @@ struct Axis {
 };
 
 bool drawn(std::pair<double, double> p, bool log_x) {
-  return std::abs(p.first) < kLargest && std::abs(p.second) < kLargest &&
-         (!log_x || p.first > 1 / kLargest);
+  return std::abs(p.first) < kLargestDrawn && std::abs(p.second) < kLargestDrawn &&
+         (!log_x || p.first > 1 / kLargestDrawn);
 }
 
 struct Range {

@@ -53,7 +53,7 @@ struct Element {
   std::vector<Property> properties;
 };
 
-Error corrupt(const std::string& what) { return {Error::Cause::corrupt, what}; }
+Error corrupt_mesh(const std::string& what) { return {Error::Cause::corrupt, what}; }
 Error unsupported(const std::string& what) { return {Error::Cause::unsupported, what}; }
 
 /// A word of a header as a message may show it.
@@ -75,22 +75,22 @@ std::vector<std::string> words_of(const std::string& line) {
 
 Result<Element> read_element(const std::vector<std::string>& words) {
   Element element;
-  if (words.size() != 3) return corrupt("a header line 'element' without name and count");
+  if (words.size() != 3) return corrupt_mesh("a header line 'element' without name and count");
   element.name = words[1];
   const char* end = words[2].data() + words[2].size();
   const auto [at, failed] = std::from_chars(words[2].data(), end, element.count);
   if (failed != std::errc{} || at != end)
-    return corrupt("element " + shown(words[1]) + " has no count but " + shown(words[2]));
+    return corrupt_mesh("element " + shown(words[1]) + " has no count but " + shown(words[2]));
   return element;
 }
 
 Result<Property> read_property(const std::vector<std::string>& words) {
   const bool list = words.size() == 5 && words[1] == "list";
-  if (!list && words.size() != 3) return corrupt("a header line 'property' that is none");
+  if (!list && words.size() != 3) return corrupt_mesh("a header line 'property' that is none");
   const auto type = type_of(words[words.size() - 2]);
   const auto count = list ? type_of(words[2]) : std::nullopt;
   if (!type || (list && (!count || !is_integer(*count))))
-    return corrupt("property " + shown(words.back()) + " is of no known type");
+    return corrupt_mesh("property " + shown(words.back()) + " is of no known type");
   return Property{words.back(), *type, count};
 }
 
@@ -112,7 +112,7 @@ Status take_line(const std::vector<std::string>& words, Header& header) {
     return {};
   }
   if (words[0] != "property" || header.empty())
-    return corrupt("a header line begins with " + shown(words[0]));
+    return corrupt_mesh("a header line begins with " + shown(words[0]));
   auto property = read_property(words);
   if (!property) return property.error();
   header.back().properties.push_back(*std::move(property));
@@ -123,7 +123,7 @@ Status take_line(const std::vector<std::string>& words, Header& header) {
 Result<Header> read_header(std::string_view& text) {
   constexpr std::size_t kLongest = 1 << 16;
   if (!text.starts_with("ply\n") && !text.starts_with("ply\r\n"))
-    return corrupt("it does not begin with 'ply'");
+    return corrupt_mesh("it does not begin with 'ply'");
   Header header;
   bool format = false;
   for (std::size_t at = text.find('\n') + 1; at < kLongest;) {
@@ -132,14 +132,14 @@ Result<Header> read_header(std::string_view& text) {
     const auto words = words_of(std::string(text.substr(at, std::min(end - at, kLongest))));
     at = end + 1;
     if (words.size() == 1 && words[0] == "end_header") {
-      if (!format) return corrupt("its header names no format");
+      if (!format) return corrupt_mesh("its header names no format");
       text.remove_prefix(at);
       return header;
     }
     format |= !words.empty() && words[0] == "format";
     if (const Status taken = take_line(words, header); !taken) return taken.error();
   }
-  return corrupt("its header does not end");
+  return corrupt_mesh("its header does not end");
 }
 
 /// Reads values one after another; what lies beyond the end reads as 0 and is remembered.
@@ -203,8 +203,8 @@ void skip(Reader& reader, const Property& property) {
 }
 
 Error cut_off(const Element& element, std::uint64_t item) {
-  return corrupt("it is cut off at " + shown(element.name) + " " + std::to_string(item) + " of " +
-                 std::to_string(element.count));
+  return corrupt_mesh("it is cut off at " + shown(element.name) + " " + std::to_string(item) +
+                      " of " + std::to_string(element.count));
 }
 
 Status read_vertices(const Element& element, Reader& reader, Mesh& mesh) {
@@ -216,7 +216,7 @@ Status read_vertices(const Element& element, Reader& reader, Mesh& mesh) {
     axis.push_back(is_axis ? property.name[0] - 'x' : -1);
   }
   for (int a = 0; a < 3; ++a)
-    if (std::ranges::count(axis, a) != 1) return corrupt("vertices have no float x, y and z");
+    if (std::ranges::count(axis, a) != 1) return corrupt_mesh("vertices have no float x, y and z");
   // A vertex takes 12 bytes at least.
   if (element.count > reader.left() / 12) return cut_off(element, reader.left() / 12);
   mesh.positions.resize(static_cast<std::size_t>(element.count));
@@ -228,7 +228,7 @@ Status read_vertices(const Element& element, Reader& reader, Mesh& mesh) {
         mesh.positions[v][axis[i]] = reader.number();
     if (reader.ended()) return cut_off(element, v);
     if (!is_finite(mesh.positions[v]))
-      return corrupt("vertex " + std::to_string(v) + " is not at a finite place");
+      return corrupt_mesh("vertex " + std::to_string(v) + " is not at a finite place");
   }
   return {};
 }
@@ -238,14 +238,14 @@ Status read_face(const Property& list, std::uint64_t face, Reader& reader, Mesh&
   const std::int64_t corners = reader.integer(*list.count);
   if (reader.ended()) return {};  // the caller tells
   const std::string name = "face " + std::to_string(face);
-  if (corners < 3) return corrupt(name + " has " + std::to_string(corners) + " corners");
+  if (corners < 3) return corrupt_mesh(name + " has " + std::to_string(corners) + " corners");
   Triangle triangle{};
   for (std::int64_t i = 0; i < corners && !reader.ended(); ++i) {
     const std::int64_t v = reader.integer(list.type);
     if (v < 0 || v >= static_cast<std::int64_t>(mesh.positions.size()))
       return reader.ended() ? Status{}
-                            : corrupt(name + " names vertex " + std::to_string(v) + " of " +
-                                      std::to_string(mesh.positions.size()));
+                            : corrupt_mesh(name + " names vertex " + std::to_string(v) + " of " +
+                                           std::to_string(mesh.positions.size()));
     if (i > 2) triangle[1] = triangle[2];
     triangle[static_cast<std::size_t>(std::min<std::int64_t>(i, 2))] =
         static_cast<std::uint32_t>(v);
@@ -260,7 +260,7 @@ Status read_faces(const Element& element, Reader& reader, Mesh& mesh) {
   };
   const auto list = std::ranges::find_if(element.properties, is_corners);
   if (list == element.properties.end() || !list->count || !is_integer(list->type))
-    return corrupt("faces have no list of vertex indices");
+    return corrupt_mesh("faces have no list of vertex indices");
   if (element.count > reader.left()) return cut_off(element, reader.left());
   mesh.triangles.reserve(static_cast<std::size_t>(
       std::min<std::uint64_t>(element.count, reader.left() / (3 * size_of(list->type)))));
@@ -294,14 +294,14 @@ Result<Mesh> parse(std::string_view text) {
     const bool again = element.name == "vertex" ? std::exchange(vertices, true)
                        : element.name == "face" ? std::exchange(faces, true)
                                                 : false;
-    if (again) return corrupt("it has two elements '" + element.name + "'");
+    if (again) return corrupt_mesh("it has two elements '" + element.name + "'");
     if (faces && !vertices) return unsupported("its faces come before its vertices");
     const Status read = element.name == "vertex" ? read_vertices(element, reader, mesh)
                         : element.name == "face" ? read_faces(element, reader, mesh)
                                                  : skip_element(element, reader);
     if (!read) return read.error();
   }
-  if (!vertices || !faces) return corrupt("it has no vertices and faces");
+  if (!vertices || !faces) return corrupt_mesh("it has no vertices and faces");
   return mesh;
 }
 

@@ -17,7 +17,7 @@ constexpr double kSigma_px = 1.5;
 constexpr double kC1 = 0.01 * 255 * (0.01 * 255), kC2 = 0.03 * 255 * (0.03 * 255);
 constexpr float kMiddle = 128;  // taken off before squaring, so that floats keep their precision
 constexpr int kBandRows = 96;
-constexpr float kLargest =
+constexpr float kLargestLuma =
     1e5f;  // luma beyond it is a mistake, and floats would not hold its square
 constexpr const char* kNotLuma = " holds a value that is not finite or far from 0..255";
 
@@ -109,7 +109,7 @@ class Window {
 // --- pixel by pixel
 
 /// Squared differences over the pixels of interest, and the largest value of the tested picture
-/// (kLargest where one is not a number or beyond it).
+/// (kLargestLuma where one is not a number or beyond it).
 struct Difference {
   double squares = 0;
   std::int64_t pixels = 0;
@@ -125,7 +125,7 @@ Difference difference_of_row(const float* test, const float* reference, const st
     squares[x % 4] += d * d * counts;
     out.pixels += counts != 0;
     const float size = std::abs(test[x]);
-    if (!(size <= out.largest)) out.largest = size < kLargest ? size : kLargest;
+    if (!(size <= out.largest)) out.largest = size < kLargestLuma ? size : kLargestLuma;
   }
   out.squares = (squares[0] + squares[1]) + (squares[2] + squares[3]);
   return out;
@@ -294,7 +294,8 @@ Result<Ssim> Ssim::prepare(ImageLuma reference) {
   if (width < kWindow || height < kWindow)
     return invalid("SSIM needs pictures of at least 11x11, not " + size_of(width, height));
   for (const float v : reference.data)
-    if (!(std::abs(v) < kLargest)) return invalid("the reference picture" + std::string(kNotLuma));
+    if (!(std::abs(v) < kLargestLuma))
+      return invalid("the reference picture" + std::string(kNotLuma));
 
   Ssim out;
   const int stride = rounded_up(width - 2 * kRadius, Lanes<float>::kCount);
@@ -331,7 +332,8 @@ Result<PictureScore> Ssim::compare(const ImageLuma& test, const ImageMask& mask)
     return invalid("SSIM with a mask of another size: " + size_of(mask.width, mask.height) +
                    " for " + size_of(width, height));
   const Difference differs = difference(test, reference_, mask);
-  if (!(differs.largest < kLargest)) return invalid("the tested picture" + std::string(kNotLuma));
+  if (!(differs.largest < kLargestLuma))
+    return invalid("the tested picture" + std::string(kNotLuma));
 
   const int windows = width - 2 * kRadius, padded = mean_.width;
   std::vector<Sum> rows(mean_.height);

@@ -32,7 +32,7 @@ double vertical_fov_deg(const Camera& camera) {
   return std::round(fov * 1e9) / 1e9;
 }
 
-Error corrupt(const std::string& why) { return {Error::Cause::corrupt, why}; }
+Error corrupt_file(const std::string& why) { return {Error::Cause::corrupt, why}; }
 
 // --- reading: nothing in the file is to be trusted
 
@@ -57,50 +57,51 @@ Result<Camera> read_camera(const Json& json) {
     return v.is_number_integer() && v >= 1 && v <= kLargest_px ? v.get<int>() : 0;
   };
   if (!size.is_array() || size.size() != 2 || side(size[0]) == 0 || side(size[1]) == 0)
-    return corrupt(fmt::format("picture is not [width, height], 1 to {} each", kLargest_px));
+    return corrupt_file(fmt::format("picture is not [width, height], 1 to {} each", kLargest_px));
   if (!fov.is_number() || !(fov.get<double>() >= 1 && fov.get<double>() <= 175))
-    return corrupt("vertical_fov_deg is not a number from 1 to 175");
+    return corrupt_file("vertical_fov_deg is not a number from 1 to 175");
   return picture_camera(side(size[0]), side(size[1]), fov.get<double>());
 }
 
 /// A pose exactly as it was written; one that is not rigid is refused.
 Result<Pose> read_pose(const Json& json) {
-  if (!json.is_array() || json.size() != 16) return corrupt("T_world_camera is not 16 numbers");
+  if (!json.is_array() || json.size() != 16)
+    return corrupt_file("T_world_camera is not 16 numbers");
   std::array<double, 16> m{};
   for (int i = 0; i < 16; ++i) {
-    if (!json[i].is_number()) return corrupt("T_world_camera is not 16 numbers");
+    if (!json[i].is_number()) return corrupt_file("T_world_camera is not 16 numbers");
     m[i] = json[i].get<double>();
   }
-  if (const auto pose = pose_from_matrix(m, 1e-6); !pose) return corrupt(pose.error().message);
+  if (const auto pose = pose_from_matrix(m, 1e-6); !pose) return corrupt_file(pose.error().message);
   return Pose{{{m[0], m[1], m[2], m[4], m[5], m[6], m[8], m[9], m[10]}}, {m[3], m[7], m[11]}};
 }
 
 Result<render::Viewpoint> read_view(const Json& json, const Camera& camera) {
   if (!is_name(member(json, "name")))
-    return corrupt(fmt::format("name is not 1 to {} plain characters", kLongestName));
+    return corrupt_file(fmt::format("name is not 1 to {} plain characters", kLongestName));
   const auto pose = read_pose(member(json, "T_world_camera"));
   if (!pose) return pose.error();
   return render::Viewpoint{json.at("name").get<std::string>(), camera, *pose};
 }
 
 Result<ViewPlan> read_plan(const Json& json, const std::string& key) {
-  if (member(json, "format") != kFormat) return corrupt("not a file of viewpoints");
+  if (member(json, "format") != kFormat) return corrupt_file("not a file of viewpoints");
   if (member(json, "version") != kVersion)
     return Error{Error::Cause::unsupported, fmt::format("version is not {}", kVersion)};
-  if (!member(json, "key").is_string()) return corrupt("key is missing");
+  if (!member(json, "key").is_string()) return corrupt_file("key is missing");
   if (!key.empty() && member(json, "key") != key)
     return Error{Error::Cause::invalid, "planned for other sensors or another room"};
   ViewPlan plan;
   const Json &kind = member(json, "kind"), &views = member(json, "views");
-  if (kind != "voronoi" && kind != "arcs") return corrupt("kind is neither voronoi nor arcs");
+  if (kind != "voronoi" && kind != "arcs") return corrupt_file("kind is neither voronoi nor arcs");
   plan.kind = kind == "arcs" ? ViewPlan::Kind::arcs : ViewPlan::Kind::voronoi;
   const auto camera = read_camera(json);
   if (!camera) return camera.error();
   if (!views.is_array() || views.empty() || views.size() > kMostViews)
-    return corrupt(fmt::format("views is not a list of 1 to {}", kMostViews));
+    return corrupt_file(fmt::format("views is not a list of 1 to {}", kMostViews));
   for (std::size_t i = 0; i < views.size(); ++i) {
     auto view = read_view(views[i], *camera);
-    if (!view) return corrupt(fmt::format("views[{}]: {}", i, view.error().message));
+    if (!view) return corrupt_file(fmt::format("views[{}]: {}", i, view.error().message));
     plan.views.push_back(std::move(*view));
   }
   return plan;
@@ -141,7 +142,7 @@ Result<ViewPlan> read_viewpoints(const std::filesystem::path& file, const std::s
   if (!bytes) return bytes.error();
   const auto* const text = reinterpret_cast<const char*>(bytes->data());
   const Json json = Json::parse(text, text + bytes->size(), nullptr, false);
-  auto plan = json.is_discarded() ? corrupt("not JSON") : read_plan(json, key);
+  auto plan = json.is_discarded() ? corrupt_file("not JSON") : read_plan(json, key);
   if (!plan) return Error{plan.error().cause, file.string() + ": " + plan.error().message};
   return plan;
 }

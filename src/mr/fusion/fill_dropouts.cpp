@@ -10,8 +10,9 @@
 namespace mr::fusion {
 namespace {
 
-constexpr float kGrazing = 0.26f;  // sine of the angle to the ray at which surfaces are still one
-constexpr float kSigmas = 5;
+constexpr float kFillGrazing =
+    0.26f;  // sine of the angle to the ray at which surfaces are still one
+constexpr float kFillSigmas = 5;
 
 /// From a pixel to its neighbour in one direction.
 struct Way {
@@ -36,15 +37,15 @@ Bridge bridge(const float* p, const Way& way, InverseSigma sigma, int most_px) {
   const auto steps = static_cast<float>(i + j);
   const float middle = (a * static_cast<float>(j) + b * static_cast<float>(i)) / steps;
   const float apart = std::abs(a - b);
-  if (apart > way.slope * steps * middle + kSigmas * sigma(middle)) return {};
+  if (apart > way.slope * steps * middle + kFillSigmas * sigma(middle)) return {};
   return {middle, apart};
 }
 
 void fill_row(const RayGrid& grid, const RaySpacing& rays, int y, InverseSigma sigma, int most_px,
               float* out) {
-  const float across = rays.across_rad[y] / kGrazing;
+  const float across = rays.across_rad[y] / kFillGrazing;
   const float down =
-      std::max(std::abs(rays.down_rad(y - 1)), std::abs(rays.down_rad(y))) / kGrazing;
+      std::max(std::abs(rays.down_rad(y - 1)), std::abs(rays.down_rad(y))) / kFillGrazing;
   const std::ptrdiff_t next = grid.row(y + 1) - grid.row(y);
   const std::array<Way, 4> ways{
       {{1, across}, {next, down}, {next + 1, across + down}, {next - 1, across + down}}};

@@ -8,9 +8,9 @@
 namespace mr::fusion {
 namespace {
 
-constexpr float kGrazing = 0.26f;  // sine of the angle to the ray below which a step is a jump
+constexpr float kJumpGrazing = 0.26f;  // sine of the angle to the ray below which a step is a jump
 constexpr float kSteeper = 5.2f;   // three degrees: a steeper line is no surface that could go on
-constexpr float kSigmas = 4;       // of one pixel: what noise may add to a step
+constexpr float kJumpSigmas = 4;   // of one pixel: what noise may add to a step
 constexpr float kMostStretch = 4;  // of a continuation from unevenly spaced rows
 
 /// The two neighbours of every pixel on one side of it, and how a line through them goes on.
@@ -59,7 +59,7 @@ void drop_along(const Axis& axis, const float* in, int width, InverseSigma sigma
   const float one = axis.one.stretch, other = axis.other.stretch, slope = axis.slope;
   for (int x = 0; x < width; ++x) {
     const float p = in[x], rise = slope * p;
-    const float noise = kSigmas * sigma(p);
+    const float noise = kJumpSigmas * sigma(p);
     const Steps most{rise + noise, 2 * rise + noise, kSteeper * rise + noise};
     const Seen l = look(p, a1[x], a2[x], one, most);
     const Seen r = look(p, b1[x], b2[x], other, most);
@@ -77,12 +77,12 @@ Axis down(const RayGrid& grid, const RaySpacing& rays, int y) {
   const float apart = std::max(std::abs(above), std::abs(below));
   return {{grid.row(y - 1), grid.row(y - 2), stretch(above, rays.down_rad(y - 2))},
           {grid.row(y + 1), grid.row(y + 2), stretch(below, rays.down_rad(y + 1))},
-          apart / kGrazing};
+          apart / kJumpGrazing};
 }
 
 Axis across(const RayGrid& grid, const RaySpacing& rays, int y) {
   const float* const in = grid.row(y);
-  return {{in - 1, in - 2, 1}, {in + 1, in + 2, 1}, rays.across_rad[y] / kGrazing};
+  return {{in - 1, in - 2, 1}, {in + 1, in + 2, 1}, rays.across_rad[y] / kJumpGrazing};
 }
 
 }  // namespace

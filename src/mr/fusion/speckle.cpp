@@ -10,8 +10,9 @@
 namespace mr::fusion {
 namespace {
 
-constexpr float kGrazing = 0.05f;  // sine of the angle to the ray at which surfaces still connect
-constexpr float kSigmas = 6;       // of one pixel: what noise may add to a step
+constexpr float kLinkGrazing =
+    0.05f;                        // sine of the angle to the ray at which surfaces still connect
+constexpr float kLinkSigmas = 6;  // of one pixel: what noise may add to a step
 
 /// Which pixels belong to the region of the one to their left and of the one above.
 struct Links {
@@ -24,7 +25,7 @@ void link_row(const float* row, const float* other, int width, float slope, Inve
   for (int x = 0; x < width; ++x) {
     const float a = row[x], b = other[x];
     const float near = std::max(a, b), far = std::min(a, b);
-    const float step = slope * near + kSigmas * sigma(near);
+    const float step = slope * near + kLinkSigmas * sigma(near);
     out[x] = static_cast<std::uint8_t>((near - far <= step) & (far > 0));
   }
 }
@@ -34,8 +35,9 @@ Links link(const RayGrid& grid, const RaySpacing& rays, InverseSigma sigma) {
   parallel_for(grid.height(), 64, [&](std::size_t begin, std::size_t end) {
     for (int y = static_cast<int>(begin); y < static_cast<int>(end); ++y) {
       const float* const row = grid.row(y);
-      link_row(row, row - 1, grid.width(), rays.across_rad[y] / kGrazing, sigma, out.left.row(y));
-      const float down = std::abs(rays.down_rad(y - 1)) / kGrazing;
+      link_row(row, row - 1, grid.width(), rays.across_rad[y] / kLinkGrazing, sigma,
+               out.left.row(y));
+      const float down = std::abs(rays.down_rad(y - 1)) / kLinkGrazing;
       link_row(row, grid.row(y - 1), grid.width(), down, sigma, out.up.row(y));
     }
   });

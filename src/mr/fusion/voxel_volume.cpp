@@ -18,7 +18,7 @@ namespace mr::fusion {
 namespace {
 
 constexpr int kSide = VoxelBlock::kSide;
-constexpr std::size_t kBlocksAtOnce = 32;
+constexpr std::size_t kIntegratedAtOnce = 32;
 
 /// How many voxels around the surface are computed: what marching cubes reads where a frame stands
 /// for itself, else what the next frame's surface may need.
@@ -234,7 +234,7 @@ IntegrateReport VoxelVolume::integrate(const DepthFrame& frame) {
 void VoxelVolume::update_blocks() {
   const UpdateRule rule = update_rule(config_);
   std::vector<int> moved(rule.remember ? order_.size() : 0);
-  parallel_for(order_.size(), kBlocksAtOnce, [&](std::size_t begin, std::size_t end) {
+  parallel_for(order_.size(), kIntegratedAtOnce, [&](std::size_t begin, std::size_t end) {
     for (std::size_t i = begin; i < end; ++i) {
       const std::uint32_t slot = order_[i];
       if (config_.history == History::none) {

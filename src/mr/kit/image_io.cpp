@@ -17,7 +17,7 @@ namespace {
 
 using Bytes = std::span<const std::uint8_t>;
 
-constexpr std::uint64_t kMaxSide = 16384;
+constexpr std::uint64_t kMaxImageSide = 16384;
 constexpr std::uint64_t kMaxPixels = 64'000'000;
 constexpr std::uintmax_t kMaxFileBytes = std::uintmax_t{512} << 20;
 constexpr std::size_t kMaxBytesInMemory = 0x7FFFFFFF;  // OpenCV counts them in an int
@@ -38,7 +38,7 @@ std::uint32_t big32(Bytes b, std::size_t at) { return big16(b, at) << 16 | big16
 Result<Header> within_limits(Header h) {
   const std::string size = std::to_string(h.width) + "x" + std::to_string(h.height);
   if (h.width == 0 || h.height == 0) return corrupt("the picture is empty (" + size + ")");
-  if (h.width > kMaxSide || h.height > kMaxSide || h.width * h.height > kMaxPixels)
+  if (h.width > kMaxImageSide || h.height > kMaxImageSide || h.width * h.height > kMaxPixels)
     return Error{Error::Cause::too_large,
                  size + " pixels are more than 16384 a side or 64 million in all"};
   return h;

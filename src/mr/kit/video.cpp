@@ -14,7 +14,7 @@ extern "C" {
 namespace mr::kit {
 namespace {
 
-constexpr int kMaxSide = 8192;
+constexpr int kMaxVideoSide = 8192;
 constexpr int kKeyFrameEvery = 250;
 
 struct FreeContext {
@@ -63,7 +63,7 @@ Scaler make_scaler(int width, int height, AVPixelFormat from, AVPixelFormat to) 
 
 std::vector<std::string> problems(const VideoSettings& s) {
   std::vector<std::string> out;
-  if (s.width < 2 || s.height < 2 || s.width > kMaxSide || s.height > kMaxSide ||
+  if (s.width < 2 || s.height < 2 || s.width > kMaxVideoSide || s.height > kMaxVideoSide ||
       s.width % 2 != 0 || s.height % 2 != 0)
     out.push_back("size must be even and between 2 and 8192 pixels a side");
   if (!(s.fps > 0 && s.fps <= 1000)) out.push_back("fps must be above 0 and at most 1000");
@@ -266,7 +266,7 @@ Status VideoDecoder::Impl::open() {
   context->thread_count = 1;
   context->flags |= AV_CODEC_FLAG_LOW_DELAY;
   context->err_recognition = AV_EF_EXPLODE | AV_EF_BITSTREAM | AV_EF_BUFFER;
-  context->max_pixels = std::int64_t{kMaxSide} * kMaxSide;
+  context->max_pixels = std::int64_t{kMaxVideoSide} * kMaxVideoSide;
   if (const int rc = avcodec_open2(context.get(), codec, nullptr); rc < 0)
     return failed(Error::Cause::unsupported, "no H.264 decoder", rc);
   return {};
@@ -292,7 +292,7 @@ Status VideoDecoder::Impl::feed(std::span<const std::byte> access_unit) {
 
 Result<ImageRgb> VideoDecoder::Impl::to_rgb() {
   const int w = picture->width, h = picture->height;
-  if (w < 1 || h < 1 || w > kMaxSide || h > kMaxSide)
+  if (w < 1 || h < 1 || w > kMaxVideoSide || h > kMaxVideoSide)
     return Error{Error::Cause::too_large, "video: a picture of more than 8192 pixels a side"};
   if (picture->format != AV_PIX_FMT_YUV420P)
     return Error{Error::Cause::unsupported, "video: only 8-bit 4:2:0 is read"};

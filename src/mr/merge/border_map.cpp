@@ -10,8 +10,8 @@
 namespace mr::merge {
 namespace {
 
-constexpr float kMostSamples = 4096;  // of one edge
-constexpr std::size_t kBlock = 4096;  // edges that are looked at together
+constexpr float kMostSamples = 4096;        // of one edge
+constexpr std::size_t kEdgesAtOnce = 4096;  // edges that are looked at together
 constexpr std::uint32_t kSeveral = 0xFFFFFFFFu;
 
 }  // namespace
@@ -23,7 +23,7 @@ BorderMap::BorderMap(const Joined& joined, double reach_m)
     std::uint32_t part;
     bool operator==(const Passed&) const = default;
   };
-  std::vector<std::vector<Passed>> blocks((joined.border.size() + kBlock - 1) / kBlock);
+  std::vector<std::vector<Passed>> blocks((joined.border.size() + kEdgesAtOnce - 1) / kEdgesAtOnce);
   const auto pass = [&](std::uint32_t half_edge, std::vector<Passed>& block) {
     const std::uint32_t part = joined.part[kit::edge_from(joined.mesh, half_edge)];
     for_each_cell(joined, half_edge, [&](Vec3i cell) {
@@ -33,7 +33,8 @@ BorderMap::BorderMap(const Joined& joined, double reach_m)
   };
   parallel_for(blocks.size(), 1, [&](std::size_t begin, std::size_t end) {
     for (std::size_t b = begin; b < end; ++b)
-      for (std::size_t e = b * kBlock; e < std::min((b + 1) * kBlock, joined.border.size()); ++e)
+      for (std::size_t e = b * kEdgesAtOnce;
+           e < std::min((b + 1) * kEdgesAtOnce, joined.border.size()); ++e)
         pass(joined.border[e], blocks[b]);
   });
   std::vector<Vec3i> cells;
@@ -58,7 +59,7 @@ BorderMap::BorderMap(const Joined& joined, double reach_m)
 
 std::vector<std::uint8_t> BorderMap::has_other_near(const Joined& joined) const {
   std::vector<std::uint8_t> out(joined.border.size());
-  parallel_for(out.size(), kBlock, [&](std::size_t begin, std::size_t end) {
+  parallel_for(out.size(), kEdgesAtOnce, [&](std::size_t begin, std::size_t end) {
     for (std::size_t e = begin; e < end; ++e) out[e] = has_other_near(joined, joined.border[e]);
   });
   return out;

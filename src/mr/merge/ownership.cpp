@@ -19,16 +19,16 @@
 namespace mr::merge {
 namespace {
 
-constexpr std::size_t kBlock = 2048;   // vertices that are looked at together
-constexpr double kCell_voxels = 16;    // of the quality grid
-constexpr float kFirstWins = 1.001f;   // of two about equally good measurements
+constexpr std::size_t kVerticesAtOnce = 2048;  // vertices that are looked at together
+constexpr double kCell_voxels = 16;            // of the quality grid
+constexpr float kFirstWins = 1.001f;           // of two about equally good measurements
 constexpr float kClear = 0.8f;         // of another's quality: worse than that beside it, too
 constexpr double kFocal_voxels = 2.5;  // pixels per radian · voxel_m: 1.2 voxels a pixel at 3 m
 constexpr double kLeastFocal_px = 250;
 constexpr float kRetreat_voxels = 0.8f;  // from an owner's border, on both sides
 constexpr int kCutSteps = 4;
 constexpr double kLongest_voxels = 10;  // of an edge where owners change
-constexpr int kMaxCuts = 6;             // halvings of an edge
+constexpr int kMaxOwnerCuts = 6;        // halvings of an edge
 
 Spot between(const Spot& a, const Spot& b, float t) {
   return {a.position + (b.position - a.position) * t,
@@ -63,14 +63,14 @@ std::vector<Measured> all_measured(std::span<const Part> parts, const OverlapCon
 }
 
 /// A triangle of a part.
-struct Place {
+struct TrianglePlace {
   std::uint32_t part = 0, triangle = 0;
 };
 
 /// Who has a spot instead of the part that it is of.
 struct Loss {
   static constexpr std::uint32_t kNobody = 0xFFFFFFFFu;
-  Place to;
+  TrianglePlace to;
   std::uint32_t owner = kNobody;  ///< number of it
   bool is_clear = false;          ///< that one measured it better by far
 };
@@ -162,7 +162,7 @@ class Owners {
       return std::ranges::any_of(candidates, [&](const QualityGrid::Candidate& c) {
         if (c.owner.part == part_) return false;
         const auto t = owners_.find(c.number, spot, part_);
-        return t && holds(Place{c.owner.part, *t});
+        return t && holds(TrianglePlace{c.owner.part, *t});
       });
     }
 
@@ -223,7 +223,9 @@ class OwnPart {
   /// triangles are, comes back unless a third part keeps it.
   void restore(const std::vector<OwnPart>& all) {
     std::optional<Owners::Look> look;
-    const auto kept = [&](const Place& place) { return all[place.part].keeps(place.triangle); };
+    const auto kept = [&](const TrianglePlace& place) {
+      return all[place.part].keeps(place.triangle);
+    };
     for (std::size_t v = 0; v < margin_.size(); ++v) {
       if (loss_[v].owner == Loss::kNobody || kept(loss_[v].to)) continue;
       if (!look) look.emplace(owners_, part_);
@@ -236,7 +238,7 @@ class OwnPart {
   void refine() {
     const auto longest_m = static_cast<float>(kLongest_voxels * config_.voxel_m);
     Owners::Look look(owners_, part_);
-    for (int round = 0; round < kMaxCuts; ++round) {
+    for (int round = 0; round < kMaxOwnerCuts; ++round) {
       std::vector<std::uint8_t> split;
       for (std::uint32_t t = 0; t < mesh_->triangles.size(); ++t) {
         if (round > 0 && !is_new_[t]) continue;  // it was asked before
@@ -354,8 +356,8 @@ std::vector<Mesh> best_measured(std::span<const Part> parts, const OverlapConfig
   for (std::size_t i = 0; i < parts.size(); ++i) {
     own.emplace_back(owners, i, config);
     const std::size_t count = owners.vertices(i).size();
-    for (std::size_t b = 0; b < count; b += kBlock)
-      blocks.push_back({i, b, std::min(b + kBlock, count)});
+    for (std::size_t b = 0; b < count; b += kVerticesAtOnce)
+      blocks.push_back({i, b, std::min(b + kVerticesAtOnce, count)});
   }
   for_each_index(blocks.size(), [&](std::size_t b) {
     own[blocks[b].part].look_at(blocks[b].begin, blocks[b].end);

@@ -96,21 +96,21 @@ bool may_hold(const RayGrid& grid, const Bounds& box) {
 }
 
 /// A camera's rays and the parts that they may meet.
-struct Look {
+struct PartLook {
   RayGrid grid;
   std::vector<std::uint32_t> parts;  ///< ascending
 };
 
-std::vector<Look> looks_of(std::span<const Part> parts, double voxel_m) {
+std::vector<PartLook> looks_of(std::span<const Part> parts, double voxel_m) {
   std::vector<Bounds> bounds(parts.size());
   parallel_for(parts.size(), 1, [&](std::size_t begin, std::size_t end) {
     for (std::size_t i = begin; i < end; ++i) bounds[i] = bounds_of(parts[i].mesh);
   });
-  std::vector<Look> out;
+  std::vector<PartLook> out;
   for (const Part& part : parts)
     for (const SourceInfo& source : part.sources)
       for (const RayGrid& grid : camera_rays(source, voxel_m)) {
-        Look look{grid, {}};
+        PartLook look{grid, {}};
         for (std::uint32_t i = 0; i < parts.size(); ++i)
           if (!parts[i].mesh.empty() && may_hold(grid, bounds[i])) look.parts.push_back(i);
         if (look.parts.size() > 1) out.push_back(std::move(look));
@@ -189,7 +189,7 @@ class RayCaster {
 /// Casts all rays; with `told`, also says what each decided.
 RayVotes cast_all(const PaperField& field, const OverlapConfig& config,
                   std::vector<RayVerdicts>* told) {
-  const std::vector<Look> looks = looks_of(field.parts, config.voxel_m);
+  const std::vector<PartLook> looks = looks_of(field.parts, config.voxel_m);
   RayVotes votes{std::vector<std::uint32_t>(field.facing.size()),
                  std::vector<std::uint32_t>(field.facing.size())};
   if (told) told->resize(looks.size());

@@ -11,10 +11,10 @@
 namespace mr::merge {
 namespace {
 
-constexpr int kMostPieces = 16;  // of a triangle's edges, when it is spread over cells
+constexpr int kMostCellPieces = 16;  // of a triangle's edges, when it is spread over cells
 
-constexpr float kHeld = 0.1f;        // by how much a sum may change unnoticed
-constexpr float kLeastShare = 0.1f;  // of the surface in a cell, to count for its neighbours
+constexpr float kHeldChange = 0.1f;        // by how much a sum may change unnoticed
+constexpr float kLeastNormalShare = 0.1f;  // of the surface in a cell, to count for its neighbours
 constexpr std::uint32_t kNotHere = 0xFFFFFFFFu;
 constexpr Vec3i kNowhere{1 << 30, 0, 0};
 
@@ -32,7 +32,7 @@ class Filler {
       if (!(size > 0)) continue;
       const float longest = std::max({length(ab), length(ac), length(ac - ab)});
       const int n = static_cast<int>(
-          std::clamp(std::ceil(longest * per_cell), 1.0f, static_cast<float>(kMostPieces)));
+          std::clamp(std::ceil(longest * per_cell), 1.0f, static_cast<float>(kMostCellPieces)));
       const float share = 1 / (2 * size * static_cast<float>(n * n));
       QualitySums each;
       for (int axis = 0; axis < 3; ++axis) {
@@ -78,7 +78,7 @@ class Filler {
     for (std::size_t i = 0; i < count; ++i)
       for (int axis = 0; axis < 3; ++axis) {
         const QualitySums& here = before[i];
-        if (here[axis] < kLeastShare * (here[0] + here[1] + here[2])) continue;
+        if (here[axis] < kLeastNormalShare * (here[0] + here[1] + here[2])) continue;
         for (const std::uint64_t beside : {keys[i] - kCellStep[axis], keys[i] + kCellStep[axis]}) {
           QualitySums& there = sums[place_of(beside)];
           there[axis] += here[axis], there[axis + 3] += here[axis + 3];
@@ -103,7 +103,7 @@ void QualityMemory::steady(std::uint32_t sensor, QualityCells& cells) {
     if (!before) continue;
     for (std::size_t k = 0; k < cells.sums[i].size(); ++k) {
       const float held = last.sums[*before][k];
-      if (std::abs(cells.sums[i][k] - held) <= kHeld * held) cells.sums[i][k] = held;
+      if (std::abs(cells.sums[i][k] - held) <= kHeldChange * held) cells.sums[i][k] = held;
     }
   }
   if (!frozen_) last = cells;

@@ -28,7 +28,7 @@ constexpr double kAlike = 0.87;            // cosine: normals within 30 degrees
 constexpr double kFacing = 0.25;           // cosine towards a camera: not grazing
 constexpr double kLeastShared_m2 = 0.1;
 constexpr std::size_t kLeastMatches = 12;
-constexpr double kLeastShare = 0.85;  // shared of expected, of parts that agree
+constexpr double kLeastSharedArea = 0.85;  // shared of expected, of parts that agree
 constexpr double kDegree = std::numbers::pi / 180;
 
 // ---- What a part's sensors see of it
@@ -55,18 +55,19 @@ struct Surface {
 };
 
 /// A vertex in the picture.
-struct Corner {
+struct DepthCorner {
   float u, v, inverse_z;  // inverse_z 0: before the near plane
 };
 
-std::vector<Corner> corners_of(const Mesh& mesh, const Camera& camera, const Pose& T_camera_world) {
+std::vector<DepthCorner> corners_of(const Mesh& mesh, const Camera& camera,
+                                    const Pose& T_camera_world) {
   const Vec3f eye = vec_cast<float>(T_camera_world.inverse().translation);
   const auto row = [&](int i) { return vec_cast<float>(T_camera_world.rotation.row(i)); };
   const Vec3f x = row(0) * static_cast<float>(camera.fx),
               y = row(1) * static_cast<float>(camera.fy);
   const Vec3f z = row(2);
   const auto cx = static_cast<float>(camera.cx), cy = static_cast<float>(camera.cy);
-  std::vector<Corner> out;
+  std::vector<DepthCorner> out;
   out.reserve(mesh.positions.size());
   for (const Vec3f position : mesh.positions) {
     const Vec3f p = position - eye;
@@ -78,7 +79,7 @@ std::vector<Corner> corners_of(const Mesh& mesh, const Camera& camera, const Pos
 }
 
 /// Keeps the nearest in every pixel of a triangle that faces the camera.
-void draw(const Corner& a, const Corner& b, const Corner& c, ImageDepth& picture) {
+void draw(const DepthCorner& a, const DepthCorner& b, const DepthCorner& c, ImageDepth& picture) {
   const float area = (c.u - a.u) * (b.v - a.v) - (b.u - a.u) * (c.v - a.v);
   if (!(area > 0 && a.inverse_z > 0 && b.inverse_z > 0 && c.inverse_z > 0)) return;
   const auto from = [](float x) {
@@ -112,7 +113,7 @@ void draw(const Corner& a, const Corner& b, const Corner& c, ImageDepth& picture
 View view_of(const Mesh& mesh, const Camera& camera, const Pose& T_world_camera) {
   const int window_px = std::max(1, static_cast<int>(std::lround(kWindowRad * camera.fx)));
   View out{camera, T_world_camera.inverse(), window_px, ImageDepth(camera.width, camera.height)};
-  const std::vector<Corner> corners = corners_of(mesh, camera, out.T_camera_world);
+  const std::vector<DepthCorner> corners = corners_of(mesh, camera, out.T_camera_world);
   for (const auto& [i, j, k] : mesh.triangles)
     draw(corners[i], corners[j], corners[k], out.inverse_depth);
   return out;
@@ -254,7 +255,7 @@ struct Match {
 };
 
 /// What two parts show of each other.
-struct Look {
+struct PairLook {
   std::vector<Match> matches;
   double through_m2 = 0;  // of either, where the other sees through it
 };
@@ -286,7 +287,7 @@ Sight sight_of(const View& view, Vec3d p, Vec3d normal, const RegistrationConfig
 
 /// Adds what `at` shows of `from`'s samples. `sign`: 1 when from is the pair's a.
 void look(const Surface& from, const Pose& T_from, const Surface& at, const Pose& T_at,
-          std::size_t stride, double sign, const RegistrationConfig& config, Look& out) {
+          std::size_t stride, double sign, const RegistrationConfig& config, PairLook& out) {
   std::vector<Pose> T_camera_from;
   const Pose T_at_from = T_at.inverse() * T_from;
   for (const View& view : at.views) T_camera_from.push_back(view.T_camera_world * T_at_from);
@@ -317,17 +318,17 @@ void look(const Surface& from, const Pose& T_from, const Surface& at, const Pose
 
 /// Directed both ways; `apart_m` is along normals that point out of either surface, so for b's
 /// samples its sign is turned.
-Look look(const std::vector<Surface>& surfaces, std::span<const Pose> poses, const Pair& pair,
-          const RegistrationConfig& config) {
+PairLook look(const std::vector<Surface>& surfaces, std::span<const Pose> poses, const Pair& pair,
+              const RegistrationConfig& config) {
   const auto [a, b, stride_a, stride_b] = pair;
-  Look out;
+  PairLook out;
   look(surfaces[a], poses[a], surfaces[b], poses[b], stride_a, 1, config, out);
   look(surfaces[b], poses[b], surfaces[a], poses[a], stride_b, -1, config, out);
   return out;
 }
 
 /// Matches farther apart than this are of different surfaces, judged by the others.
-double trim_m(const Look& look, const RegistrationConfig& config) {
+double trim_m(const PairLook& look, const RegistrationConfig& config) {
   if (look.matches.empty()) return 0;
   std::vector<double> apart;
   for (const Match& m : look.matches) apart.push_back(std::abs(m.apart_m));
@@ -336,7 +337,7 @@ double trim_m(const Look& look, const RegistrationConfig& config) {
   return std::clamp(4.5 * *middle, 1.5 * config.voxel_m, config.reach_m);
 }
 
-PairResidual residual_of(const Pair& pair, const Look& look, double trim_m) {
+PairResidual residual_of(const Pair& pair, const PairLook& look, double trim_m) {
   PairResidual out{pair.a, pair.b, 0, 0, look.through_m2 / 2};
   double squares = 0, area = 0;
   for (const Match& m : look.matches) {
@@ -350,7 +351,7 @@ PairResidual residual_of(const Pair& pair, const Look& look, double trim_m) {
 
 struct Overlap {
   Pair pair;
-  Look look;
+  PairLook look;
   double trim_m = 0;
   PairResidual residual;
 };
@@ -378,7 +379,7 @@ std::vector<PairResidual> worth_telling(const std::vector<Overlap>& overlaps) {
 }
 
 bool agree(const PairResidual& r, double limit_mm) {
-  return r.residual_mm <= limit_mm && r.shared_m2 >= kLeastShare * r.expected_m2;
+  return r.residual_mm <= limit_mm && r.shared_m2 >= kLeastSharedArea * r.expected_m2;
 }
 
 // ---- Groups of parts
@@ -463,10 +464,10 @@ Mat6 held_directions(const Mat6& a, double least) {
 
 // ---- All parts at once
 
-constexpr double kArm_m = 2;            // a turn by 1 rad counts as so much of a shift
-constexpr double kHeld = 0.01;          // a direction is open where less of the overlap holds it
-constexpr double kStay = 3e-4;          // pull towards no correction, against that of the overlaps
-constexpr double kPoorResidual = 0.02;  // m; pairs that fit worse count less
+constexpr double kArm_m = 2;             // a turn by 1 rad counts as so much of a shift
+constexpr double kHeldDirection = 0.01;  // a direction is open where less of the overlap holds it
+constexpr double kStay = 3e-4;           // pull towards no correction, against that of the overlaps
+constexpr double kPoorResidual = 0.02;   // m; pairs that fit worse count less
 
 /// What two parts' overlap says about where they should be: the sum over its matches of squared
 /// distances after a small motion of a against b, per area.
@@ -501,7 +502,7 @@ Link link_of(const Overlap& overlap, const std::vector<Surface>& surfaces) {
       out.pull[i] += m.area_m2 / area * row[i] * m.apart_m;
     }
   }
-  const Mat6 held = held_directions(out.hold, kHeld);
+  const Mat6 held = held_directions(out.hold, kHeldDirection);
   out.hold = held * out.hold, out.pull = held * out.pull;
   const double poor = residual.residual_mm / 1000 / kPoorResidual;
   out.weight = residual.shared_m2 / (1 + poor * poor);
@@ -618,7 +619,7 @@ std::vector<Pose> poses_of(const Motions& corrections, const std::vector<Surface
 }
 
 /// What does not fit, with a limit for each match: the same for two looks of one pair.
-double cost(const Look& look, double trim_m) {
+double cost(const PairLook& look, double trim_m) {
   double sum = look.through_m2 * trim_m * trim_m, area = look.through_m2;
   for (const Match& m : look.matches) {
     const double apart = std::min(std::abs(m.apart_m), trim_m);

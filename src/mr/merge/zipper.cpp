@@ -24,7 +24,7 @@
 namespace mr::merge {
 namespace {
 
-constexpr int kMaxCuts = 6;               // halvings of a border edge
+constexpr int kMaxEdgeCuts = 6;           // halvings of a border edge
 constexpr std::size_t kMostAround = 256;  // corners in reach; where there are more lie slivers
 constexpr std::size_t kSmallLoop = 30;    // edges of a loop that is closed at all costs
 constexpr double kCube_gaps = 64;         // side of the cubes that are closed on their own
@@ -47,7 +47,7 @@ class BorderCutter {
     for (const std::uint32_t t : triangles) {
       place_ = whole_ = t;
       const Triangle whole = joined.mesh.triangles[t];
-      cut(whole, flags(t), kMaxCuts);
+      cut(whole, flags(t), kMaxEdgeCuts);
     }
     std::ranges::sort(border_);
     joined.border = std::move(border_);

@@ -16,7 +16,7 @@ namespace {
 
 using Clock = std::chrono::steady_clock;
 
-constexpr std::chrono::milliseconds kTick{500};
+constexpr std::chrono::milliseconds kNatsTick{500};
 
 /// A name as one token of a subject: everything but letters, digits, '-' and '_' as %XX.
 std::string token(const std::string& name) {
@@ -188,7 +188,7 @@ class NatsTransport final : public Transport {
   void run(const std::stop_token& stop) {
     while (!stop.stop_requested()) try {
         std::unique_lock lock(mutex_);
-        wake_.wait_for(lock, stop, kTick, [&] { return work_; });
+        wake_.wait_for(lock, stop, kNatsTick, [&] { return work_; });
         work_ = false;
         lock.unlock();
         tick(Clock::now());
@@ -200,7 +200,7 @@ class NatsTransport final : public Transport {
 
   void tick(Clock::time_point now) {
     if (now < next_tick_) return;
-    next_tick_ = now + kTick;
+    next_tick_ = now + kNatsTick;
     drops_->count("NATS", "requests without an answer", requests_.expire(now));
     link_->revive();
   }

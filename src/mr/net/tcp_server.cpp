@@ -16,7 +16,7 @@ namespace {
 
 constexpr std::chrono::seconds kHelloPatience{5};
 constexpr std::chrono::seconds kListenAgain{1};
-constexpr std::chrono::milliseconds kAcceptAgain{100};
+constexpr std::chrono::milliseconds kTcpAcceptAgain{100};
 
 FrameLimits accepted_frames() {
   return {{FrameKind::hello, kHello.size() + kLongestName},
@@ -205,7 +205,7 @@ class TcpListener {
         return accept();
       }
       server_.drops_.count("listener " + to_string(address_), error.message());
-      timer_.expires_after(kAcceptAgain);  // out of file descriptors, say
+      timer_.expires_after(kTcpAcceptAgain);  // out of file descriptors, say
       timer_.async_wait([this](const auto& cancelled) {
         if (!cancelled) accept();
       });

@@ -12,7 +12,7 @@ namespace asio = boost::asio;
 
 namespace {
 
-constexpr std::chrono::milliseconds kTick{500};
+constexpr std::chrono::milliseconds kTcpTick{500};
 
 class TcpTransport final : public Transport {
  public:
@@ -88,7 +88,7 @@ class TcpTransport final : public Transport {
 
   void tick() {
     for (const auto& [node, link] : links_) link->tick();
-    ticker_.expires_after(kTick);
+    ticker_.expires_after(kTcpTick);
     ticker_.async_wait([this](const auto& error) {
       if (!error) tick();
     });

@@ -28,7 +28,7 @@ namespace {
 
 constexpr std::uint32_t kHeaderBytes = 8u << 10;
 constexpr std::chrono::seconds kResponsePatience{60};  // a large file over a slow link
-constexpr std::chrono::milliseconds kAcceptAgain{100};
+constexpr std::chrono::milliseconds kWebAcceptAgain{100};
 constexpr int kUnsentBytes = 128 << 10;
 
 constexpr const char* kContentSecurity =
@@ -283,7 +283,7 @@ void WebServer::Impl::accept() {
       return accept();
     }
     drops.count("web server", error.message());  // out of file descriptors, say
-    accept_timer.expires_after(kAcceptAgain);
+    accept_timer.expires_after(kWebAcceptAgain);
     accept_timer.async_wait([this](const auto& cancelled) {
       if (!cancelled) accept();
     });

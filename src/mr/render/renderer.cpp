@@ -26,22 +26,23 @@ constexpr double kNear_m = 0.05;
 constexpr double kLeastPointRadius_px = 0.7072;  // covers a pixel's centre wherever it lies
 constexpr Color kEdge{24, 24, 24};
 
-Error invalid(std::string message) { return {Error::Cause::invalid, std::move(message)}; }
+Error invalid_camera(std::string message) { return {Error::Cause::invalid, std::move(message)}; }
 
 Status check(const Camera& c, const Pose& T_world_camera) {
   const bool pinhole = c.model == CameraModel::pinhole;
   if (!pinhole && c.model != CameraModel::equirectangular)
-    return invalid("rendering needs a pinhole or an equirectangular camera");
+    return invalid_camera("rendering needs a pinhole or an equirectangular camera");
   if (pinhole && c.distortion != DistortionModel::none)
-    return invalid("rendering needs a pinhole camera without distortion");
+    return invalid_camera("rendering needs a pinhole camera without distortion");
   if (c.width < 1 || c.height < 1)
-    return invalid("rendering needs a picture of at least one pixel");
+    return invalid_camera("rendering needs a picture of at least one pixel");
   for (const double v : T_world_camera.matrix())
-    if (!std::isfinite(v)) return invalid("render camera's pose holds a number that is not finite");
+    if (!std::isfinite(v))
+      return invalid_camera("render camera's pose holds a number that is not finite");
   if (!pinhole) return {};
   for (const double v : {c.fx, c.fy, c.cx, c.cy})
-    if (!std::isfinite(v)) return invalid("render camera holds a number that is not finite");
-  if (c.fx <= 0 || c.fy <= 0) return invalid("render camera needs positive focal lengths");
+    if (!std::isfinite(v)) return invalid_camera("render camera holds a number that is not finite");
+  if (c.fx <= 0 || c.fy <= 0) return invalid_camera("render camera needs positive focal lengths");
   return {};
 }
 

@@ -26,23 +26,23 @@ bool has_points(const Chunk& chunk) { return chunk.point_m > 0; }
 
 Status check(const Chunk& chunk) {
   const Mesh& mesh = chunk.mesh;
-  const auto invalid = [](const char* what) {
+  const auto invalid_chunk = [](const char* what) {
     return Error{Error::Cause::invalid, std::string("chunk cannot be drawn: ") + what};
   };
-  if (!std::isfinite(chunk.point_m)) return invalid("its points have no finite size");
+  if (!std::isfinite(chunk.point_m)) return invalid_chunk("its points have no finite size");
   if (has_points(chunk) && !mesh.triangles.empty())
-    return invalid("it has both points and triangles");
+    return invalid_chunk("it has both points and triangles");
   if (!chunk.colors.empty() && chunk.colors.size() != mesh.positions.size())
-    return invalid("it has colours for some of its vertices only");
+    return invalid_chunk("it has colours for some of its vertices only");
   for (const ViewRun& run : mesh.runs)
     if (std::uint64_t{run.first} + run.count > mesh.triangles.size())
-      return invalid("a view run ends after the last triangle");
+      return invalid_chunk("a view run ends after the last triangle");
   for (const Triangle& triangle : mesh.triangles)
     for (const std::uint32_t vertex : triangle)
       if (vertex >= mesh.positions.size())
-        return invalid("a triangle names a vertex it does not have");
+        return invalid_chunk("a triangle names a vertex it does not have");
   for (const Vec3f p : mesh.positions)
-    if (!is_finite(p)) return invalid("a position is not finite");
+    if (!is_finite(p)) return invalid_chunk("a position is not finite");
   return {};
 }
 

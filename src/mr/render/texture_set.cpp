@@ -11,21 +11,21 @@
 namespace mr::render {
 namespace {
 
-Error invalid(std::string message) { return {Error::Cause::invalid, std::move(message)}; }
+Error invalid_view(std::string message) { return {Error::Cause::invalid, std::move(message)}; }
 
 /// The view's tile must lie in the picture that the scene holds for it.
 Status check(const View& view, const DecodedScene& scene) {
   const std::string name = "view " + std::to_string(view.id);
   const auto found = scene.textures.find(view.stream);
   if (found == scene.textures.end() || !found->second || found->second->empty())
-    return invalid(name + " has no picture: texture stream " + std::to_string(view.stream) +
-                   " is missing");
+    return invalid_view(name + " has no picture: texture stream " + std::to_string(view.stream) +
+                        " is missing");
   const Rect &tile = view.atlas_rect, &source = view.image_rect;
   const ImageRgb& picture = *found->second;
   if (view.width < 1 || view.height < 1 || source.empty() || tile.empty() || tile.x < 0 ||
       tile.y < 0 || tile.width > picture.width - tile.x || tile.height > picture.height - tile.y)
-    return invalid(name + " has a tile outside the picture of texture stream " +
-                   std::to_string(view.stream));
+    return invalid_view(name + " has a tile outside the picture of texture stream " +
+                        std::to_string(view.stream));
   return {};
 }
 
@@ -74,8 +74,8 @@ Status TextureSet::keep(const DecodedScene& scene, const std::vector<ViewRange>&
     if (range.view == kNoView) continue;
     const View* view = find_view(scene, range.view);
     if (!view)
-      return invalid("triangles name view " + std::to_string(range.view) +
-                     ", which the scene does not have");
+      return invalid_view("triangles name view " + std::to_string(range.view) +
+                          ", which the scene does not have");
     if (auto ok = check(*view, scene); !ok) return ok.error();
     const auto& image = scene.textures.at(view->stream);
     if (std::max(image->width, image->height) > largest_side())

@@ -14,21 +14,21 @@ namespace {
 constexpr std::size_t kMostSkipped = 3;  // vertices in a row that go: rings must not grow too long
 
 /// A line from end to end. A closed one begins and ends with the same vertex.
-using Line = std::vector<std::uint32_t>;
+using ChunkLine = std::vector<std::uint32_t>;
 
 class Lines {
  public:
   Lines(std::span<const Label> labels, const ShrinkingMesh& mesh) : labels_(labels), mesh_(mesh) {}
 
   /// All lines, each in the direction in which its ends' places come first.
-  std::vector<Line> find() const;
+  std::vector<ChunkLine> find() const;
 
  private:
   bool is_on_line(std::uint32_t v) const;
   std::array<std::uint32_t, 2> neighbours(std::uint32_t v) const;
   void follow(std::uint32_t from, std::uint32_t next, std::vector<std::uint8_t>& seen,
-              Line& line) const;
-  void put_in_order(Line& line) const;
+              ChunkLine& line) const;
+  void put_in_order(ChunkLine& line) const;
   Vec3f at(std::uint32_t v) const { return mesh_.places[v].at; }
 
   std::span<const Label> labels_;
@@ -56,7 +56,7 @@ std::array<std::uint32_t, 2> Lines::neighbours(std::uint32_t v) const {
 
 /// Goes on with `next`, as long as that is on a line and new.
 void Lines::follow(std::uint32_t from, std::uint32_t next, std::vector<std::uint8_t>& seen,
-                   Line& line) const {
+                   ChunkLine& line) const {
   for (;;) {
     line.push_back(next);
     if (!is_on_line(next) || seen[next]) return;
@@ -66,7 +66,7 @@ void Lines::follow(std::uint32_t from, std::uint32_t next, std::vector<std::uint
   }
 }
 
-void Lines::put_in_order(Line& line) const {
+void Lines::put_in_order(ChunkLine& line) const {
   const auto before = [&](std::uint32_t v, std::uint32_t w) { return at(v) < at(w); };
   if (line.front() != line.back() || line.size() == 1) {
     if (before(line.back(), line.front())) std::reverse(line.begin(), line.end());
@@ -78,14 +78,14 @@ void Lines::put_in_order(Line& line) const {
   line.push_back(line.front());
 }
 
-std::vector<Line> Lines::find() const {
-  std::vector<Line> out;
+std::vector<ChunkLine> Lines::find() const {
+  std::vector<ChunkLine> out;
   std::vector<std::uint8_t> seen(mesh_.vertices(), 0);
   for (std::uint32_t v = 0; v < mesh_.vertices(); ++v) {
     if (seen[v] || !is_on_line(v)) continue;
     seen[v] = 1;
     const auto [back, on] = neighbours(v);
-    Line line, rest;
+    ChunkLine line, rest;
     follow(v, back, seen, line);
     if (line.back() != v) {
       std::reverse(line.begin(), line.end());
@@ -99,7 +99,7 @@ std::vector<Line> Lines::find() const {
   }
   // Whatever numbers vertices have, lines are worked on in the same order.
   std::sort(out.begin(), out.end(),
-            [&](const Line& a, const Line& b) { return at(a[1]) < at(b[1]); });
+            [&](const ChunkLine& a, const ChunkLine& b) { return at(a[1]) < at(b[1]); });
   return out;
 }
 
@@ -112,7 +112,7 @@ float distance2(Vec3f p, Vec3f a, Vec3f b) {
 }
 
 /// Marks the places of a line that stay.
-std::vector<std::uint8_t> choose(const Line& line, float error_m, const ShrinkingMesh& mesh) {
+std::vector<std::uint8_t> choose(const ChunkLine& line, float error_m, const ShrinkingMesh& mesh) {
   std::vector<std::uint8_t> stays(line.size(), 0);
   stays.front() = stays.back() = 1;
   std::vector<std::pair<std::size_t, std::size_t>> spans{{0, line.size() - 1}};
@@ -143,7 +143,7 @@ std::uint32_t place_in_ring(const Rings& rings, std::uint32_t v, std::uint32_t u
 
 /// Takes out what need not stay. Each goes to the nearer of those that do, but not to the end of a
 /// line if that can be helped: many lines may end there, and rings must not grow too long.
-void take_out(const Line& line, const std::vector<std::uint8_t>& stays, Collapser& collapser,
+void take_out(const ChunkLine& line, const std::vector<std::uint8_t>& stays, Collapser& collapser,
               ShrinkingMesh& mesh) {
   const auto pull = [&](std::uint32_t v, std::uint32_t& into) {
     const std::uint32_t place = place_in_ring(mesh.rings, v, into);
@@ -168,10 +168,10 @@ void take_out(const Line& line, const std::vector<std::uint8_t>& stays, Collapse
 }  // namespace
 
 void simplify_chunk_lines(std::span<const Label> labels, float error_m, ShrinkingMesh& mesh) {
-  const std::vector<Line> lines = Lines(labels, mesh).find();
+  const std::vector<ChunkLine> lines = Lines(labels, mesh).find();
   Collapser collapser(mesh);
-  for (const Line& line : lines) take_out(line, choose(line, error_m, mesh), collapser, mesh);
-  for (const Line& line : lines)
+  for (const ChunkLine& line : lines) take_out(line, choose(line, error_m, mesh), collapser, mesh);
+  for (const ChunkLine& line : lines)
     for (const std::uint32_t v : line)
       if (mesh.rings.alive(v)) mesh.kinds[v] = Kind::fixed, mesh.next[v] = kNever;
 }

@@ -9,6 +9,9 @@
 namespace mr::synth {
 
 enum Side : std::uint8_t { left, right };
+
+/// Of the coordinate that points left.
+constexpr double sign_of(Side side) { return side == left ? 1 : -1; }
 inline constexpr std::array<Side, 2> kSides{left, right};
 
 /// Bones on the middle line; each side's bones follow.

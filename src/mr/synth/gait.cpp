@@ -19,7 +19,6 @@ constexpr Vec3d kAhead{1, 0, 0}, kLeft{0, 1, 0}, kUp{0, 0, 1};
 constexpr double kRolledDown = 0.10, kMiddle = 0.27, kHeelRises = 0.38, kToeLeaves = 0.62,
                  kMostPitched = 0.68;
 
-double sign_of(Side side) { return side == left ? 1 : -1; }
 double part_of(double v) { return v - std::floor(v); }
 
 // --- the way

@@ -258,12 +258,12 @@ void ball(Builder& b, Vec3d place, double radius, std::uint32_t color, std::uint
 }
 
 void tube(Builder& b, std::span<const Vec3d> points, double radius, MaterialId material) {
-  constexpr int kSides = 8;
+  constexpr int kCorners = 8;
   const int rows = static_cast<int>(points.size()) - 1;
   double long_m = 0;
   for (int i = 0; i < rows; ++i) long_m += length(points[i + 1] - points[i]);
   const Vec2d size{2 * std::numbers::pi * radius, long_m};
-  b.sheet(kSides, rows, size, b.sized(material, size.x, size.y), [&](double u, double v) {
+  b.sheet(kCorners, rows, size, b.sized(material, size.x, size.y), [&](double u, double v) {
     const double at = std::clamp(v, 0.0, 1.0) * rows;
     const int k = std::min(static_cast<int>(at), rows - 1);
     const Vec3d way = normalized(points[k + 1] - points[k]);

@@ -10,7 +10,7 @@ namespace mr::synth {
 namespace {
 
 constexpr double kPi = std::numbers::pi;
-constexpr Vec3d kAhead{1, 0, 0};
+constexpr Vec3d kFront{1, 0, 0};
 
 Pose at_place(Vec3d origin) { return {{}, origin}; }
 
@@ -20,7 +20,7 @@ Wrap upright_wrap(Vec3d foot, double depth, double width, double height, const M
 
 /// Around a limb, z against its direction, as a hanging limb is seen.
 Wrap limb_wrap(Vec3d top, Vec3d end, double radius, const Material& m) {
-  const Mat3 ahead = frame_along(top - end, kAhead);  // columns: up, front, side
+  const Mat3 ahead = frame_along(top - end, kFront);  // columns: up, front, side
   const Vec3d up = ahead.column(0), front = ahead.column(1), side = cross(up, front);
   const Mat3 axes{{front.x, side.x, up.x, front.y, side.y, up.y, front.z, side.z, up.z}};
   return {Pose{axes, end}.inverse(), radius, radius, length(top - end), m};
@@ -31,8 +31,6 @@ Grid upright_grid(Box3d box, double step) {
           {planes(box.low.x, box.high.x, step), planes(box.low.y, box.high.y, step),
            planes(box.low.z, box.high.z, step)}};
 }
-
-double sign_of(Side side) { return side == left ? 1 : -1; }
 
 double around(Vec3d p) { return std::atan2(p.y, p.x); }
 
