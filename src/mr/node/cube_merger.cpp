@@ -75,7 +75,7 @@ Mesh CubeMerger::run(const std::vector<DecodedScene>& scenes, const std::vector<
     if (mesh) merged_ = count;
   }
   if (!mesh) mesh = merge(parts, true);
-  last_.emplace(scenes, std::move(contents), *mesh);
+  last_ = Last{scenes, std::move(contents), *mesh};
   for (DecodedScene& scene : last_->scenes) scene.textures.clear();
   return *std::move(mesh);
 }
