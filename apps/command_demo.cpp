@@ -12,37 +12,30 @@ namespace {
 struct DemoOptions {
   bool no_viewer = false;
   int frames = 0;
+  std::vector<std::string> set;
   Outputs outputs;
   bool burn_sequence = false;
   LiveRun live;
 };
 
 /// The fixed preset that figures are quoted for; it is printed in every report.
-Scene demo_scene() {
-  Scene scene;
-  scene.id = "demo";
-  scene.voxel_m = 0.03;
-  RigConfig rig;
-  rig.people = 2;
-  rig.depth_width = 320, rig.depth_height = 288;
-  rig.color_width = 640, rig.color_height = 360;
-  rig.frames = 300;  // 10 s
-  rig.loop = true;
-  scene.rig = rig;
-  scene.fusion.truncation_m = 0.09;
-  scene.fusion.chunk_m = 2.56;
-  scene.simplify.ratio = 0.05;
-  scene.atlas.width = 1280, scene.atlas.height = 720;
-  MergerConfig root{.id = "root", .inputs = rig.sensor_ids(), .deadline_ms = 300};
-  scene.mergers = {root};
-  scene.gateway = GatewayConfig{};
-  return scene;
-}
+constexpr const char* kDemoScene = R"(scene: demo
+voxel_m: 0.03
+rig: {people: 2, sensors: 4, depth_mode: nfov_binned, color: [640, 360], frames: 300, loop: true}
+mergers:
+  - {id: root, inputs: [cam-0, cam-1, cam-2, cam-3], deadline_ms: 300}
+fusion: {truncation_m: 0.09, chunk_m: 2.56}
+simplify: {ratio: 0.05}
+atlas: {size: [1280, 720]}
+gateway: {}
+)";
 
 int demo(const DemoOptions& options) {
   if (const Status ok = check(options.outputs); !ok) return fail(ok.error().message);
-  Scene scene = demo_scene();
-  scene.atlas.burn_sequence = options.burn_sequence;
+  auto preset = usable_or_tell(parse_scene(kDemoScene, "demo", options.set));
+  if (!preset) return 1;
+  Scene& scene = *preset;
+  scene.atlas.burn_sequence |= options.burn_sequence;
   if (!options.no_viewer) {
     LiveRun live = options.live;
     live.report = options.outputs.report;
@@ -63,6 +56,7 @@ void add_demo(CLI::App& app, int& exit_code) {
   options->frames = 30;
   CLI::App* command = app.add_subcommand(
       "demo", "Two people in a synthetic room, seen by four sensors, live in a browser");
+  add_set_option(*command, options->set);
   command->add_option("--listen", options->live.listen, "Address of the viewer, host:port");
   command->add_option("--page", options->live.page, "Folder of the built viewer");
   command->add_flag("--open", options->live.open_browser, "Open a browser window");

@@ -101,7 +101,7 @@ int compare(const CompareOptions& options) {
     return fail(ok.error().message);
   std::vector<Scene> scenes;
   for (const auto& file : options.scenes) {
-    auto scene = load_for_eval(file);
+    auto scene = load_for_eval(file, options.set);
     if (!scene) return 1;
     scene->coding.frame_divider = 1;
     scenes.push_back(*std::move(scene));

@@ -25,6 +25,7 @@ using rate::SceneFeatures;
 
 struct FeatureOptions {
   std::vector<std::filesystem::path> scenes;
+  std::vector<std::string> set;
   int frames = 60, every = 1, threads = 0;
   std::filesystem::path csv, plot;
   bool json = false;
@@ -213,10 +214,10 @@ Status write(const FeatureOptions& options, const std::vector<SceneRow>& rows) {
 // ------------------------------------------------------------------------------------ the command
 
 /// All scenes, ready to read; tells what is wrong with them and gives nothing where anything is.
-std::optional<std::vector<Scene>> load_all(const std::vector<std::filesystem::path>& files) {
+std::optional<std::vector<Scene>> load_all(const FeatureOptions& options) {
   std::vector<Scene> scenes;
-  for (const auto& file : files) {
-    auto loaded = load_or_tell(file);
+  for (const auto& file : options.scenes) {
+    auto loaded = load_or_tell(file, options.set);
     if (!loaded) continue;
     auto scene = node::prepare_scene(*std::move(loaded));
     if (!scene)
@@ -226,14 +227,14 @@ std::optional<std::vector<Scene>> load_all(const std::vector<std::filesystem::pa
     else
       scenes.push_back(*std::move(scene));
   }
-  if (scenes.size() != files.size()) return std::nullopt;
+  if (scenes.size() != options.scenes.size()) return std::nullopt;
   return scenes;
 }
 
 int features(const FeatureOptions& options) {
   for (const auto& file : {options.csv, options.plot})
     if (const Status ok = check({{}, file, {}}); !ok) return fail(ok.error().message);
-  auto scenes = load_all(options.scenes);
+  auto scenes = load_all(options);
   if (!scenes) return 1;
   const auto rows = measure_all(*std::move(scenes), options);
   if (!rows) return fail(rows.error().message);
@@ -249,6 +250,7 @@ void add_eval_features(CLI::App& eval, int& exit_code) {
   CLI::App* command = eval.add_subcommand(
       "features", "DCT energy of scenes over time, spatial and temporal (the paper's Fig. 9)");
   command->add_option("SCENE", options->scenes, "Scene files (YAML)")->required();
+  add_set_option(*command, options->set);
   command
       ->add_option("--frames", options->frames,
                    "How many; from the second of the scene on, as each is compared to the one "

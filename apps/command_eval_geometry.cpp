@@ -31,6 +31,7 @@ namespace {
 
 struct GeometryOptions {
   std::vector<std::filesystem::path> inputs;
+  std::vector<std::string> set;
   int frame = 0, threads = 0;
   bool decoded = false, json = false;
   std::string reference;  ///< empty: the scene's best
@@ -325,7 +326,7 @@ int eval_geometry(const GeometryOptions& options) {
   if (!options.compares_files()) {
     if (options.inputs[0].extension() == ".ply")
       return fail("a .ply file needs another to compare it with: eval geometry A.ply B.ply");
-    if (!(scene = load_or_tell(options.inputs[0]))) return 1;
+    if (!(scene = load_or_tell(options.inputs[0], options.set))) return 1;
   }
   std::optional<Result<Measured>> measured;
   Arena arena(options.threads > 0 || !scene ? options.threads : scene->threads);
@@ -350,6 +351,7 @@ void add_eval_geometry(CLI::App& eval, int& exit_code) {
   command->add_option("INPUT", options->inputs, "A scene file (YAML), or two PLY files A and B")
       ->required()
       ->expected(1, 2);
+  add_set_option(*command, options->set);
   auto* frame = command->add_option("--frame", options->frame, "Which frame, from 0")
                     ->check(CLI::Range(0, 1000000))
                     ->capture_default_str();
@@ -373,8 +375,10 @@ void add_eval_geometry(CLI::App& eval, int& exit_code) {
       "  meshreduce eval geometry examples/synthetic-room.yaml --frame 3\n"
       "  meshreduce eval geometry merged.ply truth.ply --json");
   command->callback([=, &exit_code] {
-    if (options->compares_files() && frame->count() + decoded->count() + reference->count() > 0)
-      exit_code = fail("--frame, --decoded and --reference are for scenes, not for two files");
+    if (options->compares_files() &&
+        frame->count() + decoded->count() + reference->count() + options->set.size() > 0)
+      exit_code =
+          fail("--frame, --decoded, --reference and --set are for scenes, not for two files");
     else
       exit_code = eval_geometry(*options);
   });

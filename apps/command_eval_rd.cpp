@@ -96,7 +96,7 @@ void print_hull(const Swept& swept) {
 int run_rd(const RdOptions& options) {
   if (const Status ok = check({{}, options.csv, {}}); !ok) return fail(ok.error().message);
   if (const Status ok = check({{}, options.plot, {}}); !ok) return fail(ok.error().message);
-  auto scene = load_for_eval(options.scene);
+  auto scene = load_for_eval(options.scene, options.set);
   if (!scene) return 1;
   scene->coding.frame_divider = 1;
   std::optional<Result<Swept>> swept;

@@ -24,8 +24,10 @@ bool is_picture(const std::filesystem::path& file) {
 }
 
 int compare_pictures(const SsimOptions& options) {
-  if (!options.pipeline.empty() || !options.reference.empty() || !options.pictures.empty())
-    return fail("--pipeline, --reference and --pictures are for scenes, not for two pictures");
+  if (!options.pipeline.empty() || !options.reference.empty() || !options.pictures.empty() ||
+      !options.set.empty())
+    return fail(
+        "--pipeline, --reference, --pictures and --set are for scenes, not for two pictures");
   std::vector<eval::ImageLuma> lumas;
   for (const auto& file : options.files) {
     const auto picture = kit::read_color(file);
@@ -67,7 +69,7 @@ int measure_scene(const SsimOptions& options) {
   if (is_picture(options.files.front()))
     return fail("one picture cannot be compared: name two, or a scene file");
   if (const Status ok = check({{}, {}, options.pictures}); !ok) return fail(ok.error().message);
-  auto scene = load_for_eval(options.files.front());
+  auto scene = load_for_eval(options.files.front(), options.set);
   if (!scene) return 1;
   if (!options.pipeline.empty()) scene->pipeline = options.pipeline;
   int code = 0;

@@ -18,7 +18,7 @@ struct ViewsOptions : EvalOptions {
 
 int plan_views(const ViewsOptions& options) {
   if (const Status ok = check({{}, options.plan, {}}); !ok) return fail(ok.error().message);
-  const auto scene = load_for_eval(options.scene);
+  const auto scene = load_for_eval(options.scene, options.set);
   if (!scene) return 1;
   int code = 0;
   in_arena(options, *scene, [&] {
@@ -46,6 +46,7 @@ void add_eval_views(CLI::App& eval, int& exit_code) {
   CLI::App* command = eval.add_subcommand(
       "views", "Choose the viewpoints of a scene and store them beside it (NAME.views.json)");
   command->add_option("SCENE", options->scene, "Scene file (YAML)")->required();
+  add_set_option(*command, options->set);
   command->add_option("--plan", options->plan, "Draw the floor plan with the views (SVG)");
   command->add_option("--threads", options->threads, "Threads; 0: as the scene says")
       ->check(CLI::Range(0, 1024));

@@ -10,13 +10,14 @@ namespace {
 
 struct ExportOptions {
   std::filesystem::path scene, file;
+  std::vector<std::string> set;
   int frame = 0, threads = 0;
 };
 
 int export_moment(const ExportOptions& options) {
   const Outputs outputs{options.file, {}, {}};
   if (const Status ok = check(outputs); !ok) return fail(ok.error().message);
-  const auto scene = load_or_tell(options.scene);
+  const auto scene = load_or_tell(options.scene, options.set);
   if (!scene) return 1;
   const auto outcome = run_scene(*scene, options.frame + 1, options.threads);
   if (!outcome) return fail(outcome.error().message);
@@ -37,6 +38,7 @@ void add_export(CLI::App& app, int& exit_code) {
   CLI::App* command =
       app.add_subcommand("export", "Write one merged moment of a scene for other tools");
   command->add_option("SCENE", options->scene, "Scene file (YAML)")->required();
+  add_set_option(*command, options->set);
   command->add_option("OUT", options->file, "File to write: .glb, .ply or .obj")->required();
   command->add_option("--frame", options->frame, "Which frame, from 0")
       ->check(CLI::Range(0, 1000000))

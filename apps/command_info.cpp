@@ -12,6 +12,7 @@ namespace {
 
 struct InfoOptions {
   std::filesystem::path scene;
+  std::vector<std::string> set;
   bool json = false;
 };
 
@@ -73,7 +74,7 @@ std::string as_text(const Scene& scene) {
 }
 
 int info(const InfoOptions& options) {
-  auto scene = load_or_tell(options.scene);
+  auto scene = load_or_tell(options.scene, options.set);
   if (!scene) return 1;
   if (scene->rig) scene->sensors = synth::rig_sensors(*scene->rig);
   fmt::print("{}", options.json ? as_json(*scene).dump(2) + "\n" : as_text(*scene));
@@ -86,6 +87,7 @@ void add_info(CLI::App& app, int& exit_code) {
   auto options = std::make_shared<InfoOptions>();
   CLI::App* command = app.add_subcommand("info", "Check a scene file and tell what it holds");
   command->add_option("FILE", options->scene, "Scene file (YAML)")->required();
+  add_set_option(*command, options->set);
   command->add_flag("--json", options->json, "Print as JSON");
   command->footer("Example:\n  meshreduce info examples/red-kitchen.yaml");
   command->callback([options, &exit_code] { exit_code = info(*options); });

@@ -9,12 +9,14 @@ namespace mr::apps {
 void add_node(CLI::App& app, int& exit_code) {
   struct Options {
     std::filesystem::path scene;
+    std::vector<std::string> set;
     LiveRun run;
   };
   auto options = std::make_shared<Options>();
   CLI::App* command =
       app.add_subcommand("node", "Run one node of a scene, joined with the others by NATS or TCP");
   command->add_option("SCENE", options->scene, "Scene file (YAML)")->required();
+  add_set_option(*command, options->set);
   command
       ->add_option("NAME", options->run.nodes,
                    "Sensors, mergers or 'gateway' to run in this process")
@@ -35,7 +37,7 @@ void add_node(CLI::App& app, int& exit_code) {
       "  meshreduce node room.yaml root\n"
       "  meshreduce node room.yaml gateway --listen 0.0.0.0:8080");
   command->callback([options, &exit_code] {
-    const auto scene = load_or_tell(options->scene);
+    const auto scene = load_or_tell(options->scene, options->set);
     exit_code = scene ? run_live(*scene, options->run) : 1;
   });
 }

@@ -18,6 +18,7 @@ namespace {
 
 struct PlanOptions {
   std::filesystem::path scene, write;
+  std::vector<std::string> set;
   node::PlanConfig config;
   std::string split = "auto";
   bool no_frames = false, fragment = false, json = false;
@@ -215,9 +216,13 @@ Status write(const PlanOptions& options, const node::Plan& plan) {
 
 int plan(const PlanOptions& given) {
   PlanOptions options = given;
+  if (!options.write.empty() && !options.fragment && !options.set.empty())
+    return fail(
+        "--write copies the text of SCENE, which --set does not change: write the keys into "
+        "it, or use --fragment");
   if (options.split != "auto")
     options.config.split = options.split == "space" ? node::Split::space : node::Split::sensors;
-  const auto loaded = load_or_tell(options.scene);
+  const auto loaded = load_or_tell(options.scene, options.set);
   if (!loaded) return 1;
   const auto scene = node::prepare_scene(*loaded);
   if (!scene) return fail(scene.error().message);
@@ -244,6 +249,7 @@ void add_plan(CLI::App& app, int& exit_code) {
   CLI::App* command = app.add_subcommand(
       "plan", "Propose a tree of mergers for a scene, with the latency and memory of each");
   command->add_option("SCENE", options->scene, "Scene file (YAML)")->required();
+  add_set_option(*command, options->set);
   command
       ->add_option("--mergers", options->config.mergers,
                    "Mergers below the root; 1: the root alone")

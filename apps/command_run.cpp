@@ -11,6 +11,7 @@ namespace {
 
 struct RunOptions {
   std::filesystem::path scene;
+  std::vector<std::string> set;
   int frames = 0;
   Outputs outputs;
   LiveRun live;
@@ -24,7 +25,7 @@ struct RunOptions {
 
 int run(const RunOptions& options) {
   if (const Status ok = check(options.outputs); !ok) return fail(ok.error().message);
-  const auto scene = load_or_tell(options.scene);
+  const auto scene = load_or_tell(options.scene, options.set);
   if (!scene) return 1;
   if (!options.lockstep()) {
     LiveRun live = options.live;
@@ -46,6 +47,7 @@ void add_run(CLI::App& app, int& exit_code) {
   CLI::App* command = app.add_subcommand(
       "run", "Run a whole scene in one process: live in a browser, or frame by frame");
   command->add_option("SCENE", options->scene, "Scene file (YAML)")->required();
+  add_set_option(*command, options->set);
   command
       ->add_option("--frames", options->frames,
                    "Run so many frames in lockstep, without a viewer; else live")

@@ -28,6 +28,7 @@ void add_eval_options(CLI::App& command, EvalOptions& options) {
   command.add_option("--threads", options.threads, "Threads; 0: as the scene says")
       ->check(CLI::Range(0, 1024));
   command.add_flag("--json", options.json, "Print the figures as JSON");
+  add_set_option(command, options.set);
 }
 
 bool is_reference(const std::string& pipeline, eval::ReferenceKind reference) {
@@ -76,8 +77,9 @@ Status write_all(const std::vector<std::pair<std::filesystem::path, std::string>
   return {};
 }
 
-std::optional<Scene> load_for_eval(const std::filesystem::path& file) {
-  const auto scene = load_or_tell(file);
+std::optional<Scene> load_for_eval(const std::filesystem::path& file,
+                                   const std::vector<std::string>& set) {
+  const auto scene = load_or_tell(file, set);
   if (!scene) return std::nullopt;
   auto prepared = node::prepare_scene(*scene);
   if (prepared) return *std::move(prepared);

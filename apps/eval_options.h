@@ -5,6 +5,7 @@
 #include <functional>
 #include <optional>
 #include <string>
+#include <vector>
 
 #include "mr/core/result.h"
 #include "mr/core/scene.h"
@@ -18,9 +19,10 @@ struct EvalOptions {
   std::string reference;  ///< truth, monolithic; empty: the scene's best
   int moments = 3, burst = 4, threads = 0;
   bool json = false;
+  std::vector<std::string> set;  ///< --set
 };
 
-/// --reference, --moments, --burst, --threads and --json.
+/// --reference, --moments, --burst, --threads, --json and --set.
 void add_eval_options(CLI::App& command, EvalOptions& options);
 
 /// Whether a pipeline sends what it would be compared with: it must not be ranked then.
@@ -39,6 +41,7 @@ void in_arena(const EvalOptions& options, const Scene& scene, const std::functio
 Status write_all(const std::vector<std::pair<std::filesystem::path, std::string>>& files);
 
 /// Loads and prepares a scene for measuring; tells what is wrong with its file.
-std::optional<Scene> load_for_eval(const std::filesystem::path& file);
+std::optional<Scene> load_for_eval(const std::filesystem::path& file,
+                                   const std::vector<std::string>& set);
 
 }  // namespace mr::apps

@@ -100,18 +100,32 @@ int fail(const std::string& message) {
   return 1;
 }
 
-std::optional<Scene> load_or_tell(const std::filesystem::path& file) {
-  SceneResult result = load_scene(file);
+void add_set_option(CLI::App& command, std::vector<std::string>& set) {
+  command
+      .add_option("--set", set,
+                  "Another value for a key of the scene, as often as needed: voxel_m=0.02, "
+                  "merge.simplify.ratio=0.5, 'sensors.cam-0.depth_range_m=[0.3, 4]'")
+      ->type_name("KEY=VALUE")
+      ->allow_extra_args(false);
+}
+
+std::optional<Scene> usable_or_tell(SceneResult result) {
   for (const SceneProblem& problem : result.problems)
     fmt::print(stderr, "{}\n", to_string(problem));
-  if (!result.problems.empty()) {
-    fmt::print(stderr, "meshreduce: {} problem{} in {}; nothing was started\n",
-               result.problems.size(), result.problems.size() == 1 ? "" : "s", file.string());
-    return std::nullopt;
-  }
+  const auto in_file = std::count_if(result.problems.begin(), result.problems.end(),
+                                     [](const SceneProblem& p) { return !p.option; });
+  if (in_file > 0)
+    fmt::print(stderr, "meshreduce: {} problem{} in {}; nothing was started\n", in_file,
+               in_file == 1 ? "" : "s", result.scene.file.string());
+  if (!result.problems.empty()) return std::nullopt;
   for (const SceneProblem& notice : result.notices)
     fmt::print(stderr, "note: {}\n", to_string(notice));
   return std::move(result.scene);
+}
+
+std::optional<Scene> load_or_tell(const std::filesystem::path& file,
+                                  const std::vector<std::string>& set) {
+  return usable_or_tell(load_scene(file, set));
 }
 
 Status check(const Outputs& outputs) {

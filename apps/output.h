@@ -1,8 +1,10 @@
 #pragma once
 
+#include <CLI/CLI.hpp>
 #include <filesystem>
 #include <optional>
 #include <string>
+#include <vector>
 
 #include "mr/core/decoded_scene.h"
 #include "mr/core/result.h"
@@ -16,9 +18,14 @@ namespace mr::apps {
 /// Prints "meshreduce: message" to stderr; returns exit code 1.
 int fail(const std::string& message);
 
-/// Loads a scene; tells every problem on stderr, one line each, and gives nothing when there is
-/// any.
-std::optional<Scene> load_or_tell(const std::filesystem::path& file);
+/// --set key=value, as often as one likes; what load_or_tell takes.
+void add_set_option(CLI::App& command, std::vector<std::string>& set);
+
+/// Loads a scene, with what was set beside its file; tells every problem on stderr, one line each,
+/// and gives nothing when there is any.
+std::optional<Scene> load_or_tell(const std::filesystem::path& file,
+                                  const std::vector<std::string>& set);
+std::optional<Scene> usable_or_tell(SceneResult result);
 
 /// Where a run's results go; empty paths: nowhere.
 struct Outputs {

@@ -264,7 +264,7 @@ TEST_F(SceneFile, EachPartOfTheDepthCleanUpIsASwitch) {
 }
 
 TEST_F(SceneFile, WhatThisVersionDoesNotActOnIsANotice) {
-  const std::string rest = R"(rate: {model: ours}
+  const std::string rest = R"(rate: {model: ours, target_mbps: 10}
 coding: {frame_divider: 2}
 merge: {overlap: raster, refine: true, color_gain: true}
 atlas: {views: packed}
@@ -274,8 +274,113 @@ links: [{from: a, to: root}]
 )";
   EXPECT_THAT(problems(scene_of({"a"}, rest)), IsEmpty());
   EXPECT_THAT(notices(scene_of({"a"}, rest)),
-              ElementsAre(HasSubstr("4: "), HasSubstr("5: coding.frame_divider"),
-                          HasSubstr("7: atlas"), HasSubstr("10: links")));
+              ElementsAre("4: rate.target_mbps: accepted, but not acted on by this version",
+                          HasSubstr("4: rate.model"), HasSubstr("5: coding.frame_divider"),
+                          HasSubstr("6: merge.overlap"), HasSubstr("7: atlas"),
+                          HasSubstr("10: links (limits serve `plan` alone)")));
+  EXPECT_THAT(notices(scene_of({"a"}, "fusion: {patches: [2, 2]}\n")),
+              ElementsAre(HasSubstr("4: fusion.patches")));
+  EXPECT_THAT(notices(scene_of({"a"}, "fusion: {decomposition: patches, patches: [2, 2]}\n")),
+              IsEmpty());
+}
+
+TEST_F(SceneFile, WhatACameraDoesNotActOnIsANotice) {
+  const auto notices_of = [&](const std::string& camera) {
+    return notices(
+        "scene: s\nsensors:\n- id: a\n  source: {type: rgbd-images, depth: d.png, color: d.png}\n"
+        "  depth_camera: {size: [640, 480], fx: 585, fy: 585, cx: 320, cy: 240}\n"
+        "  color_camera: " +
+        camera + "\n  T_world_depth: " + kIdentity + "\n");
+  };
+  EXPECT_THAT(notices_of("{model: equirectangular, size: [1024, 512]}"), IsEmpty());
+  EXPECT_THAT(notices_of("{model: equirectangular, size: [1024, 512], fx: 500, distortion: {model: "
+                         "brown, k: [0.1]}}"),
+              ElementsAre(HasSubstr("6: fx of a camera that is no pinhole"),
+                          HasSubstr("6: distortion of a camera that is no pinhole")));
+  EXPECT_THAT(notices_of("{size: [640, 480], fx: 585, fy: 585, cx: 320, cy: 240, distortion: "
+                         "{model: none, k: [0.1]}}"),
+              ElementsAre(HasSubstr("6: k of distortion none")));
+}
+
+TEST_F(SceneFile, UnknownKeysAreToldWhatIsKnown) {
+  EXPECT_THAT(problem_of("reuse: {something_else: true}"),
+              HasSubstr("4: unknown key 'something_else'; known here: chunks"));
+  EXPECT_THAT(problem_of("tcp: {b: \"127.0.0.1:9000\"}"),
+              HasSubstr("4: tcp: 'b' is no sensor and no merger (did you mean 'a'?)"));
+}
+
+TEST_F(SceneFile, OptionsChangeKeysBeforeTheyAreChecked) {
+  const auto file = dir_.write("scene.yaml", scene_of({"a"}, "voxel_m: 7\nfusion:\n"));
+  const SceneResult result = load_scene(
+      file, {"voxel_m=0.03", "fps=10", "fps=15", "merge.simplify.ratio=0.5", "fusion.chunk_m=2.56",
+             "sensors.a.depth_range_m=[0.5, 2]", "sensors.0.clock_offset_ms=7",
+             "gateway={listen: \"0.0.0.0:81\"}", "simplify.ratio=${MR_NOT_SET:-0.25}"});
+  EXPECT_THAT(shorten(result.problems), IsEmpty());
+  EXPECT_EQ(result.scene.voxel_m, 0.03);
+  EXPECT_EQ(result.scene.fps, 15) << "the last one holds";
+  EXPECT_EQ(result.scene.merge.simplify.ratio, 0.5);
+  EXPECT_EQ(result.scene.fusion.chunk_m, 2.56);
+  EXPECT_EQ(result.scene.simplify.ratio, 0.25);
+  EXPECT_EQ(result.scene.sensors[0].depth_far_m, 2);
+  EXPECT_EQ(result.scene.sensors[0].clock_offset_ms, 7);
+  EXPECT_EQ(result.scene.gateway->listen, "0.0.0.0:81");
+  EXPECT_EQ(result.scene.set.size(), 9u);
+}
+
+TEST_F(SceneFile, RelativePathsOfOptionsAreRelativeToTheFile) {
+  dir_.write("other/e.png", "x");
+  const auto file = dir_.write("scene.yaml", scene_of({"a"}));
+  const SceneResult result = load_scene(file, {"sensors.a.source.depth=other/e.png"});
+  EXPECT_THAT(shorten(result.problems), IsEmpty());
+  EXPECT_THAT(std::get<RgbdImagesSource>(result.scene.sensors[0].source).depth,
+              ElementsAre(dir_ / "other/e.png"));
+}
+
+TEST_F(SceneFile, AWrongOptionIsOneProblemThatNamesIt) {
+  const auto problem_with = [&](const std::string& option) {
+    const auto file =
+        dir_.write("scene.yaml", scene_of({"a", "b"}, "links: [{from: a, to: root}]\n"));
+    const auto found = load_scene(file, {"fps=20", option}).problems;
+    if (found.size() != 1) return "not one problem but " + testing::PrintToString(shorten(found));
+    return to_string(found[0]);
+  };
+  EXPECT_EQ(problem_with("fps=fast"), "--set 'fps=fast': fps must be a number, not 'fast'");
+  EXPECT_EQ(problem_with("fpss=20"), "--set 'fpss=20': unknown key 'fpss' (did you mean 'fps'?)");
+  EXPECT_EQ(problem_with("fps="), "--set 'fps=': fps is empty");
+  EXPECT_EQ(problem_with("fusoin.chunk_m=1"),
+            "--set 'fusoin.chunk_m=1': unknown key 'fusoin' (did you mean 'fusion'?)");
+  EXPECT_EQ(problem_with("fusion.chnk_m=1"),
+            "--set 'fusion.chnk_m=1': unknown key 'chnk_m' (did you mean 'chunk_m'?)");
+  EXPECT_EQ(problem_with("truth.rig.seed=1"),
+            "--set 'truth.rig.seed=1': truth lacks the key 'mesh'");
+  EXPECT_EQ(problem_with("scene={a: 1, a: 2}").find("--set 'scene={a: 1, a: 2}': scene"), 0u);
+  EXPECT_EQ(problem_with("reuse={chunks: true, chunks: false}"),
+            "--set 'reuse={chunks: true, chunks: false}': key 'chunks' is given twice");
+  for (const char* option : {"fps", "=20", ".fps=20", "fusion.=1", "a..b=1", ""})
+    EXPECT_THAT(problem_with(option), HasSubstr(std::string("--set '") + option +
+                                                "': write key=value, as in --set voxel_m=0.02"));
+  EXPECT_EQ(problem_with("scene.x=1"),
+            "--set 'scene.x=1': 'scene' is a single value and has no key 'x'");
+  EXPECT_THAT(problem_with("sensors.2.id=c"), HasSubstr("'sensors' has no item '2'; it has 2"));
+  EXPECT_THAT(problem_with("sensors.nobody.id=c"), HasSubstr("'sensors' has no item 'nobody'"));
+  EXPECT_THAT(problem_with("sensors.-1.id=c"), HasSubstr("no item '-1'"));
+  EXPECT_THAT(problem_with("sensors.99999999999999999999999.id=c"), HasSubstr("no item"));
+  EXPECT_THAT(problem_with("up=[0, 1"), HasSubstr("'up=[0, 1': its value is not usable: "));
+  EXPECT_THAT(problem_with("fps=!!int 3"), HasSubstr("YAML tags"));
+  EXPECT_THAT(problem_with("a" + std::string(1 << 16, '.') + "=1"), HasSubstr("write key=value"));
+  std::string deep = "a";
+  for (int i = 0; i < 100; ++i) deep += ".a";
+  EXPECT_THAT(problem_with(deep + "=1"), HasSubstr("more than 32 parts"));
+  EXPECT_EQ(problem_with("id=\n\n").find('\n'), std::string::npos) << "one line";
+}
+
+TEST_F(SceneFile, OptionsAreToldBeforeTheFile) {
+  const auto file = dir_.write("scene.yaml", scene_of({"a"}, "fps: slow\n"));
+  const auto found = load_scene(file, {"voxel_m=1", "threads=x"}).problems;
+  ASSERT_EQ(found.size(), 3u);
+  EXPECT_EQ(found[0].option, "voxel_m=1");
+  EXPECT_EQ(found[1].option, "threads=x");
+  EXPECT_EQ(found[2].line, 4);
 }
 
 TEST_F(SceneFile, BaselinesAreActedOn) {
@@ -331,7 +436,7 @@ TEST_F(SceneFile, RefusesWhatIsNoTree) {
 
 TEST_F(SceneFile, MergingIsReadWithItsLimits) {
   const SceneResult result = load(scene_of({"a"}, R"(mergers: [{id: r, inputs: [a], budget_ms: 40}]
-merge: {overlap: rays, refine: true, color_gain: true, island_area_m2: 0.01, gap_m: 0.05, leave_out_mm: 25}
+merge: {owner: paper, overlap: rays, refine: true, color_gain: true, island_area_m2: 0.01, gap_m: 0.05, leave_out_mm: 25}
 )"));
   EXPECT_THAT(shorten(result.problems), IsEmpty());
   EXPECT_THAT(shorten(result.notices), IsEmpty());

@@ -39,6 +39,25 @@ check "export OBJ" 0 "triangles" "$meshreduce" export room.yaml out.obj
 check "unknown ending" fails "\.glb, \.ply or \.obj" "$meshreduce" export room.yaml out.stl
 check "no such folder" fails "no folder" "$meshreduce" run room.yaml --export nowhere/out.glb
 
+check "--set" 0 "2 sensors.*15 fps" "$meshreduce" info room.yaml --set fps=15
+check "--set, an item and a map" 0 "waits 70 ms" "$meshreduce" info room.yaml --set 'mergers=[{id: r, inputs: [cam-0, cam-1]}]' \
+  --set mergers.r.deadline_ms=70 --set gateway.listen=127.0.0.1:81
+check "--set before the file" 0 "3 sensors" "$meshreduce" info --set rig.sensors=3 room.yaml
+for option in fps=fast fpss=3 fps fps.x=1 mergers.0=1 'rig.sensors=[1'; do
+  check "--set $option" fails "^--set '" "$meshreduce" run room.yaml --set "$option" --frames 1
+  lines=$("$meshreduce" run room.yaml --set "$option" --frames 1 2>&1 | wc -l)
+  [ "$lines" -eq 1 ] || fail_test "--set $option: $lines lines"
+done
+for command in "run room.yaml" "node room.yaml root" "export room.yaml o.ply" "info room.yaml" "plan room.yaml --mergers 1" demo \
+  "eval ssim room.yaml" "eval geometry room.yaml" "eval views room.yaml" "eval compare room.yaml" "eval match room.yaml --mbps 5" \
+  "eval rd room.yaml" "eval features room.yaml"; do
+  check "$command --set" fails "^--set 'fps=-1': fps must be greater than 0" "$meshreduce" $command --set fps=-1
+done
+check "plan --set --write" fails "not change" "$meshreduce" plan room.yaml --mergers 1 --set fps=10 --write o.yaml
+check "--set of a PLY" fails "are for scenes" "$meshreduce" eval geometry a.ply b.ply --set fps=10
+check "what is not acted on" 0 "note: --set 'rate.target_mbps=5': rate.target_mbps: accepted, but not acted on" \
+  "$meshreduce" info room.yaml --set rate.target_mbps=5
+
 printf 'scene: bad\nvoxl_m: 1\nup: [0, 0, 0]\nsensors: []\n' >bad.yaml
 check "unknown key, line 2" fails "bad.yaml:2:.*voxl_m" "$meshreduce" run bad.yaml
 check "zero up, line 3" fails "bad.yaml:3:" "$meshreduce" run bad.yaml

@@ -5,6 +5,7 @@
 
 #include "mr/core/file.h"
 #include "mr/core/scene_parts.h"
+#include "mr/core/yaml_edit.h"
 
 namespace mr {
 namespace {
@@ -16,10 +17,6 @@ using scene_file::Report;
 using scene_file::YamlNode;
 
 constexpr std::uintmax_t kMaxBytes = 16 * 1024 * 1024;
-
-void not_acted_on(MapReader& map, const std::string& key, const std::string& what) {
-  map.report.notice(map.line(key), what + ": accepted, but not acted on by this version");
-}
 
 void read_up(MapReader& top, Vec3d& up) {
   double v[3];
@@ -36,11 +33,13 @@ void read_lattice(MapReader& top, bool of_points, Lattice& lattice) {
   const YamlNode* node = top.find("lattice");
   if (!node) return;
   MapReader map(top.report, *node, "lattice");
-  if (map.integer("step_exp", lattice.step_exp, -1000, 1000) &&
-      (lattice.step_exp > (of_points ? -7 : -9) || lattice.step_exp < -11)) {
+  const bool read = map.integer("step_exp", lattice.step_exp, -1000, 1000);
+  const bool coarse = lattice.step_exp == -7 || lattice.step_exp == -8;
+  if (read && (lattice.step_exp > (of_points ? -7 : -9) || lattice.step_exp < -11)) {
     map.report.problem(map.line("step_exp"),
                        std::string("step_exp must be one of ") + (of_points ? "-7, -8, " : "") +
-                           "-9, -10, -11; not " + std::to_string(lattice.step_exp));
+                           "-9, -10, -11; not " + std::to_string(lattice.step_exp) +
+                           (coarse ? ", which is for pipeline points" : ""));
     lattice.step_exp = Lattice{}.step_exp;
   }
   double v[3];
@@ -102,7 +101,7 @@ void read_fusion(MapReader& top, const Scene& scene, FusionConfig& fusion) {
                              {"chunks", Decomposition::chunks},
                              {"patches", Decomposition::patches}});
   if (fusion.decomposition == Decomposition::none)
-    not_acted_on(map, "decomposition", "none (same as chunks)");
+    map.not_acted_on("decomposition", "fusion.decomposition none (same as chunks)");
   const auto voxels = [&](const char* key, double& out, int least, double most) {
     constexpr double kRounding = 1e-9;
     double value = 0;
@@ -120,7 +119,9 @@ void read_fusion(MapReader& top, const Scene& scene, FusionConfig& fusion) {
   map.flag("smooth_depth", fusion.clean.smooth_depth);
   voxels("truncation_m", fusion.truncation_m, 2, 1);
   map.flag("memory", fusion.memory);
-  map.size("patches", 1, 16, fusion.patches_x, fusion.patches_y);
+  if (map.size("patches", 1, 16, fusion.patches_x, fusion.patches_y) &&
+      fusion.decomposition != Decomposition::patches)
+    map.not_acted_on("patches", "fusion.patches where decomposition is not patches");
 }
 
 void read_simplify(MapReader& parent, SimplifyConfig& simplify) {
@@ -139,6 +140,8 @@ void read_merge(MapReader& top, MergeConfig& merge) {
   map.choice<Owner>("owner", merge.owner, {{"paper", Owner::paper}, {"coherent", Owner::coherent}});
   map.choice<Overlap>("overlap", merge.overlap,
                       {{"rays", Overlap::rays}, {"raster", Overlap::raster}});
+  if (map.has("overlap") && merge.owner != Owner::paper)
+    map.not_acted_on("overlap", "merge.overlap where owner is not paper");
   map.flag("refine", merge.refine);
   map.flag("color_gain", merge.color_gain);
   map.number("calibration_error_m", merge.calibration_error_m, {0, 0.5});
@@ -161,8 +164,8 @@ void read_atlas(MapReader& top, AtlasConfig& atlas) {
   map.flag("mask", atlas.mask);
   map.flag("burn_sequence", atlas.burn_sequence);
   map.size("size", 16, 8192, atlas.width, atlas.height);
-  if (atlas.views == Views::packed) not_acted_on(map, "views", "atlas.views packed");
-  if (atlas.views == Views::separate) not_acted_on(map, "views", "atlas.views separate");
+  if (atlas.views == Views::packed) map.not_acted_on("views", "atlas.views packed");
+  if (atlas.views == Views::separate) map.not_acted_on("views", "atlas.views separate");
 }
 
 void read_rate_and_coding(MapReader& top, Scene& scene) {
@@ -179,8 +182,8 @@ void read_rate_and_coding(MapReader& top, Scene& scene) {
                         {"classifier", Model::classifier},
                         {"ours", Model::ours}});
     rate.number("target_mbps", scene.rate.target_mbps, {0, 1e5, true});
-    if (scene.rate.model != Model::fixed)
-      not_acted_on(rate, "model", "a rate.model other than fixed");
+    if (rate.has("target_mbps")) rate.not_acted_on("target_mbps", "rate.target_mbps");
+    if (scene.rate.model != Model::fixed) rate.not_acted_on("model", "rate.model other than fixed");
   }
   if (const YamlNode* node = top.find("coding")) {
     MapReader coding(top.report, *node, "coding");
@@ -190,7 +193,7 @@ void read_rate_and_coding(MapReader& top, Scene& scene) {
     coding.integer("depth_qp", scene.coding.depth_qp, 0, 51);
     coding.integer("frame_divider", scene.coding.frame_divider, 1, 30);
     if (scene.pipeline == "meshreduce" && scene.coding.frame_divider != 1)
-      not_acted_on(coding, "frame_divider", "coding.frame_divider of pipeline meshreduce");
+      coding.not_acted_on("frame_divider", "coding.frame_divider of pipeline meshreduce");
   }
 }
 
@@ -296,7 +299,8 @@ void read_tree(MapReader& top, const std::vector<NodeName>& leaves, Scene& scene
     std::vector<NodeName> names = leaves;
     for (const MergerConfig& merger : scene.mergers) names.push_back({merger.id, 0});
     scene.links = scene_file::read_links(top.report, *node, names);
-    if (!scene.links.empty()) not_acted_on(top, "links", "links");
+    // `meshreduce plan` alone looks at them.
+    if (!scene.links.empty()) top.not_acted_on("links", "links (limits serve `plan` alone)");
   }
 }
 
@@ -351,35 +355,47 @@ std::vector<std::string> RigConfig::sensor_ids() const {
 }
 
 std::string to_string(const SceneProblem& problem) {
+  if (problem.option)
+    return "--set " + scene_file::in_quotes(*problem.option) + ": " + problem.message;
   if (problem.line <= 0) return problem.file.string() + ": " + problem.message;
   return problem.file.string() + ":" + std::to_string(problem.line) + ": " + problem.message;
 }
 
-SceneResult load_scene(const std::filesystem::path& file) {
+SceneResult parse_scene(const std::string& text, const std::filesystem::path& file,
+                        const std::vector<std::string>& set) {
   SceneResult result;
-  result.scene.file = file;
-  Report report(file);
+  result.scene.file = file, result.scene.set = set;
+  Report report(file, set);
   try {
-    std::error_code failed;
-    const auto status = std::filesystem::status(file, failed);
-    const bool is_pipe = std::filesystem::exists(status) && std::filesystem::is_other(status);
-    const auto bytes = is_pipe ? Error{Error::Cause::io, file.string() + " is not a regular file"}
-                               : read_file(file, kMaxBytes);
-    if (!bytes) {
-      report.problem(0, bytes.error().message);
-    } else {
-      const auto tree = scene_file::parse_yaml(
-          std::string(reinterpret_cast<const char*>(bytes->data()), bytes->size()));
-      if (tree.problem.empty())
-        read_scene(report, tree.root, result.scene);
-      else
-        report.problem(tree.line, tree.problem);
+    scene_file::YamlTree tree = scene_file::parse_yaml(text);
+    for (std::size_t i = 0; i < set.size() && tree.problem.empty(); ++i) {
+      const int line = report.line_of_option(i);
+      const std::string problem = scene_file::set_value(tree.root, set[i], line);
+      if (!problem.empty()) report.problem(line, problem);
     }
+    if (tree.problem.empty())
+      read_scene(report, tree.root, result.scene);
+    else
+      report.problem(tree.line, tree.problem);
   } catch (const std::exception& e) {
     report.problem(0, std::string("cannot read the scene: ") + e.what());
   }
   result.problems = report.take_problems();
   result.notices = report.take_notices();
+  return result;
+}
+
+SceneResult load_scene(const std::filesystem::path& file, const std::vector<std::string>& set) {
+  std::error_code failed;
+  const auto status = std::filesystem::status(file, failed);
+  const bool is_pipe = std::filesystem::exists(status) && std::filesystem::is_other(status);
+  const auto bytes = is_pipe ? Error{Error::Cause::io, file.string() + " is not a regular file"}
+                             : read_file(file, kMaxBytes);
+  if (bytes)
+    return parse_scene({reinterpret_cast<const char*>(bytes->data()), bytes->size()}, file, set);
+  SceneResult result;
+  result.scene.file = file;
+  result.problems = {{file, 0, bytes.error().message}};
   return result;
 }
 

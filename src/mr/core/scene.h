@@ -25,12 +25,14 @@ struct RgbdImagesSource {
   double depth_unit_m = 0.001;               ///< metres per count
   std::vector<std::uint16_t> invalid{0};     ///< counts that mean "no depth"
   bool loop = false;                         ///< start again after the last
+  friend bool operator==(const RgbdImagesSource&, const RgbdImagesSource&) = default;
 };
 
 /// One sensor of the synthetic rig; which one follows from its place in the rig: the Kinects come
 /// first, then the LiDARs.
 struct SyntheticSource {
   std::uint32_t camera = 0;
+  friend bool operator==(const SyntheticSource&, const SyntheticSource&) = default;
 };
 
 struct SensorConfig {
@@ -43,6 +45,7 @@ struct SensorConfig {
   double depth_near_m = 0.3, depth_far_m = 5.0;
   Precision precision;
   double clock_offset_ms = 0;  ///< added to the source's times
+  friend bool operator==(const SensorConfig&, const SensorConfig&) = default;
 };
 
 struct MergerConfig {
@@ -54,11 +57,13 @@ struct MergerConfig {
   /// Spatial split: the merger owns the surface in here, and takes no other. Its inputs may feed
   /// other mergers with a region, too.
   std::optional<Box3d> region{};
+  friend bool operator==(const MergerConfig&, const MergerConfig&) = default;
 };
 
 struct LinkConfig {
   std::string from, to;
   double limit_mbps = 0;
+  friend bool operator==(const LinkConfig&, const LinkConfig&) = default;
 };
 
 enum class Decomposition { none, chunks, patches };
@@ -70,6 +75,7 @@ struct CleanConfig {
   int speckle_px = 8;        ///< drop regions of fewer pixels; 0 or 1: none
   int fill_px = 2;           ///< close gaps of up to so many pixels inside a surface, 0 (off) .. 7
   bool smooth_depth = true;  ///< average out sensor noise
+  friend bool operator==(const CleanConfig&, const CleanConfig&) = default;
 };
 
 struct FusionConfig {
@@ -79,10 +85,12 @@ struct FusionConfig {
   double truncation_m = 0.04;        ///< half width of the signed-distance band
   bool memory = false;               ///< average still surface over frames (fusion/voxel_volume.h)
   CleanConfig clean;                 ///< keys smooth_depth, mixed_pixels, speckle_px, fill_px
+  friend bool operator==(const FusionConfig&, const FusionConfig&) = default;
 };
 
 struct SimplifyConfig {
   double ratio = 1;  ///< triangles kept, (0, 1]
+  friend bool operator==(const SimplifyConfig&, const SimplifyConfig&) = default;
 };
 
 struct MergeConfig {
@@ -96,6 +104,7 @@ struct MergeConfig {
   double gap_m = 0;                    ///< wider gaps between sensors stay open; 0: 2.5 voxels
   double leave_out_mm = 0;  ///< a sensor whose surface lies farther than this from its neighbours'
                             ///< is left out; 0: it is told, and stays
+  friend bool operator==(const MergeConfig&, const MergeConfig&) = default;
 };
 
 struct AtlasConfig {
@@ -103,11 +112,13 @@ struct AtlasConfig {
   bool mask = true;                 ///< pixels of no use become black
   bool burn_sequence = false;       ///< test pictures: the packet's number in the corner
   int width = 4096, height = 2304;  ///< the atlas is at most this large
+  friend bool operator==(const AtlasConfig&, const AtlasConfig&) = default;
 };
 
 struct RateConfig {
   enum class Model { fixed, lookup, classifier, ours } model = Model::fixed;
   double target_mbps = 20;
+  friend bool operator==(const RateConfig&, const RateConfig&) = default;
 };
 
 struct CodingConfig {
@@ -116,10 +127,12 @@ struct CodingConfig {
   int sensor_texture_qp = 22;  ///< between sensor and first merger
   int depth_qp = 14;           ///< pipeline rgbd: of its depth video
   int frame_divider = 1;       ///< baselines: every n-th capture is sent
+  friend bool operator==(const CodingConfig&, const CodingConfig&) = default;
 };
 
 struct VideoConfig {
   int threads = 2, slices = 2;  ///< libx264's bytes follow them
+  friend bool operator==(const VideoConfig&, const VideoConfig&) = default;
 };
 
 /// A synthetic rig in place of `sensors`. Errors are drawn from the seed, one set per sensor.
@@ -145,6 +158,7 @@ struct RigConfig {
 
   /// The ids of its sensors, in order.
   std::vector<std::string> sensor_ids() const;
+  friend bool operator==(const RigConfig&, const RigConfig&) = default;
 };
 
 /// A size that suits a kind of room; what a scene file without `room` means.
@@ -154,32 +168,38 @@ Vec3d usual_room_m(RigConfig::Kind kind);
 struct TruthConfig {
   std::string mesh;              ///< pattern of PLY files in world coordinates, one per frame
   std::optional<RigConfig> rig;  ///< the rig that made them
+  friend bool operator==(const TruthConfig&, const TruthConfig&) = default;
 };
 
 /// The floor as a plane: what is at most `margin_m` above it is dropped before fusion.
 struct FloorConfig {
   double height_m = 0;     ///< along the scene's up
   double margin_m = 0.03;  ///< sensor noise and calibration
+  friend bool operator==(const FloorConfig&, const FloorConfig&) = default;
 };
 
 /// A model of what never moves: sent once, drawn with depth (paper, Fig. 11).
 struct BackgroundConfig {
   std::filesystem::path model;  ///< .glb
   Pose T_world_model;
+  friend bool operator==(const BackgroundConfig&, const BackgroundConfig&) = default;
 };
 
 struct GatewayConfig {
   std::string listen = "127.0.0.1:8080";  ///< host:port; port 0: any free one
+  friend bool operator==(const GatewayConfig&, const GatewayConfig&) = default;
 };
 
 /// How the nodes of a scene find each other when they run as processes of their own.
 struct NetworkConfig {
   std::string nats_url;                    ///< empty: no NATS
   std::map<std::string, std::string> tcp;  ///< node → host:port; empty: no TCP
+  friend bool operator==(const NetworkConfig&, const NetworkConfig&) = default;
 };
 
 struct Scene {
   std::filesystem::path file;
+  std::vector<std::string> set;  ///< "key=value": what was set beside the file
   std::string id;
   Vec3d up{0, 0, 1};  ///< unit length
   double fps = 30;
@@ -205,13 +225,16 @@ struct Scene {
   CodingConfig coding;
   std::optional<GatewayConfig> gateway;
   NetworkConfig network;
+  friend bool operator==(const Scene&, const Scene&) = default;
 };
 
-/// Something wrong in a scene file; prints as "file:line: message".
+/// Something wrong in a scene file; prints as "file:line: message". Or with what was set beside it;
+/// prints as "--set 'key=value': message".
 struct SceneProblem {
   std::filesystem::path file;
   int line = 0;  ///< 1-based; 0: the file as a whole
   std::string message;
+  std::optional<std::string> option = {};  ///< "key=value"; none: it stands in the file
 };
 std::string to_string(const SceneProblem& problem);
 
@@ -224,7 +247,12 @@ struct SceneResult {
 /// Reads and checks a scene file. Unknown and doubled keys, missing files, impossible intrinsics,
 /// poses that are not rigid, ids used twice, unknown inputs and cycles in the tree of mergers are
 /// all found in one go. ${NAME} and ${NAME:-default} are expanded in strings; relative paths are
-/// relative to the file.
-SceneResult load_scene(const std::filesystem::path& file);
+/// relative to the file. `set` changes keys of the file before it is checked: "voxel_m=0.02",
+/// "merge.simplify.ratio=0.5", "sensors.cam-0.depth_range_m=[0.3, 4]".
+SceneResult load_scene(const std::filesystem::path& file, const std::vector<std::string>& set = {});
+
+/// The same from the text of a file, which need not exist.
+SceneResult parse_scene(const std::string& text, const std::filesystem::path& file,
+                        const std::vector<std::string>& set = {});
 
 }  // namespace mr

@@ -1,3 +1,4 @@
+#include <algorithm>
 #include <charconv>
 
 #include "mr/core/scene_parts.h"
@@ -35,6 +36,12 @@ void read_tcp(MapReader& top, Scene& scene) {
   std::vector<std::string> ids = scene.rig ? scene.rig->sensor_ids() : std::vector<std::string>{};
   for (const SensorConfig& sensor : scene.sensors) ids.push_back(sensor.id);
   for (const MergerConfig& merger : scene.mergers) ids.push_back(merger.id);
+  for (const YamlKey& key : node->keys) {
+    if (std::find(ids.begin(), ids.end(), key.name) != ids.end()) continue;
+    map.find(key.name);
+    map.report.problem(key.line, "tcp: " + in_quotes(key.name) + " is no sensor and no merger" +
+                                     did_you_mean(key.name, ids));
+  }
   for (const std::string& id : ids) {
     std::string address;
     if (map.has(id) && read_address(map, id, address)) scene.network.tcp[id] = address;
@@ -52,10 +59,10 @@ void read_background(MapReader& top, std::optional<BackgroundConfig>& background
   if (map.need("model") && map.text("model", model)) {
     config.model = map.report.resolve(model);
     std::error_code failed;
-    if (!map.report.spend_files(1) || !std::filesystem::is_regular_file(config.model, failed))
-      map.report.problem(map.line("model"), "model: no file " + in_quotes(config.model.string()));
-    else if (config.model.extension() != ".glb")
+    if (config.model.extension() != ".glb")
       map.report.problem(map.line("model"), "model must be a binary glTF file (.glb)");
+    else if (!map.report.spend_files(1) || !std::filesystem::is_regular_file(config.model, failed))
+      map.report.problem(map.line("model"), "model: no file " + in_quotes(config.model.string()));
   }
   if (const YamlNode* pose = map.find("T_world_model"))
     if (const auto T = read_pose(map.report, *pose, "T_world_model")) config.T_world_model = *T;

@@ -145,15 +145,14 @@ bool Report::spend_files(std::size_t count) {
   return files_ <= kMaxFiles;
 }
 
-namespace {
-
-std::vector<SceneProblem> by_line(std::vector<SceneProblem> list) {
+/// What was set comes first, in its order.
+std::vector<SceneProblem> Report::by_line(std::vector<SceneProblem> list) const {
   std::stable_sort(list.begin(), list.end(),
                    [](const SceneProblem& a, const SceneProblem& b) { return a.line < b.line; });
+  for (SceneProblem& entry : list)
+    if (entry.line < 0) entry.option = options_[entry.line + options_.size()], entry.line = 0;
   return list;
 }
-
-}  // namespace
 
 std::vector<SceneProblem> Report::take_problems() { return by_line(std::move(problems_)); }
 std::vector<SceneProblem> Report::take_notices() { return by_line(std::move(notices_)); }
@@ -176,6 +175,10 @@ std::string did_you_mean(std::string_view word, const std::vector<std::string>& 
       if (distance < best) best = distance, nearest = &candidate;
     }
   return nearest ? " (did you mean " + in_quotes(*nearest) + "?)" : "";
+}
+
+std::string first_in(int line) {
+  return line > 0 ? " (first in line " + std::to_string(line) + ")" : "";
 }
 
 std::optional<std::string> read_text(Report& report, const YamlNode& node,
@@ -249,6 +252,20 @@ std::optional<std::string> read_id(Report& report, const YamlNode& node, const s
   return id;
 }
 
+namespace {
+
+/// The key that was meant, else all that there are.
+std::string known_keys(std::string_view word, const std::vector<std::string>& known) {
+  const std::string guess = did_you_mean(word, known);
+  constexpr std::size_t kMost = 40;
+  if (!guess.empty() || known.empty() || known.size() > kMost) return guess;
+  std::string list;
+  for (const std::string& key : known) list += (list.empty() ? "" : ", ") + key;
+  return "; known here: " + list;
+}
+
+}  // namespace
+
 MapReader::MapReader(Report& r, const YamlNode& node, std::string name)
     : report(r), node_(node), name_(std::move(name)) {
   if (node.kind != YamlNode::Kind::map) {
@@ -262,9 +279,13 @@ MapReader::MapReader(Report& r, const YamlNode& node, std::string name)
   for (const YamlKey& key : node.keys) {
     const auto [known, is_new] = first.emplace(key.name, key.line);
     if (!is_new)
-      report.problem(key.line, "key " + in_quotes(key.name) + " is given twice (first in line " +
-                                   std::to_string(known->second) + ")");
+      report.problem(key.line,
+                     "key " + in_quotes(key.name) + " is given twice" + first_in(known->second));
   }
+}
+
+void MapReader::not_acted_on(const std::string& key, const std::string& what) {
+  report.notice(line(key), what + ": accepted, but not acted on by this version");
 }
 
 MapReader::~MapReader() {
@@ -275,8 +296,7 @@ MapReader::~MapReader() {
     if (key.name == "<<")
       report.problem(key.line, "merge keys (<<) are not supported; write the keys out");
     else
-      report.problem(key.line,
-                     "unknown key " + in_quotes(key.name) + did_you_mean(key.name, asked_));
+      report.problem(key.line, "unknown key " + in_quotes(key.name) + known_keys(key.name, asked_));
   }
 }
 

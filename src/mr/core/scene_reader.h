@@ -18,11 +18,18 @@ namespace mr::scene_file {
 /// Collects what is wrong with one file.
 class Report {
  public:
-  explicit Report(std::filesystem::path file) : file_(std::move(file)) {}
+  /// `options`: what was set beside the file.
+  Report(std::filesystem::path file, std::vector<std::string> options)
+      : file_(std::move(file)), options_(std::move(options)) {}
 
   void problem(int line, std::string message);
   void notice(int line, std::string message);
   bool full() const;  ///< no further problem will be listed
+
+  /// The "line" of what option i set; below 0.
+  int line_of_option(std::size_t i) const {
+    return static_cast<int>(i) - static_cast<int>(options_.size());
+  }
 
   /// A path of the file, which is relative to the file's own folder.
   std::filesystem::path resolve(const std::string& path) const;
@@ -34,7 +41,10 @@ class Report {
   std::vector<SceneProblem> take_notices();
 
  private:
+  std::vector<SceneProblem> by_line(std::vector<SceneProblem> list) const;
+
   std::filesystem::path file_;
+  std::vector<std::string> options_;
   std::vector<SceneProblem> problems_, notices_;
   std::size_t files_ = 0;
 };
@@ -44,6 +54,9 @@ std::string in_quotes(std::string_view text);
 
 /// " (did you mean 'word'?)" with the most similar of `known`; empty when none is.
 std::string did_you_mean(std::string_view word, const std::vector<std::string>& known);
+
+/// " (first in line 7)"; empty for what stands in no line.
+std::string first_in(int line);
 
 /// The numbers that are allowed: [low, high], or (low, high] when `low_open`.
 struct Range {
@@ -76,6 +89,8 @@ class MapReader {
   /// No key of this mapping is unknown.
   void accept_all() { accept_all_ = true; }
   bool has(const std::string& key) { return find(key) != nullptr; }
+  /// Tells that a key is accepted and changes nothing.
+  void not_acted_on(const std::string& key, const std::string& what);
   int line() const { return node_.line; }
   int line(const std::string& key) const;  ///< of the key; of the mapping where it is missing
 

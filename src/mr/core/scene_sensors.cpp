@@ -20,6 +20,9 @@ void read_distortion(Report& report, const YamlNode& node, Camera& camera) {
       report.problem(k->line, "k must be a list of 1 to " + std::to_string(most) + " numbers");
   }
   map.numbers("p", {-1e6, 1e6}, camera.p);
+  if (known && camera.distortion == DistortionModel::none)
+    for (const char* key : {"k", "p"})
+      if (map.has(key)) map.not_acted_on(key, std::string(key) + " of distortion none");
 }
 
 /// A LiDAR's beams, one a row: [altitudes] or {from, to}, evenly spread; offsets of their azimuths
@@ -204,6 +207,9 @@ std::optional<Camera> read_camera(Report& report, const YamlNode& node, const st
     good = good && read_beams(map, camera) && has_beams;
   }
   if (!good) return std::nullopt;
+  if (!pinhole)
+    for (const char* key : {"fx", "fy", "cx", "cy", "distortion"})
+      if (map.has(key)) map.not_acted_on(key, std::string(key) + " of a camera that is no pinhole");
   for (const std::string& problem : camera.problems())
     report.problem(line_of_problem(map, camera, problem), name + ": " + problem);
   return camera;

@@ -222,10 +222,8 @@ void check_ids(Report& report, const std::vector<NodeName>& leaves,
   std::map<std::string, int> first;
   const auto check = [&](const std::string& id, int line) {
     const auto [known, is_new] = first.emplace(id, line);
-    if (is_new) return;
-    const std::string where =
-        known->second > 0 ? " (first in line " + std::to_string(known->second) + ")" : "";
-    report.problem(line, "id " + in_quotes(id) + " is used twice" + where);
+    if (!is_new)
+      report.problem(line, "id " + in_quotes(id) + " is used twice" + first_in(known->second));
   };
   for (const NodeName& leaf : leaves) check(leaf.id, leaf.line);
   for (const MergerEntry& merger : mergers)

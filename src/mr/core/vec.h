@@ -97,6 +97,7 @@ struct Box3 {
                std::numeric_limits<T>::lowest()};
 
   constexpr bool empty() const { return low.x > high.x || low.y > high.y || low.z > high.z; }
+  friend constexpr bool operator==(const Box3&, const Box3&) = default;
   constexpr void add(Vec3<T> p) { low = min(low, p), high = max(high, p); }
   constexpr bool contains(Vec3<T> p) const {
     return p.x >= low.x && p.y >= low.y && p.z >= low.z && p.x <= high.x && p.y <= high.y &&

@@ -211,6 +211,7 @@ Result<std::unique_ptr<System>> make_system(const Scene& scene, const SystemConf
   Fingerprint print;
   print.add(program_fingerprint()).add(scene.pipeline).add(scene.file.string());
   if (const auto text = read_file(scene.file)) print.add(std::span<const std::byte>(*text));
+  for (const std::string& option : scene.set) print.add(option);
   add_inputs(scene, print);
   for (const int first : config.moments.first) print.add(static_cast<double>(first));
   print.add(static_cast<double>(config.moments.burst));
