@@ -168,8 +168,14 @@ struct BackgroundConfig {
   Pose T_world_model;
 };
 
+/// Where a viewer starts; metres, world frame.
+struct StartConfig {
+  Vec3d eye, look_at;
+};
+
 struct GatewayConfig {
   std::string listen = "127.0.0.1:8080";  ///< host:port; port 0: any free one
+  std::optional<StartConfig> start{};     ///< none: the viewer looks for a good place
 };
 
 /// How the nodes of a scene find each other when they run as processes of their own.
