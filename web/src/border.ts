@@ -14,6 +14,10 @@ export interface Rim {
   readonly edges: Uint32Array<ArrayBuffer>;
   /** [E] Name of each of them by its position: equal in all chunks, different for others (53 bits). */
   readonly names: Float64Array<ArrayBuffer>;
+  /** [2 E] Names of the places at their ends, as unique. */
+  readonly ends: Float64Array<ArrayBuffer>;
+  /** [E] metres */
+  readonly lengths: Float32Array<ArrayBuffer>;
   /** Triangles that the fade can reach, by number. */
   readonly near: Uint32Array<ArrayBuffer>;
 }
@@ -24,7 +28,9 @@ export interface RimmedMesh extends ChunkMesh {
 }
 
 /** Metres over which surface fades. */
-export const kFadeM = 0.07;
+export const kFadeM = 0.04;
+/** Borders that are shorter in all, of small holes and small pieces, do not fade: holes would grow and pieces vanish. */
+const kShortestBorderM = 1.5;
 /** The distance of a vertex that the fade does not reach; the same as a 32-bit float. */
 export const kFarM = 0.25;
 
@@ -45,7 +51,7 @@ export function withRim(mesh: ChunkMesh): RimmedMesh {
       place: cut.place,
       places: cut.places,
       edges: open,
-      names: namesOf(mesh.positions, place, places, open),
+      ...namesOf(mesh.positions, place, places, open),
       near: nearOf(cut.mesh.indices, cut.place, isRim),
     },
   };
@@ -53,7 +59,7 @@ export function withRim(mesh: ChunkMesh): RimmedMesh {
 
 /** Arrays of a rim, to be moved to another thread. */
 export function buffersOf(rim: Rim): ArrayBuffer[] {
-  return [rim.place, rim.edges, rim.names, rim.near].map((array) => array.buffer);
+  return [rim.place, rim.edges, rim.names, rim.ends, rim.lengths, rim.near].map((array) => array.buffer);
 }
 
 function tableSize(entries: number): number {
@@ -209,21 +215,27 @@ function split(
   return [ab, b, bc, a, ab, bc, a, bc, c];
 }
 
-function namesOf(positions: Float32Array<ArrayBuffer>, place: Uint32Array, places: number, edges: Uint32Array): Float64Array<ArrayBuffer> {
+function namesOf(
+  positions: Float32Array<ArrayBuffer>, place: Uint32Array, places: number, edges: Uint32Array,
+): Pick<Rim, "names" | "ends" | "lengths"> {
   const bits = new Uint32Array(positions.buffer, positions.byteOffset, positions.length);
   const pointAt = new Uint32Array(places);
   place.forEach((p, point) => (pointAt[p] = point));
-  const names = new Float64Array(edges.length / 2);
-  for (let i = 0; i < names.length; ++i) {
-    const ends = [edges[2 * i]!, edges[2 * i + 1]!].map((p) => pointAt[p]!);
+  const name = (high: number, low: number): number => (high >>> 0) * 2 ** 21 + (low >>> 11);
+  const count = edges.length / 2;
+  const out = { names: new Float64Array(count), ends: new Float64Array(2 * count), lengths: new Float32Array(count) };
+  for (let i = 0; i < count; ++i) {
+    const [a, b] = [pointAt[edges[2 * i]!]!, pointAt[edges[2 * i + 1]!]!];
+    const [a1, a2] = [hashPosition(bits, a, 1), hashPosition(bits, a, 2)];
+    const [b1, b2] = [hashPosition(bits, b, 1), hashPosition(bits, b, 2)];
     // The same in either direction.
-    const [high, low] = [1, 2].map((seed) => {
-      const [first, second] = ends.map((point) => hashPosition(bits, point, seed));
-      return mix(first! + second!) ^ mix(Math.imul(first! ^ 0x9e3779b9, second! ^ 0x9e3779b9));
-    });
-    names[i] = (high! >>> 0) * 2 ** 21 + (low! >>> 11);
+    const both = (p: number, q: number): number => mix(p + q) ^ mix(Math.imul(p ^ 0x9e3779b9, q ^ 0x9e3779b9));
+    out.names[i] = name(both(a1, b1), both(a2, b2));
+    out.ends[2 * i] = name(a1, a2);
+    out.ends[2 * i + 1] = name(b1, b2);
+    out.lengths[i] = Math.hypot(...[0, 1, 2].map((k) => positions[3 * a + k]! - positions[3 * b + k]!));
   }
-  return names;
+  return out;
 }
 
 /** Triangles with a corner at the rim, and those beside them. */
@@ -254,13 +266,44 @@ export class Borders {
     }
   }
 
-  /** Which of a chunk's edges are borders, by number. */
-  of({ names }: Rim): number[] {
-    const out: number[] = [];
-    names.forEach((name, i) => {
-      if (this.counts.get(name) === 1) out.push(i);
+  /** Which edges of each chunk are borders that fade, by number. */
+  find(rims: readonly Rim[]): number[][] {
+    const borders = rims.map((rim) => [...rim.names.keys()].filter((i) => this.counts.get(rim.names[i]!) === 1));
+    const joined = new JoinedLengths();
+    rims.forEach((rim, n) => {
+      for (const i of borders[n]!) joined.add(rim.ends[2 * i]!, rim.ends[2 * i + 1]!, rim.lengths[i]!);
     });
-    return out;
+    return rims.map((rim, n) => borders[n]!.filter((i) => joined.lengthAt(rim.ends[2 * i]!) >= kShortestBorderM));
+  }
+}
+
+/** Lengths of edges that hang together (union-find over the names of their ends). */
+class JoinedLengths {
+  private readonly numbers = new Map<number, number>();
+  private readonly parents: number[] = [];
+  private readonly lengths: number[] = [];
+
+  add(a: number, b: number, length: number): void {
+    const [from, to] = [this.root(a), this.root(b)];
+    this.lengths[to]! += length;
+    if (from === to) return;
+    this.parents[from] = to;
+    this.lengths[to]! += this.lengths[from]!;
+  }
+
+  lengthAt(name: number): number {
+    return this.lengths[this.root(name)]!;
+  }
+
+  private root(name: number): number {
+    let at = this.numbers.get(name);
+    if (at === undefined) {
+      this.numbers.set(name, (at = this.parents.length));
+      this.parents.push(at);
+      this.lengths.push(0);
+    }
+    while (this.parents[at] !== at) at = this.parents[at] = this.parents[this.parents[at]!]!;
+    return at;
   }
 }
 

@@ -3,7 +3,7 @@ import {
   LinearSRGBColorSpace, Matrix4, Mesh, RedFormat, RGBAFormat, RGFormat, Scene, Sphere, UnsignedByteType, Vector3,
   WebGLRenderer, WebGLRenderTarget, type RawShaderMaterial,
 } from "three";
-import { borderDistances, Borders, fadingTriangles, kFarM, type RimmedMesh } from "./border.ts";
+import { borderDistances, Borders, fadingTriangles, kFarM, type Rim, type RimmedMesh } from "./border.ts";
 import { clipFromEye, type Camera } from "./camera.ts";
 import type { Box } from "./draco_chunk.ts";
 import type { View } from "./packet.ts";
@@ -133,7 +133,7 @@ export class SceneRenderer {
       const chunk = this.chunks.get(name) ?? this.add(name, mesh);
       this.paint(chunk, this.materialsFor(mesh, streamOf));
     }
-    for (const chunk of this.chunks.values()) this.findBorders(chunk);
+    this.findBorders();
     const box = this.bounds();
     if (box !== null) this.stage.setBox(box);
   }
@@ -257,20 +257,24 @@ export class SceneRenderer {
     return chunk;
   }
 
-  /** Lets the chunk fade where surface ends now. */
-  private findBorders(chunk: DrawnChunk): void {
+  private findBorders(): void {
+    const rimmed = [...this.chunks.values()].flatMap((chunk) => (chunk.mesh.rim === null ? [] : [{ chunk, rim: chunk.mesh.rim }]));
+    const found = this.borders.find(rimmed.map(({ rim }) => rim));
+    rimmed.forEach(({ chunk, rim }, i) => this.fade(chunk, rim, found[i]!));
+  }
+
+  /** Lets a chunk fade where surface ends now. */
+  private fade(chunk: DrawnChunk, rim: Rim, borders: readonly number[]): void {
     const { mesh, geometry } = chunk;
-    if (mesh.rim === null) return;
-    const borders = this.borders.of(mesh.rim);
     if (borders.length === chunk.borders.length && borders.every((edge, i) => edge === chunk.borders[i])) return;
     chunk.borders = borders;
-    const distances = borderDistances(mesh, mesh.rim, borders);
+    const distances = borderDistances(mesh, rim, borders);
     const attribute = geometry.getAttribute("border") as BufferAttribute;
     attribute.array.set(distances);
     attribute.needsUpdate = true;
     const index = geometry.index!;
     let at = mesh.indices.length;
-    for (const triangle of fadingTriangles(mesh, mesh.rim, distances))
+    for (const triangle of fadingTriangles(mesh, rim, distances))
       for (let k = 0; k < 3; ++k) index.array[at++] = mesh.indices[3 * triangle + k]!;
     index.needsUpdate = true;
     geometry.groups[1]!.count = at - mesh.indices.length;

@@ -2,7 +2,7 @@ import assert from "node:assert/strict";
 import { test } from "node:test";
 import { borderDistances, Borders, fadingTriangles, kFadeM, withRim, type RimmedMesh } from "../../src/border.ts";
 
-const kStepM = 0.03125;
+const kStepM = 0.0625;
 
 /** A level patch of n x n squares of `step`, its corner at (x, 0, 0). `view`: of a square's column. */
 function patch(x: number, n: number, step = kStepM, view = (_column: number) => 0): RimmedMesh {
@@ -27,7 +27,7 @@ function patch(x: number, n: number, step = kStepM, view = (_column: number) => 
 function bordersOf(meshes: readonly RimmedMesh[]): number[][] {
   const borders = new Borders();
   for (const mesh of meshes) borders.add(mesh.rim!);
-  return meshes.map((mesh) => borders.of(mesh.rim!));
+  return borders.find(meshes.map((mesh) => mesh.rim!));
 }
 
 /** Distance at the vertex nearest to (x, y). */
@@ -61,7 +61,7 @@ test("where two chunks meet no border is, until one of them goes", () => {
   borders.add(left.rim!);
   borders.add(right.rim!);
   borders.remove(right.rim!);
-  assert.equal(borders.of(left.rim!).length, 4 * 8);
+  assert.equal(borders.find([left.rim!])[0]!.length, 4 * 8);
 });
 
 test("large triangles from border to border are cut and do not fade as a whole", () => {
@@ -95,6 +95,14 @@ test("triangles cut at one, two or three edges keep their area and their front",
     }
     assert.ok(Math.abs(area - (n * 0.5) ** 2) < 1e-6);
   }
+});
+
+test("the borders of small pieces and holes do not fade", () => {
+  const [small, large] = [patch(0, 4), patch(100, 8)]; // 1 m and 2 m of border
+  assert.deepEqual(bordersOf([small, large]).map((borders) => borders.length), [0, 4 * 8]);
+  // Two small pieces that touch are one.
+  const [left, right] = [patch(0, 4), patch(4 * kStepM, 4)];
+  assert.deepEqual(bordersOf([left, right]).map((borders) => borders.length), [3 * 4, 3 * 4]);
 });
 
 test("a background has no rim", () => {
