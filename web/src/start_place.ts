@@ -33,6 +33,8 @@ interface Grid {
   /** By cell; 0: empty. */
   readonly filled: Uint8Array;
   readonly patches: readonly Patch[];
+  /** Of all surface, in cells along the level axes. */
+  readonly middle: readonly [number, number];
 }
 
 /** The place, at eye height above the floor, and the direction from which most surface is seen from its front. Coarse: surface is
@@ -101,7 +103,9 @@ function makeGrid(surfaces: readonly Surface[], up: Vec3): Grid | null {
         filled[cell] = 1;
       }
   });
-  return { axes, low, cellM, size, filled, patches: [...patches.values()] };
+  const list = [...patches.values()];
+  const mean = (of: (patch: Patch) => number): number => list.reduce((sum, p) => sum + p.area * (of(p) + 0.5), 0) / area;
+  return { axes, low, cellM, size, filled, patches: list, middle: [mean((p) => p.x), mean((p) => p.y)] };
 }
 
 type Point = [number, number, number];
@@ -187,27 +191,33 @@ function bestView(
     heights[heading]! += patch.area * elevation;
     depths[heading]! += patch.area * Math.hypot(level, dz);
   }
-  return widest(sums, heights, depths, fovX);
+  const inwards = Math.atan2(grid.middle[1] - y, grid.middle[0] - x);
+  return bestHeading(sums, heights, depths, fovX, inwards);
 }
 
 const kMostTilt = (15 * Math.PI) / 180;
 
-/** The headings, as many as a picture is wide, with most surface. */
-function widest(
-  sums: Float64Array, heights: Float64Array, depths: Float64Array, fovX: number,
+/** The headings, as many as a picture is wide, with most surface; more counts what is in the picture's middle and lies inwards. */
+function bestHeading(
+  sums: Float64Array, heights: Float64Array, depths: Float64Array, fovX: number, inwards: number,
 ): { score: number; yaw: number; pitch: number; depth: number } | null {
   const span = clamp(Math.round((fovX / (2 * Math.PI)) * kHeadings), 1, kHeadings);
   const over = (values: Float64Array, from: number): number => {
     let sum = 0;
-    for (let i = 0; i < span; ++i) sum += values[(from + i) % kHeadings]!;
+    for (let i = 0; i < span; ++i) {
+      const aside = Math.abs(2 * (i + 0.5) - span) / span;
+      sum += (1 - 0.7 * aside) * values[(from + i) % kHeadings]!;
+    }
     return sum;
   };
+  const yawOf = (from: number): number => ((from + span / 2) / kHeadings) * 2 * Math.PI;
+  const scoreOf = (from: number): number => over(sums, from) * (1 + Math.cos(yawOf(from) - inwards));
   let best = 0;
-  for (let from = 1; from < kHeadings; ++from) if (over(sums, from) > over(sums, best)) best = from;
-  const score = over(sums, best);
-  if (!(score > 0)) return null;
-  const yaw = ((best + span / 2) / kHeadings) * 2 * Math.PI;
-  return { score, yaw, pitch: clamp(over(heights, best) / score, -kMostTilt, kMostTilt), depth: over(depths, best) / score };
+  for (let from = 1; from < kHeadings; ++from) if (scoreOf(from) > scoreOf(best)) best = from;
+  const seen = over(sums, best);
+  if (!(seen > 0)) return null;
+  const pitch = clamp(over(heights, best) / seen, -kMostTilt, kMostTilt);
+  return { score: scoreOf(best), yaw: yawOf(best), pitch, depth: over(depths, best) / seen };
 }
 
 /** Whether no filled cell lies between; the patch's own neighbours do not count. */
