@@ -36,6 +36,8 @@ Scene demo_scene() {
   MergerConfig root{.id = "root", .inputs = rig.sensor_ids(), .deadline_ms = 300};
   scene.mergers = {root};
   scene.gateway = GatewayConfig{};
+  // Both people, the table and the shelf are in the picture.
+  scene.gateway->start = StartConfig{.eye = {-1.86, -1.76, 1.6}, .look_at = {0.6, 0.7, 1.2}};
   return scene;
 }
 

@@ -10,7 +10,7 @@ const kPictures = [
   { name: "viewer-start", width: 1280, height: 720, colorScheme: "light" },
   { name: "viewer-walk", width: 1280, height: 720, colorScheme: "dark", walk: true },
   { name: "viewer-phone-upright", width: 390, height: 844, colorScheme: "light", ...kPhone, open: ["legend-toggle"] },
-  { name: "viewer-phone-across", width: 844, height: 390, colorScheme: "dark", ...kPhone, open: ["numbers"] },
+  { name: "viewer-phone-across", width: 844, height: 390, colorScheme: "dark", ...kPhone },
 ];
 const kFullAfterMs = 2500; // nothing moves: drawn in full by then
 
@@ -35,9 +35,6 @@ try {
       await page.keyboard.down("w");
       await page.waitForTimeout(900);
       await page.keyboard.up("w");
-      await page.keyboard.down("d");
-      await page.waitForTimeout(500);
-      await page.keyboard.up("d");
     }
     await page.waitForTimeout(kFullAfterMs);
     const path = join(folder, `${name}.jpg`);
