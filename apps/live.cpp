@@ -123,7 +123,8 @@ int run_live(Scene scene, const LiveRun& run) {
   if (scene.pipeline != "meshreduce")
     return fail(fmt::format("pipeline {} runs in lockstep only: add --frames N", scene.pipeline));
   const Interrupt interrupt;
-  if (!run.listen.empty()) scene.gateway = GatewayConfig{run.listen};
+  if (!scene.gateway) scene.gateway.emplace();
+  if (!run.listen.empty()) scene.gateway->listen = run.listen;
   Console console;
   node::LiveOptions options;
   options.nodes = run.nodes;
@@ -140,8 +141,8 @@ int run_live(Scene scene, const LiveRun& run) {
   if (!live) return fail(live.error().message);
 
   if (const int port = (*live)->port(); port > 0) {
-    const auto gateway = (*live)->scene().gateway.value_or(GatewayConfig{});
-    const std::string host = gateway.listen.substr(0, gateway.listen.rfind(':'));
+    const std::string& listen = (*live)->scene().gateway->listen;
+    const std::string host = listen.substr(0, listen.rfind(':'));
     const std::string url = fmt::format("http://{}:{}", host, port);
     fmt::print("Open {} in a browser. Ctrl-C ends it.\n", url);
     if (!std::filesystem::is_regular_file(options.page / "index.html"))

@@ -383,6 +383,28 @@ TEST_F(SceneFile, OptionsAreToldBeforeTheFile) {
   EXPECT_EQ(found[2].line, 4);
 }
 
+TEST_F(SceneFile, GatewayTellsWhereAViewerStarts) {
+  const SceneResult result =
+      load(scene_of({"a"}, "gateway: {start: {eye: [2, -1.5, 1.6], look_at: [0, 0.25, 1]}}\n"));
+  EXPECT_THAT(shorten(result.problems), IsEmpty());
+  ASSERT_TRUE(result.scene.gateway && result.scene.gateway->start);
+  EXPECT_EQ(result.scene.gateway->start->eye, (Vec3d{2, -1.5, 1.6}));
+  EXPECT_EQ(result.scene.gateway->start->look_at, (Vec3d{0, 0.25, 1}));
+  EXPECT_EQ(result.scene.gateway->listen, GatewayConfig{}.listen);
+  EXPECT_FALSE(load(scene_of({"a"}, "gateway: {}\n")).scene.gateway->start);
+}
+
+TEST_F(SceneFile, AStartThatIsNoPlaceIsAProblem) {
+  const auto with = [&](const std::string& start) {
+    return problem_of("gateway: {start: {" + start + "}}");
+  };
+  EXPECT_THAT(with("eye: [1, 2, 3]"), HasSubstr("look_at"));
+  EXPECT_THAT(with("eye: [1, 2], look_at: [0, 0, 0]"), HasSubstr("eye"));
+  EXPECT_THAT(with("eye: [1, 2, 3], look_at: [1, 2, 3]"), HasSubstr("another place"));
+  EXPECT_THAT(with("eye: [1, 2, .inf], look_at: [1, 2, 3]"), HasSubstr("eye"));
+  EXPECT_THAT(with("eye: [1, 2, 3], look_at: [0, 0, 0], fov: 60"), HasSubstr("fov"));
+}
+
 TEST_F(SceneFile, BaselinesAreActedOn) {
   const SceneResult result = load(
       scene_of({"a"}, "pipeline: holoportation++\ncoding: {depth_qp: 20, frame_divider: 3}\n"));

@@ -1,4 +1,4 @@
-import { cross, dot, normalized, subtract, type Vec3 } from "./vec.ts";
+import { add, cross, dot, normalized, scale, subtract, type Vec3 } from "./vec.ts";
 
 /** Where an eye is and how it looks: axes of the camera in the world, x right, y down, z forward. */
 export interface Pose {
@@ -32,6 +32,12 @@ export function lookAlong(position: Vec3, forward: Vec3, up: Vec3): Pose {
   const z = normalized(forward);
   const right = normalized(cross(z, up));
   return { position, right, down: cross(z, right), forward: z };
+}
+
+/** Unit vector from the eye through a pixel. */
+export function rayThrough(c: Camera, u: number, v: number): Vec3 {
+  const sideways = add(scale(c.right, (u - c.cx) / c.fx), scale(c.down, (v - c.cy) / c.fy));
+  return normalized(add(c.forward, sideways));
 }
 
 const kNearM = 0.05;

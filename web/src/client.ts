@@ -1,7 +1,8 @@
+import type { RimmedMesh } from "./border.ts";
 import { Malformed } from "./bytes.ts";
 import { Connection, nowMs, type Hello, type LinkState } from "./connection.ts";
 import { DecodePool } from "./decode_pool.ts";
-import type { ChunkMesh, Lattice } from "./draco_chunk.ts";
+import type { Lattice } from "./draco_chunk.ts";
 import {
   kBackgroundSource, kindOf, readChunksAnswer, readPacket, writeRequest, type EncodedChunk, type Packet,
 } from "./packet.ts";
@@ -10,7 +11,7 @@ import { Receiver, type Complete } from "./receiver.ts";
 import { Rate } from "./statistics.ts";
 import { Video } from "./video.ts";
 
-export type Capture = Complete<ChunkMesh, Picture>;
+export type Capture = Complete<RimmedMesh, Picture>;
 
 export interface ClientEvents {
   onHello(hello: Hello): void;
@@ -32,12 +33,13 @@ export class Client {
   private readonly connection: Connection;
   private readonly video: Video;
   private readonly pool: DecodePool;
-  private receiver = new Receiver<ChunkMesh, Picture>();
+  private receiver = new Receiver<RimmedMesh, Picture>();
   private lattice: Lattice | null = null;
   private generation = 0;
   private lastAskMs = -Infinity;
   private askTimer = 0;
   private held: Uint8Array | null = null;
+  private readonly arrivals = new Map<number, number>(); // of packets that are not acknowledged
 
   /** `hold`: takes the first packet and nothing after it. */
   constructor(url: string, private readonly hold: boolean, private readonly events: ClientEvents) {
@@ -81,7 +83,15 @@ export class Client {
   }
 
   acknowledge(sequences: readonly number[]): void {
-    for (const sequence of sequences) this.connection.acknowledge(sequence);
+    for (const sequence of sequences) {
+      this.connection.acknowledge(sequence);
+      this.arrivals.delete(sequence);
+    }
+  }
+
+  /** When a packet came that is not acknowledged; ms of the page's clock. */
+  arrivedMs(sequence: number): number {
+    return this.arrivals.get(sequence) ?? performance.now();
   }
 
   /** The server's clock, ms since 1970; null before the first answer. */
@@ -102,6 +112,7 @@ export class Client {
 
   private startAfresh(): void {
     ++this.generation;
+    this.arrivals.clear();
     this.video.keepOnly(new Set());
   }
 
@@ -131,6 +142,7 @@ export class Client {
     }
     if (work.fresh) this.startAfresh();
     this.count(packet);
+    this.arrivals.set(packet.sequence, performance.now());
     this.decode(work.chunks);
     this.video.keepOnly(new Set([...packet.views, ...packet.textures].map((item) => item.stream)));
     this.video.decode(work.units);

@@ -1,11 +1,16 @@
 import type { Lattice } from "./draco_chunk.ts";
-import type { Vec3 } from "./vec.ts";
+import type { Start } from "./navigation.ts";
+import { subtract, type Vec3 } from "./vec.ts";
 
 export interface Hello {
   readonly scene: string;
   readonly up: Vec3;
   readonly fps: number;
   readonly lattice: Lattice;
+  /** Names of the sensors by their numbers; the first ones, where there are very many. */
+  readonly sensors: readonly string[];
+  /** Where the scene wants a viewer to start. */
+  readonly start: Start | null;
 }
 
 export type LinkState = "connecting" | "waiting" | "live" | "silent" | "lost";
@@ -24,6 +29,9 @@ const kPingEveryMs = 1000;
 const kSilentAfterMs = 2000;
 const kDeadAfterPings = 5; // without any word: a network that changed tells nobody
 const kPingsKept = 20;
+const kMostSensors = 256;
+const kLongestName = 64;
+const kFarthestM = 1e8;
 
 /** The server's clock against ours, from pings: the middle one of the quickest answers. */
 export class ServerClock {
@@ -50,7 +58,24 @@ export function nowMs(): number {
 
 function numbersOf(value: unknown): Vec3 | null {
   if (!Array.isArray(value) || value.length !== 3 || !value.every(Number.isFinite)) return null;
+  if (value.some((number) => Math.abs(number) > kFarthestM)) return null;
   return [value[0], value[1], value[2]];
+}
+
+/** Empty where the server tells none; null where what it tells is wrong. */
+function readSensors(value: unknown): readonly string[] | null {
+  if (value === undefined) return [];
+  if (!Array.isArray(value) || value.length > kMostSensors) return null;
+  return value.every((name) => typeof name === "string" && name.length <= kLongestName) ? value : null;
+}
+
+/** Undefined where the server tells none; null where what it tells is wrong. */
+function readStart(value: unknown): Start | null | undefined {
+  if (value === undefined) return undefined;
+  if (value === null || typeof value !== "object") return null;
+  const eye = numbersOf((value as Readonly<Record<string, unknown>>)["eye"]);
+  const lookAt = numbersOf((value as Readonly<Record<string, unknown>>)["look_at"]);
+  return eye !== null && lookAt !== null && Math.hypot(...subtract(lookAt, eye)) > 0 ? { eye, lookAt } : null;
 }
 
 /** Null unless all is as docs/wire-format.md says. */
@@ -62,8 +87,13 @@ export function readHello(message: Readonly<Record<string, unknown>>): Hello | n
   const step = lattice?.["step"];
   if (typeof scene !== "string" || typeof fps !== "number" || typeof step !== "number") return null;
   if (up === null || lowCorner === null || !(Math.hypot(...up) > 0) || !(step > 0)) return null;
+  const sensors = readSensors(message["sensors"]);
+  const start = readStart(message["start"]);
+  if (sensors === null || start === null) return null;
   const size = Math.hypot(...up);
-  return { scene, fps, up: [up[0] / size, up[1] / size, up[2] / size], lattice: { lowCorner, step } };
+  return {
+    scene, fps, up: [up[0] / size, up[1] / size, up[2] / size], lattice: { lowCorner, step }, sensors, start: start ?? null,
+  };
 }
 
 /** The WebSocket to the gateway: connects again by itself, and knows when nothing comes any more. */

@@ -1,18 +1,18 @@
-import { distanceToSeeAll, lookAlong, usualCamera, usualFocal, type Camera, type Pose } from "./camera.ts";
-import type { Box } from "./draco_chunk.ts";
-import { add, anyHorizontal, cross, length, scale, subtract, type Vec3 } from "./vec.ts";
+import { usualFocal } from "./camera.ts";
+import type { Navigation } from "./navigation.ts";
+import { clamp, type Vec3 } from "./vec.ts";
 
 export type Mode = "orbit" | "walk";
 
-const kSteepest = (89 * Math.PI) / 180;
-const kEyeHeightM = 1.6;
 const kWalkMps = 1.4;
 const kRunFactor = 4;
 const kTurnRadPerS = 1.5;
-const kNearestM = 0.1;
-const kFarthestM = 5000;
 const kStickPx = 60; // full speed
 const kStickSide = 0.4; // of the picture's width
+const kWheelStep = 1.15;
+const kWheelWalkM = 0.3;
+const kSamePlacePx = 6; // wheel: the point that is zoomed to stays while the pointer does
+const kSameWheelMs = 400;
 
 interface Finger {
   x: number;
@@ -23,22 +23,32 @@ interface Finger {
   readonly pans: boolean;
 }
 
-/** Mouse, touch and keyboard. Orbit: drag turns around a point, right button or two fingers move it, wheel
- *  or pinch goes nearer. Walk: drag looks around, WASD or the left thumb walks. Any direction may be up. */
+/** What lies under a place of the element; CSS pixels. */
+export interface Aim {
+  /** Of the ray from the eye; unit length. */
+  readonly direction: Vec3;
+  /** Where it meets surface. */
+  readonly point: Vec3 | null;
+}
+
+/** Mouse, touch and keyboard. Orbit: drag turns around what is under the pointer, right button or two fingers move, wheel or pinch
+ *  goes nearer to it. Walk: drag looks around, WASD or the left thumb walks. */
 export class Controls {
   mode: Mode = "orbit";
-  private up: Vec3 = [0, 0, 1];
-  private ahead: Vec3 = [1, 0, 0];
-  private side: Vec3 = [0, 1, 0];
-  private position: Vec3 = [0, 0, 0];
-  private yaw = 0;
-  private pitch = 0;
-  private distance = 3; // to what orbiting turns around
+  /** Whether somebody has moved by now. */
+  touched = false;
+  private pivot: Vec3 = [0, 0, 0];
+  private lastWheel = { x: 0, y: 0, at: -Infinity };
   private readonly keys = new Set<string>();
   private readonly fingers = new Map<number, Finger>();
 
   /** `onChange`: the camera moved, or keys are held that will move it. */
-  constructor(private readonly element: HTMLElement, private readonly onChange: () => void) {
+  constructor(
+    private readonly element: HTMLElement,
+    private readonly navigation: Navigation,
+    private readonly aim: (x: number, y: number) => Aim,
+    private readonly onChange: () => void,
+  ) {
     element.addEventListener("pointerdown", (event) => this.press(event));
     element.addEventListener("pointermove", (event) => this.drag(event));
     for (const kind of ["pointerup", "pointercancel"] as const)
@@ -50,108 +60,56 @@ export class Controls {
     window.addEventListener("blur", () => this.keys.clear());
   }
 
-  setUp(up: Vec3): void {
-    this.up = up;
-    this.ahead = anyHorizontal(up);
-    this.side = cross(up, this.ahead);
-  }
-
-  /** `box`: of the scene; who starts to walk outside it is set down in its middle. */
-  setMode(mode: Mode, box: Box | null): void {
+  setMode(mode: Mode): void {
     this.mode = mode;
     this.keys.clear();
-    if (mode === "walk" && box !== null && !this.isInside(box)) this.setDown(box);
-    this.onChange();
-  }
-
-  pose(): Pose {
-    return lookAlong(this.position, this.forward(), this.up);
-  }
-
-  camera(width: number, height: number): Camera {
-    return usualCamera(this.pose(), width, height);
-  }
-
-  /** Looks at the whole box from above one of its sides. */
-  frame({ low, high }: Box, width: number, height: number): void {
-    this.yaw = (-3 * Math.PI) / 4;
-    this.pitch = -Math.atan(0.7);
-    const middle = scale(add(low, high), 0.5);
-    this.distance = distanceToSeeAll(low, high, this.pose(), this.camera(width, height));
-    this.position = subtract(middle, scale(this.forward(), this.distance));
     this.onChange();
   }
 
   /** Moves by the keys and thumbs that are held; whether any is. */
   advance(seconds: number): boolean {
     const held = (...names: string[]): number => (names.some((name) => this.keys.has(name)) ? 1 : 0);
-    const turn = this.mode === "orbit" ? 0 : 1; // arrows walk, or turn around the point
-    let right = held("KeyD") - held("KeyA") + turn * (held("ArrowRight") - held("ArrowLeft"));
-    let forward = held("KeyW") - held("KeyS") + turn * (held("ArrowUp") - held("ArrowDown"));
+    const isWalk = this.mode === "walk" ? 1 : 0; // arrows walk, or turn around the point
+    let right = held("KeyD") - held("KeyA") + isWalk * (held("ArrowRight") - held("ArrowLeft"));
+    let ahead = held("KeyW") - held("KeyS") + isWalk * (held("ArrowUp") - held("ArrowDown"));
     const rise = held("KeyE") - held("KeyQ");
     for (const finger of this.fingers.values())
       if (finger.isStick) {
-        right += Math.max(-1, Math.min(1, (finger.x - finger.startX) / kStickPx));
-        forward += Math.max(-1, Math.min(1, (finger.startY - finger.y) / kStickPx));
+        right += clamp((finger.x - finger.startX) / kStickPx, -1, 1);
+        ahead += clamp((finger.startY - finger.y) / kStickPx, -1, 1);
       }
-    const { right: sideways } = this.pose();
-    const level = cross(this.up, sideways);
+    const isWalking = right !== 0 || ahead !== 0 || rise !== 0;
     const pace = kWalkMps * (held("ShiftLeft", "ShiftRight") ? kRunFactor : 1) * seconds;
-    const step = add(add(scale(sideways, right), scale(level, forward)), scale(this.up, rise));
-    this.position = add(this.position, scale(step, pace));
-    const around = (1 - turn) * (held("ArrowRight") - held("ArrowLeft"));
-    const over = (1 - turn) * (held("ArrowUp") - held("ArrowDown"));
-    if (around !== 0 || over !== 0) this.orbit(around * kTurnRadPerS * seconds, -over * kTurnRadPerS * seconds);
-    return length(step) > 0 || around !== 0 || over !== 0;
+    if (isWalking) this.navigation.walk(right * pace, ahead * pace, rise * pace);
+    const around = (1 - isWalk) * (held("ArrowRight") - held("ArrowLeft"));
+    const over = (1 - isWalk) * (held("ArrowUp") - held("ArrowDown"));
+    if (around !== 0 || over !== 0) this.turnByKeys(around * kTurnRadPerS * seconds, -over * kTurnRadPerS * seconds);
+    return isWalking || around !== 0 || over !== 0;
   }
 
-  private isInside({ low, high }: Box): boolean {
-    return this.position.every((v, i) => v > low[i]! && v < high[i]!);
+  /** Around what is in the middle of the picture. */
+  private turnByKeys(yaw: number, pitch: number): void {
+    const middle = this.navigation.pointAtPivot(this.navigation.pose().forward);
+    this.navigation.orbit(middle, yaw, pitch);
   }
 
-  private setDown({ low, high }: Box): void {
-    const middle = scale(add(low, high), 0.5);
-    // The box reaches this far below its middle.
-    const depth = 0.5 * this.up.reduce((sum, v, i) => sum + Math.abs(v) * (high[i]! - low[i]!), 0);
-    this.position = add(middle, scale(this.up, kEyeHeightM - depth));
-    this.pitch = 0;
-  }
-
-  private forward(): Vec3 {
-    const level = add(scale(this.ahead, Math.cos(this.yaw)), scale(this.side, Math.sin(this.yaw)));
-    return add(scale(level, Math.cos(this.pitch)), scale(this.up, Math.sin(this.pitch)));
-  }
-
-  private turn(yaw: number, pitch: number): void {
-    this.yaw += yaw;
-    this.pitch = Math.max(-kSteepest, Math.min(kSteepest, this.pitch + pitch));
-  }
-
-  private orbit(yaw: number, pitch: number): void {
-    const target = add(this.position, scale(this.forward(), this.distance));
-    this.turn(yaw, pitch);
-    this.position = subtract(target, scale(this.forward(), this.distance));
-  }
-
-  private pan(dx: number, dy: number): void {
-    const { right, down } = this.pose();
-    const metres = this.distance / usualFocal(this.element.clientWidth, this.element.clientHeight);
-    this.position = subtract(this.position, add(scale(right, dx * metres), scale(down, dy * metres)));
-  }
-
-  private zoom(factor: number): void {
-    const distance = Math.max(kNearestM, Math.min(kFarthestM, this.distance * factor));
-    const target = add(this.position, scale(this.forward(), this.distance));
-    this.position = subtract(target, scale(this.forward(), distance));
-    this.distance = distance;
+  /** Takes what is there as pivot; nothing there leaves it as deep as the last one. */
+  private takePivot(x: number, y: number): void {
+    const { direction, point } = this.aim(x, y);
+    this.pivot = point ?? this.navigation.pointAtPivot(direction);
+    this.navigation.setPivot(this.pivot);
   }
 
   private press(event: PointerEvent): void {
     this.element.setPointerCapture(event.pointerId);
+    this.touched = true;
     const { clientX: x, clientY: y } = event;
     const isStick = this.mode === "walk" && event.pointerType === "touch" && x < kStickSide * this.element.clientWidth;
     const pans = event.button !== 0 || event.ctrlKey || event.metaKey;
     this.fingers.set(event.pointerId, { x, y, startX: x, startY: y, isStick, pans });
+    const fingers = [...this.fingers.values()];
+    const middle = (of: (finger: Finger) => number): number => fingers.reduce((sum, f) => sum + of(f), 0) / fingers.length;
+    if (this.mode === "orbit") this.takePivot(middle((f) => f.x), middle((f) => f.y));
   }
 
   private release(event: PointerEvent): void {
@@ -165,16 +123,17 @@ export class Controls {
     const [dx, dy] = [event.clientX - finger.x, event.clientY - finger.y];
     [finger.x, finger.y] = [event.clientX, event.clientY];
     const after = this.spread();
-    const angle = Math.PI / Math.min(this.element.clientWidth, this.element.clientHeight);
+    const { clientWidth: width, clientHeight: height } = this.element;
+    const angle = Math.PI / Math.min(width, height);
     if (this.mode === "walk") {
-      if (!finger.isStick) this.turn(0.5 * dx * angle, 0.5 * dy * angle);
+      if (!finger.isStick) this.navigation.turn(0.5 * dx * angle, 0.5 * dy * angle);
     } else if (before !== null && after !== null) {
-      this.pan(dx / 2, dy / 2);
-      this.zoom(before / after);
+      this.navigation.pan(dx / 2, dy / 2, usualFocal(width, height));
+      this.navigation.zoom(this.pivot, before / after);
     } else if (finger.pans) {
-      this.pan(dx, dy);
+      this.navigation.pan(dx, dy, usualFocal(width, height));
     } else {
-      this.orbit(-dx * angle, -dy * angle);
+      this.navigation.orbit(this.pivot, -dx * angle, -dy * angle);
     }
     this.onChange();
   }
@@ -188,10 +147,18 @@ export class Controls {
 
   private wheel(event: WheelEvent): void {
     event.preventDefault();
+    this.touched = true;
     const lines = event.deltaMode === WheelEvent.DOM_DELTA_PIXEL ? event.deltaY / 100 : event.deltaY / 3;
-    if (this.mode === "orbit") this.zoom(1.15 ** lines);
-    else this.position = subtract(this.position, scale(this.forward(), 0.3 * lines));
+    if (this.mode === "orbit") this.wheelZoom(event, kWheelStep ** lines);
+    else this.navigation.advance(-kWheelWalkM * lines);
     this.onChange();
+  }
+
+  private wheelZoom({ clientX: x, clientY: y, timeStamp: at }: WheelEvent, factor: number): void {
+    const moved = Math.hypot(x - this.lastWheel.x, y - this.lastWheel.y);
+    if (moved > kSamePlacePx || at - this.lastWheel.at > kSameWheelMs) this.takePivot(x, y);
+    this.lastWheel = { x, y, at };
+    this.navigation.zoom(this.pivot, factor);
   }
 
   private key(event: KeyboardEvent, isDown: boolean): void {
@@ -199,6 +166,7 @@ export class Controls {
     if (!isDown) this.keys.delete(event.code);
     else if (/^(Key[WASDQE]|Arrow\w+|Shift\w+)$/.test(event.code)) {
       this.keys.add(event.code);
+      if (!event.code.startsWith("Shift")) this.touched = true;
       if (event.code.startsWith("Arrow")) event.preventDefault();
       this.onChange();
     }

@@ -1,4 +1,5 @@
-import type { ChunkMesh, ChunkToDecode } from "./draco_chunk.ts";
+import type { RimmedMesh } from "./border.ts";
+import type { ChunkToDecode } from "./draco_chunk.ts";
 import type { DecodeAnswer, DecodeRequest } from "./draco_worker.ts";
 
 /** Decodes chunks in a worker, in order. */
@@ -17,7 +18,7 @@ export class DecodePool {
     this.worker.addEventListener("error", (event) => onBroken(event.message));
   }
 
-  decode(chunk: ChunkToDecode, onMesh: (mesh: ChunkMesh) => void, onError: (message: string) => void): void {
+  decode(chunk: ChunkToDecode, onMesh: (mesh: RimmedMesh) => void, onError: (message: string) => void): void {
     const id = ++this.lastId;
     this.waiting.set(id, ({ mesh, error }) => (mesh === null ? onError(error) : onMesh(mesh)));
     const payload = chunk.payload.slice();

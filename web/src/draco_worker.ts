@@ -1,7 +1,8 @@
 import createDecoder, { type DracoModule } from "draco3d/draco_decoder_nodejs.js";
 import wasmUrl from "draco3d/draco_decoder.wasm?url";
 import { Malformed } from "./bytes.ts";
-import { decodeChunk, type ChunkMesh, type ChunkToDecode } from "./draco_chunk.ts";
+import { buffersOf, withRim, type RimmedMesh } from "./border.ts";
+import { decodeChunk, type ChunkToDecode } from "./draco_chunk.ts";
 
 export interface DecodeRequest {
   readonly id: number;
@@ -10,7 +11,7 @@ export interface DecodeRequest {
 
 export interface DecodeAnswer {
   readonly id: number;
-  readonly mesh: ChunkMesh | null;
+  readonly mesh: RimmedMesh | null;
   readonly error: string;
   /** No chunk can ever be decoded. */
   readonly isFatal: boolean;
@@ -31,7 +32,7 @@ async function decode({ id, chunk }: DecodeRequest): Promise<void> {
     module ??= wasm.then((wasmBinary) => createDecoder({ wasmBinary }));
     const draco = await module;
     isLoaded = true;
-    answer = { id, mesh: decodeChunk(draco, chunk), error: "", isFatal: false };
+    answer = { id, mesh: withRim(decodeChunk(draco, chunk)), error: "", isFatal: false };
     if (draco.HEAPU8.byteLength > kMostMemory) module = null; // its memory never shrinks
   } catch (error) {
     if (!(error instanceof Malformed)) module = null;
@@ -40,7 +41,8 @@ async function decode({ id, chunk }: DecodeRequest): Promise<void> {
   }
   const mesh = answer.mesh;
   const arrays = mesh === null ? [] : [mesh.positions, mesh.indices, mesh.views, mesh.colors];
-  self.postMessage(answer, { transfer: arrays.flatMap((array) => (array === null ? [] : [array.buffer])) });
+  const buffers = arrays.flatMap((array) => (array === null ? [] : [array.buffer]));
+  self.postMessage(answer, { transfer: mesh?.rim == null ? buffers : [...buffers, ...buffersOf(mesh.rim)] });
 }
 
 let last: Promise<void> = Promise.resolve();

@@ -1,4 +1,5 @@
 import { Overlay } from "./overlay.ts";
+import { Notice, Panel } from "./panels.ts";
 import { checkSupport } from "./support.ts";
 import { installTestHook } from "./test_hook.ts";
 import { Viewer } from "./viewer.ts";
@@ -16,27 +17,28 @@ function streamUrl(): string {
   return url.href;
 }
 
+/** Wide enough for the legend beside the scene. */
+const kRoomy = "(min-width: 700px) and (min-height: 500px)";
+
 function connectButtons(viewer: Viewer): void {
-  const mode = element("mode", HTMLButtonElement);
-  const help = element("help", HTMLElement);
   const overlay = new Overlay(element("overlay", HTMLElement), () => viewer.readings());
-  const actions = {
-    mode: () => {
-      mode.textContent = viewer.switchMode() === "orbit" ? "Walk" : "Orbit";
-    },
-    home: () => viewer.home(),
-    numbers: () => overlay.toggle(),
-    keys: () => {
-      help.hidden = !help.hidden;
-    },
-  };
-  for (const [id, act] of Object.entries(actions)) element(id, HTMLButtonElement).addEventListener("click", act);
+  const button = (id: string): HTMLButtonElement => element(id, HTMLButtonElement);
+  const legend = new Panel(button("legend-toggle"), element("legend", HTMLElement));
+  const numbers = new Panel(button("numbers"), element("overlay", HTMLElement), (isOpen) => overlay.setRunning(isOpen));
+  const help = new Panel(button("keys"), element("help", HTMLElement));
+  const switchMode = (): void => button("mode").setAttribute("aria-pressed", String(viewer.switchMode() === "walk"));
+  const home = (): void => viewer.home();
+  button("mode").addEventListener("click", switchMode);
+  button("home").addEventListener("click", home);
+  legend.setOpen(matchMedia(kRoomy).matches);
   const byKey: Readonly<Record<string, () => void>> = {
-    Tab: actions.mode,
-    Home: actions.home,
-    KeyR: actions.home,
-    KeyI: actions.numbers,
-    KeyH: actions.keys,
+    KeyV: switchMode,
+    Home: home,
+    KeyR: home,
+    KeyI: () => numbers.toggle(),
+    KeyL: () => legend.toggle(),
+    KeyH: () => help.toggle(),
+    Escape: () => [legend, numbers, help].forEach((panel) => panel.setOpen(false)),
   };
   window.addEventListener("keydown", (event) => {
     const act = byKey[event.code];
@@ -44,6 +46,13 @@ function connectButtons(viewer: Viewer): void {
     event.preventDefault();
     act();
   });
+}
+
+function followTheme(viewer: Viewer): void {
+  const dark = matchMedia("(prefers-color-scheme: dark)");
+  const follow = (): void => viewer.setTheme(dark.matches ? "dark" : "light");
+  dark.addEventListener("change", follow);
+  follow();
 }
 
 async function main(): Promise<void> {
@@ -56,6 +65,7 @@ async function main(): Promise<void> {
     say(`This page cannot show the scene here.\n${support.problems.join("\n")}`);
     return;
   }
+  const notice = new Notice(element("notice", HTMLElement), element("notice-text", HTMLElement), element("dismiss", HTMLButtonElement));
   const query = new URLSearchParams(location.search);
   const checkPairs = query.get("check") === "pairs";
   const viewer = new Viewer(
@@ -69,9 +79,11 @@ async function main(): Promise<void> {
       breakPairs: checkPairs && query.get("break") === "pairs",
     },
     say,
+    (words) => notice.say(words),
   );
   installTestHook(viewer);
   connectButtons(viewer);
+  followTheme(viewer);
   viewer.start();
 }
 

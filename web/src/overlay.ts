@@ -27,7 +27,7 @@ export class Overlay {
   private timer = 0;
   private readonly fields = new Map<keyof Readings, HTMLElement>();
 
-  constructor(private readonly element: HTMLElement, private readonly read: () => Readings) {
+  constructor(element: HTMLElement, private readonly read: () => Readings) {
     for (const key of Object.keys(kLabels) as (keyof Readings)[]) {
       const label = document.createElement("dt");
       label.textContent = kLabels[key];
@@ -38,10 +38,9 @@ export class Overlay {
     }
   }
 
-  toggle(): void {
-    this.element.hidden = !this.element.hidden;
+  setRunning(isRunning: boolean): void {
     clearInterval(this.timer);
-    if (this.element.hidden) return;
+    if (!isRunning) return;
     this.timer = window.setInterval(() => this.update(), kEveryMs);
     this.update();
   }

@@ -3,26 +3,33 @@ import {
   LinearSRGBColorSpace, Matrix4, Mesh, RedFormat, RGBAFormat, RGFormat, Scene, Sphere, UnsignedByteType, Vector3,
   WebGLRenderer, WebGLRenderTarget, type RawShaderMaterial,
 } from "three";
+import { borderDistances, Borders, fadingTriangles, kFarM, type Rim, type RimmedMesh } from "./border.ts";
 import { clipFromEye, type Camera } from "./camera.ts";
-import type { Box, ChunkMesh } from "./draco_chunk.ts";
+import type { Box } from "./draco_chunk.ts";
 import type { View } from "./packet.ts";
 import { planeSizes, type Picture } from "./picture.ts";
+import { Stage, type Theme } from "./stage.ts";
 import type { Vec3 } from "./vec.ts";
-import { kBackground, makeColorMaterial, SharedUniforms, ViewMaterial } from "./view_material.ts";
+import { kBackground, kNoView, makeColorMaterial, SharedUniforms, streamUniforms, ViewMaterial } from "./view_material.ts";
 
 ColorManagement.enabled = false;
 
 /** What is drawn: a mesh and the pictures of the same capture. */
 export interface Drawable {
   readonly views: readonly View[];
-  readonly meshes: ReadonlyMap<string, ChunkMesh>;
+  readonly meshes: ReadonlyMap<string, RimmedMesh>;
   readonly pictures: ReadonlyMap<number, Picture>;
 }
 
+/** What is solid, and what fades. */
+type Materials = [RawShaderMaterial, RawShaderMaterial];
+
 interface DrawnChunk {
-  readonly mesh: ChunkMesh;
+  readonly mesh: RimmedMesh;
   readonly geometry: BufferGeometry;
-  readonly objects: Map<RawShaderMaterial, Mesh>;
+  readonly objects: Map<Materials, Mesh>;
+  /** Edges where surface ends, by number in the rim. */
+  borders: readonly number[];
 }
 
 const kFormats = { 1: RedFormat, 2: RGFormat, 4: RGBAFormat } as const;
@@ -30,19 +37,19 @@ const kSamplers = ["luma", "chroma", "chroma_red"] as const;
 
 /** One stream's picture on the graphics card. */
 class StreamTexture {
-  readonly material: ViewMaterial;
+  readonly materials: Materials;
   private readonly planes: DataTexture[];
 
   constructor(shared: SharedUniforms, readonly slot: number, private picture: Picture) {
-    this.material = new ViewMaterial(shared, slot, picture.format);
-    this.material.uniforms["atlas_size"]!.value.set(picture.width, picture.height);
+    const uniforms = streamUniforms(slot, picture.width, picture.height);
+    this.materials = viewMaterials(shared, uniforms, picture.format);
     this.planes = planeSizes(picture).map(({ width, height, components }, i) => {
       const format = kFormats[components as keyof typeof kFormats];
       const texture = new DataTexture(picture.planes[i]!, width, height, format, UnsignedByteType);
       texture.magFilter = texture.minFilter = LinearFilter;
       texture.unpackAlignment = 1;
       texture.needsUpdate = true;
-      this.material.uniforms[kSamplers[i]!]!.value = texture;
+      uniforms[kSamplers[i]!].value = texture;
       return texture;
     });
   }
@@ -62,8 +69,12 @@ class StreamTexture {
 
   dispose(): void {
     for (const texture of this.planes) texture.dispose();
-    this.material.dispose();
+    for (const material of this.materials) material.dispose();
   }
+}
+
+function viewMaterials(shared: SharedUniforms, ...[uniforms, format]: [ReturnType<typeof streamUniforms>, Picture["format"]]): Materials {
+  return [new ViewMaterial(shared, uniforms, format, false), new ViewMaterial(shared, uniforms, format, true)];
 }
 
 /** Draws captures with WebGL 2. Draws when told to and never by itself. */
@@ -72,8 +83,11 @@ export class SceneRenderer {
   private readonly scene = new Scene();
   private readonly camera = new ThreeCamera();
   private readonly shared = new SharedUniforms();
-  private readonly plainMaterial = new ViewMaterial(this.shared, 0, "rgba");
-  private readonly colorMaterial = makeColorMaterial(this.shared);
+  private readonly stage = new Stage(this.scene, this.shared);
+  private readonly plainMaterials = viewMaterials(this.shared, streamUniforms(0, 1, 1), "rgba");
+  private readonly colorMaterials: Materials;
+  private readonly borders = new Borders();
+  private unseen = kNoView;
   private readonly streams = new Map<number, StreamTexture>();
   private readonly chunks = new Map<string, DrawnChunk>();
   private size: readonly [number, number] = [1, 1];
@@ -81,7 +95,8 @@ export class SceneRenderer {
   constructor(canvas: HTMLCanvasElement, antialias: boolean) {
     this.renderer = new WebGLRenderer({ canvas, antialias, alpha: false, powerPreference: "high-performance" });
     this.renderer.outputColorSpace = LinearSRGBColorSpace;
-    this.renderer.sortObjects = false;
+    const colored = makeColorMaterial(this.shared);
+    this.colorMaterials = [colored, colored];
     this.renderer.setClearColor(kBackground, 1);
     this.scene.matrixWorldAutoUpdate = false;
     this.camera.matrixWorldAutoUpdate = false;
@@ -98,6 +113,14 @@ export class SceneRenderer {
     return this.size[1];
   }
 
+  setUp(up: Vec3): void {
+    this.stage.setUp(up);
+  }
+  setTheme(theme: Theme): void {
+    this.stage.setTheme(theme);
+    this.unseen = theme.unseen;
+  }
+
   /** Swaps mesh and pictures together. */
   show({ views, meshes, pictures }: Drawable): void {
     const used = [...new Set(views.map((view) => view.stream))].filter((stream) => pictures.has(stream));
@@ -110,19 +133,25 @@ export class SceneRenderer {
       const chunk = this.chunks.get(name) ?? this.add(name, mesh);
       this.paint(chunk, this.materialsFor(mesh, streamOf));
     }
+    this.findBorders();
+    const box = this.bounds();
+    if (box !== null) this.stage.setBox(box);
   }
 
+  /** Draws to the screen: on the stage, with borders that fade. */
   draw(camera: Camera): void {
     this.setCamera(camera);
+    this.setNice(true);
     this.renderer.render(this.scene, this.camera);
   }
 
-  /** Draws into memory: RGBA, top row first. */
+  /** Draws into memory what src/mr/render draws: RGBA, top row first. */
   pixels(camera: Camera): Uint8Array {
     const { width, height } = camera;
     const target = new WebGLRenderTarget(width, height, { depthBuffer: true, generateMipmaps: false });
     const bottomUp = new Uint8Array(4 * width * height);
     this.setCamera(camera);
+    this.setNice(false);
     this.renderer.setRenderTarget(target);
     this.renderer.render(this.scene, this.camera);
     this.renderer.readRenderTargetPixels(target, 0, 0, width, height, bottomUp);
@@ -136,8 +165,13 @@ export class SceneRenderer {
 
   triangles(): number {
     let count = 0;
-    for (const { mesh } of this.chunks.values()) count += mesh.indices.length / 3;
+    for (const { mesh } of this.chunks.values()) count += mesh.rim?.triangles ?? mesh.indices.length / 3;
     return count;
+  }
+
+  /** All that is shown. */
+  meshes(): RimmedMesh[] {
+    return [...this.chunks.values()].map((chunk) => chunk.mesh);
   }
 
   /** Around all that is shown; null when that is nothing. */
@@ -167,20 +201,20 @@ export class SceneRenderer {
     texture.dispose();
   }
 
-  private materialsFor(mesh: ChunkMesh, streamOf: ReadonlyMap<number, number>): Set<RawShaderMaterial> {
-    if (mesh.colors !== null) return new Set([this.colorMaterial]);
-    const materials = new Set<RawShaderMaterial>();
+  private materialsFor(mesh: RimmedMesh, streamOf: ReadonlyMap<number, number>): Set<Materials> {
+    if (mesh.colors !== null) return new Set([this.colorMaterials]);
+    const materials = new Set<Materials>();
     for (const view of mesh.viewIds) {
       const texture = this.streams.get(streamOf.get(view) ?? -1);
-      if (texture !== undefined) materials.add(texture.material);
+      if (texture !== undefined) materials.add(texture.materials);
     }
     // What no view textures is drawn in slot 0.
     const first = [...this.streams.values()].find((texture) => texture.slot === 0);
-    return materials.add(first?.material ?? this.plainMaterial);
+    return materials.add(first?.materials ?? this.plainMaterials);
   }
 
   /** One object for each material that draws a part of the chunk. */
-  private paint({ geometry, objects }: DrawnChunk, materials: ReadonlySet<RawShaderMaterial>): void {
+  private paint({ geometry, objects }: DrawnChunk, materials: ReadonlySet<Materials>): void {
     for (const [material, object] of objects)
       if (!materials.has(material)) {
         this.scene.remove(object);
@@ -195,9 +229,20 @@ export class SceneRenderer {
     }
   }
 
-  private add(name: string, mesh: ChunkMesh): DrawnChunk {
+  private add(name: string, mesh: RimmedMesh): DrawnChunk {
     const geometry = new BufferGeometry();
-    geometry.setIndex(new BufferAttribute(mesh.indices, 1));
+    const solid = mesh.indices.length;
+    // All triangles, and after them those in which the fade shows.
+    const indices = new (mesh.indices instanceof Uint16Array ? Uint16Array : Uint32Array)(solid + 3 * (mesh.rim?.near.length ?? 0));
+    indices.set(mesh.indices);
+    geometry.setIndex(new BufferAttribute(indices, 1));
+    geometry.addGroup(0, solid, 0);
+    geometry.addGroup(solid, 0, 1);
+    if (mesh.rim !== null) {
+      const far = new Float32Array(mesh.positions.length / 3).fill(kFarM);
+      geometry.setAttribute("border", new BufferAttribute(far, 1));
+      this.borders.add(mesh.rim);
+    }
     geometry.setAttribute("position", new BufferAttribute(mesh.positions, 3));
     if (mesh.views !== null) {
       const views = new BufferAttribute(mesh.views, 1);
@@ -207,18 +252,49 @@ export class SceneRenderer {
     if (mesh.colors !== null) geometry.setAttribute("color", new BufferAttribute(mesh.colors, 3, true));
     const [low, high] = [new Vector3(...mesh.box.low), new Vector3(...mesh.box.high)];
     geometry.boundingSphere = new Sphere(low.clone().add(high).multiplyScalar(0.5), 0.5 * low.distanceTo(high));
-    const chunk: DrawnChunk = { mesh, geometry, objects: new Map() };
+    const chunk: DrawnChunk = { mesh, geometry, objects: new Map(), borders: [] };
     this.chunks.set(name, chunk);
     return chunk;
   }
 
-  private remove(name: string, { geometry, objects }: DrawnChunk): void {
+  private findBorders(): void {
+    const rimmed = [...this.chunks.values()].flatMap((chunk) => (chunk.mesh.rim === null ? [] : [{ chunk, rim: chunk.mesh.rim }]));
+    const found = this.borders.find(rimmed.map(({ rim }) => rim));
+    rimmed.forEach(({ chunk, rim }, i) => this.fade(chunk, rim, found[i]!));
+  }
+
+  /** Lets a chunk fade where surface ends now. */
+  private fade(chunk: DrawnChunk, rim: Rim, borders: readonly number[]): void {
+    const { mesh, geometry } = chunk;
+    if (borders.length === chunk.borders.length && borders.every((edge, i) => edge === chunk.borders[i])) return;
+    chunk.borders = borders;
+    const distances = borderDistances(mesh, rim, borders);
+    const attribute = geometry.getAttribute("border") as BufferAttribute;
+    attribute.array.set(distances);
+    attribute.needsUpdate = true;
+    const index = geometry.index!;
+    let at = mesh.indices.length;
+    for (const triangle of fadingTriangles(mesh, rim, distances))
+      for (let k = 0; k < 3; ++k) index.array[at++] = mesh.indices[3 * triangle + k]!;
+    index.needsUpdate = true;
+    geometry.groups[1]!.count = at - mesh.indices.length;
+  }
+
+  private remove(name: string, { mesh, geometry, objects }: DrawnChunk): void {
     this.chunks.delete(name);
+    if (mesh.rim !== null) this.borders.remove(mesh.rim);
     for (const object of objects.values()) this.scene.remove(object);
     geometry.dispose();
   }
 
+  private setNice(nice: boolean): void {
+    this.stage.setVisible(nice);
+    this.shared.fades.value = nice;
+    this.shared.unseen.value = nice ? this.unseen : kNoView;
+  }
+
   private setCamera(camera: Camera): void {
+    this.stage.setCamera(camera);
     const eye = this.shared.eye.value;
     eye.set(...camera.position).set(Math.fround(eye.x), Math.fround(eye.y), Math.fround(eye.z));
     const clip = this.shared.T_clip_eye.value;

@@ -23,6 +23,10 @@ export interface TestHook {
   pairs(): readonly Pair[];
   heldPacket(): string | null;
   setCamera(camera: CameraRequest | null): void;
+  /** Where the page's own eye is and which way it looks. */
+  eye(): { readonly position: Vec3; readonly forward: Vec3 };
+  /** Of the picture on the screen, in drawn pixels. */
+  size(): readonly [number, number];
   /** RGBA, top row first. */
   pixels(): string;
 }
@@ -57,6 +61,11 @@ export function installTestHook(viewer: Viewer): void {
       return bytes === null ? null : base64(bytes);
     },
     setCamera: (camera) => viewer.setCamera(camera === null ? null : cameraOf(camera)),
+    eye: () => {
+      const { position, forward } = viewer.pose();
+      return { position, forward };
+    },
+    size: () => viewer.size(),
     pixels: () => base64(viewer.pixels()),
   };
 }

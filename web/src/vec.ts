@@ -17,3 +17,4 @@ export function anyHorizontal(up: Vec3): Vec3 {
   const off: Vec3 = Math.abs(up[0]) < 0.9 ? [1, 0, 0] : [0, 1, 0];
   return normalized(subtract(off, scale(up, dot(off, up))));
 }
+export const clamp = (v: number, low: number, high: number): number => Math.min(Math.max(v, low), high);

@@ -1,11 +1,12 @@
 import { DataTexture, FloatType, FrontSide, GLSL3, Matrix4, RawShaderMaterial, RGBAFormat, Vector2, Vector3 } from "three";
+import { kFadeM } from "./border.ts";
 import { kMostViews } from "./draco_chunk.ts";
 import type { View } from "./packet.ts";
 import type { Picture } from "./picture.ts";
 
 /** RenderOptions of src/mr/render/renderer.h. */
 export const kBackground = 0x808080;
-const kNoView = 176 / 255;
+export const kNoView = 176 / 255;
 
 // Texels of one view in the table: three of its pose, lens, camera pixel -> atlas, tile, size and kind, stream.
 const kTexels = 8;
@@ -18,17 +19,20 @@ precision highp int;
 precision highp sampler2D;
 in vec3 position;         // metres, world
 in uint view;             // the same at the three corners of a triangle
+in float border;          // metres to where surface ends
 uniform vec3 eye;
 uniform mat4 T_clip_eye;
 uniform sampler2D views;  // ${kTexels} texels each
 uniform float slot;       // the texture stream that is bound; triangles of the others are left out
 out vec3 in_view;         // camera frame of the view
+out float to_border;
 flat out vec4 lens;       // focal lengths, centre; camera pixels
 flat out vec4 to_atlas;   // camera pixel -> texels: scale, offset
 flat out vec4 tile;       // half a texel inside it: low, high
 flat out vec4 size_kind;  // camera pixels; camera column in the tile's middle; kind
 
 void main() {
+  to_border = border;
   int row = int(view);
   bool known = row < textureSize(views, 0).y;
   vec4 texels[${kTexels}];
@@ -55,7 +59,10 @@ uniform sampler2D luma;   // or RGBA
 uniform sampler2D chroma; // Cb, or CbCr
 uniform sampler2D chroma_red;
 uniform vec2 atlas_size;
+uniform float unseen;     // level of what no camera saw in colour
+uniform bool fades;       // at borders
 in vec3 in_view;
+in float to_border;
 flat in vec4 lens;
 flat in vec4 to_atlas;
 flat in vec4 tile;
@@ -94,13 +101,19 @@ vec3 texture_at(vec2 camera_pixel) {
 }
 
 void main() {
-  vec3 color = vec3(${kNoView});
+  float solid = fades ? smoothstep(0.0, ${kFadeM}, to_border) : 1.0;
+#ifdef FADING
+  if (solid >= 1.0) discard;
+#else
+  if (solid < 1.0) discard;
+#endif
+  vec3 color = vec3(unseen);
   if (size_kind.w == ${kPinhole}.0) {
     if (in_view.z > 1e-6) color = texture_at(project_pinhole(in_view));
   } else if (size_kind.w == ${kEquirectangular}.0) {
     color = texture_at(project_equirectangular(in_view));
   }
-  pixel = vec4(color, 1);
+  pixel = vec4(color, solid);
 }
 `;
 
@@ -128,6 +141,8 @@ void main() { pixel = vec4(tint, 1); }
 export class SharedUniforms {
   readonly eye = { value: new Vector3() };
   readonly T_clip_eye = { value: new Matrix4() };
+  readonly unseen = { value: kNoView };
+  readonly fades = { value: false };
   readonly views = { value: new DataTexture(new Float32Array(4 * kTexels), kTexels, 1, RGBAFormat, FloatType) };
 
   /** `slotOf`: which material holds the picture of a stream. */
@@ -164,24 +179,37 @@ function texelsOf(view: View, slot: number): number[] {
   ];
 }
 
-/** Paints by projection into the views of one texture stream. */
+/** What the materials of one texture stream share. */
+export type StreamUniforms = Record<"slot" | "luma" | "chroma" | "chroma_red" | "atlas_size", { value: unknown }>;
+
+export function streamUniforms(slot: number, width: number, height: number): StreamUniforms {
+  return {
+    slot: { value: slot },
+    luma: { value: null },
+    chroma: { value: null },
+    chroma_red: { value: null },
+    atlas_size: { value: new Vector2(width, height) },
+  };
+}
+
+/** Paints by projection into the views of one texture stream: either what is solid, or what fades towards a border. */
 export class ViewMaterial extends RawShaderMaterial {
-  constructor(shared: SharedUniforms, slot: number, format: Picture["format"]) {
+  constructor(shared: SharedUniforms, stream: StreamUniforms, format: Picture["format"], isFading: boolean) {
     super({
       glslVersion: GLSL3,
       side: FrontSide,
       vertexShader: kVertexShader,
       fragmentShader: kFragmentShader,
-      defines: { [format.toUpperCase()]: "" },
+      defines: { [format.toUpperCase()]: "", ...(isFading ? { FADING: "" } : {}) },
+      transparent: isFading,
+      depthWrite: !isFading,
       uniforms: {
         eye: shared.eye,
         T_clip_eye: shared.T_clip_eye,
         views: shared.views,
-        slot: { value: slot },
-        luma: { value: null },
-        chroma: { value: null },
-        chroma_red: { value: null },
-        atlas_size: { value: new Vector2(1, 1) },
+        unseen: shared.unseen,
+        fades: shared.fades,
+        ...stream,
       },
     });
   }

@@ -1,10 +1,16 @@
-import { usualCamera, type Camera } from "./camera.ts";
+import { rayThrough, usualCamera, type Camera, type Pose } from "./camera.ts";
 import { Client, type Capture } from "./client.ts";
-import type { LinkState } from "./connection.ts";
-import { Controls, type Mode } from "./controls.ts";
+import type { Hello, LinkState } from "./connection.ts";
+import { Controls, type Aim, type Mode } from "./controls.ts";
+import { Health } from "./health.ts";
+import { Navigation, type Start } from "./navigation.ts";
 import type { Readings } from "./overlay.ts";
+import { pick } from "./pick.ts";
 import { burntNumber, type Picture } from "./picture.ts";
+import { pixelRatio, Resolution } from "./resolution.ts";
 import { SceneRenderer } from "./scene_renderer.ts";
+import { kThemes } from "./stage.ts";
+import { findStart } from "./start_place.ts";
 import { Median, Rate } from "./statistics.ts";
 
 export interface ViewerOptions {
@@ -36,26 +42,36 @@ export interface Shown {
 }
 
 const kMostPairs = 10_000;
-// Drawn by the processor, a larger picture is made smaller and stretched: motion matters more.
-const kMostSoftwarePixels = 300_000;
 const kHiddenForMs = 10_000;
 const kFirstStepS = 1 / 60;
 const kLongestStepS = 0.1;
 const kLongestLatencyMs = 3_600_000;
+const kStillAfterMs = 500;
+const kHealthEveryMs = 1000;
+const kStartSettlesMs = 10_000; // sensors that come so soon are still counted for the place to start
 
 /** Shows the newest complete capture; draws only when something changed, once per animation frame. */
 export class Viewer {
   readonly client: Client;
   readonly pairs: Pair[] = [];
+  private readonly navigation = new Navigation();
   private readonly controls: Controls;
   private readonly renderer: SceneRenderer;
   private state: LinkState | "held" | "broken" = "connecting";
   private shownCapture: Capture | null = null;
   private newChunks = 0;
   private fixed: Camera | null = null;
-  private framed = false;
+  private hello: Hello | null = null;
+  private startPlace: Start | null = null;
+  private startSources = 0;
+  private firstMs: number | null = null;
+  private readonly resolution = new Resolution();
+  private isStill = false;
+  private stillTimer = 0;
+  private health: Health | null = null;
   private scheduled = false;
   private isDirty = false;
+  private hasMoved = false;
   private isMoving = false;
   private lastFrameMs = 0;
   private lastCameMs: number | null = null;
@@ -67,13 +83,21 @@ export class Viewer {
     private readonly canvas: HTMLCanvasElement,
     private readonly options: ViewerOptions,
     private readonly say: (message: string) => void,
+    private readonly notice: (words: string) => void,
   ) {
     this.renderer = new SceneRenderer(canvas, !options.isSoftware);
-    this.controls = new Controls(canvas, () => this.redraw());
+    this.controls = new Controls(canvas, this.navigation, (x, y) => this.aim(x, y), () => {
+      this.hasMoved = true;
+      this.schedule();
+    });
     this.client = new Client(options.url, options.hold, {
       onHello: (hello) => {
         document.title = `${hello.scene} · MeshReduce`;
-        this.controls.setUp(hello.up);
+        if (this.hello?.scene !== hello.scene) this.startSources = 0;
+        this.hello = hello;
+        this.navigation.setUp(hello.up);
+        this.renderer.setUp(hello.up);
+        this.health = new Health(hello.sensors, hello.fps);
       },
       onState: (state) => this.setState(state),
       onChange: () => this.schedule(),
@@ -88,17 +112,32 @@ export class Viewer {
     this.resize();
     this.tell();
     this.client.open();
+    window.setInterval(() => this.checkHealth(), kHealthEveryMs);
   }
 
+  /** Back to where the page started. */
   home(): void {
     const box = this.renderer.bounds();
     this.fixed = null;
-    if (box !== null) this.controls.frame(box, this.renderer.width(), this.renderer.height());
+    if (this.startPlace !== null) this.navigation.stand(this.startPlace);
+    else if (box !== null) this.navigation.frame(box, this.renderer.width(), this.renderer.height());
+    this.redraw();
   }
 
+  /** Who starts to walk outside the scene is set down in it. */
   switchMode(): Mode {
-    this.controls.setMode(this.controls.mode === "orbit" ? "walk" : "orbit", this.renderer.bounds());
+    this.controls.setMode(this.controls.mode === "orbit" ? "walk" : "orbit");
+    this.controls.touched = true;
+    if (this.controls.mode === "walk" && !this.navigation.isInside()) {
+      if (this.startPlace !== null) this.navigation.stand(this.startPlace);
+      else this.navigation.setDown();
+    }
     return this.controls.mode;
+  }
+
+  setTheme(theme: keyof typeof kThemes): void {
+    this.renderer.setTheme(kThemes[theme]);
+    this.redraw();
   }
 
   currentState(): string {
@@ -122,6 +161,15 @@ export class Viewer {
   setCamera(camera: Camera | null): void {
     this.fixed = camera;
     this.redraw();
+  }
+
+  size(): readonly [number, number] {
+    return [this.renderer.width(), this.renderer.height()];
+  }
+
+  /** Where the eye is and which way it looks. */
+  pose(): Pose {
+    return this.navigation.pose();
   }
 
   /** RGBA, top row first, of the camera that was set, else of what is on the screen. */
@@ -192,15 +240,33 @@ export class Viewer {
   }
 
   private resize(): void {
-    const shown = Math.max(1, window.innerWidth * window.innerHeight);
-    const ratio = this.options.isSoftware
-      ? Math.min(1, Math.sqrt(kMostSoftwarePixels / shown))
-      : Math.min(2, window.devicePixelRatio);
-    const width = Math.max(1, Math.round(this.canvas.clientWidth * ratio));
-    const height = Math.max(1, Math.round(this.canvas.clientHeight * ratio));
+    const { clientWidth, clientHeight } = this.canvas;
+    const screen = { width: clientWidth, height: clientHeight, devicePixelRatio: window.devicePixelRatio };
+    const ratio = pixelRatio(screen, this.options.isSoftware, this.isStill, this.resolution.scale());
+    const width = Math.max(1, Math.round(clientWidth * ratio));
+    const height = Math.max(1, Math.round(clientHeight * ratio));
     if (width === this.renderer.width() && height === this.renderer.height()) return;
     this.renderer.resize(width, height);
     this.redraw();
+  }
+
+  /** Something is about to be drawn: once nothing more is, it is drawn again as well as the device can. */
+  private stir(): void {
+    clearTimeout(this.stillTimer);
+    this.stillTimer = window.setTimeout(() => this.setStill(true), kStillAfterMs);
+    this.setStill(false);
+  }
+
+  private setStill(isStill: boolean): void {
+    if (isStill === this.isStill) return;
+    this.isStill = isStill;
+    this.resize();
+  }
+
+  private aim(x: number, y: number): Aim {
+    const camera = this.navigation.camera(this.canvas.clientWidth, this.canvas.clientHeight);
+    const direction = rayThrough(camera, x - 0.5, y - 0.5);
+    return { direction, point: pick(this.renderer.meshes(), camera.position, direction) };
   }
 
   private redraw(): void {
@@ -221,11 +287,14 @@ export class Viewer {
     this.isMoving = this.controls.advance(seconds);
     const { complete, done } = this.client.take();
     if (complete !== null) this.swap(complete);
-    if (this.isMoving || complete !== null || this.isDirty) this.renderer.draw(this.camera());
-    this.isDirty = false;
+    const isLively = this.isMoving || this.hasMoved || complete !== null;
+    if (isLively) this.stir();
+    if (isLively || this.isDirty) this.renderer.draw(this.camera());
+    this.isDirty = this.hasMoved = false;
+    const arrivedMs = complete === null ? 0 : this.client.arrivedMs(complete.packet.sequence);
     this.client.acknowledge(done);
     if (this.isMoving) this.schedule();
-    if (complete !== null) requestAnimationFrame(() => this.drawn(complete));
+    if (isLively) requestAnimationFrame((nextMs) => this.drawn(complete, nextMs - timeMs, arrivedMs));
   }
 
   /** Mesh and pictures of one capture, together. */
@@ -239,10 +308,7 @@ export class Viewer {
     this.lastCameMs = Date.now();
     this.captures.add(performance.now(), 1);
     if (this.options.checkPairs) this.notePair(packet.sequence, pictures);
-    if (!this.framed && this.renderer.triangles() > 0) {
-      this.framed = true;
-      this.home();
-    }
+    if (this.renderer.triangles() > 0) this.findPlace(packet.sources.length);
     if (before === null) this.tell();
     if (this.options.hold) {
       this.client.close();
@@ -256,15 +322,45 @@ export class Viewer {
     if (this.pairs.length > kMostPairs) this.pairs.splice(0, this.pairs.length - kMostPairs);
   }
 
-  private drawn(capture: Capture): void {
+  /** Limits around what is shown, and once a place to start. While sensors still come and nobody has moved, it is looked for again. */
+  private findPlace(sources: number): void {
+    const box = this.renderer.bounds();
+    if (box === null) return;
+    this.navigation.setBox(box);
+    this.firstMs ??= performance.now();
+    const isSettled = this.controls.touched || performance.now() - this.firstMs > kStartSettlesMs;
+    if (this.startSources > 0 && (isSettled || sources <= this.startSources)) return;
+    this.startSources = sources;
+    this.startPlace = this.hello?.start ?? this.bestPlace();
+    if (this.fixed === null) this.home();
+  }
+
+  private bestPlace(): Start | null {
+    const { width, height, fx, fy } = this.navigation.camera(this.canvas.clientWidth, this.canvas.clientHeight);
+    const angle = (size: number, focal: number): number => 2 * Math.atan(size / (2 * focal));
+    return findStart(this.renderer.meshes(), this.hello?.up ?? [0, 0, 1], angle(width, fx), angle(height, fy));
+  }
+
+  /** `frameMs`: until the frame after. */
+  private drawn(capture: Capture | null, frameMs: number, arrivedMs: number): void {
+    if (!this.options.isSoftware && this.resolution.drew(frameMs)) this.resize();
+    if (capture === null) return;
     const now = this.client.serverNowMs();
-    if (now === null) return;
-    const latency = now - Number(capture.packet.capturedAtNs) / 1e6;
-    if (Math.abs(latency) < kLongestLatencyMs) this.latency.add(latency); // recordings have other times
+    const { capturedAtNs, sources } = capture.packet;
+    const latency = now === null ? null : now - Number(capturedAtNs) / 1e6;
+    const latencyMs = latency !== null && Math.abs(latency) < kLongestLatencyMs ? latency : null; // recordings have other times
+    if (latencyMs !== null) this.latency.add(latencyMs);
+    const atMs = performance.now();
+    this.health?.came({ atMs, capturedAtNs, sources, workMs: atMs - arrivedMs, latencyMs });
+  }
+
+  private checkHealth(): void {
+    const isLive = this.state === "live";
+    this.notice(isLive ? (this.health?.words(performance.now()) ?? []).join(" ") : "");
   }
 
   private camera(): Camera {
     const [width, height] = [this.renderer.width(), this.renderer.height()];
-    return this.fixed === null ? this.controls.camera(width, height) : usualCamera(this.fixed, width, height);
+    return this.fixed === null ? this.navigation.camera(width, height) : usualCamera(this.fixed, width, height);
   }
 }

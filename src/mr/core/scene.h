@@ -185,8 +185,15 @@ struct BackgroundConfig {
   friend bool operator==(const BackgroundConfig&, const BackgroundConfig&) = default;
 };
 
+/// Where a viewer starts; metres, world frame.
+struct StartConfig {
+  Vec3d eye, look_at;
+  friend bool operator==(const StartConfig&, const StartConfig&) = default;
+};
+
 struct GatewayConfig {
   std::string listen = "127.0.0.1:8080";  ///< host:port; port 0: any free one
+  std::optional<StartConfig> start{};     ///< none: the viewer looks for a good place
   friend bool operator==(const GatewayConfig&, const GatewayConfig&) = default;
 };
 

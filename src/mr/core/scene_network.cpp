@@ -29,6 +29,25 @@ bool read_address(MapReader& map, const std::string& key, std::string& out) {
   return true;
 }
 
+std::optional<Vec3d> read_place(MapReader& map, const std::string& key) {
+  double v[3];
+  if (!map.need(key) || !map.numbers(key, {-1e5, 1e5}, v)) return std::nullopt;
+  return Vec3d{v[0], v[1], v[2]};
+}
+
+void read_start(MapReader& gateway, std::optional<StartConfig>& start) {
+  const YamlNode* node = gateway.find("start");
+  if (!node) return;
+  MapReader map(gateway.report, *node, "gateway.start");
+  const auto eye = read_place(map, "eye");
+  const auto look_at = read_place(map, "look_at");
+  if (!eye || !look_at) return;
+  if (length(*look_at - *eye) < 0.001)
+    return map.report.problem(map.line("look_at"),
+                              "gateway.start: look_at must be another place than eye");
+  start = StartConfig{*eye, *look_at};
+}
+
 void read_tcp(MapReader& top, Scene& scene) {
   const YamlNode* node = top.find("tcp");
   if (!node) return;
@@ -74,6 +93,7 @@ void read_network(MapReader& top, Scene& scene) {
     MapReader map(top.report, *node, "gateway");
     scene.gateway.emplace();
     read_address(map, "listen", scene.gateway->listen);
+    read_start(map, scene.gateway->start);
   }
   if (const YamlNode* node = top.find("nats")) {
     MapReader map(top.report, *node, "nats");

@@ -13,7 +13,18 @@ using Json = nlohmann::ordered_json;
 
 constexpr Duration kSilence = std::chrono::seconds(2);  // after it, viewers are told
 constexpr std::size_t kMaxText = 1024;                  // bytes of a viewer's text message
+constexpr std::size_t kMaxSensorsNamed = 256;           // in a hello
 constexpr std::size_t kMaxMessage = 128u << 10;  // bytes; the longest request is a little shorter
+
+Json json_of(const Vec3d& v) { return {v.x, v.y, v.z}; }
+
+/// The scene's sensors in their order, so that a packet's sensor numbers have names.
+Json sensor_names(const Scene& scene) {
+  Json names = Json::array();
+  for (const SensorConfig& sensor : scene.sensors)
+    if (names.size() < kMaxSensorsNamed) names.push_back(sensor.id);
+  return names;
+}
 
 }  // namespace
 
@@ -211,14 +222,18 @@ void Gateway::send(std::vector<Viewers::Send> messages) {
 
 std::string Gateway::hello() const {
   const Scene& scene = *context_.scene;
-  const Vec3d low = scene.lattice.low_corner();
-  return Json{
+  Json hello{
       {"type", "hello"},
       {"scene", scene.id},
-      {"up", {scene.up.x, scene.up.y, scene.up.z}},
+      {"up", json_of(scene.up)},
       {"fps", scene.fps},
-      {"lattice", {{"low_corner", {low.x, low.y, low.z}}, {"step", scene.lattice.step_m()}}}}
-      .dump();
+      {"lattice",
+       {{"low_corner", json_of(scene.lattice.low_corner())}, {"step", scene.lattice.step_m()}}},
+      {"sensors", sensor_names(scene)}};
+  if (scene.gateway && scene.gateway->start)
+    hello["start"] = {{"eye", json_of(scene.gateway->start->eye)},
+                      {"look_at", json_of(scene.gateway->start->look_at)}};
+  return hello.dump();
 }
 
 LiveStats Gateway::stats() const {

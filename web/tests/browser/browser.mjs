@@ -8,9 +8,9 @@ export function launch() {
   });
 }
 
-/** Opens a page of the viewer; `errors` fills with what it complains about. */
+/** Opens a page of the viewer; `errors` fills with what it complains about. `viewport`: null in a context that has its own. */
 export async function openViewer(browser, url, errors, viewport = { width: 960, height: 720 }) {
-  const page = await browser.newPage({ viewport });
+  const page = await (viewport === null ? browser.newPage() : browser.newPage({ viewport }));
   page.on("pageerror", (error) => errors.push(String(error)));
   page.on("console", (message) => {
     if (message.type() === "error" || message.type() === "warning") errors.push(message.text());

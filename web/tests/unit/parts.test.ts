@@ -56,9 +56,14 @@ test("the server's clock comes from the quickest answers", () => {
 test("a hello is taken only when it is whole", () => {
   const hello = { type: "hello", scene: "demo", up: [0, 0, 2], fps: 30, lattice: { low_corner: [-512, 0, 1], step: 0.5 } };
   assert.deepEqual(readHello(hello), {
-    scene: "demo", up: [0, 0, 1], fps: 30, lattice: { lowCorner: [-512, 0, 1], step: 0.5 },
+    scene: "demo", up: [0, 0, 1], fps: 30, lattice: { lowCorner: [-512, 0, 1], step: 0.5 }, sensors: [], start: null,
   });
-  for (const bad of [{ up: [0, 0, 0] }, { up: [0, 1] }, { up: null }, { lattice: {} }, { scene: 3 }, { fps: "30" }])
+  const more = readHello({ ...hello, sensors: ["cam-0", "cam-1"], start: { eye: [1, 2, 1.6], look_at: [0, 0, 1] } });
+  assert.deepEqual(more?.sensors, ["cam-0", "cam-1"]);
+  assert.deepEqual(more?.start, { eye: [1, 2, 1.6], lookAt: [0, 0, 1] });
+  for (const bad of [{ up: [0, 0, 0] }, { up: [0, 1] }, { up: null }, { lattice: {} }, { scene: 3 }, { fps: "30" }, { sensors: "cam" },
+    { sensors: [3] }, { sensors: ["x".repeat(65)] }, { sensors: Array(257).fill("a") }, { start: null }, { start: { eye: [0, 0, 0] } },
+    { start: { eye: [0, 0, 0], look_at: [0, 0, 0] } }, { start: { eye: [0, 0, 1e9], look_at: [0, 0, 0] } }])
     assert.equal(readHello({ ...hello, ...bad }), null);
 });
 

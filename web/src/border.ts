@@ -1,0 +1,337 @@
+import type { ChunkMesh } from "./draco_chunk.ts";
+
+/** Where surface ends because no camera saw on. A chunk alone knows only which of its edges have one triangle: the edge of another
+ *  chunk in the same place closes one. */
+
+/** What a chunk can tell of its edges. */
+export interface Rim {
+  /** Triangles before some were cut. */
+  readonly triangles: number;
+  /** [points] Number of a point's place: vertices that are doubled where labels meet share one. */
+  readonly place: Uint32Array<ArrayBuffer>;
+  readonly places: number;
+  /** [2 E] Places at the ends of the edges that have one triangle. */
+  readonly edges: Uint32Array<ArrayBuffer>;
+  /** [E] Name of each of them by its position: equal in all chunks, different for others (53 bits). */
+  readonly names: Float64Array<ArrayBuffer>;
+  /** [2 E] Names of the places at their ends, as unique. */
+  readonly ends: Float64Array<ArrayBuffer>;
+  /** [E] metres */
+  readonly lengths: Float32Array<ArrayBuffer>;
+  /** Triangles that the fade can reach, by number. */
+  readonly near: Uint32Array<ArrayBuffer>;
+}
+
+export interface RimmedMesh extends ChunkMesh {
+  /** None for a background, which does not fade. */
+  readonly rim: Rim | null;
+}
+
+/** Metres over which surface fades. */
+export const kFadeM = 0.04;
+/** Borders that are shorter in all, of small holes and small pieces, do not fade: holes would grow and pieces vanish. */
+const kShortestBorderM = 1.5;
+/** The distance of a vertex that the fade does not reach; the same as a 32-bit float. */
+export const kFarM = 0.25;
+
+const kEmpty = 0xffffffff;
+
+/** Tells the edges of a chunk, and cuts triangles across it: a triangle with all its corners at edges would fade as a whole. */
+export function withRim(mesh: ChunkMesh): RimmedMesh {
+  if (mesh.views === null) return { ...mesh, rim: null };
+  const { place, places } = placesOf(mesh.positions);
+  const edges = new EdgeTable(place, mesh.indices);
+  const isRim = edges.openPlaces(places);
+  const cut = cutChords(mesh, place, places, edges, isRim);
+  const open = edges.open();
+  return {
+    ...cut.mesh,
+    rim: {
+      triangles: mesh.indices.length / 3,
+      place: cut.place,
+      places: cut.places,
+      edges: open,
+      ...namesOf(mesh.positions, place, places, open),
+      near: nearOf(cut.mesh.indices, cut.place, isRim),
+    },
+  };
+}
+
+/** Arrays of a rim, to be moved to another thread. */
+export function buffersOf(rim: Rim): ArrayBuffer[] {
+  return [rim.place, rim.edges, rim.names, rim.ends, rim.lengths, rim.near].map((array) => array.buffer);
+}
+
+function tableSize(entries: number): number {
+  return 2 ** Math.ceil(Math.log2(2 * Math.max(1, entries)));
+}
+
+function mix(hash: number): number {
+  let h = hash;
+  h = Math.imul(h ^ (h >>> 16), 0x7feb352d);
+  h = Math.imul(h ^ (h >>> 15), 0x846ca68b);
+  return (h ^ (h >>> 16)) >>> 0;
+}
+
+/** Equal positions have equal bits: all lie on one lattice. */
+function hashPosition(bits: Uint32Array, point: number, seed: number): number {
+  const at = 3 * point;
+  return mix(mix(mix(bits[at]! ^ seed) + bits[at + 1]!) + bits[at + 2]!);
+}
+
+function placesOf(positions: Float32Array<ArrayBuffer>): { place: Uint32Array<ArrayBuffer>; places: number } {
+  const points = positions.length / 3;
+  const bits = new Uint32Array(positions.buffer, positions.byteOffset, positions.length);
+  const place = new Uint32Array(points);
+  const mask = tableSize(points) - 1;
+  const firsts = new Uint32Array(mask + 1).fill(kEmpty);
+  let places = 0;
+  for (let point = 0; point < points; ++point) {
+    let slot = hashPosition(bits, point, 1) & mask;
+    for (; firsts[slot] !== kEmpty; slot = (slot + 1) & mask) {
+      const other = firsts[slot]!;
+      if ([0, 1, 2].every((k) => bits[3 * other + k] === bits[3 * point + k])) break;
+    }
+    if (firsts[slot] === kEmpty) {
+      firsts[slot] = point;
+      place[point] = places++;
+    } else place[point] = place[firsts[slot]!]!;
+  }
+  return { place, places };
+}
+
+/** How many triangles each edge has. */
+class EdgeTable {
+  private readonly mask: number;
+  private readonly low: Uint32Array;
+  private readonly high: Uint32Array;
+  private readonly count: Uint8Array;
+
+  constructor(place: Uint32Array, indices: ChunkMesh["indices"]) {
+    const size = tableSize(indices.length);
+    this.mask = size - 1;
+    this.low = new Uint32Array(size).fill(kEmpty);
+    this.high = new Uint32Array(size);
+    this.count = new Uint8Array(size);
+    for (let i = 0; i < indices.length; i += 3)
+      for (let k = 0; k < 3; ++k) {
+        const slot = this.slot(place[indices[i + k]!]!, place[indices[i + ((k + 1) % 3)]!]!);
+        if (this.count[slot]! < 255) ++this.count[slot]!;
+      }
+  }
+
+  /** Where an edge lies, or where it was put now. */
+  slot(a: number, b: number): number {
+    const [low, high] = a < b ? [a, b] : [b, a];
+    let slot = mix(mix(low) + high) & this.mask;
+    while (this.low[slot] !== kEmpty && !(this.low[slot] === low && this.high[slot] === high))
+      slot = (slot + 1) & this.mask;
+    this.low[slot] = low;
+    this.high[slot] = high;
+    return slot;
+  }
+
+  isOpen(slot: number): boolean {
+    return this.count[slot] === 1;
+  }
+
+  open(): Uint32Array<ArrayBuffer> {
+    const out: number[] = [];
+    this.count.forEach((count, slot) => {
+      if (count === 1) out.push(this.low[slot]!, this.high[slot]!);
+    });
+    return Uint32Array.from(out);
+  }
+
+  openPlaces(places: number): Uint8Array {
+    const out = new Uint8Array(places);
+    this.count.forEach((count, slot) => {
+      if (count === 1) out[this.low[slot]!] = out[this.high[slot]!] = 1;
+    });
+    return out;
+  }
+}
+
+const kShortestChordM = 0.04;
+
+/** Cuts the edges inside the chunk whose two ends lie at its edges in their middle, in all their triangles. */
+function cutChords(
+  mesh: ChunkMesh, place: Uint32Array<ArrayBuffer>, places: number, edges: EdgeTable, isRim: Uint8Array,
+): { mesh: ChunkMesh; place: Uint32Array<ArrayBuffer>; places: number } {
+  const { positions, indices } = mesh;
+  const middles = new Map<number, number>(); // slot of an edge → place of its middle
+  const newPositions: number[] = [];
+  const newPlaces: number[] = [];
+  const newViews: number[] = [];
+  const corners: number[] = [];
+  const points = positions.length / 3;
+  const cutAt = (a: number, b: number): number | null => {
+    if (!isRim[place[a]!] || !isRim[place[b]!]) return null;
+    const slot = edges.slot(place[a]!, place[b]!);
+    const span = [0, 1, 2].map((k) => positions[3 * a + k]! - positions[3 * b + k]!);
+    if (edges.isOpen(slot) || Math.hypot(...span) < kShortestChordM) return null;
+    if (!middles.has(slot)) middles.set(slot, places + middles.size);
+    newPositions.push(...[0, 1, 2].map((k) => (positions[3 * a + k]! + positions[3 * b + k]!) / 2));
+    newPlaces.push(middles.get(slot)!);
+    newViews.push(mesh.views![a]!);
+    return points + newPlaces.length - 1;
+  };
+  for (let i = 0; i < indices.length; i += 3) {
+    const [a, b, c] = [indices[i]!, indices[i + 1]!, indices[i + 2]!];
+    corners.push(...split(a, b, c, cutAt(a, b), cutAt(b, c), cutAt(c, a)));
+  }
+  if (newPlaces.length === 0) return { mesh, place, places };
+  const total = points + newPlaces.length;
+  return {
+    mesh: {
+      ...mesh,
+      positions: joined(Float32Array, positions, newPositions),
+      views: joined(Uint16Array, mesh.views!, newViews),
+      indices: total <= 0xffff ? Uint16Array.from(corners) : Uint32Array.from(corners),
+    },
+    place: joined(Uint32Array, place, newPlaces),
+    places: places + middles.size,
+  };
+}
+
+function joined<T extends Float32Array<ArrayBuffer> | Uint16Array<ArrayBuffer> | Uint32Array<ArrayBuffer>>(
+  kind: new (length: number) => T, first: T, second: readonly number[],
+): T {
+  const out = new kind(first.length + second.length);
+  out.set(first);
+  out.set(second, first.length);
+  return out;
+}
+
+/** A triangle as triangles, given points in the middle of some of its edges. */
+function split(
+  a: number, b: number, c: number, ab: number | null, bc: number | null, ca: number | null,
+): number[] {
+  if (ab !== null && bc !== null && ca !== null) return [a, ab, ca, ab, b, bc, ca, bc, c, ab, bc, ca];
+  // Turned until the edges that are cut come first.
+  if (ab === null && bc === null && ca === null) return [a, b, c];
+  if (ab === null || (ca !== null && bc === null)) return split(b, c, a, bc, ca, ab);
+  if (bc === null) return [a, ab, c, ab, b, c];
+  return [ab, b, bc, a, ab, bc, a, bc, c];
+}
+
+function namesOf(
+  positions: Float32Array<ArrayBuffer>, place: Uint32Array, places: number, edges: Uint32Array,
+): Pick<Rim, "names" | "ends" | "lengths"> {
+  const bits = new Uint32Array(positions.buffer, positions.byteOffset, positions.length);
+  const pointAt = new Uint32Array(places);
+  place.forEach((p, point) => (pointAt[p] = point));
+  const name = (high: number, low: number): number => (high >>> 0) * 2 ** 21 + (low >>> 11);
+  const count = edges.length / 2;
+  const out = { names: new Float64Array(count), ends: new Float64Array(2 * count), lengths: new Float32Array(count) };
+  for (let i = 0; i < count; ++i) {
+    const [a, b] = [pointAt[edges[2 * i]!]!, pointAt[edges[2 * i + 1]!]!];
+    const [a1, a2] = [hashPosition(bits, a, 1), hashPosition(bits, a, 2)];
+    const [b1, b2] = [hashPosition(bits, b, 1), hashPosition(bits, b, 2)];
+    // The same in either direction.
+    const both = (p: number, q: number): number => mix(p + q) ^ mix(Math.imul(p ^ 0x9e3779b9, q ^ 0x9e3779b9));
+    out.names[i] = name(both(a1, b1), both(a2, b2));
+    out.ends[2 * i] = name(a1, a2);
+    out.ends[2 * i + 1] = name(b1, b2);
+    out.lengths[i] = Math.hypot(...[0, 1, 2].map((k) => positions[3 * a + k]! - positions[3 * b + k]!));
+  }
+  return out;
+}
+
+/** Triangles with a corner at the rim, and those beside them. */
+function nearOf(indices: ChunkMesh["indices"], place: Uint32Array, isRim: Uint8Array): Uint32Array<ArrayBuffer> {
+  const isBeside = new Set<number>();
+  for (let i = 0; i < indices.length; i += 3) {
+    const corners = [place[indices[i]!]!, place[indices[i + 1]!]!, place[indices[i + 2]!]!];
+    if (corners.some((p) => isRim[p])) for (const p of corners) isBeside.add(p);
+  }
+  const near: number[] = [];
+  for (let i = 0; i < indices.length; i += 3)
+    if ([0, 1, 2].some((k) => isBeside.has(place[indices[i + k]!]!))) near.push(i / 3);
+  return Uint32Array.from(near);
+}
+
+/** Which edges of all chunks have one triangle in all. */
+export class Borders {
+  private readonly counts = new Map<number, number>();
+
+  add({ names }: Rim): void {
+    for (const name of names) this.counts.set(name, (this.counts.get(name) ?? 0) + 1);
+  }
+  remove({ names }: Rim): void {
+    for (const name of names) {
+      const count = this.counts.get(name) ?? 0;
+      if (count > 1) this.counts.set(name, count - 1);
+      else this.counts.delete(name);
+    }
+  }
+
+  /** Which edges of each chunk are borders that fade, by number. */
+  find(rims: readonly Rim[]): number[][] {
+    const borders = rims.map((rim) => [...rim.names.keys()].filter((i) => this.counts.get(rim.names[i]!) === 1));
+    const joined = new JoinedLengths();
+    rims.forEach((rim, n) => {
+      for (const i of borders[n]!) joined.add(rim.ends[2 * i]!, rim.ends[2 * i + 1]!, rim.lengths[i]!);
+    });
+    return rims.map((rim, n) => borders[n]!.filter((i) => joined.lengthAt(rim.ends[2 * i]!) >= kShortestBorderM));
+  }
+}
+
+/** Lengths of edges that hang together (union-find over the names of their ends). */
+class JoinedLengths {
+  private readonly numbers = new Map<number, number>();
+  private readonly parents: number[] = [];
+  private readonly lengths: number[] = [];
+
+  add(a: number, b: number, length: number): void {
+    const [from, to] = [this.root(a), this.root(b)];
+    this.lengths[to]! += length;
+    if (from === to) return;
+    this.parents[from] = to;
+    this.lengths[to]! += this.lengths[from]!;
+  }
+
+  lengthAt(name: number): number {
+    return this.lengths[this.root(name)]!;
+  }
+
+  private root(name: number): number {
+    let at = this.numbers.get(name);
+    if (at === undefined) {
+      this.numbers.set(name, (at = this.parents.length));
+      this.parents.push(at);
+      this.lengths.push(0);
+    }
+    while (this.parents[at] !== at) at = this.parents[at] = this.parents[this.parents[at]!]!;
+    return at;
+  }
+}
+
+/** [points] Metres to the nearest border, along edges and as far as the fade can reach. */
+export function borderDistances({ positions, indices }: ChunkMesh, rim: Rim, borders: readonly number[]): Float32Array<ArrayBuffer> {
+  const at = new Float32Array(rim.places).fill(kFarM);
+  for (const edge of borders) at[rim.edges[2 * edge]!] = at[rim.edges[2 * edge + 1]!] = 0;
+  for (let round = 0; round < 2; ++round)
+    for (const triangle of rim.near)
+      for (let k = 0; k < 3; ++k) {
+        const [a, b] = [indices[3 * triangle + k]!, indices[3 * triangle + ((k + 1) % 3)]!];
+        const [p, q] = [rim.place[a]!, rim.place[b]!];
+        if (at[p] === kFarM && at[q] === kFarM) continue;
+        const span = Math.hypot(
+          positions[3 * a]! - positions[3 * b]!, positions[3 * a + 1]! - positions[3 * b + 1]!, positions[3 * a + 2]! - positions[3 * b + 2]!,
+        );
+        at[p] = reached(at[p]!, at[q]! + span);
+        at[q] = reached(at[q]!, at[p]! + span);
+      }
+  return Float32Array.from(rim.place, (p) => at[p]!);
+}
+
+/** A distance that is larger than kFarM still tells how steeply the fade goes. */
+function reached(before: number, now: number): number {
+  return before === kFarM ? now : Math.min(before, now);
+}
+
+/** Numbers of the triangles in which the fade shows. */
+export function fadingTriangles({ indices }: ChunkMesh, rim: Rim, distances: Float32Array): Uint32Array {
+  return rim.near.filter((triangle) => [0, 1, 2].some((k) => distances[indices[3 * triangle + k]!]! < kFadeM));
+}

@@ -1,0 +1,114 @@
+import assert from "node:assert/strict";
+import { test } from "node:test";
+import { Health, Hysteresis } from "../../src/health.ts";
+import { pixelRatio, Resolution } from "../../src/resolution.ts";
+
+interface Stream {
+  readonly fps: number;
+  readonly workMs?: number;
+  readonly latencyMs?: number;
+  readonly sensors?: readonly number[];
+}
+
+/** What is said after each second of a stream. */
+function listen(health: Health, fromS: number, seconds: number, { fps, workMs = 5, latencyMs = 100, sensors = [0, 1] }: Stream): string[] {
+  const said: string[] = [];
+  for (let s = fromS; s < fromS + seconds; ++s) {
+    for (let i = 0; i < fps; ++i) {
+      const atMs = 1000 * (s + i / fps);
+      const capturedAtNs = BigInt(Math.round(atMs * 1e6));
+      health.came({ atMs, capturedAtNs, sources: sensors.map((sensor) => ({ sensor, capturedAtNs })), workMs, latencyMs });
+    }
+    said.push(health.words(1000 * (s + 1)).join(" "));
+  }
+  return said;
+}
+
+test("nothing is said of a stream that keeps up", () => {
+  const said = listen(new Health(["a", "b"], 30), 0, 30, { fps: 28 });
+  assert.ok(said.every((words) => words === ""), said.join("|"));
+});
+
+test("a slow server is told after some seconds, with the same words until it is quick again", () => {
+  const health = new Health(["a", "b"], 30);
+  const slow = listen(health, 0, 20, { fps: 6 });
+  assert.equal(slow[3], "");
+  assert.equal(slow.at(-1), "The server is slower than the sensors: 6 of 30 captures a second.");
+  assert.equal(new Set(slow.filter((words) => words !== "")).size, 1);
+  const between = listen(health, 20, 10, { fps: 20 }); // neither slow nor quick
+  assert.notEqual(between.at(-1), "");
+  assert.equal(listen(health, 30, 15, { fps: 30 }).at(-1), "");
+});
+
+test("a slow browser is not blamed on the server", () => {
+  assert.match(listen(new Health(["a", "b"], 30), 0, 20, { fps: 5, workMs: 190 }).at(-1)!, /^This device is slower/);
+});
+
+test("a picture that comes late is told", () => {
+  assert.match(listen(new Health(["a", "b"], 30), 0, 12, { fps: 30, latencyMs: 4100 }).at(-1)!, /4 s late/);
+});
+
+test("missing sensors are named, and not those that come back", () => {
+  const health = new Health(["cam-0", "cam-1", "cam-2"], 30);
+  assert.equal(listen(health, 0, 12, { fps: 30, sensors: [0, 1] }).at(-1), "cam-2 is missing.");
+  assert.equal(listen(health, 12, 8, { fps: 30, sensors: [1] }).at(-1), "cam-0 and cam-2 are missing.");
+  assert.equal(listen(health, 20, 8, { fps: 30, sensors: [0, 1, 2] }).at(-1), "");
+  const many = new Health(Array.from({ length: 9 }, (_, i) => `s${i}`), 30);
+  assert.equal(listen(many, 0, 12, { fps: 30, sensors: [0] }).at(-1), "8 of 9 sensors are missing.");
+});
+
+test("a sensor whose capture is old is missing, too", () => {
+  const health = new Health(["a", "b"], 10);
+  let words: string[] = [];
+  for (let i = 0; i < 120; ++i) {
+    const capturedAtNs = BigInt(i) * 100_000_000n;
+    const sources = [{ sensor: 0, capturedAtNs }, { sensor: 1, capturedAtNs: 0n }];
+    health.came({ atMs: 100 * i, capturedAtNs, sources, workMs: 5, latencyMs: null });
+    words = health.words(100 * i);
+  }
+  assert.deepEqual(words, ["b is missing."]);
+});
+
+test("an answer changes only when it has held for a while", () => {
+  const answer = new Hysteresis();
+  for (let t = 0; t < 20_000; t += 1000) assert.equal(answer.update(t, t % 2000 === 0 ? "yes" : "no"), false);
+  answer.update(20_000, "yes");
+  assert.equal(answer.update(23_000, "yes"), true);
+  assert.equal(answer.update(24_000, "no"), true);
+  assert.equal(answer.update(26_000, "no"), false);
+});
+
+test("the resolution falls while frames are slow, rises later, and less eagerly each time", () => {
+  const resolution = new Resolution();
+  const frames = (ms: number): number => {
+    for (let n = 1; n < 10_000; ++n) if (resolution.drew(ms)) return n;
+    return Infinity;
+  };
+  assert.equal(resolution.scale(), 1);
+  frames(40);
+  const lower = resolution.scale();
+  assert.ok(lower < 1);
+  const first = frames(10);
+  assert.equal(resolution.scale(), 1);
+  frames(40);
+  assert.ok(frames(10) > first);
+  for (let i = 0; i < 10; ++i) frames(40);
+  assert.ok(resolution.scale() >= 0.5);
+});
+
+test("one long pause is no slow drawing", () => {
+  const resolution = new Resolution();
+  for (let i = 0; i < 100; ++i) assert.equal(resolution.drew(1000), false);
+  assert.equal(resolution.scale(), 1);
+});
+
+test("a device draws all its pixels; the processor only when nothing moves", () => {
+  const phone = { width: 390, height: 844, devicePixelRatio: 3 };
+  assert.equal(pixelRatio(phone, false, false, 1), 3);
+  assert.equal(pixelRatio(phone, false, false, 0.5), 1.5);
+  assert.equal(pixelRatio(phone, false, true, 0.5), 3);
+  const desk = { width: 1920, height: 1080, devicePixelRatio: 1 };
+  assert.ok(pixelRatio(desk, true, false, 1) < 0.5);
+  assert.ok(pixelRatio(desk, true, true, 1) > 1);
+  assert.ok(pixelRatio(desk, true, true, 1) ** 2 * 1920 * 1080 <= 4_000_001);
+});
