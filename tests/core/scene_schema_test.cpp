@@ -45,6 +45,7 @@ constexpr std::pair<const char*, const char*> kBeyondSchema[] = {
     {"beam_(altitude|azimuth)_deg must be a list of .* of them", "as many numbers as size says"},
     {R"(must be \[near, far\])", "two numbers in order"},
     {"up must be a direction", "not all of three numbers 0"},
+    {"look_at must be another place than eye", "two keys"},
     {"must be multiples of the lattice's step", "another key gives the step"},
     {", which is for pipeline points", "another key gives the range"},
     {"outside the lattice's cube", "pose, range and lattice together"},
@@ -103,7 +104,7 @@ atlas: {views: best_angle, mask: false, size: [512, 256], burn_sequence: true}
 reuse: {chunks: false}
 rate: {model: fixed, target_mbps: 10}
 coding: {texture_scale: 0.5, texture_qp: 30, sensor_texture_qp: 20, depth_qp: 10, frame_divider: 1}
-gateway: {listen: "0.0.0.0:80"}
+gateway: {listen: "0.0.0.0:80", start: {eye: [1, 1, 1.6], look_at: [0, 0, 1]}}
 nats: {url: "nats://127.0.0.1:4222"}
 tcp: {a: "127.0.0.1:9000", w: "[::1]:9001"}
 truth:
