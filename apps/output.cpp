@@ -74,6 +74,8 @@ Status write_model(const DecodedScene& scene, Vec3d up, const std::filesystem::p
   if (file.extension() != ".ply")
     return Error{Error::Cause::unsupported,
                  "cannot export points to " + file.string() + ": use the ending .ply"};
+  const Pose T = codec::T_file_world(up);
+  for (Vec3f& p : points.positions) p = vec_cast<float>(T * vec_cast<double>(p));
   return write_file(file, baseline::to_ply(points));
 }
 
