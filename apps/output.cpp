@@ -8,6 +8,7 @@
 #include <chrono>
 #include <cstdio>
 
+#include "command_line.h"
 #include "mr/baseline/ply_points.h"
 #include "mr/baseline/run_baseline.h"
 #include "mr/codec/export.h"
@@ -99,18 +100,22 @@ Result<RunOutcome> run_other(const Scene& scene, int frames, const node::RunList
 
 int fail(const std::string& message) {
   fmt::print(stderr, "meshreduce: {}\n", message);
-  return 1;
+  return kFailed;
+}
+
+int misuse(const std::string& message) {
+  fail(message);
+  return kMisused;
 }
 
 std::optional<Scene> load_or_tell(const std::filesystem::path& file) {
   SceneResult result = load_scene(file);
   for (const SceneProblem& problem : result.problems)
     fmt::print(stderr, "{}\n", to_string(problem));
-  if (!result.problems.empty()) {
-    fmt::print(stderr, "meshreduce: {} problem{} in {}; nothing was started\n",
-               result.problems.size(), result.problems.size() == 1 ? "" : "s", file.string());
-    return std::nullopt;
-  }
+  if (result.problems.size() > 1)
+    fmt::print(stderr, "meshreduce: {} problems in {}; nothing was started\n",
+               result.problems.size(), file.string());
+  if (!result.problems.empty()) return std::nullopt;
   for (const SceneProblem& notice : result.notices)
     fmt::print(stderr, "note: {}\n", to_string(notice));
   return std::move(result.scene);

@@ -13,8 +13,10 @@
 /// line, and writing what came out.
 namespace mr::apps {
 
-/// Prints "meshreduce: message" to stderr; returns exit code 1.
+/// Prints "meshreduce: message" to stderr; returns exit code 1 (kFailed).
 int fail(const std::string& message);
+/// The same for options that do not go together; returns exit code 2 (kMisused).
+int misuse(const std::string& message);
 
 /// Loads a scene; tells every problem on stderr, one line each, and gives nothing when there is
 /// any.

@@ -26,7 +26,7 @@ listed=$("$bench" --list --json | number 'o.fuse.map(c => c.case).filter(c => ["
 [ "$listed" = 3 ] || fail_test "--list --json: not the three default cases ($listed)"
 
 # A small rig as a scene: quick, and everywhere the same.
-"$meshreduce" synth room --sensors 2 --frames 1 --depth-mode nfov_binned --color 320x180 >/dev/null
+"$meshreduce" synth ./room --sensors 2 --frames 1 --depth-mode nfov_binned --color 320x180 >/dev/null
 sed -i 's/voxel_m: [0-9.]*/voxel_m: 0.04/; s/truncation_m: [0-9.]*/truncation_m: 0.16/' room/scene.yaml
 grep -q "voxel_m: 0.04" room/scene.yaml || fail_test "the scene has no voxel_m"
 "$bench" fuse --input room/scene.yaml --case cam-0 --runs 3 --json >out.json 2>err.txt || fail_test "fuse: $(cat err.txt)"
