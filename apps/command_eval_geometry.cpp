@@ -325,7 +325,7 @@ int eval_geometry(const GeometryOptions& options) {
   std::optional<Scene> scene;
   if (!options.compares_files()) {
     if (options.inputs[0].extension() == ".ply")
-      return fail("a .ply file needs another to compare it with: eval geometry A.ply B.ply");
+      return misuse("a .ply file needs another to compare it with: eval geometry A.ply B.ply");
     if (!(scene = load_or_tell(options.inputs[0], options.set))) return 1;
   }
   std::optional<Result<Measured>> measured;
@@ -378,7 +378,7 @@ void add_eval_geometry(CLI::App& eval, int& exit_code) {
     if (options->compares_files() &&
         frame->count() + decoded->count() + reference->count() + options->set.size() > 0)
       exit_code =
-          fail("--frame, --decoded, --reference and --set are for scenes, not for two files");
+          misuse("--frame, --decoded, --reference and --set are for scenes, not for two files");
     else
       exit_code = eval_geometry(*options);
   });

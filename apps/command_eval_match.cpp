@@ -83,7 +83,7 @@ std::string knobs(const eval::Match& m, double fps) {
 
 int run_match(const MatchOptions& options) {
   if (options.target.mbps.has_value() == options.target.ssim.has_value())
-    return fail("give one of --mbps and --ssim");
+    return misuse("give one of --mbps and --ssim");
   auto scene = load_for_eval(options.scene, options.set);
   if (!scene) return 1;
   scene->coding.frame_divider = 1;  // varied

@@ -26,7 +26,7 @@ bool is_picture(const std::filesystem::path& file) {
 int compare_pictures(const SsimOptions& options) {
   if (!options.pipeline.empty() || !options.reference.empty() || !options.pictures.empty() ||
       !options.set.empty())
-    return fail(
+    return misuse(
         "--pipeline, --reference, --pictures and --set are for scenes, not for two pictures");
   std::vector<eval::ImageLuma> lumas;
   for (const auto& file : options.files) {
@@ -67,7 +67,7 @@ Status write_pictures(const eval::Trial& trial, const std::vector<ImageRgb>& pic
 
 int measure_scene(const SsimOptions& options) {
   if (is_picture(options.files.front()))
-    return fail("one picture cannot be compared: name two, or a scene file");
+    return misuse("one picture cannot be compared: name two, or a scene file");
   if (const Status ok = check({{}, {}, options.pictures}); !ok) return fail(ok.error().message);
   auto scene = load_for_eval(options.files.front(), options.set);
   if (!scene) return 1;

@@ -1,19 +1,30 @@
 #include <fmt/format.h>
 
+#include <algorithm>
+#include <cmath>
+#include <cstdint>
 #include <memory>
 #include <nlohmann/json.hpp>
+#include <optional>
+#include <string>
+#include <vector>
 
 #include "commands.h"
+#include "mr/core/parallel.h"
+#include "mr/eval/scene_check.h"
 #include "mr/synth/room.h"
 #include "output.h"
 
 namespace mr::apps {
 namespace {
 
+using Json = nlohmann::ordered_json;
+
 struct InfoOptions {
   std::filesystem::path scene;
   std::vector<std::string> set;
   bool json = false;
+  std::optional<bool> pictures;  ///< nothing: those of files, not those that must be rendered
 };
 
 std::string source_name(const SensorConfig& sensor) {
@@ -30,65 +41,162 @@ std::string size_of(const Camera& camera) {
   return fmt::format("{}x{}", camera.width, camera.height);
 }
 
-nlohmann::ordered_json as_json(const Scene& scene) {
-  nlohmann::ordered_json out{{"scene", scene.id},
-                             {"fps", scene.fps},
-                             {"voxel_m", scene.voxel_m},
-                             {"sensors", nlohmann::ordered_json::array()},
-                             {"mergers", nlohmann::ordered_json::array()}};
-  for (const SensorConfig& s : scene.sensors) {
-    const Vec3d at = s.T_world_depth.front().translation;
-    out["sensors"].push_back(
-        {{"id", s.id},
-         {"source", source_name(s)},
-         {"items", item_count(s)},
-         {"depth", {s.depth_camera.width, s.depth_camera.height}},
-         {"color", s.color_camera
-                       ? nlohmann::ordered_json{s.color_camera->width, s.color_camera->height}
-                       : nlohmann::ordered_json()},
-         {"position_m", {at.x, at.y, at.z}},
-         {"moving", s.T_world_depth.size() > 1}});
+/// To the tenth of a millimetre, or of a per mille.
+double rounded(double value) { return std::round(value * 1e4) / 1e4; }
+
+Json sensor_as_json(const SensorConfig& s) {
+  const Vec3d at = s.T_world_depth.front().translation;
+  return {{"id", s.id},
+          {"source", source_name(s)},
+          {"items", item_count(s)},
+          {"depth", {s.depth_camera.width, s.depth_camera.height}},
+          {"color", s.color_camera ? Json{s.color_camera->width, s.color_camera->height} : Json()},
+          {"position_m", {at.x, at.y, at.z}},
+          {"moving", s.T_world_depth.size() > 1}};
+}
+
+Json pictures_as_json(const eval::SensorCheck& c) {
+  if (!c.problem.empty()) return {{"problem", c.problem}};
+  return {{"depth", {c.depth_width, c.depth_height}},
+          {"color", c.color_width > 0 ? Json{c.color_width, c.color_height} : Json()},
+          {"valid_ratio", rounded(c.valid_ratio)},
+          {"outside_ratio", rounded(c.outside_ratio)},
+          {"depth_m",
+           {{"min", rounded(c.min_m)}, {"median", rounded(c.median_m)}, {"max", rounded(c.max_m)}}},
+          {"hints", c.hints}};
+}
+
+double median_mm(const eval::SceneCheck& check) {
+  std::vector<double> apart;
+  for (const eval::PairFit& pair : check.pairs) apart.push_back(pair.residual_mm);
+  std::ranges::sort(apart);
+  return apart.empty() ? 0 : apart[apart.size() / 2];
+}
+
+Json fit_as_json(const eval::SceneCheck& check) {
+  Json pairs = Json::array();
+  for (const eval::PairFit& p : check.pairs)
+    pairs.push_back({{"a", p.a},
+                     {"b", p.b},
+                     {"residual_mm", rounded(p.residual_mm)},
+                     {"noise_mm", rounded(p.noise_mm)},
+                     {"shared_m2", rounded(p.shared_m2)},
+                     {"expected_m2", rounded(p.expected_m2)},
+                     {"fit", to_string(p.fit)}});
+  return {{"rating", check.fit() ? Json(to_string(*check.fit())) : Json()},
+          {"median_mm", check.fit() ? Json(rounded(median_mm(check))) : Json()},
+          {"misfits", check.misfits},
+          {"pairs", std::move(pairs)}};
+}
+
+/// `check`: nothing where no pictures were looked at.
+Json as_json(const Scene& scene, const std::optional<eval::SceneCheck>& check) {
+  Json out{{"scene", scene.id},
+           {"fps", scene.fps},
+           {"voxel_m", scene.voxel_m},
+           {"sensors", Json::array()},
+           {"mergers", Json::array()}};
+  for (std::size_t i = 0; i < scene.sensors.size(); ++i) {
+    out["sensors"].push_back(sensor_as_json(scene.sensors[i]));
+    if (check) out["sensors"].back()["pictures"] = pictures_as_json(check->sensors[i]);
   }
   for (const MergerConfig& m : scene.mergers)
     out["mergers"].push_back({{"id", m.id}, {"inputs", m.inputs}, {"deadline_ms", m.deadline_ms}});
+  if (check) out["fit"] = fit_as_json(*check);
   return out;
 }
 
-std::string as_text(const Scene& scene) {
+std::string sensor_as_text(const SensorConfig& s) {
+  const Vec3d at = s.T_world_depth.front().translation;
+  return fmt::format(
+      "  sensor {:<12} {:<12} {:>4} items  depth {:<9} color {:<9} at ({:.2f}, {:.2f}, {:.2f}) "
+      "m{}\n",
+      s.id, source_name(s), item_count(s), size_of(s.depth_camera),
+      s.color_camera ? size_of(*s.color_camera) : "none", at.x, at.y, at.z,
+      s.T_world_depth.size() > 1 ? ", moving" : "");
+}
+
+std::string pictures_as_text(const eval::SensorCheck& c) {
+  if (!c.problem.empty()) return {};  // told on stderr
+  std::string out = fmt::format(
+      "    first pictures: depth {}x{}, {:.0f} % valid, {:.2f} to {:.2f} m, median {:.2f} m; "
+      "color {}\n",
+      c.depth_width, c.depth_height, 100 * c.valid_ratio, c.min_m, c.max_m, c.median_m,
+      c.color_width > 0 ? fmt::format("{}x{}", c.color_width, c.color_height) : "none");
+  for (const std::string& hint : c.hints) out += fmt::format("    ! {}\n", hint);
+  return out;
+}
+
+std::string fit_as_text(const eval::SceneCheck& check) {
+  if (check.sensors.size() < 2) return {};
+  if (!check.fit()) return "fit: unknown, for no two sensors see the same surface\n";
+  const eval::PairFit& worst = check.pairs.front();
+  std::string out = fmt::format(
+      "fit: {}; median {:.1f} mm over {} pairs that see the same; worst {} and {}: {:.1f} mm "
+      "({:.1f} "
+      "mm are noise) on {:.0f} % of what both should see\n",
+      to_string(*check.fit()), median_mm(check), check.pairs.size(), worst.a, worst.b,
+      worst.residual_mm, worst.noise_mm, 100 * worst.shared_m2 / worst.expected_m2);
+  for (const std::string& id : check.misfits)
+    out += fmt::format("  ! {} does not fit the others\n", id);
+  if (check.fit() == eval::Fit::bad)
+    out +=
+        "  ! check T_world_depth (camera to world, metres), depth_unit_m and the cameras' fx, "
+        "fy, cx, cy\n";
+  return out;
+}
+
+std::string as_text(const Scene& scene, const std::optional<eval::SceneCheck>& check) {
   std::string out =
       fmt::format("scene {}: {} sensors, {} mergers, {} fps, {} mm voxels\n", scene.id,
                   scene.sensors.size(), scene.mergers.size(), scene.fps, scene.voxel_m * 1000);
-  for (const SensorConfig& s : scene.sensors) {
-    const Vec3d at = s.T_world_depth.front().translation;
-    out += fmt::format(
-        "  sensor {:<12} {:<12} {:>4} items  depth {:<9} color {:<9} at ({:.2f}, {:.2f}, {:.2f}) "
-        "m{}\n",
-        s.id, source_name(s), item_count(s), size_of(s.depth_camera),
-        s.color_camera ? size_of(*s.color_camera) : "none", at.x, at.y, at.z,
-        s.T_world_depth.size() > 1 ? ", moving" : "");
+  for (std::size_t i = 0; i < scene.sensors.size(); ++i) {
+    out += sensor_as_text(scene.sensors[i]);
+    if (check) out += pictures_as_text(check->sensors[i]);
   }
   for (const MergerConfig& m : scene.mergers)
     out += fmt::format("  merger {:<12} from {}, waits {} ms\n", m.id, fmt::join(m.inputs, " "),
                        m.deadline_ms);
-  return out;
+  return out + (check ? fit_as_text(*check) : "");
+}
+
+/// Exit code 1 when a picture cannot be read; each is told.
+int tell_unreadable(const eval::SceneCheck& check) {
+  int code = 0;
+  for (const eval::SensorCheck& sensor : check.sensors)
+    if (!sensor.problem.empty()) code = fail("sensor " + sensor.id + ": " + sensor.problem);
+  return code;
 }
 
 int info(const InfoOptions& options) {
   auto scene = load_or_tell(options.scene, options.set);
   if (!scene) return 1;
   if (scene->rig) scene->sensors = synth::rig_sensors(*scene->rig);
-  fmt::print("{}", options.json ? as_json(*scene).dump(2) + "\n" : as_text(*scene));
-  return 0;
+  std::optional<eval::SceneCheck> check;
+  if (options.pictures.value_or(!scene->rig))
+    Arena(scene->threads).run([&] {
+      check = eval::check_scene(*scene, synth::default_rig_cache());
+    });
+  fmt::print("{}",
+             options.json
+                 ? as_json(*scene, check).dump(2, ' ', false, Json::error_handler_t::replace) + "\n"
+                 : as_text(*scene, check));
+  return check ? tell_unreadable(*check) : 0;
 }
 
 }  // namespace
 
 void add_info(CLI::App& app, int& exit_code) {
   auto options = std::make_shared<InfoOptions>();
-  CLI::App* command = app.add_subcommand("info", "Check a scene file and tell what it holds");
+  CLI::App* command =
+      app.add_subcommand("info", "Check a scene file and its first pictures, and how sensors fit");
   command->add_option("FILE", options->scene, "Scene file (YAML)")->required();
   add_set_option(*command, options->set);
   command->add_flag("--json", options->json, "Print as JSON");
+  command->add_flag_function(
+      "--pictures,!--no-pictures", [options](std::int64_t count) { options->pictures = count > 0; },
+      "Open the first picture of each sensor; without either, those of files are opened, and those "
+      "of a rig, which must be rendered, are not");
   command->footer("Example:\n  meshreduce info examples/red-kitchen.yaml");
   command->callback([options, &exit_code] { exit_code = info(*options); });
 }

@@ -227,8 +227,8 @@ int plan(const PlanOptions& given) {
   const auto scene = node::prepare_scene(*loaded);
   if (!scene) return fail(scene.error().message);
   if (static_cast<std::size_t>(options.config.mergers) > scene->sensors.size())  // before the work
-    return fail(fmt::format("{} mergers are more than the scene's {} sensors",
-                            options.config.mergers, scene->sensors.size()));
+    return misuse(fmt::format("{} mergers are more than the scene's {} sensors",
+                              options.config.mergers, scene->sensors.size()));
   std::optional<Result<Outcome>> outcome;
   Arena arena(options.threads > 0 ? options.threads : scene->threads);
   arena.run([&] { outcome.emplace(make(*scene, options)); });

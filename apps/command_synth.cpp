@@ -19,6 +19,7 @@ struct SynthOptions {
   std::filesystem::path folder;
   RigConfig rig;
   std::string room, color = "1280x720", depth_mode = "nfov", noise = "kinect", format = "images";
+  bool has_kind = false;  ///< --kind was given
   std::string kind = "room";
   double fps = 30;
   int threads = 0;
@@ -68,10 +69,20 @@ void show_progress(int done, int of) {
   std::fflush(stderr);
 }
 
+/// Whether OUT seems to be meant as the kind of the room: a bare word that is one, and no folder.
+bool is_kind_for_folder(const SynthOptions& options) {
+  return !options.has_kind && kKinds.contains(options.folder.string()) &&
+         !std::filesystem::exists(options.folder);
+}
+
 int synth(const SynthOptions& options) {
-  if (options.format == "mkv") return fail("--format mkv is unsupported yet; use --format images");
+  if (is_kind_for_folder(options))
+    return misuse(
+        fmt::format("'{0}' is a kind of room, not a folder: meshreduce synth FOLDER "
+                    "--kind {0} (or ./{0} for a folder of that name)",
+                    options.folder.string()));
   const auto rig = rig_of(options);
-  if (!rig) return fail(rig.error().message);
+  if (!rig) return misuse(rig.error().message);
   std::error_code failed;
   if (std::filesystem::exists(options.folder) && !std::filesystem::is_directory(options.folder))
     return fail(options.folder.string() + " is not a folder");
@@ -111,9 +122,9 @@ void add_synth(CLI::App& app, int& exit_code) {
   CLI::App* command = app.add_subcommand(
       "synth", "Write a synthetic rig: pictures, a scene file, and the true surface");
   command->add_option("OUT", options->folder, "Folder to write")->required();
-  command->add_option("--kind", options->kind, "Room")
-      ->check(CLI::IsMember(kKinds))
-      ->capture_default_str();
+  CLI::Option* kind = command->add_option("--kind", options->kind, "Kind of room")
+                          ->check(CLI::IsMember(kKinds))
+                          ->capture_default_str();
   command->add_option("--room", options->room, "Size in metres, such as 6x5x3; else by its kind");
   command->add_option("--seed", rig.seed, "Another seed is another room")->capture_default_str();
   command->add_option("--people", rig.people, "Who walk and gesture")
@@ -144,14 +155,17 @@ void add_synth(CLI::App& app, int& exit_code) {
       ->check(CLI::Range(1.0, 240.0))
       ->capture_default_str();
   command->add_option("--format", options->format, "How frames are written")
-      ->check(CLI::IsMember({"images", "mkv"}))
+      ->check(CLI::IsMember({"images"}))
       ->capture_default_str();
   command->add_option("--threads", options->threads, "Threads; 0: all cores")
       ->check(CLI::Range(0, 1024));
   command->add_flag("--force", options->force, "Write into a folder that is not empty");
   command->footer(
       "Example:\n  meshreduce synth /tmp/office --kind office --sensors 6 --people 2 --frames 60");
-  command->callback([options, &exit_code] { exit_code = synth(*options); });
+  command->callback([options, kind, &exit_code] {
+    options->has_kind = kind->count() > 0;
+    exit_code = synth(*options);
+  });
 }
 
 }  // namespace mr::apps

@@ -10,6 +10,7 @@
 #include <cstdlib>
 #include <mutex>
 
+#include "command_line.h"
 #include "mr/core/file.h"
 #include "mr/node/live_scene.h"
 #include "mr/synth/room.h"
@@ -135,7 +136,7 @@ int run_live(Scene scene, const LiveRun& run) {
   options.rendering = [&](int done, int of) {
     show_rendering(console, done, of);
     if (interrupt.within(std::chrono::milliseconds(0)))
-      std::_Exit(130);  // the cache keeps what is whole
+      std::_Exit(kInterrupted);  // the cache keeps what is whole
   };
   auto live = node::LiveScene::start(std::move(scene), options);
   if (!live) return fail(live.error().message);

@@ -1,16 +1,19 @@
 #include <CLI/CLI.hpp>
-#include <cstdio>
-#include <exception>
 
+#include "command_line.h"
 #include "commands.h"
+#include "version.h"
 
 int main(int argc, char** argv) {
   CLI::App app{
       "MeshReduce: live 3D capture with many depth sensors, as one streamed textured mesh.",
       "meshreduce"};
   app.require_subcommand(1);
-  app.failure_message(CLI::FailureMessage::simple);
-  app.footer("meshreduce COMMAND --help shows a command's options and examples.");
+  app.set_version_flag("--version", mr::apps::version_text, "Print the version");
+  app.footer(
+      "meshreduce COMMAND --help shows a command's options and examples.\n"
+      "Exit code: 0 done, 1 it failed, 2 wrong command line, 130 interrupted "
+      "(docs/command-line.md).");
   int exit_code = 0;
   mr::apps::add_demo(app, exit_code);
   mr::apps::add_run(app, exit_code);
@@ -20,13 +23,6 @@ int main(int argc, char** argv) {
   mr::apps::add_plan(app, exit_code);
   mr::apps::add_synth(app, exit_code);
   mr::apps::add_eval(app, exit_code);
-  try {
-    app.parse(argc, argv);
-  } catch (const CLI::ParseError& wrong) {
-    return app.exit(wrong);
-  } catch (const std::exception& unexpected) {
-    std::fprintf(stderr, "meshreduce: %s\n", unexpected.what());
-    return 1;
-  }
-  return exit_code;
+  const mr::apps::ExitCode parsed = mr::apps::parse_and_run(app, argc, argv);
+  return parsed == mr::apps::kDone ? exit_code : parsed;
 }

@@ -8,6 +8,7 @@
 #include <chrono>
 #include <cstdio>
 
+#include "command_line.h"
 #include "mr/baseline/ply_points.h"
 #include "mr/baseline/run_baseline.h"
 #include "mr/codec/export.h"
@@ -74,6 +75,8 @@ Status write_model(const DecodedScene& scene, Vec3d up, const std::filesystem::p
   if (file.extension() != ".ply")
     return Error{Error::Cause::unsupported,
                  "cannot export points to " + file.string() + ": use the ending .ply"};
+  const Pose T = codec::T_file_world(up);
+  for (Vec3f& p : points.positions) p = vec_cast<float>(T * vec_cast<double>(p));
   return write_file(file, baseline::to_ply(points));
 }
 
@@ -97,7 +100,12 @@ Result<RunOutcome> run_other(const Scene& scene, int frames, const node::RunList
 
 int fail(const std::string& message) {
   fmt::print(stderr, "meshreduce: {}\n", message);
-  return 1;
+  return kFailed;
+}
+
+int misuse(const std::string& message) {
+  fail(message);
+  return kMisused;
 }
 
 void add_set_option(CLI::App& command, std::vector<std::string>& set) {
@@ -114,9 +122,9 @@ std::optional<Scene> usable_or_tell(SceneResult result) {
     fmt::print(stderr, "{}\n", to_string(problem));
   const auto in_file = std::count_if(result.problems.begin(), result.problems.end(),
                                      [](const SceneProblem& p) { return !p.option; });
-  if (in_file > 0)
-    fmt::print(stderr, "meshreduce: {} problem{} in {}; nothing was started\n", in_file,
-               in_file == 1 ? "" : "s", result.scene.file.string());
+  if (in_file > 1)
+    fmt::print(stderr, "meshreduce: {} problems in {}; nothing was started\n", in_file,
+               result.scene.file.string());
   if (!result.problems.empty()) return std::nullopt;
   for (const SceneProblem& notice : result.notices)
     fmt::print(stderr, "note: {}\n", to_string(notice));

@@ -15,8 +15,10 @@
 /// line, and writing what came out.
 namespace mr::apps {
 
-/// Prints "meshreduce: message" to stderr; returns exit code 1.
+/// Prints "meshreduce: message" to stderr; returns exit code 1 (kFailed).
 int fail(const std::string& message);
+/// The same for options that do not go together; returns exit code 2 (kMisused).
+int misuse(const std::string& message);
 
 /// --set key=value, as often as one likes; what load_or_tell takes.
 void add_set_option(CLI::App& command, std::vector<std::string>& set);

@@ -3,9 +3,10 @@
 #include <CLI/CLI.hpp>
 #include <algorithm>
 #include <cstdio>
-#include <exception>
 
+#include "apps/command_line.h"
 #include "mr/core/file.h"
+#include "mr/core/words.h"
 #include "stage.h"
 
 namespace mr::bench {
@@ -24,7 +25,20 @@ std::vector<Stage> stages() {
 
 int fail(const std::string& message) {
   fmt::print(stderr, "mr-bench: {}\n", message);
-  return 1;
+  return apps::kFailed;
+}
+
+/// The command line is wrong.
+int misused(const std::string& message) {
+  fail(message);
+  return apps::kMisused;
+}
+
+std::string no_stage(const std::string& word) {
+  if (word.empty()) return "name a stage; mr-bench --list names them";
+  std::vector<std::string> names;
+  for (const Stage& stage : stages()) names.push_back(stage.name);
+  return "no stage " + in_quotes(word) + did_you_mean(word, names) + "; mr-bench --list names them";
 }
 
 Message list_as_json() {
@@ -54,11 +68,8 @@ int measure(const Options& options) {
   const auto known = stages();
   const auto stage = std::find_if(known.begin(), known.end(),
                                   [&](const Stage& s) { return s.name == options.stage; });
-  if (stage == known.end())
-    return fail(options.stage.empty()
-                    ? "name a stage; mr-bench --list names them"
-                    : "no stage '" + options.stage + "'; mr-bench --list names them");
-  if (!options.plot.empty() && !stage->plot) return fail(stage->name + " draws no figure");
+  if (stage == known.end()) return misused(no_stage(options.stage));
+  if (!options.plot.empty() && !stage->plot) return misused(stage->name + " draws no figure");
   apps::ProgressBar bar;
   const auto report = stage->run(options.request, bar);
   bar.hide();
@@ -111,14 +122,9 @@ int main(int argc, char** argv) {
   CLI::App app{"Measures the stages of MeshReduce beside the best other implementations.",
                "mr-bench"};
   mr::bench::Options options;
+  int exit_code = 0;
   mr::bench::add_options(app, options);
-  try {
-    app.parse(argc, argv);
-    return mr::bench::run(options);
-  } catch (const CLI::ParseError& wrong) {
-    if (wrong.get_exit_code() == 0) return app.exit(wrong);
-    return mr::bench::fail(wrong.what());
-  } catch (const std::exception& unexpected) {
-    return mr::bench::fail(unexpected.what());
-  }
+  app.callback([&] { exit_code = mr::bench::run(options); });
+  const mr::apps::ExitCode parsed = mr::apps::parse_and_run(app, argc, argv);
+  return parsed == mr::apps::kDone ? exit_code : parsed;
 }

@@ -11,12 +11,14 @@ trap 'rm -rf "$work"' EXIT
 cd "$work"
 source "$here/tests/support/check.sh"
 number() { node -e 'const o = JSON.parse(require("fs").readFileSync(0, "utf8").trimEnd().split("\n").pop()); console.log('"$1"')'; }
-refused() {  # refused NAME PATTERN ARGUMENTS...   exit code 1, and one line that says why
-  local name=$1 pattern=$2
-  shift 2
-  check "$name" 1 "^mr-bench: .*($pattern)" "$bench" "$@"
+told() {  # told CODE NAME PATTERN ARGUMENTS...   that exit code, and one line that says why
+  local code=$1 name=$2 pattern=$3
+  shift 3
+  check "$name" "$code" "^mr-bench: .*($pattern)" "$bench" "$@"
   [ "$("$bench" "$@" 2>&1 | wc -l)" = 1 ] || fail_test "$name: more than one line"
 }
+refused() { told 1 "$@"; }
+misused() { told 2 "$@"; }  # the command line is wrong
 
 check "--help" 0 "Examples" "$bench" --help
 check "--list" 0 "^fuse: " "$bench" --list
@@ -26,7 +28,7 @@ listed=$("$bench" --list --json | number 'o.fuse.map(c => c.case).filter(c => ["
 [ "$listed" = 3 ] || fail_test "--list --json: not the three default cases ($listed)"
 
 # A small rig as a scene: quick, and everywhere the same.
-"$meshreduce" synth room --sensors 2 --frames 1 --depth-mode nfov_binned --color 320x180 >/dev/null
+"$meshreduce" synth ./room --sensors 2 --frames 1 --depth-mode nfov_binned --color 320x180 >/dev/null
 sed -i 's/voxel_m: [0-9.]*/voxel_m: 0.04/; s/truncation_m: [0-9.]*/truncation_m: 0.16/' room/scene.yaml
 grep -q "voxel_m: 0.04" room/scene.yaml || fail_test "the scene has no voxel_m"
 "$bench" fuse --input room/scene.yaml --case cam-0 --runs 3 --json >out.json 2>err.txt || fail_test "fuse: $(cat err.txt)"
@@ -61,16 +63,16 @@ figures=$(number '(() => {
       && ["open3d", "cgal", "meshoptimizer"].every(p => o.absent.includes(p) != o.results.some(r => r.impl == p)); })()' <out.json)
 [ "$figures" = true ] || fail_test "simplify: implausible figures: $(cat out.json)"
 grep -q "Worst error" plot.svg || fail_test "simplify --plot: $(head -c 300 plot.svg)"
-check "a figure where there is none" 1 "mr-bench: fuse draws no figure" "$bench" fuse --plot plot.svg
+check "a figure where there is none" 2 "mr-bench: fuse draws no figure" "$bench" fuse --plot plot.svg
 
-refused "no stage" "name a stage"
-refused "unknown stage" "no stage 'fusion'" fusion
+misused "no stage" "name a stage"
+misused "unknown stage" "no stage 'fusion'.*did you mean 'fuse'" fusion
 refused "unknown case" "no case 'nothing'" fuse --case nothing
 refused "unknown share" "no case '7%'" simplify --case 7%
 refused "no such sensor's share" "no case 'cam-9/10%'" simplify --input room/scene.yaml --case cam-9/10%
-refused "unknown option" "nonsense" fuse --nonsense
-refused "no threads" "threads" fuse --threads 0
-refused "no number of threads" "threads" fuse --threads two
+misused "unknown option" "nonsense" fuse --nonsense
+misused "no threads" "threads" fuse --threads 0
+misused "no number of threads" "threads" fuse --threads two
 refused "no scene" "missing.yaml" fuse --input missing.yaml
 refused "no such sensor" "sensor 'cam-9'" fuse --input room/scene.yaml --case cam-9
 MR_DATA=$work refused "no recordings" "room_bench.*MR_DATA" fuse --case room_bench

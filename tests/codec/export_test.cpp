@@ -27,7 +27,7 @@ using testing::ElementsAre;
 using testing::IsEmpty;
 using testing::UnorderedElementsAre;
 
-constexpr Vec3d kUp{0, 0, 1};
+constexpr Vec3d kUp{0, 0, 1}, kUpright{0, 1, 0};  ///< nothing is turned with the latter
 
 class Export : public testing::Test {
  protected:
@@ -317,7 +317,7 @@ TEST_F(Export, SamplesBetweenPixelCentres) {
 
 TEST_F(Export, PlyReadsBack) {
   const DecodedScene scene = wall_scene();
-  ASSERT_TRUE(export_scene(scene, kUp, folder_ / "a.PLY").ok());
+  ASSERT_TRUE(export_scene(scene, kUpright, folder_ / "a.PLY").ok());
   const auto bytes = read_file(folder_ / "a.PLY");
   ASSERT_TRUE(bytes.ok());
   const std::string text(reinterpret_cast<const char*>(bytes->data()), bytes->size());
@@ -347,7 +347,7 @@ TEST_F(Export, PlyReadsBack) {
 
 TEST_F(Export, ObjReadsBack) {
   const DecodedScene scene = wall_scene();
-  ASSERT_TRUE(export_scene(scene, kUp, folder_ / "my room.obj").ok());
+  ASSERT_TRUE(export_scene(scene, kUpright, folder_ / "my room.obj").ok());
   EXPECT_THAT(files(),
               UnorderedElementsAre("my room.obj", "my_room.mtl", "my_room_4.png", "my_room_9.png"));
   const auto picture = kit::read_color(folder_ / "my_room_9.png");
@@ -393,6 +393,66 @@ TEST_F(Export, ObjReadsBack) {
   for (const char* expected : {"newmtl stream_4", "newmtl stream_9", "newmtl no_view",
                                "map_Kd my_room_4.png", "map_Kd my_room_9.png"})
     EXPECT_NE(mtl.str().find(expected), std::string::npos) << expected;
+}
+
+/// Vertices of a .glb as a viewer shows them.
+std::vector<Vec3d> shown_positions(const Glb& glb) {
+  const auto q = glb.json["nodes"][0]["rotation"].get<std::array<double, 4>>();
+  const Vec3d v{q[0], q[1], q[2]};
+  std::vector<Vec3d> out;
+  for (const Json& primitive : glb.json["meshes"][0]["primitives"])
+    for (const Vec3f at : glb.read<Vec3f>(primitive["attributes"]["POSITION"])) {
+      const Vec3d p = vec_cast<double>(at);
+      out.push_back(p + cross(v, cross(v, p) + p * q[3]) * 2.0);
+    }
+  return out;
+}
+
+std::vector<Vec3d> ply_positions(const std::filesystem::path& file) {
+  const auto bytes = read_file(file);
+  const std::string text(reinterpret_cast<const char*>(bytes->data()), bytes->size());
+  const std::size_t count = std::stoul(text.substr(text.find("element vertex ") + 15));
+  const std::size_t first = text.find("end_header\n") + 11;
+  std::vector<Vec3d> out;
+  for (std::size_t v = 0; v < count; ++v)
+    out.push_back(vec_cast<double>(get<Vec3f>(*bytes, first + 15 * v)));
+  return out;
+}
+
+std::vector<Vec3d> obj_positions(const std::filesystem::path& file) {
+  std::ifstream in(file);
+  std::vector<Vec3d> out;
+  for (std::string line, word; std::getline(in, line);) {
+    std::istringstream words(line);
+    words >> word;
+    if (word == "v") words >> out.emplace_back().x >> out.back().y >> out.back().z;
+  }
+  return out;
+}
+
+TEST_F(Export, AllFormatsStandTheSameWay) {
+  for (const Vec3d up : {Vec3d{0, 0, 1}, Vec3d{0, 1, 0}, Vec3d{0, -1, 0}, Vec3d{1, 0, 0},
+                         normalized(Vec3d{0.2, -0.9, 0.3}), normalized(Vec3d{0, -1, 1e-4})}) {
+    for (const char* name : {"a.glb", "a.ply", "a.obj"})
+      ASSERT_TRUE(export_scene(wall_scene(), up, folder_ / name).ok());
+    const auto glb = shown_positions(Glb(folder_ / "a.glb"));
+    const auto ply = ply_positions(folder_ / "a.ply"), obj = obj_positions(folder_ / "a.obj");
+    ASSERT_EQ(glb.size(), 18u);
+    ASSERT_EQ(ply.size(), glb.size());
+    ASSERT_EQ(obj.size(), glb.size());
+    for (std::size_t v = 0; v < glb.size(); ++v) {
+      EXPECT_NEAR(length(ply[v] - glb[v]), 0, 1e-5);
+      EXPECT_NEAR(length(obj[v] - glb[v]), 0, 1e-5);
+    }
+  }
+}
+
+TEST_F(Export, ZUpIsTurnedExactly) {
+  ASSERT_TRUE(export_scene(wall_scene(), kUp, folder_ / "a.ply").ok());
+  for (const Vec3d p : ply_positions(folder_ / "a.ply")) {
+    EXPECT_EQ(p.y, 2);  // the wall lies at z = 2
+    EXPECT_EQ(std::abs(p.z), 0.25);
+  }
 }
 
 TEST_F(Export, TheSameSceneGivesTheSameBytes) {

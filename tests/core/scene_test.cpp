@@ -671,6 +671,33 @@ TEST_F(SceneFile, EnvironmentIsExpanded) {
   ::unsetenv("MR_TEST_FPS");
 }
 
+TEST_F(SceneFile, AnUnsetVariableIsToldOnce) {
+  ::unsetenv("MR_TEST_UNSET");
+  EXPECT_THAT(
+      problems(long_sensor("{type: rgbd-images, depth: [\"${MR_TEST_UNSET}/0.png\", "
+                           "\"${MR_TEST_UNSET}/1.png\"]}",
+                           "{files: [\"${MR_TEST_UNSET}/0.txt\", \"${MR_TEST_UNSET}/1.txt\"]}")),
+      ElementsAre(HasSubstr("4: environment variable MR_TEST_UNSET is not set")));
+}
+
+TEST_F(SceneFile, WhatOneMissingFolderShouldHoldIsToldOnce) {
+  ::unsetenv("MR_TEST_UNSET");
+  const std::string room = "${MR_TEST_UNSET:-none}/room/";
+  EXPECT_THAT(problems(long_sensor("{type: rgbd-images, depth: {pattern: \"" + room +
+                                       "%d.png\", first: 0, last: 4}}",
+                                   "{file: \"" + room + "pose.txt\"}")),
+              ElementsAre(testing::AllOf(
+                  HasSubstr("4: no folder '"), HasSubstr("/none', where 6 files of this scene"),
+                  HasSubstr("; set MR_TEST_UNSET to the folder that holds 'room'"))));
+  // Files that are missing in a folder that is there are told one by one.
+  EXPECT_THAT(problems(long_sensor("{type: rgbd-images, depth: [x.png, y.png]}")),
+              ElementsAre(HasSubstr("no such file"), HasSubstr("no such file")));
+  // One path alone says what it is.
+  EXPECT_THAT(
+      problems(long_sensor("{type: rgbd-images, depth: none/x.png}")),
+      ElementsAre(testing::AllOf(HasSubstr("4: depth: no such file"), HasSubstr("none/x.png"))));
+}
+
 TEST_F(SceneFile, ARigReplacesSensors) {
   const SceneResult result = load(R"(scene: s
 rig: {type: synthetic, seed: 4294967295, room: [6, 5, 3], sensors: 3, depth_mode: wfov, color: [640, 360],

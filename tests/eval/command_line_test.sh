@@ -13,7 +13,7 @@ measure() { "$meshreduce" eval "$@"; }
 absent() { for file in "$@"; do [ ! -e "$file" ] || fail_test "$file was left behind"; done; }
 number() { node -e 'const o = JSON.parse(require("fs").readFileSync(0)); console.log('"$1"')'; }  # JSON on stdin
 
-"$meshreduce" synth room --sensors 2 --frames 3 --people 1 --depth-mode nfov_binned --color 320x180 >/dev/null
+"$meshreduce" synth ./room --sensors 2 --frames 3 --people 1 --depth-mode nfov_binned --color 320x180 >/dev/null
 scene=room/scene.yaml
 sed -i 's/voxel_m: 0.02/voxel_m: 0.04/' $scene
 without() { sed "$2" $scene >room/$1.yaml; }  # a variant of the scene, beside it

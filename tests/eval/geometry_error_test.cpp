@@ -421,6 +421,28 @@ TEST(ReadPly, SkipsOtherPropertiesAndElementsAndCutsFacesIntoTriangles) {
   EXPECT_EQ(mesh->triangles, expected);
 }
 
+TEST(ReadPly, WhatWasTurnedForOtherToolsIsTurnedBack) {
+  const test::TempDir folder;
+  const std::string rest = header("element vertex 3\n" + kXyz, "element face 1\n" + kCorners) +
+                           three_vertices() + bytes_of('\3', 0, 1, 2);
+  const auto with = [&](const std::string& numbers) {
+    std::string file = rest;
+    return folder.write(
+        "turned.ply", file.insert(rest.find("element"), "comment T_file_world " + numbers + "\n"));
+  };
+  const auto mesh = read_ply(with("1 0 0 0 0 0 1 0 0 -1 0 0 0 0 0 1"));  // z up to y up
+  ASSERT_TRUE(mesh) << mesh.error().message;
+  const std::vector<Vec3f> expected{{0, 0, 0}, {1, 0, 0}, {0, 0, 1}};
+  EXPECT_EQ(mesh->positions, expected);
+  for (const char* numbers :
+       {"", "1 0 0", "1 0 0 0 0 x 1 0 0 -1 0 0 0 0 0 1", "1 0 0 0 0 0 nan 0 0 -1 0 0 0 0 0 1",
+        "0 0 0 0 0 0 0 0 0 0 0 0 0 0 0 1"}) {
+    const auto wrong = read_ply(with(numbers));
+    ASSERT_FALSE(wrong) << numbers;
+    EXPECT_EQ(wrong.error().cause, Error::Cause::corrupt);
+  }
+}
+
 TEST(ReadPly, EveryCutIsToldInOneLine) {
   const test::TempDir folder;
   const std::string whole = header("element vertex 3\n" + kXyz, "element face 2\n" + kCorners) +

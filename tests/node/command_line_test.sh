@@ -19,12 +19,31 @@ fusion: {truncation_m: 0.16}
 simplify: {ratio: 0.3}
 YAML
 
-check "demo --frames without --no-viewer" 107 "no-viewer" "$meshreduce" demo --frames 3
+check "--version" 0 "^meshreduce [0-9]+\.[0-9]+\.[0-9]+$" "$meshreduce" --version
+check "--version names libavcodec" 0 "libavcodec [0-9.]+, licence: .*GPL" "$meshreduce" --version
+check "--help tells exit codes" 0 "Exit code: 0 done, 1 it failed, 2 " "$meshreduce" --help
+misused() {  # misused NAME PATTERN ARGUMENTS...   exit code 2, and one line that says why
+  local name=$1 pattern=$2
+  shift 2
+  check "$name" 2 "^meshreduce: .*($pattern)" "$meshreduce" "$@"
+  [ "$("$meshreduce" "$@" 2>&1 | wc -l)" = 1 ] || fail_test "$name: more than one line"
+}
+misused "a command with a letter too few" "no command 'dem' \(did you mean 'demo'\?\); meshreduce --help" dem
+misused "a command with a letter too many" "did you mean 'run'" runn room.yaml
+misused "a wrong command of eval" "no command 'sim' \(did you mean 'ssim'\?\); meshreduce eval --help" eval sim
+misused "a word like no command" "no command 'calibrate';" calibrate
+misused "a scene as the command" "meshreduce run room.yaml" room.yaml
+misused "a wrong option" "run has no option '--frame' \(did you mean '--frames'\?\)" run room.yaml --frame=3
+misused "an option before the command" "no option '--frames'" --frames 3 run room.yaml
+misused "no scene" "SCENE is required; meshreduce run --help" run
+misused "a number that is none" "--frames.*meshreduce run --help" run room.yaml --frames many
+misused "demo --frames without --no-viewer" "no-viewer" demo --frames 3
+check "no command" 2 "^Usage: meshreduce" "$meshreduce"
+check "no command of eval" 2 "^Usage: meshreduce eval" "$meshreduce" eval
 for command in run demo export info; do check "$command --help" 0 Example "$meshreduce" $command --help; done
-check "no command" fails "subcommand" "$meshreduce"
-check "unknown option" fails "nonsense" "$meshreduce" run room.yaml --nonsense
 check "no such scene" fails "missing.yaml" "$meshreduce" run missing.yaml
 check "info" 0 "2 sensors" "$meshreduce" info room.yaml
+check "info of a rig that is rendered" 0 "^fit: good" "$meshreduce" info room.yaml --pictures
 check "info as JSON" 0 '"sensors"' "$meshreduce" info room.yaml --json
 check "run" 0 "triangles" "$meshreduce" run room.yaml --frames 2 --export out.glb --report out.json --snapshot pictures
 for file in out.glb out.json pictures/above.png; do
@@ -81,6 +100,40 @@ sensors:
     T_world_depth: [1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1]
 YAML
 check "an empty folder" fails "empty.yaml:4:.*empty/000000" "$meshreduce" run empty.yaml
+
+# Recordings that are not here: one line, which names the variable and the folder.
+missing=$(MR_DATA=$work/nowhere "$meshreduce" info "$here/examples/red-kitchen.yaml" 2>&1)
+[ $? = 1 ] && [ "$(wc -l <<<"$missing")" = 1 ] || fail_test "missing recordings: $missing"
+grep -qE "no folder '$work/nowhere', where 24 files.*set MR_DATA to the folder that holds 'sevenscenes" <<<"$missing" ||
+  fail_test "missing recordings: $missing"
+
+# Rigs as pictures
+check "synth KIND" 2 "'office' is a kind of room, not a folder: meshreduce synth FOLDER --kind office" "$meshreduce" synth office
+[ ! -e office ] || fail_test "synth office wrote a folder"
+check "synth as mkv" 2 "format.*images" "$meshreduce" synth pictures-of --format mkv
+check "synth ./KIND" 0 "2 sensors, 1 frames" "$meshreduce" synth ./office --sensors 2 --frames 1 --people 0 \
+  --depth-mode nfov_binned --color 320x180
+
+# info looks at the pictures, and says what is wrong with them.
+info() { "$meshreduce" info "$@" 2>&1; }
+variant() { sed "$2" office/scene.yaml >office/$1.yaml; }  # of the scene, beside it
+check "info of pictures" 0 "first pictures: depth 320x288, [0-9]+ % valid, .*color 320x180" info office/scene.yaml
+check "info rates the fit" 0 "^fit: good; median [0-9.]+ mm over 1 pairs" info office/scene.yaml
+figures=$("$meshreduce" info office/scene.yaml --json | node -e '
+  const o = JSON.parse(require("fs").readFileSync(0)), p = o.sensors[0].pictures, d = p.depth_m;
+  console.log(o.fit.rating == "good" && o.fit.pairs[0].residual_mm > 0 && p.depth[0] == 320 && p.color[1] == 180
+      && p.valid_ratio > 0.5 && 0.3 < d.min && d.min < d.median && d.median < d.max && d.max < 10 && p.hints.length == 0)')
+[ "$figures" = true ] || fail_test "info --json: implausible figures"
+variant unit 's/depth_unit_m: [0-9.]*/depth_unit_m: 1/'
+check "a wrong unit" 0 "! the median depth is [0-9]+ m: check depth_unit_m, now 1; with millimetres, 0.001, it would be [1-9]" info office/unit.yaml
+variant near 's/depth_range_m: .*/depth_range_m: [0.1, 0.5]/'
+check "a wrong range" 0 "! [0-9]+ % of the pixels with depth lie outside depth_range_m \[0.1, 0.5\]" info office/near.yaml
+cp office/cam-0/depth/000000.png whole.png
+head -c 100 whole.png >office/cam-0/depth/000000.png
+check "a cut picture" 1 "meshreduce: sensor cam-0: .*000000.png" info office/scene.yaml
+check "the other sensor beside a cut picture" 1 "first pictures" info office/scene.yaml
+check "a cut picture that is not opened" 0 "2 sensors" info office/scene.yaml --no-pictures
+cp whole.png office/cam-0/depth/000000.png
 
 # A disk that is full: files over 32 kB cannot be written.
 mkdir full

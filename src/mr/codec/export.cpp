@@ -44,7 +44,28 @@ Status write_all(const std::filesystem::path& file, const std::vector<NamedBytes
   return {};
 }
 
+void turn(std::vector<BakedPart>& parts, const Pose& T) {
+  for (BakedPart& part : parts)
+    for (Vec3f& p : part.positions) p = vec_cast<float>(T * vec_cast<double>(p));
+}
+
 }  // namespace
+
+/// Rodrigues' formula without angles, exact where `up` is an axis.
+Pose T_file_world(Vec3d up) {
+  const Vec3d y{0, 1, 0}, axis = cross(up, y);  // its length: the sine of the angle
+  const double more = dot(up + y, up + y) / 2;  // 1 + its cosine
+  if (length(up + y) < 1e-6) return Pose{{{1, 0, 0, 0, -1, 0, 0, 0, -1}}, {}};  // about x
+  Pose T;
+  for (int column = 0; column < 3; ++column) {
+    Vec3d unit;
+    unit[column] = 1;
+    const Vec3d once = cross(axis, unit), twice = cross(axis, once);
+    const Vec3d turned = unit + once + twice / more;
+    for (int row = 0; row < 3; ++row) T.rotation(row, column) = turned[row];
+  }
+  return T;
+}
 
 Status export_scene(const DecodedScene& scene, Vec3d up, const std::filesystem::path& file) {
   const std::string kind = ending(file);
@@ -53,12 +74,14 @@ Status export_scene(const DecodedScene& scene, Vec3d up, const std::filesystem::
                  "cannot export " + file.string() + ": the name must end in .glb, .ply or .obj"};
   if (!is_finite(up) || std::abs(length(up) - 1) > 1e-3)
     return Error{Error::Cause::invalid, "export needs an up direction of unit length"};
-  const auto parts = bake(scene);
+  auto parts = bake(scene);
   if (!parts)
     return Error{parts.error().cause,
                  "cannot export " + file.string() + ": " + parts.error().message};
   if (kind == ".glb") return write(file, to_glb(*parts, scene, normalized(up)));
-  if (kind == ".ply") return write(file, to_ply(*parts, scene));
+  const Pose T = T_file_world(normalized(up));
+  turn(*parts, T);
+  if (kind == ".ply") return write(file, to_ply(*parts, scene, T));
   const auto files = to_obj(*parts, scene, file.stem().string());
   if (!files) return files.error();
   return write_all(file, *files);

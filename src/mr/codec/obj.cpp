@@ -1,5 +1,4 @@
 #include <algorithm>
-#include <charconv>
 #include <cstdint>
 
 #include "mr/codec/writers.h"
@@ -12,14 +11,6 @@ std::string without_blanks(std::string name) {
   std::replace_if(
       name.begin(), name.end(), [](unsigned char c) { return c <= ' '; }, '_');
   return name;
-}
-
-/// The shortest text that reads back as the same number, in any locale.
-template <typename Number>
-void put_number(std::string& out, Number value) {
-  char text[32];
-  const auto end = std::to_chars(text, text + sizeof(text), value).ptr;
-  out.append(text, end);
 }
 
 std::string material_name(const BakedPart& part) {

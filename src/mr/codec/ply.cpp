@@ -3,8 +3,19 @@
 #include "mr/codec/writers.h"
 
 namespace mr::codec {
+namespace {
 
-Result<Bytes> to_ply(const std::vector<BakedPart>& parts, const DecodedScene& scene) {
+/// How the vertices were turned, for those who want them back in the world.
+std::string pose_comment(const Pose& T_file_world) {
+  std::string out = "comment T_file_world";
+  for (const double value : T_file_world.matrix()) out += ' ', put_number(out, value + 0.0);
+  return out + "\n";
+}
+
+}  // namespace
+
+Result<Bytes> to_ply(const std::vector<BakedPart>& parts, const DecodedScene& scene,
+                     const Pose& T_file_world) {
   std::size_t vertices = 0, triangles = 0;
   for (const BakedPart& part : parts)
     vertices += part.positions.size(), triangles += part.triangles.size();
@@ -12,15 +23,13 @@ Result<Bytes> to_ply(const std::vector<BakedPart>& parts, const DecodedScene& sc
     return Error{Error::Cause::too_large, "a .ply file holds at most 2^31 vertices"};
   Bytes out;
   out.reserve(512 + vertices * 15 + triangles * 13);
-  put_text(out,
-           "ply\nformat binary_little_endian 1.0\ncomment MeshReduce\n"
-           "element vertex " +
-               std::to_string(vertices) +
-               "\nproperty float x\nproperty float y\nproperty float z\n"
-               "property uchar red\nproperty uchar green\nproperty uchar blue\n"
-               "element face " +
-               std::to_string(triangles) +
-               "\nproperty list uchar int vertex_indices\nend_header\n");
+  put_text(out, "ply\nformat binary_little_endian 1.0\ncomment MeshReduce\n" +
+                    pose_comment(T_file_world) + "element vertex " + std::to_string(vertices) +
+                    "\nproperty float x\nproperty float y\nproperty float z\n"
+                    "property uchar red\nproperty uchar green\nproperty uchar blue\n"
+                    "element face " +
+                    std::to_string(triangles) +
+                    "\nproperty list uchar int vertex_indices\nend_header\n");
   for (const BakedPart& part : parts)
     for (std::size_t v = 0; v < part.positions.size(); ++v) {
       put(out, part.positions[v]);

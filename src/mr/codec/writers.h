@@ -2,6 +2,7 @@
 
 #include <array>
 #include <bit>
+#include <charconv>
 #include <cstddef>
 #include <filesystem>
 #include <string>
@@ -9,6 +10,7 @@
 #include <vector>
 
 #include "mr/codec/bake.h"
+#include "mr/core/pose.h"
 
 /// The file formats of export.h, each from baked parts; private to the module.
 namespace mr::codec {
@@ -21,7 +23,17 @@ using Bytes = std::vector<std::byte>;
 /// `parts`: not empty. `up`: unit length.
 Result<Bytes> to_glb(const std::vector<BakedPart>& parts, const DecodedScene& scene, Vec3d up);
 
-Result<Bytes> to_ply(const std::vector<BakedPart>& parts, const DecodedScene& scene);
+/// `parts` stand as the file wants them; its header tells by T_file_world how that is.
+Result<Bytes> to_ply(const std::vector<BakedPart>& parts, const DecodedScene& scene,
+                     const Pose& T_file_world);
+
+/// Adds the shortest text that reads back as the same number, in any locale.
+template <typename Number>
+void put_number(std::string& out, Number value) {
+  char text[32];
+  const auto end = std::to_chars(text, text + sizeof(text), value).ptr;
+  out.append(text, end);
+}
 
 /// A file that belongs to an export.
 struct NamedBytes {

@@ -58,7 +58,8 @@ std::string folder_hint(const std::filesystem::path& path) {
   return {};
 }
 
-void check_pattern_files(Report& report, const FileList& list, const std::string& name, int line) {
+void check_pattern_files(Report& report, const FileList& list, const std::string& name, int line,
+                         const std::string& written) {
   std::string first;
   std::size_t bad = 0;
   for (const std::filesystem::path& path : list.paths) {
@@ -68,8 +69,10 @@ void check_pattern_files(Report& report, const FileList& list, const std::string
   if (bad == 0) return;
   const std::string total = std::to_string(list.paths.size());
   if (bad == list.paths.size())
-    report.problem(line, name + ": none of the " + total + " files of the pattern exists; first: " +
-                             first + folder_hint(list.paths.front()));
+    report.missing_files(line,
+                         name + ": none of the " + total + " files of the pattern exists; first: " +
+                             first + folder_hint(list.paths.front()),
+                         list.paths.front(), bad, written);
   else
     report.problem(line, name + ": " + std::to_string(bad) + " of the " + total +
                              " files of the pattern cannot be used; first: " + first);
@@ -83,7 +86,8 @@ void add_file(Report& report, const YamlNode& node, const std::string& name, Fil
   else if (text) {
     path = report.resolve(*text);
     const std::string problem = file_problem(path);
-    if (!problem.empty()) report.problem(node.line, name + ": " + problem);
+    if (!problem.empty())
+      report.missing_files(node.line, name + ": " + problem, path, 1, node.text);
   }
   list.paths.push_back(std::move(path));
   list.lines.push_back(node.line);
@@ -171,7 +175,7 @@ std::optional<FileList> read_pattern(MapReader& map, const std::string& name) {
   list.is_pattern = true;
   for (int i = first; i <= last; ++i) list.paths.push_back(map.report.resolve(pattern->name(i)));
   list.lines.assign(list.paths.size(), line);
-  check_pattern_files(map.report, list, name, line);
+  check_pattern_files(map.report, list, name, line, map.find("pattern")->text);
   return list;
 }
 

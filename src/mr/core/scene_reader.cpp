@@ -12,7 +12,6 @@ namespace {
 
 constexpr std::size_t kMaxProblems = 1000;
 constexpr std::size_t kMaxFiles = 1'000'000;
-constexpr std::size_t kMaxShown = 160;
 
 const char* kind_name(YamlNode::Kind kind) {
   constexpr const char* kNames[] = {"empty", "a single value", "a list", "a mapping"};
@@ -23,22 +22,6 @@ std::string number_text(double v) {
   char text[32];
   std::snprintf(text, sizeof text, "%.9g", v);
   return text;
-}
-
-/// Edits (insert, drop, replace a letter) between two short words.
-std::size_t edit_distance(std::string_view a, std::string_view b) {
-  std::vector<std::size_t> row(b.size() + 1);
-  for (std::size_t j = 0; j < row.size(); ++j) row[j] = j;
-  for (std::size_t i = 1; i <= a.size(); ++i) {
-    std::size_t diagonal = row[0];
-    row[0] = i;
-    for (std::size_t j = 1; j <= b.size(); ++j) {
-      const std::size_t replace = diagonal + (a[i - 1] != b[j - 1]);
-      diagonal = row[j];
-      row[j] = std::min({replace, row[j] + 1, row[j - 1] + 1});
-    }
-  }
-  return row.back();
 }
 
 bool is_name(std::string_view name) {
@@ -77,12 +60,33 @@ std::optional<std::string> expand(Report& report, int line, const std::string& t
     else if (value)
       out += value;
     else {
-      report.problem(line, "environment variable " + name + " is not set; set it or write ${" +
-                               name + ":-default}");
+      report.unset_variable(line, name);
       return std::nullopt;
     }
     at = close + 1;
   }
+}
+
+/// The highest folder on the way to a file that does not exist; empty where its own folder does.
+std::filesystem::path missing_folder(const std::filesystem::path& file) {
+  std::filesystem::path missing;
+  std::error_code failed;
+  for (auto at = file.parent_path(); !at.empty() && !std::filesystem::exists(at, failed);
+       at = at.parent_path())
+    missing = at;
+  return missing;
+}
+
+/// What may help where a path with a variable, such as "${DATA}/room/0.png", leads nowhere.
+std::string remedy(const std::string& written) {
+  const std::size_t open = written.find("${"), close = written.find('}', open);
+  if (open == std::string::npos || close == std::string::npos) return {};
+  const std::string inside = written.substr(open + 2, close - open - 2);
+  const std::string name = inside.substr(0, inside.find(":-"));
+  const std::string rest = written.substr(close + 1);
+  const std::size_t end = rest.find('/', 1);
+  if (!rest.starts_with('/') || end == std::string::npos) return "; set " + name;
+  return "; set " + name + " to the folder that holds " + in_quotes(rest.substr(1, end - 1));
 }
 
 /// Reads a decimal number; says what is wrong with it otherwise.
@@ -130,6 +134,22 @@ void Report::problem(int line, std::string message) {
   problems_.push_back({file_, line, std::move(message)});
 }
 
+void Report::unset_variable(int line, const std::string& name) {
+  if (unset_.insert(name).second)
+    problem(line, "environment variable " + name + " is not set; set it or write ${" + name +
+                      ":-default}");
+}
+
+void Report::missing_files(int line, std::string message, const std::filesystem::path& first,
+                           std::size_t count, const std::string& written) {
+  const std::filesystem::path folder = missing_folder(first);
+  if (folder.empty()) return problem(line, std::move(message));
+  MissingFolder& missing = missing_[folder];
+  if (missing.told++ == 0)
+    missing.line = line, missing.message = std::move(message), missing.remedy = remedy(written);
+  missing.files += count;
+}
+
 void Report::notice(int line, std::string message) {
   if (notices_.size() < kMaxProblems) notices_.push_back({file_, line, std::move(message)});
 }
@@ -154,28 +174,16 @@ std::vector<SceneProblem> Report::by_line(std::vector<SceneProblem> list) const 
   return list;
 }
 
-std::vector<SceneProblem> Report::take_problems() { return by_line(std::move(problems_)); }
+std::vector<SceneProblem> Report::take_problems() {
+  for (const auto& [folder, missing] : std::exchange(missing_, {}))
+    problem(missing.line, (missing.told == 1 ? missing.message
+                                             : "no folder " + in_quotes(folder.string()) +
+                                                   ", where " + std::to_string(missing.files) +
+                                                   " files of this scene should be") +
+                              missing.remedy);
+  return by_line(std::move(problems_));
+}
 std::vector<SceneProblem> Report::take_notices() { return by_line(std::move(notices_)); }
-
-std::string in_quotes(std::string_view text) {
-  std::string out(text.substr(0, kMaxShown));
-  for (char& c : out)
-    if (static_cast<unsigned char>(c) < 0x20 || c == 0x7f) c = '?';
-  return "'" + out + (text.size() > kMaxShown ? "...'" : "'");
-}
-
-std::string did_you_mean(std::string_view word, const std::vector<std::string>& known) {
-  constexpr std::size_t kMaxWord = 32, kMaxKnown = 256;
-  std::size_t best = std::clamp<std::size_t>(word.size() / 2, 1, 3) + 1;
-  const std::string* nearest = nullptr;
-  if (word.size() <= kMaxWord)
-    for (const std::string& candidate : std::span(known).first(std::min(known.size(), kMaxKnown))) {
-      if (candidate.size() > kMaxWord) continue;
-      const std::size_t distance = edit_distance(word, candidate);
-      if (distance < best) best = distance, nearest = &candidate;
-    }
-  return nearest ? " (did you mean " + in_quotes(*nearest) + "?)" : "";
-}
 
 std::string first_in(int line) {
   return line > 0 ? " (first in line " + std::to_string(line) + ")" : "";

@@ -2,7 +2,9 @@
 
 #include <filesystem>
 #include <initializer_list>
+#include <map>
 #include <optional>
+#include <set>
 #include <span>
 #include <string>
 #include <string_view>
@@ -10,6 +12,7 @@
 #include <vector>
 
 #include "mr/core/scene.h"
+#include "mr/core/words.h"
 #include "mr/core/yaml_tree.h"
 
 /// Inside load_scene: typed access to the YAML tree that notes every problem and goes on.
@@ -24,6 +27,13 @@ class Report {
 
   void problem(int line, std::string message);
   void notice(int line, std::string message);
+  /// An environment variable that a text needs is not set; told once for all texts that do.
+  void unset_variable(int line, const std::string& name);
+  /// `count` files that are not there, which `message` tells; `first` is one of them and `written`
+  /// how the scene file names it. What is said of several such within one missing folder becomes
+  /// one problem about the folder.
+  void missing_files(int line, std::string message, const std::filesystem::path& first,
+                     std::size_t count, const std::string& written);
   bool full() const;  ///< no further problem will be listed
 
   /// The "line" of what option i set; below 0.
@@ -43,17 +53,21 @@ class Report {
  private:
   std::vector<SceneProblem> by_line(std::vector<SceneProblem> list) const;
 
+  /// What is missing in one folder that does not exist.
+  struct MissingFolder {
+    int line = 0;         ///< of the first
+    std::string message;  ///< of the first
+    std::string remedy;   ///< may be empty
+    std::size_t told = 0, files = 0;
+  };
+
   std::filesystem::path file_;
   std::vector<std::string> options_;
   std::vector<SceneProblem> problems_, notices_;
+  std::set<std::string> unset_;
+  std::map<std::filesystem::path, MissingFolder> missing_;
   std::size_t files_ = 0;
 };
-
-/// 'text', shortened and without control characters.
-std::string in_quotes(std::string_view text);
-
-/// " (did you mean 'word'?)" with the most similar of `known`; empty when none is.
-std::string did_you_mean(std::string_view word, const std::vector<std::string>& known);
 
 /// " (first in line 7)"; empty for what stands in no line.
 std::string first_in(int line);

@@ -1,6 +1,7 @@
 #include "mr/eval/read_mesh.h"
 
 #include <algorithm>
+#include <array>
 #include <bit>
 #include <charconv>
 #include <cstring>
@@ -13,6 +14,7 @@
 #include <vector>
 
 #include "mr/core/file.h"
+#include "mr/core/pose.h"
 
 namespace mr::eval {
 namespace {
@@ -94,11 +96,36 @@ Result<Property> read_property(const std::vector<std::string>& words) {
   return Property{words.back(), *type, count};
 }
 
-/// What a file holds, in order.
-using Header = std::vector<Element>;
+/// What a file holds, in order, and how it was turned when it was written.
+struct Header {
+  std::vector<Element> elements;
+  std::optional<Pose> T_file_world;
+};
+
+/// The pose in a comment of an exported file (codec/export.h).
+Result<Pose> read_file_pose(const std::vector<std::string>& words) {
+  std::array<double, 16> matrix{};
+  if (words.size() != 2 + matrix.size()) return corrupt_mesh("its T_file_world has no 16 numbers");
+  for (std::size_t i = 0; i < matrix.size(); ++i) {
+    const std::string& word = words[2 + i];
+    const char* end = word.data() + word.size();
+    const auto [at, failed] = std::from_chars(word.data(), end, matrix[i]);
+    if (failed != std::errc{} || at != end)
+      return corrupt_mesh("its T_file_world holds " + shown(word) + ", which is no number");
+  }
+  auto pose = pose_from_matrix(matrix);
+  if (!pose) return corrupt_mesh("its T_file_world: " + pose.error().message);
+  return pose;
+}
 
 /// Takes one line of the header.
 Status take_line(const std::vector<std::string>& words, Header& header) {
+  if (words.size() > 1 && words[0] == "comment" && words[1] == "T_file_world") {
+    auto pose = read_file_pose(words);
+    if (!pose) return pose.error();
+    header.T_file_world = *pose;
+    return {};
+  }
   if (words.empty() || words[0] == "comment" || words[0] == "obj_info") return {};
   if (words[0] == "format") {
     if (words.size() == 3 && words[1] == "binary_little_endian") return {};
@@ -108,14 +135,14 @@ Status take_line(const std::vector<std::string>& words, Header& header) {
   if (words[0] == "element") {
     auto element = read_element(words);
     if (!element) return element.error();
-    header.push_back(*std::move(element));
+    header.elements.push_back(*std::move(element));
     return {};
   }
-  if (words[0] != "property" || header.empty())
+  if (words[0] != "property" || header.elements.empty())
     return corrupt_mesh("a header line begins with " + shown(words[0]));
   auto property = read_property(words);
   if (!property) return property.error();
-  header.back().properties.push_back(*std::move(property));
+  header.elements.back().properties.push_back(*std::move(property));
   return {};
 }
 
@@ -290,7 +317,7 @@ Result<Mesh> parse(std::string_view text) {
   Reader reader(text);
   Mesh mesh;
   bool vertices = false, faces = false;
-  for (const Element& element : *header) {
+  for (const Element& element : header->elements) {
     const bool again = element.name == "vertex" ? std::exchange(vertices, true)
                        : element.name == "face" ? std::exchange(faces, true)
                                                 : false;
@@ -302,6 +329,10 @@ Result<Mesh> parse(std::string_view text) {
     if (!read) return read.error();
   }
   if (!vertices || !faces) return corrupt_mesh("it has no vertices and faces");
+  if (header->T_file_world) {
+    const Pose T_world_file = header->T_file_world->inverse();
+    for (Vec3f& p : mesh.positions) p = vec_cast<float>(T_world_file * vec_cast<double>(p));
+  }
   return mesh;
 }
 

@@ -153,6 +153,14 @@ std::vector<std::byte> without_notes(std::span<const std::byte> unit) {
 
 }  // namespace
 
+VideoLibrary video_library() {
+  const unsigned version = avcodec_version();
+  return {std::to_string(AV_VERSION_MAJOR(version)) + "." +
+              std::to_string(AV_VERSION_MINOR(version)) + "." +
+              std::to_string(AV_VERSION_MICRO(version)),
+          avcodec_license()};
+}
+
 // ---- encoder ----
 
 struct VideoEncoder::Impl {

@@ -3,12 +3,20 @@
 #include <cstddef>
 #include <memory>
 #include <span>
+#include <string>
 #include <vector>
 
 #include "mr/core/image.h"
 #include "mr/core/result.h"
 
 namespace mr::kit {
+
+/// The library that codes video, as it is linked.
+struct VideoLibrary {
+  std::string version;  ///< of libavcodec
+  std::string licence;  ///< which a program linked with it is under, too
+};
+VideoLibrary video_library();
 
 struct VideoSettings {
   int width = 0, height = 0;  ///< pixels, even, at most 8192

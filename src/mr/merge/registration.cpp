@@ -338,14 +338,16 @@ double trim_m(const PairLook& look, const RegistrationConfig& config) {
 }
 
 PairResidual residual_of(const Pair& pair, const PairLook& look, double trim_m) {
-  PairResidual out{pair.a, pair.b, 0, 0, look.through_m2 / 2};
-  double squares = 0, area = 0;
+  PairResidual out{pair.a, pair.b, 0, 0, look.through_m2 / 2, 0};
+  double squares = 0, area = 0, all_squares = 0, all_area = 0;
   for (const Match& m : look.matches) {
+    all_squares += m.area_m2 * m.apart_m * m.apart_m, all_area += m.area_m2;
     if (std::abs(m.apart_m) > trim_m) continue;
     squares += m.area_m2 * m.apart_m * m.apart_m, area += m.area_m2;
   }
   out.shared_m2 = area / 2, out.expected_m2 += area / 2;
   if (area > 0) out.residual_mm = std::sqrt(squares / area) * 1000;
+  if (all_area > 0) out.untrimmed_mm = std::sqrt(all_squares / all_area) * 1000;
   return out;
 }
 

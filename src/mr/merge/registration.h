@@ -18,6 +18,9 @@ struct PairResidual {
   /// Shared area, and what of either lies where the other sees through it to something farther: of
   /// two parts that fit, 98 % and more is shared; less when one is far off.
   double expected_m2 = 0;
+  /// As residual_mm, which leaves out what lies over 4.5 times the median apart, but with it: tells
+  /// also an error that only a few walls show.
+  double untrimmed_mm = 0;
 };
 
 struct RegistrationConfig {

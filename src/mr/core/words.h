@@ -1,0 +1,16 @@
+#pragma once
+
+#include <string>
+#include <string_view>
+#include <vector>
+
+/// Words of a user in messages: of a scene file, of a command line.
+namespace mr {
+
+/// 'text', shortened and without control characters.
+std::string in_quotes(std::string_view text);
+
+/// " (did you mean 'word'?)" with the most similar of `known`; empty when none is.
+std::string did_you_mean(std::string_view word, const std::vector<std::string>& known);
+
+}  // namespace mr

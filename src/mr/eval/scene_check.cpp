@@ -1,0 +1,188 @@
+#include "mr/eval/scene_check.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <span>
+#include <tuple>
+#include <utility>
+#include <variant>
+
+#include "mr/baseline/monolithic.h"
+#include "mr/merge/part.h"
+#include "mr/merge/registration.h"
+#include "mr/node/sources.h"
+#include "mr/sensor/registration.h"
+
+namespace mr::eval {
+namespace {
+
+constexpr double kLeastVoxel_m = 0.02;  // finer takes longer and tells no more
+constexpr double kLeastShare = 0.85;    // of what both should see, as merge::outliers has it
+constexpr double kAnyDepth_m = 1e6;
+constexpr double kMostOutside = 0.5;                   // of the pixels with depth; more is told
+constexpr double kNearest_m = 0.1, kFarthest_m = 100;  // a median beyond is no room in metres
+
+/// A sensor of image files with all depth that the files hold; rigs render what is in range.
+SensorConfig without_range(SensorConfig sensor) {
+  if (std::holds_alternative<RgbdImagesSource>(sensor.source))
+    sensor.depth_near_m = 0, sensor.depth_far_m = kAnyDepth_m;
+  return sensor;
+}
+
+std::string range_text(const SensorConfig& sensor) {
+  return fmt::format("depth_range_m [{:g}, {:g}]", sensor.depth_near_m, sensor.depth_far_m);
+}
+
+/// What a wrong unit looks like: no median of a room.
+std::optional<std::string> unit_hint(const SensorConfig& sensor, double median_m) {
+  const auto* images = std::get_if<RgbdImagesSource>(&sensor.source);
+  if (!images || (median_m >= kNearest_m && median_m <= kFarthest_m)) return std::nullopt;
+  return fmt::format(
+      "the median depth is {:.4g} m: check depth_unit_m, now {:g}; with millimetres, 0.001, it "
+      "would be {:.4g} m",
+      median_m, images->depth_unit_m, median_m / images->depth_unit_m * 0.001);
+}
+
+std::vector<std::string> hints_of(const SensorConfig& sensor, const SensorCheck& check,
+                                  std::size_t with_depth, double median_m) {
+  if (with_depth == 0)
+    return {"no pixel has depth: is it the right picture, and is 'invalid' right?"};
+  std::vector<std::string> hints;
+  if (auto hint = unit_hint(sensor, median_m)) hints.push_back(*std::move(hint));
+  if (check.outside_ratio > kMostOutside)
+    hints.push_back(fmt::format("{:.0f} % of the pixels with depth lie outside {}",
+                                100 * check.outside_ratio, range_text(sensor)));
+  return hints;
+}
+
+/// Sorts.
+double median_of(std::vector<float>& values) {
+  std::ranges::sort(values);
+  return values.empty() ? 0 : static_cast<double>(values[values.size() / 2]);
+}
+
+/// Fills in what the pictures hold, and drops the depth that is out of range.
+void look_at_pictures(const SensorConfig& sensor, Frame& frame, SensorCheck& check) {
+  check.depth_width = frame.depth.width, check.depth_height = frame.depth.height;
+  check.color_width = frame.color.width, check.color_height = frame.color.height;
+  std::vector<float> all, valid;
+  for (float& depth : frame.depth.data) {
+    if (!(depth > 0)) continue;
+    all.push_back(depth);
+    const bool in_range = static_cast<double>(depth) >= sensor.depth_near_m &&
+                          static_cast<double>(depth) <= sensor.depth_far_m;
+    if (in_range)
+      valid.push_back(depth);
+    else
+      depth = 0;
+  }
+  const double median_m = median_of(all), valid_median_m = median_of(valid);
+  const std::vector<float>& told = valid.empty() ? all : valid;
+  if (!told.empty()) {
+    check.min_m = static_cast<double>(told.front()), check.max_m = static_cast<double>(told.back());
+    check.median_m = valid.empty() ? median_m : valid_median_m;
+    check.outside_ratio = 1 - static_cast<double>(valid.size()) / static_cast<double>(all.size());
+  }
+  check.valid_ratio =
+      static_cast<double>(valid.size()) / static_cast<double>(frame.depth.data.size());
+  check.hints = hints_of(sensor, check, all.size(), median_m);
+}
+
+/// The sensor's own surface, as a merger would get it.
+merge::Part surface_of(const Scene& scene, std::uint32_t sensor, Frame frame, double voxel_m) {
+  const sensor::Registration registration(scene.sensors[sensor], sensor);
+  frame = registration.undistort(std::move(frame));
+  merge::Part part;
+  part.mesh = baseline::fuse_all(scene, std::span(&frame, 1), voxel_m);
+  part.sources.push_back({sensor, frame.captured_at(), registration.depth_camera(),
+                          frame.T_world_depth, scene.sensors[sensor].precision});
+  return part;
+}
+
+Fit fit_of(const PairFit& pair) {
+  if (pair.shared_m2 < kLeastShare * pair.expected_m2) return Fit::bad;
+  if (pair.residual_mm <= pair.noise_mm) return Fit::good;
+  return pair.residual_mm <= 2 * pair.noise_mm ? Fit::usable : Fit::bad;
+}
+
+double noise_mm(const Scene& scene, const SensorConfig& a, double depth_a_m, const SensorConfig& b,
+                double depth_b_m) {
+  const double sigma_m = std::hypot(scene.merge.calibration_error_m, a.precision.sigma_m(depth_a_m),
+                                    b.precision.sigma_m(depth_b_m));
+  return 1000 * std::max(scene.voxel_m / 2, sigma_m);
+}
+
+/// Worst first: by how much is amiss, then by distance against what is to be expected.
+bool is_worse(const PairFit& x, const PairFit& y) {
+  const auto key = [](const PairFit& p) {
+    return std::tuple(p.fit, p.residual_mm / p.noise_mm + 1 - p.shared_m2 / p.expected_m2);
+  };
+  return key(x) > key(y);
+}
+
+/// Rates the fit of the sensors that have a surface.
+void compare(const Scene& scene, std::span<const merge::Part> parts, double voxel_m,
+             SceneCheck& check) {
+  const auto place = [&](std::uint32_t part) { return parts[part].sources.front().sensor; };
+  const auto residuals = merge::pair_residuals(parts, {.voxel_m = voxel_m});
+  std::vector<bool> alone(parts.size(), true);
+  double limit_mm = 0;
+  for (const merge::PairResidual& r : residuals) {
+    const SensorCheck &a = check.sensors[place(r.a)], &b = check.sensors[place(r.b)];
+    PairFit pair{a.id, b.id, r.untrimmed_mm, 0, r.shared_m2, r.expected_m2, Fit::good};
+    pair.noise_mm = noise_mm(scene, scene.sensors[place(r.a)], a.median_m,
+                             scene.sensors[place(r.b)], b.median_m);
+    pair.fit = fit_of(pair);
+    limit_mm = std::max(limit_mm, 2 * pair.noise_mm);
+    alone[r.a] = alone[r.b] = false;
+    check.pairs.push_back(std::move(pair));
+  }
+  std::ranges::stable_sort(check.pairs, is_worse);
+  for (const std::uint32_t i : merge::outliers(residuals, parts.size(), limit_mm))
+    check.misfits.push_back(check.sensors[place(i)].id);
+  for (std::uint32_t i = 0; i < parts.size() && parts.size() > 1; ++i)
+    if (alone[i])
+      check.sensors[place(i)].hints.push_back(
+          "sees no surface that another sensor sees: check T_world_depth (camera to world, "
+          "metres)");
+}
+
+}  // namespace
+
+const char* to_string(Fit fit) {
+  constexpr const char* kNames[] = {"good", "usable", "bad"};
+  return kNames[static_cast<int>(fit)];
+}
+
+std::optional<Fit> SceneCheck::fit() const {
+  return pairs.empty() ? std::nullopt : std::optional(pairs.front().fit);
+}
+
+SceneCheck check_scene(const Scene& scene, const std::filesystem::path& rig_cache) {
+  Scene wide = scene;
+  for (SensorConfig& sensor : wide.sensors) sensor = without_range(std::move(sensor));
+  const double voxel_m = std::max(scene.voxel_m, kLeastVoxel_m);
+  std::vector<std::uint32_t> wanted(scene.sensors.size());
+  for (std::uint32_t i = 0; i < wanted.size(); ++i) wanted[i] = i;
+  const auto sources = node::open_sources(wide, wanted, rig_cache);
+  SceneCheck check;
+  std::vector<merge::Part> parts;
+  for (const std::uint32_t i : wanted) {
+    SensorCheck& of = check.sensors.emplace_back();
+    of.id = scene.sensors[i].id;
+    auto frame = sources[i]->next();
+    if (!frame || !*frame) {
+      of.problem = frame ? "it has no pictures" : frame.error().message;
+      continue;
+    }
+    look_at_pictures(scene.sensors[i], **frame, of);
+    auto part = surface_of(scene, i, **std::move(frame), voxel_m);
+    if (!part.mesh.empty()) parts.push_back(std::move(part));
+  }
+  compare(scene, parts, voxel_m, check);
+  return check;
+}
+
+}  // namespace mr::eval
