@@ -27,7 +27,7 @@ using testing::ElementsAre;
 using testing::IsEmpty;
 using testing::UnorderedElementsAre;
 
-constexpr Vec3d kUp{0, 0, 1}, kUpright{0, 1, 0};  ///< nothing is turned with the latter
+constexpr Vec3d kUp{0, 0, 1}, kYUp{0, 1, 0};  ///< nothing is turned with the latter
 
 class Export : public testing::Test {
  protected:
@@ -317,7 +317,7 @@ TEST_F(Export, SamplesBetweenPixelCentres) {
 
 TEST_F(Export, PlyReadsBack) {
   const DecodedScene scene = wall_scene();
-  ASSERT_TRUE(export_scene(scene, kUpright, folder_ / "a.PLY").ok());
+  ASSERT_TRUE(export_scene(scene, kYUp, folder_ / "a.PLY").ok());
   const auto bytes = read_file(folder_ / "a.PLY");
   ASSERT_TRUE(bytes.ok());
   const std::string text(reinterpret_cast<const char*>(bytes->data()), bytes->size());
@@ -347,7 +347,7 @@ TEST_F(Export, PlyReadsBack) {
 
 TEST_F(Export, ObjReadsBack) {
   const DecodedScene scene = wall_scene();
-  ASSERT_TRUE(export_scene(scene, kUpright, folder_ / "my room.obj").ok());
+  ASSERT_TRUE(export_scene(scene, kYUp, folder_ / "my room.obj").ok());
   EXPECT_THAT(files(),
               UnorderedElementsAre("my room.obj", "my_room.mtl", "my_room_4.png", "my_room_9.png"));
   const auto picture = kit::read_color(folder_ / "my_room_9.png");

@@ -21,8 +21,8 @@ namespace {
 constexpr double kLeastVoxel_m = 0.02;  // finer takes longer and tells no more
 constexpr double kLeastShare = 0.85;    // of what both should see, as merge::outliers has it
 constexpr double kAnyDepth_m = 1e6;
-constexpr double kMostOutside = 0.5;                   // of the pixels with depth; more is told
-constexpr double kNearest_m = 0.1, kFarthest_m = 100;  // a median beyond is no room in metres
+constexpr double kMostOutside = 0.5;  // of the pixels with depth; more is told
+constexpr double kLeastMedian_m = 0.1, kMostMedian_m = 100;  // a median beyond is no room in metres
 
 /// A sensor of image files with all depth that the files hold; rigs render what is in range.
 SensorConfig without_range(SensorConfig sensor) {
@@ -38,7 +38,7 @@ std::string range_text(const SensorConfig& sensor) {
 /// What a wrong unit looks like: no median of a room.
 std::optional<std::string> unit_hint(const SensorConfig& sensor, double median_m) {
   const auto* images = std::get_if<RgbdImagesSource>(&sensor.source);
-  if (!images || (median_m >= kNearest_m && median_m <= kFarthest_m)) return std::nullopt;
+  if (!images || (median_m >= kLeastMedian_m && median_m <= kMostMedian_m)) return std::nullopt;
   return fmt::format(
       "the median depth is {:.4g} m: check depth_unit_m, now {:g}; with millimetres, 0.001, it "
       "would be {:.4g} m",
