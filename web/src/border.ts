@@ -12,14 +12,17 @@ export interface Rim {
   readonly places: number;
   /** [2 E] Places at the ends of the edges that have one triangle. */
   readonly edges: Uint32Array<ArrayBuffer>;
-  /** [E] Name of each of them by its position: equal in all chunks, different for others (53 bits). */
-  readonly names: Float64Array<ArrayBuffer>;
-  /** [2 E] Names of the places at their ends, as unique. */
-  readonly ends: Float64Array<ArrayBuffer>;
+  /** [2 E] Name of each of them by its position, two numbers: equal in all chunks, different for others. */
+  readonly names: Uint32Array<ArrayBuffer>;
+  /** [4 E] Names of the places at their ends, as unique. */
+  readonly ends: Uint32Array<ArrayBuffer>;
   /** [E] metres */
   readonly lengths: Float32Array<ArrayBuffer>;
   /** Triangles that the fade can reach, by number. */
   readonly near: Uint32Array<ArrayBuffer>;
+  /** [2 L] Places that an edge of those joins, and its length in metres. */
+  readonly links: Uint32Array<ArrayBuffer>;
+  readonly spans: Float32Array<ArrayBuffer>;
 }
 
 export interface RimmedMesh extends ChunkMesh {
@@ -44,6 +47,7 @@ export function withRim(mesh: ChunkMesh): RimmedMesh {
   const isRim = edges.openPlaces(places);
   const cut = cutChords(mesh, place, places, edges, isRim);
   const open = edges.open();
+  const near = nearOf(cut.mesh.indices, cut.place, cut.places, isRim);
   return {
     ...cut.mesh,
     rim: {
@@ -52,14 +56,15 @@ export function withRim(mesh: ChunkMesh): RimmedMesh {
       places: cut.places,
       edges: open,
       ...namesOf(mesh.positions, place, places, open),
-      near: nearOf(cut.mesh.indices, cut.place, isRim),
+      near,
+      ...linksOf(cut.mesh, cut.place, near),
     },
   };
 }
 
 /** Arrays of a rim, to be moved to another thread. */
 export function buffersOf(rim: Rim): ArrayBuffer[] {
-  return [rim.place, rim.edges, rim.names, rim.ends, rim.lengths, rim.near].map((array) => array.buffer);
+  return [rim.place, rim.edges, rim.names, rim.ends, rim.lengths, rim.near, rim.links, rim.spans].map((array) => array.buffer);
 }
 
 function tableSize(entries: number): number {
@@ -89,8 +94,8 @@ function placesOf(positions: Float32Array<ArrayBuffer>): { place: Uint32Array<Ar
   for (let point = 0; point < points; ++point) {
     let slot = hashPosition(bits, point, 1) & mask;
     for (; firsts[slot] !== kEmpty; slot = (slot + 1) & mask) {
-      const other = firsts[slot]!;
-      if ([0, 1, 2].every((k) => bits[3 * other + k] === bits[3 * point + k])) break;
+      const [p, q] = [3 * firsts[slot]!, 3 * point];
+      if (bits[p] === bits[q] && bits[p + 1] === bits[q + 1] && bits[p + 2] === bits[q + 2]) break;
     }
     if (firsts[slot] === kEmpty) {
       firsts[slot] = point;
@@ -178,7 +183,9 @@ function cutChords(
   };
   for (let i = 0; i < indices.length; i += 3) {
     const [a, b, c] = [indices[i]!, indices[i + 1]!, indices[i + 2]!];
-    corners.push(...split(a, b, c, cutAt(a, b), cutAt(b, c), cutAt(c, a)));
+    const [ab, bc, ca] = [cutAt(a, b), cutAt(b, c), cutAt(c, a)];
+    if (ab === null && bc === null && ca === null) corners.push(a, b, c);
+    else corners.push(...split(a, b, c, ab, bc, ca));
   }
   if (newPlaces.length === 0) return { mesh, place, places };
   const total = points + newPlaces.length;
@@ -203,13 +210,12 @@ function joined<T extends Float32Array<ArrayBuffer> | Uint16Array<ArrayBuffer> |
   return out;
 }
 
-/** A triangle as triangles, given points in the middle of some of its edges. */
+/** A triangle as triangles, given points in the middle of at least one of its edges. */
 function split(
   a: number, b: number, c: number, ab: number | null, bc: number | null, ca: number | null,
 ): number[] {
   if (ab !== null && bc !== null && ca !== null) return [a, ab, ca, ab, b, bc, ca, bc, c, ab, bc, ca];
   // Turned until the edges that are cut come first.
-  if (ab === null && bc === null && ca === null) return [a, b, c];
   if (ab === null || (ca !== null && bc === null)) return split(b, c, a, bc, ca, ab);
   if (bc === null) return [a, ab, c, ab, b, c];
   return [ab, b, bc, a, ab, bc, a, bc, c];
@@ -221,109 +227,153 @@ function namesOf(
   const bits = new Uint32Array(positions.buffer, positions.byteOffset, positions.length);
   const pointAt = new Uint32Array(places);
   place.forEach((p, point) => (pointAt[p] = point));
-  const name = (high: number, low: number): number => (high >>> 0) * 2 ** 21 + (low >>> 11);
   const count = edges.length / 2;
-  const out = { names: new Float64Array(count), ends: new Float64Array(2 * count), lengths: new Float32Array(count) };
+  const out = { names: new Uint32Array(2 * count), ends: new Uint32Array(4 * count), lengths: new Float32Array(count) };
+  // The same in either direction.
+  const both = (p: number, q: number): number => mix(p + q) ^ mix(Math.imul(p ^ 0x9e3779b9, q ^ 0x9e3779b9));
   for (let i = 0; i < count; ++i) {
     const [a, b] = [pointAt[edges[2 * i]!]!, pointAt[edges[2 * i + 1]!]!];
-    const [a1, a2] = [hashPosition(bits, a, 1), hashPosition(bits, a, 2)];
-    const [b1, b2] = [hashPosition(bits, b, 1), hashPosition(bits, b, 2)];
-    // The same in either direction.
-    const both = (p: number, q: number): number => mix(p + q) ^ mix(Math.imul(p ^ 0x9e3779b9, q ^ 0x9e3779b9));
-    out.names[i] = name(both(a1, b1), both(a2, b2));
-    out.ends[2 * i] = name(a1, a2);
-    out.ends[2 * i + 1] = name(b1, b2);
-    out.lengths[i] = Math.hypot(...[0, 1, 2].map((k) => positions[3 * a + k]! - positions[3 * b + k]!));
+    const ends = [hashPosition(bits, a, 1), hashPosition(bits, a, 2), hashPosition(bits, b, 1), hashPosition(bits, b, 2)];
+    out.ends.set(ends, 4 * i);
+    out.names[2 * i] = both(ends[0]!, ends[2]!);
+    out.names[2 * i + 1] = both(ends[1]!, ends[3]!);
+    out.lengths[i] = spanOf(positions, a, b);
   }
   return out;
 }
 
+function spanOf(p: Float32Array, a: number, b: number): number {
+  const [x, y, z] = [p[3 * a]! - p[3 * b]!, p[3 * a + 1]! - p[3 * b + 1]!, p[3 * a + 2]! - p[3 * b + 2]!];
+  return Math.sqrt(x * x + y * y + z * z);
+}
+
 /** Triangles with a corner at the rim, and those beside them. */
-function nearOf(indices: ChunkMesh["indices"], place: Uint32Array, isRim: Uint8Array): Uint32Array<ArrayBuffer> {
-  const isBeside = new Set<number>();
-  for (let i = 0; i < indices.length; i += 3) {
-    const corners = [place[indices[i]!]!, place[indices[i + 1]!]!, place[indices[i + 2]!]!];
-    if (corners.some((p) => isRim[p])) for (const p of corners) isBeside.add(p);
-  }
-  const near: number[] = [];
+function nearOf(
+  indices: ChunkMesh["indices"], place: Uint32Array, places: number, isRim: Uint8Array,
+): Uint32Array<ArrayBuffer> {
+  const touches = (marks: Uint8Array, i: number): boolean =>
+    (marks[place[indices[i]!]!]! | marks[place[indices[i + 1]!]!]! | marks[place[indices[i + 2]!]!]!) !== 0;
+  const isBeside = new Uint8Array(places);
   for (let i = 0; i < indices.length; i += 3)
-    if ([0, 1, 2].some((k) => isBeside.has(place[indices[i + k]!]!))) near.push(i / 3);
+    if (touches(isRim, i)) for (let k = 0; k < 3; ++k) isBeside[place[indices[i + k]!]!] = 1;
+  const near: number[] = [];
+  for (let i = 0; i < indices.length; i += 3) if (touches(isBeside, i)) near.push(i / 3);
   return Uint32Array.from(near);
 }
 
-/** Which edges of all chunks have one triangle in all. */
-export class Borders {
-  private readonly counts = new Map<number, number>();
-
-  add({ names }: Rim): void {
-    for (const name of names) this.counts.set(name, (this.counts.get(name) ?? 0) + 1);
-  }
-  remove({ names }: Rim): void {
-    for (const name of names) {
-      const count = this.counts.get(name) ?? 0;
-      if (count > 1) this.counts.set(name, count - 1);
-      else this.counts.delete(name);
+function linksOf(
+  { positions, indices }: ChunkMesh, place: Uint32Array, near: Uint32Array,
+): Pick<Rim, "links" | "spans"> {
+  const links: number[] = [];
+  const spans: number[] = [];
+  for (const triangle of near)
+    for (let k = 0; k < 3; ++k) {
+      const [a, b] = [indices[3 * triangle + k]!, indices[3 * triangle + ((k + 1) % 3)]!];
+      const [p, q] = [place[a]!, place[b]!];
+      // The triangle on an edge's other side names it the other way round.
+      if (p > q) continue;
+      links.push(p, q);
+      spans.push(spanOf(positions, a, b));
     }
+  return { links: Uint32Array.from(links), spans: Float32Array.from(spans) };
+}
+
+/** Gives each name a number, from 0. */
+class Numbering {
+  count = 0;
+  private readonly mask: number;
+  private readonly slots: Int32Array;
+  private readonly names: Uint32Array;
+
+  constructor(most: number) {
+    this.mask = tableSize(most) - 1;
+    this.slots = new Int32Array(this.mask + 1).fill(-1);
+    this.names = new Uint32Array(2 * most);
   }
 
-  /** Which edges of each chunk are borders that fade, by number. */
-  find(rims: readonly Rim[]): number[][] {
-    const borders = rims.map((rim) => [...rim.names.keys()].filter((i) => this.counts.get(rim.names[i]!) === 1));
-    const joined = new JoinedLengths();
-    rims.forEach((rim, n) => {
-      for (const i of borders[n]!) joined.add(rim.ends[2 * i]!, rim.ends[2 * i + 1]!, rim.lengths[i]!);
-    });
-    return rims.map((rim, n) => borders[n]!.filter((i) => joined.lengthAt(rim.ends[2 * i]!) >= kShortestBorderM));
+  of(first: number, second: number): number {
+    let slot = first & this.mask;
+    for (; this.slots[slot] !== -1; slot = (slot + 1) & this.mask) {
+      const number = this.slots[slot]!;
+      if (this.names[2 * number] === first && this.names[2 * number + 1] === second) return number;
+    }
+    this.slots[slot] = this.count;
+    this.names[2 * this.count] = first;
+    this.names[2 * this.count + 1] = second;
+    return this.count++;
   }
 }
 
-/** Lengths of edges that hang together (union-find over the names of their ends). */
-class JoinedLengths {
-  private readonly numbers = new Map<number, number>();
-  private readonly parents: number[] = [];
-  private readonly lengths: number[] = [];
+/** Which edges of each chunk are borders that fade, by number: those that have one triangle in all chunks together. */
+export function findBorders(rims: readonly Rim[]): number[][] {
+  const total = rims.reduce((sum, rim) => sum + rim.lengths.length, 0);
+  const numbering = new Numbering(total);
+  const counts = new Uint32Array(total);
+  const numbers = rims.map(({ names, lengths }) => {
+    const out = new Uint32Array(lengths.length);
+    for (let i = 0; i < out.length; ++i) ++counts[(out[i] = numbering.of(names[2 * i]!, names[2 * i + 1]!))]!;
+    return out;
+  });
+  const joined = new JoinedLengths(2 * total);
+  const borders = rims.map(({ ends, lengths }, n) => {
+    const out: number[] = [];
+    numbers[n]!.forEach((number, i) => {
+      if (counts[number] !== 1) return;
+      out.push(i);
+      joined.add(ends, i, lengths[i]!);
+    });
+    return out;
+  });
+  return rims.map(({ ends }, n) => borders[n]!.filter((i) => joined.lengthAt(ends, i) >= kShortestBorderM));
+}
 
-  add(a: number, b: number, length: number): void {
-    const [from, to] = [this.root(a), this.root(b)];
+/** Lengths of edges that hang together (union-find over their ends). */
+class JoinedLengths {
+  private readonly numbering: Numbering;
+  private readonly parents: Uint32Array;
+  private readonly lengths: Float64Array;
+
+  constructor(mostEnds: number) {
+    this.numbering = new Numbering(mostEnds);
+    this.parents = new Uint32Array(mostEnds).map((_, i) => i);
+    this.lengths = new Float64Array(mostEnds);
+  }
+
+  add(ends: Uint32Array, edge: number, length: number): void {
+    const from = this.root(this.numbering.of(ends[4 * edge]!, ends[4 * edge + 1]!));
+    const to = this.root(this.numbering.of(ends[4 * edge + 2]!, ends[4 * edge + 3]!));
     this.lengths[to]! += length;
     if (from === to) return;
     this.parents[from] = to;
     this.lengths[to]! += this.lengths[from]!;
   }
 
-  lengthAt(name: number): number {
-    return this.lengths[this.root(name)]!;
+  lengthAt(ends: Uint32Array, edge: number): number {
+    return this.lengths[this.root(this.numbering.of(ends[4 * edge]!, ends[4 * edge + 1]!))]!;
   }
 
-  private root(name: number): number {
-    let at = this.numbers.get(name);
-    if (at === undefined) {
-      this.numbers.set(name, (at = this.parents.length));
-      this.parents.push(at);
-      this.lengths.push(0);
-    }
+  private root(number: number): number {
+    let at = number;
     while (this.parents[at] !== at) at = this.parents[at] = this.parents[this.parents[at]!]!;
     return at;
   }
 }
 
 /** [points] Metres to the nearest border, along edges and as far as the fade can reach. */
-export function borderDistances({ positions, indices }: ChunkMesh, rim: Rim, borders: readonly number[]): Float32Array<ArrayBuffer> {
+export function borderDistances(rim: Rim, borders: readonly number[]): Float32Array<ArrayBuffer> {
+  const { place, edges, links, spans } = rim;
   const at = new Float32Array(rim.places).fill(kFarM);
-  for (const edge of borders) at[rim.edges[2 * edge]!] = at[rim.edges[2 * edge + 1]!] = 0;
+  for (const edge of borders) at[edges[2 * edge]!] = at[edges[2 * edge + 1]!] = 0;
   for (let round = 0; round < 2; ++round)
-    for (const triangle of rim.near)
-      for (let k = 0; k < 3; ++k) {
-        const [a, b] = [indices[3 * triangle + k]!, indices[3 * triangle + ((k + 1) % 3)]!];
-        const [p, q] = [rim.place[a]!, rim.place[b]!];
-        if (at[p] === kFarM && at[q] === kFarM) continue;
-        const span = Math.hypot(
-          positions[3 * a]! - positions[3 * b]!, positions[3 * a + 1]! - positions[3 * b + 1]!, positions[3 * a + 2]! - positions[3 * b + 2]!,
-        );
-        at[p] = reached(at[p]!, at[q]! + span);
-        at[q] = reached(at[q]!, at[p]! + span);
-      }
-  return Float32Array.from(rim.place, (p) => at[p]!);
+    for (let i = 0; i < spans.length; ++i) {
+      const [p, q] = [links[2 * i]!, links[2 * i + 1]!];
+      if (at[p] === kFarM && at[q] === kFarM) continue;
+      at[p] = reached(at[p]!, at[q]! + spans[i]!);
+      at[q] = reached(at[q]!, at[p]! + spans[i]!);
+    }
+  const out = new Float32Array(place.length);
+  for (let point = 0; point < out.length; ++point) out[point] = at[place[point]!]!;
+  return out;
 }
 
 /** A distance that is larger than kFarM still tells how steeply the fade goes. */
@@ -333,5 +383,7 @@ function reached(before: number, now: number): number {
 
 /** Numbers of the triangles in which the fade shows. */
 export function fadingTriangles({ indices }: ChunkMesh, rim: Rim, distances: Float32Array): Uint32Array {
-  return rim.near.filter((triangle) => [0, 1, 2].some((k) => distances[indices[3 * triangle + k]!]! < kFadeM));
+  return rim.near.filter(
+    (i) => distances[indices[3 * i]!]! < kFadeM || distances[indices[3 * i + 1]!]! < kFadeM || distances[indices[3 * i + 2]!]! < kFadeM,
+  );
 }

@@ -41,7 +41,7 @@ export class Resolution {
 // Drawn by the processor, a larger picture is made smaller and stretched: motion matters more.
 const kMostMovingSoftwarePixels = 300_000;
 const kMostPixels = 16_000_000;
-const kMostStillSoftwarePixels = 2_000_000;
+const kMostStillSoftwarePixels = 2_500_000;
 const kStillSoftwareSamples = 2; // along a side: the browser's shrinking smooths edges
 
 export interface Screen {

@@ -3,7 +3,7 @@ import {
   LinearSRGBColorSpace, Matrix4, Mesh, RedFormat, RGBAFormat, RGFormat, Scene, Sphere, UnsignedByteType, Vector3,
   WebGLRenderer, WebGLRenderTarget, type RawShaderMaterial,
 } from "three";
-import { borderDistances, Borders, fadingTriangles, kFarM, type Rim, type RimmedMesh } from "./border.ts";
+import { borderDistances, fadingTriangles, findBorders, kFarM, type Rim, type RimmedMesh } from "./border.ts";
 import { clipFromEye, type Camera } from "./camera.ts";
 import type { Box } from "./draco_chunk.ts";
 import type { View } from "./packet.ts";
@@ -86,7 +86,6 @@ export class SceneRenderer {
   private readonly stage = new Stage(this.scene, this.shared);
   private readonly plainMaterials = viewMaterials(this.shared, streamUniforms(0, 1, 1), "rgba");
   private readonly colorMaterials: Materials;
-  private readonly borders = new Borders();
   private unseen = kNoView;
   private readonly streams = new Map<number, StreamTexture>();
   private readonly chunks = new Map<string, DrawnChunk>();
@@ -133,7 +132,7 @@ export class SceneRenderer {
       const chunk = this.chunks.get(name) ?? this.add(name, mesh);
       this.paint(chunk, this.materialsFor(mesh, streamOf));
     }
-    this.findBorders();
+    this.updateBorders();
     const box = this.bounds();
     if (box !== null) this.stage.setBox(box);
   }
@@ -241,7 +240,6 @@ export class SceneRenderer {
     if (mesh.rim !== null) {
       const far = new Float32Array(mesh.positions.length / 3).fill(kFarM);
       geometry.setAttribute("border", new BufferAttribute(far, 1));
-      this.borders.add(mesh.rim);
     }
     geometry.setAttribute("position", new BufferAttribute(mesh.positions, 3));
     if (mesh.views !== null) {
@@ -257,9 +255,9 @@ export class SceneRenderer {
     return chunk;
   }
 
-  private findBorders(): void {
+  private updateBorders(): void {
     const rimmed = [...this.chunks.values()].flatMap((chunk) => (chunk.mesh.rim === null ? [] : [{ chunk, rim: chunk.mesh.rim }]));
-    const found = this.borders.find(rimmed.map(({ rim }) => rim));
+    const found = findBorders(rimmed.map(({ rim }) => rim));
     rimmed.forEach(({ chunk, rim }, i) => this.fade(chunk, rim, found[i]!));
   }
 
@@ -268,7 +266,7 @@ export class SceneRenderer {
     const { mesh, geometry } = chunk;
     if (borders.length === chunk.borders.length && borders.every((edge, i) => edge === chunk.borders[i])) return;
     chunk.borders = borders;
-    const distances = borderDistances(mesh, rim, borders);
+    const distances = borderDistances(rim, borders);
     const attribute = geometry.getAttribute("border") as BufferAttribute;
     attribute.array.set(distances);
     attribute.needsUpdate = true;
@@ -280,9 +278,8 @@ export class SceneRenderer {
     geometry.groups[1]!.count = at - mesh.indices.length;
   }
 
-  private remove(name: string, { mesh, geometry, objects }: DrawnChunk): void {
+  private remove(name: string, { geometry, objects }: DrawnChunk): void {
     this.chunks.delete(name);
-    if (mesh.rim !== null) this.borders.remove(mesh.rim);
     for (const object of objects.values()) this.scene.remove(object);
     geometry.dispose();
   }

@@ -4,13 +4,13 @@ import { add, anyHorizontal, clamp, cross, scale, type Vec3 } from "./vec.ts";
 
 type Surface = Pick<ChunkMesh, "positions" | "indices">;
 
-const kFinestM = 0.15; // cells
-const kMostCells = 40; // along the longest side
+const kFinestM = 0.2; // cells
+const kMostCells = 36; // along the longest side
 const kClearM = 0.5; // from the eye to any surface
 const kObstacleM = 0.3; // above the floor: nobody stands in it
-const kMostPlaces = 150;
+const kMostPlaces = 60;
 const kHeadings = 24;
-const kMostSamples = 200_000;
+const kMostSamples = 50_000;
 const kFloorShare = 0.25; // of the largest level's area: a floor
 
 /** A piece of surface: one cell of the grid. Coordinates are cells along two level directions and up. */
@@ -91,8 +91,11 @@ function makeGrid(surfaces: readonly Surface[], up: Vec3): Grid | null {
     for (let i = 0; i < steps; ++i)
       for (let j = 0; i + j < steps; ++j) {
         const [u, v] = [(i + 1 / 3) / steps, (j + 1 / 3) / steps];
-        const at = [0, 1, 2].map((k) => (a[k]! + u * (b[k]! - a[k]!) + v * (c[k]! - a[k]!) - low[k]!) / cellM);
-        const [x, y, z] = at.map((value, k) => clamp(Math.floor(value), 0, size[k]! - 1)) as [number, number, number];
+        const along = (k: 0 | 1 | 2): number => {
+          const at = (a[k] + u * (b[k] - a[k]) + v * (c[k] - a[k]) - low[k]) / cellM;
+          return clamp(Math.floor(at), 0, size[k] - 1);
+        };
+        const [x, y, z] = [along(0), along(1), along(2)];
         const cell = (z * size[1] + y) * size[0] + x;
         let patch = patches.get(cell);
         if (patch === undefined) patches.set(cell, (patch = { cell, x, y, z, area: 0, nx: 0, ny: 0, nz: 0 }));

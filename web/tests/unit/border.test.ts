@@ -1,6 +1,6 @@
 import assert from "node:assert/strict";
 import { test } from "node:test";
-import { borderDistances, Borders, fadingTriangles, kFadeM, withRim, type RimmedMesh } from "../../src/border.ts";
+import { borderDistances, fadingTriangles, findBorders, kFadeM, withRim, type RimmedMesh } from "../../src/border.ts";
 
 const kStepM = 0.0625;
 
@@ -25,9 +25,7 @@ function patch(x: number, n: number, step = kStepM, view = (_column: number) => 
 }
 
 function bordersOf(meshes: readonly RimmedMesh[]): number[][] {
-  const borders = new Borders();
-  for (const mesh of meshes) borders.add(mesh.rim!);
-  return borders.find(meshes.map((mesh) => mesh.rim!));
+  return findBorders(meshes.map((mesh) => mesh.rim!));
 }
 
 /** Distance at the vertex nearest to (x, y). */
@@ -42,7 +40,7 @@ test("a patch alone has its outline as border; where labels meet there is none",
   const mesh = patch(0, 8, kStepM, (column) => (column < 4 ? 0 : 1));
   const [borders] = bordersOf([mesh]);
   assert.equal(borders!.length, 4 * 8);
-  const distances = borderDistances(mesh, mesh.rim!, borders!);
+  const distances = borderDistances(mesh.rim!, borders!);
   assert.equal(distanceAt(mesh, distances, 0, 3 * kStepM), 0);
   assert.ok(distanceAt(mesh, distances, 4 * kStepM, 4 * kStepM) > kFadeM, "where two views meet");
   assert.ok(Math.abs(distanceAt(mesh, distances, kStepM, 4 * kStepM) - kStepM) < 1e-6);
@@ -55,13 +53,9 @@ test("where two chunks meet no border is, until one of them goes", () => {
   const [ofLeft, ofRight] = bordersOf([left, right]);
   assert.equal(ofLeft!.length, 3 * 8);
   assert.equal(ofRight!.length, 3 * 8);
-  const distances = borderDistances(left, left.rim!, ofLeft!);
+  const distances = borderDistances(left.rim!, ofLeft!);
   assert.ok(distanceAt(left, distances, 8 * kStepM, 4 * kStepM) > kFadeM);
-  const borders = new Borders();
-  borders.add(left.rim!);
-  borders.add(right.rim!);
-  borders.remove(right.rim!);
-  assert.equal(borders.find([left.rim!])[0]!.length, 4 * 8);
+  assert.equal(bordersOf([left])[0]!.length, 4 * 8);
 });
 
 test("large triangles from border to border are cut and do not fade as a whole", () => {
@@ -69,7 +63,7 @@ test("large triangles from border to border are cut and do not fade as a whole",
   assert.equal(mesh.rim!.triangles, 2);
   assert.equal(mesh.indices.length / 3, 4);
   const [borders] = bordersOf([mesh]);
-  const distances = borderDistances(mesh, mesh.rim!, borders!);
+  const distances = borderDistances(mesh.rim!, borders!);
   assert.ok(distanceAt(mesh, distances, 0.5, 0.5) > 0.4);
   let area = 0;
   for (let i = 0; i < mesh.indices.length; i += 3) {
