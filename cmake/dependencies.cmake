@@ -5,9 +5,13 @@ find_package(yaml-cpp REQUIRED)
 find_package(Threads REQUIRED)
 find_package(hwy REQUIRED)
 # Every file with dispatched code sees the same targets: the scalar one always, and of ARM's only
-# NEON, which is what Jetsons have.
+# NEON, which is what Jetsons have. Sanitized builds have AVX2 and scalar: the dev build compares all.
+set(no_targets "HWY_SVE|HWY_SVE_256|HWY_SVE2|HWY_SVE2_128")
+if(MR_SANITIZE)
+  string(APPEND no_targets "|HWY_AVX3|HWY_AVX3_DL|HWY_SSE4|HWY_SSSE3")
+endif()
 set_property(TARGET hwy::hwy APPEND PROPERTY INTERFACE_COMPILE_DEFINITIONS HWY_COMPILE_ALL_ATTAINABLE
-  "HWY_DISABLED_TARGETS=(HWY_SVE|HWY_SVE_256|HWY_SVE2|HWY_SVE2_128)")
+  "HWY_DISABLED_TARGETS=(${no_targets})")
 if(MR_FUSION_ONLY)
   return()
 endif()

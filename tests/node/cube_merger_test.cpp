@@ -64,7 +64,8 @@ std::vector<std::array<Vec3f, 3>> triangles_of(const Mesh& mesh) {
   std::vector<std::array<Vec3f, 3>> out;
   for (std::size_t t = 0; t < mesh.triangles.size(); ++t) {
     out.push_back({mesh.corner(t, 0), mesh.corner(t, 1), mesh.corner(t, 2)});
-    std::ranges::rotate(out.back(), std::ranges::min_element(out.back()));
+    auto& corners = out.back();  // not ranges::rotate: clang 14 cannot read g++ 12's views
+    std::rotate(corners.begin(), std::ranges::min_element(corners), corners.end());
   }
   std::ranges::sort(out);
   return out;
