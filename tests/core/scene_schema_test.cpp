@@ -456,6 +456,22 @@ TEST_F(SceneSchema, KeysThatAreNotActedOnAreNoticed) {
   EXPECT_GT(noticed, 8);
 }
 
+TEST_F(SceneSchema, AWrongTypeOfAnOptionIsOneProblem) {
+  for (const Json& base : bases_)
+    for (const Place& place : places(base)) {
+      std::string option = place.at.to_string().substr(1);
+      std::replace(option.begin(), option.end(), '/', '.');
+      const bool is_list = base.at(place.at.parent_pointer()).is_array();
+      if (is_list && !base.at(place.at).is_object()) continue;  // coordinates have no names
+      option += base.at(place.at).is_structured() ? "=true" : "=[[]]";
+      const auto problems = parse_scene(base.dump(), dir_ / "scene.yaml", {option}).problems;
+      EXPECT_EQ(problems.size(), 1u) << option;
+      for (const SceneProblem& problem : problems)
+        EXPECT_TRUE(problems.size() == 1 && (problem.option || is_beyond_schema(problem)))
+            << to_string(problem);
+    }
+}
+
 TEST_F(SceneSchema, ExamplesAreValid) {
   std::size_t count = 0;
   for (const char* folder : {"/examples", "/examples/eval"})

@@ -57,7 +57,7 @@ void read_volume(MapReader& top, Scene& scene) {
   const YamlNode* node = top.find("volume");
   if (!node) return;
   MapReader map(top.report, *node, "volume");
-  if (!map.has("box") && !map.has("remove_floor"))
+  if (node->kind == YamlNode::Kind::map && !map.has("box") && !map.has("remove_floor"))
     map.report.problem(map.line(), "volume lacks the key 'box' or 'remove_floor'");
   scene.volume = scene_file::read_box(map, "box");
   if (const YamlNode* floor = map.find("remove_floor")) {
@@ -382,6 +382,10 @@ SceneResult parse_scene(const std::string& text, const std::filesystem::path& fi
   }
   result.problems = report.take_problems();
   result.notices = report.take_notices();
+  // What else is wrong may follow from a wrong option.
+  const auto in_file = [](const SceneProblem& problem) { return !problem.option; };
+  if (!std::all_of(result.problems.begin(), result.problems.end(), in_file))
+    std::erase_if(result.problems, in_file);
   return result;
 }
 

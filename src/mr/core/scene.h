@@ -247,7 +247,7 @@ std::string to_string(const SceneProblem& problem);
 
 struct SceneResult {
   Scene scene;                         ///< usable only when `problems` is empty
-  std::vector<SceneProblem> problems;  ///< everything that is wrong, by line
+  std::vector<SceneProblem> problems;  ///< all that is wrong, by line; of options first, alone
   std::vector<SceneProblem> notices;   ///< accepted, but not acted on by this version
 };
 
