@@ -45,8 +45,10 @@ function(mr_add_test name)
   target_include_directories(${name} PRIVATE ${CMAKE_SOURCE_DIR}/tests)
   target_link_libraries(${name} PRIVATE mr_flags ${T_USES} ${T_PRIVATE} TBB::tbb
                                         GTest::gtest_main GTest::gmock)
-  if(CMAKE_BUILD_TYPE STREQUAL RelWithDebInfo)  # the optimiser takes longer than the tests gain
-    target_compile_options(${name} PRIVATE $<IF:$<BOOL:${MR_SANITIZE}>,-O0,-O1>)
+  if(MR_SANITIZE)  # the optimiser takes longer than the tests gain
+    target_compile_options(${name} PRIVATE -O0)
+  elseif(CMAKE_BUILD_TYPE STREQUAL RelWithDebInfo)
+    target_compile_options(${name} PRIVATE -O1)
   endif()
   target_compile_definitions(${name} PRIVATE MR_SOURCE_DIR="${CMAKE_SOURCE_DIR}")
   add_test(NAME ${name} COMMAND ${name} --gtest_brief=1 WORKING_DIRECTORY ${CMAKE_SOURCE_DIR})

@@ -153,7 +153,8 @@ TEST(Tcp, BadProducerIsLeftAndTriedAgain) {
     ASSERT_GE(peer, 0);
     EXPECT_EQ(::send(peer, bytes.data(), bytes.size(), MSG_NOSIGNAL),
               static_cast<::ssize_t>(bytes.size()));
-    EXPECT_TRUE(eventually([&] { return test::dropped(*consumer, "node n: " + cause) > 0; }));
+    EXPECT_TRUE(
+        eventually([&, name = "node n: " + cause] { return test::dropped(*consumer, name) > 0; }));
     ::close(peer);
   }
   EXPECT_EQ(receiver.count, 0);

@@ -442,9 +442,8 @@ TEST_F(Processes, MeshEqualsTheSendersWithin500MsThoughAFifthIsLost) {
     if (at < whole.begin()->first || at > sent.rbegin()->first - milliseconds(600) * kSlower)
       continue;
     ++checked;
-    const auto is_that_or_newer = [&](const auto& w) {
-      return std::any_of(sent.lower_bound(at), sent.end(),
-                         [&](const auto& s) { return s.second == w.second; });
+    const auto is_that_or_newer = [&, from = sent.lower_bound(at)](const auto& w) {
+      return std::any_of(from, sent.end(), [&](const auto& s) { return s.second == w.second; });
     };
     const bool in_time =
         std::any_of(whole.lower_bound(at), whole.upper_bound(at + milliseconds(500) * kSlower),
