@@ -399,7 +399,7 @@ TEST(MergeBadInput, UnknownViewsStillLeaveOneLayer) {
 /// Seconds of processor time that all threads together have used.
 double processor_s() { return static_cast<double>(std::clock()) / CLOCKS_PER_SEC; }
 
-#if defined(__SANITIZE_THREAD__) || defined(__SANITIZE_ADDRESS__)
+#if defined(MR_SANITIZED)
 constexpr double kSlower = 15;
 #else
 constexpr double kSlower = 1;

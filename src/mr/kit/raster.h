@@ -76,15 +76,17 @@ class ScreenEdge {
   double u_, v_, slope_;
 };
 
-/// Smallest integer that is not below v, limited to [low, high]; low >= -1.
+/// Smallest integer that is not below v, limited to [low, high]; low where v is not a number.
 inline int ceil_within(double v, int low, int high) {
-  v = std::clamp<double>(v, low, high);
+  if (!(v > low)) return low;
+  if (v >= high) return high;
   const int i = static_cast<int>(v);
   return i + (i < v);
 }
-/// Largest integer that is not above v, limited to [low, high]; low >= -1.
+/// Largest integer that is not above v, limited to [low, high]; low where v is not a number.
 inline int floor_within(double v, int low, int high) {
-  v = std::clamp<double>(v, low, high);
+  if (!(v > low)) return low;
+  if (v >= high) return high;
   const int i = static_cast<int>(v);
   return i - (i > v);
 }
