@@ -32,7 +32,7 @@ gateway: {start: {eye: [-1.86, -1.76, 1.6], look_at: [0.6, 0.7, 1.2]}}
 )";
 
 int demo(const DemoOptions& options) {
-  if (const Status ok = check(options.outputs); !ok) return fail(ok.error().message);
+  if (const Status ok = check(options.outputs); !ok) return refused(ok.error());
   auto preset = usable_or_tell(parse_scene(kDemoScene, "demo", options.set));
   if (!preset) return 1;
   Scene& scene = *preset;

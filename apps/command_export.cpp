@@ -16,7 +16,7 @@ struct ExportOptions {
 
 int export_moment(const ExportOptions& options) {
   const Outputs outputs{options.file, {}, {}};
-  if (const Status ok = check(outputs); !ok) return fail(ok.error().message);
+  if (const Status ok = check(outputs); !ok) return refused(ok.error());
   const auto scene = load_or_tell(options.scene, options.set);
   if (!scene) return 1;
   const auto outcome = run_scene(*scene, options.frame + 1, options.threads);

@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <cctype>
 #include <cstdio>
 #include <exception>
 #include <filesystem>
@@ -82,6 +83,10 @@ std::optional<std::string> unknown_word(const CLI::App& app, std::span<const std
       const std::string name = arg.substr(0, arg.find('='));
       if (!called.command->get_option_no_throw(name))
         return no_option(*called.command, called.name, name);
+    } else if (arg.size() > 1 && arg[0] == '-' &&
+               std::isalpha(static_cast<unsigned char>(arg[1]))) {
+      if (!called.command->get_option_no_throw(arg.substr(0, 2)))
+        return no_option(*called.command, called.name, arg);
     } else if (!arg.starts_with("-") && called.command->get_require_subcommand_min() > 0) {
       const CLI::App* next = command_named(*called.command, arg);
       if (!next) return no_command(*called.command, called.name, arg);

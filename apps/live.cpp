@@ -122,7 +122,7 @@ void show_rendering(Console& console, int done, int of) {
 
 int run_live(Scene scene, const LiveRun& run) {
   if (scene.pipeline != "meshreduce")
-    return fail(fmt::format("pipeline {} runs in lockstep only: add --frames N", scene.pipeline));
+    return misuse(fmt::format("pipeline {} runs in lockstep only: add --frames N", scene.pipeline));
   const Interrupt interrupt;
   if (!scene.gateway) scene.gateway.emplace();
   if (!run.listen.empty()) scene.gateway->listen = run.listen;

@@ -62,6 +62,14 @@ Status write_snapshots(const DecodedScene& scene, Vec3d up, const std::filesyste
   return {};
 }
 
+/// In lower case.
+std::string ending_of(const std::filesystem::path& file) {
+  std::string ending = file.extension().string();
+  std::transform(ending.begin(), ending.end(), ending.begin(),
+                 [](unsigned char c) { return std::tolower(c); });
+  return ending;
+}
+
 /// Points have no triangles, which all formats but .ply want.
 Status write_model(const DecodedScene& scene, Vec3d up, const std::filesystem::path& file) {
   baseline::PointSet points;
@@ -72,7 +80,7 @@ Status write_model(const DecodedScene& scene, Vec3d up, const std::filesystem::p
     points.colors.insert(points.colors.end(), chunk->colors.begin(), chunk->colors.end());
   }
   if (points.positions.empty()) return codec::export_scene(scene, up, file);
-  if (file.extension() != ".ply")
+  if (ending_of(file) != ".ply")
     return Error{Error::Cause::unsupported,
                  "cannot export points to " + file.string() + ": use the ending .ply"};
   const Pose T = codec::T_file_world(up);
@@ -108,6 +116,10 @@ int misuse(const std::string& message) {
   return kMisused;
 }
 
+int refused(const Error& error) {
+  return error.cause == Error::Cause::unsupported ? misuse(error.message) : fail(error.message);
+}
+
 void add_set_option(CLI::App& command, std::vector<std::string>& set) {
   command
       .add_option("--set", set,
@@ -137,9 +149,7 @@ std::optional<Scene> load_or_tell(const std::filesystem::path& file,
 }
 
 Status check(const Outputs& outputs) {
-  std::string ending = outputs.model.extension().string();
-  std::transform(ending.begin(), ending.end(), ending.begin(),
-                 [](unsigned char c) { return std::tolower(c); });
+  const std::string ending = ending_of(outputs.model);
   if (!outputs.model.empty() && ending != ".glb" && ending != ".ply" && ending != ".obj")
     return Error{Error::Cause::unsupported, "cannot export to " + outputs.model.string() +
                                                 ": use the ending .glb, .ply or .obj"};

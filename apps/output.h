@@ -29,6 +29,9 @@ std::optional<Scene> load_or_tell(const std::filesystem::path& file,
                                   const std::vector<std::string>& set);
 std::optional<Scene> usable_or_tell(SceneResult result);
 
+/// Tells what check() found: an ending that nobody writes is a wrong command line.
+int refused(const Error& error);
+
 /// Where a run's results go; empty paths: nowhere.
 struct Outputs {
   std::filesystem::path model, report, snapshots;

@@ -277,7 +277,7 @@ links: [{from: a, to: root}]
               ElementsAre("4: rate.target_mbps: accepted, but not acted on by this version",
                           HasSubstr("4: rate.model"), HasSubstr("5: coding.frame_divider"),
                           HasSubstr("6: merge.overlap"), HasSubstr("7: atlas"),
-                          HasSubstr("10: links (limits serve `plan` alone)")));
+                          HasSubstr("10: links (but for `meshreduce plan`)")));
   EXPECT_THAT(notices(scene_of({"a"}, "fusion: {patches: [2, 2]}\n")),
               ElementsAre(HasSubstr("4: fusion.patches")));
   EXPECT_THAT(notices(scene_of({"a"}, "fusion: {decomposition: patches, patches: [2, 2]}\n")),

@@ -162,13 +162,22 @@ export class Controls {
   }
 
   private key(event: KeyboardEvent, isDown: boolean): void {
-    if (event.ctrlKey || event.altKey || event.metaKey) return;
-    if (!isDown) this.keys.delete(event.code);
-    else if (/^(Key[WASDQE]|Arrow\w+|Shift\w+)$/.test(event.code)) {
+    if (!isDown) {
+      this.keys.delete(event.code);
+      if (event.key === "Meta") this.keys.clear(); // macOS tells of no key that is released while it is held
+      return;
+    }
+    if (event.ctrlKey || event.altKey || event.metaKey || isInPanel(event.target)) return;
+    if (/^(Key[WASDQE]|Arrow\w+|Shift\w+)$/.test(event.code)) {
       this.keys.add(event.code);
       if (!event.code.startsWith("Shift")) this.touched = true;
       if (event.code.startsWith("Arrow")) event.preventDefault();
       this.onChange();
     }
   }
+}
+
+/** Keys that scroll an open panel are the panel's. */
+export function isInPanel(target: EventTarget | null): boolean {
+  return target instanceof Element && target.closest("#panels") !== null;
 }

@@ -28,6 +28,11 @@ export class Hysteresis {
   private since: number | null = null; // when the other answer began
   private answer = false;
 
+  /** What was seen until now does not count towards the next answer. */
+  forget(): void {
+    this.since = null;
+  }
+
   /** `now`: yes, no, or something between that changes nothing. */
   update(nowMs: number, now: "yes" | "no" | "between"): boolean {
     const differs = this.answer ? now === "no" : now === "yes";
@@ -66,7 +71,11 @@ export class Health {
   /** One line for each thing that is wrong, as of now. To be asked about once a second. */
   words(nowMs: number): string[] {
     while (this.recent.length > 0 && this.recent[0]!.atMs < nowMs - kWindowMs) this.recent.shift();
-    if (this.firstMs === null || nowMs - this.firstMs < kWindowMs || this.recent.length === 0) return [];
+    if (this.recent.length === 0) this.firstMs = null; // a pause, or a hidden page: counted anew from the next capture
+    if (this.firstMs === null || nowMs - this.firstMs < kWindowMs) {
+      for (const one of [this.slow, this.late, ...this.missing]) one.forget();
+      return [];
+    }
     return [...this.slowWords(nowMs), ...this.lateWords(nowMs), ...this.missingWords(nowMs)];
   }
 

@@ -1,3 +1,4 @@
+import { isInPanel } from "./controls.ts";
 import { Overlay } from "./overlay.ts";
 import { Notice, Panel } from "./panels.ts";
 import { checkSupport } from "./support.ts";
@@ -43,6 +44,7 @@ function connectButtons(viewer: Viewer): void {
   window.addEventListener("keydown", (event) => {
     const act = byKey[event.code];
     if (act === undefined || event.repeat || event.ctrlKey || event.altKey || event.metaKey || event.shiftKey) return;
+    if (event.code === "Home" && isInPanel(event.target)) return;
     event.preventDefault();
     act();
   });

@@ -68,12 +68,13 @@ export class Navigation {
     return this.box !== null && this.position.every((v, i) => v > this.box!.low[i]! && v < this.box!.high[i]!);
   }
 
-  /** Looks level from the middle of the box, at eye height. */
+  /** Looks level from the middle of the box, at eye height; stays where the box is lower than that. */
   setDown(): void {
     if (this.box === null) return;
     const { low, high } = this.box;
     // The box reaches this far below its middle.
     const depth = 0.5 * this.up.reduce((sum, v, i) => sum + Math.abs(v) * (high[i]! - low[i]!), 0);
+    if (2 * depth < kEyeHeightM + kNearestM) return;
     this.position = add(scale(add(low, high), 0.5), scale(this.up, kEyeHeightM - depth));
     this.pitch = 0;
   }

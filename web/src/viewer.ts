@@ -63,7 +63,7 @@ export class Viewer {
   private fixed: Camera | null = null;
   private hello: Hello | null = null;
   private startPlace: Start | null = null;
-  private startSources = 0;
+  private startSources: number | null = null;
   private firstMs: number | null = null;
   private readonly resolution = new Resolution();
   private isStill = false;
@@ -93,7 +93,10 @@ export class Viewer {
     this.client = new Client(options.url, options.hold, {
       onHello: (hello) => {
         document.title = `${hello.scene} · MeshReduce`;
-        if (this.hello?.scene !== hello.scene) this.startSources = 0;
+        if (this.hello?.scene !== hello.scene) {
+          this.startSources = this.firstMs = null;
+          this.controls.touched = false;
+        }
         this.hello = hello;
         this.navigation.setUp(hello.up);
         this.renderer.setUp(hello.up);
@@ -329,7 +332,7 @@ export class Viewer {
     this.navigation.setBox(box);
     this.firstMs ??= performance.now();
     const isSettled = this.controls.touched || performance.now() - this.firstMs > kStartSettlesMs;
-    if (this.startSources > 0 && (isSettled || sources <= this.startSources)) return;
+    if (this.startSources !== null && (isSettled || sources <= this.startSources)) return;
     this.startSources = sources;
     this.startPlace = this.hello?.start ?? this.bestPlace();
     if (this.fixed === null) this.home();
@@ -355,7 +358,7 @@ export class Viewer {
   }
 
   private checkHealth(): void {
-    const isLive = this.state === "live";
+    const isLive = this.state === "live" && !document.hidden;
     this.notice(isLive ? (this.health?.words(performance.now()) ?? []).join(" ") : "");
   }
 

@@ -299,8 +299,7 @@ void read_tree(MapReader& top, const std::vector<NodeName>& leaves, Scene& scene
     std::vector<NodeName> names = leaves;
     for (const MergerConfig& merger : scene.mergers) names.push_back({merger.id, 0});
     scene.links = scene_file::read_links(top.report, *node, names);
-    // `meshreduce plan` alone looks at them.
-    if (!scene.links.empty()) top.not_acted_on("links", "links (limits serve `plan` alone)");
+    if (!scene.links.empty()) top.not_acted_on("links", "links (but for `meshreduce plan`)");
   }
 }
 

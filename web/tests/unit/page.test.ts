@@ -40,6 +40,14 @@ test("a slow server is told after some seconds, with the same words until it is 
   assert.equal(listen(health, 30, 15, { fps: 30 }).at(-1), "");
 });
 
+test("a page that was hidden for a while does not call the server slow when it is back", () => {
+  const health = new Health(["a", "b"], 30);
+  listen(health, 0, 8, { fps: 30 });
+  for (let s = 9; s < 15; ++s) health.words(1000 * s);
+  const said = listen(health, 15, 10, { fps: 30 });
+  assert.ok(said.every((words) => words === ""), said.join("|"));
+});
+
 test("a slow browser is not blamed on the server", () => {
   assert.match(listen(new Health(["a", "b"], 30), 0, 20, { fps: 5, workMs: 190 }).at(-1)!, /^This device is slower/);
 });
