@@ -30,6 +30,7 @@ struct BeyondSchema {
 };
 constexpr BeyondSchema kBeyondSchema[] = {
     {"no such file", "files exist"},
+    {"no folder ", "files exist"},
     {"is a folder, not a file", "files exist"},
     {"model: no file", "files exist"},
     {"of the pattern", "files exist"},

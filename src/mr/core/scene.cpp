@@ -354,8 +354,7 @@ std::vector<std::string> RigConfig::sensor_ids() const {
 }
 
 std::string to_string(const SceneProblem& problem) {
-  if (problem.option)
-    return "--set " + in_quotes(*problem.option) + ": " + problem.message;
+  if (problem.option) return "--set " + in_quotes(*problem.option) + ": " + problem.message;
   if (problem.line <= 0) return problem.file.string() + ": " + problem.message;
   return problem.file.string() + ":" + std::to_string(problem.line) + ": " + problem.message;
 }
