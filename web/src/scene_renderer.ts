@@ -1,5 +1,5 @@
 import {
-  BufferAttribute, BufferGeometry, Camera as ThreeCamera, ColorManagement, DataTexture, IntType, LinearFilter,
+  BufferAttribute, BufferGeometry, Camera as ThreeCamera, Color, ColorManagement, DataTexture, IntType, LinearFilter,
   LinearSRGBColorSpace, Matrix4, Mesh, RedFormat, RGBAFormat, RGFormat, Scene, Sphere, UnsignedByteType, Vector3,
   WebGLRenderer, WebGLRenderTarget, type RawShaderMaterial,
 } from "three";
@@ -87,6 +87,7 @@ export class SceneRenderer {
   private readonly plainMaterials = viewMaterials(this.shared, streamUniforms(0, 1, 1), "rgba");
   private readonly colorMaterials: Materials;
   private unseen = kNoView;
+  private readonly empty = new Color();
   private readonly streams = new Map<number, StreamTexture>();
   private readonly chunks = new Map<string, DrawnChunk>();
   private size: readonly [number, number] = [1, 1];
@@ -96,7 +97,6 @@ export class SceneRenderer {
     this.renderer.outputColorSpace = LinearSRGBColorSpace;
     const colored = makeColorMaterial(this.shared);
     this.colorMaterials = [colored, colored];
-    this.renderer.setClearColor(kBackground, 1);
     this.scene.matrixWorldAutoUpdate = false;
     this.camera.matrixWorldAutoUpdate = false;
   }
@@ -118,6 +118,7 @@ export class SceneRenderer {
   setTheme(theme: Theme): void {
     this.stage.setTheme(theme);
     this.unseen = theme.unseen;
+    this.empty.setRGB(...theme.horizon);
   }
 
   /** Swaps mesh and pictures together. */
@@ -286,6 +287,7 @@ export class SceneRenderer {
 
   private setNice(nice: boolean): void {
     this.stage.setVisible(nice);
+    this.renderer.setClearColor(nice ? this.empty : kBackground, 1);
     this.shared.fades.value = nice;
     this.shared.unseen.value = nice ? this.unseen : kNoView;
   }

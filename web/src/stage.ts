@@ -152,7 +152,8 @@ export class Stage {
     uniforms["spread"]!.value.set(camera.width / (2 * camera.fx), camera.height / (2 * camera.fy));
   }
 
+  /** Stays away until there is surface to stand on: its programs would hold up the first capture. */
   setVisible(visible: boolean): void {
-    this.sky.visible = this.floor.visible = visible;
+    this.sky.visible = this.floor.visible = visible && this.floor.material.uniforms["radius"]!.value > 0;
   }
 }

@@ -61,6 +61,7 @@ uniform sampler2D chroma_red;
 uniform vec2 atlas_size;
 uniform float unseen;     // level of what no camera saw in colour
 uniform bool fades;       // at borders
+uniform bool fading;      // draws what fades; else what is solid
 in vec3 in_view;
 in float to_border;
 flat in vec4 lens;
@@ -102,11 +103,7 @@ vec3 texture_at(vec2 camera_pixel) {
 
 void main() {
   float solid = fades ? smoothstep(0.0, ${kFadeM}, to_border) : 1.0;
-#ifdef FADING
-  if (solid >= 1.0) discard;
-#else
-  if (solid < 1.0) discard;
-#endif
+  if (fading == (solid >= 1.0)) discard;
   vec3 color = vec3(unseen);
   if (size_kind.w == ${kPinhole}.0) {
     if (in_view.z > 1e-6) color = texture_at(project_pinhole(in_view));
@@ -192,7 +189,8 @@ export function streamUniforms(slot: number, width: number, height: number): Str
   };
 }
 
-/** Paints by projection into the views of one texture stream: either what is solid, or what fades towards a border. */
+/** Paints by projection into the views of one texture stream: either what is solid, or what fades towards a border, with one
+ *  program for both. */
 export class ViewMaterial extends RawShaderMaterial {
   constructor(shared: SharedUniforms, stream: StreamUniforms, format: Picture["format"], isFading: boolean) {
     super({
@@ -200,7 +198,7 @@ export class ViewMaterial extends RawShaderMaterial {
       side: FrontSide,
       vertexShader: kVertexShader,
       fragmentShader: kFragmentShader,
-      defines: { [format.toUpperCase()]: "", ...(isFading ? { FADING: "" } : {}) },
+      defines: { [format.toUpperCase()]: "" },
       transparent: isFading,
       depthWrite: !isFading,
       uniforms: {
@@ -209,6 +207,7 @@ export class ViewMaterial extends RawShaderMaterial {
         views: shared.views,
         unseen: shared.unseen,
         fades: shared.fades,
+        fading: { value: isFading },
         ...stream,
       },
     });
