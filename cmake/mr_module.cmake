@@ -7,7 +7,9 @@ if(CMAKE_CXX_COMPILER_ID STREQUAL GNU)
   # -Wno-restrict: false positives of g++ 12 (its bug 105651). -Wno-subobject-linkage: a type of an unnamed
   # namespace inside a class that only this file sees; in a unity build g++ takes the file for a header.
   # -Wshadow=local: in a unity build a constant of another file is no neighbour; clang does not know it.
-  target_compile_options(mr_flags INTERFACE -Wno-restrict -Wno-subobject-linkage -Wshadow=local)
+  # Compiled alone (scripts/test alone), every file is looked at with the whole of it.
+  target_compile_options(mr_flags INTERFACE -Wno-restrict -Wno-subobject-linkage
+                                            $<IF:$<BOOL:${CMAKE_UNITY_BUILD}>,-Wshadow=local,-Wshadow>)
 endif()
 target_compile_options(mr_flags INTERFACE -Wall -Wextra -Wnon-virtual-dtor -Wcast-qual)
 if(CMAKE_CXX_COMPILER_ID STREQUAL Clang)  # `a & b` where both have to be evaluated
