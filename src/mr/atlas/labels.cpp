@@ -426,7 +426,10 @@ Mesh label_triangles(const Mesh& input, std::span<const View> views, const Label
   l.not_seen_yet.resize(input.triangles.size());
   std::iota(l.not_seen_yet.begin(), l.not_seen_yet.end(), 0u);
   // Cutting leaves the surface as it is: what hides what is found out once.
-  const std::vector<std::optional<Eye>> eyes = open_eyes(input, views, config);
+  Mesh hiding;
+  if (config.occluders) hiding = input, append(hiding, *config.occluders);
+  const std::vector<std::optional<Eye>> eyes =
+      open_eyes(config.occluders ? hiding : input, views, config);
   look(eyes, l);
   for (int round = 0; round < kCutRounds && cut_occlusion_edges(l, config.min_edge_m); ++round)
     look(eyes, l);

@@ -16,6 +16,7 @@ struct LabelConfig {
   double geometry_error_m = 0.01;  ///< decimation + lattice + calibration error
   Precision precision{};           ///< of the noisiest sensor: bumps of its noise are not occluders
   double min_edge_m = 0.02;        ///< triangles across an occlusion edge are cut down to this
+  const Mesh* occluders = nullptr;  ///< other surface that may hide this one; may be null
 };
 
 /// Chooses which view textures each triangle (paper 3.3; DESIGN section 4, "Texturing by
