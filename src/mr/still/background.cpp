@@ -24,8 +24,8 @@ constexpr int kContradicts = 5;           // farther readings that agree
 constexpr double kLeastRegion = 30;       // pixels that change together, at 640x576
 constexpr int kHandOver = 10;             // captures until the merger shows what is still
 constexpr std::uint64_t kFreezeEvery = 8; // captures
-constexpr int kRefineTurns = 4;           // cubes are refined in so many turns
-constexpr double kWorthRefining_m = 0.0005;
+constexpr int kRefineTurns = 2;           // cubes are refined in so many turns
+constexpr double kWorthRefining_m = 0.00075;
 constexpr double kYoung_s = 60;           // absorbed surface that may go back as a whole
 constexpr int kPushedFor = 5;
 
@@ -98,7 +98,7 @@ Moment Background::update(const ImageDepth& depth) {
   forget_contradicted();
   absorb_what_stopped();
   if (captures_ % kFreezeEvery == kFreezeEvery - 1) out.still_changed |= freeze();
-  out.moving = moving_pixels();
+  out.moving = moving_pixels(depth);
   out.confirmed = confirmed_pixels(depth, out.moving);
   previous_ = depth;
   ++captures_;
@@ -157,16 +157,16 @@ Background::Reading Background::read(float depth, Pixel& p) const {
     p.uncovered = false, p.shown_for = 0;
     return Reading::agrees;
   }
-  const float off = depth - surface.mean, sigma = sigma_m(surface.mean);
+  const float off = depth - surface.mean;
+  const float sigma = sigma_m(surface.mean);
   if (std::abs(off) > kAgrees_sigmas * sigma + kRounding_m) {
     note_candidate(depth, off > 0, p);
     return off > 0 ? Reading::farther : Reading::nearer;
   }
   p.candidate.count = 0;
   if (p.shown_for < kHandOver) ++p.shown_for;
-  const float trusted = kTrusted_sigmas * sigma + kRounding_m / 2;
-  if (off < -trusted) return Reading::slightly_nearer;
-  if (off > trusted) return Reading::agrees;  // trimmed on both sides, the mean stays where it is
+  // Trimmed on both sides, the mean stays where it is while a foot rests on the floor.
+  if (std::abs(off) > kTrusted_sigmas * sigma + kRounding_m / 2) return Reading::agrees;
   if (surface.count < kMostReadings) ++surface.count;
   surface.mean += off / static_cast<float>(surface.count);
   return Reading::agrees;
@@ -185,7 +185,7 @@ bool Background::was_pushed() {
   constexpr double kLeastKnown = 0.1, kMostAgree = 0.6, kLeastFarther = 0.15;
   std::size_t agree = 0, nearer = 0, farther = 0;
   for (const Reading r : readings_) {
-    agree += r == Reading::agrees || r == Reading::slightly_nearer;
+    agree += r == Reading::agrees;
     nearer += r == Reading::nearer;
     farther += r == Reading::farther;
   }
@@ -277,23 +277,40 @@ void Background::absorb_what_stopped() {
 
 // --- what comes out
 
-ImageMask Background::moving_pixels() const {
-  ImageMask motion(width_, height_);
-  for (std::size_t i = 0; i < pixels_.size(); ++i) {
-    const Pixel& p = pixels_[i];
-    const bool shown = still_.data[i] > 0 && p.shown_for >= kHandOver;
-    Motion m = Motion::none;
-    switch (readings_[i]) {
-      case Reading::none: m = known(p).count > 0 ? Motion::no_depth : Motion::none; break;
-      case Reading::agrees: m = shown ? Motion::none : Motion::strong; break;
-      case Reading::slightly_nearer: m = shown ? Motion::weak : Motion::strong; break;
-      case Reading::nearer:
-      case Reading::unknown: m = Motion::strong; break;
-      case Reading::farther: m = known(p).count > 0 && shown ? Motion::none : Motion::strong; break;
+/// Whether a pixel and those around it are, on average, nearer than what stays: less noise than
+/// one pixel's, so that feet on the floor are told from it.
+bool Background::is_slightly_nearer(const ImageDepth& depth, int x, int y) const {
+  constexpr float kSlightly_sigmas = 1.2f;
+  float sum = 0, sigma = 0;
+  int count = 0;
+  for (int v = std::max(y - 1, 0); v <= std::min(y + 1, height_ - 1); ++v)
+    for (int u = std::max(x - 1, 0); u <= std::min(x + 1, width_ - 1); ++u) {
+      const std::size_t i = static_cast<std::size_t>(v) * width_ + u;
+      if (readings_[i] != Reading::agrees) continue;
+      const float mean = known(pixels_[i]).mean;
+      sum += depth.data[i] - mean, sigma += sigma_m(mean), ++count;
     }
-    motion.data[i] = static_cast<std::uint8_t>(m);
-  }
-  return moving_regions(motion, static_cast<double>(pixels_.size()) / (640.0 * 576.0));
+  return count > 0 && sum < -kSlightly_sigmas * sigma;
+}
+
+ImageMask Background::moving_pixels(const ImageDepth& depth) const {
+  ImageMask strong(width_, height_), no_depth(width_, height_);
+  parallel_for(height_, 32, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t i = begin * width_; i < end * width_; ++i) {
+      const Pixel& p = pixels_[i];
+      const Reading reading = readings_[i];
+      const bool shown = still_.data[i] > 0 && p.shown_for >= kHandOver;
+      strong.data[i] = reading == Reading::nearer || reading == Reading::unknown ||
+                       (reading != Reading::none && !shown);
+      no_depth.data[i] = reading == Reading::none && known(p).count > 0;
+    }
+  });
+  const auto weak = [&](int x, int y) {
+    return readings_[static_cast<std::size_t>(y) * width_ + x] == Reading::agrees &&
+           is_slightly_nearer(depth, x, y);
+  };
+  return moving_regions(strong, no_depth, weak,
+                        static_cast<double>(pixels_.size()) / (640.0 * 576.0));
 }
 
 ImageMask Background::confirmed_pixels(const ImageDepth& depth, const ImageMask& moving) const {

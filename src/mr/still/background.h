@@ -77,7 +77,7 @@ class Background {
     std::uint32_t pixels = 0;
     std::uint64_t since = 0;  ///< capture
   };
-  enum class Reading : std::uint8_t { none, agrees, nearer, slightly_nearer, farther, unknown };
+  enum class Reading : std::uint8_t { none, agrees, nearer, farther, unknown };
 
   static Surface& known(Pixel& p) { return p.absorbed.count > 0 ? p.absorbed : p.base; }
   static const Surface& known(const Pixel& p) {
@@ -92,7 +92,8 @@ class Background {
   void absorb_what_stopped();
   void give_back_what_moves();
   bool was_pushed();
-  ImageMask moving_pixels() const;
+  bool is_slightly_nearer(const ImageDepth& depth, int x, int y) const;
+  ImageMask moving_pixels(const ImageDepth& depth) const;
   ImageMask confirmed_pixels(const ImageDepth& depth, const ImageMask& moving) const;
   bool freeze();
 

@@ -1,22 +1,19 @@
 #pragma once
 
-#include <cstdint>
+#include <functional>
 
 #include "mr/core/image.h"
 
 namespace mr::still {
 
-/// How much a pixel speaks for something that moves.
-enum class Motion : std::uint8_t {
-  none = 0,
-  weak = 1,     ///< counts beside stronger ones: feet on the floor, hands on a table
-  strong = 2,   ///< clearly nearer than what stays, or nothing is known to stay there
-  no_depth = 3  ///< was known and fails now: hair, dark clothes
-};
-
-/// The regions that move (DESIGN section 9): strong pixels that hold together, what is weak
-/// beside them, and pixels without depth that touch both. `motion`: [H, W] of Motion. Scattered
-/// pixels, as noise makes them, are none. `scale`: pixels of the picture / (640 · 576).
-ImageMask moving_regions(const ImageMask& motion, double scale);
+/// The regions that move (DESIGN section 9): pixels of `strong` that hold together, what is weak
+/// beside them, and pixels without depth that touch either. Scattered pixels, as noise makes them,
+/// are none.
+///   strong    clearly nearer than what stays, or nothing is known to stay there
+///   no_depth  was known and fails now: hair, dark clothes
+///   is_weak   (x, y) of a pixel that counts beside strong ones: feet on the floor
+///   scale     pixels of the picture / (640 · 576)
+ImageMask moving_regions(const ImageMask& strong, const ImageMask& no_depth,
+                         const std::function<bool(int, int)>& is_weak, double scale);
 
 }  // namespace mr::still
