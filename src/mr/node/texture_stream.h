@@ -25,7 +25,7 @@ class TextureStream {
  private:
   const Scene* scene_;
   std::uint32_t stream_;
-  std::uint32_t layout_ = 0;
+  std::uint32_t layout_ = 0, serial_ = 0;
   std::atomic<bool> key_frame_asked_ = false;
   std::optional<kit::VideoEncoder> encoder_;
 };
