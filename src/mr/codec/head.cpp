@@ -46,16 +46,18 @@ Result<Packet> HeadReader::read(std::span<const std::byte> bytes, const PacketLi
   return read(*std::move(message), limits);
 }
 
-/// Not an older one of the same node.
-bool HeadReader::is_newer(const Packet& base) const {
-  return !base_ || base_->scene != base.scene || base_->node != base.node ||
-         base_->epoch != base.epoch || base_->sequence <= base.sequence;
+/// Than what the node sent before.
+bool HeadReader::is_older(const Packet& base) const {
+  return base_ && base_->scene == base.scene && base_->node == base.node &&
+         base_->epoch == base.epoch && base_->sequence > base.sequence;
 }
 
 Result<Packet> HeadReader::read(PacketMessage message, const PacketLimits& limits) {
   auto base = message.base;
   if (base) {
-    if (is_newer(*base)) base_ = base, lacks_base_ = false;
+    if (is_older(*base))
+      return Error{Error::Cause::invalid, "packet: its base is older than the one before"};
+    base_ = base, lacks_base_ = false;
   } else if (base_ && base_->epoch == message.epoch &&
              base_->sequence == message.base_sequence()) {
     base = base_;

@@ -44,8 +44,8 @@ class HeadWriter {
 /// way.
 class HeadReader {
  public:
-  /// Errors as decode_packet(). not_found: the base did not come; lacks_base() tells so until one
-  /// does.
+  /// Errors as decode_packet(); invalid: a base older than the one before. not_found: the base did
+  /// not come; lacks_base() tells so until one does.
   Result<Packet> read(std::span<const std::byte> bytes, const PacketLimits& limits = {});
   Result<Packet> read(PacketMessage message, const PacketLimits& limits = {});
 
@@ -56,7 +56,7 @@ class HeadReader {
   const std::shared_ptr<const Packet>& base() const { return base_; }
 
  private:
-  bool is_newer(const Packet& base) const;
+  bool is_older(const Packet& base) const;
 
   std::shared_ptr<const Packet> base_;
   bool lacks_base_ = false;

@@ -52,10 +52,13 @@ void compare_sources(const Packet& base, const Packet& packet, PacketChange& out
       [&](const SourceInfo& gone) { out.removed_sources.push_back(gone.sensor); }, add,
       [&](const SourceInfo& before, const SourceInfo& now) {
         if (!same_sensor(before, now)) return add(now);
-        PacketChange::Confirmed masks{now.sensor};
-        if (before.confirmed_depth != now.confirmed_depth) masks.depth = now.confirmed_depth;
-        if (before.confirmed_color != now.confirmed_color) masks.color = now.confirmed_color;
-        if (masks.depth || masks.color) out.confirmed.push_back(std::move(masks));
+        const bool depth = before.confirmed_depth != now.confirmed_depth;
+        const bool color = before.confirmed_color != now.confirmed_color;
+        if (!depth && !color) return;
+        PacketChange::Confirmed& masks = out.confirmed.emplace_back();
+        masks.sensor = now.sensor;
+        if (depth) masks.depth = now.confirmed_depth;
+        if (color) masks.color = now.confirmed_color;
       });
 }
 
