@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <cstdlib>
 #include <cstring>
@@ -10,6 +11,7 @@
 #include <limits>
 #include <random>
 
+#include "mr/codec/head.h"
 #include "mr/codec/mesh_codec.h"
 #include "mr/core/file.h"
 #include "packet_generated.h"
@@ -39,6 +41,12 @@ SourceInfo source(std::uint32_t sensor) {
   s.T_world_depth = look_at({1, 2, 1.5}, {0.25, 0.5, 1}, {0, 0, 1});
   s.precision = {0.002, 0.0003};
   return s;
+}
+
+TileMask mask(int width, int height, int tile_px) {
+  TileMask m{tile_px, (width + tile_px - 1) / tile_px, (height + tile_px - 1) / tile_px, {}};
+  for (int i = 0; i < m.columns * m.rows; ++i) m.tiles.push_back(i % 3 == 0);
+  return m;
 }
 
 View view(ViewId id) {
@@ -72,15 +80,22 @@ Packet full_packet() {
   p.views = {view(0), view(5)};
   p.views[1].kind = View::Kind::equirectangular;
   p.views[1].stream = 9;
-  p.manifest = {
-      {{{-1, 2, 3}, kMergedSource}, 0, 7}, {{{0, 0, 0}, 1}, 0, 8}, {{{0, 0, 0}, 1}, 2, 1}};
+  p.views.push_back(p.views[1]);
+  p.views[2].layer = Layer::still, p.views[2].gain = {0.5f, 1.25f, 2}, p.views[2].stream = 10;
+  p.sources[0].confirmed_depth = mask(640, 576, 8);
+  p.sources[0].confirmed_color = mask(1280, 720, 16);
+  p.manifest = {{{{-1, 2, 3}, kMergedSource}, 0, 7},
+                {{{0, 0, 0}, 1}, 0, 8},
+                {{{0, 0, 0}, 1}, 2, 1},
+                {{{0, 0, 0}, 1, Layer::still}, 0, 1}};
   const Mesh wall = test::grid({0, 0, 0}, {1, 0, 0}, {0, 1, 0}, 3, 3);
   Chunk chunk{p.manifest[0], 0.003f, *snap_to_lattice(wall, {})};
   chunk.mesh.runs = {{0, 10, 0}, {10, 8, 5}};
   p.chunks = {*encode_chunk(chunk, {}, 5)};
   p.chunks.push_back({p.manifest[2], 0, 12, {}, counting(45)});
-  p.textures = {{0, TextureCodec::h264, 3, 640, 400, true, counting(77)},
-                {1, TextureCodec::h264, 4, 8192, 8192, false, counting(5)}};
+  p.textures = {{0, 70'000, TextureCodec::h264, 3, 640, 400, true, counting(77)},
+                {1, 2, TextureCodec::h264, 4, 8192, 8192, false, counting(5)}};
+  p.streams = {{0, 70'000}, {1, 2}, {9, 5}, {10, 1}};
   p.marks = {{"cam0/fuse", TimePoint(Duration(5))}, {"cam0/encode_mesh", TimePoint(Duration(6))}};
   return p;
 }
@@ -116,8 +131,8 @@ TEST(PacketCodec, AnEmptyPacketIsAPacket) {
   EXPECT_EQ(*back, Packet{});
 }
 
-TEST(PacketCodec, GoldenBytesOfVersionOne) {
-  const auto file = std::filesystem::path(MR_SOURCE_DIR) / "tests/data/packet_v1.bin";
+TEST(PacketCodec, GoldenBytesOfVersionTwo) {
+  const auto file = std::filesystem::path(MR_SOURCE_DIR) / "tests/data/packet_v2.bin";
   Packet packet = full_packet();
   packet.chunks.erase(packet.chunks.begin());  // Draco's bytes are Draco's business
   // Nor may the last bit of a root decide.
@@ -178,7 +193,9 @@ TEST(PacketCodec, CapsAreChecked) {
   };
   EXPECT_TRUE(too_large({.packet_bytes = bytes.size() - 1}));
   EXPECT_TRUE(decode_packet(bytes, {.packet_bytes = bytes.size()}));
-  EXPECT_TRUE(too_large({.manifest_chunks = 2}));
+  EXPECT_TRUE(too_large({.manifest_chunks = 3}));
+  EXPECT_TRUE(too_large({.mask_tiles = 80 * 72 + 80 * 45 - 1}));
+  EXPECT_TRUE(decode_packet(bytes, {.mask_tiles = 80 * 72 + 80 * 45}));
   EXPECT_TRUE(too_large({.views = 1}));
   EXPECT_TRUE(too_large({.marks = 1}));
   EXPECT_TRUE(too_large({.textures = 1}));
@@ -216,6 +233,8 @@ TEST(PacketCodec, NumbersAreFiniteAndPossible) {
     EXPECT_TRUE(invalid([&](Packet& p) { p.views[0].cx = bad; }));
     EXPECT_TRUE(invalid([&](Packet& p) { p.views[1].fx = bad; }));
     EXPECT_TRUE(invalid([&](Packet& p) { p.views[0].gutter_px = badf; }));
+    EXPECT_TRUE(invalid([&](Packet& p) { p.views[0].gain.x = badf; }));
+    EXPECT_TRUE(invalid([&](Packet& p) { p.views[2].gain.z = badf; }));
     EXPECT_TRUE(invalid([&](Packet& p) { p.views[0].T_world_camera.rotation(1, 2) = bad; }));
     EXPECT_TRUE(invalid([&](Packet& p) { p.chunks[0].error_m = badf; }));
   }
@@ -237,6 +256,45 @@ TEST(PacketCodec, NumbersAreFiniteAndPossible) {
   EXPECT_TRUE(invalid([](Packet& p) { p.views[0].kind = static_cast<View::Kind>(2); }));
   EXPECT_TRUE(
       invalid([](Packet& p) { p.sources[0].depth_camera.model = static_cast<CameraModel>(3); }));
+}
+
+TEST(PacketCodec, GainsAreModerate) {
+  for (const float bad : {0.0f, -1.0f, 0.0624f, 16.01f})
+    EXPECT_TRUE(invalid([&](Packet& p) { p.views[1].gain.y = bad; })) << bad;
+  for (const float good : {0.0625f, 16.0f})
+    EXPECT_FALSE(invalid([&](Packet& p) { p.views[1].gain.y = good; })) << good;
+}
+
+TEST(PacketCodec, MasksFitTheirPictures) {
+  EXPECT_TRUE(invalid([](Packet& p) { p.sources[0].confirmed_depth = mask(648, 576, 8); }));
+  EXPECT_TRUE(invalid([](Packet& p) { p.sources[0].confirmed_color = mask(1280, 704, 16); }));
+  EXPECT_TRUE(invalid([](Packet& p) { p.sources[0].confirmed_depth.tiles.resize(80 * 71); }));
+  EXPECT_TRUE(invalid([](Packet& p) { p.sources[0].confirmed_depth.tiles.resize(80 * 72 + 8); }));
+  EXPECT_TRUE(invalid([](Packet& p) { p.sources[0].confirmed_depth = mask(640, 576, 257); }));
+  EXPECT_FALSE(invalid([](Packet& p) { p.sources[0].confirmed_depth = mask(640, 576, 256); }));
+  EXPECT_FALSE(invalid([](Packet& p) { p.sources[0].confirmed_depth = mask(640, 576, 1); }));
+  // A sensor without a view may say what it likes, of a picture that can be.
+  EXPECT_FALSE(invalid([](Packet& p) { p.sources[1].confirmed_color = mask(8192, 8192, 16); }));
+  EXPECT_TRUE(refused(Error::Cause::too_large,
+                      [](Packet& p) { p.sources[1].confirmed_color = mask(8193, 16, 16); }));
+}
+
+TEST(PacketCodec, ABitBeyondAMasksLastTileIsRefused) {
+  Packet packet = full_packet();
+  packet.sources[0].confirmed_depth = mask(640, 576, 100);  // 7 x 6 tiles
+  packet.sources[0].confirmed_depth.tiles.assign(42, 1);
+  auto bytes = encode_packet(packet);
+  const std::byte last[] = {std::byte{0xFF}, std::byte{0xFF}, std::byte{0xFF}, std::byte{0x03}};
+  const auto at = std::search(bytes.begin(), bytes.end(), std::begin(last), std::end(last));
+  ASSERT_NE(at, bytes.end());
+  ASSERT_TRUE(decode_packet(bytes));
+  at[3] = std::byte{0x07};
+  EXPECT_FALSE(decode_packet(bytes));
+}
+
+TEST(PacketCodec, LayersAreKnown) {
+  EXPECT_TRUE(invalid([](Packet& p) { p.views[2].layer = static_cast<Layer>(2); }));
+  EXPECT_TRUE(invalid([](Packet& p) { p.manifest[3].id.layer = static_cast<Layer>(2); }));
 }
 
 TEST(PacketCodec, PosesAreRigid) {
@@ -282,6 +340,9 @@ TEST(PacketCodec, RectanglesLieInTheirPictures) {
 TEST(PacketCodec, ListsAreSortedAndUnique) {
   EXPECT_TRUE(invalid([](Packet& p) { std::swap(p.views[0], p.views[1]); }));
   EXPECT_TRUE(invalid([](Packet& p) { p.views[1].id = p.views[0].id; }));
+  EXPECT_TRUE(invalid([](Packet& p) { p.views[2].layer = Layer::moving; }));
+  EXPECT_TRUE(invalid([](Packet& p) { std::swap(p.views[1], p.views[2]); }));
+  EXPECT_TRUE(invalid([](Packet& p) { p.streams[1].stream = p.streams[0].stream; }));
   EXPECT_TRUE(invalid([](Packet& p) { p.views[1].id = kNoView; }));
   EXPECT_TRUE(invalid([](Packet& p) { std::swap(p.sources[0], p.sources[1]); }));
   EXPECT_TRUE(invalid([](Packet& p) { p.sources[1].sensor = p.sources[0].sensor; }));
@@ -293,6 +354,7 @@ TEST(PacketCodec, ListsAreSortedAndUnique) {
   EXPECT_TRUE(invalid([](Packet& p) { p.chunks[0].views = {0, kNoView}; }));
   EXPECT_TRUE(invalid([](Packet& p) { ++p.chunks[0].key.version; })) << "not in the manifest";
   EXPECT_TRUE(invalid([](Packet& p) { p.manifest.clear(); }));
+  EXPECT_TRUE(invalid([](Packet& p) { p.chunks[1].key.id.layer = Layer::still; })) << "not named";
 }
 
 /// A small buffer may name one payload many times: what is copied stays within what came.
@@ -304,14 +366,14 @@ TEST(PacketCodec, SharedPayloadsDoNotMultiply) {
   std::vector<wire::ChunkKey> keys;
   std::vector<flatbuffers::Offset<wire::Chunk>> chunks;
   for (int i = 0; i < 1000; ++i) {
-    keys.emplace_back(i, 0, 0, 0, 0, 0);
+    keys.emplace_back(i, 0, 0, 0, 0, 0, 0);
     chunks.push_back(wire::CreateChunk(b, &keys.back(), 0, 1, 0, payload));
   }
   const auto plan = wire::CreatePlan(b);
   const auto manifest = b.CreateVectorOfStructs(keys);
   const auto list = b.CreateVector(chunks);
-  wire::FinishPacketBuffer(b,
-                           wire::CreatePacket(b, name, name, 0, 0, 0, 0, plan, 0, manifest, list));
+  const auto head = wire::CreateHead(b, name, name, plan, 0, 0, manifest);
+  wire::FinishPacketBuffer(b, wire::CreatePacket(b, 0, 0, 0, 0, 0, 0, 0, list, 0, head));
   const auto out = decode_packet(std::as_bytes(std::span(b.GetBufferPointer(), b.GetSize())));
   ASSERT_FALSE(out);
   EXPECT_EQ(out.error().cause, Error::Cause::invalid);

@@ -5,6 +5,7 @@
 #include <deque>
 #include <random>
 
+#include "mr/codec/head.h"
 #include "mr/codec/packet_codec.h"
 #include "support/sender.h"
 
@@ -79,7 +80,7 @@ TEST(Gatherer, MeshEqualsTheSendersWithin500MsOfAnyLoss) {
       network.deliver(now);
       for (const auto& [input, request] : gatherer.requests(now))
         network.send(now, [&, request = request, now] {
-          key_frame_wanted |= request.key_frame;
+          key_frame_wanted |= request.wants_key_frame(4);
           const auto answer = sender.answer(request);
           if (!answer.empty())
             network.send(now + milliseconds(20), [&, answer, now] {
@@ -124,7 +125,7 @@ TEST(Gatherer, AsksForKeyFramesAtMostTwiceASecond) {
   for (int ms = 0; ms < 2000; ms += 10) {
     const TimePoint now{milliseconds(ms)};
     if (ms % 30 == 0) static_cast<void>(gatherer.receive(0, sender.next(), now));
-    for (const auto& [input, request] : gatherer.requests(now)) asked += request.key_frame;
+    for (const auto& [input, request] : gatherer.requests(now)) asked += request.wants_key_frame(4);
   }
   EXPECT_EQ(asked, 4);
 }
@@ -146,6 +147,71 @@ TEST(Gatherer, UnitsAreHandedOnWithTheirCapture) {
   gathered = gatherer.gather(second.captured_at + milliseconds(120));
   ASSERT_TRUE(gathered && *gathered);
   EXPECT_EQ((*gathered)->units, second.textures);
+}
+
+/// A stream without units for long: what its parent has stays good, and the next unit follows.
+TEST(Gatherer, QuietStreamsAreHandedOnWhenTheyGoOn) {
+  const Scene scene = one_sensor();
+  Sender sender;
+  node::Gatherer inner(scene, scene.mergers[0], true);
+  codec::Receiver parent({});
+  TimePoint now{};
+  int units = 0;
+  codec::HeadWriter merger;
+  codec::HeadReader heads;
+  for (int i = 0; i < 200; ++i) {
+    const Packet packet = i == 0 || i % 70 == 69 ? sender.next(i == 0) : sender.quiet();
+    now = packet.captured_at;
+    ASSERT_TRUE(inner.receive(0, packet, now));
+    const auto gathered = inner.gather(now + milliseconds(60));
+    ASSERT_TRUE(gathered && *gathered);
+    units += static_cast<int>((*gathered)->units.size());
+    Packet merged = packet;  // with the very chunks
+    merged.textures = (*gathered)->units;
+    const auto arrived = heads.read(merger.write(merged));
+    ASSERT_TRUE(arrived);
+    EXPECT_TRUE(parent.accept(*arrived).empty());
+    EXPECT_TRUE(parent.scene()) << i;
+    EXPECT_TRUE(inner.requests(now).empty());
+  }
+  EXPECT_EQ(units, 3);
+}
+
+TEST(Gatherer, AWishForAKeyFrameGoesToWhoHasTheStream) {
+  const Scene scene = one_sensor();
+  Sender sender;
+  node::Gatherer gatherer(scene, scene.mergers[0], true);
+  ASSERT_TRUE(gatherer.receive(0, sender.next(true), TimePoint{}));
+  gatherer.ask_key_frames(std::vector<std::uint32_t>{3, 9});
+  EXPECT_TRUE(gatherer.requests(TimePoint{}).empty());
+  gatherer.ask_key_frames(std::vector<std::uint32_t>{3, 4});
+  const auto requests = gatherer.requests(TimePoint{});
+  ASSERT_EQ(requests.size(), 1u);
+  EXPECT_EQ(requests[0].second.key_frames, std::vector<std::uint32_t>{4});
+  gatherer.ask_key_frames();
+  EXPECT_TRUE(gatherer.requests(TimePoint{}).empty()) << "asked just now";
+  EXPECT_EQ(gatherer.requests(TimePoint{milliseconds(500)}).size(), 1u);
+}
+
+TEST(Gatherer, AsksForTheBaseThatItLacksAtMostTwiceASecond) {
+  const Scene scene = one_sensor();
+  Sender sender;
+  node::Gatherer gatherer(scene, scene.mergers[0], false);
+  codec::HeadWriter writer;
+  for (int i = 0; i < 5; ++i) static_cast<void>(writer.write(sender.quiet()));
+  int asked = 0;
+  for (int ms = 0; ms < 2000; ms += 10) {
+    const TimePoint now{milliseconds(ms)};
+    if (ms % 100 == 0) {
+      EXPECT_FALSE(gatherer.receive(0, writer.write(sender.quiet()), now));
+    }
+    for (const auto& [input, request] : gatherer.requests(now)) asked += request.whole_head;
+  }
+  EXPECT_EQ(asked, 4);
+  EXPECT_EQ(gatherer.drops().total(), 20u);
+  writer.ask_whole();
+  EXPECT_TRUE(gatherer.receive(0, writer.write(sender.quiet()), TimePoint{milliseconds(2000)}));
+  EXPECT_FALSE(gatherer.requests(TimePoint{milliseconds(4000)}).at(0).second.whole_head);
 }
 
 /// The cubes of what an input brought.
@@ -274,7 +340,7 @@ TEST_F(SharedSensor, AStreamGoesOverToAnotherInputWithAKeyFrame) {
   const auto requests = gatherer.requests(now + milliseconds(60));
   ASSERT_EQ(requests.size(), 1u);
   EXPECT_EQ(requests[0].first, 1u);
-  EXPECT_TRUE(requests[0].second.key_frame);
+  EXPECT_EQ(requests[0].second.key_frames, std::vector<std::uint32_t>{4});
 
   now += milliseconds(100);
   packet = next(east_, "east", now, true);

@@ -106,8 +106,8 @@ class Client {
  private:
   void take(const std::vector<std::byte>& bytes) {
     const std::lock_guard lock(mutex_);
-    auto packet = codec::decode_packet(bytes);
-    if (!packet) return;
+    auto packet = heads_.read(bytes);
+    if (!packet) return ask();
     manifests_[node::wall_time()] = packet->manifest;
     sequence_ = packet->sequence;
     if (std::uniform_real_distribution<>(0, 1)(random_) < loss_) {
@@ -123,7 +123,11 @@ class Client {
     codec::Request request;
     const auto now = Clock::now();
     const bool waiting = !receiver_.streams_waiting().empty() || packets_ == 0;
-    if (waiting && now - key_asked_ > milliseconds(500)) request.key_frame = true, key_asked_ = now;
+    if ((waiting || heads_.lacks_base()) && now - key_asked_ > milliseconds(500)) {
+      request.key_frames = receiver_.streams_waiting();
+      request.whole_head = heads_.lacks_base();
+      key_asked_ = now;
+    }
     if (now - chunks_asked_ > milliseconds(100)) {
       request.chunks = receiver_.missing();
       if (!request.chunks.empty()) chunks_asked_ = now;
@@ -150,6 +154,7 @@ class Client {
   const std::string node_;
   const double loss_;
   std::recursive_mutex mutex_;
+  codec::HeadReader heads_;
   codec::Receiver receiver_;
   std::mt19937 random_{7};
   std::uint64_t packets_ = 0, lost_ = 0;

@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include "mr/codec/head.h"
 #include "mr/codec/packet_codec.h"
 #include "mr/codec/receiver.h"
 #include "mr/node/viewer_inbox.h"
@@ -18,7 +19,8 @@ constexpr TimePoint kStart{};
 
 std::vector<Viewers::Send> give(Viewers& viewers, const Packet& packet) {
   return viewers.packet(
-      packet, std::make_shared<const std::vector<std::byte>>(codec::encode_packet(packet)));
+      packet, std::make_shared<const std::vector<std::byte>>(codec::encode_packet(packet)),
+      codec::base_of(packet));
 }
 
 Packet decoded(const Viewers::Send& send) { return *codec::decode_packet(*send.second); }
@@ -26,10 +28,12 @@ Packet decoded(const Viewers::Send& send) { return *codec::decode_packet(*send.s
 TEST(Viewers, ANewcomerStartsWithEverything) {
   Sender sender;
   Viewers viewers;
-  EXPECT_TRUE(give(viewers, sender.next(true)).empty());
+  sender.next(true);
+  EXPECT_TRUE(give(viewers, sender.next()).empty());
+  viewers.take_chunks(*codec::decode_chunks(sender.answer(viewers.wanted(kStart))));
   viewers.opened(7);
-  EXPECT_TRUE(viewers.wanted(kStart).key_frame);
-  EXPECT_FALSE(viewers.wanted(kStart).key_frame) << "asked a moment ago";
+  EXPECT_EQ(viewers.wanted(kStart).key_frames, std::vector<std::uint32_t>{4});
+  EXPECT_TRUE(viewers.wanted(kStart).key_frames.empty()) << "asked a moment ago";
   EXPECT_TRUE(give(viewers, sender.next()).empty()) << "not without a key frame";
   sender.change(3);
   const auto sent = give(viewers, sender.next(true));
@@ -40,6 +44,146 @@ TEST(Viewers, ANewcomerStartsWithEverything) {
   codec::Receiver receiver({});
   EXPECT_TRUE(receiver.accept(packet).empty());
   EXPECT_TRUE(receiver.scene());
+}
+
+TEST(Viewers, ANewcomerBetweenKeyFramesIsServedAtOnce) {
+  Sender sender;
+  Viewers viewers;
+  for (int i = 0; i < 10; ++i) give(viewers, sender.next(i == 2));
+  viewers.opened(7);
+  EXPECT_TRUE(viewers.wanted(kStart).empty()) << "nothing is lacking";
+  const Packet newest = sender.next();
+  const auto sent = give(viewers, newest);
+  ASSERT_EQ(sent.size(), 1u);
+  const Packet packet = decoded(sent[0]);
+  EXPECT_EQ(packet.textures.size(), 9u) << "the key frame and what followed";
+  codec::Receiver receiver({});
+  EXPECT_TRUE(receiver.accept(packet).empty());
+  ASSERT_TRUE(receiver.scene());
+  viewers.shown(7, newest.sequence);
+  for (int i = 0; i < 3; ++i)
+    for (const auto& send : give(viewers, sender.next())) {
+      EXPECT_TRUE(receiver.accept(decoded(send)).empty());
+      EXPECT_TRUE(receiver.scene()) << "and goes on with what is sent to all";
+      viewers.shown(7, decoded(send).sequence);
+    }
+}
+
+TEST(Viewers, APictureThatStaysForLongIsKept) {
+  Sender sender;
+  Viewers viewers;
+  give(viewers, sender.next(true));
+  give(viewers, sender.next());
+  for (int i = 0; i < 1000; ++i) give(viewers, sender.quiet());
+  viewers.opened(7);
+  EXPECT_TRUE(viewers.wanted(kStart).empty());
+  const auto sent = give(viewers, sender.quiet());
+  ASSERT_EQ(sent.size(), 1u);
+  codec::Receiver receiver({});
+  EXPECT_TRUE(receiver.accept(decoded(sent[0])).empty());
+  EXPECT_TRUE(receiver.scene());
+}
+
+TEST(Viewers, WhatIsKeptOfAStreamIsBounded) {
+  Sender sender;
+  Viewers viewers;
+  give(viewers, sender.next(true));
+  for (std::size_t i = 1; i < Viewers::kMaxKeptUnits; ++i) give(viewers, sender.next());
+  viewers.opened(1);
+  EXPECT_TRUE(viewers.wanted(kStart).empty());
+  give(viewers, sender.next());
+  EXPECT_EQ(viewers.wanted(kStart).key_frames, std::vector<std::uint32_t>{4});
+  EXPECT_EQ(give(viewers, sender.next(true)).size(), 1u);
+}
+
+TEST(Viewers, ALostUnitIsNotKeptOver) {
+  Sender sender;
+  Viewers viewers;
+  give(viewers, sender.next(true));
+  sender.next();  // lost, and nothing follows on the stream
+  viewers.opened(1);
+  EXPECT_TRUE(give(viewers, sender.quiet()).empty());
+  EXPECT_EQ(viewers.wanted(kStart).key_frames, std::vector<std::uint32_t>{4});
+}
+
+/// A packet of two streams: the sender's, and one that was coded once.
+Packet with_plate(Packet packet, bool brings) {
+  packet.views.push_back(packet.views[0]);
+  packet.views[1].layer = Layer::still;
+  packet.views[1].stream = 5;
+  if (brings) {
+    packet.textures.push_back(packet.textures.at(0));
+    packet.textures.back().stream = 5, packet.textures.back().serial = 17;
+  }
+  packet.streams.push_back({5, 17});
+  return packet;
+}
+
+TEST(Viewers, AskForTheStreamThatIsLackingOnly) {
+  Sender sender;
+  Viewers viewers;
+  give(viewers, with_plate(sender.next(true), true));
+  for (std::size_t i = 0; i <= Viewers::kMaxKeptUnits; ++i)
+    give(viewers, with_plate(sender.next(), false));
+  viewers.opened(1);
+  EXPECT_EQ(viewers.wanted(kStart).key_frames, std::vector<std::uint32_t>{4});
+  const auto sent = give(viewers, with_plate(sender.next(true), false));
+  ASSERT_EQ(sent.size(), 1u);
+  codec::Receiver receiver({});
+  EXPECT_TRUE(receiver.accept(decoded(sent[0])).empty());
+  EXPECT_TRUE(receiver.scene());
+  viewers.asked(1, {{5, 6}, {}, {}}, kStart);
+  EXPECT_EQ(viewers.wanted(kStart).key_frames, std::vector<std::uint32_t>{5}) << "6 is no view's";
+}
+
+/// As the gateway does it: the root's bytes are read here, and viewers get them as they are.
+TEST(Viewers, DifferencesReachNewcomersAndSlowOnes) {
+  Sender sender;
+  Viewers viewers;
+  codec::HeadWriter root;
+  codec::HeadReader here;
+  std::map<Viewers::Id, codec::HeadReader> heads;
+  std::map<Viewers::Id, codec::Receiver> receivers;
+  std::map<Viewers::Id, std::uint64_t> newest;
+  const auto take = [&](const std::vector<Viewers::Send>& sent) {
+    for (const auto& [id, message] : sent) {
+      const auto packet = heads[id].read(*message);
+      ASSERT_TRUE(packet) << packet.error().message;
+      EXPECT_TRUE(receivers.try_emplace(id, Lattice{}).first->second.accept(*packet).empty());
+      EXPECT_TRUE(receivers.at(id).scene());
+      newest[id] = packet->sequence;
+    }
+  };
+  std::uint64_t last = 0;
+  for (int i = 0; i < 200; ++i) {
+    if (i % 40 == 10) viewers.opened(static_cast<Viewers::Id>(i));
+    if (i % 3 == 0) sender.change(i % 6);
+    Packet packet = i % 5 == 0 ? sender.next(i == 0) : sender.quiet();
+    last = packet.sequence;
+    const auto bytes = std::make_shared<const std::vector<std::byte>>(root.write(packet));
+    auto read = here.read(*bytes);
+    ASSERT_TRUE(read);
+    take(viewers.packet(*std::move(read), bytes, here.base()));
+    for (const auto& [id, sequence] : std::map(newest))
+      if (id % 20 == 10 && i % 7 == 0) take(viewers.shown(id, sequence));
+  }
+  for (int i = 0; i < 3; ++i)
+    for (const auto& [id, sequence] : std::map(newest)) take(viewers.shown(id, sequence));
+  EXPECT_EQ(newest.size(), 5u);
+  for (const auto& [id, sequence] : newest) EXPECT_EQ(sequence, last) << id;
+}
+
+TEST(Viewers, WhoLacksTheBaseStartsAnew) {
+  Sender sender;
+  Viewers viewers;
+  viewers.opened(1);
+  EXPECT_EQ(give(viewers, sender.next(true)).size(), 1u);
+  viewers.asked(1, {{}, {}, {}, true}, kStart);
+  viewers.asked(1, {{}, {}, {}, true}, kStart);
+  const auto sent = give(viewers, sender.next());
+  ASSERT_EQ(sent.size(), 1u);
+  EXPECT_EQ(decoded(sent[0]).chunks.size(), decoded(sent[0]).manifest.size());
+  EXPECT_EQ(viewers.drops().size(), 1u);
 }
 
 TEST(Viewers, SlowOnesGetFoldedPacketsAndHoldUpNobody) {
@@ -94,10 +238,9 @@ TEST(Viewers, WhoFallsFarBehindStartsAnew) {
   }
   EXPECT_EQ(sent.size(), 2u) << "who shows nothing gets nothing";
   EXPECT_EQ(viewers.taken(), std::nullopt);
-  EXPECT_FALSE(viewers.wanted(kStart).key_frame) << "nobody could use it";
+  EXPECT_TRUE(viewers.wanted(kStart).empty()) << "nobody could use it";
   viewers.shown(1, first + 1);
-  EXPECT_TRUE(viewers.wanted(kStart).key_frame);
-  const auto again = give(viewers, sender.next(true));
+  const auto again = give(viewers, sender.next());
   ASSERT_EQ(again.size(), 1u);
   const Packet packet = decoded(again[0]);
   EXPECT_EQ(packet.chunks.size(), packet.manifest.size());
@@ -111,7 +254,7 @@ TEST(Viewers, AsksTheRootForWhatItLacksItself) {
   give(viewers, packet);
   const codec::Request request = viewers.wanted(kStart);
   EXPECT_EQ(request.chunks, packet.manifest);
-  EXPECT_FALSE(request.key_frame) << "nobody watches";
+  EXPECT_TRUE(request.key_frames.empty()) << "nobody watches";
   viewers.take_chunks(*codec::decode_chunks(sender.answer(request)));
   viewers.opened(1);
   EXPECT_EQ(give(viewers, sender.next(true)).size(), 1u);
@@ -124,16 +267,16 @@ TEST(Viewers, GiveChunksOnRequest) {
   const Packet packet = sender.next(true);
   give(viewers, packet);
   const auto answer =
-      viewers.asked(1, {true, {packet.manifest[2], packet.manifest[0]}, {}}, kStart);
+      viewers.asked(1, {{4}, {packet.manifest[2], packet.manifest[0]}, {}}, kStart);
   ASSERT_TRUE(answer);
   const auto chunks = codec::decode_chunks(**answer);
   ASSERT_TRUE(chunks);
   ASSERT_EQ(chunks->size(), 2u);
   EXPECT_EQ((*chunks)[0].key, packet.manifest[0]);
-  EXPECT_TRUE(viewers.wanted(kStart).key_frame);
+  EXPECT_EQ(viewers.wanted(kStart).key_frames, std::vector<std::uint32_t>{4});
   EXPECT_FALSE(viewers.asked(9, {}, kStart));
   const TimePoint later = kStart + Viewers::kAnswerEvery;
-  EXPECT_FALSE(viewers.asked(1, {false, {{{{9, 9, 9}, 0}, 0, 0}}, {}}, later)) << "unknown chunks";
+  EXPECT_FALSE(viewers.asked(1, {{}, {{{{9, 9, 9}, 0}, 0, 0}}, {}}, later)) << "unknown chunks";
 }
 
 TEST(ViewerInbox, AFloodTakesNothingFromOthers) {
@@ -169,7 +312,7 @@ TEST(Viewers, WhoAsksInALoopIsAnsweredNowAndThen) {
   viewers.opened(2);
   const Packet packet = sender.next(true);
   give(viewers, packet);
-  const codec::Request all{false, packet.manifest, {}};
+  const codec::Request all{{}, packet.manifest, {}};
   EXPECT_TRUE(viewers.asked(1, all, kStart));
   EXPECT_FALSE(viewers.asked(1, all, kStart + std::chrono::milliseconds(1)));
   EXPECT_TRUE(viewers.asked(2, all, kStart + std::chrono::milliseconds(1)));

@@ -45,6 +45,16 @@ class Sender {
   }
 
   Packet next(bool key_frame = false) {
+    Packet p = quiet();
+    auto unit = encoder_->encode(picture(p.sequence), key_frame);
+    p.textures = {{4, ++serial_, TextureCodec::h264, layout_, kWidth, kHeight, unit->key_frame,
+                   unit->data}};
+    p.streams = {{4, serial_}};
+    return p;
+  }
+
+  /// A packet whose picture did not change.
+  Packet quiet() {
     Packet p;
     p.scene = "test", p.node = "sender";
     p.epoch = epoch_, p.sequence = sequence_++;
@@ -66,8 +76,7 @@ class Sender {
     }
     fresh_.clear();
     cache.keep(p.manifest);
-    auto unit = encoder_->encode(picture(p.sequence), key_frame);
-    p.textures = {{4, TextureCodec::h264, layout_, kWidth, kHeight, unit->key_frame, unit->data}};
+    p.streams = {{4, serial_}};
     return p;
   }
 
@@ -99,7 +108,7 @@ class Sender {
   codec::ChunkCache cache;
 
  private:
-  std::uint32_t epoch_ = 1, version_ = 0, layout_ = 0;
+  std::uint32_t epoch_ = 1, version_ = 0, layout_ = 0, serial_ = 0;
   std::uint64_t sequence_ = 100;
   std::map<int, std::shared_ptr<const EncodedChunk>> live_;
   std::set<int> fresh_;

@@ -5,6 +5,7 @@
 #include <cstring>
 #include <map>
 
+#include "mr/codec/packet_message.h"
 #include "mr/core/assert.h"
 #include "packet_generated.h"
 
@@ -16,7 +17,7 @@ using Builder = fb::FlatBufferBuilder;
 
 constexpr std::size_t kMaxViewsOfChunk = 254;
 constexpr fb::uoffset_t kMaxDepth = 8, kMaxTables = 1u << 18;
-constexpr const char* kChunksIdentifier = "MRCH";
+constexpr const char* kChunksIdentifier = "MRC2";
 
 // ---- values → FlatBuffers ----
 
@@ -29,7 +30,24 @@ wire::Pose to_wire(const Pose& T) {
 }
 wire::Rect to_wire(const Rect& r) { return {r.x, r.y, r.width, r.height}; }
 wire::ChunkKey to_wire(const ChunkKey& k) {
-  return {k.id.cube.x, k.id.cube.y, k.id.cube.z, k.id.source, k.level, k.version};
+  return {k.id.cube.x, k.id.cube.y, k.id.cube.z, k.id.source, static_cast<std::uint32_t>(k.id.layer),
+          k.level, k.version};
+}
+wire::ViewKey to_wire(const PacketChange::ViewKey& k) {
+  return {k.first, static_cast<std::uint32_t>(k.second)};
+}
+wire::StreamState to_wire(const StreamState& s) { return {s.stream, s.serial}; }
+
+/// Eight tiles a byte, the first in the lowest bit.
+fb::Offset<wire::TileMask> write(Builder& b, const TileMask& mask) {
+  std::vector<std::uint8_t> bits((mask.tiles.size() + 7) / 8);
+  for (std::size_t i = 0; i < mask.tiles.size(); ++i)
+    bits[i / 8] |= static_cast<std::uint8_t>((mask.tiles[i] != 0) << (i % 8));
+  fb::Offset<fb::Vector<std::uint8_t>> list;
+  if (!bits.empty()) list = b.CreateVector(bits);
+  return wire::CreateTileMask(b, static_cast<std::uint16_t>(mask.tile_px),
+                              static_cast<std::uint16_t>(mask.columns),
+                              static_cast<std::uint16_t>(mask.rows), list);
 }
 
 fb::Offset<wire::Source> write(Builder& b, const SourceInfo& s) {
@@ -41,15 +59,32 @@ fb::Offset<wire::Source> write(Builder& b, const SourceInfo& s) {
   const auto camera = wire::CreateCamera(b, static_cast<wire::CameraModel>(c.model), c.width,
                                          c.height, c.fx, c.fy, c.cx, c.cy, altitude, azimuth);
   const wire::Pose pose = to_wire(s.T_world_depth);
-  return wire::CreateSource(b, s.sensor, to_ns(s.captured_at), camera, &pose, s.precision.base_m,
-                            s.precision.per_m2);
+  fb::Offset<wire::TileMask> depth, color;
+  if (!s.confirmed_depth.empty()) depth = write(b, s.confirmed_depth);
+  if (!s.confirmed_color.empty()) color = write(b, s.confirmed_color);
+  return wire::CreateSource(b, s.sensor, camera, &pose, s.precision.base_m, s.precision.per_m2,
+                            depth, color);
+}
+
+fb::Offset<wire::Confirmed> write(Builder& b, const PacketChange::Confirmed& c) {
+  fb::Offset<wire::TileMask> depth, color;
+  if (c.depth) depth = write(b, *c.depth);
+  if (c.color) color = write(b, *c.color);
+  return wire::CreateConfirmed(b, c.sensor, depth, color);
 }
 
 fb::Offset<wire::View> write(Builder& b, const View& v) {
   const wire::Pose pose = to_wire(v.T_world_camera);
   const wire::Rect image = to_wire(v.image_rect), atlas = to_wire(v.atlas_rect);
+  const wire::Gain gain{v.gain.x, v.gain.y, v.gain.z};
   return wire::CreateView(b, v.id, static_cast<wire::ViewKind>(v.kind), v.width, v.height, v.fx,
-                          v.fy, v.cx, v.cy, &pose, &image, &atlas, v.gutter_px, v.stream, v.layout);
+                          v.fy, v.cx, v.cy, &pose, &image, &atlas, v.gutter_px, v.stream, v.layout,
+                          static_cast<std::uint8_t>(v.layer),
+                          v.gain == Vec3f{1, 1, 1} ? nullptr : &gain);
+}
+
+fb::Offset<wire::Plan> write(Builder& b, const CodingPlan& p) {
+  return wire::CreatePlan(b, p.simplify_ratio, p.mesh_speed, p.texture_scale, p.texture_qp);
 }
 
 fb::Offset<fb::Vector<std::uint8_t>> write_bytes(Builder& b, const std::vector<std::byte>& bytes) {
@@ -68,12 +103,7 @@ fb::Offset<wire::Chunk> write(Builder& b, const EncodedChunk& c) {
 fb::Offset<wire::Texture> write(Builder& b, const TextureUnit& t) {
   const auto data = write_bytes(b, t.data);
   return wire::CreateTexture(b, t.stream, static_cast<wire::TextureCodec>(t.codec), t.layout,
-                             t.width, t.height, t.key_frame, data);
-}
-
-fb::Offset<wire::Mark> write(Builder& b, const TimeMark& m) {
-  const auto stage = b.CreateString(m.stage);
-  return wire::CreateMark(b, stage, to_ns(m.at));
+                             t.width, t.height, t.key_frame, data, t.serial);
 }
 
 template <typename Out, typename Value>
@@ -84,11 +114,123 @@ fb::Offset<fb::Vector<fb::Offset<Out>>> write_all(Builder& b, const std::vector<
   return b.CreateVector(offsets);
 }
 
-std::size_t expected_bytes(const Packet& packet) {
-  std::size_t bytes = 4096 + 512 * packet.views.size() + 24 * packet.manifest.size();
-  for (const EncodedChunk& c : packet.chunks) bytes += c.payload.size() + 96;
-  for (const TextureUnit& t : packet.textures) bytes += t.data.size() + 96;
+/// As write_all(), of structs; nothing for an empty list.
+template <typename Out, typename Value>
+fb::Offset<fb::Vector<const Out*>> write_structs(Builder& b, const std::vector<Value>& values) {
+  if (values.empty()) return 0;
+  std::vector<Out> out;
+  out.reserve(values.size());
+  for (const Value& value : values) out.push_back(to_wire(value));
+  return b.CreateVectorOfStructs(out);
+}
+
+template <typename Out, typename Value>
+fb::Offset<fb::Vector<fb::Offset<Out>>> write_some(Builder& b, const std::vector<Value>& values) {
+  return values.empty() ? fb::Offset<fb::Vector<fb::Offset<Out>>>() : write_all<Out>(b, values);
+}
+
+fb::Offset<wire::Head> write_head(Builder& b, const Packet& head) {
+  const auto scene = b.CreateString(head.scene), node = b.CreateString(head.node);
+  const auto plan = write(b, head.plan);
+  const auto sources = write_some<wire::Source>(b, head.sources);
+  const auto views = write_some<wire::View>(b, head.views);
+  const auto manifest = write_structs<wire::ChunkKey>(b, head.manifest);
+  const auto streams = write_structs<wire::StreamState>(b, head.streams);
+  std::vector<fb::Offset<fb::String>> stages;
+  for (const TimeMark& mark : head.marks) stages.push_back(b.CreateString(mark.stage));
+  fb::Offset<fb::Vector<fb::Offset<fb::String>>> stage_list;
+  if (!stages.empty()) stage_list = b.CreateVector(stages);
+  return wire::CreateHead(b, scene, node, plan, sources, views, manifest, streams, stage_list);
+}
+
+fb::Offset<wire::Change> write_change(Builder& b, const PacketChange& c) {
+  if (c.empty()) return 0;
+  const auto removed = write_structs<wire::ChunkKey>(b, c.removed);
+  const auto added = write_structs<wire::ChunkKey>(b, c.added);
+  const auto removed_views = write_structs<wire::ViewKey>(b, c.removed_views);
+  const auto views = write_some<wire::View>(b, c.views);
+  fb::Offset<fb::Vector<std::uint32_t>> removed_sources;
+  if (!c.removed_sources.empty()) removed_sources = b.CreateVector(c.removed_sources);
+  const auto sources = write_some<wire::Source>(b, c.sources);
+  const auto confirmed = write_some<wire::Confirmed>(b, c.confirmed);
+  fb::Offset<wire::Plan> plan;
+  if (c.plan) plan = write(b, *c.plan);
+  // Lists that are there and empty say something else than lists that are absent.
+  fb::Offset<fb::Vector<fb::Offset<fb::String>>> stages;
+  if (c.stages) stages = b.CreateVectorOfStrings(*c.stages);
+  fb::Offset<fb::Vector<const wire::StreamState*>> streams;
+  if (c.streams) {
+    std::vector<wire::StreamState> states;
+    for (const StreamState& state : *c.streams) states.push_back(to_wire(state));
+    streams = b.CreateVectorOfStructs(states);
+  }
+  return wire::CreateChange(b, removed, added, removed_views, views, removed_sources, sources,
+                            confirmed, plan, stages, streams);
+}
+
+/// Times after `from`: 32 bits each where all of them fit, else ns since 1970.
+struct WrittenTimes {
+  fb::Offset<fb::Vector<std::int32_t>> delays;
+  fb::Offset<fb::Vector<std::int64_t>> times;
+};
+
+WrittenTimes write_times(Builder& b, TimePoint from, const std::vector<TimePoint>& times) {
+  if (times.empty()) return {};
+  std::vector<std::int32_t> delays;
+  std::vector<std::int64_t> absolute;
+  for (const TimePoint t : times) {
+    absolute.push_back(to_ns(t));
+    // Modulo 2^64: times that are no times overflow.
+    const auto delay = static_cast<std::int64_t>(static_cast<std::uint64_t>(to_ns(t)) -
+                                                 static_cast<std::uint64_t>(to_ns(from)));
+    if (delay >= INT32_MIN && delay <= INT32_MAX)
+      delays.push_back(static_cast<std::int32_t>(delay));
+  }
+  if (delays.size() == times.size()) return {b.CreateVector(delays), {}};
+  return {{}, b.CreateVector(absolute)};
+}
+
+/// What the bytes of a packet are made of; `base` where they bring it.
+struct Parts {
+  std::uint32_t epoch = 0;
+  std::uint64_t sequence = 0;
+  std::uint32_t age = 0, coalesced = 0;
+  TimePoint captured_at{};
+  const std::vector<TimePoint>&source_times, &mark_times;
+  const Packet* base;
+  const PacketChange& change;
+  const std::vector<EncodedChunk>& chunks;
+  const std::vector<TextureUnit>& textures;
+};
+
+std::size_t expected_bytes(const Parts& parts) {
+  std::size_t bytes = 1024 + 32 * (parts.change.removed.size() + parts.change.added.size());
+  if (parts.base != nullptr)
+    bytes += 4096 + 512 * parts.base->views.size() + 32 * parts.base->manifest.size();
+  for (const EncodedChunk& c : parts.chunks) bytes += c.payload.size() + 96;
+  for (const TextureUnit& t : parts.textures) bytes += t.data.size() + 96;
   return bytes;
+}
+
+std::vector<std::byte> bytes_of(const Builder& b) {
+  const auto* bytes = reinterpret_cast<const std::byte*>(b.GetBufferPointer());
+  return std::vector<std::byte>(bytes, bytes + b.GetSize());
+}
+
+std::vector<std::byte> encode(const Parts& parts) {
+  Builder b(expected_bytes(parts));
+  fb::Offset<wire::Head> head;
+  if (parts.base != nullptr) head = write_head(b, *parts.base);
+  const auto change = write_change(b, parts.change);
+  const auto chunks = write_some<wire::Chunk>(b, parts.chunks);
+  const auto textures = write_some<wire::Texture>(b, parts.textures);
+  const WrittenTimes sources = write_times(b, parts.captured_at, parts.source_times);
+  const WrittenTimes marks = write_times(b, parts.captured_at, parts.mark_times);
+  wire::FinishPacketBuffer(
+      b, wire::CreatePacket(b, parts.epoch, parts.sequence, to_ns(parts.captured_at), parts.age,
+                            sources.delays, marks.delays, textures, chunks, change, head,
+                            parts.coalesced, sources.times, marks.times));
+  return bytes_of(b);
 }
 
 // ---- FlatBuffers → values, every one of them checked ----
@@ -135,9 +277,11 @@ Pose read(const wire::Pose& p) {
   return T;
 }
 Rect read(const wire::Rect& r) { return {r.x(), r.y(), r.width(), r.height()}; }
+/// The layer is to be checked.
 ChunkKey read(const wire::ChunkKey& k) {
-  return {{{k.x(), k.y(), k.z()}, k.source()}, k.level(), k.version()};
+  return {{{k.x(), k.y(), k.z()}, k.source(), static_cast<Layer>(k.layer())}, k.level(), k.version()};
 }
+bool is_layer(std::uint32_t layer) { return layer <= static_cast<std::uint32_t>(Layer::still); }
 
 template <typename Vector>
 std::size_t size_of(const Vector* vector) {
@@ -149,10 +293,10 @@ class Reader {
  public:
   Reader(std::size_t bytes, const PacketLimits& limits) : limits_(limits), unread_(bytes) {}
 
-  Result<Packet> read(const wire::Packet& in) {
-    if (read_head(in) && read_plan(*in.plan()) && read_sources(in.sources()) &&
-        read_manifest(in.manifest()) && read_packet_chunks(in.chunks()) &&
-        read_textures(in.textures()) && read_views(in.views()) && read_marks(in.marks()))
+  Result<PacketMessage> read(const wire::Packet& in) {
+    if (read_times(in) && read_base(in) &&
+        (in.change() == nullptr || read_change(*in.change(), out_.change)) &&
+        count_chunks(in.chunks()) && read_chunks(in.chunks()) && read_textures(in.textures()))
       return std::move(out_);
     return error_;
   }
@@ -203,18 +347,67 @@ class Reader {
     return true;
   }
 
-  bool read_head(const wire::Packet& in) {
+  /// Numbers and times.
+  bool read_times(const wire::Packet& in) {
     out_.epoch = in.epoch();
     out_.sequence = in.sequence();
+    out_.age = in.age();
     out_.coalesced = in.coalesced();
     return require(out_.coalesced <= out_.sequence, "more folded packets than there were") &&
-           read_name(*in.scene(), out_.scene, "the scene's name") &&
-           read_name(*in.node(), out_.node, "the node's name") &&
-           read_time(in.captured_at_ns(), out_.captured_at);
+           require(out_.age <= out_.sequence, "a base before the first packet") &&
+           require(out_.age > 0 || in.head() != nullptr, "its own base, which it does not bring") &&
+           read_time(in.captured_at_ns(), out_.captured_at) &&
+           read_times(in.source_delays_ns(), in.source_times_ns(), limits_.views,
+                      out_.source_times) &&
+           read_times(in.mark_delays_ns(), in.mark_times_ns(), limits_.marks, out_.mark_times);
   }
 
-  bool read_plan(const wire::Plan& plan) {
-    out_.plan = {plan.simplify_ratio(), plan.mesh_speed(), plan.texture_scale(), plan.texture_qp()};
+  bool read_times(const fb::Vector<std::int32_t>* delays, const fb::Vector<std::int64_t>* times,
+                  std::size_t most, std::vector<TimePoint>& out) {
+    if (!require(delays == nullptr || times == nullptr, "times told twice")) return false;
+    const std::size_t count = size_of(delays) + size_of(times);
+    if (count > most) return fail(too_large_packet("too many times"));
+    if (!spend(4 * size_of(delays) + 8 * size_of(times))) return false;
+    for (std::size_t i = 0; i < count; ++i) {
+      const auto at = static_cast<fb::uoffset_t>(i);
+      const std::int64_t ns =
+          delays != nullptr ? to_ns(out_.captured_at) + delays->Get(at) : times->Get(at);
+      if (!read_time(ns, out.emplace_back())) return false;
+    }
+    return true;
+  }
+
+  bool read_base(const wire::Packet& message) {
+    if (message.head() == nullptr) return true;
+    const wire::Head& in = *message.head();
+    const auto base = std::make_shared<Packet>();
+    base->epoch = message.epoch(), base->sequence = message.sequence() - message.age();
+    std::vector<std::string> stages;
+    if (!read_name(*in.scene(), base->scene, "the scene's name") ||
+        !read_name(*in.node(), base->node, "the node's name") ||
+        !read_plan(*in.plan(), base->plan) || !read_sources(in.sources(), base->sources) ||
+        !read_views(in.views(), base->views) || !read_keys(in.manifest(), base->manifest) ||
+        !read_streams(in.streams(), base->streams) || !read_stages(in.stages(), stages))
+      return false;
+    for (std::string& stage : stages) base->marks.push_back({std::move(stage), {}});
+    out_.base = base;
+    return true;
+  }
+
+  bool read_change(const wire::Change& in, PacketChange& out) {
+    if (!read_keys(in.removed(), out.removed) || !read_keys(in.added(), out.added) ||
+        !read_view_keys(in.removed_views(), out.removed_views) ||
+        !read_views(in.views(), out.views) ||
+        !read_sensors(in.removed_sources(), out.removed_sources) ||
+        !read_sources(in.sources(), out.sources) || !read_confirmed(in.confirmed(), out.confirmed))
+      return false;
+    return (in.plan() == nullptr || read_plan(*in.plan(), out.plan.emplace())) &&
+           (in.stages() == nullptr || read_stages(in.stages(), out.stages.emplace())) &&
+           (in.streams() == nullptr || read_streams(in.streams(), out.streams.emplace()));
+  }
+
+  bool read_plan(const wire::Plan& plan, CodingPlan& out) {
+    out = {plan.simplify_ratio(), plan.mesh_speed(), plan.texture_scale(), plan.texture_qp()};
     return require(within(plan.simplify_ratio(), 0, 1) && within(plan.mesh_speed(), 0, 10) &&
                        within(plan.texture_scale(), 0, 16) && within(plan.texture_qp(), 0, 51),
                    "an impossible coding plan");
@@ -247,50 +440,134 @@ class Reader {
     return problems.empty() || fail(invalid_packet("a camera whose " + problems.front()));
   }
 
-  bool read_sources(const fb::Vector<fb::Offset<wire::Source>>* all) {
+  /// Masks grow to a byte for each bit: what all hold is bounded before it is read.
+  bool read_mask(const wire::TileMask* in, TileMask& out) {
+    if (in == nullptr) return true;
+    const int tile = in->tile_px(), columns = in->columns(), rows = in->rows();
+    if (tile == 0)
+      return require(columns == 0 && rows == 0 && size_of(in->bits()) == 0, "a mask without tiles");
+    const int most = (limits_.texture_side + tile - 1) / tile;
+    if (!require(tile <= 256 && columns > 0 && rows > 0, "an impossible mask")) return false;
+    if (columns > most || rows > most) return fail(too_large_packet("too large a mask"));
+    const std::size_t tiles = static_cast<std::size_t>(columns) * static_cast<std::size_t>(rows);
+    tiles_ += tiles;
+    if (tiles_ > limits_.mask_tiles) return fail(too_large_packet("too many tiles"));
+    if (!require(size_of(in->bits()) == (tiles + 7) / 8, "a mask that is not as long as it says") ||
+        !spend(in->bits()->size()))
+      return false;
+    out = {tile, columns, rows, std::vector<std::uint8_t>(tiles)};
+    const std::uint8_t* bits = in->bits()->data();
+    for (std::size_t i = 0; i < tiles; ++i) out.tiles[i] = bits[i / 8] >> (i % 8) & 1;
+    return require(tiles % 8 == 0 || bits[tiles / 8] >> (tiles % 8) == 0,
+                   "bits beyond a mask's last tile");
+  }
+
+  bool read_sources(const fb::Vector<fb::Offset<wire::Source>>* all, std::vector<SourceInfo>& list) {
     if (size_of(all) > limits_.views) return fail(too_large_packet("too many sources"));
     for (std::size_t i = 0; i < size_of(all); ++i) {
       const wire::Source& in = *all->Get(static_cast<fb::uoffset_t>(i));
-      SourceInfo& out = out_.sources.emplace_back();
+      SourceInfo& out = list.emplace_back();
       out.sensor = in.sensor();
       out.T_world_depth = mr::codec::read(*in.t_world_depth());
       out.precision = {in.sigma_base_m(), in.sigma_per_m2()};
-      if (!require(i == 0 || out_.sources[i - 1].sensor < out.sensor, "unsorted sources") ||
-          !read_time(in.captured_at_ns(), out.captured_at) ||
+      if (!require(i == 0 || list[i - 1].sensor < out.sensor, "unsorted sources") ||
           !read_camera(*in.depth_camera(), out.depth_camera) ||
           !require(is_rigid(out.T_world_depth), "a pose that is not rigid") ||
           !require(within(out.precision.base_m, 0, 1e3) && within(out.precision.per_m2, 0, 1e3),
-                   "an impossible precision"))
+                   "an impossible precision") ||
+          !read_mask(in.confirmed_depth(), out.confirmed_depth) ||
+          !read_mask(in.confirmed_color(), out.confirmed_color))
         return false;
     }
     return true;
   }
 
-  bool read_manifest(const fb::Vector<const wire::ChunkKey*>* all) {
+  bool read_confirmed(const fb::Vector<fb::Offset<wire::Confirmed>>* all,
+                      std::vector<PacketChange::Confirmed>& list) {
+    if (size_of(all) > limits_.views) return fail(too_large_packet("too many masks"));
+    for (std::size_t i = 0; i < size_of(all); ++i) {
+      const wire::Confirmed& in = *all->Get(static_cast<fb::uoffset_t>(i));
+      PacketChange::Confirmed& out = list.emplace_back();
+      out.sensor = in.sensor();
+      if (!require(i == 0 || list[i - 1].sensor < out.sensor, "unsorted masks") ||
+          (in.depth() != nullptr && !read_mask(in.depth(), out.depth.emplace())) ||
+          (in.color() != nullptr && !read_mask(in.color(), out.color.emplace())))
+        return false;
+    }
+    return true;
+  }
+
+  bool read_sensors(const fb::Vector<std::uint32_t>* all, std::vector<std::uint32_t>& list) {
+    if (size_of(all) > limits_.views) return fail(too_large_packet("too many sources"));
+    if (!spend(4 * size_of(all))) return false;
+    for (std::size_t i = 0; i < size_of(all); ++i) {
+      list.push_back(all->Get(static_cast<fb::uoffset_t>(i)));
+      if (!require(i == 0 || list[i - 1] < list[i], "unsorted sources")) return false;
+    }
+    return true;
+  }
+
+  bool read_keys(const fb::Vector<const wire::ChunkKey*>* all, std::vector<ChunkKey>& list) {
     const std::size_t count = size_of(all);
     if (count > limits_.manifest_chunks)
       return fail(too_large_packet("too many chunks in the manifest"));
-    out_.manifest.reserve(count);
+    if (!spend(sizeof(wire::ChunkKey) * count)) return false;
+    list.reserve(count);
     for (std::size_t i = 0; i < count; ++i) {
-      out_.manifest.push_back(mr::codec::read(*all->Get(static_cast<fb::uoffset_t>(i))));
-      if (!require(i == 0 || out_.manifest[i - 1] < out_.manifest[i], "an unsorted manifest"))
+      const wire::ChunkKey& key = *all->Get(static_cast<fb::uoffset_t>(i));
+      list.push_back(mr::codec::read(key));
+      if (!require(is_layer(key.layer()), "an unknown layer") ||
+          !require(i == 0 || list[i - 1] < list[i], "an unsorted manifest"))
         return false;
     }
     return true;
   }
 
-  bool read_packet_chunks(const fb::Vector<fb::Offset<wire::Chunk>>* all) {
-    const auto named = [&](const EncodedChunk& chunk) {
-      return std::binary_search(out_.manifest.begin(), out_.manifest.end(), chunk.key);
-    };
-    return require(size_of(all) <= out_.manifest.size(), kUnnamed) && read_chunks(all) &&
-           require(std::all_of(out_.chunks.begin(), out_.chunks.end(), named), kUnnamed);
+  bool read_view_keys(const fb::Vector<const wire::ViewKey*>* all,
+                      std::vector<PacketChange::ViewKey>& list) {
+    if (size_of(all) > limits_.views) return fail(too_large_packet("too many views"));
+    if (!spend(sizeof(wire::ViewKey) * size_of(all))) return false;
+    for (std::size_t i = 0; i < size_of(all); ++i) {
+      const wire::ViewKey& key = *all->Get(static_cast<fb::uoffset_t>(i));
+      list.emplace_back(key.id(), static_cast<Layer>(key.layer()));
+      if (!require(is_layer(key.layer()), "an unknown layer") ||
+          !require(i == 0 || list[i - 1] < list[i], "unsorted views"))
+        return false;
+    }
+    return true;
+  }
+
+  bool read_streams(const fb::Vector<const wire::StreamState*>* all,
+                    std::vector<StreamState>& list) {
+    if (size_of(all) > limits_.views) return fail(too_large_packet("too many streams"));
+    if (!spend(sizeof(wire::StreamState) * size_of(all))) return false;
+    for (std::size_t i = 0; i < size_of(all); ++i) {
+      const wire::StreamState& in = *all->Get(static_cast<fb::uoffset_t>(i));
+      list.push_back({in.stream(), in.serial()});
+      if (!require(i == 0 || list[i - 1].stream < list[i].stream, "unsorted streams")) return false;
+    }
+    return true;
+  }
+
+  bool read_stages(const fb::Vector<fb::Offset<fb::String>>* all, std::vector<std::string>& list) {
+    if (size_of(all) > limits_.marks) return fail(too_large_packet("too many marks"));
+    for (std::size_t i = 0; i < size_of(all); ++i)
+      if (!read_name(*all->Get(static_cast<fb::uoffset_t>(i)), list.emplace_back(),
+                     "a stage's name"))
+        return false;
+    return true;
+  }
+
+  /// No more than any manifest names.
+  bool count_chunks(const fb::Vector<fb::Offset<wire::Chunk>>* all) {
+    return size_of(all) <= limits_.manifest_chunks || fail(too_large_packet("too many chunks"));
   }
 
   bool read_chunks(const fb::Vector<fb::Offset<wire::Chunk>>* all) {
     for (std::size_t i = 0; i < size_of(all); ++i) {
       const wire::Chunk& in = *all->Get(static_cast<fb::uoffset_t>(i));
       EncodedChunk& out = out_.chunks.emplace_back();
+      if (!require(is_layer(in.key()->layer()), "an unknown layer")) return false;
       out.key = mr::codec::read(*in.key());
       out.error_m = in.error_m();
       out.triangles = in.triangles();
@@ -325,6 +602,7 @@ class Reader {
       const wire::Texture& in = *all->Get(static_cast<fb::uoffset_t>(i));
       TextureUnit& out = out_.textures.emplace_back();
       out.stream = in.stream();
+      out.serial = in.serial();
       out.layout = in.layout();
       out.width = in.width(), out.height = in.height();
       out.key_frame = in.key_frame();
@@ -335,18 +613,17 @@ class Reader {
                    "an impossible size of a texture") ||
           !read_bytes(*in.data(), out.data))
         return false;
-      texture_size_[out.stream] = {out.width, out.height};
     }
     return true;
   }
 
-  bool read_views(const fb::Vector<fb::Offset<wire::View>>* all) {
+  bool read_views(const fb::Vector<fb::Offset<wire::View>>* all, std::vector<View>& list) {
     if (size_of(all) > limits_.views) return fail(too_large_packet("too many views"));
     for (std::size_t i = 0; i < size_of(all); ++i) {
       const wire::View& in = *all->Get(static_cast<fb::uoffset_t>(i));
       if (!require(in.kind() <= wire::ViewKind::equirectangular, "an unknown kind of view"))
         return false;
-      View& out = out_.views.emplace_back();
+      View& out = list.emplace_back();
       out.id = in.id();
       out.kind = static_cast<View::Kind>(in.kind());
       out.width = in.width(), out.height = in.height();
@@ -356,51 +633,37 @@ class Reader {
       out.atlas_rect = mr::codec::read(*in.atlas_rect());
       out.gutter_px = in.gutter_px();
       out.stream = in.stream(), out.layout = in.layout();
-      if (!require(i == 0 || out_.views[i - 1].id < out.id, "unsorted views") || !check_view(out))
+      if (!require(is_layer(in.layer()), "an unknown layer")) return false;
+      out.layer = static_cast<Layer>(in.layer());
+      if (in.gain() != nullptr) out.gain = {in.gain()->r(), in.gain()->g(), in.gain()->b()};
+      const auto key = [](const View& v) { return PacketChange::ViewKey(v.id, v.layer); };
+      if (!require(i == 0 || key(list[i - 1]) < key(out), "unsorted views") || !check_view(out))
         return false;
     }
     return true;
   }
 
   bool check_view(const View& view) {
-    Vec2i atlas{limits_.texture_side, limits_.texture_side};
-    if (const auto it = texture_size_.find(view.stream); it != texture_size_.end())
-      atlas = it->second;
+    constexpr double kMostGain = 16;
+    const auto usable = [](float gain) { return within(gain, 1 / kMostGain, kMostGain); };
     return require(view.id != kNoView, "a view with the number of no view") &&
            check_camera(view.camera()) &&
            require(is_rigid(view.T_world_camera), "a pose that is not rigid") &&
            require(fits(view.image_rect, view.width, view.height),
                    "a view's image_rect outside its picture") &&
-           require(fits(view.atlas_rect, atlas.x, atlas.y),
+           require(fits(view.atlas_rect, limits_.texture_side, limits_.texture_side),
                    "a view's atlas_rect outside its texture") &&
-           require(within(view.gutter_px, 0, 1024), "an impossible gutter");
+           require(within(view.gutter_px, 0, 1024), "an impossible gutter") &&
+           require(usable(view.gain.x) && usable(view.gain.y) && usable(view.gain.z),
+                   "an impossible gain");
   }
-
-  bool read_marks(const fb::Vector<fb::Offset<wire::Mark>>* all) {
-    if (size_of(all) > limits_.marks) return fail(too_large_packet("too many marks"));
-    for (std::size_t i = 0; i < size_of(all); ++i) {
-      const wire::Mark& in = *all->Get(static_cast<fb::uoffset_t>(i));
-      TimeMark& out = out_.marks.emplace_back();
-      if (!read_name(*in.stage(), out.stage, "a stage's name") || !read_time(in.at_ns(), out.at))
-        return false;
-    }
-    return true;
-  }
-
-  static constexpr const char* kUnnamed = "a chunk that the manifest does not name";
 
   const PacketLimits& limits_;
   std::size_t unread_;
-  std::uint64_t triangles_ = 0;
-  std::map<std::uint32_t, Vec2i> texture_size_;  ///< the newest of each stream
-  Packet out_;
+  std::uint64_t triangles_ = 0, tiles_ = 0;
+  PacketMessage out_;
   Error error_;
 };
-
-std::vector<std::byte> bytes_of(const Builder& b) {
-  const auto* bytes = reinterpret_cast<const std::byte*>(b.GetBufferPointer());
-  return std::vector<std::byte>(bytes, bytes + b.GetSize());
-}
 
 /// Verifies bytes that may come from anyone, then reads them as the FlatBuffer `Wire`.
 template <typename Wire, typename Value>
@@ -424,25 +687,43 @@ Result<Value> decode(std::span<const std::byte> bytes, const char* identifier,
 
 }  // namespace
 
+std::vector<std::byte> encode_packet(const Packet& packet, const Packet& base,
+                                     const PacketChange& change, bool bring) {
+  std::vector<TimePoint> source_times, mark_times;
+  for (const SourceInfo& source : packet.sources) source_times.push_back(source.captured_at);
+  for (const TimeMark& mark : packet.marks) mark_times.push_back(mark.at);
+  return encode({.epoch = packet.epoch,
+                 .sequence = packet.sequence,
+                 .age = static_cast<std::uint32_t>(packet.sequence - base.sequence),
+                 .coalesced = packet.coalesced,
+                 .captured_at = packet.captured_at,
+                 .source_times = source_times,
+                 .mark_times = mark_times,
+                 .base = bring ? &base : nullptr,
+                 .change = change,
+                 .chunks = packet.chunks,
+                 .textures = packet.textures});
+}
+
 std::vector<std::byte> encode_packet(const Packet& packet) {
-  Builder b(expected_bytes(packet));
-  const auto scene = b.CreateString(packet.scene), node = b.CreateString(packet.node);
-  const auto sources = write_all<wire::Source>(b, packet.sources);
-  const auto plan = wire::CreatePlan(b, packet.plan.simplify_ratio, packet.plan.mesh_speed,
-                                     packet.plan.texture_scale, packet.plan.texture_qp);
-  const auto views = write_all<wire::View>(b, packet.views);
-  std::vector<wire::ChunkKey> keys;
-  keys.reserve(packet.manifest.size());
-  for (const ChunkKey& key : packet.manifest) keys.push_back(to_wire(key));
-  const auto manifest = b.CreateVectorOfStructs(keys);
-  const auto chunks = write_all<wire::Chunk>(b, packet.chunks);
-  const auto textures = write_all<wire::Texture>(b, packet.textures);
-  const auto marks = write_all<wire::Mark>(b, packet.marks);
-  wire::FinishPacketBuffer(
-      b, wire::CreatePacket(b, scene, node, packet.epoch, packet.sequence,
-                            to_ns(packet.captured_at), sources, plan, views, manifest, chunks,
-                            textures, marks, packet.coalesced));
-  return bytes_of(b);
+  PacketChange change;  // to itself: what its units do not tell
+  if (streams_after(packet.streams, packet.textures) != packet.streams)
+    change.streams = packet.streams;
+  return encode_packet(packet, packet, change, true);
+}
+
+std::vector<std::byte> encode_message(const PacketMessage& message) {
+  return encode({.epoch = message.epoch,
+                 .sequence = message.sequence,
+                 .age = message.age,
+                 .coalesced = message.coalesced,
+                 .captured_at = message.captured_at,
+                 .source_times = message.source_times,
+                 .mark_times = message.mark_times,
+                 .base = message.base.get(),
+                 .change = message.change,
+                 .chunks = message.chunks,
+                 .textures = message.textures});
 }
 
 std::vector<std::byte> encode_chunks(std::span<const EncodedChunk> chunks) {
@@ -454,8 +735,18 @@ std::vector<std::byte> encode_chunks(std::span<const EncodedChunk> chunks) {
   return bytes_of(b);
 }
 
+Result<PacketMessage> decode_message(std::span<const std::byte> bytes,
+                                     const PacketLimits& limits) {
+  return decode<wire::Packet, PacketMessage>(bytes, wire::PacketIdentifier(), limits);
+}
+
 Result<Packet> decode_packet(std::span<const std::byte> bytes, const PacketLimits& limits) {
-  return decode<wire::Packet, Packet>(bytes, wire::PacketIdentifier(), limits);
+  auto message = decode_message(bytes, limits);
+  if (!message) return message.error();
+  const auto base = message->base;
+  if (!base)
+    return Error{Error::Cause::not_found, "packet: it does not bring the head that it builds on"};
+  return complete(*std::move(message), *base, limits);
 }
 
 Result<std::vector<EncodedChunk>> decode_chunks(std::span<const std::byte> bytes,

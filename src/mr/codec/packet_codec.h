@@ -20,15 +20,18 @@ struct PacketLimits {
   std::uint32_t chunk_triangles = 1u << 20;
   std::uint64_t packet_triangles = 1u << 24;  ///< of all payloads together
   std::size_t marks = 1024;
+  std::uint64_t mask_tiles = 1u << 26;  ///< of all masks together
   std::size_t name_bytes = 256;
 };
 
-/// The bytes of a packet: docs/wire-format.md, schema/packet.fbs.
+/// The bytes of a packet that can be read without any other: docs/wire-format.md,
+/// schema/packet.fbs. What a node sends is written by a HeadWriter.
 std::vector<std::byte> encode_packet(const Packet& packet);
 
 /// Verifies and reads bytes that may come from anyone, at any alignment. Errors: corrupt,
 /// too_large, invalid (a value that cannot be: poses, rectangles outside their picture, a payload
-/// that the manifest does not name, unsorted lists).
+/// that the manifest does not name, unsorted lists), not_found (it builds on a packet that it does
+/// not bring: codec::HeadReader).
 Result<Packet> decode_packet(std::span<const std::byte> bytes, const PacketLimits& limits = {});
 
 /// Chunks in answer to a request, sorted by key: docs/wire-format.md, "Request and answer".

@@ -14,7 +14,7 @@ namespace {
 /// One texture stream. Without a picture it waits for a key frame.
 struct Stream {
   std::optional<kit::VideoDecoder> decoder;
-  std::uint32_t layout = 0;
+  std::uint32_t layout = 0, serial = 0;
   std::shared_ptr<const ImageRgb> picture;
 
   bool waiting() const { return picture == nullptr; }
@@ -27,6 +27,7 @@ Status Stream::decode(const TextureUnit& unit) {
     return Error{cause, "stream " + std::to_string(unit.stream) + ": " + what};
   };
   if (!unit.key_frame) {
+    if (unit.serial != serial + 1) picture = nullptr;  // one before it was lost
     if (waiting()) return {};  // nothing is wrong with it, only too early
     if (unit.layout != layout)
       return fail(Error::Cause::invalid, "the layout changed without a key frame");
@@ -40,7 +41,7 @@ Status Stream::decode(const TextureUnit& unit) {
   if (!decoded) return fail(decoded.error().cause, decoded.error().message);
   if (decoded->width != unit.width || decoded->height != unit.height)
     return fail(Error::Cause::invalid, "the picture's size is not as promised");
-  layout = unit.layout;
+  layout = unit.layout, serial = unit.serial;
   picture = std::make_shared<const ImageRgb>(std::move(*decoded));
   return {};
 }
@@ -90,6 +91,7 @@ struct Receiver::Impl {
   void take_head(const Packet& packet);
   std::vector<ChunkWork> chunk_work(const Packet& packet) const;
   std::vector<StreamWork> stream_work(const Packet& packet);
+  void check_streams(const Packet& packet);
   bool whole() const;
 };
 
@@ -129,6 +131,14 @@ std::vector<StreamWork> Receiver::Impl::stream_work(const Packet& packet) {
   return work;
 }
 
+/// A stream whose newest unit was lost shows an older capture.
+void Receiver::Impl::check_streams(const Packet& packet) {
+  for (const StreamState& state : packet.streams)
+    if (const auto it = streams.find(state.stream);
+        it != streams.end() && it->second.serial != state.serial)
+      it->second.picture = nullptr;
+}
+
 bool Receiver::Impl::whole() const {
   if (!newest) return false;
   for (const ChunkKey& key : newest->manifest)
@@ -155,9 +165,6 @@ std::vector<Error> Receiver::accept(const Packet& packet) {
     if (packet.sequence <= last)
       return {{Error::Cause::invalid, "packet " + std::to_string(packet.sequence) +
                                           " comes after packet " + std::to_string(last)}};
-    // What was lost may hold access units that the next ones refer to.
-    if (packet.sequence - packet.coalesced > last + 1)
-      for (auto& [id, stream] : i.streams) stream.picture = nullptr;
   } else {
     i.chunks.clear();
     i.streams.clear();
@@ -171,6 +178,7 @@ std::vector<Error> Receiver::accept(const Packet& packet) {
       n < streams.size() ? streams[n].run() : chunks[n - streams.size()].run(i.lattice);
   });
 
+  i.check_streams(packet);
   std::vector<Error> errors;
   for (ChunkWork& work : chunks) {
     if (work.error)

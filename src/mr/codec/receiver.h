@@ -15,7 +15,9 @@
 namespace mr::codec {
 
 /// The receiving end of one node's packets: keeps decoded chunks and pictures, and gives a scene
-/// when everything that the newest manifest names is there. No socket, thread or clock inside.
+/// when everything that the newest manifest names is there. A packet without a unit of a stream
+/// shows the picture that it had; a unit that was lost makes its stream alone wait for a key frame.
+/// No socket, thread or clock inside.
 /// Chunks are decoded in parallel within the caller's arena.
 class Receiver {
  public:

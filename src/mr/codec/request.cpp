@@ -1,6 +1,8 @@
 #include "mr/codec/request.h"
 
+#include <algorithm>
 #include <cstring>
+#include <functional>
 #include <string>
 
 #include "mr/core/assert.h"
@@ -8,9 +10,9 @@
 namespace mr::codec {
 namespace {
 
-constexpr char kMagic[] = {'M', 'R', 'W', 'T'};
-constexpr std::uint32_t kKeyFrame = 1, kTaken = 2;
-constexpr std::size_t kHeadBytes = 12, kKeyBytes = 24;
+constexpr char kMagic[] = {'M', 'R', 'W', '2'};
+constexpr std::uint32_t kWholeHead = 1, kTaken = 2;
+constexpr std::size_t kHeadBytes = 16, kKeyBytes = 28, kStreamBytes = 4;
 
 template <typename Integer>
 void put_integer(std::vector<std::byte>& out, Integer value) {
@@ -31,38 +33,62 @@ Error wrong(Error::Cause cause, const char* what) {
   return {cause, std::string("request: ") + what};
 }
 
+bool is_sorted_and_unique(const std::vector<std::uint32_t>& streams) {
+  return std::adjacent_find(streams.begin(), streams.end(), std::greater_equal<>()) == streams.end();
+}
+
 }  // namespace
+
+bool Request::wants_key_frame(std::uint32_t stream) const {
+  return std::binary_search(key_frames.begin(), key_frames.end(), stream);
+}
 
 std::vector<std::byte> encode_request(const Request& request) {
   MR_ASSERT(request.chunks.size() <= Request::kMaxChunks);
+  MR_ASSERT(request.key_frames.size() <= Request::kMaxStreams);
+  MR_ASSERT(is_sorted_and_unique(request.key_frames));
   std::vector<std::byte> out;
   for (const char c : kMagic) out.push_back(static_cast<std::byte>(c));
-  put_integer(out, (request.key_frame ? kKeyFrame : 0) | (request.taken ? kTaken : 0));
+  put_integer(out, (request.whole_head ? kWholeHead : 0) | (request.taken ? kTaken : 0));
   put_integer(out, static_cast<std::uint32_t>(request.chunks.size()));
+  put_integer(out, static_cast<std::uint32_t>(request.key_frames.size()));
   for (const ChunkKey& k : request.chunks) {
     for (const std::int32_t v : {k.id.cube.x, k.id.cube.y, k.id.cube.z}) put_integer(out, v);
-    for (const std::uint32_t v : {k.id.source, k.level, k.version}) put_integer(out, v);
+    for (const std::uint32_t v :
+         {k.id.source, static_cast<std::uint32_t>(k.id.layer), k.level, k.version})
+      put_integer(out, v);
   }
+  for (const std::uint32_t stream : request.key_frames) put_integer(out, stream);
   if (request.taken) put_integer(out, *request.taken);
   return out;
 }
 
 Result<Request> decode_request(std::span<const std::byte> bytes) {
   if (bytes.size() < kHeadBytes || std::memcmp(bytes.data(), kMagic, sizeof kMagic) != 0)
-    return wrong(Error::Cause::corrupt, "not one of ours");
+    return wrong(Error::Cause::corrupt, "not one of ours, or of another version");
   auto in = bytes.subspan(sizeof kMagic);
-  const auto flags = get<std::uint32_t>(in), count = get<std::uint32_t>(in);
-  if (count > Request::kMaxChunks) return wrong(Error::Cause::too_large, "too many chunks");
-  if (flags & ~(kKeyFrame | kTaken)) return wrong(Error::Cause::corrupt, "unknown flags");
-  if (in.size() != count * kKeyBytes + (flags & kTaken ? sizeof(std::uint64_t) : 0))
+  const auto flags = get<std::uint32_t>(in), chunks = get<std::uint32_t>(in),
+             streams = get<std::uint32_t>(in);
+  if (chunks > Request::kMaxChunks) return wrong(Error::Cause::too_large, "too many chunks");
+  if (streams > Request::kMaxStreams) return wrong(Error::Cause::too_large, "too many streams");
+  if (flags & ~(kWholeHead | kTaken)) return wrong(Error::Cause::corrupt, "unknown flags");
+  if (in.size() != chunks * kKeyBytes + streams * kStreamBytes +
+                       (flags & kTaken ? sizeof(std::uint64_t) : 0))
     return wrong(Error::Cause::corrupt, "its length is not as it says");
   Request out;
-  out.key_frame = (flags & kKeyFrame) != 0;
-  for (std::uint32_t i = 0; i < count; ++i) {
+  out.whole_head = (flags & kWholeHead) != 0;
+  for (std::uint32_t i = 0; i < chunks; ++i) {
     ChunkKey& k = out.chunks.emplace_back();
     for (std::int32_t* v : {&k.id.cube.x, &k.id.cube.y, &k.id.cube.z}) *v = get<std::int32_t>(in);
-    for (std::uint32_t* v : {&k.id.source, &k.level, &k.version}) *v = get<std::uint32_t>(in);
+    k.id.source = get<std::uint32_t>(in);
+    const auto layer = get<std::uint32_t>(in);
+    if (layer > static_cast<std::uint32_t>(Layer::still))
+      return wrong(Error::Cause::corrupt, "an unknown layer");
+    k.id.layer = static_cast<Layer>(layer);
+    for (std::uint32_t* v : {&k.level, &k.version}) *v = get<std::uint32_t>(in);
   }
+  for (std::uint32_t i = 0; i < streams; ++i) out.key_frames.push_back(get<std::uint32_t>(in));
+  if (!is_sorted_and_unique(out.key_frames)) return wrong(Error::Cause::corrupt, "unsorted streams");
   if (flags & kTaken) out.taken = get<std::uint64_t>(in);
   return out;
 }

@@ -13,13 +13,15 @@ namespace mr::codec {
 /// What a receiver says to the node that it receives from (docs/wire-format.md, "Request and
 /// answer"): what it lacks, and how far it has come.
 struct Request {
-  static constexpr std::size_t kMaxChunks = 4096;
+  static constexpr std::size_t kMaxChunks = 4096, kMaxStreams = 1024;
 
-  bool key_frame = false;              ///< on every texture stream
-  std::vector<ChunkKey> chunks;        ///< wanted, at most kMaxChunks
-  std::optional<std::uint64_t> taken;  ///< sequence of the newest packet that was made use of
+  std::vector<std::uint32_t> key_frames;  ///< streams that need one, sorted, at most kMaxStreams
+  std::vector<ChunkKey> chunks;           ///< wanted, at most kMaxChunks
+  std::optional<std::uint64_t> taken;     ///< sequence of the newest packet that was made use of
+  bool whole_head = false;                ///< the base of the node's packets did not come
 
-  bool empty() const { return !key_frame && chunks.empty() && !taken; }
+  bool empty() const { return key_frames.empty() && chunks.empty() && !taken && !whole_head; }
+  bool wants_key_frame(std::uint32_t stream) const;
   friend bool operator==(const Request&, const Request&) = default;
 };
 

@@ -63,6 +63,7 @@ enum class TextureCodec : std::uint8_t { h264 };
 /// One access unit of a texture stream: H.264 Annex B, BT.709 limited range.
 struct TextureUnit {
   std::uint32_t stream = 0;
+  std::uint32_t serial = 0;  ///< counts the stream's units, so that a receiver sees what it lacks
   TextureCodec codec = TextureCodec::h264;
   std::uint32_t layout = 0;
   int width = 0, height = 0;  ///< decoded size
@@ -70,6 +71,15 @@ struct TextureUnit {
   std::vector<std::byte> data;
 
   friend bool operator==(const TextureUnit&, const TextureUnit&) = default;
+};
+
+/// How far a texture stream has come. A packet without a unit of it shows the same picture as the
+/// one before.
+struct StreamState {
+  std::uint32_t stream = 0;
+  std::uint32_t serial = 0;  ///< of the unit whose picture belongs to the packet
+
+  friend bool operator==(const StreamState&, const StreamState&) = default;
 };
 
 /// When a stage ended, for latency overlays.
@@ -93,7 +103,8 @@ struct Packet {
   std::vector<View> views;           ///< sorted by id, then by layer
   std::vector<ChunkKey> manifest;    ///< every live chunk, sorted
   std::vector<EncodedChunk> chunks;  ///< the payloads that are new, sorted by key
-  std::vector<TextureUnit> textures;
+  std::vector<TextureUnit> textures;  ///< in order; none of a stream whose picture did not change
+  std::vector<StreamState> streams;   ///< sorted by stream; codec::HeadWriter fills it in
   std::vector<TimeMark> marks;
 
   friend bool operator==(const Packet&, const Packet&) = default;

@@ -5,6 +5,7 @@
 #include <nlohmann/json.hpp>
 
 #include "mr/codec/packet_codec.h"
+#include "mr/node/node_clock.h"
 
 namespace mr::node {
 namespace {
@@ -12,6 +13,7 @@ namespace {
 using Json = nlohmann::ordered_json;
 
 constexpr Duration kSilence = std::chrono::seconds(2);  // after it, viewers are told
+constexpr Duration kHeadEvery = std::chrono::milliseconds(500);  // whole ones are asked for
 constexpr std::size_t kMaxText = 1024;                  // bytes of a viewer's text message
 constexpr std::size_t kMaxSensorsNamed = 256;           // in a hello
 constexpr std::size_t kMaxMessage = 128u << 10;  // bytes; the longest request is a little shorter
@@ -92,7 +94,7 @@ void Gateway::run(const std::stop_token& stop) {
     const std::lock_guard lock(mutex_);
     take_events();
     take_packets(now);
-    if (const codec::Request request = viewers_.wanted(now); !request.empty()) ask_root(request);
+    ask_root(now);
     acknowledge();
     watch_silence(now);
   }
@@ -100,7 +102,7 @@ void Gateway::run(const std::stop_token& stop) {
 
 void Gateway::take_packets(TimePoint now) {
   while (const net::Message bytes = inbox_->packets.try_pop()) {
-    auto packet = codec::decode_packet(*bytes);
+    auto packet = heads_.read(*bytes);
     if (packet && (packet->scene != context_.scene->id || packet->node != root_))
       packet = Error{Error::Cause::invalid, "packet of node '" + packet->node + "' of scene '" +
                                                 packet->scene + "' came from " + root_};
@@ -114,7 +116,7 @@ void Gateway::take_packets(TimePoint now) {
     ++frames_;
     last_packet_ = now;
     stopped_ = false;
-    send(viewers_.packet(*std::move(packet), bytes));
+    send(viewers_.packet(*std::move(packet), bytes, heads_.base()));
   }
   std::vector<net::Message> answers;
   {
@@ -186,7 +188,17 @@ void Gateway::on_text(net::ClientId viewer, const std::string& text) {
   server_->close(viewer, "not a message of this protocol");
 }
 
-void Gateway::ask_root(const codec::Request& request) {
+/// For what viewers lack, and for a whole head.
+void Gateway::ask_root(TimePoint now) {
+  codec::Request request = viewers_.wanted(now);
+  if (heads_.lacks_base() && is_time(head_asked_, kHeadEvery, now)) {
+    request.whole_head = true;
+    head_asked_ = now;
+  }
+  if (!request.empty()) send_request(request);
+}
+
+void Gateway::send_request(const codec::Request& request) {
   auto bytes = std::make_shared<const std::vector<std::byte>>(codec::encode_request(request));
   if (request.chunks.empty()) return context_.transport->request(root_, std::move(bytes));
   context_.transport->request(root_, std::move(bytes), [inbox = inbox_](net::Message answer) {
@@ -204,7 +216,7 @@ void Gateway::acknowledge() {
   const auto taken = viewers_.taken();
   if (!taken || taken == acknowledged_) return;
   acknowledged_ = taken;
-  ask_root({.key_frame = false, .chunks = {}, .taken = taken});
+  send_request({.key_frames = {}, .chunks = {}, .taken = taken});
 }
 
 void Gateway::watch_silence(TimePoint now) {

@@ -4,6 +4,7 @@
 #include <string>
 #include <vector>
 
+#include "mr/codec/head.h"
 #include "mr/core/result.h"
 #include "mr/net/web_server.h"
 #include "mr/node/live_node.h"
@@ -37,7 +38,8 @@ class Gateway final : public LiveNode {
   void on_event(const Event& event);
   void on_text(net::ClientId viewer, const std::string& text);
   void on_request(net::ClientId viewer, std::span<const std::byte> bytes);
-  void ask_root(const codec::Request& request);
+  void ask_root(TimePoint now);
+  void send_request(const codec::Request& request);
   void acknowledge();
   void watch_silence(TimePoint now);
   void send(std::vector<Viewers::Send> messages);
@@ -49,7 +51,8 @@ class Gateway final : public LiveNode {
   mutable std::mutex mutex_;  // guards viewers_ for stats()
   Viewers viewers_;
   std::vector<net::ClientId> clients_;
-  std::optional<TimePoint> last_packet_;
+  codec::HeadReader heads_;
+  std::optional<TimePoint> last_packet_, head_asked_;
   std::optional<std::uint64_t> acknowledged_;
   std::uint32_t epoch_ = 0;
   bool stopped_ = false;

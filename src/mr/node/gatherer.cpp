@@ -45,13 +45,13 @@ void keep_latest(std::map<std::string, TimePoint>& marks, const std::string& sta
   latest = std::max(latest, at);
 }
 
-/// Sorts by `id` and keeps the first of those that have the same.
-template <typename T, typename Id>
-void keep_first_of_each(std::vector<T>& items, Id T::*id) {
+/// Sorts by a key and keeps the first of those that have the same.
+template <typename T, typename Key>
+void keep_first_of_each(std::vector<T>& items, Key key) {
   std::stable_sort(items.begin(), items.end(),
-                   [&](const T& a, const T& b) { return a.*id < b.*id; });
+                   [&](const T& a, const T& b) { return key(a) < key(b); });
   items.erase(std::unique(items.begin(), items.end(),
-                          [&](const T& a, const T& b) { return a.*id == b.*id; }),
+                          [&](const T& a, const T& b) { return key(a) == key(b); }),
               items.end());
 }
 
@@ -105,9 +105,9 @@ Status Gatherer::check_sender(const Input& input, const Packet& packet) const {
 }
 
 Status Gatherer::receive(std::size_t input, std::span<const std::byte> bytes, TimePoint now) {
-  auto packet = codec::decode_packet(bytes);
+  Input& from = inputs_[input];
+  auto packet = from.heads.read(bytes);
   if (packet) return receive(input, *std::move(packet), now);
-  const Input& from = inputs_[input];
   const Error told{packet.error().cause, "packet from '" + from.id + "' to '" + merger_.id +
                                              "': " + packet.error().message};
   drops_.count(link(from), told);
@@ -124,6 +124,8 @@ Status Gatherer::receive(std::size_t input, Packet packet, TimePoint now) {
     return told;
   }
   keep_region(packet);
+  from.streams.clear();
+  for (const View& view : packet.views) from.streams.insert(view.stream);
   for (const Error& error : from.receiver.accept(packet)) drops_.count(link(from), error);
   from.marks.clear();
   for (const TimeMark& mark : packet.marks) keep_latest(from.marks, mark.stage, mark.at);
@@ -149,8 +151,8 @@ void Gatherer::keep_units(Input& input, Packet& packet) {
   const std::size_t most = std::min(kMaxUnitsWaiting * input.sensors.size(),
                                     codec::PacketLimits{}.textures / inputs_.size());
   if (input.units.size() <= most) return;
+  for (const Unit& lost : input.units) input.key_frames_wanted.insert(lost.unit.stream);
   input.units.clear();
-  input.key_frame_wanted = true;
 }
 
 void Gatherer::take_answer(std::size_t input, std::span<const std::byte> answer, TimePoint now) {
@@ -179,11 +181,10 @@ std::vector<std::pair<std::size_t, codec::Request>> Gatherer::requests(TimePoint
   for (std::size_t i = 0; i < inputs_.size(); ++i) {
     Input& input = inputs_[i];
     codec::Request request;
-    if ((input.key_frame_wanted || !input.receiver.streams_waiting().empty()) &&
-        is_time(input.key_frame_asked, kKeyFrameEvery, now)) {
-      request.key_frame = true;
-      input.key_frame_wanted = false;
-      input.key_frame_asked = now;
+    request.key_frames = key_frames_to_ask(input, now);
+    if (input.heads.lacks_base() && is_time(input.head_asked, kHeadEvery, now)) {
+      request.whole_head = true;
+      input.head_asked = now;
     }
     if (is_time(input.chunks_asked, kChunksEvery, now)) {
       request.chunks = input.receiver.missing();
@@ -196,8 +197,32 @@ std::vector<std::pair<std::size_t, codec::Request>> Gatherer::requests(TimePoint
   return out;
 }
 
+/// The streams of an input that lack a key frame and were not asked for one just now; sorted.
+std::vector<std::uint32_t> Gatherer::key_frames_to_ask(Input& input, TimePoint now) {
+  std::set<std::uint32_t> wanted = input.key_frames_wanted;
+  for (const std::uint32_t stream : input.receiver.streams_waiting()) wanted.insert(stream);
+  std::vector<std::uint32_t> out;
+  for (const std::uint32_t stream : wanted) {
+    const auto asked = input.key_frame_asked.find(stream);
+    const auto last = asked == input.key_frame_asked.end() ? std::nullopt
+                                                           : std::optional(asked->second);
+    if (!is_time(last, kKeyFrameEvery, now) || out.size() == codec::Request::kMaxStreams) continue;
+    input.key_frame_asked[stream] = now;
+    input.key_frames_wanted.erase(stream);
+    out.push_back(stream);
+  }
+  return out;
+}
+
 void Gatherer::ask_key_frames() {
-  for (Input& input : inputs_) input.key_frame_wanted = true;
+  for (Input& input : inputs_)
+    input.key_frames_wanted.insert(input.streams.begin(), input.streams.end());
+}
+
+void Gatherer::ask_key_frames(std::span<const std::uint32_t> streams) {
+  for (Input& input : inputs_)
+    for (const std::uint32_t stream : streams)
+      if (input.streams.contains(stream)) input.key_frames_wanted.insert(stream);
 }
 
 Result<std::optional<Gathered>> Gatherer::gather(TimePoint now) {
@@ -213,8 +238,8 @@ Result<std::optional<Gathered>> Gatherer::gather(TimePoint now) {
     if (inputs_[i].taken) out.taken.emplace_back(i, *std::exchange(inputs_[i].taken, std::nullopt));
   if (out.scenes.empty())
     return Error{Error::Cause::empty, "merger '" + merger_.id + "' has no live input at this tick"};
-  keep_first_of_each(out.views, &View::id);
-  keep_first_of_each(out.sources, &SourceInfo::sensor);
+  keep_first_of_each(out.views, [](const View& view) { return std::pair(view.id, view.layer); });
+  keep_first_of_each(out.sources, [](const SourceInfo& source) { return source.sensor; });
   return std::optional(std::move(out));
 }
 
@@ -247,7 +272,7 @@ void Gatherer::hand_on_units(std::size_t input, const std::set<std::uint32_t>& g
     if (giver == input)
       out.units.push_back(std::move(unit));
     else
-      from.key_frame_wanted = true;
+      from.key_frames_wanted.insert(unit.stream);
   }
   from.units.erase(from.units.begin(), later);
 }

@@ -9,6 +9,7 @@
 #include <utility>
 #include <vector>
 
+#include "mr/codec/head.h"
 #include "mr/codec/receiver.h"
 #include "mr/codec/request.h"
 #include "mr/core/mesh.h"
@@ -44,8 +45,10 @@ Mesh inside(const Mesh& mesh, const Box3d& region, double chunk_m);
 /// decodes in the caller's arena.
 class Gatherer {
  public:
-  /// Key frames are asked for at most this often, missing chunks again after this long.
+  /// Key frames of a stream and whole heads are asked for at most this often, missing chunks again
+  /// after this long.
   static constexpr Duration kKeyFrameEvery = std::chrono::milliseconds(500);
+  static constexpr Duration kHeadEvery = std::chrono::milliseconds(500);
   static constexpr Duration kChunksEvery = std::chrono::milliseconds(100);
 
   /// `hand_on`: keep the inputs' texture units for the next merger. The scene must outlive this.
@@ -62,8 +65,10 @@ class Gatherer {
   /// What the inputs should be asked now, one request each at most.
   std::vector<std::pair<std::size_t, codec::Request>> requests(TimePoint now);
 
-  /// All inputs' next pictures should be key frames.
+  /// The next pictures of all streams should be key frames.
   void ask_key_frames();
+  /// Those of some streams, of whatever input has them.
+  void ask_key_frames(std::span<const std::uint32_t> streams);
 
   bool ready(TimePoint now) const { return aligner_.ready(now).has_value(); }
 
@@ -91,19 +96,23 @@ class Gatherer {
         : id(std::move(name)), sensors(std::move(below)), receiver(lattice) {}
     std::string id;
     std::set<std::uint32_t> sensors;  // that this input may speak for
+    codec::HeadReader heads;
     codec::Receiver receiver;
     std::optional<DecodedScene> whole;  // newest capture that was complete
     std::vector<Unit> units;
     std::map<std::string, TimePoint> marks;
     std::optional<std::uint64_t> taken;  // sequence of `whole`, until it was gathered
-    bool key_frame_wanted = false;
-    std::optional<TimePoint> key_frame_asked, chunks_asked;
+    std::set<std::uint32_t> streams;             // of the newest packet's views
+    std::set<std::uint32_t> key_frames_wanted;   // besides those that the receiver waits for
+    std::map<std::uint32_t, TimePoint> key_frame_asked;  // by stream
+    std::optional<TimePoint> head_asked, chunks_asked;
   };
 
   std::string link(const Input& input) const { return input.id + " → " + merger_.id; }
   Status check_sender(const Input& input, const Packet& packet) const;
   void keep_region(Packet& packet) const;
   void keep_units(Input& input, Packet& packet);
+  static std::vector<std::uint32_t> key_frames_to_ask(Input& input, TimePoint now);
   void settle(std::size_t input, TimePoint now);
   void add(std::size_t input, Gathered& out);
   void hand_on_units(std::size_t input, const std::set<std::uint32_t>& given, Gathered& out);

@@ -1,9 +1,8 @@
 #include <mutex>
 #include <utility>
 
-#include "mr/codec/coalesce.h"
-#include "mr/codec/packet_codec.h"
 #include "mr/core/parallel.h"
+#include "mr/node/coalesce_packets.h"
 #include "mr/node/live_node.h"
 
 namespace mr::node {
@@ -14,17 +13,6 @@ struct LiveMerger::Inbox {
   std::mutex mutex;
   std::vector<net::Message> answers;
 };
-
-net::Message coalesce_packets(std::span<const net::Message> packets) {
-  if (packets.size() == 1) return packets.front();
-  std::vector<Packet> decoded;
-  for (const net::Message& bytes : packets)
-    if (auto packet = codec::decode_packet(*bytes)) decoded.push_back(*std::move(packet));
-  // Bytes that are no packet: whoever takes them counts them.
-  if (decoded.empty()) return packets.back();
-  return std::make_shared<const std::vector<std::byte>>(
-      codec::encode_packet(codec::coalesce(decoded)));
-}
 
 LiveMerger::LiveMerger(const LiveContext& context, const MergerConfig& merger,
                        std::vector<EncodedChunk> background)
@@ -58,8 +46,8 @@ void LiveMerger::receive(const std::stop_token& stop) {
   while (!stop.stop_requested()) {
     const TimePoint now = wall_time();
     arena.run([&] { receive_what_waits(now); });
-    if (key_frames_wanted_.exchange(false) || node_.take_key_frame_wish())
-      node_.inputs().ask_key_frames();
+    if (key_frames_wanted_.exchange(false)) node_.inputs().ask_key_frames();
+    node_.inputs().ask_key_frames(node_.take_key_frame_wishes());
     for (const auto& [input, request] : node_.inputs().requests(now)) ask(input, request);
     const bool ready = node_.inputs().ready(now), begun = ready && credit_.try_begin();
     if (begun) hand_over(stop, now);
@@ -97,7 +85,7 @@ void LiveMerger::hand_over(const std::stop_token& stop, TimePoint now) {
 
 void LiveMerger::acknowledge(const Gathered& gathered) {
   for (const auto& [input, sequence] : gathered.taken)
-    ask(input, {.key_frame = false, .chunks = {}, .taken = sequence});
+    ask(input, {.key_frames = {}, .chunks = {}, .taken = sequence});
 }
 
 void LiveMerger::ask(std::size_t input, const codec::Request& request) {

@@ -119,7 +119,4 @@ class LiveMerger final : public LiveNode {
   std::jthread receives_, merges_;  // last: they use what is above
 };
 
-/// Folds encoded packets, for queues in front of slow receivers.
-net::Message coalesce_packets(std::span<const net::Message> packets);
-
 }  // namespace mr::node

@@ -5,6 +5,7 @@
 #include <nlohmann/json.hpp>
 
 #include "mr/core/trace.h"
+#include "mr/node/coalesce_packets.h"
 #include "mr/node/gateway.h"
 #include "mr/node/report.h"
 #include "mr/node/sources.h"

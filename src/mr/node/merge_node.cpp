@@ -9,7 +9,6 @@
 #include "mr/atlas/compose.h"
 #include "mr/atlas/labels.h"
 #include "mr/codec/mesh_codec.h"
-#include "mr/codec/packet_codec.h"
 #include "mr/core/parallel.h"
 #include "mr/kit/topology.h"
 #include "mr/merge/islands.h"
@@ -93,9 +92,21 @@ merge::OverlapConfig MergeNode::overlap_config() const {
 }
 
 std::vector<std::byte> MergeNode::answer(const codec::Request& request) {
-  if (request.key_frame && is_root_) texture_.ask_key_frame();
-  if (request.key_frame && !is_root_) key_frame_wished_ = true;
+  if (is_root_ && request.wants_key_frame(kAtlasStream)) texture_.ask_key_frame();
+  if (!is_root_) {
+    const std::lock_guard lock(wishes_mutex_);
+    if (key_frame_wishes_.size() < codec::Request::kMaxStreams)
+      key_frame_wishes_.insert(request.key_frames.begin(), request.key_frames.end());
+  }
+  if (request.whole_head) writer_.ask_whole();
   return publisher_.answer(request.chunks);
+}
+
+std::vector<std::uint32_t> MergeNode::take_key_frame_wishes() {
+  const std::lock_guard lock(wishes_mutex_);
+  std::vector<std::uint32_t> out(key_frame_wishes_.begin(), key_frame_wishes_.end());
+  key_frame_wishes_.clear();
+  return out;
 }
 
 Packet MergeNode::head(const Gathered& gathered) const {
@@ -121,7 +132,7 @@ Result<std::vector<std::byte>> MergeNode::merge(const Gathered& gathered,
   if (const Status textured = add_textures(gathered, packet); !textured) return textured.error();
   ++sequence_;
   add_marks(gathered, started, packet);
-  return codec::encode_packet(packet);
+  return writer_.write(std::move(packet));
 }
 
 std::optional<Mesh> MergeNode::surface() const {

@@ -4,13 +4,16 @@
 #include <cstdint>
 #include <functional>
 #include <memory>
+#include <mutex>
 #include <optional>
+#include <set>
 #include <span>
 #include <string>
 #include <vector>
 
 #include "mr/atlas/color_gain.h"
 #include "mr/atlas/layout.h"
+#include "mr/codec/head.h"
 #include "mr/core/result.h"
 #include "mr/core/scene.h"
 #include "mr/core/trace.h"
@@ -55,14 +58,15 @@ class MergeNode {
   Result<std::vector<std::byte>> merge(const Gathered& gathered,
                                        const std::function<void()>& halfway = {});
 
-  /// Chunks that a receiver asked for; empty when there are none. A wish for key frames is noted.
+  /// Chunks that a receiver asked for; empty when there are none. Wishes for key frames and for a
+  /// whole head are noted.
   std::vector<std::byte> answer(const codec::Request& request);
   /// null when it is not live any more. Any thread.
   std::shared_ptr<const EncodedChunk> find(const ChunkKey& key) const {
     return publisher_.find(key);
   }
-  /// Whether key frames were asked for that the inputs have to give. Forgets it.
-  bool take_key_frame_wish() { return key_frame_wished_.exchange(false); }
+  /// Streams of which key frames were asked for that the inputs have to give. Forgets them.
+  std::vector<std::uint32_t> take_key_frame_wishes();
 
   /// The newest merged surface, before coding: what moves, then what stays. Nothing before the
   /// first.
@@ -120,6 +124,7 @@ class MergeNode {
   Gatherer gatherer_;
   ChunkPublisher publisher_;
   TextureStream texture_;
+  codec::HeadWriter writer_;
   simplify::Simplifier simplifier_;
   CalibrationCheck calibration_;
   merge::QualityMemory still_quality_, moving_quality_;
@@ -129,7 +134,9 @@ class MergeNode {
   std::optional<Still> still_;      ///< none: no input has a still surface
   std::optional<Surface> moving_;   ///< reused while the inputs' geometry stays
   Places places_;
-  std::atomic<bool> reused_ = false, key_frame_wished_ = false;
+  std::atomic<bool> reused_ = false;
+  std::mutex wishes_mutex_;
+  std::set<std::uint32_t> key_frame_wishes_;
   std::uint64_t sequence_ = 0;
   double zipper_ms_ = 0;  ///< what closing all gaps took last; for merger.budget_ms
   bool hurried_ = false;  ///< some gaps were left open

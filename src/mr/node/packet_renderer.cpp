@@ -4,8 +4,6 @@
 #include <utility>
 #include <vector>
 
-#include "mr/codec/packet_codec.h"
-
 namespace mr::node {
 
 Result<PacketRenderer> PacketRenderer::create(const Lattice& lattice) {
@@ -18,7 +16,7 @@ PacketRenderer::PacketRenderer(const Lattice& lattice, render::Renderer renderer
     : receiver_(lattice), renderer_(std::move(renderer)) {}
 
 Status PacketRenderer::accept(std::span<const std::byte> packet_bytes) {
-  const auto packet = codec::decode_packet(packet_bytes);
+  const auto packet = reader_.read(packet_bytes);
   if (!packet) return packet.error();
   std::vector<Error> wrong = receiver_.accept(*packet);
   if (wrong.empty()) return {};

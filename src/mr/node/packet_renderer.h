@@ -4,6 +4,7 @@
 #include <span>
 #include <string>
 
+#include "mr/codec/head.h"
 #include "mr/codec/receiver.h"
 #include "mr/core/lattice.h"
 #include "mr/core/result.h"
@@ -18,8 +19,9 @@ class PacketRenderer {
   /// `lattice`: the scene's. Errors as render::Renderer::create().
   static Result<PacketRenderer> create(const Lattice& lattice);
 
-  /// Takes a packet as it came. The first thing that was wrong with it: corrupt bytes and packets
-  /// older than the newest are refused whole; what is sound in others counts.
+  /// Takes a packet as it came. The first thing that was wrong with it: corrupt bytes, packets whose
+  /// base did not come (not_found) and packets older than the newest are refused whole; what is
+  /// sound in others counts.
   Status accept(std::span<const std::byte> packet_bytes);
 
   /// The newest capture from a viewpoint. empty until a whole scene is there, saying what it waits
@@ -33,6 +35,7 @@ class PacketRenderer {
  private:
   PacketRenderer(const Lattice& lattice, render::Renderer renderer);
 
+  codec::HeadReader reader_;
   codec::Receiver receiver_;
   render::Renderer renderer_;
 };

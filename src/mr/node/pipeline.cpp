@@ -62,7 +62,7 @@ std::vector<std::byte> Pipeline::ask(const std::string& id, const codec::Request
 
 /// Passes a merger's requests to its inputs, and the answers back.
 void Pipeline::serve(MergeNode& merger, TimePoint now) {
-  if (merger.take_key_frame_wish()) merger.inputs().ask_key_frames();
+  merger.inputs().ask_key_frames(merger.take_key_frame_wishes());
   for (const auto& [input, request] : merger.inputs().requests(now)) {
     const auto answer = ask(merger.config().inputs[input], request);
     if (!answer.empty()) merger.inputs().take_answer(input, answer, now);
@@ -131,16 +131,15 @@ void Pipeline::take_answer(const std::vector<std::byte>& answer) {
 
 /// The client's side: decodes what the root sent.
 void Pipeline::show(const std::vector<std::byte>& bytes, Measured& measured) {
-  auto packet = codec::decode_packet(bytes);
+  auto packet = client_heads_.read(bytes);
   if (!packet) return drops_.count("client", packet.error());
   for (const Error& error : client_.accept(*packet)) drops_.count("client", error);
-  const codec::Request lacking{!client_.streams_waiting().empty(), client_.missing(), {}};
+  const codec::Request lacking{client_.streams_waiting(), client_.missing(), {}};
   if (!lacking.empty()) take_answer(ask(mergers_.back()->id(), lacking));
   auto scene = client_.scene();
   if (!scene) return drops_.count("client", {Error::Cause::empty, "a frame stayed incomplete"});
   measured.any_surface |= !scene->chunks.empty();
   decoded_ = *std::move(scene);
-  last_packet_ = bytes;
 
   ++measured.frames;
   measured.last_frame = measured.frame;
@@ -153,6 +152,11 @@ void Pipeline::show(const std::vector<std::byte>& bytes, Measured& measured) {
   if (measured.listener->shown) measured.listener->shown(measured.frame, *decoded_);
   measured.chunks_new += packet->chunks.size();
   measured.chunks_kept += packet->manifest.size() - packet->chunks.size();
+  last_packet_ = *std::move(packet);
+}
+
+std::vector<std::byte> Pipeline::last_packet() const {
+  return last_packet_ ? codec::encode_packet(*last_packet_) : std::vector<std::byte>{};
 }
 
 /// Every sensor, then every merger, children before parents.

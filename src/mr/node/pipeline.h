@@ -8,6 +8,7 @@
 #include <string>
 #include <vector>
 
+#include "mr/codec/head.h"
 #include "mr/codec/receiver.h"
 #include "mr/core/decoded_scene.h"
 #include "mr/core/frame_source.h"
@@ -47,10 +48,17 @@ class Pipeline {
 
   /// The newest capture as a client has it; nothing before the first.
   const std::optional<DecodedScene>& decoded() const { return decoded_; }
+<<<<<<< HEAD
   /// The root's newest packet, as it went to the client.
   const std::vector<std::byte>& last_packet() const { return last_packet_; }
   /// The root's newest merged surface, labelled, before coding; nothing before the first.
   std::optional<Mesh> surface() const;
+=======
+  /// The root's newest packet, in bytes that can be read without any other; empty before the first.
+  std::vector<std::byte> last_packet() const;
+  /// The root's newest merged surface, labelled, before coding; null before the first.
+  const Mesh* surface() const;
+>>>>>>> wire
   const Scene& scene() const { return *scene_; }
 
  private:
@@ -84,9 +92,10 @@ class Pipeline {
   std::vector<std::unique_ptr<FrameSource>> sources_;
   std::vector<std::unique_ptr<SensorNode>> sensors_;
   std::vector<std::unique_ptr<MergeNode>> mergers_;
+  codec::HeadReader client_heads_;
   codec::Receiver client_;
   std::optional<DecodedScene> decoded_;
-  std::vector<std::byte> last_packet_;
+  std::optional<Packet> last_packet_;
   DropCounter drops_;
 };
 

@@ -1,9 +1,9 @@
 #include "mr/node/sensor_node.h"
 
 #include <algorithm>
+#include <utility>
 
 #include "mr/codec/mesh_codec.h"
-#include "mr/codec/packet_codec.h"
 #include "mr/core/parallel.h"
 #include "mr/kit/pinholes.h"
 #include "mr/kit/topology.h"
@@ -250,11 +250,12 @@ Result<std::vector<std::byte>> SensorNode::code(const Reconstructed& surface) {
   }
   if (clock_.now) packet.marks.push_back({"sensors/coded", clock_.now()});
   ++sequence_;
-  return codec::encode_packet(packet);
+  return writer_.write(std::move(packet));
 }
 
 std::vector<std::byte> SensorNode::answer(const codec::Request& request) {
-  if (request.key_frame) texture_.ask_key_frame();
+  if (request.wants_key_frame(sensor_)) texture_.ask_key_frame();
+  if (request.whole_head) writer_.ask_whole();
   return publisher_.answer(request.chunks);
 }
 

@@ -6,6 +6,7 @@
 #include <string>
 #include <vector>
 
+#include "mr/codec/head.h"
 #include "mr/codec/request.h"
 #include "mr/core/frame.h"
 #include "mr/core/packet.h"
@@ -55,7 +56,8 @@ class SensorNode {
   /// Labels, codes mesh and picture: the bytes of the frame's packet.
   Result<std::vector<std::byte>> code(const Reconstructed& surface);
 
-  /// Chunks that a receiver asked for; empty when there are none. A wish for a key frame is noted.
+  /// Chunks that a receiver asked for; empty when there are none. Wishes for a key frame and for a
+  /// whole head are noted.
   std::vector<std::byte> answer(const codec::Request& request);
 
   Trace& trace() { return trace_; }
@@ -90,6 +92,7 @@ class SensorNode {
   sensor::Registration registration_;
   ChunkPublisher publisher_;
   TextureStream texture_;
+  codec::HeadWriter writer_;
   std::vector<PatchWorker> workers_;  ///< one per patch
   std::optional<Layers> layers_;      ///< none: everything is made anew with every frame
   std::uint64_t sequence_ = 0;

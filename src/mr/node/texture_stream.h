@@ -21,11 +21,14 @@ class TextureStream {
   Result<TextureUnit> encode(const ImageRgb& picture, int qp, std::uint32_t layout);
   /// The next unit will be a key frame. Any thread.
   void ask_key_frame() { key_frame_asked_ = true; }
+  /// Whether somebody waits for a key frame: then the picture is to be coded though it did not
+  /// change. Any thread.
+  bool key_frame_asked() const { return key_frame_asked_; }
 
  private:
   const Scene* scene_;
   std::uint32_t stream_;
-  std::uint32_t layout_ = 0;
+  std::uint32_t layout_ = 0, serial_ = 0;
   std::atomic<bool> key_frame_asked_ = false;
   std::optional<kit::VideoEncoder> encoder_;
 };

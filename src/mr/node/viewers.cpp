@@ -1,33 +1,24 @@
 #include "mr/node/viewers.h"
 
 #include <algorithm>
-#include <set>
+#include <utility>
 
-#include "mr/codec/coalesce.h"
-#include "mr/codec/packet_codec.h"
+#include "mr/codec/packet_message.h"
+#include "mr/node/coalesce_packets.h"
 #include "mr/node/node_clock.h"
 
 namespace mr::node {
-namespace {
-
-/// Whether every stream that a view uses has a key frame in the packet.
-bool starts_all_streams(const Packet& packet) {
-  std::set<std::uint32_t> used, started;
-  for (const View& view : packet.views) used.insert(view.stream);
-  for (const TextureUnit& unit : packet.textures)
-    if (unit.key_frame) started.insert(unit.stream);
-  return std::includes(started.begin(), started.end(), used.begin(), used.end());
-}
-
-}  // namespace
 
 void Viewers::opened(Id viewer) { viewers_[viewer]; }
 void Viewers::closed(Id viewer) { viewers_.erase(viewer); }
 
-std::vector<Viewers::Send> Viewers::packet(Packet packet, net::Message bytes) {
+std::vector<Viewers::Send> Viewers::packet(Packet packet, net::Message bytes,
+                                           std::shared_ptr<const Packet> base) {
   const auto shared = std::make_shared<const Packet>(std::move(packet));
+  base_ = std::move(base);
   take_head(shared);
-  const bool start = starts_all_streams(*shared) && complete();
+  keep_units(*shared);
+  const bool start = complete() && streams_without_start().empty();
   net::Message everything;
   std::vector<Send> out;
   for (auto& [id, viewer] : viewers_) {
@@ -51,7 +42,10 @@ std::vector<Viewers::Send> Viewers::packet(Packet packet, net::Message bytes) {
 }
 
 void Viewers::take_head(const std::shared_ptr<const Packet>& packet) {
-  if (newest_ && newest_->epoch != packet->epoch) chunks_.clear();
+  if (newest_ && newest_->epoch != packet->epoch) {
+    chunks_.clear();
+    kept_.clear();
+  }
   newest_ = packet;
   const auto& manifest = packet->manifest;
   std::erase_if(chunks_, [&](const auto& item) {
@@ -59,6 +53,43 @@ void Viewers::take_head(const std::shared_ptr<const Packet>& packet) {
   });
   for (const EncodedChunk& chunk : packet->chunks)
     chunks_[chunk.key] = std::make_shared<const EncodedChunk>(chunk);
+}
+
+/// Keeps what a newcomer needs of each stream, for as long as nothing of it is lost.
+void Viewers::keep_units(const Packet& packet) {
+  for (const TextureUnit& unit : packet.textures) {
+    Kept& kept = kept_[unit.stream];
+    const bool follows = !kept.units.empty() && unit.serial == kept.units.back().serial + 1 &&
+                         kept.units.size() < kMaxKeptUnits &&
+                         kept.bytes + unit.data.size() <= kMaxKeptBytes;
+    if (unit.key_frame || !follows) kept = {};
+    if (!unit.key_frame && !follows) continue;
+    kept.bytes += unit.data.size();
+    kept.units.push_back(unit);
+  }
+  for (const StreamState& state : packet.streams)
+    if (const auto kept = kept_.find(state.stream);
+        kept != kept_.end() && !kept->second.units.empty() &&
+        kept->second.units.back().serial != state.serial)
+      kept->second = {};
+  std::set<std::uint32_t> used;
+  for (const View& view : packet.views) used.insert(view.stream);
+  std::erase_if(kept_, [&](const auto& item) { return !used.contains(item.first); });
+  std::erase_if(key_frame_asked_, [&](const auto& item) { return !used.contains(item.first); });
+  std::erase_if(key_frames_wanted_, [&](std::uint32_t stream) { return !used.contains(stream); });
+}
+
+/// The streams that views of the newest packet use and that nobody could start with.
+std::set<std::uint32_t> Viewers::streams_without_start() const {
+  std::set<std::uint32_t> out;
+  if (!newest_) return out;
+  for (const View& view : newest_->views) {
+    const auto kept = kept_.find(view.stream);
+    if (kept == kept_.end() || kept->second.units.empty() ||
+        kept->second.units.back().layout != view.layout)
+      out.insert(view.stream);
+  }
+  return out;
 }
 
 void Viewers::take_chunks(std::vector<EncodedChunk> chunks) {
@@ -73,20 +104,18 @@ void Viewers::take_chunks(std::vector<EncodedChunk> chunks) {
 
 bool Viewers::complete() const { return newest_ && chunks_.size() == newest_->manifest.size(); }
 
-/// A packet with all chunks of its manifest, and of each stream only what follows its newest key
-/// frame.
+/// A packet with its base, all chunks of its manifest, and of each stream what follows its newest
+/// key frame.
 net::Message Viewers::refresh(const Packet& packet) const {
   Packet all = packet;
   all.coalesced = 0;
   all.chunks.clear();
   for (const auto& [key, chunk] : chunks_) all.chunks.push_back(*chunk);
   all.textures.clear();
-  for (const TextureUnit& unit : packet.textures) {
-    if (unit.key_frame)
-      std::erase_if(all.textures, [&](const auto& u) { return u.stream == unit.stream; });
-    all.textures.push_back(unit);
-  }
-  return std::make_shared<const std::vector<std::byte>>(codec::encode_packet(all));
+  for (const auto& [stream, kept] : kept_)
+    all.textures.insert(all.textures.end(), kept.units.begin(), kept.units.end());
+  return std::make_shared<const std::vector<std::byte>>(
+      codec::encode_packet(all, *base_, codec::change_between(*base_, all), true));
 }
 
 /// What waits for a viewer, as one packet, if it may get one.
@@ -97,10 +126,9 @@ std::optional<Viewers::Send> Viewers::flush(Id id, Viewer& viewer) {
   viewer.in_flight.push_back(waiting.back().packet->sequence);
   if (waiting.size() == 1) return Send(id, waiting.front().bytes);
   folded_ += waiting.size() - 1;
-  std::vector<Packet> packets;
-  for (const Waiting& w : waiting) packets.push_back(*w.packet);
-  return Send(id, std::make_shared<const std::vector<std::byte>>(
-                      codec::encode_packet(codec::coalesce(packets))));
+  std::vector<net::Message> messages;
+  for (Waiting& w : waiting) messages.push_back(std::move(w.bytes));
+  return Send(id, coalesce_packets(messages));
 }
 
 std::vector<Viewers::Send> Viewers::shown(Id id, std::uint64_t sequence) {
@@ -117,7 +145,15 @@ std::vector<Viewers::Send> Viewers::shown(Id id, std::uint64_t sequence) {
 std::optional<net::Message> Viewers::asked(Id id, const codec::Request& request, TimePoint now) {
   const auto viewer = viewers_.find(id);
   if (viewer == viewers_.end()) return std::nullopt;
-  key_frame_wanted_ |= request.key_frame;
+  if (newest_)
+    for (const View& view : newest_->views)
+      if (request.wants_key_frame(view.stream)) key_frames_wanted_.insert(view.stream);
+  if (request.whole_head && is_time(viewer->second.began_anew, kAnewEvery, now)) {
+    viewer->second.waiting.clear();
+    viewer->second.fresh = true;
+    viewer->second.began_anew = now;
+    ++restarted_;
+  }
   if (request.chunks.empty()) return std::nullopt;
   if (!is_time(viewer->second.answered, kAnswerEvery, now)) {
     ++impatient_;
@@ -133,16 +169,29 @@ std::optional<net::Message> Viewers::asked(Id id, const codec::Request& request,
   return std::make_shared<const std::vector<std::byte>>(codec::encode_chunks(found));
 }
 
-codec::Request Viewers::wanted(TimePoint now) {
-  codec::Request request;
+/// Streams whose key frame a viewer or a newcomer waits for, and that were not asked for one just
+/// now.
+std::vector<std::uint32_t> Viewers::key_frames_to_ask(TimePoint now) {
   const bool newcomer = std::any_of(viewers_.begin(), viewers_.end(), [](const auto& item) {
     return item.second.fresh && item.second.in_flight.size() < kInFlight;
   });
-  if ((newcomer || key_frame_wanted_) && is_time(key_frame_asked_, kKeyFrameEvery, now)) {
-    request.key_frame = true;
-    key_frame_wanted_ = false;
-    key_frame_asked_ = now;
+  std::set<std::uint32_t> wanted = key_frames_wanted_;
+  if (newcomer) wanted.merge(streams_without_start());
+  std::vector<std::uint32_t> out;
+  for (const std::uint32_t stream : wanted) {
+    const auto asked = key_frame_asked_.find(stream);
+    const auto last = asked == key_frame_asked_.end() ? std::nullopt : std::optional(asked->second);
+    if (!is_time(last, kKeyFrameEvery, now) || out.size() == codec::Request::kMaxStreams) continue;
+    key_frame_asked_[stream] = now;
+    key_frames_wanted_.erase(stream);
+    out.push_back(stream);
   }
+  return out;
+}
+
+codec::Request Viewers::wanted(TimePoint now) {
+  codec::Request request;
+  request.key_frames = key_frames_to_ask(now);
   if (newest_ && !complete() && is_time(chunks_asked_, kChunksEvery, now)) {
     for (const ChunkKey& key : newest_->manifest)
       if (!chunks_.contains(key) && request.chunks.size() < codec::Request::kMaxChunks)

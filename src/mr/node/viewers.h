@@ -5,6 +5,7 @@
 #include <map>
 #include <memory>
 #include <optional>
+#include <set>
 #include <string>
 #include <utility>
 #include <vector>
@@ -17,9 +18,10 @@
 namespace mr::node {
 
 /// What the gateway knows of its viewers, and decides to send them (docs/wire-format.md,
-/// WebSocket): a newcomer starts with every chunk and a key frame; at most `kInFlight` packets are
-/// on their way to a viewer, what comes meanwhile is folded; a viewer that falls far behind starts
-/// anew. No socket, thread or clock inside.
+/// WebSocket): a newcomer starts with the base of the root's packets, every chunk, and of every
+/// stream the newest key frame and what followed it, all of which is kept here; at most `kInFlight`
+/// packets are on their way to a viewer, what comes meanwhile is folded; a viewer that falls far
+/// behind starts anew. No socket, thread or clock inside.
 class Viewers {
  public:
   using Id = std::uint64_t;
@@ -27,23 +29,29 @@ class Viewers {
 
   static constexpr int kInFlight = 2;
   static constexpr std::size_t kMaxWaiting = 30;  ///< packets; a viewer with more starts anew
-  static constexpr Duration kKeyFrameEvery = std::chrono::milliseconds(500);
+  /// Of a stream that has more than this since its key frame nothing is kept; newcomers then wait
+  /// for another one.
+  static constexpr std::size_t kMaxKeptUnits = 60, kMaxKeptBytes = 4u << 20;
+  static constexpr Duration kKeyFrameEvery = std::chrono::milliseconds(500);  ///< per stream
+  static constexpr Duration kAnewEvery = std::chrono::milliseconds(500);      ///< per viewer
   static constexpr Duration kChunksEvery = std::chrono::milliseconds(100);
   static constexpr Duration kAnswerEvery = std::chrono::milliseconds(100);  ///< per viewer
 
   void opened(Id viewer);
   void closed(Id viewer);
 
-  /// Takes a packet of the root. Returns what to send now.
-  std::vector<Send> packet(Packet packet, net::Message bytes);
+  /// Takes a packet of the root, as its bytes tell it by its difference to `base`. Returns what to
+  /// send now.
+  std::vector<Send> packet(Packet packet, net::Message bytes, std::shared_ptr<const Packet> base);
   /// Takes the root's answer to a request for chunks.
   void take_chunks(std::vector<EncodedChunk> chunks);
   /// The viewer has shown, or given up, the packet with this sequence.
   std::vector<Send> shown(Id viewer, std::uint64_t sequence);
-  /// A viewer's request: the answer, if there is one. Whoever asks again too soon gets none.
+  /// A viewer's request: the answer, if there is one. Whoever asks again too soon gets none. Who
+  /// lacks the base starts anew with the next packet.
   std::optional<net::Message> asked(Id viewer, const codec::Request& request, TimePoint now);
 
-  /// What to ask the root for now: chunks that are missing, a key frame that somebody waits for.
+  /// What to ask the root for now: chunks that are missing, key frames that somebody waits for.
   codec::Request wanted(TimePoint now);
 
   /// The newest sequence that a viewer can follow: all of it where nobody watches. The root need
@@ -60,22 +68,33 @@ class Viewers {
     net::Message bytes;
   };
   struct Viewer {
-    bool fresh = true;  // waits for a key frame
+    bool fresh = true;  // waits for everything
     std::deque<std::uint64_t> in_flight;
     std::vector<Waiting> waiting;
-    std::optional<TimePoint> answered;
+    std::optional<TimePoint> answered, began_anew;
+  };
+  /// A stream's newest key frame and all units after it; nothing where some were lost, or are too
+  /// many.
+  struct Kept {
+    std::vector<TextureUnit> units;
+    std::size_t bytes = 0;
   };
 
   void take_head(const std::shared_ptr<const Packet>& packet);
+  void keep_units(const Packet& packet);
+  std::set<std::uint32_t> streams_without_start() const;
   bool complete() const;
   net::Message refresh(const Packet& packet) const;
+  std::vector<std::uint32_t> key_frames_to_ask(TimePoint now);
   std::optional<Send> flush(Id id, Viewer& viewer);
 
   std::map<Id, Viewer> viewers_;
-  std::shared_ptr<const Packet> newest_;
+  std::shared_ptr<const Packet> newest_, base_;
   std::map<ChunkKey, std::shared_ptr<const EncodedChunk>> chunks_;  // of the newest manifest
-  bool key_frame_wanted_ = false;
-  std::optional<TimePoint> key_frame_asked_, chunks_asked_;
+  std::map<std::uint32_t, Kept> kept_;                            // by stream
+  std::set<std::uint32_t> key_frames_wanted_;                     // by viewers
+  std::map<std::uint32_t, TimePoint> key_frame_asked_;            // by stream
+  std::optional<TimePoint> chunks_asked_;
   std::uint64_t folded_ = 0, restarted_ = 0, impatient_ = 0;
 };
 

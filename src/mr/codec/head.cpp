@@ -1,0 +1,73 @@
+#include "mr/codec/head.h"
+
+#include <algorithm>
+#include <string>
+#include <utility>
+
+namespace mr::codec {
+
+/// How far each stream has come that a view uses.
+void HeadWriter::note_streams(Packet& packet) {
+  std::map<std::uint32_t, std::uint32_t> used;
+  for (const View& view : packet.views)
+    if (const auto known = serials_.find(view.stream); known != serials_.end())
+      used.insert(*known);
+  for (const TextureUnit& unit : packet.textures) used[unit.stream] = unit.serial;
+  packet.streams.clear();
+  for (const auto& [stream, serial] : used) packet.streams.push_back({stream, serial});
+  serials_ = std::move(used);
+}
+
+std::vector<std::byte> HeadWriter::write(Packet packet) {
+  note_streams(packet);
+  const bool follows = base_ && base_->scene == packet.scene && base_->node == packet.node &&
+                       base_->epoch == packet.epoch && base_->sequence < packet.sequence &&
+                       packet.sequence - base_->sequence <= UINT32_MAX;
+  PacketChange change;
+  if (follows) change = change_between(*base_, packet);
+  const bool due = follows && packet.sequence - brought_ >= kWholeEvery;
+  const bool is_large = change.removed.size() + change.added.size() > packet.manifest.size();
+  if (!follows || is_large || (due && !change.empty())) {
+    base_ = base_of(packet);
+    change = change_between(*base_, packet);
+    to_bring_ = kBroughtBy;
+  } else if (due) {
+    to_bring_ = std::max(to_bring_, 1);
+  }
+  if (asked_.exchange(false)) to_bring_ = kBroughtBy;
+  const bool bring = to_bring_ > 0;
+  if (bring) --to_bring_, brought_ = packet.sequence;
+  return encode_packet(packet, *base_, change, bring);
+}
+
+Result<Packet> HeadReader::read(std::span<const std::byte> bytes, const PacketLimits& limits) {
+  auto message = decode_message(bytes, limits);
+  if (!message) return message.error();
+  return read(*std::move(message), limits);
+}
+
+/// Than what the node sent before.
+bool HeadReader::is_older(const Packet& base) const {
+  return base_ && base_->scene == base.scene && base_->node == base.node &&
+         base_->epoch == base.epoch && base_->sequence > base.sequence;
+}
+
+Result<Packet> HeadReader::read(PacketMessage message, const PacketLimits& limits) {
+  auto base = message.base;
+  if (base) {
+    if (is_older(*base))
+      return Error{Error::Cause::invalid, "packet: its base is older than the one before"};
+    base_ = base, lacks_base_ = false;
+  } else if (base_ && base_->epoch == message.epoch &&
+             base_->sequence == message.base_sequence()) {
+    base = base_;
+  } else {
+    lacks_base_ = true;
+    return Error{Error::Cause::not_found,
+                 "packet: its base, packet " + std::to_string(message.base_sequence()) +
+                     ", did not come"};
+  }
+  return complete(std::move(message), *base, limits);
+}
+
+}  // namespace mr::codec

@@ -1,0 +1,23 @@
+#include "mr/node/coalesce_packets.h"
+
+#include <memory>
+#include <utility>
+#include <vector>
+
+#include "mr/codec/coalesce.h"
+#include "mr/codec/packet_message.h"
+
+namespace mr::node {
+
+net::Message coalesce_packets(std::span<const net::Message> packets) {
+  if (packets.size() == 1) return packets.front();
+  std::vector<codec::PacketMessage> decoded;
+  for (const net::Message& bytes : packets)
+    if (auto packet = codec::decode_message(*bytes)) decoded.push_back(*std::move(packet));
+  // Bytes that are no packet: whoever takes them counts them.
+  if (decoded.empty()) return packets.back();
+  return std::make_shared<const std::vector<std::byte>>(
+      codec::encode_message(codec::coalesce(decoded)));
+}
+
+}  // namespace mr::node

@@ -1,0 +1,12 @@
+#pragma once
+
+#include <span>
+
+#include "mr/net/outbox.h"
+
+namespace mr::node {
+
+/// Folds encoded packets of one node, oldest first, for queues in front of slow receivers.
+net::Message coalesce_packets(std::span<const net::Message> packets);
+
+}  // namespace mr::node
