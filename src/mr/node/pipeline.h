@@ -48,17 +48,10 @@ class Pipeline {
 
   /// The newest capture as a client has it; nothing before the first.
   const std::optional<DecodedScene>& decoded() const { return decoded_; }
-<<<<<<< HEAD
-  /// The root's newest packet, as it went to the client.
-  const std::vector<std::byte>& last_packet() const { return last_packet_; }
-  /// The root's newest merged surface, labelled, before coding; nothing before the first.
-  std::optional<Mesh> surface() const;
-=======
   /// The root's newest packet, in bytes that can be read without any other; empty before the first.
   std::vector<std::byte> last_packet() const;
-  /// The root's newest merged surface, labelled, before coding; null before the first.
-  const Mesh* surface() const;
->>>>>>> wire
+  /// The root's newest merged surface, labelled, before coding; nothing before the first.
+  std::optional<Mesh> surface() const;
   const Scene& scene() const { return *scene_; }
 
  private:
