@@ -249,14 +249,16 @@ bool Plate::follow_exposure() {
 /// Finds how far each block is off, and how far most are.
 void Plate::compare() {
   parallel_for(blocks_.size(), 128, [&](std::size_t begin, std::size_t end) {
-    for (std::size_t i = begin; i < end; ++i)
-      if (blocks_[i].seen && blocks_[i].stage != Stage::collecting) compare(blocks_[i]);
+    for (std::size_t i = begin; i < end; ++i) {
+      Block& block = blocks_[i];
+      block.compared = block.seen && block.stage != Stage::collecting;
+      if (block.compared) compare(block);
+    }
   });
   std::vector<int> cells, means;
   cells.reserve(blocks_.size()), means.reserve(blocks_.size());
   for (const Block& block : blocks_)
-    if (block.seen && block.stage != Stage::collecting)
-      cells.push_back(block.cell_off), means.push_back(block.block_off);
+    if (block.compared) cells.push_back(block.cell_off), means.push_back(block.block_off);
   if (cells.size() < kFewVotes) return;
   const auto follow = [](int& usual, std::vector<int>& values) {
     const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
@@ -292,8 +294,7 @@ void Plate::compare(Block& block) const {
 }
 
 Plate::Limits Plate::limits_of(const Block& block) const {
-  // Four times the spread of a cell's mean; the sum over the cells of their changes is 868 times
-  // it.
+  // Four times the spread of a cell's mean, of which the sum of the cells' changes is 868.
   const int noise = std::clamp(block.noise * 19 / 256, 3 * kCellLevel, 10 * kCellLevel);
   // What coding does reaches three times as far in some block as in most, and is not alike in
   // neighbours.
@@ -314,17 +315,17 @@ Plate::Limits Plate::limits_of(const Block& block) const {
 }
 
 /// Whether a block differs by more than so many times its limits.
-bool Plate::is_off(std::size_t i, int times) const {
+bool Plate::is_off(std::size_t i, int factor) const {
   const Block& block = blocks_[i];
   const Limits limits = limits_of(block);
-  return block.cell_off > times * limits.cell || block.block_off > times * limits.block ||
-         (block.block_off > times * limits.around && is_off_around(i, times * limits.around));
+  return block.cell_off > factor * limits.cell || block.block_off > factor * limits.block ||
+         (block.block_off > factor * limits.around && is_off_around(i, factor * limits.around));
 }
 
 /// Whether a block and most around it have become brighter, or darker, as light does it.
 bool Plate::is_off_around(std::size_t i, int limit) const {
-  const int column = static_cast<int>(i % valid_.columns),
-            row = static_cast<int>(i / valid_.columns);
+  const int column = static_cast<int>(i % valid_.columns);
+  const int row = static_cast<int>(i / valid_.columns);
   for (int c = 0; c < 3; ++c) {
     const int own = blocks_[i].shift[c];
     if (std::abs(own) <= limit) continue;
@@ -332,7 +333,7 @@ bool Plate::is_off_around(std::size_t i, int limit) const {
     for (int y = std::max(0, row - 1); y <= std::min(valid_.rows - 1, row + 1); ++y)
       for (int x = std::max(0, column - 1); x <= std::min(valid_.columns - 1, column + 1); ++x) {
         const Block& other = blocks_[static_cast<std::size_t>(y) * valid_.columns + x];
-        if (!other.seen || other.stage == Stage::collecting) continue;
+        if (!other.compared) continue;
         ++there;
         alike += (own > 0 ? other.shift[c] : -other.shift[c]) > limit;
       }
@@ -404,7 +405,7 @@ bool Plate::take(std::size_t i, const ImageRgb& live) {
     block.cell_habit = std::max(0, block.cell_habit - 1);
     block.block_habit = std::max(0, block.block_habit - 1);
   }
-  if (block.stage != Stage::collecting) {
+  if (block.compared) {
     block.doubts = static_cast<std::uint8_t>(is_off(i, 1) ? std::min(block.doubts + 1, 255) : 0);
     const bool is_sure = block.stage == Stage::settled || (block.doubts > 0 && is_off(i, 2));
     if (block.stage != Stage::checking && block.doubts >= (is_sure ? 1 : kDoubtsToCheck))

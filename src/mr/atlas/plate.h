@@ -62,6 +62,7 @@ class Plate {
     Stage stage = Stage::collecting;
     bool refined = false;        ///< holds the mean of 32 captures
     bool seen = false;           ///< unhidden in the last capture
+    bool compared = false;       ///< in the last capture: seen and valid
     std::uint8_t captures = 0;   ///< in the sums
     std::uint8_t doubts = 0;     ///< last captures in a row that did not fit
     std::uint16_t noise = 0;     ///< sum over the cells of how much they change by themselves
@@ -89,7 +90,7 @@ class Plate {
   bool take(std::size_t block, const ImageRgb& live);
   bool judge(std::size_t block);
   Limits limits_of(const Block& block) const;
-  bool is_off(std::size_t block, int times) const;
+  bool is_off(std::size_t block, int factor) const;
   bool is_off_around(std::size_t block, int limit) const;
   void start_check(std::size_t block);
   void start_sums(std::size_t block);
