@@ -266,6 +266,8 @@ Status MergeNode::label_still() {
   still.mesh = *std::move(mesh);
   still.is_labelled = true, still.labelled_at = sequence_, still.blocks = blocks;
   still.cover = merge::StillCover(still.mesh, still.parts, overlap_config());
+  if (is_root_)
+    trace_.time("atlas", [&] { still.occluders = atlas::Occluders(still.mesh, places_.views); });
   publisher_.set_all_still(still.mesh, still.error_m);
   return {};
 }
@@ -277,7 +279,7 @@ Status MergeNode::merge_moving(std::vector<DecodedScene> scenes, const Parts& pa
   auto small = trace_.time("simplify", [&] { return decimated(joined, made.error_m); });
   if (!small) return small.error();
   auto mesh = on_lattice(trace_.time("atlas", [&] {
-    return is_root_ ? label(*small, made.error_m, still_ ? &still_->mesh : nullptr, {}) : *small;
+    return is_root_ ? label(*small, made.error_m, still_ ? &still_->occluders : nullptr, {}) : *small;
   }));
   if (!mesh) return mesh.error();
   made.mesh = *std::move(mesh);
@@ -287,7 +289,7 @@ Status MergeNode::merge_moving(std::vector<DecodedScene> scenes, const Parts& pa
 
 /// Only the root chooses views; others leave the sensors that measured it, which the next one asks
 /// for. `occluders`: what else may hide it from a view; `valid`: what of the views is good.
-Mesh MergeNode::label(const Mesh& mesh, float error_m, const Mesh* occluders,
+Mesh MergeNode::label(const Mesh& mesh, float error_m, const atlas::Occluders* occluders,
                       std::map<ViewId, TileMask> valid) const {
   return atlas::label_triangles(mesh, places_.views,
                                 {.views = scene_->atlas.views,

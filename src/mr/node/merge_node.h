@@ -13,6 +13,7 @@
 #include <vector>
 
 #include "mr/codec/head.h"
+#include "mr/atlas/labels.h"
 #include "mr/core/result.h"
 #include "mr/core/scene.h"
 #include "mr/core/trace.h"
@@ -95,6 +96,7 @@ class MergeNode {
     Mesh joined;  // not labelled yet
     Parts parts;
     merge::StillCover cover;
+    atlas::Occluders occluders;
     bool is_labelled = false, any_withheld = false;
     std::uint64_t labelled_at = 0;  // sequence
     std::size_t blocks = 0;         // of plates, when it was labelled
@@ -119,7 +121,7 @@ class MergeNode {
   Mesh join(const Parts& parts, bool all, merge::QualityMemory& quality,
             const std::function<void()>& halfway);
   Result<Mesh> decimated(const Mesh& mesh, float& error_m);
-  Mesh label(const Mesh& mesh, float error_m, const Mesh* occluders,
+  Mesh label(const Mesh& mesh, float error_m, const atlas::Occluders* occluders,
              std::map<ViewId, TileMask> valid) const;
   Result<Mesh> on_lattice(const Mesh& mesh) const;
   Status add_textures(const Gathered& gathered, Packet& packet);

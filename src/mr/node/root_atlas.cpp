@@ -95,14 +95,16 @@ void RootAtlas::update_plates(const Tick& tick, const Mesh& moving) {
     if (picture == pictures.end() || !picture->second) continue;
     all.push_back({&plates_[view->id], &*view, &source, picture->second.get()});
   }
+  std::vector<std::uint8_t> changed(all.size());
   parallel_for(all.size(), 1, [&](std::size_t begin, std::size_t end) {
     for (std::size_t i = begin; i < end; ++i) {
       const auto& [plate, view, source, picture] = all[i];
       TileMask unhidden = source->confirmed_color;
       hide(moving, *view, seen_by_depth(*view, *source, unhidden), unhidden);
-      plate->update(*picture, unhidden);
+      changed[i] = plate->update(*picture, unhidden) && plate->changed_blocks() > 0;
     }
   });
+  plates_changed_ |= std::ranges::find(changed, 1) != changed.end();
 }
 
 std::map<ViewId, TileMask> RootAtlas::valid() const {
@@ -211,13 +213,21 @@ Status RootAtlas::compose(const Tick& tick, const Mesh& moving, const Mesh* stil
   if (scene_->atlas.burn_sequence) atlas::burn_number(picture, packet.sequence);
   if (const Status coded = add_unit(live_, std::move(picture), last_live_, packet); !coded)
     return coded;
-  if (!still || plates_.empty()) return {};
+  return still && !plates_.empty() ? add_plates(tick, children, packet) : Status{};
+}
+
+/// The atlas of plates, where it is another than before.
+Status RootAtlas::add_plates(const Tick& tick, const Children& children, Packet& packet) {
+  const std::uint32_t layout = layout_.views.front().layout;
+  const bool same = !plates_changed_ && plate_gains_ == balance_.gains() && plate_layout_ == layout;
+  if (same && !plate_.key_frame_asked()) return {};
   atlas::Pictures plates;
   for (const View& view : tick.views)
     if (const auto plate = plates_.find(view.id); plate != plates_.end())
       plates[view.stream] = std::make_shared<const ImageRgb>(plate->second.picture());
+  plates_changed_ = false, plate_gains_ = balance_.gains(), plate_layout_ = layout;
   return add_unit(plate_,
-                  atlas::compose_atlas(layout_, children, plates, {}, false, balance_.gains()),
+                  atlas::compose_atlas(layout_, children, plates, {}, false, plate_gains_),
                   last_plate_, packet);
 }
 

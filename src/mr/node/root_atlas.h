@@ -60,6 +60,7 @@ class RootAtlas {
   Used used_pixels(const Tick& tick, const Mesh& shown, float error_m) const;
   ImageRgb draw_live(const Tick& tick, const Children& children, const atlas::Pictures& pictures,
                      const Used& used) const;
+  Status add_plates(const Tick& tick, const Children& children, Packet& packet);
   Status add_unit(TextureStream& stream, ImageRgb picture, ImageRgb& last, Packet& packet);
 
   const Scene* scene_;
@@ -68,6 +69,10 @@ class RootAtlas {
   std::map<ViewId, atlas::Plate> plates_;
   TextureStream live_, plate_;
   ImageRgb last_live_, last_plate_;  ///< as they were coded
+  // Of the atlas of plates: whether a block changed since, and what else it was drawn with.
+  bool plates_changed_ = false;
+  atlas::Gains plate_gains_;
+  std::uint32_t plate_layout_ = 0;
 };
 
 }  // namespace mr::node
