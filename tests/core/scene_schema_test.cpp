@@ -109,6 +109,7 @@ merge: {owner: paper, overlap: rays, refine: true, color_gain: true, simplify: {
         calibration_error_m: 0.01, island_area_m2: 0.1, gap_m: 0.1, leave_out_mm: 50}
 atlas: {views: best_angle, mask: false, size: [512, 256], burn_sequence: true}
 reuse: {chunks: false}
+still: {layers: true, after_s: 3}
 rate: {model: fixed, target_mbps: 10}
 coding: {texture_scale: 0.5, texture_qp: 30, sensor_texture_qp: 20, depth_qp: 10, frame_divider: 1}
 gateway: {listen: "0.0.0.0:80", start: {eye: [1, 1, 1.6], look_at: [0, 0, 1]}}

@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <vector>
 
+#include "mr/core/layer.h"
 #include "mr/core/mesh.h"
 
 namespace mr {
@@ -15,10 +16,11 @@ inline constexpr std::uint32_t kMergedSource = 0xFFFFFFFFu;
 inline constexpr std::uint32_t kBackgroundSource = 0xFFFFFFFEu;
 
 /// Which part of the world, and below the first merger whose: the mesh inside one cube of the
-/// scene's chunk grid. Cube c covers [c, c + 1) · chunk_m.
+/// scene's chunk grid, and which of its two surfaces. Cube c covers [c, c + 1) · chunk_m.
 struct ChunkId {
   Vec3i cube;
   std::uint32_t source = kMergedSource;
+  Layer layer = Layer::moving;
 
   friend auto operator<=>(const ChunkId&, const ChunkId&) = default;
 };

@@ -20,6 +20,20 @@ struct Precision {
   friend bool operator==(const Precision&, const Precision&) = default;
 };
 
+/// A yes or no for each square tile of a picture, row by row; the last row and column may be cut
+/// off. Empty: nothing is said.
+struct TileMask {
+  int tile_px = 0;
+  int columns = 0, rows = 0;
+  std::vector<std::uint8_t> tiles;  ///< [rows, columns] 0 or 1
+
+  bool empty() const { return tiles.empty(); }
+  bool at(int column, int row) const {
+    return tiles[static_cast<std::size_t>(row) * columns + column] != 0;
+  }
+  friend bool operator==(const TileMask&, const TileMask&) = default;
+};
+
 /// A sensor that contributed to a packet, with all that a merger needs to cast its rays.
 struct SourceInfo {
   std::uint32_t sensor = 0;  ///< index in the scene; also its ViewId
@@ -27,6 +41,9 @@ struct SourceInfo {
   Camera depth_camera;  ///< undistorted
   Pose T_world_depth;
   Precision precision;
+  /// Where the sensor measures its still surface in this very capture, in tiles of its depth
+  /// picture (8 px) and of its colour picture (16 px). Only on the way to the root.
+  TileMask confirmed_depth{}, confirmed_color{};
 
   friend bool operator==(const SourceInfo&, const SourceInfo&) = default;
 };
@@ -73,7 +90,7 @@ struct Packet {
   TimePoint captured_at{};          ///< of a merged packet: the tick it was aligned to
   std::vector<SourceInfo> sources;  ///< each sensor's own time, sorted by sensor
   CodingPlan plan;
-  std::vector<View> views;           ///< sorted by id
+  std::vector<View> views;           ///< sorted by id, then by layer
   std::vector<ChunkKey> manifest;    ///< every live chunk, sorted
   std::vector<EncodedChunk> chunks;  ///< the payloads that are new, sorted by key
   std::vector<TextureUnit> textures;

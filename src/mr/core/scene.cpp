@@ -174,6 +174,11 @@ void read_rate_and_coding(MapReader& top, Scene& scene) {
     MapReader reuse(top.report, *node, "reuse");
     reuse.flag("chunks", scene.reuse_chunks);
   }
+  if (const YamlNode* node = top.find("still")) {
+    MapReader still(top.report, *node, "still");
+    still.flag("layers", scene.still.layers);
+    still.number("after_s", scene.still.after_s, {0.5, 3600});
+  }
   if (const YamlNode* node = top.find("rate")) {
     MapReader rate(top.report, *node, "rate");
     rate.choice<Model>("model", scene.rate.model,

@@ -115,6 +115,13 @@ struct AtlasConfig {
   friend bool operator==(const AtlasConfig&, const AtlasConfig&) = default;
 };
 
+/// The scene's two surfaces (DESIGN section 9): what stays is kept, what moves is made anew.
+struct StillConfig {
+  bool layers = false;  ///< false: everything is made anew with every capture
+  double after_s = 5;   ///< what stopped becomes part of the room after so long
+  friend bool operator==(const StillConfig&, const StillConfig&) = default;
+};
+
 struct RateConfig {
   enum class Model { fixed, lookup, classifier, ours } model = Model::fixed;
   double target_mbps = 20;
@@ -266,6 +273,7 @@ struct Scene {
   MergeConfig merge;
   AtlasConfig atlas;
   bool reuse_chunks = true;
+  StillConfig still;
   RateConfig rate;
   CodingConfig coding;
   std::optional<GatewayConfig> gateway;

@@ -2,13 +2,16 @@
 
 #include "mr/core/camera.h"
 #include "mr/core/image.h"
+#include "mr/core/layer.h"
 #include "mr/core/mesh.h"
 #include "mr/core/pose.h"
 
 namespace mr {
 
 /// A picture that textures triangles by projection (DESIGN section 4, "Texturing by projection").
-/// Colour is undistorted before it is coded, so clients know these two kinds only.
+/// Colour is undistorted before it is coded, so clients know these two kinds only. A sensor may
+/// have two views: its live picture textures chunks of the layer `moving`, its plate (the room as
+/// it looks without those who move) those of the layer `still`.
 struct View {
   enum class Kind : std::uint8_t { pinhole, equirectangular };
 
@@ -22,6 +25,8 @@ struct View {
   float gutter_px = 2;       ///< margin inside image_rect that no triangle may use
   std::uint32_t stream = 0;  ///< texture stream that holds the tile
   std::uint32_t layout = 0;  ///< changes with the tiles' arrangement, with a key frame
+  Layer layer = Layer::moving;  ///< of the chunks that it textures
+  Vec3f gain{1, 1, 1};  ///< the shown sRGB value is the decoded one times this, channel by channel
 
   friend bool operator==(const View&, const View&) = default;
 
