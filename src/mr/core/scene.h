@@ -159,9 +159,9 @@ struct RigEvent {
     hunt,      ///< it swings by ± `stops` and back in `period_s`, from `at` on for `frames`
   } kind = Kind::sit;
   int at = 0;
-  int frames = 0;               ///< how long; usual_frames(kind) where a file leaves it out
-  std::string sensor;           ///< an id of the rig; empty: all, of `vanish` none
-  std::optional<Vec2d> place_m; ///< on the floor, room frame; none: a free place
+  int frames = 0;                ///< how long; usual_frames(kind) where a file leaves it out
+  std::string sensor;            ///< an id of the rig; empty: all, of `vanish` none
+  std::optional<Vec2d> place_m;  ///< on the floor, room frame; none: a free place
   double by_m = 1;
   double by_mm = 30, by_deg = 2;
   double level = 0.2;
@@ -185,14 +185,14 @@ struct RigConfig {
   int depth_width = 640,
       depth_height = 576;  ///< depth_mode nfov; wfov_binned 512x512, nfov_binned 320x288
   int color_width = 1280, color_height = 720;
-  bool noise = true;           ///< `kinect`; `none` is noiseless
-  double depth_noise = 1;      ///< its deviation, as a multiple of what the sensor's precision says
-  double depth_noise_px = 0;   ///< how far it is correlated: exp(-r² / (2 px²)); 0: not at all
-  double color_noise = 0;      ///< deviation of every colour value of a frame, in 8-bit levels
-  double exposure_drift = 0;   ///< stops: exposure swings slowly by ± this, each camera by itself
+  bool noise = true;          ///< `kinect`; `none` is noiseless
+  double depth_noise = 1;     ///< its deviation, as a multiple of what the sensor's precision says
+  double depth_noise_px = 0;  ///< how far it is correlated: exp(-r² / (2 px²)); 0: not at all
+  double color_noise = 0;     ///< deviation of every colour value of a frame, in 8-bit levels
+  double exposure_drift = 0;  ///< stops: exposure swings slowly by ± this, each camera by itself
   double exposure_period_s = 20;  ///< of that swing
-  double calib_error_mm = 0;   ///< each stated pose is off by so much, in some direction
-  double calib_error_deg = 0;  ///< and turned by so much, about some axis
+  double calib_error_mm = 0;      ///< each stated pose is off by so much, in some direction
+  double calib_error_deg = 0;     ///< and turned by so much, about some axis
   double exposure_spread =
       0;  ///< stops: exposure is off by up to ± this, red and blue by a quarter
   double clock_offset_ms = 0;  ///< each clock is off by up to ± this; the stated times do not tell

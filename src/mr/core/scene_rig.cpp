@@ -75,19 +75,18 @@ std::optional<RigEvent> read_event(Report& report, const YamlNode& node) {
   RigEvent event;
   MapReader map(report, node, "event");
   const bool has_kind =
-      map.need("kind") != nullptr &&
-      map.choice<EventKind>("kind", event.kind,
-                            {{"sit", EventKind::sit},
-                             {"chair", EventKind::chair},
-                             {"door", EventKind::door},
-                             {"carry", EventKind::carry},
-                             {"vanish", EventKind::vanish},
-                             {"light", EventKind::light},
-                             {"screen", EventKind::screen},
-                             {"push", EventKind::push},
-                             {"dropout", EventKind::dropout},
-                             {"exposure", EventKind::exposure},
-                             {"hunt", EventKind::hunt}});
+      map.need("kind") != nullptr && map.choice<EventKind>("kind", event.kind,
+                                                           {{"sit", EventKind::sit},
+                                                            {"chair", EventKind::chair},
+                                                            {"door", EventKind::door},
+                                                            {"carry", EventKind::carry},
+                                                            {"vanish", EventKind::vanish},
+                                                            {"light", EventKind::light},
+                                                            {"screen", EventKind::screen},
+                                                            {"push", EventKind::push},
+                                                            {"dropout", EventKind::dropout},
+                                                            {"exposure", EventKind::exposure},
+                                                            {"hunt", EventKind::hunt}});
   if (map.need("at")) map.integer("at", event.at, 0, kMostFrames);
   if (!has_kind) {  // which keys it may have follows from it
     map.accept_all();
@@ -106,7 +105,8 @@ void check_event(Report& report, int line, const RigEvent& event, const RigConfi
                              ", after the rig's last, " + std::to_string(rig.frames - 1));
   const std::vector<std::string> ids = rig.sensor_ids();
   if (!event.sensor.empty() && std::find(ids.begin(), ids.end(), event.sensor) == ids.end())
-    report.problem(line, what + " names " + in_quotes(event.sensor) + ", which is no sensor of the rig");
+    report.problem(line,
+                   what + " names " + in_quotes(event.sensor) + ", which is no sensor of the rig");
   if (event.place_m && (std::abs(event.place_m->x) > rig.room_m.x / 2 ||
                         std::abs(event.place_m->y) > rig.room_m.y / 2))
     report.problem(line, what + " has a place outside the rig's room");
@@ -117,8 +117,8 @@ void read_events(MapReader& map, RigConfig& rig) {
   const YamlNode* node = map.find("events");
   if (!node) return;
   if (node->kind != YamlNode::Kind::list || node->items.size() > kMostEvents) {
-    map.report.problem(node->line, "events must be a list of at most " +
-                                       std::to_string(kMostEvents) + " events");
+    map.report.problem(
+        node->line, "events must be a list of at most " + std::to_string(kMostEvents) + " events");
     return;
   }
   for (const YamlNode& item : node->items)

@@ -127,8 +127,8 @@ void measure(const DepthTruth& truth, const DepthNoise& noise, std::uint64_t fra
               far = std::min(static_cast<float>(noise.far_m * 1000), 65534.0f);
   std::vector<float> deviates;
   if (noise.on && noise.correlation_px > 0)
-    deviates = correlated_deviates(truth.width, truth.height, noise.correlation_px,
-                                   mix(frame_seed, 0xC0));
+    deviates =
+        correlated_deviates(truth.width, truth.height, noise.correlation_px, mix(frame_seed, 0xC0));
   for_rows(truth.height, [&](int y) {
     const std::size_t begin = static_cast<std::size_t>(y) * truth.width;
     for (std::size_t i = begin; i < begin + truth.width; ++i) {

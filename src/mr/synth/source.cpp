@@ -104,8 +104,8 @@ class RigSource final : public FrameSource {
     int sum = 0;
     for (std::size_t i = 0; i < standpoints_.size(); ++i) {
       const Standpoint& from = standpoints_[i];
-      const int end = i + 1 < standpoints_.size() ? static_cast<int>(standpoints_[i + 1].from)
-                                                  : rig_.frames;
+      const int end =
+          i + 1 < standpoints_.size() ? static_cast<int>(standpoints_[i + 1].from) : rig_.frames;
       if (from.cache && from.color) sum += from.cache->count(static_cast<int>(from.from), end);
     }
     return sum;
@@ -212,7 +212,7 @@ ViewSetup setup_of(const RigConfig& rig, const SensorConfig& sensor, const Pose&
   setup.depth = {sensor.depth_camera, T_world_depth};
   if (sensor.color_camera)
     setup.color = Eye{*sensor.color_camera, T_world_depth * sensor.T_color_depth.inverse()};
-  setup.noise = {rig.noise,           sensor.precision, sensor.depth_near_m,
+  setup.noise = {rig.noise,          sensor.precision, sensor.depth_near_m,
                  sensor.depth_far_m, rig.depth_noise,  rig.depth_noise_px};
   setup.gain = exposure_gain(rig, camera);
   setup.seed = mix(rig.seed, camera);
@@ -292,11 +292,11 @@ void add_disturbances(Hasher& hash, const RigConfig& rig) {
   add_unusual(5, rig.exposure_period_s, usual.exposure_period_s);
   for (const RigEvent& event : rig.events) {
     hash.add(6);
-    for (const double v : {static_cast<double>(event.kind), 1.0 * event.at, 1.0 * event.frames,
-                           event.place_m ? event.place_m->x : 1e6,
-                           event.place_m ? event.place_m->y : 1e6, event.by_m, event.by_mm,
-                           event.by_deg, event.level, event.stops, event.period_s,
-                           1.0 * static_cast<double>(event.sensor.size())})
+    for (const double v :
+         {static_cast<double>(event.kind), 1.0 * event.at, 1.0 * event.frames,
+          event.place_m ? event.place_m->x : 1e6, event.place_m ? event.place_m->y : 1e6,
+          event.by_m, event.by_mm, event.by_deg, event.level, event.stops, event.period_s,
+          1.0 * static_cast<double>(event.sensor.size())})
       hash.add(v);
     for (const char c : event.sensor) hash.add(static_cast<double>(c));
   }
@@ -360,8 +360,8 @@ std::vector<std::unique_ptr<FrameSource>> open_rig(const RigConfig& rig,
   for (const std::uint32_t i : wanted) {
     const SensorConfig& sensor = sensors[i];
     MR_ASSERT(std::holds_alternative<SyntheticSource>(sensor.source));
-    std::vector<Standpoint> standpoints = standpoints_of(
-        rig, sensor, exact.at(std::get<SyntheticSource>(sensor.source).camera));
+    std::vector<Standpoint> standpoints =
+        standpoints_of(rig, sensor, exact.at(std::get<SyntheticSource>(sensor.source).camera));
     for (Standpoint& standpoint : standpoints) {
       if (folder.empty()) break;
       const Camera color = sensor.color_camera.value_or(Camera{});
@@ -370,8 +370,7 @@ std::vector<std::unique_ptr<FrameSource>> open_rig(const RigConfig& rig,
       standpoint.cache = std::make_unique<ShotCache>(
           folder / (sensor.id + "-" + hex(layout.key) + ".rig"), layout, shared->cache_budget);
     }
-    auto source =
-        std::make_unique<RigSource>(shared, rig, sensor, i, fps, std::move(standpoints));
+    auto source = std::make_unique<RigSource>(shared, rig, sensor, i, fps, std::move(standpoints));
     complete = complete && source->kept() == rig.frames;
     sources.push_back(source.get());
     out.push_back(std::move(source));
