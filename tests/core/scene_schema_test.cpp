@@ -486,7 +486,7 @@ TEST_F(SceneSchema, AWrongTypeOfAnOptionIsOneProblem) {
 
 TEST_F(SceneSchema, ExamplesAreValid) {
   std::size_t count = 0;
-  for (const char* folder : {"/examples", "/examples/eval"})
+  for (const char* folder : {"/examples", "/examples/eval", "/bench/scenes"})
     for (const auto& entry :
          std::filesystem::directory_iterator(std::string(MR_SOURCE_DIR) + folder)) {
       if (entry.path().extension() != ".yaml") continue;

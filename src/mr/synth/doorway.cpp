@@ -8,7 +8,7 @@
 namespace mr::synth {
 namespace {
 
-constexpr double kVestibule_m = 1.5;
+constexpr double kVestibule_m = 2;
 
 /// Where the rooms have their first door.
 Doorway first_door(const RigConfig& rig) {
@@ -47,7 +47,7 @@ Vec2d Doorway::before(double inwards_m) const {
 }
 
 Pose Doorway::leaf(double open) const {
-  return T_room_wall * standing({x - kDoorway_m.x / 2, 0, 0}, -kDoorAngle_deg * open);
+  return T_room_wall * standing({x - kDoorway_m.x / 2, 0, 0}, kDoorAngle_deg * open);
 }
 
 std::optional<Doorway> doorway_of(const RigConfig& rig) {

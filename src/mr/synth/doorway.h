@@ -7,7 +7,7 @@
 
 namespace mr::synth {
 
-/// A door of a room that opens: a hole in its wall with a little vestibule behind.
+/// A door of a room that opens outwards: a hole in its wall with a little vestibule behind.
 struct Doorway {
   int wall = 0;  ///< as in at_wall()
   double x = 0;  ///< of its middle, in the wall's frame

@@ -16,7 +16,7 @@ struct Prop {
 
 inline constexpr double kSeat_m = 0.475;       ///< height of a chair's seat
 inline constexpr double kBoxHalf_m = 0.19;     ///< half the side of a box
-inline constexpr double kDoorAngle_deg = 95;   ///< how far a door opens
+inline constexpr double kDoorAngle_deg = 85;   ///< how far a door opens
 inline constexpr Vec2d kDoorway_m{0.9, 2.02};  ///< its width and height
 
 /// Faces -y.

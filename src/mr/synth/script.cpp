@@ -5,7 +5,7 @@
 #include <numbers>
 #include <utility>
 
-#include "mr/synth/bones.h"
+#include "mr/synth/eye.h"
 #include "mr/synth/floor_path.h"
 #include "mr/synth/hash.h"
 #include "mr/synth/rig_errors.h"
@@ -20,9 +20,10 @@ using Act = Performance::Act;
 
 constexpr double kPace_mps = 1.15;
 constexpr double kDoor_s = 1;  // to open or to close
-constexpr double kBehindDoor_m = 0.75, kBeforeDoor_m = 0.55;
-constexpr double kSitterFeet_m = 0.40;                       // ahead of a chair's middle
-constexpr double kBoxAhead_m = 0.50;                         // of who stoops for it
+constexpr double kBehindDoor_m = 1.35, kBeforeDoor_m = 0.55;
+constexpr double kSitterFeet_m = 0.40;  // ahead of a chair's middle
+constexpr double kBoxAhead_m = 0.50;    // of who stoops for it
+constexpr std::size_t kMostAsked = 8;   // cameras, for how well a place is seen
 constexpr double kHeldAhead_m = 0.37, kHeldHeight_m = 0.92;  // a box in somebody's arms
 
 double heading_of(Vec2d way) { return std::atan2(way.y, way.x); }
@@ -109,6 +110,10 @@ class Director {
   Director(const RigConfig& rig, double fps, std::span<const Block> blocks,
            std::span<const Walk> walks)
       : rig_(rig), fps_(fps), plan_(rig, blocks), walks_(walks), doorway_(doorway_of(rig)) {
+    for (const SensorConfig& sensor : exact_sensors(rig)) {
+      cameras_.push_back({sensor.depth_camera, room_pose().inverse() * sensor.T_world_depth.at(0)});
+      if (cameras_.size() == kMostAsked) break;
+    }
     for (std::size_t i = 0; i < rig.events.size(); ++i) places_.push_back(place_of(rig.events[i]));
   }
 
@@ -169,7 +174,26 @@ class Director {
     return least;
   }
 
-  /// The event's, else where most room is: off walkers, other events and the door.
+  /// By how many cameras something on the floor is well seen.
+  int seen_by(Vec2d place) const {
+    constexpr double kNear_m = 1.5, kFar_m = 4.5;
+    int sum = 0;
+    for (const Eye& eye : cameras_) {
+      const Vec3d from = eye.T_world_camera.translation;
+      const double far = distance(place, {from.x, from.y});
+      bool sees = far > kNear_m && far < kFar_m;
+      for (const double height : {0.15, 0.6, 1.1}) {
+        const Vec3d target{place.x, place.y, height};
+        const auto at = project(eye.camera, eye.T_world_camera.inverse() * target);
+        sees = sees && at && at->x > 0 && at->y > 0 && at->x < eye.camera.width &&
+               at->y < eye.camera.height && plan_.sees(from, target);
+      }
+      sum += sees;
+    }
+    return sum;
+  }
+
+  /// The event's, else where most room is: off walkers, other events and the door, and well seen.
   Vec2d place_of(const RigEvent& event) const {
     constexpr double kStep_m = 0.1, kEnough_m = 0.75, kWall_m = 0.6;
     if (!needs_place(event)) return {};
@@ -184,7 +208,9 @@ class Director {
         for (std::size_t i = 0; i < places_.size(); ++i)
           if (needs_place(rig_.events[i])) room = std::min(room, distance(p, places_[i]) - 0.5);
         if (doorway_) room = std::min(room, distance(p, doorway_->before(0)) - 0.8);
-        const double score = std::min(room, kEnough_m) - 0.05 * std::hypot(x, y);
+        double score = std::min(room, kEnough_m) - 0.05 * std::hypot(x, y);
+        if (score + 0.3 <= most) continue;
+        score += 0.15 * std::min(seen_by(p), 2);
         if (score > most) most = score, best = p;
       }
     return best;
@@ -375,7 +401,11 @@ class Director {
     const Vec2d from{eye.x, eye.y};
     const double far = distance(from, place_);
     const Vec2d to_eye = (from - place_) * (1 / std::max(far, 1e-6));
-    const Vec2d place = place_ + to_eye * std::clamp(0.5 * far, 0.6, 1.0);
+    Vec2d place = place_ + to_eye * 0.6;  // where there is most room to stand
+    for (double off = 0.65; off < std::min(0.6 * far, 1.3); off += 0.05)
+      if (const Vec2d p = place_ + to_eye * off;
+          plan_.walking_clearance_m(p) > plan_.walking_clearance_m(place) + 0.02)
+        place = p;
     Body body = body_of(seed_);
     const FloorPath path = way_in(place);
     const Spot spot = path.at(1);
@@ -396,6 +426,7 @@ class Director {
   const FloorPlan plan_;
   const std::span<const Walk> walks_;
   const std::optional<Doorway> doorway_;
+  std::vector<Eye> cameras_;   // room frame; the first ones
   std::vector<Vec2d> places_;  // [events]
   std::vector<Vec2d> open_s_;  // the door: begins to open, to close
   Script script_;

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstdint>
+#include <vector>
 
 #include "mr/core/frame.h"
 #include "mr/core/scene.h"

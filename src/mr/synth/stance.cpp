@@ -209,7 +209,7 @@ Stance seated_stance(const Skeleton& skeleton, const Spot& seat, double seat_m, 
   out.chest = rotation(kLeft, 0.06);
   out.neck = rotation(kLeft, 0.08 + 0.5 * lean_rad), out.head = rotation(kLeft, 0.10);
   for (ArmPose& arm : out.arms)  // hands on the thighs
-    arm = {{0.34, 0.20, -0.92}, {0.86, -0.10, -0.50}, -0.5, {0.15, 0.2, 0.2, 0.2, 0.25}};
+    arm = {{0.26, 0.16, -0.95}, {0.84, -0.06, -0.66}, -0.5, {0.15, 0.2, 0.2, 0.2, 0.25}};
   return out;
 }
 
