@@ -109,7 +109,12 @@ class Director {
  public:
   Director(const RigConfig& rig, double fps, std::span<const Block> blocks,
            std::span<const Walk> walks)
-      : rig_(rig), fps_(fps), plan_(rig, blocks), walks_(walks), doorway_(doorway_of(rig)) {
+      : rig_(rig),
+        fps_(fps),
+        blocks_(blocks),
+        plan_(rig, blocks),
+        walks_(walks),
+        doorway_(doorway_of(rig)) {
     for (const SensorConfig& sensor : exact_sensors(rig)) {
       cameras_.push_back({sensor.depth_camera, room_pose().inverse() * sensor.T_world_depth.at(0)});
       if (cameras_.size() == kMostAsked) break;
@@ -233,8 +238,17 @@ class Director {
 
   // --- coming and going
 
+  /// Around what events put there, but for what lies under the way's end.
   FloorPath way_in(Vec2d to) const {
-    return {plan_, doorway_->before(-kBehindDoor_m), doorway_->before(kBeforeDoor_m), to};
+    std::vector<Block> blocks(blocks_.begin(), blocks_.end());
+    for (std::size_t i = 0; i < places_.size(); ++i) {
+      const Vec2d p = places_[i];
+      const double half = rig_.events[i].kind == Kind::screen ? 0.3 : 0.2;
+      if (needs_place(rig_.events[i]) && distance(p, to) > half)
+        blocks.push_back({standing({p.x, p.y, 0}, 0), {-half, -half, 0}, {half, half, 1}});
+    }
+    return {FloorPlan(rig_, blocks), doorway_->before(-kBehindDoor_m),
+            doorway_->before(kBeforeDoor_m), to};
   }
 
   /// In through the door; ends standing at the way's end. The choreography begins with it.
@@ -423,6 +437,7 @@ class Director {
 
   const RigConfig& rig_;
   const double fps_;
+  const std::span<const Block> blocks_;
   const FloorPlan plan_;
   const std::span<const Walk> walks_;
   const std::optional<Doorway> doorway_;
