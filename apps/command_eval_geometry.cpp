@@ -84,8 +84,9 @@ Result<Mesh> tested_surface(const Scene& scene, const GeometryOptions& options) 
   const auto report = (*pipeline)->run(1, {{}, tell_dropped, {}});
   if (!report) return report.error();
   if (options.decoded) return joined(*(*pipeline)->decoded());
-  if (!(*pipeline)->surface()) return no_such_frame(scene, options.frame);
-  return *(*pipeline)->surface();
+  auto surface = (*pipeline)->surface();
+  if (!surface) return no_such_frame(scene, options.frame);
+  return *std::move(surface);
 }
 
 Result<std::vector<Frame>> read_capture(const Scene& scene, int frame) {

@@ -95,7 +95,7 @@ Message merged() {
     auto pipeline = node::Pipeline::open(std::move(scene));
     if (!pipeline) throw std::runtime_error(pipeline.error().message);
     const auto ran = (*pipeline)->run(1);  // the client refuses a packet with such a ratio
-    const Mesh* surface = (*pipeline)->surface();
+    const std::optional<Mesh> surface = (*pipeline)->surface();
     if (!surface) throw std::runtime_error(ran ? "no merged surface" : ran.error().message);
     out = to_message(*surface);
   });

@@ -94,6 +94,65 @@ TEST(Labels, BestAngleTakesTheMostDirectView) {
   EXPECT_NEAR(labelled_area(mesh, 1), 0.64, 1e-3);
 }
 
+/// Blocks of 16 pixels of a view; `is_valid`: of a column and row.
+template <typename IsValid>
+TileMask blocks(const View& v, const IsValid& is_valid) {
+  TileMask out{16, (v.width + 15) / 16, (v.height + 15) / 16, {}};
+  for (int row = 0; row < out.rows; ++row)
+    for (int column = 0; column < out.columns; ++column) out.tiles.push_back(is_valid(column, row));
+  return out;
+}
+
+/// No point of a view's triangles lies in a block that is not valid.
+void expect_valid(const Mesh& mesh, const View& v, const TileMask& valid) {
+  const auto views = triangle_views(mesh);
+  for (std::size_t t = 0; t < views.size(); ++t) {
+    if (views[t] != v.id) continue;
+    for (int i = 0; i <= 20; ++i)
+      for (int j = 0; i + j <= 20; ++j) {
+        const Vec3f p = mesh.corner(t, 0) + (mesh.corner(t, 1) - mesh.corner(t, 0)) * (0.05f * i) +
+                        (mesh.corner(t, 2) - mesh.corner(t, 0)) * (0.05f * j);
+        const auto pixel = project(v.camera(), v.T_world_camera.inverse() * vec_cast<double>(p));
+        ASSERT_TRUE(pixel);
+        // Within a pixel of the border between two blocks it may be either.
+        const auto block = [](double at) { return static_cast<int>(std::lround(at)) / 16; };
+        bool any = false;
+        for (const double d : {-1.0, 1.0})
+          for (const double e : {-1.0, 1.0})
+            any |= valid.at(std::clamp(block(pixel->x + d), 0, valid.columns - 1),
+                            std::clamp(block(pixel->y + e), 0, valid.rows - 1));
+        EXPECT_TRUE(any) << pixel->x << " " << pixel->y;
+      }
+  }
+}
+
+TEST(Labels, OnlyWhereAViewIsValid) {
+  const View v = view(3, {0, 0, 0}, {0, 0, 2});
+  const TileMask valid = blocks(v, [](int column, int) { return column < 10; });  // the left half
+  const Mesh mesh = atlas::label_triangles(wall(0.6f, 2), {{v}}, {.valid = {{3, valid}}});
+  expect_valid(mesh, v, valid);
+  EXPECT_NEAR(labelled_area(mesh, 3), 0.5 * 1.2 * 1.2, 0.06);  // cut along the border
+  EXPECT_EQ(atlas::label_triangles(wall(0.6f, 2), {{v}}, {.valid = {{4, valid}}}),
+            atlas::label_triangles(wall(0.6f, 2), {{v}}, {}));
+}
+
+TEST(Labels, WhereAViewIsNotValidAnotherIsTaken) {
+  const std::vector<View> views = {view(0, {0, 0, 0}, {0, 0, 2}), view(1, {-1, 0, 0}, {0, 0, 2})};
+  const auto odd = [](int column, int row) { return (column / 4 + row / 4) % 2 == 1; };
+  const std::map<ViewId, TileMask> valid = {{0, blocks(views[0], odd)}};
+  const Mesh mesh = atlas::label_triangles(wall(0.5f, 40), views, {.valid = valid});
+  expect_valid(mesh, views[0], valid.at(0));
+  EXPECT_GT(labelled_area(mesh, 0), 0.3);
+  EXPECT_NEAR(labelled_area(mesh, kNoView), 0, 1e-3);
+}
+
+TEST(Labels, ViewsThatAreNowhereValidCutNothing) {
+  const View v = view(0, {0, 0, 0}, {0, 0, 2});
+  const TileMask none = blocks(v, [](int, int) { return false; });
+  const Mesh mesh = atlas::label_triangles(wall(0.6f, 2), {{v}}, {.valid = {{0, none}}});
+  EXPECT_EQ(mesh.runs, (std::vector<ViewRun>{{0, 8, kNoView}}));
+}
+
 TEST(Labels, CoherentLabelsHaveShorterBorders) {
   const std::vector<View> views = {view(0, {-0.4, 0, 0}, {-0.1, 0, 2}),
                                    view(1, {0.4, 0, 0}, {0.1, 0, 2})};
@@ -170,6 +229,20 @@ TEST(Labels, PanoramaTexturesTheWholeRoomAcrossItsSeamAndPoles) {
     if (right - left > 256) across += 0.5 * length(mesh.area_normal(t));
   }
   EXPECT_LT(across, 0.02 * area);
+}
+
+TEST(Labels, OnlyWhereAPanoramaIsValid) {
+  const View v = panorama(7);
+  // Around the seam and one of the poles, and not in between.
+  const TileMask valid =
+      blocks(v, [](int column, int row) { return column < 8 || column >= 24 || row < 4; });
+  const Mesh mesh =
+      atlas::label_triangles(room(8), {{v}}, {.min_edge_m = 0.05, .valid = {{7, valid}}});
+  expect_valid(mesh, v, valid);
+  const double whole =
+      labelled_area(atlas::label_triangles(room(8), {{v}}, {.min_edge_m = 0.05}), 7);
+  EXPECT_GT(labelled_area(mesh, 7), 0.5 * whole);
+  EXPECT_LT(labelled_area(mesh, 7), 0.75 * whole);
 }
 
 TEST(Labels, PanoramaPaintsNoOccluderOntoTheWall) {

@@ -221,6 +221,38 @@ TEST_F(Export, GlbPicturesAreThoseOfTheStreams) {
   }
 }
 
+TEST_F(Export, ALayersOwnViewsTextureItsChunksWithTheirGain) {
+  DecodedScene scene = wall_scene();  // view 1 has a plate, too, in stream 7
+  View plate = view_of(1, 7, {4, 2, 32, 24});
+  plate.layer = Layer::still, plate.gain = {0.5f, 1, 3};
+  scene.views.insert(scene.views.begin() + 2, plate);
+  scene.textures[7] = std::make_shared<ImageRgb>(ramp(40, 30, 100));
+  auto still = std::make_shared<Chunk>(*scene.chunks[1]);  // of views 1, 1, 2, 2
+  still->key.id.layer = Layer::still;
+  scene.chunks[1] = still;
+  const auto parts = bake(scene);
+  ASSERT_TRUE(parts.ok());
+  std::map<std::uint32_t, std::size_t> triangles;
+  for (const BakedPart& part : *parts)
+    if (part.stream) triangles[*part.stream] = part.triangles.size();
+  EXPECT_EQ(triangles, (std::map<std::uint32_t, std::size_t>{{4, 4}, {7, 2}, {9, 2}}));
+  const auto shown = shown_textures(scene);
+  EXPECT_EQ(shown.at(4), scene.textures.at(4));
+  const ImageRgb &before = *scene.textures.at(7), &after = *shown.at(7);
+  for (int y = 0; y < 30; ++y)
+    for (int x = 0; x < 40; ++x) {
+      const bool inside = x >= 4 && x < 36 && y >= 2 && y < 26;
+      ASSERT_EQ(after.at(x, y)[0], inside ? (before.at(x, y)[0] + 1) / 2 : before.at(x, y)[0]);
+      ASSERT_EQ(after.at(x, y)[1], before.at(x, y)[1]);
+      ASSERT_EQ(after.at(x, y)[2], inside ? 255 : 100);
+    }
+  ASSERT_TRUE(export_scene(scene, kUp, folder_ / "a.obj").ok());
+  EXPECT_THAT(files(), UnorderedElementsAre("a.obj", "a.mtl", "a_4.png", "a_7.png", "a_9.png"));
+  const auto picture = kit::read_color(folder_ / "a_7.png");
+  ASSERT_TRUE(picture.ok());
+  EXPECT_EQ(*picture, after);
+}
+
 TEST_F(Export, GlbTurnsUpToY) {
   for (const Vec3d up : {Vec3d{0, 0, 1}, Vec3d{0, 1, 0}, Vec3d{0, -1, 0}, Vec3d{1, 0, 0},
                          normalized(Vec3d{0.2, -0.9, 0.3}), normalized(Vec3d{1e-8, -1, 0}),

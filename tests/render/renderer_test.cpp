@@ -313,6 +313,54 @@ TEST(Renderer, RunsOfSeveralChunksUseTheirOwnViewsAndStreams) {
   EXPECT_EQ(at(image, 52, 20), colors[1]);
 }
 
+TEST(Renderer, AChunksLayerPicksTheLivePictureOrThePlate) {
+  const Camera camera = pinhole(60, 40, 40, 40, 29.5, 19.5);
+  const Color live{200, 0, 0}, plate{0, 100, 40};
+  DecodedScene scene;
+  scene.views = {view_of(0, camera, {}, {0, 0, 60, 40}), view_of(0, camera, {}, {0, 0, 60, 40})};
+  scene.views[1].layer = Layer::still, scene.views[1].stream = 1;
+  scene.views[1].gain = {1, 2, 3};
+  set_texture(scene, plain_picture(60, 40, live), 0);
+  set_texture(scene, plain_picture(60, 40, plate), 1);
+  const auto half = [](float x, Layer layer) {
+    auto chunk = std::make_shared<Chunk>();
+    chunk->key.id.layer = layer;
+    chunk->mesh = test::grid({x, 2, 2}, {1.5f, 0, 0}, {0, -4, 0}, 1, 1);
+    set_triangle_views(chunk->mesh, {0, 0});
+    return chunk;
+  };
+  scene.chunks = {half(-1.5f, Layer::moving), half(0, Layer::still)};
+  const auto shown = [&] {
+    const ImageRgb image = draw(scene, camera);
+    return std::pair(at(image, 10, 20), at(image, 50, 20));
+  };
+  EXPECT_EQ(shown(), std::pair(live, (Color{0, 200, 120})));
+  EXPECT_EQ(overview(scene, {0, -1, 0}).front().name, "view_0");
+  EXPECT_NE(overview(scene, {0, -1, 0})[1].name, "view_0");
+  scene.views.pop_back();  // as before there were layers
+  EXPECT_EQ(shown(), std::pair(live, live));
+  scene.views[0].layer = Layer::still;
+  EXPECT_EQ(shown(), std::pair(live, live));
+}
+
+TEST(Renderer, GainMultipliesWhatThePictureShowsAndIsClamped) {
+  for (const bool panoramic : {false, true}) {
+    DecodedScene scene;
+    View view = view_of(0, kCamera, kPose, {0, 0, 96, 64});
+    if (panoramic) view.kind = View::Kind::equirectangular;
+    scene.views.push_back(view);
+    set_texture(scene, asymmetric_picture(96, 64));
+    add(scene, wall_before(kPose, 2, 4), 0);
+    const ImageRgb plain = draw(scene, kCamera, kPose);
+    scene.views[0].gain = {0.25f, 1.5f, 4};
+    const auto off = difference(draw(scene, kCamera, kPose), [&](int x, int y) {
+      const auto* p = plain.at(x, y);
+      return Vec3d{p[0] * 0.25, std::min(255.0, p[1] * 1.5), std::min(255.0, p[2] * 4.0)};
+    });
+    EXPECT_LE(off.max, 2.6);  // half a level of the plain picture, times the gain, and half a level
+  }
+}
+
 TEST(Renderer, NearerSurfacesHideFartherOnes) {
   const Camera camera = pinhole(60, 40, 40, 40, 29.5, 19.5);
   DecodedScene scene;

@@ -8,7 +8,7 @@ import {
 } from "./packet.ts";
 import type { Picture } from "./picture.ts";
 import { Receiver, type Complete } from "./receiver.ts";
-import { Rate } from "./statistics.ts";
+import { Traffic } from "./statistics.ts";
 import { Video } from "./video.ts";
 
 export type Capture = Complete<RimmedMesh, Picture>;
@@ -26,8 +26,7 @@ const kAskEveryMs = 500;
 
 /** From the socket to complete captures. */
 export class Client {
-  readonly meshBytes = new Rate();
-  readonly textureBytes = new Rate();
+  readonly traffic = new Traffic();
   /** Chunks, pictures and messages that were broken. */
   errors = 0;
   private readonly connection: Connection;
@@ -148,7 +147,7 @@ export class Client {
       return;
     }
     if (work.fresh) this.startAfresh();
-    this.count(packet);
+    this.traffic.add(performance.now(), packet);
     this.arrivals.set(packet.sequence, performance.now());
     this.decode(work.chunks);
     this.video.keepOnly(new Set([...packet.views, ...packet.textures].map((item) => item.stream)));
@@ -158,12 +157,6 @@ export class Client {
       this.video.flush();
     }
     this.events.onChange();
-  }
-
-  private count(packet: Packet): void {
-    const now = performance.now();
-    this.meshBytes.add(now, packet.chunks.reduce((sum, chunk) => sum + chunk.payload.length, 0));
-    this.textureBytes.add(now, packet.textures.reduce((sum, unit) => sum + unit.data.length, 0));
   }
 
   private decode(chunks: readonly EncodedChunk[]): void {

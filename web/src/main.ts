@@ -1,4 +1,5 @@
 import { isInPanel } from "./controls.ts";
+import { askedLayer } from "./layers.ts";
 import { Overlay } from "./overlay.ts";
 import { Notice, Panel } from "./panels.ts";
 import { checkSupport } from "./support.ts";
@@ -77,6 +78,7 @@ async function main(): Promise<void> {
       isSoftware: support.isSoftware,
       device: support.device,
       hold: query.get("hold") === "1",
+      layer: askedLayer(query.get("layers")),
       checkPairs,
       breakPairs: checkPairs && query.get("break") === "pairs",
     },

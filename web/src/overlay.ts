@@ -3,7 +3,9 @@ export interface Readings {
   readonly "frame-rate": string;
   readonly latency: string;
   readonly "mesh-rate": string;
+  readonly "still-mesh-rate": string;
   readonly "texture-rate": string;
+  readonly "plate-rate": string;
   readonly triangles: string;
   readonly chunks: string;
   readonly capture: string;
@@ -13,8 +15,10 @@ export interface Readings {
 const kLabels: Readonly<Record<keyof Readings, string>> = {
   "frame-rate": "Captures shown",
   latency: "Capture to screen",
-  "mesh-rate": "Mesh",
-  "texture-rate": "Texture",
+  "mesh-rate": "Mesh, moving",
+  "still-mesh-rate": "Mesh, still",
+  "texture-rate": "Texture, moving",
+  "plate-rate": "Texture, still",
   triangles: "Triangles",
   chunks: "Chunks",
   capture: "Capture",

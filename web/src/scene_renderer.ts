@@ -6,11 +6,12 @@ import {
 import { borderDistances, fadingTriangles, findBorders, kFarM, type Rim, type RimmedMesh } from "./border.ts";
 import { clipFromEye, type Camera } from "./camera.ts";
 import type { Box } from "./draco_chunk.ts";
+import { kLayers, kMoving, texturingViews, type Layer } from "./layers.ts";
 import type { View } from "./packet.ts";
 import { planeSizes, type Picture } from "./picture.ts";
 import { Stage, type Theme } from "./stage.ts";
 import type { Vec3 } from "./vec.ts";
-import { kBackground, kNoView, makeColorMaterial, SharedUniforms, streamUniforms, ViewMaterial } from "./view_material.ts";
+import { kBackground, kNoView, makeColorMaterial, SharedUniforms, streamUniforms, ViewMaterial, type StreamUniforms } from "./view_material.ts";
 
 ColorManagement.enabled = false;
 
@@ -19,6 +20,8 @@ export interface Drawable {
   readonly views: readonly View[];
   readonly meshes: ReadonlyMap<string, RimmedMesh>;
   readonly pictures: ReadonlyMap<number, Picture>;
+  /** Of the meshes; moving where it says nothing. */
+  readonly layers: ReadonlyMap<string, Layer>;
 }
 
 /** What is solid, and what fades. */
@@ -37,12 +40,13 @@ const kSamplers = ["luma", "chroma", "chroma_red"] as const;
 
 /** One stream's picture on the graphics card. */
 class StreamTexture {
-  readonly materials: Materials;
+  /** By layer. */
+  readonly materials: readonly Materials[];
   private readonly planes: DataTexture[];
 
   constructor(shared: SharedUniforms, readonly slot: number, private picture: Picture) {
     const uniforms = streamUniforms(slot, picture.width, picture.height);
-    this.materials = viewMaterials(shared, uniforms, picture.format);
+    this.materials = kLayers.map((layer) => viewMaterials(shared, uniforms, picture.format, layer));
     this.planes = planeSizes(picture).map(({ width, height, components }, i) => {
       const format = kFormats[components as keyof typeof kFormats];
       const texture = new DataTexture(picture.planes[i]!, width, height, format, UnsignedByteType);
@@ -69,12 +73,12 @@ class StreamTexture {
 
   dispose(): void {
     for (const texture of this.planes) texture.dispose();
-    for (const material of this.materials) material.dispose();
+    for (const material of this.materials.flat()) material.dispose();
   }
 }
 
-function viewMaterials(shared: SharedUniforms, ...[uniforms, format]: [ReturnType<typeof streamUniforms>, Picture["format"]]): Materials {
-  return [new ViewMaterial(shared, uniforms, format, false), new ViewMaterial(shared, uniforms, format, true)];
+function viewMaterials(shared: SharedUniforms, uniforms: StreamUniforms, format: Picture["format"], layer: Layer): Materials {
+  return [new ViewMaterial(shared, uniforms, format, layer, false), new ViewMaterial(shared, uniforms, format, layer, true)];
 }
 
 /** Draws captures with WebGL 2. Draws when told to and never by itself. */
@@ -84,7 +88,7 @@ export class SceneRenderer {
   private readonly camera = new ThreeCamera();
   private readonly shared = new SharedUniforms();
   private readonly stage = new Stage(this.scene, this.shared);
-  private readonly plainMaterials = viewMaterials(this.shared, streamUniforms(0, 1, 1), "rgba");
+  private readonly plainMaterials = viewMaterials(this.shared, streamUniforms(0, 1, 1), "rgba", kMoving);
   private readonly colorMaterials: Materials;
   private unseen = kNoView;
   private readonly empty = new Color();
@@ -122,16 +126,17 @@ export class SceneRenderer {
   }
 
   /** Swaps mesh and pictures together. */
-  show({ views, meshes, pictures }: Drawable): void {
+  show({ views, meshes, pictures, layers }: Drawable): void {
     const used = [...new Set(views.map((view) => view.stream))].filter((stream) => pictures.has(stream));
     this.setPictures(used, pictures);
     this.shared.setViews(views, new Map(used.map((stream, slot) => [stream, slot])));
     for (const [name, chunk] of this.chunks)
       if (meshes.get(name) !== chunk.mesh) this.remove(name, chunk);
-    const streamOf = new Map(views.map((view) => [view.id, view.stream]));
+    const viewsOf = kLayers.map((layer) => texturingViews(views, layer));
     for (const [name, mesh] of meshes) {
       const chunk = this.chunks.get(name) ?? this.add(name, mesh);
-      this.paint(chunk, this.materialsFor(mesh, streamOf));
+      const layer = layers.get(name) ?? kMoving;
+      this.paint(chunk, this.materialsFor(mesh, layer, viewsOf[layer]!));
     }
     this.updateBorders();
     const box = this.bounds();
@@ -201,16 +206,16 @@ export class SceneRenderer {
     texture.dispose();
   }
 
-  private materialsFor(mesh: RimmedMesh, streamOf: ReadonlyMap<number, number>): Set<Materials> {
+  private materialsFor(mesh: RimmedMesh, layer: Layer, views: ReadonlyMap<number, View>): Set<Materials> {
     if (mesh.colors !== null) return new Set([this.colorMaterials]);
     const materials = new Set<Materials>();
     for (const view of mesh.viewIds) {
-      const texture = this.streams.get(streamOf.get(view) ?? -1);
-      if (texture !== undefined) materials.add(texture.materials);
+      const texture = this.streams.get(views.get(view)?.stream ?? -1);
+      if (texture !== undefined) materials.add(texture.materials[layer]!);
     }
     // What no view textures is drawn in slot 0.
     const first = [...this.streams.values()].find((texture) => texture.slot === 0);
-    return materials.add(first?.materials ?? this.plainMaterials);
+    return materials.add(first?.materials[layer] ?? this.plainMaterials);
   }
 
   /** One object for each material that draws a part of the chunk. */

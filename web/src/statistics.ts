@@ -1,3 +1,6 @@
+import { kLayers, kStill, layerOf, type Layer } from "./layers.ts";
+import type { Packet } from "./packet.ts";
+
 /** Amounts per second over the last seconds. */
 export class Rate {
   private readonly entries: { at: number; amount: number }[] = [];
@@ -16,6 +19,29 @@ export class Rate {
 
   private forget(nowMs: number): void {
     while (this.entries.length > 0 && this.entries[0]!.at < nowMs - this.windowMs) this.entries.shift();
+  }
+}
+
+/** Bytes of packets per second, by layer. A picture is still when it is a plate: when views of still surface show it. */
+export class Traffic {
+  private readonly mesh = kLayers.map(() => new Rate());
+  private readonly texture = kLayers.map(() => new Rate());
+
+  add(nowMs: number, { views, chunks, textures }: Pick<Packet, "views" | "chunks" | "textures">): void {
+    const plates = new Set(views.filter((view) => layerOf(view) === kStill).map((view) => view.stream));
+    const sum = (sizes: readonly number[]): number => sizes.reduce((a, b) => a + b, 0);
+    for (const layer of kLayers) {
+      const units = textures.filter((unit) => plates.has(unit.stream) === (layer === kStill));
+      this.mesh[layer]!.add(nowMs, sum(chunks.filter((chunk) => layerOf(chunk.key) === layer).map((chunk) => chunk.payload.length)));
+      this.texture[layer]!.add(nowMs, sum(units.map((unit) => unit.data.length)));
+    }
+  }
+
+  meshBytes(layer: Layer, nowMs: number): number {
+    return this.mesh[layer]!.perSecond(nowMs);
+  }
+  textureBytes(layer: Layer, nowMs: number): number {
+    return this.texture[layer]!.perSecond(nowMs);
   }
 }
 

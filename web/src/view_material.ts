@@ -1,6 +1,7 @@
 import { DataTexture, FloatType, FrontSide, GLSL3, Matrix4, RawShaderMaterial, RGBAFormat, Vector2, Vector3 } from "three";
 import { kFadeM } from "./border.ts";
 import { kMostViews } from "./draco_chunk.ts";
+import { gainOf, kLayers, texturingViews, type Layer } from "./layers.ts";
 import type { View } from "./packet.ts";
 import type { Picture } from "./picture.ts";
 
@@ -8,7 +9,7 @@ import type { Picture } from "./picture.ts";
 export const kBackground = 0x808080;
 export const kNoView = 176 / 255;
 
-// Texels of one view in the table: three of its pose, lens, camera pixel -> atlas, tile, size and kind, stream.
+// Texels of one view in the table: three of its pose, lens, camera pixel -> atlas, tile, size and kind, stream and gain.
 const kTexels = 8;
 const kPinhole = 1;
 const kEquirectangular = 2;
@@ -30,6 +31,7 @@ flat out vec4 lens;       // focal lengths, centre; camera pixels
 flat out vec4 to_atlas;   // camera pixel -> texels: scale, offset
 flat out vec4 tile;       // half a texel inside it: low, high
 flat out vec4 size_kind;  // camera pixels; camera column in the tile's middle; kind
+flat out vec3 gain;       // on what the picture shows
 
 void main() {
   to_border = border;
@@ -43,6 +45,7 @@ void main() {
   to_atlas = texels[4];
   tile = texels[5];
   size_kind = texels[6];
+  gain = texels[7].yzw;
   bool elsewhere = texels[7].x != slot;
   gl_Position = elsewhere ? vec4(2, 2, 2, 1) : T_clip_eye * vec4(position - eye, 1);
 }
@@ -68,6 +71,7 @@ flat in vec4 lens;
 flat in vec4 to_atlas;
 flat in vec4 tile;
 flat in vec4 size_kind;
+flat in vec3 gain;
 out vec4 pixel;
 
 vec2 project_pinhole(vec3 p) { return lens.xy * p.xy / p.z + lens.zw; }
@@ -98,7 +102,8 @@ vec3 atlas_at(vec2 texel) {
 #endif
 
 vec3 texture_at(vec2 camera_pixel) {
-  return atlas_at(clamp(camera_pixel * to_atlas.xy + to_atlas.zw, tile.xy, tile.zw));
+  vec3 decoded = atlas_at(clamp(camera_pixel * to_atlas.xy + to_atlas.zw, tile.xy, tile.zw));
+  return min(gain * clamp(decoded, 0.0, 1.0), 1.0);
 }
 
 void main() {
@@ -140,23 +145,32 @@ export class SharedUniforms {
   readonly T_clip_eye = { value: new Matrix4() };
   readonly unseen = { value: kNoView };
   readonly fades = { value: false };
-  readonly views = { value: new DataTexture(new Float32Array(4 * kTexels), kTexels, 1, RGBAFormat, FloatType) };
+  /** A row for each label, by the layer of the chunks that have it. */
+  readonly views = kLayers.map(() => ({ value: viewTable(1) }));
 
   /** `slotOf`: which material holds the picture of a stream. */
   setViews(views: readonly View[], slotOf: ReadonlyMap<number, number>): void {
+    for (const layer of kLayers) this.setLayer(layer, [...texturingViews(views, layer).values()], slotOf);
+  }
+
+  private setLayer(layer: Layer, views: readonly View[], slotOf: ReadonlyMap<number, number>): void {
     const drawn = views.filter((view) => view.id < kMostViews);
     const rows = 2 ** Math.ceil(Math.log2(1 + Math.max(0, ...drawn.map((view) => view.id))));
-    let table = this.views.value;
+    const uniform = this.views[layer]!;
+    let table = uniform.value;
     if (table.image.height !== rows) {
       table.dispose();
-      table = new DataTexture(new Float32Array(4 * kTexels * rows), kTexels, rows, RGBAFormat, FloatType);
-      this.views.value = table;
+      uniform.value = table = viewTable(rows);
     }
     const data = table.image.data as Float32Array;
     data.fill(0);
     for (const view of drawn) data.set(texelsOf(view, slotOf.get(view.stream) ?? 0), 4 * kTexels * view.id);
     table.needsUpdate = true;
   }
+}
+
+function viewTable(rows: number): DataTexture {
+  return new DataTexture(new Float32Array(4 * kTexels * rows), kTexels, rows, RGBAFormat, FloatType);
 }
 
 function texelsOf(view: View, slot: number): number[] {
@@ -172,7 +186,7 @@ function texelsOf(view: View, slot: number): number[] {
     tile.x + 0.5, tile.y + 0.5, tile.x + tile.width - 0.5, tile.y + tile.height - 0.5,
     view.width, view.height, source.x + 0.5 * source.width - 0.5,
     view.kind === "pinhole" ? kPinhole : kEquirectangular,
-    slot, 0, 0, 0,
+    slot, ...gainOf(view),
   ];
 }
 
@@ -189,10 +203,10 @@ export function streamUniforms(slot: number, width: number, height: number): Str
   };
 }
 
-/** Paints by projection into the views of one texture stream: either what is solid, or what fades towards a border, with one
- *  program for both. */
+/** Paints chunks of one layer by projection into the views of one texture stream: either what is solid, or what fades towards a
+ *  border. One program for all of them. */
 export class ViewMaterial extends RawShaderMaterial {
-  constructor(shared: SharedUniforms, stream: StreamUniforms, format: Picture["format"], isFading: boolean) {
+  constructor(shared: SharedUniforms, stream: StreamUniforms, format: Picture["format"], layer: Layer, isFading: boolean) {
     super({
       glslVersion: GLSL3,
       side: FrontSide,
@@ -204,7 +218,7 @@ export class ViewMaterial extends RawShaderMaterial {
       uniforms: {
         eye: shared.eye,
         T_clip_eye: shared.T_clip_eye,
-        views: shared.views,
+        views: shared.views[layer]!,
         unseen: shared.unseen,
         fades: shared.fades,
         fading: { value: isFading },

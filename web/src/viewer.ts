@@ -3,6 +3,7 @@ import { Client, type Capture } from "./client.ts";
 import type { Hello, LinkState } from "./connection.ts";
 import { Controls, type Aim, type Mode } from "./controls.ts";
 import { Health } from "./health.ts";
+import { kMoving, kStill, layerOf, ofLayer, type Layer } from "./layers.ts";
 import { Navigation, type Start } from "./navigation.ts";
 import type { Readings } from "./overlay.ts";
 import { pick } from "./pick.ts";
@@ -19,6 +20,8 @@ export interface ViewerOptions {
   readonly device: string;
   /** Freezes at the first complete packet. */
   readonly hold: boolean;
+  /** Shows the chunks of this layer alone; null: all. */
+  readonly layer: Layer | null;
   /** Reads the number that is burnt into each picture drawn. */
   readonly checkPairs: boolean;
   /** A deliberate mistake for tests: the previous picture with the new mesh. */
@@ -182,15 +185,18 @@ export class Viewer {
 
   readings(): Readings {
     const now = performance.now();
-    const mbps = (rate: Rate): string => `${((rate.perSecond(now) * 8) / 1e6).toFixed(1)} Mbit/s`;
+    const mbps = (bytes: number): string => `${((bytes * 8) / 1e6).toFixed(bytes < 12_500 ? 3 : 1)} Mbit/s`;
+    const { traffic } = this.client;
     const latency = this.latency.value();
     const shown = this.shown();
     const errors = this.client.errors;
     return {
       "frame-rate": `${this.captures.perSecond(now).toFixed(1)} /s`,
       latency: latency === null ? "–" : `${latency.toFixed(0)} ms`,
-      "mesh-rate": mbps(this.client.meshBytes),
-      "texture-rate": mbps(this.client.textureBytes),
+      "mesh-rate": mbps(traffic.meshBytes(kMoving, now)),
+      "still-mesh-rate": mbps(traffic.meshBytes(kStill, now)),
+      "texture-rate": mbps(traffic.textureBytes(kMoving, now)),
+      "plate-rate": mbps(traffic.textureBytes(kStill, now)),
       triangles: this.renderer.triangles().toLocaleString("en"),
       chunks: shown === null ? "–" : `${shown.chunks - this.newChunks} kept, ${this.newChunks} new`,
       capture: shown === null ? "–" : `${shown.sequence}${errors > 0 ? `, ${errors} broken parts` : ""}`,
@@ -303,10 +309,12 @@ export class Viewer {
   /** Mesh and pictures of one capture, together. */
   private swap(capture: Capture): void {
     const before = this.shownCapture;
-    const { packet, meshes } = capture;
+    const { packet } = capture;
+    const meshes = ofLayer(capture.meshes, packet.manifest, this.options.layer);
+    const layers = new Map(packet.manifest.map((key) => [key.name, layerOf(key)]));
     const pictures = this.options.breakPairs && before !== null ? before.pictures : capture.pictures;
-    this.renderer.show({ views: packet.views, meshes, pictures });
-    this.newChunks = [...meshes].filter(([name, mesh]) => before?.meshes.get(name) !== mesh).length;
+    this.renderer.show({ views: packet.views, meshes, pictures, layers });
+    this.newChunks = [...capture.meshes].filter(([name, mesh]) => before?.meshes.get(name) !== mesh).length;
     this.shownCapture = capture;
     this.lastCameMs = Date.now();
     this.captures.add(performance.now(), 1);

@@ -162,6 +162,41 @@ std::vector<Face> faces_of(const Mesh& mesh, const View& view, const LabelConfig
   return out;
 }
 
+/// The pixels of a view's picture that are good for texture.
+class ValidRegion {
+ public:
+  enum class Share { none, some, all };
+
+  explicit ValidRegion(const TileMask* mask) : mask_(mask) {}
+  bool is_whole() const { return mask_ == nullptr; }
+
+  /// Adds pixels of a row.
+  void add(int y, int first, int last, int& valid, int& invalid) const {
+    for (int tile = first / mask_->tile_px; tile <= last / mask_->tile_px; ++tile)
+      ++(is_valid(tile, y / mask_->tile_px) ? valid : invalid);
+  }
+  void add(Vec2d pixel, int& valid, int& invalid) const {
+    const int x = static_cast<int>(std::lround(pixel.x)),
+              y = static_cast<int>(std::lround(pixel.y));
+    ++(x >= 0 && y >= 0 && is_valid(x / mask_->tile_px, y / mask_->tile_px) ? valid : invalid);
+  }
+  static Share share(int valid, int invalid) {
+    return valid == 0 ? Share::none : invalid > 0 ? Share::some : Share::all;
+  }
+
+ private:
+  bool is_valid(int column, int row) const {
+    return column < mask_->columns && row < mask_->rows && mask_->at(column, row);
+  }
+
+  const TileMask* mask_;  ///< null: all
+};
+
+ValidRegion valid_region(const View& view, const LabelConfig& config) {
+  const auto found = config.valid.find(view.id);
+  return ValidRegion(found == config.valid.end() ? nullptr : &found->second);
+}
+
 /// A view with the mesh's depth as it sees it.
 class Eye {
  public:
@@ -169,6 +204,7 @@ class Eye {
       : view_(view),
         camera_(view.camera()),
         T_camera_world_(view.T_world_camera.inverse()),
+        valid_(valid_region(view, config)),
         faces_(faces_of(mesh, view, config)) {}
 
   /// `normal_world`: what the surface faces there, smoothed.
@@ -180,7 +216,10 @@ class Eye {
     const std::array<Vec3f, 3> corners = {mesh.corner(t, 0), mesh.corner(t, 1), mesh.corner(t, 2)};
     const Face::Count count = count_pixels(corners, mesh.centroid(t));
     if (count.pixels == 0) return {};
+    const ValidRegion::Share valid = valid_share(corners);
+    if (valid == ValidRegion::Share::none) return {};
     sight.touches = count.direct > 0;
+    if (valid == ValidRegion::Share::some) return sight;  // cut, its inner pieces may use the view
     const bool inside = is_inside(corners);
     // A corner outside forbids the view for this triangle; cut, its inner pieces may use it.
     // Across the seam of a panorama, though, what cannot be cut further has its picture.
@@ -199,6 +238,45 @@ class Eye {
     for (std::size_t i = 0; i < faces_.size() && count.pixels == 0; ++i)
       faces_[i].count(middle, count);
     return count;
+  }
+
+  /// How much of what a triangle covers is valid.
+  ValidRegion::Share valid_share(const std::array<Vec3f, 3>& corners) const {
+    if (valid_.is_whole()) return ValidRegion::Share::all;
+    int valid = 0, invalid = 0;
+    if (view_.kind == View::Kind::pinhole) {
+      const auto in_camera = [&](int i) { return T_camera_world_ * vec_cast<double>(corners[i]); };
+      kit::scan_polygon(kit::clip_to_screen(camera_, {in_camera(0), in_camera(1), in_camera(2)}),
+                        camera_.width, 0, camera_.height, [&](const kit::ScreenSpan& s) {
+                          valid_.add(s.y, s.first, s.last, valid, invalid);
+                        });
+    }
+    for (const Vec3f& p : valid_samples(corners))
+      if (const auto pixel = pixel_of(p)) valid_.add(*pixel, valid, invalid);
+    return ValidRegion::share(valid, invalid);
+  }
+
+  /// Points at which to look whether a triangle is valid: its corners, and of a panorama, where
+  /// edges are curves, so many that no block lies between them.
+  std::vector<Vec3f> valid_samples(const std::array<Vec3f, 3>& corners) const {
+    if (view_.kind == View::Kind::pinhole) return {corners.begin(), corners.end()};
+    constexpr double kApart_px = 8, kMost = 64;
+    double widest_rad = 0;
+    const auto direction = [&](int i) {
+      return normalized(vec_cast<double>(corners[i]) - view_.T_world_camera.translation);
+    };
+    for (int i = 0; i < 3; ++i)
+      widest_rad = std::max(widest_rad, length(direction(i) - direction((i + 1) % 3)));
+    const Vec2d density = kit::pixels_per_rad(camera_);
+    const double apart = widest_rad * std::max(density.x, density.y) / kApart_px;
+    const int steps = static_cast<int>(std::ceil(std::clamp(apart, 1.0, kMost)));
+    std::vector<Vec3f> out;
+    for (int i = 0; i <= steps; ++i)
+      for (int j = 0; i + j <= steps; ++j)
+        out.push_back(corners[0] + ((corners[1] - corners[0]) * static_cast<float>(i) +
+                                    (corners[2] - corners[0]) * static_cast<float>(j)) /
+                                       static_cast<float>(steps));
+    return out;
   }
 
   bool is_whole_turn() const {
@@ -237,6 +315,7 @@ class Eye {
   const View& view_;
   Camera camera_;
   Pose T_camera_world_;
+  ValidRegion valid_;
   std::vector<Face> faces_;
 };
 
@@ -426,7 +505,10 @@ Mesh label_triangles(const Mesh& input, std::span<const View> views, const Label
   l.not_seen_yet.resize(input.triangles.size());
   std::iota(l.not_seen_yet.begin(), l.not_seen_yet.end(), 0u);
   // Cutting leaves the surface as it is: what hides what is found out once.
-  const std::vector<std::optional<Eye>> eyes = open_eyes(input, views, config);
+  Mesh hiding;
+  if (config.occluders) hiding = input, append(hiding, *config.occluders);
+  const std::vector<std::optional<Eye>> eyes =
+      open_eyes(config.occluders ? hiding : input, views, config);
   look(eyes, l);
   for (int round = 0; round < kCutRounds && cut_occlusion_edges(l, config.min_edge_m); ++round)
     look(eyes, l);

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <map>
 #include <span>
 
 #include "mr/core/mesh.h"
@@ -16,16 +17,21 @@ struct LabelConfig {
   double geometry_error_m = 0.01;  ///< decimation + lattice + calibration error
   Precision precision{};           ///< of the noisiest sensor: bumps of its noise are not occluders
   double min_edge_m = 0.02;        ///< triangles across an occlusion edge are cut down to this
+  const Mesh* occluders = nullptr;  ///< other surface that may hide this one; may be null
+  /// Of which pixels of its camera picture a view is good for, such as a plate's valid blocks; all
+  /// where it has no mask.
+  std::map<ViewId, TileMask> valid{};
 };
 
 /// Chooses which view textures each triangle (paper 3.3; DESIGN section 4, "Texturing by
 /// projection"). A view may be used where all corners lie beyond its near plane and inside
 /// image_rect minus the gutter, the triangle faces it, and at least 90 % of the triangle is visible
 /// in a rasterisation of this mesh from it (of a panorama: from its six sides), with a margin
-/// around occluders. A triangle across an occlusion edge, or the seam of a panorama, is cut; what
-/// cannot be cut further goes to the view that sees most of it, or to none. best_angle takes the
-/// view that looks most directly; coherent prefers the neighbours' view where angles allow. Returns
-/// the mesh with runs; vertices that cutting added may lie off the lattice.
+/// around occluders, and every pixel of it is valid. A triangle across an occlusion edge, the
+/// border of what is valid, or the seam of a panorama, is cut; what cannot be cut further goes to
+/// the view that sees most of it, or to none, never to one without valid pixels. best_angle takes
+/// the view that looks most directly; coherent prefers the neighbours' view where angles allow.
+/// Returns the mesh with runs; vertices that cutting added may lie off the lattice.
 Mesh label_triangles(const Mesh& mesh, std::span<const View> views, const LabelConfig& config);
 
 /// The margin in pixels that geometry error asks for at a depth: error · f / z + 2,

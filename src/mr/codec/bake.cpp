@@ -23,23 +23,25 @@ struct BakeView {
   int atlas_width = 0, atlas_height = 0;
 };
 
-Result<BakeView> find_view(const DecodedScene& scene, ViewId id) {
+bool fits(const Rect& tile, int width, int height) {
+  return !tile.empty() && tile.x >= 0 && tile.y >= 0 && tile.width <= width - tile.x &&
+         tile.height <= height - tile.y;
+}
+
+Result<BakeView> find_view(const DecodedScene& scene, ViewId id, Layer layer) {
   const std::string name = "view " + std::to_string(id);
-  const auto view = std::find_if(scene.views.begin(), scene.views.end(),
-                                 [&](const View& v) { return v.id == id; });
-  if (view == scene.views.end())
-    return invalid_scene("triangles name " + name + ", which the scene does not have");
+  const View* const view = texturing_view(scene.views, id, layer);
+  if (!view) return invalid_scene("triangles name " + name + ", which the scene does not have");
   const auto picture = scene.textures.find(view->stream);
   if (picture == scene.textures.end() || !picture->second || picture->second->empty())
     return invalid_scene(name + " has no picture: texture stream " + std::to_string(view->stream) +
                          " is missing");
   const int width = picture->second->width, height = picture->second->height;
-  const Rect& tile = view->atlas_rect;
-  if (view->width < 1 || view->height < 1 || view->image_rect.empty() || tile.empty() ||
-      tile.x < 0 || tile.y < 0 || tile.width > width - tile.x || tile.height > height - tile.y)
+  if (view->width < 1 || view->height < 1 || view->image_rect.empty() ||
+      !fits(view->atlas_rect, width, height))
     return invalid_scene(name + " has a tile outside the picture of texture stream " +
                          std::to_string(view->stream));
-  return BakeView{&*view, view->camera(), view->T_world_camera.inverse(), width, height};
+  return BakeView{view, view->camera(), view->T_world_camera.inverse(), width, height};
 }
 
 /// Columns of a panorama: all corners on one turn, the one whose middle is nearest to the tile's.
@@ -138,29 +140,30 @@ struct PartBuilder {
 
 struct Baker {
   const DecodedScene& scene;
-  std::map<ViewId, BakeView> views;
+  std::map<std::pair<ViewId, Layer>, BakeView> views;
   std::map<std::uint32_t, PartBuilder> textured;  // by stream
   PartBuilder colored, plain;
 
-  Status add(const Mesh& mesh) {
+  Status add(const Mesh& mesh, Layer layer) {
     const std::vector<ViewRun> unlabelled{
         {0, static_cast<std::uint32_t>(mesh.triangles.size()), kNoView}};
     for (const ViewRun& run : mesh.runs.empty() ? unlabelled : mesh.runs)
-      if (auto ok = add(mesh, run); !ok) return ok;
+      if (auto ok = add(mesh, run, layer); !ok) return ok;
     return {};
   }
 
-  Status add(const Mesh& mesh, const ViewRun& run) {
+  Status add(const Mesh& mesh, const ViewRun& run, Layer layer) {
     if (std::uint64_t{run.first} + run.count > mesh.triangles.size())
       return invalid_scene("a view run ends after the last triangle");
     const BakeView* view = nullptr;
     if (run.view != kNoView && run.count > 0) {
-      if (!views.contains(run.view)) {
-        auto found = find_view(scene, run.view);
+      const auto [known, is_new] = views.try_emplace({run.view, layer});
+      if (is_new) {
+        auto found = find_view(scene, run.view, layer);
         if (!found) return found.error();
-        views[run.view] = *found;
+        known->second = *found;
       }
-      view = &views[run.view];
+      view = &known->second;
     }
     for (std::size_t t = run.first; t < std::size_t{run.first} + run.count; ++t) {
       const auto corners = corners_of(mesh, t);
@@ -208,8 +211,8 @@ struct Baker {
 Result<std::vector<BakedPart>> bake(const DecodedScene& scene) {
   Baker baker{scene, {}, {}, {}, {}};
   for (const auto& chunk : scene.chunks) {
-    const Status ok =
-        chunk->colors.empty() ? baker.add(chunk->mesh) : baker.add(chunk->mesh, chunk->colors);
+    const Status ok = chunk->colors.empty() ? baker.add(chunk->mesh, chunk->key.id.layer)
+                                            : baker.add(chunk->mesh, chunk->colors);
     if (!ok) return ok.error();
   }
   std::vector<BakedPart> parts;
@@ -218,6 +221,28 @@ Result<std::vector<BakedPart>> bake(const DecodedScene& scene) {
   if (!baker.plain.part.triangles.empty()) parts.push_back(std::move(baker.plain.part));
   if (parts.empty()) return Error{Error::Cause::empty, "the scene has no triangles"};
   return parts;
+}
+
+Pictures shown_textures(const DecodedScene& scene) {
+  Pictures out = scene.textures;
+  std::map<std::uint32_t, std::shared_ptr<ImageRgb>> copies;
+  for (const View& view : scene.views) {
+    const auto found = scene.textures.find(view.stream);
+    if (view.gain == Vec3f{1, 1, 1} || found == scene.textures.end() || !found->second ||
+        !fits(view.atlas_rect, found->second->width, found->second->height))
+      continue;
+    std::shared_ptr<ImageRgb>& copy = copies[view.stream];
+    if (!copy) out[view.stream] = copy = std::make_shared<ImageRgb>(*found->second);
+    const Rect& tile = view.atlas_rect;
+    for (int y = tile.y; y < tile.y + tile.height; ++y) {
+      const std::uint8_t* const from = found->second->at(tile.x, y);
+      std::uint8_t* const to = copy->at(tile.x, y);
+      for (int i = 0; i < 3 * tile.width; ++i)
+        to[i] = static_cast<std::uint8_t>(
+            std::clamp(static_cast<float>(from[i]) * view.gain[i % 3] + 0.5f, 0.f, 255.f));
+    }
+  }
+  return out;
 }
 
 std::array<std::uint8_t, 3> sample(const ImageRgb& picture, Vec2f uv) {

@@ -2,6 +2,8 @@
 
 #include <array>
 #include <cstdint>
+#include <map>
+#include <memory>
 #include <optional>
 #include <vector>
 
@@ -19,14 +21,22 @@ struct BakedPart {
   std::vector<Triangle> triangles;                  ///< [T]
 };
 
-/// Brings a scene's chunks together with texture coordinates in place of projection: one part per
-/// stream that is used, then one of the background with its colours, then one with neither.
+/// Brings a scene's chunks together with texture coordinates in place of projection, each into the
+/// view of its label and its chunk's layer (core/view.h: texturing_view): one part per stream that
+/// is used, then one of the background with its colours, then one with neither.
 /// Vertices are welded where position and coordinate or colour are equal. Coordinates are clamped
 /// to half a texel inside the view's tile; a triangle that crosses a panorama's seam follows the
 /// turn of its first corner; one with a corner that its view cannot see (behind a pinhole) loses
 /// its texture. Errors: empty without triangles; invalid for a position that is not finite, a
 /// vertex, view, colour or texture stream that is not there, or a tile outside its picture.
 Result<std::vector<BakedPart>> bake(const DecodedScene& scene);
+
+/// By stream.
+using Pictures = std::map<std::uint32_t, std::shared_ptr<const ImageRgb>>;
+
+/// The scene's pictures as they are shown: each view's tile times its gain. Tiles must not overlap
+/// where gains differ; a tile outside its picture is left out.
+Pictures shown_textures(const DecodedScene& scene);
 
 /// The colour at a texture coordinate, bilinear, clamped to the picture's edge.
 std::array<std::uint8_t, 3> sample(const ImageRgb& picture, Vec2f uv);

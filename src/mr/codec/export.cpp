@@ -78,11 +78,12 @@ Status export_scene(const DecodedScene& scene, Vec3d up, const std::filesystem::
   if (!parts)
     return Error{parts.error().cause,
                  "cannot export " + file.string() + ": " + parts.error().message};
-  if (kind == ".glb") return write(file, to_glb(*parts, scene, normalized(up)));
+  const Pictures pictures = shown_textures(scene);
+  if (kind == ".glb") return write(file, to_glb(*parts, pictures, normalized(up)));
   const Pose T = T_file_world(normalized(up));
   turn(*parts, T);
-  if (kind == ".ply") return write(file, to_ply(*parts, scene, T));
-  const auto files = to_obj(*parts, scene, file.stem().string());
+  if (kind == ".ply") return write(file, to_ply(*parts, pictures, T));
+  const auto files = to_obj(*parts, pictures, file.stem().string());
   if (!files) return files.error();
   return write_all(file, *files);
 }

@@ -131,13 +131,13 @@ struct GltfBuilder {
     return add_material(name, {{"baseColorTexture", {{"index", texture}}}});
   }
 
-  Result<Json> primitive(const BakedPart& part, const DecodedScene& scene) {
+  Result<Json> primitive(const BakedPart& part, const Pictures& pictures) {
     Json attributes{{"POSITION", add_positions(part.positions)}};
     if (part.stream) attributes["TEXCOORD_0"] = add_uvs(part.uvs);
     if (!part.colors.empty()) attributes["COLOR_0"] = add_colors(part.colors);
     const int indices = add_indices(part.triangles, part.positions.size());
     Result<int> material =
-        part.stream           ? add_picture_material(*part.stream, *scene.textures.at(*part.stream))
+        part.stream           ? add_picture_material(*part.stream, *pictures.at(*part.stream))
         : part.colors.empty() ? Result<int>(add_plain_material())
                               : Result<int>(add_material("background", Json::object()));
     if (!material) return material.error();
@@ -165,7 +165,7 @@ Result<Bytes> assemble(std::string text, Bytes binary) {
 
 }  // namespace
 
-Result<Bytes> to_glb(const std::vector<BakedPart>& parts, const DecodedScene& scene, Vec3d up) {
+Result<Bytes> to_glb(const std::vector<BakedPart>& parts, const Pictures& pictures, Vec3d up) {
   GltfBuilder gltf;
   gltf.json = {
       {"asset", {{"version", "2.0"}, {"generator", "MeshReduce"}}},
@@ -175,7 +175,7 @@ Result<Bytes> to_glb(const std::vector<BakedPart>& parts, const DecodedScene& sc
       {"nodes", Json::array({{{"name", "world"}, {"rotation", turn_to_y(up)}, {"mesh", 0}}})}};
   Json primitives = Json::array();
   for (const BakedPart& part : parts) {
-    auto primitive = gltf.primitive(part, scene);
+    auto primitive = gltf.primitive(part, pictures);
     if (!primitive) return primitive.error();
     primitives.push_back(std::move(*primitive));
   }

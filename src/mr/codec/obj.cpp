@@ -50,7 +50,7 @@ NamedBytes named(std::string name, const std::string& text) {
 }  // namespace
 
 Result<std::vector<NamedBytes>> to_obj(const std::vector<BakedPart>& parts,
-                                       const DecodedScene& scene, const std::string& name) {
+                                       const Pictures& pictures, const std::string& name) {
   const std::string stem = without_blanks(name);
   std::vector<NamedBytes> files;
   std::string materials = "# MeshReduce\n";
@@ -60,7 +60,7 @@ Result<std::vector<NamedBytes>> to_obj(const std::vector<BakedPart>& parts,
     materials += "newmtl " + material_name(part) + "\nillum 0\nKa 0 0 0\n";
     if (part.stream) {
       const std::string picture = stem + "_" + std::to_string(*part.stream) + ".png";
-      auto png = kit::encode_png(*scene.textures.at(*part.stream));
+      auto png = kit::encode_png(*pictures.at(*part.stream));
       if (!png) return png.error();
       files.push_back({picture, std::move(*png)});
       materials += "Kd 1 1 1\nmap_Kd " + picture + "\n";

@@ -14,7 +14,7 @@ std::string pose_comment(const Pose& T_file_world) {
 
 }  // namespace
 
-Result<Bytes> to_ply(const std::vector<BakedPart>& parts, const DecodedScene& scene,
+Result<Bytes> to_ply(const std::vector<BakedPart>& parts, const Pictures& pictures,
                      const Pose& T_file_world) {
   std::size_t vertices = 0, triangles = 0;
   for (const BakedPart& part : parts)
@@ -33,7 +33,7 @@ Result<Bytes> to_ply(const std::vector<BakedPart>& parts, const DecodedScene& sc
   for (const BakedPart& part : parts)
     for (std::size_t v = 0; v < part.positions.size(); ++v) {
       put(out, part.positions[v]);
-      put(out, part.stream            ? sample(*scene.textures.at(*part.stream), part.uvs[v])
+      put(out, part.stream            ? sample(*pictures.at(*part.stream), part.uvs[v])
                : !part.colors.empty() ? part.colors[v]
                                       : kNeutralColor);
     }

@@ -20,11 +20,11 @@ inline constexpr std::array<std::uint8_t, 3> kNeutralColor{176, 176, 176};
 
 using Bytes = std::vector<std::byte>;
 
-/// `parts`: not empty. `up`: unit length.
-Result<Bytes> to_glb(const std::vector<BakedPart>& parts, const DecodedScene& scene, Vec3d up);
+/// `parts`: not empty. `pictures`: of their streams. `up`: unit length.
+Result<Bytes> to_glb(const std::vector<BakedPart>& parts, const Pictures& pictures, Vec3d up);
 
 /// `parts` stand as the file wants them; its header tells by T_file_world how that is.
-Result<Bytes> to_ply(const std::vector<BakedPart>& parts, const DecodedScene& scene,
+Result<Bytes> to_ply(const std::vector<BakedPart>& parts, const Pictures& pictures,
                      const Pose& T_file_world);
 
 /// Adds the shortest text that reads back as the same number, in any locale.
@@ -44,7 +44,7 @@ struct NamedBytes {
 /// The pictures, NAME.mtl, and NAME.obj last. White space in `name` becomes '_' inside the names of
 /// pictures and materials, which OBJ readers split at blanks.
 Result<std::vector<NamedBytes>> to_obj(const std::vector<BakedPart>& parts,
-                                       const DecodedScene& scene, const std::string& name);
+                                       const Pictures& pictures, const std::string& name);
 
 /// Adds a plain value's bytes in the machine's order, which is little-endian.
 template <typename T>

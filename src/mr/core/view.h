@@ -1,5 +1,7 @@
 #pragma once
 
+#include <span>
+
 #include "mr/core/camera.h"
 #include "mr/core/image.h"
 #include "mr/core/layer.h"
@@ -20,11 +22,11 @@ struct View {
   int width = 0, height = 0;  ///< pixels of the undistorted camera picture
   double fx = 0, fy = 0, cx = 0, cy = 0;
   Pose T_world_camera;
-  Rect image_rect;           ///< camera pixels that the tile shows
-  Rect atlas_rect;           ///< where they lie in the decoded picture of `stream`
-  float gutter_px = 2;       ///< margin inside image_rect that no triangle may use
-  std::uint32_t stream = 0;  ///< texture stream that holds the tile
-  std::uint32_t layout = 0;  ///< changes with the tiles' arrangement, with a key frame
+  Rect image_rect;              ///< camera pixels that the tile shows
+  Rect atlas_rect;              ///< where they lie in the decoded picture of `stream`
+  float gutter_px = 2;          ///< margin inside image_rect that no triangle may use
+  std::uint32_t stream = 0;     ///< texture stream that holds the tile
+  std::uint32_t layout = 0;     ///< changes with the tiles' arrangement, with a key frame
   Layer layer = Layer::moving;  ///< of the chunks that it textures
   Vec3f gain{1, 1, 1};  ///< the shown sRGB value is the decoded one times this, channel by channel
 
@@ -39,6 +41,18 @@ struct View {
     return c;
   }
 };
+
+/// What textures the triangles labelled `id` of a chunk of a layer: the view of that layer, or
+/// where there is none, of the other. nullptr where no view has the id.
+inline const View* texturing_view(std::span<const View> views, ViewId id, Layer layer) {
+  const View* other = nullptr;
+  for (const View& view : views) {
+    if (view.id != id) continue;
+    if (view.layer == layer) return &view;
+    if (!other) other = &view;
+  }
+  return other;
+}
 
 /// Texture coordinate of a camera pixel in the stream's picture of the given size:
 /// uv = (p + 0.5) / size, v from the top.

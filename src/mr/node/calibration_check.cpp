@@ -25,12 +25,15 @@ std::string CalibrationCheck::name(const merge::Part& part) const {
   return part.sources.size() == 1 ? first : first + "+" + std::to_string(part.sources.size() - 1);
 }
 
-void CalibrationCheck::run(std::vector<merge::Part>& parts, std::vector<View>& views,
-                           std::vector<SourceInfo>& sources) {
+void CalibrationCheck::look(const std::vector<merge::Part>& parts) {
   if (parts.size() < 2) return;
   if (calls_ % kLookEvery == 0) measure(parts);
-  if (scene_->merge.leave_out_mm > 0) leave_out(parts);
-  if (scene_->merge.refine) correct(parts, views, sources);
+  if (scene_->merge.refine) {
+    std::vector<std::uint64_t> ids;
+    for (const merge::Part& part : parts) ids.push_back(part.sources.front().sensor);
+    if (calls_ % kRefineEvery == 0 || corrections_.size() != parts.size() || ids != ids_)
+      corrections_ = refiner_.update(parts, ids), ids_ = ids;
+  }
   ++calls_;
 }
 
@@ -54,17 +57,16 @@ void CalibrationCheck::measure(const std::vector<merge::Part>& parts) {
                      : ": check its pose, or set merge.leave_out_mm to leave such sensors out");
 }
 
-void CalibrationCheck::leave_out(std::vector<merge::Part>& parts) const {
-  for (merge::Part& part : parts)
-    if (std::ranges::find(misfits_, name(part)) != misfits_.end()) part.mesh = {};
+bool CalibrationCheck::is_left_out(const merge::Part& part) const {
+  return scene_->merge.leave_out_mm > 0 &&
+         std::ranges::find(misfits_, name(part)) != misfits_.end();
 }
 
-void CalibrationCheck::correct(std::vector<merge::Part>& parts, std::vector<View>& views,
-                               std::vector<SourceInfo>& sources) {
-  std::vector<std::uint64_t> ids;
-  for (const merge::Part& part : parts) ids.push_back(part.sources.front().sensor);
-  if (calls_ % kRefineEvery == 0 || corrections_.size() != parts.size() || ids != ids_)
-    corrections_ = refiner_.update(parts, ids), ids_ = ids;
+void CalibrationCheck::apply(std::vector<merge::Part>& parts) const {
+  if (parts.size() < 2) return;
+  for (merge::Part& part : parts)
+    if (is_left_out(part)) part.mesh = {};
+  if (corrections_.size() != parts.size()) return;
   parallel_for(parts.size(), 1, [&](std::size_t begin, std::size_t end) {
     for (std::size_t i = begin; i < end; ++i) {
       for (Vec3f& p : parts[i].mesh.positions)
@@ -72,6 +74,11 @@ void CalibrationCheck::correct(std::vector<merge::Part>& parts, std::vector<View
       for (SourceInfo& s : parts[i].sources) s.T_world_depth = corrections_[i] * s.T_world_depth;
     }
   });
+}
+
+void CalibrationCheck::apply(const std::vector<merge::Part>& parts, std::vector<View>& views,
+                             std::vector<SourceInfo>& sources) const {
+  if (corrections_.size() != parts.size()) return;
   for (std::size_t i = 0; i < parts.size(); ++i)
     for (const SourceInfo& corrected : parts[i].sources) {
       for (SourceInfo& s : sources)

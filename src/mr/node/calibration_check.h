@@ -25,11 +25,15 @@ class CalibrationCheck {
   /// The scene must outlive the check.
   explicit CalibrationCheck(const Scene& scene);
 
-  /// Looks at the parts, one per scene that was gathered; not at each call, for it takes time.
-  /// Corrects poses of parts, views and sources where merge.refine is set; empties the meshes of
-  /// parts that are left out.
-  void run(std::vector<merge::Part>& parts, std::vector<View>& views,
-           std::vector<SourceInfo>& sources);
+  /// Looks at the parts, one per scene that was gathered; not closely at each call, for it takes
+  /// time.
+  void look(const std::vector<merge::Part>& parts);
+  /// Corrects the poses of parts where merge.refine is set, and of their sources; empties the
+  /// meshes of parts that are left out. As many parts as look() was given, of the same inputs.
+  void apply(std::vector<merge::Part>& parts) const;
+  /// The same for views and sources, as they came; `parts`: corrected.
+  void apply(const std::vector<merge::Part>& parts, std::vector<View>& views,
+             std::vector<SourceInfo>& sources) const;
 
   /// Of the last look.
   const std::vector<InputResidual>& residuals() const { return residuals_; }
@@ -39,9 +43,7 @@ class CalibrationCheck {
  private:
   std::string name(const merge::Part& part) const;
   void measure(const std::vector<merge::Part>& parts);
-  void leave_out(std::vector<merge::Part>& parts) const;
-  void correct(std::vector<merge::Part>& parts, std::vector<View>& views,
-               std::vector<SourceInfo>& sources);
+  bool is_left_out(const merge::Part& part) const;
 
   const Scene* scene_;
   merge::Refiner refiner_;

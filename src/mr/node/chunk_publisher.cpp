@@ -50,18 +50,40 @@ ChunkPublisher::ChunkPublisher(const Scene& scene, std::uint32_t source)
       reuse_(scene.reuse_chunks),
       source_(source) {}
 
+/// A chunk whose content is what it was keeps its version.
+void ChunkPublisher::put(const ChunkId& id, Mesh mesh, float error_m) {
+  const auto before = live_.find(id);
+  if (reuse_ && before != live_.end() && before->second.mesh == mesh) return;
+  live_[id] = Live{++last_version_[id], std::move(mesh), error_m};
+}
+
+void ChunkPublisher::set_still(Vec3i cube, Mesh mesh, float error_m) {
+  const ChunkId id{cube, source_, Layer::still};
+  if (mesh.empty())
+    live_.erase(id);
+  else
+    put(id, std::move(mesh), error_m);
+}
+
+void ChunkPublisher::set_all_still(const Mesh& mesh, float error_m) {
+  auto pieces = split_by_cube(mesh, chunk_m_);
+  std::erase_if(live_, [&](const auto& item) {
+    return item.first.layer == Layer::still && !pieces.contains(item.first.cube);
+  });
+  for (auto& [cube, piece] : pieces) set_still(cube, std::move(piece), error_m);
+}
+
 Status ChunkPublisher::publish(const Mesh& mesh, float error_m, int mesh_speed, Packet& packet) {
-  std::map<ChunkId, Live> live;
+  auto pieces = split_by_cube(mesh, chunk_m_);
+  std::erase_if(live_, [&](const auto& item) {
+    return item.first.layer == Layer::moving && !pieces.contains(item.first.cube);
+  });
+  for (auto& [cube, piece] : pieces) put({cube, source_, Layer::moving}, std::move(piece), error_m);
   std::vector<Chunk> fresh;
-  for (auto& [cube, piece] : split_by_cube(mesh, chunk_m_)) {
-    const ChunkId id{cube, source_};
-    const auto before = live_.find(id);
-    const bool kept = reuse_ && before != live_.end() && before->second.mesh == piece;
-    const std::uint32_t version = kept ? before->second.version : ++last_version_[id];
-    const ChunkKey key{id, 0, version};
+  for (auto& [id, chunk] : live_) {
+    const ChunkKey key{id, 0, chunk.version};
     packet.manifest.push_back(key);
-    if (!kept) fresh.push_back({key, error_m, piece});
-    live.emplace(id, Live{version, std::move(piece)});
+    if (chunk.is_new || !reuse_) fresh.push_back({key, chunk.error_m, chunk.mesh});
   }
 
   std::vector<std::optional<Result<EncodedChunk>>> coded(fresh.size());
@@ -75,9 +97,9 @@ Status ChunkPublisher::publish(const Mesh& mesh, float error_m, int mesh_speed, 
     packet.chunks.push_back(**chunk);
     cache_.put(std::make_shared<const EncodedChunk>(**std::move(chunk)));
   }
+  for (auto& [id, chunk] : live_) chunk.is_new = false;
   name_background(packet);
   cache_.keep(packet.manifest);
-  live_ = std::move(live);
   return {};
 }
 

@@ -24,7 +24,14 @@ class ChunkPublisher {
   /// one brings. Before the first publish().
   void add_background(std::vector<EncodedChunk> chunks);
 
-  /// Fills the packet's manifest and chunks. The mesh lies on the lattice and has runs.
+  /// Puts a chunk of the still surface in the place of the one in that cube; an empty mesh takes it
+  /// away. It is on the lattice and has runs. The next publish() tells.
+  void set_still(Vec3i cube, Mesh mesh, float error_m);
+  /// The same for the whole still surface.
+  void set_all_still(const Mesh& mesh, float error_m);
+
+  /// Fills the packet's manifest and chunks: the still ones, and the moving surface `mesh`, which
+  /// lies on the lattice and has runs.
   Status publish(const Mesh& mesh, float error_m, int mesh_speed, Packet& packet);
 
   /// Those of the chunks that are still known, coded as an answer; empty when none is. Any thread.
@@ -34,10 +41,13 @@ class ChunkPublisher {
 
  private:
   void name_background(Packet& packet);
+  void put(const ChunkId& id, Mesh mesh, float error_m);
 
   struct Live {
     std::uint32_t version = 0;
     Mesh mesh;  // what the version stands for
+    float error_m = 0;
+    bool is_new = true;  // not published yet
   };
 
   Lattice lattice_;

@@ -52,8 +52,17 @@ struct Divided {
 
 }  // namespace
 
-merge::Part part_of(const DecodedScene& scene) {
-  return part_in(scene, [](Vec3i) { return true; });
+merge::Part part_of(const DecodedScene& scene, Layer layer) {
+  return part_in(layer_of(scene, layer), [](Vec3i) { return true; });
+}
+
+DecodedScene layer_of(const DecodedScene& scene, Layer layer) {
+  DecodedScene out;
+  out.captured_at = scene.captured_at;
+  out.sources = scene.sources, out.views = scene.views;
+  for (const auto& chunk : scene.chunks)
+    if (chunk->key.id.layer == layer) out.chunks.push_back(chunk);
+  return out;
 }
 
 CubeMerger::CubeMerger(double chunk_m, double reach_m)

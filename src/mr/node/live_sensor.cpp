@@ -54,10 +54,11 @@ void LiveSensor::reconstruct_frames(const std::stop_token& stop) {
       credit_.end(false);
       continue;
     }
-    const bool is_empty = surface->mesh.empty();
+    const bool is_empty = node_.is_empty(*surface);
     if (is_empty && !std::exchange(was_empty, true))
       context_.log(node_.no_surface(surface->frame).message);
     was_empty = is_empty;
+    if (surface->began_anew) context_.log(node_.pushed(surface->frame));
     if (!reconstructed_.put(stop, *std::move(surface))) return;
   }
 }

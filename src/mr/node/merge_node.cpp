@@ -57,6 +57,20 @@ bool same_geometry(const std::vector<DecodedScene>& a, const std::vector<Decoded
                     });
 }
 
+std::vector<merge::Part> parts_of(const std::vector<DecodedScene>& scenes, Layer layer) {
+  std::vector<merge::Part> parts(scenes.size());
+  parallel_for(parts.size(), 1, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t i = begin; i < end; ++i) parts[i] = part_of(scenes[i], layer);
+  });
+  return parts;
+}
+
+float largest_error_m(const std::vector<merge::Part>& parts) {
+  float most = 0;
+  for (const merge::Part& part : parts) most = std::max(most, part.error_m);
+  return most;
+}
+
 }  // namespace
 
 MergeNode::MergeNode(const Scene& scene, const MergerConfig& merger, bool is_root, NodeClock clock)
@@ -69,6 +83,13 @@ MergeNode::MergeNode(const Scene& scene, const MergerConfig& merger, bool is_roo
       texture_(scene, kAtlasStream),
       calibration_(scene),
       cubes_(scene.fusion.chunk_m, kReach_voxels * scene.voxel_m) {}
+
+merge::OverlapConfig MergeNode::overlap_config() const {
+  return {.owner = scene_->merge.owner,
+          .overlap = scene_->merge.overlap,
+          .voxel_m = scene_->voxel_m,
+          .calibration_error_m = scene_->merge.calibration_error_m};
+}
 
 std::vector<std::byte> MergeNode::answer(const codec::Request& request) {
   if (is_root_ && request.wants_key_frame(kAtlasStream)) texture_.ask_key_frame();
@@ -103,25 +124,22 @@ Result<std::vector<std::byte>> MergeNode::merge(const Gathered& gathered,
                                                 const std::function<void()>& halfway) {
   const TimePoint started = clock_.now ? clock_.now() : TimePoint{};
   Packet packet = head(gathered);
-  reused_ = last_ && same_geometry(last_->first.scenes, gathered.scenes);
-  if (!reused_) {
-    auto surface = merge_surfaces(gathered, halfway);
-    if (!surface) return surface.error();
-    Gathered seen;
-    seen.scenes = gathered.scenes;
-    for (DecodedScene& scene : seen.scenes) scene.textures.clear();
-    last_.emplace(std::move(seen), *std::move(surface));
-  }
-  const Surface& surface = last_->second;
+  if (const Status merged = merge_surfaces(gathered, halfway); !merged) return merged.error();
   const Status coded = trace_.time("encode_mesh", [&] {
-    return publisher_.publish(surface.mesh, surface.error_m, packet.plan.mesh_speed, packet);
+    return publisher_.publish(moving_->mesh, moving_->error_m, packet.plan.mesh_speed, packet);
   });
   if (!coded) return coded.error();
-  if (const Status textured = add_textures(gathered, surface, packet); !textured)
-    return textured.error();
+  if (const Status textured = add_textures(gathered, packet); !textured) return textured.error();
   ++sequence_;
   add_marks(gathered, started, packet);
   return writer_.write(std::move(packet));
+}
+
+std::optional<Mesh> MergeNode::surface() const {
+  if (!moving_) return std::nullopt;
+  Mesh out = moving_->mesh;
+  if (still_) append(out, still_->mesh);
+  return out;
 }
 
 void MergeNode::add_marks(const Gathered& gathered, TimePoint started, Packet& packet) const {
@@ -131,42 +149,97 @@ void MergeNode::add_marks(const Gathered& gathered, TimePoint started, Packet& p
   packet.marks.push_back({id() + "/merged", clock_.now()});
 }
 
-Result<MergeNode::Surface> MergeNode::merge_surfaces(const Gathered& gathered,
-                                                     const std::function<void()>& halfway) {
-  std::vector<merge::Part> parts(gathered.scenes.size());
-  parallel_for(parts.size(), 1, [&](std::size_t begin, std::size_t end) {
-    for (std::size_t i = begin; i < end; ++i) parts[i] = part_of(gathered.scenes[i]);
-  });
-  Surface out{{}, 0, gathered.views, gathered.sources};
-  for (const merge::Part& part : parts) out.error_m = std::max(out.error_m, part.error_m);
-  trace_.time("register", [&] { calibration_.run(parts, out.views, out.sources); });
+/// The still surface where any of it changed, then the moving one.
+Status MergeNode::merge_surfaces(const Gathered& gathered, const std::function<void()>& halfway) {
+  std::vector<DecodedScene> still, moving;
+  bool any_still = false;
+  for (const DecodedScene& scene : gathered.scenes) {
+    still.push_back(layer_of(scene, Layer::still));
+    moving.push_back(layer_of(scene, Layer::moving));
+    any_still |= !still.back().chunks.empty();
+  }
+  const bool still_changed =
+      still_ ? !same_geometry(still_->scenes, still) : any_still;
+  reused_ = !still_changed && moving_ && same_geometry(moving_->scenes, moving);
+  if (reused_) return {};
+  Parts parts = parts_of(moving, Layer::moving);
+  if (still_changed) {
+    Parts still_parts = parts_of(still, Layer::still);
+    correct(gathered, true, still_parts);
+    if (const Status merged = merge_still(std::move(still), still_parts); !merged) return merged;
+  }
+  correct(gathered, !still_, parts);
+  return merge_moving(std::move(moving), std::move(parts), halfway);
+}
 
-  const auto join_some = [&](const std::vector<merge::Part>& some, bool all) {
-    return join(some, all, halfway);
+/// Calibration; it is looked at where most surface is.
+void MergeNode::correct(const Gathered& gathered, bool look, Parts& parts) {
+  trace_.time("register", [&] {
+    places_ = {gathered.views, gathered.sources};
+    if (look) calibration_.look(parts);
+    calibration_.apply(parts);
+    calibration_.apply(parts, places_.views, places_.sources);
+  });
+}
+
+Status MergeNode::merge_still(std::vector<DecodedScene> scenes, const Parts& parts) {
+  const auto join_some = [&](const Parts& some, bool all) {
+    return join(some, all, still_quality_, {});
   };
   // Corrections of poses (merge.refine) concern all that an input has.
   const bool whole = scene_->merge.refine || scene_->merge.leave_out_mm > 0;
-  const Mesh joined =
-      whole ? join(parts, true, halfway) : cubes_.run(gathered.scenes, parts, join_some);
+  const Mesh joined = whole ? join_some(parts, true) : cubes_.run(scenes, parts, join_some);
   if (std::exchange(hurried_, false)) cubes_.forget();  // seams are open
+  Still made{{std::move(scenes), {}, largest_error_m(parts)}, {}};
+  auto mesh = finish(joined, made, nullptr);
+  if (!mesh) return mesh.error();
+  made.mesh = *std::move(mesh);
+  made.cover = merge::StillCover(made.mesh, parts, overlap_config());
+  publisher_.set_all_still(made.mesh, made.error_m);
+  still_ = std::move(made);
+  return {};
+}
+
+Status MergeNode::merge_moving(std::vector<DecodedScene> scenes, Parts parts,
+                               const std::function<void()>& halfway) {
+  if (still_)
+    trace_.time("overlap", [&] {
+      for (merge::Part& part : parts) part.mesh = still_->cover.uncovered(part);
+    });
+  Surface made{std::move(scenes), {}, largest_error_m(parts)};
+  auto mesh = finish(join(parts, true, moving_quality_, halfway), made, still_ ? &still_->mesh : nullptr);
+  if (!mesh) return mesh.error();
+  made.mesh = *std::move(mesh);
+  moving_ = std::move(made);
+  return {};
+}
+
+/// Decimates for the budget, chooses views, and puts the result on the lattice. `occluders`: what
+/// else may hide it from a view.
+Result<Mesh> MergeNode::finish(const Mesh& joined, Surface& out, const Mesh* occluders) {
   const auto small = trace_.time("simplify", [&] { return decimated(joined, out.error_m); });
   if (!small) return small.error();
-  const Mesh labelled = trace_.time("atlas", [&] {
-    if (!is_root_) return *small;  // with the sensors that measured it, which the next one asks for
-    return atlas::label_triangles(*small, out.views,
-                                  {.views = scene_->atlas.views,
-                                   .geometry_error_m = texturing_error_m(*scene_, out.error_m),
-                                   .precision = noisiest(out.sources),
-                                   .min_edge_m = 2 * scene_->voxel_m});
-  });
-  auto snapped = codec::snap_to_lattice(labelled, scene_->lattice);
+  auto snapped = codec::snap_to_lattice(
+      trace_.time("atlas", [&] { return labelled(*small, out.error_m, occluders); }),
+      scene_->lattice);
   if (!snapped) return snapped.error();
-  out.mesh = kit::without_nonmanifold_edges(*snapped);
-  return out;
+  return kit::without_nonmanifold_edges(*snapped);
+}
+
+/// Only the root chooses views; others leave the sensors that measured it, which the next one asks
+/// for.
+Mesh MergeNode::labelled(const Mesh& mesh, float error_m, const Mesh* occluders) const {
+  if (!is_root_) return mesh;
+  return atlas::label_triangles(mesh, places_.views,
+                                {.views = scene_->atlas.views,
+                                 .geometry_error_m = texturing_error_m(*scene_, error_m),
+                                 .precision = noisiest(places_.sources),
+                                 .min_edge_m = 2 * scene_->voxel_m,
+                                 .occluders = occluders});
 }
 
 /// Paper 3.2: one surface of all parts, which may be pieces.
-Mesh MergeNode::join(const std::vector<merge::Part>& parts, bool all,
+Mesh MergeNode::join(const Parts& parts, bool all, merge::QualityMemory& quality,
                      const std::function<void()>& halfway) {
   const double voxel_m = scene_->voxel_m;
   const MergeConfig& config = scene_->merge;
@@ -175,15 +248,9 @@ Mesh MergeNode::join(const std::vector<merge::Part>& parts, bool all,
     return std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - started)
         .count();
   };
-  quality_.freeze(!all);
-  const std::vector<Mesh> owned = trace_.time("overlap", [&] {
-    return merge::remove_overlap(parts,
-                                 {.owner = config.owner,
-                                  .overlap = config.overlap,
-                                  .voxel_m = voxel_m,
-                                  .calibration_error_m = config.calibration_error_m},
-                                 &quality_);
-  });
+  quality.freeze(!all);
+  const std::vector<Mesh> owned = trace_.time(
+      "overlap", [&] { return merge::remove_overlap(parts, overlap_config(), &quality); });
   if (all) triangles_ = triangles_sent(parts, owned);
   if (halfway) halfway();
   const Mesh zipped = trace_.time("zipper", [&] {
@@ -216,20 +283,22 @@ Result<Mesh> MergeNode::decimated(const Mesh& mesh, float& error_m) {
   return codec::snap_to_lattice(small->mesh, scene_->lattice);
 }
 
-Status MergeNode::add_textures(const Gathered& gathered, const Surface& surface, Packet& packet) {
-  for (SourceInfo& source : packet.sources)
-    for (const SourceInfo& corrected : surface.sources)
+Status MergeNode::add_textures(const Gathered& gathered, Packet& packet) {
+  for (SourceInfo& source : packet.sources) {
+    for (const SourceInfo& corrected : places_.sources)
       if (corrected.sensor == source.sensor) source.T_world_depth = corrected.T_world_depth;
-  if (is_root_ && !surface.views.empty()) return compose_atlas(gathered, surface, packet);
-  packet.views = surface.views;
+    if (is_root_) source.confirmed_depth = source.confirmed_color = {};
+  }
+  if (is_root_ && !places_.views.empty()) return compose_atlas(gathered, packet);
+  packet.views = places_.views;
   packet.textures = gathered.units;
   return {};
 }
 
-Status MergeNode::compose_atlas(const Gathered& gathered, const Surface& surface, Packet& packet) {
+Status MergeNode::compose_atlas(const Gathered& gathered, Packet& packet) {
   const std::uint32_t current = layout_.views.empty() ? 0 : layout_.views.front().layout;
   auto made =
-      atlas::make_layout(surface.views, scene_->atlas, scene_->coding.texture_scale, current);
+      atlas::make_layout(places_.views, scene_->atlas, scene_->coding.texture_scale, current);
   if (!made) return made.error();
   atlas::Layout wanted = *std::move(made);
   const auto same_tiles = [](const View& a, const View& b) {
@@ -241,20 +310,22 @@ Status MergeNode::compose_atlas(const Gathered& gathered, const Surface& surface
   layout_ = std::move(wanted);
   packet.views = layout_.views;
 
+  const Mesh shown = *surface();
+  const float error_m = std::max(moving_->error_m, still_ ? still_->error_m : 0.0f);
   auto unit = trace_.time("encode_atlas", [&] {
     std::map<ViewId, View> children;
     std::map<ViewId, ImageMask> used;
     std::map<std::uint32_t, std::shared_ptr<const ImageRgb>> pictures;
     for (const DecodedScene& scene : gathered.scenes)
       pictures.insert(scene.textures.begin(), scene.textures.end());
-    for (const View& view : surface.views) {
+    for (const View& view : places_.views) {
       children[view.id] = view;
       if (!scene_->atlas.mask) continue;
       const double margin =
-          atlas::margin_px(view, texturing_error_m(*scene_, surface.error_m), 1.0);
-      used[view.id] = atlas::used_pixels(surface.mesh, view, static_cast<int>(std::ceil(margin)));
+          atlas::margin_px(view, texturing_error_m(*scene_, error_m), 1.0);
+      used[view.id] = atlas::used_pixels(shown, view, static_cast<int>(std::ceil(margin)));
     }
-    if (scene_->merge.color_gain) balance_.update(surface.mesh, surface.views, pictures);
+    if (scene_->merge.color_gain) balance_.update(shown, places_.views, pictures);
     ImageRgb picture = atlas::compose_atlas(layout_, children, pictures, used, scene_->atlas.mask,
                                             balance_.gains());
     if (scene_->atlas.burn_sequence) atlas::burn_number(picture, packet.sequence);

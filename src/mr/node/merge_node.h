@@ -9,7 +9,6 @@
 #include <set>
 #include <span>
 #include <string>
-#include <utility>
 #include <vector>
 
 #include "mr/atlas/color_gain.h"
@@ -18,6 +17,7 @@
 #include "mr/core/result.h"
 #include "mr/core/scene.h"
 #include "mr/core/trace.h"
+#include "mr/merge/coincidence.h"
 #include "mr/merge/part.h"
 #include "mr/merge/quality_grid.h"
 #include "mr/node/calibration_check.h"
@@ -68,12 +68,13 @@ class MergeNode {
   /// Streams of which key frames were asked for that the inputs have to give. Forgets them.
   std::vector<std::uint32_t> take_key_frame_wishes();
 
-  /// The newest merged surface, before coding; null before the first.
-  const Mesh* surface() const { return last_ ? &last_->second.mesh : nullptr; }
+  /// The newest merged surface, before coding: what moves, then what stays. Nothing before the
+  /// first.
+  std::optional<Mesh> surface() const;
   /// Whether the last merge found the inputs' geometry unchanged and kept its surface.
   bool reused() const { return reused_; }
 
-  /// How much of the scene the last merge had to look at.
+  /// How much of the still surface the last merge of it had to look at.
   const CubeMerger& cubes() const { return cubes_; }
 
   /// How well the inputs fit, and a line when one does not.
@@ -83,20 +84,37 @@ class MergeNode {
   const Trace& trace() const { return trace_; }
 
  private:
+  /// A merged surface, and what it was made from.
   struct Surface {
-    Mesh mesh;  // labelled, on the lattice
+    std::vector<DecodedScene> scenes;  // one layer, without textures
+    Mesh mesh;                         // labelled, on the lattice
     float error_m = 0;
-    // As merge.refine corrected them.
+  };
+  /// The still surface, with what the moving one is compared with.
+  struct Still : Surface {
+    merge::StillCover cover;
+  };
+  /// Views and sources as merge.refine corrected them.
+  struct Places {
     std::vector<View> views;
     std::vector<SourceInfo> sources;
   };
+  using Parts = std::vector<merge::Part>;
 
+  merge::OverlapConfig overlap_config() const;
   Packet head(const Gathered& gathered) const;
-  Result<Surface> merge_surfaces(const Gathered& gathered, const std::function<void()>& halfway);
-  Mesh join(const std::vector<merge::Part>& parts, bool all, const std::function<void()>& halfway);
+  Status merge_surfaces(const Gathered& gathered, const std::function<void()>& halfway);
+  void correct(const Gathered& gathered, bool look, Parts& parts);
+  Status merge_still(std::vector<DecodedScene> scenes, const Parts& parts);
+  Status merge_moving(std::vector<DecodedScene> scenes, Parts parts,
+                      const std::function<void()>& halfway);
+  Mesh join(const Parts& parts, bool all, merge::QualityMemory& quality,
+            const std::function<void()>& halfway);
+  Result<Mesh> finish(const Mesh& joined, Surface& out, const Mesh* occluders);
   Result<Mesh> decimated(const Mesh& mesh, float& error_m);
-  Status add_textures(const Gathered& gathered, const Surface& surface, Packet& packet);
-  Status compose_atlas(const Gathered& gathered, const Surface& surface, Packet& packet);
+  Mesh labelled(const Mesh& mesh, float error_m, const Mesh* occluders) const;
+  Status add_textures(const Gathered& gathered, Packet& packet);
+  Status compose_atlas(const Gathered& gathered, Packet& packet);
   void add_marks(const Gathered& gathered, TimePoint started, Packet& packet) const;
 
   const Scene* scene_;
@@ -109,11 +127,13 @@ class MergeNode {
   codec::HeadWriter writer_;
   simplify::Simplifier simplifier_;
   CalibrationCheck calibration_;
-  merge::QualityMemory quality_;
-  CubeMerger cubes_;
+  merge::QualityMemory still_quality_, moving_quality_;
+  CubeMerger cubes_;  ///< of the still surface
   atlas::ColorBalance balance_;
   atlas::Layout layout_;
-  std::optional<std::pair<Gathered, Surface>> last_;  // reused while the inputs' geometry stays
+  std::optional<Still> still_;      ///< none: no input has a still surface
+  std::optional<Surface> moving_;   ///< reused while the inputs' geometry stays
+  Places places_;
   std::atomic<bool> reused_ = false;
   std::mutex wishes_mutex_;
   std::set<std::uint32_t> key_frame_wishes_;

@@ -49,7 +49,7 @@ void Pipeline::skip(std::uint64_t frames) {
   for (const auto& source : sources_) source->skip(frames);
 }
 
-const Mesh* Pipeline::surface() const { return mergers_.back()->surface(); }
+std::optional<Mesh> Pipeline::surface() const { return mergers_.back()->surface(); }
 
 /// A node's answer to a request; empty when it has none.
 std::vector<std::byte> Pipeline::ask(const std::string& id, const codec::Request& request) {
@@ -172,7 +172,7 @@ void Pipeline::run_frame(std::vector<std::optional<Frame>> frames, Measured& mea
     progress(sensor.id());
     now = std::max(now, frames[i]->captured_at());
     const auto start = Clock::now();
-    const auto bytes = sense(sensor, *std::move(frames[i]));
+    const auto bytes = sense(sensor, *std::move(frames[i]), measured);
     measured.node_ms[sensor.id()].push_back(ms_since(start));
     if (bytes)
       deliver(sensor.id(), *bytes, now, measured);
@@ -188,10 +188,13 @@ void Pipeline::run_frame(std::vector<std::optional<Frame>> frames, Measured& mea
   if (measured.frames > shown) measured.end_to_end_ms.push_back(ms_since(captured));
 }
 
-Result<std::vector<std::byte>> Pipeline::sense(SensorNode& sensor, Frame frame) {
+Result<std::vector<std::byte>> Pipeline::sense(SensorNode& sensor, Frame frame,
+                                               const Measured& measured) {
   const auto surface = sensor.reconstruct(std::move(frame));
   if (!surface) return surface.error();
-  if (surface->mesh.empty()) drops_.count(sensor.id(), sensor.no_surface(surface->frame));
+  if (sensor.is_empty(*surface)) drops_.count(sensor.id(), sensor.no_surface(surface->frame));
+  if (surface->began_anew && measured.listener->dropped)
+    measured.listener->dropped(sensor.pushed(surface->frame));
   return sensor.code(*surface);
 }
 

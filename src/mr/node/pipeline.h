@@ -50,8 +50,8 @@ class Pipeline {
   const std::optional<DecodedScene>& decoded() const { return decoded_; }
   /// The root's newest packet, in bytes that can be read without any other; empty before the first.
   std::vector<std::byte> last_packet() const;
-  /// The root's newest merged surface, labelled, before coding; null before the first.
-  const Mesh* surface() const;
+  /// The root's newest merged surface, labelled, before coding; nothing before the first.
+  std::optional<Mesh> surface() const;
   const Scene& scene() const { return *scene_; }
 
  private:
@@ -71,7 +71,7 @@ class Pipeline {
   bool capture(std::vector<std::optional<Frame>>& frames);
   void run_frame(std::vector<std::optional<Frame>> frames, Measured& measured,
                  const Progress& progress);
-  Result<std::vector<std::byte>> sense(SensorNode& sensor, Frame frame);
+  Result<std::vector<std::byte>> sense(SensorNode& sensor, Frame frame, const Measured& measured);
   void run_merger(MergeNode& merger, TimePoint now, Measured& measured);
   void deliver(const std::string& from, const std::vector<std::byte>& bytes, TimePoint now,
                Measured& measured);

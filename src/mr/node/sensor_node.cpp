@@ -11,6 +11,7 @@
 #include "mr/merge/zipper.h"
 #include "mr/node/capture.h"
 #include "mr/simplify/simplify.h"
+#include "mr/still/tiles.h"
 
 namespace mr::node {
 
@@ -31,6 +32,22 @@ fusion::VolumeConfig volume_config(const Scene& scene) {
           .history = scene.fusion.memory ? fusion::History::remember : fusion::History::none};
 }
 
+/// Of some rectangles, as much as holds measurements.
+std::vector<Rect> measured_parts(const ImageDepth& depth, const std::vector<Rect>& rects) {
+  std::vector<Rect> out;
+  for (const Rect& r : rects) {
+    int left = r.x + r.width, top = r.y + r.height, right = r.x, bottom = r.y;  // ends beyond
+    for (int y = r.y; y < r.y + r.height; ++y)
+      for (int x = r.x; x < r.x + r.width; ++x)
+        if (*depth.at(x, y) > 0) {
+          left = std::min(left, x), right = std::max(right, x + 1);
+          top = std::min(top, y), bottom = y + 1;
+        }
+    if (left < right) out.push_back({left, top, right - left, bottom - top});
+  }
+  return out;
+}
+
 }  // namespace
 
 SensorNode::SensorNode(const Scene& scene, std::uint32_t sensor_index, NodeClock clock)
@@ -39,7 +56,17 @@ SensorNode::SensorNode(const Scene& scene, std::uint32_t sensor_index, NodeClock
       clock_(std::move(clock)),
       registration_(scene.sensors[sensor_index], sensor_index),
       publisher_(scene, sensor_index),
-      texture_(scene, sensor_index) {}
+      texture_(scene, sensor_index) {
+  const SensorConfig& sensor = scene.sensors[sensor_index];
+  if (scene.still.layers && sensor.T_world_depth.size() == 1)
+    layers_.emplace(Layers{still::Background(registration_.depth_camera(),
+                                             sensor.T_world_depth.front(),
+                                             {.precision = sensor.precision,
+                                              .fps = scene.fps,
+                                              .after_s = scene.still.after_s,
+                                              .chunk_m = scene.fusion.chunk_m}),
+                           StillSurface(scene)});
+}
 
 SensorNode::Patch SensorNode::reconstruct_patch(const ImageDepth& depth, const Pose& T_world_depth,
                                                 const Rect& rect, PatchWorker& worker) const {
@@ -87,17 +114,53 @@ Status SensorNode::join(const std::vector<Patch>& patches, Reconstructed& out) c
   return {};
 }
 
+/// The cleaned depth that is to be reconstructed now: all of it, or what moves. What stays goes into
+/// the chunks of the still surface.
+Result<ImageDepth> SensorNode::divide(Reconstructed& out) {
+  const Camera& camera = registration_.depth_camera();
+  const Frame& frame = out.frame;
+  ImageDepth depth;
+  if (!layers_) {
+    trace_.time("clean", [&] { depth = prepare_depth(*scene_, camera, frame); });
+    return depth;
+  }
+  still::Background& background = layers_->background;
+  const still::Moment moment =
+      trace_.time("background", [&] { return background.update(frame.depth); });
+  out.began_anew = moment.began_anew;
+  trace_.time("clean", [&] {
+    depth = prepare_depth(*scene_, camera, frame);
+    for (std::size_t i = 0; i < depth.data.size(); ++i)
+      if (!moment.moving.data[i]) depth.data[i] = 0;
+    out.confirmed_depth = still::confirmed_tiles(moment.confirmed, moment.moving);
+    if (const auto view = registration_.color_view(frame.T_world_depth); view && !frame.color.empty())
+      out.confirmed_color =
+          still::unhidden_tiles(frame.depth, moment.moving, camera, view->camera(),
+                                view->T_world_camera.inverse() * frame.T_world_depth);
+  });
+  if (!moment.still_changed) return depth;
+  return trace_.time("still", [&]() -> Result<ImageDepth> {
+    Frame still;
+    still.sensor = sensor_, still.depth = background.still();
+    still.T_world_depth = frame.T_world_depth;
+    auto chunks = layers_->surface.update(prepare_depth(*scene_, camera, still), camera,
+                                          frame.T_world_depth, scene_->sensors[sensor_].precision);
+    if (!chunks) return chunks.error();
+    out.still = *std::move(chunks);
+    return std::move(depth);
+  });
+}
+
 Result<SensorNode::Reconstructed> SensorNode::reconstruct(Frame raw) {
   Reconstructed out;
   out.frame = trace_.time("register", [&] { return registration_.undistort(std::move(raw)); });
+  auto divided = divide(out);
+  if (!divided) return divided.error();
+  const ImageDepth depth = *std::move(divided);
   double fuse_ms = 0, simplify_ms = 0;
-  ImageDepth depth;
-  {
-    const Stopwatch stopwatch(fuse_ms);
-    depth = prepare_depth(*scene_, registration_.depth_camera(), out.frame);
-  }
   // A patch is decimated as soon as it is fused: none waits for the others.
-  const auto rects = fusion::patches(depth.width, depth.height, scene_->fusion);
+  auto rects = fusion::patches(depth.width, depth.height, scene_->fusion);
+  if (layers_) rects = measured_parts(depth, rects);
   std::vector<Patch> patches(rects.size());
   while (workers_.size() < rects.size())
     workers_.push_back({fusion::FrameFuser(volume_config(*scene_)), {}});
@@ -124,6 +187,15 @@ Result<SensorNode::Reconstructed> SensorNode::reconstruct(Frame raw) {
   return out;
 }
 
+bool SensorNode::is_empty(const Reconstructed& surface) const {
+  return surface.mesh.empty() && (!layers_ || layers_->surface.chunks() == 0);
+}
+
+std::string SensorNode::pushed(const Frame& frame) const {
+  return "sensor '" + id() + "': frame " + std::to_string(frame.index) +
+         ": most of the room is not where it was; was the camera pushed? It learns the room anew";
+}
+
 Error SensorNode::no_surface(const Frame& frame) const {
   return {Error::Cause::empty,
           "sensor '" + id() + "': frame " + std::to_string(frame.index) +
@@ -131,7 +203,8 @@ Error SensorNode::no_surface(const Frame& frame) const {
 }
 
 /// Everything but mesh and picture.
-Packet SensorNode::head(const Frame& frame) const {
+Packet SensorNode::head(const Reconstructed& surface) const {
+  const Frame& frame = surface.frame;
   Packet packet;
   packet.scene = scene_->id, packet.node = id();
   packet.epoch = clock_.epoch, packet.sequence = sequence_;
@@ -139,7 +212,8 @@ Packet SensorNode::head(const Frame& frame) const {
   packet.plan = {static_cast<float>(scene_->simplify.ratio), 5, 1,
                  scene_->coding.sensor_texture_qp};
   packet.sources = {{sensor_, frame.captured_at(), registration_.depth_camera(),
-                     frame.T_world_depth, scene_->sensors[sensor_].precision}};
+                     frame.T_world_depth, scene_->sensors[sensor_].precision,
+                     surface.confirmed_depth, surface.confirmed_color}};
   if (auto view =
           frame.color.empty() ? std::nullopt : registration_.color_view(frame.T_world_depth)) {
     view->stream = sensor_;
@@ -155,12 +229,16 @@ Status SensorNode::add_mesh(const Reconstructed& surface, Packet& packet) {
     Mesh mesh = surface.mesh;
     const ViewId view = packet.views.empty() ? kNoView : packet.views.front().id;
     set_triangle_views(mesh, std::vector<ViewId>(mesh.triangles.size(), view));
+    for (StillChunk chunk : surface.still) {
+      set_triangle_views(chunk.mesh, std::vector<ViewId>(chunk.mesh.triangles.size(), view));
+      publisher_.set_still(chunk.cube, std::move(chunk.mesh), chunk.error_m);
+    }
     return publisher_.publish(mesh, surface.error_m, packet.plan.mesh_speed, packet);
   });
 }
 
 Result<std::vector<std::byte>> SensorNode::code(const Reconstructed& surface) {
-  Packet packet = head(surface.frame);
+  Packet packet = head(surface);
   if (clock_.now) packet.marks.push_back({"sensors/reconstructed", clock_.now()});
   if (const Status coded = add_mesh(surface, packet); !coded) return coded.error();
   if (!packet.views.empty()) {

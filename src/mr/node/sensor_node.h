@@ -2,6 +2,8 @@
 
 #include <cstddef>
 #include <memory>
+#include <optional>
+#include <string>
 #include <vector>
 
 #include "mr/codec/head.h"
@@ -14,9 +16,11 @@
 #include "mr/fusion/fuse.h"
 #include "mr/node/chunk_publisher.h"
 #include "mr/node/node_clock.h"
+#include "mr/node/still_surface.h"
 #include "mr/node/texture_stream.h"
 #include "mr/sensor/registration.h"
 #include "mr/simplify/simplify.h"
+#include "mr/still/background.h"
 
 namespace mr::node {
 
@@ -28,8 +32,12 @@ class SensorNode {
   /// A frame with its surface, on the way from the first half to the second.
   struct Reconstructed {
     Frame frame;  // undistorted
-    Mesh mesh;    // decimated, on the lattice
+    Mesh mesh;    // decimated, on the lattice; with layers: of what moves
     float error_m = 0;
+    // With layers:
+    std::vector<StillChunk> still;  // chunks of the still surface that changed
+    TileMask confirmed_depth, confirmed_color;
+    bool began_anew = false;  // the camera was pushed: what was known does not hold any more
   };
 
   /// The scene must outlive the node.
@@ -41,6 +49,10 @@ class SensorNode {
   Result<Reconstructed> reconstruct(Frame frame);
   /// What to tell people about an empty one.
   Error no_surface(const Frame& frame) const;
+  /// Whether the frame's surface, what is still included, is empty.
+  bool is_empty(const Reconstructed& surface) const;
+  /// What to tell people when the sensor began to learn the room anew.
+  std::string pushed(const Frame& frame) const;
   /// Labels, codes mesh and picture: the bytes of the frame's packet.
   Result<std::vector<std::byte>> code(const Reconstructed& surface);
 
@@ -62,10 +74,16 @@ class SensorNode {
     fusion::FrameFuser fuser;
     simplify::Simplifier simplifier;
   };
+  /// What a sensor that stands still keeps of the room.
+  struct Layers {
+    still::Background background;
+    StillSurface surface;
+  };
+  Result<ImageDepth> divide(Reconstructed& out);
   Patch reconstruct_patch(const ImageDepth& depth, const Pose& T_world_depth, const Rect& rect,
                           PatchWorker& worker) const;
   Status join(const std::vector<Patch>& patches, Reconstructed& out) const;
-  Packet head(const Frame& frame) const;
+  Packet head(const Reconstructed& surface) const;
   Status add_mesh(const Reconstructed& surface, Packet& packet);
 
   const Scene* scene_;
@@ -76,6 +94,7 @@ class SensorNode {
   TextureStream texture_;
   codec::HeadWriter writer_;
   std::vector<PatchWorker> workers_;  ///< one per patch
+  std::optional<Layers> layers_;      ///< none: everything is made anew with every frame
   std::uint64_t sequence_ = 0;
   Trace trace_;
 };

@@ -58,6 +58,7 @@ uniform float tile_middle;         // camera column in the middle of the tile
 uniform vec2 scale, offset;        // camera pixel -> picture's coordinates, 0..1
 uniform vec2 tile_low, tile_high;  // half a texel inside the tile; 0..1
 uniform float far_side;            // texels per 1 across the picture where the tile is a whole turn
+uniform vec3 gain;                 // on what the picture shows
 uniform sampler2D picture;
 
 in vec3 from_eye;
@@ -105,8 +106,10 @@ void main() {
 )";
 
 constexpr const char* kPaintShaders[kPaints] = {
-    "vec3 paint() { return in_view.z > 1e-6 ? texture_at_pinhole(in_view) : color; }",
-    "vec3 paint() { return texture_at_equirectangular(in_view); }",
+    "vec3 paint() {\n"
+    "  return in_view.z > 1e-6 ? min(gain * texture_at_pinhole(in_view), 1.0) : color;\n"
+    "}",
+    "vec3 paint() { return min(gain * texture_at_equirectangular(in_view), 1.0); }",
     "vec3 paint() {\n"
     "  vec3 n = normal();\n"
     "  return gl_FrontFacing ? 0.5 + 0.5 * n : headlight(n) * vec3(0.45, 0.0, 0.0);\n"

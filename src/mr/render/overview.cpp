@@ -106,8 +106,11 @@ std::optional<Pose> middle_of_sensors(const DecodedScene& scene, Vec3d up) {
 std::vector<Viewpoint> overview(const DecodedScene& scene, Vec3d up, int width, int height) {
   const Size size{width, height};
   std::vector<Viewpoint> out;
-  for (const View& view : scene.views)
+  for (std::size_t i = 0; i < scene.views.size(); ++i) {
+    const View& view = scene.views[i];
+    if (i > 0 && view.id == scene.views[i - 1].id) continue;  // its plate
     out.push_back({"view_" + std::to_string(view.id), camera_of(view, size), view.T_world_camera});
+  }
   if (const Box3d box = box_of(scene); !box.empty()) add_from_outside(out, box, up, size);
   if (const auto pose = middle_of_sensors(scene, up))
     out.push_back({"middle", usual_camera(size), *pose});

@@ -258,6 +258,7 @@ void Renderer::Impl::use_view(const View& view, Color otherwise) {
   set("tile_low", Vec2d{(tile.x + 0.5) / width, (tile.y + 0.5) / height});
   set("tile_high",
       Vec2d{(tile.x + tile.width - 0.5) / width, (tile.y + tile.height - 0.5) / height});
+  set("gain", vec_cast<double>(view.gain));
   if (pinhole) return;
   set("view_size", Vec2d{view.width + 0.0, view.height + 0.0});
   set("tile_middle", source.x + 0.5 * source.width - 0.5);
@@ -274,7 +275,7 @@ void Renderer::Impl::draw_range(const DecodedScene& scene, const ViewRange& rang
       if (range.view == kNoView)
         paint(range.colored ? Paint::vertex_colors : Paint::flat, plain, range.point_m);
       else
-        use_view(*find_view(scene, range.view), plain);
+        use_view(*texturing_view(scene.views, range.view, range.layer), plain);
       break;
     case Shade::normals:
       paint(Paint::normals, plain, range.point_m);

@@ -22,8 +22,9 @@ struct RenderOptions {
   enum class Shade { texture, normals, views, wireframe } shade = Shade::texture;
 };
 
-/// Draws a decoded scene as a client would: every fragment is projected into its triangle's view
-/// (DESIGN section 4), and a background takes its vertices' colours. OpenGL 3.3 core through EGL,
+/// Draws a decoded scene as a client would: every fragment is projected into the view of its
+/// triangle's label and its chunk's layer (core/view.h: texturing_view), whose gain it is
+/// multiplied by, and a background takes its vertices' colours. OpenGL 3.3 core through EGL,
 /// offscreen: the first hardware device, else llvmpipe. Must be used from the thread that made it.
 class Renderer {
  public:

@@ -14,12 +14,13 @@ namespace {
 /// A run of triangles, or all points, of a chunk on their way into the index list.
 struct Piece {
   ViewId view = kNoView;
+  Layer layer = Layer::moving;  ///< where it has a view
   bool colored = false;
   float point_m = 0;
   std::uint32_t chunk = 0, first = 0, count = 0;
 
   /// Pieces alike in this are painted together: by view, coloured ones and points last.
-  auto key() const { return std::tuple(view, colored, point_m); }
+  auto key() const { return std::tuple(view, layer, colored, point_m); }
 };
 
 bool has_points(const Chunk& chunk) { return chunk.point_m > 0; }
@@ -65,12 +66,13 @@ std::vector<Piece> pieces_of(const DecodedScene& scene) {
     const bool colored = !chunk.colors.empty();
     const auto all = [](const auto& list) { return static_cast<std::uint32_t>(list.size()); };
     if (has_points(chunk))
-      out.push_back({kNoView, colored, chunk.point_m, i, 0, all(chunk.mesh.positions)});
+      out.push_back({kNoView, {}, colored, chunk.point_m, i, 0, all(chunk.mesh.positions)});
     else if (colored || chunk.mesh.runs.empty())
-      out.push_back({kNoView, colored, 0, i, 0, all(chunk.mesh.triangles)});
+      out.push_back({kNoView, {}, colored, 0, i, 0, all(chunk.mesh.triangles)});
     else
       for (const ViewRun& run : chunk.mesh.runs)
-        out.push_back({run.view, false, 0, i, run.first, run.count});
+        out.push_back({run.view, run.view == kNoView ? Layer::moving : chunk.key.id.layer, false, 0,
+                       i, run.first, run.count});
   }
   std::erase_if(out, [](const Piece& piece) { return piece.count == 0; });
   std::stable_sort(out.begin(), out.end(),
@@ -104,7 +106,7 @@ void place_indices(const std::vector<Piece>& pieces, SceneGeometry& out) {
   for (std::size_t i = 0; i < pieces.size(); ++i) {
     const Piece& piece = pieces[i];
     if (i == 0 || piece.key() != pieces[i - 1].key())
-      out.ranges.push_back({piece.view, piece.colored, piece.point_m, i, 0});
+      out.ranges.push_back({piece.view, piece.layer, piece.colored, piece.point_m, i, 0});
     ++out.ranges.back().parts;
     out.parts.push_back({indices, 3 * std::size_t{piece.count}, piece.chunk});
     indices += out.parts.back().indices;

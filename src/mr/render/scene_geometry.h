@@ -15,12 +15,13 @@ struct ScenePart {
   std::uint32_t chunk = 0;  ///< its place in the scene
 };
 
-/// What is painted in one way: the triangles of all chunks that one view textures, those that have
-/// colours of their own, or points of one size.
+/// What is painted in one way: the triangles of all chunks of a layer that carry one view's label,
+/// those that have colours of their own, or points of one size.
 struct ViewRange {
   ViewId view = kNoView;
-  bool colored = false;  ///< then without a view
-  float point_m = 0;     ///< over 0: points of this diameter
+  Layer layer = Layer::moving;  ///< where it has a view
+  bool colored = false;         ///< then without a view
+  float point_m = 0;            ///< over 0: points of this diameter
   std::size_t first_part = 0, parts = 0;
 };
 

@@ -58,12 +58,6 @@ void widen(const ImageRgb& image, std::vector<std::uint8_t>& rgba) {
 
 }  // namespace
 
-const View* find_view(const DecodedScene& scene, ViewId id) {
-  for (const View& view : scene.views)
-    if (view.id == id) return &view;
-  return nullptr;
-}
-
 Status TextureSet::keep(const DecodedScene& scene, const std::vector<ViewRange>& ranges) {
   std::erase_if(textures_, [&](const auto& entry) {
     if (scene.textures.contains(entry.first)) return false;
@@ -72,7 +66,7 @@ Status TextureSet::keep(const DecodedScene& scene, const std::vector<ViewRange>&
   });
   for (const ViewRange& range : ranges) {
     if (range.view == kNoView) continue;
-    const View* view = find_view(scene, range.view);
+    const View* view = texturing_view(scene.views, range.view, range.layer);
     if (!view)
       return invalid_view("triangles name view " + std::to_string(range.view) +
                           ", which the scene does not have");

@@ -11,9 +11,6 @@
 
 namespace mr::render {
 
-/// nullptr where the scene has no such view.
-const View* find_view(const DecodedScene& scene, ViewId id);
-
 /// The pictures of texture streams on the graphics card. Its context must be current and frees what
 /// is there.
 class TextureSet {

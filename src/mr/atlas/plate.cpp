@@ -1,0 +1,449 @@
+#include "mr/atlas/plate.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstdlib>
+#include <numeric>
+#include <utility>
+
+#include "mr/core/assert.h"
+#include "mr/core/parallel.h"
+
+namespace mr::atlas {
+namespace {
+
+constexpr int kFirstCaptures = 4, kRefinedCaptures = 32;  // powers of two: see copy()
+constexpr int kDoubtsToCheck = 3;                         // while the plate itself is noisy
+constexpr int kCellLevel = 16;                            // of 255, in units of a cell
+constexpr int kWhite = 255 * kCellLevel;
+constexpr int kLeastLimit = 3 * kCellLevel, kMostLimit = 10 * kCellLevel;  // of a change
+constexpr int kMostNoise = 4096;  // a screen that plays is not noise
+constexpr int kGainOne = 8192;    // gains are in 8192ths
+constexpr int kLeastPlateGain = kGainOne / 4, kMostPlateGain = 4 * kGainOne;
+constexpr int kGainDeadBand = 160;  // a 160th: half a step of bright sRGB
+constexpr std::size_t kFewVotes = 12;
+constexpr int kDarkestVote = 16, kBrightestVote = 240;  // level of a block's mean
+constexpr int kClipped = 250;                           // level of a pixel
+constexpr int kFillDeadBand = 6;                        // levels
+constexpr std::uint8_t kGrey = 128;
+constexpr std::size_t kRowsAtOnce = 4;
+
+/// Folds the 4x4 pixels of each cell, channel by channel.
+template <typename Cells, typename Fold>
+Cells fold_cells(const std::uint8_t* pixels, std::size_t stride, const Fold& fold) {
+  Cells out;
+  std::array<std::uint16_t, 48> line, two;
+  for (int row = 0; row < 4; ++row) {
+    const std::uint8_t* const p = pixels + 4 * row * stride;
+    for (std::size_t i = 0; i < 48; ++i)
+      line[i] = fold(fold(p[i], p[i + stride]), fold(p[i + 2 * stride], p[i + 3 * stride]));
+    for (int i = 0; i < 45; ++i) two[i] = fold(line[i], line[i + 3]);
+    for (int cell = 0; cell < 4; ++cell)
+      for (int c = 0; c < 3; ++c)
+        out[12 * row + 3 * cell + c] = fold(two[12 * cell + c], two[12 * cell + 6 + c]);
+  }
+  return out;
+}
+
+template <typename Cells>
+Cells sums_of_cells(const std::uint8_t* pixels, std::size_t stride) {
+  return fold_cells<Cells>(pixels, stride, [](std::uint16_t a, std::uint16_t b) {
+    return static_cast<std::uint16_t>(a + b);
+  });
+}
+
+template <typename Cells>
+Cells brightest_of_cells(const std::uint8_t* pixels, std::size_t stride) {
+  Cells out = fold_cells<Cells>(pixels, stride,
+                                [](std::uint16_t a, std::uint16_t b) { return std::max(a, b); });
+  for (std::uint16_t& v : out) v = static_cast<std::uint16_t>(v * kCellLevel);
+  return out;
+}
+
+/// A cell's value times a gain.
+std::uint16_t times(std::uint16_t value, std::uint16_t gain) {
+  return static_cast<std::uint16_t>((static_cast<std::uint32_t>(value << 3) * gain) >> 16);
+}
+
+/// Over the cells, of each channel.
+template <typename Cells>
+std::array<std::uint32_t, 3> sum_of(const Cells& cells) {
+  std::array<std::uint32_t, 3> sum{};
+  for (std::size_t i = 0; i < cells.size(); i += 3)
+    for (int c = 0; c < 3; ++c) sum[c] += cells[i + c];
+  return sum;
+}
+
+/// One level of a pyramid over the blocks: what is known is handed up, where nothing is known it
+/// comes down again.
+struct ColorGrid {
+  int columns = 0, rows = 0;
+  std::vector<std::array<float, 4>> cells;  ///< red, green, blue, weight
+
+  ColorGrid(int c, int r) : columns(c), rows(r), cells(static_cast<std::size_t>(c) * r) {}
+  std::array<float, 4>& at(int x, int y) {
+    x = std::clamp(x, 0, columns - 1), y = std::clamp(y, 0, rows - 1);
+    return cells[static_cast<std::size_t>(y) * columns + x];
+  }
+
+  ColorGrid halved() {
+    ColorGrid out((columns + 1) / 2, (rows + 1) / 2);
+    for (int y = 0; y < rows; ++y)
+      for (int x = 0; x < columns; ++x) {
+        const auto& [r, g, b, weight] = at(x, y);
+        auto& sum = out.at(x / 2, y / 2);
+        sum[0] += r * weight, sum[1] += g * weight, sum[2] += b * weight, sum[3] += weight;
+      }
+    for (auto& cell : out.cells) {
+      if (cell[3] == 0) continue;
+      for (int c = 0; c < 3; ++c) cell[c] /= cell[3];
+      cell[3] = std::min(cell[3], 1.0f);
+    }
+    return out;
+  }
+
+  /// Cells without a colour take one from the grid half as fine, between its cells' middles.
+  void complete(ColorGrid& coarse) {
+    for (int y = 0; y < rows; ++y)
+      for (int x = 0; x < columns; ++x) {
+        auto& cell = at(x, y);
+        if (cell[3] > 0) continue;
+        const int x0 = x / 2, y0 = y / 2, x1 = x0 + (x % 2 ? 1 : -1), y1 = y0 + (y % 2 ? 1 : -1);
+        for (int c = 0; c < 3; ++c)
+          cell[c] = (9 * coarse.at(x0, y0)[c] + 3 * coarse.at(x1, y0)[c] +
+                     3 * coarse.at(x0, y1)[c] + coarse.at(x1, y1)[c]) /
+                    16;
+      }
+  }
+};
+
+void complete(ColorGrid& grid) {
+  if (grid.columns == 1 && grid.rows == 1) return;
+  ColorGrid coarse = grid.halved();
+  complete(coarse);
+  grid.complete(coarse);
+}
+
+}  // namespace
+
+Vec3f Plate::gain() const {
+  return {static_cast<float>(gain_[0]) / kGainOne, static_cast<float>(gain_[1]) / kGainOne,
+          static_cast<float>(gain_[2]) / kGainOne};
+}
+
+void Plate::start(int width, int height) {
+  picture_ = ImageRgb(width, height, kGrey);
+  valid_.tile_px = kBlock_px;
+  valid_.columns = (width + kBlock_px - 1) / kBlock_px;
+  valid_.rows = (height + kBlock_px - 1) / kBlock_px;
+  const std::size_t count = static_cast<std::size_t>(valid_.columns) * valid_.rows;
+  valid_.tiles.assign(count, 0);
+  gain_ = {kGainOne, kGainOne, kGainOne};
+  blocks_.assign(count, {});
+  sums_.assign(count, {});
+  fill_colors_.assign(count, {kGrey, kGrey, kGrey});
+}
+
+bool Plate::update(const ImageRgb& live, const TileMask& unhidden) {
+  MR_ASSERT(!live.empty());
+  const bool is_new = live.width != picture_.width || live.height != picture_.height;
+  if (is_new) start(live.width, live.height);
+  measure(live, unhidden);
+  const bool exposure_moved = follow_exposure();
+
+  const std::vector<std::uint8_t> valid_before = valid_.tiles;
+  std::vector<std::size_t> copied(valid_.rows, 0);
+  parallel_for(valid_.rows, kRowsAtOnce, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t row = begin; row < end; ++row)
+      for (int column = 0; column < valid_.columns; ++column)
+        copied[row] += take(row * valid_.columns + column, live);
+  });
+  changed_blocks_ = std::accumulate(copied.begin(), copied.end(), std::size_t{0});
+  if (valid_.tiles != valid_before) fill_invalid();
+  return is_new || exposure_moved || changed_blocks_ > 0;
+}
+
+/// The pixels of a block; beyond the picture its last row and column go on.
+Plate::Pixels Plate::pixels_of(const ImageRgb& image, std::size_t block) const {
+  const int x0 = static_cast<int>(block % valid_.columns) * kBlock_px;
+  const int y0 = static_cast<int>(block / valid_.columns) * kBlock_px;
+  const int columns = std::min(kBlock_px, image.width - x0);
+  Pixels out;
+  for (int y = 0; y < kBlock_px; ++y) {
+    std::uint8_t* const row = out.data() + y * kBlock_px * 3;
+    std::copy_n(image.at(x0, std::min(y0 + y, image.height - 1)), 3 * columns, row);
+    for (int x = columns; x < kBlock_px; ++x) std::copy_n(row + 3 * (columns - 1), 3, row + 3 * x);
+  }
+  return out;
+}
+
+/// Finds the cells of what is unhidden, and how noisy they are.
+void Plate::measure(const ImageRgb& live, const TileMask& unhidden) {
+  const bool told = unhidden.tile_px == kBlock_px && unhidden.columns == valid_.columns &&
+                    unhidden.rows == valid_.rows && unhidden.tiles.size() == blocks_.size();
+  const auto measure_block = [&](std::size_t i) {
+    Block& block = blocks_[i];
+    const bool was_seen = std::exchange(block.seen, told && unhidden.tiles[i] != 0);
+    if (!block.seen) return;
+    const int x = static_cast<int>(i % valid_.columns) * kBlock_px;
+    const int y = static_cast<int>(i / valid_.columns) * kBlock_px;
+    const bool whole = x + kBlock_px <= live.width && y + kBlock_px <= live.height;
+    const Cells now = whole ? sums_of_cells<Cells>(live.at(x, y), std::size_t{3} * live.width)
+                            : sums_of_cells<Cells>(pixels_of(live, i).data(), 3 * kBlock_px);
+    if (was_seen) {
+      int change = 0;
+      for (int k = 0; k < kCellValues; ++k) change += std::abs(int{now[k]} - int{block.now[k]});
+      change = std::min(change, kMostNoise);
+      block.noise = static_cast<std::uint16_t>(
+          block.noise == 0 ? change : block.noise + (change - int{block.noise}) / 8);
+    }
+    block.now = now;
+  };
+  parallel_for(valid_.rows, kRowsAtOnce, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t i = begin * valid_.columns; i < end * valid_.columns; ++i) measure_block(i);
+  });
+}
+
+/// What each block takes the gain for. Clipped and dark ones cannot tell.
+std::array<std::vector<std::uint16_t>, 3> Plate::exposure_votes() const {
+  constexpr std::uint32_t kBlockLevel = 16 * kCellLevel;  // in units of a sum over the cells
+  std::array<std::vector<std::uint16_t>, 3> votes;
+  for (auto& v : votes) v.reserve(blocks_.size());
+  for (const Block& block : blocks_) {
+    if (!block.seen || block.stage == Stage::collecting) continue;
+    const std::array<std::uint32_t, 3> live = sum_of(block.now);
+    for (int c = 0; c < 3; ++c) {
+      const std::uint32_t plate = block.sum[c];
+      if (live[c] < kDarkestVote * kBlockLevel || live[c] > kBrightestVote * kBlockLevel ||
+          plate < kDarkestVote * kBlockLevel ||
+          block.most[c] * std::max<int>(gain_[c], kGainOne) > kClipped * kGainOne)
+        continue;
+      votes[c].push_back(static_cast<std::uint16_t>(
+          std::clamp<std::uint32_t>(live[c] * kGainOne / plate, kLeastPlateGain, kMostPlateGain)));
+    }
+  }
+  return votes;
+}
+
+/// The middle of the votes, once it is off by more than a dead band.
+bool Plate::follow_exposure() {
+  bool moved = false;
+  auto all_votes = exposure_votes();
+  for (int c = 0; c < 3; ++c) {
+    std::vector<std::uint16_t>& votes = all_votes[c];
+    if (votes.size() < kFewVotes) continue;
+    const auto middle = votes.begin() + static_cast<std::ptrdiff_t>(votes.size() / 2);
+    std::nth_element(votes.begin(), middle, votes.end());
+    if (std::abs(int{*middle} - int{gain_[c]}) * kGainDeadBand <= gain_[c]) continue;
+    gain_[c] = *middle;
+    moved = true;
+  }
+  return moved;
+}
+
+/// How far off a cell may be that shows what the plate does.
+int Plate::limit_of(const Block& block) const {
+  // Four times the spread of a cell's mean; the sum over the cells of their changes is 868 times
+  // it.
+  int limit = std::clamp(block.noise * 19 / 256, kLeastLimit, kMostLimit);
+  if (!block.refined) limit += limit / 4;
+  // Exposure is a factor on light, not on sRGB: a gain of 2 may be wrong by ten levels.
+  int most = 0;
+  for (const std::uint16_t g : gain_) most = std::max(most, std::abs(int{g} - kGainOne));
+  return limit + most * 10 * kCellLevel / kGainOne;
+}
+
+/// Adds to the drift how far off each cell of the newest capture is, and returns the most. Where
+/// the gain drives some pixels of a cell beyond white, its mean lies somewhere between two values.
+int Plate::compare(Block& block) const {
+  std::array<std::uint16_t, kCellValues> gain;
+  for (int k = 0; k < kCellValues; ++k) gain[k] = gain_[k % 3];
+  int most = 0;
+  for (int k = 0; k < kCellValues; ++k) {
+    const int shown = times(block.plate[k], gain[k]);
+    const int beyond = std::max(0, times(block.brightest[k], gain[k]) - kWhite);
+    const int above = std::max(0, int{block.now[k]} - std::min(shown, kWhite));
+    const int below = std::max(0, shown - beyond - int{block.now[k]});
+    block.drift[k] = static_cast<std::int16_t>(block.drift[k] + above - below);
+    most = std::max(most, above + below);
+  }
+  return most;
+}
+
+/// Sums up captures from the next on.
+void Plate::start_sums(std::size_t i) {
+  blocks_[i].captures = 0;
+  sums_[i].fill(0);
+}
+
+/// With the newest capture, that has been compared.
+void Plate::start_check(std::size_t i) {
+  Block& block = blocks_[i];
+  block.stage = Stage::checking;
+  block.drift.fill(0);
+  compare(block);
+  start_sums(i);
+}
+
+void Plate::accumulate(std::size_t i, const ImageRgb& live) {
+  std::array<std::uint16_t, 3 * kBlock_px> inverse;  // of the gain, in 2048ths
+  for (int k = 0; k < 3 * kBlock_px; ++k)
+    inverse[k] = static_cast<std::uint16_t>((2048 * kGainOne + gain_[k % 3] / 2) / gain_[k % 3]);
+  const Pixels pixels = pixels_of(live, i);
+  for (int y = 0; y < kBlock_px; ++y) {
+    std::uint16_t* const sum = sums_[i].data() + 3 * kBlock_px * y;
+    const std::uint8_t* const pixel = pixels.data() + 3 * kBlock_px * y;
+    for (int k = 0; k < 3 * kBlock_px; ++k) {
+      const auto value = static_cast<std::uint16_t>(pixel[k] << 8);
+      const auto eighths = static_cast<std::uint16_t>((std::uint32_t{value} * inverse[k]) >> 16);
+      sum[k] = static_cast<std::uint16_t>(sum[k] + std::min<std::uint16_t>(eighths, 8 * 255));
+    }
+  }
+  ++blocks_[i].captures;
+}
+
+/// The mean of the sums becomes the picture.
+void Plate::copy(std::size_t i) {
+  Block& block = blocks_[i];
+  const int bits = block.captures == kFirstCaptures ? 5 : 8;  // of the captures, and of an eighth
+  Pixels pixels;
+  for (int k = 0; k < kBlockValues; ++k)
+    pixels[k] = static_cast<std::uint8_t>((sums_[i][k] + (1 << bits >> 1)) >> bits);
+  block.plate = sums_of_cells<Cells>(pixels.data(), 3 * kBlock_px);
+  block.brightest = brightest_of_cells<Cells>(pixels.data(), 3 * kBlock_px);
+  block.sum = sum_of(block.plate);
+  block.most = {0, 0, 0};
+  for (int k = 0; k < kBlockValues; ++k) block.most[k % 3] = std::max(block.most[k % 3], pixels[k]);
+  const int x0 = static_cast<int>(i % valid_.columns) * kBlock_px;
+  const int y0 = static_cast<int>(i / valid_.columns) * kBlock_px;
+  const int columns = std::min(kBlock_px, picture_.width - x0);
+  for (int y = 0; y < std::min(kBlock_px, picture_.height - y0); ++y)
+    std::copy_n(pixels.data() + 3 * kBlock_px * y, 3 * columns, picture_.at(x0, y0 + y));
+  valid_.tiles[i] = 1;
+}
+
+/// Takes the newest capture of a block; returns whether it was copied.
+bool Plate::take(std::size_t i, const ImageRgb& live) {
+  Block& block = blocks_[i];
+  if (!block.seen) {  // what was hidden a moment ago is looked at from the beginning
+    if (block.stage == Stage::checking)
+      block.stage = block.refined ? Stage::settled : Stage::refining;
+    if (block.captures > 0) start_sums(i);
+    block.doubts = 0;
+    return false;
+  }
+  const int limit = limit_of(block);
+  if (block.stage != Stage::collecting) {
+    const int off = compare(block);
+    block.doubts = static_cast<std::uint8_t>(off > limit ? std::min(block.doubts + 1, 255) : 0);
+    const bool is_sure = block.stage == Stage::settled || off > 2 * limit;
+    if (block.stage != Stage::checking && block.doubts >= (is_sure ? 1 : kDoubtsToCheck))
+      start_check(i);
+  }
+  if (block.stage == Stage::settled) return false;
+  accumulate(i, live);
+  return judge(i, limit);
+}
+
+/// With what has been summed up.
+bool Plate::judge(std::size_t i, int limit) {
+  Block& block = blocks_[i];
+  const bool has_changed = [&] {
+    if (block.stage == Stage::refining) return block.captures == kRefinedCaptures;
+    if (block.captures < kFirstCaptures) return false;
+    if (block.stage == Stage::collecting) return true;
+    // Has been off on average, and is: what flashed by has changed nothing.
+    return block.doubts > 0 && std::any_of(block.drift.begin(), block.drift.end(), [&](int drift) {
+             return std::abs(drift) > kFirstCaptures * limit;
+           });
+  }();
+  if (!has_changed) {
+    if (block.stage == Stage::checking && block.captures == kFirstCaptures)
+      block.stage = block.refined ? Stage::settled : Stage::refining;
+    return false;
+  }
+  copy(i);
+  block.refined = block.stage == Stage::refining;
+  block.stage = block.refined ? Stage::settled : Stage::refining;
+  block.doubts = 0;
+  return true;
+}
+
+/// Colours for the middles of all blocks, and what is not valid drawn between them. Colours that
+/// hardly move stay, for the video's sake.
+void Plate::fill_invalid() {
+  ColorGrid grid(valid_.columns, valid_.rows);
+  for (std::size_t i = 0; i < blocks_.size(); ++i) {
+    if (!valid_.tiles[i]) continue;
+    for (int c = 0; c < 3; ++c)
+      grid.cells[i][c] = static_cast<float>(blocks_[i].sum[c]) / (16 * kCellLevel);
+    grid.cells[i][3] = 1;
+  }
+  complete(grid);
+  std::vector<std::uint8_t> moved(blocks_.size(), 0);
+  for (std::size_t i = 0; i < blocks_.size(); ++i) {
+    Color color;
+    for (int c = 0; c < 3; ++c) {
+      color[c] = static_cast<std::uint8_t>(std::lround(grid.cells[i][c]));
+      moved[i] |= std::abs(int{color[c]} - int{fill_colors_[i][c]}) > kFillDeadBand;
+    }
+    if (moved[i]) fill_colors_[i] = color;
+  }
+  parallel_for(valid_.rows, kRowsAtOnce, [&](std::size_t begin, std::size_t end) {
+    for (int row = static_cast<int>(begin); row < static_cast<int>(end); ++row)
+      for (int column = 0; column < valid_.columns; ++column)
+        if (!valid_.at(column, row) && any_around(moved, column, row)) fill(column, row);
+  });
+}
+
+bool Plate::any_around(const std::vector<std::uint8_t>& blocks, int column, int row) const {
+  for (int y = std::max(0, row - 1); y <= std::min(valid_.rows - 1, row + 1); ++y)
+    for (int x = std::max(0, column - 1); x <= std::min(valid_.columns - 1, column + 1); ++x)
+      if (blocks[static_cast<std::size_t>(y) * valid_.columns + x]) return true;
+  return false;
+}
+
+/// Draws a block between the colours of its own middle and its neighbours'.
+void Plate::fill(int column, int row) {
+  const auto color = [&](int x, int y) -> const Color& {
+    x = std::clamp(x, 0, valid_.columns - 1), y = std::clamp(y, 0, valid_.rows - 1);
+    return fill_colors_[static_cast<std::size_t>(y) * valid_.columns + x];
+  };
+  constexpr int kHalf = kBlock_px / 2, kWhole = 2 * kBlock_px;
+  for (int y = 0; y < std::min(kBlock_px, picture_.height - row * kBlock_px); ++y) {
+    const int above = row - (y < kHalf), down = 2 * ((y + kHalf) % kBlock_px) + 1;
+    for (int x = 0; x < std::min(kBlock_px, picture_.width - column * kBlock_px); ++x) {
+      const int left = column - (x < kHalf), right = 2 * ((x + kHalf) % kBlock_px) + 1;
+      std::uint8_t* const pixel = picture_.at(column * kBlock_px + x, row * kBlock_px + y);
+      for (int c = 0; c < 3; ++c) {
+        const int top =
+            color(left, above)[c] * (kWhole - right) + color(left + 1, above)[c] * right;
+        const int bottom =
+            color(left, above + 1)[c] * (kWhole - right) + color(left + 1, above + 1)[c] * right;
+        pixel[c] = static_cast<std::uint8_t>(
+            (top * (kWhole - down) + bottom * down + kWhole * kWhole / 2) / (kWhole * kWhole));
+      }
+    }
+  }
+}
+
+void freeze_outside(ImageRgb& live, const ImageRgb& still, const ImageMask& used) {
+  MR_ASSERT(live.width == still.width && live.height == still.height);
+  MR_ASSERT(live.width == used.width && live.height == used.height);
+  constexpr int kBlock = Plate::kBlock_px;
+  const auto freeze = [&](int x0, int y0) {
+    const int columns = std::min(kBlock, live.width - x0);
+    const int y1 = std::min(y0 + kBlock, live.height);
+    for (int y = y0; y < y1; ++y)
+      if (std::any_of(used.at(x0, y), used.at(x0, y) + columns, [](auto u) { return u != 0; }))
+        return;
+    for (int y = y0; y < y1; ++y) std::copy_n(still.at(x0, y), 3 * columns, live.at(x0, y));
+  };
+  const std::size_t rows = static_cast<std::size_t>(live.height + kBlock - 1) / kBlock;
+  parallel_for(rows, kRowsAtOnce, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t row = begin; row < end; ++row)
+      for (int x0 = 0; x0 < live.width; x0 += kBlock) freeze(x0, static_cast<int>(row) * kBlock);
+  });
+}
+
+}  // namespace mr::atlas

@@ -1,0 +1,103 @@
+#pragma once
+
+#include <array>
+#include <cstddef>
+#include <cstdint>
+#include <vector>
+
+#include "mr/core/image.h"
+#include "mr/core/packet.h"
+#include "mr/core/vec.h"
+
+namespace mr::atlas {
+
+/// A room as one camera sees it without those who move in it (DESIGN section 9, "Colour"): the
+/// picture that textures the still surface. It changes block by block and only where the room did,
+/// so a video of it costs next to nothing. One per colour view. Same input, same bytes, on any
+/// number of threads.
+///
+/// A block becomes valid with the mean of its first four captures in a row that show nothing but
+/// still surface, and gets better once, with the mean of 32. After that it is copied anew only
+/// when the mean of four captures differs from it by more than the block's own noise allows. What
+/// the camera's exposure does to the whole picture is the gain, and copies nothing.
+class Plate {
+ public:
+  static constexpr int kBlock_px = 16;
+
+  /// Takes a capture. `live`: the camera's picture, not empty; another size than before starts
+  /// anew. `unhidden`: blocks of 16x16 that show nothing but still surface in it; none where it is
+  /// empty or made for another size. Returns whether picture, validity or gain changed.
+  bool update(const ImageRgb& live, const TileMask& unhidden);
+
+  /// At the exposure of reference: what the camera shows divided by the gain. Blocks that are not
+  /// valid continue their neighbours smoothly; grey without any.
+  const ImageRgb& picture() const { return picture_; }
+  /// Blocks that have been unhidden for four captures in a row.
+  const TileMask& valid() const { return valid_; }
+  /// Factors on the picture's sRGB values that give the newest capture's exposure. [1/4, 4]; the
+  /// same to the bit while the exposure moves by less than 0.6 %.
+  Vec3f gain() const;
+  /// How many blocks the last update copied.
+  std::size_t changed_blocks() const { return changed_blocks_; }
+
+ private:
+  static constexpr int kCellValues = 48;  // 4x4 cells of 4x4 pixels, red green blue
+  static constexpr int kBlockValues = kBlock_px * kBlock_px * 3;
+  /// A value for each cell and channel; of colours, in sixteenths of a level.
+  using Cells = std::array<std::uint16_t, kCellValues>;
+  using Pixels = std::array<std::uint8_t, kBlockValues>;
+  using Sums = std::array<std::uint16_t, kBlockValues>;  ///< eighths of a level, without the gain
+  using Color = std::array<std::uint8_t, 3>;
+
+  enum class Stage : std::uint8_t {
+    collecting,  ///< the first captures
+    refining,    ///< valid, on the way to 32 captures
+    checking,    ///< looks changed: four captures will tell
+    settled
+  };
+
+  struct Block {
+    Stage stage = Stage::collecting;
+    bool refined = false;        ///< holds the mean of 32 captures
+    bool seen = false;           ///< unhidden in the last capture
+    std::uint8_t captures = 0;   ///< in the sums
+    std::uint8_t doubts = 0;     ///< last captures in a row that did not fit
+    std::uint16_t noise = 0;     ///< sum over the cells of how much they change by themselves
+    Cells now{};                 ///< of the newest capture
+    Cells plate{}, brightest{};  ///< of the picture; of its brightest pixel in each cell
+    std::array<std::uint32_t, 3> sum{};             ///< over the plate's cells
+    Color most{};                                   ///< brightest value of the picture
+    std::array<std::int16_t, kCellValues> drift{};  ///< summed while checking
+  };
+
+  void start(int width, int height);
+  void measure(const ImageRgb& live, const TileMask& unhidden);
+  bool follow_exposure();
+  std::array<std::vector<std::uint16_t>, 3> exposure_votes() const;
+  bool take(std::size_t block, const ImageRgb& live);
+  bool judge(std::size_t block, int limit);
+  int limit_of(const Block& block) const;
+  int compare(Block& block) const;
+  void start_check(std::size_t block);
+  void start_sums(std::size_t block);
+  void accumulate(std::size_t block, const ImageRgb& live);
+  void copy(std::size_t block);
+  void fill_invalid();
+  bool any_around(const std::vector<std::uint8_t>& blocks, int column, int row) const;
+  void fill(int column, int row);
+  Pixels pixels_of(const ImageRgb& image, std::size_t block) const;
+
+  ImageRgb picture_;
+  TileMask valid_;
+  std::array<std::uint16_t, 3> gain_{8192, 8192, 8192};  ///< in 8192ths
+  std::size_t changed_blocks_ = 0;
+  std::vector<Block> blocks_;
+  std::vector<Sums> sums_;
+  std::vector<Color> fill_colors_;  ///< of every block, in the middle; changes only when it must
+};
+
+/// Writes `still` into every 16x16 block of `live` that holds no used pixel, so that a video of it
+/// skips what does not move. All three of one size.
+void freeze_outside(ImageRgb& live, const ImageRgb& still, const ImageMask& used);
+
+}  // namespace mr::atlas

@@ -1,0 +1,101 @@
+#include "mr/merge/coincidence.h"
+
+#include <algorithm>
+#include <cmath>
+#include <optional>
+
+#include "mr/core/parallel.h"
+#include "mr/kit/raster.h"
+#include "mr/merge/ray_grids.h"
+
+namespace mr::merge {
+namespace {
+
+constexpr int kMostColumns = 320;    // of a view
+constexpr double kBehind_m = 0.05;   // nearer to its own still surface, a moving one stands on it
+constexpr double kSame_sigmas = 2;
+
+/// The triangles that a sensor measured.
+Mesh measured_by(const Part& part, std::uint32_t sensor) {
+  if (part.sources.size() == 1) return part.mesh;
+  std::vector<std::uint8_t> keep(part.mesh.triangles.size());
+  for (const ViewRun& run : part.mesh.runs)
+    if (run.view == sensor) std::fill_n(keep.begin() + run.first, run.count, std::uint8_t{1});
+  return select_triangles(part.mesh, keep);
+}
+
+}  // namespace
+
+StillCover::StillCover(const Mesh& merged, std::span<const Part> parts, const OverlapConfig& config)
+    : config_(config) {
+  std::vector<const Part*> part_of;
+  for (const Part& part : parts)
+    for (const SourceInfo& source : part.sources) {
+      if (source.depth_camera.model != CameraModel::pinhole) continue;
+      const double factor = std::min(1.0, double{kMostColumns} / source.depth_camera.width);
+      views_.push_back({source.sensor,
+                        scaled(source.depth_camera, factor),
+                        source.T_world_depth.inverse(),
+                        source.precision,
+                        {},
+                        {}});
+      part_of.push_back(&part);
+    }
+  parallel_for(2 * views_.size(), 1, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t i = begin; i < end; ++i) {
+      SensorView& view = views_[i / 2];
+      const auto draw = [&](const Mesh& mesh) {
+        return kit::rasterize(mesh, view.camera, view.T_camera_world.inverse()).depth;
+      };
+      if (i % 2 == 0)
+        view.merged = draw(merged);
+      else
+        view.own = draw(measured_by(*part_of[i / 2], view.sensor));
+    }
+  });
+}
+
+const StillCover::SensorView* StillCover::view_of(std::uint32_t sensor) const {
+  const auto at = std::ranges::find(views_, sensor, &SensorView::sensor);
+  return at == views_.end() ? nullptr : &*at;
+}
+
+/// By its corners and its middle, all of which must be.
+bool StillCover::is_covered(const Mesh& mesh, std::size_t t, const SensorView& view) const {
+  const double slack_m = config_.voxel_m / 2;
+  const auto covered = [&](Vec3f p_world) {
+    const Vec3d p = view.T_camera_world * vec_cast<double>(p_world);
+    if (p.z <= kit::kNearPlane_m) return false;
+    const kit::ScreenPoint s = kit::to_screen(view.camera, p);
+    if (!(std::abs(s.u) < 1e6 && std::abs(s.v) < 1e6)) return false;
+    const int x = static_cast<int>(std::lround(s.u)), y = static_cast<int>(std::lround(s.v));
+    if (!view.own.contains(x, y)) return false;
+    const double own = *view.own.at(x, y), merged = *view.merged.at(x, y);
+    const double same_m = kSame_sigmas * view.precision.sigma_m(p.z) + slack_m;
+    if (own > 0 && std::abs(own - p.z) <= same_m) return true;
+    if (own > p.z && own <= p.z + kBehind_m) return false;
+    return merged > 0 && std::abs(merged - p.z) <= same_m + 2 * config_.calibration_error_m;
+  };
+  return covered(mesh.centroid(t)) && covered(mesh.corner(t, 0)) && covered(mesh.corner(t, 1)) &&
+         covered(mesh.corner(t, 2));
+}
+
+Mesh StillCover::uncovered(const Part& moving) const {
+  const Mesh& mesh = moving.mesh;
+  const std::vector<ViewId> sensors =
+      moving.sources.size() == 1
+          ? std::vector<ViewId>(mesh.triangles.size(), moving.sources.front().sensor)
+          : triangle_views(mesh);
+  std::vector<std::uint8_t> keep(mesh.triangles.size(), 1);
+  parallel_for(keep.size(), 1024, [&](std::size_t begin, std::size_t end) {
+    const SensorView* view = nullptr;
+    std::optional<ViewId> of;
+    for (std::size_t t = begin; t < end; ++t) {
+      if (of != sensors[t]) of = sensors[t], view = view_of(sensors[t]);
+      if (view && is_covered(mesh, t, *view)) keep[t] = 0;
+    }
+  });
+  return select_triangles(mesh, keep);
+}
+
+}  // namespace mr::merge

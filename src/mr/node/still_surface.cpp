@@ -1,0 +1,194 @@
+#include "mr/node/still_surface.h"
+
+#include <algorithm>
+#include <bit>
+#include <cstdlib>
+#include <unordered_map>
+
+#include "mr/codec/mesh_codec.h"
+#include "mr/core/parallel.h"
+#include "mr/kit/pinholes.h"
+#include "mr/kit/topology.h"
+#include "mr/merge/islands.h"
+#include "mr/simplify/simplify.h"
+
+namespace mr::node {
+namespace {
+
+constexpr double kStillPinhole_voxels = 12;  // around: what a few failed pixels leave
+constexpr double kStillError_voxels = 0.4;   // of decimation
+constexpr int kRingsAround = 2;  // of a chunk: what its lines to the neighbours look at
+
+/// Of the bytes that a chunk follows from.
+class Hash {
+ public:
+  void add(std::uint64_t v) {
+    value_ = (value_ ^ v) * 0x9E3779B97F4A7C15u;
+    value_ ^= value_ >> 29;
+  }
+  void add(Vec3f p) {
+    for (const float v : {p.x, p.y, p.z}) add(std::bit_cast<std::uint32_t>(v));
+  }
+  std::uint64_t value() const { return value_; }
+
+ private:
+  std::uint64_t value_ = 0xCBF29CE484222325u;
+};
+
+std::uint64_t hash_of(const Mesh& mesh, const std::vector<std::uint32_t>& triangles) {
+  Hash hash;
+  for (const std::uint32_t t : triangles)
+    for (int i = 0; i < 3; ++i) hash.add(mesh.corner(t, i));
+  return hash.value();
+}
+
+/// Without parts that are too small to be anything, and do not go on in a neighbour.
+Mesh without_small_parts(const Mesh& mesh, const std::vector<std::uint8_t>& on_line,
+                         double least_m2) {
+  const kit::Components parts = kit::components(mesh);
+  std::vector<std::uint8_t> goes_on(parts.area_m2.size());
+  for (std::size_t t = 0; t < mesh.triangles.size(); ++t)
+    for (const std::uint32_t v : mesh.triangles[t]) goes_on[parts.of_triangle[t]] |= on_line[v];
+  std::vector<std::uint8_t> keep(mesh.triangles.size());
+  for (std::size_t t = 0; t < keep.size(); ++t)
+    keep[t] = goes_on[parts.of_triangle[t]] || parts.area_m2[parts.of_triangle[t]] >= least_m2;
+  return select_triangles(mesh, keep);
+}
+
+}  // namespace
+
+StillSurface::StillSurface(const Scene& scene)
+    : scene_(&scene),
+      fuser_({.voxel_m = scene.voxel_m,
+              .truncation_m = scene.fusion.truncation_m,
+              .bounds = scene.volume,
+              .chunk_m = scene.fusion.chunk_m,
+              .history = fusion::History::none}) {}
+
+/// Triangles belong to the chunk of their first vertex in the order of chunks, so a filled pinhole
+/// at a border is one chunk's.
+StillSurface::Labelled StillSurface::by_cube(const fusion::Surface& surface, const Mesh& mesh) {
+  Labelled out{mesh, std::vector<std::uint32_t>(mesh.triangles.size()), {}, {}};
+  std::vector<std::uint32_t> of_vertex(mesh.positions.size());
+  for (std::uint32_t c = 0; c < surface.pieces.size(); ++c) {
+    const fusion::SurfacePiece& piece = surface.pieces[c];
+    out.cubes.push_back(piece.cube);
+    std::fill_n(of_vertex.begin() + piece.first_vertex, piece.vertices, c);
+  }
+  out.triangles.resize(out.cubes.size());
+  std::uint32_t piece = 0;
+  for (std::uint32_t t = 0; t < mesh.triangles.size(); ++t) {
+    while (piece < surface.pieces.size() &&
+           t >= surface.pieces[piece].first_triangle + surface.pieces[piece].triangles)
+      ++piece;
+    const auto& [a, b, c] = mesh.triangles[t];
+    out.chunk[t] = piece < surface.pieces.size()
+                       ? piece
+                       : std::min({of_vertex[a], of_vertex[b], of_vertex[c]});
+    out.triangles[out.chunk[t]].push_back(t);
+  }
+  return out;
+}
+
+Result<std::vector<StillChunk>> StillSurface::update(const ImageDepth& still, const Camera& camera,
+                                                     const Pose& T_world_camera,
+                                                     const Precision& precision) {
+  fusion::IntegrateReport report;
+  fusion::Surface& surface = fuser_.fuse({.depth = still,
+                                          .camera = camera,
+                                          .T_world_camera = T_world_camera,
+                                          .region = {0, 0, still.width, still.height},
+                                          .precision = precision},
+                                         &report);
+  if (!report.usable)
+    return Error{Error::Cause::invalid, "the still picture's camera or pose cannot be used"};
+  kit::close_pinholes(surface.mesh, kStillPinhole_voxels * scene_->voxel_m);
+  const Labelled all = by_cube(surface, surface.mesh);
+
+  std::map<Vec3i, std::uint64_t> fused;
+  std::vector<std::uint64_t> hashes(all.cubes.size());
+  parallel_for(hashes.size(), 1, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t c = begin; c < end; ++c) hashes[c] = hash_of(all.mesh, all.triangles[c]);
+  });
+  std::vector<std::uint32_t> changed;
+  for (std::uint32_t c = 0; c < all.cubes.size(); ++c) {
+    fused[all.cubes[c]] = hashes[c];
+    const auto before = fused_.find(all.cubes[c]);
+    if (before == fused_.end() || before->second != hashes[c]) changed.push_back(c);
+  }
+  std::vector<std::optional<Result<StillChunk>>> made(changed.size());
+  parallel_for(changed.size(), 1, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t i = begin; i < end; ++i) made[i] = decimate(all, changed[i]);
+  });
+  std::vector<StillChunk> out;
+  for (auto& chunk : made) {
+    if (!chunk->ok()) return chunk->error();
+    out.push_back(std::move(**chunk));
+  }
+  for (const auto& [cube, hash] : fused_)
+    if (!fused.contains(cube)) out.push_back({cube, {}, 0});
+  std::ranges::sort(out, {}, &StillChunk::cube);
+  fused_ = std::move(fused);
+  return out;
+}
+
+/// With the neighbours' triangles near its lines, which are simplified alike from both sides.
+Result<StillChunk> StillSurface::decimate(const Labelled& all, std::uint32_t chunk) const {
+  const Mesh& mesh = all.mesh;
+  std::unordered_map<std::uint32_t, std::uint32_t> index;  // vertex → in `near`
+  Mesh near;
+  std::vector<std::uint32_t> labels;
+  const auto add = [&](std::uint32_t t) {
+    Triangle& triangle = near.triangles.emplace_back(mesh.triangles[t]);
+    for (std::uint32_t& v : triangle) {
+      const auto [at, is_new] = index.try_emplace(v, static_cast<std::uint32_t>(index.size()));
+      if (is_new) near.positions.push_back(mesh.positions[v]);
+      v = at->second;
+    }
+    labels.push_back(all.chunk[t]);
+  };
+  std::vector<std::uint32_t> around;  // triangles of the neighbours
+  const Vec3i cube = all.cubes[chunk];
+  for (std::uint32_t c = 0; c < all.cubes.size(); ++c) {
+    const Vec3i d = all.cubes[c] - cube;
+    if (c != chunk && std::max({std::abs(d.x), std::abs(d.y), std::abs(d.z)}) <= 1)
+      around.insert(around.end(), all.triangles[c].begin(), all.triangles[c].end());
+  }
+  for (const std::uint32_t t : all.triangles[chunk]) add(t);
+  for (int ring = 0; ring < kRingsAround; ++ring) {
+    const std::size_t known = index.size();
+    std::vector<std::uint32_t> rest;
+    for (const std::uint32_t t : around) {
+      const bool touches = std::ranges::any_of(mesh.triangles[t], [&](std::uint32_t v) {
+        const auto at = index.find(v);
+        return at != index.end() && at->second < known;
+      });
+      touches ? add(t) : rest.push_back(t);
+    }
+    around = std::move(rest);
+  }
+
+  auto small = simplify::simplify(
+      near, {.error_m = static_cast<float>(kStillError_voxels * scene_->voxel_m),
+             .chunks = labels});
+  if (!small) return small.error();
+  std::vector<std::uint8_t> own(small->mesh.triangles.size()), on_line(small->mesh.positions.size());
+  for (std::size_t t = 0; t < own.size(); ++t) {
+    own[t] = small->chunks[t] == chunk;
+    if (!own[t])
+      for (const std::uint32_t v : small->mesh.triangles[t]) on_line[v] = 1;
+  }
+  std::vector<std::uint8_t> own_on_line;  // of the vertices that stay, in order of first use
+  std::vector<std::uint8_t> seen(on_line.size());
+  for (std::size_t t = 0; t < own.size(); ++t)
+    if (own[t])
+      for (const std::uint32_t v : small->mesh.triangles[t])
+        if (!std::exchange(seen[v], std::uint8_t{1})) own_on_line.push_back(on_line[v]);
+  Mesh whole = without_small_parts(select_triangles(small->mesh, own), own_on_line,
+                                   merge::island_area_m2(scene_->voxel_m));
+  auto snapped = codec::snap_to_lattice(whole, scene_->lattice);
+  if (!snapped) return snapped.error();
+  return StillChunk{cube, kit::without_nonmanifold_edges(*snapped), small->error_m};
+}
+
+}  // namespace mr::node

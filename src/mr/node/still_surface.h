@@ -1,0 +1,58 @@
+#pragma once
+
+#include <cstdint>
+#include <map>
+#include <optional>
+#include <utility>
+#include <vector>
+
+#include "mr/core/camera.h"
+#include "mr/core/image.h"
+#include "mr/core/mesh.h"
+#include "mr/core/pose.h"
+#include "mr/core/result.h"
+#include "mr/core/scene.h"
+#include "mr/fusion/fuse.h"
+
+namespace mr::node {
+
+/// One cube of a still surface that is another than before.
+struct StillChunk {
+  Vec3i cube;
+  Mesh mesh;  ///< decimated, on the lattice; empty: nothing is left of it
+  float error_m = 0;
+};
+
+/// The surface of a sensor's still picture (still::Background), chunk by chunk. A chunk is
+/// decimated on its own to an error limit, with the lines to its neighbours fixed, so it follows
+/// from its own part of the fused surface alone: a change makes the chunks that it touches anew, and
+/// they fit the others.
+class StillSurface {
+ public:
+  /// The scene must outlive this.
+  explicit StillSurface(const Scene& scene);
+
+  /// Takes a cleaned still picture. Returns the chunks that changed, by cube. Deterministic; the
+  /// same on any number of threads.
+  Result<std::vector<StillChunk>> update(const ImageDepth& still, const Camera& camera,
+                                         const Pose& T_world_camera, const Precision& precision);
+
+  /// How many there are.
+  std::size_t chunks() const { return fused_.size(); }
+
+ private:
+  struct Labelled {
+    const Mesh& mesh;
+    std::vector<std::uint32_t> chunk;  ///< [T] place in `cubes`
+    std::vector<Vec3i> cubes;
+    std::vector<std::vector<std::uint32_t>> triangles;  ///< [cubes]
+  };
+  static Labelled by_cube(const fusion::Surface& surface, const Mesh& mesh);
+  Result<StillChunk> decimate(const Labelled& all, std::uint32_t chunk) const;
+
+  const Scene* scene_;
+  fusion::FrameFuser fuser_;
+  std::map<Vec3i, std::uint64_t> fused_;  ///< hash of each chunk's part of the fused surface
+};
+
+}  // namespace mr::node

@@ -1,0 +1,120 @@
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include "mr/core/camera.h"
+#include "mr/core/image.h"
+#include "mr/core/packet.h"
+#include "mr/core/pose.h"
+
+namespace mr::still {
+
+struct BackgroundConfig {
+  Precision precision;   ///< of the sensor; noise may be up to four times that
+  double fps = 30;       ///< captures per second
+  double after_s = 5;    ///< what stopped becomes part of the room after so long
+  double chunk_m = 1.28; ///< the still picture changes cube by cube of this grid
+};
+
+/// What one capture says.
+struct Moment {
+  ImageMask moving;     ///< [H, W] what must be reconstructed from this very capture
+  ImageMask confirmed;  ///< [H, W] the still surface is measured here now
+  bool still_changed = false;  ///< Background::still() is another picture than before
+  bool began_anew = false;     ///< most of what was known does not hold: the camera was pushed
+};
+
+/// What a sensor that stands still knows about the room behind all that moves (DESIGN section 9):
+/// for each pixel of its depth picture the distance of the surface that stays, learnt from captures
+/// that agree, and what stopped in front of it ("absorbed"). Counts captures, never time, so the
+/// same captures give the same bytes. Takes every capture, also those that are not reconstructed.
+///
+///   unknown ──8 captures agree (the start; just uncovered), 60 or after_s else──▶ base
+///   base ──5 farther captures agree, 30 pixels together──▶ unknown, and learnt anew
+///   base ──nearer for after_s──▶ absorbed in front of it ──moves again──▶ base
+///
+/// `still()` is frozen: a pixel of it changes only together with the others of its cube, so that
+/// a chunk of the still surface depends on bits that do not change.
+class Background {
+ public:
+  /// Of an undistorted depth camera that does not move.
+  Background(const Camera& camera, const Pose& T_world_camera, const BackgroundConfig& config);
+
+  /// `depth`: as measured (not cleaned), of the camera's size. Parallel; the same result on any
+  /// number of threads.
+  Moment update(const ImageDepth& depth);
+
+  /// Forgets everything.
+  void begin_anew();
+
+  /// Mean depth of what stays, 0 where that is not known.
+  const ImageDepth& still() const { return still_; }
+
+  /// How much noisier the depth is than `precision` says, from the median change between captures;
+  /// 1 .. 4.
+  float noise() const { return noise_; }
+  std::uint64_t captures() const { return captures_; }
+
+ private:
+  /// A surface that one pixel sees: the mean of so many readings.
+  struct Surface {
+    float mean = 0;
+    std::uint16_t count = 0;  ///< 0: none
+  };
+  /// What is known about one pixel.
+  struct Pixel {
+    Surface base;       ///< the room
+    Surface absorbed;   ///< what stopped in front of it
+    Surface candidate;  ///< readings of late that agree with each other, but with neither
+    std::uint16_t region = 0;       ///< of `absorbed`: what was absorbed together
+    std::uint16_t frozen_count = 0; ///< readings behind still_
+    std::uint8_t shown_for = 0;     ///< captures since still_ has held it; up to kHandOver
+    bool uncovered = false;         ///< candidate: what was in front of it has just left
+    bool farther = false;           ///< candidate: lies behind what is known
+  };
+  struct Region {
+    std::uint32_t pixels = 0;
+    std::uint64_t since = 0;  ///< capture
+  };
+  enum class Reading : std::uint8_t { none, agrees, nearer, farther, unknown };
+
+  static Surface& known(Pixel& p) { return p.absorbed.count > 0 ? p.absorbed : p.base; }
+  static const Surface& known(const Pixel& p) {
+    return p.absorbed.count > 0 ? p.absorbed : p.base;
+  }
+
+  void measure_noise(const ImageDepth& depth);
+  void read_pixels(const ImageDepth& depth);
+  Reading read(float depth, Pixel& pixel) const;
+  void note_candidate(float depth, bool farther, Pixel& pixel) const;
+  void forget_contradicted();
+  void absorb_what_stopped();
+  void give_back_what_moves();
+  bool was_pushed();
+  bool is_slightly_nearer(const ImageDepth& depth, int x, int y) const;
+  ImageMask moving_pixels(const ImageDepth& depth) const;
+  ImageMask confirmed_pixels(const ImageDepth& depth, const ImageMask& moving) const;
+  bool freeze();
+
+  float sigma_m(float depth) const;
+  float band_m(float depth) const;
+  double least_region() const;
+  int captures_to_learn(const Pixel& p) const;
+  Vec3i cube_of(std::size_t pixel, float depth) const;
+
+  BackgroundConfig config_;
+  int width_, height_;
+  int after_captures_;
+  std::vector<Vec3f> rays_;  ///< [H·W] world direction per unit of depth
+  Vec3f eye_;
+  std::vector<Pixel> pixels_;     ///< [H·W]
+  std::vector<Reading> readings_; ///< [H·W] of this capture
+  ImageDepth still_, previous_;
+  std::vector<Region> regions_;  ///< [id], 0: none
+  std::uint64_t captures_ = 0;
+  int pushed_for_ = 0;  ///< captures in a row in which most disagreed
+  float noise_ = 1;
+};
+
+}  // namespace mr::still

@@ -1,0 +1,72 @@
+#include "mr/still/moving_pixels.h"
+
+#include <algorithm>
+#include <utility>
+#include <vector>
+
+#include "mr/still/regions.h"
+
+namespace mr::still {
+namespace {
+
+constexpr double kLeastPixels = 100;  // of a region, at 640x576
+constexpr double kLeastCore = 12;     // pixels all around which is strong
+constexpr int kReach_px = 24;         // of what comes along
+
+/// Whether all around a pixel is strong.
+bool is_core(const ImageMask& strong, int x, int y) {
+  for (int v = std::max(y - 1, 0); v <= std::min(y + 1, strong.height - 1); ++v)
+    for (int u = std::max(x - 1, 0); u <= std::min(x + 1, strong.width - 1); ++u)
+      if (!*strong.at(u, v)) return false;
+  return true;
+}
+
+ImageMask large_regions(const ImageMask& strong, double scale) {
+  const Regions regions = connected_regions(strong);
+  std::vector<std::uint32_t> core(regions.pixels.size());
+  for (int y = 0; y < strong.height; ++y)
+    for (int x = 0; x < strong.width; ++x)
+      if (*strong.at(x, y) && is_core(strong, x, y)) ++core[*regions.label.at(x, y)];
+  std::vector<std::uint8_t> stays(regions.pixels.size());
+  for (std::size_t r = 1; r < stays.size(); ++r)
+    stays[r] = regions.pixels[r] >= std::max(8.0, kLeastPixels * scale) &&
+               core[r] >= std::max(1.0, kLeastCore * scale);
+  ImageMask out(strong.width, strong.height);
+  for (std::size_t i = 0; i < out.data.size(); ++i) out.data[i] = stays[regions.label.data[i]];
+  return out;
+}
+
+/// Adds the pixels that satisfy `joins(x, y)` and lie within reach of the mask through others that
+/// do.
+template <typename Joins>
+void grow(ImageMask& mask, const Joins& joins) {
+  std::vector<std::pair<int, int>> front, next;
+  const auto touch = [&](int x, int y) {
+    if (!mask.contains(x, y) || *mask.at(x, y) || !joins(x, y)) return;
+    *mask.at(x, y) = 2;
+    next.emplace_back(x, y);
+  };
+  const auto touch_around = [&](int x, int y) {
+    touch(x - 1, y), touch(x + 1, y), touch(x, y - 1), touch(x, y + 1);
+  };
+  for (int y = 0; y < mask.height; ++y)
+    for (int x = 0; x < mask.width; ++x)
+      if (*mask.at(x, y) == 1) touch_around(x, y);
+  for (int step = 1; step < kReach_px && !next.empty(); ++step) {
+    front = std::exchange(next, {});
+    for (const auto& [x, y] : front) touch_around(x, y);
+  }
+  for (std::uint8_t& m : mask.data) m = m != 0;
+}
+
+}  // namespace
+
+ImageMask moving_regions(const ImageMask& strong, const ImageMask& no_depth,
+                         const std::function<bool(int, int)>& is_weak, double scale) {
+  ImageMask mask = large_regions(strong, scale);
+  grow(mask, is_weak);
+  grow(mask, [&](int x, int y) { return *no_depth.at(x, y) != 0; });
+  return mask;
+}
+
+}  // namespace mr::still

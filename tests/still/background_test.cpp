@@ -1,0 +1,259 @@
+#include "mr/still/background.h"
+
+#include <gtest/gtest.h>
+
+#include "still/room.h"
+
+namespace mr {
+namespace {
+
+using still::Background;
+using still::Moment;
+using test::kAll;
+using test::Room;
+using test::share;
+using test::share_at;
+
+constexpr Rect kPerson{60, 30, 40, 80};
+
+/// Lets captures go by; the last moment. `changes`: how often the still picture changed.
+Moment watch(Background& background, Room& room, int captures, int* changes = nullptr) {
+  Moment out;
+  for (int i = 0; i < captures; ++i) {
+    out = background.update(room.capture());
+    if (changes) *changes += out.still_changed;
+    EXPECT_FALSE(out.began_anew) << "capture " << background.captures();
+  }
+  return out;
+}
+
+TEST(Background, StillRoomIsLearntAndThenNeverChanges) {
+  Room room;
+  Background background = Room::background();
+  EXPECT_EQ(share(background.update(room.capture()).moving, kAll), 1);  // as quick as ever
+  EXPECT_EQ(share(watch(background, room, 30).moving, kAll), 0);
+  EXPECT_GT(share_at(background.still(), kAll, 3, 0.01f), 0.999);
+  watch(background, room, 69);
+  int changes = 0;
+  double moving = 0;
+  for (int i = 0; i < 200; ++i) {
+    const Moment moment = watch(background, room, 1, &changes);
+    moving += share(moment.moving, kAll);
+    EXPECT_GT(share(moment.confirmed, kAll), 0.99);
+  }
+  EXPECT_EQ(changes, 0);
+  EXPECT_EQ(moving, 0);
+}
+
+TEST(Background, StillPictureIsMoreExactThanOneCapture) {
+  Room room;
+  Background background = Room::background();
+  watch(background, room, 100);
+  double sum2 = 0, one2 = 0;
+  const ImageDepth one = room.capture();
+  for (std::size_t i = 0; i < one.data.size(); ++i) {
+    sum2 += std::pow(background.still().data[i] - 3, 2);
+    one2 += std::pow(one.data[i] - 3, 2);
+  }
+  EXPECT_LT(sum2, one2 / 16);  // a quarter of the noise
+}
+
+TEST(Background, WhoWalksByMovesAndLeavesNothing) {
+  Room room;
+  Background background = Room::background();
+  watch(background, room, 60);
+  const ImageDepth before = background.still();
+  for (int i = 0; i < 60; ++i) {
+    room.boxes = {{{i * 2, 30, 40, 80}, 2}};
+    const Moment moment = background.update(room.capture());
+    const Rect inside{i * 2 + 1, 31, std::min(38, Room::kWidth - i * 2 - 2), 78};
+    EXPECT_GT(share(moment.moving, inside), 0.99) << i;
+    EXPECT_NEAR(share(moment.moving, kAll), share(moment.moving, {i * 2, 30, std::min(40, Room::kWidth - i * 2), 80}) * std::min(40, Room::kWidth - i * 2) * 80 / (160.0 * 120), 0.01);
+  }
+  room.boxes.clear();
+  EXPECT_EQ(share(watch(background, room, 1).moving, kAll), 0);  // the wall is known
+  EXPECT_GT(share_at(background.still(), kAll, 3, 0.01f), 0.999);
+  watch(background, room, 20);
+  for (std::size_t i = 0; i < before.data.size(); ++i)
+    EXPECT_NEAR(background.still().data[i], before.data[i], 0.01);
+}
+
+TEST(Background, FeetOnTheFloorBelongToWhoWalks) {
+  Room room;
+  Background background = Room::background();
+  watch(background, room, 60);
+  const float foot_m = 3 - 2.0f * static_cast<float>(room.precision.sigma_m(3));
+  room.boxes = {{{60, 30, 40, 50}, 2}, {{60, 80, 40, 4}, foot_m}};
+  double foot = 0;
+  for (int i = 0; i < 20; ++i)
+    foot += share(background.update(room.capture()).moving, {60, 80, 40, 4}) / 20;
+  EXPECT_GT(foot, 0.55);  // grown from what is clearly nearer
+  room.boxes.erase(room.boxes.begin());
+  EXPECT_EQ(share(watch(background, room, 1).moving, kAll), 0);
+}
+
+TEST(Background, WhoWasThereAtTheStartIsForgottenWhenTheyLeave) {
+  Room room;
+  room.boxes = {{kPerson, 2}};
+  Background background = Room::background();
+  watch(background, room, 60);
+  EXPECT_GT(share_at(background.still(), kPerson, 2), 0.99);
+  room.boxes.clear();
+  const Moment moment = watch(background, room, 8);
+  EXPECT_GT(share_at(background.still(), {62, 32, 36, 76}, 2), -1);
+  watch(background, room, 20);
+  EXPECT_GT(share_at(background.still(), kPerson, 3), 0.98);
+  EXPECT_EQ(share(watch(background, room, 10).moving, kAll), 0);
+}
+
+TEST(Background, RemovalIsNoticedWithinHalfASecond) {
+  Room room;
+  room.boxes = {{{20, 20, 20, 20}, 2.5f}};
+  Background background = Room::background();
+  watch(background, room, 100);
+  room.boxes.clear();  // a box is carried away
+  watch(background, room, 15);
+  EXPECT_EQ(share_at(background.still(), {20, 20, 20, 20}, 2.5f), 0);
+}
+
+TEST(Background, WhoSitsForAMinuteIsAbsorbedAndLeavesNoShell) {
+  Room room;
+  Background background = Room::background();
+  watch(background, room, 60);
+  room.boxes = {{kPerson, 2}};
+  EXPECT_GT(share(watch(background, room, 100).moving, kPerson), 0.99);
+  watch(background, room, 100);  // over five seconds
+  EXPECT_GT(share_at(background.still(), kPerson, 2), 0.98);
+  EXPECT_LT(share(watch(background, room, 12).moving, kPerson), 0.02);
+  room.boxes[0].at.x += 30;  // gets up
+  watch(background, room, 2);
+  int left = 0;
+  for (int i = 0; i < 16; ++i) {
+    watch(background, room, 1);
+    left = share_at(background.still(), {60, 30, 30, 80}, 2) > 0 ? i : left;
+  }
+  EXPECT_LT(left, 10);
+  EXPECT_GT(share_at(background.still(), {60, 30, 30, 80}, 3), 0.98);
+}
+
+TEST(Background, WhatSitsForLongerIsForgottenToo) {
+  Room room;
+  Background background = Room::background(1);
+  watch(background, room, 60);
+  room.boxes = {{kPerson, 2}};
+  watch(background, room, 70 * 30);
+  EXPECT_GT(share_at(background.still(), kPerson, 2), 0.98);
+  room.boxes.clear();
+  watch(background, room, 24);
+  EXPECT_GT(share_at(background.still(), kPerson, 3), 0.98);
+}
+
+TEST(Background, ChairThatIsMovedStandsWhereItIsNow) {
+  Room room;
+  room.boxes = {{{30, 60, 30, 40}, 2.5f}};
+  Background background = Room::background(2);
+  watch(background, room, 90);
+  room.boxes[0].at.x = 90;
+  const Moment moment = watch(background, room, 20);
+  EXPECT_GT(share(moment.moving, {91, 61, 28, 38}), 0.99);
+  EXPECT_GT(share_at(background.still(), {30, 60, 30, 40}, 3), 0.98);
+  watch(background, room, 60);
+  EXPECT_GT(share_at(background.still(), {90, 60, 30, 40}, 2.5f), 0.98);
+}
+
+TEST(Background, DepthThatDropsOutChangesNothing) {
+  Room room;
+  Background background = Room::background();
+  watch(background, room, 60);
+  const ImageDepth before = background.still();
+  for (int i = 0; i < 90; ++i) {
+    const Moment moment = background.update(ImageDepth(Room::kWidth, Room::kHeight));
+    EXPECT_EQ(share(moment.moving, kAll), 0);
+    EXPECT_EQ(share(moment.confirmed, kAll), 0);
+    EXPECT_FALSE(moment.began_anew);
+  }
+  EXPECT_EQ(share(watch(background, room, 1).moving, kAll), 0);
+  EXPECT_EQ(background.still(), before);
+}
+
+TEST(Background, PushedCameraBeginsAnewAndSaysSo) {
+  Room room;
+  for (int x = 0; x < 8; ++x) room.boxes.push_back({{x * 20, 0, 20, 120}, 2 + 0.1f * float(x)});
+  Background background = Room::background();
+  watch(background, room, 60);
+  for (auto& box : room.boxes) box.at.x += 10, box.depth_m += box.at.x % 40 < 20 ? 0.1f : -0.1f;
+  int told = 0;
+  for (int i = 0; i < 40; ++i) told += background.update(room.capture()).began_anew;
+  EXPECT_EQ(told, 1);
+  EXPECT_EQ(share(watch(background, room, 1).moving, kAll), 0);
+  EXPECT_GT(share_at(background.still(), {30, 0, 20, 120}, room.boxes[1].depth_m), 0.9);
+}
+
+TEST(Background, SomebodyBeforeTheCameraIsNoPush) {
+  Room room;
+  Background background = Room::background();
+  watch(background, room, 60);
+  room.boxes = {{{10, 0, 140, 120}, 0.6f}};
+  const Moment moment = watch(background, room, 60);
+  EXPECT_GT(share(moment.moving, {11, 1, 138, 118}), 0.99);
+}
+
+TEST(Background, NoiseTwiceWhatIsSaidIsMeasured) {
+  Room room;
+  room.noise = 2;
+  Background background = Room::background();
+  watch(background, room, 100);
+  EXPECT_NEAR(background.noise(), 2, 0.3);
+  int changes = 0;
+  double moving = 0;
+  for (int i = 0; i < 100; ++i) moving += share(watch(background, room, 1, &changes).moving, kAll);
+  EXPECT_LE(changes, 5);  // of some 13 chances: the picture was not as exact yet as it can be
+  EXPECT_LT(moving / 100, 0.002);
+  EXPECT_GT(share_at(background.still(), kAll, 3), 0.995);
+}
+
+TEST(Background, WhereAllMovesNothingIsKept) {
+  Room room;
+  Background background = Room::background();
+  for (int i = 0; i < 100; ++i) {
+    room.wall_m = 3 + 0.5f * std::sin(0.5f * static_cast<float>(i));
+    EXPECT_GT(share(background.update(room.capture()).moving, kAll), 0.9) << i;
+  }
+}
+
+TEST(Background, SingleFlipsAtDepthEdgesDoNothing) {
+  Room room;
+  room.boxes = {{{0, 0, 80, 120}, 2}};
+  Background background = Room::background();
+  int changes = 0;
+  std::mt19937 random(3);
+  for (int i = 0; i < 300; ++i) {
+    ImageDepth depth = room.capture();
+    for (int y = 0; y < Room::kHeight; ++y) {  // either of the two surfaces
+      if (random() % 3 == 0) *depth.at(79, y) = *depth.at(82, y);
+      if (random() % 3 == 0) *depth.at(80, y) = *depth.at(70, y);
+    }
+    const Moment moment = background.update(depth);
+    if (i < 100) continue;
+    changes += moment.still_changed;
+    EXPECT_LT(share(moment.moving, kAll), 0.001);
+  }
+  EXPECT_LE(changes, 4);  // of 25 chances; regions are smallest in a picture as small as this
+}
+
+TEST(Background, SameCapturesGiveTheSameOnAnyNumberOfThreads) {
+  const auto run = [] {
+    Room room;
+    Background background = Room::background(1);
+    std::vector<ImageDepth> out;
+    for (int i = 0; i < 60; ++i) {
+      room.boxes = {{{i, 30, 40, 80}, 2}};
+      background.update(room.capture());
+    }
+    return background.still();
+  };
+  EXPECT_EQ(run(), run());
+}
+
+}  // namespace
+}  // namespace mr
