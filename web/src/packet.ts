@@ -1,4 +1,6 @@
 import { FlatBuffer, Malformed, require, Table, type Span } from "./bytes.ts";
+import { kMoving, kStill, type Layer } from "./layers.ts";
+import type { Vec3 } from "./vec.ts";
 
 /** docs/wire-format.md, schema/packet.fbs. */
 
@@ -41,9 +43,6 @@ export interface Rect {
   readonly height: number;
 }
 
-/** Of two surfaces: what is made anew with every capture, and what stays until something of it changes. */
-export type Layer = "moving" | "still";
-
 /** Names one content for ever; `name` is the same as text. */
 export interface ChunkKey {
   readonly x: number;
@@ -84,7 +83,7 @@ export interface View {
   /** Of the chunks that it textures. */
   readonly layer: Layer;
   /** The shown sRGB value is the decoded one times this, channel by channel. */
-  readonly gain: readonly [number, number, number];
+  readonly gain: Vec3;
 }
 
 export interface EncodedChunk {
@@ -368,7 +367,7 @@ export function writeRequest({ chunks, keyFrames, wholeHead }: Wanted): Uint8Arr
   view.setUint32(8, asked.length, true);
   view.setUint32(12, streams.length, true);
   asked.forEach((key, i) => {
-    const fields = [key.x, key.y, key.z, key.source, key.layer === "still" ? 1 : 0, key.level, key.version];
+    const fields = [key.x, key.y, key.z, key.source, key.layer, key.level, key.version];
     fields.forEach((value, n) => view.setUint32(16 + kKeyBytes * i + 4 * n, value, true));
   });
   streams.forEach((stream, i) => view.setUint32(16 + kKeyBytes * asked.length + 4 * i, stream, true));
@@ -385,8 +384,8 @@ function time(ns: bigint): bigint {
 }
 
 function readLayer(value: number): Layer {
-  require(value <= 1, "an unknown layer");
-  return value === 1 ? "still" : "moving";
+  require(value <= kStill, "an unknown layer");
+  return value === kStill ? kStill : kMoving;
 }
 
 function readKey(buffer: FlatBuffer, at: number): ChunkKey {
@@ -398,7 +397,7 @@ function readKey(buffer: FlatBuffer, at: number): ChunkKey {
   const layer = readLayer(view.getUint32(at + 16, true));
   const level = view.getUint32(at + 20, true);
   const version = view.getUint32(at + 24, true);
-  const name = `${x},${y},${z},${source},${layer === "still" ? 1 : 0},${level},${version}`;
+  const name = `${x},${y},${z},${source},${layer},${level},${version}`;
   return { x, y, z, source, layer, level, version, name };
 }
 
@@ -407,7 +406,7 @@ function isBefore(a: ChunkKey, b: ChunkKey): boolean {
   if (a.y !== b.y) return a.y < b.y;
   if (a.z !== b.z) return a.z < b.z;
   if (a.source !== b.source) return a.source < b.source;
-  if (a.layer !== b.layer) return a.layer === "moving";
+  if (a.layer !== b.layer) return a.layer < b.layer;
   if (a.level !== b.level) return a.level < b.level;
   return a.version < b.version;
 }
@@ -452,7 +451,7 @@ function viewKey(view: { readonly id: number; readonly layer: Layer }): string {
 }
 
 function isViewBefore(a: View, b: View): boolean {
-  return a.id !== b.id ? a.id < b.id : a.layer === "moving" && b.layer === "still";
+  return a.id !== b.id ? a.id < b.id : a.layer < b.layer;
 }
 
 function readViewKeys(table: Table, field: number): string[] {
@@ -664,7 +663,7 @@ function requireTilesInTextures(views: readonly View[], textures: readonly Textu
   }
 }
 
-function readGain(table: Table): readonly [number, number, number] {
+function readGain(table: Table): Vec3 {
   const at = table.optionalStruct(15, 12);
   if (at === 0) return [1, 1, 1];
   const [r, g, b] = numbers({ at, count: 3 }, 4, (n) => table.buffer.view.getFloat32(n, true));

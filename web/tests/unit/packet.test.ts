@@ -33,7 +33,7 @@ test("the golden packet of the C++ side reads", () => {
   assert.deepEqual(packet.manifest.map((key) => key.name), [
     "-1,2,3,4294967295,0,0,7", "0,0,0,1,0,0,8", "0,0,0,1,0,2,1", "0,0,0,1,1,0,1",
   ]);
-  assert.deepEqual(packet.manifest.map((key) => key.layer), ["moving", "moving", "moving", "still"]);
+  assert.deepEqual(packet.manifest.map((key) => key.layer), [0, 0, 0, 1]);
   const [chunk] = packet.chunks;
   assert.equal(packet.chunks.length, 1);
   assert.equal(chunk!.key.name, "0,0,0,1,0,2,1");
@@ -53,10 +53,10 @@ test("the golden packet of the C++ side reads", () => {
     id: 5, kind: "equirectangular", width: 1280, height: 720, fx: 600, fy: 601, cx: 640, cy: 360.5, pose,
     imageRect: { x: 10, y: 20, width: 1200, height: 700 },
     atlasRect: { x: 16, y: 32, width: 600, height: 350 },
-    gutterPx: 2.5, stream: 9, layout: 3, layer: "moving", gain: [1, 1, 1],
+    gutterPx: 2.5, stream: 9, layout: 3, layer: 0, gain: [1, 1, 1],
   });
   const { stream, layer, gain } = packet.views[2]!;
-  assert.deepEqual({ stream, layer, gain }, { stream: 10, layer: "still", gain: [0.5, 1.25, 2] });
+  assert.deepEqual({ stream, layer, gain }, { stream: 10, layer: 1, gain: [0.5, 1.25, 2] });
 });
 
 test("packets that build on another are put together", () => {
@@ -78,9 +78,9 @@ test("packets that build on another are put together", () => {
   ]);
   assert.deepEqual(last.chunks.map((chunk) => chunk.key.name), ["1,0,0,4294967295,1,2,9"]);
   assert.deepEqual(last.views.map(({ id, layer, gain, stream }) => ({ id, layer, gain, stream })), [
-    { id: 0, layer: "moving", gain: [1, 1, 1], stream: 0 },
-    { id: 1, layer: "moving", gain: [1, 1, 1], stream: 0 },
-    { id: 1, layer: "still", gain: [0.5, 1, 2], stream: 1 },
+    { id: 0, layer: 0, gain: [1, 1, 1], stream: 0 },
+    { id: 1, layer: 0, gain: [1, 1, 1], stream: 0 },
+    { id: 1, layer: 1, gain: [0.5, 1, 2], stream: 1 },
   ]);
   assert.deepEqual([...last.streams], [[0, 2], [1, 0]]);
   assert.equal(last.plan.textureQp, 31);

@@ -5,7 +5,7 @@ import { Receiver } from "../../src/receiver.ts";
 
 function key(x: number, version = 0): ChunkKey {
   return {
-    x, y: 0, z: 0, source: 0xffffffff, layer: "moving", level: 0, version, name: `${x},0,0,4294967295,0,0,${version}`,
+    x, y: 0, z: 0, source: 0xffffffff, layer: 0, level: 0, version, name: `${x},0,0,4294967295,0,0,${version}`,
   };
 }
 function chunk(of: ChunkKey): EncodedChunk {
@@ -19,7 +19,7 @@ function view(layout = 0, stream = 0): View {
     id: stream, kind: "pinhole", width: 16, height: 16, fx: 16, fy: 16, cx: 8, cy: 8,
     pose: { rotation: [1, 0, 0, 0, 1, 0, 0, 0, 1], translation: [0, 0, 0] },
     imageRect: { x: 0, y: 0, width: 16, height: 16 }, atlasRect: { x: 0, y: 0, width: 16, height: 16 },
-    gutterPx: 2, stream, layout, layer: "moving", gain: [1, 1, 1],
+    gutterPx: 2, stream, layout, layer: 0, gain: [1, 1, 1],
   };
 }
 /** A packet whose unit of stream 0 has its sequence for a serial. */
@@ -115,7 +115,7 @@ test("a gap without a lost unit changes nothing", () => {
 
 test("a stream whose last unit was lost waits, though nothing follows", () => {
   const client = new Client();
-  const plate = { ...view(0, 1), layer: "still" as const };
+  const plate = { ...view(0, 1), layer: 1 as const };
   const both = { views: [view(), plate] };
   client.give({
     ...first(), ...both, textures: [unit(true, 1), unit(true, 7, 0, 1)], streams: new Map([[0, 1], [1, 7]]),
