@@ -4,11 +4,15 @@
 
 #include <algorithm>
 #include <cstdio>
-#include <deque>
+#include <cstdlib>
+#include <filesystem>
+#include <functional>
 #include <map>
+#include <optional>
 #include <random>
 
 #include "mr/codec/coalesce.h"
+#include "mr/core/file.h"
 
 namespace mr::codec {
 namespace {
@@ -234,6 +238,47 @@ TEST(Head, WhatDoesNotFitItsBaseIsRefused) {
     m.textures = {unit(0, 1, true)};
     m.textures[0].width = 1024;
   })) << "a view's tile outside its texture";
+}
+
+/// What a node sends after its start: the base thrice, times only, then some of everything.
+std::vector<std::vector<std::byte>> golden_packets() {
+  HeadWriter writer;
+  std::vector<std::vector<std::byte>> out;
+  Packet p = still_room(2, 3);
+  p.textures = {unit(0, 1, true)};
+  const auto write = [&] {
+    advance(p);
+    out.push_back(writer.write(p));
+    p.textures.clear();
+  };
+  for (int i = 0; i < 4; ++i) write();
+  p.manifest = {{{{0, 0, 0}}, 0, 1}, {{{1, 0, 0}, kMergedSource, Layer::still}, 2, 9}, {{{2, 0, 0}}, 0, 1}};
+  p.chunks = {payload(p.manifest[1])};
+  p.views.push_back(p.views[1]);
+  p.views[2].layer = Layer::still, p.views[2].gain = {0.5f, 1, 2}, p.views[2].stream = 1;
+  p.sources[0].confirmed_depth = {64, 10, 9, std::vector<std::uint8_t>(90, 1)};
+  p.sources[1].precision.base_m = 0.005;
+  p.textures = {unit(0, 2), unit(1, 0, true)};
+  p.plan.texture_qp = 31;
+  p.marks.pop_back();
+  write();
+  return out;
+}
+
+TEST(Head, GoldenBytesOfVersionTwo) {
+  const auto file = std::filesystem::path(MR_SOURCE_DIR) / "tests/data/packets_v2.bin";
+  std::vector<std::byte> all;  // each after its length, 32 bits
+  for (const auto& bytes : golden_packets()) {
+    const auto size = static_cast<std::uint32_t>(bytes.size());
+    for (int i = 0; i < 4; ++i) all.push_back(static_cast<std::byte>(size >> (8 * i) & 0xFF));
+    all.insert(all.end(), bytes.begin(), bytes.end());
+  }
+  if (std::getenv("MR_UPDATE_GOLDEN") != nullptr) {
+    ASSERT_TRUE(write_file(file, all));
+  }
+  const auto golden = read_file(file);
+  ASSERT_TRUE(golden) << golden.error().message;
+  EXPECT_EQ(all, *golden) << "a change of format; see docs/wire-format.md";
 }
 
 /// A scene in which chunks, views and masks come, change and go.

@@ -160,8 +160,9 @@ TEST(Gatherer, QuietStreamsAreHandedOnWhenTheyGoOn) {
   codec::HeadWriter merger;
   codec::HeadReader heads;
   for (int i = 0; i < 200; ++i) {
-    const Packet packet = i == 0 || i % 70 == 69 ? sender.next(i == 0) : sender.quiet();
-    now = packet.captured_at;
+    Packet packet = i == 0 || i % 70 == 69 ? sender.next(i == 0) : sender.quiet();
+    now += milliseconds(100);
+    packet.captured_at = now;
     ASSERT_TRUE(inner.receive(0, packet, now));
     const auto gathered = inner.gather(now + milliseconds(60));
     ASSERT_TRUE(gathered && *gathered);

@@ -7,6 +7,7 @@
 #include <nlohmann/json.hpp>
 
 #include "mr/codec/mesh_codec.h"
+#include "mr/codec/head.h"
 #include "mr/codec/packet_codec.h"
 #include "mr/core/parallel.h"
 #include "mr/kit/image_io.h"
@@ -318,9 +319,10 @@ TEST_F(PipelineFromFiles, LossIsMendedByAKeyFrame) {
   node::SensorNode sensor(s, 0);
   node::MergeNode merger(s, s.mergers[0], true);
   TimePoint now{};
+  codec::HeadReader heads;
   const auto shown = [&] {  // the capture that the merger shows after one more packet
     now += std::chrono::milliseconds(40);
-    auto packet = codec::decode_packet(wall_packet(s, sensor));
+    auto packet = heads.read(wall_packet(s, sensor));
     packet->captured_at = now;
     EXPECT_TRUE(merger.inputs().receive(0, codec::encode_packet(*packet), now));
     serve(merger, sensor, now);

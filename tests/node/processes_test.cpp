@@ -15,12 +15,13 @@
 #include <random>
 #include <thread>
 
+#include "mr/codec/head.h"
 #include "mr/codec/packet_codec.h"
 #include "mr/codec/receiver.h"
 #include "mr/codec/request.h"
 #include "mr/core/scene.h"
 #include "mr/net/transport.h"
-#include "mr/node/live_node.h"
+#include "mr/node/coalesce_packets.h"
 #include "mr/node/node_clock.h"
 #include "support/free_port.h"
 #include "support/merging.h"
@@ -106,14 +107,16 @@ class Client {
  private:
   void take(const std::vector<std::byte>& bytes) {
     const std::lock_guard lock(mutex_);
-    auto packet = heads_.read(bytes);
-    if (!packet) return ask();
-    manifests_[node::wall_time()] = packet->manifest;
-    sequence_ = packet->sequence;
+    const auto sent = all_heads_.read(bytes);
+    if (!sent) return ask();
+    manifests_[node::wall_time()] = sent->manifest;
+    sequence_ = sent->sequence;
     if (std::uniform_real_distribution<>(0, 1)(random_) < loss_) {
       ++lost_;
       return;
     }
+    const auto packet = heads_.read(bytes);
+    if (!packet) return ask();
     ++packets_;
     receiver_.accept(*packet);
     note_whole();
@@ -123,9 +126,9 @@ class Client {
     codec::Request request;
     const auto now = Clock::now();
     const bool waiting = !receiver_.streams_waiting().empty() || packets_ == 0;
-    if ((waiting || heads_.lacks_base()) && now - key_asked_ > milliseconds(500)) {
+    if ((waiting || lacks_base()) && now - key_asked_ > milliseconds(500)) {
       request.key_frames = receiver_.streams_waiting();
-      request.whole_head = heads_.lacks_base();
+      request.whole_head = lacks_base();
       key_asked_ = now;
     }
     if (now - chunks_asked_ > milliseconds(100)) {
@@ -143,6 +146,7 @@ class Client {
           note_whole();
         });
   }
+  bool lacks_base() const { return all_heads_.lacks_base() || heads_.lacks_base(); }
   void note_whole() {
     const auto mesh = receiver_.mesh();
     if (!mesh) return;
@@ -154,7 +158,7 @@ class Client {
   const std::string node_;
   const double loss_;
   std::recursive_mutex mutex_;
-  codec::HeadReader heads_;
+  codec::HeadReader all_heads_, heads_;  // without the losses, with them
   codec::Receiver receiver_;
   std::mt19937 random_{7};
   std::uint64_t packets_ = 0, lost_ = 0;

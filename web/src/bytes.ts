@@ -126,6 +126,20 @@ export class Table {
     return at;
   }
 
+  has(index: number): boolean {
+    return this.field(index, 1) !== 0;
+  }
+
+  u16(index: number): number {
+    const at = this.field(index, 2);
+    return at === 0 ? 0 : this.buffer.view.getUint16(at, true);
+  }
+
+  /** Where a struct lies; 0 where it is absent. */
+  optionalStruct(index: number, size: number): number {
+    return this.field(index, size);
+  }
+
   table(index: number, what: string): Table {
     const at = this.field(index, 4);
     require(at !== 0, `${what} is missing`);
@@ -152,6 +166,15 @@ export class Table {
     return out;
   }
 
+  /** Strings of printable ASCII. */
+  names(index: number, most: number, longest: number, what: string): string[] {
+    const span = this.vector(index, 4, most, what);
+    const out: string[] = [];
+    for (let i = 0; i < span.count; ++i)
+      out.push(this.text(this.buffer.follow(span.at + 4 * i), longest, what));
+    return out;
+  }
+
   /** The bytes themselves, not a copy; at least one. */
   payload(index: number, what: string): Uint8Array {
     const span = this.vector(index, 1, this.buffer.bytes.byteLength, what);
@@ -161,11 +184,18 @@ export class Table {
 
   /** Printable ASCII. */
   name(index: number, most: number, what: string): string {
-    require(this.field(index, 4) !== 0, `${what} is missing`);
-    const span = this.vector(index, 1, most, `characters in ${what}`);
-    this.buffer.inside(span.at + span.count, 1);
-    require(this.buffer.bytes[span.at + span.count] === 0, `${what} does not end`);
-    const text = this.buffer.bytes.subarray(span.at, span.at + span.count);
+    const field = this.field(index, 4);
+    require(field !== 0, `${what} is missing`);
+    return this.text(this.buffer.follow(field), most, what);
+  }
+
+  private text(start: number, most: number, what: string): string {
+    const count = this.buffer.view.getUint32(start, true);
+    require(count <= most, `too many characters in ${what}`);
+    this.buffer.inside(start + 4, count + 1);
+    this.buffer.spend(count);
+    require(this.buffer.bytes[start + 4 + count] === 0, `${what} does not end`);
+    const text = this.buffer.bytes.subarray(start + 4, start + 4 + count);
     require(text.every((c) => c >= 0x20 && c <= 0x7e), `${what} is not printable ASCII`);
     return String.fromCharCode(...text);
   }

@@ -4,7 +4,7 @@ import { Connection, nowMs, type Hello, type LinkState } from "./connection.ts";
 import { DecodePool } from "./decode_pool.ts";
 import type { Lattice } from "./draco_chunk.ts";
 import {
-  kBackgroundSource, kindOf, readChunksAnswer, readPacket, writeRequest, type EncodedChunk, type Packet,
+  HeadReader, kBackgroundSource, kindOf, readChunksAnswer, writeRequest, type EncodedChunk, type Packet,
 } from "./packet.ts";
 import type { Picture } from "./picture.ts";
 import { Receiver, type Complete } from "./receiver.ts";
@@ -32,6 +32,7 @@ export class Client {
   private readonly connection: Connection;
   private readonly video: Video;
   private readonly pool: DecodePool;
+  private heads = new HeadReader();
   private receiver = new Receiver<RimmedMesh, Picture>();
   private lattice: Lattice | null = null;
   private generation = 0;
@@ -105,6 +106,7 @@ export class Client {
   }
 
   private forget(): void {
+    this.heads = new HeadReader();
     this.receiver = new Receiver();
     this.startAfresh();
   }
@@ -123,7 +125,7 @@ export class Client {
   private received(bytes: Uint8Array): boolean {
     try {
       if (kindOf(bytes) === "chunks") this.decode(this.receiver.provide(readChunksAnswer(bytes)));
-      else this.accept(readPacket(bytes), bytes);
+      else this.accept(this.heads.read(bytes), bytes);
       return true;
     } catch (error) {
       if (!(error instanceof Malformed)) throw error;
@@ -132,8 +134,13 @@ export class Client {
     }
   }
 
-  private accept(packet: Packet, bytes: Uint8Array): void {
+  private accept(packet: Packet | null, bytes: Uint8Array): void {
     if (this.hold && this.held !== null) return;
+    if (packet === null) {
+      this.complain("a packet whose base did not come");
+      this.ask();
+      return;
+    }
     const work = this.receiver.accept(packet);
     if (work === null) {
       this.connection.acknowledge(packet.sequence);
@@ -183,13 +190,14 @@ export class Client {
   private ask(): void {
     if (this.hold) return;
     const missing = this.receiver.missing();
-    const keyFrame = this.receiver.needsKeyFrame();
-    if (missing.length === 0 && !keyFrame) return;
+    const keyFrames = this.receiver.streamsWaiting();
+    const wholeHead = this.heads.lacksBase();
+    if (missing.length === 0 && keyFrames.length === 0 && !wholeHead) return;
     const wait = this.lastAskMs + kAskEveryMs - performance.now();
     clearTimeout(this.askTimer);
     this.askTimer = window.setTimeout(() => this.ask(), wait > 0 ? wait : kAskEveryMs);
     if (wait > 0) return;
     this.lastAskMs = performance.now();
-    this.connection.ask(writeRequest(missing, keyFrame));
+    this.connection.ask(writeRequest({ chunks: missing, keyFrames, wholeHead }));
   }
 }

@@ -1,4 +1,6 @@
 import { FlatBuffer, Malformed, require, Table, type Span } from "./bytes.ts";
+import { kMoving, kStill, type Layer } from "./layers.ts";
+import type { Vec3 } from "./vec.ts";
 
 /** docs/wire-format.md, schema/packet.fbs. */
 
@@ -17,8 +19,13 @@ const kLimits = {
   packetTriangles: 1 << 24,
   nameBytes: 256,
   marks: 1024,
+  maskTilePx: 256,
+  maskTiles: 1 << 26,
   requestChunks: 4096,
+  requestStreams: 1024,
+  mostGain: 16,
 };
+const kKeyBytes = 28;
 const kCenturies = 1n << 61n;
 const kFarthest = 1e8;
 const kRigidTolerance = 1e-3;
@@ -42,15 +49,20 @@ export interface ChunkKey {
   readonly y: number;
   readonly z: number;
   readonly source: number;
+  readonly layer: Layer;
   readonly level: number;
   readonly version: number;
   readonly name: string;
 }
 
-export interface Source {
+/** A sensor of a head, which says nothing about times. */
+interface Sensor {
   readonly sensor: number;
-  readonly capturedAtNs: bigint;
   readonly pose: Pose;
+}
+
+export interface Source extends Sensor {
+  readonly capturedAtNs: bigint;
 }
 
 export interface View {
@@ -68,6 +80,10 @@ export interface View {
   readonly gutterPx: number;
   readonly stream: number;
   readonly layout: number;
+  /** Of the chunks that it textures. */
+  readonly layer: Layer;
+  /** The shown sRGB value is the decoded one times this, channel by channel. */
+  readonly gain: Vec3;
 }
 
 export interface EncodedChunk {
@@ -80,6 +96,8 @@ export interface EncodedChunk {
 
 export interface TextureUnit {
   readonly stream: number;
+  /** Counts the stream's units. */
+  readonly serial: number;
   readonly layout: number;
   readonly width: number;
   readonly height: number;
@@ -106,6 +124,8 @@ export interface Packet {
   readonly manifest: readonly ChunkKey[];
   readonly chunks: readonly EncodedChunk[];
   readonly textures: readonly TextureUnit[];
+  /** The serial, by stream, of the unit whose picture belongs to the packet. */
+  readonly streams: ReadonlyMap<number, number>;
   readonly marks: readonly { readonly stage: string; readonly atNs: bigint }[];
   readonly coalesced: number;
 }
@@ -114,45 +134,213 @@ export interface Packet {
 export function kindOf(bytes: Uint8Array): "packet" | "chunks" {
   require(bytes.byteLength <= kLimits.packetBytes, "more than 64 MiB");
   switch (new FlatBuffer(bytes).identifier()) {
-    case "MRPK":
+    case "MRP2":
       return "packet";
-    case "MRCH":
+    case "MRC2":
       return "chunks";
     default:
       throw new Malformed("not one of our messages, or of another version");
   }
 }
 
-/** Reads and checks a packet. Payloads stay views of `bytes`. Throws Malformed and nothing else. */
+/** Most of a packet, as packets of one node have it in common. Lists are sorted. */
+interface Head {
+  readonly scene: string;
+  readonly node: string;
+  readonly plan: Plan;
+  readonly sources: readonly Sensor[];
+  readonly views: readonly View[];
+  readonly manifest: readonly ChunkKey[];
+  readonly streams: ReadonlyMap<number, number>;
+  readonly stages: readonly string[];
+}
+
+/** A head on which packets build, and which packet it was. */
+interface Base {
+  readonly epoch: number;
+  readonly sequence: number;
+  readonly head: Head;
+}
+
+/** Puts a node's packets together, each of which tells its difference to a base that some of them bring. */
+export class HeadReader {
+  private base: Base | null = null;
+  private lacking = false;
+
+  /** Whether the gateway should be asked for a whole head. */
+  lacksBase(): boolean {
+    return this.lacking;
+  }
+
+  /** Reads and checks a packet; null where its base did not come. Payloads stay views of `bytes`. Throws
+   *  Malformed and nothing else. */
+  read(bytes: Uint8Array): Packet | null {
+    require(kindOf(bytes) === "packet", "not a packet");
+    const root = new FlatBuffer(bytes).root();
+    const epoch = root.u32(0);
+    const exact = root.u64(1);
+    require(exact <= BigInt(Number.MAX_SAFE_INTEGER), "a sequence number beyond 2^53");
+    const sequence = Number(exact);
+    const age = root.u32(3);
+    const coalesced = root.u32(10);
+    require(coalesced <= sequence, "more folded packets than there were");
+    require(age <= sequence, "a base before the first packet");
+    const brings = root.has(9);
+    require(age > 0 || brings, "its own base, which it does not bring");
+    if (brings) {
+      const base = { epoch, sequence: sequence - age, head: readHead(root.table(9, "the head")) };
+      require(!this.isOlder(base), "a base older than the one before");
+      this.base = base;
+      this.lacking = false;
+    }
+    const base = this.base;
+    if (base === null || base.epoch !== epoch || base.sequence !== sequence - age) {
+      this.lacking = true;
+      return null;
+    }
+    return readRest(root, base.head, { epoch, sequence, coalesced });
+  }
+
+  private isOlder(base: Base): boolean {
+    const last = this.base;
+    return last !== null && last.epoch === base.epoch && last.head.scene === base.head.scene &&
+      last.head.node === base.head.node && last.sequence > base.sequence;
+  }
+}
+
+/** Reads and checks a packet that needs no other. */
 export function readPacket(bytes: Uint8Array): Packet {
-  require(kindOf(bytes) === "packet", "not a packet");
-  const root = new FlatBuffer(bytes).root();
-  const manifest = readManifest(root);
-  const chunks = readChunks(root, 9);
-  const named = new Set(manifest.map((key) => key.name));
+  const packet = new HeadReader().read(bytes);
+  require(packet !== null, "a packet that does not bring its base");
+  return packet;
+}
+
+/** A packet out of its message and the base. */
+function readRest(
+  root: Table, base: Head, counts: { epoch: number; sequence: number; coalesced: number },
+): Packet {
+  const capturedAtNs = time(root.i64(2));
+  const textures = root.tables(6, kLimits.textures, "textures").map(readTexture);
+  const change = root.has(8) ? root.table(8, "the change") : null;
+  const head = change === null ? base : changed(base, change);
+  const streams = change?.has(9) ? head.streams : streamsAfter(head.streams, textures);
+  require(streams.size <= kLimits.views, "too many streams");
+  const chunks = readChunks(root, 7);
+  const named = new Set(head.manifest.map((key) => key.name));
   for (const chunk of chunks)
     require(named.has(chunk.key.name), "a chunk that the manifest does not name");
-  const textures = root.tables(10, kLimits.textures, "textures").map(readTexture);
-  const sequence = root.u64(3);
-  require(sequence <= BigInt(Number.MAX_SAFE_INTEGER), "a sequence number beyond 2^53");
+  requireTilesInTextures(head.views, textures);
+  const sourceTimes = readTimes(root, 4, 11, capturedAtNs, kLimits.views);
+  const markTimes = readTimes(root, 5, 12, capturedAtNs, kLimits.marks);
+  require(sourceTimes.length === head.sources.length, "not one time for each sensor");
+  require(markTimes.length === head.stages.length, "not one time for each mark");
   return {
-    scene: root.name(0, kLimits.nameBytes, "the scene's name"),
-    node: root.name(1, kLimits.nameBytes, "the node's name"),
-    epoch: root.u32(2),
-    sequence: Number(sequence),
-    capturedAtNs: time(root.i64(4)),
-    sources: readSources(root),
-    plan: readPlan(root.table(6, "the coding plan")),
-    views: readViews(root, textures),
-    manifest,
+    ...counts,
+    scene: head.scene,
+    node: head.node,
+    capturedAtNs,
+    sources: head.sources.map((source, i) => ({ ...source, capturedAtNs: sourceTimes[i]! })),
+    plan: head.plan,
+    views: head.views,
+    manifest: head.manifest,
     chunks,
     textures,
-    marks: root.tables(11, kLimits.marks, "marks").map((mark) => ({
-      stage: mark.name(0, kLimits.nameBytes, "a stage's name"),
-      atNs: time(mark.i64(1)),
-    })),
-    coalesced: root.u32(12),
+    streams,
+    marks: head.stages.map((stage, i) => ({ stage, atNs: markTimes[i]! })),
   };
+}
+
+function readHead(table: Table): Head {
+  const masks = new Masks();
+  return {
+    scene: table.name(0, kLimits.nameBytes, "the scene's name"),
+    node: table.name(1, kLimits.nameBytes, "the node's name"),
+    plan: readPlan(table.table(2, "the coding plan")),
+    sources: readSources(table, 3, masks),
+    views: readViews(table, 4),
+    manifest: readKeys(table, 5),
+    streams: readStreams(table, 6),
+    stages: table.names(7, kLimits.marks, kLimits.nameBytes, "a stage's name"),
+  };
+}
+
+/** The head of a packet: its base, changed. */
+function changed(base: Head, table: Table): Head {
+  const masks = new Masks();
+  const sources = changedList(
+    base.sources, readNumbers(table, 4, kLimits.views, "sources"), readSources(table, 5, masks),
+    (source) => source.sensor, (a, b) => a.sensor < b.sensor, kLimits.views, "sensors",
+  );
+  checkConfirmed(table, 6, sources, masks);
+  return {
+    ...base,
+    plan: table.has(7) ? readPlan(table.table(7, "the coding plan")) : base.plan,
+    sources,
+    views: changedList(
+      base.views, readViewKeys(table, 2), readViews(table, 3), viewKey, isViewBefore, kLimits.views, "views",
+    ),
+    manifest: changedManifest(base.manifest, readKeys(table, 0), readKeys(table, 1)),
+    streams: table.has(9) ? readStreams(table, 9) : base.streams,
+    stages: table.has(8) ? table.names(8, kLimits.marks, kLimits.nameBytes, "a stage's name") : base.stages,
+  };
+}
+
+function changedManifest(
+  base: readonly ChunkKey[], removed: readonly ChunkKey[], added: readonly ChunkKey[],
+): readonly ChunkKey[] {
+  if (removed.length === 0 && added.length === 0) return base;
+  const gone = removed.map((key) => key.name);
+  const manifest = changedList(base, gone, added, (key) => key.name, isBefore, kLimits.manifestChunks, "chunks");
+  require(manifest.length === base.length - removed.length + added.length, "it adds chunks that were there");
+  return manifest;
+}
+
+/** A sorted list without what is removed, with what has come or is another. */
+function changedList<T, Key>(
+  list: readonly T[], removed: readonly Key[], come: readonly T[], keyOf: (item: T) => Key,
+  before: (a: T, b: T) => boolean, most: number, what: string,
+): readonly T[] {
+  if (removed.length === 0 && come.length === 0) return list;
+  const gone = new Set(removed);
+  const replaced = new Set(come.map(keyOf));
+  let found = 0;
+  const kept = list.filter((item) => {
+    const key = keyOf(item);
+    if (gone.has(key)) ++found;
+    return !gone.has(key) && !replaced.has(key);
+  });
+  require(found === gone.size, `it removes unknown ${what}`);
+  const out = [...kept, ...come].sort((a, b) => (before(a, b) ? -1 : before(b, a) ? 1 : 0));
+  require(out.length <= most, `too many ${what}`);
+  return out;
+}
+
+/** How far the streams are after some units. */
+function streamsAfter(
+  before: ReadonlyMap<number, number>, units: readonly TextureUnit[],
+): ReadonlyMap<number, number> {
+  if (units.length === 0) return before;
+  const streams = new Map(before);
+  for (const { stream, serial } of units) streams.set(stream, serial);
+  return streams;
+}
+
+/** Times that are told in 32 bits after `from`, or as they are. */
+function readTimes(root: Table, delays: number, times: number, from: bigint, most: number): bigint[] {
+  require(!(root.has(delays) && root.has(times)), "times told twice");
+  const view = root.buffer.view;
+  const short = root.vector(delays, 4, most, "times");
+  const long = root.vector(times, 8, most, "times");
+  return [
+    ...numbers(short, 4, (at) => view.getInt32(at, true)).map((delay) => time(from + BigInt(delay))),
+    ...bigints(long, (at) => time(view.getBigInt64(at, true))),
+  ];
+}
+
+function bigints(span: Span, read: (at: number) => bigint): bigint[] {
+  const out: bigint[] = [];
+  for (let i = 0; i < span.count; ++i) out.push(read(span.at + 8 * i));
+  return out;
 }
 
 /** Reads and checks the answer to a request. */
@@ -161,18 +349,28 @@ export function readChunksAnswer(bytes: Uint8Array): EncodedChunk[] {
   return readChunks(new FlatBuffer(bytes).root(), 0);
 }
 
-/** A request for chunks, and for a key frame on every stream. */
-export function writeRequest(chunks: readonly ChunkKey[], keyFrame: boolean): Uint8Array<ArrayBuffer> {
+/** What a viewer lacks. */
+export interface Wanted {
+  readonly chunks: readonly ChunkKey[];
+  /** Streams that need a key frame. */
+  readonly keyFrames: readonly number[];
+  readonly wholeHead: boolean;
+}
+
+export function writeRequest({ chunks, keyFrames, wholeHead }: Wanted): Uint8Array<ArrayBuffer> {
   const asked = chunks.slice(0, kLimits.requestChunks);
-  const out = new Uint8Array(12 + 24 * asked.length);
+  const streams = [...new Set(keyFrames)].sort((a, b) => a - b).slice(0, kLimits.requestStreams);
+  const out = new Uint8Array(16 + kKeyBytes * asked.length + 4 * streams.length);
   const view = new DataView(out.buffer);
-  out.set([..."MRWT"].map((c) => c.charCodeAt(0)));
-  view.setUint32(4, keyFrame ? 1 : 0, true);
+  out.set([..."MRW2"].map((c) => c.charCodeAt(0)));
+  view.setUint32(4, wholeHead ? 1 : 0, true);
   view.setUint32(8, asked.length, true);
+  view.setUint32(12, streams.length, true);
   asked.forEach((key, i) => {
-    const fields = [key.x, key.y, key.z, key.source, key.level, key.version];
-    fields.forEach((value, n) => view.setUint32(12 + 24 * i + 4 * n, value, true));
+    const fields = [key.x, key.y, key.z, key.source, key.layer, key.level, key.version];
+    fields.forEach((value, n) => view.setUint32(16 + kKeyBytes * i + 4 * n, value, true));
   });
+  streams.forEach((stream, i) => view.setUint32(16 + kKeyBytes * asked.length + 4 * i, stream, true));
   return out;
 }
 
@@ -185,15 +383,22 @@ function time(ns: bigint): bigint {
   return ns;
 }
 
+function readLayer(value: number): Layer {
+  require(value <= kStill, "an unknown layer");
+  return value === kStill ? kStill : kMoving;
+}
+
 function readKey(buffer: FlatBuffer, at: number): ChunkKey {
   const view = buffer.view;
   const x = view.getInt32(at, true);
   const y = view.getInt32(at + 4, true);
   const z = view.getInt32(at + 8, true);
   const source = view.getUint32(at + 12, true);
-  const level = view.getUint32(at + 16, true);
-  const version = view.getUint32(at + 20, true);
-  return { x, y, z, source, level, version, name: `${x},${y},${z},${source},${level},${version}` };
+  const layer = readLayer(view.getUint32(at + 16, true));
+  const level = view.getUint32(at + 20, true);
+  const version = view.getUint32(at + 24, true);
+  const name = `${x},${y},${z},${source},${layer},${level},${version}`;
+  return { x, y, z, source, layer, level, version, name };
 }
 
 function isBefore(a: ChunkKey, b: ChunkKey): boolean {
@@ -201,6 +406,7 @@ function isBefore(a: ChunkKey, b: ChunkKey): boolean {
   if (a.y !== b.y) return a.y < b.y;
   if (a.z !== b.z) return a.z < b.z;
   if (a.source !== b.source) return a.source < b.source;
+  if (a.layer !== b.layer) return a.layer < b.layer;
   if (a.level !== b.level) return a.level < b.level;
   return a.version < b.version;
 }
@@ -209,12 +415,49 @@ function requireSorted<T>(list: readonly T[], before: (a: T, b: T) => boolean, w
   list.forEach((item, i) => require(i === 0 || before(list[i - 1]!, item), `unsorted ${what}`));
 }
 
-function readManifest(root: Table): ChunkKey[] {
-  const span = root.vector(8, 24, kLimits.manifestChunks, "chunks in the manifest");
+function readKeys(table: Table, field: number): ChunkKey[] {
+  const span = table.vector(field, kKeyBytes, kLimits.manifestChunks, "chunks in the manifest");
   const keys: ChunkKey[] = [];
-  for (let i = 0; i < span.count; ++i) keys.push(readKey(root.buffer, span.at + 24 * i));
+  for (let i = 0; i < span.count; ++i) keys.push(readKey(table.buffer, span.at + kKeyBytes * i));
   requireSorted(keys, isBefore, "manifest");
   return keys;
+}
+
+function readNumbers(table: Table, field: number, most: number, what: string): number[] {
+  const span = table.vector(field, 4, most, what);
+  const out = numbers(span, 4, (at) => table.buffer.view.getUint32(at, true));
+  requireSorted(out, (a, b) => a < b, what);
+  return out;
+}
+
+/** Pairs of 32-bit numbers. */
+function readPairs(table: Table, field: number, what: string): [number, number][] {
+  const span = table.vector(field, 8, kLimits.views, what);
+  const view = table.buffer.view;
+  const out: [number, number][] = [];
+  for (let i = 0; i < span.count; ++i)
+    out.push([view.getUint32(span.at + 8 * i, true), view.getUint32(span.at + 8 * i + 4, true)]);
+  return out;
+}
+
+function readStreams(table: Table, field: number): ReadonlyMap<number, number> {
+  const pairs = readPairs(table, field, "streams");
+  requireSorted(pairs, (a, b) => a[0] < b[0], "streams");
+  return new Map(pairs);
+}
+
+function viewKey(view: { readonly id: number; readonly layer: Layer }): string {
+  return `${view.id},${view.layer}`;
+}
+
+function isViewBefore(a: View, b: View): boolean {
+  return a.id !== b.id ? a.id < b.id : a.layer < b.layer;
+}
+
+function readViewKeys(table: Table, field: number): string[] {
+  const pairs = readPairs(table, field, "views");
+  requireSorted(pairs, (a, b) => a[0] < b[0] || (a[0] === b[0] && a[1] < b[1]), "views");
+  return pairs.map(([id, layer]) => viewKey({ id, layer: readLayer(layer) }));
 }
 
 function readChunks(root: Table, field: number): EncodedChunk[] {
@@ -238,7 +481,7 @@ function readChunk(table: Table): EncodedChunk {
   const views = numbers(span, 4, (at) => table.buffer.view.getUint32(at, true));
   requireSorted(views, (a, b) => a < b, "views of a chunk");
   require(!views.includes(kNoView), "a chunk that names no view as view");
-  const key = readKey(table.buffer, table.struct(0, 24, "a chunk's key"));
+  const key = readKey(table.buffer, table.struct(0, kKeyBytes, "a chunk's key"));
   return { key, errorM, triangles, views, payload: table.payload(4, "a chunk's payload") };
 }
 
@@ -256,6 +499,7 @@ function readTexture(table: Table): TextureUnit {
     require(within(side, 2, kLimits.textureSide) && side % 2 === 0, "an impossible size of a texture");
   return {
     stream: table.u32(0),
+    serial: table.u32(7),
     layout: table.u32(2),
     width,
     height,
@@ -334,18 +578,52 @@ function requirePinhole({ width, height, fx, fy, cx, cy }: Lens): void {
   require(within(cx, 0, width - 1) && within(cy, 0, height - 1), "a principal point outside the picture");
 }
 
-function readSources(root: Table): Source[] {
-  const sources = root.tables(5, kLimits.views, "sources").map((table) => {
-    requireDepthCamera(table.table(2, "a depth camera"));
-    require(within(table.f64(4), 0, 1e3) && within(table.f64(5), 0, 1e3), "an impossible precision");
+/** Sensors' masks are for mergers; here they are only checked. */
+class Masks {
+  private tiles = 0;
+
+  check(table: Table): void {
+    const tile = table.u16(0);
+    const columns = table.u16(1);
+    const rows = table.u16(2);
+    const bits = table.vector(3, 1, kLimits.maskTiles / 8, "bits of a mask");
+    if (tile === 0) {
+      require(columns === 0 && rows === 0 && bits.count === 0, "a mask without tiles");
+      return;
+    }
+    const most = Math.ceil(kLimits.textureSide / tile);
+    require(within(tile, 1, kLimits.maskTilePx) && within(columns, 1, most) && within(rows, 1, most), "an impossible mask");
+    this.tiles += columns * rows;
+    require(this.tiles <= kLimits.maskTiles, "too many tiles");
+    require(bits.count === Math.ceil((columns * rows) / 8), "a mask that is not as long as it says");
+    const rest = (columns * rows) % 8;
+    const last = table.buffer.bytes[bits.at + bits.count - 1]!;
+    require(rest === 0 || last >> rest === 0, "bits beyond a mask's last tile");
+  }
+}
+
+function readSources(table: Table, field: number, masks: Masks): Sensor[] {
+  const sources = table.tables(field, kLimits.views, "sources").map((source) => {
+    requireDepthCamera(source.table(1, "a depth camera"));
+    require(within(source.f64(3), 0, 1e3) && within(source.f64(4), 0, 1e3), "an impossible precision");
+    for (const mask of [5, 6]) if (source.has(mask)) masks.check(source.table(mask, "a mask"));
     return {
-      sensor: table.u32(0),
-      capturedAtNs: time(table.i64(1)),
-      pose: readPose(table.buffer, table.struct(3, 96, "a sensor's pose")),
+      sensor: source.u32(0),
+      pose: readPose(source.buffer, source.struct(2, 96, "a sensor's pose")),
     };
   });
   requireSorted(sources, (a, b) => a.sensor < b.sensor, "sources");
   return sources;
+}
+
+function checkConfirmed(table: Table, field: number, sources: readonly Sensor[], masks: Masks): void {
+  const known = new Set(sources.map((source) => source.sensor));
+  const sensors = table.tables(field, kLimits.views, "masks").map((confirmed) => {
+    for (const mask of [1, 2]) if (confirmed.has(mask)) masks.check(confirmed.table(mask, "a mask"));
+    return confirmed.u32(0);
+  });
+  requireSorted(sensors, (a, b) => a < b, "masks");
+  require(sensors.every((sensor) => known.has(sensor)), "a mask of a sensor that it does not name");
 }
 
 function requireDepthCamera(table: Table): void {
@@ -371,17 +649,27 @@ function fits(inner: Rect, width: number, height: number): boolean {
     inner.x + inner.width <= width && inner.y + inner.height <= height;
 }
 
-function readViews(root: Table, textures: readonly TextureUnit[]): View[] {
-  const sizes = new Map(textures.map((unit) => [unit.stream, unit]));
-  const views = root.tables(7, kLimits.views, "views").map((table) => {
-    const view = readView(table);
-    const { width, height } = sizes.get(view.stream) ??
-      { width: kLimits.textureSide, height: kLimits.textureSide };
-    require(fits(view.atlasRect, width, height), "a view's atlas_rect outside its texture");
-    return view;
-  });
-  requireSorted(views, (a, b) => a.id < b.id, "views");
+function readViews(table: Table, field: number): View[] {
+  const views = table.tables(field, kLimits.views, "views").map(readView);
+  requireSorted(views, isViewBefore, "views");
   return views;
+}
+
+function requireTilesInTextures(views: readonly View[], textures: readonly TextureUnit[]): void {
+  const sizes = new Map(textures.map((unit) => [unit.stream, unit]));
+  for (const view of views) {
+    const unit = sizes.get(view.stream);
+    require(unit === undefined || fits(view.atlasRect, unit.width, unit.height), "a view's atlas_rect outside its texture");
+  }
+}
+
+function readGain(table: Table): Vec3 {
+  const at = table.optionalStruct(15, 12);
+  if (at === 0) return [1, 1, 1];
+  const [r, g, b] = numbers({ at, count: 3 }, 4, (n) => table.buffer.view.getFloat32(n, true));
+  const usable = (gain: number): boolean => within(gain, 1 / kLimits.mostGain, kLimits.mostGain);
+  require(usable(r!) && usable(g!) && usable(b!), "an impossible gain");
+  return [r!, g!, b!];
 }
 
 function readView(table: Table): View {
@@ -399,7 +687,11 @@ function readView(table: Table): View {
     gutterPx: table.f32(11),
     stream: table.u32(12),
     layout: table.u32(13),
+    layer: readLayer(table.u8(14)),
+    gain: readGain(table),
   };
+  const side = kLimits.textureSide;
+  require(fits(view.atlasRect, side, side), "a view's atlas_rect outside any texture");
   require(view.id !== kNoView, "a view with the number of no view");
   require(within(view.gutterPx, 0, 1024), "an impossible gutter");
   require(fits(view.imageRect, view.width, view.height), "a view's image_rect outside its picture");

@@ -23,6 +23,7 @@ export interface Complete<Mesh, Picture> {
 interface Stream {
   waiting: boolean;
   layout: number;
+  serial: number;
   ticket: number;
 }
 
@@ -55,8 +56,6 @@ export class Receiver<Mesh, Picture> {
       last.epoch !== packet.epoch;
     if (fresh) this.reset();
     else if (packet.sequence <= last.sequence) return null;
-    else if (packet.sequence - packet.coalesced > last.sequence + 1)
-      for (const stream of this.streams.values()) stream.waiting = true;
     this.newest = packet;
     this.named = new Set(packet.manifest.map((key) => key.name));
     this.forgetStreams(packet);
@@ -101,11 +100,12 @@ export class Receiver<Mesh, Picture> {
     return this.newest === null ? [] : this.newest.manifest.filter((key) => this.lacks(key));
   }
 
-  /** Whether a stream waits for a key frame, or a view for a layout that was lost. */
-  needsKeyFrame(): boolean {
-    if (this.newest === null) return false;
-    return [...this.streams.values()].some((stream) => stream.waiting) ||
-      this.newest.views.some((view) => !this.hasLayout(view));
+  /** Streams that wait for a key frame, or whose layout was lost. */
+  streamsWaiting(): number[] {
+    if (this.newest === null) return [];
+    const waiting = [...this.streams].filter(([, stream]) => stream.waiting).map(([id]) => id);
+    const lost = this.newest.views.filter((view) => !this.hasLayout(view)).map((view) => view.stream);
+    return [...new Set([...waiting, ...lost])];
   }
 
   /** Packets that became complete or never will by what is at hand, oldest first, are let go; the newest
@@ -157,15 +157,23 @@ export class Receiver<Mesh, Picture> {
   private takeUnits(packet: Packet): UnitWork[] {
     const work: UnitWork[] = [];
     for (const unit of packet.textures) {
-      const stream = this.streams.get(unit.stream) ?? { waiting: true, layout: unit.layout, ticket: 0 };
+      const stream = this.streams.get(unit.stream) ??
+        { waiting: true, layout: unit.layout, serial: unit.serial, ticket: 0 };
       this.streams.set(unit.stream, stream);
+      const follows = unit.layout === stream.layout && unit.serial === (stream.serial + 1) >>> 0;
       if (unit.keyFrame) stream.waiting = false;
-      else if (unit.layout !== stream.layout) stream.waiting = true;
+      else if (!follows) stream.waiting = true;
       if (stream.waiting) continue;
       stream.layout = unit.layout;
+      stream.serial = unit.serial;
       stream.ticket = ++this.lastTicket;
       this.outstanding.set(stream.ticket, unit.stream);
       work.push({ ticket: stream.ticket, unit });
+    }
+    // A stream whose newest unit was lost shows an older capture.
+    for (const [id, serial] of packet.streams) {
+      const stream = this.streams.get(id);
+      if (stream !== undefined && stream.serial !== serial) stream.waiting = true;
     }
     return work;
   }

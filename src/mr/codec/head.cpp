@@ -52,11 +52,19 @@ bool HeadReader::is_older(const Packet& base) const {
          base_->epoch == base.epoch && base_->sequence > base.sequence;
 }
 
+Status HeadReader::check_base(const Packet& base) const {
+  if ((scene_ && *scene_ != base.scene) || (node_ && *node_ != base.node))
+    return Error{Error::Cause::invalid,
+                 "packet: is of node '" + base.node + "' of scene '" + base.scene + "'"};
+  if (is_older(base))
+    return Error{Error::Cause::invalid, "packet: its base is older than the one before"};
+  return {};
+}
+
 Result<Packet> HeadReader::read(PacketMessage message, const PacketLimits& limits) {
   auto base = message.base;
   if (base) {
-    if (is_older(*base))
-      return Error{Error::Cause::invalid, "packet: its base is older than the one before"};
+    if (const Status fits = check_base(*base); !fits) return fits.error();
     base_ = base, lacks_base_ = false;
   } else if (base_ && base_->epoch == message.epoch &&
              base_->sequence == message.base_sequence()) {

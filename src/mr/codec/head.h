@@ -5,7 +5,10 @@
 #include <cstdint>
 #include <map>
 #include <memory>
+#include <optional>
 #include <span>
+#include <string>
+#include <utility>
 #include <vector>
 
 #include "mr/codec/packet_message.h"
@@ -44,7 +47,11 @@ class HeadWriter {
 /// way.
 class HeadReader {
  public:
-  /// Errors as decode_packet(); invalid: a base older than the one before. not_found: the base did
+  HeadReader() = default;
+  /// Of this node's packets only: another's must not replace its base.
+  HeadReader(std::string scene, std::string node) : scene_(std::move(scene)), node_(std::move(node)) {}
+
+  /// Errors as decode_packet(); invalid: another node's, or a base older than the one before. not_found: the base did
   /// not come; lacks_base() tells so until one does.
   Result<Packet> read(std::span<const std::byte> bytes, const PacketLimits& limits = {});
   Result<Packet> read(PacketMessage message, const PacketLimits& limits = {});
@@ -57,7 +64,9 @@ class HeadReader {
 
  private:
   bool is_older(const Packet& base) const;
+  Status check_base(const Packet& base) const;
 
+  std::optional<std::string> scene_, node_;
   std::shared_ptr<const Packet> base_;
   bool lacks_base_ = false;
 };

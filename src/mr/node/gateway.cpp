@@ -42,7 +42,8 @@ struct Gateway::Inbox {
 Gateway::Gateway(const LiveContext& context)
     : context_(context),
       root_(context.scene->mergers.back().id),
-      inbox_(std::make_shared<Inbox>()) {
+      inbox_(std::make_shared<Inbox>()),
+      heads_(context.scene->id, root_) {
   drops_.set_listener([this](const std::string& place, const Error& error) {
     context_.log(place + ": " + error.message);
   });
@@ -103,9 +104,6 @@ void Gateway::run(const std::stop_token& stop) {
 void Gateway::take_packets(TimePoint now) {
   while (const net::Message bytes = inbox_->packets.try_pop()) {
     auto packet = heads_.read(*bytes);
-    if (packet && (packet->scene != context_.scene->id || packet->node != root_))
-      packet = Error{Error::Cause::invalid, "packet of node '" + packet->node + "' of scene '" +
-                                                packet->scene + "' came from " + root_};
     if (!packet) {
       drops_.count(root_ + " → gateway", packet.error());
       continue;

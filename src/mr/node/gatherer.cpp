@@ -77,7 +77,7 @@ Gatherer::Gatherer(const Scene& scene, const MergerConfig& merger, bool hand_on)
   for (const std::string& input : merger.inputs) {
     const auto sensors = below.find(input);
     inputs_.emplace_back(
-        input, sensors == below.end() ? std::set<std::uint32_t>{} : sensors->second, scene.lattice);
+        scene, input, sensors == below.end() ? std::set<std::uint32_t>{} : sensors->second);
   }
 }
 

@@ -92,8 +92,11 @@ class Gatherer {
     TextureUnit unit;
   };
   struct Input {
-    Input(std::string name, std::set<std::uint32_t> below, const Lattice& lattice)
-        : id(std::move(name)), sensors(std::move(below)), receiver(lattice) {}
+    Input(const Scene& scene, std::string name, std::set<std::uint32_t> below)
+        : id(std::move(name)),
+          sensors(std::move(below)),
+          heads(scene.id, id),
+          receiver(scene.lattice) {}
     std::string id;
     std::set<std::uint32_t> sensors;  // that this input may speak for
     codec::HeadReader heads;

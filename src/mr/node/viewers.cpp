@@ -150,6 +150,7 @@ std::optional<net::Message> Viewers::asked(Id id, const codec::Request& request,
       if (request.wants_key_frame(view.stream)) key_frames_wanted_.insert(view.stream);
   if (request.whole_head && is_time(viewer->second.began_anew, kAnewEvery, now)) {
     viewer->second.waiting.clear();
+    viewer->second.in_flight.clear();  // it cannot read them, so it will not acknowledge them
     viewer->second.fresh = true;
     viewer->second.began_anew = now;
     ++restarted_;

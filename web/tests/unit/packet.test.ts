@@ -1,11 +1,22 @@
 import assert from "node:assert/strict";
 import { test } from "node:test";
 import { Malformed } from "../../src/bytes.ts";
-import { kindOf, readChunksAnswer, readPacket, writeRequest, type Packet } from "../../src/packet.ts";
+import { HeadReader, kindOf, readChunksAnswer, readPacket, writeRequest, type Packet } from "../../src/packet.ts";
 import { makeRandom, readBytes } from "./support.ts";
 
-const kGolden = "../tests/data/packet_v1.bin";
+const kGolden = "../tests/data/packet_v2.bin";
+const kGoldenSequence = "../tests/data/packets_v2.bin";
 const kRoom = "tests/data/chunks_room.bin";
+
+/** What a node sends one after another; each packet after its length. */
+function goldenSequence(): Uint8Array[] {
+  const bytes = readBytes(kGoldenSequence);
+  const view = new DataView(bytes.buffer, bytes.byteOffset, bytes.byteLength);
+  const out: Uint8Array[] = [];
+  for (let at = 0; at < bytes.length; at += 4 + view.getUint32(at, true))
+    out.push(bytes.subarray(at + 4, at + 4 + view.getUint32(at, true)));
+  return out;
+}
 
 test("the golden packet of the C++ side reads", () => {
   const packet = readPacket(readBytes(kGolden));
@@ -19,16 +30,20 @@ test("the golden packet of the C++ side reads", () => {
   assert.equal(packet.sources[1]!.capturedAtNs, 1_700_000_000_000_000_002n);
   const plan = { simplifyRatio: 0.5, meshSpeed: 7, textureScale: 0.75, textureQp: 33 };
   assert.deepEqual(packet.plan, plan);
-  assert.deepEqual(packet.manifest.map((key) => key.name), ["-1,2,3,4294967295,0,7", "0,0,0,1,0,8", "0,0,0,1,2,1"]);
+  assert.deepEqual(packet.manifest.map((key) => key.name), [
+    "-1,2,3,4294967295,0,0,7", "0,0,0,1,0,0,8", "0,0,0,1,0,2,1", "0,0,0,1,1,0,1",
+  ]);
+  assert.deepEqual(packet.manifest.map((key) => key.layer), [0, 0, 0, 1]);
   const [chunk] = packet.chunks;
   assert.equal(packet.chunks.length, 1);
-  assert.equal(chunk!.key.name, "0,0,0,1,2,1");
+  assert.equal(chunk!.key.name, "0,0,0,1,0,2,1");
   assert.equal(chunk!.triangles, 12);
   assert.deepEqual([...chunk!.payload], Array.from({ length: 45 }, (_, i) => (i * 37) & 255));
   assert.deepEqual(packet.textures.map(({ data, ...rest }) => ({ ...rest, bytes: data.length })), [
-    { stream: 0, layout: 3, width: 640, height: 400, keyFrame: true, bytes: 77 },
-    { stream: 1, layout: 4, width: 8192, height: 8192, keyFrame: false, bytes: 5 },
+    { stream: 0, serial: 70_000, layout: 3, width: 640, height: 400, keyFrame: true, bytes: 77 },
+    { stream: 1, serial: 2, layout: 4, width: 8192, height: 8192, keyFrame: false, bytes: 5 },
   ]);
+  assert.deepEqual([...packet.streams], [[0, 70_000], [1, 2], [9, 5], [10, 1]]);
   assert.deepEqual(packet.marks, [
     { stage: "cam0/fuse", atNs: 5n },
     { stage: "cam0/encode_mesh", atNs: 6n },
@@ -38,8 +53,71 @@ test("the golden packet of the C++ side reads", () => {
     id: 5, kind: "equirectangular", width: 1280, height: 720, fx: 600, fy: 601, cx: 640, cy: 360.5, pose,
     imageRect: { x: 10, y: 20, width: 1200, height: 700 },
     atlasRect: { x: 16, y: 32, width: 600, height: 350 },
-    gutterPx: 2.5, stream: 9, layout: 3,
+    gutterPx: 2.5, stream: 9, layout: 3, layer: 0, gain: [1, 1, 1],
   });
+  const { stream, layer, gain } = packet.views[2]!;
+  assert.deepEqual({ stream, layer, gain }, { stream: 10, layer: 1, gain: [0.5, 1.25, 2] });
+});
+
+test("packets that build on another are put together", () => {
+  const reader = new HeadReader();
+  const packets = goldenSequence().map((bytes) => reader.read(bytes)!);
+  assert.deepEqual(packets.map((packet) => packet.sequence), [1, 2, 3, 4, 5]);
+  const ms = 1_000_000n;
+  for (const [i, packet] of packets.slice(0, 4).entries()) {
+    assert.equal(packet.scene, "living room");
+    assert.equal(packet.capturedAtNs, 33n * ms * BigInt(i + 1));
+    assert.deepEqual(packet.sources.map((source) => packet.capturedAtNs - source.capturedAtNs), [2n * ms, 4n * ms]);
+    assert.deepEqual(packet.marks[3], { stage: "root/merged", atNs: packet.capturedAtNs + 64n * ms });
+    assert.deepEqual(packet.manifest, packets[0]!.manifest);
+    assert.deepEqual([...packet.streams], [[0, 1]]);
+  }
+  const last = packets[4]!;
+  assert.deepEqual(last.manifest.map((key) => key.name), [
+    "0,0,0,4294967295,0,0,1", "1,0,0,4294967295,1,2,9", "2,0,0,4294967295,0,0,1",
+  ]);
+  assert.deepEqual(last.chunks.map((chunk) => chunk.key.name), ["1,0,0,4294967295,1,2,9"]);
+  assert.deepEqual(last.views.map(({ id, layer, gain, stream }) => ({ id, layer, gain, stream })), [
+    { id: 0, layer: 0, gain: [1, 1, 1], stream: 0 },
+    { id: 1, layer: 0, gain: [1, 1, 1], stream: 0 },
+    { id: 1, layer: 1, gain: [0.5, 1, 2], stream: 1 },
+  ]);
+  assert.deepEqual([...last.streams], [[0, 2], [1, 0]]);
+  assert.equal(last.plan.textureQp, 31);
+  assert.equal(last.marks.length, 3);
+});
+
+test("a packet whose base did not come is asked for", () => {
+  const [one, , three, four, five] = goldenSequence();
+  const reader = new HeadReader();
+  assert.equal(reader.read(four!), null);
+  assert.ok(reader.lacksBase());
+  assert.throws(() => readPacket(four!), Malformed);
+  assert.equal(reader.read(three!)!.sequence, 3, "it brings the base again");
+  assert.ok(!reader.lacksBase());
+  assert.equal(reader.read(five!)!.manifest.length, 3);
+  assert.equal(reader.read(one!)!.sequence, 1, "the same base is no older one");
+});
+
+test("10,000 corrupted sequences give values within the caps or Malformed", () => {
+  const random = makeRandom(5);
+  let refused = 0;
+  let read = 0;
+  for (let round = 0; round < 10_000; ++round) {
+    const reader = new HeadReader();
+    for (const good of goldenSequence().slice(2)) {
+      const bytes = good.slice();
+      for (let edits = random(3); edits > 0; --edits) bytes[random(bytes.length)] = random(256);
+      try {
+        const packet = reader.read(bytes);
+        if (packet !== null) requireCaps(packet, bytes.length), ++read;
+      } catch (error) {
+        assert.ok(error instanceof Malformed, `round ${round}: ${String(error)}`);
+        ++refused;
+      }
+    }
+  }
+  assert.ok(refused > 1000 && read > 10_000, `${refused} refused, ${read} read`);
 });
 
 test("any alignment reads", () => {
@@ -70,7 +148,7 @@ test("an answer with chunks reads", () => {
   const bytes = new Uint8Array(32);
   const view = new DataView(bytes.buffer);
   view.setUint32(0, 16, true);
-  bytes.set([..."MRCH"].map((c) => c.charCodeAt(0)), 4);
+  bytes.set([..."MRC2"].map((c) => c.charCodeAt(0)), 4);
   [6, 8, 4].forEach((value, i) => view.setUint16(8 + 2 * i, value, true));
   view.setInt32(16, 8, true);
   view.setUint32(20, 8, true);
@@ -81,10 +159,11 @@ test("an answer with chunks reads", () => {
 
 test("a request has the bytes of docs/wire-format.md", () => {
   const { manifest } = readPacket(readBytes(kGolden));
-  const bytes = writeRequest(manifest.slice(0, 1), true);
+  const bytes = writeRequest({ chunks: manifest.slice(3, 4), keyFrames: [7, 4, 7], wholeHead: true });
   assert.equal(Buffer.from(bytes).toString("hex"),
-    "4d525754" + "01000000" + "01000000" + "ffffffff" + "02000000" + "03000000" + "ffffffff" + "00000000" + "07000000");
-  assert.equal(writeRequest([], false).length, 12);
+    "4d525732" + "01000000" + "01000000" + "02000000" +
+    "000000000000000000000000" + "01000000" + "01000000" + "00000000" + "01000000" + "04000000" + "07000000");
+  assert.equal(writeRequest({ chunks: [], keyFrames: [], wholeHead: false }).length, 16);
 });
 
 /** What every packet that was accepted must fulfil, whatever its bytes. */
@@ -131,9 +210,10 @@ test("20,000 corrupted packets give values within the caps or Malformed", () => 
 test("small packets that name the same bytes often do not grow", () => {
   const bytes = readBytes(kGolden);
   const view = new DataView(bytes.buffer);
-  const root = view.getUint32(0, true);
-  const vtable = root - view.getInt32(root, true);
-  const manifest = root + view.getUint16(vtable + 4 + 2 * 8, true);
+  const fieldAt = (table: number, field: number): number =>
+    table + view.getUint16(table - view.getInt32(table, true) + 4 + 2 * field, true);
+  const headOffset = fieldAt(view.getUint32(0, true), 9);
+  const manifest = fieldAt(headOffset + view.getUint32(headOffset, true), 5);
   const count = manifest + view.getUint32(manifest, true);
   view.setUint32(count, 60_000, true);
   assert.throws(() => readPacket(bytes), Malformed);

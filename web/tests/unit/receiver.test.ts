@@ -4,30 +4,34 @@ import type { ChunkKey, EncodedChunk, Packet, TextureUnit, View } from "../../sr
 import { Receiver } from "../../src/receiver.ts";
 
 function key(x: number, version = 0): ChunkKey {
-  return { x, y: 0, z: 0, source: 0xffffffff, level: 0, version, name: `${x},0,0,4294967295,0,${version}` };
+  return {
+    x, y: 0, z: 0, source: 0xffffffff, layer: 0, level: 0, version, name: `${x},0,0,4294967295,0,0,${version}`,
+  };
 }
 function chunk(of: ChunkKey): EncodedChunk {
   return { key: of, errorM: 0, triangles: 1, views: [0], payload: new Uint8Array(1) };
 }
-function unit(keyFrame: boolean, layout = 0, stream = 0): TextureUnit {
-  return { stream, layout, width: 16, height: 16, keyFrame, data: new Uint8Array(1) };
+function unit(keyFrame: boolean, serial: number, layout = 0, stream = 0): TextureUnit {
+  return { stream, serial, layout, width: 16, height: 16, keyFrame, data: new Uint8Array(1) };
 }
 function view(layout = 0, stream = 0): View {
   return {
     id: stream, kind: "pinhole", width: 16, height: 16, fx: 16, fy: 16, cx: 8, cy: 8,
     pose: { rotation: [1, 0, 0, 0, 1, 0, 0, 0, 1], translation: [0, 0, 0] },
     imageRect: { x: 0, y: 0, width: 16, height: 16 }, atlasRect: { x: 0, y: 0, width: 16, height: 16 },
-    gutterPx: 2, stream, layout,
+    gutterPx: 2, stream, layout, layer: 0, gain: [1, 1, 1],
   };
 }
+/** A packet whose unit of stream 0 has its sequence for a serial. */
 function packet(sequence: number, rest: Partial<Packet> = {}): Packet {
   return {
     scene: "room", node: "root", epoch: 1, sequence, capturedAtNs: BigInt(sequence), sources: [],
     plan: { simplifyRatio: 1, meshSpeed: 5, textureScale: 1, textureQp: 28 },
-    views: [view()], manifest: [key(0)], chunks: [], textures: [unit(false)], marks: [], coalesced: 0, ...rest,
+    views: [view()], manifest: [key(0)], chunks: [], textures: [unit(false, sequence)], streams: new Map([[0, sequence]]),
+    marks: [], coalesced: 0, ...rest,
   };
 }
-const first = (): Packet => packet(1, { chunks: [chunk(key(0))], textures: [unit(true)] });
+const first = (): Packet => packet(1, { chunks: [chunk(key(0))], textures: [unit(true, 1)] });
 
 /** Decodes at once whatever is given to decode; meshes and pictures are their names. */
 class Client {
@@ -91,20 +95,44 @@ test("a picture never goes with the mesh of another capture", () => {
   assert.deepEqual(client.take(), { shown: "2: new picture", done: [2] });
 });
 
-test("a gap makes streams wait for a key frame, and is acknowledged", () => {
+test("a lost unit makes its stream wait for a key frame, and is acknowledged", () => {
   const client = new Client();
   client.give(first());
   assert.deepEqual(client.give(packet(3)), { shown: null, done: [3] });
-  assert.ok(client.receiver.needsKeyFrame());
+  assert.deepEqual(client.receiver.streamsWaiting(), [0]);
   assert.deepEqual(client.give(packet(4)), { shown: null, done: [4] });
-  assert.deepEqual(client.give(packet(5, { textures: [unit(true)] })), { shown: "5: picture 2", done: [5] });
-  assert.ok(!client.receiver.needsKeyFrame());
+  assert.deepEqual(client.give(packet(5, { textures: [unit(true, 5)] })), { shown: "5: picture 2", done: [5] });
+  assert.deepEqual(client.receiver.streamsWaiting(), []);
+});
+
+test("a gap without a lost unit changes nothing", () => {
+  const client = new Client();
+  client.give(first());
+  const quiet = { textures: [], streams: new Map([[0, 1]]) };
+  assert.equal(client.give(packet(9, quiet)).shown, "9: picture 1");
+  assert.equal(client.give(packet(10, { textures: [unit(false, 2)], streams: new Map([[0, 2]]) })).shown, "10: picture 2");
+});
+
+test("a stream whose last unit was lost waits, though nothing follows", () => {
+  const client = new Client();
+  const plate = { ...view(0, 1), layer: 1 as const };
+  const both = { views: [view(), plate] };
+  client.give({
+    ...first(), ...both, textures: [unit(true, 1), unit(true, 7, 0, 1)], streams: new Map([[0, 1], [1, 7]]),
+  });
+  assert.equal(client.give(packet(2, { ...both, streams: new Map([[0, 2], [1, 7]]) })).shown, "2: picture 3,picture 2");
+  assert.equal(client.give(packet(3, { ...both, streams: new Map([[0, 3], [1, 8]]) })).shown, null);
+  assert.deepEqual(client.receiver.streamsWaiting(), [1]);
+  const again = packet(4, {
+    ...both, textures: [unit(false, 4), unit(true, 9, 0, 1)], streams: new Map([[0, 4], [1, 9]]),
+  });
+  assert.equal(client.give(again).shown, "4: picture 5,picture 6");
 });
 
 test("folded packets are no gap, and their last picture belongs to the mesh", () => {
   const client = new Client();
   client.give(first());
-  const folded = packet(4, { coalesced: 2, textures: [unit(false), unit(false), unit(false)] });
+  const folded = packet(4, { coalesced: 2, textures: [unit(false, 2), unit(false, 3), unit(false, 4)] });
   assert.deepEqual(client.give(folded), { shown: "4: picture 4", done: [4] });
   assert.deepEqual(client.give(packet(7, { coalesced: 1 })), { shown: null, done: [7] });
 });
@@ -149,38 +177,39 @@ test("a broken picture makes its stream wait, and ends what waited for it", () =
   client.receiver.accept(packet(2));
   client.receiver.accept(packet(3));
   client.receiver.streamFailed(0);
-  assert.ok(client.receiver.needsKeyFrame());
+  assert.deepEqual(client.receiver.streamsWaiting(), [0]);
   assert.deepEqual(client.take(), { shown: null, done: [2, 3] });
-  assert.deepEqual(client.give(packet(4, { textures: [unit(true)] })).done, [4]);
+  assert.deepEqual(client.give(packet(4, { textures: [unit(true, 4)] })).done, [4]);
 });
 
 test("a layout changes with a key frame only", () => {
   const client = new Client();
   client.give(first());
-  const wrong = packet(2, { views: [view(1)], textures: [unit(false, 1)] });
+  const wrong = packet(2, { views: [view(1)], textures: [unit(false, 2, 1)] });
   assert.deepEqual(client.give(wrong), { shown: null, done: [2] });
-  assert.ok(client.receiver.needsKeyFrame());
-  const right = packet(3, { views: [view(1)], textures: [unit(true, 1)] });
+  assert.deepEqual(client.receiver.streamsWaiting(), [0]);
+  const right = packet(3, { views: [view(1)], textures: [unit(true, 3, 1)] });
   assert.equal(client.give(right).shown, "3: picture 2");
 });
 
 test("a stream without a new unit keeps its picture", () => {
   const client = new Client();
   client.give(first());
-  assert.equal(client.give(packet(2, { textures: [] })).shown, "2: picture 1");
-  assert.equal(client.give(packet(3, { textures: [] })).shown, "3: picture 1");
+  const streams = new Map([[0, 1]]);
+  assert.equal(client.give(packet(2, { textures: [], streams })).shown, "2: picture 1");
+  assert.equal(client.give(packet(3, { textures: [], streams })).shown, "3: picture 1");
 });
 
 test("a view of a stream that never came needs a key frame", () => {
   const client = new Client();
   const late = { ...first(), views: [view(), view(0, 7)] };
   assert.deepEqual(client.give(late), { shown: null, done: [1] });
-  assert.ok(client.receiver.needsKeyFrame());
+  assert.deepEqual(client.receiver.streamsWaiting(), [7]);
 });
 
 test("a scene without views needs no picture", () => {
   const client = new Client();
-  const plain = packet(1, { views: [], textures: [], chunks: [chunk(key(0))] });
+  const plain = packet(1, { views: [], textures: [], streams: new Map(), chunks: [chunk(key(0))] });
   assert.deepEqual(client.give(plain), { shown: "1: ", done: [1] });
-  assert.ok(!client.receiver.needsKeyFrame());
+  assert.deepEqual(client.receiver.streamsWaiting(), []);
 });
