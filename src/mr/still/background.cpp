@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <map>
+#include <set>
 #include <utility>
 
 #include "mr/core/assert.h"
@@ -23,18 +24,21 @@ constexpr std::uint64_t kStart = 40;      // captures in which all is learnt qui
 constexpr int kContradicts = 5;           // farther readings that agree
 constexpr double kLeastRegion = 30;       // pixels that change together, at 640x576
 constexpr int kHandOver = 10;             // captures until the merger shows what is still
-constexpr std::uint64_t kFreezeEvery = 8; // captures
-constexpr std::uint64_t kFreezeAt = 4;    // plates are there by then of what is learnt at first
+// Captures from one look at the still picture to the next: in which only what is gone counts, and
+// in which all does. The first look is late enough for plates of what is learnt at first.
+constexpr std::uint64_t kLookEvery = 8, kLookAt = 4, kFreezeEvery = 32;
 constexpr int kRefineTurns = 2;           // cubes are refined in so many turns
-constexpr double kWorthRefining_m = 0.00075;
+constexpr double kWorthRefining_m = 0.0005, kWorthRefining_sigmas = 0.17;
 constexpr double kYoung_s = 60;           // absorbed surface that may go back as a whole
 constexpr int kPushedFor = 5;
 
 /// How a cube's share of the still picture differs from what is known by now.
 struct CubeChange {
-  int differs = 0;                    ///< pixels that came, went or lie elsewhere
-  int refinable = 0, held = 0;        ///< pixels read three times as often; all that it shows
-  double moved2_m2 = 0;               ///< sum over the refinable
+  int differs = 0;              ///< pixels that came, went or lie elsewhere
+  int together = 0;             ///< of them, in regions that are worth it at once
+  int refinable = 0, held = 0;  ///< pixels read three times as often; all that it shows
+  double moved2_m2 = 0;         ///< sum over the refinable
+  double sigma2_m2 = 0;         ///< the same of their noise
 };
 
 std::uint32_t hash_of(Vec3i cube) {
@@ -98,7 +102,7 @@ Moment Background::update(const ImageDepth& depth) {
   give_back_what_moves();
   forget_contradicted();
   absorb_what_stopped();
-  if (captures_ % kFreezeEvery == kFreezeAt) out.still_changed |= freeze();
+  if (captures_ % kLookEvery == kLookAt) out.still_changed |= freeze();
   out.moving = moving_pixels(depth, out.foreign);
   out.confirmed = confirmed_pixels(depth, out.moving);
   previous_ = depth;
@@ -336,58 +340,87 @@ Vec3i Background::cube_of(std::size_t pixel, float depth) const {
   return {cell(p.x), cell(p.y), cell(p.z)};
 }
 
-/// Brings the still picture up to date, cube by cube: where enough pixels came or went, and where
-/// it has become so much more exact that it shows. Returns whether it changed.
-bool Background::freeze() {
+/// Whether the still picture shows another surface at a pixel than what is known by now.
+bool Background::differs(std::size_t pixel) const {
+  const Surface& now = known(pixels_[pixel]);
+  const float was = still_.data[pixel];
+  return (was > 0) != (now.count > 0) || (was > 0 && std::abs(was - now.mean) > band_m(now.mean));
+}
+
+/// Pixels of the still picture that are to change together: what is gone at each look, what else
+/// is new only in its turn.
+ImageMask Background::pixels_that_differ(bool all) const {
+  ImageMask mask(width_, height_);
+  for (std::size_t i = 0; i < pixels_.size(); ++i)
+    mask.data[i] = (all || still_.data[i] > 0) && differs(i);
+  const Regions regions = connected_regions(mask);
+  for (std::size_t i = 0; i < pixels_.size(); ++i)
+    if (mask.data[i] && regions.pixels[regions.label.data[i]] >= least_region()) mask.data[i] = 2;
+  return mask;
+}
+
+/// The cubes that are to be brought up to date: where a region came or went, where much has changed
+/// here and there, and where the picture has become so much more exact that it shows.
+std::set<Vec3i> Background::cubes_to_freeze() const {
+  constexpr double kMuch = 0.05;
+  const bool all = captures_ < 2 * kFreezeEvery || captures_ % kFreezeEvery == kLookAt;
+  const ImageMask differ = pixels_that_differ(all);
   std::map<Vec3i, CubeChange> cubes;
   Vec3i last{};
   CubeChange* change = nullptr;
-  const auto change_of = [&](Vec3i cube) -> CubeChange& {
+  const auto change_of = [&](std::size_t i, float depth) -> CubeChange& {
+    const Vec3i cube = cube_of(i, depth);
     if (!change || cube != last) change = &cubes[cube], last = cube;
     return *change;
   };
-  const auto differs = [&](float was, const Surface& now) {
-    return (was > 0) != (now.count > 0) || std::abs(was - now.mean) > band_m(now.mean);
-  };
-  const auto is_refinable = [&](const Pixel& p) { return known(p).count >= 3 * p.frozen_count; };
   for (std::size_t i = 0; i < pixels_.size(); ++i) {
     const Surface& now = known(pixels_[i]);
     const float was = still_.data[i];
-    if (was == 0 && now.count == 0) continue;
-    CubeChange& c = change_of(cube_of(i, was > 0 ? was : now.mean));
+    if (was == 0 && (now.count == 0 || !differ.data[i])) continue;
+    const auto note = [&](CubeChange& c) { ++c.differs, c.together += differ.data[i] == 2; };
+    CubeChange& c = change_of(i, was > 0 ? was : now.mean);
     ++c.held;
-    if (differs(was, now)) {
-      ++c.differs;
-      if (was > 0 && now.count > 0) ++change_of(cube_of(i, now.mean)).differs;
-    } else if (is_refinable(pixels_[i])) {
-      const double off = now.mean - was;
-      ++c.refinable, c.moved2_m2 += off * off;
+    if (differ.data[i]) {
+      note(c);
+      if (was > 0 && now.count > 0) note(change_of(i, now.mean));
+    } else if (now.count >= 3 * pixels_[i].frozen_count) {
+      const double off = now.mean - was, sigma = sigma_m(was);
+      ++c.refinable, c.moved2_m2 += off * off, c.sigma2_m2 += sigma * sigma;
     }
   }
-  const auto turn = static_cast<std::uint32_t>(captures_ / kFreezeEvery) % kRefineTurns;
-  for (auto item = cubes.begin(); item != cubes.end();) {
-    const auto& [cube, c] = *item;
-    const bool refine = c.refinable > c.held / 4 && hash_of(cube) % kRefineTurns == turn &&
-                        c.moved2_m2 > kWorthRefining_m * kWorthRefining_m * c.refinable;
-    item = c.differs >= least_region() || refine ? std::next(item) : cubes.erase(item);
+  std::set<Vec3i> out;
+  const auto turn = static_cast<std::uint32_t>(captures_ / kLookEvery) % kRefineTurns;
+  for (const auto& [cube, c] : cubes) {
+    const double worth2_m2 = std::max(kWorthRefining_m * kWorthRefining_m * c.refinable,
+                                      kWorthRefining_sigmas * kWorthRefining_sigmas * c.sigma2_m2);
+    const bool refine = captures_ < 2 * kFreezeEvery ? hash_of(cube) % kRefineTurns == turn : all;
+    if (c.together >= least_region() / 2 ||
+        (c.differs >= least_region() && c.differs > kMuch * c.held) ||
+        (refine && c.refinable > c.held / 4 && c.moved2_m2 > worth2_m2))
+      out.insert(cube);
   }
+  return out;
+}
+
+/// Brings the still picture up to date, cube by cube. Returns whether it changed.
+bool Background::freeze() {
+  const std::set<Vec3i> cubes = cubes_to_freeze();
   if (cubes.empty()) return false;
-  bool is_due = false;
-  bool any = false;
-  const auto due = [&](Vec3i cube) {
-    if (!any || cube != last) is_due = cubes.contains(cube), last = cube, any = true;
+  Vec3i last = *cubes.begin();
+  bool is_due = true;
+  const auto due = [&](std::size_t i, float depth) {
+    if (depth == 0) return false;
+    if (const Vec3i cube = cube_of(i, depth); cube != last) is_due = cubes.contains(cube), last = cube;
     return is_due;
   };
   for (std::size_t i = 0; i < pixels_.size(); ++i) {
     Pixel& p = pixels_[i];
     const Surface& now = known(p);
-    const float was = still_.data[i];
-    if ((was == 0 && now.count == 0) ||
-        !((was > 0 && due(cube_of(i, was))) || (now.count > 0 && due(cube_of(i, now.mean)))))
-      continue;
-    const bool other = differs(was, now);
+    const float mean = now.count > 0 ? now.mean : 0;
+    if (!due(i, still_.data[i]) && !due(i, mean)) continue;
+    const bool other = differs(i);
     if (!other && now.count < 2 * p.frozen_count) continue;
-    still_.data[i] = now.count > 0 ? now.mean : 0;
+    still_.data[i] = mean;
     p.frozen_count = now.count;
     if (other) p.shown_for = 0;
   }

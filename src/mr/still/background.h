@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstdint>
+#include <set>
 #include <vector>
 
 #include "mr/core/camera.h"
@@ -96,6 +97,9 @@ class Background {
   bool is_slightly_nearer(const ImageDepth& depth, int x, int y) const;
   ImageMask moving_pixels(const ImageDepth& depth, ImageMask& foreign) const;
   ImageMask confirmed_pixels(const ImageDepth& depth, const ImageMask& moving) const;
+  bool differs(std::size_t pixel) const;
+  ImageMask pixels_that_differ(bool all) const;
+  std::set<Vec3i> cubes_to_freeze() const;
   bool freeze();
 
   float sigma_m(float depth) const;
