@@ -34,5 +34,13 @@ TEST(Tiles, ColourIsHiddenWhereWhatMovesIsSeen) {
           << column << ' ' << row;
 }
 
+TEST(Tiles, PartsHoldAllThatIsSet) {
+  ImageMask mask(200, 100);
+  *mask.at(40, 50) = *mask.at(60, 90) = *mask.at(199, 0) = 1;
+  const auto parts = still::parts_that_hold(mask, 8);
+  EXPECT_EQ(parts, (std::vector<Rect>{{24, 42, 48, 57}, {184, 0, 16, 9}}));
+  EXPECT_TRUE(still::parts_that_hold(ImageMask(64, 64), 8).empty());
+}
+
 }  // namespace
 }  // namespace mr

@@ -114,6 +114,31 @@ Status SensorNode::join(const std::vector<Patch>& patches, Reconstructed& out) c
   return {};
 }
 
+/// The cleaned depth of a mask. Mixed pixels are known by the surfaces on both sides, so more than
+/// the mask is cleaned; of panoramas and LiDARs, all.
+ImageDepth SensorNode::clean_where(const ImageMask& mask, const Camera& camera,
+                                   const Frame& frame) const {
+  constexpr int kAround_px = 16;
+  std::vector<Rect> parts{{0, 0, mask.width, mask.height}};
+  if (camera.model == CameraModel::pinhole) parts = still::parts_that_hold(mask, kAround_px);
+  ImageDepth out(mask.width, mask.height);
+  for (const Rect& r : parts) {
+    Camera cropped = camera;
+    cropped.width = r.width, cropped.height = r.height;
+    cropped.cx -= r.x, cropped.cy -= r.y;
+    Frame part;
+    part.sensor = frame.sensor, part.T_world_depth = frame.T_world_depth;
+    part.depth = ImageDepth(r.width, r.height);
+    for (int y = 0; y < r.height; ++y)
+      std::copy_n(frame.depth.at(r.x, r.y + y), r.width, part.depth.row(y));
+    const ImageDepth clean = prepare_depth(*scene_, cropped, part);
+    for (int y = 0; y < r.height; ++y)
+      for (int x = 0; x < r.width; ++x)
+        if (*mask.at(r.x + x, r.y + y)) *out.at(r.x + x, r.y + y) = *clean.at(x, y);
+  }
+  return out;
+}
+
 /// The cleaned depth that is to be reconstructed now: all of it, or what moves. What stays goes into
 /// the chunks of the still surface.
 Result<ImageDepth> SensorNode::divide(Reconstructed& out) {
@@ -129,9 +154,7 @@ Result<ImageDepth> SensorNode::divide(Reconstructed& out) {
       trace_.time("background", [&] { return background.update(frame.depth); });
   out.began_anew = moment.began_anew;
   trace_.time("clean", [&] {
-    depth = prepare_depth(*scene_, camera, frame);
-    for (std::size_t i = 0; i < depth.data.size(); ++i)
-      if (!moment.moving.data[i]) depth.data[i] = 0;
+    depth = clean_where(moment.moving, camera, frame);
     out.confirmed_depth = still::confirmed_tiles(moment.confirmed, moment.moving);
     if (const auto view = registration_.color_view(frame.T_world_depth); view && !frame.color.empty())
       out.confirmed_color =

@@ -80,6 +80,7 @@ class SensorNode {
     StillSurface surface;
   };
   Result<ImageDepth> divide(Reconstructed& out);
+  ImageDepth clean_where(const ImageMask& mask, const Camera& camera, const Frame& frame) const;
   Patch reconstruct_patch(const ImageDepth& depth, const Pose& T_world_depth, const Rect& rect,
                           PatchWorker& worker) const;
   Status join(const std::vector<Patch>& patches, Reconstructed& out) const;

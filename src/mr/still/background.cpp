@@ -70,7 +70,8 @@ Background::Background(const Camera& camera, const Pose& T_world_camera,
 }
 
 void Background::begin_anew() {
-  pixels_.assign(rays_.size(), {});
+  known_.assign(rays_.size(), {});
+  rest_.assign(rays_.size(), {});
   readings_.assign(rays_.size(), Reading::none);
   still_ = ImageDepth(width_, height_);
   previous_ = {};
@@ -86,7 +87,7 @@ float Background::band_m(float depth) const {
 }
 
 double Background::least_region() const {
-  return std::max(6.0, kLeastRegion * static_cast<double>(pixels_.size()) / (640.0 * 576.0));
+  return std::max(6.0, kLeastRegion * static_cast<double>(known_.size()) / (640.0 * 576.0));
 }
 
 Moment Background::update(const ImageDepth& depth) {
@@ -113,7 +114,7 @@ Moment Background::update(const ImageDepth& depth) {
 /// From the change of depth between two captures that three in ten pixels do not exceed: what
 /// moves does not count.
 void Background::measure_noise(const ImageDepth& depth) {
-  constexpr std::size_t kEvery = 7, kEnough = 200;
+  constexpr std::size_t kEvery = 29, kEnough = 100;
   constexpr double kShare = 0.3;
   constexpr float kOfSigma = 0.3853f * 1.4142f;  // what 0.3 of the differences of two stay below
   constexpr float kFollows = 0.1f;
@@ -133,54 +134,59 @@ void Background::measure_noise(const ImageDepth& depth) {
 
 // --- one pixel
 
-int Background::captures_to_learn(const Pixel& p) const {
-  return captures_ < kStart || p.uncovered ? kQuick : kSlow;
+int Background::captures_to_learn(const Known& known) const {
+  return captures_ < kStart || known.was_uncovered ? kQuick : kSlow;
 }
 
 /// Counts readings that agree with each other but not with what is known.
-void Background::note_candidate(float depth, bool farther, Pixel& p) const {
-  Surface& c = p.candidate;
+void Background::note_candidate(float depth, bool farther, Known& known, Rest& rest) const {
+  Surface& c = rest.candidate;
+  const bool any = known.has_candidate;
   const float band = band_m(depth);
-  if (c.count > 0 && p.farther == farther && std::abs(depth - c.mean) <= band) {
+  if (any && known.is_farther == farther && std::abs(depth - c.mean) <= band) {
     if (c.count < 65535) ++c.count;
     c.mean += (depth - c.mean) / static_cast<float>(std::min(c.count, kMostReadings));
     return;
   }
-  if (c.count > 0 && depth > c.mean + band + kUncovered_m) p.uncovered = true;
-  if (c.count > 0 && depth < c.mean - band - kUncovered_m) p.uncovered = false;
+  if (any && depth > c.mean + band + kUncovered_m) known.was_uncovered = true;
+  if (any && depth < c.mean - band - kUncovered_m) known.was_uncovered = false;
   c = {depth, 1};
-  p.farther = farther;
+  known.has_candidate = true, known.is_farther = farther;
 }
 
-Background::Reading Background::read(float depth, Pixel& p) const {
+/// Takes away what was absorbed, or else the room.
+void Background::forget(Known& known, Rest& rest) {
+  const Surface behind = known.is_absorbed ? std::exchange(rest.base, {}) : Surface{};
+  known.mean = behind.mean, known.count = behind.count;
+  known.is_absorbed = false, known.shown_for = 0;
+}
+
+Background::Reading Background::read(float depth, Known& known, Rest& rest) const {
   if (!(depth > 0)) return Reading::none;
-  Surface& surface = known(p);
-  if (surface.count == 0) {
-    note_candidate(depth, false, p);
-    if (p.candidate.count < captures_to_learn(p)) return Reading::unknown;
-    p.base = std::exchange(p.candidate, {});
-    p.uncovered = false, p.shown_for = 0;
+  if (known.count == 0) {
+    note_candidate(depth, false, known, rest);
+    if (rest.candidate.count < captures_to_learn(known)) return Reading::unknown;
+    known = {.mean = rest.candidate.mean, .count = rest.candidate.count};
     return Reading::agrees;
   }
-  const float off = depth - surface.mean;
-  const float sigma = sigma_m(surface.mean);
+  const float off = depth - known.mean, sigma = sigma_m(known.mean);
   if (std::abs(off) > kAgrees_sigmas * sigma + kRounding_m) {
-    note_candidate(depth, off > 0, p);
+    note_candidate(depth, off > 0, known, rest);
     return off > 0 ? Reading::farther : Reading::nearer;
   }
-  p.candidate.count = 0;
-  if (p.shown_for < kHandOver) ++p.shown_for;
+  known.has_candidate = known.is_farther = false;
+  if (known.shown_for < kHandOver) ++known.shown_for;
   // Trimmed on both sides, the mean stays where it is while a foot rests on the floor.
   if (std::abs(off) > kTrusted_sigmas * sigma + kRounding_m / 2) return Reading::agrees;
-  if (surface.count < kMostReadings) ++surface.count;
-  surface.mean += off / static_cast<float>(surface.count);
+  if (known.count < kMostReadings) ++known.count;
+  known.mean += off / static_cast<float>(known.count);
   return Reading::agrees;
 }
 
 void Background::read_pixels(const ImageDepth& depth) {
   parallel_for(height_, 16, [&](std::size_t begin, std::size_t end) {
     for (std::size_t i = begin * width_; i < end * width_; ++i)
-      readings_[i] = read(depth.data[i], pixels_[i]);
+      readings_[i] = read(depth.data[i], known_[i], rest_[i]);
   });
 }
 
@@ -208,10 +214,10 @@ void Background::give_back_what_moves() {
   constexpr double kShareThatMoves = 0.25;
   if (regions_.size() == 1) return;
   std::vector<std::uint32_t> moving(regions_.size());
-  for (std::size_t i = 0; i < pixels_.size(); ++i)
-    if (pixels_[i].absorbed.count > 0 &&
+  for (std::size_t i = 0; i < known_.size(); ++i)
+    if (known_[i].is_absorbed &&
         (readings_[i] == Reading::nearer || readings_[i] == Reading::farther))
-      ++moving[pixels_[i].region];
+      ++moving[rest_[i].region];
   std::vector<std::uint8_t> goes(regions_.size());
   bool any = false;
   for (std::size_t r = 1; r < regions_.size(); ++r) {
@@ -221,61 +227,67 @@ void Background::give_back_what_moves() {
     any |= goes[r] != 0;
   }
   if (!any) return;
-  for (Pixel& p : pixels_)
-    if (p.absorbed.count > 0 && goes[p.region]) p.absorbed = {}, p.shown_for = 0;
+  for (std::size_t i = 0; i < known_.size(); ++i)
+    if (known_[i].is_absorbed && goes[rest_[i].region]) forget(known_[i], rest_[i]);
+}
+
+/// The regions of pixels with a candidate of at least `beside` readings, in which enough have at
+/// least `sure`. `fits(known)`: which candidates count.
+template <typename Fits>
+std::optional<Regions> Background::candidates(int beside, int sure, const Fits& fits) const {
+  ImageMask mask(width_, height_);
+  bool any = false;
+  for (std::size_t i = 0; i < known_.size(); ++i) {
+    if (!known_[i].has_candidate || known_[i].count == 0 || !fits(known_[i])) continue;
+    mask.data[i] = rest_[i].candidate.count >= beside;
+    any |= rest_[i].candidate.count >= sure;
+  }
+  if (!any) return std::nullopt;
+  Regions regions = connected_regions(mask);
+  std::vector<std::uint32_t> enough(regions.pixels.size());
+  for (std::size_t i = 0; i < known_.size(); ++i)
+    if (regions.label.data[i]) enough[regions.label.data[i]] += rest_[i].candidate.count >= sure;
+  for (std::uint32_t& label : regions.label.data)
+    if (enough[label] < least_region()) label = 0;
+  return regions;
 }
 
 /// Where so many farther readings agree that what stood there is gone.
 void Background::forget_contradicted() {
   constexpr int kBeside = 2;  // readings that count beside those
-  ImageMask mask(width_, height_);
-  bool any = false;
-  for (std::size_t i = 0; i < pixels_.size(); ++i) {
-    const Pixel& p = pixels_[i];
-    mask.data[i] = known(p).count > 0 && p.farther && p.candidate.count >= kBeside;
-    any |= mask.data[i] && p.candidate.count >= kContradicts;
-  }
-  if (!any) return;
-  const Regions regions = connected_regions(mask);
-  std::vector<std::uint32_t> sure(regions.pixels.size());
-  for (std::size_t i = 0; i < pixels_.size(); ++i)
-    sure[regions.label.data[i]] += pixels_[i].candidate.count >= kContradicts;
-  for (std::size_t i = 0; i < pixels_.size(); ++i) {
-    const std::uint32_t r = regions.label.data[i];
-    if (r == 0 || sure[r] < least_region()) continue;
-    Pixel& p = pixels_[i];
-    p.absorbed = {}, p.shown_for = 0, p.farther = false;
-    if (p.base.count > 0 && std::abs(p.candidate.mean - p.base.mean) <= band_m(p.base.mean)) {
-      p.candidate = {};
-    } else if (p.candidate.mean > p.base.mean) {
-      p.base = {}, p.uncovered = true;
-    }
+  const auto regions =
+      candidates(kBeside, kContradicts, [](const Known& k) { return k.is_farther; });
+  if (!regions) return;
+  for (std::size_t i = 0; i < known_.size(); ++i) {
+    if (regions->label.data[i] == 0) continue;
+    Known& known = known_[i];
+    Rest& rest = rest_[i];
+    if (known.is_absorbed) forget(known, rest);
+    const float behind = rest.candidate.mean - known.mean;
+    if (std::abs(behind) <= band_m(known.mean))
+      known.has_candidate = false;
+    else if (behind > 0)
+      forget(known, rest), known.was_uncovered = true;
+    known.is_farther = false;
   }
 }
 
 /// What has been nearer than the room for so long belongs to it.
 void Background::absorb_what_stopped() {
-  ImageMask mask(width_, height_);
-  bool any = false;
-  for (std::size_t i = 0; i < pixels_.size(); ++i) {
-    const Pixel& p = pixels_[i];
-    mask.data[i] = p.base.count > 0 && !p.farther && p.candidate.count >= after_captures_ / 2;
-    any |= mask.data[i] && p.candidate.count >= after_captures_;
-  }
-  if (!any) return;
-  const Regions regions = connected_regions(mask);
-  std::vector<std::uint32_t> sure(regions.pixels.size());
-  for (std::size_t i = 0; i < pixels_.size(); ++i)
-    sure[regions.label.data[i]] += pixels_[i].candidate.count >= after_captures_;
+  const auto regions = candidates(after_captures_ / 2, after_captures_,
+                                  [](const Known& k) { return !k.is_farther; });
+  if (!regions) return;
   std::map<std::uint32_t, std::uint16_t> number;
-  for (std::size_t i = 0; i < pixels_.size(); ++i) {
-    const std::uint32_t r = regions.label.data[i];
-    if (r == 0 || sure[r] < least_region() || regions_.size() > 65000) continue;
+  for (std::size_t i = 0; i < known_.size(); ++i) {
+    const std::uint32_t r = regions->label.data[i];
+    if (r == 0 || regions_.size() > 65000) continue;
     const auto [at, is_new] = number.try_emplace(r, static_cast<std::uint16_t>(regions_.size()));
     if (is_new) regions_.push_back({0, captures_});
-    Pixel& p = pixels_[i];
-    p.absorbed = std::exchange(p.candidate, {});
-    p.region = at->second, p.shown_for = 0;
+    Known& known = known_[i];
+    Rest& rest = rest_[i];
+    if (!known.is_absorbed) rest.base = {known.mean, known.count};
+    known = {.mean = rest.candidate.mean, .count = rest.candidate.count, .is_absorbed = true};
+    rest.region = at->second;
     ++regions_[at->second].pixels;
   }
 }
@@ -292,7 +304,7 @@ bool Background::is_slightly_nearer(const ImageDepth& depth, int x, int y) const
     for (int u = std::max(x - 1, 0); u <= std::min(x + 1, width_ - 1); ++u) {
       const std::size_t i = static_cast<std::size_t>(v) * width_ + u;
       if (readings_[i] != Reading::agrees) continue;
-      const float mean = known(pixels_[i]).mean;
+      const float mean = known_[i].mean;
       sum += depth.data[i] - mean, sigma += sigma_m(mean), ++count;
     }
   return count > 0 && sum < -kSlightly_sigmas * sigma;
@@ -302,12 +314,11 @@ ImageMask Background::moving_pixels(const ImageDepth& depth, ImageMask& foreign)
   ImageMask strong(width_, height_), no_depth(width_, height_);
   parallel_for(height_, 32, [&](std::size_t begin, std::size_t end) {
     for (std::size_t i = begin * width_; i < end * width_; ++i) {
-      const Pixel& p = pixels_[i];
       const Reading reading = readings_[i];
-      const bool shown = still_.data[i] > 0 && p.shown_for >= kHandOver;
+      const bool shown = still_.data[i] > 0 && known_[i].shown_for >= kHandOver;
       strong.data[i] = reading == Reading::nearer || reading == Reading::unknown ||
                        (reading != Reading::none && !shown);
-      no_depth.data[i] = reading == Reading::none && known(p).count > 0;
+      no_depth.data[i] = reading == Reading::none && known_[i].count > 0;
     }
   });
   const auto weak = [&](int x, int y) {
@@ -315,16 +326,16 @@ ImageMask Background::moving_pixels(const ImageDepth& depth, ImageMask& foreign)
            is_slightly_nearer(depth, x, y);
   };
   ImageMask moving = moving_regions(strong, no_depth, weak,
-                                    static_cast<double>(pixels_.size()) / (640.0 * 576.0));
+                                    static_cast<double>(known_.size()) / (640.0 * 576.0));
   foreign = moving;
-  for (std::size_t i = 0; i < pixels_.size(); ++i)
-    if (readings_[i] == Reading::agrees && pixels_[i].shown_for < kHandOver) foreign.data[i] = 0;
+  for (std::size_t i = 0; i < known_.size(); ++i)
+    if (readings_[i] == Reading::agrees && known_[i].shown_for < kHandOver) foreign.data[i] = 0;
   return moving;
 }
 
 ImageMask Background::confirmed_pixels(const ImageDepth& depth, const ImageMask& moving) const {
   ImageMask out(width_, height_);
-  for (std::size_t i = 0; i < pixels_.size(); ++i) {
+  for (std::size_t i = 0; i < known_.size(); ++i) {
     const float z = still_.data[i];
     out.data[i] = z > 0 && !moving.data[i] && depth.data[i] > 0 &&
                   std::abs(depth.data[i] - z) <= band_m(z);
@@ -342,7 +353,7 @@ Vec3i Background::cube_of(std::size_t pixel, float depth) const {
 
 /// Whether the still picture shows another surface at a pixel than what is known by now.
 bool Background::differs(std::size_t pixel) const {
-  const Surface& now = known(pixels_[pixel]);
+  const Known& now = known_[pixel];
   const float was = still_.data[pixel];
   return (was > 0) != (now.count > 0) || (was > 0 && std::abs(was - now.mean) > band_m(now.mean));
 }
@@ -351,10 +362,10 @@ bool Background::differs(std::size_t pixel) const {
 /// is new only in its turn.
 ImageMask Background::pixels_that_differ(bool all) const {
   ImageMask mask(width_, height_);
-  for (std::size_t i = 0; i < pixels_.size(); ++i)
+  for (std::size_t i = 0; i < known_.size(); ++i)
     mask.data[i] = (all || still_.data[i] > 0) && differs(i);
   const Regions regions = connected_regions(mask);
-  for (std::size_t i = 0; i < pixels_.size(); ++i)
+  for (std::size_t i = 0; i < known_.size(); ++i)
     if (mask.data[i] && regions.pixels[regions.label.data[i]] >= least_region()) mask.data[i] = 2;
   return mask;
 }
@@ -373,8 +384,8 @@ std::set<Vec3i> Background::cubes_to_freeze() const {
     if (!change || cube != last) change = &cubes[cube], last = cube;
     return *change;
   };
-  for (std::size_t i = 0; i < pixels_.size(); ++i) {
-    const Surface& now = known(pixels_[i]);
+  for (std::size_t i = 0; i < known_.size(); ++i) {
+    const Known& now = known_[i];
     const float was = still_.data[i];
     if (was == 0 && (now.count == 0 || !differ.data[i])) continue;
     const auto note = [&](CubeChange& c) { ++c.differs, c.together += differ.data[i] == 2; };
@@ -383,7 +394,7 @@ std::set<Vec3i> Background::cubes_to_freeze() const {
     if (differ.data[i]) {
       note(c);
       if (was > 0 && now.count > 0) note(change_of(i, now.mean));
-    } else if (now.count >= 3 * pixels_[i].frozen_count) {
+    } else if (now.count >= 3 * rest_[i].frozen_count) {
       const double off = now.mean - was, sigma = sigma_m(was);
       ++c.refinable, c.moved2_m2 += off * off, c.sigma2_m2 += sigma * sigma;
     }
@@ -413,16 +424,15 @@ bool Background::freeze() {
     if (const Vec3i cube = cube_of(i, depth); cube != last) is_due = cubes.contains(cube), last = cube;
     return is_due;
   };
-  for (std::size_t i = 0; i < pixels_.size(); ++i) {
-    Pixel& p = pixels_[i];
-    const Surface& now = known(p);
+  for (std::size_t i = 0; i < known_.size(); ++i) {
+    Known& now = known_[i];
     const float mean = now.count > 0 ? now.mean : 0;
     if (!due(i, still_.data[i]) && !due(i, mean)) continue;
     const bool other = differs(i);
-    if (!other && now.count < 2 * p.frozen_count) continue;
+    if (!other && now.count < 2 * rest_[i].frozen_count) continue;
     still_.data[i] = mean;
-    p.frozen_count = now.count;
-    if (other) p.shown_for = 0;
+    rest_[i].frozen_count = now.count;
+    if (other) now.shown_for = 0;
   }
   return true;
 }

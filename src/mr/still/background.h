@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstdint>
+#include <optional>
 #include <set>
 #include <vector>
 
@@ -8,6 +9,7 @@
 #include "mr/core/image.h"
 #include "mr/core/packet.h"
 #include "mr/core/pose.h"
+#include "mr/still/regions.h"
 
 namespace mr::still {
 
@@ -64,16 +66,23 @@ class Background {
     float mean = 0;
     std::uint16_t count = 0;  ///< 0: none
   };
-  /// What is known about one pixel.
-  struct Pixel {
-    Surface base;       ///< the room
-    Surface absorbed;   ///< what stopped in front of it
-    Surface candidate;  ///< readings of late that agree with each other, but with neither
-    std::uint16_t region = 0;       ///< of `absorbed`: what was absorbed together
-    std::uint16_t frozen_count = 0; ///< readings behind still_
-    std::uint8_t shown_for = 0;     ///< captures since still_ has held it; up to kHandOver
-    bool uncovered = false;         ///< candidate: what was in front of it has just left
-    bool farther = false;           ///< candidate: lies behind what is known
+  /// What is known to stay at a pixel: the room, or what was absorbed in front of it. Small, as
+  /// every capture reads it.
+  struct Known {
+    float mean = 0;
+    std::uint16_t count = 0;         ///< readings; 0: nothing is known
+    std::uint8_t shown_for = 0;      ///< captures since still_ has held it; up to kHandOver
+    bool is_absorbed : 1 = false;
+    bool has_candidate : 1 = false;
+    bool is_farther : 1 = false;     ///< the candidate lies behind what is known
+    bool was_uncovered : 1 = false;  ///< nothing known: what was in front has just left
+  };
+  /// What only some pixels have.
+  struct Rest {
+    Surface base;       ///< the room behind what was absorbed
+    Surface candidate;  ///< readings of late that agree with each other, but not with what is known
+    std::uint16_t region = 0;        ///< of what was absorbed: what was absorbed together
+    std::uint16_t frozen_count = 0;  ///< readings behind still_
   };
   struct Region {
     std::uint32_t pixels = 0;
@@ -81,15 +90,13 @@ class Background {
   };
   enum class Reading : std::uint8_t { none, agrees, nearer, farther, unknown };
 
-  static Surface& known(Pixel& p) { return p.absorbed.count > 0 ? p.absorbed : p.base; }
-  static const Surface& known(const Pixel& p) {
-    return p.absorbed.count > 0 ? p.absorbed : p.base;
-  }
-
   void measure_noise(const ImageDepth& depth);
   void read_pixels(const ImageDepth& depth);
-  Reading read(float depth, Pixel& pixel) const;
-  void note_candidate(float depth, bool farther, Pixel& pixel) const;
+  Reading read(float depth, Known& known, Rest& rest) const;
+  void note_candidate(float depth, bool farther, Known& known, Rest& rest) const;
+  static void forget(Known& known, Rest& rest);
+  template <typename Fits>
+  std::optional<Regions> candidates(int beside, int sure, const Fits& fits) const;
   void forget_contradicted();
   void absorb_what_stopped();
   void give_back_what_moves();
@@ -105,7 +112,7 @@ class Background {
   float sigma_m(float depth) const;
   float band_m(float depth) const;
   double least_region() const;
-  int captures_to_learn(const Pixel& p) const;
+  int captures_to_learn(const Known& known) const;
   Vec3i cube_of(std::size_t pixel, float depth) const;
 
   BackgroundConfig config_;
@@ -113,7 +120,8 @@ class Background {
   int after_captures_;
   std::vector<Vec3f> rays_;  ///< [H·W] world direction per unit of depth
   Vec3f eye_;
-  std::vector<Pixel> pixels_;     ///< [H·W]
+  std::vector<Known> known_;       ///< [H·W]
+  std::vector<Rest> rest_;         ///< [H·W]
   std::vector<Reading> readings_; ///< [H·W] of this capture
   ImageDepth still_, previous_;
   std::vector<Region> regions_;  ///< [id], 0: none

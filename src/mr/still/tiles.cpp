@@ -53,4 +53,31 @@ TileMask unhidden_tiles(const ImageDepth& depth, const ImageMask& moving, const 
   return out;
 }
 
+std::vector<Rect> parts_that_hold(const ImageMask& mask, int around_px) {
+  constexpr int kStrip_px = 32;
+  const int strips = (mask.width + kStrip_px - 1) / kStrip_px;
+  std::vector<int> top(static_cast<std::size_t>(strips), mask.height), bottom(top.size(), -1);
+  for (int y = 0; y < mask.height; ++y) {
+    const std::uint8_t* const row = mask.row(y);
+    for (int s = 0; s < strips; ++s) {
+      const int end = std::min((s + 1) * kStrip_px, mask.width);
+      if (std::find(row + s * kStrip_px, row + end, 1) == row + end) continue;
+      top[s] = std::min(top[s], y), bottom[s] = y;
+    }
+  }
+  std::vector<Rect> out;
+  for (int s = 0; s < strips; ++s) {
+    if (bottom[s] < 0) continue;
+    const int first = s;
+    int y0 = mask.height, y1 = 0;
+    for (; s < strips && bottom[s] >= 0; ++s)
+      y0 = std::min(y0, top[s]), y1 = std::max(y1, bottom[s] + 1);
+    const int x0 = std::max(first * kStrip_px - around_px, 0),
+              x1 = std::min(s * kStrip_px + around_px, mask.width);
+    y0 = std::max(y0 - around_px, 0), y1 = std::min(y1 + around_px, mask.height);
+    out.push_back({x0, y0, x1 - x0, y1 - y0});
+  }
+  return out;
+}
+
 }  // namespace mr::still
