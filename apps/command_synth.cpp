@@ -9,6 +9,7 @@
 
 #include "commands.h"
 #include "mr/core/parallel.h"
+#include "mr/core/words.h"
 #include "mr/synth/export_rig.h"
 #include "output.h"
 
@@ -21,6 +22,7 @@ struct SynthOptions {
   std::string room, color = "1280x720", depth_mode = "nfov", noise = "kinect", format = "images";
   bool has_kind = false;  ///< --kind was given
   std::string kind = "room";
+  std::vector<std::string> events;  ///< as in a scene file, with or without braces
   double fps = 30;
   int threads = 0;
   bool force = false;
@@ -35,6 +37,26 @@ const std::map<std::string, std::pair<int, int>> kDepthModes{{"nfov", {640, 576}
                                                              {"nfov_binned", {320, 288}},
                                                              {"wfov_binned", {512, 512}},
                                                              {"wfov", {1024, 1024}}};
+
+/// Adds events in the words of a scene file; they are read and checked as there.
+Status read_events(const std::vector<std::string>& events, RigConfig& rig) {
+  constexpr int kLinesBefore = 2;
+  std::string scene = "scene: synth\nrig: " + synth::rig_yaml(rig);
+  scene.back() = ',';
+  scene += " events: [";
+  for (const std::string& event : events)
+    scene += "\n" + (event.starts_with("{") ? event : "{" + event + "}") + ",";
+  const SceneResult read = parse_scene(scene + "]}\n", "synth");
+  for (const SceneProblem& problem : read.problems) {
+    const int number = problem.line - kLinesBefore - 1;
+    const bool is_known = number >= 0 && number < static_cast<int>(events.size());
+    return Error{
+        Error::Cause::invalid,
+        "--event" + (is_known ? " " + in_quotes(events[number]) : "") + ": " + problem.message};
+  }
+  rig.events = read.scene.rig->events;
+  return {};
+}
 
 /// The words in the options → the rig; an Error names the first that cannot be used.
 Result<RigConfig> rig_of(const SynthOptions& options) {
@@ -57,6 +79,8 @@ Result<RigConfig> rig_of(const SynthOptions& options) {
     return Error{Error::Cause::invalid, "--color must be WIDTHxHEIGHT, 16 to 8192 pixels a side"};
   std::tie(rig.depth_width, rig.depth_height) = kDepthModes.at(options.depth_mode);
   rig.noise = options.noise == "kinect";
+  if (!options.events.empty())
+    if (const Status read = read_events(options.events, rig); !read) return read.error();
   return rig;
 }
 
@@ -102,6 +126,18 @@ int synth(const SynthOptions& options) {
 }
 
 void add_errors(CLI::App& command, RigConfig& rig) {
+  command.add_option("--depth-noise", rig.depth_noise, "Times the usual depth noise")
+      ->check(CLI::Range(0.0, 100.0))
+      ->capture_default_str();
+  command.add_option("--depth-noise-px", rig.depth_noise_px, "correlated over so many pixels")
+      ->check(CLI::Range(0.0, 16.0));
+  command.add_option("--color-noise", rig.color_noise, "Deviation of colours, in levels of 255")
+      ->check(CLI::Range(0.0, 64.0));
+  command.add_option("--exposure-drift", rig.exposure_drift, "Exposure swings by ± stops")
+      ->check(CLI::Range(0.0, 4.0));
+  command.add_option("--exposure-period-s", rig.exposure_period_s, "so long a swing")
+      ->check(CLI::Range(0.1, 36000.0))
+      ->capture_default_str();
   command.add_option("--calib-error-mm", rig.calib_error_mm, "Stated poses are off by so much")
       ->check(CLI::Range(0.0, 1000.0));
   command.add_option("--calib-error-deg", rig.calib_error_deg, "and turned by so much")
@@ -144,6 +180,11 @@ void add_synth(CLI::App& app, int& exit_code) {
       ->check(CLI::IsMember({"kinect", "none"}))
       ->capture_default_str();
   add_errors(*command, rig);
+  command
+      ->add_option("--event", options->events,
+                   "What happens, as in a scene file: \"kind: sit, at: 90\"; once for each")
+      ->expected(1)
+      ->multi_option_policy(CLI::MultiOptionPolicy::TakeAll);
   command->add_option("--detail", rig.detail, "Texture contrast and clutter, 0 to 1")
       ->check(CLI::Range(0.0, 1.0))
       ->capture_default_str();

@@ -64,6 +64,9 @@ constexpr BeyondSchema kBeyondSchema[] = {
     {"more than one root", "one tree"},
     {"mergers form a cycle", "one tree"},
     {"is the merger's where 'mergers' is left out", "ids of the whole file"},
+    {", after the rig's last, ", "two keys"},
+    {", which is no sensor of the rig", "ids of the rig"},
+    {"has a place outside the rig's room", "two keys"},
     {"more problems follow", "of those above"},
 };
 
@@ -120,7 +123,14 @@ constexpr const char* kRig = R"(
 scene: s
 rig: {type: synthetic, kind: corridor, seed: 2, room: [2, 12, 3], people: 1, sensors: 3, lidars: 1, depth_mode: wfov,
       color: [640, 360], noise: none, calib_error_mm: 1, calib_error_deg: 1, exposure_spread: 1, clock_offset_ms: 1,
-      detail: 0.25, frames: 100, loop: true}
+      detail: 0.25, frames: 100, loop: true, depth_noise: 2, depth_noise_px: 2, color_noise: 2, exposure_drift: 0.25,
+      exposure_period_s: 30, events: [
+        {kind: sit, at: 60, frames: 30, place: [0.5, -1]}, {kind: chair, at: 10, frames: 20, place: [0, 1], by_m: 0.7},
+        {kind: door, at: 10, frames: 40}, {kind: carry, at: 50, place: [0, 2]},
+        {kind: vanish, at: 40, frames: 30, place: [0, -2], sensor: cam-1}, {kind: light, at: 30, frames: 20, level: 0.1},
+        {kind: screen, at: 0, frames: 50, place: [0, 3]}, {kind: push, at: 70, sensor: cam-2, by_mm: 20, by_deg: 1},
+        {kind: dropout, at: 5, frames: 10, sensor: cam-1}, {kind: exposure, at: 1, frames: 2, sensor: cam-0, stops: -1},
+        {kind: hunt, at: 2, frames: 3, sensor: cam-0, stops: 0.5, period_s: 0.5}]}
 )";
 constexpr const char* kLidar = R"(
 scene: s
@@ -476,7 +486,7 @@ TEST_F(SceneSchema, AWrongTypeOfAnOptionIsOneProblem) {
 
 TEST_F(SceneSchema, ExamplesAreValid) {
   std::size_t count = 0;
-  for (const char* folder : {"/examples", "/examples/eval"})
+  for (const char* folder : {"/examples", "/examples/eval", "/bench/scenes"})
     for (const auto& entry :
          std::filesystem::directory_iterator(std::string(MR_SOURCE_DIR) + folder)) {
       if (entry.path().extension() != ".yaml") continue;

@@ -730,6 +730,25 @@ TEST_F(SceneFile, ARigsMistakesAndNotices) {
   EXPECT_THAT(problems("scene: s\nrig: {clock_offset_ms: -1}\n"), ElementsAre(HasSubstr("2: ")));
 }
 
+TEST_F(SceneFile, AnEventsMistakesAreOneLineEach) {
+  const auto of = [&](const std::string& events) {
+    return problems("scene: s\nrig: {frames: 100, events: " + events + "}\n");
+  };
+  EXPECT_THAT(of("[{kind: sit, at: 10, place: [1, -1]}]"), IsEmpty());
+  EXPECT_THAT(of("{kind: sit}"), ElementsAre(HasSubstr("events must be a list")));
+  EXPECT_THAT(of("[{kind: jump, at: 10, x: 1}]"), ElementsAre(HasSubstr("kind must be one of")));
+  EXPECT_THAT(of("[{at: 10}]"), ElementsAre(HasSubstr("lacks the key 'kind'")));
+  EXPECT_THAT(of("[{kind: door}]"), ElementsAre(HasSubstr("lacks the key 'at'")));
+  EXPECT_THAT(of("[{kind: door, at: 100}]"), ElementsAre(HasSubstr("after the rig's last, 99")));
+  EXPECT_THAT(of("[{kind: door, at: 1, stops: 1}]"), ElementsAre(HasSubstr("unknown key 'stops'")));
+  EXPECT_THAT(of("[{kind: push, at: 1}]"), ElementsAre(HasSubstr("lacks the key 'sensor'")));
+  EXPECT_THAT(of("[{kind: dropout, at: 1, sensor: cam-9}]"),
+              ElementsAre(HasSubstr("'cam-9', which is no sensor of the rig")));
+  EXPECT_THAT(of("[{kind: chair, at: 1, place: [4, 0]}]"),
+              ElementsAre(HasSubstr("outside the rig's room")));
+  EXPECT_THAT(of("[{kind: light, at: 1, level: 2}]"), ElementsAre(HasSubstr("level must be")));
+}
+
 TEST_F(SceneFile, ARigHasPeopleErrorsAndOtherSensors) {
   const SceneResult result = load(R"(scene: s
 rig: {kind: corridor, room: [2, 12, 2.6], people: 2, sensors: 400, lidars: 2, calib_error_mm: 5, calib_error_deg: 0.5,

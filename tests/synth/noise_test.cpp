@@ -37,6 +37,38 @@ TEST(Noise, GrowsWithTheSquareOfTheDistance) {
   }
 }
 
+TEST(Noise, CorrelatedNoiseKeepsItsVariance) {
+  DepthNoise noise = kKinect;
+  noise.precision = {.base_m = 0.02, .per_m2 = 0};  // far above the whole millimetres
+  noise.correlation_px = 2;
+  double squares = 0, at_2 = 0, at_6 = 0, between_frames = 0;
+  int count = 0;
+  for (std::uint64_t seed = 1; seed <= 4; ++seed) {
+    const auto a = measured(wall(2000), seed, noise), b = measured(wall(2000), seed + 100, noise);
+    for (int y = 0; y < 288; ++y)
+      for (int x = 0; x + 6 < 320; ++x, ++count) {
+        const std::size_t i = static_cast<std::size_t>(y) * 320 + x;
+        const double off = a[i] - 2000.0;
+        squares += off * off, at_2 += off * (a[i + 2] - 2000.0), at_6 += off * (a[i + 6] - 2000.0);
+        between_frames += off * (b[i] - 2000.0);
+      }
+  }
+  EXPECT_NEAR(std::sqrt(squares / count), 20, 0.6);
+  EXPECT_NEAR(at_2 / squares, std::exp(-0.5), 0.03);
+  EXPECT_NEAR(at_6 / squares, std::exp(-4.5), 0.03);
+  EXPECT_NEAR(between_frames / squares, 0, 0.05);
+}
+
+TEST(Noise, MayBeMoreThanThePrecisionSays) {
+  DepthNoise noise = kKinect;
+  noise.factor = 2;
+  double squares = 0;
+  const auto depth = measured(wall(3000), 1, noise);
+  for (const std::uint16_t d : depth) squares += (d - 3000.0) * (d - 3000.0);
+  const double expected = 2 * (1 + 0.2 * 9);
+  EXPECT_NEAR(std::sqrt(squares / static_cast<double>(depth.size())), expected, 0.1 * expected);
+}
+
 TEST(Noise, HalfOfTheEdgePixelsAreMixed) {
   DepthTruth truth = wall(2000);
   for (int y = 0; y < truth.height; ++y)

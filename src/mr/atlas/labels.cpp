@@ -68,6 +68,18 @@ double margin_of(const Camera& camera, double geometry_error_m, double depth_m) 
          2;
 }
 
+/// The nearer of two depths, pixel by pixel; of `others` the part from (x0, y0) on.
+ImageDepth nearer(ImageDepth depth, const ImageDepth* others, int x0, int y0) {
+  if (!others) return depth;
+  for (int y = 0; y < depth.height; ++y) {
+    float* const row = depth.row(y);
+    const float* const other = others->at(x0, y0 + y);
+    for (int x = 0; x < depth.width; ++x)
+      if (other[x] > 0 && (row[x] == 0 || other[x] < row[x])) row[x] = other[x];
+  }
+  return depth;
+}
+
 /// A pinhole picture of the mesh: a view's own, or one of the six that a panorama is made of.
 class Face {
  public:
@@ -76,16 +88,17 @@ class Face {
     int pixels = 0, clear = 0, direct = 0;
   };
 
-  /// `ring_px`: pixels at the border that only serve those inside.
+  /// `ring_px`: pixels at the border that only serve those inside. `others`: the depth of other
+  /// surface, of which `camera` shows the part from (x, y) on; may be null.
   Face(const Mesh& mesh, const Camera& camera, const Pose& T_world_face, int ring_px,
-       const LabelConfig& config)
+       const ImageDepth* others, int x, int y, const LabelConfig& config)
       : camera_(camera),
         T_face_world_(T_world_face.inverse()),
         ring_(ring_px),
         error_m_(static_cast<float>(config.geometry_error_m + 2 * config.precision.base_m)),
         noise_per_m2_(static_cast<float>(2 * config.precision.per_m2)),
         pixel_(static_cast<float>(1 / camera.fx)),
-        depth_(kit::rasterize(mesh, camera, T_world_face).depth),
+        depth_(nearer(kit::rasterize(mesh, camera, T_world_face).depth, others, x, y)),
         margin_(static_cast<int>(
             std::ceil(margin_of(camera, config.geometry_error_m, near_depth(depth_))))),
         around_(nearest_around(depth_, margin_)) {}
@@ -144,21 +157,57 @@ class Face {
   ImageDepth around_;
 };
 
-/// The faces of a view.
-std::vector<Face> faces_of(const Mesh& mesh, const View& view, const LabelConfig& config) {
-  std::vector<Face> out;
-  const Camera camera = view.camera();
-  if (view.kind == View::Kind::pinhole) {
-    out.emplace_back(mesh, camera, view.T_world_camera, 0, config);
-    return out;
+/// Where a mesh falls in a pinhole's picture, with `around_px` pixels around; the whole picture
+/// where some of it is at the near plane or behind.
+Rect bounds_in(const Camera& camera, const Pose& T_world_camera, const Mesh& mesh, int around_px) {
+  const Pose T_camera_world = T_world_camera.inverse();
+  double left = camera.width, top = camera.height, right = -1, bottom = -1;
+  for (const Vec3f& position : mesh.positions) {
+    const Vec3d p = T_camera_world * vec_cast<double>(position);
+    if (p.z <= kit::kNearPlane_m) continue;
+    const kit::ScreenPoint s = kit::to_screen(camera, p);
+    left = std::min(left, s.u), right = std::max(right, s.u);
+    top = std::min(top, s.v), bottom = std::max(bottom, s.v);
   }
+  const auto within = [&](double v, int size) {
+    return static_cast<int>(std::clamp(v, 0.0, static_cast<double>(size)));
+  };
+  const int x = within(left - around_px, camera.width), y = within(top - around_px, camera.height);
+  return {x, y, within(right + around_px + 1, camera.width) - x,
+          within(bottom + around_px + 1, camera.height) - y};
+}
+
+/// The six pictures that a panorama is made of.
+std::array<kit::CubeFace, 6> panorama_faces(const Camera& camera) {
   constexpr int kRing_px = 24;
   constexpr double kEnoughPerRad = 512;  // to tell what hides what
   const Vec2d density = kit::pixels_per_rad(camera);
-  const double focal_px = std::min(std::max(density.x, density.y), kEnoughPerRad);
-  for (const kit::CubeFace& face : kit::cube_faces(focal_px, kRing_px))
-    out.emplace_back(mesh, face.camera, view.T_world_camera * Pose{face.R_camera_face, {}},
-                     face.ring_px, config);
+  return kit::cube_faces(std::min(std::max(density.x, density.y), kEnoughPerRad), kRing_px);
+}
+
+/// The faces of a view, as much of them as the mesh falls into.
+std::vector<Face> faces_of(const Mesh& mesh, const View& view, const LabelConfig& config) {
+  constexpr int kAround_px = 64;  // margins around occluders are no wider
+  std::vector<Face> out;
+  const Camera camera = view.camera();
+  const std::vector<ImageDepth>* const others =
+      config.occluders ? config.occluders->faces(view) : nullptr;
+  if (view.kind == View::Kind::pinhole) {
+    const Rect part = others ? bounds_in(camera, view.T_world_camera, mesh, kAround_px)
+                             : Rect{0, 0, camera.width, camera.height};
+    if (part.empty()) return out;
+    Camera cropped = camera;
+    cropped.width = part.width, cropped.height = part.height;
+    cropped.cx -= part.x, cropped.cy -= part.y;
+    out.emplace_back(mesh, cropped, view.T_world_camera, 0, others ? &others->front() : nullptr,
+                     part.x, part.y, config);
+    return out;
+  }
+  const auto faces = panorama_faces(camera);
+  for (std::size_t i = 0; i < faces.size(); ++i)
+    out.emplace_back(mesh, faces[i].camera,
+                     view.T_world_camera * Pose{faces[i].R_camera_face, {}}, faces[i].ring_px,
+                     others ? &(*others)[i] : nullptr, 0, 0, config);
   return out;
 }
 
@@ -499,16 +548,37 @@ double margin_px(const View& view, double geometry_error_m, double depth_m) {
   return margin_of(view.camera(), geometry_error_m, depth_m);
 }
 
+Occluders::Occluders(const Mesh& mesh, std::span<const View> views) {
+  std::vector<std::vector<ImageDepth>> faces(views.size());
+  parallel_for(views.size(), 1, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t v = begin; v < end; ++v) {
+      const View& view = views[v];
+      const auto draw = [&](const Camera& camera, const Mat3& R_camera_face) {
+        const Pose T_world_face = view.T_world_camera * Pose{R_camera_face, {}};
+        faces[v].push_back(kit::rasterize(mesh, camera, T_world_face).depth);
+      };
+      if (view.kind == View::Kind::pinhole)
+        draw(view.camera(), Pose{}.rotation);
+      else
+        for (const kit::CubeFace& face : panorama_faces(view.camera()))
+          draw(face.camera, face.R_camera_face);
+    }
+  });
+  for (std::size_t v = 0; v < views.size(); ++v) faces_[views[v].id] = std::move(faces[v]);
+}
+
+const std::vector<ImageDepth>* Occluders::faces(const View& view) const {
+  const auto found = faces_.find(view.id);
+  return found == faces_.end() ? nullptr : &found->second;
+}
+
 Mesh label_triangles(const Mesh& input, std::span<const View> views, const LabelConfig& config) {
   Labelling l{input, kit::smooth_normals(input, kNormalRounds), Sights(views.size()), {}};
   l.mesh.runs.clear();
   l.not_seen_yet.resize(input.triangles.size());
   std::iota(l.not_seen_yet.begin(), l.not_seen_yet.end(), 0u);
   // Cutting leaves the surface as it is: what hides what is found out once.
-  Mesh hiding;
-  if (config.occluders) hiding = input, append(hiding, *config.occluders);
-  const std::vector<std::optional<Eye>> eyes =
-      open_eyes(config.occluders ? hiding : input, views, config);
+  const std::vector<std::optional<Eye>> eyes = open_eyes(input, views, config);
   look(eyes, l);
   for (int round = 0; round < kCutRounds && cut_occlusion_edges(l, config.min_edge_m); ++round)
     look(eyes, l);

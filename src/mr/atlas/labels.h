@@ -2,13 +2,28 @@
 
 #include <map>
 #include <span>
+#include <vector>
 
+#include "mr/core/image.h"
 #include "mr/core/mesh.h"
 #include "mr/core/packet.h"
 #include "mr/core/scene.h"
 #include "mr/core/view.h"
 
 namespace mr::atlas {
+
+/// Surface that may hide another from some views: how far away each of them sees it.
+class Occluders {
+ public:
+  Occluders() = default;
+  Occluders(const Mesh& mesh, std::span<const View> views);
+
+  /// A pinhole's picture, or the six of a panorama; null for a view that is not known.
+  const std::vector<ImageDepth>* faces(const View& view) const;
+
+ private:
+  std::map<ViewId, std::vector<ImageDepth>> faces_;
+};
 
 struct LabelConfig {
   AtlasConfig::Views views = AtlasConfig::Views::coherent;
@@ -17,7 +32,7 @@ struct LabelConfig {
   double geometry_error_m = 0.01;  ///< decimation + lattice + calibration error
   Precision precision{};           ///< of the noisiest sensor: bumps of its noise are not occluders
   double min_edge_m = 0.02;        ///< triangles across an occlusion edge are cut down to this
-  const Mesh* occluders = nullptr;  ///< other surface that may hide this one; may be null
+  const Occluders* occluders = nullptr;  ///< other surface that may hide this one; may be null
   /// Of which pixels of its camera picture a view is good for, such as a plate's valid blocks; all
   /// where it has no mask.
   std::map<ViewId, TileMask> valid{};

@@ -16,12 +16,14 @@ constexpr int kFirstCaptures = 4, kRefinedCaptures = 32;  // powers of two: see 
 constexpr int kDoubtsToCheck = 3;                         // while the plate itself is noisy
 constexpr int kCellLevel = 16;                            // of 255, in units of a cell
 constexpr int kWhite = 255 * kCellLevel;
-constexpr int kLeastLimit = 3 * kCellLevel, kMostLimit = 10 * kCellLevel;  // of a change
 constexpr int kMostNoise = 4096;  // a screen that plays is not noise
 constexpr int kGainOne = 8192;    // gains are in 8192ths
 constexpr int kLeastPlateGain = kGainOne / 4, kMostPlateGain = 4 * kGainOne;
 constexpr int kGainDeadBand = 160;  // a 160th: half a step of bright sRGB
 constexpr std::size_t kFewVotes = 12;
+constexpr int kUsualLasts = 256;                        // captures; a key frame comes in less
+constexpr int kHabitFades = 8;                          // captures for a sixteenth of a level
+constexpr int kEnoughAround = 5;                        // of nine blocks
 constexpr int kDarkestVote = 16, kBrightestVote = 240;  // level of a block's mean
 constexpr int kClipped = 250;                           // level of a pixel
 constexpr int kFillDeadBand = 6;                        // levels
@@ -139,6 +141,7 @@ void Plate::start(int width, int height) {
   const std::size_t count = static_cast<std::size_t>(valid_.columns) * valid_.rows;
   valid_.tiles.assign(count, 0);
   gain_ = {kGainOne, kGainOne, kGainOne};
+  usual_cell_off_ = usual_block_off_ = 0;
   blocks_.assign(count, {});
   sums_.assign(count, {});
   fill_colors_.assign(count, {kGrey, kGrey, kGrey});
@@ -148,8 +151,10 @@ bool Plate::update(const ImageRgb& live, const TileMask& unhidden) {
   MR_ASSERT(!live.empty());
   const bool is_new = live.width != picture_.width || live.height != picture_.height;
   if (is_new) start(live.width, live.height);
+  ++captures_;
   measure(live, unhidden);
   const bool exposure_moved = follow_exposure();
+  compare();
 
   const std::vector<std::uint8_t> valid_before = valid_.tiles;
   std::vector<std::size_t> copied(valid_.rows, 0);
@@ -241,33 +246,100 @@ bool Plate::follow_exposure() {
   return moved;
 }
 
-/// How far off a cell may be that shows what the plate does.
-int Plate::limit_of(const Block& block) const {
-  // Four times the spread of a cell's mean; the sum over the cells of their changes is 868 times
-  // it.
-  int limit = std::clamp(block.noise * 19 / 256, kLeastLimit, kMostLimit);
-  if (!block.refined) limit += limit / 4;
-  // Exposure is a factor on light, not on sRGB: a gain of 2 may be wrong by ten levels.
-  int most = 0;
-  for (const std::uint16_t g : gain_) most = std::max(most, std::abs(int{g} - kGainOne));
-  return limit + most * 10 * kCellLevel / kGainOne;
+/// Finds how far each block is off, and how far most are.
+void Plate::compare() {
+  parallel_for(blocks_.size(), 128, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t i = begin; i < end; ++i) {
+      Block& block = blocks_[i];
+      block.compared = block.seen && block.stage != Stage::collecting;
+      if (block.compared) compare(block);
+    }
+  });
+  std::vector<int> cells, means;
+  cells.reserve(blocks_.size()), means.reserve(blocks_.size());
+  for (const Block& block : blocks_)
+    if (block.compared) cells.push_back(block.cell_off), means.push_back(block.block_off);
+  if (cells.size() < kFewVotes) return;
+  const auto follow = [](int& usual, std::vector<int>& values) {
+    const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
+    std::nth_element(values.begin(), middle, values.end());
+    usual = std::max(*middle, usual - (usual + kUsualLasts - 1) / kUsualLasts);
+  };
+  follow(usual_cell_off_, cells);
+  follow(usual_block_off_, means);
 }
 
-/// Adds to the drift how far off each cell of the newest capture is, and returns the most. Where
-/// the gain drives some pixels of a cell beyond white, its mean lies somewhere between two values.
-int Plate::compare(Block& block) const {
+/// Where the gain drives some pixels of a cell beyond white, its mean lies between two values.
+void Plate::compare(Block& block) const {
   std::array<std::uint16_t, kCellValues> gain;
   for (int k = 0; k < kCellValues; ++k) gain[k] = gain_[k % 3];
-  int most = 0;
+  std::array<int, kCellValues> off;
   for (int k = 0; k < kCellValues; ++k) {
     const int shown = times(block.plate[k], gain[k]);
     const int beyond = std::max(0, times(block.brightest[k], gain[k]) - kWhite);
     const int above = std::max(0, int{block.now[k]} - std::min(shown, kWhite));
     const int below = std::max(0, shown - beyond - int{block.now[k]});
-    block.drift[k] = static_cast<std::int16_t>(block.drift[k] + above - below);
-    most = std::max(most, above + below);
+    off[k] = above - below;
   }
-  return most;
+  block.cell_off = 0;
+  for (const int v : off) block.cell_off = std::max(block.cell_off, std::abs(v));
+  block.shift = {0, 0, 0};
+  for (int k = 0; k < kCellValues; k += 3)
+    for (int c = 0; c < 3; ++c) block.shift[c] += off[k + c];
+  block.block_off = 0;
+  for (int& shift : block.shift) {
+    shift /= kCellValues / 3;
+    block.block_off = std::max(block.block_off, std::abs(shift));
+  }
+}
+
+Plate::Limits Plate::limits_of(const Block& block) const {
+  // Four times the spread of a cell's mean, of which the sum of the cells' changes is 868.
+  const int noise = std::clamp(block.noise * 19 / 256, 3 * kCellLevel, 10 * kCellLevel);
+  // What coding does reaches three times as far in some block as in most, and is not alike in
+  // neighbours.
+  Limits out{std::max(noise, std::min(3 * usual_cell_off_, 24 * kCellLevel)),
+             std::clamp(7 * usual_block_off_ / 2, 5 * kCellLevel / 2, 8 * kCellLevel),
+             std::clamp(3 * usual_block_off_ / 2, 3 * kCellLevel / 2, 4 * kCellLevel)};
+  // Blocks at the limit, which video coding lets jump now and then, are not copied every time.
+  out.cell = std::max(out.cell, std::min(block.cell_habit, 10 * kCellLevel));
+  out.block = std::max(out.block, std::min(block.block_habit, 4 * kCellLevel));
+  // Exposure is a factor on light, not on sRGB: a gain of 2 may be wrong by ten levels.
+  int most = 0;
+  for (const std::uint16_t g : gain_) most = std::max(most, std::abs(int{g} - kGainOne));
+  for (int* const limit : {&out.cell, &out.block, &out.around}) {
+    if (!block.refined) *limit += *limit / 4;
+    *limit += most * 10 * kCellLevel / kGainOne;
+  }
+  return out;
+}
+
+/// Whether a block differs by more than so many times its limits.
+bool Plate::is_off(std::size_t i, int factor) const {
+  const Block& block = blocks_[i];
+  const Limits limits = limits_of(block);
+  return block.cell_off > factor * limits.cell || block.block_off > factor * limits.block ||
+         (block.block_off > factor * limits.around && is_off_around(i, factor * limits.around));
+}
+
+/// Whether a block and most around it have become brighter, or darker, as light does it.
+bool Plate::is_off_around(std::size_t i, int limit) const {
+  const int column = static_cast<int>(i % valid_.columns);
+  const int row = static_cast<int>(i / valid_.columns);
+  for (int c = 0; c < 3; ++c) {
+    const int own = blocks_[i].shift[c];
+    if (std::abs(own) <= limit) continue;
+    int there = 0, alike = 0;
+    for (int y = std::max(0, row - 1); y <= std::min(valid_.rows - 1, row + 1); ++y)
+      for (int x = std::max(0, column - 1); x <= std::min(valid_.columns - 1, column + 1); ++x) {
+        const Block& other = blocks_[static_cast<std::size_t>(y) * valid_.columns + x];
+        if (!other.compared) continue;
+        ++there;
+        alike += (own > 0 ? other.shift[c] : -other.shift[c]) > limit;
+      }
+    if (there >= kEnoughAround && 2 * alike > there) return true;
+  }
+  return false;
 }
 
 /// Sums up captures from the next on.
@@ -276,12 +348,9 @@ void Plate::start_sums(std::size_t i) {
   sums_[i].fill(0);
 }
 
-/// With the newest capture, that has been compared.
+/// From the newest capture on.
 void Plate::start_check(std::size_t i) {
-  Block& block = blocks_[i];
-  block.stage = Stage::checking;
-  block.drift.fill(0);
-  compare(block);
+  blocks_[i].stage = Stage::checking;
   start_sums(i);
 }
 
@@ -332,35 +401,34 @@ bool Plate::take(std::size_t i, const ImageRgb& live) {
     block.doubts = 0;
     return false;
   }
-  const int limit = limit_of(block);
-  if (block.stage != Stage::collecting) {
-    const int off = compare(block);
-    block.doubts = static_cast<std::uint8_t>(off > limit ? std::min(block.doubts + 1, 255) : 0);
-    const bool is_sure = block.stage == Stage::settled || off > 2 * limit;
+  if (captures_ % kHabitFades == 0) {
+    block.cell_habit = std::max(0, block.cell_habit - 1);
+    block.block_habit = std::max(0, block.block_habit - 1);
+  }
+  if (block.compared) {
+    block.doubts = static_cast<std::uint8_t>(is_off(i, 1) ? std::min(block.doubts + 1, 255) : 0);
+    const bool is_sure = block.stage == Stage::settled || (block.doubts > 0 && is_off(i, 2));
     if (block.stage != Stage::checking && block.doubts >= (is_sure ? 1 : kDoubtsToCheck))
       start_check(i);
   }
   if (block.stage == Stage::settled) return false;
   accumulate(i, live);
-  return judge(i, limit);
+  return judge(i);
 }
 
 /// With what has been summed up.
-bool Plate::judge(std::size_t i, int limit) {
+bool Plate::judge(std::size_t i) {
   Block& block = blocks_[i];
-  const bool has_changed = [&] {
-    if (block.stage == Stage::refining) return block.captures == kRefinedCaptures;
-    if (block.captures < kFirstCaptures) return false;
-    if (block.stage == Stage::collecting) return true;
-    // Has been off on average, and is: what flashed by has changed nothing.
-    return block.doubts > 0 && std::any_of(block.drift.begin(), block.drift.end(), [&](int drift) {
-             return std::abs(drift) > kFirstCaptures * limit;
-           });
-  }();
-  if (!has_changed) {
-    if (block.stage == Stage::checking && block.captures == kFirstCaptures)
-      block.stage = block.refined ? Stage::settled : Stage::refining;
+  if (block.stage == Stage::checking && block.doubts == 0) {  // it has flashed by
+    block.stage = block.refined ? Stage::settled : Stage::refining;
+    if (!block.refined) start_sums(i);
     return false;
+  }
+  const int enough = block.stage == Stage::refining ? kRefinedCaptures : kFirstCaptures;
+  if (block.captures != enough) return false;
+  if (block.stage == Stage::checking) {
+    block.cell_habit = 5 * block.cell_off / 4;
+    block.block_habit = 5 * block.block_off / 4;
   }
   copy(i);
   block.refined = block.stage == Stage::refining;

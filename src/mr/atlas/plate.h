@@ -18,8 +18,10 @@ namespace mr::atlas {
 ///
 /// A block becomes valid with the mean of its first four captures in a row that show nothing but
 /// still surface, and gets better once, with the mean of 32. After that it is copied anew only
-/// when the mean of four captures differs from it by more than the block's own noise allows. What
-/// the camera's exposure does to the whole picture is the gain, and copies nothing.
+/// when four captures in a row differ from it by more than noise allows: the camera's, as each
+/// block shows it, and that of video coding, which stays for seconds and changes everywhere with a
+/// key frame, as most blocks show it. What the camera's exposure does to the whole picture is the
+/// gain, and copies nothing.
 class Plate {
  public:
   static constexpr int kBlock_px = 16;
@@ -60,24 +62,36 @@ class Plate {
     Stage stage = Stage::collecting;
     bool refined = false;        ///< holds the mean of 32 captures
     bool seen = false;           ///< unhidden in the last capture
+    bool compared = false;       ///< in the last capture: seen and valid
     std::uint8_t captures = 0;   ///< in the sums
     std::uint8_t doubts = 0;     ///< last captures in a row that did not fit
     std::uint16_t noise = 0;     ///< sum over the cells of how much they change by themselves
     Cells now{};                 ///< of the newest capture
-    Cells plate{}, brightest{};  ///< of the picture; of its brightest pixel in each cell
-    std::array<std::uint32_t, 3> sum{};             ///< over the plate's cells
-    Color most{};                                   ///< brightest value of the picture
-    std::array<std::int16_t, kCellValues> drift{};  ///< summed while checking
+    std::array<int, 3> shift{};  ///< mean of how far its cells are off, signed, by channel
+    int cell_off = 0;            ///< how far the worst of them is
+    int block_off = 0;           ///< the shift's worst channel
+    int cell_habit = 0, block_habit = 0;  ///< what it lately was copied for
+    Cells plate{}, brightest{};           ///< of the picture; of its brightest pixel in each cell
+    std::array<std::uint32_t, 3> sum{};   ///< over the plate's cells
+    Color most{};                         ///< brightest value of the picture
+  };
+
+  /// By how much a block may be off: a cell, its mean, and its mean like those around it.
+  struct Limits {
+    int cell = 0, block = 0, around = 0;
   };
 
   void start(int width, int height);
   void measure(const ImageRgb& live, const TileMask& unhidden);
   bool follow_exposure();
   std::array<std::vector<std::uint16_t>, 3> exposure_votes() const;
+  void compare();
+  void compare(Block& block) const;
   bool take(std::size_t block, const ImageRgb& live);
-  bool judge(std::size_t block, int limit);
-  int limit_of(const Block& block) const;
-  int compare(Block& block) const;
+  bool judge(std::size_t block);
+  Limits limits_of(const Block& block) const;
+  bool is_off(std::size_t block, int factor) const;
+  bool is_off_around(std::size_t block, int limit) const;
   void start_check(std::size_t block);
   void start_sums(std::size_t block);
   void accumulate(std::size_t block, const ImageRgb& live);
@@ -90,7 +104,9 @@ class Plate {
   ImageRgb picture_;
   TileMask valid_;
   std::array<std::uint16_t, 3> gain_{8192, 8192, 8192};  ///< in 8192ths
+  int usual_cell_off_ = 0, usual_block_off_ = 0;         ///< of most blocks, lately
   std::size_t changed_blocks_ = 0;
+  std::uint64_t captures_ = 0;
   std::vector<Block> blocks_;
   std::vector<Sums> sums_;
   std::vector<Color> fill_colors_;  ///< of every block, in the middle; changes only when it must

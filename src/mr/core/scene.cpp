@@ -202,62 +202,13 @@ void read_rate_and_coding(MapReader& top, Scene& scene) {
   }
 }
 
-void read_rig_errors(MapReader& map, RigConfig& rig) {
-  map.number("calib_error_mm", rig.calib_error_mm, {0, 1000});
-  map.number("calib_error_deg", rig.calib_error_deg, {0, 90});
-  map.number("exposure_spread", rig.exposure_spread, {0, 4});
-  map.number("clock_offset_ms", rig.clock_offset_ms, {0, 10'000});
-}
-
-void read_rig_sensors(MapReader& map, RigConfig& rig) {
-  map.integer("sensors", rig.sensors, 1, 400);
-  map.integer("lidars", rig.lidars, 0, 16);
-  std::pair<int, int> depth{rig.depth_width, rig.depth_height};
-  map.choice<std::pair<int, int>>("depth_mode", depth,
-                                  {{"nfov", {640, 576}},
-                                   {"nfov_binned", {320, 288}},
-                                   {"wfov_binned", {512, 512}},
-                                   {"wfov", {1024, 1024}}});
-  rig.depth_width = depth.first, rig.depth_height = depth.second;
-  map.size("color", 16, 8192, rig.color_width, rig.color_height);
-  map.choice<bool>("noise", rig.noise, {{"kinect", true}, {"none", false}});
-}
-
-RigConfig read_rig(Report& report, const YamlNode& node) {
-  RigConfig rig;
-  MapReader map(report, node, "rig");
-  bool synthetic = true;
-  map.choice<bool>("type", synthetic, {{"synthetic", true}});
-  using Kind = RigConfig::Kind;
-  map.choice<Kind>("kind", rig.kind,
-                   {{"room", Kind::room},
-                    {"conference", Kind::conference},
-                    {"office", Kind::office},
-                    {"corridor", Kind::corridor},
-                    {"hallway", Kind::hallway}});
-  rig.room_m = usual_room_m(rig.kind);
-  double seed = rig.seed;
-  if (map.number("seed", seed, {0, 4294967295.0}) && seed != std::floor(seed))
-    report.problem(map.line("seed"), "seed must be a whole number");
-  rig.seed = static_cast<std::uint32_t>(seed);
-  double room[3];
-  if (map.numbers("room", {1, 50}, room)) rig.room_m = {room[0], room[1], room[2]};
-  map.integer("people", rig.people, 0, 100);
-  read_rig_sensors(map, rig);
-  map.number("detail", rig.detail, {0, 1});
-  map.integer("frames", rig.frames, 1, 1'000'000);
-  map.flag("loop", rig.loop);
-  read_rig_errors(map, rig);
-  return rig;
-}
-
 void read_truth(MapReader& top, std::optional<TruthConfig>& truth) {
   const YamlNode* node = top.find("truth");
   if (!node) return;
   MapReader map(top.report, *node, "truth");
   truth.emplace();
   if (map.need("mesh")) map.text("mesh", truth->mesh);
-  if (const YamlNode* rig = map.find("rig")) truth->rig = read_rig(top.report, *rig);
+  if (const YamlNode* rig = map.find("rig")) truth->rig = scene_file::read_rig(top.report, *rig);
 }
 
 /// Sensors or a rig; the names that mergers may use for them.
@@ -267,7 +218,7 @@ std::vector<NodeName> read_leaves(MapReader& top, Scene& scene) {
   const YamlNode* sensors = top.find("sensors");
   const YamlNode* rig = top.find("rig");
   if (sensors) scene.sensors = scene_file::read_sensors(report, *sensors, names);
-  if (rig) scene.rig = read_rig(report, *rig);
+  if (rig) scene.rig = scene_file::read_rig(report, *rig);
   if (rig && sensors) report.problem(top.line("rig"), "a scene has sensors or a rig, not both");
   if (!rig && !sensors) report.problem(1, "the scene lacks the key 'sensors' (or 'rig')");
   if (rig && !sensors)

@@ -40,6 +40,9 @@ std::optional<Pose> read_pose(Report& report, const YamlNode& node, const std::s
 std::vector<SensorConfig> read_sensors(Report& report, const YamlNode& node,
                                        std::vector<NodeName>& names);
 
+/// A synthetic rig and what happens in it.
+RigConfig read_rig(Report& report, const YamlNode& node);
+
 /// [[x, y, z], [x, y, z]]: the low and the high corner. Nothing where the key is missing or wrong.
 std::optional<Box3d> read_box(MapReader& map, const std::string& key);
 

@@ -5,8 +5,6 @@
 #include <cmath>
 #include <utility>
 
-#include "mr/atlas/burn.h"
-#include "mr/atlas/compose.h"
 #include "mr/atlas/labels.h"
 #include "mr/codec/mesh_codec.h"
 #include "mr/core/parallel.h"
@@ -19,8 +17,11 @@
 namespace mr::node {
 namespace {
 
-constexpr std::uint32_t kAtlasStream = 0;
 constexpr double kReach_voxels = 48;  // three cells of the quality grid
+
+// Ticks: how long a still triangle without a plate waits for one, and how long the still surface
+// waits for better plates.
+constexpr std::uint64_t kPatience = 16, kRelabelEvery = 120;
 
 /// How many triangles the children spent on the surface that stays. Cutting along overlaps adds
 /// many small ones; decimation counts from here.
@@ -80,7 +81,7 @@ MergeNode::MergeNode(const Scene& scene, const MergerConfig& merger, bool is_roo
       clock_(std::move(clock)),
       gatherer_(scene, merger, !is_root),
       publisher_(scene, kMergedSource),
-      texture_(scene, kAtlasStream),
+      atlas_(scene),
       calibration_(scene),
       cubes_(scene.fusion.chunk_m, kReach_voxels * scene.voxel_m) {}
 
@@ -92,7 +93,7 @@ merge::OverlapConfig MergeNode::overlap_config() const {
 }
 
 std::vector<std::byte> MergeNode::answer(const codec::Request& request) {
-  if (is_root_ && request.wants_key_frame(kAtlasStream)) texture_.ask_key_frame();
+  if (is_root_) atlas_.answer(request);
   if (!is_root_) {
     const std::lock_guard lock(wishes_mutex_);
     if (key_frame_wishes_.size() < codec::Request::kMaxStreams)
@@ -158,18 +159,22 @@ Status MergeNode::merge_surfaces(const Gathered& gathered, const std::function<v
     moving.push_back(layer_of(scene, Layer::moving));
     any_still |= !still.back().chunks.empty();
   }
-  const bool still_changed =
-      still_ ? !same_geometry(still_->scenes, still) : any_still;
-  reused_ = !still_changed && moving_ && same_geometry(moving_->scenes, moving);
+  const bool still_changed = still_ ? !same_geometry(still_->scenes, still) : any_still;
+  const bool moving_changed = !moving_ || !same_geometry(moving_->scenes, moving);
+  reused_ = !still_changed && !moving_changed && !still_;
   if (reused_) return {};
+  if (still_changed)
+    if (const Status merged = merge_still(gathered, std::move(still)); !merged) return merged;
   Parts parts = parts_of(moving, Layer::moving);
-  if (still_changed) {
-    Parts still_parts = parts_of(still, Layer::still);
-    correct(gathered, true, still_parts);
-    if (const Status merged = merge_still(std::move(still), still_parts); !merged) return merged;
-  }
   correct(gathered, !still_, parts);
-  return merge_moving(std::move(moving), std::move(parts), halfway);
+  if (still_) {
+    look_at_plates(gathered, parts);
+    if (const Status labelled = label_still(); !labelled) return labelled;
+    trace_.time("overlap", [&] {
+      for (merge::Part& part : parts) part.mesh = still_->cover.uncovered(part);
+    });
+  }
+  return merge_moving(std::move(moving), parts, halfway);
 }
 
 /// Calibration; it is looked at where most surface is.
@@ -182,7 +187,10 @@ void MergeNode::correct(const Gathered& gathered, bool look, Parts& parts) {
   });
 }
 
-Status MergeNode::merge_still(std::vector<DecodedScene> scenes, const Parts& parts) {
+/// One still surface of all inputs'. It is labelled later.
+Status MergeNode::merge_still(const Gathered& gathered, std::vector<DecodedScene> scenes) {
+  Parts parts = parts_of(scenes, Layer::still);
+  correct(gathered, true, parts);
   const auto join_some = [&](const Parts& some, bool all) {
     return join(some, all, still_quality_, {});
   };
@@ -190,52 +198,112 @@ Status MergeNode::merge_still(std::vector<DecodedScene> scenes, const Parts& par
   const bool whole = scene_->merge.refine || scene_->merge.leave_out_mm > 0;
   const Mesh joined = whole ? join_some(parts, true) : cubes_.run(scenes, parts, join_some);
   if (std::exchange(hurried_, false)) cubes_.forget();  // seams are open
-  Still made{{std::move(scenes), {}, largest_error_m(parts)}, {}};
-  auto mesh = finish(joined, made, nullptr);
-  if (!mesh) return mesh.error();
-  made.mesh = *std::move(mesh);
-  made.cover = merge::StillCover(made.mesh, parts, overlap_config());
-  publisher_.set_all_still(made.mesh, made.error_m);
+  note_fresh(scenes);
+  Still made;
+  made.scenes = std::move(scenes), made.error_m = largest_error_m(parts);
+  auto small = trace_.time("simplify", [&] { return decimated(joined, made.error_m); });
+  if (!small) return small.error();
+  made.joined = *std::move(small), made.parts = std::move(parts);
   still_ = std::move(made);
   return {};
 }
 
-Status MergeNode::merge_moving(std::vector<DecodedScene> scenes, Parts parts,
+void MergeNode::look_at_plates(const Gathered& gathered, const Parts& moving) {
+  if (!is_root_) return;
+  trace_.time("plates", [&] {
+    Mesh all;
+    for (const merge::Part& part : moving) append(all, part.mesh);
+    atlas_.update_plates({gathered, places_.views, places_.sources}, all);
+  });
+}
+
+/// Notes which cubes of the still surface are fresh.
+void MergeNode::note_fresh(const std::vector<DecodedScene>& scenes) {
+  std::map<Vec3i, std::vector<ChunkKey>> contents;
+  for (const DecodedScene& scene : scenes)
+    for (const auto& chunk : scene.chunks)
+      contents[chunk->key.id.cube].push_back(chunk->key);
+  for (const auto& [cube, keys] : contents) {
+    const auto before = still_contents_.find(cube);
+    if (before == still_contents_.end() || before->second != keys) fresh_since_[cube] = sequence_;
+  }
+  still_contents_ = std::move(contents);
+}
+
+/// Without triangles that have no plate, where they are fresh: until they have, or it is plain that
+/// nobody sees their colour, they stay with the moving surface.
+Mesh MergeNode::without_fresh_grey(const Mesh& mesh, bool& any) const {
+  std::vector<std::uint8_t> keep(mesh.triangles.size(), 1);
+  for (const ViewRun& run : mesh.runs) {
+    if (run.view != kNoView) continue;
+    for (std::uint32_t t = run.first; t < run.first + run.count; ++t) {
+      const Vec3i cube = cube_of(vec_cast<double>(mesh.centroid(t)), scene_->fusion.chunk_m);
+      const auto since = fresh_since_.find(cube);
+      keep[t] = since == fresh_since_.end() || sequence_ - since->second >= kPatience;
+      any |= keep[t] == 0;
+    }
+  }
+  return any ? select_triangles(mesh, keep) : mesh;
+}
+
+/// Chooses the plates that texture the still surface: when that is new, and when there are more
+/// plates to choose from.
+Status MergeNode::label_still() {
+  Still& still = *still_;
+  const std::size_t blocks = is_root_ ? atlas_.valid_blocks() : 0;
+  const std::uint64_t age = sequence_ - still.labelled_at;
+  const bool more = blocks > still.blocks;
+  const bool due = !still.is_labelled || (still.any_withheld && (more ? age >= 8 : age >= kPatience)) ||
+                   (more && age >= kRelabelEvery);
+  if (!due) return {};
+  const Mesh labelled = trace_.time("atlas", [&] {
+    return is_root_ ? label(still.joined, still.error_m, nullptr, atlas_.valid()) : still.joined;
+  });
+  still.any_withheld = false;
+  const bool withhold = is_root_ && !places_.views.empty();
+  auto mesh = on_lattice(withhold ? without_fresh_grey(labelled, still.any_withheld) : labelled);
+  if (!mesh) return mesh.error();
+  still.mesh = *std::move(mesh);
+  still.is_labelled = true, still.labelled_at = sequence_, still.blocks = blocks;
+  still.cover = merge::StillCover(still.mesh, still.parts, overlap_config());
+  if (is_root_)
+    trace_.time("atlas", [&] { still.occluders = atlas::Occluders(still.mesh, places_.views); });
+  publisher_.set_all_still(still.mesh, still.error_m);
+  return {};
+}
+
+Status MergeNode::merge_moving(std::vector<DecodedScene> scenes, const Parts& parts,
                                const std::function<void()>& halfway) {
-  if (still_)
-    trace_.time("overlap", [&] {
-      for (merge::Part& part : parts) part.mesh = still_->cover.uncovered(part);
-    });
   Surface made{std::move(scenes), {}, largest_error_m(parts)};
-  auto mesh = finish(join(parts, true, moving_quality_, halfway), made, still_ ? &still_->mesh : nullptr);
+  const Mesh joined = join(parts, true, moving_quality_, halfway);
+  auto small = trace_.time("simplify", [&] { return decimated(joined, made.error_m); });
+  if (!small) return small.error();
+  auto mesh = on_lattice(trace_.time("atlas", [&] {
+    return is_root_ ? label(*small, made.error_m, still_ ? &still_->occluders : nullptr, {}) : *small;
+  }));
   if (!mesh) return mesh.error();
   made.mesh = *std::move(mesh);
   moving_ = std::move(made);
   return {};
 }
 
-/// Decimates for the budget, chooses views, and puts the result on the lattice. `occluders`: what
-/// else may hide it from a view.
-Result<Mesh> MergeNode::finish(const Mesh& joined, Surface& out, const Mesh* occluders) {
-  const auto small = trace_.time("simplify", [&] { return decimated(joined, out.error_m); });
-  if (!small) return small.error();
-  auto snapped = codec::snap_to_lattice(
-      trace_.time("atlas", [&] { return labelled(*small, out.error_m, occluders); }),
-      scene_->lattice);
-  if (!snapped) return snapped.error();
-  return kit::without_nonmanifold_edges(*snapped);
-}
-
 /// Only the root chooses views; others leave the sensors that measured it, which the next one asks
-/// for.
-Mesh MergeNode::labelled(const Mesh& mesh, float error_m, const Mesh* occluders) const {
-  if (!is_root_) return mesh;
+/// for. `occluders`: what else may hide it from a view; `valid`: what of the views is good.
+Mesh MergeNode::label(const Mesh& mesh, float error_m, const atlas::Occluders* occluders,
+                      std::map<ViewId, TileMask> valid) const {
   return atlas::label_triangles(mesh, places_.views,
                                 {.views = scene_->atlas.views,
                                  .geometry_error_m = texturing_error_m(*scene_, error_m),
                                  .precision = noisiest(places_.sources),
                                  .min_edge_m = 2 * scene_->voxel_m,
-                                 .occluders = occluders});
+                                 .occluders = occluders,
+                                 .valid = std::move(valid)});
+}
+
+Result<Mesh> MergeNode::on_lattice(const Mesh& mesh) const {
+  auto snapped = codec::snap_to_lattice(mesh, scene_->lattice);
+  if (!snapped) return snapped.error();
+  return kit::without_nonmanifold_edges(*snapped);
 }
 
 /// Paper 3.2: one surface of all parts, which may be pieces.
@@ -289,50 +357,14 @@ Status MergeNode::add_textures(const Gathered& gathered, Packet& packet) {
       if (corrected.sensor == source.sensor) source.T_world_depth = corrected.T_world_depth;
     if (is_root_) source.confirmed_depth = source.confirmed_color = {};
   }
-  if (is_root_ && !places_.views.empty()) return compose_atlas(gathered, packet);
+  if (is_root_ && !places_.views.empty())
+    return trace_.time("encode_atlas", [&] {
+      const float error_m = std::max(moving_->error_m, still_ ? still_->error_m : 0.0f);
+      return atlas_.compose({gathered, places_.views, places_.sources}, moving_->mesh,
+                            still_ ? &still_->mesh : nullptr, error_m, packet);
+    });
   packet.views = places_.views;
   packet.textures = gathered.units;
-  return {};
-}
-
-Status MergeNode::compose_atlas(const Gathered& gathered, Packet& packet) {
-  const std::uint32_t current = layout_.views.empty() ? 0 : layout_.views.front().layout;
-  auto made =
-      atlas::make_layout(places_.views, scene_->atlas, scene_->coding.texture_scale, current);
-  if (!made) return made.error();
-  atlas::Layout wanted = *std::move(made);
-  const auto same_tiles = [](const View& a, const View& b) {
-    return a.id == b.id && a.atlas_rect == b.atlas_rect;
-  };
-  if (!std::equal(wanted.views.begin(), wanted.views.end(), layout_.views.begin(),
-                  layout_.views.end(), same_tiles))
-    for (View& view : wanted.views) view.layout = current + 1;
-  layout_ = std::move(wanted);
-  packet.views = layout_.views;
-
-  const Mesh shown = *surface();
-  const float error_m = std::max(moving_->error_m, still_ ? still_->error_m : 0.0f);
-  auto unit = trace_.time("encode_atlas", [&] {
-    std::map<ViewId, View> children;
-    std::map<ViewId, ImageMask> used;
-    std::map<std::uint32_t, std::shared_ptr<const ImageRgb>> pictures;
-    for (const DecodedScene& scene : gathered.scenes)
-      pictures.insert(scene.textures.begin(), scene.textures.end());
-    for (const View& view : places_.views) {
-      children[view.id] = view;
-      if (!scene_->atlas.mask) continue;
-      const double margin =
-          atlas::margin_px(view, texturing_error_m(*scene_, error_m), 1.0);
-      used[view.id] = atlas::used_pixels(shown, view, static_cast<int>(std::ceil(margin)));
-    }
-    if (scene_->merge.color_gain) balance_.update(shown, places_.views, pictures);
-    ImageRgb picture = atlas::compose_atlas(layout_, children, pictures, used, scene_->atlas.mask,
-                                            balance_.gains());
-    if (scene_->atlas.burn_sequence) atlas::burn_number(picture, packet.sequence);
-    return texture_.encode(picture, packet.plan.texture_qp, layout_.views.front().layout);
-  });
-  if (!unit) return unit.error();
-  packet.textures.push_back(*std::move(unit));
   return {};
 }
 

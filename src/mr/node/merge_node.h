@@ -3,6 +3,7 @@
 #include <atomic>
 #include <cstdint>
 #include <functional>
+#include <map>
 #include <memory>
 #include <mutex>
 #include <optional>
@@ -11,9 +12,8 @@
 #include <string>
 #include <vector>
 
-#include "mr/atlas/color_gain.h"
-#include "mr/atlas/layout.h"
 #include "mr/codec/head.h"
+#include "mr/atlas/labels.h"
 #include "mr/core/result.h"
 #include "mr/core/scene.h"
 #include "mr/core/trace.h"
@@ -25,7 +25,7 @@
 #include "mr/node/cube_merger.h"
 #include "mr/node/gatherer.h"
 #include "mr/node/node_clock.h"
-#include "mr/node/texture_stream.h"
+#include "mr/node/root_atlas.h"
 #include "mr/simplify/simplify.h"
 
 namespace mr::node {
@@ -90,31 +90,41 @@ class MergeNode {
     Mesh mesh;                         // labelled, on the lattice
     float error_m = 0;
   };
-  /// The still surface, with what the moving one is compared with.
+  using Parts = std::vector<merge::Part>;
+  /// The still surface, with what it is labelled from and what the moving one is compared with.
   struct Still : Surface {
+    Mesh joined;  // not labelled yet
+    Parts parts;
     merge::StillCover cover;
+    atlas::Occluders occluders;
+    bool is_labelled = false, any_withheld = false;
+    std::uint64_t labelled_at = 0;  // sequence
+    std::size_t blocks = 0;         // of plates, when it was labelled
   };
   /// Views and sources as merge.refine corrected them.
   struct Places {
     std::vector<View> views;
     std::vector<SourceInfo> sources;
   };
-  using Parts = std::vector<merge::Part>;
 
   merge::OverlapConfig overlap_config() const;
   Packet head(const Gathered& gathered) const;
   Status merge_surfaces(const Gathered& gathered, const std::function<void()>& halfway);
   void correct(const Gathered& gathered, bool look, Parts& parts);
-  Status merge_still(std::vector<DecodedScene> scenes, const Parts& parts);
-  Status merge_moving(std::vector<DecodedScene> scenes, Parts parts,
+  Status merge_still(const Gathered& gathered, std::vector<DecodedScene> scenes);
+  void note_fresh(const std::vector<DecodedScene>& scenes);
+  void look_at_plates(const Gathered& gathered, const Parts& moving);
+  Status label_still();
+  Mesh without_fresh_grey(const Mesh& mesh, bool& any) const;
+  Status merge_moving(std::vector<DecodedScene> scenes, const Parts& parts,
                       const std::function<void()>& halfway);
   Mesh join(const Parts& parts, bool all, merge::QualityMemory& quality,
             const std::function<void()>& halfway);
-  Result<Mesh> finish(const Mesh& joined, Surface& out, const Mesh* occluders);
   Result<Mesh> decimated(const Mesh& mesh, float& error_m);
-  Mesh labelled(const Mesh& mesh, float error_m, const Mesh* occluders) const;
+  Mesh label(const Mesh& mesh, float error_m, const atlas::Occluders* occluders,
+             std::map<ViewId, TileMask> valid) const;
+  Result<Mesh> on_lattice(const Mesh& mesh) const;
   Status add_textures(const Gathered& gathered, Packet& packet);
-  Status compose_atlas(const Gathered& gathered, Packet& packet);
   void add_marks(const Gathered& gathered, TimePoint started, Packet& packet) const;
 
   const Scene* scene_;
@@ -123,16 +133,16 @@ class MergeNode {
   NodeClock clock_;
   Gatherer gatherer_;
   ChunkPublisher publisher_;
-  TextureStream texture_;
+  RootAtlas atlas_;
   codec::HeadWriter writer_;
   simplify::Simplifier simplifier_;
   CalibrationCheck calibration_;
   merge::QualityMemory still_quality_, moving_quality_;
   CubeMerger cubes_;  ///< of the still surface
-  atlas::ColorBalance balance_;
-  atlas::Layout layout_;
   std::optional<Still> still_;      ///< none: no input has a still surface
   std::optional<Surface> moving_;   ///< reused while the inputs' geometry stays
+  std::map<Vec3i, std::vector<ChunkKey>> still_contents_;
+  std::map<Vec3i, std::uint64_t> fresh_since_;  ///< sequence in which a still cube changed last
   Places places_;
   std::atomic<bool> reused_ = false;
   std::mutex wishes_mutex_;

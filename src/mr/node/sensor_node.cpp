@@ -135,7 +135,7 @@ Result<ImageDepth> SensorNode::divide(Reconstructed& out) {
     out.confirmed_depth = still::confirmed_tiles(moment.confirmed, moment.moving);
     if (const auto view = registration_.color_view(frame.T_world_depth); view && !frame.color.empty())
       out.confirmed_color =
-          still::unhidden_tiles(frame.depth, moment.moving, camera, view->camera(),
+          still::unhidden_tiles(frame.depth, moment.foreign, camera, view->camera(),
                                 view->T_world_camera.inverse() * frame.T_world_depth);
   });
   if (!moment.still_changed) return depth;

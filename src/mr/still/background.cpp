@@ -24,6 +24,7 @@ constexpr int kContradicts = 5;           // farther readings that agree
 constexpr double kLeastRegion = 30;       // pixels that change together, at 640x576
 constexpr int kHandOver = 10;             // captures until the merger shows what is still
 constexpr std::uint64_t kFreezeEvery = 8; // captures
+constexpr std::uint64_t kFreezeAt = 4;    // plates are there by then of what is learnt at first
 constexpr int kRefineTurns = 2;           // cubes are refined in so many turns
 constexpr double kWorthRefining_m = 0.00075;
 constexpr double kYoung_s = 60;           // absorbed surface that may go back as a whole
@@ -97,8 +98,8 @@ Moment Background::update(const ImageDepth& depth) {
   give_back_what_moves();
   forget_contradicted();
   absorb_what_stopped();
-  if (captures_ % kFreezeEvery == kFreezeEvery - 1) out.still_changed |= freeze();
-  out.moving = moving_pixels(depth);
+  if (captures_ % kFreezeEvery == kFreezeAt) out.still_changed |= freeze();
+  out.moving = moving_pixels(depth, out.foreign);
   out.confirmed = confirmed_pixels(depth, out.moving);
   previous_ = depth;
   ++captures_;
@@ -293,7 +294,7 @@ bool Background::is_slightly_nearer(const ImageDepth& depth, int x, int y) const
   return count > 0 && sum < -kSlightly_sigmas * sigma;
 }
 
-ImageMask Background::moving_pixels(const ImageDepth& depth) const {
+ImageMask Background::moving_pixels(const ImageDepth& depth, ImageMask& foreign) const {
   ImageMask strong(width_, height_), no_depth(width_, height_);
   parallel_for(height_, 32, [&](std::size_t begin, std::size_t end) {
     for (std::size_t i = begin * width_; i < end * width_; ++i) {
@@ -309,8 +310,12 @@ ImageMask Background::moving_pixels(const ImageDepth& depth) const {
     return readings_[static_cast<std::size_t>(y) * width_ + x] == Reading::agrees &&
            is_slightly_nearer(depth, x, y);
   };
-  return moving_regions(strong, no_depth, weak,
-                        static_cast<double>(pixels_.size()) / (640.0 * 576.0));
+  ImageMask moving = moving_regions(strong, no_depth, weak,
+                                    static_cast<double>(pixels_.size()) / (640.0 * 576.0));
+  foreign = moving;
+  for (std::size_t i = 0; i < pixels_.size(); ++i)
+    if (readings_[i] == Reading::agrees && pixels_[i].shown_for < kHandOver) foreign.data[i] = 0;
+  return moving;
 }
 
 ImageMask Background::confirmed_pixels(const ImageDepth& depth, const ImageMask& moving) const {

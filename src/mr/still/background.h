@@ -20,6 +20,7 @@ struct BackgroundConfig {
 /// What one capture says.
 struct Moment {
   ImageMask moving;     ///< [H, W] what must be reconstructed from this very capture
+  ImageMask foreign;    ///< [H, W] of those: what does not belong to the room as far as is known
   ImageMask confirmed;  ///< [H, W] the still surface is measured here now
   bool still_changed = false;  ///< Background::still() is another picture than before
   bool began_anew = false;     ///< most of what was known does not hold: the camera was pushed
@@ -93,7 +94,7 @@ class Background {
   void give_back_what_moves();
   bool was_pushed();
   bool is_slightly_nearer(const ImageDepth& depth, int x, int y) const;
-  ImageMask moving_pixels(const ImageDepth& depth) const;
+  ImageMask moving_pixels(const ImageDepth& depth, ImageMask& foreign) const;
   ImageMask confirmed_pixels(const ImageDepth& depth, const ImageMask& moving) const;
   bool freeze();
 

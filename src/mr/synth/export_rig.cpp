@@ -127,6 +127,41 @@ Status make_folders(const RigExport& what, std::span<const SensorConfig> sensors
   return {};
 }
 
+/// The keys that count for an event's kind.
+std::string event_yaml(const RigEvent& event) {
+  using Kind = RigEvent::Kind;
+  const Kind kind = event.kind;
+  std::string out = format("{kind: %s, at: %d", name_of(kind), event.at);
+  if (kind != Kind::carry && kind != Kind::push) out += format(", frames: %d", event.frames);
+  if (!event.sensor.empty()) out += ", sensor: " + event.sensor;
+  if (event.place_m) out += format(", place: [%.9g, %.9g]", event.place_m->x, event.place_m->y);
+  if (kind == Kind::chair) out += ", by_m: " + number(event.by_m);
+  if (kind == Kind::light) out += ", level: " + number(event.level);
+  if (kind == Kind::push)
+    out += ", by_mm: " + number(event.by_mm) + ", by_deg: " + number(event.by_deg);
+  if (kind == Kind::exposure || kind == Kind::hunt) out += ", stops: " + number(event.stops);
+  if (kind == Kind::hunt) out += ", period_s: " + number(event.period_s);
+  return out + "}";
+}
+
+/// What is not as in a usual rig; begins with a comma.
+std::string disturbances_yaml(const RigConfig& rig) {
+  const RigConfig usual;
+  std::string out;
+  const auto add = [&](const char* key, double value, double default_value) {
+    if (value != default_value) out += std::string(", ") + key + ": " + number(value);
+  };
+  add("depth_noise", rig.depth_noise, usual.depth_noise);
+  add("depth_noise_px", rig.depth_noise_px, usual.depth_noise_px);
+  add("color_noise", rig.color_noise, usual.color_noise);
+  add("exposure_drift", rig.exposure_drift, usual.exposure_drift);
+  add("exposure_period_s", rig.exposure_period_s, usual.exposure_period_s);
+  std::string events;
+  for (const RigEvent& event : rig.events)
+    events += (events.empty() ? "" : ", ") + event_yaml(event);
+  return events.empty() ? out : out + ", events: [" + events + "]";
+}
+
 }  // namespace
 
 std::string rig_yaml(const RigConfig& rig) {
@@ -138,10 +173,11 @@ std::string rig_yaml(const RigConfig& rig) {
              rig.sensors, rig.lidars, depth_mode(rig), rig.color_width, rig.color_height) +
          format(
              "noise: %s, calib_error_mm: %.9g, calib_error_deg: %.9g, exposure_spread: %.9g, "
-             "clock_offset_ms: %.9g, detail: %.9g, frames: %d, loop: %s}",
+             "clock_offset_ms: %.9g, detail: %.9g, frames: %d, loop: %s",
              rig.noise ? "kinect" : "none", rig.calib_error_mm, rig.calib_error_deg,
              rig.exposure_spread, rig.clock_offset_ms, rig.detail, rig.frames,
-             rig.loop ? "true" : "false");
+             rig.loop ? "true" : "false") +
+         disturbances_yaml(rig) + "}";
 }
 
 Status export_rig(const RigExport& what) {

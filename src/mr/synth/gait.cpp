@@ -13,7 +13,6 @@ namespace mr::synth {
 namespace {
 
 constexpr double kTurn = 2 * std::numbers::pi;
-constexpr Vec3d kAhead{1, 0, 0}, kLeft{0, 1, 0}, kUp{0, 0, 1};
 
 // Parts of a foot's cycle, which starts as the heel comes down.
 constexpr double kRolledDown = 0.10, kMiddle = 0.27, kHeelRises = 0.38, kToeLeaves = 0.62,
@@ -23,19 +22,10 @@ double part_of(double v) { return v - std::floor(v); }
 
 // --- the way
 
-/// A place on the floor and where ahead is.
-struct Spot {
-  Vec2d place;
-  double heading_rad = 0;
-
-  Mat3 facing() const { return rotation(kUp, heading_rad); }
-  Vec3d on_floor() const { return {place.x, place.y, 0}; }
-};
-
 /// The ellipse, walked at an even speed.
-class Way {
+class Ellipse final : public Way {
  public:
-  explicit Way(const Walk& walk) : walk_(walk) {
+  explicit Ellipse(const Walk& walk) : walk_(walk) {
     double sum = 0;
     for (int i = 0; i < kPieces; ++i) {
       length_[i] = sum;
@@ -45,10 +35,9 @@ class Way {
     length_[kPieces] = sum;
   }
 
-  double length_m() const { return length_[kPieces]; }
+  double length_m() const override { return length_[kPieces]; }
 
-  /// `period`: part of the walk's period, any number.
-  Spot at(double period) const {
+  Spot at(double period) const override {
     const double turns = turns_at(part_of(period));
     const double angle = kTurn * turns, way = walk_.clockwise ? -1 : 1;
     const double dx = -way * walk_.radius.x * std::sin(angle),
@@ -91,12 +80,6 @@ int strides_of(const Walk& walk, double length_m) {
 
 // --- legs
 
-struct FootPose {
-  Vec3d ankle;
-  Mat3 rotation;
-  double pitch_rad = 0;  ///< toes up is positive
-};
-
 /// Pitch of a foot during its cycle for a stride of usual length.
 double foot_pitch(double cycle) {
   constexpr double kStrike = 0.28, kPush = -0.62;
@@ -106,39 +89,32 @@ double foot_pitch(double cycle) {
   return kPush + (kStrike - kPush) * smooth_step(kMostPitched, 0.97, cycle);
 }
 
+/// The stance of someone who walks along a way.
 class Walker {
  public:
-  Walker(const Skeleton& skeleton, const Walk& walk)
-      : skeleton_(skeleton), walk_(walk), way_(walk), strides_(strides_of(walk, way_.length_m())) {
+  Walker(const Skeleton& skeleton, const Way& way, int strides, std::uint64_t seed)
+      : skeleton_(skeleton), way_(way), strides_(strides), seed_(seed) {
     liveliness_ = std::min(1.0, way_.length_m() / strides_ / 1.0);
   }
 
-  Posture at(double period) {
+  /// `period`: part of the way. All but the arms.
+  Stance at(double period) {
     period_ = period;
-    set_feet();
+    for (const Side side : kSides) stance_.feet[side] = foot_pose(side);
     set_trunk();
-    for (const Side side : kSides) set_leg(side);
-    set_arms();
-    for (Pose& pose : posture_) pose = walk_.T_world_room * pose;
-    return posture_;
+    return stance_;
   }
 
+  /// How far the left arm swings ahead.
+  double arm_swing() const { return 0.42 * liveliness_ * wave(cycle_of(right, period_) + 0.19); }
+
+ private:
   double cycle_of(Side side, double period) const {
     return period * strides_ + (side == left ? 0.0 : 0.5);
   }
 
- private:
   const Vec3d& joint(std::size_t bone) const { return skeleton_.joint[bone]; }
   double wave(double cycles) const { return std::sin(kTurn * cycles); }
-
-  /// A bone turned about its joint, carried by another.
-  void turn(std::size_t bone, const Pose& carrier, const Mat3& by) {
-    posture_[bone] = carrier * Pose{by, joint(bone) - by * joint(bone)};
-  }
-  /// A bone in a known attitude with its joint in a known place.
-  void put(std::size_t bone, const Mat3& attitude, Vec3d place) {
-    posture_[bone] = {attitude, place - attitude * joint(bone)};
-  }
 
   /// Where a foot stands in its stride number `stride`: the point under its ankle, while the body
   /// passes over it.
@@ -172,29 +148,6 @@ class Walker {
     return {base + facing * (pivot + pitched * (ankle_up - pivot)), facing * pitched, pitch};
   }
 
-  void set_feet() {
-    for (const Side side : kSides) {
-      feet_[side] = foot_pose(side);
-      put(bone_of(side, foot), feet_[side].rotation, feet_[side].ankle);
-      turn(bone_of(side, toes), posture_[bone_of(side, foot)],
-           rotation(kLeft, std::min(feet_[side].pitch_rad, 0.0)));
-    }
-  }
-
-  double leg_length(Side side) const {
-    const Vec3d knee = joint(bone_of(side, shin));
-    return length(knee - joint(bone_of(side, thigh))) + length(knee - joint(bone_of(side, foot)));
-  }
-
-  /// How high the pelvis may be for a leg to reach its foot with a slightly bent knee.
-  double reachable_height(Side side, const Mat3& attitude, Vec3d pelvis_place) const {
-    const Vec3d hip = pelvis_place + attitude * (joint(bone_of(side, thigh)) - joint(pelvis));
-    const Vec3d way = feet_[side].ankle - hip;
-    const double reach = 0.99 * leg_length(side), across2 = way.x * way.x + way.y * way.y;
-    return feet_[side].ankle.z + std::sqrt(std::max(reach * reach - across2, 0.01)) +
-           pelvis_place.z - hip.z;
-  }
-
   void set_trunk() {
     // The body is over the left foot in the middle of the left foot's stance.
     const double c = cycle_of(left, period_) - kMiddle, lively = liveliness_;
@@ -205,110 +158,52 @@ class Walker {
     const double sway = 0.022 * skeleton_.scale * wave(c + 0.25);
     Vec3d place = spot.on_floor() + facing * Vec3d{joint(pelvis).x, sway, 0};
     place.z = joint(pelvis).z;
-    for (const Side side : kSides)
-      place.z = smooth_min(place.z, reachable_height(side, attitude, place), 0.025);
-    put(pelvis, attitude, place);
+    stance_.pelvis_attitude = attitude, stance_.pelvis_place = place;
+    stance_.pelvis_place.z = reachable_height(skeleton_, stance_);
 
-    const double look = 0.34 * wave(period_ * 2 + unit(mix(walk_.seed, 7))) +
-                        0.24 * wave(period_ * 3 + unit(mix(walk_.seed, 8)));
-    const double nod = 0.06 + 0.07 * wave(period_ * 3 + unit(mix(walk_.seed, 9)));
-    turn(waist, posture_[pelvis],
-         rotation(kUp, -0.07 * lively * wave(c - 0.06)) *
-             rotation(kAhead, -0.03 * lively * wave(c + 0.22)) * rotation(kLeft, 0.02));
-    turn(chest, posture_[waist],
-         rotation(kUp, -0.09 * lively * wave(c - 0.06)) *
-             rotation(kAhead, -0.02 * lively * wave(c + 0.22)));
+    const double look = 0.34 * wave(period_ * 2 + unit(mix(seed_, 7))) +
+                        0.24 * wave(period_ * 3 + unit(mix(seed_, 8)));
+    const double nod = 0.06 + 0.07 * wave(period_ * 3 + unit(mix(seed_, 9)));
+    stance_.waist = rotation(kUp, -0.07 * lively * wave(c - 0.06)) *
+                    rotation(kAhead, -0.03 * lively * wave(c + 0.22)) * rotation(kLeft, 0.02);
+    stance_.chest = rotation(kUp, -0.09 * lively * wave(c - 0.06)) *
+                    rotation(kAhead, -0.02 * lively * wave(c + 0.22));
     const Mat3 half_look = rotation(kUp, 0.4 * look + 0.035 * lively * wave(c - 0.06));
-    turn(neck, posture_[chest], half_look * rotation(kLeft, 0.02 + 0.4 * nod));
-    turn(head, posture_[neck], rotation(kUp, 0.6 * look) * rotation(kLeft, 0.6 * nod));
-  }
-
-  /// Bends the knee so that the foot is where it should be.
-  void set_leg(Side side) {
-    const std::size_t upper = bone_of(side, thigh), lower = bone_of(side, shin);
-    const Vec3d hip = posture_[pelvis] * joint(upper), ankle = feet_[side].ankle;
-    const Vec3d rest_upper = joint(lower) - joint(upper),
-                rest_lower = joint(bone_of(side, foot)) - joint(lower);
-    const double a = length(rest_upper), b = length(rest_lower), far = length(ankle - hip);
-    const double reach = std::min(far, 0.9999 * (a + b));
-    const double cosine = (a * a + reach * reach - b * b) / (2 * a * reach);
-    const Vec3d down = normalized(ankle - hip);
-    const Vec3d toes_ahead = feet_[side].rotation.column(0) + posture_[pelvis].rotation.column(0);
-    const Vec3d ahead = normalized(toes_ahead - down * dot(toes_ahead, down));
-    const double bend = std::acos(std::clamp(cosine, -1.0, 1.0));
-    const Vec3d knee = hip + down * (a * std::cos(bend)) + ahead * (a * std::sin(bend));
-    const auto attitude = [&](Vec3d rest, Vec3d now) {
-      return frame_along(now, ahead) * transposed(frame_along(rest, kAhead));
-    };
-    put(upper, attitude(rest_upper, knee - hip), hip);
-    put(lower, attitude(rest_lower, ankle - knee), knee);
-  }
-
-  void set_arms() {
-    const double swing = 0.42 * liveliness_ * wave(cycle_of(right, period_) + 0.19);
-    const auto arms = arm_poses(walk_.seed, walk_.period_s, part_of(period_), swing);
-    for (const Side side : kSides) set_arm(side, arms[side]);
-  }
-
-  void set_arm(Side side, const ArmPose& pose) {
-    const auto own = [&](Vec3d v) { return side == left ? v : mirrored(v); };
-    const auto at = [&](int bone) { return bone_of(side, bone); };
-    const Vec3d upper = normalized(own(pose.upper)), fore = normalized(own(pose.fore));
-    const Vec3d rest_upper = normalized(joint(at(forearm)) - joint(at(shoulder))),
-                rest_fore = normalized(joint(at(hand)) - joint(at(forearm)));
-    const Mat3& trunk = posture_[chest].rotation;
-    // A raised arm lifts its shoulder.
-    const double lift = 0.22 * std::max(0.0, upper.z - rest_upper.z);
-    turn(at(clavicle), posture_[chest], rotation(kAhead, sign_of(side) * lift));
-    const Vec3d top = posture_[at(clavicle)] * joint(at(shoulder));
-    const Vec3d hinge = cross(upper, fore), rest_hinge = cross(rest_upper, rest_fore);
-    const auto attitude = [&](Vec3d rest, Vec3d now) {
-      return trunk * frame_along(now, hinge) * transposed(frame_along(rest, rest_hinge));
-    };
-    put(at(shoulder), trunk * turn_between(rest_upper, upper), top);
-    put(at(upper_arm), attitude(rest_upper, upper), top);
-    const Vec3d elbow = posture_[at(upper_arm)] * joint(at(forearm));
-    put(at(forearm), attitude(rest_fore, fore), elbow);
-    const double twist = sign_of(side) * pose.twist_rad;
-    turn(at(wrist), posture_[at(forearm)], rotation(rest_fore, 0.5 * twist));
-    turn(at(hand), posture_[at(forearm)], rotation(rest_fore, twist));
-    set_fingers(side, pose);
-  }
-
-  void set_fingers(Side side, const ArmPose& pose) {
-    const HandAxes axes = left_hand_axes(skeleton_);
-    // Turning about the thumb's direction bends fingers into the palm; mirroring reverses turns.
-    for (int f = 0; f < kFingers; ++f) {
-      const Vec3d along = joint(finger_bone(left, f, 1)) - joint(finger_bone(left, f, 0));
-      const Vec3d toward = f == 0 ? axes.palm * 0.7 - axes.thumb : axes.palm;
-      const Vec3d axis_left = normalized(cross(along, toward));
-      const Vec3d axis = side == left ? axis_left : -mirrored(axis_left);
-      const double first = f == 0 ? 0.6 : 1.35, second = f == 0 ? 1.0 : 1.75;
-      turn(finger_bone(side, f, 0), posture_[bone_of(side, hand)],
-           rotation(axis, first * pose.curl[f]));
-      turn(finger_bone(side, f, 1), posture_[finger_bone(side, f, 0)],
-           rotation(axis, second * pose.curl[f]));
-    }
+    stance_.neck = half_look * rotation(kLeft, 0.02 + 0.4 * nod);
+    stance_.head = rotation(kUp, 0.6 * look) * rotation(kLeft, 0.6 * nod);
   }
 
   const Skeleton& skeleton_;
-  const Walk& walk_;
-  const Way way_;
+  const Way& way_;
   const int strides_;
+  const std::uint64_t seed_;
   double liveliness_ = 1;  ///< less than 1 for short strides
   double period_ = 0;
-  std::array<FootPose, 2> feet_;
-  Posture posture_;
+  Stance stance_;
 };
 
 }  // namespace
 
 Posture posture_at(const Skeleton& skeleton, const Walk& walk, double time_s) {
-  return Walker(skeleton, walk).at(part_of(time_s / walk.period_s));
+  const Ellipse way(walk);
+  const double period = part_of(time_s / walk.period_s);
+  Walker walker(skeleton, way, strides_of(walk, way.length_m()), walk.seed);
+  Stance stance = walker.at(period);
+  stance.arms = arm_poses(walk.seed, walk.period_s, part_of(period), walker.arm_swing());
+  return posture_of(skeleton, stance, walk.T_world_room);
+}
+
+Stance walking_stance(const Skeleton& skeleton, const Way& way, double part, std::uint64_t seed) {
+  constexpr double kStride_m = 1.2;  // two steps
+  const int strides = std::max(1, static_cast<int>(std::lround(way.length_m() / kStride_m)));
+  Walker walker(skeleton, way, strides, seed);
+  Stance stance = walker.at(part);
+  stance.arms = {hanging_arm(walker.arm_swing()), hanging_arm(-walker.arm_swing())};
+  return stance;
 }
 
 bool foot_is_flat(const Walk& walk, int side, double time_s) {
-  const int strides = strides_of(walk, Way(walk).length_m());
+  const int strides = strides_of(walk, Ellipse(walk).length_m());
   const double c = part_of(part_of(time_s / walk.period_s) * strides + 0.5 * side);
   return c > kRolledDown && c < kHeelRises;
 }

@@ -19,14 +19,6 @@ double wobble(double time_s, double hertz) {
   return std::sin(2 * std::numbers::pi * hertz * time_s);
 }
 
-ArmPose hanging(double swing) {
-  const double bend = 0.24 + 0.25 * std::max(swing, 0.0) + 0.1 * swing;
-  return {{std::sin(swing), 0.17, -std::cos(swing)},
-          {std::sin(swing + bend), 0.10, -std::cos(swing + bend)},
-          0,
-          {0.2, 0.22, 0.28, 0.32, 0.36}};
-}
-
 /// What an arm does in a gesture, some seconds after its start.
 ArmPose held(Gesture gesture, double time_s, double phase) {
   const double fast = wobble(time_s, 1.7), slow = wobble(time_s + phase, 0.8);
@@ -52,10 +44,19 @@ ArmPose held(Gesture gesture, double time_s, double phase) {
     case Gesture::none:
       break;
   }
-  return hanging(0);
+  return hanging_arm(0);
 }
 
-/// On the way from hanging to a gesture the forearm comes up in front, not through the body.
+}  // namespace
+
+ArmPose hanging_arm(double swing) {
+  const double bend = 0.24 + 0.25 * std::max(swing, 0.0) + 0.1 * swing;
+  return {{std::sin(swing), 0.17, -std::cos(swing)},
+          {std::sin(swing + bend), 0.10, -std::cos(swing + bend)},
+          0,
+          {0.2, 0.22, 0.28, 0.32, 0.36}};
+}
+
 ArmPose blended(const ArmPose& a, const ArmPose& b, double share) {
   ArmPose out;
   const double from = (1 - share) * (1 - share), to = share * share, over = 2 * share * (1 - share);
@@ -67,11 +68,9 @@ ArmPose blended(const ArmPose& a, const ArmPose& b, double share) {
   return out;
 }
 
-}  // namespace
-
 std::array<ArmPose, 2> arm_poses(std::uint64_t seed, double period_s, double period,
                                  double swing_rad) {
-  std::array<ArmPose, 2> arms{hanging(swing_rad), hanging(-swing_rad)};
+  std::array<ArmPose, 2> arms{hanging_arm(swing_rad), hanging_arm(-swing_rad)};
   const int slots = std::max(1, static_cast<int>(std::lround(period_s / kSlot_s)));
   const double at = std::clamp(period, 0.0, 1.0) * slots;
   const int slot = std::min(static_cast<int>(at), slots - 1);

@@ -15,6 +15,12 @@ struct ArmPose {
   std::array<double, 5> curl{};  ///< thumb to little finger: 0 straight, 1 a fist
 };
 
+/// An arm that hangs and swings ahead.
+ArmPose hanging_arm(double swing_rad);
+
+/// On the way from one pose to another, 0 to 1: the forearm goes up in front, not through the body.
+ArmPose blended(const ArmPose& a, const ArmPose& b, double share);
+
 /// Both arms of someone who walks and now and then waves, points, talks with the hands, scratches
 /// the head or opens and closes a hand. `period`: part of the walk's period, repeats after 1;
 /// `swing_rad`: how far the left arm swings ahead, the right one swings back.

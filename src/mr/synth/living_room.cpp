@@ -98,7 +98,7 @@ void room_shell(Builder& b, const RigConfig& rig, std::vector<Light>& lights) {
 
   b.place(at_wall(rig, 0));
   window(b, rig, -0.12 * w, lights);
-  door(b, door_x);
+  door(b, rig, 0, door_x);
 
   b.place(at_wall(rig, 1), s);
   hang(b, lettered("MESHREDUCE", 0xF6F1E3, 0x1B2A49), 0x2A2A2A, 0.0, 1.95, 1.7, 0.42, 0.03);

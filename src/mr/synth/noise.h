@@ -37,7 +37,12 @@ struct DepthNoise {
   bool on = true;
   Precision precision;
   double near_m = 0, far_m = 0;  ///< beyond is no measurement
+  double factor = 1;             ///< times the precision
+  double correlation_px = 0;     ///< pixels r apart: exp(-r² / (2 · this²)); 0: each by itself
 };
+
+/// Nearly normal, mean 0, deviation 1, within ±8.
+float normal_deviate(std::uint64_t hash);
 
 /// One frame's measurements in whole millimetres, 0 where there is none. `out`: [H*W]. The same on
 /// any number of threads and any platform.

@@ -12,14 +12,26 @@ constexpr float kExposure = 1.5f;
 
 using ToneTable = std::array<std::uint8_t, kToneSteps>;
 
+/// `exposed`: light times kExposure; 0..255.
+double toned(double exposed) {
+  const double v = exposed * (1 + exposed / 16) / (1 + exposed * 0.55);
+  const double srgb = v <= 0.0031308 ? 12.92 * v : 1.055 * std::pow(v, 1 / 2.4) - 0.055;
+  return std::clamp(srgb, 0.0, 1.0) * 255;
+}
+
+/// Inverts toned() where it does not clip.
+double untoned(double value) {
+  const double srgb = value / 255;
+  const double v = srgb <= 0.04045 ? srgb / 12.92 : std::pow((srgb + 0.055) / 1.055, 2.4);
+  const double half = 1 - 0.55 * v;  // v (1 + 0.55 e) = e (1 + e / 16)
+  return 8 * (std::sqrt(half * half + v / 4) - half);
+}
+
 ToneTable tone_table() {
   ToneTable table{};
-  for (int i = 0; i < kToneSteps; ++i) {
-    const double light = kExposure * kBrightest * i / (kToneSteps - 1);
-    const double v = light * (1 + light / 16) / (1 + light * 0.55);
-    const double srgb = v <= 0.0031308 ? 12.92 * v : 1.055 * std::pow(v, 1 / 2.4) - 0.055;
-    table[i] = static_cast<std::uint8_t>(std::clamp(srgb, 0.0, 1.0) * 255 + 0.5);
-  }
+  for (int i = 0; i < kToneSteps; ++i)
+    table[i] =
+        static_cast<std::uint8_t>(toned(kExposure * kBrightest * i / (kToneSteps - 1)) + 0.5);
   return table;
 }
 
@@ -50,6 +62,13 @@ std::array<std::uint8_t, 3> ToneCurve::operator()(Vec3f light) const {
     const float at = std::clamp(light[c] * scale_[c], 0.0f, kToneSteps - 1.0f);
     out[c] = table[static_cast<int>(at + 0.5f)];
   }
+  return out;
+}
+
+std::array<std::uint8_t, 256> relit(double factor) {
+  std::array<std::uint8_t, 256> out{};
+  for (int i = 0; i < 256; ++i)
+    out[i] = static_cast<std::uint8_t>(toned(untoned(i) * factor) + 0.5);
   return out;
 }
 

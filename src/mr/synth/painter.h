@@ -43,6 +43,9 @@ class ToneCurve {
   Vec3f scale_;
 };
 
+/// What becomes of 8-bit values when `factor` times the light arrives: by the tone curve and back.
+std::array<std::uint8_t, 256> relit(double factor);
+
 /// Shades what the pixels of one camera see of a skin.
 class Painter {
  public:

@@ -14,22 +14,23 @@ namespace {
 
 constexpr std::size_t kRemembered = 4;
 
-void add_body(Cast& cast, Body body) {
+/// Appends a body or a prop to a cast.
+template <typename Shape>
+void append(Cast& cast, const Shape& shape) {
   const auto vertex = static_cast<std::uint32_t>(cast.surface_m.size());
   const auto material = static_cast<std::uint16_t>(cast.materials.size());
   const std::uint32_t surface =
       cast.surface.empty() ? 0 : *std::max_element(cast.surface.begin(), cast.surface.end()) + 1;
-  for (const Triangle& t : body.rest.triangles)
+  for (const Triangle& t : shape.rest.triangles)
     cast.triangles.push_back({t[0] + vertex, t[1] + vertex, t[2] + vertex});
-  for (const std::uint16_t m : body.material)
+  for (const std::uint16_t m : shape.material)
     cast.material.push_back(static_cast<std::uint16_t>(material + m));
-  for (const std::uint32_t s : body.surface) cast.surface.push_back(surface + s);
-  cast.surface_m.insert(cast.surface_m.end(), body.surface_m.begin(), body.surface_m.end());
-  for (const Material& m : body.materials) {
+  for (const std::uint32_t s : shape.surface) cast.surface.push_back(surface + s);
+  cast.surface_m.insert(cast.surface_m.end(), shape.surface_m.begin(), shape.surface_m.end());
+  for (const Material& m : shape.materials) {
     cast.materials.push_back(m);
-    cast.dark.push_back(is_dark(m.color));
+    cast.dark.push_back(m.emission <= 0 && is_dark(m.color));
   }
-  cast.bodies.push_back(std::move(body));
 }
 
 /// Where someone stands: the middle of what is near the floor.
@@ -46,58 +47,123 @@ Vec3d feet_of(std::span<const Vec3f> positions, const Pose& T_room_world) {
   return count > 0 ? Vec3d{sum.x / count, sum.y / count, 0} : Vec3d{1e6, 1e6, 0};
 }
 
+/// Positions and normals of a moment, world.
+struct Posed {
+  std::vector<Vec3f> positions, normals;
+
+  void add(const Body& body, const std::vector<Vec3f>& of_body) {
+    const std::vector<Vec3f> own = body_normals(body, of_body);
+    normals.insert(normals.end(), own.begin(), own.end());
+    positions.insert(positions.end(), of_body.begin(), of_body.end());
+  }
+  void add(const Prop& prop, const Pose& T_world_prop) {
+    for (const Vec3f p : prop.rest.positions)
+      positions.push_back(vec_cast<float>(T_world_prop * vec_cast<double>(p)));
+    for (const Vec3f n : prop.normals)
+      normals.push_back(vec_cast<float>(T_world_prop.rotation * vec_cast<double>(n)));
+  }
+};
+
+double wrapped(double time_s, double period_s) {
+  return time_s - period_s * std::floor(time_s / period_s);
+}
+
 }  // namespace
 
 Skin PosedPeople::skin(float contrast) const {
-  return {&mesh, cast->material,  cast->surface, cast->surface_m,
-          light, cast->materials, contrast,      &rays};
+  return {&mesh, cast->material, cast->surface, cast->surface_m, light, materials, contrast, &rays};
 }
 
-People::People(const RigConfig& rig, double period_s, std::shared_ptr<const Room> room)
-    : room_(std::move(room)), period_s_(period_s) {
-  auto cast = std::make_shared<Cast>();
-  cast->walks = plan_walks(rig, FloorPlan(rig, room_->blocks));
-  for (std::size_t i = 0; i < cast->walks.size(); ++i) {
-    cast->walks[i].T_world_room = room_->T_world_room;
-    cast->walks[i].period_s = period_s;
-    add_body(*cast, make_body(mix(rig.seed, 5000 + i)));
+People::People(const RigConfig& rig, double fps, double period_s, std::shared_ptr<const Room> room)
+    : room_(std::move(room)), period_s_(period_s), loops_(rig.loop) {
+  walks_ = plan_walks(rig, FloorPlan(rig, room_->blocks));
+  for (std::size_t i = 0; i < walks_.size(); ++i) {
+    walks_[i].T_world_room = room_->T_world_room;
+    walks_[i].period_s = period_s;
+    bodies_.push_back(make_body(mix(rig.seed, 5000 + i)));
   }
-  cast_ = std::move(cast);
+  if (!rig.events.empty()) script_ = make_script(rig, fps, room_->blocks, walks_);
+}
+
+std::vector<bool> People::present_at(double script_s) const {
+  std::vector<bool> present(bodies_.size(), true);
+  for (const Performance& who : script_.people) present.push_back(who.at(script_s).has_value());
+  for (const ScriptedProp& prop : script_.props)
+    present.push_back(prop.T_room_prop(script_s).has_value());
+  return present;
+}
+
+std::shared_ptr<const Cast> People::cast_of(const std::vector<bool>& present) {
+  std::shared_ptr<const Cast>& known = casts_[present];
+  if (known) return known;
+  auto cast = std::make_shared<Cast>();
+  std::size_t next = 0;
+  for (const Body& body : bodies_)
+    if (present[next++]) append(*cast, body);
+  for (const Performance& who : script_.people)
+    if (present[next++]) append(*cast, who.body);
+  for (const ScriptedProp& prop : script_.props)
+    if (present[next++]) append(*cast, prop.shape);
+  return known = std::move(cast);
 }
 
 std::shared_ptr<const PosedPeople> People::at(double time_s) {
-  if (cast_->bodies.empty()) return nullptr;
-  const double time = time_s - period_s_ * std::floor(time_s / period_s_);
+  const double walk_s = wrapped(time_s, period_s_);
+  const bool scripted = !script_.people.empty() || !script_.props.empty();
+  if (bodies_.empty() && !scripted) return nullptr;
+  const double script_s = loops_ ? walk_s : time_s, key = scripted ? script_s : walk_s;
   for (const auto& [known, people] : recent_)
-    if (known == time) return people;
-  recent_.emplace_front(time, pose(time));
+    if (known == key) return people;
+  recent_.emplace_front(key, pose(walk_s, script_s));
   if (recent_.size() > kRemembered) recent_.pop_back();
   return recent_.front().second;
 }
 
-std::shared_ptr<const PosedPeople> People::pose(double time_s) const {
-  Mesh mesh;
-  mesh.triangles = cast_->triangles;
-  mesh.positions.reserve(cast_->surface_m.size());
+std::shared_ptr<const PosedPeople> People::pose(double walk_s, double script_s) {
+  const auto cast = cast_of(present_at(script_s));
+  if (cast->triangles.empty()) return nullptr;
+  Posed posed;
   std::vector<Vec3d> feet;
-  std::vector<Vec3f> normals;
   const Pose T_room_world = room_->T_world_room.inverse();
-  for (std::size_t i = 0; i < cast_->bodies.size(); ++i) {
-    const std::vector<Vec3f> positions = pose_body(cast_->bodies[i], cast_->walks[i], time_s);
+  for (std::size_t i = 0; i < bodies_.size(); ++i) {
+    const std::vector<Vec3f> positions = pose_body(bodies_[i], walks_[i], walk_s);
     feet.push_back(feet_of(positions, T_room_world));
-    const std::vector<Vec3f> own = body_normals(cast_->bodies[i], positions);
-    normals.insert(normals.end(), own.begin(), own.end());
-    mesh.positions.insert(mesh.positions.end(), positions.begin(), positions.end());
+    posed.add(bodies_[i], positions);
   }
-  std::vector<Vec3f> light(normals.size());
+  for (const Performance& who : script_.people)
+    if (const auto stance = who.at(script_s)) {
+      const std::vector<Vec3f> positions =
+          pose_body(who.body, posture_of(who.body.skeleton, *stance, room_->T_world_room));
+      feet.push_back(feet_of(positions, T_room_world));
+      posed.add(who.body, positions);
+    }
+  std::vector<Material> materials = cast->materials;
+  std::size_t film = materials.size();  // of the first prop's: props come last
+  for (const ScriptedProp& prop : script_.props)
+    if (prop.T_room_prop(script_s)) film -= prop.shape.materials.size();
+  for (const ScriptedProp& prop : script_.props) {
+    const auto T_room_prop = prop.T_room_prop(script_s);
+    if (!T_room_prop) continue;
+    posed.add(prop.shape, room_->T_world_room * *T_room_prop);
+    if (prop.on_floor && T_room_prop->translation.z < 0.05)
+      feet.push_back(T_room_prop->translation);
+    for (std::size_t m = 0; m < prop.shape.materials.size(); ++m, ++film)
+      if (prop.phase && materials[film].pattern == Pattern::film)
+        materials[film].phase = prop.phase(script_s);
+  }
+  std::vector<Vec3f> light(posed.normals.size());
   parallel_for(light.size(), 1024, [&](std::size_t begin, std::size_t end) {
     for (std::size_t v = begin; v < end; ++v)
-      light[v] = probed_light(*room_, mesh.positions[v], normals[v]);
+      light[v] = probed_light(*room_, posed.positions[v], posed.normals[v]);
   });
+  Mesh mesh;
+  mesh.positions = std::move(posed.positions);
+  mesh.triangles = cast->triangles;
   const Mesh* const meshes[] = {&mesh};
   kit::RayScene rays(meshes);
-  return std::make_shared<const PosedPeople>(
-      PosedPeople{cast_, std::move(mesh), std::move(light), std::move(feet), std::move(rays)});
+  return std::make_shared<const PosedPeople>(PosedPeople{cast, std::move(mesh), std::move(light),
+                                                         std::move(materials), std::move(feet),
+                                                         std::move(rays)});
 }
 
 }  // namespace mr::synth

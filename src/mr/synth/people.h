@@ -2,6 +2,7 @@
 
 #include <cstdint>
 #include <list>
+#include <map>
 #include <memory>
 #include <vector>
 
@@ -9,13 +10,13 @@
 #include "mr/synth/painter.h"
 #include "mr/synth/person.h"
 #include "mr/synth/room.h"
+#include "mr/synth/script.h"
 
 namespace mr::synth {
 
-/// The parts of a rig's people that never change; all people's arrays one after another.
+/// The parts that never change of those who are there at a time; all arrays one after another:
+/// people who walk, people of events, things of events.
 struct Cast {
-  std::vector<Body> bodies;
-  std::vector<Walk> walks;              // [bodies]
   std::vector<Triangle> triangles;      // [T]
   std::vector<std::uint16_t> material;  // [T]
   std::vector<std::uint32_t> surface;   // [T]
@@ -24,33 +25,41 @@ struct Cast {
   std::vector<std::uint8_t> dark;  // [materials] swallows a depth camera's light
 };
 
-/// Everybody at one moment.
+/// Everybody at one moment, and the things that events move.
 struct PosedPeople {
   std::shared_ptr<const Cast> cast;
-  Mesh mesh;                 ///< world
-  std::vector<Vec3f> light;  ///< [V]
-  std::vector<Vec3d> feet;   ///< [people] between them, on the floor, room frame
+  Mesh mesh;                        ///< world
+  std::vector<Vec3f> light;         ///< [V]
+  std::vector<Material> materials;  ///< the cast's, films at this moment
+  std::vector<Vec3d> feet;          ///< what shades the floor: places on it, room frame
   kit::RayScene rays;
 
   Skin skin(float contrast) const;
 };
 
-/// The people of a rig. Cameras that look at the same moment share one posing. One caller at a
-/// time.
+/// The people of a rig and what its events move. Cameras that look at the same moment share one
+/// posing. One caller at a time.
 class People {
  public:
-  /// `period_s`: after so long everything repeats.
-  People(const RigConfig& rig, double period_s, std::shared_ptr<const Room> room);
+  /// `period_s`: after so long people who walk are where they were; with `loop` all is.
+  People(const RigConfig& rig, double fps, double period_s, std::shared_ptr<const Room> room);
 
-  /// Everybody at a time, also before 0; nothing where the rig has no people.
+  /// Everybody at a time, also before 0; null where nobody is there and nothing may move.
   std::shared_ptr<const PosedPeople> at(double time_s);
 
  private:
-  std::shared_ptr<const PosedPeople> pose(double time_s) const;
+  /// Who is there: walkers, performers, props.
+  std::vector<bool> present_at(double script_s) const;
+  std::shared_ptr<const Cast> cast_of(const std::vector<bool>& present);
+  std::shared_ptr<const PosedPeople> pose(double walk_s, double script_s);
 
   const std::shared_ptr<const Room> room_;
   const double period_s_;
-  std::shared_ptr<const Cast> cast_;
+  const bool loops_;
+  std::vector<Body> bodies_;
+  std::vector<Walk> walks_;  // [bodies_]
+  Script script_;
+  std::map<std::vector<bool>, std::shared_ptr<const Cast>> casts_;
   std::list<std::pair<double, std::shared_ptr<const PosedPeople>>> recent_;  // newest first
 };
 

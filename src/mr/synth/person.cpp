@@ -152,7 +152,10 @@ Body make_body(std::uint64_t seed) {
 }
 
 std::vector<Vec3f> pose_body(const Body& body, const Walk& walk, double time_s) {
-  const Posture posture = posture_at(body.skeleton, walk, time_s);
+  return pose_body(body, posture_at(body.skeleton, walk, time_s));
+}
+
+std::vector<Vec3f> pose_body(const Body& body, const Posture& posture) {
   std::array<DualQuaternion, kBones> moves;
   for (std::size_t b = 0; b < kBones; ++b) moves[b] = dual_quaternion(posture[b]);
   std::vector<Vec3f> out(body.rest.positions.size());

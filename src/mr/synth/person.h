@@ -45,6 +45,9 @@ struct Walk {
 /// visibly, and the same on every machine.
 std::vector<Vec3f> pose_body(const Body& body, const Walk& walk, double time_s);
 
+/// The same in any posture.
+std::vector<Vec3f> pose_body(const Body& body, const Posture& posture);
+
 /// Unit normals [V] of a posed body; smooth across the borders of sheets.
 std::vector<Vec3f> body_normals(const Body& body, const std::vector<Vec3f>& positions);
 

@@ -62,7 +62,8 @@ void hang(Builder& b, Material front, std::uint32_t rim_color, double x, double 
           double height, double rim_m);
 /// With curtains; a light of the room. In the frame of wall 0.
 void window(Builder& b, const RigConfig& rig, double x, std::vector<Light>& lights);
-void door(Builder& b, double x);
+/// The frame alone where events open it (doorway.h). In the frame of a wall.
+void door(Builder& b, const RigConfig& rig, int wall, double x);
 /// Sheets of print pinned on cork.
 void notice_board(Builder& b, double x, double z, double width, double height, Random& random);
 

@@ -54,7 +54,7 @@ void doors(Builder& b, const RigConfig& rig, int wall, int first_number) {
   for (int i = 0; i < count; ++i) {
     const double x = ((i + 0.5) / count - 0.5) * (length - 0.8);
     b.place(at_wall(rig, wall));
-    door(b, x);
+    door(b, rig, wall, x);
     const std::string number = std::to_string(first_number + 2 * i);
     hang(b, lettered("ROOM " + number, 0x2B4A6B, 0xF5F5F2), 0x2B4A6B, x + 0.78, 1.62, 0.36, 0.14,
          0);
@@ -174,7 +174,7 @@ void hallway(Builder& b, const RigConfig& rig, std::vector<Light>& lights) {
   ceiling_panels(b, rig, std::max(1, static_cast<int>(w / 1.2)),
                  std::max(1, static_cast<int>(d / 1.2)), lights);
   b.place(at_wall(rig, 0));
-  for (const double x : {-0.5, 0.5}) door(b, x - 0.2 * w);
+  for (const double x : {-0.5, 0.5}) door(b, rig, 0, x - 0.2 * w);
   exit_sign(b, rig, 0);
   b.place(at_wall(rig, 1, -0.1 * d));
   coat_rack(b);

@@ -39,6 +39,12 @@ Pose calibration_error(const RigConfig& rig, std::uint32_t sensor) {
   return error;
 }
 
+Pose push_of(const RigConfig& rig, const RigEvent& event, std::uint32_t sensor) {
+  const std::uint64_t purpose = 0x100 + 4 * static_cast<std::uint64_t>(event.at);
+  return {turn_about(direction(rig, sensor, purpose), event.by_deg * std::numbers::pi / 180),
+          direction(rig, sensor, purpose + 2) * (event.by_mm * 0.001)};
+}
+
 Vec3f exposure_gain(const RigConfig& rig, std::uint32_t sensor) {
   const double spread = rig.exposure_spread;
   const double stops = spread * drawn(rig, sensor, 4), red = 0.25 * spread * drawn(rig, sensor, 5),

@@ -13,6 +13,10 @@ namespace mr::synth {
 /// axis; the identity where both are 0.
 Pose calibration_error(const RigConfig& rig, std::uint32_t sensor);
 
+/// How an event `push` moves a sensor, by_mm long and by_deg wide: T_world_after = T_world_before *
+/// this. In a random direction and about a random axis.
+Pose push_of(const RigConfig& rig, const RigEvent& event, std::uint32_t sensor);
+
 /// Factors on the linear light of red, green and blue: exposure within ± exposure_spread stops, red
 /// and blue within a further quarter of it.
 Vec3f exposure_gain(const RigConfig& rig, std::uint32_t sensor);

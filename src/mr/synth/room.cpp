@@ -53,7 +53,7 @@ Room make_room(const RigConfig& rig) {
   const Mesh* const meshes[] = {&room.mesh};
   room.rays = std::make_shared<const kit::RayScene>(meshes);
   bake_light(room, built.light_places, built.normals, built.lights);
-  if (rig.people > 0) bake_probes(room, rig.room_m, built.lights);
+  if (rig.people > 0 || !rig.events.empty()) bake_probes(room, rig.room_m, built.lights);
   return std::move(built.room);
 }
 

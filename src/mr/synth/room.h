@@ -43,7 +43,7 @@ struct Room {
   std::vector<Vec3f> light;      ///< [V] diffuse light that arrives, shadows included
   std::vector<Material> materials;
   std::vector<Block> blocks;                  ///< what people and cameras must keep clear of
-  LightProbes probes;                         ///< baked where the rig has people
+  LightProbes probes;                         ///< baked where the rig has people or events
   double detail = 0.5;                        ///< contrast of the 1/f noise
   Pose T_world_room;                          ///< room frame: walls along the axes, floor at z = 0
   std::shared_ptr<const kit::RayScene> rays;  ///< the mesh, ready for casting

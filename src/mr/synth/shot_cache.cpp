@@ -210,9 +210,9 @@ std::optional<ShotRef> ShotCache::find(std::uint32_t frame) {
   return shot;
 }
 
-int ShotCache::count(int frames) {
+int ShotCache::count(int begin, int end) const {
   int known = 0;
-  for (int i = 0; i < std::min(frames, static_cast<int>(records_.size())); ++i)
+  for (int i = begin; i < std::min(end, static_cast<int>(records_.size())); ++i)
     known += records_[i].has_value();
   return known;
 }

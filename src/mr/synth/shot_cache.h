@@ -48,8 +48,8 @@ class ShotCache {
   /// The empty room, where the file holds it.
   std::optional<ImageRgb> empty_room() const;
   std::optional<ShotRef> find(std::uint32_t frame);
-  /// How many of the frames 0 to `frames` - 1 are there.
-  int count(int frames);
+  /// How many of the frames `begin` to `end` - 1 are there.
+  int count(int begin, int end) const;
 
   /// Begins the file unless it is there. A cache that cannot be written stays empty.
   void begin(const ImageRgb& empty_room);

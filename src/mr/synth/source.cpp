@@ -13,6 +13,7 @@
 #include "mr/synth/hash.h"
 #include "mr/synth/rig_errors.h"
 #include "mr/synth/room.h"
+#include "mr/synth/sensor_effects.h"
 #include "mr/synth/shot_cache.h"
 #include "mr/synth/stage.h"
 #include "mr/synth/view.h"
@@ -45,20 +46,30 @@ struct Shared {
   std::atomic<std::int64_t> cache_budget{0};
 };
 
+/// A sensor between two pushes: how it stands, and what it sees from there.
+struct Standpoint {
+  std::uint32_t from = 0;  ///< frame of the rig
+  ViewSetup setup;
+  std::unique_ptr<ShotCache> cache;  ///< may be null
+  std::unique_ptr<SensorView> view;  ///< made when a frame must be rendered
+  std::optional<ImageRgb> color;     ///< of the empty room, once known
+};
+
 class RigSource final : public FrameSource {
  public:
+  /// `standpoints`: by time, the first from frame 0.
   RigSource(std::shared_ptr<Shared> shared, const RigConfig& rig, const SensorConfig& sensor,
-            std::uint32_t sensor_index, double fps, ViewSetup setup,
-            std::unique_ptr<ShotCache> cache)
+            std::uint32_t sensor_index, double fps, std::vector<Standpoint> standpoints)
       : shared_(std::move(shared)),
         rig_(rig),
         sensor_(sensor),
         sensor_index_(sensor_index),
         fps_(fps),
-        clock_error_s_(clock_error_s(rig, camera())),
-        setup_(std::move(setup)),
-        cache_(std::move(cache)) {
-    if (cache_) color_ = cache_->empty_room();
+        clock_error_s_(clock_error_s(rig, camera_of(sensor))),
+        effects_(rig, camera_of(sensor), fps),
+        standpoints_(std::move(standpoints)) {
+    for (Standpoint& standpoint : standpoints_)
+      if (standpoint.cache) standpoint.color = standpoint.cache->empty_room();
   }
 
   Result<std::optional<Frame>> next() override {
@@ -73,47 +84,68 @@ class RigSource final : public FrameSource {
     if (sensor_.depth_camera.model == CameraModel::lidar)
       frame.exposure_start -= kSweep / 2, frame.exposure_end += kSweep / 2;
     frame.T_world_depth = sensor_.T_world_depth.at(0);
-    const auto known = cache_ && color_ ? cache_->find(shown) : std::nullopt;
+    Standpoint& from = standpoint_at(shown);
+    const auto known = from.cache && from.color ? from.cache->find(shown) : std::nullopt;
     if (known) {
-      fill(frame, *known);
+      fill(frame, *from.color, *known);
     } else {
-      const Shot shot = render(shown);
-      fill(frame, {shot.depth_mm, shot.spans, shot.rgb});
+      const Shot shot = render(from, shown);
+      fill(frame, *from.color, {shot.depth_mm, shot.spans, shot.rgb});
     }
+    effects_.apply(frame.index, frame);
     return std::optional<Frame>(std::move(frame));
   }
 
   void skip(std::uint64_t frames) override { index_ += frames; }
   bool endless() const override { return rig_.loop; }
 
-  int kept() { return cache_ && color_ ? cache_->count(rig_.frames) : 0; }
+  /// How many of the rig's frames the cache holds.
+  int kept() {
+    int sum = 0;
+    for (std::size_t i = 0; i < standpoints_.size(); ++i) {
+      const Standpoint& from = standpoints_[i];
+      const int end =
+          i + 1 < standpoints_.size() ? static_cast<int>(standpoints_[i + 1].from) : rig_.frames;
+      if (from.cache && from.color) sum += from.cache->count(static_cast<int>(from.from), end);
+    }
+    return sum;
+  }
 
   /// Puts a frame of the rig into the cache where it is missing.
   void keep(std::uint32_t frame) {
-    if (cache_ && !(color_ && cache_->find(frame))) render(frame);
+    Standpoint& from = standpoint_at(frame);
+    if (from.cache && !(from.color && from.cache->find(frame))) render(from, frame);
   }
 
  private:
-  std::uint32_t camera() const { return std::get<SyntheticSource>(sensor_.source).camera; }
+  static std::uint32_t camera_of(const SensorConfig& sensor) {
+    return std::get<SyntheticSource>(sensor.source).camera;
+  }
 
-  Shot render(std::uint32_t shown) {
-    if (!view_) {
-      view_ = std::make_unique<SensorView>(shared_->stage.room(), setup_);
-      color_ = view_->empty_room();
-      if (cache_) cache_->begin(*color_);
+  Standpoint& standpoint_at(std::uint32_t frame) {
+    std::size_t i = standpoints_.size() - 1;
+    while (i > 0 && standpoints_[i].from > frame) --i;
+    return standpoints_[i];
+  }
+
+  Shot render(Standpoint& from, std::uint32_t shown) {
+    if (!from.view) {
+      from.view = std::make_unique<SensorView>(shared_->stage.room(), from.setup);
+      from.color = from.view->empty_room();
+      if (from.cache) from.cache->begin(*from.color);
     }
     const double time_s = shown / fps_ + clock_error_s_;
-    Shot shot = view_->render(shared_->stage.people(time_s).get(), shown);
-    if (cache_) cache_->add(shown, shot);
+    Shot shot = from.view->render(shared_->stage.people(time_s).get(), shown);
+    if (from.cache) from.cache->add(shown, shot);
     return shot;
   }
 
-  void fill(Frame& frame, const ShotRef& shot) const {
+  void fill(Frame& frame, const ImageRgb& empty_room, const ShotRef& shot) const {
     frame.depth = ImageDepth(sensor_.depth_camera.width, sensor_.depth_camera.height);
     const auto& metres = metres_of();
     for (std::size_t i = 0; i < shot.depth_mm.size(); ++i)
       frame.depth.data[i] = metres[shot.depth_mm[i]];
-    frame.color = *color_;
+    frame.color = empty_room;
     const std::uint8_t* from = shot.rgb.data();
     for (const Shot::Span& span : shot.spans) {
       std::memcpy(frame.color.data.data() + 3 * std::size_t{span.first}, from,
@@ -128,11 +160,9 @@ class RigSource final : public FrameSource {
   const std::uint32_t sensor_index_;
   const double fps_;
   const double clock_error_s_;
-  const ViewSetup setup_;
-  const std::unique_ptr<ShotCache> cache_;  // may be null
-  std::unique_ptr<SensorView> view_;        // made when a frame must be rendered
-  std::optional<ImageRgb> color_;           // of the empty room, once known
-  std::uint64_t index_ = 0;                 // of the next frame
+  const SensorEffects effects_;
+  std::vector<Standpoint> standpoints_;
+  std::uint64_t index_ = 0;  // of the next frame
 };
 
 /// Adds anything to a hash, number by number.
@@ -175,18 +205,43 @@ std::uint64_t sensor_key(std::uint64_t of_rig, const ViewSetup& setup) {
   return mix(of_rig, hash.sum());
 }
 
-/// What the pictures are made with: the rig's true pose, not the one that the sensor states.
-ViewSetup setup_of(const RigConfig& rig, const SensorConfig& sensor, const SensorConfig& exact) {
+/// What the pictures are made with: a true pose, not the one that the sensor states.
+ViewSetup setup_of(const RigConfig& rig, const SensorConfig& sensor, const Pose& T_world_depth) {
   const auto camera = std::get<SyntheticSource>(sensor.source).camera;
-  const Pose T_world_depth = exact.T_world_depth.at(0);
   ViewSetup setup;
   setup.depth = {sensor.depth_camera, T_world_depth};
   if (sensor.color_camera)
     setup.color = Eye{*sensor.color_camera, T_world_depth * sensor.T_color_depth.inverse()};
-  setup.noise = {rig.noise, sensor.precision, sensor.depth_near_m, sensor.depth_far_m};
+  setup.noise = {rig.noise,          sensor.precision, sensor.depth_near_m,
+                 sensor.depth_far_m, rig.depth_noise,  rig.depth_noise_px};
   setup.gain = exposure_gain(rig, camera);
   setup.seed = mix(rig.seed, camera);
   return setup;
+}
+
+/// Where a sensor truly stands, from the beginning and after every push.
+std::vector<Standpoint> standpoints_of(const RigConfig& rig, const SensorConfig& sensor,
+                                       const SensorConfig& exact) {
+  std::vector<RigEvent> pushes;
+  for (const RigEvent& event : rig.events)
+    if (event.kind == RigEvent::Kind::push && event.sensor == exact.id) pushes.push_back(event);
+  std::stable_sort(pushes.begin(), pushes.end(),
+                   [](const RigEvent& a, const RigEvent& b) { return a.at < b.at; });
+  Pose T_world_depth = exact.T_world_depth.at(0);
+  std::vector<Standpoint> out;
+  const auto add = [&](int from) {
+    Standpoint standpoint;
+    standpoint.from = static_cast<std::uint32_t>(from);
+    standpoint.setup = setup_of(rig, sensor, T_world_depth);
+    out.push_back(std::move(standpoint));
+  };
+  add(0);
+  for (const RigEvent& push : pushes) {
+    T_world_depth =
+        T_world_depth * push_of(rig, push, std::get<SyntheticSource>(sensor.source).camera);
+    add(push.at);
+  }
+  return out;
 }
 
 std::string hex(std::uint64_t v) {
@@ -224,6 +279,29 @@ void render_ahead(const std::vector<RigSource*>& sources, int frames,
   progress(of, of);
 }
 
+/// Noise beyond the usual and what happens; nothing of a rig without, whose key is as it ever was.
+void add_disturbances(Hasher& hash, const RigConfig& rig) {
+  const RigConfig usual;
+  const auto add_unusual = [&](double purpose, double value, double default_value) {
+    if (value != default_value) hash.add(purpose), hash.add(value);
+  };
+  add_unusual(1, rig.depth_noise, usual.depth_noise);
+  add_unusual(2, rig.depth_noise_px, usual.depth_noise_px);
+  add_unusual(3, rig.color_noise, usual.color_noise);
+  add_unusual(4, rig.exposure_drift, usual.exposure_drift);
+  add_unusual(5, rig.exposure_period_s, usual.exposure_period_s);
+  for (const RigEvent& event : rig.events) {
+    hash.add(6);
+    for (const double v :
+         {static_cast<double>(event.kind), 1.0 * event.at, 1.0 * event.frames,
+          event.place_m ? event.place_m->x : 1e6, event.place_m ? event.place_m->y : 1e6,
+          event.by_m, event.by_mm, event.by_deg, event.level, event.stops, event.period_s,
+          1.0 * static_cast<double>(event.sensor.size())})
+      hash.add(v);
+    for (const char c : event.sensor) hash.add(static_cast<double>(c));
+  }
+}
+
 }  // namespace
 
 std::uint64_t rig_key(const RigConfig& rig, double fps) {
@@ -250,6 +328,7 @@ std::uint64_t rig_key(const RigConfig& rig, double fps) {
                          rig.loop ? 1.0 * rig.frames : 0.0,
                          fps})
     hash.add(v);
+  add_disturbances(hash, rig);
   return hash.sum();
 }
 
@@ -281,17 +360,17 @@ std::vector<std::unique_ptr<FrameSource>> open_rig(const RigConfig& rig,
   for (const std::uint32_t i : wanted) {
     const SensorConfig& sensor = sensors[i];
     MR_ASSERT(std::holds_alternative<SyntheticSource>(sensor.source));
-    const ViewSetup setup =
-        setup_of(rig, sensor, exact.at(std::get<SyntheticSource>(sensor.source).camera));
-    std::unique_ptr<ShotCache> shots;
-    if (!folder.empty()) {
+    std::vector<Standpoint> standpoints =
+        standpoints_of(rig, sensor, exact.at(std::get<SyntheticSource>(sensor.source).camera));
+    for (Standpoint& standpoint : standpoints) {
+      if (folder.empty()) break;
       const Camera color = sensor.color_camera.value_or(Camera{});
-      const ShotLayout layout{sensor_key(key, setup), sensor.depth_camera.width,
+      const ShotLayout layout{sensor_key(key, standpoint.setup), sensor.depth_camera.width,
                               sensor.depth_camera.height, color.width, color.height};
-      shots = std::make_unique<ShotCache>(folder / (sensor.id + "-" + hex(layout.key) + ".rig"),
-                                          layout, shared->cache_budget);
+      standpoint.cache = std::make_unique<ShotCache>(
+          folder / (sensor.id + "-" + hex(layout.key) + ".rig"), layout, shared->cache_budget);
     }
-    auto source = std::make_unique<RigSource>(shared, rig, sensor, i, fps, setup, std::move(shots));
+    auto source = std::make_unique<RigSource>(shared, rig, sensor, i, fps, std::move(standpoints));
     complete = complete && source->kept() == rig.frames;
     sources.push_back(source.get());
     out.push_back(std::move(source));

@@ -8,7 +8,7 @@ constexpr double kPeriod_s = 10;  // of people's motion, where the rig does not 
 }  // namespace
 
 Stage::Stage(const RigConfig& rig, double fps)
-    : rig_(rig), period_s_(rig.loop ? rig.frames / fps : kPeriod_s) {}
+    : rig_(rig), fps_(fps), period_s_(rig.loop ? rig.frames / fps : kPeriod_s) {}
 
 void Stage::set() {
   if (!room_) make();
@@ -16,7 +16,7 @@ void Stage::set() {
 
 void Stage::make() {
   room_ = std::make_shared<const Room>(make_room(rig_));
-  people_ = std::make_unique<People>(rig_, period_s_, room_);
+  people_ = std::make_unique<People>(rig_, fps_, period_s_, room_);
 }
 
 std::shared_ptr<const Room> Stage::room() {

@@ -9,7 +9,7 @@
 
 namespace mr::synth {
 
-/// A rig's room and people, made when they are first needed. Thread-safe.
+/// A rig's room, its people and what its events move, made when they are first needed. Thread-safe.
 class Stage {
  public:
   Stage(const RigConfig& rig, double fps);
@@ -18,14 +18,14 @@ class Stage {
   void set();
 
   std::shared_ptr<const Room> room();
-  /// Everybody at a time; null where the rig has no people.
+  /// Everybody at a time, and what events move; null where there is nobody and nothing.
   std::shared_ptr<const PosedPeople> people(double time_s);
 
  private:
   void make();
 
   const RigConfig rig_;
-  const double period_s_;
+  const double fps_, period_s_;
   // What is made under the lock runs in an arena of its own: a thread that waits for its share of
   // the work must not begin another task that wants the lock.
   Arena alone_{1};

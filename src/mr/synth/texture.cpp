@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <numbers>
 #include <string_view>
 
 #include "mr/synth/hash.h"
@@ -282,6 +283,18 @@ Vec3f print(const Material& m, Vec2f uv) {
   return text_inks(m, uv, kBox) ? m.accent : m.color * stitches(uv);
 }
 
+Vec3f film(const Material& m, Vec2f st) {
+  const auto wave = [](float turns) {
+    return 0.5f + 0.5f * std::sin(2 * std::numbers::pi_v<float> * turns);
+  };
+  const float dx = st.x - 0.15f - 0.7f * wave(0.31f * m.phase),
+              dy = st.y - 0.25f - 0.5f * wave(0.43f * m.phase);
+  if (std::max(std::abs(dx), 0.6f * std::abs(dy)) < 0.09f) return {1, 0.95f, 0.8f};
+  return {0.05f + 0.7f * wave(1.3f * st.x + m.phase),
+          0.05f + 0.6f * wave(st.x + st.y - 0.8f * m.phase),
+          0.1f + 0.7f * wave(1.7f * st.y + 0.6f * m.phase)};
+}
+
 }  // namespace
 
 float grain_at(const Material& m, Vec2f surface) {
@@ -347,6 +360,9 @@ Vec3f paint(const Material& m, Vec2f uv, float grain) {
       break;
     case Pattern::print:
       color = print(m, uv);
+      break;
+    case Pattern::film:
+      color = film(m, st);
       break;
   }
   const float shade = 1 + m.grain * grain;

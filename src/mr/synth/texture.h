@@ -26,6 +26,7 @@ enum class Pattern : std::uint8_t {
   bands,  ///< a knit with level stripes
   plaid,  ///< woven checks
   print,  ///< a knit with `text` in its middle
+  film,   ///< coloured waves and a bright square that move with `phase`
 };
 
 /// How a surface looks. Colours are linear, 0..1; lengths in metres.
@@ -39,6 +40,7 @@ struct Material {
   Vec2f grain_scale{1, 1};  ///< stretches it: (1, 8) gives streaks along u
   float emission = 0;       ///< over 0: shines by itself, whatever light falls on it
   std::uint32_t seed = 0;
+  float phase = 0;  ///< of a film
 };
 
 /// 1/f noise of a material at a place of its surface, about -1..1.

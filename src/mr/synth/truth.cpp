@@ -1,10 +1,12 @@
 #include "mr/synth/truth.h"
 
 #include <cstring>
+#include <optional>
 #include <string>
 #include <utility>
 
 #include "mr/core/file.h"
+#include "mr/synth/sensor_effects.h"
 #include "mr/synth/stage.h"
 #include "mr/synth/view.h"
 
@@ -24,6 +26,13 @@ struct Truth::Impl {
     return stage.people(static_cast<double>(rig.loop ? frame % frames : frame) / fps);
   }
 
+  /// What 8-bit values under the usual light become at a frame; none: they stay.
+  std::optional<std::array<std::uint8_t, 256>> light_at(std::uint64_t frame) const {
+    const auto frames = static_cast<std::uint64_t>(rig.frames);
+    const double level = light_level(rig, rig.loop ? frame % frames : frame);
+    return level == 1 ? std::nullopt : std::optional(relit(level));
+  }
+
   RigConfig rig;
   double fps;
   Stage stage;
@@ -41,6 +50,9 @@ ColoredMesh Truth::surface(std::uint64_t frame) {
     append(surface.mesh, bodies.mesh);
     surface.colors.insert(surface.colors.end(), bodies.colors.begin(), bodies.colors.end());
   }
+  if (const auto light = impl_->light_at(frame))
+    for (auto& color : surface.colors)
+      for (std::uint8_t& value : color) value = (*light)[value];
   return surface;
 }
 
@@ -59,6 +71,8 @@ class Truth::Eye final : public TruthView {
                   3 * std::size_t{span.count});
       from += 3 * std::size_t{span.count};
     }
+    if (const auto light = truth_.light_at(frame))
+      for (std::uint8_t& value : picture.color.data) value = (*light)[value];
     for (std::size_t i = 0; i < shot.depth_mm.size(); ++i)
       picture.depth.data[i] = static_cast<float>(shot.depth_mm[i] * 0.001);
     return picture;

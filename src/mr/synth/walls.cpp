@@ -3,7 +3,9 @@
 #include <numbers>
 #include <string>
 
+#include "mr/synth/doorway.h"
 #include "mr/synth/pieces.h"
+#include "mr/synth/props.h"
 
 namespace mr::synth {
 namespace {
@@ -78,15 +80,20 @@ void window(Builder& b, const RigConfig& rig, double x, std::vector<Light>& ligh
                     Light::Kind::window});
 }
 
-void door(Builder& b, double x) {
+void door(Builder& b, const RigConfig& rig, int wall, double x) {
   const MaterialId frame = b.add(plain(0xEDE8DC, 0.08f));
   Material leaf = plain(0x8F5B34, 0.3f);
   leaf.grain_scale = {9, 0.8f};
   const MaterialId wood = b.add(leaf);
-  const double w = 0.9, h = 2.02;
+  const double w = kDoorway_m.x, h = kDoorway_m.y;
   b.box({x - w / 2 - 0.09, -0.03, 0}, {x - w / 2, 0.01, h + 0.09}, frame);
   b.box({x + w / 2, -0.03, 0}, {x + w / 2 + 0.09, 0.01, h + 0.09}, frame);
   b.box({x - w / 2, -0.03, h}, {x + w / 2, 0.01, h + 0.09}, frame);
+  const auto doorway = doorway_of(rig);
+  if (doorway && doorway->wall == wall && doorway->x == x) {  // its leaf moves: a prop
+    b.fill({x - w / 2, -0.015, 0}, {x + w / 2, 0.01, h});
+    return vestibule(b, *doorway);
+  }
   b.box({x - w / 2, -0.015, 0}, {x + w / 2, 0.01, h}, wood);
   for (const double z : {0.2, 1.15}) b.box({x - 0.3, -0.032, z}, {x + 0.3, -0.01, z + 0.72}, wood);
   Material brass = plain(0xC9A548, 0.05f);
@@ -117,16 +124,34 @@ void six_sides(Builder& b, const RigConfig& rig, const Sides& sides) {
   b.place({});
   b.panel({-w / 2, -d / 2, 0}, {w, 0, 0}, {0, d, 0}, b.add(sides.floor));
   b.panel({-w / 2, d / 2, h}, {w, 0, 0}, {0, -d, 0}, b.add(sides.ceiling));
-  b.panel({-w / 2, d / 2, 0}, {w, 0, 0}, {0, 0, h}, b.add(sides.walls[0]));
-  b.panel({w / 2, d / 2, 0}, {0, -d, 0}, {0, 0, h}, b.add(sides.walls[1]));
-  b.panel({w / 2, -d / 2, 0}, {-w, 0, 0}, {0, 0, h}, b.add(sides.walls[2]));
-  b.panel({-w / 2, -d / 2, 0}, {0, d, 0}, {0, 0, h}, b.add(sides.walls[3]));
+  const auto doorway = doorway_of(rig);
+  const auto wall = [&](int number, Vec3d corner, Vec3d right) {
+    const MaterialId material = b.add(sides.walls[number]);
+    const Vec3d up{0, 0, h};
+    if (!doorway || doorway->wall != number) return b.panel(corner, right, up, material);
+    const double length_m = length(right), middle = doorway->x / length_m + 0.5,
+                 half = kDoorway_m.x / 2 / length_m, lintel = kDoorway_m.y / h;
+    const Vec3d from = right * (middle - half), to = right * (middle + half);
+    b.panel(corner, from, up, material);
+    b.panel(corner + from + up * lintel, to - from, up * (1 - lintel), material);
+    b.panel(corner + to, right - to, up, material);
+  };
+  wall(0, {-w / 2, d / 2, 0}, {w, 0, 0});
+  wall(1, {w / 2, d / 2, 0}, {0, -d, 0});
+  wall(2, {w / 2, -d / 2, 0}, {-w, 0, 0});
+  wall(3, {-w / 2, -d / 2, 0}, {0, d, 0});
 }
 
 void skirting(Builder& b, const RigConfig& rig, int wall, double left, double right) {
   const MaterialId white = b.add(plain(0xEDE8DC, 0.08f));
   b.place(at_wall(rig, wall));
-  b.box({left, -0.016, 0}, {right, 0.01, 0.085}, white);
+  const auto piece = [&](double from, double to) {
+    if (from < to) b.box({from, -0.016, 0}, {to, 0.01, 0.085}, white);
+  };
+  const auto doorway = doorway_of(rig);
+  if (!doorway || doorway->wall != wall) return piece(left, right);
+  piece(left, std::min(right, doorway->x - kDoorway_m.x / 2));
+  piece(std::max(left, doorway->x + kDoorway_m.x / 2), right);
 }
 
 void ceiling_panels(Builder& b, const RigConfig& rig, int columns, int rows,

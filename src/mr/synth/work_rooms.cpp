@@ -159,7 +159,7 @@ void conference_room(Builder& b, const RigConfig& rig, std::vector<Light>& light
   b.place(at_wall(rig, 2, -0.1 * rig.room_m.x));
   whiteboard(b, 0, "AGENDA\n1 SCAN\n2 MESH\n3 STREAM ^");
   b.place(at_wall(rig, 3));
-  door(b, rig.room_m.y / 2 - 0.9);
+  door(b, rig, 3, rig.room_m.y / 2 - 0.9);
   hang(b, landscape(rig.seed * 7 + 1), 0x232323, -0.25 * rig.room_m.y, 1.55, 1.0, 0.65, 0.04);
   b.place(standing({rig.room_m.x / 2 - 0.5, -rig.room_m.y / 2 + 0.5, 0}, 0), 0.9);
   plant(b, random);
@@ -185,7 +185,7 @@ void office(Builder& b, const RigConfig& rig, std::vector<Light>& lights) {
   b.place(at_wall(rig, 1));
   hang(b, lettered("MESHREDUCE", 0xF6F1E3, 0x1B2A49), 0x2A2A2A, 0.25 * d, 1.95, 1.4, 0.36, 0.03);
   b.place(at_wall(rig, 3));
-  door(b, 0.1 * d);
+  door(b, rig, 3, 0.1 * d);
   hang(b, landscape(rig.seed * 7 + 2), 0x5A3A22, -0.45 * d, 1.55, 0.7, 0.5, 0.04);
   b.place(standing({w - 0.5, d - 0.5, 0}, 0), 0.9);
   plant(b, random);

@@ -1,0 +1,31 @@
+#pragma once
+
+#include <vector>
+
+#include "mr/synth/floor_plan.h"
+#include "mr/synth/gait.h"
+
+namespace mr::synth {
+
+/// A way through a room that keeps clear of what stands there where it can: corners are rounded.
+class FloorPath final : public Way {
+ public:
+  /// From the first point straight to the second, from there on to the last. At least two points.
+  FloorPath(const FloorPlan& plan, Vec2d first, Vec2d second, Vec2d last);
+
+  double length_m() const override { return along_.back(); }
+  Spot at(double part) const override;
+
+  /// The same backwards.
+  FloorPath reversed() const;
+
+ private:
+  FloorPath() = default;
+  void measure();
+  Vec2d point(double along_m) const;
+
+  std::vector<Vec2d> points_;
+  std::vector<double> along_;  // [points_] metres
+};
+
+}  // namespace mr::synth
