@@ -1,5 +1,5 @@
-// Packets on any bytes, alone and one after another: no crash, what is accepted can be sent on, folds
-// of it too, and what a writer tells of it by differences is what a reader gets.
+// Packets on any bytes, alone and one after another: no crash, what is accepted can be sent on,
+// folds of it too, and what a writer tells of it by differences is what a reader gets.
 //
 // An input is one packet, or several, each after its length (32 bits, little-endian).
 #include <cstdlib>
