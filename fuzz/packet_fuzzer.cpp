@@ -1,18 +1,85 @@
-// decode_packet on any bytes: no crash, and what it accepts can be sent on.
+// Packets on any bytes, alone and one after another: no crash, what is accepted can be sent on,
+// folds of it too, and what a writer tells of it by differences is what a reader gets.
+//
+// An input is one packet, or several, each after its length (32 bits, little-endian).
 #include <cstdlib>
+#include <cstring>
+#include <optional>
+#include <vector>
 
+#include "mr/codec/coalesce.h"
+#include "mr/codec/head.h"
 #include "mr/codec/packet_codec.h"
 #include "mr/codec/receiver.h"
 #include "patched.h"
 
+namespace {
+
+using namespace mr;
+
+void require(bool condition) {
+  if (!condition) std::abort();
+}
+
+bool is_packet(std::span<const std::byte> bytes) {
+  return bytes.size() >= 8 && std::memcmp(bytes.data() + 4, "MRP2", 4) == 0;
+}
+
+std::vector<std::span<const std::byte>> pieces(std::span<const std::byte> bytes) {
+  if (is_packet(bytes)) return {bytes};
+  std::vector<std::span<const std::byte>> out;
+  while (bytes.size() >= 4 && out.size() < 16) {
+    std::uint32_t size = 0;
+    std::memcpy(&size, bytes.data(), sizeof size);
+    bytes = bytes.subspan(4);
+    out.push_back(bytes.first(std::min<std::size_t>(size, bytes.size())));
+    bytes = bytes.subspan(out.back().size());
+  }
+  return out;
+}
+
+/// The same packet, told by its difference to the ones before.
+struct Differences {
+  codec::HeadWriter writer;
+  codec::HeadReader reader;
+};
+
+void check_differences(const Packet& packet, std::optional<Differences>& pair) {
+  if (!pair) pair.emplace();
+  const auto back = pair->reader.read(pair->writer.write(packet));
+  if (!back) {  // older than the one before
+    require(back.error().cause != Error::Cause::not_found);
+    return pair.reset();
+  }
+  Packet expected = packet;
+  expected.streams = back->streams;
+  require(*back == expected);
+}
+
+void check_folds(std::vector<codec::PacketMessage> messages) {
+  if (messages.empty()) return;
+  const auto folded = codec::coalesce(messages);
+  const auto back = codec::decode_message(codec::encode_message(folded));
+  require(!back || back->sequence == folded.sequence);
+}
+
+}  // namespace
+
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
-  const auto packet = mr::codec::decode_packet(mr::fuzz::as_bytes(data, size));
-  if (!packet) return 0;
-  const auto again = mr::codec::decode_packet(mr::codec::encode_packet(*packet));
-  if (!again || again->sequence != packet->sequence || again->manifest != packet->manifest)
-    std::abort();
-  mr::codec::Receiver receiver({});
-  static_cast<void>(receiver.accept(*packet));
-  static_cast<void>(receiver.scene());
+  codec::HeadReader heads;
+  std::optional<Differences> again;
+  codec::Receiver receiver({});
+  std::vector<codec::PacketMessage> messages;
+  for (const auto bytes : pieces(fuzz::as_bytes(data, size))) {
+    if (const auto message = codec::decode_message(bytes)) messages.push_back(*message);
+    const auto packet = heads.read(bytes);
+    if (!packet) continue;
+    const auto back = codec::decode_packet(codec::encode_packet(*packet));
+    require(back && *back == *packet);
+    check_differences(*packet, again);
+    static_cast<void>(receiver.accept(*packet));
+    static_cast<void>(receiver.scene());
+  }
+  check_folds(std::move(messages));
   return 0;
 }

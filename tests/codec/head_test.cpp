@@ -34,7 +34,8 @@ Packet still_room(int sensors, int chunks) {
     view.atlas_rect = {0, 720 * i, 1280, 720};
   }
   for (int i = 0; i < chunks; ++i) p.manifest.push_back({{{i, 0, 0}}, 0, 1});
-  for (const char* stage : {"sensors/coded", "sensors/reconstructed", "root/gathered", "root/merged"})
+  for (const char* stage :
+       {"sensors/coded", "sensors/reconstructed", "root/gathered", "root/merged"})
     p.marks.push_back({stage, {}});
   return p;
 }
@@ -170,8 +171,7 @@ TEST(Head, StreamsAreThoseOfTheUnits) {
   using States = std::vector<StreamState>;
   EXPECT_EQ(streams({unit(0, 3), unit(1, 0)}), (States{{0, 3}, {1, 0}}));
   EXPECT_EQ(streams({unit(0, 4)}), (States{{0, 4}, {1, 0}}));
-  for (std::uint32_t i = 5; i < 50; ++i)
-    EXPECT_EQ(streams({unit(0, i)}), (States{{0, i}, {1, 0}}));
+  for (std::uint32_t i = 5; i < 50; ++i) EXPECT_EQ(streams({unit(0, i)}), (States{{0, i}, {1, 0}}));
   EXPECT_EQ(streams({}), (States{{0, 49}, {1, 0}}));
   p.views.pop_back();
   EXPECT_EQ(streams({}), (States{{0, 49}}));
@@ -252,7 +252,8 @@ std::vector<std::vector<std::byte>> golden_packets() {
     p.textures.clear();
   };
   for (int i = 0; i < 4; ++i) write();
-  p.manifest = {{{{0, 0, 0}}, 0, 1}, {{{1, 0, 0}, kMergedSource, Layer::still}, 2, 9}, {{{2, 0, 0}}, 0, 1}};
+  p.manifest = {
+      {{{0, 0, 0}}, 0, 1}, {{{1, 0, 0}, kMergedSource, Layer::still}, 2, 9}, {{{2, 0, 0}}, 0, 1}};
   p.chunks = {payload(p.manifest[1])};
   p.views.push_back(p.views[1]);
   p.views[2].layer = Layer::still, p.views[2].gain = {0.5f, 1, 2}, p.views[2].stream = 1;
@@ -301,7 +302,8 @@ class RandomScene {
     if (any(20)) packet_.plan.texture_qp = static_cast<int>(random_() % 50);
     if (any(3)) packet_.sources[random_() % packet_.sources.size()].confirmed_depth = mask();
     if (any(30)) packet_.sources.size() > 2 ? packet_.sources.pop_back() : void(add_source());
-    if (any(30)) packet_.marks.size() > 2 ? packet_.marks.pop_back() : packet_.marks.push_back({"x", {}});
+    if (any(30))
+      packet_.marks.size() > 2 ? packet_.marks.pop_back() : packet_.marks.push_back({"x", {}});
     for (TimeMark& mark : packet_.marks) mark.at = packet_.captured_at;
     for (SourceInfo& source : packet_.sources) source.captured_at = packet_.captured_at;
   }
@@ -316,8 +318,10 @@ class RandomScene {
       std::erase(keys, gone);
       std::erase_if(packet_.chunks, [&](const EncodedChunk& chunk) { return chunk.key == gone; });
     } else {
-      keys.push_back({{{static_cast<int>(100 + packet_.sequence), 0, 0}, kMergedSource, Layer::still},
-                      0, ++version_});
+      keys.push_back(
+          {{{static_cast<int>(100 + packet_.sequence), 0, 0}, kMergedSource, Layer::still},
+           0,
+           ++version_});
       packet_.chunks.push_back(payload(keys.back()));
     }
   }

@@ -59,10 +59,9 @@ TEST(Request, AWishIsForOneStream) {
 /// Golden bytes: the browser writes the same.
 TEST(Request, BytesAreFixed) {
   const auto bytes = encode_request({{6}, {{{{1, -1, 0}, 2, Layer::still}, 3, 4}}, {}, true});
-  const unsigned char want[] = {'M',  'R',  'W',  '2',  1, 0, 0, 0, 1, 0, 0, 0, 1, 0, 0, 0,
-                                1,    0,    0,    0,    0xFF, 0xFF, 0xFF, 0xFF, 0, 0, 0, 0,
-                                2,    0,    0,    0,    1, 0, 0, 0, 3, 0, 0, 0, 4, 0, 0, 0,
-                                6,    0,    0,    0};
+  const unsigned char want[] = {'M', 'R', 'W', '2', 1,    0,    0,    0,    1, 0, 0, 0, 1, 0, 0, 0,
+                                1,   0,   0,   0,   0xFF, 0xFF, 0xFF, 0xFF, 0, 0, 0, 0, 2, 0, 0, 0,
+                                1,   0,   0,   0,   3,    0,    0,    0,    4, 0, 0, 0, 6, 0, 0, 0};
   ASSERT_EQ(bytes.size(), sizeof want);
   for (std::size_t i = 0; i < sizeof want; ++i) EXPECT_EQ(static_cast<unsigned>(bytes[i]), want[i]);
 }

@@ -268,8 +268,7 @@ TEST(Viewers, GiveChunksOnRequest) {
   viewers.opened(1);
   const Packet packet = sender.next(true);
   give(viewers, packet);
-  const auto answer =
-      viewers.asked(1, {{4}, {packet.manifest[2], packet.manifest[0]}, {}}, kStart);
+  const auto answer = viewers.asked(1, {{4}, {packet.manifest[2], packet.manifest[0]}, {}}, kStart);
   ASSERT_TRUE(answer);
   const auto chunks = codec::decode_chunks(**answer);
   ASSERT_TRUE(chunks);

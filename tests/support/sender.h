@@ -47,8 +47,8 @@ class Sender {
   Packet next(bool key_frame = false) {
     Packet p = quiet();
     auto unit = encoder_->encode(picture(p.sequence), key_frame);
-    p.textures = {{4, ++serial_, TextureCodec::h264, layout_, kWidth, kHeight, unit->key_frame,
-                   unit->data}};
+    p.textures = {
+        {4, ++serial_, TextureCodec::h264, layout_, kWidth, kHeight, unit->key_frame, unit->data}};
     p.streams = {{4, serial_}};
     return p;
   }

@@ -52,8 +52,9 @@ bool have_one_base(const PacketMessage& a, const PacketMessage& b) {
 }  // namespace
 
 bool can_fold(const PacketMessage& older, const PacketMessage& newer) {
-  const bool one_node = !older.base || !newer.base ||
-                        (older.base->scene == newer.base->scene && older.base->node == newer.base->node);
+  const bool one_node =
+      !older.base || !newer.base ||
+      (older.base->scene == newer.base->scene && older.base->node == newer.base->node);
   return one_node && older.epoch == newer.epoch && newer.sequence > older.sequence &&
          newer.sequence - newer.coalesced <= older.sequence + 1 &&
          (newer.base || have_one_base(older, newer));

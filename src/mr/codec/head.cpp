@@ -10,8 +10,7 @@ namespace mr::codec {
 void HeadWriter::note_streams(Packet& packet) {
   std::map<std::uint32_t, std::uint32_t> used;
   for (const View& view : packet.views)
-    if (const auto known = serials_.find(view.stream); known != serials_.end())
-      used.insert(*known);
+    if (const auto known = serials_.find(view.stream); known != serials_.end()) used.insert(*known);
   for (const TextureUnit& unit : packet.textures) used[unit.stream] = unit.serial;
   packet.streams.clear();
   for (const auto& [stream, serial] : used) packet.streams.push_back({stream, serial});
@@ -66,14 +65,13 @@ Result<Packet> HeadReader::read(PacketMessage message, const PacketLimits& limit
   if (base) {
     if (const Status fits = check_base(*base); !fits) return fits.error();
     base_ = base, lacks_base_ = false;
-  } else if (base_ && base_->epoch == message.epoch &&
-             base_->sequence == message.base_sequence()) {
+  } else if (base_ && base_->epoch == message.epoch && base_->sequence == message.base_sequence()) {
     base = base_;
   } else {
     lacks_base_ = true;
-    return Error{Error::Cause::not_found,
-                 "packet: its base, packet " + std::to_string(message.base_sequence()) +
-                     ", did not come"};
+    return Error{
+        Error::Cause::not_found,
+        "packet: its base, packet " + std::to_string(message.base_sequence()) + ", did not come"};
   }
   return complete(std::move(message), *base, limits);
 }

@@ -49,10 +49,11 @@ class HeadReader {
  public:
   HeadReader() = default;
   /// Of this node's packets only: another's must not replace its base.
-  HeadReader(std::string scene, std::string node) : scene_(std::move(scene)), node_(std::move(node)) {}
+  HeadReader(std::string scene, std::string node)
+      : scene_(std::move(scene)), node_(std::move(node)) {}
 
-  /// Errors as decode_packet(); invalid: another node's, or a base older than the one before. not_found: the base did
-  /// not come; lacks_base() tells so until one does.
+  /// Errors as decode_packet(); invalid: another node's, or a base older than the one before.
+  /// not_found: the base did not come; lacks_base() tells so until one does.
   Result<Packet> read(std::span<const std::byte> bytes, const PacketLimits& limits = {});
   Result<Packet> read(PacketMessage message, const PacketLimits& limits = {});
 

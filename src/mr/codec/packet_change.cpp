@@ -67,7 +67,8 @@ Error misfit(const std::string& what) { return {Error::Cause::invalid, "packet: 
 /// `base` without what is removed, with what has come or is another; false where something that is
 /// removed is not there.
 template <typename T, typename Key>
-bool change_list(std::vector<T>& list, const std::vector<Key>& removed, const std::vector<T>& come) {
+bool change_list(std::vector<T>& list, const std::vector<Key>& removed,
+                 const std::vector<T>& come) {
   auto gone = removed.begin();
   std::vector<T> kept;
   kept.reserve(list.size() + come.size());
@@ -119,8 +120,8 @@ Status change_head(Packet& packet, PacketMessage& message) {
     packet.marks.clear();
     for (std::string& stage : *change.stages) packet.marks.push_back({std::move(stage), {}});
   }
-  packet.streams = change.streams ? *std::move(change.streams)
-                                  : streams_after(packet.streams, message.textures);
+  packet.streams =
+      change.streams ? *std::move(change.streams) : streams_after(packet.streams, message.textures);
   return {};
 }
 

@@ -30,8 +30,9 @@ wire::Pose to_wire(const Pose& T) {
 }
 wire::Rect to_wire(const Rect& r) { return {r.x, r.y, r.width, r.height}; }
 wire::ChunkKey to_wire(const ChunkKey& k) {
-  return {k.id.cube.x, k.id.cube.y, k.id.cube.z, k.id.source, static_cast<std::uint32_t>(k.id.layer),
-          k.level, k.version};
+  return {
+      k.id.cube.x, k.id.cube.y, k.id.cube.z, k.id.source, static_cast<std::uint32_t>(k.id.layer),
+      k.level,     k.version};
 }
 wire::ViewKey to_wire(const PacketChange::ViewKey& k) {
   return {k.first, static_cast<std::uint32_t>(k.second)};
@@ -279,7 +280,8 @@ Pose read(const wire::Pose& p) {
 Rect read(const wire::Rect& r) { return {r.x(), r.y(), r.width(), r.height()}; }
 /// The layer is to be checked.
 ChunkKey read(const wire::ChunkKey& k) {
-  return {{{k.x(), k.y(), k.z()}, k.source(), static_cast<Layer>(k.layer())}, k.level(), k.version()};
+  return {
+      {{k.x(), k.y(), k.z()}, k.source(), static_cast<Layer>(k.layer())}, k.level(), k.version()};
 }
 bool is_layer(std::uint32_t layer) { return layer <= static_cast<std::uint32_t>(Layer::still); }
 
@@ -462,7 +464,8 @@ class Reader {
                    "bits beyond a mask's last tile");
   }
 
-  bool read_sources(const fb::Vector<fb::Offset<wire::Source>>* all, std::vector<SourceInfo>& list) {
+  bool read_sources(const fb::Vector<fb::Offset<wire::Source>>* all,
+                    std::vector<SourceInfo>& list) {
     if (size_of(all) > limits_.views) return fail(too_large_packet("too many sources"));
     for (std::size_t i = 0; i < size_of(all); ++i) {
       const wire::Source& in = *all->Get(static_cast<fb::uoffset_t>(i));
@@ -735,8 +738,7 @@ std::vector<std::byte> encode_chunks(std::span<const EncodedChunk> chunks) {
   return bytes_of(b);
 }
 
-Result<PacketMessage> decode_message(std::span<const std::byte> bytes,
-                                     const PacketLimits& limits) {
+Result<PacketMessage> decode_message(std::span<const std::byte> bytes, const PacketLimits& limits) {
   return decode<wire::Packet, PacketMessage>(bytes, wire::PacketIdentifier(), limits);
 }
 

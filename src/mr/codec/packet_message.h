@@ -33,7 +33,7 @@ struct PacketChange {
   std::vector<SourceInfo> sources;  ///< that are new or another, without times
   std::vector<Confirmed> confirmed;
   std::optional<CodingPlan> plan;
-  std::optional<std::vector<std::string>> stages;    ///< of all time marks
+  std::optional<std::vector<std::string>> stages;   ///< of all time marks
   std::optional<std::vector<StreamState>> streams;  ///< all of them; else the base's and the units'
 
   bool empty() const { return *this == PacketChange{}; }

@@ -28,7 +28,7 @@ Status Stream::decode(const TextureUnit& unit) {
   };
   if (!unit.key_frame) {
     if (unit.serial != serial + 1) picture = nullptr;  // one before it was lost
-    if (waiting()) return {};  // nothing is wrong with it, only too early
+    if (waiting()) return {};                          // nothing is wrong with it, only too early
     if (unit.layout != layout)
       return fail(Error::Cause::invalid, "the layout changed without a key frame");
   }

@@ -34,7 +34,8 @@ Error wrong(Error::Cause cause, const char* what) {
 }
 
 bool is_sorted_and_unique(const std::vector<std::uint32_t>& streams) {
-  return std::adjacent_find(streams.begin(), streams.end(), std::greater_equal<>()) == streams.end();
+  return std::adjacent_find(streams.begin(), streams.end(), std::greater_equal<>()) ==
+         streams.end();
 }
 
 }  // namespace
@@ -72,8 +73,8 @@ Result<Request> decode_request(std::span<const std::byte> bytes) {
   if (chunks > Request::kMaxChunks) return wrong(Error::Cause::too_large, "too many chunks");
   if (streams > Request::kMaxStreams) return wrong(Error::Cause::too_large, "too many streams");
   if (flags & ~(kWholeHead | kTaken)) return wrong(Error::Cause::corrupt, "unknown flags");
-  if (in.size() != chunks * kKeyBytes + streams * kStreamBytes +
-                       (flags & kTaken ? sizeof(std::uint64_t) : 0))
+  if (in.size() !=
+      chunks * kKeyBytes + streams * kStreamBytes + (flags & kTaken ? sizeof(std::uint64_t) : 0))
     return wrong(Error::Cause::corrupt, "its length is not as it says");
   Request out;
   out.whole_head = (flags & kWholeHead) != 0;
@@ -88,7 +89,8 @@ Result<Request> decode_request(std::span<const std::byte> bytes) {
     for (std::uint32_t* v : {&k.level, &k.version}) *v = get<std::uint32_t>(in);
   }
   for (std::uint32_t i = 0; i < streams; ++i) out.key_frames.push_back(get<std::uint32_t>(in));
-  if (!is_sorted_and_unique(out.key_frames)) return wrong(Error::Cause::corrupt, "unsorted streams");
+  if (!is_sorted_and_unique(out.key_frames))
+    return wrong(Error::Cause::corrupt, "unsorted streams");
   if (flags & kTaken) out.taken = get<std::uint64_t>(in);
   return out;
 }

@@ -12,10 +12,10 @@ namespace {
 
 using Json = nlohmann::ordered_json;
 
-constexpr Duration kSilence = std::chrono::seconds(2);  // after it, viewers are told
+constexpr Duration kSilence = std::chrono::seconds(2);           // after it, viewers are told
 constexpr Duration kHeadEvery = std::chrono::milliseconds(500);  // whole ones are asked for
-constexpr std::size_t kMaxText = 1024;                  // bytes of a viewer's text message
-constexpr std::size_t kMaxSensorsNamed = 256;           // in a hello
+constexpr std::size_t kMaxText = 1024;                           // bytes of a viewer's text message
+constexpr std::size_t kMaxSensorsNamed = 256;                    // in a hello
 constexpr std::size_t kMaxMessage = 128u << 10;  // bytes; the longest request is a little shorter
 
 Json json_of(const Vec3d& v) { return {v.x, v.y, v.z}; }

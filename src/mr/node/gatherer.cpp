@@ -76,8 +76,8 @@ Gatherer::Gatherer(const Scene& scene, const MergerConfig& merger, bool hand_on)
   const auto below = sensors_below(scene);
   for (const std::string& input : merger.inputs) {
     const auto sensors = below.find(input);
-    inputs_.emplace_back(
-        scene, input, sensors == below.end() ? std::set<std::uint32_t>{} : sensors->second);
+    inputs_.emplace_back(scene, input,
+                         sensors == below.end() ? std::set<std::uint32_t>{} : sensors->second);
   }
 }
 
@@ -204,8 +204,8 @@ std::vector<std::uint32_t> Gatherer::key_frames_to_ask(Input& input, TimePoint n
   std::vector<std::uint32_t> out;
   for (const std::uint32_t stream : wanted) {
     const auto asked = input.key_frame_asked.find(stream);
-    const auto last = asked == input.key_frame_asked.end() ? std::nullopt
-                                                           : std::optional(asked->second);
+    const auto last =
+        asked == input.key_frame_asked.end() ? std::nullopt : std::optional(asked->second);
     if (!is_time(last, kKeyFrameEvery, now) || out.size() == codec::Request::kMaxStreams) continue;
     input.key_frame_asked[stream] = now;
     input.key_frames_wanted.erase(stream);

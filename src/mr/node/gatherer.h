@@ -104,9 +104,9 @@ class Gatherer {
     std::optional<DecodedScene> whole;  // newest capture that was complete
     std::vector<Unit> units;
     std::map<std::string, TimePoint> marks;
-    std::optional<std::uint64_t> taken;  // sequence of `whole`, until it was gathered
-    std::set<std::uint32_t> streams;             // of the newest packet's views
-    std::set<std::uint32_t> key_frames_wanted;   // besides those that the receiver waits for
+    std::optional<std::uint64_t> taken;         // sequence of `whole`, until it was gathered
+    std::set<std::uint32_t> streams;            // of the newest packet's views
+    std::set<std::uint32_t> key_frames_wanted;  // besides those that the receiver waits for
     std::map<std::uint32_t, TimePoint> key_frame_asked;  // by stream
     std::optional<TimePoint> head_asked, chunks_asked;
   };

@@ -30,14 +30,8 @@ Result<TextureUnit> TextureStream::encode(const ImageRgb& picture, int qp, std::
   auto unit = encoder_->encode(picture, key);
   if (!unit) return unit.error();
   layout_ = layout;
-  return TextureUnit{stream_,
-                     serial_++,
-                     TextureCodec::h264,
-                     layout,
-                     picture.width,
-                     picture.height,
-                     unit->key_frame,
-                     std::move(unit->data)};
+  return TextureUnit{stream_,       serial_++,      TextureCodec::h264, layout,
+                     picture.width, picture.height, unit->key_frame,    std::move(unit->data)};
 }
 
 }  // namespace mr::node

@@ -91,9 +91,9 @@ class Viewers {
   std::map<Id, Viewer> viewers_;
   std::shared_ptr<const Packet> newest_, base_;
   std::map<ChunkKey, std::shared_ptr<const EncodedChunk>> chunks_;  // of the newest manifest
-  std::map<std::uint32_t, Kept> kept_;                            // by stream
-  std::set<std::uint32_t> key_frames_wanted_;                     // by viewers
-  std::map<std::uint32_t, TimePoint> key_frame_asked_;            // by stream
+  std::map<std::uint32_t, Kept> kept_;                              // by stream
+  std::set<std::uint32_t> key_frames_wanted_;                       // by viewers
+  std::map<std::uint32_t, TimePoint> key_frame_asked_;              // by stream
   std::optional<TimePoint> chunks_asked_;
   std::uint64_t folded_ = 0, restarted_ = 0, impatient_ = 0;
 };
