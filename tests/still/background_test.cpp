@@ -68,7 +68,10 @@ TEST(Background, WhoWalksByMovesAndLeavesNothing) {
     const Moment moment = background.update(room.capture());
     const Rect inside{i * 2 + 1, 31, std::min(38, Room::kWidth - i * 2 - 2), 78};
     EXPECT_GT(share(moment.moving, inside), 0.99) << i;
-    EXPECT_NEAR(share(moment.moving, kAll), share(moment.moving, {i * 2, 30, std::min(40, Room::kWidth - i * 2), 80}) * std::min(40, Room::kWidth - i * 2) * 80 / (160.0 * 120), 0.01);
+    EXPECT_NEAR(share(moment.moving, kAll),
+                share(moment.moving, {i * 2, 30, std::min(40, Room::kWidth - i * 2), 80}) *
+                    std::min(40, Room::kWidth - i * 2) * 80 / (160.0 * 120),
+                0.01);
   }
   room.boxes.clear();
   EXPECT_EQ(share(watch(background, room, 1).moving, kAll), 0);  // the wall is known

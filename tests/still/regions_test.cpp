@@ -15,11 +15,9 @@ ImageMask picture(const std::vector<std::string>& rows) {
 }
 
 TEST(Regions, TouchAcrossCornersAndAroundHoles) {
-  const auto regions = still::connected_regions(picture({"1110011",  //
-                                                         "1010000",
-                                                         "1110101",
-                                                         "0001010",
-                                                         "1000000"}));
+  const auto regions =
+      still::connected_regions(picture({"1110011",  //
+                                        "1010000", "1110101", "0001010", "1000000"}));
   ASSERT_EQ(regions.pixels.size(), 4u);
   EXPECT_EQ(regions.pixels, (std::vector<std::uint32_t>{0, 12, 2, 1}));
   EXPECT_EQ(*regions.label.at(6, 2), *regions.label.at(0, 0));
@@ -48,8 +46,8 @@ TEST(MovingRegions, WeakPixelsAndThoseWithoutDepthGoAlong) {
       for (int x = r.x; x < r.x + r.width; ++x) *mask.at(x, y) = 1;
   };
   fill(strong, {40, 40, 20, 20});
-  fill(weak, {40, 60, 20, 5});                                // feet
-  fill(no_depth, {40, 35, 20, 5});                            // hair
+  fill(weak, {40, 60, 20, 5});                                   // feet
+  fill(no_depth, {40, 35, 20, 5});                               // hair
   fill(weak, {0, 0, 20, 20}), fill(no_depth, {80, 80, 20, 20});  // neither touches what is strong
   const ImageMask moving = still::moving_regions(
       strong, no_depth, [&](int x, int y) { return *weak.at(x, y) != 0; }, 1);

@@ -205,9 +205,8 @@ std::vector<Face> faces_of(const Mesh& mesh, const View& view, const LabelConfig
   }
   const auto faces = panorama_faces(camera);
   for (std::size_t i = 0; i < faces.size(); ++i)
-    out.emplace_back(mesh, faces[i].camera,
-                     view.T_world_camera * Pose{faces[i].R_camera_face, {}}, faces[i].ring_px,
-                     others ? &(*others)[i] : nullptr, 0, 0, config);
+    out.emplace_back(mesh, faces[i].camera, view.T_world_camera * Pose{faces[i].R_camera_face, {}},
+                     faces[i].ring_px, others ? &(*others)[i] : nullptr, 0, 0, config);
   return out;
 }
 

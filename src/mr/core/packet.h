@@ -100,9 +100,9 @@ struct Packet {
   TimePoint captured_at{};          ///< of a merged packet: the tick it was aligned to
   std::vector<SourceInfo> sources;  ///< each sensor's own time, sorted by sensor
   CodingPlan plan;
-  std::vector<View> views;           ///< sorted by id, then by layer
-  std::vector<ChunkKey> manifest;    ///< every live chunk, sorted
-  std::vector<EncodedChunk> chunks;  ///< the payloads that are new, sorted by key
+  std::vector<View> views;            ///< sorted by id, then by layer
+  std::vector<ChunkKey> manifest;     ///< every live chunk, sorted
+  std::vector<EncodedChunk> chunks;   ///< the payloads that are new, sorted by key
   std::vector<TextureUnit> textures;  ///< in order; none of a stream whose picture did not change
   std::vector<StreamState> streams;   ///< sorted by stream; codec::HeadWriter fills it in
   std::vector<TimeMark> marks;

@@ -11,8 +11,8 @@
 namespace mr::merge {
 namespace {
 
-constexpr int kMostColumns = 320;    // of a view
-constexpr double kBehind_m = 0.05;   // nearer to its own still surface, a moving one stands on it
+constexpr int kMostColumns = 320;   // of a view
+constexpr double kBehind_m = 0.05;  // nearer to its own still surface, a moving one stands on it
 constexpr double kSame_sigmas = 2;
 
 /// The triangles that a sensor measured.

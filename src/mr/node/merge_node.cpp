@@ -221,8 +221,7 @@ void MergeNode::look_at_plates(const Gathered& gathered, const Parts& moving) {
 void MergeNode::note_fresh(const std::vector<DecodedScene>& scenes) {
   std::map<Vec3i, std::vector<ChunkKey>> contents;
   for (const DecodedScene& scene : scenes)
-    for (const auto& chunk : scene.chunks)
-      contents[chunk->key.id.cube].push_back(chunk->key);
+    for (const auto& chunk : scene.chunks) contents[chunk->key.id.cube].push_back(chunk->key);
   for (const auto& [cube, keys] : contents) {
     const auto before = still_contents_.find(cube);
     if (before == still_contents_.end() || before->second != keys) fresh_since_[cube] = sequence_;
@@ -253,7 +252,8 @@ Status MergeNode::label_still() {
   const std::size_t blocks = is_root_ ? atlas_.valid_blocks() : 0;
   const std::uint64_t age = sequence_ - still.labelled_at;
   const bool more = blocks > still.blocks;
-  const bool due = !still.is_labelled || (still.any_withheld && (more ? age >= 8 : age >= kPatience)) ||
+  const bool due = !still.is_labelled ||
+                   (still.any_withheld && (more ? age >= 8 : age >= kPatience)) ||
                    (more && age >= kRelabelEvery);
   if (!due) return {};
   const Mesh labelled = trace_.time("atlas", [&] {
@@ -279,7 +279,8 @@ Status MergeNode::merge_moving(std::vector<DecodedScene> scenes, const Parts& pa
   auto small = trace_.time("simplify", [&] { return decimated(joined, made.error_m); });
   if (!small) return small.error();
   auto mesh = on_lattice(trace_.time("atlas", [&] {
-    return is_root_ ? label(*small, made.error_m, still_ ? &still_->occluders : nullptr, {}) : *small;
+    return is_root_ ? label(*small, made.error_m, still_ ? &still_->occluders : nullptr, {})
+                    : *small;
   }));
   if (!mesh) return mesh.error();
   made.mesh = *std::move(mesh);

@@ -12,8 +12,8 @@
 #include <string>
 #include <vector>
 
-#include "mr/codec/head.h"
 #include "mr/atlas/labels.h"
+#include "mr/codec/head.h"
 #include "mr/core/result.h"
 #include "mr/core/scene.h"
 #include "mr/core/trace.h"
@@ -138,9 +138,9 @@ class MergeNode {
   simplify::Simplifier simplifier_;
   CalibrationCheck calibration_;
   merge::QualityMemory still_quality_, moving_quality_;
-  CubeMerger cubes_;  ///< of the still surface
-  std::optional<Still> still_;      ///< none: no input has a still surface
-  std::optional<Surface> moving_;   ///< reused while the inputs' geometry stays
+  CubeMerger cubes_;               ///< of the still surface
+  std::optional<Still> still_;     ///< none: no input has a still surface
+  std::optional<Surface> moving_;  ///< reused while the inputs' geometry stays
   std::map<Vec3i, std::vector<ChunkKey>> still_contents_;
   std::map<Vec3i, std::uint64_t> fresh_since_;  ///< sequence in which a still cube changed last
   Places places_;

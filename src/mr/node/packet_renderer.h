@@ -19,9 +19,9 @@ class PacketRenderer {
   /// `lattice`: the scene's. Errors as render::Renderer::create().
   static Result<PacketRenderer> create(const Lattice& lattice);
 
-  /// Takes a packet as it came. The first thing that was wrong with it: corrupt bytes, packets whose
-  /// base did not come (not_found) and packets older than the newest are refused whole; what is
-  /// sound in others counts.
+  /// Takes a packet as it came. The first thing that was wrong with it: corrupt bytes, packets
+  /// whose base did not come (not_found) and packets older than the newest are refused whole; what
+  /// is sound in others counts.
   Status accept(std::span<const std::byte> packet_bytes);
 
   /// The newest capture from a viewpoint. empty until a whole scene is there, saying what it waits

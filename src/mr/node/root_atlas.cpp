@@ -2,6 +2,8 @@
 
 #include <algorithm>
 #include <cmath>
+#include <iterator>
+#include <tuple>
 #include <utility>
 
 #include "mr/atlas/burn.h"
@@ -26,7 +28,8 @@ TileMask seen_by_depth(const View& view, const SourceInfo& source, const TileMas
   const Camera camera = view.camera();
   const Pose T_depth_color = source.T_world_depth.inverse() * view.T_world_camera;
   const auto sees = [&](Vec2d pixel, double depth_m) {
-    const auto p = project(source.depth_camera, T_depth_color * (unproject(camera, pixel) * depth_m));
+    const auto p =
+        project(source.depth_camera, T_depth_color * (unproject(camera, pixel) * depth_m));
     return p && p->x >= 0 && p->y >= 0 && p->x <= source.depth_camera.width - 1 &&
            p->y <= source.depth_camera.height - 1;
   };
@@ -48,8 +51,8 @@ void hide(const Mesh& mesh, const View& view, const TileMask& seen, TileMask& un
   constexpr float kNowhere = -1e9f;
   for (std::size_t v = 0; v < pixel.size(); ++v) {
     const auto p = project(camera, T_camera_world * vec_cast<double>(mesh.positions[v]));
-    pixel[v] = p ? Vec2f{static_cast<float>(p->x), static_cast<float>(p->y)}
-                 : Vec2f{kNowhere, kNowhere};
+    pixel[v] =
+        p ? Vec2f{static_cast<float>(p->x), static_cast<float>(p->y)} : Vec2f{kNowhere, kNowhere};
   }
   const auto tile = [&](float p, int last) {
     return static_cast<int>(std::clamp(p / static_cast<float>(unhidden.tile_px), -2.0f,
@@ -66,6 +69,31 @@ void hide(const Mesh& mesh, const View& view, const TileMask& seen, TileMask& un
     for (int y = std::max(tile(top, unhidden.rows) - 1, 0); y <= y1; ++y)
       for (int x = x0; x <= x1; ++x)
         if (!seen.at(x, y)) unhidden.tiles[static_cast<std::size_t>(y) * unhidden.columns + x] = 0;
+  }
+}
+
+Rect bounds_of(const ImageMask& mask) {
+  int left = mask.width, top = mask.height, right = 0, bottom = 0;
+  for (int y = 0; y < mask.height; ++y) {
+    const std::uint8_t* const row = mask.row(y);
+    const std::uint8_t* const end = row + mask.width;
+    const std::uint8_t* const first = std::find(row, end, 1);
+    if (first == end) continue;
+    const auto last = std::find(std::reverse_iterator(end), std::reverse_iterator(first), 1);
+    left = std::min(left, static_cast<int>(first - row));
+    right = std::max(right, static_cast<int>(last.base() - row));
+    top = std::min(top, y), bottom = y + 1;
+  }
+  return left < right ? Rect{left, top, right - left, bottom - top} : Rect{};
+}
+
+/// Draws a mask of a view's camera picture into its tile of an atlas.
+void draw_mask(const ImageMask& mask, const View& tile, ImageMask& atlas) {
+  const Rect &from = tile.image_rect, &to = tile.atlas_rect;
+  for (int y = 0; y < to.height; ++y) {
+    const std::uint8_t* const row = mask.row(from.y + y * from.height / to.height);
+    std::uint8_t* const out = atlas.at(to.x, to.y + y);
+    for (int x = 0; x < to.width; ++x) out[x] = row[from.x + x * from.width / to.width];
   }
 }
 
@@ -121,16 +149,16 @@ std::size_t RootAtlas::valid_blocks() const {
 }
 
 /// Tiles for the views; another arrangement is another layout.
-Status RootAtlas::arrange(const std::vector<View>& views) {
-  const std::uint32_t current = layout_.views.empty() ? 0 : layout_.views.front().layout;
+Status RootAtlas::arrange(const std::vector<View>& views, atlas::Layout& layout) const {
+  const std::uint32_t current = layout.views.empty() ? 0 : layout.views.front().layout;
   auto made = atlas::make_layout(views, scene_->atlas, scene_->coding.texture_scale, current);
   if (!made) return made.error();
   const auto same_tile = [](const View& a, const View& b) {
     return a.id == b.id && a.atlas_rect == b.atlas_rect;
   };
-  if (!std::ranges::equal(made->views, layout_.views, same_tile))
+  if (!std::ranges::equal(made->views, layout.views, same_tile))
     for (View& view : made->views) view.layout = current + 1;
-  layout_ = *std::move(made);
+  layout = *std::move(made);
   return {};
 }
 
@@ -148,43 +176,44 @@ RootAtlas::Used RootAtlas::used_pixels(const Tick& tick, const Mesh& shown, floa
   return out;
 }
 
-/// Where there is a plate, all that does not move repeats it; elsewhere pixels of no use are black.
-ImageRgb RootAtlas::draw_live(const Tick& tick, const Children& children,
-                              const atlas::Pictures& pictures, const Used& used) const {
-  atlas::Pictures frozen = pictures;
+/// The live tiles of views with plates show only where something moves: a window of a size that
+/// seldom changes, as that takes a key frame, and that moves in steps.
+std::vector<View> RootAtlas::windows(const std::vector<View>& views, const Used& used) {
+  std::vector<View> out = views;
+  for (View& view : out)
+    if (plates_.contains(view.id))
+      view.image_rect = windows_[view.id].follow(bounds_of(used.at(view.id)), view.image_rect);
+  return out;
+}
+
+/// What moves, and around it what the plates show, so that a video of it skips that. Without a
+/// plate, pixels of no use are black.
+ImageRgb RootAtlas::draw_live(const Children& children, const atlas::Pictures& pictures,
+                              const Used& used) const {
   Used masks = used;
-  std::vector<std::pair<const View*, std::shared_ptr<ImageRgb>>> made;
-  for (const View& view : tick.views) {
-    const auto plate = plates_.find(view.id);
-    const auto picture = pictures.find(view.stream);
-    if (plate == plates_.end() || picture == pictures.end() || !used.contains(view.id)) continue;
-    made.emplace_back(&view, std::make_shared<ImageRgb>(*picture->second));
-    frozen[view.stream] = made.back().second;
-    masks.erase(view.id);
+  for (const auto& [view, plate] : plates_) masks.erase(view);
+  ImageRgb live = atlas::compose_atlas(live_layout_, children, pictures, masks, scene_->atlas.mask,
+                                       balance_.gains());
+  if (plates_.empty()) return live;
+  ImageMask shown(live.width, live.height, 1);
+  atlas::Pictures plates = pictures;
+  for (const View& tile : live_layout_.views) {
+    const auto plate = plates_.find(tile.id);
+    if (plate == plates_.end()) continue;
+    plates[children.at(tile.id).stream] = std::make_shared<const ImageRgb>(plate->second.picture());
+    draw_mask(used.at(tile.id), tile, shown);
   }
-  parallel_for(made.size(), 1, [&](std::size_t begin, std::size_t end) {
-    for (std::size_t i = begin; i < end; ++i) {
-      const ViewId id = made[i].first->id;
-      ImageRgb& live = *made[i].second;
-      ImageMask mask = used.at(id);
-      if (mask.width != live.width || mask.height != live.height) {  // padded to even
-        ImageMask padded(live.width, live.height);
-        for (int y = 0; y < mask.height; ++y)
-          std::copy_n(mask.row(y), mask.width, padded.row(y));
-        mask = std::move(padded);
-      }
-      atlas::freeze_outside(live, plates_.at(id).picture(), mask);
-    }
-  });
-  return atlas::compose_atlas(layout_, children, frozen, masks, scene_->atlas.mask,
-                              balance_.gains());
+  const ImageRgb still = atlas::compose_atlas(live_layout_, children, plates, masks,
+                                              scene_->atlas.mask, balance_.gains());
+  atlas::freeze_outside(live, still, shown);
+  return live;
 }
 
 /// Codes a picture unless it is the last one.
-Status RootAtlas::add_unit(TextureStream& stream, ImageRgb picture, ImageRgb& last,
-                           Packet& packet) {
+Status RootAtlas::add_unit(TextureStream& stream, std::uint32_t layout, ImageRgb picture,
+                           ImageRgb& last, Packet& packet) {
   if (picture == last && !stream.key_frame_asked()) return {};
-  auto unit = stream.encode(picture, packet.plan.texture_qp, layout_.views.front().layout);
+  auto unit = stream.encode(picture, packet.plan.texture_qp, layout);
   if (!unit) return unit.error();
   last = std::move(picture);
   packet.textures.push_back(*std::move(unit));
@@ -193,42 +222,75 @@ Status RootAtlas::add_unit(TextureStream& stream, ImageRgb picture, ImageRgb& la
 
 Status RootAtlas::compose(const Tick& tick, const Mesh& moving, const Mesh* still, float error_m,
                           Packet& packet) {
-  if (const Status arranged = arrange(tick.views); !arranged) return arranged;
-  packet.views.clear();
-  for (const View& live : layout_.views) {
-    packet.views.push_back(live);
-    const auto plate = plates_.find(live.id);
-    if (!still || plate == plates_.end()) continue;
-    packet.views.push_back(live);
-    packet.views.back().layer = Layer::still, packet.views.back().stream = kPlateStream;
-    packet.views.back().gain = plate->second.gain();
-  }
+  Used used;
+  if (scene_->atlas.mask || !plates_.empty()) used = used_pixels(tick, moving, error_m);
+  if (const Status ok = arrange(windows(tick.views, used), live_layout_); !ok) return ok;
+  if (const Status ok = arrange(tick.views, plate_layout_); !ok) return ok;
+  add_views(still != nullptr, packet);
   Children children;
   for (const View& view : tick.views) children[view.id] = view;
   const atlas::Pictures pictures = pictures_of(tick.gathered);
-  Used used;
-  if (scene_->atlas.mask || !plates_.empty()) used = used_pixels(tick, moving, error_m);
   if (scene_->merge.color_gain) balance_.update(still ? *still : moving, tick.views, pictures);
-  ImageRgb picture = draw_live(tick, children, pictures, used);
+  ImageRgb picture = draw_live(children, pictures, used);
   if (scene_->atlas.burn_sequence) atlas::burn_number(picture, packet.sequence);
-  if (const Status coded = add_unit(live_, std::move(picture), last_live_, packet); !coded)
-    return coded;
+  const std::uint32_t layout = live_layout_.views.front().layout;
+  if (const Status ok = add_unit(live_, layout, std::move(picture), last_live_, packet); !ok)
+    return ok;
   return still && !plates_.empty() ? add_plates(tick, children, packet) : Status{};
+}
+
+/// The live views, each followed by its plate's.
+void RootAtlas::add_views(bool with_plates, Packet& packet) const {
+  packet.views.clear();
+  for (std::size_t i = 0; i < live_layout_.views.size(); ++i) {
+    packet.views.push_back(live_layout_.views[i]);
+    const auto plate = plates_.find(live_layout_.views[i].id);
+    if (!with_plates || plate == plates_.end()) continue;
+    View& view = packet.views.emplace_back(plate_layout_.views[i]);
+    view.layer = Layer::still, view.stream = kPlateStream, view.gain = plate->second.gain();
+  }
 }
 
 /// The atlas of plates, where it is another than before.
 Status RootAtlas::add_plates(const Tick& tick, const Children& children, Packet& packet) {
-  const std::uint32_t layout = layout_.views.front().layout;
-  const bool same = !plates_changed_ && plate_gains_ == balance_.gains() && plate_layout_ == layout;
+  const std::uint32_t layout = plate_layout_.views.front().layout;
+  const bool same = !plates_changed_ && plate_gains_ == balance_.gains() && drawn_layout_ == layout;
   if (same && !plate_.key_frame_asked()) return {};
   atlas::Pictures plates;
   for (const View& view : tick.views)
     if (const auto plate = plates_.find(view.id); plate != plates_.end())
       plates[view.stream] = std::make_shared<const ImageRgb>(plate->second.picture());
-  plates_changed_ = false, plate_gains_ = balance_.gains(), plate_layout_ = layout;
-  return add_unit(plate_,
-                  atlas::compose_atlas(layout_, children, plates, {}, false, plate_gains_),
+  plates_changed_ = false, plate_gains_ = balance_.gains(), drawn_layout_ = layout;
+  return add_unit(plate_, layout,
+                  atlas::compose_atlas(plate_layout_, children, plates, {}, false, plate_gains_),
                   last_plate_, packet);
+}
+
+/// Where a picture of the window's size is to be taken from, so that it holds `wanted`.
+Rect RootAtlas::Window::follow(const Rect& wanted, const Rect& whole) {
+  constexpr int kStep_px = 64, kSize_px = 128, kShrinkAfter = 90;
+  if (wanted.empty()) {
+    if (rect.empty())
+      rect = {whole.x, whole.y, std::min(kStep_px, whole.width), std::min(kStep_px, whole.height)};
+    return rect;
+  }
+  const auto span = [&](int first, int count, int whole_first, int whole_count, int& size,
+                        bool shrink) {
+    const int start = whole_first + (first - whole_first) / kStep_px * kStep_px;
+    const int need =
+        std::min((first + count - start + kSize_px - 1) / kSize_px * kSize_px, whole_count);
+    if (need > size || shrink) size = need;
+    return std::pair(std::min(start, whole_first + whole_count - size), size);
+  };
+  const bool small = 2 * wanted.width < rect.width || 2 * wanted.height < rect.height;
+  small_for = small ? small_for + 1 : 0;
+  const bool shrink = small_for >= kShrinkAfter;
+  if (shrink) small_for = 0;
+  std::tie(rect.x, rect.width) =
+      span(wanted.x, wanted.width, whole.x, whole.width, rect.width, shrink);
+  std::tie(rect.y, rect.height) =
+      span(wanted.y, wanted.height, whole.y, whole.height, rect.height, shrink);
+  return rect;
 }
 
 }  // namespace mr::node

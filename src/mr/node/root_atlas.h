@@ -19,8 +19,9 @@
 namespace mr::node {
 
 /// The root's pictures (paper 3.3; DESIGN section 9, Colour): one atlas of what moves, stream 0,
-/// with a tile for each view; and where there is a still surface one of plates, stream 1, with the
-/// same tiles. A picture that did not change is not coded again.
+/// with a tile for each view; and where there is a still surface one of plates, stream 1. Beside
+/// plates a live tile shows only a window of its view. A picture that did not change is not coded
+/// again.
 class RootAtlas {
  public:
   static constexpr std::uint32_t kLiveStream = 0, kPlateStream = 1;
@@ -56,15 +57,27 @@ class RootAtlas {
   using Children = std::map<ViewId, View>;
   using Used = std::map<ViewId, ImageMask>;
 
-  Status arrange(const std::vector<View>& views);
+  /// The part of a camera picture that a live tile shows.
+  struct Window {
+    Rect rect;
+    int small_for = 0;  ///< ticks in which much less would have done
+
+    Rect follow(const Rect& wanted, const Rect& whole);
+  };
+
+  Status arrange(const std::vector<View>& views, atlas::Layout& layout) const;
+  std::vector<View> windows(const std::vector<View>& views, const Used& used);
   Used used_pixels(const Tick& tick, const Mesh& shown, float error_m) const;
-  ImageRgb draw_live(const Tick& tick, const Children& children, const atlas::Pictures& pictures,
+  void add_views(bool with_plates, Packet& packet) const;
+  ImageRgb draw_live(const Children& children, const atlas::Pictures& pictures,
                      const Used& used) const;
   Status add_plates(const Tick& tick, const Children& children, Packet& packet);
-  Status add_unit(TextureStream& stream, ImageRgb picture, ImageRgb& last, Packet& packet);
+  Status add_unit(TextureStream& stream, std::uint32_t layout, ImageRgb picture, ImageRgb& last,
+                  Packet& packet);
 
   const Scene* scene_;
-  atlas::Layout layout_;
+  atlas::Layout live_layout_, plate_layout_;
+  std::map<ViewId, Window> windows_;
   atlas::ColorBalance balance_;
   std::map<ViewId, atlas::Plate> plates_;
   TextureStream live_, plate_;
@@ -72,7 +85,7 @@ class RootAtlas {
   // Of the atlas of plates: whether a block changed since, and what else it was drawn with.
   bool plates_changed_ = false;
   atlas::Gains plate_gains_;
-  std::uint32_t plate_layout_ = 0;
+  std::uint32_t drawn_layout_ = 0;
 };
 
 }  // namespace mr::node

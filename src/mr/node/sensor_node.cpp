@@ -59,13 +59,13 @@ SensorNode::SensorNode(const Scene& scene, std::uint32_t sensor_index, NodeClock
       texture_(scene, sensor_index) {
   const SensorConfig& sensor = scene.sensors[sensor_index];
   if (scene.still.layers && sensor.T_world_depth.size() == 1)
-    layers_.emplace(Layers{still::Background(registration_.depth_camera(),
-                                             sensor.T_world_depth.front(),
-                                             {.precision = sensor.precision,
-                                              .fps = scene.fps,
-                                              .after_s = scene.still.after_s,
-                                              .chunk_m = scene.fusion.chunk_m}),
-                           StillSurface(scene)});
+    layers_.emplace(
+        Layers{still::Background(registration_.depth_camera(), sensor.T_world_depth.front(),
+                                 {.precision = sensor.precision,
+                                  .fps = scene.fps,
+                                  .after_s = scene.still.after_s,
+                                  .chunk_m = scene.fusion.chunk_m}),
+               StillSurface(scene)});
 }
 
 SensorNode::Patch SensorNode::reconstruct_patch(const ImageDepth& depth, const Pose& T_world_depth,
@@ -139,8 +139,8 @@ ImageDepth SensorNode::clean_where(const ImageMask& mask, const Camera& camera,
   return out;
 }
 
-/// The cleaned depth that is to be reconstructed now: all of it, or what moves. What stays goes into
-/// the chunks of the still surface.
+/// The cleaned depth that is to be reconstructed now: all of it, or what moves. What stays goes
+/// into the chunks of the still surface.
 Result<ImageDepth> SensorNode::divide(Reconstructed& out) {
   const Camera& camera = registration_.depth_camera();
   const Frame& frame = out.frame;
@@ -156,7 +156,8 @@ Result<ImageDepth> SensorNode::divide(Reconstructed& out) {
   trace_.time("clean", [&] {
     depth = clean_where(moment.moving, camera, frame);
     out.confirmed_depth = still::confirmed_tiles(moment.confirmed, moment.moving);
-    if (const auto view = registration_.color_view(frame.T_world_depth); view && !frame.color.empty())
+    if (const auto view = registration_.color_view(frame.T_world_depth);
+        view && !frame.color.empty())
       out.confirmed_color =
           still::unhidden_tiles(frame.depth, moment.foreign, camera, view->camera(),
                                 view->T_world_camera.inverse() * frame.T_world_depth);

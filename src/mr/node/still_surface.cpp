@@ -17,7 +17,7 @@ namespace {
 
 constexpr double kStillPinhole_voxels = 12;  // around: what a few failed pixels leave
 constexpr double kStillError_voxels = 0.4;   // of decimation
-constexpr int kRingsAround = 2;  // of a chunk: what its lines to the neighbours look at
+constexpr int kRingsAround = 2;              // of a chunk: what its lines to the neighbours look at
 
 /// Of the bytes that a chunk follows from.
 class Hash {
@@ -169,10 +169,11 @@ Result<StillChunk> StillSurface::decimate(const Labelled& all, std::uint32_t chu
   }
 
   auto small = simplify::simplify(
-      near, {.error_m = static_cast<float>(kStillError_voxels * scene_->voxel_m),
-             .chunks = labels});
+      near,
+      {.error_m = static_cast<float>(kStillError_voxels * scene_->voxel_m), .chunks = labels});
   if (!small) return small.error();
-  std::vector<std::uint8_t> own(small->mesh.triangles.size()), on_line(small->mesh.positions.size());
+  std::vector<std::uint8_t> own(small->mesh.triangles.size()),
+      on_line(small->mesh.positions.size());
   for (std::size_t t = 0; t < own.size(); ++t) {
     own[t] = small->chunks[t] == chunk;
     if (!own[t])

@@ -25,8 +25,8 @@ struct StillChunk {
 
 /// The surface of a sensor's still picture (still::Background), chunk by chunk. A chunk is
 /// decimated on its own to an error limit, with the lines to its neighbours fixed, so it follows
-/// from its own part of the fused surface alone: a change makes the chunks that it touches anew, and
-/// they fit the others.
+/// from its own part of the fused surface alone: a change makes the chunks that it touches anew,
+/// and they fit the others.
 class StillSurface {
  public:
   /// The scene must outlive this.

@@ -15,21 +15,21 @@ namespace mr::still {
 namespace {
 
 constexpr float kAgrees_sigmas = 3.5f, kTrusted_sigmas = 1.5f;
-constexpr float kRounding_m = 0.002f;     // on top: files count millimetres
-constexpr float kMostNoise = 4;           // times the stated precision
-constexpr float kUncovered_m = 0.05f;     // what lies so much farther was hidden
+constexpr float kRounding_m = 0.002f;         // on top: files count millimetres
+constexpr float kMostNoise = 4;               // times the stated precision
+constexpr float kUncovered_m = 0.05f;         // what lies so much farther was hidden
 constexpr std::uint16_t kMostReadings = 512;  // then the mean follows what is slow
-constexpr int kQuick = 8, kSlow = 60;     // captures to learn
-constexpr std::uint64_t kStart = 40;      // captures in which all is learnt quickly
-constexpr int kContradicts = 5;           // farther readings that agree
-constexpr double kLeastRegion = 30;       // pixels that change together, at 640x576
-constexpr int kHandOver = 10;             // captures until the merger shows what is still
+constexpr int kQuick = 8, kSlow = 60;         // captures to learn
+constexpr std::uint64_t kStart = 40;          // captures in which all is learnt quickly
+constexpr int kContradicts = 5;               // farther readings that agree
+constexpr double kLeastRegion = 30;           // pixels that change together, at 640x576
+constexpr int kHandOver = 10;                 // captures until the merger shows what is still
 // Captures from one look at the still picture to the next: in which only what is gone counts, and
 // in which all does. The first look is late enough for plates of what is learnt at first.
 constexpr std::uint64_t kLookEvery = 8, kLookAt = 4, kFreezeEvery = 32;
-constexpr int kRefineTurns = 2;           // cubes are refined in so many turns
+constexpr int kRefineTurns = 2;  // cubes are refined in so many turns
 constexpr double kWorthRefining_m = 0.0005, kWorthRefining_sigmas = 0.17;
-constexpr double kYoung_s = 60;           // absorbed surface that may go back as a whole
+constexpr double kYoung_s = 60;  // absorbed surface that may go back as a whole
 constexpr int kPushedFor = 5;
 
 /// How a cube's share of the still picture differs from what is known by now.
@@ -201,9 +201,10 @@ bool Background::was_pushed() {
     farther += r == Reading::farther;
   }
   const auto all = static_cast<double>(agree + nearer + farther);
-  const bool most = all > kLeastKnown * static_cast<double>(readings_.size()) &&
-                    static_cast<double>(agree) < kMostAgree * all &&
-                    static_cast<double>(farther) > kLeastFarther * all;
+  const bool most =
+      all > kLeastKnown * static_cast<double>(readings_.size()) &&
+      static_cast<double>(agree)<kMostAgree * all&& static_cast<double>(farther)> kLeastFarther *
+          all;
   pushed_for_ = most ? pushed_for_ + 1 : 0;
   return pushed_for_ >= kPushedFor;
 }
@@ -325,8 +326,8 @@ ImageMask Background::moving_pixels(const ImageDepth& depth, ImageMask& foreign)
     return readings_[static_cast<std::size_t>(y) * width_ + x] == Reading::agrees &&
            is_slightly_nearer(depth, x, y);
   };
-  ImageMask moving = moving_regions(strong, no_depth, weak,
-                                    static_cast<double>(known_.size()) / (640.0 * 576.0));
+  ImageMask moving =
+      moving_regions(strong, no_depth, weak, static_cast<double>(known_.size()) / (640.0 * 576.0));
   foreign = moving;
   for (std::size_t i = 0; i < known_.size(); ++i)
     if (readings_[i] == Reading::agrees && known_[i].shown_for < kHandOver) foreign.data[i] = 0;
@@ -337,8 +338,8 @@ ImageMask Background::confirmed_pixels(const ImageDepth& depth, const ImageMask&
   ImageMask out(width_, height_);
   for (std::size_t i = 0; i < known_.size(); ++i) {
     const float z = still_.data[i];
-    out.data[i] = z > 0 && !moving.data[i] && depth.data[i] > 0 &&
-                  std::abs(depth.data[i] - z) <= band_m(z);
+    out.data[i] =
+        z > 0 && !moving.data[i] && depth.data[i] > 0 && std::abs(depth.data[i] - z) <= band_m(z);
   }
   return out;
 }
@@ -421,7 +422,8 @@ bool Background::freeze() {
   bool is_due = true;
   const auto due = [&](std::size_t i, float depth) {
     if (depth == 0) return false;
-    if (const Vec3i cube = cube_of(i, depth); cube != last) is_due = cubes.contains(cube), last = cube;
+    if (const Vec3i cube = cube_of(i, depth); cube != last)
+      is_due = cubes.contains(cube), last = cube;
     return is_due;
   };
   for (std::size_t i = 0; i < known_.size(); ++i) {

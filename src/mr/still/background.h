@@ -14,10 +14,10 @@
 namespace mr::still {
 
 struct BackgroundConfig {
-  Precision precision;   ///< of the sensor; noise may be up to four times that
-  double fps = 30;       ///< captures per second
-  double after_s = 5;    ///< what stopped becomes part of the room after so long
-  double chunk_m = 1.28; ///< the still picture changes cube by cube of this grid
+  Precision precision;    ///< of the sensor; noise may be up to four times that
+  double fps = 30;        ///< captures per second
+  double after_s = 5;     ///< what stopped becomes part of the room after so long
+  double chunk_m = 1.28;  ///< the still picture changes cube by cube of this grid
 };
 
 /// What one capture says.
@@ -70,8 +70,8 @@ class Background {
   /// every capture reads it.
   struct Known {
     float mean = 0;
-    std::uint16_t count = 0;         ///< readings; 0: nothing is known
-    std::uint8_t shown_for = 0;      ///< captures since still_ has held it; up to kHandOver
+    std::uint16_t count = 0;     ///< readings; 0: nothing is known
+    std::uint8_t shown_for = 0;  ///< captures since still_ has held it; up to kHandOver
     bool is_absorbed : 1 = false;
     bool has_candidate : 1 = false;
     bool is_farther : 1 = false;     ///< the candidate lies behind what is known
@@ -122,7 +122,7 @@ class Background {
   Vec3f eye_;
   std::vector<Known> known_;       ///< [H·W]
   std::vector<Rest> rest_;         ///< [H·W]
-  std::vector<Reading> readings_; ///< [H·W] of this capture
+  std::vector<Reading> readings_;  ///< [H·W] of this capture
   ImageDepth still_, previous_;
   std::vector<Region> regions_;  ///< [id], 0: none
   std::uint64_t captures_ = 0;

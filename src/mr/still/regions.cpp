@@ -46,7 +46,8 @@ Regions connected_regions(const ImageMask& mask) {
   std::vector<std::uint32_t> number(spans.size());
   for (std::uint32_t s = 0; s < spans.size(); ++s) {
     const std::uint32_t root = root_of(spans, s);
-    if (root == s) number[s] = static_cast<std::uint32_t>(out.pixels.size()), out.pixels.push_back(0);
+    if (root == s)
+      number[s] = static_cast<std::uint32_t>(out.pixels.size()), out.pixels.push_back(0);
     number[s] = number[root];
     out.pixels[number[s]] += static_cast<std::uint32_t>(spans[s].end - spans[s].first);
     std::fill(out.label.at(spans[s].first, spans[s].y),

@@ -20,7 +20,8 @@ TileMask confirmed_tiles(const ImageMask& confirmed, const ImageMask& moving) {
     for (int column = 0; column < out.columns; ++column) {
       int yes = 0, all = 0;
       bool moves = false;
-      for (int y = row * kDepthTile_px; y < std::min((row + 1) * kDepthTile_px, confirmed.height); ++y)
+      for (int y = row * kDepthTile_px; y < std::min((row + 1) * kDepthTile_px, confirmed.height);
+           ++y)
         for (int x = column * kDepthTile_px;
              x < std::min((column + 1) * kDepthTile_px, confirmed.width); ++x)
           ++all, yes += *confirmed.at(x, y), moves |= *moving.at(x, y) != 0;
@@ -29,8 +30,9 @@ TileMask confirmed_tiles(const ImageMask& confirmed, const ImageMask& moving) {
   return out;
 }
 
-TileMask unhidden_tiles(const ImageDepth& depth, const ImageMask& moving, const Camera& depth_camera,
-                        const Camera& color_camera, const Pose& T_color_depth) {
+TileMask unhidden_tiles(const ImageDepth& depth, const ImageMask& moving,
+                        const Camera& depth_camera, const Camera& color_camera,
+                        const Pose& T_color_depth) {
   constexpr int kStep_px = 2;
   TileMask out = tiles_of(color_camera.width, color_camera.height, kColorTile_px, 1);
   const auto hide = [&](int column, int row) {
