@@ -12,6 +12,7 @@ namespace {
 constexpr int kCaptures = 15;            // in a row, before a place counts as empty
 constexpr double kLeastArea_m2 = 0.005;  // of places that touch each other
 constexpr double kTolerances = 3;        // so many times what may be one surface lies beyond
+constexpr double kNear_voxels = 10;      // of a tile: what is one thing
 
 }  // namespace
 
@@ -37,48 +38,63 @@ bool EmptyPlaces::sees_past(const StillCover::SensorView& own, const StillCover:
   return *other.own.at(u, v) > p.z + kTolerances * tolerance_m;
 }
 
+/// Brings one tile up to date; `samples`: pixels of its own sensor's view. Returns whether it is no
+/// longer empty.
 bool EmptyPlaces::follow(const StillCover::SensorView& own, const StillCover& cover,
-                         const std::map<std::uint32_t, const TileMask*>& confirmed,
-                         Tiles& tiles) const {
+                         const Confirmed& confirmed, std::span<const std::array<int, 2>> samples,
+                         Tile& tile) const {
+  const double near_m = kNear_voxels * config_.voxel_m;
+  float nearest = 0;
+  for (const auto& [x, y] : samples)
+    if (const float z = *own.own.at(x, y); z > 0 && (nearest == 0 || z < nearest)) nearest = z;
+  if (nearest == 0 || (tile.is_empty && std::abs(nearest - tile.depth_m) > near_m)) {
+    const bool was_empty = tile.is_empty;  // it is another surface now
+    tile = {};
+    return was_empty;
+  }
+  if (tile.is_empty) return false;
+  const auto is_past = [&](const StillCover::SensorView& other) {
+    const auto its = confirmed.find(other.sensor);
+    if (other.sensor == own.sensor || its == confirmed.end()) return false;
+    return std::ranges::all_of(samples, [&](const std::array<int, 2>& at) {
+      const float z = *own.own.at(at[0], at[1]);
+      return z == 0 || z > nearest + near_m || sees_past(own, other, *its->second, at[0], at[1]);
+    });
+  };
+  const bool is_empty = std::ranges::any_of(cover.views(), is_past);
+  tile.depth_m = nearest;
+  tile.empty_for = is_empty ? std::min(tile.empty_for + 1, kCaptures) : 0;
+  return false;
+}
+
+/// The same for all tiles of a sensor.
+bool EmptyPlaces::follow(const StillCover::SensorView& own, const StillCover& cover,
+                         const Confirmed& confirmed, Tiles& tiles) const {
   const TileMask& mine = *confirmed.at(own.sensor);
   bool changed = false;
   for (int row = 0; row < tiles.rows; ++row)
     for (int column = 0; column < tiles.columns; ++column) {
       Tile& tile = tiles.tiles[static_cast<std::size_t>(row) * tiles.columns + column];
-      const auto place = [&](int t, double share, int size) {
-        return std::min(static_cast<int>((t + share) * tiles.tile_px * own.scale), size - 1);
-      };
-      const int x = place(column, 0.5, own.own.width), y = place(row, 0.5, own.own.height);
-      const float z = *own.own.at(x, y);
-      const bool other_surface = std::abs(z - tile.depth_m) > 3 * config_.voxel_m;
-      if (mine.at(column, row) || z == 0 || (tile.is_empty && other_surface)) {
+      if (mine.at(column, row)) {
         changed |= tile.is_empty;
         tile = {};
         continue;
       }
-      if (tile.is_empty) continue;
-      const auto is_past = [&](const StillCover::SensorView& other) {
-        if (other.sensor == own.sensor || !confirmed.contains(other.sensor)) return false;
-        const TileMask& its = *confirmed.at(other.sensor);
-        for (const double v : {0.1, 0.5, 0.9})
-          for (const double u : {0.1, 0.5, 0.9}) {
-            const int px = place(column, u, own.own.width), py = place(row, v, own.own.height);
-            if (*own.own.at(px, py) == 0 || !sees_past(own, other, its, px, py)) return false;
-          }
-        return true;
-      };
-      if (!std::ranges::any_of(cover.views(), is_past)) {
-        tile.empty_for = 0;
-      } else if (tile.empty_for < kCaptures) {
-        tile.depth_m = z;
-        ++tile.empty_for;
+      std::array<std::array<int, 2>, 9> samples;
+      for (int i = 0; i < 9; ++i) {
+        const auto place = [&](int t, int third, int size) {
+          const double at = (t + 0.1 + 0.4 * third) * tiles.tile_px * own.scale;
+          return std::min(static_cast<int>(at), size - 1);
+        };
+        samples[i] = {place(column, i % 3, own.own.width), place(row, i / 3, own.own.height)};
       }
+      changed |= follow(own, cover, confirmed, samples, tile);
     }
   return changed;
 }
 
 bool EmptyPlaces::update(const StillCover& cover, std::span<const SourceInfo> sources) {
-  std::map<std::uint32_t, const TileMask*> confirmed;
+  Confirmed confirmed;
   for (const SourceInfo& source : sources)
     if (!source.confirmed_depth.empty()) confirmed[source.sensor] = &source.confirmed_depth;
   bool changed = false;
@@ -141,7 +157,7 @@ Mesh EmptyPlaces::without_empty(const Mesh& still, const StillCover& cover) cons
                 row = static_cast<int>(std::floor(s.v / view->scale / tiles.tile_px));
       if (column < 0 || row < 0 || column >= tiles.columns || row >= tiles.rows) continue;
       const Tile& tile = tiles.tiles[static_cast<std::size_t>(row) * tiles.columns + column];
-      keep[t] = !tile.is_empty || std::abs(p.z - tile.depth_m) > 8 * config_.voxel_m;
+      keep[t] = !tile.is_empty || std::abs(p.z - tile.depth_m) > kNear_voxels * config_.voxel_m;
       any |= keep[t] == 0;
     }
   }

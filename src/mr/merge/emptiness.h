@@ -1,5 +1,6 @@
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <map>
 #include <span>
@@ -29,7 +30,7 @@ class EmptyPlaces {
 
  private:
   struct Tile {
-    std::uint8_t empty_for = 0;  ///< captures in a row
+    int empty_for = 0;  ///< captures in a row
     bool is_empty = false;
     float depth_m = 0;  ///< of the surface that is gone
   };
@@ -40,8 +41,12 @@ class EmptyPlaces {
 
   bool sees_past(const StillCover::SensorView& own, const StillCover::SensorView& other,
                  const TileMask& confirmed, int x, int y) const;
+  using Confirmed = std::map<std::uint32_t, const TileMask*>;
   bool follow(const StillCover::SensorView& own, const StillCover& cover,
-              const std::map<std::uint32_t, const TileMask*>& confirmed, Tiles& tiles) const;
+              const Confirmed& confirmed, std::span<const std::array<int, 2>> samples,
+              Tile& tile) const;
+  bool follow(const StillCover::SensorView& own, const StillCover& cover,
+              const Confirmed& confirmed, Tiles& tiles) const;
   bool find_large(const StillCover::SensorView& own, Tiles& tiles) const;
 
   OverlapConfig config_;
