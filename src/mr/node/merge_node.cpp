@@ -364,12 +364,14 @@ Status MergeNode::add_textures(const Gathered& gathered, Packet& packet) {
       if (corrected.sensor == source.sensor) source.T_world_depth = corrected.T_world_depth;
     if (is_root_) source.confirmed_depth = source.confirmed_color = {};
   }
-  if (is_root_ && !places_.views.empty())
-    return trace_.time("encode_atlas", [&] {
-      const float error_m = std::max(moving_->error_m, still_ ? still_->error_m : 0.0f);
-      return atlas_.compose({gathered, places_.views, places_.sources}, moving_->mesh,
-                            still_ ? &still_->mesh : nullptr, error_m, packet);
-    });
+  if (is_root_ && !places_.views.empty()) {
+    const RootAtlas::Tick tick{gathered, places_.views, places_.sources};
+    const Mesh* still = still_ ? &still_->mesh : nullptr;
+    const float error_m = std::max(moving_->error_m, still_ ? still_->error_m : 0.0f);
+    if (drawing_listener_) drawing_listener_({atlas_, tick, moving_->mesh, still, error_m});
+    return trace_.time("encode_atlas",
+                       [&] { return atlas_.compose(tick, moving_->mesh, still, error_m, packet); });
+  }
   packet.views = places_.views;
   packet.textures = gathered.units;
   return {};
