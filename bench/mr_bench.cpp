@@ -20,7 +20,8 @@ struct Options {
 };
 
 std::vector<Stage> stages() {
-  return {fuse_stage(), simplify_stage(), overlap_stage(), merge_stage(), zipper_stage()};
+  return {fuse_stage(),  simplify_stage(), overlap_stage(),
+          merge_stage(), zipper_stage(),   layers_stage()};
 }
 
 int fail(const std::string& message) {
@@ -112,7 +113,8 @@ void add_options(CLI::App& app, Options& options) {
       "  mr-bench fuse\n"
       "  mr-bench fuse --case room_bench --threads 1 --json\n"
       "  mr-bench fuse --input examples/red-kitchen.yaml\n"
-      "  mr-bench simplify --case 50% --case 10% --json");
+      "  mr-bench simplify --case 50% --case 10% --json\n"
+      "  mr-bench layers --case two_people --json");
 }
 
 }  // namespace

@@ -1,5 +1,6 @@
 #include "race.h"
 
+#include "mr/core/trace.h"
 #include "report.h"
 
 #include <fmt/format.h>
@@ -7,7 +8,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <ctime>
 #include <fstream>
 #include <limits>
 #include <optional>
@@ -34,20 +34,16 @@ double memory_kb(const std::string& name) {
   return 0;
 }
 
-double cpu_ms() {
-  timespec now{};
-  ::clock_gettime(CLOCK_PROCESS_CPUTIME_ID, &now);
-  return static_cast<double>(now.tv_sec) * 1e3 + static_cast<double>(now.tv_nsec) * 1e-6;
-}
-
 Message run_once(Work& work) {
   work.clear();
-  const double cpu_before = cpu_ms();
+  const double cpu_before = process_cpu_ms();
   const auto start = std::chrono::steady_clock::now();
   StageClock clock;
   work.run(clock);
   const std::chrono::duration<double, std::milli> took = std::chrono::steady_clock::now() - start;
-  return {{"ms", took.count()}, {"cpu_ms", cpu_ms() - cpu_before}, {"stages", clock.stage_ms()}};
+  return {{"ms", took.count()},
+          {"cpu_ms", process_cpu_ms() - cpu_before},
+          {"stages", clock.stage_ms()}};
 }
 
 /// The child's side: "run", "memory", "result".

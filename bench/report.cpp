@@ -90,7 +90,7 @@ Message as_json(const Report& report) {
   return {{"stage", report.stage},
           {"input", report.input},
           {"results", report.results},
-          {"ratio", ratios(report, "ms")},
+          {"ratio", report.ratio.is_null() ? ratios(report, "ms") : report.ratio},
           {"cpu_ratio", ratios(report, "cpu_ms")},
           {"memory_ratio", ratios(report, "peak_mb")},
           {"absent", report.absent},
@@ -111,7 +111,8 @@ std::string as_text(const Report& report) {
       out += fmt::format(" {:>9}", cell(row, column.field.c_str(), column.digits));
     out += "  " + stages_text(row) + "\n";
   }
-  out += ratio_text("faster than", ratios(report, "ms"));
+  out += report.ratio.is_null() ? ratio_text("faster than", ratios(report, "ms"))
+                                : ratio_text("times ours:", report.ratio);
   out += ratio_text("less memory than", ratios(report, "peak_mb"));
   for (const std::string& peer : report.absent) out += peer + " is not installed\n";
   return out;

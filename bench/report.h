@@ -26,6 +26,8 @@ struct Report {
   std::vector<Message> results{};     ///< as result_row() begins them
   std::vector<std::string> absent{};  ///< peers that are not installed
   std::vector<Column> columns{};      ///< for people, beside those that every stage has
+  /// In place of the ratio of `ms`, where a stage compares more than that.
+  Message ratio{};
 };
 
 /// With `ratio` ("PEER/CASE/tN": the peer's ms / ours on N threads; a peer that ran on one thread

@@ -32,6 +32,7 @@ struct Stage {
 };
 
 Stage fuse_stage();
+Stage layers_stage();
 Stage merge_stage();
 Stage overlap_stage();
 Stage zipper_stage();

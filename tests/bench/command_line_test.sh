@@ -65,6 +65,25 @@ figures=$(number '(() => {
 grep -q "Worst error" plot.svg || fail_test "simplify --plot: $(head -c 300 plot.svg)"
 check "a figure where there is none" 2 "mr-bench: fuse draws no figure" "$bench" fuse --plot plot.svg
 
+# Layers: a rig of its own, as it takes 160 captures.
+cat >layers.yaml <<'END'
+scene: layers
+up: [0, 0, 1]
+voxel_m: 0.04
+rig: {type: synthetic, seed: 3, room: [4, 3.5, 2.6], people: 1, sensors: 2, depth_mode: nfov_binned, color: [160, 90], frames: 160, loop: true}
+simplify: {ratio: 0.2}
+END
+"$bench" layers --input layers.yaml --json >out.json 2>err.txt || fail_test "layers: $(cat err.txt)"
+figures=$(number '(() => {
+  const [ours, everything] = ["ours", "everything"].map(i => o.results.find(r => r.impl == i && r.case == "layers"));
+  const sound = r => r.ms > 0 && Math.abs(r.nodes.sensor + r.nodes.merge - r.ms) < 0.01 && r.head_bytes > 0 && r.texture_bytes > 0 && r.critical_path_ms > 0;
+  const near = (key, of) => Math.abs(o.ratio["everything/layers/" + key] - of(everything) / of(ours)) < 0.01;
+  return sound(ours) && sound(everything) && ours.runs == 60 && everything.runs == 20 && ours.learn_bytes > 60 * ours.mesh_bytes
+      && ["ms", "mesh_bytes", "texture_bytes", "critical_path_ms"].every(key => near(key, r => r[key]))
+      && near("mesh_and_head_bytes", r => r.mesh_bytes + r.head_bytes) && o.ratio["everything/layers/mesh_bytes"] > 2 && o.stage == "layers"; })()' <out.json)
+[ "$figures" = true ] || fail_test "layers: implausible figures: $(cat out.json)"
+refused "layers: a case of a scene" "no --case with --input" layers --input layers.yaml --case still
+
 misused "no stage" "name a stage"
 misused "unknown stage" "no stage 'fusion'.*did you mean 'fuse'" fusion
 refused "unknown case" "no case 'nothing'" fuse --case nothing

@@ -6,10 +6,11 @@
 #include <fstream>
 #include <nlohmann/json.hpp>
 
-#include "mr/codec/mesh_codec.h"
 #include "mr/codec/head.h"
+#include "mr/codec/mesh_codec.h"
 #include "mr/codec/packet_codec.h"
 #include "mr/core/parallel.h"
+#include "mr/core/trace.h"
 #include "mr/kit/image_io.h"
 #include "mr/kit/raycast.h"
 #include "mr/kit/topology.h"
@@ -70,6 +71,35 @@ double rms_distance(const Mesh& a, const Mesh& b, double reach) {
     sum += w * d * d, area += w;
   }
   return area > 0 ? std::sqrt(sum / area) : 1e9;
+}
+
+TEST(Pipeline, ToldCostsOfCapturesAddUpToTheReport) {
+  Arena(2).run([] {
+    auto pipeline = node::Pipeline::open(small_room(2));
+    ASSERT_TRUE(pipeline) << pipeline.error().message;
+    double mesh_bytes = 0, texture_bytes = 0, cpu_ms = 0;
+    std::vector<bool> key_frames;
+    node::RunListener listener;
+    listener.captured = [&](int, const node::CaptureCost& cost) {
+      EXPECT_TRUE(cost.shown);
+      EXPECT_GT(cost.head_bytes, 0u);
+      EXPECT_GT(cost.mesh_bytes, cost.head_bytes);
+      EXPECT_GT(cost.critical_path_ms, 0);
+      EXPECT_GT(cost.sensors_cpu_ms, 0);
+      EXPECT_GT(cost.mergers_cpu_ms, 0);
+      mesh_bytes += static_cast<double>(cost.mesh_bytes + cost.head_bytes);
+      texture_bytes += static_cast<double>(cost.texture_bytes);
+      cpu_ms += cost.sensors_cpu_ms + cost.mergers_cpu_ms;
+      key_frames.push_back(cost.key_frame);
+    };
+    const double before_ms = process_cpu_ms();
+    const auto report = (*pipeline)->run(3, listener);
+    ASSERT_TRUE(report) << report.error().message;
+    EXPECT_NEAR(mesh_bytes / 3, report->mesh_bytes_per_frame, 1);
+    EXPECT_NEAR(texture_bytes / 3, report->texture_bytes_per_frame, 1);
+    EXPECT_LT(cpu_ms, process_cpu_ms() - before_ms) << "the client and the rig work, too";
+    EXPECT_EQ(key_frames, (std::vector<bool>{true, false, false}));
+  });
 }
 
 TEST(Pipeline, RoomComesThroughWholeAndTextured) {

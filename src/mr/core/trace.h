@@ -28,6 +28,9 @@ class Stopwatch {
   std::chrono::steady_clock::time_point start_ = std::chrono::steady_clock::now();
 };
 
+/// Processor time of this process so far, on all its threads.
+double process_cpu_ms();
+
 /// Milliseconds that each stage of a node took, one entry per frame in which it ran; the newest
 /// `kKept` of each. Thread-safe.
 class Trace {

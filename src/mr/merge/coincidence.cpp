@@ -34,6 +34,7 @@ StillCover::StillCover(const Mesh& merged, std::span<const Part> parts, const Ov
       if (source.depth_camera.model != CameraModel::pinhole) continue;
       const double factor = std::min(1.0, double{kMostColumns} / source.depth_camera.width);
       views_.push_back({source.sensor,
+                        factor,
                         scaled(source.depth_camera, factor),
                         source.T_world_depth.inverse(),
                         source.precision,

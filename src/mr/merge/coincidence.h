@@ -16,6 +16,16 @@ namespace mr::merge {
 /// merger): both would be drawn, and flicker through each other.
 class StillCover {
  public:
+  /// The still surface from a source's place, at a low resolution; depth 0: none.
+  struct SensorView {
+    std::uint32_t sensor = 0;
+    double scale = 1;  ///< columns of `camera` / columns of the depth picture
+    Camera camera;
+    Pose T_camera_world;
+    Precision precision;
+    ImageDepth own, merged;
+  };
+
   StillCover() = default;
   /// `merged`: the still surface that is shown. `parts`: what each input brought to it, with every
   /// source's place.
@@ -27,17 +37,12 @@ class StillCover {
   /// are no pinholes keep all.
   Mesh uncovered(const Part& moving) const;
 
+  /// By sensor; sources that are no pinholes have none.
+  std::span<const SensorView> views() const { return views_; }
+  const SensorView* view_of(std::uint32_t sensor) const;  ///< null: none
+
  private:
-  /// The still surface from a source's place, at a low resolution; depth 0: none.
-  struct SensorView {
-    std::uint32_t sensor = 0;
-    Camera camera;
-    Pose T_camera_world;
-    Precision precision;
-    ImageDepth own, merged;
-  };
   bool is_covered(const Mesh& mesh, std::size_t t, const SensorView& view) const;
-  const SensorView* view_of(std::uint32_t sensor) const;
 
   OverlapConfig config_;
   std::vector<SensorView> views_;  // by sensor

@@ -85,7 +85,8 @@ MergeNode::MergeNode(const Scene& scene, const MergerConfig& merger, bool is_roo
       publisher_(scene, kMergedSource),
       atlas_(scene),
       calibration_(scene),
-      cubes_(scene.fusion.chunk_m, kReach_voxels * scene.voxel_m) {}
+      cubes_(scene.fusion.chunk_m, kReach_voxels * scene.voxel_m),
+      empty_(overlap_config()) {}
 
 merge::OverlapConfig MergeNode::overlap_config() const {
   return {.owner = scene_->merge.owner,
@@ -171,6 +172,8 @@ Status MergeNode::merge_surfaces(const Gathered& gathered, const std::function<v
   correct(gathered, !still_, parts);
   if (still_) {
     look_at_plates(gathered, parts);
+    if (is_root_ && still_->is_labelled)
+      still_->any_emptied |= empty_.update(still_->cover, gathered.sources);
     if (const Status labelled = label_still(); !labelled) return labelled;
     trace_.time("overlap", [&] {
       for (merge::Part& part : parts) part.mesh = still_->cover.uncovered(part);
@@ -269,14 +272,17 @@ Status MergeNode::label_still() {
   const std::size_t blocks = is_root_ ? atlas_.valid_blocks() : 0;
   const std::uint64_t age = sequence_ - still.labelled_at;
   const bool more = blocks > still.blocks;
-  const bool due = !still.is_labelled ||
+  const bool due = !still.is_labelled || still.any_emptied ||
                    (still.withheld_until && sequence_ >= *still.withheld_until) ||
                    (more && age >= kRelabelEvery);
   if (!due) return {};
   const Mesh labelled = trace_.time("atlas", [&] {
-    return is_root_ ? label(still.joined, still.error_m, nullptr, atlas_.valid()) : still.joined;
+    if (!is_root_) return still.joined;
+    still.cover = merge::StillCover(still.joined, still.parts, overlap_config());
+    return label(empty_.without_empty(still.joined, still.cover), still.error_m, nullptr,
+                 atlas_.valid());
   });
-  still.withheld_until.reset();
+  still.withheld_until.reset(), still.any_emptied = false;
   const bool withhold = is_root_ && !places_.views.empty();
   auto mesh = on_lattice(withhold ? without_fresh_grey(labelled, still.mesh, still.withheld_until)
                                   : labelled);

@@ -18,6 +18,7 @@
 #include "mr/core/scene.h"
 #include "mr/core/trace.h"
 #include "mr/merge/coincidence.h"
+#include "mr/merge/emptiness.h"
 #include "mr/merge/part.h"
 #include "mr/merge/quality_grid.h"
 #include "mr/node/calibration_check.h"
@@ -97,7 +98,7 @@ class MergeNode {
     Parts parts;
     merge::StillCover cover;
     atlas::Occluders occluders;
-    bool is_labelled = false;
+    bool is_labelled = false, any_emptied = false;
     std::optional<std::uint64_t> withheld_until;  // sequence; nothing: all is shown
     std::uint64_t labelled_at = 0;                // sequence
     std::size_t blocks = 0;                       // of plates, when it was labelled
@@ -141,7 +142,8 @@ class MergeNode {
   simplify::Simplifier simplifier_;
   CalibrationCheck calibration_;
   merge::QualityMemory still_quality_, moving_quality_;
-  CubeMerger cubes_;               ///< of the still surface
+  CubeMerger cubes_;  ///< of the still surface
+  merge::EmptyPlaces empty_;
   std::optional<Still> still_;     ///< none: no input has a still surface
   std::optional<Surface> moving_;  ///< reused while the inputs' geometry stays
   std::map<Vec3i, std::vector<ChunkKey>> still_contents_;

@@ -28,7 +28,9 @@ struct Pipeline::Measured {
   std::uint64_t mesh_bytes = 0, texture_bytes = 0, chunks_new = 0, chunks_kept = 0;
   std::vector<double> end_to_end_ms;
   std::map<std::string, std::vector<double>> node_ms;  // per frame: receiving and processing
-  std::map<std::string, double> receiving_ms;          // of the frame under way
+  // Of the frame under way:
+  std::map<std::string, double> receiving_ms, alone_ms;  // alone_ms: all of a node's work
+  CaptureCost cost;
   const RunListener* listener = nullptr;
 };
 
@@ -114,10 +116,12 @@ void Pipeline::deliver(const std::string& from, const std::vector<std::byte>& by
   if (edges.empty()) return show(bytes, measured);
   for (const Edge& edge : edges) {
     const auto start = Clock::now();
+    const double cpu_before = process_cpu_ms();
     // A refusal is counted, and told, by the merger.
     static_cast<void>(edge.merger->inputs().receive(edge.input, bytes, now).ok());
     serve(*edge.merger, now);
     measured.receiving_ms[edge.merger->id()] += ms_since(start);
+    measured.cost.mergers_cpu_ms += process_cpu_ms() - cpu_before;
   }
 }
 
@@ -147,6 +151,11 @@ void Pipeline::show(const std::vector<std::byte>& bytes, Measured& measured) {
   for (const TextureUnit& unit : packet->textures) texture += unit.data.size();
   measured.texture_bytes += texture;
   measured.mesh_bytes += bytes.size() - texture;
+  CaptureCost& cost = measured.cost;
+  cost.shown = true, cost.texture_bytes = texture;
+  for (const EncodedChunk& chunk : packet->chunks) cost.mesh_bytes += chunk.payload.size();
+  cost.head_bytes = bytes.size() - texture - cost.mesh_bytes;
+  cost.key_frame = std::ranges::any_of(packet->textures, &TextureUnit::key_frame);
   if (measured.listener->sent)
     measured.listener->sent(measured.frame, bytes.size() - texture, texture);
   if (measured.listener->shown) measured.listener->shown(measured.frame, *decoded_);
@@ -163,7 +172,7 @@ std::vector<std::byte> Pipeline::last_packet() const {
 void Pipeline::run_frame(std::vector<std::optional<Frame>> frames, Measured& measured,
                          const Progress& progress) {
   TimePoint now{};
-  measured.receiving_ms.clear();
+  measured.receiving_ms.clear(), measured.alone_ms.clear(), measured.cost = {};
   const int shown = measured.frames;
   const auto captured = Clock::now();
   for (std::size_t i = 0; i < sensors_.size(); ++i) {
@@ -172,8 +181,11 @@ void Pipeline::run_frame(std::vector<std::optional<Frame>> frames, Measured& mea
     progress(sensor.id());
     now = std::max(now, frames[i]->captured_at());
     const auto start = Clock::now();
+    const double cpu_before = process_cpu_ms();
     const auto bytes = sense(sensor, *std::move(frames[i]), measured);
-    measured.node_ms[sensor.id()].push_back(ms_since(start));
+    measured.cost.sensors_cpu_ms += process_cpu_ms() - cpu_before;
+    measured.alone_ms[sensor.id()] = ms_since(start);
+    measured.node_ms[sensor.id()].push_back(measured.alone_ms[sensor.id()]);
     if (bytes)
       deliver(sensor.id(), *bytes, now, measured);
     else
@@ -186,6 +198,8 @@ void Pipeline::run_frame(std::vector<std::optional<Frame>> frames, Measured& mea
     run_merger(*merger, now, measured);
   }
   if (measured.frames > shown) measured.end_to_end_ms.push_back(ms_since(captured));
+  measured.cost.critical_path_ms = critical_path_ms(measured.alone_ms);
+  if (measured.listener->captured) measured.listener->captured(measured.frame, measured.cost);
 }
 
 Result<std::vector<std::byte>> Pipeline::sense(SensorNode& sensor, Frame frame,
@@ -200,14 +214,18 @@ Result<std::vector<std::byte>> Pipeline::sense(SensorNode& sensor, Frame frame,
 
 void Pipeline::run_merger(MergeNode& merger, TimePoint now, Measured& measured) {
   const auto start = Clock::now();
+  const double cpu_before = process_cpu_ms();
   const auto gathered = merger.inputs().gather(now);
   if (!gathered) return drops_.count(merger.id(), gathered.error());
   if (!*gathered) return drops_.count(merger.id(), {Error::Cause::empty, "no live input"});
   const auto bytes = merger.merge(**gathered);
   if (const auto notice = merger.calibration().take_notice(); notice && measured.listener->dropped)
     measured.listener->dropped(merger.id() + ": " + *notice);
+  measured.cost.mergers_cpu_ms += process_cpu_ms() - cpu_before;
+  const double alone_ms = ms_since(start) + measured.receiving_ms[merger.id()];
+  measured.alone_ms[merger.id()] = alone_ms;
   if (!merger.reused())  // a frame in which nothing moved would flatter the figures
-    measured.node_ms[merger.id()].push_back(ms_since(start) + measured.receiving_ms[merger.id()]);
+    measured.node_ms[merger.id()].push_back(alone_ms);
   if (bytes) return deliver(merger.id(), *bytes, now, measured);
   drops_.count(merger.id(), bytes.error());
   merger.inputs().ask_key_frames();
@@ -245,14 +263,13 @@ std::map<std::string, std::uint64_t> Pipeline::all_drops() const {
 }
 
 /// The slowest node of each layer of the tree, summed over the layers.
-double Pipeline::critical_path_ms(const Measured& measured) const {
+double Pipeline::critical_path_ms(const std::map<std::string, double>& node_ms) const {
   std::map<std::string, int> layer;
   std::map<int, double> slowest;
   const auto note = [&](const std::string& id, int l) {
     layer[id] = l;
-    const auto ms = measured.node_ms.find(id);
-    if (ms != measured.node_ms.end())
-      slowest[l] = std::max(slowest[l], percentile(ms->second, 0.5));
+    const auto ms = node_ms.find(id);
+    if (ms != node_ms.end()) slowest[l] = std::max(slowest[l], ms->second);
   };
   for (const auto& sensor : sensors_) note(sensor->id(), 0);
   for (const auto& merger : mergers_) {
@@ -304,7 +321,9 @@ RunReport Pipeline::report(const Measured& m, double seconds) const {
   }
   for (const auto& merger : mergers_)
     for (const InputResidual& pair : merger->calibration().residuals()) r.pairs.push_back(pair);
-  r.critical_path_ms = critical_path_ms(m);
+  std::map<std::string, double> usual_ms;
+  for (const auto& [node, ms] : m.node_ms) usual_ms[node] = percentile(ms, 0.5);
+  r.critical_path_ms = critical_path_ms(usual_ms);
   r.throughput_fps = throughput_fps(m);
   r.end_to_end_ms = m.end_to_end_ms;
   return r;

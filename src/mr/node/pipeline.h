@@ -20,6 +20,19 @@
 
 namespace mr::node {
 
+/// What one capture took. Time of nodes is that of their own calls: neither what reads or renders
+/// the sensors' pictures nor what the client does.
+struct CaptureCost {
+  bool shown = false;  ///< it reached the client
+  // What the root sent to the client:
+  std::uint64_t mesh_bytes = 0;                   ///< payloads of chunks
+  std::uint64_t texture_bytes = 0;                ///< access units
+  std::uint64_t head_bytes = 0;                   ///< the rest of the packet
+  bool key_frame = false;                         ///< some picture is coded for itself
+  double sensors_cpu_ms = 0, mergers_cpu_ms = 0;  ///< processor time on all threads
+  double critical_path_ms = 0;  ///< slowest node of each layer, each alone, summed; wall clock
+};
+
 /// What a run tells while it goes on; all may be empty.
 struct RunListener {
   std::function<void(int frame, int frames, const std::string& node)> progress;
@@ -27,6 +40,7 @@ struct RunListener {
   std::function<void(int frame, const DecodedScene& scene)> shown{};  ///< what a client has of it
   /// Bytes of one capture that went to the client; mesh: all of a packet but its pictures.
   std::function<void(int frame, std::uint64_t mesh_bytes, std::uint64_t texture_bytes)> sent{};
+  std::function<void(int frame, const CaptureCost& cost)> captured{};  ///< once all is done
 };
 
 /// The whole scene in one process, in lockstep: every frame goes through every sensor node, every
@@ -77,7 +91,7 @@ class Pipeline {
                Measured& measured);
   void show(const std::vector<std::byte>& bytes, Measured& measured);
   std::map<std::string, std::uint64_t> all_drops() const;
-  double critical_path_ms(const Measured& measured) const;
+  double critical_path_ms(const std::map<std::string, double>& node_ms) const;
   double throughput_fps(const Measured& measured) const;
   RunReport report(const Measured& measured, double seconds) const;
 

@@ -268,7 +268,7 @@ Status RootAtlas::add_plates(const Tick& tick, const Children& children, Packet&
 
 /// Where a picture of the window's size is to be taken from, so that it holds `wanted`.
 Rect RootAtlas::Window::follow(const Rect& wanted, const Rect& whole) {
-  constexpr int kStep_px = 64, kSize_px = 128, kShrinkAfter = 90;
+  constexpr int kStep_px = 64, kSize_px = 128, kShrinkAfter = 30;
   if (wanted.empty()) {
     if (rect.empty())
       rect = {whole.x, whole.y, std::min(kStep_px, whole.width), std::min(kStep_px, whole.height)};

@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <bit>
 #include <cstdlib>
-#include <unordered_map>
+#include <utility>
 
 #include "mr/codec/mesh_codec.h"
 #include "mr/core/parallel.h"
@@ -135,37 +135,37 @@ Result<std::vector<StillChunk>> StillSurface::update(const ImageDepth& still, co
 /// With the neighbours' triangles near its lines, which are simplified alike from both sides.
 Result<StillChunk> StillSurface::decimate(const Labelled& all, std::uint32_t chunk) const {
   const Mesh& mesh = all.mesh;
-  std::unordered_map<std::uint32_t, std::uint32_t> index;  // vertex → in `near`
+  constexpr std::uint32_t kNone = 0xFFFFFFFFu;
+  std::vector<std::uint32_t> index(mesh.positions.size(), kNone);  // vertex → in `near`
   Mesh near;
   std::vector<std::uint32_t> labels;
   const auto add = [&](std::uint32_t t) {
     Triangle& triangle = near.triangles.emplace_back(mesh.triangles[t]);
     for (std::uint32_t& v : triangle) {
-      const auto [at, is_new] = index.try_emplace(v, static_cast<std::uint32_t>(index.size()));
-      if (is_new) near.positions.push_back(mesh.positions[v]);
-      v = at->second;
+      if (index[v] == kNone) {
+        index[v] = static_cast<std::uint32_t>(near.positions.size());
+        near.positions.push_back(mesh.positions[v]);
+      }
+      v = index[v];
     }
     labels.push_back(all.chunk[t]);
   };
-  std::vector<std::uint32_t> around;  // triangles of the neighbours
+  for (const std::uint32_t t : all.triangles[chunk]) add(t);
   const Vec3i cube = all.cubes[chunk];
+  std::vector<std::uint32_t> around;  // triangles of the neighbours
   for (std::uint32_t c = 0; c < all.cubes.size(); ++c) {
     const Vec3i d = all.cubes[c] - cube;
     if (c != chunk && std::max({std::abs(d.x), std::abs(d.y), std::abs(d.z)}) <= 1)
       around.insert(around.end(), all.triangles[c].begin(), all.triangles[c].end());
   }
-  for (const std::uint32_t t : all.triangles[chunk]) add(t);
   for (int ring = 0; ring < kRingsAround; ++ring) {
-    const std::size_t known = index.size();
-    std::vector<std::uint32_t> rest;
-    for (const std::uint32_t t : around) {
-      const bool touches = std::ranges::any_of(mesh.triangles[t], [&](std::uint32_t v) {
-        const auto at = index.find(v);
-        return at != index.end() && at->second < known;
-      });
-      touches ? add(t) : rest.push_back(t);
-    }
-    around = std::move(rest);
+    const std::size_t known = near.positions.size();
+    std::erase_if(around, [&](std::uint32_t t) {
+      const bool touches = std::ranges::any_of(
+          mesh.triangles[t], [&](std::uint32_t v) { return index[v] < known; });
+      if (touches) add(t);
+      return touches;
+    });
   }
 
   auto small = simplify::simplify(

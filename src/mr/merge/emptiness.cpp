@@ -1,0 +1,167 @@
+#include "mr/merge/emptiness.h"
+
+#include <algorithm>
+#include <cmath>
+#include <utility>
+
+#include "mr/kit/raster.h"
+
+namespace mr::merge {
+namespace {
+
+constexpr int kCaptures = 15;            // in a row, before a place counts as empty
+constexpr double kLeastArea_m2 = 0.005;  // of places that touch each other
+constexpr double kTolerances = 3;        // so many times what may be one surface lies beyond
+constexpr double kNear_voxels = 10;      // of a tile: what is one thing
+
+}  // namespace
+
+/// Whether another sensor measures its still surface well beyond the own one's at a pixel.
+bool EmptyPlaces::sees_past(const StillCover::SensorView& own, const StillCover::SensorView& other,
+                            const TileMask& confirmed, int x, int y) const {
+  const float z = *own.own.at(x, y);
+  const Vec3d p_world =
+      own.T_camera_world.inverse() * (unproject(own.camera, {double(x), double(y)}) * double(z));
+  const Vec3d p = other.T_camera_world * p_world;
+  if (p.z <= kit::kNearPlane_m) return false;
+  const kit::ScreenPoint s = kit::to_screen(other.camera, p);
+  if (!(std::abs(s.u) < 1e6 && std::abs(s.v) < 1e6)) return false;
+  const int u = static_cast<int>(std::lround(s.u)), v = static_cast<int>(std::lround(s.v));
+  if (!other.own.contains(u, v)) return false;
+  const auto tile = [&](int pixel) {
+    return static_cast<int>(pixel / other.scale) / confirmed.tile_px;
+  };
+  if (tile(u) >= confirmed.columns || tile(v) >= confirmed.rows || !confirmed.at(tile(u), tile(v)))
+    return false;
+  const double tolerance_m = 2 * std::max(own.precision.sigma_m(z), other.precision.sigma_m(p.z)) +
+                             2 * config_.calibration_error_m + config_.voxel_m / 2;
+  return *other.own.at(u, v) > p.z + kTolerances * tolerance_m;
+}
+
+/// Brings one tile up to date; `samples`: pixels of its own sensor's view. Returns whether it is no
+/// longer empty.
+bool EmptyPlaces::follow(const StillCover::SensorView& own, const StillCover& cover,
+                         const Confirmed& confirmed, std::span<const std::array<int, 2>> samples,
+                         Tile& tile) const {
+  const double near_m = kNear_voxels * config_.voxel_m;
+  float nearest = 0;
+  for (const auto& [x, y] : samples)
+    if (const float z = *own.own.at(x, y); z > 0 && (nearest == 0 || z < nearest)) nearest = z;
+  if (nearest == 0 || (tile.is_empty && std::abs(nearest - tile.depth_m) > near_m)) {
+    const bool was_empty = tile.is_empty;  // it is another surface now
+    tile = {};
+    return was_empty;
+  }
+  if (tile.is_empty) return false;
+  const auto is_past = [&](const StillCover::SensorView& other) {
+    const auto its = confirmed.find(other.sensor);
+    if (other.sensor == own.sensor || its == confirmed.end()) return false;
+    return std::ranges::all_of(samples, [&](const std::array<int, 2>& at) {
+      const float z = *own.own.at(at[0], at[1]);
+      return z == 0 || z > nearest + near_m || sees_past(own, other, *its->second, at[0], at[1]);
+    });
+  };
+  const bool is_empty = std::ranges::any_of(cover.views(), is_past);
+  tile.depth_m = nearest;
+  tile.empty_for = is_empty ? std::min(tile.empty_for + 1, kCaptures) : 0;
+  return false;
+}
+
+/// The same for all tiles of a sensor.
+bool EmptyPlaces::follow(const StillCover::SensorView& own, const StillCover& cover,
+                         const Confirmed& confirmed, Tiles& tiles) const {
+  const TileMask& mine = *confirmed.at(own.sensor);
+  bool changed = false;
+  for (int row = 0; row < tiles.rows; ++row)
+    for (int column = 0; column < tiles.columns; ++column) {
+      Tile& tile = tiles.tiles[static_cast<std::size_t>(row) * tiles.columns + column];
+      if (mine.at(column, row)) {
+        changed |= tile.is_empty;
+        tile = {};
+        continue;
+      }
+      std::array<std::array<int, 2>, 9> samples;
+      for (int i = 0; i < 9; ++i) {
+        const auto place = [&](int t, int third, int size) {
+          const double at = (t + 0.1 + 0.4 * third) * tiles.tile_px * own.scale;
+          return std::min(static_cast<int>(at), size - 1);
+        };
+        samples[i] = {place(column, i % 3, own.own.width), place(row, i / 3, own.own.height)};
+      }
+      changed |= follow(own, cover, confirmed, samples, tile);
+    }
+  return changed;
+}
+
+bool EmptyPlaces::update(const StillCover& cover, std::span<const SourceInfo> sources) {
+  Confirmed confirmed;
+  for (const SourceInfo& source : sources)
+    if (!source.confirmed_depth.empty()) confirmed[source.sensor] = &source.confirmed_depth;
+  bool changed = false;
+  for (const StillCover::SensorView& own : cover.views()) {
+    const auto mine = confirmed.find(own.sensor);
+    if (mine == confirmed.end()) continue;
+    Tiles& tiles = tiles_[own.sensor];
+    const TileMask& mask = *mine->second;
+    if (tiles.columns != mask.columns || tiles.rows != mask.rows)
+      tiles = {mask.tile_px, mask.columns, mask.rows, std::vector<Tile>(mask.tiles.size())};
+    changed |= follow(own, cover, confirmed, tiles);
+    changed |= find_large(own, tiles);
+  }
+  return changed;
+}
+
+/// Of the places that have been empty for long enough, those become so for good that make up enough
+/// area together.
+bool EmptyPlaces::find_large(const StillCover::SensorView& own, Tiles& tiles) const {
+  const double pixel_rad = 1 / (own.camera.fx / own.scale);
+  std::vector<std::uint8_t> seen(tiles.tiles.size());
+  bool changed = false;
+  for (std::size_t first = 0; first < tiles.tiles.size(); ++first) {
+    if (seen[first] || tiles.tiles[first].empty_for < kCaptures) continue;
+    std::vector<std::size_t> region{first};
+    seen[first] = 1;
+    double area_m2 = 0;
+    for (std::size_t i = 0; i < region.size(); ++i) {
+      const double edge_m = tiles.tiles[region[i]].depth_m * tiles.tile_px * pixel_rad;
+      area_m2 += edge_m * edge_m;
+      const int column = static_cast<int>(region[i]) % tiles.columns,
+                row = static_cast<int>(region[i]) / tiles.columns;
+      for (int y = std::max(row - 1, 0); y <= std::min(row + 1, tiles.rows - 1); ++y)
+        for (int x = std::max(column - 1, 0); x <= std::min(column + 1, tiles.columns - 1); ++x) {
+          const std::size_t t = static_cast<std::size_t>(y) * tiles.columns + x;
+          if (!std::exchange(seen[t], 1) && tiles.tiles[t].empty_for >= kCaptures)
+            region.push_back(t);
+        }
+    }
+    if (area_m2 < kLeastArea_m2) continue;
+    for (const std::size_t t : region) changed |= !std::exchange(tiles.tiles[t].is_empty, true);
+  }
+  return changed;
+}
+
+Mesh EmptyPlaces::without_empty(const Mesh& still, const StillCover& cover) const {
+  std::vector<std::uint8_t> keep(still.triangles.size(), 1);
+  bool any = false;
+  for (const ViewRun& run : still.runs) {
+    const auto found = tiles_.find(run.view);
+    const auto* const view = cover.view_of(run.view);
+    if (found == tiles_.end() || !view) continue;
+    const Tiles& tiles = found->second;
+    if (std::ranges::none_of(tiles.tiles, &Tile::is_empty)) continue;
+    for (std::uint32_t t = run.first; t < run.first + run.count; ++t) {
+      const Vec3d p = view->T_camera_world * vec_cast<double>(still.centroid(t));
+      if (p.z <= kit::kNearPlane_m) continue;
+      const kit::ScreenPoint s = kit::to_screen(view->camera, p);
+      const int column = static_cast<int>(std::floor(s.u / view->scale / tiles.tile_px)),
+                row = static_cast<int>(std::floor(s.v / view->scale / tiles.tile_px));
+      if (column < 0 || row < 0 || column >= tiles.columns || row >= tiles.rows) continue;
+      const Tile& tile = tiles.tiles[static_cast<std::size_t>(row) * tiles.columns + column];
+      keep[t] = !tile.is_empty || std::abs(p.z - tile.depth_m) > kNear_voxels * config_.voxel_m;
+      any |= keep[t] == 0;
+    }
+  }
+  return any ? select_triangles(still, keep) : still;
+}
+
+}  // namespace mr::merge

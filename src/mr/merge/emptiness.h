@@ -1,0 +1,56 @@
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <map>
+#include <span>
+#include <vector>
+
+#include "mr/core/mesh.h"
+#include "mr/core/packet.h"
+#include "mr/merge/coincidence.h"
+#include "mr/merge/overlap.h"
+
+namespace mr::merge {
+
+/// Still surface that its own sensor does not see, because somebody stands before it, while another
+/// sensor sees past its place: it was carried away behind somebody's back (DESIGN section 9, The
+/// merger). Decided by tiles of the own sensor's depth picture; only where another sensor measures
+/// its own still surface beyond is there emptiness, and not where it measures nothing.
+class EmptyPlaces {
+ public:
+  explicit EmptyPlaces(const OverlapConfig& config) : config_(config) {}
+
+  /// Takes a capture. `cover`: the still surfaces as the sensors see them; `sources`: what each
+  /// confirms now. Returns whether which places are empty changed.
+  bool update(const StillCover& cover, std::span<const SourceInfo> sources);
+
+  /// What is left of a still surface whose triangles have the sensors that measured them as views.
+  Mesh without_empty(const Mesh& still, const StillCover& cover) const;
+
+ private:
+  struct Tile {
+    int empty_for = 0;  ///< captures in a row
+    bool is_empty = false;
+    float depth_m = 0;  ///< of the surface that is gone
+  };
+  struct Tiles {
+    int tile_px = 0, columns = 0, rows = 0;
+    std::vector<Tile> tiles;
+  };
+
+  bool sees_past(const StillCover::SensorView& own, const StillCover::SensorView& other,
+                 const TileMask& confirmed, int x, int y) const;
+  using Confirmed = std::map<std::uint32_t, const TileMask*>;
+  bool follow(const StillCover::SensorView& own, const StillCover& cover,
+              const Confirmed& confirmed, std::span<const std::array<int, 2>> samples,
+              Tile& tile) const;
+  bool follow(const StillCover::SensorView& own, const StillCover& cover,
+              const Confirmed& confirmed, Tiles& tiles) const;
+  bool find_large(const StillCover::SensorView& own, Tiles& tiles) const;
+
+  OverlapConfig config_;
+  std::map<std::uint32_t, Tiles> tiles_;  ///< by sensor
+};
+
+}  // namespace mr::merge

@@ -1,0 +1,100 @@
+#include "mr/merge/emptiness.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+
+#include "support/meshes.h"
+
+namespace mr {
+namespace {
+
+using merge::EmptyPlaces;
+using merge::Part;
+using merge::StillCover;
+
+constexpr int kCapturesUntilEmpty = 15;
+
+SourceInfo sensor(std::uint32_t id, Vec3d at, double turned_rad) {
+  SourceInfo out;
+  out.sensor = id;
+  out.depth_camera.width = 320, out.depth_camera.height = 240;
+  out.depth_camera.fx = out.depth_camera.fy = 260;
+  out.depth_camera.cx = 159.5, out.depth_camera.cy = 119.5;
+  const double c = std::cos(turned_rad), s = std::sin(turned_rad);
+  out.T_world_depth.rotation(0, 0) = c, out.T_world_depth.rotation(0, 2) = s;
+  out.T_world_depth.rotation(2, 0) = -s, out.T_world_depth.rotation(2, 2) = c;
+  out.T_world_depth.translation = at;
+  out.confirmed_depth = {8, 40, 30, std::vector<std::uint8_t>(40 * 30, 1)};
+  return out;
+}
+
+/// A wall 3 m away that both sensors have as still, and a box's front that only the first has: it
+/// was carried away while somebody stood before the first.
+struct CarriedAway {
+  Mesh wall = test::grid({-2, -1, 3}, {4, 0, 0}, {0, 2, 0}, 40, 20);
+  Mesh box = test::grid({-0.2f, -0.2f, 1.5f}, {0.4f, 0, 0}, {0, 0.4f, 0}, 8, 8);
+  std::vector<Part> parts{{wall, 0, {sensor(0, {0, 0, 0}, 0)}},
+                          {wall, 0, {sensor(1, {1.5, 0, 0}, -0.5)}}};
+  Mesh joined;
+  merge::OverlapConfig config{.voxel_m = 0.01};
+
+  CarriedAway() {
+    append(parts[0].mesh, box);
+    joined = parts[0].mesh;
+    set_triangle_views(joined, std::vector<ViewId>(joined.triangles.size(), 0));
+    for (int row = 11; row < 19; ++row)
+      for (int column = 15; column < 25; ++column)
+        parts[0].sources[0].confirmed_depth.tiles[row * 40 + column] = 0;
+  }
+  std::vector<SourceInfo> sources() const { return {parts[0].sources[0], parts[1].sources[0]}; }
+  double area_m2(const EmptyPlaces& empty, const StillCover& cover) const {
+    return surface_area_m2(empty.without_empty(joined, cover));
+  }
+};
+
+TEST(EmptyPlaces, WhatAnotherSeesPastGoesAfterAWhile) {
+  const CarriedAway scene;
+  const StillCover cover(scene.joined, scene.parts, scene.config);
+  EmptyPlaces empty(scene.config);
+  const double all = surface_area_m2(scene.joined);
+  for (int i = 0; i + 1 < kCapturesUntilEmpty; ++i) {
+    EXPECT_FALSE(empty.update(cover, scene.sources()));
+    EXPECT_DOUBLE_EQ(scene.area_m2(empty, cover), all);
+  }
+  EXPECT_TRUE(empty.update(cover, scene.sources()));
+  EXPECT_LT(scene.area_m2(empty, cover), all - 0.8 * surface_area_m2(scene.box));
+  EXPECT_GT(scene.area_m2(empty, cover), all - 1.01 * surface_area_m2(scene.box));  // not the wall
+  EXPECT_FALSE(empty.update(cover, scene.sources()));
+}
+
+TEST(EmptyPlaces, WhoMeasuresNothingSeesNoEmptiness) {
+  CarriedAway scene;
+  for (std::uint8_t& tile : scene.parts[1].sources[0].confirmed_depth.tiles) tile = 0;
+  const StillCover cover(scene.joined, scene.parts, scene.config);
+  EmptyPlaces empty(scene.config);
+  for (int i = 0; i < 3 * kCapturesUntilEmpty; ++i)
+    EXPECT_FALSE(empty.update(cover, scene.sources()));
+}
+
+TEST(EmptyPlaces, WhatItsOwnSensorSeesStays) {
+  CarriedAway scene;
+  for (std::uint8_t& tile : scene.parts[0].sources[0].confirmed_depth.tiles) tile = 1;
+  const StillCover cover(scene.joined, scene.parts, scene.config);
+  EmptyPlaces empty(scene.config);
+  for (int i = 0; i < 3 * kCapturesUntilEmpty; ++i)
+    EXPECT_FALSE(empty.update(cover, scene.sources()));
+}
+
+TEST(EmptyPlaces, ComesBackWhenItsSensorSeesItAgain) {
+  CarriedAway scene;
+  const StillCover cover(scene.joined, scene.parts, scene.config);
+  EmptyPlaces empty(scene.config);
+  for (int i = 0; i < kCapturesUntilEmpty; ++i) empty.update(cover, scene.sources());
+  for (std::uint8_t& tile : scene.parts[0].sources[0].confirmed_depth.tiles) tile = 1;
+  EXPECT_TRUE(empty.update(cover, scene.sources()));
+  EXPECT_DOUBLE_EQ(scene.area_m2(empty, cover), surface_area_m2(scene.joined));
+}
+
+}  // namespace
+}  // namespace mr
