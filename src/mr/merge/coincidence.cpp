@@ -73,7 +73,8 @@ bool StillCover::is_covered(const Mesh& mesh, std::size_t t, const SensorView& v
     if (!view.own.contains(x, y)) return false;
     const double own = *view.own.at(x, y), merged = *view.merged.at(x, y);
     const double same_m = kSame_sigmas * view.precision.sigma_m(p.z) + slack_m;
-    if (own > 0 && std::abs(own - p.z) <= same_m) return true;
+    if (own > 0 && std::abs(own - p.z) <= same_m)  // perhaps another's is shown in its place
+      return merged > 0 && std::abs(merged - own) <= kBehind_m;
     if (own > p.z && own <= p.z + kBehind_m) return false;
     return merged > 0 && std::abs(merged - p.z) <= same_m + 2 * config_.calibration_error_m;
   };

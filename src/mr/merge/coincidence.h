@@ -32,8 +32,9 @@ class StillCover {
   StillCover(const Mesh& merged, std::span<const Part> parts, const OverlapConfig& config);
 
   /// What stays of a moving part. A triangle goes where its own sensor has still surface at the
-  /// same place, or where another's is shown there and its own has none within 5 cm behind: else
-  /// hands on tables would vanish. Sources that are no pinholes keep all.
+  /// same place, that or another's within 5 cm is shown; or where another's is shown at the same
+  /// place and its own has none within 5 cm behind: else hands on tables would vanish. Sources that
+  /// are no pinholes keep all.
   Mesh uncovered(const Part& moving) const;
 
   /// By sensor; sources that are no pinholes have none.

@@ -8,6 +8,7 @@
 #include "mr/atlas/labels.h"
 #include "mr/codec/mesh_codec.h"
 #include "mr/core/parallel.h"
+#include "mr/kit/raycast.h"
 #include "mr/kit/topology.h"
 #include "mr/merge/islands.h"
 #include "mr/merge/overlap.h"
@@ -19,9 +20,10 @@ namespace {
 
 constexpr double kReach_voxels = 48;  // three cells of the quality grid
 
-// Ticks: how long a still triangle without a plate waits for one, and how long the still surface
-// waits for better plates.
-constexpr std::uint64_t kPatience = 16, kRelabelEvery = 120;
+// Ticks: how long a fresh still triangle without a plate waits for one (less than the ten captures
+// in which the moving surface shows it, too), and how long the still surface waits for better
+// plates.
+constexpr std::uint64_t kPatience = 8, kRelabelEvery = 120;
 
 /// How many triangles the children spent on the surface that stays. Cutting along overlaps adds
 /// many small ones; decimation counts from here.
@@ -207,6 +209,7 @@ Status MergeNode::merge_still(const Gathered& gathered, std::vector<DecodedScene
   auto small = trace_.time("simplify", [&] { return decimated(joined, made.error_m); });
   if (!small) return small.error();
   made.joined = *std::move(small), made.parts = std::move(parts);
+  if (still_) made.mesh = std::move(still_->mesh);  // what is shown until it is labelled
   still_ = std::move(made);
   return {};
 }
@@ -220,32 +223,46 @@ void MergeNode::look_at_plates(const Gathered& gathered, const Parts& moving) {
   });
 }
 
-/// Notes which cubes of the still surface are fresh.
+/// Notes which cubes of the still surface are fresh. Another change does not prolong that: what
+/// came before it is not sent as moving for longer.
 void MergeNode::note_fresh(const std::vector<DecodedScene>& scenes) {
   std::map<Vec3i, std::vector<ChunkKey>> contents;
   for (const DecodedScene& scene : scenes)
     for (const auto& chunk : scene.chunks) contents[chunk->key.id.cube].push_back(chunk->key);
   for (const auto& [cube, keys] : contents) {
     const auto before = still_contents_.find(cube);
-    if (before == still_contents_.end() || before->second != keys) fresh_since_[cube] = sequence_;
+    const bool changed = before == still_contents_.end() || before->second != keys;
+    if (changed && !fresh_until(cube)) fresh_since_[cube] = sequence_;
   }
   still_contents_ = std::move(contents);
 }
 
-/// Without triangles that have no plate, where they are fresh: until they have, or it is plain that
-/// nobody sees their colour, they stay with the moving surface.
-Mesh MergeNode::without_fresh_grey(const Mesh& mesh, bool& any) const {
+/// Until which tick a cube of the still surface is fresh; nothing: it is not.
+std::optional<std::uint64_t> MergeNode::fresh_until(Vec3i cube) const {
+  const auto since = fresh_since_.find(cube);
+  if (since == fresh_since_.end() || sequence_ >= since->second + kPatience) return std::nullopt;
+  return since->second + kPatience;
+}
+
+/// Without triangles that have no plate, where they are fresh and nothing was shown before: until
+/// they have, or it is plain that nobody sees their colour, they stay with the moving surface.
+Mesh MergeNode::without_fresh_grey(const Mesh& mesh, const Mesh& shown,
+                                   std::optional<std::uint64_t>& until) const {
   std::vector<std::uint8_t> keep(mesh.triangles.size(), 1);
+  std::optional<kit::RayScene> before;
   for (const ViewRun& run : mesh.runs) {
     if (run.view != kNoView) continue;
     for (std::uint32_t t = run.first; t < run.first + run.count; ++t) {
-      const Vec3i cube = cube_of(vec_cast<double>(mesh.centroid(t)), scene_->fusion.chunk_m);
-      const auto since = fresh_since_.find(cube);
-      keep[t] = since == fresh_since_.end() || sequence_ - since->second >= kPatience;
-      any |= keep[t] == 0;
+      const Vec3f p = mesh.centroid(t);
+      const auto fresh = fresh_until(cube_of(vec_cast<double>(p), scene_->fusion.chunk_m));
+      if (!fresh) continue;
+      const Mesh* const meshes[] = {&shown};
+      if (!before) before.emplace(meshes);
+      if (before->nearest(p, static_cast<float>(2 * scene_->voxel_m))) continue;
+      keep[t] = 0, until = std::min(until.value_or(*fresh), *fresh);
     }
   }
-  return any ? select_triangles(mesh, keep) : mesh;
+  return until ? select_triangles(mesh, keep) : mesh;
 }
 
 /// Chooses the plates that texture the still surface: when that is new, and when there are more
@@ -256,7 +273,7 @@ Status MergeNode::label_still() {
   const std::uint64_t age = sequence_ - still.labelled_at;
   const bool more = blocks > still.blocks;
   const bool due = !still.is_labelled || still.any_emptied ||
-                   (still.any_withheld && (more ? age >= 8 : age >= kPatience)) ||
+                   (still.withheld_until && sequence_ >= *still.withheld_until) ||
                    (more && age >= kRelabelEvery);
   if (!due) return {};
   const Mesh labelled = trace_.time("atlas", [&] {
@@ -265,9 +282,10 @@ Status MergeNode::label_still() {
     return label(empty_.without_empty(still.joined, still.cover), still.error_m, nullptr,
                  atlas_.valid());
   });
-  still.any_withheld = still.any_emptied = false;
+  still.withheld_until.reset(), still.any_emptied = false;
   const bool withhold = is_root_ && !places_.views.empty();
-  auto mesh = on_lattice(withhold ? without_fresh_grey(labelled, still.any_withheld) : labelled);
+  auto mesh = on_lattice(withhold ? without_fresh_grey(labelled, still.mesh, still.withheld_until)
+                                  : labelled);
   if (!mesh) return mesh.error();
   still.mesh = *std::move(mesh);
   still.is_labelled = true, still.labelled_at = sequence_, still.blocks = blocks;

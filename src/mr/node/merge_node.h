@@ -102,9 +102,10 @@ class MergeNode {
     Parts parts;
     merge::StillCover cover;
     atlas::Occluders occluders;
-    bool is_labelled = false, any_withheld = false, any_emptied = false;
-    std::uint64_t labelled_at = 0;  // sequence
-    std::size_t blocks = 0;         // of plates, when it was labelled
+    bool is_labelled = false, any_emptied = false;
+    std::optional<std::uint64_t> withheld_until;  // sequence; nothing: all is shown
+    std::uint64_t labelled_at = 0;                // sequence
+    std::size_t blocks = 0;                       // of plates, when it was labelled
   };
   /// Views and sources as merge.refine corrected them.
   struct Places {
@@ -120,7 +121,9 @@ class MergeNode {
   void note_fresh(const std::vector<DecodedScene>& scenes);
   void look_at_plates(const Gathered& gathered, const Parts& moving);
   Status label_still();
-  Mesh without_fresh_grey(const Mesh& mesh, bool& any) const;
+  std::optional<std::uint64_t> fresh_until(Vec3i cube) const;
+  Mesh without_fresh_grey(const Mesh& mesh, const Mesh& shown,
+                          std::optional<std::uint64_t>& until) const;
   Status merge_moving(std::vector<DecodedScene> scenes, const Parts& parts,
                       const std::function<void()>& halfway);
   Mesh join(const Parts& parts, bool all, merge::QualityMemory& quality,
@@ -148,7 +151,7 @@ class MergeNode {
   std::optional<Still> still_;     ///< none: no input has a still surface
   std::optional<Surface> moving_;  ///< reused while the inputs' geometry stays
   std::map<Vec3i, std::vector<ChunkKey>> still_contents_;
-  std::map<Vec3i, std::uint64_t> fresh_since_;  ///< sequence in which a still cube changed last
+  std::map<Vec3i, std::uint64_t> fresh_since_;  ///< sequence since which a still cube is another
   Places places_;
   std::atomic<bool> reused_ = false;
   std::mutex wishes_mutex_;
