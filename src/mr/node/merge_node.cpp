@@ -24,6 +24,7 @@ constexpr double kReach_voxels = 48;  // three cells of the quality grid
 // in which the moving surface shows it, too), and how long the still surface waits for better
 // plates.
 constexpr std::uint64_t kPatience = 8, kRelabelEvery = 120;
+constexpr std::uint64_t kEmptyEvery = 15;  // ticks between removals of what was carried away
 
 /// How many triangles the children spent on the surface that stays. Cutting along overlaps adds
 /// many small ones; decimation counts from here.
@@ -272,7 +273,7 @@ Status MergeNode::label_still() {
   const std::size_t blocks = is_root_ ? atlas_.valid_blocks() : 0;
   const std::uint64_t age = sequence_ - still.labelled_at;
   const bool more = blocks > still.blocks;
-  const bool due = !still.is_labelled || still.any_emptied ||
+  const bool due = !still.is_labelled || (still.any_emptied && age >= kEmptyEvery) ||
                    (still.withheld_until && sequence_ >= *still.withheld_until) ||
                    (more && age >= kRelabelEvery);
   if (!due) return {};
