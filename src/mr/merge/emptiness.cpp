@@ -37,13 +37,13 @@ bool EmptyPlaces::sees_past(const StillCover::SensorView& own, const StillCover:
   const double tolerance_m = 2 * std::max(own.precision.sigma_m(z), other.precision.sigma_m(p.z)) +
                              2 * config_.calibration_error_m + config_.voxel_m / 2;
   // All around: beside a thing as thin as a chair's back everybody sees past it.
-  for (int y = std::max(v - kAround_px, 0); y <= std::min(v + kAround_px, other.own.height - 1);
-       ++y)
-    for (int x = std::max(u - kAround_px, 0); x <= std::min(u + kAround_px, other.own.width - 1);
-         ++x)
-      if (const float beyond = *other.own.at(x, y);
-          beyond > 0 && beyond <= p.z + kTolerances * tolerance_m)
-        return false;
+  const int last_row = std::min(v + kAround_px, other.own.height - 1),
+            last_column = std::min(u + kAround_px, other.own.width - 1);
+  for (int row = std::max(v - kAround_px, 0); row <= last_row; ++row)
+    for (int column = std::max(u - kAround_px, 0); column <= last_column; ++column) {
+      const float beyond = *other.own.at(column, row);
+      if (beyond > 0 && beyond <= p.z + kTolerances * tolerance_m) return false;
+    }
   return *other.own.at(u, v) > 0;
 }
 
