@@ -79,6 +79,18 @@ TEST(StillCover, HandStaysWhereAnotherSensorsTableLies) {
   EXPECT_EQ(left(cover, part(0, sheet(2, kMiddle))), 0u);  // its own, though that is not shown
 }
 
+/// From one pixel to the next the floor is 6 cm farther away.
+TEST(StillCover, PatchOfAFloorSeenAtAGrazingAngleGoes) {
+  const auto floor = [](float high, float width, int n) {
+    return grid({-width / 2, 0.8f - high, 3.25f + 0.375f * width}, {width, 0, 0},
+                {0, 0, -0.75f * width}, n, n);
+  };
+  const std::vector<Part> parts{part(0, floor(0, 2, 16)), part(1, {})};
+  const StillCover cover = cover_of(parts[0].mesh, parts);
+  EXPECT_EQ(left(cover, part(0, floor(0, 1.6f, 13))), 0u);
+  EXPECT_EQ(left(cover, part(0, floor(0.02f, 1.6f, 13))), 2u * 13 * 13);  // 4 to 8 cm along the ray
+}
+
 TEST(StillCover, WhatWasHiddenByStillSurfaceStays) {
   const std::vector<Part> parts{part(0, sheet(1.5, kMiddle)), part(1, sheet(2))};
   Mesh merged = parts[0].mesh;

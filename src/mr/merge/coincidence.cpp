@@ -24,6 +24,22 @@ Mesh measured_by(const Part& part, std::uint32_t sensor) {
   return select_triangles(part.mesh, keep);
 }
 
+/// Depth between the pixels' centres: planes are linear in its inverse. Where nothing lies at one
+/// of the four, or an edge runs between them, that of the nearest. The place is inside the picture.
+double depth_at(const ImageDepth& depth, double u, double v) {
+  constexpr double kEdge = 0.1;  // change of depth from a pixel to the next
+  const double nearest =
+      *depth.at(static_cast<int>(std::lround(u)), static_cast<int>(std::lround(v)));
+  const int x = static_cast<int>(std::floor(u)), y = static_cast<int>(std::floor(v));
+  if (x < 0 || y < 0 || x + 1 >= depth.width || y + 1 >= depth.height) return nearest;
+  const float *const top = depth.at(x, y), *const bottom = depth.at(x, y + 1);
+  const auto [least, most] = std::minmax({top[0], top[1], bottom[0], bottom[1]});
+  if (!(least > 0) || most > (1 + kEdge) * least) return nearest;
+  const double a = u - x, b = v - y;
+  return 1 /
+         ((1 - b) * ((1 - a) / top[0] + a / top[1]) + b * ((1 - a) / bottom[0] + a / bottom[1]));
+}
+
 }  // namespace
 
 StillCover::StillCover(const Mesh& merged, std::span<const Part> parts, const OverlapConfig& config)
@@ -71,7 +87,7 @@ bool StillCover::is_covered(const Mesh& mesh, std::size_t t, const SensorView& v
     if (!(std::abs(s.u) < 1e6 && std::abs(s.v) < 1e6)) return false;
     const int x = static_cast<int>(std::lround(s.u)), y = static_cast<int>(std::lround(s.v));
     if (!view.own.contains(x, y)) return false;
-    const double own = *view.own.at(x, y), merged = *view.merged.at(x, y);
+    const double own = depth_at(view.own, s.u, s.v), merged = depth_at(view.merged, s.u, s.v);
     const double same_m = kSame_sigmas * view.precision.sigma_m(p.z) + slack_m;
     if (own > 0 && std::abs(own - p.z) <= same_m)  // perhaps another's is shown in its place
       return merged > 0 && std::abs(merged - own) <= kBehind_m;

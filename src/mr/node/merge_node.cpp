@@ -233,7 +233,9 @@ void MergeNode::note_fresh(const std::vector<DecodedScene>& scenes) {
   for (const auto& [cube, keys] : contents) {
     const auto before = still_contents_.find(cube);
     const bool changed = before == still_contents_.end() || before->second != keys;
-    if (changed && !fresh_until(cube)) fresh_since_[cube] = sequence_;
+    const auto since = fresh_since_.find(cube);
+    if (changed && (since == fresh_since_.end() || sequence_ > since->second + kPatience))
+      fresh_since_[cube] = sequence_;
   }
   still_contents_ = std::move(contents);
 }

@@ -142,8 +142,9 @@ int Background::captures_to_learn(const Known& known) const {
 void Background::note_candidate(float depth, bool farther, Known& known, Rest& rest) const {
   Surface& c = rest.candidate;
   const bool any = known.has_candidate;
-  const float band = band_m(depth);
-  if (any && known.is_farther == farther && std::abs(depth - c.mean) <= band) {
+  const float band = band_m(depth);  // as wide as the spread of a reading and a mean of a few
+  const float wide = band * std::sqrt(1 + 1 / static_cast<float>(std::max<int>(c.count, 1)));
+  if (any && known.is_farther == farther && std::abs(depth - c.mean) <= wide) {
     if (c.count < 65535) ++c.count;
     c.mean += (depth - c.mean) / static_cast<float>(std::min(c.count, kMostReadings));
     return;
