@@ -207,6 +207,7 @@ Status MergeNode::merge_still(const Gathered& gathered, std::vector<DecodedScene
   note_fresh(scenes);
   Still made;
   made.scenes = std::move(scenes), made.error_m = largest_error_m(parts);
+  made.made_at = sequence_;
   auto small = trace_.time("simplify", [&] { return decimated(joined, made.error_m); });
   if (!small) return small.error();
   made.joined = *std::move(small), made.parts = std::move(parts);
@@ -275,9 +276,10 @@ Status MergeNode::label_still() {
   const std::size_t blocks = is_root_ ? atlas_.valid_blocks() : 0;
   const std::uint64_t age = sequence_ - still.labelled_at;
   const bool more = blocks > still.blocks;
-  const bool due = !still.is_labelled || (still.any_emptied && age >= kEmptyEvery) ||
-                   (still.withheld_until && sequence_ >= *still.withheld_until) ||
-                   (more && age >= kRelabelEvery);
+  const bool due =
+      !still.is_labelled || (still.any_emptied && age >= kEmptyEvery) ||
+      (still.withheld_until && sequence_ >= *still.withheld_until) ||
+      (more && age >= std::clamp(still.labelled_at - still.made_at, kPatience, kRelabelEvery));
   if (!due) return {};
   const Mesh labelled = trace_.time("atlas", [&] {
     if (!is_root_) return still.joined;

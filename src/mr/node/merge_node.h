@@ -104,7 +104,7 @@ class MergeNode {
     atlas::Occluders occluders;
     bool is_labelled = false, any_emptied = false;
     std::optional<std::uint64_t> withheld_until;  // sequence; nothing: all is shown
-    std::uint64_t labelled_at = 0;                // sequence
+    std::uint64_t made_at = 0, labelled_at = 0;   // sequence
     std::size_t blocks = 0;                       // of plates, when it was labelled
   };
   /// Views and sources as merge.refine corrected them.
