@@ -51,8 +51,14 @@ grep -q monolithic rd.csv && [ "$(wc -l <rd.csv)" = 5 ] || fail_test "rd: not 4 
 grep -q ",1$" rd.csv || fail_test "rd: no setting is on the hull"
 grep -q "</svg>" rd.svg || fail_test "rd: no plot"
 check "match" 0 '"met": true' measure match $scene --mbps 2000 --json --reference monolithic --moments 1 --burst 2 --pipelines points
-check "still" 0 '"wall_rms_mm"' measure still $scene --captures 12 --pairs 2 --json --layers true
-still=$(measure still $scene --captures 12 --pairs 2 --json --set still.layers=false 2>/dev/null | number 'o.layers == false && o.first_s == 0 && o.pairs > 0 && o.changed_ratio > 0 && o.changed_ratio < 1 && o.wall_rms_mm == o.everything.wall_rms_mm && o.hidden_missing < 1')
+cat >still.yaml <<END
+scene: still
+voxel_m: 0.03
+rig: {people: 1, sensors: 2, depth_mode: nfov_binned, color: [320, 180], frames: 20}
+fusion: {truncation_m: 0.09, chunk_m: 2.56}
+END
+check "still" 0 '"wall_rms_mm"' measure still still.yaml --captures 12 --pairs 2 --json --layers true
+still=$(measure still still.yaml --captures 12 --pairs 2 --json --set still.layers=false 2>/dev/null | number 'o.layers == false && o.first_s == 0 && o.pairs > 0 && o.changed_ratio > 0 && o.changed_ratio < 1 && o.wall_rms_mm == o.everything.wall_rms_mm && o.hidden_missing < 1')
 [ "$still" = true ] || fail_test "still: implausible figures ($still)"
 check "features" 0 "" measure features $scene --frames 2 --csv features.csv
 

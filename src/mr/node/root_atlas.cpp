@@ -137,6 +137,7 @@ void RootAtlas::update_plates(const Tick& tick, const Mesh& moving) {
 
 void RootAtlas::recall(Memory memory) {
   plates_ = std::move(memory.plates), balance_ = std::move(memory.balance);
+  windows_ = std::move(memory.windows);
   plates_changed_ = true;
 }
 

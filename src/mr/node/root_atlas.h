@@ -33,10 +33,19 @@ class RootAtlas {
     const std::vector<SourceInfo>& sources;
   };
 
+  /// The part of a camera picture that a live tile shows.
+  struct Window {
+    Rect rect;
+    int small_for = 0;  ///< ticks in which much less would have done
+
+    Rect follow(const Rect& wanted, const Rect& whole);
+  };
+
   /// What is kept from tick to tick, but for how far the streams are.
   struct Memory {
     std::map<ViewId, atlas::Plate> plates;
     atlas::ColorBalance balance;
+    std::map<ViewId, Window> windows;
   };
 
   /// All that the pictures of one tick follow from, beside the streams' own past.
@@ -60,7 +69,7 @@ class RootAtlas {
   /// How many of them, of all views.
   std::size_t valid_blocks() const;
 
-  Memory memory() const { return {plates_, balance_}; }
+  Memory memory() const { return {plates_, balance_, windows_}; }
   /// Goes on from what another one kept.
   void recall(Memory memory);
 
@@ -75,14 +84,6 @@ class RootAtlas {
  private:
   using Children = std::map<ViewId, View>;
   using Used = std::map<ViewId, ImageMask>;
-
-  /// The part of a camera picture that a live tile shows.
-  struct Window {
-    Rect rect;
-    int small_for = 0;  ///< ticks in which much less would have done
-
-    Rect follow(const Rect& wanted, const Rect& whole);
-  };
 
   Status arrange(const std::vector<View>& views, atlas::Layout& layout) const;
   std::vector<View> windows(const std::vector<View>& views, const Used& used);
