@@ -41,7 +41,7 @@ ImageRgb contact_sheet(const std::vector<ImageRgb>& pictures) {
 struct Table {
   std::string csv =
       "scene,pipeline,reference,ranked,triangles,ssim_masked,ssim_masked_p5,ssim_full,psnr_db,"
-      "mesh_mbps,texture_mbps,mbps\n";
+      "mesh_mbps,texture_mbps,mbps,refresh_mbps\n";
   std::vector<std::pair<std::filesystem::path, std::string>> pictures;
 };
 
@@ -75,11 +75,11 @@ Status compare_scene(const Scene& scene, const CompareOptions& options, Table& t
     sheet.push_back(std::move(pictures[view]));
     const auto& score = report->score;
     const bool ranked = !is_reference(pipeline, report->reference);
-    table.csv +=
-        fmt::format("{},{},{},{},{},{:.4f},{:.4f},{:.4f},{:.2f},{:.3f},{:.3f},{:.3f}\n", scene.id,
-                    pipeline, to_string(report->reference), ranked ? 1 : 0, report->triangles,
-                    score.masked.mean, score.masked.p5, score.full.mean, score.psnr_db,
-                    report->mesh_mbps, report->texture_mbps, report->mbps());
+    table.csv += fmt::format(
+        "{},{},{},{},{},{:.4f},{:.4f},{:.4f},{:.2f},{:.3f},{:.3f},{:.3f},{:.3f}\n", scene.id,
+        pipeline, to_string(report->reference), ranked ? 1 : 0, report->triangles,
+        score.masked.mean, score.masked.p5, score.full.mean, score.psnr_db, report->mesh_mbps,
+        report->texture_mbps, report->mbps(), report->refresh_mbps);
     bar.hide();
     fmt::print("{:<22} {:<16} SSIM {:.3f}  {:9.2f} Mbit/s  {} {}{}\n", scene.id, pipeline,
                score.masked.mean, report->mbps(), report->triangles,

@@ -15,6 +15,7 @@
 #include "mr/baseline/monolithic.h"
 #include "mr/baseline/run_baseline.h"
 #include "mr/core/parallel.h"
+#include "mr/eval/captured.h"
 #include "mr/eval/geometry_error.h"
 #include "mr/eval/read_mesh.h"
 #include "mr/eval/reference.h"
@@ -115,17 +116,8 @@ std::optional<std::filesystem::path> truth_file(const Scene& scene, int number) 
           pattern.substr(letter + 1));
 }
 
-/// Sources that loop show an item again.
-int item_of(const Scene& scene, int frame) {
-  for (const SensorConfig& sensor : scene.sensors)
-    if (const auto* images = std::get_if<RgbdImagesSource>(&sensor.source))
-      if (images->loop && !images->depth.empty())
-        return frame % static_cast<int>(images->depth.size());
-  return frame;
-}
-
 Result<Mesh> truth_surface(const Scene& scene, int frame) {
-  const int item = item_of(scene, frame);
+  const int item = eval::truth_frame(scene, frame);
   if (const RigConfig* rig = eval::known_rig(scene))
     return synth::Truth(*rig, scene.fps).surface(static_cast<std::uint64_t>(item)).mesh;
   const auto file = truth_file(scene, item);
@@ -151,20 +143,6 @@ std::vector<eval::Eyes> eyes_of(const Scene& scene, std::span<const Frame> captu
                     sensor.depth_far_m});
   }
   return eyes;
-}
-
-/// What the scene file says is captured: its volume, and what is above its floor.
-std::vector<eval::HalfSpace> captured_part(const Scene& scene) {
-  std::vector<eval::HalfSpace> out;
-  if (scene.volume)
-    for (int axis = 0; axis < 3; ++axis) {
-      Vec3d along;
-      along[axis] = 1;
-      out.push_back({along, scene.volume->low[axis]});
-      out.push_back({-along, -scene.volume->high[axis]});
-    }
-  if (scene.floor) out.push_back({scene.up, scene.floor->height_m + scene.floor->margin_m});
-  return out;
 }
 
 // ------------------------------------------------------------------------------- sensor by sensor
@@ -235,8 +213,9 @@ Result<Measured> measure_scene(const Scene& given, const GeometryOptions& option
   const auto tested = tested_surface(*scene, options);
   if (!tested) return tested.error();
   const double voxel_m = options.voxel_m > 0 ? options.voxel_m : scene->voxel_m;
-  const auto error = eval::geometry_error(*tested, *reference, eyes_of(*scene, *capture, truth),
-                                          {.voxel_m = voxel_m, .captured = captured_part(*scene)});
+  const auto error =
+      eval::geometry_error(*tested, *reference, eyes_of(*scene, *capture, truth),
+                           {.voxel_m = voxel_m, .captured = eval::captured_part(*scene)});
   if (!error) return error.error();
   std::string note;
   if (capture->size() > kMostForAllPairs)

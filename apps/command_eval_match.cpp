@@ -49,6 +49,7 @@ std::string to_json(const Scene& scene, const Matches& matches) {
                               {"met", m.met},
                               {"ranked", !is_reference(m.pipeline, matches.reference)},
                               {"mbps", p.mbps()},
+                              {"refresh_mbps", p.refresh_mbps},
                               {"ssim", p.score.masked.mean},
                               {"ssim_p5", p.score.masked.p5},
                               {"psnr_db", p.score.psnr_db},

@@ -82,7 +82,7 @@ int measure_scene(const SsimOptions& options) {
     if (!played) return void(code = fail(played.error().message));
     std::vector<ImageRgb> pictures;
     const auto judge = trial->judge(trial->all_moments(), trial->plan().views.size(),
-                                    eval::frame_divider(*scene), config);
+                                    eval::frame_divider(*scene), config, true);
     if (!judge) return void(code = fail(judge.error().message));
     const auto report = eval::measure_quality(*trial, *judge, *scene, *played, config, &pictures);
     if (!report) return void(code = fail(report.error().message));

@@ -102,7 +102,7 @@ mergers:
   - {id: e, inputs: [a, b], region: [[0, 0, 0], [1.28, 1.28, 1.28]]}
   - {id: r, inputs: [w, e]}
 links: [{from: a, to: w, limit_mbps: 50}]
-fusion: {decomposition: chunks, chunk_m: 1.28, patches: [2, 3], truncation_m: 0.07, memory: true,
+fusion: {decomposition: chunks, chunk_m: 1.28, patches: [2, 3], truncation_m: 0.07,
          mixed_pixels: false, speckle_px: 4, fill_px: 1, smooth_depth: false}
 simplify: {ratio: 0.5}
 merge: {owner: paper, overlap: rays, refine: true, color_gain: true, simplify: {ratio: 0.5},

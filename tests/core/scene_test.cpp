@@ -230,7 +230,7 @@ TEST_F(SceneFile, AcceptsTheEdgesOfTheRanges) {
 fps: 240
 voxel_m: 0.05
 lattice: {origin: [1.5, -0.0009765625, 0], step_exp: -10}
-fusion: {decomposition: patches, chunk_m: 0.4, truncation_m: 0.1, patches: [1, 16], memory: true}
+fusion: {decomposition: patches, chunk_m: 0.4, truncation_m: 0.1, patches: [1, 16]}
 simplify: {ratio: 1}
 coding: {texture_scale: 1, texture_qp: 0, sensor_texture_qp: 51}
 atlas: {views: best_angle, size: [16, 8192]}
@@ -239,8 +239,6 @@ merge: {owner: paper, overlap: rays, refine: false, color_gain: false, calibrati
               IsEmpty());
   EXPECT_EQ(load(scene_of({"a"}, "up: [0, -2, 0]\n")).scene.up, (Vec3d{0, -1, 0}));
   EXPECT_GE(load(scene_of({"a"}, "voxel_m: 0.05\n")).scene.fusion.truncation_m, 0.1);
-  EXPECT_FALSE(load(scene_of({"a"})).scene.fusion.memory);
-  EXPECT_TRUE(load(scene_of({"a"}, "fusion: {memory: true}\n")).scene.fusion.memory);
 }
 
 TEST_F(SceneFile, EachPartOfTheDepthCleanUpIsASwitch) {

@@ -22,7 +22,7 @@ without elsewhere 's/^fps: 30/fps: 30\nvolume: {box: [[90, 90, 90], [91, 91, 91]
 without sliver 's/^fps: 30/fps: 30\nvolume: {box: [[-0.3, -0.3, -0.2], [0.3, 0.3, 0.1]]}/'
 without untrue 's/^truth:.*//'
 
-for command in "" ssim geometry views compare match rd features; do check "eval $command --help" 0 "Example|COMMAND" measure $command --help; done
+for command in "" ssim geometry views compare match rd features still; do check "eval $command --help" 0 "Example|COMMAND" measure $command --help; done
 
 # Pictures
 pictures=$here/tests/data/ssim
@@ -51,6 +51,9 @@ grep -q monolithic rd.csv && [ "$(wc -l <rd.csv)" = 5 ] || fail_test "rd: not 4 
 grep -q ",1$" rd.csv || fail_test "rd: no setting is on the hull"
 grep -q "</svg>" rd.svg || fail_test "rd: no plot"
 check "match" 0 '"met": true' measure match $scene --mbps 2000 --json --reference monolithic --moments 1 --burst 2 --pipelines points
+check "still" 0 '"wall_rms_mm"' measure still $scene --captures 12 --pairs 2 --json --layers true
+still=$(measure still $scene --captures 12 --pairs 2 --json --set still.layers=false 2>/dev/null | number 'o.layers == false && o.first_s == 0 && o.pairs > 0 && o.changed_ratio > 0 && o.changed_ratio < 1 && o.wall_rms_mm == o.everything.wall_rms_mm && o.hidden_missing < 1')
+[ "$still" = true ] || fail_test "still: implausible figures ($still)"
 check "features" 0 "" measure features $scene --frames 2 --csv features.csv
 
 # What cannot be measured
@@ -63,6 +66,7 @@ check "views without a surface" fails "surface|viewpoint" measure views room/els
 check "geometry without a surface" fails "no surface|empty|surface" measure geometry room/elsewhere.yaml
 check "features without colour" fails "colour" measure features room/colourless.yaml --csv none.csv --plot none.svg
 check "truth of a real scene" fails "no rig|truth" measure ssim room/untrue.yaml --reference truth
+check "still of a real scene" fails "no rig|truth" measure still room/untrue.yaml
 check "compare: no folder for the table" fails "no folder" measure compare $scene --csv nowhere/table.csv
 check "rd: no folder for the table" fails "no folder" measure rd $scene --csv nowhere/rd.csv
 check "match without a target" fails "one of --mbps and --ssim" measure match $scene

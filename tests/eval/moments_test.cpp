@@ -38,6 +38,39 @@ TEST(Moments, AStillIsOneMomentAndAShortRecordingAShortBurst) {
   EXPECT_EQ(brief.first, std::vector<int>{0});
 }
 
+TEST(Moments, APipelineWithMemoryIsWarmedUpByWhatComesBefore) {
+  const Moments looped = spread_moments(rig_of(300, true), 3, 4);
+  EXPECT_EQ(looped.later(), 300);
+  EXPECT_EQ(looped.fed_from(), 200);  // the same captures again: 200 .. 299, and 300 shows 0
+  const Moments brief = spread_moments(rig_of(30, true), 3, 4);
+  EXPECT_EQ(brief.first, (std::vector<int>{0, 10, 20}));
+  EXPECT_EQ(brief.later(), 120);
+  EXPECT_EQ(brief.fed_from(), 20);
+}
+
+TEST(Moments, OfARecordingWithLayersLieAfterTheWarmUp) {
+  Scene scene = rig_of(303, false);
+  scene.still.layers = true;
+  const Moments once = spread_moments(scene, 2, 4);
+  EXPECT_EQ(once.first, (std::vector<int>{100, 200}));
+  EXPECT_EQ(once.later(), 0);
+  EXPECT_EQ(once.fed_from(), 0);
+  scene.rig->frames = 41;
+  const Moments brief = spread_moments(scene, 3, 4);
+  EXPECT_EQ(brief.first.front(), 18);
+  EXPECT_EQ(brief.fed_from(), 0);
+  for (std::size_t m = 0; m < brief.first.size(); ++m) EXPECT_LT(brief.shown(m), 41);
+  EXPECT_TRUE(remembers(scene));
+  scene.pipeline = "points";
+  EXPECT_FALSE(remembers(scene));
+}
+
+TEST(Rate, OfASteadyStreamHasNoKeyFrame) {
+  Rate rate;
+  rate.add_steady({1000, 0, 2000});
+  EXPECT_NEAR(rate.mbps(30), 30 * 1000 * 8e-6, 1e-12);
+}
+
 TEST(Rate, IsOfOneKeyFrameASecond) {
   Rate rate;
   rate.add_burst({100'000, 10'000, 20'000});  // 100 kB and 29 times 15 kB

@@ -7,6 +7,7 @@
 
 #include "eval/small_scene.h"
 #include "mr/eval/geometry_error.h"
+#include "mr/eval/seen.h"
 #include "mr/eval/sight.h"
 #include "mr/eval/system.h"
 #include "mr/kit/topology.h"
@@ -214,6 +215,129 @@ TEST(System, TakenApartIsAsGoodAsTheWhole) {
   EXPECT_NEAR(apart.score.masked.mean, together.score.masked.mean, 0.002);
   EXPECT_NEAR(apart.mesh_mbps / together.mesh_mbps, 1, 0.05);
   EXPECT_NEAR(apart.texture_mbps / together.texture_mbps, 1, 0.05);
+}
+
+/// A small room with layers and somebody in it, warmed up, whole and taken apart.
+struct Remembered {
+  SmallScene small{", people: 1, frames: 300", "still: {layers: true}\n"};
+  Trial trial;
+  Judge judge;
+  Played whole, apart;
+};
+
+const Remembered& remembered() {
+  static const std::unique_ptr<const Remembered> made = [] {
+    auto m = std::make_unique<Remembered>();
+    const QualityConfig config = m->small.config();
+    auto trial = Trial::prepare(m->small.scene, config);
+    if (!trial) return ADD_FAILURE() << trial.error().message, std::move(m);
+    m->trial = *std::move(trial);
+    auto judge = m->trial.judge({0}, 4, 1, config, true);
+    if (!judge) return ADD_FAILURE() << judge.error().message, std::move(m);
+    m->judge = *std::move(judge);
+    auto whole = play(m->small.scene, m->trial.moments(), config);
+    if (!whole) return ADD_FAILURE() << whole.error().message, std::move(m);
+    m->whole = *std::move(whole);
+    const GeometrySetting setting = geometry_setting(m->small.scene);
+    auto system =
+        make_system(m->small.scene, {m->trial.moments(), config.rig_cache, {}, {setting}});
+    if (!system) return ADD_FAILURE() << system.error().message, std::move(m);
+    auto apart = play_apart(**system, m->small.scene, m->trial.moments(), config);
+    if (!apart) return ADD_FAILURE() << apart.error().message, std::move(m);
+    m->apart = *std::move(apart);
+    return m;
+  }();
+  return *made;
+}
+
+TEST(SteadyState, ChunksOfTheStillSurfaceCountAsKept) {
+  const Remembered& m = remembered();
+  Scene anew = m.small.scene;
+  anew.still.layers = false;
+  const auto everything = play(anew, m.trial.moments(), m.small.config());
+  ASSERT_TRUE(everything.ok()) << everything.error().message;
+  EXPECT_LT(m.whole.mesh_mbps, 0.5 * everything->mesh_mbps);
+  EXPECT_GT(m.whole.refresh_mbps, 0.05);
+  EXPECT_EQ(everything->refresh_mbps, 0);
+  bool still = false, moving = false;
+  for (const auto& chunk : m.whole.shown.at(0).chunks)
+    (chunk->key.id.layer == Layer::still ? still : moving) = true;
+  EXPECT_TRUE(still && moving);
+}
+
+TEST(SteadyState, TakenApartIsAsGoodAsTheWhole) {
+  const Remembered& m = remembered();
+  const auto score = [&](const Played& played) {
+    const auto report = measure_quality(m.trial, m.judge, m.small.scene, played, m.small.config());
+    if (!report) ADD_FAILURE() << report.error().message;
+    return report ? report->score : MultiViewScore{};
+  };
+  const MultiViewScore apart = score(m.apart), whole = score(m.whole);
+  EXPECT_NEAR(apart.masked.mean, whole.masked.mean, 0.005);
+  EXPECT_NEAR(m.apart.mesh_mbps / m.whole.mesh_mbps, 1, 0.05);
+  EXPECT_NEAR(m.apart.texture_mbps / m.whole.texture_mbps, 1, 0.3);
+  EXPECT_NEAR(m.apart.refresh_mbps / m.whole.refresh_mbps, 1, 0.2);
+  ASSERT_TRUE(whole.seen.has_value());
+  EXPECT_GT(whole.seen->mean, 0.3);
+  EXPECT_LE(whole.seen->mean, 1);
+}
+
+TEST(SteadyState, SightShadesBothLayersAsTheRendererDraws) {
+  const Remembered& m = remembered();
+  const DecodedScene& scene = m.whole.shown.at(0);
+  auto renderer = render::Renderer::create();
+  ASSERT_TRUE(renderer.ok()) << renderer.error().message;
+  const LumaTexture texture = luma_texture({scene.views, scene.textures});
+  for (const render::Viewpoint& view : m.trial.plan().views) {
+    const auto drawn = draw_scene(*renderer, scene, view);
+    ASSERT_TRUE(drawn.ok()) << drawn.error().message;
+    const ImageLuma ours = shade(look_at_geometry({scene.chunks, scene.views, {}}, view), texture);
+    const ImageLuma theirs = luma_of(drawn->color);
+    std::size_t close = 0;
+    for (std::size_t i = 0; i < ours.data.size(); ++i)
+      close += std::abs(ours.data[i] - theirs.data[i]) < 2;
+    EXPECT_GT(static_cast<double>(close), 0.995 * static_cast<double>(ours.data.size()))
+        << view.name;
+  }
+}
+
+TEST(Sight, AppliesTheGainOfATile) {
+  DecodedScene scene = measured().played.shown[0];
+  scene.views.front().gain = {1.25f, 0.8f, 1.1f};
+  auto renderer = render::Renderer::create();
+  ASSERT_TRUE(renderer.ok()) << renderer.error().message;
+  const LumaTexture texture = luma_texture({scene.views, scene.textures});
+  const render::Viewpoint& view = measured().trial.plan().views.front();
+  const auto drawn = draw_scene(*renderer, scene, view);
+  ASSERT_TRUE(drawn.ok()) << drawn.error().message;
+  const ImageLuma ours = shade(look_at_geometry({scene.chunks, scene.views, {}}, view), texture);
+  const ImageLuma theirs = luma_of(drawn->color);
+  std::size_t close = 0;
+  for (std::size_t i = 0; i < ours.data.size(); ++i)
+    close += std::abs(ours.data[i] - theirs.data[i]) < 2;
+  EXPECT_GT(static_cast<double>(close), 0.995 * static_cast<double>(ours.data.size()));
+}
+
+TEST(Seen, IsWhatASensorSeesNowOrSawBefore) {
+  const Remembered& m = remembered();
+  Moments moments = m.trial.moments();
+  const auto masks = [&] {
+    const auto made = seen_masks(m.trial.scene(), moments, {0}, m.trial.plan().views, {});
+    return made ? made->front() : std::vector<ImageMask>(4);
+  };
+  const std::vector<ImageMask> by_then = masks();
+  moments.first = {moments.shown(0)}, moments.burst = 1, moments.warm_up = 0;
+  const std::vector<ImageMask> now = masks();
+  std::size_t pixels = 0, then_pixels = 0, now_pixels = 0;
+  for (std::size_t v = 0; v < now.size(); ++v) {
+    ASSERT_EQ(by_then[v].data.size(), 160u * 120u);
+    pixels += by_then[v].data.size();
+    then_pixels += static_cast<std::size_t>(std::ranges::count(by_then[v].data, 1));
+    now_pixels += static_cast<std::size_t>(std::ranges::count(now[v].data, 1));
+  }
+  EXPECT_GT(now_pixels, pixels / 4);
+  EXPECT_GT(then_pixels, now_pixels) << "people walk";
+  EXPECT_LT(then_pixels, pixels) << "nobody looks under the table";
 }
 
 }  // namespace

@@ -18,15 +18,15 @@ struct SmallScene {
 
   explicit SmallScene(const std::string& rig = "",
                       const std::string& more = "reuse: {chunks: false}\n") {
-    const auto file =
-        folder.write("small.yaml",
-                     "scene: small\nup: [0, 0, 1]\nvoxel_m: 0.03\n"
-                     "rig: {type: synthetic, seed: 3, room: [4, 3.5, 2.6], sensors: 3, "
-                     "depth_mode: nfov_binned, color: [320, 180], frames: 4, loop: true" +
-                         rig +
-                         "}\n"
-                         "simplify: {ratio: 0.3}\n" +
-                         more);
+    const auto file = folder.write(
+        "small.yaml",
+        "scene: small\nup: [0, 0, 1]\nvoxel_m: 0.03\n"
+        "rig: {type: synthetic, seed: 3, room: [4, 3.5, 2.6], sensors: 3, "
+        "depth_mode: nfov_binned, color: [320, 180], loop: true" +
+            std::string(rig.find("frames:") == std::string::npos ? ", frames: 4" : "") + rig +
+            "}\n"
+            "simplify: {ratio: 0.3}\n" +
+            more);
     SceneResult loaded = load_scene(file);
     for (const SceneProblem& problem : loaded.problems) ADD_FAILURE() << to_string(problem);
     scene = *node::prepare_scene(loaded.scene);

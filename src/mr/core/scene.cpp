@@ -118,7 +118,6 @@ void read_fusion(MapReader& top, const Scene& scene, FusionConfig& fusion) {
   map.integer("fill_px", fusion.clean.fill_px, 0, 7);
   map.flag("smooth_depth", fusion.clean.smooth_depth);
   voxels("truncation_m", fusion.truncation_m, 2, 1);
-  map.flag("memory", fusion.memory);
   if (map.size("patches", 1, 16, fusion.patches_x, fusion.patches_y) &&
       fusion.decomposition != Decomposition::patches)
     map.not_acted_on("patches", "fusion.patches where decomposition is not patches");

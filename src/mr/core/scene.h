@@ -83,7 +83,6 @@ struct FusionConfig {
   double chunk_m = 1.28;             ///< edge of the scene's chunk grid
   int patches_x = 4, patches_y = 4;  ///< the paper's M×N
   double truncation_m = 0.04;        ///< half width of the signed-distance band
-  bool memory = false;               ///< average still surface over frames (fusion/voxel_volume.h)
   CleanConfig clean;                 ///< keys smooth_depth, mixed_pixels, speckle_px, fill_px
   friend bool operator==(const FusionConfig&, const FusionConfig&) = default;
 };

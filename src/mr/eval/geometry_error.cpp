@@ -189,6 +189,23 @@ SurfaceDistance surface_distance(const Mesh& from, const Mesh& to, int samples,
   return summary(distances_m(points, rays_of(to)));
 }
 
+SurfaceDistance distance_to_marked(const Mesh& from, const Mesh& to,
+                                   std::span<const std::uint8_t> marked, int samples,
+                                   std::uint64_t seed) {
+  MR_ASSERT(marked.size() == to.triangles.size());
+  const auto points = sample_surface(from, samples, seed);
+  if (!(surface_area_m2(to) > 0)) return {};
+  const kit::RayScene rays = rays_of(to);
+  std::vector<double> out(points.size(), -1);
+  parallel_for(points.size(), 256, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t i = begin; i < end; ++i)
+      if (const auto nearest = rays.nearest(points[i].position); marked[nearest->triangle])
+        out[i] = nearest->distance_m;
+  });
+  std::erase_if(out, [](double distance_m) { return distance_m < 0; });
+  return summary(std::move(out));
+}
+
 double duplicate_ratio(const Mesh& mesh, const GeometryConfig& config) {
   return duplicate_share(mesh, rays_of(mesh), sample_surface(mesh, config.samples, config.seed),
                          config.voxel_m);

@@ -74,6 +74,12 @@ std::vector<SurfaceSample> sample_surface(const Mesh& mesh, int samples, std::ui
 /// All 0 where either surface has no area.
 SurfaceDistance surface_distance(const Mesh& from, const Mesh& to, int samples, std::uint64_t seed);
 
+/// Distances from samples of a surface to the nearest point of another, only of those whose nearest
+/// triangle is marked.
+SurfaceDistance distance_to_marked(const Mesh& from, const Mesh& to,
+                                   std::span<const std::uint8_t> marked, int samples,
+                                   std::uint64_t seed);
+
 /// Share of the area with a second sheet within three voxels along the normal, either way, whose
 /// normal is within 60 degrees. A triangle that shares a vertex is of the same sheet.
 double duplicate_ratio(const Mesh& mesh, const GeometryConfig& config);

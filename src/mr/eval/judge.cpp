@@ -17,14 +17,18 @@ Spread spread(const std::vector<double>& values) {
 
 }  // namespace
 
-Status Judge::add(const std::vector<std::vector<Drawn>>& reference) {
+Status Judge::add(const std::vector<std::vector<Drawn>>& reference,
+                  const std::vector<std::vector<ImageMask>>& seen) {
   Faces& faces = ages_.emplace_back();
-  for (const auto& pictures : reference) {
+  knows_seen_ = !seen.empty();
+  for (std::size_t m = 0; m < reference.size(); ++m) {
     faces.emplace_back();
-    for (const Drawn& picture : pictures) {
+    for (std::size_t v = 0; v < reference[m].size(); ++v) {
+      const Drawn& picture = reference[m][v];
       auto ssim = Ssim::prepare(luma_of(picture.color));
       if (!ssim) return ssim.error();
-      faces.back().push_back({*std::move(ssim), picture.covered});
+      faces.back().push_back(
+          {*std::move(ssim), picture.covered, knows_seen_ ? seen.at(m).at(v) : ImageMask{}});
     }
   }
   return {};
@@ -44,23 +48,29 @@ Result<PictureScore> Judge::compare(std::size_t moment, std::size_t view, const 
     const auto share = static_cast<double>(ages_.size());
     sum.ssim_full += score->ssim_full / share, sum.ssim_masked += score->ssim_masked / share;
     sum.psnr_db += score->psnr_db / share;
+    if (face.seen.empty()) continue;
+    const auto of_seen = face.ssim.compare(luma, face.seen);
+    if (!of_seen) return of_seen.error();
+    sum.ssim_seen += of_seen->ssim_masked / share;
   }
   return sum;
 }
 
-MultiViewScore summarize(const std::vector<std::vector<PictureScore>>& scores) {
-  std::vector<double> masked, full;
+MultiViewScore summarize(const std::vector<std::vector<PictureScore>>& scores, bool with_seen) {
+  std::vector<double> masked, full, seen;
   MultiViewScore out;
   out.masked_views.assign(scores.front().size(), 0);
   for (const auto& moment : scores)
     for (std::size_t v = 0; v < moment.size(); ++v) {
       masked.push_back(moment[v].ssim_masked);
       full.push_back(moment[v].ssim_full);
+      seen.push_back(moment[v].ssim_seen);
       out.psnr_db += moment[v].psnr_db;
       out.masked_views[v] += moment[v].ssim_masked / static_cast<double>(scores.size());
     }
   out.psnr_db /= static_cast<double>(masked.size());
   out.masked = spread(masked), out.full = spread(full);
+  if (with_seen) out.seen = spread(seen);
   return out;
 }
 

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstddef>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -18,6 +19,7 @@ struct Spread {
 /// Multi-View SSIM of one stream.
 struct MultiViewScore {
   Spread masked, full;
+  std::optional<Spread> seen;        ///< of the pixels that somebody could know
   double psnr_db = 0;                ///< mean
   std::vector<double> masked_views;  ///< [views] mean over the moments
 };
@@ -27,22 +29,31 @@ class Judge {
  public:
   /// What the pictures are compared with: [moments][views]. A stream that sends some captures only
   /// shows each for a while: then the reference has several ages, and scores are their mean.
-  Status add(const std::vector<std::vector<Drawn>>& reference);
+  /// `seen`: of these pixels ([moments][views]; empty: unknown) ssim_seen is made.
+  Status add(const std::vector<std::vector<Drawn>>& reference,
+             const std::vector<std::vector<ImageMask>>& seen = {});
 
   /// Masked: pixels that the reference or the picture covers.
   Result<PictureScore> compare(std::size_t moment, std::size_t view, const ImageLuma& luma,
                                const ImageMask& covered) const;
 
+  /// Whether scores have an ssim_seen.
+  bool knows_seen() const { return knows_seen_; }
+
  private:
   struct Face {
     Ssim ssim;
     ImageMask covered;
+    ImageMask seen;  ///< empty: unknown
   };
   using Faces = std::vector<std::vector<Face>>;  // [moments][views]
   std::vector<Faces> ages_;
+  bool knows_seen_ = false;
 };
 
-/// Mean over viewpoints, then over moments. `scores`: [moments][views], not empty.
-MultiViewScore summarize(const std::vector<std::vector<PictureScore>>& scores);
+/// Mean over viewpoints, then over moments. `scores`: [moments][views], not empty. `with_seen`: the
+/// judge knew what was seen.
+MultiViewScore summarize(const std::vector<std::vector<PictureScore>>& scores,
+                         bool with_seen = false);
 
 }  // namespace mr::eval

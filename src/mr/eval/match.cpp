@@ -96,8 +96,9 @@ Result<Match> match(const Trial& trial, const std::string& pipeline, const Match
   std::string name;
   const auto run = [&](const SweepPlan& plan, const std::vector<std::size_t>& moments,
                        std::size_t views) -> Result<std::vector<SweepPoint>> {
-    auto system =
-        make_system(scene, {trial.moments(), config.rig_cache, config.eval_cache, plan.geometries});
+    Moments some = trial.moments();  // a system with memory runs through all that it knows of
+    some.first.resize(*std::ranges::max_element(moments) + 1);
+    auto system = make_system(scene, {some, config.rig_cache, config.eval_cache, plan.geometries});
     if (!system) return system.error();
     name = (*system)->name();
     const auto judges = make_judges(trial, plan.dividers, moments, views, config);

@@ -3,11 +3,13 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <cmath>
 #include <nlohmann/json.hpp>
 #include <numeric>
 
 #include "mr/baseline/monolithic.h"
 #include "mr/baseline/run_baseline.h"
+#include "mr/eval/seen.h"
 #include "mr/eval/store.h"
 #include "mr/node/capture.h"
 #include "mr/node/pipeline.h"
@@ -50,6 +52,74 @@ Result<Burst> play_burst(const Scene& scene, int first, int frames, const Qualit
   }
   return burst;
 }
+
+/// One run of a pipeline with memory through all moments. Between them it is fed all captures, or
+/// as many as the warm-up has.
+class SteadyRun {
+ public:
+  SteadyRun(const Scene& scene, const Moments& moments, const QualityConfig& config)
+      : scene_(scene), moments_(moments), config_(config), at_(moments.fed_from()) {
+    listener_.dropped = config.notice;
+    listener_.captured = [this](int, const node::CaptureCost& cost) { costs_.push_back(cost); };
+  }
+
+  Result<Played> run() {
+    auto pipeline = node::Pipeline::open(scene_, config_.rig_cache);
+    if (!pipeline) return pipeline.error();
+    (*pipeline)->skip(static_cast<std::uint64_t>(at_));
+    Played out;
+    for (std::size_t m = 0; m < moments_.first.size(); ++m) {
+      tell(config_, "stream", m, moments_.first.size());
+      if (const Status played = play_moment(**pipeline, m); !played) return played.error();
+      out.shown.push_back(*(*pipeline)->decoded());
+    }
+    tell(config_, "stream", moments_.first.size(), moments_.first.size());
+    out.mesh_mbps = mesh_.mbps(scene_.fps), out.texture_mbps = texture_.mbps(scene_.fps);
+    out.refresh_mbps = refresh_bytes_ / static_cast<double>(out.shown.size()) * 8e-6;
+    return out;
+  }
+
+ private:
+  Status play_moment(node::Pipeline& pipeline, std::size_t moment) {
+    const int end = moments_.shown(moment) + moments_.later() + 1;
+    const int second = std::max(moments_.burst, static_cast<int>(std::lround(scene_.fps)));
+    int between = std::max(0, end - at_ - second);
+    if (moment > 0 && between > moments_.warm_up) {
+      pipeline.skip(static_cast<std::uint64_t>(between - moments_.warm_up));
+      at_ += between - moments_.warm_up, between = moments_.warm_up;
+    }
+    if (between > 0)
+      if (const auto ran = pipeline.run(between, listener_); !ran) return ran.error();
+    // As many key frames of what moves as others send; the plates' tell what a refresh costs.
+    pipeline.ask_key_frames({node::RootAtlas::kLiveStream, node::RootAtlas::kPlateStream});
+    costs_.clear();
+    const auto report = pipeline.run(end - at_ - between, listener_);
+    if (!report) return report.error();
+    at_ = end;
+    std::vector<double> mesh, texture;
+    for (const node::CaptureCost& cost : costs_) {
+      mesh.push_back(static_cast<double>(cost.mesh_bytes + cost.head_bytes));
+      texture.push_back(static_cast<double>(cost.texture_bytes));
+    }
+    if (costs_.empty())
+      return Error{Error::Cause::empty,
+                   fmt::format("scene '{}' has no capture {}", scene_.id, end)};
+    const auto plates = static_cast<double>(costs_.front().plate_bytes);
+    texture.front() -= plates;
+    mesh_.add_steady(mesh), texture_.add_burst(texture);
+    refresh_bytes_ += static_cast<double>(report->refresh_bytes) + plates;
+    return {};
+  }
+
+  const Scene& scene_;
+  const Moments& moments_;
+  const QualityConfig& config_;
+  int at_;  ///< the next capture
+  node::RunListener listener_;
+  std::vector<node::CaptureCost> costs_;  ///< of the newest captures
+  Rate mesh_, texture_;
+  double refresh_bytes_ = 0;
+};
 
 /// A burst that ends with a capture that is sent.
 int burst_of(int burst, int divider) { return 1 + divider * ((burst + divider - 2) / divider); }
@@ -147,13 +217,23 @@ Result<std::vector<std::vector<Drawn>>> Trial::pictures(const std::vector<std::s
 }
 
 Result<Judge> Trial::judge(const std::vector<std::size_t>& moments, std::size_t views, int divider,
-                           const QualityConfig& config) const {
+                           const QualityConfig& config, bool with_seen) const {
   const int younger = (divider - 1) / 2, older = divider / 2;
   Judge judge;
+  std::vector<std::vector<ImageMask>> seen;
+  if (with_seen && reference_ == ReferenceKind::truth) {
+    std::vector<render::Viewpoint> from = plan_.views;
+    from.resize(std::min(views, from.size()));
+    auto masks =
+        seen_masks(scene_, moments_, moments, from, config.eval_cache,
+                   [&](std::size_t done, std::size_t of) { tell(config, "seen", done, of); });
+    if (!masks) return masks.error();
+    seen = *std::move(masks);
+  }
   for (int age = younger; age <= older; ++age) {
     const auto reference = pictures(moments, views, age, config);
     if (!reference) return reference.error();
-    if (const Status added = judge.add(*reference); !added) return added.error();
+    if (const Status added = judge.add(*reference, seen); !added) return added.error();
   }
   return judge;
 }
@@ -165,6 +245,7 @@ int frame_divider(const Scene& scene) {
 Result<Played> play(const Scene& scene, const Moments& moments, const QualityConfig& config) {
   if (moments.burst == 1 && config.notice)
     config.notice("the sources hold one capture: the rate is that of sending it afresh each time");
+  if (remembers(scene)) return SteadyRun(scene, moments, config).run();
   Played out;
   Rate mesh, texture;
   for (std::size_t m = 0; m < moments.first.size(); ++m) {
@@ -184,17 +265,19 @@ Result<Played> play_apart(System& system, const Scene& scene, const Moments& mom
                           const QualityConfig& config) {
   Played out;
   Rate mesh, texture;
+  double refresh_bytes = 0;
   for (std::size_t m = 0; m < moments.first.size(); ++m) {
     tell(config, system.name(), m, moments.first.size());
     auto geometry = system.geometry(geometry_setting(scene), m);
     if (!geometry) return geometry.error();
     auto pictures = system.texture(texture_setting(scene), m);
     if (!pictures) return pictures.error();
-    mesh.add_burst(geometry->bytes);
-    texture.add_burst(pictures->bytes);
+    geometry->cost.add_to(mesh), pictures->cost.add_to(texture);
+    refresh_bytes += geometry->cost.refresh_bytes + pictures->cost.refresh_bytes;
     out.shown.push_back(
         baseline::join(std::move(geometry->decoded), std::move(pictures->decoded), {}));
   }
+  out.refresh_mbps = refresh_bytes / static_cast<double>(moments.first.size()) * 8e-6;
   out.mesh_mbps = mesh.mbps(scene.fps), out.texture_mbps = texture.mbps(scene.fps);
   return out;
 }
@@ -210,6 +293,7 @@ Result<QualityReport> measure_quality(const Trial& trial, const Judge& judge, co
   report.views = static_cast<int>(trial.plan().views.size());
   report.frames = static_cast<int>(played.shown.size());
   report.mesh_mbps = played.mesh_mbps, report.texture_mbps = played.texture_mbps;
+  report.refresh_mbps = played.refresh_mbps;
   report.triangles = triangles_of(played.shown.back());
   std::vector<std::vector<PictureScore>> scores(played.shown.size());
   const std::size_t all = played.shown.size() * trial.plan().views.size();
@@ -224,7 +308,7 @@ Result<QualityReport> measure_quality(const Trial& trial, const Judge& judge, co
       if (pictures && m == 0) pictures->push_back(std::move(drawn->color));
     }
   tell(config, "compare", all, all);
-  report.score = summarize(scores);
+  report.score = summarize(scores, judge.knows_seen());
   return report;
 }
 
@@ -233,9 +317,11 @@ std::string to_json(const QualityReport& r) {
   out["scene"] = r.scene, out["pipeline"] = r.pipeline, out["reference"] = to_string(r.reference);
   out["views"] = r.views, out["frames"] = r.frames, out["fps"] = r.fps, out["mbps"] = r.mbps();
   out["mesh_mbps"] = r.mesh_mbps, out["texture_mbps"] = r.texture_mbps;
+  out["refresh_mbps"] = r.refresh_mbps;
   out["triangles"] = r.triangles;
   out["psnr_db"] = r.score.psnr_db;
   out["ssim"] = {{"masked", json_of(r.score.masked)}, {"full", json_of(r.score.full)}};
+  if (r.score.seen) out["ssim"]["seen"] = json_of(*r.score.seen);
   out["ssim_by_view"] = r.score.masked_views;
   return out.dump(2) + "\n";
 }
@@ -249,9 +335,15 @@ std::string to_text(const QualityReport& r) {
                      r.frames, r.frames == 1 ? "" : "s",
                      r.reference == ReferenceKind::truth ? "the truth" : "the monolithic fusion") +
          line("masked", r.score.masked) + line("full  ", r.score.full) +
+         (r.score.seen ? line("seen  ", *r.score.seen) : "") +
          fmt::format("  PSNR         {:.2f} dB\n", r.score.psnr_db) +
          fmt::format("  rate         {:.2f} Mbit/s at {:g} fps: mesh {:.2f}, texture {:.2f}\n",
                      r.mbps(), r.fps, r.mesh_mbps, r.texture_mbps) +
+         (r.refresh_mbps > 0
+              ? fmt::format(
+                    "  refresh      {:.2f} Mbit/s more with all chunks and plates once a second\n",
+                    r.refresh_mbps)
+              : "") +
          fmt::format("  {:<13}{}\n", r.pipeline == "points" ? "points" : "triangles", r.triangles);
 }
 

@@ -33,6 +33,7 @@ struct QualityReport {
   int views = 0, frames = 0;  ///< frames: moments at which pictures were compared
   double fps = 30;
   double mesh_mbps = 0, texture_mbps = 0;
+  double refresh_mbps = 0;      ///< see Played
   std::uint64_t triangles = 0;  ///< of the last frame; points where it has none
   MultiViewScore score;
 
@@ -61,8 +62,9 @@ class Trial {
 
   /// What a stream of every `divider`-th capture is compared with: on average it is
   /// (divider - 1) / 2 captures old.
+  /// `with_seen`: scores have an ssim_seen where the reference is a truth.
   Result<Judge> judge(const std::vector<std::size_t>& moments, std::size_t views, int divider,
-                      const QualityConfig& config) const;
+                      const QualityConfig& config, bool with_seen = false) const;
 
  private:
   Scene scene_;
@@ -78,13 +80,18 @@ int frame_divider(const Scene& scene);
 struct Played {
   std::vector<DecodedScene> shown;  ///< [moments]
   double mesh_mbps = 0, texture_mbps = 0;
+  /// Of a pipeline with memory: what sending all chunks and plates once a second would cost; that
+  /// is in no other rate. Others send everything all the time: 0.
+  double refresh_mbps = 0;
 };
 
-/// Runs a scene's pipeline, whichever it names, through every moment.
+/// Runs a scene's pipeline, whichever it names, through every moment: one with memory from the
+/// warm-up on, with its rate that of the second that ends with each moment.
 Result<Played> play(const Scene& scene, const Moments& moments, const QualityConfig& config);
 
 /// The same from a system's halves: quicker, as only what carries state is coded for the captures
-/// before the last of a burst, and kept for next time. Every capture is coded for itself.
+/// before the last of a burst, and kept for next time. Without memory every capture is coded for
+/// itself.
 Result<Played> play_apart(System& system, const Scene& scene, const Moments& moments,
                           const QualityConfig& config);
 

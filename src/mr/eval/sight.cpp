@@ -29,11 +29,9 @@ Facing facing(const baseline::Geometry& geometry, Vec3d eye) {
     const std::vector<ViewId> views = triangle_views(mesh);
     for (std::size_t t = 0; t < mesh.triangles.size(); ++t) {
       if (dot(mesh.area_normal(t), from - mesh.corner(t, 0)) <= 0) continue;
-      const auto found = std::find_if(geometry.views.begin(), geometry.views.end(),
-                                      [&](const View& v) { return v.id == views[t]; });
-      out.view.push_back(found == geometry.views.end()
-                             ? Sight::kUntextured
-                             : static_cast<std::uint16_t>(found - geometry.views.begin()));
+      const View* view = texturing_view(geometry.views, views[t], chunk->key.id.layer);
+      out.view.push_back(view ? static_cast<std::uint16_t>(view - geometry.views.data())
+                              : Sight::kUntextured);
       const Triangle& corners = mesh.triangles[t];
       out.mesh.triangles.push_back({base + corners[0], base + corners[1], base + corners[2]});
     }
@@ -70,9 +68,8 @@ struct Tile {
 };
 
 Tile tile_of(const View& view, const LumaTexture& texture) {
-  const auto found = std::find_if(texture.views.begin(), texture.views.end(),
-                                  [&](const View& v) { return v.id == view.id; });
-  if (found == texture.views.end()) return {};
+  const View* found = texturing_view(texture.views, view.id, view.layer);
+  if (!found) return {};
   const auto picture = texture.pictures.find(found->stream);
   if (picture == texture.pictures.end()) return {};
   const Rect &tile = found->atlas_rect, &source = found->image_rect;
@@ -100,6 +97,22 @@ float sample(const Tile& tile, const float* camera_pixel) {
   const float above = upper[0] + (upper[right] - upper[0]) * fx;
   const float below = lower[0] + (lower[right] - lower[0]) * fx;
   return above + (below - above) * fy;
+}
+
+/// The luma of a tile whose view has a gain. Each view has a tile of its own.
+void apply_gain(const ImageRgb& picture, const View& view, ImageLuma& luma) {
+  const Rect& tile = view.atlas_rect;
+  const auto gained = [&](const std::uint8_t* rgb, int channel, float gain) {
+    return std::min(gain * static_cast<float>(rgb[channel]), 255.0f);
+  };
+  const int right = std::min(tile.x + tile.width, picture.width);
+  for (int y = tile.y; y < std::min(tile.y + tile.height, picture.height); ++y)
+    for (int x = tile.x; x < right; ++x) {
+      const std::uint8_t* rgb = picture.at(x, y);
+      *luma.at(x, y) = 0.2126f * gained(rgb, 0, view.gain.x) +
+                       0.7152f * gained(rgb, 1, view.gain.y) +
+                       0.0722f * gained(rgb, 2, view.gain.z);
+    }
 }
 
 }  // namespace
@@ -140,6 +153,11 @@ Sight look_at_geometry(const baseline::Geometry& geometry, const render::Viewpoi
 LumaTexture luma_texture(const baseline::Texture& texture) {
   LumaTexture out{texture.views, {}};
   for (const auto& [stream, picture] : texture.pictures) out.pictures[stream] = luma_of(*picture);
+  for (const View& view : texture.views) {
+    const auto picture = texture.pictures.find(view.stream);
+    if (view.gain != Vec3f{1, 1, 1} && picture != texture.pictures.end())
+      apply_gain(*picture->second, view, out.pictures[view.stream]);
+  }
   return out;
 }
 

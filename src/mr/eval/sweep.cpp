@@ -43,6 +43,8 @@ class Sweep {
     scores_.assign(points, {});
     geometry_rates_.resize(plan_.geometries.size());
     texture_rates_.resize(plan_.textures.size());
+    geometry_refresh_.resize(plan_.geometries.size());
+    texture_refresh_.resize(plan_.textures.size());
     triangles_.resize(plan_.geometries.size());
     for (std::size_t i = 0; i < judges_.moments.size(); ++i)
       if (const Status done = run_moment(i); !done) return done.error();
@@ -61,7 +63,8 @@ class Sweep {
     for (std::size_t g = 0; g < plan_.geometries.size(); ++g) {
       auto geometry = system_.geometry(plan_.geometries[g], moment);
       if (!geometry) return geometry.error();
-      geometry_rates_[g].add_burst(geometry->bytes);
+      geometry->cost.add_to(geometry_rates_[g]);
+      geometry_refresh_[g] += geometry->cost.refresh_bytes;
       triangles_[g] = triangles_of(geometry->decoded);
       if (!scores[g]) {
         auto made = is_points(geometry->decoded) ? score_points(i, geometry->decoded)
@@ -80,18 +83,23 @@ class Sweep {
   Status take_textures(std::size_t moment, bool only_rates, std::vector<LumaTexture>& textures) {
     for (std::size_t t = 0; t < plan_.textures.size(); ++t) {
       if (only_rates) {
-        const auto bytes = system_.texture_bytes(plan_.textures[t], moment);
-        if (!bytes) return bytes.error();
-        texture_rates_[t].add_burst(*bytes);
+        const auto cost = system_.texture_cost(plan_.textures[t], moment);
+        if (!cost) return cost.error();
+        note_texture(t, *cost);
       } else {
         const auto texture = system_.texture(plan_.textures[t], moment);
         if (!texture) return texture.error();
-        texture_rates_[t].add_burst(texture->bytes);
+        note_texture(t, texture->cost);
         textures.push_back(luma_texture(texture->decoded));
       }
       tell(1);
     }
     return {};
+  }
+
+  void note_texture(std::size_t t, const Cost& cost) {
+    cost.add_to(texture_rates_[t]);
+    texture_refresh_[t] += cost.refresh_bytes;
   }
 
   std::size_t row() const { return plan_.dividers.size() * judges_.views.size(); }
@@ -182,6 +190,8 @@ class Sweep {
           point.divider = divider, point.triangles = triangles_[g];
           point.geometry_mbps = geometry_rates_[g].mbps(fps / divider);
           point.texture_mbps = texture_rates_[t].mbps(fps / divider);
+          point.refresh_mbps = (geometry_refresh_[g] + texture_refresh_[t]) * 8e-6 /
+                               static_cast<double>(judges_.moments.size());
           point.score = summarize(scores_[points.size()]);
           points.push_back(std::move(point));
         }
@@ -202,6 +212,7 @@ class Sweep {
   const SweepProgress& progress_;
   std::vector<std::vector<std::vector<PictureScore>>> scores_;  // [points][moments][views]
   std::vector<Rate> geometry_rates_, texture_rates_;
+  std::vector<double> geometry_refresh_, texture_refresh_;  // bytes, summed over moments
   std::vector<std::uint64_t> triangles_;
   std::size_t done_ = 0;
 };
@@ -239,15 +250,16 @@ std::string to_csv(const std::vector<SweepPoint>& points, ReferenceKind referenc
   const std::vector<std::size_t> hull = pareto_hull(points);
   std::string out =
       "voxel_m,ratio,step_exp,depth_qp,texture_scale,texture_qp,frame_divider,triangles,"
-      "geometry_mbps,texture_mbps,mbps,reference,ssim_masked,ssim_masked_p5,ssim_masked_min,"
+      "geometry_mbps,texture_mbps,mbps,refresh_mbps,reference,ssim_masked,ssim_masked_p5,ssim_"
+      "masked_min,"
       "ssim_full,psnr_db,on_hull\n";
   for (std::size_t i = 0; i < points.size(); ++i) {
     const SweepPoint& p = points[i];
     const bool on_hull = std::find(hull.begin(), hull.end(), i) != hull.end();
-    out += fmt::format("{:g},{:g},{},{},{:g},{},{},{},{:.4f},{:.4f},{:.4f},", p.geometry.voxel_m,
-                       p.geometry.ratio, p.geometry.step_exp, p.geometry.depth_qp, p.texture.scale,
-                       p.texture.qp, p.divider, p.triangles, p.geometry_mbps, p.texture_mbps,
-                       p.mbps());
+    out += fmt::format("{:g},{:g},{},{},{:g},{},{},{},{:.4f},{:.4f},{:.4f},{:.4f},",
+                       p.geometry.voxel_m, p.geometry.ratio, p.geometry.step_exp,
+                       p.geometry.depth_qp, p.texture.scale, p.texture.qp, p.divider, p.triangles,
+                       p.geometry_mbps, p.texture_mbps, p.mbps(), p.refresh_mbps);
     out += fmt::format("{},{:.5f},{:.5f},{:.5f},{:.5f},{:.3f},{}\n", to_string(reference),
                        p.score.masked.mean, p.score.masked.p5, p.score.masked.min,
                        p.score.full.mean, p.score.psnr_db, on_hull ? 1 : 0);

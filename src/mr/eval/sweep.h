@@ -32,6 +32,7 @@ struct SweepPoint {
   int divider = 1;
   std::uint64_t triangles = 0;
   double geometry_mbps = 0, texture_mbps = 0;
+  double refresh_mbps = 0;  ///< see Played
   MultiViewScore score;
 
   double mbps() const { return geometry_mbps + texture_mbps; }

@@ -181,7 +181,7 @@ Result<CodedGeometry> System::geometry(const GeometrySetting& setting, std::size
   if (!bytes) return bytes.error();
   auto decoded = decode(setting, *bytes);
   if (!decoded) return decoded.error();
-  return CodedGeometry{sizes(*bytes), *std::move(decoded)};
+  return CodedGeometry{geometry_cost(*bytes), *std::move(decoded)};
 }
 
 Result<CodedTexture> System::texture(const TextureSetting& setting, std::size_t moment) {
@@ -189,15 +189,17 @@ Result<CodedTexture> System::texture(const TextureSetting& setting, std::size_t 
   if (!bytes) return bytes.error();
   auto decoded = decode(setting, moment, *bytes);
   if (!decoded) return decoded.error();
-  return CodedTexture{sizes(*bytes), *std::move(decoded)};
+  return CodedTexture{texture_cost(*bytes), *std::move(decoded)};
 }
 
-Result<std::vector<double>> System::texture_bytes(const TextureSetting& setting,
-                                                  std::size_t moment) {
+Result<Cost> System::texture_cost(const TextureSetting& setting, std::size_t moment) {
   const auto bytes = coded(setting, moment);
   if (!bytes) return bytes.error();
-  return sizes(*bytes);
+  return texture_cost(*bytes);
 }
+
+Cost System::geometry_cost(const std::vector<Bytes>& coded) const { return {sizes(coded)}; }
+Cost System::texture_cost(const std::vector<Bytes>& coded) const { return {sizes(coded)}; }
 
 Store System::scores(const std::vector<render::Viewpoint>& views, ReferenceKind reference) const {
   if (folder_.empty()) return Store({});
@@ -215,8 +217,12 @@ Result<std::unique_ptr<System>> make_system(const Scene& scene, const SystemConf
   add_inputs(scene, print);
   for (const int first : config.moments.first) print.add(static_cast<double>(first));
   print.add(static_cast<double>(config.moments.burst));
+  print.add(static_cast<double>(config.moments.warm_up));
+  // Commands may set these beside the file.
+  print.add(scene.still.layers ? 1.0 : 0.0).add(scene.still.after_s);
   for (const GeometrySetting& setting : config.mask_for) print.add(to_string(setting));
   auto folder = store_folder(config.eval_cache, "coded-" + print.hex());
+  if (remembers(scene)) return make_layers_system(std::move(folder), scene, config);
   if (scene.pipeline == "meshreduce")
     return make_meshreduce_system(std::move(folder), scene, config);
   if (const auto made = baseline::make_baseline(scene); !made) return made.error();

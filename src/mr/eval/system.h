@@ -39,11 +39,19 @@ TextureSetting texture_setting(const Scene& scene);
 std::string to_string(const GeometrySetting& setting);
 std::string to_string(const TextureSetting& setting);
 
-/// One half of a stream at one moment: the bytes of each capture of the burst, and what a client
-/// has of the last.
+/// What one half of a stream costs at one moment.
+struct Cost {
+  std::vector<double> bytes;  ///< of each capture of the burst, or of the second that ends with it
+  bool steady = false;        ///< none of these captures is sent afresh, see Rate
+  double refresh_bytes = 0;   ///< of all that is kept; in systems with memory, and in no other cost
+
+  void add_to(Rate& rate) const { steady ? rate.add_steady(bytes) : rate.add_burst(bytes); }
+};
+
+/// One half of a stream at one moment: its cost, and what a client has of the last capture.
 template <typename Decoded>
 struct CodedHalf {
-  std::vector<double> bytes;
+  Cost cost;
   Decoded decoded;
 };
 using CodedGeometry = CodedHalf<baseline::Geometry>;
@@ -51,7 +59,8 @@ using CodedTexture = CodedHalf<baseline::Texture>;
 
 /// A scene's pipeline taken apart, so that a sweep codes each half once and combines them freely.
 /// What was coded is kept in a store. Halves that carry no state from capture to capture are coded
-/// for the last capture of a burst only.
+/// for the last capture of a burst only; a system with memory is fed all captures from the warm-up
+/// on.
 class System {
  public:
   virtual ~System() = default;
@@ -63,7 +72,7 @@ class System {
   Result<CodedTexture> texture(const TextureSetting& setting, std::size_t moment);
 
   /// Only what it costs.
-  Result<std::vector<double>> texture_bytes(const TextureSetting& setting, std::size_t moment);
+  Result<Cost> texture_cost(const TextureSetting& setting, std::size_t moment);
 
   /// Where scores of this system are kept.
   Store scores(const std::vector<render::Viewpoint>& views, ReferenceKind reference) const;
@@ -80,6 +89,9 @@ class System {
                                             const std::vector<Bytes>& coded) = 0;
   virtual Result<baseline::Texture> decode(const TextureSetting& setting, std::size_t moment,
                                            const std::vector<Bytes>& coded) = 0;
+  /// The size of each.
+  virtual Cost geometry_cost(const std::vector<Bytes>& coded) const;
+  virtual Cost texture_cost(const std::vector<Bytes>& coded) const;
   template <typename Setting>
   Result<std::vector<Bytes>> coded(const Setting& setting, std::size_t moment);
 

@@ -38,8 +38,12 @@ class Bursts {
   std::map<std::size_t, std::vector<Capture>> read_;
 };
 
-/// MeshReduce itself, taken apart.
+/// MeshReduce itself, taken apart: everything is made anew with every capture.
 std::unique_ptr<System> make_meshreduce_system(std::filesystem::path folder, const Scene& scene,
                                                const SystemConfig& config);
+
+/// The same with layers, which remembers.
+std::unique_ptr<System> make_layers_system(std::filesystem::path folder, const Scene& scene,
+                                           const SystemConfig& config);
 
 }  // namespace mr::eval

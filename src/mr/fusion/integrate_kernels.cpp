@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <array>
-#include <bit>
 #include <cmath>
 #include <cstring>
 
@@ -434,71 +433,40 @@ HWY_INLINE Voxels load(const VoxelBlock& block, const VoxelBlock::Weights& weigh
           hn::ConvertTo(df, hn::PromoteTo(di, hn::LoadU(du16, weights.data() + i)))};
 }
 
-HWY_INLINE Mf at_surface(Vf distance, float limit) {
-  return hn::Le(hn::Abs(distance), hn::Set(df, limit));
-}
-
-/// One step of averaging; what moved at the surface is told in `moved`.
-template <bool kRemember>
-HWY_INLINE Voxels averaged(const FrameView& view, const UpdateRule& rule, const Sample& s,
-                           const Voxels& old, Mf& moved) {
-  const float scale = kMost / view.truncation_m;
+/// One step of averaging.
+HWY_INLINE Voxels averaged(const FrameView& view, const Sample& s, const Voxels& old) {
+  constexpr float kMostWeight = 65535;
   const Mf seen = hn::Ge(s.in_front_m, hn::Set(df, -view.truncation_m));
-  const Mf known = hn::Gt(old.weight, hn::Zero(df));
-  const Vf value = limited(hn::Mul(s.in_front_m, hn::Set(df, scale)));
+  const Vf value = limited(hn::Mul(s.in_front_m, hn::Set(df, kMost / view.truncation_m)));
   const Vf weight = weight_of(view, s.depth_m), sum = hn::Add(old.weight, weight);
   const Vf mean = hn::Div(hn::Add(hn::Mul(old.distance, old.weight), hn::Mul(value, weight)), sum);
-  Voxels out{hn::IfThenElse(seen, mean, old.distance),
-             hn::IfThenElse(seen, hn::Min(sum, hn::Set(df, rule.most_weight)), old.weight)};
-  if (!kRemember) return out;
-  const Precision precision = view.precision.value_or(Precision{});
-  const Vf noise_m = hn::Mul(hn::Set(df, rule.moved_sigmas), sigma_m(precision, s.depth_m));
-  const Vf noise = hn::Mul(hn::Add(noise_m, hn::Set(df, rule.moved_m)), hn::Set(df, scale));
-  const Mf jumped =
-      hn::And(hn::And(seen, known), hn::Gt(hn::Abs(hn::Sub(value, old.distance)), noise));
-  out.distance = hn::IfThenElse(jumped, value, out.distance);
-  out.weight = hn::IfThenElse(jumped, weight, out.weight);
-  const Mf hidden = hn::And(hn::Lt(s.in_front_m, hn::Set(df, -view.truncation_m)),
-                            hn::Gt(s.in_front_m, hn::Set(df, 0.5f * FrameView::kNothing)));
-  out.weight = hn::IfThenZeroElse(hidden, out.weight);
-  const Mf now = at_surface(value, rule.surface_m * scale),
-           before = hn::And(known, at_surface(old.distance, rule.surface_m * scale));
-  const Mf appeared = hn::And(hn::AndNot(known, seen), now), vanished = hn::And(hidden, before);
-  moved = hn::Or(hn::And(jumped, hn::Or(now, before)), hn::Or(appeared, vanished));
-  return out;
+  return {hn::IfThenElse(seen, mean, old.distance),
+          hn::IfThenElse(seen, hn::Min(sum, hn::Set(df, kMostWeight)), old.weight)};
 }
 
-template <typename Camera, bool kRemember>
-HWY_INLINE int next_frame(const FrameView& view, const UpdateRule& rule, VoxelBlock& block,
-                          VoxelBlock::Weights& weights) {
+template <typename Camera>
+HWY_INLINE void next_frame(const FrameView& view, VoxelBlock& block, VoxelBlock::Weights& weights) {
   const Camera camera(view);
   Walk walk(view, block);
-  int moved_voxels = 0;
   for (int z = 0; z < kSide; ++z) {
     std::uint64_t seen = 0;
     walk.set_layer(z);
     for (int i = 0; i < 64; i += lanes()) {
-      Mf moved = hn::Lt(hn::Zero(df), hn::Zero(df));
-      const Voxels now = averaged<kRemember>(view, rule, walk.sample(camera, i),
-                                             load(block, weights, z * 64 + i), moved);
+      const Voxels now = averaged(view, walk.sample(camera, i), load(block, weights, z * 64 + i));
       const Vi value = stored(now.distance);
       hn::StoreU(hn::DemoteTo(d16, value), d16, block.distance.data() + z * 64 + i);
       hn::StoreU(hn::DemoteTo(du16, rounded(now.weight)), du16, weights.data() + z * 64 + i);
       seen |= bits_of(hn::Gt(now.weight, hn::Zero(df))) << i;
-      if (kRemember) moved_voxels += std::popcount(bits_of(moved));
     }
     set_bits(z, seen, block);
   }
-  return moved_voxels;
 }
 
-int IntegrateNext(const FrameView& view, const UpdateRule& rule, VoxelBlock& block,
-                  VoxelBlock::Weights& weights) {
+void IntegrateNext(const FrameView& view, VoxelBlock& block, VoxelBlock::Weights& weights) {
   if (view.spherical)
-    return rule.remember ? next_frame<Spherical, true>(view, rule, block, weights)
-                         : next_frame<Spherical, false>(view, rule, block, weights);
-  return rule.remember ? next_frame<Pinhole, true>(view, rule, block, weights)
-                       : next_frame<Pinhole, false>(view, rule, block, weights);
+    next_frame<Spherical>(view, block, weights);
+  else
+    next_frame<Pinhole>(view, block, weights);
 }
 
 }  // namespace mr::fusion::HWY_NAMESPACE
@@ -522,9 +490,8 @@ void tile_ranges(const FrameView& view, int tile_row, const TileRule& rule,
 void integrate_first(const FrameView& view, std::uint64_t rows, VoxelBlock& block) {
   HWY_DYNAMIC_DISPATCH(IntegrateFirst)(view, rows, block);
 }
-int integrate_next(const FrameView& view, const UpdateRule& rule, VoxelBlock& block,
-                   VoxelBlock::Weights& weights) {
-  return HWY_DYNAMIC_DISPATCH(IntegrateNext)(view, rule, block, weights);
+void integrate_next(const FrameView& view, VoxelBlock& block, VoxelBlock::Weights& weights) {
+  HWY_DYNAMIC_DISPATCH(IntegrateNext)(view, block, weights);
 }
 
 }  // namespace mr::fusion

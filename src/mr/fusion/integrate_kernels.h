@@ -54,17 +54,7 @@ void tile_ranges(const FrameView& view, int tile_row, const TileRule& rule,
 /// whatever the block held is lost.
 void integrate_first(const FrameView& view, std::uint64_t rows, VoxelBlock& block);
 
-/// How further frames change a block.
-struct UpdateRule {
-  float most_weight = 65535;  ///< in 1 / kWeightUnit; older frames fade beyond it
-  bool remember = false;      ///< what moved is replaced at once, what is hidden is forgotten
-  float moved_sigmas = 5, moved_m = 0;  ///< more than both together is no noise
-  float surface_m = 0;  ///< distances up to this make up the surface whose change is reported
-};
-
-/// Averages a frame into all of a block; weights start with 0 (Curless & Levoy 1996). Returns how
-/// many voxels at the surface moved, appeared or vanished; 0 unless `rule.remember`.
-int integrate_next(const FrameView& view, const UpdateRule& rule, VoxelBlock& block,
-                   VoxelBlock::Weights& weights);
+/// Averages a frame into all of a block; weights start with 0 (Curless & Levoy 1996).
+void integrate_next(const FrameView& view, VoxelBlock& block, VoxelBlock::Weights& weights);
 
 }  // namespace mr::fusion

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <bit>
 #include <cmath>
+#include <span>
 #include <utility>
 
 #include "mr/core/parallel.h"
@@ -100,54 +101,56 @@ Around<BlockSurface> MarchingCubes::surfaces(const Slots& slots) const {
 }
 
 /// Which cells hold triangles, and which edges vertices.
-void MarchingCubes::find(const VoxelVolume& volume, const Blocks& blocks) {
+void MarchingCubes::find(const VoxelVolume& volume) {
+  const auto order = volume.order();
   const auto slots_of = [&](std::uint32_t slot, int direction) {
     return neighbours(volume.directory(), volume.block(slot).coordinate, direction);
   };
   surface_.resize(volume.slots()), ahead_.resize(volume.slots());
-  cells_.resize((blocks.cells.size() + kBlocksAtOnce - 1) / kBlocksAtOnce);
-  for_groups(blocks.cells.size(), [&](std::size_t g, std::size_t first, std::size_t last) {
+  cells_.resize((order.size() + kBlocksAtOnce - 1) / kBlocksAtOnce);
+  for_groups(order.size(), [&](std::size_t g, std::size_t first, std::size_t last) {
     cells_[g].clear();
     for (std::size_t b = first; b < last; ++b) {
-      const std::uint32_t slot = blocks.cells[b];
-      if (b + kAhead < blocks.cells.size()) {
-        const VoxelBlock& soon = volume.block(blocks.cells[b + kAhead]);
+      const std::uint32_t slot = order[b];
+      if (b + kAhead < order.size()) {
+        const VoxelBlock& soon = volume.block(order[b + kAhead]);
         prefetch(soon.seen), prefetch(soon.inside), prefetch(soon.near);
       }
       ahead_[slot] = slots_of(slot, 1);
       find_cells(blocks_ahead(volume, slot), edges_ == DepthEdges::cut, surface_[slot], cells_[g]);
     }
   });
-  for_groups(blocks.vertices.size(), [&](std::size_t, std::size_t first, std::size_t last) {
+  for_groups(order.size(), [&](std::size_t, std::size_t first, std::size_t last) {
     for (std::size_t b = first; b < last; ++b) {
-      const std::uint32_t slot = blocks.vertices[b];
+      const std::uint32_t slot = order[b];
       find_edges(blocks_ahead(volume, slot), surfaces(slots_of(slot, -1)), surface_[slot]);
     }
   });
 }
 
 /// Where each block's vertices and triangles go.
-void MarchingCubes::number(std::span<const std::uint32_t> slots) {
+void MarchingCubes::number(const VoxelVolume& volume) {
   vertices_ = triangles_ = 0;
-  for (const std::uint32_t slot : slots) {
+  for (const std::uint32_t slot : volume.order()) {
     surface_[slot].first_vertex = vertices_, surface_[slot].first_triangle = triangles_;
     vertices_ += surface_[slot].vertices, triangles_ += surface_[slot].triangles;
   }
 }
 
-void MarchingCubes::emit(const VoxelVolume& volume, const Blocks& blocks, Mesh& out) const {
+void MarchingCubes::emit(const VoxelVolume& volume, Mesh& out) const {
+  const auto order = volume.order();
   out.positions.resize(vertices_), out.triangles.resize(triangles_), out.runs.clear();
   if (triangles_ == 0) return;
   std::uint32_t* const corners = out.triangles.data()->data();
-  for_groups(blocks.cells.size(), [&](std::size_t g, std::size_t first, std::size_t last) {
+  for_groups(order.size(), [&](std::size_t g, std::size_t first, std::size_t last) {
     std::span<const Cell> cells(cells_[g]);
-    const BlockSurface& final = surface_[blocks.cells[last - 1]];
+    const BlockSurface& final = surface_[order[last - 1]];
     const std::uint32_t* const end = corners + 3 * (final.first_triangle + final.triangles);
     for (std::size_t b = first; b < last; ++b) {
-      const std::uint32_t slot = blocks.cells[b];
+      const std::uint32_t slot = order[b];
       const BlockSurface& s = surface_[slot];
-      if (b + kAhead < blocks.cells.size() && surface_[blocks.cells[b + kAhead]].vertices != 0)
-        prefetch(volume.block(blocks.cells[b + kAhead]).distance);
+      if (b + kAhead < order.size() && surface_[order[b + kAhead]].vertices != 0)
+        prefetch(volume.block(order[b + kAhead]).distance);
       if (s.vertices == 0 && s.triangles == 0) continue;
       const std::size_t count = count_cells(s);
       emit_block(blocks_ahead(volume, slot), surfaces(ahead_[slot]), cells.first(count),
@@ -159,10 +162,9 @@ void MarchingCubes::emit(const VoxelVolume& volume, const Blocks& blocks, Mesh& 
 }
 
 void MarchingCubes::run(const VoxelVolume& volume, Surface& out) {
-  const Blocks all{volume.order(), volume.order()};
-  find(volume, all);
-  number(all.cells);
-  emit(volume, all, out.mesh);
+  find(volume);
+  number(volume);
+  emit(volume, out.mesh);
   out.pieces.clear();
   for (const ChunkBlocks& chunk : volume.chunks()) {
     const BlockSurface& first = surface_[volume.order()[chunk.first]];
@@ -173,38 +175,6 @@ void MarchingCubes::run(const VoxelVolume& volume, Surface& out) {
     if (piece.vertices + piece.triangles > 0) out.pieces.push_back(piece);
   }
   if (may_coincide(volume)) drop_degenerate(out);
-}
-
-Mesh MarchingCubes::run_chunk(const VoxelVolume& volume, Vec3i cube) {
-  const auto chunks = volume.chunks();
-  const auto chunk = std::find_if(chunks.begin(), chunks.end(),
-                                  [&](const ChunkBlocks& c) { return c.cube == cube; });
-  if (chunk == chunks.end()) return {};
-  std::vector<std::uint32_t> slots(
-      volume.order().begin() + static_cast<std::ptrdiff_t>(chunk->first),
-      volume.order().begin() + static_cast<std::ptrdiff_t>(chunk->first + chunk->count));
-  const std::size_t own = slots.size();
-  // Others count as empty, but for the vertices that the chunk's own cells use.
-  surface_.assign(volume.slots(), kEmpty);
-  std::vector<std::uint8_t> listed(volume.slots(), 0);
-  for (const std::uint32_t slot : slots) listed[slot] = 1;
-  for (std::size_t b = 0; b < own; ++b)
-    for (const std::uint32_t other :
-         neighbours(volume.directory(), volume.block(slots[b]).coordinate, 1))
-      if (other != BlockDirectory::kNone && std::exchange(listed[other], 1) == 0)
-        slots.push_back(other);
-  ahead_.resize(volume.slots());
-  for (std::size_t b = own; b < slots.size(); ++b)
-    ahead_[slots[b]] = neighbours(volume.directory(), volume.block(slots[b]).coordinate, 1);
-  const std::span<const std::uint32_t> all(slots);
-  find(volume, {all.first(own), all});
-  number(all);
-  Surface out;
-  cells_.resize((all.size() + kBlocksAtOnce - 1) / kBlocksAtOnce);
-  emit(volume, {all, all}, out.mesh);
-  out.pieces = {{cube, 0, vertices_, 0, triangles_}};
-  if (may_coincide(volume)) drop_degenerate(out);
-  return std::move(out.mesh);
 }
 
 Mesh extract_surface(const VoxelVolume& volume, DepthEdges edges) {

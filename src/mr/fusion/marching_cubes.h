@@ -1,8 +1,8 @@
 #pragma once
 
+#include <array>
 #include <cstddef>
 #include <cstdint>
-#include <span>
 #include <vector>
 
 #include "mr/core/mesh.h"
@@ -43,20 +43,12 @@ class MarchingCubes {
   /// The whole surface; what `out` held is replaced, its memory used again.
   void run(const VoxelVolume& volume, Surface& out);
 
-  /// One chunk's surface as a mesh of its own; at its border it has the same vertices, bit by bit,
-  /// as its neighbours. Empty where the volume has no such chunk.
-  Mesh run_chunk(const VoxelVolume& volume, Vec3i cube);
-
  private:
-  struct Blocks {
-    std::span<const std::uint32_t> cells;     ///< slots of blocks whose cells count
-    std::span<const std::uint32_t> vertices;  ///< those and the ones ahead of them
-  };
   using Slots = std::array<std::uint32_t, 8>;
 
-  void find(const VoxelVolume& volume, const Blocks& blocks);
-  void number(std::span<const std::uint32_t> slots);
-  void emit(const VoxelVolume& volume, const Blocks& blocks, Mesh& out) const;
+  void find(const VoxelVolume& volume);
+  void number(const VoxelVolume& volume);
+  void emit(const VoxelVolume& volume, Mesh& out) const;
   Around<VoxelBlock> blocks_ahead(const VoxelVolume& volume, std::uint32_t slot) const;
   Around<BlockSurface> surfaces(const Slots& slots) const;
 

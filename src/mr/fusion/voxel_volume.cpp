@@ -1,11 +1,9 @@
 #include "mr/fusion/voxel_volume.h"
 
 #include <algorithm>
-#include <bit>
 #include <cmath>
 #include <map>
 #include <tuple>
-#include <utility>
 
 #include "mr/core/assert.h"
 #include "mr/core/parallel.h"
@@ -23,8 +21,6 @@ constexpr std::size_t kIntegratedAtOnce = 32;
 /// How many voxels around the surface are computed: what marching cubes reads where a frame stands
 /// for itself, else what the next frame's surface may need.
 constexpr float kMargin = 1.05f, kMarginOfHistory = 3;
-/// A block moved when so many of its voxels at the surface did; fewer are stray pixels.
-constexpr int kLeastMoved = 8;
 
 TileRule tile_rule(const VolumeConfig& config) {
   const float margin = config.history == History::none ? kMargin : kMarginOfHistory;
@@ -32,15 +28,12 @@ TileRule tile_rule(const VolumeConfig& config) {
   return {margin / kSide, 1, static_cast<float>(std::min(config.truncation_m, block_m))};
 }
 
-UpdateRule update_rule(const VolumeConfig& config) {
-  constexpr int kMost = 65535;
-  const bool remember = config.history == History::remember;
-  const int most = std::min(config.most_frames * VoxelBlock::kWeightUnit, kMost);
-  return {.most_weight = static_cast<float>(remember ? most : kMost),
-          .remember = remember,
-          .moved_m = static_cast<float>(config.voxel_m / 4),
-          .surface_m = static_cast<float>(1.5 * config.voxel_m)};
-}
+/// The order of chunks and regions.
+struct ByZyx {
+  bool operator()(Vec3i a, Vec3i b) const {
+    return std::tie(a.z, a.y, a.x) < std::tie(b.z, b.y, b.x);
+  }
+};
 
 /// Lists by chunk, in order of the chunks.
 class Chunks {
@@ -77,10 +70,6 @@ bool may_see(const FrameView& view, const VoxelBlock& block) {
          below_end(view.width + 2, p.x, reach.x) && below_end(view.height + 2, p.y, reach.y);
 }
 
-bool holds_any(const VoxelBlock::Bits& bits) {
-  return std::any_of(bits.begin(), bits.end(), [](std::uint64_t layer) { return layer != 0; });
-}
-
 }  // namespace
 
 VoxelVolume::VoxelVolume(const VolumeConfig& config) : config_(config) {
@@ -91,10 +80,7 @@ VoxelVolume::VoxelVolume(const VolumeConfig& config) : config_(config) {
 void VoxelVolume::clear() {
   directory_.clear();
   order_.clear(), chunks_.clear();
-  free_slots_.clear();
-  history_.clear();
   rows_.clear();
-  gone_.clear();
   slots_ = 0;
 }
 
@@ -109,8 +95,7 @@ Vec3i VoxelVolume::chunk_of(Vec3i block) const {
 
 std::size_t VoxelVolume::memory_bytes() const {
   return slabs_.size() * sizeof(Slab) + weights_.size() * sizeof(WeightSlab) +
-         history_.capacity() * sizeof(BlockHistory) + directory_.memory_bytes() +
-         (order_.capacity() + free_slots_.capacity()) * sizeof(std::uint32_t) +
+         directory_.memory_bytes() + order_.capacity() * sizeof(std::uint32_t) +
          rows_.capacity() * sizeof(std::uint64_t) + view_.depth.capacity() * sizeof(float) +
          view_.planes.capacity() * sizeof(RangePlane);
 }
@@ -147,23 +132,15 @@ std::vector<std::vector<WantedRows>> VoxelVolume::wanted_rows(std::size_t& left_
 }
 
 std::uint32_t VoxelVolume::new_slot(Vec3i coordinate) {
-  std::uint32_t slot = static_cast<std::uint32_t>(slots_);
-  if (!free_slots_.empty()) {
-    slot = free_slots_.back();
-    free_slots_.pop_back();
-  } else {
-    ++slots_;
-    if (slot == slabs_.size() * kSlab) slabs_.push_back(std::make_unique<Slab>());
-    rows_.push_back(0);
-  }
+  const auto slot = static_cast<std::uint32_t>(slots_++);
+  if (slot == slabs_.size() * kSlab) slabs_.push_back(std::make_unique<Slab>());
+  rows_.push_back(0);
   VoxelBlock& added = block(slot);
   added.coordinate = coordinate;
   added.seen = added.inside = added.near = {};
   if (config_.history == History::none) return slot;
   if (slot / kSlab == weights_.size()) weights_.push_back(std::make_unique<WeightSlab>());
   weights(slot).fill(0);
-  history_.resize(slots_);
-  history_[slot] = {};
   return slot;
 }
 
@@ -175,8 +152,7 @@ std::size_t VoxelVolume::allocate() {
   for (const auto& list : wanted_rows(left_out))
     for (const WantedRows& wanted : list) {
       const Vec3i at = view_.eye_block + wanted.block();
-      if (slots_ - free_slots_.size() >= config_.most_blocks &&
-          directory_.find(at) == BlockDirectory::kNone) {
+      if (slots_ >= config_.most_blocks && directory_.find(at) == BlockDirectory::kNone) {
         ++left_out;
         continue;
       }
@@ -226,106 +202,19 @@ IntegrateReport VoxelVolume::integrate(const DepthFrame& frame) {
   }
   const Stopwatch stopwatch(report.integrate_ms);
   update_blocks();
-  if (config_.history == History::remember) free_idle_blocks();
-  ++frame_;
   return report;
 }
 
 void VoxelVolume::update_blocks() {
-  const UpdateRule rule = update_rule(config_);
-  std::vector<int> moved(rule.remember ? order_.size() : 0);
   parallel_for(order_.size(), kIntegratedAtOnce, [&](std::size_t begin, std::size_t end) {
     for (std::size_t i = begin; i < end; ++i) {
       const std::uint32_t slot = order_[i];
-      if (config_.history == History::none) {
+      if (config_.history == History::none)
         integrate_first(view_, rows_[slot], block(slot));
-      } else if (may_see(view_, block(slot))) {
-        const int count = integrate_next(view_, rule, block(slot), weights(slot));
-        if (rule.remember) moved[i] = count;
-      }
-      if (rule.remember) moved[i] += forget_rows(slot);
+      else if (may_see(view_, block(slot)))
+        integrate_next(view_, block(slot), weights(slot));
     }
   });
-  if (rule.remember) note_changes(moved);
-}
-
-/// Forgets those rows of a block near which nothing was measured for so long: where somebody left
-/// and nothing is seen behind, say a window. Returns how many voxels at a surface went.
-int VoxelVolume::forget_rows(std::uint32_t slot) {
-  const int patience = std::min(config_.patience, 254);
-  VoxelBlock& b = block(slot);
-  int gone = 0;
-  for (int row = 0; row < kSide * kSide; ++row) {
-    std::uint8_t& age = history_[slot].row_age[row];
-    age = (rows_[slot] >> row & 1) != 0 ? 0 : static_cast<std::uint8_t>(std::min(age + 1, 255));
-    if (age <= patience) continue;
-    const std::uint64_t bits = std::uint64_t{0xFF} << 8 * (row % kSide);
-    const int z = row / kSide;
-    gone += std::popcount(b.inside[z] & b.near[z] & bits);
-    b.seen[z] &= ~bits, b.inside[z] &= ~bits, b.near[z] &= ~bits;
-    std::fill_n(weights(slot).begin() + row * kSide, kSide, std::uint16_t{0});
-  }
-  return gone;
-}
-
-void VoxelVolume::note_changes(std::span<const int> moved_voxels) {
-  for (std::size_t i = 0; i < order_.size(); ++i) {
-    BlockHistory& h = history_[order_[i]];
-    if (rows_[order_[i]] != 0) h.wanted_at = frame_;
-    if (moved_voxels[i] >= (std::exchange(h.fresh, false) ? 1 : kLeastMoved)) {
-      h.moved = true, h.frames = 0;
-    } else {
-      ++h.frames;
-      const auto frames = static_cast<unsigned>(h.frames);
-      const bool power_of_4 = std::has_single_bit(frames) && std::countr_zero(frames) % 2 == 0;
-      const bool settled = h.frames >= config_.most_frames;
-      if ((frames > 1 && power_of_4) || settled) h.refined = true;
-      if (settled) h.frames = 0;  // what drifts slowly is told of now and then, too
-    }
-  }
-}
-
-void VoxelVolume::free_idle_blocks() {
-  const auto idle = [&](std::uint32_t slot) {
-    return frame_ - history_[slot].wanted_at > static_cast<std::uint32_t>(config_.patience);
-  };
-  std::vector<Vec3i> kept;
-  for (const std::uint32_t slot : order_) {
-    if (!idle(slot)) {
-      kept.push_back(block(slot).coordinate);
-      continue;
-    }
-    if (holds_any(block(slot).near) || history_[slot].moved) note_chunks(slot, true, gone_);
-    block(slot).seen = block(slot).inside = block(slot).near = {};
-    free_slots_.push_back(slot);
-  }
-  if (kept.size() == order_.size()) return;
-  BlockDirectory smaller;  // so that regions without blocks go, too
-  for (const Vec3i at : kept) smaller.at(at) = directory_.find(at);
-  directory_ = std::move(smaller);
-  sort_blocks();
-}
-
-/// Notes a change of a block for its chunk and those of the blocks behind it, whose cells read it.
-void VoxelVolume::note_chunks(std::uint32_t slot, bool moved, ChangeByCube& changes) const {
-  for (int i = 0; i < 8; ++i) {
-    const Vec3i behind = block(slot).coordinate - Vec3i{i & 1, i >> 1 & 1, i >> 2};
-    bool& has_moved = changes.try_emplace(chunk_of(behind), false).first->second;
-    has_moved |= moved;
-  }
-}
-
-std::vector<ChunkChange> VoxelVolume::take_changes() {
-  ChangeByCube changes = std::exchange(gone_, {});
-  for (const std::uint32_t slot : order_) {
-    if (config_.history != History::remember) break;
-    BlockHistory& h = history_[slot];
-    if (h.moved || (h.refined && holds_any(block(slot).near))) note_chunks(slot, h.moved, changes);
-    h.moved = h.refined = false;
-  }
-  std::vector<ChunkChange> out;
-  for (const auto& [cube, moved] : changes) out.push_back({cube, moved, !moved});
-  return out;
 }
 
 }  // namespace mr::fusion

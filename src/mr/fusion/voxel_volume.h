@@ -3,11 +3,9 @@
 #include <array>
 #include <cstddef>
 #include <cstdint>
-#include <map>
 #include <memory>
 #include <optional>
 #include <span>
-#include <tuple>
 #include <vector>
 
 #include "mr/core/vec.h"
@@ -18,18 +16,10 @@
 
 namespace mr::fusion {
 
-/// The order of chunks and regions.
-struct ByZyx {
-  bool operator()(Vec3i a, Vec3i b) const {
-    return std::tie(a.z, a.y, a.x) < std::tie(b.z, b.y, b.x);
-  }
-};
-
 /// What a volume keeps of earlier frames.
 enum class History {
-  none,      ///< nothing: each frame stands for itself, and only what its surface needs is stored
-  average,   ///< all: frames of several sensors, or of one that moves, make up one surface
-  remember,  ///< what is still seen: noise averages out, what moved or is hidden leaves nothing
+  none,     ///< nothing: each frame stands for itself, and only what its surface needs is stored
+  average,  ///< all: frames of several sensors, or of one that moves, make up one surface
 };
 
 struct VolumeConfig {
@@ -39,18 +29,6 @@ struct VolumeConfig {
   double chunk_m = 0;           ///< blocks are sorted by cubes of this edge; 0: all are one chunk
   History history = History::average;
   std::size_t most_blocks = std::size_t{1} << 18;  ///< bounds the memory; more surface is left out
-  int most_frames = 64;                            ///< remember: what lies longer back fades
-  int patience = 30;  ///< remember: blocks that no frame wanted for so many are freed
-};
-
-/// How a chunk's surface differs from what it was. `moved`: by more than noise. `refined`: not so,
-/// but it has been seen four times as often, or for another `most_frames`, since this was last
-/// said: a still chunk is worth being meshed again then, and no more often.
-struct ChunkChange {
-  Vec3i cube;  ///< in chunk_m
-  bool moved = false, refined = false;
-
-  friend bool operator==(const ChunkChange&, const ChunkChange&) = default;
 };
 
 /// The blocks of one chunk, as places in VoxelVolume::order().
@@ -96,22 +74,12 @@ class VoxelVolume {
   Vec3i chunk_of(Vec3i block) const;
   std::size_t memory_bytes() const;
 
-  /// History::remember: chunks that changed since this was last called, sorted by z, y, x.
-  std::vector<ChunkChange> take_changes();
-
  private:
   static constexpr std::uint32_t kSlab = 64;
   struct Slab {
     std::array<VoxelBlock, kSlab> blocks{};
   };
   using WeightSlab = std::array<VoxelBlock::Weights, kSlab>;
-  using ChangeByCube = std::map<Vec3i, bool, ByZyx>;  ///< whether it moved
-  struct BlockHistory {
-    std::uint32_t wanted_at = 0;  ///< frame
-    std::uint16_t frames = 0;     ///< since it last moved
-    bool fresh = true, moved = false, refined = false;
-    std::array<std::uint8_t, 64> row_age{};  ///< frames since it was wanted
-  };
 
   VoxelBlock& block(std::uint32_t slot) { return slabs_[slot / kSlab]->blocks[slot % kSlab]; }
   VoxelBlock::Weights& weights(std::uint32_t slot) {
@@ -123,24 +91,16 @@ class VoxelVolume {
   std::uint32_t new_slot(Vec3i block);
   void sort_blocks();
   void update_blocks();
-  int forget_rows(std::uint32_t slot);
-  void note_changes(std::span<const int> moved_voxels);
-  void note_chunks(std::uint32_t slot, bool moved, ChangeByCube& changes) const;
-  void free_idle_blocks();
 
   VolumeConfig config_;
   BlockDirectory directory_;
   std::vector<std::unique_ptr<Slab>> slabs_;
   std::vector<std::unique_ptr<WeightSlab>> weights_;  ///< of slabs_; none with History::none
-  std::vector<BlockHistory> history_;                 ///< [slots] History::remember
-  std::vector<std::uint32_t> free_slots_;
   std::size_t slots_ = 0;
   std::vector<std::uint32_t> order_;
   std::vector<ChunkBlocks> chunks_;
   std::vector<std::uint64_t> rows_;  ///< [slots] wanted by the last frame
-  ChangeByCube gone_;                ///< chunks that lost a block since take_changes()
-  std::uint32_t frame_ = 0;
-  FrameView view_;  ///< of the last frame; kept for its memory
+  FrameView view_;                   ///< of the last frame; kept for its memory
 };
 
 }  // namespace mr::fusion

@@ -12,6 +12,7 @@ namespace {
 constexpr int kCaptures = 15;            // in a row, before a place counts as empty
 constexpr double kLeastArea_m2 = 0.005;  // of places that touch each other
 constexpr double kTolerances = 3;        // so many times what may be one surface lies beyond
+constexpr int kAround_px = 2;            // of the other's view
 constexpr double kNear_voxels = 10;      // of a tile: what is one thing
 
 }  // namespace
@@ -35,7 +36,15 @@ bool EmptyPlaces::sees_past(const StillCover::SensorView& own, const StillCover:
     return false;
   const double tolerance_m = 2 * std::max(own.precision.sigma_m(z), other.precision.sigma_m(p.z)) +
                              2 * config_.calibration_error_m + config_.voxel_m / 2;
-  return *other.own.at(u, v) > p.z + kTolerances * tolerance_m;
+  // All around: beside a thing as thin as a chair's back everybody sees past it.
+  const int last_row = std::min(v + kAround_px, other.own.height - 1),
+            last_column = std::min(u + kAround_px, other.own.width - 1);
+  for (int row = std::max(v - kAround_px, 0); row <= last_row; ++row)
+    for (int column = std::max(u - kAround_px, 0); column <= last_column; ++column) {
+      const float beyond = *other.own.at(column, row);
+      if (beyond > 0 && beyond <= p.z + kTolerances * tolerance_m) return false;
+    }
+  return *other.own.at(u, v) > 0;
 }
 
 /// Brings one tile up to date; `samples`: pixels of its own sensor's view. Returns whether it is no

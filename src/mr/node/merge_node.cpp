@@ -24,6 +24,7 @@ constexpr double kReach_voxels = 48;  // three cells of the quality grid
 // in which the moving surface shows it, too), and how long the still surface waits for better
 // plates.
 constexpr std::uint64_t kPatience = 8, kRelabelEvery = 120;
+constexpr std::uint64_t kEmptyEvery = 15;  // ticks between removals of what was carried away
 
 /// How many triangles the children spent on the surface that stays. Cutting along overlaps adds
 /// many small ones; decimation counts from here.
@@ -276,7 +277,7 @@ Status MergeNode::label_still() {
   const std::uint64_t age = sequence_ - still.labelled_at;
   const bool more = blocks > still.blocks;
   const bool due =
-      !still.is_labelled || still.any_emptied ||
+      !still.is_labelled || (still.any_emptied && age >= kEmptyEvery) ||
       (still.withheld_until && sequence_ >= *still.withheld_until) ||
       (more && age >= std::clamp(still.labelled_at - still.made_at, kPatience, kRelabelEvery));
   if (!due) return {};
@@ -386,12 +387,14 @@ Status MergeNode::add_textures(const Gathered& gathered, Packet& packet) {
       if (corrected.sensor == source.sensor) source.T_world_depth = corrected.T_world_depth;
     if (is_root_) source.confirmed_depth = source.confirmed_color = {};
   }
-  if (is_root_ && !places_.views.empty())
-    return trace_.time("encode_atlas", [&] {
-      const float error_m = std::max(moving_->error_m, still_ ? still_->error_m : 0.0f);
-      return atlas_.compose({gathered, places_.views, places_.sources}, moving_->mesh,
-                            still_ ? &still_->mesh : nullptr, error_m, packet);
-    });
+  if (is_root_ && !places_.views.empty()) {
+    const RootAtlas::Tick tick{gathered, places_.views, places_.sources};
+    const Mesh* still = still_ ? &still_->mesh : nullptr;
+    const float error_m = std::max(moving_->error_m, still_ ? still_->error_m : 0.0f);
+    if (drawing_listener_) drawing_listener_({atlas_, tick, moving_->mesh, still, error_m});
+    return trace_.time("encode_atlas",
+                       [&] { return atlas_.compose(tick, moving_->mesh, still, error_m, packet); });
+  }
   packet.views = places_.views;
   packet.textures = gathered.units;
   return {};

@@ -75,6 +75,10 @@ class MergeNode {
   /// Whether the last merge found the inputs' geometry unchanged and kept its surface.
   bool reused() const { return reused_; }
 
+  /// Called in merge() of the root, before its pictures are drawn; for measuring.
+  using DrawingListener = std::function<void(const RootAtlas::Drawing& drawing)>;
+  void set_drawing_listener(DrawingListener listener) { drawing_listener_ = std::move(listener); }
+
   /// How much of the still surface the last merge of it had to look at.
   const CubeMerger& cubes() const { return cubes_; }
 
@@ -153,6 +157,7 @@ class MergeNode {
   std::mutex wishes_mutex_;
   std::set<std::uint32_t> key_frame_wishes_;
   std::uint64_t sequence_ = 0;
+  DrawingListener drawing_listener_;
   double zipper_ms_ = 0;  ///< what closing all gaps took last; for merger.budget_ms
   bool hurried_ = false;  ///< some gaps were left open
   double triangles_ = 0;  ///< that the children spent on what stays, when all was merged last

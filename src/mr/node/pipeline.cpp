@@ -51,6 +51,10 @@ void Pipeline::skip(std::uint64_t frames) {
   for (const auto& source : sources_) source->skip(frames);
 }
 
+void Pipeline::ask_key_frames(std::vector<std::uint32_t> streams) {
+  ask(mergers_.back()->id(), {std::move(streams), {}, {}});
+}
+
 std::optional<Mesh> Pipeline::surface() const { return mergers_.back()->surface(); }
 
 /// A node's answer to a request; empty when it has none.
@@ -153,6 +157,8 @@ void Pipeline::show(const std::vector<std::byte>& bytes, Measured& measured) {
   measured.mesh_bytes += bytes.size() - texture;
   CaptureCost& cost = measured.cost;
   cost.shown = true, cost.texture_bytes = texture;
+  for (const TextureUnit& unit : packet->textures)
+    if (unit.stream == RootAtlas::kPlateStream) cost.plate_bytes += unit.data.size();
   for (const EncodedChunk& chunk : packet->chunks) cost.mesh_bytes += chunk.payload.size();
   cost.head_bytes = bytes.size() - texture - cost.mesh_bytes;
   cost.key_frame = std::ranges::any_of(packet->textures, &TextureUnit::key_frame);
@@ -166,6 +172,15 @@ void Pipeline::show(const std::vector<std::byte>& bytes, Measured& measured) {
 
 std::vector<std::byte> Pipeline::last_packet() const {
   return last_packet_ ? codec::encode_packet(*last_packet_) : std::vector<std::byte>{};
+}
+
+std::vector<std::byte> Pipeline::last_mesh() const {
+  if (!last_packet_) return {};
+  Packet packet = *last_packet_;
+  packet.textures.clear(), packet.chunks.clear();
+  for (const ChunkKey& key : packet.manifest)
+    if (const auto chunk = mergers_.back()->find(key)) packet.chunks.push_back(*chunk);
+  return codec::encode_packet(packet);
 }
 
 /// Every sensor, then every merger, children before parents.
@@ -240,6 +255,9 @@ Result<RunReport> Pipeline::run(int frames, const RunListener& listener) {
 
   Measured measured;
   measured.listener = &listener;
+  if (listener.drawing)
+    mergers_.back()->set_drawing_listener(
+        [&](const RootAtlas::Drawing& drawing) { listener.drawing(measured.frame, drawing); });
   const auto start = Clock::now();
   std::vector<std::optional<Frame>> captured;
   for (measured.frame = 0; measured.frame < frames && capture(captured); ++measured.frame)
@@ -247,6 +265,7 @@ Result<RunReport> Pipeline::run(int frames, const RunListener& listener) {
       if (listener.progress) listener.progress(measured.frame, frames, node);
     });
   drops_.set_listener({});
+  mergers_.back()->set_drawing_listener({});
   for (const auto& merger : mergers_) merger->inputs().set_drop_listener({});
   if (!measured.any_surface)
     return Error{Error::Cause::empty, "scene '" + scene_->id +

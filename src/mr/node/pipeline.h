@@ -26,6 +26,7 @@ struct CaptureCost {
   bool shown = false;  ///< it reached the client
   // What the root sent to the client:
   std::uint64_t mesh_bytes = 0;                   ///< payloads of chunks
+  std::uint64_t plate_bytes = 0;                  ///< of texture_bytes, those of plates
   std::uint64_t texture_bytes = 0;                ///< access units
   std::uint64_t head_bytes = 0;                   ///< the rest of the packet
   bool key_frame = false;                         ///< some picture is coded for itself
@@ -41,6 +42,8 @@ struct RunListener {
   /// Bytes of one capture that went to the client; mesh: all of a packet but its pictures.
   std::function<void(int frame, std::uint64_t mesh_bytes, std::uint64_t texture_bytes)> sent{};
   std::function<void(int frame, const CaptureCost& cost)> captured{};  ///< once all is done
+  /// What the root is about to draw.
+  std::function<void(int frame, const RootAtlas::Drawing& drawing)> drawing{};
 };
 
 /// The whole scene in one process, in lockstep: every frame goes through every sensor node, every
@@ -57,6 +60,9 @@ class Pipeline {
   /// Goes on as if so many more frames had been captured; cheap.
   void skip(std::uint64_t frames);
 
+  /// The next capture has key frames of some of the root's streams, as if a client had asked.
+  void ask_key_frames(std::vector<std::uint32_t> streams);
+
   /// Runs until `frames` were captured or all sources ended. empty: no frame reached the client.
   Result<RunReport> run(int frames, const RunListener& listener = {});
 
@@ -64,6 +70,8 @@ class Pipeline {
   const std::optional<DecodedScene>& decoded() const { return decoded_; }
   /// The root's newest packet, in bytes that can be read without any other; empty before the first.
   std::vector<std::byte> last_packet() const;
+  /// The same without pictures, but with the payloads of all its chunks.
+  std::vector<std::byte> last_mesh() const;
   /// The root's newest merged surface, labelled, before coding; nothing before the first.
   std::optional<Mesh> surface() const;
   const Scene& scene() const { return *scene_; }

@@ -135,6 +135,11 @@ void RootAtlas::update_plates(const Tick& tick, const Mesh& moving) {
   plates_changed_ |= std::ranges::find(changed, 1) != changed.end();
 }
 
+void RootAtlas::recall(Memory memory) {
+  plates_ = std::move(memory.plates), balance_ = std::move(memory.balance);
+  plates_changed_ = true;
+}
+
 std::map<ViewId, TileMask> RootAtlas::valid() const {
   std::map<ViewId, TileMask> out;
   for (const auto& [view, plate] : plates_) out[view] = plate.valid();

@@ -33,6 +33,21 @@ class RootAtlas {
     const std::vector<SourceInfo>& sources;
   };
 
+  /// What is kept from tick to tick, but for how far the streams are.
+  struct Memory {
+    std::map<ViewId, atlas::Plate> plates;
+    atlas::ColorBalance balance;
+  };
+
+  /// All that the pictures of one tick follow from, beside the streams' own past.
+  struct Drawing {
+    const RootAtlas& atlas;  ///< its plates are up to date
+    Tick tick;
+    const Mesh& moving;
+    const Mesh* still;  ///< null: there is none
+    float error_m;
+  };
+
   /// The scene must outlive this.
   explicit RootAtlas(const Scene& scene);
 
@@ -44,6 +59,10 @@ class RootAtlas {
   std::map<ViewId, TileMask> valid() const;
   /// How many of them, of all views.
   std::size_t valid_blocks() const;
+
+  Memory memory() const { return {plates_, balance_}; }
+  /// Goes on from what another one kept.
+  void recall(Memory memory);
 
   /// Adds views and texture units to a packet. `moving`, and `still` where there is one: what they
   /// texture, labelled; `error_m`: of their geometry.

@@ -29,7 +29,7 @@ fusion::VolumeConfig volume_config(const Scene& scene) {
           .truncation_m = scene.fusion.truncation_m,
           .bounds = scene.volume,
           .chunk_m = scene.fusion.chunk_m,
-          .history = scene.fusion.memory ? fusion::History::remember : fusion::History::none};
+          .history = fusion::History::none};
 }
 
 /// Of some rectangles, as much as holds measurements.

@@ -161,8 +161,8 @@ Result<StillChunk> StillSurface::decimate(const Labelled& all, std::uint32_t chu
   for (int ring = 0; ring < kRingsAround; ++ring) {
     const std::size_t known = near.positions.size();
     std::erase_if(around, [&](std::uint32_t t) {
-      const bool touches = std::ranges::any_of(
-          mesh.triangles[t], [&](std::uint32_t v) { return index[v] < known; });
+      const bool touches =
+          std::ranges::any_of(mesh.triangles[t], [&](std::uint32_t v) { return index[v] < known; });
       if (touches) add(t);
       return touches;
     });

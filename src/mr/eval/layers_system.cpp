@@ -1,0 +1,236 @@
+#include <algorithm>
+#include <cmath>
+#include <cstring>
+#include <map>
+#include <optional>
+#include <span>
+#include <utility>
+
+#include "mr/codec/packet_codec.h"
+#include "mr/codec/receiver.h"
+#include "mr/eval/system_parts.h"
+#include "mr/kit/video.h"
+#include "mr/node/pipeline.h"
+
+namespace mr::eval {
+namespace {
+
+using Bytes = baseline::Bytes;
+
+Bytes bytes_of(const std::vector<double>& values) {
+  const auto bytes = std::as_bytes(std::span(values));
+  return {bytes.begin(), bytes.end()};
+}
+
+std::vector<double> values_from(const Bytes& bytes) {
+  std::vector<double> out(bytes.size() / sizeof(double));
+  if (!out.empty()) std::memcpy(out.data(), bytes.data(), out.size() * sizeof(double));
+  return out;
+}
+
+/// MeshReduce with layers, which remembers: each geometry setting is run once through all moments
+/// from the warm-up on, and what the root's pictures are drawn from is noted on the way, so that
+/// every texture setting is drawn and coded from it.
+///
+/// A coded geometry is the whole mesh of the last capture, and what each capture of the second
+/// before cost. A coded texture are the burst's packets without geometry.
+class LayersSystem final : public System {
+ public:
+  LayersSystem(std::filesystem::path folder, const Scene& scene, const SystemConfig& config)
+      : System(std::move(folder)), scene_(scene), config_(config) {}
+  std::string name() const override { return "MeshReduce"; }
+
+ private:
+  /// What the root draws one capture from.
+  struct DrawnFrom {
+    node::Gathered gathered;
+    std::vector<View> views;
+    std::vector<SourceInfo> sources;
+    Mesh moving;
+    std::optional<Mesh> still;
+    float error_m = 0;
+  };
+  struct Inputs {
+    std::vector<DrawnFrom> burst;
+    node::RootAtlas::Memory memory;  ///< at the burst's first capture
+    bool all_settings = false;       ///< `moving` holds what moves in every setting
+  };
+  using Coded = std::vector<Bytes>;
+
+  GeometrySetting first_setting() const {
+    return config_.mask_for.empty() ? geometry_setting(scene_) : config_.mask_for.front();
+  }
+
+  Scene geometry_only(const GeometrySetting& setting) const {
+    Scene scene = with(scene_, setting);
+    scene.coding.texture_scale = 0.125;  // pictures are coded apart
+    return scene;
+  }
+
+  // -------------------------------------------------- running
+
+  void note_inputs(int capture, const node::RootAtlas::Drawing& drawing) {
+    const Moments& moments = config_.moments;
+    for (std::size_t m = 0; m < moments.first.size(); ++m) {
+      const int shown = moments.shown(m) + moments.later(), place = capture - shown;
+      if (place > 0 || place <= -moments.burst) continue;
+      Inputs& in = inputs_[m];
+      if (in.burst.empty()) in.memory = drawing.atlas.memory();
+      in.burst.push_back(
+          {drawing.tick.gathered, drawing.tick.views, drawing.tick.sources, drawing.moving,
+           drawing.still ? std::optional(*drawing.still) : std::nullopt, drawing.error_m});
+    }
+  }
+
+  /// Runs the pipeline through all moments and keeps what each is.
+  Status run(const GeometrySetting& setting) {
+    auto pipeline = node::Pipeline::open(geometry_only(setting), config_.rig_cache);
+    if (!pipeline) return pipeline.error();
+    const Moments& moments = config_.moments;
+    const int second = std::max(moments.burst, static_cast<int>(std::lround(scene_.fps)));
+    const bool note = setting == first_setting();
+    if (note) inputs_.clear();
+    int at = moments.fed_from(), begun = at;  // the next capture; the run's first
+    std::vector<double> bytes;                // of each since the last moment
+    node::RunListener listener;
+    listener.captured = [&](int, const node::CaptureCost& cost) {
+      bytes.push_back(static_cast<double>(cost.mesh_bytes + cost.head_bytes));
+    };
+    if (note)
+      listener.drawing = [&](int i, const node::RootAtlas::Drawing& drawing) {
+        note_inputs(begun + i, drawing);
+      };
+    (*pipeline)->skip(static_cast<std::uint64_t>(at));
+    for (std::size_t m = 0; m < moments.first.size(); ++m) {
+      const int end = moments.shown(m) + moments.later() + 1;
+      if (const int most = moments.warm_up + moments.burst; m > 0 && end - at > most) {
+        (*pipeline)->skip(static_cast<std::uint64_t>(end - at - most));
+        at = end - most;
+      }
+      bytes.clear(), begun = at;
+      if (const auto ran = (*pipeline)->run(end - at, listener); !ran) return ran.error();
+      at = end;
+      if (static_cast<int>(bytes.size()) > second) bytes.erase(bytes.begin(), bytes.end() - second);
+      coded_[{setting, m}] = {(*pipeline)->last_mesh(), bytes_of(bytes)};
+    }
+    return {};
+  }
+
+  // -------------------------------------------------- geometry
+
+  Result<Coded> encode(const GeometrySetting& setting, std::size_t moment) override {
+    if (!coded_.contains({setting, moment}))
+      if (const Status ran = run(setting); !ran) return ran.error();
+    return coded_.at({setting, moment});
+  }
+
+  Result<baseline::Geometry> decode(const GeometrySetting& setting, const Coded& coded) override {
+    auto packet = codec::decode_packet(coded.front());
+    if (!packet) return packet.error();
+    codec::Receiver receiver(with(scene_, setting).lattice);
+    if (const auto wrong = receiver.accept(*packet); !wrong.empty()) return wrong.front();
+    auto chunks = receiver.mesh();
+    if (!chunks) return Error{Error::Cause::empty, "a coded mesh is not whole"};
+    return baseline::Geometry{*std::move(chunks), packet->views, packet->sources};
+  }
+
+  Cost geometry_cost(const Coded& coded) const override {
+    return {values_from(coded.at(1)), true, static_cast<double>(coded.at(0).size())};
+  }
+
+  // -------------------------------------------------- texture
+
+  /// The textures hold what is used by what moves in any setting, as they are coded apart from it.
+  Result<const Inputs*> inputs(std::size_t moment) {
+    if (!inputs_.contains(moment))
+      if (const Status ran = run(first_setting()); !ran) return ran.error();
+    const auto found = inputs_.find(moment);
+    if (found == inputs_.end() || found->second.burst.empty())
+      return Error{Error::Cause::empty, "scene '" + scene_.id + "' has no colour"};
+    Inputs& in = found->second;
+    if (std::exchange(in.all_settings, true)) return &in;
+    for (const GeometrySetting& setting : config_.mask_for) {
+      if (setting == first_setting()) continue;
+      const auto surface = geometry(setting, moment);
+      if (!surface) return surface.error();
+      for (const auto& chunk : surface->decoded.chunks)
+        if (chunk->key.id.layer == Layer::moving)
+          for (DrawnFrom& from : in.burst) append(from.moving, chunk->mesh);
+    }
+    return &in;
+  }
+
+  Result<Coded> encode(const TextureSetting& setting, std::size_t moment) override {
+    const auto in = inputs(moment);
+    if (!in) return in.error();
+    const Scene scene = with(scene_, setting);
+    node::RootAtlas atlas(scene);
+    atlas.recall((*in)->memory);
+    Coded out;
+    for (const DrawnFrom& from : (*in)->burst) {
+      const node::RootAtlas::Tick tick{from.gathered, from.views, from.sources};
+      if (!out.empty()) atlas.update_plates(tick, from.moving);
+      Packet packet;
+      packet.scene = scene.id, packet.node = scene.mergers.back().id;
+      packet.sequence = out.size(), packet.captured_at = from.gathered.tick;
+      packet.plan.texture_scale = static_cast<float>(setting.scale);
+      packet.plan.texture_qp = setting.qp;
+      const Status drawn = atlas.compose(tick, from.moving, from.still ? &*from.still : nullptr,
+                                         from.error_m, packet);
+      if (!drawn) return drawn.error();
+      out.push_back(codec::encode_packet(packet));
+    }
+    return out;
+  }
+
+  Result<baseline::Texture> decode(const TextureSetting&, std::size_t,
+                                   const Coded& coded) override {
+    std::map<std::uint32_t, kit::VideoDecoder> decoders;
+    baseline::Texture out;
+    for (const Bytes& bytes : coded) {
+      const auto packet = codec::decode_packet(bytes);
+      if (!packet) return packet.error();
+      out.views = packet->views;
+      for (const TextureUnit& unit : packet->textures) {
+        if (!decoders.contains(unit.stream)) {
+          auto decoder = kit::VideoDecoder::create();
+          if (!decoder) return decoder.error();
+          decoders.emplace(unit.stream, *std::move(decoder));
+        }
+        auto picture = decoders.at(unit.stream).decode(unit.data);
+        if (!picture) return picture.error();
+        out.pictures[unit.stream] = std::make_shared<const ImageRgb>(*std::move(picture));
+      }
+    }
+    return out;
+  }
+
+  /// The plates' key frames are part of a refresh.
+  Cost texture_cost(const Coded& coded) const override {
+    Cost out;
+    for (const Bytes& bytes : coded) {
+      const auto packet = codec::decode_packet(bytes);
+      double& sum = out.bytes.emplace_back(0);
+      if (!packet) continue;
+      for (const TextureUnit& unit : packet->textures) {
+        const bool refresh = out.bytes.size() == 1 && unit.stream == node::RootAtlas::kPlateStream;
+        (refresh ? out.refresh_bytes : sum) += static_cast<double>(unit.data.size());
+      }
+    }
+    return out;
+  }
+
+  Scene scene_;
+  SystemConfig config_;
+  std::map<std::size_t, Inputs> inputs_;  ///< by moment
+  std::map<std::pair<GeometrySetting, std::size_t>, Coded> coded_;
+};
+
+}  // namespace
+
+std::unique_ptr<System> make_layers_system(std::filesystem::path folder, const Scene& scene,
+                                           const SystemConfig& config) {
+  return std::make_unique<LayersSystem>(std::move(folder), scene, config);
+}
+
+}  // namespace mr::eval

@@ -1,0 +1,302 @@
+#include "mr/eval/still_error.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <cstdlib>
+#include <nlohmann/json.hpp>
+#include <utility>
+
+#include "mr/core/parallel.h"
+#include "mr/eval/captured.h"
+#include "mr/eval/draw.h"
+#include "mr/eval/reference.h"
+#include "mr/kit/raycast.h"
+#include "mr/node/pipeline.h"
+#include "mr/synth/truth.h"
+
+namespace mr::eval {
+namespace {
+
+constexpr int kLookEvery = 10;  // captures: how often it is looked what sensors see
+
+/// A capture that reached the client.
+struct ShownCapture {
+  int capture = 0;
+  bool key_frame = false;
+  DecodedScene scene;
+};
+
+/// What a client had of the last captures, oldest first.
+struct ShownRun {
+  std::vector<ShownCapture> last;
+  int first = -1;  ///< the first capture that was shown
+};
+
+/// Runs a scene up to its `end`-th capture and keeps the last ones.
+Result<ShownRun> run_and_keep(const Scene& scene, int end, int kept,
+                              const StillErrorConfig& config) {
+  auto pipeline = node::Pipeline::open(scene, config.rig_cache);
+  if (!pipeline) return pipeline.error();
+  ShownRun out;
+  int offset = 0;  // of the listener's numbers
+  std::optional<DecodedScene> shown;
+  node::RunListener listener;
+  listener.dropped = config.notice;
+  listener.shown = [&](int, const DecodedScene& decoded) { shown = decoded; };
+  listener.captured = [&](int i, const node::CaptureCost& cost) {
+    const int capture = offset + i;
+    if (config.progress) config.progress("stream", capture, end);
+    if (!cost.shown) return;
+    if (out.first < 0) out.first = capture;
+    if (capture >= end - kept) out.last.push_back({capture, cost.key_frame, *std::move(shown)});
+  };
+  if (!scene.still.layers && end > kept + 1) {
+    // It remembers nothing: its first capture tells when it begins, the last ones the rest.
+    if (const auto begun = (*pipeline)->run(1, listener); !begun) return begun.error();
+    offset = end - kept;
+    (*pipeline)->skip(static_cast<std::uint64_t>(offset) - 1);
+  }
+  if (const auto ran = (*pipeline)->run(end - offset, listener); !ran) return ran.error();
+  if (out.last.empty())
+    return Error{Error::Cause::empty, fmt::format("scene '{}' has no capture {}", scene.id, end)};
+  return out;
+}
+
+Mesh shown_mesh(const DecodedScene& scene, bool only_still) {
+  Mesh out;
+  for (const auto& chunk : scene.chunks)
+    if (!only_still || chunk->key.id.layer == Layer::still) append(out, chunk->mesh);
+  return out;
+}
+
+Mesh truth_at(synth::Truth& truth, const Scene& scene, int capture) {
+  return truth.surface(static_cast<std::uint64_t>(truth_frame(scene, capture))).mesh;
+}
+
+// -------------------------------------------------- pictures
+
+using Same = std::vector<bool>;  // [H·W]
+
+/// For each pair of captures, where the truth is covered and the same in both.
+std::vector<Same> unchanged_truth(synth::TruthView& view, const Scene& scene,
+                                  const std::vector<ShownCapture>& shown) {
+  const auto at = [&](const ShownCapture& one) {
+    return view.at(static_cast<std::uint64_t>(truth_frame(scene, one.capture)));
+  };
+  std::vector<Same> out;
+  synth::TruthPicture before = at(shown.front());
+  for (std::size_t i = 1; i < shown.size(); ++i) {
+    synth::TruthPicture now = at(shown[i]);
+    Same& same = out.emplace_back(now.depth.data.size());
+    for (std::size_t p = 0; p < same.size(); ++p)
+      same[p] =
+          now.depth.data[p] > 0 && now.depth.data[p] == before.depth.data[p] &&
+          std::equal(&now.color.data[3 * p], &now.color.data[3 * p] + 3, &before.color.data[3 * p]);
+    before = std::move(now);
+  }
+  return out;
+}
+
+struct ChangedPixels {
+  std::uint64_t changed = 0, all = 0;
+};
+
+void count_changed(const Drawn& before, const Drawn& now, const Same& same, int level,
+                   ChangedPixels& out) {
+  for (std::size_t p = 0; p < same.size(); ++p) {
+    if (!same[p] || !(before.covered.data[p] | now.covered.data[p])) continue;
+    int most = 0;
+    for (std::size_t c = 3 * p; c < 3 * p + 3; ++c)
+      most = std::max(most, std::abs(now.color.data[c] - before.color.data[c]));
+    ++out.all;
+    out.changed += most > level;
+  }
+}
+
+/// Draws all captures from all viewpoints and compares each with the one before.
+Status compare_pictures(const Scene& scene, synth::Truth& truth,
+                        const std::vector<render::Viewpoint>& views,
+                        const std::vector<ShownCapture>& shown, const StillErrorConfig& config,
+                        StillError& out) {
+  const auto tell = [&](const char* step, std::size_t done, std::size_t of) {
+    if (config.progress) config.progress(step, done, of);
+  };
+  std::vector<std::vector<Same>> same;  // [views][pairs]
+  for (const render::Viewpoint& view : views) {
+    tell("truth", same.size(), views.size());
+    same.push_back(unchanged_truth(*truth.view(view.camera, view.T_world_camera), scene, shown));
+  }
+  auto renderer = render::Renderer::create();
+  if (!renderer) return renderer.error();
+  std::vector<Drawn> before(views.size());
+  ChangedPixels pixels;
+  for (std::size_t i = 0; i < shown.size(); ++i) {
+    tell("compare", i, shown.size());
+    const bool counts =
+        i > 0 && !shown[i].key_frame && shown[i].capture == shown[i - 1].capture + 1;
+    out.pairs += counts;
+    for (std::size_t v = 0; v < views.size(); ++v) {
+      auto now = draw_scene(*renderer, shown[i].scene, views[v]);
+      if (!now) return now.error();
+      if (counts) count_changed(before[v], *now, same[v][i - 1], config.level, pixels);
+      before[v] = *std::move(now);
+    }
+  }
+  out.changed_ratio =
+      pixels.all > 0 ? static_cast<double>(pixels.changed) / static_cast<double>(pixels.all) : 0;
+  return {};
+}
+
+// -------------------------------------------------- surfaces
+
+/// Samples of the truth that stays, by when sensors saw them.
+struct SeenTruth {
+  std::vector<SurfaceSample> lately;  ///< within the last seconds
+  std::vector<std::uint8_t> now;      ///< [lately]
+};
+
+SeenTruth seen_truth(const Scene& scene, synth::Truth& truth, int now, int oldest,
+                     const StillErrorConfig& config) {
+  const Mesh surface = truth_at(truth, scene, now);
+  const auto still = still_triangles(surface, truth_at(truth, scene, oldest));
+  std::vector<SurfaceSample> left = sample_surface(surface, config.samples, 1);
+  const auto captured = captured_part(scene);
+  std::erase_if(left, [&](const SurfaceSample& sample) {
+    return !still[sample.triangle] || std::ranges::any_of(captured, [&](const HalfSpace& space) {
+      return dot(space.normal, vec_cast<double>(sample.position)) < space.least_m;
+    });
+  });
+  const std::vector<Eyes> eyes = true_eyes(scene);
+  SeenTruth out;
+  for (int capture = now; capture >= oldest && !left.empty(); capture -= kLookEvery) {
+    if (config.progress) config.progress("seen", now - capture, now - oldest + 1);
+    const auto seen = seen_samples(truth_at(truth, scene, capture), left, eyes, scene.voxel_m);
+    std::vector<SurfaceSample> unseen;
+    for (std::size_t i = 0; i < left.size(); ++i)
+      if (seen[i])
+        out.lately.push_back(left[i]), out.now.push_back(capture == now);
+      else
+        unseen.push_back(left[i]);
+    left = std::move(unseen);
+  }
+  return out;
+}
+
+void find_missing(const SeenTruth& seen, const Mesh& shown, double voxel_m, StillError& out) {
+  const Mesh* meshes[] = {&shown};
+  const kit::RayScene rays(meshes);
+  std::vector<std::uint8_t> missing(seen.lately.size());
+  parallel_for(missing.size(), 256, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t i = begin; i < end; ++i)
+      missing[i] = !rays.nearest(seen.lately[i].position, static_cast<float>(voxel_m));
+  });
+  double all = 0, hidden = 0, hidden_missing = 0;
+  for (std::size_t i = 0; i < missing.size(); ++i) {
+    all += missing[i];
+    hidden += !seen.now[i], hidden_missing += !seen.now[i] && missing[i];
+  }
+  const auto count = static_cast<double>(missing.size());
+  if (count > 0) out.hidden_missing = all / count, out.hidden_ratio = hidden / count;
+  if (hidden > 0) out.hidden_now_missing = hidden_missing / hidden;
+}
+
+double still_rounded(double value) { return std::round(value * 1e7) / 1e7; }
+
+}  // namespace
+
+std::vector<std::uint8_t> still_triangles(const Mesh& surface, const Mesh& other) {
+  std::vector<std::uint8_t> out(surface.triangles.size());
+  const std::size_t common = std::min(out.size(), other.triangles.size());
+  for (std::size_t t = 0; t < common; ++t) {
+    out[t] = surface.triangles[t] == other.triangles[t];
+    for (int i = 0; i < 3 && out[t]; ++i) out[t] = surface.corner(t, i) == other.corner(t, i);
+  }
+  return out;
+}
+
+Result<StillError> still_error(const Scene& scene, const std::vector<render::Viewpoint>& views,
+                               const StillErrorConfig& config) {
+  const RigConfig* rig = known_rig(scene);
+  if (!rig) return no_truth(scene);
+  const int end = config.captures + config.pairs;
+  const auto run = run_and_keep(scene, end, config.pairs + 1, config);
+  if (!run) return run.error();
+  const ShownCapture& newest = run->last.back();
+  Scene without = scene;
+  without.still.layers = false;
+  std::optional<Result<ShownRun>> anew;
+  if (scene.still.layers) {
+    StillErrorConfig quiet = config;
+    quiet.progress = {};
+    anew.emplace(run_and_keep(without, newest.capture + 1, 1, quiet));
+    if (!*anew) return anew->error();
+  }
+
+  StillError out;
+  out.scene = scene.id, out.layers = scene.still.layers;
+  out.captures = config.captures, out.views = static_cast<int>(views.size());
+  out.first_s = run->first / scene.fps;
+  synth::Truth truth(*rig, scene.fps);
+  if (const Status compared = compare_pictures(scene, truth, views, run->last, config, out);
+      !compared)
+    return compared.error();
+
+  const Mesh surface = truth_at(truth, scene, newest.capture);
+  const auto still =
+      still_triangles(surface, truth_at(truth, scene, std::max(newest.capture - 1, 0)));
+  const auto to_walls = [&](const Mesh& mesh) {
+    return distance_to_marked(mesh, surface, still, config.samples, 1);
+  };
+  out.wall = to_walls(shown_mesh(newest.scene, scene.still.layers));
+  out.wall_anew = anew ? to_walls(shown_mesh((**anew).last.back().scene, false)) : out.wall;
+
+  const int oldest =
+      std::max(0, newest.capture - static_cast<int>(std::lround(config.seen_s * scene.fps)) + 1);
+  find_missing(seen_truth(scene, truth, newest.capture, oldest, config),
+               shown_mesh(newest.scene, false), scene.voxel_m, out);
+  return out;
+}
+
+std::string to_json(const StillError& e) {
+  const nlohmann::ordered_json out{{"scene", e.scene},
+                                   {"layers", e.layers},
+                                   {"captures", e.captures},
+                                   {"views", e.views},
+                                   {"pairs", e.pairs},
+                                   {"changed_ratio", still_rounded(e.changed_ratio)},
+                                   {"wall_rms_mm", still_rounded(e.wall.rms_mm)},
+                                   {"wall_p95_mm", still_rounded(e.wall.p95_mm)},
+                                   {"everything",
+                                    {{"wall_rms_mm", still_rounded(e.wall_anew.rms_mm)},
+                                     {"wall_p95_mm", still_rounded(e.wall_anew.p95_mm)}}},
+                                   {"hidden_missing", still_rounded(e.hidden_missing)},
+                                   {"hidden_now",
+                                    {{"ratio", still_rounded(e.hidden_ratio)},
+                                     {"missing", still_rounded(e.hidden_now_missing)}}},
+                                   {"first_s", still_rounded(e.first_s)}};
+  return out.dump(2) + "\n";
+}
+
+std::string to_text(const StillError& e) {
+  std::string out =
+      fmt::format("{}, {}, after {} captures\n", e.scene,
+                  e.layers ? "with layers" : "made anew with every capture", e.captures);
+  const auto line = [&](const char* name, const std::string& value) {
+    out += fmt::format("  {:<34} {}\n", name, value);
+  };
+  line("still pixels that change", fmt::format("{:.4f} % between captures, {} pairs from {} views",
+                                               100 * e.changed_ratio, e.pairs, e.views));
+  line("still surface to the truth",
+       fmt::format("{:.2f} mm RMS, {:.2f} mm 95 %", e.wall.rms_mm, e.wall.p95_mm));
+  line("  of one capture without layers",
+       fmt::format("{:.2f} mm RMS, {:.2f} mm 95 %", e.wall_anew.rms_mm, e.wall_anew.p95_mm));
+  line("seen lately, missing now", fmt::format("{:.3f} %", 100 * e.hidden_missing));
+  line("  of the part that is hidden now",
+       fmt::format("{:.3f} % of {:.2f} %", 100 * e.hidden_now_missing, 100 * e.hidden_ratio));
+  line("first shown after", fmt::format("{:.3f} s", e.first_s));
+  return out;
+}
+
+}  // namespace mr::eval

@@ -1,0 +1,57 @@
+#pragma once
+
+#include <filesystem>
+#include <functional>
+#include <string>
+#include <vector>
+
+#include "mr/core/result.h"
+#include "mr/core/scene.h"
+#include "mr/eval/geometry_error.h"
+#include "mr/render/renderer.h"
+
+namespace mr::eval {
+
+/// How the still surface of a synthetic scene is measured (DESIGN section 9).
+struct StillErrorConfig {
+  int captures = 100;  ///< that go before; a pipeline that remembers nothing skips them
+  int pairs = 10;      ///< of consecutive captures whose pictures are compared
+  int level = 16;      ///< of 255: a pixel changes where a channel changes by more
+  double seen_s = 10;  ///< how long ago hidden surface may have been seen
+  int samples = 200'000;
+  std::filesystem::path rig_cache;
+  std::function<void(const std::string& step, std::size_t done, std::size_t of)> progress{};
+  std::function<void(const std::string& message)> notice{};  ///< one line
+};
+
+/// `eval still` (DESIGN section 7).
+struct StillError {
+  std::string scene;
+  bool layers = false;
+  int captures = 0, pairs = 0, views = 0;  ///< pairs: that were compared
+  /// Share of the covered pixels that change between two consecutively shown captures although
+  /// their truth does not.
+  double changed_ratio = 0;
+  /// From the still surface as shown (without layers: from all that is shown) to the noiseless
+  /// truth, where the nearest truth does not move; `anew`: the same of one capture without layers.
+  SurfaceDistance wall, wall_anew;
+  /// Share of the still truth that some sensor saw within `seen_s` with nothing within a voxel now.
+  double hidden_missing = 0;
+  double hidden_ratio = 0;        ///< share of that truth which no sensor sees now
+  double hidden_now_missing = 0;  ///< what is missing of that share
+  double first_s = 0;             ///< when the first capture was shown
+};
+
+/// Runs the scene, which must be prepared, and draws what a client has from the viewpoints.
+/// unsupported: its truth is not known.
+Result<StillError> still_error(const Scene& scene, const std::vector<render::Viewpoint>& views,
+                               const StillErrorConfig& config);
+
+/// For each triangle of a truth's surface whether it is the same in another frame's: people and
+/// what they carry come last in both.
+std::vector<std::uint8_t> still_triangles(const Mesh& surface, const Mesh& other);
+
+std::string to_json(const StillError& error);
+std::string to_text(const StillError& error);
+
+}  // namespace mr::eval
