@@ -96,9 +96,9 @@ struct Spot {
   std::uint32_t triangle = 0;
 };
 
-/// Points spread over a surface, each for 25 cm².
+/// Points spread over a surface, each for 80 cm².
 inline std::vector<Spot> spots(const Mesh& mesh) {
-  constexpr double kEach_m2 = 0.0025, kGolden = 0.7548776662466927, kOther = 0.5698402909980532;
+  constexpr double kEach_m2 = 0.008, kGolden = 0.7548776662466927, kOther = 0.5698402909980532;
   std::vector<Spot> out;
   double due = 0.5;
   for (std::uint32_t t = 0; t < mesh.triangles.size(); ++t) {
