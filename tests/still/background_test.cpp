@@ -2,6 +2,8 @@
 
 #include <gtest/gtest.h>
 
+#include <limits>
+
 #include "still/room.h"
 
 namespace mr {
@@ -242,6 +244,34 @@ TEST(Background, SingleFlipsAtDepthEdgesDoNothing) {
     EXPECT_LT(share(moment.moving, kAll), 0.001);
   }
   EXPECT_LE(changes, 4);  // of 25 chances; regions are smallest in a picture as small as this
+}
+
+TEST(Background, DepthThatIsNoDistanceSaysNothing) {
+  Room room;
+  Background background = Room::background();
+  const float impossible[] = {std::numeric_limits<float>::infinity(),
+                              std::numeric_limits<float>::quiet_NaN(), -1, 1e30f};
+  for (int i = 0; i < 60; ++i) {
+    ImageDepth depth = room.capture();
+    for (int x = 0; x < Room::kWidth; ++x) *depth.at(x, x % 60) = impossible[x % 4];
+    background.update(depth);
+  }
+  for (int x = 0; x < Room::kWidth; ++x) EXPECT_EQ(*background.still().at(x, x % 60), 0);
+  EXPECT_GT(share_at(background.still(), {0, 60, Room::kWidth, 60}, 3), 0.99);
+}
+
+TEST(Background, WhatStopsAgainAndAgainIsAbsorbedEachTime) {
+  Room room;
+  Background background = Room::background(1);
+  watch(background, room, 60);
+  for (int time = 0; time < 5; ++time) {
+    room.boxes = {{kPerson, 2}};
+    watch(background, room, 120);
+    EXPECT_GT(share_at(background.still(), kPerson, 2), 0.98) << time;
+    room.boxes.clear();
+    watch(background, room, 40);
+    EXPECT_GT(share_at(background.still(), kPerson, 3), 0.98) << time;
+  }
 }
 
 TEST(Background, SameCapturesGiveTheSameOnAnyNumberOfThreads) {

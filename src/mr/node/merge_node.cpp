@@ -198,7 +198,7 @@ Status MergeNode::merge_still(const Gathered& gathered, std::vector<DecodedScene
   Parts parts = parts_of(scenes, Layer::still);
   correct(gathered, true, parts);
   const auto join_some = [&](const Parts& some, bool all) {
-    return join(some, all, still_quality_, {});
+    return join(some, all, still_joining_, {});
   };
   // Corrections of poses (merge.refine) concern all that an input has.
   const bool whole = scene_->merge.refine || scene_->merge.leave_out_mm > 0;
@@ -208,7 +208,8 @@ Status MergeNode::merge_still(const Gathered& gathered, std::vector<DecodedScene
   Still made;
   made.scenes = std::move(scenes), made.error_m = largest_error_m(parts);
   made.made_at = sequence_;
-  auto small = trace_.time("simplify", [&] { return decimated(joined, made.error_m); });
+  auto small =
+      trace_.time("simplify", [&] { return decimated(joined, still_joining_, made.error_m); });
   if (!small) return small.error();
   made.joined = *std::move(small), made.parts = std::move(parts);
   if (still_) made.mesh = std::move(still_->mesh);  // what is shown until it is labelled
@@ -304,8 +305,9 @@ Status MergeNode::label_still() {
 Status MergeNode::merge_moving(std::vector<DecodedScene> scenes, const Parts& parts,
                                const std::function<void()>& halfway) {
   Surface made{std::move(scenes), {}, largest_error_m(parts)};
-  const Mesh joined = join(parts, true, moving_quality_, halfway);
-  auto small = trace_.time("simplify", [&] { return decimated(joined, made.error_m); });
+  const Mesh joined = join(parts, true, moving_joining_, halfway);
+  auto small =
+      trace_.time("simplify", [&] { return decimated(joined, moving_joining_, made.error_m); });
   if (!small) return small.error();
   auto mesh = on_lattice(trace_.time("atlas", [&] {
     return is_root_ ? label(*small, made.error_m, still_ ? &still_->occluders : nullptr, {})
@@ -337,7 +339,7 @@ Result<Mesh> MergeNode::on_lattice(const Mesh& mesh) const {
 }
 
 /// Paper 3.2: one surface of all parts, which may be pieces.
-Mesh MergeNode::join(const Parts& parts, bool all, merge::QualityMemory& quality,
+Mesh MergeNode::join(const Parts& parts, bool all, Joining& joining,
                      const std::function<void()>& halfway) {
   const double voxel_m = scene_->voxel_m;
   const MergeConfig& config = scene_->merge;
@@ -346,10 +348,10 @@ Mesh MergeNode::join(const Parts& parts, bool all, merge::QualityMemory& quality
     return std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - started)
         .count();
   };
-  quality.freeze(!all);
+  joining.quality.freeze(!all);
   const std::vector<Mesh> owned = trace_.time(
-      "overlap", [&] { return merge::remove_overlap(parts, overlap_config(), &quality); });
-  if (all) triangles_ = triangles_sent(parts, owned);
+      "overlap", [&] { return merge::remove_overlap(parts, overlap_config(), &joining.quality); });
+  if (all) joining.triangles = triangles_sent(parts, owned);
   if (halfway) halfway();
   const Mesh zipped = trace_.time("zipper", [&] {
     merge::ZipperConfig zipper = merge::zipper_config(voxel_m);
@@ -370,10 +372,10 @@ Mesh MergeNode::join(const Parts& parts, bool all, merge::QualityMemory& quality
 }
 
 /// On the lattice. Only the root decimates, and only where the scene asks for it.
-Result<Mesh> MergeNode::decimated(const Mesh& mesh, float& error_m) {
+Result<Mesh> MergeNode::decimated(const Mesh& mesh, const Joining& joining, float& error_m) {
   auto snapped = codec::snap_to_lattice(mesh, scene_->lattice);
   if (!snapped || !is_root_ || scene_->merge.simplify.ratio >= 1) return snapped;
-  const double target = scene_->merge.simplify.ratio * triangles_;
+  const double target = scene_->merge.simplify.ratio * joining.triangles;
   const auto small =
       simplifier_.run(*snapped, {.triangles = static_cast<std::size_t>(std::ceil(target))});
   if (!small) return small.error();

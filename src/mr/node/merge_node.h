@@ -113,6 +113,12 @@ class MergeNode {
     std::vector<SourceInfo> sources;
   };
 
+  /// What joining one of the surfaces remembers.
+  struct Joining {
+    merge::QualityMemory quality;
+    double triangles = 0;  ///< that the children spent on what is left, when all was joined last
+  };
+
   merge::OverlapConfig overlap_config() const;
   Packet head(const Gathered& gathered) const;
   Status merge_surfaces(const Gathered& gathered, const std::function<void()>& halfway);
@@ -126,9 +132,8 @@ class MergeNode {
                           std::optional<std::uint64_t>& until) const;
   Status merge_moving(std::vector<DecodedScene> scenes, const Parts& parts,
                       const std::function<void()>& halfway);
-  Mesh join(const Parts& parts, bool all, merge::QualityMemory& quality,
-            const std::function<void()>& halfway);
-  Result<Mesh> decimated(const Mesh& mesh, float& error_m);
+  Mesh join(const Parts& parts, bool all, Joining& joining, const std::function<void()>& halfway);
+  Result<Mesh> decimated(const Mesh& mesh, const Joining& joining, float& error_m);
   Mesh label(const Mesh& mesh, float error_m, const atlas::Occluders* occluders,
              std::map<ViewId, TileMask> valid) const;
   Result<Mesh> on_lattice(const Mesh& mesh) const;
@@ -145,7 +150,7 @@ class MergeNode {
   codec::HeadWriter writer_;
   simplify::Simplifier simplifier_;
   CalibrationCheck calibration_;
-  merge::QualityMemory still_quality_, moving_quality_;
+  Joining still_joining_, moving_joining_;
   CubeMerger cubes_;  ///< of the still surface
   merge::EmptyPlaces empty_;
   std::optional<Still> still_;     ///< none: no input has a still surface
@@ -160,7 +165,6 @@ class MergeNode {
   DrawingListener drawing_listener_;
   double zipper_ms_ = 0;  ///< what closing all gaps took last; for merger.budget_ms
   bool hurried_ = false;  ///< some gaps were left open
-  double triangles_ = 0;  ///< that the children spent on what stays, when all was merged last
   Trace trace_;
 };
 

@@ -1,6 +1,7 @@
 #include "mr/node/sensor_node.h"
 
 #include <algorithm>
+#include <iterator>
 #include <utility>
 
 #include "mr/codec/mesh_codec.h"
@@ -65,7 +66,8 @@ SensorNode::SensorNode(const Scene& scene, std::uint32_t sensor_index, NodeClock
                                   .fps = scene.fps,
                                   .after_s = scene.still.after_s,
                                   .chunk_m = scene.fusion.chunk_m}),
-               StillSurface(scene)});
+               StillSurface(scene),
+               {}});
 }
 
 SensorNode::Patch SensorNode::reconstruct_patch(const ImageDepth& depth, const Pose& T_world_depth,
@@ -170,7 +172,7 @@ Result<ImageDepth> SensorNode::divide(Reconstructed& out) {
     auto chunks = layers_->surface.update(prepare_depth(*scene_, camera, still), camera,
                                           frame.T_world_depth, scene_->sensors[sensor_].precision);
     if (!chunks) return chunks.error();
-    out.still = *std::move(chunks);
+    std::ranges::move(*chunks, std::back_inserter(layers_->unsent));  // newer ones come later
     return std::move(depth);
   });
 }
@@ -208,6 +210,7 @@ Result<SensorNode::Reconstructed> SensorNode::reconstruct(Frame raw) {
   trace_.add("fuse", fuse_ms);
   trace_.add("simplify", simplify_ms);
   if (!joined) return joined.error();
+  if (layers_) out.still = std::exchange(layers_->unsent, {});
   return out;
 }
 

@@ -78,6 +78,7 @@ class SensorNode {
   struct Layers {
     still::Background background;
     StillSurface surface;
+    std::vector<StillChunk> unsent;  ///< changed, and the frame that was to tell came to nothing
   };
   Result<ImageDepth> divide(Reconstructed& out);
   ImageDepth clean_where(const ImageMask& mask, const Camera& camera, const Frame& frame) const;

@@ -41,6 +41,12 @@ struct CubeChange {
   double sigma2_m2 = 0;         ///< the same of their noise
 };
 
+/// Whether a reading can be a distance at all, whatever a file holds.
+bool is_measured(float depth) {
+  constexpr float kFarthest_m = 1e5f;
+  return depth > 0 && depth < kFarthest_m;
+}
+
 std::uint32_t hash_of(Vec3i cube) {
   auto h = static_cast<std::uint32_t>(cube.x) * 73856093u ^
            static_cast<std::uint32_t>(cube.y) * 19349663u ^
@@ -122,7 +128,7 @@ void Background::measure_noise(const ImageDepth& depth) {
   std::vector<float> change;
   for (std::size_t i = 0; i < depth.data.size(); i += kEvery) {
     const float a = depth.data[i], b = previous_.data[i];
-    if (a > 0 && b > 0)
+    if (is_measured(a) && is_measured(b))
       change.push_back(std::abs(a - b) / static_cast<float>(config_.precision.sigma_m(b)));
   }
   if (change.size() < kEnough) return;
@@ -163,7 +169,7 @@ void Background::forget(Known& known, Rest& rest) {
 }
 
 Background::Reading Background::read(float depth, Known& known, Rest& rest) const {
-  if (!(depth > 0)) return Reading::none;
+  if (!is_measured(depth)) return Reading::none;
   if (known.count == 0) {
     note_candidate(depth, false, known, rest);
     if (rest.candidate.count < captures_to_learn(known)) return Reading::unknown;
@@ -274,17 +280,38 @@ void Background::forget_contradicted() {
   }
 }
 
+/// How many pixels each absorbed region still has.
+void Background::count_absorbed() {
+  for (Region& region : regions_) region.pixels = 0;
+  for (std::size_t i = 0; i < known_.size(); ++i)
+    if (known_[i].is_absorbed) ++regions_[rest_[i].region].pixels;
+}
+
+/// A number for what is absorbed together: one that nothing has any more; 0: there is none.
+std::uint16_t Background::new_region() {
+  std::size_t number = 1;
+  while (number < regions_.size() &&
+         (regions_[number].pixels > 0 || regions_[number].since == captures_))
+    ++number;
+  if (number > 65535) return 0;
+  if (number == regions_.size()) regions_.emplace_back();
+  regions_[number] = {0, captures_};
+  return static_cast<std::uint16_t>(number);
+}
+
 /// What has been nearer than the room for so long belongs to it.
 void Background::absorb_what_stopped() {
   const auto regions = candidates(after_captures_ / 2, after_captures_,
                                   [](const Known& k) { return !k.is_farther; });
   if (!regions) return;
   std::map<std::uint32_t, std::uint16_t> number;
+  count_absorbed();
   for (std::size_t i = 0; i < known_.size(); ++i) {
     const std::uint32_t r = regions->label.data[i];
-    if (r == 0 || regions_.size() > 65000) continue;
-    const auto [at, is_new] = number.try_emplace(r, static_cast<std::uint16_t>(regions_.size()));
-    if (is_new) regions_.push_back({0, captures_});
+    if (r == 0) continue;
+    const auto [at, is_new] = number.try_emplace(r, std::uint16_t{0});
+    if (is_new) at->second = new_region();
+    if (at->second == 0) continue;  // more than there are numbers
     Known& known = known_[i];
     Rest& rest = rest_[i];
     if (!known.is_absorbed) rest.base = {known.mean, known.count};

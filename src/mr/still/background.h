@@ -98,6 +98,8 @@ class Background {
   template <typename Fits>
   std::optional<Regions> candidates(int beside, int sure, const Fits& fits) const;
   void forget_contradicted();
+  void count_absorbed();
+  std::uint16_t new_region();
   void absorb_what_stopped();
   void give_back_what_moves();
   bool was_pushed();
