@@ -113,7 +113,9 @@ bool EmptyPlaces::update(const StillCover& cover, std::span<const SourceInfo> so
     Tiles& tiles = tiles_[own.sensor];
     const TileMask& mask = *mine->second;
     if (tiles.columns != mask.columns || tiles.rows != mask.rows)
-      tiles = {mask.tile_px, mask.columns, mask.rows, std::vector<Tile>(mask.tiles.size())};
+      tiles = {
+          mask.tile_px, mask.columns, mask.rows, std::vector<Tile>(mask.tiles.size()), 1, {}, {}};
+    tiles.scale = own.scale, tiles.camera = own.camera, tiles.T_camera_world = own.T_camera_world;
     changed |= follow(own, cover, confirmed, tiles);
     changed |= find_large(own, tiles);
   }
@@ -149,21 +151,20 @@ bool EmptyPlaces::find_large(const StillCover::SensorView& own, Tiles& tiles) co
   return changed;
 }
 
-Mesh EmptyPlaces::without_empty(const Mesh& still, const StillCover& cover) const {
+Mesh EmptyPlaces::without_empty(const Mesh& still) const {
   std::vector<std::uint8_t> keep(still.triangles.size(), 1);
   bool any = false;
   for (const ViewRun& run : still.runs) {
     const auto found = tiles_.find(run.view);
-    const auto* const view = cover.view_of(run.view);
-    if (found == tiles_.end() || !view) continue;
+    if (found == tiles_.end()) continue;
     const Tiles& tiles = found->second;
     if (std::ranges::none_of(tiles.tiles, &Tile::is_empty)) continue;
     for (std::uint32_t t = run.first; t < run.first + run.count; ++t) {
-      const Vec3d p = view->T_camera_world * vec_cast<double>(still.centroid(t));
+      const Vec3d p = tiles.T_camera_world * vec_cast<double>(still.centroid(t));
       if (p.z <= kit::kNearPlane_m) continue;
-      const kit::ScreenPoint s = kit::to_screen(view->camera, p);
-      const int column = static_cast<int>(std::floor(s.u / view->scale / tiles.tile_px)),
-                row = static_cast<int>(std::floor(s.v / view->scale / tiles.tile_px));
+      const kit::ScreenPoint s = kit::to_screen(tiles.camera, p);
+      const int column = static_cast<int>(std::floor(s.u / tiles.scale / tiles.tile_px)),
+                row = static_cast<int>(std::floor(s.v / tiles.scale / tiles.tile_px));
       if (column < 0 || row < 0 || column >= tiles.columns || row >= tiles.rows) continue;
       const Tile& tile = tiles.tiles[static_cast<std::size_t>(row) * tiles.columns + column];
       keep[t] = !tile.is_empty || std::abs(p.z - tile.depth_m) > kNear_voxels * config_.voxel_m;

@@ -26,7 +26,7 @@ class EmptyPlaces {
   bool update(const StillCover& cover, std::span<const SourceInfo> sources);
 
   /// What is left of a still surface whose triangles have the sensors that measured them as views.
-  Mesh without_empty(const Mesh& still, const StillCover& cover) const;
+  Mesh without_empty(const Mesh& still) const;
 
  private:
   struct Tile {
@@ -37,6 +37,10 @@ class EmptyPlaces {
   struct Tiles {
     int tile_px = 0, columns = 0, rows = 0;
     std::vector<Tile> tiles;
+    // As the sensor's view in the cover was.
+    double scale = 1;
+    Camera camera;
+    Pose T_camera_world;
   };
 
   bool sees_past(const StillCover::SensorView& own, const StillCover::SensorView& other,

@@ -97,8 +97,9 @@ merge::OverlapConfig MergeNode::overlap_config() const {
 }
 
 std::vector<std::byte> MergeNode::answer(const codec::Request& request) {
-  if (is_root_) atlas_.answer(request);
-  if (!is_root_) {
+  if (is_root_) {
+    atlas_.answer(request);
+  } else {
     const std::lock_guard lock(wishes_mutex_);
     if (key_frame_wishes_.size() < codec::Request::kMaxStreams)
       key_frame_wishes_.insert(request.key_frames.begin(), request.key_frames.end());
@@ -176,7 +177,7 @@ Status MergeNode::merge_surfaces(const Gathered& gathered, const std::function<v
     if (is_root_ && still_->is_labelled)
       still_->any_emptied |= empty_.update(still_->cover, gathered.sources);
     if (const Status labelled = label_still(); !labelled) return labelled;
-    trace_.time("overlap", [&] {
+    trace_.time("cover", [&] {
       for (merge::Part& part : parts) part.mesh = still_->cover.uncovered(part);
     });
   }
@@ -284,9 +285,7 @@ Status MergeNode::label_still() {
   if (!due) return {};
   const Mesh labelled = trace_.time("atlas", [&] {
     if (!is_root_) return still.joined;
-    still.cover = merge::StillCover(still.joined, still.parts, overlap_config());
-    return label(empty_.without_empty(still.joined, still.cover), still.error_m, nullptr,
-                 atlas_.valid());
+    return label(empty_.without_empty(still.joined), still.error_m, nullptr, atlas_.valid());
   });
   still.withheld_until.reset(), still.any_emptied = false;
   const bool withhold = is_root_ && !places_.views.empty();
