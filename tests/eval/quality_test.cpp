@@ -182,6 +182,26 @@ TEST(Quality, ALateStreamIsJudgedByWhatIsThereBothSidesOfItsMeanAge) {
   EXPECT_NEAR(ssim[1], (ssim[0] + ssim[2]) / 2, 1e-6);
 }
 
+/// Shares of the pixels of a view that we and the renderer cover alike, and shade within two
+/// levels.
+struct Alike {
+  double covered = 0, shaded = 0;
+};
+Alike compare_with_renderer(render::Renderer& renderer, const DecodedScene& scene,
+                            const LumaTexture& texture, const render::Viewpoint& view) {
+  const auto drawn = draw_scene(renderer, scene, view);
+  if (!drawn) return ADD_FAILURE() << drawn.error().message, Alike{};
+  const Sight sight = look_at_geometry({scene.chunks, scene.views, {}}, view);
+  const ImageLuma ours = shade(sight, texture), theirs = luma_of(drawn->color);
+  Alike out;
+  for (std::size_t i = 0; i < ours.data.size(); ++i) {
+    out.covered += sight.covered.data[i] == drawn->covered.data[i];
+    out.shaded += std::abs(ours.data[i] - theirs.data[i]) < 2;
+  }
+  const auto all = static_cast<double>(ours.data.size());
+  return {out.covered / all, out.shaded / all};
+}
+
 TEST(Sight, ShadesAsTheRendererDraws) {
   const Measured& m = measured();
   const DecodedScene& scene = m.played.shown[0];
@@ -189,17 +209,9 @@ TEST(Sight, ShadesAsTheRendererDraws) {
   ASSERT_TRUE(renderer.ok()) << renderer.error().message;
   const LumaTexture texture = luma_texture({scene.views, scene.textures});
   for (const render::Viewpoint& view : m.trial.plan().views) {
-    const auto drawn = draw_scene(*renderer, scene, view);
-    ASSERT_TRUE(drawn.ok()) << drawn.error().message;
-    const Sight sight = look_at_geometry({scene.chunks, scene.views, {}}, view);
-    const ImageLuma ours = shade(sight, texture), theirs = luma_of(drawn->color);
-    std::size_t covered_alike = 0, close = 0;
-    for (std::size_t i = 0; i < ours.data.size(); ++i) {
-      covered_alike += sight.covered.data[i] == drawn->covered.data[i];
-      close += std::abs(ours.data[i] - theirs.data[i]) < 2;
-    }
-    EXPECT_GT(static_cast<double>(covered_alike), 0.999 * ours.data.size()) << view.name;
-    EXPECT_GT(static_cast<double>(close), 0.998 * ours.data.size()) << view.name;
+    const Alike alike = compare_with_renderer(*renderer, scene, texture, view);
+    EXPECT_GT(alike.covered, 0.999) << view.name;
+    EXPECT_GT(alike.shaded, 0.998) << view.name;
   }
 }
 
@@ -288,17 +300,8 @@ TEST(SteadyState, SightShadesBothLayersAsTheRendererDraws) {
   auto renderer = render::Renderer::create();
   ASSERT_TRUE(renderer.ok()) << renderer.error().message;
   const LumaTexture texture = luma_texture({scene.views, scene.textures});
-  for (const render::Viewpoint& view : m.trial.plan().views) {
-    const auto drawn = draw_scene(*renderer, scene, view);
-    ASSERT_TRUE(drawn.ok()) << drawn.error().message;
-    const ImageLuma ours = shade(look_at_geometry({scene.chunks, scene.views, {}}, view), texture);
-    const ImageLuma theirs = luma_of(drawn->color);
-    std::size_t close = 0;
-    for (std::size_t i = 0; i < ours.data.size(); ++i)
-      close += std::abs(ours.data[i] - theirs.data[i]) < 2;
-    EXPECT_GT(static_cast<double>(close), 0.995 * static_cast<double>(ours.data.size()))
-        << view.name;
-  }
+  for (const render::Viewpoint& view : m.trial.plan().views)
+    EXPECT_GT(compare_with_renderer(*renderer, scene, texture, view).shaded, 0.995) << view.name;
 }
 
 TEST(Sight, AppliesTheGainOfATile) {
@@ -308,14 +311,7 @@ TEST(Sight, AppliesTheGainOfATile) {
   ASSERT_TRUE(renderer.ok()) << renderer.error().message;
   const LumaTexture texture = luma_texture({scene.views, scene.textures});
   const render::Viewpoint& view = measured().trial.plan().views.front();
-  const auto drawn = draw_scene(*renderer, scene, view);
-  ASSERT_TRUE(drawn.ok()) << drawn.error().message;
-  const ImageLuma ours = shade(look_at_geometry({scene.chunks, scene.views, {}}, view), texture);
-  const ImageLuma theirs = luma_of(drawn->color);
-  std::size_t close = 0;
-  for (std::size_t i = 0; i < ours.data.size(); ++i)
-    close += std::abs(ours.data[i] - theirs.data[i]) < 2;
-  EXPECT_GT(static_cast<double>(close), 0.995 * static_cast<double>(ours.data.size()));
+  EXPECT_GT(compare_with_renderer(*renderer, scene, texture, view).shaded, 0.995);
 }
 
 TEST(Seen, IsWhatASensorSeesNowOrSawBefore) {

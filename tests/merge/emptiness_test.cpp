@@ -53,6 +53,15 @@ struct CarriedAway {
   }
 };
 
+/// Whether any place becomes empty, or ceases to be, in some captures.
+bool any_change(const CarriedAway& scene, int captures) {
+  const StillCover cover(scene.joined, scene.parts, scene.config);
+  EmptyPlaces empty(scene.config);
+  bool any = false;
+  for (int i = 0; i < captures; ++i) any |= empty.update(cover, scene.sources());
+  return any;
+}
+
 TEST(EmptyPlaces, WhatAnotherSeesPastGoesAfterAWhile) {
   const CarriedAway scene;
   const StillCover cover(scene.joined, scene.parts, scene.config);
@@ -71,19 +80,13 @@ TEST(EmptyPlaces, WhatAnotherSeesPastGoesAfterAWhile) {
 TEST(EmptyPlaces, WhoMeasuresNothingSeesNoEmptiness) {
   CarriedAway scene;
   for (std::uint8_t& tile : scene.parts[1].sources[0].confirmed_depth.tiles) tile = 0;
-  const StillCover cover(scene.joined, scene.parts, scene.config);
-  EmptyPlaces empty(scene.config);
-  for (int i = 0; i < 3 * kCapturesUntilEmpty; ++i)
-    EXPECT_FALSE(empty.update(cover, scene.sources()));
+  EXPECT_FALSE(any_change(scene, 3 * kCapturesUntilEmpty));
 }
 
 TEST(EmptyPlaces, WhatItsOwnSensorSeesStays) {
   CarriedAway scene;
   for (std::uint8_t& tile : scene.parts[0].sources[0].confirmed_depth.tiles) tile = 1;
-  const StillCover cover(scene.joined, scene.parts, scene.config);
-  EmptyPlaces empty(scene.config);
-  for (int i = 0; i < 3 * kCapturesUntilEmpty; ++i)
-    EXPECT_FALSE(empty.update(cover, scene.sources()));
+  EXPECT_FALSE(any_change(scene, 3 * kCapturesUntilEmpty));
 }
 
 TEST(EmptyPlaces, ComesBackWhenItsSensorSeesItAgain) {

@@ -7,7 +7,6 @@
 #include <utility>
 
 #include "mr/codec/packet_codec.h"
-#include "mr/codec/receiver.h"
 #include "mr/eval/system_parts.h"
 #include "mr/kit/video.h"
 #include "mr/node/pipeline.h"
@@ -125,13 +124,7 @@ class LayersSystem final : public System {
   }
 
   Result<baseline::Geometry> decode(const GeometrySetting& setting, const Coded& coded) override {
-    auto packet = codec::decode_packet(coded.front());
-    if (!packet) return packet.error();
-    codec::Receiver receiver(with(scene_, setting).lattice);
-    if (const auto wrong = receiver.accept(*packet); !wrong.empty()) return wrong.front();
-    auto chunks = receiver.mesh();
-    if (!chunks) return Error{Error::Cause::empty, "a coded mesh is not whole"};
-    return baseline::Geometry{*std::move(chunks), packet->views, packet->sources};
+    return decode_geometry(coded.front(), with(scene_, setting).lattice);
   }
 
   Cost geometry_cost(const Coded& coded) const override {

@@ -58,13 +58,7 @@ class MeshReduceSystem final : public System {
 
   Result<baseline::Geometry> decode(const GeometrySetting& setting,
                                     const std::vector<Bytes>& coded) override {
-    auto packet = codec::decode_packet(coded.back());
-    if (!packet) return packet.error();
-    codec::Receiver receiver(with(scene_, setting).lattice);
-    if (const auto wrong = receiver.accept(*packet); !wrong.empty()) return wrong.front();
-    auto chunks = receiver.mesh();
-    if (!chunks) return Error{Error::Cause::empty, "a coded mesh is not whole"};
-    return baseline::Geometry{*std::move(chunks), packet->views, packet->sources};
+    return decode_geometry(coded.back(), with(scene_, setting).lattice);
   }
 
   /// The sensors' views, posed as in the capture that is shown.
@@ -198,6 +192,16 @@ class MeshReduceSystem final : public System {
 };
 
 }  // namespace
+
+Result<baseline::Geometry> decode_geometry(const baseline::Bytes& bytes, const Lattice& lattice) {
+  auto packet = codec::decode_packet(bytes);
+  if (!packet) return packet.error();
+  codec::Receiver receiver(lattice);
+  if (const auto wrong = receiver.accept(*packet); !wrong.empty()) return wrong.front();
+  auto chunks = receiver.mesh();
+  if (!chunks) return Error{Error::Cause::empty, "a coded mesh is not whole"};
+  return baseline::Geometry{*std::move(chunks), packet->views, packet->sources};
+}
 
 std::unique_ptr<System> make_meshreduce_system(std::filesystem::path folder, const Scene& scene,
                                                const SystemConfig& config) {

@@ -38,6 +38,9 @@ class Bursts {
   std::map<std::size_t, std::vector<Capture>> read_;
 };
 
+/// What a client has of the geometry in a packet of ours, which names all its chunks.
+Result<baseline::Geometry> decode_geometry(const baseline::Bytes& packet, const Lattice& lattice);
+
 /// MeshReduce itself, taken apart: everything is made anew with every capture.
 std::unique_ptr<System> make_meshreduce_system(std::filesystem::path folder, const Scene& scene,
                                                const SystemConfig& config);
