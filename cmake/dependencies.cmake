@@ -25,7 +25,7 @@ find_package(fmt REQUIRED)
 find_package(nlohmann_json REQUIRED)
 # Header only: background models are read without its library, which would bring stb_image along.
 find_path(TINYGLTF_INCLUDE_DIR tiny_gltf.h REQUIRED)
-pkg_check_modules(LIBAV REQUIRED IMPORTED_TARGET libavcodec libavutil libswscale)
+pkg_check_modules(LIBAV REQUIRED IMPORTED_TARGET libavcodec libavutil)
 pkg_check_modules(LZ4 REQUIRED IMPORTED_TARGET liblz4)
 pkg_check_modules(EGL REQUIRED IMPORTED_TARGET epoxy egl)
 find_package(Boost 1.74 REQUIRED)

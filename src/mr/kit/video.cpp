@@ -3,7 +3,6 @@
 extern "C" {
 #include <libavcodec/avcodec.h>
 #include <libavutil/opt.h>
-#include <libswscale/swscale.h>
 }
 
 #include <algorithm>
@@ -11,11 +10,13 @@ extern "C" {
 #include <cstring>
 #include <string>
 
+#include "mr/kit/yuv.h"
+
 namespace mr::kit {
 namespace {
 
 constexpr int kMaxVideoSide = 8192;
-constexpr int kKeyFrameEvery = 250;
+constexpr int kNever = 1 << 30;  // pictures
 
 struct FreeContext {
   void operator()(AVCodecContext* c) const { avcodec_free_context(&c); }
@@ -26,13 +27,9 @@ struct FreeFrame {
 struct FreePacket {
   void operator()(AVPacket* p) const { av_packet_free(&p); }
 };
-struct FreeScaler {
-  void operator()(SwsContext* s) const { sws_freeContext(s); }
-};
 using Context = std::unique_ptr<AVCodecContext, FreeContext>;
 using Picture = std::unique_ptr<AVFrame, FreeFrame>;
 using Unit = std::unique_ptr<AVPacket, FreePacket>;
-using Scaler = std::unique_ptr<SwsContext, FreeScaler>;
 
 Error failed(Error::Cause cause, const std::string& what, int av_error) {
   char text[AV_ERROR_MAX_STRING_SIZE] = {};
@@ -46,19 +43,10 @@ void silence_library() {
   static_cast<void>(once);
 }
 
-/// Converts between 8-bit RGB and BT.709 limited-range 4:2:0, the same on every machine.
-Scaler make_scaler(int width, int height, AVPixelFormat from, AVPixelFormat to) {
-  const int flags =
-      SWS_BILINEAR | SWS_ACCURATE_RND | SWS_FULL_CHR_H_INT | SWS_FULL_CHR_H_INP | SWS_BITEXACT;
-  Scaler scaler(
-      sws_getContext(width, height, from, width, height, to, flags, nullptr, nullptr, nullptr));
-  if (scaler == nullptr) return nullptr;
-  const int* bt709 = sws_getCoefficients(SWS_CS_ITU709);
-  const int from_full = from == AV_PIX_FMT_RGB24, to_full = to == AV_PIX_FMT_RGB24;
-  constexpr int kOne = 1 << 16;
-  if (sws_setColorspaceDetails(scaler.get(), bt709, from_full, bt709, to_full, 0, kOne, kOne) < 0)
-    return nullptr;
-  return scaler;
+template <typename Byte>
+YuvPlanes<Byte> planes_of(const AVFrame& picture) {
+  return {{picture.data[0], picture.data[1], picture.data[2]},
+          {picture.linesize[0], picture.linesize[1], picture.linesize[2]}};
 }
 
 std::vector<std::string> problems(const VideoSettings& s) {
@@ -70,6 +58,7 @@ std::vector<std::string> problems(const VideoSettings& s) {
   if (s.qp < 0 || s.qp > 51) out.push_back("qp must be between 0 and 51");
   if (s.threads < 1 || s.threads > 64 || s.slices < 1 || s.slices > 64)
     out.push_back("threads and slices must be between 1 and 64");
+  if (s.key_frame_every < 0) out.push_back("key_frame_every must not be negative");
   return out;
 }
 
@@ -83,7 +72,7 @@ Result<Context> open_encoder(const VideoSettings& s) {
   c->pix_fmt = AV_PIX_FMT_YUV420P;
   c->framerate = av_d2q(s.fps, 1 << 16);
   c->time_base = av_inv_q(c->framerate);
-  c->gop_size = kKeyFrameEvery;
+  c->gop_size = s.key_frame_every > 0 ? s.key_frame_every : kNever;
   c->max_b_frames = 0;
   c->thread_count = s.threads;
   c->slices = s.slices;
@@ -166,27 +155,10 @@ VideoLibrary video_library() {
 struct VideoEncoder::Impl {
   VideoSettings settings;
   Context context;
-  Scaler scaler;
   Picture picture;
   Unit unit;
-  std::vector<std::uint8_t> last_rows;
   std::int64_t frames = 0;
-
-  void convert(const ImageRgb& from);
 };
-
-/// libswscale reads some bytes past the end of the last row: the last two are given to it from
-/// memory that goes on.
-void VideoEncoder::Impl::convert(const ImageRgb& from) {
-  constexpr std::size_t kPastTheEnd = 64;
-  const int stride[] = {3 * from.width}, body = from.height - 2;
-  const std::uint8_t* rows[] = {from.data.data()};
-  if (body > 0) sws_scale(scaler.get(), rows, stride, 0, body, picture->data, picture->linesize);
-  last_rows.assign(from.data.end() - 2 * stride[0], from.data.end());
-  last_rows.resize(last_rows.size() + kPastTheEnd);
-  const std::uint8_t* last[] = {last_rows.data()};
-  sws_scale(scaler.get(), last, stride, body, 2, picture->data, picture->linesize);
-}
 
 VideoEncoder::VideoEncoder(std::unique_ptr<Impl> impl) : impl_(std::move(impl)) {}
 VideoEncoder::VideoEncoder(VideoEncoder&&) noexcept = default;
@@ -203,13 +175,10 @@ Result<VideoEncoder> VideoEncoder::create(const VideoSettings& settings) {
   if (!context) return context.error();
   auto picture = make_picture(settings);
   if (!picture) return picture.error();
-  Scaler scaler =
-      make_scaler(settings.width, settings.height, AV_PIX_FMT_RGB24, AV_PIX_FMT_YUV420P);
   Unit unit(av_packet_alloc());
-  if (scaler == nullptr || unit == nullptr)
-    return Error{Error::Cause::unsupported, "video: no colour conversion for this size"};
-  return VideoEncoder(std::make_unique<Impl>(Impl{
-      settings, std::move(*context), std::move(scaler), std::move(*picture), std::move(unit), {}}));
+  if (unit == nullptr) return Error{Error::Cause::io, "video: out of memory"};
+  return VideoEncoder(std::make_unique<Impl>(
+      Impl{settings, std::move(*context), std::move(*picture), std::move(unit)}));
 }
 
 Result<AccessUnit> VideoEncoder::encode(const ImageRgb& picture, bool force_key_frame) {
@@ -218,7 +187,7 @@ Result<AccessUnit> VideoEncoder::encode(const ImageRgb& picture, bool force_key_
     return Error{Error::Cause::invalid, "video: a picture of another size than the stream's"};
   if (const int rc = av_frame_make_writable(i.picture.get()); rc < 0)
     return failed(Error::Cause::io, "no room for a picture", rc);
-  i.convert(picture);
+  rgb_to_yuv(picture, planes_of<std::uint8_t>(*i.picture));
   i.picture->pts = i.frames++;
   i.picture->pict_type = force_key_frame ? AV_PICTURE_TYPE_I : AV_PICTURE_TYPE_NONE;
   if (const int rc = avcodec_send_frame(i.context.get(), i.picture.get()); rc < 0)
@@ -238,8 +207,6 @@ struct VideoDecoder::Impl {
   Context context;
   Picture picture;
   Unit unit;
-  Scaler scaler;  ///< for pictures of `width` x `height`
-  int width = 0, height = 0;
   bool needs_key_frame = true;
   std::vector<std::uint8_t> padded;  ///< libavcodec reads beyond the end
 
@@ -304,16 +271,8 @@ Result<ImageRgb> VideoDecoder::Impl::to_rgb() {
     return Error{Error::Cause::too_large, "video: a picture of more than 8192 pixels a side"};
   if (picture->format != AV_PIX_FMT_YUV420P)
     return Error{Error::Cause::unsupported, "video: only 8-bit 4:2:0 is read"};
-  if (scaler == nullptr || w != width || h != height) {
-    scaler = make_scaler(w, h, AV_PIX_FMT_YUV420P, AV_PIX_FMT_RGB24);
-    width = w, height = h;
-  }
-  if (scaler == nullptr)
-    return Error{Error::Cause::unsupported, "video: no colour conversion for this size"};
   ImageRgb out(w, h);
-  std::uint8_t* rows[] = {out.data.data()};
-  const int stride[] = {3 * w};
-  sws_scale(scaler.get(), picture->data, picture->linesize, 0, h, rows, stride);
+  yuv_to_rgb(planes_of<const std::uint8_t>(*picture), out);
   return out;
 }
 

@@ -23,6 +23,7 @@ struct VideoSettings {
   double fps = 30;
   int qp = 28;                  ///< constant quantiser, 0..51
   int threads = 1, slices = 1;  ///< fixed by the scene: libx264's bytes depend on them
+  int key_frame_every = 250;    ///< pictures; 0: only the first and on demand
   friend bool operator==(const VideoSettings&, const VideoSettings&) = default;
 };
 
