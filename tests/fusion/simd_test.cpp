@@ -46,14 +46,14 @@ struct TargetOutcome {
 };
 
 TargetOutcome fuse_views(const std::vector<View>& views, History history,
-                         DepthEdges edges = DepthEdges::cut) {
+                         DepthEdges edges = DepthEdges::cut, bool slanted = false) {
   VolumeConfig config;
   config.voxel_m = views[0].camera.model == CameraModel::pinhole ? 0.05 : 0.13;
   config.truncation_m = 4 * config.voxel_m, config.chunk_m = 0.5;
   config.history = history, config.most_blocks = 1500;
   VoxelVolume volume(config);
   for (const View& v : views)
-    volume.integrate({v.depth, v.camera, v.pose, test::whole(v.depth), Precision{}});
+    volume.integrate({v.depth, v.camera, v.pose, test::whole(v.depth), Precision{}, slanted});
   fusion::Surface surface;
   fusion::MarchingCubes(edges).run(volume, surface);
   return {std::move(surface.mesh), surface.pieces};
@@ -130,6 +130,20 @@ TEST_P(EverySimdTarget, TakesRefusedPixelsAlike) {
     const Mesh mesh = fuse_views(one, History::average, DepthEdges::bridge).mesh;
     if (!expected) expected = mesh;
     EXPECT_TRUE(mesh == *expected) << target;
+  }
+}
+
+TEST(Simd, SlantedPixelsGiveTheSameBytes) {
+  const RestoreSimd restore;
+  const std::vector<View> all = views(test::pinhole(71, 53, 60));
+  for (const History history : {History::none, History::average}) {
+    ASSERT_TRUE(set_simd_target(""));
+    const Mesh expected = fuse_views(all, history, DepthEdges::cut, true).mesh;
+    EXPECT_FALSE(expected == fuse_views(all, history).mesh);
+    for (const std::string& target : simd_targets()) {
+      ASSERT_TRUE(set_simd_target(target));
+      EXPECT_TRUE(fuse_views(all, history, DepthEdges::cut, true).mesh == expected) << target;
+    }
   }
 }
 

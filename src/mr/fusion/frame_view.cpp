@@ -148,6 +148,8 @@ bool set_frame(const DepthFrame& frame, const VolumeConfig& config, FrameView& v
   view.t.assign(region.width + FrameView::kPadding, 0);
   view.ray.resize(region.height);
   view.spherical = frame.camera.model != CameraModel::pinhole;
+  view.slanted = frame.slanted && !view.spherical;
+  view.wraps = false;
   if (view.spherical)
     set_spherical(frame, config, view);
   else

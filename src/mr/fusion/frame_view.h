@@ -24,11 +24,14 @@ struct DepthFrame {
   const Pose& T_world_camera;
   Rect region;                         ///< only pixels inside count
   std::optional<Precision> precision;  ///< nearer, so better, measurements weigh more; none: equal
+  /// A pinhole's pixels are pieces of planes, too, not steps: slanted walls come out flat, where
+  /// steps make them rough by a millimetre or two. Slower.
+  bool slanted = false;
 };
 
 /// The surface that a pixel of a range picture sees, as a plane: inverse range and its change per
 /// radian to the right and downwards, and how the distance along the ray shrinks to that across
-/// the plane.
+/// the plane. Of a slanted pinhole: inverse depth and its change per pixel.
 struct RangePlane {
   float inverse = 0, right = 0, down = 0, cosine = 1;
 };
@@ -63,10 +66,12 @@ struct FrameView {
   std::array<Vec3d, 3> axis;         ///< what a voxel along x, y, z adds
   std::array<float, 64> dU, dV, dZ;  ///< from a layer's first voxel to each of its 64
 
+  bool slanted = false;            ///< DepthFrame::slanted; never of range pictures
+  std::vector<RangePlane> planes;  ///< as `depth`; of range pictures and where `slanted`
+
   // Of range pictures only.
   bool spherical = false;
   bool wraps = false;                ///< the picture goes all around
-  std::vector<RangePlane> planes;    ///< as `depth`
   std::vector<std::int32_t> row_at;  ///< [bins from straight up to straight down] row + 1; 0 none
   float bins_per_rad = 0;
   std::vector<float> row_down,

@@ -234,6 +234,7 @@ constexpr std::int32_t kRounderBits = 0x4B400000;
 HWY_INLINE Vi raw_rounded(Vf v) { return hn::BitCast(di, hn::Add(v, hn::Set(df, kRounder))); }
 HWY_INLINE Vi rounded(Vf v) { return hn::Sub(raw_rounded(v), hn::Set(di, kRounderBits)); }
 
+/// Where a pinhole sees something.
 struct Pinhole {
   explicit Pinhole(const FrameView& v)
       : depth(v.depth.data()),
@@ -243,20 +244,63 @@ struct Pinhole {
         raw_origin(static_cast<std::int32_t>(static_cast<std::uint32_t>(kRounderBits) *
                                              static_cast<std::uint32_t>(v.stride + 1))) {}
 
-  HWY_INLINE Sample operator()(Vf U, Vf V, Vf Z) const {
+  HWY_INLINE void project(Vf U, Vf V, Vf Z, Vf& u, Vf& v) const {
     const Vf zero = hn::Zero(df);
     // Behind the camera: the corner of the border, where nothing was measured.
     const Vf per_z = hn::IfThenElseZero(hn::Gt(Z, zero), hn::Div(hn::Set(df, 1.0f), Z));
-    const Vf u = hn::Max(zero, hn::Min(hn::Mul(U, per_z), hn::Set(df, right)));
-    const Vf v = hn::Max(zero, hn::Min(hn::Mul(V, per_z), hn::Set(df, bottom)));
+    u = hn::Max(zero, hn::Min(hn::Mul(U, per_z), hn::Set(df, right)));
+    v = hn::Max(zero, hn::Min(hn::Mul(V, per_z), hn::Set(df, bottom)));
+  }
+  HWY_INLINE Vi place(Vf u, Vf v) const {
     const Vi raw_place = hn::Add(hn::Mul(raw_rounded(v), hn::Set(di, stride)), raw_rounded(u));
-    const Vi place = hn::Sub(raw_place, hn::Set(di, raw_origin));
-    return {hn::Sub(hn::GatherIndex(df, depth, place), Z), Z};
+    return hn::Sub(raw_place, hn::Set(di, raw_origin));
+  }
+  HWY_INLINE Sample operator()(Vf U, Vf V, Vf Z) const {
+    Vf u, v;
+    project(U, V, Z, u, v);
+    return {hn::Sub(hn::GatherIndex(df, depth, place(u, v)), Z), Z};
   }
 
   const float* depth;
   float right, bottom;
   std::int32_t stride, raw_origin;  ///< raw_origin: the place that raw_rounded makes of (0, 0)
+};
+
+/// The plane that a pixel is a piece of.
+struct Planes {
+  explicit Planes(const FrameView& view) : first(&view.planes[0].inverse) {}
+
+  HWY_INLINE Vf field(Vi place, int i) const {
+    return hn::GatherIndex(df, first, hn::Add(hn::ShiftLeft<2>(place), hn::Set(di, i)));
+  }
+  /// How far away it is beside the pixel's middle; without meaning where `valid` is not set.
+  HWY_INLINE Vf depth(Vi place, Vf right, Vf down, Mf& valid) const {
+    const Vf measured = field(place, 0);
+    const Vf moved = hn::Add(hn::Mul(field(place, 1), right), hn::Mul(field(place, 2), down));
+    const Vf half = hn::Mul(measured, hn::Set(df, 0.5f));  // a plane tells little that far off
+    const Vf inverse = hn::Add(measured, hn::Max(hn::Neg(half), hn::Min(moved, half)));
+    valid = hn::Gt(measured, hn::Zero(df));
+    return hn::Div(hn::Set(df, 1.0f), hn::IfThenElse(valid, inverse, hn::Set(df, 1.0f)));
+  }
+
+  const float* first;
+};
+
+/// A pinhole whose pixels are pieces of planes.
+struct Slanted {
+  explicit Slanted(const FrameView& v) : pinhole(v), planes(v) {}
+
+  HWY_INLINE Sample operator()(Vf U, Vf V, Vf Z) const {
+    Vf u, v;
+    pinhole.project(U, V, Z, u, v);
+    const auto off = [](Vf x) HWY_ATTR { return hn::Sub(x, hn::ConvertTo(df, rounded(x))); };
+    Mf valid;
+    const Vf there = planes.depth(pinhole.place(u, v), off(u), off(v), valid);
+    return {hn::IfThenElse(valid, hn::Sub(there, Z), hn::Set(df, FrameView::kNothing)), Z};
+  }
+
+  Pinhole pinhole;
+  Planes planes;
 };
 
 /// The angle of (x, y) from the x axis, within 3e-7 rad; 0 at the origin.
@@ -277,7 +321,7 @@ HWY_INLINE Vf angle_of(Vf y, Vf x) {
 }
 
 struct Spherical {
-  explicit Spherical(const FrameView& v) : view(v) {}
+  explicit Spherical(const FrameView& v) : view(v), planes(v) {}
 
   /// The column of an angle to the right of the row's start, and what is left of the angle.
   HWY_INLINE Vi column_of(Vf right, Vf& rest) const {
@@ -305,23 +349,15 @@ struct Spherical {
     const Vf row_right = hn::GatherIndex(df, view.row_right.data(), row);
     Vf rest_right;
     const Vi column = column_of(hn::Sub(angle_of(x, z), row_right), rest_right);
-    const Vi place = hn::ShiftLeft<2>(hn::Add(hn::Mul(row, hn::Set(di, view.stride)), column));
-    const float* const plane = &view.planes[0].inverse;
-    const auto field = [&](int i) HWY_ATTR {
-      return hn::GatherIndex(df, plane, hn::Add(place, hn::Set(di, i)));
-    };
-    const Vf measured = field(0);
-    const Vf moved =
-        hn::Add(hn::Mul(field(1), rest_right), hn::Mul(field(2), hn::Sub(down, row_down)));
-    const Vf half = hn::Mul(measured, hn::Set(df, 0.5f));  // a plane tells little that far off
-    const Vf inverse = hn::Add(measured, hn::Max(hn::Neg(half), hn::Min(moved, half)));
-    const Mf valid = hn::Gt(measured, hn::Zero(df));
-    const Vf there = hn::Div(hn::Set(df, 1.0f), hn::IfThenElse(valid, inverse, hn::Set(df, 1.0f)));
-    const Vf in_front = hn::Mul(hn::Sub(there, range), field(3));
+    const Vi place = hn::Add(hn::Mul(row, hn::Set(di, view.stride)), column);
+    Mf valid;
+    const Vf there = planes.depth(place, rest_right, hn::Sub(down, row_down), valid);
+    const Vf in_front = hn::Mul(hn::Sub(there, range), planes.field(place, 3));
     return {hn::IfThenElse(valid, in_front, hn::Set(df, FrameView::kNothing)), range};
   }
 
   const FrameView& view;
+  Planes planes;
 };
 
 /// Walks through the voxels of a block, as many at a time as there are lanes.
@@ -402,6 +438,8 @@ HWY_INLINE void first_frame(const FrameView& view, std::uint64_t rows, VoxelBloc
 void IntegrateFirst(const FrameView& view, std::uint64_t rows, VoxelBlock& block) {
   if (view.spherical)
     first_frame<Spherical>(view, rows, block);
+  else if (view.slanted)
+    first_frame<Slanted>(view, rows, block);
   else
     first_frame<Pinhole>(view, rows, block);
 }
@@ -465,6 +503,8 @@ HWY_INLINE void next_frame(const FrameView& view, VoxelBlock& block, VoxelBlock:
 void IntegrateNext(const FrameView& view, VoxelBlock& block, VoxelBlock::Weights& weights) {
   if (view.spherical)
     next_frame<Spherical>(view, block, weights);
+  else if (view.slanted)
+    next_frame<Slanted>(view, block, weights);
   else
     next_frame<Pinhole>(view, block, weights);
 }

@@ -70,6 +70,19 @@ RangePlane plane_at(const FrameView& view, int x, int y) {
   return plane;
 }
 
+/// The same of a pinhole's pixel, per pixel.
+RangePlane slanted_plane_at(const FrameView& view, int x, int y) {
+  RangePlane plane;
+  plane.inverse = inverse(view, x, y);
+  if (plane.inverse == 0) return plane;
+  Line across_rows, along_row;
+  for (int i = 0; i < 5; ++i)
+    along_row[i] = inverse(view, x + i - 2, y), across_rows[i] = inverse(view, x, y + i - 2);
+  plane.right = slope(along_row, view.pixel_rad);
+  plane.down = slope(across_rows, view.pixel_rad);
+  return plane;
+}
+
 /// Half the angle between row y and its neighbours, the larger one.
 float half_gap_rad(const FrameView& view, int y) {
   float gap = 0;
@@ -135,7 +148,9 @@ void fit_planes(FrameView& view) {
   view.planes.assign(view.depth.size(), {});
   parallel_for(view.height, 8, [&](std::size_t begin, std::size_t end) {
     for (int y = static_cast<int>(begin); y < static_cast<int>(end); ++y)
-      for (int x = 0; x < view.width; ++x) view.planes[view.place(x, y)] = plane_at(view, x, y);
+      for (int x = 0; x < view.width; ++x)
+        view.planes[view.place(x, y)] =
+            view.spherical ? plane_at(view, x, y) : slanted_plane_at(view, x, y);
   });
 }
 

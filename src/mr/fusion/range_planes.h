@@ -7,7 +7,7 @@
 
 namespace mr::fusion {
 
-/// Fills the planes of a range picture from its pixels (parallel over rows). Neighbours count as
+/// Fills the planes of a picture from its pixels (parallel over rows). Neighbours count as
 /// one surface where the line through them is not too nearly a ray, or goes on straight beyond: so
 /// a floor far away is one sheet, and a step in range is not bridged.
 void fit_planes(FrameView& view);

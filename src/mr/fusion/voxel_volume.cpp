@@ -197,7 +197,7 @@ IntegrateReport VoxelVolume::integrate(const DepthFrame& frame) {
       refused[begin] = copy_rows(frame, static_cast<int>(begin), static_cast<int>(end), view_);
     });
     for (const std::size_t count : refused) report.refused_pixels += count;
-    if (view_.spherical) fit_planes(view_);
+    if (view_.spherical || view_.slanted) fit_planes(view_);
     report.left_out_blocks = allocate();
   }
   const Stopwatch stopwatch(report.integrate_ms);
