@@ -60,6 +60,17 @@ TEST(Background, StillPictureIsMoreExactThanOneCapture) {
   EXPECT_LT(sum2, one2 / 16);  // a quarter of the noise
 }
 
+TEST(Background, CapturesThatAreNotSentTeachButDoNotHandOver) {
+  Room room;
+  Background background = Room::background();
+  EXPECT_TRUE(background.is_new());
+  for (int i = 0; i < 40; ++i) background.update(room.capture(), false);
+  EXPECT_GT(share_at(background.still(), kAll, 3, 0.01f), 0.999);
+  EXPECT_EQ(share(watch(background, room, 1).moving, kAll), 1);  // nobody else knows it yet
+  EXPECT_EQ(share(watch(background, room, 30).moving, kAll), 0);
+  EXPECT_FALSE(background.is_new());
+}
+
 TEST(Background, WhoWalksByMovesAndLeavesNothing) {
   Room room;
   Background background = Room::background();
@@ -244,6 +255,50 @@ TEST(Background, SingleFlipsAtDepthEdgesDoNothing) {
     EXPECT_LT(share(moment.moving, kAll), 0.001);
   }
   EXPECT_LE(changes, 4);  // of 25 chances; regions are smallest in a picture as small as this
+}
+
+/// A capture in which the pixels of some columns see what is left of them, what is right of them,
+/// or something between: two of them mostly, or all alike.
+ImageDepth with_mixed_columns(Room& room, int first, int last, double between,
+                              std::mt19937& random) {
+  ImageDepth depth = room.capture();
+  std::uniform_real_distribution<double> uniform;
+  for (int y = 0; y < Room::kHeight; ++y)
+    for (int x = first; x <= last; ++x) {
+      const float left = *depth.at(first - 2, y), right = *depth.at(last + 2, y);
+      const double draw = uniform(random);
+      *depth.at(x, y) = draw < between ? left + float(uniform(random)) * (right - left)
+                        : draw < 0.35 + 0.65 * between ? left
+                                                       : right;
+    }
+  return depth;
+}
+
+/// A box before the wall, and columns of mixed pixels beside it; once learnt, nothing moves.
+void expect_mixed_columns_rest(Background& background, Room& room, double between) {
+  room.boxes = {{{0, 0, 80, 120}, 2}};
+  std::mt19937 random(3);
+  for (int i = 0; i < 200; ++i) {
+    const Moment moment = background.update(with_mixed_columns(room, 79, 81, between, random));
+    if (i < 100) continue;
+    EXPECT_LT(share(moment.moving, kAll), 0.002) << i;
+  }
+}
+
+TEST(Background, AtADepthEdgeTheSurfaceThatComesBackMostOftenIsLearnt) {
+  Room room;
+  Background background = Room::background();
+  expect_mixed_columns_rest(background, room, 0);
+  EXPECT_GT(share_at(background.still(), {79, 0, 3, 120}, 3), 0.8);
+}
+
+TEST(Background, WhatJumpsForEverAtADepthEdgeDoesNotMove) {
+  Room room;
+  Background background = Room::background();
+  expect_mixed_columns_rest(background, room, 1);
+  room.boxes.push_back({{70, 30, 40, 80}, 1});  // who stands before it does, wholly
+  const Moment moment = background.update(room.capture());
+  EXPECT_GT(share(moment.moving, {71, 31, 38, 78}), 0.99);
 }
 
 TEST(Background, DepthThatIsNoDistanceSaysNothing) {

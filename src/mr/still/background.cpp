@@ -23,11 +23,13 @@ constexpr int kQuick = 8, kSlow = 60;         // captures to learn
 constexpr std::uint64_t kStart = 40;          // captures in which all is learnt quickly
 constexpr int kContradicts = 5;               // farther readings that agree
 constexpr double kLeastRegion = 30;           // pixels that change together, at 640x576
-constexpr int kHandOver = 10;                 // captures until the merger shows what is still
-// Captures from one look at the still picture to the next: in which only what is gone counts, and
-// in which all does. The first look is late enough for plates of what is learnt at first.
-constexpr std::uint64_t kLookEvery = 8, kLookAt = 4, kFreezeEvery = 32;
-constexpr int kRefineTurns = 2;  // cubes are refined in so many turns
+constexpr std::uint8_t kHandOver = 10;        // captures until the merger shows what is still
+// Captures from one look at the still picture to the next: in which only what is gone or elsewhere
+// counts, in which all does, and in which what is small does, too, and the picture is refined. The
+// first look is late enough for plates of what is learnt at first.
+constexpr std::uint64_t kLookEvery = 8, kLookAt = 4, kFreezeEvery = 32, kRefineEvery = 128;
+constexpr int kRefineTurns = 2;         // at the start cubes are refined in so many turns
+constexpr std::uint8_t kRestless = 60;  // captures in which nothing was learnt
 constexpr double kWorthRefining_m = 0.0005, kWorthRefining_sigmas = 0.17;
 constexpr double kYoung_s = 60;  // absorbed surface that may go back as a whole
 constexpr int kPushedFor = 5;
@@ -35,7 +37,6 @@ constexpr int kPushedFor = 5;
 /// How a cube's share of the still picture differs from what is known by now.
 struct CubeChange {
   int differs = 0;              ///< pixels that came, went or lie elsewhere
-  int together = 0;             ///< of them, in regions that are worth it at once
   int refinable = 0, held = 0;  ///< pixels read three times as often; all that it shows
   double moved2_m2 = 0;         ///< sum over the refinable
   double sigma2_m2 = 0;         ///< the same of their noise
@@ -96,8 +97,11 @@ double Background::least_region() const {
   return std::max(6.0, kLeastRegion * static_cast<double>(known_.size()) / (640.0 * 576.0));
 }
 
-Moment Background::update(const ImageDepth& depth) {
+bool Background::is_new() const { return captures_ < 2 * kFreezeEvery; }
+
+Moment Background::update(const ImageDepth& depth, bool is_sent) {
   MR_ASSERT(depth.width == width_ && depth.height == height_);
+  is_sent_ = is_sent;
   Moment out;
   measure_noise(depth);
   read_pixels(depth);
@@ -138,13 +142,22 @@ void Background::measure_noise(const ImageDepth& depth) {
   noise_ = captures_ == 1 ? now : noise_ + kFollows * (now - noise_);
 }
 
+/// Calls row(y, begin, end) for the pixels of each row, on all threads.
+template <typename Row>
+void Background::for_each_row(const Row& row) const {
+  parallel_for(height_, 16, [&](std::size_t first, std::size_t last) {
+    for (std::size_t y = first; y < last; ++y) row(y, y * width_, (y + 1) * width_);
+  });
+}
+
 // --- one pixel
 
 int Background::captures_to_learn(const Known& known) const {
   return captures_ < kStart || known.was_uncovered ? kQuick : kSlow;
 }
 
-/// Counts readings that agree with each other but not with what is known.
+/// Counts readings that agree with each other but not with what is known. At a depth edge readings
+/// jump between two surfaces: where nothing is known, the one that comes back more often wins.
 void Background::note_candidate(float depth, bool farther, Known& known, Rest& rest) const {
   Surface& c = rest.candidate;
   const bool any = known.has_candidate;
@@ -154,6 +167,11 @@ void Background::note_candidate(float depth, bool farther, Known& known, Rest& r
     if (c.count < 65535) ++c.count;
     c.mean += (depth - c.mean) / static_cast<float>(std::min(c.count, kMostReadings));
     return;
+  }
+  if (any && known.count == 0 && c.count > 1) {          // two that disagree outweigh one
+    c.count = std::min<std::uint16_t>(c.count, kQuick);  // who stood there for long is gone
+    known.was_missed = !known.was_missed;
+    if (known.was_missed || --c.count > 1) return;
   }
   if (any && depth > c.mean + band + kUncovered_m) known.was_uncovered = true;
   if (any && depth < c.mean - band - kUncovered_m) known.was_uncovered = false;
@@ -165,13 +183,14 @@ void Background::note_candidate(float depth, bool farther, Known& known, Rest& r
 void Background::forget(Known& known, Rest& rest) {
   const Surface behind = known.is_absorbed ? std::exchange(rest.base, {}) : Surface{};
   known.mean = behind.mean, known.count = behind.count;
-  known.is_absorbed = false, known.shown_for = 0;
+  known.is_absorbed = false, known.age = 0;
 }
 
 Background::Reading Background::read(float depth, Known& known, Rest& rest) const {
   if (!is_measured(depth)) return Reading::none;
   if (known.count == 0) {
     note_candidate(depth, false, known, rest);
+    if (known.age < kRestless) ++known.age;
     if (rest.candidate.count < captures_to_learn(known)) return Reading::unknown;
     known = {.mean = rest.candidate.mean, .count = rest.candidate.count};
     return Reading::agrees;
@@ -182,7 +201,7 @@ Background::Reading Background::read(float depth, Known& known, Rest& rest) cons
     return off > 0 ? Reading::farther : Reading::nearer;
   }
   known.has_candidate = known.is_farther = false;
-  if (known.shown_for < kHandOver) ++known.shown_for;
+  if (is_sent_ && known.age < kHandOver) ++known.age;
   // Trimmed on both sides, the mean stays where it is while a foot rests on the floor.
   if (std::abs(off) > kTrusted_sigmas * sigma + kRounding_m / 2) return Reading::agrees;
   if (known.count < kMostReadings) ++known.count;
@@ -191,8 +210,8 @@ Background::Reading Background::read(float depth, Known& known, Rest& rest) cons
 }
 
 void Background::read_pixels(const ImageDepth& depth) {
-  parallel_for(height_, 16, [&](std::size_t begin, std::size_t end) {
-    for (std::size_t i = begin * width_; i < end * width_; ++i)
+  for_each_row([&](std::size_t, std::size_t begin, std::size_t end) {
+    for (std::size_t i = begin; i < end; ++i)
       readings_[i] = read(depth.data[i], known_[i], rest_[i]);
   });
 }
@@ -201,13 +220,9 @@ void Background::read_pixels(const ImageDepth& depth) {
 
 bool Background::was_pushed() {
   constexpr double kLeastKnown = 0.1, kMostAgree = 0.6, kLeastFarther = 0.15;
-  std::size_t agree = 0, nearer = 0, farther = 0;
-  for (const Reading r : readings_) {
-    agree += r == Reading::agrees;
-    nearer += r == Reading::nearer;
-    farther += r == Reading::farther;
-  }
-  const auto all = static_cast<double>(agree + nearer + farther);
+  const auto count = [&](Reading r) { return std::ranges::count(readings_, r); };
+  const auto agree = count(Reading::agrees), farther = count(Reading::farther);
+  const auto all = static_cast<double>(agree + farther + count(Reading::nearer));
   const bool most =
       all > kLeastKnown * static_cast<double>(readings_.size()) &&
       static_cast<double>(agree)<kMostAgree * all&& static_cast<double>(farther)> kLeastFarther *
@@ -244,19 +259,21 @@ void Background::give_back_what_moves() {
 template <typename Fits>
 std::optional<Regions> Background::candidates(int beside, int sure, const Fits& fits) const {
   ImageMask mask(width_, height_);
-  bool any = false;
-  for (std::size_t i = 0; i < known_.size(); ++i) {
-    if (!known_[i].has_candidate || known_[i].count == 0 || !fits(known_[i])) continue;
-    mask.data[i] = rest_[i].candidate.count >= beside;
-    any |= rest_[i].candidate.count >= sure;
-  }
-  if (!any) return std::nullopt;
+  std::vector<std::uint8_t> any(height_);
+  for_each_row([&](std::size_t y, std::size_t begin, std::size_t end) {
+    for (std::size_t i = begin; i < end; ++i) {
+      if (!known_[i].has_candidate || known_[i].count == 0 || !fits(known_[i])) continue;
+      mask.data[i] = rest_[i].candidate.count >= beside;
+      any[y] |= rest_[i].candidate.count >= sure;
+    }
+  });
+  if (std::ranges::count(any, 0) == height_) return std::nullopt;
   Regions regions = connected_regions(mask);
   std::vector<std::uint32_t> enough(regions.pixels.size());
-  for (std::size_t i = 0; i < known_.size(); ++i)
-    if (regions.label.data[i]) enough[regions.label.data[i]] += rest_[i].candidate.count >= sure;
-  for (std::uint32_t& label : regions.label.data)
-    if (enough[label] < least_region()) label = 0;
+  regions.for_each_pixel(width_, [&](std::size_t i, std::uint32_t region) {
+    enough[region] += rest_[i].candidate.count >= sure;
+  });
+  std::erase_if(regions.spans, [&](const Span& s) { return enough[s.region] < least_region(); });
   return regions;
 }
 
@@ -266,8 +283,7 @@ void Background::forget_contradicted() {
   const auto regions =
       candidates(kBeside, kContradicts, [](const Known& k) { return k.is_farther; });
   if (!regions) return;
-  for (std::size_t i = 0; i < known_.size(); ++i) {
-    if (regions->label.data[i] == 0) continue;
+  regions->for_each_pixel(width_, [&](std::size_t i, std::uint32_t) {
     Known& known = known_[i];
     Rest& rest = rest_[i];
     if (known.is_absorbed) forget(known, rest);
@@ -277,7 +293,7 @@ void Background::forget_contradicted() {
     else if (behind > 0)
       forget(known, rest), known.was_uncovered = true;
     known.is_farther = false;
-  }
+  });
 }
 
 /// How many pixels each absorbed region still has.
@@ -306,19 +322,17 @@ void Background::absorb_what_stopped() {
   if (!regions) return;
   std::map<std::uint32_t, std::uint16_t> number;
   count_absorbed();
-  for (std::size_t i = 0; i < known_.size(); ++i) {
-    const std::uint32_t r = regions->label.data[i];
-    if (r == 0) continue;
-    const auto [at, is_new] = number.try_emplace(r, std::uint16_t{0});
+  regions->for_each_pixel(width_, [&](std::size_t i, std::uint32_t region) {
+    const auto [at, is_new] = number.try_emplace(region, std::uint16_t{0});
     if (is_new) at->second = new_region();
-    if (at->second == 0) continue;  // more than there are numbers
+    if (at->second == 0) return;  // more than there are numbers
     Known& known = known_[i];
     Rest& rest = rest_[i];
     if (!known.is_absorbed) rest.base = {known.mean, known.count};
     known = {.mean = rest.candidate.mean, .count = rest.candidate.count, .is_absorbed = true};
     rest.region = at->second;
     ++regions_[at->second].pixels;
-  }
+  });
 }
 
 // --- what comes out
@@ -339,15 +353,32 @@ bool Background::is_slightly_nearer(const ImageDepth& depth, int x, int y) const
   return count > 0 && sum < -kSlightly_sigmas * sigma;
 }
 
+/// Whether the still surface has been shown at a pixel for long enough.
+bool Background::is_shown(std::size_t pixel) const {
+  return still_.data[pixel] > 0 && known_[pixel].age >= kHandOver && !differs(pixel);
+}
+
+/// Whether a pixel is one of those at a depth edge which jump about for ever, beside what stays:
+/// its reading says nothing.
+bool Background::is_mixed(int x, int y) const {
+  constexpr int kReach_px = 2;
+  const std::size_t i = static_cast<std::size_t>(y) * width_ + x;
+  if (readings_[i] != Reading::unknown || known_[i].age < kRestless) return false;
+  for (int v = std::max(y - kReach_px, 0); v <= std::min(y + kReach_px, height_ - 1); ++v)
+    for (int u = std::max(x - kReach_px, 0); u <= std::min(x + kReach_px, width_ - 1); ++u)
+      if (readings_[static_cast<std::size_t>(v) * width_ + u] == Reading::agrees) return true;
+  return false;
+}
+
 ImageMask Background::moving_pixels(const ImageDepth& depth, ImageMask& foreign) const {
   ImageMask strong(width_, height_), no_depth(width_, height_);
-  parallel_for(height_, 32, [&](std::size_t begin, std::size_t end) {
-    for (std::size_t i = begin * width_; i < end * width_; ++i) {
+  for_each_row([&](std::size_t y, std::size_t begin, std::size_t end) {
+    for (std::size_t i = begin; i < end; ++i) {
       const Reading reading = readings_[i];
-      const bool shown = still_.data[i] > 0 && known_[i].shown_for >= kHandOver;
-      strong.data[i] = reading == Reading::nearer || reading == Reading::unknown ||
-                       (reading != Reading::none && !shown);
-      no_depth.data[i] = reading == Reading::none && known_[i].count > 0;
+      const bool mixed = is_mixed(static_cast<int>(i - begin), static_cast<int>(y));
+      strong.data[i] =
+          !mixed && reading != Reading::none && (reading == Reading::nearer || !is_shown(i));
+      no_depth.data[i] = mixed || (reading == Reading::none && known_[i].count > 0);
     }
   });
   const auto weak = [&](int x, int y) {
@@ -357,18 +388,22 @@ ImageMask Background::moving_pixels(const ImageDepth& depth, ImageMask& foreign)
   ImageMask moving =
       moving_regions(strong, no_depth, weak, static_cast<double>(known_.size()) / (640.0 * 576.0));
   foreign = moving;
-  for (std::size_t i = 0; i < known_.size(); ++i)
-    if (readings_[i] == Reading::agrees && known_[i].shown_for < kHandOver) foreign.data[i] = 0;
+  for_each_row([&](std::size_t, std::size_t begin, std::size_t end) {
+    for (std::size_t i = begin; i < end; ++i)
+      if (moving.data[i] && readings_[i] == Reading::agrees && !is_shown(i)) foreign.data[i] = 0;
+  });
   return moving;
 }
 
 ImageMask Background::confirmed_pixels(const ImageDepth& depth, const ImageMask& moving) const {
   ImageMask out(width_, height_);
-  for (std::size_t i = 0; i < known_.size(); ++i) {
-    const float z = still_.data[i];
-    out.data[i] =
-        z > 0 && !moving.data[i] && depth.data[i] > 0 && std::abs(depth.data[i] - z) <= band_m(z);
-  }
+  for_each_row([&](std::size_t, std::size_t begin, std::size_t end) {
+    for (std::size_t i = begin; i < end; ++i) {
+      const float z = still_.data[i];
+      out.data[i] =
+          z > 0 && !moving.data[i] && depth.data[i] > 0 && std::abs(depth.data[i] - z) <= band_m(z);
+    }
+  });
   return out;
 }
 
@@ -384,48 +419,48 @@ Vec3i Background::cube_of(std::size_t pixel, float depth) const {
 bool Background::differs(std::size_t pixel) const {
   const Known& now = known_[pixel];
   const float was = still_.data[pixel];
-  return (was > 0) != (now.count > 0) || (was > 0 && std::abs(was - now.mean) > band_m(now.mean));
+  if ((was > 0) != (now.count > 0)) return true;
+  const float off = std::abs(was - now.mean);
+  return was > 0 && off > kRounding_m && off > band_m(now.mean);
 }
 
-/// Pixels of the still picture that are to change together: what is gone at each look, what else
-/// is new only in its turn.
-ImageMask Background::pixels_that_differ(bool all) const {
+/// Pixels at which the still picture is to change: regions that came, went or lie elsewhere. Of
+/// what is gone the large ones at each look; the others, and what is new, only in their turn.
+ImageMask Background::regions_to_freeze() const {
+  const bool all = is_new() || captures_ % kFreezeEvery == kLookAt;
+  const double times = is_new() || captures_ % kRefineEvery == kLookAt ? 1 : all ? 3 : 10;
   ImageMask mask(width_, height_);
-  for (std::size_t i = 0; i < known_.size(); ++i)
-    mask.data[i] = (all || still_.data[i] > 0) && differs(i);
+  for_each_row([&](std::size_t, std::size_t begin, std::size_t end) {
+    for (std::size_t i = begin; i < end; ++i)
+      mask.data[i] = (all || still_.data[i] > 0) && differs(i);
+  });
   const Regions regions = connected_regions(mask);
-  for (std::size_t i = 0; i < known_.size(); ++i)
-    if (mask.data[i] && regions.pixels[regions.label.data[i]] >= least_region()) mask.data[i] = 2;
+  regions.for_each_pixel(width_, [&](std::size_t i, std::uint32_t region) {
+    mask.data[i] = regions.pixels[region] >= times * least_region();
+  });
   return mask;
 }
 
-/// The cubes that are to be brought up to date: where a region came or went, where much has changed
-/// here and there, and where the picture has become so much more exact that it shows.
-std::set<Vec3i> Background::cubes_to_freeze() const {
+/// Cubes all of which is to be brought up to date: where much has changed here and there, and where
+/// the picture has become so much more exact that it shows.
+std::set<Vec3i> Background::cubes_to_refine() const {
   constexpr double kMuch = 0.05;
-  const bool all = captures_ < 2 * kFreezeEvery || captures_ % kFreezeEvery == kLookAt;
-  const ImageMask differ = pixels_that_differ(all);
+  if (!is_new() && captures_ % kRefineEvery != kLookAt) return {};
   std::map<Vec3i, CubeChange> cubes;
   Vec3i last{};
   CubeChange* change = nullptr;
-  const auto change_of = [&](std::size_t i, float depth) -> CubeChange& {
-    const Vec3i cube = cube_of(i, depth);
-    if (!change || cube != last) change = &cubes[cube], last = cube;
-    return *change;
-  };
   for (std::size_t i = 0; i < known_.size(); ++i) {
     const Known& now = known_[i];
     const float was = still_.data[i];
-    if (was == 0 && (now.count == 0 || !differ.data[i])) continue;
-    const auto note = [&](CubeChange& c) { ++c.differs, c.together += differ.data[i] == 2; };
-    CubeChange& c = change_of(i, was > 0 ? was : now.mean);
-    ++c.held;
-    if (differ.data[i]) {
-      note(c);
-      if (was > 0 && now.count > 0) note(change_of(i, now.mean));
+    if (was == 0 && now.count == 0) continue;
+    const Vec3i cube = cube_of(i, was > 0 ? was : now.mean);
+    if (!change || cube != last) change = &cubes[cube], last = cube;
+    ++change->held;
+    if (differs(i)) {
+      ++change->differs;
     } else if (now.count >= 3 * rest_[i].frozen_count) {
       const double off = now.mean - was, sigma = sigma_m(was);
-      ++c.refinable, c.moved2_m2 += off * off, c.sigma2_m2 += sigma * sigma;
+      ++change->refinable, change->moved2_m2 += off * off, change->sigma2_m2 += sigma * sigma;
     }
   }
   std::set<Vec3i> out;
@@ -433,38 +468,38 @@ std::set<Vec3i> Background::cubes_to_freeze() const {
   for (const auto& [cube, c] : cubes) {
     const double worth2_m2 = std::max(kWorthRefining_m * kWorthRefining_m * c.refinable,
                                       kWorthRefining_sigmas * kWorthRefining_sigmas * c.sigma2_m2);
-    const bool refine = captures_ < 2 * kFreezeEvery ? hash_of(cube) % kRefineTurns == turn : all;
-    if (c.together >= least_region() / 2 ||
-        (c.differs >= least_region() && c.differs > kMuch * c.held) ||
+    const bool refine = !is_new() || hash_of(cube) % kRefineTurns == turn;
+    if ((c.differs >= least_region() && c.differs > kMuch * c.held) ||
         (refine && c.refinable > c.held / 4 && c.moved2_m2 > worth2_m2))
       out.insert(cube);
   }
   return out;
 }
 
-/// Brings the still picture up to date, cube by cube. Returns whether it changed.
+/// Brings the still picture up to date. Returns whether it changed.
 bool Background::freeze() {
-  const std::set<Vec3i> cubes = cubes_to_freeze();
-  if (cubes.empty()) return false;
-  Vec3i last = *cubes.begin();
-  bool is_due = true;
-  const auto due = [&](std::size_t i, float depth) {
-    if (depth == 0) return false;
-    if (const Vec3i cube = cube_of(i, depth); cube != last)
-      is_due = cubes.contains(cube), last = cube;
+  const ImageMask regions = regions_to_freeze();
+  const std::set<Vec3i> cubes = cubes_to_refine();
+  Vec3i last{};
+  bool known_cube = false, is_due = false, changed = false;
+  const auto refined = [&](std::size_t i, float depth) {
+    if (cubes.empty() || depth == 0) return false;
+    if (const Vec3i cube = cube_of(i, depth); !known_cube || cube != last)
+      is_due = cubes.contains(cube), last = cube, known_cube = true;
     return is_due;
   };
   for (std::size_t i = 0; i < known_.size(); ++i) {
     Known& now = known_[i];
     const float mean = now.count > 0 ? now.mean : 0;
-    if (!due(i, still_.data[i]) && !due(i, mean)) continue;
+    if (!regions.data[i] && !refined(i, still_.data[i]) && !refined(i, mean)) continue;
     const bool other = differs(i);
     if (!other && now.count < 2 * rest_[i].frozen_count) continue;
+    changed |= still_.data[i] != mean;
     still_.data[i] = mean;
     rest_[i].frozen_count = now.count;
-    if (other) now.shown_for = 0;
+    if (other) now.age = 0;
   }
-  return true;
+  return changed;
 }
 
 }  // namespace mr::still

@@ -17,7 +17,7 @@ struct BackgroundConfig {
   Precision precision;    ///< of the sensor; noise may be up to four times that
   double fps = 30;        ///< captures per second
   double after_s = 5;     ///< what stopped becomes part of the room after so long
-  double chunk_m = 1.28;  ///< the still picture changes cube by cube of this grid
+  double chunk_m = 1.28;  ///< the still picture is refined cube by cube of this grid
 };
 
 /// What one capture says.
@@ -38,16 +38,17 @@ struct Moment {
 ///   base ──5 farther captures agree, 30 pixels together──▶ unknown, and learnt anew
 ///   base ──nearer for after_s──▶ absorbed in front of it ──moves again──▶ base
 ///
-/// `still()` is frozen: a pixel of it changes only together with the others of its cube, so that
-/// a chunk of the still surface depends on bits that do not change.
+/// `still()` is frozen: pixels of it change in regions that came or went, or, seldom, together with
+/// the others of their cube, so a chunk of the still surface depends on bits that do not change.
 class Background {
  public:
   /// Of an undistorted depth camera that does not move.
   Background(const Camera& camera, const Pose& T_world_camera, const BackgroundConfig& config);
 
   /// `depth`: as measured (not cleaned), of the camera's size. Parallel; the same result on any
-  /// number of threads.
-  Moment update(const ImageDepth& depth);
+  /// number of threads. `is_sent`: what moves in it is reconstructed and sent; else it serves to
+  /// learn, and does not count for the hand-over of pixels from one surface to the other.
+  Moment update(const ImageDepth& depth, bool is_sent = true);
 
   /// Forgets everything.
   void begin_anew();
@@ -59,6 +60,8 @@ class Background {
   /// 1 .. 4.
   float noise() const { return noise_; }
   std::uint64_t captures() const { return captures_; }
+  /// Whether most is still to be learnt.
+  bool is_new() const;
 
  private:
   /// A surface that one pixel sees: the mean of so many readings.
@@ -70,12 +73,15 @@ class Background {
   /// every capture reads it.
   struct Known {
     float mean = 0;
-    std::uint16_t count = 0;     ///< readings; 0: nothing is known
-    std::uint8_t shown_for = 0;  ///< captures since still_ has held it; up to kHandOver
+    std::uint16_t count = 0;  ///< readings; 0: nothing is known
+    /// Captures that agree since still_ holds what is known, up to kHandOver; nothing known:
+    /// captures in which nothing was learnt, up to kRestless.
+    std::uint8_t age = 0;
     bool is_absorbed : 1 = false;
     bool has_candidate : 1 = false;
     bool is_farther : 1 = false;     ///< the candidate lies behind what is known
     bool was_uncovered : 1 = false;  ///< nothing known: what was in front has just left
+    bool was_missed : 1 = false;     ///< nothing known: the last reading disagreed
   };
   /// What only some pixels have.
   struct Rest {
@@ -90,6 +96,8 @@ class Background {
   };
   enum class Reading : std::uint8_t { none, agrees, nearer, farther, unknown };
 
+  template <typename Row>
+  void for_each_row(const Row& row) const;
   void measure_noise(const ImageDepth& depth);
   void read_pixels(const ImageDepth& depth);
   Reading read(float depth, Known& known, Rest& rest) const;
@@ -104,11 +112,13 @@ class Background {
   void give_back_what_moves();
   bool was_pushed();
   bool is_slightly_nearer(const ImageDepth& depth, int x, int y) const;
+  bool is_shown(std::size_t pixel) const;
+  bool is_mixed(int x, int y) const;
   ImageMask moving_pixels(const ImageDepth& depth, ImageMask& foreign) const;
   ImageMask confirmed_pixels(const ImageDepth& depth, const ImageMask& moving) const;
   bool differs(std::size_t pixel) const;
-  ImageMask pixels_that_differ(bool all) const;
-  std::set<Vec3i> cubes_to_freeze() const;
+  ImageMask regions_to_freeze() const;
+  std::set<Vec3i> cubes_to_refine() const;
   bool freeze();
 
   float sigma_m(float depth) const;
@@ -128,7 +138,8 @@ class Background {
   ImageDepth still_, previous_;
   std::vector<Region> regions_;  ///< [id], 0: none
   std::uint64_t captures_ = 0;
-  int pushed_for_ = 0;  ///< captures in a row in which most disagreed
+  int pushed_for_ = 0;   ///< captures in a row in which most disagreed
+  bool is_sent_ = true;  ///< the capture at hand
   float noise_ = 1;
 };
 

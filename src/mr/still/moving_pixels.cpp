@@ -24,15 +24,13 @@ bool is_core(const ImageMask& strong, int x, int y) {
 ImageMask large_regions(const ImageMask& strong, double scale) {
   const Regions regions = connected_regions(strong);
   std::vector<std::uint32_t> core(regions.pixels.size());
-  for (int y = 0; y < strong.height; ++y)
-    for (int x = 0; x < strong.width; ++x)
-      if (*strong.at(x, y) && is_core(strong, x, y)) ++core[*regions.label.at(x, y)];
-  std::vector<std::uint8_t> stays(regions.pixels.size());
-  for (std::size_t r = 1; r < stays.size(); ++r)
-    stays[r] = regions.pixels[r] >= std::max(8.0, kLeastPixels * scale) &&
-               core[r] >= std::max(1.0, kLeastCore * scale);
+  for (const Span& s : regions.spans)
+    for (int x = s.first; x < s.end; ++x) core[s.region] += is_core(strong, x, s.y);
   ImageMask out(strong.width, strong.height);
-  for (std::size_t i = 0; i < out.data.size(); ++i) out.data[i] = stays[regions.label.data[i]];
+  for (const Span& s : regions.spans)
+    if (regions.pixels[s.region] >= std::max(8.0, kLeastPixels * scale) &&
+        core[s.region] >= std::max(1.0, kLeastCore * scale))
+      std::fill(out.at(s.first, s.y), out.at(s.first, s.y) + (s.end - s.first), std::uint8_t{1});
   return out;
 }
 
@@ -50,8 +48,9 @@ void grow(ImageMask& mask, const Joins& joins) {
     touch(x - 1, y), touch(x + 1, y), touch(x, y - 1), touch(x, y + 1);
   };
   for (int y = 0; y < mask.height; ++y)
-    for (int x = 0; x < mask.width; ++x)
-      if (*mask.at(x, y) == 1) touch_around(x, y);
+    for (int x = next_set(mask.row(y), 0, mask.width); x < mask.width;
+         x = next_set(mask.row(y), x + 1, mask.width))
+      touch_around(x, y);
   for (int step = 1; step < kReach_px && !next.empty(); ++step) {
     front = std::exchange(next, {});
     for (const auto& [x, y] : front) touch_around(x, y);

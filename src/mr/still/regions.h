@@ -7,12 +7,28 @@
 
 namespace mr::still {
 
+/// Pixels of one row that touch each other: [first, end).
+struct Span {
+  int y, first, end;
+  std::uint32_t region;  ///< place in Regions::pixels
+};
+
 /// The connected parts of a mask; pixels touch beside, above and across corners.
 struct Regions {
-  ImageId label;                      ///< [H, W] 0: not in the mask; else its region's place in
-                                      ///< `pixels`
-  std::vector<std::uint32_t> pixels;  ///< [regions + 1] how many; [0] is 0
+  std::vector<Span> spans;            ///< row by row, from left to right
+  std::vector<std::uint32_t> pixels;  ///< [regions] how many; numbered in the order of their spans
+
+  /// Calls visit(place of the pixel in its picture, region) for each pixel.
+  template <typename Visit>
+  void for_each_pixel(int width, const Visit& visit) const {
+    for (const Span& s : spans)
+      for (int x = s.first; x < s.end; ++x)
+        visit(static_cast<std::size_t>(s.y) * width + x, s.region);
+  }
 };
 Regions connected_regions(const ImageMask& mask);
+
+/// The first pixel from `x` on of a mask's row that is set; its end where none is.
+int next_set(const std::uint8_t* row, int x, int end);
 
 }  // namespace mr::still
