@@ -1,5 +1,6 @@
 #include "mr/kit/raster.h"
 
+#include <algorithm>
 #include <numbers>
 #include <vector>
 
@@ -87,11 +88,7 @@ struct Rows {
   float top = 0, bottom = -1;
 };
 
-}  // namespace
-
-Raster rasterize(const Mesh& mesh, const Camera& camera, const Pose& T_world_camera) {
-  MR_ASSERT(camera.model == CameraModel::pinhole && camera.distortion == DistortionModel::none);
-  const Projection projection = project_vertices(mesh, camera, T_world_camera);
+std::vector<Rows> rows_of(const Mesh& mesh, const Camera& camera, const Projection& projection) {
   std::vector<Rows> rows(mesh.triangles.size());
   parallel_for(rows.size(), 2048, [&](std::size_t begin, std::size_t end) {
     for (std::size_t t = begin; t < end; ++t) {
@@ -103,9 +100,15 @@ Raster rasterize(const Mesh& mesh, const Camera& camera, const Pose& T_world_cam
       rows[t] = {std::floor(static_cast<float>(top->v)), std::ceil(static_cast<float>(bottom->v))};
     }
   });
+  return rows;
+}
 
-  Raster out{ImageDepth(camera.width, camera.height),
-             ImageId(camera.width, camera.height, kNoTriangle)};
+/// Draws into pictures of the camera's size; `triangles` may be null.
+void draw(const Mesh& mesh, const Camera& camera, const Pose& T_world_camera, ImageDepth& depth,
+          ImageId* triangles) {
+  MR_ASSERT(camera.model == CameraModel::pinhole && camera.distortion == DistortionModel::none);
+  const Projection projection = project_vertices(mesh, camera, T_world_camera);
+  const std::vector<Rows> rows = rows_of(mesh, camera, projection);
   constexpr std::size_t kBand = 64;
   parallel_for((camera.height + kBand - 1) / kBand, 1, [&](std::size_t begin, std::size_t end) {
     const int first = static_cast<int>(begin * kBand);
@@ -113,9 +116,15 @@ Raster rasterize(const Mesh& mesh, const Camera& camera, const Pose& T_world_cam
     for (std::uint32_t t = 0; t < rows.size(); ++t) {
       if (rows[t].bottom < static_cast<float>(first) || rows[t].top >= static_cast<float>(last))
         continue;
-      const auto draw = [&](const ScreenSpan& s) {
-        float* const inv_depth = out.depth.row(s.y);
-        std::uint32_t* const triangle = out.triangle.row(s.y);
+      const auto draw_depth = [&](const ScreenSpan& s) {
+        float* const inv_depth = depth.row(s.y);
+        for (int x = s.first; x <= s.last; ++x)
+          inv_depth[x] =
+              std::max(inv_depth[x], s.inv_z + static_cast<float>(x - s.first) * s.inv_z_step);
+      };
+      const auto draw_both = [&](const ScreenSpan& s) {
+        float* const inv_depth = depth.row(s.y);
+        std::uint32_t* const triangle = triangles->row(s.y);
         for (int x = s.first; x <= s.last; ++x) {
           const float inv_z = s.inv_z + static_cast<float>(x - s.first) * s.inv_z_step;
           const bool nearer = inv_z > inv_depth[x];
@@ -123,14 +132,32 @@ Raster rasterize(const Mesh& mesh, const Camera& camera, const Pose& T_world_cam
           triangle[x] = nearer ? t : triangle[x];
         }
       };
-      scan_polygon(projection.polygon(camera, mesh.triangles[t]), camera.width, first, last, draw);
+      const ScreenPolygon polygon = projection.polygon(camera, mesh.triangles[t]);
+      if (triangles)
+        scan_polygon(polygon, camera.width, first, last, draw_both);
+      else
+        scan_polygon(polygon, camera.width, first, last, draw_depth);
     }
     for (int y = first; y < last; ++y)
       for (int x = 0; x < camera.width; ++x) {
-        float& d = *out.depth.at(x, y);
+        float& d = *depth.at(x, y);
         d = d > 0 ? 1 / d : 0;
       }
   });
+}
+
+}  // namespace
+
+Raster rasterize(const Mesh& mesh, const Camera& camera, const Pose& T_world_camera) {
+  Raster out{ImageDepth(camera.width, camera.height),
+             ImageId(camera.width, camera.height, kNoTriangle)};
+  draw(mesh, camera, T_world_camera, out.depth, &out.triangle);
+  return out;
+}
+
+ImageDepth rasterize_depth(const Mesh& mesh, const Camera& camera, const Pose& T_world_camera) {
+  ImageDepth out(camera.width, camera.height);
+  draw(mesh, camera, T_world_camera, out, nullptr);
   return out;
 }
 
