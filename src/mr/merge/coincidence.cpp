@@ -62,7 +62,7 @@ StillCover::StillCover(const Mesh& merged, std::span<const Part> parts, const Ov
     for (std::size_t i = begin; i < end; ++i) {
       SensorView& view = views_[i / 2];
       const auto draw = [&](const Mesh& mesh) {
-        return kit::rasterize(mesh, view.camera, view.T_camera_world.inverse()).depth;
+        return kit::rasterize_depth(mesh, view.camera, view.T_camera_world.inverse());
       };
       if (i % 2 == 0)
         view.merged = draw(merged);

@@ -9,11 +9,18 @@
 namespace mr::merge {
 namespace {
 
-constexpr int kCaptures = 15;            // in a row, before a place counts as empty
-constexpr double kLeastArea_m2 = 0.005;  // of places that touch each other
-constexpr double kTolerances = 3;        // so many times what may be one surface lies beyond
-constexpr int kAround_px = 2;            // of the other's view
-constexpr double kNear_voxels = 10;      // of a tile: what is one thing
+constexpr int kCaptures = 15;                // in a row, before a place counts as empty
+constexpr double kLeastArea_m2 = 0.005;      // of places that touch each other
+constexpr double kTolerances = 3;            // so many times what may be one surface lies beyond
+constexpr int kAround_px = 2;                // of the other's view
+constexpr double kNear_voxels = 10;          // of a tile: what is one thing
+constexpr std::uint64_t kDisputeTurns = 64;  // updates until all tiles were looked at for disputes
+
+/// What a tile covers at a distance.
+double area_m2(const StillCover::SensorView& own, int tile_px, double depth_m) {
+  const double edge_m = depth_m * tile_px * own.scale / own.camera.fx;
+  return edge_m * edge_m;
+}
 
 }  // namespace
 
@@ -47,66 +54,92 @@ bool EmptyPlaces::sees_past(const StillCover::SensorView& own, const StillCover:
   return *other.own.at(u, v) > 0;
 }
 
-/// Brings one tile up to date; `samples`: pixels of its own sensor's view. Returns whether it is no
-/// longer empty.
-bool EmptyPlaces::follow(const StillCover::SensorView& own, const StillCover& cover,
-                         const Confirmed& confirmed, std::span<const std::array<int, 2>> samples,
-                         Tile& tile) const {
-  const double near_m = kNear_voxels * config_.voxel_m;
+/// The distance of the nearest surface that a sensor has in a tile; 0: none.
+float EmptyPlaces::nearest_in(const StillCover::SensorView& own, const Samples& samples) {
   float nearest = 0;
   for (const auto& [x, y] : samples)
     if (const float z = *own.own.at(x, y); z > 0 && (nearest == 0 || z < nearest)) nearest = z;
-  if (nearest == 0 || (tile.is_empty && std::abs(nearest - tile.depth_m) > near_m)) {
-    const bool was_empty = tile.is_empty;  // it is another surface now
-    tile = {};
-    return was_empty;
-  }
-  if (tile.is_empty) return false;
-  const auto is_past = [&](const StillCover::SensorView& other) {
+  return nearest;
+}
+
+/// Whether some other sensor sees past all of a tile's nearest surface.
+bool EmptyPlaces::any_sees_past(const StillCover::SensorView& own, const StillCover& cover,
+                                const Confirmed& confirmed, const Samples& samples,
+                                float nearest) const {
+  const double near_m = kNear_voxels * config_.voxel_m;
+  return std::ranges::any_of(cover.views(), [&](const StillCover::SensorView& other) {
     const auto its = confirmed.find(other.sensor);
     if (other.sensor == own.sensor || its == confirmed.end()) return false;
     return std::ranges::all_of(samples, [&](const std::array<int, 2>& at) {
       const float z = *own.own.at(at[0], at[1]);
       return z == 0 || z > nearest + near_m || sees_past(own, other, *its->second, at[0], at[1]);
     });
-  };
-  const bool is_empty = std::ranges::any_of(cover.views(), is_past);
+  });
+}
+
+/// Brings a tile that its own sensor does not confirm up to date. Returns whether it is no longer
+/// empty.
+bool EmptyPlaces::follow(const StillCover::SensorView& own, const StillCover& cover,
+                         const Confirmed& confirmed, const Samples& samples, Tile& tile) const {
+  const double near_m = kNear_voxels * config_.voxel_m;
+  const float nearest = nearest_in(own, samples);
+  if (nearest == 0 || (tile.is_empty && std::abs(nearest - tile.depth_m) > near_m)) {
+    const bool was_empty = tile.is_empty;  // it is another surface now
+    tile = {.disputed_m = tile.disputed_m};
+    return was_empty;
+  }
+  if (tile.is_empty) return false;
+  const bool is_disputed = tile.disputed_m > 0 && std::abs(nearest - tile.disputed_m) <= near_m;
   tile.depth_m = nearest;
-  tile.empty_for = is_empty ? std::min(tile.empty_for + 1, kCaptures) : 0;
+  tile.empty_for = !is_disputed && any_sees_past(own, cover, confirmed, samples, nearest)
+                       ? std::min(tile.empty_for + 1, kCaptures)
+                       : 0;
   return false;
 }
 
-/// The same for all tiles of a sensor.
-bool EmptyPlaces::follow(const StillCover::SensorView& own, const StillCover& cover,
-                         const Confirmed& confirmed, Tiles& tiles) const {
+/// The same for all tiles of a sensor. What it confirms though another sees past it, such as the
+/// edge of a thing that the other has farther behind, is disputed, and never empty: now and then
+/// some tiles are looked at for that.
+double EmptyPlaces::follow(const StillCover::SensorView& own, const StillCover& cover,
+                           const Confirmed& confirmed, Tiles& tiles) const {
   const TileMask& mine = *confirmed.at(own.sensor);
-  bool changed = false;
+  const auto samples_of = [&](int column, int row) {
+    Samples out;
+    for (int i = 0; i < 9; ++i) {
+      const auto place = [&](int t, int third, int size) {
+        const double at = (t + 0.1 + 0.4 * third) * tiles.tile_px * own.scale;
+        return std::min(static_cast<int>(at), size - 1);
+      };
+      out[i] = {place(column, i % 3, own.own.width), place(row, i / 3, own.own.height)};
+    }
+    return out;
+  };
+  double changed_m2 = 0;
   for (int row = 0; row < tiles.rows; ++row)
     for (int column = 0; column < tiles.columns; ++column) {
-      Tile& tile = tiles.tiles[static_cast<std::size_t>(row) * tiles.columns + column];
-      if (mine.at(column, row)) {
-        changed |= tile.is_empty;
-        tile = {};
+      const std::size_t number = static_cast<std::size_t>(row) * tiles.columns + column;
+      Tile& tile = tiles.tiles[number];
+      const double covers_m2 = area_m2(own, tiles.tile_px, tile.depth_m);
+      if (!mine.at(column, row)) {
+        if (follow(own, cover, confirmed, samples_of(column, row), tile)) changed_m2 += covers_m2;
         continue;
       }
-      std::array<std::array<int, 2>, 9> samples;
-      for (int i = 0; i < 9; ++i) {
-        const auto place = [&](int t, int third, int size) {
-          const double at = (t + 0.1 + 0.4 * third) * tiles.tile_px * own.scale;
-          return std::min(static_cast<int>(at), size - 1);
-        };
-        samples[i] = {place(column, i % 3, own.own.width), place(row, i / 3, own.own.height)};
-      }
-      changed |= follow(own, cover, confirmed, samples, tile);
+      if (tile.is_empty) changed_m2 += covers_m2;
+      tile = {.disputed_m = tile.disputed_m};
+      if ((number + updates_) % kDisputeTurns != 0) continue;
+      const Samples samples = samples_of(column, row);
+      const float nearest = nearest_in(own, samples);
+      if (nearest > 0 && any_sees_past(own, cover, confirmed, samples, nearest))
+        tile.disputed_m = nearest;
     }
-  return changed;
+  return changed_m2;
 }
 
-bool EmptyPlaces::update(const StillCover& cover, std::span<const SourceInfo> sources) {
+double EmptyPlaces::update(const StillCover& cover, std::span<const SourceInfo> sources) {
   Confirmed confirmed;
   for (const SourceInfo& source : sources)
     if (!source.confirmed_depth.empty()) confirmed[source.sensor] = &source.confirmed_depth;
-  bool changed = false;
+  double changed_m2 = 0;
   for (const StillCover::SensorView& own : cover.views()) {
     const auto mine = confirmed.find(own.sensor);
     if (mine == confirmed.end()) continue;
@@ -116,26 +149,25 @@ bool EmptyPlaces::update(const StillCover& cover, std::span<const SourceInfo> so
       tiles = {
           mask.tile_px, mask.columns, mask.rows, std::vector<Tile>(mask.tiles.size()), 1, {}, {}};
     tiles.scale = own.scale, tiles.camera = own.camera, tiles.T_camera_world = own.T_camera_world;
-    changed |= follow(own, cover, confirmed, tiles);
-    changed |= find_large(own, tiles);
+    changed_m2 += follow(own, cover, confirmed, tiles);
+    changed_m2 += find_large(own, tiles);
   }
-  return changed;
+  ++updates_;
+  return changed_m2;
 }
 
 /// Of the places that have been empty for long enough, those become so for good that make up enough
 /// area together.
-bool EmptyPlaces::find_large(const StillCover::SensorView& own, Tiles& tiles) const {
-  const double pixel_rad = 1 / (own.camera.fx / own.scale);
+double EmptyPlaces::find_large(const StillCover::SensorView& own, Tiles& tiles) const {
   std::vector<std::uint8_t> seen(tiles.tiles.size());
-  bool changed = false;
+  double changed_m2 = 0;
   for (std::size_t first = 0; first < tiles.tiles.size(); ++first) {
     if (seen[first] || tiles.tiles[first].empty_for < kCaptures) continue;
     std::vector<std::size_t> region{first};
     seen[first] = 1;
-    double area_m2 = 0;
+    double all_m2 = 0;
     for (std::size_t i = 0; i < region.size(); ++i) {
-      const double edge_m = tiles.tiles[region[i]].depth_m * tiles.tile_px * pixel_rad;
-      area_m2 += edge_m * edge_m;
+      all_m2 += area_m2(own, tiles.tile_px, tiles.tiles[region[i]].depth_m);
       const int column = static_cast<int>(region[i]) % tiles.columns,
                 row = static_cast<int>(region[i]) / tiles.columns;
       for (int y = std::max(row - 1, 0); y <= std::min(row + 1, tiles.rows - 1); ++y)
@@ -145,10 +177,12 @@ bool EmptyPlaces::find_large(const StillCover::SensorView& own, Tiles& tiles) co
             region.push_back(t);
         }
     }
-    if (area_m2 < kLeastArea_m2) continue;
-    for (const std::size_t t : region) changed |= !std::exchange(tiles.tiles[t].is_empty, true);
+    if (all_m2 < kLeastArea_m2) continue;
+    for (const std::size_t t : region)
+      if (!std::exchange(tiles.tiles[t].is_empty, true))
+        changed_m2 += area_m2(own, tiles.tile_px, tiles.tiles[t].depth_m);
   }
-  return changed;
+  return changed_m2;
 }
 
 Mesh EmptyPlaces::without_empty(const Mesh& still) const {

@@ -22,8 +22,8 @@ class EmptyPlaces {
   explicit EmptyPlaces(const OverlapConfig& config) : config_(config) {}
 
   /// Takes a capture. `cover`: the still surfaces as the sensors see them; `sources`: what each
-  /// confirms now. Returns whether which places are empty changed.
-  bool update(const StillCover& cover, std::span<const SourceInfo> sources);
+  /// confirms now. Returns the area in m² of the places that became empty, or are no longer.
+  double update(const StillCover& cover, std::span<const SourceInfo> sources);
 
   /// What is left of a still surface whose triangles have the sensors that measured them as views.
   Mesh without_empty(const Mesh& still) const;
@@ -33,6 +33,8 @@ class EmptyPlaces {
     int empty_for = 0;  ///< captures in a row
     bool is_empty = false;
     float depth_m = 0;  ///< of the surface that is gone
+    /// Of a surface that its own sensor confirmed while another saw past it; 0: none.
+    float disputed_m = 0;
   };
   struct Tiles {
     int tile_px = 0, columns = 0, rows = 0;
@@ -46,15 +48,19 @@ class EmptyPlaces {
   bool sees_past(const StillCover::SensorView& own, const StillCover::SensorView& other,
                  const TileMask& confirmed, int x, int y) const;
   using Confirmed = std::map<std::uint32_t, const TileMask*>;
+  using Samples = std::array<std::array<int, 2>, 9>;  // pixels of the own sensor's view in a tile
+  static float nearest_in(const StillCover::SensorView& own, const Samples& samples);
+  bool any_sees_past(const StillCover::SensorView& own, const StillCover& cover,
+                     const Confirmed& confirmed, const Samples& samples, float nearest) const;
   bool follow(const StillCover::SensorView& own, const StillCover& cover,
-              const Confirmed& confirmed, std::span<const std::array<int, 2>> samples,
-              Tile& tile) const;
-  bool follow(const StillCover::SensorView& own, const StillCover& cover,
-              const Confirmed& confirmed, Tiles& tiles) const;
-  bool find_large(const StillCover::SensorView& own, Tiles& tiles) const;
+              const Confirmed& confirmed, const Samples& samples, Tile& tile) const;
+  double follow(const StillCover::SensorView& own, const StillCover& cover,
+                const Confirmed& confirmed, Tiles& tiles) const;
+  double find_large(const StillCover::SensorView& own, Tiles& tiles) const;
 
   OverlapConfig config_;
   std::map<std::uint32_t, Tiles> tiles_;  ///< by sensor
+  std::uint64_t updates_ = 0;
 };
 
 }  // namespace mr::merge
