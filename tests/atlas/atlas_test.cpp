@@ -82,5 +82,22 @@ TEST(Compose, PixelsOfNoUseAreBlack) {
   EXPECT_EQ(*whole.at(20, 50), 200);
 }
 
+TEST(Compose, BlocksOfNoUseShowWhatIsBehind) {
+  const auto picture = std::make_shared<ImageRgb>(40, 40, 200);
+  const ImageRgb plate(40, 40, 50);
+  const View v = view(0, 40, 40);
+  const atlas::Layout layout = *atlas::make_layout({v}, {}, 1, 1);
+  ImageMask used(40, 40);
+  *used.at(17, 15) = 1;
+  *used.at(39, 39) = 1;
+  const ImageRgb out =
+      atlas::compose_atlas(layout, {{0, v}}, {{0, picture}}, {{0, used}}, true, {}, {{0, &plate}});
+  for (int y = 0; y < 40; ++y)
+    for (int x = 0; x < 40; ++x) {
+      const bool is_live = (x / 16 == 1 && y / 16 == 0) || (x / 16 == 2 && y / 16 == 2);
+      ASSERT_EQ(out.at(x, y)[1], is_live ? 200 : 50) << x << " " << y;
+    }
+}
+
 }  // namespace
 }  // namespace mr

@@ -363,19 +363,5 @@ TEST(Plate, SameBytesOnAnyNumberOfThreads) {
   EXPECT_EQ(bytes(1), bytes(8));
 }
 
-TEST(Plate, FrozenOutsideWhatIsUsed) {
-  ImageRgb live(40, 40, 200);
-  const ImageRgb still(40, 40, 50);
-  ImageMask used(40, 40);
-  *used.at(17, 15) = 1;
-  *used.at(39, 39) = 1;
-  atlas::freeze_outside(live, still, used);
-  for (int y = 0; y < 40; ++y)
-    for (int x = 0; x < 40; ++x) {
-      const bool is_live = (x / 16 == 1 && y / 16 == 0) || (x / 16 == 2 && y / 16 == 2);
-      ASSERT_EQ(live.at(x, y)[1], is_live ? 200 : 50) << x << " " << y;
-    }
-}
-
 }  // namespace
 }  // namespace mr

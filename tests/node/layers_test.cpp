@@ -124,7 +124,8 @@ TEST(Layers, TreesAndRegionsGiveTheSurfaceOfOneMerger) {
 
 using Chunks = std::map<Vec3i, Mesh>;
 
-/// Open edges that run along a face of the chunk grid, shifted by so much, with surface beyond.
+/// Open edges of surface that crosses a face of the chunk grid, shifted by so much, along that face
+/// and with surface beyond.
 int open_along_faces(const Chunks& chunks, const Scene& scene, double shift_m = 0) {
   Mesh all;
   for (const auto& [cube, mesh] : chunks) append(all, mesh);
@@ -139,10 +140,12 @@ int open_along_faces(const Chunks& chunks, const Scene& scene, double shift_m = 
   int count = 0;
   for (std::uint32_t h = 0; h < uses.size(); ++h) {
     const Vec3f a = all.positions[kit::edge_from(all, h)], b = all.positions[kit::edge_to(all, h)];
-    bool along = false;
-    for (int axis = 0; axis < 3; ++axis) along |= is_near(a, axis) && is_near(b, axis);
-    if (uses[h] != 1 || !along) continue;
-    const Vec3f out = normalized(cross(b - a, normalized(all.area_normal(h / 3))));
+    if (uses[h] != 1) continue;
+    const Vec3f normal = normalized(all.area_normal(h / 3)), out = normalized(cross(b - a, normal));
+    bool along = false;  // and across it: the floor lies in a face, and all its holes near one
+    for (int axis = 0; axis < 3; ++axis)
+      along |= is_near(a, axis) && is_near(b, axis) && std::abs(normal[axis]) < 0.7f;
+    if (!along) continue;
     count += rays.nearest((a + b) * 0.5f + out * (voxel_m / 2), voxel_m / 4).has_value();
   }
   return count;
@@ -188,8 +191,8 @@ TEST(Layers, ChunksMadeAtDifferentTimesFit) {
     EXPECT_EQ(at_once.size(), chunks.size());
     for (const auto& [cube, mesh] : at_once) other += mesh != chunks[cube];
     EXPECT_EQ(other, 0) << "of " << at_once.size() << " chunks, capture " << i;
-    // Small holes may lie anywhere. (At faces some more do: 26 to 34 edges, elsewhere 10 to 16.)
-    EXPECT_LE(open_along_faces(chunks, scene), open_along_faces(chunks, scene, 0.4) + 24) << i;
+    // Small holes may lie anywhere: 6 to 16 edges at faces, 7 to 12 elsewhere.
+    EXPECT_LE(open_along_faces(chunks, scene), open_along_faces(chunks, scene, 0.4) + 12) << i;
   }
   std::set<int> times;
   for (const auto& [cube, at] : made_at) times.insert(at);

@@ -2,7 +2,10 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstring>
 #include <optional>
+#include <span>
+#include <utility>
 #include <vector>
 
 #include "mr/atlas/fold_around.h"
@@ -11,6 +14,8 @@
 
 namespace mr::atlas {
 namespace {
+
+constexpr int kBlock_px = 16;  // of a tile: a macroblock
 
 /// Where the pixels of a tile's rows or columns come from.
 struct Source {
@@ -46,6 +51,15 @@ std::vector<Source> sources(int tile_count, Extent shown, Extent child_shown, Ex
   return out;
 }
 
+/// Whether columns are copied as they are, one beside the other.
+bool is_straight(const std::vector<Source>& columns) {
+  for (int i = 0; i < static_cast<int>(columns.size()); ++i)
+    if (columns[i].share != 0 || columns[i].first != columns[0].first + i ||
+        columns[i].camera != columns[0].camera + i)
+      return false;
+  return true;
+}
+
 /// Mixes four pixels. `shade(c, v)`: what becomes of a channel's byte.
 template <typename Shade>
 void mix(const ImageRgb& picture, const Source& column, const Source& row, const Shade& shade,
@@ -62,7 +76,7 @@ void mix(const ImageRgb& picture, const Source& column, const Source& row, const
 
 /// `used`: of the camera's row; null: all.
 template <typename Shade>
-void draw_row(const ImageRgb& picture, const std::vector<Source>& columns, const Source& row,
+void draw_row(const ImageRgb& picture, std::span<const Source> columns, const Source& row,
               const std::uint8_t* used, const Shade& shade, std::uint8_t* out) {
   for (const Source& column : columns) {
     if (!used || used[column.camera]) {
@@ -77,29 +91,97 @@ void draw_row(const ImageRgb& picture, const std::vector<Source>& columns, const
   }
 }
 
-/// `used`, `tables`: may be null.
-void draw_tile(const View& tile, const View& child, const ImageRgb& picture, const ImageMask* used,
-               const GainTables* tables, ImageRgb& atlas) {
-  const Rect& to = tile.atlas_rect;
-  const std::vector<Source> columns =
-      sources(to.width, columns_of(tile.image_rect), columns_of(child.image_rect),
-              columns_of(child.atlas_rect), tile.width);
-  const std::vector<Source> rows =
-      sources(to.height, rows_of(tile.image_rect), rows_of(child.image_rect),
-              rows_of(child.atlas_rect), tile.height);
-  const auto as_it_is = [](int, std::uint8_t v) { return v; };
-  const auto with_gain = [&](int c, std::uint8_t v) { return (*tables)[c][v]; };
-  parallel_for(to.height, 16, [&](std::size_t begin, std::size_t end) {
-    for (std::size_t j = begin; j < end; ++j) {
-      const std::uint8_t* const used_row = used ? used->row(rows[j].camera) : nullptr;
-      std::uint8_t* const out = atlas.at(to.x, to.y + static_cast<int>(j));
-      if (tables)
-        draw_row(picture, columns, rows[j], used_row, with_gain, out);
-      else
-        draw_row(picture, columns, rows[j], used_row, as_it_is, out);
+/// What one tile is drawn from; `used`, `tables` and `behind` may be null.
+struct TileSources {
+  const ImageRgb& picture;
+  const ImageMask* used;
+  bool mask;
+  const GainTables* tables;
+  const ImageRgb* behind;
+};
+
+/// Draws one tile of an atlas.
+class TileDrawer {
+ public:
+  TileDrawer(const View& tile, const View& child, const TileSources& from, ImageRgb& atlas)
+      : at_(tile.atlas_rect),
+        from_(from),
+        columns_(sources(at_.width, columns_of(tile.image_rect), columns_of(child.image_rect),
+                         columns_of(child.atlas_rect), tile.width)),
+        rows_(sources(at_.height, rows_of(tile.image_rect), rows_of(child.image_rect),
+                      rows_of(child.atlas_rect), tile.height)),
+        straight_(is_straight(columns_)),
+        atlas_(atlas) {}
+
+  void draw() const {
+    const auto lines = static_cast<std::size_t>((at_.height + kBlock_px - 1) / kBlock_px);
+    parallel_for(lines, 1, [&](std::size_t begin, std::size_t end) {
+      for (auto y = static_cast<int>(begin) * kBlock_px; y < static_cast<int>(end) * kBlock_px;
+           y += kBlock_px)
+        draw_line({0, y, at_.width, std::min(kBlock_px, at_.height - y)});
+    });
+  }
+
+ private:
+  /// A line of blocks.
+  void draw_line(const Rect& line) const {
+    if (!from_.behind || !from_.used)
+      return draw(from_.picture, from_.mask ? from_.used : nullptr, line);
+    const auto block = [&](int x) {
+      return Rect{x, line.y, std::min(kBlock_px, line.width - x), line.height};
+    };
+    for (int x = 0; x < line.width;) {  // blocks of one kind together
+      const int first = x;
+      const bool used = any_used(block(x));
+      do x += kBlock_px;
+      while (x < line.width && any_used(block(x)) == used);
+      const int end = std::min(x, line.width);
+      draw(used ? from_.picture : *from_.behind, nullptr,
+           {first, line.y, end - first, line.height});
     }
-  });
-}
+  }
+
+  bool any_used(const Rect& block) const {
+    return std::ranges::any_of(rows_in(block), [&](const Source& row) {
+      const std::uint8_t* const used = from_.used->row(row.camera);
+      if (straight_)
+        return std::memchr(used + columns_[block.x].camera, 1,
+                           static_cast<std::size_t>(block.width)) != nullptr;
+      return std::ranges::any_of(columns_in(block),
+                                 [&](const Source& column) { return used[column.camera] != 0; });
+    });
+  }
+
+  /// `used`: the others stay black; may be null.
+  void draw(const ImageRgb& picture, const ImageMask* used, const Rect& part) const {
+    const auto as_it_is = [](int, std::uint8_t v) { return v; };
+    const auto with_gain = [&](int c, std::uint8_t v) { return (*from_.tables)[c][v]; };
+    int y = at_.y + part.y;
+    for (const Source& row : rows_in(part)) {
+      const std::uint8_t* const used_row = used ? used->row(row.camera) : nullptr;
+      std::uint8_t* const out = atlas_.at(at_.x + part.x, y++);
+      if (straight_ && row.share == 0 && !used && !from_.tables)
+        std::copy_n(picture.at(columns_[part.x].first, row.first), 3 * part.width, out);
+      else if (from_.tables)
+        draw_row(picture, columns_in(part), row, used_row, with_gain, out);
+      else
+        draw_row(picture, columns_in(part), row, used_row, as_it_is, out);
+    }
+  }
+
+  std::span<const Source> columns_in(const Rect& part) const {
+    return std::span(columns_).subspan(part.x, part.width);
+  }
+  std::span<const Source> rows_in(const Rect& part) const {
+    return std::span(rows_).subspan(part.y, part.height);
+  }
+
+  Rect at_;
+  const TileSources& from_;
+  std::vector<Source> columns_, rows_;
+  bool straight_;  ///< columns of the picture are columns of the tile
+  ImageRgb& atlas_;
+};
 
 }  // namespace
 
@@ -137,20 +219,25 @@ ImageMask used_pixels(const Mesh& mesh, const View& view, int margin_px) {
 
 ImageRgb compose_atlas(const Layout& layout, const std::map<ViewId, View>& children,
                        const Pictures& pictures, const std::map<ViewId, ImageMask>& used, bool mask,
-                       const Gains& gains) {
-  ImageRgb atlas(layout.width, layout.height);
+                       const Gains& gains, const PicturesBehind& behind, ImageRgb memory) {
+  ImageRgb atlas = std::move(memory);
+  atlas.width = layout.width, atlas.height = layout.height;
+  atlas.data.assign(std::size_t{3} * layout.width * layout.height, 0);
   for (const View& tile : layout.views) {
     const auto child = children.find(tile.id);
     if (child == children.end()) continue;
     const auto picture = pictures.find(child->second.stream);
     if (picture == pictures.end() || !picture->second) continue;
-    const auto found = used.find(tile.id);
+    const auto masked = used.find(tile.id);
     const auto gain = gains.find(tile.id);
+    const auto back = behind.find(tile.id);
+    const bool has_back = back != behind.end() && back->second->width == picture->second->width &&
+                          back->second->height == picture->second->height;
     std::optional<GainTables> tables;
     if (gain != gains.end() && gain->second != Vec3f{1, 1, 1}) tables = gain_tables(gain->second);
-    draw_tile(tile, child->second, *picture->second,
-              mask && found != used.end() ? &found->second : nullptr, tables ? &*tables : nullptr,
-              atlas);
+    const TileSources from{*picture->second, masked != used.end() ? &masked->second : nullptr, mask,
+                           tables ? &*tables : nullptr, has_back ? back->second : nullptr};
+    TileDrawer(tile, child->second, from, atlas).draw();
   }
   return atlas;
 }

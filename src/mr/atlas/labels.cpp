@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <array>
-#include <bit>
 #include <cmath>
 #include <limits>
 #include <numbers>
@@ -46,20 +45,15 @@ ImageDepth nearest_around(const ImageDepth& depth, int r) {
 
 /// Depth that nine tenths of the picture are beyond: margins must do for occluders close by.
 double near_depth(const ImageDepth& depth) {
-  // Positive floats sort like their bits: count by the upper half, then look at one count only.
-  const auto upper_bits = [](float d) { return std::bit_cast<std::uint32_t>(d) >> 16; };
-  std::vector<std::uint32_t> histogram(1u << 16, 0);
-  for (const float d : depth.data) ++histogram[upper_bits(d)];
-  std::size_t rank = (depth.data.size() - histogram[0]) / 10;
-  if (histogram[0] == depth.data.size()) return 1;
-  std::uint32_t bucket = 1;
-  while (rank >= histogram[bucket]) rank -= histogram[bucket++];
-  std::vector<float> candidates;
-  for (const float d : depth.data)
-    if (upper_bits(d) == bucket) candidates.push_back(d);
-  std::nth_element(candidates.begin(), candidates.begin() + static_cast<std::ptrdiff_t>(rank),
-                   candidates.end());
-  return candidates[rank];
+  constexpr int kEvery_px = 3;
+  std::vector<float> samples;
+  for (int y = 0; y < depth.height; y += kEvery_px)
+    for (int x = 0; x < depth.width; x += kEvery_px)
+      if (const float d = *depth.at(x, y); d > 0) samples.push_back(d);
+  if (samples.empty()) return 1;
+  const auto tenth = samples.begin() + static_cast<std::ptrdiff_t>(samples.size() / 10);
+  std::nth_element(samples.begin(), tenth, samples.end());
+  return *tenth;
 }
 
 double margin_of(const Camera& camera, double geometry_error_m, double depth_m) {
@@ -75,7 +69,7 @@ ImageDepth nearer(ImageDepth depth, const ImageDepth* others, int x0, int y0) {
     float* const row = depth.row(y);
     const float* const other = others->at(x0, y0 + y);
     for (int x = 0; x < depth.width; ++x)
-      if (other[x] > 0 && (row[x] == 0 || other[x] < row[x])) row[x] = other[x];
+      row[x] = other[x] > 0 && (row[x] == 0 || other[x] < row[x]) ? other[x] : row[x];
   }
   return depth;
 }
@@ -98,7 +92,7 @@ class Face {
         error_m_(static_cast<float>(config.geometry_error_m + 2 * config.precision.base_m)),
         noise_per_m2_(static_cast<float>(2 * config.precision.per_m2)),
         pixel_(static_cast<float>(1 / camera.fx)),
-        depth_(nearer(kit::rasterize(mesh, camera, T_world_face).depth, others, x, y)),
+        depth_(nearer(kit::rasterize_depth(mesh, camera, T_world_face), others, x, y)),
         margin_(static_cast<int>(
             std::ceil(margin_of(camera, config.geometry_error_m, near_depth(depth_))))),
         around_(nearest_around(depth_, margin_)) {}
@@ -370,11 +364,11 @@ class Eye {
 /// [view][triangle]
 using Sights = std::vector<std::vector<TriangleSight>>;
 
-/// The mesh while it is cut, with what the cuts leave as it is.
-struct Labelling {
-  Mesh mesh;
-  std::vector<Vec3f> normals;  ///< [V] smoothed
-  Sights sights;
+/// What labelling needs beside the surface, while that is cut.
+struct Work {
+  Labelling& surface;
+  std::vector<Vec3f> normals;               ///< [V] smoothed
+  Sights sights;                            ///< of what is due
   std::vector<std::uint32_t> not_seen_yet;  ///< triangles whose sights are still to be found
 };
 
@@ -389,47 +383,55 @@ std::vector<std::optional<Eye>> open_eyes(const Mesh& mesh, std::span<const View
 }
 
 /// Finds the sights that are missing.
-void look(std::span<const std::optional<Eye>> eyes, Labelling& l) {
-  for (auto& view : l.sights) view.resize(l.mesh.triangles.size());
-  parallel_for(l.not_seen_yet.size(), 256, [&](std::size_t first, std::size_t last) {
+void look(std::span<const std::optional<Eye>> eyes, Work& work) {
+  const Mesh& mesh = work.surface.mesh;
+  for (auto& view : work.sights) view.resize(mesh.triangles.size());
+  parallel_for(work.not_seen_yet.size(), 256, [&](std::size_t first, std::size_t last) {
     for (std::size_t i = first; i < last; ++i) {
-      const std::uint32_t t = l.not_seen_yet[i];
-      const auto& [a, b, c] = l.mesh.triangles[t];
-      const Vec3f normal = normalized(l.normals[a] + l.normals[b] + l.normals[c]);
+      const std::uint32_t t = work.not_seen_yet[i];
+      const auto& [a, b, c] = mesh.triangles[t];
+      const Vec3f normal = normalized(work.normals[a] + work.normals[b] + work.normals[c]);
       for (std::size_t v = 0; v < eyes.size(); ++v)
-        l.sights[v][t] = eyes[v]->look_at(l.mesh, t, normal);
+        work.sights[v][t] = eyes[v]->look_at(mesh, t, normal);
     }
   });
 }
 
 /// Cuts the edges marked in `split`. Pieces face what their triangle faced; the sights of whole
 /// triangles move along.
-void cut(Labelling& l, const std::vector<std::uint8_t>& split) {
-  kit::Refined refined = kit::refine(l.mesh, split);
-  for (const auto& [a, b] : refined.cut_edges)
-    l.normals.push_back(normalized(l.normals[a] + l.normals[b]));
-  Sights sights(l.sights.size(), std::vector<TriangleSight>(refined.parent.size()));
-  l.not_seen_yet.clear();
+void cut(Work& work, const std::vector<std::uint8_t>& split) {
+  Labelling& s = work.surface;
+  kit::Refined refined = kit::refine(s.mesh, split);
+  for (const auto& [a, b] : refined.cut_edges) {
+    work.normals.push_back(normalized(work.normals[a] + work.normals[b]));
+    s.cut_edges.push_back({a, b});
+  }
+  Sights sights(work.sights.size(), std::vector<TriangleSight>(refined.parent.size()));
+  work.not_seen_yet.clear();
+  Labelling out;
   for (std::uint32_t t = 0; t < refined.parent.size(); ++t) {
     const std::uint32_t parent = refined.parent[t];
-    if (refined.mesh.triangles[t] != l.mesh.triangles[parent])
-      l.not_seen_yet.push_back(t);
-    else
-      for (std::size_t v = 0; v < sights.size(); ++v) sights[v][t] = l.sights[v][parent];
+    out.label.push_back(s.label[parent]), out.is_due.push_back(s.is_due[parent]);
+    out.origin.push_back(s.origin[parent]);
+    if (refined.mesh.triangles[t] == s.mesh.triangles[parent])
+      for (std::size_t v = 0; v < sights.size(); ++v) sights[v][t] = work.sights[v][parent];
+    else if (s.is_due[parent])
+      work.not_seen_yet.push_back(t);
   }
-  l.mesh = std::move(refined.mesh);
-  l.sights = std::move(sights);
+  out.mesh = std::move(refined.mesh), out.cut_edges = std::move(s.cut_edges);
+  s = std::move(out);
+  work.sights = std::move(sights);
 }
 
 /// Cuts triangles that some view sees a good part of, but none enough.
-bool cut_occlusion_edges(Labelling& l, double min_edge_m) {
-  const Mesh& mesh = l.mesh;
+bool cut_occlusion_edges(Work& work, double min_edge_m) {
+  const Mesh& mesh = work.surface.mesh;
   std::vector<std::uint8_t> split(mesh.triangles.size() * 3, 0);
   bool any = false;
   for (std::uint32_t t = 0; t < mesh.triangles.size(); ++t) {
     float best = 0;
     bool touched = false;
-    for (const auto& view : l.sights)
+    for (const auto& view : work.sights)
       best = std::max(best, view[t].visible), touched |= view[t].touches;
     if (best >= kEnoughVisible || !touched) continue;
     for (std::uint32_t h = 3 * t; h < 3 * t + 3; ++h) {
@@ -439,11 +441,11 @@ bool cut_occlusion_edges(Labelling& l, double min_edge_m) {
       any |= split[h] != 0;
     }
   }
-  if (any) cut(l, split);
+  if (any) cut(work, split);
   return any;
 }
 
-constexpr int kNone = -1;
+constexpr int kNone = Labelling::kNone;
 
 /// The view that looks most directly among those that see enough; else the one that sees most of
 /// the triangle, if need be within the margin of an occluder.
@@ -462,13 +464,14 @@ int best_view(const Sights& sights, std::size_t t) {
 }
 
 /// [triangle][view] 1 where the view sees enough, at an angle that is not much worse than the best.
-std::vector<std::uint8_t> allowed_views(const std::vector<int>& best, const Sights& sights,
+std::vector<std::uint8_t> allowed_views(const Labelling& surface, const Sights& sights,
                                         double angle_deg) {
+  const std::vector<int>& best = surface.label;
   const double allowance = angle_deg * std::numbers::pi / 180;
   const auto angle = [](const TriangleSight& s) { return std::acos(std::min(1.0f, s.facing)); };
   std::vector<std::uint8_t> allowed(best.size() * sights.size(), 0);
   for (std::size_t t = 0; t < best.size(); ++t) {
-    if (best[t] == kNone) continue;
+    if (best[t] == kNone || !surface.is_due[t]) continue;
     const double most = angle(sights[best[t]][t]) + allowance;
     for (std::size_t v = 0; v < sights.size(); ++v) {
       const TriangleSight& s = sights[v][t];
@@ -513,12 +516,14 @@ class LongestBorder {
 /// Moves labels to the neighbours' where the angle test allows (paper 3.3): in each sweep a
 /// triangle takes the allowed view with the longest border to triangles of that view. In index
 /// order: deterministic. Only triangles at which something changed are looked at again.
-void agree_with_neighbours(std::vector<int>& label, const Mesh& mesh, const Sights& sights,
-                           double angle_deg) {
+void agree_with_neighbours(Labelling& surface, const Sights& sights, double angle_deg) {
+  const Mesh& mesh = surface.mesh;
+  std::vector<int>& label = surface.label;
   const std::vector<std::uint32_t> twin = kit::edge_table(mesh).twin;
-  const std::vector<std::uint8_t> allowed = allowed_views(label, sights, angle_deg);
+  const std::vector<std::uint8_t> allowed = allowed_views(surface, sights, angle_deg);
+  const auto may_move = [&](std::size_t t) { return label[t] != kNone && surface.is_due[t]; };
   std::vector<std::uint8_t> stale(label.size());
-  for (std::size_t t = 0; t < label.size(); ++t) stale[t] = label[t] != kNone;
+  for (std::size_t t = 0; t < label.size(); ++t) stale[t] = may_move(t);
   bool moved = true;
   for (int sweep = 0; sweep < kSweeps && moved; ++sweep) {
     moved = false;
@@ -536,7 +541,7 @@ void agree_with_neighbours(std::vector<int>& label, const Mesh& mesh, const Sigh
       label[t] = border.view();
       moved = true;
       for (std::uint32_t h = 3 * t; h < 3 * t + 3; ++h)
-        if (twin[h] != kit::kNoTwin) stale[twin[h] / 3] = label[twin[h] / 3] != kNone;
+        if (twin[h] != kit::kNoTwin) stale[twin[h] / 3] = may_move(twin[h] / 3);
     }
   }
 }
@@ -554,7 +559,7 @@ Occluders::Occluders(const Mesh& mesh, std::span<const View> views) {
       const View& view = views[v];
       const auto draw = [&](const Camera& camera, const Mat3& R_camera_face) {
         const Pose T_world_face = view.T_world_camera * Pose{R_camera_face, {}};
-        faces[v].push_back(kit::rasterize(mesh, camera, T_world_face).depth);
+        faces[v].push_back(kit::rasterize_depth(mesh, camera, T_world_face));
       };
       if (view.kind == View::Kind::pinhole)
         draw(view.camera(), Pose{}.rotation);
@@ -571,26 +576,46 @@ const std::vector<ImageDepth>* Occluders::faces(const View& view) const {
   return found == faces_.end() ? nullptr : &found->second;
 }
 
-Mesh label_triangles(const Mesh& input, std::span<const View> views, const LabelConfig& config) {
-  Labelling l{input, kit::smooth_normals(input, kNormalRounds), Sights(views.size()), {}};
-  l.mesh.runs.clear();
-  l.not_seen_yet.resize(input.triangles.size());
-  std::iota(l.not_seen_yet.begin(), l.not_seen_yet.end(), 0u);
-  // Cutting leaves the surface as it is: what hides what is found out once.
-  const std::vector<std::optional<Eye>> eyes = open_eyes(input, views, config);
-  look(eyes, l);
-  for (int round = 0; round < kCutRounds && cut_occlusion_edges(l, config.min_edge_m); ++round)
-    look(eyes, l);
+Labelling Labelling::of(Mesh surface) {
+  Labelling out;
+  const std::size_t count = surface.triangles.size();
+  out.mesh = std::move(surface);
+  out.mesh.runs.clear();
+  out.label.assign(count, kNone), out.is_due.assign(count, 1);
+  out.origin.resize(count);
+  std::iota(out.origin.begin(), out.origin.end(), 0u);
+  return out;
+}
 
-  std::vector<int> label(l.mesh.triangles.size(), kNone);
-  for (std::size_t t = 0; t < label.size(); ++t) label[t] = best_view(l.sights, t);
-  if (config.views == AtlasConfig::Views::coherent)
-    agree_with_neighbours(label, l.mesh, l.sights, config.coherent_angle_deg);
-
+Mesh Labelling::labelled(std::span<const View> views) const {
   std::vector<ViewId> ids;
   for (const int v : label) ids.push_back(v == kNone ? kNoView : views[v].id);
-  set_triangle_views(l.mesh, ids);
-  return std::move(l.mesh);
+  Mesh out = mesh;
+  set_triangle_views(out, ids);
+  return out;
+}
+
+void label_due(Labelling& surface, std::span<const View> views, const LabelConfig& config) {
+  Work work{surface, kit::smooth_normals(surface.mesh, kNormalRounds), Sights(views.size()), {}};
+  for (std::uint32_t t = 0; t < surface.is_due.size(); ++t)
+    if (surface.is_due[t]) work.not_seen_yet.push_back(t);
+  // Cutting leaves the surface as it is: what hides what is found out once.
+  const bool all = work.not_seen_yet.size() == surface.is_due.size();
+  const std::vector<std::optional<Eye>> eyes =
+      open_eyes(all ? surface.mesh : select_triangles(surface.mesh, surface.is_due), views, config);
+  look(eyes, work);
+  for (int round = 0; round < kCutRounds && cut_occlusion_edges(work, config.min_edge_m); ++round)
+    look(eyes, work);
+  for (std::size_t t = 0; t < surface.label.size(); ++t)
+    if (surface.is_due[t]) surface.label[t] = best_view(work.sights, t);
+  if (config.views == AtlasConfig::Views::coherent)
+    agree_with_neighbours(surface, work.sights, config.coherent_angle_deg);
+}
+
+Mesh label_triangles(const Mesh& mesh, std::span<const View> views, const LabelConfig& config) {
+  Labelling surface = Labelling::of(mesh);
+  label_due(surface, views, config);
+  return surface.labelled(views);
 }
 
 }  // namespace mr::atlas

@@ -1,5 +1,7 @@
 #pragma once
 
+#include <array>
+#include <cstdint>
 #include <map>
 #include <span>
 #include <vector>
@@ -48,6 +50,27 @@ struct LabelConfig {
 /// the view that looks most directly; coherent prefers the neighbours' view where angles allow.
 /// Returns the mesh with runs; vertices that cutting added may lie off the lattice.
 Mesh label_triangles(const Mesh& mesh, std::span<const View> views, const LabelConfig& config);
+
+/// A surface that is cut and labelled triangle by triangle.
+struct Labelling {
+  static constexpr int kNone = -1;
+
+  Mesh mesh;                          ///< without runs
+  std::vector<int> label;             ///< [T] place of a view; kNone: none
+  std::vector<std::uint8_t> is_due;   ///< [T] to be labelled
+  std::vector<std::uint32_t> origin;  ///< [T] triangle of the surface that it was cut from
+  /// The ends of the edge that each vertex added by cutting lies on; those are the last vertices.
+  std::vector<std::array<std::uint32_t, 2>> cut_edges;
+
+  /// All of a surface, to be labelled.
+  static Labelling of(Mesh surface);
+  /// The labels as runs.
+  Mesh labelled(std::span<const View> views) const;
+};
+
+/// Labels what is due, as label_triangles() does; all else keeps its label, and is only cut where
+/// an edge of what is due is. `config.occluders`: must hold what is not due.
+void label_due(Labelling& surface, std::span<const View> views, const LabelConfig& config);
 
 /// The margin in pixels that geometry error asks for at a depth: error · f / z + 2,
 /// f: pixels per radian.

@@ -495,23 +495,4 @@ void Plate::fill(int column, int row) {
   }
 }
 
-void freeze_outside(ImageRgb& live, const ImageRgb& still, const ImageMask& used) {
-  MR_ASSERT(live.width == still.width && live.height == still.height);
-  MR_ASSERT(live.width == used.width && live.height == used.height);
-  constexpr int kBlock = Plate::kBlock_px;
-  const auto freeze = [&](int x0, int y0) {
-    const int columns = std::min(kBlock, live.width - x0);
-    const int y1 = std::min(y0 + kBlock, live.height);
-    for (int y = y0; y < y1; ++y)
-      if (std::any_of(used.at(x0, y), used.at(x0, y) + columns, [](auto u) { return u != 0; }))
-        return;
-    for (int y = y0; y < y1; ++y) std::copy_n(still.at(x0, y), 3 * columns, live.at(x0, y));
-  };
-  const std::size_t rows = static_cast<std::size_t>(live.height + kBlock - 1) / kBlock;
-  parallel_for(rows, kRowsAtOnce, [&](std::size_t begin, std::size_t end) {
-    for (std::size_t row = begin; row < end; ++row)
-      for (int x0 = 0; x0 < live.width; x0 += kBlock) freeze(x0, static_cast<int>(row) * kBlock);
-  });
-}
-
 }  // namespace mr::atlas

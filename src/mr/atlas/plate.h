@@ -112,8 +112,4 @@ class Plate {
   std::vector<Color> fill_colors_;  ///< of every block, in the middle; changes only when it must
 };
 
-/// Writes `still` into every 16x16 block of `live` that holds no used pixel, so that a video of it
-/// skips what does not move. All three of one size.
-void freeze_outside(ImageRgb& live, const ImageRgb& still, const ImageMask& used);
-
 }  // namespace mr::atlas

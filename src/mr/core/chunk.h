@@ -15,8 +15,8 @@ inline constexpr std::uint32_t kMergedSource = 0xFFFFFFFFu;
 /// Chunk of the background model: it never changes and its vertices carry their colours.
 inline constexpr std::uint32_t kBackgroundSource = 0xFFFFFFFEu;
 
-/// Which part of the world, and below the first merger whose: the mesh inside one cube of the
-/// scene's chunk grid, and which of its two surfaces. Cube c covers [c, c + 1) · chunk_m.
+/// Which part of the world, below the first merger whose, and which of the two surfaces: what lies
+/// in cube c, [c, c + 1) · chunk_m; of the still surface that the root sends, half chunk_m.
 struct ChunkId {
   Vec3i cube;
   std::uint32_t source = kMergedSource;

@@ -1,6 +1,7 @@
 #include "mr/node/chunk_publisher.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <optional>
 #include <utility>
@@ -65,12 +66,44 @@ void ChunkPublisher::set_still(Vec3i cube, Mesh mesh, float error_m) {
     put(id, std::move(mesh), error_m);
 }
 
-void ChunkPublisher::set_all_still(const Mesh& mesh, float error_m) {
-  auto pieces = split_by_cube(mesh, chunk_m_);
+/// Whether two meshes have the same triangles, and nearly all of them the same view.
+bool ChunkPublisher::is_nearly(const Mesh& a, const Mesh& b) {
+  constexpr std::size_t kFew = 100;  // one in so many
+  if (a.triangles.size() != b.triangles.size()) return false;
+  using Labelled = std::pair<std::array<Vec3f, 3>, ViewId>;
+  const auto sorted = [](const Mesh& mesh) {
+    const std::vector<ViewId> views = triangle_views(mesh);
+    std::vector<Labelled> out;
+    for (std::size_t t = 0; t < views.size(); ++t)
+      out.push_back({{mesh.corner(t, 0), mesh.corner(t, 1), mesh.corner(t, 2)}, views[t]});
+    std::ranges::sort(out);
+    return out;
+  };
+  const std::vector<Labelled> of_a = sorted(a), of_b = sorted(b);
+  std::size_t others = 0;
+  for (std::size_t t = 0; t < of_a.size(); ++t) {
+    if (of_a[t].first != of_b[t].first) return false;
+    others += of_a[t].second != of_b[t].second;
+  }
+  return kFew * others <= of_a.size();
+}
+
+bool ChunkPublisher::set_all_still(const Mesh& mesh, float error_m, double cube_m) {
+  bool any_outdated = false;
+  auto pieces = split_by_cube(mesh, cube_m);
   std::erase_if(live_, [&](const auto& item) {
     return item.first.layer == Layer::still && !pieces.contains(item.first.cube);
   });
-  for (auto& [cube, piece] : pieces) set_still(cube, std::move(piece), error_m);
+  for (auto& [cube, piece] : pieces) {
+    const auto found = live_.find({cube, source_, Layer::still});
+    Live* const before = reuse_ && found != live_.end() ? &found->second : nullptr;
+    const bool was_outdated = before && std::exchange(before->is_outdated, false);
+    if (before && !was_outdated && before->mesh != piece && is_nearly(before->mesh, piece))
+      any_outdated = before->is_outdated = true;
+    else
+      set_still(cube, std::move(piece), error_m);
+  }
+  return any_outdated;
 }
 
 Status ChunkPublisher::publish(const Mesh& mesh, float error_m, int mesh_speed, Packet& packet) {

@@ -27,8 +27,10 @@ class ChunkPublisher {
   /// Puts a chunk of the still surface in the place of the one in that cube; an empty mesh takes it
   /// away. It is on the lattice and has runs. The next publish() tells.
   void set_still(Vec3i cube, Mesh mesh, float error_m);
-  /// The same for the whole still surface.
-  void set_all_still(const Mesh& mesh, float error_m);
+  /// The same for the whole still surface, in cubes of `cube_m`. A cube in which nothing but the
+  /// views of a few triangles is other stays as it is until the next call: what it shows is nearly
+  /// right, and all of it would be sent again. Returns whether there is one.
+  bool set_all_still(const Mesh& mesh, float error_m, double cube_m);
 
   /// Fills the packet's manifest and chunks: the still ones, and the moving surface `mesh`, which
   /// lies on the lattice and has runs.
@@ -40,6 +42,7 @@ class ChunkPublisher {
   std::shared_ptr<const EncodedChunk> find(const ChunkKey& key) const { return cache_.find(key); }
 
  private:
+  static bool is_nearly(const Mesh& a, const Mesh& b);
   void name_background(Packet& packet);
   void put(const ChunkId& id, Mesh mesh, float error_m);
 
@@ -47,7 +50,8 @@ class ChunkPublisher {
     std::uint32_t version = 0;
     Mesh mesh;  // what the version stands for
     float error_m = 0;
-    bool is_new = true;  // not published yet
+    bool is_new = true;        // not published yet
+    bool is_outdated = false;  // some views should be others since the last set_all_still()
   };
 
   Lattice lattice_;

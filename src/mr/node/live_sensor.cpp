@@ -37,8 +37,13 @@ void LiveSensor::reconstruct_frames(const std::stop_token& stop) {
   give_way(context_);
   Arena arena(context_.threads);
   bool was_empty = false;  // an empty volume is news once
+  const auto watch = [&](Frame frame) {
+    bool more = false;
+    arena.run([&] { more = node_.watch(std::move(frame)); });
+    return more;
+  };
   while (credit_.begin(stop)) {
-    auto frame = source_.newest(stop);
+    auto frame = source_.newest(stop, watch);
     skipped_ = source_.skipped();
     if (stop.stop_requested()) return;
     if (frame && !*frame) return context_.log("sensor '" + node_.id() + "': its recording ended");

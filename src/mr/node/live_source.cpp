@@ -1,5 +1,6 @@
 #include "mr/node/live_source.h"
 
+#include <algorithm>
 #include <chrono>
 #include <cmath>
 #include <condition_variable>
@@ -28,17 +29,27 @@ std::uint64_t LiveSource::index_at(TimePoint now) const {
   return static_cast<std::uint64_t>(std::max(0.0, std::floor(since * fps_ / 1e9)));
 }
 
-Result<std::optional<Frame>> LiveSource::newest(const std::stop_token& stop) {
+void LiveSource::skip_to(std::uint64_t index, const Watch& watch) {
+  constexpr std::uint64_t kMostWatched = 4;
+  skipped_ += index - next_;
+  std::uint64_t watched = watch ? std::min(index - next_, kMostWatched) : 0;
+  source_->skip(index - next_ - watched);
+  next_ = index;
+  for (; watched > 0; --watched) {
+    auto frame = source_->next();
+    if (!frame) continue;  // that one was lost
+    if (!*frame || !watch(**std::move(frame))) return source_->skip(watched - 1);
+  }
+}
+
+Result<std::optional<Frame>> LiveSource::newest(const std::stop_token& stop, const Watch& watch) {
   // The clock was set back: go on from there.
   if (const Duration ahead = time_of(next_) - wall_time(); ahead > std::chrono::seconds(1))
     start_ -= ahead;
   if (!wait_until(stop, time_of(next_))) return std::optional<Frame>();
-  const std::uint64_t now = index_at(wall_time());
-  if (now > next_) {
-    source_->skip(now - next_);
-    skipped_ += now - next_;
-    next_ = now;
-  }
+  if (const std::uint64_t now = index_at(wall_time()); now > next_) skip_to(now, watch);
+  if (const std::uint64_t now = index_at(wall_time()); now > next_)
+    skip_to(now, {});  // it took time
   ++next_;
   auto frame = source_->next();
   if (frame && *frame && start_ != TimePoint{}) {

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstdint>
+#include <functional>
 #include <memory>
 #include <optional>
 #include <stop_token>
@@ -15,16 +16,21 @@ class LiveSource {
  public:
   LiveSource(std::unique_ptr<FrameSource> source, double fps);
 
-  /// The newest frame that was not given out yet; waits for the next one where there is none.
-  /// Frames in between are skipped. As FrameSource::next(); nothing also when stop is asked for.
-  Result<std::optional<Frame>> newest(const std::stop_token& stop);
+  /// Takes a frame that is not the newest; returns whether it wants more of them.
+  using Watch = std::function<bool(Frame)>;
 
-  /// Frames that nobody had time for.
+  /// The newest frame that was not given out yet; waits for the next one where there is none. Of
+  /// the frames in between a few go to `watch`, oldest first, as long as it wants them; the others
+  /// are skipped. As FrameSource::next(); nothing also when stop is asked for.
+  Result<std::optional<Frame>> newest(const std::stop_token& stop, const Watch& watch = {});
+
+  /// Frames that nobody had time for, those watched included.
   std::uint64_t skipped() const { return skipped_; }
 
  private:
   TimePoint time_of(std::uint64_t index) const;
   std::uint64_t index_at(TimePoint now) const;
+  void skip_to(std::uint64_t index, const Watch& watch);
 
   std::unique_ptr<FrameSource> source_;
   double fps_;

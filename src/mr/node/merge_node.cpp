@@ -21,10 +21,20 @@ namespace {
 constexpr double kReach_voxels = 48;  // three cells of the quality grid
 
 // Ticks: how long a fresh still triangle without a plate waits for one (less than the ten captures
-// in which the moving surface shows it, too), and how long the still surface waits for better
-// plates.
-constexpr std::uint64_t kPatience = 8, kRelabelEvery = 120;
-constexpr std::uint64_t kEmptyEvery = 15;  // ticks between removals of what was carried away
+// in which the moving surface shows it, too); how long still surface without a plate waits for one;
+// and how long at most those that have one wait for a better.
+constexpr std::uint64_t kPatience = 8, kRelabelEvery = 30, kLabelAllEvery = 3000;
+// The same where hardly any more have come; one block in so many is not hardly any.
+constexpr std::uint64_t kRelabelLateEvery = 300;
+constexpr std::size_t kManyBlocks = 100;
+// The root sends the still surface in cubes that divide the chunk grid's: a change reaches fewer
+// triangles.
+constexpr int kStillPerCube = 2;
+// Ticks between removals of what was carried away, where that is much, or little.
+constexpr std::uint64_t kEmptyEvery = 15, kLittleEvery = 30;
+constexpr double kMuchEmptied_m2 = 0.02;
+constexpr double kWorthWithholding_m2 = 0.02;
+constexpr double kManyCuts = 1.3;  // times as many triangles as when all was labelled
 
 /// How many triangles the children spent on the surface that stays. Cutting along overlaps adds
 /// many small ones; decimation counts from here.
@@ -175,7 +185,7 @@ Status MergeNode::merge_surfaces(const Gathered& gathered, const std::function<v
   if (still_) {
     look_at_plates(gathered, parts);
     if (is_root_ && still_->is_labelled)
-      still_->any_emptied |= empty_.update(still_->cover, gathered.sources);
+      still_->emptied_m2 += empty_.update(still_->cover, gathered.sources);
     if (const Status labelled = label_still(); !labelled) return labelled;
     trace_.time("cover", [&] {
       for (merge::Part& part : parts) part.mesh = still_->cover.uncovered(part);
@@ -208,7 +218,6 @@ Status MergeNode::merge_still(const Gathered& gathered, std::vector<DecodedScene
   note_fresh(scenes);
   Still made;
   made.scenes = std::move(scenes), made.error_m = largest_error_m(parts);
-  made.made_at = sequence_;
   auto small =
       trace_.time("simplify", [&] { return decimated(joined, still_joining_, made.error_m); });
   if (!small) return small.error();
@@ -256,6 +265,7 @@ Mesh MergeNode::without_fresh_grey(const Mesh& mesh, const Mesh& shown,
                                    std::optional<std::uint64_t>& until) const {
   std::vector<std::uint8_t> keep(mesh.triangles.size(), 1);
   std::optional<kit::RayScene> before;
+  double withheld_m2 = 0;
   for (const ViewRun& run : mesh.runs) {
     if (run.view != kNoView) continue;
     for (std::uint32_t t = run.first; t < run.first + run.count; ++t) {
@@ -265,39 +275,69 @@ Mesh MergeNode::without_fresh_grey(const Mesh& mesh, const Mesh& shown,
       const Mesh* const meshes[] = {&shown};
       if (!before) before.emplace(meshes);
       if (before->nearest(p, static_cast<float>(2 * scene_->voxel_m))) continue;
-      keep[t] = 0, until = std::min(until.value_or(*fresh), *fresh);
+      keep[t] = 0, withheld_m2 += 0.5 * length(mesh.area_normal(t));
+      until = std::min(until.value_or(*fresh), *fresh);
     }
   }
+  if (withheld_m2 < kWorthWithholding_m2) until.reset();
   return until ? select_triangles(mesh, keep) : mesh;
 }
 
-/// Chooses the plates that texture the still surface: when that is new, and when there are more
-/// plates to choose from.
+/// The still surface with the plates that texture it: chosen where something changed, and at times,
+/// the longer it is there the more seldom, everywhere, as there are more plates to choose from.
+Mesh MergeNode::labelled_still() {
+  Still& still = *still_;
+  const std::size_t blocks = atlas_.valid_blocks();
+  const std::uint64_t wait = std::clamp(labels_.all - labels_.first, kPatience, kLabelAllEvery);
+  // What was before another thing for a while leaves its cuts.
+  const bool many_cuts =
+      static_cast<double>(labels_.pieces) > kManyCuts * static_cast<double>(labels_.pieces_at_all);
+  const bool all = !labels_.are_any || ((blocks > labels_.blocks_at_all || many_cuts) &&
+                                        sequence_ >= labels_.all + wait);
+  if (!std::exchange(labels_.are_any, true)) labels_.first = sequence_;
+  labels_.last = sequence_, labels_.blocks = blocks;
+  atlas::LabelConfig config = label_config(still.error_m);
+  config.valid = atlas_.valid();
+  Mesh out = labels_.lasting.update(empty_.without_empty(still.joined), places_.views,
+                                    std::move(config), all);
+  labels_.pieces = out.triangles.size();
+  if (all)
+    labels_.all = sequence_, labels_.blocks_at_all = blocks, labels_.pieces_at_all = labels_.pieces;
+  return out;
+}
+
+/// Whether there are enough more blocks of plates than when the still surface was labelled last, or
+/// any, after a while; then labels that were not sent count, too.
+bool MergeNode::is_labelling_worth_it(std::uint64_t age) const {
+  if (labels_.are_outdated && age >= kRelabelLateEvery) return true;
+  const std::size_t blocks = atlas_.valid_blocks();
+  return blocks > labels_.blocks &&
+         (age >= kRelabelLateEvery || kManyBlocks * (blocks - labels_.blocks) >= blocks);
+}
+
+/// Labels the still surface when it is new, and when there are more plates to choose from.
 Status MergeNode::label_still() {
   Still& still = *still_;
-  const std::size_t blocks = is_root_ ? atlas_.valid_blocks() : 0;
-  const std::uint64_t age = sequence_ - still.labelled_at;
-  const bool more = blocks > still.blocks;
-  const bool due =
-      !still.is_labelled || (still.any_emptied && age >= kEmptyEvery) ||
-      (still.withheld_until && sequence_ >= *still.withheld_until) ||
-      (more && age >= std::clamp(still.labelled_at - still.made_at, kPatience, kRelabelEvery));
+  const std::uint64_t age = sequence_ - labels_.last;
+  const std::uint64_t empty_every =
+      still.emptied_m2 >= kMuchEmptied_m2 ? kEmptyEvery : kLittleEvery;
+  const bool due = !still.is_labelled || (still.emptied_m2 > 0 && age >= empty_every) ||
+                   (still.withheld_until && sequence_ >= *still.withheld_until) ||
+                   (is_root_ && age >= kRelabelEvery && is_labelling_worth_it(age));
   if (!due) return {};
-  const Mesh labelled = trace_.time("atlas", [&] {
-    if (!is_root_) return still.joined;
-    return label(empty_.without_empty(still.joined), still.error_m, nullptr, atlas_.valid());
-  });
-  still.withheld_until.reset(), still.any_emptied = false;
+  const Mesh labelled =
+      trace_.time("atlas", [&] { return is_root_ ? labelled_still() : still.joined; });
+  still.withheld_until.reset(), still.emptied_m2 = 0;
   const bool withhold = is_root_ && !places_.views.empty();
   auto mesh = on_lattice(withhold ? without_fresh_grey(labelled, still.mesh, still.withheld_until)
                                   : labelled);
   if (!mesh) return mesh.error();
-  still.mesh = *std::move(mesh);
-  still.is_labelled = true, still.labelled_at = sequence_, still.blocks = blocks;
+  still.mesh = *std::move(mesh), still.is_labelled = true;
+  if (is_root_) atlas_.bring_plates();
   still.cover = merge::StillCover(still.mesh, still.parts, overlap_config());
-  if (is_root_)
-    trace_.time("atlas", [&] { still.occluders = atlas::Occluders(still.mesh, places_.views); });
-  publisher_.set_all_still(still.mesh, still.error_m);
+  const double cube_m = scene_->fusion.chunk_m;
+  labels_.are_outdated = publisher_.set_all_still(still.mesh, still.error_m,
+                                                  is_root_ ? cube_m / kStillPerCube : cube_m);
   return {};
 }
 
@@ -308,27 +348,27 @@ Status MergeNode::merge_moving(std::vector<DecodedScene> scenes, const Parts& pa
   auto small =
       trace_.time("simplify", [&] { return decimated(joined, moving_joining_, made.error_m); });
   if (!small) return small.error();
-  auto mesh = on_lattice(trace_.time("atlas", [&] {
-    return is_root_ ? label(*small, made.error_m, still_ ? &still_->occluders : nullptr, {})
-                    : *small;
-  }));
+  auto mesh = on_lattice(
+      trace_.time("atlas", [&] { return is_root_ ? label_moving(*small, made.error_m) : *small; }));
   if (!mesh) return mesh.error();
   made.mesh = *std::move(mesh);
   moving_ = std::move(made);
   return {};
 }
 
+atlas::LabelConfig MergeNode::label_config(float error_m) const {
+  return {.views = scene_->atlas.views,
+          .geometry_error_m = texturing_error_m(*scene_, error_m),
+          .precision = noisiest(places_.sources),
+          .min_edge_m = 2 * scene_->voxel_m};
+}
+
 /// Only the root chooses views; others leave the sensors that measured it, which the next one asks
-/// for. `occluders`: what else may hide it from a view; `valid`: what of the views is good.
-Mesh MergeNode::label(const Mesh& mesh, float error_m, const atlas::Occluders* occluders,
-                      std::map<ViewId, TileMask> valid) const {
-  return atlas::label_triangles(mesh, places_.views,
-                                {.views = scene_->atlas.views,
-                                 .geometry_error_m = texturing_error_m(*scene_, error_m),
-                                 .precision = noisiest(places_.sources),
-                                 .min_edge_m = 2 * scene_->voxel_m,
-                                 .occluders = occluders,
-                                 .valid = std::move(valid)});
+/// for.
+Mesh MergeNode::label_moving(const Mesh& mesh, float error_m) const {
+  atlas::LabelConfig config = label_config(error_m);
+  if (still_) config.occluders = &labels_.lasting.occluders();
+  return atlas::label_triangles(mesh, places_.views, config);
 }
 
 Result<Mesh> MergeNode::on_lattice(const Mesh& mesh) const {

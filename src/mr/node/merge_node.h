@@ -13,6 +13,7 @@
 #include <vector>
 
 #include "mr/atlas/labels.h"
+#include "mr/atlas/lasting_labels.h"
 #include "mr/codec/head.h"
 #include "mr/core/result.h"
 #include "mr/core/scene.h"
@@ -101,11 +102,18 @@ class MergeNode {
     Mesh joined;  // not labelled yet
     Parts parts;
     merge::StillCover cover;
-    atlas::Occluders occluders;
-    bool is_labelled = false, any_emptied = false;
+    bool is_labelled = false;
+    double emptied_m2 = 0;                        // since it was labelled
     std::optional<std::uint64_t> withheld_until;  // sequence; nothing: all is shown
-    std::uint64_t made_at = 0, labelled_at = 0;   // sequence
-    std::size_t blocks = 0;                       // of plates, when it was labelled
+  };
+  /// How the still surface got its labels.
+  struct Labels {
+    atlas::LastingLabels lasting;
+    bool are_any = false;
+    bool are_outdated = false;                   ///< some were not sent
+    std::uint64_t first = 0, all = 0, last = 0;  // sequence: at first, all of it, some of it
+    std::size_t blocks = 0, blocks_at_all = 0;   // of plates, then
+    std::size_t pieces = 0, pieces_at_all = 0;   // triangles
   };
   /// Views and sources as merge.refine corrected them.
   struct Places {
@@ -126,6 +134,7 @@ class MergeNode {
   Status merge_still(const Gathered& gathered, std::vector<DecodedScene> scenes);
   void note_fresh(const std::vector<DecodedScene>& scenes);
   void look_at_plates(const Gathered& gathered, const Parts& moving);
+  bool is_labelling_worth_it(std::uint64_t age) const;
   Status label_still();
   std::optional<std::uint64_t> fresh_until(Vec3i cube) const;
   Mesh without_fresh_grey(const Mesh& mesh, const Mesh& shown,
@@ -134,8 +143,9 @@ class MergeNode {
                       const std::function<void()>& halfway);
   Mesh join(const Parts& parts, bool all, Joining& joining, const std::function<void()>& halfway);
   Result<Mesh> decimated(const Mesh& mesh, const Joining& joining, float& error_m);
-  Mesh label(const Mesh& mesh, float error_m, const atlas::Occluders* occluders,
-             std::map<ViewId, TileMask> valid) const;
+  atlas::LabelConfig label_config(float error_m) const;
+  Mesh label_moving(const Mesh& mesh, float error_m) const;
+  Mesh labelled_still();
   Result<Mesh> on_lattice(const Mesh& mesh) const;
   Status add_textures(const Gathered& gathered, Packet& packet);
   void add_marks(const Gathered& gathered, TimePoint started, Packet& packet) const;
@@ -153,6 +163,7 @@ class MergeNode {
   Joining still_joining_, moving_joining_;
   CubeMerger cubes_;  ///< of the still surface
   merge::EmptyPlaces empty_;
+  Labels labels_;
   std::optional<Still> still_;     ///< none: no input has a still surface
   std::optional<Surface> moving_;  ///< reused while the inputs' geometry stays
   std::map<Vec3i, std::vector<ChunkKey>> still_contents_;

@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <iterator>
-#include <tuple>
+#include <numeric>
 #include <utility>
 
 #include "mr/atlas/burn.h"
@@ -23,8 +23,8 @@ atlas::Pictures pictures_of(const Gathered& gathered) {
 }
 
 /// Which blocks of a view its own sensor's depth picture sees all of, near and far.
-TileMask seen_by_depth(const View& view, const SourceInfo& source, const TileMask& blocks) {
-  TileMask out = blocks;
+TileMask blocks_in_depth(const View& view, const SourceInfo& source) {
+  TileMask out = source.confirmed_color;
   const Camera camera = view.camera();
   const Pose T_depth_color = source.T_world_depth.inverse() * view.T_world_camera;
   const auto sees = [&](Vec2d pixel, double depth_m) {
@@ -40,6 +40,12 @@ TileMask seen_by_depth(const View& view, const SourceInfo& source, const TileMas
           sees(middle, 1) && sees(middle, 2) && sees(middle, 8);
     }
   return out;
+}
+
+/// Whether a mask is one of a view's picture.
+bool fits(const TileMask& mask, const View& view) {
+  const auto tiles = [&](int size) { return (size + mask.tile_px - 1) / mask.tile_px; };
+  return !mask.empty() && mask.columns == tiles(view.width) && mask.rows == tiles(view.height);
 }
 
 /// Takes the blocks from a mask that a mesh falls into, and those around them, but for those that
@@ -87,24 +93,26 @@ Rect bounds_of(const ImageMask& mask) {
   return left < right ? Rect{left, top, right - left, bottom - top} : Rect{};
 }
 
-/// Draws a mask of a view's camera picture into its tile of an atlas.
-void draw_mask(const ImageMask& mask, const View& tile, ImageMask& atlas) {
-  const Rect &from = tile.image_rect, &to = tile.atlas_rect;
-  for (int y = 0; y < to.height; ++y) {
-    const std::uint8_t* const row = mask.row(from.y + y * from.height / to.height);
-    std::uint8_t* const out = atlas.at(to.x, to.y + y);
-    for (int x = 0; x < to.width; ++x) out[x] = row[from.x + x * from.width / to.width];
-  }
-}
-
 }  // namespace
 
 RootAtlas::RootAtlas(const Scene& scene)
-    : scene_(&scene), live_(scene, kLiveStream), plate_(scene, kPlateStream) {}
+    : scene_(&scene), live_(scene, kLiveStream), plate_(scene, kPlateStream, false) {}
 
 void RootAtlas::answer(const codec::Request& request) {
   if (request.wants_key_frame(kLiveStream)) live_.ask_key_frame();
   if (request.wants_key_frame(kPlateStream)) plate_.ask_key_frame();
+}
+
+/// Found once for a place of the cameras.
+const TileMask& RootAtlas::seen_by_depth(const View& view, const SourceInfo& source) {
+  Seen& seen = seen_[view.id];
+  if (seen.view != view || seen.depth_camera != source.depth_camera ||
+      seen.T_world_depth != source.T_world_depth ||
+      seen.blocks.columns != source.confirmed_color.columns ||
+      seen.blocks.rows != source.confirmed_color.rows ||
+      seen.blocks.tile_px != source.confirmed_color.tile_px)
+    seen = {view, source.depth_camera, source.T_world_depth, blocks_in_depth(view, source)};
+  return seen.blocks;
 }
 
 void RootAtlas::update_plates(const Tick& tick, const Mesh& moving) {
@@ -114,31 +122,34 @@ void RootAtlas::update_plates(const Tick& tick, const Mesh& moving) {
     const View* view;
     const SourceInfo* source;
     const ImageRgb* picture;
+    const TileMask* seen;
   };
   std::vector<Work> all;
   for (const SourceInfo& source : tick.sources) {
     const auto view = std::ranges::find(tick.views, source.sensor, &View::id);
-    if (view == tick.views.end() || source.confirmed_color.empty()) continue;
+    if (view == tick.views.end() || !fits(source.confirmed_color, *view)) continue;
     const auto picture = pictures.find(view->stream);
     if (picture == pictures.end() || !picture->second) continue;
-    all.push_back({&plates_[view->id], &*view, &source, picture->second.get()});
+    all.push_back({&plates_[view->id], &*view, &source, picture->second.get(),
+                   &seen_by_depth(*view, source)});
   }
-  std::vector<std::uint8_t> changed(all.size());
+  std::vector<std::size_t> changed(all.size());
   parallel_for(all.size(), 1, [&](std::size_t begin, std::size_t end) {
     for (std::size_t i = begin; i < end; ++i) {
-      const auto& [plate, view, source, picture] = all[i];
+      const auto& [plate, view, source, picture, seen] = all[i];
       TileMask unhidden = source->confirmed_color;
-      hide(moving, *view, seen_by_depth(*view, *source, unhidden), unhidden);
-      changed[i] = plate->update(*picture, unhidden) && plate->changed_blocks() > 0;
+      hide(moving, *view, *seen, unhidden);
+      plate->update(*picture, unhidden);
+      changed[i] = plate->changed_blocks();
     }
   });
-  plates_changed_ |= std::ranges::find(changed, 1) != changed.end();
+  blocks_waiting_ = std::accumulate(changed.begin(), changed.end(), blocks_waiting_);
 }
 
 void RootAtlas::recall(Memory memory) {
   plates_ = std::move(memory.plates), balance_ = std::move(memory.balance);
   windows_ = std::move(memory.windows);
-  plates_changed_ = true;
+  blocks_waiting_ = valid_blocks();
 }
 
 std::map<ViewId, TileMask> RootAtlas::valid() const {
@@ -195,33 +206,23 @@ std::vector<View> RootAtlas::windows(const std::vector<View>& views, const Used&
 /// What moves, and around it what the plates show, so that a video of it skips that. Without a
 /// plate, pixels of no use are black.
 ImageRgb RootAtlas::draw_live(const Children& children, const atlas::Pictures& pictures,
-                              const Used& used) const {
-  Used masks = used;
-  for (const auto& [view, plate] : plates_) masks.erase(view);
-  ImageRgb live = atlas::compose_atlas(live_layout_, children, pictures, masks, scene_->atlas.mask,
-                                       balance_.gains());
-  if (plates_.empty()) return live;
-  ImageMask shown(live.width, live.height, 1);
-  atlas::Pictures plates = pictures;
-  for (const View& tile : live_layout_.views) {
-    const auto plate = plates_.find(tile.id);
-    if (plate == plates_.end()) continue;
-    plates[children.at(tile.id).stream] = std::make_shared<const ImageRgb>(plate->second.picture());
-    draw_mask(used.at(tile.id), tile, shown);
-  }
-  const ImageRgb still = atlas::compose_atlas(live_layout_, children, plates, masks,
-                                              scene_->atlas.mask, balance_.gains());
-  atlas::freeze_outside(live, still, shown);
-  return live;
+                              const Used& used) {
+  atlas::PicturesBehind behind;
+  for (const auto& [view, plate] : plates_) behind[view] = &plate.picture();
+  return atlas::compose_atlas(live_layout_, children, pictures, used, scene_->atlas.mask,
+                              balance_.gains(), behind, std::exchange(spare_, {}));
 }
 
 /// Codes a picture unless it is the last one.
 Status RootAtlas::add_unit(TextureStream& stream, std::uint32_t layout, ImageRgb picture,
                            ImageRgb& last, Packet& packet) {
-  if (picture == last && !stream.key_frame_asked()) return {};
+  if (picture == last && !stream.key_frame_asked()) {
+    spare_ = std::move(picture);
+    return {};
+  }
   auto unit = stream.encode(picture, packet.plan.texture_qp, layout);
   if (!unit) return unit.error();
-  last = std::move(picture);
+  spare_ = std::exchange(last, std::move(picture));
   packet.textures.push_back(*std::move(unit));
   return {};
 }
@@ -257,45 +258,65 @@ void RootAtlas::add_views(bool with_plates, Packet& packet) const {
   }
 }
 
-/// The atlas of plates, where it is another than before.
+/// Whether the atlas of plates is another than the client has. A few blocks wait for more: coding
+/// the picture takes as long for one block as for all.
+bool RootAtlas::are_plates_due(std::uint32_t layout) {
+  constexpr int kWait = 15;          // ticks
+  constexpr std::size_t kMany = 20;  // one in so many is too many to wait
+  if (plate_gains_ != balance_.gains() || drawn_layout_ != layout || plate_.key_frame_asked())
+    return true;
+  if (blocks_waiting_ == 0) return plates_due_ = false;
+  return ++waited_ >= kWait || plates_due_ || kMany * blocks_waiting_ >= valid_blocks();
+}
+
 Status RootAtlas::add_plates(const Tick& tick, const Children& children, Packet& packet) {
   const std::uint32_t layout = plate_layout_.views.front().layout;
-  const bool same = !plates_changed_ && plate_gains_ == balance_.gains() && drawn_layout_ == layout;
-  if (same && !plate_.key_frame_asked()) return {};
+  if (!are_plates_due(layout)) return {};
   atlas::Pictures plates;
   for (const View& view : tick.views)
     if (const auto plate = plates_.find(view.id); plate != plates_.end())
-      plates[view.stream] = std::make_shared<const ImageRgb>(plate->second.picture());
-  plates_changed_ = false, plate_gains_ = balance_.gains(), drawn_layout_ = layout;
-  return add_unit(plate_, layout,
-                  atlas::compose_atlas(plate_layout_, children, plates, {}, false, plate_gains_),
-                  last_plate_, packet);
+      plates[view.stream] = {std::shared_ptr<void>{}, &plate->second.picture()};
+  const Status added =
+      add_unit(plate_, layout,
+               atlas::compose_atlas(plate_layout_, children, plates, {}, false, balance_.gains(),
+                                    {}, std::exchange(spare_, {})),
+               last_plate_, packet);
+  if (!added) return added;
+  blocks_waiting_ = 0, waited_ = 0, plates_due_ = false;
+  plate_gains_ = balance_.gains(), drawn_layout_ = layout;
+  return {};
 }
 
 /// Where a picture of the window's size is to be taken from, so that it holds `wanted`.
 Rect RootAtlas::Window::follow(const Rect& wanted, const Rect& whole) {
-  constexpr int kStep_px = 64, kSize_px = 128, kShrinkAfter = 30;
+  constexpr int kStep_px = 64, kSize_px = 128, kLookBackEvery = 32;
+  constexpr double kWorthShrinking = 0.75;
   if (wanted.empty()) {
     if (rect.empty())
       rect = {whole.x, whole.y, std::min(kStep_px, whole.width), std::min(kStep_px, whole.height)};
     return rect;
   }
-  const auto span = [&](int first, int count, int whole_first, int whole_count, int& size,
-                        bool shrink) {
-    const int start = whole_first + (first - whole_first) / kStep_px * kStep_px;
-    const int need =
-        std::min((first + count - start + kSize_px - 1) / kSize_px * kSize_px, whole_count);
-    if (need > size || shrink) size = need;
-    return std::pair(std::min(start, whole_first + whole_count - size), size);
+  const auto start = [&](int first, int whole_first) {
+    return whole_first + (first - whole_first) / kStep_px * kStep_px;
   };
-  const bool small = 2 * wanted.width < rect.width || 2 * wanted.height < rect.height;
-  small_for = small ? small_for + 1 : 0;
-  const bool shrink = small_for >= kShrinkAfter;
-  if (shrink) small_for = 0;
-  std::tie(rect.x, rect.width) =
-      span(wanted.x, wanted.width, whole.x, whole.width, rect.width, shrink);
-  std::tie(rect.y, rect.height) =
-      span(wanted.y, wanted.height, whole.y, whole.height, rect.height, shrink);
+  const auto ample = [&](int need, int whole_size) {
+    return std::min((need + need / 4 + kSize_px - 1) / kSize_px * kSize_px, whole_size);
+  };
+  const auto area = [](Size s) { return static_cast<double>(s.width) * s.height; };
+  const int x = start(wanted.x, whole.x), y = start(wanted.y, whole.y);
+  const Size need{wanted.x + wanted.width - x, wanted.y + wanted.height - y};
+  if (need.width > rect.width) rect.width = ample(need.width, whole.width);
+  if (need.height > rect.height) rect.height = ample(need.height, whole.height);
+  lately = {std::max(lately.width, need.width), std::max(lately.height, need.height)};
+  if (++ticks % kLookBackEvery == 0) {
+    const Size most{ample(std::max(lately.width, before.width), whole.width),
+                    ample(std::max(lately.height, before.height), whole.height)};
+    if (area(most) < kWorthShrinking * area({rect.width, rect.height}))
+      rect.width = most.width, rect.height = most.height;
+    before = std::exchange(lately, {});
+  }
+  rect.x = std::min(x, whole.x + whole.width - rect.width);
+  rect.y = std::min(y, whole.y + whole.height - rect.height);
   return rect;
 }
 

@@ -33,10 +33,17 @@ class RootAtlas {
     const std::vector<SourceInfo>& sources;
   };
 
-  /// The part of a camera picture that a live tile shows.
+  /// The part of a camera picture that a live tile shows. It moves in steps; its size, another one
+  /// of which takes a key frame, grows by more than it must and shrinks late, where that is worth
+  /// it.
   struct Window {
+    struct Size {
+      int width = 0, height = 0;
+    };
     Rect rect;
-    int small_for = 0;  ///< ticks in which much less would have done
+    Size lately;    ///< the most that was needed since the last look back
+    Size before;    ///< and between the two before it
+    int ticks = 0;  ///< in which something moved
 
     Rect follow(const Rect& wanted, const Rect& whole);
   };
@@ -69,6 +76,9 @@ class RootAtlas {
   /// How many of them, of all views.
   std::size_t valid_blocks() const;
 
+  /// Labels were chosen from the plates as they are: the next packet brings them.
+  void bring_plates() { plates_due_ = true; }
+
   Memory memory() const { return {plates_, balance_, windows_}; }
   /// Goes on from what another one kept.
   void recall(Memory memory);
@@ -84,13 +94,21 @@ class RootAtlas {
  private:
   using Children = std::map<ViewId, View>;
   using Used = std::map<ViewId, ImageMask>;
+  /// Blocks of a view that its sensor's depth picture sees, and where both cameras were.
+  struct Seen {
+    View view;
+    Camera depth_camera;
+    Pose T_world_depth;
+    TileMask blocks;
+  };
 
+  const TileMask& seen_by_depth(const View& view, const SourceInfo& source);
+  bool are_plates_due(std::uint32_t layout);
   Status arrange(const std::vector<View>& views, atlas::Layout& layout) const;
   std::vector<View> windows(const std::vector<View>& views, const Used& used);
   Used used_pixels(const Tick& tick, const Mesh& shown, float error_m) const;
   void add_views(bool with_plates, Packet& packet) const;
-  ImageRgb draw_live(const Children& children, const atlas::Pictures& pictures,
-                     const Used& used) const;
+  ImageRgb draw_live(const Children& children, const atlas::Pictures& pictures, const Used& used);
   Status add_plates(const Tick& tick, const Children& children, Packet& packet);
   Status add_unit(TextureStream& stream, std::uint32_t layout, ImageRgb picture, ImageRgb& last,
                   Packet& packet);
@@ -98,12 +116,16 @@ class RootAtlas {
   const Scene* scene_;
   atlas::Layout live_layout_, plate_layout_;
   std::map<ViewId, Window> windows_;
+  std::map<ViewId, Seen> seen_;
   atlas::ColorBalance balance_;
   std::map<ViewId, atlas::Plate> plates_;
   TextureStream live_, plate_;
   ImageRgb last_live_, last_plate_;  ///< as they were coded
-  // Of the atlas of plates: whether a block changed since, and what else it was drawn with.
-  bool plates_changed_ = false;
+  ImageRgb spare_;                   ///< memory for the next picture
+  // Of the atlas of plates: what it was drawn with, and what has come since.
+  std::size_t blocks_waiting_ = 0;
+  int waited_ = 0;  ///< ticks
+  bool plates_due_ = false;
   atlas::Gains plate_gains_;
   std::uint32_t drawn_layout_ = 0;
 };

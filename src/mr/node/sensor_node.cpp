@@ -24,6 +24,8 @@ double texturing_error_m(const Scene& scene, float mesh_error_m) {
 namespace {
 
 constexpr double kPinhole_voxels = 12;  // around: what a few failed pixels leave
+// Of decimation, of what moves: people alone cannot spare as many triangles as people with walls.
+constexpr double kMovingError_voxels = 0.5;
 
 fusion::VolumeConfig volume_config(const Scene& scene) {
   return {.voxel_m = scene.voxel_m,
@@ -82,15 +84,18 @@ SensorNode::Patch SensorNode::reconstruct_patch(const ImageDepth& depth, const P
                         .camera = registration_.depth_camera(),
                         .T_world_camera = T_world_depth,
                         .region = rect,
-                        .precision = scene_->sensors[sensor_].precision},
+                        .precision = scene_->sensors[sensor_].precision,
+                        .slanted = layers_.has_value()},  // to lie where the still surface does
                        &report)
                  .mesh;
   }
   out.usable = report.usable;
   const Stopwatch stopwatch(out.simplify_ms);
   kit::close_pinholes(*fused, kPinhole_voxels * scene_->voxel_m);
-  auto small = worker.simplifier.run(
-      *fused, {.triangles = simplify::triangles_at(*fused, scene_->simplify.ratio)});
+  simplify::SimplifyOptions limits{.triangles =
+                                       simplify::triangles_at(*fused, scene_->simplify.ratio)};
+  if (layers_) limits.error_m = static_cast<float>(kMovingError_voxels * scene_->voxel_m);
+  auto small = worker.simplifier.run(*fused, limits);
   if (!small) {  // what the camera saw lies too far away
     out.usable = false;
     return out;
@@ -141,6 +146,21 @@ ImageDepth SensorNode::clean_where(const ImageMask& mask, const Camera& camera,
   return out;
 }
 
+/// What the background says of a frame.
+still::Moment SensorNode::look(const Frame& frame, bool is_sent) {
+  const still::Moment moment =
+      trace_.time("background", [&] { return layers_->background.update(frame.depth, is_sent); });
+  layers_->still_changed |= moment.still_changed, layers_->began_anew |= moment.began_anew;
+  return moment;
+}
+
+bool SensorNode::watch(Frame frame) {
+  if (!layers_ || !layers_->background.is_new()) return false;
+  frame.color = {};
+  look(registration_.undistort(std::move(frame)), false);
+  return layers_->background.is_new();
+}
+
 /// The cleaned depth that is to be reconstructed now: all of it, or what moves. What stays goes
 /// into the chunks of the still surface.
 Result<ImageDepth> SensorNode::divide(Reconstructed& out) {
@@ -151,10 +171,7 @@ Result<ImageDepth> SensorNode::divide(Reconstructed& out) {
     trace_.time("clean", [&] { depth = prepare_depth(*scene_, camera, frame); });
     return depth;
   }
-  still::Background& background = layers_->background;
-  const still::Moment moment =
-      trace_.time("background", [&] { return background.update(frame.depth); });
-  out.began_anew = moment.began_anew;
+  const still::Moment moment = look(frame, true);
   trace_.time("clean", [&] {
     depth = clean_where(moment.moving, camera, frame);
     out.confirmed_depth = still::confirmed_tiles(moment.confirmed, moment.moving);
@@ -164,14 +181,15 @@ Result<ImageDepth> SensorNode::divide(Reconstructed& out) {
           still::unhidden_tiles(frame.depth, moment.foreign, camera, view->camera(),
                                 view->T_world_camera.inverse() * frame.T_world_depth);
   });
-  if (!moment.still_changed) return depth;
+  if (!layers_->still_changed) return depth;
   return trace_.time("still", [&]() -> Result<ImageDepth> {
     Frame still;
-    still.sensor = sensor_, still.depth = background.still();
+    still.sensor = sensor_, still.depth = layers_->background.still();
     still.T_world_depth = frame.T_world_depth;
     auto chunks = layers_->surface.update(prepare_depth(*scene_, camera, still), camera,
                                           frame.T_world_depth, scene_->sensors[sensor_].precision);
     if (!chunks) return chunks.error();
+    layers_->still_changed = false;
     std::ranges::move(*chunks, std::back_inserter(layers_->unsent));  // newer ones come later
     return std::move(depth);
   });
@@ -210,7 +228,10 @@ Result<SensorNode::Reconstructed> SensorNode::reconstruct(Frame raw) {
   trace_.add("fuse", fuse_ms);
   trace_.add("simplify", simplify_ms);
   if (!joined) return joined.error();
-  if (layers_) out.still = std::exchange(layers_->unsent, {});
+  if (layers_) {
+    out.still = std::exchange(layers_->unsent, {});
+    out.began_anew = std::exchange(layers_->began_anew, false);
+  }
   return out;
 }
 

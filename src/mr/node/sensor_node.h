@@ -47,6 +47,9 @@ class SensorNode {
 
   /// Depth to a decimated surface; an empty one where nothing is in the volume.
   Result<Reconstructed> reconstruct(Frame frame);
+  /// Takes a frame that is not reconstructed: the room is learnt from it. Between calls of
+  /// reconstruct(). Returns whether more of them are wanted: most is still to be learnt.
+  bool watch(Frame frame);
   /// What to tell people about an empty one.
   Error no_surface(const Frame& frame) const;
   /// Whether the frame's surface, what is still included, is empty.
@@ -79,7 +82,10 @@ class SensorNode {
     still::Background background;
     StillSurface surface;
     std::vector<StillChunk> unsent;  ///< changed, and the frame that was to tell came to nothing
+    bool still_changed = false;      ///< since the chunks were made
+    bool began_anew = false;         ///< and nobody was told yet
   };
+  still::Moment look(const Frame& frame, bool is_sent);
   Result<ImageDepth> divide(Reconstructed& out);
   ImageDepth clean_where(const ImageMask& mask, const Camera& camera, const Frame& frame) const;
   Patch reconstruct_patch(const ImageDepth& depth, const Pose& T_world_depth, const Rect& rect,

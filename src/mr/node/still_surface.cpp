@@ -1,11 +1,11 @@
 #include "mr/node/still_surface.h"
 
 #include <algorithm>
-#include <bit>
 #include <cstdlib>
 #include <utility>
 
 #include "mr/codec/mesh_codec.h"
+#include "mr/core/hash.h"
 #include "mr/core/parallel.h"
 #include "mr/kit/pinholes.h"
 #include "mr/kit/topology.h"
@@ -19,26 +19,14 @@ constexpr double kStillPinhole_voxels = 12;  // around: what a few failed pixels
 constexpr double kStillError_voxels = 0.4;   // of decimation
 constexpr int kRingsAround = 2;              // of a chunk: what its lines to the neighbours look at
 
-/// Of the bytes that a chunk follows from.
-class Hash {
- public:
-  void add(std::uint64_t v) {
-    value_ = (value_ ^ v) * 0x9E3779B97F4A7C15u;
-    value_ ^= value_ >> 29;
-  }
-  void add(Vec3f p) {
-    for (const float v : {p.x, p.y, p.z}) add(std::bit_cast<std::uint32_t>(v));
-  }
-  std::uint64_t value() const { return value_; }
-
- private:
-  std::uint64_t value_ = 0xCBF29CE484222325u;
-};
-
-std::uint64_t hash_of(const Mesh& mesh, const std::vector<std::uint32_t>& triangles) {
+/// Of what a chunk follows from.
+std::uint64_t hash_of(const Mesh& mesh, const std::vector<std::uint32_t>& chunk,
+                      std::uint32_t own) {
   Hash hash;
-  for (const std::uint32_t t : triangles)
+  for (std::size_t t = 0; t < mesh.triangles.size(); ++t) {
+    hash.add(chunk[t] == own);
     for (int i = 0; i < 3; ++i) hash.add(mesh.corner(t, i));
+  }
   return hash.value();
 }
 
@@ -98,30 +86,30 @@ Result<std::vector<StillChunk>> StillSurface::update(const ImageDepth& still, co
                                           .camera = camera,
                                           .T_world_camera = T_world_camera,
                                           .region = {0, 0, still.width, still.height},
-                                          .precision = precision},
+                                          .precision = precision,
+                                          .slanted = true},
                                          &report);
   if (!report.usable)
     return Error{Error::Cause::invalid, "the still picture's camera or pose cannot be used"};
   kit::close_pinholes(surface.mesh, kStillPinhole_voxels * scene_->voxel_m);
   const Labelled all = by_cube(surface, surface.mesh);
 
-  std::map<Vec3i, std::uint64_t> fused;
   std::vector<std::uint64_t> hashes(all.cubes.size());
+  std::vector<std::optional<Result<StillChunk>>> made(all.cubes.size());
   parallel_for(hashes.size(), 1, [&](std::size_t begin, std::size_t end) {
-    for (std::size_t c = begin; c < end; ++c) hashes[c] = hash_of(all.mesh, all.triangles[c]);
+    for (auto c = static_cast<std::uint32_t>(begin); c < end; ++c) {
+      const Part part = part_of(all, c);
+      hashes[c] = hash_of(part.mesh, part.chunk, c);
+      const auto before = fused_.find(all.cubes[c]);
+      if (before == fused_.end() || before->second != hashes[c])
+        made[c] = decimate(part, c, all.cubes[c]);
+    }
   });
-  std::vector<std::uint32_t> changed;
-  for (std::uint32_t c = 0; c < all.cubes.size(); ++c) {
-    fused[all.cubes[c]] = hashes[c];
-    const auto before = fused_.find(all.cubes[c]);
-    if (before == fused_.end() || before->second != hashes[c]) changed.push_back(c);
-  }
-  std::vector<std::optional<Result<StillChunk>>> made(changed.size());
-  parallel_for(changed.size(), 1, [&](std::size_t begin, std::size_t end) {
-    for (std::size_t i = begin; i < end; ++i) made[i] = decimate(all, changed[i]);
-  });
+  std::map<Vec3i, std::uint64_t> fused;
+  for (std::size_t c = 0; c < hashes.size(); ++c) fused[all.cubes[c]] = hashes[c];
   std::vector<StillChunk> out;
   for (auto& chunk : made) {
+    if (!chunk) continue;
     if (!chunk->ok()) return chunk->error();
     out.push_back(std::move(**chunk));
   }
@@ -132,34 +120,31 @@ Result<std::vector<StillChunk>> StillSurface::update(const ImageDepth& still, co
   return out;
 }
 
-/// With the neighbours' triangles near its lines, which are simplified alike from both sides.
-Result<StillChunk> StillSurface::decimate(const Labelled& all, std::uint32_t chunk) const {
+StillSurface::Part StillSurface::part_of(const Labelled& all, std::uint32_t chunk) {
   const Mesh& mesh = all.mesh;
   constexpr std::uint32_t kNone = 0xFFFFFFFFu;
-  std::vector<std::uint32_t> index(mesh.positions.size(), kNone);  // vertex → in `near`
-  Mesh near;
-  std::vector<std::uint32_t> labels;
+  std::vector<std::uint32_t> index(mesh.positions.size(), kNone);  // vertex → in the part
+  Part out;
   const auto add = [&](std::uint32_t t) {
-    Triangle& triangle = near.triangles.emplace_back(mesh.triangles[t]);
+    Triangle& triangle = out.mesh.triangles.emplace_back(mesh.triangles[t]);
     for (std::uint32_t& v : triangle) {
       if (index[v] == kNone) {
-        index[v] = static_cast<std::uint32_t>(near.positions.size());
-        near.positions.push_back(mesh.positions[v]);
+        index[v] = static_cast<std::uint32_t>(out.mesh.positions.size());
+        out.mesh.positions.push_back(mesh.positions[v]);
       }
       v = index[v];
     }
-    labels.push_back(all.chunk[t]);
+    out.chunk.push_back(all.chunk[t]);
   };
   for (const std::uint32_t t : all.triangles[chunk]) add(t);
-  const Vec3i cube = all.cubes[chunk];
   std::vector<std::uint32_t> around;  // triangles of the neighbours
   for (std::uint32_t c = 0; c < all.cubes.size(); ++c) {
-    const Vec3i d = all.cubes[c] - cube;
+    const Vec3i d = all.cubes[c] - all.cubes[chunk];
     if (c != chunk && std::max({std::abs(d.x), std::abs(d.y), std::abs(d.z)}) <= 1)
       around.insert(around.end(), all.triangles[c].begin(), all.triangles[c].end());
   }
   for (int ring = 0; ring < kRingsAround; ++ring) {
-    const std::size_t known = near.positions.size();
+    const std::size_t known = out.mesh.positions.size();
     std::erase_if(around, [&](std::uint32_t t) {
       const bool touches =
           std::ranges::any_of(mesh.triangles[t], [&](std::uint32_t v) { return index[v] < known; });
@@ -167,10 +152,13 @@ Result<StillChunk> StillSurface::decimate(const Labelled& all, std::uint32_t chu
       return touches;
     });
   }
+  return out;
+}
 
+Result<StillChunk> StillSurface::decimate(const Part& part, std::uint32_t chunk, Vec3i cube) const {
   auto small = simplify::simplify(
-      near,
-      {.error_m = static_cast<float>(kStillError_voxels * scene_->voxel_m), .chunks = labels});
+      part.mesh,
+      {.error_m = static_cast<float>(kStillError_voxels * scene_->voxel_m), .chunks = part.chunk});
   if (!small) return small.error();
   std::vector<std::uint8_t> own(small->mesh.triangles.size()),
       on_line(small->mesh.positions.size());

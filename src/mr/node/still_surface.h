@@ -47,12 +47,19 @@ class StillSurface {
     std::vector<Vec3i> cubes;
     std::vector<std::vector<std::uint32_t>> triangles;  ///< [cubes]
   };
+  /// A chunk's part of the fused surface, with the neighbours' triangles near its lines, which are
+  /// simplified alike from both sides.
+  struct Part {
+    Mesh mesh;
+    std::vector<std::uint32_t> chunk;  ///< [T] place in `cubes`
+  };
   static Labelled by_cube(const fusion::Surface& surface, const Mesh& mesh);
-  Result<StillChunk> decimate(const Labelled& all, std::uint32_t chunk) const;
+  static Part part_of(const Labelled& all, std::uint32_t chunk);
+  Result<StillChunk> decimate(const Part& part, std::uint32_t chunk, Vec3i cube) const;
 
   const Scene* scene_;
   fusion::FrameFuser fuser_;
-  std::map<Vec3i, std::uint64_t> fused_;  ///< hash of each chunk's part of the fused surface
+  std::map<Vec3i, std::uint64_t> fused_;  ///< hash of what each chunk follows from
 };
 
 }  // namespace mr::node

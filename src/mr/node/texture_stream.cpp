@@ -18,8 +18,9 @@ ImageRgb padded_to_even(const ImageRgb& picture) {
 
 Result<TextureUnit> TextureStream::encode(const ImageRgb& picture, int qp, std::uint32_t layout) {
   if (picture.width % 2 || picture.height % 2) return encode(padded_to_even(picture), qp, layout);
-  const kit::VideoSettings wanted{picture.width,         picture.height,      scene_->fps, qp,
-                                  scene_->video.threads, scene_->video.slices};
+  kit::VideoSettings wanted{picture.width,         picture.height,      scene_->fps, qp,
+                            scene_->video.threads, scene_->video.slices};
+  if (!periodic_) wanted.key_frame_every = 0;
   if (!encoder_ || encoder_->settings() != wanted) {
     auto encoder = kit::VideoEncoder::create(wanted);
     if (!encoder) return encoder.error();

@@ -16,7 +16,9 @@ namespace mr::node {
 /// repeating their last row and column, as H.264 wants even ones.
 class TextureStream {
  public:
-  TextureStream(const Scene& scene, std::uint32_t stream) : scene_(&scene), stream_(stream) {}
+  /// `periodic`: a key frame comes now and then; else only when one must.
+  TextureStream(const Scene& scene, std::uint32_t stream, bool periodic = true)
+      : scene_(&scene), stream_(stream), periodic_(periodic) {}
 
   Result<TextureUnit> encode(const ImageRgb& picture, int qp, std::uint32_t layout);
   /// The next unit will be a key frame. Any thread.
@@ -28,6 +30,7 @@ class TextureStream {
  private:
   const Scene* scene_;
   std::uint32_t stream_;
+  bool periodic_;
   std::uint32_t layout_ = 0, serial_ = 0;
   std::atomic<bool> key_frame_asked_ = false;
   std::optional<kit::VideoEncoder> encoder_;

@@ -1,0 +1,254 @@
+#include "mr/atlas/lasting_labels.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <utility>
+
+#include "mr/core/assert.h"
+#include "mr/core/hash.h"
+#include "mr/core/parallel.h"
+#include "mr/kit/raster.h"
+#include "mr/kit/topology.h"
+
+namespace mr::atlas {
+namespace {
+
+constexpr int kTile_px = 16;
+constexpr std::uint32_t kNoVertex = 0xFFFFFFFFu;
+
+std::array<Vec3f, 3> corners_of(const Mesh& mesh, std::size_t t) {
+  std::array<Vec3f, 3> out{mesh.corner(t, 0), mesh.corner(t, 1), mesh.corner(t, 2)};
+  std::rotate(out.begin(), std::min_element(out.begin(), out.end()), out.end());
+  return out;
+}
+
+TileMask no_tiles(const View& view) {
+  const int columns = (view.width + kTile_px - 1) / kTile_px,
+            rows = (view.height + kTile_px - 1) / kTile_px;
+  return {kTile_px, columns, rows,
+          std::vector<std::uint8_t>(static_cast<std::size_t>(columns) * rows)};
+}
+
+/// Marks the tiles in which a view sees other surface than before, and those around: an occluder
+/// needs a margin.
+void mark_other_depth(const ImageDepth& before, const ImageDepth& now, TileMask& tiles) {
+  constexpr float kOther_m = 0.05f;
+  constexpr int kLeast_px = 40;  // of a tile: an edge that lies a pixel beside is none
+  std::vector<std::uint8_t> other(tiles.tiles.size());
+  for (int row = 0; row < tiles.rows; ++row)
+    for (int column = 0; column < tiles.columns; ++column) {
+      int count = 0;
+      const int x_end = std::min((column + 1) * kTile_px, now.width);
+      for (int y = row * kTile_px; y < std::min((row + 1) * kTile_px, now.height); ++y)
+        for (int x = column * kTile_px; x < x_end; ++x)
+          count += std::abs(*before.at(x, y) - *now.at(x, y)) > kOther_m;  // 0: nothing
+      other[static_cast<std::size_t>(row) * tiles.columns + column] = count >= kLeast_px;
+    }
+  for (int row = 0; row < tiles.rows; ++row)
+    for (int column = 0; column < tiles.columns; ++column) {
+      if (!other[static_cast<std::size_t>(row) * tiles.columns + column]) continue;
+      for (int y = std::max(row - 1, 0); y <= std::min(row + 1, tiles.rows - 1); ++y)
+        for (int x = std::max(column - 1, 0); x <= std::min(column + 1, tiles.columns - 1); ++x)
+          tiles.tiles[static_cast<std::size_t>(y) * tiles.columns + x] = 1;
+    }
+}
+
+/// Where a pinhole sees a mesh's vertices; not a number: at its near plane or behind.
+std::vector<Vec2f> screen_points(const Mesh& mesh, const View& view) {
+  const Camera camera = view.camera();
+  const Pose T_camera_world = view.T_world_camera.inverse();
+  std::vector<Vec2f> out(mesh.positions.size());
+  for (std::size_t i = 0; i < out.size(); ++i) {
+    const Vec3d p = T_camera_world * vec_cast<double>(mesh.positions[i]);
+    constexpr float kNowhere = std::numeric_limits<float>::quiet_NaN();
+    out[i] = {kNowhere, kNowhere};
+    if (p.z <= kit::kNearPlane_m) continue;
+    const kit::ScreenPoint s = kit::to_screen(camera, p);
+    out[i] = {static_cast<float>(s.u), static_cast<float>(s.v)};
+  }
+  return out;
+}
+
+/// Whether a tile is set in the box around three points; points behind a camera are in none.
+bool any_tile(const TileMask& mask, Vec2f a, Vec2f b, Vec2f c) {
+  const auto tile = [&](float px, int count) {
+    return static_cast<int>(std::floor(
+        std::clamp(px / static_cast<float>(mask.tile_px), -1.0f, static_cast<float>(count))));
+  };
+  if (!(std::abs(a.x + b.x + c.x) < std::numeric_limits<float>::max())) return false;
+  const int x0 = std::max(tile(std::min({a.x, b.x, c.x}), mask.columns), 0),
+            x1 = std::min(tile(std::max({a.x, b.x, c.x}), mask.columns), mask.columns - 1),
+            y0 = std::max(tile(std::min({a.y, b.y, c.y}), mask.rows), 0),
+            y1 = std::min(tile(std::max({a.y, b.y, c.y}), mask.rows), mask.rows - 1);
+  for (int y = y0; y <= y1; ++y)
+    for (int x = x0; x <= x1; ++x)
+      if (mask.at(x, y)) return true;
+  return false;
+}
+
+/// Cuts the edges of whole triangles where a carried-over neighbour was cut: no T-junction is left.
+void meet_cuts(Labelling& next) {
+  const std::size_t first_cut = next.mesh.positions.size() - next.cut_edges.size();
+  std::map<std::array<std::uint32_t, 2>, std::uint32_t> middle;  // of an edge that was cut
+  const auto key = [](std::uint32_t a, std::uint32_t b) {
+    return std::array{std::min(a, b), std::max(a, b)};
+  };
+  for (std::size_t i = 0; i < next.cut_edges.size(); ++i)
+    middle.emplace(key(next.cut_edges[i][0], next.cut_edges[i][1]),
+                   static_cast<std::uint32_t>(first_cut + i));
+  for (bool any = !middle.empty(); any;) {
+    std::vector<std::uint8_t> split(3 * next.mesh.triangles.size());
+    any = false;
+    for (std::uint32_t h = 0; h < split.size(); ++h) {
+      if (!next.is_due[h / 3]) continue;
+      split[h] = middle.contains(key(kit::edge_from(next.mesh, h), kit::edge_to(next.mesh, h)));
+      any |= split[h] != 0;
+    }
+    if (!any) return;
+    kit::Refined refined = kit::refine(next.mesh, split);
+    const auto known = static_cast<std::uint32_t>(next.mesh.positions.size());
+    for (Triangle& triangle : refined.mesh.triangles)
+      for (std::uint32_t& v : triangle)
+        if (v >= known) {
+          const auto& [from, to] = refined.cut_edges[v - known];
+          v = middle.at(key(from, to));
+        }
+    Labelling cut;
+    for (const std::uint32_t parent : refined.parent) {
+      cut.label.push_back(next.label[parent]), cut.is_due.push_back(next.is_due[parent]);
+      cut.origin.push_back(next.origin[parent]);
+    }
+    next.mesh.triangles = std::move(refined.mesh.triangles);
+    next.label = std::move(cut.label), next.is_due = std::move(cut.is_due);
+    next.origin = std::move(cut.origin);
+  }
+}
+
+}  // namespace
+
+std::size_t LastingLabels::CornersHash::operator()(const Corners& corners) const {
+  Hash hash;
+  for (const Vec3f& p : corners) hash.add(p);
+  return hash.value();
+}
+
+/// Whether what was labelled last holds for these views.
+bool LastingLabels::may_keep(std::span<const View> views) const {
+  const auto same = [](const View& a, const View& b) {
+    return a.kind == View::Kind::pinhole && a.kind == b.kind && a.id == b.id &&
+           a.camera() == b.camera() && a.T_world_camera == b.T_world_camera &&
+           a.image_rect == b.image_rect && a.gutter_px == b.gutter_px;
+  };
+  return std::ranges::equal(views, views_, same);
+}
+
+/// The surface, with the pieces and labels of the triangles that it had before; the others whole,
+/// and due.
+Labelling LastingLabels::carry_over(const Mesh& surface) const {
+  Labelling next;
+  next.mesh.positions = surface.positions;
+  const std::size_t first_cut = last_.mesh.positions.size() - last_.cut_edges.size();
+  std::vector<std::uint32_t> moved(last_.mesh.positions.size(), kNoVertex);  // last → next vertex
+  const auto move = [&](const auto& self, std::uint32_t v) -> std::uint32_t {
+    if (moved[v] != kNoVertex || v < first_cut) return moved[v];
+    const auto& [a, b] = last_.cut_edges[v - first_cut];
+    const std::array<std::uint32_t, 2> ends{self(self, a), self(self, b)};
+    moved[v] = static_cast<std::uint32_t>(next.mesh.positions.size());
+    next.mesh.positions.push_back(last_.mesh.positions[v]);
+    next.cut_edges.push_back(ends);
+    return moved[v];
+  };
+  const auto add = [&](const Triangle& triangle, int label, bool is_due, std::uint32_t origin) {
+    next.mesh.triangles.push_back(triangle);
+    next.label.push_back(label), next.is_due.push_back(is_due), next.origin.push_back(origin);
+  };
+  for (std::uint32_t t = 0; t < surface.triangles.size(); ++t) {
+    const auto found = place_.find(corners_of(surface, t));
+    if (found == place_.end()) {
+      add(surface.triangles[t], Labelling::kNone, true, t);
+      continue;
+    }
+    for (const std::uint32_t v : surface.triangles[t])
+      for (const std::uint32_t u : triangles_[found->second])
+        if (last_.mesh.positions[u] == surface.positions[v]) moved[u] = v;
+    for (std::uint32_t p = first_piece_[found->second]; p < first_piece_[found->second + 1]; ++p) {
+      Triangle piece = last_.mesh.triangles[p];
+      for (std::uint32_t& v : piece) v = move(move, v);
+      add(piece, last_.label[p], false, t);
+    }
+  }
+  meet_cuts(next);
+  return next;
+}
+
+std::vector<LastingLabels::Changes> LastingLabels::changes(
+    std::span<const View> views, const Occluders& now,
+    const std::map<ViewId, TileMask>& valid) const {
+  std::vector<Changes> out(views.size());
+  parallel_for(views.size(), 1, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t i = begin; i < end; ++i) {
+      TileMask& other = out[i].other = no_tiles(views[i]);
+      const auto *before = occluders_.faces(views[i]), *after = now.faces(views[i]);
+      mark_other_depth(before->front(), after->front(), other);
+      out[i].better = other;
+      const auto was = valid_.find(views[i].id), is = valid.find(views[i].id);
+      MR_ASSERT(was == valid_.end() || was->second.tile_px == kTile_px);
+      MR_ASSERT(is == valid.end() || is->second.tile_px == kTile_px);
+      const auto is_set = [&](auto found, auto none, int column, int row) {
+        return found == none || (column < found->second.columns && row < found->second.rows &&
+                                 found->second.at(column, row));
+      };
+      for (int row = 0; row < other.rows; ++row)
+        for (int column = 0; column < other.columns; ++column) {
+          const bool good = is_set(is, valid.end(), column, row);
+          if (good == is_set(was, valid_.end(), column, row)) continue;
+          const std::size_t tile = static_cast<std::size_t>(row) * other.columns + column;
+          (good ? out[i].better : other).tiles[tile] = 1;
+        }
+    }
+  });
+  return out;
+}
+
+Mesh LastingLabels::update(const Mesh& surface, std::span<const View> views, LabelConfig config,
+                           bool all) {
+  Occluders now(surface, views);
+  Labelling next;
+  if (all || last_.mesh.empty() || !may_keep(views)) {
+    next = Labelling::of(surface);
+    config.occluders = nullptr;
+  } else {
+    next = carry_over(surface);
+    const std::vector<Changes> changed = changes(views, now, config.valid);
+    for (std::size_t i = 0; i < views.size(); ++i) {
+      const std::vector<Vec2f> at = screen_points(next.mesh, views[i]);
+      for (std::size_t t = 0; t < next.is_due.size(); ++t) {
+        const auto& [a, b, c] = next.mesh.triangles[t];
+        if (next.is_due[t]) continue;
+        if (next.label[t] == static_cast<int>(i))
+          next.is_due[t] = any_tile(changed[i].other, at[a], at[b], at[c]);
+        else if (next.label[t] == Labelling::kNone)
+          next.is_due[t] = any_tile(changed[i].better, at[a], at[b], at[c]);
+      }
+    }
+    config.occluders = &now;
+  }
+  label_due(next, views, config);
+  last_ = std::move(next), occluders_ = std::move(now), valid_ = std::move(config.valid);
+  remember(surface, views);
+  return last_.labelled(views);
+}
+
+void LastingLabels::remember(const Mesh& surface, std::span<const View> views) {
+  views_.assign(views.begin(), views.end());
+  triangles_ = surface.triangles;
+  first_piece_.assign(triangles_.size() + 1, 0);
+  for (const std::uint32_t origin : last_.origin) ++first_piece_[origin + 1];
+  for (std::size_t t = 0; t < triangles_.size(); ++t) first_piece_[t + 1] += first_piece_[t];
+  place_.clear();
+  place_.reserve(triangles_.size());
+  for (std::uint32_t t = 0; t < triangles_.size(); ++t) place_.emplace(corners_of(surface, t), t);
+}
+
+}  // namespace mr::atlas

@@ -1,0 +1,159 @@
+#include "mr/atlas/lasting_labels.h"
+
+#include <gtest/gtest.h>
+
+#include <array>
+#include <functional>
+#include <vector>
+
+#include "atlas/walls.h"
+#include "mr/core/parallel.h"
+#include "mr/kit/topology.h"
+#include "support/meshes.h"
+
+namespace mr {
+namespace {
+
+using atlas::LabelConfig;
+using atlas::LastingLabels;
+using test::labelled_area;
+
+const std::vector<View> kViews = {test::view(0, {-0.5, 0, 0}, {0, 0, 2}),
+                                  test::view(1, {0.5, 0, 0}, {0, 0, 2})};
+const LabelConfig kConfig{.geometry_error_m = 0.005, .min_edge_m = 0.02};
+
+const Mesh kWall = test::wall(0.8f, 6);
+
+/// The wall, and something before it.
+Mesh wall_and_box() {
+  Mesh out = kWall;
+  append(out, test::grid({-0.2f, 0.2f, 1.2f}, {0.4f, 0, 0}, {0, -0.4f, 0}, 8, 8));
+  return out;
+}
+
+/// The length of all edges that only one triangle has: longer where a cut leaves a crack.
+double border_m(const Mesh& mesh) {
+  double sum = 0;
+  const auto twin = kit::edge_table(mesh).twin;
+  for (std::uint32_t h = 0; h < twin.size(); ++h)
+    if (twin[h] == kit::kNoTwin)
+      sum +=
+          length(mesh.positions[kit::edge_to(mesh, h)] - mesh.positions[kit::edge_from(mesh, h)]);
+  return sum;
+}
+
+/// [corners] of the triangles, in order.
+std::vector<std::array<Vec3f, 3>> soup(const Mesh& mesh, const std::function<bool(Vec3f)>& where) {
+  std::vector<std::array<Vec3f, 3>> out;
+  for (std::size_t t = 0; t < mesh.triangles.size(); ++t)
+    if (where(mesh.centroid(t)))
+      out.push_back({mesh.corner(t, 0), mesh.corner(t, 1), mesh.corner(t, 2)});
+  return out;
+}
+
+TEST(LastingLabels, AtFirstTheyAreThoseOfTheWholeSurface) {
+  LastingLabels labels;
+  EXPECT_EQ(labels.update(wall_and_box(), kViews, kConfig, false),
+            atlas::label_triangles(wall_and_box(), kViews, kConfig));
+}
+
+TEST(LastingLabels, WithoutChangesNothingChanges) {
+  LastingLabels labels;
+  const Mesh before = labels.update(wall_and_box(), kViews, kConfig, true);
+  const Mesh after = labels.update(wall_and_box(), kViews, kConfig, false);
+  const auto everywhere = [](Vec3f) { return true; };
+  EXPECT_EQ(soup(after, everywhere), soup(before, everywhere));
+  EXPECT_EQ(after.runs, before.runs);
+  EXPECT_EQ(labels.update(wall_and_box(), kViews, kConfig, true), before);
+}
+
+TEST(LastingLabels, WhatComesBeforeAWallIsNotPaintedOntoIt) {
+  LastingLabels labels;
+  labels.update(kWall, kViews, kConfig, true);
+  const Mesh mesh = labels.update(wall_and_box(), kViews, kConfig, false);
+  const Mesh anew = atlas::label_triangles(wall_and_box(), kViews, kConfig);
+  for (const ViewId id : {ViewId{0}, ViewId{1}, kNoView})
+    EXPECT_NEAR(labelled_area(mesh, id), labelled_area(anew, id), 0.05) << id;
+  EXPECT_NEAR(border_m(mesh), 4 * 1.6 + 4 * 0.4, 1e-4);
+}
+
+TEST(LastingLabels, WhatIsUncoveredGetsAView) {
+  LastingLabels labels;
+  labels.update(wall_and_box(), kViews, kConfig, true);
+  const Mesh mesh = labels.update(kWall, kViews, kConfig, false);
+  EXPECT_NEAR(labelled_area(mesh, kNoView), 0, 1e-4);
+  EXPECT_NEAR(border_m(mesh), 4 * 1.6, 1e-4);
+}
+
+TEST(LastingLabels, WhereTheSurfaceStaysItsTrianglesStay) {
+  LastingLabels labels;
+  const Mesh before = labels.update(kWall, kViews, kConfig, true);
+  // A corner of the wall comes forward a little: other triangles there, none elsewhere.
+  Mesh bulged = kWall;
+  for (Vec3f& p : bulged.positions)
+    if (p.x > 0.4f && p.y > 0.4f) p.z -= 0.02f;
+  const Mesh after = labels.update(bulged, kViews, kConfig, false);
+  const auto far_away = [](Vec3f p) { return p.x < 0.2f || p.y < 0.2f; };
+  EXPECT_EQ(soup(after, far_away), soup(before, far_away));
+  EXPECT_NEAR(border_m(after), border_m(bulged), 1e-4);
+}
+
+TEST(LastingLabels, CutsMeetThoseOfNewTriangles) {
+  LastingLabels labels;
+  labels.update(wall_and_box(), kViews, kConfig, true);  // the wall is cut around the shadows
+  Mesh other = wall_and_box();
+  for (Vec3f& p : other.positions)
+    if (p.z > 1.9f && p.x > 0.1f) p.z += 0.01f;
+  const Mesh mesh = labels.update(other, kViews, kConfig, false);
+  EXPECT_NEAR(border_m(mesh), border_m(other), 1e-4);
+  EXPECT_NEAR(surface_area_m2(mesh), surface_area_m2(other), 1e-4);
+}
+
+TEST(LastingLabels, BlocksThatBecomeValidAreUsedAndSuchAsAreNotAreLeft) {
+  const auto blocks = [](int columns) {
+    TileMask out{16, 20, 15, {}};
+    for (int i = 0; i < 20 * 15; ++i) out.tiles.push_back(i % 20 < columns);
+    return out;
+  };
+  const std::vector<View> one = {kViews[0]};
+  const auto config = [&](int columns) {
+    LabelConfig out = kConfig;
+    out.valid = {{ViewId{0}, blocks(columns)}};
+    return out;
+  };
+  LastingLabels labels;
+  double last = -1;
+  for (const int columns : {0, 6, 12, 20}) {
+    const double area = labelled_area(labels.update(kWall, one, config(columns), false), 0);
+    EXPECT_GT(area, last) << columns;
+    last = area;
+  }
+  const Mesh fewer = labels.update(kWall, one, config(6), false);
+  EXPECT_NEAR(labelled_area(fewer, 0),
+              labelled_area(atlas::label_triangles(kWall, one, config(6)), 0), 0.03);
+}
+
+TEST(LastingLabels, AnotherCameraIsAnotherMatter) {
+  LastingLabels labels;
+  labels.update(wall_and_box(), kViews, kConfig, true);
+  const std::vector<View> moved = {test::view(0, {-0.4, 0.1, 0}, {0, 0, 2}), kViews[1]};
+  EXPECT_EQ(labels.update(wall_and_box(), moved, kConfig, false),
+            atlas::label_triangles(wall_and_box(), moved, kConfig));
+  EXPECT_TRUE(labels.update({}, moved, kConfig, false).empty());
+}
+
+TEST(LastingLabels, SameOnAnyNumberOfThreads) {
+  std::vector<Mesh> results;
+  for (const int threads : {1, 4}) {
+    Arena arena(threads);
+    arena.run([&] {
+      LastingLabels labels;
+      labels.update(kWall, kViews, kConfig, true);
+      results.push_back(labels.update(wall_and_box(), kViews, kConfig, false));
+    });
+  }
+  EXPECT_EQ(results[0], results[1]);
+}
+
+}  // namespace
+}  // namespace mr
