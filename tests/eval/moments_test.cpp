@@ -9,6 +9,7 @@ Scene rig_of(int frames, bool loop) {
   Scene scene;
   scene.rig.emplace();
   scene.rig->frames = frames, scene.rig->loop = loop;
+  scene.still.layers = false;
   return scene;
 }
 

@@ -153,8 +153,9 @@ TEST(SeededError, ADoubledWallIsADuplicate) {
 }
 
 TEST(Quality, NoiseLeavesNoChunkToKeep) {
-  // Why sweeps may code every capture for itself: sensors never measure the same twice.
-  SmallScene small(", people: 1", "");
+  // Why layers are needed, and sweeps without may code every capture for itself: sensors never
+  // measure the same twice.
+  SmallScene small(", people: 1", "still: {layers: false}\n");
   const auto trial = Trial::prepare(small.scene, small.config());
   ASSERT_TRUE(trial.ok()) << trial.error().message;
   const auto kept = play(small.scene, trial->moments(), small.config());

@@ -127,8 +127,13 @@ class LayersSystem final : public System {
     return decode_geometry(coded.front(), with(scene_, setting).lattice);
   }
 
+  /// A refresh is all chunks; heads come anyway.
   Cost geometry_cost(const Coded& coded) const override {
-    return {values_from(coded.at(1)), true, static_cast<double>(coded.at(0).size())};
+    Cost out{values_from(coded.at(1)), true, 0};
+    if (const auto packet = codec::decode_packet(coded.at(0)))
+      for (const EncodedChunk& chunk : packet->chunks)
+        out.refresh_bytes += static_cast<double>(chunk.payload.size());
+    return out;
   }
 
   // -------------------------------------------------- texture

@@ -3,8 +3,10 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <cstdlib>
+#include <map>
 #include <nlohmann/json.hpp>
 #include <utility>
 
@@ -216,6 +218,24 @@ std::vector<std::uint8_t> still_triangles(const Mesh& surface, const Mesh& other
   return out;
 }
 
+std::vector<std::uint8_t> wall_triangles(const Mesh& surface) {
+  constexpr double kLeastArea_m2 = 1, kNormalStep = 0.01, kOffsetStep_m = 0.002;
+  constexpr double kShift = 0.3;  // planes at whole millimetres lie inside their step
+  using Plane = std::array<long, 4>;
+  std::vector<Plane> planes(surface.triangles.size());
+  std::map<Plane, double> area_m2;
+  for (std::size_t t = 0; t < planes.size(); ++t) {
+    const Vec3d across = vec_cast<double>(surface.area_normal(t)), normal = normalized(across);
+    for (int axis = 0; axis < 3; ++axis) planes[t][axis] = std::lround(normal[axis] / kNormalStep);
+    planes[t][3] =
+        std::lround(dot(normal, vec_cast<double>(surface.centroid(t))) / kOffsetStep_m + kShift);
+    area_m2[planes[t]] += 0.5 * length(across);
+  }
+  std::vector<std::uint8_t> out(planes.size());
+  for (std::size_t t = 0; t < out.size(); ++t) out[t] = area_m2[planes[t]] >= kLeastArea_m2;
+  return out;
+}
+
 Result<StillError> still_error(const Scene& scene, const std::vector<render::Viewpoint>& views,
                                const StillErrorConfig& config) {
   const RigConfig* rig = known_rig(scene);
@@ -246,11 +266,14 @@ Result<StillError> still_error(const Scene& scene, const std::vector<render::Vie
   const Mesh surface = truth_at(truth, scene, newest.capture);
   const auto still =
       still_triangles(surface, truth_at(truth, scene, std::max(newest.capture - 1, 0)));
-  const auto to_walls = [&](const Mesh& mesh) {
-    return distance_to_marked(mesh, surface, still, config.samples, 1);
+  std::vector<std::uint8_t> walls = wall_triangles(surface);
+  for (std::size_t t = 0; t < walls.size(); ++t) walls[t] &= still[t];
+  const auto to_truth = [&](const Mesh& mesh) {
+    return StillError::Distance{distance_to_marked(mesh, surface, still, config.samples, 1),
+                                distance_to_marked(mesh, surface, walls, config.samples, 1)};
   };
-  out.wall = to_walls(shown_mesh(newest.scene, scene.still.layers));
-  out.wall_anew = anew ? to_walls(shown_mesh((**anew).last.back().scene, false)) : out.wall;
+  out.still = to_truth(shown_mesh(newest.scene, scene.still.layers));
+  out.anew = anew ? to_truth(shown_mesh((**anew).last.back().scene, false)) : out.still;
 
   const int oldest =
       std::max(0, newest.capture - static_cast<int>(std::lround(config.seen_s * scene.fps)) + 1);
@@ -266,11 +289,15 @@ std::string to_json(const StillError& e) {
                                    {"views", e.views},
                                    {"pairs", e.pairs},
                                    {"changed_ratio", still_rounded(e.changed_ratio)},
-                                   {"wall_rms_mm", still_rounded(e.wall.rms_mm)},
-                                   {"wall_p95_mm", still_rounded(e.wall.p95_mm)},
+                                   {"wall_rms_mm", still_rounded(e.still.wall.rms_mm)},
+                                   {"wall_p95_mm", still_rounded(e.still.wall.p95_mm)},
+                                   {"still_rms_mm", still_rounded(e.still.all.rms_mm)},
+                                   {"still_p95_mm", still_rounded(e.still.all.p95_mm)},
                                    {"everything",
-                                    {{"wall_rms_mm", still_rounded(e.wall_anew.rms_mm)},
-                                     {"wall_p95_mm", still_rounded(e.wall_anew.p95_mm)}}},
+                                    {{"wall_rms_mm", still_rounded(e.anew.wall.rms_mm)},
+                                     {"wall_p95_mm", still_rounded(e.anew.wall.p95_mm)},
+                                     {"still_rms_mm", still_rounded(e.anew.all.rms_mm)},
+                                     {"still_p95_mm", still_rounded(e.anew.all.p95_mm)}}},
                                    {"hidden_missing", still_rounded(e.hidden_missing)},
                                    {"hidden_now",
                                     {{"ratio", still_rounded(e.hidden_ratio)},
@@ -288,10 +315,13 @@ std::string to_text(const StillError& e) {
   };
   line("still pixels that change", fmt::format("{:.4f} % between captures, {} pairs from {} views",
                                                100 * e.changed_ratio, e.pairs, e.views));
-  line("still surface to the truth",
-       fmt::format("{:.2f} mm RMS, {:.2f} mm 95 %", e.wall.rms_mm, e.wall.p95_mm));
-  line("  of one capture without layers",
-       fmt::format("{:.2f} mm RMS, {:.2f} mm 95 %", e.wall_anew.rms_mm, e.wall_anew.p95_mm));
+  const auto distance = [](const SurfaceDistance& d) {
+    return fmt::format("{:.2f} mm RMS, {:.2f} mm 95 %", d.rms_mm, d.p95_mm);
+  };
+  line("still walls to the truth", distance(e.still.wall));
+  line("  of one capture without layers", distance(e.anew.wall));
+  line("all still surface to the truth", distance(e.still.all));
+  line("  of one capture without layers", distance(e.anew.all));
   line("seen lately, missing now", fmt::format("{:.3f} %", 100 * e.hidden_missing));
   line("  of the part that is hidden now",
        fmt::format("{:.3f} % of {:.2f} %", 100 * e.hidden_now_missing, 100 * e.hidden_ratio));

@@ -32,9 +32,14 @@ struct StillError {
   /// Share of the covered pixels that change between two consecutively shown captures although
   /// their truth does not.
   double changed_ratio = 0;
-  /// From the still surface as shown (without layers: from all that is shown) to the noiseless
-  /// truth, where the nearest truth does not move; `anew`: the same of one capture without layers.
-  SurfaceDistance wall, wall_anew;
+  /// From a surface to the noiseless truth, where the nearest truth does not move.
+  struct Distance {
+    SurfaceDistance all;
+    SurfaceDistance wall;  ///< where that is flat: wall_triangles()
+  };
+  /// Of the still surface as shown (without layers: of all that is shown); `anew`: the same of one
+  /// capture without layers.
+  Distance still, anew;
   /// Share of the still truth that some sensor saw within `seen_s` with nothing within a voxel now.
   double hidden_missing = 0;
   double hidden_ratio = 0;        ///< share of that truth which no sensor sees now
@@ -50,6 +55,11 @@ Result<StillError> still_error(const Scene& scene, const std::vector<render::Vie
 /// For each triangle of a truth's surface whether it is the same in another frame's: people and
 /// what they carry come last in both.
 std::vector<std::uint8_t> still_triangles(const Mesh& surface, const Mesh& other);
+
+/// For each triangle of a truth's surface whether it lies in a plane with at least a square metre
+/// of it: walls, floors, large table tops. What lies on shelves and desks says more about the voxel
+/// than about noise.
+std::vector<std::uint8_t> wall_triangles(const Mesh& surface);
 
 std::string to_json(const StillError& error);
 std::string to_text(const StillError& error);
