@@ -26,7 +26,7 @@ after(async () => {
   rmSync(folder, { recursive: true, force: true });
 });
 
-/** A scene of one second, small pictures and coarse voxels, that loops or ends. */
+/** A scene with small pictures and coarse voxels: one second that loops, or five after which it ends; a page must open before. */
 function sceneFile({ loop, burn = false }) {
   const file = join(folder, `scene-${loop}-${burn}.yaml`);
   writeFileSync(
@@ -35,7 +35,7 @@ function sceneFile({ loop, burn = false }) {
 up: [0, 0, 1]
 fps: 30
 voxel_m: 0.04
-rig: {type: synthetic, seed: 2, room: [5, 4, 2.6], people: 1, sensors: 2, depth_mode: nfov_binned, color: [320, 180], frames: 30, loop: ${loop}}
+rig: {type: synthetic, seed: 2, room: [5, 4, 2.6], people: 1, sensors: 2, depth_mode: nfov_binned, color: [320, 180], frames: ${loop ? 30 : 150}, loop: ${loop}}
 fusion: {chunk_m: 2.56, truncation_m: 0.12}
 simplify: {ratio: 0.1}
 atlas: {size: [640, 368], burn_sequence: ${burn}}

@@ -13,12 +13,14 @@ const kPictures = [
   { name: "viewer-phone-across", width: 844, height: 390, colorScheme: "dark", ...kPhone },
 ];
 const kFullAfterMs = 2500; // nothing moves: drawn in full by then
+const kLearntAfterMs = 20_000; // the room, with its colours
+const kViews = 8; // of four sensors: live pictures and plates
 
 /** A page that holds a capture of all sensors: early ones lack some. */
 async function openWhole(context, url) {
   for (;;) {
     const page = await openViewer(context, `${url}/?hold=1`, [], null);
-    if ((await page.evaluate(() => window.meshreduce.shown().views)) === 4) return page;
+    if ((await page.evaluate(() => window.meshreduce.shown().views)) === kViews) return page;
     await page.close();
   }
 }
@@ -26,6 +28,7 @@ async function openWhole(context, url) {
 const server = await Server.start(program, ["demo", "--listen", "127.0.0.1:0"]);
 const browser = await launch();
 try {
+  await new Promise((resolve) => setTimeout(resolve, kLearntAfterMs));
   for (const { name, width, height, walk = false, open = [], ...rest } of kPictures) {
     const context = await browser.newContext({ viewport: { width, height }, ...rest });
     const page = await openWhole(context, server.url);

@@ -17,6 +17,7 @@ const kRaisedAfterMs = 3000;
 const kClearedAfterMs = 2000;
 const kTooFew = 0.6; // of the sensors' rate
 const kEnough = 0.75;
+const kOther = 2; // times the rate that was said: then that is said anew
 const kOwnShare = 0.7; // of the time: then it is this device that is slow
 const kLateMs = 2000;
 const kInTimeMs = 1200;
@@ -54,6 +55,7 @@ export class Health {
   private readonly latency = new Median(15);
   private readonly missing: Hysteresis[];
   private firstMs: number | null = null;
+  private saidRate = 0;
   private slowText = "";
   private lateText = "";
 
@@ -87,8 +89,10 @@ export class Health {
       this.slowText = "";
       return [];
     }
-    // Stays as it was said: numbers that change every second are read by nobody.
-    if (this.slowText === "") {
+    // Stays as it was said while that is about right: numbers that change every second are read by nobody.
+    const about = rate < kOther * this.saidRate && this.saidRate < kOther * rate;
+    if (this.slowText === "" || !about) {
+      this.saidRate = rate;
       const work = this.recent.reduce((sum, { workMs }) => sum + workMs, 0);
       const who = work > kOwnShare * kWindowMs ? "This device" : "The server";
       this.slowText = `${who} is slower than the sensors: ${whole(rate)} of ${whole(this.fps)} captures a second.`;

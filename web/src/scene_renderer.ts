@@ -6,7 +6,7 @@ import {
 import { borderDistances, fadingTriangles, findBorders, kFarM, type Rim, type RimmedMesh } from "./border.ts";
 import { clipFromEye, type Camera } from "./camera.ts";
 import type { Box } from "./draco_chunk.ts";
-import { kLayers, kMoving, texturingViews, type Layer } from "./layers.ts";
+import { kLayers, kMoving, kStill, texturingViews, type Layer } from "./layers.ts";
 import type { View } from "./packet.ts";
 import { planeSizes, type Picture } from "./picture.ts";
 import { Stage, type Theme } from "./stage.ts";
@@ -138,7 +138,7 @@ export class SceneRenderer {
       const layer = layers.get(name) ?? kMoving;
       this.paint(chunk, this.materialsFor(mesh, layer, viewsOf[layer]!));
     }
-    this.updateBorders();
+    this.updateBorders(layers);
     const box = this.bounds();
     if (box !== null) this.stage.setBox(box);
   }
@@ -261,10 +261,18 @@ export class SceneRenderer {
     return chunk;
   }
 
-  private updateBorders(): void {
-    const rimmed = [...this.chunks.values()].flatMap((chunk) => (chunk.mesh.rim === null ? [] : [{ chunk, rim: chunk.mesh.rim }]));
-    const found = findBorders(rimmed.map(({ rim }) => rim));
-    rimmed.forEach(({ chunk, rim }, i) => this.fade(chunk, rim, found[i]!));
+  /** Beside a still surface only that fades: what moves is small, and people would lose their hands. */
+  private updateBorders(layers: ReadonlyMap<string, Layer>): void {
+    const layered = [...layers.values()].includes(kStill);
+    const fading: { readonly chunk: DrawnChunk; readonly rim: Rim }[] = [];
+    for (const [name, chunk] of this.chunks) {
+      const { rim } = chunk.mesh;
+      if (rim === null) continue;
+      if (!layered || layers.get(name) === kStill) fading.push({ chunk, rim });
+      else this.fade(chunk, rim, []);
+    }
+    const found = findBorders(fading.map(({ rim }) => rim));
+    fading.forEach(({ chunk, rim }, i) => this.fade(chunk, rim, found[i]!));
   }
 
   /** Lets a chunk fade where surface ends now. */

@@ -7,6 +7,7 @@ import { kMoving, kStill, layerOf, ofLayer, type Layer } from "./layers.ts";
 import { Navigation, type Start } from "./navigation.ts";
 import type { Readings } from "./overlay.ts";
 import { pick } from "./pick.ts";
+import type { Packet } from "./packet.ts";
 import { burntNumber, type Picture } from "./picture.ts";
 import { pixelRatio, Resolution } from "./resolution.ts";
 import { SceneRenderer } from "./scene_renderer.ts";
@@ -318,7 +319,7 @@ export class Viewer {
     this.shownCapture = capture;
     this.lastCameMs = Date.now();
     this.captures.add(performance.now(), 1);
-    if (this.options.checkPairs) this.notePair(packet.sequence, pictures);
+    if (this.options.checkPairs) this.notePair(packet, pictures);
     if (this.renderer.triangles() > 0) this.findPlace(packet.sources.length);
     if (before === null) this.tell();
     if (this.options.hold) {
@@ -328,8 +329,11 @@ export class Viewer {
     }
   }
 
-  private notePair(meshSequence: number, pictures: ReadonlyMap<number, Picture>): void {
-    for (const picture of pictures.values()) this.pairs.push({ meshSequence, textureNumber: burntNumber(picture) });
+  /** Plates stay for many captures, and have no number. */
+  private notePair({ sequence, views }: Packet, pictures: ReadonlyMap<number, Picture>): void {
+    const live = new Set(views.filter((view) => layerOf(view) === kMoving).map((view) => view.stream));
+    for (const [stream, picture] of pictures)
+      if (live.has(stream)) this.pairs.push({ meshSequence: sequence, textureNumber: burntNumber(picture) });
     if (this.pairs.length > kMostPairs) this.pairs.splice(0, this.pairs.length - kMostPairs);
   }
 

@@ -40,6 +40,14 @@ test("a slow server is told after some seconds, with the same words until it is 
   assert.equal(listen(health, 30, 15, { fps: 30 }).at(-1), "");
 });
 
+test("a slow server that has become much quicker is told anew", () => {
+  const health = new Health(["a", "b"], 30);
+  assert.match(listen(health, 0, 10, { fps: 2 }).at(-1)!, /: 2 of 30/);
+  const quicker = listen(health, 10, 20, { fps: 10 });
+  assert.match(quicker.at(-1)!, /: \d+ of 30/);
+  assert.doesNotMatch(quicker.at(-1)!, /: 2 of 30/);
+});
+
 test("a page that was hidden for a while does not call the server slow when it is back", () => {
   const health = new Health(["a", "b"], 30);
   listen(health, 0, 8, { fps: 30 });
