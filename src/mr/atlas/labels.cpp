@@ -546,6 +546,102 @@ void agree_with_neighbours(Labelling& surface, const Sights& sights, double angl
   }
 }
 
+/// Labels what is due of a surface.
+void label(Labelling& surface, std::span<const View> views, const LabelConfig& config) {
+  Work work{surface, kit::smooth_normals(surface.mesh, kNormalRounds), Sights(views.size()), {}};
+  for (std::uint32_t t = 0; t < surface.is_due.size(); ++t)
+    if (surface.is_due[t]) work.not_seen_yet.push_back(t);
+  // Cutting leaves the surface as it is: what hides what is found out once.
+  const bool all = work.not_seen_yet.size() == surface.is_due.size();
+  const std::vector<std::optional<Eye>> eyes =
+      open_eyes(all ? surface.mesh : select_triangles(surface.mesh, surface.is_due), views, config);
+  look(eyes, work);
+  for (int round = 0; round < kCutRounds && cut_occlusion_edges(work, config.min_edge_m); ++round)
+    look(eyes, work);
+  for (std::size_t t = 0; t < surface.label.size(); ++t)
+    if (surface.is_due[t]) surface.label[t] = best_view(work.sights, t);
+  if (config.views == AtlasConfig::Views::coherent)
+    agree_with_neighbours(surface, work.sights, config.coherent_angle_deg);
+}
+
+/// What is due of a surface, with as much around it as its labels follow from: a label of what is
+/// due costs the same on a large surface as on a small one.
+struct Part {
+  Labelling labelling;                ///< its origins: places in the whole
+  std::vector<std::uint32_t> vertex;  ///< [V] of the part → of the whole
+
+  explicit Part(const Labelling& whole) {
+    const std::vector<std::uint8_t> near = near_due(whole);
+    std::vector<std::uint32_t> index(whole.mesh.positions.size(), kNoVertex);
+    for (std::uint32_t t = 0; t < near.size(); ++t) {
+      if (!near[t]) continue;
+      Triangle triangle = whole.mesh.triangles[t];
+      for (std::uint32_t& v : triangle) {
+        if (index[v] == kNoVertex) {
+          index[v] = static_cast<std::uint32_t>(vertex.size());
+          vertex.push_back(v), labelling.mesh.positions.push_back(whole.mesh.positions[v]);
+        }
+        v = index[v];
+      }
+      labelling.mesh.triangles.push_back(triangle), labelling.origin.push_back(t);
+      labelling.label.push_back(whole.label[t]), labelling.is_due.push_back(whole.is_due[t]);
+    }
+  }
+
+  /// The pieces and labels take the place of what they were cut from.
+  void put_back(Labelling& whole) {
+    const std::size_t first_cut = vertex.size();
+    for (std::size_t i = 0; i < labelling.cut_edges.size(); ++i) {
+      const auto& [a, b] = labelling.cut_edges[i];
+      vertex.push_back(static_cast<std::uint32_t>(whole.mesh.positions.size()));
+      whole.mesh.positions.push_back(labelling.mesh.positions[first_cut + i]);
+      whole.cut_edges.push_back({vertex[a], vertex[b]});
+    }
+    Labelling out;
+    const auto add = [&](const Triangle& triangle, int label, std::uint8_t is_due,
+                         std::uint32_t origin) {
+      out.mesh.triangles.push_back(triangle);
+      out.label.push_back(label), out.is_due.push_back(is_due), out.origin.push_back(origin);
+    };
+    std::size_t p = 0;
+    for (std::uint32_t t = 0; t < whole.mesh.triangles.size(); ++t) {
+      if (p == labelling.origin.size() || labelling.origin[p] != t)
+        add(whole.mesh.triangles[t], whole.label[t], whole.is_due[t], whole.origin[t]);
+      for (; p < labelling.origin.size() && labelling.origin[p] == t; ++p) {
+        const auto& [a, b, c] = labelling.mesh.triangles[p];
+        add({vertex[a], vertex[b], vertex[c]}, labelling.label[p], labelling.is_due[p],
+            whole.origin[t]);
+      }
+    }
+    whole.mesh.triangles = std::move(out.mesh.triangles), whole.label = std::move(out.label);
+    whole.is_due = std::move(out.is_due), whole.origin = std::move(out.origin);
+  }
+
+ private:
+  static constexpr std::uint32_t kNoVertex = 0xFFFFFFFFu;
+
+  /// [T] what is due and the rings of triangles around it that smooth its normals.
+  static std::vector<std::uint8_t> near_due(const Labelling& whole) {
+    constexpr int kRings = kNormalRounds + 1;
+    std::vector<std::uint8_t> near = whole.is_due, reached(whole.mesh.positions.size());
+    const auto reach = [&](std::size_t t, int ring) {
+      for (const std::uint32_t v : whole.mesh.triangles[t])
+        if (!reached[v]) reached[v] = static_cast<std::uint8_t>(ring + 1);
+    };
+    for (std::size_t t = 0; t < near.size(); ++t)
+      if (near[t]) reach(t, 0);
+    for (int ring = 1; ring <= kRings; ++ring)
+      for (std::size_t t = 0; t < near.size(); ++t) {
+        if (near[t]) continue;
+        near[t] = std::ranges::any_of(whole.mesh.triangles[t], [&](std::uint32_t v) {
+          return reached[v] && reached[v] <= ring;
+        });
+        if (near[t]) reach(t, ring);
+      }
+    return near;
+  }
+};
+
 }  // namespace
 
 double margin_px(const View& view, double geometry_error_m, double depth_m) {
@@ -596,20 +692,12 @@ Mesh Labelling::labelled(std::span<const View> views) const {
 }
 
 void label_due(Labelling& surface, std::span<const View> views, const LabelConfig& config) {
-  Work work{surface, kit::smooth_normals(surface.mesh, kNormalRounds), Sights(views.size()), {}};
-  for (std::uint32_t t = 0; t < surface.is_due.size(); ++t)
-    if (surface.is_due[t]) work.not_seen_yet.push_back(t);
-  // Cutting leaves the surface as it is: what hides what is found out once.
-  const bool all = work.not_seen_yet.size() == surface.is_due.size();
-  const std::vector<std::optional<Eye>> eyes =
-      open_eyes(all ? surface.mesh : select_triangles(surface.mesh, surface.is_due), views, config);
-  look(eyes, work);
-  for (int round = 0; round < kCutRounds && cut_occlusion_edges(work, config.min_edge_m); ++round)
-    look(eyes, work);
-  for (std::size_t t = 0; t < surface.label.size(); ++t)
-    if (surface.is_due[t]) surface.label[t] = best_view(work.sights, t);
-  if (config.views == AtlasConfig::Views::coherent)
-    agree_with_neighbours(surface, work.sights, config.coherent_angle_deg);
+  const auto due = static_cast<std::size_t>(std::ranges::count(surface.is_due, 1));
+  if (due == 0) return;
+  if (due == surface.is_due.size()) return label(surface, views, config);
+  Part part(surface);
+  label(part.labelling, views, config);
+  part.put_back(surface);
 }
 
 Mesh label_triangles(const Mesh& mesh, std::span<const View> views, const LabelConfig& config) {
