@@ -11,7 +11,7 @@ import type { View } from "./packet.ts";
 import { planeSizes, type Picture } from "./picture.ts";
 import { Stage, type Theme } from "./stage.ts";
 import type { Vec3 } from "./vec.ts";
-import { kBackground, kNoView, makeColorMaterial, SharedUniforms, streamUniforms, ViewMaterial, type StreamUniforms } from "./view_material.ts";
+import { kBackground, kNoView, kParts, makeColorMaterial, SharedUniforms, streamUniforms, ViewMaterial, type StreamUniforms } from "./view_material.ts";
 
 ColorManagement.enabled = false;
 
@@ -24,8 +24,8 @@ export interface Drawable {
   readonly layers: ReadonlyMap<string, Layer>;
 }
 
-/** What is solid, and what fades. */
-type Materials = [RawShaderMaterial, RawShaderMaterial];
+/** By part. */
+type Materials = RawShaderMaterial[];
 
 interface DrawnChunk {
   readonly mesh: RimmedMesh;
@@ -78,7 +78,19 @@ class StreamTexture {
 }
 
 function viewMaterials(shared: SharedUniforms, uniforms: StreamUniforms, format: Picture["format"], layer: Layer): Materials {
-  return [new ViewMaterial(shared, uniforms, format, layer, false), new ViewMaterial(shared, uniforms, format, layer, true)];
+  return kParts.map((part) => new ViewMaterial(shared, uniforms, format, layer, part));
+}
+
+/** Copies triangles, those named last; `named`: ascending. Returns where they begin. */
+function putLast(indices: ArrayLike<number>, named: ArrayLike<number>, out: { [at: number]: number }): number {
+  const begin = indices.length - 3 * named.length;
+  let [others, last, next] = [0, begin, 0];
+  for (let triangle = 0; 3 * triangle < indices.length; ++triangle) {
+    const isNamed = named[next] === triangle;
+    if (isNamed) ++next;
+    for (let k = 0; k < 3; ++k) out[isNamed ? last++ : others++] = indices[3 * triangle + k]!;
+  }
+  return begin;
 }
 
 /** Draws captures with WebGL 2. Draws when told to and never by itself. */
@@ -94,13 +106,13 @@ export class SceneRenderer {
   private readonly empty = new Color();
   private readonly streams = new Map<number, StreamTexture>();
   private readonly chunks = new Map<string, DrawnChunk>();
+  private fading: readonly DrawnChunk[] = []; // at borders
   private size: readonly [number, number] = [1, 1];
 
   constructor(canvas: HTMLCanvasElement, antialias: boolean) {
     this.renderer = new WebGLRenderer({ canvas, antialias, alpha: false, powerPreference: "high-performance" });
     this.renderer.outputColorSpace = LinearSRGBColorSpace;
-    const colored = makeColorMaterial(this.shared);
-    this.colorMaterials = [colored, colored];
+    this.colorMaterials = [makeColorMaterial(this.shared)];
     this.scene.matrixWorldAutoUpdate = false;
     this.camera.matrixWorldAutoUpdate = false;
   }
@@ -213,9 +225,8 @@ export class SceneRenderer {
       const texture = this.streams.get(views.get(view)?.stream ?? -1);
       if (texture !== undefined) materials.add(texture.materials[layer]!);
     }
-    // What no view textures is drawn in slot 0.
-    const first = [...this.streams.values()].find((texture) => texture.slot === 0);
-    return materials.add(first?.materials[layer] ?? this.plainMaterials);
+    const plain = [...this.streams.values()].find((texture) => texture.slot === this.shared.plainSlots[layer]!.value);
+    return materials.add(plain?.materials[layer] ?? this.plainMaterials);
   }
 
   /** One object for each material that draws a part of the chunk. */
@@ -236,13 +247,8 @@ export class SceneRenderer {
 
   private add(name: string, mesh: RimmedMesh): DrawnChunk {
     const geometry = new BufferGeometry();
-    const solid = mesh.indices.length;
-    // All triangles, and after them those in which the fade shows.
-    const indices = new (mesh.indices instanceof Uint16Array ? Uint16Array : Uint32Array)(solid + 3 * (mesh.rim?.near.length ?? 0));
-    indices.set(mesh.indices);
-    geometry.setIndex(new BufferAttribute(indices, 1));
-    geometry.addGroup(0, solid, 0);
-    geometry.addGroup(solid, 0, 1);
+    geometry.setIndex(new BufferAttribute(mesh.indices.slice(), 1));
+    geometry.addGroup(0, mesh.indices.length, kParts.indexOf("whole"));
     if (mesh.rim !== null) {
       const far = new Float32Array(mesh.positions.length / 3).fill(kFarM);
       geometry.setAttribute("border", new BufferAttribute(far, 1));
@@ -264,15 +270,14 @@ export class SceneRenderer {
   /** Beside a still surface only that fades: what moves is small, and people would lose their hands. */
   private updateBorders(layers: ReadonlyMap<string, Layer>): void {
     const layered = [...layers.values()].includes(kStill);
-    const fading: { readonly chunk: DrawnChunk; readonly rim: Rim }[] = [];
-    for (const [name, chunk] of this.chunks) {
-      const { rim } = chunk.mesh;
-      if (rim === null) continue;
-      if (!layered || layers.get(name) === kStill) fading.push({ chunk, rim });
-      else this.fade(chunk, rim, []);
-    }
-    const found = findBorders(fading.map(({ rim }) => rim));
-    fading.forEach(({ chunk, rim }, i) => this.fade(chunk, rim, found[i]!));
+    const [fading, others]: [DrawnChunk[], DrawnChunk[]] = [[], []];
+    for (const [name, chunk] of this.chunks) (!layered || layers.get(name) === kStill ? fading : others).push(chunk);
+    if (fading.length === this.fading.length && fading.every((chunk, i) => chunk === this.fading[i])) return;
+    this.fading = fading;
+    const found = findBorders(fading.flatMap(({ mesh }) => mesh.rim ?? []));
+    let next = 0;
+    for (const chunk of fading) if (chunk.mesh.rim !== null) this.fade(chunk, chunk.mesh.rim, found[next++]!);
+    for (const chunk of others) if (chunk.mesh.rim !== null) this.fade(chunk, chunk.mesh.rim, []);
   }
 
   /** Lets a chunk fade where surface ends now. */
@@ -285,11 +290,14 @@ export class SceneRenderer {
     attribute.array.set(distances);
     attribute.needsUpdate = true;
     const index = geometry.index!;
-    let at = mesh.indices.length;
-    for (const triangle of fadingTriangles(mesh, rim, distances))
-      for (let k = 0; k < 3; ++k) index.array[at++] = mesh.indices[3 * triangle + k]!;
+    const whole = putLast(mesh.indices, fadingTriangles(mesh, rim, distances), index.array);
     index.needsUpdate = true;
-    geometry.groups[1]!.count = at - mesh.indices.length;
+    const reached = mesh.indices.length - whole;
+    geometry.clearGroups();
+    geometry.addGroup(0, whole, kParts.indexOf("whole"));
+    if (reached === 0) return;
+    geometry.addGroup(whole, reached, kParts.indexOf("solid"));
+    geometry.addGroup(whole, reached, kParts.indexOf("fading"));
   }
 
   private remove(name: string, { geometry, objects }: DrawnChunk): void {

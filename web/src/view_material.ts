@@ -25,9 +25,9 @@ uniform vec3 eye;
 uniform mat4 T_clip_eye;
 uniform sampler2D views;  // ${kTexels} texels each
 uniform float slot;       // the texture stream that is bound; triangles of the others are left out
-out vec3 in_view;         // camera frame of the view
+uniform float plain_slot; // with which triangles are drawn that no view textures
+out vec3 in_view;         // of a pinhole: texel times depth, depth; of others: camera frame
 out float to_border;
-flat out vec4 lens;       // focal lengths, centre; camera pixels
 flat out vec4 to_atlas;   // camera pixel -> texels: scale, offset
 flat out vec4 tile;       // half a texel inside it: low, high
 flat out vec4 size_kind;  // camera pixels; camera column in the tile's middle; kind
@@ -41,12 +41,14 @@ void main() {
   for (int i = 0; i < ${kTexels}; ++i) texels[i] = known ? texelFetch(views, ivec2(i, row), 0) : vec4(0);
   vec3 from_view = position - vec3(texels[0].w, texels[1].w, texels[2].w);
   in_view = vec3(dot(texels[0].xyz, from_view), dot(texels[1].xyz, from_view), dot(texels[2].xyz, from_view));
-  lens = texels[3];
   to_atlas = texels[4];
   tile = texels[5];
   size_kind = texels[6];
+  vec4 lens = texels[3];    // focal lengths, centre; camera pixels
+  if (size_kind.w == ${kPinhole}.0)
+    in_view.xy = (lens.xy * in_view.xy + lens.zw * in_view.z) * to_atlas.xy + to_atlas.zw * in_view.z;
   gain = texels[7].yzw;
-  bool elsewhere = texels[7].x != slot;
+  bool elsewhere = (known ? texels[7].x : plain_slot) != slot;
   gl_Position = elsewhere ? vec4(2, 2, 2, 1) : T_clip_eye * vec4(position - eye, 1);
 }
 `;
@@ -64,17 +66,13 @@ uniform sampler2D chroma_red;
 uniform vec2 atlas_size;
 uniform float unseen;     // level of what no camera saw in colour
 uniform bool fades;       // at borders
-uniform bool fading;      // draws what fades; else what is solid
 in vec3 in_view;
 in float to_border;
-flat in vec4 lens;
 flat in vec4 to_atlas;
 flat in vec4 tile;
 flat in vec4 size_kind;
 flat in vec3 gain;
 out vec4 pixel;
-
-vec2 project_pinhole(vec3 p) { return lens.xy * p.xy / p.z + lens.zw; }
 
 // Columns wrap to the turn whose middle is the tile's.
 vec2 project_equirectangular(vec3 p) {
@@ -101,19 +99,27 @@ vec3 atlas_at(vec2 texel) {
 }
 #endif
 
-vec3 texture_at(vec2 camera_pixel) {
-  vec3 decoded = atlas_at(clamp(camera_pixel * to_atlas.xy + to_atlas.zw, tile.xy, tile.zw));
+vec3 texture_at(vec2 texel) {
+  vec3 decoded = atlas_at(clamp(texel, tile.xy, tile.zw));
   return min(gain * clamp(decoded, 0.0, 1.0), 1.0);
 }
 
 void main() {
+#ifdef WHOLE
+  const float solid = 1.0;
+#else
   float solid = fades ? smoothstep(0.0, ${kFadeM}, to_border) : 1.0;
-  if (fading == (solid >= 1.0)) discard;
+#ifdef FADING
+  if (solid >= 1.0) discard;
+#else
+  if (solid < 1.0) discard;
+#endif
+#endif
   vec3 color = vec3(unseen);
   if (size_kind.w == ${kPinhole}.0) {
-    if (in_view.z > 1e-6) color = texture_at(project_pinhole(in_view));
+    if (in_view.z > 1e-6) color = texture_at(in_view.xy / in_view.z);
   } else if (size_kind.w == ${kEquirectangular}.0) {
-    color = texture_at(project_equirectangular(in_view));
+    color = texture_at(project_equirectangular(in_view) * to_atlas.xy + to_atlas.zw);
   }
   pixel = vec4(color, solid);
 }
@@ -147,6 +153,8 @@ export class SharedUniforms {
   readonly fades = { value: false };
   /** A row for each label, by the layer of the chunks that have it. */
   readonly views = kLayers.map(() => ({ value: viewTable(1) }));
+  /** By layer: the slot with which triangles are drawn that no view textures, one that most chunks are drawn with anyway. */
+  readonly plainSlots = kLayers.map(() => ({ value: 0 }));
 
   /** `slotOf`: which material holds the picture of a stream. */
   setViews(views: readonly View[], slotOf: ReadonlyMap<number, number>): void {
@@ -162,8 +170,11 @@ export class SharedUniforms {
       table.dispose();
       uniform.value = table = viewTable(rows);
     }
+    const plain = slotOf.get(drawn[0]?.stream ?? -1) ?? 0;
+    this.plainSlots[layer]!.value = plain;
     const data = table.image.data as Float32Array;
     data.fill(0);
+    for (let row = 0; row < rows; ++row) data[4 * (kTexels * row + kTexels - 1)] = plain;
     for (const view of drawn) data.set(texelsOf(view, slotOf.get(view.stream) ?? 0), 4 * kTexels * view.id);
     table.needsUpdate = true;
   }
@@ -203,25 +214,30 @@ export function streamUniforms(slot: number, width: number, height: number): Str
   };
 }
 
-/** Paints chunks of one layer by projection into the views of one texture stream: either what is solid, or what fades towards a
- *  border. One program for all of them. */
+/** Triangles that the fade does not reach: drawn without looking at it, so that what is hidden costs nothing; of those that it
+ *  reaches, what is solid; and what fades towards a border. */
+export const kParts = ["whole", "solid", "fading"] as const;
+export type Part = (typeof kParts)[number];
+
+/** Paints chunks of one layer by projection into the views of one texture stream. */
 export class ViewMaterial extends RawShaderMaterial {
-  constructor(shared: SharedUniforms, stream: StreamUniforms, format: Picture["format"], layer: Layer, isFading: boolean) {
+  constructor(shared: SharedUniforms, stream: StreamUniforms, format: Picture["format"], layer: Layer, part: Part) {
+    const isFading = part === "fading";
     super({
       glslVersion: GLSL3,
       side: FrontSide,
       vertexShader: kVertexShader,
       fragmentShader: kFragmentShader,
-      defines: { [format.toUpperCase()]: "" },
+      defines: { [format.toUpperCase()]: "", [part.toUpperCase()]: "" },
       transparent: isFading,
       depthWrite: !isFading,
       uniforms: {
         eye: shared.eye,
         T_clip_eye: shared.T_clip_eye,
         views: shared.views[layer]!,
+        plain_slot: shared.plainSlots[layer]!,
         unseen: shared.unseen,
         fades: shared.fades,
-        fading: { value: isFading },
         ...stream,
       },
     });

@@ -17,9 +17,24 @@ namespace {
 constexpr int kTile_px = 16;
 constexpr std::uint32_t kNoVertex = 0xFFFFFFFFu;
 
-std::array<Vec3f, 3> corners_of(const Mesh& mesh, std::size_t t) {
-  std::array<Vec3f, 3> out{mesh.corner(t, 0), mesh.corner(t, 1), mesh.corner(t, 2)};
+/// The corners of a triangle, the smallest first; the winding stays.
+std::array<Vec3f, 3> corners_of(const Mesh& mesh, const Triangle& triangle) {
+  std::array<Vec3f, 3> out{mesh.positions[triangle[0]], mesh.positions[triangle[1]],
+                           mesh.positions[triangle[2]]};
   std::rotate(out.begin(), std::min_element(out.begin(), out.end()), out.end());
+  return out;
+}
+
+/// [T] hashes of the triangles' corners.
+std::vector<std::uint64_t> keys_of(const Mesh& mesh) {
+  std::vector<std::uint64_t> out(mesh.triangles.size());
+  parallel_for(out.size(), 4096, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t t = begin; t < end; ++t) {
+      Hash hash;
+      for (const Vec3f& p : corners_of(mesh, mesh.triangles[t])) hash.add(p);
+      out[t] = hash.value();
+    }
+  });
   return out;
 }
 
@@ -127,12 +142,6 @@ void meet_cuts(Labelling& next) {
 
 }  // namespace
 
-std::size_t LastingLabels::CornersHash::operator()(const Corners& corners) const {
-  Hash hash;
-  for (const Vec3f& p : corners) hash.add(p);
-  return hash.value();
-}
-
 /// Whether what was labelled last holds for these views.
 bool LastingLabels::may_keep(std::span<const View> views) const {
   const auto same = [](const View& a, const View& b) {
@@ -143,11 +152,31 @@ bool LastingLabels::may_keep(std::span<const View> views) const {
   return std::ranges::equal(views, views_, same);
 }
 
+bool LastingLabels::is_last_surface(const Mesh& surface) const {
+  const std::size_t vertices = last_.mesh.positions.size() - last_.cut_edges.size();
+  return surface.triangles == triangles_ && surface.positions.size() == vertices &&
+         std::equal(surface.positions.begin(), surface.positions.end(),
+                    last_.mesh.positions.begin());
+}
+
+/// Where a triangle was in the last surface.
+std::optional<std::uint32_t> LastingLabels::last_place(const Mesh& surface, std::size_t t,
+                                                       std::uint64_t key) const {
+  const std::uint32_t* const found = place_.find(key);
+  if (!found ||
+      corners_of(surface, surface.triangles[t]) != corners_of(last_.mesh, triangles_[*found]))
+    return std::nullopt;
+  return *found;
+}
+
 /// The surface, with the pieces and labels of the triangles that it had before; the others whole,
 /// and due.
-Labelling LastingLabels::carry_over(const Mesh& surface) const {
+Labelling LastingLabels::carry_over(const Mesh& surface,
+                                    std::span<const std::uint64_t> keys) const {
   Labelling next;
   next.mesh.positions = surface.positions;
+  next.mesh.triangles.reserve(last_.label.size()), next.label.reserve(last_.label.size());
+  next.is_due.reserve(last_.label.size()), next.origin.reserve(last_.label.size());
   const std::size_t first_cut = last_.mesh.positions.size() - last_.cut_edges.size();
   std::vector<std::uint32_t> moved(last_.mesh.positions.size(), kNoVertex);  // last → next vertex
   const auto move = [&](const auto& self, std::uint32_t v) -> std::uint32_t {
@@ -164,15 +193,15 @@ Labelling LastingLabels::carry_over(const Mesh& surface) const {
     next.label.push_back(label), next.is_due.push_back(is_due), next.origin.push_back(origin);
   };
   for (std::uint32_t t = 0; t < surface.triangles.size(); ++t) {
-    const auto found = place_.find(corners_of(surface, t));
-    if (found == place_.end()) {
+    const auto place = last_place(surface, t, keys[t]);
+    if (!place) {
       add(surface.triangles[t], Labelling::kNone, true, t);
       continue;
     }
     for (const std::uint32_t v : surface.triangles[t])
-      for (const std::uint32_t u : triangles_[found->second])
+      for (const std::uint32_t u : triangles_[*place])
         if (last_.mesh.positions[u] == surface.positions[v]) moved[u] = v;
-    for (std::uint32_t p = first_piece_[found->second]; p < first_piece_[found->second + 1]; ++p) {
+    for (std::uint32_t p = first_piece_[*place]; p < first_piece_[*place + 1]; ++p) {
       Triangle piece = last_.mesh.triangles[p];
       for (std::uint32_t& v : piece) v = move(move, v);
       add(piece, last_.label[p], false, t);
@@ -213,13 +242,16 @@ std::vector<LastingLabels::Changes> LastingLabels::changes(
 
 Mesh LastingLabels::update(const Mesh& surface, std::span<const View> views, LabelConfig config,
                            bool all) {
-  Occluders now(surface, views);
+  const bool may_carry = !last_.mesh.empty() && may_keep(views);
+  kept_surface_ = may_carry && is_last_surface(surface);
+  Occluders now = kept_surface_ ? occluders_ : Occluders(surface, views);
+  const std::vector<std::uint64_t> keys = keys_of(surface);
   Labelling next;
-  if (all || last_.mesh.empty() || !may_keep(views)) {
+  if (all || !may_carry) {
     next = Labelling::of(surface);
     config.occluders = nullptr;
   } else {
-    next = carry_over(surface);
+    next = carry_over(surface, keys);
     const std::vector<Changes> changed = changes(views, now, config.valid);
     for (std::size_t i = 0; i < views.size(); ++i) {
       const std::vector<Vec2f> at = screen_points(next.mesh, views[i]);
@@ -236,19 +268,19 @@ Mesh LastingLabels::update(const Mesh& surface, std::span<const View> views, Lab
   }
   label_due(next, views, config);
   last_ = std::move(next), occluders_ = std::move(now), valid_ = std::move(config.valid);
-  remember(surface, views);
+  remember(surface, keys, views);
   return last_.labelled(views);
 }
 
-void LastingLabels::remember(const Mesh& surface, std::span<const View> views) {
+void LastingLabels::remember(const Mesh& surface, std::span<const std::uint64_t> keys,
+                             std::span<const View> views) {
   views_.assign(views.begin(), views.end());
   triangles_ = surface.triangles;
   first_piece_.assign(triangles_.size() + 1, 0);
   for (const std::uint32_t origin : last_.origin) ++first_piece_[origin + 1];
   for (std::size_t t = 0; t < triangles_.size(); ++t) first_piece_[t + 1] += first_piece_[t];
-  place_.clear();
-  place_.reserve(triangles_.size());
-  for (std::uint32_t t = 0; t < triangles_.size(); ++t) place_.emplace(corners_of(surface, t), t);
+  place_ = kit::PairMap(keys.size());
+  for (std::uint32_t t = 0; t < keys.size(); ++t) place_.get_or_add(keys[t], t);
 }
 
 }  // namespace mr::atlas

@@ -1,10 +1,9 @@
 #pragma once
 
-#include <array>
 #include <cstdint>
 #include <map>
+#include <optional>
 #include <span>
-#include <unordered_map>
 #include <vector>
 
 #include "mr/atlas/labels.h"
@@ -12,6 +11,7 @@
 #include "mr/core/mesh.h"
 #include "mr/core/packet.h"
 #include "mr/core/view.h"
+#include "mr/kit/pair_map.h"
 
 namespace mr::atlas {
 
@@ -32,13 +32,10 @@ class LastingLabels {
 
   /// The depth of the last surface as its views see it.
   const Occluders& occluders() const { return occluders_; }
+  /// Whether the last surface was the same as the one before: only labels may be others.
+  bool kept_surface() const { return kept_surface_; }
 
  private:
-  /// The corners of a triangle, the smallest first; the winding stays.
-  using Corners = std::array<Vec3f, 3>;
-  struct CornersHash {
-    std::size_t operator()(const Corners& corners) const;
-  };
   /// Tiles of a view's picture where something is another than before.
   struct Changes {
     TileMask other;   ///< it sees other surface, or is not valid any more
@@ -46,19 +43,23 @@ class LastingLabels {
   };
 
   bool may_keep(std::span<const View> views) const;
-  Labelling carry_over(const Mesh& surface) const;
+  bool is_last_surface(const Mesh& surface) const;
+  std::optional<std::uint32_t> last_place(const Mesh& surface, std::size_t t,
+                                          std::uint64_t key) const;
+  Labelling carry_over(const Mesh& surface, std::span<const std::uint64_t> keys) const;
   std::vector<Changes> changes(std::span<const View> views, const Occluders& now,
                                const std::map<ViewId, TileMask>& valid) const;
-  void remember(const Mesh& surface, std::span<const View> views);
+  void remember(const Mesh& surface, std::span<const std::uint64_t> keys,
+                std::span<const View> views);
 
   std::vector<View> views_;
   Labelling last_;
   std::vector<Triangle> triangles_;         ///< [T] of the last surface
   std::vector<std::uint32_t> first_piece_;  ///< [T + 1] in `last_`
-  std::unordered_map<Corners, std::uint32_t, CornersHash>
-      place_;  ///< of a triangle, by its corners
+  kit::PairMap place_{0};                   ///< of a triangle, by the hash of its corners
   Occluders occluders_;
   std::map<ViewId, TileMask> valid_;
+  bool kept_surface_ = false;
 };
 
 }  // namespace mr::atlas

@@ -327,14 +327,18 @@ Status MergeNode::label_still() {
   if (!due) return {};
   const Mesh labelled =
       trace_.time("atlas", [&] { return is_root_ ? labelled_still() : still.joined; });
+  const bool was_whole = !still.withheld_until.has_value();
   still.withheld_until.reset(), still.emptied_m2 = 0;
   const bool withhold = is_root_ && !places_.views.empty();
   auto mesh = on_lattice(withhold ? without_fresh_grey(labelled, still.mesh, still.withheld_until)
                                   : labelled);
   if (!mesh) return mesh.error();
-  still.mesh = *std::move(mesh), still.is_labelled = true;
+  still.mesh = *std::move(mesh);
   if (is_root_) atlas_.bring_plates();
-  still.cover = merge::StillCover(still.mesh, still.parts, overlap_config());
+  const bool is_whole = !still.withheld_until.has_value();
+  if (!still.is_labelled || !was_whole || !is_whole || !labels_.lasting.kept_surface())
+    still.cover = merge::StillCover(still.mesh, still.parts, overlap_config());
+  still.is_labelled = true;
   const double cube_m = scene_->fusion.chunk_m;
   labels_.are_outdated = publisher_.set_all_still(still.mesh, still.error_m,
                                                   is_root_ ? cube_m / kStillPerCube : cube_m);

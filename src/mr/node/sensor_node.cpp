@@ -53,13 +53,15 @@ std::vector<Rect> measured_parts(const ImageDepth& depth, const std::vector<Rect
 
 }  // namespace
 
-SensorNode::SensorNode(const Scene& scene, std::uint32_t sensor_index, NodeClock clock)
+SensorNode::SensorNode(const Scene& scene, std::uint32_t sensor_index, NodeClock clock,
+                       StillWork still_work)
     : scene_(&scene),
       sensor_(sensor_index),
       clock_(std::move(clock)),
       registration_(scene.sensors[sensor_index], sensor_index),
       publisher_(scene, sensor_index),
-      texture_(scene, sensor_index) {
+      texture_(scene, sensor_index),
+      still_work_(still_work) {
   const SensorConfig& sensor = scene.sensors[sensor_index];
   if (scene.still.layers && sensor.T_world_depth.size() == 1)
     layers_.emplace(
@@ -69,6 +71,7 @@ SensorNode::SensorNode(const Scene& scene, std::uint32_t sensor_index, NodeClock
                                   .after_s = scene.still.after_s,
                                   .chunk_m = scene.fusion.chunk_m}),
                StillSurface(scene),
+               0,
                {}});
 }
 
@@ -171,7 +174,8 @@ Result<ImageDepth> SensorNode::divide(Reconstructed& out) {
     trace_.time("clean", [&] { depth = prepare_depth(*scene_, camera, frame); });
     return depth;
   }
-  const still::Moment moment = look(frame, true);
+  // Until the still surface is sent, the moving one shows what has become still.
+  const still::Moment moment = look(frame, !layers_->still_changed && !still_job_.is_busy());
   trace_.time("clean", [&] {
     depth = clean_where(moment.moving, camera, frame);
     out.confirmed_depth = still::confirmed_tiles(moment.confirmed, moment.moving);
@@ -181,18 +185,40 @@ Result<ImageDepth> SensorNode::divide(Reconstructed& out) {
           still::unhidden_tiles(frame.depth, moment.foreign, camera, view->camera(),
                                 view->T_world_camera.inverse() * frame.T_world_depth);
   });
-  if (!layers_->still_changed) return depth;
-  return trace_.time("still", [&]() -> Result<ImageDepth> {
+  if (const Status brought = bring_still(frame); !brought) return brought.error();
+  return depth;
+}
+
+/// The chunks of a frozen still picture that changed.
+SensorNode::StillChunks SensorNode::make_still(const Frame& still) {
+  return trace_.time("still", [&] {
+    const Camera& camera = registration_.depth_camera();
+    return layers_->surface.update(prepare_depth(*scene_, camera, still), camera,
+                                   still.T_world_depth, scene_->sensors[sensor_].precision);
+  });
+}
+
+/// What was made of the still picture, and where that is another by now, what is to be made of it.
+Status SensorNode::bring_still(const Frame& frame) {
+  std::optional<StillChunks> made = still_job_.take();
+  if (layers_->still_changed && !still_job_.is_busy() && !made) {
+    layers_->still_changed = false;
     Frame still;
     still.sensor = sensor_, still.depth = layers_->background.still();
     still.T_world_depth = frame.T_world_depth;
-    auto chunks = layers_->surface.update(prepare_depth(*scene_, camera, still), camera,
-                                          frame.T_world_depth, scene_->sensors[sensor_].precision);
-    if (!chunks) return chunks.error();
-    layers_->still_changed = false;
-    std::ranges::move(*chunks, std::back_inserter(layers_->unsent));  // newer ones come later
-    return std::move(depth);
-  });
+    if (still_work_ == StillWork::beside && !layers_->background.is_new())
+      still_job_.start([this, still = std::move(still)] { return make_still(still); });
+    else
+      made = make_still(still);
+  }
+  if (!made) return {};
+  if (!*made) {
+    layers_->still_changed = true;
+    return made->error();
+  }
+  layers_->chunks = layers_->surface.chunks();
+  std::ranges::move(**made, std::back_inserter(layers_->unsent));  // newer ones come later
+  return {};
 }
 
 Result<SensorNode::Reconstructed> SensorNode::reconstruct(Frame raw) {
@@ -236,7 +262,7 @@ Result<SensorNode::Reconstructed> SensorNode::reconstruct(Frame raw) {
 }
 
 bool SensorNode::is_empty(const Reconstructed& surface) const {
-  return surface.mesh.empty() && (!layers_ || layers_->surface.chunks() == 0);
+  return surface.mesh.empty() && (!layers_ || layers_->chunks == 0);
 }
 
 std::string SensorNode::pushed(const Frame& frame) const {

@@ -16,6 +16,7 @@
 #include "mr/fusion/fuse.h"
 #include "mr/node/chunk_publisher.h"
 #include "mr/node/node_clock.h"
+#include "mr/node/side_job.h"
 #include "mr/node/still_surface.h"
 #include "mr/node/texture_stream.h"
 #include "mr/sensor/registration.h"
@@ -40,8 +41,13 @@ class SensorNode {
     bool began_anew = false;  // the camera was pushed: what was known does not hold any more
   };
 
+  /// When the chunks of the still surface are made, once the room is learnt: within
+  /// reconstruct(), so that the same frames give the same bytes; or beside it, as a SideJob.
+  enum class StillWork { at_once, beside };
+
   /// The scene must outlive the node.
-  SensorNode(const Scene& scene, std::uint32_t sensor_index, NodeClock clock = {});
+  SensorNode(const Scene& scene, std::uint32_t sensor_index, NodeClock clock = {},
+             StillWork still_work = StillWork::at_once);
 
   const std::string& id() const { return scene_->sensors[sensor_].id; }
 
@@ -80,12 +86,16 @@ class SensorNode {
   /// What a sensor that stands still keeps of the room.
   struct Layers {
     still::Background background;
-    StillSurface surface;
+    StillSurface surface;            ///< the job's, while that is busy
+    std::size_t chunks = 0;          ///< of the surface
     std::vector<StillChunk> unsent;  ///< changed, and the frame that was to tell came to nothing
     bool still_changed = false;      ///< since the chunks were made
     bool began_anew = false;         ///< and nobody was told yet
   };
+  using StillChunks = Result<std::vector<StillChunk>>;
   still::Moment look(const Frame& frame, bool is_sent);
+  StillChunks make_still(const Frame& still);
+  Status bring_still(const Frame& frame);
   Result<ImageDepth> divide(Reconstructed& out);
   ImageDepth clean_where(const ImageMask& mask, const Camera& camera, const Frame& frame) const;
   Patch reconstruct_patch(const ImageDepth& depth, const Pose& T_world_depth, const Rect& rect,
@@ -103,8 +113,10 @@ class SensorNode {
   codec::HeadWriter writer_;
   std::vector<PatchWorker> workers_;  ///< one per patch
   std::optional<Layers> layers_;      ///< none: everything is made anew with every frame
+  StillWork still_work_;
   std::uint64_t sequence_ = 0;
   Trace trace_;
+  SideJob<StillChunks> still_job_;  ///< last: it uses what is above
 };
 
 /// What the texturing rules take as the geometry's error in this scene: decimation (no more than a

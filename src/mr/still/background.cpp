@@ -210,10 +210,21 @@ Background::Reading Background::read(float depth, Known& known, Rest& rest) cons
 }
 
 void Background::read_pixels(const ImageDepth& depth) {
-  for_each_row([&](std::size_t, std::size_t begin, std::size_t end) {
-    for (std::size_t i = begin; i < end; ++i)
-      readings_[i] = read(depth.data[i], known_[i], rest_[i]);
+  std::vector<std::uint8_t> contradicted(height_), stopped(height_);
+  for_each_row([&](std::size_t y, std::size_t begin, std::size_t end) {
+    for (std::size_t i = begin; i < end; ++i) {
+      Known& known = known_[i];
+      readings_[i] = read(depth.data[i], known, rest_[i]);
+      if (!known.has_candidate || known.count == 0) continue;
+      const int count = rest_[i].candidate.count;
+      contradicted[y] |= known.is_farther && count >= kContradicts;
+      stopped[y] |= count >= after_captures_;
+    }
   });
+  const auto any = [](const std::vector<std::uint8_t>& rows) {
+    return std::ranges::find(rows, 1) != rows.end();
+  };
+  any_contradicted_ = any(contradicted), any_stopped_ = any(stopped);
 }
 
 // --- regions
@@ -280,6 +291,7 @@ std::optional<Regions> Background::candidates(int beside, int sure, const Fits& 
 /// Where so many farther readings agree that what stood there is gone.
 void Background::forget_contradicted() {
   constexpr int kBeside = 2;  // readings that count beside those
+  if (!any_contradicted_) return;
   const auto regions =
       candidates(kBeside, kContradicts, [](const Known& k) { return k.is_farther; });
   if (!regions) return;
@@ -317,6 +329,7 @@ std::uint16_t Background::new_region() {
 
 /// What has been nearer than the room for so long belongs to it.
 void Background::absorb_what_stopped() {
+  if (!any_stopped_) return;
   const auto regions = candidates(after_captures_ / 2, after_captures_,
                                   [](const Known& k) { return !k.is_farther; });
   if (!regions) return;
@@ -399,9 +412,8 @@ ImageMask Background::confirmed_pixels(const ImageDepth& depth, const ImageMask&
   ImageMask out(width_, height_);
   for_each_row([&](std::size_t, std::size_t begin, std::size_t end) {
     for (std::size_t i = begin; i < end; ++i) {
-      const float z = still_.data[i];
-      out.data[i] =
-          z > 0 && !moving.data[i] && depth.data[i] > 0 && std::abs(depth.data[i] - z) <= band_m(z);
+      const float z = still_.data[i], d = depth.data[i];
+      out.data[i] = (z > 0) & (d > 0) & !moving.data[i] & (std::abs(d - z) <= band_m(z));
     }
   });
   return out;

@@ -141,6 +141,7 @@ class Background {
   int pushed_for_ = 0;   ///< captures in a row in which most disagreed
   bool is_sent_ = true;  ///< the capture at hand
   float noise_ = 1;
+  bool any_contradicted_ = false, any_stopped_ = false;  ///< pixels of this capture
 };
 
 }  // namespace mr::still
