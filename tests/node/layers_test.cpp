@@ -3,8 +3,10 @@
 
 #include <gtest/gtest.h>
 
+#include <chrono>
 #include <random>
 #include <set>
+#include <thread>
 
 #include "mr/codec/head.h"
 #include "mr/codec/receiver.h"
@@ -197,6 +199,46 @@ TEST(Layers, ChunksMadeAtDifferentTimesFit) {
   std::set<int> times;
   for (const auto& [cube, at] : made_at) times.insert(at);
   EXPECT_GT(times.size(), 2u);
+}
+
+/// What a receiver of one sensor has: still chunks as they came, and what moves.
+struct OneSensor {
+  node::SensorNode node;
+  Chunks still;
+
+  Mesh surface(Frame frame) {
+    auto made = node.reconstruct(std::move(frame));
+    EXPECT_TRUE(made);
+    for (const node::StillChunk& chunk : made->still) {
+      still[chunk.cube] = chunk.mesh;
+      if (chunk.mesh.empty()) still.erase(chunk.cube);
+    }
+    Mesh out = std::move(made->mesh);
+    for (const auto& [cube, mesh] : still) append(out, mesh);
+    return out;
+  }
+};
+
+/// Live, still chunks are made beside the live path: they are the same, and until they are there
+/// what moves shows their place.
+TEST(Layers, StillChunksMadeBesideAreTheSameAndLeaveNoHole) {
+  const Scene scene =
+      *node::prepare_scene(with_layers(rig_scene(small_rig(200, {test::chair_moved(80)}))));
+  const std::uint32_t wanted[] = {0};
+  const auto sources = node::open_sources(scene, wanted);
+  using StillWork = node::SensorNode::StillWork;
+  OneSensor at_once{node::SensorNode(scene, 0, {}, StillWork::at_once), {}},
+      beside{node::SensorNode(scene, 0, {}, StillWork::beside), {}};
+  constexpr int kLast = 171;  // changes end long before
+  for (int i = 0; i <= kLast; ++i) {
+    const Frame frame = **sources[0]->next();
+    const Mesh expected = at_once.surface(frame), actual = beside.surface(frame);
+    if (i >= 80) std::this_thread::sleep_for(std::chrono::milliseconds(i % 7 == 0 ? 30 : 3));
+    if (i % 4 == 0) {
+      EXPECT_LT(share_without(expected, actual, scene.voxel_m), 0.003) << "capture " << i;
+    }
+  }
+  EXPECT_EQ(at_once.still == beside.still, true);
 }
 
 /// A scene's nodes; what the root sends, and what it answers.

@@ -15,6 +15,8 @@
 namespace mr::node {
 namespace {
 
+constexpr int kPlatesFiner = 8;  // QP: what stays is coded seldom, and seen for long
+
 atlas::Pictures pictures_of(const Gathered& gathered) {
   atlas::Pictures out;
   for (const DecodedScene& scene : gathered.scenes)
@@ -214,13 +216,13 @@ ImageRgb RootAtlas::draw_live(const Children& children, const atlas::Pictures& p
 }
 
 /// Codes a picture unless it is the last one.
-Status RootAtlas::add_unit(TextureStream& stream, std::uint32_t layout, ImageRgb picture,
+Status RootAtlas::add_unit(TextureStream& stream, int qp, std::uint32_t layout, ImageRgb picture,
                            ImageRgb& last, Packet& packet) {
   if (picture == last && !stream.key_frame_asked()) {
     spare_ = std::move(picture);
     return {};
   }
-  auto unit = stream.encode(picture, packet.plan.texture_qp, layout);
+  auto unit = stream.encode(picture, qp, layout);
   if (!unit) return unit.error();
   spare_ = std::exchange(last, std::move(picture));
   packet.textures.push_back(*std::move(unit));
@@ -241,8 +243,9 @@ Status RootAtlas::compose(const Tick& tick, const Mesh& moving, const Mesh* stil
   ImageRgb picture = draw_live(children, pictures, used);
   if (scene_->atlas.burn_sequence) atlas::burn_number(picture, packet.sequence);
   const std::uint32_t layout = live_layout_.views.front().layout;
-  if (const Status ok = add_unit(live_, layout, std::move(picture), last_live_, packet); !ok)
-    return ok;
+  const Status added =
+      add_unit(live_, packet.plan.texture_qp, layout, std::move(picture), last_live_, packet);
+  if (!added) return added;
   return still && !plates_.empty() ? add_plates(tick, children, packet) : Status{};
 }
 
@@ -277,7 +280,7 @@ Status RootAtlas::add_plates(const Tick& tick, const Children& children, Packet&
     if (const auto plate = plates_.find(view.id); plate != plates_.end())
       plates[view.stream] = {std::shared_ptr<void>{}, &plate->second.picture()};
   const Status added =
-      add_unit(plate_, layout,
+      add_unit(plate_, std::max(packet.plan.texture_qp - kPlatesFiner, 0), layout,
                atlas::compose_atlas(plate_layout_, children, plates, {}, false, balance_.gains(),
                                     {}, std::exchange(spare_, {})),
                last_plate_, packet);

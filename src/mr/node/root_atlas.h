@@ -110,8 +110,8 @@ class RootAtlas {
   void add_views(bool with_plates, Packet& packet) const;
   ImageRgb draw_live(const Children& children, const atlas::Pictures& pictures, const Used& used);
   Status add_plates(const Tick& tick, const Children& children, Packet& packet);
-  Status add_unit(TextureStream& stream, std::uint32_t layout, ImageRgb picture, ImageRgb& last,
-                  Packet& packet);
+  Status add_unit(TextureStream& stream, int qp, std::uint32_t layout, ImageRgb picture,
+                  ImageRgb& last, Packet& packet);
 
   const Scene* scene_;
   atlas::Layout live_layout_, plate_layout_;
