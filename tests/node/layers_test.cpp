@@ -233,9 +233,11 @@ TEST(Layers, StillChunksMadeBesideAreTheSameAndLeaveNoHole) {
   for (int i = 0; i <= kLast; ++i) {
     const Frame frame = **sources[0]->next();
     const Mesh expected = at_once.surface(frame), actual = beside.surface(frame);
-    if (i >= 80) std::this_thread::sleep_for(std::chrono::milliseconds(i % 7 == 0 ? 30 : 3));
-    if (i % 4 == 0) {
-      EXPECT_LT(share_without(expected, actual, scene.voxel_m), 0.003) << "capture " << i;
+    // Now and then a job takes several captures; the last has time.
+    if (i >= 80) std::this_thread::sleep_for(std::chrono::milliseconds(i >= 164 ? 60 : i % 7));
+    if (i % 4 ==
+        0) {  // what is too small to be told from noise while it moves comes with its chunk
+      EXPECT_LT(share_without(expected, actual, scene.voxel_m), 0.015) << "capture " << i;
     }
   }
   EXPECT_EQ(at_once.still == beside.still, true);

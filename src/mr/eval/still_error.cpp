@@ -7,6 +7,7 @@
 #include <cmath>
 #include <cstdlib>
 #include <map>
+#include <memory>
 #include <nlohmann/json.hpp>
 #include <utility>
 
@@ -16,6 +17,8 @@
 #include "mr/eval/reference.h"
 #include "mr/kit/raycast.h"
 #include "mr/node/pipeline.h"
+#include "mr/node/sources.h"
+#include "mr/sensor/registration.h"
 #include "mr/synth/truth.h"
 
 namespace mr::eval {
@@ -153,54 +156,122 @@ Status compare_pictures(const Scene& scene, synth::Truth& truth,
 
 // -------------------------------------------------- surfaces
 
-/// Samples of the truth that stays, by when sensors saw them.
+/// Samples of the truth that stays and that some sensor saw within the last seconds.
 struct SeenTruth {
-  std::vector<SurfaceSample> lately;  ///< within the last seconds
-  std::vector<std::uint8_t> now;      ///< [lately]
+  std::vector<SurfaceSample> samples;
+  std::vector<std::uint8_t> now;       ///< [samples] whether one sees it now
+  std::vector<std::uint8_t> measured;  ///< whether one did not only see it, but read its distance
+};
+
+/// The depth pictures of a scene's sensors, capture by capture.
+class DepthPictures {
+ public:
+  DepthPictures(const Scene& scene, const std::filesystem::path& rig_cache) : scene_(scene) {
+    std::vector<std::uint32_t> all;
+    for (std::uint32_t i = 0; i < scene.sensors.size(); ++i) {
+      all.push_back(i);
+      registrations_.emplace_back(scene.sensors[i], i);
+    }
+    sources_ = node::open_sources(scene, all, rig_cache);
+    frames_.resize(sources_.size());
+  }
+
+  /// Captures come in rising order.
+  void read(int capture) {
+    for (std::size_t i = 0; i < sources_.size(); ++i) {
+      sources_[i]->skip(static_cast<std::uint64_t>(capture - next_));
+      auto frame = sources_[i]->next();
+      frames_[i] = frame && *frame ? registrations_[i].undistort(**std::move(frame)) : Frame{};
+    }
+    next_ = capture + 1;
+  }
+
+  /// Whether some sensor read the distance of a place.
+  bool hold(Vec3f p_world) const {
+    for (std::size_t i = 0; i < frames_.size(); ++i)
+      if (!frames_[i].depth.empty() && holds(i, vec_cast<double>(p_world))) return true;
+    return false;
+  }
+
+ private:
+  bool holds(std::size_t i, Vec3d p_world) const {
+    constexpr double kSigmas = 3.5;
+    const Frame& frame = frames_[i];
+    const Camera& camera = registrations_[i].depth_camera();
+    const Vec3d p = frame.T_world_depth.inverse() * p_world;
+    const auto pixel = project(camera, p);
+    if (!pixel) return false;
+    const int x = static_cast<int>(std::lround(pixel->x)),
+              y = static_cast<int>(std::lround(pixel->y));
+    if (!frame.depth.contains(x, y)) return false;
+    const double read = *frame.depth.at(x, y),
+                 is = camera.model == CameraModel::pinhole ? p.z : length(p);
+    return read > 0 && std::abs(read - is) <=
+                           scene_.voxel_m + kSigmas * scene_.sensors[i].precision.sigma_m(is);
+  }
+
+  const Scene& scene_;
+  std::vector<sensor::Registration> registrations_;
+  std::vector<std::unique_ptr<FrameSource>> sources_;
+  std::vector<Frame> frames_;
+  int next_ = 0;
 };
 
 SeenTruth seen_truth(const Scene& scene, synth::Truth& truth, int now, int oldest,
                      const StillErrorConfig& config) {
   const Mesh surface = truth_at(truth, scene, now);
   const auto still = still_triangles(surface, truth_at(truth, scene, oldest));
-  std::vector<SurfaceSample> left = sample_surface(surface, config.samples, 1);
+  SeenTruth out;
+  out.samples = sample_surface(surface, config.samples, 1);
   const auto captured = captured_part(scene);
-  std::erase_if(left, [&](const SurfaceSample& sample) {
+  std::erase_if(out.samples, [&](const SurfaceSample& sample) {
     return !still[sample.triangle] || std::ranges::any_of(captured, [&](const HalfSpace& space) {
       return dot(space.normal, vec_cast<double>(sample.position)) < space.least_m;
     });
   });
   const std::vector<Eyes> eyes = true_eyes(scene);
-  SeenTruth out;
-  for (int capture = now; capture >= oldest && !left.empty(); capture -= kLookEvery) {
-    if (config.progress) config.progress("seen", now - capture, now - oldest + 1);
-    const auto seen = seen_samples(truth_at(truth, scene, capture), left, eyes, scene.voxel_m);
-    std::vector<SurfaceSample> unseen;
-    for (std::size_t i = 0; i < left.size(); ++i)
-      if (seen[i])
-        out.lately.push_back(left[i]), out.now.push_back(capture == now);
-      else
-        unseen.push_back(left[i]);
-    left = std::move(unseen);
+  DepthPictures pictures(scene, config.rig_cache);
+  std::vector<std::uint8_t> lately(out.samples.size()), seen;
+  out.measured.resize(out.samples.size());
+  for (int capture = oldest + (now - oldest) % kLookEvery; capture <= now; capture += kLookEvery) {
+    if (config.progress) config.progress("seen", capture - oldest, now - oldest + 1);
+    seen = seen_samples(truth_at(truth, scene, capture), out.samples, eyes, scene.voxel_m);
+    pictures.read(capture);
+    parallel_for(seen.size(), 1024, [&](std::size_t begin, std::size_t end) {
+      for (std::size_t i = begin; i < end; ++i) {
+        lately[i] |= seen[i];
+        if (seen[i] && !out.measured[i]) out.measured[i] = pictures.hold(out.samples[i].position);
+      }
+    });
   }
+  std::size_t kept = 0;
+  for (std::size_t i = 0; i < lately.size(); ++i) {
+    if (!lately[i]) continue;
+    out.samples[kept] = out.samples[i], out.measured[kept] = out.measured[i];
+    seen[kept++] = seen[i];
+  }
+  out.samples.resize(kept), out.measured.resize(kept), seen.resize(kept);
+  out.now = std::move(seen);
   return out;
 }
 
 void find_missing(const SeenTruth& seen, const Mesh& shown, double voxel_m, StillError& out) {
   const Mesh* meshes[] = {&shown};
   const kit::RayScene rays(meshes);
-  std::vector<std::uint8_t> missing(seen.lately.size());
+  std::vector<std::uint8_t> missing(seen.samples.size());
   parallel_for(missing.size(), 256, [&](std::size_t begin, std::size_t end) {
     for (std::size_t i = begin; i < end; ++i)
-      missing[i] = !rays.nearest(seen.lately[i].position, static_cast<float>(voxel_m));
+      missing[i] = !rays.nearest(seen.samples[i].position, static_cast<float>(voxel_m));
   });
-  double all = 0, hidden = 0, hidden_missing = 0;
+  double all = 0, hidden = 0, all_missing = 0, hidden_missing = 0, seen_missing = 0;
   for (std::size_t i = 0; i < missing.size(); ++i) {
-    all += missing[i];
+    seen_missing += missing[i];
+    if (!seen.measured[i]) continue;
+    ++all, all_missing += missing[i];
     hidden += !seen.now[i], hidden_missing += !seen.now[i] && missing[i];
   }
-  const auto count = static_cast<double>(missing.size());
-  if (count > 0) out.hidden_missing = all / count, out.hidden_ratio = hidden / count;
+  if (!missing.empty()) out.seen_missing = seen_missing / static_cast<double>(missing.size());
+  if (all > 0) out.hidden_missing = all_missing / all, out.hidden_ratio = hidden / all;
   if (hidden > 0) out.hidden_now_missing = hidden_missing / hidden;
 }
 
@@ -302,6 +373,7 @@ std::string to_json(const StillError& e) {
                                    {"hidden_now",
                                     {{"ratio", still_rounded(e.hidden_ratio)},
                                      {"missing", still_rounded(e.hidden_now_missing)}}},
+                                   {"seen_missing", still_rounded(e.seen_missing)},
                                    {"first_s", still_rounded(e.first_s)}};
   return out.dump(2) + "\n";
 }
@@ -322,9 +394,10 @@ std::string to_text(const StillError& e) {
   line("  of one capture without layers", distance(e.anew.wall));
   line("all still surface to the truth", distance(e.still.all));
   line("  of one capture without layers", distance(e.anew.all));
-  line("seen lately, missing now", fmt::format("{:.3f} %", 100 * e.hidden_missing));
+  line("measured lately, missing now", fmt::format("{:.3f} %", 100 * e.hidden_missing));
   line("  of the part that is hidden now",
        fmt::format("{:.3f} % of {:.2f} %", 100 * e.hidden_now_missing, 100 * e.hidden_ratio));
+  line("seen lately, missing now", fmt::format("{:.3f} %", 100 * e.seen_missing));
   line("first shown after", fmt::format("{:.3f} s", e.first_s));
   return out;
 }

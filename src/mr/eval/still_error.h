@@ -40,11 +40,14 @@ struct StillError {
   /// Of the still surface as shown (without layers: of all that is shown); `anew`: the same of one
   /// capture without layers.
   Distance still, anew;
-  /// Share of the still truth that some sensor saw within `seen_s` with nothing within a voxel now.
+  /// Share of the still truth that some sensor measured within `seen_s` with nothing within a voxel
+  /// now.
   double hidden_missing = 0;
   double hidden_ratio = 0;        ///< share of that truth which no sensor sees now
   double hidden_now_missing = 0;  ///< what is missing of that share
-  double first_s = 0;             ///< when the first capture was shown
+  /// The same share of what some sensor saw, though perhaps too grazing or too dark to be measured.
+  double seen_missing = 0;
+  double first_s = 0;  ///< when the first capture was shown
 };
 
 /// Runs the scene, which must be prepared, and draws what a client has from the viewpoints.

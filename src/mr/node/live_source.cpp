@@ -30,7 +30,7 @@ std::uint64_t LiveSource::index_at(TimePoint now) const {
 }
 
 void LiveSource::skip_to(std::uint64_t index, const Watch& watch) {
-  constexpr std::uint64_t kMostWatched = 4;
+  constexpr std::uint64_t kMostWatched = 16;
   skipped_ += index - next_;
   std::uint64_t watched = watch ? std::min(index - next_, kMostWatched) : 0;
   source_->skip(index - next_ - watched);
