@@ -36,6 +36,9 @@ void set_pinhole(const DepthFrame& frame, const VolumeConfig& config, FrameView&
   for (int y = 0; y < region.height; ++y)
     view.ray[y] = {vec_cast<float>(column(2) + column(1) * ((region.y + y - c.cy) / c.fy)),
                    vec_cast<float>(column(0)), Vec3f{}};
+  view.per_pixel = {static_cast<float>(1 / c.fx), static_cast<float>(1 / c.fy)};
+  view.down_per_pixel = vec_cast<float>(column(1) * (1 / c.fy));
+  view.first_row = static_cast<float>((region.y - c.cy) / c.fy);
   // Counted from the border: the place in `depth` is the nearest integer.
   const double cx = c.cx - region.x + 1, cy = c.cy - region.y + 1;
   set_projection(

@@ -31,7 +31,7 @@ struct DepthFrame {
 
 /// The surface that a pixel of a range picture sees, as a plane: inverse range and its change per
 /// radian to the right and downwards, and how the distance along the ray shrinks to that across
-/// the plane. Of a slanted pinhole: inverse depth and its change per pixel.
+/// the plane. Of a slanted pinhole: the same of depth, per pixel.
 struct RangePlane {
   float inverse = 0, right = 0, down = 0, cosine = 1;
 };
@@ -65,6 +65,12 @@ struct FrameView {
   Vec3d origin;                      ///< of the world's origin
   std::array<Vec3d, 3> axis;         ///< what a voxel along x, y, z adds
   std::array<float, 64> dU, dV, dZ;  ///< from a layer's first voxel to each of its 64
+
+  // Of pinholes only: what a pixel to the right and downwards adds to the direction of depth 1, in
+  // the camera and (downwards) in blocks; and where the first row is.
+  Vec2f per_pixel;
+  Vec3f down_per_pixel;
+  float first_row = 0;
 
   bool slanted = false;            ///< DepthFrame::slanted; never of range pictures
   std::vector<RangePlane> planes;  ///< as `depth`; of range pictures and where `slanted`

@@ -5,6 +5,8 @@
 #include <cmath>
 #include <cstring>
 
+#include "mr/fusion/range_planes.h"
+
 #undef HWY_TARGET_INCLUDE
 #define HWY_TARGET_INCLUDE "mr/fusion/integrate_kernels.cpp"
 #include <hwy/foreach_target.h>
@@ -183,6 +185,7 @@ HWY_INLINE void edge_ranges(const FrameView& view, const Rect& tile, const TileR
       const float d = view.row(y)[x];
       if (d > 0) nearest = std::min(nearest, d), farthest = std::max(farthest, d);
     }
+  if (view.slanted) steep_ranges(view, tile, rule.margin, out);
   const float middle = 0.5f * (nearest + farthest);
   const std::size_t before = out.size();
   if (layer_range(view, tile, nearest, middle, rule, half_pixel, out) &&
@@ -295,8 +298,10 @@ struct Slanted {
     pinhole.project(U, V, Z, u, v);
     const auto off = [](Vf x) HWY_ATTR { return hn::Sub(x, hn::ConvertTo(df, rounded(x))); };
     Mf valid;
-    const Vf there = planes.depth(pinhole.place(u, v), off(u), off(v), valid);
-    return {hn::IfThenElse(valid, hn::Sub(there, Z), hn::Set(df, FrameView::kNothing)), Z};
+    const Vi place = pinhole.place(u, v);
+    const Vf there = planes.depth(place, off(u), off(v), valid);
+    const Vf in_front = hn::Mul(hn::Sub(there, Z), planes.field(place, 3));
+    return {hn::IfThenElse(valid, in_front, hn::Set(df, FrameView::kNothing)), Z};
   }
 
   Pinhole pinhole;

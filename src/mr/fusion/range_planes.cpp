@@ -78,8 +78,14 @@ RangePlane slanted_plane_at(const FrameView& view, int x, int y) {
   Line across_rows, along_row;
   for (int i = 0; i < 5; ++i)
     along_row[i] = inverse(view, x + i - 2, y), across_rows[i] = inverse(view, x, y + i - 2);
-  plane.right = slope(along_row, view.pixel_rad);
-  plane.down = slope(across_rows, view.pixel_rad);
+  plane.right = slope(along_row, view.per_pixel.x);
+  plane.down = slope(across_rows, view.per_pixel.y);
+  // The plane's equation: inverse depth is linear in the direction of depth 1.
+  constexpr float kLeastCosine = 0.1f;
+  const float right = plane.right / view.per_pixel.x, down = plane.down / view.per_pixel.y;
+  const float row = view.first_row + static_cast<float>(y) * view.per_pixel.y;
+  const float ahead = plane.inverse - right * view.s[x] - down * row;
+  plane.cosine = std::max(plane.inverse / length(Vec3f{right, down, ahead}), kLeastCosine);
   return plane;
 }
 
@@ -116,11 +122,32 @@ class Patch {
   Vec3f eye_, ahead_, aside_, down_;
 };
 
+/// The same of a slanted pinhole, in pixels.
+class SlantedPatch {
+ public:
+  SlantedPatch(const FrameView& view, int x, int y)
+      : plane_(view.planes[view.place(x, y)]),
+        eye_(view.eye),
+        ahead_(view.direction(x, y)),
+        aside_(view.ray[y][1] * view.per_pixel.x),
+        down_(view.down_per_pixel) {}
+  Vec3f at(float right, float down) const {
+    const float half = 0.5f * plane_.inverse;
+    const float moved = std::clamp(plane_.right * right + plane_.down * down, -half, half);
+    return eye_ + (ahead_ + aside_ * right + down_ * down) / (plane_.inverse + moved);
+  }
+
+ private:
+  RangePlane plane_;
+  Vec3f eye_, ahead_, aside_, down_;
+};
+
 /// A patch is taken in pieces of about this size, so that their boxes fit it closely.
 constexpr float kPiece = 0.5f;   // blocks
 constexpr int kMostPieces = 32;  // along a side; what lies farther from the ray is left out
 
-void patch_ranges(const Patch& patch, float right, float down, float margin,
+template <typename PlanePatch>
+void patch_ranges(const PlanePatch& patch, float right, float down, float margin,
                   std::vector<VoxelRange>& out) {
   const auto pieces = [](float length_blocks, float& reach_rad) {
     const float count = std::max(std::ceil(length_blocks / kPiece), 1.0f);
@@ -169,6 +196,19 @@ void plane_ranges(const FrameView& view, int y, float margin_blocks, std::vector
       patch_ranges(Patch(view, x, y), right, down, margin_blocks, out);
     }
   }
+}
+
+void steep_ranges(const FrameView& view, const Rect& tile, float margin_blocks,
+                  std::vector<VoxelRange>& out) {
+  constexpr float kHalf = 0.5f;  // a pixel
+  for (int y = tile.y; y < tile.y + tile.height; ++y)
+    for (int x = tile.x; x < tile.x + tile.width; ++x) {
+      const float depth = view.row(y)[x];
+      if (depth <= 0) continue;
+      const float apart = depth * length(view.down_per_pixel);  // blocks, facing the sensor
+      if (apart > margin_blocks * view.planes[view.place(x, y)].cosine)
+        patch_ranges(SlantedPatch(view, x, y), kHalf, kHalf, margin_blocks, out);
+    }
 }
 
 }  // namespace mr::fusion

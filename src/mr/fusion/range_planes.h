@@ -16,4 +16,9 @@ void fit_planes(FrameView& view);
 /// of a range picture may lie many voxels apart.
 void plane_ranges(const FrameView& view, int y, float margin_blocks, std::vector<VoxelRange>& out);
 
+/// The same of those pixels of a slanted pinhole's tile that lie too far apart for the margin
+/// around their points: of surface that is seen at a flat angle.
+void steep_ranges(const FrameView& view, const Rect& tile, float margin_blocks,
+                  std::vector<VoxelRange>& out);
+
 }  // namespace mr::fusion
