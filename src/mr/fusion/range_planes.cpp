@@ -10,28 +10,39 @@
 namespace mr::fusion {
 namespace {
 
-constexpr float kSteepest = 0.15f;  // tangent of the least angle between ray and surface
-constexpr float kStraight = 0.2f;   // of the step before, that the next may differ from it
+/// When neighbours in a line count as one surface.
+struct LineRule {
+  float steepest;  ///< tangent of the least angle between ray and surface; else the line must go on
+  float straight;  ///< of the step before, that the next may differ from it
+  bool three_steps;  ///< so many must be straight, around the pixel; else two
+};
+constexpr LineRule kSparseLine{0.15f, 0.2f, false};
+/// Of pixels that lie densely: a depth edge with a mixed pixel on it looks like a short steep line.
+constexpr LineRule kDenseLine{0.3f, 0.35f, true};
 
 /// The inverse ranges of up to five pixels in a line; 0 where nothing was measured. [2] is the
 /// middle one.
 using Line = std::array<float, 5>;
 
 /// The change of inverse range per pixel along a line, `angle` being between neighbours, radians.
-float slope(const Line& w, float angle) {
+float slope(const Line& w, float angle, const LineRule& rule) {
   // Step i leads from pixel i to i + 1.
   const auto step = [&](int i) { return w[i + 1] - w[i]; };
   const auto measured = [&](int i) { return w[i] > 0 && w[i + 1] > 0; };
   const auto steep = [&](int i) {  // |dr| / (r · angle), with dr / r = dw / w
-    return std::abs(step(i)) * kSteepest > angle * std::min(w[i], w[i + 1]);
+    return std::abs(step(i)) * rule.steepest > angle * std::min(w[i], w[i + 1]);
   };
   const auto straight = [&](int i, int j) {
     return measured(i) && measured(j) &&
            std::abs(step(i) - step(j)) <=
-               kStraight * std::max(std::abs(step(i)), std::abs(step(j)));
+               rule.straight * std::max(std::abs(step(i)), std::abs(step(j)));
   };
-  const bool before = measured(1) && (!steep(1) || straight(1, 2) || straight(0, 1));
-  const bool after = measured(2) && (!steep(2) || straight(1, 2) || straight(2, 3));
+  const auto goes_on = [&](int i, int j) {
+    return rule.three_steps ? straight(1, 2) && (straight(0, 1) || straight(2, 3))
+                            : straight(1, 2) || straight(i, j);
+  };
+  const bool before = measured(1) && (!steep(1) || goes_on(0, 1));
+  const bool after = measured(2) && (!steep(2) || goes_on(2, 3));
   if (before && after) return 0.5f * (step(1) + step(2));
   return before ? step(1) : after ? step(2) : 0.0f;
 }
@@ -58,12 +69,12 @@ RangePlane plane_at(const FrameView& view, int x, int y) {
   }
   const float cos_down = std::max(std::cos(view.row_down[y + 1]), 1e-3f);
   const float right_rad = 1 / view.columns_per_rad;
-  plane.right = slope(along_row, right_rad * cos_down) / right_rad;
+  plane.right = slope(along_row, right_rad * cos_down, kSparseLine) / right_rad;
   const int above = std::max(y - 1, 0), below = std::min(y + 1, view.height - 1);
   if (above < below) {
     const float down_rad =
         (view.row_down[below + 1] - view.row_down[above + 1]) / static_cast<float>(below - above);
-    if (down_rad != 0) plane.down = slope(across_rows, std::abs(down_rad)) / down_rad;
+    if (down_rad != 0) plane.down = slope(across_rows, std::abs(down_rad), kSparseLine) / down_rad;
   }
   const float right = plane.right / (plane.inverse * cos_down), down = plane.down / plane.inverse;
   plane.cosine = 1 / std::sqrt(1 + right * right + down * down);
@@ -78,8 +89,8 @@ RangePlane slanted_plane_at(const FrameView& view, int x, int y) {
   Line across_rows, along_row;
   for (int i = 0; i < 5; ++i)
     along_row[i] = inverse(view, x + i - 2, y), across_rows[i] = inverse(view, x, y + i - 2);
-  plane.right = slope(along_row, view.per_pixel.x);
-  plane.down = slope(across_rows, view.per_pixel.y);
+  plane.right = slope(along_row, view.per_pixel.x, kDenseLine);
+  plane.down = slope(across_rows, view.per_pixel.y, kDenseLine);
   // The plane's equation: inverse depth is linear in the direction of depth 1.
   constexpr float kLeastCosine = 0.1f;
   const float right = plane.right / view.per_pixel.x, down = plane.down / view.per_pixel.y;
