@@ -158,6 +158,7 @@ bool set_frame(const DepthFrame& frame, const VolumeConfig& config, FrameView& v
   else
     set_pinhole(frame, config, view);
   view.truncation_m = static_cast<float>(config.truncation_m);
+  view.least_band_m = static_cast<float>(1.5 * config.voxel_m);
   view.precision = frame.precision;
   view.pixel_rad =
       static_cast<float>(view.spherical ? 2 * pi / frame.camera.width

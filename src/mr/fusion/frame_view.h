@@ -87,6 +87,8 @@ struct FrameView {
 
   float pixel_rad = 0;  ///< between neighbouring pixels, about
   float truncation_m = 0;
+  float least_band_m =
+      0;  ///< what a slanted pinhole needs behind its planes, however flat the angle
   std::optional<Precision> precision;
 };
 

@@ -291,7 +291,8 @@ struct Planes {
 
 /// A pinhole whose pixels are pieces of planes.
 struct Slanted {
-  explicit Slanted(const FrameView& v) : pinhole(v), planes(v) {}
+  explicit Slanted(const FrameView& v)
+      : pinhole(v), planes(v), band(-v.truncation_m), least_band(-v.least_band_m) {}
 
   HWY_INLINE Sample operator()(Vf U, Vf V, Vf Z) const {
     Vf u, v;
@@ -300,12 +301,16 @@ struct Slanted {
     Mf valid;
     const Vi place = pinhole.place(u, v);
     const Vf there = planes.depth(place, off(u), off(v), valid);
-    const Vf in_front = hn::Mul(hn::Sub(there, Z), planes.field(place, 3));
-    return {hn::IfThenElse(valid, in_front, hn::Set(df, FrameView::kNothing)), Z};
+    const Vf along = hn::Sub(there, Z), in_front = hn::Mul(along, planes.field(place, 3));
+    // Far behind flat surface lies other surface, and no inside.
+    const Mf near =
+        hn::Or(hn::Ge(along, hn::Set(df, band)), hn::Ge(in_front, hn::Set(df, least_band)));
+    return {hn::IfThenElse(hn::And(valid, near), in_front, hn::Set(df, FrameView::kNothing)), Z};
   }
 
   Pinhole pinhole;
   Planes planes;
+  float band, least_band;
 };
 
 /// The angle of (x, y) from the x axis, within 3e-7 rad; 0 at the origin.
