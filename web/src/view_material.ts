@@ -175,7 +175,7 @@ export class SharedUniforms {
     const data = table.image.data as Float32Array;
     data.fill(0);
     for (let row = 0; row < rows; ++row) data[4 * (kTexels * row + kTexels - 1)] = plain;
-    for (const view of drawn) data.set(texelsOf(view, slotOf.get(view.stream) ?? 0), 4 * kTexels * view.id);
+    for (const view of drawn) data.set(texelsOf(view, slotOf.get(view.stream) ?? plain), 4 * kTexels * view.id);
     table.needsUpdate = true;
   }
 }

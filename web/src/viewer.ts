@@ -52,7 +52,7 @@ const kLongestStepS = 0.1;
 const kLongestLatencyMs = 3_600_000;
 const kStillAfterMs = 500;
 const kStillAfterCaptures = 4; // that did not come: drawn by the processor, a still picture takes the time of several others
-const kSlowest = 0.5; // captures per second
+const kLongestCaptureMs = 1000;
 const kHealthEveryMs = 1000;
 const kStartSettlesMs = 10_000; // sensors that come so soon are still counted for the place to start
 
@@ -265,7 +265,8 @@ export class Viewer {
   /** Something is about to be drawn: once nothing more is, it is drawn again as well as the device can. */
   private stir(): void {
     clearTimeout(this.stillTimer);
-    const captureMs = this.options.isSoftware ? 1000 / Math.max(kSlowest, this.captures.perSecond(performance.now())) : 0;
+    const perSecond = this.options.isSoftware && this.state === "live" ? this.captures.perSecond(performance.now()) : 0;
+    const captureMs = perSecond > 0 ? Math.min(kLongestCaptureMs, 1000 / perSecond) : 0;
     this.stillTimer = window.setTimeout(() => this.setStill(true), Math.max(kStillAfterMs, kStillAfterCaptures * captureMs));
     this.setStill(false);
   }

@@ -32,7 +32,8 @@ class LastingLabels {
 
   /// The depth of the last surface as its views see it.
   const Occluders& occluders() const { return occluders_; }
-  /// Whether the last surface was the same as the one before: only labels may be others.
+  /// Whether the last surface was the same as the one before, from the same views: only labels and
+  /// cuts may be others.
   bool kept_surface() const { return kept_surface_; }
 
  private:

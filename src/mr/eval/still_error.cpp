@@ -166,11 +166,15 @@ struct SeenTruth {
 /// The depth pictures of a scene's sensors, capture by capture.
 class DepthPictures {
  public:
-  DepthPictures(const Scene& scene, const std::filesystem::path& rig_cache) : scene_(scene) {
+  /// `eyes`: where the sensors really stand.
+  DepthPictures(const Scene& scene, const std::vector<Eyes>& eyes,
+                const std::filesystem::path& rig_cache)
+      : scene_(scene) {
     std::vector<std::uint32_t> all;
     for (std::uint32_t i = 0; i < scene.sensors.size(); ++i) {
       all.push_back(i);
       registrations_.emplace_back(scene.sensors[i], i);
+      T_depth_world_.push_back(eyes[i].T_world_depth.inverse());
     }
     sources_ = node::open_sources(scene, all, rig_cache);
     frames_.resize(sources_.size());
@@ -198,7 +202,7 @@ class DepthPictures {
     constexpr double kSigmas = 3.5;
     const Frame& frame = frames_[i];
     const Camera& camera = registrations_[i].depth_camera();
-    const Vec3d p = frame.T_world_depth.inverse() * p_world;
+    const Vec3d p = T_depth_world_[i] * p_world;
     const auto pixel = project(camera, p);
     if (!pixel) return false;
     const int x = static_cast<int>(std::lround(pixel->x)),
@@ -212,6 +216,7 @@ class DepthPictures {
 
   const Scene& scene_;
   std::vector<sensor::Registration> registrations_;
+  std::vector<Pose> T_depth_world_;
   std::vector<std::unique_ptr<FrameSource>> sources_;
   std::vector<Frame> frames_;
   int next_ = 0;
@@ -230,7 +235,7 @@ SeenTruth seen_truth(const Scene& scene, synth::Truth& truth, int now, int oldes
     });
   });
   const std::vector<Eyes> eyes = true_eyes(scene);
-  DepthPictures pictures(scene, config.rig_cache);
+  DepthPictures pictures(scene, eyes, config.rig_cache);
   std::vector<std::uint8_t> lately(out.samples.size()), seen;
   out.measured.resize(out.samples.size());
   for (int capture = oldest + (now - oldest) % kLookEvery; capture <= now; capture += kLookEvery) {

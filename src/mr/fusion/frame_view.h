@@ -31,7 +31,8 @@ struct DepthFrame {
 
 /// The surface that a pixel of a range picture sees, as a plane: inverse range and its change per
 /// radian to the right and downwards, and how the distance along the ray shrinks to that across
-/// the plane. Of a slanted pinhole: the same of depth, per pixel.
+/// the plane. Of a slanted pinhole: the same of depth, per
+/// pixel; off the axis a step in depth is a longer one, so `cosine` may exceed 1.
 struct RangePlane {
   float inverse = 0, right = 0, down = 0, cosine = 1;
 };

@@ -14,6 +14,7 @@ namespace {
 constexpr int kMostColumns = 320;   // of a view
 constexpr double kBehind_m = 0.05;  // nearer to its own still surface, a moving one stands on it
 constexpr double kSame_sigmas = 2;
+constexpr double kFlattest = 0.3;  // cosine; flatter angles count as this one
 
 /// The triangles that a sensor measured.
 Mesh measured_by(const Part& part, std::uint32_t sensor) {
@@ -80,6 +81,8 @@ const StillCover::SensorView* StillCover::view_of(std::uint32_t sensor) const {
 /// By its corners and its middle, all of which must be.
 bool StillCover::is_covered(const Mesh& mesh, std::size_t t, const SensorView& view) const {
   const double slack_m = config_.voxel_m / 2;
+  const Vec3d normal =
+      view.T_camera_world.rotation * normalized(vec_cast<double>(mesh.area_normal(t)));
   const auto covered = [&](Vec3f p_world) {
     const Vec3d p = view.T_camera_world * vec_cast<double>(p_world);
     if (p.z <= kit::kNearPlane_m) return false;
@@ -88,7 +91,9 @@ bool StillCover::is_covered(const Mesh& mesh, std::size_t t, const SensorView& v
     const int x = static_cast<int>(std::lround(s.u)), y = static_cast<int>(std::lround(s.v));
     if (!view.own.contains(x, y)) return false;
     const double own = depth_at(view.own, s.u, s.v), merged = depth_at(view.merged, s.u, s.v);
-    const double same_m = kSame_sigmas * view.precision.sigma_m(p.z) + slack_m;
+    // Seen at a flat angle, what lies close across the surface lies far apart in depth.
+    const double cosine = std::clamp(std::abs(dot(normal, p)) / p.z, kFlattest, 1.0);
+    const double same_m = (kSame_sigmas * view.precision.sigma_m(p.z) + slack_m) / cosine;
     if (own > 0 && std::abs(own - p.z) <= same_m)  // perhaps another's is shown in its place
       return merged > 0 && std::abs(merged - own) <= kBehind_m;
     if (own > p.z && own <= p.z + kBehind_m) return false;

@@ -198,26 +198,29 @@ SensorNode::StillChunks SensorNode::make_still(const Frame& still) {
   });
 }
 
-/// What was made of the still picture, and where that is another by now, what is to be made of it.
-Status SensorNode::bring_still(const Frame& frame) {
-  std::optional<StillChunks> made = still_job_.take();
-  if (layers_->still_changed && !still_job_.is_busy() && !made) {
-    layers_->still_changed = false;
-    Frame still;
-    still.sensor = sensor_, still.depth = layers_->background.still();
-    still.T_world_depth = frame.T_world_depth;
-    if (still_work_ == StillWork::beside && !layers_->background.is_new())
-      still_job_.start([this, still = std::move(still)] { return make_still(still); });
-    else
-      made = make_still(still);
-  }
-  if (!made) return {};
-  if (!*made) {
+/// Takes what was made of the still picture, while no job is busy.
+Status SensorNode::accept(StillChunks made) {
+  if (!made) {
     layers_->still_changed = true;
-    return made->error();
+    return made.error();
   }
   layers_->chunks = layers_->surface.chunks();
-  std::ranges::move(**made, std::back_inserter(layers_->unsent));  // newer ones come later
+  std::ranges::move(*made, std::back_inserter(layers_->unsent));  // newer ones come later
+  return {};
+}
+
+/// What was made of the still picture, and where that is another by now, what is to be made of it.
+Status SensorNode::bring_still(const Frame& frame) {
+  if (std::optional<StillChunks> made = still_job_.take())
+    if (const Status accepted = accept(*std::move(made)); !accepted) return accepted;
+  if (!layers_->still_changed || still_job_.is_busy()) return {};
+  layers_->still_changed = false;
+  Frame still;
+  still.sensor = sensor_, still.depth = layers_->background.still();
+  still.T_world_depth = frame.T_world_depth;
+  if (still_work_ == StillWork::at_once || layers_->background.is_new())
+    return accept(make_still(still));
+  still_job_.start([this, still = std::move(still)] { return make_still(still); });
   return {};
 }
 

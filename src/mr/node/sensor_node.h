@@ -89,12 +89,13 @@ class SensorNode {
     StillSurface surface;            ///< the job's, while that is busy
     std::size_t chunks = 0;          ///< of the surface
     std::vector<StillChunk> unsent;  ///< changed, and the frame that was to tell came to nothing
-    bool still_changed = false;      ///< since the chunks were made
+    bool still_changed = false;      ///< since chunks were last begun
     bool began_anew = false;         ///< and nobody was told yet
   };
   using StillChunks = Result<std::vector<StillChunk>>;
   still::Moment look(const Frame& frame, bool is_sent);
   StillChunks make_still(const Frame& still);
+  Status accept(StillChunks made);
   Status bring_still(const Frame& frame);
   Result<ImageDepth> divide(Reconstructed& out);
   ImageDepth clean_where(const ImageMask& mask, const Camera& camera, const Frame& frame) const;
