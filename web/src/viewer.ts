@@ -160,7 +160,7 @@ export class Viewer {
       sequence: packet.sequence,
       capturedAt: Number(packet.capturedAtNs) / 1e6,
       epoch: packet.epoch,
-      views: packet.views.length,
+      views: new Set(packet.views.map((view) => view.id)).size,
       triangles: this.renderer.triangles(),
       chunks: packet.manifest.length,
     };
