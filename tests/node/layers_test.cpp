@@ -223,24 +223,26 @@ struct OneSensor {
 /// what moves shows their place.
 TEST(Layers, StillChunksMadeBesideAreTheSameAndLeaveNoHole) {
   const Scene scene =
-      *node::prepare_scene(with_layers(rig_scene(small_rig(200, {test::chair_moved(80)}))));
+      *node::prepare_scene(with_layers(rig_scene(small_rig(400, {test::chair_moved(80)}))));
   const std::uint32_t wanted[] = {0};
   const auto sources = node::open_sources(scene, wanted);
   using StillWork = node::SensorNode::StillWork;
   OneSensor at_once{node::SensorNode(scene, 0, {}, StillWork::at_once), {}},
       beside{node::SensorNode(scene, 0, {}, StillWork::beside), {}};
-  constexpr int kLast = 171;  // changes end long before
-  for (int i = 0; i <= kLast; ++i) {
+  constexpr int kChangesEnd = 171;
+  bool same = false;
+  for (int i = 0; i < 400 && !(same && i > kChangesEnd); ++i) {
     const Frame frame = **sources[0]->next();
     const Mesh expected = at_once.surface(frame), actual = beside.surface(frame);
     // Now and then a job takes several captures; the last has time.
-    if (i >= 80) std::this_thread::sleep_for(std::chrono::milliseconds(i >= 164 ? 60 : i % 7));
+    if (i >= 80) std::this_thread::sleep_for(std::chrono::milliseconds(i < 164 ? i % 7 : 60));
     if (i % 4 ==
         0) {  // what is too small to be told from noise while it moves comes with its chunk
       EXPECT_LT(share_without(expected, actual, scene.voxel_m), 0.015) << "capture " << i;
     }
+    same = at_once.still == beside.still;
   }
-  EXPECT_EQ(at_once.still == beside.still, true);
+  EXPECT_TRUE(same);
 }
 
 /// A scene's nodes; what the root sends, and what it answers.
