@@ -109,39 +109,22 @@ float half_gap_rad(const FrameView& view, int y) {
   return gap > 0 ? gap / 2 : 0.5f / view.columns_per_rad;
 }
 
-/// The part of a pixel's plane between two corners, in radians from the pixel's middle; in blocks
-/// from eye_block.
+/// The part of a pixel's plane between two corners, in the plane's own units (radians, or pixels of
+/// a slanted pinhole) from the pixel's middle; in blocks from eye_block.
 class Patch {
  public:
   Patch(const FrameView& view, int x, int y)
-      : plane_(view.planes[view.place(x, y)]),
-        eye_(view.eye),
-        ahead_(view.direction(x, y)),
-        aside_(view.ray[y][1] * view.t[x] - view.ray[y][2] * view.s[x]) {
-    const float down = view.row_down[y + 1];
-    const Vec3f flat = ahead_ - view.ray[y][0];  // times the cosine of `down`
-    down_ = view.down_axis * std::cos(down) - flat * std::tan(down);
+      : plane_(view.planes[view.place(x, y)]), eye_(view.eye), ahead_(view.direction(x, y)) {
+    if (view.spherical) {
+      const float down = view.row_down[y + 1];
+      const Vec3f flat = ahead_ - view.ray[y][0];  // times the cosine of `down`
+      aside_ = view.ray[y][1] * view.t[x] - view.ray[y][2] * view.s[x];
+      down_ = view.down_axis * std::cos(down) - flat * std::tan(down);
+    } else {
+      aside_ = view.ray[y][1] * view.per_pixel.x;
+      down_ = view.down_per_pixel;
+    }
   }
-  Vec3f at(float right, float down) const {
-    const float half = 0.5f * plane_.inverse;
-    const float moved = std::clamp(plane_.right * right + plane_.down * down, -half, half);
-    return eye_ + (ahead_ + aside_ * right + down_ * down) / (plane_.inverse + moved);
-  }
-
- private:
-  RangePlane plane_;
-  Vec3f eye_, ahead_, aside_, down_;
-};
-
-/// The same of a slanted pinhole, in pixels.
-class SlantedPatch {
- public:
-  SlantedPatch(const FrameView& view, int x, int y)
-      : plane_(view.planes[view.place(x, y)]),
-        eye_(view.eye),
-        ahead_(view.direction(x, y)),
-        aside_(view.ray[y][1] * view.per_pixel.x),
-        down_(view.down_per_pixel) {}
   Vec3f at(float right, float down) const {
     const float half = 0.5f * plane_.inverse;
     const float moved = std::clamp(plane_.right * right + plane_.down * down, -half, half);
@@ -157,8 +140,7 @@ class SlantedPatch {
 constexpr float kPiece = 0.5f;   // blocks
 constexpr int kMostPieces = 32;  // along a side; what lies farther from the ray is left out
 
-template <typename PlanePatch>
-void patch_ranges(const PlanePatch& patch, float right, float down, float margin,
+void patch_ranges(const Patch& patch, float right, float down, float margin,
                   std::vector<VoxelRange>& out) {
   const auto pieces = [](float length_blocks, float& reach_rad) {
     const float count = std::max(std::ceil(length_blocks / kPiece), 1.0f);
@@ -218,7 +200,7 @@ void steep_ranges(const FrameView& view, const Rect& tile, float margin_blocks,
       if (depth <= 0) continue;
       const float apart = depth * length(view.down_per_pixel);  // blocks, facing the sensor
       if (apart > margin_blocks * view.planes[view.place(x, y)].cosine)
-        patch_ranges(SlantedPatch(view, x, y), kHalf, kHalf, margin_blocks, out);
+        patch_ranges(Patch(view, x, y), kHalf, kHalf, margin_blocks, out);
     }
 }
 
