@@ -69,7 +69,8 @@ SensorNode::SensorNode(const Scene& scene, std::uint32_t sensor_index, NodeClock
                                  {.precision = sensor.precision,
                                   .fps = scene.fps,
                                   .after_s = scene.still.after_s,
-                                  .chunk_m = scene.fusion.chunk_m}),
+                                  .chunk_m = scene.fusion.chunk_m,
+                                  .voxel_m = scene.voxel_m}),
                StillSurface(scene),
                0,
                {}});

@@ -27,11 +27,12 @@ constexpr std::uint8_t kHandOver = 10;        // captures until the merger shows
 // Captures from one look at the still picture to the next: in which only what is gone or elsewhere
 // counts, in which all does, and in which what is small does, too, and the picture is refined. The
 // first look is late enough for plates of what is learnt at first.
-constexpr std::uint64_t kLookEvery = 8, kLookAt = 4, kFreezeEvery = 32, kRefineEvery = 128;
+constexpr std::uint64_t kLookEvery = 8, kLookAt = 4, kFreezeEvery = 32, kRefineEvery = 512;
 constexpr int kRefineTurns = 2;         // at the start cubes are refined in so many turns
 constexpr std::uint8_t kRestless = 60;  // captures in which nothing was learnt
 constexpr double kWorthRefining_m = 0.0005, kWorthRefining_sigmas = 0.17;
-constexpr double kYoung_s = 60;  // absorbed surface that may go back as a whole
+constexpr double kWorthRefining_voxels = 0.15;  // after the start: what is sent is sent again
+constexpr double kYoung_s = 60;                 // absorbed surface that may go back as a whole
 constexpr int kPushedFor = 5;
 
 /// How a cube's share of the still picture differs from what is known by now.
@@ -476,9 +477,10 @@ std::set<Vec3i> Background::cubes_to_refine() const {
     }
   }
   std::set<Vec3i> out;
+  const double worth_m = is_new() ? kWorthRefining_m : kWorthRefining_voxels * config_.voxel_m;
   const auto turn = static_cast<std::uint32_t>(captures_ / kLookEvery) % kRefineTurns;
   for (const auto& [cube, c] : cubes) {
-    const double worth2_m2 = std::max(kWorthRefining_m * kWorthRefining_m * c.refinable,
+    const double worth2_m2 = std::max(worth_m * worth_m * c.refinable,
                                       kWorthRefining_sigmas * kWorthRefining_sigmas * c.sigma2_m2);
     const bool refine = !is_new() || hash_of(cube) % kRefineTurns == turn;
     if ((c.differs >= least_region() && c.differs > kMuch * c.held) ||

@@ -18,6 +18,7 @@ struct BackgroundConfig {
   double fps = 30;        ///< captures per second
   double after_s = 5;     ///< what stopped becomes part of the room after so long
   double chunk_m = 1.28;  ///< the still picture is refined cube by cube of this grid
+  double voxel_m = 0.01;  ///< what it is fused in: what is small beside that is not worth refining
 };
 
 /// What one capture says.
