@@ -226,7 +226,7 @@ TEST(Layers, StillChunksMadeBesideAreTheSameAndLeaveNoHole) {
       *node::prepare_scene(with_layers(rig_scene(small_rig(400, {test::chair_moved(80)}))));
   const std::uint32_t wanted[] = {0};
   const auto sources = node::open_sources(scene, wanted);
-  using StillWork = node::SensorNode::StillWork;
+  using node::StillWork;
   OneSensor at_once{node::SensorNode(scene, 0, {}, StillWork::at_once), {}},
       beside{node::SensorNode(scene, 0, {}, StillWork::beside), {}};
   constexpr int kChangesEnd = 171;

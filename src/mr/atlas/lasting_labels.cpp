@@ -218,7 +218,7 @@ std::vector<LastingLabels::Changes> LastingLabels::changes(
   parallel_for(views.size(), 1, [&](std::size_t begin, std::size_t end) {
     for (std::size_t i = begin; i < end; ++i) {
       TileMask& other = out[i].other = no_tiles(views[i]);
-      const auto *before = occluders_.faces(views[i]), *after = now.faces(views[i]);
+      const auto *before = occluders_->faces(views[i]), *after = now.faces(views[i]);
       mark_other_depth(before->front(), after->front(), other);
       out[i].better = other;
       const auto was = valid_.find(views[i].id), is = valid.find(views[i].id);
@@ -244,7 +244,7 @@ Mesh LastingLabels::update(const Mesh& surface, std::span<const View> views, Lab
                            bool all) {
   const bool may_carry = !last_.mesh.empty() && may_keep(views);
   kept_surface_ = may_carry && is_last_surface(surface);
-  Occluders now = kept_surface_ ? occluders_ : Occluders(surface, views);
+  const auto now = kept_surface_ ? occluders_ : std::make_shared<const Occluders>(surface, views);
   const std::vector<std::uint64_t> keys = keys_of(surface);
   Labelling next;
   if (all || !may_carry) {
@@ -252,7 +252,7 @@ Mesh LastingLabels::update(const Mesh& surface, std::span<const View> views, Lab
     config.occluders = nullptr;
   } else {
     next = carry_over(surface, keys);
-    const std::vector<Changes> changed = changes(views, now, config.valid);
+    const std::vector<Changes> changed = changes(views, *now, config.valid);
     for (std::size_t i = 0; i < views.size(); ++i) {
       const std::vector<Vec2f> at = screen_points(next.mesh, views[i]);
       for (std::size_t t = 0; t < next.is_due.size(); ++t) {
@@ -264,10 +264,10 @@ Mesh LastingLabels::update(const Mesh& surface, std::span<const View> views, Lab
           next.is_due[t] = any_tile(changed[i].better, at[a], at[b], at[c]);
       }
     }
-    config.occluders = &now;
+    config.occluders = now.get();
   }
   label_due(next, views, config);
-  last_ = std::move(next), occluders_ = std::move(now), valid_ = std::move(config.valid);
+  last_ = std::move(next), occluders_ = now, valid_ = std::move(config.valid);
   remember(surface, keys, views);
   return last_.labelled(views);
 }

@@ -2,6 +2,7 @@
 
 #include <cstdint>
 #include <map>
+#include <memory>
 #include <optional>
 #include <span>
 #include <vector>
@@ -30,8 +31,8 @@ class LastingLabels {
   /// Deterministic, and the same on any number of threads.
   Mesh update(const Mesh& surface, std::span<const View> views, LabelConfig config, bool all);
 
-  /// The depth of the last surface as its views see it.
-  const Occluders& occluders() const { return occluders_; }
+  /// The depth of the last surface as its views see it; never changed. Null before the first.
+  std::shared_ptr<const Occluders> occluders() const { return occluders_; }
   /// Whether the last surface was the same as the one before, from the same views: only labels and
   /// cuts may be others.
   bool kept_surface() const { return kept_surface_; }
@@ -58,7 +59,7 @@ class LastingLabels {
   std::vector<Triangle> triangles_;         ///< [T] of the last surface
   std::vector<std::uint32_t> first_piece_;  ///< [T + 1] in `last_`
   kit::PairMap place_{0};                   ///< of a triangle, by the hash of its corners
-  Occluders occluders_;
+  std::shared_ptr<const Occluders> occluders_;
   std::map<ViewId, TileMask> valid_;
   bool kept_surface_ = false;
 };

@@ -11,7 +11,7 @@ namespace mr::codec {
 namespace {
 
 constexpr char kMagic[] = {'M', 'R', 'W', '2'};
-constexpr std::uint32_t kWholeHead = 1, kTaken = 2;
+constexpr std::uint32_t kWholeHead = 1, kTaken = 2, kShown = 4;
 constexpr std::size_t kHeadBytes = 16, kKeyBytes = 28, kStreamBytes = 4;
 
 template <typename Integer>
@@ -50,7 +50,8 @@ std::vector<std::byte> encode_request(const Request& request) {
   MR_ASSERT(is_sorted_and_unique(request.key_frames));
   std::vector<std::byte> out;
   for (const char c : kMagic) out.push_back(static_cast<std::byte>(c));
-  put_integer(out, (request.whole_head ? kWholeHead : 0) | (request.taken ? kTaken : 0));
+  put_integer(out, (request.whole_head ? kWholeHead : 0) | (request.taken ? kTaken : 0) |
+                       (request.shown ? kShown : 0));
   put_integer(out, static_cast<std::uint32_t>(request.chunks.size()));
   put_integer(out, static_cast<std::uint32_t>(request.key_frames.size()));
   for (const ChunkKey& k : request.chunks) {
@@ -60,7 +61,8 @@ std::vector<std::byte> encode_request(const Request& request) {
       put_integer(out, v);
   }
   for (const std::uint32_t stream : request.key_frames) put_integer(out, stream);
-  if (request.taken) put_integer(out, *request.taken);
+  for (const auto& sequence : {request.taken, request.shown})
+    if (sequence) put_integer(out, *sequence);
   return out;
 }
 
@@ -72,9 +74,9 @@ Result<Request> decode_request(std::span<const std::byte> bytes) {
              streams = get<std::uint32_t>(in);
   if (chunks > Request::kMaxChunks) return wrong(Error::Cause::too_large, "too many chunks");
   if (streams > Request::kMaxStreams) return wrong(Error::Cause::too_large, "too many streams");
-  if (flags & ~(kWholeHead | kTaken)) return wrong(Error::Cause::corrupt, "unknown flags");
-  if (in.size() !=
-      chunks * kKeyBytes + streams * kStreamBytes + (flags & kTaken ? sizeof(std::uint64_t) : 0))
+  if (flags & ~(kWholeHead | kTaken | kShown)) return wrong(Error::Cause::corrupt, "unknown flags");
+  const std::size_t sequences = (flags & kTaken ? 1 : 0) + (flags & kShown ? 1 : 0);
+  if (in.size() != chunks * kKeyBytes + streams * kStreamBytes + sequences * sizeof(std::uint64_t))
     return wrong(Error::Cause::corrupt, "its length is not as it says");
   Request out;
   out.whole_head = (flags & kWholeHead) != 0;
@@ -92,6 +94,7 @@ Result<Request> decode_request(std::span<const std::byte> bytes) {
   if (!is_sorted_and_unique(out.key_frames))
     return wrong(Error::Cause::corrupt, "unsorted streams");
   if (flags & kTaken) out.taken = get<std::uint64_t>(in);
+  if (flags & kShown) out.shown = get<std::uint64_t>(in);
   return out;
 }
 

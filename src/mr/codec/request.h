@@ -19,8 +19,12 @@ struct Request {
   std::vector<ChunkKey> chunks;           ///< wanted, at most kMaxChunks
   std::optional<std::uint64_t> taken;     ///< sequence of the newest packet that was made use of
   bool whole_head = false;                ///< the base of the node's packets did not come
+  /// Sequence of the newest packet whose still surface is shown: it need not be sent as moving.
+  std::optional<std::uint64_t> shown = {};
 
-  bool empty() const { return key_frames.empty() && chunks.empty() && !taken && !whole_head; }
+  bool empty() const {
+    return key_frames.empty() && chunks.empty() && !taken && !whole_head && !shown;
+  }
   bool wants_key_frame(std::uint32_t stream) const;
   friend bool operator==(const Request&, const Request&) = default;
 };

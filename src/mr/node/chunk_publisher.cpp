@@ -88,9 +88,8 @@ bool ChunkPublisher::is_nearly(const Mesh& a, const Mesh& b) {
   return kFew * others <= of_a.size();
 }
 
-bool ChunkPublisher::set_all_still(const Mesh& mesh, float error_m, double cube_m) {
+bool ChunkPublisher::set_all_still(std::map<Vec3i, Mesh> pieces, float error_m) {
   bool any_outdated = false;
-  auto pieces = split_by_cube(mesh, cube_m);
   std::erase_if(live_, [&](const auto& item) {
     return item.first.layer == Layer::still && !pieces.contains(item.first.cube);
   });

@@ -27,10 +27,10 @@ class ChunkPublisher {
   /// Puts a chunk of the still surface in the place of the one in that cube; an empty mesh takes it
   /// away. It is on the lattice and has runs. The next publish() tells.
   void set_still(Vec3i cube, Mesh mesh, float error_m);
-  /// The same for the whole still surface, in cubes of `cube_m`. A cube in which nothing but the
-  /// views of a few triangles is other stays as it is until the next call: what it shows is nearly
-  /// right, and all of it would be sent again. Returns whether there is one.
-  bool set_all_still(const Mesh& mesh, float error_m, double cube_m);
+  /// The same for the whole still surface, by cubes of any size (split_by_cube()). A cube in which
+  /// nothing but the views of a few triangles is other stays as it is until the next call: what it
+  /// shows is nearly right, and all of it would be sent again. Returns whether there is one.
+  bool set_all_still(std::map<Vec3i, Mesh> pieces, float error_m);
 
   /// Fills the packet's manifest and chunks: the still ones, and the moving surface `mesh`, which
   /// lies on the lattice and has runs.

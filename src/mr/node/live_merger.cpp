@@ -18,7 +18,7 @@ LiveMerger::LiveMerger(const LiveContext& context, const MergerConfig& merger,
                        std::vector<EncodedChunk> background)
     : context_(context),
       node_(*context.scene, merger, merger.id == context.scene->mergers.back().id,
-            NodeClock::live()),
+            NodeClock::live(), StillWork::beside),
       credit_(context.frames_ahead) {
   const auto tell = [this](const std::string& place, const Error& error) {
     context_.log(place + ": " + error.message);
@@ -48,6 +48,8 @@ void LiveMerger::receive(const std::stop_token& stop) {
     arena.run([&] { receive_what_waits(now); });
     if (key_frames_wanted_.exchange(false)) node_.inputs().ask_key_frames();
     node_.inputs().ask_key_frames(node_.take_key_frame_wishes());
+    for (const auto& [input, sequence] : node_.take_shown())
+      ask(input, {.key_frames = {}, .chunks = {}, .taken = {}, .shown = sequence});
     for (const auto& [input, request] : node_.inputs().requests(now)) ask(input, request);
     const bool ready = node_.inputs().ready(now), begun = ready && credit_.try_begin();
     if (begun) hand_over(stop, now);

@@ -11,7 +11,7 @@ namespace mr::node {
 LiveSensor::LiveSensor(const LiveContext& context, std::uint32_t sensor,
                        std::unique_ptr<FrameSource> source)
     : context_(context),
-      node_(*context.scene, sensor, NodeClock::live(), SensorNode::StillWork::beside),
+      node_(*context.scene, sensor, NodeClock::live(), StillWork::beside),
       source_(std::move(source), context.scene->fps),
       credit_(context.frames_ahead) {
   drops_.set_listener([this](const std::string& place, const Error& error) {

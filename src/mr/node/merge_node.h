@@ -1,7 +1,9 @@
 #pragma once
 
 #include <atomic>
+#include <cstddef>
 #include <cstdint>
+#include <deque>
 #include <functional>
 #include <map>
 #include <memory>
@@ -10,25 +12,24 @@
 #include <set>
 #include <span>
 #include <string>
+#include <utility>
 #include <vector>
 
-#include "mr/atlas/labels.h"
-#include "mr/atlas/lasting_labels.h"
 #include "mr/codec/head.h"
+#include "mr/core/mesh.h"
 #include "mr/core/result.h"
 #include "mr/core/scene.h"
 #include "mr/core/trace.h"
-#include "mr/merge/coincidence.h"
 #include "mr/merge/emptiness.h"
 #include "mr/merge/part.h"
-#include "mr/merge/quality_grid.h"
 #include "mr/node/calibration_check.h"
 #include "mr/node/chunk_publisher.h"
-#include "mr/node/cube_merger.h"
 #include "mr/node/gatherer.h"
 #include "mr/node/node_clock.h"
 #include "mr/node/root_atlas.h"
-#include "mr/simplify/simplify.h"
+#include "mr/node/side_job.h"
+#include "mr/node/still_merger.h"
+#include "mr/node/surface_joiner.h"
 
 namespace mr::node {
 
@@ -41,7 +42,8 @@ namespace mr::node {
 class MergeNode {
  public:
   /// The scene must outlive the node.
-  MergeNode(const Scene& scene, const MergerConfig& merger, bool is_root, NodeClock clock = {});
+  MergeNode(const Scene& scene, const MergerConfig& merger, bool is_root, NodeClock clock = {},
+            StillWork still_work = StillWork::at_once);
 
   /// Chunks of the scene's background model, for the root. Before the first merge().
   void set_background(std::vector<EncodedChunk> chunks) {
@@ -61,7 +63,7 @@ class MergeNode {
                                        const std::function<void()>& halfway = {});
 
   /// Chunks that a receiver asked for; empty when there are none. Wishes for key frames and for a
-  /// whole head are noted.
+  /// whole head are noted, and what it shows of the still surface.
   std::vector<std::byte> answer(const codec::Request& request);
   /// null when it is not live any more. Any thread.
   std::shared_ptr<const EncodedChunk> find(const ChunkKey& key) const {
@@ -69,6 +71,9 @@ class MergeNode {
   }
   /// Streams of which key frames were asked for that the inputs have to give. Forgets them.
   std::vector<std::uint32_t> take_key_frame_wishes();
+
+  /// Inputs whose still surface is shown as their packet with that sequence had it. Forgets them.
+  std::vector<std::pair<std::size_t, std::uint64_t>> take_shown();
 
   /// The newest merged surface, before coding: what moves, then what stays. Nothing before the
   /// first.
@@ -80,9 +85,6 @@ class MergeNode {
   using DrawingListener = std::function<void(const RootAtlas::Drawing& drawing)>;
   void set_drawing_listener(DrawingListener listener) { drawing_listener_ = std::move(listener); }
 
-  /// How much of the still surface the last merge of it had to look at.
-  const CubeMerger& cubes() const { return cubes_; }
-
   /// How well the inputs fit, and a line when one does not.
   CalibrationCheck& calibration() { return calibration_; }
 
@@ -90,63 +92,35 @@ class MergeNode {
   const Trace& trace() const { return trace_; }
 
  private:
-  /// A merged surface, and what it was made from.
+  /// The merged moving surface, and what it was made from.
   struct Surface {
     std::vector<DecodedScene> scenes;  // one layer, without textures
     Mesh mesh;                         // labelled, on the lattice
     float error_m = 0;
   };
   using Parts = std::vector<merge::Part>;
-  /// The still surface, with what it is labelled from and what the moving one is compared with.
-  struct Still : Surface {
-    Mesh joined;  // not labelled yet
-    Parts parts;
-    merge::StillCover cover;
-    bool is_labelled = false;
-    double emptied_m2 = 0;                        // since it was labelled
-    std::optional<std::uint64_t> withheld_until;  // sequence; nothing: all is shown
-  };
-  /// How the still surface got its labels.
-  struct Labels {
-    atlas::LastingLabels lasting;
-    bool are_any = false;
-    bool are_outdated = false;                   ///< some were not sent
-    std::uint64_t first = 0, all = 0, last = 0;  // sequence: at first, all of it, some of it
-    std::size_t blocks = 0, blocks_at_all = 0;   // of plates, then
-    std::size_t pieces = 0, pieces_at_all = 0;   // triangles
-  };
+  using Sequences = std::map<std::size_t, std::uint64_t>;  // by input
   /// Views and sources as merge.refine corrected them.
   struct Places {
     std::vector<View> views;
     std::vector<SourceInfo> sources;
   };
 
-  /// What joining one of the surfaces remembers.
-  struct Joining {
-    merge::QualityMemory quality;
-    double triangles = 0;  ///< that the children spent on what is left, when all was joined last
+  /// A job's, beside the ticks or within one.
+  struct StillMade {
+    Result<StillMerger::Made> made;
+    std::optional<Sequences> inputs;  // whose still surfaces it shows, where some are new
   };
 
-  merge::OverlapConfig overlap_config() const;
   Packet head(const Gathered& gathered) const;
   Status merge_surfaces(const Gathered& gathered, const std::function<void()>& halfway);
   void correct(const Gathered& gathered, bool look, Parts& parts);
-  Status merge_still(const Gathered& gathered, std::vector<DecodedScene> scenes);
-  void note_fresh(const std::vector<DecodedScene>& scenes);
   void look_at_plates(const Gathered& gathered, const Parts& moving);
-  bool is_labelling_worth_it(std::uint64_t age) const;
-  Status label_still();
-  std::optional<std::uint64_t> fresh_until(Vec3i cube) const;
-  Mesh without_fresh_grey(const Mesh& mesh, const Mesh& shown,
-                          std::optional<std::uint64_t>& until) const;
+  Status bring_still(std::optional<StillMerger::Inputs> inputs, const Parts& moving);
+  Status show(StillMade still);
   Status merge_moving(std::vector<DecodedScene> scenes, const Parts& parts,
                       const std::function<void()>& halfway);
-  Mesh join(const Parts& parts, bool all, Joining& joining, const std::function<void()>& halfway);
-  Result<Mesh> decimated(const Mesh& mesh, const Joining& joining, float& error_m);
-  atlas::LabelConfig label_config(float error_m) const;
   Mesh label_moving(const Mesh& mesh, float error_m) const;
-  Mesh labelled_still();
-  Result<Mesh> on_lattice(const Mesh& mesh) const;
   Status add_textures(const Gathered& gathered, Packet& packet);
   void add_marks(const Gathered& gathered, TimePoint started, Packet& packet) const;
 
@@ -158,25 +132,26 @@ class MergeNode {
   ChunkPublisher publisher_;
   RootAtlas atlas_;
   codec::HeadWriter writer_;
-  simplify::Simplifier simplifier_;
   CalibrationCheck calibration_;
-  Joining still_joining_, moving_joining_;
-  CubeMerger cubes_;  ///< of the still surface
-  merge::EmptyPlaces empty_;
-  Labels labels_;
-  std::optional<Still> still_;     ///< none: no input has a still surface
+  Trace trace_;
+  SurfaceJoiner joiner_;  ///< of what moves
+  StillMerger still_merger_;
+  StillWork still_work_;
+  std::optional<std::vector<DecodedScene>> still_scenes_;  ///< that it was last given
+  ShownStill still_;                                       ///< no mesh: there is none yet
   std::optional<Surface> moving_;  ///< reused while the inputs' geometry stays
-  std::map<Vec3i, std::vector<ChunkKey>> still_contents_;
-  std::map<Vec3i, std::uint64_t> fresh_since_;  ///< sequence since which a still cube is another
+  merge::EmptyPlaces empty_;
+  double emptied_m2_ = 0;  ///< since the still surface was last begun
+  Sequences taken_;        ///< newest of each input
   Places places_;
   std::atomic<bool> reused_ = false;
   std::mutex wishes_mutex_;
   std::set<std::uint32_t> key_frame_wishes_;
+  Sequences shown_;  ///< still surfaces that are shown, and whose inputs were not told
+  std::deque<std::pair<std::uint64_t, Sequences>> in_packets_;  ///< own sequence, what it brought
   std::uint64_t sequence_ = 0;
   DrawingListener drawing_listener_;
-  double zipper_ms_ = 0;  ///< what closing all gaps took last; for merger.budget_ms
-  bool hurried_ = false;  ///< some gaps were left open
-  Trace trace_;
+  SideJob<StillMade> still_job_;  ///< last: it uses what is above
 };
 
 }  // namespace mr::node

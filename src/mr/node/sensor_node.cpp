@@ -150,6 +150,17 @@ ImageDepth SensorNode::clean_where(const ImageMask& mask, const Camera& camera,
   return out;
 }
 
+/// Whether the merger shows all chunks of the still surface. At once: as far as can be told, the
+/// background waits for some captures by itself. Who never says so is not waited for for ever.
+bool SensorNode::is_still_shown() {
+  constexpr int kPatience = 300;  // captures
+  if (layers_->still_changed || still_job_.is_busy() || !layers_->unsent.empty()) return false;
+  const bool shown =
+      still_work_ == StillWork::at_once || (still_on_the_way_ == 0 && still_shown_ >= still_sent_);
+  layers_->waited = shown ? 0 : layers_->waited + 1;
+  return shown || layers_->waited > kPatience;
+}
+
 /// What the background says of a frame.
 still::Moment SensorNode::look(const Frame& frame, bool is_sent) {
   const still::Moment moment =
@@ -175,8 +186,8 @@ Result<ImageDepth> SensorNode::divide(Reconstructed& out) {
     trace_.time("clean", [&] { depth = prepare_depth(*scene_, camera, frame); });
     return depth;
   }
-  // Until the still surface is sent, the moving one shows what has become still.
-  const still::Moment moment = look(frame, !layers_->still_changed && !still_job_.is_busy());
+  // Until the still surface is shown, the moving one shows what has become still.
+  const still::Moment moment = look(frame, is_still_shown());
   trace_.time("clean", [&] {
     depth = clean_where(moment.moving, camera, frame);
     out.confirmed_depth = still::confirmed_tiles(moment.confirmed, moment.moving);
@@ -260,6 +271,7 @@ Result<SensorNode::Reconstructed> SensorNode::reconstruct(Frame raw) {
   if (!joined) return joined.error();
   if (layers_) {
     out.still = std::exchange(layers_->unsent, {});
+    if (!out.still.empty()) ++still_on_the_way_, layers_->waited = 0;
     out.began_anew = std::exchange(layers_->began_anew, false);
   }
   return out;
@@ -316,6 +328,8 @@ Status SensorNode::add_mesh(const Reconstructed& surface, Packet& packet) {
 }
 
 Result<std::vector<std::byte>> SensorNode::code(const Reconstructed& surface) {
+  // Where this packet comes to nothing, the next one has the same sequence and brings the chunks.
+  if (!surface.still.empty()) still_sent_ = sequence_ + 1, --still_on_the_way_;
   Packet packet = head(surface);
   if (clock_.now) packet.marks.push_back({"sensors/reconstructed", clock_.now()});
   if (const Status coded = add_mesh(surface, packet); !coded) return coded.error();
@@ -334,6 +348,8 @@ Result<std::vector<std::byte>> SensorNode::code(const Reconstructed& surface) {
 std::vector<std::byte> SensorNode::answer(const codec::Request& request) {
   if (request.wants_key_frame(sensor_)) texture_.ask_key_frame();
   if (request.whole_head) writer_.ask_whole();
+  if (request.shown && *request.shown < sequence_)  // else of another epoch
+    still_shown_ = std::max<std::uint64_t>(still_shown_, *request.shown + 1);
   return publisher_.answer(request.chunks);
 }
 

@@ -1,6 +1,8 @@
 #pragma once
 
+#include <atomic>
 #include <cstddef>
+#include <cstdint>
 #include <memory>
 #include <optional>
 #include <string>
@@ -41,10 +43,6 @@ class SensorNode {
     bool began_anew = false;  // the camera was pushed: what was known does not hold any more
   };
 
-  /// When the chunks of the still surface are made, once the room is learnt: within
-  /// reconstruct(), so that the same frames give the same bytes; or beside it, as a SideJob.
-  enum class StillWork { at_once, beside };
-
   /// The scene must outlive the node.
   SensorNode(const Scene& scene, std::uint32_t sensor_index, NodeClock clock = {},
              StillWork still_work = StillWork::at_once);
@@ -66,7 +64,7 @@ class SensorNode {
   Result<std::vector<std::byte>> code(const Reconstructed& surface);
 
   /// Chunks that a receiver asked for; empty when there are none. Wishes for a key frame and for a
-  /// whole head are noted.
+  /// whole head are noted, and what it shows of the still surface.
   std::vector<std::byte> answer(const codec::Request& request);
 
   Trace& trace() { return trace_; }
@@ -90,9 +88,11 @@ class SensorNode {
     std::size_t chunks = 0;          ///< of the surface
     std::vector<StillChunk> unsent;  ///< changed, and the frame that was to tell came to nothing
     bool still_changed = false;      ///< since chunks were last begun
+    int waited = 0;                  ///< captures, for word that the newest chunks are shown
     bool began_anew = false;         ///< and nobody was told yet
   };
   using StillChunks = Result<std::vector<StillChunk>>;
+  bool is_still_shown();
   still::Moment look(const Frame& frame, bool is_sent);
   StillChunks make_still(const Frame& still);
   Status accept(StillChunks made);
@@ -115,7 +115,12 @@ class SensorNode {
   std::vector<PatchWorker> workers_;  ///< one per patch
   std::optional<Layers> layers_;      ///< none: everything is made anew with every frame
   StillWork still_work_;
-  std::uint64_t sequence_ = 0;
+  std::atomic<std::uint64_t> sequence_ = 0;
+  /// Frames with still chunks that were reconstructed and are not coded yet.
+  std::atomic<int> still_on_the_way_ = 0;
+  /// One more than the sequence of the newest packet with still chunks, and of the newest whose
+  /// still surface is shown.
+  std::atomic<std::uint64_t> still_sent_ = 0, still_shown_ = 0;
   Trace trace_;
   SideJob<StillChunks> still_job_;  ///< last: it uses what is above
 };

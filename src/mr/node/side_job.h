@@ -12,6 +12,10 @@
 
 namespace mr::node {
 
+/// When a node works on what stays: within its tick, so that the same captures give the same bytes;
+/// or, once most of the room is learnt, beside its ticks, as a SideJob.
+enum class StillWork { at_once, beside };
+
 /// One job at a time beside its owner's own work: on one thread, at low priority, so that what is
 /// live goes first. Not thread-safe: one owner, who waits for the job when he ends.
 template <typename T>

@@ -1,0 +1,199 @@
+#include "mr/node/still_merger.h"
+
+#include <algorithm>
+#include <utility>
+
+#include "mr/kit/raycast.h"
+#include "mr/node/chunk_publisher.h"
+#include "mr/node/sensor_node.h"
+
+namespace mr::node {
+namespace {
+
+constexpr double kReach_voxels = 48;  // three cells of the quality grid
+
+// Ticks: how long a fresh still triangle without a plate waits for one (less than the ten captures
+// in which the moving surface shows it, too); how long still surface without a plate waits for one;
+// and how long at most those that have one wait for a better.
+constexpr std::uint64_t kPatience = 8, kRelabelEvery = 30, kLabelAllEvery = 3000;
+// The same where hardly any more have come; one block in so many is not hardly any.
+constexpr std::uint64_t kRelabelLateEvery = 300;
+constexpr std::size_t kManyBlocks = 100;
+// The root sends the still surface in cubes that divide the chunk grid's: a change reaches fewer
+// triangles.
+constexpr int kStillPerCube = 2;
+// Ticks between removals of what was carried away, where that is much, or little.
+constexpr std::uint64_t kEmptyEvery = 15, kLittleEvery = 30;
+constexpr double kMuchEmptied_m2 = 0.02;
+constexpr double kWorthWithholding_m2 = 0.02;
+constexpr double kManyCuts = 1.3;  // times as many triangles as when all was labelled
+
+/// The precision of the noisiest of several sensors, as seen from 2 m.
+Precision noisiest(const std::vector<SourceInfo>& sources) {
+  const auto worst = std::max_element(sources.begin(), sources.end(),
+                                      [](const SourceInfo& a, const SourceInfo& b) {
+                                        return a.precision.sigma_m(2) < b.precision.sigma_m(2);
+                                      });
+  return worst == sources.end() ? Precision{} : worst->precision;
+}
+
+float largest_error_m(const std::vector<merge::Part>& parts) {
+  float most = 0;
+  for (const merge::Part& part : parts) most = std::max(most, part.error_m);
+  return most;
+}
+
+}  // namespace
+
+atlas::LabelConfig label_config(const Scene& scene, const std::vector<SourceInfo>& sources,
+                                float error_m) {
+  return {.views = scene.atlas.views,
+          .geometry_error_m = texturing_error_m(scene, error_m),
+          .precision = noisiest(sources),
+          .min_edge_m = 2 * scene.voxel_m};
+}
+
+StillMerger::StillMerger(const Scene& scene, const MergerConfig& merger, bool is_root, Trace& trace)
+    : scene_(&scene),
+      is_root_(is_root),
+      trace_(&trace),
+      joiner_(scene, merger, is_root, trace),
+      cubes_(scene.fusion.chunk_m, kReach_voxels * scene.voxel_m) {}
+
+/// Whether there are enough more blocks of plates than when the surface was labelled last, or any,
+/// after a while; then labels that were not sent count, too.
+bool StillMerger::is_labelling_worth_it(std::uint64_t age, std::size_t valid_blocks) const {
+  if (labels_.are_outdated && age >= kRelabelLateEvery) return true;
+  return valid_blocks > labels_.blocks &&
+         (age >= kRelabelLateEvery ||
+          kManyBlocks * (valid_blocks - labels_.blocks) >= valid_blocks);
+}
+
+bool StillMerger::is_due(std::uint64_t sequence, std::size_t valid_blocks,
+                         double emptied_m2) const {
+  const std::uint64_t age = sequence - labels_.last;
+  const std::uint64_t empty_every = emptied_m2 >= kMuchEmptied_m2 ? kEmptyEvery : kLittleEvery;
+  return !is_labelled_ || (emptied_m2 > 0 && age >= empty_every) ||
+         (withheld_until_ && sequence >= *withheld_until_) ||
+         (is_root_ && age >= kRelabelEvery && is_labelling_worth_it(age, valid_blocks));
+}
+
+Result<StillMerger::Made> StillMerger::update(Task task) {
+  if (task.inputs)
+    if (const Status joined = join(*std::move(task.inputs), task.sequence); !joined)
+      return joined.error();
+  const Mesh textured =
+      trace_->time("atlas", [&] { return is_root_ ? labelled(task) : joined_.mesh; });
+  std::optional<std::uint64_t> withheld_until;
+  const bool withhold = is_root_ && !task.views.empty();
+  auto mesh = on_lattice(
+      withhold ? without_fresh_grey(textured, task.sequence, withheld_until) : textured, *scene_);
+  if (!mesh) {
+    is_labelled_ = false;
+    return mesh.error();
+  }
+  const bool is_whole = !withheld_until && !withheld_until_;
+  withheld_until_ = withheld_until;
+  shown_.mesh = std::make_shared<const Mesh>(*std::move(mesh));
+  shown_.error_m = joined_.error_m;
+  if (!is_labelled_ || !is_whole || !labels_.lasting.kept_surface())
+    shown_.cover = std::make_shared<const merge::StillCover>(*shown_.mesh, joined_.parts,
+                                                             overlap_config(*scene_));
+  if (is_root_) shown_.occluders = labels_.lasting.occluders();
+  is_labelled_ = true;
+  const double cube_m = scene_->fusion.chunk_m / (is_root_ ? kStillPerCube : 1);
+  return Made{shown_, split_by_cube(*shown_.mesh, cube_m)};
+}
+
+/// Overlap removal, zipper and islands where an input changed. It is labelled later.
+Status StillMerger::join(Inputs inputs, std::uint64_t sequence) {
+  is_labelled_ = false;
+  const auto& [scenes, parts] = inputs;
+  const auto join_some = [&](const std::vector<merge::Part>& some, bool all) {
+    return joiner_.join(some, all);
+  };
+  // Corrections of poses (merge.refine) concern all that an input has.
+  const bool whole = scene_->merge.refine || scene_->merge.leave_out_mm > 0;
+  const Mesh joined = whole ? join_some(parts, true) : cubes_.run(scenes, parts, join_some);
+  if (joiner_.take_hurried()) cubes_.forget();  // seams are open
+  note_fresh(scenes, sequence);
+  float error_m = largest_error_m(parts);
+  auto small = joiner_.decimated(joined, error_m);
+  if (!small) return small.error();
+  joined_ = {*std::move(small), std::move(inputs.parts), error_m};
+  return {};
+}
+
+/// Notes which cubes are fresh. Another change does not prolong that: what came before it is not
+/// sent as moving for longer.
+void StillMerger::note_fresh(const std::vector<DecodedScene>& scenes, std::uint64_t sequence) {
+  std::map<Vec3i, std::vector<ChunkKey>> contents;
+  for (const DecodedScene& scene : scenes)
+    for (const auto& chunk : scene.chunks) contents[chunk->key.id.cube].push_back(chunk->key);
+  for (const auto& [cube, keys] : contents) {
+    const auto before = contents_.find(cube);
+    const bool changed = before == contents_.end() || before->second != keys;
+    const auto since = fresh_since_.find(cube);
+    if (changed && (since == fresh_since_.end() || sequence > since->second + kPatience))
+      fresh_since_[cube] = sequence;
+  }
+  contents_ = std::move(contents);
+}
+
+/// Until which tick a cube is fresh; nothing: it is not.
+std::optional<std::uint64_t> StillMerger::fresh_until(Vec3i cube, std::uint64_t sequence) const {
+  const auto since = fresh_since_.find(cube);
+  if (since == fresh_since_.end() || sequence >= since->second + kPatience) return std::nullopt;
+  return since->second + kPatience;
+}
+
+/// Without triangles that have no plate, where they are fresh and nothing was shown before: until
+/// they have, or it is plain that nobody sees their colour, they stay with the moving surface.
+Mesh StillMerger::without_fresh_grey(const Mesh& mesh, std::uint64_t sequence,
+                                     std::optional<std::uint64_t>& until) const {
+  const Mesh nothing;
+  const Mesh& shown = shown_.mesh ? *shown_.mesh : nothing;
+  std::vector<std::uint8_t> keep(mesh.triangles.size(), 1);
+  std::optional<kit::RayScene> before;
+  double withheld_m2 = 0;
+  for (const ViewRun& run : mesh.runs) {
+    if (run.view != kNoView) continue;
+    for (std::uint32_t t = run.first; t < run.first + run.count; ++t) {
+      const Vec3f p = mesh.centroid(t);
+      const auto fresh =
+          fresh_until(cube_of(vec_cast<double>(p), scene_->fusion.chunk_m), sequence);
+      if (!fresh) continue;
+      const Mesh* const meshes[] = {&shown};
+      if (!before) before.emplace(meshes);
+      if (before->nearest(p, static_cast<float>(2 * scene_->voxel_m))) continue;
+      keep[t] = 0, withheld_m2 += 0.5 * length(mesh.area_normal(t));
+      until = std::min(until.value_or(*fresh), *fresh);
+    }
+  }
+  if (withheld_m2 < kWorthWithholding_m2) until.reset();
+  return until ? select_triangles(mesh, keep) : mesh;
+}
+
+/// With the plates that texture it: chosen where something changed, and at times, the longer it is
+/// there the more seldom, everywhere, as there are more plates to choose from.
+Mesh StillMerger::labelled(const Task& task) {
+  const std::uint64_t wait = std::clamp(labels_.all - labels_.first, kPatience, kLabelAllEvery);
+  // What was before another thing for a while leaves its cuts.
+  const bool many_cuts =
+      static_cast<double>(labels_.pieces) > kManyCuts * static_cast<double>(labels_.pieces_at_all);
+  const bool all = !labels_.are_any || ((task.valid_blocks > labels_.blocks_at_all || many_cuts) &&
+                                        task.sequence >= labels_.all + wait);
+  if (!std::exchange(labels_.are_any, true)) labels_.first = task.sequence;
+  labels_.last = task.sequence, labels_.blocks = task.valid_blocks;
+  atlas::LabelConfig config = label_config(*scene_, task.sources, joined_.error_m);
+  config.valid = task.valid;
+  Mesh out = labels_.lasting.update(task.empty.without_empty(joined_.mesh), task.views,
+                                    std::move(config), all);
+  labels_.pieces = out.triangles.size();
+  if (all)
+    labels_.all = task.sequence, labels_.blocks_at_all = task.valid_blocks,
+    labels_.pieces_at_all = labels_.pieces;
+  return out;
+}
+
+}  // namespace mr::node
