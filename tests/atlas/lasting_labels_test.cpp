@@ -4,6 +4,7 @@
 
 #include <array>
 #include <functional>
+#include <span>
 #include <vector>
 
 #include "atlas/walls.h"
@@ -16,6 +17,7 @@ namespace {
 
 using atlas::LabelConfig;
 using atlas::LastingLabels;
+using Extent = LastingLabels::Extent;
 using test::labelled_area;
 
 const std::vector<View> kViews = {test::view(0, {-0.5, 0, 0}, {0, 0, 2}),
@@ -53,24 +55,24 @@ std::vector<std::array<Vec3f, 3>> soup(const Mesh& mesh, const std::function<boo
 
 TEST(LastingLabels, AtFirstTheyAreThoseOfTheWholeSurface) {
   LastingLabels labels;
-  EXPECT_EQ(labels.update(wall_and_box(), kViews, kConfig, false),
+  EXPECT_EQ(labels.update(wall_and_box(), kViews, kConfig, Extent::changes),
             atlas::label_triangles(wall_and_box(), kViews, kConfig));
 }
 
 TEST(LastingLabels, WithoutChangesNothingChanges) {
   LastingLabels labels;
-  const Mesh before = labels.update(wall_and_box(), kViews, kConfig, true);
-  const Mesh after = labels.update(wall_and_box(), kViews, kConfig, false);
+  const Mesh before = labels.update(wall_and_box(), kViews, kConfig, Extent::everything);
+  const Mesh after = labels.update(wall_and_box(), kViews, kConfig, Extent::changes);
   const auto everywhere = [](Vec3f) { return true; };
   EXPECT_EQ(soup(after, everywhere), soup(before, everywhere));
   EXPECT_EQ(after.runs, before.runs);
-  EXPECT_EQ(labels.update(wall_and_box(), kViews, kConfig, true), before);
+  EXPECT_EQ(labels.update(wall_and_box(), kViews, kConfig, Extent::everything), before);
 }
 
 TEST(LastingLabels, WhatComesBeforeAWallIsNotPaintedOntoIt) {
   LastingLabels labels;
-  labels.update(kWall, kViews, kConfig, true);
-  const Mesh mesh = labels.update(wall_and_box(), kViews, kConfig, false);
+  labels.update(kWall, kViews, kConfig, Extent::everything);
+  const Mesh mesh = labels.update(wall_and_box(), kViews, kConfig, Extent::changes);
   const Mesh anew = atlas::label_triangles(wall_and_box(), kViews, kConfig);
   for (const ViewId id : {ViewId{0}, ViewId{1}, kNoView})
     EXPECT_NEAR(labelled_area(mesh, id), labelled_area(anew, id), 0.05) << id;
@@ -79,20 +81,35 @@ TEST(LastingLabels, WhatComesBeforeAWallIsNotPaintedOntoIt) {
 
 TEST(LastingLabels, WhatIsUncoveredGetsAView) {
   LastingLabels labels;
-  labels.update(wall_and_box(), kViews, kConfig, true);
-  const Mesh mesh = labels.update(kWall, kViews, kConfig, false);
+  labels.update(wall_and_box(), kViews, kConfig, Extent::everything);
+  const Mesh mesh = labels.update(kWall, kViews, kConfig, Extent::changes);
   EXPECT_NEAR(labelled_area(mesh, kNoView), 0, 1e-4);
   EXPECT_NEAR(border_m(mesh), 4 * 1.6, 1e-4);
 }
 
+TEST(LastingLabels, InAHurryWhatGoesGoesAndWhatItHidWaits) {
+  LastingLabels labels;
+  const std::span one(kViews.data(), 1);  // the other one sees what is behind the box
+  const Mesh before = labels.update(wall_and_box(), one, kConfig, Extent::everything);
+  const Mesh hurried = labels.update(kWall, one, kConfig, Extent::new_surface);
+  const auto of_wall = [](Vec3f p) { return p.z > 1.5f; };
+  EXPECT_EQ(soup(hurried, of_wall), soup(before, of_wall));
+  EXPECT_EQ(soup(hurried, of_wall).size(), hurried.triangles.size());
+  EXPECT_GT(labelled_area(hurried, kNoView), 0.01);
+  // What was old is seen however often there was a hurry since, and though nothing else changes.
+  labels.update(kWall, one, kConfig, Extent::new_surface);
+  const Mesh seen = labels.update(kWall, one, kConfig, Extent::changes);
+  EXPECT_NEAR(labelled_area(seen, kNoView), 0, 1e-4);
+}
+
 TEST(LastingLabels, WhereTheSurfaceStaysItsTrianglesStay) {
   LastingLabels labels;
-  const Mesh before = labels.update(kWall, kViews, kConfig, true);
+  const Mesh before = labels.update(kWall, kViews, kConfig, Extent::everything);
   // A corner of the wall comes forward a little: other triangles there, none elsewhere.
   Mesh bulged = kWall;
   for (Vec3f& p : bulged.positions)
     if (p.x > 0.4f && p.y > 0.4f) p.z -= 0.02f;
-  const Mesh after = labels.update(bulged, kViews, kConfig, false);
+  const Mesh after = labels.update(bulged, kViews, kConfig, Extent::changes);
   const auto far_away = [](Vec3f p) { return p.x < 0.2f || p.y < 0.2f; };
   EXPECT_EQ(soup(after, far_away), soup(before, far_away));
   EXPECT_NEAR(border_m(after), border_m(bulged), 1e-4);
@@ -100,11 +117,12 @@ TEST(LastingLabels, WhereTheSurfaceStaysItsTrianglesStay) {
 
 TEST(LastingLabels, CutsMeetThoseOfNewTriangles) {
   LastingLabels labels;
-  labels.update(wall_and_box(), kViews, kConfig, true);  // the wall is cut around the shadows
+  labels.update(wall_and_box(), kViews, kConfig,
+                Extent::everything);  // the wall is cut around the shadows
   Mesh other = wall_and_box();
   for (Vec3f& p : other.positions)
     if (p.z > 1.9f && p.x > 0.1f) p.z += 0.01f;
-  const Mesh mesh = labels.update(other, kViews, kConfig, false);
+  const Mesh mesh = labels.update(other, kViews, kConfig, Extent::changes);
   EXPECT_NEAR(border_m(mesh), border_m(other), 1e-4);
   EXPECT_NEAR(surface_area_m2(mesh), surface_area_m2(other), 1e-4);
 }
@@ -124,22 +142,23 @@ TEST(LastingLabels, BlocksThatBecomeValidAreUsedAndSuchAsAreNotAreLeft) {
   LastingLabels labels;
   double last = -1;
   for (const int columns : {0, 6, 12, 20}) {
-    const double area = labelled_area(labels.update(kWall, one, config(columns), false), 0);
+    const double area =
+        labelled_area(labels.update(kWall, one, config(columns), Extent::changes), 0);
     EXPECT_GT(area, last) << columns;
     last = area;
   }
-  const Mesh fewer = labels.update(kWall, one, config(6), false);
+  const Mesh fewer = labels.update(kWall, one, config(6), Extent::changes);
   EXPECT_NEAR(labelled_area(fewer, 0),
               labelled_area(atlas::label_triangles(kWall, one, config(6)), 0), 0.03);
 }
 
 TEST(LastingLabels, AnotherCameraIsAnotherMatter) {
   LastingLabels labels;
-  labels.update(wall_and_box(), kViews, kConfig, true);
+  labels.update(wall_and_box(), kViews, kConfig, Extent::everything);
   const std::vector<View> moved = {test::view(0, {-0.4, 0.1, 0}, {0, 0, 2}), kViews[1]};
-  EXPECT_EQ(labels.update(wall_and_box(), moved, kConfig, false),
+  EXPECT_EQ(labels.update(wall_and_box(), moved, kConfig, Extent::changes),
             atlas::label_triangles(wall_and_box(), moved, kConfig));
-  EXPECT_TRUE(labels.update({}, moved, kConfig, false).empty());
+  EXPECT_TRUE(labels.update({}, moved, kConfig, Extent::changes).empty());
 }
 
 TEST(LastingLabels, SameOnAnyNumberOfThreads) {
@@ -148,8 +167,8 @@ TEST(LastingLabels, SameOnAnyNumberOfThreads) {
     Arena arena(threads);
     arena.run([&] {
       LastingLabels labels;
-      labels.update(kWall, kViews, kConfig, true);
-      results.push_back(labels.update(wall_and_box(), kViews, kConfig, false));
+      labels.update(kWall, kViews, kConfig, Extent::everything);
+      results.push_back(labels.update(wall_and_box(), kViews, kConfig, Extent::changes));
     });
   }
   EXPECT_EQ(results[0], results[1]);

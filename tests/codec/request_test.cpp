@@ -14,7 +14,8 @@ Request full() {
 
 TEST(Request, RoundTrip) {
   for (const Request& request :
-       {Request{}, full(), Request{{7}, {}, {}}, Request{{}, {}, 0}, Request{{}, {}, {}, true}}) {
+       {Request{}, full(), Request{{7}, {}, {}}, Request{{}, {}, 0}, Request{{}, {}, {}, true},
+        Request{{}, {}, 3, false, 2}, Request{{}, {}, {}, false, 0}}) {
     const auto back = decode_request(encode_request(request));
     ASSERT_TRUE(back) << back.error().message;
     EXPECT_EQ(*back, request);

@@ -20,6 +20,7 @@
 namespace mr {
 namespace {
 
+using node::StillWork;
 using test::Captures;
 using test::Difference;
 using test::doubled_share;
@@ -201,10 +202,14 @@ TEST(Layers, ChunksMadeAtDifferentTimesFit) {
   EXPECT_GT(times.size(), 2u);
 }
 
-/// What a receiver of one sensor has: still chunks as they came, and what moves.
+/// What a receiver of one sensor has: still chunks as they came, and what moves. It says when it
+/// shows them, or never.
 struct OneSensor {
   node::SensorNode node;
-  Chunks still;
+  bool says_so = true;
+  Chunks still = {};
+  std::uint64_t sequence = 0;
+  double moving_m2 = 0;
 
   Mesh surface(Frame frame) {
     auto made = node.reconstruct(std::move(frame));
@@ -213,6 +218,10 @@ struct OneSensor {
       still[chunk.cube] = chunk.mesh;
       if (chunk.mesh.empty()) still.erase(chunk.cube);
     }
+    EXPECT_TRUE(node.code(*made));
+    if (says_so) node.answer({.key_frames = {}, .chunks = {}, .taken = {}, .shown = sequence});
+    ++sequence;
+    moving_m2 = surface_area_m2(made->mesh);
     Mesh out = std::move(made->mesh);
     for (const auto& [cube, mesh] : still) append(out, mesh);
     return out;
@@ -226,9 +235,8 @@ TEST(Layers, StillChunksMadeBesideAreTheSameAndLeaveNoHole) {
       *node::prepare_scene(with_layers(rig_scene(small_rig(400, {test::chair_moved(80)}))));
   const std::uint32_t wanted[] = {0};
   const auto sources = node::open_sources(scene, wanted);
-  using node::StillWork;
-  OneSensor at_once{node::SensorNode(scene, 0, {}, StillWork::at_once), {}},
-      beside{node::SensorNode(scene, 0, {}, StillWork::beside), {}};
+  OneSensor at_once{node::SensorNode(scene, 0, {}, StillWork::at_once)},
+      beside{node::SensorNode(scene, 0, {}, StillWork::beside)};
   constexpr int kChangesEnd = 171;
   bool same = false;
   for (int i = 0; i < 400 && !(same && i > kChangesEnd); ++i) {
@@ -245,15 +253,39 @@ TEST(Layers, StillChunksMadeBesideAreTheSameAndLeaveNoHole) {
   EXPECT_TRUE(same);
 }
 
+/// Until a live sensor hears that its still surface is shown, all of it goes on as moving; but not
+/// for ever.
+TEST(Layers, ASensorSendsAsMovingWhatNobodySaysIsShown) {
+  const Scene scene = *node::prepare_scene(with_layers(rig_scene(small_rig(400))));
+  const std::uint32_t wanted[] = {0};
+  const auto sources = node::open_sources(scene, wanted);
+  OneSensor heard{node::SensorNode(scene, 0, {}, StillWork::beside)},
+      unheard{node::SensorNode(scene, 0, {}, StillWork::beside), false};
+  double room_m2 = 0;
+  auto run_to = [&, next = 0](int end) mutable {
+    for (; next < end; ++next) {
+      const Frame frame = **sources[0]->next();
+      room_m2 = surface_area_m2(heard.surface(frame));
+      unheard.surface(frame);
+    }
+  };
+  run_to(100);
+  EXPECT_LT(heard.moving_m2, 0.02 * room_m2);
+  EXPECT_GT(unheard.moving_m2, 0.5 * room_m2);
+  unheard.says_so = true;
+  run_to(112);
+  EXPECT_LT(unheard.moving_m2, 0.02 * room_m2);
+}
+
 /// A scene's nodes; what the root sends, and what it answers.
 class Nodes {
  public:
-  explicit Nodes(const Scene& scene)
-      : scene_(*node::prepare_scene(scene)), root_(scene_, scene_.mergers[0], true) {
+  explicit Nodes(const Scene& scene, StillWork work = StillWork::at_once)
+      : scene_(*node::prepare_scene(scene)), root_(scene_, scene_.mergers[0], true, {}, work) {
     std::vector<std::uint32_t> all;
     for (std::uint32_t i = 0; i < scene_.sensors.size(); ++i) {
       all.push_back(i);
-      sensors_.push_back(std::make_unique<node::SensorNode>(scene_, i));
+      sensors_.push_back(std::make_unique<node::SensorNode>(scene_, i, node::NodeClock{}, work));
     }
     sources_ = node::open_sources(scene_, all);
   }
@@ -267,8 +299,12 @@ class Nodes {
       EXPECT_TRUE(root_.inputs().receive(i, *sensors_[i]->code(*surface), now));
     }
     const auto gathered = root_.inputs().gather(now + std::chrono::milliseconds(60));
-    return *root_.merge(**gathered);
+    auto bytes = *root_.merge(**gathered);
+    for (const auto& [input, sequence] : root_.take_shown())
+      sensors_[input]->answer({.key_frames = {}, .chunks = {}, .taken = {}, .shown = sequence});
+    return bytes;
   }
+  Mesh surface() const { return *root_.surface(); }
   std::vector<std::byte> answer(const codec::Request& request) { return root_.answer(request); }
   const Scene& scene() const { return scene_; }
 
@@ -278,6 +314,24 @@ class Nodes {
   std::vector<std::unique_ptr<node::SensorNode>> sensors_;
   node::MergeNode root_;
 };
+
+/// Live, a merger's still work goes on beside its ticks, too: nothing is missing meanwhile, and in
+/// the end it shows the same.
+TEST(Layers, AStillSurfaceMergedBesideTheTicksLeavesNoHole) {
+  RigConfig rig = small_rig(400, {test::chair_moved(70)});
+  const Scene scene = with_layers(rig_scene(rig));
+  Nodes at_once(scene), beside(scene, StillWork::beside);
+  double missing = 1;
+  for (int i = 0; i < 190; ++i) {
+    at_once.next(), beside.next();
+    if (i >= 70) std::this_thread::sleep_for(std::chrono::milliseconds(i < 170 ? i % 7 : 60));
+    if (i % 4 != 0 && i != 189) continue;
+    const Mesh expected = at_once.surface(), actual = beside.surface();
+    missing = share_without(expected, actual, scene.voxel_m);
+    EXPECT_LT(missing, 0.02) << "capture " << i;
+    EXPECT_LT(share_without(actual, expected, scene.voxel_m), i < 189 ? 0.06 : 0.01) << i;
+  }
+}
 
 /// Who takes a node's packets, on a line that may lose some, and asks for what is lacking.
 class Taker {

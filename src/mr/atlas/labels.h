@@ -14,18 +14,7 @@
 
 namespace mr::atlas {
 
-/// Surface that may hide another from some views: how far away each of them sees it.
-class Occluders {
- public:
-  Occluders() = default;
-  Occluders(const Mesh& mesh, std::span<const View> views);
-
-  /// A pinhole's picture, or the six of a panorama; null for a view that is not known.
-  const std::vector<ImageDepth>* faces(const View& view) const;
-
- private:
-  std::map<ViewId, std::vector<ImageDepth>> faces_;
-};
+class Occluders;
 
 struct LabelConfig {
   AtlasConfig::Views views = AtlasConfig::Views::coherent;

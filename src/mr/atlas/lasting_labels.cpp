@@ -241,13 +241,17 @@ std::vector<LastingLabels::Changes> LastingLabels::changes(
 }
 
 Mesh LastingLabels::update(const Mesh& surface, std::span<const View> views, LabelConfig config,
-                           bool all) {
+                           Extent extent) {
   const bool may_carry = !last_.mesh.empty() && may_keep(views);
   kept_surface_ = may_carry && is_last_surface(surface);
-  const auto now = kept_surface_ ? occluders_ : std::make_shared<const Occluders>(surface, views);
+  const bool quick = may_carry && extent == Extent::new_surface;
+  const bool was_old =
+      std::exchange(occluders_are_old_, quick && (occluders_are_old_ || !kept_surface_));
+  const bool keep = quick || (kept_surface_ && !was_old);
+  const auto now = keep ? occluders_ : std::make_shared<const Occluders>(surface, views);
   const std::vector<std::uint64_t> keys = keys_of(surface);
   Labelling next;
-  if (all || !may_carry) {
+  if (extent == Extent::everything || !may_carry) {
     next = Labelling::of(surface);
     config.occluders = nullptr;
   } else {

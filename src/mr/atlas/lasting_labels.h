@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "mr/atlas/labels.h"
+#include "mr/atlas/occluders.h"
 #include "mr/core/image.h"
 #include "mr/core/mesh.h"
 #include "mr/core/packet.h"
@@ -25,13 +26,18 @@ namespace mr::atlas {
 /// pinhole, all is labelled each time.
 class LastingLabels {
  public:
-  /// The surface with runs; vertices that cutting added may lie off the lattice. `surface` is
-  /// welded. `config.occluders` is not used; `config.valid` is of
-  /// tiles of 16 pixels. `all`: label everything, as label_triangles() does.
-  /// Deterministic, and the same on any number of threads.
-  Mesh update(const Mesh& surface, std::span<const View> views, LabelConfig config, bool all);
+  /// What is looked at: everything, as label_triangles() does; what is not as it was; or of that
+  /// only what is new to the surface and what its views' masks changed, quickly: what it hides or
+  /// uncovers is seen the next time.
+  enum class Extent { everything, changes, new_surface };
 
-  /// The depth of the last surface as its views see it; never changed. Null before the first.
+  /// The surface with runs; vertices that cutting added may lie off the lattice. `surface` is
+  /// welded. `config.occluders` is not used; `config.valid` is of tiles of 16 pixels.
+  /// Deterministic, and the same on any number of threads.
+  Mesh update(const Mesh& surface, std::span<const View> views, LabelConfig config, Extent extent);
+
+  /// The depth of the last surface as its views see it (Extent::new_surface: of the one before);
+  /// never changed. Null before the first.
   std::shared_ptr<const Occluders> occluders() const { return occluders_; }
   /// Whether the last surface was the same as the one before, from the same views: only labels and
   /// cuts may be others.
@@ -62,6 +68,7 @@ class LastingLabels {
   std::shared_ptr<const Occluders> occluders_;
   std::map<ViewId, TileMask> valid_;
   bool kept_surface_ = false;
+  bool occluders_are_old_ = false;  ///< of a surface before the last
 };
 
 }  // namespace mr::atlas

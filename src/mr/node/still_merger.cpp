@@ -25,6 +25,7 @@ constexpr int kStillPerCube = 2;
 // Ticks between removals of what was carried away, where that is much, or little.
 constexpr std::uint64_t kEmptyEvery = 15, kLittleEvery = 30;
 constexpr double kMuchEmptied_m2 = 0.02;
+constexpr std::uint64_t kLookEvery = 90;  // ticks until what that uncovered is labelled
 constexpr double kWorthWithholding_m2 = 0.02;
 constexpr double kManyCuts = 1.3;  // times as many triangles as when all was labelled
 
@@ -75,15 +76,19 @@ bool StillMerger::is_due(std::uint64_t sequence, std::size_t valid_blocks,
   const std::uint64_t empty_every = emptied_m2 >= kMuchEmptied_m2 ? kEmptyEvery : kLittleEvery;
   return !is_labelled_ || (emptied_m2 > 0 && age >= empty_every) ||
          (withheld_until_ && sequence >= *withheld_until_) ||
+         (labels_.is_look_due && sequence >= labels_.looked + kLookEvery) ||
          (is_root_ && age >= kRelabelEvery && is_labelling_worth_it(age, valid_blocks));
 }
 
 Result<StillMerger::Made> StillMerger::update(Task task) {
+  using Extent = atlas::LastingLabels::Extent;
+  const Extent extent = extent_of(task);
+  const bool was_quick = labels_.is_look_due;
   if (task.inputs)
     if (const Status joined = join(*std::move(task.inputs), task.sequence); !joined)
       return joined.error();
   const Mesh textured =
-      trace_->time("atlas", [&] { return is_root_ ? labelled(task) : joined_.mesh; });
+      trace_->time("atlas", [&] { return is_root_ ? labelled(task, extent) : joined_.mesh; });
   std::optional<std::uint64_t> withheld_until;
   const bool withhold = is_root_ && !task.views.empty();
   auto mesh = on_lattice(
@@ -96,7 +101,8 @@ Result<StillMerger::Made> StillMerger::update(Task task) {
   withheld_until_ = withheld_until;
   shown_.mesh = std::make_shared<const Mesh>(*std::move(mesh));
   shown_.error_m = joined_.error_m;
-  if (!is_labelled_ || !is_whole || !labels_.lasting.kept_surface())
+  if (!is_labelled_ || !is_whole ||
+      (extent != Extent::new_surface && (was_quick || !labels_.lasting.kept_surface())))
     shown_.cover = std::make_shared<const merge::StillCover>(*shown_.mesh, joined_.parts,
                                                              overlap_config(*scene_));
   if (is_root_) shown_.occluders = labels_.lasting.occluders();
@@ -174,23 +180,36 @@ Mesh StillMerger::without_fresh_grey(const Mesh& mesh, std::uint64_t sequence,
   return until ? select_triangles(mesh, keep) : mesh;
 }
 
-/// With the plates that texture it: chosen where something changed, and at times, the longer it is
-/// there the more seldom, everywhere, as there are more plates to choose from.
-Mesh StillMerger::labelled(const Task& task) {
+/// Everything at times, the longer it is there the more seldom, as there are more plates to choose
+/// from. What was carried away goes soon; to see what that uncovers costs more, and has time.
+atlas::LastingLabels::Extent StillMerger::extent_of(const Task& task) const {
+  using Extent = atlas::LastingLabels::Extent;
   const std::uint64_t wait = std::clamp(labels_.all - labels_.first, kPatience, kLabelAllEvery);
   // What was before another thing for a while leaves its cuts.
   const bool many_cuts =
       static_cast<double>(labels_.pieces) > kManyCuts * static_cast<double>(labels_.pieces_at_all);
-  const bool all = !labels_.are_any || ((task.valid_blocks > labels_.blocks_at_all || many_cuts) &&
-                                        task.sequence >= labels_.all + wait);
+  if (!labels_.are_any || ((task.valid_blocks > labels_.blocks_at_all || many_cuts) &&
+                           task.sequence >= labels_.all + wait))
+    return Extent::everything;
+  const bool is_old = task.inputs || !is_labelled_ || withheld_until_;
+  return is_old || task.sequence >= labels_.looked + kLookEvery ? Extent::changes
+                                                                : Extent::new_surface;
+}
+
+/// With the plates that texture it.
+Mesh StillMerger::labelled(const Task& task, atlas::LastingLabels::Extent extent) {
+  using Extent = atlas::LastingLabels::Extent;
   if (!std::exchange(labels_.are_any, true)) labels_.first = task.sequence;
   labels_.last = task.sequence, labels_.blocks = task.valid_blocks;
   atlas::LabelConfig config = label_config(*scene_, task.sources, joined_.error_m);
   config.valid = task.valid;
   Mesh out = labels_.lasting.update(task.empty.without_empty(joined_.mesh), task.views,
-                                    std::move(config), all);
+                                    std::move(config), extent);
   labels_.pieces = out.triangles.size();
-  if (all)
+  const bool quick = extent == Extent::new_surface;
+  labels_.is_look_due = quick && (labels_.is_look_due || !labels_.lasting.kept_surface());
+  if (!quick) labels_.looked = task.sequence;
+  if (extent == Extent::everything)
     labels_.all = task.sequence, labels_.blocks_at_all = task.valid_blocks,
     labels_.pieces_at_all = labels_.pieces;
   return out;

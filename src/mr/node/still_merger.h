@@ -9,6 +9,7 @@
 
 #include "mr/atlas/labels.h"
 #include "mr/atlas/lasting_labels.h"
+#include "mr/atlas/occluders.h"
 #include "mr/core/decoded_scene.h"
 #include "mr/core/mesh.h"
 #include "mr/core/packet.h"
@@ -81,10 +82,12 @@ class StillMerger {
   struct Labels {
     atlas::LastingLabels lasting;
     bool are_any = false;
-    bool are_outdated = false;                   ///< some were not sent
-    std::uint64_t first = 0, all = 0, last = 0;  // sequence: at first, all of it, some of it
-    std::size_t blocks = 0, blocks_at_all = 0;   // of plates, then
-    std::size_t pieces = 0, pieces_at_all = 0;   // triangles
+    bool are_outdated = false;  ///< some were not sent
+    bool is_look_due = false;   ///< something went, and what that uncovers waits
+    // Sequence: at first; all of it; what is uncovered, too; some of it.
+    std::uint64_t first = 0, all = 0, looked = 0, last = 0;
+    std::size_t blocks = 0, blocks_at_all = 0;  // of plates, then
+    std::size_t pieces = 0, pieces_at_all = 0;  // triangles
   };
   struct Joined {
     Mesh mesh;  // not labelled yet
@@ -95,7 +98,8 @@ class StillMerger {
   Status join(Inputs inputs, std::uint64_t sequence);
   void note_fresh(const std::vector<DecodedScene>& scenes, std::uint64_t sequence);
   std::optional<std::uint64_t> fresh_until(Vec3i cube, std::uint64_t sequence) const;
-  Mesh labelled(const Task& task);
+  atlas::LastingLabels::Extent extent_of(const Task& task) const;
+  Mesh labelled(const Task& task, atlas::LastingLabels::Extent extent);
   Mesh without_fresh_grey(const Mesh& mesh, std::uint64_t sequence,
                           std::optional<std::uint64_t>& until) const;
   bool is_labelling_worth_it(std::uint64_t age, std::size_t valid_blocks) const;

@@ -30,6 +30,28 @@ std::uint64_t hash_of(const Mesh& mesh, const std::vector<std::uint32_t>& chunk,
   return hash.value();
 }
 
+/// [T] whether a triangle lies within kRingsAround rings of another chunk's.
+std::vector<std::uint8_t> near_lines(const Mesh& mesh, const std::vector<std::uint32_t>& chunk) {
+  constexpr std::uint32_t kNone = 0xFFFFFFFFu;
+  std::vector<std::uint32_t> of_vertex(mesh.positions.size(), kNone);
+  std::vector<std::uint8_t> reached(mesh.positions.size()), near(mesh.triangles.size());
+  for (std::size_t t = 0; t < near.size(); ++t)
+    for (const std::uint32_t v : mesh.triangles[t]) {
+      if (of_vertex[v] == kNone) of_vertex[v] = chunk[t];
+      reached[v] |= of_vertex[v] != chunk[t];
+    }
+  for (int ring = 0; ring < kRingsAround; ++ring) {
+    std::vector<std::uint32_t> fresh;
+    for (std::uint32_t t = 0; t < near.size(); ++t) {
+      const auto& [a, b, c] = mesh.triangles[t];
+      if (!near[t] && (reached[a] | reached[b] | reached[c])) near[t] = 1, fresh.push_back(t);
+    }
+    for (const std::uint32_t t : fresh)
+      for (const std::uint32_t v : mesh.triangles[t]) reached[v] = 1;
+  }
+  return near;
+}
+
 /// Without parts that are too small to be anything, and do not go on in a neighbour.
 Mesh without_small_parts(const Mesh& mesh, const std::vector<std::uint8_t>& on_line,
                          double least_m2) {
@@ -56,7 +78,7 @@ StillSurface::StillSurface(const Scene& scene)
 /// Triangles belong to the chunk of their first vertex in the order of chunks, so a filled pinhole
 /// at a border is one chunk's.
 StillSurface::Labelled StillSurface::by_cube(const fusion::Surface& surface, const Mesh& mesh) {
-  Labelled out{mesh, std::vector<std::uint32_t>(mesh.triangles.size()), {}, {}};
+  Labelled out{mesh, std::vector<std::uint32_t>(mesh.triangles.size()), {}, {}, {}};
   std::vector<std::uint32_t> of_vertex(mesh.positions.size());
   for (std::uint32_t c = 0; c < surface.pieces.size(); ++c) {
     const fusion::SurfacePiece& piece = surface.pieces[c];
@@ -75,6 +97,10 @@ StillSurface::Labelled StillSurface::by_cube(const fusion::Surface& surface, con
                        : std::min({of_vertex[a], of_vertex[b], of_vertex[c]});
     out.triangles[out.chunk[t]].push_back(t);
   }
+  const std::vector<std::uint8_t> is_near = near_lines(mesh, out.chunk);
+  out.near_lines.resize(out.cubes.size());
+  for (std::uint32_t t = 0; t < is_near.size(); ++t)
+    if (is_near[t]) out.near_lines[out.chunk[t]].push_back(t);
   return out;
 }
 
@@ -141,7 +167,7 @@ StillSurface::Part StillSurface::part_of(const Labelled& all, std::uint32_t chun
   for (std::uint32_t c = 0; c < all.cubes.size(); ++c) {
     const Vec3i d = all.cubes[c] - all.cubes[chunk];
     if (c != chunk && std::max({std::abs(d.x), std::abs(d.y), std::abs(d.z)}) <= 1)
-      around.insert(around.end(), all.triangles[c].begin(), all.triangles[c].end());
+      around.insert(around.end(), all.near_lines[c].begin(), all.near_lines[c].end());
   }
   for (int ring = 0; ring < kRingsAround; ++ring) {
     const std::size_t known = out.mesh.positions.size();

@@ -46,6 +46,8 @@ class StillSurface {
     std::vector<std::uint32_t> chunk;  ///< [T] place in `cubes`
     std::vector<Vec3i> cubes;
     std::vector<std::vector<std::uint32_t>> triangles;  ///< [cubes]
+    /// [cubes] those of them that may be near a neighbour's line.
+    std::vector<std::vector<std::uint32_t>> near_lines;
   };
   /// A chunk's part of the fused surface, with the neighbours' triangles near its lines, which are
   /// simplified alike from both sides.
