@@ -9,10 +9,12 @@ import type { Picture } from "./picture.ts";
 export const kBackground = 0x808080;
 export const kNoView = 176 / 255;
 
-// Texels of one view in the table: three of its pose, lens, camera pixel -> atlas, tile, size and kind, stream and gain.
-const kTexels = 8;
+// Texels of one view in the table: three rows from the world to its picture, tile, gain and use; of a panorama, camera pixel ->
+// atlas, and size. The processor that draws without a graphics card reads them for every corner: few.
+const kTexels = 7;
 const kPinhole = 1;
 const kEquirectangular = 2;
+const kKinds = 4; // use: slot of the texture stream times so many, and the kind
 
 const kVertexShader = `
 precision highp float;
@@ -28,27 +30,24 @@ uniform float slot;       // the texture stream that is bound; triangles of the 
 uniform float plain_slot; // with which triangles are drawn that no view textures
 out vec3 in_view;         // of a pinhole: texel times depth, depth; of others: camera frame
 out float to_border;
-flat out vec4 to_atlas;   // camera pixel -> texels: scale, offset
+flat out int row;         // in the table
+flat out int kind;
 flat out vec4 tile;       // half a texel inside it: low, high
-flat out vec4 size_kind;  // camera pixels; camera column in the tile's middle; kind
 flat out vec3 gain;       // on what the picture shows
 
 void main() {
   to_border = border;
-  int row = int(view);
-  bool known = row < textureSize(views, 0).y;
-  vec4 texels[${kTexels}];
-  for (int i = 0; i < ${kTexels}; ++i) texels[i] = known ? texelFetch(views, ivec2(i, row), 0) : vec4(0);
-  vec3 from_view = position - vec3(texels[0].w, texels[1].w, texels[2].w);
-  in_view = vec3(dot(texels[0].xyz, from_view), dot(texels[1].xyz, from_view), dot(texels[2].xyz, from_view));
-  to_atlas = texels[4];
-  tile = texels[5];
-  size_kind = texels[6];
-  vec4 lens = texels[3];    // focal lengths, centre; camera pixels
-  if (size_kind.w == ${kPinhole}.0)
-    in_view.xy = (lens.xy * in_view.xy + lens.zw * in_view.z) * to_atlas.xy + to_atlas.zw * in_view.z;
-  gain = texels[7].yzw;
-  bool elsewhere = (known ? texels[7].x : plain_slot) != slot;
+  bool known = int(view) < textureSize(views, 0).y;
+  row = known ? int(view) : 0;
+  vec4 at = vec4(position, 1);
+  in_view = vec3(dot(texelFetch(views, ivec2(0, row), 0), at), dot(texelFetch(views, ivec2(1, row), 0), at),
+                 dot(texelFetch(views, ivec2(2, row), 0), at));
+  tile = texelFetch(views, ivec2(3, row), 0);
+  vec4 use = texelFetch(views, ivec2(4, row), 0);
+  gain = use.xyz;
+  float its_slot = floor(use.w / ${kKinds}.0);
+  kind = known ? int(use.w - its_slot * ${kKinds}.0) : 0;
+  bool elsewhere = (known ? its_slot : plain_slot) != slot;
   gl_Position = elsewhere ? vec4(2, 2, 2, 1) : T_clip_eye * vec4(position - eye, 1);
 }
 `;
@@ -66,20 +65,23 @@ uniform sampler2D chroma_red;
 uniform vec2 atlas_size;
 uniform float unseen;     // level of what no camera saw in colour
 uniform bool fades;       // at borders
+uniform sampler2D views;
 in vec3 in_view;
 in float to_border;
-flat in vec4 to_atlas;
+flat in int row;
+flat in int kind;
 flat in vec4 tile;
-flat in vec4 size_kind;
 flat in vec3 gain;
 out vec4 pixel;
 
 // Columns wrap to the turn whose middle is the tile's.
 vec2 project_equirectangular(vec3 p) {
+  vec4 to_atlas = texelFetch(views, ivec2(5, row), 0); // scale, offset
+  vec4 size = texelFetch(views, ivec2(6, row), 0);     // camera pixels; camera column in the tile's middle
   vec2 turns = vec2(atan(p.x, p.z) / (2.0 * kPi), atan(p.y, length(p.xz)) / kPi);
-  vec2 at = (turns + 0.5) * size_kind.xy - 0.5;
-  at.x = size_kind.z + size_kind.x * (fract((at.x - size_kind.z) / size_kind.x + 0.5) - 0.5);
-  return at;
+  vec2 at = (turns + 0.5) * size.xy - 0.5;
+  at.x = size.z + size.x * (fract((at.x - size.z) / size.x + 0.5) - 0.5);
+  return at * to_atlas.xy + to_atlas.zw;
 }
 
 #ifdef RGBA
@@ -116,10 +118,10 @@ void main() {
 #endif
 #endif
   vec3 color = vec3(unseen);
-  if (size_kind.w == ${kPinhole}.0) {
+  if (kind == ${kPinhole}) {
     if (in_view.z > 1e-6) color = texture_at(in_view.xy / in_view.z);
-  } else if (size_kind.w == ${kEquirectangular}.0) {
-    color = texture_at(project_equirectangular(in_view) * to_atlas.xy + to_atlas.zw);
+  } else if (kind == ${kEquirectangular}) {
+    color = texture_at(project_equirectangular(in_view));
   }
   pixel = vec4(color, solid);
 }
@@ -174,7 +176,7 @@ export class SharedUniforms {
     this.plainSlots[layer]!.value = plain;
     const data = table.image.data as Float32Array;
     data.fill(0);
-    for (let row = 0; row < rows; ++row) data[4 * (kTexels * row + kTexels - 1)] = plain;
+    for (let row = 0; row < rows; ++row) data[4 * kTexels * row + kUseAt] = kKinds * plain;
     for (const view of drawn) data.set(texelsOf(view, slotOf.get(view.stream) ?? plain), 4 * kTexels * view.id);
     table.needsUpdate = true;
   }
@@ -184,20 +186,30 @@ function viewTable(rows: number): DataTexture {
   return new DataTexture(new Float32Array(4 * kTexels * rows), kTexels, rows, RGBAFormat, FloatType);
 }
 
+/** Where the use of a view lies among its numbers. */
+const kUseAt = 4 * 4 + 3;
+
 function texelsOf(view: View, slot: number): number[] {
   const { imageRect: source, atlasRect: tile, pose } = view;
   const [r, t] = [pose.rotation, pose.translation];
-  const sx = tile.width / source.width;
-  const sy = tile.height / source.height;
-  const axis = (column: number): number[] => [r[column]!, r[3 + column]!, r[6 + column]!, t[column]!];
+  const [sx, sy] = [tile.width / source.width, tile.height / source.height];
+  const [ox, oy] = [(0.5 - source.x) * sx + tile.x, (0.5 - source.y) * sy + tile.y];
+  // World -> camera.
+  const axis = (i: number): number[] =>
+    [r[i]!, r[3 + i]!, r[6 + i]!, -(r[i]! * t[0]! + r[3 + i]! * t[1]! + r[6 + i]! * t[2]!)];
+  const [right, down, forward] = [axis(0), axis(1), axis(2)];
+  const isPinhole = view.kind === "pinhole";
+  // Texel times depth.
+  const texel = (across: number[], f: number, c: number, scale: number, offset: number): number[] =>
+    across.map((value, i) => f * scale * value + (c * scale + offset) * forward[i]!);
   return [
-    ...axis(0), ...axis(1), ...axis(2),
-    view.fx, view.fy, view.cx, view.cy,
-    sx, sy, (0.5 - source.x) * sx + tile.x, (0.5 - source.y) * sy + tile.y,
+    ...(isPinhole ? texel(right, view.fx, view.cx, sx, ox) : right),
+    ...(isPinhole ? texel(down, view.fy, view.cy, sy, oy) : down),
+    ...forward,
     tile.x + 0.5, tile.y + 0.5, tile.x + tile.width - 0.5, tile.y + tile.height - 0.5,
-    view.width, view.height, source.x + 0.5 * source.width - 0.5,
-    view.kind === "pinhole" ? kPinhole : kEquirectangular,
-    slot, ...gainOf(view),
+    ...gainOf(view), kKinds * slot + (isPinhole ? kPinhole : kEquirectangular),
+    sx, sy, ox, oy,
+    view.width, view.height, source.x + 0.5 * source.width - 0.5, 0,
   ];
 }
 

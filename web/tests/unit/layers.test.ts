@@ -19,10 +19,15 @@ function view(id: number, stream: number, more: Layered = {}): View & Layered {
   } as View & Layered;
 }
 
-/** Stream and gain in the row of a label. */
+/** The numbers in the row of a label. */
+function numbers(shared: SharedUniforms, layer: number, id: number): Float32Array {
+  return (shared.views[layer]!.value.image.data as Float32Array).subarray(28 * id, 28 * (id + 1));
+}
+
+/** Stream and gain of a label. */
 function row(shared: SharedUniforms, layer: number, id: number): number[] {
-  const texels = shared.views[layer]!.value.image.data as Float32Array;
-  return [...texels.subarray(32 * id + 28, 32 * id + 32)];
+  const [red, green, blue, use] = numbers(shared, layer, id).subarray(16, 20);
+  return [Math.floor(use! / 4), red!, green!, blue!];
 }
 
 test("a chunk's layer picks the live picture or the plate", () => {
@@ -36,6 +41,21 @@ test("a chunk's layer picks the live picture or the plate", () => {
   assert.deepEqual(row(shared, kStill, 0), [1, 1.5, 1, 0.5]);
   assert.deepEqual(row(shared, kMoving, 3), [1, 1, 1, 1]);
   assert.deepEqual(row(shared, kStill, 2), [0, 1, 1, 1]);
+});
+
+test("a pinhole's row takes a point of the world to its texel", () => {
+  const turned = {
+    ...view(0, 0), pose: { rotation: [0, 0, 1, 1, 0, 0, 0, 1, 0], translation: [0.5, -0.25, 1] },
+    imageRect: { x: 8, y: 4, width: 32, height: 24 }, atlasRect: { x: 100, y: 200, width: 16, height: 12 },
+  } as View;
+  const shared = new SharedUniforms();
+  shared.setViews([turned], new Map([[0, 0]]));
+  const rows = numbers(shared, kMoving, 0);
+  const point = [2.5, -0.05, 1.1, 1]; // right 0.2, down 0.1, ahead 2 of the camera: pixel 37, 26.5
+  const [x, y, depth] = [0, 4, 8].map((at) => point.reduce((sum, value, i) => sum + rows[at + i]! * value, 0));
+  assert.ok(Math.abs(depth! - 2) < 1e-5);
+  assert.ok(Math.abs(x! / depth! - ((37 + 0.5 - 8) / 2 + 100)) < 1e-4, `${x! / depth!}`);
+  assert.ok(Math.abs(y! / depth! - ((26.5 + 0.5 - 4) / 2 + 200)) < 1e-4, `${y! / depth!}`);
 });
 
 test("packets without layers are all moving and look the same in both", () => {
