@@ -108,6 +108,27 @@ TEST(Background, FeetOnTheFloorBelongToWhoWalks) {
   EXPECT_EQ(share(watch(background, room, 1).moving, kAll), 0);
 }
 
+/// Where nothing was ever measured either: holes that are to be closed are theirs.
+TEST(Background, HairThatDropsOutBelongsToWhoWalks) {
+  constexpr Rect kHair{100, 34, 20, 10};
+  Room room;
+  Background background = Room::background();
+  const auto capture = [&] {
+    ImageDepth out = room.capture();
+    for (int y = 0; y < out.height; ++y)
+      for (int x = Room::kWidth / 2; x < out.width; ++x)
+        if (*out.at(x, y) > 2.5f) *out.at(x, y) = 0;
+    for (int y = kHair.y; y < kHair.y + kHair.height; ++y)
+      for (int x = kHair.x + y % 3; x < kHair.x + kHair.width; x += 3) *out.at(x, y) = 0;
+    return out;
+  };
+  for (int i = 0; i < 60; ++i) background.update(capture());
+  room.boxes = {{{90, 30, 40, 80}, 2}};
+  const Moment moment = background.update(capture());
+  EXPECT_GT(share(moment.moving, kHair), 0.99);
+  EXPECT_EQ(share(moment.moving, {0, 0, 80, 120}), 0);
+}
+
 TEST(Background, WhoWasThereAtTheStartIsForgottenWhenTheyLeave) {
   Room room;
   room.boxes = {{kPerson, 2}};

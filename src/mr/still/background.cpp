@@ -392,7 +392,7 @@ ImageMask Background::moving_pixels(const ImageDepth& depth, ImageMask& foreign)
       const bool mixed = is_mixed(static_cast<int>(i - begin), static_cast<int>(y));
       strong.data[i] =
           !mixed && reading != Reading::none && (reading == Reading::nearer || !is_shown(i));
-      no_depth.data[i] = mixed || (reading == Reading::none && known_[i].count > 0);
+      no_depth.data[i] = mixed || reading == Reading::none;
     }
   });
   const auto weak = [&](int x, int y) {

@@ -10,7 +10,8 @@ namespace mr::still {
 /// beside them, and pixels without depth that touch either. Scattered pixels, as noise makes them,
 /// are none.
 ///   strong    clearly nearer than what stays, or nothing is known to stay there
-///   no_depth  was known and fails now: hair, dark clothes
+///   no_depth  nothing is measured, or nothing that counts: hair and dark clothes have such holes,
+///             which cleaning closes where they are part of what moves
 ///   is_weak   (x, y) of a pixel that counts beside strong ones: feet on the floor
 ///   scale     pixels of the picture / (640 · 576)
 ImageMask moving_regions(const ImageMask& strong, const ImageMask& no_depth,
