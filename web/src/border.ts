@@ -32,8 +32,9 @@ export interface RimmedMesh extends ChunkMesh {
 
 /** Metres over which surface fades. */
 export const kFadeM = 0.04;
-/** Borders that are shorter in all, of small holes and small pieces, do not fade: holes would grow and pieces vanish. */
-const kShortestBorderM = 1.5;
+/** Borders that are shorter in all do not fade: holes would grow, and what is thin, such as the backs of chairs, would vanish. What is
+ *  longer is the edge of what all sensors together see of a room. */
+const kShortestBorderM = 15;
 /** The distance of a vertex that the fade does not reach; the same as a 32-bit float. */
 export const kFarM = 0.25;
 
@@ -304,8 +305,9 @@ class Numbering {
   }
 }
 
-/** Which edges of each chunk are borders that fade, by number: those that have one triangle in all chunks together. */
-export function findBorders(rims: readonly Rim[]): number[][] {
+/** Which edges of each chunk are borders that fade, by number: those that have one triangle in all chunks together, and are `shortestM`
+ *  metres long with what they hang together with. */
+export function findBorders(rims: readonly Rim[], shortestM = kShortestBorderM): number[][] {
   const total = rims.reduce((sum, rim) => sum + rim.lengths.length, 0);
   const numbering = new Numbering(total);
   const counts = new Uint32Array(total);
@@ -324,7 +326,7 @@ export function findBorders(rims: readonly Rim[]): number[][] {
     });
     return out;
   });
-  return rims.map(({ ends }, n) => borders[n]!.filter((i) => joined.lengthAt(ends, i) >= kShortestBorderM));
+  return rims.map(({ ends }, n) => borders[n]!.filter((i) => joined.lengthAt(ends, i) >= shortestM));
 }
 
 /** Lengths of edges that hang together (union-find over their ends). */

@@ -25,7 +25,7 @@ function patch(x: number, n: number, step = kStepM, view = (_column: number) => 
 }
 
 function bordersOf(meshes: readonly RimmedMesh[]): number[][] {
-  return findBorders(meshes.map((mesh) => mesh.rim!));
+  return findBorders(meshes.map((mesh) => mesh.rim!), 1.5);
 }
 
 /** Distance at the vertex nearest to (x, y). */
@@ -97,6 +97,11 @@ test("the borders of small pieces and holes do not fade", () => {
   // Two small pieces that touch are one.
   const [left, right] = [patch(0, 4), patch(4 * kStepM, 4)];
   assert.deepEqual(bordersOf([left, right]).map((borders) => borders.length), [3 * 4, 3 * 4]);
+});
+
+test("a room's border fades, a chair's does not", () => {
+  const [chair, room] = [patch(0, 40), patch(100, 80)]; // 10 m and 20 m of border
+  assert.deepEqual(findBorders([chair.rim!, room.rim!]).map((borders) => borders.length), [0, 4 * 80]);
 });
 
 test("a background has no rim", () => {
