@@ -127,6 +127,23 @@ test("the canvas is what the offscreen renderer draws of the same packet", { tim
   }
 });
 
+test("what is kept of the still surface is what would be drawn", { timeout: 90_000 }, async () => {
+  const server = await serve({ loop: true });
+  try {
+    const page = await openViewer(browser, server.url, [], small);
+    await page.waitForFunction(() => window.meshreduce.shown().stillChunks > 0, null, { timeout: 60_000 });
+    for (let i = 0; i < 20; ++i) {
+      const [kept, drawn] = await page.evaluate(() => [window.meshreduce.screen(false), window.meshreduce.screen(true)]);
+      assert.equal(kept, drawn, `picture ${i}`);
+      assert.ok(new Set(Buffer.from(drawn, "base64")).size > 20, "something is to be seen");
+      await page.waitForTimeout(200);
+    }
+    await page.close();
+  } finally {
+    await server.stop();
+  }
+});
+
 test("a late joiner has the full picture within a second", async () => {
   const server = await serve({ loop: true });
   try {

@@ -31,7 +31,7 @@ export interface RimmedMesh extends ChunkMesh {
 }
 
 /** Metres over which surface fades. */
-export const kFadeM = 0.04;
+export const kFadeM = 0.02;
 /** Borders that are shorter in all do not fade: holes would grow, and what is thin, such as the backs of chairs, would vanish. What is
  *  longer is the edge of what all sensors together see of a room. */
 const kShortestBorderM = 15;

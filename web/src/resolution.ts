@@ -38,8 +38,12 @@ export class Resolution {
   }
 }
 
-// Drawn by the processor, a larger picture is made smaller and stretched: motion matters more.
-const kMostMovingSoftwarePixels = 300_000;
+/** What makes pictures differ from each other: the eye moves, only the scene does, or nothing. */
+export type Motion = "eye" | "scene" | "nothing";
+
+// Drawn by the processor, a larger picture is made smaller and stretched while the eye moves: motion matters more. What stays is drawn
+// once for an eye that rests.
+const kMostSoftwarePixels = { eye: 300_000, scene: 1_000_000 } as const;
 const kMostPixels = 16_000_000;
 const kMostStillSoftwarePixels = 2_500_000;
 const kStillSoftwareSamples = 2; // along a side: the browser's shrinking smooths edges
@@ -52,10 +56,11 @@ export interface Screen {
 }
 
 /** Drawn pixels for each CSS pixel along a side. */
-export function pixelRatio(screen: Screen, isSoftware: boolean, isStill: boolean, scale: number): number {
+export function pixelRatio(screen: Screen, isSoftware: boolean, motion: Motion, scale: number): number {
   const area = Math.max(1, screen.width * screen.height);
   const within = (pixels: number, ratio: number): number => Math.min(ratio, Math.sqrt(pixels / area));
   const full = clamp(screen.devicePixelRatio, 0.5, 4);
-  if (!isSoftware) return within(kMostPixels, isStill ? full : full * scale);
-  return isStill ? within(kMostStillSoftwarePixels, full * kStillSoftwareSamples) : within(kMostMovingSoftwarePixels, 1);
+  if (!isSoftware) return within(kMostPixels, motion === "nothing" ? full : full * scale);
+  if (motion === "nothing") return within(kMostStillSoftwarePixels, full * kStillSoftwareSamples);
+  return within(kMostSoftwarePixels[motion], motion === "eye" ? 1 : full);
 }

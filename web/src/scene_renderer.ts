@@ -10,6 +10,7 @@ import { kLayers, kMoving, kStill, texturingViews, type Layer } from "./layers.t
 import type { View } from "./packet.ts";
 import { planeSizes, type Picture } from "./picture.ts";
 import { Stage, type Theme } from "./stage.ts";
+import { StillPicture } from "./still_picture.ts";
 import type { Vec3 } from "./vec.ts";
 import { kBackground, kNoView, kParts, makeColorMaterial, SharedUniforms, streamUniforms, ViewMaterial, type StreamUniforms } from "./view_material.ts";
 
@@ -31,8 +32,23 @@ interface DrawnChunk {
   readonly mesh: RimmedMesh;
   readonly geometry: BufferGeometry;
   readonly objects: Map<Materials, Mesh>;
+  readonly scene: Scene;
   /** Edges where surface ends, by number in the rim. */
   borders: readonly number[];
+}
+
+/** All that the look of the still surface follows from, but for the eye. */
+interface StillLook {
+  readonly chunks: readonly DrawnChunk[];
+  readonly views: string;
+  readonly pictures: readonly (Picture | undefined)[];
+}
+
+const kNothing: StillLook = { chunks: [], views: "", pictures: [] };
+
+function isSame(a: StillLook, b: StillLook): boolean {
+  const same = <T>(p: readonly T[], q: readonly T[]): boolean => p.length === q.length && p.every((item, i) => item === q[i]);
+  return a.views === b.views && same(a.chunks, b.chunks) && same(a.pictures, b.pictures);
 }
 
 const kFormats = { 1: RedFormat, 2: RGFormat, 4: RGBAFormat } as const;
@@ -93,13 +109,22 @@ function putLast(indices: ArrayLike<number>, named: ArrayLike<number>, out: { [a
   return begin;
 }
 
+function boxAround(chunks: readonly DrawnChunk[]): Box | null {
+  const boxes = chunks.map((chunk) => chunk.mesh.box);
+  if (boxes.length === 0) return null;
+  const fold = (pick: (box: Box) => Vec3, best: (a: number, b: number) => number): Vec3 =>
+    boxes.map(pick).reduce((a, b) => [best(a[0], b[0]), best(a[1], b[1]), best(a[2], b[2])]);
+  return { low: fold((box) => box.low, Math.min), high: fold((box) => box.high, Math.max) };
+}
+
 /** Draws captures with WebGL 2. Draws when told to and never by itself. */
 export class SceneRenderer {
   private readonly renderer: WebGLRenderer;
-  private readonly scene = new Scene();
+  /** By layer: what stays is drawn first, with the stage. */
+  private readonly scenes = kLayers.map(() => new Scene());
   private readonly camera = new ThreeCamera();
   private readonly shared = new SharedUniforms();
-  private readonly stage = new Stage(this.scene, this.shared);
+  private readonly stage = new Stage(this.scenes[kStill]!, this.shared);
   private readonly plainMaterials = viewMaterials(this.shared, streamUniforms(0, 1, 1), "rgba", kMoving);
   private readonly colorMaterials: Materials;
   private unseen = kNoView;
@@ -107,19 +132,27 @@ export class SceneRenderer {
   private readonly streams = new Map<number, StreamTexture>();
   private readonly chunks = new Map<string, DrawnChunk>();
   private fading: readonly DrawnChunk[] = []; // at borders
+  private readonly stillPicture: StillPicture | null;
+  private stillLook = kNothing;
+  private eye = "";
   private size: readonly [number, number] = [1, 1];
 
-  constructor(canvas: HTMLCanvasElement, antialias: boolean) {
+  /** Without a graphics device what stays is drawn once for an eye. */
+  constructor(canvas: HTMLCanvasElement, isSoftware: boolean) {
+    const antialias = !isSoftware;
     this.renderer = new WebGLRenderer({ canvas, antialias, alpha: false, powerPreference: "high-performance" });
     this.renderer.outputColorSpace = LinearSRGBColorSpace;
+    this.renderer.autoClear = false;
+    this.stillPicture = isSoftware ? new StillPicture(this.renderer) : null;
     this.colorMaterials = [makeColorMaterial(this.shared)];
-    this.scene.matrixWorldAutoUpdate = false;
+    for (const scene of this.scenes) scene.matrixWorldAutoUpdate = false;
     this.camera.matrixWorldAutoUpdate = false;
   }
 
   resize(width: number, height: number): void {
     this.size = [width, height];
     this.renderer.setSize(width, height, false);
+    this.stillPicture?.resize(width, height);
   }
   width(): number {
     return this.size[0];
@@ -130,11 +163,13 @@ export class SceneRenderer {
 
   setUp(up: Vec3): void {
     this.stage.setUp(up);
+    this.stillPicture?.outdate();
   }
   setTheme(theme: Theme): void {
     this.stage.setTheme(theme);
     this.unseen = theme.unseen;
     this.empty.setRGB(...theme.horizon);
+    this.stillPicture?.outdate();
   }
 
   /** Swaps mesh and pictures together. */
@@ -146,20 +181,48 @@ export class SceneRenderer {
       if (meshes.get(name) !== chunk.mesh) this.remove(name, chunk);
     const viewsOf = kLayers.map((layer) => texturingViews(views, layer));
     for (const [name, mesh] of meshes) {
-      const chunk = this.chunks.get(name) ?? this.add(name, mesh);
       const layer = layers.get(name) ?? kMoving;
+      const chunk = this.chunks.get(name) ?? this.add(name, mesh, layer);
       this.paint(chunk, this.materialsFor(mesh, layer, viewsOf[layer]!));
     }
     this.updateBorders(layers);
-    const box = this.bounds();
-    if (box !== null) this.stage.setBox(box);
+    const still = [...this.chunks.values()].filter(({ scene }) => scene === this.scenes[kStill]);
+    const box = boxAround(still.length > 0 ? still : [...this.chunks.values()]);
+    if (box !== null && this.stage.setBox(box)) this.stillPicture?.outdate();
+    this.noteStill(still, [...viewsOf[kStill]!.values()], pictures);
+  }
+
+  private noteStill(chunks: readonly DrawnChunk[], views: readonly View[], pictures: ReadonlyMap<number, Picture>): void {
+    const look =
+      chunks.length === 0 ? kNothing : { chunks, views: JSON.stringify(views), pictures: views.map((view) => pictures.get(view.stream)) };
+    if (!isSame(look, this.stillLook)) this.stillPicture?.outdate();
+    this.stillLook = look;
   }
 
   /** Draws to the screen: on the stage, with borders that fade. */
   draw(camera: Camera): void {
     this.setCamera(camera);
     this.setNice(true);
-    this.renderer.render(this.scene, this.camera);
+    const drawStill = (): void => {
+      this.renderer.clear();
+      this.renderer.render(this.scenes[kStill]!, this.camera);
+    };
+    const eye = JSON.stringify(camera);
+    if (eye !== this.eye) this.stillPicture?.outdate();
+    this.eye = eye;
+    if (this.stillPicture === null) drawStill();
+    else this.stillPicture.draw(this.camera, drawStill);
+    this.renderer.render(this.scenes[kMoving]!, this.camera);
+  }
+
+  /** Draws to the screen and reads what is there: RGBA, bottom row first. `afresh`: without the picture that is kept of what stays. */
+  screen(camera: Camera, afresh: boolean): Uint8Array {
+    if (afresh) this.stillPicture?.outdate();
+    this.draw(camera);
+    const gl = this.renderer.getContext();
+    const out = new Uint8Array(4 * this.size[0] * this.size[1]);
+    gl.readPixels(0, 0, ...this.size, gl.RGBA, gl.UNSIGNED_BYTE, out);
+    return out;
   }
 
   /** Draws into memory what src/mr/render draws: RGBA, top row first. */
@@ -170,7 +233,8 @@ export class SceneRenderer {
     this.setCamera(camera);
     this.setNice(false);
     this.renderer.setRenderTarget(target);
-    this.renderer.render(this.scene, this.camera);
+    this.renderer.clear();
+    for (const layer of [kStill, kMoving]) this.renderer.render(this.scenes[layer]!, this.camera);
     this.renderer.readRenderTargetPixels(target, 0, 0, width, height, bottomUp);
     this.renderer.setRenderTarget(null);
     target.dispose();
@@ -193,11 +257,7 @@ export class SceneRenderer {
 
   /** Around all that is shown; null when that is nothing. */
   bounds(): Box | null {
-    const boxes = [...this.chunks.values()].map((chunk) => chunk.mesh.box);
-    if (boxes.length === 0) return null;
-    const fold = (pick: (box: Box) => Vec3, best: (a: number, b: number) => number): Vec3 =>
-      boxes.map(pick).reduce((a, b) => [best(a[0], b[0]), best(a[1], b[1]), best(a[2], b[2])]);
-    return { low: fold((box) => box.low, Math.min), high: fold((box) => box.high, Math.max) };
+    return boxAround([...this.chunks.values()]);
   }
 
   private setPictures(used: readonly number[], pictures: ReadonlyMap<number, Picture>): void {
@@ -230,10 +290,10 @@ export class SceneRenderer {
   }
 
   /** One object for each material that draws a part of the chunk. */
-  private paint({ geometry, objects }: DrawnChunk, materials: ReadonlySet<Materials>): void {
+  private paint({ geometry, objects, scene }: DrawnChunk, materials: ReadonlySet<Materials>): void {
     for (const [material, object] of objects)
       if (!materials.has(material)) {
-        this.scene.remove(object);
+        scene.remove(object);
         objects.delete(material);
       }
     for (const material of materials) {
@@ -241,11 +301,11 @@ export class SceneRenderer {
       const object = new Mesh(geometry, material);
       object.matrixAutoUpdate = object.matrixWorldAutoUpdate = false;
       objects.set(material, object);
-      this.scene.add(object);
+      scene.add(object);
     }
   }
 
-  private add(name: string, mesh: RimmedMesh): DrawnChunk {
+  private add(name: string, mesh: RimmedMesh, layer: Layer): DrawnChunk {
     const geometry = new BufferGeometry();
     geometry.setIndex(new BufferAttribute(mesh.indices.slice(), 1));
     geometry.addGroup(0, mesh.indices.length, kParts.indexOf("whole"));
@@ -262,7 +322,7 @@ export class SceneRenderer {
     if (mesh.colors !== null) geometry.setAttribute("color", new BufferAttribute(mesh.colors, 3, true));
     const [low, high] = [new Vector3(...mesh.box.low), new Vector3(...mesh.box.high)];
     geometry.boundingSphere = new Sphere(low.clone().add(high).multiplyScalar(0.5), 0.5 * low.distanceTo(high));
-    const chunk: DrawnChunk = { mesh, geometry, objects: new Map(), borders: [] };
+    const chunk: DrawnChunk = { mesh, geometry, objects: new Map(), scene: this.scenes[layer]!, borders: [] };
     this.chunks.set(name, chunk);
     return chunk;
   }
@@ -300,9 +360,9 @@ export class SceneRenderer {
     geometry.addGroup(whole, reached, kParts.indexOf("fading"));
   }
 
-  private remove(name: string, { geometry, objects }: DrawnChunk): void {
+  private remove(name: string, { geometry, objects, scene }: DrawnChunk): void {
     this.chunks.delete(name);
-    for (const object of objects.values()) this.scene.remove(object);
+    scene.remove(...objects.values());
     geometry.dispose();
   }
 

@@ -133,17 +133,20 @@ export class Stage {
     this.floor.material.uniforms["side"]!.value.set(...cross(up, ahead));
   }
 
-  /** Around all surface. */
-  setBox({ low, high }: Box): void {
+  /** Around all surface. Whether it looks different now. */
+  setBox({ low, high }: Box): boolean {
     const middle = scale(add(low, high), 0.5);
     const size = subtract(high, low);
     const depth = 0.5 * this.up.reduce((sum, v, i) => sum + Math.abs(v) * size[i]!, 0);
     const across = length(subtract(size, scale(this.up, dot(size, this.up))));
     const radius = across / 2 + kMarginM;
     const uniforms = this.floor.material.uniforms;
-    uniforms["middle"]!.value.set(...subtract(middle, scale(this.up, depth + kBelowM)));
+    const foot = subtract(middle, scale(this.up, depth + kBelowM));
+    if (uniforms["radius"]!.value === radius && uniforms["middle"]!.value.equals(new Vector3(...foot))) return false;
+    uniforms["middle"]!.value.set(...foot);
     uniforms["radius"]!.value = radius;
     uniforms["step_m"]!.value = kLineEveryM * Math.max(1, Math.ceil((2 * radius) / kMostLines));
+    return true;
   }
 
   setCamera(camera: Camera): void {

@@ -29,6 +29,8 @@ export interface TestHook {
   size(): readonly [number, number];
   /** RGBA, top row first. */
   pixels(): string;
+  /** RGBA, bottom row first, of the picture on the screen; `afresh`: drawn without anything that was kept. */
+  screen(afresh: boolean): string;
 }
 
 declare global {
@@ -67,5 +69,6 @@ export function installTestHook(viewer: Viewer): void {
     },
     size: () => viewer.size(),
     pixels: () => base64(viewer.pixels()),
+    screen: (afresh) => base64(viewer.screen(afresh)),
   };
 }

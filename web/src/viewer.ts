@@ -9,7 +9,7 @@ import type { Readings } from "./overlay.ts";
 import { pick } from "./pick.ts";
 import type { Packet } from "./packet.ts";
 import { burntNumber, type Picture } from "./picture.ts";
-import { pixelRatio, Resolution } from "./resolution.ts";
+import { pixelRatio, Resolution, type Motion } from "./resolution.ts";
 import { SceneRenderer } from "./scene_renderer.ts";
 import { kThemes } from "./stage.ts";
 import { findStart } from "./start_place.ts";
@@ -43,6 +43,8 @@ export interface Shown {
   readonly views: number;
   readonly triangles: number;
   readonly chunks: number;
+  /** Of them, of the still surface. */
+  readonly stillChunks: number;
 }
 
 const kMostPairs = 10_000;
@@ -72,7 +74,8 @@ export class Viewer {
   private startSources: number | null = null;
   private firstMs: number | null = null;
   private readonly resolution = new Resolution();
-  private isStill = false;
+  private motion: Motion = "eye";
+  private eyeMovedMs = 0;
   private stillTimer = 0;
   private health: Health | null = null;
   private scheduled = false;
@@ -91,7 +94,7 @@ export class Viewer {
     private readonly say: (message: string) => void,
     private readonly notice: (words: string) => void,
   ) {
-    this.renderer = new SceneRenderer(canvas, !options.isSoftware);
+    this.renderer = new SceneRenderer(canvas, options.isSoftware);
     this.controls = new Controls(canvas, this.navigation, (x, y) => this.aim(x, y), () => {
       this.hasMoved = true;
       this.schedule();
@@ -163,6 +166,7 @@ export class Viewer {
       views: new Set(packet.views.map((view) => view.id)).size,
       triangles: this.renderer.triangles(),
       chunks: packet.manifest.length,
+      stillChunks: packet.manifest.filter((key) => layerOf(key) === kStill).length,
     };
   }
 
@@ -184,6 +188,11 @@ export class Viewer {
   /** RGBA, top row first, of the camera that was set, else of what is on the screen. */
   pixels(): Uint8Array {
     return this.renderer.pixels(this.fixed ?? this.camera());
+  }
+
+  /** RGBA, bottom row first, of what is on the screen; `afresh`: drawn without anything that was kept. */
+  screen(afresh: boolean): Uint8Array {
+    return this.renderer.screen(this.camera(), afresh);
   }
 
   readings(): Readings {
@@ -254,7 +263,7 @@ export class Viewer {
   private resize(): void {
     const { clientWidth, clientHeight } = this.canvas;
     const screen = { width: clientWidth, height: clientHeight, devicePixelRatio: window.devicePixelRatio };
-    const ratio = pixelRatio(screen, this.options.isSoftware, this.isStill, this.resolution.scale());
+    const ratio = pixelRatio(screen, this.options.isSoftware, this.motion, this.resolution.scale());
     const width = Math.max(1, Math.round(clientWidth * ratio));
     const height = Math.max(1, Math.round(clientHeight * ratio));
     if (width === this.renderer.width() && height === this.renderer.height()) return;
@@ -267,13 +276,15 @@ export class Viewer {
     clearTimeout(this.stillTimer);
     const perSecond = this.options.isSoftware && this.state === "live" ? this.captures.perSecond(performance.now()) : 0;
     const captureMs = perSecond > 0 ? Math.min(kLongestCaptureMs, 1000 / perSecond) : 0;
-    this.stillTimer = window.setTimeout(() => this.setStill(true), Math.max(kStillAfterMs, kStillAfterCaptures * captureMs));
-    this.setStill(false);
+    this.stillTimer = window.setTimeout(() => this.setMotion("nothing"), Math.max(kStillAfterMs, kStillAfterCaptures * captureMs));
+    const now = performance.now();
+    if (this.isMoving || this.hasMoved) this.eyeMovedMs = now;
+    this.setMotion(now - this.eyeMovedMs < kStillAfterMs ? "eye" : "scene");
   }
 
-  private setStill(isStill: boolean): void {
-    if (isStill === this.isStill) return;
-    this.isStill = isStill;
+  private setMotion(motion: Motion): void {
+    if (motion === this.motion) return;
+    this.motion = motion;
     this.resize();
   }
 
