@@ -55,47 +55,64 @@ ImageDepth nearer(ImageDepth depth, const ImageDepth* others, int x0, int y0) {
   return depth;
 }
 
-/// Where a mesh falls in a pinhole's picture, with `around_px` pixels around: rectangles side by
-/// side that hold each of its triangles whole, as what stands upright leaves gaps between; the
-/// whole picture where some of it reaches through the near plane.
-std::vector<Rect> strips_in(const Camera& camera, const Pose& T_world_camera, const Mesh& mesh,
-                            int around_px) {
-  struct Rows {
-    int top = std::numeric_limits<int>::max(), end = -1;
+/// A mesh in a pinhole's camera frame, and the columns of the picture that its triangles fall into.
+struct Projected {
+  struct Columns {
+    int first = 0, last = -1;  ///< none: it falls beside the picture
+    int top = 0, end = 0;      ///< rows
   };
-  const Pose T_camera_world = T_world_camera.inverse();
-  std::vector<Vec3d> in_camera;
-  for (const Vec3f& p : mesh.positions) in_camera.push_back(T_camera_world * vec_cast<double>(p));
-  std::vector<Rows> columns(static_cast<std::size_t>(camera.width));
-  for (const Triangle& triangle : mesh.triangles) {
-    double left = camera.width, top = camera.height, right = -1, bottom = -1;
-    int behind = 0;
-    for (const std::uint32_t v : triangle) {
-      behind += in_camera[v].z <= kit::kNearPlane_m;
-      const kit::ScreenPoint s = kit::to_screen(camera, in_camera[v]);
-      left = std::min(left, s.u), right = std::max(right, s.u);
-      top = std::min(top, s.v), bottom = std::max(bottom, s.v);
+
+  Projected(const Camera& camera, const Pose& T_world_camera, const Mesh& mesh) {
+    const Pose T_camera_world = T_world_camera.inverse();
+    std::vector<Vec3d> in_camera;
+    for (const Vec3f& p : mesh.positions) in_camera.push_back(T_camera_world * vec_cast<double>(p));
+    for (const Triangle& triangle : mesh.triangles) {
+      Columns& columns = triangles.emplace_back();
+      double left = camera.width, top = camera.height, right = -1, bottom = -1;
+      int behind = 0;
+      for (const std::uint32_t v : triangle) {
+        behind += in_camera[v].z <= kit::kNearPlane_m;
+        const kit::ScreenPoint s = kit::to_screen(camera, in_camera[v]);
+        left = std::min(left, s.u), right = std::max(right, s.u);
+        top = std::min(top, s.v), bottom = std::max(bottom, s.v);
+      }
+      is_cut |= behind > 0 && behind < 3;
+      if (behind > 0) continue;
+      columns = {kit::floor_within(left, 0, camera.width),
+                 kit::ceil_within(right, -1, camera.width - 1),
+                 kit::floor_within(top, 0, camera.height),
+                 kit::ceil_within(bottom, -1, camera.height - 1) + 1};
+      if (columns.first <= columns.last && columns.top < columns.end)
+        for (const std::uint32_t v : triangle) nearest_m = std::min(nearest_m, in_camera[v].z);
     }
-    if (behind == 3) continue;
-    if (behind > 0) return {{0, 0, camera.width, camera.height}};
-    const int first = kit::floor_within(left, 0, camera.width),
-              last = kit::ceil_within(right, -1, camera.width - 1),
-              y0 = kit::floor_within(top, 0, camera.height),
-              y1 = kit::ceil_within(bottom, -1, camera.height - 1);
-    for (int x = first; x <= last; ++x)
-      columns[x].top = std::min(columns[x].top, y0), columns[x].end = std::max(columns[x].end, y1);
   }
+
+  std::vector<Columns> triangles;  ///< [T]
+  double nearest_m = std::numeric_limits<double>::infinity();
+  bool is_cut = false;  ///< some of it reaches through the near plane
+};
+
+/// Where a mesh falls in a pinhole's picture, with `around_px` pixels around: rectangles side by
+/// side that hold each of its triangles whole, as what stands upright leaves gaps between.
+std::vector<Rect> strips_in(const Camera& camera, const Projected& mesh, int around_px) {
+  struct Rows {
+    int top = std::numeric_limits<int>::max(), end = 0;
+  };
+  std::vector<Rows> columns(static_cast<std::size_t>(camera.width));
+  for (const auto& [first, last, top, end] : mesh.triangles)
+    for (int x = first; x <= last; ++x)
+      columns[x].top = std::min(columns[x].top, top),
+      columns[x].end = std::max(columns[x].end, end);
   std::vector<Rect> out;
   for (int x = 0, gap = 0; x < camera.width; ++x) {
     const auto& [top, end] = columns[x];
-    if (end < 0) {
+    if (end <= top) {
       ++gap;
       continue;
     }
-    const Rect column{x, top, 1, end + 1 - top};
-    if (out.empty() || gap >= 2 * around_px) out.push_back(column);
+    if (out.empty() || gap >= 2 * around_px) out.push_back({x, top, 1, end - top});
     Rect& part = out.back();
-    const int below = std::max(part.y + part.height, end + 1);
+    const int below = std::max(part.y + part.height, end);
     part.y = std::min(part.y, top);
     part.width = x + 1 - part.x, part.height = below - part.y;
     gap = 0;
@@ -109,23 +126,52 @@ std::vector<Rect> strips_in(const Camera& camera, const Pose& T_world_camera, co
   return out;
 }
 
+/// How far from a mesh occluders can be that hide some of it by their margins.
+int reach_px(const Camera& camera, const Projected& mesh, const ImageDepth& others,
+             const LabelConfig& config) {
+  constexpr int kMost_px = 64, kEvery_px = 4;
+  auto nearest_m = static_cast<float>(mesh.nearest_m);
+  for (const Rect& part : strips_in(camera, mesh, kMost_px))
+    for (int y = part.y; y < part.y + part.height; y += kEvery_px)
+      for (int x = part.x; x < part.x + part.width; x += kEvery_px)
+        if (const float d = *others.at(x, y); d > 0) nearest_m = std::min(nearest_m, d);
+  const double margin = std::ceil(margin_of(camera, config.geometry_error_m, nearest_m));
+  return static_cast<int>(std::min<double>(margin, kMost_px));
+}
+
+/// The strips of a pinhole view that a mesh falls into, each with its triangles.
+std::vector<Face> strip_faces(const Mesh& mesh, const View& view, const ImageDepth& others,
+                              const LabelConfig& config) {
+  const Camera camera = view.camera();
+  const Projected projected(camera, view.T_world_camera, mesh);
+  std::vector<Face> out;
+  if (projected.is_cut) {
+    out.emplace_back(mesh, camera, view.T_world_camera, 0, &others, 0, 0, config);
+    return out;
+  }
+  for (const Rect& part :
+       strips_in(camera, projected, reach_px(camera, projected, others, config))) {
+    std::vector<std::uint8_t> keep;
+    for (const auto& [first, last, top, end] : projected.triangles)
+      keep.push_back(first <= last && first >= part.x && first < part.x + part.width);
+    Camera cropped = camera;
+    cropped.width = part.width, cropped.height = part.height;
+    cropped.cx -= part.x, cropped.cy -= part.y;
+    out.emplace_back(select_triangles(mesh, keep), cropped, view.T_world_camera, 0, &others, part.x,
+                     part.y, config);
+  }
+  return out;
+}
+
 /// The faces of a view, as much of them as the mesh falls into.
 std::vector<Face> faces_of(const Mesh& mesh, const View& view, const LabelConfig& config) {
-  constexpr int kAround_px = 64;  // margins around occluders are no wider
   std::vector<Face> out;
   const Camera camera = view.camera();
   const std::vector<ImageDepth>* const others =
       config.occluders ? config.occluders->faces(view) : nullptr;
   if (view.kind == View::Kind::pinhole) {
-    const std::vector<Rect> whole{{0, 0, camera.width, camera.height}};
-    for (const Rect& part :
-         others ? strips_in(camera, view.T_world_camera, mesh, kAround_px) : whole) {
-      Camera cropped = camera;
-      cropped.width = part.width, cropped.height = part.height;
-      cropped.cx -= part.x, cropped.cy -= part.y;
-      out.emplace_back(mesh, cropped, view.T_world_camera, 0, others ? &others->front() : nullptr,
-                       part.x, part.y, config);
-    }
+    if (others) return strip_faces(mesh, view, others->front(), config);
+    out.emplace_back(mesh, camera, view.T_world_camera, 0, nullptr, 0, 0, config);
     return out;
   }
   const auto faces = panorama_faces(camera);
@@ -151,6 +197,7 @@ Face::Face(const Mesh& mesh, const Camera& camera, const Pose& T_world_face, int
     : camera_(camera),
       T_face_world_(T_world_face.inverse()),
       ring_(ring_px),
+      left_(x),
       error_m_(static_cast<float>(config.geometry_error_m + 2 * config.precision.base_m)),
       noise_per_m2_(static_cast<float>(2 * config.precision.per_m2)),
       pixel_(static_cast<float>(1 / camera.fx)),
@@ -227,12 +274,19 @@ TriangleSight Eye::look_at(const Mesh& mesh, std::size_t t, Vec3f normal_world) 
   return sight;
 }
 
+/// Strips of a pinhole's picture hold each triangle whole, in the columns of any of its corners.
 Face::Count Eye::count_pixels(const std::array<Vec3f, 3>& corners, Vec3f middle) const {
+  const bool are_strips = view_.kind == View::Kind::pinhole && faces_.size() > 1;
+  const auto corner = are_strips ? pixel_of(corners[0]) : std::nullopt;
+  const auto may_hold = [&](const Face& face) {
+    return !corner || face.has_column(std::clamp(corner->x, 0.0, camera_.width - 1.0));
+  };
   Face::Count count;
-  for (const Face& face : faces_) face.count(corners, count);
+  for (const Face& face : faces_)
+    if (may_hold(face)) face.count(corners, count);
   // Smaller than a pixel.
   for (std::size_t i = 0; i < faces_.size() && count.pixels == 0; ++i)
-    faces_[i].count(middle, count);
+    if (may_hold(faces_[i])) faces_[i].count(middle, count);
   return count;
 }
 

@@ -42,6 +42,8 @@ class Face {
   void count(const std::array<Vec3f, 3>& corners, Count& count) const;
   /// Adds the pixel at a point, if it is inside.
   void count(Vec3f point, Count& count) const;
+  /// Whether a column of the whole picture is one of its own, give or take one.
+  bool has_column(double x) const { return x >= left_ - 1 && x <= left_ + camera_.width; }
 
  private:
   Vec3d in_face(Vec3f p_world) const { return T_face_world_ * vec_cast<double>(p_world); }
@@ -49,7 +51,7 @@ class Face {
 
   Camera camera_;
   Pose T_face_world_;
-  int ring_;
+  int ring_, left_;
   float error_m_, noise_per_m2_;  ///< how far in front something must be to hide
   float pixel_;                   ///< width of a pixel at 1 m
   ImageDepth depth_;
