@@ -1,8 +1,10 @@
 #include "mr/node/capture.h"
 
+#include <cmath>
 #include <numeric>
 #include <utility>
 
+#include "mr/core/assert.h"
 #include "mr/fusion/clean_depth.h"
 #include "mr/node/sources.h"
 #include "mr/sensor/floor.h"
@@ -33,8 +35,12 @@ void CaptureReader::skip(std::uint64_t frames) {
   for (const auto& source : sources_) source->skip(frames);
 }
 
-ImageDepth prepare_depth(const Scene& scene, const Camera& camera, const Frame& frame) {
-  const Precision& precision = scene.sensors[frame.sensor].precision;
+ImageDepth prepare_depth(const Scene& scene, const Camera& camera, const Frame& frame,
+                         int readings) {
+  MR_ASSERT(readings > 0);
+  Precision precision = scene.sensors[frame.sensor].precision;
+  const double times = std::sqrt(static_cast<double>(readings));
+  precision.base_m /= times, precision.per_m2 /= times;
   ImageDepth depth = fusion::clean_depth(frame.depth, camera, precision, scene.fusion.clean);
   if (scene.floor) sensor::remove_floor(depth, camera, frame.T_world_depth, *scene.floor, scene.up);
   return depth;

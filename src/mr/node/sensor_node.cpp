@@ -26,6 +26,9 @@ namespace {
 constexpr double kPinhole_voxels = 12;  // around: what a few failed pixels leave
 // Of decimation, of what moves: people alone cannot spare as many triangles as people with walls.
 constexpr double kMovingError_voxels = 0.5;
+// Behind a pixel of the still picture: eight at first, 40 and more soon. Smoothed like a single
+// reading corners become round, and small things melt into the wall behind.
+constexpr int kStillReadings = 32;
 
 fusion::VolumeConfig volume_config(const Scene& scene) {
   return {.voxel_m = scene.voxel_m,
@@ -205,7 +208,7 @@ Result<ImageDepth> SensorNode::divide(Reconstructed& out) {
 SensorNode::StillChunks SensorNode::make_still(const Frame& still) {
   return trace_.time("still", [&] {
     const Camera& camera = registration_.depth_camera();
-    return layers_->surface.update(prepare_depth(*scene_, camera, still), camera,
+    return layers_->surface.update(prepare_depth(*scene_, camera, still, kStillReadings), camera,
                                    still.T_world_depth, scene_->sensors[sensor_].precision);
   });
 }
