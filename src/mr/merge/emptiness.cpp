@@ -77,24 +77,21 @@ bool EmptyPlaces::any_sees_past(const StillCover::SensorView& own, const StillCo
   });
 }
 
-/// Brings a tile that its own sensor does not confirm up to date. Returns whether it is no longer
-/// empty.
-bool EmptyPlaces::follow(const StillCover::SensorView& own, const StillCover& cover,
+/// Brings a tile that its own sensor does not confirm up to date.
+void EmptyPlaces::follow(const StillCover::SensorView& own, const StillCover& cover,
                          const Confirmed& confirmed, const Samples& samples, Tile& tile) const {
   const double near_m = kNear_voxels * config_.voxel_m;
   const float nearest = nearest_in(own, samples);
   if (nearest == 0 || (tile.is_empty && std::abs(nearest - tile.depth_m) > near_m)) {
-    const bool was_empty = tile.is_empty;  // it is another surface now
-    tile = {.disputed_m = tile.disputed_m};
-    return was_empty;
+    tile = {.disputed_m = tile.disputed_m};  // what was empty is gone, or another surface now
+    return;
   }
-  if (tile.is_empty) return false;
+  if (tile.is_empty) return;
   const bool is_disputed = tile.disputed_m > 0 && std::abs(nearest - tile.disputed_m) <= near_m;
   tile.depth_m = nearest;
   tile.empty_for = !is_disputed && any_sees_past(own, cover, confirmed, samples, nearest)
                        ? std::min(tile.empty_for + 1, kCaptures)
                        : 0;
-  return false;
 }
 
 /// The same for all tiles of a sensor. What it confirms though another sees past it, such as the
@@ -119,12 +116,11 @@ double EmptyPlaces::follow(const StillCover::SensorView& own, const StillCover& 
     for (int column = 0; column < tiles.columns; ++column) {
       const std::size_t number = static_cast<std::size_t>(row) * tiles.columns + column;
       Tile& tile = tiles.tiles[number];
-      const double covers_m2 = area_m2(own, tiles.tile_px, tile.depth_m);
       if (!mine.at(column, row)) {
-        if (follow(own, cover, confirmed, samples_of(column, row), tile)) changed_m2 += covers_m2;
+        follow(own, cover, confirmed, samples_of(column, row), tile);
         continue;
       }
-      if (tile.is_empty) changed_m2 += covers_m2;
+      if (tile.is_empty) changed_m2 += area_m2(own, tiles.tile_px, tile.depth_m);
       tile = {.disputed_m = tile.disputed_m};
       if ((number + updates_) % kDisputeTurns != 0) continue;
       const Samples samples = samples_of(column, row);

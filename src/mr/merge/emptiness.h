@@ -22,7 +22,8 @@ class EmptyPlaces {
   explicit EmptyPlaces(const OverlapConfig& config) : config_(config) {}
 
   /// Takes a capture. `cover`: the still surfaces as the sensors see them; `sources`: what each
-  /// confirms now. Returns the area in m² of the places that became empty, or are no longer.
+  /// confirms now. Returns the area in m² of the places that became empty, or were so wrongly:
+  /// their own sensor confirms them.
   double update(const StillCover& cover, std::span<const SourceInfo> sources);
 
   /// What is left of a still surface whose triangles have the sensors that measured them as views.
@@ -52,7 +53,7 @@ class EmptyPlaces {
   static float nearest_in(const StillCover::SensorView& own, const Samples& samples);
   bool any_sees_past(const StillCover::SensorView& own, const StillCover& cover,
                      const Confirmed& confirmed, const Samples& samples, float nearest) const;
-  bool follow(const StillCover::SensorView& own, const StillCover& cover,
+  void follow(const StillCover::SensorView& own, const StillCover& cover,
               const Confirmed& confirmed, const Samples& samples, Tile& tile) const;
   double follow(const StillCover::SensorView& own, const StillCover& cover,
                 const Confirmed& confirmed, Tiles& tiles) const;

@@ -19,15 +19,18 @@ constexpr float kRounding_m = 0.002f;         // on top: files count millimetres
 constexpr float kMostNoise = 4;               // times the stated precision
 constexpr float kUncovered_m = 0.05f;         // what lies so much farther was hidden
 constexpr std::uint16_t kMostReadings = 512;  // then the mean follows what is slow
-constexpr int kQuick = 8, kSlow = 60;         // captures to learn
-constexpr std::uint64_t kStart = 40;          // captures in which all is learnt quickly
-constexpr int kContradicts = 5;               // farther readings that agree
-constexpr double kLeastRegion = 30;           // pixels that change together, at 640x576
-constexpr std::uint8_t kHandOver = 10;        // captures until the merger shows what is still
+// Captures to learn: at the start, and behind what is gone; behind what moved, which may move, too,
+// such as a back that an arm was before; what else is new.
+constexpr int kQuick = 8, kUncovered = 24, kSlow = 60;
+constexpr std::uint64_t kStart = 40;    // captures in which all is learnt quickly
+constexpr int kContradicts = 5;         // farther readings that agree
+constexpr double kLeastRegion = 30;     // pixels that change together, at 640x576
+constexpr std::uint8_t kHandOver = 10;  // captures until the merger shows what is still
 // Captures from one look at the still picture to the next: in which only what is gone or elsewhere
 // counts, in which all does, and in which what is small does, too, and the picture is refined. The
 // first look is late enough for plates of what is learnt at first.
-constexpr std::uint64_t kLookEvery = 8, kLookAt = 4, kFreezeEvery = 32, kRefineEvery = 512;
+constexpr std::uint64_t kLookEvery = 8, kLookAt = 4, kFreezeEvery = 64, kRefineEvery = 512;
+constexpr std::uint64_t kNew = 64;      // captures in which each look counts all
 constexpr int kRefineTurns = 2;         // at the start cubes are refined in so many turns
 constexpr std::uint8_t kRestless = 60;  // captures in which nothing was learnt
 constexpr double kWorthRefining_m = 0.0005, kWorthRefining_sigmas = 0.17;
@@ -98,7 +101,7 @@ double Background::least_region() const {
   return std::max(6.0, kLeastRegion * static_cast<double>(known_.size()) / (640.0 * 576.0));
 }
 
-bool Background::is_new() const { return captures_ < 2 * kFreezeEvery; }
+bool Background::is_new() const { return captures_ < kNew; }
 
 Moment Background::update(const ImageDepth& depth, bool is_sent) {
   MR_ASSERT(depth.width == width_ && depth.height == height_);
@@ -154,7 +157,9 @@ void Background::for_each_row(const Row& row) const {
 // --- one pixel
 
 int Background::captures_to_learn(const Known& known) const {
-  return captures_ < kStart || known.was_uncovered ? kQuick : kSlow;
+  return captures_ < kStart || known.was_vacated ? kQuick
+         : known.was_uncovered                   ? kUncovered
+                                                 : kSlow;
 }
 
 /// Counts readings that agree with each other but not with what is known. At a depth edge readings
@@ -175,7 +180,7 @@ void Background::note_candidate(float depth, bool farther, Known& known, Rest& r
     if (known.was_missed || --c.count > 1) return;
   }
   if (any && depth > c.mean + band + kUncovered_m) known.was_uncovered = true;
-  if (any && depth < c.mean - band - kUncovered_m) known.was_uncovered = false;
+  if (any && depth < c.mean - band - kUncovered_m) known.was_uncovered = known.was_vacated = false;
   c = {depth, 1};
   known.has_candidate = true, known.is_farther = farther;
 }
@@ -304,7 +309,7 @@ void Background::forget_contradicted() {
     if (std::abs(behind) <= band_m(known.mean))
       known.has_candidate = false;
     else if (behind > 0)
-      forget(known, rest), known.was_uncovered = true;
+      forget(known, rest), known.was_vacated = true;
     known.is_farther = false;
   });
 }
@@ -490,25 +495,34 @@ std::set<Vec3i> Background::cubes_to_refine() const {
   return out;
 }
 
-/// Brings the still picture up to date. Returns whether it changed.
+/// The cubes in which the still picture is to change: they are sent again anyhow.
+std::set<Vec3i> Background::cubes_of(const ImageMask& regions) const {
+  std::set<Vec3i> out;
+  for (std::size_t i = 0; i < known_.size(); ++i) {
+    if (!regions.data[i]) continue;
+    if (still_.data[i] > 0) out.insert(cube_of(i, still_.data[i]));
+    if (known_[i].count > 0) out.insert(cube_of(i, known_[i].mean));
+  }
+  return out;
+}
+
+/// Brings the still picture up to date. What is small comes along where its cube changes. Returns
+/// whether it changed.
 bool Background::freeze() {
   const ImageMask regions = regions_to_freeze();
-  const std::set<Vec3i> cubes = cubes_to_refine();
-  Vec3i last{};
-  bool known_cube = false, is_due = false, changed = false;
-  const auto refined = [&](std::size_t i, float depth) {
-    if (cubes.empty() || depth == 0) return false;
-    if (const Vec3i cube = cube_of(i, depth); !known_cube || cube != last)
-      is_due = cubes.contains(cube), last = cube, known_cube = true;
-    return is_due;
-  };
+  const std::set<Vec3i> refined = cubes_to_refine(), touched = cubes_of(regions);
+  bool changed = false;
   for (std::size_t i = 0; i < known_.size(); ++i) {
     Known& now = known_[i];
-    const float mean = now.count > 0 ? now.mean : 0;
-    if (!regions.data[i] && !refined(i, still_.data[i]) && !refined(i, mean)) continue;
+    const float was = still_.data[i], mean = now.count > 0 ? now.mean : 0;
     const bool other = differs(i);
+    const auto in = [&](const std::set<Vec3i>& cubes) {
+      return !cubes.empty() && ((was > 0 && cubes.contains(cube_of(i, was))) ||
+                                (mean > 0 && cubes.contains(cube_of(i, mean))));
+    };
+    if (!regions.data[i] && !(other && in(touched)) && !in(refined)) continue;
     if (!other && now.count < 2 * rest_[i].frozen_count) continue;
-    changed |= still_.data[i] != mean;
+    changed |= was != mean;
     still_.data[i] = mean;
     rest_[i].frozen_count = now.count;
     if (other) now.age = 0;
