@@ -143,24 +143,6 @@ TEST(Background, WhoWasThereAtTheStartIsForgottenWhenTheyLeave) {
   EXPECT_EQ(share(watch(background, room, 10).moving, kAll), 0);
 }
 
-/// A back from which an arm has just been taken stays the same for a while, as one walks sideways.
-TEST(Background, WhatAnArmUncoveredIsNotStillAtOnce) {
-  Room room;
-  const Rect arm{70, 50, 20, 30};
-  Background background = Room::background();
-  for (int i = 0; i < 100; ++i) {  // never seen without who gestures
-    room.boxes = {{kPerson, 2 + 0.1f * static_cast<float>(i % 3)}};
-    watch(background, room, 1);
-  }
-  room.boxes = {{kPerson, 2}, {arm, 1.7f}};
-  watch(background, room, 5);
-  room.boxes = {{kPerson, 2}};
-  int learnt = 0;
-  for (; learnt < 100 && share(watch(background, room, 1).foreign, arm) > 0.5; ++learnt) continue;
-  EXPECT_GE(learnt, 24);
-  EXPECT_LT(learnt, 40);
-}
-
 TEST(Background, RemovalIsNoticedWithinHalfASecond) {
   Room room;
   room.boxes = {{{20, 20, 20, 20}, 2.5f}};

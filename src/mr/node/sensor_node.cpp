@@ -26,9 +26,9 @@ namespace {
 constexpr double kPinhole_voxels = 12;  // around: what a few failed pixels leave
 // Of decimation, of what moves: people alone cannot spare as many triangles as people with walls.
 constexpr double kMovingError_voxels = 0.5;
-// Behind a pixel of the still picture: eight at first, 40 and more soon. Smoothed like a single
-// reading corners become round, and small things melt into the wall behind.
-constexpr int kStillReadings = 32;
+// Behind a pixel of the still picture, once the room is learnt. Smoothed like a single reading,
+// corners become round, and small things melt into the wall behind.
+constexpr int kStillReadings = 16;
 
 fusion::VolumeConfig volume_config(const Scene& scene) {
   return {.voxel_m = scene.voxel_m,
@@ -166,9 +166,12 @@ bool SensorNode::is_still_shown() {
 
 /// What the background says of a frame.
 still::Moment SensorNode::look(const Frame& frame, bool is_sent) {
+  const bool was_new = layers_->background.is_new();
   const still::Moment moment =
       trace_.time("background", [&] { return layers_->background.update(frame.depth, is_sent); });
-  layers_->still_changed |= moment.still_changed, layers_->began_anew |= moment.began_anew;
+  const bool is_learnt = was_new && !layers_->background.is_new();  // it is cleaned otherwise now
+  layers_->still_changed |= moment.still_changed || is_learnt;
+  layers_->began_anew |= moment.began_anew;
   return moment;
 }
 
@@ -204,11 +207,11 @@ Result<ImageDepth> SensorNode::divide(Reconstructed& out) {
   return depth;
 }
 
-/// The chunks of a frozen still picture that changed.
-SensorNode::StillChunks SensorNode::make_still(const Frame& still) {
+/// The chunks of a frozen still picture that changed. `readings`: behind its pixels.
+SensorNode::StillChunks SensorNode::make_still(const Frame& still, int readings) {
   return trace_.time("still", [&] {
     const Camera& camera = registration_.depth_camera();
-    return layers_->surface.update(prepare_depth(*scene_, camera, still, kStillReadings), camera,
+    return layers_->surface.update(prepare_depth(*scene_, camera, still, readings), camera,
                                    still.T_world_depth, scene_->sensors[sensor_].precision);
   });
 }
@@ -233,9 +236,11 @@ Status SensorNode::bring_still(const Frame& frame) {
   Frame still;
   still.sensor = sensor_, still.depth = layers_->background.still();
   still.T_world_depth = frame.T_world_depth;
+  const int readings = layers_->background.is_new() ? 1 : kStillReadings;
   if (still_work_ == StillWork::at_once || layers_->background.is_new())
-    return accept(make_still(still));
-  still_job_.start([this, still = std::move(still)] { return make_still(still); });
+    return accept(make_still(still, readings));
+  still_job_.start(
+      [this, still = std::move(still), readings] { return make_still(still, readings); });
   return {};
 }
 

@@ -94,7 +94,7 @@ class SensorNode {
   using StillChunks = Result<std::vector<StillChunk>>;
   bool is_still_shown();
   still::Moment look(const Frame& frame, bool is_sent);
-  StillChunks make_still(const Frame& still);
+  StillChunks make_still(const Frame& still, int readings);
   Status accept(StillChunks made);
   Status bring_still(const Frame& frame);
   Result<ImageDepth> divide(Reconstructed& out);

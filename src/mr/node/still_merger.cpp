@@ -23,7 +23,7 @@ constexpr std::size_t kManyBlocks = 100;
 // triangles.
 constexpr int kStillPerCube = 2;
 // Ticks between removals of what was carried away, where that is much, or little.
-constexpr std::uint64_t kEmptyEvery = 15, kLittleEvery = 90;
+constexpr std::uint64_t kEmptyEvery = 15, kLittleEvery = 30;
 constexpr double kMuchEmptied_m2 = 0.02;
 constexpr std::uint64_t kLookEvery = 90;  // ticks until what that uncovered is labelled
 constexpr double kWorthWithholding_m2 = 0.02;

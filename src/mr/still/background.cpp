@@ -19,18 +19,15 @@ constexpr float kRounding_m = 0.002f;         // on top: files count millimetres
 constexpr float kMostNoise = 4;               // times the stated precision
 constexpr float kUncovered_m = 0.05f;         // what lies so much farther was hidden
 constexpr std::uint16_t kMostReadings = 512;  // then the mean follows what is slow
-// Captures to learn: at the start, and behind what is gone; behind what moved, which may move, too,
-// such as a back that an arm was before; what else is new.
-constexpr int kQuick = 8, kUncovered = 24, kSlow = 60;
-constexpr std::uint64_t kStart = 40;    // captures in which all is learnt quickly
-constexpr int kContradicts = 5;         // farther readings that agree
-constexpr double kLeastRegion = 30;     // pixels that change together, at 640x576
-constexpr std::uint8_t kHandOver = 10;  // captures until the merger shows what is still
+constexpr int kQuick = 8, kSlow = 60;         // captures to learn
+constexpr std::uint64_t kStart = 40;          // captures in which all is learnt quickly
+constexpr int kContradicts = 5;               // farther readings that agree
+constexpr double kLeastRegion = 30;           // pixels that change together, at 640x576
+constexpr std::uint8_t kHandOver = 10;        // captures until the merger shows what is still
 // Captures from one look at the still picture to the next: in which only what is gone or elsewhere
 // counts, in which all does, and in which what is small does, too, and the picture is refined. The
 // first look is late enough for plates of what is learnt at first.
-constexpr std::uint64_t kLookEvery = 8, kLookAt = 4, kFreezeEvery = 64, kRefineEvery = 512;
-constexpr std::uint64_t kNew = 64;      // captures in which each look counts all
+constexpr std::uint64_t kLookEvery = 8, kLookAt = 4, kFreezeEvery = 32, kRefineEvery = 512;
 constexpr int kRefineTurns = 2;         // at the start cubes are refined in so many turns
 constexpr std::uint8_t kRestless = 60;  // captures in which nothing was learnt
 constexpr double kWorthRefining_m = 0.0005, kWorthRefining_sigmas = 0.17;
@@ -101,7 +98,7 @@ double Background::least_region() const {
   return std::max(6.0, kLeastRegion * static_cast<double>(known_.size()) / (640.0 * 576.0));
 }
 
-bool Background::is_new() const { return captures_ < kNew; }
+bool Background::is_new() const { return captures_ < 2 * kFreezeEvery; }
 
 Moment Background::update(const ImageDepth& depth, bool is_sent) {
   MR_ASSERT(depth.width == width_ && depth.height == height_);
@@ -157,9 +154,7 @@ void Background::for_each_row(const Row& row) const {
 // --- one pixel
 
 int Background::captures_to_learn(const Known& known) const {
-  return captures_ < kStart || known.was_vacated ? kQuick
-         : known.was_uncovered                   ? kUncovered
-                                                 : kSlow;
+  return captures_ < kStart || known.was_uncovered ? kQuick : kSlow;
 }
 
 /// Counts readings that agree with each other but not with what is known. At a depth edge readings
@@ -180,7 +175,7 @@ void Background::note_candidate(float depth, bool farther, Known& known, Rest& r
     if (known.was_missed || --c.count > 1) return;
   }
   if (any && depth > c.mean + band + kUncovered_m) known.was_uncovered = true;
-  if (any && depth < c.mean - band - kUncovered_m) known.was_uncovered = known.was_vacated = false;
+  if (any && depth < c.mean - band - kUncovered_m) known.was_uncovered = false;
   c = {depth, 1};
   known.has_candidate = true, known.is_farther = farther;
 }
@@ -309,7 +304,7 @@ void Background::forget_contradicted() {
     if (std::abs(behind) <= band_m(known.mean))
       known.has_candidate = false;
     else if (behind > 0)
-      forget(known, rest), known.was_vacated = true;
+      forget(known, rest), known.was_uncovered = true;
     known.is_farther = false;
   });
 }

@@ -35,8 +35,7 @@ struct Moment {
 /// that agree, and what stopped in front of it ("absorbed"). Counts captures, never time, so the
 /// same captures give the same bytes. Takes every capture, also those that are not reconstructed.
 ///
-///   unknown ──8 captures agree (the start; behind what is gone), 24 (behind what moved), 60 or
-///             after_s else──▶ base
+///   unknown ──8 captures agree (the start; just uncovered), 60 or after_s else──▶ base
 ///   base ──5 farther captures agree, 30 pixels together──▶ unknown, and learnt anew
 ///   base ──nearer for after_s──▶ absorbed in front of it ──moves again──▶ base
 ///
@@ -82,8 +81,7 @@ class Background {
     bool is_absorbed : 1 = false;
     bool has_candidate : 1 = false;
     bool is_farther : 1 = false;     ///< the candidate lies behind what is known
-    bool was_vacated : 1 = false;    ///< nothing known: what was known here is gone
-    bool was_uncovered : 1 = false;  ///< nothing known: what moved in front has just left
+    bool was_uncovered : 1 = false;  ///< nothing known: what was in front has just left
     bool was_missed : 1 = false;     ///< nothing known: the last reading disagreed
   };
   /// What only some pixels have.
