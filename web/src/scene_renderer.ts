@@ -134,7 +134,6 @@ export class SceneRenderer {
   private fading: readonly DrawnChunk[] = []; // at borders
   private readonly stillPicture: StillPicture | null;
   private stillLook = kNothing;
-  private eye = "";
   private size: readonly [number, number] = [1, 1];
 
   /** Without a graphics device what stays is drawn once for an eye. */
@@ -207,11 +206,8 @@ export class SceneRenderer {
       this.renderer.clear();
       this.renderer.render(this.scenes[kStill]!, this.camera);
     };
-    const eye = JSON.stringify(camera);
-    if (eye !== this.eye) this.stillPicture?.outdate();
-    this.eye = eye;
     if (this.stillPicture === null) drawStill();
-    else this.stillPicture.draw(this.camera, drawStill);
+    else this.stillPicture.draw(this.camera, JSON.stringify(camera), drawStill);
     this.renderer.render(this.scenes[kMoving]!, this.camera);
   }
 

@@ -21,13 +21,14 @@ void main() {
 `;
 
 /** Keeps the picture of what stays, with its depth, while neither that nor the eye changes: then a capture costs what moves in it. For
- *  devices to which a room's triangles are many. (Copied by a shader: Chromium's software device takes ten times as long to blit.) */
+ *  devices to which a room's triangles are many. */
 export class StillPicture {
   private readonly target = new WebGLRenderTarget(1, 1, {
     depthTexture: new DepthTexture(1, 1, UnsignedIntType), minFilter: NearestFilter, magFilter: NearestFilter, generateMipmaps: false,
   });
   private readonly scene = new Scene();
   private isOutdated = true;
+  private eye = "";
 
   constructor(private readonly renderer: WebGLRenderer) {
     const geometry = new BufferGeometry();
@@ -51,14 +52,15 @@ export class StillPicture {
     this.isOutdated = true;
   }
 
-  /** Draws what stays to the screen, colour and depth, over what is there. `drawAfresh` is called where its picture is outdated; it
-   *  clears first. */
-  draw(camera: Camera, drawAfresh: () => void): void {
-    if (this.isOutdated) {
+  /** Draws what stays to the screen, colour and depth, over what is there. `eye`: names the camera. `drawAfresh` is called where the
+   *  picture is outdated or another eye's; it clears first. */
+  draw(camera: Camera, eye: string, drawAfresh: () => void): void {
+    if (this.isOutdated || eye !== this.eye) {
       this.renderer.setRenderTarget(this.target);
       drawAfresh();
       this.renderer.setRenderTarget(null);
       this.isOutdated = false;
+      this.eye = eye;
     }
     this.renderer.clearDepth();
     this.renderer.render(this.scene, camera);

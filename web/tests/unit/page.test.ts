@@ -118,7 +118,7 @@ test("one long pause is no slow drawing", () => {
   assert.equal(resolution.scale(), 1);
 });
 
-test("a device draws all its pixels; the processor only when nothing moves", () => {
+test("a device draws all its pixels; the processor fewer, fewest while the eye moves", () => {
   const phone = { width: 390, height: 844, devicePixelRatio: 3 };
   assert.equal(pixelRatio(phone, false, "scene", 1), 3);
   assert.equal(pixelRatio(phone, false, "eye", 0.5), 1.5);
