@@ -99,6 +99,20 @@ TEST(EmptyPlaces, ComesBackWhenItsSensorSeesItAgain) {
   EXPECT_DOUBLE_EQ(scene.area_m2(empty), surface_area_m2(scene.joined));
 }
 
+/// The chunk that changed brings that already.
+TEST(EmptyPlaces, WhatItsSensorNoLongerHasIsNoChange) {
+  CarriedAway scene;
+  EmptyPlaces empty(scene.config);
+  const StillCover before(scene.joined, scene.parts, scene.config);
+  for (int i = 0; i < kCapturesUntilEmpty; ++i) empty.update(before, scene.sources());
+  ASSERT_LT(scene.area_m2(empty), surface_area_m2(scene.joined));
+  scene.parts[0].mesh = scene.joined = scene.wall;
+  set_triangle_views(scene.joined, std::vector<ViewId>(scene.joined.triangles.size(), 0));
+  const StillCover after(scene.joined, scene.parts, scene.config);
+  EXPECT_EQ(empty.update(after, scene.sources()), 0);
+  EXPECT_DOUBLE_EQ(scene.area_m2(empty), surface_area_m2(scene.wall));
+}
+
 TEST(EmptyPlaces, WhatWasSeenThoughAnotherSeesPastItStays) {
   CarriedAway scene;
   const StillCover cover(scene.joined, scene.parts, scene.config);

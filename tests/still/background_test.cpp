@@ -153,6 +153,21 @@ TEST(Background, RemovalIsNoticedWithinHalfASecond) {
   EXPECT_EQ(share_at(background.still(), {20, 20, 20, 20}, 2.5f), 0);
 }
 
+/// Alone it would wait for long: its cube is sent again anyhow.
+TEST(Background, WhatIsSmallComesAlongWhereItsCubeChanges) {
+  constexpr Rect kSmall{90, 70, 3, 3}, kLarge{100, 75, 20, 20};  // in one cube
+  for (const bool with_large : {false, true}) {
+    Room room;
+    room.boxes = {{kSmall, 2.5f}, {kLarge, 2.5f}};
+    Background background = Room::background();
+    watch(background, room, 100);
+    ASSERT_EQ(share_at(background.still(), kSmall, 2.5f), 1);
+    room.boxes = {{kLarge, with_large ? 3 : 2.5f}};
+    watch(background, room, 40);
+    EXPECT_EQ(share_at(background.still(), kSmall, 2.5f), with_large ? 0 : 1);
+  }
+}
+
 TEST(Background, WhoSitsForAMinuteIsAbsorbedAndLeavesNoShell) {
   Room room;
   Background background = Room::background();
