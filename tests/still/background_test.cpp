@@ -143,6 +143,65 @@ TEST(Background, WhoWasThereAtTheStartIsForgottenWhenTheyLeave) {
   EXPECT_EQ(share(watch(background, room, 10).moving, kAll), 0);
 }
 
+/// No farther reading says that they left.
+TEST(Background, WhoStoodBeforeWhatCannotBeMeasuredLeavesNoShell) {
+  Room room;
+  room.too_far = {40, 0, 120, 120};
+  room.boxes = {{kPerson, 2}};
+  Background background = Room::background();
+  watch(background, room, 60);
+  EXPECT_GT(share_at(background.still(), kPerson, 2), 0.98);
+  room.boxes.clear();
+  watch(background, room, 130);
+  EXPECT_EQ(share_at(background.still(), kPerson, 2), 0);
+  EXPECT_GT(share_at(background.still(), {0, 0, 40, 120}, 3), 0.99);
+}
+
+TEST(Background, WhoWalksBeforeWhatCannotBeMeasuredIsNeverLearnt) {
+  Room room;
+  room.too_far = {40, 0, 120, 120};
+  Background background = Room::background();
+  watch(background, room, 20);
+  for (int pass = 0; pass < 4; ++pass) {
+    for (int i = 0; i < 60; ++i) {  // an arm, then the body behind it
+      room.boxes = {{{i * 3 - 20, 30, 40, 80}, 2}, {{i * 3 + 15, 50, 20, 8}, 1.8f}};
+      const Moment moment = watch(background, room, 1);
+      if (i == 30) {
+        EXPECT_GT(share(moment.moving, {72, 32, 36, 70}), 0.99);
+      }
+    }
+    room.boxes.clear();
+    watch(background, room, 30);
+    EXPECT_EQ(share_at(background.still(), room.too_far, 2, 0.3f), 0) << pass;
+  }
+}
+
+TEST(Background, WhoSitsBeforeWhatCannotBeMeasuredIsAbsorbedAndLeavesNoShell) {
+  Room room;
+  room.too_far = {40, 0, 120, 120};
+  Background background = Room::background();
+  watch(background, room, 60);
+  room.boxes = {{kPerson, 2}};
+  EXPECT_GT(share(watch(background, room, 100).moving, kPerson), 0.99);
+  watch(background, room, 100);
+  EXPECT_GT(share_at(background.still(), kPerson, 2), 0.98);
+  EXPECT_LT(share(watch(background, room, 12).moving, kPerson), 0.02);
+  room.boxes.clear();  // gets up
+  watch(background, room, 10);
+  EXPECT_EQ(share_at(background.still(), kPerson, 2), 0);
+}
+
+TEST(Background, WhatIsReadAtTimesOnlyStays) {
+  Room room;
+  room.too_far = {40, 0, 120, 120}, room.far_rate = 0.35;
+  Background background = Room::background();
+  watch(background, room, 100);
+  const double learnt = share_at(background.still(), room.too_far, 3);
+  EXPECT_GT(learnt, 0.95);
+  watch(background, room, 500);
+  EXPECT_GE(share_at(background.still(), room.too_far, 3), learnt);
+}
+
 TEST(Background, RemovalIsNoticedWithinHalfASecond) {
   Room room;
   room.boxes = {{{20, 20, 20, 20}, 2.5f}};

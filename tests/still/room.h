@@ -19,7 +19,9 @@ struct Room {
 
   float wall_m = 3;
   std::vector<Box> boxes{};
-  double noise = 1;  ///< times what the sensor is said to have
+  double noise = 1;     ///< times what the sensor is said to have
+  Rect too_far{};       ///< where the wall cannot be measured
+  double far_rate = 0;  ///< how often it can be there, all the same
   Precision precision{};
   std::mt19937 random{1};
 
@@ -48,6 +50,11 @@ struct Room {
     for (float& z : out.data)
       z = static_cast<float>(
           std::round((z + noise * precision.sigma_m(z) * normal(random)) * 1000) / 1000);
+    std::bernoulli_distribution is_measured(far_rate);
+    const ImageDepth exact = truth();
+    for (int y = too_far.y; y < too_far.y + too_far.height; ++y)
+      for (int x = too_far.x; x < too_far.x + too_far.width; ++x)
+        if (*exact.at(x, y) == wall_m && !is_measured(random)) *out.at(x, y) = 0;
     return out;
   }
 };

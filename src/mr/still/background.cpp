@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <map>
+#include <numeric>
 #include <set>
 #include <utility>
 
@@ -22,6 +23,7 @@ constexpr std::uint16_t kMostReadings = 512;  // then the mean follows what is s
 constexpr int kQuick = 8, kSlow = 60;         // captures to learn
 constexpr std::uint64_t kStart = 40;          // captures in which all is learnt quickly
 constexpr int kContradicts = 5;               // farther readings that agree
+constexpr std::uint16_t kAgainstDoubt = 4;    // captures without a reading that one outweighs
 constexpr double kLeastRegion = 30;           // pixels that change together, at 640x576
 constexpr std::uint8_t kHandOver = 10;        // captures until the merger shows what is still
 // Captures from one look at the still picture to the next: in which only what is gone or elsewhere
@@ -117,6 +119,7 @@ Moment Background::update(const ImageDepth& depth, bool is_sent) {
   if (captures_ % kLookEvery == kLookAt) out.still_changed |= freeze();
   out.moving = moving_pixels(depth, out.foreign);
   out.confirmed = confirmed_pixels(depth, out.moving);
+  doubt_what_is_missing(out.moving);
   previous_ = depth;
   ++captures_;
   return out;
@@ -184,15 +187,21 @@ void Background::note_candidate(float depth, bool farther, Known& known, Rest& r
 void Background::forget(Known& known, Rest& rest) {
   const Surface behind = known.is_absorbed ? std::exchange(rest.base, {}) : Surface{};
   known.mean = behind.mean, known.count = behind.count;
-  known.is_absorbed = false, known.age = 0;
+  known.is_absorbed = known.is_doubted = false, known.age = 0;
+  rest.doubt = 0;
 }
 
 Background::Reading Background::read(float depth, Known& known, Rest& rest) const {
   if (!is_measured(depth)) return Reading::none;
+  if (known.is_doubted) {
+    rest.doubt -= std::min(rest.doubt, kAgainstDoubt);
+    known.is_doubted = rest.doubt > 0;
+  }
   if (known.count == 0) {
     note_candidate(depth, false, known, rest);
     if (known.age < kRestless) ++known.age;
-    if (rest.candidate.count < captures_to_learn(known)) return Reading::unknown;
+    if (known.is_blank || rest.candidate.count < captures_to_learn(known)) return Reading::unknown;
+    rest.doubt = 0;
     known = {.mean = rest.candidate.mean, .count = rest.candidate.count};
     return Reading::agrees;
   }
@@ -216,7 +225,7 @@ void Background::read_pixels(const ImageDepth& depth) {
     for (std::size_t i = begin; i < end; ++i) {
       Known& known = known_[i];
       readings_[i] = read(depth.data[i], known, rest_[i]);
-      if (!known.has_candidate || known.count == 0) continue;
+      if (!known.has_candidate || (known.count == 0 && !known.is_blank)) continue;
       const int count = rest_[i].candidate.count;
       contradicted[y] |= known.is_farther && count >= kContradicts;
       stopped[y] |= count >= after_captures_;
@@ -249,10 +258,12 @@ void Background::give_back_what_moves() {
   constexpr double kShareThatMoves = 0.25;
   if (regions_.size() == 1) return;
   std::vector<std::uint32_t> moving(regions_.size());
-  for (std::size_t i = 0; i < known_.size(); ++i)
-    if (known_[i].is_absorbed &&
-        (readings_[i] == Reading::nearer || readings_[i] == Reading::farther))
-      ++moving[rest_[i].region];
+  for (std::size_t i = 0; i < known_.size(); ++i) {
+    if (!known_[i].is_absorbed) continue;
+    const Reading now = readings_[i];
+    const bool is_gone = now == Reading::none && known_[i].is_blank;
+    moving[rest_[i].region] += now == Reading::nearer || now == Reading::farther || is_gone;
+  }
   std::vector<std::uint8_t> goes(regions_.size());
   bool any = false;
   for (std::size_t r = 1; r < regions_.size(); ++r) {
@@ -274,7 +285,8 @@ std::optional<Regions> Background::candidates(int beside, int sure, const Fits& 
   std::vector<std::uint8_t> any(height_);
   for_each_row([&](std::size_t y, std::size_t begin, std::size_t end) {
     for (std::size_t i = begin; i < end; ++i) {
-      if (!known_[i].has_candidate || known_[i].count == 0 || !fits(known_[i])) continue;
+      const Known& known = known_[i];
+      if (!known.has_candidate || (known.count == 0 && !known.is_blank) || !fits(known)) continue;
       mask.data[i] = rest_[i].candidate.count >= beside;
       any[y] |= rest_[i].candidate.count >= sure;
     }
@@ -307,6 +319,38 @@ void Background::forget_contradicted() {
       forget(known, rest), known.was_uncovered = true;
     known.is_farther = false;
   });
+}
+
+/// Whether much of what is known has no reading: that says something about the sensor.
+bool Background::drops_out() const {
+  constexpr double kMost = 0.5;
+  std::vector<std::uint32_t> known(height_), missing(height_);
+  for_each_row([&](std::size_t y, std::size_t begin, std::size_t end) {
+    for (std::size_t i = begin; i < end; ++i)
+      if (known_[i].count > 0) ++known[y], missing[y] += readings_[i] == Reading::none;
+  });
+  return std::accumulate(missing.begin(), missing.end(), 0.0) >
+         kMost * std::accumulate(known.begin(), known.end(), 0.0);
+}
+
+/// Who stood or walked before what cannot be measured leaves no farther reading behind. That
+/// nothing is read there any more, though nothing moves before it, says that they are gone.
+void Background::doubt_what_is_missing(const ImageMask& moving) {
+  if (drops_out()) return;
+  for_each_row([&](std::size_t, std::size_t begin, std::size_t end) {
+    for (std::size_t i = begin; i < end; ++i)
+      if (readings_[i] == Reading::none && !moving.data[i]) doubt(known_[i], rest_[i]);
+  });
+}
+
+void Background::doubt(Known& known, Rest& rest) const {
+  constexpr int kLeast = 30, kBlank = 16;
+  known.is_doubted = true;
+  if (++rest.doubt < (known.count > 0 ? kLeast + known.count : kBlank)) return;
+  if (known.count > 0) forget(known, rest);
+  if (known.count > 0) return;  // what is behind
+  known.is_blank = true, known.has_candidate = known.was_uncovered = known.is_doubted = false;
+  rest.doubt = 0;
 }
 
 /// How many pixels each absorbed region still has.
@@ -343,8 +387,11 @@ void Background::absorb_what_stopped() {
     Known& known = known_[i];
     Rest& rest = rest_[i];
     if (!known.is_absorbed) rest.base = {known.mean, known.count};
-    known = {.mean = rest.candidate.mean, .count = rest.candidate.count, .is_absorbed = true};
-    rest.region = at->second;
+    known = {.mean = rest.candidate.mean,
+             .count = rest.candidate.count,
+             .is_absorbed = true,
+             .is_blank = known.is_blank};
+    rest.region = at->second, rest.doubt = 0;
     ++regions_[at->second].pixels;
   });
 }

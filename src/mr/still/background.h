@@ -38,6 +38,8 @@ struct Moment {
 ///   unknown ──8 captures agree (the start; just uncovered), 60 or after_s else──▶ base
 ///   base ──5 farther captures agree, 30 pixels together──▶ unknown, and learnt anew
 ///   base ──nearer for after_s──▶ absorbed in front of it ──moves again──▶ base
+///   unknown ──16 captures without a reading──▶ blank: as if the room were infinitely far
+///   base ──no reading for long──▶ unknown: who stood before what cannot be measured is gone
 ///
 /// `still()` is frozen: pixels of it change in regions that came or went, or, seldom, together with
 /// the others of their cube, so a chunk of the still surface depends on bits that do not change.
@@ -83,6 +85,8 @@ class Background {
     bool is_farther : 1 = false;     ///< the candidate lies behind what is known
     bool was_uncovered : 1 = false;  ///< nothing known: what was in front has just left
     bool was_missed : 1 = false;     ///< nothing known: the last reading disagreed
+    bool is_blank : 1 = false;       ///< the room cannot be measured there
+    bool is_doubted : 1 = false;     ///< Rest::doubt is not 0
   };
   /// What only some pixels have.
   struct Rest {
@@ -90,6 +94,9 @@ class Background {
     Surface candidate;  ///< readings of late that agree with each other, but not with what is known
     std::uint16_t region = 0;        ///< of what was absorbed: what was absorbed together
     std::uint16_t frozen_count = 0;  ///< readings behind still_
+    /// Captures of late without a reading, though nothing moves there, less kAgainstDoubt for each
+    /// reading.
+    std::uint16_t doubt = 0;
   };
   struct Region {
     std::uint32_t pixels = 0;
@@ -107,6 +114,9 @@ class Background {
   template <typename Fits>
   std::optional<Regions> candidates(int beside, int sure, const Fits& fits) const;
   void forget_contradicted();
+  bool drops_out() const;
+  void doubt_what_is_missing(const ImageMask& moving);
+  void doubt(Known& known, Rest& rest) const;
   void count_absorbed();
   std::uint16_t new_region();
   void absorb_what_stopped();
