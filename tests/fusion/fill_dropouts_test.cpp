@@ -58,6 +58,27 @@ TEST(FillDropouts, GapsBetweenTwoSurfacesStay) {
   EXPECT_EQ(filled(depth, 7), depth);
 }
 
+/// A shelf before a wall, near enough to be one grazing surface, were it not that both face the
+/// camera.
+TEST(FillDropouts, GapsAtADepthEdgeStayWhereNoSideLeadsAcross) {
+  constexpr Precision kExact{.base_m = 0.0001, .per_m2 = 0};
+  const auto edge = [](float slope) {
+    ImageDepth depth(kSide, 1);
+    for (int x = 0; x < kSide; ++x)
+      *depth.at(x, 0) = 2 + slope * static_cast<float>(x) + (x > 30 && slope == 0 ? 0.04f : 0.0f);
+    *depth.at(30, 0) = 0;
+    return depth;
+  };
+  const auto is_filled = [&](float slope) {
+    const ImageDepth depth = edge(slope);
+    const RaySpacing rays(depth.width, depth.height);
+    const RayGrid grid = fill_dropouts(to_grid(depth, rays), rays, kExact, 2);
+    return *to_depth(grid, rays, nullptr).at(30, 0) > 0;
+  };
+  EXPECT_FALSE(is_filled(0));
+  EXPECT_TRUE(is_filled(0.02f));  // as steep, but both sides lead across
+}
+
 TEST(FillDropouts, GapsCloseUpToTheBound) {
   for (int gap = 1; gap <= 9; ++gap) {
     ImageDepth depth(kSide, kSide, 2.0f);

@@ -13,6 +13,7 @@ namespace {
 constexpr float kFillGrazing =
     0.26f;  // sine of the angle to the ray at which surfaces are still one
 constexpr float kFillSigmas = 5;
+constexpr float kSlopeSigmas = 8;  // of a step: what the slopes of one surface may differ by
 
 /// From a pixel to its neighbour in one direction.
 struct Way {
@@ -26,6 +27,15 @@ struct Bridge {
   float apart = 0;   ///< how much its ends differ
 };
 
+/// Whether the surfaces on both sides lead across: the bridge is no steeper than the steeper of
+/// them and no flatter than the flatter one, noise aside. `before`, `after`: the pixels next to its
+/// ends, 0 where nothing is known.
+bool leads_across(float before, float a, float b, float after, float steps, float noise) {
+  if (before <= 0 || after <= 0) return true;
+  const float one = a - before, other = after - b, across = (b - a) / steps;
+  return across >= std::min(one, other) - noise && across <= std::max(one, other) + noise;
+}
+
 Bridge bridge(const float* p, const Way& way, InverseSigma sigma, int most_px) {
   int i = 1, j = 1;
   while (i <= most_px && p[-i * way.step] <= 0) ++i;
@@ -36,8 +46,11 @@ Bridge bridge(const float* p, const Way& way, InverseSigma sigma, int most_px) {
   const float a = p[-i * way.step], b = p[j * way.step];
   const auto steps = static_cast<float>(i + j);
   const float middle = (a * static_cast<float>(j) + b * static_cast<float>(i)) / steps;
-  const float apart = std::abs(a - b);
-  if (apart > way.slope * steps * middle + kFillSigmas * sigma(middle)) return {};
+  const float apart = std::abs(a - b), noise = sigma(middle);
+  if (apart > way.slope * steps * middle + kFillSigmas * noise) return {};
+  if (!leads_across(p[-(i + 1) * way.step], a, b, p[(j + 1) * way.step], steps,
+                    kSlopeSigmas * noise))
+    return {};
   return {middle, apart};
 }
 
