@@ -220,11 +220,15 @@ Background::Reading Background::read(float depth, Known& known, Rest& rest) cons
 }
 
 void Background::read_pixels(const ImageDepth& depth) {
+  constexpr double kMostMissing = 0.5;
   std::vector<std::uint8_t> contradicted(height_), stopped(height_);
+  std::vector<std::uint32_t> known_before(height_), missing(height_);
   for_each_row([&](std::size_t y, std::size_t begin, std::size_t end) {
     for (std::size_t i = begin; i < end; ++i) {
       Known& known = known_[i];
+      const bool was_known = known.count > 0;
       readings_[i] = read(depth.data[i], known, rest_[i]);
+      known_before[y] += was_known, missing[y] += was_known && readings_[i] == Reading::none;
       if (!known.has_candidate || (known.count == 0 && !known.is_blank)) continue;
       const int count = rest_[i].candidate.count;
       contradicted[y] |= known.is_farther && count >= kContradicts;
@@ -235,6 +239,8 @@ void Background::read_pixels(const ImageDepth& depth) {
     return std::ranges::find(rows, 1) != rows.end();
   };
   any_contradicted_ = any(contradicted), any_stopped_ = any(stopped);
+  drops_out_ = std::accumulate(missing.begin(), missing.end(), 0.0) >
+               kMostMissing * std::accumulate(known_before.begin(), known_before.end(), 0.0);
 }
 
 // --- regions
@@ -321,22 +327,10 @@ void Background::forget_contradicted() {
   });
 }
 
-/// Whether much of what is known has no reading: that says something about the sensor.
-bool Background::drops_out() const {
-  constexpr double kMost = 0.5;
-  std::vector<std::uint32_t> known(height_), missing(height_);
-  for_each_row([&](std::size_t y, std::size_t begin, std::size_t end) {
-    for (std::size_t i = begin; i < end; ++i)
-      if (known_[i].count > 0) ++known[y], missing[y] += readings_[i] == Reading::none;
-  });
-  return std::accumulate(missing.begin(), missing.end(), 0.0) >
-         kMost * std::accumulate(known.begin(), known.end(), 0.0);
-}
-
 /// Who stood or walked before what cannot be measured leaves no farther reading behind. That
 /// nothing is read there any more, though nothing moves before it, says that they are gone.
 void Background::doubt_what_is_missing(const ImageMask& moving) {
-  if (drops_out()) return;
+  if (drops_out_) return;
   for_each_row([&](std::size_t, std::size_t begin, std::size_t end) {
     for (std::size_t i = begin; i < end; ++i)
       if (readings_[i] == Reading::none && !moving.data[i]) doubt(known_[i], rest_[i]);

@@ -114,7 +114,6 @@ class Background {
   template <typename Fits>
   std::optional<Regions> candidates(int beside, int sure, const Fits& fits) const;
   void forget_contradicted();
-  bool drops_out() const;
   void doubt_what_is_missing(const ImageMask& moving);
   void doubt(Known& known, Rest& rest) const;
   void count_absorbed();
@@ -153,7 +152,9 @@ class Background {
   int pushed_for_ = 0;   ///< captures in a row in which most disagreed
   bool is_sent_ = true;  ///< the capture at hand
   float noise_ = 1;
-  bool any_contradicted_ = false, any_stopped_ = false;  ///< pixels of this capture
+  // Of this capture:
+  bool any_contradicted_ = false, any_stopped_ = false;  ///< pixels
+  bool drops_out_ = false;  ///< most of what is known has no reading: that is the sensor's doing
 };
 
 }  // namespace mr::still
