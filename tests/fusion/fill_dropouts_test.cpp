@@ -72,7 +72,7 @@ TEST(FillDropouts, GapsAtADepthEdgeStayWhereNoSideLeadsAcross) {
   const auto is_filled = [&](float slope) {
     const ImageDepth depth = edge(slope);
     const RaySpacing rays(depth.width, depth.height);
-    const RayGrid grid = fill_dropouts(to_grid(depth, rays), rays, kExact, 2);
+    const RayGrid grid = fill_dropouts(to_grid(depth, rays), rays, kExact, 2, true);
     return *to_depth(grid, rays, nullptr).at(30, 0) > 0;
   };
   EXPECT_FALSE(is_filled(0));

@@ -36,25 +36,32 @@ bool leads_across(float before, float a, float b, float after, float steps, floa
   return across >= std::min(one, other) - noise && across <= std::max(one, other) + noise;
 }
 
-Bridge bridge(const float* p, const Way& way, InverseSigma sigma, int most_px) {
+/// What gaps are closed.
+struct Limits {
+  int most_px;
+  bool is_exact;
+  InverseSigma sigma;
+};
+
+Bridge bridge(const float* p, const Way& way, const Limits& limits) {
   int i = 1, j = 1;
-  while (i <= most_px && p[-i * way.step] <= 0) ++i;
-  if (i > most_px) return {};
-  const int most = most_px + 1 - i;
+  while (i <= limits.most_px && p[-i * way.step] <= 0) ++i;
+  if (i > limits.most_px) return {};
+  const int most = limits.most_px + 1 - i;
   while (j <= most && p[j * way.step] <= 0) ++j;
   if (j > most) return {};
   const float a = p[-i * way.step], b = p[j * way.step];
   const auto steps = static_cast<float>(i + j);
   const float middle = (a * static_cast<float>(j) + b * static_cast<float>(i)) / steps;
-  const float apart = std::abs(a - b), noise = sigma(middle);
+  const float apart = std::abs(a - b), noise = limits.sigma(middle);
   if (apart > way.slope * steps * middle + kFillSigmas * noise) return {};
-  if (!leads_across(p[-(i + 1) * way.step], a, b, p[(j + 1) * way.step], steps,
-                    kSlopeSigmas * noise))
+  if (limits.is_exact && !leads_across(p[-(i + 1) * way.step], a, b, p[(j + 1) * way.step], steps,
+                                       kSlopeSigmas * noise))
     return {};
   return {middle, apart};
 }
 
-void fill_row(const RayGrid& grid, const RaySpacing& rays, int y, InverseSigma sigma, int most_px,
+void fill_row(const RayGrid& grid, const RaySpacing& rays, int y, const Limits& limits,
               float* out) {
   const float across = rays.across_rad[y] / kFillGrazing;
   const float down =
@@ -68,7 +75,7 @@ void fill_row(const RayGrid& grid, const RaySpacing& rays, int y, InverseSigma s
     if (in[x] > 0) continue;
     Bridge best;
     for (std::size_t i = 0; i < used; ++i) {
-      const Bridge found = bridge(in + x, ways[i], sigma, most_px);
+      const Bridge found = bridge(in + x, ways[i], limits);
       if (found.middle > 0 && (best.middle == 0 || found.apart < best.apart)) best = found;
     }
     out[x] = best.middle;
@@ -78,12 +85,12 @@ void fill_row(const RayGrid& grid, const RaySpacing& rays, int y, InverseSigma s
 }  // namespace
 
 RayGrid fill_dropouts(const RayGrid& grid, const RaySpacing& rays, const Precision& precision,
-                      int most_px) {
+                      int most_px, bool is_exact) {
   RayGrid out = grid;
-  const int most = std::min(most_px, RayGrid::kMargin - 1);
+  const Limits limits{std::min(most_px, RayGrid::kMargin - 1), is_exact, InverseSigma(precision)};
   parallel_for(grid.height(), 16, [&](std::size_t begin, std::size_t end) {
     for (int y = static_cast<int>(begin); y < static_cast<int>(end); ++y) {
-      fill_row(grid, rays, y, InverseSigma(precision), most, out.row(y));
+      fill_row(grid, rays, y, limits, out.row(y));
       out.wrap(y);
     }
   });

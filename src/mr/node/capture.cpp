@@ -1,10 +1,8 @@
 #include "mr/node/capture.h"
 
-#include <cmath>
 #include <numeric>
 #include <utility>
 
-#include "mr/core/assert.h"
 #include "mr/fusion/clean_depth.h"
 #include "mr/node/sources.h"
 #include "mr/sensor/floor.h"
@@ -37,11 +35,8 @@ void CaptureReader::skip(std::uint64_t frames) {
 
 ImageDepth prepare_depth(const Scene& scene, const Camera& camera, const Frame& frame,
                          int readings) {
-  MR_ASSERT(readings > 0);
-  Precision precision = scene.sensors[frame.sensor].precision;
-  const double times = std::sqrt(static_cast<double>(readings));
-  precision.base_m /= times, precision.per_m2 /= times;
-  ImageDepth depth = fusion::clean_depth(frame.depth, camera, precision, scene.fusion.clean);
+  ImageDepth depth = fusion::clean_depth(frame.depth, camera, scene.sensors[frame.sensor].precision,
+                                         scene.fusion.clean, readings);
   if (scene.floor) sensor::remove_floor(depth, camera, frame.T_world_depth, *scene.floor, scene.up);
   return depth;
 }

@@ -35,7 +35,7 @@ class CaptureReader {
 
 /// What fusion takes: depth cleaned as the scene asks for (fusion::clean_depth), without the floor.
 /// `camera`: the undistorted depth camera of the frame's sensor. `readings`: how many each pixel is
-/// the mean of: what may be noise is √readings times less, and what differs by more stays.
+/// the mean of.
 ImageDepth prepare_depth(const Scene& scene, const Camera& camera, const Frame& frame,
                          int readings = 1);
 
