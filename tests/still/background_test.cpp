@@ -187,8 +187,31 @@ TEST(Background, WhoSitsBeforeWhatCannotBeMeasuredIsAbsorbedAndLeavesNoShell) {
   EXPECT_GT(share_at(background.still(), kPerson, 2), 0.98);
   EXPECT_LT(share(watch(background, room, 12).moving, kPerson), 0.02);
   room.boxes.clear();  // gets up
-  watch(background, room, 10);
+  watch(background, room, 18);
   EXPECT_EQ(share_at(background.still(), kPerson, 2), 0);
+}
+
+TEST(Background, ASensorThatReadsNothingAtFirstLearnsAsQuickly) {
+  Room room;
+  Background background = Room::background();
+  for (int i = 0; i < 30; ++i) background.update(ImageDepth(Room::kWidth, Room::kHeight));
+  watch(background, room, 24);
+  EXPECT_GT(share_at(background.still(), kAll, 3), 0.99);
+}
+
+/// Dark, and bright enough for a while only later: absorbed, and not given back for its dropouts.
+TEST(Background, WhatIsReadAtTimesOnlyAfterAWhileStaysToo) {
+  Room room;
+  room.too_far = {40, 0, 120, 120};
+  Background background = Room::background(1);
+  watch(background, room, 60);
+  room.far_rate = 0.5;
+  watch(background, room, 300);
+  EXPECT_GT(share_at(background.still(), room.too_far, 3), 0.9);
+  int changes = 0;
+  watch(background, room, 300, &changes);
+  EXPECT_GT(share_at(background.still(), room.too_far, 3), 0.9);
+  EXPECT_LT(changes, 4);
 }
 
 TEST(Background, WhatIsReadAtTimesOnlyStays) {

@@ -220,15 +220,17 @@ Background::Reading Background::read(float depth, Known& known, Rest& rest) cons
 }
 
 void Background::read_pixels(const ImageDepth& depth) {
-  constexpr double kMostMissing = 0.5;
+  constexpr double kMostMissing = 0.5, kLeastRead = 0.05;
   std::vector<std::uint8_t> contradicted(height_), stopped(height_);
-  std::vector<std::uint32_t> known_before(height_), missing(height_);
+  std::vector<std::uint32_t> known_before(height_), missing(height_), measured(height_);
   for_each_row([&](std::size_t y, std::size_t begin, std::size_t end) {
     for (std::size_t i = begin; i < end; ++i) {
       Known& known = known_[i];
       const bool was_known = known.count > 0;
       readings_[i] = read(depth.data[i], known, rest_[i]);
-      known_before[y] += was_known, missing[y] += was_known && readings_[i] == Reading::none;
+      const bool is_missing = readings_[i] == Reading::none;
+      known_before[y] += was_known, missing[y] += was_known && is_missing;
+      measured[y] += !is_missing;
       if (!known.has_candidate || (known.count == 0 && !known.is_blank)) continue;
       const int count = rest_[i].candidate.count;
       contradicted[y] |= known.is_farther && count >= kContradicts;
@@ -239,8 +241,11 @@ void Background::read_pixels(const ImageDepth& depth) {
     return std::ranges::find(rows, 1) != rows.end();
   };
   any_contradicted_ = any(contradicted), any_stopped_ = any(stopped);
-  drops_out_ = std::accumulate(missing.begin(), missing.end(), 0.0) >
-               kMostMissing * std::accumulate(known_before.begin(), known_before.end(), 0.0);
+  const auto sum = [](const std::vector<std::uint32_t>& rows) {
+    return std::accumulate(rows.begin(), rows.end(), 0.0);
+  };
+  drops_out_ = sum(missing) > kMostMissing * sum(known_before) ||
+               sum(measured) < kLeastRead * static_cast<double>(known_.size());
 }
 
 // --- regions
@@ -262,12 +267,13 @@ bool Background::was_pushed() {
 /// shell.
 void Background::give_back_what_moves() {
   constexpr double kShareThatMoves = 0.25;
+  constexpr int kGone = 8;  // captures without a reading
   if (regions_.size() == 1) return;
   std::vector<std::uint32_t> moving(regions_.size());
   for (std::size_t i = 0; i < known_.size(); ++i) {
     if (!known_[i].is_absorbed) continue;
     const Reading now = readings_[i];
-    const bool is_gone = now == Reading::none && known_[i].is_blank;
+    const bool is_gone = known_[i].is_blank && rest_[i].doubt >= kGone;
     moving[rest_[i].region] += now == Reading::nearer || now == Reading::farther || is_gone;
   }
   std::vector<std::uint8_t> goes(regions_.size());

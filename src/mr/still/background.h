@@ -154,7 +154,7 @@ class Background {
   float noise_ = 1;
   // Of this capture:
   bool any_contradicted_ = false, any_stopped_ = false;  ///< pixels
-  bool drops_out_ = false;  ///< most of what is known has no reading: that is the sensor's doing
+  bool drops_out_ = false;  ///< hardly anything is read, or little of what is known
 };
 
 }  // namespace mr::still
