@@ -86,7 +86,7 @@ void Background::begin_anew() {
   still_ = ImageDepth(width_, height_);
   previous_ = {};
   regions_.assign(1, {});
-  captures_ = 0, pushed_for_ = 0, noise_ = 1;
+  captures_ = 0, pushed_for_ = 0, noise_ = 1, usually_read_ = 0;
 }
 
 float Background::sigma_m(float depth) const {
@@ -191,17 +191,29 @@ void Background::forget(Known& known, Rest& rest) {
   rest.doubt = 0;
 }
 
+/// A reading speaks against captures without one.
+void Background::trust(Known& known, Rest& rest) {
+  if (!known.is_doubted) return;
+  rest.doubt -= std::min(rest.doubt, kAgainstDoubt);
+  known.is_doubted = rest.doubt > 0;
+}
+
+/// Whether a blank pixel has again what was known there once: something black was before it.
+bool Background::is_as_before(const Known& known, const Rest& rest) const {
+  return known.has_candidate && rest.base.count >= kSlow && rest.candidate.count >= kQuick &&
+         std::abs(rest.candidate.mean - rest.base.mean) <= band_m(rest.base.mean);
+}
+
 Background::Reading Background::read(float depth, Known& known, Rest& rest) const {
   if (!is_measured(depth)) return Reading::none;
-  if (known.is_doubted) {
-    rest.doubt -= std::min(rest.doubt, kAgainstDoubt);
-    known.is_doubted = rest.doubt > 0;
-  }
   if (known.count == 0) {
+    trust(known, rest);
     note_candidate(depth, false, known, rest);
     if (known.age < kRestless) ++known.age;
-    if (known.is_blank || rest.candidate.count < captures_to_learn(known)) return Reading::unknown;
-    rest.doubt = 0;
+    const bool learnt = known.is_blank ? is_as_before(known, rest)
+                                       : rest.candidate.count >= captures_to_learn(known);
+    if (!learnt) return Reading::unknown;
+    rest.doubt = 0, rest.base = {};
     known = {.mean = rest.candidate.mean, .count = rest.candidate.count};
     return Reading::agrees;
   }
@@ -210,27 +222,27 @@ Background::Reading Background::read(float depth, Known& known, Rest& rest) cons
     note_candidate(depth, off > 0, known, rest);
     return off > 0 ? Reading::farther : Reading::nearer;
   }
+  trust(known, rest);
   known.has_candidate = known.is_farther = false;
   if (is_sent_ && known.age < kHandOver) ++known.age;
   // Trimmed on both sides, the mean stays where it is while a foot rests on the floor.
   if (std::abs(off) > kTrusted_sigmas * sigma + kRounding_m / 2) return Reading::agrees;
-  if (known.count < kMostReadings) ++known.count;
+  if (known.count < kMostReadings)
+    ++known.count;
+  else
+    known.is_blank = false;
   known.mean += off / static_cast<float>(known.count);
   return Reading::agrees;
 }
 
 void Background::read_pixels(const ImageDepth& depth) {
-  constexpr double kMostMissing = 0.5, kLeastRead = 0.05;
   std::vector<std::uint8_t> contradicted(height_), stopped(height_);
-  std::vector<std::uint32_t> known_before(height_), missing(height_), measured(height_);
+  std::vector<std::uint32_t> measured(height_);
   for_each_row([&](std::size_t y, std::size_t begin, std::size_t end) {
     for (std::size_t i = begin; i < end; ++i) {
       Known& known = known_[i];
-      const bool was_known = known.count > 0;
       readings_[i] = read(depth.data[i], known, rest_[i]);
-      const bool is_missing = readings_[i] == Reading::none;
-      known_before[y] += was_known, missing[y] += was_known && is_missing;
-      measured[y] += !is_missing;
+      measured[y] += readings_[i] != Reading::none;
       if (!known.has_candidate || (known.count == 0 && !known.is_blank)) continue;
       const int count = rest_[i].candidate.count;
       contradicted[y] |= known.is_farther && count >= kContradicts;
@@ -241,11 +253,16 @@ void Background::read_pixels(const ImageDepth& depth) {
     return std::ranges::find(rows, 1) != rows.end();
   };
   any_contradicted_ = any(contradicted), any_stopped_ = any(stopped);
-  const auto sum = [](const std::vector<std::uint32_t>& rows) {
-    return std::accumulate(rows.begin(), rows.end(), 0.0);
-  };
-  drops_out_ = sum(missing) > kMostMissing * sum(known_before) ||
-               sum(measured) < kLeastRead * static_cast<double>(known_.size());
+  note_how_much_is_read(std::accumulate(measured.begin(), measured.end(), 0.0));
+}
+
+/// A sensor's depth drops out where far fewer pixels are read than lately, or hardly any; what is
+/// so for long is usual.
+void Background::note_how_much_is_read(double pixels) {
+  constexpr double kFollows = 1.0 / 128, kFarFewer = 0.5, kLeast = 0.05;
+  usually_read_ += (captures_ == 0 ? 1 : kFollows) * (pixels - usually_read_);
+  usually_read_ = std::max(usually_read_, kLeast * static_cast<double>(known_.size()));
+  drops_out_ = pixels < kFarFewer * usually_read_;
 }
 
 // --- regions
@@ -267,13 +284,13 @@ bool Background::was_pushed() {
 /// shell.
 void Background::give_back_what_moves() {
   constexpr double kShareThatMoves = 0.25;
-  constexpr int kGone = 8;  // captures without a reading
+  constexpr int kGone = 12;  // captures without a reading
   if (regions_.size() == 1) return;
   std::vector<std::uint32_t> moving(regions_.size());
   for (std::size_t i = 0; i < known_.size(); ++i) {
     if (!known_[i].is_absorbed) continue;
     const Reading now = readings_[i];
-    const bool is_gone = known_[i].is_blank && rest_[i].doubt >= kGone;
+    const bool is_gone = now == Reading::none && known_[i].is_blank && rest_[i].doubt >= kGone;
     moving[rest_[i].region] += now == Reading::nearer || now == Reading::farther || is_gone;
   }
   std::vector<std::uint8_t> goes(regions_.size());
@@ -347,8 +364,13 @@ void Background::doubt(Known& known, Rest& rest) const {
   constexpr int kLeast = 30, kBlank = 16;
   known.is_doubted = true;
   if (++rest.doubt < (known.count > 0 ? kLeast + known.count : kBlank)) return;
-  if (known.count > 0) forget(known, rest);
-  if (known.count > 0) return;  // what is behind
+  if (known.count > 0) {
+    const bool is_base = !known.is_absorbed;
+    const Surface before{known.mean, known.count};
+    forget(known, rest);
+    if (is_base) rest.base = before;
+    if (known.count > 0) return;  // what is behind
+  }
   known.is_blank = true, known.has_candidate = known.was_uncovered = known.is_doubted = false;
   rest.doubt = 0;
 }
@@ -388,7 +410,7 @@ void Background::absorb_what_stopped() {
     Rest& rest = rest_[i];
     if (!known.is_absorbed) rest.base = {known.mean, known.count};
     known = {.mean = rest.candidate.mean,
-             .count = rest.candidate.count,
+             .count = std::min(rest.candidate.count, kMostReadings),
              .is_absorbed = true,
              .is_blank = known.is_blank};
     rest.region = at->second, rest.doubt = 0;

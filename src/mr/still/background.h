@@ -38,8 +38,10 @@ struct Moment {
 ///   unknown ──8 captures agree (the start; just uncovered), 60 or after_s else──▶ base
 ///   base ──5 farther captures agree, 30 pixels together──▶ unknown, and learnt anew
 ///   base ──nearer for after_s──▶ absorbed in front of it ──moves again──▶ base
-///   unknown ──16 captures without a reading──▶ blank: as if the room were infinitely far
-///   base ──no reading for long──▶ unknown: who stood before what cannot be measured is gone
+///   unknown ──16 captures without a reading, nothing moves──▶ blank: as if infinitely far
+///   blank ──read for after_s──▶ absorbed in front of it
+///   base ──no reading for long, nothing moves──▶ blank: who stood there is gone
+///   blank ──8 captures agree with what was there before──▶ base
 ///
 /// `still()` is frozen: pixels of it change in regions that came or went, or, seldom, together with
 /// the others of their cube, so a chunk of the still surface depends on bits that do not change.
@@ -90,7 +92,7 @@ class Background {
   };
   /// What only some pixels have.
   struct Rest {
-    Surface base;       ///< the room behind what was absorbed
+    Surface base;       ///< the room behind what was absorbed; blank: what was known before
     Surface candidate;  ///< readings of late that agree with each other, but not with what is known
     std::uint16_t region = 0;        ///< of what was absorbed: what was absorbed together
     std::uint16_t frozen_count = 0;  ///< readings behind still_
@@ -108,12 +110,15 @@ class Background {
   void for_each_row(const Row& row) const;
   void measure_noise(const ImageDepth& depth);
   void read_pixels(const ImageDepth& depth);
+  void note_how_much_is_read(double pixels);
   Reading read(float depth, Known& known, Rest& rest) const;
   void note_candidate(float depth, bool farther, Known& known, Rest& rest) const;
   static void forget(Known& known, Rest& rest);
+  static void trust(Known& known, Rest& rest);
   template <typename Fits>
   std::optional<Regions> candidates(int beside, int sure, const Fits& fits) const;
   void forget_contradicted();
+  bool is_as_before(const Known& known, const Rest& rest) const;
   void doubt_what_is_missing(const ImageMask& moving);
   void doubt(Known& known, Rest& rest) const;
   void count_absorbed();
@@ -154,7 +159,8 @@ class Background {
   float noise_ = 1;
   // Of this capture:
   bool any_contradicted_ = false, any_stopped_ = false;  ///< pixels
-  bool drops_out_ = false;  ///< hardly anything is read, or little of what is known
+  bool drops_out_ = false;                               ///< far fewer than usual are read
+  double usually_read_ = 0;                              ///< pixels, slow mean
 };
 
 }  // namespace mr::still
