@@ -113,7 +113,10 @@ TEST(Layers, TreesAndRegionsGiveTheSurfaceOfOneMerger) {
   EXPECT_GT(surface_area_m2(flat.surface_of(Layer::still)), 0.98 * surface_area_m2(a));
   for (const Scene& scene : {two, regions}) {
     Captures layered(scene);
-    layered.run_to(30);
+    while (layered.number() < 30) {
+      layered.next();
+      EXPECT_LT(share_without(a, layered.surface(), 2.5 * one.voxel_m), 0.02) << layered.number();
+    }
     const Mesh b = layered.surface();
     EXPECT_NEAR(surface_area_m2(b) / surface_area_m2(a), 1, 0.03);
     EXPECT_LT(share_without(a, b, 0.5 * one.voxel_m), 0.02);
@@ -300,10 +303,14 @@ class Nodes {
     }
     const auto gathered = root_.inputs().gather(now + std::chrono::milliseconds(60));
     auto bytes = *root_.merge(**gathered);
-    for (const auto& [input, sequence] : root_.take_shown())
+    for (const auto& [input, sequence] : root_.take_shown()) {
       sensors_[input]->answer({.key_frames = {}, .chunks = {}, .taken = {}, .shown = sequence});
+      told_.insert(input);
+    }
     return bytes;
   }
+  /// Sensors that were told that their still surface is shown.
+  std::size_t told() const { return told_.size(); }
   Mesh surface() const { return *root_.surface(); }
   std::vector<std::byte> answer(const codec::Request& request) { return root_.answer(request); }
   const Scene& scene() const { return scene_; }
@@ -313,6 +320,7 @@ class Nodes {
   std::vector<std::unique_ptr<FrameSource>> sources_;
   std::vector<std::unique_ptr<node::SensorNode>> sensors_;
   node::MergeNode root_;
+  std::set<std::size_t> told_;
 };
 
 /// Live, a merger's still work goes on beside its ticks, too: nothing is missing meanwhile, and in
@@ -360,6 +368,21 @@ class Taker {
   codec::HeadReader heads_;
   codec::Receiver receiver_;
 };
+
+/// What has no plate yet is withheld, and sensors go on showing it as moving.
+TEST(Layers, ASensorHearsThatItsSurfaceIsShownWhenAllOfItIs) {
+  Nodes nodes(with_layers(rig_scene(small_rig(100))));
+  Taker taker(nodes, 0);
+  int captures = 0;
+  for (; nodes.told() == 0 && captures < 100; ++captures) taker.take(nodes.next());
+  EXPECT_GT(captures, 8);
+  EXPECT_EQ(nodes.told(), nodes.scene().sensors.size());
+  const DecodedScene shown = taker.scene().value();
+  Mesh still;
+  for (const auto& chunk : shown.chunks)
+    if (chunk->key.id.layer == Layer::still) append(still, chunk->mesh);
+  EXPECT_LT(share_without(nodes.surface(), still, 2.5 * nodes.scene().voxel_m), 0.02);
+}
 
 TEST(Layers, WhoJoinsLateOrLosesPacketsHasTheSameScene) {
   RigConfig rig = small_rig(200);

@@ -149,7 +149,7 @@ Status MergeNode::merge_surfaces(const Gathered& gathered, const std::function<v
     look_at_plates(gathered, parts);
     if (const Status brought = bring_still(std::move(inputs), parts); !brought) return brought;
   }
-  if (still_.mesh)
+  if (still_.cover)
     trace_.time("cover", [&] {
       for (merge::Part& part : parts) part.mesh = still_.cover->uncovered(part);
     });
@@ -209,12 +209,14 @@ Status MergeNode::show(StillMade still) {
   if (is_root_) atlas_.bring_plates();
   still_merger_.note_outdated(
       publisher_.set_all_still(std::move(still.made->pieces), still_.error_m));
-  if (!still.inputs) return {};
+  if (still.inputs) untold_ = std::move(still.inputs);
+  if (!untold_ || !still.made->is_whole) return {};
+  const Sequences inputs = *std::exchange(untold_, std::nullopt);
   const std::lock_guard lock(wishes_mutex_);
   if (is_root_)
-    for (const auto& [input, sequence] : *still.inputs) shown_[input] = sequence;
+    for (const auto& [input, sequence] : inputs) shown_[input] = sequence;
   else
-    in_packets_.emplace_back(sequence_, *std::move(still.inputs));
+    in_packets_.emplace_back(sequence_, inputs);
   if (in_packets_.size() > kMostReceipts) in_packets_.pop_front();
   return {};
 }

@@ -97,18 +97,20 @@ Result<StillMerger::Made> StillMerger::update(Task task) {
     is_labelled_ = false;
     return mesh.error();
   }
-  const bool is_whole = !withheld_until && !withheld_until_;
-  withheld_until_ = withheld_until;
+  const bool was_withheld = std::exchange(withheld_until_, withheld_until).has_value();
   shown_.mesh = std::make_shared<const Mesh>(*std::move(mesh));
   shown_.error_m = joined_.error_m;
-  if (!is_labelled_ || !is_whole ||
-      (extent != Extent::new_surface && (was_quick || !labels_.lasting.kept_surface())))
+  const bool is_other =
+      !is_labelled_ || withheld_until_ || was_withheld ||
+      (extent != Extent::new_surface && (was_quick || !labels_.lasting.kept_surface()));
+  // Others hand all on: when the root shows what is still, they cannot tell.
+  if (is_root_ && is_other)
     shown_.cover = std::make_shared<const merge::StillCover>(*shown_.mesh, joined_.parts,
                                                              overlap_config(*scene_));
   if (is_root_) shown_.occluders = labels_.lasting.occluders();
   is_labelled_ = true;
   const double cube_m = scene_->fusion.chunk_m / (is_root_ ? kStillPerCube : 1);
-  return Made{shown_, split_by_cube(*shown_.mesh, cube_m)};
+  return Made{shown_, split_by_cube(*shown_.mesh, cube_m), !withheld_until_};
 }
 
 /// Overlap removal, zipper and islands where an input changed. It is labelled later.

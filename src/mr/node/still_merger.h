@@ -29,8 +29,9 @@ namespace mr::node {
 struct ShownStill {
   std::shared_ptr<const Mesh> mesh;  ///< labelled, on the lattice
   float error_m = 0;
+  // The root's alone:
   std::shared_ptr<const merge::StillCover> cover;     ///< takes from what moves what is shown
-  std::shared_ptr<const atlas::Occluders> occluders;  ///< hides what moves; the root's alone
+  std::shared_ptr<const atlas::Occluders> occluders;  ///< hides what moves
 };
 
 /// What the labels of a surface follow from: how large its errors are, and the sensors' noise.
@@ -62,6 +63,7 @@ class StillMerger {
   struct Made {
     ShownStill shown;
     std::map<Vec3i, Mesh> pieces;  ///< the shown mesh by the cubes that it is sent in
+    bool is_whole = true;  ///< nothing of it is withheld: an update of a later tick shows it
   };
 
   /// The scene, the merger and the trace must outlive this.
