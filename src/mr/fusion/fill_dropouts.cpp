@@ -13,7 +13,7 @@ namespace {
 constexpr float kFillGrazing =
     0.26f;  // sine of the angle to the ray at which surfaces are still one
 constexpr float kFillSigmas = 5;
-constexpr float kSlopeSigmas = 8;  // of a step: what the slopes of one surface may differ by
+constexpr float kSlopeSigmas = 12;  // of a step: what the slopes of one surface may differ by
 
 /// From a pixel to its neighbour in one direction.
 struct Way {

@@ -209,14 +209,14 @@ Status MergeNode::show(StillMade still) {
   if (is_root_) atlas_.bring_plates();
   still_merger_.note_outdated(
       publisher_.set_all_still(std::move(still.made->pieces), still_.error_m));
-  if (still.inputs) untold_ = std::move(still.inputs);
-  if (!untold_ || !still.made->is_whole) return {};
-  const Sequences inputs = *std::exchange(untold_, std::nullopt);
+  if (still.inputs) untold_ = *std::move(still.inputs);
+  if (untold_.empty() || !still.made->is_whole) return {};
+  Sequences inputs = std::exchange(untold_, {});
   const std::lock_guard lock(wishes_mutex_);
   if (is_root_)
     for (const auto& [input, sequence] : inputs) shown_[input] = sequence;
   else
-    in_packets_.emplace_back(sequence_, inputs);
+    in_packets_.emplace_back(sequence_, std::move(inputs));
   if (in_packets_.size() > kMostReceipts) in_packets_.pop_front();
   return {};
 }

@@ -141,9 +141,9 @@ class MergeNode {
   ShownStill still_;                                       ///< no mesh: there is none yet
   std::optional<Surface> moving_;  ///< reused while the inputs' geometry stays
   merge::EmptyPlaces empty_;
-  double emptied_m2_ = 0;            ///< since the still surface was last begun
-  Sequences taken_;                  ///< newest of each input
-  std::optional<Sequences> untold_;  ///< of the still surface, while some of it is withheld
+  double emptied_m2_ = 0;  ///< since the still surface was last begun
+  Sequences taken_;        ///< newest of each input
+  Sequences untold_;       ///< whose still surface is merged, but not shown as a whole yet
   Places places_;
   std::atomic<bool> reused_ = false;
   std::mutex wishes_mutex_;

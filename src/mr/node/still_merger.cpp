@@ -12,9 +12,10 @@ namespace {
 
 constexpr double kReach_voxels = 48;  // three cells of the quality grid
 
-// Ticks: how long a fresh still triangle without a plate waits for one (less than the ten captures
-// in which the moving surface shows it, too); how long still surface without a plate waits for one;
-// and how long at most those that have one wait for a better.
+// Ticks: how long a fresh still triangle without a plate waits for one (in lockstep, where sensors
+// wait for no word, less than the ten captures in which they go on with it as moving); how long
+// still surface without a plate waits for one; and how long at most those that have one wait for a
+// better.
 constexpr std::uint64_t kPatience = 8, kRelabelEvery = 30, kLabelAllEvery = 3000;
 // The same where hardly any more have come; one block in so many is not hardly any.
 constexpr std::uint64_t kRelabelLateEvery = 300;
