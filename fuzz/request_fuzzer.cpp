@@ -1,12 +1,19 @@
-// decode_request on any bytes: no crash, within the caps, and what it accepts has these very bytes.
+// decode_request on any bytes, and with a checksum that fits: no crash, within the caps, and what it
+// accepts has these very bytes.
 #include <algorithm>
 #include <cstdlib>
 
 #include "mr/codec/request.h"
+#include "mr/codec/seal.h"
 #include "patched.h"
 
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
-  const auto bytes = mr::fuzz::as_bytes(data, size);
+  const auto input = mr::fuzz::as_bytes(data, size);
+  static_cast<void>(mr::codec::decode_request(input));
+  static_cast<void>(mr::codec::decode_time(input));
+  std::vector<std::byte> bytes(input.begin(), input.end());
+  mr::codec::seal(bytes);
+  static_cast<void>(mr::codec::decode_time(bytes));
   const auto request = mr::codec::decode_request(bytes);
   if (!request) return 0;
   if (request->chunks.size() > mr::codec::Request::kMaxChunks ||

@@ -2,6 +2,8 @@
 
 #include <gtest/gtest.h>
 
+#include "support/seal.h"
+
 namespace mr::codec {
 namespace {
 
@@ -15,7 +17,8 @@ Request full() {
 TEST(Request, RoundTrip) {
   for (const Request& request :
        {Request{}, full(), Request{{7}, {}, {}}, Request{{}, {}, 0}, Request{{}, {}, {}, true},
-        Request{{}, {}, 3, false, 2}, Request{{}, {}, {}, false, 0}}) {
+        Request{{}, {}, 3, false, 2}, Request{{}, {}, {}, false, 0},
+        Request{{}, {}, {}, false, {}, true}}) {
     const auto back = decode_request(encode_request(request));
     ASSERT_TRUE(back) << back.error().message;
     EXPECT_EQ(*back, request);
@@ -31,23 +34,46 @@ TEST(Request, AnythingElseIsRefused) {
   EXPECT_FALSE(decode_request(longer));
   auto flags = good;
   flags[4] = std::byte{0x80};
-  EXPECT_FALSE(decode_request(flags));
+  EXPECT_FALSE(decode_request(test::resealed(flags)));
   for (const std::size_t count : {9u, 13u}) {
     auto many = good;
     many[count] = std::byte{0xFF};
-    const auto refused = decode_request(many);
+    const auto refused = decode_request(test::resealed(many));
     ASSERT_FALSE(refused);
     EXPECT_EQ(refused.error().cause, Error::Cause::too_large);
   }
   auto layer = good;
   layer[16 + 28 + 16] = std::byte{2};
-  EXPECT_FALSE(decode_request(layer));
+  EXPECT_FALSE(decode_request(test::resealed(layer)));
   auto unsorted = good;
   unsorted[16 + 2 * 28] = std::byte{4};  // streams 4, 4, ...
-  EXPECT_FALSE(decode_request(unsorted));
+  EXPECT_FALSE(decode_request(test::resealed(unsorted)));
   auto old = good;
   old[3] = std::byte{'T'};
   EXPECT_FALSE(decode_request(old));
+}
+
+TEST(Request, EveryFlippedBitIsSeen) {
+  auto bytes = encode_request(full());
+  for (std::size_t bit = 0; bit < 8 * bytes.size(); ++bit) {
+    const std::byte mask{static_cast<unsigned char>(1u << bit % 8)};
+    bytes[bit / 8] ^= mask;
+    EXPECT_FALSE(decode_request(bytes)) << "bit " << bit;
+    bytes[bit / 8] ^= mask;
+  }
+}
+
+TEST(Request, TheTimeIsAnAnswerOfItsOwn) {
+  const TimePoint now(std::chrono::nanoseconds(1'764'000'000'123'456'789));
+  auto bytes = encode_time(now);
+  const auto told = decode_time(bytes);
+  ASSERT_TRUE(told && *told);
+  EXPECT_EQ(**told, now);
+  EXPECT_FALSE(decode_time(encode_request(full()))) << "another kind";
+  bytes[7] ^= std::byte{1};
+  const auto damaged = decode_time(bytes);
+  ASSERT_TRUE(damaged);
+  EXPECT_FALSE(*damaged);
 }
 
 TEST(Request, AWishIsForOneStream) {
@@ -60,10 +86,10 @@ TEST(Request, AWishIsForOneStream) {
 /// Golden bytes: the browser writes the same.
 TEST(Request, BytesAreFixed) {
   const auto bytes = encode_request({{6}, {{{{1, -1, 0}, 2, Layer::still}, 3, 4}}, {}, true});
-  const unsigned char want[] = {'M', 'R', 'W', '2', 1,    0,    0,    0,    1, 0, 0, 0, 1, 0, 0, 0,
+  const unsigned char want[] = {'M', 'R', 'W', '3', 1,    0,    0,    0,    1, 0, 0, 0, 1, 0, 0, 0,
                                 1,   0,   0,   0,   0xFF, 0xFF, 0xFF, 0xFF, 0, 0, 0, 0, 2, 0, 0, 0,
                                 1,   0,   0,   0,   3,    0,    0,    0,    4, 0, 0, 0, 6, 0, 0, 0};
-  ASSERT_EQ(bytes.size(), sizeof want);
+  ASSERT_EQ(bytes.size(), sizeof want + kSealBytes);
   for (std::size_t i = 0; i < sizeof want; ++i) EXPECT_EQ(static_cast<unsigned>(bytes[i]), want[i]);
 }
 

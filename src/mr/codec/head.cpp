@@ -39,41 +39,44 @@ std::vector<std::byte> HeadWriter::write(Packet packet) {
   return encode_packet(packet, *base_, change, bring);
 }
 
-Result<Packet> HeadReader::read(std::span<const std::byte> bytes, const PacketLimits& limits) {
-  auto message = decode_message(bytes, limits);
+Result<Packet> HeadReader::read(std::span<const std::byte> bytes, TimePoint now) {
+  auto message = decode_message(bytes);
   if (!message) return message.error();
-  return read(*std::move(message), limits);
+  return read(*std::move(message), now);
 }
 
-/// Than what the node sent before.
-bool HeadReader::is_older(const Packet& base) const {
-  return base_ && base_->scene == base.scene && base_->node == base.node &&
-         base_->epoch == base.epoch && base_->sequence > base.sequence;
-}
-
-Status HeadReader::check_base(const Packet& base) const {
+Status HeadReader::check_node(const Packet& base) const {
   if ((scene_ && *scene_ != base.scene) || (node_ && *node_ != base.node))
     return Error{Error::Cause::invalid,
                  "packet: is of node '" + base.node + "' of scene '" + base.scene + "'"};
-  if (is_older(base))
-    return Error{Error::Cause::invalid, "packet: its base is older than the one before"};
   return {};
 }
 
-Result<Packet> HeadReader::read(PacketMessage message, const PacketLimits& limits) {
-  auto base = message.base;
-  if (base) {
-    if (const Status fits = check_base(*base); !fits) return fits.error();
-    base_ = base, lacks_base_ = false;
-  } else if (base_ && base_->epoch == message.epoch && base_->sequence == message.base_sequence()) {
-    base = base_;
-  } else {
+/// Null: it did not come.
+std::shared_ptr<const Packet> HeadReader::base_for(const PacketMessage& message) const {
+  if (message.base) return message.base;
+  const bool fits =
+      base_ && base_->epoch == message.epoch && base_->sequence == message.base_sequence();
+  return fits ? base_ : nullptr;
+}
+
+Result<Packet> HeadReader::read(PacketMessage message, TimePoint now) {
+  if (message.base)
+    if (const Status ours = check_node(*message.base); !ours) return ours.error();
+  const auto base = base_for(message);
+  if (!base) {
     lacks_base_ = true;
     return Error{
         Error::Cause::not_found,
         "packet: its base, packet " + std::to_string(message.base_sequence()) + ", did not come"};
   }
-  return complete(std::move(message), *base, limits);
+  const auto verdict = order_.take(message.epoch, message.sequence, now);
+  if (!verdict) return Error{verdict.error().cause, "packet: " + verdict.error().message};
+  is_afresh_ |= *verdict == PacketOrder::Verdict::afresh;
+  base_ = base, lacks_base_ = false;
+  auto packet = complete(std::move(message), *base);
+  if (packet) began_afresh_ = std::exchange(is_afresh_, false);
+  return packet;
 }
 
 }  // namespace mr::codec

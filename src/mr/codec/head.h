@@ -12,6 +12,7 @@
 #include <vector>
 
 #include "mr/codec/packet_message.h"
+#include "mr/codec/packet_order.h"
 #include "mr/core/packet.h"
 #include "mr/core/result.h"
 
@@ -44,7 +45,7 @@ class HeadWriter {
 };
 
 /// The receiving end: complete packets out of what a HeadWriter wrote, with losses and folds on the
-/// way.
+/// way, and in their order (PacketOrder).
 class HeadReader {
  public:
   HeadReader() = default;
@@ -52,10 +53,14 @@ class HeadReader {
   HeadReader(std::string scene, std::string node)
       : scene_(std::move(scene)), node_(std::move(node)) {}
 
-  /// Errors as decode_packet(); invalid: another node's, or a base older than the one before.
+  /// Errors as decode_packet(); invalid: another node's, or not after the ones before.
   /// not_found: the base did not come; lacks_base() tells so until one does.
-  Result<Packet> read(std::span<const std::byte> bytes, const PacketLimits& limits = {});
-  Result<Packet> read(PacketMessage message, const PacketLimits& limits = {});
+  /// `now` may stay the same where no time passes, as in lockstep.
+  Result<Packet> read(std::span<const std::byte> bytes, TimePoint now = {});
+  Result<Packet> read(PacketMessage message, TimePoint now = {});
+
+  /// Whether the packet just read begins afresh: what was decoded before it does not hold.
+  bool began_afresh() const { return began_afresh_; }
 
   /// Whether the node should be asked for a whole head.
   bool lacks_base() const { return lacks_base_; }
@@ -64,12 +69,15 @@ class HeadReader {
   const std::shared_ptr<const Packet>& base() const { return base_; }
 
  private:
-  bool is_older(const Packet& base) const;
-  Status check_base(const Packet& base) const;
+  Status check_node(const Packet& base) const;
+  std::shared_ptr<const Packet> base_for(const PacketMessage& message) const;
 
   std::optional<std::string> scene_, node_;
+  PacketOrder order_;
   std::shared_ptr<const Packet> base_;
   bool lacks_base_ = false;
+  bool is_afresh_ = false;  ///< since the last packet that was read
+  bool began_afresh_ = false;
 };
 
 }  // namespace mr::codec

@@ -6,6 +6,7 @@
 #include <map>
 
 #include "mr/codec/packet_message.h"
+#include "mr/codec/seal.h"
 #include "mr/core/assert.h"
 #include "packet_generated.h"
 
@@ -17,7 +18,7 @@ using Builder = fb::FlatBufferBuilder;
 
 constexpr std::size_t kMaxViewsOfChunk = 254;
 constexpr fb::uoffset_t kMaxDepth = 8, kMaxTables = 1u << 18;
-constexpr const char* kChunksIdentifier = "MRC2";
+constexpr const char* kChunksIdentifier = "MRC3";
 
 // ---- values → FlatBuffers ----
 
@@ -213,9 +214,13 @@ std::size_t expected_bytes(const Parts& parts) {
   return bytes;
 }
 
-std::vector<std::byte> bytes_of(const Builder& b) {
+std::vector<std::byte> sealed_bytes(const Builder& b) {
   const auto* bytes = reinterpret_cast<const std::byte*>(b.GetBufferPointer());
-  return std::vector<std::byte>(bytes, bytes + b.GetSize());
+  std::vector<std::byte> out;
+  out.reserve(b.GetSize() + kSealBytes);
+  out.assign(bytes, bytes + b.GetSize());
+  seal(out);
+  return out;
 }
 
 std::vector<std::byte> encode(const Parts& parts) {
@@ -231,7 +236,7 @@ std::vector<std::byte> encode(const Parts& parts) {
       b, wire::CreatePacket(b, parts.epoch, parts.sequence, to_ns(parts.captured_at), parts.age,
                             sources.delays, marks.delays, textures, chunks, change, head,
                             parts.coalesced, sources.times, marks.times));
-  return bytes_of(b);
+  return sealed_bytes(b);
 }
 
 // ---- FlatBuffers → values, every one of them checked ----
@@ -288,6 +293,15 @@ bool is_layer(std::uint32_t layer) { return layer <= static_cast<std::uint32_t>(
 template <typename Vector>
 std::size_t size_of(const Vector* vector) {
   return vector == nullptr ? 0 : vector->size();
+}
+
+/// One of a vector's numbers. The verifier asks that the vector's length be aligned, not that its
+/// numbers are: those of 8 bytes may lie anywhere.
+template <typename Number>
+Number number_at(const fb::Vector<Number>& vector, std::size_t i) {
+  Number value;
+  std::memcpy(&value, vector.Data() + i * sizeof value, sizeof value);
+  return fb::EndianScalar(value);
 }
 
 /// Reads one verified buffer. Each step returns false once `error_` is set.
@@ -371,9 +385,8 @@ class Reader {
     if (count > most) return fail(too_large_packet("too many times"));
     if (!spend(4 * size_of(delays) + 8 * size_of(times))) return false;
     for (std::size_t i = 0; i < count; ++i) {
-      const auto at = static_cast<fb::uoffset_t>(i);
-      const std::int64_t ns =
-          delays != nullptr ? to_ns(out_.captured_at) + delays->Get(at) : times->Get(at);
+      const std::int64_t ns = delays != nullptr ? to_ns(out_.captured_at) + number_at(*delays, i)
+                                                : number_at(*times, i);
       if (!read_time(ns, out.emplace_back())) return false;
     }
     return true;
@@ -418,7 +431,7 @@ class Reader {
   bool read_beams(const fb::Vector<double>* in, std::vector<double>& out) {
     if (!spend(8 * size_of(in))) return false;
     for (std::size_t i = 0; i < size_of(in); ++i) {
-      out.push_back(in->Get(static_cast<fb::uoffset_t>(i)));
+      out.push_back(number_at(*in, i));
       if (!within(out.back(), -7, 7)) return fail(invalid_packet("an impossible LiDAR beam"));
     }
     return true;
@@ -670,18 +683,22 @@ class Reader {
 
 /// Verifies bytes that may come from anyone, then reads them as the FlatBuffer `Wire`.
 template <typename Wire, typename Value>
-Result<Value> decode(std::span<const std::byte> bytes, const char* identifier,
+Result<Value> decode(std::span<const std::byte> sealed, const char* identifier,
                      const PacketLimits& limits) {
-  if (bytes.size() > limits.packet_bytes)
-    return too_large_packet(std::to_string(bytes.size()) + " bytes, at most " +
+  if (sealed.size() > limits.packet_bytes)
+    return too_large_packet(std::to_string(sealed.size()) + " bytes, at most " +
                             std::to_string(limits.packet_bytes));
+  constexpr std::size_t kIdentifierAt = 4, kIdentifierBytes = 4;
+  if (sealed.size() < kIdentifierAt + kIdentifierBytes + kSealBytes ||
+      std::memcmp(sealed.data() + kIdentifierAt, identifier, kIdentifierBytes) != 0)
+    return Error{Error::Cause::corrupt, "packet: not one of ours, or of another version"};
+  const auto unsealed = unseal(sealed);
+  if (!unsealed) return Error{unsealed.error().cause, "packet: " + unsealed.error().message};
+  const std::span<const std::byte> bytes = *unsealed;
   // Bytes from a network lie anywhere; the reads below need 8-byte alignment.
   std::vector<std::uint64_t> aligned((bytes.size() + 7) / 8);
   if (!bytes.empty()) std::memcpy(aligned.data(), bytes.data(), bytes.size());
   const auto* data = reinterpret_cast<const std::uint8_t*>(aligned.data());
-  // The least that the identifier check reads; flatbuffers does not ask.
-  if (bytes.size() < 8 || !fb::BufferHasIdentifier(data, identifier))
-    return Error{Error::Cause::corrupt, "packet: not one of ours, or of another version"};
   fb::Verifier verifier(data, bytes.size(), kMaxDepth, kMaxTables);
   if (!verifier.VerifyBuffer<Wire>(identifier))
     return Error{Error::Cause::corrupt, "packet: cut off or damaged"};
@@ -735,7 +752,7 @@ std::vector<std::byte> encode_chunks(std::span<const EncodedChunk> chunks) {
   for (const EncodedChunk& chunk : chunks) all.push_back(write(b, chunk));
   const auto list = b.CreateVector(all);
   b.Finish(wire::CreateChunks(b, list), kChunksIdentifier);
-  return bytes_of(b);
+  return sealed_bytes(b);
 }
 
 Result<PacketMessage> decode_message(std::span<const std::byte> bytes, const PacketLimits& limits) {

@@ -5,13 +5,15 @@
 #include <functional>
 #include <string>
 
+#include "mr/codec/seal.h"
 #include "mr/core/assert.h"
 
 namespace mr::codec {
 namespace {
 
-constexpr char kMagic[] = {'M', 'R', 'W', '2'};
-constexpr std::uint32_t kWholeHead = 1, kTaken = 2, kShown = 4;
+constexpr char kMagic[] = {'M', 'R', 'W', '3'};
+constexpr char kTimeMagic[] = {'M', 'R', 'T', '3'};
+constexpr std::uint32_t kWholeHead = 1, kTaken = 2, kShown = 4, kTime = 8;
 constexpr std::size_t kHeadBytes = 16, kKeyBytes = 28, kStreamBytes = 4;
 
 template <typename Integer>
@@ -51,7 +53,7 @@ std::vector<std::byte> encode_request(const Request& request) {
   std::vector<std::byte> out;
   for (const char c : kMagic) out.push_back(static_cast<std::byte>(c));
   put_integer(out, (request.whole_head ? kWholeHead : 0) | (request.taken ? kTaken : 0) |
-                       (request.shown ? kShown : 0));
+                       (request.shown ? kShown : 0) | (request.time ? kTime : 0));
   put_integer(out, static_cast<std::uint32_t>(request.chunks.size()));
   put_integer(out, static_cast<std::uint32_t>(request.key_frames.size()));
   for (const ChunkKey& k : request.chunks) {
@@ -63,23 +65,29 @@ std::vector<std::byte> encode_request(const Request& request) {
   for (const std::uint32_t stream : request.key_frames) put_integer(out, stream);
   for (const auto& sequence : {request.taken, request.shown})
     if (sequence) put_integer(out, *sequence);
+  seal(out);
   return out;
 }
 
-Result<Request> decode_request(std::span<const std::byte> bytes) {
+Result<Request> decode_request(std::span<const std::byte> sealed) {
+  const auto unsealed = unseal(sealed);
+  const std::span<const std::byte> bytes = unsealed ? *unsealed : sealed;
   if (bytes.size() < kHeadBytes || std::memcmp(bytes.data(), kMagic, sizeof kMagic) != 0)
     return wrong(Error::Cause::corrupt, "not one of ours, or of another version");
+  if (!unsealed) return wrong(Error::Cause::corrupt, unsealed.error().message.c_str());
   auto in = bytes.subspan(sizeof kMagic);
   const auto flags = get<std::uint32_t>(in), chunks = get<std::uint32_t>(in),
              streams = get<std::uint32_t>(in);
   if (chunks > Request::kMaxChunks) return wrong(Error::Cause::too_large, "too many chunks");
   if (streams > Request::kMaxStreams) return wrong(Error::Cause::too_large, "too many streams");
-  if (flags & ~(kWholeHead | kTaken | kShown)) return wrong(Error::Cause::corrupt, "unknown flags");
+  if (flags & ~(kWholeHead | kTaken | kShown | kTime))
+    return wrong(Error::Cause::corrupt, "unknown flags");
   const std::size_t sequences = (flags & kTaken ? 1 : 0) + (flags & kShown ? 1 : 0);
   if (in.size() != chunks * kKeyBytes + streams * kStreamBytes + sequences * sizeof(std::uint64_t))
     return wrong(Error::Cause::corrupt, "its length is not as it says");
   Request out;
   out.whole_head = (flags & kWholeHead) != 0;
+  out.time = (flags & kTime) != 0;
   for (std::uint32_t i = 0; i < chunks; ++i) {
     ChunkKey& k = out.chunks.emplace_back();
     for (std::int32_t* v : {&k.id.cube.x, &k.id.cube.y, &k.id.cube.z}) *v = get<std::int32_t>(in);
@@ -96,6 +104,30 @@ Result<Request> decode_request(std::span<const std::byte> bytes) {
   if (flags & kTaken) out.taken = get<std::uint64_t>(in);
   if (flags & kShown) out.shown = get<std::uint64_t>(in);
   return out;
+}
+
+std::vector<std::byte> encode_time(TimePoint now) {
+  std::vector<std::byte> out;
+  for (const char c : kTimeMagic) out.push_back(static_cast<std::byte>(c));
+  put_integer(out, static_cast<std::int64_t>(now.time_since_epoch().count()));
+  seal(out);
+  return out;
+}
+
+std::optional<Result<TimePoint>> decode_time(std::span<const std::byte> bytes) {
+  if (bytes.size() < sizeof kTimeMagic ||
+      std::memcmp(bytes.data(), kTimeMagic, sizeof kTimeMagic) != 0)
+    return std::nullopt;
+  const auto unsealed = unseal(bytes);
+  if (!unsealed || unsealed->size() != sizeof kTimeMagic + sizeof(std::int64_t))
+    return Error{Error::Cause::corrupt, "answer: a time that was damaged"};
+  auto in = unsealed->subspan(sizeof kTimeMagic);
+  const auto ns = get<std::int64_t>(in);
+  // Sums and differences of times must not overflow.
+  constexpr std::int64_t kCenturies = std::int64_t{1} << 61;
+  if (ns < -kCenturies || ns > kCenturies)
+    return Error{Error::Cause::corrupt, "answer: a time out of range"};
+  return TimePoint(Duration(ns));
 }
 
 }  // namespace mr::codec

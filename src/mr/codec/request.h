@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "mr/core/chunk.h"
+#include "mr/core/frame.h"
 #include "mr/core/result.h"
 
 namespace mr::codec {
@@ -21,10 +22,13 @@ struct Request {
   bool whole_head = false;                ///< the base of the node's packets did not come
   /// Sequence of the newest packet whose still surface is shown: it need not be sent as moving.
   std::optional<std::uint64_t> shown = {};
+  bool time = false;  ///< what the node's clock says; the answer tells that and nothing else
 
   bool empty() const {
-    return key_frames.empty() && chunks.empty() && !taken && !whole_head && !shown;
+    return key_frames.empty() && chunks.empty() && !taken && !whole_head && !shown && !time;
   }
+  /// Whether an answer is wanted.
+  bool wants_answer() const { return !chunks.empty() || time; }
   bool wants_key_frame(std::uint32_t stream) const;
   friend bool operator==(const Request&, const Request&) = default;
 };
@@ -33,5 +37,10 @@ std::vector<std::byte> encode_request(const Request& request);
 
 /// Reads bytes that may come from anyone. Errors: corrupt, too_large.
 Result<Request> decode_request(std::span<const std::byte> bytes);
+
+/// The answer to a request for the time.
+std::vector<std::byte> encode_time(TimePoint now);
+/// Nothing where the bytes are another kind of answer. Errors: corrupt.
+std::optional<Result<TimePoint>> decode_time(std::span<const std::byte> bytes);
 
 }  // namespace mr::codec

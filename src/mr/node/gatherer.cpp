@@ -106,8 +106,11 @@ Status Gatherer::check_sender(const Input& input, const Packet& packet) const {
 
 Status Gatherer::receive(std::size_t input, std::span<const std::byte> bytes, TimePoint now) {
   Input& from = inputs_[input];
-  auto packet = from.heads.read(bytes);
-  if (packet) return receive(input, *std::move(packet), now);
+  auto packet = from.heads.read(bytes, now);
+  if (packet) {
+    if (from.heads.began_afresh()) from.begin_afresh(scene_->lattice);
+    return receive(input, *std::move(packet), now);
+  }
   const Error told{packet.error().cause, "packet from '" + from.id + "' to '" + merger_.id +
                                              "': " + packet.error().message};
   drops_.count(link(from), told);

@@ -97,6 +97,13 @@ class Gatherer {
           sensors(std::move(below)),
           heads(scene.id, id),
           receiver(scene.lattice) {}
+    /// Nothing that came before holds; what is whole is shown until something else is.
+    void begin_afresh(const Lattice& lattice) {
+      receiver = codec::Receiver(lattice);
+      units.clear();
+      key_frame_asked.clear();
+      chunks_asked.reset();
+    }
     std::string id;
     std::set<std::uint32_t> sensors;  // that this input may speak for
     codec::HeadReader heads;
