@@ -307,6 +307,30 @@ TEST_F(SceneFile, UnknownKeysAreToldWhatIsKnown) {
               HasSubstr("4: tcp: 'b' is no sensor and no merger (did you mean 'a'?)"));
 }
 
+TEST_F(SceneFile, SecretsStandElsewhere) {
+  const auto secret_of = [&](const std::string& source) {
+    const SceneResult result = load(scene_of({"a"}, "tcp: {secret: " + source + "}\n"));
+    EXPECT_THAT(shorten(result.problems), IsEmpty());
+    return result.scene.network.tcp_secret;
+  };
+  EXPECT_EQ(secret_of("{env: MR_SECRET}"), (SecretSource{"MR_SECRET", {}}));
+  EXPECT_EQ(secret_of("{file: keys/tcp}"), (SecretSource{{}, dir_ / "keys/tcp"}))
+      << "whether it is there is another node's business";
+  const auto refused = [&](const std::string& source) {
+    return problem_of("tcp: {secret: " + source + "}");
+  };
+  const std::string in_file = refused("sesame-open-thyself");
+  EXPECT_THAT(in_file,
+              HasSubstr("4: secret must not stand in the scene file; write {env: NAME} or"));
+  EXPECT_EQ(in_file.find("sesame"), std::string::npos);
+  EXPECT_THAT(refused("{}"), HasSubstr("4: secret needs either env or file"));
+  EXPECT_THAT(refused("{env: A, file: b}"), HasSubstr("4: secret needs either env or file"));
+  EXPECT_THAT(refused("{env: 7x}"), HasSubstr("4: secret.env is not the name of an environment"));
+  EXPECT_THAT(refused("{file: ''}"), HasSubstr("4: secret.file must name a file"));
+  const auto named = problems(scene_of({"secret"}, "tcp: {secret: {env: A}}\n"));
+  EXPECT_THAT(named, ElementsAre(HasSubstr("4: tcp: no node of the scene may be named 'secret'")));
+}
+
 TEST_F(SceneFile, OptionsChangeKeysBeforeTheyAreChecked) {
   const auto file = dir_.write("scene.yaml", scene_of({"a"}, "voxel_m: 7\nfusion:\n"));
   const SceneResult result = load_scene(

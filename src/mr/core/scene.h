@@ -12,6 +12,7 @@
 #include "mr/core/lattice.h"
 #include "mr/core/packet.h"
 #include "mr/core/pose.h"
+#include "mr/core/secret_source.h"
 
 /// A scene file as a value: what scene-example.yaml describes. Lengths in metres, angles in
 /// degrees, times in milliseconds unless a name says otherwise. Defaults are those of a file that
@@ -245,6 +246,7 @@ struct GatewayConfig {
 struct NetworkConfig {
   std::string nats_url;                    ///< empty: no NATS
   std::map<std::string, std::string> tcp;  ///< node → host:port; empty: no TCP
+  SecretSource tcp_secret;                 ///< of all nodes that TCP joins; empty: none
   friend bool operator==(const NetworkConfig&, const NetworkConfig&) = default;
 };
 

@@ -6,6 +6,8 @@
 namespace mr::scene_file {
 namespace {
 
+constexpr const char* kSecretKey = "secret";
+
 /// "host:port", "[v6]:port".
 bool is_address(const std::string& text) {
   const std::size_t colon = text.rfind(':');
@@ -48,6 +50,16 @@ void read_start(MapReader& gateway, std::optional<StartConfig>& start) {
   start = StartConfig{*eye, *look_at};
 }
 
+/// The secret that TCP connections need; the key is no node's.
+void read_tcp_secret(MapReader& tcp, const std::vector<std::string>& ids, SecretSource& secret) {
+  tcp.find(kSecretKey);
+  if (std::find(ids.begin(), ids.end(), kSecretKey) != ids.end())
+    return tcp.report.problem(tcp.line(kSecretKey),
+                              "tcp: no node of the scene may be named 'secret', which is the key "
+                              "of the nodes' shared secret; give it another id");
+  read_secret_source(tcp, kSecretKey, secret);
+}
+
 void read_tcp(MapReader& top, Scene& scene) {
   const YamlNode* node = top.find("tcp");
   if (!node) return;
@@ -55,7 +67,9 @@ void read_tcp(MapReader& top, Scene& scene) {
   std::vector<std::string> ids = scene.rig ? scene.rig->sensor_ids() : std::vector<std::string>{};
   for (const SensorConfig& sensor : scene.sensors) ids.push_back(sensor.id);
   for (const MergerConfig& merger : scene.mergers) ids.push_back(merger.id);
+  read_tcp_secret(map, ids, scene.network.tcp_secret);
   for (const YamlKey& key : node->keys) {
+    if (key.name == kSecretKey) continue;
     if (std::find(ids.begin(), ids.end(), key.name) != ids.end()) continue;
     map.find(key.name);
     map.report.problem(key.line, "tcp: " + in_quotes(key.name) + " is no sensor and no merger" +
@@ -63,11 +77,36 @@ void read_tcp(MapReader& top, Scene& scene) {
   }
   for (const std::string& id : ids) {
     std::string address;
-    if (map.has(id) && read_address(map, id, address)) scene.network.tcp[id] = address;
+    if (id != kSecretKey && map.has(id) && read_address(map, id, address))
+      scene.network.tcp[id] = address;
   }
 }
 
 }  // namespace
+
+bool read_secret_source(MapReader& map, const std::string& key, SecretSource& out) {
+  const YamlNode* node = map.find(key);
+  if (!node) return false;
+  const auto refuse = [&](int line, const std::string& why) {
+    map.report.problem(line, key + why);
+    return false;
+  };
+  constexpr const char* kWrite = "write {env: NAME} or {file: PATH}, which says where it stands";
+  if (node->kind == YamlNode::Kind::scalar)
+    return refuse(node->line, std::string(" must not stand in the scene file; ") + kWrite);
+  MapReader source(map.report, *node, key);
+  const bool env = source.has("env"), file = source.has("file");
+  if (node->kind != YamlNode::Kind::map) return false;  // told
+  if (env == file)
+    return refuse(map.line(key), std::string(" needs either env or file; ") + kWrite);
+  std::string text;
+  if (!source.text(env ? "env" : "file", text)) return false;
+  if (env && !is_variable_name(text))
+    return refuse(source.line("env"), ".env is not the name of an environment variable");
+  if (file && text.empty()) return refuse(source.line("file"), ".file must name a file, not ''");
+  out = env ? SecretSource{text, {}} : SecretSource{{}, map.report.resolve(text)};
+  return true;
+}
 
 void read_background(MapReader& top, std::optional<BackgroundConfig>& background) {
   const YamlNode* node = top.find("background");

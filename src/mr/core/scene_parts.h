@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "mr/core/scene_reader.h"
+#include "mr/core/secret_source.h"
 
 /// Inside load_scene: the parts of a scene file.
 namespace mr::scene_file {
@@ -56,6 +57,10 @@ struct MergerEntry {
 std::vector<MergerEntry> read_mergers(Report& report, const YamlNode& node);
 std::vector<LinkConfig> read_links(Report& report, const YamlNode& node,
                                    const std::vector<NodeName>& names);
+
+/// Where a secret stands: {env: NAME} or {file: PATH}. Whether it is there is not looked at: each
+/// node of a scene has only its own. False where the key is missing or wrong.
+bool read_secret_source(MapReader& map, const std::string& key, SecretSource& out);
 
 void read_background(MapReader& top, std::optional<BackgroundConfig>& background);
 

@@ -24,15 +24,6 @@ std::string number_text(double v) {
   return text;
 }
 
-bool is_name(std::string_view name) {
-  const auto letter = [](char c) {
-    return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || c == '_';
-  };
-  if (name.empty() || !letter(name[0])) return false;
-  return std::all_of(name.begin(), name.end(),
-                     [&](char c) { return letter(c) || (c >= '0' && c <= '9'); });
-}
-
 /// Replaces ${NAME} and ${NAME:-default} once; what they bring in is not expanded again.
 std::optional<std::string> expand(Report& report, int line, const std::string& text) {
   std::string out;
@@ -49,7 +40,7 @@ std::optional<std::string> expand(Report& report, int line, const std::string& t
     const std::string inside = text.substr(open + 2, close - open - 2);
     const std::size_t dash = inside.find(":-");
     const std::string name = inside.substr(0, dash);
-    if (!is_name(name)) {
+    if (!is_variable_name(name)) {
       report.problem(line, in_quotes(name) + " is not the name of an environment variable, in " +
                                in_quotes(text));
       return std::nullopt;
@@ -244,6 +235,15 @@ bool read_numbers(Report& report, const YamlNode& node, const std::string& name,
   if (values.size() != out.size()) return false;
   std::copy(values.begin(), values.end(), out.begin());
   return true;
+}
+
+bool is_variable_name(std::string_view name) {
+  const auto letter = [](char c) {
+    return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || c == '_';
+  };
+  if (name.empty() || !letter(name[0])) return false;
+  return std::all_of(name.begin(), name.end(),
+                     [&](char c) { return letter(c) || (c >= '0' && c <= '9'); });
 }
 
 std::optional<std::string> read_id(Report& report, const YamlNode& node, const std::string& name) {

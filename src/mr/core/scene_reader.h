@@ -85,6 +85,8 @@ std::optional<double> read_number(Report& report, const YamlNode& node, const st
 /// A list of exactly out.size() numbers.
 bool read_numbers(Report& report, const YamlNode& node, const std::string& name, Range range,
                   std::span<double> out);
+/// Whether an environment variable can have this name.
+bool is_variable_name(std::string_view name);
 /// A text of the form [A-Za-z0-9_-]{1,64}; a wrong one is reported and still returned.
 std::optional<std::string> read_id(Report& report, const YamlNode& node, const std::string& name);
 

@@ -90,6 +90,8 @@ Status LiveScene::open_transport(const LiveOptions& options) {
     return Error{Error::Cause::invalid,
                  "nodes in processes of their own need 'nats: {url: …}' or 'tcp: {NODE: host:port, "
                  "…}' in the scene file"};
+  if (!network.tcp_secret.empty() && network.nats_url.empty())
+    return Error{Error::Cause::unsupported, "tcp.secret is read, but not acted on yet"};
   auto made =
       network.nats_url.empty()
           ? net::make_tcp_transport(network.tcp, coalesce_packets, limits)
