@@ -24,6 +24,8 @@ void add_node(CLI::App& app, int& exit_code) {
   command->add_option("--listen", options->run.listen, "Address of the gateway, host:port");
   command->add_option("--page", options->run.page, "Folder of the built viewer");
   command->add_option("--report", options->run.report, "Write figures as JSON at the end");
+  command->add_option("--metrics", options->run.metrics,
+                      "Serve /metrics (Prometheus) and /healthz at host:port; a gateway has them");
   command->add_option("--seconds", options->run.seconds, "Stop after so long; 0: when interrupted")
       ->check(CLI::Range(0.0, 1e9));
   command->add_option("--threads", options->run.threads, "Threads; 0: as the scene says")

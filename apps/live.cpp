@@ -2,6 +2,8 @@
 
 #include <fmt/format.h>
 #include <signal.h>
+#include <spdlog/logger.h>
+#include <spdlog/sinks/stdout_color_sinks.h>
 #include <unistd.h>
 
 #include <algorithm>
@@ -19,19 +21,23 @@
 namespace mr::apps {
 namespace {
 
-/// Lines for people and, on a terminal, one status line below them that is written over. Many
-/// equal lines are told once in ten seconds.
+/// Lines for people, with time, level and node, and on a terminal one status line below them that
+/// is written over. Many equal lines are told once in ten seconds.
 class Console {
  public:
-  void say(const std::string& line) {
+  Console() : sink_(std::make_shared<spdlog::sinks::stderr_color_sink_mt>()) {
+    sink_->set_pattern("%Y-%m-%d %H:%M:%S.%e %^%l%$ [%n] %v");
+  }
+  void say(const LogLine& line) {
     const std::lock_guard lock(mutex_);
     const auto now = std::chrono::steady_clock::now();
-    auto& told = told_[line.substr(0, line.find(':'))];
-    if (told.count++ > 0 && now - told.at < std::chrono::seconds(10)) return;
     if (told_.size() > 1000) told_.clear();
+    auto& told = told_[line.node + ": " + line.text.substr(0, line.text.find(':'))];
+    if (told.count++ > 0 && now - told.at < std::chrono::seconds(10)) return;
+    told = {now, 1};
     clear();
-    fmt::print(stderr, "{}\n", line);
-    told_[line.substr(0, line.find(':'))] = {now, 1};
+    const std::string& name = line.node.empty() ? kProgram : line.node;
+    spdlog::logger(name, sink_).log(level_of(line.level), line.text);
   }
   void status(const std::string& line) {
     if (!isatty(STDERR_FILENO)) return;
@@ -47,9 +53,16 @@ class Console {
     std::chrono::steady_clock::time_point at;
     int count = 0;
   };
+  static spdlog::level::level_enum level_of(LogLevel level) {
+    constexpr spdlog::level::level_enum kLevels[] = {spdlog::level::info, spdlog::level::warn,
+                                                     spdlog::level::err};
+    return kLevels[static_cast<int>(level)];
+  }
   void clear() {
     if (std::exchange(shown_, false)) std::fputs("\r\x1b[K", stderr);
   }
+  inline static const std::string kProgram = "meshreduce";
+  std::shared_ptr<spdlog::sinks::sink> sink_;
   std::mutex mutex_;
   bool shown_ = false;
   std::map<std::string, Told> told_;  // by the line's place
@@ -79,6 +92,15 @@ std::filesystem::path default_page() {
   std::error_code failed;
   const auto program = std::filesystem::read_symlink("/proc/self/exe", failed);
   return program.parent_path().parent_path() / "share" / "meshreduce" / "web";
+}
+
+/// Where programs keep what is theirs between runs.
+std::filesystem::path state_folder() {
+  if (const char* state = std::getenv("XDG_STATE_HOME"); state != nullptr && *state == '/')
+    return std::filesystem::path(state) / "meshreduce";
+  if (const char* home = std::getenv("HOME"); home != nullptr && *home == '/')
+    return std::filesystem::path(home) / ".local" / "state" / "meshreduce";
+  return {};
 }
 
 void open_in_browser(const std::string& url) {
@@ -132,7 +154,9 @@ int run_live(Scene scene, const LiveRun& run) {
   options.page = run.page.empty() ? default_page() : run.page;
   options.cache_folder = synth::default_rig_cache();
   options.threads = run.threads;
-  options.log = [&](const std::string& line) { console.say(line); };
+  options.state_folder = state_folder();
+  options.metrics = run.metrics;
+  options.log = [&](const LogLine& line) { console.say(line); };
   options.rendering = [&](int done, int of) {
     show_rendering(console, done, of);
     if (interrupt.within(std::chrono::milliseconds(0)))
@@ -141,14 +165,12 @@ int run_live(Scene scene, const LiveRun& run) {
   auto live = node::LiveScene::start(std::move(scene), options);
   if (!live) return fail(live.error().message);
 
-  if (const int port = (*live)->port(); port > 0) {
-    const std::string& listen = (*live)->scene().gateway->listen;
-    const std::string host = listen.substr(0, listen.rfind(':'));
-    const std::string url = fmt::format("http://{}:{}", host, port);
+  if (const std::string& url = (*live)->url(); !url.empty()) {
     fmt::print("Open {} in a browser. Ctrl-C ends it.\n", url);
     if (!std::filesystem::is_regular_file(options.page / "index.html"))
-      console.say("viewer: no page in " + options.page.string() +
-                  "; build it with scripts/build, or name it with --page");
+      console.say({LogLevel::warning, "gateway",
+                   "no page in " + options.page.string() +
+                       "; build it with scripts/build, or name it with --page"});
     if (run.open_browser) open_in_browser(url);
   } else {
     fmt::print("Running {}. Ctrl-C ends it.\n", fmt::join(run.nodes, ", "));

@@ -14,6 +14,7 @@ struct LiveRun {
   std::string listen;              ///< of the gateway; empty: as the scene says
   std::filesystem::path page;      ///< of the built viewer; empty: beside this program
   std::filesystem::path report;    ///< written at the end; empty: none
+  std::string metrics;             ///< host:port of /metrics beside the gateway's; empty: none
   double seconds = 0;              ///< 0: until it is interrupted
   int threads = 0;
   bool open_browser = false;

@@ -1,5 +1,5 @@
-// decode_request on any bytes, and with a checksum that fits: no crash, within the caps, and what it
-// accepts has these very bytes.
+// decode_request on any bytes, and with a checksum that fits: no crash, within the caps, and what
+// it accepts has these very bytes.
 #include <algorithm>
 #include <cstdlib>
 

@@ -15,8 +15,8 @@
 #include "mr/codec/mesh_codec.h"
 #include "mr/core/file.h"
 #include "packet_generated.h"
-#include "support/seal.h"
 #include "support/meshes.h"
+#include "support/seal.h"
 
 namespace mr::codec {
 namespace {

@@ -112,7 +112,8 @@ reuse: {chunks: false}
 still: {layers: true, after_s: 3}
 rate: {model: fixed, target_mbps: 10}
 coding: {texture_scale: 0.5, texture_qp: 30, sensor_texture_qp: 20, depth_qp: 10, frame_divider: 1}
-gateway: {listen: "0.0.0.0:80", start: {eye: [1, 1, 1.6], look_at: [0, 0, 1]}}
+gateway: {listen: "0.0.0.0:80", start: {eye: [1, 1, 1.6], look_at: [0, 0, 1]}, tls: {cert: c.pem, key: k.pem},
+          tokens: {file: tokens}, hosts: [room.example.org, "fe80::1"], open: true, viewers: 10, viewers_per_address: 2}
 nats: {url: "nats://127.0.0.1:4222"}
 tcp: {a: "127.0.0.1:9000", w: "[::1]:9001", secret: {env: TCP_SECRET}}
 truth:
@@ -145,6 +146,7 @@ sensors:
     depth_camera: {model: lidar, size: [1024, 3], beam_altitude_deg: {from: 10, to: -10}}
     T_world_depth: [1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1]
 tcp: {a: "127.0.0.1:9000", secret: {file: secret.txt}}
+gateway: {tls: auto}
 )";
 
 /// As YAML reads it: numbers, true and false are what they look like where they are not in quotes.

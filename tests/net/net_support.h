@@ -55,8 +55,13 @@ bool eventually(F condition, std::chrono::milliseconds within = std::chrono::sec
 /// A plain blocking TCP socket; reads give up after some seconds.
 class RawSocket {
  public:
-  explicit RawSocket(int port, int receive_buffer = 0) {
+  explicit RawSocket(int port, int receive_buffer = 0, const std::string& from = {}) {
     handle_ = ::socket(AF_INET, SOCK_STREAM, 0);
+    if (!from.empty()) {
+      sockaddr_in own = loopback(0);
+      ::inet_pton(AF_INET, from.c_str(), &own.sin_addr);
+      ::bind(handle_, reinterpret_cast<const sockaddr*>(&own), sizeof own);
+    }
     if (receive_buffer > 0)
       ::setsockopt(handle_, SOL_SOCKET, SO_RCVBUF, &receive_buffer, sizeof receive_buffer);
     const timeval patience{8, 0};
@@ -132,6 +137,84 @@ class RawSocket {
   int handle_ = -1;
   bool connected_ = false;
   std::string pending_;
+};
+
+/// A WebSocket client that does what it is told, bad things included.
+class WebViewer {
+ public:
+  struct Frame {
+    int opcode = -1;  ///< 0 continuation, 1 text, 2 binary, 8 close, 9 ping; -1: connection is over
+    bool last = false;
+    std::string payload;
+  };
+
+  struct Options {
+    std::string path = "/stream";
+    std::string host = {};    ///< empty: 127.0.0.1 and the port
+    std::string origin = {};  ///< empty: none
+    std::string headers = {};
+    std::string from = {};  ///< its own address; empty: 127.0.0.1
+    int receive_buffer = 0;
+  };
+
+  explicit WebViewer(int port) : WebViewer(port, Options()) {}
+  WebViewer(int port, const Options& options)
+      : socket_(port, options.receive_buffer, options.from) {
+    const std::string host =
+        options.host.empty() ? "127.0.0.1:" + std::to_string(port) : options.host;
+    const std::string& origin = options.origin;
+    socket_.send("GET " + options.path + " HTTP/1.1\r\nHost: " + host +
+                 "\r\nConnection: Upgrade\r\nUpgrade: websocket\r\nSec-WebSocket-Version: 13\r\n"
+                 "Sec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\n" +
+                 options.headers + (origin.empty() ? "" : "Origin: " + origin + "\r\n") + "\r\n");
+    const std::string answer = socket_.read_until("\r\n\r\n");
+    status_ = answer.size() > 12 ? std::stoi(answer.substr(9, 3)) : 0;
+  }
+
+  int status() const { return status_; }
+  RawSocket& socket() { return socket_; }
+
+  bool send(int opcode, const std::string& payload) {
+    std::string out(1, static_cast<char>(0x80 | opcode));
+    const std::size_t n = payload.size();
+    if (n < 126) {
+      out += static_cast<char>(0x80 | n);
+    } else {
+      const bool wide = n > 0xFFFF;
+      out += static_cast<char>(0x80 | (wide ? 127 : 126));
+      for (int i = wide ? 7 : 1; i >= 0; --i)
+        out += static_cast<char>((std::uint64_t{n} >> (8 * i)) & 0xFF);
+    }
+    return socket_.send(out + std::string(4, '\0') + payload);  // a mask of zeros
+  }
+
+  Frame next_frame() {
+    const std::string head = socket_.read_exactly(2);
+    if (head.empty()) return {};
+    std::size_t size = static_cast<unsigned char>(head[1]) & 0x7F;
+    const std::size_t more = size == 126 ? 2 : size == 127 ? 8 : 0;
+    if (more > 0) size = 0;
+    for (const char c : socket_.read_exactly(more))
+      size = size << 8 | static_cast<unsigned char>(c);
+    const auto first = static_cast<unsigned char>(head[0]);
+    return {first & 0x0F, (first & 0x80) != 0, size > 0 ? socket_.read_exactly(size) : ""};
+  }
+
+  /// A whole message: its pieces joined.
+  Frame next_message() {
+    Frame whole = next_frame();
+    while (whole.opcode >= 0 && !whole.last) {
+      const Frame piece = next_frame();
+      if (piece.opcode < 0) return {};
+      whole.payload += piece.payload;
+      whole.last = piece.last;
+    }
+    return whole;
+  }
+
+ private:
+  RawSocket socket_;
+  int status_ = 0;
 };
 
 /// Holds a port, listening; port() is free again once it is destroyed.

@@ -1,8 +1,12 @@
 #include "mr/net/web_server.h"
 
 #include <gtest/gtest.h>
+#include <openssl/bio.h>
+#include <openssl/ssl.h>
 
 #include <atomic>
+#include <map>
+#include <optional>
 #include <set>
 
 #include "core/temp_dir.h"
@@ -13,73 +17,7 @@ namespace {
 
 using namespace std::chrono_literals;
 using test::eventually;
-
-/// A WebSocket client that does what it is told, bad things included.
-class Viewer {
- public:
-  struct Frame {
-    int opcode = -1;  ///< 0 continuation, 1 text, 2 binary, 8 close, 9 ping; -1: connection is over
-    bool last = false;
-    std::string payload;
-  };
-
-  explicit Viewer(int port, const std::string& path = "/stream", const std::string& origin = {},
-                  int receive_buffer = 0)
-      : socket_(port, receive_buffer) {
-    const std::string host = "127.0.0.1:" + std::to_string(port);
-    socket_.send("GET " + path + " HTTP/1.1\r\nHost: " + host +
-                 "\r\nConnection: Upgrade\r\nUpgrade: websocket\r\nSec-WebSocket-Version: 13\r\n"
-                 "Sec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\n" +
-                 (origin.empty() ? "" : "Origin: " + origin + "\r\n") + "\r\n");
-    const std::string answer = socket_.read_until("\r\n\r\n");
-    status_ = answer.size() > 12 ? std::stoi(answer.substr(9, 3)) : 0;
-  }
-
-  int status() const { return status_; }
-  test::RawSocket& socket() { return socket_; }
-
-  bool send(int opcode, const std::string& payload) {
-    std::string out(1, static_cast<char>(0x80 | opcode));
-    const std::size_t n = payload.size();
-    if (n < 126) {
-      out += static_cast<char>(0x80 | n);
-    } else {
-      const bool wide = n > 0xFFFF;
-      out += static_cast<char>(0x80 | (wide ? 127 : 126));
-      for (int i = wide ? 7 : 1; i >= 0; --i)
-        out += static_cast<char>((std::uint64_t{n} >> (8 * i)) & 0xFF);
-    }
-    return socket_.send(out + std::string(4, '\0') + payload);  // a mask of zeros
-  }
-
-  Frame next_frame() {
-    const std::string head = socket_.read_exactly(2);
-    if (head.empty()) return {};
-    std::size_t size = static_cast<unsigned char>(head[1]) & 0x7F;
-    const std::size_t more = size == 126 ? 2 : size == 127 ? 8 : 0;
-    if (more > 0) size = 0;
-    for (const char c : socket_.read_exactly(more))
-      size = size << 8 | static_cast<unsigned char>(c);
-    const auto first = static_cast<unsigned char>(head[0]);
-    return {first & 0x0F, (first & 0x80) != 0, size > 0 ? socket_.read_exactly(size) : ""};
-  }
-
-  /// A whole message: its pieces joined.
-  Frame next_message() {
-    Frame whole = next_frame();
-    while (whole.opcode >= 0 && !whole.last) {
-      const Frame piece = next_frame();
-      if (piece.opcode < 0) return {};
-      whole.payload += piece.payload;
-      whole.last = piece.last;
-    }
-    return whole;
-  }
-
- private:
-  test::RawSocket socket_;
-  int status_ = 0;
-};
+using Viewer = test::WebViewer;
 
 /// A server that sends back what it gets, and knows who is there.
 class Web : public testing::Test {
@@ -90,14 +28,24 @@ class Web : public testing::Test {
     config.listen = "127.0.0.1:0";
     config.root = dir_.path();
     WebHandlers handlers;
-    handlers.opened = [this](ClientId id) { set_present(id, true); };
+    handlers.opened = [this](ClientId id, const WebVisitor& visitor) {
+      set_present(id, true);
+      const std::lock_guard lock(mutex_);
+      visitors_[id] = visitor;
+    };
     handlers.closed = [this](ClientId id) { set_present(id, false); };
-    handlers.drained = [this](ClientId) { ++drained_; };
+    handlers.written = [this](ClientId) { ++written_; };
+    handlers.page = [](const std::string& path, const WebVisitor& visitor) {
+      return path == "/who" ? std::optional(WebPage{200, "text/plain", visitor.token})
+                            : std::nullopt;
+    };
     handlers.received = [this](ClientId id, std::span<const std::byte> bytes, bool is_text) {
+      if (++received_ > most_received_) return false;
       if (is_text)
         server_->send_text(id, test::text_of(bytes));
       else
         server_->send(id, test::text_message(test::text_of(bytes)));
+      return true;
     };
     auto server = WebServer::start(config, handlers);
     ASSERT_TRUE(server) << server.error().message;
@@ -118,8 +66,8 @@ class Web : public testing::Test {
   std::string ask(const std::string& method, const std::string& target,
                   const std::string& more = {}) {
     test::RawSocket socket(port_);
-    socket.send(method + " " + target + " HTTP/1.1\r\nHost: x\r\nConnection: close\r\n" + more +
-                "\r\n");
+    socket.send(method + " " + target + " HTTP/1.1\r\nHost: localhost\r\nConnection: close\r\n" +
+                more + "\r\n");
     std::string answer;
     for (std::string some = socket.read_some(); !some.empty(); some = socket.read_some())
       answer += some;
@@ -132,7 +80,8 @@ class Web : public testing::Test {
   test::TempDir dir_;
   std::mutex mutex_;
   std::set<ClientId> present_;
-  std::atomic<int> drained_ = 0;
+  std::map<ClientId, WebVisitor> visitors_;
+  std::atomic<int> written_ = 0, received_ = 0, most_received_ = 1'000'000;
   int port_ = 0;
   std::unique_ptr<WebServer> server_;  // last: its handlers use the rest
 };
@@ -194,7 +143,7 @@ TEST_F(Web, EchoesMessagesOfAnySize) {
   }
   ASSERT_TRUE(viewer.send(1, "text"));
   EXPECT_EQ(viewer.next_message().opcode, 1);
-  EXPECT_TRUE(eventually([&] { return drained_ == 9; }));
+  EXPECT_TRUE(eventually([&] { return written_ == 8; }));
   ASSERT_TRUE(viewer.send(8, ""));
   EXPECT_EQ(viewer.next_message().opcode, 8);
   EXPECT_TRUE(viewer.socket().closed_by_peer());
@@ -222,13 +171,13 @@ TEST_F(Web, ClosesWithAReason) {
 TEST_F(Web, OnlyTheStreamAndOnlyOurOwnPages) {
   start();
   const std::string host = "127.0.0.1:" + std::to_string(port_);
-  EXPECT_EQ(Viewer(port_, "/stream", "http://" + host).status(), 101);
-  EXPECT_EQ(Viewer(port_, "/stream?scene=a").status(), 101);
-  EXPECT_EQ(Viewer(port_, "/").status(), 404);
-  EXPECT_EQ(Viewer(port_, "/stream/x").status(), 404);
-  EXPECT_EQ(Viewer(port_, "/stream", "http://evil.example").status(), 403);
-  EXPECT_EQ(Viewer(port_, "/stream", "http://" + host + ".evil.example").status(), 403);
-  EXPECT_EQ(Viewer(port_, "/stream", "null").status(), 403);
+  EXPECT_EQ(Viewer(port_, {.origin = "http://" + host}).status(), 101);
+  EXPECT_EQ(Viewer(port_, {.path = "/stream?scene=a"}).status(), 101);
+  EXPECT_EQ(Viewer(port_, {.path = "/"}).status(), 404);
+  EXPECT_EQ(Viewer(port_, {.path = "/stream/x"}).status(), 404);
+  EXPECT_EQ(Viewer(port_, {.origin = "http://evil.example"}).status(), 403);
+  EXPECT_EQ(Viewer(port_, {.origin = "http://" + host + ".evil.example"}).status(), 403);
+  EXPECT_EQ(Viewer(port_, {.origin = "null"}).status(), 403);
   EXPECT_EQ(test::dropped(*server_, "page of another site"), 3u);
 }
 
@@ -250,7 +199,7 @@ TEST_F(Web, AViewerThatNeverReadsIsCutOff) {
   Viewer good(port_);
   ASSERT_TRUE(eventually([&] { return present().size() == 1; }));
   const ClientId good_id = *present().begin();
-  Viewer stuck(port_, "/stream", "", 65536);
+  Viewer stuck(port_, {.receive_buffer = 65536});
   ASSERT_TRUE(eventually([&] { return present().size() == 2; }));
   const ClientId stuck_id = *present().rbegin();
   for (int i = 0; i < 60; ++i) server_->send(stuck_id, test::message(1000000));
@@ -267,7 +216,7 @@ TEST_F(Web, AViewerThatNeverReadsIsCutOff) {
 
 TEST_F(Web, TooMuchInOneQueueEndsIt) {
   start({.queue_bytes = 5000000});
-  Viewer stuck(port_, "/stream", "", 65536);
+  Viewer stuck(port_, {.receive_buffer = 65536});
   ASSERT_TRUE(eventually([&] { return present().size() == 1; }));
   for (int i = 0; i < 60; ++i) server_->send(1, test::message(1000000));
   EXPECT_TRUE(eventually([&] { return present().empty(); }));
@@ -287,6 +236,8 @@ TEST_F(Web, SlowRequestsAreCutOff) {
 TEST_F(Web, TooManyViewersAreTold) {
   start({.clients = 2});
   Viewer a(port_), b(port_);
+  ASSERT_TRUE(eventually([&] { return present().size() == 2; }));
+  for (const ClientId id : present()) server_->keep(id);
   EXPECT_EQ(Viewer(port_).status(), 503);
   a.send(8, "");
   EXPECT_TRUE(a.socket().closed_by_peer());
@@ -300,7 +251,7 @@ TEST_F(Web, AThousandConnectionsLeaveTheOthersHealthy) {
   {
     std::vector<test::RawSocket> crowd;
     for (int i = 0; i < 1000; ++i) crowd.emplace_back(port_);
-    EXPECT_TRUE(eventually([&] { return test::dropped(*server_, "too many connections") >= 900; }));
+    EXPECT_TRUE(eventually([&] { return test::dropped(*server_, "its place was needed") >= 900; }));
     EXPECT_TRUE(echoes(viewer));
   }
   EXPECT_TRUE(eventually([&] { return ask("GET", "/").starts_with("HTTP/1.1 200"); }));
@@ -308,9 +259,166 @@ TEST_F(Web, AThousandConnectionsLeaveTheOthersHealthy) {
   EXPECT_TRUE(echoes(viewer));
 }
 
+TEST_F(Web, AnswersForItsOwnNamesOnly) {
+  start();
+  const auto status = [&](const std::string& host, const std::string& first = "GET / HTTP/1.1") {
+    test::RawSocket socket(port_);
+    socket.send(first + "\r\n" + (host.empty() ? "" : "Host: " + host + "\r\n") +
+                "Connection: close\r\n\r\n");
+    const std::string answer = socket.read_until("\r\n\r\n");
+    return answer.size() > 12 ? answer.substr(9, 3) : "none";
+  };
+  for (const char* ours :
+       {"localhost", "LocalHost:1234", "127.0.0.1", "127.0.0.1:80", "[::1]:8080"})
+    EXPECT_EQ(status(ours), "200") << ours;
+  for (const char* others :
+       {"evil.example", "localhost.evil.example", "192.168.1.5", "", "[::2]"}) {
+    EXPECT_EQ(status(others), "421") << others;
+    EXPECT_EQ(status(others, "GET /nowhere HTTP/1.1"), "421") << others;
+    EXPECT_EQ(status(others, "POST /stream HTTP/1.1"), "421") << others;
+    EXPECT_EQ(status(others, "GET /%00 HTTP/1.1"), "421") << others;
+  }
+  Viewer rebound(port_, {.host = "evil.example", .origin = "http://evil.example"});
+  EXPECT_EQ(rebound.status(), 421) << "its page and the stream are of one origin, and not ours";
+}
+
+TEST_F(Web, AnswersForTheNamesItIsGiven) {
+  start({.hosts = {"room.example.org"}});
+  EXPECT_EQ(Viewer(port_, {.host = "Room.Example.Org:443"}).status(), 101);
+  EXPECT_EQ(Viewer(port_, {.host = "localhost"}).status(), 421);
+}
+
+TEST_F(Web, OneAddressDoesNotTakeAllPlaces) {
+  start({.clients = 8, .clients_per_address = 3});
+  std::vector<Viewer> crowd;
+  for (int i = 0; i < 3; ++i) crowd.emplace_back(port_, Viewer::Options{.from = "127.0.0.2"});
+  ASSERT_TRUE(eventually([&] { return present().size() == 3; }));
+  for (const ClientId id : present()) server_->keep(id);
+  EXPECT_EQ(Viewer(port_, {.from = "127.0.0.2"}).status(), 503);
+  EXPECT_EQ(Viewer(port_, {.from = "127.0.0.3"}).status(), 101);
+}
+
+TEST_F(Web, ViewersThatShowNothingGiveTheirPlacesUp) {
+  start({.clients = 4});
+  std::vector<Viewer> idle;
+  for (int i = 0; i < 4; ++i)
+    idle.emplace_back(port_, Viewer::Options{.from = "127.0.1." + std::to_string(i)});
+  ASSERT_TRUE(eventually([&] { return present().size() == 4; }));
+  Viewer newcomer(port_);
+  EXPECT_EQ(newcomer.status(), 101);
+  EXPECT_TRUE(idle[0].socket().closed_by_peer()) << "who came first";
+  EXPECT_TRUE(echoes(newcomer));
+  for (const ClientId id : present()) server_->keep(id);
+  EXPECT_EQ(Viewer(port_).status(), 503) << "all are kept";
+}
+
+TEST_F(Web, ANewcomerGetsInBesideAThousandIdleConnectionsOfOneAddress) {
+  start();
+  std::vector<test::RawSocket> crowd;
+  for (int i = 0; i < 1000; ++i) {
+    crowd.emplace_back(port_, 0, "127.0.0.2");
+    if (i % 2 == 0) crowd.back().send("GET / HTTP/1.1\r\nHost: loc");  // trickles
+  }
+  const auto started = test::Clock::now();
+  EXPECT_EQ(Viewer(port_, {.from = "127.0.0.3"}).status(), 101);
+  EXPECT_TRUE(ask("GET", "/").starts_with("HTTP/1.1 200"));
+  EXPECT_LT(test::Clock::now() - started, 2s);
+}
+
+TEST_F(Web, ANewcomerGetsInBesideIdleConnectionsOfManyAddresses) {
+  start({.connections = 60});
+  std::vector<test::RawSocket> crowd;
+  for (int i = 0; i < 300; ++i)
+    crowd.emplace_back(port_, 0, "127.0.2." + std::to_string(i % 200 + 1));
+  const auto started = test::Clock::now();
+  EXPECT_EQ(Viewer(port_, {.from = "127.0.0.3"}).status(), 101);
+  EXPECT_LT(test::Clock::now() - started, 2s);
+}
+
+TEST_F(Web, ASlowTrickleOfHeaderBytesIsCutOff) {
+  start({.patience = 1s});
+  test::RawSocket trickle(port_);
+  const auto started = test::Clock::now();
+  const std::string head = "GET / HTTP/1.1\r\nHost: localhost\r\nX: " + std::string(1000, 'x');
+  std::size_t sent = 0;
+  while (sent < head.size() && !trickle.closed_by_peer(100ms)) trickle.send(head.substr(sent++, 1));
+  EXPECT_LT(test::Clock::now() - started, 3s);
+  EXPECT_LT(sent, 100u);
+}
+
+TEST_F(Web, AFlooderIsClosedAtOnce) {
+  start();
+  most_received_ = 100;
+  Viewer flooder(port_);
+  Viewer good(port_);
+  const std::string frame = std::string("\x81\x81\0\0\0\0x", 7);
+  std::string burst;
+  for (int i = 0; i < 5000; ++i) burst += frame;
+  for (int i = 0; i < 200 && flooder.socket().send(burst); ++i) continue;
+  EXPECT_TRUE(flooder.socket().closed_by_peer());
+  EXPECT_LT(received_, 110) << "of up to a million";
+  most_received_ = 1'000'000;
+  EXPECT_TRUE(echoes(good));
+  EXPECT_EQ(test::dropped(*server_, "too many messages at once"), 1u);
+}
+
+TEST_F(Web, AFloodOfPingsIsClosed) {
+  start();
+  Viewer flooder(port_);
+  for (int i = 0; i < 100'000 && flooder.send(9, ""); ++i) continue;
+  EXPECT_TRUE(flooder.socket().closed_by_peer());
+  EXPECT_EQ(test::dropped(*server_, "too many pings"), 1u);
+}
+
+TEST_F(Web, TellsWhatTokenSomebodyShows) {
+  start();
+  EXPECT_TRUE(ask("GET", "/who", "Cookie: a=b; meshreduce_token=Secret+1; c=d\r\n")
+                  .ends_with("\r\n\r\nSecret+1"));
+  EXPECT_TRUE(ask("GET", "/who", "Authorization: Bearer Secret+2\r\n").ends_with("Secret+2"));
+  EXPECT_TRUE(ask("GET", "/who", "Cookie: xmeshreduce_token=no\r\n").ends_with("\r\n\r\n"));
+  Viewer viewer(port_, {.headers = "Cookie: meshreduce_token=Secret+3\r\n"});
+  ASSERT_TRUE(eventually([&] { return present().size() == 1; }));
+  const std::lock_guard lock(mutex_);
+  EXPECT_EQ(visitors_.begin()->second.token, "Secret+3");
+  EXPECT_EQ(visitors_.begin()->second.address, "127.0.0.1");
+}
+
+/// What a TLS client that trusts anybody reads in answer to one request; empty where TLS fails.
+std::string ask_by_tls(int port, const std::string& request) {
+  SSL_CTX* context = SSL_CTX_new(TLS_client_method());
+  BIO* bio = BIO_new_ssl_connect(context);
+  BIO_set_conn_hostname(bio, ("127.0.0.1:" + std::to_string(port)).c_str());
+  std::string out;
+  char buffer[4096];
+  if (BIO_write(bio, request.data(), static_cast<int>(request.size())) > 0)
+    for (int n = 0; (n = BIO_read(bio, buffer, sizeof buffer)) > 0;)
+      out.append(buffer, static_cast<std::size_t>(n));
+  BIO_free_all(bio);
+  SSL_CTX_free(context);
+  return out;
+}
+
+TEST_F(Web, SpeaksTlsWithACertificate) {
+  start({.certificate = *make_certificate({"localhost"})});
+  const std::string page =
+      ask_by_tls(port_, "GET / HTTP/1.1\r\nHost: localhost\r\nConnection: close\r\n\r\n");
+  EXPECT_TRUE(page.starts_with("HTTP/1.1 200")) << page;
+  const std::string upgraded = ask_by_tls(
+      port_,
+      "GET /stream HTTP/1.1\r\nHost: localhost\r\nConnection: Upgrade\r\nUpgrade: websocket\r\n"
+      "Sec-WebSocket-Version: 13\r\nSec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\n"
+      "Origin: https://localhost\r\n\r\n" +
+          std::string("\x88\x80\0\0\0\0", 6));
+  EXPECT_TRUE(upgraded.starts_with("HTTP/1.1 101")) << upgraded;
+  const std::string plain = ask("GET", "/a?b");
+  EXPECT_TRUE(plain.starts_with("HTTP/1.1 308")) << plain;
+  EXPECT_NE(plain.find("Location: https://localhost/a?b\r\n"), std::string::npos) << plain;
+  EXPECT_EQ(Viewer(port_).status(), 308) << "nothing in the clear";
+}
+
 TEST_F(Web, StopsPromptlyWithViewersAndQueues) {
   start();
-  Viewer idle(port_), stuck(port_, "/stream", "", 65536);
+  Viewer idle(port_), stuck(port_, {.receive_buffer = 65536});
   ASSERT_TRUE(eventually([&] { return present().size() == 2; }));
   for (const ClientId id : present())
     for (int i = 0; i < 20; ++i) server_->send(id, test::message(1000000));

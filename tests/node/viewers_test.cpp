@@ -17,10 +17,26 @@ using test::Sender;
 
 constexpr TimePoint kStart{};
 
-std::vector<Viewers::Send> give(Viewers& viewers, const Packet& packet) {
+/// Their sockets take everything at once.
+std::vector<Viewers::Send> read_all(Viewers& viewers, std::vector<Viewers::Send> sent) {
+  for (std::size_t i = 0; i < sent.size(); ++i) {
+    const auto more = viewers.written(sent[i].first, 1, kStart);
+    sent.insert(sent.end(), more.begin(), more.end());
+  }
+  return sent;
+}
+
+std::vector<Viewers::Send> give_unread(Viewers& viewers, const Packet& packet,
+                                       TimePoint now = kStart) {
   return viewers.packet(
       packet, std::make_shared<const std::vector<std::byte>>(codec::encode_packet(packet)),
-      codec::base_of(packet));
+      codec::base_of(packet), now);
+}
+std::vector<Viewers::Send> give(Viewers& viewers, const Packet& packet) {
+  return read_all(viewers, give_unread(viewers, packet));
+}
+std::vector<Viewers::Send> shown(Viewers& viewers, Viewers::Id id, std::uint64_t sequence) {
+  return read_all(viewers, viewers.shown(id, sequence, kStart));
 }
 
 Packet decoded(const Viewers::Send& send) { return *codec::decode_packet(*send.second); }
@@ -60,12 +76,12 @@ TEST(Viewers, ANewcomerBetweenKeyFramesIsServedAtOnce) {
   codec::Receiver receiver({});
   EXPECT_TRUE(receiver.accept(packet).empty());
   ASSERT_TRUE(receiver.scene());
-  viewers.shown(7, newest.sequence);
+  shown(viewers, 7, newest.sequence);
   for (int i = 0; i < 3; ++i)
     for (const auto& send : give(viewers, sender.next())) {
       EXPECT_TRUE(receiver.accept(decoded(send)).empty());
       EXPECT_TRUE(receiver.scene()) << "and goes on with what is sent to all";
-      viewers.shown(7, decoded(send).sequence);
+      shown(viewers, 7, decoded(send).sequence);
     }
 }
 
@@ -163,12 +179,12 @@ TEST(Viewers, DifferencesReachNewcomersAndSlowOnes) {
     const auto bytes = std::make_shared<const std::vector<std::byte>>(root.write(packet));
     auto read = here.read(*bytes);
     ASSERT_TRUE(read);
-    take(viewers.packet(*std::move(read), bytes, here.base()));
+    take(read_all(viewers, viewers.packet(*std::move(read), bytes, here.base(), kStart)));
     for (const auto& [id, sequence] : std::map(newest))
-      if (id % 20 == 10 && i % 7 == 0) take(viewers.shown(id, sequence));
+      if (id % 20 == 10 && i % 7 == 0) take(shown(viewers, id, sequence));
   }
   for (int i = 0; i < 3; ++i)
-    for (const auto& [id, sequence] : std::map(newest)) take(viewers.shown(id, sequence));
+    for (const auto& [id, sequence] : std::map(newest)) take(shown(viewers, id, sequence));
   EXPECT_EQ(newest.size(), 5u);
   for (const auto& [id, sequence] : newest) EXPECT_EQ(sequence, last) << id;
 }
@@ -210,12 +226,12 @@ TEST(Viewers, SlowOnesGetFoldedPacketsAndHoldUpNobody) {
     const Packet packet = sender.next(i == 0);
     newest = packet.sequence;
     count(give(viewers, packet));
-    count(viewers.shown(1, packet.sequence));
+    count(shown(viewers, 1, packet.sequence));
     EXPECT_EQ(viewers.taken(), newest) << "the fast one sets the pace";
   }
   EXPECT_EQ(to_fast, 20);
   EXPECT_EQ(to_slow, Viewers::kInFlight);
-  count(viewers.shown(2, newest - 19));
+  count(shown(viewers, 2, newest - 19));
   EXPECT_EQ(to_slow, Viewers::kInFlight + 1);
   EXPECT_EQ(slow.newest_sequence(), newest);
   const auto scene = slow.scene();
@@ -241,7 +257,7 @@ TEST(Viewers, WhoFallsFarBehindStartsAnew) {
   EXPECT_EQ(sent.size(), 2u) << "who shows nothing gets nothing";
   EXPECT_EQ(viewers.taken(), std::nullopt);
   EXPECT_TRUE(viewers.wanted(kStart).empty()) << "nobody could use it";
-  viewers.shown(1, first + 1);
+  shown(viewers, 1, first + 1);
   const auto again = give(viewers, sender.next());
   ASSERT_EQ(again.size(), 1u);
   const Packet packet = decoded(again[0]);
@@ -282,28 +298,142 @@ TEST(Viewers, GiveChunksOnRequest) {
 
 TEST(ViewerInbox, AFloodTakesNothingFromOthers) {
   using Kind = ViewerInbox::Event::Kind;
+  const std::vector<std::byte> word(10);
+  ViewerInbox inbox;
+  std::size_t taken = 0;
+  for (int i = 0; i < 10'000; ++i) taken += inbox.received(1, word, true, kStart);
+  EXPECT_EQ(taken, ViewerInbox::kMostMessages);
+  EXPECT_TRUE(inbox.received(2, word, true, kStart));
+  inbox.closed(1);
+  const auto events = inbox.take();
+  ASSERT_EQ(events.size(), ViewerInbox::kMostMessages + 2);
+  EXPECT_EQ(events[ViewerInbox::kMostMessages].viewer, 2u);
+  EXPECT_EQ(events.back().kind, Kind::closed);
+  EXPECT_FALSE(
+      inbox.received(3, std::vector<std::byte>(ViewerInbox::kMostBytes + 1), false, kStart));
+}
+
+TEST(ViewerInbox, ASteadyFloodIsOneToo) {
   ViewerInbox inbox;
   const std::vector<std::byte> word(10);
-  const auto from = [&](net::ClientId viewer) {
-    std::vector<Kind> kinds;
-    for (const ViewerInbox::Event& event : inbox.take())
-      if (event.viewer == viewer) kinds.push_back(event.kind);
-    return kinds;
+  TimePoint now = kStart;
+  const auto lasts = [&](net::ClientId viewer, int per_second) {
+    int i = 0;
+    for (; i < 100 * per_second; ++i) {
+      now += std::chrono::seconds(1) / per_second;
+      if (!inbox.received(viewer, word, true, now)) break;
+      inbox.take();
+    }
+    return i / per_second;
   };
-  for (int round = 0; round < 2; ++round) {
-    for (int i = 0; i < 10'000; ++i) inbox.add(Kind::text, 1, word);
-    inbox.add(Kind::text, 2, word);
-    EXPECT_EQ(from(2), std::vector{Kind::text});
-  }
-  for (int i = 0; i < 10'000; ++i) inbox.add(Kind::text, 1, word);
-  inbox.add(Kind::closed, 1);
-  std::vector<Kind> kinds = from(1);
-  ASSERT_EQ(kinds.size(), ViewerInbox::kMostMessages + 2);
-  EXPECT_EQ(kinds[ViewerInbox::kMostMessages], Kind::flood);
-  EXPECT_EQ(kinds.back(), Kind::closed);
+  EXPECT_EQ(lasts(1, 100), 100) << "a busy page sends less than that";
+  EXPECT_LT(lasts(2, 1000), 2);
+}
 
-  inbox.add(Kind::binary, 1, std::vector<std::byte>(ViewerInbox::kMostBytes + 1));
-  EXPECT_EQ(from(1), std::vector{Kind::flood});
+/// A packet whose payload is large, of a version of its own.
+Packet large_packet(Sender& sender, std::size_t bytes) {
+  Packet packet = sender.next(true);
+  packet.chunks.resize(1);
+  packet.chunks[0].key = packet.manifest[0];
+  packet.chunks[0].triangles = 1;
+  packet.chunks[0].payload.assign(bytes, std::byte{1});
+  return packet;
+}
+
+TEST(Viewers, WordsDoNotMakeRoomForMore) {
+  Sender sender;
+  Viewers viewers;
+  viewers.opened(1);
+  std::size_t sent = 0;
+  for (int i = 0; i < 20; ++i) {
+    const Packet packet = sender.next(i == 0);
+    sent += give_unread(viewers, packet).size();
+    sent += viewers.shown(1, packet.sequence, kStart).size();  // it never read it
+  }
+  EXPECT_EQ(sent, static_cast<std::size_t>(Viewers::kInFlight));
+  viewers.asked(1, {{}, {}, {}, true}, kStart);
+  EXPECT_TRUE(give_unread(viewers, sender.next(true)).empty()) << "everything anew, unread";
+  viewers.written(1, 2, kStart);
+  EXPECT_EQ(give_unread(viewers, sender.next(true)).size(), 1u);
+}
+
+TEST(Viewers, OneAnswerAtATimeIsUnread) {
+  Sender sender;
+  Viewers viewers;
+  viewers.opened(1);
+  const Packet packet = sender.next(true);
+  give(viewers, packet);
+  const codec::Request all{{}, packet.manifest, {}};
+  TimePoint now = kStart;
+  EXPECT_TRUE(viewers.asked(1, all, now));
+  for (int i = 0; i < 50; ++i) EXPECT_FALSE(viewers.asked(1, all, now += Viewers::kAnswerEvery));
+  viewers.written(1, 1, now);
+  EXPECT_TRUE(viewers.asked(1, all, now += Viewers::kAnswerEvery));
+  EXPECT_EQ(viewers.drops().count("viewers: requests before the last answer was read"), 1u);
+}
+
+TEST(Viewers, WhatAllHaveNotReadIsBounded) {
+  constexpr std::size_t kLarge = 6u << 20;
+  Sender sender;
+  Viewers viewers;
+  TimePoint now = kStart;
+  Viewers::Id last = 0;
+  std::size_t closed = 0, most = 0;
+  for (int i = 0; i < 60; ++i) {
+    viewers.opened(++last);
+    give_unread(viewers, large_packet(sender, kLarge), now);
+    now += std::chrono::seconds(1);
+    for (const auto& [id, why] : viewers.overdue(now)) viewers.closed(id), ++closed;
+    most = std::max(most, viewers.unread_bytes());
+  }
+  EXPECT_GT(closed, 0u);
+  EXPECT_LT(most, Viewers::kUnreadBytes + 5 * kLarge);
+  while (last > 0) viewers.closed(last--);
+  EXPECT_EQ(viewers.unread_bytes(), 0u);
+}
+
+TEST(Viewers, WhatAllAreSentCountsOnce) {
+  Sender sender;
+  Viewers viewers;
+  for (Viewers::Id id = 0; id < 60; ++id) viewers.opened(id);
+  const auto sent = give_unread(viewers, large_packet(sender, 1u << 20));
+  ASSERT_EQ(sent.size(), 60u);
+  EXPECT_EQ(viewers.unread_bytes(), sent[0].second->size());
+}
+
+TEST(Viewers, WhoNeverShowsAnythingIsClosed) {
+  Sender sender;
+  Viewers viewers;
+  viewers.opened(1);
+  viewers.opened(2);
+  const Packet packet = sender.next(true);
+  give(viewers, packet);
+  shown(viewers, 2, packet.sequence);
+  EXPECT_TRUE(viewers.overdue(kStart + Viewers::kFirstShown).empty());
+  const auto overdue = viewers.overdue(kStart + Viewers::kFirstShown + Duration(1));
+  ASSERT_EQ(overdue.size(), 1u);
+  EXPECT_EQ(overdue[0].first, 1u);
+}
+
+TEST(Viewers, WhoReadsForAMinuteIsClosed) {
+  Sender sender;
+  Viewers viewers;
+  viewers.opened(1);
+  give_unread(viewers, sender.next(true));
+  EXPECT_TRUE(viewers.overdue(kStart + Viewers::kSlowest).empty());
+  EXPECT_EQ(viewers.overdue(kStart + Viewers::kSlowest + Duration(1)).size(), 1u);
+}
+
+TEST(Viewers, AllStartAnewWhereTheRootDoes) {
+  Sender sender;
+  Viewers viewers;
+  viewers.opened(1);
+  give(viewers, sender.next(true));
+  viewers.begin_afresh();
+  Sender another(6, 2);
+  const auto sent = give(viewers, another.next(true));
+  ASSERT_EQ(sent.size(), 1u);
+  EXPECT_EQ(decoded(sent[0]).chunks.size(), decoded(sent[0]).manifest.size());
 }
 
 TEST(Viewers, WhoAsksInALoopIsAnsweredNowAndThen) {
@@ -315,6 +445,7 @@ TEST(Viewers, WhoAsksInALoopIsAnsweredNowAndThen) {
   give(viewers, packet);
   const codec::Request all{{}, packet.manifest, {}};
   EXPECT_TRUE(viewers.asked(1, all, kStart));
+  viewers.written(1, 1, kStart);
   EXPECT_FALSE(viewers.asked(1, all, kStart + std::chrono::milliseconds(1)));
   EXPECT_TRUE(viewers.asked(2, all, kStart + std::chrono::milliseconds(1)));
   EXPECT_TRUE(viewers.asked(1, all, kStart + Viewers::kAnswerEvery));

@@ -1,4 +1,5 @@
 #include <algorithm>
+#include <cctype>
 #include <charconv>
 
 #include "mr/core/scene_parts.h"
@@ -58,6 +59,63 @@ void read_tcp_secret(MapReader& tcp, const std::vector<std::string>& ids, Secret
                               "tcp: no node of the scene may be named 'secret', which is the key "
                               "of the nodes' shared secret; give it another id");
   read_secret_source(tcp, kSecretKey, secret);
+}
+
+/// `tls: auto` or `tls: {cert: FILE, key: FILE}`.
+void read_tls(MapReader& gateway, std::optional<TlsConfig>& tls) {
+  const YamlNode* node = gateway.find("tls");
+  if (!node) return;
+  if (node->kind == YamlNode::Kind::scalar) {
+    TlsConfig own;
+    if (gateway.choice("tls", own, {{"auto", TlsConfig{}}})) tls = own;
+    return;
+  }
+  MapReader map(gateway.report, *node, "gateway.tls");
+  std::string cert, key;
+  const bool has_both = (map.need("cert") != nullptr) & (map.need("key") != nullptr);
+  if (has_both && map.text("cert", cert) & map.text("key", key))
+    tls = TlsConfig{map.report.resolve(cert), map.report.resolve(key)};
+}
+
+/// A name or number as it stands in a browser's address line, without port and brackets.
+bool is_host(const std::string& text) {
+  constexpr const char* kName = "abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789._-";
+  constexpr const char* kV6 = "abcdefABCDEF0123456789.:";
+  const bool is_v6 = std::count(text.begin(), text.end(), ':') > 1;
+  return !text.empty() && text.size() <= 253 &&
+         text.find_first_not_of(is_v6 ? kV6 : kName) == std::string::npos;
+}
+
+void read_hosts(MapReader& gateway, std::vector<std::string>& hosts) {
+  const YamlNode* node = gateway.find("hosts");
+  if (!node) return;
+  const auto refuse = [&](int line, const std::string& why) {
+    gateway.report.problem(line, "gateway.hosts " + why);
+  };
+  if (node->kind != YamlNode::Kind::list || node->items.empty())
+    return refuse(node->line, "must be a list of names, as in [room.example.org, 192.168.1.5]");
+  for (const YamlNode& item : node->items) {
+    auto name = read_text(gateway.report, item, "gateway.hosts");
+    if (!name) continue;
+    if (!is_host(*name)) {
+      refuse(item.line, "holds " + in_quotes(*name) + ", which is no name without port");
+      continue;
+    }
+    for (char& c : *name) c = static_cast<char>(std::tolower(static_cast<unsigned char>(c)));
+    hosts.push_back(*std::move(name));
+  }
+}
+
+void read_gateway(Report& report, const YamlNode& node, GatewayConfig& gateway) {
+  MapReader map(report, node, "gateway");
+  read_address(map, "listen", gateway.listen);
+  read_start(map, gateway.start);
+  read_tls(map, gateway.tls);
+  read_secret_source(map, "tokens", gateway.tokens);
+  read_hosts(map, gateway.hosts);
+  map.flag("open", gateway.open);
+  map.integer("viewers", gateway.viewers, 1, 10'000);
+  map.integer("viewers_per_address", gateway.viewers_per_address, 1, 10'000);
 }
 
 void read_tcp(MapReader& top, Scene& scene) {
@@ -129,10 +187,7 @@ void read_background(MapReader& top, std::optional<BackgroundConfig>& background
 
 void read_network(MapReader& top, Scene& scene) {
   if (const YamlNode* node = top.find("gateway")) {
-    MapReader map(top.report, *node, "gateway");
-    scene.gateway.emplace();
-    read_address(map, "listen", scene.gateway->listen);
-    read_start(map, scene.gateway->start);
+    read_gateway(top.report, *node, scene.gateway.emplace());
   }
   if (const YamlNode* node = top.find("nats")) {
     MapReader map(top.report, *node, "nats");

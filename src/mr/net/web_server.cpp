@@ -6,7 +6,9 @@
 
 #include <boost/asio/ip/tcp.hpp>
 #include <boost/asio/post.hpp>
+#include <boost/asio/ssl/context.hpp>
 #include <boost/asio/steady_timer.hpp>
+#include <boost/beast/core/detect_ssl.hpp>
 #include <boost/beast/http.hpp>
 #include <boost/beast/websocket/rfc6455.hpp>
 #include <optional>
@@ -15,6 +17,7 @@
 #include "mr/net/address.h"
 #include "mr/net/drops.h"
 #include "mr/net/io_thread.h"
+#include "mr/net/places.h"
 #include "mr/net/static_files.h"
 #include "mr/net/web_socket.h"
 
@@ -64,24 +67,84 @@ std::string entity_tag(const std::filesystem::path& path) {
   return "W/\"" + std::to_string(size) + "-" + std::to_string(time) + "\"";
 }
 
-/// What takes part in one count of live connections.
-std::shared_ptr<void> counted(const std::shared_ptr<int>& count) {
-  ++*count;
-  return {nullptr, [count](void*) { --*count; }};
+std::string_view view_of(beast::string_view text) { return {text.data(), text.size()}; }
+
+/// "host", "host:port", "[v6]:port" without the port and brackets, in lower case.
+std::string host_name(beast::string_view host) {
+  std::string name(host);
+  const std::size_t end = name.starts_with('[') ? name.find(']') : name.rfind(':');
+  if (end != std::string::npos) name.resize(end);
+  if (name.starts_with('[')) name.erase(0, 1);
+  for (char& c : name) c = static_cast<char>(std::tolower(static_cast<unsigned char>(c)));
+  return name;
+}
+
+bool is_loopback_name(const std::string& host) {
+  boost::system::error_code error;
+  const auto address = asio::ip::make_address(host, error);
+  return error ? host == "localhost" : address.is_loopback();
+}
+
+/// The value of one cookie; empty where it is not there.
+std::string cookie(beast::string_view all, std::string_view name) {
+  std::string_view rest = view_of(all);
+  while (!rest.empty()) {
+    const std::size_t end = std::min(rest.find(';'), rest.size());
+    std::string_view one = rest.substr(0, end);
+    rest.remove_prefix(std::min(end + 1, rest.size()));
+    one.remove_prefix(std::min(one.find_first_not_of(' '), one.size()));
+    if (one.starts_with(name) && one.size() > name.size() && one[name.size()] == '=')
+      return std::string(one.substr(name.size() + 1));
+  }
+  return {};
+}
+
+std::string token_of(const WebSocket::Request& request) {
+  constexpr std::string_view kBearer = "Bearer ";
+  const std::string_view authorization = view_of(request[http::field::authorization]);
+  if (authorization.starts_with(kBearer)) return std::string(authorization.substr(kBearer.size()));
+  return cookie(request[http::field::cookie], kTokenCookie);
+}
+
+/// A context that shows the certificate; invalid: it cannot be used.
+Result<std::unique_ptr<asio::ssl::context>> tls_context(const Certificate& certificate) {
+  try {
+    auto context = std::make_unique<asio::ssl::context>(asio::ssl::context::tls_server);
+    context->set_options(asio::ssl::context::default_workarounds | asio::ssl::context::no_tlsv1 |
+                         asio::ssl::context::no_tlsv1_1);
+    context->use_certificate_chain(asio::buffer(certificate.chain_pem));
+    context->use_private_key(asio::buffer(certificate.key_pem), asio::ssl::context::pem);
+    return context;
+  } catch (const std::exception& e) {
+    return Error{Error::Cause::invalid,
+                 std::string("the TLS certificate cannot be used: ") + e.what()};
+  }
 }
 
 }  // namespace
 
+bool is_loopback(const std::string& listen) {
+  const auto address = parse_address(listen);
+  return address && is_loopback_name(address->host);
+}
+
 struct WebServer::Impl {
   explicit Impl(const WebConfig& c)
-      : config(c), thread(nullptr), acceptor(thread.io()), accept_timer(thread.io()) {}
+      : config(c),
+        beyond_loopback(!is_loopback(c.listen)),
+        thread(nullptr),
+        acceptor(thread.io()),
+        accept_timer(thread.io()),
+        connections({c.connections, c.connections_per_address}),
+        places({c.clients, c.clients_per_address}) {}
   ~Impl() { thread.stop(); }
 
   Status listen();
   void accept();
   void accepted(tcp::socket socket);
-  void upgrade(beast::tcp_stream stream, std::shared_ptr<void> connection,
-               const WebSocket::Request& request);
+  /// False: there is no place for the client.
+  bool upgrade(WebStream& stream, std::shared_ptr<Places::Place> connection,
+               const WebSocket::Request& request, const WebVisitor& visitor);
   /// Runs on the io thread when the client is still there.
   template <typename F>
   void with_client(ClientId id, F function) {
@@ -92,50 +155,87 @@ struct WebServer::Impl {
   }
 
   const WebConfig config;
+  const bool beyond_loopback;
   WebHandlers handlers;
   Drops drops;
-  IoThread thread;  // before all that lives on it
+  std::atomic<std::uint64_t> sent_bytes = 0;
+  std::unique_ptr<asio::ssl::context> tls;  // null: plain
+  IoThread thread;                          // before all that lives on it
   tcp::acceptor acceptor;
   asio::steady_timer accept_timer;
-  std::shared_ptr<int> connections = std::make_shared<int>(0);
+  Places connections, places;
   std::map<ClientId, std::shared_ptr<WebSocket>> clients;
   ClientId last_client = 0;
   int port = 0;
 };
 
-namespace {
-
 /// One connection until it closes or becomes a WebSocket.
 class HttpSession : public std::enable_shared_from_this<HttpSession> {
  public:
-  using Upgrade =
-      std::function<void(beast::tcp_stream, std::shared_ptr<void>, const WebSocket::Request&)>;
+  HttpSession(tcp::socket socket, WebServer::Impl& server)
+      : stream_(std::move(socket)), server_(server) {
+    boost::system::error_code error;
+    const auto& connected = stream_.tcp().socket();
+    peer_ = peer_of(connected.remote_endpoint(error).address());
+    local_address_ = connected.local_endpoint(error).address().to_string();
+  }
 
-  HttpSession(tcp::socket socket, std::shared_ptr<void> connection, const WebConfig& config,
-              Drops& drops, const std::map<ClientId, std::shared_ptr<WebSocket>>& clients,
-              Upgrade upgrade)
-      : stream_(std::move(socket)),
-        connection_(std::move(connection)),
-        config_(config),
-        drops_(drops),
-        clients_(clients),
-        upgrade_(std::move(upgrade)) {}
+  /// Null: there is no place for it.
+  static void start(tcp::socket socket, WebServer::Impl& server) {
+    const auto session = std::make_shared<HttpSession>(std::move(socket), server);
+    session->connection_ = server.connections.take(session->peer_, [weak = std::weak_ptr(session)] {
+      if (const auto self = weak.lock()) self->give_up();
+    });
+    if (!session->connection_)
+      return server.drops.count("browser", "too many connections from one address");
+    session->begin();
+  }
+
+ private:
+  /// Whoever speaks plain HTTP to a port of TLS is sent to the right scheme.
+  void begin() {
+    stream_.tcp().expires_after(server_.config.patience);
+    if (!server_.tls) return read();
+    beast::async_detect_ssl(
+        stream_.tcp(), buffer_, [self = shared_from_this()](const auto& error, bool is_tls) {
+          if (error) return;
+          if (!is_tls) return self->read();
+          self->stream_.async_start_tls(*self->server_.tls, self->buffer_.data(),
+                                        [self](const auto& failed, std::size_t used) {
+                                          self->buffer_.consume(used);
+                                          self->shook_hands(failed);
+                                        });
+        });
+  }
+
+  void shook_hands(const boost::system::error_code& error) {
+    if (!error) return read();
+    if (error != asio::error::eof && error != asio::error::operation_aborted)
+      server_.drops.count("browser", "TLS: " + error.message());
+  }
+
+  void give_up() {
+    server_.drops.count("browser", "idle, its place was needed");
+    stream_.tcp().close();
+  }
 
   void read() {
     parser_.emplace();
     parser_->header_limit(kHeaderBytes);
     parser_->body_limit(std::uint64_t{0});
-    stream_.expires_after(config_.patience);
+    // For all of it: whoever sends a byte now and then gets no more.
+    stream_.tcp().expires_after(is_first_ ? server_.config.patience : server_.config.idle);
+    is_first_ = false;
     http::async_read(
         stream_, buffer_, *parser_,
         [self = shared_from_this()](const auto& error, std::size_t) { self->on_read(error); });
   }
 
- private:
   void on_read(const boost::system::error_code& error) {
-    if (error == beast::error::timeout && parser_->got_some()) drops_.count("browser", "too slow");
+    if (error == beast::error::timeout && parser_->got_some())
+      server_.drops.count("browser", "too slow");
     if (error == http::error::header_limit || error == http::error::body_limit) {
-      drops_.count("browser", "request too large");
+      server_.drops.count("browser", "request too large");
       request_ = {};
       request_.keep_alive(false);
       return refuse(http::status::request_header_fields_too_large, "too large");
@@ -145,33 +245,72 @@ class HttpSession : public std::enable_shared_from_this<HttpSession> {
     answer();
   }
 
+  /// By its name alone: whose name resolves to us may be anybody's.
+  bool is_our_host() const {
+    const std::string name = host_name(request_[http::field::host]);
+    const auto& hosts = server_.config.hosts;
+    if (!hosts.empty()) return std::find(hosts.begin(), hosts.end(), name) != hosts.end();
+    return is_loopback_name(name) || (server_.beyond_loopback && name == local_address_);
+  }
+
   void answer() {
+    if (!is_our_host()) {
+      server_.drops.count("browser", "another host's name");
+      request_.keep_alive(false);
+      return refuse(http::status::misdirected_request,
+                    "this server does not answer for that name; see gateway.hosts");
+    }
+    if (server_.tls && !stream_.is_encrypted()) return send_to_https();
     const auto path = target_path({request_.target().data(), request_.target().size()});
     const bool upgrade = beast::websocket::is_upgrade(request_);
     if (upgrade || (path && *path == "/stream"))
       return answer_stream(path && *path == "/stream", upgrade);
     if (request_.method() != http::verb::get && request_.method() != http::verb::head)
       return refuse(http::status::method_not_allowed, "only GET and HEAD");
+    if (path && server_.handlers.page)
+      if (auto page = server_.handlers.page(*path, visitor())) return send_page(*std::move(page));
     const auto file =
-        find_static_file(config_.root, {request_.target().data(), request_.target().size()});
+        find_static_file(server_.config.root, {request_.target().data(), request_.target().size()});
     if (file) return send_file(*file);
     if (file.error().cause == Error::Cause::invalid)
       return refuse(http::status::bad_request, file.error().message);
     refuse(http::status::not_found, file.error().message);
   }
 
+  WebVisitor visitor() const { return {peer_, token_of(request_)}; }
+
   void answer_stream(bool right_path, bool upgrade) {
     if (!right_path) return refuse(http::status::not_found, "WebSockets are at /stream");
     if (!upgrade) return refuse(http::status::upgrade_required, "this is a WebSocket");
     if (!same_origin(request_)) {
-      drops_.count("browser", "page of another site");
+      server_.drops.count("browser", "page of another site");
       return refuse(http::status::forbidden, "only pages of this server may watch");
     }
-    if (clients_.size() >= static_cast<std::size_t>(config_.clients)) {
-      drops_.count("browser", "too many clients");
+    if (!server_.upgrade(stream_, connection_, request_, visitor())) {
+      server_.drops.count("browser", "too many clients");
       return refuse(http::status::service_unavailable, "too many viewers, try again later");
     }
-    upgrade_(std::move(stream_), std::move(connection_), request_);
+  }
+
+  void send_to_https() {
+    auto response = bare<http::string_body>(http::status::permanent_redirect);
+    response.keep_alive(false);
+    response.set(http::field::location, "https://" + std::string(request_[http::field::host]) +
+                                            std::string(request_.target()));
+    response.body() = "this server speaks TLS: use https\n";
+    response.prepare_payload();
+    send(std::move(response));
+  }
+
+  void send_page(WebPage page) {
+    auto response = bare<http::string_body>(static_cast<http::status>(page.status));
+    response.set(http::field::content_type, page.mime);
+    response.set(http::field::cache_control, "no-store");
+    if (page.status == 401) response.set(http::field::www_authenticate, "Bearer");
+    response.body() = std::move(page.text);
+    response.prepare_payload();
+    if (request_.method() == http::verb::head) response.body().clear();
+    send(std::move(response));
   }
 
   void send_file(const StaticFile& file) {
@@ -229,27 +368,24 @@ class HttpSession : public std::enable_shared_from_this<HttpSession> {
   template <typename Body>
   void send(http::response<Body> response) {
     auto message = std::make_shared<http::response<Body>>(std::move(response));
-    stream_.expires_after(kResponsePatience);
+    stream_.tcp().expires_after(kResponsePatience);
     http::async_write(stream_, *message,
                       [self = shared_from_this(), message](const auto& error, std::size_t) {
                         if (!error && message->keep_alive()) return self->read();
                         boost::system::error_code ignored;
-                        self->stream_.socket().shutdown(tcp::socket::shutdown_send, ignored);
+                        self->stream_.tcp().socket().shutdown(tcp::socket::shutdown_send, ignored);
                       });
   }
 
-  beast::tcp_stream stream_;
-  std::shared_ptr<void> connection_;
-  const WebConfig& config_;
-  Drops& drops_;
-  const std::map<ClientId, std::shared_ptr<WebSocket>>& clients_;
-  Upgrade upgrade_;
+  WebStream stream_;
+  WebServer::Impl& server_;
+  std::string peer_, local_address_;
+  std::shared_ptr<Places::Place> connection_;
+  bool is_first_ = true;
   beast::flat_buffer buffer_{kHeaderBytes + 1024};
   std::optional<http::request_parser<http::empty_body>> parser_;
   WebSocket::Request request_;
 };
-
-}  // namespace
 
 Status WebServer::Impl::listen() {
   const auto address = parse_address(config.listen);
@@ -291,23 +427,24 @@ void WebServer::Impl::accept() {
 }
 
 void WebServer::Impl::accepted(tcp::socket socket) {
-  if (*connections >= config.connections) return drops.count("browser", "too many connections");
   tune(socket);
-  std::make_shared<HttpSession>(std::move(socket), counted(connections), config, drops, clients,
-                                [this](beast::tcp_stream stream, std::shared_ptr<void> connection,
-                                       const WebSocket::Request& request) {
-                                  upgrade(std::move(stream), std::move(connection), request);
-                                })
-      ->read();
+  HttpSession::start(std::move(socket), *this);
 }
 
-void WebServer::Impl::upgrade(beast::tcp_stream stream, std::shared_ptr<void> connection,
-                              const WebSocket::Request& request) {
+bool WebServer::Impl::upgrade(WebStream& stream, std::shared_ptr<Places::Place> connection,
+                              const WebSocket::Request& request, const WebVisitor& visitor) {
   const ClientId id = ++last_client;
-  auto client = std::make_shared<WebSocket>(std::move(stream), std::move(connection), id, config,
-                                            handlers, drops);
+  auto place = places.take(visitor.address, [this, id] {
+    with_client(id, [](WebSocket& socket) { socket.cut("shows nothing, its place was needed"); });
+  });
+  if (!place) return false;
+  connection->settle();
+  auto client = std::make_shared<WebSocket>(std::move(stream), std::move(connection), id,
+                                            WebSocket::Shared{config, handlers, drops, sent_bytes});
+  client->hold(std::move(place));
   clients[id] = client;
-  client->accept(request);
+  client->accept(request, visitor);
+  return true;
 }
 
 WebServer::WebServer(std::unique_ptr<Impl> impl) : impl_(std::move(impl)) {}
@@ -316,6 +453,11 @@ WebServer::~WebServer() = default;
 Result<std::unique_ptr<WebServer>> WebServer::start(const WebConfig& config, WebHandlers handlers) {
   try {
     auto impl = std::make_unique<Impl>(config);
+    if (config.certificate) {
+      auto tls = tls_context(*config.certificate);
+      if (!tls) return tls.error();
+      impl->tls = *std::move(tls);
+    }
     if (auto ok = impl->listen(); !ok) return ok.error();
     impl->handlers = std::move(handlers);
     impl->handlers.closed = [i = impl.get(), tell = std::move(impl->handlers.closed)](ClientId id) {
@@ -350,6 +492,11 @@ void WebServer::close(ClientId client, const std::string& reason) {
   impl_->with_client(client, [reason](WebSocket& socket) { socket.close(reason); });
 }
 
+void WebServer::keep(ClientId client) {
+  impl_->with_client(client, [](WebSocket& socket) { socket.keep(); });
+}
+
 std::map<std::string, std::uint64_t> WebServer::drops() const { return impl_->drops.all(); }
+std::uint64_t WebServer::sent_bytes() const { return impl_->sent_bytes; }
 
 }  // namespace mr::net

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <boost/asio/buffer.hpp>
+#include <boost/asio/post.hpp>
 #include <boost/beast/websocket/error.hpp>
 #include <boost/beast/websocket/rfc6455.hpp>
 #include <utility>
@@ -15,37 +16,47 @@ namespace {
 constexpr std::size_t kPieceBytes = 64u << 10;
 constexpr std::size_t kReasonBytes = 123;  // RFC 6455, 5.5.1
 constexpr std::chrono::seconds kPing{20};  // silence after which a client counts as gone
+constexpr std::chrono::seconds kFarewell{2};
+constexpr int kMostPings = 100;
 
 }  // namespace
 
-WebSocket::WebSocket(beast::tcp_stream stream, std::shared_ptr<void> connection, ClientId id,
-                     const WebConfig& config, const WebHandlers& handlers, Drops& drops)
+WebSocket::WebSocket(WebStream stream, std::shared_ptr<Places::Place> connection, ClientId id,
+                     const Shared& shared)
     : socket_(std::move(stream)),
       connection_(std::move(connection)),
       id_(id),
-      config_(config),
-      handlers_(handlers),
-      drops_(drops),
+      shared_(shared),
       stall_timer_(socket_.get_executor()) {}
 
-void WebSocket::accept(const Request& request) {
-  beast::get_lowest_layer(socket_).expires_never();  // the WebSocket has timeouts of its own
-  socket_.set_option(websocket::stream_base::timeout{config_.patience, kPing, true});
-  socket_.read_message_max(config_.message_bytes);
+void WebSocket::accept(const Request& request, const WebVisitor& visitor) {
+  socket_.next_layer().tcp().expires_never();  // the WebSocket has timeouts of its own
+  socket_.set_option(websocket::stream_base::timeout{shared_.config.patience, kPing, true});
+  socket_.read_message_max(shared_.config.message_bytes);
   socket_.auto_fragment(false);
-  socket_.async_accept(request, [self = shared_from_this()](const auto& error) {
+  watch_pings();
+  socket_.async_accept(request, [self = shared_from_this(), visitor](const auto& error) {
     if (error) return self->ended();
     self->open_ = true;
-    if (self->handlers_.opened) self->handlers_.opened(self->id_);
+    if (self->shared_.handlers.opened) self->shared_.handlers.opened(self->id_, visitor);
     self->read();
+  });
+}
+
+/// Pings are answered inside the library, however many come.
+void WebSocket::watch_pings() {
+  socket_.control_callback([weak = weak_from_this()](websocket::frame_type, beast::string_view) {
+    const auto self = weak.lock();
+    if (!self || ++self->pings_ != kMostPings) return;
+    boost::asio::post(self->socket_.get_executor(), [self] { self->cut("too many pings"); });
   });
 }
 
 void WebSocket::read() {
   socket_.async_read(incoming_, [self = shared_from_this()](const auto& error, std::size_t) {
     if (error == websocket::error::message_too_big || error == websocket::error::buffer_overflow)
-      self->drops_.count("client", "message too large");
-    if (error == beast::error::timeout) self->drops_.count("client", "silent");
+      self->shared_.drops.count("client", "message too large");
+    if (error == beast::error::timeout) self->shared_.drops.count("client", "silent");
     if (error) return self->ended();
     self->on_read();
   });
@@ -54,15 +65,18 @@ void WebSocket::read() {
 void WebSocket::on_read() {
   const auto data = incoming_.cdata();
   const std::span bytes(static_cast<const std::byte*>(data.data()), data.size());
-  if (handlers_.received) handlers_.received(id_, bytes, socket_.got_text());
+  pings_ = 0;
+  const auto& received = shared_.handlers.received;
+  const bool goes_on = !received || closing_ || received(id_, bytes, socket_.got_text());
   incoming_.consume(incoming_.size());
+  if (!goes_on) return cut("too many messages at once");
   if (!ended_) read();
 }
 
 void WebSocket::send(Message message, bool is_text) {
   if (!open_ || closing_ || ended_ || !message) return;
   queued_bytes_ += message->size();
-  if (queued_bytes_ > config_.queue_bytes) return cut("too much waits for it");
+  if (queued_bytes_ > shared_.config.queue_bytes) return cut("too much waits for it");
   outgoing_.push_back({std::move(message), is_text});
   if (!writing_) write();
 }
@@ -89,18 +103,20 @@ void WebSocket::on_written(std::size_t bytes) {
   stall_timer_.cancel();
   if (ended_) return;
   offset_ += bytes;
+  shared_.sent_bytes += bytes;
   if (offset_ == outgoing_.front().message->size()) {
+    const bool is_text = outgoing_.front().is_text;
     queued_bytes_ -= offset_;
     offset_ = 0;
     outgoing_.pop_front();
+    if (!is_text && shared_.handlers.written) shared_.handlers.written(id_);
   }
   if (!outgoing_.empty()) return write();
-  if (closing_) return say_goodbye();
-  if (handlers_.drained) handlers_.drained(id_);
+  if (closing_) say_goodbye();
 }
 
 void WebSocket::expect_progress() {
-  stall_timer_.expires_after(config_.stalled);
+  stall_timer_.expires_after(shared_.config.stalled);
   stall_timer_.async_wait([weak = weak_from_this()](const auto& error) {
     const auto self = weak.lock();
     if (self && !error && self->writing_) self->cut("takes nothing");
@@ -113,22 +129,34 @@ void WebSocket::close(const std::string& reason) {
   if (!writing_) say_goodbye();
 }
 
+/// A client that goes on sending in place of its own farewell is not listened to for long.
 void WebSocket::say_goodbye() {
-  const websocket::close_reason why(websocket::close_code::normal, reason_);
+  stall_timer_.expires_after(kFarewell);
+  stall_timer_.async_wait([weak = weak_from_this()](const auto& error) {
+    const auto self = weak.lock();
+    if (self && !error) self->ended();
+  });
+  const websocket::close_reason why(websocket::close_code::policy_error, reason_);
   socket_.async_close(why, [self = shared_from_this()](const auto&) { self->ended(); });
 }
 
 void WebSocket::cut(const std::string& cause) {
-  drops_.count("client", cause);
+  if (ended_) return;
+  shared_.drops.count("client", cause);
   ended();
 }
 
 void WebSocket::ended() {
   if (std::exchange(ended_, true)) return;
   stall_timer_.cancel();
-  beast::get_lowest_layer(socket_).close();
-  if (!writing_) outgoing_.clear();  // else the socket still reads from the first
-  if (handlers_.closed) handlers_.closed(id_);
+  socket_.next_layer().tcp().close();
+  if (writing_)  // the socket still reads from the first
+    outgoing_.erase(outgoing_.begin() + 1, outgoing_.end());
+  else
+    outgoing_.clear();
+  connection_.reset();
+  place_.reset();
+  if (shared_.handlers.closed) shared_.handlers.closed(id_);
 }
 
 }  // namespace mr::net

@@ -1,8 +1,8 @@
 #pragma once
 
+#include <atomic>
 #include <boost/asio/steady_timer.hpp>
 #include <boost/beast/core/flat_buffer.hpp>
-#include <boost/beast/core/tcp_stream.hpp>
 #include <boost/beast/http/empty_body.hpp>
 #include <boost/beast/http/message.hpp>
 #include <boost/beast/websocket/stream.hpp>
@@ -11,7 +11,9 @@
 #include <string>
 
 #include "mr/net/drops.h"
+#include "mr/net/places.h"
 #include "mr/net/web_server.h"
+#include "mr/net/web_stream.h"
 
 namespace mr::net {
 
@@ -21,14 +23,27 @@ class WebSocket : public std::enable_shared_from_this<WebSocket> {
  public:
   using Request = boost::beast::http::request<boost::beast::http::empty_body>;
 
-  /// `connection` is kept as long as the socket is. `handlers`, config and drops outlive it;
-  /// `handlers.closed` is called exactly once, whether it opened or not.
-  WebSocket(boost::beast::tcp_stream stream, std::shared_ptr<void> connection, ClientId id,
-            const WebConfig& config, const WebHandlers& handlers, Drops& drops);
+  /// What it shares with all others, and outlives it.
+  struct Shared {
+    const WebConfig& config;
+    const WebHandlers& handlers;
+    Drops& drops;
+    std::atomic<std::uint64_t>& sent_bytes;
+  };
 
-  void accept(const Request& request);
+  /// `connection` is kept as long as the socket is. `handlers.closed` is called exactly once,
+  /// whether it opened or not.
+  WebSocket(WebStream stream, std::shared_ptr<Places::Place> connection, ClientId id,
+            const Shared& shared);
+
+  /// The place among the clients that it holds.
+  void hold(std::shared_ptr<Places::Place> place) { place_ = std::move(place); }
+  void keep() { place_->settle(); }
+  void accept(const Request& request, const WebVisitor& visitor);
   void send(Message message, bool is_text);
   void close(const std::string& reason);
+  /// Ends it at once, which is counted.
+  void cut(const std::string& cause);
   /// Whether `handlers.opened` was told of it.
   bool opened() const { return open_; }
 
@@ -43,22 +58,21 @@ class WebSocket : public std::enable_shared_from_this<WebSocket> {
   void write();
   void on_written(std::size_t bytes);
   void expect_progress();
-  void cut(const std::string& cause);
+  void watch_pings();
   void ended();
   void say_goodbye();
 
-  boost::beast::websocket::stream<boost::beast::tcp_stream> socket_;
-  std::shared_ptr<void> connection_;
+  boost::beast::websocket::stream<WebStream> socket_;
+  std::shared_ptr<Places::Place> connection_, place_;
   const ClientId id_;
-  const WebConfig& config_;
-  const WebHandlers& handlers_;
-  Drops& drops_;
+  const Shared shared_;
   boost::asio::steady_timer stall_timer_;
   boost::beast::flat_buffer incoming_;
   std::deque<Outgoing> outgoing_;
   std::size_t queued_bytes_ = 0;
   std::size_t offset_ = 0;  ///< sent of the first of outgoing_
   std::string reason_;      ///< to close with, once closing_
+  int pings_ = 0;           ///< since it sent something else
   bool open_ = false, writing_ = false, closing_ = false, ended_ = false;
 };
 

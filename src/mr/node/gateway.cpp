@@ -1,10 +1,14 @@
 #include "mr/node/gateway.h"
 
+#include <malloc.h>
+
 #include <algorithm>
 #include <chrono>
 #include <nlohmann/json.hpp>
 
 #include "mr/codec/packet_codec.h"
+#include "mr/node/front_door.h"
+#include "mr/node/monitor.h"
 #include "mr/node/node_clock.h"
 
 namespace mr::node {
@@ -12,7 +16,11 @@ namespace {
 
 using Json = nlohmann::ordered_json;
 
-constexpr Duration kSilence = std::chrono::seconds(2);           // after it, viewers are told
+constexpr const char* kName = "gateway";
+constexpr Duration kSilence = std::chrono::milliseconds(1500);   // after it, viewers are told
+constexpr Duration kLongestSilence = std::chrono::seconds(10);   // where packets are far apart
+constexpr Duration kTokenPatience = std::chrono::seconds(10);    // for a viewer's token
+constexpr int kConnectionsPerViewer = 4;                         // a page's files, and the stream
 constexpr Duration kHeadEvery = std::chrono::milliseconds(500);  // whole ones are asked for
 constexpr std::size_t kMaxText = 1024;                           // bytes of a viewer's text message
 constexpr std::size_t kMaxSensorsNamed = 256;                    // in a hello
@@ -39,13 +47,15 @@ struct Gateway::Inbox {
   std::vector<net::Message> answers;
 };
 
-Gateway::Gateway(const LiveContext& context)
+Gateway::Gateway(const LiveContext& context, std::optional<Tokens> tokens)
     : context_(context),
       root_(context.scene->mergers.back().id),
+      tokens_(std::move(tokens)),
       inbox_(std::make_shared<Inbox>()),
+      sensors_(context.scene->sensors.size()),
       heads_(context.scene->id, root_) {
   drops_.set_listener([this](const std::string& place, const Error& error) {
-    context_.log(place + ": " + error.message);
+    context_.warn(kName, place + ": " + error.message);
   });
 }
 
@@ -54,31 +64,57 @@ Gateway::~Gateway() = default;
 Result<std::unique_ptr<Gateway>> Gateway::start(const LiveContext& context,
                                                 const GatewayConfig& config,
                                                 const std::filesystem::path& page) {
-  std::unique_ptr<Gateway> gateway(new Gateway(context));
-  const auto inbox = gateway->inbox_;
-  const auto event = [inbox](Event::Kind kind, net::ClientId viewer,
-                             std::span<const std::byte> bytes = {}) {
-    inbox->viewers.add(kind, viewer, bytes);
-    inbox->signal.notify();
-  };
+  auto door = FrontDoor::open(config, context.state_folder);
+  if (!door) return door.error();
+  for (const std::string& notice : door->notices) context.tell(kName, notice);
+  std::unique_ptr<Gateway> gateway(new Gateway(context, std::move(door->tokens)));
   net::WebConfig web;
   web.listen = config.listen;
   web.root = page;
+  web.hosts = door->hosts;
+  web.certificate = std::move(door->certificate);
+  web.clients = config.viewers;
+  web.clients_per_address = config.viewers_per_address;
+  web.connections = kConnectionsPerViewer * config.viewers;
+  web.connections_per_address = kConnectionsPerViewer * config.viewers_per_address;
   web.message_bytes = kMaxMessage;
-  auto server = net::WebServer::start(
-      web, {.opened = [event](net::ClientId id) { event(Event::Kind::opened, id); },
-            .received =
-                [event](net::ClientId id, std::span<const std::byte> bytes, bool is_text) {
-                  event(is_text ? Event::Kind::text : Event::Kind::binary, id, bytes);
-                },
-            .drained = [](net::ClientId) {},
-            .closed = [event](net::ClientId id) { event(Event::Kind::closed, id); }});
+  auto server = net::WebServer::start(web, gateway->handlers());
   if (!server) return server.error();
   gateway->server_ = *std::move(server);
   gateway->listen_to_root();
   gateway->thread_ =
       std::jthread([g = gateway.get()](const std::stop_token& stop) { g->run(stop); });
   return gateway;
+}
+
+net::WebHandlers Gateway::handlers() {
+  const auto inbox = inbox_;
+  net::WebHandlers out;
+  out.opened = [inbox](net::ClientId viewer, const net::WebVisitor& visitor) {
+    inbox->viewers.opened(viewer, visitor);
+    inbox->signal.notify();
+  };
+  out.received = [inbox](net::ClientId viewer, std::span<const std::byte> bytes, bool is_text) {
+    const bool goes_on = inbox->viewers.received(viewer, bytes, is_text, wall_time());
+    inbox->signal.notify();
+    return goes_on;
+  };
+  out.written = [inbox](net::ClientId viewer) {
+    inbox->viewers.written(viewer);
+    inbox->signal.notify();
+  };
+  out.closed = [inbox](net::ClientId viewer) {
+    inbox->viewers.closed(viewer);
+    inbox->signal.notify();
+  };
+  out.page = [this](const std::string& path, const net::WebVisitor& visitor) {
+    return monitor_page(path, may_look(visitor), context_.stats);
+  };
+  return out;
+}
+
+bool Gateway::may_look(const net::WebVisitor& visitor) const {
+  return !tokens_ || tokens_->check(visitor.token, wall_time()).verdict == Tokens::Verdict::right;
 }
 
 void Gateway::listen_to_root() {
@@ -93,8 +129,11 @@ void Gateway::run(const std::stop_token& stop) {
     inbox_->signal.wait(stop, std::chrono::milliseconds(100));
     const TimePoint now = wall_time();
     const std::lock_guard lock(mutex_);
-    take_events();
+    take_events(now);
     take_packets(now);
+    take_answers();
+    close_overdue(now);
+    give_memory_back(now);
     ask_root(now);
     acknowledge();
     watch_silence(now);
@@ -103,19 +142,30 @@ void Gateway::run(const std::stop_token& stop) {
 
 void Gateway::take_packets(TimePoint now) {
   while (const net::Message bytes = inbox_->packets.try_pop()) {
-    auto packet = heads_.read(*bytes);
-    if (!packet) {
-      drops_.count(root_ + " → gateway", packet.error());
-      continue;
-    }
-    if (packet->epoch != epoch_ && frames_ > 0)
-      for (const net::ClientId id : clients_) server_->send_text(id, hello());
-    epoch_ = packet->epoch;
-    ++frames_;
-    last_packet_ = now;
-    stopped_ = false;
-    send(viewers_.packet(*std::move(packet), bytes, heads_.base()));
+    auto packet = heads_.read(*bytes, now);
+    packet ? take_packet(bytes, *std::move(packet), now)
+           : drops_.count(root_ + " → gateway", packet.error());
   }
+}
+
+void Gateway::take_packet(const net::Message& bytes, Packet packet, TimePoint now) {
+  if (heads_.began_afresh()) {
+    viewers_.begin_afresh();
+    acknowledged_.reset();
+    if (frames_ > 0) send_to_all(hello());
+  }
+  ++frames_;
+  bytes_ += bytes->size();
+  if (last_packet_) interval_ = now - *last_packet_;
+  last_packet_ = now;
+  stopped_ = false;
+  for (const SourceInfo& source : packet.sources)
+    if (source.sensor < context_.scene->sensors.size())
+      sensors_.seen(source.sensor, source.captured_at, now);
+  send(viewers_.packet(std::move(packet), bytes, heads_.base(), now));
+}
+
+void Gateway::take_answers() {
   std::vector<net::Message> answers;
   {
     const std::lock_guard lock(inbox_->mutex);
@@ -128,62 +178,124 @@ void Gateway::take_packets(TimePoint now) {
   }
 }
 
-void Gateway::take_events() {
-  for (const Event& event : inbox_->viewers.take()) on_event(event);
+void Gateway::take_events(TimePoint now) {
+  for (const Event& event : inbox_->viewers.take()) on_event(event, now);
 }
 
-void Gateway::on_event(const Event& event) {
+void Gateway::on_event(const Event& event, TimePoint now) {
   switch (event.kind) {
     case Event::Kind::opened:
-      clients_.push_back(event.viewer);
-      viewers_.opened(event.viewer);
-      return server_->send_text(event.viewer, hello());
+      return on_opened(event.viewer, event.visitor, now);
     case Event::Kind::closed:
-      std::erase(clients_, event.viewer);
+      guests_.erase(event.viewer);
       return viewers_.closed(event.viewer);
+    case Event::Kind::written:
+      return send(viewers_.written(event.viewer, event.messages, now));
     case Event::Kind::binary:
-      return on_request(event.viewer, event.bytes);
+      return on_request(event.viewer, event.bytes, now);
     case Event::Kind::text:
       return on_text(event.viewer,
-                     {reinterpret_cast<const char*>(event.bytes.data()), event.bytes.size()});
-    case Event::Kind::flood:
-      drops_.count("viewer → gateway", {Error::Cause::too_large, "too many messages at once"});
-      return server_->close(event.viewer, "too many messages at once");
+                     {reinterpret_cast<const char*>(event.bytes.data()), event.bytes.size()}, now);
   }
 }
 
-void Gateway::on_request(net::ClientId viewer, std::span<const std::byte> bytes) {
+/// Without tokens everybody is let in; else whoever's cookie holds one, or who says one next.
+void Gateway::on_opened(net::ClientId viewer, const net::WebVisitor& visitor, TimePoint now) {
+  guests_[viewer] = {visitor.address, now, false, false, {}};
+  if (!tokens_) return admit(viewer);
+  if (!visitor.token.empty()) return on_token(viewer, visitor.token, now);
+  server_->send_text(viewer, Json{{"type", "locked"}}.dump());
+}
+
+void Gateway::on_token(net::ClientId viewer, const std::string& token, TimePoint now) {
+  const Tokens::Answer answer = tokens_->check(token, now);
+  if (answer.verdict == Tokens::Verdict::wrong) return refuse(viewer, "wrong token");
+  if (answer.verdict == Tokens::Verdict::expired) return refuse(viewer, "the token has expired");
+  guests_[viewer].until = answer.until;
+  admit(viewer);
+}
+
+void Gateway::admit(net::ClientId viewer) {
+  guests_[viewer].is_admitted = true;
+  viewers_.opened(viewer);
+  server_->send_text(viewer, hello());
+}
+
+/// One line for both sides.
+void Gateway::refuse(net::ClientId viewer, const std::string& why) {
+  const auto guest = guests_.find(viewer);
+  if (guest == guests_.end()) return;
+  drops_.count("viewer → gateway",
+               {Error::Cause::invalid, "from " + guest->second.address + ": " + why});
+  viewers_.closed(viewer);
+  guests_.erase(guest);
+  server_->close(viewer, why);
+}
+
+void Gateway::on_request(net::ClientId viewer, std::span<const std::byte> bytes, TimePoint now) {
+  const auto guest = guests_.find(viewer);
+  if (guest == guests_.end()) return;
+  if (!guest->second.is_admitted) return refuse(viewer, "no token");
   const auto request = codec::decode_request(bytes);
-  if (!request) {
-    drops_.count("viewer → gateway", request.error());
-    return server_->close(viewer, "not a request");
-  }
-  if (const auto answer = viewers_.asked(viewer, *request, wall_time()))
-    server_->send(viewer, *answer);
+  if (!request) return refuse(viewer, "not a request");
+  if (const auto answer = viewers_.asked(viewer, *request, now)) server_->send(viewer, *answer);
 }
 
-void Gateway::on_text(net::ClientId viewer, const std::string& text) {
+void Gateway::on_text(net::ClientId viewer, const std::string& text, TimePoint now) {
+  const auto guest = guests_.find(viewer);
+  if (guest == guests_.end()) return;
   const Json message =
       text.size() > kMaxText ? Json() : Json::parse(text, nullptr, /*allow_exceptions=*/false);
+  const auto word = [&](const char* key) {
+    return message.is_object() && message.contains(key) && message[key].is_string()
+               ? message[key].get<std::string>()
+               : "";
+  };
   const auto integer = [&](const char* key) {
-    const auto value = message.find(key);
-    return value != message.end() && value->is_number_unsigned()
-               ? std::optional(value->get<std::uint64_t>())
+    return message.contains(key) && message[key].is_number_unsigned()
+               ? std::optional(message[key].get<std::uint64_t>())
                : std::nullopt;
   };
-  const std::string type =
-      message.is_object() && message.contains("type") && message["type"].is_string()
-          ? message["type"].get<std::string>()
-          : "";
-  if (type == "shown" && integer("sequence"))
-    return send(viewers_.shown(viewer, *integer("sequence")));
+  const std::string type = word("type");
+  if (!guest->second.is_admitted)
+    return type == "token" ? on_token(viewer, word("token"), now) : refuse(viewer, "no token");
+  if (type == "shown" && integer("sequence")) {
+    send(viewers_.shown(viewer, *integer("sequence"), now));
+    if (viewers_.has_shown(viewer) && !std::exchange(guest->second.is_kept, true))
+      server_->keep(viewer);
+    return;
+  }
   if (type == "ping" && integer("id")) {
-    const double ms = static_cast<double>(wall_time().time_since_epoch().count()) / 1e6;
+    const double ms = static_cast<double>(now.time_since_epoch().count()) / 1e6;
     return server_->send_text(
         viewer, Json{{"type", "pong"}, {"id", *integer("id")}, {"server_ms", ms}}.dump());
   }
-  drops_.count("viewer → gateway", {Error::Cause::corrupt, "a text message that is none of ours"});
-  server_->close(viewer, "not a message of this protocol");
+  if (type == "token") return;  // it has shown one already
+  refuse(viewer, "not a message of this protocol");
+}
+
+/// Those that use a place and do nothing with it.
+void Gateway::close_overdue(TimePoint now) {
+  for (const auto& [viewer, why] : viewers_.overdue(now)) refuse(viewer, why);
+  std::vector<std::pair<net::ClientId, std::string>> out;
+  for (const auto& [viewer, guest] : guests_) {
+    if (!guest.is_admitted && now - guest.came > kTokenPatience)
+      out.emplace_back(viewer, "no token in time");
+    if (guest.until && now >= *guest.until) out.emplace_back(viewer, "the token has expired");
+  }
+  for (const auto& [viewer, why] : out) refuse(viewer, why);
+}
+
+/// What slow viewers made the process take, once they are gone: the allocator would keep it.
+void Gateway::give_memory_back(TimePoint now) {
+  constexpr std::size_t kWorthIt = 8u << 20;
+  const std::size_t unread = viewers_.unread_bytes();
+  most_unread_ = std::max(most_unread_, unread);
+  if (most_unread_ < kWorthIt || unread > most_unread_ / 2) return;
+  if (!is_time(memory_given_, std::chrono::seconds(2), now)) return;
+  memory_given_ = now;
+  most_unread_ = unread;
+  ::malloc_trim(0);
 }
 
 /// For what viewers lack, and for a whole head.
@@ -218,16 +330,21 @@ void Gateway::acknowledge() {
 }
 
 void Gateway::watch_silence(TimePoint now) {
-  if (stopped_ || !last_packet_ || now - *last_packet_ < kSilence) return;
+  if (stopped_ || !last_packet_) return;
+  if (now - *last_packet_ < std::clamp<Duration>(interval_ * 3, kSilence, kLongestSilence)) return;
   stopped_ = true;
   const auto ms = std::chrono::duration_cast<std::chrono::milliseconds>(now - *last_packet_);
-  const std::string text = Json{{"type", "stopped"}, {"after_ms", ms.count()}}.dump();
-  for (const net::ClientId id : clients_) server_->send_text(id, text);
-  context_.log("gateway: nothing came from '" + root_ + "' for 2 s");
+  send_to_all(Json{{"type", "stopped"}, {"after_ms", ms.count()}}.dump());
+  context_.warn(kName, "nothing comes from '" + root_ + "'");
 }
 
 void Gateway::send(std::vector<Viewers::Send> messages) {
   for (auto& [viewer, message] : messages) server_->send(viewer, std::move(message));
+}
+
+void Gateway::send_to_all(const std::string& text) {
+  for (const auto& [viewer, guest] : guests_)
+    if (guest.is_admitted) server_->send_text(viewer, text);
 }
 
 std::string Gateway::hello() const {
@@ -247,12 +364,18 @@ std::string Gateway::hello() const {
 }
 
 LiveStats Gateway::stats() const {
-  LiveStats out{"gateway", frames_, drops_.by_cause(), {}};
+  LiveStats out{kName, frames_, drops_.by_cause(), {}, bytes_};
+  const TimePoint now = wall_time();
   const std::lock_guard lock(mutex_);
   for (const auto& more : {viewers_.drops(), server_->drops()})
     for (const auto& [cause, n] : more) out.drops[cause] += n;
   if (const auto lost = inbox_->packets.counts().lost)
     out.drops[root_ + " → gateway: lost, gateway is slow"] = lost;
+  out.is_silent = stopped_ || !last_packet_;
+  const auto& sensors = context_.scene->sensors;
+  for (std::size_t i = 0; i < sensors.size(); ++i)
+    out.inputs[sensors[i].id] = !out.is_silent && !sensors_.is_missing(i, now);
+  out.viewers = {viewers_.size(), server_->sent_bytes(), viewers_.unread_bytes()};
   return out;
 }
 

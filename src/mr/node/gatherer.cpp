@@ -45,6 +45,12 @@ void keep_latest(std::map<std::string, TimePoint>& marks, const std::string& sta
   latest = std::max(latest, at);
 }
 
+void move_times(Packet& packet, Duration by) {
+  packet.captured_at += by;
+  for (SourceInfo& source : packet.sources) source.captured_at += by;
+  for (TimeMark& mark : packet.marks) mark.at += by;
+}
+
 /// Sorts by a key and keeps the first of those that have the same.
 template <typename T, typename Key>
 void keep_first_of_each(std::vector<T>& items, Key key) {
@@ -108,6 +114,7 @@ Status Gatherer::receive(std::size_t input, std::span<const std::byte> bytes, Ti
   Input& from = inputs_[input];
   auto packet = from.heads.read(bytes, now);
   if (packet) {
+    move_times(*packet, -from.clock_ahead);
     if (from.heads.began_afresh()) from.begin_afresh(scene_->lattice);
     return receive(input, *std::move(packet), now);
   }
@@ -167,6 +174,11 @@ void Gatherer::take_answer(std::size_t input, std::span<const std::byte> answer,
     if (const Status taken = from.receiver.provide(chunk); !taken)
       drops_.count(link(from), taken.error());
   settle(input, now);
+}
+
+std::optional<TimePoint> Gatherer::newest(std::size_t input) const {
+  const auto& whole = inputs_[input].whole;
+  return whole ? std::optional(whole->captured_at) : std::nullopt;
 }
 
 /// If the input's newest capture is complete, it is what is merged from now on.

@@ -72,6 +72,11 @@ class Gatherer {
 
   bool ready(TimePoint now) const { return aligner_.ready(now).has_value(); }
 
+  /// When the newest whole capture of an input was made; nothing before the first.
+  std::optional<TimePoint> newest(std::size_t input) const;
+  /// How far an input's clock is ahead of ours: its times are taken back by that.
+  void set_clock_offset(std::size_t input, Duration ahead) { inputs_[input].clock_ahead = ahead; }
+
   const codec::Receiver& receiver(std::size_t input) const { return inputs_[input].receiver; }
 
   /// What can be merged now, if a tick is ready. empty: there is no live input.
@@ -116,6 +121,7 @@ class Gatherer {
     std::set<std::uint32_t> key_frames_wanted;  // besides those that the receiver waits for
     std::map<std::uint32_t, TimePoint> key_frame_asked;  // by stream
     std::optional<TimePoint> head_asked, chunks_asked;
+    Duration clock_ahead{};
   };
 
   std::string link(const Input& input) const { return input.id + " → " + merger_.id; }

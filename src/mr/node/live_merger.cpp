@@ -11,7 +11,7 @@ namespace mr::node {
 struct LiveMerger::Inbox {
   net::Outbox packets{coalesce_packets};
   std::mutex mutex;
-  std::vector<net::Message> answers;
+  std::vector<Answer> answers;
 };
 
 LiveMerger::LiveMerger(const LiveContext& context, const MergerConfig& merger,
@@ -19,9 +19,11 @@ LiveMerger::LiveMerger(const LiveContext& context, const MergerConfig& merger,
     : context_(context),
       node_(*context.scene, merger, merger.id == context.scene->mergers.back().id,
             NodeClock::live(), StillWork::beside),
-      credit_(context.frames_ahead) {
+      credit_(context.frames_ahead),
+      presence_(merger.inputs.size()),
+      clocks_(merger.inputs.size()) {
   const auto tell = [this](const std::string& place, const Error& error) {
-    context_.log(place + ": " + error.message);
+    context_.warn(node_.id(), place + ": " + error.message);
   };
   drops_.set_listener(tell);
   node_.inputs().set_drop_listener(tell);
@@ -51,6 +53,7 @@ void LiveMerger::receive(const std::stop_token& stop) {
     for (const auto& [input, sequence] : node_.take_shown())
       ask(input, {.key_frames = {}, .chunks = {}, .taken = {}, .shown = sequence});
     for (const auto& [input, request] : node_.inputs().requests(now)) ask(input, request);
+    watch_inputs(now);
     const bool ready = node_.inputs().ready(now), begun = ready && credit_.try_begin();
     if (begun) hand_over(stop, now);
 
@@ -65,14 +68,56 @@ void LiveMerger::receive_what_waits(TimePoint now) {
   for (std::size_t i = 0; i < inboxes_.size(); ++i) {
     Inbox& inbox = *inboxes_[i];
     // A refusal is counted, and told, by the gatherer.
-    if (const net::Message packet = inbox.packets.try_pop())
+    if (const net::Message packet = inbox.packets.try_pop()) {
       static_cast<void>(node_.inputs().receive(i, *packet, now).ok());
-    std::vector<net::Message> answers;
+      const std::lock_guard lock(watch_mutex_);
+      if (const auto newest = node_.inputs().newest(i)) presence_.seen(i, *newest, now);
+      if (clocks_[i].offset() != Duration{}) ++retimed_;
+    }
+    std::vector<Answer> answers;
     {
       const std::lock_guard lock(inbox.mutex);
       answers.swap(inbox.answers);
     }
-    for (const net::Message& answer : answers) node_.inputs().take_answer(i, *answer, now);
+    for (const Answer& answer : answers) take_answer(i, answer);
+  }
+}
+
+/// Chunks, or what the input's clock says.
+void LiveMerger::take_answer(std::size_t input, const Answer& answer) {
+  const auto told = codec::decode_time(*answer.bytes);
+  if (!told) return node_.inputs().take_answer(input, *answer.bytes, answer.came);
+  const std::string& name = node_.config().inputs[input];
+  if (!*told) return drops_.count(name + " → " + node_.id(), told->error());
+  const std::lock_guard lock(watch_mutex_);
+  ClockOffset& clock = clocks_[input];
+  const Duration before = clock.offset();
+  clock.add(answer.asked, **told, answer.came);
+  if (clock.offset() == before) return;
+  node_.inputs().set_clock_offset(input, clock.offset());
+  context_.warn(node_.id(), clock.offset() == Duration{}
+                                ? "the clock of '" + name + "' is right again"
+                                : "the clock of '" + name + "' is " +
+                                      said_of_clock(clock.offset()) +
+                                      " this one; corrected. Synchronise the clocks (PTP, NTP)");
+}
+
+/// Asks their clocks, and tells who has gone or come back.
+void LiveMerger::watch_inputs(TimePoint now) {
+  constexpr Duration kClocksEvery = std::chrono::seconds(1);
+  if (is_time(clocks_asked_, kClocksEvery, now)) {
+    clocks_asked_ = now;
+    codec::Request request;
+    request.time = true;
+    for (std::size_t i = 0; i < inboxes_.size(); ++i) ask(i, request);
+  }
+  const std::lock_guard lock(watch_mutex_);
+  for (const auto& [input, is_missing] : presence_.changes(now)) {
+    const std::string name = "'" + node_.config().inputs[input] + "'";
+    if (is_missing)
+      context_.warn(node_.id(), name + " is missing: nothing new comes from it");
+    else
+      context_.tell(node_.id(), name + " is back");
   }
 }
 
@@ -93,19 +138,20 @@ void LiveMerger::acknowledge(const Gathered& gathered) {
 void LiveMerger::ask(std::size_t input, const codec::Request& request) {
   const std::string& node = node_.config().inputs[input];
   auto bytes = std::make_shared<const std::vector<std::byte>>(codec::encode_request(request));
-  if (request.chunks.empty()) return context_.transport->request(node, std::move(bytes));
-  context_.transport->request(
-      node, std::move(bytes),
-      [inbox = std::weak_ptr(inboxes_[input]), signal = signal_](net::Message answer) {
-        constexpr std::size_t kMaxAnswers = 64;
-        const auto to = inbox.lock();
-        if (!to) return;
-        {
-          const std::lock_guard lock(to->mutex);
-          if (to->answers.size() < kMaxAnswers) to->answers.push_back(std::move(answer));
-        }
-        signal->notify();
-      });
+  if (!request.wants_answer()) return context_.transport->request(node, std::move(bytes));
+  context_.transport->request(node, std::move(bytes),
+                              [inbox = std::weak_ptr(inboxes_[input]), signal = signal_,
+                               asked = wall_time()](net::Message answer) {
+                                constexpr std::size_t kMaxAnswers = 64;
+                                const auto to = inbox.lock();
+                                if (!to) return;
+                                {
+                                  const std::lock_guard lock(to->mutex);
+                                  if (to->answers.size() < kMaxAnswers)
+                                    to->answers.push_back({std::move(answer), asked, wall_time()});
+                                }
+                                signal->notify();
+                              });
 }
 
 void LiveMerger::merge(const std::stop_token& stop) {
@@ -119,11 +165,11 @@ void LiveMerger::merge(const std::stop_token& stop) {
     };
     arena.run([&] { bytes = node_.merge(*gathered, tell); });
     tell();
-    if (const auto notice = node_.calibration().take_notice())
-      context_.log(node_.id() + ": " + *notice);
+    if (const auto notice = node_.calibration().take_notice()) context_.warn(node_.id(), *notice);
     credit_.end(bytes.ok());
     if (bytes) {
       ++frames_;
+      bytes_ += bytes->size();
       context_.transport->publish(
           node_.id(), std::make_shared<const std::vector<std::byte>>(*std::move(bytes)));
     } else {
@@ -136,13 +182,25 @@ void LiveMerger::merge(const std::stop_token& stop) {
 }
 
 net::Message LiveMerger::answer(std::span<const std::byte> question) {
-  net::Message answer = answer_request(question, node_, credit_, drops_);
+  net::Message answer = answer_request(question, node_, credit_, limits_, drops_);
   signal_->notify();
   return answer;
 }
 
 LiveStats LiveMerger::stats() const {
-  LiveStats out{node_.id(), frames_, drops_.by_cause(), node_.trace().stages()};
+  LiveStats out{node_.id(), frames_, drops_.by_cause(), node_.trace().stages(), bytes_};
+  if (const auto refused = limits_.refused(); refused > 0)
+    out.drops["requests to " + node_.id() + ": too soon after others"] = refused;
+  if (retimed_ > 0) out.drops[node_.id() + ": packets of a wrong clock, corrected"] = retimed_;
+  {
+    const std::lock_guard lock(watch_mutex_);
+    const TimePoint now = wall_time();
+    for (std::size_t i = 0; i < inboxes_.size(); ++i) {
+      const std::string& name = node_.config().inputs[i];
+      out.inputs[name] = !presence_.is_missing(i, now);
+      out.clock_offsets_s[name] = std::chrono::duration<double>(clocks_[i].offset()).count();
+    }
+  }
   for (const auto& [cause, n] : node_.inputs().drops().by_cause()) out.drops[cause] += n;
   for (const auto& [stage, ms] : node_.inputs().trace().stages()) out.stages_ms[stage] = ms;
   for (std::size_t i = 0; i < inboxes_.size(); ++i) {

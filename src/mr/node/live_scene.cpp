@@ -6,7 +6,9 @@
 
 #include "mr/core/trace.h"
 #include "mr/node/coalesce_packets.h"
+#include "mr/node/front_door.h"
 #include "mr/node/gateway.h"
+#include "mr/node/monitor.h"
 #include "mr/node/report.h"
 #include "mr/node/sources.h"
 
@@ -60,9 +62,18 @@ Result<std::unique_ptr<LiveScene>> LiveScene::start(Scene given, const LiveOptio
 
   std::unique_ptr<LiveScene> live(new LiveScene(std::move(scene)));
   if (const Status open = live->open_transport(options); !open) return open.error();
-  const LiveContext context{live->scene_.get(), live->transport_.get(),
+  const LiveContext context{live->scene_.get(),
+                            live->transport_.get(),
                             options.threads > 0 ? options.threads : live->scene_->threads,
-                            options.nodes.empty() ? 1 : 2, options.log};
+                            options.nodes.empty() ? 1 : 2,
+                            options.log,
+                            [l = live.get()] { return l->stats(); },
+                            options.state_folder};
+  if (!options.metrics.empty()) {
+    auto monitor = serve_monitor(options.metrics, context.stats);
+    if (!monitor) return monitor.error();
+    live->monitor_ = *std::move(monitor);
+  }
   // Consumers first, so that they see their producers' first packets.
   const auto& names = options.nodes.empty() ? known : options.nodes;
   const auto sensors = sensors_among(*live->scene_, names);
@@ -73,14 +84,16 @@ Result<std::unique_ptr<LiveScene>> LiveScene::start(Scene given, const LiveOptio
   LiveContext shared = context;
   shared.threads = threads_each(context.threads, sensors.size());
   for (std::size_t i = 0; i < sensors.size(); ++i)
-    live->nodes_.push_back(std::make_unique<LiveSensor>(shared, sensors[i], std::move(sources[i])));
+    live->add(std::make_unique<LiveSensor>(shared, sensors[i], std::move(sources[i])));
   live->started_ = std::chrono::steady_clock::now();
   return live;
 }
 
 Status LiveScene::open_transport(const LiveOptions& options) {
   net::TransportLimits limits;
-  limits.log = options.log;
+  limits.log = [log = options.log](const std::string& line) {
+    log({LogLevel::warning, "network", line});
+  };
   if (options.nodes.empty()) {
     transport_ = net::make_in_process_transport();
     return {};
@@ -107,22 +120,30 @@ Status LiveScene::start_node(const std::string& name, const LiveContext& context
     if (merger.id != name) continue;
     std::vector<EncodedChunk> background;
     if (&merger == &scene_->mergers.back()) {
-      auto opened = open_background(*scene_, options.log);
+      auto opened = open_background(
+          *scene_, [&](const std::string& notice) { context.tell(merger.id, notice); });
       if (!opened) return opened.error();
       background = *std::move(opened);
     }
-    nodes_.push_back(std::make_unique<LiveMerger>(context, merger, std::move(background)));
+    add(std::make_unique<LiveMerger>(context, merger, std::move(background)));
   }
   if (name != kGateway) return {};
-  auto gateway = Gateway::start(context, scene_->gateway.value_or(GatewayConfig{}), options.page);
+  const GatewayConfig config = scene_->gateway.value_or(GatewayConfig{});
+  auto gateway = Gateway::start(context, config, options.page);
   if (!gateway) return gateway.error();
-  port_ = (*gateway)->port();
-  nodes_.push_back(*std::move(gateway));
+  url_ = url_of(config, (*gateway)->port());
+  add(*std::move(gateway));
   return {};
+}
+
+void LiveScene::add(std::unique_ptr<LiveNode> node) {
+  const std::lock_guard lock(mutex_);
+  nodes_.push_back(std::move(node));
 }
 
 std::vector<LiveStats> LiveScene::stats() const {
   std::vector<LiveStats> out;
+  const std::lock_guard lock(mutex_);
   for (const auto& node : nodes_) out.push_back(node->stats());
   return out;
 }

@@ -5,12 +5,15 @@
 #include <functional>
 #include <map>
 #include <memory>
+#include <mutex>
 #include <string>
 #include <thread>
 #include <vector>
 
+#include "mr/core/log.h"
 #include "mr/core/result.h"
 #include "mr/core/scene.h"
+#include "mr/net/web_server.h"
 #include "mr/node/live_node.h"
 
 namespace mr::node {
@@ -22,7 +25,9 @@ struct LiveOptions {
   std::filesystem::path page;          ///< folder of the built viewer, for the gateway
   std::filesystem::path cache_folder;  ///< of rendered rigs; empty: none
   int threads = 0;                     ///< of each stage; 0: as the scene says
-  std::function<void(const std::string&)> log = [](const std::string&) {};  ///< one line each
+  std::filesystem::path state_folder;  ///< for what is kept between runs; empty: nowhere
+  std::string metrics;                 ///< host:port of /metrics and /healthz beside the gateway's
+  Log log = [](const LogLine&) {};
   std::function<void(int done, int of)> rendering;  ///< a rig's pictures on their way to the cache
 };
 
@@ -35,8 +40,8 @@ class LiveScene {
   ~LiveScene();
 
   const Scene& scene() const { return *scene_; }
-  /// Of the gateway; 0 where it does not run here.
-  int port() const { return port_; }
+  /// What people open in a browser; empty where the gateway does not run here.
+  const std::string& url() const { return url_; }
   std::vector<LiveStats> stats() const;
   /// Lost or folded between nodes since the start.
   std::map<std::string, std::uint64_t> transport_drops() const { return transport_->drops(); }
@@ -47,12 +52,15 @@ class LiveScene {
   Status open_transport(const LiveOptions& options);
   Status start_node(const std::string& name, const LiveContext& context,
                     const LiveOptions& options);
+  void add(std::unique_ptr<LiveNode> node);
 
   std::unique_ptr<const Scene> scene_;  // nodes point to it
   std::unique_ptr<net::Transport> transport_;
+  mutable std::mutex mutex_;  // of nodes_, while they are started
   std::vector<std::unique_ptr<LiveNode>> nodes_;
-  int port_ = 0;
+  std::string url_;
   std::chrono::steady_clock::time_point started_ = std::chrono::steady_clock::now();
+  std::unique_ptr<net::WebServer> monitor_;  // last: it asks the nodes
 };
 
 /// The names of all nodes of a scene, children before parents; the gateway is last.

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <algorithm>
 #include <cstddef>
 #include <map>
 #include <mutex>
@@ -7,50 +8,81 @@
 #include <utility>
 #include <vector>
 
+#include "mr/core/frame.h"
 #include "mr/net/web_server.h"
 
 namespace mr::node {
 
-/// What viewers did and nobody looked at yet, in order. Bounded for each viewer: one that sends
-/// more than can be looked at has nothing taken from it any more but that it floods. So none can
-/// crowd out the words of others. Thread-safe.
+/// What viewers did and nobody looked at yet, in order. Bounded for each viewer, at once and over
+/// time: one that sends more floods, and is to be cut off. So none can crowd out the words of
+/// others. Thread-safe.
 class ViewerInbox {
  public:
   struct Event {
-    enum class Kind { opened, closed, binary, text, flood } kind;
+    enum class Kind { opened, closed, binary, text, written } kind;
     net::ClientId viewer;
-    std::vector<std::byte> bytes;  // of binary and text
+    std::vector<std::byte> bytes = {};  ///< of binary and text
+    net::WebVisitor visitor = {};       ///< of opened
+    std::size_t messages = 1;           ///< of written
   };
 
-  static constexpr std::size_t kMostMessages = 64;  ///< of one viewer
+  static constexpr std::size_t kMostMessages = 64;  ///< of one viewer that wait
   static constexpr std::size_t kMostBytes = 256u << 10;
+  static constexpr double kMostPerSecond = 200, kBurst = 400;  ///< messages of one viewer
 
-  void add(Event::Kind kind, net::ClientId viewer, std::span<const std::byte> bytes = {}) {
+  void opened(net::ClientId viewer, const net::WebVisitor& visitor) {
     const std::lock_guard lock(mutex_);
-    if (kind == Event::Kind::binary || kind == Event::Kind::text) {
-      Waiting& of = waiting_[viewer];
-      if (of.floods) return;
-      ++of.messages, of.bytes += bytes.size();
-      of.floods = of.messages > kMostMessages || of.bytes > kMostBytes;
-      if (of.floods) kind = Event::Kind::flood, bytes = {};
-    }
+    events_.push_back({Event::Kind::opened, viewer, {}, visitor});
+  }
+  void closed(net::ClientId viewer) {
+    const std::lock_guard lock(mutex_);
+    senders_.erase(viewer);
+    events_.push_back({Event::Kind::closed, viewer});
+  }
+  /// One more message went to the viewer's socket.
+  void written(net::ClientId viewer) {
+    const std::lock_guard lock(mutex_);
+    const bool follows = !events_.empty() && events_.back().kind == Event::Kind::written &&
+                         events_.back().viewer == viewer;
+    if (follows)
+      ++events_.back().messages;
+    else
+      events_.push_back({Event::Kind::written, viewer});
+  }
+  /// False: it floods, and nothing is taken from it any more.
+  bool received(net::ClientId viewer, std::span<const std::byte> bytes, bool is_text,
+                TimePoint now) {
+    const std::lock_guard lock(mutex_);
+    Sender& sender = senders_.try_emplace(viewer, Sender{.at = now}).first->second;
+    const double seconds = std::chrono::duration<double>(now - sender.at).count();
+    sender.at = now;
+    sender.allowance =
+        std::min(kBurst, sender.allowance + kMostPerSecond * std::clamp(seconds, 0.0, 10.0)) - 1;
+    ++sender.messages, sender.bytes += bytes.size();
+    sender.floods |=
+        sender.messages > kMostMessages || sender.bytes > kMostBytes || sender.allowance < 0;
+    if (sender.floods) return false;
+    const auto kind = is_text ? Event::Kind::text : Event::Kind::binary;
     events_.push_back({kind, viewer, {bytes.begin(), bytes.end()}});
+    return true;
   }
 
   std::vector<Event> take() {
     const std::lock_guard lock(mutex_);
-    waiting_.clear();
+    for (auto& [viewer, sender] : senders_) sender.messages = sender.bytes = 0;
     return std::exchange(events_, {});
   }
 
  private:
-  struct Waiting {
-    std::size_t messages = 0, bytes = 0;
+  struct Sender {
+    std::size_t messages = 0, bytes = 0;  ///< that wait
+    double allowance = kBurst;
+    TimePoint at{};
     bool floods = false;
   };
   std::mutex mutex_;
   std::vector<Event> events_;
-  std::map<net::ClientId, Waiting> waiting_;  // among events_
+  std::map<net::ClientId, Sender> senders_;
 };
 
 }  // namespace mr::node

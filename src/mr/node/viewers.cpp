@@ -12,8 +12,21 @@ namespace mr::node {
 void Viewers::opened(Id viewer) { viewers_[viewer]; }
 void Viewers::closed(Id viewer) { viewers_.erase(viewer); }
 
+bool Viewers::Viewer::may_get_packet() const {
+  return in_flight.size() < kInFlight && unread.size() < kInFlight;
+}
+
+bool Viewers::Viewer::has_unread_answer() const {
+  return std::any_of(unread.begin(), unread.end(), [](const Unread& u) { return u.is_answer; });
+}
+
+bool Viewers::has_shown(Id viewer) const {
+  const auto found = viewers_.find(viewer);
+  return found != viewers_.end() && found->second.has_shown;
+}
+
 std::vector<Viewers::Send> Viewers::packet(Packet packet, net::Message bytes,
-                                           std::shared_ptr<const Packet> base) {
+                                           std::shared_ptr<const Packet> base, TimePoint now) {
   const auto shared = std::make_shared<const Packet>(std::move(packet));
   base_ = std::move(base);
   take_head(shared);
@@ -23,10 +36,12 @@ std::vector<Viewers::Send> Viewers::packet(Packet packet, net::Message bytes,
   std::vector<Send> out;
   for (auto& [id, viewer] : viewers_) {
     if (viewer.fresh) {
-      if (!start || viewer.in_flight.size() >= kInFlight) continue;
+      // Everything is much: whoever has not read what came before waits.
+      if (!start || viewer.in_flight.size() >= kInFlight || !viewer.unread.empty()) continue;
       if (!everything) everything = refresh(*shared);
       viewer.fresh = false;
       viewer.in_flight.push_back(shared->sequence);
+      viewer.unread.push_back({everything, now});
       out.emplace_back(id, everything);
       continue;
     }
@@ -36,16 +51,23 @@ std::vector<Viewers::Send> Viewers::packet(Packet packet, net::Message bytes,
       viewer.fresh = true;
       ++restarted_;
     }
-    if (auto send = flush(id, viewer)) out.push_back(*std::move(send));
+    if (auto send = flush(id, viewer, now)) out.push_back(*std::move(send));
   }
   return out;
 }
 
-void Viewers::take_head(const std::shared_ptr<const Packet>& packet) {
-  if (newest_ && newest_->epoch != packet->epoch) {
-    chunks_.clear();
-    kept_.clear();
+void Viewers::begin_afresh() {
+  newest_.reset();
+  chunks_.clear();
+  kept_.clear();
+  for (auto& [id, viewer] : viewers_) {
+    viewer.waiting.clear();
+    viewer.in_flight.clear();
+    viewer.fresh = true;
   }
+}
+
+void Viewers::take_head(const std::shared_ptr<const Packet>& packet) {
   newest_ = packet;
   const auto& manifest = packet->manifest;
   std::erase_if(chunks_, [&](const auto& item) {
@@ -119,27 +141,66 @@ net::Message Viewers::refresh(const Packet& packet) const {
 }
 
 /// What waits for a viewer, as one packet, if it may get one.
-std::optional<Viewers::Send> Viewers::flush(Id id, Viewer& viewer) {
-  if (viewer.waiting.empty() || viewer.in_flight.size() >= kInFlight) return std::nullopt;
+std::optional<Viewers::Send> Viewers::flush(Id id, Viewer& viewer, TimePoint now) {
+  if (viewer.waiting.empty() || !viewer.may_get_packet()) return std::nullopt;
   std::vector<Waiting> waiting;
   waiting.swap(viewer.waiting);
   viewer.in_flight.push_back(waiting.back().packet->sequence);
-  if (waiting.size() == 1) return Send(id, waiting.front().bytes);
   folded_ += waiting.size() - 1;
   std::vector<net::Message> messages;
   for (Waiting& w : waiting) messages.push_back(std::move(w.bytes));
-  return Send(id, coalesce_packets(messages));
+  viewer.unread.push_back({coalesce_packets(messages), now});
+  return Send(id, viewer.unread.back().message);
 }
 
-std::vector<Viewers::Send> Viewers::shown(Id id, std::uint64_t sequence) {
+std::vector<Viewers::Send> Viewers::shown(Id id, std::uint64_t sequence, TimePoint now) {
   const auto found = viewers_.find(id);
   if (found == viewers_.end()) return {};
   auto& in_flight = found->second.in_flight;
   const auto at = std::find(in_flight.begin(), in_flight.end(), sequence);
   if (at == in_flight.end()) return {};
   in_flight.erase(in_flight.begin(), at + 1);
-  auto send = flush(id, found->second);
+  found->second.has_shown = true;
+  auto send = flush(id, found->second, now);
   return send ? std::vector<Send>{*std::move(send)} : std::vector<Send>{};
+}
+
+std::vector<Viewers::Send> Viewers::written(Id id, std::size_t messages, TimePoint now) {
+  const auto found = viewers_.find(id);
+  if (found == viewers_.end()) return {};
+  auto& unread = found->second.unread;
+  const auto n = static_cast<std::ptrdiff_t>(std::min(messages, unread.size()));
+  unread.erase(unread.begin(), unread.begin() + n);
+  if (!found->second.first_written) found->second.first_written = now;
+  auto send = flush(id, found->second, now);
+  return send ? std::vector<Send>{*std::move(send)} : std::vector<Send>{};
+}
+
+std::size_t Viewers::unread_bytes() const {
+  std::set<const void*> counted;
+  std::size_t bytes = 0;
+  for (const auto& [id, viewer] : viewers_)
+    for (const Unread& unread : viewer.unread)
+      if (counted.insert(unread.message.get()).second) bytes += unread.message->size();
+  return bytes;
+}
+
+std::vector<std::pair<Viewers::Id, std::string>> Viewers::overdue(TimePoint now) {
+  std::vector<std::pair<Id, std::string>> out;
+  const Id* slowest = nullptr;
+  TimePoint since = now - kSlow;
+  for (const auto& [id, viewer] : viewers_) {
+    const bool waits = !viewer.unread.empty();
+    if (!viewer.has_shown && viewer.first_written && now - *viewer.first_written > kFirstShown)
+      out.emplace_back(id, "nothing of the stream was acknowledged");
+    else if (waits && now - viewer.unread.front().at > kSlowest)
+      out.emplace_back(id, "too slow: what waits to be read is a minute old");
+    else if (waits && viewer.unread.front().at < since)
+      slowest = &id, since = viewer.unread.front().at;
+  }
+  if (slowest != nullptr && unread_bytes() > kUnreadBytes)
+    out.emplace_back(*slowest, "too slow for a busy server: try again later");
+  return out;
 }
 
 std::optional<net::Message> Viewers::asked(Id id, const codec::Request& request, TimePoint now) {
@@ -150,7 +211,7 @@ std::optional<net::Message> Viewers::asked(Id id, const codec::Request& request,
       if (request.wants_key_frame(view.stream)) key_frames_wanted_.insert(view.stream);
   if (request.whole_head && is_time(viewer->second.began_anew, kAnewEvery, now)) {
     viewer->second.waiting.clear();
-    viewer->second.in_flight.clear();  // it cannot read them, so it will not acknowledge them
+    viewer->second.in_flight.clear();  // it cannot use them, so it will not acknowledge them
     viewer->second.fresh = true;
     viewer->second.began_anew = now;
     ++restarted_;
@@ -160,21 +221,38 @@ std::optional<net::Message> Viewers::asked(Id id, const codec::Request& request,
     ++impatient_;
     return std::nullopt;
   }
+  if (viewer->second.has_unread_answer() || unread_bytes() > kUnreadBytes / 2) {
+    ++unread_answers_;
+    return std::nullopt;
+  }
   viewer->second.answered = now;
-  std::set<ChunkKey> wanted(request.chunks.begin(), request.chunks.end());
-  std::vector<EncodedChunk> found;
-  for (const ChunkKey& key : wanted)
-    if (const auto chunk = chunks_.find(key); chunk != chunks_.end())
-      found.push_back(*chunk->second);
+  const std::vector<EncodedChunk> found = find_chunks(request.chunks);
   if (found.empty()) return std::nullopt;
-  return std::make_shared<const std::vector<std::byte>>(codec::encode_chunks(found));
+  viewer->second.unread.push_back(
+      {std::make_shared<const std::vector<std::byte>>(codec::encode_chunks(found)), now, true});
+  return viewer->second.unread.back().message;
+}
+
+/// Those that are there, as many as one answer holds; the rest is asked for again.
+std::vector<EncodedChunk> Viewers::find_chunks(const std::vector<ChunkKey>& keys) const {
+  const std::set<ChunkKey> wanted(keys.begin(), keys.end());
+  std::vector<EncodedChunk> found;
+  std::size_t bytes = 0;
+  for (const ChunkKey& key : wanted) {
+    const auto chunk = chunks_.find(key);
+    if (chunk == chunks_.end()) continue;
+    bytes += chunk->second->payload.size();
+    if (!found.empty() && bytes > kAnswerBytes) break;
+    found.push_back(*chunk->second);
+  }
+  return found;
 }
 
 /// Streams whose key frame a viewer or a newcomer waits for, and that were not asked for one just
 /// now.
 std::vector<std::uint32_t> Viewers::key_frames_to_ask(TimePoint now) {
   const bool newcomer = std::any_of(viewers_.begin(), viewers_.end(), [](const auto& item) {
-    return item.second.fresh && item.second.in_flight.size() < kInFlight;
+    return item.second.fresh && item.second.may_get_packet();
   });
   std::set<std::uint32_t> wanted = key_frames_wanted_;
   if (newcomer) wanted.merge(streams_without_start());
@@ -204,7 +282,7 @@ codec::Request Viewers::wanted(TimePoint now) {
 
 std::optional<std::uint64_t> Viewers::taken() const {
   if (!newest_) return std::nullopt;
-  const auto can_take = [](const auto& item) { return item.second.in_flight.size() < kInFlight; };
+  const auto can_take = [](const auto& item) { return item.second.may_get_packet(); };
   if (viewers_.empty() || std::any_of(viewers_.begin(), viewers_.end(), can_take))
     return newest_->sequence;
   return std::nullopt;
@@ -214,6 +292,8 @@ std::map<std::string, std::uint64_t> Viewers::drops() const {
   std::map<std::string, std::uint64_t> out;
   if (folded_ > 0) out["viewers: packets folded, a viewer is slow"] = folded_;
   if (impatient_ > 0) out["viewers: requests too soon after the last"] = impatient_;
+  if (unread_answers_ > 0)
+    out["viewers: requests before the last answer was read"] = unread_answers_;
   if (restarted_ > 0) out["viewers: a slow one had to start anew"] = restarted_;
   return out;
 }

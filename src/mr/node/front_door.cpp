@@ -1,0 +1,78 @@
+#include "mr/node/front_door.h"
+
+#include "mr/net/address.h"
+#include "mr/net/own_addresses.h"
+
+namespace mr::node {
+namespace {
+
+constexpr const char* kLoopback[] = {"localhost", "127.0.0.1", "::1"};
+
+bool is_any(const std::string& host) { return host == "0.0.0.0" || host == "::"; }
+
+/// All names that somebody may open the gateway by.
+std::vector<std::string> names_of(const GatewayConfig& config) {
+  if (!config.hosts.empty()) return config.hosts;
+  std::vector<std::string> names(std::begin(kLoopback), std::end(kLoopback));
+  if (net::is_loopback(config.listen)) return names;
+  const auto listens = net::parse_address(config.listen);
+  if (listens && !is_any(listens->host)) names.push_back(listens->host);
+  for (const std::string& own : net::own_addresses()) names.push_back(own);
+  return names;
+}
+
+Result<std::optional<net::Certificate>> certificate_of(const GatewayConfig& config,
+                                                       const std::filesystem::path& state_folder) {
+  if (!config.tls) return std::optional<net::Certificate>();
+  auto made = config.tls->cert.empty() ? net::own_certificate(state_folder, names_of(config))
+                                       : net::load_certificate(config.tls->cert, config.tls->key);
+  if (!made) return Error{made.error().cause, "gateway.tls: " + made.error().message};
+  return std::optional(*std::move(made));
+}
+
+}  // namespace
+
+Result<FrontDoor> FrontDoor::open(const GatewayConfig& config,
+                                  const std::filesystem::path& state_folder) {
+  const bool is_beyond = !net::is_loopback(config.listen);
+  if (is_beyond && !config.open && (!config.tls || config.tokens.empty()))
+    return Error{Error::Cause::invalid,
+                 "gateway: listening on " + config.listen +
+                     " lets other machines in: give it 'tls' and 'tokens', or 'open: true' on a "
+                     "network that you trust (docs/security.md)"};
+  FrontDoor door;
+  door.hosts = config.hosts;
+  auto certificate = certificate_of(config, state_folder);
+  if (!certificate) return certificate.error();
+  door.certificate = *std::move(certificate);
+  if (door.certificate) {
+    if (const auto print = net::fingerprint(*door.certificate))
+      door.notices.push_back("TLS certificate, SHA-256 fingerprint " + *print);
+    if (const auto why = net::complaint(*door.certificate); !why.empty())
+      door.notices.push_back(why);
+  }
+  if (config.tokens.empty()) return door;
+  const auto text = read_secret(config.tokens);
+  if (!text) return Error{text.error().cause, "gateway.tokens: " + text.error().message};
+  auto tokens = Tokens::parse(*text);
+  if (!tokens)
+    return Error{Error::Cause::invalid,
+                 "gateway.tokens: " + to_string(config.tokens) + ": " + tokens.error().message};
+  door.tokens = *std::move(tokens);
+  return door;
+}
+
+std::string url_of(const GatewayConfig& config, int port) {
+  auto address = net::parse_address(config.listen);
+  if (!address) return {};
+  if (is_any(address->host)) {
+    const auto own = net::own_addresses();
+    address->host = own.empty() ? "127.0.0.1" : own.front();
+  }
+  if (!config.hosts.empty() && !net::is_loopback(config.listen))
+    address->host = config.hosts.front();
+  address->port = std::to_string(port);
+  return (config.tls ? "https://" : "http://") + net::to_string(*address);
+}
+
+}  // namespace mr::node

@@ -1,0 +1,33 @@
+#pragma once
+
+#include <filesystem>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "mr/core/result.h"
+#include "mr/core/scene.h"
+#include "mr/net/web_server.h"
+#include "mr/node/tokens.h"
+
+namespace mr::node {
+
+/// What stands between viewers and the room: the names that the gateway answers for, TLS, tokens.
+struct FrontDoor {
+  std::vector<std::string> hosts;               ///< as WebConfig::hosts
+  std::optional<net::Certificate> certificate;  ///< none: plain HTTP
+  std::optional<Tokens> tokens;                 ///< none: anybody may watch
+  std::vector<std::string> notices;             ///< for people, one line each
+
+  /// Reads certificate and tokens. `state_folder` keeps a certificate of its own. invalid, io,
+  /// not_found: they cannot be used; or it would be open to other machines though the scene does
+  /// not say so.
+  static Result<FrontDoor> open(const GatewayConfig& config,
+                                const std::filesystem::path& state_folder);
+};
+
+/// The address that people open, for a gateway that listens there; of one that listens on all
+/// addresses, the first of this machine that others reach.
+std::string url_of(const GatewayConfig& config, int port);
+
+}  // namespace mr::node

@@ -1,0 +1,72 @@
+#pragma once
+
+#include <algorithm>
+#include <cstddef>
+#include <optional>
+#include <vector>
+
+#include "mr/core/frame.h"
+
+namespace mr::node {
+
+/// Which of several sources are there: those that bring something new again and again. No clock
+/// inside.
+class Presence {
+ public:
+  /// A source is missing when it brought nothing new for so long; one that always takes longer,
+  /// after two and a half times as long as that.
+  static constexpr Duration kMissingAfter = std::chrono::milliseconds(1200);
+  static constexpr Duration kSlowest = std::chrono::seconds(3);
+
+  explicit Presence(std::size_t sources) : sources_(sources) {}
+
+  /// What a source brought was captured then; the same capture again is nothing new.
+  void seen(std::size_t source, TimePoint captured_at, TimePoint now) {
+    Source& of = sources_[source];
+    if (!first_) first_ = now;
+    if (of.captured_at == captured_at) return;
+    const Duration gap = of.at ? now - *of.at : Duration{};
+    if (gap <= kSlowest) of.interval = gap;  // else it was away
+    of.captured_at = captured_at, of.at = now;
+  }
+
+  /// Those that never came count from when the first of all did.
+  bool is_missing(std::size_t source, TimePoint now) const {
+    if (!first_) return false;
+    const Source& of = sources_[source];
+    const TimePoint last = of.at.value_or(*first_);
+    return now - last > std::max(kMissingAfter, of.interval * 5 / 2);
+  }
+  std::vector<std::size_t> missing(TimePoint now) const {
+    std::vector<std::size_t> out;
+    for (std::size_t i = 0; i < sources_.size(); ++i)
+      if (is_missing(i, now)) out.push_back(i);
+    return out;
+  }
+
+  struct Change {
+    std::size_t source;
+    bool is_missing;
+  };
+  /// What came or went since the last call.
+  std::vector<Change> changes(TimePoint now) {
+    std::vector<Change> out;
+    for (std::size_t i = 0; i < sources_.size(); ++i)
+      if (const bool missing = is_missing(i, now); missing != sources_[i].is_told_missing) {
+        sources_[i].is_told_missing = missing;
+        out.push_back({i, missing});
+      }
+    return out;
+  }
+
+ private:
+  struct Source {
+    std::optional<TimePoint> captured_at, at;
+    Duration interval{};
+    bool is_told_missing = false;
+  };
+  std::vector<Source> sources_;
+  std::optional<TimePoint> first_;
+};
+
+}  // namespace mr::node

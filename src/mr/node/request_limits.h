@@ -1,0 +1,71 @@
+#pragma once
+
+#include <algorithm>
+#include <map>
+#include <mutex>
+#include <optional>
+#include <vector>
+
+#include "mr/codec/request.h"
+#include "mr/node/node_clock.h"
+
+namespace mr::node {
+
+/// Bounds what others can make a node do by asking: whoever they are and however often they ask.
+/// Well-behaved receivers ask again after a while for what they did not get. Thread-safe.
+class RequestLimits {
+ public:
+  static constexpr Duration kKeyFrameEvery = std::chrono::milliseconds(250);  ///< of one stream
+  static constexpr Duration kHeadEvery = std::chrono::milliseconds(250);
+  static constexpr double kBytesPerSecond = 32e6, kBurstBytes = 64e6;  ///< of answers, together
+
+  /// What of a request is done now; the rest is counted.
+  codec::Request admit(codec::Request request, TimePoint now) {
+    const std::lock_guard lock(mutex_);
+    std::erase_if(request.key_frames, [&](std::uint32_t stream) {
+      if (key_frames_.size() >= codec::Request::kMaxStreams) key_frames_.clear();
+      return !take(key_frames_[stream], kKeyFrameEvery, now);
+    });
+    if (request.whole_head) request.whole_head = take(head_, kHeadEvery, now);
+    refill(now);
+    if (!request.chunks.empty() && allowance_ <= 0) {
+      request.chunks.clear();
+      ++refused_;
+    }
+    return request;
+  }
+  void answered(std::size_t bytes) {
+    const std::lock_guard lock(mutex_);
+    allowance_ -= static_cast<double>(bytes);
+  }
+  /// Wishes that came too soon after others.
+  std::uint64_t refused() const {
+    const std::lock_guard lock(mutex_);
+    return refused_;
+  }
+
+ private:
+  bool take(std::optional<TimePoint>& last, Duration every, TimePoint now) {
+    const bool may = is_time(last, every, now);
+    if (may)
+      last = now;
+    else
+      ++refused_;
+    return may;
+  }
+  void refill(TimePoint now) {
+    if (refilled_ && now > *refilled_) {
+      const double seconds = std::chrono::duration<double>(now - *refilled_).count();
+      allowance_ = std::min(kBurstBytes, allowance_ + kBytesPerSecond * std::min(seconds, 10.0));
+    }
+    refilled_ = now;
+  }
+
+  mutable std::mutex mutex_;
+  std::map<std::uint32_t, std::optional<TimePoint>> key_frames_;  ///< by stream
+  std::optional<TimePoint> head_, refilled_;
+  double allowance_ = kBurstBytes;
+  std::uint64_t refused_ = 0;
+};
+
+}  // namespace mr::node
