@@ -320,7 +320,7 @@ TEST(ViewerInbox, ASteadyFloodIsOneToo) {
   const auto lasts = [&](net::ClientId viewer, int per_second) {
     int i = 0;
     for (; i < 100 * per_second; ++i) {
-      now += std::chrono::seconds(1) / per_second;
+      now += std::chrono::microseconds(1'000'000 / per_second);
       if (!inbox.received(viewer, word, true, now)) break;
       inbox.take();
     }
@@ -330,13 +330,13 @@ TEST(ViewerInbox, ASteadyFloodIsOneToo) {
   EXPECT_LT(lasts(2, 1000), 2);
 }
 
-/// A packet whose payload is large, of a version of its own.
+/// A packet with all chunks, one of which is large.
 Packet large_packet(Sender& sender, std::size_t bytes) {
   Packet packet = sender.next(true);
-  packet.chunks.resize(1);
-  packet.chunks[0].key = packet.manifest[0];
-  packet.chunks[0].triangles = 1;
-  packet.chunks[0].payload.assign(bytes, std::byte{1});
+  packet.chunks.clear();
+  for (const ChunkKey& key : packet.manifest)
+    packet.chunks.push_back({key, 0, 1, {}, {std::byte{1}}});
+  packet.chunks[0].payload.resize(bytes);
   return packet;
 }
 
