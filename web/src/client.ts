@@ -4,18 +4,22 @@ import { Connection, nowMs, type Hello, type LinkState } from "./connection.ts";
 import { DecodePool } from "./decode_pool.ts";
 import type { Lattice } from "./draco_chunk.ts";
 import {
-  HeadReader, kBackgroundSource, kindOf, readChunksAnswer, writeRequest, type EncodedChunk, type Packet,
+  HeadReader, kBackgroundSource, numbersOf, openMessage, readChunksAnswer, writeRequest, type EncodedChunk, type Message,
+  type Packet,
 } from "./packet.ts";
+import { PacketOrder } from "./packet_order.ts";
 import type { Picture } from "./picture.ts";
 import { Receiver, type Complete } from "./receiver.ts";
 import { Traffic } from "./statistics.ts";
+import type { TokenKeeper } from "./token.ts";
 import { Video } from "./video.ts";
 
 export type Capture = Complete<RimmedMesh, Picture>;
 
 export interface ClientEvents {
   onHello(hello: Hello): void;
-  onState(state: LinkState): void;
+  /** `reason`: what the gateway gave for closing the connection; else empty. */
+  onState(state: LinkState, reason: string): void;
   /** A capture may be complete: take() should be called with the next animation frame. */
   onChange(): void;
   /** The viewer cannot go on. */
@@ -29,9 +33,12 @@ export class Client {
   readonly traffic = new Traffic();
   /** Chunks, pictures and messages that were broken. */
   errors = 0;
+  /** Packets that were out of order: sent again, or with an absurd number. */
+  refused = 0;
   private readonly connection: Connection;
   private readonly video: Video;
   private readonly pool: DecodePool;
+  private readonly order = new PacketOrder();
   private heads = new HeadReader();
   private receiver = new Receiver<RimmedMesh, Picture>();
   private lattice: Lattice | null = null;
@@ -42,16 +49,22 @@ export class Client {
   private readonly arrivals = new Map<number, number>(); // of packets that are not acknowledged
 
   /** `hold`: takes the first packet and nothing after it. */
-  constructor(url: string, private readonly hold: boolean, private readonly events: ClientEvents) {
+  constructor(
+    url: string, private readonly tokens: TokenKeeper, private readonly hold: boolean, private readonly events: ClientEvents,
+  ) {
     this.connection = new Connection(url, {
       onHello: (hello) => {
         this.lattice = hello.lattice;
+        this.order.startAfresh();
+        this.forget();
         events.onHello(hello);
       },
-      onState: (state) => {
+      onState: (state, reason) => {
         if (state === "connecting") this.forget();
-        events.onState(state);
+        events.onState(state, reason);
       },
+      token: () => tokens.get(),
+      onTokenRefused: () => tokens.forget(),
       onBytes: (bytes) => this.received(bytes),
     });
     this.video = new Video({
@@ -73,6 +86,12 @@ export class Client {
   }
   close(): void {
     this.connection.close();
+  }
+
+  /** Connects with a token, which a locked gateway wants. */
+  unlock(token: string): void {
+    this.tokens.keep(token);
+    this.open();
   }
 
   /** The newest complete capture since the last call. Acknowledge what it says is done once that is drawn. */
@@ -108,6 +127,7 @@ export class Client {
   private forget(): void {
     this.heads = new HeadReader();
     this.receiver = new Receiver();
+    this.held = null;
     this.startAfresh();
   }
 
@@ -124,8 +144,10 @@ export class Client {
 
   private received(bytes: Uint8Array): boolean {
     try {
-      if (kindOf(bytes) === "chunks") this.decode(this.receiver.provide(readChunksAnswer(bytes)));
-      else this.accept(this.heads.read(bytes), bytes);
+      const message = openMessage(bytes);
+      if (message.kind === "chunks") this.decode(this.receiver.provide(readChunksAnswer(message)));
+      else if (this.hold && this.held !== null) return true;
+      else if (this.isInOrder(message)) this.accept(this.heads.read(message), bytes);
       return true;
     } catch (error) {
       if (!(error instanceof Malformed)) throw error;
@@ -134,8 +156,18 @@ export class Client {
     }
   }
 
+  /** A refused packet is acknowledged: else it would hold up the rest. */
+  private isInOrder(message: Message): boolean {
+    const { epoch, sequence } = numbersOf(message);
+    const place = this.order.place(performance.now(), epoch, sequence);
+    if (place === "afresh") this.forget();
+    if (place === "afresh" || place === "next") return true;
+    ++this.refused;
+    this.connection.acknowledge(sequence);
+    return false;
+  }
+
   private accept(packet: Packet | null, bytes: Uint8Array): void {
-    if (this.hold && this.held !== null) return;
     if (packet === null) {
       this.complain("a packet whose base did not come");
       this.ask();

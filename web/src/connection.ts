@@ -13,20 +13,30 @@ export interface Hello {
   readonly start: Start | null;
 }
 
-export type LinkState = "connecting" | "waiting" | "live" | "silent" | "lost";
+/** `silent`: nothing comes for now; `ended`: nothing will. `locked`: the gateway wants a token, and is not asked again before it
+ *  is told to. */
+export type LinkState = "connecting" | "waiting" | "live" | "silent" | "ended" | "lost" | "locked";
 
 export interface ConnectionEvents {
+  /** Whatever numbers the next packet has, it is the first. */
   onHello(hello: Hello): void;
   /** Whether the bytes were what they should be; the connection is made anew where not, as packets that
    *  nobody acknowledges would hold up the rest. */
   onBytes(bytes: Uint8Array): boolean;
-  onState(state: LinkState): void;
+  /** `reason`: what the gateway gave for closing the connection, until it says hello again; else empty. */
+  onState(state: LinkState, reason: string): void;
+  /** For a gateway that is locked; null where there is none. */
+  token(): string | null;
+  /** The gateway did not take it. */
+  onTokenRefused(): void;
 }
 
 const kShortestBackoffMs = 250;
 const kLongestBackoffMs = 4000;
 const kPingEveryMs = 1000;
-const kSilentAfterMs = 2000;
+const kWatchEveryMs = 100;
+const kSilentAfterMs = 1700; // and some more until it is noticed and read: 2 s
+const kPolicyViolation = 1008; // the code of closing for a wrong token
 const kDeadAfterPings = 5; // without any word: a network that changed tells nobody
 const kPingsKept = 20;
 const kMostSensors = 256;
@@ -104,7 +114,11 @@ export class Connection {
   private backoffMs = kShortestBackoffMs;
   private retry = 0;
   private ticker = 0;
+  private isWelcome = false; // a hello came
+  private isProving = false; // a token was sent, and nothing came since
+  private reason = "";
   private lastBytesMs = 0;
+  private lastPingMs = 0;
   private unanswered = 0;
   private lastPing = 0;
   private readonly pings = new Map<number, number>();
@@ -113,6 +127,7 @@ export class Connection {
 
   open(): void {
     this.close();
+    this.isWelcome = this.isProving = false;
     this.setState("connecting");
     const socket = new WebSocket(this.url);
     this.socket = socket;
@@ -121,8 +136,8 @@ export class Connection {
     socket.addEventListener("message", (event: MessageEvent<ArrayBuffer | string>) => {
       if (socket === this.socket) this.received(event.data);
     });
-    socket.addEventListener("close", () => {
-      if (socket === this.socket) this.lost();
+    socket.addEventListener("close", (event) => {
+      if (socket === this.socket) this.closed(event);
     });
   }
 
@@ -139,26 +154,66 @@ export class Connection {
     if (this.socket?.readyState === WebSocket.OPEN) this.socket.send(request);
   }
 
-  acknowledge(sequence: number): void {
-    this.say({ type: "shown", sequence });
+  /** Not by way of JSON.stringify, which knows no numbers of 64 bits. */
+  acknowledge(sequence: number | bigint): void {
+    this.send(`{"type":"shown","sequence":${sequence}}`);
   }
 
-  private say(message: object): void {
-    if (this.socket?.readyState === WebSocket.OPEN) this.socket.send(JSON.stringify(message));
+  private send(text: string): void {
+    if (this.socket?.readyState === WebSocket.OPEN) this.socket.send(text);
   }
 
   private setState(state: LinkState): void {
     if (state === this.state) return;
     this.state = state;
-    this.events.onState(state);
+    this.events.onState(state, this.reason);
   }
 
+  /** The gateway has the first word: where it is locked, ours must be the token. */
   private opened(): void {
-    this.lastBytesMs = performance.now();
     this.unanswered = 0;
-    this.setState("waiting");
-    this.ticker = window.setInterval(() => this.tick(), kPingEveryMs);
-    this.tick();
+    this.lastPingMs = performance.now();
+    this.ticker = window.setInterval(() => this.watch(), kWatchEveryMs);
+  }
+
+  private welcome(hello: Hello): void {
+    if (!this.isWelcome) {
+      this.isWelcome = true;
+      this.isProving = false;
+      this.reason = "";
+      this.lastBytesMs = performance.now();
+      this.setState("waiting");
+      this.ping();
+    }
+    this.events.onHello(hello);
+  }
+
+  /** Without a token there is nothing to wait for: the connection is made anew once there is one. */
+  private prove(): void {
+    if (this.isWelcome || this.isProving) return;
+    const token = this.events.token();
+    if (token === null) {
+      this.lock("");
+      return;
+    }
+    this.isProving = true;
+    this.send(JSON.stringify({ type: "token", token }));
+  }
+
+  private lock(reason: string): void {
+    this.close();
+    this.reason = reason;
+    this.setState("locked");
+  }
+
+  private closed({ code, reason }: CloseEvent): void {
+    if (this.isProving && code === kPolicyViolation) {
+      this.events.onTokenRefused();
+      this.lock(reason);
+      return;
+    }
+    this.reason = reason;
+    this.lost();
   }
 
   private lost(): void {
@@ -168,15 +223,23 @@ export class Connection {
     this.backoffMs = Math.min(2 * this.backoffMs, kLongestBackoffMs);
   }
 
-  private tick(): void {
-    if (this.unanswered++ >= kDeadAfterPings) {
-      this.lost();
-      return;
+  private watch(): void {
+    const now = performance.now();
+    if (now - this.lastPingMs >= kPingEveryMs) {
+      this.lastPingMs = now;
+      if (this.unanswered++ >= kDeadAfterPings) {
+        this.lost();
+        return;
+      }
+      if (this.isWelcome) this.ping();
     }
+    if (this.isWelcome && this.state !== "ended" && now - this.lastBytesMs > kSilentAfterMs) this.setState("silent");
+  }
+
+  private ping(): void {
     this.pings.set(++this.lastPing, nowMs());
     this.pings.delete(this.lastPing - kPingsKept);
-    this.say({ type: "ping", id: this.lastPing });
-    if (performance.now() - this.lastBytesMs > kSilentAfterMs) this.setState("silent");
+    this.send(JSON.stringify({ type: "ping", id: this.lastPing }));
   }
 
   private received(data: ArrayBuffer | string): void {
@@ -201,9 +264,11 @@ export class Connection {
     if (message === null || typeof message !== "object") return;
     if (message["type"] === "hello") {
       const hello = readHello(message);
-      if (hello !== null) this.events.onHello(hello);
+      if (hello !== null) this.welcome(hello);
+    } else if (message["type"] === "locked") {
+      this.prove();
     } else if (message["type"] === "stopped") {
-      this.setState("silent");
+      this.setState(message["ended"] === true ? "ended" : "silent");
     } else if (message["type"] === "pong") {
       const { id, server_ms: serverMs } = message;
       const sent = typeof id === "number" ? this.pings.get(id) : undefined;

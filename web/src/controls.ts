@@ -167,7 +167,7 @@ export class Controls {
       if (event.key === "Meta") this.keys.clear(); // macOS tells of no key that is released while it is held
       return;
     }
-    if (event.ctrlKey || event.altKey || event.metaKey || isInPanel(event.target)) return;
+    if (event.ctrlKey || event.altKey || event.metaKey || isInPanel(event.target) || isTyping(event.target)) return;
     if (/^(Key[WASDQE]|Arrow\w+|Shift\w+)$/.test(event.code)) {
       this.keys.add(event.code);
       if (!event.code.startsWith("Shift")) this.touched = true;
@@ -180,4 +180,9 @@ export class Controls {
 /** Keys that scroll an open panel are the panel's. */
 export function isInPanel(target: EventTarget | null): boolean {
   return target instanceof Element && target.closest("#panels") !== null;
+}
+
+/** Keys in a field are letters of what is written there. */
+export function isTyping(target: EventTarget | null): boolean {
+  return target instanceof HTMLInputElement;
 }

@@ -21,7 +21,14 @@ const kOther = 2; // times the rate that was said: then that is said anew
 const kOwnShare = 0.7; // of the time: then it is this device that is slow
 const kLateMs = 2000;
 const kInTimeMs = 1200;
-const kStaleNs = 2_000_000_000n;
+const kJoiningMs = 1500; // sensors that come so soon after the first capture were not missing
+const kMissingAfterMs = 1000;
+const kBackAfterMs = 1000;
+const kStaleMs = 1500; // behind the capture
+const kStaleAfterMs = 300; // on top of that: a sensor that stays behind is told as soon as one that is not named
+const kIntervalsLate = 2.5; // of a sensor's own: a capture that comes late is none that is missing
+const kSlowMs = 800; // between the captures of a sensor that need not be named all the time
+const kSlower = 1.5; // than the scene: else it is this page that sees few captures
 const kMostNamed = 3;
 
 /** Says yes when something has held for a while, and no when the opposite has: no flicker. */
@@ -29,21 +36,73 @@ export class Hysteresis {
   private since: number | null = null; // when the other answer began
   private answer = false;
 
+  constructor(private readonly raisedAfterMs = kRaisedAfterMs, private readonly clearedAfterMs = kClearedAfterMs) {}
+
   /** What was seen until now does not count towards the next answer. */
   forget(): void {
     this.since = null;
   }
 
-  /** `now`: yes, no, or something between that changes nothing. */
-  update(nowMs: number, now: "yes" | "no" | "between"): boolean {
+  /** `now`: yes, no, or something between that changes nothing. `raisedAfterMs`: of a yes that is surer than others. */
+  update(nowMs: number, now: "yes" | "no" | "between", raisedAfterMs = this.raisedAfterMs): boolean {
     const differs = this.answer ? now === "no" : now === "yes";
     if (!differs) this.since = null;
     else this.since ??= nowMs;
-    if (this.since !== null && nowMs - this.since >= (this.answer ? kClearedAfterMs : kRaisedAfterMs)) {
+    if (this.since !== null && nowMs - this.since >= (this.answer ? this.clearedAfterMs : raisedAfterMs)) {
       this.answer = !this.answer;
       this.since = null;
     }
     return this.answer;
+  }
+}
+
+type Presence = "there" | "stale" | "absent";
+
+/** The usual time between captures, by when they were captured; ms. */
+class Interval {
+  private readonly intervals = new Median(9);
+  lastNs: bigint | null = null;
+
+  add(capturedAtNs: bigint): void {
+    if (this.lastNs !== null && capturedAtNs > this.lastNs) this.intervals.add(Number(capturedAtNs - this.lastNs) / 1e6);
+    this.lastNs = capturedAtNs;
+  }
+
+  usualMs(): number {
+    return this.intervals.value() ?? 0;
+  }
+}
+
+/** Whether one sensor's captures come, by the scene's captures, which say when it last had one. */
+class SensorWatch {
+  private readonly interval = new Interval();
+  private readonly missing = new Hysteresis(kMissingAfterMs, kBackAfterMs);
+
+  came(capturedAtNs: bigint): void {
+    this.interval.add(capturedAtNs);
+  }
+
+  forget(): void {
+    this.missing.forget();
+  }
+
+  /** `scene`: of its captures, of which the newest names the sensor or does not. */
+  isMissing(nowMs: number, scene: Interval, isNamed: boolean): boolean {
+    const presence = this.presence(scene, isNamed);
+    const afterMs = presence === "stale" ? kStaleAfterMs : kMissingAfterMs;
+    return this.missing.update(nowMs, presence === "there" ? "no" : "yes", afterMs);
+  }
+
+  private presence(scene: Interval, isNamed: boolean): Presence {
+    const { lastNs } = this.interval;
+    if (lastNs === null || scene.lastNs === null) return "absent";
+    const behindMs = Number(scene.lastNs - lastNs) / 1e6;
+    const usualMs = this.interval.usualMs();
+    const isBetweenItsOwn = behindMs <= kIntervalsLate * usualMs;
+    if (isNamed) return behindMs <= kStaleMs || isBetweenItsOwn ? "there" : "stale";
+    // Left out between two captures of its own, for which the scene does not wait.
+    const isSlow = usualMs >= kSlowMs && usualMs > kSlower * scene.usualMs();
+    return isSlow && isBetweenItsOwn ? "there" : "absent";
   }
 }
 
@@ -53,7 +112,8 @@ export class Health {
   private readonly slow = new Hysteresis();
   private readonly late = new Hysteresis();
   private readonly latency = new Median(15);
-  private readonly missing: Hysteresis[];
+  private readonly watches: readonly SensorWatch[];
+  private readonly captures = new Interval();
   private firstMs: number | null = null;
   private saidRate = 0;
   private slowText = "";
@@ -61,24 +121,28 @@ export class Health {
 
   /** Of the scene: names by the sensors' numbers, captures a second. */
   constructor(private readonly sensors: readonly string[], private readonly fps: number) {
-    this.missing = sensors.map(() => new Hysteresis());
+    this.watches = sensors.map(() => new SensorWatch());
   }
 
   came(capture: Came): void {
     this.firstMs ??= capture.atMs;
     this.recent.push(capture);
+    this.captures.add(capture.capturedAtNs);
+    for (const source of capture.sources) this.watches[source.sensor]?.came(source.capturedAtNs);
     if (capture.latencyMs !== null) this.latency.add(capture.latencyMs);
   }
 
-  /** One line for each thing that is wrong, as of now. To be asked about once a second. */
+  /** One line for each thing that is wrong, as of now. To be asked about several times a second. */
   words(nowMs: number): string[] {
     while (this.recent.length > 0 && this.recent[0]!.atMs < nowMs - kWindowMs) this.recent.shift();
     if (this.recent.length === 0) this.firstMs = null; // a pause, or a hidden page: counted anew from the next capture
-    if (this.firstMs === null || nowMs - this.firstMs < kWindowMs) {
-      for (const one of [this.slow, this.late, ...this.missing]) one.forget();
-      return [];
-    }
-    return [...this.slowWords(nowMs), ...this.lateWords(nowMs), ...this.missingWords(nowMs)];
+    const forMs = this.firstMs === null ? 0 : nowMs - this.firstMs;
+    if (forMs < kWindowMs) for (const one of [this.slow, this.late]) one.forget();
+    if (forMs < kJoiningMs) for (const watch of this.watches) watch.forget();
+    return [
+      ...(forMs < kWindowMs ? [] : [...this.slowWords(nowMs), ...this.lateWords(nowMs)]),
+      ...(forMs < kJoiningMs ? [] : this.missingWords(nowMs)),
+    ];
   }
 
   private slowWords(nowMs: number): string[] {
@@ -109,10 +173,8 @@ export class Health {
   }
 
   private missingWords(nowMs: number): string[] {
-    const { sources, capturedAtNs } = this.recent.at(-1)!;
-    const present = new Set<number>();
-    for (const source of sources) if (capturedAtNs - source.capturedAtNs <= kStaleNs) present.add(source.sensor);
-    const names = this.sensors.filter((_, i) => this.missing[i]!.update(nowMs, present.has(i) ? "no" : "yes"));
+    const named = new Set(this.recent.at(-1)!.sources.map((source) => source.sensor));
+    const names = this.sensors.filter((_, i) => this.watches[i]!.isMissing(nowMs, this.captures, named.has(i)));
     if (names.length === 0) return [];
     if (names.length > kMostNamed) return [`${names.length} of ${this.sensors.length} sensors are missing.`];
     const last = names.at(-1)!;

@@ -1,9 +1,10 @@
-import { isInPanel } from "./controls.ts";
+import { isInPanel, isTyping } from "./controls.ts";
 import { askedLayer } from "./layers.ts";
 import { Overlay } from "./overlay.ts";
-import { Notice, Panel } from "./panels.ts";
+import { LockForm, Notice, Panel } from "./panels.ts";
 import { checkSupport } from "./support.ts";
 import { installTestHook } from "./test_hook.ts";
+import { sessionStorageOrNull, takeTokenFromAddress, TokenKeeper } from "./token.ts";
 import { Viewer } from "./viewer.ts";
 
 function element<T extends HTMLElement>(id: string, kind: new () => T): T {
@@ -45,6 +46,7 @@ function connectButtons(viewer: Viewer): void {
   window.addEventListener("keydown", (event) => {
     const act = byKey[event.code];
     if (act === undefined || event.repeat || event.ctrlKey || event.altKey || event.metaKey || event.shiftKey) return;
+    if (isTyping(event.target)) return;
     if (event.code === "Home" && isInPanel(event.target)) return;
     event.preventDefault();
     act();
@@ -58,7 +60,23 @@ function followTheme(viewer: Viewer): void {
   follow();
 }
 
+/** The token of the address comes first: it must not stay there while the page starts. */
+function takeTokens(viewerOf: () => Viewer | null): TokenKeeper {
+  const tokens = new TokenKeeper(streamUrl(), sessionStorageOrNull());
+  const take = (): void => {
+    const token = takeTokenFromAddress();
+    if (token === null) return;
+    tokens.keep(token);
+    viewerOf()?.unlock(token);
+  };
+  take();
+  window.addEventListener("hashchange", take);
+  return tokens;
+}
+
 async function main(): Promise<void> {
+  let viewer: Viewer | null = null;
+  const tokens = takeTokens(() => viewer);
   const message = element("message", HTMLElement);
   const say = (text: string): void => {
     message.textContent = text;
@@ -68,11 +86,16 @@ async function main(): Promise<void> {
     say(`This page cannot show the scene here.\n${support.problems.join("\n")}`);
     return;
   }
+  const scene = element("scene", HTMLCanvasElement);
+  const lock = new LockForm(
+    element("lock", HTMLFormElement), element("token", HTMLInputElement), element("lock-error", HTMLElement),
+    element("unlock", HTMLButtonElement), scene, (token) => viewer?.unlock(token),
+  );
   const notice = new Notice(element("notice", HTMLElement), element("notice-text", HTMLElement), element("dismiss", HTMLButtonElement));
   const query = new URLSearchParams(location.search);
   const checkPairs = query.get("check") === "pairs";
-  const viewer = new Viewer(
-    element("scene", HTMLCanvasElement),
+  viewer = new Viewer(
+    scene,
     {
       url: streamUrl(),
       isSoftware: support.isSoftware,
@@ -82,8 +105,13 @@ async function main(): Promise<void> {
       checkPairs,
       breakPairs: checkPairs && query.get("break") === "pairs",
     },
-    say,
-    (words) => notice.say(words),
+    tokens,
+    {
+      say,
+      notice: (words) => notice.say(words),
+      locked: (reason) => lock.show(reason),
+      unlocked: () => lock.hide(),
+    },
   );
   installTestHook(viewer);
   connectButtons(viewer);

@@ -1,4 +1,5 @@
 import { FlatBuffer, Malformed, require, Table, type Span } from "./bytes.ts";
+import { kChecksumBytes, withoutChecksum, writeChecksum } from "./crc32.ts";
 import { kMoving, kStill, type Layer } from "./layers.ts";
 import type { Vec3 } from "./vec.ts";
 
@@ -130,17 +131,32 @@ export interface Packet {
   readonly coalesced: number;
 }
 
-/** What a message is, by its file identifier. */
-export function kindOf(bytes: Uint8Array): "packet" | "chunks" {
+/** What came over the network, undamaged. */
+export interface Message {
+  readonly kind: "packet" | "chunks";
+  /** Its FlatBuffer. */
+  readonly body: Uint8Array;
+}
+
+/** Tells what a message is by its file identifier, and that its checksum fits, before anything else of it is read. */
+export function openMessage(bytes: Uint8Array): Message {
   require(bytes.byteLength <= kLimits.packetBytes, "more than 64 MiB");
-  switch (new FlatBuffer(bytes).identifier()) {
-    case "MRP2":
-      return "packet";
-    case "MRC2":
-      return "chunks";
+  const body = withoutChecksum(bytes);
+  require(body !== null, "damaged: its checksum does not fit");
+  switch (new FlatBuffer(body).identifier()) {
+    case "MRP3":
+      return { kind: "packet", body };
+    case "MRC3":
+      return { kind: "chunks", body };
     default:
       throw new Malformed("not one of our messages, or of another version");
   }
+}
+
+/** The numbers by which a packet is put in order. */
+export function numbersOf({ body }: Message): { epoch: number; sequence: bigint } {
+  const root = new FlatBuffer(body).root();
+  return { epoch: root.u32(0), sequence: root.u64(1) };
 }
 
 /** Most of a packet, as packets of one node have it in common. Lists are sorted. */
@@ -162,7 +178,8 @@ interface Base {
   readonly head: Head;
 }
 
-/** Puts a node's packets together, each of which tells its difference to a base that some of them bring. */
+/** Puts a node's packets together, each of which tells its difference to a base that some of them bring. They are given in
+ *  order (PacketOrder). */
 export class HeadReader {
   private base: Base | null = null;
   private lacking = false;
@@ -172,11 +189,11 @@ export class HeadReader {
     return this.lacking;
   }
 
-  /** Reads and checks a packet; null where its base did not come. Payloads stay views of `bytes`. Throws
+  /** Reads and checks a packet; null where its base did not come. Payloads stay views of the message. Throws
    *  Malformed and nothing else. */
-  read(bytes: Uint8Array): Packet | null {
-    require(kindOf(bytes) === "packet", "not a packet");
-    const root = new FlatBuffer(bytes).root();
+  read({ kind, body }: Message): Packet | null {
+    require(kind === "packet", "not a packet");
+    const root = new FlatBuffer(body).root();
     const epoch = root.u32(0);
     const exact = root.u64(1);
     require(exact <= BigInt(Number.MAX_SAFE_INTEGER), "a sequence number beyond 2^53");
@@ -188,9 +205,7 @@ export class HeadReader {
     const brings = root.has(9);
     require(age > 0 || brings, "its own base, which it does not bring");
     if (brings) {
-      const base = { epoch, sequence: sequence - age, head: readHead(root.table(9, "the head")) };
-      require(!this.isOlder(base), "a base older than the one before");
-      this.base = base;
+      this.base = { epoch, sequence: sequence - age, head: readHead(root.table(9, "the head")) };
       this.lacking = false;
     }
     const base = this.base;
@@ -200,17 +215,11 @@ export class HeadReader {
     }
     return readRest(root, base.head, { epoch, sequence, coalesced });
   }
-
-  private isOlder(base: Base): boolean {
-    const last = this.base;
-    return last !== null && last.epoch === base.epoch && last.head.scene === base.head.scene &&
-      last.head.node === base.head.node && last.sequence > base.sequence;
-  }
 }
 
 /** Reads and checks a packet that needs no other. */
 export function readPacket(bytes: Uint8Array): Packet {
-  const packet = new HeadReader().read(bytes);
+  const packet = new HeadReader().read(openMessage(bytes));
   require(packet !== null, "a packet that does not bring its base");
   return packet;
 }
@@ -344,9 +353,9 @@ function bigints(span: Span, read: (at: number) => bigint): bigint[] {
 }
 
 /** Reads and checks the answer to a request. */
-export function readChunksAnswer(bytes: Uint8Array): EncodedChunk[] {
-  require(kindOf(bytes) === "chunks", "not an answer with chunks");
-  return readChunks(new FlatBuffer(bytes).root(), 0);
+export function readChunksAnswer({ kind, body }: Message): EncodedChunk[] {
+  require(kind === "chunks", "not an answer with chunks");
+  return readChunks(new FlatBuffer(body).root(), 0);
 }
 
 /** What a viewer lacks. */
@@ -360,9 +369,9 @@ export interface Wanted {
 export function writeRequest({ chunks, keyFrames, wholeHead }: Wanted): Uint8Array<ArrayBuffer> {
   const asked = chunks.slice(0, kLimits.requestChunks);
   const streams = [...new Set(keyFrames)].sort((a, b) => a - b).slice(0, kLimits.requestStreams);
-  const out = new Uint8Array(16 + kKeyBytes * asked.length + 4 * streams.length);
+  const out = new Uint8Array(16 + kKeyBytes * asked.length + 4 * streams.length + kChecksumBytes);
   const view = new DataView(out.buffer);
-  out.set([..."MRW2"].map((c) => c.charCodeAt(0)));
+  out.set([..."MRW3"].map((c) => c.charCodeAt(0)));
   view.setUint32(4, wholeHead ? 1 : 0, true);
   view.setUint32(8, asked.length, true);
   view.setUint32(12, streams.length, true);
@@ -371,6 +380,7 @@ export function writeRequest({ chunks, keyFrames, wholeHead }: Wanted): Uint8Arr
     fields.forEach((value, n) => view.setUint32(16 + kKeyBytes * i + 4 * n, value, true));
   });
   streams.forEach((stream, i) => view.setUint32(16 + kKeyBytes * asked.length + 4 * i, stream, true));
+  writeChecksum(out);
   return out;
 }
 

@@ -14,6 +14,7 @@ import { SceneRenderer } from "./scene_renderer.ts";
 import { kThemes } from "./stage.ts";
 import { findStart } from "./start_place.ts";
 import { Median, Rate } from "./statistics.ts";
+import type { TokenKeeper } from "./token.ts";
 
 export interface ViewerOptions {
   readonly url: string;
@@ -47,6 +48,16 @@ export interface Shown {
   readonly stillChunks: number;
 }
 
+/** What the viewer needs of the page around its canvas. */
+export interface ViewerPage {
+  say(message: string): void;
+  notice(words: string): void;
+  /** Asks for a token; `reason`: why the last one was refused, or empty. */
+  locked(reason: string): void;
+  unlocked(): void;
+}
+
+const kWaiting = "Connected. Waiting for the first capture …";
 const kMostPairs = 10_000;
 const kHiddenForMs = 10_000;
 const kFirstStepS = 1 / 60;
@@ -55,7 +66,7 @@ const kLongestLatencyMs = 3_600_000;
 const kStillAfterMs = 500;
 const kStillAfterCaptures = 4; // that did not come: drawn by the processor, a still picture takes the time of several others
 const kLongestCaptureMs = 1000;
-const kHealthEveryMs = 1000;
+const kHealthEveryMs = 100; // a sensor that is missing is told within two seconds
 const kStartSettlesMs = 10_000; // sensors that come so soon are still counted for the place to start
 
 /** Shows the newest complete capture; draws only when something changed, once per animation frame. */
@@ -66,6 +77,7 @@ export class Viewer {
   private readonly controls: Controls;
   private readonly renderer: SceneRenderer;
   private state: LinkState | "held" | "broken" = "connecting";
+  private closingReason = "";
   private shownCapture: Capture | null = null;
   private newChunks = 0;
   private fixed: Camera | null = null;
@@ -91,16 +103,17 @@ export class Viewer {
   constructor(
     private readonly canvas: HTMLCanvasElement,
     private readonly options: ViewerOptions,
-    private readonly say: (message: string) => void,
-    private readonly notice: (words: string) => void,
+    tokens: TokenKeeper,
+    private readonly page: ViewerPage,
   ) {
     this.renderer = new SceneRenderer(canvas, options.isSoftware);
     this.controls = new Controls(canvas, this.navigation, (x, y) => this.aim(x, y), () => {
       this.hasMoved = true;
       this.schedule();
     });
-    this.client = new Client(options.url, options.hold, {
+    this.client = new Client(options.url, tokens, options.hold, {
       onHello: (hello) => {
+        page.unlocked();
         document.title = `${hello.scene} · MeshReduce`;
         if (this.hello?.scene !== hello.scene) {
           this.startSources = this.firstMs = null;
@@ -111,12 +124,12 @@ export class Viewer {
         this.renderer.setUp(hello.up);
         this.health = new Health(hello.sensors, hello.fps);
       },
-      onState: (state) => this.setState(state),
+      onState: (state, reason) => this.setState(state, reason),
       onChange: () => this.schedule(),
       onBroken: (message) => this.fail(message),
     });
     new ResizeObserver(() => this.resize()).observe(canvas);
-    canvas.addEventListener("webglcontextlost", () => this.say("The graphics device was lost. Reload the page."));
+    canvas.addEventListener("webglcontextlost", () => page.say("The graphics device was lost. Reload the page."));
     document.addEventListener("visibilitychange", () => this.visibilityChanged());
   }
 
@@ -125,6 +138,11 @@ export class Viewer {
     this.tell();
     this.client.open();
     window.setInterval(() => this.checkHealth(), kHealthEveryMs);
+  }
+
+  /** Connects with a token, which a locked gateway wants. */
+  unlock(token: string): void {
+    if (this.state !== "held" && this.state !== "broken") this.client.unlock(token);
   }
 
   /** Back to where the page started. */
@@ -201,7 +219,8 @@ export class Viewer {
     const { traffic } = this.client;
     const latency = this.latency.value();
     const shown = this.shown();
-    const errors = this.client.errors;
+    const { errors, refused } = this.client;
+    const counts = `${errors > 0 ? `, ${errors} broken parts` : ""}${refused > 0 ? `, ${refused} out of order` : ""}`;
     return {
       "frame-rate": `${this.captures.perSecond(now).toFixed(1)} /s`,
       latency: latency === null ? "–" : `${latency.toFixed(0)} ms`,
@@ -211,7 +230,7 @@ export class Viewer {
       "plate-rate": mbps(traffic.textureBytes(kStill, now)),
       triangles: this.renderer.triangles().toLocaleString("en"),
       chunks: shown === null ? "–" : `${shown.chunks - this.newChunks} kept, ${this.newChunks} new`,
-      capture: shown === null ? "–" : `${shown.sequence}${errors > 0 ? `, ${errors} broken parts` : ""}`,
+      capture: shown === null ? "–" : `${shown.sequence}${counts}`,
       device: this.options.device,
     };
   }
@@ -219,37 +238,48 @@ export class Viewer {
   private fail(message: string): void {
     this.client.close();
     this.state = "broken";
-    this.say(message);
+    this.page.unlocked();
+    this.page.say(message);
   }
 
-  private setState(state: LinkState): void {
+  private setState(state: LinkState, reason: string): void {
     if (this.state === "held" || this.state === "broken") return;
     this.state = state;
+    this.closingReason = reason;
     this.tell();
   }
 
   private tell(): void {
+    this.page.say(this.words());
+    if (this.state === "locked") this.page.locked(this.closingReason);
+    else if (this.state === "lost") this.page.unlocked();
+  }
+
+  private words(): string {
     const host = location.host;
+    const closed = this.closingReason === "" ? null : `The connection to ${host} was closed (${this.closingReason}). Trying again …`;
     const since = this.lastCameMs === null ? "" : ` since ${new Date(this.lastCameMs).toLocaleTimeString()}`;
     switch (this.state) {
       case "connecting":
-        return this.say(this.lastCameMs === null ? `Connecting to ${host} …` : `Connecting to ${host} again …`);
+        return closed ?? (this.lastCameMs === null ? `Connecting to ${host} …` : `Connecting to ${host} again …`);
       case "waiting":
-        return this.say("Connected. Waiting for the first capture …");
+        return kWaiting;
       case "silent":
-        return this.say(`The stream has stopped: nothing has come${since}. It goes on by itself.`);
+        return `The stream has stopped: nothing has come${since}. It goes on by itself.`;
+      case "ended":
+        return "The recording has ended.";
       case "lost":
-        return this.say(`The connection to ${host} is lost. Trying again …`);
+        return closed ?? `The connection to ${host} is lost. Trying again …`;
       case "live":
-        return this.say(this.shownCapture === null ? "Connected. Waiting for the first capture …" : "");
-      case "held":
-        return this.say("");
+        return this.shownCapture === null ? kWaiting : "";
+      default:
+        return "";
     }
   }
 
   private visibilityChanged(): void {
     clearTimeout(this.hiddenTimer);
-    if (this.state === "held" || this.state === "broken") return;
+    if (this.state === "held" || this.state === "broken" || this.state === "locked") return;
     // Nobody looks and nothing would be acknowledged: the server need not send.
     if (document.hidden) this.hiddenTimer = window.setTimeout(() => this.pause(), kHiddenForMs);
     else if (this.state === "connecting") this.client.open();
@@ -386,7 +416,7 @@ export class Viewer {
 
   private checkHealth(): void {
     const isLive = this.state === "live" && !document.hidden;
-    this.notice(isLive ? (this.health?.words(performance.now()) ?? []).join(" ") : "");
+    this.page.notice(isLive ? (this.health?.words(performance.now()) ?? []).join(" ") : "");
   }
 
   private camera(): Camera {

@@ -1,11 +1,14 @@
 import assert from "node:assert/strict";
 import { test } from "node:test";
 import { Malformed } from "../../src/bytes.ts";
-import { HeadReader, kindOf, readChunksAnswer, readPacket, writeRequest, type Packet } from "../../src/packet.ts";
+import { kChecksumBytes, writeChecksum } from "../../src/crc32.ts";
+import {
+  HeadReader, numbersOf, openMessage, readChunksAnswer, readPacket, writeRequest, type Packet,
+} from "../../src/packet.ts";
 import { makeRandom, readBytes } from "./support.ts";
 
-const kGolden = "../tests/data/packet_v2.bin";
-const kGoldenSequence = "../tests/data/packets_v2.bin";
+const kGolden = "../tests/data/packet_v3.bin";
+const kGoldenSequence = "../tests/data/packets_v3.bin";
 const kRoom = "tests/data/chunks_room.bin";
 
 /** What a node sends one after another; each packet after its length. */
@@ -61,7 +64,7 @@ test("the golden packet of the C++ side reads", () => {
 
 test("packets that build on another are put together", () => {
   const reader = new HeadReader();
-  const packets = goldenSequence().map((bytes) => reader.read(bytes)!);
+  const packets = goldenSequence().map((bytes) => reader.read(openMessage(bytes))!);
   assert.deepEqual(packets.map((packet) => packet.sequence), [1, 2, 3, 4, 5]);
   const ms = 1_000_000n;
   for (const [i, packet] of packets.slice(0, 4).entries()) {
@@ -88,16 +91,53 @@ test("packets that build on another are put together", () => {
 });
 
 test("a packet whose base did not come is asked for", () => {
-  const [one, , three, four, five] = goldenSequence();
+  const packets = goldenSequence();
+  const read = (i: number): Packet | null => reader.read(openMessage(packets[i]!));
   const reader = new HeadReader();
-  assert.equal(reader.read(four!), null);
+  assert.equal(read(3), null);
   assert.ok(reader.lacksBase());
-  assert.throws(() => readPacket(four!), Malformed);
-  assert.equal(reader.read(three!)!.sequence, 3, "it brings the base again");
+  assert.throws(() => readPacket(packets[3]!), Malformed);
+  assert.equal(read(2)!.sequence, 3, "it brings the base again");
   assert.ok(!reader.lacksBase());
-  assert.equal(reader.read(five!)!.manifest.length, 3);
-  assert.equal(reader.read(one!)!.sequence, 1, "the same base is no older one");
+  assert.equal(read(4)!.manifest.length, 3);
 });
+
+test("a base older than the last one is taken: what comes in order is not told by bases", () => {
+  const reader = new HeadReader();
+  assert.equal(reader.read(openMessage(renumbered(readBytes(kGolden), 2_000_000n)))!.sequence, 2_000_000);
+  assert.equal(reader.read(openMessage(renumbered(readBytes(kGolden), 5n)))!.sequence, 5);
+});
+
+test("a packet's numbers are exact up to the largest", () => {
+  const largest = 2n ** 64n - 1n;
+  const message = openMessage(renumbered(readBytes(kGolden), largest));
+  assert.deepEqual(numbersOf(message), { epoch: 2, sequence: largest });
+  assert.throws(() => new HeadReader().read(message), Malformed);
+});
+
+test("a packet with any bit that is another is refused", () => {
+  const bytes = readBytes(kGolden);
+  for (let at = 0; at < bytes.length; ++at)
+    for (let bit = 0; bit < 8; ++bit) {
+      bytes[at]! ^= 1 << bit;
+      assert.throws(() => openMessage(bytes), Malformed, `bit ${bit} of byte ${at}`);
+      bytes[at]! ^= 1 << bit;
+    }
+  openMessage(bytes);
+});
+
+/** Where a field of a table lies. */
+function fieldAt(view: DataView, table: number, field: number): number {
+  return table + view.getUint16(table - view.getInt32(table, true) + 4 + 2 * field, true);
+}
+
+/** The same packet under another sequence number. */
+function renumbered(bytes: Uint8Array, sequence: bigint): Uint8Array {
+  const view = new DataView(bytes.buffer, bytes.byteOffset);
+  view.setBigUint64(fieldAt(view, view.getUint32(0, true), 1), sequence, true);
+  writeChecksum(bytes);
+  return bytes;
+}
 
 test("10,000 corrupted sequences give values within the caps or Malformed", () => {
   const random = makeRandom(5);
@@ -108,8 +148,9 @@ test("10,000 corrupted sequences give values within the caps or Malformed", () =
     for (const good of goldenSequence().slice(2)) {
       const bytes = good.slice();
       for (let edits = random(3); edits > 0; --edits) bytes[random(bytes.length)] = random(256);
+      writeChecksum(bytes);
       try {
-        const packet = reader.read(bytes);
+        const packet = reader.read(openMessage(bytes));
         if (packet !== null) requireCaps(packet, bytes.length), ++read;
       } catch (error) {
         assert.ok(error instanceof Malformed, `round ${round}: ${String(error)}`);
@@ -136,34 +177,41 @@ test("every truncation is an error", () => {
 
 test("other bytes are refused", () => {
   const bytes = readBytes(kGolden);
-  assert.equal(kindOf(bytes), "packet");
-  assert.throws(() => readChunksAnswer(bytes), Malformed);
-  bytes[4] = 0x58;
-  assert.throws(() => kindOf(bytes), Malformed);
-  assert.throws(() => kindOf(new Uint8Array(0)), Malformed);
+  assert.equal(openMessage(bytes).kind, "packet");
+  assert.throws(() => readChunksAnswer(openMessage(bytes)), Malformed);
+  for (const other of ["MRP2", "MRC2", "XRP3"]) {
+    bytes.set([...other].map((c) => c.charCodeAt(0)), 4);
+    writeChecksum(bytes);
+    assert.throws(() => openMessage(bytes), /another version/);
+  }
+  for (let n = 0; n < 12; ++n) assert.throws(() => openMessage(new Uint8Array(n)), Malformed);
 });
 
 test("an answer with chunks reads", () => {
   // root, identifier, vtable of one field, table, vector of no tables
-  const bytes = new Uint8Array(32);
+  const bytes = new Uint8Array(32 + kChecksumBytes);
   const view = new DataView(bytes.buffer);
   view.setUint32(0, 16, true);
-  bytes.set([..."MRC2"].map((c) => c.charCodeAt(0)), 4);
+  bytes.set([..."MRC3"].map((c) => c.charCodeAt(0)), 4);
   [6, 8, 4].forEach((value, i) => view.setUint16(8 + 2 * i, value, true));
   view.setInt32(16, 8, true);
   view.setUint32(20, 8, true);
-  assert.deepEqual(readChunksAnswer(bytes), []);
+  writeChecksum(bytes);
+  assert.deepEqual(readChunksAnswer(openMessage(bytes)), []);
   view.setUint32(28, 1, true);
-  assert.throws(() => readChunksAnswer(bytes), Malformed);
+  assert.throws(() => openMessage(bytes), /checksum/);
+  writeChecksum(bytes);
+  assert.throws(() => readChunksAnswer(openMessage(bytes)), Malformed);
 });
 
 test("a request has the bytes of docs/wire-format.md", () => {
   const { manifest } = readPacket(readBytes(kGolden));
   const bytes = writeRequest({ chunks: manifest.slice(3, 4), keyFrames: [7, 4, 7], wholeHead: true });
   assert.equal(Buffer.from(bytes).toString("hex"),
-    "4d525732" + "01000000" + "01000000" + "02000000" +
-    "000000000000000000000000" + "01000000" + "01000000" + "00000000" + "01000000" + "04000000" + "07000000");
-  assert.equal(writeRequest({ chunks: [], keyFrames: [], wholeHead: false }).length, 16);
+    "4d525733" + "01000000" + "01000000" + "02000000" +
+    "000000000000000000000000" + "01000000" + "01000000" + "00000000" + "01000000" + "04000000" + "07000000" +
+    "f48d3bf5");
+  assert.equal(writeRequest({ chunks: [], keyFrames: [], wholeHead: false }).length, 20);
 });
 
 /** What every packet that was accepted must fulfil, whatever its bytes. */
@@ -196,7 +244,8 @@ test("20,000 corrupted packets give values within the caps or Malformed", () => 
       else if (kind === 3) view.setUint16(at & ~1, random(65_536), true);
       else bytes.copyWithin(at, random(bytes.length), random(bytes.length));
     }
-    if (random(8) === 0) bytes = bytes.subarray(0, random(bytes.length));
+    if (random(8) === 0) bytes = bytes.subarray(0, kChecksumBytes + random(bytes.length - kChecksumBytes));
+    writeChecksum(bytes);
     try {
       requireCaps(readPacket(bytes), bytes.length);
     } catch (error) {
@@ -210,11 +259,10 @@ test("20,000 corrupted packets give values within the caps or Malformed", () => 
 test("small packets that name the same bytes often do not grow", () => {
   const bytes = readBytes(kGolden);
   const view = new DataView(bytes.buffer);
-  const fieldAt = (table: number, field: number): number =>
-    table + view.getUint16(table - view.getInt32(table, true) + 4 + 2 * field, true);
-  const headOffset = fieldAt(view.getUint32(0, true), 9);
-  const manifest = fieldAt(headOffset + view.getUint32(headOffset, true), 5);
+  const headOffset = fieldAt(view, view.getUint32(0, true), 9);
+  const manifest = fieldAt(view, headOffset + view.getUint32(headOffset, true), 5);
   const count = manifest + view.getUint32(manifest, true);
   view.setUint32(count, 60_000, true);
+  writeChecksum(bytes);
   assert.throws(() => readPacket(bytes), Malformed);
 });

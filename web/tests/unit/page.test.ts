@@ -64,6 +64,49 @@ test("a picture that comes late is told", () => {
   assert.match(listen(new Health(["a", "b"], 30), 0, 12, { fps: 30, latencyMs: 4100 }).at(-1)!, /4 s late/);
 });
 
+interface Source {
+  readonly sensor: number;
+  readonly capturedAtNs: bigint;
+}
+
+/** What is said, and when it was first said, asked for ten times a second of 30 captures a second; `sourcesAt`: of a capture. */
+function watch(health: Health, fromMs: number, forMs: number, sourcesAt: (ms: number) => readonly Source[], fps = 30): [number, string][] {
+  const said: [number, string][] = [];
+  const everyMs = 1000 / fps;
+  let nextMs = fromMs;
+  for (let atMs = fromMs; atMs < fromMs + forMs; atMs += 10) {
+    for (; nextMs <= atMs; nextMs += everyMs)
+      health.came({ atMs: nextMs, capturedAtNs: nsOf(nextMs), sources: sourcesAt(nextMs), workMs: 5, latencyMs: null });
+    if (atMs % 100 !== 0) continue;
+    const words = health.words(atMs).join(" ");
+    if (words !== (said.at(-1)?.[1] ?? "")) said.push([atMs, words]);
+  }
+  return said;
+}
+const nsOf = (ms: number): bigint => BigInt(Math.round(ms * 1e6));
+const named = (ms: number, ...sensors: readonly number[]): Source[] =>
+  sensors.map((sensor) => ({ sensor, capturedAtNs: nsOf(ms) }));
+
+test("a sensor that is gone is told a second after it is left out, and no longer a second after it is back", () => {
+  const health = new Health(["a", "b"], 30);
+  const said = watch(health, 0, 12_000, (ms) => (ms > 6000 && ms < 9000 ? named(ms, 0) : named(ms, 0, 1)));
+  assert.deepEqual(said.map(([, words]) => words), ["b is missing.", ""]);
+  const [[toldMs], [backMs]] = said as [[number, string], [number, string]];
+  assert.ok(toldMs >= 7000 && toldMs <= 7200, `${toldMs}`);
+  assert.ok(backMs >= 9900 && backMs <= 10_200, `${backMs}`);
+});
+
+test("a gap of less than a second is not told", () => {
+  assert.deepEqual(watch(new Health(["a", "b"], 30), 0, 9000, (ms) => (ms > 6000 && ms < 6800 ? named(ms, 0) : named(ms, 0, 1))), []);
+});
+
+test("half a rig that never comes is told soon after the start, not while sensors join", () => {
+  assert.deepEqual(watch(new Health(["a", "b"], 30), 0, 5000, (ms) => (ms < 2000 ? named(ms, 0) : named(ms, 0, 1))), []);
+  const [[atMs, words]] = watch(new Health(["a", "b", "c", "d"], 30), 0, 5000, (ms) => named(ms, 0, 3)) as [[number, string]];
+  assert.equal(words, "b and c are missing.");
+  assert.ok(atMs >= 2500 && atMs <= 2700, `${atMs}`);
+});
+
 test("missing sensors are named, and not those that come back", () => {
   const health = new Health(["cam-0", "cam-1", "cam-2"], 30);
   assert.equal(listen(health, 0, 12, { fps: 30, sensors: [0, 1] }).at(-1), "cam-2 is missing.");
@@ -73,16 +116,32 @@ test("missing sensors are named, and not those that come back", () => {
   assert.equal(listen(many, 0, 12, { fps: 30, sensors: [0] }).at(-1), "8 of 9 sensors are missing.");
 });
 
-test("a sensor whose capture is old is missing, too", () => {
-  const health = new Health(["a", "b"], 10);
-  let words: string[] = [];
-  for (let i = 0; i < 120; ++i) {
-    const capturedAtNs = BigInt(i) * 100_000_000n;
-    const sources = [{ sensor: 0, capturedAtNs }, { sensor: 1, capturedAtNs: 0n }];
-    health.came({ atMs: 100 * i, capturedAtNs, sources, workMs: 5, latencyMs: null });
-    words = health.words(100 * i);
+test("a sensor whose captures have become old is told within two seconds, though it is named", () => {
+  const said = watch(new Health(["a", "b"], 30), 0, 9000, (ms) => [...named(ms, 0), ...named(Math.min(ms, 6000), 1)]);
+  assert.deepEqual(said.map(([, words]) => words), ["b is missing."]);
+  assert.ok(said[0]![0] >= 7500 && said[0]![0] <= 8000, `${said[0]![0]}`);
+});
+
+test("a sensor of one capture a second is there, whether it is named between them or not, and missed when it is gone", () => {
+  const everyMs = (ms: number): number => 1000 * Math.floor(ms / 1000) - (Math.floor(ms / 1000) % 3) * 200; // not on the dot
+  const kept = (ms: number): Source[] => [...named(ms, 0), ...named(everyMs(ms), 1)];
+  const leftOut = (ms: number): Source[] => (ms - everyMs(ms) < 500 ? kept(ms) : named(ms, 0));
+  for (const sourcesAt of [kept, leftOut]) {
+    const health = new Health(["a", "b"], 30);
+    assert.deepEqual(watch(health, 0, 30_000, sourcesAt), []);
+    assert.equal(watch(health, 30_000, 6000, (ms) => named(ms, 0)).at(-1)?.[1], "b is missing.");
   }
-  assert.deepEqual(words, ["b is missing."]);
+});
+
+test("a scene of one capture a second misses a sensor as soon as others", () => {
+  const health = new Health(["a", "b"], 1);
+  const said = watch(health, 0, 20_000, (ms) => (ms > 10_500 ? named(ms, 0) : named(ms, 0, 1)), 1);
+  assert.deepEqual(said.map(([, words]) => words), ["b is missing."]);
+  assert.ok(said[0]![0] <= 12_100, `${said[0]![0]}`);
+});
+
+test("a missing sensor is told beside a slow server", () => {
+  assert.match(listen(new Health(["a", "b"], 30), 0, 20, { fps: 6, sensors: [0] }).at(-1)!, /^The server is slower.* b is missing\.$/);
 });
 
 test("an answer changes only when it has held for a while", () => {

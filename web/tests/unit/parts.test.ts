@@ -1,7 +1,7 @@
 import assert from "node:assert/strict";
 import { test } from "node:test";
 import { clipFromEye, distanceToSeeAll, lookAlong, usualCamera, type Camera } from "../../src/camera.ts";
-import { Connection, readHello, ServerClock } from "../../src/connection.ts";
+import { readHello, ServerClock } from "../../src/connection.ts";
 import { burntNumber, planeSizes, type Picture } from "../../src/picture.ts";
 import { Median, Rate } from "../../src/statistics.ts";
 import { add, dot, scale, type Vec3 } from "../../src/vec.ts";
@@ -95,48 +95,4 @@ test("rates and medians forget", () => {
   assert.equal(median.value(), null);
   for (const value of [100, 1, 3, 2]) median.add(value);
   assert.equal(median.value(), 2);
-});
-
-test("a connection that says nothing for five pings is given up and made anew", (t) => {
-  class FakeSocket extends EventTarget {
-    static readonly OPEN = 1;
-    static readonly made: FakeSocket[] = [];
-    readyState = 1;
-    sent: string[] = [];
-    constructor(readonly url: string) {
-      super();
-      FakeSocket.made.push(this);
-    }
-    send(text: string): void {
-      this.sent.push(text);
-    }
-    close(): void {
-      this.readyState = 3;
-    }
-  }
-  Object.assign(globalThis, { WebSocket: FakeSocket, window: globalThis });
-  t.mock.timers.enable({ apis: ["setInterval", "setTimeout"] });
-  const states: string[] = [];
-  const nothing = (): void => {};
-  const connection = new Connection("ws://here", {
-    onHello: nothing,
-    onBytes: () => true,
-    onState: (state) => states.push(state),
-  });
-  connection.open();
-  const [first] = FakeSocket.made;
-  first!.dispatchEvent(new Event("open"));
-  const pong = JSON.stringify({ type: "pong", id: 1, server_ms: 0 });
-  for (let s = 0; s < 20; ++s) {
-    first!.dispatchEvent(new MessageEvent("message", { data: pong }));
-    t.mock.timers.tick(1000);
-  }
-  assert.equal(FakeSocket.made.length, 1, "whoever answers stays");
-  t.mock.timers.tick(4000);
-  assert.equal(FakeSocket.made.length, 1);
-  t.mock.timers.tick(1000);
-  assert.ok(states.includes("lost"));
-  t.mock.timers.tick(1000);
-  assert.equal(FakeSocket.made.length, 2);
-  connection.close();
 });
