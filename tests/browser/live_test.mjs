@@ -217,7 +217,7 @@ test("a stream that stops is announced", async () => {
   const server = await serve({ loop: false });
   try {
     const page = await openViewer(browser, server.url, [], small);
-    await waitForMessage(page, /stop|nothing|no new/i, 30_000);
+    await waitForMessage(page, /has stopped|has ended/, 30_000);
     assert.notEqual(await sequenceOf(page), null, "the last picture stays");
     await page.close();
   } finally {

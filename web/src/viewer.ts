@@ -78,6 +78,7 @@ export class Viewer {
   private readonly renderer: SceneRenderer;
   private state: LinkState | "held" | "broken" = "connecting";
   private closingReason = "";
+  private asksForToken = false; // also while the gateway looks at one
   private shownCapture: Capture | null = null;
   private newChunks = 0;
   private fixed: Camera | null = null;
@@ -113,7 +114,7 @@ export class Viewer {
     });
     this.client = new Client(options.url, tokens, options.hold, {
       onHello: (hello) => {
-        page.unlocked();
+        this.stopAsking();
         document.title = `${hello.scene} · MeshReduce`;
         if (this.hello?.scene !== hello.scene) {
           this.startSources = this.firstMs = null;
@@ -238,8 +239,15 @@ export class Viewer {
   private fail(message: string): void {
     this.client.close();
     this.state = "broken";
-    this.page.unlocked();
+    this.stopAsking();
     this.page.say(message);
+  }
+
+  private stopAsking(): void {
+    if (!this.asksForToken) return;
+    this.asksForToken = false;
+    this.page.unlocked();
+    this.tell();
   }
 
   private setState(state: LinkState, reason: string): void {
@@ -250,9 +258,12 @@ export class Viewer {
   }
 
   private tell(): void {
-    this.page.say(this.words());
-    if (this.state === "locked") this.page.locked(this.closingReason);
-    else if (this.state === "lost") this.page.unlocked();
+    if (this.state === "lost") this.stopAsking();
+    if (this.state === "locked") {
+      this.asksForToken = true;
+      this.page.locked(this.closingReason);
+    }
+    this.page.say(this.asksForToken ? "" : this.words());
   }
 
   private words(): string {
