@@ -76,7 +76,7 @@ sensors:
   - id: a
     source:
       type: rgbd-images
-      color: [d.png, nobody.png]
+      color: [none.png, nobody.png]
       depth: d.png
       depth_unit_m: "0.001"
     depth_camera:
@@ -107,6 +107,7 @@ merge:
       {7, "step_exp must be one of -9, -10, -11"},
       {10, "source names color but color_camera is missing"},
       {12, "nobody.png"},
+      {12, "none.png"},
       {12, "color names 2 files and depth 1"},
       {14, "depth_unit_m must be a number, not the string '0.001'"},
       {17, "fx must be greater than 0"},
@@ -584,10 +585,6 @@ TEST_F(SceneFile, PatternsNameTheirFiles) {
       problems(long_sensor("{type: rgbd-images, depth: {pattern: q/%d.png, first: 9, last: 10}}")),
       IsEmpty());
 
-  EXPECT_THAT(
-      problems(
-          long_sensor("{type: rgbd-images, depth: {pattern: p/%04d.png, first: 8, last: 14}}")),
-      ElementsAre(testing::AllOf(HasSubstr("4: depth: 4 of the 7"), HasSubstr("0011.png"))));
   std::filesystem::create_directories(dir_ / "empty");
   EXPECT_THAT(problems(long_sensor(
                   "{type: rgbd-images, depth: {pattern: empty/%d.png, first: 0, last: 9}}")),
@@ -598,6 +595,31 @@ TEST_F(SceneFile, PatternsNameTheirFiles) {
               ElementsAre(HasSubstr("is a folder")));
   EXPECT_THAT(problems(long_sensor("{type: rgbd-images, depth: {pattern: p/%04d.png, first: 8}}")),
               ElementsAre(HasSubstr("lacks the key 'last'")));
+}
+
+TEST_F(SceneFile, FilesThatAreMissingCostTheirFramesOnly) {
+  for (const char* name : {"p/1.png", "p/2.png", "p/4.png", "a.jpg"}) dir_.write(name, "x");
+  const std::string color = "    color_camera: {size: [9, 9], fx: 9, fy: 9, cx: 4, cy: 4}\n";
+  const SceneResult some = load(long_sensor(
+      "{type: rgbd-images, depth: {pattern: p/%d.png, first: 0, last: 4}, color: [a.jpg, a.jpg, "
+      "b.jpg, a.jpg, a.jpg]}",
+      kIdentity, color));
+  EXPECT_THAT(shorten(some.problems), IsEmpty());
+  EXPECT_THAT(
+      shorten(some.notices),
+      ElementsAre(testing::AllOf(HasSubstr("4: sensors.a.source.depth: 2 of the 5 files of the "
+                                           "pattern are missing, their frames are lost; first: "),
+                                 HasSubstr("p/0.png'")),
+                  testing::AllOf(HasSubstr("4: sensors.a.source.color: 1 of the 5 files of the "
+                                           "list is missing, its frame is lost: "),
+                                 HasSubstr("b.jpg'"))));
+  // They keep their places, so that the others keep theirs.
+  const auto& files = std::get<RgbdImagesSource>(some.scene.sensors.at(0).source).depth;
+  ASSERT_EQ(files.size(), 5u);
+  EXPECT_EQ(files[4], dir_ / "p/4.png");
+  EXPECT_THAT(notices(long_sensor("{type: rgbd-images, depth: [p, p/1.png]}")),
+              ElementsAre(testing::AllOf(HasSubstr("1 of the 2 files of the list cannot be used"),
+                                         HasSubstr("p' is a folder"))));
 }
 
 TEST_F(SceneFile, HostilePatternsAreRefused) {
@@ -648,6 +670,46 @@ TEST_F(SceneFile, PosesComeInlineFromAFileOrOnePerItem) {
               ElementsAre(HasSubstr("not rigid")));
   EXPECT_THAT(problems(long_sensor(two, "{}")),
               ElementsAre(HasSubstr("one of file, files, pattern")));
+}
+
+TEST_F(SceneFile, PosesThatCannotBeUsedCostTheirFramesOnly) {
+  dir_.write("e.png", "x");
+  for (const int i : {1, 2, 4})
+    dir_.write("pose/" + std::to_string(i) + ".txt",
+               "1 0 0 " + std::to_string(i) + " 0 1 0 0 0 0 1 0 0 0 0 1");
+  dir_.write("pose/5.txt", "one two");
+  const auto images = [](int n) {
+    std::string list = "{type: rgbd-images, depth: [d.png";
+    for (int i = 1; i < n; ++i) list += ", e.png";
+    return list + "]}";
+  };
+  const SceneResult some =
+      load(long_sensor(images(6), "{pattern: pose/%d.txt, first: 0, last: 5}"));
+  EXPECT_THAT(shorten(some.problems), IsEmpty());
+  EXPECT_THAT(shorten(some.notices),
+              ElementsAre(testing::AllOf(
+                  HasSubstr("6: sensors.a.T_world_depth: 3 of the 6 files of the pattern cannot be "
+                            "used, their frames are lost; first: no such file: "),
+                  HasSubstr("pose/0.txt'"))));
+  const SensorConfig& sensor = some.scene.sensors.at(0);
+  std::vector<double> x;
+  for (const Pose& pose : sensor.T_world_depth) x.push_back(pose.translation.x);
+  EXPECT_THAT(x, ElementsAre(1, 1, 2, 2, 4, 4));
+  ASSERT_EQ(sensor.lost_poses.size(), 3u);
+  EXPECT_THAT(sensor.lost_poses.at(3).message, HasSubstr("pose/3.txt"));
+  EXPECT_THAT(sensor.lost_poses.at(5).message, HasSubstr("'one'"));
+
+  EXPECT_THAT(notices(long_sensor(images(2), "{files: [pose/5.txt, pose/1.txt]}")),
+              ElementsAre(testing::AllOf(HasSubstr("1 of the 2 files of the list cannot be used, "
+                                                   "its frame is lost: pose file"),
+                                         HasSubstr("'one'"))));
+  // Without a single one nothing can run.
+  EXPECT_THAT(problems(long_sensor(images(2), "{pattern: pose/%d.txt, first: 5, last: 6}")),
+              ElementsAre(testing::AllOf(HasSubstr("6: T_world_depth: none of the 2 pose files can "
+                                                   "be used; first: "),
+                                         HasSubstr("'one'"))));
+  EXPECT_THAT(problems(long_sensor(images(2), "{pattern: pose/%d.txt, first: 6, last: 7}")),
+              ElementsAre(HasSubstr("T_world_depth: none of the 2 files of the pattern exists")));
 }
 
 TEST_F(SceneFile, DistortionIsRead) {

@@ -129,6 +129,26 @@ TEST(RgbdImages, ABadPictureLosesItsFrameOnly) {
   EXPECT_TRUE(has_ended(*source));
 }
 
+TEST(RgbdImages, WhatIsLostIsNamedByItsPlaceInTheRecording) {
+  const TempDir dir;
+  const auto good = dir.write("good.png", depth_of(1000)), bad = dir.write("bad.png", "x");
+  SensorConfig sensor = sensor_of({.color = {}, .depth = {good, good, bad}, .loop = true});
+  sensor.T_world_depth.assign(3, Pose{});
+  sensor.lost_poses[1] = {Error::Cause::not_found, "no such file: '1.txt'"};
+  const auto source = open_rgbd_images(sensor, 0, 30);
+  for (std::uint64_t round = 0; round < 2; ++round) {
+    EXPECT_EQ(frame_of(*source).index, 3 * round);
+    const auto without_pose = source->next(), broken = source->next();
+    ASSERT_FALSE(without_pose);
+    EXPECT_EQ(without_pose.error().message,
+              "no such file: '1.txt' (frame 1 of sensor 'a' is lost)");
+    EXPECT_EQ(without_pose.error().cause, Error::Cause::not_found);
+    ASSERT_FALSE(broken);
+    EXPECT_THAT(broken.error().message,
+                AllOf(HasSubstr("bad.png"), testing::EndsWith("(frame 2 of sensor 'a' is lost)")));
+  }
+}
+
 TEST(RgbdImages, AWrongSizeNamesFileAndBothSizes) {
   const TempDir dir;
   const auto depth = dir.write("d.png", depth_of(1000));

@@ -15,6 +15,7 @@ struct Error {
 
   Cause cause = Cause::invalid;
   std::string message;
+  friend bool operator==(const Error&, const Error&) = default;
 };
 
 /// "invalid", "corrupt", …: the name under which a cause is counted.

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
 #include <filesystem>
 #include <map>
@@ -12,6 +13,7 @@
 #include "mr/core/lattice.h"
 #include "mr/core/packet.h"
 #include "mr/core/pose.h"
+#include "mr/core/result.h"
 #include "mr/core/secret_source.h"
 
 /// A scene file as a value: what scene-example.yaml describes. Lengths in metres, angles in
@@ -46,6 +48,9 @@ struct SensorConfig {
   double depth_near_m = 0.3, depth_far_m = 5.0;
   Precision precision;
   double clock_offset_ms = 0;  ///< added to the source's times
+  /// Items whose pose file is missing or cannot be used, and why: their frames are lost. In
+  /// T_world_depth they have a neighbour's.
+  std::map<std::size_t, Error> lost_poses{};
   friend bool operator==(const SensorConfig&, const SensorConfig&) = default;
 };
 
@@ -307,12 +312,14 @@ std::string to_string(const SceneProblem& problem);
 struct SceneResult {
   Scene scene;                         ///< usable only when `problems` is empty
   std::vector<SceneProblem> problems;  ///< all that is wrong, by line; of options first, alone
-  std::vector<SceneProblem> notices;   ///< accepted, but not acted on by this version
+  /// Accepted, but not acted on by this version; files of a list that are not there.
+  std::vector<SceneProblem> notices;
 };
 
 /// Reads and checks a scene file. Unknown and doubled keys, missing files, impossible intrinsics,
 /// poses that are not rigid, ids used twice, unknown inputs and cycles in the tree of mergers are
-/// all found in one go. ${NAME} and ${NAME:-default} are expanded in strings; relative paths are
+/// all found in one go. Where some files of a list are there, those that are not cost their frames
+/// only. ${NAME} and ${NAME:-default} are expanded in strings; relative paths are
 /// relative to the file. `set` changes keys of the file before it is checked: "voxel_m=0.02",
 /// "merge.simplify.ratio=0.5", "sensors.cam-0.depth_range_m=[0.3, 4]".
 SceneResult load_scene(const std::filesystem::path& file, const std::vector<std::string>& set = {});

@@ -58,39 +58,42 @@ std::string folder_hint(const std::filesystem::path& path) {
   return {};
 }
 
-void check_pattern_files(Report& report, const FileList& list, const std::string& name, int line,
-                         const std::string& written) {
-  std::string first;
-  std::size_t bad = 0;
-  for (const std::filesystem::path& path : list.paths) {
-    const std::string problem = file_problem(path);
-    if (!problem.empty() && bad++ == 0) first = problem;
-  }
-  if (bad == 0) return;
-  const std::string total = std::to_string(list.paths.size());
-  if (bad == list.paths.size())
-    report.missing_files(line,
-                         name + ": none of the " + total + " files of the pattern exists; first: " +
-                             first + folder_hint(list.paths.front()),
-                         list.paths.front(), bad, written);
-  else
-    report.problem(line, name + ": " + std::to_string(bad) + " of the " + total +
-                             " files of the pattern cannot be used; first: " + first);
+/// Looks at a list's files. Where none can be used, that is a problem; else those that cannot are
+/// noted in the list. `named`: by a pattern, as the scene file writes it.
+void check_files(Report& report, FileList& list, const std::string& name,
+                 const std::vector<const YamlNode*>& named) {
+  for (std::size_t i = 0; i < list.paths.size(); ++i)
+    if (const std::string problem = file_problem(list.paths[i]); !problem.empty())
+      list.unusable[i] = {
+          problem.starts_with("no such") ? Error::Cause::not_found : Error::Cause::invalid,
+          problem};
+  if (list.unusable.size() < list.paths.size() || list.paths.empty()) return;
+  if (list.is_pattern)
+    return report.missing_files(
+        list.lines.front(),
+        name + ": none of the " + std::to_string(list.paths.size()) +
+            " files of the pattern exists; first: " + list.unusable.begin()->second.message +
+            folder_hint(list.paths.front()),
+        list.paths.front(), list.paths.size(), named.front()->text);
+  for (const auto& [i, error] : list.unusable)
+    report.missing_files(list.lines[i], name + ": " + error.message, list.paths[i], 1,
+                         named[i]->text);
 }
 
-void add_file(Report& report, const YamlNode& node, const std::string& name, FileList& list) {
-  const auto text = read_text(report, node, name);
-  std::filesystem::path path;
-  if (text && text->empty())
-    report.problem(node.line, name + " must name a file, not ''");
-  else if (text) {
-    path = report.resolve(*text);
-    const std::string problem = file_problem(path);
-    if (!problem.empty())
-      report.missing_files(node.line, name + ": " + problem, path, 1, node.text);
+/// One file or more, by name; nothing where a name is wrong.
+std::optional<FileList> list_files(Report& report, const std::vector<const YamlNode*>& items,
+                                   const std::string& name) {
+  FileList list;
+  for (const YamlNode* item : items) {
+    const auto text = read_text(report, *item, name);
+    if (text && text->empty()) report.problem(item->line, name + " must name a file, not ''");
+    if (!text || text->empty()) continue;
+    list.paths.push_back(report.resolve(*text));
+    list.lines.push_back(item->line);
   }
-  list.paths.push_back(std::move(path));
-  list.lines.push_back(node.line);
+  if (list.paths.size() < items.size()) return std::nullopt;
+  check_files(report, list, name, items);
+  return list;
 }
 
 /// A 4x4 matrix as text.
@@ -121,27 +124,29 @@ Result<Pose> read_pose_file(const std::filesystem::path& path) {
   return pose;
 }
 
-std::vector<Pose> load_poses(Report& report, const FileList& list, const std::string& name) {
-  std::vector<Pose> poses;
-  std::string first;
-  std::size_t bad = 0;
-  for (std::size_t i = 0; i < list.paths.size(); ++i) {
-    poses.emplace_back();
-    if (!file_problem(list.paths[i]).empty()) continue;  // listed already
-    const auto pose = read_pose_file(list.paths[i]);
-    if (pose) {
-      poses.back() = *pose;
+/// The poses of the files that can be used; the others get a neighbour's. Where none can, and where
+/// there is only one, that is a problem.
+std::vector<Pose> load_poses(Report& report, FileList& list, const std::string& name) {
+  std::vector<Pose> poses(list.paths.size());
+  if (list.unusable.size() == poses.size()) return poses;  // told already
+  std::optional<std::size_t> usable;                       // the newest
+  for (std::size_t i = 0; i < poses.size(); ++i) {
+    const auto pose = list.unusable.contains(i) ? list.unusable[i] : read_pose_file(list.paths[i]);
+    if (!pose) {
+      list.unusable[i] = pose.error();
+      if (usable) poses[i] = poses[*usable];
       continue;
     }
-    if (!list.is_pattern)
-      report.problem(list.lines[i], name + ": " + pose.error().message);
-    else if (bad++ == 0)
-      first = pose.error().message;
+    poses[i] = *pose;
+    if (!usable) std::fill_n(poses.begin(), i, *pose);
+    usable = i;
   }
-  if (bad > 0)
-    report.problem(list.lines.front(), name + ": " + std::to_string(bad) + " of the " +
-                                           std::to_string(list.paths.size()) +
-                                           " pose files cannot be used; first: " + first);
+  if (usable) return poses;
+  const auto& [first, error] = *list.unusable.begin();
+  report.problem(list.lines[first], poses.size() == 1
+                                        ? name + ": " + error.message
+                                        : name + ": none of the " + std::to_string(poses.size()) +
+                                              " pose files can be used; first: " + error.message);
   return poses;
 }
 
@@ -175,7 +180,7 @@ std::optional<FileList> read_pattern(MapReader& map, const std::string& name) {
   list.is_pattern = true;
   for (int i = first; i <= last; ++i) list.paths.push_back(map.report.resolve(pattern->name(i)));
   list.lines.assign(list.paths.size(), line);
-  check_pattern_files(map.report, list, name, line, map.find("pattern")->text);
+  check_files(map.report, list, name, {map.find("pattern")});
   return list;
 }
 
@@ -184,17 +189,30 @@ std::optional<FileList> read_files(Report& report, const YamlNode& node, const s
     MapReader map(report, node, name);
     return read_pattern(map, name);
   }
-  FileList list;
-  if (node.kind != YamlNode::Kind::list) {
-    add_file(report, node, name, list);
-    return list;
-  }
+  if (node.kind != YamlNode::Kind::list) return list_files(report, {&node}, name);
   if (node.items.empty()) {
     report.problem(node.line, name + " must name at least one file");
     return std::nullopt;
   }
-  for (const YamlNode& item : node.items) add_file(report, item, name, list);
-  return list;
+  std::vector<const YamlNode*> items;
+  for (const YamlNode& item : node.items) items.push_back(&item);
+  return list_files(report, items, name);
+}
+
+void tell_unusable(Report& report, const FileList& list, const std::string& key) {
+  const std::size_t bad = list.unusable.size();
+  if (bad == 0 || bad == list.paths.size()) return;
+  const bool missing = std::ranges::all_of(
+      list.unusable, [](const auto& one) { return one.second.cause == Error::Cause::not_found; });
+  const auto& [first, error] = *list.unusable.begin();
+  report.notice(list.lines[first],
+                key + ": " + std::to_string(bad) + " of the " + std::to_string(list.paths.size()) +
+                    " files of the " + (list.is_pattern ? "pattern" : "list") +
+                    (!missing   ? " cannot be used"
+                     : bad == 1 ? " is missing"
+                                : " are missing") +
+                    (bad == 1 ? ", its frame is lost: " : ", their frames are lost; first: ") +
+                    error.message);
 }
 
 std::optional<Pose> read_pose(Report& report, const YamlNode& node, const std::string& name) {
@@ -208,34 +226,30 @@ std::optional<Pose> read_pose(Report& report, const YamlNode& node, const std::s
   return *pose;
 }
 
-std::vector<Pose> read_poses(Report& report, const YamlNode& node, const std::string& name) {
+void read_poses(Report& report, const YamlNode& node, const std::string& name,
+                SensorConfig& sensor) {
   if (node.kind == YamlNode::Kind::list) {
-    const auto pose = read_pose(report, node, name);
-    return pose ? std::vector<Pose>{*pose} : std::vector<Pose>{};
+    if (const auto pose = read_pose(report, node, name)) sensor.T_world_depth = {*pose};
+    return;
   }
-  if (node.kind != YamlNode::Kind::map) {
-    report.problem(
+  if (node.kind != YamlNode::Kind::map)
+    return report.problem(
         node.line,
         name + " must be 16 numbers, {file: ...}, {files: [...]} or {pattern, first, last}");
-    return {};
-  }
   MapReader map(report, node, name);
   const YamlNode* file = map.find("file");
   const YamlNode* files = map.find("files");
   const bool has_pattern = map.has("pattern");
   if (has_pattern) map.find("first"), map.find("last");
-  if ((file != nullptr) + (files != nullptr) + has_pattern != 1) {
-    report.problem(node.line, name + " must hold one of file, files, pattern");
-    return {};
-  }
-  std::optional<FileList> list;
-  if (file) {
-    list.emplace();
-    add_file(report, *file, name, *list);
-  } else {
-    list = files ? read_files(report, *files, name) : read_pattern(map, name);
-  }
-  return list ? load_poses(report, *list, name) : std::vector<Pose>{};
+  if ((file != nullptr) + (files != nullptr) + has_pattern != 1)
+    return report.problem(node.line, name + " must hold one of file, files, pattern");
+  std::optional<FileList> list = file    ? list_files(report, {file}, name)
+                                 : files ? read_files(report, *files, name)
+                                         : read_pattern(map, name);
+  if (!list) return;
+  sensor.T_world_depth = load_poses(report, *list, name);
+  tell_unusable(report, *list, "sensors." + sensor.id + "." + name);
+  sensor.lost_poses = std::move(list->unusable);
 }
 
 }  // namespace mr::scene_file

@@ -1,6 +1,8 @@
 #pragma once
 
+#include <cstddef>
 #include <filesystem>
+#include <map>
 #include <optional>
 #include <string>
 #include <vector>
@@ -17,22 +19,28 @@ struct NodeName {
   int line = 0;
 };
 
-/// Files named by a list, by one string, or by {pattern, first, last}; all of them exist where no
-/// problem was reported.
+/// Files named by a list, by one string, or by {pattern, first, last}; at least one of them exists
+/// where no problem was reported.
 struct FileList {
   std::vector<std::filesystem::path> paths;
   std::vector<int> lines;  ///< [paths] where each is named
   bool is_pattern = false;
+  std::map<std::size_t, Error> unusable;  ///< some of the paths, and what is wrong with each
 };
 
 std::optional<FileList> read_files(Report& report, const YamlNode& node, const std::string& name);
 /// The same from a mapping that holds pattern, first and last.
 std::optional<FileList> read_pattern(MapReader& map, const std::string& name);
 
+/// Notes what of a list cannot be used, where the rest can; `key`: in the scene, such as
+/// "sensors.cam-0.source.depth".
+void tell_unusable(Report& report, const FileList& list, const std::string& key);
+
 std::optional<Camera> read_camera(Report& report, const YamlNode& node, const std::string& name);
 
-/// 16 numbers, {file: …}, {files: […]} or {pattern, first, last}.
-std::vector<Pose> read_poses(Report& report, const YamlNode& node, const std::string& name);
+/// A sensor's poses: 16 numbers, {file: …}, {files: […]} or {pattern, first, last}.
+void read_poses(Report& report, const YamlNode& node, const std::string& name,
+                SensorConfig& sensor);
 /// 16 numbers.
 std::optional<Pose> read_pose(Report& report, const YamlNode& node, const std::string& name);
 

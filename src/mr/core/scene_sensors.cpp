@@ -62,7 +62,7 @@ int line_of_problem(const MapReader& map, const Camera& camera, const std::strin
 }
 
 /// The source's depth and colour files; how many items it has, 0 where that is unknown.
-std::size_t read_images(MapReader& map, RgbdImagesSource& out) {
+std::size_t read_images(MapReader& map, const std::string& id, RgbdImagesSource& out) {
   Report& report = map.report;
   std::optional<FileList> depth, color;
   if (const YamlNode* node = map.need("depth")) depth = read_files(report, *node, "depth");
@@ -71,6 +71,8 @@ std::size_t read_images(MapReader& map, RgbdImagesSource& out) {
     report.problem(map.line("color"),
                    "color names " + std::to_string(color->paths.size()) + " files and depth " +
                        std::to_string(depth->paths.size()) + "; they must be as many");
+  if (depth) tell_unusable(report, *depth, "sensors." + id + ".source.depth");
+  if (color) tell_unusable(report, *color, "sensors." + id + ".source.color");
   if (color) out.color = std::move(color->paths);
   if (depth) out.depth = std::move(depth->paths);
   return out.depth.size();
@@ -108,7 +110,7 @@ std::size_t read_source(Report& report, const YamlNode& node, SensorConfig& sens
   }
   has_color = map.has("color");
   RgbdImagesSource images;
-  const std::size_t items = read_images(map, images);
+  const std::size_t items = read_images(map, sensor.id, images);
   map.number("depth_unit_m", images.depth_unit_m, {0, 1, true});
   read_invalid_counts(map, images.invalid);
   map.flag("loop", images.loop);
@@ -169,7 +171,7 @@ SensorConfig read_sensor(Report& report, const YamlNode& node, std::vector<NodeN
     items = read_source(report, *source, sensor, has_color);
   read_cameras(map, sensor, has_color);
   if (const YamlNode* poses = map.need("T_world_depth"))
-    sensor.T_world_depth = read_poses(report, *poses, "T_world_depth");
+    read_poses(report, *poses, "T_world_depth", sensor);
   const std::size_t poses = sensor.T_world_depth.size();
   if (items > 0 && poses > 1 && poses != items)
     report.problem(map.line("T_world_depth"), "T_world_depth holds " + std::to_string(poses) +

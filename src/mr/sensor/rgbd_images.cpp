@@ -46,8 +46,9 @@ class RgbdImages final : public FrameSource {
     const std::size_t items = files_.depth.size();
     if (items == 0 || (index_ >= items && !files_.loop)) return std::optional<Frame>{};
     const std::uint64_t index = index_++;  // a lost frame is not asked for again
-    auto frame = read_item(static_cast<std::size_t>(index % items));
-    if (!frame) return frame.error();
+    const auto item = static_cast<std::size_t>(index % items);
+    auto frame = read_item(item);
+    if (!frame) return lost(item, frame.error());
     frame->sensor = sensor_index_;
     frame->index = index;
     frame->exposure_start = frame->exposure_end = time_of(index);
@@ -58,8 +59,15 @@ class RgbdImages final : public FrameSource {
   bool endless() const override { return files_.loop && !files_.depth.empty(); }
 
  private:
+  Error lost(std::size_t item, Error error) const {
+    error.message += " (frame " + std::to_string(item) + " of sensor '" + sensor_.id + "' is lost)";
+    return error;
+  }
+
   /// The item's pictures and pose.
   Result<Frame> read_item(std::size_t item) const {
+    const auto lost_pose = sensor_.lost_poses.find(item);
+    if (lost_pose != sensor_.lost_poses.end()) return lost_pose->second;
     auto depth = read_depth(files_.depth[item]);
     if (!depth) return depth.error();
     Frame frame;
