@@ -56,8 +56,6 @@ struct Measured {
 
 // ---------------------------------------------------------------------------- what is measured
 
-void tell_dropped(const std::string& message) { fmt::print(stderr, "dropped: {}\n", message); }
-
 Error no_such_frame(const Scene& scene, int frame) {
   return {Error::Cause::empty,
           fmt::format("frame {} of scene '{}' did not come through", frame, scene.id)};
@@ -70,8 +68,8 @@ Mesh joined(const DecodedScene& decoded) {
 }
 
 Result<Mesh> baseline_surface(const Scene& scene, const GeometryOptions& options) {
-  const auto run = baseline::run_baseline(scene, 1, options.frame, {{}, tell_dropped, {}},
-                                          synth::default_rig_cache());
+  const auto run =
+      baseline::run_baseline(scene, 1, options.frame, told_listener(), synth::default_rig_cache());
   if (!run) return run.error();
   return joined(run->last);
 }
@@ -82,7 +80,7 @@ Result<Mesh> tested_surface(const Scene& scene, const GeometryOptions& options) 
   auto pipeline = node::Pipeline::open(scene, synth::default_rig_cache());
   if (!pipeline) return pipeline.error();
   (*pipeline)->skip(static_cast<std::uint64_t>(options.frame));
-  const auto report = (*pipeline)->run(1, {{}, tell_dropped, {}});
+  const auto report = (*pipeline)->run(1, told_listener());
   if (!report) return report.error();
   if (options.decoded) return joined(*(*pipeline)->decoded());
   auto surface = (*pipeline)->surface();
@@ -93,8 +91,8 @@ Result<Mesh> tested_surface(const Scene& scene, const GeometryOptions& options) 
 Result<std::vector<Frame>> read_capture(const Scene& scene, int frame) {
   node::CaptureReader reader(scene, synth::default_rig_cache());
   reader.skip(static_cast<std::uint64_t>(frame));
-  auto capture =
-      reader.next([](std::uint32_t, const Error& error) { tell_dropped(error.message); });
+  auto capture = reader.next(
+      [](std::uint32_t, const Error& error) { told_listener().dropped(error.message); });
   if (!capture || capture->empty()) return no_such_frame(scene, frame);
   return *std::move(capture);
 }

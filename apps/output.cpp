@@ -169,14 +169,26 @@ Status check(const Outputs& outputs) {
   return {};
 }
 
+node::RunListener told_listener() {
+  node::RunListener listener;
+  listener.dropped = [](const std::string& message) {
+    fmt::print(stderr, "dropped: {}\n", message);
+  };
+  listener.warned = [](const std::string& message) {
+    fmt::print(stderr, "warning: {}\n", message);
+  };
+  return listener;
+}
+
 Result<RunOutcome> run_scene(const Scene& scene, int frames, int threads) {
   std::optional<Result<RunOutcome>> outcome;
   Arena arena(threads > 0 ? threads : scene.threads);
   arena.run([&] {
     ProgressLine line;
-    const node::RunListener listener{
-        [&](int frame, int of, const std::string& node) { line.show(frame, of, node); },
-        [](const std::string& message) { fmt::print(stderr, "dropped: {}\n", message); }};
+    node::RunListener listener = told_listener();
+    listener.progress = [&](int frame, int of, const std::string& node) {
+      line.show(frame, of, node);
+    };
     outcome.emplace(scene.pipeline == "meshreduce" ? run_meshreduce(scene, frames, listener)
                                                    : run_other(scene, frames, listener));
     if (*outcome) (*outcome)->report.threads = arena.threads();

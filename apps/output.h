@@ -45,6 +45,9 @@ struct RunOutcome {
   DecodedScene last;
 };
 
+/// Tells on stderr what is "dropped: …", and each "warning: …".
+node::RunListener told_listener();
+
 /// Runs a scene in lockstep with a progress line on a terminal and one line per dropped frame.
 Result<RunOutcome> run_scene(const Scene& scene, int frames, int threads);
 

@@ -117,7 +117,8 @@ Message run_layers(const std::filesystem::path& file, bool layers, int first, in
     if (!pipeline) throw std::runtime_error(pipeline.error().message);
     (*pipeline)->skip(static_cast<std::uint64_t>(first));
     node::RunListener listener;
-    listener.dropped = [](const std::string& message) { fmt::print(stderr, "{}\n", message); };
+    listener.dropped =
+        listener.warned = [](const std::string& message) { fmt::print(stderr, "{}\n", message); };
     listener.captured = [&](int i, const node::CaptureCost& cost) {
       (i < before ? learning : steady).add(cost);
     };

@@ -128,5 +128,19 @@ TEST(SceneCheck, APictureThatCannotBeReadIsTold) {
   EXPECT_THAT(wall.check().problem, HasSubstr("cut.png"));
 }
 
+// What is missing was told as the scene was read.
+TEST(SceneCheck, TheFirstPictureThatIsThereIsLookedAt) {
+  WallPicture wall;
+  const auto there = wall.source().depth.front();
+  wall.source().depth = {wall.folder / "none.png", there, there};
+  wall.scene.sensors[0].T_world_depth.assign(3, Pose{});
+  wall.scene.sensors[0].lost_poses[1] = {Error::Cause::invalid, "no numbers"};
+  const SensorCheck check = wall.check();
+  EXPECT_EQ(check.problem, "");
+  EXPECT_EQ(check.depth_width, 64);
+  wall.source().depth.assign(3, wall.folder / "none.png");
+  EXPECT_THAT(wall.check().problem, HasSubstr("none.png"));
+}
+
 }  // namespace
 }  // namespace mr::eval

@@ -42,6 +42,7 @@ TEST(LayersEvents, PushedCameraIsToldOnceAndLearnsAnew) {
   here.run_to(kLearnt + 45);
   ASSERT_EQ(here.told.size(), 1u);
   EXPECT_NE(here.told[0].find("'cam-1'"), std::string::npos) << here.told[0];
+  EXPECT_EQ(here.told[0].find("dropped"), std::string::npos) << here.told[0];
   EXPECT_NE(here.told[0].find("pushed"), std::string::npos) << here.told[0];
   const Difference d = reference.compare(here);  // both believe the pose that is stated
   EXPECT_LT(d.missing, 0.03) << d;

@@ -449,8 +449,60 @@ TEST_F(PipelineFromFiles, BrokenPictureIsACountedDropAndNothingElse) {
   node::RunReport report;
   ASSERT_TRUE(run(scene(), 3, &report));
   EXPECT_EQ(report.frames, 2);  // both sensors share the files
-  EXPECT_EQ(report.drops["s0: corrupt"], 1u);
-  EXPECT_EQ(report.drops["s1: corrupt"], 1u);
+  EXPECT_EQ(report.drops,
+            (std::map<std::string, std::uint64_t>{{"s0: corrupt", 1}, {"s1: corrupt", 1}}));
+}
+
+TEST_F(PipelineFromFiles, MissingFilesAndPosesCostTheirFramesOnly) {
+  Scene s = scene();
+  std::get<RgbdImagesSource>(s.sensors[0].source).depth[0] = folder_ / "none.pgm";
+  s.sensors[1].T_world_depth.assign(3, s.sensors[1].T_world_depth[0]);
+  s.sensors[1].lost_poses[1] = {Error::Cause::invalid, "no numbers"};
+  node::RunReport report;
+  ASSERT_TRUE(run(s, 3, &report));
+  EXPECT_EQ(report.frames, 3);
+  EXPECT_EQ(report.drops,
+            (std::map<std::string, std::uint64_t>{{"s0: not_found", 1}, {"s1: invalid", 1}}));
+}
+
+// s0 → inner → root ← s1: what a merger, the root or the client lack then is no news.
+TEST_F(PipelineFromFiles, WhatFollowsFromALostFrameIsNotTold) {
+  Scene s = scene();
+  s.mergers = {{"inner", {"s0"}, 50}, {"root", {"inner", "s1"}, 50}};
+  auto& depths = std::get<RgbdImagesSource>(s.sensors[0].source).depth;
+  depths[0] = depths[2] = folder_ / "none.pgm";
+  std::get<RgbdImagesSource>(s.sensors[1].source).depth[2] = folder_ / "none.pgm";
+  auto pipeline = node::Pipeline::open(s);
+  ASSERT_TRUE(pipeline);
+  std::vector<std::string> said;
+  node::RunListener listener;
+  listener.dropped = listener.warned = [&](const std::string& m) { said.push_back(m); };
+  const auto report = (*pipeline)->run(3, listener);
+  ASSERT_TRUE(report) << report.error().message;
+  EXPECT_EQ(report->frames, 2);
+  EXPECT_EQ(report->drops,
+            (std::map<std::string, std::uint64_t>{{"s0: not_found", 2}, {"s1: not_found", 1}}));
+  ASSERT_EQ(said.size(), 3u) << testing::PrintToString(said);
+  EXPECT_NE(said[0].find("none.pgm"), std::string::npos) << said[0];
+  EXPECT_NE(said[0].find("(frame 0 of sensor 's0' is lost)"), std::string::npos) << said[0];
+}
+
+TEST_F(PipelineFromFiles, AWrongPoseIsAWarningAndNoDrop) {
+  Scene s = scene();
+  s.sensors.push_back(s.sensors[0]);
+  s.sensors[2].id = "s2";
+  s.sensors[2].T_world_depth[0].translation.z += 0.06;
+  s.mergers[0].inputs.push_back("s2");
+  auto pipeline = node::Pipeline::open(s);
+  ASSERT_TRUE(pipeline);
+  std::vector<std::string> dropped, warned;
+  node::RunListener listener;
+  listener.dropped = [&](const std::string& m) { dropped.push_back(m); };
+  listener.warned = [&](const std::string& m) { warned.push_back(m); };
+  ASSERT_TRUE((*pipeline)->run(3, listener));
+  EXPECT_TRUE(dropped.empty()) << dropped[0];
+  ASSERT_EQ(warned.size(), 1u) << testing::PrintToString(warned);
+  EXPECT_NE(warned[0].find("s2"), std::string::npos) << warned[0];
 }
 
 TEST_F(PipelineFromFiles, SensorWithoutSurfaceLeavesTheOthersAlone) {

@@ -51,12 +51,14 @@ class Captures {
   }
   void next() {
     mesh_bytes = texture_bytes = 0;
-    const auto hear = [&](const std::string& line) { told.push_back(line); };
-    const auto count = [&](int, std::uint64_t mesh, std::uint64_t texture) {
+    node::RunListener listener;
+    listener.dropped = [&](const std::string& line) { told.push_back("dropped: " + line); };
+    listener.warned = [&](const std::string& line) { told.push_back(line); };
+    listener.sent = [&](int, std::uint64_t mesh, std::uint64_t texture) {
       mesh_bytes = mesh, texture_bytes = texture;
     };
     arena_.run([&] {
-      const auto report = pipeline_->run(1, {{}, hear, {}, count});
+      const auto report = pipeline_->run(1, listener);
       ASSERT_TRUE(report) << report.error().message;
     });
     ++number_;

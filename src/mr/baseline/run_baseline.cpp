@@ -91,7 +91,6 @@ Result<Shown> Runner::code(std::span<const Frame> frames) {
     const Stopwatch stopwatch(ms);
     return call();
   };
-  if (frames.empty()) return Error{Error::Cause::empty, "no sensor delivered"};
   const auto mesh =
       timed(calls_.encode_geometry_ms, [&] { return baseline_.encode_geometry(frames); });
   const auto pictures =
@@ -114,8 +113,9 @@ Result<Shown> Runner::code(std::span<const Frame> frames) {
                pictures->size()};
 }
 
-/// Whether the capture came through; else it is counted.
+/// Whether the capture came through; else it is counted, or all its frames were.
 bool Runner::send(std::vector<Frame> frames) {
+  if (frames.empty()) return false;
   const auto start = Clock::now();
   undistort(frames);
   auto shown = code(frames);

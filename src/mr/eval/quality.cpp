@@ -34,7 +34,7 @@ struct Burst {
 Result<Burst> play_burst(const Scene& scene, int first, int frames, const QualityConfig& config) {
   Burst burst;
   node::RunListener listener;
-  listener.dropped = config.notice;
+  listener.dropped = listener.warned = config.notice;
   listener.sent = [&](int, std::uint64_t mesh, std::uint64_t texture) {
     burst.mesh_bytes.push_back(static_cast<double>(mesh));
     burst.texture_bytes.push_back(static_cast<double>(texture));
@@ -59,7 +59,7 @@ class SteadyRun {
  public:
   SteadyRun(const Scene& scene, const Moments& moments, const QualityConfig& config)
       : scene_(scene), moments_(moments), config_(config), at_(moments.fed_from()) {
-    listener_.dropped = config.notice;
+    listener_.dropped = listener_.warned = config.notice;
     listener_.captured = [this](int, const node::CaptureCost& cost) { costs_.push_back(cost); };
   }
 

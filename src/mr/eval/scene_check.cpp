@@ -149,6 +149,17 @@ void compare(const Scene& scene, std::span<const merge::Part> parts, double voxe
           "metres)");
 }
 
+/// The first frame. Files that are missing were told as the scene was read: the next frame will do.
+Result<std::optional<Frame>> first_frame(const SensorConfig& sensor, FrameSource& source) {
+  const auto* files = std::get_if<RgbdImagesSource>(&sensor.source);
+  auto frame = source.next();
+  for (std::size_t item = 0; !frame && files && item + 1 < files->depth.size(); ++item) {
+    if (frame.error().cause != Error::Cause::not_found && !sensor.lost_poses.contains(item)) break;
+    frame = source.next();
+  }
+  return frame;
+}
+
 }  // namespace
 
 const char* to_string(Fit fit) {
@@ -172,7 +183,7 @@ SceneCheck check_scene(const Scene& scene, const std::filesystem::path& rig_cach
   for (const std::uint32_t i : wanted) {
     SensorCheck& of = check.sensors.emplace_back();
     of.id = scene.sensors[i].id;
-    auto frame = sources[i]->next();
+    auto frame = first_frame(scene.sensors[i], *sources[i]);
     if (!frame || !*frame) {
       of.problem = frame ? "it has no pictures" : frame.error().message;
       continue;

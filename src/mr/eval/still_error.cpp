@@ -48,7 +48,7 @@ Result<ShownRun> run_and_keep(const Scene& scene, int end, int kept,
   int offset = 0;  // of the listener's numbers
   std::optional<DecodedScene> shown;
   node::RunListener listener;
-  listener.dropped = config.notice;
+  listener.dropped = listener.warned = config.notice;
   listener.shown = [&](int, const DecodedScene& decoded) { shown = decoded; };
   listener.captured = [&](int i, const node::CaptureCost& cost) {
     const int capture = offset + i;

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <chrono>
 #include <numeric>
+#include <set>
 
 #include "mr/codec/packet_codec.h"
 #include "mr/kit/topology.h"
@@ -31,6 +32,7 @@ struct Pipeline::Measured {
   // Of the frame under way:
   std::map<std::string, double> receiving_ms, alone_ms;  // alone_ms: all of a node's work
   CaptureCost cost;
+  std::set<std::string> silent;  // nodes that bring nothing; if that is a loss, it was told
   const RunListener* listener = nullptr;
 };
 
@@ -188,11 +190,15 @@ void Pipeline::run_frame(std::vector<std::optional<Frame>> frames, Measured& mea
                          const Progress& progress) {
   TimePoint now{};
   measured.receiving_ms.clear(), measured.alone_ms.clear(), measured.cost = {};
+  measured.silent.clear();
   const int shown = measured.frames;
   const auto captured = Clock::now();
   for (std::size_t i = 0; i < sensors_.size(); ++i) {
-    if (!frames[i]) continue;
     SensorNode& sensor = *sensors_[i];
+    if (!frames[i]) {
+      measured.silent.insert(sensor.id());
+      continue;
+    }
     progress(sensor.id());
     now = std::max(now, frames[i]->captured_at());
     const auto start = Clock::now();
@@ -204,13 +210,17 @@ void Pipeline::run_frame(std::vector<std::optional<Frame>> frames, Measured& mea
     if (bytes)
       deliver(sensor.id(), *bytes, now, measured);
     else
-      drops_.count(sensor.id(), bytes.error());
+      lose(sensor.id(), bytes.error(), measured);
   }
   for (const auto& merger : mergers_) {
     progress(merger->id());
     now += std::chrono::ceil<Duration>(
         std::chrono::duration<double, std::milli>(merger->config().deadline_ms));
-    run_merger(*merger, now, measured);
+    const auto is_silent = [&](const std::string& id) { return measured.silent.contains(id); };
+    if (std::ranges::all_of(merger->config().inputs, is_silent))
+      measured.silent.insert(merger->id());
+    else
+      run_merger(*merger, now, measured);
   }
   if (measured.frames > shown) measured.end_to_end_ms.push_back(ms_since(captured));
   measured.cost.critical_path_ms = critical_path_ms(measured.alone_ms);
@@ -222,27 +232,33 @@ Result<std::vector<std::byte>> Pipeline::sense(SensorNode& sensor, Frame frame,
   const auto surface = sensor.reconstruct(std::move(frame));
   if (!surface) return surface.error();
   if (sensor.is_empty(*surface)) drops_.count(sensor.id(), sensor.no_surface(surface->frame));
-  if (surface->began_anew && measured.listener->dropped)
-    measured.listener->dropped(sensor.pushed(surface->frame));
+  if (surface->began_anew && measured.listener->warned)
+    measured.listener->warned(sensor.pushed(surface->frame));
   return sensor.code(*surface);
+}
+
+/// A node's frame came to nothing: what follows from that further on is not told.
+void Pipeline::lose(const std::string& id, const Error& error, Measured& measured) {
+  drops_.count(id, error);
+  measured.silent.insert(id);
 }
 
 void Pipeline::run_merger(MergeNode& merger, TimePoint now, Measured& measured) {
   const auto start = Clock::now();
   const double cpu_before = process_cpu_ms();
   const auto gathered = merger.inputs().gather(now);
-  if (!gathered) return drops_.count(merger.id(), gathered.error());
-  if (!*gathered) return drops_.count(merger.id(), {Error::Cause::empty, "no live input"});
+  if (!gathered) return lose(merger.id(), gathered.error(), measured);
+  if (!*gathered) return lose(merger.id(), {Error::Cause::empty, "no live input"}, measured);
   const auto bytes = merger.merge(**gathered);
-  if (const auto notice = merger.calibration().take_notice(); notice && measured.listener->dropped)
-    measured.listener->dropped(merger.id() + ": " + *notice);
+  if (const auto notice = merger.calibration().take_notice(); notice && measured.listener->warned)
+    measured.listener->warned(merger.id() + ": " + *notice);
   measured.cost.mergers_cpu_ms += process_cpu_ms() - cpu_before;
   const double alone_ms = ms_since(start) + measured.receiving_ms[merger.id()];
   measured.alone_ms[merger.id()] = alone_ms;
   if (!merger.reused())  // a frame in which nothing moved would flatter the figures
     measured.node_ms[merger.id()].push_back(alone_ms);
   if (bytes) return deliver(merger.id(), *bytes, now, measured);
-  drops_.count(merger.id(), bytes.error());
+  lose(merger.id(), bytes.error(), measured);
   merger.inputs().ask_key_frames();
 }
 

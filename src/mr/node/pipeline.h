@@ -44,6 +44,8 @@ struct RunListener {
   std::function<void(int frame, const CaptureCost& cost)> captured{};  ///< once all is done
   /// What the root is about to draw.
   std::function<void(int frame, const RootAtlas::Drawing& drawing)> drawing{};
+  /// What people should look at though nothing was lost; one line.
+  std::function<void(const std::string& message)> warned{};
 };
 
 /// The whole scene in one process, in lockstep: every frame goes through every sensor node, every
@@ -95,6 +97,7 @@ class Pipeline {
                  const Progress& progress);
   Result<std::vector<std::byte>> sense(SensorNode& sensor, Frame frame, const Measured& measured);
   void run_merger(MergeNode& merger, TimePoint now, Measured& measured);
+  void lose(const std::string& id, const Error& error, Measured& measured);
   void deliver(const std::string& from, const std::vector<std::byte>& bytes, TimePoint now,
                Measured& measured);
   void show(const std::vector<std::byte>& bytes, Measured& measured);
