@@ -114,6 +114,21 @@ check "synth as mkv" 2 "format.*images" "$meshreduce" synth pictures-of --format
 check "synth ./KIND" 0 "2 sensors, 1 frames" "$meshreduce" synth ./office --sensors 2 --frames 1 --people 0 \
   --depth-mode nfov_binned --color 320x180
 
+# Holes in a recording: the rest runs, and each lost frame is told once, without what follows from it.
+check "synth with holes" 0 "2 sensors, 4 frames" "$meshreduce" synth holes --sensors 2 --frames 4 --people 0 \
+  --depth-mode nfov_binned --color 320x180
+for lost in cam-0/depth/000001 cam-0/depth/000003 cam-1/depth/000003; do echo x >holes/$lost.png; done
+rm holes/cam-1/color/000000.png
+check "run with holes" 0 "2 sensors, 3 frames" "$meshreduce" run holes/scene.yaml --frames 9
+told=$("$meshreduce" run holes/scene.yaml --frames 9 2>&1 >/dev/null)
+for line in "^note: .*: sensors.cam-1.source.color: 1 of the 4 files of the pattern is missing" \
+  "^dropped: cam-0: .*000001.png: .*\(frame 1 of sensor 'cam-0' is lost\)$" "^dropped: cam-1: .*000000.png: .*\(frame 0 of sensor 'cam-1' is lost\)$" \
+  "^dropped: cam-0: .*\(frame 3 of" "^dropped: cam-1: .*\(frame 3 of"; do
+  grep -qE "$line" <<<"$told" || fail_test "holes: no '$line' in: $told"
+done
+[ "$(wc -l <<<"$told")" = 5 ] || fail_test "holes: not 5 lines: $told"
+timeout -k 1 60 "$meshreduce" run holes/scene.yaml --seconds 4 --listen 127.0.0.1:0 >/dev/null 2>&1 || fail_test "live with holes: exit $?"
+
 # info looks at the pictures, and says what is wrong with them.
 info() { "$meshreduce" info "$@" 2>&1; }
 variant() { sed "$2" office/scene.yaml >office/$1.yaml; }  # of the scene, beside it
