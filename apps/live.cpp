@@ -107,7 +107,7 @@ void open_in_browser(const std::string& url) {
   if (!std::getenv("DISPLAY") && !std::getenv("WAYLAND_DISPLAY")) return;
   const std::string command =
       "command -v xdg-open >/dev/null && xdg-open " + url + " >/dev/null 2>&1 &";
-  static_cast<void>(std::system(command.c_str()));
+  [[maybe_unused]] const int ignored = std::system(command.c_str());  // the address was printed
 }
 
 /// "root 6.1 fps, cam-0 6.1 fps, …": frames since the last look.

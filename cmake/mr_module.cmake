@@ -30,6 +30,10 @@ if(MR_SANITIZE)
   target_link_options(mr_flags INTERFACE -fsanitize=${MR_SANITIZE})
   target_compile_definitions(mr_flags INTERFACE MR_SANITIZED)  # by whichever compiler
 endif()
+if(NOT MR_SANITIZE)
+  include(cmake/hardening.cmake)
+  mr_harden(mr_flags)
+endif()
 if(MR_FUZZ)
   # libFuzzer sees which branches are taken; tests link as ever. It does not see what numbers are compared
   # with: a call for each comparison would make engines and their tests several times slower.

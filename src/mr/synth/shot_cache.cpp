@@ -252,7 +252,8 @@ void ShotCache::add(std::uint32_t frame, const Shot& shot) {
     return;
   if (!write_at(descriptor_, end_, bytes)) {
     budget_ = 0;  // the disk is full: no more of this
-    static_cast<void>(::ftruncate(descriptor_, static_cast<off_t>(end_)));
+    // Where that fails, whoever locks it next cuts it off.
+    [[maybe_unused]] const int cut = ::ftruncate(descriptor_, static_cast<off_t>(end_));
     return;
   }
   if (frame >= records_.size()) records_.resize(frame + 1);
