@@ -67,6 +67,9 @@ constexpr BeyondSchema kBeyondSchema[] = {
     {", after the rig's last, ", "two keys"},
     {", which is no sensor of the rig", "ids of the rig"},
     {"has a place outside the rig's room", "two keys"},
+    {"cert and key only together", "two keys"},
+    {"either nkey or credentials", "two keys"},
+    {"needs tls:// in the url", "two keys"},
     {"more problems follow", "of those above"},
 };
 
@@ -114,7 +117,8 @@ rate: {model: fixed, target_mbps: 10}
 coding: {texture_scale: 0.5, texture_qp: 30, sensor_texture_qp: 20, depth_qp: 10, frame_divider: 1}
 gateway: {listen: "0.0.0.0:80", start: {eye: [1, 1, 1.6], look_at: [0, 0, 1]}, tls: {cert: c.pem, key: k.pem},
           tokens: {file: tokens}, hosts: [room.example.org, "fe80::1"], open: true, viewers: 10, viewers_per_address: 2}
-nats: {url: "nats://127.0.0.1:4222"}
+nats: {url: "tls://127.0.0.1:4222", ca: ca.pem, cert: node.pem, key: node.key,
+       nkey: {public: UDXU4RCSJNZOIQHZNWXHXORDPRTGNJAHAHFRGZNEEJCPQTT2M7NLCNF4, seed: node.nk}}
 tcp: {a: "127.0.0.1:9000", w: "[::1]:9001", secret: {env: TCP_SECRET}}
 truth:
   mesh: "%06d.ply"
@@ -145,6 +149,7 @@ sensors:
     source: {type: rgbd-images, depth: d.png}
     depth_camera: {model: lidar, size: [1024, 3], beam_altitude_deg: {from: 10, to: -10}}
     T_world_depth: [1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1]
+nats: {url: "nats://127.0.0.1:4222", credentials: node.creds}
 tcp: {a: "127.0.0.1:9000", secret: {file: secret.txt}}
 gateway: {tls: auto}
 )";

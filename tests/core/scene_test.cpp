@@ -308,6 +308,29 @@ TEST_F(SceneFile, UnknownKeysAreToldWhatIsKnown) {
               HasSubstr("4: tcp: 'b' is no sensor and no merger (did you mean 'a'?)"));
 }
 
+TEST_F(SceneFile, NatsKeysFitTogether) {
+  const std::string nkey = "U" + std::string(55, 'A');
+  const SceneResult result = load(scene_of(
+      {"a"}, "nats: {url: 'tls://x', ca: ca.pem, cert: a.pem, key: a.key, nkey: {public: " + nkey +
+                 ", seed: a.nk}}\n"));
+  EXPECT_THAT(shorten(result.problems), IsEmpty());
+  const NatsConfig& nats = result.scene.network.nats;
+  EXPECT_EQ(
+      nats,
+      (NatsConfig{
+          "tls://x", dir_ / "ca.pem", dir_ / "a.pem", dir_ / "a.key", nkey, dir_ / "a.nk", {}}));
+  const auto refused = [&](const std::string& keys) { return problem_of("nats: {" + keys + "}"); };
+  EXPECT_THAT(refused("ca: ca.pem"), HasSubstr("4: nats lacks the key 'url'"));
+  EXPECT_THAT(refused("url: 'tls://x', cert: a.pem"), HasSubstr("4: nats: cert and key only"));
+  EXPECT_THAT(refused("url: 'tls://x', key: a.key"), HasSubstr("4: nats: cert and key only"));
+  EXPECT_THAT(refused("url: 'nats://x', ca: ca.pem"), HasSubstr("4: nats: ca needs tls://"));
+  EXPECT_THAT(refused("url: 'nats://x', cert: a, key: b"), HasSubstr("4: nats: cert needs tls://"));
+  EXPECT_THAT(refused("url: 'nats://x', nkey: {public: SUA, seed: a}"),
+              HasSubstr("4: public must be the public NKey of a user"));
+  EXPECT_THAT(refused("url: 'nats://x', credentials: c, nkey: {public: " + nkey + ", seed: a}"),
+              HasSubstr("4: nats: either nkey or credentials, not both"));
+}
+
 TEST_F(SceneFile, SecretsStandElsewhere) {
   const auto secret_of = [&](const std::string& source) {
     const SceneResult result = load(scene_of({"a"}, "tcp: {secret: " + source + "}\n"));

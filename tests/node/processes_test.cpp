@@ -204,7 +204,7 @@ class Processes : public ::testing::Test {
     write_scene();
     start_nats();
     scene_ = load_scene(file()).scene;
-    auto transport = net::make_nats_transport(scene_.network.nats_url, scene_.id);
+    auto transport = net::make_nats_transport(scene_.network.nats, scene_.id);
     ASSERT_TRUE(transport) << transport.error().message;
     transport_ = *std::move(transport);
   }

@@ -11,6 +11,7 @@
 
 #include "mr/core/camera.h"
 #include "mr/core/lattice.h"
+#include "mr/core/network_config.h"
 #include "mr/core/packet.h"
 #include "mr/core/pose.h"
 #include "mr/core/result.h"
@@ -257,14 +258,6 @@ struct GatewayConfig {
   int viewers = 64;                       ///< at once
   int viewers_per_address = 16;
   friend bool operator==(const GatewayConfig&, const GatewayConfig&) = default;
-};
-
-/// How the nodes of a scene find each other when they run as processes of their own.
-struct NetworkConfig {
-  std::string nats_url;                    ///< empty: no NATS
-  std::map<std::string, std::string> tcp;  ///< node → host:port; empty: no TCP
-  SecretSource tcp_secret;                 ///< of all nodes that TCP joins; empty: none
-  friend bool operator==(const NetworkConfig&, const NetworkConfig&) = default;
 };
 
 struct Scene {

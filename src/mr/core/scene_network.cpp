@@ -51,6 +51,54 @@ void read_start(MapReader& gateway, std::optional<StartConfig>& start) {
   start = StartConfig{*eye, *look_at};
 }
 
+/// Whether it looks like the public NKey of a user.
+bool is_user_nkey(const std::string& text) {
+  return text.size() == 56 && text[0] == 'U' && std::all_of(text.begin(), text.end(), [](char c) {
+           return (c >= 'A' && c <= 'Z') || (c >= '2' && c <= '7');
+         });
+}
+
+/// A file of this node; whether it is there is looked at when the node starts.
+void read_own_file(MapReader& map, const std::string& key, std::filesystem::path& out) {
+  std::string text;
+  if (!map.text(key, text)) return;
+  if (text.empty()) return map.report.problem(map.line(key), key + " must name a file, not ''");
+  out = map.report.resolve(text);
+}
+
+void read_nkey(MapReader& nats, NatsConfig& config) {
+  const YamlNode* node = nats.find("nkey");
+  if (!node) return;
+  MapReader map(nats.report, *node, "nkey");
+  if (map.need("public") && map.text("public", config.nkey) && !is_user_nkey(config.nkey))
+    map.report.problem(map.line("public"),
+                       "public must be the public NKey of a user, U and 55 more letters or digits");
+  if (map.need("seed")) read_own_file(map, "seed", config.nkey_seed);
+}
+
+void read_nats(MapReader& top, NatsConfig& config) {
+  const YamlNode* node = top.find("nats");
+  if (!node) return;
+  MapReader map(top.report, *node, "nats");
+  const bool has_url = map.need("url") && map.text("url", config.url);
+  read_own_file(map, "ca", config.ca);
+  read_own_file(map, "cert", config.certificate);
+  read_own_file(map, "key", config.key);
+  read_own_file(map, "credentials", config.credentials);
+  read_nkey(map, config);
+  if (map.has("cert") != map.has("key"))
+    map.report.problem(map.line(map.has("cert") ? "cert" : "key"),
+                       "nats: cert and key only together; both are PEM files");
+  if (map.has("nkey") && map.has("credentials"))
+    map.report.problem(map.line("credentials"), "nats: either nkey or credentials, not both");
+  if (!has_url || config.url.find("tls://") != std::string::npos) return;
+  for (const char* key : {"ca", "cert", "key"})
+    if (map.has(key))
+      return map.report.problem(
+          map.line(key),
+          std::string("nats: ") + key + " needs tls:// in the url; nats:// is not encrypted");
+}
+
 /// The secret that TCP connections need; the key is no node's.
 void read_tcp_secret(MapReader& tcp, const std::vector<std::string>& ids, SecretSource& secret) {
   tcp.find(kSecretKey);
@@ -189,10 +237,7 @@ void read_network(MapReader& top, Scene& scene) {
   if (const YamlNode* node = top.find("gateway")) {
     read_gateway(top.report, *node, scene.gateway.emplace());
   }
-  if (const YamlNode* node = top.find("nats")) {
-    MapReader map(top.report, *node, "nats");
-    if (map.need("url")) map.text("url", scene.network.nats_url);
-  }
+  read_nats(top, scene.network.nats);
   read_tcp(top, scene);
 }
 

@@ -10,8 +10,9 @@
 #include <utility>
 #include <vector>
 
-#include "mr/net/address.h"
+#include "mr/core/secret_source.h"
 #include "mr/net/fragments.h"
+#include "mr/net/nats_trouble.h"
 #include "mr/net/registry.h"
 
 namespace mr::net {
@@ -20,101 +21,100 @@ namespace {
 using Clock = std::chrono::steady_clock;
 
 constexpr int kConnectMs = 2000;
-constexpr int kReconnectMs = 100;
-constexpr int kJitterMs = 20;
 constexpr int kPingMs = 2000;
 constexpr int kWriteMs = 2000;
 constexpr int kPendingMessages = 1 << 16;
+constexpr std::size_t kDenials = 100;
 constexpr std::chrono::seconds kClosePatience{5};
 
 int as_int(std::size_t n) {
   return static_cast<int>(std::min<std::size_t>(n, std::numeric_limits<int>::max()));
 }
 
-std::vector<std::string> split_urls(const std::string& urls) {
-  std::vector<std::string> all;
-  for (std::size_t from = 0; from <= urls.size();) {
-    const std::size_t comma = std::min(urls.find(',', from), urls.size());
-    all.push_back(urls.substr(from, comma - from));
-    from = comma + 1;
-  }
-  return all;
-}
-
-/// A URL without user, password or token: what may be logged.
-std::string without_secrets(const std::string& url) {
-  const std::size_t scheme = url.find("://");
-  const std::size_t at = url.rfind('@');
-  if (at == std::string::npos) return url;
-  return (scheme == std::string::npos ? "" : url.substr(0, scheme + 3)) + url.substr(at + 1);
-}
-
-std::string loggable(const std::string& urls) {
-  std::string text;
-  for (const std::string& url : split_urls(urls))
-    text += (text.empty() ? "" : ",") + without_secrets(url);
-  return text;
-}
-
-Status check_url(const std::string& url) {
-  const std::string shown = without_secrets(url);
-  for (const std::string scheme : {"nats://", "tls://"}) {
-    if (!shown.starts_with(scheme)) continue;
-    const std::string host = shown.substr(scheme.size());
-    if (parse_address(host) || parse_address(host + ":4222")) return {};
-  }
-  return Error{Error::Cause::invalid,
-               "\"" + shown + "\" is no NATS server: write nats://host:port"};
-}
-
 }  // namespace
 
-/// What the library's callbacks need. They may come late, so it outlives the connection.
-struct NatsEvents {
-  std::string server;
-  std::function<void(const std::string&)> log;
-  std::shared_ptr<Drops> drops;
+/// What is told of a server: when it goes, why it refuses us, when it is back; each once. Outlives
+/// the connections.
+class NatsEvents {
+ public:
+  NatsEvents(std::string server, std::function<void(const std::string&)> log,
+             std::shared_ptr<Drops> drops)
+      : server_(std::move(server)), log_(std::move(log)), drops_(std::move(drops)) {}
+
+  /// There is no connection. Of each kind of trouble the first is told, until back().
+  void away(const NatsTrouble& trouble) {
+    const std::lock_guard lock(mutex_);
+    if (told_.insert(trouble.kind).second) tell(trouble.text + "; trying on");
+  }
+  bool knows_unreachable() const {
+    const std::lock_guard lock(mutex_);
+    return told_.contains(NatsTrouble::Kind::unreachable);
+  }
+  void back() {
+    const std::lock_guard lock(mutex_);
+    denied_.clear();
+    if (!std::exchange(told_, {}).empty()) tell("is back");
+  }
+  void slow(const std::string& subject) {
+    const std::lock_guard lock(mutex_);
+    drops_->count("subject " + subject, "slow consumer, messages lost");
+    const auto now = Clock::now();
+    if (now - std::exchange(told_slow_, now) > std::chrono::seconds(1))
+      tell("subject " + subject + ": this program does not keep up, messages were lost");
+  }
+  /// Told once for each subject and connection.
+  void denied(const NatsDenial& denial) {
+    const std::string what = denial.publishing ? "may not publish" : "may not subscribe";
+    const std::lock_guard lock(mutex_);
+    drops_->count("subject " + denial.subject, what);
+    if (denied_.size() < kDenials && denied_.insert(what + denial.subject).second)
+      tell("subject " + denial.subject + ": this program " + what +
+           " there; grant that in the server's configuration");
+  }
+
+ private:
+  void tell(const std::string& line) const {
+    if (log_) log_("NATS server " + server_ + ": " + line);
+  }
+
+  const std::string server_;
+  const std::function<void(const std::string&)> log_;
+  const std::shared_ptr<Drops> drops_;
+  mutable std::mutex mutex_;
+  std::set<NatsTrouble::Kind> told_;
+  std::set<std::string> denied_;
+  Clock::time_point told_slow_;
+};
+
+namespace {
+
+/// What the library's callbacks of one connection need. They may come late, so it outlives it.
+struct NatsSession {
+  std::shared_ptr<NatsEvents> events;
+  NatsConfig config;
   std::mutex mutex;
   std::condition_variable changed;
   bool closed = false;  ///< by the library
   bool quiet = false;   ///< we are about to close it
-  bool away = false;
-  Clock::time_point told_slow;
 
-  void set_away(bool now_away) {
+  bool is_quiet() {
     const std::lock_guard lock(mutex);
-    if (std::exchange(away, now_away) == now_away || quiet) return;
-    tell(now_away ? "cannot be reached; trying on" : "is back");
-  }
-  void on_slow(const std::string& subject) {
-    const std::lock_guard lock(mutex);
-    if (quiet) return;
-    drops->count("subject " + subject, "slow consumer, messages lost");
-    const auto now = Clock::now();
-    if (now - std::exchange(told_slow, now) > std::chrono::seconds(1))
-      tell("subject " + subject + ": this program does not keep up, messages were lost");
-  }
-  void on_closed() {
-    const std::lock_guard lock(mutex);
-    closed = true;
-    changed.notify_all();
+    return quiet;
   }
   void silence() {
     const std::lock_guard lock(mutex);
     quiet = true;
   }
+  void set_closed() {
+    const std::lock_guard lock(mutex);
+    closed = true;
+    changed.notify_all();
+  }
   void wait_closed() {
     std::unique_lock lock(mutex);
     changed.wait_for(lock, kClosePatience, [&] { return closed; });
   }
-
- private:
-  void tell(const std::string& line) const {
-    if (log) log("NATS server " + server + ": " + line);
-  }
 };
-
-namespace {
 
 /// Closures of the library are pointers to a shared_ptr, freed by its last callback.
 template <typename T>
@@ -122,18 +122,30 @@ std::shared_ptr<T>& shared(void* closure) {
   return *static_cast<std::shared_ptr<T>*>(closure);
 }
 
-void on_disconnected(natsConnection*, void* closure) {
-  shared<NatsEvents>(closure)->set_away(true);
+void on_disconnected(natsConnection* connection, void* closure) {
+  NatsSession& session = *shared<NatsSession>(closure);
+  if (session.is_quiet()) return;
+  const char* text = nullptr;
+  natsStatus status = natsConnection_GetLastError(connection, &text);
+  if (status != NATS_CONNECTION_AUTH_FAILED && status != NATS_SSL_ERROR)
+    status = NATS_CONNECTION_CLOSED;  // the last error is not always the reason
+  session.events->away(nats_trouble(status, text ? text : "", session.config));
 }
-void on_connected(natsConnection*, void* closure) { shared<NatsEvents>(closure)->set_away(false); }
 void on_closed(natsConnection*, void* closure) {
-  shared<NatsEvents>(closure)->on_closed();
-  delete &shared<NatsEvents>(closure);
+  shared<NatsSession>(closure)->set_closed();
+  delete &shared<NatsSession>(closure);
 }
 void on_error(natsConnection*, natsSubscription* subscription, natsStatus status, void* closure) {
-  if (status != NATS_SLOW_CONSUMER || subscription == nullptr) return;
-  const char* subject = natsSubscription_GetSubject(subscription);  // null once it has ended
-  shared<NatsEvents>(closure)->on_slow(subject ? subject : "that has ended");
+  NatsSession& session = *shared<NatsSession>(closure);
+  if (session.is_quiet()) return;
+  if (status == NATS_NOT_PERMITTED) {
+    natsStatus last = NATS_OK;  // of this thread, where the library has put the error's text
+    const char* text = nats_GetLastError(&last);
+    session.events->denied(nats_denial(text ? text : ""));
+  } else if (status == NATS_SLOW_CONSUMER && subscription != nullptr) {
+    const char* subject = natsSubscription_GetSubject(subscription);  // null once it has ended
+    session.events->slow(subject ? subject : "that has ended");
+  }
 }
 
 }  // namespace
@@ -183,7 +195,7 @@ class NatsInlet {
 };
 
 struct NatsLink::Connection {
-  std::shared_ptr<NatsEvents> events = std::make_shared<NatsEvents>();
+  std::shared_ptr<NatsSession> session = std::make_shared<NatsSession>();
   natsConnection* handle = nullptr;
   /// Ended, but kept: libnats 3.4 may still deliver to a subscription on its reading thread while
   /// we destroy it (its issue 637). That thread is gone once the connection is closed.
@@ -191,9 +203,9 @@ struct NatsLink::Connection {
 
   ~Connection() {
     if (handle == nullptr) return;
-    events->silence();
+    session->silence();
     natsConnection_Close(handle);
-    events->wait_closed();
+    session->wait_closed();
     for (natsSubscription* subscription : ended) natsSubscription_Destroy(subscription);
     natsConnection_Destroy(handle);
   }
@@ -215,37 +227,80 @@ struct Row {
   }
 };
 
-Result<Options> make_options(const std::string& urls, void* closure) {
+Status library_error(natsStatus status, const std::string& what) {
+  if (status == NATS_OK) return {};
+  natsStatus last = NATS_OK;
+  const char* text = nats_GetLastError(&last);
+  return Error{Error::Cause::invalid,
+               what + ": " + nats_text(text && *text ? text : natsStatus_GetText(status))};
+}
+
+/// A file with a secret, which the library reads itself: told here where it cannot.
+Status check_secret(const std::filesystem::path& file) {
+  const auto secret = read_secret({{}, file});
+  return secret ? Status() : Status(secret.error());
+}
+
+Status set_certificates(natsOptions* o, const NatsConfig& config) {
+  if (config.url.find("tls://") == std::string::npos) return {};
+  if (auto ok = library_error(natsOptions_SetSecure(o, true), "NATS: TLS"); !ok) return ok;
+  if (!config.ca.empty())
+    if (auto ok = library_error(natsOptions_LoadCATrustedCertificates(o, config.ca.c_str()),
+                                "nats.ca: no certificates in " + config.ca.string());
+        !ok)
+      return ok;
+  if (config.certificate.empty()) return {};
+  return library_error(
+      natsOptions_LoadCertificatesChain(o, config.certificate.c_str(), config.key.c_str()),
+      "nats.cert and nats.key: no pair in " + config.certificate.string() + " and " +
+          config.key.string());
+}
+
+Status set_identity(natsOptions* o, const NatsConfig& config) {
+  if (!config.nkey.empty()) {
+    if (auto ok = check_secret(config.nkey_seed); !ok) return ok;
+    return library_error(
+        natsOptions_SetNKeyFromSeed(o, config.nkey.c_str(), config.nkey_seed.c_str()), "nats.nkey");
+  }
+  if (config.credentials.empty()) return {};
+  if (auto ok = check_secret(config.credentials); !ok) return ok;
+  return library_error(
+      natsOptions_SetUserCredentialsFromFiles(o, config.credentials.c_str(), nullptr),
+      "nats.credentials");
+}
+
+/// The library does not connect again by itself: it would not say why it cannot.
+Result<Options> make_options(const NatsConfig& config, void* closure) {
   natsOptions* o = nullptr;
   if (natsOptions_Create(&o) != NATS_OK) return Error{Error::Cause::io, "NATS: out of memory"};
   Options options(o);
-  const std::vector<std::string> all = split_urls(urls);
+  const auto urls = nats_servers(config.url);
+  if (!urls) return urls.error();
   std::vector<const char*> servers;
-  for (const std::string& url : all) servers.push_back(url.c_str());
+  for (const std::string& url : *urls) servers.push_back(url.c_str());
   Row row;
   row << natsOptions_SetServers(o, servers.data(), as_int(servers.size()))
-      << natsOptions_SetTimeout(o, kConnectMs) << natsOptions_SetMaxReconnect(o, -1)
-      << natsOptions_SetReconnectWait(o, kReconnectMs)
-      << natsOptions_SetReconnectJitter(o, kJitterMs, kJitterMs)
-      << natsOptions_SetReconnectBufSize(o, 1)  // what waited for the server would be stale
+      << natsOptions_SetTimeout(o, kConnectMs) << natsOptions_SetAllowReconnect(o, false)
       << natsOptions_SetPingInterval(o, kPingMs) << natsOptions_SetMaxPingsOut(o, 2)
       << natsOptions_SetWriteDeadline(o, kWriteMs) << natsOptions_SetSendAsap(o, true)
       << natsOptions_DisableNoResponders(o, true)
-      << natsOptions_SetRetryOnFailedConnect(o, true, on_connected, closure)
-      << natsOptions_SetReconnectedCB(o, on_connected, closure)
       << natsOptions_SetDisconnectedCB(o, on_disconnected, closure)
       << natsOptions_SetClosedCB(o, on_closed, closure)
       << natsOptions_SetErrorHandler(o, on_error, closure);
-  if (urls.find("tls://") != std::string::npos) row << natsOptions_SetSecure(o, true);
   if (row.status != NATS_OK)
     return Error{Error::Cause::invalid, std::string("NATS: ") + natsStatus_GetText(row.status)};
+  if (auto ok = set_certificates(o, config); !ok) return ok.error();
+  if (auto ok = set_identity(o, config); !ok) return ok.error();
   return options;
 }
 
 }  // namespace
 
-NatsLink::NatsLink(std::string urls, const TransportLimits& limits, std::shared_ptr<Drops> drops)
-    : urls_(std::move(urls)), limits_(limits), drops_(std::move(drops)) {
+NatsLink::NatsLink(NatsConfig config, const TransportLimits& limits, std::shared_ptr<Drops> drops)
+    : config_(std::move(config)),
+      limits_(limits),
+      drops_(std::move(drops)),
+      events_(std::make_shared<NatsEvents>(loggable(config_.url), limits_.log, drops_)) {
   std::random_device random;
   last_message_ = (std::uint64_t{random()} << 32) | random();
 }
@@ -264,32 +319,37 @@ void NatsLink::close() {
   for (const auto& inlet : inlets) inlet->end();
 }
 
-Result<std::shared_ptr<NatsLink>> NatsLink::open(const std::string& urls,
+Result<std::shared_ptr<NatsLink>> NatsLink::open(const NatsConfig& config,
                                                  const TransportLimits& limits,
                                                  std::shared_ptr<Drops> drops) {
-  for (const std::string& url : split_urls(urls))
-    if (auto ok = check_url(url); !ok) return ok.error();
-  std::shared_ptr<NatsLink> link(new NatsLink(urls, limits, std::move(drops)));
-  if (auto ok = link->connect(); !ok) return ok.error();
+  if (auto usable = make_options(config, nullptr); !usable) return usable.error();
+  std::shared_ptr<NatsLink> link(new NatsLink(config, limits, std::move(drops)));
+  link->revive();
   return link;
 }
 
-Status NatsLink::connect() {
+std::unique_ptr<NatsLink::Connection> NatsLink::connect() {
   auto connection = std::make_unique<Connection>();
-  NatsEvents& events = *connection->events;
-  events.server = loggable(urls_);
-  events.log = limits_.log;
-  events.drops = drops_;
-  events.away = connection_ != nullptr;  // told already
-  auto closure = std::make_unique<std::shared_ptr<NatsEvents>>(connection->events);
-  auto options = make_options(urls_, closure.get());
-  if (!options) return options.error();
+  connection->session->events = events_;
+  connection->session->config = config_;
+  auto closure = std::make_unique<std::shared_ptr<NatsSession>>(connection->session);
+  auto options = make_options(config_, closure.get());
+  if (!options) {  // a file has gone since
+    events_->away({NatsTrouble::Kind::other, options.error().message});
+    return nullptr;
+  }
   const natsStatus status = natsConnection_Connect(&connection->handle, options->get());
-  if (connection->handle != nullptr) closure.release();  // on_closed frees it
-  events.set_away(status != NATS_OK);
-  connection_ = std::move(connection);
-  for (const auto& inlet : inlets_) subscribe(inlet);
-  return {};
+  if (connection->handle != nullptr) {
+    closure.release();  // on_closed frees it
+    events_->back();
+    return connection;
+  }
+  const bool known =
+      (status == NATS_NO_SERVER || status == NATS_IO_ERROR) && events_->knows_unreachable();
+  natsStatus last = NATS_OK;
+  const char* text = nats_GetLastError(&last);
+  if (!known) events_->away(nats_trouble(status, text ? text : "", config_));
+  return nullptr;
 }
 
 void NatsLink::unsubscribe(NatsInlet& inlet) {
@@ -304,18 +364,27 @@ void NatsLink::unsubscribe_all() {
 }
 
 void NatsLink::revive() {
-  const std::lock_guard lock(mutex_);
-  if (connection_->handle != nullptr && !natsConnection_IsClosed(connection_->handle)) {
-    for (const auto& inlet : inlets_)
-      if (inlet->subscription == nullptr) subscribe(inlet);
-    return;
+  std::unique_ptr<Connection> broken;
+  {
+    const std::lock_guard lock(mutex_);
+    if (connection_ && !natsConnection_IsClosed(connection_->handle)) {
+      for (const auto& inlet : inlets_)
+        if (inlet->subscription == nullptr) subscribe(inlet);
+      return;
+    }
+    unsubscribe_all();
+    broken.swap(connection_);
   }
-  unsubscribe_all();
-  static_cast<void>(connect());  // else again at the next call
+  broken.reset();          // its callbacks are over, and nobody waits for that
+  auto fresh = connect();  // takes seconds where nobody answers
+  if (!fresh) return;      // again at the next call
+  const std::lock_guard lock(mutex_);
+  connection_ = std::move(fresh);
+  for (const auto& inlet : inlets_) subscribe(inlet);
 }
 
 void NatsLink::subscribe(const std::shared_ptr<NatsInlet>& inlet) {
-  if (connection_->handle == nullptr) return;
+  if (!connection_) return;
   auto closure = std::make_unique<std::shared_ptr<NatsInlet>>(inlet);
   natsSubscription*& subscription = inlet->subscription;
   if (natsConnection_Subscribe(&subscription, connection_->handle, inlet->subject.c_str(),
@@ -345,9 +414,10 @@ void NatsLink::forget(const std::shared_ptr<NatsInlet>& inlet) {
 
 Status NatsLink::send(const std::string& subject, const std::string& reply,
                       const Message& message) {
-  natsConnection* handle = connection_->handle;  // only this thread replaces it
-  if (handle == nullptr || natsConnection_Status(handle) != NATS_CONN_STATUS_CONNECTED)
+  if (!connection_ ||  // only this thread replaces it
+      natsConnection_Status(connection_->handle) != NATS_CONN_STATUS_CONNECTED)
     return Error{Error::Cause::io, "no server"};
+  natsConnection* handle = connection_->handle;
   const auto max_payload = static_cast<std::size_t>(natsConnection_GetMaxPayload(handle));
   const auto parts = fragment_count(message->size(), max_payload);
   if (!parts) return parts.error();

@@ -7,12 +7,14 @@
 #include <set>
 #include <string>
 
+#include "mr/core/network_config.h"
 #include "mr/core/result.h"
 #include "mr/net/drops.h"
 #include "mr/net/transport.h"
 
 namespace mr::net {
 
+class NatsEvents;
 class NatsInlet;
 
 /// What came in on a subject, put together again.
@@ -27,9 +29,8 @@ class NatsLink {
  public:
   using Handler = std::function<void(const NatsArrival&)>;
 
-  /// `urls`: one or more, separated by commas. invalid: they cannot be read. No server need be
-  /// there.
-  static Result<std::shared_ptr<NatsLink>> open(const std::string& urls,
+  /// No server need be there. invalid, io, not_found: the URL or a file cannot be used.
+  static Result<std::shared_ptr<NatsLink>> open(const NatsConfig& config,
                                                 const TransportLimits& limits,
                                                 std::shared_ptr<Drops> drops);
   ~NatsLink();
@@ -47,24 +48,25 @@ class NatsLink {
   /// two seconds for a server that does not read.
   Status send(const std::string& subject, const std::string& reply, const Message& message);
 
-  /// Connects anew where the library gave up (it does after a refused password). To be called
-  /// about each second, by the thread that sends.
+  /// Connects anew where there is no connection, and tells why that fails, once. To be called about
+  /// twice a second, by the thread that sends; waits up to two seconds for a server that is silent.
   void revive();
 
  private:
   struct Connection;
-  NatsLink(std::string urls, const TransportLimits& limits, std::shared_ptr<Drops> drops);
-  Status connect();
+  NatsLink(NatsConfig config, const TransportLimits& limits, std::shared_ptr<Drops> drops);
+  std::unique_ptr<Connection> connect();
   void unsubscribe(NatsInlet& inlet);
   void unsubscribe_all();
   void subscribe(const std::shared_ptr<NatsInlet>& inlet);
 
-  const std::string urls_;
+  const NatsConfig config_;
   const TransportLimits limits_;
   const std::shared_ptr<Drops> drops_;
+  const std::shared_ptr<NatsEvents> events_;
   std::uint64_t last_message_;  ///< id; starts anywhere, so that no two senders use the same
   std::mutex mutex_;            ///< of all below
-  std::unique_ptr<Connection> connection_;
+  std::unique_ptr<Connection> connection_;  ///< null: none
   std::set<std::shared_ptr<NatsInlet>> inlets_;
 };
 

@@ -2,13 +2,17 @@
 #include <condition_variable>
 #include <deque>
 #include <exception>
+#include <mutex>
 #include <random>
+#include <set>
 #include <thread>
 #include <utility>
 
+#include "mr/net/little_endian.h"
 #include "mr/net/nats_link.h"
 #include "mr/net/registry.h"
 #include "mr/net/requests.h"
+#include "mr/net/rivals.h"
 #include "mr/net/transport.h"
 
 namespace mr::net {
@@ -17,6 +21,9 @@ namespace {
 using Clock = std::chrono::steady_clock;
 
 constexpr std::chrono::milliseconds kNatsTick{500};
+constexpr std::chrono::seconds kHereEvery{1};
+constexpr std::size_t kHereBytes = 8;
+constexpr int kNatsAnswers = 8;  // unsent, for one asker: a program of a few mergers
 
 /// A name as one token of a subject: everything but letters, digits, '-' and '_' as %XX.
 std::string token(const std::string& name) {
@@ -33,9 +40,16 @@ std::string token(const std::string& name) {
   return out;
 }
 
-std::string new_inbox() {
+std::uint64_t random_number() {
   std::random_device random;
-  return "_INBOX.mr" + std::to_string(random()) + "x" + std::to_string(random());
+  return (std::uint64_t{random()} << 32) | random();
+}
+
+/// The number as 8 bytes.
+Message number_message(std::uint64_t number) {
+  auto bytes = std::make_shared<std::vector<std::byte>>(sizeof number);
+  put(bytes->data(), number);
+  return bytes;
 }
 
 /// The number behind the last dot; 0 when there is none.
@@ -61,6 +75,18 @@ class NatsSubscription final : public Subscription {
   std::shared_ptr<NatsInlet> inlet_;
 };
 
+/// A service: what asks, and what other programs say of the node.
+class NatsService final : public Subscription {
+ public:
+  NatsService(std::unique_ptr<Subscription> ask, std::unique_ptr<Subscription> here,
+              std::shared_ptr<const std::string> node)
+      : ask_(std::move(ask)), here_(std::move(here)), node_(std::move(node)) {}
+
+ private:
+  std::unique_ptr<Subscription> ask_, here_;
+  std::shared_ptr<const std::string> node_;  ///< while it lives, the transport says it is here
+};
+
 /// Everything is sent by one thread, so that nobody waits for a slow server.
 class NatsTransport final : public Transport {
  public:
@@ -69,11 +95,11 @@ class NatsTransport final : public Transport {
       : link_(std::move(link)),
         drops_(std::move(drops)),
         prefix_("mr." + token(scene) + "."),
-        inbox_(new_inbox()),
+        inbox_("_INBOX." + prefix_ + std::to_string(random_number())),
+        id_(random_number()),
         limits_(limits),
-        coalesce_(std::move(coalesce)) {
-    link_->receive(inbox_ + ".*", limits_.message_bytes,
-                   [this](const NatsArrival& answer) { answered(answer); });
+        coalesce_(std::move(coalesce)),
+        rivals_(limits.log, *drops_) {
     sender_ = std::jthread([this](const std::stop_token& stop) { run(stop); });
   }
   ~NatsTransport() override {
@@ -110,6 +136,7 @@ class NatsTransport final : public Transport {
     if (question->size() > kQuestionBytes)
       return drops_->count("node " + node, "question too large");
     if (!on_answer) return send_later({ask_subject(node), "", std::move(question)});
+    open_inbox();
     const std::uint64_t id = requests_.add(Clock::now(), nullptr, std::move(on_answer));
     if (id == 0) return drops_->count("node " + node, "too many requests at once");
     send_later({ask_subject(node), inbox_ + "." + std::to_string(id), std::move(question)});
@@ -117,12 +144,15 @@ class NatsTransport final : public Transport {
 
   std::unique_ptr<Subscription> serve(
       const std::string& node, std::function<Message(std::span<const std::byte>)> answer) override {
-    return subscription(ask_subject(node), kQuestionBytes,
-                        [this, answer = std::move(answer)](const NatsArrival& question) {
-                          Message message = answer(*question.message);
-                          if (message && !question.reply.empty())
-                            send_later({question.reply, "", std::move(message)});
-                        });
+    auto ask = subscription(ask_subject(node), kQuestionBytes,
+                            [this, answer = std::move(answer)](const NatsArrival& question) {
+                              asked(question, answer);
+                            });
+    auto here = subscription(here_subject(node), kHereBytes,
+                             [this, node](const NatsArrival& other) { heard(node, other); });
+    auto name = std::make_shared<const std::string>(node);
+    say_here(name);
+    return std::make_unique<NatsService>(std::move(ask), std::move(here), std::move(name));
   }
 
   std::map<std::string, std::uint64_t> drops() const override {
@@ -140,6 +170,7 @@ class NatsTransport final : public Transport {
   struct Letter {
     std::string subject, reply;
     Message message;
+    std::string inbox = {};  ///< of an answer: the asker's
   };
   struct Sending {
     std::unique_ptr<Outbox> outbox;
@@ -150,11 +181,69 @@ class NatsTransport final : public Transport {
     return prefix_ + token(node) + ".packet";
   }
   std::string ask_subject(const std::string& node) const { return prefix_ + token(node) + ".ask"; }
+  std::string here_subject(const std::string& node) const {
+    return prefix_ + token(node) + ".here";
+  }
 
   std::unique_ptr<Subscription> subscription(const std::string& subject, std::size_t message_bytes,
                                              NatsLink::Handler handler) {
     return std::make_unique<NatsSubscription>(
         link_, link_->receive(subject, message_bytes, std::move(handler)));
+  }
+
+  /// Only who asks needs an inbox, and the permission to subscribe to it.
+  void open_inbox() {
+    std::call_once(inbox_opened_, [this] {
+      link_->receive(inbox_ + ".*", limits_.message_bytes,
+                     [this](const NatsArrival& answer) { answered(answer); });
+    });
+  }
+
+  /// One that asks faster than its answers go is not answered.
+  void asked(const NatsArrival& question,
+             const std::function<Message(std::span<const std::byte>)>& answer) {
+    const std::string inbox = question.reply.substr(0, question.reply.rfind('.'));
+    if (!inbox.empty() && answers_to(inbox) >= kNatsAnswers)
+      return drops_->count("subject " + question.subject, "asked again before the answers went");
+    Message message = answer(*question.message);
+    if (message && !inbox.empty()) send_later({question.reply, "", std::move(message), inbox});
+  }
+
+  int answers_to(const std::string& inbox) const {
+    const std::lock_guard lock(mutex_);
+    const auto at = answers_.find(inbox);
+    return at == answers_.end() ? 0 : at->second;
+  }
+
+  void heard(const std::string& node, const NatsArrival& other) {
+    std::span<const std::byte> bytes = *other.message;
+    if (bytes.size() == kHereBytes && take<std::uint64_t>(bytes) != id_)
+      rivals_.heard(node, Clock::now());
+  }
+
+  /// At once, and each second while the name lives.
+  void say_here(const std::shared_ptr<const std::string>& node) {
+    {
+      const std::lock_guard lock(mutex_);
+      serving_.push_back(node);
+      here_due_ = work_ = true;
+    }
+    wake_.notify_one();
+  }
+
+  void send_here(Clock::time_point now) {
+    std::set<std::string> nodes;
+    {
+      const std::lock_guard lock(mutex_);
+      if (!std::exchange(here_due_, false) && now < next_here_) return;
+      next_here_ = now + kHereEvery;
+      std::erase_if(serving_, [](const auto& node) { return node.expired(); });
+      for (const auto& serving : serving_)
+        if (const auto node = serving.lock()) nodes.insert(*node);
+    }
+    const Message id = number_message(id_);
+    for (const std::string& node : nodes)
+      static_cast<void>(link_->send(here_subject(node), "", id));  // no server: nobody to tell
   }
 
   void answered(const NatsArrival& answer) {
@@ -179,6 +268,7 @@ class NatsTransport final : public Transport {
       if (letter_bytes_ + letter.message->size() > limits_.queue_bytes)
         return drops_->count("NATS server", "too slow, questions or answers lost");
       letter_bytes_ += letter.message->size();
+      if (!letter.inbox.empty()) ++answers_[letter.inbox];
       letters_.push_back(std::move(letter));
       work_ = true;
     }
@@ -191,14 +281,15 @@ class NatsTransport final : public Transport {
         wake_.wait_for(lock, stop, kNatsTick, [&] { return work_; });
         work_ = false;
         lock.unlock();
-        tick(Clock::now());
-        while (!stop.stop_requested() && send_some()) continue;
+        do tick(Clock::now());
+        while (!stop.stop_requested() && send_some());
       } catch (const std::exception& e) {
         if (limits_.log) limits_.log(std::string("NATS transport: ") + e.what());
       }
   }
 
   void tick(Clock::time_point now) {
+    send_here(now);
     if (now < next_tick_) return;
     next_tick_ = now + kNatsTick;
     drops_->count("NATS", "requests without an answer", requests_.expire(now));
@@ -216,10 +307,20 @@ class NatsTransport final : public Transport {
       for (const auto& [node, sending] : packets_)
         if (!sending.outbox->empty()) outboxes.emplace_back(node, sending.outbox.get());
     }
-    for (const Letter& letter : letters) send(letter);
+    for (const Letter& letter : letters) {
+      send(letter);
+      if (!letter.inbox.empty()) gone(letter.inbox);
+    }
     for (const auto& [node, outbox] : outboxes)
       if (Message packet = outbox->try_pop()) send({packet_subject(node), "", std::move(packet)});
     return !letters.empty() || !outboxes.empty();
+  }
+
+  /// An answer went, or was lost.
+  void gone(const std::string& inbox) {
+    const std::lock_guard lock(mutex_);
+    const auto at = answers_.find(inbox);
+    if (--at->second == 0) answers_.erase(at);
   }
 
   void send(const Letter& letter) {
@@ -231,9 +332,12 @@ class NatsTransport final : public Transport {
   const std::shared_ptr<Drops> drops_;
   const std::string prefix_;
   const std::string inbox_;
+  const std::uint64_t id_;  ///< of this program, where it says that it serves a node
   const TransportLimits limits_;
   const Coalesce coalesce_;
+  Rivals rivals_;
   Requests requests_;
+  std::once_flag inbox_opened_;
   Clock::time_point next_tick_;  ///< sender thread
 
   mutable std::mutex mutex_;
@@ -241,19 +345,23 @@ class NatsTransport final : public Transport {
   std::map<std::string, Sending> packets_;  ///< by node
   std::deque<Letter> letters_;
   std::size_t letter_bytes_ = 0;
+  std::map<std::string, int> answers_;  ///< among the letters, and those being sent, by inbox
+  std::vector<std::weak_ptr<const std::string>> serving_;  ///< names of nodes
+  Clock::time_point next_here_;
+  bool here_due_ = false;
   bool work_ = false;
   std::jthread sender_;
 };
 
 }  // namespace
 
-Result<std::unique_ptr<Transport>> make_nats_transport(const std::string& url,
+Result<std::unique_ptr<Transport>> make_nats_transport(const NatsConfig& config,
                                                        const std::string& scene,
                                                        const TransportLimits& limits,
                                                        Coalesce coalesce) {
   try {
     auto drops = std::make_shared<Drops>();
-    auto link = NatsLink::open(url, limits, drops);
+    auto link = NatsLink::open(config, limits, drops);
     if (!link) return link.error();
     return std::unique_ptr<Transport>(
         std::make_unique<NatsTransport>(*link, drops, scene, limits, std::move(coalesce)));

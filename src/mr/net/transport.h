@@ -9,6 +9,7 @@
 #include <string>
 #include <vector>
 
+#include "mr/core/network_config.h"
 #include "mr/core/result.h"
 #include "mr/net/outbox.h"
 
@@ -47,7 +48,8 @@ class Transport {
                        std::function<void(Message)> on_answer = {}) = 0;
 
   /// Answers requests made to `node`; a null answer is not sent. One service per node: of several
-  /// in one transport the newest answers.
+  /// in one transport the newest answers. Where another program serves the node, too, both tell so,
+  /// in one process none.
   virtual std::unique_ptr<Subscription> serve(
       const std::string& node, std::function<Message(std::span<const std::byte>)> answer) = 0;
 
@@ -78,13 +80,15 @@ Result<std::unique_ptr<Transport>> make_tcp_transport(
     const std::map<std::string, std::string>& addresses, Coalesce coalesce,
     const TransportLimits& limits = {});
 
-/// NATS: subject "mr.<scene>.<node>.packet" for packets, "mr.<scene>.<node>.ask" for requests.
-/// `url`: "nats://host:port", "tls://…", with "user:password@" or "token@" before the host. The
-/// server may be absent, restarted or replaced at any time: one line tells so, and the client goes
-/// on trying. Works with any max_payload: larger messages travel in parts. `coalesce` folds what
-/// waits while the server is slow; without it that is lost. invalid: the URL or a name cannot be
-/// used.
-Result<std::unique_ptr<Transport>> make_nats_transport(const std::string& url,
+/// NATS: subject "mr.<scene>.<node>.packet" for packets, "mr.<scene>.<node>.ask" for requests,
+/// whose answers come to "_INBOX.mr.<scene>.…", and "mr.<scene>.<node>.here", where a program that
+/// serves a node says so each second. `config.url`: "nats://host:port", "tls://…", with
+/// "user:password@" or "token@" before the host; several after commas: of a cluster name every
+/// server. The server may be absent, restarted or replaced at any time, or refuse us: one line says
+/// why, and the client goes on trying. Works with any max_payload: larger messages travel in parts.
+/// `coalesce` folds what waits while the server is slow; without it that is lost. An error: the
+/// URL, a file that `config` names or a name cannot be used.
+Result<std::unique_ptr<Transport>> make_nats_transport(const NatsConfig& config,
                                                        const std::string& scene,
                                                        const TransportLimits& limits = {},
                                                        Coalesce coalesce = {});

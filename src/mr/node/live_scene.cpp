@@ -99,16 +99,15 @@ Status LiveScene::open_transport(const LiveOptions& options) {
     return {};
   }
   const NetworkConfig& network = scene_->network;
-  if (network.nats_url.empty() && network.tcp.empty())
+  if (network.nats.url.empty() && network.tcp.empty())
     return Error{Error::Cause::invalid,
                  "nodes in processes of their own need 'nats: {url: …}' or 'tcp: {NODE: host:port, "
                  "…}' in the scene file"};
-  if (!network.tcp_secret.empty() && network.nats_url.empty())
+  if (!network.tcp_secret.empty() && network.nats.url.empty())
     return Error{Error::Cause::unsupported, "tcp.secret is read, but not acted on yet"};
-  auto made =
-      network.nats_url.empty()
-          ? net::make_tcp_transport(network.tcp, coalesce_packets, limits)
-          : net::make_nats_transport(network.nats_url, scene_->id, limits, coalesce_packets);
+  auto made = network.nats.url.empty()
+                  ? net::make_tcp_transport(network.tcp, coalesce_packets, limits)
+                  : net::make_nats_transport(network.nats, scene_->id, limits, coalesce_packets);
   if (!made) return made.error();
   transport_ = *std::move(made);
   return {};

@@ -1,0 +1,30 @@
+#pragma once
+
+#include <filesystem>
+#include <map>
+#include <string>
+
+#include "mr/core/secret_source.h"
+
+namespace mr {
+
+/// The NATS server that joins nodes, and who a node is to it. Files are read when a node connects.
+struct NatsConfig {
+  std::string url = {};  ///< "nats://host:port" or "tls://…", several after commas; empty: no NATS
+  std::filesystem::path ca = {};  ///< whose certificates are trusted; empty: the system's
+  std::filesystem::path certificate = {}, key = {};  ///< of this node, PEM; both or none
+  std::string nkey = {};                   ///< public NKey of this node, "U…"; empty: none
+  std::filesystem::path nkey_seed = {};    ///< file with its seed
+  std::filesystem::path credentials = {};  ///< file of a JWT and its seed; instead of an NKey
+  friend bool operator==(const NatsConfig&, const NatsConfig&) = default;
+};
+
+/// How the nodes of a scene find each other when they run as processes of their own.
+struct NetworkConfig {
+  NatsConfig nats;
+  std::map<std::string, std::string> tcp;  ///< node → host:port; empty: no TCP
+  SecretSource tcp_secret;                 ///< of all nodes that TCP joins; empty: none
+  friend bool operator==(const NetworkConfig&, const NetworkConfig&) = default;
+};
+
+}  // namespace mr
