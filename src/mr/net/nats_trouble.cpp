@@ -65,7 +65,8 @@ std::string why_not_reached(const ::addrinfo& to) {
   return failed == 0 ? "" : std::strerror(failed);
 }
 
-/// What libnats does not tell: whether the host is known, and whether its port is open.
+/// What libnats does not tell: whether the host is known, and whether its port is open. Empty: it
+/// is.
 std::string why_unreachable(const std::string& urls) {
   const auto address = address_of(split_urls(urls).front());
   if (!address) return address.error().message;
@@ -77,8 +78,21 @@ std::string why_unreachable(const std::string& urls) {
   const std::unique_ptr<::addrinfo, decltype(&::freeaddrinfo)> all(found, &::freeaddrinfo);
   std::string why;
   for (const ::addrinfo* at = found; at != nullptr; at = at->ai_next)
-    if (why = why_not_reached(*at); why.empty()) return "no answer";
+    if (why = why_not_reached(*at); why.empty()) return why;
   return why;
+}
+
+/// A server that takes the connection and ends it. With TLS 1.3 it looks at our certificate only
+/// once the handshake is over for us.
+NatsTrouble hang_up(const NatsConfig& config) {
+  if (config.url.find("tls://") == std::string::npos)
+    return {NatsTrouble::Kind::unreachable, "cannot be reached: it ends the connection"};
+  return {NatsTrouble::Kind::tls,
+          config.certificate.empty()
+              ? "it hangs up after the TLS handshake, as it does where it wants a certificate of "
+                "this node: nats.cert and nats.key"
+              : "it hangs up after the TLS handshake, as it does where it does not trust the "
+                "certificate of nats.cert"};
 }
 
 /// Of "SSL handshake error: 20:unable to get local issuer certificate:depth=0:cert=…".
@@ -128,11 +142,12 @@ std::string loggable(const std::string& urls) {
 
 NatsTrouble nats_trouble(int status, const std::string& text, const NatsConfig& config) {
   using Kind = NatsTrouble::Kind;
-  const bool tls = config.url.find("tls://") != std::string::npos;
   switch (status) {
     case NATS_NO_SERVER:
     case NATS_IO_ERROR:
-      return {Kind::unreachable, "cannot be reached: " + why_unreachable(config.url)};
+      if (const std::string why = why_unreachable(config.url); !why.empty())
+        return {Kind::unreachable, "cannot be reached: " + why};
+      return hang_up(config);
     case NATS_TIMEOUT:
       return {Kind::unreachable, "cannot be reached: no answer"};
     case NATS_OK:
@@ -149,13 +164,7 @@ NatsTrouble nats_trouble(int status, const std::string& text, const NatsConfig& 
     case NATS_SECURE_CONNECTION_REQUIRED:
       return {Kind::tls, "it wants TLS; write tls:// in nats.url"};
     case NATS_PROTOCOL_ERROR:
-      // With TLS 1.3 the server looks at our certificate only once the handshake is over for us.
-      if (tls && text.find("PONG") != std::string::npos)
-        return {Kind::tls, config.certificate.empty()
-                               ? "it hangs up after the TLS handshake, as it does where it wants a "
-                                 "certificate of this node: nats.cert and nats.key"
-                               : "it hangs up after the TLS handshake, as it does where it does "
-                                 "not trust the certificate of nats.cert"};
+      if (text.find("PONG") != std::string::npos) return hang_up(config);
       [[fallthrough]];
     default:
       return {
