@@ -2,15 +2,19 @@
 
 #include <array>
 #include <boost/asio/ip/tcp.hpp>
+#include <boost/asio/steady_timer.hpp>
 #include <functional>
 #include <memory>
 #include <optional>
+#include <string>
 #include <vector>
 
 #include "mr/net/frames.h"
 #include "mr/net/outbox.h"
 
 namespace mr::net {
+
+class TcpSecret;
 
 /// Low delay, a dead peer noticed within seconds, and little room for stale data in the kernel.
 /// Options that the system lacks are left out.
@@ -22,35 +26,59 @@ struct OutFrame {
   Message payload;  ///< null: empty
 };
 
-/// Frames over one connected socket. Everything runs on the socket's io thread.
+/// Frames over one connected socket, inside TLS where there is a secret. Everything runs on the
+/// socket's io thread.
 class FrameSocket : public std::enable_shared_from_this<FrameSocket> {
  public:
+  enum class Side { connects, listens };
   struct Handlers {
-    /// An error ends the connection.
+    /// An error ends the connection; the side that listens tells the other one why.
     std::function<Status(Frame)> received;
     /// What to send next, asked when the socket is free.
     std::function<std::optional<OutFrame>()> next;
     /// The connection is over; called once, the last of all.
     std::function<void(const Error&)> ended;
+    /// Secrets were compared and frames can go; of the side that listens once the first bytes came.
+    std::function<void()> opened = nullptr;
   };
 
-  FrameSocket(boost::asio::ip::tcp::socket socket, FrameLimits limits, Handlers handlers);
+  /// `secret`: null for a plain connection. A peer that is not of the same kind is refused.
+  FrameSocket(boost::asio::ip::tcp::socket socket, Side side, std::shared_ptr<TcpSecret> secret,
+              FrameLimits limits, Handlers handlers);
+  ~FrameSocket();
 
   void start();
   /// Something may have to be sent.
   void wake();
   void end(const Error& why);
+  /// Tells the peer why, then ends; what it still sends is thrown away.
+  void refuse(const Error& why);
 
  private:
+  struct Tls;
+  void read_first();
+  void on_first(std::size_t bytes);
+  void handshake();
+  void on_handshake(const boost::system::error_code& error);
+  void open();
   void read();
   void on_read(std::size_t bytes);
+  void write(OutFrame frame);
+  void on_written(const boost::system::error_code& error);
+  void end_in(std::chrono::milliseconds patience, const Error& why);
 
   boost::asio::ip::tcp::socket socket_;
+  const Side side_;
+  const std::shared_ptr<TcpSecret> secret_;
+  std::unique_ptr<Tls> tls_;  ///< null while, or as, the connection is plain
   FrameReader reader_;
   std::shared_ptr<Handlers> handlers_;  ///< null once ended
+  boost::asio::steady_timer timer_;     ///< of the handshake, of a refusal
   std::vector<std::byte> buffer_;
   std::array<std::byte, kFrameHeaderBytes> header_{};
   OutFrame writing_;
+  std::optional<Error> refused_;
+  bool open_ = false;
   bool busy_ = false;  ///< with writing_
 };
 

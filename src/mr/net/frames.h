@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <map>
 #include <span>
+#include <string>
 #include <string_view>
 #include <vector>
 
@@ -19,8 +20,10 @@ enum class FrameKind : std::uint8_t {
   subscribe,  ///< packets of the node, from now on
   unsubscribe,
   packet,
-  ask,    ///< id: the asker's choice
-  answer  ///< id: that of the question
+  ask,      ///< id: the asker's choice, 0 where no answer is wanted
+  answer,   ///< id: that of the question
+  refusal,  ///< payload: why the connection ends, a line of text
+  rival     ///< in place of a greeting; payload: the name of a node that the sender runs, too
 };
 
 struct Frame {
@@ -32,6 +35,7 @@ struct Frame {
 inline constexpr std::size_t kFrameHeaderBytes = 13;
 inline constexpr std::string_view kHello = "MRT1";  ///< the node's name follows
 inline constexpr std::size_t kLongestName = 255;
+inline constexpr std::size_t kLongestRefusal = 200;
 
 /// The bytes before a payload of less than 4 GB.
 std::array<std::byte, kFrameHeaderBytes> encode_frame_header(FrameKind kind, std::uint64_t id,
@@ -39,6 +43,9 @@ std::array<std::byte, kFrameHeaderBytes> encode_frame_header(FrameKind kind, std
 
 /// Largest payload of each kind that is accepted; kinds not named are not.
 using FrameLimits = std::map<FrameKind, std::size_t>;
+
+/// A peer's text as part of a line: what cannot be printed is '?', and it is not long.
+std::string printable(std::span<const std::byte> text);
 
 /// Cuts a byte stream into frames. No socket inside.
 class FrameReader {

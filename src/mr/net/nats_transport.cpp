@@ -10,9 +10,9 @@
 
 #include "mr/net/little_endian.h"
 #include "mr/net/nats_link.h"
+#include "mr/net/rare_log.h"
 #include "mr/net/registry.h"
 #include "mr/net/requests.h"
-#include "mr/net/rivals.h"
 #include "mr/net/transport.h"
 
 namespace mr::net {
@@ -99,7 +99,7 @@ class NatsTransport final : public Transport {
         id_(random_number()),
         limits_(limits),
         coalesce_(std::move(coalesce)),
-        rivals_(limits.log, *drops_) {
+        rare_log_(limits.log) {
     sender_ = std::jthread([this](const std::stop_token& stop) { run(stop); });
   }
   ~NatsTransport() override {
@@ -217,8 +217,9 @@ class NatsTransport final : public Transport {
 
   void heard(const std::string& node, const NatsArrival& other) {
     std::span<const std::byte> bytes = *other.message;
-    if (bytes.size() == kHereBytes && take<std::uint64_t>(bytes) != id_)
-      rivals_.heard(node, Clock::now());
+    if (bytes.size() != kHereBytes || take<std::uint64_t>(bytes) == id_) return;
+    drops_->count("node " + node, kRivalCause);
+    rare_log_.tell(rival_line(node), Clock::now());
   }
 
   /// At once, and each second while the name lives.
@@ -335,7 +336,7 @@ class NatsTransport final : public Transport {
   const std::uint64_t id_;  ///< of this program, where it says that it serves a node
   const TransportLimits limits_;
   const Coalesce coalesce_;
-  Rivals rivals_;
+  RareLog rare_log_;
   Requests requests_;
   std::once_flag inbox_opened_;
   Clock::time_point next_tick_;  ///< sender thread

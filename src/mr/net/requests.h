@@ -22,6 +22,7 @@ class Requests {
   struct Question {
     std::uint64_t id = 0;
     Message message;
+    bool wants_answer = false;
   };
 
   static constexpr std::chrono::seconds kPatience{2};
@@ -59,8 +60,8 @@ class Requests {
     const std::lock_guard lock(mutex_);
     const auto at = waiting_.upper_bound(id);
     if (at == waiting_.end()) return std::nullopt;
-    Question next{at->first, at->second.question};
-    if (!at->second.on_answer) waiting_.erase(at);
+    Question next{at->first, at->second.question, at->second.on_answer != nullptr};
+    if (!next.wants_answer) waiting_.erase(at);
     return next;
   }
 

@@ -13,6 +13,8 @@ namespace {
 constexpr std::chrono::milliseconds kFirstBackoff{50};
 constexpr std::chrono::milliseconds kLongestBackoff{1000};
 constexpr std::chrono::seconds kConnectPatience{5};
+constexpr std::chrono::seconds kSettled{1};  // a refusal comes sooner
+constexpr std::size_t kTroubles = 8;
 
 Message as_message(std::vector<std::byte> bytes) {
   return std::make_shared<const std::vector<std::byte>>(std::move(bytes));
@@ -27,13 +29,15 @@ Message greeting(const std::string& node) {
 }  // namespace
 
 TcpLink::TcpLink(asio::io_context& io, std::string node, Address address,
-                 const PacketRegistry& packets, const TransportLimits& limits, Drops& drops)
+                 const PacketRegistry& packets, const TransportLimits& limits, Drops& drops,
+                 std::shared_ptr<TcpSecret> secret)
     : io_(io),
       node_(std::move(node)),
       address_(std::move(address)),
       packets_(packets),
       limits_(limits),
       drops_(drops),
+      secret_(std::move(secret)),
       resolver_(io),
       connecting_(io),
       timer_(io),
@@ -60,7 +64,7 @@ void TcpLink::tick() {
   drops_.count("node " + node_, "requests without an answer",
                requests_.expire(std::chrono::steady_clock::now()));
   if (state_ != State::up) return;
-  settled();
+  if (open_since_ && std::chrono::steady_clock::now() - *open_since_ > kSettled) settled();
   if (wanted())
     socket_->wake();
   else
@@ -70,7 +74,7 @@ void TcpLink::tick() {
 /// The other side keeps us: what went wrong before is over.
 void TcpLink::settled() {
   backoff_ = kFirstBackoff;
-  if (std::exchange(told_away_, false)) log("is back");
+  if (!std::exchange(told_, {}).empty()) log("is back");
 }
 
 void TcpLink::connect() {
@@ -97,16 +101,21 @@ void TcpLink::connected(tcp::socket socket) {
   state_ = State::up;
   greeted_ = subscribed_ = false;
   asked_ = 0;
+  open_since_.reset();
   const FrameLimits limits = {{FrameKind::packet, limits_.message_bytes},
-                              {FrameKind::answer, limits_.message_bytes}};
+                              {FrameKind::answer, limits_.message_bytes},
+                              {FrameKind::refusal, kLongestRefusal}};
   socket_ = std::make_shared<FrameSocket>(
-      std::move(socket), limits,
+      std::move(socket), FrameSocket::Side::connects, secret_, limits,
       FrameSocket::Handlers{[this](Frame frame) { return received(std::move(frame)); },
-                            [this] { return next(); }, [this](const Error& why) { failed(why); }});
+                            [this] { return next(); }, [this](const Error& why) { failed(why); },
+                            [this] { open_since_ = std::chrono::steady_clock::now(); }});
   socket_->start();
 }
 
 Status TcpLink::received(Frame frame) {
+  if (frame.kind == FrameKind::refusal)
+    return Error{Error::Cause::invalid, "refused: " + printable(frame.payload)};
   settled();
   const Message message = as_message(std::move(frame.payload));
   if (frame.kind == FrameKind::packet) {
@@ -125,7 +134,8 @@ std::optional<OutFrame> TcpLink::next() {
   auto question = requests_.next_after(asked_);
   if (!question) return std::nullopt;
   asked_ = question->id;
-  return OutFrame{FrameKind::ask, question->id, std::move(question->message)};
+  return OutFrame{FrameKind::ask, question->wants_answer ? question->id : 0,
+                  std::move(question->message)};
 }
 
 void TcpLink::failed(const Error& why) {
@@ -136,7 +146,10 @@ void TcpLink::failed(const Error& why) {
     state_ = State::idle;
     return;
   }
-  if (!std::exchange(told_away_, true)) log(why.message + "; trying on");
+  // However it breaks is one trouble; each refusal is one of its own.
+  const bool broke = why.cause == Error::Cause::io || why.cause == Error::Cause::empty;
+  if (told_.size() < kTroubles && told_.insert(broke ? "" : why.message).second)
+    log(why.message + "; trying on");
   state_ = State::waiting;
   timer_.expires_after(backoff_);
   backoff_ = std::min(2 * backoff_, kLongestBackoff);

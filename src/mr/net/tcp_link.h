@@ -6,6 +6,8 @@
 #include <chrono>
 #include <deque>
 #include <memory>
+#include <optional>
+#include <set>
 #include <string>
 
 #include "mr/net/address.h"
@@ -16,12 +18,15 @@
 
 namespace mr::net {
 
+class TcpSecret;
+
 /// The connection to one remote node, made again for ever while somebody wants its packets or waits
 /// for an answer. All but request() on the io thread, which must have ended before it is destroyed.
 class TcpLink {
  public:
   TcpLink(boost::asio::io_context& io, std::string node, Address address,
-          const PacketRegistry& packets, const TransportLimits& limits, Drops& drops);
+          const PacketRegistry& packets, const TransportLimits& limits, Drops& drops,
+          std::shared_ptr<TcpSecret> secret);
 
   /// Any thread; wake() has to follow.
   void request(Message question, std::function<void(Message)> on_answer);
@@ -48,6 +53,7 @@ class TcpLink {
   const PacketRegistry& packets_;
   const TransportLimits limits_;
   Drops& drops_;
+  const std::shared_ptr<TcpSecret> secret_;
   Requests requests_;
 
   State state_ = State::idle;
@@ -58,7 +64,8 @@ class TcpLink {
   bool greeted_ = false, subscribed_ = false;
   std::uint64_t asked_ = 0;  ///< last question sent on this connection
   std::chrono::milliseconds backoff_;
-  bool told_away_ = false;
+  std::optional<std::chrono::steady_clock::time_point> open_since_;
+  std::set<std::string> told_;  ///< troubles since it was last up
 };
 
 }  // namespace mr::net

@@ -1,5 +1,6 @@
 #include "mr/net/tcp_server.h"
 
+#include <boost/asio/connect.hpp>
 #include <boost/asio/post.hpp>
 #include <boost/asio/steady_timer.hpp>
 #include <chrono>
@@ -17,12 +18,18 @@ namespace {
 constexpr std::chrono::seconds kHelloPatience{5};
 constexpr std::chrono::seconds kListenAgain{1};
 constexpr std::chrono::milliseconds kTcpAcceptAgain{100};
+constexpr std::size_t kRefusing = 16;  // connections above the limit, while they are told so
+// Answers that wait for one peer. A program of several mergers asks a node several things at once,
+// and reads what it gets; above this a question is not even looked at.
+constexpr std::size_t kAnswersWaiting = 32;
+constexpr std::size_t kAnswerBytesWaiting = 8u << 20;
 
 FrameLimits accepted_frames() {
   return {{FrameKind::hello, kHello.size() + kLongestName},
           {FrameKind::subscribe, 0},
           {FrameKind::unsubscribe, 0},
-          {FrameKind::ask, kQuestionBytes}};
+          {FrameKind::ask, kQuestionBytes},
+          {FrameKind::rival, kLongestName}};
 }
 
 }  // namespace
@@ -30,16 +37,18 @@ FrameLimits accepted_frames() {
 /// One peer that connected to us.
 class TcpSession : public std::enable_shared_from_this<TcpSession> {
  public:
-  TcpSession(TcpServer& server, std::string peer)
+  /// `refused`: why it gets nothing but that; empty: it does.
+  TcpSession(TcpServer& server, std::string peer, std::string refused)
       : server_(server),
         peer_(std::move(peer)),
+        refused_(std::move(refused)),
         hello_timer_(server.io_),
         outbox_(server.coalesce_, {server.limits_.queue_messages, server.limits_.queue_bytes}) {}
 
   void start(tcp::socket socket) {
     const auto weak = weak_from_this();
     socket_ = std::make_shared<FrameSocket>(
-        std::move(socket), accepted_frames(),
+        std::move(socket), FrameSocket::Side::listens, server_.secret_, accepted_frames(),
         FrameSocket::Handlers{[this, weak](Frame frame) {
                                 const auto self = weak.lock();
                                 return self ? received(std::move(frame)) : Status();
@@ -50,6 +59,9 @@ class TcpSession : public std::enable_shared_from_this<TcpSession> {
                               },
                               [this, weak](const Error& why) {
                                 if (const auto self = weak.lock()) ended(why);
+                              },
+                              [this, weak] {
+                                if (const auto self = weak.lock()) opened();
                               }});
     hello_timer_.expires_after(kHelloPatience);
     hello_timer_.async_wait([this, weak](const auto& error) {
@@ -57,6 +69,15 @@ class TcpSession : public std::enable_shared_from_this<TcpSession> {
       if (self && !error) socket_->end({Error::Cause::invalid, "no greeting in time"});
     });
     socket_->start();
+  }
+
+  const std::string& peer() const { return peer_; }
+  bool is_refused() const { return !refused_.empty(); }
+  bool has_greeted() const { return !node_.empty(); }
+  /// Makes room for a newcomer.
+  void replace() {
+    refused_ = "too many connections, and this one had not greeted";
+    socket_->end({Error::Cause::invalid, refused_});
   }
 
   /// Any thread.
@@ -76,12 +97,23 @@ class TcpSession : public std::enable_shared_from_this<TcpSession> {
   }
 
  private:
+  void opened() {
+    if (is_refused()) socket_->refuse({Error::Cause::invalid, refused_});
+  }
+
   Status received(Frame frame) {
+    if (frame.kind == FrameKind::rival) return rival(frame.payload);
     if (frame.kind == FrameKind::hello) return greeted(frame.payload);
     if (node_.empty()) return Error{Error::Cause::corrupt, "no greeting"};
     if (frame.kind == FrameKind::ask) return asked(std::move(frame));
     server_.set_subscribed(node_, shared_from_this(), frame.kind == FrameKind::subscribe);
     return {};
+  }
+
+  /// Another program that could not listen here.
+  Status rival(const std::vector<std::byte>& payload) {
+    server_.heard_rival({reinterpret_cast<const char*>(payload.data()), payload.size()});
+    return Error{Error::Cause::empty, "told that the node runs already"};
   }
 
   Status greeted(const std::vector<std::byte>& payload) {
@@ -97,12 +129,15 @@ class TcpSession : public std::enable_shared_from_this<TcpSession> {
   }
 
   Status asked(Frame frame) {
-    Message answer = answer_from(server_.answers_, node_, frame.payload);
-    if (!answer) return {};
-    if (answer_bytes_ + answer->size() > server_.limits_.queue_bytes) {
-      server_.drops_.count("receiver " + peer_ + " of " + node_, "answers lost");
+    const bool wants_answer = frame.id != 0;
+    if (wants_answer &&
+        (answers_.size() >= kAnswersWaiting || answer_bytes_ >= kAnswerBytesWaiting)) {
+      server_.drops_.count("receiver " + peer_ + " of " + node_,
+                           "asks again before it reads the answers");
       return {};
     }
+    Message answer = answer_from(server_.answers_, node_, frame.payload);
+    if (!answer || !wants_answer) return {};
     answer_bytes_ += answer->size();
     answers_.push_back({FrameKind::answer, frame.id, std::move(answer)});
     socket_->wake();
@@ -123,13 +158,18 @@ class TcpSession : public std::enable_shared_from_this<TcpSession> {
 
   void ended(const Error& why) {
     hello_timer_.cancel();
-    if (why.cause != Error::Cause::io) server_.drops_.count("peer " + peer_, why.message);
+    if (why.cause != Error::Cause::io && why.cause != Error::Cause::empty) {
+      server_.drops_.count("peer " + peer_, why.message);
+      server_.rare_log_.tell("peer " + peer_ + ": " + why.message,
+                             std::chrono::steady_clock::now());
+    }
     if (!node_.empty()) report_drops();
     server_.ended(shared_from_this());
   }
 
   TcpServer& server_;
   const std::string peer_;  ///< its IP address
+  std::string refused_;     ///< why
   std::string node_;        ///< that it greeted; set before it can subscribe
   asio::steady_timer hello_timer_;
   std::shared_ptr<FrameSocket> socket_;
@@ -183,9 +223,14 @@ class TcpListener {
   }
 
   void listen_later(const boost::system::error_code& why) {
-    if (!std::exchange(told_, true))
-      server_.log("cannot listen on " + to_string(address_) + ": " + why.message() +
-                  "; free the address or change it in the scene file; trying on");
+    if (!std::exchange(told_, true)) {
+      const bool in_use = why == asio::error::address_in_use;
+      server_.log(
+          "cannot listen on " + to_string(address_) + ": " + why.message() +
+          (in_use ? "; the node may be running already: stop one of the programs, or" : ";") +
+          " free the address or change it in the scene file; trying on");
+      if (in_use) server_.tell_first(address_);
+    }
     timer_.expires_after(kListenAgain);
     timer_.async_wait([this](const auto& error) {
       if (!error) resolve();
@@ -220,9 +265,62 @@ class TcpListener {
   bool told_ = false;
 };
 
+/// Tells the program that listens in our place that we are another one of its node.
+class TcpRivalry : public std::enable_shared_from_this<TcpRivalry> {
+ public:
+  TcpRivalry(asio::io_context& io, std::vector<std::string> nodes,
+             std::shared_ptr<TcpSecret> secret)
+      : resolver_(io), socket_(io), nodes_(std::move(nodes)), secret_(std::move(secret)) {}
+
+  void start(const Address& address) {
+    resolver_.async_resolve(
+        address.host, address.port, [self = shared_from_this()](const auto& error, const auto& to) {
+          if (error) return;
+          asio::async_connect(self->socket_, to, [self](const auto& refused, const auto&) {
+            if (!refused) self->tell();
+          });
+        });
+  }
+
+ private:
+  void tell() {
+    frames_ = std::make_shared<FrameSocket>(
+        std::move(socket_), FrameSocket::Side::connects, secret_,
+        FrameLimits{{FrameKind::refusal, kLongestRefusal}},
+        FrameSocket::Handlers{
+            [](const Frame&) {
+              return Status(Error{Error::Cause::empty, "told"});
+            },
+            [self = shared_from_this()] { return self->next(); },
+            [self = shared_from_this()](const Error&) { self->frames_.reset(); }});
+    frames_->start();
+  }
+
+  std::optional<OutFrame> next() {
+    if (nodes_.empty()) return std::nullopt;
+    const auto bytes = std::as_bytes(std::span(nodes_.back()));
+    OutFrame frame{FrameKind::rival, 0,
+                   std::make_shared<const std::vector<std::byte>>(bytes.begin(), bytes.end())};
+    nodes_.pop_back();
+    return frame;
+  }
+
+  tcp::resolver resolver_;
+  tcp::socket socket_;
+  std::vector<std::string> nodes_;
+  const std::shared_ptr<TcpSecret> secret_;
+  std::shared_ptr<FrameSocket> frames_;
+};
+
 TcpServer::TcpServer(asio::io_context& io, const AnswerRegistry& answers, Coalesce coalesce,
-                     const TransportLimits& limits, Drops& drops)
-    : io_(io), answers_(answers), coalesce_(std::move(coalesce)), limits_(limits), drops_(drops) {}
+                     const TransportLimits& limits, Drops& drops, std::shared_ptr<TcpSecret> secret)
+    : io_(io),
+      answers_(answers),
+      coalesce_(std::move(coalesce)),
+      limits_(limits),
+      drops_(drops),
+      secret_(std::move(secret)),
+      rare_log_(limits.log) {}
 
 TcpServer::~TcpServer() = default;
 
@@ -256,17 +354,59 @@ void TcpServer::report_drops() const {
 void TcpServer::accepted(tcp::socket socket) {
   boost::system::error_code error;
   const std::string peer = socket.remote_endpoint(error).address().to_string();
-  if (sessions_.size() >= static_cast<std::size_t>(limits_.connections)) {
-    drops_.count("peer " + peer, "too many connections");
-    return;
-  }
-  auto session = std::make_shared<TcpSession>(*this, peer);
-  sessions_.insert(session);
+  const bool has_room = make_room(peer);
+  if (!has_room && sessions_.size() >= static_cast<std::size_t>(limits_.connections) + kRefusing)
+    return drops_.count("peer " + peer, "too many connections");
+  sessions_.push_back(
+      std::make_shared<TcpSession>(*this, peer, has_room ? "" : "too many connections"));
+  const auto session = sessions_.back();
   session->start(std::move(socket));
 }
 
+/// Room for one more of this address. Where there is none, a connection that has not greeted goes;
+/// false where all have.
+bool TcpServer::make_room(const std::string& peer) {
+  std::size_t all = 0, of_peer = 0;
+  for (const auto& session : sessions_) {
+    if (session->is_refused()) continue;
+    ++all;
+    of_peer += session->peer() == peer;
+  }
+  const bool too_many_of_peer =
+      of_peer >= static_cast<std::size_t>(limits_.connections_per_address);
+  if (!too_many_of_peer && all < static_cast<std::size_t>(limits_.connections)) return true;
+  const auto silent = longest_silent(too_many_of_peer ? peer : "");
+  if (!silent) return false;
+  silent->replace();
+  return true;
+}
+
+/// The oldest that has not greeted; `peer`: only of this address. Null: there is none.
+std::shared_ptr<TcpSession> TcpServer::longest_silent(const std::string& peer) const {
+  for (const auto& session : sessions_)
+    if (!session->is_refused() && !session->has_greeted() &&
+        (peer.empty() || session->peer() == peer))
+      return session;
+  return nullptr;
+}
+
+void TcpServer::heard_rival(const std::string& node) {
+  if (!is_local(node)) return;
+  drops_.count("node " + node, kRivalCause);
+  rare_log_.tell(rival_line(node), std::chrono::steady_clock::now());
+}
+
+void TcpServer::tell_first(const Address& address) {
+  std::make_shared<TcpRivalry>(io_, local_nodes(), secret_)->start(address);
+}
+
+std::vector<std::string> TcpServer::local_nodes() const {
+  const std::lock_guard lock(mutex_);
+  return {local_.begin(), local_.end()};
+}
+
 void TcpServer::ended(const std::shared_ptr<TcpSession>& session) {
-  sessions_.erase(session);
+  std::erase(sessions_, session);
   const std::lock_guard lock(mutex_);
   for (auto& [node, sessions] : subscribed_) sessions.erase(session);
 }

@@ -11,20 +11,23 @@
 
 #include "mr/net/address.h"
 #include "mr/net/drops.h"
+#include "mr/net/rare_log.h"
 #include "mr/net/registry.h"
 #include "mr/net/transport.h"
 
 namespace mr::net {
 
-class TcpSession;
 class TcpListener;
+class TcpSecret;
+class TcpSession;
 
 /// The side of the TCP transport that publishes and answers: listens for each local node, and
-/// sends to those that connected. Its io thread must have ended before it is destroyed.
+/// sends to those that connected. Whoever is refused is told why, and so is the log. Its io thread
+/// must have ended before it is destroyed.
 class TcpServer {
  public:
   TcpServer(boost::asio::io_context& io, const AnswerRegistry& answers, Coalesce coalesce,
-            const TransportLimits& limits, Drops& drops);
+            const TransportLimits& limits, Drops& drops, std::shared_ptr<TcpSecret> secret);
   ~TcpServer();
 
   /// Listens for `node`; again and again is fine. Any thread.
@@ -39,6 +42,11 @@ class TcpServer {
   friend class TcpListener;
 
   void accepted(boost::asio::ip::tcp::socket socket);
+  bool make_room(const std::string& peer);
+  std::shared_ptr<TcpSession> longest_silent(const std::string& peer) const;
+  void heard_rival(const std::string& node);
+  void tell_first(const Address& address);
+  std::vector<std::string> local_nodes() const;
   void ended(const std::shared_ptr<TcpSession>& session);
   bool is_local(const std::string& node) const;
   void set_subscribed(const std::string& node, const std::shared_ptr<TcpSession>& session, bool on);
@@ -49,9 +57,11 @@ class TcpServer {
   const Coalesce coalesce_;
   const TransportLimits limits_;
   Drops& drops_;
+  const std::shared_ptr<TcpSecret> secret_;
+  RareLog rare_log_;
 
   std::map<std::string, std::unique_ptr<TcpListener>> listeners_;  ///< by address; io thread
-  std::set<std::shared_ptr<TcpSession>> sessions_;                 ///< io thread
+  std::vector<std::shared_ptr<TcpSession>> sessions_;              ///< oldest first; io thread
 
   mutable std::mutex mutex_;
   std::set<std::string> local_;                                              ///< nodes; by mutex_

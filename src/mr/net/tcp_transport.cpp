@@ -4,6 +4,7 @@
 
 #include "mr/net/io_thread.h"
 #include "mr/net/tcp_link.h"
+#include "mr/net/tcp_secret.h"
 #include "mr/net/tcp_server.h"
 #include "mr/net/transport.h"
 
@@ -17,15 +18,15 @@ constexpr std::chrono::milliseconds kTcpTick{500};
 class TcpTransport final : public Transport {
  public:
   TcpTransport(const std::map<std::string, Address>& addresses, Coalesce coalesce,
-               const TransportLimits& limits)
+               const TransportLimits& limits, const std::shared_ptr<TcpSecret>& secret)
       : thread_(limits.log),
         addresses_(addresses),
         limits_(limits),
-        server_(thread_.io(), answers_, std::move(coalesce), limits, drops_),
+        server_(thread_.io(), answers_, std::move(coalesce), limits, drops_, secret),
         ticker_(thread_.io()) {
     for (const auto& [node, address] : addresses_)
       links_[node] =
-          std::make_unique<TcpLink>(thread_.io(), node, address, packets_, limits, drops_);
+          std::make_unique<TcpLink>(thread_.io(), node, address, packets_, limits, drops_, secret);
     tick();
     thread_.start();
   }
@@ -109,7 +110,7 @@ class TcpTransport final : public Transport {
 
 Result<std::unique_ptr<Transport>> make_tcp_transport(
     const std::map<std::string, std::string>& addresses, Coalesce coalesce,
-    const TransportLimits& limits) {
+    const TransportLimits& limits, const std::string& secret) {
   std::map<std::string, Address> parsed;
   std::string problems;
   for (const auto& [node, text] : addresses) {
@@ -121,9 +122,15 @@ Result<std::unique_ptr<Transport>> make_tcp_transport(
                   (address ? "its name is empty or too long" : address.error().message);
   }
   if (!problems.empty()) return Error{Error::Cause::invalid, problems};
+  std::shared_ptr<TcpSecret> shared;
+  if (!secret.empty()) {
+    auto made = TcpSecret::make(secret);
+    if (!made) return made.error();
+    shared = *std::move(made);
+  }
   try {
     return std::unique_ptr<Transport>(
-        std::make_unique<TcpTransport>(parsed, std::move(coalesce), limits));
+        std::make_unique<TcpTransport>(parsed, std::move(coalesce), limits, shared));
   } catch (const std::exception& e) {
     return Error{Error::Cause::io, std::string("TCP transport: ") + e.what()};
   }

@@ -65,7 +65,9 @@ struct TransportLimits {
   std::size_t message_bytes = 64u << 20;  ///< largest packet or answer
   std::size_t queue_messages = 30;        ///< waiting for one receiver, before they are coalesced
   std::size_t queue_bytes = 128u << 20;   ///< ... above it all that wait are lost
-  int connections = 256;                  ///< that a TCP node accepts at once
+  int connections = 256;                  ///< that a TCP node accepts at once; above it, and ...
+  int connections_per_address = 32;       ///< ... from one IP address, the newest replaces the one
+                                          ///< that has not greeted for longest; else it is refused
   /// One line each time a peer, port or server goes or comes. Runs on any thread; must not wait.
   std::function<void(const std::string&)> log = nullptr;
 };
@@ -74,11 +76,13 @@ struct TransportLimits {
 std::unique_ptr<Transport> make_in_process_transport();
 
 /// Plain TCP (paper 5). `addresses`: "host:port" of each node, "[v6]:port" for IPv6; a node listens
-/// there once it publishes or serves. invalid: addresses that cannot be read, all in one message. A
-/// port in use is logged and tried again each second.
+/// there once it publishes or serves. `secret`: 16 characters or more that all nodes share;
+/// connections are encrypted then, and whoever does not know it is refused. Empty: plain
+/// connections, open to everybody who reaches them. invalid: addresses that cannot be read, all in
+/// one message; a short secret. A port in use is logged and tried again each second.
 Result<std::unique_ptr<Transport>> make_tcp_transport(
     const std::map<std::string, std::string>& addresses, Coalesce coalesce,
-    const TransportLimits& limits = {});
+    const TransportLimits& limits = {}, const std::string& secret = {});
 
 /// NATS: subject "mr.<scene>.<node>.packet" for packets, "mr.<scene>.<node>.ask" for requests,
 /// whose answers come to "_INBOX.mr.<scene>.…", and "mr.<scene>.<node>.here", where a program that

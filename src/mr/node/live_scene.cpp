@@ -103,11 +103,16 @@ Status LiveScene::open_transport(const LiveOptions& options) {
     return Error{Error::Cause::invalid,
                  "nodes in processes of their own need 'nats: {url: …}' or 'tcp: {NODE: host:port, "
                  "…}' in the scene file"};
-  if (!network.tcp_secret.empty() && network.nats.url.empty())
-    return Error{Error::Cause::unsupported, "tcp.secret is read, but not acted on yet"};
-  auto made = network.nats.url.empty()
-                  ? net::make_tcp_transport(network.tcp, coalesce_packets, limits)
-                  : net::make_nats_transport(network.nats, scene_->id, limits, coalesce_packets);
+  const bool use_nats = !network.nats.url.empty();
+  std::string secret;
+  if (!use_nats && !network.tcp_secret.empty()) {
+    auto read = read_secret(network.tcp_secret);
+    if (!read) return Error{read.error().cause, "tcp.secret: " + read.error().message};
+    secret = *std::move(read);
+  }
+  auto made = use_nats
+                  ? net::make_nats_transport(network.nats, scene_->id, limits, coalesce_packets)
+                  : net::make_tcp_transport(network.tcp, coalesce_packets, limits, secret);
   if (!made) return made.error();
   transport_ = *std::move(made);
   return {};
