@@ -1,10 +1,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <signal.h>
-#include <spawn.h>
 #include <sys/stat.h>
-#include <sys/wait.h>
-#include <unistd.h>
 
 #include <atomic>
 #include <filesystem>
@@ -14,8 +11,6 @@
 #include "mr/net/requests.h"
 #include "mr/net/transport.h"
 #include "net_support.h"
-
-extern char** environ;
 
 namespace mr::net {
 namespace {
@@ -44,29 +39,19 @@ std::string server_program() {
 /// A nats-server process on 127.0.0.1.
 class Server {
  public:
-  explicit Server(int port, std::vector<std::string> more = {}) : port_(port) {
+  explicit Server(int port, const std::vector<std::string>& more = {}) : child_(words(port, more)) {
+    EXPECT_TRUE(eventually([&] { return test::RawSocket(port).connected(); }));
+  }
+  void signal(int number) const { child_.signal(number); }
+
+ private:
+  static std::vector<std::string> words(int port, const std::vector<std::string>& more) {
     std::vector<std::string> words = {server_program(),     "-a", "127.0.0.1", "-p",
                                       std::to_string(port), "-l", "/dev/null"};
     words.insert(words.end(), more.begin(), more.end());
-    std::vector<char*> arguments;
-    for (std::string& word : words) arguments.push_back(word.data());
-    arguments.push_back(nullptr);
-    if (::posix_spawn(&pid_, words[0].c_str(), nullptr, nullptr, arguments.data(), environ) != 0)
-      pid_ = -1;
-    EXPECT_TRUE(eventually([&] { return test::RawSocket(port_).connected(); }));
+    return words;
   }
-  Server(const Server&) = delete;
-  Server& operator=(const Server&) = delete;
-  ~Server() {
-    if (pid_ <= 0) return;
-    signal(SIGKILL);
-    ::waitpid(pid_, nullptr, 0);
-  }
-  void signal(int number) const { ::kill(pid_, number); }
-
- private:
-  int port_;
-  ::pid_t pid_ = -1;
+  test::Child child_;
 };
 
 class Nats : public testing::Test {

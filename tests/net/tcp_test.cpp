@@ -1,7 +1,10 @@
+#include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include <atomic>
 #include <mutex>
+
+#include "certificates.h"
 
 #include "mr/net/frames.h"
 #include "mr/net/requests.h"
@@ -16,6 +19,8 @@ using test::eventually;
 using test::publish_until;
 using test::Receiver;
 using test::text_message;
+using testing::HasSubstr;
+using testing::Not;
 
 std::string here(int port) { return "127.0.0.1:" + std::to_string(port); }
 
@@ -239,6 +244,217 @@ TEST(Tcp, WordsThatNeedNoAnswerWaitForNone) {
   }
   std::this_thread::sleep_for(Requests::kPatience + 1s);
   EXPECT_TRUE(consumer->drops().empty());
+}
+
+const std::string kSecret = "0123456789abcdefghij", kOtherSecret = "another-secret-of-some-length";
+
+/// A program with the lines that it logs.
+struct Program {
+  test::Lines lines;
+  std::unique_ptr<Transport> transport;
+
+  explicit Program(const std::map<std::string, std::string>& addresses,
+                   const std::string& secret = {}, TransportLimits limits = {}) {
+    limits.log = [this](const std::string& line) { lines.add(line); };
+    auto made = make_tcp_transport(addresses, test::newest, limits, secret);
+    EXPECT_TRUE(made) << (made ? "" : made.error().message);
+    transport = std::move(*made);
+  }
+};
+
+TEST(TcpSecret, JoinsThoseWhoKnowIt) {
+  const std::map<std::string, std::string> addresses = {{"n", here(test::free_port())}};
+  Program producer(addresses, kSecret), consumer(addresses, kSecret);
+  Receiver receiver(*consumer.transport, "n");
+  const auto served = producer.transport->serve("n", [](std::span<const std::byte> question) {
+    return test::message(question.size() * 1000);
+  });
+  ASSERT_TRUE(publish_until(*producer.transport, "n", [&] { return receiver.count > 0; }));
+  producer.transport->publish("n", test::message(30 << 20));
+  EXPECT_TRUE(eventually([&] { return receiver.last_bytes == 30 << 20; }));
+  std::atomic<std::size_t> got = 0;
+  consumer.transport->request("n", test::message(3000), [&](const Message& m) { got = m->size(); });
+  EXPECT_TRUE(eventually([&] { return got == 3000000; }));
+  EXPECT_TRUE(producer.lines.all().empty()) << testing::PrintToString(producer.lines.all());
+  EXPECT_LE(consumer.lines.all().size(), 2u) << "at most away at first, and back";
+}
+
+// Each kind of stranger is told why, in one line, and so is the node; who knows the secret sees
+// nothing of it.
+TEST(TcpSecret, OthersAreRefusedWithTheReasonOnBothSides) {
+  const struct {
+    std::string listens, connects, reason;
+  } cases[] = {
+      {kSecret, kOtherSecret, "the two sides have different secrets; tcp.secret must be the same"},
+      {kSecret, "", "only the side that listens has a secret (tcp.secret)"},
+      {"", kSecret, "only the side that connects has a secret (tcp.secret)"}};
+  for (const auto& [listens, connects, reason] : cases) {
+    const std::map<std::string, std::string> addresses = {{"n", here(test::free_port())}};
+    Program node(addresses, listens), friendly(addresses, listens);
+    Receiver known(*friendly.transport, "n");
+    ASSERT_TRUE(publish_until(*node.transport, "n", [&] { return known.count > 0; }));
+    Program stranger(addresses, connects);
+    Receiver unknown(*stranger.transport, "n");
+    EXPECT_TRUE(eventually([&, r = reason] {
+      node.transport->publish("n", text_message("x"));
+      return stranger.lines.count(r) > 0 && test::dropped(*node.transport, r) > 2;
+    })) << reason
+        << testing::PrintToString(stranger.lines.all()) << testing::PrintToString(node.lines.all());
+    EXPECT_EQ(stranger.lines.all().size(), 1u) << testing::PrintToString(stranger.lines.all());
+    EXPECT_EQ(node.lines.all().size(), 1u) << testing::PrintToString(node.lines.all());
+    EXPECT_EQ(node.lines.count("peer 127.0.0.1: " + reason), 1);
+    EXPECT_EQ(stranger.lines.count(kSecret) + stranger.lines.count(kOtherSecret), 0);
+    EXPECT_EQ(unknown.count, 0);
+    const int before = known.count;
+    EXPECT_TRUE(publish_until(*node.transport, "n", [&] { return known.count > before; }));
+  }
+}
+
+TEST(TcpSecret, ACertificateIsNoSecret) {
+  test::Certificates certificates;
+  certificates.sign("server", "IP:127.0.0.1");
+  const int port = test::free_port();
+  const std::string command = "exec openssl s_server -quiet -accept " + here(port) + " -cert " +
+                              (certificates / "server.pem").string() + " -key " +
+                              (certificates / "server.key").string() + " 2>/dev/null";
+  const test::Child server({"/bin/sh", "-c", command});
+  ASSERT_TRUE(eventually([&] { return test::RawSocket(port).connected(); }));
+  Program consumer({{"n", here(port)}}, kSecret);
+  Receiver receiver(*consumer.transport, "n");
+  EXPECT_TRUE(eventually([&] { return test::dropped(*consumer.transport, "certificate") > 0; }))
+      << testing::PrintToString(consumer.lines.all());
+  EXPECT_EQ(receiver.count, 0);
+}
+
+TEST(TcpSecret, BrokenHandshakesAreCutOffAndOthersGoOn) {
+  const int port = test::free_port();
+  const std::map<std::string, std::string> addresses = {{"n", here(port)}};
+  Program node(addresses, kSecret), friendly(addresses, kSecret);
+  Receiver known(*friendly.transport, "n");
+  ASSERT_TRUE(publish_until(*node.transport, "n", [&] { return known.count > 0; }));
+  const std::string record = std::string("\x16\x03\x01\x00\x10", 5);
+  for (const std::string& bytes :
+       {record + std::string(16, '\xFF'), record + std::string(16, '\0'),
+        std::string("\x16\x03\xFF\xFF\xFF", 5) + std::string(70000, 'x')}) {
+    test::RawSocket peer(port);
+    peer.send(bytes);
+    EXPECT_TRUE(peer.closed_by_peer());
+  }
+  test::RawSocket silent(port);
+  ASSERT_TRUE(silent.send(record));
+  EXPECT_TRUE(silent.closed_by_peer());
+  EXPECT_TRUE(
+      eventually([&] { return test::dropped(*node.transport, "no greeting in time") == 1; }));
+  const int before = known.count;
+  EXPECT_TRUE(publish_until(*node.transport, "n", [&] { return known.count > before; }));
+}
+
+TEST(TcpSecret, AShortOneIsRefused) {
+  const auto made = make_tcp_transport({}, test::newest, {}, "fifteen letters");
+  ASSERT_FALSE(made);
+  EXPECT_THAT(made.error().message, HasSubstr("tcp.secret must have 16 characters or more"));
+  EXPECT_THAT(made.error().message, Not(HasSubstr("fifteen")));
+}
+
+TEST(Tcp, RefusalsAreToldOnBothSides) {
+  const int port = test::free_port();
+  Program node({{"n", here(port)}});
+  node.transport->publish("n", text_message("x"));
+  Program lost({{"m", here(port)}});
+  Receiver receiver(*lost.transport, "m");
+  EXPECT_TRUE(eventually([&] {
+    return lost.lines.count("refused: asks for a node that is not here; trying on") == 1 &&
+           node.lines.count("peer 127.0.0.1: asks for a node that is not here") == 1;
+  })) << testing::PrintToString(lost.lines.all());
+  EXPECT_TRUE(eventually([&] { return test::dropped(*node.transport, "is not here") > 2; }));
+  EXPECT_EQ(node.lines.all().size(), 1u);
+  EXPECT_LE(lost.lines.all().size(), 2u);  // it may have been there before the node
+}
+
+TEST(Tcp, TooManyConnectionsAreToldOnBothSides) {
+  for (const std::string& secret : {std::string(), kSecret})
+    for (const TransportLimits& limits :
+         {TransportLimits{.connections = 2}, TransportLimits{.connections_per_address = 2}}) {
+      const std::map<std::string, std::string> addresses = {{"n", here(test::free_port())}};
+      Program node(addresses, secret, limits);
+      Program a(addresses, secret), b(addresses, secret);
+      Receiver at_a(*a.transport, "n"), at_b(*b.transport, "n");
+      ASSERT_TRUE(
+          publish_until(*node.transport, "n", [&] { return at_a.count > 0 && at_b.count > 0; }));
+      Program c(addresses, secret);
+      Receiver at_c(*c.transport, "n");
+      EXPECT_TRUE(eventually([&] {
+        return c.lines.count("refused: too many connections; trying on") == 1 &&
+               node.lines.count("peer 127.0.0.1: too many connections") == 1;
+      })) << testing::PrintToString(c.lines.all());
+      const int before = at_a.count;
+      EXPECT_TRUE(publish_until(*node.transport, "n", [&] { return at_a.count > before; }));
+      EXPECT_EQ(at_c.count, 0);
+    }
+}
+
+// Connections that say nothing keep nobody out.
+TEST(Tcp, ANewcomerReplacesWhoHasNotGreeted) {
+  const int port = test::free_port();
+  const std::map<std::string, std::string> addresses = {{"n", here(port)}};
+  Program node(addresses, "", {.connections = 3});
+  Program consumer(addresses);
+  Receiver receiver(*consumer.transport, "n");
+  ASSERT_TRUE(publish_until(*node.transport, "n", [&] { return receiver.count > 0; }));
+  std::vector<test::RawSocket> silent;
+  for (int i = 0; i < 3; ++i) silent.emplace_back(port);
+  EXPECT_TRUE(silent[0].closed_by_peer(4000ms));
+  Program late(addresses);
+  Receiver at_late(*late.transport, "n");
+  EXPECT_TRUE(publish_until(*node.transport, "n", [&] { return at_late.count > 0; }));
+  const int before = receiver.count;
+  EXPECT_TRUE(publish_until(*node.transport, "n", [&] { return receiver.count > before; }));
+}
+
+TEST(Tcp, TwoProgramsOfOneNameNoticeEachOther) {
+  for (const std::string& secret : {std::string(), kSecret}) {
+    const std::map<std::string, std::string> addresses = {{"n", here(test::free_port())}};
+    Program first(addresses, secret), consumer(addresses, secret);
+    Receiver receiver(*consumer.transport, "n");
+    ASSERT_TRUE(publish_until(*first.transport, "n", [&] { return receiver.count > 0; }));
+    Program second(addresses, secret);
+    second.transport->publish("n", text_message("x"));
+    EXPECT_TRUE(eventually([&] {
+      return first.lines.count("node 'n': another program runs under this name, too; stop") == 1 &&
+             second.lines.count("the node may be running already") == 1;
+    }));
+    EXPECT_EQ(test::dropped(*first.transport, "node n: another program of this name"), 1u);
+    EXPECT_EQ(first.lines.all().size(), 1u) << testing::PrintToString(first.lines.all());
+    EXPECT_EQ(second.lines.all().size(), 1u) << testing::PrintToString(second.lines.all());
+    const int before = receiver.count;
+    EXPECT_TRUE(publish_until(*first.transport, "n", [&] { return receiver.count > before; }));
+  }
+}
+
+TEST(Tcp, OneThatReadsNoAnswersGetsFewAndIsStillHeard) {
+  const int port = test::free_port();
+  const std::map<std::string, std::string> addresses = {{"n", here(port)}};
+  Program node(addresses), friendly(addresses);
+  std::atomic<int> made = 0, words = 0;
+  const auto served = node.transport->serve("n", [&](std::span<const std::byte> question) {
+    ++(question.empty() ? words : made);
+    return test::message(1 << 20);
+  });
+  ASSERT_TRUE(eventually([&] { return test::RawSocket(port).connected(); }));
+  test::RawSocket greedy(port, 65536);
+  std::string bytes = frame(FrameKind::hello, "MRT1n");
+  for (int i = 0; i < 1000; ++i) bytes += frame(FrameKind::ask, "q");
+  ASSERT_TRUE(greedy.send(bytes));
+  const std::string cause = "asks again before it reads the answers";
+  EXPECT_TRUE(
+      eventually([&] { return test::dropped(*node.transport, cause) + made.load() == 1000u; }));
+  EXPECT_LT(made, 40);  // 8 MB that wait, and what the kernel took
+  const auto word = encode_frame_header(FrameKind::ask, 0, 0);
+  ASSERT_TRUE(greedy.send(test::text_of(word)));
+  EXPECT_TRUE(eventually([&] { return words == 1; }));
+  std::atomic<int> answers = 0;
+  friendly.transport->request("n", text_message("q"), [&](const Message&) { ++answers; });
+  EXPECT_TRUE(eventually([&] { return answers == 1; }));
 }
 
 TEST(Tcp, BadAddressesAreAllTold) {

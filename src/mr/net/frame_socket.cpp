@@ -64,6 +64,8 @@ void FrameSocket::start() {
   if (side_ == Side::listens) return read_first();
   if (!secret_) return open();
   tls_.reset(new Tls{{socket_, secret_->context()}});
+  // Who does not know the secret could show a certificate instead: none is trusted.
+  tls_->stream.set_verify_mode(boost::asio::ssl::verify_peer);
   end_in(kHandshakePatience, {Error::Cause::io, "no handshake in time"});
   tls_->stream.async_handshake(
       boost::asio::ssl::stream_base::client,

@@ -12,9 +12,10 @@
 namespace mr::net {
 
 /// The secret that the nodes of a scene share, as TLS 1.3 with a pre-shared key uses it: it proves
-/// to each side that the other knows it, is never sent, and no certificate takes its place. What
-/// was recorded stays unreadable even for who learns it later (ephemeral keys). Immutable; must
-/// outlive the streams that use it.
+/// to each side that the other knows it, and is never sent. What was recorded stays unreadable even
+/// for who learns it later (ephemeral keys). The side that connects must verify certificates, of
+/// which none is trusted: else a certificate could take the secret's place. Immutable; must outlive
+/// the streams that use it.
 class TcpSecret {
  public:
   static constexpr std::size_t kShortest = 16;
