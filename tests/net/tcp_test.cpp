@@ -417,7 +417,8 @@ TEST(Tcp, TwoProgramsOfOneNameNoticeEachOther) {
     Program first(addresses, secret), consumer(addresses, secret);
     Receiver receiver(*consumer.transport, "n");
     ASSERT_TRUE(publish_until(*first.transport, "n", [&] { return receiver.count > 0; }));
-    Program second(addresses, secret);
+    Program second({{"n", addresses.at("n")}, {"other", here(test::free_port())}}, secret);
+    second.transport->publish("other", text_message("x"));
     second.transport->publish("n", text_message("x"));
     EXPECT_TRUE(eventually([&] {
       return first.lines.count("node 'n': another program runs under this name, too; stop") == 1 &&

@@ -102,18 +102,16 @@ class TcpSession : public std::enable_shared_from_this<TcpSession> {
   }
 
   Status received(Frame frame) {
-    if (frame.kind == FrameKind::rival) return rival(frame.payload);
+    if (frame.kind == FrameKind::rival) {  // of a program that could not listen here
+      server_.heard_rival(
+          {reinterpret_cast<const char*>(frame.payload.data()), frame.payload.size()});
+      return {};
+    }
     if (frame.kind == FrameKind::hello) return greeted(frame.payload);
     if (node_.empty()) return Error{Error::Cause::corrupt, "no greeting"};
     if (frame.kind == FrameKind::ask) return asked(std::move(frame));
     server_.set_subscribed(node_, shared_from_this(), frame.kind == FrameKind::subscribe);
     return {};
-  }
-
-  /// Another program that could not listen here.
-  Status rival(const std::vector<std::byte>& payload) {
-    server_.heard_rival({reinterpret_cast<const char*>(payload.data()), payload.size()});
-    return Error{Error::Cause::empty, "told that the node runs already"};
   }
 
   Status greeted(const std::vector<std::byte>& payload) {
@@ -265,12 +263,17 @@ class TcpListener {
   bool told_ = false;
 };
 
-/// Tells the program that listens in our place that we are another one of its node.
+/// Tells the program that listens in our place that we are another one of its nodes. Lives until
+/// that is told.
 class TcpRivalry : public std::enable_shared_from_this<TcpRivalry> {
  public:
   TcpRivalry(asio::io_context& io, std::vector<std::string> nodes,
              std::shared_ptr<TcpSecret> secret)
-      : resolver_(io), socket_(io), nodes_(std::move(nodes)), secret_(std::move(secret)) {}
+      : resolver_(io),
+        socket_(io),
+        timer_(io),
+        nodes_(std::move(nodes)),
+        secret_(std::move(secret)) {}
 
   void start(const Address& address) {
     resolver_.async_resolve(
@@ -284,20 +287,26 @@ class TcpRivalry : public std::enable_shared_from_this<TcpRivalry> {
 
  private:
   void tell() {
-    frames_ = std::make_shared<FrameSocket>(
+    const auto frames = std::make_shared<FrameSocket>(
         std::move(socket_), FrameSocket::Side::connects, secret_,
         FrameLimits{{FrameKind::refusal, kLongestRefusal}},
         FrameSocket::Handlers{
-            [](const Frame&) {
-              return Status(Error{Error::Cause::empty, "told"});
-            },
+            [](const Frame&) { return Status(); },
             [self = shared_from_this()] { return self->next(); },
-            [self = shared_from_this()](const Error&) { self->frames_.reset(); }});
-    frames_->start();
+            [self = shared_from_this()](const Error&) { self->timer_.cancel(); }});
+    frames_ = frames;
+    timer_.expires_after(kHelloPatience);
+    timer_.async_wait([self = shared_from_this()](const auto& error) {
+      if (!error) self->end();
+    });
+    frames->start();
   }
 
   std::optional<OutFrame> next() {
-    if (nodes_.empty()) return std::nullopt;
+    if (nodes_.empty()) {
+      end();
+      return std::nullopt;
+    }
     const auto bytes = std::as_bytes(std::span(nodes_.back()));
     OutFrame frame{FrameKind::rival, 0,
                    std::make_shared<const std::vector<std::byte>>(bytes.begin(), bytes.end())};
@@ -305,11 +314,16 @@ class TcpRivalry : public std::enable_shared_from_this<TcpRivalry> {
     return frame;
   }
 
+  void end() {
+    if (const auto frames = frames_.lock()) frames->end({Error::Cause::empty, "told"});
+  }
+
   tcp::resolver resolver_;
   tcp::socket socket_;
+  asio::steady_timer timer_;
   std::vector<std::string> nodes_;
   const std::shared_ptr<TcpSecret> secret_;
-  std::shared_ptr<FrameSocket> frames_;
+  std::weak_ptr<FrameSocket> frames_;
 };
 
 TcpServer::TcpServer(asio::io_context& io, const AnswerRegistry& answers, Coalesce coalesce,
