@@ -25,7 +25,6 @@ find_package(fmt REQUIRED)
 find_package(nlohmann_json REQUIRED)
 find_package(ZLIB REQUIRED)
 find_package(spdlog REQUIRED)
-find_package(OpenSSL REQUIRED)
 find_package(prometheus-cpp CONFIG REQUIRED)
 # Header only: background models are read without its library, which would bring stb_image along.
 find_path(TINYGLTF_INCLUDE_DIR tiny_gltf.h REQUIRED)

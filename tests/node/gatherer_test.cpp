@@ -7,6 +7,7 @@
 
 #include "mr/codec/head.h"
 #include "mr/codec/packet_codec.h"
+#include "mr/codec/packet_message.h"
 #include "support/sender.h"
 
 namespace mr {
@@ -97,6 +98,94 @@ TEST(Gatherer, MeshEqualsTheSendersWithin500MsOfAnyLoss) {
     EXPECT_EQ(equal, 10) << "seed " << seed;
     EXPECT_EQ(gatherer.drops().total(), 0u);
   }
+}
+
+/// A sender whose packets go through bytes, one of which a test may spoil; nothing else is lost.
+class SpoiltLink {
+ public:
+  using Spoil = std::function<void(std::vector<std::byte>&)>;
+
+  /// Twenty packets a second for `seconds`; the one with this number is spoilt.
+  void run(int from, int to, int spoilt, const Spoil& spoil) {
+    for (int n = from; n < to; ++n) {
+      now_ = TimePoint(std::chrono::hours(1)) + milliseconds(50) * n;
+      sender_.change(n % 6);
+      Packet packet = sender_.next(std::exchange(key_frame_wanted_, false));
+      packet.captured_at = now_;
+      auto bytes = writer_.write(packet);
+      if (n == spoilt) spoil(bytes);
+      refused_ += !gatherer_.receive(0, bytes, now_);
+      for (const auto& [input, request] : gatherer_.requests(now_)) {
+        key_frame_wanted_ |= request.wants_key_frame(4);
+        if (request.whole_head) writer_.ask_whole();
+        if (const auto answer = sender_.answer(request); !answer.empty())
+          gatherer_.take_answer(0, answer, now_);
+      }
+    }
+  }
+  /// Whether the newest capture is there, mesh and picture.
+  bool is_whole() const {
+    const auto scene = gatherer_.receiver(0).scene();
+    return scene && scene->captured_at == now_ && same_mesh(scene->chunks, sender_.chunks());
+  }
+  int refused() const { return refused_; }
+
+ private:
+  const Scene scene_ = one_sensor();
+  Sender sender_;
+  codec::HeadWriter writer_;
+  node::Gatherer gatherer_{scene_, scene_.mergers[0], false};
+  bool key_frame_wanted_ = true;
+  int refused_ = 0;
+  TimePoint now_{};
+};
+
+TEST(Gatherer, IsWholeWithinTwoSecondsOfAnyDamagedPacket) {
+  std::mt19937 random(5);
+  for (int round = 0; round < 60; ++round) {
+    SpoiltLink link;
+    const int spoilt = 1 + round % 40;  // also those that bring a base
+    link.run(0, spoilt, -1, {});
+    link.run(spoilt, spoilt + 40, spoilt, [&](std::vector<std::byte>& bytes) {
+      bytes[random() % bytes.size()] ^= static_cast<std::byte>(1u << random() % 8);
+    });
+    EXPECT_TRUE(link.is_whole()) << "packet " << spoilt;
+    EXPECT_GE(link.refused(), 1);
+  }
+}
+
+TEST(Gatherer, IsWholeWithinTwoSecondsOfAnyForgedSequence) {
+  for (const std::uint64_t sequence :
+       {UINT64_MAX, std::uint64_t{1} << 40, std::uint64_t{4000}, std::uint64_t{0}})
+    for (const int spoilt : {0, 20}) {
+      SpoiltLink link;
+      link.run(0, spoilt, -1, {});
+      link.run(spoilt, spoilt + 40, spoilt, [&](std::vector<std::byte>& bytes) {
+        auto packet = *codec::decode_message(bytes);
+        packet.sequence = sequence;
+        packet.age = 0;
+        packet.base = codec::base_of(Sender().next(true));
+        auto forged = *packet.base;
+        forged.sequence = sequence;
+        bytes = codec::encode_packet(forged);
+      });
+      EXPECT_TRUE(link.is_whole()) << sequence << " as packet " << spoilt;
+    }
+}
+
+TEST(Gatherer, AnInputsTimesAreMovedByItsClock) {
+  const Scene scene = one_sensor();
+  Sender sender;
+  node::Gatherer gatherer(scene, scene.mergers[0], false);
+  const TimePoint now{std::chrono::hours(1)};
+  Packet packet = sender.next(true);
+  packet.captured_at = packet.sources[0].captured_at = now - std::chrono::seconds(1);
+  gatherer.set_clock_offset(0, -std::chrono::seconds(1));
+  ASSERT_TRUE(gatherer.receive(0, codec::encode_packet(packet), now));
+  EXPECT_EQ(gatherer.newest(0), now);
+  const auto gathered = gatherer.gather(now + milliseconds(60));
+  ASSERT_TRUE(gathered && *gathered);
+  EXPECT_EQ((*gathered)->sources[0].captured_at, now);
 }
 
 TEST(Gatherer, AnIncompleteCaptureIsShownAsItWasLastWhole) {

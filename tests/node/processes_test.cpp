@@ -266,6 +266,24 @@ rig: {type: synthetic, seed: 3, room: [5, 4, 2.6], depth_mode: nfov_binned, colo
     nodes_[node] = Process({MR_PROGRAM, "node", file().string(), node}, log_file());
     ASSERT_TRUE(nodes_[node].started());
   }
+  /// On a machine whose clock is off by so much.
+  void start_with_clock(const std::string& node, int shift_ms) {
+    nodes_[node] = Process(
+        {"env", "LD_PRELOAD=" MR_SHIFTED_CLOCK, "MR_CLOCK_SHIFT_MS=" + std::to_string(shift_ms),
+         MR_PROGRAM, "node", file().string(), node},
+        log_file());
+    ASSERT_TRUE(nodes_[node].started());
+  }
+  bool log_says(const std::string& part, seconds patience = seconds(20)) const {
+    const auto until = Clock::now() + patience;
+    while (Clock::now() < until) {
+      std::ifstream log(log_file());
+      const std::string text(std::istreambuf_iterator<char>(log), {});
+      if (text.find(part) != std::string::npos) return true;
+      std::this_thread::sleep_for(milliseconds(20));
+    }
+    return false;
+  }
   void start_all() {
     for (const char* node : kNodes) start(node);
   }
@@ -340,6 +358,30 @@ TEST_F(Processes, EachNodeMayDieAndComesBack) {
   nats_.stop(SIGKILL);
   start_nats();
   EXPECT_TRUE(shows(client, {0, 1})) << "nats-server was restarted";
+}
+
+TEST_F(Processes, ASensorWhoseClockIsOffIsShownAndTold) {
+  for (const char* node : {"cam-0", "west", "east", "root"}) start(node);
+  start_with_clock("cam-1", -1000);
+  Client client(*transport_, scene_, "root");
+  EXPECT_TRUE(shows(client, {0, 1}));
+  EXPECT_TRUE(log_says("[east] the clock of 'cam-1' is 1.0"));
+  int whole = 0;
+  for (int i = 0; i < 60; ++i, std::this_thread::sleep_for(milliseconds(30)))
+    if (const auto scene = client.scene()) whole += scene->sources.size() == 2;
+  EXPECT_GT(whole, 50);
+}
+
+TEST_F(Processes, ADeadSensorIsToldByItsMergerWithinTwoSeconds) {
+  for (const char* node : {"cam-0", "cam-1", "west", "east", "root"}) start(node);
+  Client client(*transport_, scene_, "root");
+  ASSERT_TRUE(shows(client, {0, 1}));
+  nodes_["cam-1"].stop(SIGKILL);
+  const auto died = Clock::now();
+  EXPECT_TRUE(log_says("[east] 'cam-1' is missing"));
+  EXPECT_LT(Clock::now() - died, seconds(2) * kSlower);
+  start("cam-1");
+  EXPECT_TRUE(log_says("[east] 'cam-1' is back"));
 }
 
 /// The sensor whose own surface a place is on: merging moves nothing. None: on a strip between two,

@@ -334,7 +334,9 @@ void Gateway::watch_silence(TimePoint now) {
   if (now - *last_packet_ < std::clamp<Duration>(interval_ * 3, kSilence, kLongestSilence)) return;
   stopped_ = true;
   const auto ms = std::chrono::duration_cast<std::chrono::milliseconds>(now - *last_packet_);
-  send_to_all(Json{{"type", "stopped"}, {"after_ms", ms.count()}}.dump());
+  Json stopped{{"type", "stopped"}, {"after_ms", ms.count()}};
+  if (*context_.ended >= context_.scene->sensors.size()) stopped["ended"] = true;
+  send_to_all(stopped.dump());
   context_.warn(kName, "nothing comes from '" + root_ + "'");
 }
 

@@ -60,6 +60,8 @@ struct LiveContext {
   /// Of all nodes of this process. Any thread.
   std::function<std::vector<LiveStats>()> stats = [] { return std::vector<LiveStats>{}; };
   std::filesystem::path state_folder = {};  ///< for what is kept between runs; empty: nowhere
+  /// Sensors of this process whose recordings have ended.
+  std::shared_ptr<std::atomic<std::size_t>> ended = std::make_shared<std::atomic<std::size_t>>(0);
 
   /// One line of a node for people.
   void warn(const std::string& node, const std::string& text) const {

@@ -53,7 +53,10 @@ void LiveSensor::reconstruct_frames(const std::stop_token& stop) {
     auto frame = source_.newest(stop, watch);
     skipped_ = source_.skipped();
     if (stop.stop_requested()) return;
-    if (frame && !*frame) return context_.tell(node_.id(), "its recording ended");
+    if (frame && !*frame) {
+      ++*context_.ended;
+      return context_.tell(node_.id(), "its recording ended");
+    }
     std::optional<SensorNode::Reconstructed> surface;
     Error error = frame ? Error{} : frame.error();
     if (frame) correct_stamp(**frame);
