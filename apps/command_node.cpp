@@ -37,7 +37,10 @@ void add_node(CLI::App& app, int& exit_code) {
       "Example, each on its own machine:\n"
       "  meshreduce node room.yaml cam-0\n"
       "  meshreduce node room.yaml root\n"
-      "  meshreduce node room.yaml gateway --listen 0.0.0.0:8080");
+      "  meshreduce node room.yaml gateway\n"
+      "For viewers on other machines the scene needs 'gateway: {listen: \"0.0.0.0:8443\", tls: "
+      "auto,\n"
+      "tokens: {file: tokens}}', or 'open: true' in place of the last two; see docs/security.md.");
   command->callback([options, &exit_code] {
     const auto scene = load_or_tell(options->scene, options->set);
     exit_code = scene ? run_live(*scene, options->run) : 1;

@@ -383,7 +383,8 @@ TEST_F(Web, TellsWhatTokenSomebodyShows) {
   EXPECT_EQ(visitors_.begin()->second.address, "127.0.0.1");
 }
 
-/// What a TLS client that trusts anybody reads in answer to one request; empty where TLS fails.
+/// What a TLS client that trusts anybody reads in answer to one request, of an upgraded connection
+/// the head; empty where TLS fails.
 std::string ask_by_tls(int port, const std::string& request) {
   SSL_CTX* context = SSL_CTX_new(TLS_client_method());
   BIO* bio = BIO_new_ssl_connect(context);
@@ -391,7 +392,8 @@ std::string ask_by_tls(int port, const std::string& request) {
   std::string out;
   char buffer[4096];
   if (BIO_write(bio, request.data(), static_cast<int>(request.size())) > 0)
-    for (int n = 0; (n = BIO_read(bio, buffer, sizeof buffer)) > 0;)
+    for (int n = 0;
+         !out.starts_with("HTTP/1.1 101") && (n = BIO_read(bio, buffer, sizeof buffer)) > 0;)
       out.append(buffer, static_cast<std::size_t>(n));
   BIO_free_all(bio);
   SSL_CTX_free(context);
@@ -407,8 +409,7 @@ TEST_F(Web, SpeaksTlsWithACertificate) {
       port_,
       "GET /stream HTTP/1.1\r\nHost: localhost\r\nConnection: Upgrade\r\nUpgrade: websocket\r\n"
       "Sec-WebSocket-Version: 13\r\nSec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\n"
-      "Origin: https://localhost\r\n\r\n" +
-          std::string("\x88\x80\0\0\0\0", 6));
+      "Origin: https://localhost\r\n\r\n");
   EXPECT_TRUE(upgraded.starts_with("HTTP/1.1 101")) << upgraded;
   const std::string plain = ask("GET", "/a?b");
   EXPECT_TRUE(plain.starts_with("HTTP/1.1 308")) << plain;

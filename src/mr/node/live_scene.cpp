@@ -67,7 +67,11 @@ Result<std::unique_ptr<LiveScene>> LiveScene::start(Scene given, const LiveOptio
                             options.threads > 0 ? options.threads : live->scene_->threads,
                             options.nodes.empty() ? 1 : 2,
                             options.log,
-                            [l = live.get()] { return l->stats(); },
+                            [l = live.get()] {
+                              auto all = l->stats();
+                              if (!all.empty()) all.front().drops.merge(l->transport_drops());
+                              return all;
+                            },
                             options.state_folder};
   if (!options.metrics.empty()) {
     auto monitor = serve_monitor(options.metrics, context.stats);
