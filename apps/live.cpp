@@ -165,13 +165,14 @@ int run_live(Scene scene, const LiveRun& run) {
   auto live = node::LiveScene::start(std::move(scene), options);
   if (!live) return fail(live.error().message);
 
-  if (const std::string& url = (*live)->url(); !url.empty()) {
-    fmt::print("Open {} in a browser. Ctrl-C ends it.\n", url);
+  if (const std::vector<std::string>& urls = (*live)->urls(); !urls.empty()) {
+    fmt::print("Open {} in a browser. Ctrl-C ends it.\n", urls.front());
+    for (std::size_t i = 1; i < urls.size(); ++i) fmt::print("Or {}\n", urls[i]);
     if (!std::filesystem::is_regular_file(options.page / "index.html"))
       console.say({LogLevel::warning, "gateway",
                    "no page in " + options.page.string() +
                        "; build it with scripts/build, or name it with --page"});
-    if (run.open_browser) open_in_browser(url);
+    if (run.open_browser) open_in_browser(urls.front());
   } else {
     fmt::print("Running {}. Ctrl-C ends it.\n", fmt::join(run.nodes, ", "));
   }

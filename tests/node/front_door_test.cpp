@@ -133,14 +133,15 @@ TEST(FrontDoor, SaysWhatIsWrongWithTokensAndCertificates) {
 
 TEST(FrontDoor, PrintsAnAddressThatOthersCanOpen) {
   GatewayConfig config;
-  EXPECT_EQ(url_of(config, 8080), "http://127.0.0.1:8080");
+  EXPECT_EQ(urls_of(config, 8080).front(), "http://127.0.0.1:8080");
   config.listen = "[::1]:0";
-  EXPECT_EQ(url_of(config, 99), "http://[::1]:99");
+  EXPECT_EQ(urls_of(config, 99).front(), "http://[::1]:99");
   config.listen = "0.0.0.0:8080";
   config.tls = TlsConfig{};
-  EXPECT_EQ(url_of(config, 8080).find("0.0.0.0"), std::string::npos) << url_of(config, 8080);
+  EXPECT_EQ(urls_of(config, 8080).front().find("0.0.0.0"), std::string::npos)
+      << urls_of(config, 8080).front();
   config.hosts = {"room.example.org"};
-  EXPECT_EQ(url_of(config, 443), "https://room.example.org:443");
+  EXPECT_EQ(urls_of(config, 443).front(), "https://room.example.org:443");
 }
 
 std::vector<LiveStats> room() {

@@ -62,17 +62,18 @@ Result<FrontDoor> FrontDoor::open(const GatewayConfig& config,
   return door;
 }
 
-std::string url_of(const GatewayConfig& config, int port) {
-  auto address = net::parse_address(config.listen);
-  if (!address) return {};
-  if (is_any(address->host)) {
-    const auto own = net::own_addresses();
-    address->host = own.empty() ? "127.0.0.1" : own.front();
-  }
-  if (!config.hosts.empty() && !net::is_loopback(config.listen))
-    address->host = config.hosts.front();
-  address->port = std::to_string(port);
-  return (config.tls ? "https://" : "http://") + net::to_string(*address);
+std::vector<std::string> urls_of(const GatewayConfig& config, int port) {
+  const auto listens = net::parse_address(config.listen);
+  std::vector<std::string> hosts;
+  if (!net::is_loopback(config.listen)) hosts = config.hosts;
+  if (hosts.empty() && listens && is_any(listens->host)) hosts = net::own_addresses();
+  if (hosts.empty())
+    hosts = {listens && !is_any(listens->host) ? listens->host : std::string(kLoopback[1])};
+  std::vector<std::string> out;
+  for (const std::string& host : hosts)
+    out.push_back((config.tls ? "https://" : "http://") +
+                  net::to_string({host, std::to_string(port)}));
+  return out;
 }
 
 }  // namespace mr::node

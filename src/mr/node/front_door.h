@@ -26,8 +26,8 @@ struct FrontDoor {
                                 const std::filesystem::path& state_folder);
 };
 
-/// The address that people open, for a gateway that listens there; of one that listens on all
-/// addresses, the first of this machine that others reach.
-std::string url_of(const GatewayConfig& config, int port);
+/// The addresses that people open, at least one, the likeliest first: of a gateway that listens on
+/// all addresses, those of this machine that others may reach.
+std::vector<std::string> urls_of(const GatewayConfig& config, int port);
 
 }  // namespace mr::node

@@ -139,7 +139,7 @@ Status LiveScene::start_node(const std::string& name, const LiveContext& context
   const GatewayConfig config = scene_->gateway.value_or(GatewayConfig{});
   auto gateway = Gateway::start(context, config, options.page);
   if (!gateway) return gateway.error();
-  url_ = url_of(config, (*gateway)->port());
+  urls_ = urls_of(config, (*gateway)->port());
   add(*std::move(gateway));
   return {};
 }

@@ -40,8 +40,8 @@ class LiveScene {
   ~LiveScene();
 
   const Scene& scene() const { return *scene_; }
-  /// What people open in a browser; empty where the gateway does not run here.
-  const std::string& url() const { return url_; }
+  /// What people open in a browser, the likeliest first; empty where the gateway does not run here.
+  const std::vector<std::string>& urls() const { return urls_; }
   std::vector<LiveStats> stats() const;
   /// Lost or folded between nodes since the start.
   std::map<std::string, std::uint64_t> transport_drops() const { return transport_->drops(); }
@@ -58,7 +58,7 @@ class LiveScene {
   std::unique_ptr<net::Transport> transport_;
   mutable std::mutex mutex_;  // of nodes_, while they are started
   std::vector<std::unique_ptr<LiveNode>> nodes_;
-  std::string url_;
+  std::vector<std::string> urls_;
   std::chrono::steady_clock::time_point started_ = std::chrono::steady_clock::now();
   std::unique_ptr<net::WebServer> monitor_;  // last: it asks the nodes
 };
