@@ -22,7 +22,7 @@ namespace mr::apps {
 namespace {
 
 /// Lines for people, with time, level and node, and on a terminal one status line below them that
-/// is written over. Many equal lines are told once in ten seconds.
+/// is written over. Lines that are alike but for numbers are told once in ten seconds.
 class Console {
  public:
   Console() : sink_(std::make_shared<spdlog::sinks::stderr_color_sink_mt>()) {
@@ -32,7 +32,9 @@ class Console {
     const std::lock_guard lock(mutex_);
     const auto now = std::chrono::steady_clock::now();
     if (told_.size() > 1000) told_.clear();
-    auto& told = told_[line.node + ": " + line.text.substr(0, line.text.find(':'))];
+    std::string kind = line.node + ": " + line.text;
+    std::erase_if(kind, [](char c) { return c >= '0' && c <= '9'; });
+    auto& told = told_[kind];
     if (told.count++ > 0 && now - told.at < std::chrono::seconds(10)) return;
     told = {now, 1};
     clear();

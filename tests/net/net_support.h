@@ -10,6 +10,7 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <atomic>
 #include <chrono>
 #include <cstring>
@@ -94,9 +95,9 @@ class RawSocket {
            static_cast<::ssize_t>(bytes.size());
   }
   /// Some bytes; empty when the peer closed or sent nothing for seconds.
-  std::string read_some() {
+  std::string read_some(std::size_t most = 65536) {
     char buffer[65536];
-    const ::ssize_t n = ::recv(handle_, buffer, sizeof buffer, 0);
+    const ::ssize_t n = ::recv(handle_, buffer, std::min(most, sizeof buffer), 0);
     return n > 0 ? std::string(buffer, static_cast<std::size_t>(n)) : std::string();
   }
   std::string read_exactly(std::size_t n) {

@@ -52,9 +52,13 @@ TEST(Certificate, SpeaksForItsNamesAndIsKept) {
   EXPECT_EQ(*net::fingerprint(*first), *net::fingerprint(*again)) << "trusted once, known again";
   EXPECT_EQ(net::fingerprint(*first)->size(), 32u * 3 - 1);
   EXPECT_EQ(net::complaint(*first), "");
+  const auto moved = net::own_certificate(folder.path(), {"localhost", "192.168.1.7"});
+  EXPECT_EQ(*net::fingerprint(*first), *net::fingerprint(*moved)) << "the machine got an address";
+  EXPECT_TRUE(net::own_certificate({}, names)) << "nowhere to keep it";
   const auto mode = std::filesystem::status(folder / "gateway.key").permissions();
   EXPECT_EQ(mode & std::filesystem::perms(077), std::filesystem::perms::none);
-  const auto other = net::own_certificate(folder.path(), {"room.example.org"});
+  const auto other =
+      net::own_certificate(folder.path(), {"room.example.org"}, {"room.example.org"});
   ASSERT_TRUE(other);
   EXPECT_NE(*net::fingerprint(*first), *net::fingerprint(*other)) << "another name";
 }
@@ -165,10 +169,17 @@ TEST(Monitor, HealthNamesWhoIsMissing) {
   auto nodes = room();
   nodes[2].is_silent = true;
   EXPECT_EQ(health_of(nodes).status, Health::Status::down);
-  const auto stats = [&] { return nodes; };
-  EXPECT_EQ(monitor_page("/healthz", false, stats)->status, 503);
-  EXPECT_EQ(monitor_page("/metrics", false, stats)->status, 401);
-  EXPECT_FALSE(monitor_page("/", true, stats));
+  int made = 0;
+  Monitor monitor([&] { return ++made, nodes; });
+  EXPECT_EQ(monitor.page("/healthz", false)->status, 503);
+  EXPECT_EQ(monitor.page("/metrics", false)->status, 401);
+  EXPECT_FALSE(monitor.page("/", true));
+  for (int i = 0; i < 100; ++i) monitor.page("/metrics", true);
+  EXPECT_LE(made, 3) << "made anew now and then, however often somebody asks";
+  LiveStats cam{"cam-1"};
+  cam.is_silent = true;
+  EXPECT_EQ(health_of({cam}).status, Health::Status::down) << "a process of one sensor";
+  EXPECT_EQ(health_of({cam}).missing, std::vector<std::string>{"cam-1"});
 }
 
 TEST(Monitor, MetricsAreInPrometheusText) {

@@ -26,6 +26,12 @@ double resident_mb() {
   return resident * static_cast<double>(::sysconf(_SC_PAGESIZE)) / 1e6;
 }
 
+#if defined(MR_SANITIZED)
+constexpr int kSlower = 4;
+#else
+constexpr int kSlower = 1;
+#endif
+
 /// A gateway behind a root that is made up.
 class GatewayTest : public testing::Test {
  protected:
@@ -161,7 +167,7 @@ TEST_F(GatewayTest, AForgedPacketWithinReachIsOvercomeWithinTwoSeconds) {
     for (int i = 0; !stop; ++i, std::this_thread::sleep_for(20ms)) publish(next(i % 10 == 0));
   });
   const auto again = packet(viewer);
-  EXPECT_LT(test::Clock::now() - started, 2s);
+  EXPECT_LT(test::Clock::now() - started, 2s * kSlower);
   EXPECT_TRUE(again && *again < forged.sequence);
   stop = true;
   root.join();
@@ -199,6 +205,21 @@ TEST_F(GatewayTest, NothingIsToldWithoutAToken) {
     EXPECT_EQ(line.find("0123456789"), std::string::npos) << line;
 }
 
+TEST_F(GatewayTest, WhoIsRefusedIsNotListenedToAnyMore) {
+  start();
+  WebViewer viewer(gateway_->port());
+  EXPECT_NE(text(viewer).find("hello"), std::string::npos);
+  viewer.send(1, "nonsense");
+  const std::string frame = std::string("\x81\x81\0\0\0\0x", 7);
+  std::string burst;
+  for (int i = 0; i < 20'000; ++i) burst += frame;
+  const auto started = test::Clock::now();
+  int bursts = 0;
+  while (bursts < 1000 && viewer.socket().send(burst)) ++bursts;
+  EXPECT_LT(bursts, 1000);
+  EXPECT_LT(test::Clock::now() - started, 3s * kSlower);
+}
+
 TEST_F(GatewayTest, FiguresNeedATokenHealthDoesNot) {
   ::setenv("MR_GATEWAY_TEST", "right-token-0123456789", 1);
   GatewayConfig config;
@@ -226,7 +247,7 @@ TEST_F(GatewayTest, ADeadSensorIsToldWithinTwoSeconds) {
   const auto died = test::Clock::now();
   while (get("/healthz").find(R"({"status":"degraded","missing":["cam-1"])") == std::string::npos) {
     publish_two(false);
-    ASSERT_LT(test::Clock::now() - died, 2s);
+    ASSERT_LT(test::Clock::now() - died, 2s * kSlower);
   }
   EXPECT_NE(get("/metrics").find(R"(meshreduce_input_up{node="gateway",input="cam-1"} 0)"),
             std::string::npos);
@@ -241,7 +262,7 @@ TEST_F(GatewayTest, SilenceIsToldWithinTwoSeconds) {
   publish(next(true));
   const auto last = test::Clock::now();
   EXPECT_NE(text(viewer).find("stopped"), std::string::npos);
-  EXPECT_LT(test::Clock::now() - last, 2s);
+  EXPECT_LT(test::Clock::now() - last, 2s * kSlower);
   EXPECT_TRUE(get("/healthz").starts_with("HTTP/1.1 503"));
 }
 
@@ -267,6 +288,18 @@ TEST_F(GatewayTest, SixtyGreedyReadersMakeItGrowByLittle) {
   const std::string words(reinterpret_cast<const char*>(request.data()), request.size());
   double most = 0;
   int seen = 0, sent = 0;
+  const auto more_and_see = [&] {
+    Packet more = next(sent % 10 == 0);
+    for (std::size_t i = 0; i < more.manifest.size(); ++i)
+      more.manifest[i] = packet_now.manifest[i];
+    more.chunks.clear();
+    publish(more);
+    packet_now.sequence = more.sequence;
+    ++sent;
+    if (packet(good) == more.sequence) ++seen;
+    most = std::max(most, resident_mb());
+    std::this_thread::sleep_for(30ms);
+  };
   {
     std::vector<WebViewer> greedy;
     for (int i = 0; i < 60; ++i) {
@@ -279,16 +312,7 @@ TEST_F(GatewayTest, SixtyGreedyReadersMakeItGrowByLittle) {
       for (WebViewer& viewer : greedy)
         viewer.send(2, words), viewer.send(1, R"({"type":"shown","sequence":)" +
                                                   std::to_string(packet_now.sequence) + "}");
-      Packet more = next(round % 10 == 0);
-      for (std::size_t i = 0; i < more.manifest.size(); ++i)
-        more.manifest[i] = packet_now.manifest[i];
-      more.chunks.clear();
-      publish(more);
-      packet_now.sequence = more.sequence;
-      ++sent;
-      if (packet(good) == more.sequence) ++seen;
-      most = std::max(most, resident_mb());
-      std::this_thread::sleep_for(30ms);
+      more_and_see();
     }
   }
   EXPECT_GE(seen, sent * 9 / 10);

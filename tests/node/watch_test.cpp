@@ -50,6 +50,21 @@ TEST(Presence, IsToldOnceAndWithinTwoSeconds) {
   EXPECT_LT(told[0], milliseconds(1500));
 }
 
+TEST(Presence, OneHiccupMakesNobodySlow) {
+  Presence presence(1);
+  TimePoint now = kStart;
+  for (int i = 0; i < 20; ++i) presence.seen(0, now, now), now += milliseconds(33);
+  presence.seen(0, now += milliseconds(2900), now);
+  EXPECT_TRUE(presence.is_missing(0, now + milliseconds(1300)));
+}
+
+TEST(Presence, WhoNeverCameIsMissingFromTheStart) {
+  Presence presence(2);
+  presence.begin(kStart);
+  EXPECT_TRUE(presence.missing(kStart + seconds(1)).empty());
+  EXPECT_EQ(presence.missing(kStart + seconds(2)).size(), 2u);
+}
+
 TEST(Presence, ASlowOneIsNotMissingBetweenItsCaptures) {
   Presence presence(1);
   TimePoint now = kStart;
@@ -87,6 +102,13 @@ TEST(ClockOffset, ARightClockIsLeftAlone) {
     ask(clock, now, milliseconds(10), milliseconds(1 + 7 * (i % 5)), milliseconds(1));
     EXPECT_EQ(clock.offset(), Duration{});
   }
+}
+
+TEST(ClockOffset, OneSlowAnswerTellsNothing) {
+  ClockOffset clock;
+  TimePoint now = kStart;
+  ask(clock, now, {}, milliseconds(1), milliseconds(300));
+  EXPECT_EQ(clock.offset(), Duration{});
 }
 
 TEST(ClockOffset, FollowsAClockThatIsSet) {
@@ -132,6 +154,17 @@ TEST(RequestLimits, KeyFramesAndHeadsAreNotGivenFaster) {
   EXPECT_TRUE(limits.admit({{5}, {}, {}}, kStart + seconds(10)).wants_key_frame(5))
       << "another stream";
   EXPECT_GT(limits.refused(), 1900u);
+}
+
+TEST(RequestLimits, ManyStreamsMakeNoRoomForOne) {
+  RequestLimits limits;
+  codec::Request all;
+  for (std::uint32_t stream = 0; stream < codec::Request::kMaxStreams; ++stream)
+    all.key_frames.push_back(stream);
+  EXPECT_EQ(limits.admit(all, kStart).key_frames.size(), all.key_frames.size());
+  for (std::uint32_t& stream : all.key_frames) stream += 5000;
+  EXPECT_TRUE(limits.admit(all, kStart + milliseconds(1)).key_frames.empty());
+  EXPECT_FALSE(limits.admit({{4}, {}, {}}, kStart + milliseconds(2)).wants_key_frame(4));
 }
 
 TEST(RequestLimits, AnswersHaveABudget) {

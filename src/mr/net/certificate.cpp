@@ -1,6 +1,7 @@
 #include "mr/net/certificate.h"
 
 #include <arpa/inet.h>
+#include <fcntl.h>
 #include <openssl/bio.h>
 #include <openssl/crypto.h>
 #include <openssl/err.h>
@@ -9,10 +10,11 @@
 #include <openssl/rand.h>
 #include <openssl/sha.h>
 #include <openssl/x509v3.h>
-#include <sys/stat.h>
+#include <unistd.h>
 
 #include <algorithm>
 #include <array>
+#include <cstdio>
 #include <memory>
 #include <utility>
 
@@ -115,11 +117,16 @@ Result<std::string> read_pem(const std::filesystem::path& file) {
   return std::string(reinterpret_cast<const char*>(bytes->data()), bytes->size());
 }
 
-Status write_private(const std::filesystem::path& file, const std::string& text) {
-  const ::mode_t before = ::umask(077);
-  const Status written = write_file(file, text);
-  ::umask(before);
-  return written;
+/// For its owner alone, from its first byte on.
+bool write_private(const std::filesystem::path& file, const std::string& text) {
+  const std::string draft = file.string() + ".new";
+  ::unlink(draft.c_str());
+  const int handle = ::open(draft.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0600);
+  if (handle < 0) return false;
+  const bool is_written =
+      ::write(handle, text.data(), text.size()) == static_cast<::ssize_t>(text.size());
+  ::close(handle);
+  return is_written && ::rename(draft.c_str(), file.c_str()) == 0;
 }
 
 }  // namespace
@@ -137,11 +144,13 @@ Result<Certificate> make_certificate(const std::vector<std::string>& names, int 
 }
 
 Result<Certificate> own_certificate(const std::filesystem::path& folder,
-                                    const std::vector<std::string>& names) {
+                                    const std::vector<std::string>& names,
+                                    const std::vector<std::string>& needed) {
+  if (folder.empty()) return make_certificate(names);
   const auto chain = folder / "gateway.crt", key = folder / "gateway.key";
   if (auto kept = load_certificate(chain, key)) {
     const X first = first_of(kept->chain_pem);
-    const bool fits = std::all_of(names.begin(), names.end(),
+    const bool fits = std::all_of(needed.begin(), needed.end(),
                                   [&](const auto& name) { return speaks_for(first.get(), name); });
     if (fits && days_left(first.get()) >= kRenewDays) return kept;
   }
@@ -150,8 +159,7 @@ Result<Certificate> own_certificate(const std::filesystem::path& folder,
   std::error_code ignored;
   std::filesystem::create_directories(folder, ignored);
   // Where it cannot be kept, the next run makes another.
-  if (write_private(key, made->key_pem))
-    static_cast<void>(write_private(chain, made->chain_pem).ok());
+  if (write_private(key, made->key_pem)) write_private(chain, made->chain_pem);
   return made;
 }
 

@@ -19,10 +19,12 @@ struct Certificate {
 Result<Certificate> make_certificate(const std::vector<std::string>& names, int days = 397);
 
 /// The one in the folder, made there where there is none, or where it expires within a month or
-/// does not speak for all names. Browsers that were told to trust it know it again after a restart.
-/// io: it could not be made; where it only cannot be kept, it is good for this run.
+/// does not speak for all that is `needed`. Browsers that were told to trust it know it again after
+/// a restart, also where the machine's addresses among `names` are others then. io: it could not be
+/// made; where it only cannot be kept, or the folder is empty, it is good for this run.
 Result<Certificate> own_certificate(const std::filesystem::path& folder,
-                                    const std::vector<std::string>& names);
+                                    const std::vector<std::string>& names,
+                                    const std::vector<std::string>& needed = {});
 
 /// From two PEM files. io, invalid: they cannot be read, or do not fit each other.
 Result<Certificate> load_certificate(const std::filesystem::path& chain,

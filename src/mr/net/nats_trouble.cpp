@@ -128,6 +128,11 @@ std::string nats_text(std::string text) {
 
 Result<std::vector<std::string>> nats_servers(const std::string& urls) {
   std::vector<std::string> all = split_urls(urls);
+  // Half a password is not to be shown.
+  for (const std::string& url : all)
+    if (urls.find('@') != std::string::npos && url.find("://") == std::string::npos)
+      return Error{Error::Cause::invalid,
+                   "what follows a comma is no NATS server; within a password write it as %2C"};
   for (const std::string& url : all)
     if (auto address = address_of(url); !address) return address.error();
   return all;

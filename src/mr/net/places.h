@@ -12,13 +12,20 @@
 
 namespace mr::net {
 
+/// An IPv4 address that comes as an IPv6 one, as it is; others unchanged.
+inline boost::asio::ip::address unmapped(const boost::asio::ip::address& address) {
+  namespace ip = boost::asio::ip;
+  if (!address.is_v6() || !address.to_v6().is_v4_mapped()) return address;
+  return ip::make_address_v4(ip::v4_mapped, address.to_v6());
+}
+
 /// Whom a connection is counted for: its IPv4 address, or the /64 network of its IPv6 address, of
 /// which one subscriber has as many addresses as it likes.
-inline std::string peer_of(const boost::asio::ip::address& address) {
+inline std::string peer_of(const boost::asio::ip::address& mapped) {
   namespace ip = boost::asio::ip;
+  const ip::address address = unmapped(mapped);
   if (!address.is_v6()) return address.to_string();
   const ip::address_v6 v6 = address.to_v6();
-  if (v6.is_v4_mapped()) return ip::make_address_v4(ip::v4_mapped, v6).to_string();
   auto bytes = v6.to_bytes();
   std::fill(bytes.begin() + 8, bytes.end(), 0);
   return v6.is_loopback() ? v6.to_string() : ip::address_v6(bytes).to_string() + "/64";

@@ -177,7 +177,7 @@ class HttpSession : public std::enable_shared_from_this<HttpSession> {
     boost::system::error_code error;
     const auto& connected = stream_.tcp().socket();
     peer_ = peer_of(connected.remote_endpoint(error).address());
-    local_address_ = connected.local_endpoint(error).address().to_string();
+    local_address_ = unmapped(connected.local_endpoint(error).address()).to_string();
   }
 
   /// Null: there is no place for it.
@@ -490,6 +490,10 @@ void WebServer::send_text(ClientId client, const std::string& text) {
 
 void WebServer::close(ClientId client, const std::string& reason) {
   impl_->with_client(client, [reason](WebSocket& socket) { socket.close(reason); });
+}
+
+void WebServer::cut(ClientId client, const std::string& cause) {
+  impl_->with_client(client, [cause](WebSocket& socket) { socket.cut(cause); });
 }
 
 void WebServer::keep(ClientId client) {

@@ -56,8 +56,8 @@ struct WebConfig {
   std::optional<Certificate> certificate = {};  ///< TLS only, with it
   int clients = 64;                             ///< WebSockets at once; more are told 503
   int clients_per_address = 16;                 ///< ... of one address
-  int connections = 256;             ///< all at once; the longest idle one gives way to a newcomer
-  int connections_per_address = 48;  ///< ... of one address
+  int connections = 256;                 ///< all at once; the oldest that is no client gives way
+  int connections_per_address = 48;      ///< ... of one address
   std::size_t message_bytes = 1u << 20;  ///< largest that a client may send
   std::size_t queue_bytes = 64u << 20;   ///< waiting for one client; above it, it is cut off
   std::chrono::seconds stalled{10};      ///< a client whose socket takes nothing so long is cut off
@@ -79,8 +79,11 @@ class WebServer {
   /// ignored.
   void send(ClientId client, Message message);
   void send_text(ClientId client, const std::string& text);
-  /// Closes with a reason that the client sees (123 bytes of it at most), after what is queued.
+  /// Closes with a reason that the client sees (123 bytes of it at most) after the message that is
+  /// on its way, within two seconds.
   void close(ClientId client, const std::string& reason);
+  /// Ends a client that reads nothing, at once; counted by its cause.
+  void cut(ClientId client, const std::string& cause);
   /// The client is what it should be: its place is not given to others any more.
   void keep(ClientId client);
   /// What was refused or cut off, by "<side>: <cause>".

@@ -17,7 +17,7 @@ constexpr std::size_t kPieceBytes = 64u << 10;
 constexpr std::size_t kReasonBytes = 123;  // RFC 6455, 5.5.1
 constexpr std::chrono::seconds kPing{20};  // silence after which a client counts as gone
 constexpr std::chrono::seconds kFarewell{2};
-constexpr int kMostPings = 100;
+constexpr int kMostPings = 100, kMostLate = 64;
 
 }  // namespace
 
@@ -27,7 +27,8 @@ WebSocket::WebSocket(WebStream stream, std::shared_ptr<Places::Place> connection
       connection_(std::move(connection)),
       id_(id),
       shared_(shared),
-      stall_timer_(socket_.get_executor()) {}
+      stall_timer_(socket_.get_executor()),
+      farewell_timer_(socket_.get_executor()) {}
 
 void WebSocket::accept(const Request& request, const WebVisitor& visitor) {
   socket_.next_layer().tcp().expires_never();  // the WebSocket has timeouts of its own
@@ -45,11 +46,12 @@ void WebSocket::accept(const Request& request, const WebVisitor& visitor) {
 
 /// Pings are answered inside the library, however many come.
 void WebSocket::watch_pings() {
-  socket_.control_callback([weak = weak_from_this()](websocket::frame_type, beast::string_view) {
-    const auto self = weak.lock();
-    if (!self || ++self->pings_ != kMostPings) return;
-    boost::asio::post(self->socket_.get_executor(), [self] { self->cut("too many pings"); });
-  });
+  socket_.control_callback(
+      [weak = weak_from_this()](websocket::frame_type kind, beast::string_view) {
+        const auto self = weak.lock();
+        if (!self || kind != websocket::frame_type::ping || ++self->pings_ != kMostPings) return;
+        boost::asio::post(self->socket_.get_executor(), [self] { self->cut("too many pings"); });
+      });
 }
 
 void WebSocket::read() {
@@ -66,6 +68,7 @@ void WebSocket::on_read() {
   const auto data = incoming_.cdata();
   const std::span bytes(static_cast<const std::byte*>(data.data()), data.size());
   pings_ = 0;
+  if (closing_ && ++late_ > kMostLate) return ended();
   const auto& received = shared_.handlers.received;
   const bool goes_on = !received || closing_ || received(id_, bytes, socket_.got_text());
   incoming_.consume(incoming_.size());
@@ -126,16 +129,16 @@ void WebSocket::expect_progress() {
 void WebSocket::close(const std::string& reason) {
   if (!open_ || ended_ || std::exchange(closing_, true)) return;
   reason_ = reason.substr(0, kReasonBytes);
-  if (!writing_) say_goodbye();
-}
-
-/// A client that goes on sending in place of its own farewell is not listened to for long.
-void WebSocket::say_goodbye() {
-  stall_timer_.expires_after(kFarewell);
-  stall_timer_.async_wait([weak = weak_from_this()](const auto& error) {
+  if (writing_) outgoing_.erase(outgoing_.begin() + 1, outgoing_.end());
+  farewell_timer_.expires_after(kFarewell);
+  farewell_timer_.async_wait([weak = weak_from_this()](const auto& error) {
     const auto self = weak.lock();
     if (self && !error) self->ended();
   });
+  if (!writing_) say_goodbye();
+}
+
+void WebSocket::say_goodbye() {
   const websocket::close_reason why(websocket::close_code::policy_error, reason_);
   socket_.async_close(why, [self = shared_from_this()](const auto&) { self->ended(); });
 }
@@ -149,6 +152,7 @@ void WebSocket::cut(const std::string& cause) {
 void WebSocket::ended() {
   if (std::exchange(ended_, true)) return;
   stall_timer_.cancel();
+  farewell_timer_.cancel();
   socket_.next_layer().tcp().close();
   if (writing_)  // the socket still reads from the first
     outgoing_.erase(outgoing_.begin() + 1, outgoing_.end());

@@ -41,6 +41,8 @@ class WebSocket : public std::enable_shared_from_this<WebSocket> {
   void keep() { place_->settle(); }
   void accept(const Request& request, const WebVisitor& visitor);
   void send(Message message, bool is_text);
+  /// With a reason, after the message that is on its way; what else waits is thrown away. Soon,
+  /// whatever the client does.
   void close(const std::string& reason);
   /// Ends it at once, which is counted.
   void cut(const std::string& cause);
@@ -66,13 +68,14 @@ class WebSocket : public std::enable_shared_from_this<WebSocket> {
   std::shared_ptr<Places::Place> connection_, place_;
   const ClientId id_;
   const Shared shared_;
-  boost::asio::steady_timer stall_timer_;
+  boost::asio::steady_timer stall_timer_, farewell_timer_;
   boost::beast::flat_buffer incoming_;
   std::deque<Outgoing> outgoing_;
   std::size_t queued_bytes_ = 0;
   std::size_t offset_ = 0;  ///< sent of the first of outgoing_
   std::string reason_;      ///< to close with, once closing_
   int pings_ = 0;           ///< since it sent something else
+  int late_ = 0;            ///< messages since it was told to go
   bool open_ = false, writing_ = false, closing_ = false, ended_ = false;
 };
 

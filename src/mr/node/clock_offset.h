@@ -51,6 +51,7 @@ class ClockOffset {
     std::vector<Sample> best(samples_.begin(), samples_.end());
     std::ranges::sort(best, {}, &Sample::round_trip);
     best.resize(std::min(best.size(), kBest));
+    const Duration quickest = best.front().round_trip;
     std::ranges::sort(best, {}, &Sample::offset);
     const Duration found = best[best.size() / 2].offset;
     // A clock that was set: those of before tell nothing any more.
@@ -58,7 +59,9 @@ class ClockOffset {
     const Duration doubt = samples_.back().round_trip + kWorthTelling;
     if (std::chrono::abs(newest - found) > doubt) samples_ = {samples_.back()};
     const Duration now = samples_.size() == 1 ? newest : found;
-    const Duration told = std::chrono::abs(now) < kWorthTelling ? Duration{} : now;
+    // What half of the way may hide is no offset.
+    const Duration hidden = quickest / 2 + kWorthTelling;
+    const Duration told = std::chrono::abs(now) < hidden ? Duration{} : now;
     if (std::chrono::abs(told - offset_) > kHold) offset_ = told;
   }
 

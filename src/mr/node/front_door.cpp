@@ -10,22 +10,45 @@ constexpr const char* kLoopback[] = {"localhost", "127.0.0.1", "::1"};
 
 bool is_any(const std::string& host) { return host == "0.0.0.0" || host == "::"; }
 
+/// This machine's addresses that a socket on `host` listens on.
+std::vector<std::string> addresses_of(const std::string& host) {
+  std::vector<std::string> out = net::own_addresses();
+  if (host == "0.0.0.0")
+    std::erase_if(out, [](const auto& a) { return a.find(':') != std::string::npos; });
+  return out;
+}
+
+/// The host that is listened on where it is one name or address.
+std::string listened_name(const GatewayConfig& config) {
+  const auto listens = net::parse_address(config.listen);
+  return listens && !is_any(listens->host) ? listens->host : "";
+}
+
+/// What the gateway answers for, as WebConfig::hosts wants it.
+std::vector<std::string> hosts_of(const GatewayConfig& config) {
+  const std::string name = listened_name(config);
+  if (!config.hosts.empty() || name.empty() || net::is_loopback(config.listen)) return config.hosts;
+  std::vector<std::string> hosts(std::begin(kLoopback), std::end(kLoopback));
+  hosts.push_back(name);
+  return hosts;
+}
+
 /// All names that somebody may open the gateway by.
 std::vector<std::string> names_of(const GatewayConfig& config) {
-  if (!config.hosts.empty()) return config.hosts;
-  std::vector<std::string> names(std::begin(kLoopback), std::end(kLoopback));
-  if (net::is_loopback(config.listen)) return names;
-  const auto listens = net::parse_address(config.listen);
-  if (listens && !is_any(listens->host)) names.push_back(listens->host);
-  for (const std::string& own : net::own_addresses()) names.push_back(own);
+  std::vector<std::string> names = hosts_of(config);
+  if (!names.empty()) return names;
+  names.assign(std::begin(kLoopback), std::end(kLoopback));
+  if (const auto listens = net::parse_address(config.listen); listens && is_any(listens->host))
+    for (const std::string& own : addresses_of(listens->host)) names.push_back(own);
   return names;
 }
 
 Result<std::optional<net::Certificate>> certificate_of(const GatewayConfig& config,
                                                        const std::filesystem::path& state_folder) {
   if (!config.tls) return std::optional<net::Certificate>();
-  auto made = config.tls->cert.empty() ? net::own_certificate(state_folder, names_of(config))
-                                       : net::load_certificate(config.tls->cert, config.tls->key);
+  auto made = config.tls->cert.empty()
+                  ? net::own_certificate(state_folder, names_of(config), config.hosts)
+                  : net::load_certificate(config.tls->cert, config.tls->key);
   if (!made) return Error{made.error().cause, "gateway.tls: " + made.error().message};
   return std::optional(*std::move(made));
 }
@@ -41,7 +64,7 @@ Result<FrontDoor> FrontDoor::open(const GatewayConfig& config,
                      " lets other machines in: give it 'tls' and 'tokens', or 'open: true' on a "
                      "network that you trust (docs/security.md)"};
   FrontDoor door;
-  door.hosts = config.hosts;
+  door.hosts = hosts_of(config);
   auto certificate = certificate_of(config, state_folder);
   if (!certificate) return certificate.error();
   door.certificate = *std::move(certificate);
@@ -63,12 +86,12 @@ Result<FrontDoor> FrontDoor::open(const GatewayConfig& config,
 }
 
 std::vector<std::string> urls_of(const GatewayConfig& config, int port) {
-  const auto listens = net::parse_address(config.listen);
-  std::vector<std::string> hosts;
-  if (!net::is_loopback(config.listen)) hosts = config.hosts;
-  if (hosts.empty() && listens && is_any(listens->host)) hosts = net::own_addresses();
-  if (hosts.empty())
-    hosts = {listens && !is_any(listens->host) ? listens->host : std::string(kLoopback[1])};
+  std::vector<std::string> hosts = config.hosts;
+  if (const std::string name = listened_name(config); hosts.empty() && !name.empty())
+    hosts = {name};
+  if (const auto listens = net::parse_address(config.listen); hosts.empty() && listens)
+    hosts = addresses_of(listens->host);
+  if (hosts.empty()) hosts = {kLoopback[1]};
   std::vector<std::string> out;
   for (const std::string& host : hosts)
     out.push_back((config.tls ? "https://" : "http://") +

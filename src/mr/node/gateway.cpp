@@ -64,7 +64,8 @@ Gateway::~Gateway() = default;
 Result<std::unique_ptr<Gateway>> Gateway::start(const LiveContext& context,
                                                 const GatewayConfig& config,
                                                 const std::filesystem::path& page) {
-  auto door = FrontDoor::open(config, context.state_folder);
+  auto door = FrontDoor::open(
+      config, context.state_folder.empty() ? "" : context.state_folder / context.scene->id);
   if (!door) return door.error();
   for (const std::string& notice : door->notices) context.tell(kName, notice);
   std::unique_ptr<Gateway> gateway(new Gateway(context, std::move(door->tokens)));
@@ -107,8 +108,9 @@ net::WebHandlers Gateway::handlers() {
     inbox->viewers.closed(viewer);
     inbox->signal.notify();
   };
-  out.page = [this](const std::string& path, const net::WebVisitor& visitor) {
-    return monitor_page(path, may_look(visitor), context_.stats);
+  const auto monitor = std::make_shared<Monitor>(context_.stats);
+  out.page = [this, monitor](const std::string& path, const net::WebVisitor& visitor) {
+    return monitor->page(path, may_look(visitor));
   };
   return out;
 }
@@ -276,7 +278,10 @@ void Gateway::on_text(net::ClientId viewer, const std::string& text, TimePoint n
 
 /// Those that use a place and do nothing with it.
 void Gateway::close_overdue(TimePoint now) {
-  for (const auto& [viewer, why] : viewers_.overdue(now)) refuse(viewer, why);
+  for (const auto& [viewer, why, reads] : viewers_.overdue(now)) {
+    if (!reads) server_->cut(viewer, why);
+    refuse(viewer, why);
+  }
   std::vector<std::pair<net::ClientId, std::string>> out;
   for (const auto& [viewer, guest] : guests_) {
     if (!guest.is_admitted && now - guest.came > kTokenPatience)
@@ -289,12 +294,15 @@ void Gateway::close_overdue(TimePoint now) {
 /// What slow viewers made the process take, once they are gone: the allocator would keep it.
 void Gateway::give_memory_back(TimePoint now) {
   constexpr std::size_t kWorthIt = 8u << 20;
+  constexpr Duration kLater = std::chrono::seconds(1);  // when sockets have let go of it, too
   const std::size_t unread = viewers_.unread_bytes();
   most_unread_ = std::max(most_unread_, unread);
-  if (most_unread_ < kWorthIt || unread > most_unread_ / 2) return;
-  if (!is_time(memory_given_, std::chrono::seconds(2), now)) return;
-  memory_given_ = now;
-  most_unread_ = unread;
+  if (most_unread_ >= kWorthIt && unread <= most_unread_ / 2) {
+    most_unread_ = unread;
+    give_back_at_ = now + kLater;
+  }
+  if (!give_back_at_ || now < *give_back_at_) return;
+  give_back_at_.reset();
   ::malloc_trim(0);
 }
 
@@ -330,6 +338,11 @@ void Gateway::acknowledge() {
 }
 
 void Gateway::watch_silence(TimePoint now) {
+  constexpr Duration kStart = std::chrono::seconds(5);
+  if (!last_packet_ && context_.frames_ahead > 1 && now - started_ > kStart && !stopped_) {
+    stopped_ = true;
+    context_.warn(kName, "nothing has come from '" + root_ + "' yet");
+  }
   if (stopped_ || !last_packet_) return;
   if (now - *last_packet_ < std::clamp<Duration>(interval_ * 3, kSilence, kLongestSilence)) return;
   stopped_ = true;

@@ -79,7 +79,8 @@ class Gateway final : public LiveNode {
   bool stopped_ = false;
   std::map<net::ClientId, Guest> guests_;
   codec::HeadReader heads_;
-  std::optional<TimePoint> last_packet_, head_asked_, memory_given_;
+  std::optional<TimePoint> last_packet_, head_asked_, give_back_at_;
+  const TimePoint started_ = wall_time();
   Duration interval_{};          ///< between the last two packets
   std::size_t most_unread_ = 0;  ///< since memory was given back
   std::optional<std::uint64_t> acknowledged_;

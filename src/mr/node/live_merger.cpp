@@ -25,6 +25,9 @@ LiveMerger::LiveMerger(const LiveContext& context, const MergerConfig& merger,
   const auto tell = [this](const std::string& place, const Error& error) {
     context_.warn(node_.id(), place + ": " + error.message);
   };
+  // Where nodes are programs of their own, some may never have been started.
+  constexpr Duration kStart = std::chrono::seconds(5);
+  if (context.frames_ahead > 1) presence_.begin(wall_time() + kStart);
   drops_.set_listener(tell);
   node_.inputs().set_drop_listener(tell);
   node_.set_background(std::move(background));
@@ -195,6 +198,7 @@ LiveStats LiveMerger::stats() const {
   {
     const std::lock_guard lock(watch_mutex_);
     const TimePoint now = wall_time();
+    out.is_silent = presence_.missing(now).size() == inboxes_.size();
     for (std::size_t i = 0; i < inboxes_.size(); ++i) {
       const std::string& name = node_.config().inputs[i];
       out.inputs[name] = !presence_.is_missing(i, now);

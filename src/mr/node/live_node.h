@@ -90,7 +90,9 @@ net::Message answer_request(std::span<const std::byte> question, Node& node, Cre
   }
   const TimePoint now = wall_time();
   if (request->taken) credit.taken(*request->taken);
-  auto bytes = node.answer(limits.admit(*request, now));
+  codec::Request admitted = limits.admit(*request, now);
+  if (request->time) admitted.chunks.clear();  // it is answered by the time alone
+  auto bytes = node.answer(admitted);
   if (request->time) bytes = codec::encode_time(now);
   if (bytes.empty()) return nullptr;
   limits.answered(bytes.size());
@@ -117,6 +119,7 @@ class LiveSensor final : public LiveNode {
   RequestLimits limits_;
   StampCheck stamps_;
   Duration stamp_shift_{};  // the reconstructing thread's
+  std::atomic<std::int64_t> newest_ns_ = wall_time().time_since_epoch().count();  // came
   Handoff<SensorNode::Reconstructed> reconstructed_;
   std::atomic<std::uint64_t> frames_ = 0, bytes_ = 0, skipped_ = 0, restamped_ = 0;
   DropCounter drops_;

@@ -48,7 +48,18 @@ std::vector<std::string> node_names(const Scene& scene) {
 }
 
 LiveScene::LiveScene(Scene scene) : scene_(std::make_unique<const Scene>(std::move(scene))) {}
-LiveScene::~LiveScene() = default;
+
+/// First those who ask the others: web servers, then the gateway, which was started first.
+LiveScene::~LiveScene() {
+  monitor_.reset();
+  std::vector<std::unique_ptr<LiveNode>> nodes;
+  {
+    const std::lock_guard lock(mutex_);
+    nodes.swap(nodes_);
+  }
+  for (auto& node : nodes)
+    if (dynamic_cast<Gateway*>(node.get()) != nullptr) node.reset();
+}
 
 Result<std::unique_ptr<LiveScene>> LiveScene::start(Scene given, const LiveOptions& options) {
   auto opened = prepare_scene(std::move(given));

@@ -53,6 +53,7 @@ void LiveSensor::reconstruct_frames(const std::stop_token& stop) {
     auto frame = source_.newest(stop, watch);
     skipped_ = source_.skipped();
     if (stop.stop_requested()) return;
+    if (frame && *frame) newest_ns_ = wall_time().time_since_epoch().count();
     if (frame && !*frame) {
       ++*context_.ended;
       return context_.tell(node_.id(), "its recording ended");
@@ -114,7 +115,9 @@ net::Message LiveSensor::answer(std::span<const std::byte> question) {
 }
 
 LiveStats LiveSensor::stats() const {
+  constexpr Duration kSilent = std::chrono::seconds(3);
   LiveStats out{node_.id(), frames_, drops_.by_cause(), node_.trace().stages(), bytes_};
+  out.is_silent = wall_time() - TimePoint(Duration(newest_ns_)) > kSilent;
   if (const auto refused = limits_.refused(); refused > 0)
     out.drops["requests to " + node_.id() + ": too soon after others"] = refused;
   if (restamped_ > 0) out.drops[node_.id() + ": captures stamped by a wrong clock"] = restamped_;

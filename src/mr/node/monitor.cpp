@@ -91,12 +91,16 @@ void add_process(Metrics& metrics) {
 Health health_of(const std::vector<LiveStats>& nodes) {
   Health health;
   std::set<std::string> missing;
+  bool is_down = !nodes.empty();
   for (const LiveStats& node : nodes) {
-    if (node.is_silent) health.status = Health::Status::down;
+    is_down &= node.is_silent;
+    if (node.viewers && node.is_silent) health.status = Health::Status::down;
+    if (!node.viewers && node.is_silent) missing.insert(node.id);
     for (const auto& [input, is_there] : node.inputs)
       if (!is_there) missing.insert(input);
   }
   health.missing.assign(missing.begin(), missing.end());
+  if (is_down) health.status = Health::Status::down;
   if (!missing.empty()) health.status = std::max(health.status, Health::Status::degraded);
   return health;
 }
@@ -145,16 +149,25 @@ std::string metrics_text(const std::vector<LiveStats>& nodes) {
   return metrics.text();
 }
 
-std::optional<net::WebPage> monitor_page(const std::string& path, bool may_look,
-                                         const std::function<std::vector<LiveStats>()>& stats) {
-  if (path == "/healthz") {
-    const auto nodes = stats();
-    const bool is_down = health_of(nodes).status == Health::Status::down;
-    return net::WebPage{is_down ? 503 : 200, "application/json", health_json(nodes, may_look)};
-  }
+const Monitor::Pages& Monitor::pages() {
+  constexpr std::chrono::milliseconds kFresh{250};
+  const auto now = std::chrono::steady_clock::now();
+  if (made_ && now - *made_ < kFresh) return pages_;
+  const std::vector<LiveStats> nodes = stats_();
+  pages_ = {health_of(nodes).status == Health::Status::down, health_json(nodes, false),
+            health_json(nodes, true), metrics_text(nodes)};
+  made_ = now;
+  return pages_;
+}
+
+std::optional<net::WebPage> Monitor::page(const std::string& path, bool may_look) {
+  const std::lock_guard lock(mutex_);
+  if (path == "/healthz")
+    return net::WebPage{pages().is_down ? 503 : 200, "application/json",
+                        may_look ? pages().health : pages().status};
   if (path != "/metrics") return std::nullopt;
   if (!may_look) return net::WebPage{.status = 401, .text = "a token is needed\n"};
-  return net::WebPage{200, "text/plain; version=0.0.4; charset=utf-8", metrics_text(stats())};
+  return net::WebPage{200, "text/plain; version=0.0.4; charset=utf-8", pages().metrics};
 }
 
 Result<std::unique_ptr<net::WebServer>> serve_monitor(
@@ -164,8 +177,9 @@ Result<std::unique_ptr<net::WebServer>> serve_monitor(
   net::WebHandlers handlers;
   handlers.opened = [](net::ClientId, const net::WebVisitor&) {};
   handlers.received = [](net::ClientId, std::span<const std::byte>, bool) { return false; };
-  handlers.page = [stats = std::move(stats)](const std::string& path, const net::WebVisitor&) {
-    return monitor_page(path, true, stats);
+  handlers.page = [monitor = std::make_shared<Monitor>(std::move(stats))](const std::string& path,
+                                                                          const net::WebVisitor&) {
+    return monitor->page(path, true);
   };
   return net::WebServer::start(config, std::move(handlers));
 }

@@ -1,7 +1,9 @@
 #pragma once
 
+#include <chrono>
 #include <functional>
 #include <memory>
+#include <mutex>
 #include <optional>
 #include <string>
 #include <vector>
@@ -33,10 +35,27 @@ std::string health_json(const std::vector<LiveStats>& nodes, bool in_detail);
 /// clocks, viewers, this process.
 std::string metrics_text(const std::vector<LiveStats>& nodes);
 
-/// The page at /healthz or /metrics; nothing for another path. Who has no right to look gets the
-/// bare status (of /healthz) or 401.
-std::optional<net::WebPage> monitor_page(const std::string& path, bool may_look,
-                                         const std::function<std::vector<LiveStats>()>& stats);
+/// The pages at /healthz and /metrics. They are made at most four times a second, however often
+/// somebody asks: making them waits for nodes that are at work. Thread-safe.
+class Monitor {
+ public:
+  explicit Monitor(std::function<std::vector<LiveStats>()> stats) : stats_(std::move(stats)) {}
+
+  /// Nothing for another path. Who has no right to look gets the bare status (of /healthz) or 401.
+  std::optional<net::WebPage> page(const std::string& path, bool may_look);
+
+ private:
+  struct Pages {
+    bool is_down = false;
+    std::string status, health, metrics;
+  };
+  const Pages& pages();
+
+  std::function<std::vector<LiveStats>()> stats_;
+  std::mutex mutex_;
+  Pages pages_;
+  std::optional<std::chrono::steady_clock::time_point> made_;
+};
 
 /// Serves these two pages alone, for a process without a gateway. io, invalid: see WebServer.
 Result<std::unique_ptr<net::WebServer>> serve_monitor(

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cstddef>
+#include <deque>
 #include <optional>
 #include <vector>
 
@@ -17,8 +18,12 @@ class Presence {
   /// after two and a half times as long as that.
   static constexpr Duration kMissingAfter = std::chrono::milliseconds(1200);
   static constexpr Duration kSlowest = std::chrono::seconds(3);
+  static constexpr std::size_t kGaps = 3;
 
   explicit Presence(std::size_t sources) : sources_(sources) {}
+
+  /// From then on sources that never came are missing; else from when the first of all came.
+  void begin(TimePoint at) { first_ = at; }
 
   /// What a source brought was captured then; the same capture again is nothing new.
   void seen(std::size_t source, TimePoint captured_at, TimePoint now) {
@@ -26,7 +31,10 @@ class Presence {
     if (!first_) first_ = now;
     if (of.captured_at == captured_at) return;
     const Duration gap = of.at ? now - *of.at : Duration{};
-    if (gap <= kSlowest) of.interval = gap;  // else it was away
+    if (gap > Duration{} && gap <= kSlowest) {  // else it was away
+      of.gaps.push_back(gap);
+      if (of.gaps.size() > kGaps) of.gaps.pop_front();
+    }
     of.captured_at = captured_at, of.at = now;
   }
 
@@ -35,7 +43,10 @@ class Presence {
     if (!first_) return false;
     const Source& of = sources_[source];
     const TimePoint last = of.at.value_or(*first_);
-    return now - last > std::max(kMissingAfter, of.interval * 5 / 2);
+    // The least of a few gaps: one hiccup makes nobody slow.
+    const Duration usual =
+        of.gaps.empty() ? Duration{} : *std::min_element(of.gaps.begin(), of.gaps.end());
+    return now - last > std::max(kMissingAfter, usual * 5 / 2);
   }
   std::vector<std::size_t> missing(TimePoint now) const {
     std::vector<std::size_t> out;
@@ -62,7 +73,7 @@ class Presence {
  private:
   struct Source {
     std::optional<TimePoint> captured_at, at;
-    Duration interval{};
+    std::deque<Duration> gaps;
     bool is_told_missing = false;
   };
   std::vector<Source> sources_;

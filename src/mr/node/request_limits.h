@@ -23,7 +23,7 @@ class RequestLimits {
   codec::Request admit(codec::Request request, TimePoint now) {
     const std::lock_guard lock(mutex_);
     std::erase_if(request.key_frames, [&](std::uint32_t stream) {
-      if (key_frames_.size() >= codec::Request::kMaxStreams) key_frames_.clear();
+      if (!make_room_for(stream, now)) return true;
       return !take(key_frames_[stream], kKeyFrameEvery, now);
     });
     if (request.whole_head) request.whole_head = take(head_, kHeadEvery, now);
@@ -45,6 +45,16 @@ class RequestLimits {
   }
 
  private:
+  /// Whoever names very many streams gets nothing sooner by that.
+  bool make_room_for(std::uint32_t stream, TimePoint now) {
+    if (key_frames_.size() < codec::Request::kMaxStreams || key_frames_.contains(stream))
+      return true;
+    std::erase_if(key_frames_,
+                  [&](const auto& item) { return is_time(item.second, kKeyFrameEvery, now); });
+    const bool has_room = key_frames_.size() < codec::Request::kMaxStreams;
+    if (!has_room) ++refused_;
+    return has_room;
+  }
   bool take(std::optional<TimePoint>& last, Duration every, TimePoint now) {
     const bool may = is_time(last, every, now);
     if (may)

@@ -12,7 +12,7 @@ namespace mr::node {
 /// another than the computer's. No clock inside.
 class StampCheck {
  public:
-  static constexpr std::size_t kKept = 30, kFewest = 3;  ///< captures
+  static constexpr std::size_t kKept = 30, kFewest = 3;                ///< captures
   static constexpr Duration kLatest = std::chrono::milliseconds(400);  ///< mergers wait for 500
   static constexpr Duration kEarliest = std::chrono::milliseconds(-50);
   static constexpr Duration kHold = std::chrono::milliseconds(20);

@@ -38,7 +38,11 @@ std::vector<Viewers::Send> Viewers::packet(Packet packet, net::Message bytes,
     if (viewer.fresh) {
       // Everything is much: whoever has not read what came before waits.
       if (!start || viewer.in_flight.size() >= kInFlight || !viewer.unread.empty()) continue;
-      if (!everything) everything = refresh(*shared);
+      if (!everything) {
+        const std::size_t unread = unread_bytes();
+        if (unread > 0 && unread + refresh_bytes() > kUnreadBytes) continue;
+        everything = refresh(*shared);
+      }
       viewer.fresh = false;
       viewer.in_flight.push_back(shared->sequence);
       viewer.unread.push_back({everything, now});
@@ -140,9 +144,18 @@ net::Message Viewers::refresh(const Packet& packet) const {
       codec::encode_packet(all, *base_, codec::change_between(*base_, all), true));
 }
 
-/// What waits for a viewer, as one packet, if it may get one.
+std::size_t Viewers::refresh_bytes() const {
+  std::size_t bytes = 0;
+  for (const auto& [key, chunk] : chunks_) bytes += chunk->payload.size();
+  for (const auto& [stream, kept] : kept_) bytes += kept.bytes;
+  return bytes;
+}
+
+/// What waits for a viewer, as one packet, if it may get one. A fold is the viewer's own, and
+/// counts.
 std::optional<Viewers::Send> Viewers::flush(Id id, Viewer& viewer, TimePoint now) {
   if (viewer.waiting.empty() || !viewer.may_get_packet()) return std::nullopt;
+  if (viewer.waiting.size() > 1 && unread_bytes() > kUnreadBytes) return std::nullopt;
   std::vector<Waiting> waiting;
   waiting.swap(viewer.waiting);
   viewer.in_flight.push_back(waiting.back().packet->sequence);
@@ -161,6 +174,156 @@ std::vector<Viewers::Send> Viewers::shown(Id id, std::uint64_t sequence, TimePoi
   if (at == in_flight.end()) return {};
   in_flight.erase(in_flight.begin(), at + 1);
   found->second.has_shown = true;
+  found->second.last_shown = now;
+  auto send = flush(id, found->second, now);
+  return send ? std::vector<Send>{*std::move(send)} : std::vector<Send>{};
+}
+
+std::vector<Viewers::Send> Viewers::written(Id id, std::size_t messages, TimePoint now) {
+  const auto found = viewers_.find(id);
+  if (found == viewers_.end()) return {};
+  auto& unread = found->second.unread;
+  const auto n = static_cast<std::ptrdiff_t>(std::min(messages, unread.size()));
+  unread.erase(unread.begin(), unread.begin() + n);
+  if (!found->second.first_written) found->second.first_written = now;
+  auto send = flush(id, found->second, now);
+  return send ? std::vector<Send>{*std::move(send)} : std::vector<Send>{};
+}
+
+std::size_t Viewers::unread_bytes() const {
+  std::set<const void*> counted;
+  std::size_t bytes = 0;
+  for (const auto& [id, viewer] : viewers_)
+    for (const Unread& unread : viewer.unread)
+      if (counted.insert(unread.message.get()).second) bytes += unread.message->size();
+  return bytes;
+}
+
+std::vector<Viewers::Overdue> Viewers::overdue(TimePoint now) const {
+  std::vector<Overdue> out;
+  const Id* slowest = nullptr;
+  TimePoint since = now - kSlow;
+  for (const auto& [id, viewer] : viewers_) {
+    const bool waits = !viewer.unread.empty();
+    const bool is_full = !waits && viewer.in_flight.size() >= kInFlight;
+    if (!viewer.has_shown && viewer.first_written && now - *viewer.first_written > kFirstShown)
+      out.push_back({id, "nothing of the stream was acknowledged", !waits});
+    else if (is_full && viewer.last_shown && now - *viewer.last_shown > kSlowest)
+      out.push_back({id, "nothing was acknowledged for a minute", true});
+    else if (waits && now - viewer.unread.front().at > kSlowest)
+      out.push_back({id, "too slow: what waits to be read is a minute old", false});
+    else if (waits && viewer.unread.front().at < since)
+      slowest = &id, since = viewer.unread.front().at;
+  }
+  if (slowest != nullptr && unread_bytes() > kUnreadBytes / 4 * 3)
+    out.push_back({*slowest, "too slow for a busy server", false});
+  return out;
+}
+
+void Viewers::take_head(const std::shared_ptr<const Packet>& packet) {
+  newest_ = packet;
+  const auto& manifest = packet->manifest;
+  std::erase_if(chunks_, [&](const auto& item) {
+    return !std::binary_search(manifest.begin(), manifest.end(), item.first);
+  });
+  for (const EncodedChunk& chunk : packet->chunks)
+    chunks_[chunk.key] = std::make_shared<const EncodedChunk>(chunk);
+}
+
+/// Keeps what a newcomer needs of each stream, for as long as nothing of it is lost.
+void Viewers::keep_units(const Packet& packet) {
+  for (const TextureUnit& unit : packet.textures) {
+    Kept& kept = kept_[unit.stream];
+    const bool follows = !kept.units.empty() && unit.serial == kept.units.back().serial + 1 &&
+                         kept.units.size() < kMaxKeptUnits &&
+                         kept.bytes + unit.data.size() <= kMaxKeptBytes;
+    if (unit.key_frame || !follows) kept = {};
+    if (!unit.key_frame && !follows) continue;
+    kept.bytes += unit.data.size();
+    kept.units.push_back(unit);
+  }
+  for (const StreamState& state : packet.streams)
+    if (const auto kept = kept_.find(state.stream);
+        kept != kept_.end() && !kept->second.units.empty() &&
+        kept->second.units.back().serial != state.serial)
+      kept->second = {};
+  std::set<std::uint32_t> used;
+  for (const View& view : packet.views) used.insert(view.stream);
+  std::erase_if(kept_, [&](const auto& item) { return !used.contains(item.first); });
+  std::erase_if(key_frame_asked_, [&](const auto& item) { return !used.contains(item.first); });
+  std::erase_if(key_frames_wanted_, [&](std::uint32_t stream) { return !used.contains(stream); });
+}
+
+/// The streams that views of the newest packet use and that nobody could start with.
+std::set<std::uint32_t> Viewers::streams_without_start() const {
+  std::set<std::uint32_t> out;
+  if (!newest_) return out;
+  for (const View& view : newest_->views) {
+    const auto kept = kept_.find(view.stream);
+    if (kept == kept_.end() || kept->second.units.empty() ||
+        kept->second.units.back().layout != view.layout)
+      out.insert(view.stream);
+  }
+  return out;
+}
+
+void Viewers::take_chunks(std::vector<EncodedChunk> chunks) {
+  if (!newest_) return;
+  const auto& manifest = newest_->manifest;
+  for (EncodedChunk& chunk : chunks)
+    if (std::binary_search(manifest.begin(), manifest.end(), chunk.key)) {
+      const ChunkKey key = chunk.key;
+      chunks_[key] = std::make_shared<const EncodedChunk>(std::move(chunk));
+    }
+}
+
+bool Viewers::complete() const { return newest_ && chunks_.size() == newest_->manifest.size(); }
+
+/// A packet with its base, all chunks of its manifest, and of each stream what follows its newest
+/// key frame.
+net::Message Viewers::refresh(const Packet& packet) const {
+  Packet all = packet;
+  all.coalesced = 0;
+  all.chunks.clear();
+  for (const auto& [key, chunk] : chunks_) all.chunks.push_back(*chunk);
+  all.textures.clear();
+  for (const auto& [stream, kept] : kept_)
+    all.textures.insert(all.textures.end(), kept.units.begin(), kept.units.end());
+  return std::make_shared<const std::vector<std::byte>>(
+      codec::encode_packet(all, *base_, codec::change_between(*base_, all), true));
+}
+
+std::size_t Viewers::refresh_bytes() const {
+  std::size_t bytes = 0;
+  for (const auto& [key, chunk] : chunks_) bytes += chunk->payload.size();
+  for (const auto& [stream, kept] : kept_) bytes += kept.bytes;
+  return bytes;
+}
+
+/// What waits for a viewer, as one packet, if it may get one. A fold is the viewer's own, and
+/// counts.
+std::optional<Viewers::Send> Viewers::flush(Id id, Viewer& viewer, TimePoint now) {
+  if (viewer.waiting.empty() || !viewer.may_get_packet()) return std::nullopt;
+  if (viewer.waiting.size() > 1 && unread_bytes() > kUnreadBytes) return std::nullopt;
+  std::vector<Waiting> waiting;
+  waiting.swap(viewer.waiting);
+  viewer.in_flight.push_back(waiting.back().packet->sequence);
+  folded_ += waiting.size() - 1;
+  std::vector<net::Message> messages;
+  for (Waiting& w : waiting) messages.push_back(std::move(w.bytes));
+  viewer.unread.push_back({coalesce_packets(messages), now});
+  return Send(id, viewer.unread.back().message);
+}
+
+std::vector<Viewers::Send> Viewers::shown(Id id, std::uint64_t sequence, TimePoint now) {
+  const auto found = viewers_.find(id);
+  if (found == viewers_.end()) return {};
+  auto& in_flight = found->second.in_flight;
+  const auto at = std::find(in_flight.begin(), in_flight.end(), sequence);
+  if (at == in_flight.end()) return {};
+  in_flight.erase(in_flight.begin(), at + 1);
+  found->second.has_shown = true;
+  found->second.last_shown = now;
   auto send = flush(id, found->second, now);
   return send ? std::vector<Send>{*std::move(send)} : std::vector<Send>{};
 }

@@ -40,7 +40,8 @@ class Viewers {
   static constexpr Duration kAnswerEvery = std::chrono::milliseconds(100);  ///< per viewer
   static constexpr std::size_t kAnswerBytes = 4u << 20;   ///< payload of one answer, at most
   static constexpr std::size_t kUnreadBytes = 64u << 20;  ///< of all viewers together
-  /// A viewer that shows nothing for so long after it got something is none.
+  /// A viewer that shows nothing for so long after it got something is none; one that did before,
+  /// and then does not for kSlowest.
   static constexpr Duration kFirstShown = std::chrono::seconds(10);
   /// Unread for so long, a message is given up with its viewer; where all viewers' are too many,
   /// after the shorter time.
@@ -61,8 +62,13 @@ class Viewers {
   std::vector<Send> shown(Id viewer, std::uint64_t sequence, TimePoint now);
   /// The viewer's socket took so many of the messages that it was sent.
   std::vector<Send> written(Id viewer, std::size_t messages, TimePoint now);
-  /// Whom to close, and why.
-  std::vector<std::pair<Id, std::string>> overdue(TimePoint now);
+  struct Overdue {
+    Id viewer;
+    std::string why;
+    bool reads;  ///< else it would not read why
+  };
+  /// Whom to close.
+  std::vector<Overdue> overdue(TimePoint now) const;
   /// A viewer's request: the answer, if there is one. Whoever asks again too soon gets none. Who
   /// lacks the base starts anew with the next packet.
   std::optional<net::Message> asked(Id viewer, const codec::Request& request, TimePoint now);
@@ -98,7 +104,7 @@ class Viewers {
     std::deque<std::uint64_t> in_flight;
     std::vector<Waiting> waiting;
     std::deque<Unread> unread;
-    std::optional<TimePoint> answered, began_anew, first_written;
+    std::optional<TimePoint> answered, began_anew, first_written, last_shown;
 
     bool may_get_packet() const;
     bool has_unread_answer() const;
@@ -115,6 +121,7 @@ class Viewers {
   std::set<std::uint32_t> streams_without_start() const;
   bool complete() const;
   net::Message refresh(const Packet& packet) const;
+  std::size_t refresh_bytes() const;
   std::vector<std::uint32_t> key_frames_to_ask(TimePoint now);
   std::optional<Send> flush(Id id, Viewer& viewer, TimePoint now);
   std::vector<EncodedChunk> find_chunks(const std::vector<ChunkKey>& keys) const;
