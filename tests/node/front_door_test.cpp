@@ -176,7 +176,8 @@ TEST(Monitor, HealthNamesWhoIsMissing) {
   EXPECT_FALSE(monitor.page("/", true));
   for (int i = 0; i < 100; ++i) monitor.page("/metrics", true);
   EXPECT_LE(made, 3) << "made anew now and then, however often somebody asks";
-  LiveStats cam{"cam-1"};
+  LiveStats cam;
+  cam.id = "cam-1";
   cam.is_silent = true;
   EXPECT_EQ(health_of({cam}).status, Health::Status::down) << "a process of one sensor";
   EXPECT_EQ(health_of({cam}).missing, std::vector<std::string>{"cam-1"});
