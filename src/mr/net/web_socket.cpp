@@ -17,7 +17,7 @@ constexpr std::size_t kPieceBytes = 64u << 10;
 constexpr std::size_t kReasonBytes = 123;  // RFC 6455, 5.5.1
 constexpr std::chrono::seconds kPing{20};  // silence after which a client counts as gone
 constexpr std::chrono::seconds kFarewell{2};
-constexpr int kMostPings = 100, kMostLate = 64;
+constexpr int kMostPings = 100, kMostLateReads = 64;
 
 }  // namespace
 
@@ -68,7 +68,6 @@ void WebSocket::on_read() {
   const auto data = incoming_.cdata();
   const std::span bytes(static_cast<const std::byte*>(data.data()), data.size());
   pings_ = 0;
-  if (closing_ && ++late_ > kMostLate) return ended();
   const auto& received = shared_.handlers.received;
   const bool goes_on = !received || closing_ || received(id_, bytes, socket_.got_text());
   incoming_.consume(incoming_.size());
@@ -129,6 +128,7 @@ void WebSocket::expect_progress() {
 void WebSocket::close(const std::string& reason) {
   if (!open_ || ended_ || std::exchange(closing_, true)) return;
   reason_ = reason.substr(0, kReasonBytes);
+  socket_.next_layer().read_at_most(kMostLateReads);
   if (writing_) outgoing_.erase(outgoing_.begin() + 1, outgoing_.end());
   farewell_timer_.expires_after(kFarewell);
   farewell_timer_.async_wait([weak = weak_from_this()](const auto& error) {

@@ -75,7 +75,6 @@ class WebSocket : public std::enable_shared_from_this<WebSocket> {
   std::size_t offset_ = 0;  ///< sent of the first of outgoing_
   std::string reason_;      ///< to close with, once closing_
   int pings_ = 0;           ///< since it sent something else
-  int late_ = 0;            ///< messages since it was told to go
   bool open_ = false, writing_ = false, closing_ = false, ended_ = false;
 };
 

@@ -1,10 +1,14 @@
 #pragma once
 
+#include <boost/asio/error.hpp>
+#include <boost/asio/post.hpp>
 #include <boost/asio/ssl/context.hpp>
 #include <boost/asio/ssl/stream.hpp>
+#include <boost/beast/core/bind_handler.hpp>
 #include <boost/beast/core/tcp_stream.hpp>
 #include <boost/beast/websocket/teardown.hpp>
 #include <memory>
+#include <optional>
 #include <utility>
 
 namespace mr::net {
@@ -32,9 +36,18 @@ class WebStream {
                                  std::forward<Handler>(handler));
   }
 
+  /// So many more reads give something; those after them fail.
+  void read_at_most(int times) { state_->reads_left = times; }
+
   template <typename Buffers, typename Handler>
   void async_read_some(const Buffers& buffers, Handler&& handler) {
-    if (state_->tls)
+    if (state_->reads_left && (*state_->reads_left)-- <= 0)
+      boost::asio::post(
+          get_executor(),
+          boost::beast::bind_front_handler(
+              std::forward<Handler>(handler),
+              boost::system::error_code(boost::asio::error::connection_reset), std::size_t{0}));
+    else if (state_->tls)
       state_->tls->async_read_some(buffers, std::forward<Handler>(handler));
     else
       state_->tcp.async_read_some(buffers, std::forward<Handler>(handler));
@@ -53,6 +66,7 @@ class WebStream {
     explicit State(boost::asio::ip::tcp::socket socket) : tcp(std::move(socket)) {}
     boost::beast::tcp_stream tcp;
     std::unique_ptr<Tls> tls;
+    std::optional<int> reads_left;
   };
   std::unique_ptr<State> state_;
 };
