@@ -58,6 +58,15 @@ TEST(Presence, OneHiccupMakesNobodySlow) {
   EXPECT_TRUE(presence.is_missing(0, now + milliseconds(1300)));
 }
 
+TEST(Presence, WhoWaitsForABusyMergerIsNotMissing) {
+  Presence presence(1);
+  TimePoint now = kStart;
+  for (int i = 0; i < 20; ++i) presence.seen(0, now, now), now += milliseconds(33);
+  presence.set_pace(seconds(1));
+  EXPECT_FALSE(presence.is_missing(0, now + seconds(2)));
+  EXPECT_TRUE(presence.is_missing(0, now + seconds(3)));
+}
+
 TEST(Presence, WhoNeverCameIsMissingFromTheStart) {
   Presence presence(2);
   presence.begin(kStart);

@@ -105,6 +105,13 @@ void LiveMerger::take_answer(std::size_t input, const Answer& answer) {
                                       " this one; corrected. Synchronise the clocks (PTP, NTP)");
 }
 
+/// How long the last merge took, or this one has.
+Duration LiveMerger::merging_for(TimePoint now) const {
+  const Duration took(merge_took_ns_.load());
+  const std::int64_t began = merge_began_ns_;
+  return began == 0 ? took : std::max(took, now - TimePoint(Duration(began)));
+}
+
 /// Asks their clocks, and tells who has gone or come back.
 void LiveMerger::watch_inputs(TimePoint now) {
   constexpr Duration kClocksEvery = std::chrono::seconds(1);
@@ -115,6 +122,7 @@ void LiveMerger::watch_inputs(TimePoint now) {
     for (std::size_t i = 0; i < inboxes_.size(); ++i) ask(i, request);
   }
   const std::lock_guard lock(watch_mutex_);
+  presence_.set_pace(merging_for(now));
   for (const auto& [input, is_missing] : presence_.changes(now)) {
     const std::string name = "'" + node_.config().inputs[input] + "'";
     if (is_missing)
@@ -166,7 +174,11 @@ void LiveMerger::merge(const std::stop_token& stop) {
     const auto tell = [&] {
       if (!std::exchange(told, true)) acknowledge(*gathered);
     };
+    const TimePoint began = wall_time();
+    merge_began_ns_ = began.time_since_epoch().count();
     arena.run([&] { bytes = node_.merge(*gathered, tell); });
+    merge_began_ns_ = 0;
+    merge_took_ns_ = (wall_time() - began).count();
     tell();
     if (const auto notice = node_.calibration().take_notice()) context_.warn(node_.id(), *notice);
     credit_.end(bytes.ok());

@@ -145,6 +145,7 @@ class LiveMerger final : public LiveNode {
   void receive(const std::stop_token& stop);
   void receive_what_waits(TimePoint now);
   void take_answer(std::size_t input, const Answer& answer);
+  Duration merging_for(TimePoint now) const;
   void watch_inputs(TimePoint now);
   void hand_over(const std::stop_token& stop, TimePoint now);
   void acknowledge(const Gathered& gathered);
@@ -161,7 +162,8 @@ class LiveMerger final : public LiveNode {
   std::vector<ClockOffset> clocks_;  // of the inputs
   std::optional<TimePoint> clocks_asked_;
   std::atomic<std::uint64_t> retimed_ = 0;
-  std::shared_ptr<Signal> signal_ = std::make_shared<Signal>();  // late answers may outlive us
+  std::atomic<std::int64_t> merge_began_ns_ = 0, merge_took_ns_ = 0;  // 0: none is going on
+  std::shared_ptr<Signal> signal_ = std::make_shared<Signal>();       // late answers may outlive us
   std::vector<std::shared_ptr<Inbox>> inboxes_;
   Handoff<Gathered> gathered_;
   std::atomic<bool> key_frames_wanted_ = false;

@@ -25,6 +25,9 @@ class Presence {
   /// From then on sources that never came are missing; else from when the first of all came.
   void begin(TimePoint at) { first_ = at; }
 
+  /// Whoever watches is busy for so long at a time, and sources wait for it.
+  void set_pace(Duration pace) { pace_ = pace; }
+
   /// What a source brought was captured then; the same capture again is nothing new.
   void seen(std::size_t source, TimePoint captured_at, TimePoint now) {
     Source& of = sources_[source];
@@ -46,7 +49,7 @@ class Presence {
     // The least of a few gaps: one hiccup makes nobody slow.
     const Duration usual =
         of.gaps.empty() ? Duration{} : *std::min_element(of.gaps.begin(), of.gaps.end());
-    return now - last > std::max(kMissingAfter, usual * 5 / 2);
+    return now - last > std::max(kMissingAfter, std::max(usual, pace_) * 5 / 2);
   }
   std::vector<std::size_t> missing(TimePoint now) const {
     std::vector<std::size_t> out;
@@ -78,6 +81,7 @@ class Presence {
   };
   std::vector<Source> sources_;
   std::optional<TimePoint> first_;
+  Duration pace_{};
 };
 
 }  // namespace mr::node
