@@ -140,6 +140,7 @@ TEST_F(GatewayTest, ADamagedOrForgedPacketSilencesNobody) {
 TEST_F(GatewayTest, ReplayedPacketsDoNotReachViewers) {
   start();
   WebViewer viewer(gateway_->port());
+  EXPECT_NE(text(viewer).find("hello"), std::string::npos);
   const Packet first = next(true);
   publish(first);
   ASSERT_EQ(packet(viewer), first.sequence);
@@ -155,6 +156,7 @@ TEST_F(GatewayTest, ReplayedPacketsDoNotReachViewers) {
 TEST_F(GatewayTest, AForgedPacketWithinReachIsOvercomeWithinTwoSeconds) {
   start();
   WebViewer viewer(gateway_->port());
+  EXPECT_NE(text(viewer).find("hello"), std::string::npos);
   publish(next(true));
   ASSERT_TRUE(packet(viewer));
   Packet forged = next(true);
@@ -218,6 +220,12 @@ TEST_F(GatewayTest, WhoIsRefusedIsNotListenedToAnyMore) {
   while (bursts < 1000 && viewer.socket().send(burst)) ++bursts;
   EXPECT_LT(bursts, 1000);
   EXPECT_LT(test::Clock::now() - started, 3s * kSlower);
+}
+
+TEST_F(GatewayTest, WhomTheWebServerRefusesIsInTheLog) {
+  start();
+  EXPECT_EQ(WebViewer(gateway_->port(), {.host = "evil.example"}).status(), 421);
+  EXPECT_TRUE(eventually([&] { return lines_.count("another host's name, 1 times") == 1; }));
 }
 
 TEST_F(GatewayTest, FiguresNeedATokenHealthDoesNot) {

@@ -135,6 +135,7 @@ void Gateway::run(const std::stop_token& stop) {
     take_packets(now);
     take_answers();
     close_overdue(now);
+    tell_refusals(now);
     give_memory_back(now);
     ask_root(now);
     acknowledge();
@@ -289,6 +290,17 @@ void Gateway::close_overdue(TimePoint now) {
     if (guest.until && now >= *guest.until) out.emplace_back(viewer, "the token has expired");
   }
   for (const auto& [viewer, why] : out) refuse(viewer, why);
+}
+
+/// Whom the web server did not let in, or cut off: who was refused knows, and so does the log.
+void Gateway::tell_refusals(TimePoint now) {
+  if (!is_time(refusals_told_, std::chrono::seconds(1), now)) return;
+  refusals_told_ = now;
+  auto all = server_->drops();
+  for (const auto& [cause, times] : all)
+    if (const auto more = times - refusals_[cause]; more > 0)
+      context_.warn(kName, cause + ", " + std::to_string(more) + " times");
+  refusals_ = std::move(all);
 }
 
 /// What slow viewers made the process take, once they are gone: the allocator would keep it.

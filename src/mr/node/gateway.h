@@ -59,6 +59,7 @@ class Gateway final : public LiveNode {
   void on_request(net::ClientId viewer, std::span<const std::byte> bytes, TimePoint now);
   void refuse(net::ClientId viewer, const std::string& why);
   void close_overdue(TimePoint now);
+  void tell_refusals(TimePoint now);
   void give_memory_back(TimePoint now);
   void ask_root(TimePoint now);
   void send_request(const codec::Request& request);
@@ -79,6 +80,8 @@ class Gateway final : public LiveNode {
   bool stopped_ = false;
   std::map<net::ClientId, Guest> guests_;
   codec::HeadReader heads_;
+  std::map<std::string, std::uint64_t> refusals_;  ///< of the web server, that were told
+  std::optional<TimePoint> refusals_told_;
   std::optional<TimePoint> last_packet_, head_asked_, give_back_at_;
   const TimePoint started_ = wall_time();
   Duration interval_{};          ///< between the last two packets
