@@ -132,7 +132,7 @@ bool write_private(const std::filesystem::path& file, const std::string& text) {
 }  // namespace
 
 Result<Certificate> make_certificate(const std::vector<std::string>& names, int days) {
-  const Key key(EVP_EC_gen("P-256"));
+  const Key key(EVP_PKEY_Q_keygen(nullptr, nullptr, "EC", "P-256"));
   const X certificate(X509_new());
   if (!key || !certificate || !fill(certificate.get(), key.get(), names, days))
     return failed("a certificate cannot be made");
