@@ -413,7 +413,8 @@ TEST_F(Web, TellsWhatTokenSomebodyShows) {
 std::string ask_by_tls(int port, const std::string& request) {
   SSL_CTX* context = SSL_CTX_new(TLS_client_method());
   BIO* bio = BIO_new_ssl_connect(context);
-  BIO_set_conn_hostname(bio, ("127.0.0.1:" + std::to_string(port)).c_str());
+  std::string address = "127.0.0.1:" + std::to_string(port);
+  BIO_ctrl(bio, BIO_C_SET_CONNECT, 0, address.data());
   std::string out;
   char buffer[4096];
   if (BIO_write(bio, request.data(), static_cast<int>(request.size())) > 0)

@@ -291,7 +291,7 @@ TEST_F(GatewayTest, SixtyGreedyReadersMakeItGrowByLittle) {
   Packet packet_now = large(next(true), 1);
   publish(packet_now);
   ASSERT_EQ(packet(good), packet_now.sequence);
-  const double before = resident_mb();
+  [[maybe_unused]] const double before = resident_mb();
   const auto request = codec::encode_request({{}, packet_now.manifest, {}, true});
   const std::string words(reinterpret_cast<const char*>(request.data()), request.size());
   double most = 0;
