@@ -238,6 +238,16 @@ TEST_F(Web, TooMuchInOneQueueEndsIt) {
   EXPECT_EQ(test::dropped(*server_, "too much waits"), 1u);
 }
 
+TEST_F(Web, TooManySmallOnesInAQueueEndItToo) {
+  start();
+  Viewer stuck(port_, {.receive_buffer = 4096});
+  ASSERT_TRUE(eventually([&] { return present().size() == 1; }));
+  server_->send(1, test::message(20'000'000));
+  for (int i = 0; i < 300; ++i) server_->send_text(1, "pong");
+  EXPECT_TRUE(eventually([&] { return present().empty(); }));
+  EXPECT_EQ(test::dropped(*server_, "too much waits"), 1u);
+}
+
 TEST_F(Web, SlowRequestsAreCutOff) {
   start({.patience = 1s});
   Viewer viewer(port_);

@@ -39,7 +39,7 @@ urls=$(grep -o 'http://[^ ]*' "$folder/out") || { cat "$folder/log"; exit 1; }
 ask() {
   local address=${1#http://}
   ip netns exec "$name" timeout 5 bash -c "exec 3<>/dev/tcp/${address%:*}/${address##*:} &&
-    printf 'GET / HTTP/1.1\r\nHost: %s\r\nConnection: close\r\n\r\n' '$2' >&3 && cat <&3" 2>/dev/null || true
+    printf 'GET / HTTP/1.1\r\nHost: %s\r\nConnection: close\r\n\r\n' '$2' >&3 && cat <&3" 2>&1 || echo "(no answer)"
 }
 printed=$(grep '//10\.213\.77\.1:' <<<"$urls") || { echo "not printed: 10.213.77.1, only $urls"; exit 1; }
 grep -q 'the page' <<<"$(ask "$printed" "${printed#http://}")" || { echo "$printed cannot be opened from there"; exit 1; }

@@ -492,8 +492,8 @@ void WebServer::close(ClientId client, const std::string& reason) {
   impl_->with_client(client, [reason](WebSocket& socket) { socket.close(reason); });
 }
 
-void WebServer::cut(ClientId client, const std::string& cause) {
-  impl_->with_client(client, [cause](WebSocket& socket) { socket.cut(cause); });
+void WebServer::cut(ClientId client) {
+  impl_->with_client(client, [](WebSocket& socket) { socket.ended(); });
 }
 
 void WebServer::keep(ClientId client) {

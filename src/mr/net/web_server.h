@@ -82,8 +82,8 @@ class WebServer {
   /// Closes with a reason that the client sees (123 bytes of it at most) after the message that is
   /// on its way, within two seconds.
   void close(ClientId client, const std::string& reason);
-  /// Ends a client that reads nothing, at once; counted by its cause.
-  void cut(ClientId client, const std::string& cause);
+  /// Ends a client that would not read why, at once.
+  void cut(ClientId client);
   /// The client is what it should be: its place is not given to others any more.
   void keep(ClientId client);
   /// What was refused or cut off, by "<side>: <cause>".

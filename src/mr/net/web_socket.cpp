@@ -17,6 +17,7 @@ constexpr std::size_t kPieceBytes = 64u << 10;
 constexpr std::size_t kReasonBytes = 123;  // RFC 6455, 5.5.1
 constexpr std::chrono::seconds kPing{20};  // silence after which a client counts as gone
 constexpr std::chrono::seconds kFarewell{2};
+constexpr std::size_t kMostQueued = 256;  // messages, small ones too
 constexpr int kMostPings = 100, kMostLateReads = 64;
 
 }  // namespace
@@ -78,7 +79,8 @@ void WebSocket::on_read() {
 void WebSocket::send(Message message, bool is_text) {
   if (!open_ || closing_ || ended_ || !message) return;
   queued_bytes_ += message->size();
-  if (queued_bytes_ > shared_.config.queue_bytes) return cut("too much waits for it");
+  if (queued_bytes_ > shared_.config.queue_bytes || outgoing_.size() >= kMostQueued)
+    return cut("too much waits for it");
   outgoing_.push_back({std::move(message), is_text});
   if (!writing_) write();
 }

@@ -44,7 +44,8 @@ class WebSocket : public std::enable_shared_from_this<WebSocket> {
   /// With a reason, after the message that is on its way; what else waits is thrown away. Soon,
   /// whatever the client does.
   void close(const std::string& reason);
-  /// Ends it at once, which is counted.
+  /// Ends it at once; cut() counts that.
+  void ended();
   void cut(const std::string& cause);
   /// Whether `handlers.opened` was told of it.
   bool opened() const { return open_; }
@@ -61,7 +62,6 @@ class WebSocket : public std::enable_shared_from_this<WebSocket> {
   void on_written(std::size_t bytes);
   void expect_progress();
   void watch_pings();
-  void ended();
   void say_goodbye();
 
   boost::beast::websocket::stream<WebStream> socket_;

@@ -280,8 +280,8 @@ void Gateway::on_text(net::ClientId viewer, const std::string& text, TimePoint n
 /// Those that use a place and do nothing with it.
 void Gateway::close_overdue(TimePoint now) {
   for (const auto& [viewer, why, reads] : viewers_.overdue(now)) {
-    if (!reads) server_->cut(viewer, why);
     refuse(viewer, why);
+    if (!reads) server_->cut(viewer);
   }
   std::vector<std::pair<net::ClientId, std::string>> out;
   for (const auto& [viewer, guest] : guests_) {
