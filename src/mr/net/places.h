@@ -100,8 +100,6 @@ class Places {
   }
 
   int size() const { return static_cast<int>(state_->entries.size()); }
-  /// How many were given up for others.
-  std::uint64_t given_up() const { return given_up_; }
 
  private:
   struct State {
@@ -113,7 +111,6 @@ class Places {
   bool free_one(F may_go) {
     for (const Entry& entry : state_->entries) {
       if (entry.is_settled || !may_go(entry)) continue;
-      ++given_up_;
       const auto give_up = entry.give_up;  // which erases the entry
       give_up();
       return true;
@@ -123,7 +120,6 @@ class Places {
 
   const Limits limits_;
   std::shared_ptr<State> state_ = std::make_shared<State>();
-  std::uint64_t given_up_ = 0;
 };
 
 }  // namespace mr::net

@@ -37,15 +37,16 @@ FrameLimits accepted_frames() {
 /// One peer that connected to us.
 class TcpSession : public std::enable_shared_from_this<TcpSession> {
  public:
-  /// `refused`: why it gets nothing but that; empty: it does.
-  TcpSession(TcpServer& server, std::string peer, std::string refused)
+  TcpSession(TcpServer& server, std::string peer)
       : server_(server),
         peer_(std::move(peer)),
-        refused_(std::move(refused)),
         hello_timer_(server.io_),
         outbox_(server.coalesce_, {server.limits_.queue_messages, server.limits_.queue_bytes}) {}
 
-  void start(tcp::socket socket) {
+  /// Without a place it gets nothing but word of that.
+  void start(tcp::socket socket, std::shared_ptr<Places::Place> place) {
+    place_ = std::move(place);
+    if (!place_) refused_ = "too many connections";
     const auto weak = weak_from_this();
     socket_ = std::make_shared<FrameSocket>(
         std::move(socket), FrameSocket::Side::listens, server_.secret_, accepted_frames(),
@@ -71,9 +72,6 @@ class TcpSession : public std::enable_shared_from_this<TcpSession> {
     socket_->start();
   }
 
-  const std::string& peer() const { return peer_; }
-  bool is_refused() const { return !refused_.empty(); }
-  bool has_greeted() const { return !node_.empty(); }
   /// Makes room for a newcomer.
   void replace() {
     refused_ = "too many connections, and this one had not greeted";
@@ -98,7 +96,7 @@ class TcpSession : public std::enable_shared_from_this<TcpSession> {
 
  private:
   void opened() {
-    if (is_refused()) socket_->refuse({Error::Cause::invalid, refused_});
+    if (!refused_.empty()) socket_->refuse({Error::Cause::invalid, refused_});
   }
 
   Status received(Frame frame) {
@@ -122,6 +120,7 @@ class TcpSession : public std::enable_shared_from_this<TcpSession> {
     if (!server_.is_local(node))
       return Error{Error::Cause::not_found, "asks for a node that is not here"};
     node_ = node;
+    if (place_) place_->settle();
     hello_timer_.cancel();
     return {};
   }
@@ -156,6 +155,7 @@ class TcpSession : public std::enable_shared_from_this<TcpSession> {
 
   void ended(const Error& why) {
     hello_timer_.cancel();
+    place_.reset();
     if (why.cause != Error::Cause::io && why.cause != Error::Cause::empty) {
       server_.drops_.count("peer " + peer_, why.message);
       server_.rare_log_.tell("peer " + peer_ + ": " + why.message,
@@ -166,9 +166,10 @@ class TcpSession : public std::enable_shared_from_this<TcpSession> {
   }
 
   TcpServer& server_;
-  const std::string peer_;  ///< its IP address
-  std::string refused_;     ///< why
-  std::string node_;        ///< that it greeted; set before it can subscribe
+  const std::string peer_;  ///< its address, or network
+  std::shared_ptr<Places::Place> place_;
+  std::string refused_;  ///< why
+  std::string node_;     ///< that it greeted; set before it can subscribe
   asio::steady_timer hello_timer_;
   std::shared_ptr<FrameSocket> socket_;
   Outbox outbox_;
@@ -334,7 +335,8 @@ TcpServer::TcpServer(asio::io_context& io, const AnswerRegistry& answers, Coales
       limits_(limits),
       drops_(drops),
       secret_(std::move(secret)),
-      rare_log_(limits.log) {}
+      rare_log_(limits.log),
+      places_({limits.connections, limits.connections_per_address}) {}
 
 TcpServer::~TcpServer() = default;
 
@@ -367,41 +369,15 @@ void TcpServer::report_drops() const {
 
 void TcpServer::accepted(tcp::socket socket) {
   boost::system::error_code error;
-  const std::string peer = socket.remote_endpoint(error).address().to_string();
-  const bool has_room = make_room(peer);
-  if (!has_room && sessions_.size() >= static_cast<std::size_t>(limits_.connections) + kRefusing)
+  const std::string peer = peer_of(socket.remote_endpoint(error).address());
+  const auto session = std::make_shared<TcpSession>(*this, peer);
+  auto place = places_.take(peer, [weak = std::weak_ptr(session)] {
+    if (const auto self = weak.lock()) self->replace();
+  });
+  if (!place && sessions_.size() >= static_cast<std::size_t>(limits_.connections) + kRefusing)
     return drops_.count("peer " + peer, "too many connections");
-  sessions_.push_back(
-      std::make_shared<TcpSession>(*this, peer, has_room ? "" : "too many connections"));
-  const auto session = sessions_.back();
-  session->start(std::move(socket));
-}
-
-/// Room for one more of this address. Where there is none, a connection that has not greeted goes;
-/// false where all have.
-bool TcpServer::make_room(const std::string& peer) {
-  std::size_t all = 0, of_peer = 0;
-  for (const auto& session : sessions_) {
-    if (session->is_refused()) continue;
-    ++all;
-    of_peer += session->peer() == peer;
-  }
-  const bool too_many_of_peer =
-      of_peer >= static_cast<std::size_t>(limits_.connections_per_address);
-  if (!too_many_of_peer && all < static_cast<std::size_t>(limits_.connections)) return true;
-  const auto silent = longest_silent(too_many_of_peer ? peer : "");
-  if (!silent) return false;
-  silent->replace();
-  return true;
-}
-
-/// The oldest that has not greeted; `peer`: only of this address. Null: there is none.
-std::shared_ptr<TcpSession> TcpServer::longest_silent(const std::string& peer) const {
-  for (const auto& session : sessions_)
-    if (!session->is_refused() && !session->has_greeted() &&
-        (peer.empty() || session->peer() == peer))
-      return session;
-  return nullptr;
+  sessions_.push_back(session);
+  session->start(std::move(socket), std::move(place));
 }
 
 void TcpServer::heard_rival(const std::string& node) {

@@ -11,6 +11,7 @@
 
 #include "mr/net/address.h"
 #include "mr/net/drops.h"
+#include "mr/net/places.h"
 #include "mr/net/rare_log.h"
 #include "mr/net/registry.h"
 #include "mr/net/transport.h"
@@ -42,8 +43,6 @@ class TcpServer {
   friend class TcpListener;
 
   void accepted(boost::asio::ip::tcp::socket socket);
-  bool make_room(const std::string& peer);
-  std::shared_ptr<TcpSession> longest_silent(const std::string& peer) const;
   void heard_rival(const std::string& node);
   void tell_first(const Address& address);
   std::vector<std::string> local_nodes() const;
@@ -61,6 +60,7 @@ class TcpServer {
   RareLog rare_log_;
 
   std::map<std::string, std::unique_ptr<TcpListener>> listeners_;  ///< by address; io thread
+  Places places_;                                                  ///< io thread
   std::vector<std::shared_ptr<TcpSession>> sessions_;              ///< oldest first; io thread
 
   mutable std::mutex mutex_;
