@@ -36,9 +36,4 @@ Result<std::string> fingerprint(const Certificate& certificate);
 /// What a person should know of it: that it has expired, or does within a week; else empty.
 std::string complaint(const Certificate& certificate);
 
-/// SHA-256 of a text, 32 bytes.
-std::string sha256(const std::string& text);
-/// Whether two texts are the same, in a time that tells nothing about where they differ.
-bool is_equal_in_constant_time(const std::string& a, const std::string& b);
-
 }  // namespace mr::net

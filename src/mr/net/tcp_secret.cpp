@@ -1,7 +1,6 @@
 #include "mr/net/tcp_secret.h"
 
 #include <openssl/err.h>
-#include <openssl/evp.h>
 #include <openssl/ssl.h>
 
 #include <algorithm>
@@ -34,15 +33,12 @@ int ssl_reason(const boost::system::error_code& error) {
 }  // namespace
 
 TcpSecret::TcpSecret(const std::string& secret) : context_(ssl::context::tls) {
-  const std::string text = kKeyLabel + secret;
-  unsigned size = 0;
+  key_ = sha256(kKeyLabel + secret);
   SSL_CTX* const handle = context_.native_handle();
-  const bool ok =
-      ::EVP_Digest(text.data(), text.size(), key_.data(), &size, ::EVP_sha256(), nullptr) == 1 &&
-      ::SSL_CTX_set_min_proto_version(handle, TLS1_3_VERSION) == 1 &&
-      ::SSL_CTX_set_ciphersuites(handle, "TLS_AES_128_GCM_SHA256") == 1 &&
-      ::SSL_CTX_set_num_tickets(handle, 0) == 1 &&
-      ::SSL_CTX_set_ex_data(handle, secret_index(), this) == 1;
+  const bool ok = ::SSL_CTX_set_min_proto_version(handle, TLS1_3_VERSION) == 1 &&
+                  ::SSL_CTX_set_ciphersuites(handle, "TLS_AES_128_GCM_SHA256") == 1 &&
+                  ::SSL_CTX_set_num_tickets(handle, 0) == 1 &&
+                  ::SSL_CTX_set_ex_data(handle, secret_index(), this) == 1;
   if (!ok) throw std::runtime_error("OpenSSL offers no TLS 1.3 with a pre-shared key");
   ::SSL_CTX_set_session_cache_mode(handle, SSL_SESS_CACHE_OFF);
   ::SSL_CTX_set_psk_client_callback(handle, client_key);
@@ -69,7 +65,7 @@ const TcpSecret& TcpSecret::of(SSL* ssl) {
 
 unsigned TcpSecret::client_key(SSL* ssl, const char* /*hint*/, char* identity,
                                unsigned identity_bytes, unsigned char* key, unsigned key_bytes) {
-  const Key& ours = of(ssl).key_;
+  const Sha256& ours = of(ssl).key_;
   if (identity_bytes <= std::strlen(kIdentity) || key_bytes < ours.size()) return 0;
   std::strcpy(identity, kIdentity);
   std::copy(ours.begin(), ours.end(), key);
@@ -78,7 +74,7 @@ unsigned TcpSecret::client_key(SSL* ssl, const char* /*hint*/, char* identity,
 
 unsigned TcpSecret::server_key(SSL* ssl, const char* identity, unsigned char* key,
                                unsigned key_bytes) {
-  const Key& ours = of(ssl).key_;
+  const Sha256& ours = of(ssl).key_;
   if (std::strcmp(identity, kIdentity) != 0 || key_bytes < ours.size()) return 0;
   std::copy(ours.begin(), ours.end(), key);
   return static_cast<unsigned>(ours.size());

@@ -8,6 +8,7 @@
 #include <string>
 
 #include "mr/core/result.h"
+#include "mr/net/digest.h"
 
 namespace mr::net {
 
@@ -26,7 +27,6 @@ class TcpSecret {
   boost::asio::ssl::context& context() { return context_; }
 
  private:
-  using Key = std::array<unsigned char, 32>;
   explicit TcpSecret(const std::string& secret);
   static const TcpSecret& of(SSL* ssl);
   static unsigned client_key(SSL* ssl, const char* hint, char* identity, unsigned identity_bytes,
@@ -35,7 +35,7 @@ class TcpSecret {
                              unsigned key_bytes);
 
   boost::asio::ssl::context context_;
-  Key key_{};
+  Sha256 key_{};
 };
 
 /// Whether the first bytes of a connection begin a TLS handshake; frames never begin so.

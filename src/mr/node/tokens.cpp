@@ -4,8 +4,6 @@
 #include <cstdio>
 #include <sstream>
 
-#include "mr/net/certificate.h"
-
 namespace mr::node {
 namespace {
 
@@ -68,7 +66,7 @@ Result<Tokens> Tokens::parse(const std::string& text) {
 }
 
 Tokens::Answer Tokens::check(const std::string& token, TimePoint now) const {
-  const std::string digest = net::sha256(token);
+  const net::Sha256 digest = net::sha256(token);
   const Token* found = nullptr;
   for (const Token& known : tokens_)  // all of them, whichever it is
     if (net::is_equal_in_constant_time(known.digest, digest)) found = &known;

@@ -6,6 +6,7 @@
 
 #include "mr/core/frame.h"
 #include "mr/core/result.h"
+#include "mr/net/digest.h"
 
 namespace mr::node {
 
@@ -30,7 +31,7 @@ class Tokens {
 
  private:
   struct Token {
-    std::string digest;
+    net::Sha256 digest;
     std::optional<TimePoint> until;
   };
   static Result<Token> parse_one(const std::string& entry, const std::string& where);
