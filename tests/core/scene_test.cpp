@@ -8,59 +8,21 @@
 #include <chrono>
 #include <cstdlib>
 
-#include "core/temp_dir.h"
+#include "core/scene_file.h"
 #include "mr/core/file.h"
 
 namespace mr {
 namespace {
 
+using test::kIdentity;
+using test::long_sensor;
+using test::scene_of;
+using test::SceneFile;
+using test::sensor;
 using testing::Contains;
 using testing::ElementsAre;
 using testing::HasSubstr;
 using testing::IsEmpty;
-
-constexpr const char* kIdentity = "[1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1]";
-
-/// One sensor on one line, with depth only.
-std::string sensor(const std::string& id) {
-  return "  - {id: " + id + ", source: {type: rgbd-images, depth: d.png}, " +
-         "depth_camera: {size: [640, 480], fx: 585, fy: 585, cx: 320, cy: 240}, T_world_depth: " +
-         kIdentity + "}\n";
-}
-
-std::string scene_of(std::initializer_list<const char*> ids, const std::string& rest = "") {
-  std::string text = "scene: s\nsensors:\n";
-  for (const char* id : ids) text += sensor(id);
-  return text + rest;
-}
-
-class SceneFile : public testing::Test {
- protected:
-  SceneFile() { dir_.write("d.png", "x"); }
-
-  SceneResult load(const std::string& text) { return load_scene(dir_.write("scene.yaml", text)); }
-
-  /// "line: message" of each problem.
-  std::vector<std::string> problems(const std::string& text) {
-    return shorten(load(text).problems);
-  }
-  std::vector<std::string> notices(const std::string& text) { return shorten(load(text).notices); }
-
-  static std::vector<std::string> shorten(const std::vector<SceneProblem>& list) {
-    std::vector<std::string> out;
-    for (const SceneProblem& p : list) out.push_back(std::to_string(p.line) + ": " + p.message);
-    return out;
-  }
-
-  /// The one problem that a line of a small scene makes.
-  std::string problem_of(const std::string& line) {
-    const auto found = problems(scene_of({"a"}, line + "\n"));
-    if (found.size() != 1) return "not one problem but " + testing::PrintToString(found);
-    return found[0];
-  }
-
-  test::TempDir dir_;
-};
 
 // Each line's own mistake, all in one file.
 TEST_F(SceneFile, ReportsEverythingAtOnceWithItsLine) {
@@ -308,53 +270,6 @@ TEST_F(SceneFile, UnknownKeysAreToldWhatIsKnown) {
               HasSubstr("4: tcp: 'b' is no sensor and no merger (did you mean 'a'?)"));
 }
 
-TEST_F(SceneFile, NatsKeysFitTogether) {
-  const std::string nkey = "U" + std::string(55, 'A');
-  const SceneResult result = load(scene_of(
-      {"a"}, "nats: {url: 'tls://x', ca: ca.pem, cert: a.pem, key: a.key, nkey: {public: " + nkey +
-                 ", seed: a.nk}}\n"));
-  EXPECT_THAT(shorten(result.problems), IsEmpty());
-  const NatsConfig& nats = result.scene.network.nats;
-  EXPECT_EQ(
-      nats,
-      (NatsConfig{
-          "tls://x", dir_ / "ca.pem", dir_ / "a.pem", dir_ / "a.key", nkey, dir_ / "a.nk", {}}));
-  const auto refused = [&](const std::string& keys) { return problem_of("nats: {" + keys + "}"); };
-  EXPECT_THAT(refused("ca: ca.pem"), HasSubstr("4: nats lacks the key 'url'"));
-  EXPECT_THAT(refused("url: 'tls://x', cert: a.pem"), HasSubstr("4: nats: cert and key only"));
-  EXPECT_THAT(refused("url: 'tls://x', key: a.key"), HasSubstr("4: nats: cert and key only"));
-  EXPECT_THAT(refused("url: 'nats://x', ca: ca.pem"), HasSubstr("4: nats: ca needs tls://"));
-  EXPECT_THAT(refused("url: 'nats://x', cert: a, key: b"), HasSubstr("4: nats: cert needs tls://"));
-  EXPECT_THAT(refused("url: 'nats://x', nkey: {public: SUA, seed: a}"),
-              HasSubstr("4: public must be the public NKey of a user"));
-  EXPECT_THAT(refused("url: 'nats://x', credentials: c, nkey: {public: " + nkey + ", seed: a}"),
-              HasSubstr("4: nats: either nkey or credentials, not both"));
-}
-
-TEST_F(SceneFile, SecretsStandElsewhere) {
-  const auto secret_of = [&](const std::string& source) {
-    const SceneResult result = load(scene_of({"a"}, "tcp: {secret: " + source + "}\n"));
-    EXPECT_THAT(shorten(result.problems), IsEmpty());
-    return result.scene.network.tcp_secret;
-  };
-  EXPECT_EQ(secret_of("{env: MR_SECRET}"), (SecretSource{"MR_SECRET", {}}));
-  EXPECT_EQ(secret_of("{file: keys/tcp}"), (SecretSource{{}, dir_ / "keys/tcp"}))
-      << "whether it is there is another node's business";
-  const auto refused = [&](const std::string& source) {
-    return problem_of("tcp: {secret: " + source + "}");
-  };
-  const std::string in_file = refused("sesame-open-thyself");
-  EXPECT_THAT(in_file,
-              HasSubstr("4: secret must not stand in the scene file; write {env: NAME} or"));
-  EXPECT_EQ(in_file.find("sesame"), std::string::npos);
-  EXPECT_THAT(refused("{}"), HasSubstr("4: secret needs either env or file"));
-  EXPECT_THAT(refused("{env: A, file: b}"), HasSubstr("4: secret needs either env or file"));
-  EXPECT_THAT(refused("{env: 7x}"), HasSubstr("4: secret.env is not the name of an environment"));
-  EXPECT_THAT(refused("{file: ''}"), HasSubstr("4: secret.file must name a file"));
-  const auto named = problems(scene_of({"secret"}, "tcp: {secret: {env: A}}\n"));
-  EXPECT_THAT(named, ElementsAre(HasSubstr("4: tcp: no node of the scene may be named 'secret'")));
-}
-
 TEST_F(SceneFile, OptionsChangeKeysBeforeTheyAreChecked) {
   const auto file = dir_.write("scene.yaml", scene_of({"a"}, "voxel_m: 7\nfusion:\n"));
   const SceneResult result = load_scene(
@@ -428,28 +343,6 @@ TEST_F(SceneFile, WrongOptionsAreToldAlone) {
   EXPECT_EQ(found[0].option, "voxel_m=1");
   EXPECT_EQ(found[1].option, "threads=x");
   EXPECT_EQ(load_scene(file, {"voxel_m=0.02"}).problems.at(0).line, 4);
-}
-
-TEST_F(SceneFile, GatewayTellsWhereAViewerStarts) {
-  const SceneResult result =
-      load(scene_of({"a"}, "gateway: {start: {eye: [2, -1.5, 1.6], look_at: [0, 0.25, 1]}}\n"));
-  EXPECT_THAT(shorten(result.problems), IsEmpty());
-  ASSERT_TRUE(result.scene.gateway && result.scene.gateway->start);
-  EXPECT_EQ(result.scene.gateway->start->eye, (Vec3d{2, -1.5, 1.6}));
-  EXPECT_EQ(result.scene.gateway->start->look_at, (Vec3d{0, 0.25, 1}));
-  EXPECT_EQ(result.scene.gateway->listen, GatewayConfig{}.listen);
-  EXPECT_FALSE(load(scene_of({"a"}, "gateway: {}\n")).scene.gateway->start);
-}
-
-TEST_F(SceneFile, AStartThatIsNoPlaceIsAProblem) {
-  const auto with = [&](const std::string& start) {
-    return problem_of("gateway: {start: {" + start + "}}");
-  };
-  EXPECT_THAT(with("eye: [1, 2, 3]"), HasSubstr("look_at"));
-  EXPECT_THAT(with("eye: [1, 2], look_at: [0, 0, 0]"), HasSubstr("eye"));
-  EXPECT_THAT(with("eye: [1, 2, 3], look_at: [1, 2, 3]"), HasSubstr("another place"));
-  EXPECT_THAT(with("eye: [1, 2, .inf], look_at: [1, 2, 3]"), HasSubstr("eye"));
-  EXPECT_THAT(with("eye: [1, 2, 3], look_at: [0, 0, 0], fov: 60"), HasSubstr("fov"));
 }
 
 TEST_F(SceneFile, BaselinesAreActedOn) {
@@ -586,155 +479,6 @@ TEST_F(SceneFile, MissingKeysAreNamed) {
                           HasSubstr("3: sensor lacks the key 'T_world_depth'")));
 }
 
-/// A sensor over several lines; `source` and `poses` are what stands behind those keys.
-std::string long_sensor(const std::string& source, const std::string& poses = kIdentity,
-                        const std::string& more = "") {
-  return "scene: s\nsensors:\n  - id: a\n    source: " + source +
-         "\n    depth_camera: {model: pinhole, size: [640, 480], fx: 585, fy: 585, cx: 320, cy: "
-         "240}"
-         "\n    T_world_depth: " +
-         poses + "\n" + more;
-}
-
-TEST_F(SceneFile, PatternsNameTheirFiles) {
-  for (const char* name : {"p/0008.png", "p/0009.png", "p/0010.png", "q/9.png", "q/10.png"})
-    dir_.write(name, "x");
-  const SceneResult padded =
-      load(long_sensor("{type: rgbd-images, depth: {pattern: p/%04d.png, first: 8, last: 10}}"));
-  EXPECT_THAT(shorten(padded.problems), IsEmpty());
-  const auto& files = std::get<RgbdImagesSource>(padded.scene.sensors.at(0).source).depth;
-  EXPECT_THAT(files, ElementsAre(dir_ / "p/0008.png", dir_ / "p/0009.png", dir_ / "p/0010.png"));
-  EXPECT_THAT(
-      problems(long_sensor("{type: rgbd-images, depth: {pattern: q/%d.png, first: 9, last: 10}}")),
-      IsEmpty());
-
-  std::filesystem::create_directories(dir_ / "empty");
-  EXPECT_THAT(problems(long_sensor(
-                  "{type: rgbd-images, depth: {pattern: empty/%d.png, first: 0, last: 9}}")),
-              ElementsAre(testing::AllOf(HasSubstr("none of the 10"), HasSubstr("is empty"))));
-  EXPECT_THAT(problems(long_sensor("{type: rgbd-images, depth: []}")),
-              ElementsAre(HasSubstr("4: depth must name at least one file")));
-  EXPECT_THAT(problems(long_sensor("{type: rgbd-images, depth: empty}")),
-              ElementsAre(HasSubstr("is a folder")));
-  EXPECT_THAT(problems(long_sensor("{type: rgbd-images, depth: {pattern: p/%04d.png, first: 8}}")),
-              ElementsAre(HasSubstr("lacks the key 'last'")));
-}
-
-TEST_F(SceneFile, FilesThatAreMissingCostTheirFramesOnly) {
-  for (const char* name : {"p/1.png", "p/2.png", "p/4.png", "a.jpg"}) dir_.write(name, "x");
-  const std::string color = "    color_camera: {size: [9, 9], fx: 9, fy: 9, cx: 4, cy: 4}\n";
-  const SceneResult some = load(long_sensor(
-      "{type: rgbd-images, depth: {pattern: p/%d.png, first: 0, last: 4}, color: [a.jpg, a.jpg, "
-      "b.jpg, a.jpg, a.jpg]}",
-      kIdentity, color));
-  EXPECT_THAT(shorten(some.problems), IsEmpty());
-  EXPECT_THAT(
-      shorten(some.notices),
-      ElementsAre(testing::AllOf(HasSubstr("4: sensors.a.source.depth: 2 of the 5 files of the "
-                                           "pattern are missing, their frames are lost; first: "),
-                                 HasSubstr("p/0.png'")),
-                  testing::AllOf(HasSubstr("4: sensors.a.source.color: 1 of the 5 files of the "
-                                           "list is missing, its frame is lost: "),
-                                 HasSubstr("b.jpg'"))));
-  // They keep their places, so that the others keep theirs.
-  const auto& files = std::get<RgbdImagesSource>(some.scene.sensors.at(0).source).depth;
-  ASSERT_EQ(files.size(), 5u);
-  EXPECT_EQ(files[4], dir_ / "p/4.png");
-  EXPECT_THAT(notices(long_sensor("{type: rgbd-images, depth: [p, p/1.png]}")),
-              ElementsAre(testing::AllOf(HasSubstr("1 of the 2 files of the list cannot be used"),
-                                         HasSubstr("p' is a folder"))));
-}
-
-TEST_F(SceneFile, HostilePatternsAreRefused) {
-  for (const char* pattern :
-       {"%s", "%n", "%", "%%", "x", "%d%d", "%0d", "%012d", "%*d", "%-4d", "%ld"})
-    EXPECT_THAT(problems(long_sensor(std::string("{type: rgbd-images, depth: {pattern: \"") +
-                                     pattern + "\", first: 0, last: 1}}")),
-                ElementsAre(HasSubstr("pattern must hold one %d")))
-        << pattern;
-  EXPECT_THAT(problems(long_sensor(
-                  "{type: rgbd-images, depth: {pattern: \"%d\", first: 0, last: 999999999}}")),
-              ElementsAre(HasSubstr("too many files")));
-  EXPECT_THAT(
-      problems(long_sensor("{type: rgbd-images, depth: {pattern: \"%d\", first: 2, last: 1}}")),
-      ElementsAre(HasSubstr("last must not be less")));
-}
-
-TEST_F(SceneFile, PosesComeInlineFromAFileOrOnePerItem) {
-  dir_.write("e.png", "x");
-  for (int i = 0; i < 3; ++i)
-    dir_.write("pose/" + std::to_string(i) + ".txt",
-               "1\t0 0 " + std::to_string(i) + "\r\n0 1 0 0 \n0 0 1 0\n0 0 0 1e0\n\n");
-  dir_.write("pose/short.txt", "1 0 0");
-  dir_.write("pose/words.txt", "one two");
-  dir_.write("pose/mirrored.txt", "-1 0 0 0  0 1 0 0  0 0 1 0  0 0 0 1");
-  const std::string two = "{type: rgbd-images, depth: [d.png, e.png]}";
-
-  const SceneResult moving = load(long_sensor(two, "{pattern: pose/%d.txt, first: 1, last: 2}"));
-  EXPECT_THAT(shorten(moving.problems), IsEmpty());
-  ASSERT_EQ(moving.scene.sensors[0].T_world_depth.size(), 2u);
-  EXPECT_EQ(moving.scene.sensors[0].T_world_depth[1].translation, (Vec3d{2, 0, 0}));
-
-  EXPECT_THAT(problems(long_sensor(two, "{files: [pose/0.txt, pose/1.txt]}")), IsEmpty());
-  EXPECT_THAT(problems(long_sensor(two, "{file: pose/0.txt}")), IsEmpty());
-  EXPECT_THAT(problems(long_sensor(two, "{pattern: pose/%d.txt, first: 0, last: 2}")),
-              ElementsAre(HasSubstr("6: T_world_depth holds 3 poses for 2 items")));
-  EXPECT_THAT(problems(long_sensor(two, "{file: pose/short.txt}")),
-              ElementsAre(HasSubstr("holds 3 numbers, not 16")));
-  EXPECT_THAT(problems(long_sensor(two, "{file: pose/words.txt}")),
-              ElementsAre(HasSubstr("'one'")));
-  EXPECT_THAT(problems(long_sensor(two, "{file: pose/mirrored.txt}")),
-              ElementsAre(testing::AllOf(HasSubstr("6: "), HasSubstr("mirrored"))));
-  EXPECT_THAT(problems(long_sensor(two, "{file: pose/none.txt}")),
-              ElementsAre(testing::AllOf(HasSubstr("no such file"), HasSubstr("pose/none.txt"))));
-  EXPECT_THAT(problems(long_sensor(two, "[1, 0, 0]")),
-              ElementsAre(HasSubstr("list of 16 numbers")));
-  EXPECT_THAT(problems(long_sensor(two, "[2, 0,0,0, 0,1,0,0, 0,0,1,0, 0,0,0,1]")),
-              ElementsAre(HasSubstr("not rigid")));
-  EXPECT_THAT(problems(long_sensor(two, "{}")),
-              ElementsAre(HasSubstr("one of file, files, pattern")));
-}
-
-TEST_F(SceneFile, PosesThatCannotBeUsedCostTheirFramesOnly) {
-  dir_.write("e.png", "x");
-  for (const int i : {1, 2, 4})
-    dir_.write("pose/" + std::to_string(i) + ".txt",
-               "1 0 0 " + std::to_string(i) + " 0 1 0 0 0 0 1 0 0 0 0 1");
-  dir_.write("pose/5.txt", "one two");
-  const auto images = [](int n) {
-    std::string list = "{type: rgbd-images, depth: [d.png";
-    for (int i = 1; i < n; ++i) list += ", e.png";
-    return list + "]}";
-  };
-  const SceneResult some =
-      load(long_sensor(images(6), "{pattern: pose/%d.txt, first: 0, last: 5}"));
-  EXPECT_THAT(shorten(some.problems), IsEmpty());
-  EXPECT_THAT(shorten(some.notices),
-              ElementsAre(testing::AllOf(
-                  HasSubstr("6: sensors.a.T_world_depth: 3 of the 6 files of the pattern cannot be "
-                            "used, their frames are lost; first: no such file: "),
-                  HasSubstr("pose/0.txt'"))));
-  const SensorConfig& sensor = some.scene.sensors.at(0);
-  std::vector<double> x;
-  for (const Pose& pose : sensor.T_world_depth) x.push_back(pose.translation.x);
-  EXPECT_THAT(x, ElementsAre(1, 1, 2, 2, 4, 4));
-  ASSERT_EQ(sensor.lost_poses.size(), 3u);
-  EXPECT_THAT(sensor.lost_poses.at(3).message, HasSubstr("pose/3.txt"));
-  EXPECT_THAT(sensor.lost_poses.at(5).message, HasSubstr("'one'"));
-
-  EXPECT_THAT(notices(long_sensor(images(2), "{files: [pose/5.txt, pose/1.txt]}")),
-              ElementsAre(testing::AllOf(HasSubstr("1 of the 2 files of the list cannot be used, "
-                                                   "its frame is lost: pose file"),
-                                         HasSubstr("'one'"))));
-  // Without a single one nothing can run.
-  EXPECT_THAT(problems(long_sensor(images(2), "{pattern: pose/%d.txt, first: 5, last: 6}")),
-              ElementsAre(testing::AllOf(HasSubstr("6: T_world_depth: none of the 2 pose files can "
-                                                   "be used; first: "),
-                                         HasSubstr("'one'"))));
-  EXPECT_THAT(problems(long_sensor(images(2), "{pattern: pose/%d.txt, first: 6, last: 7}")),
-              ElementsAre(HasSubstr("T_world_depth: none of the 2 files of the pattern exists")));
-}
-
 TEST_F(SceneFile, DistortionIsRead) {
   const std::string camera =
       "    color_camera: {size: [640, 480], fx: 500, fy: 500, cx: 320, cy: 240, distortion: ";
@@ -786,24 +530,6 @@ TEST_F(SceneFile, AnUnsetVariableIsToldOnce) {
                            "\"${MR_TEST_UNSET}/1.png\"]}",
                            "{files: [\"${MR_TEST_UNSET}/0.txt\", \"${MR_TEST_UNSET}/1.txt\"]}")),
       ElementsAre(HasSubstr("4: environment variable MR_TEST_UNSET is not set")));
-}
-
-TEST_F(SceneFile, WhatOneMissingFolderShouldHoldIsToldOnce) {
-  ::unsetenv("MR_TEST_UNSET");
-  const std::string room = "${MR_TEST_UNSET:-none}/room/";
-  EXPECT_THAT(problems(long_sensor("{type: rgbd-images, depth: {pattern: \"" + room +
-                                       "%d.png\", first: 0, last: 4}}",
-                                   "{file: \"" + room + "pose.txt\"}")),
-              ElementsAre(testing::AllOf(
-                  HasSubstr("4: no folder '"), HasSubstr("/none', where 6 files of this scene"),
-                  HasSubstr("; set MR_TEST_UNSET to the folder that holds 'room'"))));
-  // Files that are missing in a folder that is there are told one by one.
-  EXPECT_THAT(problems(long_sensor("{type: rgbd-images, depth: [x.png, y.png]}")),
-              ElementsAre(HasSubstr("no such file"), HasSubstr("no such file")));
-  // One path alone says what it is.
-  EXPECT_THAT(
-      problems(long_sensor("{type: rgbd-images, depth: none/x.png}")),
-      ElementsAre(testing::AllOf(HasSubstr("4: depth: no such file"), HasSubstr("none/x.png"))));
 }
 
 TEST_F(SceneFile, ARigReplacesSensors) {
