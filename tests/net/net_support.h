@@ -24,6 +24,7 @@
 
 #include "mr/net/outbox.h"
 #include "mr/net/transport.h"
+#include "support/free_port.h"
 
 namespace mr::test {
 
@@ -244,8 +245,6 @@ class HeldPort {
   int handle_;
   int port_ = 0;
 };
-
-inline int free_port() { return HeldPort().port(); }
 
 /// A program that runs until the object goes; its first word is a path.
 class Child {

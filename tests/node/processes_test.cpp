@@ -274,16 +274,21 @@ rig: {type: synthetic, seed: 3, room: [5, 4, 2.6], depth_mode: nfov_binned, colo
         log_file());
     ASSERT_TRUE(nodes_[node].started());
   }
-  bool log_says(const std::string& part, seconds patience = seconds(20)) const {
+  /// What the log has behind the first occurrence of `part`.
+  std::optional<std::string> log_after(const std::string& part,
+                                       seconds patience = seconds(20)) const {
     const auto until = Clock::now() + patience;
     while (Clock::now() < until) {
       std::ifstream log(log_file());
       const std::string text(std::istreambuf_iterator<char>(log), {});
-      if (text.find(part) != std::string::npos) return true;
+      const std::size_t at = text.find(part);
+      if (at != std::string::npos && text.find('\n', at) != std::string::npos)
+        return text.substr(at + part.size());
       std::this_thread::sleep_for(milliseconds(20));
     }
-    return false;
+    return std::nullopt;
   }
+  bool log_says(const std::string& part) const { return log_after(part).has_value(); }
   void start_all() {
     for (const char* node : kNodes) start(node);
   }
@@ -365,7 +370,10 @@ TEST_F(Processes, ASensorWhoseClockIsOffIsShownAndTold) {
   start_with_clock("cam-1", -1000);
   Client client(*transport_, scene_, "root");
   EXPECT_TRUE(shows(client, {0, 1}));
-  EXPECT_TRUE(log_says("[east] the clock of 'cam-1' is 1.0"));
+  const auto told_s = log_after("[east] the clock of 'cam-1' is ");
+  ASSERT_TRUE(told_s);
+  EXPECT_NEAR(std::stod(*told_s), 1, 0.2) << "as good as half a round trip";
+  EXPECT_NE(told_s->find("s behind"), std::string::npos);
   int whole = 0;
   for (int i = 0; i < 60; ++i, std::this_thread::sleep_for(milliseconds(30)))
     if (const auto scene = client.scene()) whole += scene->sources.size() == 2;

@@ -26,6 +26,14 @@ Message greeting(const std::string& node) {
   return as_message({bytes.begin(), bytes.end()});
 }
 
+/// The system may take the very port that nobody listens on for our end: the connection would then
+/// be with itself, and keep the node from listening there.
+bool is_its_own_peer(const tcp::socket& socket) {
+  boost::system::error_code error;
+  const auto here = socket.local_endpoint(error);
+  return !error && here == socket.remote_endpoint(error);
+}
+
 }  // namespace
 
 TcpLink::TcpLink(asio::io_context& io, std::string node, Address address,
@@ -98,6 +106,7 @@ void TcpLink::connect() {
 
 void TcpLink::connected(tcp::socket socket) {
   timer_.cancel();
+  if (is_its_own_peer(socket)) return failed({Error::Cause::io, "Connection refused"});
   state_ = State::up;
   greeted_ = subscribed_ = false;
   asked_ = 0;
