@@ -3,13 +3,12 @@ import { Malformed } from "./bytes.ts";
 import { Connection, nowMs, type Hello, type LinkState } from "./connection.ts";
 import { DecodePool } from "./decode_pool.ts";
 import type { Lattice } from "./draco_chunk.ts";
-import {
-  HeadReader, kBackgroundSource, numbersOf, openMessage, readChunksAnswer, writeRequest, type EncodedChunk, type Message,
-  type Packet,
-} from "./packet.ts";
+import { kBackgroundSource, type EncodedChunk, type Packet } from "./packet.ts";
 import { PacketOrder } from "./packet_order.ts";
+import { HeadReader, numbersOf, openMessage, readChunksAnswer, type Message } from "./packet_reader.ts";
 import type { Picture } from "./picture.ts";
 import { Receiver, type Complete } from "./receiver.ts";
+import { writeRequest } from "./request.ts";
 import { Traffic } from "./statistics.ts";
 import type { TokenKeeper } from "./token.ts";
 import { Video } from "./video.ts";

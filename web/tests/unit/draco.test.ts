@@ -4,7 +4,7 @@ import { before, test } from "node:test";
 import createDecoder, { type DracoModule } from "draco3d/draco_decoder_nodejs.js";
 import { Malformed } from "../../src/bytes.ts";
 import { decodeChunk, kUnseen, type ChunkToDecode } from "../../src/draco_chunk.ts";
-import { readPacket } from "../../src/packet.ts";
+import { readPacket } from "../../src/packet_reader.ts";
 import { makeRandom, readBytes } from "./support.ts";
 
 const lattice = { lowCorner: [-512, -512, -512] as const, step: 2 ** -10 };

@@ -2,9 +2,9 @@ import assert from "node:assert/strict";
 import { test } from "node:test";
 import { Malformed } from "../../src/bytes.ts";
 import { kChecksumBytes, writeChecksum } from "../../src/crc32.ts";
-import {
-  HeadReader, numbersOf, openMessage, readChunksAnswer, readPacket, writeRequest, type Packet,
-} from "../../src/packet.ts";
+import type { Packet } from "../../src/packet.ts";
+import { HeadReader, numbersOf, openMessage, readChunksAnswer, readPacket } from "../../src/packet_reader.ts";
+import { writeRequest } from "../../src/request.ts";
 import { makeRandom, readBytes } from "./support.ts";
 
 const kGolden = "../tests/data/packet_v3.bin";
