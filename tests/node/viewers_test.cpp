@@ -416,6 +416,12 @@ TEST(Viewers, WhoNeverShowsAnythingIsClosed) {
   EXPECT_TRUE(overdue[0].reads);
 }
 
+/// A viewer that is left alone from kStart on is overdue after kSlowest, and not before.
+void expect_overdue_after_a_minute(const Viewers& viewers) {
+  EXPECT_TRUE(viewers.overdue(kStart + Viewers::kSlowest).empty());
+  EXPECT_EQ(viewers.overdue(kStart + Viewers::kSlowest + Duration(1)).size(), 1u);
+}
+
 TEST(Viewers, WhoStopsToShowIsClosedAfterAMinute) {
   Sender sender;
   Viewers viewers;
@@ -424,8 +430,7 @@ TEST(Viewers, WhoStopsToShowIsClosedAfterAMinute) {
   give(viewers, first);
   shown(viewers, 1, first.sequence);
   for (int i = 0; i < 3; ++i) give(viewers, sender.next());
-  EXPECT_TRUE(viewers.overdue(kStart + Viewers::kSlowest).empty());
-  EXPECT_EQ(viewers.overdue(kStart + Viewers::kSlowest + Duration(1)).size(), 1u);
+  expect_overdue_after_a_minute(viewers);
 }
 
 TEST(Viewers, WhoReadsForAMinuteIsClosed) {
@@ -433,8 +438,7 @@ TEST(Viewers, WhoReadsForAMinuteIsClosed) {
   Viewers viewers;
   viewers.opened(1);
   give_unread(viewers, sender.next(true));
-  EXPECT_TRUE(viewers.overdue(kStart + Viewers::kSlowest).empty());
-  EXPECT_EQ(viewers.overdue(kStart + Viewers::kSlowest + Duration(1)).size(), 1u);
+  expect_overdue_after_a_minute(viewers);
 }
 
 TEST(Viewers, AllStartAnewWhereTheRootDoes) {

@@ -170,8 +170,8 @@ void FrameSocket::on_written(const boost::system::error_code& error) {
   if (error) return end(refused_.value_or(closed(error)));
   if (!refused_) return wake();
   if (!was_refusal) return refuse(*refused_);
-  boost::system::error_code
-      ignored;  // the peer ends it; bytes left unread would destroy the refusal
+  // The peer ends it: bytes left unread would destroy the refusal.
+  boost::system::error_code ignored;
   socket_.shutdown(boost::asio::ip::tcp::socket::shutdown_send, ignored);
 }
 

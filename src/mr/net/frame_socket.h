@@ -58,7 +58,6 @@ class FrameSocket : public std::enable_shared_from_this<FrameSocket> {
   struct Tls;
   void read_first();
   void on_first(std::size_t bytes);
-  void handshake();
   void on_handshake(const boost::system::error_code& error);
   void open();
   void read();

@@ -16,15 +16,6 @@ std::array<std::byte, kFrameHeaderBytes> encode_frame_header(FrameKind kind, std
   return header;
 }
 
-std::string printable(std::span<const std::byte> text) {
-  std::string out;
-  for (const std::byte b : text.first(std::min(text.size(), kLongestRefusal))) {
-    const char c = static_cast<char>(b);
-    out += c >= 0x20 && c < 0x7f ? c : '?';
-  }
-  return out;
-}
-
 void FrameReader::take_into(std::vector<std::byte>& to, std::size_t wanted,
                             std::span<const std::byte>& from) {
   const std::size_t n = std::min(wanted - to.size(), from.size());

@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "mr/core/result.h"
+#include "mr/net/printable.h"
 
 namespace mr::net {
 
@@ -35,7 +36,7 @@ struct Frame {
 inline constexpr std::size_t kFrameHeaderBytes = 13;
 inline constexpr std::string_view kHello = "MRT1";  ///< the node's name follows
 inline constexpr std::size_t kLongestName = 255;
-inline constexpr std::size_t kLongestRefusal = 200;
+inline constexpr std::size_t kLongestRefusal = kLongestPrintable;
 
 /// The bytes before a payload of less than 4 GB.
 std::array<std::byte, kFrameHeaderBytes> encode_frame_header(FrameKind kind, std::uint64_t id,
@@ -43,9 +44,6 @@ std::array<std::byte, kFrameHeaderBytes> encode_frame_header(FrameKind kind, std
 
 /// Largest payload of each kind that is accepted; kinds not named are not.
 using FrameLimits = std::map<FrameKind, std::size_t>;
-
-/// A peer's text as part of a line: what cannot be printed is '?', and it is not long.
-std::string printable(std::span<const std::byte> text);
 
 /// Cuts a byte stream into frames. No socket inside.
 class FrameReader {

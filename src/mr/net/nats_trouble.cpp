@@ -12,12 +12,12 @@
 #include <memory>
 
 #include "mr/net/address.h"
+#include "mr/net/printable.h"
 
 namespace mr::net {
 namespace {
 
 constexpr int kProbeMs = 1000;
-constexpr std::size_t kLongestText = 200;
 
 std::vector<std::string> split_urls(const std::string& urls) {
   std::vector<std::string> all;
@@ -121,9 +121,7 @@ std::string refused_text(const NatsConfig& config) {
 std::string nats_text(std::string text) {
   if (const std::size_t end = text.find("): "); text.starts_with("(") && end != std::string::npos)
     text.erase(0, end + 3);  // "(conn.c:733): ": where in libnats
-  std::replace_if(
-      text.begin(), text.end(), [](char c) { return c < 0x20 || c == 0x7f; }, '?');
-  return text.substr(0, kLongestText);
+  return printable(text);
 }
 
 Result<std::vector<std::string>> nats_servers(const std::string& urls) {

@@ -124,7 +124,9 @@ void TcpLink::connected(tcp::socket socket) {
 
 Status TcpLink::received(Frame frame) {
   if (frame.kind == FrameKind::refusal)
-    return Error{Error::Cause::invalid, "refused: " + printable(frame.payload)};
+    return Error{Error::Cause::invalid,
+                 "refused: " + printable({reinterpret_cast<const char*>(frame.payload.data()),
+                                          frame.payload.size()})};
   settled();
   const Message message = as_message(std::move(frame.payload));
   if (frame.kind == FrameKind::packet) {

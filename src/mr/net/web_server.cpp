@@ -187,7 +187,7 @@ class HttpSession : public std::enable_shared_from_this<HttpSession> {
       if (const auto self = weak.lock()) self->give_up();
     });
     if (!session->connection_)
-      return server.drops.count("browser", "too many connections from one address");
+      return server.drops.count("browser", "too many connections");
     session->begin();
   }
 

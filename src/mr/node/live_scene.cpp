@@ -49,16 +49,11 @@ std::vector<std::string> node_names(const Scene& scene) {
 
 LiveScene::LiveScene(Scene scene) : scene_(std::make_unique<const Scene>(std::move(scene))) {}
 
-/// First those who ask the others: web servers, then the gateway, which was started first.
+/// Whoever asks for figures meanwhile is told of no node: none of them is asked while it ends.
 LiveScene::~LiveScene() {
-  monitor_.reset();
   std::vector<std::unique_ptr<LiveNode>> nodes;
-  {
-    const std::lock_guard lock(mutex_);
-    nodes.swap(nodes_);
-  }
-  for (auto& node : nodes)
-    if (dynamic_cast<Gateway*>(node.get()) != nullptr) node.reset();
+  const std::lock_guard lock(mutex_);
+  nodes.swap(nodes_);
 }
 
 Result<std::unique_ptr<LiveScene>> LiveScene::start(Scene given, const LiveOptions& options) {
@@ -73,17 +68,7 @@ Result<std::unique_ptr<LiveScene>> LiveScene::start(Scene given, const LiveOptio
 
   std::unique_ptr<LiveScene> live(new LiveScene(std::move(scene)));
   if (const Status open = live->open_transport(options); !open) return open.error();
-  const LiveContext context{live->scene_.get(),
-                            live->transport_.get(),
-                            options.threads > 0 ? options.threads : live->scene_->threads,
-                            options.nodes.empty() ? 1 : 2,
-                            options.log,
-                            [l = live.get()] {
-                              auto all = l->stats();
-                              if (!all.empty()) all.front().drops.merge(l->transport_drops());
-                              return all;
-                            },
-                            options.state_folder};
+  const LiveContext context = live->context(options);
   if (!options.metrics.empty()) {
     auto monitor = serve_monitor(options.metrics, context.stats);
     if (!monitor) return monitor.error();
@@ -102,6 +87,22 @@ Result<std::unique_ptr<LiveScene>> LiveScene::start(Scene given, const LiveOptio
     live->add(std::make_unique<LiveSensor>(shared, sensors[i], std::move(sources[i])));
   live->started_ = std::chrono::steady_clock::now();
   return live;
+}
+
+LiveContext LiveScene::context(const LiveOptions& options) const {
+  LiveContext context;
+  context.scene = scene_.get();
+  context.transport = transport_.get();
+  context.threads = options.threads > 0 ? options.threads : scene_->threads;
+  context.frames_ahead = options.nodes.empty() ? 1 : 2;
+  context.log = options.log;
+  context.stats = [this] {
+    auto all = stats();
+    if (!all.empty()) all.front().drops.merge(transport_drops());
+    return all;
+  };
+  context.state_folder = options.state_folder;
+  return context;
 }
 
 Status LiveScene::open_transport(const LiveOptions& options) {

@@ -50,13 +50,14 @@ class LiveScene {
  private:
   explicit LiveScene(Scene scene);
   Status open_transport(const LiveOptions& options);
+  LiveContext context(const LiveOptions& options) const;
   Status start_node(const std::string& name, const LiveContext& context,
                     const LiveOptions& options);
   void add(std::unique_ptr<LiveNode> node);
 
   std::unique_ptr<const Scene> scene_;  // nodes point to it
   std::unique_ptr<net::Transport> transport_;
-  mutable std::mutex mutex_;  // of nodes_, while they are started
+  mutable std::mutex mutex_;  // of nodes_, while they start and end
   std::vector<std::unique_ptr<LiveNode>> nodes_;
   std::vector<std::string> urls_;
   std::chrono::steady_clock::time_point started_ = std::chrono::steady_clock::now();

@@ -1,6 +1,5 @@
 #pragma once
 
-#include <algorithm>
 #include <map>
 #include <mutex>
 #include <optional>
@@ -8,6 +7,7 @@
 
 #include "mr/codec/request.h"
 #include "mr/node/node_clock.h"
+#include "mr/node/token_bucket.h"
 
 namespace mr::node {
 
@@ -27,8 +27,7 @@ class RequestLimits {
       return !take(key_frames_[stream], kKeyFrameEvery, now);
     });
     if (request.whole_head) request.whole_head = take(head_, kHeadEvery, now);
-    refill(now);
-    if (!request.chunks.empty() && allowance_ <= 0) {
+    if (!request.chunks.empty() && bytes_.left(now) <= 0) {
       request.chunks.clear();
       ++refused_;
     }
@@ -36,7 +35,7 @@ class RequestLimits {
   }
   void answered(std::size_t bytes) {
     const std::lock_guard lock(mutex_);
-    allowance_ -= static_cast<double>(bytes);
+    bytes_.spend(static_cast<double>(bytes));
   }
   /// Wishes that came too soon after others.
   std::uint64_t refused() const {
@@ -63,18 +62,10 @@ class RequestLimits {
       ++refused_;
     return may;
   }
-  void refill(TimePoint now) {
-    if (refilled_ && now > *refilled_) {
-      const double seconds = std::chrono::duration<double>(now - *refilled_).count();
-      allowance_ = std::min(kBurstBytes, allowance_ + kBytesPerSecond * std::min(seconds, 10.0));
-    }
-    refilled_ = now;
-  }
-
   mutable std::mutex mutex_;
   std::map<std::uint32_t, std::optional<TimePoint>> key_frames_;  ///< by stream
-  std::optional<TimePoint> head_, refilled_;
-  double allowance_ = kBurstBytes;
+  std::optional<TimePoint> head_;
+  TokenBucket bytes_{kBytesPerSecond, kBurstBytes};
   std::uint64_t refused_ = 0;
 };
 

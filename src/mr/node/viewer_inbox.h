@@ -1,6 +1,5 @@
 #pragma once
 
-#include <algorithm>
 #include <cstddef>
 #include <map>
 #include <mutex>
@@ -10,6 +9,7 @@
 
 #include "mr/core/frame.h"
 #include "mr/net/web_server.h"
+#include "mr/node/token_bucket.h"
 
 namespace mr::node {
 
@@ -53,14 +53,11 @@ class ViewerInbox {
   bool received(net::ClientId viewer, std::span<const std::byte> bytes, bool is_text,
                 TimePoint now) {
     const std::lock_guard lock(mutex_);
-    Sender& sender = senders_.try_emplace(viewer, Sender{.at = now}).first->second;
-    const double seconds = std::chrono::duration<double>(now - sender.at).count();
-    sender.at = now;
-    sender.allowance =
-        std::min(kBurst, sender.allowance + kMostPerSecond * std::clamp(seconds, 0.0, 10.0)) - 1;
+    Sender& sender = senders_[viewer];
     ++sender.messages, sender.bytes += bytes.size();
-    sender.floods |=
-        sender.messages > kMostMessages || sender.bytes > kMostBytes || sender.allowance < 0;
+    sender.floods |= sender.messages > kMostMessages || sender.bytes > kMostBytes ||
+                     sender.allowance.left(now) < 1;
+    sender.allowance.spend(1);
     if (sender.floods) return false;
     const auto kind = is_text ? Event::Kind::text : Event::Kind::binary;
     events_.push_back({kind, viewer, {bytes.begin(), bytes.end()}});
@@ -76,8 +73,7 @@ class ViewerInbox {
  private:
   struct Sender {
     std::size_t messages = 0, bytes = 0;  ///< that wait
-    double allowance = kBurst;
-    TimePoint at{};
+    TokenBucket allowance{kMostPerSecond, kBurst};
     bool floods = false;
   };
   std::mutex mutex_;
