@@ -225,7 +225,7 @@ TEST_F(GatewayTest, WhoIsRefusedIsNotListenedToAnyMore) {
 TEST_F(GatewayTest, WhomTheWebServerRefusesIsInTheLog) {
   start();
   EXPECT_EQ(WebViewer(gateway_->port(), {.host = "evil.example"}).status(), 421);
-  EXPECT_TRUE(eventually([&] { return lines_.count("another host's name, 1 times") == 1; }));
+  EXPECT_TRUE(eventually([&] { return lines_.count("another host's name (1)") == 1; }));
 }
 
 TEST_F(GatewayTest, FiguresNeedATokenHealthDoesNot) {

@@ -299,7 +299,7 @@ void Gateway::tell_refusals(TimePoint now) {
   auto all = server_->drops();
   for (const auto& [cause, times] : all)
     if (const auto more = times - refusals_[cause]; more > 0)
-      context_.warn(kName, cause + ", " + std::to_string(more) + " times");
+      context_.warn(kName, cause + " (" + std::to_string(more) + ")");
   refusals_ = std::move(all);
 }
 
