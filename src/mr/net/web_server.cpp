@@ -186,8 +186,7 @@ class HttpSession : public std::enable_shared_from_this<HttpSession> {
     session->connection_ = server.connections.take(session->peer_, [weak = std::weak_ptr(session)] {
       if (const auto self = weak.lock()) self->give_up();
     });
-    if (!session->connection_)
-      return server.drops.count("browser", "too many connections");
+    if (!session->connection_) return server.drops.count("browser", "too many connections");
     session->begin();
   }
 
