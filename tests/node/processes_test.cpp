@@ -8,6 +8,7 @@
 #include <algorithm>
 #include <chrono>
 #include <cstdlib>
+#include <deque>
 #include <filesystem>
 #include <fstream>
 #include <map>
@@ -374,10 +375,17 @@ TEST_F(Processes, ASensorWhoseClockIsOffIsShownAndTold) {
   ASSERT_TRUE(told_s);
   EXPECT_NEAR(std::stod(*told_s), 1, 0.2) << "as good as half a round trip";
   EXPECT_NE(told_s->find("s behind"), std::string::npos);
-  int whole = 0;
-  for (int i = 0; i < 60; ++i, std::this_thread::sleep_for(milliseconds(30)))
-    if (const auto scene = client.scene()) whole += scene->sources.size() == 2;
-  EXPECT_GT(whole, 50);
+  // Of 60 looks in a row. Where other tests run beside this one, a sensor may stand still for half
+  // a second, with a right clock, too: then some later ones are looked at.
+  std::deque<bool> looks;
+  const auto whole = [&] { return std::count(looks.begin(), looks.end(), true); };
+  for (const auto until = Clock::now() + seconds(20); whole() <= 50 && Clock::now() < until;
+       std::this_thread::sleep_for(milliseconds(30))) {
+    const auto scene = client.scene();
+    looks.push_back(scene && scene->sources.size() == 2);
+    if (looks.size() > 60) looks.pop_front();
+  }
+  EXPECT_GT(whole(), 50);
 }
 
 TEST_F(Processes, ADeadSensorIsToldByItsMergerWithinTwoSeconds) {
