@@ -6,6 +6,7 @@
 
 #include "commands.h"
 #include "live.h"
+#include "mr/synth/demo_scene.h"
 #include "output.h"
 
 namespace mr::apps {
@@ -21,19 +22,6 @@ struct DemoOptions {
   LiveRun live;
 };
 
-/// The fixed preset that figures are quoted for; it is printed in every report. From its start
-/// both people, the table and the shelf are in the picture.
-constexpr const char* kDemoScene = R"(scene: demo
-voxel_m: 0.015
-rig: {people: 2, sensors: 4, depth_mode: nfov, color: [1280, 720], frames: 300, loop: true}
-mergers:
-  - {id: root, inputs: [cam-0, cam-1, cam-2, cam-3], deadline_ms: 300}
-fusion: {truncation_m: 0.045}
-simplify: {ratio: 0.1}
-atlas: {size: [2560, 1440]}
-gateway: {start: {eye: [-2.1, -2.6, 1.85], look_at: [0.2, 0.4, 0.85]}}
-)";
-
 /// What `--small` makes of it: quick on two cores.
 const std::vector<std::string> kSmall{"voxel_m=0.03",          "rig.depth_mode=nfov_binned",
                                       "rig.color=[640, 360]",  "fusion.truncation_m=0.09",
@@ -45,7 +33,7 @@ int demo(const DemoOptions& options) {
   std::vector<std::string> set;
   if (options.small) set = kSmall;
   set.insert(set.end(), options.set.begin(), options.set.end());
-  auto preset = usable_or_tell(parse_scene(kDemoScene, "demo", set));
+  auto preset = usable_or_tell(parse_scene(synth::kDemoScene, "demo", set));
   if (!preset) return 1;
   Scene& scene = *preset;
   scene.atlas.burn_sequence |= options.burn_sequence;

@@ -141,6 +141,7 @@ void Pipeline::take_answer(const std::vector<std::byte>& answer) {
 
 /// The client's side: decodes what the root sent.
 void Pipeline::show(const std::vector<std::byte>& bytes, Measured& measured) {
+  if (measured.listener->packet) measured.listener->packet(measured.frame, bytes);
   auto packet = client_heads_.read(bytes);
   if (!packet) return drops_.count("client", packet.error());
   for (const Error& error : client_.accept(*packet)) drops_.count("client", error);

@@ -5,6 +5,7 @@
 #include <map>
 #include <memory>
 #include <optional>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -41,7 +42,8 @@ struct RunListener {
   std::function<void(int frame, const DecodedScene& scene)> shown{};  ///< what a client has of it
   /// Bytes of one capture that went to the client; mesh: all of a packet but its pictures.
   std::function<void(int frame, std::uint64_t mesh_bytes, std::uint64_t texture_bytes)> sent{};
-  std::function<void(int frame, const CaptureCost& cost)> captured{};  ///< once all is done
+  std::function<void(int frame, std::span<const std::byte> bytes)> packet{};  ///< of the root
+  std::function<void(int frame, const CaptureCost& cost)> captured{};         ///< once all is done
   /// What the root is about to draw.
   std::function<void(int frame, const RootAtlas::Drawing& drawing)> drawing{};
   /// What people should look at though nothing was lost; one line.
