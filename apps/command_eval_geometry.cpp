@@ -20,8 +20,8 @@
 #include "mr/eval/read_mesh.h"
 #include "mr/eval/reference.h"
 #include "mr/node/capture.h"
-#include "mr/node/pipeline.h"
 #include "mr/node/sources.h"
+#include "mr/runtime/lockstep_scene.h"
 #include "mr/synth/rig_errors.h"
 #include "mr/synth/room.h"
 #include "mr/synth/truth.h"
@@ -77,7 +77,7 @@ Result<Mesh> baseline_surface(const Scene& scene, const GeometryOptions& options
 /// One frame's surface through all nodes.
 Result<Mesh> tested_surface(const Scene& scene, const GeometryOptions& options) {
   if (scene.pipeline != "meshreduce") return baseline_surface(scene, options);
-  auto pipeline = node::Pipeline::open(scene, synth::default_rig_cache());
+  auto pipeline = runtime::LockstepScene::open(scene, synth::default_rig_cache());
   if (!pipeline) return pipeline.error();
   (*pipeline)->skip(static_cast<std::uint64_t>(options.frame));
   const auto report = (*pipeline)->run(1, told_listener());

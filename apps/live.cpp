@@ -14,7 +14,7 @@
 
 #include "command_line.h"
 #include "mr/core/file.h"
-#include "mr/node/live_scene.h"
+#include "mr/runtime/live_scene.h"
 #include "mr/synth/room.h"
 #include "output.h"
 
@@ -115,10 +115,10 @@ void open_in_browser(const std::string& url) {
 /// "root 6.1 fps, cam-0 6.1 fps, …": frames since the last look.
 class FrameRates {
  public:
-  std::string line(const node::LiveScene& live) {
+  std::string line(const runtime::LiveScene& live) {
     const double seconds = live.seconds();
     std::string out = "  ";
-    for (const node::LiveStats& node : live.stats()) {
+    for (const node::NodeStats& node : live.stats()) {
       auto& last = last_[node.id];
       out +=
           fmt::format(" {} {:.1f}", node.id,
@@ -151,7 +151,7 @@ int run_live(Scene scene, const LiveRun& run) {
   if (!scene.gateway) scene.gateway.emplace();
   if (!run.listen.empty()) scene.gateway->listen = run.listen;
   Console console;
-  node::LiveOptions options;
+  runtime::LiveOptions options;
   options.nodes = run.nodes;
   options.page = run.page.empty() ? default_page() : run.page;
   options.cache_folder = synth::default_rig_cache();
@@ -164,7 +164,7 @@ int run_live(Scene scene, const LiveRun& run) {
     if (interrupt.within(std::chrono::milliseconds(0)))
       std::_Exit(kInterrupted);  // the cache keeps what is whole
   };
-  auto live = node::LiveScene::start(std::move(scene), options);
+  auto live = runtime::LiveScene::start(std::move(scene), options);
   if (!live) return fail(live.error().message);
 
   if (const std::vector<std::string>& urls = (*live)->urls(); !urls.empty()) {

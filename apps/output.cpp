@@ -89,8 +89,8 @@ Status write_model(const DecodedScene& scene, Vec3d up, const std::filesystem::p
 }
 
 Result<RunOutcome> run_meshreduce(const Scene& scene, int frames,
-                                  const node::RunListener& listener) {
-  auto pipeline = node::Pipeline::open(scene, synth::default_rig_cache());
+                                  const runtime::RunListener& listener) {
+  auto pipeline = runtime::LockstepScene::open(scene, synth::default_rig_cache());
   if (!pipeline) return pipeline.error();
   auto report = (*pipeline)->run(frames, listener);
   if (!report) return report.error();
@@ -98,7 +98,7 @@ Result<RunOutcome> run_meshreduce(const Scene& scene, int frames,
 }
 
 /// The scene's pipeline is one of the baselines.
-Result<RunOutcome> run_other(const Scene& scene, int frames, const node::RunListener& listener) {
+Result<RunOutcome> run_other(const Scene& scene, int frames, const runtime::RunListener& listener) {
   auto run = baseline::run_baseline(scene, frames, 0, listener, synth::default_rig_cache());
   if (!run) return run.error();
   return RunOutcome{std::move(run->report), std::move(run->last)};
@@ -169,8 +169,8 @@ Status check(const Outputs& outputs) {
   return {};
 }
 
-node::RunListener told_listener() {
-  node::RunListener listener;
+runtime::RunListener told_listener() {
+  runtime::RunListener listener;
   listener.dropped = [](const std::string& message) {
     fmt::print(stderr, "dropped: {}\n", message);
   };
@@ -185,7 +185,7 @@ Result<RunOutcome> run_scene(const Scene& scene, int frames, int threads) {
   Arena arena(threads > 0 ? threads : scene.threads);
   arena.run([&] {
     ProgressLine line;
-    node::RunListener listener = told_listener();
+    runtime::RunListener listener = told_listener();
     listener.progress = [&](int frame, int of, const std::string& node) {
       line.show(frame, of, node);
     };

@@ -9,7 +9,7 @@
 #include "mr/core/decoded_scene.h"
 #include "mr/core/result.h"
 #include "mr/core/scene.h"
-#include "mr/node/pipeline.h"
+#include "mr/runtime/lockstep_scene.h"
 
 /// What the commands share: loading a scene with all its problems told, running it with a progress
 /// line, and writing what came out.
@@ -41,12 +41,12 @@ struct Outputs {
 Status check(const Outputs& outputs);
 
 struct RunOutcome {
-  node::RunReport report;
+  runtime::RunReport report;
   DecodedScene last;
 };
 
 /// Tells on stderr what is "dropped: …", and each "warning: …".
-node::RunListener told_listener();
+runtime::RunListener told_listener();
 
 /// Runs a scene in lockstep with a progress line on a terminal and one line per dropped frame.
 Result<RunOutcome> run_scene(const Scene& scene, int frames, int threads);

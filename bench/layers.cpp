@@ -7,8 +7,8 @@
 
 #include "mr/core/parallel.h"
 #include "mr/core/trace.h"
-#include "mr/node/pipeline.h"
 #include "mr/node/sources.h"
+#include "mr/runtime/lockstep_scene.h"
 #include "mr/synth/room.h"
 #include "race.h"
 #include "report.h"
@@ -61,13 +61,13 @@ Message render(const std::filesystem::path& file) {
 /// What some captures took.
 class Costs {
  public:
-  void add(const node::CaptureCost& cost) { all_.push_back(cost); }
+  void add(const runtime::CaptureCost& cost) { all_.push_back(cost); }
   bool empty() const { return all_.empty(); }
 
   template <typename Value>
   std::vector<double> each(const Value& value) const {
     std::vector<double> out;
-    for (const node::CaptureCost& cost : all_) out.push_back(static_cast<double>(value(cost)));
+    for (const runtime::CaptureCost& cost : all_) out.push_back(static_cast<double>(value(cost)));
     return out;
   }
   template <typename Value>
@@ -81,17 +81,19 @@ class Costs {
   }
 
  private:
-  std::vector<node::CaptureCost> all_;
+  std::vector<runtime::CaptureCost> all_;
 };
 
-double cpu_ms(const node::CaptureCost& cost) { return cost.sensors_cpu_ms + cost.mergers_cpu_ms; }
-std::uint64_t all_bytes(const node::CaptureCost& cost) {
+double cpu_ms(const runtime::CaptureCost& cost) {
+  return cost.sensors_cpu_ms + cost.mergers_cpu_ms;
+}
+std::uint64_t all_bytes(const runtime::CaptureCost& cost) {
   return cost.mesh_bytes + cost.head_bytes + cost.texture_bytes;
 }
 
 /// Fields of a result. Work and bytes come in bursts: means, not medians.
 Message fields_of(const Costs& costs) {
-  using Cost = node::CaptureCost;
+  using Cost = runtime::CaptureCost;
   return {
       {"ms", rounded(costs.mean(cpu_ms), 3)},
       {"p95_ms", rounded(percentile(costs.each(cpu_ms), 0.95), 3)},
@@ -113,13 +115,13 @@ Message run_layers(const std::filesystem::path& file, bool layers, int first, in
   scene.still.layers = layers;
   Costs learning, steady;
   Arena(0).run([&] {
-    const auto pipeline = node::Pipeline::open(scene, synth::default_rig_cache());
+    const auto pipeline = runtime::LockstepScene::open(scene, synth::default_rig_cache());
     if (!pipeline) throw std::runtime_error(pipeline.error().message);
     (*pipeline)->skip(static_cast<std::uint64_t>(first));
-    node::RunListener listener;
+    runtime::RunListener listener;
     listener.dropped =
         listener.warned = [](const std::string& message) { fmt::print(stderr, "{}\n", message); };
-    listener.captured = [&](int i, const node::CaptureCost& cost) {
+    listener.captured = [&](int i, const runtime::CaptureCost& cost) {
       (i < before ? learning : steady).add(cost);
     };
     if (const auto report = (*pipeline)->run(before + measured, listener); !report)

@@ -11,7 +11,7 @@
 
 #include "fuse_contenders.h"
 #include "mr/core/parallel.h"
-#include "mr/node/pipeline.h"
+#include "mr/runtime/lockstep_scene.h"
 #include "mr/simplify/simplify.h"
 #include "scene_input.h"
 #include "surfaces.h"
@@ -92,7 +92,7 @@ Message merged() {
   Arena arena(0);
   Message out;
   arena.run([&] {
-    auto pipeline = node::Pipeline::open(std::move(scene));
+    auto pipeline = runtime::LockstepScene::open(std::move(scene));
     if (!pipeline) throw std::runtime_error(pipeline.error().message);
     const auto ran = (*pipeline)->run(1);  // the client refuses a packet with such a ratio
     const std::optional<Mesh> surface = (*pipeline)->surface();

@@ -17,13 +17,13 @@ TEST(RunBaseline, ReportsLikeThePipeline) {
     SCOPED_TRACE(pipeline);
     const Scene scene = test::small_scene(pipeline, 2);
     std::vector<int> shown;
-    node::RunListener listener;
+    runtime::RunListener listener;
     listener.shown = [&](int frame, const DecodedScene& s) {
       EXPECT_FALSE(s.chunks.empty());
       shown.push_back(frame);
     };
     const BaselineRun run = value(baseline::run_baseline(scene, 2, 0, listener, test::rig_cache()));
-    const node::RunReport& r = run.report;
+    const runtime::RunReport& r = run.report;
     EXPECT_EQ(shown, (std::vector<int>{0, 1}));
     EXPECT_EQ(r.scene, "small-room");
     EXPECT_EQ(r.frames, 2);
@@ -51,7 +51,7 @@ TEST(RunBaseline, EveryOtherCaptureCostsHalf) {
   std::set<std::int64_t> times;
   std::uint64_t bytes = 0;
   std::vector<int> shown;
-  node::RunListener listener;
+  runtime::RunListener listener;
   listener.shown = [&](int frame, const DecodedScene& s) {
     shown.push_back(frame);
     times.insert(s.captured_at.time_since_epoch().count());
@@ -84,7 +84,7 @@ TEST(RunBaseline, WhatNeverShowsAnythingIsAnError) {
   Scene scene = test::small_scene("holoportation", 1);
   scene.volume = Box3d{{100, 100, 100}, {101, 101, 101}};
   std::vector<std::string> dropped;
-  node::RunListener listener;
+  runtime::RunListener listener;
   listener.dropped = [&](const std::string& message) { dropped.push_back(message); };
   const auto run = baseline::run_baseline(scene, 2, 0, listener, test::rig_cache());
   ASSERT_FALSE(run);

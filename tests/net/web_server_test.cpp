@@ -27,19 +27,15 @@ class Web : public testing::Test {
     dir_.write("assets/app-1.wasm", std::string(300000, 'w'));
     config.listen = "127.0.0.1:0";
     config.root = dir_.path();
-    WebHandlers handlers;
-    handlers.opened = [this](ClientId id, const WebVisitor& visitor) {
+    ViewerEvents events;
+    events.opened = [this](ViewerId id, const Visitor& visitor) {
       set_present(id, true);
       const std::lock_guard lock(mutex_);
       visitors_[id] = visitor;
     };
-    handlers.closed = [this](ClientId id) { set_present(id, false); };
-    handlers.written = [this](ClientId) { ++written_; };
-    handlers.page = [](const std::string& path, const WebVisitor& visitor) {
-      return path == "/who" ? std::optional(WebPage{200, "text/plain", visitor.token})
-                            : std::nullopt;
-    };
-    handlers.received = [this](ClientId id, std::span<const std::byte> bytes, bool is_text) {
+    events.closed = [this](ViewerId id) { set_present(id, false); };
+    events.writable = [this](ViewerId) { ++written_; };
+    events.received = [this](ViewerId id, std::span<const std::byte> bytes, bool is_text) {
       if (++received_ > most_received_) return false;
       if (is_text)
         server_->send_text(id, test::text_of(bytes));
@@ -47,17 +43,21 @@ class Web : public testing::Test {
         server_->send(id, test::text_message(test::text_of(bytes)));
       return true;
     };
-    auto server = WebServer::start(config, handlers);
+    auto server = WebServer::listen(config, [](const std::string& path, const Visitor& visitor) {
+      return path == "/who" ? std::optional(WebPage{200, "text/plain", visitor.token})
+                            : std::nullopt;
+    });
     ASSERT_TRUE(server) << server.error().message;
     server_ = std::move(*server);
+    server_->run(events);
     port_ = server_->port();
   }
 
-  void set_present(ClientId id, bool present) {
+  void set_present(ViewerId id, bool present) {
     const std::lock_guard lock(mutex_);
     present ? static_cast<void>(present_.insert(id)) : static_cast<void>(present_.erase(id));
   }
-  std::set<ClientId> present() {
+  std::set<ViewerId> present() {
     const std::lock_guard lock(mutex_);
     return present_;
   }
@@ -79,8 +79,8 @@ class Web : public testing::Test {
 
   test::TempDir dir_;
   std::mutex mutex_;
-  std::set<ClientId> present_;
-  std::map<ClientId, WebVisitor> visitors_;
+  std::set<ViewerId> present_;
+  std::map<ViewerId, Visitor> visitors_;
   std::atomic<int> written_ = 0, received_ = 0, most_received_ = 1'000'000;
   int port_ = 0;
   std::unique_ptr<WebServer> server_;  // last: its handlers use the rest
@@ -154,7 +154,7 @@ TEST_F(Web, ClosesWithAReason) {
   start();
   Viewer viewer(port_);
   ASSERT_TRUE(eventually([&] { return present().size() == 1; }));
-  const ClientId id = *present().begin();
+  const ViewerId id = *present().begin();
   server_->send(id, test::message(200000));
   server_->close(id, "the scene ended");
   EXPECT_EQ(viewer.next_message().payload.size(), 200000u);
@@ -172,7 +172,7 @@ TEST_F(Web, WhoIsClosedIsGoneSoonWhateverWaitsForIt) {
   start();
   Viewer slow(port_, {.receive_buffer = 4096});
   ASSERT_TRUE(eventually([&] { return present().size() == 1; }));
-  const ClientId id = *present().begin();
+  const ViewerId id = *present().begin();
   for (int i = 0; i < 20; ++i) server_->send(id, test::message(1'000'000));
   server_->close(id, "too slow");
   const auto started = test::Clock::now();
@@ -213,10 +213,10 @@ TEST_F(Web, AViewerThatNeverReadsIsCutOff) {
   start({.stalled = 1s});
   Viewer good(port_);
   ASSERT_TRUE(eventually([&] { return present().size() == 1; }));
-  const ClientId good_id = *present().begin();
+  const ViewerId good_id = *present().begin();
   Viewer stuck(port_, {.receive_buffer = 65536});
   ASSERT_TRUE(eventually([&] { return present().size() == 2; }));
-  const ClientId stuck_id = *present().rbegin();
+  const ViewerId stuck_id = *present().rbegin();
   for (int i = 0; i < 60; ++i) server_->send(stuck_id, test::message(1000000));
   int rounds = 0;
   while (present().contains(stuck_id) && rounds < 2000) {
@@ -233,7 +233,7 @@ TEST_F(Web, TooMuchInOneQueueEndsIt) {
   start({.queue_bytes = 5000000});
   Viewer stuck(port_, {.receive_buffer = 65536});
   ASSERT_TRUE(eventually([&] { return present().size() == 1; }));
-  for (int i = 0; i < 60; ++i) server_->send(1, test::message(1000000));
+  for (int i = 0; i < 60; ++i) server_->send(*present().begin(), test::message(1000000));
   EXPECT_TRUE(eventually([&] { return present().empty(); }));
   EXPECT_EQ(test::dropped(*server_, "too much waits"), 1u);
 }
@@ -242,8 +242,8 @@ TEST_F(Web, TooManySmallOnesInAQueueEndItToo) {
   start();
   Viewer stuck(port_, {.receive_buffer = 4096});
   ASSERT_TRUE(eventually([&] { return present().size() == 1; }));
-  server_->send(1, test::message(20'000'000));
-  for (int i = 0; i < 300; ++i) server_->send_text(1, "pong");
+  server_->send(*present().begin(), test::message(20'000'000));
+  for (int i = 0; i < 300; ++i) server_->send_text(*present().begin(), "pong");
   EXPECT_TRUE(eventually([&] { return present().empty(); }));
   EXPECT_EQ(test::dropped(*server_, "too much waits"), 1u);
 }
@@ -262,7 +262,7 @@ TEST_F(Web, TooManyViewersAreTold) {
   start({.clients = 2});
   Viewer a(port_), b(port_);
   ASSERT_TRUE(eventually([&] { return present().size() == 2; }));
-  for (const ClientId id : present()) server_->keep(id);
+  for (const ViewerId id : present()) server_->keep(id);
   EXPECT_EQ(Viewer(port_).status(), 503);
   a.send(8, "");
   EXPECT_TRUE(a.socket().closed_by_peer());
@@ -318,7 +318,7 @@ TEST_F(Web, OneAddressDoesNotTakeAllPlaces) {
   std::vector<Viewer> crowd;
   for (int i = 0; i < 3; ++i) crowd.emplace_back(port_, Viewer::Options{.from = "127.0.0.2"});
   ASSERT_TRUE(eventually([&] { return present().size() == 3; }));
-  for (const ClientId id : present()) server_->keep(id);
+  for (const ViewerId id : present()) server_->keep(id);
   EXPECT_EQ(Viewer(port_, {.from = "127.0.0.2"}).status(), 503);
   EXPECT_EQ(Viewer(port_, {.from = "127.0.0.3"}).status(), 101);
 }
@@ -333,7 +333,7 @@ TEST_F(Web, ViewersThatShowNothingGiveTheirPlacesUp) {
   EXPECT_EQ(newcomer.status(), 101);
   EXPECT_TRUE(idle[0].socket().closed_by_peer()) << "who came first";
   EXPECT_TRUE(echoes(newcomer));
-  for (const ClientId id : present()) server_->keep(id);
+  for (const ViewerId id : present()) server_->keep(id);
   EXPECT_EQ(Viewer(port_).status(), 503) << "all are kept";
 }
 
@@ -457,7 +457,7 @@ TEST_F(Web, StopsPromptlyWithViewersAndQueues) {
   start();
   Viewer idle(port_), stuck(port_, {.receive_buffer = 65536});
   ASSERT_TRUE(eventually([&] { return present().size() == 2; }));
-  for (const ClientId id : present())
+  for (const ViewerId id : present())
     for (int i = 0; i < 20; ++i) server_->send(id, test::message(1000000));
   const auto started = test::Clock::now();
   server_.reset();
@@ -468,15 +468,15 @@ TEST_F(Web, StopsPromptlyWithViewersAndQueues) {
 TEST(WebServer, SaysWhatToDoAboutItsAddress) {
   const test::HeldPort held;
   const std::string address = "127.0.0.1:" + std::to_string(held.port());
-  const auto taken = WebServer::start({.listen = address}, {});
+  const auto taken = WebServer::listen({.listen = address});
   ASSERT_FALSE(taken);
   EXPECT_EQ(taken.error().cause, Error::Cause::io);
   EXPECT_NE(taken.error().message.find(address), std::string::npos);
   EXPECT_NE(taken.error().message.find("choose another"), std::string::npos);
-  EXPECT_EQ(WebServer::start({.listen = "nonsense"}, {}).error().cause, Error::Cause::invalid);
-  EXPECT_EQ(WebServer::start({.listen = "no.such.host.invalid:80"}, {}).error().cause,
+  EXPECT_EQ(WebServer::listen({.listen = "nonsense"}).error().cause, Error::Cause::invalid);
+  EXPECT_EQ(WebServer::listen({.listen = "no.such.host.invalid:80"}).error().cause,
             Error::Cause::io);
-  const auto v6 = WebServer::start({.listen = "[::1]:0"}, {});
+  const auto v6 = WebServer::listen({.listen = "[::1]:0"});
   EXPECT_TRUE(v6) << v6.error().message;
 }
 

@@ -9,7 +9,8 @@
 #include <string>
 #include <vector>
 
-/// Keeps the order of DESIGN section 3: core < kit < stages < node < baseline < eval < apps.
+/// Keeps the order of DESIGN section 3: core < kit < stages < node < gateway < runtime < baseline <
+/// eval < apps.
 namespace {
 
 /// A file's text by its path from the repository's root.
@@ -21,7 +22,8 @@ const std::set<std::string> kStages = {"sensor", "synth", "still", "calib", "fus
 /// Layer of a module, from the ground up; -1 when the design does not know it.
 int layer(const std::string& module) {
   if (kStages.contains(module)) return 2;
-  const std::vector<std::string> order = {"core", "kit", "", "node", "baseline", "eval", "apps"};
+  const std::vector<std::string> order = {"core",    "kit",      "",     "node", "gateway",
+                                          "runtime", "baseline", "eval", "apps"};
   const auto at = std::find(order.begin(), order.end(), module);
   return module.empty() || at == order.end() ? -1 : static_cast<int>(at - order.begin());
 }

@@ -15,8 +15,8 @@
 #include "mr/core/parallel.h"
 #include "mr/kit/raycast.h"
 #include "mr/kit/topology.h"
-#include "mr/node/pipeline.h"
 #include "mr/node/root_atlas.h"
+#include "mr/runtime/lockstep_scene.h"
 #include "mr/synth/truth.h"
 #include "support/rig_scene.h"
 
@@ -33,7 +33,7 @@ class Captures {
  public:
   explicit Captures(const Scene& scene, int threads = 2) : arena_(threads) {
     arena_.run([&] {
-      auto pipeline = node::Pipeline::open(scene);
+      auto pipeline = runtime::LockstepScene::open(scene);
       EXPECT_TRUE(pipeline) << pipeline.error().message;
       if (pipeline) pipeline_ = *std::move(pipeline);
     });
@@ -51,7 +51,7 @@ class Captures {
   }
   void next() {
     mesh_bytes = texture_bytes = 0;
-    node::RunListener listener;
+    runtime::RunListener listener;
     listener.dropped = [&](const std::string& line) { told.push_back("dropped: " + line); };
     listener.warned = [&](const std::string& line) { told.push_back(line); };
     listener.sent = [&](int, std::uint64_t mesh, std::uint64_t texture) {
@@ -88,7 +88,7 @@ class Captures {
 
  private:
   Arena arena_;
-  std::unique_ptr<node::Pipeline> pipeline_;
+  std::unique_ptr<runtime::LockstepScene> pipeline_;
   int number_ = -1;
 };
 

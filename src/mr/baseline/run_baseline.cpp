@@ -25,7 +25,7 @@ struct Shown {
 
 class Runner {
  public:
-  Runner(const Scene& scene, Baseline& baseline, const node::RunListener& listener,
+  Runner(const Scene& scene, Baseline& baseline, const runtime::RunListener& listener,
          const std::filesystem::path& cache_folder)
       : scene_(scene), baseline_(baseline), listener_(listener) {
     std::vector<std::uint32_t> all(scene.sensors.size());
@@ -48,7 +48,7 @@ class Runner {
 
   const Scene& scene_;
   Baseline& baseline_;
-  const node::RunListener& listener_;
+  const runtime::RunListener& listener_;
   std::vector<std::unique_ptr<FrameSource>> sources_;
   std::vector<sensor::Registration> registrations_;
   DropCounter drops_;
@@ -154,13 +154,13 @@ Result<BaselineRun> Runner::run(int frames, int first_frame) {
 }
 
 BaselineRun Runner::report(int captures, double seconds) {
-  node::RunReport r;
+  runtime::RunReport r;
   r.scene = scene_.id;
-  r.preset = node::preset_of(scene_);
+  r.preset = runtime::preset_of(scene_);
   r.frames = frames_, r.last_frame = last_frame_;
   r.fps = frames_ / seconds;
   r.sensors = static_cast<int>(scene_.sensors.size());
-  r.peak_rss_mb = node::peak_rss_mb();
+  r.peak_rss_mb = runtime::peak_rss_mb();
   for (const auto& chunk : shown_->scene.chunks) {
     r.triangles += chunk->mesh.triangles.size();
     r.vertices += chunk->mesh.positions.size();
@@ -180,7 +180,7 @@ BaselineRun Runner::report(int captures, double seconds) {
 }  // namespace
 
 Result<BaselineRun> run_baseline(const Scene& given, int frames, int first_frame,
-                                 const node::RunListener& listener,
+                                 const runtime::RunListener& listener,
                                  const std::filesystem::path& cache_folder) {
   const auto scene = node::prepare_scene(given);
   if (!scene) return scene.error();

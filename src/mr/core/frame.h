@@ -2,6 +2,7 @@
 
 #include <chrono>
 #include <cstdint>
+#include <optional>
 
 #include "mr/core/image.h"
 #include "mr/core/pose.h"
@@ -10,6 +11,11 @@ namespace mr {
 
 using Duration = std::chrono::nanoseconds;
 using TimePoint = std::chrono::sys_time<Duration>;  ///< ns since the Unix epoch
+
+/// Whether what was last done then is due again; clocks may be set back.
+inline bool is_due(const std::optional<TimePoint>& last, Duration every, TimePoint now) {
+  return !last || now - *last >= every || now < *last;
+}
 
 /// One sensor's capture.
 struct Frame {

@@ -78,15 +78,16 @@ class DropCounter {
  public:
   using Listener = std::function<void(const std::string& place, const Error& error)>;
 
-  /// Called for every drop, under no lock. Set before the first one.
+  /// Called for every drop that is news, under no lock. Set before the first one.
   void set_listener(Listener listener) { listener_ = std::move(listener); }
 
-  void count(const std::string& place, const Error& error) {
+  /// `is_news`: the listener is told; else it is counted alone, as the same was told before.
+  void count(const std::string& place, const Error& error, bool is_news = true) {
     {
       const std::lock_guard lock(mutex_);
       ++by_cause_[place + ": " + cause_name(error.cause)];
     }
-    if (listener_) listener_(place, error);
+    if (is_news && listener_) listener_(place, error);
   }
   std::map<std::string, std::uint64_t> by_cause() const {
     const std::lock_guard lock(mutex_);

@@ -1,43 +1,71 @@
 #include <algorithm>
 #include <cmath>
+#include <cstring>
 #include <map>
+#include <optional>
+#include <span>
 #include <utility>
 
-#include "mr/atlas/compose.h"
-#include "mr/atlas/labels.h"
-#include "mr/atlas/layout.h"
-#include "mr/baseline/monolithic.h"
 #include "mr/codec/packet_codec.h"
 #include "mr/codec/receiver.h"
 #include "mr/eval/system_parts.h"
 #include "mr/kit/video.h"
-#include "mr/node/pipeline.h"
-#include "mr/node/sensor_node.h"
-#include "mr/node/texture_stream.h"
+#include "mr/runtime/lockstep_scene.h"
 
 namespace mr::eval {
 namespace {
 
-/// MeshReduce itself. Geometry is the whole pipeline's; the atlas is composed and coded as the root
-/// does it, from pictures that went through the sensors' video.
+using Bytes = baseline::Bytes;
+
+Bytes bytes_of(const std::vector<double>& values) {
+  const auto bytes = std::as_bytes(std::span(values));
+  return {bytes.begin(), bytes.end()};
+}
+
+std::vector<double> values_from(const Bytes& bytes) {
+  std::vector<double> out(bytes.size() / sizeof(double));
+  if (!out.empty()) std::memcpy(out.data(), bytes.data(), out.size() * sizeof(double));
+  return out;
+}
+
+/// MeshReduce itself: the whole pipeline is run in each geometry setting, and what the root's
+/// pictures are drawn from is noted on the way in one of them, so that every texture setting is
+/// drawn and coded from it.
+///
+/// A pipeline that remembers is run once through all moments, from the warm-up on; another one
+/// separately for each moment, and every capture of it is coded for itself.
+///
+/// A coded geometry is the whole mesh of the last capture, and what each capture cost: of the
+/// second before where the pipeline remembers, else the last one. A coded texture is the burst's
+/// packets without geometry.
 class MeshReduceSystem final : public System {
  public:
   MeshReduceSystem(std::filesystem::path folder, const Scene& scene, const SystemConfig& config)
-      : System(std::move(folder)),
-        scene_(scene),
-        config_(config),
-        bursts_(scene_, config.moments, config.rig_cache) {
-    scene_.reuse_chunks = false;  // every capture is coded for itself
+      : System(std::move(folder)), scene_(scene), config_(config), remembers_(remembers(scene)) {
+    if (!remembers_) scene_.reuse_chunks = false;
   }
   std::string name() const override { return "MeshReduce"; }
 
  private:
-  using Pictures = std::map<std::uint32_t, std::shared_ptr<const ImageRgb>>;
-  struct Inputs {
-    std::map<ViewId, View> views;                   ///< of the sensors
-    std::vector<Pictures> pictures;                 ///< [burst]
-    std::vector<std::map<ViewId, ImageMask>> used;  ///< [burst]
+  /// What the root draws one capture from.
+  struct DrawnFrom {
+    node::Gathered gathered;
+    std::vector<View> views;
+    std::vector<SourceInfo> sources;
+    Mesh moving;
+    std::optional<Mesh> still;
+    float error_m = 0;
   };
+  struct Inputs {
+    std::vector<DrawnFrom> burst;
+    node::RootAtlas::Memory memory;  ///< at the burst's first capture
+    bool all_settings = false;       ///< `moving` holds what moves in every setting
+  };
+  using Coded = std::vector<Bytes>;
+
+  GeometrySetting first_setting() const {
+    return config_.mask_for.empty() ? geometry_setting(scene_) : config_.mask_for.front();
+  }
 
   Scene geometry_only(const GeometrySetting& setting) const {
     Scene scene = with(scene_, setting);
@@ -45,163 +73,202 @@ class MeshReduceSystem final : public System {
     return scene;
   }
 
-  Result<std::vector<Bytes>> encode(const GeometrySetting& setting, std::size_t moment) override {
-    auto pipeline = node::Pipeline::open(geometry_only(setting), config_.rig_cache);
+  // -------------------------------------------------- running
+
+  Result<std::unique_ptr<runtime::LockstepScene>> open(const GeometrySetting& setting) const {
+    return runtime::LockstepScene::open(geometry_only(setting), config_.rig_cache);
+  }
+
+  void note(Inputs& in, const node::RootAtlas::Drawing& drawing) const {
+    if (in.burst.empty()) in.memory = drawing.atlas.memory();
+    in.burst.push_back(
+        {drawing.tick.gathered, drawing.tick.views, drawing.tick.sources, drawing.moving,
+         drawing.still ? std::optional(*drawing.still) : std::nullopt, drawing.error_m});
+  }
+
+  /// Runs the pipeline until what a setting gives at a moment is there.
+  Status run(const GeometrySetting& setting, std::size_t moment) {
+    return remembers_ ? run_through(setting) : run_at(setting, moment);
+  }
+
+  /// From the warm-up through all moments.
+  Status run_through(const GeometrySetting& setting) {
+    auto pipeline = open(setting);
     if (!pipeline) return pipeline.error();
-    (*pipeline)->skip(static_cast<std::uint64_t>(config_.moments.shown(moment)));
-    if (const auto report = (*pipeline)->run(1); !report) return report.error();
-    auto packet = codec::decode_packet((*pipeline)->last_packet());
-    if (!packet) return packet.error();
-    packet->textures.clear();
-    return std::vector<Bytes>{codec::encode_packet(*packet)};
-  }
-
-  Result<baseline::Geometry> decode(const GeometrySetting& setting,
-                                    const std::vector<Bytes>& coded) override {
-    return decode_geometry(coded.back(), with(scene_, setting).lattice);
-  }
-
-  /// The sensors' views, posed as in the capture that is shown.
-  std::map<ViewId, View> views_of(std::span<const Capture> burst) const {
-    std::map<ViewId, View> views;
-    for (View& view : baseline::color_views(scene_, burst.back())) views[view.id] = view;
-    return views;
-  }
-
-  /// What the root is given of a moment, and what of it the surfaces show.
-  Result<const Inputs*> inputs(std::size_t moment) {
-    if (const auto known = inputs_.find(moment); known != inputs_.end()) return &known->second;
-    const auto burst = bursts_.at(moment);
-    if (!burst) return burst.error();
-    Inputs in;
-    in.pictures.resize(burst->size());
-    in.used.resize(burst->size());
-    in.views = views_of(*burst);
-    if (in.views.empty())
-      return Error{Error::Cause::empty, "scene '" + scene_.id + "' has no colour"};
-    for (const auto& [id, view] : in.views)
-      if (const Status sent = send_pictures(*burst, view.stream, in); !sent) return sent.error();
-    if (scene_.atlas.mask)
-      if (const Status marked = mark_used(moment, in); !marked) return marked.error();
-    return &inputs_.emplace(moment, std::move(in)).first->second;
-  }
-
-  /// A sensor's pictures, through its video.
-  Status send_pictures(std::span<const Capture> burst, std::uint32_t sensor, Inputs& in) const {
-    node::TextureStream stream(scene_, sensor);
-    auto decoder = kit::VideoDecoder::create();
-    if (!decoder) return decoder.error();
-    for (std::size_t i = 0; i < burst.size(); ++i)
-      for (const Frame& frame : burst[i]) {
-        if (frame.sensor != sensor) continue;
-        const auto unit = stream.encode(frame.color, scene_.coding.sensor_texture_qp, 0);
-        if (!unit) return unit.error();
-        auto picture = decoder->decode(unit->data);
-        if (!picture) return picture.error();
-        in.pictures[i][sensor] = std::make_shared<const ImageRgb>(*std::move(picture));
-      }
-    return {};
-  }
-
-  using Used = std::map<ViewId, ImageMask>;
-  using Chunks = std::vector<std::shared_ptr<const Chunk>>;
-
-  /// Which pixels a surface shows, as the root finds them.
-  void add_used(const Chunks& chunks, const std::map<ViewId, View>& views, Used& used) const {
-    Mesh mesh;
-    float error_m = 0;
-    for (const auto& chunk : chunks) {
-      append(mesh, chunk->mesh);
-      error_m = std::max(error_m, chunk->error_m);
-    }
-    for (const auto& [id, view] : views) {
-      const double margin = atlas::margin_px(view, node::texturing_error_m(scene_, error_m), 1.0);
-      const ImageMask shown = atlas::used_pixels(mesh, view, static_cast<int>(std::ceil(margin)));
-      ImageMask& all = used.try_emplace(id, shown).first->second;
-      for (std::size_t i = 0; i < shown.data.size(); ++i) all.data[i] |= shown.data[i];
-    }
-  }
-
-  /// What is used flickers with the noise from capture to capture, which costs bits: it is marked
-  /// as the first setting shows each, and as all others show the last.
-  Status mark_used(std::size_t moment, Inputs& in) {
-    if (config_.mask_for.empty()) return {};
-    auto pipeline =
-        node::Pipeline::open(geometry_only(config_.mask_for.front()), config_.rig_cache);
-    if (!pipeline) return pipeline.error();
-    (*pipeline)->skip(static_cast<std::uint64_t>(config_.moments.first[moment]));
-    node::RunListener listener;
-    listener.shown = [&](int capture, const DecodedScene& shown) {
-      add_used(shown.chunks, in.views, in.used.at(static_cast<std::size_t>(capture)));
+    const Moments& moments = config_.moments;
+    const int second = std::max(moments.burst, static_cast<int>(std::lround(scene_.fps)));
+    int at = moments.fed_from(), begun = at;  // the next capture; the run's first
+    std::vector<double> bytes;                // of each since the last moment
+    runtime::RunListener listener;
+    listener.captured = [&](int, const runtime::CaptureCost& cost) {
+      bytes.push_back(static_cast<double>(cost.mesh_bytes + cost.head_bytes));
     };
-    const auto report = (*pipeline)->run(config_.moments.burst, listener);
-    if (!report) return report.error();
-    for (std::size_t i = 1; i < config_.mask_for.size(); ++i) {
-      const auto surface = geometry(config_.mask_for[i], moment);
-      if (!surface) return surface.error();
-      for (Used& used : in.used) add_used(surface->decoded.chunks, in.views, used);
+    if (setting == first_setting()) {
+      inputs_.clear();
+      listener.drawing = [&](int i, const node::RootAtlas::Drawing& drawing) {
+        for (std::size_t m = 0; m < moments.first.size(); ++m) {
+          const int place = begun + i - moments.shown(m) - moments.later();
+          if (place <= 0 && place > -moments.burst) note(inputs_[m], drawing);
+        }
+      };
+    }
+    (*pipeline)->skip(static_cast<std::uint64_t>(at));
+    for (std::size_t m = 0; m < moments.first.size(); ++m) {
+      const int end = moments.shown(m) + moments.later() + 1;
+      if (const int most = moments.warm_up + moments.burst; m > 0 && end - at > most) {
+        (*pipeline)->skip(static_cast<std::uint64_t>(end - at - most));
+        at = end - most;
+      }
+      bytes.clear(), begun = at;
+      if (const auto ran = (*pipeline)->run(end - at, listener); !ran) return ran.error();
+      at = end;
+      if (static_cast<int>(bytes.size()) > second) bytes.erase(bytes.begin(), bytes.end() - second);
+      coded_[{setting, m}] = {(*pipeline)->last_mesh(), bytes_of(bytes)};
     }
     return {};
   }
 
-  Result<atlas::Layout> layout(const TextureSetting& setting,
-                               const std::map<ViewId, View>& views) const {
-    std::vector<View> list;
-    for (const auto& [id, view] : views) list.push_back(view);
-    return atlas::make_layout(list, scene_.atlas, setting.scale, 0);
+  /// A moment's last capture; in the setting that is noted, its whole burst.
+  Status run_at(const GeometrySetting& setting, std::size_t moment) {
+    auto pipeline = open(setting);
+    if (!pipeline) return pipeline.error();
+    const bool is_noted = setting == first_setting();
+    const int captures = is_noted ? config_.moments.burst : 1;
+    double bytes = 0;  // of the last
+    runtime::RunListener listener;
+    listener.captured = [&](int, const runtime::CaptureCost& cost) {
+      bytes = static_cast<double>(cost.mesh_bytes + cost.head_bytes);
+    };
+    if (is_noted) {
+      inputs_.erase(moment);
+      listener.drawing = [&](int, const node::RootAtlas::Drawing& drawing) {
+        note(inputs_[moment], drawing);
+      };
+    }
+    (*pipeline)->skip(static_cast<std::uint64_t>(config_.moments.shown(moment) + 1 - captures));
+    if (const auto ran = (*pipeline)->run(captures, listener); !ran) return ran.error();
+    coded_[{setting, moment}] = {(*pipeline)->last_mesh(), bytes_of({bytes})};
+    return {};
   }
 
-  Result<std::vector<Bytes>> encode(const TextureSetting& setting, std::size_t moment) override {
+  // -------------------------------------------------- geometry
+
+  Result<Coded> encode(const GeometrySetting& setting, std::size_t moment) override {
+    if (!coded_.contains({setting, moment}))
+      if (const Status ran = run(setting, moment); !ran) return ran.error();
+    return coded_.at({setting, moment});
+  }
+
+  Result<baseline::Geometry> decode(const GeometrySetting& setting, const Coded& coded) override {
+    const auto packet = codec::decode_packet(coded.front());
+    if (!packet) return packet.error();
+    codec::Receiver receiver(with(scene_, setting).lattice);
+    if (const auto wrong = receiver.accept(*packet); !wrong.empty()) return wrong.front();
+    auto chunks = receiver.mesh();
+    if (!chunks) return Error{Error::Cause::empty, "a coded mesh is not whole"};
+    return baseline::Geometry{*std::move(chunks), packet->views, packet->sources};
+  }
+
+  /// A refresh is all chunks; heads come anyway.
+  Cost geometry_cost(const Coded& coded) const override {
+    Cost out{values_from(coded.at(1)), remembers_, 0};
+    if (!remembers_) return out;
+    if (const auto packet = codec::decode_packet(coded.at(0)))
+      for (const EncodedChunk& chunk : packet->chunks)
+        out.refresh_bytes += static_cast<double>(chunk.payload.size());
+    return out;
+  }
+
+  // -------------------------------------------------- texture
+
+  /// The textures hold what is used by what moves in any setting, as they are coded apart from it.
+  Result<const Inputs*> inputs(std::size_t moment) {
+    if (!inputs_.contains(moment))
+      if (const Status ran = run(first_setting(), moment); !ran) return ran.error();
+    const auto found = inputs_.find(moment);
+    if (found == inputs_.end() || found->second.burst.empty())
+      return Error{Error::Cause::empty, "scene '" + scene_.id + "' has no colour"};
+    Inputs& in = found->second;
+    if (std::exchange(in.all_settings, true)) return &in;
+    for (const GeometrySetting& setting : config_.mask_for) {
+      if (setting == first_setting()) continue;
+      const auto surface = geometry(setting, moment);
+      if (!surface) return surface.error();
+      for (const auto& chunk : surface->decoded.chunks)
+        if (chunk->key.id.layer == Layer::moving)
+          for (DrawnFrom& from : in.burst) append(from.moving, chunk->mesh);
+    }
+    return &in;
+  }
+
+  Result<Coded> encode(const TextureSetting& setting, std::size_t moment) override {
     const auto in = inputs(moment);
     if (!in) return in.error();
-    const auto tiles = layout(setting, (*in)->views);
-    if (!tiles) return tiles.error();
-    node::TextureStream stream(scene_, 0);
-    std::vector<Bytes> out;
-    for (std::size_t i = 0; i < (*in)->pictures.size(); ++i) {
-      const ImageRgb atlas = atlas::compose_atlas(*tiles, (*in)->views, (*in)->pictures[i],
-                                                  (*in)->used[i], scene_.atlas.mask);
-      auto unit = stream.encode(atlas, setting.qp, 0);
-      if (!unit) return unit.error();
-      out.push_back(std::move(unit->data));
+    const Scene scene = with(scene_, setting);
+    node::RootAtlas atlas(scene);
+    atlas.recall((*in)->memory);
+    Coded out;
+    for (const DrawnFrom& from : (*in)->burst) {
+      const node::RootAtlas::Tick tick{from.gathered, from.views, from.sources};
+      if (remembers_ && !out.empty()) atlas.update_plates(tick, from.moving);
+      Packet packet;
+      packet.scene = scene.id, packet.node = scene.mergers.back().id;
+      packet.sequence = out.size(), packet.captured_at = from.gathered.tick;
+      packet.plan.texture_scale = static_cast<float>(setting.scale);
+      packet.plan.texture_qp = setting.qp;
+      const Status drawn = atlas.compose(tick, from.moving, from.still ? &*from.still : nullptr,
+                                         from.error_m, packet);
+      if (!drawn) return drawn.error();
+      out.push_back(codec::encode_packet(packet));
     }
     return out;
   }
 
-  Result<baseline::Texture> decode(const TextureSetting& setting, std::size_t moment,
-                                   const std::vector<Bytes>& coded) override {
-    const auto burst = bursts_.at(moment);
-    if (!burst) return burst.error();
-    const auto tiles = layout(setting, views_of(*burst));
-    if (!tiles) return tiles.error();
-    auto decoder = kit::VideoDecoder::create();
-    if (!decoder) return decoder.error();
-    baseline::Texture out{tiles->views, {}};
-    for (const Bytes& unit : coded) {
-      auto picture = decoder->decode(unit);
-      if (!picture) return picture.error();
-      out.pictures[0] = std::make_shared<const ImageRgb>(*std::move(picture));
+  Result<baseline::Texture> decode(const TextureSetting&, std::size_t,
+                                   const Coded& coded) override {
+    std::map<std::uint32_t, kit::VideoDecoder> decoders;
+    baseline::Texture out;
+    for (const Bytes& bytes : coded) {
+      const auto packet = codec::decode_packet(bytes);
+      if (!packet) return packet.error();
+      out.views = packet->views;
+      for (const TextureUnit& unit : packet->textures) {
+        if (!decoders.contains(unit.stream)) {
+          auto decoder = kit::VideoDecoder::create();
+          if (!decoder) return decoder.error();
+          decoders.emplace(unit.stream, *std::move(decoder));
+        }
+        auto picture = decoders.at(unit.stream).decode(unit.data);
+        if (!picture) return picture.error();
+        out.pictures[unit.stream] = std::make_shared<const ImageRgb>(*std::move(picture));
+      }
+    }
+    return out;
+  }
+
+  /// The plates' key frames are part of a refresh.
+  Cost texture_cost(const Coded& coded) const override {
+    Cost out;
+    for (const Bytes& bytes : coded) {
+      const auto packet = codec::decode_packet(bytes);
+      double& sum = out.bytes.emplace_back(0);
+      if (!packet) continue;
+      for (const TextureUnit& unit : packet->textures) {
+        const bool refresh = out.bytes.size() == 1 && unit.stream == node::RootAtlas::kPlateStream;
+        (refresh ? out.refresh_bytes : sum) += static_cast<double>(unit.data.size());
+      }
     }
     return out;
   }
 
   Scene scene_;
   SystemConfig config_;
-  Bursts bursts_;
-  std::map<std::size_t, Inputs> inputs_;
+  bool remembers_;
+  std::map<std::size_t, Inputs> inputs_;  ///< by moment
+  std::map<std::pair<GeometrySetting, std::size_t>, Coded> coded_;
 };
 
 }  // namespace
-
-Result<baseline::Geometry> decode_geometry(const baseline::Bytes& bytes, const Lattice& lattice) {
-  auto packet = codec::decode_packet(bytes);
-  if (!packet) return packet.error();
-  codec::Receiver receiver(lattice);
-  if (const auto wrong = receiver.accept(*packet); !wrong.empty()) return wrong.front();
-  auto chunks = receiver.mesh();
-  if (!chunks) return Error{Error::Cause::empty, "a coded mesh is not whole"};
-  return baseline::Geometry{*std::move(chunks), packet->views, packet->sources};
-}
 
 std::unique_ptr<System> make_meshreduce_system(std::filesystem::path folder, const Scene& scene,
                                                const SystemConfig& config) {

@@ -12,8 +12,8 @@
 #include "mr/eval/seen.h"
 #include "mr/eval/store.h"
 #include "mr/node/capture.h"
-#include "mr/node/pipeline.h"
 #include "mr/node/sources.h"
+#include "mr/runtime/lockstep_scene.h"
 #include "mr/synth/room.h"
 
 namespace mr::eval {
@@ -33,14 +33,14 @@ struct Burst {
 
 Result<Burst> play_burst(const Scene& scene, int first, int frames, const QualityConfig& config) {
   Burst burst;
-  node::RunListener listener;
+  runtime::RunListener listener;
   listener.dropped = listener.warned = config.notice;
   listener.sent = [&](int, std::uint64_t mesh, std::uint64_t texture) {
     burst.mesh_bytes.push_back(static_cast<double>(mesh));
     burst.texture_bytes.push_back(static_cast<double>(texture));
   };
   if (scene.pipeline == "meshreduce") {
-    auto pipeline = node::Pipeline::open(scene, config.rig_cache);
+    auto pipeline = runtime::LockstepScene::open(scene, config.rig_cache);
     if (!pipeline) return pipeline.error();
     (*pipeline)->skip(static_cast<std::uint64_t>(first));
     if (const auto report = (*pipeline)->run(frames, listener); !report) return report.error();
@@ -60,11 +60,11 @@ class SteadyRun {
   SteadyRun(const Scene& scene, const Moments& moments, const QualityConfig& config)
       : scene_(scene), moments_(moments), config_(config), at_(moments.fed_from()) {
     listener_.dropped = listener_.warned = config.notice;
-    listener_.captured = [this](int, const node::CaptureCost& cost) { costs_.push_back(cost); };
+    listener_.captured = [this](int, const runtime::CaptureCost& cost) { costs_.push_back(cost); };
   }
 
   Result<Played> run() {
-    auto pipeline = node::Pipeline::open(scene_, config_.rig_cache);
+    auto pipeline = runtime::LockstepScene::open(scene_, config_.rig_cache);
     if (!pipeline) return pipeline.error();
     (*pipeline)->skip(static_cast<std::uint64_t>(at_));
     Played out;
@@ -80,7 +80,7 @@ class SteadyRun {
   }
 
  private:
-  Status play_moment(node::Pipeline& pipeline, std::size_t moment) {
+  Status play_moment(runtime::LockstepScene& pipeline, std::size_t moment) {
     const int end = moments_.shown(moment) + moments_.later() + 1;
     const int second = std::max(moments_.burst, static_cast<int>(std::lround(scene_.fps)));
     int between = std::max(0, end - at_ - second);
@@ -97,7 +97,7 @@ class SteadyRun {
     if (!report) return report.error();
     at_ = end;
     std::vector<double> mesh, texture;
-    for (const node::CaptureCost& cost : costs_) {
+    for (const runtime::CaptureCost& cost : costs_) {
       mesh.push_back(static_cast<double>(cost.mesh_bytes + cost.head_bytes));
       texture.push_back(static_cast<double>(cost.texture_bytes));
     }
@@ -115,8 +115,8 @@ class SteadyRun {
   const Moments& moments_;
   const QualityConfig& config_;
   int at_;  ///< the next capture
-  node::RunListener listener_;
-  std::vector<node::CaptureCost> costs_;  ///< of the newest captures
+  runtime::RunListener listener_;
+  std::vector<runtime::CaptureCost> costs_;  ///< of the newest captures
   Rate mesh_, texture_;
   double refresh_bytes_ = 0;
 };

@@ -16,8 +16,8 @@
 #include "mr/eval/draw.h"
 #include "mr/eval/reference.h"
 #include "mr/kit/raycast.h"
-#include "mr/node/pipeline.h"
 #include "mr/node/sources.h"
+#include "mr/runtime/lockstep_scene.h"
 #include "mr/sensor/registration.h"
 #include "mr/synth/truth.h"
 
@@ -42,15 +42,15 @@ struct ShownRun {
 /// Runs a scene up to its `end`-th capture and keeps the last ones.
 Result<ShownRun> run_and_keep(const Scene& scene, int end, int kept,
                               const StillErrorConfig& config) {
-  auto pipeline = node::Pipeline::open(scene, config.rig_cache);
+  auto pipeline = runtime::LockstepScene::open(scene, config.rig_cache);
   if (!pipeline) return pipeline.error();
   ShownRun out;
   int offset = 0;  // of the listener's numbers
   std::optional<DecodedScene> shown;
-  node::RunListener listener;
+  runtime::RunListener listener;
   listener.dropped = listener.warned = config.notice;
   listener.shown = [&](int, const DecodedScene& decoded) { shown = decoded; };
-  listener.captured = [&](int i, const node::CaptureCost& cost) {
+  listener.captured = [&](int i, const runtime::CaptureCost& cost) {
     const int capture = offset + i;
     if (config.progress) config.progress("stream", capture, end);
     if (!cost.shown) return;

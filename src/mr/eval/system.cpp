@@ -222,7 +222,6 @@ Result<std::unique_ptr<System>> make_system(const Scene& scene, const SystemConf
   print.add(scene.still.layers ? 1.0 : 0.0).add(scene.still.after_s);
   for (const GeometrySetting& setting : config.mask_for) print.add(to_string(setting));
   auto folder = store_folder(config.eval_cache, "coded-" + print.hex());
-  if (remembers(scene)) return make_layers_system(std::move(folder), scene, config);
   if (scene.pipeline == "meshreduce")
     return make_meshreduce_system(std::move(folder), scene, config);
   if (const auto made = baseline::make_baseline(scene); !made) return made.error();

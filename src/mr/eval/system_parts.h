@@ -38,15 +38,8 @@ class Bursts {
   std::map<std::size_t, std::vector<Capture>> read_;
 };
 
-/// What a client has of the geometry in a packet of ours, which names all its chunks.
-Result<baseline::Geometry> decode_geometry(const baseline::Bytes& packet, const Lattice& lattice);
-
-/// MeshReduce itself, taken apart: everything is made anew with every capture.
+/// MeshReduce itself, taken apart.
 std::unique_ptr<System> make_meshreduce_system(std::filesystem::path folder, const Scene& scene,
                                                const SystemConfig& config);
-
-/// The same with layers, which remembers.
-std::unique_ptr<System> make_layers_system(std::filesystem::path folder, const Scene& scene,
-                                           const SystemConfig& config);
 
 }  // namespace mr::eval

@@ -144,10 +144,10 @@ struct WebServer::Impl {
   void accepted(tcp::socket socket);
   /// False: there is no place for the client.
   bool upgrade(WebStream& stream, std::shared_ptr<Places::Place> connection,
-               const WebSocket::Request& request, const WebVisitor& visitor);
+               const WebSocket::Request& request, const Visitor& visitor);
   /// Runs on the io thread when the client is still there.
   template <typename F>
-  void with_client(ClientId id, F function) {
+  void with_client(ViewerId id, F function) {
     asio::post(thread.io(), [this, id, function = std::move(function)]() mutable {
       const auto at = clients.find(id);
       if (at != clients.end()) function(*std::shared_ptr(at->second));
@@ -156,7 +156,8 @@ struct WebServer::Impl {
 
   const WebConfig config;
   const bool beyond_loopback;
-  WebHandlers handlers;
+  WebPages pages;
+  ViewerEvents events;
   Drops drops;
   std::atomic<std::uint64_t> sent_bytes = 0;
   std::unique_ptr<asio::ssl::context> tls;  // null: plain
@@ -164,8 +165,7 @@ struct WebServer::Impl {
   tcp::acceptor acceptor;
   asio::steady_timer accept_timer;
   Places connections, places;
-  std::map<ClientId, std::shared_ptr<WebSocket>> clients;
-  ClientId last_client = 0;
+  std::map<ViewerId, std::shared_ptr<WebSocket>> clients;
   int port = 0;
 };
 
@@ -266,8 +266,8 @@ class HttpSession : public std::enable_shared_from_this<HttpSession> {
       return answer_stream(path && *path == "/stream", upgrade);
     if (request_.method() != http::verb::get && request_.method() != http::verb::head)
       return refuse(http::status::method_not_allowed, "only GET and HEAD");
-    if (path && server_.handlers.page)
-      if (auto page = server_.handlers.page(*path, visitor())) return send_page(*std::move(page));
+    if (path && server_.pages)
+      if (auto page = server_.pages(*path, visitor())) return send_page(*std::move(page));
     const auto file =
         find_static_file(server_.config.root, {request_.target().data(), request_.target().size()});
     if (file) return send_file(*file);
@@ -276,7 +276,7 @@ class HttpSession : public std::enable_shared_from_this<HttpSession> {
     refuse(http::status::not_found, file.error().message);
   }
 
-  WebVisitor visitor() const { return {peer_, token_of(request_)}; }
+  Visitor visitor() const { return {peer_, token_of(request_)}; }
 
   void answer_stream(bool right_path, bool upgrade) {
     if (!right_path) return refuse(http::status::not_found, "WebSockets are at /stream");
@@ -431,15 +431,15 @@ void WebServer::Impl::accepted(tcp::socket socket) {
 }
 
 bool WebServer::Impl::upgrade(WebStream& stream, std::shared_ptr<Places::Place> connection,
-                              const WebSocket::Request& request, const WebVisitor& visitor) {
-  const ClientId id = ++last_client;
+                              const WebSocket::Request& request, const Visitor& visitor) {
+  const ViewerId id = next_viewer_id();
   auto place = places.take(visitor.address, [this, id] {
     with_client(id, [](WebSocket& socket) { socket.cut("shows nothing, its place was needed"); });
   });
   if (!place) return false;
   connection->settle();
   auto client = std::make_shared<WebSocket>(std::move(stream), std::move(connection), id,
-                                            WebSocket::Shared{config, handlers, drops, sent_bytes});
+                                            WebSocket::Shared{config, events, drops, sent_bytes});
   client->hold(std::move(place));
   clients[id] = client;
   client->accept(request, visitor);
@@ -449,7 +449,7 @@ bool WebServer::Impl::upgrade(WebStream& stream, std::shared_ptr<Places::Place> 
 WebServer::WebServer(std::unique_ptr<Impl> impl) : impl_(std::move(impl)) {}
 WebServer::~WebServer() = default;
 
-Result<std::unique_ptr<WebServer>> WebServer::start(const WebConfig& config, WebHandlers handlers) {
+Result<std::unique_ptr<WebServer>> WebServer::listen(const WebConfig& config, WebPages pages) {
   try {
     auto impl = std::make_unique<Impl>(config);
     if (config.certificate) {
@@ -458,45 +458,49 @@ Result<std::unique_ptr<WebServer>> WebServer::start(const WebConfig& config, Web
       impl->tls = *std::move(tls);
     }
     if (auto ok = impl->listen(); !ok) return ok.error();
-    impl->handlers = std::move(handlers);
-    impl->handlers.closed = [i = impl.get(), tell = std::move(impl->handlers.closed)](ClientId id) {
-      const bool opened = i->clients.at(id)->opened();
-      i->clients.erase(id);
-      if (opened && tell) tell(id);
-    };
-    impl->thread.start();
+    impl->pages = std::move(pages);
     return std::unique_ptr<WebServer>(new WebServer(std::move(impl)));
   } catch (const std::exception& e) {
     return Error{Error::Cause::io, "web server on " + config.listen + ": " + e.what()};
   }
 }
 
+void WebServer::run(ViewerEvents events) {
+  impl_->events = std::move(events);
+  impl_->events.closed = [i = impl_.get(), tell = std::move(impl_->events.closed)](ViewerId id) {
+    const bool opened = i->clients.at(id)->opened();
+    i->clients.erase(id);
+    if (opened && tell) tell(id);
+  };
+  impl_->thread.start();
+}
+
 int WebServer::port() const { return impl_->port; }
 
-void WebServer::send(ClientId client, Message message) {
-  impl_->with_client(client, [message = std::move(message)](WebSocket& socket) mutable {
+void WebServer::send(ViewerId viewer, Message message) {
+  impl_->with_client(viewer, [message = std::move(message)](WebSocket& socket) mutable {
     socket.send(std::move(message), false);
   });
 }
 
-void WebServer::send_text(ClientId client, const std::string& text) {
+void WebServer::send_text(ViewerId viewer, const std::string& text) {
   const auto bytes = std::as_bytes(std::span(text));
   auto message = std::make_shared<const std::vector<std::byte>>(bytes.begin(), bytes.end());
-  impl_->with_client(client, [message = std::move(message)](WebSocket& socket) mutable {
+  impl_->with_client(viewer, [message = std::move(message)](WebSocket& socket) mutable {
     socket.send(std::move(message), true);
   });
 }
 
-void WebServer::close(ClientId client, const std::string& reason) {
-  impl_->with_client(client, [reason](WebSocket& socket) { socket.close(reason); });
+void WebServer::close(ViewerId viewer, const std::string& reason) {
+  impl_->with_client(viewer, [reason](WebSocket& socket) { socket.close(reason); });
 }
 
-void WebServer::cut(ClientId client) {
-  impl_->with_client(client, [](WebSocket& socket) { socket.ended(); });
+void WebServer::cut(ViewerId viewer) {
+  impl_->with_client(viewer, [](WebSocket& socket) { socket.ended(); });
 }
 
-void WebServer::keep(ClientId client) {
-  impl_->with_client(client, [](WebSocket& socket) { socket.keep(); });
+void WebServer::keep(ViewerId viewer) {
+  impl_->with_client(viewer, [](WebSocket& socket) { socket.keep(); });
 }
 
 std::map<std::string, std::uint64_t> WebServer::drops() const { return impl_->drops.all(); }

@@ -13,17 +13,11 @@
 
 #include "mr/core/result.h"
 #include "mr/net/certificate.h"
-#include "mr/net/outbox.h"
+#include "mr/net/viewer_transport.h"
 
 namespace mr::net {
 
-using ClientId = std::uint64_t;
-
-/// Who asks for something.
-struct WebVisitor {
-  std::string address;  ///< without port; of IPv6 its network
-  std::string token;    ///< from the cookie kTokenCookie or "Authorization: Bearer"; may be empty
-};
+/// Where a Visitor's token comes from: this cookie, or "Authorization: Bearer".
 inline constexpr const char* kTokenCookie = "meshreduce_token";
 
 /// A page that is made when it is asked for.
@@ -33,18 +27,9 @@ struct WebPage {
   std::string text;
 };
 
-/// What a web server tells. All run on its one thread and must not wait or throw. None runs once
-/// the server is destroyed; `closed` is not told of clients that are left then.
-struct WebHandlers {
-  std::function<void(ClientId, const WebVisitor&)> opened;
-  /// False: the client is cut off at once, whatever else it has sent.
-  std::function<bool(ClientId, std::span<const std::byte>, bool is_text)> received;
-  /// One binary message that was given to send() went to the socket as a whole.
-  std::function<void(ClientId)> written;
-  std::function<void(ClientId)> closed;
-  /// For paths that no file is served at. May be absent.
-  std::function<std::optional<WebPage>(const std::string& path, const WebVisitor&)> page;
-};
+/// Makes pages for paths that no file is served at. On the server's thread: must not wait or throw.
+using WebPages =
+    std::function<std::optional<WebPage>(const std::string& path, const Visitor& visitor)>;
 
 struct WebConfig {
   std::string listen = "127.0.0.1:8080";  ///< host:port; port 0: any free one
@@ -65,31 +50,26 @@ struct WebConfig {
   std::chrono::seconds idle{10};         ///< for the next request on a connection
 };
 
-/// HTTP for the page, WebSocket at /stream. Runs its own thread. A browser is let in only from a
-/// page of this server (its Origin names our Host).
-class WebServer {
+/// HTTP for the page; the viewers' transport WebSocket at /stream. Runs its own thread, which ends
+/// with it; viewers that are left then are not told as closed. A browser is let in only from a page
+/// of this server (its Origin names our Host).
+class WebServer final : public ViewerTransport {
  public:
-  /// io: the address cannot be listened on; the message says what to do. invalid: it cannot be
-  /// read, or the certificate cannot be used.
-  static Result<std::unique_ptr<WebServer>> start(const WebConfig& config, WebHandlers handlers);
-  ~WebServer();
+  /// Listens; who connects waits until run(). io: the address cannot be listened on; the message
+  /// says what to do. invalid: it cannot be read, or the certificate cannot be used.
+  static Result<std::unique_ptr<WebServer>> listen(const WebConfig& config, WebPages pages = {});
+  ~WebServer() override;
 
   int port() const;
-  /// Queues a message; the caller keeps count of what is `written`. A client that is gone is
-  /// ignored.
-  void send(ClientId client, Message message);
-  void send_text(ClientId client, const std::string& text);
-  /// Closes with a reason that the client sees (123 bytes of it at most) after the message that is
-  /// on its way, within two seconds.
-  void close(ClientId client, const std::string& reason);
-  /// Ends a client that would not read why, at once.
-  void cut(ClientId client);
-  /// The client is what it should be: its place is not given to others any more.
-  void keep(ClientId client);
-  /// What was refused or cut off, by "<side>: <cause>".
-  std::map<std::string, std::uint64_t> drops() const;
-  /// Bytes of messages that went to sockets so far.
-  std::uint64_t sent_bytes() const;
+  void run(ViewerEvents events) override;
+  void send(ViewerId viewer, Message message) override;
+  void send_text(ViewerId viewer, const std::string& text) override;
+  /// 123 bytes of the reason at most; within two seconds.
+  void close(ViewerId viewer, const std::string& reason) override;
+  void cut(ViewerId viewer) override;
+  void keep(ViewerId viewer) override;
+  std::map<std::string, std::uint64_t> drops() const override;
+  std::uint64_t sent_bytes() const override;
 
  private:
   friend class HttpSession;

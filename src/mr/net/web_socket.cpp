@@ -22,7 +22,7 @@ constexpr int kMostPings = 100, kMostLateReads = 64;
 
 }  // namespace
 
-WebSocket::WebSocket(WebStream stream, std::shared_ptr<Places::Place> connection, ClientId id,
+WebSocket::WebSocket(WebStream stream, std::shared_ptr<Places::Place> connection, ViewerId id,
                      const Shared& shared)
     : socket_(std::move(stream)),
       connection_(std::move(connection)),
@@ -31,7 +31,7 @@ WebSocket::WebSocket(WebStream stream, std::shared_ptr<Places::Place> connection
       stall_timer_(socket_.get_executor()),
       farewell_timer_(socket_.get_executor()) {}
 
-void WebSocket::accept(const Request& request, const WebVisitor& visitor) {
+void WebSocket::accept(const Request& request, const Visitor& visitor) {
   socket_.next_layer().tcp().expires_never();  // the WebSocket has timeouts of its own
   socket_.set_option(websocket::stream_base::timeout{shared_.config.patience, kPing, true});
   socket_.read_message_max(shared_.config.message_bytes);
@@ -40,7 +40,7 @@ void WebSocket::accept(const Request& request, const WebVisitor& visitor) {
   socket_.async_accept(request, [self = shared_from_this(), visitor](const auto& error) {
     if (error) return self->ended();
     self->open_ = true;
-    if (self->shared_.handlers.opened) self->shared_.handlers.opened(self->id_, visitor);
+    if (self->shared_.events.opened) self->shared_.events.opened(self->id_, visitor);
     self->read();
   });
 }
@@ -69,7 +69,7 @@ void WebSocket::on_read() {
   const auto data = incoming_.cdata();
   const std::span bytes(static_cast<const std::byte*>(data.data()), data.size());
   pings_ = 0;
-  const auto& received = shared_.handlers.received;
+  const auto& received = shared_.events.received;
   const bool goes_on = !received || closing_ || received(id_, bytes, socket_.got_text());
   incoming_.consume(incoming_.size());
   if (!goes_on) return cut("too many messages at once");
@@ -113,7 +113,7 @@ void WebSocket::on_written(std::size_t bytes) {
     queued_bytes_ -= offset_;
     offset_ = 0;
     outgoing_.pop_front();
-    if (!is_text && shared_.handlers.written) shared_.handlers.written(id_);
+    if (!is_text && shared_.events.writable) shared_.events.writable(id_);
   }
   if (!outgoing_.empty()) return write();
   if (closing_) say_goodbye();
@@ -162,7 +162,7 @@ void WebSocket::ended() {
     outgoing_.clear();
   connection_.reset();
   place_.reset();
-  if (shared_.handlers.closed) shared_.handlers.closed(id_);
+  if (shared_.events.closed) shared_.events.closed(id_);
 }
 
 }  // namespace mr::net

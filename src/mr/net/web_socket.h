@@ -26,20 +26,20 @@ class WebSocket : public std::enable_shared_from_this<WebSocket> {
   /// What it shares with all others, and outlives it.
   struct Shared {
     const WebConfig& config;
-    const WebHandlers& handlers;
+    const ViewerEvents& events;
     Drops& drops;
     std::atomic<std::uint64_t>& sent_bytes;
   };
 
-  /// `connection` is kept as long as the socket is. `handlers.closed` is called exactly once,
+  /// `connection` is kept as long as the socket is. `events.closed` is called exactly once,
   /// whether it opened or not.
-  WebSocket(WebStream stream, std::shared_ptr<Places::Place> connection, ClientId id,
+  WebSocket(WebStream stream, std::shared_ptr<Places::Place> connection, ViewerId id,
             const Shared& shared);
 
   /// The place among the clients that it holds.
   void hold(std::shared_ptr<Places::Place> place) { place_ = std::move(place); }
   void keep() { place_->settle(); }
-  void accept(const Request& request, const WebVisitor& visitor);
+  void accept(const Request& request, const Visitor& visitor);
   void send(Message message, bool is_text);
   /// With a reason, after the message that is on its way; what else waits is thrown away. Soon,
   /// whatever the client does.
@@ -47,7 +47,7 @@ class WebSocket : public std::enable_shared_from_this<WebSocket> {
   /// Ends it at once; cut() counts that.
   void ended();
   void cut(const std::string& cause);
-  /// Whether `handlers.opened` was told of it.
+  /// Whether `events.opened` was told of it.
   bool opened() const { return open_; }
 
  private:
@@ -66,7 +66,7 @@ class WebSocket : public std::enable_shared_from_this<WebSocket> {
 
   boost::beast::websocket::stream<WebStream> socket_;
   std::shared_ptr<Places::Place> connection_, place_;
-  const ClientId id_;
+  const ViewerId id_;
   const Shared shared_;
   boost::asio::steady_timer stall_timer_, farewell_timer_;
   boost::beast::flat_buffer incoming_;

@@ -106,16 +106,16 @@ Status Gatherer::check_sender(const Input& input, const Packet& packet) const {
     if (!input.sensors.contains(unit.stream))
       return refuse("brings stream " + std::to_string(unit.stream) + ", which is not below it");
   if (packet.sources.empty()) return refuse("names no sensor");
-  if (input.receiver.is_stale(packet)) return refuse("comes after a newer one");
+  if (input.stream.decoded().is_stale(packet)) return refuse("comes after a newer one");
   return {};
 }
 
 Status Gatherer::receive(std::size_t input, std::span<const std::byte> bytes, TimePoint now) {
   Input& from = inputs_[input];
-  auto packet = from.heads.read(bytes, now);
+  auto packet = from.stream.read(bytes, now);
   if (packet) {
     move_times(*packet, -from.clock_ahead);
-    if (from.heads.began_afresh()) from.begin_afresh(scene_->lattice);
+    if (from.stream.began_afresh()) from.units.clear();  // what is whole is shown until more is
     return receive(input, *std::move(packet), now);
   }
   const Error told{packet.error().cause, "packet from '" + from.id + "' to '" + merger_.id +
@@ -136,7 +136,7 @@ Status Gatherer::receive(std::size_t input, Packet packet, TimePoint now) {
   keep_region(packet);
   from.streams.clear();
   for (const View& view : packet.views) from.streams.insert(view.stream);
-  for (const Error& error : from.receiver.accept(packet)) drops_.count(link(from), error);
+  for (const Error& error : from.stream.accept(packet)) drops_.count(link(from), error);
   from.marks.clear();
   for (const TimeMark& mark : packet.marks) keep_latest(from.marks, mark.stage, mark.at);
   if (hand_on_) keep_units(from, packet);
@@ -161,18 +161,14 @@ void Gatherer::keep_units(Input& input, Packet& packet) {
   const std::size_t most = std::min(kMaxUnitsWaiting * input.sensors.size(),
                                     codec::PacketLimits{}.textures / inputs_.size());
   if (input.units.size() <= most) return;
-  for (const Unit& lost : input.units) input.key_frames_wanted.insert(lost.unit.stream);
+  for (const Unit& lost : input.units) input.stream.want_key_frame(lost.unit.stream);
   input.units.clear();
 }
 
 void Gatherer::take_answer(std::size_t input, std::span<const std::byte> answer, TimePoint now) {
   const Stopwatch stopwatch(decode_ms_);
   Input& from = inputs_[input];
-  const auto chunks = codec::decode_chunks(answer);
-  if (!chunks) return drops_.count(link(from), chunks.error());
-  for (const EncodedChunk& chunk : *chunks)
-    if (const Status taken = from.receiver.provide(chunk); !taken)
-      drops_.count(link(from), taken.error());
+  for (const Error& error : from.stream.take_answer(answer)) drops_.count(link(from), error);
   settle(input, now);
 }
 
@@ -184,60 +180,30 @@ std::optional<TimePoint> Gatherer::newest(std::size_t input) const {
 /// If the input's newest capture is complete, it is what is merged from now on.
 void Gatherer::settle(std::size_t input, TimePoint now) {
   Input& from = inputs_[input];
-  auto scene = from.receiver.scene();
+  auto scene = from.stream.decoded().scene();
   if (!scene) return;
   from.whole = *std::move(scene);
-  from.taken = from.receiver.newest_sequence();
+  from.taken = from.stream.decoded().newest_sequence();
   aligner_.arrived(input, from.whole->captured_at, now);
 }
 
 std::vector<std::pair<std::size_t, codec::Request>> Gatherer::requests(TimePoint now) {
   std::vector<std::pair<std::size_t, codec::Request>> out;
-  for (std::size_t i = 0; i < inputs_.size(); ++i) {
-    Input& input = inputs_[i];
-    codec::Request request;
-    request.key_frames = key_frames_to_ask(input, now);
-    if (input.heads.lacks_base() && is_time(input.head_asked, kHeadEvery, now)) {
-      request.whole_head = true;
-      input.head_asked = now;
-    }
-    if (is_time(input.chunks_asked, kChunksEvery, now)) {
-      request.chunks = input.receiver.missing();
-      if (request.chunks.size() > codec::Request::kMaxChunks)
-        request.chunks.resize(codec::Request::kMaxChunks);
-      if (!request.chunks.empty()) input.chunks_asked = now;
-    }
-    if (!request.empty()) out.emplace_back(i, std::move(request));
-  }
-  return out;
-}
-
-/// The streams of an input that lack a key frame and were not asked for one just now; sorted.
-std::vector<std::uint32_t> Gatherer::key_frames_to_ask(Input& input, TimePoint now) {
-  std::set<std::uint32_t> wanted = input.key_frames_wanted;
-  for (const std::uint32_t stream : input.receiver.streams_waiting()) wanted.insert(stream);
-  std::vector<std::uint32_t> out;
-  for (const std::uint32_t stream : wanted) {
-    const auto asked = input.key_frame_asked.find(stream);
-    const auto last =
-        asked == input.key_frame_asked.end() ? std::nullopt : std::optional(asked->second);
-    if (!is_time(last, kKeyFrameEvery, now) || out.size() == codec::Request::kMaxStreams) continue;
-    input.key_frame_asked[stream] = now;
-    input.key_frames_wanted.erase(stream);
-    out.push_back(stream);
-  }
+  for (std::size_t i = 0; i < inputs_.size(); ++i)
+    if (auto request = inputs_[i].stream.wanted(now); !request.empty())
+      out.emplace_back(i, std::move(request));
   return out;
 }
 
 void Gatherer::ask_key_frames() {
   for (Input& input : inputs_)
-    input.key_frames_wanted.insert(input.streams.begin(), input.streams.end());
+    for (const std::uint32_t stream : input.streams) input.stream.want_key_frame(stream);
 }
 
 void Gatherer::ask_key_frames(std::span<const std::uint32_t> streams) {
   for (Input& input : inputs_)
     for (const std::uint32_t stream : streams)
-      if (input.streams.contains(stream)) input.key_frames_wanted.insert(stream);
+      if (input.streams.contains(stream)) input.stream.want_key_frame(stream);
 }
 
 Result<std::optional<Gathered>> Gatherer::gather(TimePoint now) {
@@ -287,7 +253,7 @@ void Gatherer::hand_on_units(std::size_t input, const std::set<std::uint32_t>& g
     if (giver == input)
       out.units.push_back(std::move(unit));
     else
-      from.key_frames_wanted.insert(unit.stream);
+      from.stream.want_key_frame(unit.stream);
   }
   from.units.erase(from.units.begin(), later);
 }

@@ -9,9 +9,7 @@
 #include <utility>
 #include <vector>
 
-#include "mr/codec/head.h"
-#include "mr/codec/receiver.h"
-#include "mr/codec/request.h"
+#include "mr/codec/stream_receiver.h"
 #include "mr/core/mesh.h"
 #include "mr/core/packet.h"
 #include "mr/core/result.h"
@@ -45,12 +43,6 @@ Mesh inside(const Mesh& mesh, const Box3d& region, double chunk_m);
 /// decodes in the caller's arena.
 class Gatherer {
  public:
-  /// Key frames of a stream and whole heads are asked for at most this often, missing chunks again
-  /// after this long.
-  static constexpr Duration kKeyFrameEvery = std::chrono::milliseconds(500);
-  static constexpr Duration kHeadEvery = std::chrono::milliseconds(500);
-  static constexpr Duration kChunksEvery = std::chrono::milliseconds(100);
-
   /// `hand_on`: keep the inputs' texture units for the next merger. The scene must outlive this.
   Gatherer(const Scene& scene, const MergerConfig& merger, bool hand_on);
 
@@ -77,7 +69,9 @@ class Gatherer {
   /// How far an input's clock is ahead of ours: its times are taken back by that.
   void set_clock_offset(std::size_t input, Duration ahead) { inputs_[input].clock_ahead = ahead; }
 
-  const codec::Receiver& receiver(std::size_t input) const { return inputs_[input].receiver; }
+  const codec::Receiver& receiver(std::size_t input) const {
+    return inputs_[input].stream.decoded();
+  }
 
   /// What can be merged now, if a tick is ready. empty: there is no live input.
   Result<std::optional<Gathered>> gather(TimePoint now);
@@ -98,29 +92,15 @@ class Gatherer {
   };
   struct Input {
     Input(const Scene& scene, std::string name, std::set<std::uint32_t> below)
-        : id(std::move(name)),
-          sensors(std::move(below)),
-          heads(scene.id, id),
-          receiver(scene.lattice) {}
-    /// Nothing that came before holds; what is whole is shown until something else is.
-    void begin_afresh(const Lattice& lattice) {
-      receiver = codec::Receiver(lattice);
-      units.clear();
-      key_frame_asked.clear();
-      chunks_asked.reset();
-    }
+        : id(std::move(name)), sensors(std::move(below)), stream(scene.lattice, scene.id, id) {}
     std::string id;
     std::set<std::uint32_t> sensors;  // that this input may speak for
-    codec::HeadReader heads;
-    codec::Receiver receiver;
+    codec::StreamReceiver stream;
     std::optional<DecodedScene> whole;  // newest capture that was complete
     std::vector<Unit> units;
     std::map<std::string, TimePoint> marks;
-    std::optional<std::uint64_t> taken;         // sequence of `whole`, until it was gathered
-    std::set<std::uint32_t> streams;            // of the newest packet's views
-    std::set<std::uint32_t> key_frames_wanted;  // besides those that the receiver waits for
-    std::map<std::uint32_t, TimePoint> key_frame_asked;  // by stream
-    std::optional<TimePoint> head_asked, chunks_asked;
+    std::optional<std::uint64_t> taken;  // sequence of `whole`, until it was gathered
+    std::set<std::uint32_t> streams;     // of the newest packet's views
     Duration clock_ahead{};
   };
 
@@ -128,7 +108,6 @@ class Gatherer {
   Status check_sender(const Input& input, const Packet& packet) const;
   void keep_region(Packet& packet) const;
   void keep_units(Input& input, Packet& packet);
-  static std::vector<std::uint32_t> key_frames_to_ask(Input& input, TimePoint now);
   void settle(std::size_t input, TimePoint now);
   void add(std::size_t input, Gathered& out);
   void hand_on_units(std::size_t input, const std::set<std::uint32_t>& given, Gathered& out);

@@ -13,12 +13,12 @@ Result<PacketRenderer> PacketRenderer::create(const Lattice& lattice) {
 }
 
 PacketRenderer::PacketRenderer(const Lattice& lattice, render::Renderer renderer)
-    : receiver_(lattice), renderer_(std::move(renderer)) {}
+    : stream_(lattice), renderer_(std::move(renderer)) {}
 
-Status PacketRenderer::accept(std::span<const std::byte> packet_bytes) {
-  const auto packet = reader_.read(packet_bytes);
+Status PacketRenderer::accept(std::span<const std::byte> packet_bytes, TimePoint now) {
+  const auto packet = stream_.read(packet_bytes, now);
   if (!packet) return packet.error();
-  std::vector<Error> wrong = receiver_.accept(*packet);
+  std::vector<Error> wrong = stream_.accept(*packet);
   if (wrong.empty()) return {};
   if (wrong.size() > 1) wrong[0].message += " (and " + std::to_string(wrong.size() - 1) + " more)";
   return wrong[0];
@@ -26,13 +26,14 @@ Status PacketRenderer::accept(std::span<const std::byte> packet_bytes) {
 
 Result<ImageRgb> PacketRenderer::draw(const Camera& camera, const Pose& T_world_camera,
                                       const render::RenderOptions& options) {
-  const auto scene = receiver_.scene();
+  const codec::Receiver& receiver = stream_.decoded();
+  const auto scene = receiver.scene();
   if (scene) return renderer_.draw(*scene, camera, T_world_camera, options);
-  if (!receiver_.newest_sequence())
+  if (!receiver.newest_sequence())
     return Error{Error::Cause::empty, "nothing to draw: no packet was accepted"};
   return Error{Error::Cause::empty,
-               "nothing to draw: " + std::to_string(receiver_.missing().size()) +
-                   " chunks are missing and " + std::to_string(receiver_.streams_waiting().size()) +
+               "nothing to draw: " + std::to_string(receiver.missing().size()) +
+                   " chunks are missing and " + std::to_string(receiver.streams_waiting().size()) +
                    " texture streams wait for a key frame"};
 }
 

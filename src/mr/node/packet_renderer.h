@@ -4,8 +4,7 @@
 #include <span>
 #include <string>
 
-#include "mr/codec/head.h"
-#include "mr/codec/receiver.h"
+#include "mr/codec/stream_receiver.h"
 #include "mr/core/lattice.h"
 #include "mr/core/result.h"
 #include "mr/render/renderer.h"
@@ -19,10 +18,10 @@ class PacketRenderer {
   /// `lattice`: the scene's. Errors as render::Renderer::create().
   static Result<PacketRenderer> create(const Lattice& lattice);
 
-  /// Takes a packet as it came. The first thing that was wrong with it: corrupt bytes, packets
-  /// whose base did not come (not_found) and packets older than the newest are refused whole; what
-  /// is sound in others counts.
-  Status accept(std::span<const std::byte> packet_bytes);
+  /// Takes a packet as it came, at a time that goes on from packet to packet. The first thing that
+  /// was wrong with it: corrupt bytes, packets whose base did not come (not_found) and packets
+  /// older than the newest are refused whole; what is sound in others counts.
+  Status accept(std::span<const std::byte> packet_bytes, TimePoint now = {});
 
   /// The newest capture from a viewpoint. empty until a whole scene is there, saying what it waits
   /// for; else errors as render::Renderer::draw().
@@ -35,8 +34,7 @@ class PacketRenderer {
  private:
   PacketRenderer(const Lattice& lattice, render::Renderer renderer);
 
-  codec::HeadReader reader_;
-  codec::Receiver receiver_;
+  codec::StreamReceiver stream_;
   render::Renderer renderer_;
 };
 

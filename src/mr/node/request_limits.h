@@ -49,13 +49,13 @@ class RequestLimits {
     if (key_frames_.size() < codec::Request::kMaxStreams || key_frames_.contains(stream))
       return true;
     std::erase_if(key_frames_,
-                  [&](const auto& item) { return is_time(item.second, kKeyFrameEvery, now); });
+                  [&](const auto& item) { return is_due(item.second, kKeyFrameEvery, now); });
     const bool has_room = key_frames_.size() < codec::Request::kMaxStreams;
     if (!has_room) ++refused_;
     return has_room;
   }
   bool take(std::optional<TimePoint>& last, Duration every, TimePoint now) {
-    const bool may = is_time(last, every, now);
+    const bool may = is_due(last, every, now);
     if (may)
       last = now;
     else

@@ -265,7 +265,7 @@ Result<SensorNode::Reconstructed> SensorNode::reconstruct(Frame raw) {
   });
   if (!std::all_of(patches.begin(), patches.end(), [](const Patch& p) { return p.usable; }))
     return Error{Error::Cause::invalid,
-                 "sensor '" + id() + "': frame " + std::to_string(out.frame.index) +
+                 "frame " + std::to_string(out.frame.index) +
                      ": camera or pose cannot be used (not a rotation, not finite, or farther than "
                      "1000 km)"};
   for (const Patch& patch : patches) fuse_ms += patch.fuse_ms, simplify_ms += patch.simplify_ms;
@@ -290,13 +290,13 @@ bool SensorNode::is_empty(const Reconstructed& surface) const {
 }
 
 std::string SensorNode::pushed(const Frame& frame) const {
-  return "sensor '" + id() + "': frame " + std::to_string(frame.index) +
+  return "frame " + std::to_string(frame.index) +
          ": most of the room is not where it was; was the camera pushed? It learns the room anew";
 }
 
 Error SensorNode::no_surface(const Frame& frame) const {
   return {Error::Cause::empty,
-          "sensor '" + id() + "': frame " + std::to_string(frame.index) +
+          "frame " + std::to_string(frame.index) +
               ": depth holds no surface (nothing in the volume, or all pixels invalid?)"};
 }
 

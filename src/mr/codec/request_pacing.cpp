@@ -1,0 +1,32 @@
+#include "mr/codec/request_pacing.h"
+
+#include <utility>
+
+namespace mr::codec {
+
+Request RequestPacing::due(Request lacking, TimePoint now) {
+  std::vector<std::uint32_t> key_frames;
+  for (const std::uint32_t stream : lacking.key_frames) {
+    const auto found = key_frames_.find(stream);
+    const auto last = found == key_frames_.end() ? std::nullopt : std::optional(found->second);
+    if (!is_due(last, kKeyFrameEvery, now) || key_frames.size() == Request::kMaxStreams) continue;
+    key_frames_[stream] = now;
+    key_frames.push_back(stream);
+  }
+  lacking.key_frames = std::move(key_frames);
+
+  lacking.whole_head = lacking.whole_head && is_due(head_, kHeadEvery, now);
+  if (lacking.whole_head) head_ = now;
+
+  if (!is_due(chunks_, kChunksEvery, now)) lacking.chunks.clear();
+  if (lacking.chunks.size() > Request::kMaxChunks) lacking.chunks.resize(Request::kMaxChunks);
+  if (!lacking.chunks.empty()) chunks_ = now;
+  return lacking;
+}
+
+void RequestPacing::begin_afresh() {
+  key_frames_.clear();
+  chunks_.reset();
+}
+
+}  // namespace mr::codec

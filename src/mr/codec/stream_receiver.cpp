@@ -1,0 +1,39 @@
+#include "mr/codec/stream_receiver.h"
+
+#include <utility>
+
+#include "mr/codec/packet_codec.h"
+
+namespace mr::codec {
+
+Result<Packet> StreamReceiver::read(std::span<const std::byte> bytes, TimePoint now) {
+  auto packet = heads_.read(bytes, now);
+  if (packet && heads_.began_afresh()) {
+    receiver_ = Receiver(lattice_);
+    pacing_.begin_afresh();
+  }
+  return packet;
+}
+
+std::vector<Error> StreamReceiver::take_answer(std::span<const std::byte> answer) {
+  const auto chunks = decode_chunks(answer);
+  if (!chunks) return {chunks.error()};
+  std::vector<Error> wrong;
+  for (const EncodedChunk& chunk : *chunks)
+    if (const Status taken = receiver_.provide(chunk); !taken) wrong.push_back(taken.error());
+  return wrong;
+}
+
+Request StreamReceiver::wanted(TimePoint now) {
+  std::set<std::uint32_t> streams = key_frames_wanted_;
+  for (const std::uint32_t stream : receiver_.streams_waiting()) streams.insert(stream);
+  Request request = pacing_.due({.key_frames = {streams.begin(), streams.end()},
+                                 .chunks = receiver_.missing(),
+                                 .taken = {},
+                                 .whole_head = heads_.lacks_base()},
+                                now);
+  for (const std::uint32_t stream : request.key_frames) key_frames_wanted_.erase(stream);
+  return request;
+}
+
+}  // namespace mr::codec

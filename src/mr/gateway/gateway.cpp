@@ -1,0 +1,306 @@
+#include "mr/gateway/gateway.h"
+
+#include <malloc.h>
+
+#include <algorithm>
+#include <chrono>
+#include <nlohmann/json.hpp>
+#include <utility>
+
+#include "mr/codec/packet_codec.h"
+
+namespace mr::gateway {
+namespace {
+
+using Json = nlohmann::ordered_json;
+
+constexpr Duration kSilence = std::chrono::milliseconds(1500);  // after it, viewers are told
+constexpr Duration kLongestSilence = std::chrono::seconds(10);  // where packets are far apart
+constexpr std::size_t kMaxText = 1024;                          // bytes of a viewer's text message
+constexpr std::size_t kMaxSensorsNamed = 256;                   // in a hello
+
+Json json_of(const Vec3d& v) { return {v.x, v.y, v.z}; }
+
+/// The scene's sensors in their order, so that a packet's sensor numbers have names.
+Json sensor_names(const Scene& scene) {
+  Json names = Json::array();
+  for (const SensorConfig& sensor : scene.sensors)
+    if (names.size() < kMaxSensorsNamed) names.push_back(sensor.id);
+  return names;
+}
+
+}  // namespace
+
+Gateway::Gateway(const Scene& scene, node::NodeLog log, Options options)
+    : scene_(&scene),
+      log_(std::move(log)),
+      options_(std::move(options)),
+      root_(scene.mergers.back().id),
+      guests_(std::move(options_.tokens)),
+      sensors_(scene.sensors.size()),
+      heads_(scene.id, root_) {
+  drops_.set_listener(log_.dropped);
+}
+
+Gateway::~Gateway() = default;
+
+void Gateway::wake_by(std::function<void()> wake) { inbox_->wake_by(std::move(wake)); }
+
+void Gateway::attach(net::ViewerTransport& transport, node::Clock clock) {
+  {
+    const std::lock_guard lock(mutex_);
+    transports_.push_back(&transport);
+  }
+  transport.run(
+      {.opened = [inbox = inbox_, to = &transport](
+                     net::ViewerId viewer,
+                     const net::Visitor& visitor) { inbox->opened(viewer, *to, visitor); },
+       .received = [inbox = inbox_, clock = std::move(clock)](
+                       net::ViewerId viewer, std::span<const std::byte> bytes,
+                       bool is_text) { return inbox->received(viewer, bytes, is_text, clock()); },
+       .writable = [inbox = inbox_](net::ViewerId viewer) { inbox->written(viewer); },
+       .closed = [inbox = inbox_](net::ViewerId viewer) { inbox->closed(viewer); }});
+}
+
+std::vector<node::Ask> Gateway::step(const node::Arrivals& arrivals, TimePoint now) {
+  const std::lock_guard lock(mutex_);
+  if (!first_step_) first_step_ = now;
+  for (const Event& event : inbox_->take()) on_event(event, now);
+  for (const auto& [input, bytes] : arrivals.packets) {
+    auto packet = heads_.read(*bytes, now);
+    packet ? take_packet(bytes, *std::move(packet), now)
+           : drops_.count(root_ + " → gateway", packet.error());
+  }
+  for (const node::Arrivals::Answer& answer : arrivals.answers) {
+    auto chunks = codec::decode_chunks(*answer.bytes);
+    chunks ? viewers_.take_chunks(*std::move(chunks))
+           : drops_.count(root_ + " → gateway", chunks.error());
+  }
+  close_overdue(now);
+  tell_refusals(now);
+  give_memory_back(now);
+  watch_silence(now);
+  return asks(now);
+}
+
+void Gateway::take_packet(const net::Message& bytes, Packet packet, TimePoint now) {
+  if (heads_.began_afresh()) {
+    viewers_.begin_afresh();
+    acknowledged_.reset();
+    if (frames_ > 0) send_to_all(hello());
+  }
+  ++frames_;
+  bytes_ += bytes->size();
+  if (last_packet_) interval_ = now - *last_packet_;
+  last_packet_ = now;
+  is_silent_ = false;
+  for (const SourceInfo& source : packet.sources)
+    if (source.sensor < scene_->sensors.size())
+      sensors_.seen(source.sensor, source.captured_at, now);
+  send(viewers_.packet(std::move(packet), bytes, heads_.base(), now));
+}
+
+void Gateway::on_event(const Event& event, TimePoint now) {
+  switch (event.kind) {
+    case Event::Kind::opened:
+      return on_decision(event.viewer,
+                         guests_.come(event.viewer, *event.transport, event.visitor, now));
+    case Event::Kind::closed:
+      guests_.leave(event.viewer);
+      return viewers_.closed(event.viewer);
+    case Event::Kind::written:
+      return send(viewers_.written(event.viewer, event.messages, now));
+    case Event::Kind::binary:
+      return on_request(event.viewer, event.bytes, now);
+    case Event::Kind::text:
+      return on_text(event.viewer,
+                     {reinterpret_cast<const char*>(event.bytes.data()), event.bytes.size()}, now);
+  }
+}
+
+void Gateway::on_decision(net::ViewerId viewer, const Guests::Decision& decision) {
+  switch (decision.verdict) {
+    case Guests::Verdict::refused:
+      return refuse(viewer, decision.why);
+    case Guests::Verdict::must_show_token:
+      return send_text(viewer, Json{{"type", "locked"}}.dump());
+    case Guests::Verdict::admitted:
+      viewers_.opened(viewer);
+      return send_text(viewer, hello());
+  }
+}
+
+/// One line for both sides.
+void Gateway::refuse(net::ViewerId viewer, const std::string& why) {
+  const Guests::Guest* const guest = guests_.find(viewer);
+  if (!guest) return;
+  drops_.count("viewer → gateway", {Error::Cause::invalid, "from " + guest->address + ": " + why});
+  guest->transport->close(viewer, why);
+  viewers_.closed(viewer);
+  guests_.leave(viewer);
+}
+
+void Gateway::on_request(net::ViewerId viewer, std::span<const std::byte> bytes, TimePoint now) {
+  const Guests::Guest* const guest = guests_.find(viewer);
+  if (!guest) return;
+  if (!guest->is_admitted) return refuse(viewer, "no token");
+  const auto request = codec::decode_request(bytes);
+  if (!request) return refuse(viewer, "not a request");
+  if (const auto answer = viewers_.asked(viewer, *request, now))
+    guest->transport->send(viewer, *answer);
+}
+
+void Gateway::on_text(net::ViewerId viewer, const std::string& text, TimePoint now) {
+  Guests::Guest* const guest = guests_.find(viewer);
+  if (!guest) return;
+  const Json message =
+      text.size() > kMaxText ? Json() : Json::parse(text, nullptr, /*allow_exceptions=*/false);
+  const auto word = [&](const char* key) {
+    return message.is_object() && message.contains(key) && message[key].is_string()
+               ? message[key].get<std::string>()
+               : "";
+  };
+  const auto integer = [&](const char* key) {
+    return message.contains(key) && message[key].is_number_unsigned()
+               ? std::optional(message[key].get<std::uint64_t>())
+               : std::nullopt;
+  };
+  const std::string type = word("type");
+  if (!guest->is_admitted)
+    return type == "token" ? on_decision(viewer, guests_.show_token(viewer, word("token"), now))
+                           : refuse(viewer, "no token");
+  if (type == "shown" && integer("sequence")) {
+    send(viewers_.shown(viewer, *integer("sequence"), now));
+    if (viewers_.has_shown(viewer) && !std::exchange(guest->is_kept, true))
+      guest->transport->keep(viewer);
+    return;
+  }
+  if (type == "ping" && integer("id")) {
+    const double ms = static_cast<double>(now.time_since_epoch().count()) / 1e6;
+    return send_text(viewer,
+                     Json{{"type", "pong"}, {"id", *integer("id")}, {"server_ms", ms}}.dump());
+  }
+  if (type == "token") return;  // it has shown one already
+  refuse(viewer, "not a message of this protocol");
+}
+
+/// Those that use a place and do nothing with it.
+void Gateway::close_overdue(TimePoint now) {
+  for (const auto& [viewer, why, reads] : viewers_.overdue(now)) {
+    const Guests::Guest* const guest = guests_.find(viewer);
+    net::ViewerTransport* const transport = guest ? guest->transport : nullptr;
+    refuse(viewer, why);
+    if (!reads && transport) transport->cut(viewer);
+  }
+  for (const auto& [viewer, why] : guests_.overdue(now)) refuse(viewer, why);
+}
+
+/// Whom the transports did not let in, or cut off: who was refused knows, and so does the log.
+void Gateway::tell_refusals(TimePoint now) {
+  if (!is_due(refusals_told_, std::chrono::seconds(1), now)) return;
+  refusals_told_ = now;
+  auto all = transport_drops();
+  for (const auto& [cause, times] : all)
+    if (const auto more = times - refusals_[cause]; more > 0)
+      log_.warn(cause + " (" + std::to_string(more) + ")");
+  refusals_ = std::move(all);
+}
+
+/// What slow viewers made the process take, once they are gone: the allocator would keep it.
+void Gateway::give_memory_back(TimePoint now) {
+  constexpr std::size_t kWorthIt = 8u << 20;
+  constexpr Duration kLater = std::chrono::seconds(1);  // when sockets have let go of it, too
+  const std::size_t unread = viewers_.unread_bytes();
+  most_unread_ = std::max(most_unread_, unread);
+  if (most_unread_ >= kWorthIt && unread <= most_unread_ / 2) {
+    most_unread_ = unread;
+    give_back_at_ = now + kLater;
+  }
+  if (!give_back_at_ || now < *give_back_at_) return;
+  give_back_at_.reset();
+  ::malloc_trim(0);
+}
+
+/// For what viewers lack, and for a whole head; and the word that lets the root go on as fast as
+/// the fastest viewer follows.
+std::vector<node::Ask> Gateway::asks(TimePoint now) {
+  std::vector<node::Ask> out;
+  if (auto request = viewers_.wanted(heads_.lacks_base(), now); !request.empty())
+    out.push_back({0, std::move(request)});
+  const auto taken = viewers_.taken();
+  if (!taken || taken == acknowledged_) return out;
+  acknowledged_ = taken;
+  out.push_back({0, {.key_frames = {}, .chunks = {}, .taken = taken}});
+  return out;
+}
+
+void Gateway::watch_silence(TimePoint now) {
+  constexpr Duration kStart = std::chrono::seconds(5);
+  if (!last_packet_ && options_.expects_root && now - *first_step_ > kStart && !is_silent_) {
+    is_silent_ = true;
+    log_.warn("nothing has come from '" + root_ + "' yet");
+  }
+  if (is_silent_ || !last_packet_) return;
+  if (now - *last_packet_ < std::clamp<Duration>(interval_ * 3, kSilence, kLongestSilence)) return;
+  is_silent_ = true;
+  const auto ms = std::chrono::duration_cast<std::chrono::milliseconds>(now - *last_packet_);
+  Json stopped{{"type", "stopped"}, {"after_ms", ms.count()}};
+  if (options_.has_ended()) stopped["ended"] = true;
+  send_to_all(stopped.dump());
+  log_.warn("nothing comes from '" + root_ + "'");
+}
+
+void Gateway::send(std::vector<Viewers::Send> messages) {
+  for (auto& [viewer, message] : messages)
+    if (const Guests::Guest* const guest = guests_.find(viewer))
+      guest->transport->send(viewer, std::move(message));
+}
+
+void Gateway::send_text(net::ViewerId viewer, const std::string& text) {
+  if (const Guests::Guest* const guest = guests_.find(viewer))
+    guest->transport->send_text(viewer, text);
+}
+
+void Gateway::send_to_all(const std::string& text) {
+  for (const auto& [viewer, guest] : guests_.admitted()) guest->transport->send_text(viewer, text);
+}
+
+std::map<std::string, std::uint64_t> Gateway::transport_drops() const {
+  std::map<std::string, std::uint64_t> out;
+  for (const net::ViewerTransport* transport : transports_)
+    for (const auto& [cause, n] : transport->drops()) out[cause] += n;
+  return out;
+}
+
+std::string Gateway::hello() const {
+  const Scene& scene = *scene_;
+  Json hello{
+      {"type", "hello"},
+      {"scene", scene.id},
+      {"up", json_of(scene.up)},
+      {"fps", scene.fps},
+      {"lattice",
+       {{"low_corner", json_of(scene.lattice.low_corner())}, {"step", scene.lattice.step_m()}}},
+      {"sensors", sensor_names(scene)}};
+  if (scene.gateway && scene.gateway->start)
+    hello["start"] = {{"eye", json_of(scene.gateway->start->eye)},
+                      {"look_at", json_of(scene.gateway->start->look_at)}};
+  return hello.dump();
+}
+
+node::NodeStats Gateway::stats(TimePoint now) const {
+  node::NodeStats out{.id = id_, .frames = frames_, .drops = drops_.by_cause(), .stages_ms = {}};
+  out.bytes = bytes_;
+  const std::lock_guard lock(mutex_);
+  for (const auto& more : {viewers_.drops(), transport_drops()})
+    for (const auto& [cause, n] : more) out.drops[cause] += n;
+  out.is_silent = is_silent_ || !last_packet_;
+  for (std::size_t i = 0; i < scene_->sensors.size(); ++i)
+    out.inputs[scene_->sensors[i].id] = !out.is_silent && !sensors_.is_missing(i, now);
+  out.viewers = {viewers_.size(), 0, viewers_.unread_bytes()};
+  for (const net::ViewerTransport* transport : transports_)
+    out.viewers->sent_bytes += transport->sent_bytes();
+  return out;
+}
+
+}  // namespace mr::gateway

@@ -1,0 +1,61 @@
+#pragma once
+
+#include <atomic>
+#include <mutex>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "mr/node/clock_offset.h"
+#include "mr/node/merge_node.h"
+#include "mr/node/presence.h"
+#include "mr/node/task.h"
+
+namespace mr::node {
+
+/// A merging server's node: receives its inputs' packets, asks for what is missing, watches who is
+/// there and whose clock is off, and makes one packet of what belongs together. First half:
+/// bringing captures together; second half: merging them.
+class MergeTask final : public Task {
+ public:
+  struct Options {
+    NodeClock clock = {};
+    StillWork still_work = StillWork::at_once;
+    std::vector<EncodedChunk> background = {};   ///< chunks of the scene's background model
+    std::optional<TimePoint> inputs_since = {};  ///< inputs that never came are missed from then on
+  };
+  /// The scene must outlive it.
+  MergeTask(const Scene& scene, const MergerConfig& merger, NodeLog log, Options options);
+
+  const std::string& id() const override { return node_.id(); }
+  std::vector<std::string> inputs() const override { return node_.config().inputs; }
+  std::vector<Ask> step(const Arrivals& arrivals, TimePoint now) override;
+  Bytes answer(const codec::Request& request, TimePoint now) override;
+  bool is_ready(TimePoint now) override { return node_.inputs().ready(now); }
+  std::optional<TimePoint> due() const override { return node_.inputs().due(); }
+  std::unique_ptr<Work> begin(TimePoint now) override;
+  std::vector<Ask> taken(const Work& work) const override;
+  std::optional<Bytes> finish(Work& work, const std::function<void()>& first_part_done) override;
+  NodeStats stats(TimePoint now) const override;
+
+  MergeNode& node() { return node_; }
+  const MergeNode& node() const { return node_; }
+
+ private:
+  struct Tick;
+  void take_answer(const Arrivals::Answer& answer);
+  void watch_inputs(Duration busy, TimePoint now);
+
+  bool is_root_;
+  MergeNode node_;
+  NodeLog log_;
+  mutable std::mutex watch_mutex_;  ///< of the next two
+  Presence presence_;
+  std::vector<ClockOffset> clocks_;  ///< of the inputs
+  std::optional<TimePoint> clocks_asked_;
+  std::atomic<std::uint64_t> retimed_ = 0;
+  std::atomic<bool> key_frames_wanted_ = false;  ///< units that were to be handed on are lost
+  DropCounter drops_;
+};
+
+}  // namespace mr::node

@@ -1,0 +1,52 @@
+#pragma once
+
+#include <atomic>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "mr/node/frame_input.h"
+#include "mr/node/sensor_node.h"
+#include "mr/node/stamp_check.h"
+#include "mr/node/task.h"
+
+namespace mr::node {
+
+/// A sensor's node: takes captures, corrects their stamps, and makes a packet of each. First half:
+/// the surface; second half: its bytes.
+class SensorTask final : public Task {
+ public:
+  /// The scene must outlive it.
+  SensorTask(const Scene& scene, std::uint32_t sensor, std::unique_ptr<FrameInput> input,
+             NodeLog log, NodeClock clock = {}, StillWork still_work = StillWork::at_once);
+
+  const std::string& id() const override { return node_.id(); }
+  std::vector<Ask> step(const Arrivals&, TimePoint) override { return {}; }
+  Bytes answer(const codec::Request& request, TimePoint now) override;
+  bool is_ready(TimePoint now) override { return !ended_ && input_->is_ready(now); }
+  std::optional<TimePoint> due() const override { return ended_ ? std::nullopt : input_->due(); }
+  std::unique_ptr<Work> begin(TimePoint now) override;
+  std::optional<Bytes> finish(Work& work, const std::function<void()>& first_part_done) override;
+  bool has_ended() const override { return ended_; }
+  NodeStats stats(TimePoint now) const override;
+
+  const Trace& trace() const { return node_.trace(); }
+
+ private:
+  struct Surface;
+  void correct_stamp(Frame& frame, TimePoint read_at);
+  void tell_people(const SensorNode::Reconstructed& surface);
+
+  SensorNode node_;
+  std::unique_ptr<FrameInput> input_;
+  NodeLog log_;
+  StampCheck stamps_;
+  Duration stamp_shift_{};
+  bool was_empty_ = false;  ///< an empty volume is news once
+  std::atomic<bool> ended_ = false;
+  std::atomic<std::int64_t> newest_ns_ = 0;  ///< when the newest capture was read; 0: none was
+  std::atomic<std::uint64_t> restamped_ = 0;
+  DropCounter drops_;
+};
+
+}  // namespace mr::node

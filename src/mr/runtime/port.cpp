@@ -1,0 +1,107 @@
+#include "mr/runtime/port.h"
+
+#include <mutex>
+#include <utility>
+
+namespace mr::runtime {
+namespace {
+
+constexpr std::size_t kMostAnswers = 64;  // of one input that wait
+
+net::Message shared(std::vector<std::byte> bytes) {
+  return std::make_shared<const std::vector<std::byte>>(std::move(bytes));
+}
+
+}  // namespace
+
+/// What arrived from one input.
+struct Port::Inbox {
+  explicit Inbox(const net::Coalesce& fold) : packets(fold) {}
+  net::Outbox packets;
+  std::mutex mutex;
+  std::vector<node::Arrivals::Answer> answers;
+};
+
+Port::Port(net::Transport& transport, Config config)
+    : transport_(transport), config_(std::move(config)) {
+  for (const std::string& input : config_.inputs) {
+    auto inbox = inboxes_.emplace_back(std::make_shared<Inbox>(config_.fold));
+    subscriptions_.push_back(
+        transport_.subscribe(input, [inbox, wake = config_.wake](net::Message packet) {
+          inbox->packets.push(std::move(packet));
+          if (wake) wake();
+        }));
+  }
+}
+
+void Port::serve(Answering answering, DropCounter& drops) {
+  subscriptions_.push_back(
+      transport_.serve(config_.id,
+                       [answering = std::move(answering), &drops, clock = config_.clock,
+                        id = config_.id](std::span<const std::byte> question) -> net::Message {
+                         auto request = codec::decode_request(question);
+                         if (!request) {
+                           drops.count("requests to " + id, request.error());
+                           return nullptr;
+                         }
+                         const TimePoint now = clock();
+                         const bool is_time_asked = std::exchange(request->time, false);
+                         if (is_time_asked)
+                           request->chunks.clear();  // it is answered by the time alone
+                         auto bytes = answering(*request, now);
+                         if (is_time_asked) bytes = codec::encode_time(now);
+                         return bytes.empty() ? nullptr : shared(std::move(bytes));
+                       }));
+}
+
+node::Arrivals Port::take() {
+  node::Arrivals out;
+  for (std::size_t i = 0; i < inboxes_.size(); ++i) {
+    Inbox& inbox = *inboxes_[i];
+    while (net::Message packet = inbox.packets.try_pop())
+      out.packets.push_back({i, std::move(packet)});
+    const std::lock_guard lock(inbox.mutex);
+    std::ranges::move(inbox.answers, std::back_inserter(out.answers));
+    inbox.answers.clear();
+  }
+  return out;
+}
+
+void Port::send(const std::vector<node::Ask>& asks) {
+  for (const auto& [input, request] : asks) {
+    const std::string& to = config_.inputs[input];
+    net::Message question = shared(codec::encode_request(request));
+    if (!request.wants_answer()) {
+      transport_.request(to, std::move(question));
+      continue;
+    }
+    transport_.request(
+        to, std::move(question),
+        [inbox = std::weak_ptr(inboxes_[input]), input = input, asked = config_.clock(),
+         clock = config_.clock, wake = config_.wake](net::Message answer) {
+          const auto into = inbox.lock();
+          if (!into) return;
+          {
+            const std::lock_guard lock(into->mutex);
+            if (into->answers.size() < kMostAnswers)
+              into->answers.push_back({input, std::move(answer), asked, clock()});
+          }
+          if (wake) wake();
+        });
+  }
+}
+
+void Port::publish(net::Message packet) { transport_.publish(config_.id, std::move(packet)); }
+
+std::map<std::string, std::uint64_t> Port::drops() const {
+  std::map<std::string, std::uint64_t> out;
+  for (std::size_t i = 0; i < inboxes_.size(); ++i) {
+    const auto counts = inboxes_[i]->packets.counts();
+    const std::string link = config_.inputs[i] + " → " + config_.id;
+    if (counts.folded > 0) out[link + ": folded, " + config_.id + " is slow"] = counts.folded;
+    if (counts.lost > 0) out[link + ": lost, " + config_.id + " is slow"] = counts.lost;
+  }
+  return out;
+}
+
+}  // namespace mr::runtime

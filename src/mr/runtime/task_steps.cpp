@@ -1,0 +1,41 @@
+#include "mr/runtime/task_steps.h"
+
+#include <memory>
+#include <utility>
+
+#include "mr/node/coalesce_packets.h"
+
+namespace mr::runtime {
+
+TaskSteps::TaskSteps(node::Task& task, net::Transport& transport, node::Clock clock,
+                     DropCounter& drops)
+    : task_(task),
+      port_(transport, {.id = task.id(),
+                        .inputs = task.inputs(),
+                        .fold = node::coalesce_packets,
+                        .clock = std::move(clock),
+                        .wake = {}}) {
+  port_.serve(
+      [this](const codec::Request& request, TimePoint now) { return task_.answer(request, now); },
+      drops);
+}
+
+void TaskSteps::step(TimePoint now) {
+  node::Arrivals arrivals = port_.take();
+  do {
+    port_.send(task_.step(arrivals, now));
+    arrivals = port_.take();
+  } while (!arrivals.empty());
+}
+
+net::Message TaskSteps::make_packet(TimePoint now) {
+  const auto work = task_.is_ready(now) ? task_.begin(now) : nullptr;
+  if (!work) return nullptr;
+  auto bytes = task_.finish(*work, [] {});
+  if (!bytes) return nullptr;
+  auto packet = std::make_shared<const node::Task::Bytes>(*std::move(bytes));
+  port_.publish(packet);
+  return packet;
+}
+
+}  // namespace mr::runtime

@@ -1,0 +1,29 @@
+#pragma once
+
+#include "mr/core/trace.h"
+#include "mr/net/transport.h"
+#include "mr/node/node_clock.h"
+#include "mr/node/task.h"
+#include "mr/runtime/port.h"
+
+namespace mr::runtime {
+
+/// The executor in virtual time: runs one node's task step by step, on the caller's thread. The
+/// caller has the clock, and says when. TaskThreads is its counterpart for live nodes.
+class TaskSteps {
+ public:
+  /// The task, the transport and `drops`, where broken requests are counted, must outlive it.
+  /// `clock`: the virtual time.
+  TaskSteps(node::Task& task, net::Transport& transport, node::Clock clock, DropCounter& drops);
+
+  /// The task takes what arrived, and then whatever is answered at once.
+  void step(TimePoint now);
+  /// Makes and publishes a packet if the task is ready for one. Returns it; null: none.
+  net::Message make_packet(TimePoint now);
+
+ private:
+  node::Task& task_;
+  Port port_;
+};
+
+}  // namespace mr::runtime

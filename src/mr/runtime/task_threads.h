@@ -1,0 +1,63 @@
+#pragma once
+
+#include <atomic>
+#include <functional>
+#include <memory>
+#include <thread>
+
+#include "mr/node/node_clock.h"
+#include "mr/node/request_limits.h"
+#include "mr/node/task.h"
+#include "mr/runtime/flow.h"
+#include "mr/runtime/port.h"
+
+namespace mr::runtime {
+
+/// The live executor: runs one node's task on threads until it is destroyed. One thread takes what
+/// arrives, asks the inputs, and makes the first half of packets; another one makes the second half
+/// and sends them. Each works in an arena of its own.
+class TaskThreads {
+ public:
+  struct Config {
+    node::Clock clock = node::wall_time;
+    int threads = 0;              ///< of each arena; 0: all cores
+    int packets_ahead = 2;        ///< begun, and not yet taken by a consumer
+    bool shares_machine = false;  ///< with its inputs: they are told late that theirs was taken
+    bool gives_way = false;     ///< to other nodes of this machine, which are further on their way
+    bool makes_packets = true;  ///< else there is no second thread
+    bool folds = true;          ///< several packets that wait become one
+    Duration longest_wait = std::chrono::milliseconds(20);  ///< between two steps
+    std::function<void()> ended = [] {};  ///< no packet will follow; on the first thread
+  };
+
+  /// The transport must outlive it.
+  TaskThreads(std::unique_ptr<node::Task> task, net::Transport& transport, node::NodeLog log,
+              Config config);
+
+  const node::Task& task() const { return *task_; }
+  node::NodeStats stats() const;
+
+ private:
+  Port::Config port_config(bool folds);
+  node::Task::Bytes answer(const codec::Request& request, TimePoint now);
+  void give_way() const;
+  void run_first_half(const std::stop_token& stop);
+  bool hand_over(const std::stop_token& stop, std::unique_ptr<node::Task::Work> work);
+  void run_second_half(const std::stop_token& stop);
+  void finish(node::Task::Work& work);
+  Duration busy_for(TimePoint now) const;
+
+  Config config_;
+  std::unique_ptr<node::Task> task_;
+  std::shared_ptr<Signal> signal_ = std::make_shared<Signal>();  // late answers may outlive us
+  DropCounter drops_;
+  Credit credit_;
+  node::RequestLimits limits_;
+  Port port_;
+  Handoff<std::unique_ptr<node::Task::Work>> begun_;
+  std::atomic<std::int64_t> busy_since_ns_ = 0, busy_ns_ = 0;  // 0: it is not
+  std::atomic<std::uint64_t> packets_ = 0, bytes_ = 0;
+  std::jthread first_, second_;  // last: they use what is above
+};
+
+}  // namespace mr::runtime

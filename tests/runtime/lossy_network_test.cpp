@@ -1,0 +1,108 @@
+#include <gtest/gtest.h>
+
+#include <memory>
+#include <vector>
+
+#include "mr/net/emulated_transport.h"
+#include "mr/node/client_task.h"
+#include "mr/node/merge_task.h"
+#include "mr/node/sensor_task.h"
+#include "mr/node/sources.h"
+#include "mr/runtime/paced_frames.h"
+#include "mr/runtime/task_steps.h"
+#include "support/rig_scene.h"
+
+namespace mr::runtime {
+namespace {
+
+using std::chrono::milliseconds;
+
+/// A scene whose nodes are joined by emulated links, in virtual time.
+class LinkedScene {
+ public:
+  LinkedScene(Scene scene, const net::LinkConfig& links)
+      : scene_(*node::prepare_scene(std::move(scene))), network_(links) {
+    std::vector<std::uint32_t> all;
+    for (std::uint32_t i = 0; i < scene_.sensors.size(); ++i) all.push_back(i);
+    auto sources = node::open_sources(scene_, all, {});
+    for (const std::uint32_t i : all)
+      add(std::make_unique<node::SensorTask>(
+          scene_, i, std::make_unique<PacedFrames>(std::move(sources[i]), scene_.fps, clock_),
+          node::NodeLog{}));
+    for (const MergerConfig& merger : scene_.mergers)
+      add(std::make_unique<node::MergeTask>(scene_, merger, node::NodeLog{},
+                                            node::MergeTask::Options{}));
+    auto client = std::make_unique<node::ClientTask>(scene_, node::NodeLog{});
+    client_ = client.get();
+    add(std::move(client));
+  }
+
+  /// Returns the captures that the client has whole, each once, in the order in which it has them.
+  std::vector<TimePoint> run(Duration duration) {
+    std::vector<TimePoint> whole;
+    for (const TimePoint end = now_ + duration; now_ < end; now_ += milliseconds(10)) {
+      network_.advance(now_);
+      for (auto& steps : steps_) steps->step(now_), steps->make_packet(now_);
+      if (const auto scene = client_->scene())
+        if (whole.empty() || whole.back() != scene->captured_at)
+          whole.push_back(scene->captured_at);
+    }
+    return whole;
+  }
+  TimePoint now() const { return now_; }
+  std::uint64_t lost() const {
+    std::uint64_t out = 0;
+    for (const auto& [cause, count] : network_.drops()) out += count;
+    return out;
+  }
+
+ private:
+  void add(std::unique_ptr<node::Task> task) {
+    steps_.push_back(std::make_unique<TaskSteps>(*task, network_, clock_, drops_));
+    tasks_.push_back(std::move(task));
+  }
+
+  Scene scene_;
+  TimePoint now_{std::chrono::seconds(1'000'000)};
+  node::Clock clock_ = [this] { return now_; };
+  DropCounter drops_;
+  net::EmulatedTransport network_;
+  std::vector<std::unique_ptr<node::Task>> tasks_;
+  std::vector<std::unique_ptr<TaskSteps>> steps_;
+  node::ClientTask* client_ = nullptr;
+};
+
+Scene five_a_second() {
+  Scene scene = test::rig_scene(test::small_rig(100));
+  scene.fps = 5;
+  return scene;
+}
+
+TEST(LossyNetwork, WithoutLossEveryCaptureArrivesAfterItsDelays) {
+  LinkedScene scene(five_a_second(), {.delay = milliseconds(20)});
+  const auto whole = scene.run(std::chrono::seconds(4));
+  EXPECT_GE(whole.size(), 19u);
+  EXPECT_EQ(scene.lost(), 0u);
+}
+
+/// Sensors, merger and client all mend what is lost on their own way in, by asking.
+TEST(LossyNetwork, LossCostsCapturesButNeverTheScene) {
+  const auto run = [](std::uint64_t seed) {
+    LinkedScene scene(five_a_second(), {.delay = milliseconds(20), .loss = 0.1, .seed = seed});
+    const auto whole = scene.run(std::chrono::seconds(6));
+    EXPECT_GT(scene.lost(), 5u) << seed;
+    EXPECT_GE(whole.size(), 15u) << seed;
+    for (std::size_t i = 1; i < whole.size(); ++i) {
+      EXPECT_GT(whole[i], whole[i - 1]) << seed;
+      EXPECT_LT(whole[i] - whole[i - 1], std::chrono::seconds(2)) << seed;
+    }
+    EXPECT_FALSE(whole.empty() || scene.now() - whole.back() > std::chrono::seconds(2)) << seed;
+    return whole;
+  };
+  const auto first = run(1);
+  EXPECT_EQ(run(1), first) << "same seed, same run";
+  run(2);
+}
+
+}  // namespace
+}  // namespace mr::runtime
