@@ -35,13 +35,13 @@ std::vector<Contender> contenders_of(const MergeCase& input, const Request& requ
 
 Mesh sum_of(const MergeCase& input) {
   Mesh out;
-  for (const merge::Part& part : input.parts) append(out, part.mesh);
+  for (const kit::Part& part : input.parts) append(out, part.mesh);
   return out;
 }
 
 std::vector<eval::Eyes> eyes_of(const MergeCase& input) {
   std::vector<eval::Eyes> out;
-  for (const merge::Part& part : input.parts)
+  for (const kit::Part& part : input.parts)
     for (const SourceInfo& source : part.sources)
       out.push_back({source.depth_camera, source.T_world_depth});
   return out;

@@ -93,7 +93,7 @@ RigConfig one_large_room() {
 
 // ------------------------------------------------------------ what takes threads: in a child
 
-Message part_message(const merge::Part& part) {
+Message part_message(const kit::Part& part) {
   const SourceInfo& source = part.sources.at(0);
   const Camera& k = source.depth_camera;
   Message out = to_message(part.mesh);
@@ -105,8 +105,8 @@ Message part_message(const merge::Part& part) {
   return out;
 }
 
-merge::Part part_from(const Message& message) {
-  merge::Part out;
+kit::Part part_from(const Message& message) {
+  kit::Part out;
   out.mesh = mesh_from(message);
   const auto n = array_from<double>(message.at("numbers"));
   SourceInfo source;
@@ -123,11 +123,11 @@ merge::Part part_from(const Message& message) {
 }
 
 /// As a sensor node makes it; with `triangles`, of about so many.
-merge::Part part_of(const Scene& scene, std::uint32_t sensor, Frame frame, std::size_t triangles) {
+kit::Part part_of(const Scene& scene, std::uint32_t sensor, Frame frame, std::size_t triangles) {
   node::SensorNode node(scene, sensor);
   auto made = node.reconstruct(std::move(frame));
   if (!made) throw std::runtime_error(made.error().message);
-  merge::Part out{std::move(made->mesh), made->error_m, {}};
+  kit::Part out{std::move(made->mesh), made->error_m, {}};
   if (triangles > 0) {
     auto small = simplify::simplify(out.mesh, {.triangles = triangles});
     if (!small) throw std::runtime_error(small.error().message);
@@ -175,12 +175,12 @@ std::vector<std::uint32_t> first(std::size_t count) {
   return out;
 }
 
-using Parts = Result<std::vector<merge::Part>>;
+using Parts = Result<std::vector<kit::Part>>;
 
 Parts load_parts(const std::function<Message()>& make) {
   const auto told = apart(make, kPatience);
   if (!told) return told.error();
-  std::vector<merge::Part> out;
+  std::vector<kit::Part> out;
   for (const Message& part : *told) out.push_back(part_from(part));
   return out;
 }
@@ -198,7 +198,7 @@ Result<Mesh> load_truth(const RigConfig& rig) {
 
 // ------------------------------------------------------------ rooms
 
-void move_by(Vec3d by, merge::Part& part) {
+void move_by(Vec3d by, kit::Part& part) {
   for (Vec3f& p : part.mesh.positions) p = p + vec_cast<float>(by);
   for (SourceInfo& source : part.sources)
     source.T_world_depth.translation = source.T_world_depth.translation + by;
@@ -224,8 +224,8 @@ Vec3d place_of_room(std::size_t i, const Mat3& turn) {
 Parts load_rooms(std::uint32_t sensors) {
   const auto turn = turn_of_rooms();
   if (!turn) return turn.error();
-  std::vector<merge::Part> out;
-  std::vector<std::vector<merge::Part>> made;
+  std::vector<kit::Part> out;
+  std::vector<std::vector<kit::Part>> made;
   const std::uint32_t rooms = (sensors + kSensorsOfARoom - 1) / kSensorsOfARoom;
   for (std::uint32_t room = 0; room < rooms; ++room) {
     if (room < kRoomsMade) {
@@ -236,7 +236,7 @@ Parts load_rooms(std::uint32_t sensors) {
       if (!parts) return parts.error();
       made.push_back(*std::move(parts));
     }
-    for (merge::Part part : made[room % kRoomsMade]) {
+    for (kit::Part part : made[room % kRoomsMade]) {
       move_by(place_of_room(room, *turn), part);
       part.sources[0].sensor += room * kSensorsOfARoom;
       out.push_back(std::move(part));
@@ -245,19 +245,19 @@ Parts load_rooms(std::uint32_t sensors) {
   return out;
 }
 
-Vec3f middle_of(const merge::Part& part) {
+Vec3f middle_of(const kit::Part& part) {
   Vec3f sum;
   for (const Vec3f p : part.mesh.positions) sum += p;
   return sum / static_cast<float>(std::max<std::size_t>(part.mesh.positions.size(), 1));
 }
 
 /// In strips across the room, and along each: groups of 20 in a row look at about the same.
-void put_neighbours_together(std::vector<merge::Part>& parts) {
+void put_neighbours_together(std::vector<kit::Part>& parts) {
   const double groups = static_cast<double>(parts.size()) / kSensorsOfARoom;
   const auto strips = static_cast<std::size_t>(std::max(1.0, std::round(std::sqrt(groups))));
   const std::size_t strip = (parts.size() + strips - 1) / strips;
   const auto by = [](float Vec3f::*axis) {
-    return [axis](const merge::Part& a, const merge::Part& b) {
+    return [axis](const kit::Part& a, const kit::Part& b) {
       return middle_of(a).*axis < middle_of(b).*axis;
     };
   };
@@ -343,7 +343,7 @@ Result<MergeCase> load_merge_scene(const std::filesystem::path& scene_file) {
   return out;
 }
 
-Result<std::vector<merge::Part>> load_room_bench(std::size_t triangles) {
+Result<std::vector<kit::Part>> load_room_bench(std::size_t triangles) {
   return load_parts([&] { return parts_of(room_bench_scene(), first(4), triangles); });
 }
 
@@ -352,9 +352,9 @@ std::string no_room_bench() {
   return std::filesystem::exists(file) ? "" : "no " + file.string() + " (set MR_DATA)";
 }
 
-double megabytes(const std::vector<merge::Part>& parts) {
+double megabytes(const std::vector<kit::Part>& parts) {
   double bytes = 0;
-  for (const merge::Part& part : parts)
+  for (const kit::Part& part : parts)
     bytes += static_cast<double>(part.mesh.positions.size() * sizeof(Vec3f) +
                                  part.mesh.triangles.size() * sizeof(Triangle));
   return bytes / 1e6;

@@ -6,7 +6,7 @@
 
 #include "mr/core/mesh.h"
 #include "mr/core/scene.h"
-#include "mr/merge/part.h"
+#include "mr/kit/part.h"
 #include "stage.h"
 
 namespace mr::bench {
@@ -14,7 +14,7 @@ namespace mr::bench {
 /// What the root of a tree gets when nothing else merges, and how the tree may be.
 struct MergeCase {
   std::string name;
-  std::vector<merge::Part> parts;   ///< one per sensor; those of one group are neighbours
+  std::vector<kit::Part> parts;     ///< one per sensor; those of one group are neighbours
   std::vector<std::size_t> groups;  ///< how many each of several mergers gets, in order
   Mesh truth;                       ///< empty: not known; what the parts show is compared with
   double voxel_m = 0.01;
@@ -32,13 +32,13 @@ Result<MergeCase> load_merge_case(const std::string& name);
 Result<MergeCase> load_merge_scene(const std::filesystem::path& scene_file);
 
 /// The four sensors of room_bench with about so many triangles each; 0: with all.
-Result<std::vector<merge::Part>> load_room_bench(std::size_t triangles);
+Result<std::vector<kit::Part>> load_room_bench(std::size_t triangles);
 /// 10 % of what marching cubes gives.
 inline constexpr std::size_t kTrianglesOfABench = 68'700;
 /// Why they cannot be loaded here; empty: they can.
 std::string no_room_bench();
 
 /// Megabytes of all positions and triangles.
-double megabytes(const std::vector<merge::Part>& parts);
+double megabytes(const std::vector<kit::Part>& parts);
 
 }  // namespace mr::bench

@@ -30,11 +30,11 @@ class Clustering final : public Work {
 
 }  // namespace
 
-Mesh cluster_vertices(std::span<const merge::Part> parts, double cell_m) {
+Mesh cluster_vertices(std::span<const kit::Part> parts, double cell_m) {
   Mesh out;
   std::unordered_map<Vec3i, std::uint32_t, CellHash> cells;
   std::vector<float> count;
-  for (const merge::Part& part : parts) {
+  for (const kit::Part& part : parts) {
     std::vector<std::uint32_t> cell_of;
     for (const Vec3f p : part.mesh.positions) {
       const auto along = [&](float x) { return static_cast<int>(std::floor(x / cell_m)); };

@@ -15,7 +15,7 @@ namespace {
 
 class MergeOurs final : public Work {
  public:
-  MergeOurs(std::span<const merge::Part> parts, const merge::OverlapConfig& config, int threads)
+  MergeOurs(std::span<const kit::Part> parts, const merge::OverlapConfig& config, int threads)
       : parts_(parts), config_(config), arena_(threads) {}
 
   void clear() override { merged_ = {}; }
@@ -33,7 +33,7 @@ class MergeOurs final : public Work {
   }
 
  private:
-  std::span<const merge::Part> parts_;
+  std::span<const kit::Part> parts_;
   merge::OverlapConfig config_;
   Arena arena_;
   Mesh merged_;
@@ -41,7 +41,7 @@ class MergeOurs final : public Work {
 
 }  // namespace
 
-Mesh merge_parts(std::span<const merge::Part> parts, const merge::OverlapConfig& config,
+Mesh merge_parts(std::span<const kit::Part> parts, const merge::OverlapConfig& config,
                  StageClock& clock) {
   clock.skip();
   std::vector<Mesh> owned = merge::remove_overlap(parts, config);
@@ -60,7 +60,7 @@ merge::OverlapConfig overlap_config(const MergeCase& input) {
           .calibration_error_m = input.config.calibration_error_m};
 }
 
-Contender merge_ours(const std::string& name, std::span<const merge::Part> parts,
+Contender merge_ours(const std::string& name, std::span<const kit::Part> parts,
                      const merge::OverlapConfig& config, int threads) {
   apply_simd_override();
   return {name, threads, Message::object(),

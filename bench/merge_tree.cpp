@@ -9,21 +9,21 @@
 namespace mr::bench {
 namespace {
 
-Outcome measure_one(std::span<const merge::Part> parts, const MergeCase& input, int threads,
+Outcome measure_one(std::span<const kit::Part> parts, const MergeCase& input, int threads,
                     const RaceConfig& config) {
   return race({merge_ours("merger", parts, overlap_config(input), threads)}, config).front();
 }
 
-double megabytes_of(std::span<const merge::Part> parts) {
+double megabytes_of(std::span<const kit::Part> parts) {
   return megabytes({parts.begin(), parts.end()});
 }
 
 /// What a merger hands on.
-merge::Part part_of(const Message& merged, std::span<const merge::Part> parts) {
-  merge::Part out;
+kit::Part part_of(const Message& merged, std::span<const kit::Part> parts) {
+  kit::Part out;
   out.mesh = mesh_from(merged);
   out.mesh.runs = array_from<ViewRun>(merged.at("runs"));
-  for (const merge::Part& part : parts) {
+  for (const kit::Part& part : parts) {
     out.error_m = std::max(out.error_m, part.error_m);
     out.sources.insert(out.sources.end(), part.sources.begin(), part.sources.end());
   }
@@ -62,7 +62,7 @@ TreeOutcome measure_tree(const MergeCase& input, int threads, const RaceConfig& 
                          const std::function<void(std::size_t, std::size_t)>& told) {
   TreeOutcome out;
   std::vector<Outcome> groups;
-  std::vector<merge::Part> merged;
+  std::vector<kit::Part> merged;
   std::size_t at = 0;
   for (const std::size_t size : input.groups) {
     told(groups.size(), input.groups.size() + 1);

@@ -17,7 +17,7 @@ constexpr float kNear_m = static_cast<float>(kit::kNearPlane_m), kFar_m = 1e6f;
 class Embree final : public Work {
  public:
   Embree(const MergeCase& input, int threads) : input_(input), arena_(threads) {
-    for (const merge::Part& part : input.parts) {
+    for (const kit::Part& part : input.parts) {
       meshes_.push_back(&part.mesh);
       for (const SourceInfo& source : part.sources)
         for (const merge::RayGrid& grid : merge::camera_rays(source, input.voxel_m))

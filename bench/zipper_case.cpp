@@ -42,7 +42,7 @@ BorderPoints some_of(const BorderPoints& all, const Size& size) {
   return out;
 }
 
-BorderPoints borders_of(const std::vector<merge::Part>& parts) {
+BorderPoints borders_of(const std::vector<kit::Part>& parts) {
   BorderPoints out;
   for (std::uint32_t i = 0; i < parts.size(); ++i) {
     const Mesh& mesh = parts[i].mesh;

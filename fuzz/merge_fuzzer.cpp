@@ -15,8 +15,8 @@
 namespace {
 
 using namespace mr;
+using kit::Part;
 using merge::OverlapConfig;
-using merge::Part;
 
 /// Reads numbers from the input; zeros after its end.
 class Input {

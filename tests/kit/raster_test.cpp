@@ -84,5 +84,16 @@ TEST(CubeFaces, AsDenseAsTheCamera) {
   EXPECT_EQ(kit::pixels_per_rad(camera()).y, 140);
 }
 
+TEST(Camera, AScaledOneSeesTheSameView) {
+  Camera whole;
+  whole.width = 96, whole.height = 64;
+  whole.fx = 60, whole.fy = 62, whole.cx = 47.3, whole.cy = 31.8;
+  const Camera half = kit::scaled(whole, 0.5);
+  EXPECT_EQ(half.width, 48);
+  const auto corner = project(whole, {-0.3, 0.2, 1}), same = project(half, {-0.3, 0.2, 1});
+  EXPECT_NEAR(same->x + 0.5, 0.5 * (corner->x + 0.5), 1e-12);
+  EXPECT_NEAR(same->y + 0.5, 0.5 * (corner->y + 0.5), 1e-12);
+}
+
 }  // namespace
 }  // namespace mr

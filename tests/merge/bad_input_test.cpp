@@ -11,8 +11,8 @@ namespace {
 
 using Owner = MergeConfig::Owner;
 using Overlap = MergeConfig::Overlap;
+using kit::Part;
 using merge::OverlapConfig;
-using merge::Part;
 
 struct Odd {
   std::string name;

@@ -9,7 +9,7 @@
 namespace mr {
 namespace {
 
-using merge::Part;
+using kit::Part;
 using merge::StillCover;
 using test::grid;
 

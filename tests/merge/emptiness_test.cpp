@@ -9,8 +9,8 @@
 namespace mr {
 namespace {
 
+using kit::Part;
 using merge::EmptyPlaces;
-using merge::Part;
 using merge::StillCover;
 
 constexpr int kCapturesUntilEmpty = 15;

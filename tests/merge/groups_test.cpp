@@ -62,8 +62,8 @@ TEST(Groups, EmptyMeshesAreAlone) {
 }
 
 /// Two sensors before a wall, `rooms` times, 20 m apart.
-std::vector<merge::Part> pairs_of_sensors(int rooms) {
-  std::vector<merge::Part> out;
+std::vector<kit::Part> pairs_of_sensors(int rooms) {
+  std::vector<kit::Part> out;
   for (int room = 0; room < rooms; ++room)
     for (int i = 0; i < 2; ++i) {
       const double x = 20.0 * room, eye = x + (i == 0 ? -0.5 : 0.5);
@@ -77,12 +77,12 @@ std::vector<merge::Part> pairs_of_sensors(int rooms) {
   return out;
 }
 
-Mesh merged(const std::vector<merge::Part>& parts, merge::QualityMemory* memory = nullptr) {
+Mesh merged(const std::vector<kit::Part>& parts, merge::QualityMemory* memory = nullptr) {
   return merge::zip(merge::remove_overlap(parts, {}, memory), merge::zipper_config(0.01));
 }
 
 TEST(Groups, RoomsMergeAsIfAlone) {
-  const std::vector<merge::Part> all = pairs_of_sensors(5);
+  const std::vector<kit::Part> all = pairs_of_sensors(5);
   std::size_t triangles = 0;
   double area_m2 = 0;
   for (std::size_t i = 0; i < all.size(); i += 2) {
@@ -109,8 +109,8 @@ TEST(Groups, SameBytesOnAnyNumberOfThreads) {
 }
 
 TEST(Groups, ASensorOfSeveralGroupsIsRememberedAlikeOnAnyNumberOfThreads) {
-  std::vector<merge::Part> parts = pairs_of_sensors(5);
-  for (merge::Part& part : parts) part.sources.push_back(test::source(99, {}));
+  std::vector<kit::Part> parts = pairs_of_sensors(5);
+  for (kit::Part& part : parts) part.sources.push_back(test::source(99, {}));
   std::vector<Mesh> results;
   for (const int threads : {1, 8}) {
     Arena arena(threads);

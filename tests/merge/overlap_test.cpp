@@ -20,7 +20,7 @@ using test::wall;
 
 using Owner = MergeConfig::Owner;
 
-std::vector<merge::Part> wall_seen_twice(float offset, float noise = 0.002f) {
+std::vector<kit::Part> wall_seen_twice(float offset, float noise = 0.002f) {
   return {part(wall(-1, 0.4f, 0, 40, noise, 1), 0, {-0.5, 0, 0}),
           part(wall(-0.4f, 1, offset, 37, noise, 2), 1, {0.5, 0, 0})};
 }
@@ -51,8 +51,8 @@ TEST(Overlap, WallSeenTwiceBecomesOneLayer) {
 
 TEST(Overlap, PaperRemovesTheFartherSheet) {
   // Both sensors see the same sheet in front; the other is 8 mm behind it.
-  const std::vector<merge::Part> parts = {part(wall(-1, 1, 0.008f), 0, {-0.2, 0, 0}),
-                                          part(wall(-1, 1, 0), 1, {0.2, 0, 0})};
+  const std::vector<kit::Part> parts = {part(wall(-1, 1, 0.008f), 0, {-0.2, 0, 0}),
+                                        part(wall(-1, 1, 0), 1, {0.2, 0, 0})};
   const auto kept = merge::remove_overlap(parts, {.owner = Owner::paper});
   EXPECT_LT(surface_area_m2(kept[0]), 0.05);
   EXPECT_GT(surface_area_m2(kept[1]), 3.95);
@@ -60,16 +60,16 @@ TEST(Overlap, PaperRemovesTheFartherSheet) {
 
 TEST(Overlap, CoherentKeepsTheBetterMeasurement) {
   // Sensor 1 stands closer and straight in front.
-  const std::vector<merge::Part> parts = {part(wall(-1, 1, -0.005f), 0, {-2.5, 0, -2}),
-                                          part(wall(-1, 1, 0), 1, {0, 0, 0.5})};
+  const std::vector<kit::Part> parts = {part(wall(-1, 1, -0.005f), 0, {-2.5, 0, -2}),
+                                        part(wall(-1, 1, 0), 1, {0, 0, 0.5})};
   const auto kept = merge::remove_overlap(parts, {.owner = Owner::coherent});
   EXPECT_LT(surface_area_m2(kept[0]), 0.05);
   EXPECT_NEAR(surface_area_m2(kept[1]), 4, 0.05);
 }
 
 TEST(Overlap, SheetsBeyondTheRangeBothStay) {
-  const std::vector<merge::Part> parts = {part(wall(-1, 1, 0.1f), 0, {-0.2, 0, 0}),
-                                          part(wall(-1, 1, 0), 1, {0.2, 0, 0})};
+  const std::vector<kit::Part> parts = {part(wall(-1, 1, 0.1f), 0, {-0.2, 0, 0}),
+                                        part(wall(-1, 1, 0), 1, {0.2, 0, 0})};
   EXPECT_NEAR(overlap_area(merge::remove_overlap(parts, {})), 8, 1e-3);
 }
 
@@ -77,8 +77,8 @@ TEST(Overlap, BackOfAThinBoardStays) {
   // 6 mm thick: closer than the range, but the two sides face opposite ways.
   Mesh back = wall(-1, 1, 0.006f);
   for (Triangle& t : back.triangles) std::swap(t[1], t[2]);
-  const std::vector<merge::Part> parts = {part(wall(-1, 1, 0), 0, {0, 0, 0}),
-                                          part(back, 1, {0, 0, 4})};
+  const std::vector<kit::Part> parts = {part(wall(-1, 1, 0), 0, {0, 0, 0}),
+                                        part(back, 1, {0, 0, 4})};
   for (const Owner owner : {Owner::coherent, Owner::paper})
     EXPECT_NEAR(overlap_area(merge::remove_overlap(parts, {.owner = owner})), 8, 1e-3);
 }
@@ -86,14 +86,14 @@ TEST(Overlap, BackOfAThinBoardStays) {
 TEST(Overlap, InsideOnePartNothingIsDecided) {
   Mesh doubled = wall(-1, 1, 0);
   append(doubled, wall(-1, 1, 0.003f));
-  const std::vector<merge::Part> parts = {part(doubled, 0, {0, 0, 0}),
-                                          part(wall(3, 4, 0), 1, {3.5, 0, 0}, {3.5, 0, 2})};
+  const std::vector<kit::Part> parts = {part(doubled, 0, {0, 0, 0}),
+                                        part(wall(3, 4, 0), 1, {3.5, 0, 0}, {3.5, 0, 2})};
   EXPECT_NEAR(surface_area_m2(merge::remove_overlap(parts, {})[0]), 8, 1e-3);
 }
 
 TEST(Overlap, LargeTrianglesAreCutAtTheBorder) {
-  const std::vector<merge::Part> parts = {part(wall(-1, 0.4f, 0, 2), 0, {-0.5, 0, 0}),
-                                          part(wall(-0.4f, 1, 0.003f, 2), 1, {0.5, 0, 0})};
+  const std::vector<kit::Part> parts = {part(wall(-1, 0.4f, 0, 2), 0, {-0.5, 0, 0}),
+                                        part(wall(-0.4f, 1, 0.003f, 2), 1, {0.5, 0, 0})};
   const auto kept = merge::remove_overlap(parts, {});
   EXPECT_GT(overlap_area(kept), 3.8);
   EXPECT_LT(overlap_area(kept), 4.02);
@@ -103,7 +103,7 @@ TEST(Overlap, LargeTrianglesAreCutAtTheBorder) {
 double wandering_m2(merge::QualityMemory* memory) {
   double sum = 0, last = 0;
   for (unsigned frame = 0; frame < 12; ++frame) {
-    const std::vector<merge::Part> parts = {
+    const std::vector<kit::Part> parts = {
         part(wall(-1, 0.4f, 0, 40, 0.004f, 2 * frame + 1), 0, {-0.5, 0, 0}),
         part(wall(-0.4f, 1, 0, 37, 0.004f, 2 * frame + 2), 1, {0.5, 0, 0})};
     const double area = surface_area_m2(merge::remove_overlap(parts, {}, memory)[0]);
@@ -121,8 +121,8 @@ TEST(Overlap, NoiseDoesNotMoveTheBordersOfWhoRemembers) {
 TEST(Overlap, WhoRemembersSeesThatASensorMoved) {
   merge::QualityMemory memory;
   const auto area_of_first = [&](double x) {
-    const std::vector<merge::Part> parts = {part(wall(-1, 1, 0, 40), 0, {-0.5, 0, 0}),
-                                            part(wall(-1, 1, 0, 37), 1, {x, 0, 1})};
+    const std::vector<kit::Part> parts = {part(wall(-1, 1, 0, 40), 0, {-0.5, 0, 0}),
+                                          part(wall(-1, 1, 0, 37), 1, {x, 0, 1})};
     return surface_area_m2(merge::remove_overlap(parts, {}, &memory)[0]);
   };
   EXPECT_LT(area_of_first(0), 2);     // the second stands near the middle
@@ -140,10 +140,10 @@ TEST(Overlap, SameBytesOnAnyNumberOfThreads) {
 }
 
 TEST(Overlap, OnePartAndEmptyPartsPassThrough) {
-  const std::vector<merge::Part> one = {part(wall(-1, 1, 0), 0, {0, 0, 0})};
+  const std::vector<kit::Part> one = {part(wall(-1, 1, 0), 0, {0, 0, 0})};
   EXPECT_EQ(merge::remove_overlap(one, {})[0].triangles.size(), one[0].mesh.triangles.size());
-  const std::vector<merge::Part> with_empty = {part(wall(-1, 1, 0), 0, {0, 0, 0}),
-                                               part({}, 1, {1, 0, 0})};
+  const std::vector<kit::Part> with_empty = {part(wall(-1, 1, 0), 0, {0, 0, 0}),
+                                             part({}, 1, {1, 0, 0})};
   const auto kept = merge::remove_overlap(with_empty, {});
   EXPECT_NEAR(surface_area_m2(kept[0]), 4, 1e-4);
   EXPECT_TRUE(kept[1].empty());
@@ -175,8 +175,8 @@ Mesh four_walls(int cells, float half = 2) {
 TEST(Overlap, LidarAndKinectBecomeOneLayerAllAround) {
   // The Kinect stands before one wall and measures it better; the LiDAR has all four.
   const Mesh seen = wall(-1, 1, -0.004f, 30);
-  const std::vector<merge::Part> parts = {{four_walls(40), 0.001f, {lidar_source(0, {0, 0, 0})}},
-                                          part(seen, 1, {0, 0, 0.8})};
+  const std::vector<kit::Part> parts = {{four_walls(40), 0.001f, {lidar_source(0, {0, 0, 0})}},
+                                        part(seen, 1, {0, 0, 0.8})};
   const auto kept = merge::remove_overlap(parts, {});
   EXPECT_NEAR(surface_area_m2(kept[0]), 32 - 4, 0.4);
   EXPECT_NEAR(surface_area_m2(kept[1]), 4, 0.05);
@@ -184,8 +184,8 @@ TEST(Overlap, LidarAndKinectBecomeOneLayerAllAround) {
 
 TEST(Overlap, OfTwoLidarsTheNearerKeepsItsWall) {
   // Also behind and beside, where no pinhole looks.
-  const std::vector<merge::Part> parts = {{four_walls(40), 0.001f, {lidar_source(0, {0, 0, -1})}},
-                                          {four_walls(37), 0.001f, {lidar_source(1, {0, 0, 1})}}};
+  const std::vector<kit::Part> parts = {{four_walls(40), 0.001f, {lidar_source(0, {0, 0, -1})}},
+                                        {four_walls(37), 0.001f, {lidar_source(1, {0, 0, 1})}}};
   const auto kept = merge::remove_overlap(parts, {});
   EXPECT_NEAR(overlap_area(kept), 32, 0.9);
   double behind[2] = {}, ahead[2] = {};
@@ -215,17 +215,6 @@ TEST(RayGrids, OfALidarStayInItsField) {
       }
   EXPECT_GT(inside, 4u * 30 * 60);
   EXPECT_GT(inside, 0.6 * static_cast<double>(all));
-}
-
-TEST(RayGrids, AScaledCameraSeesTheSameView) {
-  Camera whole;
-  whole.width = 96, whole.height = 64;
-  whole.fx = 60, whole.fy = 62, whole.cx = 47.3, whole.cy = 31.8;
-  const Camera half = merge::scaled(whole, 0.5);
-  EXPECT_EQ(half.width, 48);
-  const auto corner = project(whole, {-0.3, 0.2, 1}), same = project(half, {-0.3, 0.2, 1});
-  EXPECT_NEAR(same->x + 0.5, 0.5 * (corner->x + 0.5), 1e-12);
-  EXPECT_NEAR(same->y + 0.5, 0.5 * (corner->y + 0.5), 1e-12);
 }
 
 }  // namespace

@@ -32,8 +32,8 @@ merge::OverlapConfig by(Overlap how) {
 constexpr Overlap kWays[] = {Overlap::raster, Overlap::rays};
 
 /// A noisy wall, a ball before it and a floor that passes beneath the cameras, seen three times.
-std::vector<merge::Part> room() {
-  std::vector<merge::Part> out;
+std::vector<kit::Part> room() {
+  std::vector<kit::Part> out;
   const Vec3d eyes[] = {{-0.5, 0, 0}, {0.5, -0.1, 0.1}, {0, 0.2, -0.3}};
   for (unsigned i = 0; i < 3; ++i) {
     Mesh mesh = wall(-1.2f, 1.3f, 0.002f * static_cast<float>(i), 37 + 3 * static_cast<int>(i),
@@ -58,7 +58,7 @@ struct Comparison {
 };
 
 /// Both ways' decisions, ray by ray.
-Comparison compare(const std::vector<merge::Part>& parts) {
+Comparison compare(const std::vector<kit::Part>& parts) {
   const auto drawn = merge::ray_verdicts(parts, by(Overlap::raster));
   const auto cast = merge::ray_verdicts(parts, by(Overlap::rays));
   EXPECT_EQ(drawn.size(), cast.size());
@@ -116,7 +116,7 @@ TEST(PaperRule, DrawnAndCastRaysOfRecordingsDecideAlike) {
             : std::filesystem::path(MR_SOURCE_DIR) / "../shared/data") /
       "room_bench";
   if (!std::filesystem::exists(folder)) GTEST_SKIP() << "no " << folder << " (set MR_DATA)";
-  std::vector<merge::Part> parts;
+  std::vector<kit::Part> parts;
   for (unsigned i = 0; i < 4; ++i) {
     const auto counts = kit::read_depth16(folder / ("depth_" + std::to_string(i) + ".png"));
     ASSERT_TRUE(counts) << counts.error().message;
@@ -159,8 +159,8 @@ TEST(PaperRule, DrawnAndCastRaysOfALidarDecideAlike) {
 
 TEST(PaperRule, TheFartherSheetGoes) {
   // Both sensors see the same sheet in front; the other is 8 mm behind it.
-  const std::vector<merge::Part> parts{part(wall(-1, 1, 0.008f), 0, {-0.2, 0, 0}),
-                                       part(wall(-1, 1, 0), 1, {0.2, 0, 0})};
+  const std::vector<kit::Part> parts{part(wall(-1, 1, 0.008f), 0, {-0.2, 0, 0}),
+                                     part(wall(-1, 1, 0), 1, {0.2, 0, 0})};
   for (const Overlap how : kWays) {
     const Flags flags = merge::farther_triangles(parts, by(how));
     ASSERT_EQ(flags.size(), 2u);
@@ -171,10 +171,10 @@ TEST(PaperRule, TheFartherSheetGoes) {
 }
 
 TEST(PaperRule, WhatIsTooFarBehindOrFacesAwayStays) {
-  const std::vector<merge::Part> apart{part(wall(-1, 1, 0.1f), 0, {-0.2, 0, 0}),
-                                       part(wall(-1, 1, 0), 1, {0.2, 0, 0})};
+  const std::vector<kit::Part> apart{part(wall(-1, 1, 0.1f), 0, {-0.2, 0, 0}),
+                                     part(wall(-1, 1, 0), 1, {0.2, 0, 0})};
   // A thin board: the second camera sees its other side.
-  const std::vector<merge::Part> board{
+  const std::vector<kit::Part> board{
       part(wall(-1, 1, 0), 0, {0, 0, 0}),
       part(test::grid({-1, -1, 2.005f}, {2, 0, 0}, {0, 2, 0}, 40, 40), 1, {0, 0, 4}, {0, 0, 2})};
   for (const Overlap how : kWays) {
@@ -185,8 +185,8 @@ TEST(PaperRule, WhatIsTooFarBehindOrFacesAwayStays) {
 
 TEST(PaperRule, OfIdenticalPartsTheFirstStays) {
   // Their equal depths are put in the order of the parts.
-  const std::vector<merge::Part> parts{part(wall(-1, 1, 0), 0, {0, 0, 0}),
-                                       part(wall(-1, 1, 0), 1, {0, 0, 0})};
+  const std::vector<kit::Part> parts{part(wall(-1, 1, 0), 0, {0, 0, 0}),
+                                     part(wall(-1, 1, 0), 1, {0, 0, 0})};
   const Flags flags = merge::farther_triangles(parts, by(Overlap::raster));
   EXPECT_EQ(std::ranges::count(flags[0], 1), 0);
   EXPECT_GT(std::ranges::count(flags[1], 1), 40 * 40 * 2 * 95 / 100);
@@ -201,7 +201,7 @@ TEST(PaperRule, EveryRayThroughAGridMeetsOneTriangle) {
   source.depth_camera.cx = 48, source.depth_camera.cy = 32;
   const Mesh sheet = test::grid({-0.5f, 0.5f, 2}, {1, 0, 0}, {0, -1, 0}, 4, 4);
   const Mesh behind = test::grid({-0.75f, 0.75f, 3}, {1.5f, 0, 0}, {0, -1.5f, 0}, 4, 4);
-  const std::vector<merge::Part> parts{{sheet, 0.001f, {source}}, {behind, 0.001f, {source}}};
+  const std::vector<kit::Part> parts{{sheet, 0.001f, {source}}, {behind, 0.001f, {source}}};
   const auto rays = merge::ray_verdicts(parts, by(Overlap::raster));
   ASSERT_EQ(rays.size(), 2u);
   std::size_t met = 0;
@@ -242,7 +242,7 @@ TEST(PaperRule, EveryRayThroughABowlMeetsOneTriangle) {
   }
   // So that there are two parts; no edge of it goes through a pixel, where Embree finds both sides.
   const Mesh far = test::grid({-41.37f, 40.11f, 20}, {80, 0, 0}, {0, -81, 0}, 3, 3);
-  const std::vector<merge::Part> parts{part(bowl, 0, {0, 0, 0}), part(far, 1, {0, 0, 0})};
+  const std::vector<kit::Part> parts{part(bowl, 0, {0, 0, 0}), part(far, 1, {0, 0, 0})};
   for (const Overlap how : kWays) {
     const auto rays = merge::ray_verdicts(parts, by(how));
     ASSERT_EQ(rays.size(), 2u);
@@ -267,9 +267,9 @@ TEST(PaperRule, SameFlagsOnAnyNumberOfThreads) {
 
 TEST(PaperRule, NothingGoesWithoutASecondPart) {
   const Mesh sheet = wall(-1, 1, 0);
-  const std::vector<merge::Part> one{part(sheet, 0, {0, 0, 0})};
-  const std::vector<merge::Part> beside_empty{part(sheet, 0, {0, 0, 0}), part({}, 1, {0, 0, 0})};
-  const std::vector<merge::Part> far_apart{
+  const std::vector<kit::Part> one{part(sheet, 0, {0, 0, 0})};
+  const std::vector<kit::Part> beside_empty{part(sheet, 0, {0, 0, 0}), part({}, 1, {0, 0, 0})};
+  const std::vector<kit::Part> far_apart{
       part(sheet, 0, {0, 0, 0}),
       part(test::grid({99, 1, 2}, {2, 0, 0}, {0, -2, 0}, 9, 9), 1, {100, 0, 0}, {100, 0, 2})};
   for (const Overlap how : kWays) {
@@ -289,7 +289,7 @@ TEST(PaperRule, BadTrianglesAreNoSurface) {
   const Flags expected = merge::farther_triangles(parts, by(Overlap::raster));
   constexpr float kNan = std::numeric_limits<float>::quiet_NaN();
   constexpr float kInf = std::numeric_limits<float>::infinity();
-  for (merge::Part& p : parts) {
+  for (kit::Part& p : parts) {
     const auto first = static_cast<std::uint32_t>(p.mesh.positions.size());
     for (const Vec3f bad : {Vec3f{kNan, 0, 2}, Vec3f{0, kInf, 2}, Vec3f{0, 0, -kInf},
                             Vec3f{1e30f, 0, 2}, Vec3f{0.1f, 0.1f, 2}})
@@ -315,8 +315,8 @@ TEST(PaperRule, ManySliversOnOneRayAreNoTrouble) {
     slivers.positions.push_back({-0.013f, -0.5f, z});
     slivers.triangles.push_back({first, first + 1, first + 2});
   }
-  const std::vector<merge::Part> parts{part(std::move(slivers), 0, {0, 0, 0}),
-                                       part(wall(-1, 1, 0), 1, {0.1, 0, 0})};
+  const std::vector<kit::Part> parts{part(std::move(slivers), 0, {0, 0, 0}),
+                                     part(wall(-1, 1, 0), 1, {0.1, 0, 0})};
   const Flags flags = merge::farther_triangles(parts, by(Overlap::raster));
   EXPECT_EQ(std::ranges::count(flags[0], 1), 0);
 }

@@ -15,7 +15,7 @@ namespace mr {
 namespace {
 
 using Owner = MergeConfig::Owner;
-using merge::Part;
+using kit::Part;
 
 struct Case {
   std::string name;

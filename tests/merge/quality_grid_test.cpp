@@ -17,7 +17,7 @@ constexpr double kCell_m = 0.16;
 constexpr Vec3f kTowardsUs{0, 0, -1};
 
 /// The wall z = 2, from -1 to 1, seen from straight before it.
-merge::Part wall_seen_from(double z, std::uint32_t sensor = 0) {
+kit::Part wall_seen_from(double z, std::uint32_t sensor = 0) {
   return {test::grid({-1, 1, 2}, {2, 0, 0}, {0, -2, 0}, 50, 50),
           0.001f,
           {test::source(sensor, look_at({0, 0, z}, {0, 0, 2}, {0, -1, 0}))}};
@@ -25,8 +25,8 @@ merge::Part wall_seen_from(double z, std::uint32_t sensor = 0) {
 
 /// The grid of some parts, and a reader.
 struct Grid {
-  explicit Grid(const std::vector<merge::Part>& parts) {
-    for (const merge::Part& part : parts) measured.push_back(merge::measured(part, {}));
+  explicit Grid(const std::vector<kit::Part>& parts) {
+    for (const kit::Part& part : parts) measured.push_back(merge::measured(part, {}));
     grid.emplace(parts, measured, kCell_m, nullptr);
     reader.emplace(*grid);
   }
@@ -41,7 +41,7 @@ struct Grid {
 };
 
 TEST(QualityGrid, QualitiesAreInverseToTheSpreads) {
-  const std::vector<merge::Part> parts = {wall_seen_from(0), wall_seen_from(1, 1)};
+  const std::vector<kit::Part> parts = {wall_seen_from(0), wall_seen_from(1, 1)};
   Grid grid(parts);
   const Precision& precision = parts[0].sources[0].precision;
   const double expected = precision.sigma_m(2) / precision.sigma_m(1);
@@ -70,7 +70,7 @@ TEST(QualityGrid, ItFallsOffTowardsBorders) {
 }
 
 TEST(QualityGrid, BordersBetweenTheSourcesOfAPartDoNotCount) {
-  merge::Part both = wall_seen_from(0);
+  kit::Part both = wall_seen_from(0);
   both.sources.push_back(both.sources[0]);
   both.sources[1].sensor = 1;
   std::vector<ViewId> views;

@@ -3,7 +3,7 @@
 #include <cstdint>
 #include <utility>
 
-#include "mr/merge/part.h"
+#include "mr/kit/part.h"
 #include "support/meshes.h"
 #include "support/rays.h"
 
@@ -16,7 +16,7 @@ inline Mesh wall(float x0, float x1, float offset, int cells = 40, float noise =
   return grid({x0, 1, 2 + offset}, {x1 - x0, 0, 0}, {0, -2, 0}, cells, cells, noise, seed);
 }
 
-inline merge::Part part(Mesh mesh, std::uint32_t sensor, Vec3d eye, Vec3d target = {0, 0, 2}) {
+inline kit::Part part(Mesh mesh, std::uint32_t sensor, Vec3d eye, Vec3d target = {0, 0, 2}) {
   return {std::move(mesh), 0.001f, {source(sensor, look_at(eye, target, {0, -1, 0}))}};
 }
 

@@ -96,7 +96,7 @@ TEST(Zipper, OverlapRemovalAndZipperGiveOneClosedWall) {
     return test::grid({x0, 1, 2 + z}, {x1 - x0, 0, 0}, {0, -2, 0}, n, n, 0.002f, seed);
   };
   const auto eye = [](double x) { return look_at({x, 0, 0}, {0, 0, 2}, {0, -1, 0}); };
-  const std::vector<merge::Part> parts = {
+  const std::vector<kit::Part> parts = {
       {wall(-1, 0.4f, 0, 30, 1), 0.001f, {test::source(0, eye(-0.5))}},
       {wall(-0.4f, 1, 0.006f, 23, 2), 0.001f, {test::source(1, eye(0.5))}}};
   const Mesh zipped = zip(merge::remove_overlap(parts, {}));

@@ -45,9 +45,9 @@ DecodedScene dented(DecodedScene scene, Vec3f at) {
 
 struct Merger {
   Mesh run(const std::vector<DecodedScene>& scenes) {
-    std::vector<merge::Part> parts;
+    std::vector<kit::Part> parts;
     for (const DecodedScene& scene : scenes) parts.push_back(node::part_of(scene, Layer::moving));
-    return cubes.run(scenes, parts, [&](const std::vector<merge::Part>& some, bool all) {
+    return cubes.run(scenes, parts, [&](const std::vector<kit::Part>& some, bool all) {
       all_calls += all, some_calls += !all;
       memory.freeze(!all);
       const auto owned = merge::remove_overlap(some, {.voxel_m = kVoxel_m}, &memory);

@@ -10,11 +10,11 @@
 #include <utility>
 #include <vector>
 
+#include "mr/kit/part.h"
 #include "mr/kit/raycast.h"
 #include "mr/kit/topology.h"
 #include "mr/merge/islands.h"
 #include "mr/merge/overlap.h"
-#include "mr/merge/part.h"
 #include "mr/merge/zipper.h"
 #include "support/meshes.h"
 #include "support/rays.h"
@@ -90,10 +90,10 @@ inline Mesh visible(const Mesh& mesh, const Mesh& truth, const Camera& camera, c
 }
 
 /// One part per eye, each with triangles of its own.
-inline std::vector<merge::Part> seen_by(const Shape& shape, std::span<const Eye> eyes,
-                                        const Look& look) {
+inline std::vector<kit::Part> seen_by(const Shape& shape, std::span<const Eye> eyes,
+                                      const Look& look) {
   const Mesh truth = shape(0.02f);
-  std::vector<merge::Part> parts;
+  std::vector<kit::Part> parts;
   for (std::uint32_t i = 0; i < eyes.size(); ++i) {
     const Pose T = look_at(eyes[i].at, eyes[i].target, {0, -1, 0});
     const SourceInfo from = source(i, T);
@@ -203,7 +203,7 @@ struct Merged {
   std::vector<Mesh> owned;  ///< per part
   Mesh mesh;
 };
-inline Merged merged(std::span<const merge::Part> parts,
+inline Merged merged(std::span<const kit::Part> parts,
                      MergeConfig::Owner owner = MergeConfig::Owner::coherent,
                      double voxel_m = kVoxel_m) {
   Merged out{merge::remove_overlap(parts, {.owner = owner, .voxel_m = voxel_m}), {}};
@@ -258,9 +258,9 @@ class Rays {
   kit::RayScene scene_;
 };
 
-inline std::vector<const Mesh*> meshes_of(std::span<const merge::Part> parts) {
+inline std::vector<const Mesh*> meshes_of(std::span<const kit::Part> parts) {
   std::vector<const Mesh*> out;
-  for (const merge::Part& part : parts) out.push_back(&part.mesh);
+  for (const kit::Part& part : parts) out.push_back(&part.mesh);
   return out;
 }
 
@@ -293,7 +293,7 @@ inline bool is_inside(const Rays& parts, const SurfacePoint& p) {
   return true;
 }
 
-inline Openings openings(std::span<const merge::Part> parts, const Mesh& mesh, double limit_m,
+inline Openings openings(std::span<const kit::Part> parts, const Mesh& mesh, double limit_m,
                          double per_m2 = 400) {
   const Rays all(meshes_of(parts)), rays({&mesh});
   double points = 0, missing = 0, inside = 0, open = 0;
@@ -318,10 +318,10 @@ inline Openings openings(std::span<const merge::Part> parts, const Mesh& mesh, d
 
 /// Triangles that face away from all surfaces of the parts beside them, or have none beside them.
 /// Beside: within a voxel of what is nearest, so that both sides of a crease count.
-inline std::size_t count_turned(std::span<const merge::Part> parts, const Mesh& mesh,
+inline std::size_t count_turned(std::span<const kit::Part> parts, const Mesh& mesh,
                                 double reach_m) {
   std::vector<Rays> of_part;
-  for (const merge::Part& part : parts) of_part.emplace_back(std::vector{&part.mesh});
+  for (const kit::Part& part : parts) of_part.emplace_back(std::vector{&part.mesh});
   std::vector<Vec3f> probes{{}};
   for (int axis = 0; axis < 3; ++axis)
     for (const float side : {-1.0f, 1.0f}) {
@@ -372,7 +372,7 @@ inline bool is_whole(const Mesh& mesh) {
 }
 
 /// The farthest that any of some vertices, every `step`-th, lies from every part.
-inline double farthest_vertex_m(std::span<const merge::Part> parts, const Mesh& mesh,
+inline double farthest_vertex_m(std::span<const kit::Part> parts, const Mesh& mesh,
                                 std::size_t step = 4) {
   const Rays all(meshes_of(parts));
   double farthest = 0;

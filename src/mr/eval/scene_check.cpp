@@ -10,8 +10,9 @@
 #include <variant>
 
 #include "mr/baseline/monolithic.h"
-#include "mr/merge/part.h"
-#include "mr/merge/registration.h"
+#include "mr/calib/outliers.h"
+#include "mr/calib/residuals.h"
+#include "mr/kit/part.h"
 #include "mr/node/sources.h"
 #include "mr/sensor/registration.h"
 
@@ -19,7 +20,7 @@ namespace mr::eval {
 namespace {
 
 constexpr double kLeastVoxel_m = 0.02;  // finer takes longer and tells no more
-constexpr double kLeastShare = 0.85;    // of what both should see, as merge::outliers has it
+constexpr double kLeastShare = 0.85;    // of what both should see, as calib::outliers has it
 constexpr double kAnyDepth_m = 1e6;
 constexpr double kMostOutside = 0.5;  // of the pixels with depth; more is told
 constexpr double kLeastMedian_m = 0.1, kMostMedian_m = 100;  // a median beyond is no room in metres
@@ -91,10 +92,10 @@ void look_at_pictures(const SensorConfig& sensor, Frame& frame, SensorCheck& che
 }
 
 /// The sensor's own surface, as a merger would get it.
-merge::Part surface_of(const Scene& scene, std::uint32_t sensor, Frame frame, double voxel_m) {
+kit::Part surface_of(const Scene& scene, std::uint32_t sensor, Frame frame, double voxel_m) {
   const sensor::Registration registration(scene.sensors[sensor], sensor);
   frame = registration.undistort(std::move(frame));
-  merge::Part part;
+  kit::Part part;
   part.mesh = baseline::fuse_all(scene, std::span(&frame, 1), voxel_m);
   part.sources.push_back({sensor, frame.captured_at(), registration.depth_camera(),
                           frame.T_world_depth, scene.sensors[sensor].precision});
@@ -123,13 +124,13 @@ bool is_worse(const PairFit& x, const PairFit& y) {
 }
 
 /// Rates the fit of the sensors that have a surface.
-void compare(const Scene& scene, std::span<const merge::Part> parts, double voxel_m,
+void compare(const Scene& scene, std::span<const kit::Part> parts, double voxel_m,
              SceneCheck& check) {
   const auto place = [&](std::uint32_t part) { return parts[part].sources.front().sensor; };
-  const auto residuals = merge::pair_residuals(parts, {.voxel_m = voxel_m});
+  const auto residuals = calib::pair_residuals(parts, {.voxel_m = voxel_m});
   std::vector<bool> alone(parts.size(), true);
   double limit_mm = 0;
-  for (const merge::PairResidual& r : residuals) {
+  for (const calib::PairResidual& r : residuals) {
     const SensorCheck &a = check.sensors[place(r.a)], &b = check.sensors[place(r.b)];
     PairFit pair{a.id, b.id, r.untrimmed_mm, 0, r.shared_m2, r.expected_m2, Fit::good};
     pair.noise_mm = noise_mm(scene, scene.sensors[place(r.a)], a.median_m,
@@ -140,7 +141,7 @@ void compare(const Scene& scene, std::span<const merge::Part> parts, double voxe
     check.pairs.push_back(std::move(pair));
   }
   std::ranges::stable_sort(check.pairs, is_worse);
-  for (const std::uint32_t i : merge::outliers(residuals, parts.size(), limit_mm))
+  for (const std::uint32_t i : calib::outliers(residuals, parts.size(), limit_mm))
     check.misfits.push_back(check.sensors[place(i)].id);
   for (std::uint32_t i = 0; i < parts.size() && parts.size() > 1; ++i)
     if (alone[i])
@@ -179,7 +180,7 @@ SceneCheck check_scene(const Scene& scene, const std::filesystem::path& rig_cach
   for (std::uint32_t i = 0; i < wanted.size(); ++i) wanted[i] = i;
   const auto sources = node::open_sources(wide, wanted, rig_cache);
   SceneCheck check;
-  std::vector<merge::Part> parts;
+  std::vector<kit::Part> parts;
   for (const std::uint32_t i : wanted) {
     SensorCheck& of = check.sensors.emplace_back();
     of.id = scene.sensors[i].id;

@@ -26,7 +26,7 @@ struct SensorCheck {
 enum class Fit { good, usable, bad };
 const char* to_string(Fit fit);
 
-/// How well two sensors' surfaces fit where both should see the same (merge::pair_residuals). With
+/// How well two sensors' surfaces fit where both should see the same (calib::pair_residuals). With
 /// `noise_mm` what is to be expected of two sensors that are calibrated: half a voxel, or the
 /// scene's calibration_error_m and both sensors' precision at their median depth together, if that
 /// is more.

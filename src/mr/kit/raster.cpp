@@ -9,6 +9,15 @@
 
 namespace mr::kit {
 
+Camera scaled(const Camera& camera, double factor) {
+  Camera out = camera;
+  out.width = static_cast<int>(camera.width * factor);
+  out.height = static_cast<int>(camera.height * factor);
+  out.fx *= factor, out.fy *= factor;
+  out.cx = factor * (camera.cx + 0.5) - 0.5, out.cy = factor * (camera.cy + 0.5) - 0.5;
+  return out;
+}
+
 Vec2d pixels_per_rad(const Camera& camera) {
   constexpr double kPi = std::numbers::pi;
   if (camera.model == CameraModel::pinhole) return {camera.fx, camera.fy};

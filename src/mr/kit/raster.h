@@ -28,6 +28,9 @@ Raster rasterize(const Mesh& mesh, const Camera& camera, const Pose& T_world_cam
 /// The depth alone; quicker.
 ImageDepth rasterize_depth(const Mesh& mesh, const Camera& camera, const Pose& T_world_camera);
 
+/// The same pinhole view with `factor` times as many pixels a side.
+Camera scaled(const Camera& camera, double factor);
+
 /// Pixels per radian to the right (x) and downwards (y): of a pinhole in the middle of its picture,
 /// of a LiDAR's rows on average.
 Vec2d pixels_per_rad(const Camera& camera);

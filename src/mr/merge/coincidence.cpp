@@ -17,7 +17,7 @@ constexpr double kSame_sigmas = 2;
 constexpr double kFlattest = 0.3;  // cosine; flatter angles count as this one
 
 /// The triangles that a sensor measured.
-Mesh measured_by(const Part& part, std::uint32_t sensor) {
+Mesh measured_by(const kit::Part& part, std::uint32_t sensor) {
   if (part.sources.size() == 1) return part.mesh;
   std::vector<std::uint8_t> keep(part.mesh.triangles.size());
   for (const ViewRun& run : part.mesh.runs)
@@ -43,16 +43,17 @@ double depth_at(const ImageDepth& depth, double u, double v) {
 
 }  // namespace
 
-StillCover::StillCover(const Mesh& merged, std::span<const Part> parts, const OverlapConfig& config)
+StillCover::StillCover(const Mesh& merged, std::span<const kit::Part> parts,
+                       const OverlapConfig& config)
     : config_(config) {
-  std::vector<const Part*> part_of;
-  for (const Part& part : parts)
+  std::vector<const kit::Part*> part_of;
+  for (const kit::Part& part : parts)
     for (const SourceInfo& source : part.sources) {
       if (source.depth_camera.model != CameraModel::pinhole) continue;
       const double factor = std::min(1.0, double{kMostColumns} / source.depth_camera.width);
       views_.push_back({source.sensor,
                         factor,
-                        scaled(source.depth_camera, factor),
+                        kit::scaled(source.depth_camera, factor),
                         source.T_world_depth.inverse(),
                         source.precision,
                         {},
@@ -103,7 +104,7 @@ bool StillCover::is_covered(const Mesh& mesh, std::size_t t, const SensorView& v
          covered(mesh.corner(t, 2));
 }
 
-Mesh StillCover::uncovered(const Part& moving) const {
+Mesh StillCover::uncovered(const kit::Part& moving) const {
   const Mesh& mesh = moving.mesh;
   const std::vector<ViewId> sensors =
       moving.sources.size() == 1

@@ -7,8 +7,8 @@
 #include "mr/core/image.h"
 #include "mr/core/mesh.h"
 #include "mr/core/pose.h"
+#include "mr/kit/part.h"
 #include "mr/merge/overlap.h"
-#include "mr/merge/part.h"
 
 namespace mr::merge {
 
@@ -29,13 +29,13 @@ class StillCover {
   StillCover() = default;
   /// `merged`: the still surface that is shown. `parts`: what each input brought to it, with every
   /// source's place.
-  StillCover(const Mesh& merged, std::span<const Part> parts, const OverlapConfig& config);
+  StillCover(const Mesh& merged, std::span<const kit::Part> parts, const OverlapConfig& config);
 
   /// What stays of a moving part. A triangle goes where its own sensor has still surface at the
   /// same place, that or another's within 5 cm is shown; or where another's is shown at the same
   /// place and its own has none within 5 cm behind: else hands on tables would vanish. Sources that
   /// are no pinholes keep all.
-  Mesh uncovered(const Part& moving) const;
+  Mesh uncovered(const kit::Part& moving) const;
 
   /// By sensor; sources that are no pinholes have none.
   std::span<const SensorView> views() const { return views_; }

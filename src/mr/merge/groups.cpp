@@ -5,10 +5,10 @@
 #include <utility>
 
 #include "mr/core/parallel.h"
+#include "mr/kit/boxes.h"
+#include "mr/kit/disjoint_sets.h"
 #include "mr/kit/pair_map.h"
-#include "mr/merge/boxes.h"
 #include "mr/merge/cell.h"
-#include "mr/merge/disjoint_sets.h"
 #include "mr/merge/pieces.h"
 
 namespace mr::merge {
@@ -96,7 +96,7 @@ class Grouping {
     rivals_.resize(meshes_.size()), is_huge_.resize(meshes_.size());
     for (std::uint32_t m = 0; m < meshes_.size(); ++m)
       for (std::uint32_t other = 0; other < meshes_.size(); ++other)
-        if (of(m) != of(other) && meet(boxes[m], boxes[other], reach_m_))
+        if (of(m) != of(other) && kit::meet(boxes[m], boxes[other], reach_m_))
           rivals_[m].push_back({other, boxes[other]});
   }
 
@@ -110,7 +110,7 @@ class Grouping {
       Box3f box;
       for (int i = 0; i < 3; ++i) box.add(mesh.corner(t, i));
       if (std::ranges::none_of(rivals_[m],
-                               [&](const Rival& r) { return meet(r.box, box, reach_m_); }))
+                               [&](const Rival& r) { return kit::meet(r.box, box, reach_m_); }))
         continue;
       const Vec3f a = mesh.corner(t, 0) * per_cell_, ab = mesh.corner(t, 1) * per_cell_ - a,
                   ac = mesh.corner(t, 2) * per_cell_ - a;
@@ -138,7 +138,7 @@ class Grouping {
 
   std::span<const Mesh* const> meshes_;
   float per_cell_, reach_m_;
-  DisjointSets sets_;
+  kit::DisjointSets sets_;
   kit::PairMap first_{1024};                // cell → a mesh with surface there
   std::vector<std::vector<Rival>> rivals_;  // [meshes]
   std::vector<std::uint8_t> is_huge_;       // [meshes] has a triangle that is not looked at

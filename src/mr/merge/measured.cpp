@@ -30,7 +30,7 @@ float quality_at(const SourceInfo& source, Vec3f spot, Vec3f unit_normal) {
 }
 
 /// The source that each triangle is labelled with, or the only one.
-std::vector<std::uint32_t> triangle_labels(const Part& part) {
+std::vector<std::uint32_t> triangle_labels(const kit::Part& part) {
   std::vector<std::uint32_t> out(part.mesh.triangles.size(),
                                  part.sources.size() == 1 ? 0 : Measured::kNoSource);
   if (part.sources.size() == 1) return out;
@@ -41,7 +41,7 @@ std::vector<std::uint32_t> triangle_labels(const Part& part) {
 }
 
 /// Finds who measured a triangle, and how well.
-void measure(const Part& part, std::size_t t, Measured& out) {
+void measure(const kit::Part& part, std::size_t t, Measured& out) {
   const Vec3f normal = normalized(part.mesh.area_normal(t)), middle = part.mesh.centroid(t);
   const bool known = out.label[t] != Measured::kNoSource;
   const std::uint32_t first = known ? out.label[t] : 0,
@@ -62,12 +62,12 @@ float largest_sigma(const SourceInfo& source, const Mesh& mesh) {
 
 }  // namespace
 
-float slack_m(const Part& part, const OverlapConfig& config) {
+float slack_m(const kit::Part& part, const OverlapConfig& config) {
   return static_cast<float>(config.calibration_error_m) +
          std::min(part.error_m, static_cast<float>(config.voxel_m)) / 2;
 }
 
-Measured measured(const Part& part, const OverlapConfig& config) {
+Measured measured(const kit::Part& part, const OverlapConfig& config) {
   const Mesh& mesh = part.mesh;
   Measured out;
   out.slack_m = slack_m(part, config);
@@ -93,7 +93,7 @@ Measured measured(const Part& part, const OverlapConfig& config) {
   return out;
 }
 
-double farthest_alike_m(std::span<const Part> parts, const OverlapConfig& config) {
+double farthest_alike_m(std::span<const kit::Part> parts, const OverlapConfig& config) {
   std::vector<float> sigma_m(parts.size(), 0.0f);
   parallel_for(parts.size(), 1, [&](std::size_t begin, std::size_t end) {
     for (std::size_t i = begin; i < end; ++i)

@@ -5,15 +5,15 @@
 #include <vector>
 
 #include "mr/core/mesh.h"
+#include "mr/kit/part.h"
 #include "mr/merge/overlap.h"
-#include "mr/merge/part.h"
 
 namespace mr::merge {
 
 /// How far a part may lie off because of calibration and decimation. `error_m` is the largest error
 /// that decimation made anywhere: two parts hardly ever both have it at one place, so each counts
 /// with half of it.
-float slack_m(const Part& part, const OverlapConfig& config);
+float slack_m(const kit::Part& part, const OverlapConfig& config);
 
 /// A place on a part's surface.
 struct Spot {
@@ -41,9 +41,9 @@ struct Measured {
   float slack_m = 0;                  ///< of the part
 };
 
-Measured measured(const Part& part, const OverlapConfig& config);
+Measured measured(const kit::Part& part, const OverlapConfig& config);
 
 /// How far apart two spots may lie, along the normal, and be one surface, at the most. Parallel.
-double farthest_alike_m(std::span<const Part> parts, const OverlapConfig& config);
+double farthest_alike_m(std::span<const kit::Part> parts, const OverlapConfig& config);
 
 }  // namespace mr::merge

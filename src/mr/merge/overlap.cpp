@@ -15,7 +15,7 @@ namespace {
 constexpr double kLeastReach_voxels = 5;  // of parts that meet: coarse cells are fewer
 
 /// A part's mesh, each triangle with the sensor that measured it as its view.
-Mesh by_sensor(const Part& part) {
+Mesh by_sensor(const kit::Part& part) {
   Mesh out = part.mesh;
   if (part.sources.size() == 1)
     set_triangle_views(out, std::vector(out.triangles.size(), part.sources[0].sensor));
@@ -23,7 +23,7 @@ Mesh by_sensor(const Part& part) {
 }
 
 /// What is left by the paper's rule.
-std::vector<Mesh> nearest(std::span<const Part> parts, const OverlapConfig& config) {
+std::vector<Mesh> nearest(std::span<const kit::Part> parts, const OverlapConfig& config) {
   const auto goes = farther_triangles(parts, config);
   std::vector<Mesh> out(parts.size());
   parallel_for(parts.size(), 1, [&](std::size_t begin, std::size_t end) {
@@ -37,9 +37,9 @@ std::vector<Mesh> nearest(std::span<const Part> parts, const OverlapConfig& conf
 }
 
 /// Whether a sensor is a source of several parts.
-bool share_sensors(std::span<const Part> parts) {
+bool share_sensors(std::span<const kit::Part> parts) {
   std::vector<std::uint32_t> sensors;
-  for (const Part& part : parts)
+  for (const kit::Part& part : parts)
     for (const SourceInfo& source : part.sources) sensors.push_back(source.sensor);
   std::ranges::sort(sensors);
   return std::ranges::adjacent_find(sensors) != sensors.end();
@@ -47,10 +47,10 @@ bool share_sensors(std::span<const Part> parts) {
 
 /// What is left where each spot goes to who measured it best. Parts that do not meet have nothing
 /// to decide between them.
-std::vector<Mesh> best(std::span<const Part> parts, const OverlapConfig& config,
+std::vector<Mesh> best(std::span<const kit::Part> parts, const OverlapConfig& config,
                        QualityMemory* memory) {
   std::vector<const Mesh*> meshes;
-  for (const Part& part : parts) meshes.push_back(&part.mesh);
+  for (const kit::Part& part : parts) meshes.push_back(&part.mesh);
   const double reach_m =
       std::max(farthest_alike_m(parts, config), kLeastReach_voxels * config.voxel_m);
   const auto groups = groups_that_meet(meshes, reach_m);
@@ -61,7 +61,7 @@ std::vector<Mesh> best(std::span<const Part> parts, const OverlapConfig& config,
       out[group[0]] = by_sensor(parts[group[0]]);
       return;
     }
-    std::vector<Part> some;
+    std::vector<kit::Part> some;
     for (const std::uint32_t i : group) some.push_back(parts[i]);
     std::vector<Mesh> owned = best_measured(some, config, memory);
     for (std::size_t k = 0; k < group.size(); ++k) out[group[k]] = std::move(owned[k]);
@@ -76,9 +76,9 @@ std::vector<Mesh> best(std::span<const Part> parts, const OverlapConfig& config,
 
 }  // namespace
 
-std::vector<Mesh> remove_overlap(std::span<const Part> parts, const OverlapConfig& config,
+std::vector<Mesh> remove_overlap(std::span<const kit::Part> parts, const OverlapConfig& config,
                                  QualityMemory* memory) {
-  for (const Part& part : parts) MR_ASSERT(!part.sources.empty());
+  for (const kit::Part& part : parts) MR_ASSERT(!part.sources.empty());
   if (parts.size() == 1) return {by_sensor(parts[0])};
   return config.owner == MergeConfig::Owner::paper ? nearest(parts, config)
                                                    : best(parts, config, memory);

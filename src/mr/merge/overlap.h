@@ -5,7 +5,7 @@
 
 #include "mr/core/mesh.h"
 #include "mr/core/scene.h"
-#include "mr/merge/part.h"
+#include "mr/kit/part.h"
 
 namespace mr::merge {
 
@@ -26,7 +26,7 @@ class QualityMemory;  // quality_grid.h
 /// stays of each part, in order, each triangle with the sensor that measured it as its view.
 /// `memory`: of who merges the same sensors frame after frame, so that noise does not move coherent
 /// borders. Parallel; deterministic.
-std::vector<Mesh> remove_overlap(std::span<const Part> parts, const OverlapConfig& config,
+std::vector<Mesh> remove_overlap(std::span<const kit::Part> parts, const OverlapConfig& config,
                                  QualityMemory* memory = nullptr);
 
 }  // namespace mr::merge

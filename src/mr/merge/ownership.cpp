@@ -41,7 +41,7 @@ std::vector<RayGrid> places_of(const SourceInfo& source, double voxel_m) {
   const double focal_px = std::max(kFocal_voxels / voxel_m, kLeastFocal_px);
   const Camera& camera = source.depth_camera;
   if (camera.model == CameraModel::pinhole)
-    return {{scaled(camera, std::min(1.0, focal_px / camera.fx)), source.T_world_depth}};
+    return {{kit::scaled(camera, std::min(1.0, focal_px / camera.fx)), source.T_world_depth}};
   std::vector<RayGrid> out;
   for (const kit::CubeFace& face : kit::cube_faces(focal_px, 0))
     out.push_back({face.camera, source.T_world_depth * Pose{face.R_camera_face, {}}});
@@ -56,7 +56,7 @@ void for_each_index(std::size_t count, Work&& work) {
   });
 }
 
-std::vector<Measured> all_measured(std::span<const Part> parts, const OverlapConfig& config) {
+std::vector<Measured> all_measured(std::span<const kit::Part> parts, const OverlapConfig& config) {
   std::vector<Measured> out(parts.size());
   for_each_index(parts.size(), [&](std::size_t i) { out[i] = measured(parts[i], config); });
   return out;
@@ -85,7 +85,7 @@ struct Verdict {
 /// Who owns what: at any place, the part with surface there that measured it best.
 class Owners {
  public:
-  Owners(std::span<const Part> parts, const OverlapConfig& config, QualityMemory* memory)
+  Owners(std::span<const kit::Part> parts, const OverlapConfig& config, QualityMemory* memory)
       : parts_(parts),
         measured_(all_measured(parts, config)),
         grid_(parts, measured_, kCell_voxels * config.voxel_m, memory) {
@@ -187,7 +187,7 @@ class Owners {
     return std::nullopt;
   }
 
-  std::span<const Part> parts_;
+  std::span<const kit::Part> parts_;
   std::vector<Measured> measured_;
   QualityGrid grid_;
   std::vector<std::vector<PartView>> views_;  // [owners]
@@ -345,7 +345,7 @@ class OwnPart {
 
 }  // namespace
 
-std::vector<Mesh> best_measured(std::span<const Part> parts, const OverlapConfig& config,
+std::vector<Mesh> best_measured(std::span<const kit::Part> parts, const OverlapConfig& config,
                                 QualityMemory* memory) {
   const Owners owners(parts, config, memory);
   struct Block {

@@ -3,8 +3,8 @@
 #include <span>
 #include <vector>
 
+#include "mr/kit/part.h"
 #include "mr/merge/overlap.h"
-#include "mr/merge/part.h"
 
 namespace mr::merge {
 
@@ -13,7 +13,7 @@ namespace mr::merge {
 /// border between owners are cut where the same two values are equal. Returns what stays of each
 /// part, in order, each triangle with the sensor that measured it as its view. `memory` may be
 /// null.
-std::vector<Mesh> best_measured(std::span<const Part> parts, const OverlapConfig& config,
+std::vector<Mesh> best_measured(std::span<const kit::Part> parts, const OverlapConfig& config,
                                 QualityMemory* memory);
 
 }  // namespace mr::merge

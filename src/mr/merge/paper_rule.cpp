@@ -25,7 +25,7 @@ double depth_m(const SourceInfo& source, Vec3f spot) {
 }
 
 /// Precision of a spot: of the source that measured it, or the worst, where that is not known.
-float sigma_m(const Part& part, ViewId view, Vec3f spot) {
+float sigma_m(const kit::Part& part, ViewId view, Vec3f spot) {
   double worst = 0;
   for (const SourceInfo& s : part.sources) {
     const double sigma = s.precision.sigma_m(depth_m(s, spot));
@@ -47,7 +47,8 @@ std::vector<Vec3f> normals_around(const Mesh& mesh) {
 }
 
 /// Describes a part's triangles.
-void describe(const Part& part, std::uint32_t number, const OverlapConfig& config, Facing* out) {
+void describe(const kit::Part& part, std::uint32_t number, const OverlapConfig& config,
+              Facing* out) {
   constexpr std::size_t kGrain = 8192;
   const std::vector<ViewId> views = triangle_views(part.mesh);
   const std::vector<Vec3f> normals = normals_around(part.mesh);
@@ -101,13 +102,13 @@ struct PartLook {
   std::vector<std::uint32_t> parts;  ///< ascending
 };
 
-std::vector<PartLook> looks_of(std::span<const Part> parts, double voxel_m) {
+std::vector<PartLook> looks_of(std::span<const kit::Part> parts, double voxel_m) {
   std::vector<Bounds> bounds(parts.size());
   parallel_for(parts.size(), 1, [&](std::size_t begin, std::size_t end) {
     for (std::size_t i = begin; i < end; ++i) bounds[i] = bounds_of(parts[i].mesh);
   });
   std::vector<PartLook> out;
-  for (const Part& part : parts)
+  for (const kit::Part& part : parts)
     for (const SourceInfo& source : part.sources)
       for (const RayGrid& grid : camera_rays(source, voxel_m)) {
         PartLook look{grid, {}};
@@ -146,7 +147,7 @@ class RayCaster {
  private:
   static std::vector<const Mesh*> meshes(const PaperField& field) {
     std::vector<const Mesh*> out;
-    for (const Part& part : field.parts) out.push_back(&part.mesh);
+    for (const kit::Part& part : field.parts) out.push_back(&part.mesh);
     return out;
   }
 
@@ -208,9 +209,9 @@ RayVotes cast_all(const PaperField& field, const OverlapConfig& config,
 
 }  // namespace
 
-PaperField paper_field(std::span<const Part> parts, const OverlapConfig& config) {
+PaperField paper_field(std::span<const kit::Part> parts, const OverlapConfig& config) {
   PaperField out{parts, {0}, {}, 0};
-  for (const Part& part : parts) {
+  for (const kit::Part& part : parts) {
     MR_ASSERT(!part.sources.empty());
     out.first.push_back(out.first.back() + static_cast<std::uint32_t>(part.mesh.triangles.size()));
   }
@@ -226,7 +227,7 @@ PaperField paper_field(std::span<const Part> parts, const OverlapConfig& config)
   return out;
 }
 
-std::vector<std::vector<std::uint8_t>> farther_triangles(std::span<const Part> parts,
+std::vector<std::vector<std::uint8_t>> farther_triangles(std::span<const kit::Part> parts,
                                                          const OverlapConfig& config) {
   const PaperField field = paper_field(parts, config);
   const RayVotes votes = cast_all(field, config, nullptr);
@@ -237,7 +238,8 @@ std::vector<std::vector<std::uint8_t>> farther_triangles(std::span<const Part> p
   return out;
 }
 
-std::vector<RayVerdicts> ray_verdicts(std::span<const Part> parts, const OverlapConfig& config) {
+std::vector<RayVerdicts> ray_verdicts(std::span<const kit::Part> parts,
+                                      const OverlapConfig& config) {
   const PaperField field = paper_field(parts, config);
   std::vector<RayVerdicts> out;
   cast_all(field, config, &out);

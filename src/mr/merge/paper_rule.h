@@ -4,8 +4,8 @@
 #include <span>
 #include <vector>
 
+#include "mr/kit/part.h"
 #include "mr/merge/overlap.h"
-#include "mr/merge/part.h"
 
 namespace mr::merge {
 
@@ -18,7 +18,7 @@ namespace mr::merge {
 /// several parts are looked through. `config.overlap` says how hits are found: `rays` casts them at
 /// the meshes (Embree; the reference), `raster` draws layered depth images; both decide alike.
 /// Returns, for each part, 1 for every triangle that goes. Parallel; deterministic.
-std::vector<std::vector<std::uint8_t>> farther_triangles(std::span<const Part> parts,
+std::vector<std::vector<std::uint8_t>> farther_triangles(std::span<const kit::Part> parts,
                                                          const OverlapConfig& config);
 
 /// A triangle that a ray met, counted through all parts, and what became of it there.
@@ -42,6 +42,7 @@ struct RayVerdicts {
 
 /// The decisions behind farther_triangles(), ray by ray, for comparing the ways to find hits: one
 /// element for every camera (or face) that was looked through, in order.
-std::vector<RayVerdicts> ray_verdicts(std::span<const Part> parts, const OverlapConfig& config);
+std::vector<RayVerdicts> ray_verdicts(std::span<const kit::Part> parts,
+                                      const OverlapConfig& config);
 
 }  // namespace mr::merge

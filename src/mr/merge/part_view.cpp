@@ -81,7 +81,7 @@ struct Canvas {
 
 }  // namespace
 
-PartView::PartView(const Part& part, const Measured& measured, std::uint32_t source,
+PartView::PartView(const kit::Part& part, const Measured& measured, std::uint32_t source,
                    const Camera& camera, const Pose& T_world_camera, int margin_px)
     : measured_(&measured), precision_(part.sources[source].precision) {
   MR_ASSERT(camera.model == CameraModel::pinhole && camera.distortion == DistortionModel::none);

@@ -18,8 +18,8 @@ class PartView {
   /// the camera. `camera`: an undistorted pinhole at the source's place; surface up to `margin_px`
   /// outside of its picture counts as well, as poses and labels may be a little off. `measured`
   /// must outlive the view.
-  PartView(const Part& part, const Measured& measured, std::uint32_t source, const Camera& camera,
-           const Pose& T_world_camera, int margin_px);
+  PartView(const kit::Part& part, const Measured& measured, std::uint32_t source,
+           const Camera& camera, const Pose& T_world_camera, int margin_px);
 
   /// The part's triangle at a spot of another part, if it has surface there: it faces alike and
   /// lies within twice the sensors' precision (paper 3.2) and both parts' slack, along the normal.

@@ -109,7 +109,7 @@ void QualityMemory::steady(std::uint32_t sensor, QualityCells& cells) {
   if (!frozen_) last = cells;
 }
 
-QualityGrid::QualityGrid(std::span<const Part> parts, std::span<const Measured> measured,
+QualityGrid::QualityGrid(std::span<const kit::Part> parts, std::span<const Measured> measured,
                          double cell_m, QualityMemory* memory)
     : per_cell_(static_cast<float>(1 / cell_m)), cells_(1024) {
   for (std::uint32_t i = 0; i < parts.size(); ++i)

@@ -8,8 +8,8 @@
 #include <vector>
 
 #include "mr/kit/pair_map.h"
+#include "mr/kit/part.h"
 #include "mr/merge/measured.h"
-#include "mr/merge/part.h"
 
 namespace mr::merge {
 
@@ -48,7 +48,7 @@ class QualityMemory {
 class QualityGrid {
  public:
   /// `parts[i]` was measured as `measured[i]`. `memory` may be null. Parallel; deterministic.
-  QualityGrid(std::span<const Part> parts, std::span<const Measured> measured, double cell_m,
+  QualityGrid(std::span<const kit::Part> parts, std::span<const Measured> measured, double cell_m,
               QualityMemory* memory);
 
   /// A source of a part: whose surface a spot may be.

@@ -80,13 +80,4 @@ std::vector<RayGrid> camera_rays(const SourceInfo& source, double voxel_m) {
   return out;
 }
 
-Camera scaled(const Camera& camera, double factor) {
-  Camera out = camera;
-  out.width = static_cast<int>(camera.width * factor);
-  out.height = static_cast<int>(camera.height * factor);
-  out.fx *= factor, out.fy *= factor;
-  out.cx = factor * (camera.cx + 0.5) - 0.5, out.cy = factor * (camera.cy + 0.5) - 0.5;
-  return out;
-}
-
 }  // namespace mr::merge

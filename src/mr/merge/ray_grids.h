@@ -20,7 +20,4 @@ struct RayGrid {
 /// lowest to its highest beam, and half a row beyond.
 std::vector<RayGrid> camera_rays(const SourceInfo& source, double voxel_m);
 
-/// The same pinhole view with `factor` times as many pixels a side.
-Camera scaled(const Camera& camera, double factor);
-
 }  // namespace mr::merge

@@ -26,13 +26,13 @@ struct Facing {
 
 /// All triangles of all parts, one after the other.
 struct PaperField {
-  std::span<const Part> parts;
+  std::span<const kit::Part> parts;
   std::vector<std::uint32_t> first;  ///< [parts + 1] part → its first triangle
   std::vector<Facing> facing;        ///< [T]
   float reach_m = 0;                 ///< farther behind each other no hits are one surface
 };
 
-PaperField paper_field(std::span<const Part> parts, const OverlapConfig& config);
+PaperField paper_field(std::span<const kit::Part> parts, const OverlapConfig& config);
 
 /// What rays found, by triangle ([T]).
 struct RayVotes {

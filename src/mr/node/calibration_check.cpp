@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <utility>
 
+#include "mr/calib/outliers.h"
 #include "mr/core/parallel.h"
 
 namespace mr::node {
@@ -12,7 +13,7 @@ constexpr int kLookEvery = 30;   // merges
 constexpr double kOdd_mm = 20;   // more is told
 constexpr int kRefineEvery = 3;  // merges
 
-merge::RegistrationConfig registration(const Scene& scene) { return {.voxel_m = scene.voxel_m}; }
+calib::RegistrationConfig registration(const Scene& scene) { return {.voxel_m = scene.voxel_m}; }
 
 }  // namespace
 
@@ -20,32 +21,32 @@ CalibrationCheck::CalibrationCheck(const Scene& scene)
     : scene_(&scene), refiner_(registration(scene)) {}
 
 /// A sensor's id, or the first of a merger's with how many there are.
-std::string CalibrationCheck::name(const merge::Part& part) const {
+std::string CalibrationCheck::name(const kit::Part& part) const {
   const std::string& first = scene_->sensors[part.sources.front().sensor].id;
   return part.sources.size() == 1 ? first : first + "+" + std::to_string(part.sources.size() - 1);
 }
 
-void CalibrationCheck::look(const std::vector<merge::Part>& parts) {
+void CalibrationCheck::look(const std::vector<kit::Part>& parts) {
   if (parts.size() < 2) return;
   if (calls_ % kLookEvery == 0) measure(parts);
   if (scene_->merge.refine) {
     std::vector<std::uint64_t> ids;
-    for (const merge::Part& part : parts) ids.push_back(part.sources.front().sensor);
+    for (const kit::Part& part : parts) ids.push_back(part.sources.front().sensor);
     if (calls_ % kRefineEvery == 0 || corrections_.size() != parts.size() || ids != ids_)
       corrections_ = refiner_.update(parts, ids), ids_ = ids;
   }
   ++calls_;
 }
 
-void CalibrationCheck::measure(const std::vector<merge::Part>& parts) {
-  const auto pairs = merge::pair_residuals(parts, registration(*scene_));
+void CalibrationCheck::measure(const std::vector<kit::Part>& parts) {
+  const auto pairs = calib::pair_residuals(parts, registration(*scene_));
   residuals_.clear();
-  for (const merge::PairResidual& pair : pairs)
+  for (const calib::PairResidual& pair : pairs)
     residuals_.push_back(
         {name(parts[pair.a]), name(parts[pair.b]), pair.residual_mm, pair.shared_m2});
   const double limit_mm = scene_->merge.leave_out_mm > 0 ? scene_->merge.leave_out_mm : kOdd_mm;
   std::vector<std::string> misfits;
-  for (const std::uint32_t i : merge::outliers(pairs, parts.size(), limit_mm))
+  for (const std::uint32_t i : calib::outliers(pairs, parts.size(), limit_mm))
     misfits.push_back(name(parts[i]));
   if (misfits == misfits_) return;
   misfits_ = std::move(misfits);
@@ -57,26 +58,22 @@ void CalibrationCheck::measure(const std::vector<merge::Part>& parts) {
                      : ": check its pose, or set merge.leave_out_mm to leave such sensors out");
 }
 
-bool CalibrationCheck::is_left_out(const merge::Part& part) const {
+bool CalibrationCheck::is_left_out(const kit::Part& part) const {
   return scene_->merge.leave_out_mm > 0 &&
          std::ranges::find(misfits_, name(part)) != misfits_.end();
 }
 
-void CalibrationCheck::apply(std::vector<merge::Part>& parts) const {
+void CalibrationCheck::apply(std::vector<kit::Part>& parts) const {
   if (parts.size() < 2) return;
-  for (merge::Part& part : parts)
+  for (kit::Part& part : parts)
     if (is_left_out(part)) part.mesh = {};
   if (corrections_.size() != parts.size()) return;
   parallel_for(parts.size(), 1, [&](std::size_t begin, std::size_t end) {
-    for (std::size_t i = begin; i < end; ++i) {
-      for (Vec3f& p : parts[i].mesh.positions)
-        p = vec_cast<float>(corrections_[i] * vec_cast<double>(p));
-      for (SourceInfo& s : parts[i].sources) s.T_world_depth = corrections_[i] * s.T_world_depth;
-    }
+    for (std::size_t i = begin; i < end; ++i) calib::move_part(corrections_[i], parts[i]);
   });
 }
 
-void CalibrationCheck::apply(const std::vector<merge::Part>& parts, std::vector<View>& views,
+void CalibrationCheck::apply(const std::vector<kit::Part>& parts, std::vector<View>& views,
                              std::vector<SourceInfo>& sources) const {
   if (corrections_.size() != parts.size()) return;
   for (std::size_t i = 0; i < parts.size(); ++i)

@@ -5,10 +5,10 @@
 #include <utility>
 #include <vector>
 
+#include "mr/calib/pose_refiner.h"
 #include "mr/core/scene.h"
 #include "mr/core/view.h"
-#include "mr/merge/part.h"
-#include "mr/merge/registration.h"
+#include "mr/kit/part.h"
 
 namespace mr::node {
 
@@ -27,12 +27,12 @@ class CalibrationCheck {
 
   /// Looks at the parts, one per scene that was gathered; not closely at each call, for it takes
   /// time.
-  void look(const std::vector<merge::Part>& parts);
+  void look(const std::vector<kit::Part>& parts);
   /// Corrects the poses of parts where merge.refine is set, and of their sources; empties the
   /// meshes of parts that are left out. As many parts as look() was given, of the same inputs.
-  void apply(std::vector<merge::Part>& parts) const;
+  void apply(std::vector<kit::Part>& parts) const;
   /// The same for views and sources, as they came; `parts`: corrected.
-  void apply(const std::vector<merge::Part>& parts, std::vector<View>& views,
+  void apply(const std::vector<kit::Part>& parts, std::vector<View>& views,
              std::vector<SourceInfo>& sources) const;
 
   /// Of the last look.
@@ -41,12 +41,12 @@ class CalibrationCheck {
   std::optional<std::string> take_notice() { return std::exchange(notice_, std::nullopt); }
 
  private:
-  std::string name(const merge::Part& part) const;
-  void measure(const std::vector<merge::Part>& parts);
-  bool is_left_out(const merge::Part& part) const;
+  std::string name(const kit::Part& part) const;
+  void measure(const std::vector<kit::Part>& parts);
+  bool is_left_out(const kit::Part& part) const;
 
   const Scene* scene_;
-  merge::Refiner refiner_;
+  calib::PoseRefiner refiner_;
   int calls_ = 0;
   std::vector<Pose> corrections_;
   std::vector<std::uint64_t> ids_;  ///< of the parts that they belong to

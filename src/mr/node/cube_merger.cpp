@@ -13,8 +13,8 @@ namespace mr::node {
 namespace {
 
 /// What of a scene lies in some cubes.
-merge::Part part_in(const DecodedScene& scene, const std::function<bool(Vec3i)>& wanted) {
-  merge::Part part;
+kit::Part part_in(const DecodedScene& scene, const std::function<bool(Vec3i)>& wanted) {
+  kit::Part part;
   for (const auto& chunk : scene.chunks) {
     if (!wanted(chunk->key.id.cube)) continue;
     append(part.mesh, chunk->mesh);
@@ -52,7 +52,7 @@ struct Divided {
 
 }  // namespace
 
-merge::Part part_of(const DecodedScene& scene, Layer layer) {
+kit::Part part_of(const DecodedScene& scene, Layer layer) {
   return part_in(layer_of(scene, layer), [](Vec3i) { return true; });
 }
 
@@ -68,7 +68,7 @@ DecodedScene layer_of(const DecodedScene& scene, Layer layer) {
 CubeMerger::CubeMerger(double chunk_m, double reach_m)
     : chunk_m_(chunk_m), rings_(static_cast<int>(std::ceil(reach_m / chunk_m))) {}
 
-Mesh CubeMerger::run(const std::vector<DecodedScene>& scenes, const std::vector<merge::Part>& parts,
+Mesh CubeMerger::run(const std::vector<DecodedScene>& scenes, const std::vector<kit::Part>& parts,
                      const Merge& merge) {
   Contents contents;
   for (std::size_t i = 0; i < scenes.size(); ++i)
@@ -123,7 +123,7 @@ CubeMerger::Cubes CubeMerger::grown(const Cubes& cubes) const {
 std::optional<Mesh> CubeMerger::mend(const std::vector<DecodedScene>& scenes, const Cubes& again,
                                      const Merge& merge) const {
   const Cubes around = grown(again);
-  std::vector<merge::Part> parts(scenes.size());
+  std::vector<kit::Part> parts(scenes.size());
   parallel_for(parts.size(), 1, [&](std::size_t begin, std::size_t end) {
     for (std::size_t i = begin; i < end; ++i)
       parts[i] = part_in(scenes[i], [&](Vec3i cube) { return around.contains(cube); });

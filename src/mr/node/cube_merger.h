@@ -10,12 +10,12 @@
 
 #include "mr/core/decoded_scene.h"
 #include "mr/core/mesh.h"
-#include "mr/merge/part.h"
+#include "mr/kit/part.h"
 
 namespace mr::node {
 
 /// One surface of a scene; borders between chunks are welded.
-merge::Part part_of(const DecodedScene& scene, Layer layer);
+kit::Part part_of(const DecodedScene& scene, Layer layer);
 
 /// A scene with the chunks of one layer, without pictures.
 DecodedScene layer_of(const DecodedScene& scene, Layer layer);
@@ -26,13 +26,13 @@ DecodedScene layer_of(const DecodedScene& scene, Layer layer);
 class CubeMerger {
  public:
   /// Overlap removal, zipper and islands; `all`: of the whole scene, not of a piece.
-  using Merge = std::function<Mesh(const std::vector<merge::Part>& parts, bool all)>;
+  using Merge = std::function<Mesh(const std::vector<kit::Part>& parts, bool all)>;
 
   /// `reach_m`: how far away a change can still be felt.
   CubeMerger(double chunk_m, double reach_m);
 
   /// The merged surface of some scenes, whose whole surfaces are `parts`.
-  Mesh run(const std::vector<DecodedScene>& scenes, const std::vector<merge::Part>& parts,
+  Mesh run(const std::vector<DecodedScene>& scenes, const std::vector<kit::Part>& parts,
            const Merge& merge);
 
   /// The next time all is merged.

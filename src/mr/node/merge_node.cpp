@@ -27,8 +27,8 @@ bool same_geometry(const std::vector<DecodedScene>& a, const std::vector<Decoded
                     });
 }
 
-std::vector<merge::Part> parts_of(const std::vector<DecodedScene>& scenes, Layer layer) {
-  std::vector<merge::Part> parts(scenes.size());
+std::vector<kit::Part> parts_of(const std::vector<DecodedScene>& scenes, Layer layer) {
+  std::vector<kit::Part> parts(scenes.size());
   parallel_for(parts.size(), 1, [&](std::size_t begin, std::size_t end) {
     for (std::size_t i = begin; i < end; ++i) parts[i] = part_of(scenes[i], layer);
   });
@@ -151,7 +151,7 @@ Status MergeNode::merge_surfaces(const Gathered& gathered, const std::function<v
   }
   if (still_.cover)
     trace_.time("cover", [&] {
-      for (merge::Part& part : parts) part.mesh = still_.cover->uncovered(part);
+      for (kit::Part& part : parts) part.mesh = still_.cover->uncovered(part);
     });
   return merge_moving(std::move(moving), parts, halfway);
 }
@@ -170,7 +170,7 @@ void MergeNode::look_at_plates(const Gathered& gathered, const Parts& moving) {
   if (!is_root_) return;
   trace_.time("plates", [&] {
     Mesh all;
-    for (const merge::Part& part : moving) append(all, part.mesh);
+    for (const kit::Part& part : moving) append(all, part.mesh);
     atlas_.update_plates({gathered, places_.views, places_.sources}, all);
   });
 }
@@ -192,7 +192,7 @@ Status MergeNode::bring_still(std::optional<StillMerger::Inputs> inputs, const P
     return StillMade{still_merger_.update(std::move(task)), told};
   };
   std::size_t moving_triangles = 0;
-  for (const merge::Part& part : moving) moving_triangles += part.mesh.triangles.size();
+  for (const kit::Part& part : moving) moving_triangles += part.mesh.triangles.size();
   const bool is_learnt = still_.mesh && moving_triangles < still_.mesh->triangles.size() / 2;
   if (still_work_ == StillWork::at_once || !is_learnt) return show(job());
   still_job_.start(std::move(job));
@@ -224,7 +224,7 @@ Status MergeNode::show(StillMade still) {
 Status MergeNode::merge_moving(std::vector<DecodedScene> scenes, const Parts& parts,
                                const std::function<void()>& halfway) {
   Surface made{std::move(scenes), {}, 0};
-  for (const merge::Part& part : parts) made.error_m = std::max(made.error_m, part.error_m);
+  for (const kit::Part& part : parts) made.error_m = std::max(made.error_m, part.error_m);
   const auto small = joiner_.decimated(joiner_.join(parts, true, halfway), made.error_m);
   if (!small) return small.error();
   auto mesh = on_lattice(

@@ -20,8 +20,8 @@
 #include "mr/core/result.h"
 #include "mr/core/scene.h"
 #include "mr/core/trace.h"
+#include "mr/kit/part.h"
 #include "mr/merge/emptiness.h"
-#include "mr/merge/part.h"
 #include "mr/node/calibration_check.h"
 #include "mr/node/chunk_publisher.h"
 #include "mr/node/gatherer.h"
@@ -98,7 +98,7 @@ class MergeNode {
     Mesh mesh;                         // labelled, on the lattice
     float error_m = 0;
   };
-  using Parts = std::vector<merge::Part>;
+  using Parts = std::vector<kit::Part>;
   using Sequences = std::map<std::size_t, std::uint64_t>;  // by input
   /// Views and sources as merge.refine corrected them.
   struct Places {

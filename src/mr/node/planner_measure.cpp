@@ -62,8 +62,8 @@ Mesh wall(std::uint32_t sensor, float x_m, double triangles) {
   return out;
 }
 
-merge::Part part_of(const Scene& scene, std::uint32_t sensor, float x_m, double triangles) {
-  merge::Part part;
+kit::Part part_of(const Scene& scene, std::uint32_t sensor, float x_m, double triangles) {
+  kit::Part part;
   part.mesh = wall(sensor, x_m, triangles);
   if (auto snapped = codec::snap_to_lattice(part.mesh, Lattice{}); snapped)
     part.mesh = *std::move(snapped);
@@ -76,15 +76,15 @@ merge::Part part_of(const Scene& scene, std::uint32_t sensor, float x_m, double 
 }
 
 /// Sensors side by side along a wall, `step_m` apart.
-std::vector<merge::Part> walls(const Scene& scene, float step_m, double triangles) {
-  std::vector<merge::Part> out;
+std::vector<kit::Part> walls(const Scene& scene, float step_m, double triangles) {
+  std::vector<kit::Part> out;
   for (std::uint32_t i = 0; i < kParts; ++i)
     out.push_back(part_of(scene, i, step_m * static_cast<float>(i), triangles));
   return out;
 }
 
 /// How many triangles lie where another of the walls is, too.
-double shared_triangles(const std::vector<merge::Part>& parts, float step_m) {
+double shared_triangles(const std::vector<kit::Part>& parts, float step_m) {
   double out = 0;
   for (int i = 0; i < kParts; ++i)
     for (std::size_t t = 0; t < parts[i].mesh.triangles.size(); ++t) {
@@ -97,7 +97,7 @@ double shared_triangles(const std::vector<merge::Part>& parts, float step_m) {
   return out;
 }
 
-Mesh merged(const Scene& scene, const std::vector<merge::Part>& parts) {
+Mesh merged(const Scene& scene, const std::vector<kit::Part>& parts) {
   const std::vector<Mesh> owned =
       merge::remove_overlap(parts, {.owner = scene.merge.owner,
                                     .overlap = scene.merge.overlap,
@@ -107,9 +107,9 @@ Mesh merged(const Scene& scene, const std::vector<merge::Part>& parts) {
                                merge::island_area_m2(scene.voxel_m));
 }
 
-std::vector<EncodedChunk> coded(const Scene& scene, const std::vector<merge::Part>& parts) {
+std::vector<EncodedChunk> coded(const Scene& scene, const std::vector<kit::Part>& parts) {
   std::vector<Chunk> chunks;
-  for (const merge::Part& part : parts)
+  for (const kit::Part& part : parts)
     for (auto& [cube, mesh] : split_by_cube(part.mesh, scene.fusion.chunk_m))
       chunks.push_back({{{cube, part.sources[0].sensor}, 0, 1}, 0, std::move(mesh)});
   std::vector<EncodedChunk> out(chunks.size());

@@ -39,9 +39,9 @@ Precision noisiest(const std::vector<SourceInfo>& sources) {
   return worst == sources.end() ? Precision{} : worst->precision;
 }
 
-float largest_error_m(const std::vector<merge::Part>& parts) {
+float largest_error_m(const std::vector<kit::Part>& parts) {
   float most = 0;
-  for (const merge::Part& part : parts) most = std::max(most, part.error_m);
+  for (const kit::Part& part : parts) most = std::max(most, part.error_m);
   return most;
 }
 
@@ -118,7 +118,7 @@ Result<StillMerger::Made> StillMerger::update(Task task) {
 Status StillMerger::join(Inputs inputs, std::uint64_t sequence) {
   is_labelled_ = false;
   const auto& [scenes, parts] = inputs;
-  const auto join_some = [&](const std::vector<merge::Part>& some, bool all) {
+  const auto join_some = [&](const std::vector<kit::Part>& some, bool all) {
     return joiner_.join(some, all);
   };
   // Corrections of poses (merge.refine) concern all that an input has.

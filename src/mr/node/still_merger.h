@@ -17,9 +17,9 @@
 #include "mr/core/scene.h"
 #include "mr/core/trace.h"
 #include "mr/core/view.h"
+#include "mr/kit/part.h"
 #include "mr/merge/coincidence.h"
 #include "mr/merge/emptiness.h"
-#include "mr/merge/part.h"
 #include "mr/node/cube_merger.h"
 #include "mr/node/surface_joiner.h"
 
@@ -47,7 +47,7 @@ class StillMerger {
   /// The surfaces of all inputs.
   struct Inputs {
     std::vector<DecodedScene> scenes;  ///< the still layer, without textures
-    std::vector<merge::Part> parts;    ///< the same, poses corrected
+    std::vector<kit::Part> parts;      ///< the same, poses corrected
   };
   /// What an update follows from.
   struct Task {
@@ -93,7 +93,7 @@ class StillMerger {
   };
   struct Joined {
     Mesh mesh;  // not labelled yet
-    std::vector<merge::Part> parts;
+    std::vector<kit::Part> parts;
     float error_m = 0;
   };
 

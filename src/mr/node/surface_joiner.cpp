@@ -15,7 +15,7 @@ namespace {
 
 /// How many triangles the children spent on the surface that stays. Cutting along overlaps adds
 /// many small ones; decimation counts from here.
-double triangles_sent(const std::vector<merge::Part>& parts, const std::vector<Mesh>& owned) {
+double triangles_sent(const std::vector<kit::Part>& parts, const std::vector<Mesh>& owned) {
   double sum = 0;
   for (std::size_t i = 0; i < parts.size(); ++i)
     if (!parts[i].mesh.empty())

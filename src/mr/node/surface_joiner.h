@@ -8,8 +8,8 @@
 #include "mr/core/result.h"
 #include "mr/core/scene.h"
 #include "mr/core/trace.h"
+#include "mr/kit/part.h"
 #include "mr/merge/overlap.h"
-#include "mr/merge/part.h"
 #include "mr/merge/quality_grid.h"
 #include "mr/simplify/simplify.h"
 
@@ -25,7 +25,7 @@ Result<Mesh> on_lattice(const Mesh& mesh, const Scene& scene);
 /// time can use. One for each layer; not thread-safe.
 class SurfaceJoiner {
  public:
-  using Parts = std::vector<merge::Part>;
+  using Parts = std::vector<kit::Part>;
 
   /// The scene, the merger and the trace must outlive this.
   SurfaceJoiner(const Scene& scene, const MergerConfig& merger, bool is_root, Trace& trace)

@@ -5,13 +5,14 @@
 #include "mr/core/mesh.h"
 #include "mr/core/packet.h"
 
-namespace mr::merge {
+namespace mr::kit {
 
-/// The surface that one child (sensor or merger) sent, and the sensors it came from.
+/// An input of a merge: the surface that one child (sensor or merger) sent, and the sensors it came
+/// from.
 struct Part {
   Mesh mesh;
   float error_m = 0;                ///< geometric error made so far
   std::vector<SourceInfo> sources;  ///< at least one
 };
 
-}  // namespace mr::merge
+}  // namespace mr::kit

@@ -1,4 +1,4 @@
-#include "mr/merge/registration.h"
+#include "mr/calib/pose_refiner.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -6,6 +6,8 @@
 #include <cmath>
 #include <numbers>
 
+#include "mr/calib/outliers.h"
+#include "mr/calib/residuals.h"
 #include "mr/core/parallel.h"
 #include "support/meshes.h"
 #include "support/rays.h"
@@ -13,9 +15,9 @@
 namespace mr {
 namespace {
 
-using merge::PairResidual;
-using merge::Part;
-using merge::Refiner;
+using calib::PairResidual;
+using calib::PoseRefiner;
+using kit::Part;
 using testing::ElementsAre;
 using testing::IsEmpty;
 
@@ -42,8 +44,7 @@ double turn_rad(const Mat3& r) {
 }
 
 Part moved(Part part, const Pose& T) {
-  for (Vec3f& p : part.mesh.positions) p = vec_cast<float>(T * vec_cast<double>(p));
-  for (SourceInfo& s : part.sources) s.T_world_depth = T * s.T_world_depth;
+  calib::move_part(T, part);
   return part;
 }
 
@@ -83,7 +84,7 @@ std::vector<std::uint64_t> ids_of(std::span<const Part> parts) {
   return out;
 }
 
-std::vector<Pose> after_updates(Refiner& refiner, std::span<const Part> parts, int updates) {
+std::vector<Pose> after_updates(PoseRefiner& refiner, std::span<const Part> parts, int updates) {
   std::vector<Pose> out;
   for (int i = 0; i < updates; ++i) out = refiner.update(parts, ids_of(parts));
   return out;
@@ -97,7 +98,7 @@ TEST(Registration, ResidualOfShiftedCornerIsItsShift) {
   for (const double shift_m : {0.0, 0.004, -0.01, 0.03}) {
     std::vector<Part> parts = corner_parts(2);
     parts[1] = moved(parts[1], {{}, {shift_m, shift_m, shift_m}});
-    const auto residuals = merge::pair_residuals(parts, {});
+    const auto residuals = calib::pair_residuals(parts, {});
     ASSERT_EQ(residuals.size(), 1u);
     EXPECT_EQ(residuals[0].a, 0u);
     EXPECT_EQ(residuals[0].b, 1u);
@@ -109,7 +110,7 @@ TEST(Registration, ResidualOfShiftedCornerIsItsShift) {
 
 TEST(Registration, NoiseIsMeasuredAsItIs) {
   // Uniform within ±3 mm at the vertices of either sheet: 1.73 mm RMS there, less in between.
-  const auto residuals = merge::pair_residuals(wall_parts(0, 0.003f), {});
+  const auto residuals = calib::pair_residuals(wall_parts(0, 0.003f), {});
   ASSERT_EQ(residuals.size(), 1u);
   EXPECT_GT(residuals[0].residual_mm, 1.0);
   EXPECT_LT(residuals[0].residual_mm, 2.5);
@@ -119,7 +120,7 @@ TEST(Registration, SurfaceBehindIsNotTakenForTheSame) {
   // Sensor 1 sees a small board 6 cm before the wall, sensor 0 the bare wall.
   std::vector<Part> parts = wall_parts(0.002f);
   append(parts[1].mesh, test::grid({1.3f, 0.062f, 0.8f}, {0, 0, 0.4f}, {0.4f, 0, 0}, 8, 8));
-  const auto residuals = merge::pair_residuals(parts, {});
+  const auto residuals = calib::pair_residuals(parts, {});
   ASSERT_EQ(residuals.size(), 1u);
   EXPECT_NEAR(residuals[0].residual_mm, 2, 0.05);
 }
@@ -128,7 +129,7 @@ TEST(Registration, BackOfABoardIsAnotherSurface) {
   std::vector<Part> parts = wall_parts(0);
   parts[1] = seen_from(parts[1].mesh, 1, {2, -2.5, 1}, {1.5, 0, 1});
   for (Triangle& t : parts[1].mesh.triangles) std::swap(t[1], t[2]);
-  EXPECT_THAT(merge::pair_residuals(parts, {}), IsEmpty());
+  EXPECT_THAT(calib::pair_residuals(parts, {}), IsEmpty());
 }
 
 TEST(Registration, AllAroundSensorsAreCompared) {
@@ -138,23 +139,23 @@ TEST(Registration, AllAroundSensorsAreCompared) {
   camera.model = CameraModel::equirectangular;
   camera.width = 1024, camera.height = 512;
   parts[1] = moved(parts[1], {{}, {0.005, 0.005, 0.005}});
-  const auto residuals = merge::pair_residuals(parts, {});
+  const auto residuals = calib::pair_residuals(parts, {});
   ASSERT_EQ(residuals.size(), 1u);
   EXPECT_NEAR(residuals[0].residual_mm, 5, 0.1);
 }
 
 TEST(Registration, NothingToCompare) {
-  EXPECT_THAT(merge::pair_residuals({}, {}), IsEmpty());
+  EXPECT_THAT(calib::pair_residuals({}, {}), IsEmpty());
   std::vector<Part> parts = corner_parts(3);
   parts[0].mesh = {};
   parts[1] = moved(parts[1], {{}, {20, 0, 0}});
-  EXPECT_THAT(merge::pair_residuals(parts, {}), IsEmpty());
+  EXPECT_THAT(calib::pair_residuals(parts, {}), IsEmpty());
   // A sensor that does not see its own surface says nothing; a mesh without area neither.
   parts = corner_parts(3);
   parts[0].sources[0].T_world_depth = look_at({-1, -1, -1}, {-3, -3, -3}, {0, 0, 1});
   for (Vec3f& p : parts[1].mesh.positions) p = {1, 1, 1};
-  EXPECT_THAT(merge::pair_residuals(parts, {}), IsEmpty());
-  Refiner refiner({});
+  EXPECT_THAT(calib::pair_residuals(parts, {}), IsEmpty());
+  PoseRefiner refiner({});
   for (const Pose& T : after_updates(refiner, parts, 3)) EXPECT_EQ(T, Pose{});
   EXPECT_THAT(refiner.update({}, {}), IsEmpty());
 }
@@ -166,8 +167,8 @@ TEST(Registration, OddPartIsNamed) {
         small_motion({0.1, 0.1, 0}, -20, {1, 0, 0}, {2.4, 2.4, 1.2})}) {
     std::vector<Part> parts = corner_parts(4, 0.002f);
     parts[2] = moved(parts[2], wrong);
-    EXPECT_THAT(merge::outliers(merge::pair_residuals(parts, {}), 4, 20), ElementsAre(2u));
-    Refiner refiner({});
+    EXPECT_THAT(calib::outliers(calib::pair_residuals(parts, {}), 4, 20), ElementsAre(2u));
+    PoseRefiner refiner({});
     const std::vector<Pose> T = after_updates(refiner, parts, 20);
     EXPECT_EQ(T[2], Pose{});
     for (const int i : {0, 1, 3}) EXPECT_LT(moved_m(T[i], eye_of(parts[i])), 0.001);
@@ -179,32 +180,32 @@ TEST(Registration, OutliersAreThoseAgainstTheLargestGroup) {
     return PairResidual{a, b, mm, shared, 2};
   };
   const std::vector<PairResidual> one_odd = {pair(0, 1, 4), pair(0, 2, 40), pair(1, 2, 35)};
-  EXPECT_THAT(merge::outliers(one_odd, 3, 20), ElementsAre(2u));
-  EXPECT_THAT(merge::outliers(one_odd, 3, 50), IsEmpty());
-  EXPECT_THAT(merge::outliers(one_odd, 3, 3), IsEmpty());  // none agree: no one can tell
-  EXPECT_THAT(merge::outliers(std::vector{pair(0, 1, 90)}, 2, 20), IsEmpty());
+  EXPECT_THAT(calib::outliers(one_odd, 3, 20), ElementsAre(2u));
+  EXPECT_THAT(calib::outliers(one_odd, 3, 50), IsEmpty());
+  EXPECT_THAT(calib::outliers(one_odd, 3, 3), IsEmpty());  // none agree: no one can tell
+  EXPECT_THAT(calib::outliers(std::vector{pair(0, 1, 90)}, 2, 20), IsEmpty());
   // Fits where it meets the others, but they see through most of it.
   EXPECT_THAT(
-      merge::outliers(std::vector{pair(0, 1, 4), pair(0, 2, 5, 0.4), pair(1, 2, 5, 0)}, 3, 20),
+      calib::outliers(std::vector{pair(0, 1, 4), pair(0, 2, 5, 0.4), pair(1, 2, 5, 0)}, 3, 20),
       ElementsAre(2u));
   // Two rooms, one odd part in each; part 6 meets no one.
-  EXPECT_THAT(merge::outliers(std::vector{pair(0, 1, 90), pair(1, 2, 2), pair(0, 2, 80),
+  EXPECT_THAT(calib::outliers(std::vector{pair(0, 1, 90), pair(1, 2, 2), pair(0, 2, 80),
                                           pair(3, 4, 2), pair(3, 5, 70), pair(4, 5, 70)},
                               7, 20),
               ElementsAre(0u, 5u));
   // By chance it agrees with one of three.
-  EXPECT_THAT(merge::outliers(std::vector{pair(0, 1, 2), pair(0, 2, 2), pair(1, 2, 2),
+  EXPECT_THAT(calib::outliers(std::vector{pair(0, 1, 2), pair(0, 2, 2), pair(1, 2, 2),
                                           pair(0, 3, 10), pair(1, 3, 90), pair(2, 3, 90)},
                               4, 20),
               ElementsAre(3u));
 }
 
-TEST(Refiner, RecoversThePose) {
+TEST(PoseRefiner, RecoversThePose) {
   std::vector<Part> parts = corner_parts(2, 0.002f);
   const Pose wrong = small_motion({0.012, -0.015, 0.01}, 0.6, {1, 2, -1}, eye_of(parts[1]));
   parts[1] = moved(parts[1], wrong);
-  const double before_mm = merge::pair_residuals(parts, {})[0].residual_mm;
-  Refiner refiner({});
+  const double before_mm = calib::pair_residuals(parts, {})[0].residual_mm;
+  PoseRefiner refiner({});
   const std::vector<Pose> T = after_updates(refiner, parts, 60);
   EXPECT_GT(before_mm, 8);
   ASSERT_EQ(refiner.residuals().size(), 1u);
@@ -215,22 +216,22 @@ TEST(Refiner, RecoversThePose) {
   EXPECT_NEAR(moved_m(T[0], eye_of(parts[0])), moved_m(T[1], eye_of(parts[1])), 0.004);
 }
 
-TEST(Refiner, BringsFourTogether) {
+TEST(PoseRefiner, BringsFourTogether) {
   std::vector<Part> parts = corner_parts(4, 0.002f);
   const Pose wrong[] = {small_motion({0.008, 0.002, 0}, 0.4, {0, 0, 1}, eye_of(parts[0])),
                         small_motion({0, -0.009, 0.004}, 0.5, {0, 1, 0}, eye_of(parts[1])),
                         small_motion({-0.004, 0.006, 0}, 0.3, {1, 0, 0}, eye_of(parts[2])),
                         small_motion({0, 0, -0.01}, 0.4, {1, -1, 0}, eye_of(parts[3]))};
   for (int i = 0; i < 4; ++i) parts[i] = moved(parts[i], wrong[i]);
-  Refiner refiner({});
+  PoseRefiner refiner({});
   const std::vector<Pose> T = after_updates(refiner, parts, 60);
   for (int i = 1; i < 4; ++i)
     for (const Vec3d p : {Vec3d{0, 0, 0}, {2, 0, 0}, {0, 2, 0}, {0, 0, 1.5}})
       EXPECT_LT(length(T[0] * (wrong[0] * p) - T[i] * (wrong[i] * p)), 0.0015);
 }
 
-TEST(Refiner, DoesNotSlideAlongAPlainWall) {
-  Refiner refiner({});
+TEST(PoseRefiner, DoesNotSlideAlongAPlainWall) {
+  PoseRefiner refiner({});
   std::vector<Pose> T;
   for (unsigned i = 0; i < 60; ++i) {  // fresh noise every time
     const std::vector<Part> parts = wall_parts(0.008f, 0.002f, 2 * i + 1);
@@ -244,9 +245,9 @@ TEST(Refiner, DoesNotSlideAlongAPlainWall) {
   }
 }
 
-TEST(Refiner, NeverJumpsAndKeepsWithinItsLimits) {
+TEST(PoseRefiner, NeverJumpsAndKeepsWithinItsLimits) {
   const std::vector<Part> good = corner_parts(3, 0.002f);
-  Refiner refiner({});
+  PoseRefiner refiner({});
   std::vector<Pose> last(3);
   std::vector<Vec3d> last_shift(3);
   double most_m = 0;
@@ -273,24 +274,24 @@ TEST(Refiner, NeverJumpsAndKeepsWithinItsLimits) {
   EXPECT_GT(most_m, 0.01);
 }
 
-TEST(Refiner, PartsThatFitStayWhereTheyAre) {
+TEST(PoseRefiner, PartsThatFitStayWhereTheyAre) {
   std::vector<Part> same = corner_parts(1);
   same.push_back(same[0]), same.push_back(same[0]);
-  Refiner refiner({});
+  PoseRefiner refiner({});
   for (const Pose& T : after_updates(refiner, same, 5)) EXPECT_EQ(T, Pose{});
   for (const PairResidual& r : refiner.residuals()) EXPECT_NEAR(r.residual_mm, 0, 0.1);
   EXPECT_EQ(refiner.residuals().size(), 3u);
 
   const std::vector<Part> noisy = corner_parts(4, 0.003f);
-  Refiner another({});
+  PoseRefiner another({});
   for (std::size_t i = 0; i < 4; ++i)
     EXPECT_LT(moved_m(after_updates(another, noisy, 5)[i], eye_of(noisy[i])), 0.0015);
 }
 
-TEST(Refiner, PartThatWasAwayStartsAnew) {
+TEST(PoseRefiner, PartThatWasAwayStartsAnew) {
   std::vector<Part> parts = corner_parts(2);
   parts[1] = moved(parts[1], {{}, {0.02, 0.02, 0.02}});
-  Refiner refiner({});
+  PoseRefiner refiner({});
   const auto went = after_updates(refiner, parts, 10);
   EXPECT_GT(moved_m(went[1], eye_of(parts[1])), 0.005);
   refiner.update(std::span(parts).first(1), std::vector<std::uint64_t>{100});
@@ -299,10 +300,10 @@ TEST(Refiner, PartThatWasAwayStartsAnew) {
   EXPECT_LT(moved_m(back[1], eye_of(parts[1])), 0.0011);
 }
 
-TEST(Refiner, OrderOfPartsDoesNotMixThemUp) {
+TEST(PoseRefiner, OrderOfPartsDoesNotMixThemUp) {
   std::vector<Part> parts = corner_parts(2);
   parts[1] = moved(parts[1], {{}, {0.02, 0.02, 0.02}});
-  Refiner refiner({});
+  PoseRefiner refiner({});
   const auto before = refiner.update(parts, std::vector<std::uint64_t>{7, 3});
   std::swap(parts[0], parts[1]);
   const auto after = refiner.update(parts, std::vector<std::uint64_t>{3, 7});
@@ -310,7 +311,7 @@ TEST(Refiner, OrderOfPartsDoesNotMixThemUp) {
   EXPECT_LT(length(after[1] * eye_of(parts[1]) - before[0] * eye_of(parts[1])), 0.0011);
 }
 
-TEST(Refiner, SameOnAnyNumberOfThreads) {
+TEST(PoseRefiner, SameOnAnyNumberOfThreads) {
   std::vector<Part> parts = corner_parts(4, 0.002f);
   parts[1] = moved(parts[1], {{}, {0.01, 0.004, 0.01}});
   parts[3] = moved(parts[3], small_motion({}, 0.5, {1, 1, 0}, eye_of(parts[3])));
@@ -319,9 +320,9 @@ TEST(Refiner, SameOnAnyNumberOfThreads) {
   for (const int threads : {1, 3, 8}) {
     Arena arena(threads);
     arena.run([&] {
-      Refiner refiner({});
+      PoseRefiner refiner({});
       results.push_back(after_updates(refiner, parts, 4));
-      residuals.push_back(merge::pair_residuals(parts, {})[2].residual_mm);
+      residuals.push_back(calib::pair_residuals(parts, {})[2].residual_mm);
     });
   }
   EXPECT_EQ(results[0], results[1]);

@@ -6,7 +6,7 @@
 #include <numeric>
 #include <vector>
 
-namespace mr::merge {
+namespace mr::kit {
 
 /// Sets of numbers, joined step by step. A set goes by its lowest member.
 class DisjointSets {
@@ -28,4 +28,4 @@ class DisjointSets {
   std::vector<std::uint32_t> parent_;
 };
 
-}  // namespace mr::merge
+}  // namespace mr::kit

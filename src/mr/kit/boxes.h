@@ -2,7 +2,7 @@
 
 #include "mr/core/vec.h"
 
-namespace mr::merge {
+namespace mr::kit {
 
 /// Whether two boxes come within a distance of each other, axis by axis. Empty ones never do.
 inline bool meet(const Box3f& a, const Box3f& b, float reach_m) {
@@ -12,4 +12,4 @@ inline bool meet(const Box3f& a, const Box3f& b, float reach_m) {
   return !a.empty() && !b.empty() && along(0) && along(1) && along(2);
 }
 
-}  // namespace mr::merge
+}  // namespace mr::kit
