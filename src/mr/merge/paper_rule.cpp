@@ -7,10 +7,11 @@
 
 #include "mr/core/assert.h"
 #include "mr/core/parallel.h"
+#include "mr/kit/a_buffer.h"
 #include "mr/kit/raster.h"
 #include "mr/kit/raycast.h"
-#include "mr/merge/cast_layers.h"
 #include "mr/merge/measured.h"
+#include "mr/merge/raster_voter.h"
 #include "mr/merge/ray_votes.h"
 
 namespace mr::merge {
@@ -161,7 +162,7 @@ class RayCaster {
       if (dot(field_.parts[hit.mesh].mesh.area_normal(hit.triangle), ray) < 0)
         out.push_back({hit.distance, field_.first[hit.mesh] + hit.triangle});
     std::ranges::sort(out, {}, [](const RayMeeting& m) {
-      return std::pair(-comparable(1 / m.depth_m), m.triangle);
+      return std::pair(-kit::comparable(1 / m.depth_m), m.triangle);
     });
   }
 
@@ -197,9 +198,9 @@ RayVotes cast_all(const PaperField& field, const OverlapConfig& config,
   const auto told_of = [&](std::size_t i) { return told ? &(*told)[i] : nullptr; };
   if (looks.empty()) return votes;
   if (config.overlap == MergeConfig::Overlap::raster) {
-    LayerCaster caster(field);
+    RasterVoter voter(field);
     for (std::size_t i = 0; i < looks.size(); ++i)
-      caster.cast(looks[i].grid, looks[i].parts, votes, told_of(i));
+      voter.cast(looks[i].grid, looks[i].parts, votes, told_of(i));
   } else {
     const RayCaster caster(field);
     for (std::size_t i = 0; i < looks.size(); ++i) caster.cast(looks[i].grid, votes, told_of(i));

@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <array>
-#include <bit>
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
@@ -49,13 +48,6 @@ struct RayMeeting {
 /// The nearest meetings of a ray that are decided; those behind them count as alone. Only meshes
 /// of slivers come near it.
 inline constexpr std::size_t kMostMeetings = 128;
-
-/// Depths are compared by their inverse without its last bits, a 30 millionth of a metre at 3 m:
-/// rounding must not decide who is nearer where two parts are the same.
-inline constexpr std::uint32_t kInverseDepthBits = ~63u;
-inline float comparable(float inverse_depth) {
-  return std::bit_cast<float>(std::bit_cast<std::uint32_t>(inverse_depth) & kInverseDepthBits);
-}
 
 /// Whether the farther of two meetings, of another part, is the same surface as the nearer one.
 /// `ray`: as long as 1 m of depth, `stretch2` its length squared. Without branches: which of two

@@ -1,5 +1,5 @@
 #include "mr/simplify/builder.h"
-#include "mr/simplify/lanes.h"
+#include "mr/kit/float4.h"
 
 #include <algorithm>
 #include <cmath>
@@ -19,7 +19,7 @@ constexpr std::size_t kBatch = 32768;  // triangles that are assigned at once
 
 /// A triangle's plane through each of its corners, weighted by area: A of a Quadric and the weight.
 struct Plane {
-  Float4 first, second;  // xx xy xz yy, yz zz weight area
+  kit::Float4 first, second;  // xx xy xz yy, yz zz weight area
 
   Plane(Vec3f a, Vec3f b, Vec3f c) {
     const Vec3f normal = cross(b - a, c - a);  // twice the area long
@@ -27,12 +27,12 @@ struct Plane {
     const float scale = square > 0 ? 0.5f / std::sqrt(square) : 0;
     const Vec3f m = normal * scale;
     const float area = square * scale;
-    first = Float4{normal.x * m.x, normal.x * m.y, normal.x * m.z, normal.y * m.y};
-    second = Float4{normal.y * m.z, normal.z * m.z, area, area};
+    first = kit::Float4{normal.x * m.x, normal.x * m.y, normal.x * m.z, normal.y * m.y};
+    second = kit::Float4{normal.y * m.z, normal.z * m.z, area, area};
   }
   void add_to(Quadric& quadric) const {
-    store4(load4<Float4>(&quadric.xx) + first, &quadric.xx);
-    store4(load4<Float4>(&quadric.yz) + second, &quadric.yz);
+    kit::store4(kit::load4<kit::Float4>(&quadric.xx) + first, &quadric.xx);
+    kit::store4(kit::load4<kit::Float4>(&quadric.yz) + second, &quadric.yz);
   }
 };
 

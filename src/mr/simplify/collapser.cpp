@@ -28,12 +28,12 @@ float Collapser::rate(std::uint32_t v) {
   const float own = mesh_.places[v].error;
   const float stay = kStay * quadric.weight;
   for (std::uint32_t i = 0; i < near_.lanes(); i += 4) {
-    const Vec4 way = near_.arms(i);
-    const Float4 sum = near_.errors(i) + (own + quadric.growth(way));
-    const Float4 error = sum > 0 ? sum : Float4{};  // less by rounding only
-    const Float4 cost = error + stay * dot(way, way);
-    store4(error, &error_[i]);
-    store4(near_.places(i) < near_.size() ? cost : kNever + Float4{}, &cost_[i]);
+    const kit::Vec3x4 way = near_.arms(i);
+    const kit::Float4 sum = near_.errors(i) + (own + quadric.growth(way));
+    const kit::Float4 error = sum > 0 ? sum : kit::Float4{};  // less by rounding only
+    const kit::Float4 cost = error + stay * dot(way, way);
+    kit::store4(error, &error_[i]);
+    kit::store4(near_.places(i) < near_.size() ? cost : kNever + kit::Float4{}, &cost_[i]);
   }
   const Kind kind = mesh_.kinds[v];
   if (kind == Kind::border)
@@ -48,32 +48,32 @@ float Collapser::rate(std::uint32_t v) {
 
 /// Finds the best neighbour; the first of equals.
 float Collapser::choose() {
-  Float4 least = load4<Float4>(&cost_[0]);
+  kit::Float4 least = kit::load4<kit::Float4>(&cost_[0]);
   for (std::uint32_t i = 4; i < near_.lanes(); i += 4) {
-    const Float4 cost = load4<Float4>(&cost_[i]);
+    const kit::Float4 cost = kit::load4<kit::Float4>(&cost_[i]);
     least = cost < least ? cost : least;
   }
-  const float best = least_of(least);
+  const float best = kit::min_lane(least);
   std::uint32_t found = 0;
   for (std::uint32_t i = 0; i < near_.lanes(); i += 4)
-    found |= bits_of(load4<Float4>(&cost_[i]) == best) << i;
+    found |= kit::sign_bits(kit::load4<kit::Float4>(&cost_[i]) == best) << i;
   best_ = static_cast<std::uint32_t>(std::countr_zero(found));
   return best;
 }
 
 /// 12 area2 / edges² is the square of 4 √3 area / edges, which is 1 for equilateral triangles.
 void Collapser::measure_triangles() {
-  Float4 least = 1 + Float4{};
+  kit::Float4 least = 1 + kit::Float4{};
   for (std::uint32_t i = 0; i < near_.lanes(); i += 4) {
-    const Vec4 a = near_.arms(i), b = near_.arms(i + 1), side = a - b, normal = cross(a, b);
-    const Float4 area2 = dot(normal, normal), edges = dot(a, a) + dot(b, b) + dot(side, side);
-    store4(normal.x, &nx_[i]), store4(normal.y, &ny_[i]), store4(normal.z, &nz_[i]);
-    store4(area2, &area2_[i]);
-    const Float4 quality2 = 12 * area2 / (edges * edges);
-    const Mask4 counts = (near_.places(i) < near_.triangles()) & (quality2 < least);
+    const kit::Vec3x4 a = near_.arms(i), b = near_.arms(i + 1), side = a - b, normal = cross(a, b);
+    const kit::Float4 area2 = dot(normal, normal), edges = dot(a, a) + dot(b, b) + dot(side, side);
+    kit::store4(normal.x, &nx_[i]), kit::store4(normal.y, &ny_[i]), kit::store4(normal.z, &nz_[i]);
+    kit::store4(area2, &area2_[i]);
+    const kit::Float4 quality2 = 12 * area2 / (edges * edges);
+    const kit::Int4 counts = (near_.places(i) < near_.triangles()) & (quality2 < least);
     least = counts ? quality2 : least;
   }
-  const float worst = least_of(least);
+  const float worst = kit::min_lane(least);
   least_quality2_ = std::min(kLeastQuality * kLeastQuality,
                              worst < kLeastQuality * kLeastQuality ? kWorse2 * worst : worst);
   measured_ = true;
@@ -86,20 +86,21 @@ bool Collapser::keeps_shape(std::uint32_t u, Vec3f to, float most_turn2) {
   if (!measured_) measure_triangles();
   const float least_quality2 = most_turn2 > 0 ? least_quality2_ : 0;
   const std::uint32_t vanishes[2] = {u, u == 0 ? near_.size() - 1 : u - 1};
-  const Vec4 there{to.x + Float4{}, to.y + Float4{}, to.z + Float4{}};
+  const kit::Vec3x4 there{to.x + kit::Float4{}, to.y + kit::Float4{}, to.z + kit::Float4{}};
   for (std::uint32_t i = 0; i < near_.lanes(); i += 4) {
-    const Vec4 a = near_.arms(i) - there, b = near_.arms(i + 1) - there, side = a - b;
-    const Vec4 before{load4<Float4>(&nx_[i]), load4<Float4>(&ny_[i]), load4<Float4>(&nz_[i])};
-    const Vec4 after = cross(a, b);
-    const Float4 along = dot(before, after), area2 = dot(after, after);
-    const Float4 edges = dot(a, a) + dot(b, b) + dot(side, side);
-    const Float4 area2_before = load4<Float4>(&area2_[i]);
-    const Mask4 turns = (along <= 0) | (along * along <= most_turn2 * area2_before * area2);
-    const Mask4 thin = 12 * area2 < least_quality2 * edges * edges;
-    const Word4 triangle = near_.places(i);
-    const Mask4 stays =
+    const kit::Vec3x4 a = near_.arms(i) - there, b = near_.arms(i + 1) - there, side = a - b;
+    const kit::Vec3x4 before{kit::load4<kit::Float4>(&nx_[i]), kit::load4<kit::Float4>(&ny_[i]),
+                             kit::load4<kit::Float4>(&nz_[i])};
+    const kit::Vec3x4 after = cross(a, b);
+    const kit::Float4 along = dot(before, after), area2 = dot(after, after);
+    const kit::Float4 edges = dot(a, a) + dot(b, b) + dot(side, side);
+    const kit::Float4 area2_before = kit::load4<kit::Float4>(&area2_[i]);
+    const kit::Int4 turns = (along <= 0) | (along * along <= most_turn2 * area2_before * area2);
+    const kit::Int4 thin = 12 * area2 < least_quality2 * edges * edges;
+    const kit::UInt4 triangle = near_.places(i);
+    const kit::Int4 stays =
         (triangle < near_.triangles()) & (triangle != vanishes[0]) & (triangle != vanishes[1]);
-    if (any(stays & (turns | thin))) return false;
+    if (kit::any(stays & (turns | thin))) return false;
   }
   return true;
 }

@@ -4,7 +4,7 @@
 #include <cstdint>
 
 #include "mr/core/vec.h"
-#include "mr/simplify/lanes.h"
+#include "mr/kit/float4.h"
 #include "mr/simplify/rings.h"
 
 namespace mr::simplify {
@@ -32,11 +32,12 @@ class Neighbourhood {
   float error(std::uint32_t i) const { return error_[i]; }
 
   /// Of neighbours i to i + 3; i may be one past a multiple of four: the first follows the last.
-  Vec4 arms(std::uint32_t i) const {
-    return {load4<Float4>(&x_[i]), load4<Float4>(&y_[i]), load4<Float4>(&z_[i])};
+  kit::Vec3x4 arms(std::uint32_t i) const {
+    return {kit::load4<kit::Float4>(&x_[i]), kit::load4<kit::Float4>(&y_[i]),
+            kit::load4<kit::Float4>(&z_[i])};
   }
-  static Word4 places(std::uint32_t i) { return Word4{0, 1, 2, 3} + i; }
-  Float4 errors(std::uint32_t i) const { return load4<Float4>(&error_[i]); }
+  static kit::UInt4 places(std::uint32_t i) { return kit::UInt4{0, 1, 2, 3} + i; }
+  kit::Float4 errors(std::uint32_t i) const { return kit::load4<kit::Float4>(&error_[i]); }
 
  private:
   using Floats = std::array<float, Rings::kMost + 8>;
@@ -51,13 +52,14 @@ inline void Neighbourhood::load(const Rings& rings, const Place* places, std::ui
   const Vec3f here = places[v].at;
   v_ = v, ring_ = &ring, size_ = rings.size(v), triangles_ = rings.triangles(v);
   const auto place = [&](std::uint32_t i) {
-    return load4<Float4>(&places[ring[i] == kNobody ? ring[0] : ring[i]].at.x);
+    return kit::load4<kit::Float4>(&places[ring[i] == kNobody ? ring[0] : ring[i]].at.x);
   };
   for (std::uint32_t i = 0; i < lanes(); i += 4) {
-    Float4 x = place(i), y = place(i + 1), z = place(i + 2), error = place(i + 3);
-    transpose(x, y, z, error);
-    store4(x - here.x, &x_[i]), store4(y - here.y, &y_[i]), store4(z - here.z, &z_[i]);
-    store4(error, &error_[i]);
+    kit::Float4 x = place(i), y = place(i + 1), z = place(i + 2), error = place(i + 3);
+    kit::transpose(x, y, z, error);
+    kit::store4(x - here.x, &x_[i]), kit::store4(y - here.y, &y_[i]),
+        kit::store4(z - here.z, &z_[i]);
+    kit::store4(error, &error_[i]);
   }
   x_[size_] = x_[0], y_[size_] = y_[0], z_[size_] = z_[0];
 }

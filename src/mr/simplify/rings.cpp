@@ -4,7 +4,7 @@
 #include <bit>
 
 #include "mr/core/assert.h"
-#include "mr/simplify/lanes.h"
+#include "mr/kit/float4.h"
 
 namespace mr::simplify {
 
@@ -22,7 +22,8 @@ std::uint32_t lanes_of(std::uint32_t size) { return size <= 8 ? 8 : 16; }
 /// Bit i: lane i of the first `lanes` is v.
 std::uint32_t find(const std::uint32_t* line, std::uint32_t lanes, std::uint32_t v) {
   std::uint32_t found = 0;
-  for (std::uint32_t i = 0; i < lanes; i += 4) found |= bits_of(load4<Word4>(line + i) == v) << i;
+  for (std::uint32_t i = 0; i < lanes; i += 4)
+    found |= kit::sign_bits(kit::load4<kit::UInt4>(line + i) == v) << i;
   return found;
 }
 /// Where v is, which the line names once.
@@ -32,12 +33,12 @@ std::uint32_t place_of(const std::uint32_t* line, std::uint32_t lanes, std::uint
 
 /// Half a line.
 struct Eight {
-  Word4 low, high;
+  kit::UInt4 low, high;
 
   static Eight load(const std::uint32_t* from) {
-    return {load4<Word4>(from), load4<Word4>(from + 4)};
+    return {kit::load4<kit::UInt4>(from), kit::load4<kit::UInt4>(from + 4)};
   }
-  void store(std::uint32_t* to) const { store4(low, to), store4(high, to + 4); }
+  void store(std::uint32_t* to) const { kit::store4(low, to), kit::store4(high, to + 4); }
 };
 
 /// Puts `count` in the place of what stands at `at` in a line of `size`. `with`: a line's length
@@ -64,9 +65,10 @@ void insert(const std::uint32_t* with, std::uint32_t count, std::uint32_t at, st
 void take_out(std::uint32_t at, std::uint32_t size, Line& line) {
   if (size <= 8) {
     for (std::uint32_t i = 0; i < 8; i += 4) {
-      const auto moves = static_cast<Word4>(load4<Word4>(&kPlaces[i]) >= at);
-      const Word4 here = load4<Word4>(&line[i]), next = load4<Word4>(&line[i + 1]);
-      store4((here & ~moves) | (next & moves), &line[i]);
+      const auto moves = static_cast<kit::UInt4>(kit::load4<kit::UInt4>(&kPlaces[i]) >= at);
+      const kit::UInt4 here = kit::load4<kit::UInt4>(&line[i]),
+                       next = kit::load4<kit::UInt4>(&line[i + 1]);
+      kit::store4((here & ~moves) | (next & moves), &line[i]);
     }
     return;
   }
@@ -109,8 +111,9 @@ struct Fan {
 /// Turns lanes past the size into kNobody.
 void end_after(std::uint32_t size, Line& line) {
   for (std::uint32_t i = 0; i < Rings::kMost; i += 4)
-    store4(load4<Word4>(&line[i]) | static_cast<Word4>(load4<Word4>(&kPlaces[i]) >= size),
-           &line[i]);
+    kit::store4(kit::load4<kit::UInt4>(&line[i]) |
+                    static_cast<kit::UInt4>(kit::load4<kit::UInt4>(&kPlaces[i]) >= size),
+                &line[i]);
 }
 
 }  // namespace
@@ -194,12 +197,12 @@ bool Rings::may_collapse(std::uint32_t v, std::uint32_t i) const {
   const std::uint32_t size = n + m - 2 - common;  // of u's ring afterwards
   if (size > kMost || size < 3u - open_[u]) return false;
   // The neighbours of both are those of the triangles that vanish.
-  Word4 met{};
+  kit::UInt4 met{};
   const std::uint32_t lanes = lanes_of(n);
   for (std::uint32_t k = 0; k < m; ++k)
     for (std::uint32_t j = 0; j < lanes; j += 4)
-      met -= static_cast<Word4>(load4<Word4>(&ring[j]) == other[k]);
-  if (sum_of(met) != common) return false;
+      met -= static_cast<kit::UInt4>(kit::load4<kit::UInt4>(&ring[j]) == other[k]);
+  if (kit::sum_lanes(met) != common) return false;
   if ((!open || i == 0) && !may_lose_one(ring[i + 1 < n ? i + 1 : 0])) return false;
   return (open && i == 0) || may_lose_one(ring[i > 0 ? i - 1 : n - 1]);
 }
@@ -214,8 +217,8 @@ void Rings::rename(std::uint32_t in, std::uint32_t v, std::uint32_t u) {
   }
   Line& ring = rings_[in];
   for (std::uint32_t i = 0; i < lanes_of(size_[in]); i += 4) {
-    const Word4 lanes = load4<Word4>(&ring[i]);
-    store4(lanes == v ? u + Word4{} : lanes, &ring[i]);
+    const kit::UInt4 lanes = kit::load4<kit::UInt4>(&ring[i]);
+    kit::store4(lanes == v ? u + kit::UInt4{} : lanes, &ring[i]);
   }
 }
 
