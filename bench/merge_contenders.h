@@ -3,7 +3,7 @@
 #include <span>
 
 #include "merge_case.h"
-#include "mr/merge/overlap.h"
+#include "mr/merge/overlap/overlap.h"
 #include "race.h"
 
 namespace mr::bench {

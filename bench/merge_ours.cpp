@@ -6,8 +6,7 @@
 #include "mr/core/parallel.h"
 #include "mr/core/simd.h"
 #include "mr/kit/topology.h"
-#include "mr/merge/islands.h"
-#include "mr/merge/zipper.h"
+#include "mr/merge/merge_surfaces.h"
 #include "surfaces.h"
 
 namespace mr::bench {
@@ -44,13 +43,12 @@ class MergeOurs final : public Work {
 Mesh merge_parts(std::span<const kit::Part> parts, const merge::OverlapConfig& config,
                  StageClock& clock) {
   clock.skip();
-  std::vector<Mesh> owned = merge::remove_overlap(parts, config);
-  clock.lap("overlap");
-  const Mesh zipped = merge::zip(owned, merge::zipper_config(config.voxel_m));
-  clock.lap("zipper");
-  Mesh merged = merge::remove_islands(zipped, merge::island_area_m2(config.voxel_m));
-  clock.lap("islands");
-  return merged;
+  merge::MergeHooks hooks;
+  hooks.step = [&](const char* step, const std::function<void()>& work) {
+    work();
+    clock.lap(step);
+  };
+  return merge::merge_surfaces(parts, merge::surfaces_config(config), nullptr, hooks);
 }
 
 merge::OverlapConfig overlap_config(const MergeCase& input) {

@@ -5,7 +5,7 @@
 
 #include "bytes.h"
 #include "mr/core/parallel.h"
-#include "mr/merge/paper_rule.h"
+#include "mr/merge/overlap/occlusion_rule.h"
 #include "overlap_contenders.h"
 #include "stage.h"
 

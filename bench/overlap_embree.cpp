@@ -5,8 +5,8 @@
 #include "mr/core/parallel.h"
 #include "mr/kit/raster.h"
 #include "mr/kit/raycast.h"
-#include "mr/merge/paper_rule.h"
-#include "mr/merge/ray_votes.h"
+#include "mr/merge/overlap/occlusion_rule.h"
+#include "mr/merge/overlap/ray_votes.h"
 #include "overlap_contenders.h"
 
 namespace mr::bench {

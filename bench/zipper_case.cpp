@@ -8,7 +8,7 @@
 #include "merge_contenders.h"
 #include "mr/core/parallel.h"
 #include "mr/kit/topology.h"
-#include "mr/merge/overlap.h"
+#include "mr/merge/overlap/overlap.h"
 #include "surfaces.h"
 
 namespace mr::bench {

@@ -5,7 +5,7 @@
 #include <vector>
 
 #include "mr/core/mesh.h"
-#include "mr/merge/point_grid.h"
+#include "mr/merge/seam/point_grid.h"
 #include "stage.h"
 
 namespace mr::bench {

@@ -2,8 +2,8 @@
 
 #include "bytes.h"
 #include "mr/core/parallel.h"
-#include "mr/merge/point_grid.h"
-#include "mr/merge/zipper.h"
+#include "mr/merge/seam/point_grid.h"
+#include "mr/merge/seam/zipper.h"
 #include "surfaces.h"
 #include "zipper_contenders.h"
 

@@ -9,8 +9,8 @@
 #include <vector>
 
 #include "mr/merge/islands.h"
-#include "mr/merge/overlap.h"
-#include "mr/merge/zipper.h"
+#include "mr/merge/overlap/overlap.h"
+#include "mr/merge/seam/zipper.h"
 
 namespace {
 

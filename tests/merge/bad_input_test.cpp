@@ -4,6 +4,7 @@
 #include <chrono>
 #include <ctime>
 
+#include "mr/merge/islands.h"
 #include "support/merging.h"
 
 namespace mr {

@@ -1,4 +1,4 @@
-#include "mr/merge/coincidence.h"
+#include "mr/merge/overlap/coincidence.h"
 
 #include <gtest/gtest.h>
 

@@ -3,9 +3,9 @@
 #include <gtest/gtest.h>
 
 #include "mr/core/parallel.h"
-#include "mr/merge/overlap.h"
-#include "mr/merge/quality_grid.h"
-#include "mr/merge/zipper.h"
+#include "mr/merge/overlap/overlap.h"
+#include "mr/merge/overlap/quality_grid.h"
+#include "mr/merge/seam/zipper.h"
 #include "support/meshes.h"
 #include "support/rays.h"
 

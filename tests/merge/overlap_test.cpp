@@ -1,13 +1,13 @@
-#include "mr/merge/overlap.h"
+#include "mr/merge/overlap/overlap.h"
 
 #include <gtest/gtest.h>
 
 #include <cmath>
 
 #include "mr/core/parallel.h"
-#include "mr/merge/quality_grid.h"
-#include "mr/merge/ray_grids.h"
-#include "mr/merge/zipper.h"
+#include "mr/merge/overlap/quality_grid.h"
+#include "mr/merge/overlap/ray_grids.h"
+#include "mr/merge/seam/zipper.h"
 #include "support/meshes.h"
 #include "support/rays.h"
 #include "walls.h"

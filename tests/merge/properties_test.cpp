@@ -7,7 +7,8 @@
 #include <tuple>
 
 #include "mr/core/parallel.h"
-#include "mr/merge/point_grid.h"
+#include "mr/merge/islands.h"
+#include "mr/merge/seam/point_grid.h"
 #include "mr/simplify/simplify.h"
 #include "support/merging.h"
 
@@ -235,7 +236,7 @@ TEST(MergeProperties, BordersOfOwnershipAreShort) {
     }
 }
 
-TEST(MergeProperties, PaperRuleIsSoundAfterZipping) {
+TEST(MergeProperties, OcclusionRuleIsSoundAfterZipping) {
   for (std::size_t i = 0; i < cases().size(); i += 4) {
     const Case& c = cases()[i];
     SCOPED_TRACE(c.name);

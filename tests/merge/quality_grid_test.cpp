@@ -1,12 +1,12 @@
-#include "mr/merge/quality_grid.h"
+#include "mr/merge/overlap/quality_grid.h"
 
 #include <gtest/gtest.h>
 
 #include <algorithm>
 #include <optional>
 
-#include "mr/merge/border_map.h"
-#include "mr/merge/cutter.h"
+#include "mr/merge/overlap/cutter.h"
+#include "mr/merge/seam/border_map.h"
 #include "support/meshes.h"
 #include "support/rays.h"
 

@@ -1,11 +1,11 @@
-#include "mr/merge/zipper.h"
+#include "mr/merge/seam/zipper.h"
 
 #include <gtest/gtest.h>
 
 #include "mr/core/parallel.h"
 #include "mr/kit/topology.h"
-#include "mr/merge/border.h"
-#include "mr/merge/overlap.h"
+#include "mr/merge/overlap/overlap.h"
+#include "mr/merge/seam/border.h"
 #include "support/meshes.h"
 #include "support/rays.h"
 

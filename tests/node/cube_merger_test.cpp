@@ -5,10 +5,8 @@
 #include <algorithm>
 #include <array>
 
-#include "mr/merge/islands.h"
-#include "mr/merge/overlap.h"
-#include "mr/merge/quality_grid.h"
-#include "mr/merge/zipper.h"
+#include "mr/merge/merge_surfaces.h"
+#include "mr/merge/overlap/quality_grid.h"
 #include "mr/node/chunk_publisher.h"
 #include "support/meshes.h"
 #include "support/rays.h"
@@ -50,9 +48,7 @@ struct Merger {
     return cubes.run(scenes, parts, [&](const std::vector<kit::Part>& some, bool all) {
       all_calls += all, some_calls += !all;
       memory.freeze(!all);
-      const auto owned = merge::remove_overlap(some, {.voxel_m = kVoxel_m}, &memory);
-      return merge::remove_islands(merge::zip(owned, merge::zipper_config(kVoxel_m)),
-                                   merge::island_area_m2(kVoxel_m));
+      return merge::merge_surfaces(some, merge::surfaces_config({.voxel_m = kVoxel_m}), &memory);
     });
   }
   node::CubeMerger cubes{kChunk_m, 48 * kVoxel_m};

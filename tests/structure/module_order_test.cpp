@@ -41,7 +41,7 @@ bool may_include(const std::string& from, const std::string& to) {
   return from == to || layer(to) < layer(from);
 }
 
-/// `#include "mr/merge/overlap.h"` → "merge"; empty for any other line.
+/// `#include "mr/merge/overlap/overlap.h"` → "merge"; empty for any other line.
 std::string included_module(std::string line) {
   std::erase_if(line, [](char c) { return c == ' ' || c == '\t'; });
   for (const std::string start : {"#include\"mr/", "#include<mr/"})

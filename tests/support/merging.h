@@ -13,9 +13,7 @@
 #include "mr/kit/part.h"
 #include "mr/kit/raycast.h"
 #include "mr/kit/topology.h"
-#include "mr/merge/islands.h"
-#include "mr/merge/overlap.h"
-#include "mr/merge/zipper.h"
+#include "mr/merge/merge_surfaces.h"
 #include "support/meshes.h"
 #include "support/rays.h"
 
@@ -206,9 +204,13 @@ struct Merged {
 inline Merged merged(std::span<const kit::Part> parts,
                      MergeConfig::Owner owner = MergeConfig::Owner::coherent,
                      double voxel_m = kVoxel_m) {
-  Merged out{merge::remove_overlap(parts, {.owner = owner, .voxel_m = voxel_m}), {}};
-  out.mesh = merge::remove_islands(merge::zip(out.owned, merge::zipper_config(voxel_m)),
-                                   merge::island_area_m2(voxel_m));
+  Merged out;
+  merge::MergeHooks hooks;
+  hooks.after_overlap = [&](std::span<const Mesh> owned, merge::ZipperConfig&) {
+    out.owned.assign(owned.begin(), owned.end());
+  };
+  out.mesh = merge::merge_surfaces(
+      parts, merge::surfaces_config({.owner = owner, .voxel_m = voxel_m}), nullptr, hooks);
   return out;
 }
 

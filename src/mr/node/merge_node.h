@@ -21,7 +21,7 @@
 #include "mr/core/scene.h"
 #include "mr/core/trace.h"
 #include "mr/kit/part.h"
-#include "mr/merge/emptiness.h"
+#include "mr/merge/overlap/emptiness.h"
 #include "mr/node/calibration_check.h"
 #include "mr/node/chunk_publisher.h"
 #include "mr/node/gatherer.h"

@@ -10,9 +10,7 @@
 #include "mr/codec/mesh_codec.h"
 #include "mr/core/parallel.h"
 #include "mr/core/trace.h"
-#include "mr/merge/islands.h"
-#include "mr/merge/overlap.h"
-#include "mr/merge/zipper.h"
+#include "mr/merge/merge_surfaces.h"
 #include "mr/node/chunk_publisher.h"
 #include "mr/node/planner.h"
 #include "mr/node/sensor_node.h"
@@ -98,13 +96,11 @@ double shared_triangles(const std::vector<kit::Part>& parts, float step_m) {
 }
 
 Mesh merged(const Scene& scene, const std::vector<kit::Part>& parts) {
-  const std::vector<Mesh> owned =
-      merge::remove_overlap(parts, {.owner = scene.merge.owner,
-                                    .overlap = scene.merge.overlap,
-                                    .voxel_m = scene.voxel_m,
-                                    .calibration_error_m = scene.merge.calibration_error_m});
-  return merge::remove_islands(merge::zip(owned, merge::zipper_config(scene.voxel_m)),
-                               merge::island_area_m2(scene.voxel_m));
+  return merge::merge_surfaces(
+      parts, merge::surfaces_config({.owner = scene.merge.owner,
+                                     .overlap = scene.merge.overlap,
+                                     .voxel_m = scene.voxel_m,
+                                     .calibration_error_m = scene.merge.calibration_error_m}));
 }
 
 std::vector<EncodedChunk> coded(const Scene& scene, const std::vector<kit::Part>& parts) {

@@ -9,7 +9,7 @@
 #include "mr/kit/pinholes.h"
 #include "mr/kit/topology.h"
 #include "mr/merge/islands.h"
-#include "mr/merge/zipper.h"
+#include "mr/merge/seam/zipper.h"
 #include "mr/node/capture.h"
 #include "mr/simplify/simplify.h"
 #include "mr/still/tiles.h"

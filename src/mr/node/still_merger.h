@@ -18,8 +18,8 @@
 #include "mr/core/trace.h"
 #include "mr/core/view.h"
 #include "mr/kit/part.h"
-#include "mr/merge/coincidence.h"
-#include "mr/merge/emptiness.h"
+#include "mr/merge/overlap/coincidence.h"
+#include "mr/merge/overlap/emptiness.h"
 #include "mr/node/cube_merger.h"
 #include "mr/node/surface_joiner.h"
 

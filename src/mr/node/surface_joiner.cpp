@@ -3,11 +3,12 @@
 #include <chrono>
 #include <cmath>
 #include <cstddef>
+#include <span>
+#include <string_view>
 
 #include "mr/codec/mesh_codec.h"
 #include "mr/kit/topology.h"
-#include "mr/merge/islands.h"
-#include "mr/merge/zipper.h"
+#include "mr/merge/merge_surfaces.h"
 #include "mr/node/gatherer.h"
 
 namespace mr::node {
@@ -15,7 +16,7 @@ namespace {
 
 /// How many triangles the children spent on the surface that stays. Cutting along overlaps adds
 /// many small ones; decimation counts from here.
-double triangles_sent(const std::vector<kit::Part>& parts, const std::vector<Mesh>& owned) {
+double triangles_sent(const std::vector<kit::Part>& parts, std::span<const Mesh> owned) {
   double sum = 0;
   for (std::size_t i = 0; i < parts.size(); ++i)
     if (!parts[i].mesh.empty())
@@ -40,7 +41,6 @@ Result<Mesh> on_lattice(const Mesh& mesh, const Scene& scene) {
 }
 
 Mesh SurfaceJoiner::join(const Parts& parts, bool all, const std::function<void()>& halfway) {
-  const double voxel_m = scene_->voxel_m;
   const MergeConfig& config = scene_->merge;
   const auto started = std::chrono::steady_clock::now();
   const auto spent_ms = [&] {
@@ -48,25 +48,26 @@ Mesh SurfaceJoiner::join(const Parts& parts, bool all, const std::function<void(
         .count();
   };
   quality_.freeze(!all);
-  const std::vector<Mesh> owned = trace_->time(
-      "overlap", [&] { return merge::remove_overlap(parts, overlap_config(*scene_), &quality_); });
-  if (all) triangles_ = triangles_sent(parts, owned);
-  if (halfway) halfway();
-  const Mesh zipped = trace_->time("zipper", [&] {
-    merge::ZipperConfig zipper = merge::zipper_config(voxel_m);
-    if (config.gap_m > 0) zipper.max_gap_m = config.gap_m;
-    const double before_ms = spent_ms();
-    const bool hurry = merger_->budget_ms > 0 && before_ms + zipper_ms_ > merger_->budget_ms;
-    hurried_ |= hurry;
+  merge::SurfacesConfig surfaces = merge::surfaces_config(overlap_config(*scene_));
+  if (config.gap_m > 0) surfaces.zipper.max_gap_m = config.gap_m;
+  if (config.island_area_m2 > 0) surfaces.island_area_m2 = config.island_area_m2;
+  double before_zipper_ms = 0, zipper_ms = 0;
+  bool hurry = false;
+  merge::MergeHooks hooks;
+  hooks.step = [&](const char* step, const std::function<void()>& work) {
+    trace_->time(step, work);
+    if (step == std::string_view("zipper")) zipper_ms = spent_ms() - before_zipper_ms;
+  };
+  hooks.after_overlap = [&](std::span<const Mesh> owned, merge::ZipperConfig& zipper) {
+    if (all) triangles_ = triangles_sent(parts, owned);
+    if (halfway) halfway();
+    before_zipper_ms = spent_ms();
+    hurry = merger_->budget_ms > 0 && before_zipper_ms + zipper_ms_ > merger_->budget_ms;
     if (hurry) zipper.max_gap_m = 0;
-    Mesh out = merge::zip(owned, zipper);
-    if (!hurry) zipper_ms_ = spent_ms() - before_ms;
-    return out;
-  });
-  const Mesh whole = trace_->time("islands", [&] {
-    return merge::remove_islands(
-        zipped, config.island_area_m2 > 0 ? config.island_area_m2 : merge::island_area_m2(voxel_m));
-  });
+  };
+  const Mesh whole = merge::merge_surfaces(parts, surfaces, &quality_, hooks);
+  hurried_ |= hurry;
+  if (!hurry) zipper_ms_ = zipper_ms;
   return merger_->region ? inside(whole, *merger_->region, scene_->fusion.chunk_m) : whole;
 }
 

@@ -9,8 +9,8 @@
 #include "mr/core/scene.h"
 #include "mr/core/trace.h"
 #include "mr/kit/part.h"
-#include "mr/merge/overlap.h"
-#include "mr/merge/quality_grid.h"
+#include "mr/merge/overlap/overlap.h"
+#include "mr/merge/overlap/quality_grid.h"
 #include "mr/simplify/simplify.h"
 
 namespace mr::node {

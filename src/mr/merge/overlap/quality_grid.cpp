@@ -1,4 +1,4 @@
-#include "mr/merge/quality_grid.h"
+#include "mr/merge/overlap/quality_grid.h"
 
 #include <algorithm>
 #include <cmath>

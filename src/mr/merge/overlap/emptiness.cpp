@@ -1,4 +1,4 @@
-#include "mr/merge/emptiness.h"
+#include "mr/merge/overlap/emptiness.h"
 
 #include <algorithm>
 #include <cmath>

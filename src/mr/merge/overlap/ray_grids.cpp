@@ -1,4 +1,4 @@
-#include "mr/merge/ray_grids.h"
+#include "mr/merge/overlap/ray_grids.h"
 
 #include <algorithm>
 #include <cmath>

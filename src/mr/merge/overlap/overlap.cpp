@@ -1,13 +1,13 @@
-#include "mr/merge/overlap.h"
+#include "mr/merge/overlap/overlap.h"
 
 #include <algorithm>
 
 #include "mr/core/assert.h"
 #include "mr/core/parallel.h"
 #include "mr/merge/groups.h"
-#include "mr/merge/measured.h"
-#include "mr/merge/ownership.h"
-#include "mr/merge/paper_rule.h"
+#include "mr/merge/overlap/measured.h"
+#include "mr/merge/overlap/occlusion_rule.h"
+#include "mr/merge/overlap/ownership.h"
 
 namespace mr::merge {
 namespace {

@@ -6,7 +6,7 @@
 
 #include "mr/core/camera.h"
 #include "mr/core/pose.h"
-#include "mr/merge/measured.h"
+#include "mr/merge/overlap/measured.h"
 
 namespace mr::merge {
 

@@ -1,4 +1,4 @@
-#include "mr/merge/paper_rule.h"
+#include "mr/merge/overlap/occlusion_rule.h"
 
 #include <gtest/gtest.h>
 
@@ -73,7 +73,7 @@ Comparison compare(const std::vector<kit::Part>& parts) {
   return out;
 }
 
-TEST(PaperRule, DrawnAndCastRaysDecideAlike) {
+TEST(OcclusionRule, DrawnAndCastRaysDecideAlike) {
   const auto found = compare(room());
   EXPECT_EQ(found.rays, 3u * 160 * 144);
   EXPECT_GT(found.met, found.rays / 2);
@@ -109,7 +109,7 @@ Mesh sheet_of(const kit::ImageDepth16& counts, const SourceInfo& source) {
   return mesh;
 }
 
-TEST(PaperRule, DrawnAndCastRaysOfRecordingsDecideAlike) {
+TEST(OcclusionRule, DrawnAndCastRaysOfRecordingsDecideAlike) {
   const char* data = std::getenv("MR_DATA");
   const std::filesystem::path folder =
       (data ? std::filesystem::path(data)
@@ -138,7 +138,7 @@ TEST(PaperRule, DrawnAndCastRaysOfRecordingsDecideAlike) {
   EXPECT_GE(static_cast<double>(found.same), 0.999 * static_cast<double>(found.rays));
 }
 
-TEST(PaperRule, DrawnAndCastRaysOfALidarDecideAlike) {
+TEST(OcclusionRule, DrawnAndCastRaysOfALidarDecideAlike) {
   auto parts = room();
   Camera lidar;
   lidar.model = CameraModel::lidar;
@@ -157,7 +157,7 @@ TEST(PaperRule, DrawnAndCastRaysOfALidarDecideAlike) {
   EXPECT_GE(static_cast<double>(found.same), 0.999 * static_cast<double>(found.rays));
 }
 
-TEST(PaperRule, TheFartherSheetGoes) {
+TEST(OcclusionRule, TheFartherSheetGoes) {
   // Both sensors see the same sheet in front; the other is 8 mm behind it.
   const std::vector<kit::Part> parts{part(wall(-1, 1, 0.008f), 0, {-0.2, 0, 0}),
                                      part(wall(-1, 1, 0), 1, {0.2, 0, 0})};
@@ -170,7 +170,7 @@ TEST(PaperRule, TheFartherSheetGoes) {
   }
 }
 
-TEST(PaperRule, WhatIsTooFarBehindOrFacesAwayStays) {
+TEST(OcclusionRule, WhatIsTooFarBehindOrFacesAwayStays) {
   const std::vector<kit::Part> apart{part(wall(-1, 1, 0.1f), 0, {-0.2, 0, 0}),
                                      part(wall(-1, 1, 0), 1, {0.2, 0, 0})};
   // A thin board: the second camera sees its other side.
@@ -183,7 +183,7 @@ TEST(PaperRule, WhatIsTooFarBehindOrFacesAwayStays) {
   }
 }
 
-TEST(PaperRule, OfIdenticalPartsTheFirstStays) {
+TEST(OcclusionRule, OfIdenticalPartsTheFirstStays) {
   // Their equal depths are put in the order of the parts.
   const std::vector<kit::Part> parts{part(wall(-1, 1, 0), 0, {0, 0, 0}),
                                      part(wall(-1, 1, 0), 1, {0, 0, 0})};
@@ -193,7 +193,7 @@ TEST(PaperRule, OfIdenticalPartsTheFirstStays) {
   EXPECT_EQ(merge::farther_triangles(parts, by(Overlap::rays)), flags);
 }
 
-TEST(PaperRule, EveryRayThroughAGridMeetsOneTriangle) {
+TEST(OcclusionRule, EveryRayThroughAGridMeetsOneTriangle) {
   // Every inner edge and corner of the grid lies on pixel centres.
   auto source = test::source(0, look_at({0, 0, 0}, {0, 0, 2}, {0, -1, 0}));
   source.depth_camera.width = 96, source.depth_camera.height = 64;
@@ -216,7 +216,7 @@ TEST(PaperRule, EveryRayThroughAGridMeetsOneTriangle) {
   EXPECT_EQ(met, 32u * 32);
 }
 
-TEST(PaperRule, EveryRayThroughABowlMeetsOneTriangle) {
+TEST(OcclusionRule, EveryRayThroughABowlMeetsOneTriangle) {
   // Edges in all directions, triangles of all sizes, also across the near plane and far outside.
   std::mt19937 random(3);
   Mesh bowl;
@@ -250,7 +250,7 @@ TEST(PaperRule, EveryRayThroughABowlMeetsOneTriangle) {
   }
 }
 
-TEST(PaperRule, SameFlagsOnAnyNumberOfThreads) {
+TEST(OcclusionRule, SameFlagsOnAnyNumberOfThreads) {
   const auto parts = room();
   for (const Overlap how : kWays) {
     Flags expected;
@@ -265,7 +265,7 @@ TEST(PaperRule, SameFlagsOnAnyNumberOfThreads) {
   }
 }
 
-TEST(PaperRule, NothingGoesWithoutASecondPart) {
+TEST(OcclusionRule, NothingGoesWithoutASecondPart) {
   const Mesh sheet = wall(-1, 1, 0);
   const std::vector<kit::Part> one{part(sheet, 0, {0, 0, 0})};
   const std::vector<kit::Part> beside_empty{part(sheet, 0, {0, 0, 0}), part({}, 1, {0, 0, 0})};
@@ -284,7 +284,7 @@ TEST(PaperRule, NothingGoesWithoutASecondPart) {
   }
 }
 
-TEST(PaperRule, BadTrianglesAreNoSurface) {
+TEST(OcclusionRule, BadTrianglesAreNoSurface) {
   auto parts = room();
   const Flags expected = merge::farther_triangles(parts, by(Overlap::raster));
   constexpr float kNan = std::numeric_limits<float>::quiet_NaN();
@@ -304,7 +304,7 @@ TEST(PaperRule, BadTrianglesAreNoSurface) {
     EXPECT_TRUE(std::equal(expected[i].begin(), expected[i].end(), flags[i].begin()));
 }
 
-TEST(PaperRule, ManySliversOnOneRayAreNoTrouble) {
+TEST(OcclusionRule, ManySliversOnOneRayAreNoTrouble) {
   // 20,000 needles of one part through the middle pixels, one behind the other, before a wall.
   Mesh slivers;
   for (int i = 0; i < 20'000; ++i) {

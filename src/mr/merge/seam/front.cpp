@@ -1,4 +1,4 @@
-#include "mr/merge/front.h"
+#include "mr/merge/seam/front.h"
 
 #include <cmath>
 #include <utility>

@@ -1,4 +1,4 @@
-#include "mr/merge/cutter.h"
+#include "mr/merge/overlap/cutter.h"
 
 #include <algorithm>
 #include <utility>

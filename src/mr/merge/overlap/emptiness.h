@@ -8,8 +8,8 @@
 
 #include "mr/core/mesh.h"
 #include "mr/core/packet.h"
-#include "mr/merge/coincidence.h"
-#include "mr/merge/overlap.h"
+#include "mr/merge/overlap/coincidence.h"
+#include "mr/merge/overlap/overlap.h"
 
 namespace mr::merge {
 

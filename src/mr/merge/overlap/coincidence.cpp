@@ -1,4 +1,4 @@
-#include "mr/merge/coincidence.h"
+#include "mr/merge/overlap/coincidence.h"
 
 #include <algorithm>
 #include <cmath>
@@ -6,7 +6,7 @@
 
 #include "mr/core/parallel.h"
 #include "mr/kit/raster.h"
-#include "mr/merge/ray_grids.h"
+#include "mr/merge/overlap/ray_grids.h"
 
 namespace mr::merge {
 namespace {

@@ -4,9 +4,9 @@
 #include <memory>
 #include <span>
 
-#include "mr/merge/paper_rule.h"
-#include "mr/merge/ray_grids.h"
-#include "mr/merge/ray_votes.h"
+#include "mr/merge/overlap/occlusion_rule.h"
+#include "mr/merge/overlap/ray_grids.h"
+#include "mr/merge/overlap/ray_votes.h"
 
 namespace mr::merge {
 
@@ -15,7 +15,7 @@ namespace mr::merge {
 /// camera.
 class RasterVoter {
  public:
-  explicit RasterVoter(const PaperField& field);  ///< the field must outlive it
+  explicit RasterVoter(const TriangleField& field);  ///< the field must outlive it
   ~RasterVoter();
   RasterVoter(const RasterVoter&) = delete;
   RasterVoter& operator=(const RasterVoter&) = delete;

@@ -1,4 +1,4 @@
-#include "mr/merge/border_map.h"
+#include "mr/merge/seam/border_map.h"
 
 #include <algorithm>
 #include <cmath>

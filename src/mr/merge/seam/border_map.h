@@ -4,7 +4,7 @@
 #include <vector>
 
 #include "mr/kit/pair_map.h"
-#include "mr/merge/border.h"
+#include "mr/merge/seam/border.h"
 
 namespace mr::merge {
 

@@ -1,4 +1,4 @@
-#include "mr/merge/border.h"
+#include "mr/merge/seam/border.h"
 
 #include <utility>
 

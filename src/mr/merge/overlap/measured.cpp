@@ -1,4 +1,4 @@
-#include "mr/merge/measured.h"
+#include "mr/merge/overlap/measured.h"
 
 #include <algorithm>
 #include <cmath>

@@ -4,7 +4,7 @@
 #include <vector>
 
 #include "mr/kit/part.h"
-#include "mr/merge/overlap.h"
+#include "mr/merge/overlap/overlap.h"
 
 namespace mr::merge {
 

@@ -1,4 +1,4 @@
-#include "mr/merge/point_grid.h"
+#include "mr/merge/seam/point_grid.h"
 
 #include <array>
 #include <bit>

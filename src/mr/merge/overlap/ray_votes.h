@@ -8,9 +8,9 @@
 #include <span>
 #include <vector>
 
-#include "mr/merge/overlap.h"
-#include "mr/merge/paper_rule.h"
-#include "mr/merge/ray_grids.h"
+#include "mr/merge/overlap/occlusion_rule.h"
+#include "mr/merge/overlap/overlap.h"
+#include "mr/merge/overlap/ray_grids.h"
 
 /// What both ways of the paper's rule share: when two hits are one surface, and who loses.
 namespace mr::merge {
@@ -24,14 +24,14 @@ struct Facing {
 };
 
 /// All triangles of all parts, one after the other.
-struct PaperField {
+struct TriangleField {
   std::span<const kit::Part> parts;
   std::vector<std::uint32_t> first;  ///< [parts + 1] part → its first triangle
   std::vector<Facing> facing;        ///< [T]
   float reach_m = 0;                 ///< farther behind each other no hits are one surface
 };
 
-PaperField paper_field(std::span<const kit::Part> parts, const OverlapConfig& config);
+TriangleField triangle_field(std::span<const kit::Part> parts, const OverlapConfig& config);
 
 /// What rays found, by triangle ([T]).
 struct RayVotes {
@@ -63,7 +63,7 @@ inline bool same_surface(const Facing& near, const Facing& far, float deeper_m, 
 
 /// Decides a ray's meetings, nearest first: each one that none before it took takes the first of
 /// every other part that is its surface, and those lose.
-inline void decide(std::span<RayMeeting> all, const PaperField& field, Vec3f ray) {
+inline void decide(std::span<RayMeeting> all, const TriangleField& field, Vec3f ray) {
   const float stretch2 = dot(ray, ray), reach2 = field.reach_m * field.reach_m;
   const std::size_t count = std::min(all.size(), kMostMeetings);
   std::array<std::uint32_t, kMostMeetings> parts;

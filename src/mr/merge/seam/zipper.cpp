@@ -1,4 +1,4 @@
-#include "mr/merge/zipper.h"
+#include "mr/merge/seam/zipper.h"
 
 #include <algorithm>
 #include <array>
@@ -14,12 +14,12 @@
 
 #include "mr/core/parallel.h"
 #include "mr/kit/topology.h"
-#include "mr/merge/border.h"
-#include "mr/merge/border_map.h"
 #include "mr/merge/cell.h"
-#include "mr/merge/front.h"
 #include "mr/merge/groups.h"
-#include "mr/merge/point_grid.h"
+#include "mr/merge/seam/border.h"
+#include "mr/merge/seam/border_map.h"
+#include "mr/merge/seam/front.h"
+#include "mr/merge/seam/point_grid.h"
 
 namespace mr::merge {
 namespace {

@@ -1,4 +1,4 @@
-#include "mr/merge/paper_rule.h"
+#include "mr/merge/overlap/occlusion_rule.h"
 
 #include <algorithm>
 #include <atomic>
@@ -10,9 +10,9 @@
 #include "mr/kit/a_buffer.h"
 #include "mr/kit/raster.h"
 #include "mr/kit/raycast.h"
-#include "mr/merge/measured.h"
-#include "mr/merge/raster_voter.h"
-#include "mr/merge/ray_votes.h"
+#include "mr/merge/overlap/measured.h"
+#include "mr/merge/overlap/raster_voter.h"
+#include "mr/merge/overlap/ray_votes.h"
 
 namespace mr::merge {
 namespace {
@@ -125,7 +125,7 @@ std::vector<PartLook> looks_of(std::span<const kit::Part> parts, double voxel_m)
 /// Casts rays with Embree.
 class RayCaster {
  public:
-  explicit RayCaster(const PaperField& field) : field_(field), scene_(meshes(field)) {}
+  explicit RayCaster(const TriangleField& field) : field_(field), scene_(meshes(field)) {}
 
   void cast(const RayGrid& grid, RayVotes& votes, RayVerdicts* told) const {
     const Camera& camera = grid.camera;
@@ -146,7 +146,7 @@ class RayCaster {
   }
 
  private:
-  static std::vector<const Mesh*> meshes(const PaperField& field) {
+  static std::vector<const Mesh*> meshes(const TriangleField& field) {
     std::vector<const Mesh*> out;
     for (const kit::Part& part : field.parts) out.push_back(&part.mesh);
     return out;
@@ -184,12 +184,12 @@ class RayCaster {
     }
   }
 
-  const PaperField& field_;
+  const TriangleField& field_;
   kit::RayScene scene_;
 };
 
 /// Casts all rays; with `told`, also says what each decided.
-RayVotes cast_all(const PaperField& field, const OverlapConfig& config,
+RayVotes cast_all(const TriangleField& field, const OverlapConfig& config,
                   std::vector<RayVerdicts>* told) {
   const std::vector<PartLook> looks = looks_of(field.parts, config.voxel_m);
   RayVotes votes{std::vector<std::uint32_t>(field.facing.size()),
@@ -210,8 +210,8 @@ RayVotes cast_all(const PaperField& field, const OverlapConfig& config,
 
 }  // namespace
 
-PaperField paper_field(std::span<const kit::Part> parts, const OverlapConfig& config) {
-  PaperField out{parts, {0}, {}, 0};
+TriangleField triangle_field(std::span<const kit::Part> parts, const OverlapConfig& config) {
+  TriangleField out{parts, {0}, {}, 0};
   for (const kit::Part& part : parts) {
     MR_ASSERT(!part.sources.empty());
     out.first.push_back(out.first.back() + static_cast<std::uint32_t>(part.mesh.triangles.size()));
@@ -230,7 +230,7 @@ PaperField paper_field(std::span<const kit::Part> parts, const OverlapConfig& co
 
 std::vector<std::vector<std::uint8_t>> farther_triangles(std::span<const kit::Part> parts,
                                                          const OverlapConfig& config) {
-  const PaperField field = paper_field(parts, config);
+  const TriangleField field = triangle_field(parts, config);
   const RayVotes votes = cast_all(field, config, nullptr);
   std::vector<std::vector<std::uint8_t>> out(parts.size());
   for (std::size_t i = 0; i < parts.size(); ++i)
@@ -241,7 +241,7 @@ std::vector<std::vector<std::uint8_t>> farther_triangles(std::span<const kit::Pa
 
 std::vector<RayVerdicts> ray_verdicts(std::span<const kit::Part> parts,
                                       const OverlapConfig& config) {
-  const PaperField field = paper_field(parts, config);
+  const TriangleField field = triangle_field(parts, config);
   std::vector<RayVerdicts> out;
   cast_all(field, config, &out);
   return out;

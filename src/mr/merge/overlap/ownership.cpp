@@ -1,4 +1,4 @@
-#include "mr/merge/ownership.h"
+#include "mr/merge/overlap/ownership.h"
 
 #include <algorithm>
 #include <array>
@@ -10,11 +10,11 @@
 #include "mr/core/parallel.h"
 #include "mr/kit/raster.h"
 #include "mr/kit/topology.h"
-#include "mr/merge/cutter.h"
-#include "mr/merge/measured.h"
-#include "mr/merge/part_view.h"
-#include "mr/merge/quality_grid.h"
-#include "mr/merge/ray_grids.h"
+#include "mr/merge/overlap/cutter.h"
+#include "mr/merge/overlap/measured.h"
+#include "mr/merge/overlap/part_view.h"
+#include "mr/merge/overlap/quality_grid.h"
+#include "mr/merge/overlap/ray_grids.h"
 
 namespace mr::merge {
 namespace {

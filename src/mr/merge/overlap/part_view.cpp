@@ -1,4 +1,4 @@
-#include "mr/merge/part_view.h"
+#include "mr/merge/overlap/part_view.h"
 
 #include <algorithm>
 #include <cmath>

@@ -8,7 +8,7 @@
 #include <vector>
 
 #include "mr/core/mesh.h"
-#include "mr/merge/border.h"
+#include "mr/merge/seam/border.h"
 
 namespace mr::merge {
 

@@ -9,7 +9,7 @@
 
 #include "mr/kit/pair_map.h"
 #include "mr/kit/part.h"
-#include "mr/merge/measured.h"
+#include "mr/merge/overlap/measured.h"
 
 namespace mr::merge {
 

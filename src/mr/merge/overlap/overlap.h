@@ -20,7 +20,7 @@ class QualityMemory;  // quality_grid.h
 
 /// Overlap removal (paper 3.2). Surfaces of different parts that face alike and lie within twice
 /// the sensors' precision (plus calibration and decimation error) are one, and all but one go:
-///   owner paper     the farther ones, on the rays of the depth cameras (paper_rule.h)
+///   owner paper     the farther ones, on the rays of the depth cameras (occlusion_rule.h)
 ///   owner coherent  those that were measured less well; parts are cut along the line (ownership.h)
 /// Overlap is decided between parts, never inside one; vertices that stay do not move. Returns what
 /// stays of each part, in order, each triangle with the sensor that measured it as its view.

@@ -1,4 +1,4 @@
-#include "mr/merge/raster_voter.h"
+#include "mr/merge/overlap/raster_voter.h"
 
 #include <algorithm>
 #include <functional>
@@ -29,7 +29,7 @@ struct TileVotes {
 /// Decides the rays of a tile and counts what is lost there.
 class TileRays {
  public:
-  TileRays(const PaperField& field, const RayPencil& rays, const kit::RasterTile& tile,
+  TileRays(const TriangleField& field, const RayPencil& rays, const kit::RasterTile& tile,
            TileVotes& votes)
       : field_(field), rays_(rays), tile_(tile), votes_(votes) {
     constexpr std::size_t kAhead = 12;
@@ -102,7 +102,7 @@ class TileRays {
     return same_surface(entry(a).facing, entry(b).facing, 1 / b.inv_z - 1 / a.inv_z, ray, stretch2);
   }
 
-  const PaperField& field_;
+  const TriangleField& field_;
   RayPencil rays_;
   const kit::RasterTile& tile_;
   TileVotes& votes_;
@@ -113,9 +113,9 @@ class TileRays {
 }  // namespace
 
 struct RasterVoter::Impl {
-  explicit Impl(const PaperField& f) : field(f) {}
+  explicit Impl(const TriangleField& f) : field(f) {}
 
-  const PaperField& field;
+  const TriangleField& field;
   kit::LayeredRasterizer rasterizer;
   std::vector<TileVotes> tiles;  ///< [tiles of the rasterizer] and perhaps more
 
@@ -188,7 +188,7 @@ void RasterVoter::Impl::count(RayVotes& votes) const {
     for (std::size_t e = drawn[t].first.back(); e < drawn[t].triangles.size(); ++e) add(t, e);
 }
 
-RasterVoter::RasterVoter(const PaperField& field) : impl_(std::make_unique<Impl>(field)) {}
+RasterVoter::RasterVoter(const TriangleField& field) : impl_(std::make_unique<Impl>(field)) {}
 RasterVoter::~RasterVoter() = default;
 
 void RasterVoter::cast(const RayGrid& grid, std::span<const std::uint32_t> parts, RayVotes& votes,

@@ -6,7 +6,7 @@
 
 #include "mr/core/mesh.h"
 #include "mr/kit/part.h"
-#include "mr/merge/overlap.h"
+#include "mr/merge/overlap/overlap.h"
 
 namespace mr::merge {
 

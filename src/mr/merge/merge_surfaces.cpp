@@ -1,0 +1,26 @@
+#include "mr/merge/merge_surfaces.h"
+
+#include "mr/merge/islands.h"
+
+namespace mr::merge {
+
+SurfacesConfig surfaces_config(const OverlapConfig& overlap) {
+  return {overlap, zipper_config(overlap.voxel_m), island_area_m2(overlap.voxel_m)};
+}
+
+Mesh merge_surfaces(std::span<const kit::Part> parts, const SurfacesConfig& config,
+                    QualityMemory* memory, const MergeHooks& hooks) {
+  const auto step = [&](const char* name, const std::function<void()>& work) {
+    hooks.step ? hooks.step(name, work) : work();
+  };
+  std::vector<Mesh> owned;
+  Mesh mesh;
+  step("overlap", [&] { owned = remove_overlap(parts, config.overlap, memory); });
+  ZipperConfig zipper = config.zipper;
+  if (hooks.after_overlap) hooks.after_overlap(owned, zipper);
+  step("zipper", [&] { mesh = zip(owned, zipper); });
+  step("islands", [&] { mesh = remove_islands(mesh, config.island_area_m2); });
+  return mesh;
+}
+
+}  // namespace mr::merge

@@ -1,0 +1,36 @@
+#pragma once
+
+#include <functional>
+#include <span>
+#include <vector>
+
+#include "mr/core/mesh.h"
+#include "mr/kit/part.h"
+#include "mr/merge/overlap/overlap.h"
+#include "mr/merge/seam/zipper.h"
+
+namespace mr::merge {
+
+struct SurfacesConfig {
+  OverlapConfig overlap;
+  ZipperConfig zipper;
+  double island_area_m2 = 0.002;  ///< smaller components are removed
+};
+
+/// With the zipper's gap and the area of islands that suit the voxels' size.
+SurfacesConfig surfaces_config(const OverlapConfig& overlap);
+
+/// For callers that measure the steps, or decide between them.
+struct MergeHooks {
+  /// Runs a step: "overlap", "zipper", then "islands". Must call work() once.
+  std::function<void(const char* step, const std::function<void()>& work)> step;
+  /// Gets what stays of each part; may change how borders are joined.
+  std::function<void(std::span<const Mesh> owned, ZipperConfig& zipper)> after_overlap;
+};
+
+/// Merges the surfaces of several sensors or mergers into one (paper 3.2): overlap removal, closing
+/// of the seams, removal of islands. `memory` as in remove_overlap(). Parallel; deterministic.
+Mesh merge_surfaces(std::span<const kit::Part> parts, const SurfacesConfig& config,
+                    QualityMemory* memory = nullptr, const MergeHooks& hooks = {});
+
+}  // namespace mr::merge
