@@ -77,7 +77,7 @@ Packet full_packet() {
   lidar.beam_altitude_rad = {0.3, 0.1, -0.1, -0.3};
   lidar.beam_azimuth_rad = {0.01, -0.01, 0.02, 0};
   p.sources[2].depth_camera.model = CameraModel::equirectangular;
-  p.plan = {0.5f, 7, 0.75f, 33};
+  p.plan = {{0.5, 0.25}, 0.125, 7, 0.75, 33};
   p.views = {view(0), view(5)};
   p.views[1].kind = View::Kind::equirectangular;
   p.views[1].stream = 9;
@@ -268,7 +268,7 @@ TEST(PacketCodec, NumbersAreFiniteAndPossible) {
   constexpr double kInf = std::numeric_limits<double>::infinity();
   for (const double bad : {kNan, kInf, -kInf}) {
     const auto badf = static_cast<float>(bad);
-    EXPECT_TRUE(invalid([&](Packet& p) { p.plan.simplify_ratio = badf; }));
+    EXPECT_TRUE(invalid([&](Packet& p) { p.plan.decimation.ratio = badf; }));
     EXPECT_TRUE(invalid([&](Packet& p) { p.plan.texture_scale = badf; }));
     EXPECT_TRUE(invalid([&](Packet& p) { p.sources[0].precision.base_m = bad; }));
     EXPECT_TRUE(invalid([&](Packet& p) { p.sources[0].precision.per_m2 = bad; }));
@@ -285,7 +285,7 @@ TEST(PacketCodec, NumbersAreFiniteAndPossible) {
     EXPECT_TRUE(invalid([&](Packet& p) { p.views[0].T_world_camera.rotation(1, 2) = bad; }));
     EXPECT_TRUE(invalid([&](Packet& p) { p.chunks[0].error_m = badf; }));
   }
-  EXPECT_TRUE(invalid([](Packet& p) { p.plan.simplify_ratio = 1.1f; }));
+  EXPECT_TRUE(invalid([](Packet& p) { p.plan.decimation.ratio = 1.1f; }));
   EXPECT_TRUE(invalid([](Packet& p) { p.plan.mesh_speed = 11; }));
   EXPECT_TRUE(invalid([](Packet& p) { p.plan.texture_qp = -1; }));
   EXPECT_TRUE(

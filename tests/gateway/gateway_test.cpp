@@ -48,7 +48,7 @@ class GatewayTest : public testing::Test {
     scene_.mergers.back().id = "sender";
     service_ = transport_->serve("sender", [this](std::span<const std::byte> question) {
       const std::lock_guard lock(mutex_);
-      const auto request = codec::decode_request(question);
+      const auto request = codec::decode_control(question);
       if (!request) return net::Message();
       auto answer = sender_.answer(*request);
       return answer.empty() ? net::Message()
@@ -308,7 +308,7 @@ TEST_F(GatewayTest, SixtyGreedyReadersMakeItGrowByLittle) {
   publish(packet_now);
   ASSERT_EQ(packet(good), packet_now.sequence);
   [[maybe_unused]] const double before = resident_mb();
-  const auto request = codec::encode_request({{}, packet_now.manifest, {}, true});
+  const auto request = codec::encode_control({{}, packet_now.manifest, {}, true});
   const std::string words(reinterpret_cast<const char*>(request.data()), request.size());
   double most = 0;
   int seen = 0, sent = 0;

@@ -271,7 +271,7 @@ TEST(Viewers, AsksTheRootForWhatItLacksItself) {
   static_cast<void>(sender.next(true));
   const Packet packet = sender.next();  // the gateway came late
   give(viewers, packet);
-  const codec::Request request = viewers.wanted(false, kStart);
+  const codec::Control request = viewers.wanted(false, kStart);
   EXPECT_EQ(request.chunks, packet.manifest);
   EXPECT_TRUE(request.key_frames.empty()) << "nobody watches";
   viewers.take_chunks(*codec::decode_chunks(sender.answer(request)));
@@ -364,7 +364,7 @@ TEST(Viewers, OneAnswerAtATimeIsUnread) {
   viewers.opened(1);
   const Packet packet = sender.next(true);
   give(viewers, packet);
-  const codec::Request all{{}, packet.manifest, {}};
+  const codec::Control all{{}, packet.manifest, {}};
   TimePoint now = kStart;
   EXPECT_TRUE(viewers.asked(1, all, now));
   for (int i = 0; i < 50; ++i) EXPECT_FALSE(viewers.asked(1, all, now += Viewers::kAnswerEvery));
@@ -461,7 +461,7 @@ TEST(Viewers, WhoAsksInALoopIsAnsweredNowAndThen) {
   viewers.opened(2);
   const Packet packet = sender.next(true);
   give(viewers, packet);
-  const codec::Request all{{}, packet.manifest, {}};
+  const codec::Control all{{}, packet.manifest, {}};
   EXPECT_TRUE(viewers.asked(1, all, kStart));
   viewers.written(1, 1, kStart);
   EXPECT_FALSE(viewers.asked(1, all, kStart + std::chrono::milliseconds(1)));

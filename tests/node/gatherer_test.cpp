@@ -50,7 +50,7 @@ TEST(Gatherer, MeshEqualsTheSendersWithin500MsOfAnyLoss) {
       static_cast<void>(gatherer.receive(0, *codec::decode_packet(*packet), network.now()));
     });
     const auto service = network.serve("sender", [&](std::span<const std::byte> question) {
-      const codec::Request request = *codec::decode_request(question);
+      const codec::Control request = *codec::decode_control(question);
       key_frame_wanted |= request.wants_key_frame(4);
       auto answer = sender.answer(request);
       return answer.empty() ? nullptr : message(std::move(answer));
@@ -69,7 +69,7 @@ TEST(Gatherer, MeshEqualsTheSendersWithin500MsOfAnyLoss) {
       }
       for (const auto& [input, request] : gatherer.requests(now))
         network.request(
-            "sender", message(codec::encode_request(request)),
+            "sender", message(codec::encode_control(request)),
             [&](const net::Message& answer) { gatherer.take_answer(0, *answer, network.now()); });
       if (ms % 1000 == 995) {  // 500 ms after the last change
         ++moves;

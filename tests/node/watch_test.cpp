@@ -167,8 +167,8 @@ TEST(RequestLimits, KeyFramesAndHeadsAreNotGivenFaster) {
 
 TEST(RequestLimits, ManyStreamsMakeNoRoomForOne) {
   RequestLimits limits;
-  codec::Request all;
-  for (std::uint32_t stream = 0; stream < codec::Request::kMaxStreams; ++stream)
+  codec::Control all;
+  for (std::uint32_t stream = 0; stream < codec::Control::kMaxStreams; ++stream)
     all.key_frames.push_back(stream);
   EXPECT_EQ(limits.admit(all, kStart).key_frames.size(), all.key_frames.size());
   for (std::uint32_t& stream : all.key_frames) stream += 5000;
@@ -179,7 +179,7 @@ TEST(RequestLimits, ManyStreamsMakeNoRoomForOne) {
 TEST(RequestLimits, AnswersHaveABudget) {
   RequestLimits limits;
   std::size_t given = 0;
-  const codec::Request all{{}, {{{{0, 0, 0}}, 0, 1}}, {}};
+  const codec::Control all{{}, {{{{0, 0, 0}}, 0, 1}}, {}};
   for (int i = 0; i < 1000; ++i) {  // in a second, each for 5 MB
     if (limits.admit(all, kStart + milliseconds(i)).chunks.empty()) continue;
     limits.answered(5'000'000);

@@ -312,7 +312,7 @@ class Nodes {
   /// Sensors that were told that their still surface is shown.
   std::size_t told() const { return told_.size(); }
   Mesh surface() const { return *root_.surface(); }
-  std::vector<std::byte> answer(const codec::Request& request) { return root_.answer(request); }
+  std::vector<std::byte> answer(const codec::Control& request) { return root_.answer(request); }
   const Scene& scene() const { return scene_; }
 
  private:
@@ -349,7 +349,7 @@ class Taker {
   void take(const std::vector<std::byte>& bytes) {
     if (std::uniform_real_distribution<>(0, 1)(random_) < loss_) return;
     if (const auto packet = heads_.read(bytes)) receiver_.accept(*packet);
-    const codec::Request lacking{
+    const codec::Control lacking{
         receiver_.streams_waiting(), receiver_.missing(), {}, heads_.lacks_base()};
     if (lacking.empty()) return;
     const auto answer = nodes_.answer(lacking);

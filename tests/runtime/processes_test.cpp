@@ -19,7 +19,7 @@
 #include "mr/codec/head.h"
 #include "mr/codec/packet_codec.h"
 #include "mr/codec/receiver.h"
-#include "mr/codec/request.h"
+#include "mr/codec/control.h"
 #include "mr/core/scene.h"
 #include "mr/net/transport.h"
 #include "mr/node/coalesce_packets.h"
@@ -124,7 +124,7 @@ class Client {
     ask();
   }
   void ask() {
-    codec::Request request;
+    codec::Control request;
     const auto now = Clock::now();
     const bool waiting = !receiver_.streams_waiting().empty() || packets_ == 0;
     if ((waiting || lacks_base()) && now - key_asked_ > milliseconds(500)) {
@@ -139,7 +139,7 @@ class Client {
     if (sequence_ && sequence_ != acknowledged_) request.taken = acknowledged_ = sequence_;
     if (request.empty()) return;
     transport_.request(
-        node_, std::make_shared<const std::vector<std::byte>>(codec::encode_request(request)),
+        node_, std::make_shared<const std::vector<std::byte>>(codec::encode_control(request)),
         [this](const net::Message& answer) {
           const std::lock_guard lock(mutex_);
           if (const auto chunks = codec::decode_chunks(*answer))

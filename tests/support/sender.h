@@ -10,7 +10,7 @@
 #include "mr/codec/chunk_cache.h"
 #include "mr/codec/mesh_codec.h"
 #include "mr/codec/packet_codec.h"
-#include "mr/codec/request.h"
+#include "mr/codec/control.h"
 #include "mr/core/packet.h"
 #include "mr/kit/video.h"
 #include "support/meshes.h"
@@ -81,7 +81,7 @@ class Sender {
   }
 
   /// The chunks that a request names; empty when there are none.
-  std::vector<std::byte> answer(const codec::Request& request) const {
+  std::vector<std::byte> answer(const codec::Control& request) const {
     std::vector<EncodedChunk> found;
     for (const ChunkKey& key : request.chunks)
       if (const auto chunk = cache.find(key)) found.push_back(*chunk);

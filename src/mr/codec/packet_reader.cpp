@@ -198,10 +198,12 @@ class Reader {
   }
 
   bool read_plan(const wire::Plan& plan, CodingPlan& out) {
-    out = {plan.simplify_ratio(), plan.mesh_speed(), plan.texture_scale(), plan.texture_qp()};
-    return require(within(plan.simplify_ratio(), 0, 1) && within(plan.mesh_speed(), 0, 10) &&
-                       within(plan.texture_scale(), 0, 16) && within(plan.texture_qp(), 0, 51),
-                   "an impossible coding plan");
+    out = {{plan.simplify_ratio(), plan.simplify_error_m()},
+           plan.still_error_m(),
+           plan.mesh_speed(),
+           plan.texture_scale(),
+           plan.texture_qp()};
+    return require(out.problems().empty(), "an impossible coding plan");
   }
 
   bool read_beams(const fb::Vector<double>* in, std::vector<double>& out) {

@@ -4,12 +4,12 @@
 
 namespace mr::codec {
 
-Request RequestPacing::due(Request lacking, TimePoint now) {
+Control RequestPacing::due(Control lacking, TimePoint now) {
   std::vector<std::uint32_t> key_frames;
   for (const std::uint32_t stream : lacking.key_frames) {
     const auto found = key_frames_.find(stream);
     const auto last = found == key_frames_.end() ? std::nullopt : std::optional(found->second);
-    if (!is_due(last, kKeyFrameEvery, now) || key_frames.size() == Request::kMaxStreams) continue;
+    if (!is_due(last, kKeyFrameEvery, now) || key_frames.size() == Control::kMaxStreams) continue;
     key_frames_[stream] = now;
     key_frames.push_back(stream);
   }
@@ -19,7 +19,7 @@ Request RequestPacing::due(Request lacking, TimePoint now) {
   if (lacking.whole_head) head_ = now;
 
   if (!is_due(chunks_, kChunksEvery, now)) lacking.chunks.clear();
-  if (lacking.chunks.size() > Request::kMaxChunks) lacking.chunks.resize(Request::kMaxChunks);
+  if (lacking.chunks.size() > Control::kMaxChunks) lacking.chunks.resize(Control::kMaxChunks);
   if (!lacking.chunks.empty()) chunks_ = now;
   return lacking;
 }

@@ -3,7 +3,7 @@
 #include <map>
 #include <optional>
 
-#include "mr/codec/request.h"
+#include "mr/codec/control.h"
 #include "mr/core/frame.h"
 
 namespace mr::codec {
@@ -18,7 +18,7 @@ class RequestPacing {
 
   /// The part of `lacking` that is to be asked for now, within the limits of one request; it counts
   /// as asked for. Words that need no answer pass.
-  Request due(Request lacking, TimePoint now);
+  Control due(Control lacking, TimePoint now);
 
   /// The node began afresh: its key frames and chunks were never asked for.
   void begin_afresh();

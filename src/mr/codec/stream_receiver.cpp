@@ -16,6 +16,9 @@ Result<Packet> StreamReceiver::read(std::span<const std::byte> bytes, TimePoint 
 }
 
 std::vector<Error> StreamReceiver::take_answer(std::span<const std::byte> answer) {
+  if (const auto refusal = decode_refusal(answer))
+    return {*refusal ? Error{Error::Cause::unsupported, "it refused: " + **refusal}
+                     : refusal->error()};
   const auto chunks = decode_chunks(answer);
   if (!chunks) return {chunks.error()};
   std::vector<Error> wrong;
@@ -24,10 +27,10 @@ std::vector<Error> StreamReceiver::take_answer(std::span<const std::byte> answer
   return wrong;
 }
 
-Request StreamReceiver::wanted(TimePoint now) {
+Control StreamReceiver::wanted(TimePoint now) {
   std::set<std::uint32_t> streams = key_frames_wanted_;
   for (const std::uint32_t stream : receiver_.streams_waiting()) streams.insert(stream);
-  Request request = pacing_.due({.key_frames = {streams.begin(), streams.end()},
+  Control request = pacing_.due({.key_frames = {streams.begin(), streams.end()},
                                  .chunks = receiver_.missing(),
                                  .taken = {},
                                  .whole_head = heads_.lacks_base()},

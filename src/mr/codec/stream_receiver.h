@@ -39,7 +39,7 @@ class StreamReceiver {
   /// A key frame is wanted of a stream though it can be decoded.
   void want_key_frame(std::uint32_t stream) { key_frames_wanted_.insert(stream); }
   /// What to ask the node for now; empty where nothing is lacking, or was asked for just now.
-  Request wanted(TimePoint now);
+  Control wanted(TimePoint now);
 
   const Receiver& decoded() const { return receiver_; }
 

@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "mr/core/chunk.h"
+#include "mr/core/coding_plan.h"
 #include "mr/core/frame.h"
 #include "mr/core/view.h"
 
@@ -46,16 +47,6 @@ struct SourceInfo {
   TileMask confirmed_depth{}, confirmed_color{};
 
   friend bool operator==(const SourceInfo&, const SourceInfo&) = default;
-};
-
-/// What rate control decided for one packet.
-struct CodingPlan {
-  float simplify_ratio = 1;  ///< triangles kept
-  int mesh_speed = 5;        ///< Draco: 0 smallest .. 10 fastest
-  float texture_scale = 1;   ///< of a tile against its camera picture
-  int texture_qp = 28;       ///< H.264 quantiser
-
-  friend bool operator==(const CodingPlan&, const CodingPlan&) = default;
 };
 
 enum class TextureCodec : std::uint8_t { h264 };

@@ -128,6 +128,7 @@ void read_simplify(MapReader& parent, SimplifyConfig& simplify) {
   if (!node) return;
   MapReader map(parent.report, *node, "simplify");
   map.number("ratio", simplify.ratio, {0, 1, true});
+  map.number("error_m", simplify.error_m, {0, 1});
 }
 
 void read_merge(MapReader& top, MergeConfig& merge) {

@@ -214,7 +214,7 @@ class MeshReduceSystem final : public System {
       Packet packet;
       packet.scene = scene.id, packet.node = scene.mergers.back().id;
       packet.sequence = out.size(), packet.captured_at = from.gathered.tick;
-      packet.plan.texture_scale = static_cast<float>(setting.scale);
+      packet.plan.texture_scale = setting.scale;
       packet.plan.texture_qp = setting.qp;
       const Status drawn = atlas.compose(tick, from.moving, from.still ? &*from.still : nullptr,
                                          from.error_m, packet);

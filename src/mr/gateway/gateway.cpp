@@ -144,8 +144,13 @@ void Gateway::on_request(net::ViewerId viewer, std::span<const std::byte> bytes,
   const Guests::Guest* const guest = guests_.find(viewer);
   if (!guest) return;
   if (!guest->is_admitted) return refuse(viewer, "no token");
-  const auto request = codec::decode_request(bytes);
+  const auto request = codec::decode_control(bytes);
+  if (!request && request.error().cause == Error::Cause::unsupported) {
+    drops_.count("viewer → gateway", request.error());
+    return send_text(viewer, Json{{"type", "error"}, {"message", request.error().message}}.dump());
+  }
   if (!request) return refuse(viewer, "not a request");
+  if (request->plan) return refuse(viewer, "a viewer makes no plans");
   if (const auto answer = viewers_.asked(viewer, *request, now))
     guest->transport->send(viewer, *answer);
 }

@@ -50,7 +50,7 @@ class Gateway final : public node::Task {
   const std::string& id() const override { return id_; }
   std::vector<std::string> inputs() const override { return {root_}; }
   std::vector<node::Ask> step(const node::Arrivals& arrivals, TimePoint now) override;
-  Bytes answer(const codec::Request&, TimePoint) override { return {}; }
+  Bytes answer(const codec::Control&, TimePoint) override { return {}; }
   void wake_by(std::function<void()> wake) override;
   node::NodeStats stats(TimePoint now) const override;
 

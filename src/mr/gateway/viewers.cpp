@@ -220,7 +220,7 @@ std::vector<Viewers::Overdue> Viewers::overdue(TimePoint now) const {
   return out;
 }
 
-std::optional<net::Message> Viewers::asked(Id id, const codec::Request& request, TimePoint now) {
+std::optional<net::Message> Viewers::asked(Id id, const codec::Control& request, TimePoint now) {
   const auto viewer = viewers_.find(id);
   if (viewer == viewers_.end()) return std::nullopt;
   if (newest_)
@@ -275,15 +275,15 @@ std::set<std::uint32_t> Viewers::key_frames_lacking() const {
   return out;
 }
 
-codec::Request Viewers::wanted(bool lacks_base, TimePoint now) {
-  codec::Request lacking;
+codec::Control Viewers::wanted(bool lacks_base, TimePoint now) {
+  codec::Control lacking;
   const std::set<std::uint32_t> streams = key_frames_lacking();
   lacking.key_frames.assign(streams.begin(), streams.end());
   lacking.whole_head = lacks_base;
   if (newest_ && !complete())
     for (const ChunkKey& key : newest_->manifest)
       if (!chunks_.contains(key)) lacking.chunks.push_back(key);
-  codec::Request request = pacing_.due(std::move(lacking), now);
+  codec::Control request = pacing_.due(std::move(lacking), now);
   for (const std::uint32_t stream : request.key_frames) key_frames_wanted_.erase(stream);
   return request;
 }

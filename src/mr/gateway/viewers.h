@@ -69,11 +69,11 @@ class Viewers {
   std::vector<Overdue> overdue(TimePoint now) const;
   /// A viewer's request: the answer, if there is one. Whoever asks again too soon gets none. Who
   /// lacks the base starts anew with the next packet.
-  std::optional<net::Message> asked(Id viewer, const codec::Request& request, TimePoint now);
+  std::optional<net::Message> asked(Id viewer, const codec::Control& request, TimePoint now);
 
   /// What to ask the root for now: chunks that are missing, key frames that somebody waits for, and
   /// a whole head where its base is lacking.
-  codec::Request wanted(bool lacks_base, TimePoint now);
+  codec::Control wanted(bool lacks_base, TimePoint now);
 
   /// The newest sequence that a viewer can follow: all of it where nobody watches. The root need
   /// not run ahead of it.

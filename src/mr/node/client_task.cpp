@@ -23,7 +23,7 @@ std::vector<Ask> ClientTask::step(const Arrivals& arrivals, TimePoint now) {
   }
   for (const Arrivals::Answer& answer : arrivals.answers)
     for (const Error& error : stream_.take_answer(*answer.bytes)) drops_.count(id_, error);
-  codec::Request request = stream_.wanted(now);
+  codec::Control request = stream_.wanted(now);
   if (request.empty()) return {};
   return {{0, std::move(request)}};
 }

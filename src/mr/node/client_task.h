@@ -18,7 +18,7 @@ class ClientTask final : public Task {
   const std::string& id() const override { return id_; }
   std::vector<std::string> inputs() const override { return {root_}; }
   std::vector<Ask> step(const Arrivals& arrivals, TimePoint now) override;
-  Bytes answer(const codec::Request&, TimePoint) override { return {}; }
+  Bytes answer(const codec::Control&, TimePoint) override { return {}; }
   NodeStats stats(TimePoint now) const override;
 
   /// The newest packet that could be read, as it came.

@@ -187,8 +187,8 @@ void Gatherer::settle(std::size_t input, TimePoint now) {
   aligner_.arrived(input, from.whole->captured_at, now);
 }
 
-std::vector<std::pair<std::size_t, codec::Request>> Gatherer::requests(TimePoint now) {
-  std::vector<std::pair<std::size_t, codec::Request>> out;
+std::vector<std::pair<std::size_t, codec::Control>> Gatherer::requests(TimePoint now) {
+  std::vector<std::pair<std::size_t, codec::Control>> out;
   for (std::size_t i = 0; i < inputs_.size(); ++i)
     if (auto request = inputs_[i].stream.wanted(now); !request.empty())
       out.emplace_back(i, std::move(request));

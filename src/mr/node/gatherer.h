@@ -55,7 +55,7 @@ class Gatherer {
   void take_answer(std::size_t input, std::span<const std::byte> answer, TimePoint now);
 
   /// What the inputs should be asked now, one request each at most.
-  std::vector<std::pair<std::size_t, codec::Request>> requests(TimePoint now);
+  std::vector<std::pair<std::size_t, codec::Control>> requests(TimePoint now);
 
   /// The next pictures of all streams should be key frames.
   void ask_key_frames();

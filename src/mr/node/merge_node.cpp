@@ -43,28 +43,34 @@ MergeNode::MergeNode(const Scene& scene, const MergerConfig& merger, bool is_roo
       merger_(merger),
       is_root_(is_root),
       clock_(std::move(clock)),
+      plan_(merger_plan(scene, is_root)),
       gatherer_(scene, merger, !is_root),
       publisher_(scene, kMergedSource),
       atlas_(scene),
       calibration_(scene),
-      joiner_(scene, merger_, is_root, trace_),
-      still_merger_(scene, merger_, is_root, trace_),
+      joiner_(scene, merger_, clock_.now, trace_),
+      still_merger_(scene, merger_, is_root, clock_.now, trace_),
       still_work_(still_work),
       empty_(overlap_config(scene)) {}
 
-std::vector<std::byte> MergeNode::answer(const codec::Request& request) {
+std::vector<std::byte> MergeNode::answer(const codec::Control& control) {
+  if (control.plan) {
+    CodingPlan plan = control.plan->root;
+    if (!is_root_) plan.decimation = {};
+    plan_.set(plan);
+  }
   if (is_root_) {
-    atlas_.answer(request);
+    atlas_.answer(control);
   } else {
     const std::lock_guard lock(wishes_mutex_);
-    if (key_frame_wishes_.size() < codec::Request::kMaxStreams)
-      key_frame_wishes_.insert(request.key_frames.begin(), request.key_frames.end());
-    for (; request.shown && !in_packets_.empty() && in_packets_.front().first <= *request.shown;
+    if (key_frame_wishes_.size() < codec::Control::kMaxStreams)
+      key_frame_wishes_.insert(control.key_frames.begin(), control.key_frames.end());
+    for (; control.shown && !in_packets_.empty() && in_packets_.front().first <= *control.shown;
          in_packets_.pop_front())
       for (const auto& [input, sequence] : in_packets_.front().second) shown_[input] = sequence;
   }
-  if (request.whole_head) writer_.ask_whole();
-  return publisher_.answer(request.chunks);
+  if (control.whole_head) writer_.ask_whole();
+  return publisher_.answer(control.chunks);
 }
 
 std::vector<std::uint32_t> MergeNode::take_key_frame_wishes() {
@@ -81,24 +87,25 @@ std::vector<std::pair<std::size_t, std::uint64_t>> MergeNode::take_shown() {
   return out;
 }
 
-Packet MergeNode::head(const Gathered& gathered) const {
+Packet MergeNode::head(const Gathered& gathered, const CodingPlan& plan) const {
   Packet packet;
   packet.scene = scene_->id, packet.node = id();
   packet.epoch = clock_.epoch, packet.sequence = sequence_;
   packet.captured_at = gathered.tick;
   packet.sources = gathered.sources;
-  packet.plan = {is_root_ ? static_cast<float>(scene_->merge.simplify.ratio) : 1.0f, 5,
-                 static_cast<float>(scene_->coding.texture_scale), scene_->coding.texture_qp};
+  packet.plan = plan;
   return packet;
 }
 
 Result<std::vector<std::byte>> MergeNode::merge(const Gathered& gathered,
                                                 const std::function<void()>& halfway) {
   const TimePoint started = clock_.now ? clock_.now() : TimePoint{};
-  Packet packet = head(gathered);
-  if (const Status merged = merge_surfaces(gathered, halfway); !merged) return merged.error();
+  const CodingPlan plan = plan_.get();
+  Packet packet = head(gathered, plan);
+  if (const Status merged = merge_surfaces(gathered, plan.decimation, halfway); !merged)
+    return merged.error();
   const Status coded = trace_.time("encode_mesh", [&] {
-    return publisher_.publish(moving_->mesh, moving_->error_m, packet.plan.mesh_speed, packet);
+    return publisher_.publish(moving_->mesh, moving_->error_m, plan.mesh_speed, packet);
   });
   if (!coded) return coded.error();
   if (const Status textured = add_textures(gathered, packet); !textured) return textured.error();
@@ -122,7 +129,8 @@ void MergeNode::add_marks(const Gathered& gathered, TimePoint started, Packet& p
 }
 
 /// The still surface where any of it changed, then the moving one.
-Status MergeNode::merge_surfaces(const Gathered& gathered, const std::function<void()>& halfway) {
+Status MergeNode::merge_surfaces(const Gathered& gathered, const Decimation& decimation,
+                                 const std::function<void()>& halfway) {
   for (const auto& [input, sequence] : gathered.taken) taken_[input] = sequence;
   if (auto made = still_job_.take())
     if (const Status shown = show(*std::move(made)); !shown) return shown;
@@ -133,27 +141,31 @@ Status MergeNode::merge_surfaces(const Gathered& gathered, const std::function<v
     moving.push_back(layer_of(scene, Layer::moving));
     any_still |= !still.back().chunks.empty();
   }
-  const bool still_changed = still_scenes_ ? !same_geometry(*still_scenes_, still) : any_still;
-  const bool moving_changed = !moving_ || !same_geometry(moving_->scenes, moving);
+  const bool still_changed =
+      still_scenes_ ? !same_geometry(*still_scenes_, still) || still_decimation_ != decimation
+                    : any_still;
+  const bool moving_changed =
+      !moving_ || moving_->decimation != decimation || !same_geometry(moving_->scenes, moving);
   reused_ = !still_changed && !moving_changed && !still_scenes_;
   if (reused_) return {};
   std::optional<StillMerger::Inputs> inputs;
   if (still_changed && !still_job_.is_busy()) {
     inputs = StillMerger::Inputs{still, parts_of(still, Layer::still)};
-    still_scenes_ = std::move(still);
+    still_scenes_ = std::move(still), still_decimation_ = decimation;
     correct(gathered, true, inputs->parts);
   }
   Parts parts = parts_of(moving, Layer::moving);
   correct(gathered, !still_scenes_, parts);
   if (still_scenes_) {
     look_at_plates(gathered, parts);
-    if (const Status brought = bring_still(std::move(inputs), parts); !brought) return brought;
+    if (const Status brought = bring_still(std::move(inputs), decimation, parts); !brought)
+      return brought;
   }
   if (still_.cover)
     trace_.time("cover", [&] {
       for (kit::Part& part : parts) part.mesh = still_.cover->uncovered(part);
     });
-  return merge_moving(std::move(moving), parts, halfway);
+  return merge_moving(std::move(moving), parts, decimation, halfway);
 }
 
 /// Calibration; it is looked at where most surface is.
@@ -178,7 +190,8 @@ void MergeNode::look_at_plates(const Gathered& gathered, const Parts& moving) {
 /// Brings the still surface up to date where an input changed (`inputs`), or labels should be
 /// others: beside the ticks where that may be, and most is learnt. Then what moves goes on showing
 /// what is not shown yet: the inputs wait for take_shown().
-Status MergeNode::bring_still(std::optional<StillMerger::Inputs> inputs, const Parts& moving) {
+Status MergeNode::bring_still(std::optional<StillMerger::Inputs> inputs,
+                              const Decimation& decimation, const Parts& moving) {
   if (is_root_ && !inputs && still_.mesh)
     emptied_m2_ += empty_.update(*still_.cover, places_.sources);
   if (still_job_.is_busy()) return {};
@@ -187,8 +200,8 @@ Status MergeNode::bring_still(std::optional<StillMerger::Inputs> inputs, const P
   emptied_m2_ = 0;
   const auto told = inputs ? std::optional(taken_) : std::nullopt;
   auto job = [this, told,
-              task = StillMerger::Task{sequence_, std::move(inputs), places_.views, places_.sources,
-                                       atlas_.valid(), blocks, empty_}]() mutable {
+              task = StillMerger::Task{sequence_, std::move(inputs), decimation, places_.views,
+                                       places_.sources, atlas_.valid(), blocks, empty_}]() mutable {
     return StillMade{still_merger_.update(std::move(task)), told};
   };
   std::size_t moving_triangles = 0;
@@ -222,10 +235,11 @@ Status MergeNode::show(StillMade still) {
 }
 
 Status MergeNode::merge_moving(std::vector<DecodedScene> scenes, const Parts& parts,
-                               const std::function<void()>& halfway) {
-  Surface made{std::move(scenes), {}, 0};
+                               const Decimation& decimation, const std::function<void()>& halfway) {
+  Surface made{std::move(scenes), decimation, {}, 0};
   for (const kit::Part& part : parts) made.error_m = std::max(made.error_m, part.error_m);
-  const auto small = joiner_.decimated(joiner_.join(parts, true, halfway), made.error_m);
+  const auto small =
+      joiner_.decimated(joiner_.join(parts, true, halfway), parts, decimation, made.error_m);
   if (!small) return small.error();
   auto mesh = on_lattice(
       trace_.time("atlas", [&] { return is_root_ ? label_moving(*small, made.error_m) : *small; }),

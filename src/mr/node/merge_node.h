@@ -26,6 +26,7 @@
 #include "mr/node/chunk_publisher.h"
 #include "mr/node/gatherer.h"
 #include "mr/node/node_clock.h"
+#include "mr/node/plans.h"
 #include "mr/node/root_atlas.h"
 #include "mr/node/side_job.h"
 #include "mr/node/still_merger.h"
@@ -63,8 +64,8 @@ class MergeNode {
                                        const std::function<void()>& halfway = {});
 
   /// Chunks that a receiver asked for; empty when there are none. Wishes for key frames and for a
-  /// whole head are noted, and what it shows of the still surface.
-  std::vector<std::byte> answer(const codec::Request& request);
+  /// whole head are noted, what it shows of the still surface, and its plan for the next ticks.
+  std::vector<std::byte> answer(const codec::Control& control);
   /// null when it is not live any more. Any thread.
   std::shared_ptr<const EncodedChunk> find(const ChunkKey& key) const {
     return publisher_.find(key);
@@ -95,7 +96,8 @@ class MergeNode {
   /// The merged moving surface, and what it was made from.
   struct Surface {
     std::vector<DecodedScene> scenes;  // one layer, without textures
-    Mesh mesh;                         // labelled, on the lattice
+    Decimation decimation;
+    Mesh mesh;  // labelled, on the lattice
     float error_m = 0;
   };
   using Parts = std::vector<kit::Part>;
@@ -112,14 +114,16 @@ class MergeNode {
     std::optional<Sequences> inputs;  // whose still surfaces it shows, where some are new
   };
 
-  Packet head(const Gathered& gathered) const;
-  Status merge_surfaces(const Gathered& gathered, const std::function<void()>& halfway);
+  Packet head(const Gathered& gathered, const CodingPlan& plan) const;
+  Status merge_surfaces(const Gathered& gathered, const Decimation& decimation,
+                        const std::function<void()>& halfway);
   void correct(const Gathered& gathered, bool look, Parts& parts);
   void look_at_plates(const Gathered& gathered, const Parts& moving);
-  Status bring_still(std::optional<StillMerger::Inputs> inputs, const Parts& moving);
+  Status bring_still(std::optional<StillMerger::Inputs> inputs, const Decimation& decimation,
+                     const Parts& moving);
   Status show(StillMade still);
   Status merge_moving(std::vector<DecodedScene> scenes, const Parts& parts,
-                      const std::function<void()>& halfway);
+                      const Decimation& decimation, const std::function<void()>& halfway);
   Mesh label_moving(const Mesh& mesh, float error_m) const;
   Status add_textures(const Gathered& gathered, Packet& packet);
   void add_marks(const Gathered& gathered, TimePoint started, Packet& packet) const;
@@ -128,6 +132,7 @@ class MergeNode {
   MergerConfig merger_;
   bool is_root_;
   NodeClock clock_;
+  CurrentPlan plan_;
   Gatherer gatherer_;
   ChunkPublisher publisher_;
   RootAtlas atlas_;
@@ -138,6 +143,7 @@ class MergeNode {
   StillMerger still_merger_;
   StillWork still_work_;
   std::optional<std::vector<DecodedScene>> still_scenes_;  ///< that it was last given
+  Decimation still_decimation_;                            ///< of these
   ShownStill still_;                                       ///< no mesh: there is none yet
   std::optional<Surface> moving_;  ///< reused while the inputs' geometry stays
   merge::EmptyPlaces empty_;

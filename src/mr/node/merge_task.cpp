@@ -41,12 +41,24 @@ std::vector<Ask> MergeTask::step(const Arrivals& arrivals, TimePoint now) {
   if (constexpr Duration kClocksEvery = std::chrono::seconds(1);
       is_due(clocks_asked_, kClocksEvery, now)) {
     clocks_asked_ = now;
-    codec::Request request;
+    codec::Control request;
     request.time = true;
     for (std::size_t i = 0; i < clocks_.size(); ++i) asks.push_back({i, request});
   }
+  pass_plan(now, asks);
   watch_inputs(arrivals.busy, now);
   return asks;
+}
+
+/// At once, and again and again: word may be lost, and inputs start anew.
+void MergeTask::pass_plan(TimePoint now, std::vector<Ask>& asks) {
+  constexpr Duration kPlanEvery = std::chrono::seconds(1);
+  const std::lock_guard lock(plan_mutex_);
+  if (!plan_ || !is_due(plan_passed_, kPlanEvery, now)) return;
+  plan_passed_ = now;
+  codec::Control control;
+  control.plan = plan_;
+  for (std::size_t i = 0; i < clocks_.size(); ++i) asks.push_back({i, control});
 }
 
 /// Chunks, or what the input's clock says.
@@ -80,8 +92,12 @@ void MergeTask::watch_inputs(Duration busy, TimePoint now) {
   }
 }
 
-Task::Bytes MergeTask::answer(const codec::Request& request, TimePoint) {
-  return node_.answer(request);
+Task::Bytes MergeTask::answer(const codec::Control& control, TimePoint) {
+  if (control.plan) {
+    const std::lock_guard lock(plan_mutex_);
+    if (plan_ != control.plan) plan_ = control.plan, plan_passed_.reset();
+  }
+  return node_.answer(control);
 }
 
 std::unique_ptr<Task::Work> MergeTask::begin(TimePoint now) {

@@ -30,7 +30,7 @@ class MergeTask final : public Task {
   const std::string& id() const override { return node_.id(); }
   std::vector<std::string> inputs() const override { return node_.config().inputs; }
   std::vector<Ask> step(const Arrivals& arrivals, TimePoint now) override;
-  Bytes answer(const codec::Request& request, TimePoint now) override;
+  Bytes answer(const codec::Control& request, TimePoint now) override;
   bool is_ready(TimePoint now) override { return node_.inputs().ready(now); }
   std::optional<TimePoint> due() const override { return node_.inputs().due(); }
   std::unique_ptr<Work> begin(TimePoint now) override;
@@ -44,6 +44,7 @@ class MergeTask final : public Task {
  private:
   struct Tick;
   void take_answer(const Arrivals::Answer& answer);
+  void pass_plan(TimePoint now, std::vector<Ask>& asks);
   void watch_inputs(Duration busy, TimePoint now);
 
   bool is_root_;
@@ -52,7 +53,9 @@ class MergeTask final : public Task {
   mutable std::mutex watch_mutex_;  ///< of the next two
   Presence presence_;
   std::vector<ClockOffset> clocks_;  ///< of the inputs
-  std::optional<TimePoint> clocks_asked_;
+  std::optional<TimePoint> clocks_asked_, plan_passed_;
+  std::mutex plan_mutex_;
+  std::optional<ScenePlan> plan_;  ///< that was given to this node, and goes to its inputs
   std::atomic<std::uint64_t> retimed_ = 0;
   std::atomic<bool> key_frames_wanted_ = false;  ///< units that were to be handed on are lost
   DropCounter drops_;

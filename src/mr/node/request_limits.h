@@ -5,7 +5,7 @@
 #include <optional>
 #include <vector>
 
-#include "mr/codec/request.h"
+#include "mr/codec/control.h"
 #include "mr/node/node_clock.h"
 #include "mr/node/token_bucket.h"
 
@@ -20,7 +20,7 @@ class RequestLimits {
   static constexpr double kBytesPerSecond = 32e6, kBurstBytes = 64e6;  ///< of answers, together
 
   /// What of a request is done now; the rest is counted.
-  codec::Request admit(codec::Request request, TimePoint now) {
+  codec::Control admit(codec::Control request, TimePoint now) {
     const std::lock_guard lock(mutex_);
     std::erase_if(request.key_frames, [&](std::uint32_t stream) {
       if (!make_room_for(stream, now)) return true;
@@ -46,11 +46,11 @@ class RequestLimits {
  private:
   /// Whoever names very many streams gets nothing sooner by that.
   bool make_room_for(std::uint32_t stream, TimePoint now) {
-    if (key_frames_.size() < codec::Request::kMaxStreams || key_frames_.contains(stream))
+    if (key_frames_.size() < codec::Control::kMaxStreams || key_frames_.contains(stream))
       return true;
     std::erase_if(key_frames_,
                   [&](const auto& item) { return is_due(item.second, kKeyFrameEvery, now); });
-    const bool has_room = key_frames_.size() < codec::Request::kMaxStreams;
+    const bool has_room = key_frames_.size() < codec::Control::kMaxStreams;
     if (!has_room) ++refused_;
     return has_room;
   }

@@ -100,7 +100,7 @@ Rect bounds_of(const ImageMask& mask) {
 RootAtlas::RootAtlas(const Scene& scene)
     : scene_(&scene), live_(scene, kLiveStream), plate_(scene, kPlateStream, false) {}
 
-void RootAtlas::answer(const codec::Request& request) {
+void RootAtlas::answer(const codec::Control& request) {
   if (request.wants_key_frame(kLiveStream)) live_.ask_key_frame();
   if (request.wants_key_frame(kPlateStream)) plate_.ask_key_frame();
 }
@@ -168,9 +168,10 @@ std::size_t RootAtlas::valid_blocks() const {
 }
 
 /// Tiles for the views; another arrangement is another layout.
-Status RootAtlas::arrange(const std::vector<View>& views, atlas::Layout& layout) const {
+Status RootAtlas::arrange(const std::vector<View>& views, double scale,
+                          atlas::Layout& layout) const {
   const std::uint32_t current = layout.views.empty() ? 0 : layout.views.front().layout;
-  auto made = atlas::make_layout(views, scene_->atlas, scene_->coding.texture_scale, current);
+  auto made = atlas::make_layout(views, scene_->atlas, scale, current);
   if (!made) return made.error();
   const auto same_tile = [](const View& a, const View& b) {
     return a.id == b.id && a.atlas_rect == b.atlas_rect;
@@ -233,8 +234,9 @@ Status RootAtlas::compose(const Tick& tick, const Mesh& moving, const Mesh* stil
                           Packet& packet) {
   Used used;
   if (scene_->atlas.mask || !plates_.empty()) used = used_pixels(tick, moving, error_m);
-  if (const Status ok = arrange(windows(tick.views, used), live_layout_); !ok) return ok;
-  if (const Status ok = arrange(tick.views, plate_layout_); !ok) return ok;
+  const double scale = packet.plan.texture_scale;
+  if (const Status ok = arrange(windows(tick.views, used), scale, live_layout_); !ok) return ok;
+  if (const Status ok = arrange(tick.views, scale, plate_layout_); !ok) return ok;
   add_views(still != nullptr, packet);
   Children children;
   for (const View& view : tick.views) children[view.id] = view;

@@ -8,7 +8,7 @@
 #include "mr/atlas/color_gain.h"
 #include "mr/atlas/layout.h"
 #include "mr/atlas/plate.h"
-#include "mr/codec/request.h"
+#include "mr/codec/control.h"
 #include "mr/core/mesh.h"
 #include "mr/core/packet.h"
 #include "mr/core/result.h"
@@ -89,7 +89,7 @@ class RootAtlas {
                  Packet& packet);
 
   /// Notes who waits for key frames. Any thread.
-  void answer(const codec::Request& request);
+  void answer(const codec::Control& request);
 
  private:
   using Children = std::map<ViewId, View>;
@@ -104,7 +104,7 @@ class RootAtlas {
 
   const TileMask& seen_by_depth(const View& view, const SourceInfo& source);
   bool are_plates_due(std::uint32_t layout);
-  Status arrange(const std::vector<View>& views, atlas::Layout& layout) const;
+  Status arrange(const std::vector<View>& views, double scale, atlas::Layout& layout) const;
   std::vector<View> windows(const std::vector<View>& views, const Used& used);
   Used used_pixels(const Tick& tick, const Mesh& shown, float error_m) const;
   void add_views(bool with_plates, Packet& packet) const;

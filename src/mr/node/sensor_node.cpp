@@ -24,8 +24,6 @@ double texturing_error_m(const Scene& scene, float mesh_error_m) {
 namespace {
 
 constexpr double kPinhole_voxels = 12;  // around: what a few failed pixels leave
-// Of decimation, of what moves: people alone cannot spare as many triangles as people with walls.
-constexpr double kMovingError_voxels = 0.5;
 // Behind a pixel of the still picture, once the room is learnt. Smoothed like a single reading,
 // corners become round, and small things melt into the wall behind.
 constexpr int kStillReadings = 16;
@@ -36,6 +34,13 @@ fusion::VolumeConfig volume_config(const Scene& scene) {
           .bounds = scene.volume,
           .chunk_m = scene.fusion.chunk_m,
           .history = fusion::History::none};
+}
+
+simplify::SimplifyOptions limits_of(const Decimation& decimation, const Mesh& mesh) {
+  simplify::SimplifyOptions out;
+  if (decimation.ratio > 0) out.triangles = simplify::triangles_at(mesh, decimation.ratio);
+  if (decimation.error_m > 0) out.error_m = static_cast<float>(decimation.error_m);
+  return out;
 }
 
 /// Of some rectangles, as much as holds measurements.
@@ -61,6 +66,7 @@ SensorNode::SensorNode(const Scene& scene, std::uint32_t sensor_index, NodeClock
     : scene_(&scene),
       sensor_(sensor_index),
       clock_(std::move(clock)),
+      plan_(sensor_plan(scene, sensor_index)),
       registration_(scene.sensors[sensor_index], sensor_index),
       publisher_(scene, sensor_index),
       texture_(scene, sensor_index),
@@ -80,7 +86,8 @@ SensorNode::SensorNode(const Scene& scene, std::uint32_t sensor_index, NodeClock
 }
 
 SensorNode::Patch SensorNode::reconstruct_patch(const ImageDepth& depth, const Pose& T_world_depth,
-                                                const Rect& rect, PatchWorker& worker) const {
+                                                const Rect& rect, const Decimation& decimation,
+                                                PatchWorker& worker) const {
   Patch out;
   Mesh* fused = nullptr;
   fusion::IntegrateReport report;
@@ -99,10 +106,7 @@ SensorNode::Patch SensorNode::reconstruct_patch(const ImageDepth& depth, const P
   out.usable = report.usable;
   const Stopwatch stopwatch(out.simplify_ms);
   kit::close_pinholes(*fused, kPinhole_voxels * scene_->voxel_m);
-  simplify::SimplifyOptions limits{.triangles =
-                                       simplify::triangles_at(*fused, scene_->simplify.ratio)};
-  if (layers_) limits.error_m = static_cast<float>(kMovingError_voxels * scene_->voxel_m);
-  auto small = worker.simplifier.run(*fused, limits);
+  auto small = worker.simplifier.run(*fused, limits_of(decimation, *fused));
   if (!small) {  // what the camera saw lies too far away
     out.usable = false;
     return out;
@@ -203,16 +207,17 @@ Result<ImageDepth> SensorNode::divide(Reconstructed& out) {
           still::unhidden_tiles(frame.depth, moment.foreign, camera, view->camera(),
                                 view->T_world_camera.inverse() * frame.T_world_depth);
   });
-  if (const Status brought = bring_still(frame); !brought) return brought.error();
+  if (const Status brought = bring_still(frame, out.plan); !brought) return brought.error();
   return depth;
 }
 
 /// The chunks of a frozen still picture that changed. `readings`: behind its pixels.
-SensorNode::StillChunks SensorNode::make_still(const Frame& still, int readings) {
+SensorNode::StillChunks SensorNode::make_still(const Frame& still, int readings, double error_m) {
   return trace_.time("still", [&] {
     const Camera& camera = registration_.depth_camera();
     return layers_->surface.update(prepare_depth(*scene_, camera, still, readings), camera,
-                                   still.T_world_depth, scene_->sensors[sensor_].precision);
+                                   still.T_world_depth, scene_->sensors[sensor_].precision,
+                                   error_m);
   });
 }
 
@@ -228,24 +233,27 @@ Status SensorNode::accept(StillChunks made) {
 }
 
 /// What was made of the still picture, and where that is another by now, what is to be made of it.
-Status SensorNode::bring_still(const Frame& frame) {
+Status SensorNode::bring_still(const Frame& frame, const CodingPlan& plan) {
   if (std::optional<StillChunks> made = still_job_.take())
     if (const Status accepted = accept(*std::move(made)); !accepted) return accepted;
-  if (!layers_->still_changed || still_job_.is_busy()) return {};
-  layers_->still_changed = false;
+  const bool is_replanned = plan.still_error_m != layers_->still_error_m && layers_->chunks > 0;
+  if ((!layers_->still_changed && !is_replanned) || still_job_.is_busy()) return {};
+  layers_->still_changed = false, layers_->still_error_m = plan.still_error_m;
   Frame still;
   still.sensor = sensor_, still.depth = layers_->background.still();
   still.T_world_depth = frame.T_world_depth;
   const int readings = layers_->background.is_new() ? 1 : kStillReadings;
   if (still_work_ == StillWork::at_once || layers_->background.is_new())
-    return accept(make_still(still, readings));
-  still_job_.start(
-      [this, still = std::move(still), readings] { return make_still(still, readings); });
+    return accept(make_still(still, readings, plan.still_error_m));
+  still_job_.start([this, still = std::move(still), readings, error_m = plan.still_error_m] {
+    return make_still(still, readings, error_m);
+  });
   return {};
 }
 
 Result<SensorNode::Reconstructed> SensorNode::reconstruct(Frame raw) {
   Reconstructed out;
+  out.plan = plan_.get();
   out.frame = trace_.time("register", [&] { return registration_.undistort(std::move(raw)); });
   auto divided = divide(out);
   if (!divided) return divided.error();
@@ -260,7 +268,8 @@ Result<SensorNode::Reconstructed> SensorNode::reconstruct(Frame raw) {
   parallel_for(patches.size(), 1, [&](std::size_t begin, std::size_t end) {
     for (std::size_t i = begin; i < end; ++i)
       isolated([&] {
-        patches[i] = reconstruct_patch(depth, out.frame.T_world_depth, rects[i], workers_[i]);
+        patches[i] = reconstruct_patch(depth, out.frame.T_world_depth, rects[i],
+                                       out.plan.decimation, workers_[i]);
       });
   });
   if (!std::all_of(patches.begin(), patches.end(), [](const Patch& p) { return p.usable; }))
@@ -307,8 +316,7 @@ Packet SensorNode::head(const Reconstructed& surface) const {
   packet.scene = scene_->id, packet.node = id();
   packet.epoch = clock_.epoch, packet.sequence = sequence_;
   packet.captured_at = frame.captured_at();
-  packet.plan = {static_cast<float>(scene_->simplify.ratio), 5, 1,
-                 scene_->coding.sensor_texture_qp};
+  packet.plan = surface.plan;
   packet.sources = {{sensor_, frame.captured_at(), registration_.depth_camera(),
                      frame.T_world_depth, scene_->sensors[sensor_].precision,
                      surface.confirmed_depth, surface.confirmed_color}};
@@ -353,12 +361,13 @@ Result<std::vector<std::byte>> SensorNode::code(const Reconstructed& surface) {
   return writer_.write(std::move(packet));
 }
 
-std::vector<std::byte> SensorNode::answer(const codec::Request& request) {
-  if (request.wants_key_frame(sensor_)) texture_.ask_key_frame();
-  if (request.whole_head) writer_.ask_whole();
-  if (request.shown && *request.shown < sequence_)  // else of another epoch
-    still_shown_ = std::max<std::uint64_t>(still_shown_, *request.shown + 1);
-  return publisher_.answer(request.chunks);
+std::vector<std::byte> SensorNode::answer(const codec::Control& control) {
+  if (control.plan) plan_.set(control.plan->sensors);
+  if (control.wants_key_frame(sensor_)) texture_.ask_key_frame();
+  if (control.whole_head) writer_.ask_whole();
+  if (control.shown && *control.shown < sequence_)  // else of another epoch
+    still_shown_ = std::max<std::uint64_t>(still_shown_, *control.shown + 1);
+  return publisher_.answer(control.chunks);
 }
 
 }  // namespace mr::node

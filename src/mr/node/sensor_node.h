@@ -8,8 +8,8 @@
 #include <string>
 #include <vector>
 
+#include "mr/codec/control.h"
 #include "mr/codec/head.h"
-#include "mr/codec/request.h"
 #include "mr/core/frame.h"
 #include "mr/core/packet.h"
 #include "mr/core/result.h"
@@ -18,6 +18,7 @@
 #include "mr/fusion/fuse.h"
 #include "mr/node/chunk_publisher.h"
 #include "mr/node/node_clock.h"
+#include "mr/node/plans.h"
 #include "mr/node/side_job.h"
 #include "mr/node/still_surface.h"
 #include "mr/node/texture_stream.h"
@@ -34,8 +35,9 @@ class SensorNode {
  public:
   /// A frame with its surface, on the way from the first half to the second.
   struct Reconstructed {
-    Frame frame;  // undistorted
-    Mesh mesh;    // decimated, on the lattice; with layers: of what moves
+    Frame frame;      // undistorted
+    CodingPlan plan;  // of this frame
+    Mesh mesh;        // decimated, on the lattice; with layers: of what moves
     float error_m = 0;
     // With layers:
     std::vector<StillChunk> still;  // chunks of the still surface that changed
@@ -64,8 +66,8 @@ class SensorNode {
   Result<std::vector<std::byte>> code(const Reconstructed& surface);
 
   /// Chunks that a receiver asked for; empty when there are none. Wishes for a key frame and for a
-  /// whole head are noted, and what it shows of the still surface.
-  std::vector<std::byte> answer(const codec::Request& request);
+  /// whole head are noted, what it shows of the still surface, and its plan for the next frames.
+  std::vector<std::byte> answer(const codec::Control& control);
 
   Trace& trace() { return trace_; }
   const Trace& trace() const { return trace_; }
@@ -88,19 +90,20 @@ class SensorNode {
     std::size_t chunks = 0;          ///< of the surface
     std::vector<StillChunk> unsent;  ///< changed, and the frame that was to tell came to nothing
     bool still_changed = false;      ///< since chunks were last begun
+    double still_error_m = 0;        ///< of the plan that chunks were last begun with
     int waited = 0;                  ///< captures, for word that the newest chunks are shown
     bool began_anew = false;         ///< and nobody was told yet
   };
   using StillChunks = Result<std::vector<StillChunk>>;
   bool is_still_shown();
   still::Moment look(const Frame& frame, bool is_sent);
-  StillChunks make_still(const Frame& still, int readings);
+  StillChunks make_still(const Frame& still, int readings, double error_m);
   Status accept(StillChunks made);
-  Status bring_still(const Frame& frame);
+  Status bring_still(const Frame& frame, const CodingPlan& plan);
   Result<ImageDepth> divide(Reconstructed& out);
   ImageDepth clean_where(const ImageMask& mask, const Camera& camera, const Frame& frame) const;
   Patch reconstruct_patch(const ImageDepth& depth, const Pose& T_world_depth, const Rect& rect,
-                          PatchWorker& worker) const;
+                          const Decimation& decimation, PatchWorker& worker) const;
   Status join(const std::vector<Patch>& patches, Reconstructed& out) const;
   Packet head(const Reconstructed& surface) const;
   Status add_mesh(const Reconstructed& surface, Packet& packet);
@@ -108,6 +111,7 @@ class SensorNode {
   const Scene* scene_;
   std::uint32_t sensor_;
   NodeClock clock_;
+  CurrentPlan plan_;
   sensor::Registration registration_;
   ChunkPublisher publisher_;
   TextureStream texture_;

@@ -19,7 +19,7 @@ SensorTask::SensorTask(const Scene& scene, std::uint32_t sensor, std::unique_ptr
   drops_.set_listener(log_.dropped);
 }
 
-Task::Bytes SensorTask::answer(const codec::Request& request, TimePoint) {
+Task::Bytes SensorTask::answer(const codec::Control& request, TimePoint) {
   return node_.answer(request);
 }
 

@@ -22,7 +22,7 @@ class SensorTask final : public Task {
 
   const std::string& id() const override { return node_.id(); }
   std::vector<Ask> step(const Arrivals&, TimePoint) override { return {}; }
-  Bytes answer(const codec::Request& request, TimePoint now) override;
+  Bytes answer(const codec::Control& request, TimePoint now) override;
   bool is_ready(TimePoint now) override { return !ended_ && input_->is_ready(now); }
   std::optional<TimePoint> due() const override { return ended_ ? std::nullopt : input_->due(); }
   std::unique_ptr<Work> begin(TimePoint now) override;

@@ -55,11 +55,12 @@ atlas::LabelConfig label_config(const Scene& scene, const std::vector<SourceInfo
           .min_edge_m = 2 * scene.voxel_m};
 }
 
-StillMerger::StillMerger(const Scene& scene, const MergerConfig& merger, bool is_root, Trace& trace)
+StillMerger::StillMerger(const Scene& scene, const MergerConfig& merger, bool is_root, Clock clock,
+                         Trace& trace)
     : scene_(&scene),
       is_root_(is_root),
       trace_(&trace),
-      joiner_(scene, merger, is_root, trace),
+      joiner_(scene, merger, std::move(clock), trace),
       cubes_(scene.fusion.chunk_m, kReach_voxels * scene.voxel_m) {}
 
 /// Whether there are enough more blocks of plates than when the surface was labelled last, or any,
@@ -86,7 +87,8 @@ Result<StillMerger::Made> StillMerger::update(Task task) {
   const Extent extent = extent_of(task);
   const bool was_quick = labels_.is_look_due;
   if (task.inputs)
-    if (const Status joined = join(*std::move(task.inputs), task.sequence); !joined)
+    if (const Status joined = join(*std::move(task.inputs), task.decimation, task.sequence);
+        !joined)
       return joined.error();
   const Mesh textured =
       trace_->time("atlas", [&] { return is_root_ ? labelled(task, extent) : joined_.mesh; });
@@ -115,7 +117,7 @@ Result<StillMerger::Made> StillMerger::update(Task task) {
 }
 
 /// Overlap removal, zipper and islands where an input changed. It is labelled later.
-Status StillMerger::join(Inputs inputs, std::uint64_t sequence) {
+Status StillMerger::join(Inputs inputs, const Decimation& decimation, std::uint64_t sequence) {
   is_labelled_ = false;
   const auto& [scenes, parts] = inputs;
   const auto join_some = [&](const std::vector<kit::Part>& some, bool all) {
@@ -127,7 +129,7 @@ Status StillMerger::join(Inputs inputs, std::uint64_t sequence) {
   if (joiner_.take_hurried()) cubes_.forget();  // seams are open
   note_fresh(scenes, sequence);
   float error_m = largest_error_m(parts);
-  auto small = joiner_.decimated(joined, error_m);
+  auto small = joiner_.decimated(joined, parts, decimation, error_m);
   if (!small) return small.error();
   joined_ = {*std::move(small), std::move(inputs.parts), error_m};
   return {};

@@ -53,6 +53,7 @@ class StillMerger {
   struct Task {
     std::uint64_t sequence = 0;    ///< the tick
     std::optional<Inputs> inputs;  ///< none: they are what they were
+    Decimation decimation = {};    ///< of these inputs
     std::vector<View> views;       ///< as the inputs have them, poses corrected
     std::vector<SourceInfo> sources;
     std::map<ViewId, TileMask> valid;  ///< blocks of plates
@@ -67,7 +68,8 @@ class StillMerger {
   };
 
   /// The scene, the merger and the trace must outlive this.
-  StillMerger(const Scene& scene, const MergerConfig& merger, bool is_root, Trace& trace);
+  StillMerger(const Scene& scene, const MergerConfig& merger, bool is_root, Clock clock,
+              Trace& trace);
 
   /// Whether labels should be chosen anew though no input changed. `emptied_m2`: area of places
   /// that became empty, or are no longer, since the last update.
@@ -97,7 +99,7 @@ class StillMerger {
     float error_m = 0;
   };
 
-  Status join(Inputs inputs, std::uint64_t sequence);
+  Status join(Inputs inputs, const Decimation& decimation, std::uint64_t sequence);
   void note_fresh(const std::vector<DecodedScene>& scenes, std::uint64_t sequence);
   std::optional<std::uint64_t> fresh_until(Vec3i cube, std::uint64_t sequence) const;
   atlas::LastingLabels::Extent extent_of(const Task& task) const;

@@ -16,7 +16,6 @@ namespace mr::node {
 namespace {
 
 constexpr double kStillPinhole_voxels = 12;  // around: what a few failed pixels leave
-constexpr double kStillError_voxels = 0.4;   // of decimation
 constexpr int kRingsAround = 2;              // of a chunk: what its lines to the neighbours look at
 
 /// Of what a chunk follows from.
@@ -106,7 +105,7 @@ StillSurface::Labelled StillSurface::by_cube(const fusion::Surface& surface, con
 
 Result<std::vector<StillChunk>> StillSurface::update(const ImageDepth& still, const Camera& camera,
                                                      const Pose& T_world_camera,
-                                                     const Precision& precision) {
+                                                     const Precision& precision, double error_m) {
   fusion::IntegrateReport report;
   fusion::Surface& surface = fuser_.fuse({.depth = still,
                                           .camera = camera,
@@ -127,8 +126,8 @@ Result<std::vector<StillChunk>> StillSurface::update(const ImageDepth& still, co
       const Part part = part_of(all, c);
       hashes[c] = hash_of(part.mesh, part.chunk, c);
       const auto before = fused_.find(all.cubes[c]);
-      if (before == fused_.end() || before->second != hashes[c])
-        made[c] = decimate(part, c, all.cubes[c]);
+      if (before == fused_.end() || before->second != hashes[c] || error_m != error_m_)
+        made[c] = decimate(part, c, all.cubes[c], error_m);
     }
   });
   std::map<Vec3i, std::uint64_t> fused;
@@ -143,6 +142,7 @@ Result<std::vector<StillChunk>> StillSurface::update(const ImageDepth& still, co
     if (!fused.contains(cube)) out.push_back({cube, {}, 0});
   std::ranges::sort(out, {}, &StillChunk::cube);
   fused_ = std::move(fused);
+  error_m_ = error_m;
   return out;
 }
 
@@ -181,10 +181,10 @@ StillSurface::Part StillSurface::part_of(const Labelled& all, std::uint32_t chun
   return out;
 }
 
-Result<StillChunk> StillSurface::decimate(const Part& part, std::uint32_t chunk, Vec3i cube) const {
-  auto small = simplify::simplify(
-      part.mesh,
-      {.error_m = static_cast<float>(kStillError_voxels * scene_->voxel_m), .chunks = part.chunk});
+Result<StillChunk> StillSurface::decimate(const Part& part, std::uint32_t chunk, Vec3i cube,
+                                          double error_m) const {
+  auto small =
+      simplify::simplify(part.mesh, {.error_m = static_cast<float>(error_m), .chunks = part.chunk});
   if (!small) return small.error();
   std::vector<std::uint8_t> own(small->mesh.triangles.size()),
       on_line(small->mesh.positions.size());

@@ -32,10 +32,12 @@ class StillSurface {
   /// The scene must outlive this.
   explicit StillSurface(const Scene& scene);
 
-  /// Takes a cleaned still picture. Returns the chunks that changed, by cube. Deterministic; the
+  /// Takes a cleaned still picture. `error_m`: of decimation; where it is another than before, all
+  /// chunks are made anew. Returns the chunks that changed, by cube. Deterministic; the
   /// same on any number of threads.
   Result<std::vector<StillChunk>> update(const ImageDepth& still, const Camera& camera,
-                                         const Pose& T_world_camera, const Precision& precision);
+                                         const Pose& T_world_camera, const Precision& precision,
+                                         double error_m);
 
   /// How many there are.
   std::size_t chunks() const { return fused_.size(); }
@@ -57,11 +59,13 @@ class StillSurface {
   };
   static Labelled by_cube(const fusion::Surface& surface, const Mesh& mesh);
   static Part part_of(const Labelled& all, std::uint32_t chunk);
-  Result<StillChunk> decimate(const Part& part, std::uint32_t chunk, Vec3i cube) const;
+  Result<StillChunk> decimate(const Part& part, std::uint32_t chunk, Vec3i cube,
+                              double error_m) const;
 
   const Scene* scene_;
   fusion::FrameFuser fuser_;
   std::map<Vec3i, std::uint64_t> fused_;  ///< hash of what each chunk follows from
+  double error_m_ = 0;                    ///< to which they were decimated
 };
 
 }  // namespace mr::node

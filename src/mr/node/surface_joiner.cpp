@@ -14,15 +14,14 @@
 namespace mr::node {
 namespace {
 
-/// How many triangles the children spent on the surface that stays. Cutting along overlaps adds
+/// How many triangles the inputs spent on the surface that is left. Cutting along overlaps adds
 /// many small ones; decimation counts from here.
-double triangles_sent(const std::vector<kit::Part>& parts, std::span<const Mesh> owned) {
-  double sum = 0;
-  for (std::size_t i = 0; i < parts.size(); ++i)
-    if (!parts[i].mesh.empty())
-      sum += static_cast<double>(parts[i].mesh.triangles.size()) * surface_area_m2(owned[i]) /
-             surface_area_m2(parts[i].mesh);
-  return sum;
+double triangles_sent(const std::vector<kit::Part>& parts, const Mesh& left) {
+  double triangles = 0, area_m2 = 0;
+  for (const kit::Part& part : parts)
+    triangles += static_cast<double>(part.mesh.triangles.size()),
+        area_m2 += surface_area_m2(part.mesh);
+  return area_m2 > 0 ? triangles * surface_area_m2(left) / area_m2 : 0;
 }
 
 }  // namespace
@@ -42,10 +41,10 @@ Result<Mesh> on_lattice(const Mesh& mesh, const Scene& scene) {
 
 Mesh SurfaceJoiner::join(const Parts& parts, bool all, const std::function<void()>& halfway) {
   const MergeConfig& config = scene_->merge;
-  const auto started = std::chrono::steady_clock::now();
+  const auto now = [&] { return clock_ ? clock_() : TimePoint{}; };
+  const TimePoint started = now();
   const auto spent_ms = [&] {
-    return std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - started)
-        .count();
+    return std::chrono::duration<double, std::milli>(now() - started).count();
   };
   quality_.freeze(!all);
   merge::SurfacesConfig surfaces = merge::surfaces_config(overlap_config(*scene_));
@@ -58,8 +57,7 @@ Mesh SurfaceJoiner::join(const Parts& parts, bool all, const std::function<void(
     trace_->time(step, work);
     if (step == std::string_view("zipper")) zipper_ms = spent_ms() - before_zipper_ms;
   };
-  hooks.after_overlap = [&](std::span<const Mesh> owned, merge::ZipperConfig& zipper) {
-    if (all) triangles_ = triangles_sent(parts, owned);
+  hooks.after_overlap = [&](std::span<const Mesh>, merge::ZipperConfig& zipper) {
     if (halfway) halfway();
     before_zipper_ms = spent_ms();
     hurry = merger_->budget_ms > 0 && before_zipper_ms + zipper_ms_ > merger_->budget_ms;
@@ -71,13 +69,15 @@ Mesh SurfaceJoiner::join(const Parts& parts, bool all, const std::function<void(
   return merger_->region ? inside(whole, *merger_->region, scene_->fusion.chunk_m) : whole;
 }
 
-Result<Mesh> SurfaceJoiner::decimated(const Mesh& mesh, float& error_m) {
+Result<Mesh> SurfaceJoiner::decimated(const Mesh& mesh, const Parts& parts,
+                                      const Decimation& decimation, float& error_m) {
   return trace_->time("simplify", [&]() -> Result<Mesh> {
     auto snapped = codec::snap_to_lattice(mesh, scene_->lattice);
-    if (!snapped || !is_root_ || scene_->merge.simplify.ratio >= 1) return snapped;
-    const double target = scene_->merge.simplify.ratio * triangles_;
-    const auto small =
-        simplifier_.run(*snapped, {.triangles = static_cast<std::size_t>(std::ceil(target))});
+    if (!snapped || decimation.does_nothing()) return snapped;
+    const double target = decimation.ratio * triangles_sent(parts, *snapped);
+    simplify::SimplifyOptions limits{.triangles = static_cast<std::size_t>(std::ceil(target))};
+    if (decimation.error_m > 0) limits.error_m = static_cast<float>(decimation.error_m);
+    const auto small = simplifier_.run(*snapped, limits);
     if (!small) return small.error();
     error_m += small->error_m;
     return codec::snap_to_lattice(small->mesh, scene_->lattice);

@@ -9,7 +9,7 @@
 #include <string>
 #include <vector>
 
-#include "mr/codec/request.h"
+#include "mr/codec/control.h"
 #include "mr/core/frame.h"
 #include "mr/core/log.h"
 #include "mr/core/trace.h"
@@ -23,7 +23,7 @@ namespace mr::node {
 /// A request to one of the nodes whose packets a node takes.
 struct Ask {
   std::size_t input = 0;  ///< place in Task::inputs()
-  codec::Request request;
+  codec::Control request;
 };
 
 /// What reached a node since its last step, oldest first.
@@ -99,7 +99,7 @@ class Task {
   virtual std::vector<Ask> step(const Arrivals& arrivals, TimePoint now) = 0;
 
   /// What the node says to a request of a consumer; empty: nothing.
-  virtual Bytes answer(const codec::Request& request, TimePoint now) = 0;
+  virtual Bytes answer(const codec::Control& request, TimePoint now) = 0;
 
   /// Whether a packet can be begun now; if not, when that is to be asked again though nothing
   /// arrives.

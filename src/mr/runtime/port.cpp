@@ -39,10 +39,12 @@ void Port::serve(Answering answering, DropCounter& drops) {
       transport_.serve(config_.id,
                        [answering = std::move(answering), &drops, clock = config_.clock,
                         id = config_.id](std::span<const std::byte> question) -> net::Message {
-                         auto request = codec::decode_request(question);
+                         auto request = codec::decode_control(question);
                          if (!request) {
                            drops.count("requests to " + id, request.error());
-                           return nullptr;
+                           return request.error().cause == Error::Cause::unsupported
+                                      ? shared(codec::encode_refusal(request.error().message))
+                                      : nullptr;
                          }
                          const TimePoint now = clock();
                          const bool is_time_asked = std::exchange(request->time, false);
@@ -70,7 +72,7 @@ node::Arrivals Port::take() {
 void Port::send(const std::vector<node::Ask>& asks) {
   for (const auto& [input, request] : asks) {
     const std::string& to = config_.inputs[input];
-    net::Message question = shared(codec::encode_request(request));
+    net::Message question = shared(codec::encode_control(request));
     if (!request.wants_answer()) {
       transport_.request(to, std::move(question));
       continue;

@@ -27,7 +27,7 @@ class Port {
     std::function<void()> wake;  ///< called when something arrived; may be empty, must not wait
   };
   /// What the node says to a request; empty: nothing. Any thread.
-  using Answering = std::function<node::Task::Bytes(const codec::Request& request, TimePoint now)>;
+  using Answering = std::function<node::Task::Bytes(const codec::Control& request, TimePoint now)>;
 
   /// The transport must outlive it.
   Port(net::Transport& transport, Config config);

@@ -16,7 +16,7 @@ TaskSteps::TaskSteps(node::Task& task, net::Transport& transport, node::Clock cl
                         .clock = std::move(clock),
                         .wake = {}}) {
   port_.serve(
-      [this](const codec::Request& request, TimePoint now) { return task_.answer(request, now); },
+      [this](const codec::Control& request, TimePoint now) { return task_.answer(request, now); },
       drops);
 }
 

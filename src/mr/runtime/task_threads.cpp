@@ -21,7 +21,7 @@ TaskThreads::TaskThreads(std::unique_ptr<node::Task> task, net::Transport& trans
   task_->wake_by([signal = signal_] { signal->notify(); });
   if (config_.makes_packets)
     port_.serve(
-        [this](const codec::Request& request, TimePoint now) { return answer(request, now); },
+        [this](const codec::Control& request, TimePoint now) { return answer(request, now); },
         drops_);
   first_ = std::jthread([this](const std::stop_token& stop) { run_first_half(stop); });
   if (config_.makes_packets)
@@ -37,7 +37,7 @@ Port::Config TaskThreads::port_config(bool folds) {
 }
 
 /// What was taken is credited; whoever asks too much is put off.
-node::Task::Bytes TaskThreads::answer(const codec::Request& request, TimePoint now) {
+node::Task::Bytes TaskThreads::answer(const codec::Control& request, TimePoint now) {
   if (request.taken) credit_.taken(*request.taken);
   auto bytes = task_->answer(limits_.admit(request, now), now);
   limits_.answered(bytes.size());

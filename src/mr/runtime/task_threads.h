@@ -39,7 +39,7 @@ class TaskThreads {
 
  private:
   Port::Config port_config(bool folds);
-  node::Task::Bytes answer(const codec::Request& request, TimePoint now);
+  node::Task::Bytes answer(const codec::Control& request, TimePoint now);
   void give_way() const;
   void run_first_half(const std::stop_token& stop);
   bool hand_over(const std::stop_token& stop, std::unique_ptr<node::Task::Work> work);
