@@ -2,58 +2,125 @@
 
 #include <gtest/gtest.h>
 
+#include <limits>
+
 #include "support/seal.h"
 
 namespace mr::codec {
 namespace {
 
-Request full() {
-  return {{0, 4, 0xFFFFFFFF},
-          {{{{-1, 2, -3}, kMergedSource}, 0, 7}, {{{0, 0, 0}, 1, Layer::still}, 2, 0xFFFFFFFF}},
-          1'234'567'890'123,
-          true};
+constexpr std::size_t kBody = 8;  // after magic and version
+
+Control full() {
+  Control out{{0, 4, 0xFFFFFFFF},
+              {{{{-1, 2, -3}, kMergedSource}, 0, 7}, {{{0, 0, 0}, 1, Layer::still}, 2, 0xFFFFFFFF}},
+              1'234'567'890'123,
+              true};
+  out.shown = 77, out.time = true;
+  out.plan.emplace();
+  out.plan->sensors = {{0, 0.004}, 0.003, 7, 1, 20};
+  out.plan->root = {{0.25, 0}, 0, 5, 0.3, 51};
+  return out;
 }
 
-TEST(Request, RoundTrip) {
-  for (const Request& request :
-       {Request{}, full(), Request{{7}, {}, {}}, Request{{}, {}, 0}, Request{{}, {}, {}, true},
-        Request{{}, {}, 3, false, 2}, Request{{}, {}, {}, false, 0},
-        Request{{}, {}, {}, false, {}, true}}) {
-    const auto back = decode_control(encode_control(request));
+/// With other bytes, checksum right.
+Result<Control> with(std::vector<std::byte> bytes, std::size_t at, int value) {
+  bytes.at(at) = static_cast<std::byte>(value);
+  return decode_control(test::resealed(std::move(bytes)));
+}
+
+TEST(Control, RoundTrip) {
+  Control plan;
+  plan.plan.emplace();
+  for (const Control& control :
+       {Control{}, full(), plan, Control{{7}, {}, {}}, Control{{}, {}, 0},
+        Control{{}, {}, {}, true}, Control{{}, {}, 3, false, 2}, Control{{}, {}, {}, false, 0},
+        Control{{}, {}, {}, false, {}, true}}) {
+    const auto back = decode_control(encode_control(control));
     ASSERT_TRUE(back) << back.error().message;
-    EXPECT_EQ(*back, request);
+    EXPECT_EQ(*back, control);
   }
 }
 
-TEST(Request, AnythingElseIsRefused) {
+TEST(Control, AnythingElseIsRefused) {
   const auto good = encode_control(full());
   for (std::size_t n = 0; n < good.size(); ++n)
     EXPECT_FALSE(decode_control(std::span(good).first(n))) << n;
   auto longer = good;
   longer.push_back({});
   EXPECT_FALSE(decode_control(longer));
-  auto flags = good;
-  flags[4] = std::byte{0x80};
-  EXPECT_FALSE(decode_control(test::resealed(flags)));
-  for (const std::size_t count : {9u, 13u}) {
-    auto many = good;
-    many[count] = std::byte{0xFF};
-    const auto refused = decode_control(test::resealed(many));
+  EXPECT_FALSE(with(good, 3, 'U')) << "magic";
+  EXPECT_FALSE(with(good, kBody + 4, 8)) << "streams end later";
+  EXPECT_FALSE(with(good, kBody + 4, 11)) << "no whole number of streams";
+  EXPECT_FALSE(with(good, kBody + 8, 4)) << "streams 4, 4, …";
+  const std::size_t chunks = kBody + 8 + 3 * 4;
+  EXPECT_FALSE(with(good, chunks, 1)) << "sections out of order";
+  EXPECT_FALSE(with(good, chunks + 8 + 16, 2)) << "an unknown layer";
+}
+
+TEST(Control, TooManyOfAnythingIsRefused) {
+  const auto section = [](int kind, std::size_t bytes) {
+    auto out = encode_control({});
+    out.resize(kBody);
+    for (const std::size_t v : {static_cast<std::size_t>(kind), bytes})
+      for (int i = 0; i < 4; ++i) out.push_back(static_cast<std::byte>(v >> (8 * i) & 0xFF));
+    for (std::size_t i = 0; i < bytes; ++i) out.push_back(static_cast<std::byte>(i / 4));
+    seal(out);
+    return decode_control(out);
+  };
+  for (const auto& [kind, bytes] : {std::pair(1, (Control::kMaxStreams + 1) * 4),
+                                    std::pair(2, (Control::kMaxChunks + 1) * 28)}) {
+    const auto refused = section(kind, bytes);
     ASSERT_FALSE(refused);
     EXPECT_EQ(refused.error().cause, Error::Cause::too_large);
   }
-  auto layer = good;
-  layer[16 + 28 + 16] = std::byte{2};
-  EXPECT_FALSE(decode_control(test::resealed(layer)));
-  auto unsorted = good;
-  unsorted[16 + 2 * 28] = std::byte{4};  // streams 4, 4, ...
-  EXPECT_FALSE(decode_control(test::resealed(unsorted)));
-  auto old = good;
-  old[3] = std::byte{'T'};
-  EXPECT_FALSE(decode_control(old));
 }
 
-TEST(Request, EveryFlippedBitIsSeen) {
+TEST(Control, WhatALaterProgramAddsIsPassedOver) {
+  auto bytes = encode_control(full());
+  bytes.resize(bytes.size() - kSealBytes);
+  for (const int b : {99, 0, 0, 0, 3, 0, 0, 0, 'a', 'b', 'c'})
+    bytes.push_back(static_cast<std::byte>(b));
+  seal(bytes);
+  const auto read = decode_control(bytes);
+  ASSERT_TRUE(read) << read.error().message;
+  EXPECT_EQ(*read, full());
+}
+
+TEST(Control, AnotherVersionIsRefusedInOneLineThatTheOtherSideGets) {
+  const auto refused = with(encode_control(full()), 4, 2);
+  ASSERT_FALSE(refused);
+  EXPECT_EQ(refused.error().cause, Error::Cause::unsupported);
+  EXPECT_EQ(refused.error().message,
+            "control: a message of version 2; this program reads version 1");
+  const auto answer = decode_refusal(encode_refusal(refused.error().message));
+  ASSERT_TRUE(answer && *answer);
+  EXPECT_EQ(**answer, refused.error().message);
+  EXPECT_FALSE(decode_refusal(encode_time(TimePoint{}))) << "another kind";
+  EXPECT_EQ(**decode_refusal(encode_refusal(std::string(1000, 'x'))), std::string(kMostWhy, 'x'));
+  EXPECT_EQ(**decode_refusal(encode_refusal("a\nb")), "a?b") << "one line";
+  auto damaged = encode_refusal("why");
+  damaged[5] ^= std::byte{1};
+  EXPECT_FALSE(*decode_refusal(damaged));
+}
+
+TEST(Control, AnImpossiblePlanIsRefused) {
+  const double nan = std::numeric_limits<double>::quiet_NaN();
+  const auto refused = [](auto change) {
+    Control control;
+    change(control.plan.emplace());
+    return !decode_control(encode_control(control));
+  };
+  EXPECT_FALSE(refused([](ScenePlan&) {}));
+  EXPECT_TRUE(refused([](ScenePlan& p) { p.sensors.decimation.ratio = 1.1; }));
+  EXPECT_TRUE(refused([](ScenePlan& p) { p.root.decimation.error_m = -1; }));
+  EXPECT_TRUE(refused([&](ScenePlan& p) { p.root.still_error_m = nan; }));
+  EXPECT_TRUE(refused([](ScenePlan& p) { p.sensors.mesh_speed = 11; }));
+  EXPECT_TRUE(refused([&](ScenePlan& p) { p.root.texture_scale = nan; }));
+  EXPECT_TRUE(refused([](ScenePlan& p) { p.sensors.texture_qp = 52; }));
+}
+
+TEST(Control, EveryFlippedBitIsSeen) {
   auto bytes = encode_control(full());
   for (std::size_t bit = 0; bit < 8 * bytes.size(); ++bit) {
     const std::byte mask{static_cast<unsigned char>(1u << bit % 8)};
@@ -63,7 +130,7 @@ TEST(Request, EveryFlippedBitIsSeen) {
   }
 }
 
-TEST(Request, TheTimeIsAnAnswerOfItsOwn) {
+TEST(Control, TheTimeIsAnAnswerOfItsOwn) {
   const TimePoint now(std::chrono::nanoseconds(1'764'000'000'123'456'789));
   auto bytes = encode_time(now);
   const auto told = decode_time(bytes);
@@ -76,21 +143,25 @@ TEST(Request, TheTimeIsAnAnswerOfItsOwn) {
   EXPECT_FALSE(*damaged);
 }
 
-TEST(Request, AWishIsForOneStream) {
-  const Request request = full();
-  EXPECT_TRUE(request.wants_key_frame(4));
-  EXPECT_FALSE(request.wants_key_frame(1));
-  EXPECT_FALSE(Request{}.wants_key_frame(0));
+TEST(Control, AWishIsForOneStream) {
+  const Control control = full();
+  EXPECT_TRUE(control.wants_key_frame(4));
+  EXPECT_FALSE(control.wants_key_frame(1));
+  EXPECT_FALSE(Control{}.wants_key_frame(0));
 }
 
 /// Golden bytes: the browser writes the same.
-TEST(Request, BytesAreFixed) {
+TEST(Control, BytesAreFixed) {
   const auto bytes = encode_control({{6}, {{{{1, -1, 0}, 2, Layer::still}, 3, 4}}, {}, true});
-  const unsigned char want[] = {'M', 'R', 'W', '3', 1,    0,    0,    0,    1, 0, 0, 0, 1, 0, 0, 0,
-                                1,   0,   0,   0,   0xFF, 0xFF, 0xFF, 0xFF, 0, 0, 0, 0, 2, 0, 0, 0,
-                                1,   0,   0,   0,   3,    0,    0,    0,    4, 0, 0, 0, 6, 0, 0, 0};
+  const unsigned char want[] = {
+      'M', 'R', 'C', 'T', 1,  0, 0, 0,                                      // version
+      1,   0,   0,   0,   4,  0, 0, 0, 6, 0, 0, 0,                          // key frames
+      2,   0,   0,   0,   28, 0, 0, 0, 1, 0, 0, 0, 0xFF, 0xFF, 0xFF, 0xFF,  // chunks
+      0,   0,   0,   0,   2,  0, 0, 0, 1, 0, 0, 0, 3,    0,    0,    0,    4, 0, 0, 0,  //
+      4,   0,   0,   0,   0,  0, 0, 0};  // whole head
   ASSERT_EQ(bytes.size(), sizeof want + kSealBytes);
-  for (std::size_t i = 0; i < sizeof want; ++i) EXPECT_EQ(static_cast<unsigned>(bytes[i]), want[i]);
+  for (std::size_t i = 0; i < sizeof want; ++i)
+    EXPECT_EQ(static_cast<unsigned>(bytes[i]), want[i]) << i;
 }
 
 }  // namespace

@@ -119,6 +119,30 @@ TEST(Video, QualityFollowsTheQuantiser) {
   }
 }
 
+TEST(Video, AnotherQuantiserGoesOnWithoutAKeyFrame) {
+  auto coder = encoder({.width = 320, .height = 240, .qp = 20, .key_frame_every = 0});
+  auto reader = decoder();
+  const auto run = [&](int from, int to) {
+    double sum = 0;
+    for (int t = from; t < to; ++t) {
+      const ImageRgb picture = waves(320, 240, 3 * t);
+      const auto unit = coder.encode(picture);
+      EXPECT_EQ(unit->key_frame, t == 0) << t;
+      sum += psnr_db(picture, *reader.decode(unit->data));
+    }
+    return sum / (to - from);
+  };
+  const double fine = run(0, 10);
+  coder.set_qp(40);
+  run(10, 12);
+  const double coarse = run(12, 20);
+  coder.set_qp(20);
+  run(20, 24);
+  const double fine_again = run(24, 32);
+  EXPECT_GT(fine - coarse, 4) << "twenty steps of the quantiser";
+  EXPECT_NEAR(fine_again, fine, 1);
+}
+
 TEST(Video, KeyFramesOnDemandStandAlone) {
   auto enc = encoder({.width = 128, .height = 96});
   for (int t = 0; t < 12; ++t) {

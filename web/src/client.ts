@@ -8,7 +8,7 @@ import { PacketOrder } from "./packet_order.ts";
 import { HeadReader, numbersOf, openMessage, readChunksAnswer, type Message } from "./packet_reader.ts";
 import type { Picture } from "./picture.ts";
 import { Receiver, type Complete } from "./receiver.ts";
-import { writeRequest } from "./request.ts";
+import { writeControl } from "./control.ts";
 import { Traffic } from "./statistics.ts";
 import type { TokenKeeper } from "./token.ts";
 import { Video } from "./video.ts";
@@ -229,6 +229,6 @@ export class Client {
     this.askTimer = window.setTimeout(() => this.ask(), wait > 0 ? wait : kAskEveryMs);
     if (wait > 0) return;
     this.lastAskMs = performance.now();
-    this.connection.ask(writeRequest({ chunks: missing, keyFrames, wholeHead }));
+    this.connection.ask(writeControl({ chunks: missing, keyFrames, wholeHead }));
   }
 }

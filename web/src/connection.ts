@@ -269,6 +269,8 @@ export class Connection {
       this.prove();
     } else if (message["type"] === "stopped") {
       this.setState(message["ended"] === true ? "ended" : "silent");
+    } else if (message["type"] === "error") {
+      console.warn(`the gateway: ${String(message["message"])}`);
     } else if (message["type"] === "pong") {
       const { id, server_ms: serverMs } = message;
       const sent = typeof id === "number" ? this.pings.get(id) : undefined;

@@ -1,6 +1,6 @@
 import { kChecksumBytes, writeChecksum } from "./crc32.ts";
 import type { ChunkKey } from "./packet.ts";
-import { kKeyBytes, kLimits } from "./packet_parts.ts";
+import { kLimits } from "./packet_parts.ts";
 
 /** What a viewer lacks. */
 export interface Wanted {
@@ -10,20 +10,34 @@ export interface Wanted {
   readonly wholeHead: boolean;
 }
 
-export function writeRequest({ chunks, keyFrames, wholeHead }: Wanted): Uint8Array<ArrayBuffer> {
-  const asked = chunks.slice(0, kLimits.requestChunks);
+const kVersion = 1;
+/** Kinds of sections, in their order (docs/wire-format.md, Control and answer). */
+const kKeyFrames = 1, kChunks = 2, kWholeHead = 4;
+const kSectionBytes = 8;
+
+export function writeControl({ chunks, keyFrames, wholeHead }: Wanted): Uint8Array<ArrayBuffer> {
+  const keys = chunks.slice(0, kLimits.requestChunks);
   const streams = [...new Set(keyFrames)].sort((a, b) => a - b).slice(0, kLimits.requestStreams);
-  const out = new Uint8Array(16 + kKeyBytes * asked.length + 4 * streams.length + kChecksumBytes);
+  const sections: { kind: number; values: number[] }[] = [];
+  if (streams.length > 0) sections.push({ kind: kKeyFrames, values: streams });
+  if (keys.length > 0)
+    sections.push({
+      kind: kChunks,
+      values: keys.flatMap((k) => [k.x, k.y, k.z, k.source, k.layer, k.level, k.version]),
+    });
+  if (wholeHead) sections.push({ kind: kWholeHead, values: [] });
+
+  const body = sections.reduce((sum, { values }) => sum + kSectionBytes + 4 * values.length, 0);
+  const out = new Uint8Array(8 + body + kChecksumBytes);
   const view = new DataView(out.buffer);
-  out.set([..."MRW3"].map((c) => c.charCodeAt(0)));
-  view.setUint32(4, wholeHead ? 1 : 0, true);
-  view.setUint32(8, asked.length, true);
-  view.setUint32(12, streams.length, true);
-  asked.forEach((key, i) => {
-    const fields = [key.x, key.y, key.z, key.source, key.layer, key.level, key.version];
-    fields.forEach((value, n) => view.setUint32(16 + kKeyBytes * i + 4 * n, value, true));
-  });
-  streams.forEach((stream, i) => view.setUint32(16 + kKeyBytes * asked.length + 4 * i, stream, true));
+  out.set([..."MRCT"].map((c) => c.charCodeAt(0)));
+  view.setUint32(4, kVersion, true);
+  let at = 8;
+  for (const { kind, values } of sections)
+    for (const value of [kind, 4 * values.length, ...values]) {
+      view.setUint32(at, value, true);
+      at += 4;
+    }
   writeChecksum(out);
   return out;
 }

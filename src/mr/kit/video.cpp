@@ -17,6 +17,8 @@ namespace {
 
 constexpr int kMaxVideoSide = 8192;
 constexpr int kNever = 1 << 30;  // pictures
+// By how much key frames are finer than the pictures that follow from them (x264's ipratio, 1.4).
+constexpr double kKeyFramesFiner = 2.91;
 
 struct FreeContext {
   void operator()(AVCodecContext* c) const { avcodec_free_context(&c); }
@@ -62,6 +64,13 @@ std::vector<std::string> problems(const VideoSettings& s) {
   return out;
 }
 
+/// The quantiser as x264's rate factor, which unlike `qp` may be changed in a running encoder. With
+/// the scene's complexity left out of account (qcomp, aq-mode) the one is the other.
+void set_rate_factor(AVCodecContext& c, double qp) {
+  constexpr double kFinest = 1;  // 0 is lossless, not in main
+  av_opt_set_double(c.priv_data, "crf", std::max(qp, kFinest), 0);
+}
+
 Result<Context> open_encoder(const VideoSettings& s) {
   const AVCodec* codec = avcodec_find_encoder_by_name("libx264");
   if (codec == nullptr)
@@ -84,9 +93,10 @@ Result<Context> open_encoder(const VideoSettings& s) {
   av_opt_set(c->priv_data, "preset", "superfast", 0);
   av_opt_set(c->priv_data, "tune", "zerolatency", 0);
   av_opt_set(c->priv_data, "profile", "main", 0);
-  av_opt_set_int(c->priv_data, "qp", std::max(s.qp, 1), 0);  // 0 is lossless, not in main
+  set_rate_factor(*c, s.qp - kKeyFramesFiner);  // before the first picture x264 knows no ratio
   av_opt_set_int(c->priv_data, "forced-idr", 1, 0);
-  av_opt_set(c->priv_data, "x264-params", "scenecut=0", 0);  // key frames only on demand
+  // Key frames only on demand; a constant quantiser.
+  av_opt_set(c->priv_data, "x264-params", "scenecut=0:qcomp=1:aq-mode=0", 0);
   if (const int rc = avcodec_open2(c.get(), codec, nullptr); rc < 0)
     return failed(Error::Cause::unsupported, "libx264 refuses the settings", rc);
   return c;
@@ -167,6 +177,8 @@ VideoEncoder::~VideoEncoder() = default;
 
 const VideoSettings& VideoEncoder::settings() const { return impl_->settings; }
 
+void VideoEncoder::set_qp(int qp) { impl_->settings.qp = std::clamp(qp, 0, 51); }
+
 Result<VideoEncoder> VideoEncoder::create(const VideoSettings& settings) {
   silence_library();
   if (const auto wrong = problems(settings); !wrong.empty())
@@ -188,6 +200,7 @@ Result<AccessUnit> VideoEncoder::encode(const ImageRgb& picture, bool force_key_
   if (const int rc = av_frame_make_writable(i.picture.get()); rc < 0)
     return failed(Error::Cause::io, "no room for a picture", rc);
   rgb_to_yuv(picture, planes_of<std::uint8_t>(*i.picture));
+  if (i.frames > 0) set_rate_factor(*i.context, i.settings.qp);
   i.picture->pts = i.frames++;
   i.picture->pict_type = force_key_frame ? AV_PICTURE_TYPE_I : AV_PICTURE_TYPE_NONE;
   if (const int rc = avcodec_send_frame(i.context.get(), i.picture.get()); rc < 0)

@@ -21,7 +21,7 @@ VideoLibrary video_library();
 struct VideoSettings {
   int width = 0, height = 0;  ///< pixels, even, at most 8192
   double fps = 30;
-  int qp = 28;                  ///< constant quantiser, 0..51
+  int qp = 28;                  ///< quantiser of most pictures, 0..51; set_qp() changes it
   int threads = 1, slices = 1;  ///< fixed by the scene: libx264's bytes depend on them
   int key_frame_every = 250;    ///< pictures; 0: only the first and on demand
   friend bool operator==(const VideoSettings&, const VideoSettings&) = default;
@@ -40,6 +40,9 @@ class VideoEncoder {
   VideoEncoder(VideoEncoder&&) noexcept;
   VideoEncoder& operator=(VideoEncoder&&) noexcept;
   ~VideoEncoder();
+
+  /// Of the pictures from the next one on, 0..51: the stream goes on without a key frame.
+  void set_qp(int qp);
 
   /// The picture must have the settings' size.
   Result<AccessUnit> encode(const ImageRgb& picture, bool force_key_frame = false);

@@ -21,6 +21,7 @@ Result<TextureUnit> TextureStream::encode(const ImageRgb& picture, int qp, std::
   kit::VideoSettings wanted{picture.width,         picture.height,      scene_->fps, qp,
                             scene_->video.threads, scene_->video.slices};
   if (!periodic_) wanted.key_frame_every = 0;
+  if (encoder_) encoder_->set_qp(qp);
   if (!encoder_ || encoder_->settings() != wanted) {
     auto encoder = kit::VideoEncoder::create(wanted);
     if (!encoder) return encoder.error();

@@ -12,8 +12,8 @@
 namespace mr::node {
 
 /// One texture stream of a node: an encoder that starts afresh, with a key frame, when the
-/// picture's size, its layout or the quantiser changes. Pictures of odd size are padded by
-/// repeating their last row and column, as H.264 wants even ones.
+/// picture's size or its layout changes; another quantiser goes on without. Pictures of odd size
+/// are padded by repeating their last row and column, as H.264 wants even ones.
 class TextureStream {
  public:
   /// `periodic`: a key frame comes now and then; else only when one must.

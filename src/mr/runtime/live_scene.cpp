@@ -215,6 +215,13 @@ void LiveScene::add(std::unique_ptr<node::Task> task, TaskThreads::Config config
   nodes_.push_back(std::move(threads));
 }
 
+void LiveScene::set_plan(const ScenePlan& plan) {
+  codec::Control control;
+  control.plan = plan;
+  transport_->request(scene_->mergers.back().id, std::make_shared<const std::vector<std::byte>>(
+                                                     codec::encode_control(control)));
+}
+
 std::vector<node::NodeStats> LiveScene::stats() const {
   std::vector<node::NodeStats> out;
   const std::lock_guard lock(mutex_);

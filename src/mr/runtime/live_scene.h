@@ -49,6 +49,10 @@ class LiveScene {
   std::map<std::string, std::uint64_t> transport_drops() const { return transport_->drops(); }
   double seconds() const;
 
+  /// Asks the root, in whatever process it runs, that it and all below code by this plan. Word may
+  /// be lost: say it again where a packet does not tell it. Its problems() must be none.
+  void set_plan(const ScenePlan& plan);
+
  private:
   LiveScene(Scene scene, LiveOptions options);
   bool is_whole() const { return options_.nodes.empty(); }

@@ -137,6 +137,12 @@ void LockstepScene::ask_key_frames(std::vector<std::uint32_t> streams) {
   root().answer({std::move(streams), {}, {}}, now_);
 }
 
+void LockstepScene::set_plan(const ScenePlan& plan) {
+  codec::Control control;
+  control.plan = plan;
+  root().answer(control, now_);
+}
+
 Result<RunReport> LockstepScene::run(int frames, const RunListener& listener) {
   listener_ = &listener;
   Measured measured;

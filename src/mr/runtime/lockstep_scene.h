@@ -70,6 +70,10 @@ class LockstepScene {
   /// The next capture has key frames of some of the root's streams, as if a client had asked.
   void ask_key_frames(std::vector<std::uint32_t> streams);
 
+  /// From the next capture on all nodes code by this plan (the sensors from the one after it): as
+  /// if whoever controls the rate had given it to the root. Its problems() must be none.
+  void set_plan(const ScenePlan& plan);
+
   /// Runs until `frames` were captured or all sources ended. empty: no frame reached the client.
   Result<RunReport> run(int frames, const RunListener& listener = {});
 
