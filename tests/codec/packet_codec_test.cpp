@@ -77,7 +77,7 @@ Packet full_packet() {
   lidar.beam_altitude_rad = {0.3, 0.1, -0.1, -0.3};
   lidar.beam_azimuth_rad = {0.01, -0.01, 0.02, 0};
   p.sources[2].depth_camera.model = CameraModel::equirectangular;
-  p.plan = {{0.5, 0.25}, 0.125, 7, 0.75, 33};
+  p.plan = {{0.5, 0}, 0, 7, 0.75, 33};
   p.views = {view(0), view(5)};
   p.views[1].kind = View::Kind::equirectangular;
   p.views[1].stream = 9;
@@ -124,6 +124,14 @@ TEST(PacketCodec, RoundTrip) {
   EXPECT_EQ(*back, packet);
   EXPECT_EQ(encode_packet(packet), bytes) << "the same packet is the same bytes";
   EXPECT_EQ(encode_packet(*back), bytes);
+}
+
+TEST(PacketCodec, APlanTellsItsErrorLimits) {
+  Packet packet = full_packet();
+  packet.plan.decimation = {0, 0.25}, packet.plan.still_error_m = 0.125;
+  const auto back = decode_packet(encode_packet(packet));
+  ASSERT_TRUE(back) << back.error().message;
+  EXPECT_EQ(back->plan, packet.plan);
 }
 
 TEST(PacketCodec, AnEmptyPacketIsAPacket) {

@@ -14,6 +14,7 @@
 #include "mr/runtime/monitor.h"
 #include "mr/runtime/task_threads.h"
 #include "net/net_support.h"
+#include "support/seal.h"
 #include "support/sender.h"
 
 namespace mr::gateway {
@@ -236,6 +237,33 @@ TEST_F(GatewayTest, WhoIsRefusedIsNotListenedToAnyMore) {
   while (bursts < 1000 && viewer.socket().send(burst)) ++bursts;
   EXPECT_LT(bursts, 1000);
   EXPECT_LT(test::Clock::now() - started, 3s * kSlower);
+}
+
+TEST_F(GatewayTest, ControlOfAnotherVersionIsAnsweredAndTheStreamGoesOn) {
+  start();
+  WebViewer viewer(port());
+  EXPECT_NE(text(viewer).find("hello"), std::string::npos);
+  auto bytes = codec::encode_control({{}, {}, {}, true});
+  bytes[4] = std::byte{9};
+  bytes = test::resealed(std::move(bytes));
+  viewer.send(2, {reinterpret_cast<const char*>(bytes.data()), bytes.size()});
+  EXPECT_EQ(text(viewer),
+            R"({"message":"control: a message of version 9; this program reads version 1","type":"error"})");
+  const Packet first = next(true);
+  publish(first);
+  EXPECT_EQ(packet(viewer), first.sequence);
+  EXPECT_EQ(lines_.count("version 9"), 1);
+}
+
+TEST_F(GatewayTest, AViewerMakesNoPlans) {
+  start();
+  WebViewer viewer(port());
+  EXPECT_NE(text(viewer).find("hello"), std::string::npos);
+  codec::Control control;
+  control.plan.emplace();
+  const auto bytes = codec::encode_control(control);
+  viewer.send(2, {reinterpret_cast<const char*>(bytes.data()), bytes.size()});
+  EXPECT_EQ(text(viewer), "a viewer makes no plans");
 }
 
 TEST_F(GatewayTest, WhomTheWebServerRefusesIsInTheLog) {

@@ -1,8 +1,13 @@
 #include <gtest/gtest.h>
 
+#include <map>
 #include <memory>
+#include <optional>
+#include <string>
 #include <vector>
 
+#include "mr/codec/control.h"
+#include "mr/codec/head.h"
 #include "mr/net/emulated_transport.h"
 #include "mr/node/client_task.h"
 #include "mr/node/merge_task.h"
@@ -29,6 +34,12 @@ class LinkedScene {
       add(std::make_unique<node::SensorTask>(
           scene_, i, std::make_unique<PacedFrames>(std::move(sources[i]), scene_.fps, clock_),
           node::NodeLog{}));
+    for (const SensorConfig& sensor : scene_.sensors)
+      listeners_.push_back(network_.subscribe(
+          sensor.id, [this, id = sensor.id, heads = std::make_shared<codec::HeadReader>()](
+                         const net::Message& bytes) {
+            if (const auto packet = heads->read(*bytes, network_.now())) plans_[id] = packet->plan;
+          }));
     for (const MergerConfig& merger : scene_.mergers)
       add(std::make_unique<node::MergeTask>(scene_, merger, node::NodeLog{},
                                             node::MergeTask::Options{}));
@@ -50,6 +61,14 @@ class LinkedScene {
     return whole;
   }
   TimePoint now() const { return now_; }
+  const std::optional<Packet>& newest() const { return client_->newest(); }
+  /// What the sensors' newest packets say that reached anybody.
+  const std::map<std::string, CodingPlan>& sensor_plans() const { return plans_; }
+  /// As whoever controls the rate does.
+  void ask(const std::string& node, const codec::Control& control) {
+    network_.request(node, std::make_shared<const std::vector<std::byte>>(
+                               codec::encode_control(control)), {});
+  }
   std::uint64_t lost() const {
     std::uint64_t out = 0;
     for (const auto& [cause, count] : network_.drops()) out += count;
@@ -70,6 +89,8 @@ class LinkedScene {
   std::vector<std::unique_ptr<node::Task>> tasks_;
   std::vector<std::unique_ptr<TaskSteps>> steps_;
   node::ClientTask* client_ = nullptr;
+  std::map<std::string, CodingPlan> plans_;
+  std::vector<std::unique_ptr<net::Subscription>> listeners_;
 };
 
 Scene five_a_second() {
@@ -102,6 +123,27 @@ TEST(LossyNetwork, LossCostsCapturesButNeverTheScene) {
   const auto first = run(1);
   EXPECT_EQ(run(1), first) << "same seed, same run";
   run(2);
+}
+
+/// A plan that is given to the root reaches the sensors, through an inner merger, whatever is lost.
+TEST(LossyNetwork, APlanForTheRootReachesTheSensors) {
+  Scene described = five_a_second();
+  described.mergers = {{.id = "inner", .inputs = {"cam-0"}, .deadline_ms = 50},
+                       {.id = "root", .inputs = {"inner", "cam-1"}, .deadline_ms = 50}};
+  LinkedScene scene(described, {.delay = milliseconds(20), .loss = 0.3, .seed = 4});
+  scene.run(std::chrono::seconds(1));
+  ASSERT_TRUE(scene.newest());
+  EXPECT_EQ(scene.newest()->plan.texture_qp, described.coding.texture_qp);
+  codec::Control control;
+  control.plan.emplace();
+  control.plan->sensors = {{0, 0.03125}, 0.015625, 7, 1, 33};
+  control.plan->root = {{0.5, 0}, 0, 3, 0.5, 41};
+  for (int i = 0; i < 5; ++i) scene.ask("root", control);  // some of it is lost, too
+  scene.run(std::chrono::seconds(5));
+  EXPECT_EQ(scene.newest()->plan, control.plan->root);
+  for (const auto& [sensor, plan] : scene.sensor_plans())
+    EXPECT_EQ(plan, control.plan->sensors) << sensor;
+  EXPECT_EQ(scene.sensor_plans().size(), 2u);
 }
 
 }  // namespace

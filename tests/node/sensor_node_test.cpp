@@ -1,0 +1,621 @@
+#include "mr/node/sensor_node.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include "mr/codec/chunk_cache.h"
+#include "mr/codec/head.h"
+#include "mr/codec/mesh_codec.h"
+#include "mr/codec/packet_codec.h"
+#include "mr/codec/receiver.h"
+#include "mr/core/parallel.h"
+#include "mr/kit/topology.h"
+#include "support/sensor_rig.h"
+
+namespace mr {
+namespace {
+
+using node::SensorNode;
+using test::facing_the_wall;
+using test::frame_of;
+using test::keys_of;
+using test::kLearnt;
+using test::kWall_m;
+using test::of_layer;
+using test::seen_wall_m2;
+using test::Solids;
+using test::wall;
+
+/// The wall, and before it a box that the sensor sees in the middle of its picture.
+Solids wall_and_box() { return test::wall_with_box({0, 0.1, 1.5}); }
+
+/// A sensor node, and who receives all that it sends.
+class Sensor {
+ public:
+  explicit Sensor(const Scene& scene, std::uint32_t index = 0, node::NodeClock clock = {},
+                  node::StillWork still_work = node::StillWork::at_once)
+      : scene_(scene), index_(index), node(scene_, index, std::move(clock), still_work) {}
+
+  const Scene& scene() const { return scene_; }
+  Frame frame(const Solids& solids) { return frame_of(scene_, index_, frames_++, solids); }
+
+  /// The bytes of a frame's packet.
+  Result<std::vector<std::byte>> send(Frame frame) {
+    const auto surface = node.reconstruct(std::move(frame));
+    if (!surface) return surface.error();
+    return node.code(*surface);
+  }
+  /// The packet itself, once it was received.
+  Packet packet(Frame frame) {
+    const auto bytes = send(std::move(frame));
+    EXPECT_TRUE(bytes) << bytes.error().message;
+    if (!bytes) return {};
+    auto packet = reader_.read(*bytes);
+    EXPECT_TRUE(packet) << packet.error().message;
+    if (!packet) return {};
+    for (const Error& error : receiver_.accept(*packet)) ADD_FAILURE() << error.message;
+    return *std::move(packet);
+  }
+  Packet see(const Solids& solids) { return packet(frame(solids)); }
+
+  /// As received.
+  std::vector<std::shared_ptr<const Chunk>> chunks() const {
+    auto mesh = receiver_.mesh();
+    EXPECT_TRUE(mesh) << "chunks are missing";
+    return mesh ? *std::move(mesh) : std::vector<std::shared_ptr<const Chunk>>{};
+  }
+  std::vector<std::shared_ptr<const Chunk>> chunks(Layer layer) const {
+    auto out = chunks();
+    std::erase_if(out, [&](const auto& chunk) { return chunk->key.id.layer != layer; });
+    return out;
+  }
+  Mesh surface() const { return test::all_of(chunks()); }
+
+ private:
+  const Scene scene_;
+  std::uint32_t index_;
+  std::uint64_t frames_ = 0;
+  codec::HeadReader reader_;
+  codec::Receiver receiver_{scene_.lattice};
+
+ public:
+  SensorNode node;
+};
+
+Scene one_sensor() { return test::scene_of_sensors({facing_the_wall()}); }
+
+Scene with_layers() {
+  Scene scene = one_sensor();
+  scene.still.layers = true;
+  return scene;
+}
+
+// What the head says.
+
+TEST(SensorNode, HeadNamesSceneSensorAndCapture) {
+  Scene scene = test::scene_of_sensors({facing_the_wall(), facing_the_wall({0.2, -0.1, 0.3})});
+  scene.sensors[1].precision = {0.002, 0.0003};
+  scene.coding.sensor_texture_qp = 25;
+  Sensor sensor(scene, 1, {.epoch = 7, .now = {}});
+  EXPECT_EQ(sensor.node.id(), "cam-1");
+  const Frame frame = sensor.frame(wall());
+  const Packet packet = sensor.packet(frame);
+  EXPECT_EQ(packet.scene, "rig");
+  EXPECT_EQ(packet.node, "cam-1");
+  EXPECT_EQ(packet.epoch, 7u);
+  EXPECT_EQ(packet.coalesced, 0u);
+  const TimePoint middle = frame.exposure_start + test::kExposure / 2;
+  EXPECT_EQ(packet.captured_at, middle);
+  EXPECT_TRUE(packet.marks.empty()) << "there is no clock";
+  EXPECT_EQ(packet.plan, (CodingPlan{0.25f, 5, 1, 25}));
+
+  ASSERT_EQ(packet.sources.size(), 1u);
+  EXPECT_EQ(packet.sources[0], (SourceInfo{1, middle, scene.sensors[1].depth_camera,
+                                           frame.T_world_depth, scene.sensors[1].precision}));
+  ASSERT_EQ(packet.views.size(), 1u);
+  const View& view = packet.views[0];
+  EXPECT_EQ(view.id, 1u);
+  EXPECT_EQ(view.stream, 1u);
+  EXPECT_EQ(view.layout, 0u);
+  EXPECT_EQ(view.layer, Layer::moving);
+  EXPECT_EQ(view.camera(), *scene.sensors[1].color_camera);
+  EXPECT_NEAR(length(view.T_world_camera.translation - Vec3d{0.23, -0.1, 0.3}), 0, 1e-9)
+      << "the colour camera is 3 cm to the right";
+  EXPECT_EQ(view.image_rect, (Rect{0, 0, 96, 64}));
+  EXPECT_EQ(view.atlas_rect, view.image_rect);
+}
+
+TEST(SensorNode, EachPacketHasTheNextSequenceAndItsOwnTime) {
+  Sensor sensor(one_sensor());
+  for (std::uint64_t i = 0; i < 3; ++i) {
+    const Frame frame = sensor.frame(wall());
+    const TimePoint at = frame.captured_at();
+    const Packet packet = sensor.packet(frame);
+    EXPECT_EQ(packet.sequence, i);
+    EXPECT_EQ(packet.captured_at, at);
+  }
+}
+
+TEST(SensorNode, AClockMarksBothHalves) {
+  int asked = 0;
+  const TimePoint start{std::chrono::hours(2)};
+  Sensor sensor(one_sensor(), 0,
+                {.epoch = 0, .now = [&] { return start + std::chrono::seconds(asked++); }});
+  const Packet packet = sensor.see(wall());
+  EXPECT_EQ(packet.marks,
+            (std::vector<TimeMark>{{"sensors/reconstructed", start},
+                                   {"sensors/coded", start + std::chrono::seconds(1)}}));
+}
+
+TEST(SensorNode, WholeHeadIsSentToWhoAsks) {
+  Sensor sensor(one_sensor());
+  for (int i = 0; i < 5; ++i) sensor.see(wall());
+  codec::HeadReader late;
+  const auto refused = late.read(*sensor.send(sensor.frame(wall())));
+  ASSERT_FALSE(refused);
+  EXPECT_TRUE(late.lacks_base());
+  EXPECT_TRUE(sensor.node.answer({.key_frames = {}, .chunks = {}, .taken = {}, .whole_head = true})
+                  .empty());
+  const auto packet = late.read(*sensor.send(sensor.frame(wall())));
+  ASSERT_TRUE(packet) << packet.error().message;
+  EXPECT_EQ(packet->sequence, 6u);
+}
+
+// The surface.
+
+TEST(SensorNode, SurfaceIsTheWallThatItSees) {
+  const Scene scene = one_sensor();
+  Sensor sensor(scene);
+  const Packet packet = sensor.see(wall());
+  const Mesh mesh = sensor.surface();
+  for (const Vec3f p : mesh.positions) EXPECT_NEAR(p.z, kWall_m, 0.002);
+  // A voxel's width less on every side, at most.
+  const double seen = seen_wall_m2(scene.sensors[0].depth_camera);
+  EXPECT_LE(surface_area_m2(mesh), seen * 1.001);
+  EXPECT_GE(surface_area_m2(mesh), seen * 0.92);
+  for (std::size_t t = 0; t < mesh.triangles.size(); ++t)
+    EXPECT_LT(mesh.area_normal(t).z, 0) << "turned away from the sensor";
+  EXPECT_EQ(kit::count_nonmanifold_edges(mesh), 0u);
+  EXPECT_EQ(triangle_views(mesh), std::vector<ViewId>(mesh.triangles.size(), 0));
+}
+
+TEST(SensorNode, ChunksAreCutByCubeAndNameTheSensor) {
+  Scene scene = test::scene_of_sensors({facing_the_wall(), facing_the_wall()});
+  Sensor sensor(scene, 1);
+  const Packet packet = sensor.see(wall_and_box());
+  EXPECT_GT(packet.manifest.size(), 8u);
+  EXPECT_TRUE(std::ranges::is_sorted(packet.manifest));
+  EXPECT_EQ(keys_of(packet.chunks), packet.manifest);
+  for (const auto& chunk : sensor.chunks()) {
+    EXPECT_EQ(chunk->key.id.source, 1u);
+    EXPECT_EQ(chunk->key.id.layer, Layer::moving);
+    EXPECT_EQ(chunk->key.level, 0u);
+    EXPECT_GE(chunk->error_m, 0);
+    EXPECT_LT(chunk->error_m, scene.voxel_m);
+    const auto cube = vec_cast<double>(chunk->key.id.cube);
+    for (std::size_t t = 0; t < chunk->mesh.triangles.size(); ++t) {
+      const auto in = vec_cast<double>(chunk->mesh.centroid(t)) / 0.64 - cube;
+      EXPECT_TRUE(in.x >= 0 && in.y >= 0 && in.z >= 0 && in.x < 1 && in.y < 1 && in.z < 1);
+    }
+    for (const Vec3f p : chunk->mesh.positions) EXPECT_EQ(p, scene.lattice.snap(p));
+  }
+}
+
+TEST(SensorNode, NothingOutsideTheVolume) {
+  Scene scene = one_sensor();
+  scene.volume = Box3d{{-0.48, -0.48, 1}, {0.32, 0.48, 3}};
+  Sensor sensor(scene);
+  sensor.see(wall());
+  const Mesh mesh = sensor.surface();
+  const float slack = 0.001f;  // of the lattice
+  for (const Vec3f p : mesh.positions) {
+    EXPECT_TRUE(p.x >= -0.48f - slack && p.x <= 0.32f + slack) << p.x;
+    EXPECT_TRUE(p.y >= -0.48f - slack && p.y <= 0.48f + slack) << p.y;
+  }
+  EXPECT_NEAR(surface_area_m2(mesh), 0.8 * 0.96, 0.1);
+}
+
+TEST(SensorNode, NothingOfTheFloor) {
+  Scene scene = one_sensor();
+  scene.up = {0, -1, 0};
+  scene.floor = FloorConfig{.height_m = 0, .margin_m = 0.03};  // the lower half of the picture
+  Sensor sensor(scene);
+  sensor.see(wall());
+  const Mesh mesh = sensor.surface();
+  ASSERT_FALSE(mesh.empty());
+  for (const Vec3f p : mesh.positions) EXPECT_LT(p.y, 0.03f);
+}
+
+TEST(SensorNode, DecimationKeepsTheShareThatWasAskedFor) {
+  const auto triangles = [](double ratio) {
+    Scene scene = one_sensor();
+    scene.simplify.ratio = ratio;
+    Sensor sensor(scene);
+    sensor.see(test::furnished_room());
+    float error_m = 0;
+    for (const auto& chunk : sensor.chunks()) error_m = std::max(error_m, chunk->error_m);
+    EXPECT_EQ(error_m > 0, ratio < 1) << "what decimation costs is told";
+    return static_cast<double>(sensor.surface().triangles.size());
+  };
+  const double all = triangles(1);
+  EXPECT_GT(all, 2000);
+  EXPECT_NEAR(triangles(0.5) / all, 0.5, 0.02);
+  EXPECT_NEAR(triangles(0.2) / all, 0.2, 0.02);
+}
+
+TEST(SensorNode, ASensorThatMovesSendsWhatItSeesWhereItStands) {
+  Scene scene = one_sensor();
+  scene.sensors[0].T_world_depth = {facing_the_wall(), facing_the_wall({0.5, 0, 0})};
+  scene.still.layers = true;  // but not for a sensor that moves
+  Sensor sensor(scene);
+  Frame frame = sensor.frame(wall());
+  frame.T_world_depth = look_at({0.5, 0.1, -0.4}, {0, 0, kWall_m}, {0, -1, 0});
+  frame.depth = depth_picture(wall(), scene.sensors[0].depth_camera, frame.T_world_depth);
+  const Packet packet = sensor.packet(frame);
+  EXPECT_EQ(packet.sources[0].T_world_depth, frame.T_world_depth);
+  EXPECT_EQ(of_layer(packet.manifest, Layer::moving), packet.manifest);
+  ASSERT_FALSE(packet.manifest.empty());
+  for (const Vec3f p : sensor.surface().positions) EXPECT_NEAR(p.z, kWall_m, 0.01);
+}
+
+TEST(SensorNode, PatchesAreJoinedToOneSurface) {
+  Scene scene = one_sensor();
+  scene.fusion.decomposition = Decomposition::patches;
+  scene.fusion.patches_x = scene.fusion.patches_y = 2;
+  Sensor sensor(scene);
+  sensor.see(wall());
+  const Mesh mesh = sensor.surface();
+  const double seen = seen_wall_m2(scene.sensors[0].depth_camera);
+  EXPECT_NEAR(surface_area_m2(mesh), seen, 0.08 * seen);
+  for (const Vec3f p : mesh.positions) EXPECT_NEAR(p.z, kWall_m, 0.002);
+  EXPECT_EQ(kit::count_nonmanifold_edges(mesh), 0u);
+}
+
+TEST(SensorNode, DistortionIsGoneFromHeadAndSurface) {
+  Scene scene = one_sensor();
+  Camera& camera = scene.sensors[0].depth_camera;
+  camera.distortion = DistortionModel::brown, camera.k[0] = -0.1;
+  scene.sensors[0].color_camera->distortion = DistortionModel::brown;
+  scene.sensors[0].color_camera->k[0] = -0.1;
+  Sensor sensor(scene);
+  const Packet packet = sensor.see(wall());
+  ASSERT_EQ(packet.sources.size(), 1u);
+  EXPECT_EQ(packet.sources[0].depth_camera, undistorted(camera));
+  ASSERT_EQ(packet.views.size(), 1u);
+  EXPECT_EQ(packet.views[0].camera(), undistorted(*scene.sensors[0].color_camera));
+  for (const Vec3f p : sensor.surface().positions) EXPECT_NEAR(p.z, kWall_m, 0.002);
+}
+
+// Pictures.
+
+TEST(SensorNode, PicturesHaveTheColourCamerasSizeMadeEven) {
+  Scene scene = one_sensor();
+  scene.sensors[0].color_camera = test::pinhole(95, 63, 80);
+  Sensor sensor(scene);
+  const Packet packet = sensor.see(wall());
+  ASSERT_EQ(packet.textures.size(), 1u);
+  const TextureUnit& unit = packet.textures[0];
+  EXPECT_EQ(unit.width, 96);
+  EXPECT_EQ(unit.height, 64);
+  EXPECT_EQ(unit.stream, 0u);
+  EXPECT_EQ(unit.layout, packet.views.at(0).layout);
+  EXPECT_EQ(packet.views[0].width, 95);
+  EXPECT_EQ(packet.views[0].height, 63);
+  EXPECT_EQ(packet.streams, (std::vector<StreamState>{{0, unit.serial}}));
+}
+
+TEST(SensorNode, AKeyFrameThatWasAskedForComesOnce) {
+  Sensor sensor(test::scene_of_sensors({facing_the_wall(), facing_the_wall()}), 1);
+  const auto is_key = [&] { return sensor.see(wall()).textures.at(0).key_frame; };
+  EXPECT_TRUE(is_key());
+  EXPECT_FALSE(is_key());
+  EXPECT_TRUE(sensor.node.answer({.key_frames = {0}, .chunks = {}, .taken = {}}).empty());
+  EXPECT_FALSE(is_key()) << "that is another sensor's stream";
+  EXPECT_TRUE(sensor.node.answer({.key_frames = {0, 1}, .chunks = {}, .taken = {}}).empty());
+  EXPECT_TRUE(is_key());
+  EXPECT_FALSE(is_key());
+}
+
+TEST(SensorNode, UnitsAreCounted) {
+  Sensor sensor(one_sensor());
+  const std::uint32_t first = sensor.see(wall()).textures.at(0).serial;
+  EXPECT_EQ(sensor.see(wall()).textures.at(0).serial, first + 1);
+}
+
+TEST(SensorNode, WithoutColourThereIsNoView) {
+  Scene scene = one_sensor();
+  scene.sensors[0].color_camera.reset();
+  Sensor blind(scene);
+  Sensor usual(one_sensor());
+  usual.see(wall());
+  Frame frame = usual.frame(wall());
+  frame.color = {};  // this one was lost
+  const Packet packets[] = {blind.see(wall()), usual.packet(frame)};
+  for (const Packet& packet : packets) {
+    EXPECT_TRUE(packet.views.empty());
+    EXPECT_TRUE(packet.textures.empty());
+  }
+  const Mesh meshes[] = {blind.surface(), usual.surface()};
+  for (const Mesh& mesh : meshes)
+    EXPECT_EQ(triangle_views(mesh), std::vector<ViewId>(mesh.triangles.size(), kNoView));
+  EXPECT_EQ(usual.see(wall()).views.size(), 1u);
+}
+
+// Chunks from frame to frame.
+
+TEST(SensorNode, ChunksThatDidNotChangeAreKept) {
+  Sensor sensor(one_sensor());
+  const Packet first = sensor.see(wall());
+  const Packet second = sensor.see(wall());
+  EXPECT_EQ(second.manifest, first.manifest);
+  EXPECT_TRUE(second.chunks.empty());
+  sensor.chunks();
+
+  const Packet third = sensor.see(wall_and_box());
+  EXPECT_FALSE(third.chunks.empty());
+  for (const EncodedChunk& chunk : third.chunks)
+    EXPECT_EQ(std::ranges::count(first.manifest, chunk.key), 0) << "a key names one content";
+  const Packet fourth = sensor.see(wall());
+  for (const EncodedChunk& chunk : fourth.chunks) {
+    EXPECT_EQ(std::ranges::count(first.manifest, chunk.key), 0) << "also when it is as it was";
+    EXPECT_EQ(std::ranges::count(third.manifest, chunk.key), 0);
+  }
+}
+
+TEST(SensorNode, WithoutReuseAllChunksAreSentAgain) {
+  Scene scene = one_sensor();
+  scene.reuse_chunks = false;
+  Sensor sensor(scene);
+  sensor.see(wall());
+  const Packet second = sensor.see(wall());
+  EXPECT_EQ(keys_of(second.chunks), second.manifest);
+}
+
+TEST(SensorNode, AChunkThatIsAskedForIsSentAgainUntilLongAfterItWasShown) {
+  Sensor sensor(one_sensor());
+  const Packet first = sensor.see(wall());
+  const EncodedChunk& wanted = first.chunks.at(1);
+  ChunkKey unknown = wanted.key;
+  unknown.version += 40;
+  const codec::Request request{
+      .key_frames = {}, .chunks = {unknown, wanted.key, wanted.key}, .taken = {}};
+  const auto answer = codec::decode_chunks(sensor.node.answer(request));
+  ASSERT_TRUE(answer) << answer.error().message;
+  EXPECT_EQ(*answer, std::vector<EncodedChunk>{wanted});
+  EXPECT_TRUE(sensor.node.answer({.key_frames = {}, .chunks = {unknown}, .taken = {}}).empty());
+  EXPECT_TRUE(sensor.node.answer({}).empty());
+
+  EXPECT_TRUE(sensor.see(wall()).chunks.empty()) << "an answer is no reason to send all of it";
+  sensor.see({});
+  EXPECT_FALSE(sensor.node.answer(request).empty()) << "who asks may not know yet";
+  for (std::uint64_t i = 0; i < codec::ChunkCache::kManifestsKept; ++i) sensor.see({});
+  EXPECT_TRUE(sensor.node.answer(request).empty());
+}
+
+// Frames that come to nothing.
+
+TEST(SensorNode, AFrameWithoutSurfaceIsToldAndEmptiesTheManifest) {
+  Sensor sensor(one_sensor());
+  sensor.see(wall());
+  const auto surface = sensor.node.reconstruct(sensor.frame({}));
+  ASSERT_TRUE(surface);
+  EXPECT_TRUE(sensor.node.is_empty(*surface));
+  const Error told = sensor.node.no_surface(surface->frame);
+  EXPECT_EQ(told.cause, Error::Cause::empty);
+  EXPECT_TRUE(test::is_one_line(told.message));
+  EXPECT_NE(told.message.find("frame 1: depth holds no surface"), std::string::npos)
+      << told.message;
+
+  const auto packet = codec::HeadReader().read(*sensor.node.code(*surface));
+  ASSERT_TRUE(packet) << packet.error().message;
+  EXPECT_TRUE(packet->manifest.empty());
+  EXPECT_EQ(packet->textures.size(), 1u);
+
+  const Packet next = sensor.see(wall());
+  EXPECT_EQ(next.sequence, 2u);
+  EXPECT_EQ(keys_of(next.chunks), next.manifest);
+  EXPECT_FALSE(next.manifest.empty());
+}
+
+TEST(SensorNode, AFrameWithABrokenPoseIsRefusedAndTheNextIsFine) {
+  constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
+  Pose scaled, far_away, nowhere;
+  scaled.rotation.m[0] = 2;
+  far_away.translation = {3e6, 0, 0};
+  nowhere.translation = {kNaN, 0, 0};
+  for (const bool layers : {false, true})
+    for (const Pose& broken : {scaled, far_away, nowhere}) {
+      Scene scene = one_sensor();
+      scene.still.layers = layers;
+      Sensor sensor(scene);
+      const Packet first = sensor.see(wall());
+      Frame frame = sensor.frame(wall());
+      frame.T_world_depth = broken;
+      const auto refused = sensor.send(frame);
+      ASSERT_FALSE(refused);
+      EXPECT_EQ(refused.error().cause, Error::Cause::invalid);
+      EXPECT_TRUE(test::is_one_line(refused.error().message)) << refused.error().message;
+      EXPECT_NE(refused.error().message.find("frame 1: camera or pose cannot be used"),
+                std::string::npos)
+          << refused.error().message;
+      const Packet next = sensor.see(wall());
+      EXPECT_EQ(next.sequence, 1u);
+      EXPECT_EQ(next.manifest, first.manifest) << "what was sent before still holds";
+    }
+}
+
+// Layers: what stays, and what moves.
+
+TEST(SensorNodeLayers, TheRoomIsSentOnceAndThenOnlyWhatMoves) {
+  Sensor sensor(with_layers());
+  for (int i = 0; i < kLearnt; ++i) sensor.see(wall());
+  const Packet still = sensor.see(wall());
+  EXPECT_EQ(of_layer(still.manifest, Layer::still), still.manifest) << "nothing moves";
+  EXPECT_TRUE(still.chunks.empty());
+  Sensor without(one_sensor());
+  without.see(wall());
+  EXPECT_NEAR(surface_area_m2(sensor.surface()), surface_area_m2(without.surface()), 0.05);
+  for (const auto& chunk : sensor.chunks()) {
+    EXPECT_EQ(chunk->key.id.source, 0u);
+    EXPECT_GE(chunk->error_m, 0);
+    EXPECT_LT(chunk->error_m, sensor.scene().voxel_m);
+    for (const ViewId view : triangle_views(chunk->mesh)) EXPECT_EQ(view, 0u);
+  }
+
+  const Packet moving = sensor.see(wall_and_box());
+  EXPECT_EQ(of_layer(moving.manifest, Layer::still), still.manifest) << "the room stays";
+  EXPECT_EQ(keys_of(moving.chunks), of_layer(moving.manifest, Layer::moving));
+  const Mesh box = test::all_of(sensor.chunks(Layer::moving));
+  EXPECT_GT(surface_area_m2(box), 0.3 * 0.3 * 0.7) << "its front";
+  EXPECT_LT(surface_area_m2(box), 0.4);
+  for (const Vec3f p : box.positions) EXPECT_LT(p.z, 1.9) << "the wall behind is known";
+
+  EXPECT_EQ(sensor.see(wall()).manifest, still.manifest) << "it left";
+}
+
+TEST(SensorNodeLayers, ConfirmedTilesAreWhereNothingMoves) {
+  Sensor sensor(with_layers());
+  EXPECT_EQ(std::ranges::count(sensor.see(wall()).sources[0].confirmed_depth.tiles, 1), 0)
+      << "nothing is known yet";
+  for (int i = 0; i < kLearnt; ++i) sensor.see(wall());
+  const SourceInfo still = sensor.see(wall()).sources.at(0);
+  EXPECT_EQ(still.confirmed_depth.tile_px, 8);
+  EXPECT_EQ(still.confirmed_depth.columns, 10);
+  EXPECT_EQ(still.confirmed_depth.rows, 8);
+  EXPECT_EQ(still.confirmed_color.tile_px, 16);
+  EXPECT_EQ(still.confirmed_color.columns, 6);
+  EXPECT_EQ(still.confirmed_color.rows, 4);
+  ASSERT_EQ(still.confirmed_depth.tiles.size(), 80u);
+  ASSERT_EQ(still.confirmed_color.tiles.size(), 24u);
+  EXPECT_TRUE(still.confirmed_depth.at(5, 5) && still.confirmed_color.at(3, 2));
+  const SourceInfo moving = sensor.see(wall_and_box()).sources.at(0);
+  ASSERT_EQ(moving.confirmed_depth.tiles.size(), 80u);
+  ASSERT_EQ(moving.confirmed_color.tiles.size(), 24u);
+  EXPECT_FALSE(moving.confirmed_depth.at(5, 5)) << "the box is there";
+  EXPECT_TRUE(moving.confirmed_depth.at(1, 1));
+  EXPECT_FALSE(moving.confirmed_color.at(3, 2));
+  EXPECT_TRUE(moving.confirmed_color.at(0, 0));
+}
+
+TEST(SensorNodeLayers, AnEmptyFrameIsNoNewsOnceTheRoomIsKnown) {
+  Sensor sensor(with_layers());
+  for (int i = 0; i < kLearnt; ++i) sensor.see(wall());
+  const auto surface = sensor.node.reconstruct(sensor.frame({}));
+  ASSERT_TRUE(surface);
+  EXPECT_TRUE(surface->mesh.empty());
+  EXPECT_FALSE(sensor.node.is_empty(*surface)) << "what is still counts";
+}
+
+TEST(SensorNodeLayers, AFrameThatComesToNothingLosesNoChunk) {
+  Sensor usual(with_layers()), disturbed(with_layers());
+  for (int i = 0; i < kLearnt; ++i) {
+    usual.see(wall());
+    Frame frame = disturbed.frame(wall());
+    if (i >= 18) {  // by then the room was learnt
+      disturbed.packet(frame);
+      continue;
+    }
+    frame.T_world_depth.translation.x = 3e6;
+    EXPECT_FALSE(disturbed.send(frame));
+  }
+  usual.see(wall()), disturbed.see(wall());
+  const auto a = usual.chunks(Layer::still), b = disturbed.chunks(Layer::still);
+  ASSERT_EQ(a.size(), b.size());
+  for (std::size_t i = 0; i < a.size(); ++i) {
+    EXPECT_EQ(a[i]->key.id, b[i]->key.id);
+    EXPECT_EQ(a[i]->mesh, b[i]->mesh);
+  }
+}
+
+TEST(SensorNodeLayers, ChunksOfTheRoomWaitForAFrameThatIsSent) {
+  Scene scene = with_layers();
+  scene.lattice.origin.z = 1.75 + scene.lattice.step_m() * Lattice::kCells / 2;
+  Sensor usual(scene), disturbed(scene);
+  for (int i = 0; i < 20; ++i)  // what moves lies beyond the lattice while the wall is learnt
+    EXPECT_FALSE(
+        disturbed.send(disturbed.frame(test::wall_with_box({-0.8 + 0.35 * (i % 5), 0.1, 1.4}))));
+  for (int i = 0; i < kLearnt; ++i) usual.see(wall()), disturbed.see(wall());
+  EXPECT_TRUE(disturbed.chunks(Layer::moving).empty());
+  EXPECT_NEAR(surface_area_m2(disturbed.surface()), surface_area_m2(usual.surface()), 0.01);
+}
+
+TEST(SensorNodeLayers, WatchedFramesTeachTheRoomWithoutPackets) {
+  Sensor sensor(with_layers());
+  int watched = 0;
+  while (sensor.node.watch(sensor.frame(wall()))) ASSERT_LT(++watched, 200);
+  EXPECT_GT(watched, 3);
+  EXPECT_FALSE(sensor.node.watch(sensor.frame(wall())));
+  const Packet first = sensor.see(wall());
+  EXPECT_EQ(first.sequence, 0u);
+  EXPECT_FALSE(of_layer(first.manifest, Layer::still).empty());
+  Sensor without(one_sensor());
+  EXPECT_FALSE(without.node.watch(without.frame(wall())));
+}
+
+TEST(SensorNodeLayers, APushedCameraLearnsTheRoomAnewAndSaysSoOnce) {
+  Sensor sensor(with_layers());
+  for (int i = 0; i < kLearnt; ++i) sensor.see(wall());
+  Solids other = wall();
+  other.boxes[0].low.z += 0.3;
+  int told = 0;
+  for (int i = 0; i < kLearnt; ++i) {
+    const auto surface = sensor.node.reconstruct(sensor.frame(other));
+    ASSERT_TRUE(surface);
+    ASSERT_TRUE(sensor.node.code(*surface));
+    if (!surface->began_anew) continue;
+    ++told;
+    const std::string line = sensor.node.pushed(surface->frame);
+    EXPECT_TRUE(test::is_one_line(line));
+    EXPECT_NE(line.find("frame " + std::to_string(surface->frame.index) + ": "), std::string::npos);
+  }
+  EXPECT_EQ(told, 1);
+}
+
+TEST(SensorNodeLayers, WhatBecameStillIsSentAsMovingUntilTheReceiverShowsIt) {
+  Sensor sensor(with_layers(), 0, {}, node::StillWork::beside);
+  constexpr int kTicks = 20;  // three times that are few enough for all to be made within the ticks
+  Packet packet;
+  for (int i = 0; i < kTicks; ++i) packet = sensor.see(wall());
+  EXPECT_FALSE(of_layer(packet.manifest, Layer::still).empty());
+  EXPECT_FALSE(of_layer(packet.manifest, Layer::moving).empty()) << "nobody shows it yet";
+
+  const std::uint64_t newest = packet.sequence;
+  sensor.node.answer({.key_frames = {}, .chunks = {}, .taken = {}, .shown = newest + 1000});
+  for (int i = 0; i < kTicks; ++i) packet = sensor.see(wall());
+  EXPECT_FALSE(of_layer(packet.manifest, Layer::moving).empty()) << "that is of another epoch";
+
+  sensor.node.answer({.key_frames = {}, .chunks = {}, .taken = {}, .shown = newest});
+  for (int i = 0; i < kTicks; ++i) packet = sensor.see(wall());
+  EXPECT_TRUE(of_layer(packet.manifest, Layer::moving).empty());
+}
+
+// Determinism.
+
+TEST(SensorNode, SameBytesOnOneAndTwoThreads) {
+  Scene patches = one_sensor();
+  patches.fusion.decomposition = Decomposition::patches;
+  patches.fusion.patches_x = patches.fusion.patches_y = 2;
+  for (const Scene& scene : {one_sensor(), with_layers(), patches}) {
+    std::vector<std::vector<std::byte>> sent[2];
+    for (const int threads : {1, 2})
+      Arena(threads).run([&] {
+        Sensor sensor(scene);
+        for (int i = 0; i < 16; ++i) {
+          Solids solids = test::furnished_room();
+          solids.balls[0].center.x += 0.1 * (i / 12);  // learnt, it moves
+          Frame frame = sensor.frame(solids);
+          frame.depth = test::with_noise(frame.depth, 0.001, 1 + i);
+          auto bytes = sensor.send(frame);
+          ASSERT_TRUE(bytes);
+          sent[threads - 1].push_back(*std::move(bytes));
+        }
+      });
+    EXPECT_EQ(sent[0], sent[1]);
+  }
+}
+
+}  // namespace
+}  // namespace mr
