@@ -6,9 +6,9 @@
 #include <cmath>
 
 #include "eval/small_scene.h"
+#include "mr/eval/geometry_buffer.h"
 #include "mr/eval/geometry_error.h"
 #include "mr/eval/seen.h"
-#include "mr/eval/sight.h"
 #include "mr/eval/system.h"
 #include "mr/kit/topology.h"
 
@@ -192,18 +192,18 @@ Alike compare_with_renderer(render::Renderer& renderer, const DecodedScene& scen
                             const LumaTexture& texture, const render::Viewpoint& view) {
   const auto drawn = draw_scene(renderer, scene, view);
   if (!drawn) return ADD_FAILURE() << drawn.error().message, Alike{};
-  const Sight sight = look_at_geometry({scene.chunks, scene.views, {}}, view);
-  const ImageLuma ours = shade(sight, texture), theirs = luma_of(drawn->color);
+  const GeometryBuffer buffer = draw_geometry({scene.chunks, scene.views, {}}, view);
+  const ImageLuma ours = shade(buffer, texture), theirs = luma_of(drawn->color);
   Alike out;
   for (std::size_t i = 0; i < ours.data.size(); ++i) {
-    out.covered += sight.covered.data[i] == drawn->covered.data[i];
+    out.covered += buffer.covered.data[i] == drawn->covered.data[i];
     out.shaded += std::abs(ours.data[i] - theirs.data[i]) < 2;
   }
   const auto all = static_cast<double>(ours.data.size());
   return {out.covered / all, out.shaded / all};
 }
 
-TEST(Sight, ShadesAsTheRendererDraws) {
+TEST(GeometryBuffer, ShadesAsTheRendererDraws) {
   const Measured& m = measured();
   const DecodedScene& scene = m.played.shown[0];
   auto renderer = render::Renderer::create();
@@ -305,7 +305,7 @@ TEST(SteadyState, SightShadesBothLayersAsTheRendererDraws) {
     EXPECT_GT(compare_with_renderer(*renderer, scene, texture, view).shaded, 0.995) << view.name;
 }
 
-TEST(Sight, AppliesTheGainOfATile) {
+TEST(GeometryBuffer, AppliesTheGainOfATile) {
   DecodedScene scene = measured().played.shown[0];
   scene.views.front().gain = {1.25f, 0.8f, 1.1f};
   auto renderer = render::Renderer::create();

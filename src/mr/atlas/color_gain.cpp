@@ -289,7 +289,7 @@ std::vector<Sample> spread_samples(const Mesh& mesh, std::size_t count) {
 }
 
 /// What a view shows of a sample.
-struct Look {
+struct Observation {
   std::size_t view = 0;
   float facing = 0;
   float level = 0;  ///< the darkest channel, about as sRGB has it, to 1
@@ -297,24 +297,25 @@ struct Look {
 };
 
 /// [sample] the views that show it well.
-std::vector<std::vector<Look>> look_at(std::span<const Sample> samples, const Mesh& mesh,
-                                       std::span<const View> views, const Pictures& pictures) {
+std::vector<std::vector<Observation>> observe(std::span<const Sample> samples, const Mesh& mesh,
+                                              std::span<const View> views,
+                                              const Pictures& pictures) {
   std::vector<std::optional<Shown>> shown(views.size());
-  std::vector<std::optional<ViewDepth>> sights(views.size());
+  std::vector<std::optional<ViewDepth>> depths(views.size());
   parallel_for(views.size(), 1, [&](std::size_t begin, std::size_t end) {
     for (std::size_t v = begin; v < end; ++v) {
       shown[v] = Shown::find(views[v], pictures);
-      if (shown[v]) sights[v].emplace(mesh, views[v]);
+      if (shown[v]) depths[v].emplace(mesh, views[v]);
     }
   });
-  std::vector<std::vector<Look>> out(samples.size());
+  std::vector<std::vector<Observation>> out(samples.size());
   parallel_for(samples.size(), 256, [&](std::size_t begin, std::size_t end) {
     for (std::size_t i = begin; i < end; ++i)
       for (std::size_t v = 0; v < views.size(); ++v) {
         const Sample& s = samples[i];
         if (!shown[v]) continue;
         const float facing = shown[v]->facing(s.p_world, s.normal);
-        if (!(facing >= kLeastGainFacing) || !sights[v]->sees(s.p_world)) continue;
+        if (!(facing >= kLeastGainFacing) || !depths[v]->sees(s.p_world)) continue;
         const auto pixel = shown[v]->pixel(s.p_world);
         const auto light = pixel ? shown[v]->light(*pixel) : std::nullopt;
         if (!light) continue;
@@ -382,12 +383,12 @@ void judge(Pair& pair) {
   if (trust > 0) pair.weight = trust / (spread * spread / count + kPairError * kPairError);
 }
 
-std::vector<Pair> find_pairs(const std::vector<std::vector<Look>>& looks) {
+std::vector<Pair> find_pairs(const std::vector<std::vector<Observation>>& observations) {
   std::map<std::pair<std::size_t, std::size_t>, Pair> found;
-  for (const std::vector<Look>& views : looks)
+  for (const std::vector<Observation>& views : observations)
     for (std::size_t i = 0; i < views.size(); ++i)
       for (std::size_t j = i + 1; j < views.size(); ++j) {
-        const Look &a = views[i], &b = views[j];
+        const Observation &a = views[i], &b = views[j];
         Pair& pair = found[{a.view, b.view}];
         pair.first = a.view, pair.second = b.view;
         const float unlike = (a.facing - b.facing) / kSimilarFacing;
@@ -524,7 +525,7 @@ void ColorBalance::Channel::follow(double wanted) {
 void ColorBalance::update(const Mesh& mesh, std::span<const View> views, const Pictures& pictures) {
   const std::size_t sample_count = std::min(kSamplesPerView * views.size(), kMostSamples);
   const std::vector<Pair> pairs =
-      find_pairs(look_at(spread_samples(mesh, sample_count), mesh, views, pictures));
+      find_pairs(observe(spread_samples(mesh, sample_count), mesh, views, pictures));
   const std::vector<Vec3d> wanted = best_gains(views.size(), pairs);
   std::vector<std::uint8_t> overlaps(views.size(), 0);
   for (const Pair& pair : pairs) overlaps[pair.first] = overlaps[pair.second] = 1;

@@ -8,7 +8,7 @@
 #include <utility>
 #include <vector>
 
-#include "mr/atlas/fold_around.h"
+#include "mr/atlas/morphology.h"
 #include "mr/core/parallel.h"
 #include "mr/kit/raster.h"
 
@@ -214,7 +214,7 @@ ImageMask used_pixels(const Mesh& mesh, const View& view, int margin_px) {
   const auto either = [](std::uint8_t a, std::uint8_t b) {
     return static_cast<std::uint8_t>(a | b);
   };
-  return fold_around(mask, margin_px, std::uint8_t{0}, either);
+  return reduce_neighbourhood(mask, margin_px, std::uint8_t{0}, either);
 }
 
 ImageRgb compose_atlas(const Layout& layout, const std::map<ViewId, View>& children,

@@ -8,7 +8,7 @@
 #include <optional>
 #include <vector>
 
-#include "mr/atlas/eye.h"
+#include "mr/atlas/visibility.h"
 #include "mr/core/parallel.h"
 #include "mr/kit/topology.h"
 
@@ -21,42 +21,43 @@ constexpr int kCutRounds = 4;
 constexpr int kSweeps = 12;
 
 /// [view][triangle]
-using Sights = std::vector<std::vector<TriangleSight>>;
+using Visibilities = std::vector<std::vector<TriangleVisibility>>;
 
 /// What labelling needs beside the surface, while that is cut.
 struct Work {
   Labelling& surface;
   std::vector<Vec3f> normals;               ///< [V] smoothed
-  Sights sights;                            ///< of what is due
-  std::vector<std::uint32_t> not_seen_yet;  ///< triangles whose sights are still to be found
+  Visibilities visibility;                  ///< [views][T] of what is due
+  std::vector<std::uint32_t> not_seen_yet;  ///< triangles whose visibility is still to be found
 };
 
 /// One per view.
-std::vector<std::optional<Eye>> open_eyes(const Mesh& mesh, std::span<const View> views,
-                                          const LabelConfig& config) {
-  std::vector<std::optional<Eye>> eyes(views.size());
+std::vector<std::optional<ViewVisibility>> visibility_tests(const Mesh& mesh,
+                                                            std::span<const View> views,
+                                                            const LabelConfig& config) {
+  std::vector<std::optional<ViewVisibility>> tests(views.size());
   parallel_for(views.size(), 1, [&](std::size_t begin, std::size_t end) {
-    for (std::size_t v = begin; v < end; ++v) eyes[v].emplace(mesh, views[v], config);
+    for (std::size_t v = begin; v < end; ++v) tests[v].emplace(mesh, views[v], config);
   });
-  return eyes;
+  return tests;
 }
 
-/// Finds the sights that are missing.
-void look(std::span<const std::optional<Eye>> eyes, Work& work) {
+/// Finds the visibility of those triangles, in all views.
+void find_visibility(std::span<const std::optional<ViewVisibility>> tests, Work& work) {
   const Mesh& mesh = work.surface.mesh;
-  for (auto& view : work.sights) view.resize(mesh.triangles.size());
+  for (auto& view : work.visibility) view.resize(mesh.triangles.size());
   parallel_for(work.not_seen_yet.size(), 256, [&](std::size_t first, std::size_t last) {
     for (std::size_t i = first; i < last; ++i) {
       const std::uint32_t t = work.not_seen_yet[i];
       const auto& [a, b, c] = mesh.triangles[t];
       const Vec3f normal = normalized(work.normals[a] + work.normals[b] + work.normals[c]);
-      for (std::size_t v = 0; v < eyes.size(); ++v)
-        work.sights[v][t] = eyes[v]->look_at(mesh, t, normal);
+      for (std::size_t v = 0; v < tests.size(); ++v)
+        work.visibility[v][t] = tests[v]->of_triangle(mesh, t, normal);
     }
   });
 }
 
-/// Cuts the edges marked in `split`. Pieces face what their triangle faced; the sights of whole
+/// Cuts the edges marked in `split`. Pieces face what their triangle faced; the visibility of whole
 /// triangles move along.
 void cut(Work& work, const std::vector<std::uint8_t>& split) {
   Labelling& s = work.surface;
@@ -65,7 +66,8 @@ void cut(Work& work, const std::vector<std::uint8_t>& split) {
     work.normals.push_back(normalized(work.normals[a] + work.normals[b]));
     s.cut_edges.push_back({a, b});
   }
-  Sights sights(work.sights.size(), std::vector<TriangleSight>(refined.parent.size()));
+  Visibilities visibility(work.visibility.size(),
+                          std::vector<TriangleVisibility>(refined.parent.size()));
   work.not_seen_yet.clear();
   Labelling out;
   for (std::uint32_t t = 0; t < refined.parent.size(); ++t) {
@@ -73,13 +75,14 @@ void cut(Work& work, const std::vector<std::uint8_t>& split) {
     out.label.push_back(s.label[parent]), out.is_due.push_back(s.is_due[parent]);
     out.origin.push_back(s.origin[parent]);
     if (refined.mesh.triangles[t] == s.mesh.triangles[parent])
-      for (std::size_t v = 0; v < sights.size(); ++v) sights[v][t] = work.sights[v][parent];
+      for (std::size_t v = 0; v < visibility.size(); ++v)
+        visibility[v][t] = work.visibility[v][parent];
     else if (s.is_due[parent])
       work.not_seen_yet.push_back(t);
   }
   out.mesh = std::move(refined.mesh), out.cut_edges = std::move(s.cut_edges);
   s = std::move(out);
-  work.sights = std::move(sights);
+  work.visibility = std::move(visibility);
 }
 
 /// Cuts triangles that some view sees a good part of, but none enough.
@@ -90,7 +93,7 @@ bool cut_occlusion_edges(Work& work, double min_edge_m) {
   for (std::uint32_t t = 0; t < mesh.triangles.size(); ++t) {
     float best = 0;
     bool touched = false;
-    for (const auto& view : work.sights)
+    for (const auto& view : work.visibility)
       best = std::max(best, view[t].visible), touched |= view[t].touches;
     if (best >= kEnoughVisible || !touched) continue;
     for (std::uint32_t h = 3 * t; h < 3 * t + 3; ++h) {
@@ -108,14 +111,14 @@ constexpr int kNone = Labelling::kNone;
 
 /// The view that looks most directly among those that see enough; else the one that sees most of
 /// the triangle, if need be within the margin of an occluder.
-int best_view(const Sights& sights, std::size_t t) {
+int best_view(const Visibilities& visibility, std::size_t t) {
   int best = kNone, most = kNone;
-  for (int v = 0; v < static_cast<int>(sights.size()); ++v) {
-    const TriangleSight& s = sights[v][t];
-    if (s.visible >= kEnoughVisible && (best == kNone || s.facing > sights[best][t].facing))
+  for (int v = 0; v < static_cast<int>(visibility.size()); ++v) {
+    const TriangleVisibility& s = visibility[v][t];
+    if (s.visible >= kEnoughVisible && (best == kNone || s.facing > visibility[best][t].facing))
       best = v;
     const auto rank = [&](int view) {
-      return std::pair(sights[view][t].visible, sights[view][t].direct_px);
+      return std::pair(visibility[view][t].visible, visibility[view][t].direct_px);
     };
     if (s.direct_px > 0 && (most == kNone || rank(v) > rank(most))) most = v;
   }
@@ -123,18 +126,20 @@ int best_view(const Sights& sights, std::size_t t) {
 }
 
 /// [triangle][view] 1 where the view sees enough, at an angle that is not much worse than the best.
-std::vector<std::uint8_t> allowed_views(const Labelling& surface, const Sights& sights,
+std::vector<std::uint8_t> allowed_views(const Labelling& surface, const Visibilities& visibility,
                                         double angle_deg) {
   const std::vector<int>& best = surface.label;
   const double allowance = angle_deg * std::numbers::pi / 180;
-  const auto angle = [](const TriangleSight& s) { return std::acos(std::min(1.0f, s.facing)); };
-  std::vector<std::uint8_t> allowed(best.size() * sights.size(), 0);
+  const auto angle = [](const TriangleVisibility& s) {
+    return std::acos(std::min(1.0f, s.facing));
+  };
+  std::vector<std::uint8_t> allowed(best.size() * visibility.size(), 0);
   for (std::size_t t = 0; t < best.size(); ++t) {
     if (best[t] == kNone || !surface.is_due[t]) continue;
-    const double most = angle(sights[best[t]][t]) + allowance;
-    for (std::size_t v = 0; v < sights.size(); ++v) {
-      const TriangleSight& s = sights[v][t];
-      allowed[t * sights.size() + v] = s.visible >= kEnoughVisible && angle(s) <= most;
+    const double most = angle(visibility[best[t]][t]) + allowance;
+    for (std::size_t v = 0; v < visibility.size(); ++v) {
+      const TriangleVisibility& s = visibility[v][t];
+      allowed[t * visibility.size() + v] = s.visible >= kEnoughVisible && angle(s) <= most;
     }
   }
   return allowed;
@@ -175,11 +180,11 @@ class LongestBorder {
 /// Moves labels to the neighbours' where the angle test allows (paper 3.3): in each sweep a
 /// triangle takes the allowed view with the longest border to triangles of that view. In index
 /// order: deterministic. Only triangles at which something changed are looked at again.
-void agree_with_neighbours(Labelling& surface, const Sights& sights, double angle_deg) {
+void agree_with_neighbours(Labelling& surface, const Visibilities& visibility, double angle_deg) {
   const Mesh& mesh = surface.mesh;
   std::vector<int>& label = surface.label;
   const std::vector<std::uint32_t> twin = kit::edge_table(mesh).twin;
-  const std::vector<std::uint8_t> allowed = allowed_views(surface, sights, angle_deg);
+  const std::vector<std::uint8_t> allowed = allowed_views(surface, visibility, angle_deg);
   const auto may_move = [&](std::size_t t) { return label[t] != kNone && surface.is_due[t]; };
   std::vector<std::uint8_t> stale(label.size());
   for (std::size_t t = 0; t < label.size(); ++t) stale[t] = may_move(t);
@@ -192,7 +197,7 @@ void agree_with_neighbours(Labelling& surface, const Sights& sights, double angl
       LongestBorder border(label[t]);
       for (std::uint32_t h = 3 * t; h < 3 * t + 3; ++h) {
         const int other = twin[h] == kit::kNoTwin ? kNone : label[twin[h] / 3];
-        if (other == kNone || !allowed[t * sights.size() + other]) continue;
+        if (other == kNone || !allowed[t * visibility.size() + other]) continue;
         border.add(other, length(mesh.positions[kit::edge_to(mesh, h)] -
                                  mesh.positions[kit::edge_from(mesh, h)]));
       }
@@ -207,20 +212,21 @@ void agree_with_neighbours(Labelling& surface, const Sights& sights, double angl
 
 /// Labels what is due of a surface.
 void label(Labelling& surface, std::span<const View> views, const LabelConfig& config) {
-  Work work{surface, kit::smooth_normals(surface.mesh, kNormalRounds), Sights(views.size()), {}};
+  Work work{
+      surface, kit::smooth_normals(surface.mesh, kNormalRounds), Visibilities(views.size()), {}};
   for (std::uint32_t t = 0; t < surface.is_due.size(); ++t)
     if (surface.is_due[t]) work.not_seen_yet.push_back(t);
   // Cutting leaves the surface as it is: what hides what is found out once.
   const bool all = work.not_seen_yet.size() == surface.is_due.size();
-  const std::vector<std::optional<Eye>> eyes =
-      open_eyes(all ? surface.mesh : select_triangles(surface.mesh, surface.is_due), views, config);
-  look(eyes, work);
+  const std::vector<std::optional<ViewVisibility>> tests = visibility_tests(
+      all ? surface.mesh : select_triangles(surface.mesh, surface.is_due), views, config);
+  find_visibility(tests, work);
   for (int round = 0; round < kCutRounds && cut_occlusion_edges(work, config.min_edge_m); ++round)
-    look(eyes, work);
+    find_visibility(tests, work);
   for (std::size_t t = 0; t < surface.label.size(); ++t)
-    if (surface.is_due[t]) surface.label[t] = best_view(work.sights, t);
+    if (surface.is_due[t]) surface.label[t] = best_view(work.visibility, t);
   if (config.views == AtlasConfig::Views::coherent)
-    agree_with_neighbours(surface, work.sights, config.coherent_angle_deg);
+    agree_with_neighbours(surface, work.visibility, config.coherent_angle_deg);
 }
 
 /// What is due of a surface, with as much around it as its labels follow from: a label of what is

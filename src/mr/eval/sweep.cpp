@@ -10,7 +10,7 @@
 
 #include "mr/core/parallel.h"
 #include "mr/eval/draw.h"
-#include "mr/eval/sight.h"
+#include "mr/eval/geometry_buffer.h"
 
 namespace mr::eval {
 namespace {
@@ -111,10 +111,10 @@ class Sweep {
     std::vector<std::optional<Error>> wrong(judges_.views.size());
     parallel_for(judges_.views.size(), 1, [&](std::size_t begin, std::size_t end) {
       for (std::size_t v = begin; v < end; ++v) {
-        const Sight sight = look_at_geometry(geometry, judges_.views[v]);
+        const GeometryBuffer buffer = draw_geometry(geometry, judges_.views[v]);
         for (std::size_t t = 0; t < textures.size(); ++t)
-          if (const Status ok =
-                  compare(moment, v, shade(sight, textures[t]), sight.covered, &scores[t * row()]);
+          if (const Status ok = compare(moment, v, shade(buffer, textures[t]), buffer.covered,
+                                        &scores[t * row()]);
               !ok)
             wrong[v] = ok.error();
       }

@@ -9,7 +9,7 @@
 #include "mr/kit/disjoint_sets.h"
 #include "mr/kit/pair_map.h"
 #include "mr/merge/cell.h"
-#include "mr/merge/pieces.h"
+#include "mr/merge/subdivide.h"
 
 namespace mr::merge {
 namespace {
@@ -117,8 +117,8 @@ class Grouping {
       const float pieces = std::max({length(ab), length(ac), length(ac - ab)}) / kPiece_cells;
       is_huge_[m] |= !(pieces <= kMostPieces);
       if (is_huge_[m]) return {};
-      for_each_piece(std::max(static_cast<int>(std::ceil(pieces)), 1),
-                     [&](float b, float c) { out.add(cell_at(a + ab * b + ac * c)); });
+      for_each_subtriangle(std::max(static_cast<int>(std::ceil(pieces)), 1),
+                           [&](float b, float c) { out.add(cell_at(a + ab * b + ac * c)); });
     }
     return std::move(out).take();
   }

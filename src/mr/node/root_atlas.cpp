@@ -6,9 +6,9 @@
 #include <numeric>
 #include <utility>
 
-#include "mr/atlas/burn.h"
 #include "mr/atlas/compose.h"
 #include "mr/atlas/labels.h"
+#include "mr/atlas/watermark.h"
 #include "mr/core/parallel.h"
 #include "mr/node/sensor_node.h"
 
@@ -120,7 +120,7 @@ const TileMask& RootAtlas::seen_by_depth(const View& view, const SourceInfo& sou
 void RootAtlas::update_plates(const Tick& tick, const Mesh& moving) {
   const atlas::Pictures pictures = pictures_of(tick.gathered);
   struct Work {
-    atlas::Plate* plate;
+    atlas::CleanPlate* plate;
     const View* view;
     const SourceInfo* source;
     const ImageRgb* picture;
@@ -243,7 +243,7 @@ Status RootAtlas::compose(const Tick& tick, const Mesh& moving, const Mesh* stil
   const atlas::Pictures pictures = pictures_of(tick.gathered);
   if (scene_->merge.color_gain) balance_.update(still ? *still : moving, tick.views, pictures);
   ImageRgb picture = draw_live(children, pictures, used);
-  if (scene_->atlas.burn_sequence) atlas::burn_number(picture, packet.sequence);
+  if (scene_->atlas.burn_sequence) atlas::draw_watermark(picture, packet.sequence);
   const std::uint32_t layout = live_layout_.views.front().layout;
   const Status added =
       add_unit(live_, packet.plan.texture_qp, layout, std::move(picture), last_live_, packet);

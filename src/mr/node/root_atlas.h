@@ -5,9 +5,9 @@
 #include <memory>
 #include <vector>
 
+#include "mr/atlas/clean_plate.h"
 #include "mr/atlas/color_gain.h"
 #include "mr/atlas/layout.h"
-#include "mr/atlas/plate.h"
 #include "mr/codec/control.h"
 #include "mr/core/mesh.h"
 #include "mr/core/packet.h"
@@ -50,7 +50,7 @@ class RootAtlas {
 
   /// What is kept from tick to tick, but for how far the streams are.
   struct Memory {
-    std::map<ViewId, atlas::Plate> plates;
+    std::map<ViewId, atlas::CleanPlate> plates;
     atlas::ColorBalance balance;
     std::map<ViewId, Window> windows;
   };
@@ -118,7 +118,7 @@ class RootAtlas {
   std::map<ViewId, Window> windows_;
   std::map<ViewId, Seen> seen_;
   atlas::ColorBalance balance_;
-  std::map<ViewId, atlas::Plate> plates_;
+  std::map<ViewId, atlas::CleanPlate> plates_;
   TextureStream live_, plate_;
   ImageRgb last_live_, last_plate_;  ///< as they were coded
   ImageRgb spare_;                   ///< memory for the next picture

@@ -6,7 +6,7 @@
 
 #include "mr/codec/mesh_codec.h"
 #include "mr/core/parallel.h"
-#include "mr/kit/pinholes.h"
+#include "mr/kit/hole_filling.h"
 #include "mr/kit/topology.h"
 #include "mr/merge/islands.h"
 #include "mr/merge/seam/zipper.h"
@@ -105,7 +105,7 @@ SensorNode::Patch SensorNode::reconstruct_patch(const ImageDepth& depth, const P
   }
   out.usable = report.usable;
   const Stopwatch stopwatch(out.simplify_ms);
-  kit::close_pinholes(*fused, kPinhole_voxels * scene_->voxel_m);
+  kit::fill_small_holes(*fused, kPinhole_voxels * scene_->voxel_m);
   auto small = worker.simplifier.run(*fused, limits_of(decimation, *fused));
   if (!small) {  // what the camera saw lies too far away
     out.usable = false;

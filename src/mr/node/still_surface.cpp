@@ -7,7 +7,7 @@
 #include "mr/codec/mesh_codec.h"
 #include "mr/core/hash.h"
 #include "mr/core/parallel.h"
-#include "mr/kit/pinholes.h"
+#include "mr/kit/hole_filling.h"
 #include "mr/kit/topology.h"
 #include "mr/merge/islands.h"
 #include "mr/simplify/simplify.h"
@@ -116,7 +116,7 @@ Result<std::vector<StillChunk>> StillSurface::update(const ImageDepth& still, co
                                          &report);
   if (!report.usable)
     return Error{Error::Cause::invalid, "the still picture's camera or pose cannot be used"};
-  kit::close_pinholes(surface.mesh, kStillPinhole_voxels * scene_->voxel_m);
+  kit::fill_small_holes(surface.mesh, kStillPinhole_voxels * scene_->voxel_m);
   const Labelled all = by_cube(surface, surface.mesh);
 
   std::vector<std::uint64_t> hashes(all.cubes.size());

@@ -81,7 +81,7 @@ Bounds bounds_of(const Mesh& mesh) {
 }
 
 /// Whether a camera's frustum may hold some of a box: no side of it has the whole box outside.
-bool may_hold(const RayGrid& grid, const Bounds& box) {
+bool may_intersect(const RayGrid& grid, const Bounds& box) {
   if (box.low.x > box.high.x) return false;
   const Camera& c = grid.camera;
   const Mat3& axes = grid.T_world_camera.rotation;
@@ -98,24 +98,24 @@ bool may_hold(const RayGrid& grid, const Bounds& box) {
 }
 
 /// A camera's rays and the parts that they may meet.
-struct PartLook {
+struct RayBatch {
   RayGrid grid;
   std::vector<std::uint32_t> parts;  ///< ascending
 };
 
-std::vector<PartLook> looks_of(std::span<const kit::Part> parts, double voxel_m) {
+std::vector<RayBatch> ray_batches(std::span<const kit::Part> parts, double voxel_m) {
   std::vector<Bounds> bounds(parts.size());
   parallel_for(parts.size(), 1, [&](std::size_t begin, std::size_t end) {
     for (std::size_t i = begin; i < end; ++i) bounds[i] = bounds_of(parts[i].mesh);
   });
-  std::vector<PartLook> out;
+  std::vector<RayBatch> out;
   for (const kit::Part& part : parts)
     for (const SourceInfo& source : part.sources)
       for (const RayGrid& grid : camera_rays(source, voxel_m)) {
-        PartLook look{grid, {}};
+        RayBatch batch{grid, {}};
         for (std::uint32_t i = 0; i < parts.size(); ++i)
-          if (!parts[i].mesh.empty() && may_hold(grid, bounds[i])) look.parts.push_back(i);
-        if (look.parts.size() > 1) out.push_back(std::move(look));
+          if (!parts[i].mesh.empty() && may_intersect(grid, bounds[i])) batch.parts.push_back(i);
+        if (batch.parts.size() > 1) out.push_back(std::move(batch));
       }
   return out;
 }
@@ -127,21 +127,21 @@ class RayCaster {
  public:
   explicit RayCaster(const TriangleField& field) : field_(field), scene_(meshes(field)) {}
 
-  void cast(const RayGrid& grid, RayVotes& votes, RayVerdicts* told) const {
+  void cast(const RayGrid& grid, RayVotes& votes, RayVerdicts* verdicts) const {
     const Camera& camera = grid.camera;
-    std::vector<std::vector<std::vector<RayVerdict>>> rows(told ? camera.height : 0);
+    std::vector<std::vector<std::vector<RayVerdict>>> rows(verdicts ? camera.height : 0);
     parallel_for(camera.height, 4, [&](std::size_t begin, std::size_t end) {
       for (std::size_t y = begin; y < end; ++y) {
-        if (told) rows[y].resize(camera.width);
-        cast_row(grid, static_cast<int>(y), votes, told ? rows[y].data() : nullptr);
+        if (verdicts) rows[y].resize(camera.width);
+        cast_row(grid, static_cast<int>(y), votes, verdicts ? rows[y].data() : nullptr);
       }
     });
-    if (!told) return;
-    *told = {camera.width, camera.height, {0}, {}};
+    if (!verdicts) return;
+    *verdicts = {camera.width, camera.height, {0}, {}};
     for (const auto& row : rows)
       for (const auto& pixel : row) {
-        told->verdicts.insert(told->verdicts.end(), pixel.begin(), pixel.end());
-        told->first.push_back(static_cast<std::uint32_t>(told->verdicts.size()));
+        verdicts->verdicts.insert(verdicts->verdicts.end(), pixel.begin(), pixel.end());
+        verdicts->first.push_back(static_cast<std::uint32_t>(verdicts->verdicts.size()));
       }
   }
 
@@ -166,7 +166,8 @@ class RayCaster {
     });
   }
 
-  void cast_row(const RayGrid& grid, int y, RayVotes& votes, std::vector<RayVerdict>* told) const {
+  void cast_row(const RayGrid& grid, int y, RayVotes& votes,
+                std::vector<RayVerdict>* verdicts) const {
     const RayPencil rays(grid);
     std::vector<kit::RayHit> hits;
     std::vector<RayMeeting> on_ray;
@@ -176,10 +177,10 @@ class RayCaster {
       for (const RayMeeting& m : on_ray) {
         std::atomic_ref(votes.hits[m.triangle]).fetch_add(1, std::memory_order_relaxed);
         if (m.lost) std::atomic_ref(votes.lost[m.triangle]).fetch_add(1, std::memory_order_relaxed);
-        if (told) told[x].push_back({m.triangle, m.lost});
+        if (verdicts) verdicts[x].push_back({m.triangle, m.lost});
       }
-      if (told)
-        std::sort(told[x].begin(), told[x].end(),
+      if (verdicts)
+        std::sort(verdicts[x].begin(), verdicts[x].end(),
                   [](const RayVerdict& a, const RayVerdict& b) { return a.triangle < b.triangle; });
     }
   }
@@ -188,22 +189,23 @@ class RayCaster {
   kit::RayScene scene_;
 };
 
-/// Casts all rays; with `told`, also says what each decided.
+/// Casts all rays; with `verdicts`, also says what each decided.
 RayVotes cast_all(const TriangleField& field, const OverlapConfig& config,
-                  std::vector<RayVerdicts>* told) {
-  const std::vector<PartLook> looks = looks_of(field.parts, config.voxel_m);
+                  std::vector<RayVerdicts>* verdicts) {
+  const std::vector<RayBatch> batches = ray_batches(field.parts, config.voxel_m);
   RayVotes votes{std::vector<std::uint32_t>(field.facing.size()),
                  std::vector<std::uint32_t>(field.facing.size())};
-  if (told) told->resize(looks.size());
-  const auto told_of = [&](std::size_t i) { return told ? &(*told)[i] : nullptr; };
-  if (looks.empty()) return votes;
+  if (verdicts) verdicts->resize(batches.size());
+  const auto verdicts_of = [&](std::size_t i) { return verdicts ? &(*verdicts)[i] : nullptr; };
+  if (batches.empty()) return votes;
   if (config.overlap == MergeConfig::Overlap::raster) {
     RasterVoter voter(field);
-    for (std::size_t i = 0; i < looks.size(); ++i)
-      voter.cast(looks[i].grid, looks[i].parts, votes, told_of(i));
+    for (std::size_t i = 0; i < batches.size(); ++i)
+      voter.cast(batches[i].grid, batches[i].parts, votes, verdicts_of(i));
   } else {
     const RayCaster caster(field);
-    for (std::size_t i = 0; i < looks.size(); ++i) caster.cast(looks[i].grid, votes, told_of(i));
+    for (std::size_t i = 0; i < batches.size(); ++i)
+      caster.cast(batches[i].grid, votes, verdicts_of(i));
   }
   return votes;
 }

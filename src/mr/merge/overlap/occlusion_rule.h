@@ -9,15 +9,16 @@
 
 namespace mr::merge {
 
-/// The paper's overlap removal (3.2): rays go from every depth camera through its pixels (of a
-/// LiDAR or an equirectangular camera through the faces of a cube, see camera_rays()) and meet the
-/// fronts of all triangles; hits of different parts that face the camera alike and lie within twice
-/// the sensors' precision (plus calibration and decimation error) are one surface, of which the
-/// nearest hit wins on that ray. A triangle goes as a whole, when it lost on more than half of the
-/// rays that hit it; nothing is cut, and what no ray hits stays. Only cameras whose frustum holds
-/// several parts are looked through. `config.overlap` says how hits are found: `rays` casts them at
-/// the meshes (Embree; the reference), `raster` draws layered depth images; both decide alike.
-/// Returns, for each part, 1 for every triangle that goes. Parallel; deterministic.
+/// The paper's overlap removal (3.2), by occlusion: of surfaces that are one, the nearest to the
+/// camera stays, and what it occludes goes. Rays go from every depth camera through its pixels (of
+/// a LiDAR or an equirectangular camera through the faces of a cube, see camera_rays()) and meet
+/// the fronts of all triangles; hits of different parts that face the camera alike and lie within
+/// twice the sensors' precision (plus calibration and decimation error) are one surface, of which
+/// the nearest hit wins on that ray. A triangle goes as a whole, when it lost on more than half of
+/// the rays that hit it; nothing is cut, and what no ray hits stays. Only cameras whose frustum
+/// holds several parts are looked through. `config.overlap` says how hits are found: `rays` casts
+/// them at the meshes (Embree; the reference), `raster` draws layered depth images; both decide
+/// alike. Returns, for each part, 1 for every triangle that goes. Parallel; deterministic.
 std::vector<std::vector<std::uint8_t>> farther_triangles(std::span<const kit::Part> parts,
                                                          const OverlapConfig& config);
 

@@ -117,10 +117,10 @@ class Owners {
     return parts_[part].sources[measured_[part].source[triangle]].sensor;
   }
 
-  /// Looks at one part's spots, best those near each other in turn.
-  class Look {
+  /// Finds who owns the spots of one part; quickest where spots near each other come in turn.
+  class OwnershipQuery {
    public:
-    Look(const Owners& owners, std::size_t part)
+    OwnershipQuery(const Owners& owners, std::size_t part)
         : owners_(owners), part_(static_cast<std::uint32_t>(part)), reader_(owners.grid_) {}
 
     /// Whether the part owns a spot of its own.
@@ -206,9 +206,9 @@ class OwnPart {
         loss_(vertices_->size()) {}
 
   void look_at(std::size_t begin, std::size_t end) {
-    Owners::Look look(owners_, part_);
+    Owners::OwnershipQuery query(owners_, part_);
     for (std::size_t v = begin; v < end; ++v) {
-      const Verdict verdict = look.verdict((*vertices_)[v]);
+      const Verdict verdict = query.verdict((*vertices_)[v]);
       margin_[v] = verdict.margin, loss_[v] = verdict.loss;
     }
   }
@@ -222,14 +222,14 @@ class OwnPart {
   /// Removal makes no holes: what was lost to a part that lost it, too, as in a gap as narrow as
   /// triangles are, comes back unless a third part keeps it.
   void restore(const std::vector<OwnPart>& all) {
-    std::optional<Owners::Look> look;
+    std::optional<Owners::OwnershipQuery> query;
     const auto kept = [&](const TrianglePlace& place) {
       return all[place.part].keeps(place.triangle);
     };
     for (std::size_t v = 0; v < margin_.size(); ++v) {
       if (loss_[v].owner == Loss::kNobody || kept(loss_[v].to)) continue;
-      if (!look) look.emplace(owners_, part_);
-      if (!look->any_rival((*vertices_)[v], kept)) margin_[v] = kRestored;
+      if (!query) query.emplace(owners_, part_);
+      if (!query->any_rival((*vertices_)[v], kept)) margin_[v] = kRestored;
     }
   }
 
@@ -237,25 +237,25 @@ class OwnPart {
   /// where it has to.
   void refine() {
     const auto longest_m = static_cast<float>(kLongest_voxels * config_.voxel_m);
-    Owners::Look look(owners_, part_);
+    Owners::OwnershipQuery query(owners_, part_);
     for (int round = 0; round < kMaxOwnerCuts; ++round) {
       std::vector<std::uint8_t> split;
       for (std::uint32_t t = 0; t < mesh_->triangles.size(); ++t) {
         if (round > 0 && !is_new_[t]) continue;  // it was asked before
         const std::uint8_t edges = long_edges(t, longest_m);
-        if (edges == 0 || !is_divided(t, look)) continue;
+        if (edges == 0 || !is_divided(t, query)) continue;
         split.resize(mesh_->triangles.size() * 3);
         for (int i = 0; i < 3; ++i) split[3 * t + i] = edges >> i & 1;
       }
       if (split.empty()) return;
-      split_edges(split, look);
+      split_edges(split, query);
     }
   }
 
   /// What is left of the part: cut where its margin is zero, which is found between two vertices
   /// by looking there.
   Mesh cut() const {
-    Owners::Look look(owners_, part_);
+    Owners::OwnershipQuery query(owners_, part_);
     const float retreat_m = kRetreat_voxels * static_cast<float>(config_.voxel_m);
     const auto crossing = [&](std::uint32_t kept, std::uint32_t lost) {
       const Spot &k = (*vertices_)[kept], &l = (*vertices_)[lost];
@@ -263,7 +263,7 @@ class OwnPart {
       float low = 0, high = 1, at_low = margin_[kept], at_high = margin_[lost];
       const auto guess = [&] { return low + (high - low) * (at_low / (at_low - at_high)); };
       for (int i = 0; i < kCutSteps; ++i) {  // halving by turns: the margin may jump
-        const float t = i % 2 == 0 ? guess() : (low + high) / 2, m = look.margin(between(k, l, t));
+        const float t = i % 2 == 0 ? guess() : (low + high) / 2, m = query.margin(between(k, l, t));
         (m > 0 ? low : high) = t, (m > 0 ? at_low : at_high) = m;
       }
       return std::max(guess() - retreat_m / length(l.position - k.position), 0.0f);
@@ -288,7 +288,7 @@ class OwnPart {
   }
 
   /// Whether a triangle's corners, middle and middle of its longest edge have different owners.
-  bool is_divided(std::uint32_t t, Owners::Look& look) const {
+  bool is_divided(std::uint32_t t, Owners::OwnershipQuery& query) const {
     const Triangle& corners = mesh_->triangles[t];
     if (std::ranges::all_of(corners, [&](std::uint32_t v) { return margin_[v] == kRestored; }))
       return false;
@@ -305,20 +305,20 @@ class OwnPart {
     const Spot& c = (*vertices_)[corners[(longest + 2) % 3]];
     const auto differs = [&](const Spot& spot) {
       if (!own && std::ranges::any_of(
-                      corners, [&](std::uint32_t v) { return look.is_lost_like(loss_[v], spot); }))
+                      corners, [&](std::uint32_t v) { return query.is_lost_like(loss_[v], spot); }))
         return false;
-      return (look.margin(spot) > 0) != own;
+      return (query.margin(spot) > 0) != own;
     };
     const Spot middle = between(a, b, 0.5f);
     return differs(middle) || differs(between(middle, c, 1.0f / 3));
   }
 
-  void split_edges(const std::vector<std::uint8_t>& split, Owners::Look& look) {
+  void split_edges(const std::vector<std::uint8_t>& split, Owners::OwnershipQuery& query) {
     kit::Refined fine = kit::refine(*mesh_, split);
     std::vector<Spot> vertices = *vertices_;
     for (const auto& [a, b] : fine.cut_edges) {
       vertices.push_back(between(vertices[a], vertices[b], 0.5f));
-      const Verdict verdict = look.verdict(vertices.back());
+      const Verdict verdict = query.verdict(vertices.back());
       margin_.push_back(verdict.margin), loss_.push_back(verdict.loss);
     }
     is_new_.resize(fine.parent.size());

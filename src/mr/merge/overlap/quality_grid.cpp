@@ -6,7 +6,7 @@
 
 #include "mr/core/parallel.h"
 #include "mr/merge/cell.h"
-#include "mr/merge/pieces.h"
+#include "mr/merge/subdivide.h"
 
 namespace mr::merge {
 namespace {
@@ -39,7 +39,7 @@ class Filler {
         each[axis] = across[axis] * across[axis] * share;
         each[axis + 3] = each[axis] * measured.quality[t];
       }
-      for_each_piece(n, [&](float b, float c) {
+      for_each_subtriangle(n, [&](float b, float c) {
         QualitySums& here =
             cells_.sums[place_of(cell_key(cell_at((a + ab * b + ac * c) * per_cell)))];
         for (std::size_t i = 0; i < each.size(); ++i) here[i] += each[i];

@@ -16,9 +16,9 @@
 #include "mr/kit/topology.h"
 #include "mr/merge/cell.h"
 #include "mr/merge/groups.h"
+#include "mr/merge/seam/advancing_front.h"
 #include "mr/merge/seam/border.h"
 #include "mr/merge/seam/border_map.h"
-#include "mr/merge/seam/front.h"
 #include "mr/merge/seam/point_grid.h"
 
 namespace mr::merge {
@@ -161,7 +161,7 @@ struct Filling {
 /// in what is left between them.
 class Zipper {
  public:
-  Zipper(Front& front, const ZipperConfig& config)
+  Zipper(AdvancingFront& front, const ZipperConfig& config)
       : front_(front),
         config_(config),
         per_cube_(static_cast<float>(1 / (kCube_gaps * config.max_gap_m))),
@@ -190,9 +190,9 @@ class Zipper {
   }
 
  private:
-  static std::vector<Vec3f> places_of(const Front& front) {
+  static std::vector<Vec3f> places_of(const AdvancingFront& front) {
     std::vector<Vec3f> out;
-    for (const Front::Vertex& v : front.vertices()) out.push_back(v.at);
+    for (const AdvancingFront::Vertex& v : front.vertices()) out.push_back(v.at);
     return out;
   }
 
@@ -207,7 +207,7 @@ class Zipper {
   struct Job {
     std::optional<Vec3i> cube;  // that edges must lie in with all that they may reach; none: any
     std::priority_queue<Filling, std::vector<Filling>, std::greater<>> queue;
-    Front::Workspace space;
+    AdvancingFront::Workspace space;
     std::vector<std::uint32_t> left;  // edges that are not for this job
     Surroundings around;
   };
@@ -257,7 +257,7 @@ class Zipper {
         look_around(f.edge, job.around);
         if (!blocked(f.edge, front_.edge(f.corner).from, job.around)) {
           for (const std::uint32_t fresh : front_.fill(f.edge, f.corner, job.space))
-            if (fresh != Front::kNone) offer(fresh, job);
+            if (fresh != AdvancingFront::kNone) offer(fresh, job);
           continue;
         }
       }
@@ -299,7 +299,7 @@ class Zipper {
       std::pop_heap(candidates.begin(), candidates.end(), std::greater<>());
       const Filling& f = candidates.back();
       std::uint32_t c = front_.corner_at(f.corner);
-      for (; c != Front::kNone; c = front_.edge(c).sibling)
+      for (; c != AdvancingFront::kNone; c = front_.edge(c).sibling)
         if (front_.fits(e, c) && !blocked(e, f.corner, around)) return Filling{f.cost, e, c};
     }
     return std::nullopt;
@@ -343,18 +343,19 @@ class Zipper {
     };
     for (const std::uint32_t near : around.near) {
       std::uint32_t c = front_.corner_at(near);
-      for (; c != Front::kNone; c = front_.edge(c).sibling)
+      for (; c != AdvancingFront::kNone; c = front_.edge(c).sibling)
         if (is_across(from(c), to(c))) return true;
     }
     return false;
   }
 
   /// Closes small loops that strips left over, and pinholes.
-  void close_small_loops(Front::Workspace& space) {
+  void close_small_loops(AdvancingFront::Workspace& space) {
     std::vector<std::uint8_t> seen(front_.size(), 0);
     std::vector<std::uint32_t> edges, loop;
     for (std::uint32_t v = 0; v < front_.vertices().size(); ++v) {
-      for (std::uint32_t e = front_.corner_at(v); e != Front::kNone; e = front_.edge(e).sibling)
+      for (std::uint32_t e = front_.corner_at(v); e != AdvancingFront::kNone;
+           e = front_.edge(e).sibling)
         edges.push_back(e);
       for (; !edges.empty();) {
         const std::uint32_t e = edges.back();
@@ -388,7 +389,7 @@ class Zipper {
 
   /// Cuts off ears, the smallest first, until the small loop that `e` is on is closed or no ear
   /// fits.
-  void close_small_loop(std::uint32_t e, Front::Workspace& space) {
+  void close_small_loop(std::uint32_t e, AdvancingFront::Workspace& space) {
     while (front_.edge(e).alive && front_.loop_length(e, kSmallLoop)) {
       double least = std::numeric_limits<double>::max();
       std::uint32_t best = e;
@@ -401,7 +402,7 @@ class Zipper {
       } while (k != e);
       if (least == std::numeric_limits<double>::max()) return;
       for (const std::uint32_t fresh : front_.fill(best, front_.ear_corner(best), space))
-        if (!front_.edge(e).alive && fresh != Front::kNone) e = fresh;
+        if (!front_.edge(e).alive && fresh != AdvancingFront::kNone) e = fresh;
     }
   }
 
@@ -411,11 +412,11 @@ class Zipper {
 
   bool joins_parts(std::uint32_t e, std::uint32_t tip) const {
     const auto part = [&](std::uint32_t v) { return front_.vertex(v).part; };
-    const Front::Edge& edge = front_.edge(e);
+    const AdvancingFront::Edge& edge = front_.edge(e);
     return part(edge.from) != part(tip) || part(edge.to) != part(tip);
   }
 
-  Front& front_;
+  AdvancingFront& front_;
   const ZipperConfig& config_;
   float per_cube_;
   PointGrid grid_;  // of the front's vertices
@@ -449,7 +450,7 @@ Mesh close(std::span<const Mesh> parts, const ZipperConfig& config) {
   if (config.max_gap_m <= 0) return with_views(std::move(joined));
   const BorderMap map(joined, reach_m(config));
   BorderCutter(joined, map, config);
-  Front front(joined, wanted_edges(joined, map));
+  AdvancingFront front(joined, wanted_edges(joined, map));
   add_strips(Zipper(front, config).run(), joined);
   const bool came_apart = joined.came_apart;
   Mesh out = with_views(std::move(joined));

@@ -15,7 +15,7 @@ namespace mr::merge {
 /// The open borders of a mesh as loops of directed edges with the surface on their left and the gap
 /// on their right, and the one step that closes gaps: a triangle from a border edge to a border
 /// corner. Steps that touch different places may be made at once.
-class Front {
+class AdvancingFront {
  public:
   static constexpr std::uint32_t kNone = 0xFFFFFFFFu;
 
@@ -46,7 +46,7 @@ class Front {
 
   /// `wanted`: [border] those edges that are looked at; they may be chains: the first has itself as
   /// `prev`, the last has itself as `next`.
-  Front(const Joined& joined, std::span<const std::uint8_t> wanted);
+  AdvancingFront(const Joined& joined, std::span<const std::uint8_t> wanted);
 
   std::span<const Vertex> vertices() const { return vertices_; }
   const Vertex& vertex(std::uint32_t v) const { return vertices_[v]; }

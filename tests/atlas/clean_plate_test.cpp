@@ -1,4 +1,4 @@
-#include "mr/atlas/plate.h"
+#include "mr/atlas/clean_plate.h"
 
 #include <gtest/gtest.h>
 
@@ -12,7 +12,7 @@
 namespace mr {
 namespace {
 
-using atlas::Plate;
+using atlas::CleanPlate;
 
 constexpr int kWidth = 256, kHeight = 144, kColumns = 16, kRows = 9;
 
@@ -63,7 +63,7 @@ class Room {
 };
 
 TileMask all(int columns = kColumns, int rows = kRows) {
-  return {Plate::kBlock_px, columns, rows,
+  return {CleanPlate::kBlock_px, columns, rows,
           std::vector<std::uint8_t>(static_cast<std::size_t>(columns) * rows, 1)};
 }
 
@@ -73,7 +73,7 @@ TileMask all_but(int column, int row) {
   return out;
 }
 
-void show(Plate& plate, Room& room, int captures, const TileMask& unhidden = all()) {
+void show(CleanPlate& plate, Room& room, int captures, const TileMask& unhidden = all()) {
   for (int i = 0; i < captures; ++i) plate.update(room.capture(), unhidden);
 }
 
@@ -93,9 +93,9 @@ double most_off(const ImageRgb& a, const ImageRgb& b, const Rect& r) {
 
 const Rect kWhole{0, 0, kWidth, kHeight};
 
-TEST(Plate, IsValidAfterFourCapturesAndBetterAfter32) {
+TEST(CleanPlate, IsValidAfterFourCapturesAndBetterAfter32) {
   Room room;
-  Plate plate;
+  CleanPlate plate;
   show(plate, room, 3);
   EXPECT_EQ(std::count(plate.valid().tiles.begin(), plate.valid().tiles.end(), 1), 0);
   EXPECT_EQ(plate.picture().at(10, 10)[0], 128);
@@ -109,11 +109,11 @@ TEST(Plate, IsValidAfterFourCapturesAndBetterAfter32) {
   EXPECT_LT(most_off(plate.picture(), room.truth(), kWhole), 0.5 * first);
 }
 
-TEST(Plate, CopiesNothingOfAStillRoomHoweverNoisy) {
+TEST(CleanPlate, CopiesNothingOfAStillRoomHoweverNoisy) {
   for (const double sigma : {0.0, 4.0, 9.0}) {
     Room room;
     room.sigma = sigma;
-    Plate plate;
+    CleanPlate plate;
     show(plate, room, 40);
     const ImageRgb picture = plate.picture();
     const Vec3f gain = plate.gain();
@@ -126,13 +126,13 @@ TEST(Plate, CopiesNothingOfAStillRoomHoweverNoisy) {
 }
 
 /// Video coding makes errors that stay until the next key frame makes others, everywhere.
-TEST(Plate, KeyFramesOfTheLivePictureCopyNextToNothing) {
+TEST(CleanPlate, KeyFramesOfTheLivePictureCopyNextToNothing) {
   Room room;
   room.sigma = 1;
   std::mt19937 random(5);
   std::normal_distribution<double> normal;
   std::vector<double> error;  // of each cell of 4x4 pixels
-  Plate plate;
+  CleanPlate plate;
   std::size_t copied = 0;
   for (int i = 0; i < 500; ++i) {
     if (i % 100 == 0) {
@@ -153,9 +153,9 @@ TEST(Plate, KeyFramesOfTheLivePictureCopyNextToNothing) {
   EXPECT_LE(copied, 2u);  // of 144, five times
 }
 
-TEST(Plate, APosterThatChangesComesThrough) {
+TEST(CleanPlate, APosterThatChangesComesThrough) {
   Room room;
-  Plate plate;
+  CleanPlate plate;
   const Rect poster{100, 40, 44, 60};
   room.hang(poster, {200, 60, 60});
   show(plate, room, 50);
@@ -174,9 +174,9 @@ TEST(Plate, APosterThatChangesComesThrough) {
   EXPECT_LT(most_off(plate.picture(), room.truth(), poster), 1.5);
 }
 
-TEST(Plate, WhatChangesWhileThePlateIsYoungComesThroughAsSoon) {
+TEST(CleanPlate, WhatChangesWhileThePlateIsYoungComesThroughAsSoon) {
   Room room;
-  Plate plate;
+  CleanPlate plate;
   show(plate, room, 15);
   const Rect poster{100, 40, 44, 60};
   room.hang(poster, {200, 60, 60});
@@ -184,9 +184,9 @@ TEST(Plate, WhatChangesWhileThePlateIsYoungComesThroughAsSoon) {
   EXPECT_LT(most_off(plate.picture(), room.truth(), poster), 4);
 }
 
-TEST(Plate, ALightThatIsSwitchedComesThrough) {
+TEST(CleanPlate, ALightThatIsSwitchedComesThrough) {
   Room room;
-  Plate plate;
+  CleanPlate plate;
   show(plate, room, 50);
   for (int y = 0; y < kHeight; ++y)  // near a lamp on the right
     for (int x = 0; x < kWidth; ++x)
@@ -202,9 +202,9 @@ TEST(Plate, ALightThatIsSwitchedComesThrough) {
   EXPECT_LT(most_off(shown, room.truth(), kWhole), 8.5);  // before: 20
 }
 
-TEST(Plate, AScreenThatPlaysComesThrough) {
+TEST(CleanPlate, AScreenThatPlaysComesThrough) {
   Room room;
-  Plate plate;
+  CleanPlate plate;
   const Rect screen{64, 32, 64, 48};
   show(plate, room, 50);
   for (int i = 0; i < 200; ++i) {
@@ -220,9 +220,9 @@ TEST(Plate, AScreenThatPlaysComesThrough) {
   EXPECT_LT(most_off(plate.picture(), room.truth(), screen), 4);
 }
 
-TEST(Plate, WhatFlashesByChangesNothing) {
+TEST(CleanPlate, WhatFlashesByChangesNothing) {
   Room room;
-  Plate plate;
+  CleanPlate plate;
   show(plate, room, 50);
   Room flash = room;
   flash.hang({64, 32, 32, 32}, {250, 250, 250});
@@ -233,7 +233,7 @@ TEST(Plate, WhatFlashesByChangesNothing) {
   }
 }
 
-TEST(Plate, NobodyIsPaintedOnTheWall) {
+TEST(CleanPlate, NobodyIsPaintedOnTheWall) {
   const std::array<int, 3> person{255, 0, 255};
   const auto count_person = [](const ImageRgb& picture) {
     int count = 0;
@@ -242,7 +242,7 @@ TEST(Plate, NobodyIsPaintedOnTheWall) {
     return count;
   };
   Room room;
-  Plate plate;
+  CleanPlate plate;
   Room with_person = room;
   with_person.hang({64, 32, 32, 48}, person);
   TileMask unhidden = all();
@@ -274,11 +274,11 @@ TEST(Plate, NobodyIsPaintedOnTheWall) {
   EXPECT_EQ(count_person(plate.picture()), 0);
 }
 
-TEST(Plate, WhatIsNotValidContinuesItsNeighbours) {
+TEST(CleanPlate, WhatIsNotValidContinuesItsNeighbours) {
   Room room;
   room.sigma = 0;
   for (int x = 0; x < kWidth; ++x) room.hang({x, 0, 1, kHeight}, {40 + x / 2, 90, 200 - x / 2});
-  Plate plate;
+  CleanPlate plate;
   show(plate, room, 4, all_but(7, 4));
   EXPECT_FALSE(plate.valid().at(7, 4));
   EXPECT_LT(most_off(plate.picture(), room.truth(), {7 * 16, 4 * 16, 16, 16}), 8);
@@ -286,9 +286,9 @@ TEST(Plate, WhatIsNotValidContinuesItsNeighbours) {
     EXPECT_LT(std::abs(plate.picture().at(x, 70)[0] - plate.picture().at(x + 1, 70)[0]), 9);
 }
 
-TEST(Plate, GainFollowsTheExposureAndThePlateStays) {
+TEST(CleanPlate, GainFollowsTheExposureAndThePlateStays) {
   Room room;
-  Plate plate;
+  CleanPlate plate;
   show(plate, room, 50);
   const ImageRgb before = plate.picture();
   std::size_t copied = 0;
@@ -310,9 +310,9 @@ TEST(Plate, GainFollowsTheExposureAndThePlateStays) {
   EXPECT_EQ(plate.picture(), before);
 }
 
-TEST(Plate, WhatIsLearntAtAnotherExposureFitsTheRest) {
+TEST(CleanPlate, WhatIsLearntAtAnotherExposureFitsTheRest) {
   Room room;
-  Plate plate;
+  CleanPlate plate;
   show(plate, room, 50, all_but(7, 4));
   room.gain = 1.4;
   show(plate, room, 50);
@@ -320,20 +320,20 @@ TEST(Plate, WhatIsLearntAtAnotherExposureFitsTheRest) {
   EXPECT_LT(most_off(plate.picture(), room.truth(), {7 * 16, 4 * 16, 16, 16}), 2.5);
 }
 
-TEST(Plate, ClippedAndDarkBlocksDoNotVote) {
+TEST(CleanPlate, ClippedAndDarkBlocksDoNotVote) {
   Room room;
   room.hang({0, 0, kWidth, 96}, {253, 253, 253});
   room.hang({0, 96, kWidth, 16}, {4, 4, 4});
-  Plate plate;
+  CleanPlate plate;
   show(plate, room, 50);
   room.gain = 1.3;  // two thirds of the picture cannot get any brighter
   show(plate, room, 4);
   for (int c = 0; c < 3; ++c) EXPECT_NEAR(plate.gain()[c], 1.3, 0.02);
 }
 
-TEST(Plate, PicturesThatEndInsideABlock) {
+TEST(CleanPlate, PicturesThatEndInsideABlock) {
   Room room(250, 130);
-  Plate plate;
+  CleanPlate plate;
   show(plate, room, 40, all());
   EXPECT_EQ(plate.picture().width, 250);
   EXPECT_LT(most_off(plate.picture(), room.truth(), {0, 0, 248, 128}), 1.5);
@@ -346,10 +346,10 @@ TEST(Plate, PicturesThatEndInsideABlock) {
   EXPECT_FALSE(plate.valid().at(0, 0));
 }
 
-TEST(Plate, SameBytesOnAnyNumberOfThreads) {
+TEST(CleanPlate, SameBytesOnAnyNumberOfThreads) {
   const auto bytes = [](int threads) {
     Arena arena(threads);
-    Plate plate;
+    CleanPlate plate;
     arena.run([&] {
       Room room;
       for (int i = 0; i < 80; ++i) {

@@ -1,4 +1,4 @@
-#include "mr/eval/sight.h"
+#include "mr/eval/geometry_buffer.h"
 
 #include <algorithm>
 #include <cmath>
@@ -31,7 +31,7 @@ Facing facing(const baseline::Geometry& geometry, Vec3d eye) {
       if (dot(mesh.area_normal(t), from - mesh.corner(t, 0)) <= 0) continue;
       const View* view = texturing_view(geometry.views, views[t], chunk->key.id.layer);
       out.view.push_back(view ? static_cast<std::uint16_t>(view - geometry.views.data())
-                              : Sight::kUntextured);
+                              : GeometryBuffer::kUntextured);
       const Triangle& corners = mesh.triangles[t];
       out.mesh.triangles.push_back({base + corners[0], base + corners[1], base + corners[2]});
     }
@@ -117,15 +117,16 @@ void apply_gain(const ImageRgb& picture, const View& view, ImageLuma& luma) {
 
 }  // namespace
 
-Sight look_at_geometry(const baseline::Geometry& geometry, const render::Viewpoint& viewpoint) {
+GeometryBuffer draw_geometry(const baseline::Geometry& geometry,
+                             const render::Viewpoint& viewpoint) {
   const Camera& camera = viewpoint.camera;
   const Facing surface = facing(geometry, viewpoint.T_world_camera.translation);
   const kit::Raster raster = kit::rasterize(surface.mesh, camera, viewpoint.T_world_camera);
-  Sight out;
+  GeometryBuffer out;
   out.width = camera.width, out.height = camera.height;
   out.covered = ImageMask(camera.width, camera.height);
   out.views = geometry.views;
-  out.view = Image<std::uint16_t, 1>(camera.width, camera.height, Sight::kUntextured);
+  out.view = Image<std::uint16_t, 1>(camera.width, camera.height, GeometryBuffer::kUntextured);
   out.camera_pixel = Image<float, 2>(camera.width, camera.height);
   std::vector<Pose> T_view_camera;
   std::vector<Camera> cameras;
@@ -140,7 +141,7 @@ Sight look_at_geometry(const baseline::Geometry& geometry, const render::Viewpoi
         if (triangle == kit::kNoTriangle) continue;
         *out.covered.at(x, y) = 1;
         const std::uint16_t v = surface.view[triangle];
-        if (v == Sight::kUntextured) continue;
+        if (v == GeometryBuffer::kUntextured) continue;
         const Vec3d p = unproject(camera, {1.0 * x, 1.0 * y}) * *raster.depth.at(x, y);
         if (to_camera_pixel(geometry.views[v], cameras[v], T_view_camera[v] * p,
                             out.camera_pixel.at(x, y)))
@@ -161,17 +162,17 @@ LumaTexture luma_texture(const baseline::Texture& texture) {
   return out;
 }
 
-ImageLuma shade(const Sight& sight, const LumaTexture& texture) {
+ImageLuma shade(const GeometryBuffer& buffer, const LumaTexture& texture) {
   std::vector<Tile> tiles;
-  for (const View& view : sight.views) tiles.push_back(tile_of(view, texture));
-  ImageLuma out(sight.width, sight.height);
+  for (const View& view : buffer.views) tiles.push_back(tile_of(view, texture));
+  ImageLuma out(buffer.width, buffer.height);
   parallel_for(out.data.size(), 1 << 15, [&](std::size_t begin, std::size_t end) {
     for (std::size_t i = begin; i < end; ++i) {
-      const std::uint16_t v = sight.view.data[i];
-      if (v != Sight::kUntextured && tiles[v].picture)
-        out.data[i] = sample(tiles[v], &sight.camera_pixel.data[2 * i]);
+      const std::uint16_t v = buffer.view.data[i];
+      if (v != GeometryBuffer::kUntextured && tiles[v].picture)
+        out.data[i] = sample(tiles[v], &buffer.camera_pixel.data[2 * i]);
       else
-        out.data[i] = sight.covered.data[i] ? kNeutral : kBackground;
+        out.data[i] = buffer.covered.data[i] ? kNeutral : kBackground;
     }
   });
   return out;

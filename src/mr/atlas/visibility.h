@@ -15,12 +15,12 @@
 
 namespace mr::atlas {
 
-/// How one view sees one triangle.
-struct TriangleSight {
-  float visible = 0;    ///< share of the triangle's pixels in sight, clear of occluders' margins; 0
-                        ///< where the view may not be used
-  float direct_px = 0;  ///< pixels in sight, margins or not; 0 where the view may not be used
-  float facing = 0;     ///< cosine between the normal and the direction to the camera
+/// How much of one triangle is visible in one view.
+struct TriangleVisibility {
+  float visible = 0;     ///< share of the triangle's pixels that are visible, clear of occluders'
+                         ///< margins; 0 where the view may not be used
+  float direct_px = 0;   ///< pixels in sight, margins or not; 0 where the view may not be used
+  float facing = 0;      ///< cosine between the normal and the direction to the camera
   bool touches = false;  ///< some of it is in the picture and in sight
 };
 
@@ -89,14 +89,15 @@ class ValidRegion {
   const TileMask* mask_;  ///< null: all
 };
 
-/// A view with the mesh's depth as it sees it.
-class Eye {
+/// Tests which triangles of a mesh are visible in a view, by depth buffer: in its own picture, or
+/// in the six sides of a panorama.
+class ViewVisibility {
  public:
   /// The view must outlive this, and so must the masks of `config.valid`.
-  Eye(const Mesh& mesh, const View& view, const LabelConfig& config);
+  ViewVisibility(const Mesh& mesh, const View& view, const LabelConfig& config);
 
   /// `normal_world`: what the surface faces there, smoothed.
-  TriangleSight look_at(const Mesh& mesh, std::size_t t, Vec3f normal_world) const;
+  TriangleVisibility of_triangle(const Mesh& mesh, std::size_t t, Vec3f normal_world) const;
 
  private:
   Face::Count count_pixels(const std::array<Vec3f, 3>& corners, Vec3f middle) const;

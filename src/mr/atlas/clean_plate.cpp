@@ -1,4 +1,4 @@
-#include "mr/atlas/plate.h"
+#include "mr/atlas/clean_plate.h"
 
 #include <algorithm>
 #include <cmath>
@@ -128,12 +128,12 @@ void complete(ColorGrid& grid) {
 
 }  // namespace
 
-Vec3f Plate::gain() const {
+Vec3f CleanPlate::gain() const {
   return {static_cast<float>(gain_[0]) / kGainOne, static_cast<float>(gain_[1]) / kGainOne,
           static_cast<float>(gain_[2]) / kGainOne};
 }
 
-void Plate::start(int width, int height) {
+void CleanPlate::start(int width, int height) {
   picture_ = ImageRgb(width, height, kGrey);
   valid_.tile_px = kBlock_px;
   valid_.columns = (width + kBlock_px - 1) / kBlock_px;
@@ -147,7 +147,7 @@ void Plate::start(int width, int height) {
   fill_colors_.assign(count, {kGrey, kGrey, kGrey});
 }
 
-bool Plate::update(const ImageRgb& live, const TileMask& unhidden) {
+bool CleanPlate::update(const ImageRgb& live, const TileMask& unhidden) {
   MR_ASSERT(!live.empty());
   const bool is_new = live.width != picture_.width || live.height != picture_.height;
   if (is_new) start(live.width, live.height);
@@ -169,7 +169,7 @@ bool Plate::update(const ImageRgb& live, const TileMask& unhidden) {
 }
 
 /// The pixels of a block; beyond the picture its last row and column go on.
-Plate::Pixels Plate::pixels_of(const ImageRgb& image, std::size_t block) const {
+CleanPlate::Pixels CleanPlate::pixels_of(const ImageRgb& image, std::size_t block) const {
   const int x0 = static_cast<int>(block % valid_.columns) * kBlock_px;
   const int y0 = static_cast<int>(block / valid_.columns) * kBlock_px;
   const int columns = std::min(kBlock_px, image.width - x0);
@@ -183,12 +183,12 @@ Plate::Pixels Plate::pixels_of(const ImageRgb& image, std::size_t block) const {
 }
 
 /// Finds the cells of what is unhidden, and how noisy they are.
-void Plate::measure(const ImageRgb& live, const TileMask& unhidden) {
-  const bool told = unhidden.tile_px == kBlock_px && unhidden.columns == valid_.columns &&
-                    unhidden.rows == valid_.rows && unhidden.tiles.size() == blocks_.size();
+void CleanPlate::measure(const ImageRgb& live, const TileMask& unhidden) {
+  const bool has_mask = unhidden.tile_px == kBlock_px && unhidden.columns == valid_.columns &&
+                        unhidden.rows == valid_.rows && unhidden.tiles.size() == blocks_.size();
   const auto measure_block = [&](std::size_t i) {
     Block& block = blocks_[i];
-    const bool was_seen = std::exchange(block.seen, told && unhidden.tiles[i] != 0);
+    const bool was_seen = std::exchange(block.seen, has_mask && unhidden.tiles[i] != 0);
     if (!block.seen) return;
     const int x = static_cast<int>(i % valid_.columns) * kBlock_px;
     const int y = static_cast<int>(i / valid_.columns) * kBlock_px;
@@ -210,7 +210,7 @@ void Plate::measure(const ImageRgb& live, const TileMask& unhidden) {
 }
 
 /// What each block takes the gain for. Clipped and dark ones cannot tell.
-std::array<std::vector<std::uint16_t>, 3> Plate::exposure_votes() const {
+std::array<std::vector<std::uint16_t>, 3> CleanPlate::exposure_votes() const {
   constexpr std::uint32_t kBlockLevel = 16 * kCellLevel;  // in units of a sum over the cells
   std::array<std::vector<std::uint16_t>, 3> votes;
   for (auto& v : votes) v.reserve(blocks_.size());
@@ -231,7 +231,7 @@ std::array<std::vector<std::uint16_t>, 3> Plate::exposure_votes() const {
 }
 
 /// The middle of the votes, once it is off by more than a dead band.
-bool Plate::follow_exposure() {
+bool CleanPlate::follow_exposure() {
   bool moved = false;
   auto all_votes = exposure_votes();
   for (int c = 0; c < 3; ++c) {
@@ -247,7 +247,7 @@ bool Plate::follow_exposure() {
 }
 
 /// Finds how far each block is off, and how far most are.
-void Plate::compare() {
+void CleanPlate::compare() {
   parallel_for(blocks_.size(), 128, [&](std::size_t begin, std::size_t end) {
     for (std::size_t i = begin; i < end; ++i) {
       Block& block = blocks_[i];
@@ -270,7 +270,7 @@ void Plate::compare() {
 }
 
 /// Where the gain drives some pixels of a cell beyond white, its mean lies between two values.
-void Plate::compare(Block& block) const {
+void CleanPlate::compare(Block& block) const {
   std::array<std::uint16_t, kCellValues> gain;
   for (int k = 0; k < kCellValues; ++k) gain[k] = gain_[k % 3];
   std::array<int, kCellValues> off;
@@ -293,7 +293,7 @@ void Plate::compare(Block& block) const {
   }
 }
 
-Plate::Limits Plate::limits_of(const Block& block) const {
+CleanPlate::Limits CleanPlate::limits_of(const Block& block) const {
   // Four times the spread of a cell's mean, of which the sum of the cells' changes is 868.
   const int noise = std::clamp(block.noise * 19 / 256, 3 * kCellLevel, 10 * kCellLevel);
   // What coding does reaches three times as far in some block as in most, and is not alike in
@@ -315,7 +315,7 @@ Plate::Limits Plate::limits_of(const Block& block) const {
 }
 
 /// Whether a block differs by more than so many times its limits.
-bool Plate::is_off(std::size_t i, int factor) const {
+bool CleanPlate::is_off(std::size_t i, int factor) const {
   const Block& block = blocks_[i];
   const Limits limits = limits_of(block);
   return block.cell_off > factor * limits.cell || block.block_off > factor * limits.block ||
@@ -323,7 +323,7 @@ bool Plate::is_off(std::size_t i, int factor) const {
 }
 
 /// Whether a block and most around it have become brighter, or darker, as light does it.
-bool Plate::is_off_around(std::size_t i, int limit) const {
+bool CleanPlate::is_off_around(std::size_t i, int limit) const {
   const int column = static_cast<int>(i % valid_.columns);
   const int row = static_cast<int>(i / valid_.columns);
   for (int c = 0; c < 3; ++c) {
@@ -343,18 +343,18 @@ bool Plate::is_off_around(std::size_t i, int limit) const {
 }
 
 /// Sums up captures from the next on.
-void Plate::start_sums(std::size_t i) {
+void CleanPlate::start_sums(std::size_t i) {
   blocks_[i].captures = 0;
   sums_[i].fill(0);
 }
 
 /// From the newest capture on.
-void Plate::start_check(std::size_t i) {
+void CleanPlate::start_check(std::size_t i) {
   blocks_[i].stage = Stage::checking;
   start_sums(i);
 }
 
-void Plate::accumulate(std::size_t i, const ImageRgb& live) {
+void CleanPlate::accumulate(std::size_t i, const ImageRgb& live) {
   std::array<std::uint16_t, 3 * kBlock_px> inverse;  // of the gain, in 2048ths
   for (int k = 0; k < 3 * kBlock_px; ++k)
     inverse[k] = static_cast<std::uint16_t>((2048 * kGainOne + gain_[k % 3] / 2) / gain_[k % 3]);
@@ -372,7 +372,7 @@ void Plate::accumulate(std::size_t i, const ImageRgb& live) {
 }
 
 /// The mean of the sums becomes the picture.
-void Plate::copy(std::size_t i) {
+void CleanPlate::copy(std::size_t i) {
   Block& block = blocks_[i];
   const int bits = block.captures == kFirstCaptures ? 5 : 8;  // of the captures, and of an eighth
   Pixels pixels;
@@ -392,7 +392,7 @@ void Plate::copy(std::size_t i) {
 }
 
 /// Takes the newest capture of a block; returns whether it was copied.
-bool Plate::take(std::size_t i, const ImageRgb& live) {
+bool CleanPlate::take(std::size_t i, const ImageRgb& live) {
   Block& block = blocks_[i];
   if (!block.seen) {  // what was hidden a moment ago is looked at from the beginning
     if (block.stage == Stage::checking)
@@ -413,11 +413,11 @@ bool Plate::take(std::size_t i, const ImageRgb& live) {
   }
   if (block.stage == Stage::settled) return false;
   accumulate(i, live);
-  return judge(i);
+  return next_stage(i);
 }
 
 /// With what has been summed up.
-bool Plate::judge(std::size_t i) {
+bool CleanPlate::next_stage(std::size_t i) {
   Block& block = blocks_[i];
   if (block.stage == Stage::checking && block.doubts == 0) {  // it has flashed by
     block.stage = block.refined ? Stage::settled : Stage::refining;
@@ -439,7 +439,7 @@ bool Plate::judge(std::size_t i) {
 
 /// Colours for the middles of all blocks, and what is not valid drawn between them. Colours that
 /// hardly move stay, for the video's sake.
-void Plate::fill_invalid() {
+void CleanPlate::fill_invalid() {
   ColorGrid grid(valid_.columns, valid_.rows);
   for (std::size_t i = 0; i < blocks_.size(); ++i) {
     if (!valid_.tiles[i]) continue;
@@ -464,7 +464,7 @@ void Plate::fill_invalid() {
   });
 }
 
-bool Plate::any_around(const std::vector<std::uint8_t>& blocks, int column, int row) const {
+bool CleanPlate::any_around(const std::vector<std::uint8_t>& blocks, int column, int row) const {
   for (int y = std::max(0, row - 1); y <= std::min(valid_.rows - 1, row + 1); ++y)
     for (int x = std::max(0, column - 1); x <= std::min(valid_.columns - 1, column + 1); ++x)
       if (blocks[static_cast<std::size_t>(y) * valid_.columns + x]) return true;
@@ -472,7 +472,7 @@ bool Plate::any_around(const std::vector<std::uint8_t>& blocks, int column, int 
 }
 
 /// Draws a block between the colours of its own middle and its neighbours'.
-void Plate::fill(int column, int row) {
+void CleanPlate::fill(int column, int row) {
   const auto color = [&](int x, int y) -> const Color& {
     x = std::clamp(x, 0, valid_.columns - 1), y = std::clamp(y, 0, valid_.rows - 1);
     return fill_colors_[static_cast<std::size_t>(y) * valid_.columns + x];

@@ -1,4 +1,4 @@
-#include "mr/atlas/burn.h"
+#include "mr/atlas/watermark.h"
 
 #include <algorithm>
 
@@ -9,7 +9,7 @@ constexpr int kSquare = 16, kColumns = 8, kBits = 16;
 
 }  // namespace
 
-void burn_number(ImageRgb& picture, std::uint64_t number) {
+void draw_watermark(ImageRgb& picture, std::uint64_t number) {
   for (int bit = 0; bit < kBits; ++bit) {
     const int x0 = bit % kColumns * kSquare, y0 = bit / kColumns * kSquare;
     const std::uint8_t value = number >> (kBits - 1 - bit) & 1 ? 255 : 0;

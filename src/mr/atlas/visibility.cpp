@@ -1,11 +1,11 @@
-#include "mr/atlas/eye.h"
+#include "mr/atlas/visibility.h"
 
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
 #include <limits>
 
-#include "mr/atlas/fold_around.h"
+#include "mr/atlas/morphology.h"
 #include "mr/atlas/occluders.h"
 
 namespace mr::atlas {
@@ -21,7 +21,7 @@ ImageDepth nearest_around(const ImageDepth& depth, int r) {
   const auto nearer = [](float a, float b) { return a < b ? a : b; };
   ImageDepth far_where_empty = depth;
   for (float& d : far_where_empty.data) d = d == 0 ? kFar : d;
-  return fold_around(far_where_empty, r, kFar, nearer);
+  return reduce_neighbourhood(far_where_empty, r, kFar, nearer);
 }
 
 /// Depth that nine tenths of the picture are beyond: margins must do for occluders close by.
@@ -245,15 +245,16 @@ void Face::add(const kit::ScreenSpan& s, Count& count) const {
   count.pixels += std::max(0, s.last - s.first + 1);
 }
 
-Eye::Eye(const Mesh& mesh, const View& view, const LabelConfig& config)
+ViewVisibility::ViewVisibility(const Mesh& mesh, const View& view, const LabelConfig& config)
     : view_(view),
       camera_(view.camera()),
       T_camera_world_(view.T_world_camera.inverse()),
       valid_(valid_region(view, config)),
       faces_(faces_of(mesh, view, config)) {}
 
-TriangleSight Eye::look_at(const Mesh& mesh, std::size_t t, Vec3f normal_world) const {
-  TriangleSight sight;
+TriangleVisibility ViewVisibility::of_triangle(const Mesh& mesh, std::size_t t,
+                                               Vec3f normal_world) const {
+  TriangleVisibility sight;
   const Vec3d sight_line = vec_cast<double>(mesh.centroid(t)) - view_.T_world_camera.translation;
   sight.facing = static_cast<float>(-dot(vec_cast<double>(normal_world), normalized(sight_line)));
   if (sight.facing < kLeastFacing) return {};
@@ -275,7 +276,7 @@ TriangleSight Eye::look_at(const Mesh& mesh, std::size_t t, Vec3f normal_world) 
 }
 
 /// Strips of a pinhole's picture hold each triangle whole, in the columns of any of its corners.
-Face::Count Eye::count_pixels(const std::array<Vec3f, 3>& corners, Vec3f middle) const {
+Face::Count ViewVisibility::count_pixels(const std::array<Vec3f, 3>& corners, Vec3f middle) const {
   const bool are_strips = view_.kind == View::Kind::pinhole && faces_.size() > 1;
   const auto corner = are_strips ? pixel_of(corners[0]) : std::nullopt;
   const auto may_hold = [&](const Face& face) {
@@ -291,7 +292,7 @@ Face::Count Eye::count_pixels(const std::array<Vec3f, 3>& corners, Vec3f middle)
 }
 
 /// How much of what a triangle covers is valid.
-ValidRegion::Share Eye::valid_share(const std::array<Vec3f, 3>& corners) const {
+ValidRegion::Share ViewVisibility::valid_share(const std::array<Vec3f, 3>& corners) const {
   if (valid_.is_whole()) return ValidRegion::Share::all;
   int valid = 0, invalid = 0;
   if (view_.kind == View::Kind::pinhole) {
@@ -308,7 +309,7 @@ ValidRegion::Share Eye::valid_share(const std::array<Vec3f, 3>& corners) const {
 
 /// Points at which to look whether a triangle is valid: its corners, and of a panorama, where
 /// edges are curves, so many that no block lies between them.
-std::vector<Vec3f> Eye::valid_samples(const std::array<Vec3f, 3>& corners) const {
+std::vector<Vec3f> ViewVisibility::valid_samples(const std::array<Vec3f, 3>& corners) const {
   if (view_.kind == View::Kind::pinhole) return {corners.begin(), corners.end()};
   constexpr double kApart_px = 8, kMost = 64;
   double widest_rad = 0;
@@ -329,13 +330,13 @@ std::vector<Vec3f> Eye::valid_samples(const std::array<Vec3f, 3>& corners) const
   return out;
 }
 
-bool Eye::is_whole_turn() const {
+bool ViewVisibility::is_whole_turn() const {
   return view_.kind == View::Kind::equirectangular &&
          view_.image_rect == Rect{0, 0, view_.width, view_.height};
 }
 
 /// Where a point falls in the view's picture; nothing when it is too near.
-std::optional<Vec2d> Eye::pixel_of(Vec3f p_world) const {
+std::optional<Vec2d> ViewVisibility::pixel_of(Vec3f p_world) const {
   const Vec3d p = T_camera_world_ * vec_cast<double>(p_world);
   if (view_.kind == View::Kind::equirectangular) return project(camera_, p);
   if (p.z <= kit::kNearPlane_m) return std::nullopt;
@@ -344,7 +345,7 @@ std::optional<Vec2d> Eye::pixel_of(Vec3f p_world) const {
 }
 
 /// Whether all of a triangle lies in the tile without its gutter, and not across its seam.
-bool Eye::is_inside(const std::array<Vec3f, 3>& corners) const {
+bool ViewVisibility::is_inside(const std::array<Vec3f, 3>& corners) const {
   double left = std::numeric_limits<double>::max(), right = -left;
   for (const Vec3f& corner : corners) {
     const auto pixel = pixel_of(corner);
@@ -355,7 +356,7 @@ bool Eye::is_inside(const std::array<Vec3f, 3>& corners) const {
   return view_.kind == View::Kind::pinhole || right - left < 0.5 * view_.width;
 }
 
-bool Eye::inside_tile(Vec2d pixel) const {
+bool ViewVisibility::inside_tile(Vec2d pixel) const {
   const Rect& r = view_.image_rect;
   const double g = view_.gutter_px;
   return pixel.x >= r.x + g && pixel.y >= r.y + g && pixel.x <= r.x + r.width - 1 - g &&

@@ -11,9 +11,10 @@
 
 namespace mr::eval {
 
-/// What a viewpoint shows of a surface before its pictures are known: one raster pass that is
-/// shaded again for every texture. The mathematics is that of render::Renderer, on the CPU.
-struct Sight {
+/// The G-buffer of deferred shading: what a viewpoint shows of a surface before its pictures are
+/// known, in one raster pass that is shaded again for every texture. The mathematics is that of
+/// render::Renderer, on the CPU.
+struct GeometryBuffer {
   int width = 0, height = 0;
   ImageMask covered;
   std::vector<View> views;       ///< of the geometry
@@ -23,7 +24,8 @@ struct Sight {
 };
 
 /// Back faces are left out. Pinhole viewpoints.
-Sight look_at_geometry(const baseline::Geometry& geometry, const render::Viewpoint& viewpoint);
+GeometryBuffer draw_geometry(const baseline::Geometry& geometry,
+                             const render::Viewpoint& viewpoint);
 
 /// The luma of a texture's pictures, by stream; to be shaded with many times.
 struct LumaTexture {
@@ -34,6 +36,6 @@ LumaTexture luma_texture(const baseline::Texture& texture);
 
 /// As the Renderer draws the geometry with this texture, in luma. Views that the texture lacks are
 /// drawn as if untextured.
-ImageLuma shade(const Sight& sight, const LumaTexture& texture);
+ImageLuma shade(const GeometryBuffer& buffer, const LumaTexture& texture);
 
 }  // namespace mr::eval

@@ -11,10 +11,10 @@
 
 namespace mr::atlas {
 
-/// A room as one camera sees it without those who move in it (DESIGN section 9, "Colour"): the
-/// picture that textures the still surface. It changes block by block and only where the room did,
-/// so a video of it costs next to nothing. One per colour view. Same input, same bytes, on any
-/// number of threads.
+/// A clean plate, as film calls it, or background picture: a room as one camera sees it without
+/// those who move in it (DESIGN section 9, "Colour"): the picture that textures the still surface.
+/// It changes block by block and only where the room did, so a video of it costs next to nothing.
+/// One per colour view. Same input, same bytes, on any number of threads.
 ///
 /// A block becomes valid with the mean of its first four captures in a row that show nothing but
 /// still surface, and gets better once, with the mean of 32. After that it is copied anew only
@@ -22,7 +22,7 @@ namespace mr::atlas {
 /// block shows it, and that of video coding, which stays for seconds and changes everywhere with a
 /// key frame, as most blocks show it. What the camera's exposure does to the whole picture is the
 /// gain, and copies nothing.
-class Plate {
+class CleanPlate {
  public:
   static constexpr int kBlock_px = 16;
 
@@ -88,7 +88,7 @@ class Plate {
   void compare();
   void compare(Block& block) const;
   bool take(std::size_t block, const ImageRgb& live);
-  bool judge(std::size_t block);
+  bool next_stage(std::size_t block);
   Limits limits_of(const Block& block) const;
   bool is_off(std::size_t block, int factor) const;
   bool is_off_around(std::size_t block, int limit) const;

@@ -1,4 +1,4 @@
-#include "mr/kit/pinholes.h"
+#include "mr/kit/hole_filling.h"
 
 #include <algorithm>
 #include <vector>
@@ -112,7 +112,7 @@ std::vector<Vec3f> normals_at(const Mesh& mesh, const std::vector<std::uint8_t>&
 
 }  // namespace
 
-void close_pinholes(Mesh& mesh, double max_perimeter_m) {
+void fill_small_holes(Mesh& mesh, double max_perimeter_m) {
   BorderEdges edges(mesh);
   std::vector<std::vector<std::uint32_t>> holes;
   std::vector<std::uint8_t> at_hole(mesh.positions.size(), 0);

@@ -8,28 +8,29 @@
 
 namespace mr::atlas {
 
-/// Folds every `window` values that lie `stride` apart into the first of them by doubling (`fold`
+/// Reduces every `window` values that lie `stride` apart into the first of them by doubling (`op`
 /// must be associative, commutative and idempotent, such as min). What lies beyond the last whole
 /// window loses its meaning. `spare`: as many values.
-template <typename T, typename Fold>
-void fold_windows(std::vector<T>& values, std::vector<T>& spare, int window, int stride,
-                  const Fold& fold) {
-  const auto fold_with_next = [&](int distance) {
+template <typename T, typename Op>
+void reduce_windows(std::vector<T>& values, std::vector<T>& spare, int window, int stride,
+                    const Op& op) {
+  const auto reduce_with_next = [&](int distance) {
     const T* __restrict in = values.data();
     T* __restrict out = spare.data();
     const int count = static_cast<int>(values.size()) - distance;
-    for (int i = 0; i < count; ++i) out[i] = fold(in[i], in[i + distance]);
+    for (int i = 0; i < count; ++i) out[i] = op(in[i], in[i + distance]);
     values.swap(spare);
   };
-  int folded = 1;
-  for (; 2 * folded <= window; folded *= 2) fold_with_next(folded * stride);
-  if (folded < window) fold_with_next((window - folded) * stride);
+  int reduced = 1;
+  for (; 2 * reduced <= window; reduced *= 2) reduce_with_next(reduced * stride);
+  if (reduced < window) reduce_with_next((window - reduced) * stride);
 }
 
-/// Each pixel folded with all that are at most `r` away in x and y; beyond the picture lies
-/// `outside`. Parallel.
-template <typename T, typename Fold>
-Image<T, 1> fold_around(const Image<T, 1>& image, int r, T outside, const Fold& fold) {
+/// Each pixel reduced with all that are at most `r` away in x and y; beyond the picture lies
+/// `outside`. With max or `or` this is a morphological dilation by a square, with min an erosion.
+/// Parallel.
+template <typename T, typename Op>
+Image<T, 1> reduce_neighbourhood(const Image<T, 1>& image, int r, T outside, const Op& op) {
   const int window = 2 * r + 1;
   Image<T, 1> rows(image.width, image.height), out(image.width, image.height);
   parallel_for(image.height, 32, [&](std::size_t begin, std::size_t end) {
@@ -37,11 +38,11 @@ Image<T, 1> fold_around(const Image<T, 1>& image, int r, T outside, const Fold& 
     for (int y = static_cast<int>(begin); y < static_cast<int>(end); ++y) {
       std::fill(line.begin(), line.end(), outside);
       std::copy_n(image.row(y), image.width, line.begin() + r);
-      fold_windows(line, spare, window, 1, fold);
+      reduce_windows(line, spare, window, 1, op);
       std::copy_n(line.begin(), image.width, rows.row(y));
     }
   });
-  constexpr int kStrip = 64 / sizeof(T);  // columns folded at once: one cache line
+  constexpr int kStrip = 64 / sizeof(T);  // columns reduced at once: one cache line
   const int strips = (image.width + kStrip - 1) / kStrip;
   parallel_for(strips, 4, [&](std::size_t begin, std::size_t end) {
     std::vector<T> strip((image.height + 2 * r) * kStrip), spare(strip.size());
@@ -51,7 +52,7 @@ Image<T, 1> fold_around(const Image<T, 1>& image, int r, T outside, const Fold& 
       std::fill(strip.begin(), strip.end(), outside);
       for (int y = 0; y < image.height; ++y)
         std::copy_n(rows.at(x, y), columns, strip.begin() + (y + r) * kStrip);
-      fold_windows(strip, spare, window, kStrip, fold);
+      reduce_windows(strip, spare, window, kStrip, op);
       for (int y = 0; y < image.height; ++y)
         std::copy_n(strip.begin() + y * kStrip, columns, out.at(x, y));
     }

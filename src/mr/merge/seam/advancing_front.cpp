@@ -1,4 +1,4 @@
-#include "mr/merge/seam/front.h"
+#include "mr/merge/seam/advancing_front.h"
 
 #include <cmath>
 #include <utility>
@@ -9,12 +9,12 @@
 namespace mr::merge {
 namespace {
 
-constexpr double kFullTurn = 4;      // of Front::turn
+constexpr double kFullTurn = 4;      // of AdvancingFront::turn
 constexpr double kTurnSlack = 1e-4;  // about a 10000th of a radian
 
 }  // namespace
 
-Front::Front(const Joined& joined, std::span<const std::uint8_t> wanted) {
+AdvancingFront::AdvancingFront(const Joined& joined, std::span<const std::uint8_t> wanted) {
   const Mesh& mesh = joined.mesh;
   std::vector<std::uint32_t> local = find_vertices(joined, wanted);
   for (std::size_t b = 0; b < wanted.size(); ++b) {
@@ -34,8 +34,8 @@ Front::Front(const Joined& joined, std::span<const std::uint8_t> wanted) {
 
 /// Takes the border's vertices at the places of wanted edges. Returns their numbers: [V of the
 /// mesh], kNone for all others.
-std::vector<std::uint32_t> Front::find_vertices(const Joined& joined,
-                                                std::span<const std::uint8_t> wanted) {
+std::vector<std::uint32_t> AdvancingFront::find_vertices(const Joined& joined,
+                                                         std::span<const std::uint8_t> wanted) {
   const Mesh& mesh = joined.mesh;
   std::vector<std::uint32_t> start, local(mesh.positions.size(), kNone);
   std::vector<Vec3f> positions;
@@ -68,7 +68,7 @@ std::vector<std::uint32_t> Front::find_vertices(const Joined& joined,
 }
 
 /// Finds the vertices' normals, and the edges between their places that have surface on the left.
-void Front::look_at_triangles(const Mesh& mesh, std::vector<std::uint32_t> local) {
+void AdvancingFront::look_at_triangles(const Mesh& mesh, std::vector<std::uint32_t> local) {
   std::vector<std::uint32_t> triangles, inside;  // inside: corners that are not on the border
   for (std::uint32_t t = 0; t < mesh.triangles.size(); ++t) {
     const auto& [a, b, c] = mesh.triangles[t];
@@ -101,36 +101,36 @@ void Front::look_at_triangles(const Mesh& mesh, std::vector<std::uint32_t> local
   for (Vertex& v : vertices_) v.normal = normalized(v.normal);
 }
 
-Front::Workspace Front::workspace(std::size_t edges) {
+AdvancingFront::Workspace AdvancingFront::workspace(std::size_t edges) {
   const std::uint32_t begin = size();
   edges_.resize(edges_.size() + edges);
   return {begin, size(), {}};
 }
 
-std::uint32_t Front::take(Workspace& space) {
+std::uint32_t AdvancingFront::take(Workspace& space) {
   if (space.next == size()) edges_.emplace_back();
   return space.next++;
 }
 
-std::uint32_t Front::add_edge(std::uint32_t from, std::uint32_t to, Workspace& space) {
+std::uint32_t AdvancingFront::add_edge(std::uint32_t from, std::uint32_t to, Workspace& space) {
   const std::uint32_t e = take(space);
   add_live(from, to, e);
   return e;
 }
 
-void Front::add_live(std::uint32_t from, std::uint32_t to, std::uint32_t e) {
+void AdvancingFront::add_live(std::uint32_t from, std::uint32_t to, std::uint32_t e) {
   std::uint32_t* last = &vertices_[from].corner;
   while (*last != kNone) last = &edges_[*last].sibling;
   *last = e;
   edges_[e] = {from, to, e, e, kNone, true};
 }
 
-void Front::add_inner(std::uint32_t e) {
+void AdvancingFront::add_inner(std::uint32_t e) {
   edges_[e].alive = false;
   edges_[e].sibling = std::exchange(vertices_[vertices_[edges_[e].from].place].inner, e);
 }
 
-void Front::retire(std::uint32_t e) {
+void AdvancingFront::retire(std::uint32_t e) {
   std::uint32_t* link = &vertices_[edges_[e].from].corner;
   while (*link != e) link = &edges_[*link].sibling;
   *link = edges_[e].sibling;
@@ -138,7 +138,7 @@ void Front::retire(std::uint32_t e) {
 }
 
 /// Whether an edge that is not live leads from one vertex's place to another's.
-bool Front::has_inner(std::uint32_t from, std::uint32_t to) const {
+bool AdvancingFront::has_inner(std::uint32_t from, std::uint32_t to) const {
   const std::uint32_t place = vertices_[to].place;
   std::uint32_t e = vertices_[vertices_[from].place].inner;
   while (e != kNone && vertices_[edges_[e].to].place != place) e = edges_[e].sibling;
@@ -146,7 +146,7 @@ bool Front::has_inner(std::uint32_t from, std::uint32_t to) const {
 }
 
 /// The live edge that leads from one vertex's place to another's, or kNone.
-std::uint32_t Front::find_live(std::uint32_t from, std::uint32_t to) const {
+std::uint32_t AdvancingFront::find_live(std::uint32_t from, std::uint32_t to) const {
   const std::uint32_t place = vertices_[to].place;
   for (std::uint32_t v = vertices_[from].place; v != kNone; v = vertices_[v].next_here)
     for (std::uint32_t e = vertices_[v].corner; e != kNone; e = edges_[e].sibling)
@@ -156,7 +156,8 @@ std::uint32_t Front::find_live(std::uint32_t from, std::uint32_t to) const {
 
 /// The turn from the direction to `reference` counter-clockwise to `other`, seen against the normal
 /// at `vertex`: grows with the angle, 0 to 4 for a full turn, without its trigonometry.
-double Front::turn(std::uint32_t vertex, std::uint32_t reference, std::uint32_t other) const {
+double AdvancingFront::turn(std::uint32_t vertex, std::uint32_t reference,
+                            std::uint32_t other) const {
   const Vertex& v = vertices_[vertex];
   const Vec3d n = vec_cast<double>(v.normal);
   const Vec3d r = vec_cast<double>(vertices_[reference].at - v.at),
@@ -168,13 +169,13 @@ double Front::turn(std::uint32_t vertex, std::uint32_t reference, std::uint32_t 
 }
 
 /// No third triangle: u → w and w → v must be free, and what lies behind them on the border.
-bool Front::edges_are_free(std::uint32_t u, std::uint32_t v, std::uint32_t w) const {
+bool AdvancingFront::edges_are_free(std::uint32_t u, std::uint32_t v, std::uint32_t w) const {
   for (const auto& [from, to] : {std::pair(u, w), std::pair(w, v)})
     if (has_inner(from, to) || has_inner(to, from) || find_live(from, to) != kNone) return false;
   return true;
 }
 
-bool Front::fits_as_ear(std::uint32_t e) const {
+bool AdvancingFront::fits_as_ear(std::uint32_t e) const {
   const std::uint32_t corner = edges_[ear_corner(e)].from;
   const Vertex &u = vertices_[edges_[e].from], &v = vertices_[edges_[e].to], &w = vertices_[corner];
   if (w.place == u.place || w.place == v.place) return false;
@@ -183,7 +184,7 @@ bool Front::fits_as_ear(std::uint32_t e) const {
          edges_are_free(edges_[e].from, edges_[e].to, corner);
 }
 
-bool Front::fits(std::uint32_t e, std::uint32_t corner) const {
+bool AdvancingFront::fits(std::uint32_t e, std::uint32_t corner) const {
   const Edge &edge = edges_[e], &c = edges_[corner];
   const std::uint32_t u = edge.from, v = edge.to, w = c.from;
   const auto place = [&](std::uint32_t vertex) { return vertices_[vertex].place; };
@@ -208,7 +209,8 @@ bool Front::fits(std::uint32_t e, std::uint32_t corner) const {
   return edges_are_free(u, v, w);
 }
 
-std::array<std::uint32_t, 2> Front::fill(std::uint32_t e, std::uint32_t corner, Workspace& space) {
+std::array<std::uint32_t, 2> AdvancingFront::fill(std::uint32_t e, std::uint32_t corner,
+                                                  Workspace& space) {
   const Edge old = edges_[e];
   const std::uint32_t w = edges_[corner].from, before_w = edges_[corner].prev;
   const auto of_mesh = [&](std::uint32_t v) { return vertices_[v].of_mesh; };
@@ -230,7 +232,7 @@ std::array<std::uint32_t, 2> Front::fill(std::uint32_t e, std::uint32_t corner, 
   return fresh;
 }
 
-void Front::close(std::uint32_t e) {
+void AdvancingFront::close(std::uint32_t e) {
   if (!edges_[e].alive) return;
   const std::uint32_t o = find_live(edges_[e].to, edges_[e].from);
   if (o == kNone) return;
@@ -241,7 +243,7 @@ void Front::close(std::uint32_t e) {
   if (b.prev != e) link(b.prev, a.next);
 }
 
-std::optional<int> Front::loop_length(std::uint32_t e, int limit) const {
+std::optional<int> AdvancingFront::loop_length(std::uint32_t e, int limit) const {
   int count = 1;
   for (std::uint32_t k = edges_[e].next; k != e; k = edges_[k].next)
     if (++count > limit) return std::nullopt;

@@ -2,10 +2,10 @@
 
 namespace mr::merge {
 
-/// Cuts a triangle abc into n² equal pieces: calls visit(b, c) with the weights of ab and ac for
-/// the middle of each.
+/// Subdivides a triangle abc into n² equal pieces: calls visit(b, c) with the weights of ab and ac
+/// for the middle of each.
 template <typename Visit>
-void for_each_piece(int n, Visit&& visit) {
+void for_each_subtriangle(int n, Visit&& visit) {
   const float step = 1 / static_cast<float>(n);
   for (int i = 0; i < n; ++i)
     for (int j = 0; i + j < n; ++j) {
