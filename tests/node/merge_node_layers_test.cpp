@@ -138,7 +138,7 @@ TEST(MergeNodeLayers, AnInnerMergerTellsItsInputsWhenTheOneAboveShowsTheirRoom) 
   }
   ASSERT_GT(first_still, 0u);
   const auto shown = [](std::uint64_t sequence) {
-    return codec::Request{.key_frames = {}, .chunks = {}, .taken = {}, .shown = sequence};
+    return codec::Control{.key_frames = {}, .chunks = {}, .taken = {}, .shown = sequence};
   };
   west.node.answer(shown(first_still - 1));
   EXPECT_TRUE(west.node.take_shown().empty());

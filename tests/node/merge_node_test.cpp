@@ -32,7 +32,7 @@ using test::two_sensors_with_layers;
 using test::unit_of;
 using test::wall;
 
-codec::Request key_frames_of(std::vector<std::uint32_t> streams) {
+codec::Control key_frames_of(std::vector<std::uint32_t> streams) {
   return {.key_frames = std::move(streams), .chunks = {}, .taken = {}};
 }
 
@@ -65,7 +65,7 @@ TEST(MergeNode, HeadNamesSceneMergerAndTick) {
 TEST(MergeNode, AnInnerMergerDoesNotSayThatItDecimates) {
   Scene scene = two_sensors_below_west();
   scene.merge.simplify.ratio = 0.75;
-  EXPECT_EQ(Merger(scene, false).see(wall()).plan.simplify_ratio, 1);
+  EXPECT_EQ(Merger(scene, false).see(wall()).plan.decimation.ratio, 1);
 }
 
 TEST(MergeNode, AClockMarksBeginningAndEndAfterTheMarksOfTheInputs) {

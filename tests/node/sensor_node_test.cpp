@@ -380,7 +380,7 @@ TEST(SensorNode, AChunkThatIsAskedForIsSentAgainUntilLongAfterItWasShown) {
   const EncodedChunk& wanted = first.chunks.at(1);
   ChunkKey unknown = wanted.key;
   unknown.version += 40;
-  const codec::Request request{
+  const codec::Control request{
       .key_frames = {}, .chunks = {unknown, wanted.key, wanted.key}, .taken = {}};
   const auto answer = codec::decode_chunks(sensor.node.answer(request));
   ASSERT_TRUE(answer) << answer.error().message;

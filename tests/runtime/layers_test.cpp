@@ -173,6 +173,7 @@ TEST(Layers, ChunksMadeAtDifferentTimesFit) {
                                 .after_s = scene.still.after_s,
                                 .chunk_m = scene.fusion.chunk_m});
   node::StillSurface surface(scene);
+  const double error_m = node::sensor_plan(scene, 0).still_error_m;
   Chunks chunks;
   std::map<Vec3i, int> made_at;
   for (int i = 0; i < 115; ++i) {
@@ -180,7 +181,8 @@ TEST(Layers, ChunksMadeAtDifferentTimesFit) {
     if (!background.update(frame.depth).still_changed) continue;
     frame.depth = background.still();
     const ImageDepth depth = node::prepare_depth(scene, camera, frame);
-    const auto changed = surface.update(depth, camera, frame.T_world_depth, sensor.precision);
+    const auto changed =
+        surface.update(depth, camera, frame.T_world_depth, sensor.precision, error_m);
     ASSERT_TRUE(changed);
     for (const node::StillChunk& chunk : *changed) {
       made_at[chunk.cube] = i, chunks[chunk.cube] = chunk.mesh;
@@ -188,7 +190,7 @@ TEST(Layers, ChunksMadeAtDifferentTimesFit) {
     }
     // It is what would be made of this picture at once.
     node::StillSurface fresh(scene);
-    const auto all = fresh.update(depth, camera, frame.T_world_depth, sensor.precision);
+    const auto all = fresh.update(depth, camera, frame.T_world_depth, sensor.precision, error_m);
     ASSERT_TRUE(all);
     int other = 0;
     Chunks at_once;

@@ -36,8 +36,8 @@ class LinkedScene {
           node::NodeLog{}));
     for (const SensorConfig& sensor : scene_.sensors)
       listeners_.push_back(network_.subscribe(
-          sensor.id, [this, id = sensor.id, heads = std::make_shared<codec::HeadReader>()](
-                         const net::Message& bytes) {
+          sensor.id, [this, id = sensor.id,
+                      heads = std::make_shared<codec::HeadReader>()](const net::Message& bytes) {
             if (const auto packet = heads->read(*bytes, network_.now())) plans_[id] = packet->plan;
           }));
     for (const MergerConfig& merger : scene_.mergers)
@@ -66,8 +66,8 @@ class LinkedScene {
   const std::map<std::string, CodingPlan>& sensor_plans() const { return plans_; }
   /// As whoever controls the rate does.
   void ask(const std::string& node, const codec::Control& control) {
-    network_.request(node, std::make_shared<const std::vector<std::byte>>(
-                               codec::encode_control(control)), {});
+    network_.request(
+        node, std::make_shared<const std::vector<std::byte>>(codec::encode_control(control)), {});
   }
   std::uint64_t lost() const {
     std::uint64_t out = 0;

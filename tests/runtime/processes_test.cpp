@@ -16,10 +16,10 @@
 #include <random>
 #include <thread>
 
+#include "mr/codec/control.h"
 #include "mr/codec/head.h"
 #include "mr/codec/packet_codec.h"
 #include "mr/codec/receiver.h"
-#include "mr/codec/control.h"
 #include "mr/core/scene.h"
 #include "mr/net/transport.h"
 #include "mr/node/coalesce_packets.h"
