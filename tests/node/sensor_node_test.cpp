@@ -110,7 +110,7 @@ TEST(SensorNode, HeadNamesSceneSensorAndCapture) {
   const TimePoint middle = frame.exposure_start + test::kExposure / 2;
   EXPECT_EQ(packet.captured_at, middle);
   EXPECT_TRUE(packet.marks.empty()) << "there is no clock";
-  EXPECT_EQ(packet.plan, (CodingPlan{0.25f, 5, 1, 25}));
+  EXPECT_EQ(packet.plan, (CodingPlan{{0.25, 0}, 0, 5, 1, 25}));
 
   ASSERT_EQ(packet.sources.size(), 1u);
   EXPECT_EQ(packet.sources[0], (SourceInfo{1, middle, scene.sensors[1].depth_camera,

@@ -41,7 +41,8 @@ Result<Mesh> on_lattice(const Mesh& mesh, const Scene& scene) {
 
 Mesh SurfaceJoiner::join(const Parts& parts, bool all, const std::function<void()>& halfway) {
   const MergeConfig& config = scene_->merge;
-  const auto now = [&] { return clock_ ? clock_() : TimePoint{}; };
+  const bool has_budget = clock_ && merger_->budget_ms > 0;
+  const auto now = [&] { return has_budget ? clock_() : TimePoint{}; };
   const TimePoint started = now();
   const auto spent_ms = [&] {
     return std::chrono::duration<double, std::milli>(now() - started).count();
@@ -60,7 +61,7 @@ Mesh SurfaceJoiner::join(const Parts& parts, bool all, const std::function<void(
   hooks.after_overlap = [&](std::span<const Mesh>, merge::ZipperConfig& zipper) {
     if (halfway) halfway();
     before_zipper_ms = spent_ms();
-    hurry = merger_->budget_ms > 0 && before_zipper_ms + zipper_ms_ > merger_->budget_ms;
+    hurry = has_budget && before_zipper_ms + zipper_ms_ > merger_->budget_ms;
     if (hurry) zipper.max_gap_m = 0;
   };
   const Mesh whole = merge::merge_surfaces(parts, surfaces, &quality_, hooks);
