@@ -8,8 +8,8 @@
 #include <vector>
 
 #include "mr/core/result.h"
-#include "mr/core/scene.h"
 #include "mr/eval/quality.h"
+#include "mr/scene/scene.h"
 #include "progress.h"
 
 /// What the commands under `eval` share.

@@ -4,7 +4,7 @@
 #include <string>
 #include <vector>
 
-#include "mr/core/scene.h"
+#include "mr/scene/scene.h"
 
 namespace mr::apps {
 

@@ -8,8 +8,8 @@
 
 #include "mr/core/decoded_scene.h"
 #include "mr/core/result.h"
-#include "mr/core/scene.h"
 #include "mr/runtime/lockstep_scene.h"
+#include "mr/scene/scene.h"
 
 /// What the commands share: loading a scene with all its problems told, running it with a progress
 /// line, and writing what came out.

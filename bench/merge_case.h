@@ -5,8 +5,8 @@
 #include <vector>
 
 #include "mr/core/mesh.h"
-#include "mr/core/scene.h"
 #include "mr/kit/part.h"
+#include "mr/scene/scene.h"
 #include "stage.h"
 
 namespace mr::bench {

@@ -35,11 +35,11 @@ Message compare_ways(const MergeCase& input) {
   std::size_t rays = 0, same = 0, drawn_hits = 0, cast_hits = 0;
   Arena arena(0);
   arena.run([&] {
-    const auto verdicts = [&](MergeConfig::Overlap how) {
+    const auto verdicts = [&](merge::MergeConfig::Overlap how) {
       return merge::ray_verdicts(input.parts, paper_config(input, how));
     };
-    const auto drawn = verdicts(MergeConfig::Overlap::raster);
-    const auto cast = verdicts(MergeConfig::Overlap::rays);
+    const auto drawn = verdicts(merge::MergeConfig::Overlap::raster);
+    const auto cast = verdicts(merge::MergeConfig::Overlap::rays);
     for (std::size_t i = 0; i < drawn.size(); ++i) {
       const std::size_t pixels = drawn[i].first.size() - 1;
       rays += pixels, drawn_hits += drawn[i].verdicts.size(), cast_hits += cast[i].verdicts.size();

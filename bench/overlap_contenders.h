@@ -16,6 +16,6 @@ Contender overlap_ours(const MergeCase& input, int threads);
 Contender overlap_embree(const MergeCase& input, int threads);
 
 /// How the paper's rule is asked for.
-merge::OverlapConfig paper_config(const MergeCase& input, MergeConfig::Overlap how);
+merge::OverlapConfig paper_config(const MergeCase& input, merge::MergeConfig::Overlap how);
 
 }  // namespace mr::bench

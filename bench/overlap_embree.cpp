@@ -40,7 +40,7 @@ class Embree final : public Work {
   }
 
   Message result() override {
-    const auto config = paper_config(input_, MergeConfig::Overlap::rays);
+    const auto config = paper_config(input_, merge::MergeConfig::Overlap::rays);
     const auto start = std::chrono::steady_clock::now();
     std::vector<std::uint8_t> all;
     arena_.run([&] {
@@ -90,8 +90,8 @@ Contender overlap_embree(const MergeCase& input, int threads) {
           [&input, threads] { return std::make_unique<Embree>(input, threads); }};
 }
 
-merge::OverlapConfig paper_config(const MergeCase& input, MergeConfig::Overlap how) {
-  return {.owner = MergeConfig::Owner::paper,
+merge::OverlapConfig paper_config(const MergeCase& input, merge::MergeConfig::Overlap how) {
+  return {.owner = merge::MergeConfig::Owner::paper,
           .overlap = how,
           .voxel_m = input.voxel_m,
           .calibration_error_m = input.config.calibration_error_m};

@@ -12,7 +12,7 @@ class OverlapOurs final : public Work {
 
   void clear() override { gone_ = {}; }
   void run(StageClock&) override {
-    const auto config = paper_config(input_, MergeConfig::Overlap::raster);
+    const auto config = paper_config(input_, merge::MergeConfig::Overlap::raster);
     arena_.run([&] { gone_ = merge::farther_triangles(input_.parts, config); });
   }
   Message result() override {

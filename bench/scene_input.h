@@ -2,7 +2,7 @@
 
 #include <filesystem>
 
-#include "mr/core/scene.h"
+#include "mr/scene/scene.h"
 
 namespace mr::bench {
 

@@ -1,7 +1,6 @@
 # Everything comes from Debian packages (scripts/setup); nothing is downloaded here.
 find_package(TBB REQUIRED)
 find_package(embree 3 REQUIRED)
-find_package(yaml-cpp REQUIRED)
 find_package(Threads REQUIRED)
 find_package(hwy REQUIRED)
 # Every file with dispatched code sees the same targets: the scalar one always, and of ARM's only
@@ -17,6 +16,7 @@ if(MR_FUSION_ONLY)
 endif()
 
 find_package(PkgConfig REQUIRED)
+find_package(yaml-cpp REQUIRED)
 find_package(draco REQUIRED)
 find_package(OpenCV REQUIRED COMPONENTS core imgcodecs)
 find_package(FlatBuffers REQUIRED)

@@ -139,8 +139,9 @@ Part any_part(Input& in, std::uint32_t number) {
 
 OverlapConfig any_config(Input& in) {
   OverlapConfig out;
-  out.owner = in.one_in(2) ? MergeConfig::Owner::paper : MergeConfig::Owner::coherent;
-  out.overlap = in.one_in(2) ? MergeConfig::Overlap::rays : MergeConfig::Overlap::raster;
+  out.owner = in.one_in(2) ? merge::MergeConfig::Owner::paper : merge::MergeConfig::Owner::coherent;
+  out.overlap =
+      in.one_in(2) ? merge::MergeConfig::Overlap::rays : merge::MergeConfig::Overlap::raster;
   out.voxel_m = in.between(0.005f, 0.1f);
   out.calibration_error_m = in.between(0, 0.03f);
   return out;

@@ -1,4 +1,4 @@
-#include "mr/core/scene.h"
+#include "mr/scene/scene.h"
 
 #include <cstddef>
 #include <cstdint>

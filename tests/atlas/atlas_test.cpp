@@ -18,7 +18,7 @@ View view(ViewId id, int w, int h) {
 TEST(Layout, TilesDoNotShareMacroblocksAndFit) {
   std::vector<View> views;
   for (ViewId i = 0; i < 11; ++i) views.push_back(view(i, 300 + 10 * static_cast<int>(i), 203));
-  AtlasConfig config;
+  atlas::AtlasConfig config;
   config.width = 1000, config.height = 800;
   const atlas::Layout layout = *atlas::make_layout(views, config, 1.0, 4);
   EXPECT_LE(layout.width, 1000);
@@ -44,7 +44,7 @@ TEST(Layout, ScaleShrinksTiles) {
 }
 
 TEST(Layout, TooManyViewsAreRefused) {
-  AtlasConfig tiny;
+  atlas::AtlasConfig tiny;
   tiny.width = tiny.height = 16;
   const auto layout = atlas::make_layout({view(0, 640, 480), view(1, 640, 480)}, tiny, 1, 1);
   ASSERT_FALSE(layout);

@@ -73,8 +73,8 @@ TEST(Labels, OccluderIsNotPaintedOntoTheWall) {
 TEST(Labels, BestAngleTakesTheMostDirectView) {
   const std::vector<View> views = {view(0, {-1.5, 0, 0.5}, {0, 0, 2}),
                                    view(1, {0, 0, 0}, {0, 0, 2})};
-  const Mesh mesh =
-      atlas::label_triangles(wall(0.4f, 10), views, {.views = AtlasConfig::Views::best_angle});
+  const Mesh mesh = atlas::label_triangles(wall(0.4f, 10), views,
+                                           {.views = atlas::AtlasConfig::Views::best_angle});
   EXPECT_NEAR(labelled_area(mesh, 1), 0.64, 1e-3);
 }
 
@@ -142,7 +142,7 @@ TEST(Labels, CoherentLabelsHaveShorterBorders) {
                                    view(1, {0.4, 0, 0}, {0.1, 0, 2})};
   // A bumpy wall: the angle test alone flickers between two views of about the same angle.
   const Mesh bumpy = test::grid({-0.6f, 0.6f, 2}, {1.2f, 0, 0}, {0, -1.2f, 0}, 30, 30, 0.01f, 5);
-  const auto border = [&](AtlasConfig::Views mode) {
+  const auto border = [&](atlas::AtlasConfig::Views mode) {
     const Mesh mesh =
         atlas::label_triangles(bumpy, views, {.views = mode, .geometry_error_m = 0.02});
     const auto label = triangle_views(mesh);
@@ -152,7 +152,8 @@ TEST(Labels, CoherentLabelsHaveShorterBorders) {
       count += edges.twin[h] != kit::kNoTwin && label[h / 3] != label[edges.twin[h] / 3];
     return count;
   };
-  EXPECT_LT(border(AtlasConfig::Views::coherent), border(AtlasConfig::Views::best_angle));
+  EXPECT_LT(border(atlas::AtlasConfig::Views::coherent),
+            border(atlas::AtlasConfig::Views::best_angle));
 }
 
 TEST(Labels, SameOnAnyNumberOfThreads) {
@@ -256,8 +257,9 @@ TEST(Labels, PinholeAndPanoramaShareTheRoom) {
   // The pinhole looks at one wall from near by; the panorama stands aside.
   View near = view(1, {0, 0, 0.8}, {0, 0, 2});
   const View around = panorama(0, {-1.2, 0, 0.3});
-  const Mesh mesh = atlas::label_triangles(
-      room(20), {{around, near}}, {.views = AtlasConfig::Views::best_angle, .min_edge_m = 0.05});
+  const Mesh mesh =
+      atlas::label_triangles(room(20), {{around, near}},
+                             {.views = atlas::AtlasConfig::Views::best_angle, .min_edge_m = 0.05});
   EXPECT_GT(labelled_area(mesh, 1), 0.8);
   EXPECT_GT(labelled_area(mesh, 0), 60);
   expect_inside(mesh, near);

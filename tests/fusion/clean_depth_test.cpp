@@ -14,23 +14,23 @@
 namespace mr::fusion {
 namespace {
 
-constexpr CleanConfig kNothing{
+constexpr fusion::CleanConfig kNothing{
     .mixed_pixels = false, .speckle_px = 0, .fill_px = 0, .smooth_depth = false};
 
-CleanConfig only_mixed() {
-  CleanConfig config = kNothing;
+fusion::CleanConfig only_mixed() {
+  fusion::CleanConfig config = kNothing;
   config.mixed_pixels = true;
   return config;
 }
 
-CleanConfig only_speckle(int least_px) {
-  CleanConfig config = kNothing;
+fusion::CleanConfig only_speckle(int least_px) {
+  fusion::CleanConfig config = kNothing;
   config.speckle_px = least_px;
   return config;
 }
 
-CleanConfig only_fill(int most_px) {
-  CleanConfig config = kNothing;
+fusion::CleanConfig only_fill(int most_px) {
+  fusion::CleanConfig config = kNothing;
   config.fill_px = most_px;
   return config;
 }
@@ -55,7 +55,7 @@ Camera lidar() {
   return camera;
 }
 
-ImageDepth cleaned(const ImageDepth& depth, const CleanConfig& config) {
+ImageDepth cleaned(const ImageDepth& depth, const fusion::CleanConfig& config) {
   return clean_depth(depth, pinhole(depth.width, depth.height), {}, config);
 }
 
@@ -198,7 +198,7 @@ TEST(CleanDepth, SmoothingLeavesASlantedPlaneWhereItIs) {
           1 / (0.3f + 0.0014f * static_cast<float>(y) + 0.0004f * static_cast<float>(x));
   ImageDepth noisy = plane;
   add_noise(noisy, precision);
-  CleanConfig config = kNothing;
+  fusion::CleanConfig config = kNothing;
   config.smooth_depth = true;
   const ImageDepth smooth = cleaned(noisy, config), exact = cleaned(plane, config);
   double before = 0, after = 0;
@@ -232,7 +232,7 @@ TEST(CleanDepth, WhatIsNoDepthBecomesInvalid) {
 TEST(CleanDepth, SmallAndEmptyPictures) {
   EXPECT_TRUE(clean_depth({}, Camera{}, {}, {}).empty());
   for (const float d : {0.0f, 1.0f, std::nanf("")}) {
-    CleanConfig config;
+    fusion::CleanConfig config;
     EXPECT_EQ(cleaned(ImageDepth(1, 1, d), config).data[0], 0);  // speckle
     config.speckle_px = 0;
     EXPECT_EQ(cleaned(ImageDepth(1, 1, d), config).data[0], d > 0 ? 1.0f : 0.0f);

@@ -16,8 +16,8 @@ namespace {
 
 using fusion::VolumeConfig;
 
-FusionConfig decomposition(Decomposition d, int m = 3, int n = 2) {
-  FusionConfig f;
+fusion::FusionConfig decomposition(fusion::Decomposition d, int m = 3, int n = 2) {
+  fusion::FusionConfig f;
   f.decomposition = d, f.patches_x = m, f.patches_y = n;
   return f;
 }
@@ -30,7 +30,7 @@ Mesh fuse_frame(const fusion::DepthFrame& frame, VolumeConfig volume = {}) {
   return fusion::FrameFuser(volume).fuse(frame).mesh;
 }
 
-Mesh fuse(const Mesh& scene, const Pose& pose, const FusionConfig& f = {},
+Mesh fuse(const Mesh& scene, const Pose& pose, const fusion::FusionConfig& f = {},
           const VolumeConfig& volume = {}) {
   const ImageDepth depth = test::render_depth(scene, test::small_camera(), pose);
   Mesh all;
@@ -125,7 +125,8 @@ TEST(Fusion, SecondFrameIsAveragedIn) {
 TEST(Fusion, SameBytesOnAnyNumberOfThreads) {
   Mesh scene = wall();
   append(scene, test::sphere({0.4f, 0.3f, 1.4f}, 0.3f, 40));
-  for (const Decomposition d : {Decomposition::chunks, Decomposition::patches}) {
+  for (const fusion::Decomposition d :
+       {fusion::Decomposition::chunks, fusion::Decomposition::patches}) {
     std::vector<Mesh> results;
     for (const int threads : {1, 2, 8}) {
       Arena arena(threads);
@@ -140,7 +141,7 @@ TEST(Fusion, PatchesAreIndependentAndCoverNearlyEverything) {
   const Mesh whole = fuse(wall(), tilted());
   const ImageDepth depth = test::render_depth(wall(), test::small_camera(), tilted());
   const auto patches =
-      fusion::patches(depth.width, depth.height, decomposition(Decomposition::patches));
+      fusion::patches(depth.width, depth.height, decomposition(fusion::Decomposition::patches));
   ASSERT_EQ(patches.size(), 6u);
   double area = 0;
   for (const Rect& patch : patches) {

@@ -10,8 +10,8 @@
 namespace mr {
 namespace {
 
-using Owner = MergeConfig::Owner;
-using Overlap = MergeConfig::Overlap;
+using Owner = merge::MergeConfig::Owner;
+using Overlap = merge::MergeConfig::Overlap;
 using kit::Part;
 using merge::OverlapConfig;
 

@@ -23,11 +23,11 @@ namespace {
 using test::part;
 using test::wall;
 
-using Overlap = MergeConfig::Overlap;
+using Overlap = merge::MergeConfig::Overlap;
 using Flags = std::vector<std::vector<std::uint8_t>>;
 
 merge::OverlapConfig by(Overlap how) {
-  return {.owner = MergeConfig::Owner::paper, .overlap = how};
+  return {.owner = merge::MergeConfig::Owner::paper, .overlap = how};
 }
 constexpr Overlap kWays[] = {Overlap::raster, Overlap::rays};
 

@@ -18,7 +18,7 @@ namespace {
 using test::part;
 using test::wall;
 
-using Owner = MergeConfig::Owner;
+using Owner = merge::MergeConfig::Owner;
 
 std::vector<kit::Part> wall_seen_twice(float offset, float noise = 0.002f) {
   return {part(wall(-1, 0.4f, 0, 40, noise, 1), 0, {-0.5, 0, 0}),

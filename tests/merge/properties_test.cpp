@@ -15,7 +15,7 @@
 namespace mr {
 namespace {
 
-using Owner = MergeConfig::Owner;
+using Owner = merge::MergeConfig::Owner;
 using kit::Part;
 
 struct Case {

@@ -13,11 +13,11 @@
 #include "mr/codec/export.h"
 #include "mr/core/file.h"
 #include "mr/core/parallel.h"
-#include "mr/core/scene.h"
 #include "mr/core/simd.h"
 #include "mr/net/digest.h"
 #include "mr/node/sources.h"
 #include "mr/runtime/lockstep_scene.h"
+#include "mr/scene/scene.h"
 #include "mr/synth/demo_scene.h"
 #include "mr/synth/room.h"
 

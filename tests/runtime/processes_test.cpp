@@ -20,10 +20,10 @@
 #include "mr/codec/head.h"
 #include "mr/codec/packet_codec.h"
 #include "mr/codec/receiver.h"
-#include "mr/core/scene.h"
 #include "mr/net/transport.h"
 #include "mr/node/coalesce_packets.h"
 #include "mr/node/node_clock.h"
+#include "mr/scene/scene.h"
 #include "support/free_port.h"
 #include "support/merging.h"
 

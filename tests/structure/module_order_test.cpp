@@ -9,8 +9,8 @@
 #include <string>
 #include <vector>
 
-/// Keeps the order of DESIGN section 3: core < kit < stages < node < gateway < runtime < baseline <
-/// eval < apps.
+/// Keeps the order of docs/architecture.md: core < yaml < kit < stages < scene < node < gateway <
+/// runtime < baseline < eval < apps.
 namespace {
 
 /// A file's text by its path from the repository's root.
@@ -21,9 +21,9 @@ const std::set<std::string> kStages = {"sensor", "synth", "still", "calib", "fus
 
 /// Layer of a module, from the ground up; -1 when the design does not know it.
 int layer(const std::string& module) {
-  if (kStages.contains(module)) return 2;
-  const std::vector<std::string> order = {"core",    "kit",      "",     "node", "gateway",
-                                          "runtime", "baseline", "eval", "apps"};
+  if (kStages.contains(module)) return 3;
+  const std::vector<std::string> order = {"core",    "yaml",    "kit",      "",     "scene", "node",
+                                          "gateway", "runtime", "baseline", "eval", "apps"};
   const auto at = std::find(order.begin(), order.end(), module);
   return module.empty() || at == order.end() ? -1 : static_cast<int>(at - order.begin());
 }

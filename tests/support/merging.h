@@ -202,7 +202,7 @@ struct Merged {
   Mesh mesh;
 };
 inline Merged merged(std::span<const kit::Part> parts,
-                     MergeConfig::Owner owner = MergeConfig::Owner::coherent,
+                     merge::MergeConfig::Owner owner = merge::MergeConfig::Owner::coherent,
                      double voxel_m = kVoxel_m) {
   Merged out;
   merge::MergeHooks hooks;

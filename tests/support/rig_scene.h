@@ -4,7 +4,7 @@
 #include <utility>
 #include <vector>
 
-#include "mr/core/scene.h"
+#include "mr/scene/scene.h"
 
 /// Small, fast scenes of the synthetic rig in which something happens.
 namespace mr::test {

@@ -7,8 +7,8 @@
 
 #include "mr/core/frame.h"
 #include "mr/core/mesh.h"
-#include "mr/core/scene.h"
 #include "mr/kit/topology.h"
+#include "mr/scene/scene.h"
 #include "support/depth_pictures.h"
 #include "support/pictures.h"
 

@@ -6,10 +6,10 @@
 #include <span>
 #include <vector>
 
+#include "mr/atlas/atlas_config.h"
 #include "mr/core/image.h"
 #include "mr/core/mesh.h"
 #include "mr/core/packet.h"
-#include "mr/core/scene.h"
 #include "mr/core/view.h"
 
 namespace mr::atlas {

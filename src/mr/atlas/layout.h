@@ -2,8 +2,8 @@
 
 #include <vector>
 
+#include "mr/atlas/atlas_config.h"
 #include "mr/core/result.h"
-#include "mr/core/scene.h"
 #include "mr/core/view.h"
 
 namespace mr::atlas {

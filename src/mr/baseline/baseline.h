@@ -11,8 +11,8 @@
 #include "mr/core/decoded_scene.h"
 #include "mr/core/frame.h"
 #include "mr/core/result.h"
-#include "mr/core/scene.h"
 #include "mr/core/trace.h"
+#include "mr/scene/scene.h"
 
 /// The systems that MeshReduce is compared with (EVALUATION, Baselines), as senders and receivers
 /// that code and decode for real. Both ends know the scene file, cameras and poses included.

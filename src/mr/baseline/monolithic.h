@@ -7,8 +7,8 @@
 #include "mr/core/frame.h"
 #include "mr/core/mesh.h"
 #include "mr/core/result.h"
-#include "mr/core/scene.h"
 #include "mr/core/view.h"
+#include "mr/scene/scene.h"
 
 namespace mr::baseline {
 

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstddef>
+#include <filesystem>
 #include <functional>
 #include <span>
 #include <string>
@@ -8,10 +9,17 @@
 
 #include "mr/core/chunk.h"
 #include "mr/core/lattice.h"
+#include "mr/core/pose.h"
 #include "mr/core/result.h"
-#include "mr/core/scene.h"
 
 namespace mr::codec {
+
+/// A model of what never moves: sent once, drawn with depth (paper, Fig. 11).
+struct BackgroundConfig {
+  std::filesystem::path model;  ///< .glb
+  Pose T_world_model;
+  friend bool operator==(const BackgroundConfig&, const BackgroundConfig&) = default;
+};
 
 /// Called with one line of text for the person who runs the node.
 using Notice = std::function<void(const std::string&)>;

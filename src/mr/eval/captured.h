@@ -2,8 +2,8 @@
 
 #include <vector>
 
-#include "mr/core/scene.h"
 #include "mr/eval/geometry_error.h"
+#include "mr/scene/scene.h"
 
 /// What of a scene its sensors can capture.
 namespace mr::eval {

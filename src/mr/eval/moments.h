@@ -2,7 +2,7 @@
 
 #include <vector>
 
-#include "mr/core/scene.h"
+#include "mr/scene/scene.h"
 
 namespace mr::eval {
 

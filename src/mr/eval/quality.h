@@ -8,12 +8,12 @@
 
 #include "mr/core/decoded_scene.h"
 #include "mr/core/result.h"
-#include "mr/core/scene.h"
 #include "mr/eval/judge.h"
 #include "mr/eval/moments.h"
 #include "mr/eval/reference.h"
 #include "mr/eval/system.h"
 #include "mr/eval/viewpoints.h"
+#include "mr/scene/scene.h"
 
 namespace mr::eval {
 

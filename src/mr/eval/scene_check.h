@@ -5,7 +5,7 @@
 #include <string>
 #include <vector>
 
-#include "mr/core/scene.h"
+#include "mr/scene/scene.h"
 
 /// A look at the first pictures of a scene, for people whose own pictures do not become a room.
 namespace mr::eval {

@@ -5,10 +5,10 @@
 
 #include "mr/core/image.h"
 #include "mr/core/result.h"
-#include "mr/core/scene.h"
 #include "mr/eval/moments.h"
 #include "mr/eval/reference.h"
 #include "mr/render/renderer.h"
+#include "mr/scene/scene.h"
 
 namespace mr::eval {
 

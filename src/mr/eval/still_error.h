@@ -6,9 +6,9 @@
 #include <vector>
 
 #include "mr/core/result.h"
-#include "mr/core/scene.h"
 #include "mr/eval/geometry_error.h"
 #include "mr/render/renderer.h"
+#include "mr/scene/scene.h"
 
 namespace mr::eval {
 

@@ -11,7 +11,7 @@
 
 #include "mr/core/camera.h"
 #include "mr/core/pose.h"
-#include "mr/core/scene.h"
+#include "mr/scene/scene.h"
 
 namespace mr::eval {
 

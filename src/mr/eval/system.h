@@ -8,10 +8,10 @@
 
 #include "mr/baseline/baseline.h"
 #include "mr/core/result.h"
-#include "mr/core/scene.h"
 #include "mr/eval/moments.h"
 #include "mr/eval/reference.h"
 #include "mr/eval/store.h"
+#include "mr/scene/scene.h"
 
 namespace mr::eval {
 

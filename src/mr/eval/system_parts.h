@@ -9,9 +9,9 @@
 
 #include "mr/core/frame.h"
 #include "mr/core/result.h"
-#include "mr/core/scene.h"
 #include "mr/eval/moments.h"
 #include "mr/eval/system.h"
+#include "mr/scene/scene.h"
 
 /// What the systems under test are made of.
 namespace mr::eval {

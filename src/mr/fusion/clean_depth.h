@@ -3,7 +3,7 @@
 #include "mr/core/camera.h"
 #include "mr/core/image.h"
 #include "mr/core/packet.h"
-#include "mr/core/scene.h"
+#include "mr/fusion/fusion_config.h"
 
 namespace mr::fusion {
 

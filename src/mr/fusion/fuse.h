@@ -3,7 +3,7 @@
 #include <vector>
 
 #include "mr/core/image.h"
-#include "mr/core/scene.h"
+#include "mr/fusion/fusion_config.h"
 #include "mr/fusion/marching_cubes.h"
 #include "mr/fusion/voxel_volume.h"
 

@@ -6,9 +6,9 @@
 #include <vector>
 
 #include "mr/core/result.h"
-#include "mr/core/scene.h"
 #include "mr/gateway/tokens.h"
 #include "mr/net/web_server.h"
+#include "mr/scene/scene.h"
 
 namespace mr::gateway {
 

@@ -10,7 +10,6 @@
 #include <vector>
 
 #include "mr/codec/head.h"
-#include "mr/core/scene.h"
 #include "mr/gateway/guests.h"
 #include "mr/gateway/viewer_inbox.h"
 #include "mr/gateway/viewers.h"
@@ -18,6 +17,7 @@
 #include "mr/node/node_clock.h"
 #include "mr/node/presence.h"
 #include "mr/node/task.h"
+#include "mr/scene/scene.h"
 
 namespace mr::gateway {
 

@@ -7,9 +7,9 @@
 #include <set>
 #include <string>
 
-#include "mr/core/network_config.h"
 #include "mr/core/result.h"
 #include "mr/net/drops.h"
+#include "mr/net/network_config.h"
 #include "mr/net/transport.h"
 
 namespace mr::net {

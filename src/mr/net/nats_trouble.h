@@ -3,8 +3,8 @@
 #include <string>
 #include <vector>
 
-#include "mr/core/network_config.h"
 #include "mr/core/result.h"
+#include "mr/net/network_config.h"
 
 namespace mr::net {
 

@@ -9,8 +9,8 @@
 #include <string>
 #include <vector>
 
-#include "mr/core/network_config.h"
 #include "mr/core/result.h"
+#include "mr/net/network_config.h"
 #include "mr/net/outbox.h"
 
 /// Carries bytes between nodes and to viewers, and never looks inside them.

@@ -6,9 +6,9 @@
 #include <vector>
 
 #include "mr/calib/pose_refiner.h"
-#include "mr/core/scene.h"
 #include "mr/core/view.h"
 #include "mr/kit/part.h"
+#include "mr/scene/scene.h"
 
 namespace mr::node {
 

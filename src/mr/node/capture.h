@@ -8,7 +8,7 @@
 #include <vector>
 
 #include "mr/core/frame_source.h"
-#include "mr/core/scene.h"
+#include "mr/scene/scene.h"
 #include "mr/sensor/registration.h"
 
 namespace mr::node {

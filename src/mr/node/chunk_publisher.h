@@ -8,7 +8,7 @@
 #include "mr/codec/chunk_cache.h"
 #include "mr/core/packet.h"
 #include "mr/core/result.h"
-#include "mr/core/scene.h"
+#include "mr/scene/scene.h"
 
 namespace mr::node {
 

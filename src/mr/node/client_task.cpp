@@ -2,8 +2,6 @@
 
 #include <utility>
 
-#include "mr/core/scene.h"
-
 namespace mr::node {
 
 ClientTask::ClientTask(const Scene& scene, NodeLog log)

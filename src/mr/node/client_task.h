@@ -6,6 +6,7 @@
 #include "mr/codec/stream_receiver.h"
 #include "mr/core/decoded_scene.h"
 #include "mr/node/task.h"
+#include "mr/scene/scene.h"
 
 namespace mr::node {
 

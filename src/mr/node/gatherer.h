@@ -13,9 +13,9 @@
 #include "mr/core/mesh.h"
 #include "mr/core/packet.h"
 #include "mr/core/result.h"
-#include "mr/core/scene.h"
 #include "mr/core/trace.h"
 #include "mr/node/aligner.h"
+#include "mr/scene/scene.h"
 
 namespace mr::node {
 

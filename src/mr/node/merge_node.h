@@ -18,7 +18,6 @@
 #include "mr/codec/head.h"
 #include "mr/core/mesh.h"
 #include "mr/core/result.h"
-#include "mr/core/scene.h"
 #include "mr/core/trace.h"
 #include "mr/kit/part.h"
 #include "mr/merge/overlap/emptiness.h"
@@ -31,6 +30,7 @@
 #include "mr/node/side_job.h"
 #include "mr/node/still_merger.h"
 #include "mr/node/surface_joiner.h"
+#include "mr/scene/scene.h"
 
 namespace mr::node {
 

@@ -11,8 +11,8 @@
 #include "mr/core/image.h"
 #include "mr/core/pose.h"
 #include "mr/core/result.h"
-#include "mr/core/scene.h"
 #include "mr/core/vec.h"
+#include "mr/scene/scene.h"
 
 namespace mr::node {
 

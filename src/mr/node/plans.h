@@ -5,7 +5,7 @@
 #include <utility>
 
 #include "mr/core/coding_plan.h"
-#include "mr/core/scene.h"
+#include "mr/scene/scene.h"
 
 namespace mr::node {
 

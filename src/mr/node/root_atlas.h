@@ -12,9 +12,9 @@
 #include "mr/core/mesh.h"
 #include "mr/core/packet.h"
 #include "mr/core/result.h"
-#include "mr/core/scene.h"
 #include "mr/node/gatherer.h"
 #include "mr/node/texture_stream.h"
+#include "mr/scene/scene.h"
 
 namespace mr::node {
 

@@ -11,7 +11,7 @@
 #include "mr/core/chunk.h"
 #include "mr/core/frame_source.h"
 #include "mr/core/result.h"
-#include "mr/core/scene.h"
+#include "mr/scene/scene.h"
 
 namespace mr::node {
 

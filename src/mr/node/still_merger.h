@@ -14,7 +14,6 @@
 #include "mr/core/mesh.h"
 #include "mr/core/packet.h"
 #include "mr/core/result.h"
-#include "mr/core/scene.h"
 #include "mr/core/trace.h"
 #include "mr/core/view.h"
 #include "mr/kit/part.h"
@@ -22,6 +21,7 @@
 #include "mr/merge/overlap/emptiness.h"
 #include "mr/node/cube_merger.h"
 #include "mr/node/surface_joiner.h"
+#include "mr/scene/scene.h"
 
 namespace mr::node {
 

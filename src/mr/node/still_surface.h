@@ -11,8 +11,8 @@
 #include "mr/core/mesh.h"
 #include "mr/core/pose.h"
 #include "mr/core/result.h"
-#include "mr/core/scene.h"
 #include "mr/fusion/fuse.h"
+#include "mr/scene/scene.h"
 
 namespace mr::node {
 

@@ -7,12 +7,12 @@
 #include "mr/core/coding_plan.h"
 #include "mr/core/mesh.h"
 #include "mr/core/result.h"
-#include "mr/core/scene.h"
 #include "mr/core/trace.h"
 #include "mr/kit/part.h"
 #include "mr/merge/overlap/overlap.h"
 #include "mr/merge/overlap/quality_grid.h"
 #include "mr/node/node_clock.h"
+#include "mr/scene/scene.h"
 #include "mr/simplify/simplify.h"
 
 namespace mr::node {

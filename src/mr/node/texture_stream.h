@@ -6,8 +6,8 @@
 
 #include "mr/core/packet.h"
 #include "mr/core/result.h"
-#include "mr/core/scene.h"
 #include "mr/kit/video.h"
+#include "mr/scene/scene.h"
 
 namespace mr::node {
 

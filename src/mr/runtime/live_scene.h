@@ -12,11 +12,11 @@
 
 #include "mr/core/log.h"
 #include "mr/core/result.h"
-#include "mr/core/scene.h"
 #include "mr/gateway/gateway.h"
 #include "mr/net/transport.h"
 #include "mr/net/web_server.h"
 #include "mr/runtime/task_threads.h"
+#include "mr/scene/scene.h"
 
 namespace mr::runtime {
 

@@ -13,13 +13,13 @@
 #include "mr/core/decoded_scene.h"
 #include "mr/core/frame_source.h"
 #include "mr/core/result.h"
-#include "mr/core/scene.h"
 #include "mr/net/transport.h"
 #include "mr/node/client_task.h"
 #include "mr/node/merge_task.h"
 #include "mr/node/sensor_task.h"
 #include "mr/runtime/report.h"
 #include "mr/runtime/task_steps.h"
+#include "mr/scene/scene.h"
 
 namespace mr::runtime {
 

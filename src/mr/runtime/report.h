@@ -5,8 +5,8 @@
 #include <string>
 #include <vector>
 
-#include "mr/core/scene.h"
 #include "mr/node/calibration_check.h"
+#include "mr/scene/scene.h"
 
 namespace mr::runtime {
 

@@ -3,9 +3,16 @@
 #include "mr/core/camera.h"
 #include "mr/core/image.h"
 #include "mr/core/pose.h"
-#include "mr/core/scene.h"
+#include "mr/core/vec.h"
 
 namespace mr::sensor {
+
+/// The floor as a plane: what is at most `margin_m` above it is dropped before fusion.
+struct FloorConfig {
+  double height_m = 0;     ///< along the scene's up
+  double margin_m = 0.03;  ///< sensor noise and calibration
+  friend bool operator==(const FloorConfig&, const FloorConfig&) = default;
+};
 
 /// Sets the depth pixels that lie on the floor, or below it, to 0: in a capture volume in front of
 /// a known background only what stands on the floor is of interest (paper, Fig. 11). The camera is

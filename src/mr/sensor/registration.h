@@ -5,7 +5,7 @@
 #include <vector>
 
 #include "mr/core/frame.h"
-#include "mr/core/scene.h"
+#include "mr/core/sensor_config.h"
 #include "mr/core/view.h"
 
 namespace mr::sensor {

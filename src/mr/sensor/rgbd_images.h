@@ -3,7 +3,7 @@
 #include <memory>
 
 #include "mr/core/frame_source.h"
-#include "mr/core/scene.h"
+#include "mr/core/sensor_config.h"
 
 namespace mr::sensor {
 

@@ -5,7 +5,8 @@
 #include <string>
 
 #include "mr/core/result.h"
-#include "mr/core/scene.h"
+#include "mr/core/sensor_config.h"
+#include "mr/synth/rig_config.h"
 
 namespace mr::synth {
 

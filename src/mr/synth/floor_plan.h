@@ -3,8 +3,8 @@
 #include <span>
 #include <vector>
 
-#include "mr/core/scene.h"
 #include "mr/synth/person.h"
+#include "mr/synth/rig_config.h"
 #include "mr/synth/room.h"
 
 namespace mr::synth {

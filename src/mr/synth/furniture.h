@@ -2,8 +2,8 @@
 
 #include <vector>
 
-#include "mr/core/scene.h"
 #include "mr/synth/builder.h"
+#include "mr/synth/rig_config.h"
 
 namespace mr::synth {
 

@@ -2,9 +2,9 @@
 
 #include <vector>
 
-#include "mr/core/scene.h"
 #include "mr/synth/builder.h"
 #include "mr/synth/furniture.h"
+#include "mr/synth/rig_config.h"
 
 /// One function per kind of room: walls, floor, ceiling, lights and everything inside.
 namespace mr::synth {

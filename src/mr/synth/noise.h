@@ -5,7 +5,7 @@
 #include <vector>
 
 #include "mr/core/image.h"
-#include "mr/core/scene.h"
+#include "mr/synth/rig_config.h"
 
 namespace mr::synth {
 

@@ -3,7 +3,8 @@
 #include <cstdint>
 #include <vector>
 
-#include "mr/core/scene.h"
+#include "mr/core/sensor_config.h"
+#include "mr/synth/rig_config.h"
 
 /// The errors that a rig injects, drawn from its seed, one set per sensor.
 namespace mr::synth {

@@ -10,7 +10,8 @@
 
 #include "mr/core/frame_source.h"
 #include "mr/core/mesh.h"
-#include "mr/core/scene.h"
+#include "mr/core/sensor_config.h"
+#include "mr/synth/rig_config.h"
 #include "mr/synth/texture.h"
 
 namespace mr::kit {

@@ -4,7 +4,7 @@
 #include <vector>
 
 #include "mr/core/frame.h"
-#include "mr/core/scene.h"
+#include "mr/synth/rig_config.h"
 
 namespace mr::synth {
 

@@ -4,8 +4,8 @@
 #include <vector>
 
 #include "mr/core/mesh.h"
-#include "mr/core/scene.h"
 #include "mr/kit/part.h"
+#include "mr/merge/merge_config.h"
 
 namespace mr::merge {
 

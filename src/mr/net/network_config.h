@@ -6,7 +6,7 @@
 
 #include "mr/core/secret_source.h"
 
-namespace mr {
+namespace mr::net {
 
 /// The NATS server that joins nodes, and who a node is to it. Files are read when a node connects.
 struct NatsConfig {
@@ -27,4 +27,4 @@ struct NetworkConfig {
   friend bool operator==(const NetworkConfig&, const NetworkConfig&) = default;
 };
 
-}  // namespace mr
+}  // namespace mr::net

@@ -1,4 +1,4 @@
-#include "mr/core/yaml_tree.h"
+#include "mr/yaml/tree.h"
 
 #include <yaml-cpp/eventhandler.h>
 #include <yaml-cpp/exceptions.h>
@@ -9,7 +9,7 @@
 #include <sstream>
 #include <utility>
 
-namespace mr::scene_file {
+namespace mr::yaml {
 namespace {
 
 constexpr std::size_t kMaxDepth = 32;
@@ -27,26 +27,26 @@ struct Size {
   std::size_t nodes = 1, text = 0;
 };
 
-Size size_of(const YamlNode& node) {
+Size size_of(const Node& node) {
   Size size{1, node.text.size()};
-  for (const YamlKey& key : node.keys) size.nodes += 1, size.text += key.name.size();
-  for (const YamlNode& item : node.items) {
+  for (const Key& key : node.keys) size.nodes += 1, size.text += key.name.size();
+  for (const Node& item : node.items) {
     const Size inner = size_of(item);
     size.nodes += inner.nodes, size.text += inner.text;
   }
   return size;
 }
 
-std::size_t depth_of(const YamlNode& node) {
+std::size_t depth_of(const Node& node) {
   std::size_t deepest = 0;
-  for (const YamlNode& item : node.items) deepest = std::max(deepest, depth_of(item));
+  for (const Node& item : node.items) deepest = std::max(deepest, depth_of(item));
   return deepest + 1;
 }
 
 /// Builds the tree from yaml-cpp's events.
 class Builder : public YAML::EventHandler {
  public:
-  YamlNode root;
+  Node root;
 
   void OnDocumentStart(const YAML::Mark& mark) override {
     if (documents_++ > 0) throw Refused{mark.line + 1, "a scene file holds one YAML document only"};
@@ -55,9 +55,9 @@ class Builder : public YAML::EventHandler {
 
   void OnNull(const YAML::Mark& mark, YAML::anchor_t anchor) override {
     if (wants_key()) throw Refused{mark.line + 1, "a key is missing before ':'"};
-    YamlNode node;
+    Node node;
     // An empty value's mark is where the next token stands.
-    node.line = open_.empty() || open_.back().node.kind != YamlNode::Kind::map
+    node.line = open_.empty() || open_.back().node.kind != Node::Kind::map
                     ? mark.line + 1
                     : open_.back().node.keys.back().line;
     add(std::move(node), anchor);
@@ -82,8 +82,8 @@ class Builder : public YAML::EventHandler {
       open_.back().node.keys.push_back({value, mark.line + 1});
       return;
     }
-    YamlNode node;
-    node.kind = YamlNode::Kind::scalar;
+    Node node;
+    node.kind = Node::Kind::scalar;
     node.line = mark.line + 1;
     node.text = value;
     node.quoted = tag == "!";
@@ -92,25 +92,25 @@ class Builder : public YAML::EventHandler {
 
   void OnSequenceStart(const YAML::Mark& mark, const std::string& tag, YAML::anchor_t anchor,
                        YAML::EmitterStyle::value) override {
-    open(YamlNode::Kind::list, mark, tag, anchor);
+    open(Node::Kind::list, mark, tag, anchor);
   }
   void OnSequenceEnd() override { close(); }
   void OnMapStart(const YAML::Mark& mark, const std::string& tag, YAML::anchor_t anchor,
                   YAML::EmitterStyle::value) override {
-    open(YamlNode::Kind::map, mark, tag, anchor);
+    open(Node::Kind::map, mark, tag, anchor);
   }
   void OnMapEnd() override { close(); }
 
  private:
   struct Open {
-    YamlNode node;
+    Node node;
     YAML::anchor_t anchor;
   };
 
   bool wants_key() const {
     if (open_.empty()) return false;
-    const YamlNode& node = open_.back().node;
-    return node.kind == YamlNode::Kind::map && node.keys.size() == node.items.size();
+    const Node& node = open_.back().node;
+    return node.kind == Node::Kind::map && node.keys.size() == node.items.size();
   }
 
   static void refuse_depth(int line) {
@@ -129,12 +129,12 @@ class Builder : public YAML::EventHandler {
       throw Refused{line, "more than 64 MiB of text, aliases included"};
   }
 
-  void open(YamlNode::Kind kind, const YAML::Mark& mark, const std::string& tag,
+  void open(Node::Kind kind, const YAML::Mark& mark, const std::string& tag,
             YAML::anchor_t anchor) {
     refuse_tag(mark, tag);
     if (wants_key()) throw Refused{mark.line + 1, "a key must be a plain word"};
     if (open_.size() + 1 >= kMaxDepth) refuse_depth(mark.line + 1);
-    YamlNode node;
+    Node node;
     node.kind = kind;
     node.line = mark.line + 1;
     open_.push_back({std::move(node), anchor});
@@ -146,7 +146,7 @@ class Builder : public YAML::EventHandler {
     add(std::move(done.node), done.anchor);
   }
 
-  void add(YamlNode node, YAML::anchor_t anchor) {
+  void add(Node node, YAML::anchor_t anchor) {
     spend({1, node.text.size()}, node.line);
     if (anchor != 0) {
       spend(size_of(node), node.line);
@@ -159,15 +159,15 @@ class Builder : public YAML::EventHandler {
   }
 
   std::vector<Open> open_;
-  std::map<YAML::anchor_t, YamlNode> anchors_;
+  std::map<YAML::anchor_t, Node> anchors_;
   Size spent_{0, 0};
   int documents_ = 0;
 };
 
 }  // namespace
 
-YamlTree parse_yaml(const std::string& text) {
-  YamlTree tree;
+Tree parse_yaml(const std::string& text) {
+  Tree tree;
   const auto fail = [&](int line, const std::string& message) {
     tree.line = line;
     tree.problem = message;
@@ -200,4 +200,4 @@ YamlTree parse_yaml(const std::string& text) {
   return tree;
 }
 
-}  // namespace mr::scene_file
+}  // namespace mr::yaml

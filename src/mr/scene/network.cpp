@@ -2,7 +2,7 @@
 #include <cctype>
 #include <charconv>
 
-#include "mr/core/scene_parts.h"
+#include "mr/scene/parts.h"
 
 namespace mr::scene_file {
 namespace {
@@ -39,7 +39,7 @@ std::optional<Vec3d> read_place(MapReader& map, const std::string& key) {
 }
 
 void read_start(MapReader& gateway, std::optional<StartConfig>& start) {
-  const YamlNode* node = gateway.find("start");
+  const yaml::Node* node = gateway.find("start");
   if (!node) return;
   MapReader map(gateway.report, *node, "gateway.start");
   const auto eye = read_place(map, "eye");
@@ -67,7 +67,7 @@ void read_own_file(MapReader& map, const std::string& key, std::filesystem::path
 }
 
 void read_nkey(MapReader& nats, NatsConfig& config) {
-  const YamlNode* node = nats.find("nkey");
+  const yaml::Node* node = nats.find("nkey");
   if (!node) return;
   MapReader map(nats.report, *node, "nkey");
   if (map.need("public") && map.text("public", config.nkey) && !is_user_nkey(config.nkey))
@@ -77,7 +77,7 @@ void read_nkey(MapReader& nats, NatsConfig& config) {
 }
 
 void read_nats(MapReader& top, NatsConfig& config) {
-  const YamlNode* node = top.find("nats");
+  const yaml::Node* node = top.find("nats");
   if (!node) return;
   MapReader map(top.report, *node, "nats");
   const bool has_url = map.need("url") && map.text("url", config.url);
@@ -106,14 +106,14 @@ void read_tcp_secret(MapReader& tcp, const std::vector<std::string>& ids, Secret
     return tcp.report.problem(tcp.line(kSecretKey),
                               "tcp: no node of the scene may be named 'secret', which is the key "
                               "of the nodes' shared secret; give it another id");
-  read_secret_source(tcp, kSecretKey, secret);
+  yaml::read_secret_source(tcp, kSecretKey, secret);
 }
 
 /// `tls: auto` or `tls: {cert: FILE, key: FILE}`.
 void read_tls(MapReader& gateway, std::optional<TlsConfig>& tls) {
-  const YamlNode* node = gateway.find("tls");
+  const yaml::Node* node = gateway.find("tls");
   if (!node) return;
-  if (node->kind == YamlNode::Kind::scalar) {
+  if (node->kind == yaml::Node::Kind::scalar) {
     TlsConfig own;
     if (gateway.choice("tls", own, {{"auto", TlsConfig{}}})) tls = own;
     return;
@@ -135,15 +135,15 @@ bool is_host(const std::string& text) {
 }
 
 void read_hosts(MapReader& gateway, std::vector<std::string>& hosts) {
-  const YamlNode* node = gateway.find("hosts");
+  const yaml::Node* node = gateway.find("hosts");
   if (!node) return;
   const auto refuse = [&](int line, const std::string& why) {
     gateway.report.problem(line, "gateway.hosts " + why);
   };
-  if (node->kind != YamlNode::Kind::list || node->items.empty())
+  if (node->kind != yaml::Node::Kind::list || node->items.empty())
     return refuse(node->line, "must be a list of names, as in [room.example.org, 192.168.1.5]");
-  for (const YamlNode& item : node->items) {
-    auto name = read_text(gateway.report, item, "gateway.hosts");
+  for (const yaml::Node& item : node->items) {
+    auto name = yaml::read_text(gateway.report, item, "gateway.hosts");
     if (!name) continue;
     if (!is_host(*name)) {
       refuse(item.line, "holds " + in_quotes(*name) + ", which is no name without port");
@@ -154,12 +154,12 @@ void read_hosts(MapReader& gateway, std::vector<std::string>& hosts) {
   }
 }
 
-void read_gateway(Report& report, const YamlNode& node, GatewayConfig& gateway) {
+void read_gateway(Report& report, const yaml::Node& node, GatewayConfig& gateway) {
   MapReader map(report, node, "gateway");
   read_address(map, "listen", gateway.listen);
   read_start(map, gateway.start);
   read_tls(map, gateway.tls);
-  read_secret_source(map, "tokens", gateway.tokens);
+  yaml::read_secret_source(map, "tokens", gateway.tokens);
   read_hosts(map, gateway.hosts);
   map.flag("open", gateway.open);
   map.integer("viewers", gateway.viewers, 1, 10'000);
@@ -167,14 +167,14 @@ void read_gateway(Report& report, const YamlNode& node, GatewayConfig& gateway) 
 }
 
 void read_tcp(MapReader& top, Scene& scene) {
-  const YamlNode* node = top.find("tcp");
+  const yaml::Node* node = top.find("tcp");
   if (!node) return;
   MapReader map(top.report, *node, "tcp");
   std::vector<std::string> ids = scene.rig ? scene.rig->sensor_ids() : std::vector<std::string>{};
   for (const SensorConfig& sensor : scene.sensors) ids.push_back(sensor.id);
   for (const MergerConfig& merger : scene.mergers) ids.push_back(merger.id);
   read_tcp_secret(map, ids, scene.network.tcp_secret);
-  for (const YamlKey& key : node->keys) {
+  for (const yaml::Key& key : node->keys) {
     if (key.name == kSecretKey) continue;
     if (std::find(ids.begin(), ids.end(), key.name) != ids.end()) continue;
     map.find(key.name);
@@ -190,32 +190,8 @@ void read_tcp(MapReader& top, Scene& scene) {
 
 }  // namespace
 
-bool read_secret_source(MapReader& map, const std::string& key, SecretSource& out) {
-  const YamlNode* node = map.find(key);
-  if (!node) return false;
-  const auto refuse = [&](int line, const std::string& why) {
-    map.report.problem(line, key + why);
-    return false;
-  };
-  constexpr const char* kWrite = "write {env: NAME} or {file: PATH}, which says where it stands";
-  if (node->kind == YamlNode::Kind::scalar)
-    return refuse(node->line, std::string(" must not stand in the scene file; ") + kWrite);
-  MapReader source(map.report, *node, key);
-  const bool env = source.has("env"), file = source.has("file");
-  if (node->kind != YamlNode::Kind::map) return false;  // told
-  if (env == file)
-    return refuse(map.line(key), std::string(" needs either env or file; ") + kWrite);
-  std::string text;
-  if (!source.text(env ? "env" : "file", text)) return false;
-  if (env && !is_variable_name(text))
-    return refuse(source.line("env"), ".env is not the name of an environment variable");
-  if (file && text.empty()) return refuse(source.line("file"), ".file must name a file, not ''");
-  out = env ? SecretSource{text, {}} : SecretSource{{}, map.report.resolve(text)};
-  return true;
-}
-
 void read_background(MapReader& top, std::optional<BackgroundConfig>& background) {
-  const YamlNode* node = top.find("background");
+  const yaml::Node* node = top.find("background");
   if (!node) return;
   MapReader map(top.report, *node, "background");
   BackgroundConfig config;
@@ -228,13 +204,13 @@ void read_background(MapReader& top, std::optional<BackgroundConfig>& background
     else if (!map.report.spend_files(1) || !std::filesystem::is_regular_file(config.model, failed))
       map.report.problem(map.line("model"), "model: no file " + in_quotes(config.model.string()));
   }
-  if (const YamlNode* pose = map.find("T_world_model"))
+  if (const yaml::Node* pose = map.find("T_world_model"))
     if (const auto T = read_pose(map.report, *pose, "T_world_model")) config.T_world_model = *T;
   background = config;
 }
 
 void read_network(MapReader& top, Scene& scene) {
-  if (const YamlNode* node = top.find("gateway")) {
+  if (const yaml::Node* node = top.find("gateway")) {
     read_gateway(top.report, *node, scene.gateway.emplace());
   }
   read_nats(top, scene.network.nats);

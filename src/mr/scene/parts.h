@@ -7,11 +7,17 @@
 #include <string>
 #include <vector>
 
-#include "mr/core/scene_reader.h"
-#include "mr/core/secret_source.h"
+#include "mr/scene/scene.h"
+#include "mr/yaml/files.h"
+#include "mr/yaml/map_reader.h"
 
 /// Inside load_scene: the parts of a scene file.
 namespace mr::scene_file {
+
+using yaml::FileList;
+using yaml::MapReader;
+using yaml::Range;
+using yaml::Report;
 
 /// An id with the line where it stands.
 struct NodeName {
@@ -19,38 +25,21 @@ struct NodeName {
   int line = 0;
 };
 
-/// Files named by a list, by one string, or by {pattern, first, last}; at least one of them exists
-/// where no problem was reported.
-struct FileList {
-  std::vector<std::filesystem::path> paths;
-  std::vector<int> lines;  ///< [paths] where each is named
-  bool is_pattern = false;
-  std::map<std::size_t, Error> unusable;  ///< some of the paths, and what is wrong with each
-};
-
-std::optional<FileList> read_files(Report& report, const YamlNode& node, const std::string& name);
-/// The same from a mapping that holds pattern, first and last.
-std::optional<FileList> read_pattern(MapReader& map, const std::string& name);
-
-/// Notes what of a list cannot be used, where the rest can; `key`: in the scene, such as
-/// "sensors.cam-0.source.depth".
-void tell_unusable(Report& report, const FileList& list, const std::string& key);
-
-std::optional<Camera> read_camera(Report& report, const YamlNode& node, const std::string& name);
+std::optional<Camera> read_camera(Report& report, const yaml::Node& node, const std::string& name);
 
 /// A sensor's poses: 16 numbers, {file: …}, {files: […]} or {pattern, first, last}.
-void read_poses(Report& report, const YamlNode& node, const std::string& name,
+void read_poses(Report& report, const yaml::Node& node, const std::string& name,
                 SensorConfig& sensor);
 /// 16 numbers.
-std::optional<Pose> read_pose(Report& report, const YamlNode& node, const std::string& name);
+std::optional<Pose> read_pose(Report& report, const yaml::Node& node, const std::string& name);
 
 /// The sensors in the file's order; a broken one keeps its place and its id. `names`: those that
 /// have an id.
-std::vector<SensorConfig> read_sensors(Report& report, const YamlNode& node,
+std::vector<SensorConfig> read_sensors(Report& report, const yaml::Node& node,
                                        std::vector<NodeName>& names);
 
 /// A synthetic rig and what happens in it.
-RigConfig read_rig(Report& report, const YamlNode& node);
+RigConfig read_rig(Report& report, const yaml::Node& node);
 
 /// [[x, y, z], [x, y, z]]: the low and the high corner. Nothing where the key is missing or wrong.
 std::optional<Box3d> read_box(MapReader& map, const std::string& key);
@@ -62,13 +51,9 @@ struct MergerEntry {
   std::vector<int> input_lines;  ///< [inputs]
 };
 
-std::vector<MergerEntry> read_mergers(Report& report, const YamlNode& node);
-std::vector<LinkConfig> read_links(Report& report, const YamlNode& node,
+std::vector<MergerEntry> read_mergers(Report& report, const yaml::Node& node);
+std::vector<LinkConfig> read_links(Report& report, const yaml::Node& node,
                                    const std::vector<NodeName>& names);
-
-/// Where a secret stands: {env: NAME} or {file: PATH}. Whether it is there is not looked at: each
-/// node of a scene has only its own. False where the key is missing or wrong.
-bool read_secret_source(MapReader& map, const std::string& key, SecretSource& out);
 
 void read_background(MapReader& top, std::optional<BackgroundConfig>& background);
 

@@ -1,21 +1,21 @@
-#include "mr/core/scene_parts.h"
+#include "mr/scene/parts.h"
 
 namespace mr::scene_file {
 namespace {
 
 constexpr std::size_t kMaxSensors = 1024;
 
-void read_distortion(Report& report, const YamlNode& node, Camera& camera) {
+void read_distortion(Report& report, const yaml::Node& node, Camera& camera) {
   MapReader map(report, node, "distortion");
   const bool known =
       map.need("model") && map.choice<DistortionModel>("model", camera.distortion,
                                                        {{"none", DistortionModel::none},
                                                         {"brown", DistortionModel::brown},
                                                         {"rational", DistortionModel::rational}});
-  if (const YamlNode* k = map.find("k")) {
+  if (const yaml::Node* k = map.find("k")) {
     const std::size_t most = !known || camera.distortion == DistortionModel::rational ? 6 : 3;
-    if (k->kind == YamlNode::Kind::list && k->items.size() >= 1 && k->items.size() <= most)
-      read_numbers(report, *k, "k", {-1e6, 1e6}, std::span(camera.k).first(k->items.size()));
+    if (k->kind == yaml::Node::Kind::list && k->items.size() >= 1 && k->items.size() <= most)
+      yaml::read_numbers(report, *k, "k", {-1e6, 1e6}, std::span(camera.k).first(k->items.size()));
     else
       report.problem(k->line, "k must be a list of 1 to " + std::to_string(most) + " numbers");
   }
@@ -29,10 +29,10 @@ void read_distortion(Report& report, const YamlNode& node, Camera& camera) {
 /// may be left out. False where a problem was reported.
 bool read_beams(MapReader& map, Camera& camera) {
   constexpr double kRadians = std::numbers::pi / 180;
-  const YamlNode* node = map.need("beam_altitude_deg");
+  const yaml::Node* node = map.need("beam_altitude_deg");
   if (!node) return false;
   std::vector<double> degrees(camera.height);
-  if (node->kind == YamlNode::Kind::map) {
+  if (node->kind == yaml::Node::Kind::map) {
     MapReader range(map.report, *node, "beam_altitude_deg");
     double from = 0, to = 0;
     if (!range.need("from") || !range.need("to") || !range.number("from", from, {-90, 90}) ||
@@ -40,7 +40,7 @@ bool read_beams(MapReader& map, Camera& camera) {
       return false;
     for (int row = 0; row < camera.height; ++row)
       degrees[row] = from + (to - from) * row / std::max(1, camera.height - 1);
-  } else if (!read_numbers(map.report, *node, "beam_altitude_deg", {-90, 90}, degrees)) {
+  } else if (!yaml::read_numbers(map.report, *node, "beam_altitude_deg", {-90, 90}, degrees)) {
     return false;
   }
   for (const double angle : degrees) camera.beam_altitude_rad.push_back(angle * kRadians);
@@ -65,37 +65,37 @@ int line_of_problem(const MapReader& map, const Camera& camera, const std::strin
 std::size_t read_images(MapReader& map, const std::string& id, RgbdImagesSource& out) {
   Report& report = map.report;
   std::optional<FileList> depth, color;
-  if (const YamlNode* node = map.need("depth")) depth = read_files(report, *node, "depth");
-  if (const YamlNode* node = map.find("color")) color = read_files(report, *node, "color");
+  if (const yaml::Node* node = map.need("depth")) depth = yaml::read_files(report, *node, "depth");
+  if (const yaml::Node* node = map.find("color")) color = yaml::read_files(report, *node, "color");
   if (depth && color && depth->paths.size() != color->paths.size())
     report.problem(map.line("color"),
                    "color names " + std::to_string(color->paths.size()) + " files and depth " +
                        std::to_string(depth->paths.size()) + "; they must be as many");
-  if (depth) tell_unusable(report, *depth, "sensors." + id + ".source.depth");
-  if (color) tell_unusable(report, *color, "sensors." + id + ".source.color");
+  if (depth) yaml::tell_unusable(report, *depth, "sensors." + id + ".source.depth");
+  if (color) yaml::tell_unusable(report, *color, "sensors." + id + ".source.color");
   if (color) out.color = std::move(color->paths);
   if (depth) out.depth = std::move(depth->paths);
   return out.depth.size();
 }
 
 void read_invalid_counts(MapReader& map, std::vector<std::uint16_t>& out) {
-  const YamlNode* node = map.find("invalid");
+  const yaml::Node* node = map.find("invalid");
   if (!node) return;
-  const auto add = [&](const YamlNode& item) {
-    const auto value = read_number(map.report, item, "invalid", {0, 65535});
+  const auto add = [&](const yaml::Node& item) {
+    const auto value = yaml::read_number(map.report, item, "invalid", {0, 65535});
     if (value && *value != static_cast<std::uint16_t>(*value))
       map.report.problem(item.line, "invalid must be whole numbers");
     if (value) out.push_back(static_cast<std::uint16_t>(*value));
   };
   out.clear();
-  if (node->kind == YamlNode::Kind::list)
-    for (const YamlNode& item : node->items) add(item);
+  if (node->kind == yaml::Node::Kind::list)
+    for (const yaml::Node& item : node->items) add(item);
   else
     add(*node);
 }
 
 /// Returns the number of items, 0 where it is unknown; so is has_color for other types.
-std::size_t read_source(Report& report, const YamlNode& node, SensorConfig& sensor,
+std::size_t read_source(Report& report, const yaml::Node& node, SensorConfig& sensor,
                         std::optional<bool>& has_color) {
   MapReader map(report, node, "source");
   std::string type;
@@ -120,7 +120,7 @@ std::size_t read_source(Report& report, const YamlNode& node, SensorConfig& sens
 
 void read_cameras(MapReader& map, SensorConfig& sensor, std::optional<bool> source_has_color) {
   Report& report = map.report;
-  if (const YamlNode* node = map.need("depth_camera")) {
+  if (const yaml::Node* node = map.need("depth_camera")) {
     const auto camera = read_camera(report, *node, "depth_camera");
     if (camera && camera->model == CameraModel::equirectangular)
       report.problem(
@@ -128,7 +128,7 @@ void read_cameras(MapReader& map, SensorConfig& sensor, std::optional<bool> sour
           "depth_camera: only the models pinhole and lidar are supported by this version");
     if (camera) sensor.depth_camera = *camera;
   }
-  const YamlNode* color = map.find("color_camera");
+  const yaml::Node* color = map.find("color_camera");
   if (color) sensor.color_camera = read_camera(report, *color, "color_camera");
   if (sensor.color_camera && sensor.color_camera->model == CameraModel::lidar)
     report.problem(color->line, "color_camera: a lidar takes no colour pictures");
@@ -136,7 +136,7 @@ void read_cameras(MapReader& map, SensorConfig& sensor, std::optional<bool> sour
     report.problem(color ? map.line("color_camera") : map.line("source"),
                    color ? "color_camera is given but source names no color"
                          : "source names color but color_camera is missing");
-  if (const YamlNode* node = map.find("T_color_depth"))
+  if (const yaml::Node* node = map.find("T_color_depth"))
     if (const auto pose = read_pose(report, *node, "T_color_depth")) sensor.T_color_depth = *pose;
 }
 
@@ -149,7 +149,7 @@ void read_depth_figures(MapReader& map, SensorConfig& sensor) {
       map.report.problem(map.line("depth_range_m"),
                          "depth_range_m must be [near, far] with near less than far");
   }
-  if (const YamlNode* node = map.find("precision")) {
+  if (const yaml::Node* node = map.find("precision")) {
     MapReader precision(map.report, *node, "precision");
     precision.number("base_m", sensor.precision.base_m, {0, 1, true});
     precision.number("per_m2", sensor.precision.per_m2, {0, 1});
@@ -157,20 +157,20 @@ void read_depth_figures(MapReader& map, SensorConfig& sensor) {
   map.number("clock_offset_ms", sensor.clock_offset_ms, {-1e7, 1e7});
 }
 
-SensorConfig read_sensor(Report& report, const YamlNode& node, std::vector<NodeName>& names) {
+SensorConfig read_sensor(Report& report, const yaml::Node& node, std::vector<NodeName>& names) {
   SensorConfig sensor;
   MapReader map(report, node, "sensor");
-  if (const YamlNode* id = map.need("id"))
-    if (const auto text = read_id(report, *id, "id")) {
+  if (const yaml::Node* id = map.need("id"))
+    if (const auto text = yaml::read_id(report, *id, "id")) {
       sensor.id = *text;
       names.push_back({*text, id->line});
     }
   std::optional<bool> has_color;
   std::size_t items = 0;
-  if (const YamlNode* source = map.need("source"))
+  if (const yaml::Node* source = map.need("source"))
     items = read_source(report, *source, sensor, has_color);
   read_cameras(map, sensor, has_color);
-  if (const YamlNode* poses = map.need("T_world_depth"))
+  if (const yaml::Node* poses = map.need("T_world_depth"))
     read_poses(report, *poses, "T_world_depth", sensor);
   const std::size_t poses = sensor.T_world_depth.size();
   if (items > 0 && poses > 1 && poses != items)
@@ -183,7 +183,7 @@ SensorConfig read_sensor(Report& report, const YamlNode& node, std::vector<NodeN
 
 }  // namespace
 
-std::optional<Camera> read_camera(Report& report, const YamlNode& node, const std::string& name) {
+std::optional<Camera> read_camera(Report& report, const yaml::Node& node, const std::string& name) {
   constexpr double kMost = 1e6;
   Camera camera;
   MapReader map(report, node, name);
@@ -202,7 +202,7 @@ std::optional<Camera> read_camera(Report& report, const YamlNode& node, const st
   good &= intrinsic("fy", camera.fy, {0, kMost, true});
   good &= intrinsic("cx", camera.cx, {-kMost, kMost});
   good &= intrinsic("cy", camera.cy, {-kMost, kMost});
-  if (const YamlNode* distortion = map.find("distortion"))
+  if (const yaml::Node* distortion = map.find("distortion"))
     read_distortion(report, *distortion, camera);
   if (camera.model == CameraModel::lidar) {
     const bool has_beams = map.has("beam_altitude_deg") | map.has("beam_azimuth_deg");
@@ -217,15 +217,16 @@ std::optional<Camera> read_camera(Report& report, const YamlNode& node, const st
   return camera;
 }
 
-std::vector<SensorConfig> read_sensors(Report& report, const YamlNode& node,
+std::vector<SensorConfig> read_sensors(Report& report, const yaml::Node& node,
                                        std::vector<NodeName>& names) {
   std::vector<SensorConfig> sensors;
-  if (node.kind != YamlNode::Kind::list || node.items.empty() || node.items.size() > kMaxSensors) {
+  if (node.kind != yaml::Node::Kind::list || node.items.empty() ||
+      node.items.size() > kMaxSensors) {
     report.problem(node.line,
                    "sensors must be a list of 1 to " + std::to_string(kMaxSensors) + " sensors");
     return sensors;
   }
-  for (const YamlNode& item : node.items) sensors.push_back(read_sensor(report, item, names));
+  for (const yaml::Node& item : node.items) sensors.push_back(read_sensor(report, item, names));
   return sensors;
 }
 

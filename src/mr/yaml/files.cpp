@@ -1,10 +1,8 @@
+#include "mr/yaml/files.h"
+
 #include <algorithm>
-#include <charconv>
 
-#include "mr/core/file.h"
-#include "mr/core/scene_parts.h"
-
-namespace mr::scene_file {
+namespace mr::yaml {
 namespace {
 
 constexpr int kMaxItems = 100'000;
@@ -61,7 +59,7 @@ std::string folder_hint(const std::filesystem::path& path) {
 /// Looks at a list's files. Where none can be used, that is a problem; else those that cannot are
 /// noted in the list. `named`: by a pattern, as the scene file writes it.
 void check_files(Report& report, FileList& list, const std::string& name,
-                 const std::vector<const YamlNode*>& named) {
+                 const std::vector<const Node*>& named) {
   for (std::size_t i = 0; i < list.paths.size(); ++i)
     if (const std::string problem = file_problem(list.paths[i]); !problem.empty())
       list.unusable[i] = {
@@ -81,10 +79,10 @@ void check_files(Report& report, FileList& list, const std::string& name,
 }
 
 /// One file or more, by name; nothing where a name is wrong.
-std::optional<FileList> list_files(Report& report, const std::vector<const YamlNode*>& items,
+std::optional<FileList> list_files(Report& report, const std::vector<const Node*>& items,
                                    const std::string& name) {
   FileList list;
-  for (const YamlNode* item : items) {
+  for (const Node* item : items) {
     const auto text = read_text(report, *item, name);
     if (text && text->empty()) report.problem(item->line, name + " must name a file, not ''");
     if (!text || text->empty()) continue;
@@ -94,60 +92,6 @@ std::optional<FileList> list_files(Report& report, const std::vector<const YamlN
   if (list.paths.size() < items.size()) return std::nullopt;
   check_files(report, list, name, items);
   return list;
-}
-
-/// A 4x4 matrix as text.
-Result<Pose> read_pose_file(const std::filesystem::path& path) {
-  constexpr std::uintmax_t kMaxBytes = 64 * 1024;
-  const auto refuse = [&](const std::string& why) {
-    return Error{Error::Cause::invalid, "pose file " + in_quotes(path.string()) + " " + why};
-  };
-  const auto bytes = read_file(path, kMaxBytes);
-  if (!bytes) return bytes.error();
-  const std::string_view text(reinterpret_cast<const char*>(bytes->data()), bytes->size());
-  std::array<double, 16> matrix{};
-  std::size_t count = 0, at = 0;
-  constexpr const char* kSpace = " \t\r\n,";
-  while ((at = text.find_first_not_of(kSpace, at)) != std::string_view::npos) {
-    const std::size_t end = std::min(text.find_first_of(kSpace, at), text.size());
-    double value = 0;
-    const auto [stop, error] = std::from_chars(text.data() + at, text.data() + end, value);
-    if (error != std::errc() || stop != text.data() + end)
-      return refuse("holds " + in_quotes(text.substr(at, end - at)) + " where a number is wanted");
-    if (count == matrix.size()) return refuse("holds more than 16 numbers");
-    matrix[count++] = value;
-    at = end;
-  }
-  if (count != matrix.size()) return refuse("holds " + std::to_string(count) + " numbers, not 16");
-  auto pose = pose_from_matrix(matrix);
-  if (!pose) return refuse("cannot be used: " + pose.error().message);
-  return pose;
-}
-
-/// The poses of the files that can be used; the others get a neighbour's. Where none can, and where
-/// there is only one, that is a problem.
-std::vector<Pose> load_poses(Report& report, FileList& list, const std::string& name) {
-  std::vector<Pose> poses(list.paths.size());
-  if (list.unusable.size() == poses.size()) return poses;  // told already
-  std::optional<std::size_t> usable;                       // the newest
-  for (std::size_t i = 0; i < poses.size(); ++i) {
-    const auto pose = list.unusable.contains(i) ? list.unusable[i] : read_pose_file(list.paths[i]);
-    if (!pose) {
-      list.unusable[i] = pose.error();
-      if (usable) poses[i] = poses[*usable];
-      continue;
-    }
-    poses[i] = *pose;
-    if (!usable) std::fill_n(poses.begin(), i, *pose);
-    usable = i;
-  }
-  if (usable) return poses;
-  const auto& [first, error] = *list.unusable.begin();
-  report.problem(list.lines[first], poses.size() == 1
-                                        ? name + ": " + error.message
-                                        : name + ": none of the " + std::to_string(poses.size()) +
-                                              " pose files can be used; first: " + error.message);
-  return poses;
 }
 
 }  // namespace
@@ -184,19 +128,23 @@ std::optional<FileList> read_pattern(MapReader& map, const std::string& name) {
   return list;
 }
 
-std::optional<FileList> read_files(Report& report, const YamlNode& node, const std::string& name) {
-  if (node.kind == YamlNode::Kind::map) {
+std::optional<FileList> read_files(Report& report, const Node& node, const std::string& name) {
+  if (node.kind == Node::Kind::map) {
     MapReader map(report, node, name);
     return read_pattern(map, name);
   }
-  if (node.kind != YamlNode::Kind::list) return list_files(report, {&node}, name);
+  if (node.kind != Node::Kind::list) return list_files(report, {&node}, name);
   if (node.items.empty()) {
     report.problem(node.line, name + " must name at least one file");
     return std::nullopt;
   }
-  std::vector<const YamlNode*> items;
-  for (const YamlNode& item : node.items) items.push_back(&item);
+  std::vector<const Node*> items;
+  for (const Node& item : node.items) items.push_back(&item);
   return list_files(report, items, name);
+}
+
+std::optional<FileList> read_one_file(Report& report, const Node& node, const std::string& name) {
+  return list_files(report, {&node}, name);
 }
 
 void tell_unusable(Report& report, const FileList& list, const std::string& key) {
@@ -215,41 +163,28 @@ void tell_unusable(Report& report, const FileList& list, const std::string& key)
                     error.message);
 }
 
-std::optional<Pose> read_pose(Report& report, const YamlNode& node, const std::string& name) {
-  std::array<double, 16> matrix{};
-  if (!read_numbers(report, node, name, {-1e6, 1e6}, matrix)) return std::nullopt;
-  auto pose = pose_from_matrix(matrix);
-  if (!pose) {
-    report.problem(node.line, name + ": " + pose.error().message);
-    return std::nullopt;
-  }
-  return *pose;
+bool read_secret_source(MapReader& map, const std::string& key, SecretSource& out) {
+  const Node* node = map.find(key);
+  if (!node) return false;
+  const auto refuse = [&](int line, const std::string& why) {
+    map.report.problem(line, key + why);
+    return false;
+  };
+  constexpr const char* kWrite = "write {env: NAME} or {file: PATH}, which says where it stands";
+  if (node->kind == Node::Kind::scalar)
+    return refuse(node->line, std::string(" must not stand in the scene file; ") + kWrite);
+  MapReader source(map.report, *node, key);
+  const bool env = source.has("env"), file = source.has("file");
+  if (node->kind != Node::Kind::map) return false;  // told
+  if (env == file)
+    return refuse(map.line(key), std::string(" needs either env or file; ") + kWrite);
+  std::string text;
+  if (!source.text(env ? "env" : "file", text)) return false;
+  if (env && !is_variable_name(text))
+    return refuse(source.line("env"), ".env is not the name of an environment variable");
+  if (file && text.empty()) return refuse(source.line("file"), ".file must name a file, not ''");
+  out = env ? SecretSource{text, {}} : SecretSource{{}, map.report.resolve(text)};
+  return true;
 }
 
-void read_poses(Report& report, const YamlNode& node, const std::string& name,
-                SensorConfig& sensor) {
-  if (node.kind == YamlNode::Kind::list) {
-    if (const auto pose = read_pose(report, node, name)) sensor.T_world_depth = {*pose};
-    return;
-  }
-  if (node.kind != YamlNode::Kind::map)
-    return report.problem(
-        node.line,
-        name + " must be 16 numbers, {file: ...}, {files: [...]} or {pattern, first, last}");
-  MapReader map(report, node, name);
-  const YamlNode* file = map.find("file");
-  const YamlNode* files = map.find("files");
-  const bool has_pattern = map.has("pattern");
-  if (has_pattern) map.find("first"), map.find("last");
-  if ((file != nullptr) + (files != nullptr) + has_pattern != 1)
-    return report.problem(node.line, name + " must hold one of file, files, pattern");
-  std::optional<FileList> list = file    ? list_files(report, {file}, name)
-                                 : files ? read_files(report, *files, name)
-                                         : read_pattern(map, name);
-  if (!list) return;
-  sensor.T_world_depth = load_poses(report, *list, name);
-  tell_unusable(report, *list, "sensors." + sensor.id + "." + name);
-  sensor.lost_poses = std::move(list->unusable);
-}
-
-}  // namespace mr::scene_file
+}  // namespace mr::yaml

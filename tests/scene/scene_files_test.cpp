@@ -5,7 +5,7 @@
 #include <algorithm>
 #include <cstdlib>
 
-#include "core/scene_file.h"
+#include "scene/scene_file.h"
 
 namespace mr {
 namespace {

@@ -1,4 +1,4 @@
-#include "core/json_schema.h"
+#include "scene/json_schema.h"
 
 #include <algorithm>
 #include <cmath>

@@ -11,12 +11,12 @@
 #include <utility>
 #include <vector>
 
-#include "mr/core/scene.h"
 #include "mr/core/words.h"
-#include "mr/core/yaml_tree.h"
+#include "mr/yaml/problem.h"
+#include "mr/yaml/tree.h"
 
-/// Inside load_scene: typed access to the YAML tree that notes every problem and goes on.
-namespace mr::scene_file {
+/// Typed access to the YAML tree that notes every problem and goes on.
+namespace mr::yaml {
 
 /// Collects what is wrong with one file.
 class Report {
@@ -47,11 +47,11 @@ class Report {
   bool spend_files(std::size_t count);
 
   /// Moves out what was found, by line.
-  std::vector<SceneProblem> take_problems();
-  std::vector<SceneProblem> take_notices();
+  std::vector<Problem> take_problems();
+  std::vector<Problem> take_notices();
 
  private:
-  std::vector<SceneProblem> by_line(std::vector<SceneProblem> list) const;
+  std::vector<Problem> by_line(std::vector<Problem> list) const;
 
   /// What is missing in one folder that does not exist.
   struct MissingFolder {
@@ -63,7 +63,7 @@ class Report {
 
   std::filesystem::path file_;
   std::vector<std::string> options_;
-  std::vector<SceneProblem> problems_, notices_;
+  std::vector<Problem> problems_, notices_;
   std::set<std::string> unset_;
   std::map<std::filesystem::path, MissingFolder> missing_;
   std::size_t files_ = 0;
@@ -79,29 +79,29 @@ struct Range {
 };
 
 /// A scalar with ${NAME} and ${NAME:-default} expanded.
-std::optional<std::string> read_text(Report& report, const YamlNode& node, const std::string& name);
-std::optional<double> read_number(Report& report, const YamlNode& node, const std::string& name,
+std::optional<std::string> read_text(Report& report, const Node& node, const std::string& name);
+std::optional<double> read_number(Report& report, const Node& node, const std::string& name,
                                   Range range);
 /// A list of exactly out.size() numbers.
-bool read_numbers(Report& report, const YamlNode& node, const std::string& name, Range range,
+bool read_numbers(Report& report, const Node& node, const std::string& name, Range range,
                   std::span<double> out);
 /// Whether an environment variable can have this name.
 bool is_variable_name(std::string_view name);
 /// A text of the form [A-Za-z0-9_-]{1,64}; a wrong one is reported and still returned.
-std::optional<std::string> read_id(Report& report, const YamlNode& node, const std::string& name);
+std::optional<std::string> read_id(Report& report, const Node& node, const std::string& name);
 
 /// One mapping. Doubled keys are reported at once, keys that nobody asked for in the destructor.
 /// The getters return whether the key holds a usable value; else the output stays as it was.
 class MapReader {
  public:
-  MapReader(Report& report, const YamlNode& node, std::string name);
+  MapReader(Report& report, const Node& node, std::string name);
   ~MapReader();
   MapReader(const MapReader&) = delete;
   MapReader& operator=(const MapReader&) = delete;
 
-  const YamlNode* find(const std::string& key);
+  const Node* find(const std::string& key);
   /// As find, but a missing key is a problem.
-  const YamlNode* need(const std::string& key);
+  const Node* need(const std::string& key);
   /// No key of this mapping is unknown.
   void accept_all() { accept_all_ = true; }
   bool has(const std::string& key) { return find(key) != nullptr; }
@@ -129,7 +129,7 @@ class MapReader {
   void refuse_choice(const std::string& key, const std::string& value,
                      const std::vector<std::string>& words);
 
-  const YamlNode& node_;
+  const Node& node_;
   std::string name_;
   std::vector<std::string> asked_;
   bool accept_all_ = false;
@@ -152,4 +152,4 @@ bool MapReader::choice(const std::string& key, T& out,
   return false;
 }
 
-}  // namespace mr::scene_file
+}  // namespace mr::yaml

@@ -11,11 +11,11 @@
 #include <set>
 #include <sstream>
 
-#include "core/json_schema.h"
 #include "core/temp_dir.h"
 #include "mr/core/file.h"
-#include "mr/core/scene.h"
-#include "mr/core/yaml_tree.h"
+#include "mr/scene/scene.h"
+#include "mr/yaml/tree.h"
+#include "scene/json_schema.h"
 
 namespace mr {
 namespace {
@@ -155,8 +155,8 @@ gateway: {tls: auto}
 )";
 
 /// As YAML reads it: numbers, true and false are what they look like where they are not in quotes.
-Json as_json(const scene_file::YamlNode& node) {
-  using Kind = scene_file::YamlNode::Kind;
+Json as_json(const yaml::Node& node) {
+  using Kind = yaml::Node::Kind;
   Json out;
   if (node.kind == Kind::list) {
     out = Json::array();
@@ -183,7 +183,7 @@ Json as_json(const scene_file::YamlNode& node) {
 }
 
 Json json_of(const std::string& yaml) {
-  const scene_file::YamlTree tree = scene_file::parse_yaml(yaml);
+  const yaml::Tree tree = yaml::parse_yaml(yaml);
   EXPECT_EQ(tree.problem, "");
   return as_json(tree.root);
 }

@@ -1,11 +1,11 @@
-#include "mr/core/scene.h"
+#include "mr/scene/scene.h"
 
 #include <algorithm>
 #include <cmath>
 
 #include "mr/core/file.h"
-#include "mr/core/scene_parts.h"
-#include "mr/core/yaml_edit.h"
+#include "mr/scene/parts.h"
+#include "mr/yaml/edit.h"
 
 namespace mr {
 namespace {
@@ -14,7 +14,6 @@ using scene_file::MapReader;
 using scene_file::MergerEntry;
 using scene_file::NodeName;
 using scene_file::Report;
-using scene_file::YamlNode;
 
 constexpr std::uintmax_t kMaxBytes = 16 * 1024 * 1024;
 
@@ -30,7 +29,7 @@ void read_up(MapReader& top, Vec3d& up) {
 
 /// A point cloud may be coarser than what browsers decode.
 void read_lattice(MapReader& top, bool of_points, Lattice& lattice) {
-  const YamlNode* node = top.find("lattice");
+  const yaml::Node* node = top.find("lattice");
   if (!node) return;
   MapReader map(top.report, *node, "lattice");
   const bool read = map.integer("step_exp", lattice.step_exp, -1000, 1000);
@@ -54,13 +53,13 @@ void read_lattice(MapReader& top, bool of_points, Lattice& lattice) {
 }
 
 void read_volume(MapReader& top, Scene& scene) {
-  const YamlNode* node = top.find("volume");
+  const yaml::Node* node = top.find("volume");
   if (!node) return;
   MapReader map(top.report, *node, "volume");
-  if (node->kind == YamlNode::Kind::map && !map.has("box") && !map.has("remove_floor"))
+  if (node->kind == yaml::Node::Kind::map && !map.has("box") && !map.has("remove_floor"))
     map.report.problem(map.line(), "volume lacks the key 'box' or 'remove_floor'");
   scene.volume = scene_file::read_box(map, "box");
-  if (const YamlNode* floor = map.find("remove_floor")) {
+  if (const yaml::Node* floor = map.find("remove_floor")) {
     MapReader plane(map.report, *floor, "remove_floor");
     scene.floor.emplace();
     plane.number("height_m", scene.floor->height_m, {-1e5, 1e5});
@@ -69,8 +68,8 @@ void read_volume(MapReader& top, Scene& scene) {
 }
 
 void read_general(MapReader& top, Scene& scene) {
-  if (const YamlNode* id = top.need("scene"))
-    scene.id = scene_file::read_id(top.report, *id, "scene").value_or("");
+  if (const yaml::Node* id = top.need("scene"))
+    scene.id = yaml::read_id(top.report, *id, "scene").value_or("");
   read_up(top, scene.up);
   top.number("fps", scene.fps, {0, 240, true});
   top.integer("threads", scene.threads, 0, 1024);
@@ -82,7 +81,7 @@ void read_general(MapReader& top, Scene& scene) {
                            {"points", "points"},
                            {"rgbd", "rgbd"}});
   read_lattice(top, scene.pipeline == "points", scene.lattice);
-  if (const YamlNode* node = top.find("video")) {
+  if (const yaml::Node* node = top.find("video")) {
     MapReader video(top.report, *node, "video");
     video.integer("threads", scene.video.threads, 1, 64);
     video.integer("slices", scene.video.slices, 1, 64);
@@ -93,7 +92,7 @@ void read_general(MapReader& top, Scene& scene) {
 void read_fusion(MapReader& top, const Scene& scene, FusionConfig& fusion) {
   // Half the band must hold two voxels also where the file says nothing.
   fusion.truncation_m = 4 * scene.voxel_m;
-  const YamlNode* node = top.find("fusion");
+  const yaml::Node* node = top.find("fusion");
   if (!node) return;
   MapReader map(top.report, *node, "fusion");
   map.choice<Decomposition>("decomposition", fusion.decomposition,
@@ -124,7 +123,7 @@ void read_fusion(MapReader& top, const Scene& scene, FusionConfig& fusion) {
 }
 
 void read_simplify(MapReader& parent, SimplifyConfig& simplify) {
-  const YamlNode* node = parent.find("simplify");
+  const yaml::Node* node = parent.find("simplify");
   if (!node) return;
   MapReader map(parent.report, *node, "simplify");
   map.number("ratio", simplify.ratio, {0, 1, true});
@@ -132,7 +131,7 @@ void read_simplify(MapReader& parent, SimplifyConfig& simplify) {
 }
 
 void read_merge(MapReader& top, MergeConfig& merge) {
-  const YamlNode* node = top.find("merge");
+  const yaml::Node* node = top.find("merge");
   if (!node) return;
   using Owner = MergeConfig::Owner;
   using Overlap = MergeConfig::Overlap;
@@ -152,7 +151,7 @@ void read_merge(MapReader& top, MergeConfig& merge) {
 }
 
 void read_atlas(MapReader& top, AtlasConfig& atlas) {
-  const YamlNode* node = top.find("atlas");
+  const yaml::Node* node = top.find("atlas");
   if (!node) return;
   using Views = AtlasConfig::Views;
   MapReader map(top.report, *node, "atlas");
@@ -170,16 +169,16 @@ void read_atlas(MapReader& top, AtlasConfig& atlas) {
 
 void read_rate_and_coding(MapReader& top, Scene& scene) {
   using Model = RateConfig::Model;
-  if (const YamlNode* node = top.find("reuse")) {
+  if (const yaml::Node* node = top.find("reuse")) {
     MapReader reuse(top.report, *node, "reuse");
     reuse.flag("chunks", scene.reuse_chunks);
   }
-  if (const YamlNode* node = top.find("still")) {
+  if (const yaml::Node* node = top.find("still")) {
     MapReader still(top.report, *node, "still");
     still.flag("layers", scene.still.layers);
     still.number("after_s", scene.still.after_s, {0.5, 3600});
   }
-  if (const YamlNode* node = top.find("rate")) {
+  if (const yaml::Node* node = top.find("rate")) {
     MapReader rate(top.report, *node, "rate");
     rate.choice<Model>("model", scene.rate.model,
                        {{"fixed", Model::fixed},
@@ -190,7 +189,7 @@ void read_rate_and_coding(MapReader& top, Scene& scene) {
     if (rate.has("target_mbps")) rate.not_acted_on("target_mbps", "rate.target_mbps");
     if (scene.rate.model != Model::fixed) rate.not_acted_on("model", "rate.model other than fixed");
   }
-  if (const YamlNode* node = top.find("coding")) {
+  if (const yaml::Node* node = top.find("coding")) {
     MapReader coding(top.report, *node, "coding");
     coding.number("texture_scale", scene.coding.texture_scale, {0, 1, true});
     coding.integer("texture_qp", scene.coding.texture_qp, 0, 51);
@@ -203,20 +202,20 @@ void read_rate_and_coding(MapReader& top, Scene& scene) {
 }
 
 void read_truth(MapReader& top, std::optional<TruthConfig>& truth) {
-  const YamlNode* node = top.find("truth");
+  const yaml::Node* node = top.find("truth");
   if (!node) return;
   MapReader map(top.report, *node, "truth");
   truth.emplace();
   if (map.need("mesh")) map.text("mesh", truth->mesh);
-  if (const YamlNode* rig = map.find("rig")) truth->rig = scene_file::read_rig(top.report, *rig);
+  if (const yaml::Node* rig = map.find("rig")) truth->rig = scene_file::read_rig(top.report, *rig);
 }
 
 /// Sensors or a rig; the names that mergers may use for them.
 std::vector<NodeName> read_leaves(MapReader& top, Scene& scene) {
   Report& report = top.report;
   std::vector<NodeName> names;
-  const YamlNode* sensors = top.find("sensors");
-  const YamlNode* rig = top.find("rig");
+  const yaml::Node* sensors = top.find("sensors");
+  const yaml::Node* rig = top.find("rig");
   if (sensors) scene.sensors = scene_file::read_sensors(report, *sensors, names);
   if (rig) scene.rig = scene_file::read_rig(report, *rig);
   if (rig && sensors) report.problem(top.line("rig"), "a scene has sensors or a rig, not both");
@@ -228,7 +227,7 @@ std::vector<NodeName> read_leaves(MapReader& top, Scene& scene) {
 
 void read_tree(MapReader& top, const std::vector<NodeName>& leaves, Scene& scene) {
   std::vector<MergerEntry> mergers;
-  if (const YamlNode* node = top.find("mergers")) {
+  if (const yaml::Node* node = top.find("mergers")) {
     mergers = scene_file::read_mergers(top.report, *node);
   } else {
     MergerEntry root;
@@ -251,7 +250,7 @@ void read_tree(MapReader& top, const std::vector<NodeName>& leaves, Scene& scene
   if (!mergers.empty())
     scene.mergers =
         scene_file::ordered_tree(top.report, leaves, mergers, scene.fusion.chunk_m, leaves_known);
-  if (const YamlNode* node = top.find("links")) {
+  if (const yaml::Node* node = top.find("links")) {
     std::vector<NodeName> names = leaves;
     for (const MergerConfig& merger : scene.mergers) names.push_back({merger.id, 0});
     scene.links = scene_file::read_links(top.report, *node, names);
@@ -275,8 +274,8 @@ void check_positions(Report& report, const std::vector<NodeName>& leaves, const 
     }
 }
 
-void read_scene(Report& report, const YamlNode& root, Scene& scene) {
-  if (root.kind != YamlNode::Kind::map) {
+void read_scene(Report& report, const yaml::Node& root, Scene& scene) {
+  if (root.kind != yaml::Node::Kind::map) {
     report.problem(root.line, "this is no scene file: its top level must be a mapping of keys");
     return;
   }
@@ -297,34 +296,16 @@ void read_scene(Report& report, const YamlNode& root, Scene& scene) {
 
 }  // namespace
 
-Vec3d usual_room_m(RigConfig::Kind kind) {
-  constexpr Vec3d kSizes[] = {{6, 5, 3}, {7, 5, 2.8}, {6, 5, 2.8}, {2.2, 12, 2.6}, {6, 5, 3}};
-  return kSizes[static_cast<int>(kind)];
-}
-
-std::vector<std::string> RigConfig::sensor_ids() const {
-  std::vector<std::string> ids;
-  for (int i = 0; i < sensors; ++i) ids.push_back("cam-" + std::to_string(i));
-  for (int i = 0; i < lidars; ++i) ids.push_back("lidar-" + std::to_string(i));
-  return ids;
-}
-
-std::string to_string(const SceneProblem& problem) {
-  if (problem.option) return "--set " + in_quotes(*problem.option) + ": " + problem.message;
-  if (problem.line <= 0) return problem.file.string() + ": " + problem.message;
-  return problem.file.string() + ":" + std::to_string(problem.line) + ": " + problem.message;
-}
-
 SceneResult parse_scene(const std::string& text, const std::filesystem::path& file,
                         const std::vector<std::string>& set) {
   SceneResult result;
   result.scene.file = file, result.scene.set = set;
   Report report(file, set);
   try {
-    scene_file::YamlTree tree = scene_file::parse_yaml(text);
+    yaml::Tree tree = yaml::parse_yaml(text);
     for (std::size_t i = 0; i < set.size() && tree.problem.empty(); ++i) {
       const int line = report.line_of_option(i);
-      const std::string problem = scene_file::set_value(tree.root, set[i], line);
+      const std::string problem = yaml::set_value(tree.root, set[i], line);
       if (!problem.empty()) report.problem(line, problem);
     }
     if (tree.problem.empty())

@@ -2,43 +2,15 @@
 #include <cmath>
 #include <string>
 
-#include "mr/core/scene_parts.h"
+#include "mr/scene/parts.h"
 
 namespace mr {
-
-int usual_frames(RigEvent::Kind kind) {
-  using Kind = RigEvent::Kind;
-  switch (kind) {
-    case Kind::chair:
-      return 30;
-    case Kind::sit:
-      return 300;
-    case Kind::carry:
-    case Kind::push:
-      return 1;  // they do not end
-    case Kind::door:
-    case Kind::vanish:
-    case Kind::light:
-    case Kind::screen:
-    case Kind::dropout:
-    case Kind::exposure:
-    case Kind::hunt:
-      break;
-  }
-  return 90;
-}
 
 namespace {
 
 using EventKind = RigEvent::Kind;
 
 }  // namespace
-
-const char* name_of(RigEvent::Kind kind) {
-  constexpr const char* kNames[] = {"sit",    "chair", "door",    "carry",    "vanish", "light",
-                                    "screen", "push",  "dropout", "exposure", "hunt"};
-  return kNames[static_cast<int>(kind)];
-}
 
 namespace scene_file {
 namespace {
@@ -71,7 +43,7 @@ void read_event_figures(MapReader& map, RigEvent& event) {
   if (kind == Kind::hunt) map.number("period_s", event.period_s, {0.1, 3600});
 }
 
-std::optional<RigEvent> read_event(Report& report, const YamlNode& node) {
+std::optional<RigEvent> read_event(Report& report, const yaml::Node& node) {
   RigEvent event;
   MapReader map(report, node, "event");
   const bool has_kind =
@@ -114,14 +86,14 @@ void check_event(Report& report, int line, const RigEvent& event, const RigConfi
 
 void read_events(MapReader& map, RigConfig& rig) {
   constexpr std::size_t kMostEvents = 100;
-  const YamlNode* node = map.find("events");
+  const yaml::Node* node = map.find("events");
   if (!node) return;
-  if (node->kind != YamlNode::Kind::list || node->items.size() > kMostEvents) {
+  if (node->kind != yaml::Node::Kind::list || node->items.size() > kMostEvents) {
     map.report.problem(
         node->line, "events must be a list of at most " + std::to_string(kMostEvents) + " events");
     return;
   }
-  for (const YamlNode& item : node->items)
+  for (const yaml::Node& item : node->items)
     if (const auto event = read_event(map.report, item)) {
       check_event(map.report, item.line, *event, rig);
       rig.events.push_back(*event);
@@ -156,7 +128,7 @@ void read_rig_sensors(MapReader& map, RigConfig& rig) {
 
 }  // namespace
 
-RigConfig read_rig(Report& report, const YamlNode& node) {
+RigConfig read_rig(Report& report, const yaml::Node& node) {
   RigConfig rig;
   MapReader map(report, node, "rig");
   bool synthetic = true;

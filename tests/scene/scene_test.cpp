@@ -1,4 +1,4 @@
-#include "mr/core/scene.h"
+#include "mr/scene/scene.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -8,8 +8,8 @@
 #include <chrono>
 #include <cstdlib>
 
-#include "core/scene_file.h"
 #include "mr/core/file.h"
+#include "scene/scene_file.h"
 
 namespace mr {
 namespace {

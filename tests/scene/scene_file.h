@@ -7,7 +7,7 @@
 #include <vector>
 
 #include "core/temp_dir.h"
-#include "mr/core/scene.h"
+#include "mr/scene/scene.h"
 
 namespace mr::test {
 

@@ -1,4 +1,4 @@
-#include "mr/core/scene_reader.h"
+#include "mr/yaml/map_reader.h"
 
 #include <algorithm>
 #include <charconv>
@@ -7,13 +7,13 @@
 #include <cstdlib>
 #include <map>
 
-namespace mr::scene_file {
+namespace mr::yaml {
 namespace {
 
 constexpr std::size_t kMaxProblems = 1000;
 constexpr std::size_t kMaxFiles = 1'000'000;
 
-const char* kind_name(YamlNode::Kind kind) {
+const char* kind_name(Node::Kind kind) {
   constexpr const char* kNames[] = {"empty", "a single value", "a list", "a mapping"};
   return kNames[static_cast<int>(kind)];
 }
@@ -157,15 +157,15 @@ bool Report::spend_files(std::size_t count) {
 }
 
 /// What was set comes first, in its order.
-std::vector<SceneProblem> Report::by_line(std::vector<SceneProblem> list) const {
+std::vector<Problem> Report::by_line(std::vector<Problem> list) const {
   std::stable_sort(list.begin(), list.end(),
-                   [](const SceneProblem& a, const SceneProblem& b) { return a.line < b.line; });
-  for (SceneProblem& entry : list)
+                   [](const Problem& a, const Problem& b) { return a.line < b.line; });
+  for (Problem& entry : list)
     if (entry.line < 0) entry.option = options_[entry.line + options_.size()], entry.line = 0;
   return list;
 }
 
-std::vector<SceneProblem> Report::take_problems() {
+std::vector<Problem> Report::take_problems() {
   for (const auto& [folder, missing] : std::exchange(missing_, {}))
     problem(missing.line, (missing.told == 1 ? missing.message
                                              : "no folder " + in_quotes(folder.string()) +
@@ -174,16 +174,15 @@ std::vector<SceneProblem> Report::take_problems() {
                               missing.remedy);
   return by_line(std::move(problems_));
 }
-std::vector<SceneProblem> Report::take_notices() { return by_line(std::move(notices_)); }
+std::vector<Problem> Report::take_notices() { return by_line(std::move(notices_)); }
 
 std::string first_in(int line) {
   return line > 0 ? " (first in line " + std::to_string(line) + ")" : "";
 }
 
-std::optional<std::string> read_text(Report& report, const YamlNode& node,
-                                     const std::string& name) {
-  if (node.kind != YamlNode::Kind::scalar) {
-    report.problem(node.line, name + (node.kind == YamlNode::Kind::null
+std::optional<std::string> read_text(Report& report, const Node& node, const std::string& name) {
+  if (node.kind != Node::Kind::scalar) {
+    report.problem(node.line, name + (node.kind == Node::Kind::null
                                           ? " is empty"
                                           : std::string(" must be a single value, not ") +
                                                 kind_name(node.kind)));
@@ -199,13 +198,13 @@ std::optional<std::string> read_text(Report& report, const YamlNode& node,
   return text;
 }
 
-std::optional<double> read_number(Report& report, const YamlNode& node, const std::string& name,
+std::optional<double> read_number(Report& report, const Node& node, const std::string& name,
                                   Range range) {
   const auto refuse = [&](const std::string& why) {
     report.problem(node.line, name + " " + why);
     return std::nullopt;
   };
-  if (node.kind == YamlNode::Kind::list || node.kind == YamlNode::Kind::map)
+  if (node.kind == Node::Kind::list || node.kind == Node::Kind::map)
     return refuse(std::string("must be a number, not ") + kind_name(node.kind));
   const std::optional<std::string> text = read_text(report, node, name);
   if (!text) return std::nullopt;
@@ -219,10 +218,10 @@ std::optional<double> read_number(Report& report, const YamlNode& node, const st
   return number.value;
 }
 
-bool read_numbers(Report& report, const YamlNode& node, const std::string& name, Range range,
+bool read_numbers(Report& report, const Node& node, const std::string& name, Range range,
                   std::span<double> out) {
-  if (node.kind != YamlNode::Kind::list || node.items.size() != out.size()) {
-    const std::string is = node.kind == YamlNode::Kind::list
+  if (node.kind != Node::Kind::list || node.items.size() != out.size()) {
+    const std::string is = node.kind == Node::Kind::list
                                ? std::to_string(node.items.size()) + " of them"
                                : kind_name(node.kind);
     report.problem(node.line, name + " must be a list of " + std::to_string(out.size()) +
@@ -230,7 +229,7 @@ bool read_numbers(Report& report, const YamlNode& node, const std::string& name,
     return false;
   }
   std::vector<double> values;
-  for (const YamlNode& item : node.items)
+  for (const Node& item : node.items)
     if (const auto value = read_number(report, item, name, range)) values.push_back(*value);
   if (values.size() != out.size()) return false;
   std::copy(values.begin(), values.end(), out.begin());
@@ -246,7 +245,7 @@ bool is_variable_name(std::string_view name) {
                      [&](char c) { return letter(c) || (c >= '0' && c <= '9'); });
 }
 
-std::optional<std::string> read_id(Report& report, const YamlNode& node, const std::string& name) {
+std::optional<std::string> read_id(Report& report, const Node& node, const std::string& name) {
   const std::optional<std::string> id = read_text(report, node, name);
   if (!id) return std::nullopt;
   const bool good =
@@ -274,17 +273,17 @@ std::string known_keys(std::string_view word, const std::vector<std::string>& kn
 
 }  // namespace
 
-MapReader::MapReader(Report& r, const YamlNode& node, std::string name)
+MapReader::MapReader(Report& r, const Node& node, std::string name)
     : report(r), node_(node), name_(std::move(name)) {
-  if (node.kind != YamlNode::Kind::map) {
-    report.problem(node.line, name_ + (node.kind == YamlNode::Kind::null
+  if (node.kind != Node::Kind::map) {
+    report.problem(node.line, name_ + (node.kind == Node::Kind::null
                                            ? " is empty"
                                            : std::string(" must be a mapping of keys, not ") +
                                                  kind_name(node.kind)));
     return;
   }
   std::map<std::string_view, int> first;
-  for (const YamlKey& key : node.keys) {
+  for (const Key& key : node.keys) {
     const auto [known, is_new] = first.emplace(key.name, key.line);
     if (!is_new)
       report.problem(key.line,
@@ -298,7 +297,7 @@ void MapReader::not_acted_on(const std::string& key, const std::string& what) {
 
 MapReader::~MapReader() {
   if (accept_all_) return;
-  for (const YamlKey& key : node_.keys) {
+  for (const Key& key : node_.keys) {
     if (report.full()) return;
     if (std::find(asked_.begin(), asked_.end(), key.name) != asked_.end()) continue;
     if (key.name == "<<")
@@ -314,15 +313,15 @@ std::optional<std::size_t> MapReader::index(const std::string& key) const {
   return std::nullopt;
 }
 
-const YamlNode* MapReader::find(const std::string& key) {
+const Node* MapReader::find(const std::string& key) {
   if (std::find(asked_.begin(), asked_.end(), key) == asked_.end()) asked_.push_back(key);
   const auto i = index(key);
   return i ? &node_.items[*i] : nullptr;
 }
 
-const YamlNode* MapReader::need(const std::string& key) {
-  const YamlNode* node = find(key);
-  if (!node && node_.kind == YamlNode::Kind::map)
+const Node* MapReader::need(const std::string& key) {
+  const Node* node = find(key);
+  if (!node && node_.kind == Node::Kind::map)
     report.problem(node_.line, name_ + " lacks the key " + in_quotes(key));
   return node;
 }
@@ -333,7 +332,7 @@ int MapReader::line(const std::string& key) const {
 }
 
 bool MapReader::number(const std::string& key, double& out, Range range) {
-  const YamlNode* node = find(key);
+  const Node* node = find(key);
   if (!node) return false;
   const auto value = read_number(report, *node, key, range);
   if (value) out = *value;
@@ -352,7 +351,7 @@ bool MapReader::integer(const std::string& key, int& out, int low, int high) {
 }
 
 bool MapReader::flag(const std::string& key, bool& out) {
-  const YamlNode* node = find(key);
+  const Node* node = find(key);
   if (!node) return false;
   const auto value = read_text(report, *node, key);
   if (!value) return false;
@@ -366,7 +365,7 @@ bool MapReader::flag(const std::string& key, bool& out) {
 }
 
 bool MapReader::text(const std::string& key, std::string& out) {
-  const YamlNode* node = find(key);
+  const Node* node = find(key);
   if (!node) return false;
   auto value = read_text(report, *node, key);
   if (value) out = std::move(*value);
@@ -374,7 +373,7 @@ bool MapReader::text(const std::string& key, std::string& out) {
 }
 
 bool MapReader::numbers(const std::string& key, Range range, std::span<double> out) {
-  const YamlNode* node = find(key);
+  const Node* node = find(key);
   return node && read_numbers(report, *node, key, range, out);
 }
 
@@ -396,4 +395,4 @@ void MapReader::refuse_choice(const std::string& key, const std::string& value,
   report.problem(line(key), key + " must be one of " + list + "; not " + in_quotes(value));
 }
 
-}  // namespace mr::scene_file
+}  // namespace mr::yaml

@@ -7,7 +7,7 @@
 #include <set>
 #include <utility>
 
-#include "mr/core/scene_parts.h"
+#include "mr/scene/parts.h"
 
 namespace mr::scene_file {
 namespace {
@@ -16,14 +16,14 @@ constexpr std::size_t kMaxMergers = 256;
 constexpr std::size_t kMaxInputs = 1024;
 constexpr std::size_t kMaxLinks = 4096;
 
-void read_inputs(Report& report, const YamlNode& node, MergerEntry& merger) {
-  if (node.kind != YamlNode::Kind::list || node.items.empty() || node.items.size() > kMaxInputs) {
+void read_inputs(Report& report, const yaml::Node& node, MergerEntry& merger) {
+  if (node.kind != yaml::Node::Kind::list || node.items.empty() || node.items.size() > kMaxInputs) {
     report.problem(node.line, "inputs must be a list of 1 to " + std::to_string(kMaxInputs) +
                                   " ids of sensors or mergers");
     return;
   }
-  for (const YamlNode& item : node.items) {
-    const auto id = read_text(report, item, "inputs");
+  for (const yaml::Node& item : node.items) {
+    const auto id = yaml::read_text(report, item, "inputs");
     if (!id) continue;
     merger.config.inputs.push_back(*id);
     merger.input_lines.push_back(item.line);
@@ -198,16 +198,16 @@ std::vector<MergerConfig> children_first(const std::vector<MergerEntry>& mergers
 }  // namespace
 
 std::optional<Box3d> read_box(MapReader& map, const std::string& key) {
-  const YamlNode* box = map.find(key);
+  const yaml::Node* box = map.find(key);
   if (!box) return std::nullopt;
-  if (box->kind != YamlNode::Kind::list || box->items.size() != 2) {
+  if (box->kind != yaml::Node::Kind::list || box->items.size() != 2) {
     map.report.problem(map.line(key),
                        key + " must be [[x, y, z], [x, y, z]]: the low and the high corner");
     return std::nullopt;
   }
   double low[3], high[3];
-  const bool good = read_numbers(map.report, box->items[0], key, {-1e5, 1e5}, low) &
-                    read_numbers(map.report, box->items[1], key, {-1e5, 1e5}, high);
+  const bool good = yaml::read_numbers(map.report, box->items[0], key, {-1e5, 1e5}, low) &
+                    yaml::read_numbers(map.report, box->items[1], key, {-1e5, 1e5}, high);
   if (!good) return std::nullopt;
   if (low[0] >= high[0] || low[1] >= high[1] || low[2] >= high[2]) {
     map.report.problem(map.line(key),
@@ -223,29 +223,31 @@ void check_ids(Report& report, const std::vector<NodeName>& leaves,
   const auto check = [&](const std::string& id, int line) {
     const auto [known, is_new] = first.emplace(id, line);
     if (!is_new)
-      report.problem(line, "id " + in_quotes(id) + " is used twice" + first_in(known->second));
+      report.problem(line,
+                     "id " + in_quotes(id) + " is used twice" + yaml::first_in(known->second));
   };
   for (const NodeName& leaf : leaves) check(leaf.id, leaf.line);
   for (const MergerEntry& merger : mergers)
     if (!merger.config.id.empty()) check(merger.config.id, merger.line);
 }
 
-std::vector<MergerEntry> read_mergers(Report& report, const YamlNode& node) {
+std::vector<MergerEntry> read_mergers(Report& report, const yaml::Node& node) {
   std::vector<MergerEntry> mergers;
-  if (node.kind != YamlNode::Kind::list || node.items.empty() || node.items.size() > kMaxMergers) {
+  if (node.kind != yaml::Node::Kind::list || node.items.empty() ||
+      node.items.size() > kMaxMergers) {
     report.problem(node.line,
                    "mergers must be a list of 1 to " + std::to_string(kMaxMergers) + " mergers");
     return mergers;
   }
-  for (const YamlNode& item : node.items) {
+  for (const yaml::Node& item : node.items) {
     MapReader map(report, item, "merger");
     MergerEntry merger;
     merger.line = item.line;
-    if (const YamlNode* id = map.need("id")) {
-      merger.config.id = read_id(report, *id, "id").value_or("");
+    if (const yaml::Node* id = map.need("id")) {
+      merger.config.id = yaml::read_id(report, *id, "id").value_or("");
       merger.line = id->line;
     }
-    if (const YamlNode* inputs = map.need("inputs")) read_inputs(report, *inputs, merger);
+    if (const yaml::Node* inputs = map.need("inputs")) read_inputs(report, *inputs, merger);
     map.number("deadline_ms", merger.config.deadline_ms, {0, 60'000, true});
     map.number("budget_ms", merger.config.budget_ms, {0, 60'000});
     merger.config.region = read_box(map, "region");
@@ -255,17 +257,17 @@ std::vector<MergerEntry> read_mergers(Report& report, const YamlNode& node) {
   return mergers;
 }
 
-std::vector<LinkConfig> read_links(Report& report, const YamlNode& node,
+std::vector<LinkConfig> read_links(Report& report, const yaml::Node& node,
                                    const std::vector<NodeName>& names) {
   std::vector<LinkConfig> links;
-  if (node.kind != YamlNode::Kind::list || node.items.size() > kMaxLinks) {
+  if (node.kind != yaml::Node::Kind::list || node.items.size() > kMaxLinks) {
     report.problem(node.line,
                    "links must be a list of at most " + std::to_string(kMaxLinks) + " links");
     return links;
   }
   std::vector<std::string> ids;
   for (const NodeName& name : names) ids.push_back(name.id);
-  for (const YamlNode& item : node.items) {
+  for (const yaml::Node& item : node.items) {
     if (report.full()) break;
     MapReader map(report, item, "link");
     LinkConfig link;

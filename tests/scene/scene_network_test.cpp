@@ -3,7 +3,7 @@
 
 #include <algorithm>
 
-#include "core/scene_file.h"
+#include "scene/scene_file.h"
 
 namespace mr {
 namespace {

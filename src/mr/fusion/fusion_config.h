@@ -1,0 +1,26 @@
+#pragma once
+
+namespace mr::fusion {
+
+enum class Decomposition { none, chunks, patches };
+
+/// What is done to a sensor's depth before fusion (fusion/clean_depth.h). In a scene file these are
+/// keys of `fusion`.
+struct CleanConfig {
+  bool mixed_pixels = true;  ///< drop what hangs between two surfaces at a depth edge
+  int speckle_px = 8;        ///< drop regions of fewer pixels; 0 or 1: none
+  int fill_px = 2;           ///< close gaps of up to so many pixels inside a surface, 0 (off) .. 7
+  bool smooth_depth = true;  ///< average out sensor noise
+  friend bool operator==(const CleanConfig&, const CleanConfig&) = default;
+};
+
+struct FusionConfig {
+  Decomposition decomposition = Decomposition::chunks;
+  double chunk_m = 1.28;             ///< edge of the scene's chunk grid
+  int patches_x = 4, patches_y = 4;  ///< the paper's M×N
+  double truncation_m = 0.04;        ///< half width of the signed-distance band
+  CleanConfig clean;                 ///< keys smooth_depth, mixed_pixels, speckle_px, fill_px
+  friend bool operator==(const FusionConfig&, const FusionConfig&) = default;
+};
+
+}  // namespace mr::fusion

@@ -1,0 +1,41 @@
+#pragma once
+
+#include <cstddef>
+#include <filesystem>
+#include <map>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "mr/core/result.h"
+#include "mr/core/secret_source.h"
+#include "mr/yaml/map_reader.h"
+
+/// Files and secrets that a scene file names.
+namespace mr::yaml {
+
+/// Files named by a list, by one string, or by {pattern, first, last}; at least one of them exists
+/// where no problem was reported.
+struct FileList {
+  std::vector<std::filesystem::path> paths;
+  std::vector<int> lines;  ///< [paths] where each is named
+  bool is_pattern = false;
+  std::map<std::size_t, Error> unusable;  ///< some of the paths, and what is wrong with each
+};
+
+/// A list, one name or a pattern.
+std::optional<FileList> read_files(Report& report, const Node& node, const std::string& name);
+/// One name.
+std::optional<FileList> read_one_file(Report& report, const Node& node, const std::string& name);
+/// The same from a mapping that holds pattern, first and last.
+std::optional<FileList> read_pattern(MapReader& map, const std::string& name);
+
+/// Notes what of a list cannot be used, where the rest can; `key`: in the scene, such as
+/// "sensors.cam-0.source.depth".
+void tell_unusable(Report& report, const FileList& list, const std::string& key);
+
+/// Where a secret stands: {env: NAME} or {file: PATH}. Whether it is there is not looked at: each
+/// node of a scene has only its own. False where the key is missing or wrong.
+bool read_secret_source(MapReader& map, const std::string& key, SecretSource& out);
+
+}  // namespace mr::yaml
