@@ -450,9 +450,9 @@ TEST(MergeNode, ARootAboveAnInnerMergerShowsTheSame) {
   for (std::uint32_t i = 0; i < 2; ++i) ASSERT_TRUE(west.receive(i, west.sense(i, wall())));
   const TimePoint now = west.now() + milliseconds(90);
   ASSERT_TRUE(root.inputs().receive(0, *west.merge(), now));
-  const auto gathered = root.inputs().gather(now + milliseconds(60));
-  ASSERT_TRUE(gathered && *gathered);
-  const Packet packet = *codec::decode_packet(*root.merge(**gathered)), usual = flat.see(wall());
+  const auto captures = root.inputs().next_set(now + milliseconds(60));
+  ASSERT_TRUE(captures && *captures);
+  const Packet packet = *codec::decode_packet(*root.merge(**captures)), usual = flat.see(wall());
   EXPECT_TRUE(receiver.accept(packet).empty());
   EXPECT_EQ(packet.node, "root");
   EXPECT_EQ(packet.sources, usual.sources);

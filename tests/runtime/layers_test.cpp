@@ -303,8 +303,8 @@ class Nodes {
       const auto surface = sensors_[i]->reconstruct(std::move(frame));
       EXPECT_TRUE(root_.inputs().receive(i, *sensors_[i]->code(*surface), now));
     }
-    const auto gathered = root_.inputs().gather(now + std::chrono::milliseconds(60));
-    auto bytes = *root_.merge(**gathered);
+    const auto captures = root_.inputs().next_set(now + std::chrono::milliseconds(60));
+    auto bytes = *root_.merge(**captures);
     for (const auto& [input, sequence] : root_.take_shown()) {
       sensors_[input]->answer({.key_frames = {}, .chunks = {}, .taken = {}, .shown = sequence});
       told_.insert(input);

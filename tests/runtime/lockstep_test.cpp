@@ -338,9 +338,9 @@ std::size_t serve(node::MergeNode& merger, node::SensorNode& sensor, TimePoint n
 
 /// Merges what is ready; whether a packet came of it.
 bool merges(node::MergeNode& merger, TimePoint now) {
-  const auto gathered = merger.inputs().gather(now);
-  if (!gathered || !*gathered) return false;
-  const auto bytes = merger.merge(**gathered);
+  const auto captures = merger.inputs().next_set(now);
+  if (!captures || !*captures) return false;
+  const auto bytes = merger.merge(**captures);
   return bytes && codec::decode_packet(*bytes);
 }
 
@@ -356,8 +356,8 @@ TEST_F(LockstepSceneFromFiles, LossIsMendedByAKeyFrame) {
     packet->captured_at = now;
     EXPECT_TRUE(merger.inputs().receive(0, codec::encode_packet(*packet), now));
     serve(merger, sensor, now);
-    const auto gathered = merger.inputs().gather(now + std::chrono::milliseconds(60));
-    return gathered && *gathered ? (*gathered)->scenes.at(0).captured_at : TimePoint{};
+    const auto captures = merger.inputs().next_set(now + std::chrono::milliseconds(60));
+    return captures && *captures ? (*captures)->scenes.at(0).captured_at : TimePoint{};
   };
   EXPECT_EQ(shown(), now);
   wall_packet(s, sensor);           // lost on the way
@@ -376,9 +376,9 @@ TEST_F(LockstepSceneFromFiles, WhoLeavesTheVolumeLeavesTheScene) {
     packet.captured_at = now;
     EXPECT_EQ(packet.manifest.empty(), depth_m == 0);
     ASSERT_TRUE(merger.inputs().receive(0, codec::encode_packet(packet), now));
-    const auto gathered = merger.inputs().gather(now + std::chrono::milliseconds(60));
-    ASSERT_TRUE(gathered && *gathered);
-    const auto merged = merger.merge(**gathered);
+    const auto captures = merger.inputs().next_set(now + std::chrono::milliseconds(60));
+    ASSERT_TRUE(captures && *captures);
+    const auto merged = merger.merge(**captures);
     ASSERT_TRUE(merged);
     EXPECT_EQ(codec::decode_packet(*merged)->manifest.empty(), depth_m == 0);
   }
@@ -388,7 +388,7 @@ TEST_F(LockstepSceneFromFiles, PacketsOfOtherSendersAreRefused) {
   const Scene s = scene();
   node::SensorNode sensor(s, 0);
   node::MergeNode merger(s, s.mergers[0], true);
-  node::Gatherer& inputs = merger.inputs();
+  node::InputSynchronizer& inputs = merger.inputs();
   const std::vector<std::byte> bytes = wall_packet(s, sensor);
   EXPECT_FALSE(inputs.receive(1, bytes, TimePoint{}));  // s0's packet as if from s1
   auto foreign = *codec::decode_packet(bytes);
@@ -560,9 +560,9 @@ TEST_F(LockstepSceneFromFiles, MergerSurvivesGarbagePackets) {
   const Scene s = scene();
   node::SensorNode sensor(s, 0);
   node::MergeNode merger(s, s.mergers[0], true);
-  node::Gatherer& inputs = merger.inputs();
+  node::InputSynchronizer& inputs = merger.inputs();
   const TimePoint now{};
-  EXPECT_TRUE(inputs.gather(now).ok());  // nothing arrived: nothing to merge, no error
+  EXPECT_TRUE(inputs.next_set(now).ok());  // nothing arrived: nothing to merge, no error
 
   const std::vector<std::byte> garbage(1000, std::byte{0x5a});
   EXPECT_FALSE(inputs.receive(1, garbage, now));

@@ -87,11 +87,11 @@ class Merger {
   /// Merges what was received, when it is due; then it is the next tick.
   Result<std::vector<std::byte>> merge() {
     ask();
-    const auto gathered = node.inputs().gather(now() + std::chrono::milliseconds(80));
+    const auto captures = node.inputs().next_set(now() + std::chrono::milliseconds(80));
     ++tick_;
-    if (!gathered) return gathered.error();
-    EXPECT_TRUE(*gathered) << "nothing is ready";
-    return node.merge(**gathered);
+    if (!captures) return captures.error();
+    EXPECT_TRUE(*captures) << "nothing is ready";
+    return node.merge(**captures);
   }
   /// The same, as received.
   Packet merged() {

@@ -7,14 +7,14 @@
 #include <string>
 #include <vector>
 
+#include "mr/codec/control_pacing.h"
 #include "mr/codec/head.h"
 #include "mr/codec/receiver.h"
-#include "mr/codec/request_pacing.h"
 
 namespace mr::codec {
 
 /// The receiving end of one node's stream, from bytes to decoded captures: packets in their order
-/// (HeadReader), chunks and pictures (Receiver), and what to ask the node for (RequestPacing).
+/// (HeadReader), chunks and pictures (Receiver), and what to ask the node for (ControlPacing).
 /// Mergers, clients and renderers all receive with it. No socket, thread or clock inside.
 class StreamReceiver {
  public:
@@ -47,7 +47,7 @@ class StreamReceiver {
   Lattice lattice_;
   HeadReader heads_;
   Receiver receiver_;
-  RequestPacing pacing_;
+  ControlPacing pacing_;
   std::set<std::uint32_t> key_frames_wanted_;  ///< beside those that the receiver waits for
 };
 

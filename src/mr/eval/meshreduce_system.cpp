@@ -49,7 +49,7 @@ class MeshReduceSystem final : public System {
  private:
   /// What the root draws one capture from.
   struct DrawnFrom {
-    node::Gathered gathered;
+    node::CaptureSet captures;
     std::vector<View> views;
     std::vector<SourceInfo> sources;
     Mesh moving;
@@ -82,7 +82,7 @@ class MeshReduceSystem final : public System {
   void note(Inputs& in, const node::RootAtlas::Drawing& drawing) const {
     if (in.burst.empty()) in.memory = drawing.atlas.memory();
     in.burst.push_back(
-        {drawing.tick.gathered, drawing.tick.views, drawing.tick.sources, drawing.moving,
+        {drawing.tick.captures, drawing.tick.views, drawing.tick.sources, drawing.moving,
          drawing.still ? std::optional(*drawing.still) : std::nullopt, drawing.error_m});
   }
 
@@ -209,11 +209,11 @@ class MeshReduceSystem final : public System {
     atlas.recall((*in)->memory);
     Coded out;
     for (const DrawnFrom& from : (*in)->burst) {
-      const node::RootAtlas::Tick tick{from.gathered, from.views, from.sources};
+      const node::RootAtlas::Tick tick{from.captures, from.views, from.sources};
       if (remembers_ && !out.empty()) atlas.update_plates(tick, from.moving);
       Packet packet;
       packet.scene = scene.id, packet.node = scene.mergers.back().id;
-      packet.sequence = out.size(), packet.captured_at = from.gathered.tick;
+      packet.sequence = out.size(), packet.captured_at = from.captures.tick;
       packet.plan.texture_scale = setting.scale;
       packet.plan.texture_qp = setting.qp;
       const Status drawn = atlas.compose(tick, from.moving, from.still ? &*from.still : nullptr,

@@ -10,7 +10,7 @@
 #include <utility>
 #include <vector>
 
-#include "mr/codec/request_pacing.h"
+#include "mr/codec/control_pacing.h"
 #include "mr/core/packet.h"
 #include "mr/core/result.h"
 #include "mr/net/outbox.h"
@@ -130,7 +130,7 @@ class Viewers {
   std::map<ChunkKey, std::shared_ptr<const EncodedChunk>> chunks_;  // of the newest manifest
   std::map<std::uint32_t, Kept> kept_;                              // by stream
   std::set<std::uint32_t> key_frames_wanted_;                       // by viewers
-  codec::RequestPacing pacing_;
+  codec::ControlPacing pacing_;
   std::uint64_t folded_ = 0, restarted_ = 0, impatient_ = 0, unread_answers_ = 0;
 };
 

@@ -25,7 +25,7 @@ class CalibrationCheck {
   /// The scene must outlive the check.
   explicit CalibrationCheck(const Scene& scene);
 
-  /// Looks at the parts, one per scene that was gathered; not closely at each call, for it takes
+  /// Looks at the parts, one per input; not closely at each call, for it takes
   /// time.
   void look(const std::vector<kit::Part>& parts);
   /// Corrects the poses of parts where merge.refine is set, and of their sources; empties the

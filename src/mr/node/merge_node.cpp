@@ -44,7 +44,7 @@ MergeNode::MergeNode(const Scene& scene, const MergerConfig& merger, bool is_roo
       is_root_(is_root),
       clock_(std::move(clock)),
       plan_(merger_plan(scene, is_root)),
-      gatherer_(scene, merger, !is_root),
+      synchronizer_(scene, merger, !is_root),
       publisher_(scene, kMergedSource),
       atlas_(scene),
       calibration_(scene),
@@ -87,30 +87,30 @@ std::vector<std::pair<std::size_t, std::uint64_t>> MergeNode::take_shown() {
   return out;
 }
 
-Packet MergeNode::head(const Gathered& gathered, const CodingPlan& plan) const {
+Packet MergeNode::head(const CaptureSet& captures, const CodingPlan& plan) const {
   Packet packet;
   packet.scene = scene_->id, packet.node = id();
   packet.epoch = clock_.epoch, packet.sequence = sequence_;
-  packet.captured_at = gathered.tick;
-  packet.sources = gathered.sources;
+  packet.captured_at = captures.tick;
+  packet.sources = captures.sources;
   packet.plan = plan;
   return packet;
 }
 
-Result<std::vector<std::byte>> MergeNode::merge(const Gathered& gathered,
+Result<std::vector<std::byte>> MergeNode::merge(const CaptureSet& captures,
                                                 const std::function<void()>& halfway) {
   const TimePoint started = clock_.now ? clock_.now() : TimePoint{};
   const CodingPlan plan = plan_.get();
-  Packet packet = head(gathered, plan);
-  if (const Status merged = merge_surfaces(gathered, plan.decimation, halfway); !merged)
+  Packet packet = head(captures, plan);
+  if (const Status merged = merge_surfaces(captures, plan.decimation, halfway); !merged)
     return merged.error();
   const Status coded = trace_.time("encode_mesh", [&] {
     return publisher_.publish(moving_->mesh, moving_->error_m, plan.mesh_speed, packet);
   });
   if (!coded) return coded.error();
-  if (const Status textured = add_textures(gathered, packet); !textured) return textured.error();
+  if (const Status textured = add_textures(captures, packet); !textured) return textured.error();
   ++sequence_;
-  add_marks(gathered, started, packet);
+  add_marks(captures, started, packet);
   return writer_.write(std::move(packet));
 }
 
@@ -121,22 +121,22 @@ std::optional<Mesh> MergeNode::surface() const {
   return out;
 }
 
-void MergeNode::add_marks(const Gathered& gathered, TimePoint started, Packet& packet) const {
+void MergeNode::add_marks(const CaptureSet& captures, TimePoint started, Packet& packet) const {
   if (!clock_.now) return;
-  for (const auto& [stage, at] : gathered.marks) packet.marks.push_back({stage, at});
+  for (const auto& [stage, at] : captures.marks) packet.marks.push_back({stage, at});
   packet.marks.push_back({id() + "/gathered", started});
   packet.marks.push_back({id() + "/merged", clock_.now()});
 }
 
 /// The still surface where any of it changed, then the moving one.
-Status MergeNode::merge_surfaces(const Gathered& gathered, const Decimation& decimation,
+Status MergeNode::merge_surfaces(const CaptureSet& captures, const Decimation& decimation,
                                  const std::function<void()>& halfway) {
-  for (const auto& [input, sequence] : gathered.taken) taken_[input] = sequence;
+  for (const auto& [input, sequence] : captures.taken) taken_[input] = sequence;
   if (auto made = still_job_.take())
     if (const Status shown = show(*std::move(made)); !shown) return shown;
   std::vector<DecodedScene> still, moving;
   bool any_still = false;
-  for (const DecodedScene& scene : gathered.scenes) {
+  for (const DecodedScene& scene : captures.scenes) {
     still.push_back(layer_of(scene, Layer::still));
     moving.push_back(layer_of(scene, Layer::moving));
     any_still |= !still.back().chunks.empty();
@@ -152,12 +152,12 @@ Status MergeNode::merge_surfaces(const Gathered& gathered, const Decimation& dec
   if (still_changed && !still_job_.is_busy()) {
     inputs = StillMerger::Inputs{still, parts_of(still, Layer::still)};
     still_scenes_ = std::move(still), still_decimation_ = decimation;
-    correct(gathered, true, inputs->parts);
+    correct(captures, true, inputs->parts);
   }
   Parts parts = parts_of(moving, Layer::moving);
-  correct(gathered, !still_scenes_, parts);
+  correct(captures, !still_scenes_, parts);
   if (still_scenes_) {
-    look_at_plates(gathered, parts);
+    look_at_plates(captures, parts);
     if (const Status brought = bring_still(std::move(inputs), decimation, parts); !brought)
       return brought;
   }
@@ -169,21 +169,21 @@ Status MergeNode::merge_surfaces(const Gathered& gathered, const Decimation& dec
 }
 
 /// Calibration; it is looked at where most surface is.
-void MergeNode::correct(const Gathered& gathered, bool look, Parts& parts) {
+void MergeNode::correct(const CaptureSet& captures, bool look, Parts& parts) {
   trace_.time("register", [&] {
-    places_ = {gathered.views, gathered.sources};
+    places_ = {captures.views, captures.sources};
     if (look) calibration_.look(parts);
     calibration_.apply(parts);
     calibration_.apply(parts, places_.views, places_.sources);
   });
 }
 
-void MergeNode::look_at_plates(const Gathered& gathered, const Parts& moving) {
+void MergeNode::look_at_plates(const CaptureSet& captures, const Parts& moving) {
   if (!is_root_) return;
   trace_.time("plates", [&] {
     Mesh all;
     for (const kit::Part& part : moving) append(all, part.mesh);
-    atlas_.update_plates({gathered, places_.views, places_.sources}, all);
+    atlas_.update_plates({captures, places_.views, places_.sources}, all);
   });
 }
 
@@ -258,14 +258,14 @@ Mesh MergeNode::label_moving(const Mesh& mesh, float error_m) const {
   return atlas::label_triangles(mesh, places_.views, config);
 }
 
-Status MergeNode::add_textures(const Gathered& gathered, Packet& packet) {
+Status MergeNode::add_textures(const CaptureSet& captures, Packet& packet) {
   for (SourceInfo& source : packet.sources) {
     for (const SourceInfo& corrected : places_.sources)
       if (corrected.sensor == source.sensor) source.T_world_depth = corrected.T_world_depth;
     if (is_root_) source.confirmed_depth = source.confirmed_color = {};
   }
   if (is_root_ && !places_.views.empty()) {
-    const RootAtlas::Tick tick{gathered, places_.views, places_.sources};
+    const RootAtlas::Tick tick{captures, places_.views, places_.sources};
     const Mesh* still = still_.mesh.get();
     const float error_m = std::max(moving_->error_m, still_.error_m);
     if (drawing_listener_) drawing_listener_({atlas_, tick, moving_->mesh, still, error_m});
@@ -273,7 +273,7 @@ Status MergeNode::add_textures(const Gathered& gathered, Packet& packet) {
                        [&] { return atlas_.compose(tick, moving_->mesh, still, error_m, packet); });
   }
   packet.views = places_.views;
-  packet.textures = gathered.units;
+  packet.textures = captures.units;
   return {};
 }
 

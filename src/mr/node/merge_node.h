@@ -23,7 +23,7 @@
 #include "mr/merge/overlap/emptiness.h"
 #include "mr/node/calibration_check.h"
 #include "mr/node/chunk_publisher.h"
-#include "mr/node/gatherer.h"
+#include "mr/node/input_synchronizer.h"
 #include "mr/node/node_clock.h"
 #include "mr/node/plans.h"
 #include "mr/node/root_atlas.h"
@@ -54,13 +54,13 @@ class MergeNode {
   const std::string& id() const { return merger_.id; }
   const MergerConfig& config() const { return merger_; }
 
-  Gatherer& inputs() { return gatherer_; }
-  const Gatherer& inputs() const { return gatherer_; }
+  InputSynchronizer& inputs() { return synchronizer_; }
+  const InputSynchronizer& inputs() const { return synchronizer_; }
 
   /// The bytes of the merged packet. After an Error the inputs should send key frames, as units
   /// that were to be handed on are lost. `halfway` is called when the stages that use every core
   /// are over: on one machine, the inputs' next frames fit in from there.
-  Result<std::vector<std::byte>> merge(const Gathered& gathered,
+  Result<std::vector<std::byte>> merge(const CaptureSet& captures,
                                        const std::function<void()>& halfway = {});
 
   /// Chunks that a receiver asked for; empty when there are none. Wishes for key frames and for a
@@ -114,26 +114,26 @@ class MergeNode {
     std::optional<Sequences> inputs;  // whose still surfaces it shows, where some are new
   };
 
-  Packet head(const Gathered& gathered, const CodingPlan& plan) const;
-  Status merge_surfaces(const Gathered& gathered, const Decimation& decimation,
+  Packet head(const CaptureSet& captures, const CodingPlan& plan) const;
+  Status merge_surfaces(const CaptureSet& captures, const Decimation& decimation,
                         const std::function<void()>& halfway);
-  void correct(const Gathered& gathered, bool look, Parts& parts);
-  void look_at_plates(const Gathered& gathered, const Parts& moving);
+  void correct(const CaptureSet& captures, bool look, Parts& parts);
+  void look_at_plates(const CaptureSet& captures, const Parts& moving);
   Status bring_still(std::optional<StillMerger::Inputs> inputs, const Decimation& decimation,
                      const Parts& moving);
   Status show(StillMade still);
   Status merge_moving(std::vector<DecodedScene> scenes, const Parts& parts,
                       const Decimation& decimation, const std::function<void()>& halfway);
   Mesh label_moving(const Mesh& mesh, float error_m) const;
-  Status add_textures(const Gathered& gathered, Packet& packet);
-  void add_marks(const Gathered& gathered, TimePoint started, Packet& packet) const;
+  Status add_textures(const CaptureSet& captures, Packet& packet);
+  void add_marks(const CaptureSet& captures, TimePoint started, Packet& packet) const;
 
   const Scene* scene_;
   MergerConfig merger_;
   bool is_root_;
   NodeClock clock_;
   CurrentPlan plan_;
-  Gatherer gatherer_;
+  InputSynchronizer synchronizer_;
   ChunkPublisher publisher_;
   RootAtlas atlas_;
   codec::HeadWriter writer_;

@@ -5,8 +5,8 @@
 namespace mr::node {
 
 struct MergeTask::Tick final : Work {
-  explicit Tick(Gathered gathered) : gathered(std::move(gathered)) {}
-  Gathered gathered;
+  explicit Tick(CaptureSet captures) : captures(std::move(captures)) {}
+  CaptureSet captures;
 };
 
 MergeTask::MergeTask(const Scene& scene, const MergerConfig& merger, NodeLog log, Options options)
@@ -23,7 +23,7 @@ MergeTask::MergeTask(const Scene& scene, const MergerConfig& merger, NodeLog log
 
 std::vector<Ask> MergeTask::step(const Arrivals& arrivals, TimePoint now) {
   for (const auto& [input, bytes] : arrivals.packets) {
-    // A refusal is counted, and told, by the gatherer.
+    // A refusal is counted, and told, by the synchronizer.
     static_cast<void>(node_.inputs().receive(input, *bytes, now).ok());
     const std::lock_guard lock(watch_mutex_);
     if (const auto newest = node_.inputs().newest(input)) presence_.seen(input, *newest, now);
@@ -101,22 +101,22 @@ Task::Bytes MergeTask::answer(const codec::Control& control, TimePoint) {
 }
 
 std::unique_ptr<Task::Work> MergeTask::begin(TimePoint now) {
-  auto gathered = node_.inputs().gather(now);
-  if (!gathered) drops_.count(id(), gathered.error());
-  if (!gathered || !*gathered) return nullptr;
-  return std::make_unique<Tick>(**std::move(gathered));
+  auto captures = node_.inputs().next_set(now);
+  if (!captures) drops_.count(id(), captures.error());
+  if (!captures || !*captures) return nullptr;
+  return std::make_unique<Tick>(**std::move(captures));
 }
 
 std::vector<Ask> MergeTask::taken(const Work& work) const {
   std::vector<Ask> asks;
-  for (const auto& [input, sequence] : static_cast<const Tick&>(work).gathered.taken)
+  for (const auto& [input, sequence] : static_cast<const Tick&>(work).captures.taken)
     asks.push_back({input, {.key_frames = {}, .chunks = {}, .taken = sequence}});
   return asks;
 }
 
 std::optional<Task::Bytes> MergeTask::finish(Work& work,
                                              const std::function<void()>& first_part_done) {
-  auto bytes = node_.merge(static_cast<Tick&>(work).gathered, first_part_done);
+  auto bytes = node_.merge(static_cast<Tick&>(work).captures, first_part_done);
   if (const auto notice = node_.calibration().take_notice()) log_.warn(*notice);
   if (bytes) return *std::move(bytes);
   drops_.count(id(), bytes.error());

@@ -17,9 +17,9 @@ namespace {
 
 constexpr int kPlatesFiner = 8;  // QP: what stays is coded seldom, and seen for long
 
-atlas::Pictures pictures_of(const Gathered& gathered) {
+atlas::Pictures pictures_of(const CaptureSet& captures) {
   atlas::Pictures out;
-  for (const DecodedScene& scene : gathered.scenes)
+  for (const DecodedScene& scene : captures.scenes)
     out.insert(scene.textures.begin(), scene.textures.end());
   return out;
 }
@@ -118,7 +118,7 @@ const TileMask& RootAtlas::seen_by_depth(const View& view, const SourceInfo& sou
 }
 
 void RootAtlas::update_plates(const Tick& tick, const Mesh& moving) {
-  const atlas::Pictures pictures = pictures_of(tick.gathered);
+  const atlas::Pictures pictures = pictures_of(tick.captures);
   struct Work {
     atlas::CleanPlate* plate;
     const View* view;
@@ -240,7 +240,7 @@ Status RootAtlas::compose(const Tick& tick, const Mesh& moving, const Mesh* stil
   add_views(still != nullptr, packet);
   Children children;
   for (const View& view : tick.views) children[view.id] = view;
-  const atlas::Pictures pictures = pictures_of(tick.gathered);
+  const atlas::Pictures pictures = pictures_of(tick.captures);
   if (scene_->merge.color_gain) balance_.update(still ? *still : moving, tick.views, pictures);
   ImageRgb picture = draw_live(children, pictures, used);
   if (scene_->atlas.burn_sequence) atlas::draw_watermark(picture, packet.sequence);

@@ -12,7 +12,7 @@
 #include "mr/core/mesh.h"
 #include "mr/core/packet.h"
 #include "mr/core/result.h"
-#include "mr/node/gatherer.h"
+#include "mr/node/input_synchronizer.h"
 #include "mr/node/texture_stream.h"
 #include "mr/scene/scene.h"
 
@@ -28,7 +28,7 @@ class RootAtlas {
 
   /// What the pictures of one tick follow from. Views as the children have them, poses corrected.
   struct Tick {
-    const Gathered& gathered;
+    const CaptureSet& captures;
     const std::vector<View>& views;
     const std::vector<SourceInfo>& sources;
   };

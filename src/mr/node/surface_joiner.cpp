@@ -9,7 +9,7 @@
 #include "mr/codec/mesh_codec.h"
 #include "mr/kit/topology.h"
 #include "mr/merge/merge_surfaces.h"
-#include "mr/node/gatherer.h"
+#include "mr/node/input_synchronizer.h"
 
 namespace mr::node {
 namespace {

@@ -1,4 +1,4 @@
-#include "mr/node/gatherer.h"
+#include "mr/node/input_synchronizer.h"
 
 #include <algorithm>
 #include <chrono>
@@ -73,7 +73,7 @@ Mesh inside(const Mesh& mesh, const Box3d& region, double chunk_m) {
   return select_triangles(mesh, keep);
 }
 
-Gatherer::Gatherer(const Scene& scene, const MergerConfig& merger, bool hand_on)
+InputSynchronizer::InputSynchronizer(const Scene& scene, const MergerConfig& merger, bool hand_on)
     : scene_(&scene),
       merger_(merger),
       hand_on_(hand_on),
@@ -89,7 +89,7 @@ Gatherer::Gatherer(const Scene& scene, const MergerConfig& merger, bool hand_on)
 
 /// The packet must come from the node that the input stands for, and speak for its sensors only:
 /// another's ids would collide with those of other inputs.
-Status Gatherer::check_sender(const Input& input, const Packet& packet) const {
+Status InputSynchronizer::check_sender(const Input& input, const Packet& packet) const {
   const auto refuse = [](const std::string& why) { return Error{Error::Cause::invalid, why}; };
   if (packet.scene != scene_->id || packet.node != input.id)
     return refuse("is of node '" + packet.node + "' of scene '" + packet.scene + "'");
@@ -110,7 +110,8 @@ Status Gatherer::check_sender(const Input& input, const Packet& packet) const {
   return {};
 }
 
-Status Gatherer::receive(std::size_t input, std::span<const std::byte> bytes, TimePoint now) {
+Status InputSynchronizer::receive(std::size_t input, std::span<const std::byte> bytes,
+                                  TimePoint now) {
   Input& from = inputs_[input];
   auto packet = from.stream.read(bytes, now);
   if (packet) {
@@ -124,7 +125,7 @@ Status Gatherer::receive(std::size_t input, std::span<const std::byte> bytes, Ti
   return told;
 }
 
-Status Gatherer::receive(std::size_t input, Packet packet, TimePoint now) {
+Status InputSynchronizer::receive(std::size_t input, Packet packet, TimePoint now) {
   const Stopwatch stopwatch(decode_ms_);
   Input& from = inputs_[input];
   if (const Status fits = check_sender(from, packet); !fits) {
@@ -145,7 +146,7 @@ Status Gatherer::receive(std::size_t input, Packet packet, TimePoint now) {
 }
 
 /// Leaves out the chunks that are others' to merge; they are not decoded, or asked for.
-void Gatherer::keep_region(Packet& packet) const {
+void InputSynchronizer::keep_region(Packet& packet) const {
   if (!merger_.region) return;
   constexpr int kMargin = 1;  // cubes
   const auto is_far = [&](const ChunkKey& key) {
@@ -155,7 +156,7 @@ void Gatherer::keep_region(Packet& packet) const {
   std::erase_if(packet.chunks, [&](const EncodedChunk& chunk) { return is_far(chunk.key); });
 }
 
-void Gatherer::keep_units(Input& input, Packet& packet) {
+void InputSynchronizer::keep_units(Input& input, Packet& packet) {
   for (TextureUnit& unit : packet.textures)
     input.units.push_back({packet.captured_at, std::move(unit)});
   const std::size_t most = std::min(kMaxUnitsWaiting * input.sensors.size(),
@@ -165,20 +166,21 @@ void Gatherer::keep_units(Input& input, Packet& packet) {
   input.units.clear();
 }
 
-void Gatherer::take_answer(std::size_t input, std::span<const std::byte> answer, TimePoint now) {
+void InputSynchronizer::take_answer(std::size_t input, std::span<const std::byte> answer,
+                                    TimePoint now) {
   const Stopwatch stopwatch(decode_ms_);
   Input& from = inputs_[input];
   for (const Error& error : from.stream.take_answer(answer)) drops_.count(link(from), error);
   settle(input, now);
 }
 
-std::optional<TimePoint> Gatherer::newest(std::size_t input) const {
+std::optional<TimePoint> InputSynchronizer::newest(std::size_t input) const {
   const auto& whole = inputs_[input].whole;
   return whole ? std::optional(whole->captured_at) : std::nullopt;
 }
 
 /// If the input's newest capture is complete, it is what is merged from now on.
-void Gatherer::settle(std::size_t input, TimePoint now) {
+void InputSynchronizer::settle(std::size_t input, TimePoint now) {
   Input& from = inputs_[input];
   auto scene = from.stream.decoded().scene();
   if (!scene) return;
@@ -187,7 +189,7 @@ void Gatherer::settle(std::size_t input, TimePoint now) {
   aligner_.arrived(input, from.whole->captured_at, now);
 }
 
-std::vector<std::pair<std::size_t, codec::Control>> Gatherer::requests(TimePoint now) {
+std::vector<std::pair<std::size_t, codec::Control>> InputSynchronizer::requests(TimePoint now) {
   std::vector<std::pair<std::size_t, codec::Control>> out;
   for (std::size_t i = 0; i < inputs_.size(); ++i)
     if (auto request = inputs_[i].stream.wanted(now); !request.empty())
@@ -195,23 +197,23 @@ std::vector<std::pair<std::size_t, codec::Control>> Gatherer::requests(TimePoint
   return out;
 }
 
-void Gatherer::ask_key_frames() {
+void InputSynchronizer::ask_key_frames() {
   for (Input& input : inputs_)
     for (const std::uint32_t stream : input.streams) input.stream.want_key_frame(stream);
 }
 
-void Gatherer::ask_key_frames(std::span<const std::uint32_t> streams) {
+void InputSynchronizer::ask_key_frames(std::span<const std::uint32_t> streams) {
   for (Input& input : inputs_)
     for (const std::uint32_t stream : streams)
       if (input.streams.contains(stream)) input.stream.want_key_frame(stream);
 }
 
-Result<std::optional<Gathered>> Gatherer::gather(TimePoint now) {
+Result<std::optional<CaptureSet>> InputSynchronizer::next_set(TimePoint now) {
   const auto tick = aligner_.ready(now);
-  if (!tick) return std::optional<Gathered>();
+  if (!tick) return std::optional<CaptureSet>();
   aligner_.merged(*tick, now);
   trace_.add("decode", std::exchange(decode_ms_, 0));
-  Gathered out;
+  CaptureSet out;
   out.tick = *tick;
   for (const std::size_t i : aligner_.live_at(*tick)) add(i, out);
   // Also what came too late was taken, else its sender would wait for word.
@@ -225,7 +227,7 @@ Result<std::optional<Gathered>> Gatherer::gather(TimePoint now) {
 }
 
 /// Adds an input's newest whole capture, with the texture units up to it.
-void Gatherer::add(std::size_t input, Gathered& out) {
+void InputSynchronizer::add(std::size_t input, CaptureSet& out) {
   const Input& from = inputs_[input];
   const DecodedScene& scene = *from.whole;
   std::set<std::uint32_t> given;  // by an input before
@@ -239,8 +241,8 @@ void Gatherer::add(std::size_t input, Gathered& out) {
 
 /// Hands on the units up to the input's newest whole capture, but for streams that are `given`. A
 /// stream that another input gave so far goes on with a key frame.
-void Gatherer::hand_on_units(std::size_t input, const std::set<std::uint32_t>& given,
-                             Gathered& out) {
+void InputSynchronizer::hand_on_units(std::size_t input, const std::set<std::uint32_t>& given,
+                                      CaptureSet& out) {
   Input& from = inputs_[input];
   const auto later = std::find_if(from.units.begin(), from.units.end(), [&](const Unit& unit) {
     return unit.captured_at > from.whole->captured_at;

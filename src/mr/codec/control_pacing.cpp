@@ -1,10 +1,10 @@
-#include "mr/codec/request_pacing.h"
+#include "mr/codec/control_pacing.h"
 
 #include <utility>
 
 namespace mr::codec {
 
-Control RequestPacing::due(Control lacking, TimePoint now) {
+Control ControlPacing::due(Control lacking, TimePoint now) {
   std::vector<std::uint32_t> key_frames;
   for (const std::uint32_t stream : lacking.key_frames) {
     const auto found = key_frames_.find(stream);
@@ -24,7 +24,7 @@ Control RequestPacing::due(Control lacking, TimePoint now) {
   return lacking;
 }
 
-void RequestPacing::begin_afresh() {
+void ControlPacing::begin_afresh() {
   key_frames_.clear();
   chunks_.reset();
 }

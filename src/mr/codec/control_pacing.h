@@ -10,7 +10,7 @@ namespace mr::codec {
 
 /// When a receiver asks a node for what it lacks: at once, and for as long as it does not come
 /// again after a while, so that requests and answers may be lost. No clock inside.
-class RequestPacing {
+class ControlPacing {
  public:
   static constexpr Duration kKeyFrameEvery = std::chrono::milliseconds(500);  ///< of one stream
   static constexpr Duration kHeadEvery = std::chrono::milliseconds(500);

@@ -1,4 +1,4 @@
-#include "mr/node/gatherer.h"
+#include "mr/node/input_synchronizer.h"
 
 #include <gtest/gtest.h>
 
@@ -39,15 +39,15 @@ bool same_mesh(const std::vector<std::shared_ptr<const Chunk>>& mesh,
 
 /// Every message is lost with a chance of a fifth, for ten seconds of virtual time; whenever the
 /// sender stands still for 500 ms, the receiver has its mesh.
-TEST(Gatherer, MeshEqualsTheSendersWithin500MsOfAnyLoss) {
+TEST(InputSynchronizer, MeshEqualsTheSendersWithin500MsOfAnyLoss) {
   const Scene scene = one_sensor();
   for (const std::uint64_t seed : {1u, 2u, 3u}) {
     net::EmulatedTransport network({.delay = milliseconds(20), .loss = 0.2, .seed = seed});
     Sender sender;
-    node::Gatherer gatherer(scene, scene.mergers[0], false);
+    node::InputSynchronizer synchronizer(scene, scene.mergers[0], false);
     bool key_frame_wanted = true;
     const auto packets = network.subscribe("sender", [&](const net::Message& packet) {
-      static_cast<void>(gatherer.receive(0, *codec::decode_packet(*packet), network.now()));
+      static_cast<void>(synchronizer.receive(0, *codec::decode_packet(*packet), network.now()));
     });
     const auto service = network.serve("sender", [&](std::span<const std::byte> question) {
       const codec::Control request = *codec::decode_control(question);
@@ -67,19 +67,20 @@ TEST(Gatherer, MeshEqualsTheSendersWithin500MsOfAnyLoss) {
         packet.captured_at = now;
         network.publish("sender", message(codec::encode_packet(packet)));
       }
-      for (const auto& [input, request] : gatherer.requests(now))
-        network.request(
-            "sender", message(codec::encode_control(request)),
-            [&](const net::Message& answer) { gatherer.take_answer(0, *answer, network.now()); });
+      for (const auto& [input, request] : synchronizer.requests(now))
+        network.request("sender", message(codec::encode_control(request)),
+                        [&](const net::Message& answer) {
+                          synchronizer.take_answer(0, *answer, network.now());
+                        });
       if (ms % 1000 == 995) {  // 500 ms after the last change
         ++moves;
-        const auto mesh = gatherer.receiver(0).mesh();
+        const auto mesh = synchronizer.receiver(0).mesh();
         equal += mesh && same_mesh(*mesh, sender.chunks());
       }
     }
     EXPECT_EQ(moves, 10);
     EXPECT_EQ(equal, 10) << "seed " << seed;
-    EXPECT_EQ(gatherer.drops().total(), 0u);
+    EXPECT_EQ(synchronizer.drops().total(), 0u);
     EXPECT_GT(network.drops().at("sender: lost on its link"), 40u);
   }
 }
@@ -98,18 +99,18 @@ class SpoiltLink {
       packet.captured_at = now_;
       auto bytes = writer_.write(packet);
       if (n == spoilt) spoil(bytes);
-      refused_ += !gatherer_.receive(0, bytes, now_);
-      for (const auto& [input, request] : gatherer_.requests(now_)) {
+      refused_ += !synchronizer_.receive(0, bytes, now_);
+      for (const auto& [input, request] : synchronizer_.requests(now_)) {
         key_frame_wanted_ |= request.wants_key_frame(4);
         if (request.whole_head) writer_.ask_whole();
         if (const auto answer = sender_.answer(request); !answer.empty())
-          gatherer_.take_answer(0, answer, now_);
+          synchronizer_.take_answer(0, answer, now_);
       }
     }
   }
   /// Whether the newest capture is there, mesh and picture.
   bool is_whole() const {
-    const auto scene = gatherer_.receiver(0).scene();
+    const auto scene = synchronizer_.receiver(0).scene();
     return scene && scene->captured_at == now_ && same_mesh(scene->chunks, sender_.chunks());
   }
   int refused() const { return refused_; }
@@ -118,13 +119,13 @@ class SpoiltLink {
   const Scene scene_ = one_sensor();
   Sender sender_;
   codec::HeadWriter writer_;
-  node::Gatherer gatherer_{scene_, scene_.mergers[0], false};
+  node::InputSynchronizer synchronizer_{scene_, scene_.mergers[0], false};
   bool key_frame_wanted_ = true;
   int refused_ = 0;
   TimePoint now_{};
 };
 
-TEST(Gatherer, IsWholeWithinTwoSecondsOfAnyDamagedPacket) {
+TEST(InputSynchronizer, IsWholeWithinTwoSecondsOfAnyDamagedPacket) {
   std::mt19937 random(5);
   for (int round = 0; round < 60; ++round) {
     SpoiltLink link;
@@ -138,7 +139,7 @@ TEST(Gatherer, IsWholeWithinTwoSecondsOfAnyDamagedPacket) {
   }
 }
 
-TEST(Gatherer, IsWholeWithinTwoSecondsOfAnyForgedSequence) {
+TEST(InputSynchronizer, IsWholeWithinTwoSecondsOfAnyForgedSequence) {
   for (const std::uint64_t sequence :
        {UINT64_MAX, std::uint64_t{1} << 40, std::uint64_t{4000}, std::uint64_t{0}})
     for (const int spoilt : {0, 20}) {
@@ -157,76 +158,77 @@ TEST(Gatherer, IsWholeWithinTwoSecondsOfAnyForgedSequence) {
     }
 }
 
-TEST(Gatherer, AnInputsTimesAreMovedByItsClock) {
+TEST(InputSynchronizer, AnInputsTimesAreMovedByItsClock) {
   const Scene scene = one_sensor();
   Sender sender;
-  node::Gatherer gatherer(scene, scene.mergers[0], false);
+  node::InputSynchronizer synchronizer(scene, scene.mergers[0], false);
   const TimePoint now{std::chrono::hours(1)};
   Packet packet = sender.next(true);
   packet.captured_at = packet.sources[0].captured_at = now - std::chrono::seconds(1);
-  gatherer.set_clock_offset(0, -std::chrono::seconds(1));
-  ASSERT_TRUE(gatherer.receive(0, codec::encode_packet(packet), now));
-  EXPECT_EQ(gatherer.newest(0), now);
-  const auto gathered = gatherer.gather(now + milliseconds(60));
-  ASSERT_TRUE(gathered && *gathered);
-  EXPECT_EQ((*gathered)->sources[0].captured_at, now);
+  synchronizer.set_clock_offset(0, -std::chrono::seconds(1));
+  ASSERT_TRUE(synchronizer.receive(0, codec::encode_packet(packet), now));
+  EXPECT_EQ(synchronizer.newest(0), now);
+  const auto captures = synchronizer.next_set(now + milliseconds(60));
+  ASSERT_TRUE(captures && *captures);
+  EXPECT_EQ((*captures)->sources[0].captured_at, now);
 }
 
-TEST(Gatherer, AnIncompleteCaptureIsShownAsItWasLastWhole) {
+TEST(InputSynchronizer, AnIncompleteCaptureIsShownAsItWasLastWhole) {
   const Scene scene = one_sensor();
   Sender sender;
-  node::Gatherer gatherer(scene, scene.mergers[0], false);
+  node::InputSynchronizer synchronizer(scene, scene.mergers[0], false);
   const Packet first = sender.next(true);
   const auto before = sender.chunks();
-  ASSERT_TRUE(gatherer.receive(0, first, first.captured_at));
+  ASSERT_TRUE(synchronizer.receive(0, first, first.captured_at));
   sender.change(2);
   Packet second = sender.next();
   second.chunks.clear();
-  ASSERT_TRUE(gatherer.receive(0, second, second.captured_at));
-  const auto gathered = gatherer.gather(second.captured_at + milliseconds(60));
-  ASSERT_TRUE(gathered && *gathered);
-  EXPECT_TRUE(same_mesh((*gathered)->scenes[0].chunks, before));
-  EXPECT_EQ((*gathered)->taken, (std::vector<std::pair<std::size_t, std::uint64_t>>{{0, 100}}));
+  ASSERT_TRUE(synchronizer.receive(0, second, second.captured_at));
+  const auto captures = synchronizer.next_set(second.captured_at + milliseconds(60));
+  ASSERT_TRUE(captures && *captures);
+  EXPECT_TRUE(same_mesh((*captures)->scenes[0].chunks, before));
+  EXPECT_EQ((*captures)->taken, (std::vector<std::pair<std::size_t, std::uint64_t>>{{0, 100}}));
 }
 
-TEST(Gatherer, AsksForKeyFramesAtMostTwiceASecond) {
+TEST(InputSynchronizer, AsksForKeyFramesAtMostTwiceASecond) {
   const Scene scene = one_sensor();
   Sender sender;
-  node::Gatherer gatherer(scene, scene.mergers[0], false);
+  node::InputSynchronizer synchronizer(scene, scene.mergers[0], false);
   sender.next(true);  // lost
   int asked = 0;
   for (int ms = 0; ms < 2000; ms += 10) {
     const TimePoint now{milliseconds(ms)};
-    if (ms % 30 == 0) static_cast<void>(gatherer.receive(0, sender.next(), now));
-    for (const auto& [input, request] : gatherer.requests(now)) asked += request.wants_key_frame(4);
+    if (ms % 30 == 0) static_cast<void>(synchronizer.receive(0, sender.next(), now));
+    for (const auto& [input, request] : synchronizer.requests(now))
+      asked += request.wants_key_frame(4);
   }
   EXPECT_EQ(asked, 4);
 }
 
-TEST(Gatherer, UnitsAreHandedOnWithTheirCapture) {
+TEST(InputSynchronizer, UnitsAreHandedOnWithTheirCapture) {
   Scene scene = one_sensor();
   Sender sender;
-  node::Gatherer gatherer(scene, scene.mergers[0], true);
+  node::InputSynchronizer synchronizer(scene, scene.mergers[0], true);
   const Packet first = sender.next(true);
-  ASSERT_TRUE(gatherer.receive(0, first, first.captured_at));
+  ASSERT_TRUE(synchronizer.receive(0, first, first.captured_at));
   sender.change(2);
   Packet second = sender.next();
   const auto withheld = std::exchange(second.chunks, {});
-  ASSERT_TRUE(gatherer.receive(0, second, second.captured_at));
-  auto gathered = gatherer.gather(second.captured_at + milliseconds(60));
-  ASSERT_TRUE(gathered && *gathered);
-  EXPECT_EQ((*gathered)->units, first.textures);  // the second one's mesh is not whole yet
-  gatherer.take_answer(0, codec::encode_chunks(withheld), second.captured_at);
-  gathered = gatherer.gather(second.captured_at + milliseconds(120));
-  ASSERT_TRUE(gathered && *gathered);
-  EXPECT_EQ((*gathered)->units, second.textures);
+  ASSERT_TRUE(synchronizer.receive(0, second, second.captured_at));
+  auto captures = synchronizer.next_set(second.captured_at + milliseconds(60));
+  ASSERT_TRUE(captures && *captures);
+  EXPECT_EQ((*captures)->units, first.textures);  // the second one's mesh is not whole yet
+  synchronizer.take_answer(0, codec::encode_chunks(withheld), second.captured_at);
+  captures = synchronizer.next_set(second.captured_at + milliseconds(120));
+  ASSERT_TRUE(captures && *captures);
+  EXPECT_EQ((*captures)->units, second.textures);
 }
 
 /// A stream without units for long: what its parent has stays good, and the next unit follows.
-TEST(Gatherer, QuietStreamsAreHandedOnWhenTheyGoOn) {
+TEST(InputSynchronizer, QuietStreamsAreHandedOnWhenTheyGoOn) {
   const Scene scene = one_sensor();
   Sender sender;
-  node::Gatherer inner(scene, scene.mergers[0], true);
+  node::InputSynchronizer inner(scene, scene.mergers[0], true);
   codec::Receiver parent({});
   TimePoint now{};
   int units = 0;
@@ -237,11 +239,11 @@ TEST(Gatherer, QuietStreamsAreHandedOnWhenTheyGoOn) {
     now += milliseconds(100);
     packet.captured_at = now;
     ASSERT_TRUE(inner.receive(0, packet, now));
-    const auto gathered = inner.gather(now + milliseconds(60));
-    ASSERT_TRUE(gathered && *gathered);
-    units += static_cast<int>((*gathered)->units.size());
+    const auto captures = inner.next_set(now + milliseconds(60));
+    ASSERT_TRUE(captures && *captures);
+    units += static_cast<int>((*captures)->units.size());
     Packet merged = packet;  // with the very chunks
-    merged.textures = (*gathered)->units;
+    merged.textures = (*captures)->units;
     const auto arrived = heads.read(merger.write(merged));
     ASSERT_TRUE(arrived);
     EXPECT_TRUE(parent.accept(*arrived).empty());
@@ -251,41 +253,41 @@ TEST(Gatherer, QuietStreamsAreHandedOnWhenTheyGoOn) {
   EXPECT_EQ(units, 3);
 }
 
-TEST(Gatherer, AWishForAKeyFrameGoesToWhoHasTheStream) {
+TEST(InputSynchronizer, AWishForAKeyFrameGoesToWhoHasTheStream) {
   const Scene scene = one_sensor();
   Sender sender;
-  node::Gatherer gatherer(scene, scene.mergers[0], true);
-  ASSERT_TRUE(gatherer.receive(0, sender.next(true), TimePoint{}));
-  gatherer.ask_key_frames(std::vector<std::uint32_t>{3, 9});
-  EXPECT_TRUE(gatherer.requests(TimePoint{}).empty());
-  gatherer.ask_key_frames(std::vector<std::uint32_t>{3, 4});
-  const auto requests = gatherer.requests(TimePoint{});
+  node::InputSynchronizer synchronizer(scene, scene.mergers[0], true);
+  ASSERT_TRUE(synchronizer.receive(0, sender.next(true), TimePoint{}));
+  synchronizer.ask_key_frames(std::vector<std::uint32_t>{3, 9});
+  EXPECT_TRUE(synchronizer.requests(TimePoint{}).empty());
+  synchronizer.ask_key_frames(std::vector<std::uint32_t>{3, 4});
+  const auto requests = synchronizer.requests(TimePoint{});
   ASSERT_EQ(requests.size(), 1u);
   EXPECT_EQ(requests[0].second.key_frames, std::vector<std::uint32_t>{4});
-  gatherer.ask_key_frames();
-  EXPECT_TRUE(gatherer.requests(TimePoint{}).empty()) << "asked just now";
-  EXPECT_EQ(gatherer.requests(TimePoint{milliseconds(500)}).size(), 1u);
+  synchronizer.ask_key_frames();
+  EXPECT_TRUE(synchronizer.requests(TimePoint{}).empty()) << "asked just now";
+  EXPECT_EQ(synchronizer.requests(TimePoint{milliseconds(500)}).size(), 1u);
 }
 
-TEST(Gatherer, AsksForTheBaseThatItLacksAtMostTwiceASecond) {
+TEST(InputSynchronizer, AsksForTheBaseThatItLacksAtMostTwiceASecond) {
   const Scene scene = one_sensor();
   Sender sender;
-  node::Gatherer gatherer(scene, scene.mergers[0], false);
+  node::InputSynchronizer synchronizer(scene, scene.mergers[0], false);
   codec::HeadWriter writer;
   for (int i = 0; i < 5; ++i) static_cast<void>(writer.write(sender.quiet()));
   int asked = 0;
   for (int ms = 0; ms < 2000; ms += 10) {
     const TimePoint now{milliseconds(ms)};
     if (ms % 100 == 0) {
-      EXPECT_FALSE(gatherer.receive(0, writer.write(sender.quiet()), now));
+      EXPECT_FALSE(synchronizer.receive(0, writer.write(sender.quiet()), now));
     }
-    for (const auto& [input, request] : gatherer.requests(now)) asked += request.whole_head;
+    for (const auto& [input, request] : synchronizer.requests(now)) asked += request.whole_head;
   }
   EXPECT_EQ(asked, 4);
-  EXPECT_EQ(gatherer.drops().total(), 20u);
+  EXPECT_EQ(synchronizer.drops().total(), 20u);
   writer.ask_whole();
-  EXPECT_TRUE(gatherer.receive(0, writer.write(sender.quiet()), TimePoint{milliseconds(2000)}));
-  EXPECT_FALSE(gatherer.requests(TimePoint{milliseconds(4000)}).at(0).second.whole_head);
+  EXPECT_TRUE(synchronizer.receive(0, writer.write(sender.quiet()), TimePoint{milliseconds(2000)}));
+  EXPECT_FALSE(synchronizer.requests(TimePoint{milliseconds(4000)}).at(0).second.whole_head);
 }
 
 /// The cubes of what an input brought.
@@ -295,45 +297,45 @@ std::vector<Vec3i> cubes_of(const DecodedScene& scene) {
   return out;
 }
 
-TEST(Gatherer, AMergerWithARegionTakesItsChunksAndThoseAround) {
+TEST(InputSynchronizer, AMergerWithARegionTakesItsChunksAndThoseAround) {
   Scene scene = one_sensor();
   scene.fusion.chunk_m = 0.5;
   scene.mergers[0].region = Box3d{{1, 0, 0}, {1.5, 0.5, 0.5}};  // cube 2
   Sender sender;                                                // a row of cubes 0 to 5
-  node::Gatherer gatherer(scene, scene.mergers[0], false);
+  node::InputSynchronizer synchronizer(scene, scene.mergers[0], false);
   const Packet first = sender.next(true);
-  ASSERT_TRUE(gatherer.receive(0, first, first.captured_at));
-  auto gathered = gatherer.gather(first.captured_at + milliseconds(60));
-  ASSERT_TRUE(gathered && *gathered);
-  EXPECT_EQ(cubes_of((*gathered)->scenes.at(0)),
+  ASSERT_TRUE(synchronizer.receive(0, first, first.captured_at));
+  auto captures = synchronizer.next_set(first.captured_at + milliseconds(60));
+  ASSERT_TRUE(captures && *captures);
+  EXPECT_EQ(cubes_of((*captures)->scenes.at(0)),
             (std::vector<Vec3i>{{1, 0, 0}, {2, 0, 0}, {3, 0, 0}}));
-  EXPECT_EQ((*gathered)->views.size(), 1u);
+  EXPECT_EQ((*captures)->views.size(), 1u);
 
   // What is lost elsewhere is not missed.
   sender.change(5);
   Packet second = sender.next();
   second.chunks.clear();
-  ASSERT_TRUE(gatherer.receive(0, second, second.captured_at));
-  EXPECT_TRUE(gatherer.requests(second.captured_at).empty());
-  gathered = gatherer.gather(second.captured_at + milliseconds(60));
-  ASSERT_TRUE(gathered && *gathered);
-  EXPECT_EQ((*gathered)->taken, (std::vector<std::pair<std::size_t, std::uint64_t>>{{0, 101}}));
+  ASSERT_TRUE(synchronizer.receive(0, second, second.captured_at));
+  EXPECT_TRUE(synchronizer.requests(second.captured_at).empty());
+  captures = synchronizer.next_set(second.captured_at + milliseconds(60));
+  ASSERT_TRUE(captures && *captures);
+  EXPECT_EQ((*captures)->taken, (std::vector<std::pair<std::size_t, std::uint64_t>>{{0, 101}}));
 }
 
-TEST(Gatherer, ARegionFarAwayStillKnowsItsSensors) {
+TEST(InputSynchronizer, ARegionFarAwayStillKnowsItsSensors) {
   Scene scene = one_sensor();
   scene.mergers[0].region = Box3d{{128, 0, 0}, {129.28, 1.28, 1.28}};
   Sender sender;
-  node::Gatherer gatherer(scene, scene.mergers[0], false);
+  node::InputSynchronizer synchronizer(scene, scene.mergers[0], false);
   const Packet first = sender.next(true);
-  ASSERT_TRUE(gatherer.receive(0, first, first.captured_at));
-  const auto gathered = gatherer.gather(first.captured_at + milliseconds(60));
-  ASSERT_TRUE(gathered && *gathered);
-  EXPECT_TRUE((*gathered)->scenes.at(0).chunks.empty());
-  EXPECT_EQ((*gathered)->sources.size(), 1u);
+  ASSERT_TRUE(synchronizer.receive(0, first, first.captured_at));
+  const auto captures = synchronizer.next_set(first.captured_at + milliseconds(60));
+  ASSERT_TRUE(captures && *captures);
+  EXPECT_TRUE((*captures)->scenes.at(0).chunks.empty());
+  EXPECT_EQ((*captures)->sources.size(), 1u);
 }
 
-TEST(Gatherer, RegionsSideBySideShareOutAllTriangles) {
+TEST(InputSynchronizer, RegionsSideBySideShareOutAllTriangles) {
   Mesh mesh = test::grid({-1, -1, 0.3f}, {2, 0, 0}, {0, 2, 0.2f}, 20, 20, 0.02f, 3);
   std::vector<ViewId> views(mesh.triangles.size());
   for (std::size_t t = 0; t < views.size(); ++t) views[t] = t % 3;
@@ -369,10 +371,10 @@ class SharedSensor : public testing::Test {
     for (SourceInfo& source : packet.sources) source.captured_at = at;
     return packet;
   }
-  node::Gathered gather(node::Gatherer& gatherer, TimePoint now) {
-    auto gathered = gatherer.gather(now);
-    EXPECT_TRUE(gathered && *gathered);
-    return gathered && *gathered ? **std::move(gathered) : node::Gathered{};
+  node::CaptureSet gather(node::InputSynchronizer& synchronizer, TimePoint now) {
+    auto captures = synchronizer.next_set(now);
+    EXPECT_TRUE(captures && *captures);
+    return captures && *captures ? **std::move(captures) : node::CaptureSet{};
   }
 
   Scene scene_;
@@ -380,57 +382,57 @@ class SharedSensor : public testing::Test {
 };
 
 TEST_F(SharedSensor, ViewsSourcesAndStreamsAreThoseOfTheFirstInput) {
-  node::Gatherer gatherer(scene_, scene_.mergers[2], true);
+  node::InputSynchronizer synchronizer(scene_, scene_.mergers[2], true);
   const TimePoint now{milliseconds(1000)};
   const Packet a = next(west_, "west", now, true);
   east_.next(true);  // so its next unit is another one
   for (int cube = 0; cube < 6; ++cube) east_.change(cube);
   const Packet b = next(east_, "east", now, true);
   ASSERT_NE(a.textures, b.textures);
-  ASSERT_TRUE(gatherer.receive(1, b, now));
-  ASSERT_TRUE(gatherer.receive(0, a, now));
-  const node::Gathered gathered = gather(gatherer, now);
-  EXPECT_EQ(gathered.scenes.size(), 2u);
-  EXPECT_EQ(gathered.views, a.views);
-  EXPECT_EQ(gathered.sources, a.sources);
-  EXPECT_EQ(gathered.units, a.textures);
-  EXPECT_EQ(gatherer.drops().total(), 0u);
+  ASSERT_TRUE(synchronizer.receive(1, b, now));
+  ASSERT_TRUE(synchronizer.receive(0, a, now));
+  const node::CaptureSet captures = gather(synchronizer, now);
+  EXPECT_EQ(captures.scenes.size(), 2u);
+  EXPECT_EQ(captures.views, a.views);
+  EXPECT_EQ(captures.sources, a.sources);
+  EXPECT_EQ(captures.units, a.textures);
+  EXPECT_EQ(synchronizer.drops().total(), 0u);
 }
 
 TEST_F(SharedSensor, AStreamGoesOverToAnotherInputWithAKeyFrame) {
-  node::Gatherer gatherer(scene_, scene_.mergers[2], true);
+  node::InputSynchronizer synchronizer(scene_, scene_.mergers[2], true);
   TimePoint now{milliseconds(1000)};
-  ASSERT_TRUE(gatherer.receive(0, next(west_, "west", now, true), now));
-  ASSERT_TRUE(gatherer.receive(1, next(east_, "east", now, true), now));
-  EXPECT_EQ(gather(gatherer, now).units.size(), 1u);
+  ASSERT_TRUE(synchronizer.receive(0, next(west_, "west", now, true), now));
+  ASSERT_TRUE(synchronizer.receive(1, next(east_, "east", now, true), now));
+  EXPECT_EQ(gather(synchronizer, now).units.size(), 1u);
 
   now += milliseconds(2000);  // west has died
   Packet packet = next(east_, "east", now);
   ASSERT_FALSE(packet.textures.at(0).key_frame);
-  ASSERT_TRUE(gatherer.receive(1, packet, now));
-  const node::Gathered without = gather(gatherer, now + milliseconds(60));
+  ASSERT_TRUE(synchronizer.receive(1, packet, now));
+  const node::CaptureSet without = gather(synchronizer, now + milliseconds(60));
   EXPECT_EQ(without.views.size(), 1u);
   EXPECT_TRUE(without.units.empty());
-  const auto requests = gatherer.requests(now + milliseconds(60));
+  const auto requests = synchronizer.requests(now + milliseconds(60));
   ASSERT_EQ(requests.size(), 1u);
   EXPECT_EQ(requests[0].first, 1u);
   EXPECT_EQ(requests[0].second.key_frames, std::vector<std::uint32_t>{4});
 
   now += milliseconds(100);
   packet = next(east_, "east", now, true);
-  ASSERT_TRUE(gatherer.receive(1, packet, now));
-  EXPECT_EQ(gather(gatherer, now + milliseconds(60)).units, packet.textures);
+  ASSERT_TRUE(synchronizer.receive(1, packet, now));
+  EXPECT_EQ(gather(synchronizer, now + milliseconds(60)).units, packet.textures);
   now += milliseconds(100);
   packet = next(east_, "east", now);
-  ASSERT_TRUE(gatherer.receive(1, packet, now));
-  EXPECT_EQ(gather(gatherer, now + milliseconds(60)).units, packet.textures);
+  ASSERT_TRUE(synchronizer.receive(1, packet, now));
+  EXPECT_EQ(gather(synchronizer, now + milliseconds(60)).units, packet.textures);
 }
 
 TEST_F(SharedSensor, OtherSensorsAreStillRefused) {
-  node::Gatherer gatherer(scene_, scene_.mergers[2], true);
+  node::InputSynchronizer synchronizer(scene_, scene_.mergers[2], true);
   Packet packet = next(west_, "west", TimePoint{milliseconds(1000)}, true);
   packet.sources[0].sensor = 3;
-  EXPECT_FALSE(gatherer.receive(0, packet, packet.captured_at));
+  EXPECT_FALSE(synchronizer.receive(0, packet, packet.captured_at));
 }
 
 }  // namespace

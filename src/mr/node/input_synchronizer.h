@@ -21,7 +21,7 @@ namespace mr::node {
 
 /// What is merged in one tick. Mergers that share the space bring the same sensors: then `views`,
 /// `sources` and `units` are those of the first input that brings them.
-struct Gathered {
+struct CaptureSet {
   TimePoint tick{};
   std::vector<DecodedScene> scenes;
   std::vector<View> views;                 ///< of all, by id, streams as the children have them
@@ -41,10 +41,10 @@ Mesh inside(const Mesh& mesh, const Box3d& region, double chunk_m);
 /// last whole. A merger with a region takes the chunks in it and in one cube around it, so that at
 /// its border it decides from the same surface as its neighbour. No socket, thread or clock inside;
 /// decodes in the caller's arena.
-class Gatherer {
+class InputSynchronizer {
  public:
   /// `hand_on`: keep the inputs' texture units for the next merger. The scene must outlive this.
-  Gatherer(const Scene& scene, const MergerConfig& merger, bool hand_on);
+  InputSynchronizer(const Scene& scene, const MergerConfig& merger, bool hand_on);
 
   /// Takes one packet of an input. What was wrong inside it is counted in drops(); an Error means
   /// that the whole packet was refused.
@@ -74,9 +74,9 @@ class Gatherer {
   }
 
   /// What can be merged now, if a tick is ready. empty: there is no live input.
-  Result<std::optional<Gathered>> gather(TimePoint now);
+  Result<std::optional<CaptureSet>> next_set(TimePoint now);
 
-  /// When gather() should be tried again though nothing arrives.
+  /// When next_set() should be tried again though nothing arrives.
   std::optional<TimePoint> due() const { return aligner_.due(); }
 
   const Trace& trace() const { return trace_; }
@@ -99,7 +99,7 @@ class Gatherer {
     std::optional<DecodedScene> whole;  // newest capture that was complete
     std::vector<Unit> units;
     std::map<std::string, TimePoint> marks;
-    std::optional<std::uint64_t> taken;  // sequence of `whole`, until it was gathered
+    std::optional<std::uint64_t> taken;  // sequence of `whole`, until a set with it was given
     std::set<std::uint32_t> streams;     // of the newest packet's views
     Duration clock_ahead{};
   };
@@ -109,8 +109,8 @@ class Gatherer {
   void keep_region(Packet& packet) const;
   void keep_units(Input& input, Packet& packet);
   void settle(std::size_t input, TimePoint now);
-  void add(std::size_t input, Gathered& out);
-  void hand_on_units(std::size_t input, const std::set<std::uint32_t>& given, Gathered& out);
+  void add(std::size_t input, CaptureSet& out);
+  void hand_on_units(std::size_t input, const std::set<std::uint32_t>& given, CaptureSet& out);
 
   const Scene* scene_;
   MergerConfig merger_;
