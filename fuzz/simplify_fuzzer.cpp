@@ -154,13 +154,13 @@ Mesh any_mesh(Input& in) {
     for (Vec3f& p : mesh.positions) p = p * scale;
   }
   if (in.one_in(3)) {
-    std::vector<ViewId> views;
+    std::vector<SensorId> views;
     const std::uint32_t block = 1 + in.below(60);
     for (std::uint32_t t = 0; t < mesh.triangles.size(); ++t)
-      views.push_back(t / block % 4 == 3 ? kNoView : t / block % 4);
-    set_triangle_views(mesh, views);
-    if (in.one_in(16) && !mesh.runs.empty())
-      mesh.runs[in.word() % mesh.runs.size()] = {in.word(), in.word(), in.word()};
+      views.push_back(t / block % 4 == 3 ? kNoSensor : t / block % 4);
+    set_triangle_sensors(mesh, views);
+    if (in.one_in(16) && !mesh.sensors.empty())
+      mesh.sensors[in.word() % mesh.sensors.size()] = {in.word(), in.word(), in.word()};
   }
   return mesh;
 }
@@ -230,12 +230,12 @@ void require_good(const Simplified& out, const Mesh& in, const Settings& setting
   const std::set<std::uint32_t> known(settings.chunks.begin(), settings.chunks.end());
   for (const std::uint32_t chunk : out.chunks) require(known.contains(chunk), "chunks are known");
   std::size_t covered = 0;
-  for (const ViewRun& run : out.mesh.runs) {
+  for (const SensorRun& run : out.mesh.sensors) {
     require(run.first == covered, "runs follow each other");
     covered += run.count;
   }
-  require(out.mesh.runs.empty() || covered == out.mesh.triangles.size(), "runs cover the mesh");
-  require(in.runs.empty() || !out.mesh.runs.empty() || out.mesh.empty(), "views are kept");
+  require(out.mesh.sensors.empty() || covered == out.mesh.triangles.size(), "runs cover the mesh");
+  require(in.sensors.empty() || !out.mesh.sensors.empty() || out.mesh.empty(), "views are kept");
   for (const Triangle& t : out.mesh.triangles)
     for (const std::uint32_t v : t) require(v < out.mesh.positions.size(), "corners are vertices");
   for (const Vec3f p : out.mesh.positions) require(is_finite(p), "positions are finite");

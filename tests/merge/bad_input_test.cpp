@@ -224,10 +224,10 @@ std::vector<Odd> odd_sources() {
   out.push_back({"views of no source", wall_and(wall(27, 2.003f))});
   Part& merged = out.back().parts[1];
   merged.sources.push_back(test::source(5, look_at({-0.5, 0, 0}, {0, 0, 2}, {0, -1, 0})));
-  std::vector<ViewId> views;
+  std::vector<SensorId> views;
   for (std::size_t i = 0; i < merged.mesh.triangles.size(); ++i)
-    views.push_back(i % 3 == 0 ? kNoView : i % 3 == 1 ? 77 : 5);
-  set_triangle_views(merged.mesh, views);
+    views.push_back(i % 3 == 0 ? kNoSensor : i % 3 == 1 ? 77 : 5);
+  set_triangle_sensors(merged.mesh, views);
   out.push_back({"an error of metres", wall_and(wall(27, 2.01f))});
   out.back().parts[1].error_m = 4;
   return out;

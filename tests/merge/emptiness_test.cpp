@@ -42,7 +42,7 @@ struct CarriedAway {
   CarriedAway() {
     append(parts[0].mesh, box);
     joined = parts[0].mesh;
-    set_triangle_views(joined, std::vector<ViewId>(joined.triangles.size(), 0));
+    set_triangle_sensors(joined, std::vector<SensorId>(joined.triangles.size(), 0));
     for (int row = 11; row < 19; ++row)
       for (int column = 15; column < 25; ++column)
         parts[0].sources[0].confirmed_depth.tiles[row * 40 + column] = 0;
@@ -107,7 +107,7 @@ TEST(EmptyPlaces, WhatItsSensorNoLongerHasIsNoChange) {
   for (int i = 0; i < kCapturesUntilEmpty; ++i) empty.update(before, scene.sources());
   ASSERT_LT(scene.area_m2(empty), surface_area_m2(scene.joined));
   scene.parts[0].mesh = scene.joined = scene.wall;
-  set_triangle_views(scene.joined, std::vector<ViewId>(scene.joined.triangles.size(), 0));
+  set_triangle_sensors(scene.joined, std::vector<SensorId>(scene.joined.triangles.size(), 0));
   const StillCover after(scene.joined, scene.parts, scene.config);
   EXPECT_EQ(empty.update(after, scene.sources()), 0);
   EXPECT_DOUBLE_EQ(scene.area_m2(empty), surface_area_m2(scene.wall));

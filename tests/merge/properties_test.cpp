@@ -286,7 +286,7 @@ TEST(MergeProperties, TheOrderOfPartsDoesNotMatter) {
 /// Which of the parts' surfaces a point lies on: the nearest one.
 struct OwnerFinder {
   explicit OwnerFinder(const std::vector<Part>& parts) : rays(test::meshes_of(parts)) {}
-  ViewId at(Vec3f p) const { return rays.scene().nearest(p)->mesh; }
+  SensorId at(Vec3f p) const { return rays.scene().nearest(p)->mesh; }
   test::Rays rays;
 };
 
@@ -295,20 +295,20 @@ Part merged_part(const std::vector<Part>& all, std::size_t first, std::size_t se
   const Part pair[] = {all[first], all[second]};
   Part out{test::merged(pair).mesh, 0.001f, {all[first].sources[0], all[second].sources[0]}};
   const OwnerFinder owner(all);
-  std::vector<ViewId> views;
+  std::vector<SensorId> views;
   for (std::size_t t = 0; t < out.mesh.triangles.size(); ++t)
     views.push_back(owner.at(out.mesh.centroid(t)));
-  set_triangle_views(out.mesh, views);
+  set_triangle_sensors(out.mesh, views);
   return out;
 }
 
-/// The part that all corners of the triangle nearest to a point lie on; kNoView: several, as in the
-/// strip along a seam.
-ViewId owner_near(Vec3f p, const Mesh& mesh, const test::Rays& rays, const OwnerFinder& owner) {
+/// The part that all corners of the triangle nearest to a point lie on; kNoSensor: several, as in
+/// the strip along a seam.
+SensorId owner_near(Vec3f p, const Mesh& mesh, const test::Rays& rays, const OwnerFinder& owner) {
   const std::uint32_t t = rays.scene().nearest(p)->triangle;
-  const ViewId a = owner.at(mesh.corner(t, 0)), b = owner.at(mesh.corner(t, 1)),
-               c = owner.at(mesh.corner(t, 2));
-  return a == b && b == c ? a : kNoView;
+  const SensorId a = owner.at(mesh.corner(t, 0)), b = owner.at(mesh.corner(t, 1)),
+                 c = owner.at(mesh.corner(t, 2));
+  return a == b && b == c ? a : kNoSensor;
 }
 
 TEST(MergeProperties, TwoLayersEqualOne) {
@@ -327,9 +327,9 @@ TEST(MergeProperties, TwoLayersEqualOne) {
   const test::Rays in_flat({&flat}), in_layered({&layered});
   double alike = 0, differ = 0, strips_met = 0;
   for (const test::SurfacePoint& p : test::points_on(flat, 2000)) {
-    const ViewId one = owner_near(p.point, flat, in_flat, owner),
-                 two = owner_near(p.point, layered, in_layered, owner);
-    if (one == kNoView || two == kNoView)
+    const SensorId one = owner_near(p.point, flat, in_flat, owner),
+                   two = owner_near(p.point, layered, in_layered, owner);
+    if (one == kNoSensor || two == kNoSensor)
       ++strips_met;
     else
       ++(one == two ? alike : differ);
@@ -390,15 +390,15 @@ TEST(IslandProperties, PiecesAreJoinedByEdges) {
 TEST(IslandProperties, ALargePieceAroundASmallOneKeepsItsViews) {
   Mesh mesh = test::grid({0, 0, 0}, {1, 0, 0}, {0, 1, 0}, 10, 10);
   append(mesh, test::grid({0.4f, 0.4f, 0.1f}, {0.01f, 0, 0}, {0, 0.01f, 0}, 3, 3));
-  std::vector<ViewId> views;
+  std::vector<SensorId> views;
   for (std::size_t t = 0; t < mesh.triangles.size(); ++t) views.push_back(t % 5);
-  set_triangle_views(mesh, views);
+  set_triangle_sensors(mesh, views);
   const Mesh kept = merge::remove_islands(mesh, 0.002);
   EXPECT_EQ(kept.triangles.size(), 200u);
   EXPECT_EQ(kept.positions.size(), 121u);
-  std::map<ViewId, int> count;
-  for (const ViewId v : triangle_views(kept)) ++count[v];
-  for (ViewId v = 0; v < 5; ++v) EXPECT_EQ(count[v], 40) << v;
+  std::map<SensorId, int> count;
+  for (const SensorId v : triangle_sensors(kept)) ++count[v];
+  for (SensorId v = 0; v < 5; ++v) EXPECT_EQ(count[v], 40) << v;
 }
 
 }  // namespace

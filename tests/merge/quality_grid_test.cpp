@@ -73,10 +73,10 @@ TEST(QualityGrid, BordersBetweenTheSourcesOfAPartDoNotCount) {
   kit::Part both = wall_seen_from(0);
   both.sources.push_back(both.sources[0]);
   both.sources[1].sensor = 1;
-  std::vector<ViewId> views;
+  std::vector<SensorId> views;
   for (std::size_t t = 0; t < both.mesh.triangles.size(); ++t)
     views.push_back(both.mesh.centroid(t).x > 0 ? 1 : 0);
-  set_triangle_views(both.mesh, views);
+  set_triangle_sensors(both.mesh, views);
   Grid one({wall_seen_from(0)}), two({both});
   for (const float x : {-0.3f, -0.05f, 0.0f, 0.1f})
     EXPECT_NEAR(two.at({x, 0, 2}), one.at({x, 0, 2}), 0.01f * one.at({x, 0, 2})) << x;

@@ -45,8 +45,7 @@ std::string digest_of(std::span<const std::byte> bytes) {
 
 /// Of what the sensors see first.
 std::string digest_of_inputs(const Scene& scene) {
-  std::vector<std::uint32_t> all(scene.sensors.size());
-  std::iota(all.begin(), all.end(), 0u);
+  const std::vector<SensorId> all = all_sensors(scene.sensors);
   std::string bytes;
   for (const auto& source : node::open_sources(scene, all, synth::default_rig_cache())) {
     const auto frame = source->next();

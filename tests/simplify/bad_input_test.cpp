@@ -183,13 +183,13 @@ TEST(SimplifyBadInput, OddMeshesWithViewsChunksAndWeights) {
   for (const Named& odd : odd_meshes()) {
     SCOPED_TRACE(odd.name);
     Mesh mesh = odd.mesh;
-    std::vector<ViewId> views;
+    std::vector<SensorId> views;
     std::vector<std::uint32_t> chunks;
     for (std::uint32_t t = 0; t < mesh.triangles.size(); ++t) {
-      views.push_back(t / 37 % 3 == 2 ? kNoView : t / 37 % 3);
+      views.push_back(t / 37 % 3 == 2 ? kNoSensor : t / 37 % 3);
       chunks.push_back(t / 150 % 3 == 2 ? 0xFFFFFFFFu : t / 150);
     }
-    set_triangle_views(mesh, views);
+    set_triangle_sensors(mesh, views);
     std::vector<float> weights;
     for (std::size_t v = 0; v < mesh.positions.size(); ++v)
       weights.push_back(v % 5 == 0 ? 1e6f : 1e-20f);
@@ -253,7 +253,7 @@ TEST(SimplifyBadInput, IndicesOutOfRange) {
 
 TEST(SimplifyBadInput, RunsThatDoNotCover) {
   const auto count = static_cast<std::uint32_t>(patch().triangles.size());
-  for (const std::vector<ViewRun>& runs : std::vector<std::vector<ViewRun>>{
+  for (const std::vector<SensorRun>& runs : std::vector<std::vector<SensorRun>>{
            {{0, count - 1, 0}},
            {{0, count + 1, 0}},
            {{1, count - 1, 0}},
@@ -262,7 +262,7 @@ TEST(SimplifyBadInput, RunsThatDoNotCover) {
            {{0, 0xFFFFFFFFu, 0}, {0xFFFFFFFFu, count + 1, 1}},
            {{0, count, 0}, {count, 0x80000000u, 1}, {count + 0x80000000u, 0x80000000u, 2}}}) {
     Mesh mesh = patch();
-    mesh.runs = runs;
+    mesh.sensors = runs;
     expect_invalid(simplify::simplify(mesh, {}));
   }
 }

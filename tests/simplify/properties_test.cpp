@@ -119,10 +119,10 @@ TEST(SimplifySeams, VerticesInAnyOrderGiveTheSameQuality) {
 Mesh striped_hills(int nx, int ny, float cell_m, float noise_m) {
   Mesh mesh = test::hills(nx, ny, cell_m, noise_m);
   const float stripe_m = cell_m * static_cast<float>(nx) / 3;
-  std::vector<ViewId> views;
+  std::vector<SensorId> views;
   for (std::size_t t = 0; t < mesh.triangles.size(); ++t)
-    views.push_back(static_cast<ViewId>(mesh.centroid(t).x / stripe_m));
-  set_triangle_views(mesh, views);
+    views.push_back(static_cast<SensorId>(mesh.centroid(t).x / stripe_m));
+  set_triangle_sensors(mesh, views);
   return mesh;
 }
 
@@ -249,8 +249,8 @@ TEST(SimplifyTargets, TimeEnoughChangesNothing) {
   }
 }
 
-double area_from_above_m2(const Mesh& mesh, ViewId view) {
-  const std::vector<ViewId> views = triangle_views(mesh);
+double area_from_above_m2(const Mesh& mesh, SensorId view) {
+  const std::vector<SensorId> views = triangle_sensors(mesh);
   double out = 0;
   for (std::size_t t = 0; t < views.size(); ++t)
     if (views[t] == view) out += mesh.area_normal(t).z / 2;
@@ -264,10 +264,10 @@ TEST(SimplifyRuns, StripesKeepTheirPlaces) {
     const Mesh small = by_ratio(mesh, ratio).mesh;
     EXPECT_TRUE(test::are_runs_good(small));
     ASSERT_EQ(small.runs.size(), 3u);
-    const std::vector<ViewId> views = triangle_views(small);
-    std::map<test::Edge, std::set<ViewId>> views_at;
+    const std::vector<SensorId> views = triangle_sensors(small);
+    std::map<test::Edge, std::set<SensorId>> views_at;
     for (std::size_t t = 0; t < views.size(); ++t) {
-      EXPECT_EQ(views[t], static_cast<ViewId>(small.centroid(t).x));
+      EXPECT_EQ(views[t], static_cast<SensorId>(small.centroid(t).x));
       const Triangle& c = small.triangles[t];
       for (std::size_t i = 0; i < 3; ++i)
         views_at[std::minmax(c[i], c[(i + 1) % 3])].insert(views[t]);
@@ -281,7 +281,7 @@ TEST(SimplifyRuns, StripesKeepTheirPlaces) {
       line_m += std::abs(b.y - a.y);
     }
     EXPECT_NEAR(line_m, 2 * 2.0, 1e-4);
-    for (ViewId view = 0; view < 3; ++view)
+    for (SensorId view = 0; view < 3; ++view)
       EXPECT_NEAR(area_from_above_m2(small, view), area_from_above_m2(mesh, view), 0.002);
   }
 }

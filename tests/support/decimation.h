@@ -131,9 +131,9 @@ inline std::size_t count_border_loops(const Mesh& mesh) {
 }
 
 /// Area by view.
-inline std::map<ViewId, double> view_areas_m2(const Mesh& mesh) {
-  std::map<ViewId, double> out;
-  const std::vector<ViewId> views = triangle_views(mesh);
+inline std::map<SensorId, double> view_areas_m2(const Mesh& mesh) {
+  std::map<SensorId, double> out;
+  const std::vector<SensorId> views = triangle_sensors(mesh);
   for (std::size_t t = 0; t < views.size(); ++t) out[views[t]] += length(mesh.area_normal(t)) / 2;
   return out;
 }
@@ -141,12 +141,12 @@ inline std::map<ViewId, double> view_areas_m2(const Mesh& mesh) {
 /// Whether the runs are sorted by view and cover the triangles.
 inline bool are_runs_good(const Mesh& mesh) {
   std::size_t covered = 0;
-  for (std::size_t r = 0; r < mesh.runs.size(); ++r) {
-    if (mesh.runs[r].first != covered || mesh.runs[r].count == 0) return false;
-    if (r > 0 && mesh.runs[r - 1].view >= mesh.runs[r].view) return false;
-    covered += mesh.runs[r].count;
+  for (std::size_t r = 0; r < mesh.sensors.size(); ++r) {
+    if (mesh.sensors[r].first != covered || mesh.sensors[r].count == 0) return false;
+    if (r > 0 && mesh.sensors[r - 1].view >= mesh.sensors[r].view) return false;
+    covered += mesh.sensors[r].count;
   }
-  return mesh.runs.empty() || covered == mesh.triangles.size();
+  return mesh.sensors.empty() || covered == mesh.triangles.size();
 }
 
 /// Every position finite, every triangle with three vertices that there are.

@@ -33,8 +33,7 @@ RigConfig busy_rig() {
 std::vector<std::unique_ptr<FrameSource>> open_all(const RigConfig& rig,
                                                    const RigCache& cache = {}) {
   const std::vector<SensorConfig> sensors = rig_sensors(rig);
-  std::vector<std::uint32_t> all(sensors.size());
-  std::iota(all.begin(), all.end(), 0u);
+  const std::vector<SensorId> all = all_sensors(sensors);
   return open_rig(rig, sensors, all, 30, cache);
 }
 

@@ -15,7 +15,7 @@ namespace mr::atlas {
 /// Factors on a view's linear red, green and blue.
 using Gains = std::map<ViewId, Vec3f>;
 /// Pictures by stream, as DecodedScene has them.
-using Pictures = std::map<std::uint32_t, std::shared_ptr<const ImageRgb>>;
+using Pictures = std::map<StreamId, std::shared_ptr<const ImageRgb>>;
 
 /// [channel][value] what a view's byte becomes: sRGB to linear light, times the gain, back to sRGB,
 /// clipped at white. A gain of 1 leaves every byte as it is.

@@ -193,8 +193,8 @@ ImageMask used_pixels(const Mesh& mesh, const View& view, int margin_px) {
   }
   const Camera camera = view.camera();
   const Pose T_camera_world = view.T_world_camera.inverse();
-  for (const ViewRun& run : mesh.runs) {
-    if (run.view != view.id) continue;
+  for (const ViewRun& run : mesh.views) {
+    if (run.id != view.id) continue;
     for (std::uint32_t t = run.first; t < run.first + run.count; ++t) {
       const auto corner = [&](int i) {
         return T_camera_world * vec_cast<double>(mesh.corner(t, i));

@@ -313,7 +313,7 @@ Labelling Labelling::of(Mesh surface) {
   Labelling out;
   const std::size_t count = surface.triangles.size();
   out.mesh = std::move(surface);
-  out.mesh.runs.clear();
+  out.mesh.views.clear();
   out.label.assign(count, kNone), out.is_due.assign(count, 1);
   out.origin.resize(count);
   std::iota(out.origin.begin(), out.origin.end(), 0u);

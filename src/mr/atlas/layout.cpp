@@ -66,7 +66,7 @@ Result<Layout> make_layout(const std::vector<View>& views, const AtlasConfig& at
                  std::to_string(views.size()) + " views do not fit into an atlas of " +
                      std::to_string(atlas.width) + "x" + std::to_string(atlas.height)};
   for (View& v : layout.views) {
-    v.stream = 0;
+    v.stream = {};
     v.layout = layout_id;
   }
   return layout;

@@ -32,7 +32,7 @@ struct Geometry {
 /// The pictures of one capture at the receiver.
 struct Texture {
   std::vector<View> views;  ///< with atlas_rect and stream set to where their picture is
-  std::map<std::uint32_t, std::shared_ptr<const ImageRgb>> pictures;  ///< by stream
+  std::map<StreamId, std::shared_ptr<const ImageRgb>> pictures;  ///< by stream
 };
 
 /// How long the four calls took for one capture.

@@ -63,17 +63,17 @@ int even(int size) { return (size + 1) / 2 * 2; }
 }  // namespace
 
 Cameras::Cameras(const Scene& scene) : scene_(&scene) {
-  for (std::uint32_t i = 0; i < scene.sensors.size(); ++i)
-    registrations_.emplace_back(scene.sensors[i], i);
+  for (const SensorId id : all_sensors(scene.sensors))
+    registrations_.emplace_back(scene.sensor(id), id);
 }
 
 std::vector<View> Cameras::views(std::span<const SensorHead> heads) const {
   std::vector<View> out;
   for (const SensorHead& head : heads) {
     if (!head.has_color) continue;
-    auto view = registrations_[head.sensor].color_view(head.T_world_depth);
+    auto view = registrations_[index_of(head.sensor)].color_view(head.T_world_depth);
     if (!view || view->image_rect.empty()) continue;
-    view->stream = view->id;
+    view->stream = stream_of(head.sensor);
     out.push_back(*view);
   }
   return out;
@@ -93,8 +93,9 @@ std::vector<View> Cameras::tiles(std::span<const SensorHead> heads) const {
 std::vector<SourceInfo> Cameras::sources(std::span<const SensorHead> heads) const {
   std::vector<SourceInfo> out;
   for (const SensorHead& head : heads)
-    out.push_back({head.sensor, head.captured_at, registrations_[head.sensor].depth_camera(),
-                   head.T_world_depth, scene_->sensors[head.sensor].precision});
+    out.push_back({head.sensor, head.captured_at,
+                   registrations_[index_of(head.sensor)].depth_camera(), head.T_world_depth,
+                   scene_->sensor(head.sensor).precision});
   return out;
 }
 
@@ -108,7 +109,7 @@ Mesh Cameras::label(const Mesh& mesh, std::span<const View> views,
                                  .min_edge_m = 2 * scene_->voxel_m});
 }
 
-const Frame& frame_of(std::span<const Frame> capture, std::uint32_t sensor) {
+const Frame& frame_of(std::span<const Frame> capture, SensorId sensor) {
   const auto found = std::find_if(capture.begin(), capture.end(),
                                   [&](const Frame& frame) { return frame.sensor == sensor; });
   MR_ASSERT(found != capture.end());
@@ -134,13 +135,13 @@ ImageRgb tile_picture(const ImageRgb& color, const View& tile) {
 }
 
 CameraVideo::CameraVideo(const Scene& scene) : scene_(&scene), decoders_(scene.sensors.size()) {
-  for (std::uint32_t i = 0; i < scene.sensors.size(); ++i)
-    encoders_.push_back(std::make_unique<node::TextureStream>(scene, i));
+  for (const SensorId id : all_sensors(scene.sensors))
+    encoders_.push_back(std::make_unique<node::TextureStream>(scene, stream_of(id)));
 }
 
 Result<TextureUnit> CameraVideo::encode(const Frame& frame, const View& tile) {
-  return encoders_[frame.sensor]->encode(tile_picture(frame.color, tile), scene_->coding.texture_qp,
-                                         0);
+  return encoders_[index_of(frame.sensor)]->encode(tile_picture(frame.color, tile),
+                                                   scene_->coding.texture_qp, 0);
 }
 
 Bytes video_message(Message kind, const Scene& scene, std::span<const Frame> capture,
@@ -178,8 +179,8 @@ Result<Texture> CameraVideo::decode(const Cameras& cameras, std::span<const std:
   parallel_for(units.size(), 1, [&](std::size_t begin, std::size_t end) {
     for (std::size_t i = begin; i < end; ++i) {
       const View& view = out.views[i];
-      pictures[i] = decode_unit(decoders_[view.id], units[i], even(view.atlas_rect.width),
-                                even(view.atlas_rect.height));
+      pictures[i] = decode_unit(decoders_[index_of(sensor_of(view.id))], units[i],
+                                even(view.atlas_rect.width), even(view.atlas_rect.height));
     }
   });
   for (std::size_t i = 0; i < pictures.size(); ++i) {

@@ -34,7 +34,7 @@ class Cameras {
 };
 
 /// The frame of a sensor; there must be one.
-const Frame& frame_of(std::span<const Frame> capture, std::uint32_t sensor);
+const Frame& frame_of(std::span<const Frame> capture, SensorId sensor);
 
 /// The part of a colour picture that a tile shows, in the tile's size, by area averaging.
 ImageRgb tile_picture(const ImageRgb& color, const View& tile);

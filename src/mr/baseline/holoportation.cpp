@@ -76,7 +76,8 @@ Result<Bytes> Holoportation::encode_texture(std::span<const Frame> capture) {
   trace().time("encode_pictures", [&] {
     parallel_for(tiles.size(), 1, [&](std::size_t begin, std::size_t end) {
       for (std::size_t i = begin; i < end; ++i) {
-        const ImageRgb picture = tile_picture(frame_of(capture, tiles[i].id).color, tiles[i]);
+        const ImageRgb picture =
+            tile_picture(frame_of(capture, sensor_of(tiles[i].id)).color, tiles[i]);
         pictures[i] = lz4_compress(std::as_bytes(std::span(picture.data)));
       }
     });

@@ -98,7 +98,7 @@ Result<Bytes> HoloportationPlus::encode_texture(std::span<const Frame> capture) 
   trace().time("encode_video", [&] {
     parallel_for(tiles.size(), 1, [&](std::size_t begin, std::size_t end) {
       for (std::size_t i = begin; i < end; ++i)
-        coded[i] = video_.encode(frame_of(capture, tiles[i].id), tiles[i]);
+        coded[i] = video_.encode(frame_of(capture, sensor_of(tiles[i].id)), tiles[i]);
     });
   });
   std::vector<TextureUnit> units;

@@ -13,7 +13,7 @@ namespace mr::baseline {
 Mesh fuse_all(const Scene& scene, std::span<const Frame> capture, double voxel_m) {
   std::vector<PreparedDepth> depths;
   for (const Frame& frame : capture) {
-    const Camera camera = undistorted(scene.sensors[frame.sensor].depth_camera);
+    const Camera camera = undistorted(scene.sensor(frame.sensor).depth_camera);
     depths.push_back({node::prepare_depth(scene, camera, frame), camera, frame.T_world_depth});
   }
   return fuse_prepared(scene, depths, voxel_m);
@@ -39,10 +39,10 @@ std::vector<View> color_views(const Scene& scene, std::span<const Frame> capture
   std::vector<View> views;
   for (const Frame& frame : capture) {
     if (frame.color.empty()) continue;
-    const sensor::Registration registration(scene.sensors[frame.sensor], frame.sensor);
+    const sensor::Registration registration(scene.sensor(frame.sensor), frame.sensor);
     auto view = registration.color_view(frame.T_world_depth);
     if (!view) continue;
-    view->stream = view->id;
+    view->stream = stream_of(frame.sensor);
     views.push_back(*view);
   }
   std::sort(views.begin(), views.end(), [](const View& a, const View& b) { return a.id < b.id; });

@@ -51,8 +51,8 @@ RgbdStream::RgbdStream(const Scene& scene)
       decoders_(scene.sensors.size()),
       depth_ms_(scene.sensors.size()),
       color_ms_(scene.sensors.size()) {
-  for (std::uint32_t i = 0; i < scene.sensors.size(); ++i)
-    encoders_.push_back(std::make_unique<node::TextureStream>(scene, i));
+  for (const SensorId id : all_sensors(scene.sensors))
+    encoders_.push_back(std::make_unique<node::TextureStream>(scene, stream_of(id)));
 }
 
 /// Sensors are nodes of their own, so they are timed one after another; the slowest counts.
@@ -64,14 +64,14 @@ double RgbdStream::critical_path_ms(const CallTimes& calls) const {
 }
 
 Result<TextureUnit> RgbdStream::encode_depth(const Frame& frame) {
-  const SensorConfig& sensor = scene_->sensors[frame.sensor];
-  const Stopwatch stopwatch(depth_ms_[frame.sensor]);
+  const SensorConfig& sensor = scene_->sensor(frame.sensor);
+  const Stopwatch stopwatch(depth_ms_[index_of(frame.sensor)]);
   const ImageDepth depth = trace().time("prepare_depth", [&] {
     return node::prepare_depth(*scene_, undistorted(sensor.depth_camera), frame);
   });
   return trace().time("encode_depth", [&] {
-    return encoders_[frame.sensor]->encode(depth_to_picture(depth, range_of(sensor)),
-                                           scene_->coding.depth_qp, 0);
+    return encoders_[index_of(frame.sensor)]->encode(depth_to_picture(depth, range_of(sensor)),
+                                                     scene_->coding.depth_qp, 0);
   });
 }
 
@@ -91,9 +91,10 @@ Result<Bytes> RgbdStream::encode_texture(std::span<const Frame> capture) {
   std::fill(color_ms_.begin(), color_ms_.end(), 0.0);
   std::vector<TextureUnit> units;
   for (const View& tile : cameras_.tiles(heads_of(*scene_, capture))) {
-    const Stopwatch stopwatch(color_ms_[tile.id]);
+    const SensorId sensor = sensor_of(tile.id);
+    const Stopwatch stopwatch(color_ms_[index_of(sensor)]);
     auto unit = trace().time("encode_video",
-                             [&] { return video_.encode(frame_of(capture, tile.id), tile); });
+                             [&] { return video_.encode(frame_of(capture, sensor), tile); });
     if (!unit) return unit.error();
     units.push_back(*std::move(unit));
   }
@@ -108,9 +109,9 @@ Result<std::vector<PreparedDepth>> RgbdStream::decode_depth(std::span<const Sens
   std::vector<std::optional<Result<PreparedDepth>>> decoded(heads.size());
   parallel_for(heads.size(), 1, [&](std::size_t begin, std::size_t end) {
     for (std::size_t i = begin; i < end; ++i) {
-      const SensorConfig& sensor = scene_->sensors[heads[i].sensor];
+      const SensorConfig& sensor = scene_->sensor(heads[i].sensor);
       const Camera camera = undistorted(sensor.depth_camera);
-      const auto picture = decode_unit(decoders_[heads[i].sensor], units[i],
+      const auto picture = decode_unit(decoders_[index_of(heads[i].sensor)], units[i],
                                        (camera.width + 1) / 2 * 2, 2 * camera.height);
       if (!picture) {
         decoded[i] = picture.error();

@@ -28,10 +28,9 @@ class Runner {
   Runner(const Scene& scene, Baseline& baseline, const runtime::RunListener& listener,
          const std::filesystem::path& cache_folder)
       : scene_(scene), baseline_(baseline), listener_(listener) {
-    std::vector<std::uint32_t> all(scene.sensors.size());
-    std::iota(all.begin(), all.end(), 0u);
+    const std::vector<SensorId> all = all_sensors(scene.sensors);
     sources_ = node::open_sources(scene, all, cache_folder);
-    for (const std::uint32_t i : all) registrations_.emplace_back(scene.sensors[i], i);
+    for (const SensorId id : all) registrations_.emplace_back(scene.sensor(id), id);
     drops_.set_listener([&](const std::string& place, const Error& error) {
       if (listener_.dropped) listener_.dropped(place + ": " + error.message);
     });
@@ -79,7 +78,7 @@ void Runner::undistort(std::vector<Frame>& frames) {
   register_ms_ = 0;
   for (Frame& frame : frames) {
     const auto start = Clock::now();
-    frame = registrations_[frame.sensor].undistort(std::move(frame));
+    frame = registrations_[index_of(frame.sensor)].undistort(std::move(frame));
     register_ms_ = std::max(register_ms_, ms_since(start));
     sensors_.add("register", ms_since(start));
   }

@@ -115,7 +115,7 @@ std::vector<SensorHead> heads_of(const Scene& scene, std::span<const Frame> capt
   std::vector<SensorHead> heads;
   for (const Frame& frame : capture)
     heads.push_back({frame.sensor, frame.captured_at(),
-                     !frame.color.empty() && scene.sensors[frame.sensor].color_camera.has_value(),
+                     !frame.color.empty() && scene.sensor(frame.sensor).color_camera.has_value(),
                      frame.T_world_depth});
   std::sort(heads.begin(), heads.end(),
             [](const SensorHead& a, const SensorHead& b) { return a.sensor < b.sensor; });
@@ -126,10 +126,10 @@ void write_heads(const Scene& scene, std::span<const Frame> capture, ByteWriter&
   const std::vector<SensorHead> heads = heads_of(scene, capture);
   out.u32(static_cast<std::uint32_t>(heads.size()));
   for (const SensorHead& head : heads) {
-    const auto& poses = scene.sensors[head.sensor].T_world_depth;
+    const auto& poses = scene.sensor(head.sensor).T_world_depth;
     const auto known = std::find(poses.begin(), poses.end(), head.T_world_depth);
     const bool own = known == poses.end();
-    out.u32(head.sensor);
+    out.u32(number_of(head.sensor));
     out.u64(static_cast<std::uint64_t>(head.captured_at.time_since_epoch().count()));
     out.u32((head.has_color ? kHasColor : 0) | (own ? kOwnPose : 0));
     if (!own) out.u32(static_cast<std::uint32_t>(known - poses.begin()));
@@ -159,10 +159,11 @@ Result<std::vector<SensorHead>> read_heads(const Scene& scene, ByteReader& in) {
   std::vector<SensorHead> heads(count);
   for (std::uint32_t i = 0; i < count; ++i) {
     SensorHead& head = heads[i];
-    head.sensor = in.u32();
-    if (head.sensor >= scene.sensors.size() || (i > 0 && head.sensor <= heads[i - 1].sensor))
+    head.sensor = SensorId{in.u32()};
+    if (index_of(head.sensor) >= scene.sensors.size() ||
+        (i > 0 && head.sensor <= heads[i - 1].sensor))
       return corrupt("sensors that the scene lacks");
-    const SensorConfig& sensor = scene.sensors[head.sensor];
+    const SensorConfig& sensor = scene.sensor(head.sensor);
     head.captured_at = TimePoint(Duration(static_cast<std::int64_t>(in.u64())));
     const std::uint32_t flags = in.u32();
     head.has_color = flags & kHasColor;

@@ -81,7 +81,7 @@ inline Error corrupt(const std::string& what) {
 
 /// What the receiver must know of a sensor's capture beside the scene file.
 struct SensorHead {
-  std::uint32_t sensor = 0;
+  SensorId sensor{};
   TimePoint captured_at{};
   bool has_color = false;
   Pose T_world_depth;

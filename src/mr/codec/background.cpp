@@ -217,7 +217,6 @@ std::vector<Chunk> split(const Colored<Rgb>& in, double chunk_m) {
       }
       chunk.mesh.triangles.push_back(triangle);
     }
-    chunk.mesh.runs = {{0, static_cast<std::uint32_t>(triangles.size()), kNoView}};
   }
   return out;
 }

@@ -29,18 +29,18 @@ bool fits(const Rect& tile, int width, int height) {
 }
 
 Result<BakeView> find_view(const DecodedScene& scene, ViewId id, Layer layer) {
-  const std::string name = "view " + std::to_string(id);
+  const std::string name = "view " + std::to_string(number_of(id));
   const View* const view = texturing_view(scene.views, id, layer);
   if (!view) return invalid_scene("triangles name " + name + ", which the scene does not have");
   const auto picture = scene.textures.find(view->stream);
   if (picture == scene.textures.end() || !picture->second || picture->second->empty())
-    return invalid_scene(name + " has no picture: texture stream " + std::to_string(view->stream) +
-                         " is missing");
+    return invalid_scene(name + " has no picture: texture stream " +
+                         std::to_string(number_of(view->stream)) + " is missing");
   const int width = picture->second->width, height = picture->second->height;
   if (view->width < 1 || view->height < 1 || view->image_rect.empty() ||
       !fits(view->atlas_rect, width, height))
     return invalid_scene(name + " has a tile outside the picture of texture stream " +
-                         std::to_string(view->stream));
+                         std::to_string(number_of(view->stream)));
   return BakeView{view, view->camera(), view->T_world_camera.inverse(), width, height};
 }
 
@@ -141,13 +141,13 @@ struct PartBuilder {
 struct Baker {
   const DecodedScene& scene;
   std::map<std::pair<ViewId, Layer>, BakeView> views;
-  std::map<std::uint32_t, PartBuilder> textured;  // by stream
+  std::map<StreamId, PartBuilder> textured;  // by stream
   PartBuilder colored, plain;
 
   Status add(const Mesh& mesh, Layer layer) {
     const std::vector<ViewRun> unlabelled{
         {0, static_cast<std::uint32_t>(mesh.triangles.size()), kNoView}};
-    for (const ViewRun& run : mesh.runs.empty() ? unlabelled : mesh.runs)
+    for (const ViewRun& run : mesh.views.empty() ? unlabelled : mesh.views)
       if (auto ok = add(mesh, run, layer); !ok) return ok;
     return {};
   }
@@ -156,10 +156,10 @@ struct Baker {
     if (std::uint64_t{run.first} + run.count > mesh.triangles.size())
       return invalid_scene("a view run ends after the last triangle");
     const BakeView* view = nullptr;
-    if (run.view != kNoView && run.count > 0) {
-      const auto [known, is_new] = views.try_emplace({run.view, layer});
+    if (run.id != kNoView && run.count > 0) {
+      const auto [known, is_new] = views.try_emplace({run.id, layer});
       if (is_new) {
-        auto found = find_view(scene, run.view, layer);
+        auto found = find_view(scene, run.id, layer);
         if (!found) return found.error();
         known->second = *found;
       }
@@ -225,7 +225,7 @@ Result<std::vector<BakedPart>> bake(const DecodedScene& scene) {
 
 Pictures shown_textures(const DecodedScene& scene) {
   Pictures out = scene.textures;
-  std::map<std::uint32_t, std::shared_ptr<ImageRgb>> copies;
+  std::map<StreamId, std::shared_ptr<ImageRgb>> copies;
   for (const View& view : scene.views) {
     const auto found = scene.textures.find(view.stream);
     if (view.gain == Vec3f{1, 1, 1} || found == scene.textures.end() || !found->second ||

@@ -14,7 +14,7 @@ namespace mr::codec {
 
 /// The triangles that one texture stream colours, or their vertices do, as other tools take them.
 struct BakedPart {
-  std::optional<std::uint32_t> stream;              ///< none: no texture
+  std::optional<StreamId> stream;                   ///< none: no texture
   std::vector<Vec3f> positions;                     ///< [V] metres, world frame
   std::vector<Vec2f> uvs;                           ///< [V] v from the top; empty without a stream
   std::vector<std::array<std::uint8_t, 3>> colors;  ///< [V] sRGB, of a background; else empty
@@ -32,7 +32,7 @@ struct BakedPart {
 Result<std::vector<BakedPart>> bake(const DecodedScene& scene);
 
 /// By stream.
-using Pictures = std::map<std::uint32_t, std::shared_ptr<const ImageRgb>>;
+using Pictures = std::map<StreamId, std::shared_ptr<const ImageRgb>>;
 
 /// The scene's pictures as they are shown: each view's tile times its gain. Tiles must not overlap
 /// where gains differ; a tile outside its picture is left out.

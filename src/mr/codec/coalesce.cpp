@@ -31,7 +31,7 @@ bool has_room(const PacketMessage& older, const PacketMessage& newer) {
     keys += packet->change.removed.size() + packet->change.added.size() +
             (packet->base ? packet->base->manifest.size() : 0);
   std::size_t bytes = limits.packet_bytes / 16 + 28 * keys;  // head, views
-  std::map<std::uint32_t, std::size_t> units;
+  std::map<StreamId, std::size_t> units;
   for (const PacketMessage* packet : {&older, &newer}) {
     for (const TextureUnit& unit : packet->textures)
       bytes += unit.data.size() + kOverhead, ++units[unit.stream];

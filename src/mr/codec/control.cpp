@@ -62,7 +62,7 @@ bool is_message(std::span<const std::byte> bytes, const Magic& magic) {
 
 Error wrong(Error::Cause cause, const std::string& what) { return {cause, "control: " + what}; }
 
-bool is_sorted_and_unique(const std::vector<std::uint32_t>& streams) {
+bool is_sorted_and_unique(const std::vector<StreamId>& streams) {
   return std::adjacent_find(streams.begin(), streams.end(), std::greater_equal<>()) ==
          streams.end();
 }
@@ -75,7 +75,7 @@ void put_section(std::vector<std::byte>& out, Section kind, std::size_t bytes) {
 void put_key(std::vector<std::byte>& out, const ChunkKey& k) {
   for (const std::int32_t v : {k.id.cube.x, k.id.cube.y, k.id.cube.z}) put_integer(out, v);
   for (const std::uint32_t v :
-       {k.id.source, static_cast<std::uint32_t>(k.id.layer), k.level, k.version})
+       {number_of(k.id.source), static_cast<std::uint32_t>(k.id.layer), k.level, k.version})
     put_integer(out, v);
 }
 
@@ -99,7 +99,7 @@ Status read_streams(std::span<const std::byte> body, Control& out) {
     return wrong(Error::Cause::too_large, "too many streams");
   if (body.size() % kStreamBytes != 0 || body.empty())
     return wrong(Error::Cause::corrupt, "streams of another length");
-  while (!body.empty()) out.key_frames.push_back(get<std::uint32_t>(body));
+  while (!body.empty()) out.key_frames.push_back(StreamId{get<std::uint32_t>(body)});
   if (!is_sorted_and_unique(out.key_frames))
     return wrong(Error::Cause::corrupt, "unsorted streams");
   return {};
@@ -113,7 +113,7 @@ Status read_chunks(std::span<const std::byte> body, Control& out) {
   while (!body.empty()) {
     ChunkKey& k = out.chunks.emplace_back();
     for (std::int32_t* v : {&k.id.cube.x, &k.id.cube.y, &k.id.cube.z}) *v = get<std::int32_t>(body);
-    k.id.source = get<std::uint32_t>(body);
+    k.id.source = SensorId{get<std::uint32_t>(body)};
     const auto layer = get<std::uint32_t>(body);
     if (layer > static_cast<std::uint32_t>(Layer::still))
       return wrong(Error::Cause::corrupt, "an unknown layer");
@@ -169,7 +169,7 @@ Status read_section(Section kind, std::span<const std::byte> body, Control& out)
 
 }  // namespace
 
-bool Control::wants_key_frame(std::uint32_t stream) const {
+bool Control::wants_key_frame(StreamId stream) const {
   return std::binary_search(key_frames.begin(), key_frames.end(), stream);
 }
 
@@ -181,7 +181,7 @@ std::vector<std::byte> encode_control(const Control& control) {
   put_integer(out, Control::kVersion);
   if (!control.key_frames.empty())
     put_section(out, Section::key_frames, control.key_frames.size() * kStreamBytes);
-  for (const std::uint32_t stream : control.key_frames) put_integer(out, stream);
+  for (const StreamId stream : control.key_frames) put_integer(out, number_of(stream));
   if (!control.chunks.empty()) put_section(out, Section::chunks, control.chunks.size() * kKeyBytes);
   for (const ChunkKey& key : control.chunks) put_key(out, key);
   if (control.taken) {

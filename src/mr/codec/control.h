@@ -19,10 +19,10 @@ struct Control {
   static constexpr std::uint32_t kVersion = 1;
   static constexpr std::size_t kMaxChunks = 4096, kMaxStreams = 1024;
 
-  std::vector<std::uint32_t> key_frames;  ///< streams that need one, sorted, at most kMaxStreams
-  std::vector<ChunkKey> chunks;           ///< wanted, at most kMaxChunks
-  std::optional<std::uint64_t> taken;     ///< sequence of the newest packet that was made use of
-  bool whole_head = false;                ///< the base of the node's packets did not come
+  std::vector<StreamId> key_frames;    ///< streams that need one, sorted, at most kMaxStreams
+  std::vector<ChunkKey> chunks;        ///< wanted, at most kMaxChunks
+  std::optional<std::uint64_t> taken;  ///< sequence of the newest packet that was made use of
+  bool whole_head = false;             ///< the base of the node's packets did not come
   /// Sequence of the newest packet whose still surface is shown: it need not be sent as moving.
   std::optional<std::uint64_t> shown = {};
   bool time = false;  ///< what the node's clock says; the answer tells that and nothing else
@@ -35,7 +35,7 @@ struct Control {
   }
   /// Whether an answer is wanted.
   bool wants_answer() const { return !chunks.empty() || time; }
-  bool wants_key_frame(std::uint32_t stream) const;
+  bool wants_key_frame(StreamId stream) const;
   friend bool operator==(const Control&, const Control&) = default;
 };
 

@@ -5,8 +5,8 @@
 namespace mr::codec {
 
 Control ControlPacing::due(Control lacking, TimePoint now) {
-  std::vector<std::uint32_t> key_frames;
-  for (const std::uint32_t stream : lacking.key_frames) {
+  std::vector<StreamId> key_frames;
+  for (const StreamId stream : lacking.key_frames) {
     const auto found = key_frames_.find(stream);
     const auto last = found == key_frames_.end() ? std::nullopt : std::optional(found->second);
     if (!is_due(last, kKeyFrameEvery, now) || key_frames.size() == Control::kMaxStreams) continue;

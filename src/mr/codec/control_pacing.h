@@ -29,7 +29,7 @@ class ControlPacing {
   }
 
  private:
-  std::map<std::uint32_t, TimePoint> key_frames_;  ///< asked for last, by stream
+  std::map<StreamId, TimePoint> key_frames_;  ///< asked for last, by stream
   std::optional<TimePoint> head_, chunks_;
 };
 

@@ -65,7 +65,7 @@ bool is_flat(const std::vector<Vec3i>& cells, const Triangle& t) {
 }
 
 void turn_flat_edges(const std::vector<Vec3i>& cells, std::vector<Triangle>& triangles,
-                     std::vector<ViewId>& views) {
+                     std::vector<std::uint32_t>& labels) {
   for (int round = 0; round < kRounds; ++round) {
     std::vector<std::uint32_t> flat;
     for (std::uint32_t t = 0; t < triangles.size(); ++t)
@@ -84,7 +84,7 @@ void turn_flat_edges(const std::vector<Vec3i>& cells, std::vector<Triangle>& tri
                                             [&](std::uint32_t v) { return v != a && v != c; });
       if (d == b) continue;
       triangles[t] = {a, b, d}, triangles[n] = {b, c, d};
-      views[t] = views[n];
+      labels[t] = labels[n];
       turned[t] = turned[n] = 1;
       any = true;
     }

@@ -116,10 +116,10 @@ struct GltfBuilder {
     return add_material("no view", {{"baseColorFactor", {linear, linear, linear, 1}}});
   }
 
-  Result<int> add_picture_material(std::uint32_t stream, const ImageRgb& picture) {
+  Result<int> add_picture_material(StreamId stream, const ImageRgb& picture) {
     auto png = kit::encode_png(picture);
     if (!png) return png.error();
-    const std::string name = "stream " + std::to_string(stream);
+    const std::string name = "stream " + std::to_string(number_of(stream));
     const int image =
         add("images", {{"name", name}, {"mimeType", "image/png"}, {"bufferView", add_bytes(*png)}});
     if (!json.contains("samplers"))

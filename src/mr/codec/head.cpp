@@ -8,7 +8,7 @@ namespace mr::codec {
 
 /// How far each stream has come that a view uses.
 void HeadWriter::note_streams(Packet& packet) {
-  std::map<std::uint32_t, std::uint32_t> used;
+  std::map<StreamId, std::uint32_t> used;
   for (const View& view : packet.views)
     if (const auto known = serials_.find(view.stream); known != serials_.end()) used.insert(*known);
   for (const TextureUnit& unit : packet.textures) used[unit.stream] = unit.serial;

@@ -40,7 +40,7 @@ class HeadWriter {
   std::shared_ptr<const Packet> base_;
   std::uint64_t brought_ = 0;  ///< sequence of the packet that brought it last
   int to_bring_ = 0;
-  std::map<std::uint32_t, std::uint32_t> serials_;  ///< of each stream's newest unit
+  std::map<StreamId, std::uint32_t> serials_;  ///< of each stream's newest unit
   std::atomic<bool> asked_ = false;
 };
 

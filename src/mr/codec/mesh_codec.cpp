@@ -20,6 +20,45 @@ constexpr std::uint32_t kMaxTriangles = 1u << 20;
 constexpr std::size_t kMaxPayload = 64u << 20;
 constexpr std::size_t kMaxViews = 254;
 constexpr std::uint8_t kNoViewLabel = 255;
+constexpr std::uint32_t kNoLabel = 0xFFFFFFFFu;  // kNoSensor, kNoView
+
+/// `count` triangles from `first` on, of a sensor or a view: what follows treats both alike.
+struct LabelRun {
+  std::uint32_t first = 0, count = 0, label = kNoLabel;
+};
+
+/// A mesh's runs, of whichever kind; a mesh without labels has one run of no view.
+std::vector<LabelRun> label_runs(const Mesh& mesh) {
+  std::vector<LabelRun> out;
+  for (const SensorRun& run : mesh.sensors)
+    out.push_back({run.first, run.count, number_of(run.id)});
+  for (const ViewRun& run : mesh.views) out.push_back({run.first, run.count, number_of(run.id)});
+  if (out.empty()) out.push_back({0, static_cast<std::uint32_t>(mesh.triangles.size()), kNoLabel});
+  return out;
+}
+
+/// One label per triangle.
+std::vector<std::uint32_t> triangle_labels(const Mesh& mesh) {
+  std::vector<std::uint32_t> out(mesh.triangles.size());
+  for (const LabelRun& run : label_runs(mesh))
+    std::fill_n(out.begin() + run.first, run.count, run.label);
+  return out;
+}
+
+template <typename Id>
+std::vector<Id> ids_of(const std::vector<std::uint32_t>& labels) {
+  std::vector<Id> out;
+  out.reserve(labels.size());
+  for (const std::uint32_t label : labels) out.push_back(Id{label});
+  return out;
+}
+
+template <typename Id>
+std::vector<std::uint32_t> numbers_of(const std::vector<Id>& ids) {
+  std::vector<std::uint32_t> out;
+  for (const Id id : ids) out.push_back(number_of(id));
+  return out;
+}
 constexpr std::uint32_t kUnset = 0xFFFFFFFFu;
 
 Error invalid_chunk(const std::string& what) { return {Error::Cause::invalid, "chunk: " + what}; }
@@ -69,14 +108,14 @@ Vec3i name_of(const Triangle& t) {
 
 /// The triangles of a mesh by places in place of vertices, without those that lost a corner.
 void add_snapped(const Mesh& mesh, const std::vector<std::uint32_t>& place_of,
-                 std::vector<Triangle>& triangles, std::vector<ViewId>& views) {
-  const std::vector<ViewId> all = triangle_views(mesh);
-  triangles.reserve(all.size()), views.reserve(all.size());
+                 std::vector<Triangle>& triangles, std::vector<std::uint32_t>& labels) {
+  const std::vector<std::uint32_t> all = triangle_labels(mesh);
+  triangles.reserve(all.size()), labels.reserve(all.size());
   for (std::size_t i = 0; i < all.size(); ++i) {
     const auto& [a, b, c] = mesh.triangles[i];
     const Triangle t = {place_of[a], place_of[b], place_of[c]};
     if (t[0] == t[1] || t[1] == t[2] || t[2] == t[0]) continue;
-    triangles.push_back(t), views.push_back(all[i]);
+    triangles.push_back(t), labels.push_back(all[i]);
   }
 }
 
@@ -88,12 +127,12 @@ bool indices_fit(const Mesh& mesh) {
 }
 
 bool runs_fit(const Mesh& mesh) {
+  if (!mesh.sensors.empty() && !mesh.views.empty()) return false;
   std::uint64_t next = 0;
-  for (std::size_t i = 0; i < mesh.runs.size(); ++i) {
-    const ViewRun& run = mesh.runs[i];
-    if (run.first != next || run.count == 0) return false;
-    if (i > 0 && run.view <= mesh.runs[i - 1].view) return false;
-    next += run.count;
+  std::optional<std::uint32_t> last;
+  for (const LabelRun& run : label_runs(mesh)) {
+    if (run.first != next || run.count == 0 || (last && run.label <= *last)) return false;
+    next += run.count, last = run.label;
   }
   return next == mesh.triangles.size();
 }
@@ -118,7 +157,8 @@ Status check_for_encoding(const Mesh& mesh, const Lattice& lattice) {
                                               " triangles, at most " +
                                               std::to_string(kMaxTriangles)};
   if (!indices_fit(mesh)) return invalid_chunk("a triangle names a vertex that is not there");
-  if (!runs_fit(mesh)) return invalid_chunk("runs must be sorted by view and cover the triangles");
+  if (!runs_fit(mesh))
+    return invalid_chunk("runs must be of one kind, sorted by label, and cover the triangles");
   for (const Vec3f& p : mesh.positions) {
     const auto cell = cell_of(lattice, p);
     if (!cell || lattice.position(*cell) != p)
@@ -138,17 +178,18 @@ Status check_colors(const Chunk& chunk) {
   if (!background) return {};
   if (chunk.colors.size() != chunk.mesh.positions.size())
     return invalid_chunk("a background needs a colour for each vertex");
-  if (chunk.mesh.runs.size() != 1 || chunk.mesh.runs[0].view != kNoView)
-    return invalid_chunk("a background has no views");
+  if (!chunk.mesh.sensors.empty() || !chunk.mesh.views.empty())
+    return invalid_chunk("a background has no labels");
   return {};
 }
 
-/// The views that the labels stand for: sorted, without kNoView, which sorts last in the runs.
-std::vector<ViewId> label_views(const Mesh& mesh) {
-  std::vector<ViewId> views;
-  for (const ViewRun& run : mesh.runs)
-    if (run.view != kNoView) views.push_back(run.view);
-  return views;
+/// What the labels stand for: sorted, without kNoSensor and kNoView, which sort last in the runs.
+template <typename Id>
+std::vector<Id> meanings_of(const std::vector<Run<Id>>& runs) {
+  std::vector<Id> out;
+  for (const Run<Id>& run : runs)
+    if (number_of(run.id) != kNoLabel) out.push_back(run.id);
+  return out;
 }
 
 draco::GeometryAttribute attribute(draco::GeometryAttribute::Type type, draco::DataType data,
@@ -169,9 +210,10 @@ LabelledCorners split_by_label(const Mesh& mesh) {
   LabelledCorners out;
   out.faces.reserve(mesh.triangles.size());
   std::vector<std::uint32_t> point(mesh.positions.size()), used_by(mesh.positions.size(), kUnset);
-  for (std::uint32_t r = 0; r < mesh.runs.size(); ++r) {
-    const ViewRun& run = mesh.runs[r];
-    const auto label = run.view == kNoView ? kNoViewLabel : static_cast<std::uint8_t>(r);
+  const std::vector<LabelRun> runs = label_runs(mesh);
+  for (std::uint32_t r = 0; r < runs.size(); ++r) {
+    const LabelRun& run = runs[r];
+    const auto label = run.label == kNoLabel ? kNoViewLabel : static_cast<std::uint8_t>(r);
     for (std::uint32_t t = run.first; t < run.first + run.count; ++t) {
       Triangle face = mesh.triangles[t];
       for (std::uint32_t& v : face) {
@@ -373,12 +415,12 @@ Result<std::vector<Vec3i>> point_cells(const draco::Mesh& mesh, const Lattice& l
   return of_points;
 }
 
-/// Label of each point; without labels the chunk's one view, or none, textures all.
+/// Label of each point; without labels all have the chunk's one meaning, or none.
 Result<std::vector<std::uint8_t>> point_labels(const draco::Mesh& mesh, bool labelled,
-                                               std::size_t views) {
+                                               std::size_t meanings) {
   if (!labelled) {
-    if (views > 1) return corrupt_chunk("labels are missing");
-    return std::vector<std::uint8_t>(mesh.num_points(), views == 0 ? kNoViewLabel : 0);
+    if (meanings > 1) return corrupt_chunk("labels are missing");
+    return std::vector<std::uint8_t>(mesh.num_points(), meanings == 0 ? kNoViewLabel : 0);
   }
   const draco::PointAttribute& attribute = *mesh.attribute(1);
   const std::uint8_t* data = values_of(attribute, 1);
@@ -388,9 +430,9 @@ Result<std::vector<std::uint8_t>> point_labels(const draco::Mesh& mesh, bool lab
   std::vector<std::uint8_t> labels(indices->size());
   for (std::size_t p = 0; p < labels.size(); ++p) {
     labels[p] = data[(*indices)[p]];
-    if (labels[p] >= views && labels[p] != kNoViewLabel)
-      return corrupt_chunk("label " + std::to_string(labels[p]) + " of " + std::to_string(views) +
-                           " views");
+    if (labels[p] >= meanings && labels[p] != kNoViewLabel)
+      return corrupt_chunk("label " + std::to_string(labels[p]) + " of " +
+                           std::to_string(meanings));
   }
   return labels;
 }
@@ -424,15 +466,16 @@ Result<std::vector<Color>> rebuild_colors(const draco::Mesh& in, const Lattice& 
   return colors;
 }
 
-Result<Mesh> rebuild(const draco::Mesh& in, bool labelled, const std::vector<ViewId>& views,
-                     const Lattice& lattice) {
+/// The mesh without labels; `of_triangles` gets one for each triangle: one of `meanings`.
+Result<Mesh> rebuild(const draco::Mesh& in, bool labelled,
+                     const std::vector<std::uint32_t>& meanings, const Lattice& lattice,
+                     std::vector<std::uint32_t>& of_triangles) {
   const auto cells = point_cells(in, lattice);
   if (!cells) return cells.error();
-  const auto labels = point_labels(in, labelled, views.size());
+  const auto labels = point_labels(in, labelled, meanings.size());
   if (!labels) return labels.error();
   Welder welder(cells->size());
   Mesh mesh;
-  std::vector<ViewId> of_triangles;
   mesh.triangles.reserve(in.num_faces());
   of_triangles.reserve(in.num_faces());
   for (std::uint32_t f = 0; f < in.num_faces(); ++f) {
@@ -450,12 +493,17 @@ Result<Mesh> rebuild(const draco::Mesh& in, bool labelled, const std::vector<Vie
     if (label[0] != label[1] || label[1] != label[2])
       return corrupt_chunk("the corners of a triangle have different labels");
     mesh.triangles.push_back(t);
-    of_triangles.push_back(label[0] == kNoViewLabel ? kNoView : views[label[0]]);
+    of_triangles.push_back(label[0] == kNoViewLabel ? kNoLabel : meanings[label[0]]);
   }
-  set_triangle_views(mesh, of_triangles);
   mesh.positions.reserve(welder.cells().size());
   for (const Vec3i& cell : welder.cells()) mesh.positions.push_back(lattice.position(cell));
   return mesh;
+}
+
+template <typename Id>
+bool are_meanings(const std::vector<Id>& ids) {
+  return ids.size() <= kMaxViews && (ids.empty() || number_of(ids.back()) != kNoLabel) &&
+         std::ranges::adjacent_find(ids, std::ranges::greater_equal{}) == ids.end();
 }
 
 Status check_for_decoding(const EncodedChunk& chunk, const Lattice& lattice) {
@@ -464,12 +512,12 @@ Status check_for_decoding(const EncodedChunk& chunk, const Lattice& lattice) {
     return Error{Error::Cause::too_large, "chunk: more bytes or triangles than a chunk may have"};
   if (!std::isfinite(chunk.error_m) || chunk.error_m < 0)
     return invalid_chunk("impossible error_m");
-  if (chunk.views.size() > kMaxViews) return invalid_chunk("more than 254 views");
-  for (std::size_t i = 0; i < chunk.views.size(); ++i)
-    if (chunk.views[i] == kNoView || (i > 0 && chunk.views[i] <= chunk.views[i - 1]))
-      return invalid_chunk("views must be sorted and unique");
-  if (chunk.key.id.source == kBackgroundSource && !chunk.views.empty())
-    return invalid_chunk("a background has no views");
+  if (!are_meanings(chunk.sensors) || !are_meanings(chunk.views))
+    return invalid_chunk("sensors and views must be sorted and unique, at most 254");
+  if (!chunk.sensors.empty() && !chunk.views.empty())
+    return invalid_chunk("labels mean sensors or views, not both");
+  if (chunk.key.id.source == kBackgroundSource && !(chunk.sensors.empty() && chunk.views.empty()))
+    return invalid_chunk("a background has no labels");
   const auto header = read_header(chunk.payload);
   if (!header) return corrupt_chunk("not an Edgebreaker stream of version 2.2");
   if (header->faces == 0 || header->faces != chunk.triangles ||
@@ -500,14 +548,14 @@ Result<Snapped> snap_vertices(const Mesh& mesh, const Lattice& lattice) {
   std::vector<std::uint32_t> place_of(cells.size());
   for (std::size_t v = 0; v < cells.size(); ++v) place_of[v] = places.index_of(cells[v]);
   std::vector<Triangle> triangles;
-  std::vector<ViewId> views;
-  add_snapped(mesh, place_of, triangles, views);
-  turn_flat_edges(places.cells(), triangles, views);
+  std::vector<std::uint32_t> labels;
+  add_snapped(mesh, place_of, triangles, labels);
+  turn_flat_edges(places.cells(), triangles, labels);
 
   Snapped snapped{{}, std::vector<std::uint32_t>(cells.size(), Snapped::kGone)};
   Mesh& out = snapped.mesh;
   std::vector<std::uint32_t> vertex_of(places.cells().size(), Snapped::kGone);
-  std::vector<ViewId> kept_views;
+  std::vector<std::uint32_t> kept_labels;
   for (std::size_t i = 0; i < triangles.size(); ++i) {
     Triangle t = triangles[i];
     if (is_flat(places.cells(), t)) continue;
@@ -520,10 +568,11 @@ Result<Snapped> snap_vertices(const Mesh& mesh, const Lattice& lattice) {
     }
     if (kept.index_of(name_of(t)) < out.triangles.size()) continue;  // there already
     out.triangles.push_back(t);
-    kept_views.push_back(views[i]);
+    kept_labels.push_back(labels[i]);
   }
   for (std::size_t v = 0; v < cells.size(); ++v) snapped.vertex_of[v] = vertex_of[place_of[v]];
-  if (!mesh.runs.empty()) set_triangle_views(out, kept_views);
+  if (!mesh.sensors.empty()) set_triangle_sensors(out, ids_of<SensorId>(kept_labels));
+  if (!mesh.views.empty()) set_triangle_views(out, ids_of<ViewId>(kept_labels));
   return snapped;
 }
 
@@ -534,12 +583,13 @@ Result<EncodedChunk> encode_chunk(const Chunk& chunk, const Lattice& lattice, in
   out.key = chunk.key;
   out.error_m = chunk.error_m;
   out.triangles = static_cast<std::uint32_t>(chunk.mesh.triangles.size());
-  out.views = label_views(chunk.mesh);
-  if (out.views.size() > kMaxViews)
-    return invalid_chunk(std::to_string(out.views.size()) + " views, at most 254");
+  out.sensors = meanings_of(chunk.mesh.sensors);
+  out.views = meanings_of(chunk.mesh.views);
+  if (const std::size_t labels = out.sensors.size() + out.views.size(); labels > kMaxViews)
+    return invalid_chunk(std::to_string(labels) + " labels, at most 254");
   try {
     DracoMesh mesh;
-    build(chunk.mesh, chunk.mesh.runs.size() > 1, mesh);
+    build(chunk.mesh, label_runs(chunk.mesh).size() > 1, mesh);
     if (!chunk.colors.empty()) add_colors(chunk.colors, mesh.mesh);
     auto payload = compress(mesh, lattice, speed);
     if (!payload) return payload.error();
@@ -558,8 +608,14 @@ Result<Chunk> decode_chunk(const EncodedChunk& chunk, const Lattice& lattice) {
   if (decoded.num_faces() != chunk.triangles || decoded.num_attributes() < 1)
     return corrupt_chunk("the stream's size is not as promised");
   const bool labelled = !colored && decoded.num_attributes() > 1;
-  auto mesh = rebuild(decoded, labelled, chunk.views, lattice);
+  const bool by_sensor = !chunk.sensors.empty();
+  std::vector<std::uint32_t> labels;
+  auto mesh =
+      rebuild(decoded, labelled, by_sensor ? numbers_of(chunk.sensors) : numbers_of(chunk.views),
+              lattice, labels);
   if (!mesh) return mesh.error();
+  if (by_sensor) set_triangle_sensors(*mesh, ids_of<SensorId>(labels));
+  if (!chunk.views.empty()) set_triangle_views(*mesh, ids_of<ViewId>(labels));
   Chunk out{chunk.key, chunk.error_m, std::move(*mesh)};
   if (!colored) return out;
   auto colors = rebuild_colors(decoded, lattice);

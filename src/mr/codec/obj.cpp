@@ -14,7 +14,7 @@ std::string without_blanks(std::string name) {
 }
 
 std::string material_name(const BakedPart& part) {
-  if (part.stream) return "stream_" + std::to_string(*part.stream);
+  if (part.stream) return "stream_" + std::to_string(number_of(*part.stream));
   return part.colors.empty() ? "no_view" : "background";
 }
 
@@ -59,7 +59,7 @@ Result<std::vector<NamedBytes>> to_obj(const std::vector<BakedPart>& parts,
   for (const BakedPart& part : parts) {
     materials += "newmtl " + material_name(part) + "\nillum 0\nKa 0 0 0\n";
     if (part.stream) {
-      const std::string picture = stem + "_" + std::to_string(*part.stream) + ".png";
+      const std::string picture = stem + "_" + std::to_string(number_of(*part.stream)) + ".png";
       auto png = kit::encode_png(*pictures.at(*part.stream));
       if (!png) return png.error();
       files.push_back({picture, std::move(*png)});

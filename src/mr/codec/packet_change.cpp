@@ -12,7 +12,7 @@ namespace mr::codec {
 namespace {
 
 PacketChange::ViewKey key_of(const View& view) { return {view.id, view.layer}; }
-std::uint32_t key_of(const SourceInfo& source) { return source.sensor; }
+SensorId key_of(const SourceInfo& source) { return source.sensor; }
 ChunkKey key_of(const ChunkKey& key) { return key; }
 
 /// Equal but for its time and masks.
@@ -94,7 +94,7 @@ Status change_masks(std::vector<SourceInfo>& sources, std::vector<PacketChange::
   for (PacketChange::Confirmed& mask : masks) {
     const auto at = std::lower_bound(
         sources.begin(), sources.end(), mask.sensor,
-        [](const SourceInfo& source, std::uint32_t sensor) { return source.sensor < sensor; });
+        [](const SourceInfo& source, SensorId sensor) { return source.sensor < sensor; });
     if (at == sources.end() || at->sensor != mask.sensor)
       return misfit("a mask of a sensor that it does not name");
     if (mask.depth) at->confirmed_depth = *std::move(mask.depth);
@@ -147,7 +147,7 @@ Status check_masks(const Packet& packet, const PacketLimits& limits) {
   std::uint64_t tiles = 0;
   for (const SourceInfo& source : packet.sources) {
     tiles += source.confirmed_depth.tiles.size() + source.confirmed_color.tiles.size();
-    const auto color = size.find(source.sensor);
+    const auto color = size.find(view_of(source.sensor));
     if (!fits(source.confirmed_depth, source.depth_camera.width, source.depth_camera.height) ||
         (color != size.end() && !fits(source.confirmed_color, color->second.x, color->second.y)))
       return misfit("a mask of another picture");
@@ -169,7 +169,7 @@ Status check_whole(const Packet& packet, const PacketLimits& limits) {
   for (const EncodedChunk& chunk : packet.chunks)
     if (!std::binary_search(packet.manifest.begin(), packet.manifest.end(), chunk.key))
       return misfit("a chunk that the manifest does not name");
-  std::map<std::uint32_t, Vec2i> texture;  // the newest of each stream
+  std::map<StreamId, Vec2i> texture;  // the newest of each stream
   for (const TextureUnit& unit : packet.textures) texture[unit.stream] = {unit.width, unit.height};
   for (const View& view : packet.views)
     if (const auto at = texture.find(view.stream);
@@ -183,7 +183,7 @@ Status check_whole(const Packet& packet, const PacketLimits& limits) {
 
 std::vector<StreamState> streams_after(const std::vector<StreamState>& before,
                                        const std::vector<TextureUnit>& units) {
-  std::map<std::uint32_t, std::uint32_t> serials;
+  std::map<StreamId, std::uint32_t> serials;
   for (const StreamState& state : before) serials[state.stream] = state.serial;
   for (const TextureUnit& unit : units) serials[unit.stream] = unit.serial;
   std::vector<StreamState> out;

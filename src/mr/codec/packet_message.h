@@ -21,7 +21,7 @@ struct PacketChange {
   using ViewKey = std::pair<ViewId, Layer>;
   /// New masks of a sensor of the base; nothing: as in the base.
   struct Confirmed {
-    std::uint32_t sensor = 0;
+    SensorId sensor{};
     std::optional<TileMask> depth{}, color{};
     friend bool operator==(const Confirmed&, const Confirmed&) = default;
   };
@@ -29,7 +29,7 @@ struct PacketChange {
   std::vector<ChunkKey> removed, added;
   std::vector<ViewKey> removed_views;
   std::vector<View> views;  ///< that are new or another
-  std::vector<std::uint32_t> removed_sources;
+  std::vector<SensorId> removed_sources;
   std::vector<SourceInfo> sources;  ///< that are new or another, without times
   std::vector<Confirmed> confirmed;
   std::optional<CodingPlan> plan;

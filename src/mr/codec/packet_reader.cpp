@@ -14,6 +14,7 @@ namespace {
 namespace fb = flatbuffers;
 
 constexpr std::size_t kMaxViewsOfChunk = 254;
+constexpr std::uint32_t kNoLabel = 0xFFFFFFFFu;  // kNoSensor, kNoView
 constexpr fb::uoffset_t kMaxDepth = 8, kMaxTables = 1u << 18;
 
 Error invalid_packet(const std::string& what) { return {Error::Cause::invalid, "packet: " + what}; }
@@ -60,8 +61,9 @@ Pose read(const wire::Pose& p) {
 Rect read(const wire::Rect& r) { return {r.x(), r.y(), r.width(), r.height()}; }
 /// The layer is to be checked.
 ChunkKey read(const wire::ChunkKey& k) {
-  return {
-      {{k.x(), k.y(), k.z()}, k.source(), static_cast<Layer>(k.layer())}, k.level(), k.version()};
+  return {{{k.x(), k.y(), k.z()}, SensorId{k.source()}, static_cast<Layer>(k.layer())},
+          k.level(),
+          k.version()};
 }
 bool is_layer(std::uint32_t layer) { return layer <= static_cast<std::uint32_t>(Layer::still); }
 
@@ -261,7 +263,7 @@ class Reader {
     for (std::size_t i = 0; i < size_of(all); ++i) {
       const wire::Source& in = *all->Get(static_cast<fb::uoffset_t>(i));
       SourceInfo& out = list.emplace_back();
-      out.sensor = in.sensor();
+      out.sensor = SensorId{in.sensor()};
       out.T_world_depth = mr::codec::read(*in.t_world_depth());
       out.precision = {in.sigma_base_m(), in.sigma_per_m2()};
       if (!require(i == 0 || list[i - 1].sensor < out.sensor, "unsorted sources") ||
@@ -282,7 +284,7 @@ class Reader {
     for (std::size_t i = 0; i < size_of(all); ++i) {
       const wire::Confirmed& in = *all->Get(static_cast<fb::uoffset_t>(i));
       PacketChange::Confirmed& out = list.emplace_back();
-      out.sensor = in.sensor();
+      out.sensor = SensorId{in.sensor()};
       if (!require(i == 0 || list[i - 1].sensor < out.sensor, "unsorted masks") ||
           (in.depth() != nullptr && !read_mask(in.depth(), out.depth.emplace())) ||
           (in.color() != nullptr && !read_mask(in.color(), out.color.emplace())))
@@ -291,11 +293,11 @@ class Reader {
     return true;
   }
 
-  bool read_sensors(const fb::Vector<std::uint32_t>* all, std::vector<std::uint32_t>& list) {
+  bool read_sensors(const fb::Vector<std::uint32_t>* all, std::vector<SensorId>& list) {
     if (size_of(all) > limits_.views) return fail(too_large_packet("too many sources"));
     if (!spend(4 * size_of(all))) return false;
     for (std::size_t i = 0; i < size_of(all); ++i) {
-      list.push_back(all->Get(static_cast<fb::uoffset_t>(i)));
+      list.push_back(SensorId{all->Get(static_cast<fb::uoffset_t>(i))});
       if (!require(i == 0 || list[i - 1] < list[i], "unsorted sources")) return false;
     }
     return true;
@@ -323,7 +325,7 @@ class Reader {
     if (!spend(sizeof(wire::ViewKey) * size_of(all))) return false;
     for (std::size_t i = 0; i < size_of(all); ++i) {
       const wire::ViewKey& key = *all->Get(static_cast<fb::uoffset_t>(i));
-      list.emplace_back(key.id(), static_cast<Layer>(key.layer()));
+      list.emplace_back(ViewId{key.id()}, static_cast<Layer>(key.layer()));
       if (!require(is_layer(key.layer()), "an unknown layer") ||
           !require(i == 0 || list[i - 1] < list[i], "unsorted views"))
         return false;
@@ -337,7 +339,7 @@ class Reader {
     if (!spend(sizeof(wire::StreamState) * size_of(all))) return false;
     for (std::size_t i = 0; i < size_of(all); ++i) {
       const wire::StreamState& in = *all->Get(static_cast<fb::uoffset_t>(i));
-      list.push_back({in.stream(), in.serial()});
+      list.push_back({StreamId{in.stream()}, in.serial()});
       if (!require(i == 0 || list[i - 1].stream < list[i].stream, "unsorted streams")) return false;
     }
     return true;
@@ -371,20 +373,24 @@ class Reader {
       if (!require(i == 0 || out_.chunks[i - 1].key < out.key, "unsorted chunks") ||
           !require(within(out.error_m, 0, 1e6), "an impossible error of a chunk") ||
           !require(out.triangles > 0, "a chunk without triangles") ||
-          !read_labels(in.views(), out.views) || !read_bytes(*in.payload(), out.payload))
+          !read_labels(in.views(), out.views) || !read_labels(in.sensors(), out.sensors) ||
+          !require(out.views.empty() || out.sensors.empty(),
+                   "a chunk whose labels mean views and sensors") ||
+          !read_bytes(*in.payload(), out.payload))
         return false;
     }
     return true;
   }
 
-  bool read_labels(const fb::Vector<std::uint32_t>* in, std::vector<ViewId>& out) {
+  template <typename Id>
+  bool read_labels(const fb::Vector<std::uint32_t>* in, std::vector<Id>& out) {
     if (size_of(in) > kMaxViewsOfChunk)
-      return fail(too_large_packet("a chunk with over 254 views"));
+      return fail(too_large_packet("a chunk with over 254 labels"));
     if (!spend(4 * size_of(in))) return false;
     for (std::size_t i = 0; i < size_of(in); ++i) {
-      out.push_back(in->Get(static_cast<fb::uoffset_t>(i)));
-      if (!require(out[i] != kNoView && (i == 0 || out[i - 1] < out[i]),
-                   "unsorted views of a chunk"))
+      out.push_back(Id{in->Get(static_cast<fb::uoffset_t>(i))});
+      if (!require(out[i] != Id{kNoLabel} && (i == 0 || out[i - 1] < out[i]),
+                   "unsorted labels of a chunk"))
         return false;
     }
     return true;
@@ -395,7 +401,7 @@ class Reader {
     for (std::size_t i = 0; i < size_of(all); ++i) {
       const wire::Texture& in = *all->Get(static_cast<fb::uoffset_t>(i));
       TextureUnit& out = out_.textures.emplace_back();
-      out.stream = in.stream();
+      out.stream = StreamId{in.stream()};
       out.serial = in.serial();
       out.layout = in.layout();
       out.width = in.width(), out.height = in.height();
@@ -418,7 +424,7 @@ class Reader {
       if (!require(in.kind() <= wire::ViewKind::equirectangular, "an unknown kind of view"))
         return false;
       View& out = list.emplace_back();
-      out.id = in.id();
+      out.id = ViewId{in.id()};
       out.kind = static_cast<View::Kind>(in.kind());
       out.width = in.width(), out.height = in.height();
       out.fx = in.fx(), out.fy = in.fy(), out.cx = in.cx(), out.cy = in.cy();
@@ -426,7 +432,7 @@ class Reader {
       out.image_rect = mr::codec::read(*in.image_rect());
       out.atlas_rect = mr::codec::read(*in.atlas_rect());
       out.gutter_px = in.gutter_px();
-      out.stream = in.stream(), out.layout = in.layout();
+      out.stream = StreamId{in.stream()}, out.layout = in.layout();
       if (!require(is_layer(in.layer()), "an unknown layer")) return false;
       out.layer = static_cast<Layer>(in.layer());
       if (in.gain() != nullptr) out.gain = {in.gain()->r(), in.gain()->g(), in.gain()->b()};

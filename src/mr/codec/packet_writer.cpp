@@ -22,14 +22,18 @@ wire::Pose to_wire(const Pose& T) {
 }
 wire::Rect to_wire(const Rect& r) { return {r.x, r.y, r.width, r.height}; }
 wire::ChunkKey to_wire(const ChunkKey& k) {
-  return {
-      k.id.cube.x, k.id.cube.y, k.id.cube.z, k.id.source, static_cast<std::uint32_t>(k.id.layer),
-      k.level,     k.version};
+  return {k.id.cube.x,
+          k.id.cube.y,
+          k.id.cube.z,
+          number_of(k.id.source),
+          static_cast<std::uint32_t>(k.id.layer),
+          k.level,
+          k.version};
 }
 wire::ViewKey to_wire(const PacketChange::ViewKey& k) {
-  return {k.first, static_cast<std::uint32_t>(k.second)};
+  return {number_of(k.first), static_cast<std::uint32_t>(k.second)};
 }
-wire::StreamState to_wire(const StreamState& s) { return {s.stream, s.serial}; }
+wire::StreamState to_wire(const StreamState& s) { return {number_of(s.stream), s.serial}; }
 
 /// Eight tiles a byte, the first in the lowest bit.
 fb::Offset<wire::TileMask> write(Builder& b, const TileMask& mask) {
@@ -55,24 +59,24 @@ fb::Offset<wire::Source> write(Builder& b, const SourceInfo& s) {
   fb::Offset<wire::TileMask> depth, color;
   if (!s.confirmed_depth.empty()) depth = write(b, s.confirmed_depth);
   if (!s.confirmed_color.empty()) color = write(b, s.confirmed_color);
-  return wire::CreateSource(b, s.sensor, camera, &pose, s.precision.base_m, s.precision.per_m2,
-                            depth, color);
+  return wire::CreateSource(b, number_of(s.sensor), camera, &pose, s.precision.base_m,
+                            s.precision.per_m2, depth, color);
 }
 
 fb::Offset<wire::Confirmed> write(Builder& b, const PacketChange::Confirmed& c) {
   fb::Offset<wire::TileMask> depth, color;
   if (c.depth) depth = write(b, *c.depth);
   if (c.color) color = write(b, *c.color);
-  return wire::CreateConfirmed(b, c.sensor, depth, color);
+  return wire::CreateConfirmed(b, number_of(c.sensor), depth, color);
 }
 
 fb::Offset<wire::View> write(Builder& b, const View& v) {
   const wire::Pose pose = to_wire(v.T_world_camera);
   const wire::Rect image = to_wire(v.image_rect), atlas = to_wire(v.atlas_rect);
   const wire::Gain gain{v.gain.x, v.gain.y, v.gain.z};
-  return wire::CreateView(b, v.id, static_cast<wire::ViewKind>(v.kind), v.width, v.height, v.fx,
-                          v.fy, v.cx, v.cy, &pose, &image, &atlas, v.gutter_px, v.stream, v.layout,
-                          static_cast<std::uint8_t>(v.layer),
+  return wire::CreateView(b, number_of(v.id), static_cast<wire::ViewKind>(v.kind), v.width,
+                          v.height, v.fx, v.fy, v.cx, v.cy, &pose, &image, &atlas, v.gutter_px,
+                          number_of(v.stream), v.layout, static_cast<std::uint8_t>(v.layer),
                           v.gain == Vec3f{1, 1, 1} ? nullptr : &gain);
 }
 
@@ -87,18 +91,26 @@ fb::Offset<fb::Vector<std::uint8_t>> write_bytes(Builder& b, const std::vector<s
   return b.CreateVector(reinterpret_cast<const std::uint8_t*>(bytes.data()), bytes.size());
 }
 
+/// Nothing where there are none.
+template <typename Id>
+fb::Offset<fb::Vector<std::uint32_t>> write_ids(Builder& b, const std::vector<Id>& ids) {
+  if (ids.empty()) return {};
+  std::vector<std::uint32_t> numbers;
+  for (const Id id : ids) numbers.push_back(number_of(id));
+  return b.CreateVector(numbers);
+}
+
 fb::Offset<wire::Chunk> write(Builder& b, const EncodedChunk& c) {
-  fb::Offset<fb::Vector<std::uint32_t>> views;
-  if (!c.views.empty()) views = b.CreateVector(c.views);
+  const auto views = write_ids(b, c.views), sensors = write_ids(b, c.sensors);
   const auto payload = write_bytes(b, c.payload);
   const wire::ChunkKey key = to_wire(c.key);
-  return wire::CreateChunk(b, &key, c.error_m, c.triangles, views, payload);
+  return wire::CreateChunk(b, &key, c.error_m, c.triangles, views, payload, sensors);
 }
 
 fb::Offset<wire::Texture> write(Builder& b, const TextureUnit& t) {
   const auto data = write_bytes(b, t.data);
-  return wire::CreateTexture(b, t.stream, static_cast<wire::TextureCodec>(t.codec), t.layout,
-                             t.width, t.height, t.key_frame, data, t.serial);
+  return wire::CreateTexture(b, number_of(t.stream), static_cast<wire::TextureCodec>(t.codec),
+                             t.layout, t.width, t.height, t.key_frame, data, t.serial);
 }
 
 template <typename Out, typename Value>
@@ -144,8 +156,7 @@ fb::Offset<wire::Change> write_change(Builder& b, const PacketChange& c) {
   const auto added = write_structs<wire::ChunkKey>(b, c.added);
   const auto removed_views = write_structs<wire::ViewKey>(b, c.removed_views);
   const auto views = write_some<wire::View>(b, c.views);
-  fb::Offset<fb::Vector<std::uint32_t>> removed_sources;
-  if (!c.removed_sources.empty()) removed_sources = b.CreateVector(c.removed_sources);
+  const auto removed_sources = write_ids(b, c.removed_sources);
   const auto sources = write_some<wire::Source>(b, c.sources);
   const auto confirmed = write_some<wire::Confirmed>(b, c.confirmed);
   fb::Offset<wire::Plan> plan;

@@ -24,7 +24,7 @@ struct Stream {
 Status Stream::decode(const TextureUnit& unit) {
   const auto fail = [&](Error::Cause cause, const std::string& what) {
     picture = nullptr;
-    return Error{cause, "stream " + std::to_string(unit.stream) + ": " + what};
+    return Error{cause, "stream " + std::to_string(number_of(unit.stream)) + ": " + what};
   };
   if (!unit.key_frame) {
     if (unit.serial != serial + 1) picture = nullptr;  // one before it was lost
@@ -80,7 +80,7 @@ struct Receiver::Impl {
   Lattice lattice;
   std::optional<Packet> newest;  ///< without payloads
   std::map<ChunkKey, std::shared_ptr<const Chunk>> chunks;
-  std::map<std::uint32_t, Stream> streams;
+  std::map<StreamId, Stream> streams;
 
   bool same_origin(const Packet& p) const {
     return newest && newest->scene == p.scene && newest->node == p.node && newest->epoch == p.epoch;
@@ -106,7 +106,7 @@ void Receiver::Impl::take_head(const Packet& packet) {
   head.manifest = packet.manifest;
   newest = std::move(head);
   std::erase_if(chunks, [&](const auto& item) { return !names(item.first); });
-  std::set<std::uint32_t> used;
+  std::set<StreamId> used;
   for (const View& view : packet.views) used.insert(view.stream);
   for (const TextureUnit& unit : packet.textures) used.insert(unit.stream);
   std::erase_if(streams, [&](const auto& item) { return !used.contains(item.first); });
@@ -120,7 +120,7 @@ std::vector<ChunkWork> Receiver::Impl::chunk_work(const Packet& packet) const {
 }
 
 std::vector<StreamWork> Receiver::Impl::stream_work(const Packet& packet) {
-  std::map<std::uint32_t, StreamWork> by_stream;
+  std::map<StreamId, StreamWork> by_stream;
   for (const TextureUnit& unit : packet.textures) {
     StreamWork& work = by_stream[unit.stream];
     work.stream = &streams[unit.stream];
@@ -213,8 +213,8 @@ Status Receiver::provide(const EncodedChunk& chunk) {
   return {};
 }
 
-std::vector<std::uint32_t> Receiver::streams_waiting() const {
-  std::set<std::uint32_t> out;
+std::vector<StreamId> Receiver::streams_waiting() const {
+  std::set<StreamId> out;
   for (const auto& [id, stream] : impl_->streams)
     if (stream.waiting()) out.insert(id);
   // A view may name a stream of which nothing ever came, or a layout that was lost.

@@ -45,7 +45,7 @@ class Receiver {
   Status provide(const EncodedChunk& chunk);
 
   /// Streams that wait for a key frame.
-  std::vector<std::uint32_t> streams_waiting() const;
+  std::vector<StreamId> streams_waiting() const;
 
   /// The chunks of the newest manifest, once none is missing; pictures may still be waited for.
   std::optional<std::vector<std::shared_ptr<const Chunk>>> mesh() const;

@@ -28,14 +28,14 @@ std::vector<Error> StreamReceiver::take_answer(std::span<const std::byte> answer
 }
 
 Control StreamReceiver::wanted(TimePoint now) {
-  std::set<std::uint32_t> streams = key_frames_wanted_;
-  for (const std::uint32_t stream : receiver_.streams_waiting()) streams.insert(stream);
+  std::set<StreamId> streams = key_frames_wanted_;
+  for (const StreamId stream : receiver_.streams_waiting()) streams.insert(stream);
   Control request = pacing_.due({.key_frames = {streams.begin(), streams.end()},
                                  .chunks = receiver_.missing(),
                                  .taken = {},
                                  .whole_head = heads_.lacks_base()},
                                 now);
-  for (const std::uint32_t stream : request.key_frames) key_frames_wanted_.erase(stream);
+  for (const StreamId stream : request.key_frames) key_frames_wanted_.erase(stream);
   return request;
 }
 

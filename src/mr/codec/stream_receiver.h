@@ -37,7 +37,7 @@ class StreamReceiver {
   std::vector<Error> take_answer(std::span<const std::byte> answer);
 
   /// A key frame is wanted of a stream though it can be decoded.
-  void want_key_frame(std::uint32_t stream) { key_frames_wanted_.insert(stream); }
+  void want_key_frame(StreamId stream) { key_frames_wanted_.insert(stream); }
   /// What to ask the node for now; empty where nothing is lacking, or was asked for just now.
   Control wanted(TimePoint now);
 
@@ -48,7 +48,7 @@ class StreamReceiver {
   HeadReader heads_;
   Receiver receiver_;
   ControlPacing pacing_;
-  std::set<std::uint32_t> key_frames_wanted_;  ///< beside those that the receiver waits for
+  std::set<StreamId> key_frames_wanted_;  ///< beside those that the receiver waits for
 };
 
 }  // namespace mr::codec

@@ -11,15 +11,15 @@
 namespace mr {
 
 /// Chunk of a merged mesh: no single sensor made it.
-inline constexpr std::uint32_t kMergedSource = 0xFFFFFFFFu;
+inline constexpr SensorId kMergedSource{0xFFFFFFFFu};
 /// Chunk of the background model: it never changes and its vertices carry their colours.
-inline constexpr std::uint32_t kBackgroundSource = 0xFFFFFFFEu;
+inline constexpr SensorId kBackgroundSource{0xFFFFFFFEu};
 
 /// Which part of the world, below the first merger whose, and which of the two surfaces: what lies
 /// in cube c, [c, c + 1) · chunk_m; of the still surface that the root sends, half chunk_m.
 struct ChunkId {
   Vec3i cube;
-  std::uint32_t source = kMergedSource;
+  SensorId source = kMergedSource;
   Layer layer = Layer::moving;
 
   friend auto operator<=>(const ChunkId&, const ChunkId&) = default;
@@ -37,9 +37,11 @@ struct ChunkKey {
 /// The unit of transport and of reuse: one coded mesh.
 struct EncodedChunk {
   ChunkKey key;
-  float error_m = 0;               ///< geometric error made so far
-  std::uint32_t triangles = 0;     ///< before coding; checked after decoding
-  std::vector<ViewId> views;       ///< what the stream's labels mean, at most 254
+  float error_m = 0;            ///< geometric error made so far
+  std::uint32_t triangles = 0;  ///< before coding; checked after decoding
+  /// What the stream's labels mean, at most 254: as in the mesh, of one kind at most.
+  std::vector<SensorId> sensors{};
+  std::vector<ViewId> views{};
   std::vector<std::byte> payload;  ///< Draco, Edgebreaker
 
   friend bool operator==(const EncodedChunk&, const EncodedChunk&) = default;

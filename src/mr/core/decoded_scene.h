@@ -13,9 +13,9 @@ namespace mr {
 struct DecodedScene {
   TimePoint captured_at{};
   std::vector<SourceInfo> sources;
-  std::vector<View> views;                           ///< sorted by id, then by layer
-  std::vector<std::shared_ptr<const Chunk>> chunks;  ///< in the manifest's order
-  std::map<std::uint32_t, std::shared_ptr<const ImageRgb>> textures;  ///< by stream
+  std::vector<View> views;                                       ///< sorted by id, then by layer
+  std::vector<std::shared_ptr<const Chunk>> chunks;              ///< in the manifest's order
+  std::map<StreamId, std::shared_ptr<const ImageRgb>> textures;  ///< by stream
 };
 
 }  // namespace mr

@@ -4,6 +4,7 @@
 #include <cstdint>
 #include <optional>
 
+#include "mr/core/ids.h"
 #include "mr/core/image.h"
 #include "mr/core/pose.h"
 
@@ -19,7 +20,7 @@ inline bool is_due(const std::optional<TimePoint>& last, Duration every, TimePoi
 
 /// One sensor's capture.
 struct Frame {
-  std::uint32_t sensor = 0;                    ///< index in the scene
+  SensorId sensor{};
   std::uint64_t index = 0;                     ///< counts from 0 at the source
   TimePoint exposure_start{}, exposure_end{};  ///< a LiDAR sweep lasts 100 ms
   ImageDepth depth;                            ///< [H, W] metres in depth-camera pixels, 0 invalid

@@ -9,47 +9,92 @@ namespace mr {
 
 namespace {
 
+template <typename Id>
+constexpr Id kNone{0xFFFFFFFFu};
+
 /// A mesh's runs, also when it is not labelled yet.
-std::vector<ViewRun> runs_of(const Mesh& mesh) {
-  if (!mesh.runs.empty() || mesh.empty()) return mesh.runs;
-  return {{0, static_cast<std::uint32_t>(mesh.triangles.size()), kNoView}};
+template <typename Id>
+std::vector<Run<Id>> whole_runs(const Mesh& mesh, const std::vector<Run<Id>>& runs) {
+  if (!runs.empty() || mesh.empty()) return runs;
+  return {{0, static_cast<std::uint32_t>(mesh.triangles.size()), kNone<Id>}};
 }
 
-/// Sorts the triangles and the runs, which cover them in any order of views, by view; stable.
-void take_runs(Mesh& mesh, std::vector<ViewRun> runs) {
-  std::ranges::stable_sort(runs, {}, &ViewRun::view);
+/// Sorts the triangles and the runs, which cover them in any order of labels, by label; stable.
+template <typename Id>
+std::vector<Run<Id>> sort_by_label(Mesh& mesh, std::vector<Run<Id>> runs) {
+  std::ranges::stable_sort(runs, {}, &Run<Id>::id);
+  std::vector<Run<Id>> out;
   std::vector<Triangle> sorted;
   sorted.reserve(mesh.triangles.size());
-  mesh.runs.clear();
-  for (const ViewRun& run : runs) {
-    if (mesh.runs.empty() || mesh.runs.back().view != run.view)
-      mesh.runs.push_back({static_cast<std::uint32_t>(sorted.size()), 0, run.view});
-    mesh.runs.back().count += run.count;
+  for (const Run<Id>& run : runs) {
+    if (out.empty() || out.back().id != run.id)
+      out.push_back({static_cast<std::uint32_t>(sorted.size()), 0, run.id});
+    out.back().count += run.count;
     const auto begin = mesh.triangles.begin() + run.first;
     sorted.insert(sorted.end(), begin, begin + run.count);
   }
   mesh.triangles = std::move(sorted);
+  return out;
+}
+
+template <typename Id>
+std::vector<Id> labels_of(const Mesh& mesh, const std::vector<Run<Id>>& runs) {
+  std::vector<Id> out(mesh.triangles.size(), kNone<Id>);
+  for (const Run<Id>& run : runs) {
+    MR_ASSERT(run.first + run.count <= out.size());
+    std::fill_n(out.begin() + run.first, run.count, run.id);
+  }
+  return out;
+}
+
+template <typename Id>
+std::vector<Run<Id>> sort_by_labels(Mesh& mesh, const std::vector<Id>& labels) {
+  MR_ASSERT(labels.size() == mesh.triangles.size());
+  std::vector<Run<Id>> runs;
+  for (std::uint32_t t = 0; t < labels.size(); ++t) {
+    if (runs.empty() || runs.back().id != labels[t]) runs.push_back({t, 0, labels[t]});
+    ++runs.back().count;
+  }
+  return sort_by_label(mesh, std::move(runs));
+}
+
+/// Both meshes' runs one after the other: the second's triangles follow `first` others.
+template <typename Id>
+std::vector<Run<Id>> both_runs(const Mesh& mesh, const Mesh& other,
+                               std::vector<Run<Id>> Mesh::*runs) {
+  std::vector<Run<Id>> out = whole_runs(mesh, mesh.*runs);
+  const auto first = static_cast<std::uint32_t>(mesh.triangles.size());
+  for (const Run<Id>& run : whole_runs(other, other.*runs))
+    out.push_back({first + run.first, run.count, run.id});
+  return out;
 }
 
 }  // namespace
 
-std::vector<ViewId> triangle_views(const Mesh& mesh) {
-  std::vector<ViewId> views(mesh.triangles.size(), kNoView);
-  for (const ViewRun& run : mesh.runs) {
-    MR_ASSERT(run.first + run.count <= views.size());
-    std::fill_n(views.begin() + run.first, run.count, run.view);
-  }
-  return views;
+std::vector<SensorId> triangle_sensors(const Mesh& mesh) { return labels_of(mesh, mesh.sensors); }
+std::vector<ViewId> triangle_views(const Mesh& mesh) { return labels_of(mesh, mesh.views); }
+
+void set_triangle_sensors(Mesh& mesh, const std::vector<SensorId>& sensors) {
+  mesh.sensors = sort_by_labels(mesh, sensors);
+  mesh.views.clear();
+}
+void set_triangle_views(Mesh& mesh, const std::vector<ViewId>& views) {
+  mesh.views = sort_by_labels(mesh, views);
+  mesh.sensors.clear();
 }
 
-void set_triangle_views(Mesh& mesh, const std::vector<ViewId>& views) {
-  MR_ASSERT(views.size() == mesh.triangles.size());
-  std::vector<ViewRun> runs;
-  for (std::uint32_t t = 0; t < views.size(); ++t) {
-    if (runs.empty() || runs.back().view != views[t]) runs.push_back({t, 0, views[t]});
-    ++runs.back().count;
-  }
-  take_runs(mesh, std::move(runs));
+void set_sensor(Mesh& mesh, SensorId sensor) {
+  clear_labels(mesh);
+  if (!mesh.empty())
+    mesh.sensors = {{0, static_cast<std::uint32_t>(mesh.triangles.size()), sensor}};
+}
+void set_view(Mesh& mesh, ViewId view) {
+  clear_labels(mesh);
+  if (!mesh.empty()) mesh.views = {{0, static_cast<std::uint32_t>(mesh.triangles.size()), view}};
+}
+void clear_labels(Mesh& mesh) {
+  mesh.sensors.clear();
+  mesh.views.clear();
 }
 
 Mesh select_triangles(const Mesh& mesh, const std::vector<std::uint8_t>& keep) {
@@ -71,27 +116,37 @@ Mesh select_triangles(const Mesh& mesh, const std::vector<std::uint8_t>& keep) {
       }
     }
   };
-  if (mesh.runs.empty()) select(0, static_cast<std::uint32_t>(keep.size()));
-  for (const ViewRun& run : mesh.runs) {
-    const auto first = static_cast<std::uint32_t>(out.triangles.size());
-    select(run.first, run.first + run.count);
-    const auto count = static_cast<std::uint32_t>(out.triangles.size()) - first;
-    if (count > 0) out.runs.push_back({first, count, run.view});
-  }
+  const auto select_runs = [&](const auto& runs, auto& kept) {
+    for (const auto& run : runs) {
+      const auto first = static_cast<std::uint32_t>(out.triangles.size());
+      select(run.first, run.first + run.count);
+      const auto count = static_cast<std::uint32_t>(out.triangles.size()) - first;
+      if (count > 0) kept.push_back({first, count, run.id});
+    }
+  };
+  MR_ASSERT(mesh.sensors.empty() || mesh.views.empty());
+  if (mesh.sensors.empty() && mesh.views.empty())
+    select(0, static_cast<std::uint32_t>(keep.size()));
+  select_runs(mesh.sensors, out.sensors);
+  select_runs(mesh.views, out.views);
   return out;
 }
 
 void append(Mesh& mesh, const Mesh& other) {
+  const bool by_sensor = !mesh.sensors.empty() || !other.sensors.empty();
+  const bool by_view = !mesh.views.empty() || !other.views.empty();
+  auto sensors = both_runs(mesh, other, &Mesh::sensors);
+  auto views = both_runs(mesh, other, &Mesh::views);
   const auto base = static_cast<std::uint32_t>(mesh.positions.size());
-  const auto first = static_cast<std::uint32_t>(mesh.triangles.size());
-  std::vector<ViewRun> runs = runs_of(mesh);
-  for (const ViewRun& run : runs_of(other))
-    runs.push_back({first + run.first, run.count, run.view});
   mesh.positions.insert(mesh.positions.end(), other.positions.begin(), other.positions.end());
-  mesh.triangles.reserve(first + other.triangles.size());
+  mesh.triangles.reserve(mesh.triangles.size() + other.triangles.size());
   for (const Triangle& t : other.triangles)
     mesh.triangles.push_back({t[0] + base, t[1] + base, t[2] + base});
-  if (!mesh.runs.empty() || !other.runs.empty()) take_runs(mesh, std::move(runs));
+  clear_labels(mesh);
+  if (by_view)
+    mesh.views = sort_by_label(mesh, std::move(views));
+  else if (by_sensor)
+    mesh.sensors = sort_by_label(mesh, std::move(sensors));
 }
 
 double surface_area_m2(const Mesh& mesh) {

@@ -37,7 +37,7 @@ struct TileMask {
 
 /// A sensor that contributed to a packet, with all that a merger needs to cast its rays.
 struct SourceInfo {
-  std::uint32_t sensor = 0;  ///< index in the scene; also its ViewId
+  SensorId sensor{};
   TimePoint captured_at{};
   Camera depth_camera;  ///< undistorted
   Pose T_world_depth;
@@ -53,7 +53,7 @@ enum class TextureCodec : std::uint8_t { h264 };
 
 /// One access unit of a texture stream: H.264 Annex B, BT.709 limited range.
 struct TextureUnit {
-  std::uint32_t stream = 0;
+  StreamId stream{};
   std::uint32_t serial = 0;  ///< counts the stream's units, so that a receiver sees what it lacks
   TextureCodec codec = TextureCodec::h264;
   std::uint32_t layout = 0;
@@ -67,7 +67,7 @@ struct TextureUnit {
 /// How far a texture stream has come. A packet without a unit of it shows the same picture as the
 /// one before.
 struct StreamState {
-  std::uint32_t stream = 0;
+  StreamId stream{};
   std::uint32_t serial = 0;  ///< of the unit whose picture belongs to the packet
 
   friend bool operator==(const StreamState&, const StreamState&) = default;

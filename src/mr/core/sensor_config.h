@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "mr/core/camera.h"
+#include "mr/core/ids.h"
 #include "mr/core/packet.h"
 #include "mr/core/pose.h"
 #include "mr/core/result.h"
@@ -48,5 +49,12 @@ struct SensorConfig {
   std::map<std::size_t, Error> lost_poses{};
   friend bool operator==(const SensorConfig&, const SensorConfig&) = default;
 };
+
+/// All of a scene's sensors, in its order.
+inline std::vector<SensorId> all_sensors(const std::vector<SensorConfig>& sensors) {
+  std::vector<SensorId> out;
+  for (std::size_t i = 0; i < sensors.size(); ++i) out.push_back(sensor_at(i));
+  return out;
+}
 
 }  // namespace mr

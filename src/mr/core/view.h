@@ -17,7 +17,7 @@ namespace mr {
 struct View {
   enum class Kind : std::uint8_t { pinhole, equirectangular };
 
-  ViewId id = 0;
+  ViewId id{};
   Kind kind = Kind::pinhole;
   int width = 0, height = 0;  ///< pixels of the undistorted camera picture
   double fx = 0, fy = 0, cx = 0, cy = 0;
@@ -25,7 +25,7 @@ struct View {
   Rect image_rect;              ///< camera pixels that the tile shows
   Rect atlas_rect;              ///< where they lie in the decoded picture of `stream`
   float gutter_px = 2;          ///< margin inside image_rect that no triangle may use
-  std::uint32_t stream = 0;     ///< texture stream that holds the tile
+  StreamId stream{};            ///< texture stream that holds the tile
   std::uint32_t layout = 0;     ///< changes with the tiles' arrangement, with a key frame
   Layer layer = Layer::moving;  ///< of the chunks that it textures
   Vec3f gain{1, 1, 1};  ///< the shown sRGB value is the decoded one times this, channel by channel

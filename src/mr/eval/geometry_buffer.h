@@ -30,7 +30,7 @@ GeometryBuffer draw_geometry(const baseline::Geometry& geometry,
 /// The luma of a texture's pictures, by stream; to be shaded with many times.
 struct LumaTexture {
   std::vector<View> views;
-  std::map<std::uint32_t, ImageLuma> pictures;
+  std::map<StreamId, ImageLuma> pictures;
 };
 LumaTexture luma_texture(const baseline::Texture& texture);
 

@@ -226,7 +226,7 @@ class MeshReduceSystem final : public System {
 
   Result<baseline::Texture> decode(const TextureSetting&, std::size_t,
                                    const Coded& coded) override {
-    std::map<std::uint32_t, kit::VideoDecoder> decoders;
+    std::map<StreamId, kit::VideoDecoder> decoders;
     baseline::Texture out;
     for (const Bytes& bytes : coded) {
       const auto packet = codec::decode_packet(bytes);

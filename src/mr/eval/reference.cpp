@@ -165,7 +165,7 @@ Result<DecodedScene> monolithic_scene(const Scene& scene, std::span<const Frame>
   out.chunks = {std::make_shared<const Chunk>(std::move(chunk))};
   for (const Frame& frame : capture) {
     if (frame.color.empty()) continue;
-    out.textures[frame.sensor] = std::make_shared<const ImageRgb>(frame.color);
+    out.textures[stream_of(frame.sensor)] = std::make_shared<const ImageRgb>(frame.color);
     out.captured_at = std::max(out.captured_at, frame.captured_at());
   }
   return out;

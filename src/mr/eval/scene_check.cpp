@@ -92,13 +92,13 @@ void look_at_pictures(const SensorConfig& sensor, Frame& frame, SensorCheck& che
 }
 
 /// The sensor's own surface, as a merger would get it.
-kit::Part surface_of(const Scene& scene, std::uint32_t sensor, Frame frame, double voxel_m) {
-  const sensor::Registration registration(scene.sensors[sensor], sensor);
+kit::Part surface_of(const Scene& scene, SensorId sensor, Frame frame, double voxel_m) {
+  const sensor::Registration registration(scene.sensor(sensor), sensor);
   frame = registration.undistort(std::move(frame));
   kit::Part part;
   part.mesh = baseline::fuse_all(scene, std::span(&frame, 1), voxel_m);
   part.sources.push_back({sensor, frame.captured_at(), registration.depth_camera(),
-                          frame.T_world_depth, scene.sensors[sensor].precision});
+                          frame.T_world_depth, scene.sensor(sensor).precision});
   return part;
 }
 
@@ -126,15 +126,18 @@ bool is_worse(const PairFit& x, const PairFit& y) {
 /// Rates the fit of the sensors that have a surface.
 void compare(const Scene& scene, std::span<const kit::Part> parts, double voxel_m,
              SceneCheck& check) {
-  const auto place = [&](std::uint32_t part) { return parts[part].sources.front().sensor; };
+  const auto sensor_of = [&](std::uint32_t part) { return parts[part].sources.front().sensor; };
+  const auto check_of = [&](std::uint32_t part) -> SensorCheck& {
+    return check.sensors[index_of(sensor_of(part))];
+  };
   const auto residuals = calib::pair_residuals(parts, {.voxel_m = voxel_m});
   std::vector<bool> alone(parts.size(), true);
   double limit_mm = 0;
   for (const calib::PairResidual& r : residuals) {
-    const SensorCheck &a = check.sensors[place(r.a)], &b = check.sensors[place(r.b)];
+    const SensorCheck &a = check_of(r.a), &b = check_of(r.b);
     PairFit pair{a.id, b.id, r.untrimmed_mm, 0, r.shared_m2, r.expected_m2, Fit::good};
-    pair.noise_mm = noise_mm(scene, scene.sensors[place(r.a)], a.median_m,
-                             scene.sensors[place(r.b)], b.median_m);
+    pair.noise_mm = noise_mm(scene, scene.sensor(sensor_of(r.a)), a.median_m,
+                             scene.sensor(sensor_of(r.b)), b.median_m);
     pair.fit = fit_of(pair);
     limit_mm = std::max(limit_mm, 2 * pair.noise_mm);
     alone[r.a] = alone[r.b] = false;
@@ -142,10 +145,10 @@ void compare(const Scene& scene, std::span<const kit::Part> parts, double voxel_
   }
   std::ranges::stable_sort(check.pairs, is_worse);
   for (const std::uint32_t i : calib::outliers(residuals, parts.size(), limit_mm))
-    check.misfits.push_back(check.sensors[place(i)].id);
+    check.misfits.push_back(check_of(i).id);
   for (std::uint32_t i = 0; i < parts.size() && parts.size() > 1; ++i)
     if (alone[i])
-      check.sensors[place(i)].hints.push_back(
+      check_of(i).hints.push_back(
           "sees no surface that another sensor sees: check T_world_depth (camera to world, "
           "metres)");
 }
@@ -176,21 +179,21 @@ SceneCheck check_scene(const Scene& scene, const std::filesystem::path& rig_cach
   Scene wide = scene;
   for (SensorConfig& sensor : wide.sensors) sensor = without_range(std::move(sensor));
   const double voxel_m = std::max(scene.voxel_m, kLeastVoxel_m);
-  std::vector<std::uint32_t> wanted(scene.sensors.size());
-  for (std::uint32_t i = 0; i < wanted.size(); ++i) wanted[i] = i;
+  const std::vector<SensorId> wanted = all_sensors(scene.sensors);
   const auto sources = node::open_sources(wide, wanted, rig_cache);
   SceneCheck check;
   std::vector<kit::Part> parts;
-  for (const std::uint32_t i : wanted) {
+  for (const SensorId id : wanted) {
+    const SensorConfig& sensor = scene.sensor(id);
     SensorCheck& of = check.sensors.emplace_back();
-    of.id = scene.sensors[i].id;
-    auto frame = first_frame(scene.sensors[i], *sources[i]);
+    of.id = sensor.id;
+    auto frame = first_frame(sensor, *sources[index_of(id)]);
     if (!frame || !*frame) {
       of.problem = frame ? "it has no pictures" : frame.error().message;
       continue;
     }
-    look_at_pictures(scene.sensors[i], **frame, of);
-    auto part = surface_of(scene, i, **std::move(frame), voxel_m);
+    look_at_pictures(sensor, **frame, of);
+    auto part = surface_of(scene, id, **std::move(frame), voxel_m);
     if (!part.mesh.empty()) parts.push_back(std::move(part));
   }
   compare(scene, parts, voxel_m, check);

@@ -170,11 +170,10 @@ class DepthPictures {
   DepthPictures(const Scene& scene, const std::vector<Eyes>& eyes,
                 const std::filesystem::path& rig_cache)
       : scene_(scene) {
-    std::vector<std::uint32_t> all;
-    for (std::uint32_t i = 0; i < scene.sensors.size(); ++i) {
-      all.push_back(i);
-      registrations_.emplace_back(scene.sensors[i], i);
-      T_depth_world_.push_back(eyes[i].T_world_depth.inverse());
+    const std::vector<SensorId> all = all_sensors(scene.sensors);
+    for (const SensorId id : all) {
+      registrations_.emplace_back(scene.sensor(id), id);
+      T_depth_world_.push_back(eyes[index_of(id)].T_world_depth.inverse());
     }
     sources_ = node::open_sources(scene, all, rig_cache);
     frames_.resize(sources_.size());

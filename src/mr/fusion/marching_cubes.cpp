@@ -139,7 +139,7 @@ void MarchingCubes::number(const VoxelVolume& volume) {
 
 void MarchingCubes::emit(const VoxelVolume& volume, Mesh& out) const {
   const auto order = volume.order();
-  out.positions.resize(vertices_), out.triangles.resize(triangles_), out.runs.clear();
+  out.positions.resize(vertices_), out.triangles.resize(triangles_), clear_labels(out);
   if (triangles_ == 0) return;
   std::uint32_t* const corners = out.triangles.data()->data();
   for_groups(order.size(), [&](std::size_t g, std::size_t first, std::size_t last) {

@@ -95,8 +95,8 @@ void Gateway::take_packet(const net::Message& bytes, Packet packet, TimePoint no
   last_packet_ = now;
   is_silent_ = false;
   for (const SourceInfo& source : packet.sources)
-    if (source.sensor < scene_->sensors.size())
-      sensors_.seen(source.sensor, source.captured_at, now);
+    if (index_of(source.sensor) < scene_->sensors.size())
+      sensors_.seen(index_of(source.sensor), source.captured_at, now);
   send(viewers_.packet(std::move(packet), bytes, heads_.base(), now));
 }
 

@@ -98,16 +98,16 @@ void Viewers::keep_units(const Packet& packet) {
         kept != kept_.end() && !kept->second.units.empty() &&
         kept->second.units.back().serial != state.serial)
       kept->second = {};
-  std::set<std::uint32_t> used;
+  std::set<StreamId> used;
   for (const View& view : packet.views) used.insert(view.stream);
   std::erase_if(kept_, [&](const auto& item) { return !used.contains(item.first); });
-  pacing_.forget_streams([&](std::uint32_t stream) { return !used.contains(stream); });
-  std::erase_if(key_frames_wanted_, [&](std::uint32_t stream) { return !used.contains(stream); });
+  pacing_.forget_streams([&](StreamId stream) { return !used.contains(stream); });
+  std::erase_if(key_frames_wanted_, [&](StreamId stream) { return !used.contains(stream); });
 }
 
 /// The streams that views of the newest packet use and that nobody could start with.
-std::set<std::uint32_t> Viewers::streams_without_start() const {
-  std::set<std::uint32_t> out;
+std::set<StreamId> Viewers::streams_without_start() const {
+  std::set<StreamId> out;
   if (!newest_) return out;
   for (const View& view : newest_->views) {
     const auto kept = kept_.find(view.stream);
@@ -266,25 +266,25 @@ std::vector<EncodedChunk> Viewers::find_chunks(const std::vector<ChunkKey>& keys
 }
 
 /// Streams whose key frame a viewer or a newcomer waits for.
-std::set<std::uint32_t> Viewers::key_frames_lacking() const {
+std::set<StreamId> Viewers::key_frames_lacking() const {
   const bool newcomer = std::any_of(viewers_.begin(), viewers_.end(), [](const auto& item) {
     return item.second.fresh && item.second.may_get_packet();
   });
-  std::set<std::uint32_t> out = key_frames_wanted_;
+  std::set<StreamId> out = key_frames_wanted_;
   if (newcomer) out.merge(streams_without_start());
   return out;
 }
 
 codec::Control Viewers::wanted(bool lacks_base, TimePoint now) {
   codec::Control lacking;
-  const std::set<std::uint32_t> streams = key_frames_lacking();
+  const std::set<StreamId> streams = key_frames_lacking();
   lacking.key_frames.assign(streams.begin(), streams.end());
   lacking.whole_head = lacks_base;
   if (newest_ && !complete())
     for (const ChunkKey& key : newest_->manifest)
       if (!chunks_.contains(key)) lacking.chunks.push_back(key);
   codec::Control request = pacing_.due(std::move(lacking), now);
-  for (const std::uint32_t stream : request.key_frames) key_frames_wanted_.erase(stream);
+  for (const StreamId stream : request.key_frames) key_frames_wanted_.erase(stream);
   return request;
 }
 

@@ -117,19 +117,19 @@ class Viewers {
 
   void take_head(const std::shared_ptr<const Packet>& packet);
   void keep_units(const Packet& packet);
-  std::set<std::uint32_t> streams_without_start() const;
+  std::set<StreamId> streams_without_start() const;
   bool complete() const;
   net::Message refresh(const Packet& packet) const;
   std::size_t refresh_bytes() const;
-  std::set<std::uint32_t> key_frames_lacking() const;
+  std::set<StreamId> key_frames_lacking() const;
   std::optional<Send> flush(Id id, Viewer& viewer, TimePoint now);
   std::vector<EncodedChunk> find_chunks(const std::vector<ChunkKey>& keys) const;
 
   std::map<Id, Viewer> viewers_;
   std::shared_ptr<const Packet> newest_, base_;
   std::map<ChunkKey, std::shared_ptr<const EncodedChunk>> chunks_;  // of the newest manifest
-  std::map<std::uint32_t, Kept> kept_;                              // by stream
-  std::set<std::uint32_t> key_frames_wanted_;                       // by viewers
+  std::map<StreamId, Kept> kept_;                                   // by stream
+  std::set<StreamId> key_frames_wanted_;                            // by viewers
   codec::ControlPacing pacing_;
   std::uint64_t folded_ = 0, restarted_ = 0, impatient_ = 0, unread_answers_ = 0;
 };

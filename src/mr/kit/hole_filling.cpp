@@ -137,7 +137,7 @@ void fill_small_holes(Mesh& mesh, double max_perimeter_m) {
     }
     any = true;
   }
-  if (any) mesh.runs.clear();
+  if (any) clear_labels(mesh);
 }
 
 }  // namespace mr::kit

@@ -22,7 +22,7 @@ CalibrationCheck::CalibrationCheck(const Scene& scene)
 
 /// A sensor's id, or the first of a merger's with how many there are.
 std::string CalibrationCheck::name(const kit::Part& part) const {
-  const std::string& first = scene_->sensors[part.sources.front().sensor].id;
+  const std::string& first = scene_->sensor(part.sources.front().sensor).id;
   return part.sources.size() == 1 ? first : first + "+" + std::to_string(part.sources.size() - 1);
 }
 
@@ -31,7 +31,7 @@ void CalibrationCheck::look(const std::vector<kit::Part>& parts) {
   if (calls_ % kLookEvery == 0) measure(parts);
   if (scene_->merge.refine) {
     std::vector<std::uint64_t> ids;
-    for (const kit::Part& part : parts) ids.push_back(part.sources.front().sensor);
+    for (const kit::Part& part : parts) ids.push_back(number_of(part.sources.front().sensor));
     if (calls_ % kRefineEvery == 0 || corrections_.size() != parts.size() || ids != ids_)
       corrections_ = refiner_.update(parts, ids), ids_ = ids;
   }
@@ -81,7 +81,7 @@ void CalibrationCheck::apply(const std::vector<kit::Part>& parts, std::vector<Vi
       for (SourceInfo& s : sources)
         if (s.sensor == corrected.sensor) s.T_world_depth = corrected.T_world_depth;
       for (View& view : views)
-        if (view.id == corrected.sensor)
+        if (view.id == view_of(corrected.sensor))
           view.T_world_camera = corrections_[i] * view.T_world_camera;
     }
 }

@@ -23,7 +23,7 @@ class CaptureReader {
   /// The next frame of every sensor that delivers one, by sensor; nothing when all have ended.
   /// `dropped`: told about each that was lost.
   std::optional<std::vector<Frame>> next(
-      const std::function<void(std::uint32_t sensor, const Error&)>& dropped = {});
+      const std::function<void(SensorId sensor, const Error&)>& dropped = {});
 
   /// Goes on as if so many more had been read; cheap.
   void skip(std::uint64_t frames);

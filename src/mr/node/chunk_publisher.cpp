@@ -22,12 +22,14 @@ std::map<Vec3i, Mesh> split_by_cube(const Mesh& mesh, double chunk_m) {
   std::map<Vec3i, std::vector<std::uint32_t>> cubes;  // their triangles
   for (std::uint32_t t = 0; t < mesh.triangles.size(); ++t)
     cubes[cube_of(vec_cast<double>(mesh.centroid(t)), chunk_m)].push_back(t);
+  const std::vector<SensorId> sensors = triangle_sensors(mesh);
   const std::vector<ViewId> views = triangle_views(mesh);
   std::vector<std::uint32_t> index(mesh.positions.size());
   std::vector<const Mesh*> index_in(mesh.positions.size(), nullptr);  // the piece that it is for
   std::map<Vec3i, Mesh> out;
   for (const auto& [cube, triangles] : cubes) {
     Mesh& piece = out[cube];
+    std::vector<SensorId> piece_sensors;
     std::vector<ViewId> piece_views;
     for (const std::uint32_t t : triangles) {
       Triangle& triangle = piece.triangles.emplace_back(mesh.triangles[t]);
@@ -38,14 +40,15 @@ std::map<Vec3i, Mesh> split_by_cube(const Mesh& mesh, double chunk_m) {
         }
         v = index[v];
       }
-      piece_views.push_back(views[t]);
+      piece_sensors.push_back(sensors[t]), piece_views.push_back(views[t]);
     }
-    set_triangle_views(piece, piece_views);
+    if (!mesh.sensors.empty()) set_triangle_sensors(piece, piece_sensors);
+    if (!mesh.views.empty()) set_triangle_views(piece, piece_views);
   }
   return out;
 }
 
-ChunkPublisher::ChunkPublisher(const Scene& scene, std::uint32_t source)
+ChunkPublisher::ChunkPublisher(const Scene& scene, SensorId source)
     : lattice_(scene.lattice),
       chunk_m_(scene.fusion.chunk_m),
       reuse_(scene.reuse_chunks),
@@ -66,7 +69,7 @@ void ChunkPublisher::set_still(Vec3i cube, Mesh mesh, float error_m) {
     put(id, std::move(mesh), error_m);
 }
 
-/// Whether two meshes have the same triangles, and nearly all of them the same view.
+/// Whether two textured meshes have the same triangles, and nearly all of them the same view.
 bool ChunkPublisher::is_nearly(const Mesh& a, const Mesh& b) {
   constexpr std::size_t kFew = 100;  // one in so many
   if (a.triangles.size() != b.triangles.size()) return false;

@@ -18,14 +18,14 @@ namespace mr::node {
 /// borders fit.
 class ChunkPublisher {
  public:
-  ChunkPublisher(const Scene& scene, std::uint32_t source);
+  ChunkPublisher(const Scene& scene, SensorId source);
 
   /// Chunks of a background model (codec::load_background), which every packet names and the first
   /// one brings. Before the first publish().
   void add_background(std::vector<EncodedChunk> chunks);
 
   /// Puts a chunk of the still surface in the place of the one in that cube; an empty mesh takes it
-  /// away. It is on the lattice and has runs. The next publish() tells.
+  /// away. It is on the lattice. The next publish() tells.
   void set_still(Vec3i cube, Mesh mesh, float error_m);
   /// The same for the whole still surface, by cubes of any size (split_by_cube()). A cube in which
   /// nothing but the views of a few triangles is other stays as it is until the next call: what it
@@ -33,7 +33,7 @@ class ChunkPublisher {
   bool set_all_still(std::map<Vec3i, Mesh> pieces, float error_m);
 
   /// Fills the packet's manifest and chunks: the still ones, and the moving surface `mesh`, which
-  /// lies on the lattice and has runs.
+  /// lies on the lattice.
   Status publish(const Mesh& mesh, float error_m, int mesh_speed, Packet& packet);
 
   /// Those of the chunks that are still known, coded as an answer; empty when none is. Any thread.
@@ -57,7 +57,7 @@ class ChunkPublisher {
   Lattice lattice_;
   double chunk_m_;
   bool reuse_;
-  std::uint32_t source_;
+  SensorId source_;
   std::map<ChunkId, Live> live_;
   std::map<ChunkId, std::uint32_t> last_version_;
   std::vector<std::shared_ptr<const EncodedChunk>> background_;
@@ -68,8 +68,8 @@ class ChunkPublisher {
 /// The cube of the chunk grid that a point lies in.
 Vec3i cube_of(Vec3d p, double chunk_m);
 
-/// The triangles of a mesh by the cube that holds their centroid, in the mesh's order; views are
-/// kept.
+/// The triangles of a mesh by the cube that holds their centroid, in the mesh's order; labels
+/// are kept.
 std::map<Vec3i, Mesh> split_by_cube(const Mesh& mesh, double chunk_m);
 
 }  // namespace mr::node

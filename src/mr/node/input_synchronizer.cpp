@@ -19,9 +19,9 @@ Duration milliseconds(double ms) {
 }
 
 /// The sensors below each node: of a sensor, itself.
-std::map<std::string, std::set<std::uint32_t>> sensors_below(const Scene& scene) {
-  std::map<std::string, std::set<std::uint32_t>> out;
-  for (std::uint32_t i = 0; i < scene.sensors.size(); ++i) out[scene.sensors[i].id].insert(i);
+std::map<std::string, std::set<SensorId>> sensors_below(const Scene& scene) {
+  std::map<std::string, std::set<SensorId>> out;
+  for (const SensorId id : all_sensors(scene.sensors)) out[scene.sensor(id).id].insert(id);
   for (const MergerConfig& merger : scene.mergers)  // children first
     for (const std::string& input : merger.inputs)
       out[merger.id].insert(out[input].begin(), out[input].end());
@@ -83,7 +83,7 @@ InputSynchronizer::InputSynchronizer(const Scene& scene, const MergerConfig& mer
   for (const std::string& input : merger.inputs) {
     const auto sensors = below.find(input);
     inputs_.emplace_back(scene, input,
-                         sensors == below.end() ? std::set<std::uint32_t>{} : sensors->second);
+                         sensors == below.end() ? std::set<SensorId>{} : sensors->second);
   }
 }
 
@@ -93,18 +93,20 @@ Status InputSynchronizer::check_sender(const Input& input, const Packet& packet)
   const auto refuse = [](const std::string& why) { return Error{Error::Cause::invalid, why}; };
   if (packet.scene != scene_->id || packet.node != input.id)
     return refuse("is of node '" + packet.node + "' of scene '" + packet.scene + "'");
+  const auto is_below = [&](auto id) { return input.sensors.contains(SensorId{number_of(id)}); };
+  const auto name = [](auto id) { return std::to_string(number_of(id)); };
   for (const View& view : packet.views)
-    if (!input.sensors.contains(view.id))
-      return refuse("brings view " + std::to_string(view.id) + ", which is not below it");
+    if (!is_below(view.id))
+      return refuse("brings view " + name(view.id) + ", which is not below it");
   for (const SourceInfo& source : packet.sources)
-    if (!input.sensors.contains(source.sensor))
-      return refuse("brings sensor " + std::to_string(source.sensor) + ", which is not below it");
+    if (!is_below(source.sensor))
+      return refuse("brings sensor " + name(source.sensor) + ", which is not below it");
   for (const View& view : packet.views)
-    if (!input.sensors.contains(view.stream))
-      return refuse("shows stream " + std::to_string(view.stream) + ", which is not below it");
+    if (!is_below(view.stream))
+      return refuse("shows stream " + name(view.stream) + ", which is not below it");
   for (const TextureUnit& unit : packet.textures)
-    if (!input.sensors.contains(unit.stream))
-      return refuse("brings stream " + std::to_string(unit.stream) + ", which is not below it");
+    if (!is_below(unit.stream))
+      return refuse("brings stream " + name(unit.stream) + ", which is not below it");
   if (packet.sources.empty()) return refuse("names no sensor");
   if (input.stream.decoded().is_stale(packet)) return refuse("comes after a newer one");
   return {};
@@ -199,12 +201,12 @@ std::vector<std::pair<std::size_t, codec::Control>> InputSynchronizer::requests(
 
 void InputSynchronizer::ask_key_frames() {
   for (Input& input : inputs_)
-    for (const std::uint32_t stream : input.streams) input.stream.want_key_frame(stream);
+    for (const StreamId stream : input.streams) input.stream.want_key_frame(stream);
 }
 
-void InputSynchronizer::ask_key_frames(std::span<const std::uint32_t> streams) {
+void InputSynchronizer::ask_key_frames(std::span<const StreamId> streams) {
   for (Input& input : inputs_)
-    for (const std::uint32_t stream : streams)
+    for (const StreamId stream : streams)
       if (input.streams.contains(stream)) input.stream.want_key_frame(stream);
 }
 
@@ -230,7 +232,7 @@ Result<std::optional<CaptureSet>> InputSynchronizer::next_set(TimePoint now) {
 void InputSynchronizer::add(std::size_t input, CaptureSet& out) {
   const Input& from = inputs_[input];
   const DecodedScene& scene = *from.whole;
-  std::set<std::uint32_t> given;  // by an input before
+  std::set<StreamId> given;  // by an input before
   for (const View& view : out.views) given.insert(view.stream);
   out.views.insert(out.views.end(), scene.views.begin(), scene.views.end());
   out.sources.insert(out.sources.end(), scene.sources.begin(), scene.sources.end());
@@ -241,7 +243,7 @@ void InputSynchronizer::add(std::size_t input, CaptureSet& out) {
 
 /// Hands on the units up to the input's newest whole capture, but for streams that are `given`. A
 /// stream that another input gave so far goes on with a key frame.
-void InputSynchronizer::hand_on_units(std::size_t input, const std::set<std::uint32_t>& given,
+void InputSynchronizer::hand_on_units(std::size_t input, const std::set<StreamId>& given,
                                       CaptureSet& out) {
   Input& from = inputs_[input];
   const auto later = std::find_if(from.units.begin(), from.units.end(), [&](const Unit& unit) {

@@ -60,7 +60,7 @@ class InputSynchronizer {
   /// The next pictures of all streams should be key frames.
   void ask_key_frames();
   /// Those of some streams, of whatever input has them.
-  void ask_key_frames(std::span<const std::uint32_t> streams);
+  void ask_key_frames(std::span<const StreamId> streams);
 
   bool ready(TimePoint now) const { return aligner_.ready(now).has_value(); }
 
@@ -91,16 +91,16 @@ class InputSynchronizer {
     TextureUnit unit;
   };
   struct Input {
-    Input(const Scene& scene, std::string name, std::set<std::uint32_t> below)
+    Input(const Scene& scene, std::string name, std::set<SensorId> below)
         : id(std::move(name)), sensors(std::move(below)), stream(scene.lattice, scene.id, id) {}
     std::string id;
-    std::set<std::uint32_t> sensors;  // that this input may speak for
+    std::set<SensorId> sensors;  // that this input may speak for
     codec::StreamReceiver stream;
     std::optional<DecodedScene> whole;  // newest capture that was complete
     std::vector<Unit> units;
     std::map<std::string, TimePoint> marks;
     std::optional<std::uint64_t> taken;  // sequence of `whole`, until a set with it was given
-    std::set<std::uint32_t> streams;     // of the newest packet's views
+    std::set<StreamId> streams;          // of the newest packet's views
     Duration clock_ahead{};
   };
 
@@ -110,14 +110,14 @@ class InputSynchronizer {
   void keep_units(Input& input, Packet& packet);
   void settle(std::size_t input, TimePoint now);
   void add(std::size_t input, CaptureSet& out);
-  void hand_on_units(std::size_t input, const std::set<std::uint32_t>& given, CaptureSet& out);
+  void hand_on_units(std::size_t input, const std::set<StreamId>& given, CaptureSet& out);
 
   const Scene* scene_;
   MergerConfig merger_;
   bool hand_on_;
   std::vector<Input> inputs_;
   Aligner aligner_;
-  std::map<std::uint32_t, std::size_t> stream_from_;  // the input whose units are handed on
+  std::map<StreamId, std::size_t> stream_from_;  // the input whose units are handed on
   double decode_ms_ = 0;
   Trace trace_;
   DropCounter drops_;

@@ -73,9 +73,9 @@ std::vector<std::byte> MergeNode::answer(const codec::Control& control) {
   return publisher_.answer(control.chunks);
 }
 
-std::vector<std::uint32_t> MergeNode::take_key_frame_wishes() {
+std::vector<StreamId> MergeNode::take_key_frame_wishes() {
   const std::lock_guard lock(wishes_mutex_);
-  std::vector<std::uint32_t> out(key_frame_wishes_.begin(), key_frame_wishes_.end());
+  std::vector<StreamId> out(key_frame_wishes_.begin(), key_frame_wishes_.end());
   key_frame_wishes_.clear();
   return out;
 }

@@ -71,7 +71,7 @@ class MergeNode {
     return publisher_.find(key);
   }
   /// Streams of which key frames were asked for that the inputs have to give. Forgets them.
-  std::vector<std::uint32_t> take_key_frame_wishes();
+  std::vector<StreamId> take_key_frame_wishes();
 
   /// Inputs whose still surface is shown as their packet with that sequence had it. Forgets them.
   std::vector<std::pair<std::size_t, std::uint64_t>> take_shown();
@@ -153,7 +153,7 @@ class MergeNode {
   Places places_;
   std::atomic<bool> reused_ = false;
   std::mutex wishes_mutex_;
-  std::set<std::uint32_t> key_frame_wishes_;
+  std::set<StreamId> key_frame_wishes_;
   Sequences shown_;  ///< still surfaces that are shown, and whose inputs were not told
   std::deque<std::pair<std::uint64_t, Sequences>> in_packets_;  ///< own sequence, what it brought
   std::uint64_t sequence_ = 0;

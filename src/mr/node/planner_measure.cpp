@@ -65,9 +65,9 @@ kit::Part part_of(const Scene& scene, std::uint32_t sensor, float x_m, double tr
   part.mesh = wall(sensor, x_m, triangles);
   if (auto snapped = codec::snap_to_lattice(part.mesh, Lattice{}); snapped)
     part.mesh = *std::move(snapped);
-  set_triangle_views(part.mesh, std::vector<ViewId>(part.mesh.triangles.size(), sensor));
+  set_sensor(part.mesh, SensorId{sensor});
   SourceInfo source;
-  source.sensor = sensor, source.depth_camera = camera_of(scene);
+  source.sensor = SensorId{sensor}, source.depth_camera = camera_of(scene);
   source.T_world_depth.translation = {x_m, 0, 0};
   part.sources = {source};
   return part;
@@ -176,7 +176,7 @@ std::vector<Vec3f> some_points(const Mesh& mesh) {
   return out;
 }
 
-Result<Sight> look(const Scene& scene, std::uint32_t sensor, FrameSource& source) {
+Result<Sight> look(const Scene& scene, SensorId sensor, FrameSource& source) {
   auto frame = source.next();
   if (!frame) return frame.error();
   if (!*frame) return Error{Error::Cause::empty, "its source has no frame"};
@@ -242,16 +242,15 @@ std::vector<Sight> look_at_sensors(const Scene& scene, const std::filesystem::pa
   const std::size_t n = scene.sensors.size();
   const bool all = n <= static_cast<std::size_t>(config.most_sensors);
   const std::size_t count = all ? n : std::min<std::size_t>(n, LookConfig::kSamples);
-  std::vector<std::uint32_t> wanted;
-  for (std::size_t i = 0; i < count; ++i)
-    wanted.push_back(static_cast<std::uint32_t>(i * n / count));
+  std::vector<SensorId> wanted;
+  for (std::size_t i = 0; i < count; ++i) wanted.push_back(sensor_at(i * n / count));
   const auto sources = open_sources(scene, wanted, rig_cache);
   std::vector<Sight> out(n), looked;
   for (std::size_t i = 0; i < count; ++i) {
     if (config.progress) config.progress(i, count);
     auto sight = look(scene, wanted[i], *sources[i]);
     if (!sight && config.notice)
-      config.notice("sensor '" + scene.sensors[wanted[i]].id +
+      config.notice("sensor '" + scene.sensor(wanted[i]).id +
                     "' is taken for usual: " + sight.error().message);
     if (!sight) continue;
     if (all)

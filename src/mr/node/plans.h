@@ -10,7 +10,7 @@
 namespace mr::node {
 
 /// The plan that a sensor begins with, as the scene has it.
-CodingPlan sensor_plan(const Scene& scene, std::uint32_t sensor);
+CodingPlan sensor_plan(const Scene& scene, SensorId sensor);
 
 /// The same of a merger. Only the root decimates.
 CodingPlan merger_plan(const Scene& scene, bool is_root);

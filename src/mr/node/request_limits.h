@@ -22,7 +22,7 @@ class RequestLimits {
   /// What of a request is done now; the rest is counted.
   codec::Control admit(codec::Control request, TimePoint now) {
     const std::lock_guard lock(mutex_);
-    std::erase_if(request.key_frames, [&](std::uint32_t stream) {
+    std::erase_if(request.key_frames, [&](StreamId stream) {
       if (!make_room_for(stream, now)) return true;
       return !take(key_frames_[stream], kKeyFrameEvery, now);
     });
@@ -45,7 +45,7 @@ class RequestLimits {
 
  private:
   /// Whoever names very many streams gets nothing sooner by that.
-  bool make_room_for(std::uint32_t stream, TimePoint now) {
+  bool make_room_for(StreamId stream, TimePoint now) {
     if (key_frames_.size() < codec::Control::kMaxStreams || key_frames_.contains(stream))
       return true;
     std::erase_if(key_frames_,
@@ -63,7 +63,7 @@ class RequestLimits {
     return may;
   }
   mutable std::mutex mutex_;
-  std::map<std::uint32_t, std::optional<TimePoint>> key_frames_;  ///< by stream
+  std::map<StreamId, std::optional<TimePoint>> key_frames_;  ///< by stream
   std::optional<TimePoint> head_;
   TokenBucket bytes_{kBytesPerSecond, kBurstBytes};
   std::uint64_t refused_ = 0;

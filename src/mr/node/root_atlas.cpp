@@ -128,7 +128,7 @@ void RootAtlas::update_plates(const Tick& tick, const Mesh& moving) {
   };
   std::vector<Work> all;
   for (const SourceInfo& source : tick.sources) {
-    const auto view = std::ranges::find(tick.views, source.sensor, &View::id);
+    const auto view = std::ranges::find(tick.views, view_of(source.sensor), &View::id);
     if (view == tick.views.end() || !fits(source.confirmed_color, *view)) continue;
     const auto picture = pictures.find(view->stream);
     if (picture == pictures.end() || !picture->second) continue;

@@ -24,7 +24,7 @@ namespace mr::node {
 /// again.
 class RootAtlas {
  public:
-  static constexpr std::uint32_t kLiveStream = 0, kPlateStream = 1;
+  static constexpr StreamId kLiveStream{0}, kPlateStream{1};
 
   /// What the pictures of one tick follow from. Views as the children have them, poses corrected.
   struct Tick {

@@ -61,17 +61,16 @@ std::vector<Rect> measured_parts(const ImageDepth& depth, const std::vector<Rect
 
 }  // namespace
 
-SensorNode::SensorNode(const Scene& scene, std::uint32_t sensor_index, NodeClock clock,
-                       StillWork still_work)
+SensorNode::SensorNode(const Scene& scene, SensorId id, NodeClock clock, StillWork still_work)
     : scene_(&scene),
-      sensor_(sensor_index),
+      sensor_(id),
       clock_(std::move(clock)),
-      plan_(sensor_plan(scene, sensor_index)),
-      registration_(scene.sensors[sensor_index], sensor_index),
-      publisher_(scene, sensor_index),
-      texture_(scene, sensor_index),
+      plan_(sensor_plan(scene, id)),
+      registration_(scene.sensor(id), id),
+      publisher_(scene, id),
+      texture_(scene, stream_of(id)),
       still_work_(still_work) {
-  const SensorConfig& sensor = scene.sensors[sensor_index];
+  const SensorConfig& sensor = scene.sensor(id);
   if (scene.still.layers && sensor.T_world_depth.size() == 1)
     layers_.emplace(
         Layers{still::Background(registration_.depth_camera(), sensor.T_world_depth.front(),
@@ -98,7 +97,7 @@ SensorNode::Patch SensorNode::reconstruct_patch(const ImageDepth& depth, const P
                         .camera = registration_.depth_camera(),
                         .T_world_camera = T_world_depth,
                         .region = rect,
-                        .precision = scene_->sensors[sensor_].precision,
+                        .precision = scene_->sensor(sensor_).precision,
                         .slanted = layers_.has_value()},  // to lie where the still surface does
                        &report)
                  .mesh;
@@ -216,8 +215,7 @@ SensorNode::StillChunks SensorNode::make_still(const Frame& still, int readings,
   return trace_.time("still", [&] {
     const Camera& camera = registration_.depth_camera();
     return layers_->surface.update(prepare_depth(*scene_, camera, still, readings), camera,
-                                   still.T_world_depth, scene_->sensors[sensor_].precision,
-                                   error_m);
+                                   still.T_world_depth, scene_->sensor(sensor_).precision, error_m);
   });
 }
 
@@ -318,11 +316,11 @@ Packet SensorNode::head(const Reconstructed& surface) const {
   packet.captured_at = frame.captured_at();
   packet.plan = surface.plan;
   packet.sources = {{sensor_, frame.captured_at(), registration_.depth_camera(),
-                     frame.T_world_depth, scene_->sensors[sensor_].precision,
+                     frame.T_world_depth, scene_->sensor(sensor_).precision,
                      surface.confirmed_depth, surface.confirmed_color}};
   if (auto view =
           frame.color.empty() ? std::nullopt : registration_.color_view(frame.T_world_depth)) {
-    view->stream = sensor_;
+    view->stream = stream_of(sensor_);
     packet.views = {*view};
   }
   return packet;
@@ -333,10 +331,9 @@ Packet SensorNode::head(const Reconstructed& surface) const {
 Status SensorNode::add_mesh(const Reconstructed& surface, Packet& packet) {
   return trace_.time("encode_mesh", [&] {
     Mesh mesh = surface.mesh;
-    const ViewId view = packet.views.empty() ? kNoView : packet.views.front().id;
-    set_triangle_views(mesh, std::vector<ViewId>(mesh.triangles.size(), view));
+    set_sensor(mesh, sensor_);
     for (StillChunk chunk : surface.still) {
-      set_triangle_views(chunk.mesh, std::vector<ViewId>(chunk.mesh.triangles.size(), view));
+      set_sensor(chunk.mesh, sensor_);
       publisher_.set_still(chunk.cube, std::move(chunk.mesh), chunk.error_m);
     }
     return publisher_.publish(mesh, surface.error_m, packet.plan.mesh_speed, packet);
@@ -363,7 +360,7 @@ Result<std::vector<std::byte>> SensorNode::code(const Reconstructed& surface) {
 
 std::vector<std::byte> SensorNode::answer(const codec::Control& control) {
   if (control.plan) plan_.set(control.plan->sensors);
-  if (control.wants_key_frame(sensor_)) texture_.ask_key_frame();
+  if (control.wants_key_frame(stream_of(sensor_))) texture_.ask_key_frame();
   if (control.whole_head) writer_.ask_whole();
   if (control.shown && *control.shown < sequence_)  // else of another epoch
     still_shown_ = std::max<std::uint64_t>(still_shown_, *control.shown + 1);

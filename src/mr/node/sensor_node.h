@@ -46,10 +46,10 @@ class SensorNode {
   };
 
   /// The scene must outlive the node.
-  SensorNode(const Scene& scene, std::uint32_t sensor_index, NodeClock clock = {},
+  SensorNode(const Scene& scene, SensorId id, NodeClock clock = {},
              StillWork still_work = StillWork::at_once);
 
-  const std::string& id() const { return scene_->sensors[sensor_].id; }
+  const std::string& id() const { return scene_->sensor(sensor_).id; }
 
   /// Depth to a decimated surface; an empty one where nothing is in the volume.
   Result<Reconstructed> reconstruct(Frame frame);
@@ -109,7 +109,7 @@ class SensorNode {
   Status add_mesh(const Reconstructed& surface, Packet& packet);
 
   const Scene* scene_;
-  std::uint32_t sensor_;
+  SensorId sensor_;
   NodeClock clock_;
   CurrentPlan plan_;
   sensor::Registration registration_;

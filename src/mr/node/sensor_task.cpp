@@ -11,7 +11,7 @@ struct SensorTask::Surface final : Work {
   SensorNode::Reconstructed made;
 };
 
-SensorTask::SensorTask(const Scene& scene, std::uint32_t sensor, std::unique_ptr<FrameInput> input,
+SensorTask::SensorTask(const Scene& scene, SensorId sensor, std::unique_ptr<FrameInput> input,
                        NodeLog log, NodeClock clock, StillWork still_work)
     : node_(scene, sensor, std::move(clock), still_work),
       input_(std::move(input)),

@@ -17,8 +17,8 @@ namespace mr::node {
 class SensorTask final : public Task {
  public:
   /// The scene must outlive it.
-  SensorTask(const Scene& scene, std::uint32_t sensor, std::unique_ptr<FrameInput> input,
-             NodeLog log, NodeClock clock = {}, StillWork still_work = StillWork::at_once);
+  SensorTask(const Scene& scene, SensorId sensor, std::unique_ptr<FrameInput> input, NodeLog log,
+             NodeClock clock = {}, StillWork still_work = StillWork::at_once);
 
   const std::string& id() const override { return node_.id(); }
   std::vector<Ask> step(const Arrivals&, TimePoint) override { return {}; }

@@ -9,14 +9,14 @@
 namespace mr::node {
 
 std::vector<std::unique_ptr<FrameSource>> open_sources(
-    const Scene& scene, std::span<const std::uint32_t> wanted,
-    const std::filesystem::path& cache_folder, std::function<void(int done, int of)> rendering) {
+    const Scene& scene, std::span<const SensorId> wanted, const std::filesystem::path& cache_folder,
+    std::function<void(int done, int of)> rendering) {
   if (scene.rig)
     return synth::open_rig(*scene.rig, scene.sensors, wanted, scene.fps,
                            {cache_folder, std::move(rendering)});
   std::vector<std::unique_ptr<FrameSource>> out;
-  for (const std::uint32_t i : wanted)
-    out.push_back(sensor::open_rgbd_images(scene.sensors[i], i, scene.fps));
+  for (const SensorId id : wanted)
+    out.push_back(sensor::open_rgbd_images(scene.sensor(id), id, scene.fps));
   return out;
 }
 

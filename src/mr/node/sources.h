@@ -19,7 +19,7 @@ namespace mr::node {
 /// been filled in (prepare_scene); they share the room, and the cache of rendered pictures where
 /// `cache_folder` is not empty. `rendering` tells how far that is.
 std::vector<std::unique_ptr<FrameSource>> open_sources(
-    const Scene& scene, std::span<const std::uint32_t> wanted,
+    const Scene& scene, std::span<const SensorId> wanted,
     const std::filesystem::path& cache_folder = {},
     std::function<void(int done, int of)> rendering = {});
 

@@ -167,8 +167,8 @@ Mesh StillMerger::without_fresh_grey(const Mesh& mesh, std::uint64_t sequence,
   std::vector<std::uint8_t> keep(mesh.triangles.size(), 1);
   std::optional<kit::RayScene> before;
   double withheld_m2 = 0;
-  for (const ViewRun& run : mesh.runs) {
-    if (run.view != kNoView) continue;
+  for (const ViewRun& run : mesh.views) {
+    if (run.id != kNoView) continue;
     for (std::uint32_t t = run.first; t < run.first + run.count; ++t) {
       const Vec3f p = mesh.centroid(t);
       const auto fresh =

@@ -17,7 +17,7 @@ namespace mr::node {
 class TextureStream {
  public:
   /// `periodic`: a key frame comes now and then; else only when one must.
-  TextureStream(const Scene& scene, std::uint32_t stream, bool periodic = true)
+  TextureStream(const Scene& scene, StreamId stream, bool periodic = true)
       : scene_(&scene), stream_(stream), periodic_(periodic) {}
 
   Result<TextureUnit> encode(const ImageRgb& picture, int qp, std::uint32_t layout);
@@ -29,7 +29,7 @@ class TextureStream {
 
  private:
   const Scene* scene_;
-  std::uint32_t stream_;
+  StreamId stream_;
   bool periodic_;
   std::uint32_t layout_ = 0, serial_ = 0;
   std::atomic<bool> key_frame_asked_ = false;

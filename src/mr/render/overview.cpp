@@ -109,7 +109,8 @@ std::vector<Viewpoint> overview(const DecodedScene& scene, Vec3d up, int width, 
   for (std::size_t i = 0; i < scene.views.size(); ++i) {
     const View& view = scene.views[i];
     if (i > 0 && view.id == scene.views[i - 1].id) continue;  // its plate
-    out.push_back({"view_" + std::to_string(view.id), camera_of(view, size), view.T_world_camera});
+    out.push_back(
+        {"view_" + std::to_string(number_of(view.id)), camera_of(view, size), view.T_world_camera});
   }
   if (const Box3d box = box_of(scene); !box.empty()) add_from_outside(out, box, up, size);
   if (const auto pose = middle_of_sensors(scene, up))

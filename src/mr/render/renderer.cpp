@@ -76,7 +76,7 @@ Matrix4d picture_from_camera(const View& view, Vec2d scale, Vec2d offset, const 
 
 /// A colour that differs from those of the neighbouring ids: hues in golden-ratio steps.
 Color color_of(ViewId view) {
-  const double hue = std::fmod(view * 0.6180339887498949 + 0.02, 1.0) * 6;
+  const double hue = std::fmod(number_of(view) * 0.6180339887498949 + 0.02, 1.0) * 6;
   Color out{};
   for (int i = 0; i < 3; ++i) {
     const double away = std::abs(std::fmod(hue + (i == 0 ? 3 : i == 1 ? 1 : 5), 6.0) - 3) - 1;

@@ -35,7 +35,7 @@ Status check(const Chunk& chunk) {
     return invalid_chunk("it has both points and triangles");
   if (!chunk.colors.empty() && chunk.colors.size() != mesh.positions.size())
     return invalid_chunk("it has colours for some of its vertices only");
-  for (const ViewRun& run : mesh.runs)
+  for (const ViewRun& run : mesh.views)
     if (std::uint64_t{run.first} + run.count > mesh.triangles.size())
       return invalid_chunk("a view run ends after the last triangle");
   for (const Triangle& triangle : mesh.triangles)
@@ -67,12 +67,12 @@ std::vector<Piece> pieces_of(const DecodedScene& scene) {
     const auto all = [](const auto& list) { return static_cast<std::uint32_t>(list.size()); };
     if (has_points(chunk))
       out.push_back({kNoView, {}, colored, chunk.point_m, i, 0, all(chunk.mesh.positions)});
-    else if (colored || chunk.mesh.runs.empty())
+    else if (colored || chunk.mesh.views.empty())
       out.push_back({kNoView, {}, colored, 0, i, 0, all(chunk.mesh.triangles)});
     else
-      for (const ViewRun& run : chunk.mesh.runs)
-        out.push_back({run.view, run.view == kNoView ? Layer::moving : chunk.key.id.layer, false, 0,
-                       i, run.first, run.count});
+      for (const ViewRun& run : chunk.mesh.views)
+        out.push_back({run.id, run.id == kNoView ? Layer::moving : chunk.key.id.layer, false, 0, i,
+                       run.first, run.count});
   }
   std::erase_if(out, [](const Piece& piece) { return piece.count == 0; });
   std::stable_sort(out.begin(), out.end(),

@@ -15,17 +15,17 @@ Error invalid_view(std::string message) { return {Error::Cause::invalid, std::mo
 
 /// The view's tile must lie in the picture that the scene holds for it.
 Status check(const View& view, const DecodedScene& scene) {
-  const std::string name = "view " + std::to_string(view.id);
+  const std::string name = "view " + std::to_string(number_of(view.id));
   const auto found = scene.textures.find(view.stream);
   if (found == scene.textures.end() || !found->second || found->second->empty())
-    return invalid_view(name + " has no picture: texture stream " + std::to_string(view.stream) +
-                        " is missing");
+    return invalid_view(name + " has no picture: texture stream " +
+                        std::to_string(number_of(view.stream)) + " is missing");
   const Rect &tile = view.atlas_rect, &source = view.image_rect;
   const ImageRgb& picture = *found->second;
   if (view.width < 1 || view.height < 1 || source.empty() || tile.empty() || tile.x < 0 ||
       tile.y < 0 || tile.width > picture.width - tile.x || tile.height > picture.height - tile.y)
     return invalid_view(name + " has a tile outside the picture of texture stream " +
-                        std::to_string(view.stream));
+                        std::to_string(number_of(view.stream)));
   return {};
 }
 
@@ -68,12 +68,13 @@ Status TextureSet::keep(const DecodedScene& scene, const std::vector<ViewRange>&
     if (range.view == kNoView) continue;
     const View* view = texturing_view(scene.views, range.view, range.layer);
     if (!view)
-      return invalid_view("triangles name view " + std::to_string(range.view) +
+      return invalid_view("triangles name view " + std::to_string(number_of(range.view)) +
                           ", which the scene does not have");
     if (auto ok = check(*view, scene); !ok) return ok.error();
     const auto& image = scene.textures.at(view->stream);
     if (std::max(image->width, image->height) > largest_side())
-      return Error{Error::Cause::too_large, "texture stream " + std::to_string(view->stream) +
+      return Error{Error::Cause::too_large, "texture stream " +
+                                                std::to_string(number_of(view->stream)) +
                                                 " is larger than this device takes"};
     Texture& texture = textures_[view->stream];
     if (texture.name && texture.image.lock() == image) continue;
@@ -95,7 +96,7 @@ void TextureSet::upload(Texture& texture, const ImageRgb& image) {
                   rgba_.data());
 }
 
-Vec2i TextureSet::bind(std::uint32_t stream) const {
+Vec2i TextureSet::bind(StreamId stream) const {
   const Texture& texture = textures_.at(stream);
   glBindTexture(GL_TEXTURE_2D, texture.name);
   return {texture.width, texture.height};

@@ -20,7 +20,7 @@ class TextureSet {
   Status keep(const DecodedScene& scene, const std::vector<ViewRange>& ranges);
 
   /// Lets a shader sample the picture of a stream; its size.
-  Vec2i bind(std::uint32_t stream) const;
+  Vec2i bind(StreamId stream) const;
 
  private:
   struct Texture {
@@ -31,8 +31,8 @@ class TextureSet {
 
   void upload(Texture& texture, const ImageRgb& image);
 
-  std::map<std::uint32_t, Texture> textures_;  ///< by stream
-  std::vector<std::uint8_t> rgba_;             ///< on the way to the card
+  std::map<StreamId, Texture> textures_;  ///< by stream
+  std::vector<std::uint8_t> rgba_;        ///< on the way to the card
 };
 
 }  // namespace mr::render

@@ -25,11 +25,11 @@ std::string joined(const std::vector<std::string>& words) {
   return out;
 }
 
-std::vector<std::uint32_t> sensors_among(const Scene& scene,
-                                         const std::vector<std::string>& names) {
-  std::vector<std::uint32_t> out;
-  for (std::uint32_t i = 0; i < scene.sensors.size(); ++i)
-    if (std::find(names.begin(), names.end(), scene.sensors[i].id) != names.end()) out.push_back(i);
+std::vector<SensorId> sensors_among(const Scene& scene, const std::vector<std::string>& names) {
+  std::vector<SensorId> out = all_sensors(scene.sensors);
+  std::erase_if(out, [&](SensorId id) {
+    return std::find(names.begin(), names.end(), scene.sensor(id).id) == names.end();
+  });
   return out;
 }
 
@@ -192,7 +192,7 @@ Status LiveScene::start_gateway() {
   return {};
 }
 
-void LiveScene::start_sensors(const std::vector<std::uint32_t>& sensors) {
+void LiveScene::start_sensors(const std::vector<SensorId>& sensors) {
   auto sources = node::open_sources(*scene_, sensors, options_.cache_folder, options_.rendering);
   TaskThreads::Config config = threads_config();
   config.threads = threads_each(config.threads, sensors.size());
@@ -202,7 +202,7 @@ void LiveScene::start_sensors(const std::vector<std::uint32_t>& sensors) {
     add(std::make_unique<node::SensorTask>(
             *scene_, sensors[i],
             std::make_unique<PacedFrames>(std::move(sources[i]), scene_->fps, config.clock),
-            log_of(scene_->sensors[sensors[i]].id), node::NodeClock::live(),
+            log_of(scene_->sensor(sensors[i]).id), node::NodeClock::live(),
             node::StillWork::beside),
         config);
 }

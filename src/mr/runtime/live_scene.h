@@ -62,7 +62,7 @@ class LiveScene {
   TaskThreads::Config threads_config() const;
   Status start_merger(const MergerConfig& merger);
   Status start_gateway();
-  void start_sensors(const std::vector<std::uint32_t>& sensors);
+  void start_sensors(const std::vector<SensorId>& sensors);
   void add(std::unique_ptr<node::Task> task, TaskThreads::Config config);
   std::vector<node::NodeStats> figures() const;
 

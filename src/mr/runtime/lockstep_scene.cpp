@@ -86,14 +86,13 @@ LockstepScene::LockstepScene(std::unique_ptr<Scene> scene, std::vector<EncodedCh
                              const std::filesystem::path& cache_folder)
     : scene_(std::move(scene)), transport_(net::make_in_process_transport()) {
   drops_.set_listener(log_of("").dropped);
-  std::vector<std::uint32_t> all(scene_->sensors.size());
-  std::iota(all.begin(), all.end(), 0u);
+  const std::vector<SensorId> all = all_sensors(scene_->sensors);
   sources_ = node::open_sources(*scene_, all, cache_folder);
-  for (const std::uint32_t i : all) {
+  for (const SensorId id : all) {
     auto frame = std::make_unique<GivenFrame>();
     frames_.push_back(frame.get());
-    sensors_.push_back(member(std::make_unique<node::SensorTask>(*scene_, i, std::move(frame),
-                                                                 log_of(scene_->sensors[i].id))));
+    sensors_.push_back(member(std::make_unique<node::SensorTask>(*scene_, id, std::move(frame),
+                                                                 log_of(scene_->sensor(id).id))));
   }
   for (const MergerConfig& merger : scene_->mergers) {
     const bool is_root = &merger == &scene_->mergers.back();
@@ -133,7 +132,7 @@ void LockstepScene::skip(std::uint64_t frames) {
   for (const auto& source : sources_) source->skip(frames);
 }
 
-void LockstepScene::ask_key_frames(std::vector<std::uint32_t> streams) {
+void LockstepScene::ask_key_frames(std::vector<StreamId> streams) {
   root().answer({std::move(streams), {}, {}}, now_);
 }
 

@@ -68,7 +68,7 @@ class LockstepScene {
   void skip(std::uint64_t frames);
 
   /// The next capture has key frames of some of the root's streams, as if a client had asked.
-  void ask_key_frames(std::vector<std::uint32_t> streams);
+  void ask_key_frames(std::vector<StreamId> streams);
 
   /// From the next capture on all nodes code by this plan (the sensors from the one after it): as
   /// if whoever controls the rate had given it to the root. Its problems() must be none.

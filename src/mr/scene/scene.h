@@ -87,6 +87,8 @@ struct Scene {
   CodingConfig coding;
   std::optional<GatewayConfig> gateway;
   NetworkConfig network;
+
+  const SensorConfig& sensor(SensorId id) const { return sensors[index_of(id)]; }
   friend bool operator==(const Scene&, const Scene&) = default;
 };
 

@@ -106,8 +106,8 @@ Rect covered_rect(const std::vector<Vec2f>& map, int width, int height) {
 
 }  // namespace
 
-Registration::Registration(const SensorConfig& sensor, std::uint32_t sensor_index)
-    : sensor_index_(sensor_index),
+Registration::Registration(const SensorConfig& sensor, SensorId id)
+    : id_(id),
       depth_camera_(undistorted(sensor.depth_camera)),
       T_depth_color_(sensor.T_color_depth.inverse()) {
   if (needs_undistortion(sensor.depth_camera)) depth_map_ = nearest_pixels(sensor.depth_camera);
@@ -135,7 +135,7 @@ std::optional<View> Registration::color_view(const Pose& T_world_depth) const {
   if (!color_camera_) return std::nullopt;
   const Camera& camera = *color_camera_;
   View view;
-  view.id = sensor_index_;
+  view.id = view_of(id_);
   view.kind = camera.model == CameraModel::equirectangular ? View::Kind::equirectangular
                                                            : View::Kind::pinhole;
   view.width = camera.width, view.height = camera.height;

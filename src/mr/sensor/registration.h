@@ -15,7 +15,7 @@ namespace mr::sensor {
 /// resampled into depth pixels: triangles are textured by projection into the colour view.
 class Registration {
  public:
-  explicit Registration(const SensorConfig& sensor, std::uint32_t sensor_index);
+  explicit Registration(const SensorConfig& sensor, SensorId id);
 
   /// Depth by nearest pixel (never mixing foreground with background), colour bilinear; pixels
   /// that the original picture does not cover become 0 / black. Pictures without distortion pass
@@ -30,7 +30,7 @@ class Registration {
   std::optional<View> color_view(const Pose& T_world_depth) const;
 
  private:
-  std::uint32_t sensor_index_;
+  SensorId id_;
   Camera depth_camera_;
   std::optional<Camera> color_camera_;
   Pose T_depth_color_;

@@ -35,10 +35,10 @@ Status check_size(const auto& image, const Camera& camera, const char* which,
 
 class RgbdImages final : public FrameSource {
  public:
-  RgbdImages(const SensorConfig& sensor, std::uint32_t sensor_index, double fps)
+  RgbdImages(const SensorConfig& sensor, SensorId id, double fps)
       : sensor_(sensor),
         files_(std::get<RgbdImagesSource>(sensor.source)),
-        sensor_index_(sensor_index),
+        id_(id),
         fps_(fps),
         metres_(depth_table(sensor, files_)) {}
 
@@ -49,7 +49,7 @@ class RgbdImages final : public FrameSource {
     const auto item = static_cast<std::size_t>(index % items);
     auto frame = read_item(item);
     if (!frame) return lost(item, frame.error());
-    frame->sensor = sensor_index_;
+    frame->sensor = id_;
     frame->index = index;
     frame->exposure_start = frame->exposure_end = time_of(index);
     return std::optional<Frame>(std::move(*frame));
@@ -110,7 +110,7 @@ class RgbdImages final : public FrameSource {
 
   const SensorConfig sensor_;
   const RgbdImagesSource files_;
-  const std::uint32_t sensor_index_;
+  const SensorId id_;
   const double fps_;
   const std::vector<float> metres_;  ///< by count
   std::uint64_t index_ = 0;          ///< of the next frame
@@ -118,11 +118,10 @@ class RgbdImages final : public FrameSource {
 
 }  // namespace
 
-std::unique_ptr<FrameSource> open_rgbd_images(const SensorConfig& sensor,
-                                              std::uint32_t sensor_index, double fps) {
+std::unique_ptr<FrameSource> open_rgbd_images(const SensorConfig& sensor, SensorId id, double fps) {
   MR_ASSERT(std::holds_alternative<RgbdImagesSource>(sensor.source));
   MR_ASSERT(fps > 0);
-  return std::make_unique<RgbdImages>(sensor, sensor_index, fps);
+  return std::make_unique<RgbdImages>(sensor, id, fps);
 }
 
 }  // namespace mr::sensor

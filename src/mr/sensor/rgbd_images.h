@@ -12,7 +12,6 @@ namespace mr::sensor {
 /// Depth outside [depth_near_m, depth_far_m] and the invalid counts become 0. A picture that is
 /// corrupt, truncated or of another size than its camera is an error that names the file; the
 /// frame is lost, the next call goes on.
-std::unique_ptr<FrameSource> open_rgbd_images(const SensorConfig& sensor,
-                                              std::uint32_t sensor_index, double fps);
+std::unique_ptr<FrameSource> open_rgbd_images(const SensorConfig& sensor, SensorId id, double fps);
 
 }  // namespace mr::sensor

@@ -12,7 +12,7 @@ namespace mr::simplify {
 /// What the triangles of one label have in common.
 struct Label {
   std::uint32_t chunk = 0;
-  ViewId view = kNoView;
+  SensorId sensor = kNoSensor;
 
   friend auto operator<=>(const Label&, const Label&) = default;
 };

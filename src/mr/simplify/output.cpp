@@ -39,27 +39,28 @@ std::vector<Share> share_out(const ShrinkingMesh& mesh, Share& total) {
 
 /// Sorts the triangles by view and names their chunks.
 void sort_by_label(std::span<const std::uint32_t> of_triangle, std::span<const Label> labels,
-                   bool with_chunks, bool with_views, Simplified& out) {
+                   bool with_chunks, bool with_sensors, Simplified& out) {
   std::vector<std::uint32_t> order(of_triangle.size());
   std::iota(order.begin(), order.end(), 0u);
   const auto label = [&](std::uint32_t t) -> const Label& { return labels[of_triangle[t]]; };
-  std::stable_sort(order.begin(), order.end(),
-                   [&](std::uint32_t s, std::uint32_t t) { return label(s).view < label(t).view; });
+  std::stable_sort(order.begin(), order.end(), [&](std::uint32_t s, std::uint32_t t) {
+    return label(s).sensor < label(t).sensor;
+  });
   const std::vector<Triangle> triangles = std::move(out.mesh.triangles);
   out.mesh.triangles.clear();
-  std::vector<ViewId> views;
+  std::vector<SensorId> sensors;
   for (const std::uint32_t t : order) {
     out.mesh.triangles.push_back(triangles[t]);
-    views.push_back(label(t).view);
+    sensors.push_back(label(t).sensor);
     if (with_chunks) out.chunks.push_back(label(t).chunk);
   }
-  if (with_views) set_triangle_views(out.mesh, views);
+  if (with_sensors) set_triangle_sensors(out.mesh, sensors);
 }
 
 }  // namespace
 
 Simplified output(const ShrinkingMesh& mesh, std::span<const Label> labels, bool with_chunks,
-                  bool with_views, std::vector<std::uint32_t>& index) {
+                  bool with_sensors, std::vector<std::uint32_t>& index) {
   Share total;
   const std::vector<Share> shares = share_out(mesh, total);
   Simplified out;
@@ -89,7 +90,7 @@ Simplified output(const ShrinkingMesh& mesh, std::span<const Label> labels, bool
     }
   });
   for (const float error : worst) out.error_m = std::max(out.error_m, std::sqrt(error));
-  if (!labels.empty()) sort_by_label(of_triangle, labels, with_chunks, with_views, out);
+  if (!labels.empty()) sort_by_label(of_triangle, labels, with_chunks, with_sensors, out);
   return out;
 }
 

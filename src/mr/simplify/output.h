@@ -9,9 +9,9 @@
 namespace mr::simplify {
 
 /// What is left of a mesh. `labels`: what the numbers of its triangles mean, empty where they have
-/// none; `with_chunks`, `with_views`: they tell chunks, runs are wanted. `index` is room to work
+/// none; `with_chunks`, `with_sensors`: they tell chunks, runs are wanted. `index` is room to work
 /// in.
 Simplified output(const ShrinkingMesh& mesh, std::span<const Label> labels, bool with_chunks,
-                  bool with_views, std::vector<std::uint32_t>& index);
+                  bool with_sensors, std::vector<std::uint32_t>& index);
 
 }  // namespace mr::simplify

@@ -68,11 +68,11 @@ Status check_mesh(const Mesh& mesh) {
       }))
     return invalid("a position is not finite, or over 1000 km away");
   std::size_t covered = 0;
-  for (const ViewRun& run : mesh.runs) {
+  for (const SensorRun& run : mesh.sensors) {
     if (run.first != covered) return invalid("the runs of the mesh do not cover its triangles");
     covered += run.count;
   }
-  if (!mesh.runs.empty() && covered != mesh.triangles.size())
+  if (!mesh.sensors.empty() && covered != mesh.triangles.size())
     return invalid("the runs of the mesh do not cover its triangles");
   return {};
 }
@@ -85,13 +85,13 @@ struct Labels {
 
 Labels find_labels(const Mesh& mesh, std::span<const std::uint32_t> chunks) {
   Labels out;
-  if (mesh.runs.empty() && chunks.empty()) return out;
+  if (mesh.sensors.empty() && chunks.empty()) return out;
   std::map<Label, std::uint32_t> known;
-  const std::vector<ViewId> views = triangle_views(mesh);
+  const std::vector<SensorId> sensors = triangle_sensors(mesh);
   out.of_triangle.resize(mesh.triangles.size());
   Label last;
   for (std::size_t t = 0; t < out.of_triangle.size(); ++t) {
-    const Label label{chunks.empty() ? 0 : chunks[t], views[t]};
+    const Label label{chunks.empty() ? 0 : chunks[t], sensors[t]};
     if (t > 0 && label == last) {
       out.of_triangle[t] = out.of_triangle[t - 1];
       continue;
@@ -147,7 +147,7 @@ std::vector<Simplified> Simplifier::Impl::run(const Mesh& input,
     reduce(goal, sweep, mesh, spare, number);
     relax(sweep, mesh);
     out.push_back(
-        output(mesh, labels.meaning, !options.chunks.empty(), !input.runs.empty(), number));
+        output(mesh, labels.meaning, !options.chunks.empty(), !input.sensors.empty(), number));
   }
   return out;
 }

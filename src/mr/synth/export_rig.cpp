@@ -183,8 +183,7 @@ std::string rig_yaml(const RigConfig& rig) {
 Status export_rig(const RigExport& what) {
   const std::vector<SensorConfig> sensors = rig_sensors(what.rig);
   if (const Status made = make_folders(what, sensors); !made) return made;
-  std::vector<std::uint32_t> all(sensors.size());
-  std::iota(all.begin(), all.end(), 0u);
+  const std::vector<SensorId> all = all_sensors(sensors);
   const auto sources = open_rig(what.rig, sensors, all, what.fps, {});
   Truth truth(what.rig, what.fps);
   for (int frame = 0; frame < what.rig.frames; ++frame) {

@@ -85,7 +85,7 @@ std::filesystem::path default_rig_cache();
 /// each by one.
 std::vector<std::unique_ptr<FrameSource>> open_rig(const RigConfig& rig,
                                                    std::span<const SensorConfig> sensors,
-                                                   std::span<const std::uint32_t> wanted,
-                                                   double fps, const RigCache& cache);
+                                                   std::span<const SensorId> wanted, double fps,
+                                                   const RigCache& cache);
 
 }  // namespace mr::synth

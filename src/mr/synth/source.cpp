@@ -59,11 +59,11 @@ class RigSource final : public FrameSource {
  public:
   /// `standpoints`: by time, the first from frame 0.
   RigSource(std::shared_ptr<Shared> shared, const RigConfig& rig, const SensorConfig& sensor,
-            std::uint32_t sensor_index, double fps, std::vector<Standpoint> standpoints)
+            SensorId sensor_id, double fps, std::vector<Standpoint> standpoints)
       : shared_(std::move(shared)),
         rig_(rig),
         sensor_(sensor),
-        sensor_index_(sensor_index),
+        sensor_id_(sensor_id),
         fps_(fps),
         clock_error_s_(clock_error_s(rig, camera_of(sensor))),
         effects_(rig, camera_of(sensor), fps),
@@ -77,7 +77,7 @@ class RigSource final : public FrameSource {
     if (index_ >= frames && !rig_.loop) return std::optional<Frame>{};
     const auto shown = static_cast<std::uint32_t>(index_ % frames);
     Frame frame;
-    frame.sensor = sensor_index_;
+    frame.sensor = sensor_id_;
     frame.index = index_++;
     const double ns = static_cast<double>(frame.index) * 1e9 / fps_ + sensor_.clock_offset_ms * 1e6;
     frame.exposure_start = frame.exposure_end = TimePoint(Duration(std::llround(ns)));
@@ -157,7 +157,7 @@ class RigSource final : public FrameSource {
   const std::shared_ptr<Shared> shared_;
   const RigConfig rig_;
   const SensorConfig sensor_;
-  const std::uint32_t sensor_index_;
+  const SensorId sensor_id_;
   const double fps_;
   const double clock_error_s_;
   const SensorEffects effects_;
@@ -345,8 +345,8 @@ std::filesystem::path default_rig_cache() {
 
 std::vector<std::unique_ptr<FrameSource>> open_rig(const RigConfig& rig,
                                                    std::span<const SensorConfig> sensors,
-                                                   std::span<const std::uint32_t> wanted,
-                                                   double fps, const RigCache& cache) {
+                                                   std::span<const SensorId> wanted, double fps,
+                                                   const RigCache& cache) {
   MR_ASSERT(fps > 0 && rig.frames > 0);
   const std::uint64_t key = rig_key(rig, fps);
   const std::filesystem::path folder = cache_folder(cache, key);
@@ -357,8 +357,8 @@ std::vector<std::unique_ptr<FrameSource>> open_rig(const RigConfig& rig,
   std::vector<std::unique_ptr<FrameSource>> out;
   std::vector<RigSource*> sources;
   bool complete = true;
-  for (const std::uint32_t i : wanted) {
-    const SensorConfig& sensor = sensors[i];
+  for (const SensorId id : wanted) {
+    const SensorConfig& sensor = sensors[index_of(id)];
     MR_ASSERT(std::holds_alternative<SyntheticSource>(sensor.source));
     std::vector<Standpoint> standpoints =
         standpoints_of(rig, sensor, exact.at(std::get<SyntheticSource>(sensor.source).camera));
@@ -370,7 +370,7 @@ std::vector<std::unique_ptr<FrameSource>> open_rig(const RigConfig& rig,
       standpoint.cache = std::make_unique<ShotCache>(
           folder / (sensor.id + "-" + hex(layout.key) + ".rig"), layout, shared->cache_budget);
     }
-    auto source = std::make_unique<RigSource>(shared, rig, sensor, i, fps, std::move(standpoints));
+    auto source = std::make_unique<RigSource>(shared, rig, sensor, id, fps, std::move(standpoints));
     complete = complete && source->kept() == rig.frames;
     sources.push_back(source.get());
     out.push_back(std::move(source));

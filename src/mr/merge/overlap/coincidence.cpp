@@ -17,11 +17,11 @@ constexpr double kSame_sigmas = 2;
 constexpr double kFlattest = 0.3;  // cosine; flatter angles count as this one
 
 /// The triangles that a sensor measured.
-Mesh measured_by(const kit::Part& part, std::uint32_t sensor) {
+Mesh measured_by(const kit::Part& part, SensorId sensor) {
   if (part.sources.size() == 1) return part.mesh;
   std::vector<std::uint8_t> keep(part.mesh.triangles.size());
-  for (const ViewRun& run : part.mesh.runs)
-    if (run.view == sensor) std::fill_n(keep.begin() + run.first, run.count, std::uint8_t{1});
+  for (const SensorRun& run : part.mesh.sensors)
+    if (run.id == sensor) std::fill_n(keep.begin() + run.first, run.count, std::uint8_t{1});
   return select_triangles(part.mesh, keep);
 }
 
@@ -74,7 +74,7 @@ StillCover::StillCover(const Mesh& merged, std::span<const kit::Part> parts,
   });
 }
 
-const StillCover::SensorView* StillCover::view_of(std::uint32_t sensor) const {
+const StillCover::SensorView* StillCover::view_of(SensorId sensor) const {
   const auto at = std::ranges::find(views_, sensor, &SensorView::sensor);
   return at == views_.end() ? nullptr : &*at;
 }
@@ -106,14 +106,14 @@ bool StillCover::is_covered(const Mesh& mesh, std::size_t t, const SensorView& v
 
 Mesh StillCover::uncovered(const kit::Part& moving) const {
   const Mesh& mesh = moving.mesh;
-  const std::vector<ViewId> sensors =
+  const std::vector<SensorId> sensors =
       moving.sources.size() == 1
-          ? std::vector<ViewId>(mesh.triangles.size(), moving.sources.front().sensor)
-          : triangle_views(mesh);
+          ? std::vector<SensorId>(mesh.triangles.size(), moving.sources.front().sensor)
+          : triangle_sensors(mesh);
   std::vector<std::uint8_t> keep(mesh.triangles.size(), 1);
   parallel_for(keep.size(), 1024, [&](std::size_t begin, std::size_t end) {
     const SensorView* view = nullptr;
-    std::optional<ViewId> of;
+    std::optional<SensorId> of;
     for (std::size_t t = begin; t < end; ++t) {
       if (of != sensors[t]) of = sensors[t], view = view_of(sensors[t]);
       if (view && is_covered(mesh, t, *view)) keep[t] = 0;

@@ -18,7 +18,7 @@ class StillCover {
  public:
   /// The still surface from a source's place, at a low resolution; depth 0: none.
   struct SensorView {
-    std::uint32_t sensor = 0;
+    SensorId sensor{};
     double scale = 1;  ///< columns of `camera` / columns of the depth picture
     Camera camera;
     Pose T_camera_world;
@@ -39,7 +39,7 @@ class StillCover {
 
   /// By sensor; sources that are no pinholes have none.
   std::span<const SensorView> views() const { return views_; }
-  const SensorView* view_of(std::uint32_t sensor) const;  ///< null: none
+  const SensorView* view_of(SensorId sensor) const;  ///< null: none
 
  private:
   bool is_covered(const Mesh& mesh, std::size_t t, const SensorView& view) const;

@@ -184,8 +184,8 @@ double EmptyPlaces::find_large(const StillCover::SensorView& own, Tiles& tiles) 
 Mesh EmptyPlaces::without_empty(const Mesh& still) const {
   std::vector<std::uint8_t> keep(still.triangles.size(), 1);
   bool any = false;
-  for (const ViewRun& run : still.runs) {
-    const auto found = tiles_.find(run.view);
+  for (const SensorRun& run : still.sensors) {
+    const auto found = tiles_.find(run.id);
     if (found == tiles_.end()) continue;
     const Tiles& tiles = found->second;
     if (std::ranges::none_of(tiles.tiles, &Tile::is_empty)) continue;

@@ -26,7 +26,7 @@ class EmptyPlaces {
   /// their own sensor confirms them.
   double update(const StillCover& cover, std::span<const SourceInfo> sources);
 
-  /// What is left of a still surface whose triangles have the sensors that measured them as views.
+  /// What is left of a still surface whose triangles tell their sensors.
   Mesh without_empty(const Mesh& still) const;
 
  private:
@@ -48,7 +48,7 @@ class EmptyPlaces {
 
   bool sees_past(const StillCover::SensorView& own, const StillCover::SensorView& other,
                  const TileMask& confirmed, int x, int y) const;
-  using Confirmed = std::map<std::uint32_t, const TileMask*>;
+  using Confirmed = std::map<SensorId, const TileMask*>;
   using Samples = std::array<std::array<int, 2>, 9>;  // pixels of the own sensor's view in a tile
   static float nearest_in(const StillCover::SensorView& own, const Samples& samples);
   bool any_sees_past(const StillCover::SensorView& own, const StillCover& cover,
@@ -60,7 +60,7 @@ class EmptyPlaces {
   double find_large(const StillCover::SensorView& own, Tiles& tiles) const;
 
   OverlapConfig config_;
-  std::map<std::uint32_t, Tiles> tiles_;  ///< by sensor
+  std::map<SensorId, Tiles> tiles_;  ///< by sensor
   std::uint64_t updates_ = 0;
 };
 

@@ -34,9 +34,9 @@ std::vector<std::uint32_t> triangle_labels(const kit::Part& part) {
   std::vector<std::uint32_t> out(part.mesh.triangles.size(),
                                  part.sources.size() == 1 ? 0 : Measured::kNoSource);
   if (part.sources.size() == 1) return out;
-  for (const ViewRun& run : part.mesh.runs)
+  for (const SensorRun& run : part.mesh.sensors)
     for (std::uint32_t s = 0; s < part.sources.size(); ++s)
-      if (part.sources[s].sensor == run.view) std::fill_n(out.begin() + run.first, run.count, s);
+      if (part.sources[s].sensor == run.id) std::fill_n(out.begin() + run.first, run.count, s);
   return out;
 }
 

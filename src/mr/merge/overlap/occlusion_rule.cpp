@@ -26,7 +26,7 @@ double depth_m(const SourceInfo& source, Vec3f spot) {
 }
 
 /// Precision of a spot: of the source that measured it, or the worst, where that is not known.
-float sigma_m(const kit::Part& part, ViewId view, Vec3f spot) {
+float sigma_m(const kit::Part& part, SensorId view, Vec3f spot) {
   double worst = 0;
   for (const SourceInfo& s : part.sources) {
     const double sigma = s.precision.sigma_m(depth_m(s, spot));
@@ -51,7 +51,7 @@ std::vector<Vec3f> normals_around(const Mesh& mesh) {
 void describe(const kit::Part& part, std::uint32_t number, const OverlapConfig& config,
               Facing* out) {
   constexpr std::size_t kGrain = 8192;
-  const std::vector<ViewId> views = triangle_views(part.mesh);
+  const std::vector<SensorId> views = triangle_sensors(part.mesh);
   const std::vector<Vec3f> normals = normals_around(part.mesh);
   const float slack = slack_m(part, config);
   parallel_for(views.size(), kGrain, [&](std::size_t begin, std::size_t end) {

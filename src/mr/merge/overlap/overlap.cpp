@@ -14,11 +14,10 @@ namespace {
 
 constexpr double kLeastReach_voxels = 5;  // of parts that meet: coarse cells are fewer
 
-/// A part's mesh, each triangle with the sensor that measured it as its view.
+/// A part's mesh, each triangle with the sensor that measured it.
 Mesh by_sensor(const kit::Part& part) {
   Mesh out = part.mesh;
-  if (part.sources.size() == 1)
-    set_triangle_views(out, std::vector(out.triangles.size(), part.sources[0].sensor));
+  if (part.sources.size() == 1) set_sensor(out, part.sources[0].sensor);
   return out;
 }
 
@@ -38,7 +37,7 @@ std::vector<Mesh> nearest(std::span<const kit::Part> parts, const OverlapConfig&
 
 /// Whether a sensor is a source of several parts.
 bool share_sensors(std::span<const kit::Part> parts) {
-  std::vector<std::uint32_t> sensors;
+  std::vector<SensorId> sensors;
   for (const kit::Part& part : parts)
     for (const SourceInfo& source : part.sources) sensors.push_back(source.sensor);
   std::ranges::sort(sensors);

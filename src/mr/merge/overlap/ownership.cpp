@@ -113,7 +113,7 @@ class Owners {
   const Mesh& mesh(std::size_t part) const { return parts_[part].mesh; }
   const std::vector<Spot>& vertices(std::size_t part) const { return measured_[part].vertices; }
   /// The sensor that measured a triangle of a part.
-  ViewId sensor(std::size_t part, std::uint32_t triangle) const {
+  SensorId sensor(std::size_t part, std::uint32_t triangle) const {
     return parts_[part].sources[measured_[part].source[triangle]].sensor;
   }
 
@@ -269,10 +269,10 @@ class OwnPart {
       return std::max(guess() - retreat_m / length(l.position - k.position), 0.0f);
     };
     Cut out = cut_at_zero(*mesh_, margin_, crossing);
-    std::vector<ViewId> sensors;
+    std::vector<SensorId> sensors;
     for (const std::uint32_t t : out.parent)
       sensors.push_back(owners_.sensor(part_, whole_.empty() ? t : whole_[t]));
-    set_triangle_views(out.mesh, sensors);
+    set_triangle_sensors(out.mesh, sensors);
     return std::move(out.mesh);
   }
 

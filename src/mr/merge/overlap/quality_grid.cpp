@@ -91,12 +91,12 @@ class Filler {
 
 }  // namespace
 
-QualityCells& QualityMemory::remembered(std::uint32_t sensor) {
+QualityCells& QualityMemory::remembered(SensorId sensor) {
   const std::lock_guard lock(mutex_);
   return last_[sensor];
 }
 
-void QualityMemory::steady(std::uint32_t sensor, QualityCells& cells) {
+void QualityMemory::steady(SensorId sensor, QualityCells& cells) {
   QualityCells& last = remembered(sensor);
   for (std::size_t i = 0; i < cells.keys.size(); ++i) {
     const std::uint32_t* before = last.places.find(cells.keys[i]);

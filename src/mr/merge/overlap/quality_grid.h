@@ -28,16 +28,16 @@ struct QualityCells {
 class QualityMemory {
  public:
   /// Steadies the sums of a sensor, and remembers them. Different sensors may come at once.
-  void steady(std::uint32_t sensor, QualityCells& cells);
+  void steady(SensorId sensor, QualityCells& cells);
   /// While frozen, nothing is remembered: a piece of a scene is merged.
   void freeze(bool frozen) { frozen_ = frozen; }
 
  private:
-  QualityCells& remembered(std::uint32_t sensor);
+  QualityCells& remembered(SensorId sensor);
 
   bool frozen_ = false;
   std::mutex mutex_;  // for the map alone
-  std::map<std::uint32_t, QualityCells> last_;
+  std::map<SensorId, QualityCells> last_;
 };
 
 /// How well each part measured each place: cos(angle) / sigma, averaged over the triangles around

@@ -15,7 +15,7 @@ std::uint32_t before(std::uint32_t half_edge) {
 /// Finds the border. Every border half-edge starts a fan of triangles around its vertex; only one
 /// of them keeps the vertex.
 Joined split_fans(const Mesh& mesh, std::uint32_t part) {
-  Joined out{{mesh.positions, mesh.triangles, {}}, triangle_views(mesh), {}, {}};
+  Joined out{{mesh.positions, mesh.triangles, {}, {}}, triangle_sensors(mesh), {}, {}};
   const kit::EdgeTable edges = kit::edge_table(mesh);
   std::vector<std::uint8_t> taken(mesh.positions.size(), 0);
   for (std::uint32_t h = 0; h < edges.twin.size(); ++h) {
@@ -46,7 +46,7 @@ Joined join_parts(std::span<const Mesh> parts) {
     const auto base = static_cast<std::uint32_t>(3 * out.mesh.triangles.size());
     for (const std::uint32_t h : one.border) out.border.push_back(base + h);
     append(out.mesh, one.mesh);
-    out.view.insert(out.view.end(), one.view.begin(), one.view.end());
+    out.sensor.insert(out.sensor.end(), one.sensor.begin(), one.sensor.end());
     out.part.insert(out.part.end(), one.part.begin(), one.part.end());
     out.came_apart |= one.came_apart;
   }

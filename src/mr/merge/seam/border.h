@@ -11,8 +11,8 @@ namespace mr::merge {
 /// All parts side by side in one mesh whose borders do not touch themselves: at most one border
 /// edge starts at a vertex, and one ends.
 struct Joined {
-  Mesh mesh;                          ///< without runs
-  std::vector<ViewId> view;           ///< [T]
+  Mesh mesh;                          ///< without labels
+  std::vector<SensorId> sensor;       ///< [T] that measured it
   std::vector<std::uint32_t> part;    ///< [V] which one a vertex belongs to
   std::vector<std::uint32_t> border;  ///< half-edges with nothing on the other side, ascending
   bool came_apart = false;  ///< at edges that were not manifold, which lie there several times

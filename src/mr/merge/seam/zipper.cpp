@@ -108,7 +108,7 @@ class BorderCutter {
     if (place == kNoPlace) {
       place = static_cast<std::uint32_t>(joined_.mesh.triangles.size());
       joined_.mesh.triangles.emplace_back();
-      joined_.view.push_back(joined_.view[whole_]);
+      joined_.sensor.push_back(joined_.sensor[whole_]);
     }
     joined_.mesh.triangles[place] = t;
     for (std::uint32_t i = 0; i < 3; ++i)
@@ -422,19 +422,19 @@ class Zipper {
   PointGrid grid_;  // of the front's vertices
 };
 
-/// Adds the strips; each triangle takes the view of the surface at one of its corners.
+/// Adds the strips; each triangle has the sensor of the surface at one of its corners.
 void add_strips(const std::vector<Triangle>& strips, Joined& joined) {
-  std::vector<ViewId> view(joined.mesh.positions.size(), kNoView);
+  std::vector<SensorId> sensor(joined.mesh.positions.size(), kNoSensor);
   for (const std::uint32_t h : joined.border)
-    view[kit::edge_from(joined.mesh, h)] = joined.view[h / 3];
-  for (const Triangle& t : strips) joined.view.push_back(view[t[0]]);
+    sensor[kit::edge_from(joined.mesh, h)] = joined.sensor[h / 3];
+  for (const Triangle& t : strips) joined.sensor.push_back(sensor[t[0]]);
   joined.mesh.triangles.insert(joined.mesh.triangles.end(), strips.begin(), strips.end());
 }
 
-/// The mesh, with views if any part had some.
-Mesh with_views(Joined joined) {
-  if (std::ranges::any_of(joined.view, [](ViewId v) { return v != kNoView; }))
-    set_triangle_views(joined.mesh, joined.view);
+/// The mesh, with sensors if any part had some.
+Mesh with_sensors(Joined joined) {
+  if (std::ranges::any_of(joined.sensor, [](SensorId v) { return v != kNoSensor; }))
+    set_triangle_sensors(joined.mesh, joined.sensor);
   return std::move(joined.mesh);
 }
 
@@ -447,13 +447,13 @@ double reach_m(const ZipperConfig& config) {
 /// One surface of parts that meet.
 Mesh close(std::span<const Mesh> parts, const ZipperConfig& config) {
   Joined joined = join_parts(parts);
-  if (config.max_gap_m <= 0) return with_views(std::move(joined));
+  if (config.max_gap_m <= 0) return with_sensors(std::move(joined));
   const BorderMap map(joined, reach_m(config));
   BorderCutter(joined, map, config);
   AdvancingFront front(joined, wanted_edges(joined, map));
   add_strips(Zipper(front, config).run(), joined);
   const bool came_apart = joined.came_apart;
-  Mesh out = with_views(std::move(joined));
+  Mesh out = with_sensors(std::move(joined));
   return came_apart ? kit::without_nonmanifold_edges(out) : out;
 }
 
@@ -479,12 +479,12 @@ Mesh zip(std::span<const Mesh> parts, const ZipperConfig& config) {
   for (const Mesh& mesh : closed) triangles += mesh.triangles.size();
   out.mesh.triangles.reserve(triangles);
   for (Mesh& mesh : closed) {
-    const std::vector<ViewId> view = triangle_views(mesh);
-    out.view.insert(out.view.end(), view.begin(), view.end());
-    mesh.runs.clear();
+    const std::vector<SensorId> sensor = triangle_sensors(mesh);
+    out.sensor.insert(out.sensor.end(), sensor.begin(), sensor.end());
+    clear_labels(mesh);
     append(out.mesh, mesh);
   }
-  return with_views(std::move(out));
+  return with_sensors(std::move(out));
 }
 
 }  // namespace mr::merge
