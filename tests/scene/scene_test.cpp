@@ -9,6 +9,7 @@
 #include <cstdlib>
 
 #include "mr/core/file.h"
+#include "mr/sensor/rgbd_images.h"
 #include "scene/scene_file.h"
 
 namespace mr {
@@ -116,7 +117,7 @@ TEST_F(SceneFile, TheExampleLoads) {
   ASSERT_EQ(scene.sensors.size(), 1u);
   const SensorConfig& view = scene.sensors[0];
   EXPECT_EQ(view.id, "view-0");
-  const auto& images = std::get<RgbdImagesSource>(view.source);
+  const auto& images = *view.source.get_if<sensor::RgbdImagesSource>();
   EXPECT_TRUE(std::filesystem::is_regular_file(images.depth.at(0)));
   EXPECT_TRUE(std::filesystem::is_regular_file(images.color.at(0)));
   EXPECT_EQ(images.invalid, (std::vector<std::uint16_t>{0, 65535}));
@@ -149,7 +150,8 @@ TEST_F(SceneFile, LeftOutKeysHaveDefaultsAndOneMergerIsMade) {
   EXPECT_EQ(result.scene.mergers[0].id, "root");
   EXPECT_THAT(result.scene.mergers[0].inputs, ElementsAre("a", "b"));
   EXPECT_FALSE(result.scene.sensors[0].color_camera);
-  EXPECT_EQ(std::get<RgbdImagesSource>(result.scene.sensors[0].source).depth[0], dir_ / "d.png");
+  EXPECT_EQ(result.scene.sensors[0].source.get_if<sensor::RgbdImagesSource>()->depth[0],
+            dir_ / "d.png");
 }
 
 TEST_F(SceneFile, RefusesValuesOutOfRange) {
@@ -293,7 +295,7 @@ TEST_F(SceneFile, RelativePathsOfOptionsAreRelativeToTheFile) {
   const auto file = dir_.write("scene.yaml", scene_of({"a"}));
   const SceneResult result = load_scene(file, {"sensors.a.source.depth=other/e.png"});
   EXPECT_THAT(shorten(result.problems), IsEmpty());
-  EXPECT_THAT(std::get<RgbdImagesSource>(result.scene.sensors[0].source).depth,
+  EXPECT_THAT(result.scene.sensors[0].source.get_if<sensor::RgbdImagesSource>()->depth,
               ElementsAre(dir_ / "other/e.png"));
 }
 

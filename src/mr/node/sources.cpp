@@ -1,9 +1,8 @@
 #include "mr/node/sources.h"
 
-#include <variant>
-
 #include "mr/codec/background.h"
-#include "mr/sensor/rgbd_images.h"
+#include "mr/core/assert.h"
+#include "mr/sensor/source_registry.h"
 #include "mr/synth/room.h"
 
 namespace mr::node {
@@ -15,8 +14,12 @@ std::vector<std::unique_ptr<FrameSource>> open_sources(
     return synth::open_rig(*scene.rig, scene.sensors, wanted, scene.fps,
                            {cache_folder, std::move(rendering)});
   std::vector<std::unique_ptr<FrameSource>> out;
-  for (const std::uint32_t i : wanted)
-    out.push_back(sensor::open_rgbd_images(scene.sensors[i], i, scene.fps));
+  for (const std::uint32_t i : wanted) {
+    const SensorConfig& sensor = scene.sensors[i];
+    const sensor::SourceType* type = sensor::find_source_type(sensor.source.type());
+    MR_ASSERT(type != nullptr);
+    out.push_back(type->open(sensor, i, scene.fps));
+  }
   return out;
 }
 
