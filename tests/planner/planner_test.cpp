@@ -1,4 +1,4 @@
-#include "mr/node/planner.h"
+#include "mr/planner/planner.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -8,65 +8,24 @@
 #include <random>
 #include <set>
 
-#include "core/temp_dir.h"
 #include "mr/core/parallel.h"
-#include "mr/node/sources.h"
+#include "mr/planner/scene_text.h"
+#include "planner/plans.h"
 
 namespace mr {
 namespace {
 
-using node::MergeCosts;
-using node::Plan;
-using node::PlannedMerger;
-using node::Sight;
-using node::Split;
+using planner::Plan;
+using planner::PlannedMerger;
+using planner::SensorSample;
+using planner::Split;
+using test::kCosts;
+using test::plan_of;
+using test::ring;
+using test::scene_of;
+using test::sensor;
 using testing::ElementsAre;
 using testing::HasSubstr;
-
-constexpr MergeCosts kCosts{.decode_ns = 300,
-                            .merge_ns = 700,
-                            .overlap_ns = 500,
-                            .code_ns = 400,
-                            .memory_bytes = 600,
-                            .coded_bytes = 2};
-
-SensorConfig sensor(const std::string& id, Vec3d eye, Vec3d target) {
-  SensorConfig out;
-  out.id = id;
-  out.depth_camera.width = 320, out.depth_camera.height = 288;
-  out.depth_camera.fx = out.depth_camera.fy = 210;
-  out.depth_camera.cx = 159.5, out.depth_camera.cy = 143.5;
-  out.T_world_depth = {look_at(eye, target, {0, 0, 1})};
-  out.depth_far_m = 4;
-  return out;
-}
-
-Scene scene_of(std::vector<SensorConfig> sensors) {
-  Scene scene;
-  scene.id = "plan";
-  scene.sensors = std::move(sensors);
-  MergerConfig root{.id = "root", .inputs = {}, .deadline_ms = 50};
-  for (const SensorConfig& s : scene.sensors) root.inputs.push_back(s.id);
-  scene.mergers = {root};
-  return scene;
-}
-
-/// `count` sensors on a circle that look at its middle.
-std::vector<SensorConfig> ring(const std::string& name, Vec3d middle, int count) {
-  std::vector<SensorConfig> out;
-  for (int i = 0; i < count; ++i) {
-    const double angle = 2 * 3.14159265358979 * i / count;
-    out.push_back(sensor(name + std::to_string(i),
-                         middle + Vec3d{2.5 * std::cos(angle), 2.5 * std::sin(angle), 0.5},
-                         middle));
-  }
-  return out;
-}
-
-Result<Plan> plan_of(const Scene& scene, int mergers, std::optional<Split> split = {}) {
-  const std::vector<Sight> sights(scene.sensors.size());
-  return node::make_plan(scene, sights, kCosts, {.mergers = mergers, .split = split});
-}
 
 std::multiset<std::string> sensor_inputs(const Plan& plan) {
   std::multiset<std::string> out;
@@ -128,9 +87,9 @@ TEST(Planner, WhatTwoSensorsSeeStaysOnce) {
   const Scene scene =
       scene_of({sensor("a", {0, 0, 1}, {3, 0, 1}), sensor("b", {0, 0, 1}, {3, 0, 1}),
                 sensor("c", {0, 0, 1}, {-3, 0, 1})});
-  std::vector<Sight> sights(3);
-  sights[2].triangles = 4'000;
-  const auto plan = node::make_plan(scene, sights, kCosts, {.mergers = 1, .link_ms = 2});
+  std::vector<SensorSample> samples(3);
+  samples[2].triangles = 4'000;
+  const auto plan = planner::make_plan(scene, samples, kCosts, {.mergers = 1, .link_ms = 2});
   ASSERT_TRUE(plan) << plan.error().message;
   const PlannedMerger& root = plan->mergers.at(0);
   EXPECT_NEAR(root.triangles_in, 24'000, 1e-6);
@@ -168,20 +127,20 @@ TEST(Planner, AStatedLinkTakesTimeForItsBytes) {
 TEST(Planner, PicturesTellWhatIsHidden) {
   const Scene scene =
       scene_of({sensor("a", {0, 0, 1}, {3, 0, 1}), sensor("b", {0, 0, 1}, {3, 0, 1})});
-  std::vector<Sight> sights(2);
+  std::vector<SensorSample> samples(2);
   for (int i = 0; i < 2; ++i) {  // a sees a wall at 1 m, b one at 3 m
     const float depth_m = i == 0 ? 1.0f : 3.0f;
-    sights[i].depth = ImageDepth(320, 288, depth_m);
-    sights[i].T_world_depth = scene.sensors[i].T_world_depth[0];
+    samples[i].depth = ImageDepth(320, 288, depth_m);
+    samples[i].T_world_depth = scene.sensors[i].T_world_depth[0];
     for (int k = 0; k < 200; ++k)
-      sights[i].surface.push_back({depth_m, 0.002f * static_cast<float>(k) - 0.2f, 1});
+      samples[i].surface.push_back({depth_m, 0.002f * static_cast<float>(k) - 0.2f, 1});
   }
-  const auto plan = node::make_plan(scene, sights, kCosts, {.mergers = 1});
+  const auto plan = planner::make_plan(scene, samples, kCosts, {.mergers = 1});
   ASSERT_TRUE(plan) << plan.error().message;
   EXPECT_EQ(plan->mergers[0].triangles_shared, 0);
-  sights[0].depth = ImageDepth(320, 288, 3.0f);
-  sights[0].surface = sights[1].surface;
-  const auto same = node::make_plan(scene, sights, kCosts, {.mergers = 1});
+  samples[0].depth = ImageDepth(320, 288, 3.0f);
+  samples[0].surface = samples[1].surface;
+  const auto same = planner::make_plan(scene, samples, kCosts, {.mergers = 1});
   EXPECT_NEAR(same->mergers[0].triangles_out, 10'000, 1e-6);
 }
 
@@ -262,7 +221,7 @@ TEST(Planner, SameTreeOnAnyNumberOfThreads) {
     std::string blocks[2];
     for (int i = 0; i < 2; ++i) {
       Arena arena(i == 0 ? 1 : 8);
-      arena.run([&] { blocks[i] = node::mergers_block(*plan_of(scene, 6, split)); });
+      arena.run([&] { blocks[i] = planner::mergers_block(*plan_of(scene, 6, split)); });
     }
     EXPECT_EQ(blocks[0], blocks[1]);
     EXPECT_FALSE(blocks[0].empty());
@@ -273,121 +232,14 @@ TEST(Planner, RefusesWhatCannotBe) {
   const Scene scene = scene_of(ring("cam-", {0, 0, 1}, 3));
   EXPECT_THAT(plan_of(scene, 0).error().message, HasSubstr("at least 1"));
   EXPECT_THAT(plan_of(scene, 4).error().message, HasSubstr("more than the scene's 3 sensors"));
-  EXPECT_FALSE(node::make_plan(scene, {}, kCosts, {}));
-  EXPECT_FALSE(node::make_plan(Scene{}, {}, kCosts, {}));
+  EXPECT_FALSE(planner::make_plan(scene, {}, kCosts, {}));
+  EXPECT_FALSE(planner::make_plan(Scene{}, {}, kCosts, {}));
   Scene nothing = scene;  // no sensor sees any of it
   nothing.volume = Box3d{{100, 100, 100}, {101, 101, 101}};
   const auto blind = plan_of(nothing, 2);
   ASSERT_TRUE(blind) << blind.error().message;
   EXPECT_EQ(sensor_inputs(*blind).size(), 3u);
   EXPECT_EQ(blind->mergers.back().triangles_in, 0);
-}
-
-constexpr const char* kScene = R"(scene: planned
-up: [0, 0, 1]
-rig: {type: synthetic, seed: 1, sensors: 6, depth_mode: nfov_binned, color: [320, 180]}
-# how it was
-mergers:
-  - {id: west, inputs: [cam-0, cam-1, cam-2], deadline_ms: 70}
-  - id: root
-    inputs: [west, cam-3,
-      cam-4, cam-5]
-# and this
-fusion: {chunk_m: 0.64}
-)";
-
-TEST(Planner, TheSceneWithThePlansMergersLoads) {
-  const test::TempDir dir;
-  const auto before = load_scene(dir.write("scene.yaml", kScene));
-  ASSERT_TRUE(before.problems.empty());
-  const auto scene = node::prepare_scene(before.scene);
-  for (const Split split : {Split::sensors, Split::space}) {
-    const auto plan = plan_of(*scene, 3, split);
-    ASSERT_TRUE(plan) << plan.error().message;
-    const std::string text = node::with_mergers(kScene, node::mergers_block(*plan));
-    const auto after = load_scene(dir.write("out.yaml", text));
-    for (const SceneProblem& problem : after.problems) ADD_FAILURE() << to_string(problem);
-    ASSERT_EQ(after.scene.mergers.size(), plan->mergers.size());
-    for (std::size_t i = 0; i < plan->mergers.size(); ++i) {
-      const MergerConfig &read = after.scene.mergers[i], &meant = plan->mergers[i].config;
-      EXPECT_EQ(read.id, meant.id);
-      EXPECT_EQ(read.inputs, meant.inputs);
-      EXPECT_EQ(read.deadline_ms, meant.deadline_ms);
-      ASSERT_EQ(read.region.has_value(), meant.region.has_value());
-      if (!read.region) continue;
-      EXPECT_LT(length(read.region->low - meant.region->low), 1e-6);
-      EXPECT_LT(length(read.region->high - meant.region->high), 1e-6);
-    }
-    EXPECT_EQ(after.scene.fusion.chunk_m, 0.64);
-    EXPECT_THAT(text, HasSubstr("# and this\nfusion:"));
-    EXPECT_THAT(text, HasSubstr("# how it was\nmergers:"));
-  }
-}
-
-TEST(Planner, ABlockReplacesAnotherAndNothingElse) {
-  const std::string block = "mergers:\n  - {id: r}\n";
-  EXPECT_EQ(node::with_mergers("a: 1\nmergers:\n- x\n- y\n\n# of b\nb: 2\n", block),
-            "a: 1\n" + block + "\n# of b\nb: 2\n");
-  EXPECT_EQ(node::with_mergers("a: 1\nmergers: [x,\n  y]\nb: 2", block),
-            "a: 1\n" + block + "b: 2\n");
-  EXPECT_EQ(node::with_mergers("a: 1", block), "a: 1\n" + block);
-  EXPECT_EQ(node::with_mergers("", block), block);
-}
-
-TEST(Planner, IdsAreNeverTakenTwiceAndOddOnesAreQuoted) {
-  auto sensors = ring("cam-", {0, 0, 1}, 3);
-  sensors[0].id = "merger-1", sensors[1].id = "null", sensors[2].id = "7";
-  const auto plan = plan_of(scene_of(sensors), 2, Split::sensors);
-  ASSERT_TRUE(plan) << plan.error().message;
-  std::set<std::string> ids;
-  for (const PlannedMerger& merger : plan->mergers) ids.insert(merger.config.id);
-  EXPECT_EQ(ids.size(), 3u);
-  EXPECT_FALSE(ids.contains("merger-1"));
-  EXPECT_THAT(node::mergers_block(*plan), HasSubstr("\"null\""));
-  EXPECT_THAT(node::mergers_block(*plan), HasSubstr("\"7\""));
-}
-
-TEST(Planner, CostsAndSightsAreMeasured) {
-  Scene scene;
-  scene.id = "rig";
-  scene.voxel_m = 0.04, scene.fusion.truncation_m = 0.16, scene.simplify.ratio = 0.2;
-  RigConfig rig;
-  rig.sensors = 2;
-  rig.depth_width = 320, rig.depth_height = 288;
-  rig.color_width = 160, rig.color_height = 90;
-  scene.rig = rig;
-  scene.mergers = {{.id = "root", .inputs = rig.sensor_ids(), .deadline_ms = 50}};
-  scene = *node::prepare_scene(scene);
-  const MergeCosts costs = node::measure_merge_costs(scene);
-  for (const double ns : {costs.decode_ns, costs.merge_ns, costs.code_ns}) {
-    EXPECT_GT(ns, 1);
-    EXPECT_LT(ns, 1e6);
-  }
-  EXPECT_GE(costs.overlap_ns, 0);
-  EXPECT_GT(costs.memory_bytes, 50);
-  EXPECT_LT(costs.memory_bytes, 20'000);
-  EXPECT_GT(costs.coded_bytes, 0.5);
-  EXPECT_LT(costs.coded_bytes, 20);
-
-  const auto sights = node::look_at_sensors(scene, {}, {});
-  ASSERT_EQ(sights.size(), 2u);
-  for (const Sight& sight : sights) {
-    EXPECT_NE(sight.triangles, 10'000);
-    EXPECT_GT(sight.triangles, 500);
-    EXPECT_GT(sight.area_m2, 3);
-    EXPECT_GT(sight.reconstruct_ms, 0);
-    EXPECT_FALSE(sight.surface.empty());
-    EXPECT_FALSE(sight.depth.empty());
-  }
-  const auto some = node::look_at_sensors(scene, {}, {.most_sensors = 1});
-  EXPECT_EQ(some[0].triangles, some[1].triangles);
-  EXPECT_TRUE(some[0].surface.empty());
-
-  const auto plan = node::make_plan(scene, sights, costs, {.mergers = 1});
-  ASSERT_TRUE(plan) << plan.error().message;
-  EXPECT_EQ(plan->mergers[0].triangles_in, sights[0].triangles + sights[1].triangles);
-  EXPECT_GT(plan->one_grid.memory_mb, 0);
-  EXPECT_GT(plan->one_grid.dense_memory_mb, plan->one_grid.memory_mb);
 }
 
 }  // namespace

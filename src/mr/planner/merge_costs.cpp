@@ -1,22 +1,24 @@
+#include "mr/planner/merge_costs.h"
+
 #include <malloc.h>
 
 #include <algorithm>
 #include <cmath>
+#include <cstdlib>
 #include <fstream>
 #include <limits>
 #include <numeric>
+#include <string>
 #include <utility>
+#include <vector>
 
 #include "mr/codec/mesh_codec.h"
 #include "mr/core/parallel.h"
 #include "mr/core/trace.h"
 #include "mr/merge/merge_surfaces.h"
 #include "mr/node/chunk_publisher.h"
-#include "mr/node/planner.h"
-#include "mr/node/sensor_node.h"
-#include "mr/node/sources.h"
 
-namespace mr::node {
+namespace mr::planner {
 namespace {
 
 constexpr int kParts = 4;
@@ -106,7 +108,7 @@ Mesh merged(const Scene& scene, const std::vector<kit::Part>& parts) {
 std::vector<EncodedChunk> coded(const Scene& scene, const std::vector<kit::Part>& parts) {
   std::vector<Chunk> chunks;
   for (const kit::Part& part : parts)
-    for (auto& [cube, mesh] : split_by_cube(part.mesh, scene.fusion.chunk_m))
+    for (auto& [cube, mesh] : node::split_by_cube(part.mesh, scene.fusion.chunk_m))
       chunks.push_back({{{cube, part.sources[0].sensor}, 0, 1}, 0, std::move(mesh)});
   std::vector<EncodedChunk> out(chunks.size());
   parallel_for(chunks.size(), 1, [&](std::size_t begin, std::size_t end) {
@@ -166,50 +168,6 @@ double peak_bytes(Work&& work) {
   return most;
 }
 
-/// Points that stand for all triangles.
-std::vector<Vec3f> some_points(const Mesh& mesh) {
-  constexpr std::size_t kMost = 2048;
-  const std::size_t count = std::min(mesh.triangles.size(), kMost);
-  std::vector<Vec3f> out;
-  for (std::size_t i = 0; i < count; ++i)
-    out.push_back(mesh.centroid(i * mesh.triangles.size() / count));
-  return out;
-}
-
-Result<Sight> look(const Scene& scene, std::uint32_t sensor, FrameSource& source) {
-  auto frame = source.next();
-  if (!frame) return frame.error();
-  if (!*frame) return Error{Error::Cause::empty, "its source has no frame"};
-  SensorNode node(scene, sensor);
-  Sight out;
-  std::optional<SensorNode::Reconstructed> made;
-  {
-    const Stopwatch stopwatch(out.reconstruct_ms);
-    auto reconstructed = node.reconstruct(**std::move(frame));
-    if (!reconstructed) return reconstructed.error();
-    made = *std::move(reconstructed);
-  }
-  out.triangles = static_cast<double>(made->mesh.triangles.size());
-  out.area_m2 = surface_area_m2(made->mesh);
-  out.surface = some_points(made->mesh);
-  out.T_world_depth = made->frame.T_world_depth;
-  out.depth = std::move(made->frame.depth);
-  return out;
-}
-
-/// What stands for the sensors that were not looked at.
-Sight mean_of(std::span<const Sight> looked) {
-  Sight out;
-  if (looked.empty()) return out;
-  out.triangles = 0;
-  const double n = static_cast<double>(looked.size());
-  for (const Sight& sight : looked) {
-    out.triangles += sight.triangles / n, out.area_m2 += sight.area_m2 / n;
-    out.reconstruct_ms += sight.reconstruct_ms / n;
-  }
-  return out;
-}
-
 }  // namespace
 
 MergeCosts measure_merge_costs(const Scene& scene, double triangles) {
@@ -237,30 +195,4 @@ MergeCosts measure_merge_costs(const Scene& scene, double triangles) {
   return out;
 }
 
-std::vector<Sight> look_at_sensors(const Scene& scene, const std::filesystem::path& rig_cache,
-                                   const LookConfig& config) {
-  const std::size_t n = scene.sensors.size();
-  const bool all = n <= static_cast<std::size_t>(config.most_sensors);
-  const std::size_t count = all ? n : std::min<std::size_t>(n, LookConfig::kSamples);
-  std::vector<std::uint32_t> wanted;
-  for (std::size_t i = 0; i < count; ++i)
-    wanted.push_back(static_cast<std::uint32_t>(i * n / count));
-  const auto sources = open_sources(scene, wanted, rig_cache);
-  std::vector<Sight> out(n), looked;
-  for (std::size_t i = 0; i < count; ++i) {
-    if (config.progress) config.progress(i, count);
-    auto sight = look(scene, wanted[i], *sources[i]);
-    if (!sight && config.notice)
-      config.notice("sensor '" + scene.sensors[wanted[i]].id +
-                    "' is taken for usual: " + sight.error().message);
-    if (!sight) continue;
-    if (all)
-      out[i] = *std::move(sight);
-    else
-      looked.push_back(*std::move(sight));
-  }
-  if (!all) std::fill(out.begin(), out.end(), mean_of(looked));
-  return out;
-}
-
-}  // namespace mr::node
+}  // namespace mr::planner
