@@ -16,8 +16,9 @@ namespace {
 /// A file's text by its path from the repository's root.
 using Files = std::map<std::string, std::string>;
 
-const std::set<std::string> kStages = {"sensor", "synth", "still", "calib", "fusion", "simplify",
-                                       "codec",  "merge", "atlas", "rate",  "render", "net"};
+const std::set<std::string> kStages = {"sensor",   "synth",  "still", "calib", "fusion",
+                                       "simplify", "model",  "codec", "merge", "atlas",
+                                       "rate",     "render", "net"};
 
 /// Layer of a module, from the ground up; -1 when the design does not know it.
 int layer(const std::string& module) {

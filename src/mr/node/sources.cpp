@@ -1,7 +1,8 @@
 #include "mr/node/sources.h"
 
-#include "mr/codec/background.h"
+#include "mr/codec/background_chunks.h"
 #include "mr/core/assert.h"
+#include "mr/model/background.h"
 #include "mr/sensor/source_registry.h"
 #include "mr/synth/room.h"
 
@@ -27,8 +28,13 @@ Result<std::vector<EncodedChunk>> open_background(
     const Scene& scene, const std::function<void(const std::string&)>& notice) {
   if (!scene.background) return std::vector<EncodedChunk>{};
   // Its colours are per vertex: as fine as the voxels.
-  return codec::load_background(*scene.background, scene.lattice, scene.fusion.chunk_m,
-                                scene.voxel_m, notice);
+  const auto mesh = model::load_background(*scene.background, scene.lattice, scene.voxel_m, notice);
+  if (!mesh) return mesh.error();
+  auto chunks = codec::encode_background(*mesh, scene.lattice, scene.fusion.chunk_m);
+  if (!chunks)
+    return Error{chunks.error().cause,
+                 scene.background->model.string() + ": " + chunks.error().message};
+  return chunks;
 }
 
 Result<Scene> prepare_scene(Scene scene) {

@@ -23,7 +23,8 @@ std::vector<std::unique_ptr<FrameSource>> open_sources(
     const std::filesystem::path& cache_folder = {},
     std::function<void(int done, int of)> rendering = {});
 
-/// The chunks of the scene's background model; none where it has no background. `notice` is told in
+/// The chunks of the scene's background model; none where it has no background. Errors name the
+/// file. `notice` is told in
 /// one line what was done to it.
 Result<std::vector<EncodedChunk>> open_background(
     const Scene& scene, const std::function<void(const std::string&)>& notice = {});

@@ -6,13 +6,13 @@
 #include <vector>
 
 #include "mr/atlas/atlas_config.h"
-#include "mr/codec/background.h"
 #include "mr/codec/coding_config.h"
 #include "mr/core/lattice.h"
 #include "mr/core/sensor_config.h"
 #include "mr/fusion/fusion_config.h"
 #include "mr/kit/video_config.h"
 #include "mr/merge/merge_config.h"
+#include "mr/model/background.h"
 #include "mr/net/network_config.h"
 #include "mr/rate/rate_config.h"
 #include "mr/scene/gateway_config.h"
@@ -29,12 +29,12 @@
 namespace mr {
 
 using atlas::AtlasConfig;
-using codec::BackgroundConfig;
 using codec::CodingConfig;
 using fusion::CleanConfig;
 using fusion::Decomposition;
 using fusion::FusionConfig;
 using kit::VideoConfig;
+using model::BackgroundConfig;
 using net::NatsConfig;
 using net::NetworkConfig;
 using rate::RateConfig;

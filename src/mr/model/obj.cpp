@@ -1,10 +1,10 @@
 #include <algorithm>
 #include <cstdint>
 
-#include "mr/codec/writers.h"
 #include "mr/kit/image_io.h"
+#include "mr/model/writers.h"
 
-namespace mr::codec {
+namespace mr::model {
 namespace {
 
 std::string without_blanks(std::string name) {
@@ -77,4 +77,4 @@ Result<std::vector<NamedBytes>> to_obj(const std::vector<BakedPart>& parts,
   return files;
 }
 
-}  // namespace mr::codec
+}  // namespace mr::model

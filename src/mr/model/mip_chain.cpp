@@ -1,32 +1,21 @@
-#include "mr/codec/mip_chain.h"
+#include "mr/model/mip_chain.h"
 
 #include <algorithm>
 #include <cmath>
 
 #include "mr/core/assert.h"
 #include "mr/core/parallel.h"
+#include "mr/kit/srgb.h"
 
-namespace mr::codec {
+namespace mr::model {
 namespace {
-
-double curve(double srgb) {
-  return srgb <= 0.04045 ? srgb / 12.92 : std::pow((srgb + 0.055) / 1.055, 2.4);
-}
-
-double inverse_curve(double linear) {
-  return linear <= 0.0031308 ? linear * 12.92 : 1.055 * std::pow(linear, 1 / 2.4) - 0.055;
-}
-
-std::uint8_t to_byte(double linear) {
-  return static_cast<std::uint8_t>(std::lround(255 * inverse_curve(std::clamp(linear, 0.0, 1.0))));
-}
 
 /// Bytes for linear colours in small steps, for whole pictures.
 constexpr int kSteps = 1 << 14;
 const std::vector<std::uint8_t>& byte_table() {
   static const std::vector<std::uint8_t> table = [] {
     std::vector<std::uint8_t> out(kSteps + 1);
-    for (int i = 0; i <= kSteps; ++i) out[i] = to_byte(static_cast<double>(i) / kSteps);
+    for (int i = 0; i <= kSteps; ++i) out[i] = kit::to_srgb(static_cast<double>(i) / kSteps);
     return out;
   }();
   return table;
@@ -42,8 +31,9 @@ ImageRgb halved(const ImageRgb& in) {
         const int right = std::min(2 * x + 1, in.width - 1);
         const int down = std::min(2 * y + 1, in.height - 1);
         for (int i = 0; i < 3; ++i) {
-          const float sum = to_linear(in.at(2 * x, 2 * y)[i]) + to_linear(in.at(right, 2 * y)[i]) +
-                            to_linear(in.at(2 * x, down)[i]) + to_linear(in.at(right, down)[i]);
+          const float sum =
+              kit::to_linear(in.at(2 * x, 2 * y)[i]) + kit::to_linear(in.at(right, 2 * y)[i]) +
+              kit::to_linear(in.at(2 * x, down)[i]) + kit::to_linear(in.at(right, down)[i]);
           out.at(x, y)[i] = bytes[static_cast<std::size_t>(sum * (kSteps / 4.0f) + 0.5f)];
         }
       }
@@ -77,25 +67,12 @@ Vec3f bilinear(const ImageRgb& picture, Vec2f uv, const std::array<Wrap, 2>& wra
       const float weight = (i == 0 ? 1 - fx : fx) * (j == 0 ? 1 - fy : fy);
       const std::uint8_t* p = picture.at(wrapped(left + i, picture.width, wrap[0]),
                                          wrapped(top + j, picture.height, wrap[1]));
-      out += Vec3f{to_linear(p[0]), to_linear(p[1]), to_linear(p[2])} * weight;
+      out += Vec3f{kit::to_linear(p[0]), kit::to_linear(p[1]), kit::to_linear(p[2])} * weight;
     }
   return out;
 }
 
 }  // namespace
-
-float to_linear(std::uint8_t srgb) {
-  static const std::array<float, 256> table = [] {
-    std::array<float, 256> out{};
-    for (int i = 0; i < 256; ++i) out[i] = static_cast<float>(curve(i / 255.0));
-    return out;
-  }();
-  return table[srgb];
-}
-
-std::array<std::uint8_t, 3> to_srgb(Vec3f linear) {
-  return {to_byte(linear.x), to_byte(linear.y), to_byte(linear.z)};
-}
 
 MipChain::MipChain(ImageRgb picture) {
   MR_ASSERT(!picture.empty());
@@ -110,4 +87,4 @@ Vec3f MipChain::sample(Vec2f uv, const std::array<Wrap, 2>& wrap, float extent_t
   return bilinear(levels_[level], uv, wrap);
 }
 
-}  // namespace mr::codec
+}  // namespace mr::model

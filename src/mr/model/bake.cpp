@@ -1,4 +1,4 @@
-#include "mr/codec/bake.h"
+#include "mr/model/bake.h"
 
 #include <algorithm>
 #include <bit>
@@ -7,7 +7,7 @@
 #include <string>
 #include <unordered_map>
 
-namespace mr::codec {
+namespace mr::model {
 namespace {
 
 using Corners = std::array<Vec2f, 3>;
@@ -250,4 +250,4 @@ std::array<std::uint8_t, 3> sample(const ImageRgb& picture, Vec2f uv) {
                          double{uv.x} * picture.width - 0.5, double{uv.y} * picture.height - 0.5);
 }
 
-}  // namespace mr::codec
+}  // namespace mr::model

@@ -6,7 +6,7 @@
 #include "mr/core/pose.h"
 #include "mr/core/result.h"
 
-namespace mr::codec {
+namespace mr::model {
 
 /// World → exported file: the shortest turn that brings the scene's `up` (unit length) to +Y, which
 /// glTF demands. The origin stays.
@@ -24,4 +24,4 @@ Pose T_file_world(Vec3d up);
 /// vertices. Errors: unsupported ending, empty scene, io.
 Status export_scene(const DecodedScene& scene, Vec3d up, const std::filesystem::path& file);
 
-}  // namespace mr::codec
+}  // namespace mr::model

@@ -1,4 +1,4 @@
-#include "mr/codec/gltf_model.h"
+#include "mr/model/gltf_model.h"
 
 #include <algorithm>
 #include <cmath>
@@ -21,7 +21,7 @@
 #define TINYGLTF_NO_FS
 #include <tiny_gltf.h>
 
-namespace mr::codec {
+namespace mr::model {
 namespace {
 
 constexpr std::uint32_t kMaxJsonBytes = 32u << 20;
@@ -526,4 +526,4 @@ Result<Model> read_glb(std::span<const std::byte> bytes) {
   }
 }
 
-}  // namespace mr::codec
+}  // namespace mr::model

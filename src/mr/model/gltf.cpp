@@ -2,11 +2,12 @@
 #include <nlohmann/json.hpp>
 #include <span>
 
-#include "mr/codec/mip_chain.h"
-#include "mr/codec/writers.h"
 #include "mr/kit/image_io.h"
+#include "mr/kit/srgb.h"
+#include "mr/model/mip_chain.h"
+#include "mr/model/writers.h"
 
-namespace mr::codec {
+namespace mr::model {
 namespace {
 
 using Json = nlohmann::ordered_json;
@@ -74,7 +75,7 @@ struct GltfBuilder {
     bytes.reserve(colors.size() * 8);
     for (const auto& color : colors) {
       for (const std::uint8_t c : color)
-        put(bytes, static_cast<std::uint16_t>(to_linear(c) * 65535 + 0.5f));
+        put(bytes, static_cast<std::uint16_t>(kit::to_linear(c) * 65535 + 0.5f));
       put(bytes, std::uint16_t{65535});
     }
     return add("accessors", {{"bufferView", add_bytes(bytes, kArrayBuffer)},
@@ -112,7 +113,7 @@ struct GltfBuilder {
   }
 
   int add_plain_material() {
-    const float linear = to_linear(kNeutralColor[0]);  // as factors are
+    const float linear = kit::to_linear(kNeutralColor[0]);  // as factors are
     return add_material("no view", {{"baseColorFactor", {linear, linear, linear, 1}}});
   }
 
@@ -184,4 +185,4 @@ Result<Bytes> to_glb(const std::vector<BakedPart>& parts, const Pictures& pictur
   return assemble(gltf.json.dump(), std::move(gltf.binary));
 }
 
-}  // namespace mr::codec
+}  // namespace mr::model

@@ -1,4 +1,4 @@
-#include "mr/codec/background.h"
+#include "mr/model/background.h"
 
 #include <gtest/gtest.h>
 #include <unistd.h>
@@ -9,24 +9,40 @@
 #include <random>
 #include <set>
 
-#include "mr/codec/export.h"
+#include "mr/codec/background_chunks.h"
 #include "mr/codec/mesh_codec.h"
 #include "mr/core/file.h"
 #include "mr/core/parallel.h"
 #include "mr/kit/image_io.h"
 #include "mr/kit/topology.h"
+#include "mr/model/export.h"
 #include "support/glb.h"
 #include "support/meshes.h"
 
-namespace mr::codec {
+namespace mr::model {
 namespace {
 
+using codec::decode_chunk;
 using Rgb = std::array<std::uint8_t, 3>;
 
 const Lattice kLattice{};
 constexpr double kChunk_m = 0.5;
 /// Turns glTF's +Y to the world's +Z.
 const Pose kUpright{{{1, 0, 0, 0, 0, -1, 0, 1, 0}}, {}};
+
+Result<std::vector<EncodedChunk>> encoded(const Result<ColoredMesh>& mesh, double chunk_m) {
+  if (!mesh) return mesh.error();
+  return codec::encode_background(*mesh, kLattice, chunk_m);
+}
+
+Result<std::vector<EncodedChunk>> encode_glb(std::span<const std::byte> glb, double chunk_m,
+                                             double max_edge_m, const Notice& notice = {}) {
+  return encoded(read_background(glb, {}, kLattice, max_edge_m, notice), chunk_m);
+}
+
+Result<std::vector<EncodedChunk>> encode_file(const BackgroundConfig& config, double max_edge_m) {
+  return encoded(load_background(config, kLattice, max_edge_m), kChunk_m);
+}
 
 std::vector<Chunk> decoded(const Result<std::vector<EncodedChunk>>& chunks,
                            const Lattice& lattice = kLattice) {
@@ -67,7 +83,7 @@ double longest_edge_m(const Mesh& mesh) {
 }
 
 Error::Cause cause_of(const std::vector<std::byte>& glb) {
-  const auto chunks = encode_background(glb, {}, kLattice, kChunk_m, 0.1);
+  const auto chunks = encode_glb(glb, kChunk_m, 0.1);
   EXPECT_FALSE(chunks);
   if (chunks) return Error::Cause::io;
   const std::string& message = chunks.error().message;
@@ -124,7 +140,7 @@ TEST_F(Background, WhatWeExportedComesBackInPlaceWithItsColours) {
   for (const auto& [up, T_world_model] : cases) {
     const DecodedScene scene = background_scene();
     ASSERT_TRUE(export_scene(scene, up, file_).ok());
-    const auto chunks = decoded(load_background({file_, T_world_model}, kLattice, kChunk_m, 0.05));
+    const auto chunks = decoded(encode_file({file_, T_world_model}, 0.05));
     const auto colors = colors_of(chunks);
     Box3f box;
     for (const auto& [p, color] : colors) {
@@ -146,18 +162,18 @@ TEST_F(Background, WhatWeExportedComesBackInPlaceWithItsColours) {
 
 TEST_F(Background, SurvivesItsOwnExport) {
   ASSERT_TRUE(export_scene(background_scene(), {0, 0, 1}, file_).ok());
-  const auto first = decoded(load_background({file_, kUpright}, kLattice, kChunk_m, 0.05));
+  const auto first = decoded(encode_file({file_, kUpright}, 0.05));
   DecodedScene scene;
   for (const Chunk& chunk : first) scene.chunks.push_back(std::make_shared<Chunk>(chunk));
   ASSERT_TRUE(export_scene(scene, {0, 0, 1}, file_).ok());
-  const auto second = decoded(load_background({file_, kUpright}, kLattice, kChunk_m, 0.05));
+  const auto second = decoded(encode_file({file_, kUpright}, 0.05));
   EXPECT_EQ(colors_of(second), colors_of(first)) << "positions and colours, to the last bit";
 }
 
 TEST_F(Background, PlyAndObjTakeItAlong) {
   const auto glb = test::glb_of(test::box({0, 0, 0}, {1, 1, 1}), {.factor = {1, 0.25f, 0}});
   DecodedScene scene;
-  for (Chunk& chunk : decoded(encode_background(glb, {}, kLattice, 5, 2)))
+  for (Chunk& chunk : decoded(encode_glb(glb, 5, 2)))
     scene.chunks.push_back(std::make_shared<Chunk>(std::move(chunk)));
   std::filesystem::path ply = file_, obj = file_;
   ply.replace_extension(".ply"), obj.replace_extension(".obj");
@@ -182,20 +198,20 @@ TEST_F(Background, PlyAndObjTakeItAlong) {
 TEST_F(Background, ChunksAreCutByTheGridAndWeldClosed) {
   const Mesh ball = test::sphere({0.1f, 0.2f, 0.3f}, 0.8f, 12);
   const auto glb = test::glb_of(ball);
-  const auto encoded = encode_background(glb, {}, kLattice, kChunk_m, 0.08);
-  ASSERT_TRUE(encoded) << encoded.error().message;
-  ASSERT_GT(encoded->size(), 8u);
-  for (std::size_t i = 0; i < encoded->size(); ++i) {
-    const EncodedChunk& chunk = (*encoded)[i];
+  const auto coded = encode_glb(glb, kChunk_m, 0.08);
+  ASSERT_TRUE(coded) << coded.error().message;
+  ASSERT_GT(coded->size(), 8u);
+  for (std::size_t i = 0; i < coded->size(); ++i) {
+    const EncodedChunk& chunk = (*coded)[i];
     EXPECT_EQ(chunk.key.id.source, kBackgroundSource);
     EXPECT_EQ(chunk.key.version, 1u);
     EXPECT_EQ(chunk.key.level, 0u);
     EXPECT_TRUE(chunk.views.empty());
     if (i > 0) {
-      EXPECT_LT((*encoded)[i - 1].key, chunk.key);
+      EXPECT_LT((*coded)[i - 1].key, chunk.key);
     }
   }
-  const auto chunks = decoded(encoded);
+  const auto chunks = decoded(coded);
   for (const Chunk& chunk : chunks)
     for (std::size_t t = 0; t < chunk.mesh.triangles.size(); ++t)
       for (int axis = 0; axis < 3; ++axis)
@@ -210,7 +226,7 @@ TEST_F(Background, ChunksAreCutByTheGridAndWeldClosed) {
 TEST_F(Background, NoEdgeIsLongerThanAskedFor) {
   const auto glb = test::glb_of(test::box({-1, -0.5f, 0}, {1, 0.5f, 0.02f}));
   for (const double max_edge_m : {1.0, 0.2, 0.03}) {
-    const auto chunks = decoded(encode_background(glb, {}, kLattice, 5, max_edge_m));
+    const auto chunks = decoded(encode_glb(glb, 5, max_edge_m));
     const Mesh mesh = joined(chunks);
     EXPECT_LE(longest_edge_m(mesh), max_edge_m);
     EXPECT_EQ(kit::count_boundary_edges(mesh), 0u);
@@ -220,8 +236,8 @@ TEST_F(Background, NoEdgeIsLongerThanAskedFor) {
 TEST_F(Background, IsCutMoreCoarselyRatherThanNotAtAll) {
   const auto glb = test::glb_of(test::grid({0, 0, 0}, {100, 0, 0}, {0, 100, 0}, 1, 1));
   std::vector<std::string> notices;
-  const auto chunks = encode_background(glb, {}, kLattice, 20, 0.01,
-                                        [&](const std::string& n) { notices.push_back(n); });
+  const auto chunks =
+      encode_glb(glb, 20, 0.01, [&](const std::string& n) { notices.push_back(n); });
   ASSERT_TRUE(chunks) << chunks.error().message;
   std::size_t triangles = 0;
   for (const EncodedChunk& chunk : *chunks) triangles += chunk.triangles;
@@ -234,8 +250,8 @@ TEST_F(Background, IsCutMoreCoarselyRatherThanNotAtAll) {
 TEST_F(Background, IsTheSameOnAnyNumberOfThreads) {
   const auto glb = test::glb_of(test::sphere({}, 1, 20), {.picture = ramp(300, 200)});
   Result<std::vector<EncodedChunk>> one = Error{}, eight = Error{};
-  Arena(1).run([&] { one = encode_background(glb, {}, kLattice, kChunk_m, 0.03); });
-  Arena(8).run([&] { eight = encode_background(glb, {}, kLattice, kChunk_m, 0.03); });
+  Arena(1).run([&] { one = encode_glb(glb, kChunk_m, 0.03); });
+  Arena(8).run([&] { eight = encode_glb(glb, kChunk_m, 0.03); });
   ASSERT_TRUE(one && eight);
   EXPECT_EQ(*one, *eight);
 }
@@ -249,7 +265,7 @@ TEST_F(Background, NodesPlaceScaleTurnAndMirror) {
     {"mesh": 0, "scale": [2, 2, 2], "rotation": [0, 0, 0.7071067811865476, 0.7071067811865476]},
     {"mesh": 0, "matrix": [-1,0,0,0, 0,1,0,0, 0,0,1,0, 3,0,1,1]}])");
   const auto glb = test::glb_of(square, {.nodes = nodes});
-  const Mesh mesh = joined(decoded(encode_background(glb, {}, kLattice, 50, 10)));
+  const Mesh mesh = joined(decoded(encode_glb(glb, 50, 10)));
   ASSERT_EQ(mesh.triangles.size(), 4u);
   Box3f turned, mirrored;
   for (const Vec3f p : mesh.positions) (p.z == 5 ? turned : mirrored).add(p);
@@ -267,7 +283,7 @@ TEST_F(Background, ColoursAreTheProductOfAll) {
   const Vec3f half{0.5f, 1, 0.25f};
   const auto glb = test::glb_of(
       square, {.picture = white, .factor = {0.5f, 0.5f, 1}, .colors = {half, half, half, half}});
-  for (const auto& [p, color] : colors_of(decoded(encode_background(glb, {}, kLattice, 50, 0.3)))) {
+  for (const auto& [p, color] : colors_of(decoded(encode_glb(glb, 50, 0.3)))) {
     EXPECT_EQ(color, (Rgb{137, 188, 137})) << "sRGB of 0.25, 0.5, 0.25";
   }
 }
@@ -278,7 +294,7 @@ TEST_F(Background, FineTexturesAreAveragedNotAliased) {
     for (int x = 0; x < 512; ++x) std::memset(stripes.at(x, y), x % 2 ? 255 : 0, 3);
   const auto glb =
       test::glb_of(test::grid({0, 0, 0}, {1, 0, 0}, {0, 1, 0}, 1, 1), {.picture = stripes});
-  for (const auto& [p, color] : colors_of(decoded(encode_background(glb, {}, kLattice, 50, 0.1))))
+  for (const auto& [p, color] : colors_of(decoded(encode_glb(glb, 50, 0.1))))
     EXPECT_NEAR(color[0], 188, 1) << "half the light";
 }
 
@@ -291,7 +307,7 @@ TEST_F(Background, CoordinatesOutsideThePictureWrapAsTheSamplerSays) {
   for (const auto& [wrap, want] : expected) {
     // u runs from 0 to 2 along the strip; each metre is half a picture.
     const auto glb = test::glb_of(strip, {.picture = quarters, .wrap = wrap, .u_scale = 2});
-    const auto colors = colors_of(decoded(encode_background(glb, {}, kLattice, 50, 1)));
+    const auto colors = colors_of(decoded(encode_glb(glb, 50, 1)));
     for (int i = 0; i < 4; ++i) {
       const auto at = colors.find({0.5f + static_cast<float>(i), 0, 0});
       ASSERT_NE(at, colors.end());
@@ -303,7 +319,7 @@ TEST_F(Background, CoordinatesOutsideThePictureWrapAsTheSamplerSays) {
 TEST_F(Background, TrianglesNeedNoIndices) {
   const Mesh square = test::grid({0, 0, 0}, {1, 0, 0}, {0, 1, 0}, 1, 1);
   const auto glb = test::glb_of(square, {.indexed = false});
-  const Mesh mesh = joined(decoded(encode_background(glb, {}, kLattice, 50, 10)));
+  const Mesh mesh = joined(decoded(encode_glb(glb, 50, 10)));
   EXPECT_EQ(mesh.triangles.size(), 2u);
   EXPECT_EQ(mesh.positions.size(), 4u);
 }
@@ -377,23 +393,23 @@ TEST_F(Background, EveryTruncationIsAnErrorAndCorruptionNeverCrashes) {
     auto bad = good;
     for (int flips = 1 + static_cast<int>(random() % 3); flips > 0; --flips)
       bad[random() % bad.size()] = static_cast<std::byte>(random() % 256);
-    const auto chunks = encode_background(bad, {}, kLattice, kChunk_m, 0.5);
+    const auto chunks = encode_glb(bad, kChunk_m, 0.5);
     if (chunks) ++survived;
   }
   EXPECT_GT(survived, 0);
 }
 
 TEST_F(Background, ErrorsNameTheFile) {
-  const auto missing = load_background({file_, {}}, kLattice, kChunk_m, 0.1);
+  const auto missing = encode_file({file_, {}}, 0.1);
   ASSERT_FALSE(missing);
   EXPECT_EQ(missing.error().cause, Error::Cause::not_found);
   EXPECT_NE(missing.error().message.find(file_.string()), std::string::npos);
   ASSERT_TRUE(write_file(file_, "no model").ok());
-  const auto wrong = load_background({file_, {}}, kLattice, kChunk_m, 0.1);
+  const auto wrong = encode_file({file_, {}}, 0.1);
   ASSERT_FALSE(wrong);
   EXPECT_EQ(wrong.error().cause, Error::Cause::corrupt);
   EXPECT_NE(wrong.error().message.find(file_.string()), std::string::npos);
 }
 
 }  // namespace
-}  // namespace mr::codec
+}  // namespace mr::model

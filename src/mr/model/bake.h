@@ -10,7 +10,7 @@
 #include "mr/core/decoded_scene.h"
 #include "mr/core/result.h"
 
-namespace mr::codec {
+namespace mr::model {
 
 /// The triangles that one texture stream colours, or their vertices do, as other tools take them.
 struct BakedPart {
@@ -41,4 +41,4 @@ Pictures shown_textures(const DecodedScene& scene);
 /// The colour at a texture coordinate, bilinear, clamped to the picture's edge.
 std::array<std::uint8_t, 3> sample(const ImageRgb& picture, Vec2f uv);
 
-}  // namespace mr::codec
+}  // namespace mr::model

@@ -1,4 +1,4 @@
-#include "mr/codec/export.h"
+#include "mr/model/export.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -14,12 +14,12 @@
 #include <nlohmann/json.hpp>
 #include <sstream>
 
-#include "mr/codec/bake.h"
 #include "mr/core/file.h"
 #include "mr/kit/image_io.h"
+#include "mr/model/bake.h"
 #include "support/meshes.h"
 
-namespace mr::codec {
+namespace mr::model {
 namespace {
 
 using Json = nlohmann::json;
@@ -575,4 +575,4 @@ TEST_F(Export, AFullDiskLeavesNothingBehind) {
 }
 
 }  // namespace
-}  // namespace mr::codec
+}  // namespace mr::model

@@ -1,4 +1,4 @@
-#include "mr/codec/export.h"
+#include "mr/model/export.h"
 
 #include <algorithm>
 #include <cctype>
@@ -6,10 +6,10 @@
 #include <string>
 #include <system_error>
 
-#include "mr/codec/writers.h"
 #include "mr/core/file.h"
+#include "mr/model/writers.h"
 
-namespace mr::codec {
+namespace mr::model {
 namespace {
 
 std::string ending(const std::filesystem::path& file) {
@@ -88,4 +88,4 @@ Status export_scene(const DecodedScene& scene, Vec3d up, const std::filesystem::
   return write_all(file, *files);
 }
 
-}  // namespace mr::codec
+}  // namespace mr::model

@@ -12,7 +12,7 @@
 #include "mr/core/result.h"
 
 /// Reading glTF for background.h; private to the module.
-namespace mr::codec {
+namespace mr::model {
 
 /// What a picture shows beyond its edges.
 enum class Wrap : std::uint8_t { repeat, mirror, clamp };
@@ -44,4 +44,4 @@ inline constexpr std::size_t kMaxModelTriangles = 2'000'000;
 /// strips and fans, sparse or compressed data).
 Result<Model> read_glb(std::span<const std::byte> bytes);
 
-}  // namespace mr::codec
+}  // namespace mr::model

@@ -1,8 +1,8 @@
 #include <cstdint>
 
-#include "mr/codec/writers.h"
+#include "mr/model/writers.h"
 
-namespace mr::codec {
+namespace mr::model {
 namespace {
 
 /// How the vertices were turned, for those who want them back in the world.
@@ -48,4 +48,4 @@ Result<Bytes> to_ply(const std::vector<BakedPart>& parts, const Pictures& pictur
   return out;
 }
 
-}  // namespace mr::codec
+}  // namespace mr::model

@@ -9,11 +9,11 @@
 #include <type_traits>
 #include <vector>
 
-#include "mr/codec/bake.h"
 #include "mr/core/pose.h"
+#include "mr/model/bake.h"
 
 /// The file formats of export.h, each from baked parts; private to the module.
-namespace mr::codec {
+namespace mr::model {
 
 /// Colour of what has no texture.
 inline constexpr std::array<std::uint8_t, 3> kNeutralColor{176, 176, 176};
@@ -59,4 +59,4 @@ inline void put_text(Bytes& out, const std::string& text) {
   out.insert(out.end(), first, first + text.size());
 }
 
-}  // namespace mr::codec
+}  // namespace mr::model

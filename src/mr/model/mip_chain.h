@@ -3,15 +3,11 @@
 #include <array>
 #include <vector>
 
-#include "mr/codec/gltf_model.h"
 #include "mr/core/image.h"
+#include "mr/model/gltf_model.h"
 
-/// Textures and linear colours for background.h and the writers; private to the module.
-namespace mr::codec {
-
-/// sRGB's curve: linear 0..1 of each byte, and back to the nearest one.
-float to_linear(std::uint8_t srgb);
-std::array<std::uint8_t, 3> to_srgb(Vec3f linear);
+/// Textures for background.h and the writers; private to the module.
+namespace mr::model {
 
 /// A picture at full size, half, a quarter … down to a single pixel.
 class MipChain {
@@ -30,4 +26,4 @@ class MipChain {
   std::vector<ImageRgb> levels_;  ///< sRGB
 };
 
-}  // namespace mr::codec
+}  // namespace mr::model

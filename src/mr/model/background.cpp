@@ -1,24 +1,20 @@
-#include "mr/codec/background.h"
+#include "mr/model/background.h"
 
 #include <algorithm>
-#include <bit>
 #include <cmath>
 #include <cstdio>
 #include <map>
 #include <optional>
 
-#include "mr/codec/gltf_model.h"
-#include "mr/codec/mesh_codec.h"
-#include "mr/codec/mip_chain.h"
+#include "mr/core/assert.h"
 #include "mr/core/file.h"
 #include "mr/core/parallel.h"
 #include "mr/kit/topology.h"
+#include "mr/model/gltf_model.h"
+#include "mr/model/mip_chain.h"
 
-namespace mr::codec {
+namespace mr::model {
 namespace {
-
-constexpr std::size_t kMaxChunks = 32768;  // half of what a manifest may hold
-constexpr int kMeshSpeed = 2;              // coded once, sent to everybody
 
 /// A part of the model in the world.
 struct Surface {
@@ -26,14 +22,6 @@ struct Surface {
   std::vector<Vec2f> uvs;     ///< [V] or empty
   std::vector<Vec3f> colors;  ///< [V] linear, or empty
 };
-
-/// A mesh with linear colours, or with those that are sent.
-template <typename Color>
-struct Colored {
-  Mesh mesh;
-  std::vector<Color> colors;  ///< [V]
-};
-using Rgb = std::array<std::uint8_t, 3>;
 
 Result<Surface> place(const ModelPart& part, const Pose& T_world_model, const Lattice& lattice) {
   Surface out{{}, part.uvs, part.colors};
@@ -151,9 +139,9 @@ std::vector<Vec3f> paint(const Surface& surface, const ModelPart& part, const Mi
 }
 
 /// Paints all surfaces and puts them into one mesh, unwelded.
-Colored<Vec3f> paint_all(const std::vector<Surface>& surfaces, Model& model) {
+ColoredMesh paint_all(const std::vector<Surface>& surfaces, Model& model) {
   std::map<std::size_t, MipChain> mips;
-  Colored<Vec3f> out;
+  ColoredMesh out;
   for (std::size_t i = 0; i < surfaces.size(); ++i) {
     const ModelPart& part = model.parts[i];
     const MipChain* chain = nullptr;
@@ -169,96 +157,21 @@ Colored<Vec3f> paint_all(const std::vector<Surface>& surfaces, Model& model) {
   return out;
 }
 
-/// Puts the mesh on the lattice; vertices that meet there get the mean of their colours.
-Result<Colored<Rgb>> snap(const Colored<Vec3f>& in, const Lattice& lattice) {
-  auto snapped = snap_vertices(in.mesh, lattice);
-  if (!snapped) return snapped.error();
-  Colored<Rgb> out{std::move(snapped->mesh), {}};
-  std::vector<Vec3f> sum(out.mesh.positions.size());
-  std::vector<float> count(sum.size());
-  for (std::size_t v = 0; v < in.colors.size(); ++v) {
-    const std::uint32_t to = snapped->vertex_of[v];
-    if (to != Snapped::kGone) sum[to] += in.colors[v], count[to] += 1;
-  }
-  out.colors.reserve(sum.size());
-  for (std::size_t v = 0; v < sum.size(); ++v) out.colors.push_back(to_srgb(sum[v] / count[v]));
-  return out;
-}
-
-// --- chunks
-
-/// The triangles by the cube that holds their centroid.
-std::map<Vec3i, std::vector<std::uint32_t>> by_cube(const Mesh& mesh, double chunk_m) {
-  const auto cell = [&](float v) { return static_cast<std::int32_t>(std::floor(v / chunk_m)); };
-  std::map<Vec3i, std::vector<std::uint32_t>> out;
-  for (std::uint32_t t = 0; t < mesh.triangles.size(); ++t) {
-    const Vec3f c = mesh.centroid(t);
-    out[{cell(c.x), cell(c.y), cell(c.z)}].push_back(t);
-  }
-  return out;
-}
-
-std::vector<Chunk> split(const Colored<Rgb>& in, double chunk_m) {
-  std::vector<Chunk> out;
-  std::vector<std::uint32_t> number(in.mesh.positions.size()), chunk_of(number.size());
-  for (const auto& [cube, triangles] : by_cube(in.mesh, chunk_m)) {
-    Chunk& chunk = out.emplace_back();
-    chunk.key = {{cube, kBackgroundSource}, 0, 1};
-    for (const std::uint32_t t : triangles) {
-      Triangle triangle = in.mesh.triangles[t];
-      for (std::uint32_t& v : triangle) {
-        if (chunk_of[v] != out.size()) {
-          chunk_of[v] = static_cast<std::uint32_t>(out.size());
-          number[v] = static_cast<std::uint32_t>(chunk.mesh.positions.size());
-          chunk.mesh.positions.push_back(in.mesh.positions[v]);
-          chunk.colors.push_back(in.colors[v]);
-        }
-        v = number[v];
-      }
-      chunk.mesh.triangles.push_back(triangle);
-    }
-    chunk.mesh.runs = {{0, static_cast<std::uint32_t>(triangles.size()), kNoView}};
-  }
-  return out;
-}
-
-Result<std::vector<EncodedChunk>> encode(const std::vector<Chunk>& chunks, const Lattice& lattice) {
-  if (chunks.empty()) return Error{Error::Cause::empty, "it has no triangles"};
-  if (chunks.size() > kMaxChunks)
-    return Error{Error::Cause::too_large, "it fills " + std::to_string(chunks.size()) +
-                                              " cubes, at most " + std::to_string(kMaxChunks)};
-  std::vector<std::optional<Result<EncodedChunk>>> coded(chunks.size());
-  parallel_for(chunks.size(), 1, [&](std::size_t begin, std::size_t end) {
-    for (std::size_t i = begin; i < end; ++i)
-      coded[i] = encode_chunk(chunks[i], lattice, kMeshSpeed);
-  });
-  std::vector<EncodedChunk> out;
-  for (auto& chunk : coded) {
-    if (!chunk->ok()) return chunk->error();
-    out.push_back(**std::move(chunk));
-  }
-  return out;
-}
-
 }  // namespace
 
-Result<std::vector<EncodedChunk>> load_background(const BackgroundConfig& config,
-                                                  const Lattice& lattice, double chunk_m,
-                                                  double max_edge_m, const Notice& notice) {
+Result<ColoredMesh> load_background(const BackgroundConfig& config, const Lattice& lattice,
+                                    double max_edge_m, const Notice& notice) {
   const auto bytes = read_file(config.model, kMaxModelBytes);
   if (!bytes) return bytes.error();
-  auto chunks =
-      encode_background(*bytes, config.T_world_model, lattice, chunk_m, max_edge_m, notice);
-  if (!chunks)
-    return Error{chunks.error().cause, config.model.string() + ": " + chunks.error().message};
-  return chunks;
+  auto mesh = read_background(*bytes, config.T_world_model, lattice, max_edge_m, notice);
+  if (!mesh) return Error{mesh.error().cause, config.model.string() + ": " + mesh.error().message};
+  return mesh;
 }
 
-Result<std::vector<EncodedChunk>> encode_background(std::span<const std::byte> glb,
-                                                    const Pose& T_world_model,
-                                                    const Lattice& lattice, double chunk_m,
-                                                    double max_edge_m, const Notice& notice) {
-  MR_ASSERT(chunk_m > 0 && max_edge_m > 0);
+Result<ColoredMesh> read_background(std::span<const std::byte> glb, const Pose& T_world_model,
+                                    const Lattice& lattice, double max_edge_m,
+                                    const Notice& notice) {
+  MR_ASSERT(max_edge_m > 0);
   auto model = read_glb(glb);
   if (!model) return model.error();
   std::vector<Surface> surfaces;
@@ -268,9 +181,7 @@ Result<std::vector<EncodedChunk>> encode_background(std::span<const std::byte> g
     surfaces.push_back(std::move(*surface));
   }
   surfaces = cut_within_limits(surfaces, lattice, max_edge_m, notice);
-  const auto mesh = snap(paint_all(surfaces, *model), lattice);
-  if (!mesh) return mesh.error();
-  return encode(split(*mesh, chunk_m), lattice);
+  return paint_all(surfaces, *model);
 }
 
-}  // namespace mr::codec
+}  // namespace mr::model
