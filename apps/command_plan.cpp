@@ -5,6 +5,7 @@
 #include <nlohmann/json.hpp>
 
 #include "commands.h"
+#include "mr/cli/progress.h"
 #include "mr/core/file.h"
 #include "mr/core/parallel.h"
 #include "mr/node/sources.h"
@@ -12,7 +13,6 @@
 #include "mr/planner/scene_text.h"
 #include "mr/synth/room.h"
 #include "output.h"
-#include "progress.h"
 
 namespace mr::apps {
 namespace {
@@ -43,7 +43,7 @@ double triangles_of(const Outcome& outcome) {
 
 Result<Outcome> make(const Scene& scene, const PlanOptions& options) {
   Outcome out;
-  ProgressBar bar;
+  cli::ProgressBar bar;
   out.samples.resize(scene.sensors.size());
   out.looked = "10,000 each, in all of their frusta";
   if (!options.no_frames) {

@@ -8,9 +8,9 @@
 #include <chrono>
 #include <cstdio>
 
-#include "command_line.h"
 #include "mr/baseline/ply_points.h"
 #include "mr/baseline/run_baseline.h"
+#include "mr/cli/command_line.h"
 #include "mr/core/file.h"
 #include "mr/core/parallel.h"
 #include "mr/kit/image_io.h"
@@ -108,12 +108,12 @@ Result<RunOutcome> run_other(const Scene& scene, int frames, const runtime::RunL
 
 int fail(const std::string& message) {
   fmt::print(stderr, "meshreduce: {}\n", message);
-  return kFailed;
+  return cli::kFailed;
 }
 
 int misuse(const std::string& message) {
   fail(message);
-  return kMisused;
+  return cli::kMisused;
 }
 
 int refused(const Error& error) {

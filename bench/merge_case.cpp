@@ -149,7 +149,7 @@ kit::Part part_of(const Scene& scene, std::uint32_t sensor, Frame frame, std::si
 /// The parts of some sensors' first frames.
 Message parts_of(const Scene& scene, const std::vector<std::uint32_t>& wanted,
                  std::size_t triangles) {
-  apps::ProgressBar bar;
+  cli::ProgressBar bar;
   Message out = Message::array();
   Arena arena(0);
   arena.run([&] {

@@ -10,7 +10,7 @@
 #include <vector>
 
 /// Keeps the order of docs/architecture.md: core < yaml < kit < stages < scene < node < planner <
-/// gateway < runtime < baseline < eval < apps.
+/// gateway < runtime < baseline < eval < cli < apps.
 namespace {
 
 /// A file's text by its path from the repository's root.
@@ -23,9 +23,9 @@ const std::set<std::string> kStages = {"sensor",   "synth",  "still", "calib", "
 /// Layer of a module, from the ground up; -1 when the design does not know it.
 int layer(const std::string& module) {
   if (kStages.contains(module)) return 3;
-  const std::vector<std::string> order = {"core",    "yaml",     "kit",     "",
-                                          "scene",   "node",     "planner", "gateway",
-                                          "runtime", "baseline", "eval",    "apps"};
+  const std::vector<std::string> order = {"core", "yaml",    "kit",     "",        "scene",
+                                          "node", "planner", "gateway", "runtime", "baseline",
+                                          "eval", "cli",     "apps"};
   const auto at = std::find(order.begin(), order.end(), module);
   return module.empty() || at == order.end() ? -1 : static_cast<int>(at - order.begin());
 }

@@ -1,4 +1,4 @@
-#include "progress.h"
+#include "mr/cli/progress.h"
 
 #include <fmt/format.h>
 #include <unistd.h>
@@ -6,7 +6,7 @@
 #include <cstdio>
 #include <utility>
 
-namespace mr::apps {
+namespace mr::cli {
 namespace {
 
 using Seconds = std::chrono::duration<double>;
@@ -49,4 +49,4 @@ void ProgressBar::hide() {
   if (std::exchange(shown_, false)) std::fputs("\r\x1b[K", stderr);
 }
 
-}  // namespace mr::apps
+}  // namespace mr::cli

@@ -4,7 +4,7 @@
 #include <cstddef>
 #include <string>
 
-namespace mr::apps {
+namespace mr::cli {
 
 /// "stream [=====>    ] 12/90, 1 min 20 s left" on stderr once two seconds have passed: one line
 /// that changes on a terminal, else a new line every half minute. Gone when it goes out of scope.
@@ -26,4 +26,4 @@ class ProgressBar {
   bool shown_ = false;
 };
 
-}  // namespace mr::apps
+}  // namespace mr::cli

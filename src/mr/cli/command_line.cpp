@@ -1,4 +1,4 @@
-#include "command_line.h"
+#include "mr/cli/command_line.h"
 
 #include <fmt/format.h>
 
@@ -11,7 +11,7 @@
 
 #include "mr/core/words.h"
 
-namespace mr::apps {
+namespace mr::cli {
 namespace {
 
 std::vector<std::string> commands_of(const CLI::App& app) {
@@ -112,4 +112,4 @@ ExitCode parse_and_run(CLI::App& app, int argc, const char* const* argv) {
   }
 }
 
-}  // namespace mr::apps
+}  // namespace mr::cli

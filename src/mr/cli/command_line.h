@@ -6,7 +6,7 @@
 #include <string>
 
 /// What `meshreduce` and `mr-bench` share about how they are called.
-namespace mr::apps {
+namespace mr::cli {
 
 /// docs/command-line.md. A process that a signal ends has 128 + its number, as in any shell.
 enum ExitCode : int {
@@ -25,4 +25,4 @@ std::optional<std::string> unknown_word(const CLI::App& app, std::span<const std
 /// of the work, or kMisused; the callback reports its own exit code elsewhere.
 ExitCode parse_and_run(CLI::App& app, int argc, const char* const* argv);
 
-}  // namespace mr::apps
+}  // namespace mr::cli
