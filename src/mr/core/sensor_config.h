@@ -27,6 +27,10 @@ struct SensorConfig {
   /// Items whose pose file is missing or cannot be used, and why: their frames are lost. In
   /// T_world_depth they have a neighbour's.
   std::map<std::size_t, Error> lost_poses{};
+
+  static constexpr Range kDepth_m{0, 1000}, kClockOffset_ms{-1e7, 1e7};
+  /// What is impossible in it, a line each.
+  std::vector<std::string> problems() const;
   friend bool operator==(const SensorConfig&, const SensorConfig&) = default;
 };
 

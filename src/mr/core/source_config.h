@@ -55,6 +55,10 @@ class SourceConfig {
   std::string_view type() const { return held_ ? held_->type() : "none"; }
   SourceContent content() const { return held_ ? held_->content() : SourceContent{}; }
 
+  /// What is impossible in it, a line each (`problems()` of the config).
+  std::vector<std::string> problems() const {
+    return held_ ? held_->problems() : std::vector<std::string>{"there is none"};
+  }
   /// The files that its frames are read from; empty for types without a list of them
   /// (`files()` of the config).
   std::vector<std::filesystem::path> files() const {
@@ -77,6 +81,7 @@ class SourceConfig {
     virtual bool equals(const Holder& other) const = 0;
     virtual std::string_view type() const = 0;
     virtual SourceContent content() const = 0;
+    virtual std::vector<std::string> problems() const = 0;
     virtual std::vector<std::filesystem::path> files() const = 0;
     virtual std::optional<std::string> depth_hint(double median_m) const = 0;
   };
@@ -91,6 +96,12 @@ class SourceConfig {
     }
     std::string_view type() const override { return T::kType; }
     SourceContent content() const override { return config.content(); }
+    std::vector<std::string> problems() const override {
+      if constexpr (requires { config.problems(); })
+        return config.problems();
+      else
+        return {};
+    }
     std::vector<std::filesystem::path> files() const override {
       if constexpr (requires { config.files(); })
         return config.files();

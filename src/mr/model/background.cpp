@@ -159,6 +159,14 @@ ColoredMesh paint_all(const std::vector<Surface>& surfaces, Model& model) {
 
 }  // namespace
 
+std::vector<std::string> BackgroundConfig::problems() const {
+  std::vector<std::string> out;
+  if (model.extension() != ".glb") out.push_back("model must be a binary glTF file (.glb)");
+  for (const double v : T_world_model.matrix())
+    if (!std::isfinite(v)) return out.push_back("T_world_model must hold finite numbers"), out;
+  return out;
+}
+
 Result<ColoredMesh> load_background(const BackgroundConfig& config, const Lattice& lattice,
                                     double max_edge_m, const Notice& notice) {
   const auto bytes = read_file(config.model, kMaxModelBytes);

@@ -5,6 +5,7 @@
 #include <functional>
 #include <span>
 #include <string>
+#include <vector>
 
 #include "mr/core/colored_mesh.h"
 #include "mr/core/lattice.h"
@@ -17,6 +18,9 @@ namespace mr::model {
 struct BackgroundConfig {
   std::filesystem::path model;  ///< .glb
   Pose T_world_model;
+
+  /// What is impossible in it, a line each.
+  std::vector<std::string> problems() const;
   friend bool operator==(const BackgroundConfig&, const BackgroundConfig&) = default;
 };
 

@@ -38,9 +38,16 @@ Result<std::vector<EncodedChunk>> open_background(
 }
 
 Result<Scene> prepare_scene(Scene scene) {
-  if (scene.rig && scene.sensors.empty()) scene.sensors = synth::rig_sensors(*scene.rig);
-  if (scene.sensors.empty() || scene.mergers.empty())
+  if ((!scene.rig && scene.sensors.empty()) || scene.mergers.empty())
     return Error{Error::Cause::empty, "scene '" + scene.id + "' has no sensors"};
+  const auto problems = scene.problems();
+  if (!problems.empty())
+    return Error{Error::Cause::invalid,
+                 "scene '" + scene.id + "': " + problems.front() +
+                     (problems.size() == 1
+                          ? ""
+                          : " (and " + std::to_string(problems.size() - 1) + " more problems)")};
+  if (scene.rig && scene.sensors.empty()) scene.sensors = synth::rig_sensors(*scene.rig);
   return scene;
 }
 

@@ -29,7 +29,8 @@ std::vector<std::unique_ptr<FrameSource>> open_sources(
 Result<std::vector<EncodedChunk>> open_background(
     const Scene& scene, const std::function<void(const std::string&)>& notice = {});
 
-/// A scene whose rig, if it has one, is turned into its sensors. empty: it has none.
+/// A scene whose rig, if it has one, is turned into its sensors. empty: it has none. invalid: the
+/// first of its problems(); a scene that load_scene() accepts has none.
 Result<Scene> prepare_scene(Scene scene);
 
 }  // namespace mr::node

@@ -112,7 +112,7 @@ void read_cameras(MapReader& map, SensorConfig& sensor, std::optional<bool> sour
 
 void read_depth_figures(MapReader& map, SensorConfig& sensor) {
   double range[2];
-  if (map.numbers("depth_range_m", {0, 1000}, range)) {
+  if (map.numbers("depth_range_m", SensorConfig::kDepth_m, range)) {
     if (range[0] < range[1])
       sensor.depth_near_m = range[0], sensor.depth_far_m = range[1];
     else
@@ -121,10 +121,10 @@ void read_depth_figures(MapReader& map, SensorConfig& sensor) {
   }
   if (const yaml::Node* node = map.find("precision")) {
     MapReader precision(map.report, *node, "precision");
-    precision.number("base_m", sensor.precision.base_m, {0, 1, true});
-    precision.number("per_m2", sensor.precision.per_m2, {0, 1});
+    precision.number("base_m", sensor.precision.base_m, Precision::kBase_m);
+    precision.number("per_m2", sensor.precision.per_m2, Precision::kPer_m2);
   }
-  map.number("clock_offset_ms", sensor.clock_offset_ms, {-1e7, 1e7});
+  map.number("clock_offset_ms", sensor.clock_offset_ms, SensorConfig::kClockOffset_ms);
 }
 
 SensorConfig read_sensor(Report& report, const yaml::Node& node, std::vector<NodeName>& names) {
@@ -162,7 +162,7 @@ std::optional<Camera> read_camera(Report& report, const yaml::Node& node, const 
                                        {"equirectangular", CameraModel::equirectangular},
                                        {"lidar", CameraModel::lidar}});
   const bool pinhole = camera.model == CameraModel::pinhole;
-  good &= map.need("size") && map.size("size", 1, 16384, camera.width, camera.height);
+  good &= map.need("size") && map.size("size", {1, 16384}, camera.width, camera.height);
   const auto intrinsic = [&](const char* key, double& out, Range range) {
     if (pinhole && !map.need(key)) return false;
     return map.number(key, out, range) || !pinhole;

@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "mr/core/frame_source.h"
+#include "mr/core/range.h"
 #include "mr/core/sensor_config.h"
 #include "mr/sensor/source_registry.h"
 
@@ -24,6 +25,11 @@ struct RgbdImagesSource {
   std::vector<std::uint16_t> invalid{0};     ///< counts that mean "no depth"
   bool loop = false;                         ///< start again after the last
 
+  static constexpr Range kDepthUnit_m{0, 1, true};
+  /// What is impossible in it, a line each.
+  std::vector<std::string> problems() const {
+    return out_of_range({{"depth_unit_m", depth_unit_m, kDepthUnit_m}});
+  }
   SourceContent content() const { return {depth.size(), loop}; }
   std::vector<std::filesystem::path> files() const;
   /// What a wrong unit looks like: no median of a room.

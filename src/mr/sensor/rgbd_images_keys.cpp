@@ -45,7 +45,7 @@ void read_invalid_counts(MapReader& map, std::vector<std::uint16_t>& out) {
 SourceKeys read_rgbd_images(MapReader& map, const std::string& key) {
   RgbdImagesSource images;
   read_files(map, key, images);
-  map.number("depth_unit_m", images.depth_unit_m, {0, 1, true});
+  map.number("depth_unit_m", images.depth_unit_m, RgbdImagesSource::kDepthUnit_m);
   read_invalid_counts(map, images.invalid);
   map.flag("loop", images.loop);
   return {std::move(images), map.has("color")};
