@@ -214,7 +214,14 @@ class SceneSchema : public testing::Test {
     for (const char* yaml : {kImages, kRig, kLidar}) bases_.push_back(json_of(yaml));
   }
 
-  SceneResult read(const Json& scene) { return parse_scene(scene.dump(), dir_ / "scene.yaml"); }
+  /// What the reader accepts, the configs' own problems() must accept, too.
+  SceneResult read(const Json& scene) {
+    SceneResult result = parse_scene(scene.dump(), dir_ / "scene.yaml");
+    if (result.problems.empty()) {
+      EXPECT_THAT(result.scene.problems(), testing::IsEmpty()) << scene.dump();
+    }
+    return result;
+  }
 
   static bool is_beyond_schema(const SceneProblem& problem) {
     return std::any_of(std::begin(kBeyondSchema), std::end(kBeyondSchema),

@@ -46,11 +46,12 @@ struct MergerConfig {
 
 struct LinkConfig {
   std::string from, to;
-  double limit_mbps = 0;
+  double limit_mbps = 0;  ///< 0: no limit is known
 
   static constexpr Range kLimit_mbps{0, 1e6, true};
   /// What is impossible in it, a line each.
   std::vector<std::string> problems() const {
+    if (limit_mbps == 0) return {};
     return out_of_range({{"limit_mbps", limit_mbps, kLimit_mbps}});
   }
   friend bool operator==(const LinkConfig&, const LinkConfig&) = default;
