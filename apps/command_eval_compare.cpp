@@ -47,7 +47,7 @@ struct Table {
 
 /// All pipelines of one scene; the reference's picture first.
 Status compare_scene(const Scene& scene, const CompareOptions& options, Table& table) {
-  ProgressBar bar;
+  cli::ProgressBar bar;
   const eval::QualityConfig config = quality_config(options, bar);
   const auto trial = eval::Trial::prepare(scene, config);
   if (!trial) return trial.error();

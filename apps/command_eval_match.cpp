@@ -25,7 +25,7 @@ struct Matches {
 };
 
 Result<Matches> match_all(const Scene& scene, const MatchOptions& options) {
-  ProgressBar bar;
+  cli::ProgressBar bar;
   const eval::QualityConfig config = quality_config(options, bar);
   const auto trial = eval::Trial::prepare(scene, config);
   if (!trial) return trial.error();

@@ -55,7 +55,7 @@ std::string draw(const Swept& swept, const Scene& scene) {
 }
 
 Result<Swept> sweep_scene(const Scene& scene, const RdOptions& options) {
-  ProgressBar bar;
+  cli::ProgressBar bar;
   const eval::QualityConfig config = quality_config(options, bar);
   const auto trial = eval::Trial::prepare(scene, config);
   if (!trial) return trial.error();

@@ -74,7 +74,7 @@ int measure_scene(const SsimOptions& options) {
   if (!options.pipeline.empty()) scene->pipeline = options.pipeline;
   int code = 0;
   in_arena(options, *scene, [&] {
-    ProgressBar bar;
+    cli::ProgressBar bar;
     const eval::QualityConfig config = quality_config(options, bar);
     const auto trial = eval::Trial::prepare(*scene, config);
     if (!trial) return void(code = fail(trial.error().message));

@@ -25,7 +25,7 @@ int measure_still(const StillOptions& options) {
                 "': only the pipeline meshreduce has a still surface, not " + scene->pipeline);
   int code = 0;
   in_arena(options, *scene, [&] {
-    ProgressBar bar;
+    cli::ProgressBar bar;
     eval::QualityConfig quality = quality_config(options, bar);
     quality.reference = eval::ReferenceKind::truth;
     const auto trial = eval::Trial::prepare(*scene, quality);

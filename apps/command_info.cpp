@@ -27,16 +27,6 @@ struct InfoOptions {
   std::optional<bool> pictures;  ///< nothing: those of files, not those that must be rendered
 };
 
-std::string source_name(const SensorConfig& sensor) {
-  return std::holds_alternative<SyntheticSource>(sensor.source) ? "synthetic" : "rgbd-images";
-}
-
-/// Number of frames before the source ends or repeats; 0: endless.
-std::size_t item_count(const SensorConfig& sensor) {
-  const auto* images = std::get_if<RgbdImagesSource>(&sensor.source);
-  return images ? images->depth.size() : 0;
-}
-
 std::string size_of(const Camera& camera) {
   return fmt::format("{}x{}", camera.width, camera.height);
 }
@@ -47,8 +37,8 @@ double rounded(double value) { return std::round(value * 1e4) / 1e4; }
 Json sensor_as_json(const SensorConfig& s) {
   const Vec3d at = s.T_world_depth.front().translation;
   return {{"id", s.id},
-          {"source", source_name(s)},
-          {"items", item_count(s)},
+          {"source", s.source.type()},
+          {"items", s.source.content().items},
           {"depth", {s.depth_camera.width, s.depth_camera.height}},
           {"color", s.color_camera ? Json{s.color_camera->width, s.color_camera->height} : Json()},
           {"position_m", {at.x, at.y, at.z}},
@@ -111,7 +101,7 @@ std::string sensor_as_text(const SensorConfig& s) {
   return fmt::format(
       "  sensor {:<12} {:<12} {:>4} items  depth {:<9} color {:<9} at ({:.2f}, {:.2f}, {:.2f}) "
       "m{}\n",
-      s.id, source_name(s), item_count(s), size_of(s.depth_camera),
+      s.id, s.source.type(), s.source.content().items, size_of(s.depth_camera),
       s.color_camera ? size_of(*s.color_camera) : "none", at.x, at.y, at.z,
       s.T_world_depth.size() > 1 ? ", moving" : "");
 }

@@ -5,13 +5,14 @@
 #include <nlohmann/json.hpp>
 
 #include "commands.h"
+#include "mr/cli/progress.h"
 #include "mr/core/file.h"
 #include "mr/core/parallel.h"
-#include "mr/node/planner.h"
 #include "mr/node/sources.h"
+#include "mr/planner/planner.h"
+#include "mr/planner/scene_text.h"
 #include "mr/synth/room.h"
 #include "output.h"
-#include "progress.h"
 
 namespace mr::apps {
 namespace {
@@ -19,7 +20,7 @@ namespace {
 struct PlanOptions {
   std::filesystem::path scene, write;
   std::vector<std::string> set;
-  node::PlanConfig config;
+  planner::PlanConfig config;
   std::string split = "auto";
   bool no_frames = false, fragment = false, json = false;
   int threads = 0;
@@ -27,43 +28,43 @@ struct PlanOptions {
 
 /// What the plan was made from, and the plan.
 struct Outcome {
-  std::vector<node::Sight> sights;
-  node::MergeCosts costs;
-  node::Plan plan;
+  std::vector<planner::SensorSample> samples;
+  planner::MergeCosts costs;
+  planner::Plan plan;
   int threads = 1;
   std::string looked;  ///< at what
 };
 
 double triangles_of(const Outcome& outcome) {
   double sum = 0;
-  for (const node::Sight& sight : outcome.sights) sum += sight.triangles;
+  for (const planner::SensorSample& sample : outcome.samples) sum += sample.triangles;
   return sum;
 }
 
 Result<Outcome> make(const Scene& scene, const PlanOptions& options) {
   Outcome out;
-  ProgressBar bar;
-  out.sights.resize(scene.sensors.size());
+  cli::ProgressBar bar;
+  out.samples.resize(scene.sensors.size());
   out.looked = "10,000 each, in all of their frusta";
   if (!options.no_frames) {
-    node::LookConfig config;
+    planner::SampleConfig config;
     config.progress = [&](std::size_t done, std::size_t of) { bar.show("sensors", done, of); };
     config.notice = [&](const std::string& line) { bar.say("note: " + line); };
-    out.sights = node::look_at_sensors(scene, synth::default_rig_cache(), config);
-    out.looked =
-        scene.sensors.size() <= static_cast<std::size_t>(config.most_sensors)
-            ? "in one frame of each"
-            : fmt::format("the mean of {}, in all of their frusta", node::LookConfig::kSamples);
+    out.samples = planner::sample_sensors(scene, synth::default_rig_cache(), config);
+    out.looked = scene.sensors.size() <= static_cast<std::size_t>(config.most_sensors)
+                     ? "in one frame of each"
+                     : fmt::format("the mean of {}, in all of their frusta",
+                                   planner::SampleConfig::kSamples);
   }
-  out.costs =
-      node::measure_merge_costs(scene, triangles_of(out) / static_cast<double>(out.sights.size()));
-  auto plan = node::make_plan(scene, out.sights, out.costs, options.config);
+  out.costs = planner::measure_merge_costs(
+      scene, triangles_of(out) / static_cast<double>(out.samples.size()));
+  auto plan = planner::make_plan(scene, out.samples, out.costs, options.config);
   if (!plan) return plan.error();
   out.plan = *std::move(plan);
   return out;
 }
 
-nlohmann::ordered_json as_json(const node::PlannedMerger& merger) {
+nlohmann::ordered_json as_json(const planner::PlannedMerger& merger) {
   nlohmann::ordered_json out{{"id", merger.config.id},
                              {"layer", merger.layer},
                              {"inputs", merger.config.inputs},
@@ -80,7 +81,7 @@ nlohmann::ordered_json as_json(const node::PlannedMerger& merger) {
 }
 
 nlohmann::ordered_json as_json(const Scene& scene, const Outcome& outcome) {
-  const auto& [sights, costs, plan, threads, looked] = outcome;
+  const auto& [samples, costs, plan, threads, looked] = outcome;
   nlohmann::ordered_json out{{"scene", scene.id},
                              {"sensors", scene.sensors.size()},
                              {"threads", threads},
@@ -93,16 +94,17 @@ nlohmann::ordered_json as_json(const Scene& scene, const Outcome& outcome) {
                                {"code_ns", costs.code_ns},
                                {"memory_bytes", costs.memory_bytes},
                                {"coded_bytes", costs.coded_bytes}}},
-                             {"split", plan.split == node::Split::space ? "space" : "sensors"},
+                             {"split", plan.split == planner::Split::space ? "space" : "sensors"},
                              {"why", plan.why},
                              {"layers", plan.layers},
                              {"latency_ms", plan.latency_ms},
                              {"links_ms", plan.links_ms},
                              {"mergers", nlohmann::ordered_json::array()}};
-  for (const node::PlannedMerger& merger : plan.mergers) out["mergers"].push_back(as_json(merger));
+  for (const planner::PlannedMerger& merger : plan.mergers)
+    out["mergers"].push_back(as_json(merger));
   out["central"] = as_json(plan.central);
   out["central"]["tree_latency_ms"] = plan.central_latency_ms;
-  const node::OneGrid& grid = plan.one_grid;
+  const planner::GridEstimate& grid = plan.one_grid;
   out["one_grid"] = {{"blocks", grid.blocks},
                      {"memory_mb", grid.memory_mb},
                      {"dense_memory_mb", grid.dense_memory_mb}};
@@ -146,7 +148,7 @@ std::string table(const std::vector<std::vector<std::string>>& rows) {
   return out;
 }
 
-std::vector<std::string> row_of(const std::string& name, const node::PlannedMerger& merger) {
+std::vector<std::string> row_of(const std::string& name, const planner::PlannedMerger& merger) {
   return {name,
           inputs_of(merger.config),
           whole(merger.triangles_in),
@@ -157,22 +159,22 @@ std::vector<std::string> row_of(const std::string& name, const node::PlannedMerg
 }
 
 std::string as_text(const Scene& scene, const Outcome& outcome) {
-  const auto& [sights, costs, plan, threads, looked] = outcome;
+  const auto& [samples, costs, plan, threads, looked] = outcome;
   std::string out = fmt::format(
       "scene {}: {} sensors, {} triangles a frame ({})\n"
       "this machine, {} threads, a triangle: decode {:.0f} ns, merge {:.0f} ns, {:.0f} ns more "
       "where several see it, code {:.0f} ns; {:.0f} bytes of memory\n"
       "split: {}\n\n",
-      scene.id, sights.size(), whole(triangles_of(outcome)), looked, threads, costs.decode_ns,
+      scene.id, samples.size(), whole(triangles_of(outcome)), looked, threads, costs.decode_ns,
       costs.merge_ns, costs.overlap_ns, costs.code_ns, costs.memory_bytes, plan.why);
   std::vector<std::vector<std::string>> rows{
       {"merger", "inputs", "triangles in", "shared", "out", "ms", "MB"}};
-  for (const node::PlannedMerger& merger : plan.mergers)
+  for (const planner::PlannedMerger& merger : plan.mergers)
     rows.push_back(row_of(merger.config.id, merger));
   rows.push_back(row_of("one for all", plan.central));
-  rows.back()[1] = fmt::format("all {} sensors", sights.size());
+  rows.back()[1] = fmt::format("all {} sensors", samples.size());
   out += table(rows);
-  const node::OneGrid& grid = plan.one_grid;
+  const planner::GridEstimate& grid = plan.one_grid;
   out += fmt::format(
       "\nthis tree: {:.1f} ms in {} layer{}, of which links {:.1f} ms, each machine alone with "
       "its merger; labels, pictures and the root's decimation are not counted in\n"
@@ -190,13 +192,13 @@ std::string as_text(const Scene& scene, const Outcome& outcome) {
 }
 
 /// Writes the scene with the plan's mergers, if it is a scene then.
-Status write(const PlanOptions& options, const node::Plan& plan) {
-  const std::string block = node::mergers_block(plan);
+Status write(const PlanOptions& options, const planner::Plan& plan) {
+  const std::string block = planner::mergers_block(plan);
   if (options.fragment) return write_file(options.write, block);
   const auto bytes = read_file(options.scene);
   if (!bytes) return bytes.error();
   const std::string text =
-      node::with_mergers({reinterpret_cast<const char*>(bytes->data()), bytes->size()}, block);
+      planner::with_mergers({reinterpret_cast<const char*>(bytes->data()), bytes->size()}, block);
   // Paths in it are relative to its folder, so it is checked where it will lie.
   std::filesystem::path draft = options.write;
   draft += ".draft";
@@ -221,7 +223,8 @@ int plan(const PlanOptions& given) {
         "--write copies the text of SCENE, which --set does not change: write the keys into "
         "it, or use --fragment");
   if (options.split != "auto")
-    options.config.split = options.split == "space" ? node::Split::space : node::Split::sensors;
+    options.config.split =
+        options.split == "space" ? planner::Split::space : planner::Split::sensors;
   const auto loaded = load_or_tell(options.scene, options.set);
   if (!loaded) return 1;
   const auto scene = node::prepare_scene(*loaded);

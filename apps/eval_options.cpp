@@ -47,7 +47,7 @@ CLI::Validator between(double low, double high) {
       name);
 }
 
-eval::QualityConfig quality_config(const EvalOptions& options, ProgressBar& bar) {
+eval::QualityConfig quality_config(const EvalOptions& options, cli::ProgressBar& bar) {
   eval::QualityConfig config;
   if (options.reference == "truth") config.reference = eval::ReferenceKind::truth;
   if (options.reference == "monolithic") config.reference = eval::ReferenceKind::monolithic;

@@ -7,10 +7,10 @@
 #include <string>
 #include <vector>
 
+#include "mr/cli/progress.h"
 #include "mr/core/result.h"
 #include "mr/eval/quality.h"
 #include "mr/scene/scene.h"
-#include "progress.h"
 
 /// What the commands under `eval` share.
 namespace mr::apps {
@@ -32,7 +32,7 @@ bool is_reference(const std::string& pipeline, eval::ReferenceKind reference);
 CLI::Validator between(double low, double high);
 
 /// The measurement that the options ask for; `bar` must outlive it.
-eval::QualityConfig quality_config(const EvalOptions& options, ProgressBar& bar);
+eval::QualityConfig quality_config(const EvalOptions& options, cli::ProgressBar& bar);
 
 /// Runs `work` with the threads of the options, else of the scene.
 void in_arena(const EvalOptions& options, const Scene& scene, const std::function<void()>& work);

@@ -12,7 +12,7 @@
 #include <cstdlib>
 #include <mutex>
 
-#include "command_line.h"
+#include "mr/cli/command_line.h"
 #include "mr/core/file.h"
 #include "mr/runtime/live_scene.h"
 #include "mr/synth/room.h"
@@ -162,7 +162,7 @@ int run_live(Scene scene, const LiveRun& run) {
   options.rendering = [&](int done, int of) {
     show_rendering(console, done, of);
     if (interrupt.within(std::chrono::milliseconds(0)))
-      std::_Exit(kInterrupted);  // the cache keeps what is whole
+      std::_Exit(cli::kInterrupted);  // the cache keeps what is whole
   };
   auto live = runtime::LiveScene::start(std::move(scene), options);
   if (!live) return fail(live.error().message);

@@ -1,7 +1,7 @@
 #include <CLI/CLI.hpp>
 
-#include "command_line.h"
 #include "commands.h"
+#include "mr/cli/command_line.h"
 #include "version.h"
 
 int main(int argc, char** argv) {
@@ -23,6 +23,6 @@ int main(int argc, char** argv) {
   mr::apps::add_plan(app, exit_code);
   mr::apps::add_synth(app, exit_code);
   mr::apps::add_eval(app, exit_code);
-  const mr::apps::ExitCode parsed = mr::apps::parse_and_run(app, argc, argv);
-  return parsed == mr::apps::kDone ? exit_code : parsed;
+  const mr::cli::ExitCode parsed = mr::cli::parse_and_run(app, argc, argv);
+  return parsed == mr::cli::kDone ? exit_code : parsed;
 }

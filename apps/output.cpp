@@ -8,13 +8,13 @@
 #include <chrono>
 #include <cstdio>
 
-#include "command_line.h"
 #include "mr/baseline/ply_points.h"
 #include "mr/baseline/run_baseline.h"
-#include "mr/codec/export.h"
+#include "mr/cli/command_line.h"
 #include "mr/core/file.h"
 #include "mr/core/parallel.h"
 #include "mr/kit/image_io.h"
+#include "mr/model/export.h"
 #include "mr/render/renderer.h"
 #include "mr/synth/room.h"
 
@@ -79,11 +79,11 @@ Status write_model(const DecodedScene& scene, Vec3d up, const std::filesystem::p
                             chunk->mesh.positions.end());
     points.colors.insert(points.colors.end(), chunk->colors.begin(), chunk->colors.end());
   }
-  if (points.positions.empty()) return codec::export_scene(scene, up, file);
+  if (points.positions.empty()) return model::export_scene(scene, up, file);
   if (ending_of(file) != ".ply")
     return Error{Error::Cause::unsupported,
                  "cannot export points to " + file.string() + ": use the ending .ply"};
-  const Pose T = codec::T_file_world(up);
+  const Pose T = model::T_file_world(up);
   for (Vec3f& p : points.positions) p = vec_cast<float>(T * vec_cast<double>(p));
   return write_file(file, baseline::to_ply(points));
 }
@@ -108,12 +108,12 @@ Result<RunOutcome> run_other(const Scene& scene, int frames, const runtime::RunL
 
 int fail(const std::string& message) {
   fmt::print(stderr, "meshreduce: {}\n", message);
-  return kFailed;
+  return cli::kFailed;
 }
 
 int misuse(const std::string& message) {
   fail(message);
-  return kMisused;
+  return cli::kMisused;
 }
 
 int refused(const Error& error) {

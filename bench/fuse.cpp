@@ -30,7 +30,7 @@ struct Raced {
 };
 
 std::vector<Contender> contenders_of(const FuseCase& input, const Request& request,
-                                     apps::ProgressBar& bar) {
+                                     cli::ProgressBar& bar) {
   std::vector<Contender> out;
   std::size_t sized = 0;
   for (const int threads : request.threads) {
@@ -41,7 +41,7 @@ std::vector<Contender> contenders_of(const FuseCase& input, const Request& reque
   return out;
 }
 
-Raced race_case(const FuseCase& input, const Request& request, apps::ProgressBar& bar) {
+Raced race_case(const FuseCase& input, const Request& request, cli::ProgressBar& bar) {
   Raced raced{contenders_of(input, request, bar), {}, {}};
   raced.outcomes = race(raced.contenders, {.runs = request.runs},
                         [&](std::size_t done, std::size_t of) { bar.show(input.name, done, of); });
@@ -129,7 +129,7 @@ Message describe(const FuseCase& c) {
           {"limit_m", c.limit_m}};
 }
 
-Status measure_fuse_case(const FuseCase& input, const Request& request, apps::ProgressBar& bar,
+Status measure_fuse_case(const FuseCase& input, const Request& request, cli::ProgressBar& bar,
                          Report& report) {
   Raced raced = race_case(input, request, bar);
   bar.show(input.name + ": comparing surfaces", 0, 1);
@@ -158,7 +158,7 @@ Result<std::vector<FuseCase>> scene_cases(const Request& request) {
   return out;
 }
 
-Result<std::vector<FuseCase>> load_fuse_cases(const Request& request, apps::ProgressBar& bar) {
+Result<std::vector<FuseCase>> load_fuse_cases(const Request& request, cli::ProgressBar& bar) {
   if (!request.input.empty()) return scene_cases(request);
   const auto names = wanted_cases(fuse_cases(), request, "fuse has");
   if (!names) return names.error();
@@ -172,7 +172,7 @@ Result<std::vector<FuseCase>> load_fuse_cases(const Request& request, apps::Prog
   return out;
 }
 
-Result<Report> run_fuse(const Request& request, apps::ProgressBar& bar) {
+Result<Report> run_fuse(const Request& request, cli::ProgressBar& bar) {
   const auto inputs = load_fuse_cases(request, bar);
   if (!inputs) return inputs.error();
   Report report{

@@ -152,7 +152,7 @@ void add_ratios(const std::string& name, const Message& ours, const Message& eve
 }
 
 Status measure_layers_case(const std::string& name, const std::filesystem::path& file,
-                           apps::ProgressBar& bar, Report& report) {
+                           cli::ProgressBar& bar, Report& report) {
   bar.show(name + ": rendering", 0, 3);
   const auto about = apart([&] { return render(file); }, kPatienceForScenes);
   if (!about) return about.error();
@@ -176,7 +176,7 @@ Status measure_layers_case(const std::string& name, const std::filesystem::path&
   return {};
 }
 
-Result<Report> run_layers_stage(const Request& request, apps::ProgressBar& bar) {
+Result<Report> run_layers_stage(const Request& request, cli::ProgressBar& bar) {
   Report report{.stage = "layers",
                 .columns = {{"mesh B", "mesh_bytes", 0},
                             {"head B", "head_bytes", 0},

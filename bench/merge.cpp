@@ -114,7 +114,7 @@ Message tree_row(const MergeCase& input, int threads, const TreeOutcome& tree) {
   return row;
 }
 
-Status measure_case(const MergeCase& input, const Request& request, apps::ProgressBar& bar,
+Status measure_case(const MergeCase& input, const Request& request, cli::ProgressBar& bar,
                     Report& report) {
   const auto contenders = contenders_of(input, request);
   const auto told = [&](std::size_t done, std::size_t of) { bar.show(input.name, done, of); };
@@ -146,7 +146,7 @@ Status measure_case(const MergeCase& input, const Request& request, apps::Progre
   return {};
 }
 
-Result<Report> run_merge(const Request& request, apps::ProgressBar& bar) {
+Result<Report> run_merge(const Request& request, cli::ProgressBar& bar) {
   std::vector<std::string> names{request.input.string()};
   if (!request.input.empty() && !request.cases.empty())
     return Error{Error::Cause::invalid, "merge takes a scene as a whole: no --case with --input"};

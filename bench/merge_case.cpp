@@ -16,6 +16,7 @@
 #include "mr/merge/islands.h"
 #include "mr/node/sensor_node.h"
 #include "mr/node/sources.h"
+#include "mr/sensor/rgbd_images.h"
 #include "mr/simplify/simplify.h"
 #include "mr/synth/room.h"
 #include "mr/synth/truth.h"
@@ -54,7 +55,7 @@ Scene room_bench_scene() {
   for (int i = 0; i < 4; ++i) {
     SensorConfig sensor;
     sensor.id = fmt::format("cam-{}", i);
-    sensor.source = RgbdImagesSource{
+    sensor.source = sensor::RgbdImagesSource{
         .color = {}, .depth = {bench_file("depth", i, "png")}, .invalid = {0, 65535}};
     sensor.depth_camera.width = 640, sensor.depth_camera.height = 576;
     sensor.depth_camera.fx = sensor.depth_camera.fy = 504;
@@ -148,7 +149,7 @@ kit::Part part_of(const Scene& scene, std::uint32_t sensor, Frame frame, std::si
 /// The parts of some sensors' first frames.
 Message parts_of(const Scene& scene, const std::vector<std::uint32_t>& wanted,
                  std::size_t triangles) {
-  apps::ProgressBar bar;
+  cli::ProgressBar bar;
   Message out = Message::array();
   Arena arena(0);
   arena.run([&] {

@@ -4,7 +4,7 @@
 #include <algorithm>
 #include <cstdio>
 
-#include "apps/command_line.h"
+#include "mr/cli/command_line.h"
 #include "mr/core/file.h"
 #include "mr/core/words.h"
 #include "stage.h"
@@ -26,13 +26,13 @@ std::vector<Stage> stages() {
 
 int fail(const std::string& message) {
   fmt::print(stderr, "mr-bench: {}\n", message);
-  return apps::kFailed;
+  return cli::kFailed;
 }
 
 /// The command line is wrong.
 int misused(const std::string& message) {
   fail(message);
-  return apps::kMisused;
+  return cli::kMisused;
 }
 
 std::string no_stage(const std::string& word) {
@@ -71,7 +71,7 @@ int measure(const Options& options) {
                                   [&](const Stage& s) { return s.name == options.stage; });
   if (stage == known.end()) return misused(no_stage(options.stage));
   if (!options.plot.empty() && !stage->plot) return misused(stage->name + " draws no figure");
-  apps::ProgressBar bar;
+  cli::ProgressBar bar;
   const auto report = stage->run(options.request, bar);
   bar.hide();
   if (!report) return fail(report.error().message);
@@ -127,6 +127,6 @@ int main(int argc, char** argv) {
   int exit_code = 0;
   mr::bench::add_options(app, options);
   app.callback([&] { exit_code = mr::bench::run(options); });
-  const mr::apps::ExitCode parsed = mr::apps::parse_and_run(app, argc, argv);
-  return parsed == mr::apps::kDone ? exit_code : parsed;
+  const mr::cli::ExitCode parsed = mr::cli::parse_and_run(app, argc, argv);
+  return parsed == mr::cli::kDone ? exit_code : parsed;
 }

@@ -63,7 +63,7 @@ void add_findings(const Message& result, Message& row) {
   if (with_time) row["with_decisions_ms"] = result.at("with_decisions_ms");
 }
 
-Status measure_overlap_case(const MergeCase& input, const Request& request, apps::ProgressBar& bar,
+Status measure_overlap_case(const MergeCase& input, const Request& request, cli::ProgressBar& bar,
                             Report& report) {
   std::vector<Contender> contenders;
   for (const int threads : request.threads) {
@@ -91,7 +91,7 @@ Status measure_overlap_case(const MergeCase& input, const Request& request, apps
   return {};
 }
 
-Result<std::vector<MergeCase>> load_overlap_cases(const Request& request, apps::ProgressBar& bar) {
+Result<std::vector<MergeCase>> load_overlap_cases(const Request& request, cli::ProgressBar& bar) {
   std::vector<MergeCase> out;
   if (!request.input.empty()) {
     auto one = load_merge_scene(request.input);
@@ -110,7 +110,7 @@ Result<std::vector<MergeCase>> load_overlap_cases(const Request& request, apps::
   return out;
 }
 
-Result<Report> run_overlap(const Request& request, apps::ProgressBar& bar) {
+Result<Report> run_overlap(const Request& request, cli::ProgressBar& bar) {
   const auto inputs = load_overlap_cases(request, bar);
   if (!inputs) return inputs.error();
   Report report{.stage = "overlap",

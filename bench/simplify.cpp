@@ -95,7 +95,7 @@ Message describe(const SimplifyCase& c) {
           {"wanted_triangles", c.triangles}};
 }
 
-Status measure_case(const SimplifyCase& input, const Request& request, apps::ProgressBar& bar,
+Status measure_case(const SimplifyCase& input, const Request& request, cli::ProgressBar& bar,
                     Report& report) {
   const auto contenders = contenders_of(input, request);
   // One warm-up: some take seconds, and ours has its memory after the first.
@@ -114,7 +114,7 @@ Status measure_case(const SimplifyCase& input, const Request& request, apps::Pro
   return {};
 }
 
-Result<Report> run_simplify(const Request& request, apps::ProgressBar& bar) {
+Result<Report> run_simplify(const Request& request, cli::ProgressBar& bar) {
   const auto inputs = load_simplify_cases(request, bar);
   if (!inputs) return inputs.error();
   Report report{.stage = "simplify",

@@ -140,7 +140,7 @@ using Loader = std::function<Result<Loaded>(const std::string& input)>;
 /// The cases by name; every mesh is loaded once.
 Result<std::vector<SimplifyCase>> load_cases(const std::vector<Input>& inputs,
                                              const std::vector<std::string>& names,
-                                             const Loader& load, apps::ProgressBar& bar) {
+                                             const Loader& load, cli::ProgressBar& bar) {
   std::vector<SimplifyCase> out;
   for (const Input& input : inputs) {
     std::optional<Loaded> loaded;
@@ -160,7 +160,7 @@ Result<std::vector<SimplifyCase>> load_cases(const std::vector<Input>& inputs,
   return out;
 }
 
-Result<std::vector<SimplifyCase>> load_scene_cases(const Request& request, apps::ProgressBar& bar) {
+Result<std::vector<SimplifyCase>> load_scene_cases(const Request& request, cli::ProgressBar& bar) {
   const auto frames = load_fuse_scene(request.input);
   if (!frames) return frames.error();
   std::vector<Input> inputs;
@@ -182,7 +182,7 @@ Result<std::vector<SimplifyCase>> load_scene_cases(const Request& request, apps:
 std::vector<CaseInfo> simplify_cases() { return cases_of(own_inputs()); }
 
 Result<std::vector<SimplifyCase>> load_simplify_cases(const Request& request,
-                                                      apps::ProgressBar& bar) {
+                                                      cli::ProgressBar& bar) {
   if (!request.input.empty()) return load_scene_cases(request, bar);
   const auto names = wanted_cases(simplify_cases(), request, "simplify has");
   if (!names) return names.error();

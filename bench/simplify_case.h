@@ -24,6 +24,6 @@ std::vector<CaseInfo> simplify_cases();
 /// Those cases that the request names: the stage's own, or of every sensor's first frame of a scene
 /// ("cam-0/10%").
 Result<std::vector<SimplifyCase>> load_simplify_cases(const Request& request,
-                                                      apps::ProgressBar& bar);
+                                                      cli::ProgressBar& bar);
 
 }  // namespace mr::bench

@@ -4,7 +4,7 @@
 #include <string>
 #include <vector>
 
-#include "apps/progress.h"
+#include "mr/cli/progress.h"
 #include "report.h"
 
 namespace mr::bench {
@@ -27,7 +27,7 @@ struct CaseInfo {
 struct Stage {
   std::string name, what;
   std::vector<CaseInfo> (*cases)();
-  Result<Report> (*run)(const Request& request, apps::ProgressBar& bar);
+  Result<Report> (*run)(const Request& request, cli::ProgressBar& bar);
   std::string (*plot)(const Report& report) = nullptr;  ///< an SVG; null: there is no figure
 };
 

@@ -104,7 +104,7 @@ Status describe_strips(const Strips& strips, const std::vector<Outcome>& outcome
   return {};
 }
 
-Status measure_case(const std::string& name, const Request& request, apps::ProgressBar& bar,
+Status measure_case(const std::string& name, const Request& request, cli::ProgressBar& bar,
                     Report& report) {
   bar.show(name + ": loading", 0, 1);
   const auto input = load_zipper_case(name);
@@ -126,7 +126,7 @@ Status measure_case(const std::string& name, const Request& request, apps::Progr
   return {};
 }
 
-Result<Report> run_zipper(const Request& request, apps::ProgressBar& bar) {
+Result<Report> run_zipper(const Request& request, cli::ProgressBar& bar) {
   if (!request.input.empty())
     return Error{Error::Cause::unsupported, "zipper has cases of its own only: no --input"};
   const auto names = wanted_cases(zipper_cases(), request, "zipper has");

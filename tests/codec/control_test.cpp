@@ -79,8 +79,7 @@ TEST(Control, TooManyOfAnythingIsRefused) {
 TEST(Control, WhatALaterProgramAddsIsPassedOver) {
   auto bytes = encode_control(full());
   bytes.resize(bytes.size() - kSealBytes);
-  for (const int b : {99, 0, 0, 0, 3, 0, 0, 0, 1, 2, 3})
-    bytes.push_back(static_cast<std::byte>(b));
+  for (const int b : {99, 0, 0, 0, 3, 0, 0, 0, 1, 2, 3}) bytes.push_back(static_cast<std::byte>(b));
   seal(bytes);
   const auto read = decode_control(bytes);
   ASSERT_TRUE(read) << read.error().message;

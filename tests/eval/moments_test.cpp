@@ -1,4 +1,5 @@
 #include "mr/eval/moments.h"
+#include "mr/sensor/rgbd_images.h"
 
 #include <gtest/gtest.h>
 
@@ -15,7 +16,7 @@ Scene rig_of(int frames, bool loop) {
 
 Scene stills(int pictures, bool loop) {
   Scene scene;
-  RgbdImagesSource source;
+  sensor::RgbdImagesSource source;
   source.depth.resize(pictures);
   source.loop = loop;
   scene.sensors.emplace_back().source = source;

@@ -1,4 +1,5 @@
 #include "mr/eval/scene_check.h"
+#include "mr/sensor/rgbd_images.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -79,12 +80,14 @@ struct WallPicture {
     Image<std::uint16_t, 1> counts(64, 48, count);
     for (int x = 0; x < 16; ++x)  // a quarter has none
       for (int y = 0; y < 48; ++y) *counts.at(x, y) = 0;
-    RgbdImagesSource images;
+    sensor::RgbdImagesSource images;
     images.depth = {folder.write("d.png", test::depth_png(counts))};
     sensor.source = images;
     scene.sensors = {sensor};
   }
-  RgbdImagesSource& source() { return std::get<RgbdImagesSource>(scene.sensors[0].source); }
+  sensor::RgbdImagesSource& source() {
+    return *scene.sensors[0].source.get_if<sensor::RgbdImagesSource>();
+  }
   SensorCheck check() const { return check_scene(scene, {}).sensors.at(0); }
 };
 

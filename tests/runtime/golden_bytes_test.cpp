@@ -10,10 +10,10 @@
 #include <string>
 #include <vector>
 
-#include "mr/codec/export.h"
 #include "mr/core/file.h"
 #include "mr/core/parallel.h"
 #include "mr/core/simd.h"
+#include "mr/model/export.h"
 #include "mr/net/digest.h"
 #include "mr/node/sources.h"
 #include "mr/runtime/lockstep_scene.h"
@@ -77,7 +77,7 @@ Lines run(const Scene& scene, int frames) {
   if (frames < kStoredFrames) return out;
   const auto file =
       std::filesystem::temp_directory_path() / ("mr_bytes_" + std::to_string(::getpid()) + ".glb");
-  EXPECT_TRUE(codec::export_scene(*(*pipeline)->decoded(), scene.up, file));
+  EXPECT_TRUE(model::export_scene(*(*pipeline)->decoded(), scene.up, file));
   if (const auto bytes = read_file(file)) out.push_back("export " + digest_of(*bytes));
   std::filesystem::remove(file);
   return out;

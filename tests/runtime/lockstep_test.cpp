@@ -14,6 +14,7 @@
 #include "mr/kit/image_io.h"
 #include "mr/kit/raycast.h"
 #include "mr/kit/topology.h"
+#include "mr/sensor/rgbd_images.h"
 #include "mr/synth/room.h"
 
 namespace mr {
@@ -277,7 +278,7 @@ class LockstepSceneFromFiles : public ::testing::Test {
     for (int s = 0; s < 2; ++s) {
       SensorConfig sensor;
       sensor.id = "s" + std::to_string(s);
-      RgbdImagesSource source;
+      sensor::RgbdImagesSource source;
       for (int i = 0; i < 3; ++i) {
         source.depth.push_back(depth(i));
         source.color.push_back(folder_ / ("color" + std::to_string(i) + ".png"));
@@ -406,7 +407,7 @@ TEST_F(LockstepSceneFromFiles, OneBrokenPictureLeavesTheOtherSensorAlone) {
   Scene s = scene();
   std::filesystem::copy_file(depth(1), depth(7));
   std::filesystem::resize_file(depth(7), 5000);
-  std::get<RgbdImagesSource>(s.sensors[1].source).depth[1] = depth(7);
+  s.sensors[1].source.get_if<sensor::RgbdImagesSource>()->depth[1] = depth(7);
   runtime::RunReport report;
   ASSERT_TRUE(run(s, 3, &report));
   EXPECT_EQ(report.frames, 3);
@@ -418,7 +419,7 @@ TEST_F(LockstepSceneFromFiles, BlackRimOfUndistortionIsNotSeen) {
   for (SensorConfig& sensor :
        s.sensors) {  // a white wall through a lens whose undistorted picture has a rim
     ASSERT_TRUE(kit::write_png(folder_ / "white.png", ImageRgb(160, 120, 255)));
-    std::get<RgbdImagesSource>(sensor.source).color.assign(3, folder_ / "white.png");
+    sensor.source.get_if<sensor::RgbdImagesSource>()->color.assign(3, folder_ / "white.png");
     sensor.color_camera->distortion = DistortionModel::brown;
     sensor.color_camera->k = {0.2, 0, 0, 0, 0, 0};
     sensor.color_camera->fx = sensor.color_camera->fy = 100;  // wider than depth: its rim matters
@@ -455,7 +456,7 @@ TEST_F(LockstepSceneFromFiles, BrokenPictureIsACountedDropAndNothingElse) {
 
 TEST_F(LockstepSceneFromFiles, MissingFilesAndPosesCostTheirFramesOnly) {
   Scene s = scene();
-  std::get<RgbdImagesSource>(s.sensors[0].source).depth[0] = folder_ / "none.pgm";
+  s.sensors[0].source.get_if<sensor::RgbdImagesSource>()->depth[0] = folder_ / "none.pgm";
   s.sensors[1].T_world_depth.assign(3, s.sensors[1].T_world_depth[0]);
   s.sensors[1].lost_poses[1] = {Error::Cause::invalid, "no numbers"};
   runtime::RunReport report;
@@ -469,9 +470,9 @@ TEST_F(LockstepSceneFromFiles, MissingFilesAndPosesCostTheirFramesOnly) {
 TEST_F(LockstepSceneFromFiles, WhatFollowsFromALostFrameIsNotTold) {
   Scene s = scene();
   s.mergers = {{"inner", {"s0"}, 50}, {"root", {"inner", "s1"}, 50}};
-  auto& depths = std::get<RgbdImagesSource>(s.sensors[0].source).depth;
+  auto& depths = s.sensors[0].source.get_if<sensor::RgbdImagesSource>()->depth;
   depths[0] = depths[2] = folder_ / "none.pgm";
-  std::get<RgbdImagesSource>(s.sensors[1].source).depth[2] = folder_ / "none.pgm";
+  s.sensors[1].source.get_if<sensor::RgbdImagesSource>()->depth[2] = folder_ / "none.pgm";
   auto pipeline = runtime::LockstepScene::open(s);
   ASSERT_TRUE(pipeline);
   std::vector<std::string> said;
@@ -508,7 +509,7 @@ TEST_F(LockstepSceneFromFiles, AWrongPoseIsAWarningAndNoDrop) {
 TEST_F(LockstepSceneFromFiles, SensorWithoutSurfaceLeavesTheOthersAlone) {
   Scene s = scene();
   for (int i = 3; i < 6; ++i) write_depth(depth(i), 0);
-  std::get<RgbdImagesSource>(s.sensors[1].source).depth = {depth(3), depth(4), depth(5)};
+  s.sensors[1].source.get_if<sensor::RgbdImagesSource>()->depth = {depth(3), depth(4), depth(5)};
   runtime::RunReport report;
   const auto pipeline = run(s, 3, &report);
   ASSERT_TRUE(pipeline);
@@ -533,7 +534,7 @@ TEST_F(LockstepSceneFromFiles, NothingValidAtAllIsAnError) {
 
 TEST_F(LockstepSceneFromFiles, SensorWithoutColourIsTexturedByTheOther) {
   Scene s = scene();
-  std::get<RgbdImagesSource>(s.sensors[1].source).color.clear();
+  s.sensors[1].source.get_if<sensor::RgbdImagesSource>()->color.clear();
   s.sensors[1].color_camera.reset();
   const auto pipeline = run(s, 1);
   ASSERT_TRUE(pipeline);
@@ -547,7 +548,7 @@ TEST_F(LockstepSceneFromFiles, SensorWithoutColourIsTexturedByTheOther) {
 TEST_F(LockstepSceneFromFiles, SceneWithoutAnyColourStillHasASurface) {
   Scene s = scene();
   for (SensorConfig& sensor : s.sensors) {
-    std::get<RgbdImagesSource>(sensor.source).color.clear();
+    sensor.source.get_if<sensor::RgbdImagesSource>()->color.clear();
     sensor.color_camera.reset();
   }
   const auto pipeline = run(s, 1);

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cstdlib>
 
+#include "mr/sensor/rgbd_images.h"
 #include "scene/scene_file.h"
 
 namespace mr {
@@ -24,7 +25,7 @@ TEST_F(SceneFile, PatternsNameTheirFiles) {
   const SceneResult padded =
       load(long_sensor("{type: rgbd-images, depth: {pattern: p/%04d.png, first: 8, last: 10}}"));
   EXPECT_THAT(shorten(padded.problems), IsEmpty());
-  const auto& files = std::get<RgbdImagesSource>(padded.scene.sensors.at(0).source).depth;
+  const auto& files = padded.scene.sensors.at(0).source.get_if<sensor::RgbdImagesSource>()->depth;
   EXPECT_THAT(files, ElementsAre(dir_ / "p/0008.png", dir_ / "p/0009.png", dir_ / "p/0010.png"));
   EXPECT_THAT(
       problems(long_sensor("{type: rgbd-images, depth: {pattern: q/%d.png, first: 9, last: 10}}")),
@@ -59,7 +60,7 @@ TEST_F(SceneFile, FilesThatAreMissingCostTheirFramesOnly) {
                                            "list is missing, its frame is lost: "),
                                  HasSubstr("b.jpg'"))));
   // They keep their places, so that the others keep theirs.
-  const auto& files = std::get<RgbdImagesSource>(some.scene.sensors.at(0).source).depth;
+  const auto& files = some.scene.sensors.at(0).source.get_if<sensor::RgbdImagesSource>()->depth;
   ASSERT_EQ(files.size(), 5u);
   EXPECT_EQ(files[4], dir_ / "p/4.png");
   EXPECT_THAT(notices(long_sensor("{type: rgbd-images, depth: [p, p/1.png]}")),

@@ -9,21 +9,23 @@
 #include <string>
 #include <vector>
 
-/// Keeps the order of docs/architecture.md: core < yaml < kit < stages < scene < node < gateway <
-/// runtime < baseline < eval < apps.
+/// Keeps the order of docs/architecture.md: core < yaml < kit < stages < scene < node < planner <
+/// gateway < runtime < baseline < eval < cli < apps.
 namespace {
 
 /// A file's text by its path from the repository's root.
 using Files = std::map<std::string, std::string>;
 
-const std::set<std::string> kStages = {"sensor", "synth", "still", "calib", "fusion", "simplify",
-                                       "codec",  "merge", "atlas", "rate",  "render", "net"};
+const std::set<std::string> kStages = {"sensor",   "synth",  "still", "calib", "fusion",
+                                       "simplify", "model",  "codec", "merge", "atlas",
+                                       "rate",     "render", "net"};
 
 /// Layer of a module, from the ground up; -1 when the design does not know it.
 int layer(const std::string& module) {
   if (kStages.contains(module)) return 3;
-  const std::vector<std::string> order = {"core",    "yaml",    "kit",      "",     "scene", "node",
-                                          "gateway", "runtime", "baseline", "eval", "apps"};
+  const std::vector<std::string> order = {"core", "yaml",    "kit",     "",        "scene",
+                                          "node", "planner", "gateway", "runtime", "baseline",
+                                          "eval", "cli",     "apps"};
   const auto at = std::find(order.begin(), order.end(), module);
   return module.empty() || at == order.end() ? -1 : static_cast<int>(at - order.begin());
 }
@@ -105,6 +107,7 @@ TEST(ModuleOrder, SeededBadIncludesAreFound) {
   EXPECT_EQ(problems_of("src/mr/core/a.h", "#include \"mr/kit/b.h\"\n"), 1u) << "upwards";
   EXPECT_EQ(problems_of("src/mr/kit/a.h", "  # include <mr/fusion/b.h>\n"), 1u) << "other spelling";
   EXPECT_EQ(problems_of("src/mr/node/a.h", "#include \"mr/eval/b.h\"\n"), 1u);
+  EXPECT_EQ(problems_of("src/mr/node/a.h", "#include \"mr/planner/b.h\"\n"), 1u);
   EXPECT_EQ(problems_of("src/mr/atlas/a.h", "#include \"mr/node/b.h\"\n"), 1u);
   EXPECT_EQ(problems_of("apps/a.cpp", "#include \"mr/magic/b.h\"\n"), 1u) << "an unknown module";
   EXPECT_EQ(problems_of("src/mr/magic/a.cpp", ""), 1u);

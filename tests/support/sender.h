@@ -8,9 +8,9 @@
 #include <vector>
 
 #include "mr/codec/chunk_cache.h"
+#include "mr/codec/control.h"
 #include "mr/codec/mesh_codec.h"
 #include "mr/codec/packet_codec.h"
-#include "mr/codec/control.h"
 #include "mr/core/packet.h"
 #include "mr/kit/video.h"
 #include "support/meshes.h"

@@ -265,7 +265,7 @@ TEST(Rig, WritesASceneThatSaysWhatItIs) {
     EXPECT_LT(
         length(written.T_world_depth[0].translation - sensors[i].T_world_depth[0].translation),
         1e-12);
-    EXPECT_EQ(std::get<RgbdImagesSource>(written.source).depth.size(), 2u);
+    EXPECT_EQ(written.source.get_if<sensor::RgbdImagesSource>()->depth.size(), 2u);
   }
   EXPECT_EQ(rig_yaml(*loaded.scene.truth->rig), rig_yaml(rig));
   EXPECT_GT(std::filesystem::file_size(folder / "truth/000001.ply"), 1'000'000u);

@@ -1,5 +1,10 @@
 #pragma once
 
+#include <string>
+#include <vector>
+
+#include "mr/core/range.h"
+
 namespace mr::atlas {
 
 struct AtlasConfig {
@@ -7,6 +12,12 @@ struct AtlasConfig {
   bool mask = true;                 ///< pixels of no use become black
   bool burn_sequence = false;       ///< test pictures: the packet's number in the corner
   int width = 4096, height = 2304;  ///< the atlas is at most this large
+
+  static constexpr Range kSize{16, 8192};  // pixels
+  /// What is impossible in it, a line each.
+  std::vector<std::string> problems() const {
+    return out_of_range({{"size", width, kSize}, {"size", height, kSize}});
+  }
   friend bool operator==(const AtlasConfig&, const AtlasConfig&) = default;
 };
 

@@ -1,5 +1,10 @@
 #pragma once
 
+#include <string>
+#include <vector>
+
+#include "mr/core/range.h"
+
 namespace mr::codec {
 
 struct CodingConfig {
@@ -8,6 +13,16 @@ struct CodingConfig {
   int sensor_texture_qp = 22;  ///< between sensor and first merger
   int depth_qp = 14;           ///< pipeline rgbd: of its depth video
   int frame_divider = 1;       ///< baselines: every n-th capture is sent
+
+  static constexpr Range kTextureScale{0, 1, true}, kQp{0, 51}, kFrameDivider{1, 30};
+  /// What is impossible in it, a line each.
+  std::vector<std::string> problems() const {
+    return out_of_range({{"texture_scale", texture_scale, kTextureScale},
+                         {"texture_qp", texture_qp, kQp},
+                         {"sensor_texture_qp", sensor_texture_qp, kQp},
+                         {"depth_qp", depth_qp, kQp},
+                         {"frame_divider", frame_divider, kFrameDivider}});
+  }
   friend bool operator==(const CodingConfig&, const CodingConfig&) = default;
 };
 

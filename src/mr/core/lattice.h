@@ -2,7 +2,10 @@
 
 #include <cmath>
 #include <cstdint>
+#include <string>
+#include <vector>
 
+#include "mr/core/range.h"
 #include "mr/core/vec.h"
 
 namespace mr {
@@ -15,7 +18,11 @@ struct Lattice {
   static constexpr std::int32_t kCells = 1 << kBits;
 
   Vec3d origin;        ///< metres, a multiple of the step; the middle of the covered cube
-  int step_exp = -10;  ///< -9, -10 or -11
+  int step_exp = -10;  ///< -9, -10 or -11; of point clouds also -7 and -8
+
+  static constexpr Range kStepExp{-11, -7}, kMeshStepExp{-11, -9}, kOrigin_m{-1e5, 1e5};
+  /// What is impossible in it, a line each.
+  std::vector<std::string> problems() const;
 
   friend bool operator==(const Lattice&, const Lattice&) = default;
 

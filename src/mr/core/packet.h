@@ -8,6 +8,7 @@
 #include "mr/core/chunk.h"
 #include "mr/core/coding_plan.h"
 #include "mr/core/frame.h"
+#include "mr/core/range.h"
 #include "mr/core/view.h"
 
 namespace mr {
@@ -17,6 +18,11 @@ struct Precision {
   double base_m = 0.001;
   double per_m2 = 0.0002;
 
+  static constexpr Range kBase_m{0, 1, true}, kPer_m2{0, 1};
+  /// What is impossible in it, a line each.
+  std::vector<std::string> problems() const {
+    return out_of_range({{"base_m", base_m, kBase_m}, {"per_m2", per_m2, kPer_m2}});
+  }
   double sigma_m(double depth_m) const { return base_m + per_m2 * depth_m * depth_m; }
   friend bool operator==(const Precision&, const Precision&) = default;
 };

@@ -1,12 +1,9 @@
 #pragma once
 
 #include <cstddef>
-#include <cstdint>
-#include <filesystem>
 #include <map>
 #include <optional>
 #include <string>
-#include <variant>
 #include <vector>
 
 #include "mr/core/camera.h"
@@ -14,29 +11,13 @@
 #include "mr/core/packet.h"
 #include "mr/core/pose.h"
 #include "mr/core/result.h"
+#include "mr/core/source_config.h"
 
 namespace mr {
 
-/// Colour and depth as files; item i of one belongs to item i of the other.
-struct RgbdImagesSource {
-  std::vector<std::filesystem::path> color;  ///< JPEG or PNG; empty: the sensor has no colour
-  std::vector<std::filesystem::path> depth;  ///< 16-bit PNG or PGM
-  double depth_unit_m = 0.001;               ///< metres per count
-  std::vector<std::uint16_t> invalid{0};     ///< counts that mean "no depth"
-  bool loop = false;                         ///< start again after the last
-  friend bool operator==(const RgbdImagesSource&, const RgbdImagesSource&) = default;
-};
-
-/// One sensor of the synthetic rig; which one follows from its place in the rig: the Kinects come
-/// first, then the LiDARs.
-struct SyntheticSource {
-  std::uint32_t camera = 0;
-  friend bool operator==(const SyntheticSource&, const SyntheticSource&) = default;
-};
-
 struct SensorConfig {
   std::string id;
-  std::variant<RgbdImagesSource, SyntheticSource> source;
+  SourceConfig source;
   Camera depth_camera;
   std::optional<Camera> color_camera;  ///< none: the sensor has no colour
   Pose T_color_depth;                  ///< depth-camera point → colour camera
@@ -47,6 +28,10 @@ struct SensorConfig {
   /// Items whose pose file is missing or cannot be used, and why: their frames are lost. In
   /// T_world_depth they have a neighbour's.
   std::map<std::size_t, Error> lost_poses{};
+
+  static constexpr Range kDepth_m{0, 1000}, kClockOffset_ms{-1e7, 1e7};
+  /// What is impossible in it, a line each.
+  std::vector<std::string> problems() const;
   friend bool operator==(const SensorConfig&, const SensorConfig&) = default;
 };
 

@@ -2,7 +2,6 @@
 
 #include <map>
 #include <string>
-#include <variant>
 
 #include "mr/eval/reference.h"
 #include "mr/synth/rig_errors.h"
@@ -39,9 +38,8 @@ std::vector<HalfSpace> captured_part(const Scene& scene) {
 
 int truth_frame(const Scene& scene, int capture) {
   for (const SensorConfig& sensor : scene.sensors)
-    if (const auto* images = std::get_if<RgbdImagesSource>(&sensor.source))
-      if (images->loop && !images->depth.empty())
-        return capture % static_cast<int>(images->depth.size());
+    if (const SourceContent content = sensor.source.content(); content.loops && content.items > 0)
+      return capture % static_cast<int>(content.items);
   return capture;
 }
 

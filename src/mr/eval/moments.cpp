@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <numeric>
-#include <variant>
 
 namespace mr::eval {
 namespace {
@@ -12,18 +11,15 @@ int captures_of(const Scene& scene) {
   if (scene.rig) return scene.rig->frames;
   std::size_t most = 1;
   for (const SensorConfig& sensor : scene.sensors)
-    if (const auto* images = std::get_if<RgbdImagesSource>(&sensor.source))
-      most = std::max(most, images->depth.size());
+    most = std::max(most, sensor.source.content().items);
   return static_cast<int>(most);
 }
 
 /// Whether sources start again, so that a burst may be longer than they are.
 bool loops(const Scene& scene) {
   if (scene.rig) return scene.rig->loop;
-  return std::all_of(scene.sensors.begin(), scene.sensors.end(), [](const SensorConfig& sensor) {
-    const auto* images = std::get_if<RgbdImagesSource>(&sensor.source);
-    return images && images->loop;
-  });
+  return std::all_of(scene.sensors.begin(), scene.sensors.end(),
+                     [](const SensorConfig& sensor) { return sensor.source.content().loops; });
 }
 
 }  // namespace

@@ -102,7 +102,7 @@ struct Header {
   std::optional<Pose> T_file_world;
 };
 
-/// The pose in a comment of an exported file (codec/export.h).
+/// The pose in a comment of an exported file (model/export.h).
 Result<Pose> read_file_pose(const std::vector<std::string>& words) {
   std::array<double, 16> matrix{};
   if (words.size() != 2 + matrix.size()) return corrupt_mesh("its T_file_world has no 16 numbers");

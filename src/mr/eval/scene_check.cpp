@@ -7,7 +7,6 @@
 #include <span>
 #include <tuple>
 #include <utility>
-#include <variant>
 
 #include "mr/baseline/monolithic.h"
 #include "mr/calib/outliers.h"
@@ -23,27 +22,17 @@ constexpr double kLeastVoxel_m = 0.02;  // finer takes longer and tells no more
 constexpr double kLeastShare = 0.85;    // of what both should see, as calib::outliers has it
 constexpr double kAnyDepth_m = 1e6;
 constexpr double kMostOutside = 0.5;  // of the pixels with depth; more is told
-constexpr double kLeastMedian_m = 0.1, kMostMedian_m = 100;  // a median beyond is no room in metres
 
-/// A sensor of image files with all depth that the files hold; rigs render what is in range.
-SensorConfig without_range(SensorConfig sensor) {
-  if (std::holds_alternative<RgbdImagesSource>(sensor.source))
-    sensor.depth_near_m = 0, sensor.depth_far_m = kAnyDepth_m;
-  return sensor;
+/// Recorded sensors with all depth that they hold; rigs render what is in range.
+Scene without_ranges(Scene scene) {
+  if (!scene.rig)
+    for (SensorConfig& sensor : scene.sensors)
+      sensor.depth_near_m = 0, sensor.depth_far_m = kAnyDepth_m;
+  return scene;
 }
 
 std::string range_text(const SensorConfig& sensor) {
   return fmt::format("depth_range_m [{:g}, {:g}]", sensor.depth_near_m, sensor.depth_far_m);
-}
-
-/// What a wrong unit looks like: no median of a room.
-std::optional<std::string> unit_hint(const SensorConfig& sensor, double median_m) {
-  const auto* images = std::get_if<RgbdImagesSource>(&sensor.source);
-  if (!images || (median_m >= kLeastMedian_m && median_m <= kMostMedian_m)) return std::nullopt;
-  return fmt::format(
-      "the median depth is {:.4g} m: check depth_unit_m, now {:g}; with millimetres, 0.001, it "
-      "would be {:.4g} m",
-      median_m, images->depth_unit_m, median_m / images->depth_unit_m * 0.001);
 }
 
 std::vector<std::string> hints_of(const SensorConfig& sensor, const SensorCheck& check,
@@ -51,7 +40,7 @@ std::vector<std::string> hints_of(const SensorConfig& sensor, const SensorCheck&
   if (with_depth == 0)
     return {"no pixel has depth: is it the right picture, and is 'invalid' right?"};
   std::vector<std::string> hints;
-  if (auto hint = unit_hint(sensor, median_m)) hints.push_back(*std::move(hint));
+  if (auto hint = sensor.source.depth_hint(median_m)) hints.push_back(*std::move(hint));
   if (check.outside_ratio > kMostOutside)
     hints.push_back(fmt::format("{:.0f} % of the pixels with depth lie outside {}",
                                 100 * check.outside_ratio, range_text(sensor)));
@@ -155,9 +144,9 @@ void compare(const Scene& scene, std::span<const kit::Part> parts, double voxel_
 
 /// The first frame. Files that are missing were told as the scene was read: the next frame will do.
 Result<std::optional<Frame>> first_frame(const SensorConfig& sensor, FrameSource& source) {
-  const auto* files = std::get_if<RgbdImagesSource>(&sensor.source);
+  const std::size_t items = sensor.source.content().items;
   auto frame = source.next();
-  for (std::size_t item = 0; !frame && files && item + 1 < files->depth.size(); ++item) {
+  for (std::size_t item = 0; !frame && item + 1 < items; ++item) {
     if (frame.error().cause != Error::Cause::not_found && !sensor.lost_poses.contains(item)) break;
     frame = source.next();
   }
@@ -176,8 +165,7 @@ std::optional<Fit> SceneCheck::fit() const {
 }
 
 SceneCheck check_scene(const Scene& scene, const std::filesystem::path& rig_cache) {
-  Scene wide = scene;
-  for (SensorConfig& sensor : wide.sensors) sensor = without_range(std::move(sensor));
+  const Scene wide = without_ranges(scene);
   const double voxel_m = std::max(scene.voxel_m, kLeastVoxel_m);
   const std::vector<SensorId> wanted = all_sensors(scene.sensors);
   const auto sources = node::open_sources(wide, wanted, rig_cache);

@@ -107,10 +107,7 @@ class BaselineSystem final : public System {
 void add_inputs(const Scene& scene, Fingerprint& print) {
   for (const SensorConfig& sensor : scene.sensors) {
     for (const Pose& pose : sensor.T_world_depth) print.add(pose);
-    const auto* images = std::get_if<RgbdImagesSource>(&sensor.source);
-    if (!images) continue;
-    for (const auto& file : images->color) print.add_file(file);
-    for (const auto& file : images->depth) print.add_file(file);
+    for (const auto& file : sensor.source.files()) print.add_file(file);
   }
 }
 

@@ -1,5 +1,10 @@
 #pragma once
 
+#include <string>
+#include <vector>
+
+#include "mr/core/range.h"
+
 namespace mr::fusion {
 
 enum class Decomposition { none, chunks, patches };
@@ -11,6 +16,12 @@ struct CleanConfig {
   int speckle_px = 8;        ///< drop regions of fewer pixels; 0 or 1: none
   int fill_px = 2;           ///< close gaps of up to so many pixels inside a surface, 0 (off) .. 7
   bool smooth_depth = true;  ///< average out sensor noise
+
+  static constexpr Range kSpeckle_px{0, 1'000'000}, kFill_px{0, 7};
+  /// What is impossible in it, a line each.
+  std::vector<std::string> problems() const {
+    return out_of_range({{"speckle_px", speckle_px, kSpeckle_px}, {"fill_px", fill_px, kFill_px}});
+  }
   friend bool operator==(const CleanConfig&, const CleanConfig&) = default;
 };
 
@@ -20,6 +31,13 @@ struct FusionConfig {
   int patches_x = 4, patches_y = 4;  ///< the paper's M×N
   double truncation_m = 0.04;        ///< half width of the signed-distance band
   CleanConfig clean;                 ///< keys smooth_depth, mixed_pixels, speckle_px, fill_px
+
+  static constexpr Range kChunk_m{0, 100, true}, kTruncation_m{0, 1, true}, kPatches{1, 16};
+  static constexpr int kLeastChunkVoxels = 8, kLeastTruncationVoxels = 2;
+  /// What is impossible in it, a line each.
+  std::vector<std::string> problems() const;
+  /// The same with voxels of so many metres, which chunks and the band must hold several of.
+  std::vector<std::string> problems(double voxel_m) const;
   friend bool operator==(const FusionConfig&, const FusionConfig&) = default;
 };
 

@@ -1,9 +1,20 @@
 #pragma once
 
+#include <string>
+#include <vector>
+
+#include "mr/core/range.h"
+
 namespace mr::kit {
 
 struct VideoConfig {
   int threads = 2, slices = 2;  ///< libx264's bytes follow them
+
+  static constexpr Range kThreads{1, 64}, kSlices{1, 64};
+  /// What is impossible in it, a line each.
+  std::vector<std::string> problems() const {
+    return out_of_range({{"threads", threads, kThreads}, {"slices", slices, kSlices}});
+  }
   friend bool operator==(const VideoConfig&, const VideoConfig&) = default;
 };
 

@@ -1,5 +1,10 @@
 #pragma once
 
+#include <string>
+#include <vector>
+
+#include "mr/core/range.h"
+
 namespace mr::merge {
 
 /// How the surfaces of a merger's inputs become one.
@@ -13,6 +18,16 @@ struct MergeConfig {
   double gap_m = 0;                    ///< wider gaps between sensors stay open; 0: 2.5 voxels
   double leave_out_mm = 0;  ///< a sensor whose surface lies farther than this from its neighbours'
                             ///< is left out; 0: it is told, and stays
+
+  static constexpr Range kCalibrationError_m{0, 0.5}, kIslandArea_m2{0, 100}, kGap_m{0, 1},
+      kLeaveOut_mm{0, 10'000};
+  /// What is impossible in it, a line each.
+  std::vector<std::string> problems() const {
+    return out_of_range({{"calibration_error_m", calibration_error_m, kCalibrationError_m},
+                         {"island_area_m2", island_area_m2, kIslandArea_m2},
+                         {"gap_m", gap_m, kGap_m},
+                         {"leave_out_mm", leave_out_mm, kLeaveOut_mm}});
+  }
   friend bool operator==(const MergeConfig&, const MergeConfig&) = default;
 };
 

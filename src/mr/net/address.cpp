@@ -28,4 +28,13 @@ std::string to_string(const Address& address) {
   return (v6 ? "[" + address.host + "]" : address.host) + ":" + address.port;
 }
 
+bool is_address(const std::string& text) {
+  const std::size_t colon = text.rfind(':');
+  if (colon == std::string::npos || colon == 0) return false;
+  int port = -1;
+  const char *begin = text.data() + colon + 1, *end = text.data() + text.size();
+  const auto [stop, failed] = std::from_chars(begin, end, port);
+  return failed == std::errc() && stop == end && port >= 0 && port <= 65535;
+}
+
 }  // namespace mr::net

@@ -3,6 +3,8 @@
 #include <filesystem>
 #include <map>
 #include <string>
+#include <string_view>
+#include <vector>
 
 #include "mr/core/secret_source.h"
 
@@ -16,6 +18,11 @@ struct NatsConfig {
   std::string nkey = {};                   ///< public NKey of this node, "U…"; empty: none
   std::filesystem::path nkey_seed = {};    ///< file with its seed
   std::filesystem::path credentials = {};  ///< file of a JWT and its seed; instead of an NKey
+
+  /// What is impossible in it, a line each.
+  std::vector<std::string> problems() const;
+  /// Whether a text looks like the public NKey of a user.
+  static bool is_user_nkey(std::string_view text);
   friend bool operator==(const NatsConfig&, const NatsConfig&) = default;
 };
 
@@ -24,6 +31,9 @@ struct NetworkConfig {
   NatsConfig nats;
   std::map<std::string, std::string> tcp;  ///< node → host:port; empty: no TCP
   SecretSource tcp_secret;                 ///< of all nodes that TCP joins; empty: none
+
+  /// What is impossible in it, a line each.
+  std::vector<std::string> problems() const;
   friend bool operator==(const NetworkConfig&, const NetworkConfig&) = default;
 };
 

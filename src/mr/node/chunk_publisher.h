@@ -20,8 +20,8 @@ class ChunkPublisher {
  public:
   ChunkPublisher(const Scene& scene, SensorId source);
 
-  /// Chunks of a background model (codec::load_background), which every packet names and the first
-  /// one brings. Before the first publish().
+  /// Chunks of a background model (codec::encode_background), which every packet names and the
+  /// first one brings. Before the first publish().
   void add_background(std::vector<EncodedChunk> chunks);
 
   /// Puts a chunk of the still surface in the place of the one in that cube; an empty mesh takes it

@@ -1,9 +1,9 @@
 #include "mr/node/sources.h"
 
-#include <variant>
-
-#include "mr/codec/background.h"
-#include "mr/sensor/rgbd_images.h"
+#include "mr/codec/background_chunks.h"
+#include "mr/core/assert.h"
+#include "mr/model/background.h"
+#include "mr/sensor/source_registry.h"
 #include "mr/synth/room.h"
 
 namespace mr::node {
@@ -15,8 +15,12 @@ std::vector<std::unique_ptr<FrameSource>> open_sources(
     return synth::open_rig(*scene.rig, scene.sensors, wanted, scene.fps,
                            {cache_folder, std::move(rendering)});
   std::vector<std::unique_ptr<FrameSource>> out;
-  for (const SensorId id : wanted)
-    out.push_back(sensor::open_rgbd_images(scene.sensor(id), id, scene.fps));
+  for (const SensorId id : wanted) {
+    const SensorConfig& sensor = scene.sensor(id);
+    const sensor::SourceType* type = sensor::find_source_type(sensor.source.type());
+    MR_ASSERT(type != nullptr);
+    out.push_back(type->open(sensor, id, scene.fps));
+  }
   return out;
 }
 
@@ -24,14 +28,26 @@ Result<std::vector<EncodedChunk>> open_background(
     const Scene& scene, const std::function<void(const std::string&)>& notice) {
   if (!scene.background) return std::vector<EncodedChunk>{};
   // Its colours are per vertex: as fine as the voxels.
-  return codec::load_background(*scene.background, scene.lattice, scene.fusion.chunk_m,
-                                scene.voxel_m, notice);
+  const auto mesh = model::load_background(*scene.background, scene.lattice, scene.voxel_m, notice);
+  if (!mesh) return mesh.error();
+  auto chunks = codec::encode_background(*mesh, scene.lattice, scene.fusion.chunk_m);
+  if (!chunks)
+    return Error{chunks.error().cause,
+                 scene.background->model.string() + ": " + chunks.error().message};
+  return chunks;
 }
 
 Result<Scene> prepare_scene(Scene scene) {
-  if (scene.rig && scene.sensors.empty()) scene.sensors = synth::rig_sensors(*scene.rig);
-  if (scene.sensors.empty() || scene.mergers.empty())
+  if ((!scene.rig && scene.sensors.empty()) || scene.mergers.empty())
     return Error{Error::Cause::empty, "scene '" + scene.id + "' has no sensors"};
+  const auto problems = scene.problems();
+  if (!problems.empty())
+    return Error{Error::Cause::invalid,
+                 "scene '" + scene.id + "': " + problems.front() +
+                     (problems.size() == 1
+                          ? ""
+                          : " (and " + std::to_string(problems.size() - 1) + " more problems)")};
+  if (scene.rig && scene.sensors.empty()) scene.sensors = synth::rig_sensors(*scene.rig);
   return scene;
 }
 

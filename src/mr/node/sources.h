@@ -23,12 +23,14 @@ std::vector<std::unique_ptr<FrameSource>> open_sources(
     const std::filesystem::path& cache_folder = {},
     std::function<void(int done, int of)> rendering = {});
 
-/// The chunks of the scene's background model; none where it has no background. `notice` is told in
+/// The chunks of the scene's background model; none where it has no background. Errors name the
+/// file. `notice` is told in
 /// one line what was done to it.
 Result<std::vector<EncodedChunk>> open_background(
     const Scene& scene, const std::function<void(const std::string&)>& notice = {});
 
-/// A scene whose rig, if it has one, is turned into its sensors. empty: it has none.
+/// A scene whose rig, if it has one, is turned into its sensors. empty: it has none. invalid: the
+/// first of its problems(); a scene that load_scene() accepts has none.
 Result<Scene> prepare_scene(Scene scene);
 
 }  // namespace mr::node

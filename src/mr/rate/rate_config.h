@@ -1,10 +1,21 @@
 #pragma once
 
+#include <string>
+#include <vector>
+
+#include "mr/core/range.h"
+
 namespace mr::rate {
 
 struct RateConfig {
   enum class Model { fixed, lookup, classifier, ours } model = Model::fixed;
   double target_mbps = 20;
+
+  static constexpr Range kTarget_mbps{0, 1e5, true};
+  /// What is impossible in it, a line each.
+  std::vector<std::string> problems() const {
+    return out_of_range({{"target_mbps", target_mbps, kTarget_mbps}});
+  }
   friend bool operator==(const RateConfig&, const RateConfig&) = default;
 };
 

@@ -5,6 +5,7 @@
 #include <string>
 #include <vector>
 
+#include "mr/core/range.h"
 #include "mr/core/secret_source.h"
 #include "mr/core/vec.h"
 
@@ -31,6 +32,10 @@ struct GatewayConfig {
   bool open = false;                      ///< beyond this machine without TLS and tokens, knowingly
   int viewers = 64;                       ///< at once
   int viewers_per_address = 16;
+
+  static constexpr Range kViewers{1, 10'000};
+  /// What is impossible in it, a line each.
+  std::vector<std::string> problems() const;
   friend bool operator==(const GatewayConfig&, const GatewayConfig&) = default;
 };
 

@@ -1,7 +1,7 @@
 #include <algorithm>
 #include <cctype>
-#include <charconv>
 
+#include "mr/net/address.h"
 #include "mr/scene/parts.h"
 
 namespace mr::scene_file {
@@ -9,21 +9,11 @@ namespace {
 
 constexpr const char* kSecretKey = "secret";
 
-/// "host:port", "[v6]:port".
-bool is_address(const std::string& text) {
-  const std::size_t colon = text.rfind(':');
-  if (colon == std::string::npos || colon == 0) return false;
-  int port = -1;
-  const char *begin = text.data() + colon + 1, *end = text.data() + text.size();
-  const auto [stop, failed] = std::from_chars(begin, end, port);
-  return failed == std::errc() && stop == end && port >= 0 && port <= 65535;
-}
-
 /// A text that is an address; a wrong one is reported.
 bool read_address(MapReader& map, const std::string& key, std::string& out) {
   std::string text;
   if (!map.text(key, text)) return false;
-  if (!is_address(text)) {
+  if (!net::is_address(text)) {
     map.report.problem(map.line(key), key + ": " + in_quotes(text) +
                                           " is no address; write host:port, as in 127.0.0.1:8080");
     return false;
@@ -51,13 +41,6 @@ void read_start(MapReader& gateway, std::optional<StartConfig>& start) {
   start = StartConfig{*eye, *look_at};
 }
 
-/// Whether it looks like the public NKey of a user.
-bool is_user_nkey(const std::string& text) {
-  return text.size() == 56 && text[0] == 'U' && std::all_of(text.begin(), text.end(), [](char c) {
-           return (c >= 'A' && c <= 'Z') || (c >= '2' && c <= '7');
-         });
-}
-
 /// A file of this node; whether it is there is looked at when the node starts.
 void read_own_file(MapReader& map, const std::string& key, std::filesystem::path& out) {
   std::string text;
@@ -70,7 +53,8 @@ void read_nkey(MapReader& nats, NatsConfig& config) {
   const yaml::Node* node = nats.find("nkey");
   if (!node) return;
   MapReader map(nats.report, *node, "nkey");
-  if (map.need("public") && map.text("public", config.nkey) && !is_user_nkey(config.nkey))
+  if (map.need("public") && map.text("public", config.nkey) &&
+      !NatsConfig::is_user_nkey(config.nkey))
     map.report.problem(map.line("public"),
                        "public must be the public NKey of a user, U and 55 more letters or digits");
   if (map.need("seed")) read_own_file(map, "seed", config.nkey_seed);
@@ -162,8 +146,8 @@ void read_gateway(Report& report, const yaml::Node& node, GatewayConfig& gateway
   yaml::read_secret_source(map, "tokens", gateway.tokens);
   read_hosts(map, gateway.hosts);
   map.flag("open", gateway.open);
-  map.integer("viewers", gateway.viewers, 1, 10'000);
-  map.integer("viewers_per_address", gateway.viewers_per_address, 1, 10'000);
+  map.integer("viewers", gateway.viewers, GatewayConfig::kViewers);
+  map.integer("viewers_per_address", gateway.viewers_per_address, GatewayConfig::kViewers);
 }
 
 void read_tcp(MapReader& top, Scene& scene) {
@@ -199,8 +183,8 @@ void read_background(MapReader& top, std::optional<BackgroundConfig>& background
   if (map.need("model") && map.text("model", model)) {
     config.model = map.report.resolve(model);
     std::error_code failed;
-    if (config.model.extension() != ".glb")
-      map.report.problem(map.line("model"), "model must be a binary glTF file (.glb)");
+    if (const auto problems = config.problems(); !problems.empty())
+      map.report.problem(map.line("model"), problems.front());
     else if (!map.report.spend_files(1) || !std::filesystem::is_regular_file(config.model, failed))
       map.report.problem(map.line("model"), "model: no file " + in_quotes(config.model.string()));
   }

@@ -16,7 +16,6 @@ namespace mr::scene_file {
 
 using yaml::FileList;
 using yaml::MapReader;
-using yaml::Range;
 using yaml::Report;
 
 /// An id with the line where it stands.

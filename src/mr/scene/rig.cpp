@@ -4,43 +4,34 @@
 
 #include "mr/scene/parts.h"
 
-namespace mr {
-
+namespace mr::scene_file {
 namespace {
 
 using EventKind = RigEvent::Kind;
 
-}  // namespace
-
-namespace scene_file {
-namespace {
-
-constexpr int kMostFrames = 1'000'000;
-
 /// The keys that count for an event's kind; others are unknown keys.
 void read_event_figures(MapReader& map, RigEvent& event) {
-  constexpr double kFar_m = 25;
   using Kind = RigEvent::Kind;
   const Kind kind = event.kind;
   const auto is = [&](std::initializer_list<Kind> kinds) {
     return std::find(kinds.begin(), kinds.end(), kind) != kinds.end();
   };
-  if (!is({Kind::carry, Kind::push})) map.integer("frames", event.frames, 1, kMostFrames);
+  if (!is({Kind::carry, Kind::push})) map.integer("frames", event.frames, RigEvent::kFrames);
   if (is({Kind::push, Kind::dropout})) map.need("sensor");
   if (is({Kind::vanish, Kind::push, Kind::dropout, Kind::exposure, Kind::hunt}))
     map.text("sensor", event.sensor);
   if (is({Kind::sit, Kind::chair, Kind::carry, Kind::vanish, Kind::screen})) {
     double place[2];
-    if (map.numbers("place", {-kFar_m, kFar_m}, place)) event.place_m = Vec2d{place[0], place[1]};
+    if (map.numbers("place", RigEvent::kPlace_m, place)) event.place_m = Vec2d{place[0], place[1]};
   }
-  if (kind == Kind::chair) map.number("by_m", event.by_m, {0.05, 5});
-  if (kind == Kind::light) map.number("level", event.level, {0, 1});
+  if (kind == Kind::chair) map.number("by_m", event.by_m, RigEvent::kBy_m);
+  if (kind == Kind::light) map.number("level", event.level, RigEvent::kLevel);
   if (kind == Kind::push) {
-    map.number("by_mm", event.by_mm, {0, 1000});
-    map.number("by_deg", event.by_deg, {0, 90});
+    map.number("by_mm", event.by_mm, RigEvent::kBy_mm);
+    map.number("by_deg", event.by_deg, RigEvent::kBy_deg);
   }
-  if (is({Kind::exposure, Kind::hunt})) map.number("stops", event.stops, {-4, 4});
-  if (kind == Kind::hunt) map.number("period_s", event.period_s, {0.1, 3600});
+  if (is({Kind::exposure, Kind::hunt})) map.number("stops", event.stops, RigEvent::kStops);
+  if (kind == Kind::hunt) map.number("period_s", event.period_s, RigEvent::kPeriod_s);
 }
 
 std::optional<RigEvent> read_event(Report& report, const yaml::Node& node) {
@@ -59,7 +50,7 @@ std::optional<RigEvent> read_event(Report& report, const yaml::Node& node) {
                                                             {"dropout", EventKind::dropout},
                                                             {"exposure", EventKind::exposure},
                                                             {"hunt", EventKind::hunt}});
-  if (map.need("at")) map.integer("at", event.at, 0, kMostFrames);
+  if (map.need("at")) map.integer("at", event.at, RigEvent::kAt);
   if (!has_kind) {  // which keys it may have follows from it
     map.accept_all();
     return std::nullopt;
@@ -101,20 +92,20 @@ void read_events(MapReader& map, RigConfig& rig) {
 }
 
 void read_rig_errors(MapReader& map, RigConfig& rig) {
-  map.number("depth_noise", rig.depth_noise, {0, 100});
-  map.number("depth_noise_px", rig.depth_noise_px, {0, 16});
-  map.number("color_noise", rig.color_noise, {0, 64});
-  map.number("exposure_drift", rig.exposure_drift, {0, 4});
-  map.number("exposure_period_s", rig.exposure_period_s, {0.1, 36'000});
-  map.number("calib_error_mm", rig.calib_error_mm, {0, 1000});
-  map.number("calib_error_deg", rig.calib_error_deg, {0, 90});
-  map.number("exposure_spread", rig.exposure_spread, {0, 4});
-  map.number("clock_offset_ms", rig.clock_offset_ms, {0, 10'000});
+  map.number("depth_noise", rig.depth_noise, RigConfig::kDepthNoise);
+  map.number("depth_noise_px", rig.depth_noise_px, RigConfig::kDepthNoise_px);
+  map.number("color_noise", rig.color_noise, RigConfig::kColorNoise);
+  map.number("exposure_drift", rig.exposure_drift, RigConfig::kExposure);
+  map.number("exposure_period_s", rig.exposure_period_s, RigConfig::kExposurePeriod_s);
+  map.number("calib_error_mm", rig.calib_error_mm, RigConfig::kCalibError_mm);
+  map.number("calib_error_deg", rig.calib_error_deg, RigConfig::kCalibError_deg);
+  map.number("exposure_spread", rig.exposure_spread, RigConfig::kExposure);
+  map.number("clock_offset_ms", rig.clock_offset_ms, RigConfig::kClockOffset_ms);
 }
 
 void read_rig_sensors(MapReader& map, RigConfig& rig) {
-  map.integer("sensors", rig.sensors, 1, 400);
-  map.integer("lidars", rig.lidars, 0, 16);
+  map.integer("sensors", rig.sensors, RigConfig::kSensors);
+  map.integer("lidars", rig.lidars, RigConfig::kLidars);
   std::pair<int, int> depth{rig.depth_width, rig.depth_height};
   map.choice<std::pair<int, int>>("depth_mode", depth,
                                   {{"nfov", {640, 576}},
@@ -122,7 +113,7 @@ void read_rig_sensors(MapReader& map, RigConfig& rig) {
                                    {"wfov_binned", {512, 512}},
                                    {"wfov", {1024, 1024}}});
   rig.depth_width = depth.first, rig.depth_height = depth.second;
-  map.size("color", 16, 8192, rig.color_width, rig.color_height);
+  map.size("color", RigConfig::kColor, rig.color_width, rig.color_height);
   map.choice<bool>("noise", rig.noise, {{"kinect", true}, {"none", false}});
 }
 
@@ -146,16 +137,15 @@ RigConfig read_rig(Report& report, const yaml::Node& node) {
     report.problem(map.line("seed"), "seed must be a whole number");
   rig.seed = static_cast<std::uint32_t>(seed);
   double room[3];
-  if (map.numbers("room", {1, 50}, room)) rig.room_m = {room[0], room[1], room[2]};
-  map.integer("people", rig.people, 0, 100);
+  if (map.numbers("room", RigConfig::kRoom_m, room)) rig.room_m = {room[0], room[1], room[2]};
+  map.integer("people", rig.people, RigConfig::kPeople);
   read_rig_sensors(map, rig);
-  map.number("detail", rig.detail, {0, 1});
-  map.integer("frames", rig.frames, 1, 1'000'000);
+  map.number("detail", rig.detail, RigConfig::kDetail);
+  map.integer("frames", rig.frames, RigConfig::kFrames);
   map.flag("loop", rig.loop);
   read_rig_errors(map, rig);
   read_events(map, rig);
   return rig;
 }
 
-}  // namespace scene_file
-}  // namespace mr
+}  // namespace mr::scene_file

@@ -32,7 +32,7 @@ void read_lattice(MapReader& top, bool of_points, Lattice& lattice) {
   const yaml::Node* node = top.find("lattice");
   if (!node) return;
   MapReader map(top.report, *node, "lattice");
-  const bool read = map.integer("step_exp", lattice.step_exp, -1000, 1000);
+  const bool read = map.integer("step_exp", lattice.step_exp, {-1000, 1000});
   const bool coarse = lattice.step_exp == -7 || lattice.step_exp == -8;
   if (read && (lattice.step_exp > (of_points ? -7 : -9) || lattice.step_exp < -11)) {
     map.report.problem(map.line("step_exp"),
@@ -42,14 +42,10 @@ void read_lattice(MapReader& top, bool of_points, Lattice& lattice) {
     lattice.step_exp = Lattice{}.step_exp;
   }
   double v[3];
-  if (!map.numbers("origin", {-1e5, 1e5}, v)) return;
+  if (!map.numbers("origin", Lattice::kOrigin_m, v)) return;
   lattice.origin = {v[0], v[1], v[2]};
-  for (const double x : v)
-    if (x / lattice.step_m() != std::floor(x / lattice.step_m())) {
-      map.report.problem(map.line("origin"), "origin must be multiples of the lattice's step, 2^" +
-                                                 std::to_string(lattice.step_exp) + " m");
-      return;
-    }
+  for (const std::string& problem : lattice.problems())
+    map.report.problem(map.line("origin"), problem);
 }
 
 void read_volume(MapReader& top, Scene& scene) {
@@ -62,8 +58,8 @@ void read_volume(MapReader& top, Scene& scene) {
   if (const yaml::Node* floor = map.find("remove_floor")) {
     MapReader plane(map.report, *floor, "remove_floor");
     scene.floor.emplace();
-    plane.number("height_m", scene.floor->height_m, {-1e5, 1e5});
-    plane.number("margin_m", scene.floor->margin_m, {0, 10});
+    plane.number("height_m", scene.floor->height_m, FloorConfig::kHeight_m);
+    plane.number("margin_m", scene.floor->margin_m, FloorConfig::kMargin_m);
   }
 }
 
@@ -71,9 +67,9 @@ void read_general(MapReader& top, Scene& scene) {
   if (const yaml::Node* id = top.need("scene"))
     scene.id = yaml::read_id(top.report, *id, "scene").value_or("");
   read_up(top, scene.up);
-  top.number("fps", scene.fps, {0, 240, true});
-  top.integer("threads", scene.threads, 0, 1024);
-  top.number("voxel_m", scene.voxel_m, {0.002, 0.05});
+  top.number("fps", scene.fps, Scene::kFps);
+  top.integer("threads", scene.threads, Scene::kThreads);
+  top.number("voxel_m", scene.voxel_m, Scene::kVoxel_m);
   top.choice<std::string>("pipeline", scene.pipeline,
                           {{"meshreduce", "meshreduce"},
                            {"holoportation", "holoportation"},
@@ -83,8 +79,8 @@ void read_general(MapReader& top, Scene& scene) {
   read_lattice(top, scene.pipeline == "points", scene.lattice);
   if (const yaml::Node* node = top.find("video")) {
     MapReader video(top.report, *node, "video");
-    video.integer("threads", scene.video.threads, 1, 64);
-    video.integer("slices", scene.video.slices, 1, 64);
+    video.integer("threads", scene.video.threads, VideoConfig::kThreads);
+    video.integer("slices", scene.video.slices, VideoConfig::kSlices);
   }
   read_volume(top, scene);
 }
@@ -101,23 +97,24 @@ void read_fusion(MapReader& top, const Scene& scene, FusionConfig& fusion) {
                              {"patches", Decomposition::patches}});
   if (fusion.decomposition == Decomposition::none)
     map.not_acted_on("decomposition", "fusion.decomposition none (same as chunks)");
-  const auto voxels = [&](const char* key, double& out, int least, double most) {
+  const auto voxels = [&](const char* key, double& out, int least, Range range) {
     constexpr double kRounding = 1e-9;
     double value = 0;
-    if (!map.number(key, value, {0, most, true})) return;
+    if (!map.number(key, value, range)) return;
     if (value < least * scene.voxel_m - kRounding)
       map.report.problem(map.line(key), std::string(key) + " must be at least " +
                                             std::to_string(least) + " voxels of voxel_m");
     else
       out = value;
   };
-  voxels("chunk_m", fusion.chunk_m, 8, 100);
+  voxels("chunk_m", fusion.chunk_m, FusionConfig::kLeastChunkVoxels, FusionConfig::kChunk_m);
   map.flag("mixed_pixels", fusion.clean.mixed_pixels);
-  map.integer("speckle_px", fusion.clean.speckle_px, 0, 1000000);
-  map.integer("fill_px", fusion.clean.fill_px, 0, 7);
+  map.integer("speckle_px", fusion.clean.speckle_px, CleanConfig::kSpeckle_px);
+  map.integer("fill_px", fusion.clean.fill_px, CleanConfig::kFill_px);
   map.flag("smooth_depth", fusion.clean.smooth_depth);
-  voxels("truncation_m", fusion.truncation_m, 2, 1);
-  if (map.size("patches", 1, 16, fusion.patches_x, fusion.patches_y) &&
+  voxels("truncation_m", fusion.truncation_m, FusionConfig::kLeastTruncationVoxels,
+         FusionConfig::kTruncation_m);
+  if (map.size("patches", FusionConfig::kPatches, fusion.patches_x, fusion.patches_y) &&
       fusion.decomposition != Decomposition::patches)
     map.not_acted_on("patches", "fusion.patches where decomposition is not patches");
 }
@@ -126,8 +123,8 @@ void read_simplify(MapReader& parent, SimplifyConfig& simplify) {
   const yaml::Node* node = parent.find("simplify");
   if (!node) return;
   MapReader map(parent.report, *node, "simplify");
-  map.number("ratio", simplify.ratio, {0, 1, true});
-  map.number("error_m", simplify.error_m, {0, 1});
+  map.number("ratio", simplify.ratio, SimplifyConfig::kRatio);
+  map.number("error_m", simplify.error_m, SimplifyConfig::kError_m);
 }
 
 void read_merge(MapReader& top, MergeConfig& merge) {
@@ -143,10 +140,10 @@ void read_merge(MapReader& top, MergeConfig& merge) {
     map.not_acted_on("overlap", "merge.overlap where owner is not paper");
   map.flag("refine", merge.refine);
   map.flag("color_gain", merge.color_gain);
-  map.number("calibration_error_m", merge.calibration_error_m, {0, 0.5});
-  map.number("island_area_m2", merge.island_area_m2, {0, 100});
-  map.number("gap_m", merge.gap_m, {0, 1});
-  map.number("leave_out_mm", merge.leave_out_mm, {0, 10'000});
+  map.number("calibration_error_m", merge.calibration_error_m, MergeConfig::kCalibrationError_m);
+  map.number("island_area_m2", merge.island_area_m2, MergeConfig::kIslandArea_m2);
+  map.number("gap_m", merge.gap_m, MergeConfig::kGap_m);
+  map.number("leave_out_mm", merge.leave_out_mm, MergeConfig::kLeaveOut_mm);
   read_simplify(map, merge.simplify);
 }
 
@@ -162,7 +159,7 @@ void read_atlas(MapReader& top, AtlasConfig& atlas) {
                      {"separate", Views::separate}});
   map.flag("mask", atlas.mask);
   map.flag("burn_sequence", atlas.burn_sequence);
-  map.size("size", 16, 8192, atlas.width, atlas.height);
+  map.size("size", AtlasConfig::kSize, atlas.width, atlas.height);
   if (atlas.views == Views::packed) map.not_acted_on("views", "atlas.views packed");
   if (atlas.views == Views::separate) map.not_acted_on("views", "atlas.views separate");
 }
@@ -176,7 +173,7 @@ void read_rate_and_coding(MapReader& top, Scene& scene) {
   if (const yaml::Node* node = top.find("still")) {
     MapReader still(top.report, *node, "still");
     still.flag("layers", scene.still.layers);
-    still.number("after_s", scene.still.after_s, {0.5, 3600});
+    still.number("after_s", scene.still.after_s, StillConfig::kAfter_s);
   }
   if (const yaml::Node* node = top.find("rate")) {
     MapReader rate(top.report, *node, "rate");
@@ -185,17 +182,17 @@ void read_rate_and_coding(MapReader& top, Scene& scene) {
                         {"lookup", Model::lookup},
                         {"classifier", Model::classifier},
                         {"ours", Model::ours}});
-    rate.number("target_mbps", scene.rate.target_mbps, {0, 1e5, true});
+    rate.number("target_mbps", scene.rate.target_mbps, RateConfig::kTarget_mbps);
     if (rate.has("target_mbps")) rate.not_acted_on("target_mbps", "rate.target_mbps");
     if (scene.rate.model != Model::fixed) rate.not_acted_on("model", "rate.model other than fixed");
   }
   if (const yaml::Node* node = top.find("coding")) {
     MapReader coding(top.report, *node, "coding");
-    coding.number("texture_scale", scene.coding.texture_scale, {0, 1, true});
-    coding.integer("texture_qp", scene.coding.texture_qp, 0, 51);
-    coding.integer("sensor_texture_qp", scene.coding.sensor_texture_qp, 0, 51);
-    coding.integer("depth_qp", scene.coding.depth_qp, 0, 51);
-    coding.integer("frame_divider", scene.coding.frame_divider, 1, 30);
+    coding.number("texture_scale", scene.coding.texture_scale, CodingConfig::kTextureScale);
+    coding.integer("texture_qp", scene.coding.texture_qp, CodingConfig::kQp);
+    coding.integer("sensor_texture_qp", scene.coding.sensor_texture_qp, CodingConfig::kQp);
+    coding.integer("depth_qp", scene.coding.depth_qp, CodingConfig::kQp);
+    coding.integer("frame_divider", scene.coding.frame_divider, CodingConfig::kFrameDivider);
     if (scene.pipeline == "meshreduce" && scene.coding.frame_divider != 1)
       coding.not_acted_on("frame_divider", "coding.frame_divider of pipeline meshreduce");
   }

@@ -1,18 +1,20 @@
 #pragma once
 
+#include <array>
 #include <filesystem>
 #include <optional>
 #include <string>
 #include <vector>
 
 #include "mr/atlas/atlas_config.h"
-#include "mr/codec/background.h"
 #include "mr/codec/coding_config.h"
 #include "mr/core/lattice.h"
+#include "mr/core/range.h"
 #include "mr/core/sensor_config.h"
 #include "mr/fusion/fusion_config.h"
 #include "mr/kit/video_config.h"
 #include "mr/merge/merge_config.h"
+#include "mr/model/background.h"
 #include "mr/net/network_config.h"
 #include "mr/rate/rate_config.h"
 #include "mr/scene/gateway_config.h"
@@ -29,12 +31,12 @@
 namespace mr {
 
 using atlas::AtlasConfig;
-using codec::BackgroundConfig;
 using codec::CodingConfig;
 using fusion::CleanConfig;
 using fusion::Decomposition;
 using fusion::FusionConfig;
 using kit::VideoConfig;
+using model::BackgroundConfig;
 using net::NatsConfig;
 using net::NetworkConfig;
 using rate::RateConfig;
@@ -48,6 +50,9 @@ using SceneProblem = yaml::Problem;
 /// The key `merge`: how surfaces are merged, and how far the root decimates what comes out.
 struct MergeConfig : merge::MergeConfig {
   SimplifyConfig simplify;
+
+  /// What is impossible in it, a line each.
+  std::vector<std::string> problems() const;
   friend bool operator==(const MergeConfig&, const MergeConfig&) = default;
 };
 
@@ -89,6 +94,13 @@ struct Scene {
   NetworkConfig network;
 
   const SensorConfig& sensor(SensorId id) const { return sensors[index_of(id)]; }
+
+  static constexpr Range kFps{0, 240, true}, kThreads{0, 1024}, kVoxel_m{0.002, 0.05};
+  static constexpr std::array<const char*, 5> kPipelines{"meshreduce", "holoportation",
+                                                         "holoportation++", "points", "rgbd"};
+  /// What is impossible in it, a line each that names the key ("fusion.chunk_m must be …"); empty
+  /// where it can be run. Files, the tree's shape and ids are looked at by load_scene() alone.
+  std::vector<std::string> problems() const;
   friend bool operator==(const Scene&, const Scene&) = default;
 };
 

@@ -1,4 +1,5 @@
 #include "mr/scene/parts.h"
+#include "mr/sensor/source_registry.h"
 
 namespace mr::scene_file {
 namespace {
@@ -61,61 +62,30 @@ int line_of_problem(const MapReader& map, const Camera& camera, const std::strin
   return map.line();
 }
 
-/// The source's depth and colour files; how many items it has, 0 where that is unknown.
-std::size_t read_images(MapReader& map, const std::string& id, RgbdImagesSource& out) {
-  Report& report = map.report;
-  std::optional<FileList> depth, color;
-  if (const yaml::Node* node = map.need("depth")) depth = yaml::read_files(report, *node, "depth");
-  if (const yaml::Node* node = map.find("color")) color = yaml::read_files(report, *node, "color");
-  if (depth && color && depth->paths.size() != color->paths.size())
-    report.problem(map.line("color"),
-                   "color names " + std::to_string(color->paths.size()) + " files and depth " +
-                       std::to_string(depth->paths.size()) + "; they must be as many");
-  if (depth) yaml::tell_unusable(report, *depth, "sensors." + id + ".source.depth");
-  if (color) yaml::tell_unusable(report, *color, "sensors." + id + ".source.color");
-  if (color) out.color = std::move(color->paths);
-  if (depth) out.depth = std::move(depth->paths);
-  return out.depth.size();
+std::string supported_types() {
+  std::string out;
+  for (const sensor::SourceType& type : sensor::source_types())
+    out += (out.empty() ? "" : ", ") + std::string(type.name);
+  return out;
 }
 
-void read_invalid_counts(MapReader& map, std::vector<std::uint16_t>& out) {
-  const yaml::Node* node = map.find("invalid");
-  if (!node) return;
-  const auto add = [&](const yaml::Node& item) {
-    const auto value = yaml::read_number(map.report, item, "invalid", {0, 65535});
-    if (value && *value != static_cast<std::uint16_t>(*value))
-      map.report.problem(item.line, "invalid must be whole numbers");
-    if (value) out.push_back(static_cast<std::uint16_t>(*value));
-  };
-  out.clear();
-  if (node->kind == yaml::Node::Kind::list)
-    for (const yaml::Node& item : node->items) add(item);
-  else
-    add(*node);
-}
-
-/// Returns the number of items, 0 where it is unknown; so is has_color for other types.
-std::size_t read_source(Report& report, const yaml::Node& node, SensorConfig& sensor,
-                        std::optional<bool>& has_color) {
+/// Whether the source has colour; nothing where that cannot be told.
+std::optional<bool> read_source(Report& report, const yaml::Node& node, SensorConfig& sensor) {
   MapReader map(report, node, "source");
-  std::string type;
-  for (const char* key : {"color", "depth", "depth_unit_m", "invalid", "loop"}) map.find(key);
-  if (!map.need("type") || !map.text("type", type)) return 0;
-  if (type != "rgbd-images") {
-    report.problem(map.line("type"),
-                   "source type " + in_quotes(type) +
-                       " is not supported by this version; supported: rgbd-images");
-    map.accept_all();  // the other keys belong to that type
-    return 0;
+  std::string name;
+  const bool named = map.need("type") && map.text("type", name);
+  const sensor::SourceType* type = sensor::find_source_type(name);
+  if (!named || !type) {
+    map.accept_all();  // the other keys belong to a type that is not known here
+    if (named)
+      report.problem(map.line("type"),
+                     "source type " + in_quotes(name) +
+                         " is not supported by this version; supported: " + supported_types());
+    return std::nullopt;
   }
-  has_color = map.has("color");
-  RgbdImagesSource images;
-  const std::size_t items = read_images(map, sensor.id, images);
-  map.number("depth_unit_m", images.depth_unit_m, {0, 1, true});
-  read_invalid_counts(map, images.invalid);
-  map.flag("loop", images.loop);
-  sensor.source = std::move(images);
-  return items;
+  sensor::SourceKeys keys = type->read(map, "sensors." + sensor.id + ".source");
+  sensor.source = std::move(keys.config);
+  return keys.has_color;
 }
 
 void read_cameras(MapReader& map, SensorConfig& sensor, std::optional<bool> source_has_color) {
@@ -142,7 +112,7 @@ void read_cameras(MapReader& map, SensorConfig& sensor, std::optional<bool> sour
 
 void read_depth_figures(MapReader& map, SensorConfig& sensor) {
   double range[2];
-  if (map.numbers("depth_range_m", {0, 1000}, range)) {
+  if (map.numbers("depth_range_m", SensorConfig::kDepth_m, range)) {
     if (range[0] < range[1])
       sensor.depth_near_m = range[0], sensor.depth_far_m = range[1];
     else
@@ -151,10 +121,10 @@ void read_depth_figures(MapReader& map, SensorConfig& sensor) {
   }
   if (const yaml::Node* node = map.find("precision")) {
     MapReader precision(map.report, *node, "precision");
-    precision.number("base_m", sensor.precision.base_m, {0, 1, true});
-    precision.number("per_m2", sensor.precision.per_m2, {0, 1});
+    precision.number("base_m", sensor.precision.base_m, Precision::kBase_m);
+    precision.number("per_m2", sensor.precision.per_m2, Precision::kPer_m2);
   }
-  map.number("clock_offset_ms", sensor.clock_offset_ms, {-1e7, 1e7});
+  map.number("clock_offset_ms", sensor.clock_offset_ms, SensorConfig::kClockOffset_ms);
 }
 
 SensorConfig read_sensor(Report& report, const yaml::Node& node, std::vector<NodeName>& names) {
@@ -166,13 +136,12 @@ SensorConfig read_sensor(Report& report, const yaml::Node& node, std::vector<Nod
       names.push_back({*text, id->line});
     }
   std::optional<bool> has_color;
-  std::size_t items = 0;
   if (const yaml::Node* source = map.need("source"))
-    items = read_source(report, *source, sensor, has_color);
+    has_color = read_source(report, *source, sensor);
   read_cameras(map, sensor, has_color);
   if (const yaml::Node* poses = map.need("T_world_depth"))
     read_poses(report, *poses, "T_world_depth", sensor);
-  const std::size_t poses = sensor.T_world_depth.size();
+  const std::size_t items = sensor.source.content().items, poses = sensor.T_world_depth.size();
   if (items > 0 && poses > 1 && poses != items)
     report.problem(map.line("T_world_depth"), "T_world_depth holds " + std::to_string(poses) +
                                                   " poses for " + std::to_string(items) +
@@ -193,7 +162,7 @@ std::optional<Camera> read_camera(Report& report, const yaml::Node& node, const 
                                        {"equirectangular", CameraModel::equirectangular},
                                        {"lidar", CameraModel::lidar}});
   const bool pinhole = camera.model == CameraModel::pinhole;
-  good &= map.need("size") && map.size("size", 1, 16384, camera.width, camera.height);
+  good &= map.need("size") && map.size("size", {1, 16384}, camera.width, camera.height);
   const auto intrinsic = [&](const char* key, double& out, Range range) {
     if (pinhole && !map.need(key)) return false;
     return map.number(key, out, range) || !pinhole;

@@ -206,8 +206,8 @@ std::optional<Box3d> read_box(MapReader& map, const std::string& key) {
     return std::nullopt;
   }
   double low[3], high[3];
-  const bool good = yaml::read_numbers(map.report, box->items[0], key, {-1e5, 1e5}, low) &
-                    yaml::read_numbers(map.report, box->items[1], key, {-1e5, 1e5}, high);
+  const bool good = yaml::read_numbers(map.report, box->items[0], key, kCorner_m, low) &
+                    yaml::read_numbers(map.report, box->items[1], key, kCorner_m, high);
   if (!good) return std::nullopt;
   if (low[0] >= high[0] || low[1] >= high[1] || low[2] >= high[2]) {
     map.report.problem(map.line(key),
@@ -248,8 +248,8 @@ std::vector<MergerEntry> read_mergers(Report& report, const yaml::Node& node) {
       merger.line = id->line;
     }
     if (const yaml::Node* inputs = map.need("inputs")) read_inputs(report, *inputs, merger);
-    map.number("deadline_ms", merger.config.deadline_ms, {0, 60'000, true});
-    map.number("budget_ms", merger.config.budget_ms, {0, 60'000});
+    map.number("deadline_ms", merger.config.deadline_ms, MergerConfig::kDeadline_ms);
+    map.number("budget_ms", merger.config.budget_ms, MergerConfig::kBudget_ms);
     merger.config.region = read_box(map, "region");
     if (map.has("region")) merger.region_line = map.line("region");
     mergers.push_back(std::move(merger));
@@ -279,7 +279,7 @@ std::vector<LinkConfig> read_links(Report& report, const yaml::Node& node,
     };
     end("from", link.from);
     end("to", link.to);
-    map.number("limit_mbps", link.limit_mbps, {0, 1e6, true});
+    map.number("limit_mbps", link.limit_mbps, LinkConfig::kLimit_mbps);
     links.push_back(std::move(link));
   }
   return links;

@@ -1,8 +1,12 @@
 #pragma once
 
+#include <string>
+#include <vector>
+
 #include "mr/core/camera.h"
 #include "mr/core/image.h"
 #include "mr/core/pose.h"
+#include "mr/core/range.h"
 #include "mr/core/vec.h"
 
 namespace mr::sensor {
@@ -11,6 +15,12 @@ namespace mr::sensor {
 struct FloorConfig {
   double height_m = 0;     ///< along the scene's up
   double margin_m = 0.03;  ///< sensor noise and calibration
+
+  static constexpr Range kHeight_m{-1e5, 1e5}, kMargin_m{0, 10};
+  /// What is impossible in it, a line each.
+  std::vector<std::string> problems() const {
+    return out_of_range({{"height_m", height_m, kHeight_m}, {"margin_m", margin_m, kMargin_m}});
+  }
   friend bool operator==(const FloorConfig&, const FloorConfig&) = default;
 };
 

@@ -1,5 +1,7 @@
 #include "mr/sensor/rgbd_images.h"
 
+#include <fmt/format.h>
+
 #include <cmath>
 #include <string>
 #include <utility>
@@ -8,6 +10,8 @@
 
 namespace mr::sensor {
 namespace {
+
+constexpr double kLeastMedian_m = 0.1, kMostMedian_m = 100;  // a median beyond is no room in metres
 
 /// Metres for each of the 65,536 counts; 0 where the count is invalid or out of the sensor's range.
 std::vector<float> depth_table(const SensorConfig& sensor, const RgbdImagesSource& files) {
@@ -37,7 +41,7 @@ class RgbdImages final : public FrameSource {
  public:
   RgbdImages(const SensorConfig& sensor, SensorId id, double fps)
       : sensor_(sensor),
-        files_(std::get<RgbdImagesSource>(sensor.source)),
+        files_(*sensor.source.get_if<RgbdImagesSource>()),
         id_(id),
         fps_(fps),
         metres_(depth_table(sensor, files_)) {}
@@ -118,8 +122,22 @@ class RgbdImages final : public FrameSource {
 
 }  // namespace
 
+std::vector<std::filesystem::path> RgbdImagesSource::files() const {
+  std::vector<std::filesystem::path> out = color;
+  out.insert(out.end(), depth.begin(), depth.end());
+  return out;
+}
+
+std::optional<std::string> RgbdImagesSource::depth_hint(double median_m) const {
+  if (median_m >= kLeastMedian_m && median_m <= kMostMedian_m) return std::nullopt;
+  return fmt::format(
+      "the median depth is {:.4g} m: check depth_unit_m, now {:g}; with millimetres, 0.001, it "
+      "would be {:.4g} m",
+      median_m, depth_unit_m, median_m / depth_unit_m * 0.001);
+}
+
 std::unique_ptr<FrameSource> open_rgbd_images(const SensorConfig& sensor, SensorId id, double fps) {
-  MR_ASSERT(std::holds_alternative<RgbdImagesSource>(sensor.source));
+  MR_ASSERT(sensor.source.get_if<RgbdImagesSource>() != nullptr);
   MR_ASSERT(fps > 0);
   return std::make_unique<RgbdImages>(sensor, id, fps);
 }

@@ -1,17 +1,50 @@
 #pragma once
 
+#include <cstdint>
+#include <filesystem>
 #include <memory>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <vector>
 
 #include "mr/core/frame_source.h"
+#include "mr/core/range.h"
 #include "mr/core/sensor_config.h"
+#include "mr/sensor/source_registry.h"
 
 namespace mr::sensor {
 
-/// Reads a sensor's frames from image files (source type `rgbd-images`). Frame i is exposed at
+/// Colour and depth as files; item i of one belongs to item i of the other.
+struct RgbdImagesSource {
+  static constexpr std::string_view kType = "rgbd-images";
+
+  std::vector<std::filesystem::path> color;  ///< JPEG or PNG; empty: the sensor has no colour
+  std::vector<std::filesystem::path> depth;  ///< 16-bit PNG or PGM
+  double depth_unit_m = 0.001;               ///< metres per count
+  std::vector<std::uint16_t> invalid{0};     ///< counts that mean "no depth"
+  bool loop = false;                         ///< start again after the last
+
+  static constexpr Range kDepthUnit_m{0, 1, true};
+  /// What is impossible in it, a line each.
+  std::vector<std::string> problems() const {
+    return out_of_range({{"depth_unit_m", depth_unit_m, kDepthUnit_m}});
+  }
+  SourceContent content() const { return {depth.size(), loop}; }
+  std::vector<std::filesystem::path> files() const;
+  /// What a wrong unit looks like: no median of a room.
+  std::optional<std::string> depth_hint(double median_m) const;
+  friend bool operator==(const RgbdImagesSource&, const RgbdImagesSource&) = default;
+};
+
+/// Reads a sensor's frames from image files. Frame i is exposed at
 /// i / fps after the epoch plus the sensor's clock offset; a looping source goes on counting.
 /// Depth outside [depth_near_m, depth_far_m] and the invalid counts become 0. A picture that is
 /// corrupt, truncated or of another size than its camera is an error that names the file; the
-/// frame is lost, the next call goes on.
+/// frame is lost, the next call goes on. The sensor's source must be an RgbdImagesSource.
 std::unique_ptr<FrameSource> open_rgbd_images(const SensorConfig& sensor, SensorId id, double fps);
+
+/// The keys depth, color, depth_unit_m, invalid and loop.
+SourceKeys read_rgbd_images(yaml::MapReader& map, const std::string& key);
 
 }  // namespace mr::sensor

@@ -1,11 +1,22 @@
 #pragma once
 
+#include <string>
+#include <vector>
+
+#include "mr/core/range.h"
+
 namespace mr::simplify {
 
 /// How far a node's surface is decimated.
 struct SimplifyConfig {
   double ratio = 1;    ///< triangles kept, (0, 1]
   double error_m = 0;  ///< no collapse costs more; 0: any. Alone, it decides alone
+
+  static constexpr Range kRatio{0, 1, true}, kError_m{0, 1};
+  /// What is impossible in it, a line each.
+  std::vector<std::string> problems() const {
+    return out_of_range({{"ratio", ratio, kRatio}, {"error_m", error_m, kError_m}});
+  }
   friend bool operator==(const SimplifyConfig&, const SimplifyConfig&) = default;
 };
 

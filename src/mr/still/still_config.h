@@ -1,11 +1,22 @@
 #pragma once
 
+#include <string>
+#include <vector>
+
+#include "mr/core/range.h"
+
 namespace mr::still {
 
 /// The scene's two surfaces (DESIGN section 9): what stays is kept, what moves is made anew.
 struct StillConfig {
   bool layers = true;  ///< false: everything is made anew with every capture
   double after_s = 5;  ///< what stopped becomes part of the room after so long
+
+  static constexpr Range kAfter_s{0.5, 3600};
+  /// What is impossible in it, a line each.
+  std::vector<std::string> problems() const {
+    return out_of_range({{"after_s", after_s, kAfter_s}});
+  }
   friend bool operator==(const StillConfig&, const StillConfig&) = default;
 };
 

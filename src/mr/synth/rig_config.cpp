@@ -42,4 +42,44 @@ std::vector<std::string> RigConfig::sensor_ids() const {
   return ids;
 }
 
+std::vector<std::string> RigEvent::problems() const {
+  const Vec2d place = place_m.value_or(Vec2d{});
+  return out_of_range({{"at", at, kAt},
+                       {"frames", frames, kFrames},
+                       {"place", place.x, kPlace_m},
+                       {"place", place.y, kPlace_m},
+                       {"by_m", by_m, kBy_m},
+                       {"by_mm", by_mm, kBy_mm},
+                       {"by_deg", by_deg, kBy_deg},
+                       {"level", level, kLevel},
+                       {"stops", stops, kStops},
+                       {"period_s", period_s, kPeriod_s}});
+}
+
+std::vector<std::string> RigConfig::problems() const {
+  std::vector<std::string> out =
+      out_of_range({{"room", room_m.x, kRoom_m},
+                    {"room", room_m.y, kRoom_m},
+                    {"room", room_m.z, kRoom_m},
+                    {"people", people, kPeople},
+                    {"sensors", sensors, kSensors},
+                    {"lidars", lidars, kLidars},
+                    {"color", color_width, kColor},
+                    {"color", color_height, kColor},
+                    {"depth_noise", depth_noise, kDepthNoise},
+                    {"depth_noise_px", depth_noise_px, kDepthNoise_px},
+                    {"color_noise", color_noise, kColorNoise},
+                    {"exposure_drift", exposure_drift, kExposure},
+                    {"exposure_period_s", exposure_period_s, kExposurePeriod_s},
+                    {"exposure_spread", exposure_spread, kExposure},
+                    {"calib_error_mm", calib_error_mm, kCalibError_mm},
+                    {"calib_error_deg", calib_error_deg, kCalibError_deg},
+                    {"clock_offset_ms", clock_offset_ms, kClockOffset_ms},
+                    {"detail", detail, kDetail},
+                    {"frames", frames, kFrames}});
+  for (const RigEvent& event : events)
+    append(out, prefixed(std::string("event ") + name_of(event.kind) + ": ", event.problems()));
+  return out;
+}
+
 }  // namespace mr::synth

@@ -56,6 +56,17 @@ Room make_room(const RigConfig& rig);
 /// The room's surfaces without light and rays; takes some hundredths of a second.
 Room build_room(const RigConfig& rig);
 
+/// One sensor of the rig; which one follows from its place in the rig: the Kinects come first, then
+/// the LiDARs. No key of a scene file: its `rig` makes the sensors, and open_rig() opens them all.
+struct SyntheticSource {
+  static constexpr std::string_view kType = "synthetic";
+
+  std::uint32_t camera = 0;
+
+  SourceContent content() const { return {}; }  // RigConfig has it
+  friend bool operator==(const SyntheticSource&, const SyntheticSource&) = default;
+};
+
 /// The rig's cameras as sensors of a scene, source type `synthetic`. Kinects: up to 16 stand
 /// around the room and look inwards; more hang from a grid below the ceiling, each looking at a
 /// free place 2 to 3 m away; in a corridor they always hang along it. LiDARs hang from the ceiling.

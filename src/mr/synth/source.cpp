@@ -119,7 +119,7 @@ class RigSource final : public FrameSource {
 
  private:
   static std::uint32_t camera_of(const SensorConfig& sensor) {
-    return std::get<SyntheticSource>(sensor.source).camera;
+    return sensor.source.get_if<SyntheticSource>()->camera;
   }
 
   Standpoint& standpoint_at(std::uint32_t frame) {
@@ -207,7 +207,7 @@ std::uint64_t sensor_key(std::uint64_t of_rig, const ViewSetup& setup) {
 
 /// What the pictures are made with: a true pose, not the one that the sensor states.
 ViewSetup setup_of(const RigConfig& rig, const SensorConfig& sensor, const Pose& T_world_depth) {
-  const auto camera = std::get<SyntheticSource>(sensor.source).camera;
+  const auto camera = sensor.source.get_if<SyntheticSource>()->camera;
   ViewSetup setup;
   setup.depth = {sensor.depth_camera, T_world_depth};
   if (sensor.color_camera)
@@ -238,7 +238,7 @@ std::vector<Standpoint> standpoints_of(const RigConfig& rig, const SensorConfig&
   add(0);
   for (const RigEvent& push : pushes) {
     T_world_depth =
-        T_world_depth * push_of(rig, push, std::get<SyntheticSource>(sensor.source).camera);
+        T_world_depth * push_of(rig, push, sensor.source.get_if<SyntheticSource>()->camera);
     add(push.at);
   }
   return out;
@@ -359,9 +359,9 @@ std::vector<std::unique_ptr<FrameSource>> open_rig(const RigConfig& rig,
   bool complete = true;
   for (const SensorId id : wanted) {
     const SensorConfig& sensor = sensors[index_of(id)];
-    MR_ASSERT(std::holds_alternative<SyntheticSource>(sensor.source));
+    MR_ASSERT(sensor.source.get_if<SyntheticSource>() != nullptr);
     std::vector<Standpoint> standpoints =
-        standpoints_of(rig, sensor, exact.at(std::get<SyntheticSource>(sensor.source).camera));
+        standpoints_of(rig, sensor, exact.at(sensor.source.get_if<SyntheticSource>()->camera));
     for (Standpoint& standpoint : standpoints) {
       if (folder.empty()) break;
       const Camera color = sensor.color_camera.value_or(Camera{});

@@ -101,7 +101,7 @@ std::optional<FileList> read_pattern(MapReader& map, const std::string& name) {
   int first = 0, last = 0;
   const bool has_range = (map.need("first") != nullptr) & (map.need("last") != nullptr);
   const bool good =
-      map.integer("first", first, 0, 999'999'999) & map.integer("last", last, 0, 999'999'999);
+      map.integer("first", first, {0, 999'999'999}) & map.integer("last", last, {0, 999'999'999});
   if (!map.need("pattern") || !map.text("pattern", text)) return std::nullopt;
   const int line = map.line("pattern");
   const auto pattern = parse_pattern(text);

@@ -18,12 +18,6 @@ const char* kind_name(Node::Kind kind) {
   return kNames[static_cast<int>(kind)];
 }
 
-std::string number_text(double v) {
-  char text[32];
-  std::snprintf(text, sizeof text, "%.9g", v);
-  return text;
-}
-
 /// Replaces ${NAME} and ${NAME:-default} once; what they bring in is not expanded again.
 std::optional<std::string> expand(Report& report, int line, const std::string& text) {
   std::string out;
@@ -108,12 +102,6 @@ Number parse_number(std::string_view text) {
   if (end != text.data() + text.size()) return {0, "must be a number"};
   if (error != std::errc() || !std::isfinite(n.value)) return {0, "must be a finite number"};
   return n;
-}
-
-std::string range_text(Range r) {
-  if (r.low_open)
-    return "must be greater than " + number_text(r.low) + " and at most " + number_text(r.high);
-  return "must be between " + number_text(r.low) + " and " + number_text(r.high);
 }
 
 }  // namespace
@@ -212,9 +200,8 @@ std::optional<double> read_number(Report& report, const Node& node, const std::s
     return refuse("must be a number, not the string " + in_quotes(*text));
   const Number number = parse_number(*text);
   if (number.problem) return refuse(number.problem + (", not " + in_quotes(*text)));
-  if (number.value < range.low || number.value > range.high ||
-      (range.low_open && number.value == range.low))
-    return refuse(range_text(range) + ", not " + number_text(number.value));
+  if (!range.contains(number.value))
+    return refuse(to_string(range) + ", not " + number_text(number.value));
   return number.value;
 }
 
@@ -339,9 +326,9 @@ bool MapReader::number(const std::string& key, double& out, Range range) {
   return value.has_value();
 }
 
-bool MapReader::integer(const std::string& key, int& out, int low, int high) {
+bool MapReader::integer(const std::string& key, int& out, Range range) {
   double value = 0;
-  if (!number(key, value, {static_cast<double>(low), static_cast<double>(high)})) return false;
+  if (!number(key, value, range)) return false;
   if (value != std::floor(value)) {
     report.problem(line(key), key + " must be a whole number, not " + number_text(value));
     return false;
@@ -377,9 +364,9 @@ bool MapReader::numbers(const std::string& key, Range range, std::span<double> o
   return node && read_numbers(report, *node, key, range, out);
 }
 
-bool MapReader::size(const std::string& key, int low, int high, int& first, int& second) {
+bool MapReader::size(const std::string& key, Range range, int& first, int& second) {
   double pair[2];
-  if (!numbers(key, {static_cast<double>(low), static_cast<double>(high)}, pair)) return false;
+  if (!numbers(key, range, pair)) return false;
   if (pair[0] != std::floor(pair[0]) || pair[1] != std::floor(pair[1])) {
     report.problem(line(key), key + " must be whole numbers");
     return false;

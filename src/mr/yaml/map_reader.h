@@ -11,6 +11,7 @@
 #include <utility>
 #include <vector>
 
+#include "mr/core/range.h"
 #include "mr/core/words.h"
 #include "mr/yaml/problem.h"
 #include "mr/yaml/tree.h"
@@ -72,12 +73,6 @@ class Report {
 /// " (first in line 7)"; empty for what stands in no line.
 std::string first_in(int line);
 
-/// The numbers that are allowed: [low, high], or (low, high] when `low_open`.
-struct Range {
-  double low, high;
-  bool low_open = false;
-};
-
 /// A scalar with ${NAME} and ${NAME:-default} expanded.
 std::optional<std::string> read_text(Report& report, const Node& node, const std::string& name);
 std::optional<double> read_number(Report& report, const Node& node, const std::string& name,
@@ -111,12 +106,13 @@ class MapReader {
   int line(const std::string& key) const;  ///< of the key; of the mapping where it is missing
 
   bool number(const std::string& key, double& out, Range range);
-  bool integer(const std::string& key, int& out, int low, int high);
+  /// A whole number.
+  bool integer(const std::string& key, int& out, Range range);
   bool flag(const std::string& key, bool& out);
   bool text(const std::string& key, std::string& out);
   bool numbers(const std::string& key, Range range, std::span<double> out);
   /// A list of two whole numbers.
-  bool size(const std::string& key, int low, int high, int& first, int& second);
+  bool size(const std::string& key, Range range, int& first, int& second);
   /// One of the words; `out` becomes what stands beside it.
   template <typename T>
   bool choice(const std::string& key, T& out,

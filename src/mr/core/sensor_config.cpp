@@ -1,0 +1,54 @@
+#include "mr/core/sensor_config.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace mr {
+namespace {
+
+bool is_finite_pose(const Pose& pose) {
+  const auto matrix = pose.matrix();
+  return std::all_of(matrix.begin(), matrix.end(), [](double v) { return std::isfinite(v); });
+}
+
+std::vector<std::string> camera_problems(const SensorConfig& sensor) {
+  std::vector<std::string> out = prefixed("depth_camera: ", sensor.depth_camera.problems());
+  if (sensor.depth_camera.model == CameraModel::equirectangular)
+    out.push_back("depth_camera: only the models pinhole and lidar are supported by this version");
+  if (!sensor.color_camera) return out;
+  append(out, prefixed("color_camera: ", sensor.color_camera->problems()));
+  if (sensor.color_camera->model == CameraModel::lidar)
+    out.push_back("color_camera: a lidar takes no colour pictures");
+  return out;
+}
+
+std::vector<std::string> pose_problems(const SensorConfig& sensor) {
+  std::vector<std::string> out;
+  const std::size_t poses = sensor.T_world_depth.size(), items = sensor.source.content().items;
+  if (poses == 0) out.push_back("T_world_depth must hold a pose");
+  if (items > 0 && poses > 1 && poses != items)
+    out.push_back("T_world_depth holds " + std::to_string(poses) + " poses for " +
+                  std::to_string(items) + " items; it needs one, or one per item");
+  if (!std::all_of(sensor.T_world_depth.begin(), sensor.T_world_depth.end(), is_finite_pose))
+    out.push_back("T_world_depth must hold finite numbers");
+  if (!is_finite_pose(sensor.T_color_depth))
+    out.push_back("T_color_depth must hold finite numbers");
+  return out;
+}
+
+}  // namespace
+
+std::vector<std::string> SensorConfig::problems() const {
+  std::vector<std::string> out = prefixed("source: ", source.problems());
+  append(out, camera_problems(*this));
+  append(out, pose_problems(*this));
+  append(out, out_of_range({{"depth_range_m", depth_near_m, kDepth_m},
+                            {"depth_range_m", depth_far_m, kDepth_m},
+                            {"clock_offset_ms", clock_offset_ms, kClockOffset_ms}}));
+  if (depth_near_m >= depth_far_m)
+    out.push_back("depth_range_m must be [near, far] with near less than far");
+  append(out, prefixed("precision.", precision.problems()));
+  return out;
+}
+
+}  // namespace mr

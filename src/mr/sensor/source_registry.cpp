@@ -1,0 +1,23 @@
+#include "mr/sensor/source_registry.h"
+
+#include <algorithm>
+
+#include "mr/sensor/rgbd_images.h"
+
+namespace mr::sensor {
+namespace {
+
+constexpr SourceType kSourceTypes[] = {
+    {RgbdImagesSource::kType, read_rgbd_images, open_rgbd_images},
+};
+
+}  // namespace
+
+std::span<const SourceType> source_types() { return kSourceTypes; }
+
+const SourceType* find_source_type(std::string_view name) {
+  const auto found = std::ranges::find(kSourceTypes, name, &SourceType::name);
+  return found == std::end(kSourceTypes) ? nullptr : found;
+}
+
+}  // namespace mr::sensor

@@ -1,0 +1,40 @@
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <span>
+#include <string>
+#include <string_view>
+
+#include "mr/core/frame_source.h"
+#include "mr/core/sensor_config.h"
+#include "mr/yaml/map_reader.h"
+
+/// The types of sources that scene files can name. A new one is a config, a reader of its keys and
+/// an opener in a file of this folder, and a line in source_registry.cpp.
+namespace mr::sensor {
+
+/// What the keys of a sensor's `source` say.
+struct SourceKeys {
+  SourceConfig config;
+  bool has_color = false;  ///< the sensor needs a colour camera
+};
+
+struct SourceType {
+  std::string_view name;  ///< the value of `source.type`
+  /// Reads the keys beside `type`, and reports what is wrong with them. `key`: of the source in the
+  /// scene, such as "sensors.cam-0.source".
+  SourceKeys (*read)(yaml::MapReader& map, const std::string& key);
+  /// Opens the source of a sensor, whose config is of this type. What cannot be opened is told by
+  /// FrameSource::next().
+  std::unique_ptr<FrameSource> (*open)(const SensorConfig& sensor, SensorId id,
+                                       double fps);
+};
+
+/// All types, in the order in which people are told of them.
+std::span<const SourceType> source_types();
+
+/// Null where no type has that name.
+const SourceType* find_source_type(std::string_view name);
+
+}  // namespace mr::sensor
