@@ -170,10 +170,10 @@ class ViewDepth {
 };
 
 /// A view with its picture.
-class Shown {
+class PicturedView {
  public:
   /// Nothing when the picture is missing or does not hold the view.
-  static std::optional<Shown> find(const View& view, const Pictures& pictures) {
+  static std::optional<PicturedView> find(const View& view, const Pictures& pictures) {
     const auto found = pictures.find(view.stream);
     if (found == pictures.end() || !found->second) return std::nullopt;
     const ImageRgb& p = *found->second;
@@ -181,7 +181,7 @@ class Shown {
     if (view.image_rect.empty() || r.empty() || r.x < 0 || r.y < 0 || r.width > p.width - r.x ||
         r.height > p.height - r.y)
       return std::nullopt;
-    return Shown(view, p);
+    return PicturedView(view, p);
   }
 
   /// Cosine between a surface's unit normal and the direction to the camera.
@@ -242,7 +242,7 @@ class Shown {
   }
 
  private:
-  Shown(const View& view, const ImageRgb& picture)
+  PicturedView(const View& view, const ImageRgb& picture)
       : view_(&view),
         camera_(view.camera()),
         T_camera_world_(view.T_world_camera.inverse()),
@@ -300,11 +300,11 @@ struct Observation {
 std::vector<std::vector<Observation>> observe(std::span<const Sample> samples, const Mesh& mesh,
                                               std::span<const View> views,
                                               const Pictures& pictures) {
-  std::vector<std::optional<Shown>> shown(views.size());
+  std::vector<std::optional<PicturedView>> shown(views.size());
   std::vector<std::optional<ViewDepth>> depths(views.size());
   parallel_for(views.size(), 1, [&](std::size_t begin, std::size_t end) {
     for (std::size_t v = begin; v < end; ++v) {
-      shown[v] = Shown::find(views[v], pictures);
+      shown[v] = PicturedView::find(views[v], pictures);
       if (shown[v]) depths[v].emplace(mesh, views[v]);
     }
   });
@@ -347,12 +347,12 @@ double median(std::vector<Difference>& of) {
   return 0;
 }
 
-struct Robust {
+struct RobustEstimate {
   double mean = 0, spread = 0;
 };
 
 /// The mean around the median, without what lies far off.
-Robust robust_mean(std::vector<Difference> of) {
+RobustEstimate robust_mean(std::vector<Difference> of) {
   const double middle = median(of);
   std::vector<Difference> off = of;
   for (Difference& d : off) d.value = std::abs(d.value - middle);
@@ -371,10 +371,10 @@ struct Pair {
   double weight = 0;  ///< 1 / variance
 };
 
-void judge(Pair& pair) {
+void estimate_difference(Pair& pair) {
   double spread = 0, count = 0;
   for (int c = 0; c < 3; ++c) {
-    const Robust robust = robust_mean(pair.samples[c]);
+    const RobustEstimate robust = robust_mean(pair.samples[c]);
     pair.log_ratio[c] = robust.mean;
     spread = std::max(spread, robust.spread);
   }
@@ -400,7 +400,7 @@ std::vector<Pair> find_pairs(const std::vector<std::vector<Observation>>& observ
   std::vector<Pair> out;
   for (auto& [key, pair] : found) out.push_back(std::move(pair));
   parallel_for(out.size(), 1, [&](std::size_t begin, std::size_t end) {
-    for (std::size_t i = begin; i < end; ++i) judge(out[i]);
+    for (std::size_t i = begin; i < end; ++i) estimate_difference(out[i]);
   });
   std::erase_if(out, [](const Pair& pair) { return pair.weight == 0; });
   return out;
@@ -468,12 +468,12 @@ Vec3d start_of(std::size_t view, std::span<const View> views, std::span<const Pa
 }
 
 /// Sums what two views show differently along an edge.
-class Steps {
+class EdgeSteps {
  public:
-  explicit Steps(int most_contrast) : most_contrast_(most_contrast) {}
+  explicit EdgeSteps(int most_contrast) : most_contrast_(most_contrast) {}
 
-  void add(const Shown& a, const GainTables& tables_a, const Shown& b, const GainTables& tables_b,
-           Vec3f from, Vec3f to) {
+  void add(const PicturedView& a, const GainTables& tables_a, const PicturedView& b,
+           const GainTables& tables_b, Vec3f from, Vec3f to) {
     const double edge_m = length(to - from);
     const int count = std::max(1, static_cast<int>(std::ceil(std::min(edge_m / kSeamStep_m, 1e4))));
     for (int i = 0; i < count; ++i) {
@@ -551,16 +551,16 @@ void ColorBalance::update(const Mesh& mesh, std::span<const View> views, const P
 
 double seam_color_step(const Mesh& mesh, std::span<const View> views, const Pictures& pictures,
                        const Gains& gains, int most_contrast) {
-  std::map<ViewId, std::pair<Shown, GainTables>> shown;
+  std::map<ViewId, std::pair<PicturedView, GainTables>> shown;
   for (const View& view : views) {
     const auto gain = gains.find(view.id);
-    if (const auto found = Shown::find(view, pictures))
+    if (const auto found = PicturedView::find(view, pictures))
       shown.try_emplace(view.id, *found,
                         gain_tables(gain == gains.end() ? Vec3f{1, 1, 1} : gain->second));
   }
   const std::vector<ViewId> ids = triangle_views(mesh);
   const std::vector<std::uint32_t> twin = kit::edge_table(mesh).twin;
-  Steps steps(most_contrast);
+  EdgeSteps steps(most_contrast);
   for (std::uint32_t h = 0; h < twin.size(); ++h) {
     if (twin[h] == kit::kNoTwin || twin[h] < h || ids[h / 3] == ids[twin[h] / 3]) continue;
     const auto a = shown.find(ids[h / 3]), b = shown.find(ids[twin[h] / 3]);

@@ -24,7 +24,7 @@ constexpr int kSweeps = 12;
 using Visibilities = std::vector<std::vector<TriangleVisibility>>;
 
 /// What labelling needs beside the surface, while that is cut.
-struct Work {
+struct LabellingState {
   Labelling& surface;
   std::vector<Vec3f> normals;               ///< [V] smoothed
   Visibilities visibility;                  ///< [views][T] of what is due
@@ -43,7 +43,7 @@ std::vector<std::optional<ViewVisibility>> visibility_tests(const Mesh& mesh,
 }
 
 /// Finds the visibility of those triangles, in all views.
-void find_visibility(std::span<const std::optional<ViewVisibility>> tests, Work& work) {
+void find_visibility(std::span<const std::optional<ViewVisibility>> tests, LabellingState& work) {
   const Mesh& mesh = work.surface.mesh;
   for (auto& view : work.visibility) view.resize(mesh.triangles.size());
   parallel_for(work.not_seen_yet.size(), 256, [&](std::size_t first, std::size_t last) {
@@ -59,7 +59,7 @@ void find_visibility(std::span<const std::optional<ViewVisibility>> tests, Work&
 
 /// Cuts the edges marked in `split`. Pieces face what their triangle faced; the visibility of whole
 /// triangles move along.
-void cut(Work& work, const std::vector<std::uint8_t>& split) {
+void cut(LabellingState& work, const std::vector<std::uint8_t>& split) {
   Labelling& s = work.surface;
   kit::Refined refined = kit::refine(s.mesh, split);
   for (const auto& [a, b] : refined.cut_edges) {
@@ -86,7 +86,7 @@ void cut(Work& work, const std::vector<std::uint8_t>& split) {
 }
 
 /// Cuts triangles that some view sees a good part of, but none enough.
-bool cut_occlusion_edges(Work& work, double min_edge_m) {
+bool cut_occlusion_edges(LabellingState& work, double min_edge_m) {
   const Mesh& mesh = work.surface.mesh;
   std::vector<std::uint8_t> split(mesh.triangles.size() * 3, 0);
   bool any = false;
@@ -212,7 +212,7 @@ void agree_with_neighbours(Labelling& surface, const Visibilities& visibility, d
 
 /// Labels what is due of a surface.
 void label(Labelling& surface, std::span<const View> views, const LabelConfig& config) {
-  Work work{
+  LabellingState work{
       surface, kit::smooth_normals(surface.mesh, kNormalRounds), Visibilities(views.size()), {}};
   for (std::uint32_t t = 0; t < surface.is_due.size(); ++t)
     if (surface.is_due[t]) work.not_seen_yet.push_back(t);
@@ -231,11 +231,11 @@ void label(Labelling& surface, std::span<const View> views, const LabelConfig& c
 
 /// What is due of a surface, with as much around it as its labels follow from: a label of what is
 /// due costs the same on a large surface as on a small one.
-struct Part {
+struct DuePart {
   Labelling labelling;                ///< its origins: places in the whole
   std::vector<std::uint32_t> vertex;  ///< [V] of the part → of the whole
 
-  explicit Part(const Labelling& whole) {
+  explicit DuePart(const Labelling& whole) {
     const std::vector<std::uint8_t> near = near_due(whole);
     std::vector<std::uint32_t> index(whole.mesh.positions.size(), kNoVertex);
     for (std::uint32_t t = 0; t < near.size(); ++t) {
@@ -332,7 +332,7 @@ void label_due(Labelling& surface, std::span<const View> views, const LabelConfi
   const auto due = static_cast<std::size_t>(std::ranges::count(surface.is_due, 1));
   if (due == 0) return;
   if (due == surface.is_due.size()) return label(surface, views, config);
-  Part part(surface);
+  DuePart part(surface);
   label(part.labelling, views, config);
   part.put_back(surface);
 }

@@ -252,9 +252,9 @@ void mark_cells(FloorMap& map, const std::vector<Vec2d>& hull, const Occupancy& 
 
 /// Lower envelope of the parabolas f(q) + (p - q)²: which q is lowest at each p; -1 where all of f
 /// are infinite.
-class Envelope {
+class LowerEnvelope {
  public:
-  explicit Envelope(int longest) : parabola_(longest), from_(longest + 1) {}
+  explicit LowerEnvelope(int longest) : parabola_(longest), from_(longest + 1) {}
 
   template <typename F, typename Out>
   void lowest(int count, const F& f, const Out& out) {
@@ -290,7 +290,7 @@ std::vector<std::int32_t> nearest_seed(const std::vector<std::uint8_t>& seeds, i
                                        int height) {
   MR_ASSERT(seeds.size() == static_cast<std::size_t>(width) * height);
   constexpr double kNone = std::numeric_limits<double>::infinity();
-  Envelope envelope(std::max(width, height));
+  LowerEnvelope envelope(std::max(width, height));
   std::vector<std::int32_t> in_column(seeds.size()), out(seeds.size());
   for (int x = 0; x < width; ++x)
     envelope.lowest(
@@ -404,13 +404,14 @@ std::vector<std::uint8_t> walkable(const FloorMap& map, double clearance_m) {
 }
 
 /// Numbers the connected parts of a mask (-1: not in it); how many there are.
-struct Parts {
+struct ConnectedComponents {
   std::vector<std::int32_t> of_cell;
   int count = 0;
 };
 
-Parts parts_of(const std::vector<std::uint8_t>& mask, int width, bool diagonal) {
-  Parts out{std::vector<std::int32_t>(mask.size(), -1), 0};
+ConnectedComponents connected_components(const std::vector<std::uint8_t>& mask, int width,
+                                         bool diagonal) {
+  ConnectedComponents out{std::vector<std::int32_t>(mask.size(), -1), 0};
   std::vector<std::int32_t> open;
   for (std::size_t i = 0; i < mask.size(); ++i) {
     if (!mask[i] || out.of_cell[i] >= 0) continue;
@@ -429,7 +430,7 @@ Parts parts_of(const std::vector<std::uint8_t>& mask, int width, bool diagonal) 
 }
 
 /// The part that each free cell belongs to, its own or that of the nearest one on free ground.
-void grow(Parts& parts, const FloorMap& map) {
+void grow(ConnectedComponents& parts, const FloorMap& map) {
   std::vector<std::int32_t> open;
   for (std::size_t i = 0; i < map.cells.size(); ++i)
     if (parts.of_cell[i] >= 0) open.push_back(static_cast<std::int32_t>(i));
@@ -454,7 +455,7 @@ std::int32_t cell_below(const FloorMap& map, Vec3d p_world) {
 void forget_unseen_parts(FloorMap& map, const Occupancy& occupied, std::span<const Pose> sensors,
                          double clearance_m) {
   constexpr double kSeen = 0.1;
-  Parts parts = parts_of(walkable(map, clearance_m), map.width, false);
+  ConnectedComponents parts = connected_components(walkable(map, clearance_m), map.width, false);
   grow(parts, map);
   std::vector<double> cells(parts.count), seen(parts.count);
   for (std::size_t i = 0; i < map.cells.size(); ++i)
@@ -503,7 +504,7 @@ void find_skeleton(FloorMap& map, double clearance_m) {
 }
 
 std::vector<std::vector<std::int32_t>> components(const FloorMap& map) {
-  const Parts parts = parts_of(map.skeleton, map.width, true);
+  const ConnectedComponents parts = connected_components(map.skeleton, map.width, true);
   std::vector<std::vector<std::int32_t>> cells(parts.count);
   for (std::size_t i = 0; i < map.skeleton.size(); ++i)
     if (parts.of_cell[i] >= 0) cells[parts.of_cell[i]].push_back(static_cast<std::int32_t>(i));

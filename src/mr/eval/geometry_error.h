@@ -30,7 +30,7 @@ struct GeometryConfig {
 };
 
 /// What a depth camera may see; for the share of the reference that could have been captured.
-struct Eyes {
+struct SensorFrustum {
   Camera depth_camera;  ///< undistorted
   Pose T_world_depth;
   double near_m = 0.3, far_m = 5;
@@ -48,12 +48,13 @@ struct GeometryError {
   double boundary_m = 0;
 };
 
-/// All of it. The mesh is welded by exact position first. With no `eyes`, all of the reference
+/// All of it. The mesh is welded by exact position first. With no `frustums`, all of the reference
 /// that lies in `captured` counts as seen. The same on any number of threads. invalid: a position
 /// is not finite or over 10 km away, or an index has no vertex; empty: one of the surfaces has no
-/// area, or no eye sees the reference.
+/// area, or no sensor sees the reference.
 Result<GeometryError> geometry_error(const Mesh& mesh, const Mesh& reference,
-                                     std::span<const Eyes> eyes, const GeometryConfig& config);
+                                     std::span<const SensorFrustum> frustums,
+                                     const GeometryConfig& config);
 
 /// How far apart two sensors' surfaces lie where both see the same: the RMS point-to-surface
 /// distance over samples of either with the other within 5 voxels and facing alike, by area; a
@@ -84,11 +85,11 @@ SurfaceDistance distance_to_marked(const Mesh& from, const Mesh& to,
 /// normal is within 60 degrees. A triangle that shares a vertex is of the same sheet.
 double duplicate_ratio(const Mesh& mesh, const GeometryConfig& config);
 
-/// For every sample of `surface` whether an eye sees it: it lies in the picture, between near and
+/// For every sample of `surface` whether a sensor sees it: it lies in its picture, between near and
 /// far, is met at more than 6 degrees from grazing (cosine over 0.1) from its outer side, and no
 /// more than `tolerance_m` of the way to it lies behind other surface.
 std::vector<std::uint8_t> seen_samples(const Mesh& surface, std::span<const SurfaceSample> samples,
-                                       std::span<const Eyes> eyes, double tolerance_m);
+                                       std::span<const SensorFrustum> frustums, double tolerance_m);
 
 /// 95th percentile, by length, of the distance from border edges to the border that faces them
 /// within six voxels; 0 where no borders face each other. Faces: it lies across the open side, runs

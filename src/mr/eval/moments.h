@@ -27,7 +27,7 @@ struct Moments {
 inline constexpr int kWarmUpCaptures = 100;
 
 /// Whether a scene's pipeline depends on the captures before: it must be warmed up.
-bool remembers(const Scene& scene);
+bool is_stateful(const Scene& scene);
 
 /// `moments` bursts spread evenly over what the scene's sources hold; fewer where they hold less (a
 /// still picture is one moment). In scenes with layers whose sources end, the first lies after the

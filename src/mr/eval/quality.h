@@ -8,8 +8,8 @@
 
 #include "mr/core/decoded_scene.h"
 #include "mr/core/result.h"
-#include "mr/eval/judge.h"
 #include "mr/eval/moments.h"
+#include "mr/eval/multi_view_ssim.h"
 #include "mr/eval/reference.h"
 #include "mr/eval/system.h"
 #include "mr/eval/viewpoints.h"
@@ -33,7 +33,7 @@ struct QualityReport {
   int views = 0, frames = 0;  ///< frames: moments at which pictures were compared
   double fps = 30;
   double mesh_mbps = 0, texture_mbps = 0;
-  double refresh_mbps = 0;      ///< see Played
+  double refresh_mbps = 0;      ///< see DecodedStream
   std::uint64_t triangles = 0;  ///< of the last frame; points where it has none
   MultiViewScore score;
 
@@ -56,15 +56,16 @@ class Trial {
 
   /// The reference from the first `views` viewpoints, so many captures after those that are shown
   /// at some moments: [moments][views].
-  Result<std::vector<std::vector<Drawn>>> pictures(const std::vector<std::size_t>& moments,
-                                                   std::size_t views, int captures_later,
-                                                   const QualityConfig& config) const;
+  Result<std::vector<std::vector<RenderedView>>> pictures(const std::vector<std::size_t>& moments,
+                                                          std::size_t views, int captures_later,
+                                                          const QualityConfig& config) const;
 
   /// What a stream of every `divider`-th capture is compared with: on average it is
   /// (divider - 1) / 2 captures old.
   /// `with_seen`: scores have an ssim_seen where the reference is a truth.
-  Result<Judge> judge(const std::vector<std::size_t>& moments, std::size_t views, int divider,
-                      const QualityConfig& config, bool with_seen = false) const;
+  Result<MultiViewSsim> metric(const std::vector<std::size_t>& moments, std::size_t views,
+                               int divider, const QualityConfig& config,
+                               bool with_seen = false) const;
 
  private:
   Scene scene_;
@@ -77,7 +78,7 @@ class Trial {
 int frame_divider(const Scene& scene);
 
 /// One stream as a client decodes it, moment by moment.
-struct Played {
+struct DecodedStream {
   std::vector<DecodedScene> shown;  ///< [moments]
   double mesh_mbps = 0, texture_mbps = 0;
   /// Of a pipeline with memory: what sending all chunks and plates once a second would cost; that
@@ -87,18 +88,20 @@ struct Played {
 
 /// Runs a scene's pipeline, whichever it names, through every moment: one with memory from the
 /// warm-up on, with its rate that of the second that ends with each moment.
-Result<Played> play(const Scene& scene, const Moments& moments, const QualityConfig& config);
+Result<DecodedStream> run_pipeline(const Scene& scene, const Moments& moments,
+                                   const QualityConfig& config);
 
 /// The same from a system's halves: quicker, as only what carries state is coded for the captures
 /// before the last of a burst, and kept for next time. Without memory every capture is coded for
 /// itself.
-Result<Played> play_apart(System& system, const Scene& scene, const Moments& moments,
-                          const QualityConfig& config);
+Result<DecodedStream> run_pipeline_halves(System& system, const Scene& scene,
+                                          const Moments& moments, const QualityConfig& config);
 
-/// Draws what was played from every viewpoint and compares. `pictures`, where given, takes the
+/// Draws the stream from every viewpoint and compares. `pictures`, where given, takes the
 /// first moment's, [views].
-Result<QualityReport> measure_quality(const Trial& trial, const Judge& judge, const Scene& scene,
-                                      const Played& played, const QualityConfig& config,
+Result<QualityReport> measure_quality(const Trial& trial, const MultiViewSsim& metric,
+                                      const Scene& scene, const DecodedStream& stream,
+                                      const QualityConfig& config,
                                       std::vector<ImageRgb>* pictures = nullptr);
 
 /// Where a scene's viewpoints are stored, and what they were made for.

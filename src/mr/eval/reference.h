@@ -11,7 +11,7 @@
 
 #include "mr/core/image.h"
 #include "mr/core/result.h"
-#include "mr/eval/draw.h"
+#include "mr/eval/draw_scene.h"
 #include "mr/scene/scene.h"
 
 namespace mr::eval {
@@ -36,7 +36,7 @@ using Progress = std::function<void(std::size_t done, std::size_t of)>;
 /// Pictures from every viewpoint of every wanted capture: [frames][views]. The scene must be
 /// prepared. Pictures of a truth are kept in `eval_cache`, where it is not empty. unsupported:
 /// truth of a scene without a rig; empty: no capture, or none with a surface.
-Result<std::vector<std::vector<Drawn>>> reference_pictures(
+Result<std::vector<std::vector<RenderedView>>> reference_pictures(
     const Scene& scene, ReferenceKind kind, const std::vector<int>& frames,
     const std::vector<render::Viewpoint>& views, const std::filesystem::path& rig_cache,
     const std::filesystem::path& eval_cache, const Progress& progress = {});

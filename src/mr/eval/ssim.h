@@ -12,7 +12,7 @@ ImageLuma luma_of(const ImageRgb& picture);
 /// How alike two pictures are. `masked` counts only windows around pixels of interest.
 struct PictureScore {
   double ssim_full = 0, ssim_masked = 0;
-  double ssim_seen = 0;  ///< see Judge
+  double ssim_seen = 0;  ///< see MultiViewSsim
   double psnr_db = 0;  ///< of luma over the mask's own pixels; at most kSamePsnr_db: no difference
 };
 inline constexpr double kSamePsnr_db = 100;

@@ -14,7 +14,7 @@ namespace mr::eval {
 
 /// How the still surface of a synthetic scene is measured (DESIGN section 9).
 struct StillErrorConfig {
-  int captures = 100;  ///< that go before; a pipeline that remembers nothing skips them
+  int captures = 100;  ///< that go before; a stateless pipeline skips them
   int pairs = 10;      ///< of consecutive captures whose pictures are compared
   int level = 16;      ///< of 255: a pixel changes where a channel changes by more
   double seen_s = 10;  ///< how long ago hidden surface may have been seen

@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "mr/core/result.h"
-#include "mr/eval/judge.h"
+#include "mr/eval/multi_view_ssim.h"
 #include "mr/eval/system.h"
 #include "mr/render/renderer.h"
 
@@ -20,10 +20,10 @@ struct SweepPlan {
 };
 
 /// What pictures are compared with.
-struct SweepJudges {
+struct SweepReference {
   std::vector<render::Viewpoint> views;
-  std::vector<std::size_t> moments;  ///< of the system, one per moment of each judge
-  std::vector<Judge> by_divider;     ///< [dividers], each of these moments and views
+  std::vector<std::size_t> moments;       ///< of the system, one per moment of each metric
+  std::vector<MultiViewSsim> by_divider;  ///< [dividers], each of these moments and views
 };
 
 struct SweepPoint {
@@ -32,7 +32,7 @@ struct SweepPoint {
   int divider = 1;
   std::uint64_t triangles = 0;
   double geometry_mbps = 0, texture_mbps = 0;
-  double refresh_mbps = 0;  ///< see Played
+  double refresh_mbps = 0;  ///< see DecodedStream
   MultiViewScore score;
 
   double mbps() const { return geometry_mbps + texture_mbps; }
@@ -45,8 +45,8 @@ using SweepProgress = std::function<void(std::size_t done, std::size_t of)>;
 /// are kept in `scores`, so that an interrupted sweep goes on where it was. [geometries * textures
 /// * dividers], in that order.
 Result<std::vector<SweepPoint>> sweep(System& system, const SweepPlan& plan,
-                                      const SweepJudges& judges, double fps, const Store& scores,
-                                      const SweepProgress& progress = {});
+                                      const SweepReference& references, double fps,
+                                      const Store& scores, const SweepProgress& progress = {});
 
 /// The points that no mixture of others beats: the upper left convex hull of quality over rate, by
 /// rising rate. Places in `points`.

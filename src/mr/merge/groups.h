@@ -12,7 +12,7 @@ namespace mr::merge {
 /// `reach_m` (some a few times as far apart count, too), or when a chain of others joins them. So
 /// the rooms of a building are merged apart from each other. Returns their places, ascending in a
 /// group, groups by their first. Few meshes are one group without a look. Parallel; deterministic.
-std::vector<std::vector<std::uint32_t>> groups_that_meet(std::span<const Mesh* const> meshes,
+std::vector<std::vector<std::uint32_t>> connected_groups(std::span<const Mesh* const> meshes,
                                                          double reach_m);
 
 }  // namespace mr::merge

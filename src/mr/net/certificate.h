@@ -22,9 +22,9 @@ Result<Certificate> make_certificate(const std::vector<std::string>& names, int 
 /// does not speak for all that is `needed`. Browsers that were told to trust it know it again after
 /// a restart, also where the machine's addresses among `names` are others then. io: it could not be
 /// made; where it only cannot be kept, or the folder is empty, it is good for this run.
-Result<Certificate> own_certificate(const std::filesystem::path& folder,
-                                    const std::vector<std::string>& names,
-                                    const std::vector<std::string>& needed = {});
+Result<Certificate> load_or_make_certificate(const std::filesystem::path& folder,
+                                             const std::vector<std::string>& names,
+                                             const std::vector<std::string>& needed = {});
 
 /// From two PEM files. io, invalid: they cannot be read, or do not fit each other.
 Result<Certificate> load_certificate(const std::filesystem::path& chain,
@@ -34,6 +34,6 @@ Result<Certificate> load_certificate(const std::filesystem::path& chain,
 Result<std::string> fingerprint(const Certificate& certificate);
 
 /// What a person should know of it: that it has expired, or does within a week; else empty.
-std::string complaint(const Certificate& certificate);
+std::string expiry_warning(const Certificate& certificate);
 
 }  // namespace mr::net

@@ -42,7 +42,7 @@ class EmulatedTransport final : public Transport {
   void publish(const std::string& node, Message packet) override;
   std::unique_ptr<Subscription> subscribe(const std::string& node,
                                           std::function<void(Message)> on_packet) override;
-  void request(const std::string& node, Message question,
+  void request(const std::string& node, Message message,
                std::function<void(Message)> on_answer) override;
   std::unique_ptr<Subscription> serve(
       const std::string& node, std::function<Message(std::span<const std::byte>)> answer) override;

@@ -21,10 +21,10 @@ enum class FrameKind : std::uint8_t {
   subscribe,  ///< packets of the node, from now on
   unsubscribe,
   packet,
-  ask,      ///< id: the asker's choice, 0 where no answer is wanted
-  answer,   ///< id: that of the question
-  refusal,  ///< payload: why the connection ends, a line of text
-  rival     ///< in place of a greeting; payload: the name of a node that the sender runs, too
+  request,   ///< id: the sender's choice, 0 where no answer is wanted
+  answer,    ///< id: that of the request
+  refusal,   ///< payload: why the connection ends, a line of text
+  duplicate  ///< in place of a greeting; payload: the name of a node that the sender runs, too
 };
 
 struct Frame {

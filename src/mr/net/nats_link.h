@@ -15,7 +15,7 @@
 namespace mr::net {
 
 class NatsEvents;
-class NatsInlet;
+class NatsReceiver;
 
 /// What came in on a subject, put together again.
 struct NatsArrival {
@@ -35,14 +35,14 @@ class NatsLink {
                                                 std::shared_ptr<Drops> drops);
   ~NatsLink();
 
-  /// Ends all inlets, once nothing is sent any more: no handler runs after this.
+  /// Ends all receivers, once nothing is sent any more: no handler runs after this.
   void close();
 
   /// Messages on `subject`, none larger than `message_bytes`, until forget(). Any thread.
-  std::shared_ptr<NatsInlet> receive(const std::string& subject, std::size_t message_bytes,
-                                     Handler handler);
+  std::shared_ptr<NatsReceiver> receive(const std::string& subject, std::size_t message_bytes,
+                                        Handler handler);
   /// No handler runs on another thread after this. Any thread.
-  void forget(const std::shared_ptr<NatsInlet>& inlet);
+  void forget(const std::shared_ptr<NatsReceiver>& receiver);
 
   /// io: there is no server. too_large: for its max_payload. One thread at a time; may wait up to
   /// two seconds for a server that does not read.
@@ -50,15 +50,15 @@ class NatsLink {
 
   /// Connects anew where there is no connection, and tells why that fails, once. To be called about
   /// twice a second, by the thread that sends; waits up to two seconds for a server that is silent.
-  void revive();
+  void reconnect();
 
  private:
   struct Connection;
   NatsLink(NatsConfig config, const TransportLimits& limits, std::shared_ptr<Drops> drops);
   std::unique_ptr<Connection> connect();
-  void unsubscribe(NatsInlet& inlet);
+  void unsubscribe(NatsReceiver& receiver);
   void unsubscribe_all();
-  void subscribe(const std::shared_ptr<NatsInlet>& inlet);
+  void subscribe(const std::shared_ptr<NatsReceiver>& receiver);
 
   const NatsConfig config_;
   const TransportLimits limits_;
@@ -67,7 +67,7 @@ class NatsLink {
   std::uint64_t last_message_;  ///< id; starts anywhere, so that no two senders use the same
   std::mutex mutex_;            ///< of all below
   std::unique_ptr<Connection> connection_;  ///< null: none
-  std::set<std::shared_ptr<NatsInlet>> inlets_;
+  std::set<std::shared_ptr<NatsReceiver>> receivers_;
 };
 
 }  // namespace mr::net

@@ -13,8 +13,8 @@
 #include "mr/net/address.h"
 #include "mr/net/drops.h"
 #include "mr/net/frame_socket.h"
+#include "mr/net/pending_requests.h"
 #include "mr/net/registry.h"
-#include "mr/net/requests.h"
 
 namespace mr::net {
 
@@ -29,7 +29,7 @@ class TcpLink {
           std::shared_ptr<TcpSecret> secret);
 
   /// Any thread; wake() has to follow.
-  void request(Message question, std::function<void(Message)> on_answer);
+  void request(Message message, std::function<void(Message)> on_answer);
   /// Connects, subscribes or asks where there is reason to.
   void wake();
   /// Forgets old requests, leaves a node that nobody needs. To be called about each second.
@@ -54,7 +54,7 @@ class TcpLink {
   const TransportLimits limits_;
   Drops& drops_;
   const std::shared_ptr<TcpSecret> secret_;
-  Requests requests_;
+  PendingRequests requests_;
 
   State state_ = State::idle;
   boost::asio::ip::tcp::resolver resolver_;
@@ -62,10 +62,10 @@ class TcpLink {
   boost::asio::steady_timer timer_;
   std::shared_ptr<FrameSocket> socket_;  ///< while up
   bool greeted_ = false, subscribed_ = false;
-  std::uint64_t asked_ = 0;  ///< last question sent on this connection
+  std::uint64_t asked_ = 0;  ///< last request sent on this connection
   std::chrono::milliseconds backoff_;
   std::optional<std::chrono::steady_clock::time_point> open_since_;
-  std::set<std::string> told_;  ///< troubles since it was last up
+  std::set<std::string> logged_;  ///< troubles since it was last up
 };
 
 }  // namespace mr::net

@@ -10,9 +10,9 @@
 #include <vector>
 
 #include "mr/net/address.h"
+#include "mr/net/connection_quota.h"
 #include "mr/net/drops.h"
-#include "mr/net/places.h"
-#include "mr/net/rare_log.h"
+#include "mr/net/rate_limited_log.h"
 #include "mr/net/registry.h"
 #include "mr/net/transport.h"
 
@@ -43,8 +43,8 @@ class TcpServer {
   friend class TcpListener;
 
   void accepted(boost::asio::ip::tcp::socket socket);
-  void heard_rival(const std::string& node);
-  void tell_first(const Address& address);
+  void on_duplicate_node(const std::string& node);
+  void notify_first_program(const Address& address);
   std::vector<std::string> local_nodes() const;
   void ended(const std::shared_ptr<TcpSession>& session);
   bool is_local(const std::string& node) const;
@@ -57,10 +57,10 @@ class TcpServer {
   const TransportLimits limits_;
   Drops& drops_;
   const std::shared_ptr<TcpSecret> secret_;
-  RareLog rare_log_;
+  RateLimitedLog log_lines_;
 
   std::map<std::string, std::unique_ptr<TcpListener>> listeners_;  ///< by address; io thread
-  Places places_;                                                  ///< io thread
+  ConnectionQuota quota_;                                          ///< io thread
   std::vector<std::shared_ptr<TcpSession>> sessions_;              ///< oldest first; io thread
 
   mutable std::mutex mutex_;

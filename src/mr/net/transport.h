@@ -44,7 +44,7 @@ class Transport {
   /// Asks `node` something, 1 MB at most. The answer comes later (in one process: before this
   /// returns), or never (node away, answer null); after 2 s it is no longer waited for. Without
   /// `on_answer` it is a word that needs none.
-  virtual void request(const std::string& node, Message question,
+  virtual void request(const std::string& node, Message message,
                        std::function<void(Message)> on_answer = {}) = 0;
 
   /// Answers requests made to `node`; a null answer is not sent. One service per node: of several
@@ -57,8 +57,8 @@ class Transport {
   virtual std::map<std::string, std::uint64_t> drops() const = 0;
 };
 
-/// Largest question that request() sends.
-inline constexpr std::size_t kQuestionBytes = 1u << 20;
+/// Largest request that request() sends.
+inline constexpr std::size_t kMaxRequestBytes = 1u << 20;
 
 /// Caps of every transport. A peer that sends more is disconnected and counted.
 struct TransportLimits {

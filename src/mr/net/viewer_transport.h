@@ -51,7 +51,7 @@ class ViewerTransport {
   /// Ends a viewer that would not read why, at once.
   virtual void cut(ViewerId viewer) = 0;
   /// The viewer is what it should be: its place is not given to others any more.
-  virtual void keep(ViewerId viewer) = 0;
+  virtual void pin(ViewerId viewer) = 0;
   /// What was refused or cut off, by "<side>: <cause>".
   virtual std::map<std::string, std::uint64_t> drops() const = 0;
   /// Bytes of messages that left so far.

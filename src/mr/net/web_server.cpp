@@ -15,9 +15,9 @@
 #include <utility>
 
 #include "mr/net/address.h"
+#include "mr/net/connection_quota.h"
 #include "mr/net/drops.h"
 #include "mr/net/io_thread.h"
-#include "mr/net/places.h"
 #include "mr/net/static_files.h"
 #include "mr/net/web_socket.h"
 
@@ -136,14 +136,14 @@ struct WebServer::Impl {
         acceptor(thread.io()),
         accept_timer(thread.io()),
         connections({c.connections, c.connections_per_address}),
-        places({c.clients, c.clients_per_address}) {}
+        client_slots({c.clients, c.clients_per_address}) {}
   ~Impl() { thread.stop(); }
 
   Status listen();
   void accept();
   void accepted(tcp::socket socket);
-  /// False: there is no place for the client.
-  bool upgrade(WebStream& stream, std::shared_ptr<Places::Place> connection,
+  /// False: there is no slot for the client.
+  bool upgrade(WebStream& stream, std::shared_ptr<ConnectionQuota::Slot> connection,
                const WebSocket::Request& request, const Visitor& visitor);
   /// Runs on the io thread when the client is still there.
   template <typename F>
@@ -164,7 +164,7 @@ struct WebServer::Impl {
   IoThread thread;                          // before all that lives on it
   tcp::acceptor acceptor;
   asio::steady_timer accept_timer;
-  Places connections, places;
+  ConnectionQuota connections, client_slots;
   std::map<ViewerId, std::shared_ptr<WebSocket>> clients;
   int port = 0;
 };
@@ -180,12 +180,13 @@ class HttpSession : public std::enable_shared_from_this<HttpSession> {
     local_address_ = unmapped(connected.local_endpoint(error).address()).to_string();
   }
 
-  /// Null: there is no place for it.
+  /// Null: there is no slot for it.
   static void start(tcp::socket socket, WebServer::Impl& server) {
     const auto session = std::make_shared<HttpSession>(std::move(socket), server);
-    session->connection_ = server.connections.take(session->peer_, [weak = std::weak_ptr(session)] {
-      if (const auto self = weak.lock()) self->give_up();
-    });
+    session->connection_ =
+        server.connections.acquire(session->peer_, [weak = std::weak_ptr(session)] {
+          if (const auto self = weak.lock()) self->evict();
+        });
     if (!session->connection_) return server.drops.count("browser", "too many connections");
     session->begin();
   }
@@ -213,7 +214,7 @@ class HttpSession : public std::enable_shared_from_this<HttpSession> {
       server_.drops.count("browser", "TLS: " + error.message());
   }
 
-  void give_up() {
+  void evict() {
     server_.drops.count("browser", "idle, its place was needed");
     stream_.tcp().close();
   }
@@ -379,7 +380,7 @@ class HttpSession : public std::enable_shared_from_this<HttpSession> {
   WebStream stream_;
   WebServer::Impl& server_;
   std::string peer_, local_address_;
-  std::shared_ptr<Places::Place> connection_;
+  std::shared_ptr<ConnectionQuota::Slot> connection_;
   bool is_first_ = true;
   beast::flat_buffer buffer_{kHeaderBytes + 1024};
   std::optional<http::request_parser<http::empty_body>> parser_;
@@ -430,17 +431,17 @@ void WebServer::Impl::accepted(tcp::socket socket) {
   HttpSession::start(std::move(socket), *this);
 }
 
-bool WebServer::Impl::upgrade(WebStream& stream, std::shared_ptr<Places::Place> connection,
+bool WebServer::Impl::upgrade(WebStream& stream, std::shared_ptr<ConnectionQuota::Slot> connection,
                               const WebSocket::Request& request, const Visitor& visitor) {
   const ViewerId id = next_viewer_id();
-  auto place = places.take(visitor.address, [this, id] {
+  auto slot = client_slots.acquire(visitor.address, [this, id] {
     with_client(id, [](WebSocket& socket) { socket.cut("shows nothing, its place was needed"); });
   });
-  if (!place) return false;
-  connection->settle();
+  if (!slot) return false;
+  connection->pin();
   auto client = std::make_shared<WebSocket>(std::move(stream), std::move(connection), id,
                                             WebSocket::Shared{config, events, drops, sent_bytes});
-  client->hold(std::move(place));
+  client->set_slot(std::move(slot));
   clients[id] = client;
   client->accept(request, visitor);
   return true;
@@ -499,8 +500,8 @@ void WebServer::cut(ViewerId viewer) {
   impl_->with_client(viewer, [](WebSocket& socket) { socket.ended(); });
 }
 
-void WebServer::keep(ViewerId viewer) {
-  impl_->with_client(viewer, [](WebSocket& socket) { socket.keep(); });
+void WebServer::pin(ViewerId viewer) {
+  impl_->with_client(viewer, [](WebSocket& socket) { socket.pin(); });
 }
 
 std::map<std::string, std::uint64_t> WebServer::drops() const { return impl_->drops.all(); }

@@ -67,7 +67,7 @@ class WebServer final : public ViewerTransport {
   /// 123 bytes of the reason at most; within two seconds.
   void close(ViewerId viewer, const std::string& reason) override;
   void cut(ViewerId viewer) override;
-  void keep(ViewerId viewer) override;
+  void pin(ViewerId viewer) override;
   std::map<std::string, std::uint64_t> drops() const override;
   std::uint64_t sent_bytes() const override;
 

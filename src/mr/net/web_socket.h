@@ -10,8 +10,8 @@
 #include <memory>
 #include <string>
 
+#include "mr/net/connection_quota.h"
 #include "mr/net/drops.h"
-#include "mr/net/places.h"
 #include "mr/net/web_server.h"
 #include "mr/net/web_stream.h"
 
@@ -33,12 +33,12 @@ class WebSocket : public std::enable_shared_from_this<WebSocket> {
 
   /// `connection` is kept as long as the socket is. `events.closed` is called exactly once,
   /// whether it opened or not.
-  WebSocket(WebStream stream, std::shared_ptr<Places::Place> connection, ViewerId id,
+  WebSocket(WebStream stream, std::shared_ptr<ConnectionQuota::Slot> connection, ViewerId id,
             const Shared& shared);
 
-  /// The place among the clients that it holds.
-  void hold(std::shared_ptr<Places::Place> place) { place_ = std::move(place); }
-  void keep() { place_->settle(); }
+  /// The slot among the clients that it holds.
+  void set_slot(std::shared_ptr<ConnectionQuota::Slot> slot) { slot_ = std::move(slot); }
+  void pin() { slot_->pin(); }
   void accept(const Request& request, const Visitor& visitor);
   void send(Message message, bool is_text);
   /// With a reason, after the message that is on its way; what else waits is thrown away. Soon,
@@ -62,13 +62,13 @@ class WebSocket : public std::enable_shared_from_this<WebSocket> {
   void on_written(std::size_t bytes);
   void expect_progress();
   void watch_pings();
-  void say_goodbye();
+  void send_close_frame();
 
   boost::beast::websocket::stream<WebStream> socket_;
-  std::shared_ptr<Places::Place> connection_, place_;
+  std::shared_ptr<ConnectionQuota::Slot> connection_, slot_;
   const ViewerId id_;
   const Shared shared_;
-  boost::asio::steady_timer stall_timer_, farewell_timer_;
+  boost::asio::steady_timer stall_timer_, close_timer_;
   boost::beast::flat_buffer incoming_;
   std::deque<Outgoing> outgoing_;
   std::size_t queued_bytes_ = 0;

@@ -2,8 +2,8 @@
 
 #include <span>
 
-#include "mr/simplify/builder.h"
-#include "mr/simplify/shrinking_mesh.h"
+#include "mr/simplify/working_mesh.h"
+#include "mr/simplify/working_mesh_builder.h"
 
 namespace mr::simplify {
 
@@ -11,6 +11,6 @@ namespace mr::simplify {
 /// Peucker 1973): no vertex that goes lies farther than `error_m` from the line that is left. What
 /// stays of them is fixed from then on. A line ends where a third chunk, a real border or a complex
 /// vertex begins; those stay.
-void simplify_chunk_lines(std::span<const Label> labels, float error_m, ShrinkingMesh& mesh);
+void simplify_chunk_lines(std::span<const Label> labels, float error_m, WorkingMesh& mesh);
 
 }  // namespace mr::simplify

@@ -53,14 +53,14 @@ struct alignas(16) Quadric {
     return q;
   }
 
-  /// The way to the least error; `hold` (of the weight) pulls back to the vertex, so that flat
-  /// directions do not run away. Zero where there is none.
-  Vec3f to_least_error(float hold) const;
+  /// The way to the least error; `regularization` (of the weight) pulls back to the vertex, so that
+  /// flat directions do not run away. Zero where there is none.
+  Vec3f minimizer(float regularization) const;
 };
 
-inline Vec3f Quadric::to_least_error(float hold) const {
-  const double pull = hold * weight;
-  const double a = xx + pull, b = yy + pull, c = zz + pull, ab = xy, ac = xz, bc = yz;
+inline Vec3f Quadric::minimizer(float regularization) const {
+  const double damping = regularization * weight;
+  const double a = xx + damping, b = yy + damping, c = zz + damping, ab = xy, ac = xz, bc = yz;
   const double aa_minor = b * c - bc * bc, ab_minor = ac * bc - ab * c, ac_minor = ab * bc - ac * b;
   const double bb_minor = a * c - ac * ac, bc_minor = ab * ac - a * bc, cc_minor = a * b - ab * ab;
   const double determinant = a * aa_minor + ab * ab_minor + ac * ac_minor;

@@ -12,12 +12,12 @@ namespace mr::simplify {
 bool is_scattered(const Mesh& mesh);
 
 /// A mesh with its vertices in another order, and their weights.
-struct Scattered {
+struct ReorderedMesh {
   Mesh mesh;  ///< triangles in their old order
   std::vector<float> weights;
 };
 
 /// Sorts the vertices along a Morton curve (1966) through their bounding box.
-Scattered sort_in_space(const Mesh& mesh, std::span<const float> weights);
+ReorderedMesh sort_in_space(const Mesh& mesh, std::span<const float> weights);
 
 }  // namespace mr::simplify

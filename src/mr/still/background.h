@@ -9,7 +9,7 @@
 #include "mr/core/image.h"
 #include "mr/core/packet.h"
 #include "mr/core/pose.h"
-#include "mr/still/regions.h"
+#include "mr/still/connected_components.h"
 
 namespace mr::still {
 
@@ -22,12 +22,12 @@ struct BackgroundConfig {
 };
 
 /// What one capture says.
-struct Moment {
+struct BackgroundUpdate {
   ImageMask moving;     ///< [H, W] what must be reconstructed from this very capture
   ImageMask foreign;    ///< [H, W] of those: what does not belong to the room as far as is known
   ImageMask confirmed;  ///< [H, W] the still surface is measured here now
   bool still_changed = false;  ///< Background::still() is another picture than before
-  bool began_anew = false;     ///< most of what was known does not hold: the camera was pushed
+  bool was_reset = false;      ///< most of what was known does not hold: the camera was pushed
 };
 
 /// What a sensor that stands still knows about the room behind all that moves (DESIGN section 9):
@@ -53,10 +53,10 @@ class Background {
   /// `depth`: as measured (not cleaned), of the camera's size. Parallel; the same result on any
   /// number of threads. `is_sent`: what moves in it is reconstructed and sent; else it serves to
   /// learn, and does not count for the hand-over of pixels from one surface to the other.
-  Moment update(const ImageDepth& depth, bool is_sent = true);
+  BackgroundUpdate update(const ImageDepth& depth, bool is_sent = true);
 
   /// Forgets everything.
-  void begin_anew();
+  void reset();
 
   /// Mean depth of what stays, 0 where that is not known.
   const ImageDepth& still() const { return still_; }
@@ -76,7 +76,7 @@ class Background {
   };
   /// What is known to stay at a pixel: the room, or what was absorbed in front of it. Small, as
   /// every capture reads it.
-  struct Known {
+  struct PixelModel {
     float mean = 0;
     std::uint16_t count = 0;  ///< readings; 0: nothing is known
     /// Captures that agree since still_ holds what is known, up to kHandOver; nothing known:
@@ -88,10 +88,10 @@ class Background {
     bool was_uncovered : 1 = false;  ///< nothing known: what was in front has just left
     bool was_missed : 1 = false;     ///< nothing known: the last reading disagreed
     bool is_blank : 1 = false;       ///< the room cannot be measured there
-    bool is_doubted : 1 = false;     ///< Rest::doubt is not 0
+    bool is_doubted : 1 = false;     ///< PixelModelDetail::doubt is not 0
   };
   /// What only some pixels have.
-  struct Rest {
+  struct PixelModelDetail {
     Surface base;       ///< the room behind what was absorbed; blank: what was known before
     Surface candidate;  ///< readings of late that agree with each other, but not with what is known
     std::uint16_t region = 0;        ///< of what was absorbed: what was absorbed together
@@ -100,7 +100,7 @@ class Background {
     /// reading.
     std::uint16_t doubt = 0;
   };
-  struct Region {
+  struct AbsorbedRegion {
     std::uint32_t pixels = 0;
     std::uint64_t since = 0;  ///< capture
   };
@@ -110,22 +110,22 @@ class Background {
   void for_each_row(const Row& row) const;
   void measure_noise(const ImageDepth& depth);
   void read_pixels(const ImageDepth& depth);
-  void note_how_much_is_read(double pixels);
-  Reading read(float depth, Known& known, Rest& rest) const;
-  void note_candidate(float depth, bool farther, Known& known, Rest& rest) const;
-  static void forget(Known& known, Rest& rest);
-  static void trust(Known& known, Rest& rest);
+  void update_expected_readings(double pixels);
+  Reading read(float depth, PixelModel& known, PixelModelDetail& detail) const;
+  void note_candidate(float depth, bool farther, PixelModel& known, PixelModelDetail& detail) const;
+  static void forget(PixelModel& known, PixelModelDetail& detail);
+  static void trust(PixelModel& known, PixelModelDetail& detail);
   template <typename Fits>
-  std::optional<Regions> candidates(int beside, int sure, const Fits& fits) const;
+  std::optional<ConnectedComponents> candidates(int beside, int sure, const Fits& fits) const;
   void forget_contradicted();
-  bool is_as_before(const Known& known, const Rest& rest) const;
-  void doubt_what_is_missing(const ImageMask& moving);
-  void doubt(Known& known, Rest& rest) const;
+  bool is_as_before(const PixelModel& known, const PixelModelDetail& detail) const;
+  void count_missing_readings(const ImageMask& moving);
+  void doubt(PixelModel& known, PixelModelDetail& detail) const;
   void count_absorbed();
   std::uint16_t new_region();
   void absorb_what_stopped();
-  void give_back_what_moves();
-  bool was_pushed();
+  void release_absorbed_that_moves();
+  bool camera_has_moved();
   bool is_slightly_nearer(const ImageDepth& depth, int x, int y) const;
   bool is_shown(std::size_t pixel) const;
   bool is_mixed(int x, int y) const;
@@ -140,7 +140,7 @@ class Background {
   float sigma_m(float depth) const;
   float band_m(float depth) const;
   double least_region() const;
-  int captures_to_learn(const Known& known) const;
+  int captures_to_learn(const PixelModel& known) const;
   Vec3i cube_of(std::size_t pixel, float depth) const;
 
   BackgroundConfig config_;
@@ -148,11 +148,11 @@ class Background {
   int after_captures_;
   std::vector<Vec3f> rays_;  ///< [H·W] world direction per unit of depth
   Vec3f eye_;
-  std::vector<Known> known_;       ///< [H·W]
-  std::vector<Rest> rest_;         ///< [H·W]
-  std::vector<Reading> readings_;  ///< [H·W] of this capture
+  std::vector<PixelModel> models_;         ///< [H·W]
+  std::vector<PixelModelDetail> details_;  ///< [H·W]
+  std::vector<Reading> readings_;          ///< [H·W] of this capture
   ImageDepth still_, previous_;
-  std::vector<Region> regions_;  ///< [id], 0: none
+  std::vector<AbsorbedRegion> regions_;  ///< [id], 0: none
   std::uint64_t captures_ = 0;
   int pushed_for_ = 0;   ///< captures in a row in which most disagreed
   bool is_sent_ = true;  ///< the capture at hand

@@ -17,12 +17,12 @@ TileMask confirmed_tiles(const ImageMask& confirmed, const ImageMask& moving);
 
 /// The tiles of a colour picture in which nothing that moves shows, one tile around it included.
 /// `depth`, `moving`: of the depth camera, which sees the same moment.
-TileMask unhidden_tiles(const ImageDepth& depth, const ImageMask& moving,
-                        const Camera& depth_camera, const Camera& color_camera,
-                        const Pose& T_color_depth);
+TileMask unoccluded_tiles(const ImageDepth& depth, const ImageMask& moving,
+                          const Camera& depth_camera, const Camera& color_camera,
+                          const Pose& T_color_depth);
 
 /// Rectangles that together hold all that is set, with `around_px` around it (inside the picture);
 /// they may overlap. Few, and not much larger than they must be where what is set stands upright.
-std::vector<Rect> parts_that_hold(const ImageMask& mask, int around_px);
+std::vector<Rect> covering_rectangles(const ImageMask& mask, int around_px);
 
 }  // namespace mr::still

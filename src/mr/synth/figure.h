@@ -20,26 +20,26 @@ struct Physique {
 };
 
 /// A piece of the body that a bone carries.
-struct Flesh {
+struct BodyPrimitive {
   Solid solid;
   std::uint8_t bone;
   double blend_m;  ///< how roundly it joins the pieces before it
 };
-using Fleshes = std::vector<Flesh>;
+using BodyPrimitives = std::vector<BodyPrimitive>;
 
 /// A body 1.75 m tall, standing at rest as its skeleton: what skin and clothes are shaped after.
 struct Figure {
   Physique physique;
   Skeleton skeleton;
-  Fleshes trunk, neck, skull;  ///< the face's pits (eyes) are not in the skull
-  std::array<Fleshes, 2> arms, hands, legs, feet;
-  std::array<Fleshes, 2> thighs;  ///< the legs' upper parts only: what skirts follow
+  BodyPrimitives trunk, neck, skull;  ///< the face's pits (eyes) are not in the skull
+  std::array<BodyPrimitives, 2> arms, hands, legs, feet;
+  std::array<BodyPrimitives, 2> thighs;  ///< the legs' upper parts only: what skirts follow
 };
 
 Figure make_figure(const Physique& physique);
 
 /// Distance to the skin of a group of pieces.
-double distance(std::span<const Flesh> fleshes, Vec3d p);
+double distance(std::span<const BodyPrimitive> primitives, Vec3d p);
 
 /// Distance to the skin of head and neck: with eyes, ears, nose and mouth.
 double head_distance(const Figure& figure, Vec3d p);
@@ -48,13 +48,13 @@ double head_distance(const Figure& figure, Vec3d p);
 double hand_distance(const Figure& figure, int side, Vec3d p);
 
 /// Which bones carry a point, and how much each.
-struct Grip {
+struct SkinWeights {
   std::array<std::uint8_t, 4> bones{};
   std::array<float, 4> weights{};  ///< sum to 1
 };
 
-/// Shares a point among the bones of the given groups by its distances to their flesh. `softness`
-/// widens the change from bone to bone.
-Grip grip_of(std::span<const Fleshes* const> groups, Vec3d p, double softness);
+/// Shares a point among the bones of the given groups by its distances to their primitives.
+/// `softness` widens the change from bone to bone.
+SkinWeights skin_weights(std::span<const BodyPrimitives* const> groups, Vec3d p, double softness);
 
 }  // namespace mr::synth

@@ -7,8 +7,8 @@
 #include <vector>
 
 #include "mr/kit/raycast.h"
-#include "mr/synth/painter.h"
 #include "mr/synth/person.h"
+#include "mr/synth/pixel_shader.h"
 #include "mr/synth/room.h"
 #include "mr/synth/script.h"
 
@@ -16,7 +16,7 @@ namespace mr::synth {
 
 /// The parts that never change of those who are there at a time; all arrays one after another:
 /// people who walk, people of events, things of events.
-struct Cast {
+struct PeopleTopology {
   std::vector<Triangle> triangles;      // [T]
   std::vector<std::uint16_t> material;  // [T]
   std::vector<std::uint32_t> surface;   // [T]
@@ -27,14 +27,14 @@ struct Cast {
 
 /// Everybody at one moment, and the things that events move.
 struct PosedPeople {
-  std::shared_ptr<const Cast> cast;
+  std::shared_ptr<const PeopleTopology> topology;
   Mesh mesh;                        ///< world
   std::vector<Vec3f> light;         ///< [V]
-  std::vector<Material> materials;  ///< the cast's, films at this moment
+  std::vector<Material> materials;  ///< the topology's, films at this moment
   std::vector<Vec3d> feet;          ///< what shades the floor: places on it, room frame
   kit::RayScene rays;
 
-  Skin skin(float contrast) const;
+  TexturedSurface surface(float contrast) const;
 };
 
 /// The people of a rig and what its events move. Cameras that look at the same moment share one
@@ -50,7 +50,7 @@ class People {
  private:
   /// Who is there: walkers, performers, props.
   std::vector<bool> present_at(double script_s) const;
-  std::shared_ptr<const Cast> cast_of(const std::vector<bool>& present);
+  std::shared_ptr<const PeopleTopology> topology_of(const std::vector<bool>& present);
   std::shared_ptr<const PosedPeople> pose(double walk_s, double script_s);
 
   const std::shared_ptr<const Room> room_;
@@ -59,7 +59,7 @@ class People {
   std::vector<Body> bodies_;
   std::vector<Walk> walks_;  // [bodies_]
   Script script_;
-  std::map<std::vector<bool>, std::shared_ptr<const Cast>> casts_;
+  std::map<std::vector<bool>, std::shared_ptr<const PeopleTopology>> topologies_;
   std::list<std::pair<double, std::shared_ptr<const PosedPeople>>> recent_;  // newest first
 };
 

@@ -23,14 +23,14 @@ struct ScriptedProp {
 };
 
 /// Somebody who comes in, does something and leaves.
-struct Performance {
-  struct Act {
+struct ScriptedPerson {
+  struct Action {
     double begin_s = 0, end_s = 0;
-    std::function<Stance(double share)> stance;  ///< 0 to 1 during the act; room frame
+    std::function<Stance(double share)> stance;  ///< 0 to 1 during the action; room frame
   };
 
   Body body;
-  std::vector<Act> acts;  ///< one after another
+  std::vector<Action> actions;  ///< one after another
 
   std::optional<Stance> at(double time_s) const;
 };
@@ -38,7 +38,7 @@ struct Performance {
 /// What a rig's events move.
 struct Script {
   std::vector<ScriptedProp> props;
-  std::vector<Performance> people;
+  std::vector<ScriptedPerson> people;
 };
 
 /// Reads the events of a rig. `walks`: whose ways are kept free.

@@ -10,7 +10,7 @@ namespace mr::synth {
 inline constexpr Vec3d kAhead{1, 0, 0}, kLeft{0, 1, 0}, kUp{0, 0, 1};
 
 /// A place on the floor and where ahead is; floor frame.
-struct Spot {
+struct FloorPose {
   Vec2d place;
   double heading_rad = 0;
 
@@ -43,14 +43,14 @@ double reachable_height(const Skeleton& skeleton, const Stance& stance);
 Stance blended(const Stance& a, const Stance& b, double share);
 
 /// Upright with arms that hang.
-Stance standing_stance(const Skeleton& skeleton, const Spot& spot);
+Stance standing_stance(const Skeleton& skeleton, const FloorPose& spot);
 /// On a seat: the pelvis over `seat`, feet on the floor ahead of it. `lean_rad`: back is positive.
-Stance seated_stance(const Skeleton& skeleton, const Spot& seat, double seat_m, double feet_ahead_m,
-                     double lean_rad);
+Stance seated_stance(const Skeleton& skeleton, const FloorPose& seat, double seat_m,
+                     double feet_ahead_m, double lean_rad);
 /// Halfway between standing over the feet of a seated stance and that.
 Stance crouching_stance(const Skeleton& skeleton, const Stance& standing, const Stance& seated);
 /// Bent down, both hands at something on the floor ahead.
-Stance reaching_stance(const Skeleton& skeleton, const Spot& spot);
+Stance reaching_stance(const Skeleton& skeleton, const FloorPose& spot);
 /// How arms hold something before the chest.
 std::array<ArmPose, 2> holding_arms();
 

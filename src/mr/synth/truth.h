@@ -41,11 +41,11 @@ class Truth {
   ColoredMesh surface(std::uint64_t frame);
   /// Must not outlive the truth.
   std::unique_ptr<TruthView> view(const Camera& camera, const Pose& T_world_camera);
-  TruthPicture look(const Camera& camera, const Pose& T_world_camera, std::uint64_t frame);
+  TruthPicture render(const Camera& camera, const Pose& T_world_camera, std::uint64_t frame);
 
  private:
   struct Impl;
-  class Eye;
+  class CameraView;
   std::unique_ptr<Impl> impl_;
 };
 

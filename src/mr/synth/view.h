@@ -5,10 +5,10 @@
 #include <optional>
 #include <vector>
 
-#include "mr/synth/cover.h"
 #include "mr/synth/noise.h"
-#include "mr/synth/painter.h"
 #include "mr/synth/people.h"
+#include "mr/synth/pixel_shader.h"
+#include "mr/synth/tile_coverage.h"
 
 namespace mr::synth {
 
@@ -30,8 +30,8 @@ struct Shot {
 
 /// How one sensor of a rig really is, injected errors included.
 struct ViewSetup {
-  Eye depth;
-  std::optional<Eye> color;
+  PosedCamera depth;
+  std::optional<PosedCamera> color;
   DepthNoise noise;
   Vec3f gain{1, 1, 1};     ///< exposure and white balance
   std::uint64_t seed = 0;  ///< of the noise
@@ -49,13 +49,13 @@ class SensorView {
   Shot render(const PosedPeople* people, std::uint64_t frame);
 
  private:
-  void look_at_depth();
-  void look_at_color();
-  void cast_depth(const PosedPeople& people, const Cover& cover);
-  void cast_color(const PosedPeople& people, const Cover& cover);
-  void shade_color(const Painter& painter, const Cover& cover, Rect tile);
-  void shade_shadows(const PosedPeople& people, Cover& cover);
-  void take_changes(const Cover& cover, Shot& shot);
+  void cast_empty_room_depth();
+  void render_empty_room_color();
+  void cast_depth(const PosedPeople& people, const TileCoverage& cover);
+  void cast_color(const PosedPeople& people, const TileCoverage& cover);
+  void shade_color(const PixelShader& shader, const TileCoverage& cover, Rect tile);
+  void shade_shadows(const PosedPeople& people, TileCoverage& cover);
+  void take_changes(const TileCoverage& cover, Shot& shot);
 
   const std::shared_ptr<const Room> room_;
   const ViewSetup setup_;

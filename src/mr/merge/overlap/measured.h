@@ -16,7 +16,7 @@ namespace mr::merge {
 float slack_m(const kit::Part& part, const OverlapConfig& config);
 
 /// A place on a part's surface.
-struct Spot {
+struct SurfacePoint {
   Vec3f position;
   Vec3f normal;              ///< unit
   float sigma_m = 0;         ///< spread of the sensor that measured it
@@ -33,12 +33,12 @@ struct Plane {
 struct Measured {
   static constexpr std::uint32_t kNoSource = 0xFFFFFFFFu;
 
-  std::vector<Spot> vertices;         ///< [V] of the part's mesh
-  std::vector<std::uint32_t> label;   ///< [T] source whose view it has; kNoSource: none of them
-  std::vector<std::uint32_t> source;  ///< [T] that measured it: the labelled one, else the worst
-  std::vector<float> quality;         ///< [T] how well: cos(angle) / sigma, 1/m
-  std::vector<Plane> plane;           ///< [T] through its middle, facing as its corners do
-  float slack_m = 0;                  ///< of the part
+  std::vector<SurfacePoint> vertices;  ///< [V] of the part's mesh
+  std::vector<std::uint32_t> label;    ///< [T] source whose view it has; kNoSource: none of them
+  std::vector<std::uint32_t> source;   ///< [T] that measured it: the labelled one, else the worst
+  std::vector<float> quality;          ///< [T] how well: cos(angle) / sigma, 1/m
+  std::vector<Plane> plane;            ///< [T] through its middle, facing as its corners do
+  float slack_m = 0;                   ///< of the part
 };
 
 Measured measured(const kit::Part& part, const OverlapConfig& config);

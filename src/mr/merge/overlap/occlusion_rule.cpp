@@ -49,7 +49,7 @@ std::vector<Vec3f> normals_around(const Mesh& mesh) {
 
 /// Describes a part's triangles.
 void describe(const kit::Part& part, std::uint32_t number, const OverlapConfig& config,
-              Facing* out) {
+              TriangleSurface* out) {
   constexpr std::size_t kGrain = 8192;
   const std::vector<ViewId> views = triangle_views(part.mesh);
   const std::vector<Vec3f> normals = normals_around(part.mesh);
@@ -125,7 +125,7 @@ std::vector<RayBatch> ray_batches(std::span<const kit::Part> parts, double voxel
 /// Casts rays with Embree.
 class RayCaster {
  public:
-  explicit RayCaster(const TriangleField& field) : field_(field), scene_(meshes(field)) {}
+  explicit RayCaster(const TriangleTable& field) : field_(field), scene_(meshes(field)) {}
 
   void cast(const RayGrid& grid, RayVotes& votes, RayVerdicts* verdicts) const {
     const Camera& camera = grid.camera;
@@ -146,7 +146,7 @@ class RayCaster {
   }
 
  private:
-  static std::vector<const Mesh*> meshes(const TriangleField& field) {
+  static std::vector<const Mesh*> meshes(const TriangleTable& field) {
     std::vector<const Mesh*> out;
     for (const kit::Part& part : field.parts) out.push_back(&part.mesh);
     return out;
@@ -154,14 +154,14 @@ class RayCaster {
 
   /// The meetings of a ray with fronts of triangles, nearest first.
   void meet(Vec3f origin, Vec3f ray, std::vector<kit::RayHit>& hits,
-            std::vector<RayMeeting>& out) const {
+            std::vector<RayIntersection>& out) const {
     constexpr float kFar_m = 1e6f;
     scene_.all_hits(origin, ray, static_cast<float>(kit::kNearPlane_m), kFar_m, hits);
     out.clear();
     for (const kit::RayHit& hit : hits)
       if (dot(field_.parts[hit.mesh].mesh.area_normal(hit.triangle), ray) < 0)
         out.push_back({hit.distance, field_.first[hit.mesh] + hit.triangle});
-    std::ranges::sort(out, {}, [](const RayMeeting& m) {
+    std::ranges::sort(out, {}, [](const RayIntersection& m) {
       return std::pair(-kit::comparable(1 / m.depth_m), m.triangle);
     });
   }
@@ -170,11 +170,11 @@ class RayCaster {
                 std::vector<RayVerdict>* verdicts) const {
     const RayPencil rays(grid);
     std::vector<kit::RayHit> hits;
-    std::vector<RayMeeting> on_ray;
+    std::vector<RayIntersection> on_ray;
     for (int x = 0; x < grid.camera.width; ++x) {
       meet(rays.origin, rays.at(x, y), hits, on_ray);
       decide(on_ray, field_, rays.at(x, y));
-      for (const RayMeeting& m : on_ray) {
+      for (const RayIntersection& m : on_ray) {
         std::atomic_ref(votes.hits[m.triangle]).fetch_add(1, std::memory_order_relaxed);
         if (m.lost) std::atomic_ref(votes.lost[m.triangle]).fetch_add(1, std::memory_order_relaxed);
         if (verdicts) verdicts[x].push_back({m.triangle, m.lost});
@@ -185,12 +185,12 @@ class RayCaster {
     }
   }
 
-  const TriangleField& field_;
+  const TriangleTable& field_;
   kit::RayScene scene_;
 };
 
 /// Casts all rays; with `verdicts`, also says what each decided.
-RayVotes cast_all(const TriangleField& field, const OverlapConfig& config,
+RayVotes cast_all(const TriangleTable& field, const OverlapConfig& config,
                   std::vector<RayVerdicts>* verdicts) {
   const std::vector<RayBatch> batches = ray_batches(field.parts, config.voxel_m);
   RayVotes votes{std::vector<std::uint32_t>(field.facing.size()),
@@ -212,8 +212,8 @@ RayVotes cast_all(const TriangleField& field, const OverlapConfig& config,
 
 }  // namespace
 
-TriangleField triangle_field(std::span<const kit::Part> parts, const OverlapConfig& config) {
-  TriangleField out{parts, {0}, {}, 0};
+TriangleTable triangle_table(std::span<const kit::Part> parts, const OverlapConfig& config) {
+  TriangleTable out{parts, {0}, {}, 0};
   for (const kit::Part& part : parts) {
     MR_ASSERT(!part.sources.empty());
     out.first.push_back(out.first.back() + static_cast<std::uint32_t>(part.mesh.triangles.size()));
@@ -224,7 +224,7 @@ TriangleField triangle_field(std::span<const kit::Part> parts, const OverlapConf
       describe(parts[i], static_cast<std::uint32_t>(i), config, out.facing.data() + out.first[i]);
   });
   float sigma = 0, slack = 0;
-  for (const Facing& f : out.facing)
+  for (const TriangleSurface& f : out.facing)
     sigma = std::max(sigma, f.sigma_m), slack = std::max(slack, f.slack_m);
   out.reach_m = 4.001f * (2 * sigma + 2 * slack);  // rounding included
   return out;
@@ -232,7 +232,7 @@ TriangleField triangle_field(std::span<const kit::Part> parts, const OverlapConf
 
 std::vector<std::vector<std::uint8_t>> farther_triangles(std::span<const kit::Part> parts,
                                                          const OverlapConfig& config) {
-  const TriangleField field = triangle_field(parts, config);
+  const TriangleTable field = triangle_table(parts, config);
   const RayVotes votes = cast_all(field, config, nullptr);
   std::vector<std::vector<std::uint8_t>> out(parts.size());
   for (std::size_t i = 0; i < parts.size(); ++i)
@@ -243,7 +243,7 @@ std::vector<std::vector<std::uint8_t>> farther_triangles(std::span<const kit::Pa
 
 std::vector<RayVerdicts> ray_verdicts(std::span<const kit::Part> parts,
                                       const OverlapConfig& config) {
-  const TriangleField field = triangle_field(parts, config);
+  const TriangleTable field = triangle_table(parts, config);
   std::vector<RayVerdicts> out;
   cast_all(field, config, &out);
   return out;

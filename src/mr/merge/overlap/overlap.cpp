@@ -53,7 +53,7 @@ std::vector<Mesh> best(std::span<const kit::Part> parts, const OverlapConfig& co
   for (const kit::Part& part : parts) meshes.push_back(&part.mesh);
   const double reach_m =
       std::max(farthest_alike_m(parts, config), kLeastReach_voxels * config.voxel_m);
-  const auto groups = groups_that_meet(meshes, reach_m);
+  const auto groups = connected_groups(meshes, reach_m);
   if (groups.size() == 1) return best_measured(parts, config, memory);
   std::vector<Mesh> out(parts.size());
   const auto work = [&](const std::vector<std::uint32_t>& group) {

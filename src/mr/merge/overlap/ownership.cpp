@@ -30,7 +30,7 @@ constexpr int kCutSteps = 4;
 constexpr double kLongest_voxels = 10;  // of an edge where owners change
 constexpr int kMaxOwnerCuts = 6;        // halvings of an edge
 
-Spot between(const Spot& a, const Spot& b, float t) {
+SurfacePoint between(const SurfacePoint& a, const SurfacePoint& b, float t) {
   return {a.position + (b.position - a.position) * t,
           normalized(a.normal + (b.normal - a.normal) * t), a.sigma_m + (b.sigma_m - a.sigma_m) * t,
           t < 0.5f ? a.source : b.source};
@@ -63,29 +63,29 @@ std::vector<Measured> all_measured(std::span<const kit::Part> parts, const Overl
 }
 
 /// A triangle of a part.
-struct TrianglePlace {
+struct TriangleId {
   std::uint32_t part = 0, triangle = 0;
 };
 
 /// Who has a spot instead of the part that it is of.
-struct Loss {
-  static constexpr std::uint32_t kNobody = 0xFFFFFFFFu;
-  TrianglePlace to;
-  std::uint32_t owner = kNobody;  ///< number of it
-  bool is_clear = false;          ///< that one measured it better by far
+struct LostVertex {
+  static constexpr std::uint32_t kNoOwner = 0xFFFFFFFFu;
+  TriangleId to;
+  std::uint32_t owner = kNoOwner;  ///< number of it
+  bool is_clear = false;           ///< that one measured it better by far
 };
 
 /// How much better a part measured a spot of its own than the best other with surface there (over
 /// 0: its own), and that one.
-struct Verdict {
+struct OwnershipMargin {
   float margin = 0;
-  Loss loss;
+  LostVertex loss;
 };
 
 /// Who owns what: at any place, the part with surface there that measured it best.
-class Owners {
+class OwnershipMap {
  public:
-  Owners(std::span<const kit::Part> parts, const OverlapConfig& config, QualityMemory* memory)
+  OwnershipMap(std::span<const kit::Part> parts, const OverlapConfig& config, QualityMemory* memory)
       : parts_(parts),
         measured_(all_measured(parts, config)),
         grid_(parts, measured_, kCell_voxels * config.voxel_m, memory) {
@@ -111,7 +111,9 @@ class Owners {
   }
 
   const Mesh& mesh(std::size_t part) const { return parts_[part].mesh; }
-  const std::vector<Spot>& vertices(std::size_t part) const { return measured_[part].vertices; }
+  const std::vector<SurfacePoint>& vertices(std::size_t part) const {
+    return measured_[part].vertices;
+  }
   /// The sensor that measured a triangle of a part.
   ViewId sensor(std::size_t part, std::uint32_t triangle) const {
     return parts_[part].sources[measured_[part].source[triangle]].sensor;
@@ -120,11 +122,11 @@ class Owners {
   /// Finds who owns the spots of one part; quickest where spots near each other come in turn.
   class OwnershipQuery {
    public:
-    OwnershipQuery(const Owners& owners, std::size_t part)
+    OwnershipQuery(const OwnershipMap& owners, std::size_t part)
         : owners_(owners), part_(static_cast<std::uint32_t>(part)), reader_(owners.grid_) {}
 
     /// Whether the part owns a spot of its own.
-    Verdict verdict(const Spot& spot) {
+    OwnershipMargin margin_at(const SurfacePoint& spot) {
       const auto candidates = reader_.at(spot.position, spot.normal);
       float mine = 0, below = 0;  // the best of those that measured it worse
       for (const auto& [owner, number, quality] : candidates)
@@ -148,21 +150,21 @@ class Owners {
       }
       return {std::max(mine - below, kLeast), {}};
     }
-    float margin(const Spot& spot) { return verdict(spot).margin; }
+    float margin(const SurfacePoint& spot) { return margin_at(spot).margin; }
 
     /// Whether it is plain that a spot is lost to the same one as a spot beside it.
-    bool is_lost_like(const Loss& beside, const Spot& spot) const {
+    bool is_lost_like(const LostVertex& beside, const SurfacePoint& spot) const {
       return beside.is_clear && owners_.find(beside.owner, spot, part_);
     }
 
     /// Whether another part has surface at a spot that satisfies `holds(place)`.
     template <typename Holds>
-    bool any_rival(const Spot& spot, Holds&& holds) {
+    bool any_other_part(const SurfacePoint& spot, Holds&& holds) {
       const auto candidates = reader_.at(spot.position, spot.normal);
       return std::ranges::any_of(candidates, [&](const QualityGrid::Candidate& c) {
         if (c.owner.part == part_) return false;
         const auto t = owners_.find(c.number, spot, part_);
-        return t && holds(TrianglePlace{c.owner.part, *t});
+        return t && holds(TriangleId{c.owner.part, *t});
       });
     }
 
@@ -173,7 +175,7 @@ class Owners {
       return {c.quality, ~c.number};
     }
 
-    const Owners& owners_;
+    const OwnershipMap& owners_;
     std::uint32_t part_;
     QualityGrid::Reader reader_;
     std::vector<QualityGrid::Candidate> better_;  // than the part, those not asked yet
@@ -181,7 +183,8 @@ class Owners {
 
  private:
   /// The triangle that an owner has at a spot of another part.
-  std::optional<std::uint32_t> find(std::uint32_t owner, const Spot& spot, std::uint32_t of) const {
+  std::optional<std::uint32_t> find(std::uint32_t owner, const SurfacePoint& spot,
+                                    std::uint32_t of) const {
     for (const PartView& view : views_[owner])
       if (const auto t = view.at(spot, measured_[of].slack_m)) return t;
     return std::nullopt;
@@ -194,9 +197,9 @@ class Owners {
 };
 
 /// What a part owns, while it is found.
-class OwnPart {
+class PartOwnership {
  public:
-  OwnPart(const Owners& owners, std::size_t part, const OverlapConfig& config)
+  PartOwnership(const OwnershipMap& owners, std::size_t part, const OverlapConfig& config)
       : owners_(owners),
         part_(part),
         config_(config),
@@ -205,11 +208,11 @@ class OwnPart {
         margin_(vertices_->size()),
         loss_(vertices_->size()) {}
 
-  void look_at(std::size_t begin, std::size_t end) {
-    Owners::OwnershipQuery query(owners_, part_);
+  void find_margins(std::size_t begin, std::size_t end) {
+    OwnershipMap::OwnershipQuery query(owners_, part_);
     for (std::size_t v = begin; v < end; ++v) {
-      const Verdict verdict = query.verdict((*vertices_)[v]);
-      margin_[v] = verdict.margin, loss_[v] = verdict.loss;
+      const OwnershipMargin found = query.margin_at((*vertices_)[v]);
+      margin_[v] = found.margin, loss_[v] = found.loss;
     }
   }
 
@@ -221,15 +224,15 @@ class OwnPart {
 
   /// Removal makes no holes: what was lost to a part that lost it, too, as in a gap as narrow as
   /// triangles are, comes back unless a third part keeps it.
-  void restore(const std::vector<OwnPart>& all) {
-    std::optional<Owners::OwnershipQuery> query;
-    const auto kept = [&](const TrianglePlace& place) {
+  void restore(const std::vector<PartOwnership>& all) {
+    std::optional<OwnershipMap::OwnershipQuery> query;
+    const auto kept = [&](const TriangleId& place) {
       return all[place.part].keeps(place.triangle);
     };
     for (std::size_t v = 0; v < margin_.size(); ++v) {
-      if (loss_[v].owner == Loss::kNobody || kept(loss_[v].to)) continue;
+      if (loss_[v].owner == LostVertex::kNoOwner || kept(loss_[v].to)) continue;
       if (!query) query.emplace(owners_, part_);
-      if (!query->any_rival((*vertices_)[v], kept)) margin_[v] = kRestored;
+      if (!query->any_other_part((*vertices_)[v], kept)) margin_[v] = kRestored;
     }
   }
 
@@ -237,7 +240,7 @@ class OwnPart {
   /// where it has to.
   void refine() {
     const auto longest_m = static_cast<float>(kLongest_voxels * config_.voxel_m);
-    Owners::OwnershipQuery query(owners_, part_);
+    OwnershipMap::OwnershipQuery query(owners_, part_);
     for (int round = 0; round < kMaxOwnerCuts; ++round) {
       std::vector<std::uint8_t> split;
       for (std::uint32_t t = 0; t < mesh_->triangles.size(); ++t) {
@@ -255,10 +258,10 @@ class OwnPart {
   /// What is left of the part: cut where its margin is zero, which is found between two vertices
   /// by looking there.
   Mesh cut() const {
-    Owners::OwnershipQuery query(owners_, part_);
+    OwnershipMap::OwnershipQuery query(owners_, part_);
     const float retreat_m = kRetreat_voxels * static_cast<float>(config_.voxel_m);
     const auto crossing = [&](std::uint32_t kept, std::uint32_t lost) {
-      const Spot &k = (*vertices_)[kept], &l = (*vertices_)[lost];
+      const SurfacePoint &k = (*vertices_)[kept], &l = (*vertices_)[lost];
       if (margin_[kept] == kRestored) return 0.5f;
       float low = 0, high = 1, at_low = margin_[kept], at_high = margin_[lost];
       const auto guess = [&] { return low + (high - low) * (at_low / (at_low - at_high)); };
@@ -288,7 +291,7 @@ class OwnPart {
   }
 
   /// Whether a triangle's corners, middle and middle of its longest edge have different owners.
-  bool is_divided(std::uint32_t t, Owners::OwnershipQuery& query) const {
+  bool is_divided(std::uint32_t t, OwnershipMap::OwnershipQuery& query) const {
     const Triangle& corners = mesh_->triangles[t];
     if (std::ranges::all_of(corners, [&](std::uint32_t v) { return margin_[v] == kRestored; }))
       return false;
@@ -300,26 +303,26 @@ class OwnPart {
       edges[i] = length(mesh_->corner(t, i) - mesh_->corner(t, (i + 1) % 3));
       if (edges[i] > edges[longest]) longest = i;
     }
-    const Spot& a = (*vertices_)[corners[longest]];
-    const Spot& b = (*vertices_)[corners[(longest + 1) % 3]];
-    const Spot& c = (*vertices_)[corners[(longest + 2) % 3]];
-    const auto differs = [&](const Spot& spot) {
+    const SurfacePoint& a = (*vertices_)[corners[longest]];
+    const SurfacePoint& b = (*vertices_)[corners[(longest + 1) % 3]];
+    const SurfacePoint& c = (*vertices_)[corners[(longest + 2) % 3]];
+    const auto differs = [&](const SurfacePoint& spot) {
       if (!own && std::ranges::any_of(
                       corners, [&](std::uint32_t v) { return query.is_lost_like(loss_[v], spot); }))
         return false;
       return (query.margin(spot) > 0) != own;
     };
-    const Spot middle = between(a, b, 0.5f);
+    const SurfacePoint middle = between(a, b, 0.5f);
     return differs(middle) || differs(between(middle, c, 1.0f / 3));
   }
 
-  void split_edges(const std::vector<std::uint8_t>& split, Owners::OwnershipQuery& query) {
+  void split_edges(const std::vector<std::uint8_t>& split, OwnershipMap::OwnershipQuery& query) {
     kit::Refined fine = kit::refine(*mesh_, split);
-    std::vector<Spot> vertices = *vertices_;
+    std::vector<SurfacePoint> vertices = *vertices_;
     for (const auto& [a, b] : fine.cut_edges) {
       vertices.push_back(between(vertices[a], vertices[b], 0.5f));
-      const Verdict verdict = query.verdict(vertices.back());
-      margin_.push_back(verdict.margin), loss_.push_back(verdict.loss);
+      const OwnershipMargin found = query.margin_at(vertices.back());
+      margin_.push_back(found.margin), loss_.push_back(found.loss);
     }
     is_new_.resize(fine.parent.size());
     for (std::size_t t = 0; t < is_new_.size(); ++t)
@@ -330,28 +333,28 @@ class OwnPart {
     finer_vertices_ = std::move(vertices), vertices_ = &finer_vertices_;
   }
 
-  const Owners& owners_;
+  const OwnershipMap& owners_;
   std::size_t part_;
   const OverlapConfig& config_;
-  const Mesh* mesh_;                   // the part's, or finer_mesh_
-  const std::vector<Spot>* vertices_;  // of mesh_
-  std::vector<float> margin_;          // [V] of mesh_
-  std::vector<Loss> loss_;             // [V] of mesh_
-  std::vector<std::uint32_t> whole_;   // [T of mesh_] triangle of the part; empty: the same
-  std::vector<std::uint8_t> is_new_;   // [T of mesh_] since edges were last split
+  const Mesh* mesh_;                           // the part's, or finer_mesh_
+  const std::vector<SurfacePoint>* vertices_;  // of mesh_
+  std::vector<float> margin_;                  // [V] of mesh_
+  std::vector<LostVertex> loss_;               // [V] of mesh_
+  std::vector<std::uint32_t> whole_;           // [T of mesh_] triangle of the part; empty: the same
+  std::vector<std::uint8_t> is_new_;           // [T of mesh_] since edges were last split
   Mesh finer_mesh_;
-  std::vector<Spot> finer_vertices_;
+  std::vector<SurfacePoint> finer_vertices_;
 };
 
 }  // namespace
 
 std::vector<Mesh> best_measured(std::span<const kit::Part> parts, const OverlapConfig& config,
                                 QualityMemory* memory) {
-  const Owners owners(parts, config, memory);
+  const OwnershipMap owners(parts, config, memory);
   struct Block {
     std::size_t part, begin, end;
   };
-  std::vector<OwnPart> own;
+  std::vector<PartOwnership> own;
   std::vector<Block> blocks;
   for (std::size_t i = 0; i < parts.size(); ++i) {
     own.emplace_back(owners, i, config);
@@ -360,9 +363,9 @@ std::vector<Mesh> best_measured(std::span<const kit::Part> parts, const OverlapC
       blocks.push_back({i, b, std::min(b + kVerticesAtOnce, count)});
   }
   for_each_index(blocks.size(), [&](std::size_t b) {
-    own[blocks[b].part].look_at(blocks[b].begin, blocks[b].end);
+    own[blocks[b].part].find_margins(blocks[b].begin, blocks[b].end);
   });
-  for (OwnPart& part : own) part.restore(own);  // one by one: only one of them has it back
+  for (PartOwnership& part : own) part.restore(own);  // one by one: only one of them has it back
   std::vector<Mesh> out(parts.size());
   for_each_index(parts.size(), [&](std::size_t i) {
     own[i].refine();

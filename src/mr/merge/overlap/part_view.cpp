@@ -132,7 +132,7 @@ void PartView::widen() {
     }
 }
 
-std::optional<std::uint32_t> PartView::at(const Spot& spot, float slack_m) const {
+std::optional<std::uint32_t> PartView::at(const SurfacePoint& spot, float slack_m) const {
   const Vec3f d = spot.position - origin_;
   const float z = dot(forward_, d);
   if (!(z >= static_cast<float>(kit::kNearPlane_m))) return std::nullopt;

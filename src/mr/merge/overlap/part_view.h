@@ -23,7 +23,7 @@ class PartView {
 
   /// The part's triangle at a spot of another part, if it has surface there: it faces alike and
   /// lies within twice the sensors' precision (paper 3.2) and both parts' slack, along the normal.
-  std::optional<std::uint32_t> at(const Spot& spot, float slack_m) const;
+  std::optional<std::uint32_t> at(const SurfacePoint& spot, float slack_m) const;
 
  private:
   void widen();

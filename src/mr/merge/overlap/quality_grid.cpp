@@ -96,7 +96,7 @@ QualityCells& QualityMemory::remembered(std::uint32_t sensor) {
   return last_[sensor];
 }
 
-void QualityMemory::steady(std::uint32_t sensor, QualityCells& cells) {
+void QualityMemory::stabilize(std::uint32_t sensor, QualityCells& cells) {
   QualityCells& last = remembered(sensor);
   for (std::size_t i = 0; i < cells.keys.size(); ++i) {
     const std::uint32_t* before = last.places.find(cells.keys[i]);
@@ -124,7 +124,7 @@ QualityGrid::QualityGrid(std::span<const kit::Part> parts, std::span<const Measu
   });
   if (memory)
     for (std::size_t k = 0; k < owners_.size(); ++k)
-      memory->steady(parts[owners_[k].part].sources[owners_[k].source].sensor, of_owner[k]);
+      memory->stabilize(parts[owners_[k].part].sources[owners_[k].source].sensor, of_owner[k]);
   std::vector<std::uint32_t> count, place;
   for (const QualityCells& cells : of_owner)
     for (const std::uint64_t cell : cells.keys) {

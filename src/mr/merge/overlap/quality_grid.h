@@ -28,7 +28,7 @@ struct QualityCells {
 class QualityMemory {
  public:
   /// Steadies the sums of a sensor, and remembers them. Different sensors may come at once.
-  void steady(std::uint32_t sensor, QualityCells& cells);
+  void stabilize(std::uint32_t sensor, QualityCells& cells);
   /// While frozen, nothing is remembered: a piece of a scene is merged.
   void freeze(bool frozen) { frozen_ = frozen; }
 

@@ -15,7 +15,7 @@ namespace mr::merge {
 /// camera.
 class RasterVoter {
  public:
-  explicit RasterVoter(const TriangleField& field);  ///< the field must outlive it
+  explicit RasterVoter(const TriangleTable& field);  ///< the field must outlive it
   ~RasterVoter();
   RasterVoter(const RasterVoter&) = delete;
   RasterVoter& operator=(const RasterVoter&) = delete;

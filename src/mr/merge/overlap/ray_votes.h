@@ -16,7 +16,7 @@
 namespace mr::merge {
 
 /// What is known of a triangle when a ray meets it.
-struct Facing {
+struct TriangleSurface {
   Vec3f normal;       ///< unit, smoothed over the neighbours
   float sigma_m = 0;  ///< precision of the sensor that measured it
   float slack_m = 0;  ///< error of calibration and decimation
@@ -24,14 +24,14 @@ struct Facing {
 };
 
 /// All triangles of all parts, one after the other.
-struct TriangleField {
+struct TriangleTable {
   std::span<const kit::Part> parts;
-  std::vector<std::uint32_t> first;  ///< [parts + 1] part → its first triangle
-  std::vector<Facing> facing;        ///< [T]
-  float reach_m = 0;                 ///< farther behind each other no hits are one surface
+  std::vector<std::uint32_t> first;     ///< [parts + 1] part → its first triangle
+  std::vector<TriangleSurface> facing;  ///< [T]
+  float reach_m = 0;                    ///< farther behind each other no hits are one surface
 };
 
-TriangleField triangle_field(std::span<const kit::Part> parts, const OverlapConfig& config);
+TriangleTable triangle_table(std::span<const kit::Part> parts, const OverlapConfig& config);
 
 /// What rays found, by triangle ([T]).
 struct RayVotes {
@@ -39,7 +39,7 @@ struct RayVotes {
 };
 
 /// Where a ray meets the front of a triangle.
-struct RayMeeting {
+struct RayIntersection {
   float depth_m = 0;           ///< along the camera's z axis
   std::uint32_t triangle = 0;  ///< in the field
   bool lost = false;
@@ -47,13 +47,13 @@ struct RayMeeting {
 
 /// The nearest meetings of a ray that are decided; those behind them count as alone. Only meshes
 /// of slivers come near it.
-inline constexpr std::size_t kMostMeetings = 128;
+inline constexpr std::size_t kMostIntersections = 128;
 
 /// Whether the farther of two meetings, of another part, is the same surface as the nearer one.
 /// `ray`: as long as 1 m of depth, `stretch2` its length squared. Without branches: which of two
 /// noisy surfaces is which is anyone's guess.
-inline bool same_surface(const Facing& near, const Facing& far, float deeper_m, Vec3f ray,
-                         float stretch2) {
+inline bool same_surface(const TriangleSurface& near, const TriangleSurface& far, float deeper_m,
+                         Vec3f ray, float stretch2) {
   constexpr float kSameFacing = 0.5f;  // within 60 degrees: a thin board's back is another surface
   const float range = 2 * std::max(near.sigma_m, far.sigma_m) + near.slack_m + far.slack_m;
   return (near.part != far.part) & (dot(near.normal, far.normal) >= kSameFacing) &
@@ -63,19 +63,19 @@ inline bool same_surface(const Facing& near, const Facing& far, float deeper_m, 
 
 /// Decides a ray's meetings, nearest first: each one that none before it took takes the first of
 /// every other part that is its surface, and those lose.
-inline void decide(std::span<RayMeeting> all, const TriangleField& field, Vec3f ray) {
+inline void decide(std::span<RayIntersection> all, const TriangleTable& field, Vec3f ray) {
   const float stretch2 = dot(ray, ray), reach2 = field.reach_m * field.reach_m;
-  const std::size_t count = std::min(all.size(), kMostMeetings);
-  std::array<std::uint32_t, kMostMeetings> parts;
+  const std::size_t count = std::min(all.size(), kMostIntersections);
+  std::array<std::uint32_t, kMostIntersections> parts;
   for (std::size_t i = 0; i + 1 < count; ++i) {
     if (all[i].lost) continue;
-    const Facing& owner = field.facing[all[i].triangle];
+    const TriangleSurface& owner = field.facing[all[i].triangle];
     std::size_t taken = 0;
     for (std::size_t k = i + 1; k < count; ++k) {
       const float deeper = all[k].depth_m - all[i].depth_m;
       if (deeper * deeper * stretch2 > reach2) break;
       if (all[k].lost) continue;
-      const Facing& other = field.facing[all[k].triangle];
+      const TriangleSurface& other = field.facing[all[k].triangle];
       if (!same_surface(owner, other, deeper, ray, stretch2)) continue;
       if (std::find(parts.begin(), parts.begin() + taken, other.part) != parts.begin() + taken)
         continue;

@@ -148,11 +148,11 @@ std::vector<std::uint8_t> wanted_edges(const Joined& joined, const BorderMap& ma
 }
 
 /// A way to fill a bit of the gap: a triangle from a border edge to a corner.
-struct Filling {
+struct GapTriangle {
   double cost = 0;
   std::uint32_t edge = 0, corner = 0;
 
-  friend bool operator>(const Filling& a, const Filling& b) {
+  friend bool operator>(const GapTriangle& a, const GapTriangle& b) {
     return std::tie(a.cost, a.edge, a.corner) > std::tie(b.cost, b.edge, b.corner);
   }
 };
@@ -171,7 +171,7 @@ class Zipper {
   std::vector<Triangle> run() {
     std::vector<std::uint32_t> edges(front_.original());
     std::iota(edges.begin(), edges.end(), 0u);
-    Jobs jobs = deal_out(edges);
+    Jobs jobs = distribute(edges);
     parallel_for(jobs.cubes.size(), 1, [&](std::size_t begin, std::size_t end) {
       for (std::size_t i = begin; i < end; ++i) drain(jobs.cubes[i]);
     });
@@ -180,8 +180,8 @@ class Zipper {
     std::vector<Triangle> out;
     for (const Job& cube : jobs.cubes) {
       out.insert(out.end(), cube.space.added.begin(), cube.space.added.end());
-      for (const auto& filling : best_fillings(cube.left))
-        if (filling) between.queue.push(*filling);
+      for (const auto& triangle : best_triangles(cube.left))
+        if (triangle) between.queue.push(*triangle);
     }
     drain(between);
     close_small_loops(between.space);
@@ -197,39 +197,39 @@ class Zipper {
   }
 
   /// What lies around an edge. Kept to spare allocations.
-  struct Surroundings {
-    double reach = 0;                 // how far a triangle over the edge may go
-    std::vector<std::uint32_t> near;  // vertices that it may reach or meet
-    std::vector<Filling> candidates;  // with the vertex as corner
+  struct EdgeNeighbourhood {
+    double reach = 0;                     // how far a triangle over the edge may go
+    std::vector<std::uint32_t> near;      // vertices that it may reach or meet
+    std::vector<GapTriangle> candidates;  // with the vertex as corner
   };
 
   /// What is done one after another.
   struct Job {
     std::optional<Vec3i> cube;  // that edges must lie in with all that they may reach; none: any
-    std::priority_queue<Filling, std::vector<Filling>, std::greater<>> queue;
+    std::priority_queue<GapTriangle, std::vector<GapTriangle>, std::greater<>> queue;
     AdvancingFront::Workspace space;
     std::vector<std::uint32_t> left;  // edges that are not for this job
-    Surroundings around;
+    EdgeNeighbourhood around;
   };
   struct Jobs {
     std::vector<Job> cubes;
     Job between;
   };
 
-  /// Deals out the edges that a filling is found for.
-  Jobs deal_out(const std::vector<std::uint32_t>& edges) {
+  /// Deals out the edges that a triangle is found for.
+  Jobs distribute(const std::vector<std::uint32_t>& edges) {
     Jobs out;
     std::map<std::tuple<int, int, int>, std::size_t> place;  // of cubes
-    for (const auto& filling : best_fillings(edges)) {
-      if (!filling) continue;
-      const std::optional<Vec3i> cube = cube_of(filling->edge);
+    for (const auto& triangle : best_triangles(edges)) {
+      if (!triangle) continue;
+      const std::optional<Vec3i> cube = cube_of(triangle->edge);
       if (!cube) {
-        out.between.queue.push(*filling);
+        out.between.queue.push(*triangle);
         continue;
       }
       const auto [known, fresh] = place.try_emplace({cube->x, cube->y, cube->z}, out.cubes.size());
       if (fresh) out.cubes.emplace_back().cube = cube;
-      out.cubes[known->second].queue.push(*filling);
+      out.cubes[known->second].queue.push(*triangle);
     }
     for (Job& job : out.cubes) job.space = front_.workspace(kRoom * job.queue.size());
     return out;
@@ -246,7 +246,7 @@ class Zipper {
 
   void drain(Job& job) {
     while (!job.queue.empty()) {
-      const Filling f = job.queue.top();
+      const GapTriangle f = job.queue.top();
       job.queue.pop();
       if (!front_.edge(f.edge).alive) continue;
       if (!front_.has_room(job.space)) {
@@ -268,21 +268,22 @@ class Zipper {
   void offer(std::uint32_t e, Job& job) {
     if (job.cube && cube_of(e) != job.cube)
       job.left.push_back(e);
-    else if (const auto best = best_filling(e, job.around))
+    else if (const auto best = best_triangle(e, job.around))
       job.queue.push(*best);
   }
 
-  std::vector<std::optional<Filling>> best_fillings(const std::vector<std::uint32_t>& edges) const {
-    std::vector<std::optional<Filling>> out(edges.size());
+  std::vector<std::optional<GapTriangle>> best_triangles(
+      const std::vector<std::uint32_t>& edges) const {
+    std::vector<std::optional<GapTriangle>> out(edges.size());
     parallel_for(out.size(), 256, [&](std::size_t begin, std::size_t end) {
-      Surroundings around;
-      for (std::size_t i = begin; i < end; ++i) out[i] = best_filling(edges[i], around);
+      EdgeNeighbourhood around;
+      for (std::size_t i = begin; i < end; ++i) out[i] = best_triangle(edges[i], around);
     });
     return out;
   }
 
-  /// The cheapest filling from an edge, if there is one.
-  std::optional<Filling> best_filling(std::uint32_t e, Surroundings& around) const {
+  /// The cheapest triangle over an edge, if there is one.
+  std::optional<GapTriangle> best_triangle(std::uint32_t e, EdgeNeighbourhood& around) const {
     if (!front_.edge(e).alive) return std::nullopt;
     look_around(e, around);
     const Vec3f u = from(e), v = to(e), into_gap = front_.into_gap(e);
@@ -297,10 +298,10 @@ class Zipper {
     std::make_heap(candidates.begin(), candidates.end(), std::greater<>());
     for (; !candidates.empty(); candidates.pop_back()) {
       std::pop_heap(candidates.begin(), candidates.end(), std::greater<>());
-      const Filling& f = candidates.back();
+      const GapTriangle& f = candidates.back();
       std::uint32_t c = front_.corner_at(f.corner);
       for (; c != AdvancingFront::kNone; c = front_.edge(c).sibling)
-        if (front_.fits(e, c) && !blocked(e, f.corner, around)) return Filling{f.cost, e, c};
+        if (front_.fits(e, c) && !blocked(e, f.corner, around)) return GapTriangle{f.cost, e, c};
     }
     return std::nullopt;
   }
@@ -309,7 +310,7 @@ class Zipper {
     return config_.max_gap_m + 0.5 * length(to(e) - from(e));
   }
 
-  void look_around(std::uint32_t e, Surroundings& around) const {
+  void look_around(std::uint32_t e, EdgeNeighbourhood& around) const {
     around.reach = reach_of(e);
     around.near.clear();
     grid_.within((from(e) + to(e)) * 0.5f, static_cast<float>(around.reach),
@@ -319,7 +320,7 @@ class Zipper {
 
   /// Whether the triangle over `e` with tip `w` would lie across another border nearby: seen along
   /// its normal, a border vertex lies inside it or a border edge crosses one of its new edges.
-  bool blocked(std::uint32_t e, std::uint32_t w, const Surroundings& around) const {
+  bool blocked(std::uint32_t e, std::uint32_t w, const EdgeNeighbourhood& around) const {
     const Vec3f u = from(e), v = to(e), tip = at(w);
     const Vec3f normal = cross(u - v, tip - v);
     const float slack = 1e-4f * dot(normal, normal);
@@ -464,7 +465,7 @@ Mesh zip(std::span<const Mesh> parts, const ZipperConfig& config) {
   if (config.max_gap_m <= 0) return close(parts, config);
   std::vector<const Mesh*> meshes;
   for (const Mesh& part : parts) meshes.push_back(&part);
-  const auto groups = groups_that_meet(meshes, reach_m(config));
+  const auto groups = connected_groups(meshes, reach_m(config));
   if (groups.size() == 1) return close(parts, config);
   std::vector<Mesh> closed(groups.size());
   parallel_for(groups.size(), 1, [&](std::size_t begin, std::size_t end) {
