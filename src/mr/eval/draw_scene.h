@@ -7,14 +7,14 @@
 
 namespace mr::eval {
 
-/// A picture and where it shows something: 1 where a surface is.
+/// A rendered picture and its coverage mask: 1 where a surface is visible.
 struct RenderedView {
   ImageRgb color;
   ImageMask covered;
 };
 
-/// A scene as a client shows it (EVALUATION, "Render"): unlit, back faces left out, mid-grey where
-/// nothing is.
+/// Renders a scene as a client does (EVALUATION, "Render"): unlit, with back-face culling, on a
+/// mid-grey background.
 Result<RenderedView> draw_scene(render::Renderer& renderer, const DecodedScene& scene,
                                 const render::Viewpoint& view);
 

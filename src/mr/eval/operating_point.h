@@ -9,29 +9,32 @@
 
 namespace mr::eval {
 
-/// What a system has to meet: a rate, or a quality (mean masked SSIM).
+/// The constraint on a system: a bitrate, or a quality (mean masked SSIM).
 struct OperatingTarget {
   std::optional<double> mbps, ssim;
 };
 
-/// A system's best setting: the best quality within a rate, or the lowest rate for a quality.
+/// The point of a system's rate-distortion curve that meets a target: the best quality within a
+/// bitrate, or the lowest bitrate for a quality.
 struct OperatingPoint {
   std::string pipeline, name;
-  bool met = false;  ///< no setting did where false: then the one that comes nearest
+  bool met = false;  ///< false: no setting meets it, and this is the nearest one
   SweepPoint point;
 };
 
-/// What EVALUATION lets each pipeline vary.
+/// The settings that are varied for each pipeline (EVALUATION).
 SweepPlan operating_point_plan(const std::string& pipeline, const Scene& scene);
 
-/// The points that no other beats in both, by rising rate and so by rising quality.
+/// The Pareto front: the points that no other one dominates in bitrate and quality, by rising
+/// bitrate and hence rising quality.
 std::vector<SweepPoint> pareto_front(std::vector<SweepPoint> points);
 
-/// The place on a front where a target is just met; the nearest end where it is met nowhere.
+/// The index of the point of a Pareto front that just meets a target; the nearest end if none does.
 std::size_t crossing(const std::vector<SweepPoint>& points, const OperatingTarget& target);
 
-/// Tries all of operating_point_plan() at one moment from few views, and the most promising
-/// settings again in full. The trial's scene, with this pipeline.
+/// Searches for a pipeline's operating point: a coarse sweep over all settings of
+/// operating_point_plan() at one moment from few views, then the most promising ones in full.
+/// `trial`: of the scene, with this pipeline.
 Result<OperatingPoint> find_operating_point(const Trial& trial, const std::string& pipeline,
                                             const OperatingTarget& target,
                                             const QualityConfig& config);

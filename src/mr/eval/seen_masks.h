@@ -12,11 +12,11 @@
 
 namespace mr::eval {
 
-/// Which pixels of a truth's pictures show surface that some depth camera has seen by then, from
-/// the beginning of the warm-up on (EVALUATION, `seen`): [moments][views], 1 there. It is looked at
-/// every tenth capture and at every fourth pixel each way; what moves counts as seen where it is
-/// seen now. Kept in `eval_cache`, where that is not empty. The scene must be prepared.
-/// unsupported: its truth is not known.
+/// Masks of the pixels in the ground truth's pictures whose surface some depth camera has seen
+/// since the beginning of the warm-up (EVALUATION, `seen`): [moments][views], 1 there. Visibility
+/// is sampled every tenth capture and every fourth pixel in x and y. A moving surface counts as
+/// seen only if it is seen at the moment itself. Cached in `eval_cache` unless that is empty. The
+/// scene must be prepared. unsupported: the scene has no known ground truth.
 Result<std::vector<std::vector<ImageMask>>> seen_masks(const Scene& scene, const Moments& moments,
                                                        const std::vector<std::size_t>& wanted,
                                                        const std::vector<render::Viewpoint>& views,

@@ -12,15 +12,15 @@
 
 namespace mr::net {
 
-/// An IPv4 address that comes as an IPv6 one, as it is; others unchanged.
+/// An IPv4-mapped IPv6 address (::ffff:a.b.c.d) as IPv4; others unchanged.
 inline boost::asio::ip::address unmapped(const boost::asio::ip::address& address) {
   namespace ip = boost::asio::ip;
   if (!address.is_v6() || !address.to_v6().is_v4_mapped()) return address;
   return ip::make_address_v4(ip::v4_mapped, address.to_v6());
 }
 
-/// Whom a connection is counted for: its IPv4 address, or the /64 network of its IPv6 address, of
-/// which one subscriber has as many addresses as it likes.
+/// The peer that a connection counts for: its IPv4 address, or the /64 network of its IPv6 address,
+/// since one subscriber usually owns a whole /64.
 inline std::string peer_of(const boost::asio::ip::address& mapped) {
   namespace ip = boost::asio::ip;
   const ip::address address = unmapped(mapped);
@@ -31,9 +31,8 @@ inline std::string peer_of(const boost::asio::ip::address& mapped) {
   return v6.is_loopback() ? v6.to_string() : ip::address_v6(bytes).to_string() + "/64";
 }
 
-/// A bounded number of places, some of them for each peer: nobody can acquire all there are. Where
-/// there is none left, whoever has come first and has not settled gives up its slot. Not
-/// thread-safe.
+/// Bounds the number of connections, in all and per peer, so that no peer can exhaust them. When
+/// there is no free slot, the oldest connection that is not pinned is evicted. Not thread-safe.
 class ConnectionQuota {
   struct State;
   struct Entry {
@@ -48,13 +47,13 @@ class ConnectionQuota {
     int all = 0, per_peer = 0;
   };
 
-  /// One slot, until it is destroyed.
+  /// One connection's slot, released by its destructor.
   class Slot {
    public:
     ~Slot() { release(); }
     Slot(const Slot&) = delete;
     Slot& operator=(const Slot&) = delete;
-    /// It is not given up for others any more.
+    /// From now on the slot is not evicted.
     void pin() {
       if (is_released_) return;
       entry_->is_pinned = true;
@@ -79,8 +78,8 @@ class ConnectionQuota {
 
   explicit ConnectionQuota(const Limits& limits) : limits_(limits) {}
 
-  /// Null where there is none. `evict` ends what holds the slot, now or soon; the slot itself
-  /// is free at once.
+  /// A slot for a connection of `peer`; null when none is free and none can be evicted. `evict` is
+  /// called when it is evicted and must end the connection, now or soon; the slot is free at once.
   std::shared_ptr<Slot> acquire(const std::string& peer, std::function<void()> evict) {
     const auto of_peer = state_->of_peer.find(peer);
     if (of_peer != state_->of_peer.end() && of_peer->second >= limits_.per_peer) {

@@ -5,8 +5,8 @@
 
 namespace mr::net {
 
-/// The addresses of this machine that others can reach it at, IPv4 first: none of loopback, and of
-/// IPv6 no link-local one. Without brackets.
+/// The addresses of this machine's network interfaces, IPv4 first, without loopback and IPv6
+/// link-local ones. IPv6 addresses have no brackets.
 std::vector<std::string> local_addresses();
 
 }  // namespace mr::net

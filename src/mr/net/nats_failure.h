@@ -8,13 +8,13 @@
 
 namespace mr::net {
 
-/// The servers of a URL, which commas separate. invalid: one of them is no NATS URL.
+/// Splits a comma-separated list of server URLs. invalid: one of them is no NATS URL.
 Result<std::vector<std::string>> nats_servers(const std::string& urls);
 
-/// The servers without user, password or token: what may be logged.
+/// The server URLs without user, password and token, for logs.
 std::string loggable(const std::string& urls);
 
-/// A text of libnats or of a server as part of a line: printable, not long.
+/// A text from libnats or a server made safe for a log line: printable and short.
 std::string nats_text(std::string text);
 
 /// Why there is no connection to a NATS server.
@@ -24,11 +24,11 @@ struct NatsFailure {
   std::string text;  ///< one line, says what to do; holds no secret
 };
 
-/// From what libnats says of a failed or broken connection: its natsStatus and its text. Looks
-/// whether the server can be reached where libnats does not say; that may take a second.
+/// Diagnoses a failed or broken connection from libnats' status (natsStatus) and text. Where those
+/// do not tell, it tries to reach the server by TCP, which may take a second.
 NatsFailure nats_failure(int status, const std::string& text, const NatsConfig& config);
 
-/// What the server said when it did not let us publish or subscribe.
+/// A permissions violation: the server did not let us publish or subscribe.
 struct NatsDenial {
   std::string subject;  ///< of an inbox without the last part, which counts requests
   bool publishing = false;

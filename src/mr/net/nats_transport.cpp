@@ -78,12 +78,12 @@ class NatsSubscription final : public Subscription {
 /// A service: what asks, and what other programs say of the node.
 class NatsService final : public Subscription {
  public:
-  NatsService(std::unique_ptr<Subscription> ask, std::unique_ptr<Subscription> here,
+  NatsService(std::unique_ptr<Subscription> ask, std::unique_ptr<Subscription> heartbeats,
               std::shared_ptr<const std::string> node)
-      : ask_(std::move(ask)), here_(std::move(heartbeats)), node_(std::move(node)) {}
+      : ask_(std::move(ask)), heartbeats_(std::move(heartbeats)), node_(std::move(node)) {}
 
  private:
-  std::unique_ptr<Subscription> ask_, here_;
+  std::unique_ptr<Subscription> ask_, heartbeats_;
   std::shared_ptr<const std::string> node_;  ///< while it lives, the transport says it is here
 };
 

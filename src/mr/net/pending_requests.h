@@ -13,8 +13,8 @@
 
 namespace mr::net {
 
-/// Requests that wait to be sent or for their answer. Those without one are forgotten after a
-/// while, and there are never more than a few. Thread-safe.
+/// Requests that wait to be sent or for their answer. A request times out after kPatience, and
+/// there are at most kMost. Thread-safe.
 class PendingRequests {
  public:
   using TimePoint = std::chrono::steady_clock::time_point;
@@ -28,7 +28,7 @@ class PendingRequests {
   static constexpr std::chrono::seconds kPatience{2};
   static constexpr std::size_t kMost = 1024;
 
-  /// The id under which the answer comes back; 0 when too many wait already.
+  /// Adds a request and returns its id, which its answer carries; 0 when kMost wait already.
   std::uint64_t add(TimePoint now, Message request, OnAnswer on_answer) {
     const std::lock_guard lock(mutex_);
     if (waiting_.size() >= kMost) return 0;
@@ -36,14 +36,14 @@ class PendingRequests {
     return last_;
   }
 
-  /// The callback of an answer that arrived; empty when nobody waits for it any more.
+  /// Removes a request whose answer arrived and returns its callback; empty when it has timed out.
   OnAnswer take(std::uint64_t id) {
     const std::lock_guard lock(mutex_);
     auto node = waiting_.extract(id);
     return node.empty() ? OnAnswer() : std::move(node.mapped().on_answer);
   }
 
-  /// Forgets what waited too long; how many of them for an answer.
+  /// Removes requests that timed out; returns how many of them wanted an answer.
   std::size_t expire(TimePoint now) {
     std::map<std::uint64_t, Waiting> late;  // destroyed after the lock is released
     const std::lock_guard lock(mutex_);
@@ -54,8 +54,8 @@ class PendingRequests {
     }));
   }
 
-  /// The oldest request that waits and has an id above `id`. One that needs no answer is forgotten
-  /// with that.
+  /// The oldest waiting request with an id above `id`. One that wants no answer is removed with
+  /// that.
   std::optional<Request> next_after(std::uint64_t id) {
     const std::lock_guard lock(mutex_);
     const auto at = waiting_.upper_bound(id);

@@ -9,8 +9,8 @@
 
 namespace mr::net {
 
-/// Lines of which each is told at once, and then once a minute while there is reason to. So nobody
-/// outside can fill a log. Thread-safe.
+/// A log that writes each distinct line at most once a minute, so that peers cannot fill it (at
+/// most 100 distinct lines a minute). Thread-safe.
 class RateLimitedLog {
  public:
   using TimePoint = std::chrono::steady_clock::time_point;
@@ -38,7 +38,7 @@ class RateLimitedLog {
   std::map<std::string, TimePoint> logged_;
 };
 
-/// That another program runs under a node's name.
+/// The log line for a node name that another program uses, too.
 inline std::string duplicate_node_line(const std::string& node) {
   return "node '" + node + "': another program runs under this name, too; stop one of them";
 }

@@ -15,8 +15,8 @@
 
 namespace mr::net {
 
-/// A callback that can be ended: no call runs once end() returned, save the one that end() is
-/// called from.
+/// A callback that can be cancelled from any thread: after end() returns no call of it runs, except
+/// the call that end() itself was called from.
 template <typename Signature>
 class CancellableCallback;
 
@@ -25,7 +25,7 @@ class CancellableCallback<R(A...)> {
  public:
   explicit CancellableCallback(std::function<R(A...)> function) : function_(std::move(function)) {}
 
-  /// Calls the function; an empty answer once it was ended.
+  /// Calls the function; returns R() once it was cancelled.
   R operator()(A... arguments) {
     const RunningCall inside(*this);
     if (!inside.open) return R();
@@ -69,7 +69,8 @@ class CancellableCallback<R(A...)> {
   bool ended_ = false;
 };
 
-/// The callbacks registered for each node. Thread-safe; its subscriptions may outlive it.
+/// The callbacks registered for each node, by its name. Thread-safe. A Subscription removes its
+/// callback when destroyed, and may outlive the registry.
 template <typename Signature>
 class Registry {
  public:
@@ -82,7 +83,7 @@ class Registry {
     return std::make_unique<Entry>(state_, node, std::move(callback));
   }
 
-  /// Oldest first.
+  /// The callbacks of a node in the order in which they were added.
   std::vector<std::shared_ptr<Callback>> of(const std::string& node) const {
     const std::lock_guard lock(state_->mutex);
     const auto at = state_->callbacks.find(node);
@@ -128,7 +129,7 @@ class Registry {
 using PacketRegistry = Registry<void(Message)>;
 using AnswerRegistry = Registry<Message(std::span<const std::byte>)>;
 
-/// Asks the newest that serves `node`; null when none does.
+/// The answer of the newest service of `node`; null when there is none.
 inline Message answer_from(const AnswerRegistry& registry, const std::string& node,
                            std::span<const std::byte> request) {
   const auto serving = registry.of(node);

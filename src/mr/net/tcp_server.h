@@ -22,20 +22,20 @@ class TcpListener;
 class TcpSecret;
 class TcpSession;
 
-/// The side of the TCP transport that publishes and answers: listens for each local node, and
-/// sends to those that connected. Whoever is refused is told why, and so is the log. Its io thread
-/// must have ended before it is destroyed.
+/// The server side of the TCP transport: listens for each local node, publishes its packets to
+/// subscribers and answers requests. A refused peer receives the reason, which is logged, too. The
+/// io thread must have ended before this is destroyed.
 class TcpServer {
  public:
   TcpServer(boost::asio::io_context& io, const AnswerRegistry& answers, Coalesce coalesce,
             const TransportLimits& limits, Drops& drops, std::shared_ptr<TcpSecret> secret);
   ~TcpServer();
 
-  /// Listens for `node`; again and again is fine. Any thread.
+  /// Starts to listen for `node`; idempotent. Any thread.
   void announce(const std::string& node, const Address& address);
   /// Any thread.
   void publish(const std::string& node, const Message& packet);
-  /// Adds what is folded and lost so far to the drops. Any thread.
+  /// Adds the counts of coalesced and lost packets so far to the drops. Any thread.
   void report_drops() const;
 
  private:

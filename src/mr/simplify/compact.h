@@ -7,11 +7,11 @@
 
 namespace mr::simplify {
 
-/// Numbers the vertices that are left, in order: [v] of those that live. Returns how many.
+/// Numbers the remaining vertices in order: number[v] for those alive. Returns their count.
 std::uint32_t number_vertices(const WorkingMesh& mesh, std::vector<std::uint32_t>& number);
 
-/// Copies what is left of a mesh close together: what lies near in memory is near in space again.
-/// `number` is room to work in.
+/// Compacts a mesh: copies the remaining vertices without gaps, which restores locality of memory.
+/// `number` is scratch memory.
 void compact(const WorkingMesh& from, std::vector<std::uint32_t>& number, WorkingMesh& to);
 
 }  // namespace mr::simplify

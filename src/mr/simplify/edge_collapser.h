@@ -7,21 +7,23 @@
 
 namespace mr::simplify {
 
-/// Half-edge collapses (Garland & Heckbert 1997): a vertex is pulled into the neighbour that costs
-/// least. Calls for vertices that share no neighbour may run at once, one EdgeCollapser each.
+/// Half-edge collapses with quadric error metrics (Garland and Heckbert 1997): a vertex is merged
+/// into its cheapest neighbour. Calls for vertices that share no neighbour may run at once, one
+/// EdgeCollapser each.
 class EdgeCollapser {
  public:
   explicit EdgeCollapser(WorkingMesh& mesh) : mesh_(mesh) {}
 
-  /// Rates the neighbours that v may go to; the cost of the best. v is neither gone nor fixed.
+  /// Computes the costs of collapsing v into each of its neighbours; returns the lowest. v must be
+  /// alive and not fixed.
   float rate(std::uint32_t v);
-  /// Pulls the rated vertex into the best neighbour that costs no more than `limit` and errs no
-  /// more than `error_m`, if one of the first few may be had. Returns how many triangles vanish.
+  /// Collapses the rated vertex into its cheapest admissible neighbour, trying the first few, with
+  /// a cost of at most `limit` and an error of at most `error_m`. Returns the number of triangles
+  /// removed, 0 if there is no such neighbour.
   std::uint32_t collapse(float limit, float error_m);
-  /// Pulls v into its neighbour at place `i` whatever that costs, if that turns
-  /// nothing over.
+  /// Collapses v into its neighbour with index `i` whatever the cost, unless that flips a triangle.
   std::uint32_t collapse_into(std::uint32_t v, std::uint32_t i);
-  /// Moves an inner v to where its error is least, if that turns nothing.
+  /// Moves an interior vertex to the minimum of its quadric, unless that flips a triangle.
   void relax(std::uint32_t v);
 
  private:

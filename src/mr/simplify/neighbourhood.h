@@ -9,23 +9,24 @@
 
 namespace mr::simplify {
 
-/// A vertex's place; one vector of four.
+/// A vertex's position and error, as one SIMD vector of four.
 struct alignas(16) VertexPosition {
   Vec3f at;
   float error = 0;  ///< of the vertex's quadric, here
 };
 
-/// The ring of a vertex, laid out for arithmetic on four neighbours or triangles at once. Places
-/// are relative to the vertex. What lies in the lanes past the last is any of the others.
+/// The one-ring of a vertex as structure of arrays, for SIMD arithmetic on four neighbours or
+/// triangles at once. Positions are relative to the vertex. Lanes beyond the last hold copies of
+/// others.
 class Neighbourhood {
  public:
-  /// `v` is neither gone nor complex.
+  /// `v` must be alive and not complex.
   void load(const VertexRings& rings, const VertexPosition* places, std::uint32_t v);
 
   std::uint32_t vertex() const { return v_; }
   std::uint32_t size() const { return size_; }
   std::uint32_t triangles() const { return triangles_; }
-  /// How many lanes to go through: the same for most vertices, so that branches are foreseen.
+  /// Number of lanes to process: the same for most vertices, so that branches are well predicted.
   std::uint32_t lanes() const { return size_ <= 8 ? 8 : VertexRings::kMost; }
   std::uint32_t id(std::uint32_t i) const { return (*ring_)[i]; }
   Vec3f arm(std::uint32_t i) const { return {x_[i], y_[i], z_[i]}; }

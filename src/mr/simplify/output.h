@@ -8,9 +8,9 @@
 
 namespace mr::simplify {
 
-/// What is left of a mesh. `labels`: what the numbers of its triangles mean, empty where they have
-/// none; `with_chunks`, `with_views`: they tell chunks, runs are wanted. `index` is room to work
-/// in.
+/// Converts the remaining mesh back. `labels`: the meaning of the triangles' label numbers, empty
+/// if they have none; `with_chunks`, `with_views`: labels hold chunks, or views, which become runs.
+/// `index` is scratch memory.
 Simplified output(const WorkingMesh& mesh, std::span<const Label> labels, bool with_chunks,
                   bool with_views, std::vector<std::uint32_t>& index);
 

@@ -12,20 +12,19 @@
 
 namespace mr::simplify {
 
-/// Goes through the vertices of a mesh on all threads, in an order that depends on the mesh alone.
-/// Work on a vertex may change its neighbours, so only vertices that share none are worked on at
-/// once: first, range by range, those whose neighbours all lie in the same range; then, cell by
-/// cell of a coarse grid in space, those of the others whose neighbours lie in the same cell; at
-/// last the few that are left. So vertices between two ranges are treated as all others, in the
-/// same round.
+/// Visits the vertices of a mesh on all threads, deterministically. As work on a vertex may change
+/// its neighbours, no two threads may process vertices that share one. So there are three phases:
+/// vertices whose neighbours all lie in their range, one range per task; of the rest those whose
+/// neighbours all lie in their cell of a coarse grid, one cell per task; the few others serially.
+/// Thus vertices between two ranges are treated like all others, in the same round.
 class ParallelSweep {
  public:
-  /// Lays the grid over the mesh.
+  /// Prepares the grid for a mesh.
   void start(const WorkingMesh& mesh);
 
-  /// Calls work(collapser, v) for each vertex with wanted(v), which is asked before the first work;
-  /// returns the sum of what that returns. About `budget` is the most: each range and cell gets a
-  /// share of it by how many vertices it has, and stops then.
+  /// Calls work(collapser, v) for each vertex with wanted(v), which is evaluated before the first
+  /// call of work; returns the sum of the results. Stops at about `budget`, which is shared among
+  /// ranges and cells in proportion to their numbers of vertices.
   template <typename Wanted, typename Work>
   std::size_t run(WorkingMesh& mesh, std::size_t budget, const Wanted& wanted, const Work& work);
 

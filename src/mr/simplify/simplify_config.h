@@ -2,10 +2,10 @@
 
 namespace mr::simplify {
 
-/// How far a node's surface is decimated.
+/// Decimation of a node's surface.
 struct SimplifyConfig {
   double ratio = 1;    ///< triangles kept, (0, 1]
-  double error_m = 0;  ///< no collapse costs more; 0: any. Alone, it decides alone
+  double error_m = 0;  ///< largest error of a collapse; 0: no limit. Without `ratio` the only limit
   friend bool operator==(const SimplifyConfig&, const SimplifyConfig&) = default;
 };
 

@@ -11,38 +11,40 @@ namespace mr::simplify {
 
 inline constexpr std::uint32_t kNoVertex = 0xFFFFFFFFu;
 
-/// A triangle as a corner sees it: the opposite edge, so that (corner, a, b) is counter-clockwise.
+/// A triangle of a vertex, given by the edge opposite to it: (vertex, a, b) is counter-clockwise.
 struct OppositeEdge {
   std::uint32_t a = 0, b = 0;
   std::uint32_t label = 0;
 };
 
-/// A mesh as the ring of neighbours of every vertex, counter-clockwise: neighbours i and i + 1 make
-/// a triangle with the vertex, in a closed ring also the last and the first. A ring is one cache
-/// line, and a collapse only rewrites the rings around it: nothing is ever rebuilt or allocated,
-/// and threads may work on vertices that share no neighbour. Vertices whose triangles are no single
-/// fan of at most kMost neighbours are *complex*: they know their triangles, in no order, and stay.
+/// Mesh connectivity by one-rings: for every vertex the counter-clockwise list of its neighbours.
+/// Neighbours i and i + 1 form a triangle with the vertex; in a closed ring (interior vertex) so do
+/// the last and the first. A ring is one cache line, and an edge collapse rewrites only the rings
+/// around it: nothing is rebuilt or allocated, and threads may work on vertices that share no
+/// neighbour. Vertices whose triangles are not a single fan of at most kMost neighbours
+/// (non-manifold ones, or those of high valence) are *complex*: they keep an unordered list of
+/// triangles and are never removed.
 class VertexRings {
  public:
   static constexpr std::uint32_t kMost = 16;
   using Line = std::array<std::uint32_t, kMost>;
 
-  /// Room for so many vertices; each is to be cleared. `labels`: a number per triangle is kept.
+  /// Allocates so many vertices, each of which must be cleared. `labels`: triangles have labels.
   void start(std::size_t vertices, bool labels);
   void clear(std::uint32_t v) { size_[v] = 0; }
 
-  /// Triangles come first, in any order: up to kFew are kept. False: v has so many already.
+  /// First all triangles are added, in any order, up to kFew per vertex. False: v is full.
   bool add(std::uint32_t v, const OppositeEdge& triangle);
-  /// Then v is closed: its triangles, with `more` that were refused, become a ring. False: v is to
-  /// be complex; `all` names its triangles, for set_complex().
+  /// Then each vertex's triangles, and `more` for which there was no room, are sorted into a ring.
+  /// False: v is complex, and `all` receives its triangles for set_complex().
   bool close(std::uint32_t v, std::span<const OppositeEdge> more, std::vector<OppositeEdge>& all);
-  /// Not while others use the rings.
+  /// Not thread-safe.
   void set_complex(std::uint32_t v, std::vector<OppositeEdge> triangles);
 
-  /// Takes over vertex `v` of another mesh as `as`; `number`: what its vertices are called here.
+  /// Copies vertex `v` of another mesh as vertex `as`; `number`: new numbers of its vertices.
   void copy(const VertexRings& from, std::uint32_t v, const std::vector<std::uint32_t>& number,
             std::uint32_t as);
-  /// Those that are complex, after all others. Not while others use the rings.
+  /// Copies the complex vertices, after all others. Not thread-safe.
   void copy_complex(const VertexRings& from, const std::vector<std::uint32_t>& number);
 
   bool alive(std::uint32_t v) const { return size_[v] != 0; }
@@ -59,11 +61,12 @@ class VertexRings {
   template <typename Each>
   void visit(std::uint32_t v, const Each& each) const;
 
-  /// Whether v may be pulled into its neighbour at place `i` (the link condition, Dey et al. 1999):
-  /// no edge gets a third triangle, no triangle the corners of another, no part vanishes and no
-  /// ring grows too long. In an open ring `i` is one of the ends.
+  /// The link condition (Dey et al. 1999): whether v can be collapsed into its neighbour `i`
+  /// without changing the topology: no edge gets a third triangle, no two triangles the same
+  /// corners, and no component vanishes; moreover no ring may grow too long. In an open ring `i`
+  /// must be an end.
   bool may_collapse(std::uint32_t v, std::uint32_t i) const;
-  /// Does it. Returns how many triangles vanish.
+  /// Collapses v into its neighbour `i`. Returns the number of triangles removed.
   std::uint32_t collapse(std::uint32_t v, std::uint32_t i);
 
  private:

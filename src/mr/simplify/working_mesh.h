@@ -12,18 +12,18 @@
 
 namespace mr::simplify {
 
-/// Where a vertex may go.
+/// The collapses that a vertex allows.
 enum class VertexKind : std::uint8_t {
-  inner,   ///< to any neighbour
-  border,  ///< along the real border that it lies on
-  crease,  ///< along the line between triangles of different labels
-  fixed,   ///< nowhere
+  inner,   ///< into any neighbour
+  border,  ///< along its open border
+  crease,  ///< along the line between two labels
+  fixed,   ///< none
 };
 
 inline constexpr float kNever = std::numeric_limits<float>::infinity();
 
-/// The mesh while it shrinks: flat arrays by vertex. Vertices are worked on by ranges of their
-/// numbers.
+/// The mesh during decimation: structure of arrays by vertex. Vertices are processed in parallel by
+/// ranges of their numbers.
 struct WorkingMesh {
   static constexpr std::uint32_t kRange = 8192;
 
@@ -31,8 +31,8 @@ struct WorkingMesh {
   std::vector<VertexPosition> places;
   std::vector<Quadric> quadrics;
   std::vector<VertexKind> kinds;
-  std::vector<float> next;          ///< cost below which a vertex need not be looked at
-  std::vector<std::uint8_t> spans;  ///< 1: its triangles may reach out of its range
+  std::vector<float> next;          ///< lower bound of its next collapse's cost
+  std::vector<std::uint8_t> spans;  ///< 1: may have neighbours in other ranges
   std::size_t triangles = 0;
 
   void resize(std::size_t vertices, bool labels) {
@@ -46,14 +46,14 @@ struct WorkingMesh {
   std::uint32_t end(std::uint32_t range) const {
     return range + 1 < ranges() ? (range + 1) * kRange : vertices();
   }
-  /// Calls work(range) for all of them, some at once.
+  /// Calls work(range) for every range, in parallel.
   template <typename Work>
   void for_each_range(const Work& work) const {
     parallel_for(ranges(), 1, [&](std::size_t first, std::size_t last) {
       for (auto range = static_cast<std::uint32_t>(first); range < last; ++range) work(range);
     });
   }
-  /// Whether v, which is not complex, has neighbours in other ranges.
+  /// Whether v, which must not be complex, has neighbours in other ranges.
   bool reaches_out(std::uint32_t v) const {
     bool out = false;
     for (std::uint32_t i = 0; i < rings.size(v); ++i)

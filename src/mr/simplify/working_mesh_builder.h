@@ -9,7 +9,7 @@
 
 namespace mr::simplify {
 
-/// What the triangles of one label have in common.
+/// The meaning of a triangle's label number.
 struct Label {
   std::uint32_t chunk = 0;
   ViewId view = kNoView;
@@ -17,11 +17,11 @@ struct Label {
   friend auto operator<=>(const Label&, const Label&) = default;
 };
 
-/// A mesh made ready to shrink: rings, planes, borders. Keeps its memory from call to call.
+/// Converts a mesh into a WorkingMesh: vertex rings, quadrics, kinds of vertices. Reuses its memory
+/// between calls.
 class WorkingMeshBuilder {
  public:
-  /// `labels`: [T], each under 2^32 - 1, or empty. `weights`: [V], or empty. Both may go
-  /// afterwards.
+  /// `labels`: [T], each under 2^32 - 1, or empty. `weights`: [V], or empty.
   void run(const Mesh& mesh, std::span<const std::uint32_t> labels, std::span<const float> weights,
            WorkingMesh& out);
 

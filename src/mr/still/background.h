@@ -16,24 +16,25 @@ namespace mr::still {
 struct BackgroundConfig {
   Precision precision;    ///< of the sensor; noise may be up to four times that
   double fps = 30;        ///< captures per second
-  double after_s = 5;     ///< what stopped becomes part of the room after so long
-  double chunk_m = 1.28;  ///< the still picture is refined cube by cube of this grid
-  double voxel_m = 0.01;  ///< what it is fused in: what is small beside that is not worth refining
+  double after_s = 5;     ///< what stopped moving becomes background after so long
+  double chunk_m = 1.28;  ///< edge of the cubes by which still() is refined
+  double voxel_m = 0.01;  ///< of the fusion; smaller differences are not worth refining
 };
 
-/// What one capture says.
+/// The segmentation of one capture.
 struct BackgroundUpdate {
-  ImageMask moving;     ///< [H, W] what must be reconstructed from this very capture
-  ImageMask foreign;    ///< [H, W] of those: what does not belong to the room as far as is known
-  ImageMask confirmed;  ///< [H, W] the still surface is measured here now
-  bool still_changed = false;  ///< Background::still() is another picture than before
-  bool was_reset = false;      ///< most of what was known does not hold: the camera was pushed
+  ImageMask moving;            ///< [H, W] foreground: must be reconstructed from this capture
+  ImageMask foreign;           ///< [H, W] the part of it that is known not to be background
+  ImageMask confirmed;         ///< [H, W] this capture measures the background here
+  bool still_changed = false;  ///< Background::still() has changed
+  bool was_reset = false;      ///< most of the model is wrong: the camera was moved
 };
 
-/// What a sensor that stands still knows about the room behind all that moves (DESIGN section 9):
-/// for each pixel of its depth picture the distance of the surface that stays, learnt from captures
-/// that agree, and what stopped in front of it ("absorbed"). Counts captures, never time, so the
-/// same captures give the same bytes. Takes every capture, also those that are not reconstructed.
+/// Background subtraction for the depth pictures of a static sensor (DESIGN section 9). The
+/// background model holds for each pixel the depth of the surface that stays, learnt from captures
+/// that agree, and of an object that stopped in front of it ("absorbed" into the background). It
+/// counts captures and never reads a clock, so the same captures give the same bytes. It needs
+/// every capture, also those that are not reconstructed. The states of a pixel:
 ///
 ///   unknown ──8 captures agree (the start; just uncovered), 60 or after_s else──▶ base
 ///   base ──5 farther captures agree, 30 pixels together──▶ unknown, and learnt anew
@@ -43,39 +44,41 @@ struct BackgroundUpdate {
 ///   base ──no reading for long, nothing moves──▶ blank: who stood there is gone
 ///   blank ──8 captures agree with what was there before──▶ base
 ///
-/// `still()` is frozen: pixels of it change in regions that came or went, or, seldom, together with
-/// the others of their cube, so a chunk of the still surface depends on bits that do not change.
+/// `still()` is a frozen copy of the model: its pixels change only in regions that appeared or
+/// disappeared or, seldom, all together in a cube, so that the chunks of the still surface rarely
+/// change.
 class Background {
  public:
-  /// Of an undistorted depth camera that does not move.
+  /// For an undistorted depth camera that does not move.
   Background(const Camera& camera, const Pose& T_world_camera, const BackgroundConfig& config);
 
-  /// `depth`: as measured (not cleaned), of the camera's size. Parallel; the same result on any
-  /// number of threads. `is_sent`: what moves in it is reconstructed and sent; else it serves to
-  /// learn, and does not count for the hand-over of pixels from one surface to the other.
+  /// Learns from a capture and segments it. `depth`: as measured (not filtered), of the camera's
+  /// size. `is_sent`: its foreground will be reconstructed and sent; otherwise the capture only
+  /// serves for learning and does not count for the hand-over of pixels between the two surfaces.
+  /// Parallel; the same result on any number of threads.
   BackgroundUpdate update(const ImageDepth& depth, bool is_sent = true);
 
-  /// Forgets everything.
+  /// Forgets the model.
   void reset();
 
-  /// Mean depth of what stays, 0 where that is not known.
+  /// Depth of the background, 0 where it is unknown.
   const ImageDepth& still() const { return still_; }
 
-  /// How much noisier the depth is than `precision` says, from the median change between captures;
-  /// 1 .. 4.
+  /// Noise of the depth as a multiple of `precision`, from the median change between captures; 1
+  /// .. 4.
   float noise() const { return noise_; }
   std::uint64_t captures() const { return captures_; }
-  /// Whether most is still to be learnt.
+  /// Whether most of the model is still unknown.
   bool is_new() const;
 
  private:
-  /// A surface that one pixel sees: the mean of so many readings.
+  /// A surface seen by one pixel: the running mean of `count` depths.
   struct Surface {
     float mean = 0;
     std::uint16_t count = 0;  ///< 0: none
   };
-  /// What is known to stay at a pixel: the room, or what was absorbed in front of it. Small, as
-  /// every capture reads it.
+  /// The state of a pixel: the background, or the object absorbed in front of it. Compact, as every
+  /// capture reads all of them.
   struct PixelModel {
     float mean = 0;
     std::uint16_t count = 0;  ///< readings; 0: nothing is known
@@ -90,11 +93,11 @@ class Background {
     bool is_blank : 1 = false;       ///< the room cannot be measured there
     bool is_doubted : 1 = false;     ///< PixelModelDetail::doubt is not 0
   };
-  /// What only some pixels have.
+  /// State that only some pixels use.
   struct PixelModelDetail {
-    Surface base;       ///< the room behind what was absorbed; blank: what was known before
-    Surface candidate;  ///< readings of late that agree with each other, but not with what is known
-    std::uint16_t region = 0;        ///< of what was absorbed: what was absorbed together
+    Surface base;              ///< the background behind an absorbed object; blank: the one before
+    Surface candidate;         ///< recent depths that agree with each other but not with the model
+    std::uint16_t region = 0;  ///< of an absorbed object: index into regions_
     std::uint16_t frozen_count = 0;  ///< readings behind still_
     /// Captures of late without a reading, though nothing moves there, less kAgainstDoubt for each
     /// reading.

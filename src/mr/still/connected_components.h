@@ -7,18 +7,18 @@
 
 namespace mr::still {
 
-/// Pixels of one row that touch each other: [first, end).
+/// A run: consecutive pixels of one row, [first, end).
 struct Run {
   int y, first, end;
   std::uint32_t region;  ///< place in ConnectedComponents::pixels
 };
 
-/// The connected parts of a mask; pixels touch beside, above and across corners.
+/// The 8-connected components of a mask, as runs (run-based labelling with union-find).
 struct ConnectedComponents {
   std::vector<Run> runs;              ///< row by row, from left to right
-  std::vector<std::uint32_t> pixels;  ///< [regions] how many; numbered in the order of their runs
+  std::vector<std::uint32_t> pixels;  ///< [regions] sizes, in the order of the regions' first runs
 
-  /// Calls visit(place of the pixel in its picture, region) for each pixel.
+  /// Calls visit(index of the pixel in its picture, region) for each pixel.
   template <typename Visit>
   void for_each_pixel(int width, const Visit& visit) const {
     for (const Run& s : runs)
@@ -28,7 +28,7 @@ struct ConnectedComponents {
 };
 ConnectedComponents connected_components(const ImageMask& mask);
 
-/// The first pixel from `x` on of a mask's row that is set; its end where none is.
+/// The first set pixel of a mask's row from `x` on; `end` if there is none.
 int next_set(const std::uint8_t* row, int x, int end);
 
 }  // namespace mr::still

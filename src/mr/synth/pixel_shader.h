@@ -13,8 +13,8 @@ namespace mr::synth {
 
 inline constexpr std::uint32_t kNothing = 0xFFFFFFFFu;
 
-/// Textured, lit triangles that rays can meet: a room or its people. Refers to their owner's
-/// arrays, which are shaped as in Room.
+/// A textured and lit triangle mesh for ray casting: a room or its people. A view of its owner's
+/// arrays, which are laid out as in Room.
 struct TexturedSurface {
   const Mesh* mesh = nullptr;
   std::span<const std::uint16_t> material;  // [T]
@@ -32,7 +32,7 @@ struct TexturedSurface {
 
 TexturedSurface textured_surface(const Room& room);
 
-/// How a camera turns linear light into 8-bit sRGB: gains per channel, a soft shoulder.
+/// The camera response from linear light to 8-bit sRGB: gain per channel and a soft shoulder.
 class ToneCurve {
  public:
   explicit ToneCurve(Vec3f gain = {1, 1, 1});
@@ -43,13 +43,14 @@ class ToneCurve {
   Vec3f scale_;
 };
 
-/// What becomes of 8-bit values when `factor` times the light arrives: by the tone curve and back.
+/// A lookup table of 8-bit values under `factor` times the light: inverse tone curve, scale, tone
+/// curve.
 std::array<std::uint8_t, 256> relit(double factor);
 
-/// Shades what the pixels of one camera see of a textured surface.
+/// Casts and shades the pixels of one camera on a textured surface.
 class PixelShader {
  public:
-  /// Both must outlive the painter.
+  /// Both must outlive this.
   PixelShader(const TexturedSurface& surface, const PosedCamera& eye)
       : surface_(surface), camera_(eye), origin_(eye.origin()) {}
 
@@ -59,13 +60,13 @@ class PixelShader {
   };
   Hit cast(Vec3f ray) const;
 
-  /// Light from where a ray meets the plane of a triangle.
+  /// Radiance at the intersection of a ray with the plane of a triangle.
   Vec3f shade(std::uint32_t triangle, Vec3f ray) const;
 
-  /// Base colour there, with its pattern.
+  /// Base colour (albedo) there, with its pattern.
   Vec3f albedo(std::uint32_t triangle, Vec3f ray) const;
 
-  /// Mean light of the pixel's four quarters, all on the plane of one triangle.
+  /// Mean radiance of a pixel by 2x2 supersampling, all samples on the plane of one triangle.
   Vec3f shade_pixel(std::uint32_t triangle, int x, int y) const;
 
   const TexturedSurface& surface() const { return surface_; }
@@ -85,7 +86,7 @@ class PixelShader {
   const Vec3f origin_;
 };
 
-/// Offsets of a pixel's quarters from its centre.
+/// Sample positions of 2x2 supersampling, relative to the pixel's centre.
 inline constexpr std::array<Vec2d, 4> kQuarters{
     {{-0.25, -0.25}, {0.25, -0.25}, {-0.25, 0.25}, {0.25, 0.25}}};
 

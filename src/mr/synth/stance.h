@@ -9,7 +9,7 @@ namespace mr::synth {
 
 inline constexpr Vec3d kAhead{1, 0, 0}, kLeft{0, 1, 0}, kUp{0, 0, 1};
 
-/// A place on the floor and where ahead is; floor frame.
+/// A planar pose: position on the floor and heading; floor frame.
 struct FloorPose {
   Vec2d place;
   double heading_rad = 0;
@@ -24,22 +24,23 @@ struct FootPose {
   double pitch_rad = 0;  ///< toes up is positive
 };
 
-/// How someone holds the body: all bones follow from this. Floor frame: z up, floor at z = 0.
+/// A body's pose by its end effectors (feet, pelvis, trunk, arms), from which inverse kinematics
+/// finds all bones. Floor frame: z up, floor at z = 0.
 struct Stance {
   std::array<FootPose, 2> feet;
   Mat3 pelvis_attitude;
   Vec3d pelvis_place;
-  Mat3 waist, chest, neck, head;  ///< turns about their joints, each against what carries it
+  Mat3 waist, chest, neck, head;  ///< rotations about their joints, relative to the parent bone
   std::array<ArmPose, 2> arms;
 };
 
-/// Knees bend so that the feet are where they should be.
+/// Inverse kinematics: bends the knees so that the feet are where the stance has them.
 Posture posture_of(const Skeleton& skeleton, const Stance& stance, const Pose& T_world_floor);
 
-/// Where the pelvis is at most, so that both legs reach their feet with slightly bent knees.
+/// The greatest height of the pelvis at which both legs reach their feet with slightly bent knees.
 double reachable_height(const Skeleton& skeleton, const Stance& stance);
 
-/// On the way from one stance to another, 0 to 1; feet that move far are lifted.
+/// Interpolates between two stances, `share` 0 to 1; feet that move far are lifted.
 Stance blended(const Stance& a, const Stance& b, double share);
 
 /// Upright with arms that hang.

@@ -9,16 +9,17 @@
 
 namespace mr::synth {
 
-/// A rig's room, its people and what its events move, made when they are first needed. Thread-safe.
+/// A rig's room, people and props, created lazily. Thread-safe.
 class SyntheticScene {
  public:
   SyntheticScene(const RigConfig& rig, double fps);
 
-  /// Makes room and people now, with the threads of the caller's arena. Before the scene is shared.
+  /// Creates room and people now, with the threads of the caller's arena. To be called before the
+  /// scene is shared between threads.
   void build();
 
   std::shared_ptr<const Room> room();
-  /// Everybody at a time, and what events move; null where there is nobody and nothing.
+  /// The posed people and props at a time; null if there are none.
   std::shared_ptr<const PosedPeople> people(double time_s);
 
  private:
@@ -26,8 +27,8 @@ class SyntheticScene {
 
   const RigConfig rig_;
   const double fps_, period_s_;
-  // What is made under the lock runs in an arena of its own: a thread that waits for its share of
-  // the work must not begin another task that wants the lock.
+  // Work under the lock runs in an arena of its own, so that a thread waiting for it does not steal
+  // another task that wants the lock (deadlock).
   Arena alone_{1};
   std::mutex mutex_;
   std::shared_ptr<const Room> room_;

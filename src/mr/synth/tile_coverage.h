@@ -10,7 +10,8 @@
 
 namespace mr::synth {
 
-/// Which tiles of a camera's picture something may be seen in; bounds the rays that are cast at it.
+/// The tiles of a camera's picture in which something may be visible: a conservative bound on the
+/// pixels whose rays have to be cast.
 class TileCoverage {
  public:
   static constexpr int kTile = 8;  ///< pixels
@@ -21,13 +22,13 @@ class TileCoverage {
   /// Marks the tiles that the mesh's triangles touch, and those within two pixels of them.
   void add(const Mesh& mesh, const PosedCamera& eye);
 
-  /// Marks what another cover of the same picture holds.
+  /// Adds the tiles of another coverage of the same picture (union).
   void add(const TileCoverage& other);
 
   bool holds(int x, int y) const {
     return marks_[static_cast<std::size_t>(y / kTile) * columns_ + x / kTile] != 0;
   }
-  /// Calls body(tile) for every marked tile; rows of tiles several at once.
+  /// Calls body(tile) for every marked tile; rows of tiles in parallel.
   void for_tiles(const std::function<void(Rect)>& body) const;
   /// Calls body(y, begin, end) for runs of marked pixels, row by row, from left to right.
   void for_runs(const std::function<void(int y, int begin, int end)>& body) const;

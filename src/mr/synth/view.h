@@ -12,8 +12,7 @@
 
 namespace mr::synth {
 
-/// What one sensor of a rig delivers for one frame: depth, and where its colour picture differs
-/// from that of the empty room.
+/// One rendered frame of a sensor: depth, and the colour pixels that differ from the empty room.
 struct Shot {
   struct Span {
     std::uint32_t first = 0, count = 0;  ///< pixels, row by row
@@ -28,7 +27,7 @@ struct Shot {
   friend bool operator==(const Shot&, const Shot&) = default;
 };
 
-/// How one sensor of a rig really is, injected errors included.
+/// The true parameters of one sensor of a rig, injected errors included.
 struct ViewSetup {
   PosedCamera depth;
   std::optional<PosedCamera> color;
@@ -37,15 +36,15 @@ struct ViewSetup {
   std::uint64_t seed = 0;  ///< of the noise
 };
 
-/// Renders one sensor's pictures. Room and camera stand still, so the empty room is looked at once;
-/// afterwards only the pixels that people cover are cast and shaded. One caller at a time.
+/// Renders one sensor's pictures by ray casting. Room and camera are static, so the empty room is
+/// rendered once; afterwards only pixels that people cover are cast and shaded. Not thread-safe.
 class SensorView {
  public:
   SensorView(std::shared_ptr<const Room> room, ViewSetup setup);
 
   const ImageRgb& empty_room() const { return empty_color_; }
 
-  /// `people` may be null; `frame` chooses the noise.
+  /// `people` may be null; `frame` seeds the noise.
   Shot render(const PosedPeople* people, std::uint64_t frame);
 
  private:

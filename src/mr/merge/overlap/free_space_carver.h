@@ -13,20 +13,22 @@
 
 namespace mr::merge {
 
-/// Still surface that its own sensor does not see, because somebody stands before it, while another
-/// sensor sees past its place: it was carried away behind somebody's back (DESIGN section 9, The
-/// merger). Decided by tiles of the own sensor's depth picture; only where another sensor measures
-/// its own still surface beyond is there emptiness, and not where it measures nothing.
+/// Space carving for the still surface (DESIGN section 9, The merger): removes surface that its own
+/// sensor cannot see at present, because it is occluded, while another sensor sees through its
+/// place: the object was carried away behind an occluder. Decided per tile of the own sensor's
+/// depth picture. Only another sensor's still surface farther away is evidence of free space;
+/// missing depth is not.
 class FreeSpaceCarver {
  public:
   explicit FreeSpaceCarver(const OverlapConfig& config) : config_(config) {}
 
-  /// Takes a capture. `cover`: the still surfaces as the sensors see them; `sources`: what each
-  /// confirms now. Returns the area in m² of the places that became empty, or were so wrongly:
-  /// their own sensor confirms them.
+  /// Processes a capture. `cover`: depth maps of the still surfaces; `sources`: tiles that each
+  /// sensor confirms now. Returns the area in m² whose state changed: carved, or restored because
+  /// its own sensor confirms it again.
   double update(const StillSurfaceMask& cover, std::span<const SourceInfo> sources);
 
-  /// What is left of a still surface whose triangles have the sensors that measured them as views.
+  /// A still surface without carved tiles. Its triangles' views must be the sensors that measured
+  /// them.
   Mesh carved(const Mesh& still) const;
 
  private:
@@ -34,13 +36,13 @@ class FreeSpaceCarver {
     int empty_for = 0;  ///< captures in a row
     bool is_empty = false;
     float depth_m = 0;  ///< of the surface that is gone
-    /// Of a surface that its own sensor confirmed while another saw past it; 0: none.
+    /// Depth of a surface that its own sensor confirmed while another one saw through it; 0: none.
     float disputed_m = 0;
   };
   struct Tiles {
     int tile_px = 0, columns = 0, rows = 0;
     std::vector<Tile> tiles;
-    // As the sensor's view in the cover was.
+    // The sensor's view in the cover at the last update.
     double scale = 1;
     Camera camera;
     Pose T_camera_world;

@@ -12,11 +12,13 @@
 
 namespace mr::merge {
 
-/// Takes from the moving surface what the still surface shows already (DESIGN section 9, The
-/// merger): both would be drawn, and flicker through each other.
+/// Removes those parts of the moving surface that coincide with the still surface (DESIGN section
+/// 9, The merger), as both would be drawn and z-fight. Tested against low-resolution depth maps of
+/// the still surface from every sensor.
 class StillSurfaceMask {
  public:
-  /// The still surface from a source's place, at a low resolution; depth 0: none.
+  /// Low-resolution depth maps of the still surface from a sensor's pose: of its own part (`own`)
+  /// and of the merged surface (`merged`); 0: none.
   struct SensorView {
     std::uint32_t sensor = 0;
     double scale = 1;  ///< columns of `camera` / columns of the depth picture
@@ -27,18 +29,19 @@ class StillSurfaceMask {
   };
 
   StillSurfaceMask() = default;
-  /// `merged`: the still surface that is shown. `parts`: what each input brought to it, with every
-  /// source's place.
+  /// `merged`: the still surface that is shown. `parts`: the inputs' contributions to it, with the
+  /// poses of their sources.
   StillSurfaceMask(const Mesh& merged, std::span<const kit::Part> parts,
                    const OverlapConfig& config);
 
-  /// What stays of a moving part. A triangle goes where its own sensor has still surface at the
-  /// same place, that or another's within 5 cm is shown; or where another's is shown at the same
-  /// place and its own has none within 5 cm behind: else hands on tables would vanish. Sources that
-  /// are no pinholes keep all.
+  /// A moving part without covered triangles. A triangle is covered if its own sensor has still
+  /// surface at the same place, and that or another sensor's within 5 cm of it is shown; or if
+  /// another sensor's still surface is shown at the same place and its own has none within 5 cm
+  /// behind it (otherwise a hand on a table would vanish). Parts of sources that are not pinholes
+  /// are returned unchanged.
   Mesh uncovered(const kit::Part& moving) const;
 
-  /// By sensor; sources that are no pinholes have none.
+  /// By sensor; only pinhole sources have one.
   std::span<const SensorView> views() const { return views_; }
   const SensorView* view_of(std::uint32_t sensor) const;  ///< null: none
 
