@@ -28,21 +28,6 @@ double floor_height_m(const Mesh& captured, Vec3d up);
 /// The convex hull, counter-clockwise, without points on its edges.
 std::vector<Vec2d> convex_hull(std::vector<Vec2d> points);
 
-/// The feature transform that belongs to the exact Euclidean distance transform (Felzenszwalb and
-/// Huttenlocher 2012): for each cell of a [height, width] grid the index of the nearest cell that
-/// is not 0; -1 everywhere when all are 0.
-std::vector<std::int32_t> nearest_seed(const std::vector<std::uint8_t>& seeds, int width,
-                                       int height);
-
-/// Fills map.clearance_m (distance transform) and map.skeleton from the cells. The skeleton is the
-/// generalised Voronoi diagram of the cells that are not free, as far as it keeps `clearance_m`
-/// from them; one cell thin, 8-connected where the walkable area is, with a loop around every
-/// obstacle.
-void find_skeleton(FloorMap& map, double clearance_m);
-
-/// The cells of the skeleton's 8-connected components, in order; the largest first.
-std::vector<std::vector<std::int32_t>> components(const FloorMap& map);
-
 /// The centre of a cell, `height_m` above the floor; world frame.
 Vec3d world_point(const FloorMap& map, std::int32_t cell, double height_m);
 

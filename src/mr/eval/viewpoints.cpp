@@ -14,6 +14,7 @@
 #include "mr/core/assert.h"
 #include "mr/core/parallel.h"
 #include "mr/eval/floor_map.h"
+#include "mr/eval/skeleton.h"
 #include "mr/kit/raster.h"
 
 namespace mr::eval {
