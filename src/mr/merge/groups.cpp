@@ -17,8 +17,9 @@ namespace {
 constexpr std::size_t kFew = 6;       // meshes: merging them together costs less than looking
 constexpr double kCell_reaches = 3;   // so that what is within reach, and a piece of a triangle
 constexpr float kPiece_cells = 0.5f;  // away from its middle, lies in the next cell at the most
-constexpr float kMostPieces = 64;     // of an edge: who has a larger triangle there joins all near
-constexpr std::size_t kEvery = 4;     // vertex is looked at first
+constexpr float kMostPieces =
+    64;  // of an edge; a mesh with a larger triangle joins all meshes near it
+constexpr std::size_t kEvery = 4;  // vertex is looked at first
 
 using Cells = std::vector<Vec3i>;
 

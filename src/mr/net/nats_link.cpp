@@ -33,15 +33,15 @@ int as_int(std::size_t n) {
 
 }  // namespace
 
-/// What is told of a server: when it goes, why it refuses us, when it is back; each once. Outlives
-/// the connections.
+/// Logs and counts a server's events, each once: disconnected, refused, back again. Outlives the
+/// connections.
 class NatsEvents {
  public:
   NatsEvents(std::string server, std::function<void(const std::string&)> log,
              std::shared_ptr<Drops> drops)
       : server_(std::move(server)), log_(std::move(log)), drops_(std::move(drops)) {}
 
-  /// There is no connection. Of each kind of trouble the first is told, until on_connected().
+  /// There is no connection. Logs the first failure of each kind until on_connected().
   void on_disconnected(const NatsFailure& trouble) {
     const std::lock_guard lock(mutex_);
     if (logged_.insert(trouble.kind).second) log(trouble.text + "; trying on");
@@ -62,7 +62,7 @@ class NatsEvents {
     if (now - std::exchange(told_slow_, now) > std::chrono::seconds(1))
       log("subject " + subject + ": this program does not keep up, messages were lost");
   }
-  /// Told once for each subject and connection.
+  /// Logged once per subject and connection.
   void denied(const NatsDenial& denial) {
     const std::string what = denial.publishing ? "may not publish" : "may not subscribe";
     const std::lock_guard lock(mutex_);
@@ -235,7 +235,7 @@ Status library_error(natsStatus status, const std::string& what) {
                what + ": " + nats_text(text && *text ? text : natsStatus_GetText(status))};
 }
 
-/// A file with a secret, which the library reads itself: told here where it cannot.
+/// Checks that a secret's file is readable, as libnats, which reads it itself, would not say so.
 Status check_secret(const std::filesystem::path& file) {
   const auto secret = read_secret({{}, file});
   return secret ? Status() : Status(secret.error());

@@ -75,7 +75,7 @@ class NatsSubscription final : public Subscription {
   std::shared_ptr<NatsReceiver> receiver_;
 };
 
-/// A service: what asks, and what other programs say of the node.
+/// A service: the subscriptions to requests and to other programs' heartbeats.
 class NatsService final : public Subscription {
  public:
   NatsService(std::unique_ptr<Subscription> ask, std::unique_ptr<Subscription> heartbeats,
@@ -84,10 +84,10 @@ class NatsService final : public Subscription {
 
  private:
   std::unique_ptr<Subscription> ask_, heartbeats_;
-  std::shared_ptr<const std::string> node_;  ///< while it lives, the transport says it is here
+  std::shared_ptr<const std::string> node_;  ///< heartbeats are sent while it lives
 };
 
-/// Everything is sent by one thread, so that nobody waits for a slow server.
+/// One thread sends everything, so that callers do not block on a slow server.
 class NatsTransport final : public Transport {
  public:
   NatsTransport(std::shared_ptr<NatsLink> link, std::shared_ptr<Drops> drops,
@@ -191,7 +191,7 @@ class NatsTransport final : public Transport {
         link_, link_->receive(subject, message_bytes, std::move(handler)));
   }
 
-  /// Only who asks needs an inbox, and the permission to subscribe to it.
+  /// Subscribes to the inbox at the first request, so that others do not need the permission.
   void open_inbox() {
     std::call_once(inbox_opened_, [this] {
       link_->receive(inbox_ + ".*", limits_.message_bytes,
@@ -199,7 +199,7 @@ class NatsTransport final : public Transport {
     });
   }
 
-  /// One that asks faster than its answers go is not answered.
+  /// Answers a request. A peer whose answers are still queued beyond a limit gets none.
   void asked(const NatsArrival& request,
              const std::function<Message(std::span<const std::byte>)>& answer) {
     const std::string inbox = request.reply.substr(0, request.reply.rfind('.'));
@@ -222,7 +222,7 @@ class NatsTransport final : public Transport {
     log_lines_.log(duplicate_node_line(node), Clock::now());
   }
 
-  /// At once, and each second while the name lives.
+  /// Sends heartbeats for a node at once and each second while `node` lives.
   void start_heartbeats(const std::shared_ptr<const std::string>& node) {
     {
       const std::lock_guard lock(mutex_);

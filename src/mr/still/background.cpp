@@ -37,7 +37,7 @@ constexpr double kWorthRefining_voxels = 0.15;  // after the start: what is sent
 constexpr double kYoung_s = 60;                 // absorbed surface that may go back as a whole
 constexpr int kPushedFor = 5;
 
-/// How a cube's share of the still picture differs from what is known by now.
+/// Difference between still() and the model in one cube.
 struct CubeChange {
   int differs = 0;              ///< pixels that came, went or lie elsewhere
   int refinable = 0, held = 0;  ///< pixels read three times as often; all that it shows
@@ -45,7 +45,7 @@ struct CubeChange {
   double sigma2_m2 = 0;         ///< the same of their noise
 };
 
-/// Whether a reading can be a distance at all, whatever a file holds.
+/// Whether a value is a possible depth.
 bool is_measured(float depth) {
   constexpr float kFarthest_m = 1e5f;
   return depth > 0 && depth < kFarthest_m;
@@ -125,8 +125,8 @@ BackgroundUpdate Background::update(const ImageDepth& depth, bool is_sent) {
   return out;
 }
 
-/// From the change of depth between two captures that three in ten pixels do not exceed: what
-/// moves does not count.
+/// Robust estimate of noise: from the 30th percentile of the change of depth between two captures,
+/// so that moving pixels do not count.
 void Background::measure_noise(const ImageDepth& depth) {
   constexpr std::size_t kEvery = 29, kEnough = 100;
   constexpr double kShare = 0.3;
@@ -146,7 +146,7 @@ void Background::measure_noise(const ImageDepth& depth) {
   noise_ = captures_ == 1 ? now : noise_ + kFollows * (now - noise_);
 }
 
-/// Calls row(y, begin, end) for the pixels of each row, on all threads.
+/// Calls row(y, begin, end) with the pixel indices of each row, in parallel.
 template <typename Row>
 void Background::for_each_row(const Row& row) const {
   parallel_for(height_, 16, [&](std::size_t first, std::size_t last) {
@@ -160,8 +160,8 @@ int Background::captures_to_learn(const PixelModel& known) const {
   return captures_ < kStart || known.was_uncovered ? kQuick : kSlow;
 }
 
-/// Counts readings that agree with each other but not with what is known. At a depth edge readings
-/// jump between two surfaces: where nothing is known, the one that comes back more often wins.
+/// Updates the candidate: depths that agree with each other but not with the model. At a depth edge
+/// they jump between two surfaces; in an unknown pixel the more frequent one wins (majority vote).
 void Background::note_candidate(float depth, bool farther, PixelModel& known,
                                 PixelModelDetail& detail) const {
   Surface& c = detail.candidate;
@@ -184,7 +184,7 @@ void Background::note_candidate(float depth, bool farther, PixelModel& known,
   known.has_candidate = true, known.is_farther = farther;
 }
 
-/// Takes away what was absorbed, or else the room.
+/// Forgets the absorbed object of a pixel, or if there is none, the background.
 void Background::forget(PixelModel& known, PixelModelDetail& detail) {
   const Surface behind = known.is_absorbed ? std::exchange(detail.base, {}) : Surface{};
   known.mean = behind.mean, known.count = behind.count;
@@ -192,14 +192,14 @@ void Background::forget(PixelModel& known, PixelModelDetail& detail) {
   detail.doubt = 0;
 }
 
-/// A reading speaks against captures without one.
+/// A valid depth lowers the count of captures without one.
 void Background::trust(PixelModel& known, PixelModelDetail& detail) {
   if (!known.is_doubted) return;
   detail.doubt -= std::min(detail.doubt, kAgainstDoubt);
   known.is_doubted = detail.doubt > 0;
 }
 
-/// Whether a blank pixel has again what was known there once: something black was before it.
+/// Whether a blank pixel sees its former background again: a black object had been in front of it.
 bool Background::is_as_before(const PixelModel& known, const PixelModelDetail& detail) const {
   return known.has_candidate && detail.base.count >= kSlow && detail.candidate.count >= kQuick &&
          std::abs(detail.candidate.mean - detail.base.mean) <= band_m(detail.base.mean);
@@ -227,7 +227,7 @@ Background::Reading Background::read(float depth, PixelModel& known,
   trust(known, detail);
   known.has_candidate = known.is_farther = false;
   if (is_sent_ && known.age < kHandOver) ++known.age;
-  // Trimmed on both sides, the mean stays where it is while a foot rests on the floor.
+  // A trimmed mean: deviating depths do not count, so that a foot on the floor does not shift it.
   if (std::abs(off) > kTrusted_sigmas * sigma + kRounding_m / 2) return Reading::agrees;
   if (known.count < kMostReadings)
     ++known.count;
@@ -258,8 +258,8 @@ void Background::read_pixels(const ImageDepth& depth) {
   update_expected_readings(std::accumulate(measured.begin(), measured.end(), 0.0));
 }
 
-/// A sensor's depth drops out where far fewer pixels are read than lately, or hardly any; what is
-/// so for long is usual.
+/// Detects a dropout: far fewer valid pixels than the slow mean, or hardly any. A lasting change
+/// becomes the new mean.
 void Background::update_expected_readings(double pixels) {
   constexpr double kFollows = 1.0 / 128, kFarFewer = 0.5, kLeast = 0.05;
   usually_read_ += (captures_ == 0 ? 1 : kFollows) * (pixels - usually_read_);
@@ -282,8 +282,8 @@ bool Background::camera_has_moved() {
   return pushed_for_ >= kPushedFor;
 }
 
-/// What was absorbed not long ago and moves again leaves as a whole: somebody who sat leaves no
-/// shell.
+/// Releases recently absorbed objects that move again, each as a whole, so that a person who gets
+/// up leaves no remains behind.
 void Background::release_absorbed_that_moves() {
   constexpr double kShareThatMoves = 0.25;
   constexpr int kGone = 12;  // captures without a reading
@@ -308,8 +308,8 @@ void Background::release_absorbed_that_moves() {
     if (models_[i].is_absorbed && goes[details_[i].region]) forget(models_[i], details_[i]);
 }
 
-/// The regions of pixels with a candidate of at least `beside` readings, in which enough have at
-/// least `sure`. `fits(known)`: which candidates count.
+/// Connected components of pixels whose candidate has at least `beside` depths, if enough of their
+/// pixels have at least `sure` (hysteresis). `fits(model)`: which candidates count.
 template <typename Fits>
 std::optional<ConnectedComponents> Background::candidates(int beside, int sure,
                                                           const Fits& fits) const {
@@ -333,7 +333,7 @@ std::optional<ConnectedComponents> Background::candidates(int beside, int sure,
   return regions;
 }
 
-/// Where so many farther readings agree that what stood there is gone.
+/// Forgets pixels where so many farther depths agree that the object there must be gone.
 void Background::forget_contradicted() {
   constexpr int kBeside = 2;  // readings that count beside those
   if (!any_contradicted_) return;
@@ -353,8 +353,8 @@ void Background::forget_contradicted() {
   });
 }
 
-/// Who stood or walked before what cannot be measured leaves no farther reading behind. That
-/// nothing is read there any more, though nothing moves before it, says that they are gone.
+/// An object in front of an unmeasurable background leaves no farther depth when it goes away. It
+/// is gone when its pixels have no valid depth for long although nothing moves in front of them.
 void Background::count_missing_readings(const ImageMask& moving) {
   if (drops_out_) return;
   for_each_row([&](std::size_t, std::size_t begin, std::size_t end) {
@@ -378,14 +378,14 @@ void Background::doubt(PixelModel& known, PixelModelDetail& detail) const {
   detail.doubt = 0;
 }
 
-/// How many pixels each absorbed region still has.
+/// Counts the remaining pixels of each absorbed region.
 void Background::count_absorbed() {
   for (AbsorbedRegion& region : regions_) region.pixels = 0;
   for (std::size_t i = 0; i < models_.size(); ++i)
     if (models_[i].is_absorbed) ++regions_[details_[i].region].pixels;
 }
 
-/// A number for what is absorbed together: one that nothing has any more; 0: there is none.
+/// A free number for a new absorbed region; 0: there is none.
 std::uint16_t Background::new_region() {
   std::size_t number = 1;
   while (number < regions_.size() &&
@@ -397,7 +397,7 @@ std::uint16_t Background::new_region() {
   return static_cast<std::uint16_t>(number);
 }
 
-/// What has been nearer than the room for so long belongs to it.
+/// Absorbs objects that have stayed in front of the background for after_s.
 void Background::absorb_what_stopped() {
   if (!any_stopped_) return;
   const auto regions = candidates(after_captures_ / 2, after_captures_,
@@ -423,8 +423,8 @@ void Background::absorb_what_stopped() {
 
 // --- what comes out
 
-/// Whether a pixel and those around it are, on average, nearer than what stays: less noise than
-/// one pixel's, so that feet on the floor are told from it.
+/// Whether the mean over a pixel's neighbourhood is nearer than the background: less noisy than one
+/// pixel, so that feet are distinguished from the floor.
 bool Background::is_slightly_nearer(const ImageDepth& depth, int x, int y) const {
   constexpr float kSlightly_sigmas = 1.2f;
   float sum = 0, sigma = 0;
@@ -439,13 +439,13 @@ bool Background::is_slightly_nearer(const ImageDepth& depth, int x, int y) const
   return count > 0 && sum < -kSlightly_sigmas * sigma;
 }
 
-/// Whether the still surface has been shown at a pixel for long enough.
+/// Whether the still surface has been shown at a pixel long enough for the hand-over.
 bool Background::is_shown(std::size_t pixel) const {
   return still_.data[pixel] > 0 && models_[pixel].age >= kHandOver && !differs(pixel);
 }
 
-/// Whether a pixel is one of those at a depth edge which jump about for ever, beside what stays:
-/// its reading says nothing.
+/// Whether a pixel lies at a depth edge of the background, where depth keeps jumping and means
+/// nothing.
 bool Background::is_mixed(int x, int y) const {
   constexpr int kReach_px = 2;
   const std::size_t i = static_cast<std::size_t>(y) * width_ + x;
@@ -500,7 +500,7 @@ Vec3i Background::cube_of(std::size_t pixel, float depth) const {
   return {cell(p.x), cell(p.y), cell(p.z)};
 }
 
-/// Whether the still picture shows another surface at a pixel than what is known by now.
+/// Whether still() and the model show different surfaces at a pixel.
 bool Background::differs(std::size_t pixel) const {
   const PixelModel& now = models_[pixel];
   const float was = still_.data[pixel];
@@ -509,8 +509,8 @@ bool Background::differs(std::size_t pixel) const {
   return was > 0 && off > kRounding_m && off > band_m(now.mean);
 }
 
-/// Pixels at which the still picture is to change: regions that came, went or lie elsewhere. Of
-/// what is gone the large ones at each look; the others, and what is new, only in their turn.
+/// The pixels of still() to be updated: regions that appeared, disappeared or moved. Large regions
+/// that disappeared are updated at every check, all others at less frequent ones.
 ImageMask Background::regions_to_freeze() const {
   const bool all = is_new() || captures_ % kFreezeEvery == kLookAt;
   const double times = is_new() || captures_ % kRefineEvery == kLookAt ? 1 : all ? 3 : 10;
@@ -526,8 +526,8 @@ ImageMask Background::regions_to_freeze() const {
   return mask;
 }
 
-/// Cubes all of which is to be brought up to date: where much has changed here and there, and where
-/// the picture has become so much more exact that it shows.
+/// Cubes to be updated as a whole: with many scattered changes, or where the model has become
+/// visibly more precise than still().
 std::set<Vec3i> Background::cubes_to_refine() const {
   constexpr double kMuch = 0.05;
   if (!is_new() && captures_ % kRefineEvery != kLookAt) return {};
@@ -562,7 +562,7 @@ std::set<Vec3i> Background::cubes_to_refine() const {
   return out;
 }
 
-/// The cubes in which the still picture is to change: they are sent again anyhow.
+/// The cubes that contain changing pixels: their chunks are sent again in any case.
 std::set<Vec3i> Background::cubes_of(const ImageMask& regions) const {
   std::set<Vec3i> out;
   for (std::size_t i = 0; i < models_.size(); ++i) {
@@ -573,8 +573,8 @@ std::set<Vec3i> Background::cubes_of(const ImageMask& regions) const {
   return out;
 }
 
-/// Brings the still picture up to date. What is small comes along where its cube changes. Returns
-/// whether it changed.
+/// Updates still(). Small changes are included if their cube changes anyway. Returns whether it
+/// changed.
 bool Background::freeze() {
   const ImageMask regions = regions_to_freeze();
   const std::set<Vec3i> refined = cubes_to_refine(), touched = cubes_of(regions);

@@ -16,7 +16,7 @@ constexpr int kAround_px = 2;                // of the other's view
 constexpr double kNear_voxels = 10;          // of a tile: what is one thing
 constexpr std::uint64_t kDisputeTurns = 64;  // updates until all tiles were looked at for disputes
 
-/// What a tile covers at a distance.
+/// Area of a tile at a depth.
 double area_m2(const StillSurfaceMask::SensorView& own, int tile_px, double depth_m) {
   const double edge_m = depth_m * tile_px * own.scale / own.camera.fx;
   return edge_m * edge_m;
@@ -24,7 +24,7 @@ double area_m2(const StillSurfaceMask::SensorView& own, int tile_px, double dept
 
 }  // namespace
 
-/// Whether another sensor measures its still surface well beyond the own one's at a pixel.
+/// Whether another sensor measures still surface well behind that of the own sensor at a pixel.
 bool FreeSpaceCarver::sees_past(const StillSurfaceMask::SensorView& own,
                                 const StillSurfaceMask::SensorView& other,
                                 const TileMask& confirmed, int x, int y) const {
@@ -44,7 +44,7 @@ bool FreeSpaceCarver::sees_past(const StillSurfaceMask::SensorView& own,
     return false;
   const double tolerance_m = 2 * std::max(own.precision.sigma_m(z), other.precision.sigma_m(p.z)) +
                              2 * config_.calibration_error_m + config_.voxel_m / 2;
-  // All around: beside a thing as thin as a chair's back everybody sees past it.
+  // In all neighbours, too: beside a thin object, such as a chair's back, others see past it.
   const int last_row = std::min(v + kAround_px, other.own.height - 1),
             last_column = std::min(u + kAround_px, other.own.width - 1);
   for (int row = std::max(v - kAround_px, 0); row <= last_row; ++row)
@@ -55,7 +55,7 @@ bool FreeSpaceCarver::sees_past(const StillSurfaceMask::SensorView& own,
   return *other.own.at(u, v) > 0;
 }
 
-/// The distance of the nearest surface that a sensor has in a tile; 0: none.
+/// Depth of a sensor's nearest surface in a tile; 0: none.
 float FreeSpaceCarver::nearest_in(const StillSurfaceMask::SensorView& own, const Samples& samples) {
   float nearest = 0;
   for (const auto& [x, y] : samples)
@@ -63,7 +63,7 @@ float FreeSpaceCarver::nearest_in(const StillSurfaceMask::SensorView& own, const
   return nearest;
 }
 
-/// Whether some other sensor sees past all of a tile's nearest surface.
+/// Whether some other sensor sees through all of a tile's nearest surface.
 bool FreeSpaceCarver::any_sees_past(const StillSurfaceMask::SensorView& own,
                                     const StillSurfaceMask& cover, const Confirmed& confirmed,
                                     const Samples& samples, float nearest) const {
@@ -78,7 +78,7 @@ bool FreeSpaceCarver::any_sees_past(const StillSurfaceMask::SensorView& own,
   });
 }
 
-/// Brings a tile that its own sensor does not confirm up to date.
+/// Updates a tile that its own sensor does not confirm.
 void FreeSpaceCarver::follow(const StillSurfaceMask::SensorView& own, const StillSurfaceMask& cover,
                              const Confirmed& confirmed, const Samples& samples, Tile& tile) const {
   const double near_m = kNear_voxels * config_.voxel_m;
@@ -95,9 +95,9 @@ void FreeSpaceCarver::follow(const StillSurfaceMask::SensorView& own, const Stil
                        : 0;
 }
 
-/// The same for all tiles of a sensor. What it confirms though another sees past it, such as the
-/// edge of a thing that the other has farther behind, is disputed, and never empty: now and then
-/// some tiles are looked at for that.
+/// Updates all tiles of a sensor. Surface that it confirms although another sensor sees through it,
+/// such as the edge of an object that the other measures farther behind, is disputed and never
+/// carved; some confirmed tiles per update are tested for that.
 double FreeSpaceCarver::follow(const StillSurfaceMask::SensorView& own,
                                const StillSurfaceMask& cover, const Confirmed& confirmed,
                                Tiles& tiles) const {
@@ -154,8 +154,7 @@ double FreeSpaceCarver::update(const StillSurfaceMask& cover, std::span<const So
   return changed_m2;
 }
 
-/// Of the places that have been empty for long enough, those become so for good that make up enough
-/// area together.
+/// Carves connected tiles that have been empty for long enough and have enough area together.
 double FreeSpaceCarver::find_large(const StillSurfaceMask::SensorView& own, Tiles& tiles) const {
   std::vector<std::uint8_t> seen(tiles.tiles.size());
   double changed_m2 = 0;

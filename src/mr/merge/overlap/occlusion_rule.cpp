@@ -17,26 +17,26 @@
 namespace mr::merge {
 namespace {
 
-/// The depth that a source measured a spot at.
-double depth_m(const SourceInfo& source, Vec3f spot) {
-  const Vec3d ray = vec_cast<double>(spot) - source.T_world_depth.translation;
+/// The depth of a point in a source's camera.
+double depth_m(const SourceInfo& source, Vec3f point) {
+  const Vec3d ray = vec_cast<double>(point) - source.T_world_depth.translation;
   return source.depth_camera.model == CameraModel::pinhole
              ? std::max(dot(ray, source.T_world_depth.rotation.column(2)), 0.0)
              : length(ray);
 }
 
-/// Precision of a spot: of the source that measured it, or the worst, where that is not known.
-float sigma_m(const kit::Part& part, ViewId view, Vec3f spot) {
+/// Depth noise at a point: of the source that measured it or, if that is unknown, the largest.
+float sigma_m(const kit::Part& part, ViewId view, Vec3f point) {
   double worst = 0;
   for (const SourceInfo& s : part.sources) {
-    const double sigma = s.precision.sigma_m(depth_m(s, spot));
+    const double sigma = s.precision.sigma_m(depth_m(s, point));
     if (s.sensor == view) return static_cast<float>(sigma);
     worst = std::max(worst, sigma);
   }
   return static_cast<float>(worst);
 }
 
-/// Twice the areas around every vertex along their normals; what is no number is left out.
+/// Sum of the area normals (twice the area) of the triangles at every vertex; NaNs are left out.
 std::vector<Vec3f> normals_around(const Mesh& mesh) {
   std::vector<Vec3f> out(mesh.positions.size());
   for (std::size_t t = 0; t < mesh.triangles.size(); ++t) {
@@ -47,7 +47,7 @@ std::vector<Vec3f> normals_around(const Mesh& mesh) {
   return out;
 }
 
-/// Describes a part's triangles.
+/// Computes the attributes of a part's triangles.
 void describe(const kit::Part& part, std::uint32_t number, const OverlapConfig& config,
               TriangleSurface* out) {
   constexpr std::size_t kGrain = 8192;
@@ -64,7 +64,7 @@ void describe(const kit::Part& part, std::uint32_t number, const OverlapConfig& 
   });
 }
 
-/// A box in the world.
+/// An axis-aligned bounding box; world frame.
 struct Bounds {
   Vec3f low, high;
 };
@@ -80,7 +80,7 @@ Bounds bounds_of(const Mesh& mesh) {
   return out;
 }
 
-/// Whether a camera's frustum may hold some of a box: no side of it has the whole box outside.
+/// Frustum culling: false if all corners of a box lie outside of one plane of the frustum.
 bool may_intersect(const RayGrid& grid, const Bounds& box) {
   if (box.low.x > box.high.x) return false;
   const Camera& c = grid.camera;
@@ -152,7 +152,7 @@ class RayCaster {
     return out;
   }
 
-  /// The meetings of a ray with fronts of triangles, nearest first.
+  /// The intersections of a ray with front faces, nearest first.
   void meet(Vec3f origin, Vec3f ray, std::vector<kit::RayHit>& hits,
             std::vector<RayIntersection>& out) const {
     constexpr float kFar_m = 1e6f;
@@ -189,7 +189,7 @@ class RayCaster {
   kit::RayScene scene_;
 };
 
-/// Casts all rays; with `verdicts`, also says what each decided.
+/// Casts all rays. `verdicts`, if given, receives the votes of each.
 RayVotes cast_all(const TriangleTable& field, const OverlapConfig& config,
                   std::vector<RayVerdicts>* verdicts) {
   const std::vector<RayBatch> batches = ray_batches(field.parts, config.voxel_m);

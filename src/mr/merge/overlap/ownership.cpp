@@ -36,7 +36,8 @@ SurfacePoint between(const SurfacePoint& a, const SurfacePoint& b, float t) {
           t < 0.5f ? a.source : b.source};
 }
 
-/// The pinholes that a source looks through, as coarse as ownership needs.
+/// The pinhole cameras of a source (one, or the faces of a cube) at the low resolution that
+/// ownership needs.
 std::vector<RayGrid> places_of(const SourceInfo& source, double voxel_m) {
   const double focal_px = std::max(kFocal_voxels / voxel_m, kLeastFocal_px);
   const Camera& camera = source.depth_camera;
@@ -62,27 +63,28 @@ std::vector<Measured> all_measured(std::span<const kit::Part> parts, const Overl
   return out;
 }
 
-/// A triangle of a part.
+/// Identifies a triangle of a part.
 struct TriangleId {
   std::uint32_t part = 0, triangle = 0;
 };
 
-/// Who has a spot instead of the part that it is of.
+/// The better owner of a point that its part does not own.
 struct LostVertex {
   static constexpr std::uint32_t kNoOwner = 0xFFFFFFFFu;
   TriangleId to;
-  std::uint32_t owner = kNoOwner;  ///< number of it
-  bool is_clear = false;           ///< that one measured it better by far
+  std::uint32_t owner = kNoOwner;  ///< its number, as QualityGrid::Candidate has it
+  bool is_clear = false;           ///< it measured the point better by far
 };
 
-/// How much better a part measured a spot of its own than the best other with surface there (over
-/// 0: its own), and that one.
+/// A part's quality at one of its points minus the best quality of another part with surface there
+/// (positive: the part owns the point), and that other part.
 struct OwnershipMargin {
   float margin = 0;
   LostVertex loss;
 };
 
-/// Who owns what: at any place, the part with surface there that measured it best.
+/// The owner of every point of the surface: of the parts with surface there, the one that measured
+/// it best.
 class OwnershipMap {
  public:
   OwnershipMap(std::span<const kit::Part> parts, const OverlapConfig& config, QualityMemory* memory)
@@ -119,18 +121,18 @@ class OwnershipMap {
     return parts_[part].sources[measured_[part].source[triangle]].sensor;
   }
 
-  /// Finds who owns the spots of one part; quickest where spots near each other come in turn.
+  /// Finds the owners of points of one part; fastest when successive points are near each other.
   class OwnershipQuery {
    public:
     OwnershipQuery(const OwnershipMap& owners, std::size_t part)
         : owners_(owners), part_(static_cast<std::uint32_t>(part)), reader_(owners.grid_) {}
 
-    /// Whether the part owns a spot of its own.
-    OwnershipMargin margin_at(const SurfacePoint& spot) {
-      const auto candidates = reader_.at(spot.position, spot.normal);
+    /// The margin at a point of the part.
+    OwnershipMargin margin_at(const SurfacePoint& point) {
+      const auto candidates = reader_.at(point.position, point.normal);
       float mine = 0, below = 0;  // the best of those that measured it worse
       for (const auto& [owner, number, quality] : candidates)
-        if (owner.part == part_ && owner.source == spot.source) mine = quality;
+        if (owner.part == part_ && owner.source == point.source) mine = quality;
       better_.clear();
       for (QualityGrid::Candidate its : candidates) {
         if (its.owner.part == part_) continue;
@@ -144,33 +146,34 @@ class OwnershipMap {
       for (; !better_.empty(); better_.pop_back()) {
         std::ranges::pop_heap(better_, {}, by_quality);
         const auto& [owner, number, quality] = better_.back();
-        if (const auto t = owners_.find(number, spot, part_))
+        if (const auto t = owners_.find(number, point, part_))
           return {std::min(mine - quality, -kLeast),
                   {{owner.part, *t}, number, mine < kClear * quality}};
       }
       return {std::max(mine - below, kLeast), {}};
     }
-    float margin(const SurfacePoint& spot) { return margin_at(spot).margin; }
+    float margin(const SurfacePoint& point) { return margin_at(point).margin; }
 
-    /// Whether it is plain that a spot is lost to the same one as a spot beside it.
-    bool is_lost_like(const LostVertex& beside, const SurfacePoint& spot) const {
-      return beside.is_clear && owners_.find(beside.owner, spot, part_);
+    /// Whether a point is clearly lost to the same owner as a point beside it, which spares a
+    /// query.
+    bool is_lost_like(const LostVertex& beside, const SurfacePoint& point) const {
+      return beside.is_clear && owners_.find(beside.owner, point, part_);
     }
 
-    /// Whether another part has surface at a spot that satisfies `holds(place)`.
+    /// Whether another part has a triangle at a point that satisfies `holds(triangle)`.
     template <typename Holds>
-    bool any_other_part(const SurfacePoint& spot, Holds&& holds) {
-      const auto candidates = reader_.at(spot.position, spot.normal);
+    bool any_other_part(const SurfacePoint& point, Holds&& holds) {
+      const auto candidates = reader_.at(point.position, point.normal);
       return std::ranges::any_of(candidates, [&](const QualityGrid::Candidate& c) {
         if (c.owner.part == part_) return false;
-        const auto t = owners_.find(c.number, spot, part_);
+        const auto t = owners_.find(c.number, point, part_);
         return t && holds(TriangleId{c.owner.part, *t});
       });
     }
 
    private:
     static constexpr float kLeast = 1e-12f;
-    /// Of equals the one with the lower number comes first.
+    /// Ties go to the lower number.
     static std::pair<float, std::uint32_t> by_quality(const QualityGrid::Candidate& c) {
       return {c.quality, ~c.number};
     }
@@ -182,11 +185,11 @@ class OwnershipMap {
   };
 
  private:
-  /// The triangle that an owner has at a spot of another part.
-  std::optional<std::uint32_t> find(std::uint32_t owner, const SurfacePoint& spot,
+  /// The triangle of an owner at a point of part `of`.
+  std::optional<std::uint32_t> find(std::uint32_t owner, const SurfacePoint& point,
                                     std::uint32_t of) const {
     for (const PartView& view : views_[owner])
-      if (const auto t = view.at(spot, measured_[of].slack_m)) return t;
+      if (const auto t = view.at(point, measured_[of].slack_m)) return t;
     return std::nullopt;
   }
 
@@ -196,7 +199,7 @@ class OwnershipMap {
   std::vector<std::vector<PartView>> views_;  // [owners]
 };
 
-/// What a part owns, while it is found.
+/// Computes the region of a part that it owns.
 class PartOwnership {
  public:
   PartOwnership(const OwnershipMap& owners, std::size_t part, const OverlapConfig& config)
@@ -216,14 +219,14 @@ class PartOwnership {
     }
   }
 
-  /// Whether any corner of one of the part's triangles is its own.
+  /// Whether the part owns a corner of its triangle.
   bool keeps(std::uint32_t triangle) const {
     const auto& [a, b, c] = mesh_->triangles[triangle];
     return margin_[a] > 0 || margin_[b] > 0 || margin_[c] > 0;
   }
 
-  /// Removal makes no holes: what was lost to a part that lost it, too, as in a gap as narrow as
-  /// triangles are, comes back unless a third part keeps it.
+  /// Prevents holes: a vertex lost to a part that itself lost the place, as in gaps as narrow as a
+  /// triangle, is restored unless a third part keeps it.
   void restore(const std::vector<PartOwnership>& all) {
     std::optional<OwnershipMap::OwnershipQuery> query;
     const auto kept = [&](const TriangleId& place) {
@@ -236,8 +239,8 @@ class PartOwnership {
     }
   }
 
-  /// Cuts long edges of triangles that are owned in part, so that a border between owners bends
-  /// where it has to.
+  /// Splits long edges of partly owned triangles, so that the border between owners can follow the
+  /// quality function.
   void refine() {
     const auto longest_m = static_cast<float>(kLongest_voxels * config_.voxel_m);
     OwnershipMap::OwnershipQuery query(owners_, part_);
@@ -255,8 +258,8 @@ class PartOwnership {
     }
   }
 
-  /// What is left of the part: cut where its margin is zero, which is found between two vertices
-  /// by looking there.
+  /// The owned region: clips the mesh where the margin is zero. The zero on an edge is found by the
+  /// secant method (regula falsi) and bisection in turn.
   Mesh cut() const {
     OwnershipMap::OwnershipQuery query(owners_, part_);
     const float retreat_m = kRetreat_voxels * static_cast<float>(config_.voxel_m);
@@ -290,7 +293,7 @@ class PartOwnership {
     return out;
   }
 
-  /// Whether a triangle's corners, middle and middle of its longest edge have different owners.
+  /// Whether a triangle's corners, centroid and midpoint of its longest edge have different owners.
   bool is_divided(std::uint32_t t, OwnershipMap::OwnershipQuery& query) const {
     const Triangle& corners = mesh_->triangles[t];
     if (std::ranges::all_of(corners, [&](std::uint32_t v) { return margin_[v] == kRestored; }))
@@ -306,11 +309,12 @@ class PartOwnership {
     const SurfacePoint& a = (*vertices_)[corners[longest]];
     const SurfacePoint& b = (*vertices_)[corners[(longest + 1) % 3]];
     const SurfacePoint& c = (*vertices_)[corners[(longest + 2) % 3]];
-    const auto differs = [&](const SurfacePoint& spot) {
-      if (!own && std::ranges::any_of(
-                      corners, [&](std::uint32_t v) { return query.is_lost_like(loss_[v], spot); }))
+    const auto differs = [&](const SurfacePoint& point) {
+      if (!own && std::ranges::any_of(corners, [&](std::uint32_t v) {
+            return query.is_lost_like(loss_[v], point);
+          }))
         return false;
-      return (query.margin(spot) > 0) != own;
+      return (query.margin(point) > 0) != own;
     };
     const SurfacePoint middle = between(a, b, 0.5f);
     return differs(middle) || differs(between(middle, c, 1.0f / 3));

@@ -23,7 +23,7 @@ class PartView {
   /// The part's triangle at a point of another part, if it has surface there: one with a similar
   /// normal and, along the normal, within twice the sensors' precision (paper 3.2) plus both parts'
   /// slack.
-  std::optional<std::uint32_t> at(const SurfacePoint& spot, float slack_m) const;
+  std::optional<std::uint32_t> at(const SurfacePoint& point, float slack_m) const;
 
  private:
   void widen();

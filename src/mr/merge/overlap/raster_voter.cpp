@@ -13,20 +13,20 @@ namespace {
 
 using kit::Fragment;
 
-/// A triangle in a tile, and what its rays decided there.
+/// The votes on a triangle in one tile.
 struct TriangleVotes {
   TriangleSurface facing;
   std::uint32_t hits = 0, lost = 0;
 };
 
-/// What the rays of a tile decided.
+/// The votes of a tile's rays.
 struct TileVotes {
   std::vector<TriangleVotes> entries;    ///< as the tile's triangles
   std::vector<RayVerdict> verdicts;      ///< if asked for
   std::vector<std::uint32_t> per_pixel;  ///< how many of them, if asked for
 };
 
-/// Decides the rays of a tile and counts what is lost there.
+/// Votes on the rays of a tile and counts lost ones.
 class TileRays {
  public:
   TileRays(const TriangleTable& field, const RayPencil& rays, const kit::RasterTile& tile,
@@ -42,7 +42,7 @@ class TileRays {
     votes.verdicts.clear(), votes.per_pixel.clear();
   }
 
-  /// As many() does it, without branches.
+  /// The same as many() for two fragments, branchless.
   void two(Vec3f ray, Fragment a, Fragment b) {
     put_in_order(a, b);
     entry(b).lost += same(a, b, ray, dot(ray, ray));
@@ -78,7 +78,7 @@ class TileRays {
       entry(Fragment::of_key(sorted_[i])).lost += on_ray_[i].lost;
   }
 
-  /// Writes down what many() just decided.
+  /// Records the votes of many().
   void write_verdicts() {
     std::sort(
         on_ray_.begin(), on_ray_.end(),
@@ -87,7 +87,7 @@ class TileRays {
     votes_.per_pixel.push_back(static_cast<std::uint32_t>(on_ray_.size()));
   }
 
-  /// Through a pixel of the tile.
+  /// The ray through a pixel of the tile.
   Vec3f ray(int x, int y) const { return rays_.at(x + tile_.left, y + tile_.top); }
 
  private:

@@ -25,8 +25,8 @@ Mesh measured_by(const kit::Part& part, std::uint32_t sensor) {
   return select_triangles(part.mesh, keep);
 }
 
-/// Depth between the pixels' centres: planes are linear in its inverse. Where nothing lies at one
-/// of the four, or an edge runs between them, that of the nearest. The place is inside the picture.
+/// Bilinear interpolation of inverse depth, in which planes are linear; the nearest pixel if one of
+/// the four is invalid or a depth edge lies between them. The point must be inside the picture.
 double depth_at(const ImageDepth& depth, double u, double v) {
   constexpr double kEdge = 0.1;  // change of depth from a pixel to the next
   const double nearest =
@@ -79,7 +79,7 @@ const StillSurfaceMask::SensorView* StillSurfaceMask::view_of(std::uint32_t sens
   return at == views_.end() ? nullptr : &*at;
 }
 
-/// By its corners and its middle, all of which must be.
+/// A triangle is covered if its corners and centroid are.
 bool StillSurfaceMask::is_covered(const Mesh& mesh, std::size_t t, const SensorView& view) const {
   const double slack_m = config_.voxel_m / 2;
   const Vec3d normal =
@@ -92,7 +92,7 @@ bool StillSurfaceMask::is_covered(const Mesh& mesh, std::size_t t, const SensorV
     const int x = static_cast<int>(std::lround(s.u)), y = static_cast<int>(std::lround(s.v));
     if (!view.own.contains(x, y)) return false;
     const double own = depth_at(view.own, s.u, s.v), merged = depth_at(view.merged, s.u, s.v);
-    // Seen at a flat angle, what lies close across the surface lies far apart in depth.
+    // At grazing angles a small distance along the normal is a large one in depth.
     const double cosine = std::clamp(std::abs(dot(normal, p)) / p.z, kFlattest, 1.0);
     const double same_m = (kSame_sigmas * view.precision.sigma_m(p.z) + slack_m) / cosine;
     if (own > 0 && std::abs(own - p.z) <= same_m)  // perhaps another's is shown in its place
