@@ -27,13 +27,13 @@ constexpr double kDeadBand = 0.006;  // of the log gain: half a step of bright s
 constexpr double kArrived = 0.001;
 constexpr double kSeamStep_m = 0.01;
 
-/// By how much a point's light differs between two views.
+/// The log ratio of a point's light in two views.
 struct Difference {
   double value = 0;  ///< of the logarithms
   double weight = 0;
 };
 
-/// The value that half of the weight lies below. Sorts.
+/// Weighted median; sorts its argument.
 double median(std::vector<Difference>& of) {
   std::sort(of.begin(), of.end(), [](const Difference& a, const Difference& b) {
     return std::pair(a.value, a.weight) < std::pair(b.value, b.weight);
@@ -49,7 +49,7 @@ struct RobustEstimate {
   double mean = 0, spread = 0;
 };
 
-/// The mean around the median, without what lies far off.
+/// A robust mean: of the values near the median, in units of the median absolute deviation.
 RobustEstimate robust_mean(std::vector<Difference> of) {
   const double middle = median(of);
   std::vector<Difference> off = of;
@@ -61,7 +61,7 @@ RobustEstimate robust_mean(std::vector<Difference> of) {
   return {weight > 0 ? sum / weight : middle, spread};
 }
 
-/// Two views that show the same surface.
+/// Two views that overlap, with the differences at their common samples.
 struct Pair {
   std::size_t first = 0, second = 0;
   std::array<std::vector<Difference>, 3> samples;  ///< first less second, by channel
@@ -104,8 +104,8 @@ std::vector<Pair> find_pairs(const std::vector<std::vector<Observation>>& observ
   return out;
 }
 
-/// Solves A x = b for three right sides at once by Cholesky's decomposition; A ([n * n], lower half
-/// used) is positive definite and lost.
+/// Solves A x = b for three right-hand sides by Cholesky decomposition. A ([n * n], lower half
+/// used) must be positive definite and is overwritten.
 std::vector<Vec3d> solve(std::vector<double> a, std::vector<Vec3d> b) {
   const std::size_t n = b.size();
   for (std::size_t i = 0; i < n; ++i)
@@ -125,8 +125,8 @@ std::vector<Vec3d> solve(std::vector<double> a, std::vector<Vec3d> b) {
   return b;
 }
 
-/// [view] the log gains that make all pairs agree best. As every view is held to 1 alike, their
-/// mean over views that overlap is 0.
+/// [view] the log gains that minimize the pairs' differences (linear least squares with a prior
+/// towards gain 1). As the prior is the same for all views, the mean over overlapping views is 0.
 std::vector<Vec3d> best_gains(std::size_t view_count, std::span<const Pair> pairs) {
   const std::size_t n = view_count;
   std::vector<double> a(n * n, 0);
@@ -147,8 +147,8 @@ std::vector<Vec3d> best_gains(std::size_t view_count, std::span<const Pair> pair
 
 using Balances = std::map<ViewId, ColorBalance::Balance>;
 
-/// Where a view that appears starts, so that it fits at once those that were there before and are
-/// still on their way: its estimate less what they lack.
+/// Initial log gain of a new view, so that it matches the old views, whose smoothed gains lag
+/// behind: its estimate minus their lag.
 Vec3d start_of(std::size_t view, std::span<const View> views, std::span<const Pair> pairs,
                const std::vector<Vec3d>& wanted, const Balances& before) {
   Vec3d ahead;
@@ -165,7 +165,7 @@ Vec3d start_of(std::size_t view, std::span<const View> views, std::span<const Pa
   return weight > 0 ? wanted[view] + ahead / weight : wanted[view];
 }
 
-/// Sums what two views show differently along an edge.
+/// Accumulates the colour differences of two views along edges.
 class EdgeSteps {
  public:
   explicit EdgeSteps(int most_contrast) : most_contrast_(most_contrast) {}

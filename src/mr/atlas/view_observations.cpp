@@ -28,7 +28,7 @@ float light_of(std::uint8_t srgb) {
   return table[srgb];
 }
 
-/// What is nearest along each pixel of a coarse pinhole picture.
+/// A low-resolution z-buffer of a pinhole camera.
 class CoarseDepth {
  public:
   CoarseDepth(const Mesh& mesh, const Camera& camera, const Pose& T_world_camera)
@@ -51,8 +51,8 @@ class CoarseDepth {
     }
   }
 
-  /// Whether a point is in sight, away from edges of depth; nothing within `ring_px` of the
-  /// picture's border and outside.
+  /// Whether a point is visible and not near a depth edge; nullopt outside the picture or within
+  /// `ring_px` of its border.
   std::optional<bool> sees(Vec3f p_world, int ring_px) const {
     const OnScreen s = on_screen(p_world);
     const auto w = static_cast<float>(camera_.width), h = static_cast<float>(camera_.height);
@@ -112,7 +112,7 @@ class CoarseDepth {
   Image<float, 1> inv_depth_;  ///< 0: nothing
 };
 
-/// The pinhole pictures that tell what a view has in sight.
+/// The z-buffers of a view: one of a pinhole, six cube faces of a panorama.
 class ViewDepth {
  public:
   ViewDepth(const Mesh& mesh, const View& view) {
@@ -224,7 +224,7 @@ std::vector<Sample> spread_samples(const Mesh& mesh, std::size_t count) {
   for (std::size_t i = 0; i < count; ++i) {
     const double wanted = (static_cast<double>(i) + 0.5) / static_cast<double>(count);
     while (t + 1 < area_up_to.size() && area_up_to[t] < wanted * area_up_to.back()) ++t;
-    // The R2 sequence, folded into the triangle.
+    // The R2 low-discrepancy sequence, folded into the triangle.
     const double n = static_cast<double>(i + 1);
     double b = n * 0.7548776662466927, c = n * 0.5698402909980532;
     b -= std::floor(b), c -= std::floor(c);

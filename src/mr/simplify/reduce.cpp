@@ -38,8 +38,9 @@ std::uint32_t shuffled(std::uint32_t v) {
   return v ^ v >> 16;
 }
 
-/// What a round takes: all costs under `below`, and of those up to `most`, which are much the same,
-/// a share of the vertices. Without it a flat wall, where all cost nothing, would go at once.
+/// The vertices that a round collapses: all with a cost under `below`, and a random fraction of
+/// those up to `most`, which are nearly equal. Otherwise a flat wall, where all costs are 0, would
+/// collapse in one round.
 struct Limit {
   float below = 0, most = 0;
   std::uint32_t share = 0;  ///< of 2^32
@@ -51,7 +52,7 @@ struct Limit {
   }
 };
 
-/// How many costs are how large. Costs are not negative, so their bits sort like them.
+/// Histogram of costs by their bits: non-negative floats sort like their bit patterns.
 class Histogram {
  public:
   void add(float cost) { ++count_[std::bit_cast<std::uint32_t>(cost) >> kShift]; }
@@ -77,8 +78,8 @@ class Histogram {
   std::array<std::uint32_t, kBins + 1> count_{};  // the last: kNever
 };
 
-/// The limit below which `wanted` vertices lie, as judged by some of them. Those that were not
-/// rated yet are, for this.
+/// The limit below which about `wanted` vertices lie, estimated from a sample, whose costs are
+/// computed if necessary.
 Limit find_limit(double wanted, bool rated, WorkingMesh& mesh) {
   const std::uint32_t step = std::max(1u, mesh.vertices() / (rated ? kSamples : kRatedSamples));
   Histogram costs;
@@ -88,7 +89,7 @@ Limit find_limit(double wanted, bool rated, WorkingMesh& mesh) {
   return costs.limit(wanted / step);
 }
 
-/// Tells all threads when time is over.
+/// The deadline, shared by all threads.
 class DeadlineClock {
  public:
   explicit DeadlineClock(const StopCriteria& goal) : deadline_(goal.deadline) {}
@@ -102,8 +103,8 @@ class DeadlineClock {
   std::atomic<bool> over_ = false;
 };
 
-/// Pulls v into a neighbour if that costs no more than the limit; otherwise notes when to look at
-/// it again. Returns how many triangles went.
+/// Collapses v into a neighbour if the cost is within the limit; otherwise stores the cost at which
+/// to try again. Returns the number of triangles removed.
 std::uint32_t try_collapse(std::uint32_t v, const Limit& limit, float error_m,
                            EdgeCollapser& collapser, WorkingMesh& mesh) {
   const float cost = collapser.rate(v);
@@ -116,7 +117,7 @@ std::uint32_t try_collapse(std::uint32_t v, const Limit& limit, float error_m,
   return gone;
 }
 
-/// One round, for all vertices or a trial for some. Returns how many triangles went.
+/// One round over all vertices, or a trial on a sample. Returns the number of triangles removed.
 std::size_t run_round(const Limit& limit, bool trial, const StopCriteria& goal,
                       DeadlineClock& clock, ParallelSweep& sweep, WorkingMesh& mesh) {
   const auto wanted = [&](std::uint32_t v) {
@@ -129,7 +130,8 @@ std::size_t run_round(const Limit& limit, bool trial, const StopCriteria& goal,
   });
 }
 
-/// Looks at the cheapest vertices one by one until the goal is met. False: none of them may go.
+/// Collapses the cheapest vertices serially, in order of cost, until the goal is met. False: none
+/// could be collapsed.
 bool take_cheapest(std::size_t most, const StopCriteria& goal, DeadlineClock& clock,
                    WorkingMesh& mesh) {
   struct Candidate {

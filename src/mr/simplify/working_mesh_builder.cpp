@@ -41,7 +41,8 @@ void add_wall(Vec3f edge, Vec3f normal, Quadric& quadric) {
   quadric.add_plane(normalized(cross(edge, normal)), kBorderWeight * dot(edge, edge));
 }
 
-/// Both walls of a thin tip pass near its root: without this it would be pulled in for nothing.
+/// Keeps the tip of a thin spike of the border: both its sides pass near its root, so without this
+/// collapsing the spike would cost nothing.
 void add_tip(Vec3f on, Vec3f back, Quadric& quadric) {
   const float sharp = dot(on, back);
   if (sharp > 0) quadric.add_point(kTipWeight * kBorderWeight * sharp);
@@ -79,7 +80,7 @@ void hold_crease(const Neighbourhood& near, const std::uint32_t (&at)[2], Quadri
   add_tip(near.arm(at[0]), near.arm(at[1]), quadric);
 }
 
-/// What kind of vertex v is; its border or crease is held in place.
+/// Finds the kind of vertex v and adds the planes that keep its border or crease in place.
 void prepare(std::uint32_t v, Neighbourhood& near, WorkingMesh& mesh) {
   const VertexRings& rings = mesh.rings;
   Quadric& quadric = mesh.quadrics[v];

@@ -13,7 +13,7 @@ namespace {
 
 constexpr int kMaxEdgeCuts = 6;  // halvings of a border edge
 
-/// Halves long border edges that have another part's border near, and the halves again.
+/// Recursive bisection of long border edges near another part's border.
 class BorderCutter {
  public:
   BorderCutter(Joined& joined, const BorderMap& map, const ZipperConfig& config)
@@ -49,8 +49,8 @@ class BorderCutter {
     return {is_border(3 * t), is_border(3 * t + 1), is_border(3 * t + 2)};
   }
 
-  /// Cuts a triangle across those of its edges that are on the border, and its pieces, `times`
-  /// deep. No other triangle shares those edges.
+  /// Splits a triangle at the midpoints of its long border edges, recursively up to depth `times`.
+  /// Border edges have no other triangle, so there are no T-junctions.
   void cut(const Triangle& t, const Flags& border, int times) {
     std::array<std::uint32_t, 3> middle{};
     std::array<bool, 3> is_cut{};
@@ -84,7 +84,7 @@ class BorderCutter {
     }
   }
 
-  /// The first piece takes the triangle's place.
+  /// Adds a triangle; the first one replaces the triangle that is split.
   void add(const Triangle& t, const Flags& border) {
     auto place = std::exchange(place_, kNoPlace);
     if (place == kNoPlace) {

@@ -49,7 +49,7 @@ std::vector<std::uint8_t> wanted_edges(const Joined& joined, const BorderMap& ma
   return edges;
 }
 
-/// A way to fill a bit of the gap: a triangle from a border edge to a corner.
+/// A candidate of the advancing front: the triangle of a border edge and a corner, with its cost.
 struct GapTriangle {
   double cost = 0;
   std::uint32_t edge = 0, corner = 0;
@@ -59,8 +59,8 @@ struct GapTriangle {
   }
 };
 
-/// Closes the gaps of a front, shortest connections first: in each cube of space on its own, then
-/// in what is left between them.
+/// Closes gaps with a priority queue of candidates, shortest connections first: in parallel for
+/// cubes of space, each with its own queue, then serially between the cubes.
 class Zipper {
  public:
   Zipper(AdvancingFront& front, const ZipperConfig& config)
@@ -69,7 +69,7 @@ class Zipper {
         per_cube_(static_cast<float>(1 / (kCube_gaps * config.max_gap_m))),
         grid_(places_of(front), config.max_gap_m + config.edge_m / 2) {}
 
-  /// Returns the strips.
+  /// Returns the new triangles.
   std::vector<Triangle> run() {
     std::vector<std::uint32_t> edges(front_.original());
     std::iota(edges.begin(), edges.end(), 0u);
@@ -98,14 +98,14 @@ class Zipper {
     return out;
   }
 
-  /// What lies around an edge. Kept to spare allocations.
+  /// The neighbourhood of an edge; reused to save allocations.
   struct EdgeNeighbourhood {
     double reach = 0;                     // how far a triangle over the edge may go
     std::vector<std::uint32_t> near;      // vertices that it may reach or meet
     std::vector<GapTriangle> candidates;  // with the vertex as corner
   };
 
-  /// What is done one after another.
+  /// The work of one queue.
   struct Job {
     std::optional<Vec3i> cube;  // that edges must lie in with all that they may reach; none: any
     std::priority_queue<GapTriangle, std::vector<GapTriangle>, std::greater<>> queue;
@@ -118,7 +118,7 @@ class Zipper {
     Job between;
   };
 
-  /// Deals out the edges that a triangle is found for.
+  /// Distributes edges that have a candidate to the cubes' queues.
   Jobs distribute(const std::vector<std::uint32_t>& edges) {
     Jobs out;
     std::map<std::tuple<int, int, int>, std::size_t> place;  // of cubes
@@ -137,7 +137,7 @@ class Zipper {
     return out;
   }
 
-  /// The cube that holds all that an edge may reach, if one does.
+  /// The cube that contains everything within an edge's reach, if there is one.
   std::optional<Vec3i> cube_of(std::uint32_t e) const {
     const Vec3f middle = (from(e) + to(e)) * 0.5f;
     const auto reach = static_cast<float>(kMoreReach * reach_of(e));
@@ -252,7 +252,7 @@ class Zipper {
     return false;
   }
 
-  /// Closes small loops that strips left over, and pinholes.
+  /// Closes small remaining loops and pinholes.
   void close_small_loops(AdvancingFront::Workspace& space) {
     std::vector<std::uint8_t> seen(front_.size(), 0);
     std::vector<std::uint32_t> edges, loop;
