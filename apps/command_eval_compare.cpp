@@ -55,8 +55,8 @@ Status compare_scene(const Scene& scene, const CompareOptions& options, Table& t
   if (view >= views)
     return Error{Error::Cause::invalid, fmt::format("scene '{}' has viewpoints 0 to {}, and no {}",
                                                     scene.id, views - 1, view)};
-  const auto judge = trial->judge(trial->all_moments(), trial->plan().views.size(), 1, config);
-  if (!judge) return judge.error();
+  const auto metric = trial->metric(trial->all_moments(), trial->plan().views.size(), 1, config);
+  if (!metric) return metric.error();
   const auto reference = trial->pictures({0}, view + 1, 0, config);
   if (!reference) return reference.error();
   std::vector<ImageRgb> sheet{reference->front()[view].color};
@@ -67,10 +67,10 @@ Status compare_scene(const Scene& scene, const CompareOptions& options, Table& t
         variant,
         {trial->moments(), config.rig_cache, config.eval_cache, {eval::geometry_setting(variant)}});
     if (!system) return system.error();
-    const auto played = eval::play_apart(**system, variant, trial->moments(), config);
-    if (!played) return played.error();
+    const auto stream = eval::run_pipeline_halves(**system, variant, trial->moments(), config);
+    if (!stream) return stream.error();
     std::vector<ImageRgb> pictures;
-    const auto report = eval::measure_quality(*trial, *judge, variant, *played, config, &pictures);
+    const auto report = eval::measure_quality(*trial, *metric, variant, *stream, config, &pictures);
     if (!report) return report.error();
     sheet.push_back(std::move(pictures[view]));
     const auto& score = report->score;

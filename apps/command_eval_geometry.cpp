@@ -15,10 +15,10 @@
 #include "mr/baseline/monolithic.h"
 #include "mr/baseline/run_baseline.h"
 #include "mr/core/parallel.h"
-#include "mr/eval/captured.h"
 #include "mr/eval/geometry_error.h"
 #include "mr/eval/read_mesh.h"
 #include "mr/eval/reference.h"
+#include "mr/eval/sensor_coverage.h"
 #include "mr/node/capture.h"
 #include "mr/node/sources.h"
 #include "mr/runtime/lockstep_scene.h"
@@ -127,20 +127,21 @@ Result<Mesh> truth_surface(const Scene& scene, int frame) {
 }
 
 /// The depth cameras that delivered; with their true poses where those are known and wanted.
-std::vector<eval::Eyes> eyes_of(const Scene& scene, std::span<const Frame> capture, bool truth) {
+std::vector<eval::SensorFrustum> frustums_of(const Scene& scene, std::span<const Frame> capture,
+                                             bool truth) {
   std::map<std::string, Pose> exact;
   if (const RigConfig* rig = truth ? eval::known_rig(scene) : nullptr)
     for (const SensorConfig& sensor : synth::exact_sensors(*rig))
       exact[sensor.id] = sensor.T_world_depth.front();
-  std::vector<eval::Eyes> eyes;
+  std::vector<eval::SensorFrustum> frustums;
   for (const Frame& frame : capture) {
     const SensorConfig& sensor = scene.sensors[frame.sensor];
     const auto known = exact.find(sensor.id);
-    eyes.push_back({undistorted(sensor.depth_camera),
-                    known != exact.end() ? known->second : frame.T_world_depth, sensor.depth_near_m,
-                    sensor.depth_far_m});
+    frustums.push_back({undistorted(sensor.depth_camera),
+                        known != exact.end() ? known->second : frame.T_world_depth,
+                        sensor.depth_near_m, sensor.depth_far_m});
   }
-  return eyes;
+  return frustums;
 }
 
 // ------------------------------------------------------------------------------- sensor by sensor
@@ -212,8 +213,8 @@ Result<Measured> measure_scene(const Scene& given, const GeometryOptions& option
   if (!tested) return tested.error();
   const double voxel_m = options.voxel_m > 0 ? options.voxel_m : scene->voxel_m;
   const auto error =
-      eval::geometry_error(*tested, *reference, eyes_of(*scene, *capture, truth),
-                           {.voxel_m = voxel_m, .captured = eval::captured_part(*scene)});
+      eval::geometry_error(*tested, *reference, frustums_of(*scene, *capture, truth),
+                           {.voxel_m = voxel_m, .captured = eval::captured_half_spaces(*scene)});
   if (!error) return error.error();
   std::string note;
   if (capture->size() > kMostForAllPairs)

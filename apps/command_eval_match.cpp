@@ -6,7 +6,7 @@
 #include "commands.h"
 #include "eval_options.h"
 #include "mr/core/file.h"
-#include "mr/eval/match.h"
+#include "mr/eval/operating_point.h"
 #include "output.h"
 
 namespace mr::apps {
@@ -14,14 +14,14 @@ namespace {
 
 struct MatchOptions : EvalOptions {
   std::filesystem::path scene;
-  eval::MatchTarget target;
+  eval::OperatingTarget target;
   std::vector<std::string> pipelines = baseline::pipeline_names();
 };
 
 struct Matches {
   eval::ReferenceKind reference;
   std::size_t views, moments;
-  std::vector<eval::Match> of;
+  std::vector<eval::OperatingPoint> of;
 };
 
 Result<Matches> match_all(const Scene& scene, const MatchOptions& options) {
@@ -31,7 +31,7 @@ Result<Matches> match_all(const Scene& scene, const MatchOptions& options) {
   if (!trial) return trial.error();
   Matches out{trial->reference(), trial->plan().views.size(), trial->all_moments().size(), {}};
   for (const std::string& pipeline : options.pipelines) {
-    auto found = eval::match(*trial, pipeline, options.target, config);
+    auto found = eval::find_operating_point(*trial, pipeline, options.target, config);
     if (!found) return found.error();
     out.of.push_back(*std::move(found));
   }
@@ -42,7 +42,7 @@ std::string to_json(const Scene& scene, const Matches& matches) {
   nlohmann::ordered_json out;
   out["scene"] = scene.id, out["reference"] = to_string(matches.reference);
   out["views"] = matches.views, out["frames"] = matches.moments, out["fps"] = scene.fps;
-  for (const eval::Match& m : matches.of) {
+  for (const eval::OperatingPoint& m : matches.of) {
     const eval::SweepPoint& p = m.point;
     out["systems"].push_back({{"pipeline", m.pipeline},
                               {"name", m.name},
@@ -66,7 +66,7 @@ std::string to_json(const Scene& scene, const Matches& matches) {
 }
 
 /// The knobs that a pipeline has.
-std::string knobs(const eval::Match& m, double fps) {
+std::string knobs(const eval::OperatingPoint& m, double fps) {
   const eval::SweepPoint& p = m.point;
   const std::string voxel = fmt::format("voxel {:g} cm", 100 * p.geometry.voxel_m);
   const std::string coded =
@@ -98,7 +98,7 @@ int run_match(const MatchOptions& options) {
   fmt::print("{}, {} views at {} moment{}, against {}\n", scene->id, (*matches)->views,
              (*matches)->moments, (*matches)->moments == 1 ? "" : "s",
              to_string((*matches)->reference));
-  for (const eval::Match& m : (*matches)->of)
+  for (const eval::OperatingPoint& m : (*matches)->of)
     fmt::print("{:<22} SSIM {:.3f} {:9.2f} Mbit/s{}{}  {}\n", m.name, m.point.score.masked.mean,
                m.point.mbps(), m.met ? " " : "!",
                is_reference(m.pipeline, (*matches)->reference) ? "*" : " ", knobs(m, scene->fps));

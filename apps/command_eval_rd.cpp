@@ -63,16 +63,16 @@ Result<Swept> sweep_scene(const Scene& scene, const RdOptions& options) {
   auto system = eval::make_system(
       scene, {trial->moments(), config.rig_cache, config.eval_cache, plan.geometries});
   if (!system) return system.error();
-  eval::SweepJudges judges;
+  eval::SweepReference references;
   const auto views = std::min<std::size_t>(options.views, trial->plan().views.size());
-  judges.views = trial->plan().views;
-  judges.views.resize(views);
-  judges.moments = trial->all_moments();
-  auto judge = trial->judge(judges.moments, views, 1, config);
-  if (!judge) return judge.error();
-  judges.by_divider.push_back(*std::move(judge));
-  auto points = eval::sweep(**system, plan, judges, scene.fps,
-                            (*system)->scores(judges.views, trial->reference()),
+  references.views = trial->plan().views;
+  references.views.resize(views);
+  references.moments = trial->all_moments();
+  auto metric = trial->metric(references.moments, views, 1, config);
+  if (!metric) return metric.error();
+  references.by_divider.push_back(*std::move(metric));
+  auto points = eval::sweep(**system, plan, references, scene.fps,
+                            (*system)->scores(references.views, trial->reference()),
                             [&](std::size_t done, std::size_t of) { bar.show("sweep", done, of); });
   if (!points) return points.error();
   return Swept{trial->reference(), *std::move(points)};

@@ -78,13 +78,13 @@ int measure_scene(const SsimOptions& options) {
     const eval::QualityConfig config = quality_config(options, bar);
     const auto trial = eval::Trial::prepare(*scene, config);
     if (!trial) return void(code = fail(trial.error().message));
-    const auto played = eval::play(*scene, trial->moments(), config);
-    if (!played) return void(code = fail(played.error().message));
+    const auto stream = eval::run_pipeline(*scene, trial->moments(), config);
+    if (!stream) return void(code = fail(stream.error().message));
     std::vector<ImageRgb> pictures;
-    const auto judge = trial->judge(trial->all_moments(), trial->plan().views.size(),
-                                    eval::frame_divider(*scene), config, true);
-    if (!judge) return void(code = fail(judge.error().message));
-    const auto report = eval::measure_quality(*trial, *judge, *scene, *played, config, &pictures);
+    const auto metric = trial->metric(trial->all_moments(), trial->plan().views.size(),
+                                      eval::frame_divider(*scene), config, true);
+    if (!metric) return void(code = fail(metric.error().message));
+    const auto report = eval::measure_quality(*trial, *metric, *scene, *stream, config, &pictures);
     if (!report) return void(code = fail(report.error().message));
     if (!options.pictures.empty())
       if (const Status ok = write_pictures(*trial, pictures, config, options.pictures); !ok)

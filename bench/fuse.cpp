@@ -88,7 +88,7 @@ void compare_with_peers(const Raced& raced, const std::vector<Mesh>& meshes, Mes
 }
 
 /// Fields about the surfaces, one object per contender. Takes threads: for a child.
-Message judge(const FuseCase& input, const Raced& raced) {
+Message evaluate(const FuseCase& input, const Raced& raced) {
   std::vector<Mesh> meshes;
   for (const Outcome& outcome : raced.outcomes)
     meshes.push_back(outcome.result.is_null() ? Mesh{} : mesh_from(outcome.result));
@@ -133,9 +133,9 @@ Status measure_fuse_case(const FuseCase& input, const Request& request, cli::Pro
                          Report& report) {
   Raced raced = race_case(input, request, bar);
   bar.show(input.name + ": comparing surfaces", 0, 1);
-  const auto judged = apart([&] { return judge(input, raced); });
-  if (!judged) return judged.error();
-  for (std::size_t i = 0; i < raced.rows.size(); ++i) raced.rows[i].update(judged->at(i));
+  const auto evaluated = apart([&] { return evaluate(input, raced); });
+  if (!evaluated) return evaluated.error();
+  for (std::size_t i = 0; i < raced.rows.size(); ++i) raced.rows[i].update(evaluated->at(i));
   report.input[input.name] = describe(input);
   for (Message& row : rows_of(raced, request)) report.results.push_back(std::move(row));
   return {};

@@ -39,17 +39,18 @@ Mesh sum_of(const MergeCase& input) {
   return out;
 }
 
-std::vector<eval::Eyes> eyes_of(const MergeCase& input) {
-  std::vector<eval::Eyes> out;
+std::vector<eval::SensorFrustum> frustums_of(const MergeCase& input) {
+  std::vector<eval::SensorFrustum> out;
   for (const kit::Part& part : input.parts)
     for (const SourceInfo& source : part.sources)
       out.push_back({source.depth_camera, source.T_world_depth});
   return out;
 }
 
-void add_quality(const Mesh& mesh, const Mesh& reference, const std::vector<eval::Eyes>& eyes,
+void add_quality(const Mesh& mesh, const Mesh& reference,
+                 const std::vector<eval::SensorFrustum>& frustums,
                  const eval::GeometryConfig& config, Message& fields) {
-  const auto error = eval::geometry_error(mesh, reference, eyes, config);
+  const auto error = eval::geometry_error(mesh, reference, frustums, config);
   if (!error) throw std::runtime_error(error.error().message);
   fields["to_reference_rms_mm"] = rounded(error->to_reference.rms_mm, 5);
   fields["from_reference_rms_mm"] = rounded(error->from_reference.rms_mm, 5);
@@ -62,12 +63,12 @@ void add_quality(const Mesh& mesh, const Mesh& reference, const std::vector<eval
 }
 
 /// Fields about surfaces, one object per outcome; the last one is about all parts as they came.
-Message judge(const MergeCase& input, const std::vector<Outcome>& outcomes) {
+Message evaluate(const MergeCase& input, const std::vector<Outcome>& outcomes) {
   Message fields = Message::array();
   Arena arena(0);
   arena.run([&] {
     const Mesh sum = sum_of(input);
-    const auto eyes = eyes_of(input);
+    const auto frustums = frustums_of(input);
     const eval::GeometryConfig config{.voxel_m = input.voxel_m};
     const auto judge_one = [&](const Mesh& mesh) {
       Message of = surface_figures(mesh);
@@ -75,7 +76,7 @@ Message judge(const MergeCase& input, const std::vector<Outcome>& outcomes) {
                                      static_cast<double>(sum.triangles.size()),
                              5);
       if (input.parts.size() <= kMostJudged)
-        add_quality(mesh, input.truth.empty() ? sum : input.truth, eyes, config, of);
+        add_quality(mesh, input.truth.empty() ? sum : input.truth, frustums, config, of);
       else
         of["duplicate_ratio"] = rounded(eval::duplicate_ratio(mesh, config), 5);
       return of;
@@ -134,13 +135,13 @@ Status measure_case(const MergeCase& input, const Request& request, cli::Progres
     outcomes.push_back(std::move(tree.whole));
   }
   bar.show(input.name + ": comparing surfaces", 0, 1);
-  const auto judged = apart([&] { return judge(input, outcomes); });
-  if (!judged) return judged.error();
+  const auto evaluated = apart([&] { return evaluate(input, outcomes); });
+  if (!evaluated) return evaluated.error();
   for (std::size_t i = 0; i < rows.size(); ++i) {
-    rows[i].update(judged->at(i));
+    rows[i].update(evaluated->at(i));
     report.results.push_back(std::move(rows[i]));
   }
-  Message& about = report.input[input.name] = judged->back();
+  Message& about = report.input[input.name] = evaluated->back();
   about["sensors"] = input.parts.size();
   about["reference"] = input.truth.empty() ? "the parts" : "truth";
   return {};

@@ -67,8 +67,8 @@ Message judge_one(const Message& result, const Mesh& input, const kit::RayScene&
 }
 
 /// Fields about the surfaces, one object per contender; who made the same mesh as another is not
-/// judged again. Takes threads: for a child.
-Message judge(const SimplifyCase& input, const std::vector<Outcome>& outcomes) {
+/// evaluated again. Takes threads: for a child.
+Message evaluate(const SimplifyCase& input, const std::vector<Outcome>& outcomes) {
   Message fields = Message::array();
   Arena arena(0);
   arena.run([&] {
@@ -103,12 +103,12 @@ Status measure_case(const SimplifyCase& input, const Request& request, cli::Prog
       race(contenders, {.warm_ups = 1, .runs = request.runs},
            [&](std::size_t done, std::size_t of) { bar.show(input.name, done, of); });
   bar.show(input.name + ": comparing surfaces", 0, 1);
-  const auto judged = apart([&] { return judge(input, outcomes); });
-  if (!judged) return judged.error();
+  const auto evaluated = apart([&] { return evaluate(input, outcomes); });
+  if (!evaluated) return evaluated.error();
   report.input[input.name] = describe(input);
   for (std::size_t i = 0; i < contenders.size(); ++i) {
     Message row = result_row(contenders[i], input.name, outcomes[i]);
-    row.update(judged->at(i));
+    row.update(evaluated->at(i));
     report.results.push_back(std::move(row));
   }
   return {};

@@ -46,18 +46,19 @@ Mesh with_hole(const Mesh& mesh, float half) {
 }
 
 /// A camera straight above, which sees the square |x|, |y| < 1 of the plane z = 0 from 2 m.
-Eyes eye_above() {
-  Eyes eye;
-  eye.depth_camera.width = eye.depth_camera.height = 200;
-  eye.depth_camera.fx = eye.depth_camera.fy = 200;
-  eye.depth_camera.cx = eye.depth_camera.cy = 99.5;
-  eye.T_world_depth = look_at({0, 0, 2}, {0, 0, 0}, {0, 1, 0});
-  return eye;
+SensorFrustum frustum_above() {
+  SensorFrustum frustum;
+  frustum.depth_camera.width = frustum.depth_camera.height = 200;
+  frustum.depth_camera.fx = frustum.depth_camera.fy = 200;
+  frustum.depth_camera.cx = frustum.depth_camera.cy = 99.5;
+  frustum.T_world_depth = look_at({0, 0, 2}, {0, 0, 0}, {0, 1, 0});
+  return frustum;
 }
 
-GeometryError errors_of(const Mesh& mesh, const Mesh& reference, std::span<const Eyes> eyes = {},
+GeometryError errors_of(const Mesh& mesh, const Mesh& reference,
+                        std::span<const SensorFrustum> frustums = {},
                         const GeometryConfig& config = kConfig) {
-  const auto error = geometry_error(mesh, reference, eyes, config);
+  const auto error = geometry_error(mesh, reference, frustums, config);
   EXPECT_TRUE(error) << (error ? "" : error.error().message);
   return error ? *error : GeometryError{};
 }
@@ -186,14 +187,14 @@ TEST(MissingRatio, IsTheShareOfTheReferenceThatLiesInAHole) {
 }
 
 TEST(MissingRatio, CountsOnlyWhatAnEyeSees) {
-  const Eyes eye = eye_above();
-  // The eye sees a quarter of a wall twice as wide; a hole outside that quarter does not count.
+  const SensorFrustum frustum = frustum_above();
+  // The sensor sees a quarter of a wall twice as wide; a hole outside that quarter does not count.
   const Mesh wide = test::grid({-2, -2, 0}, {4, 0, 0}, {0, 4, 0}, 80, 80);
   std::vector<std::uint8_t> keep(wide.triangles.size());
   for (std::size_t t = 0; t < keep.size(); ++t) keep[t] = wide.centroid(t).x < 1.2f;
-  EXPECT_EQ(errors_of(select_triangles(wide, keep), wide, {&eye, 1}).missing_ratio, 0);
+  EXPECT_EQ(errors_of(select_triangles(wide, keep), wide, {&frustum, 1}).missing_ratio, 0);
   EXPECT_NEAR(errors_of(select_triangles(wide, keep), wide).missing_ratio, 0.79 / 4, 0.002);
-  EXPECT_NEAR(errors_of(with_hole(wide, 0.5f), wide, {&eye, 1}).missing_ratio, 0.98 * 0.98 / 4,
+  EXPECT_NEAR(errors_of(with_hole(wide, 0.5f), wide, {&frustum, 1}).missing_ratio, 0.98 * 0.98 / 4,
               0.004);
 }
 
@@ -208,21 +209,21 @@ TEST(MissingRatio, LeavesOutWhatTheSceneDoesNotCapture) {
 }
 
 TEST(SeenSamples, AreInThePictureWithinReachInFrontAndNotHidden) {
-  const Eyes eye = eye_above();
-  const auto share = [&](const Mesh& mesh, std::span<const Eyes> eyes, auto&& of) {
+  const SensorFrustum frustum = frustum_above();
+  const auto share = [&](const Mesh& mesh, std::span<const SensorFrustum> frustums, auto&& of) {
     const auto samples = sample_surface(mesh, 20'000, 1);
-    const auto seen = seen_samples(mesh, samples, eyes, 0.01);
+    const auto seen = seen_samples(mesh, samples, frustums, 0.01);
     int all = 0, good = 0;
     for (std::size_t i = 0; i < samples.size(); ++i)
       if (of(samples[i])) ++all, good += seen[i];
     return static_cast<double>(good) / all;
   };
   const auto every = [](const SurfaceSample&) { return true; };
-  EXPECT_EQ(share(wall(), {&eye, 1}, every), 1);
-  EXPECT_EQ(share(flipped(wall()), {&eye, 1}, every), 0);
-  EXPECT_NEAR(share(test::grid({-2, -1, 0}, {4, 0, 0}, {0, 2, 0}, 9, 9), {&eye, 1}, every), 0.5,
+  EXPECT_EQ(share(wall(), {&frustum, 1}, every), 1);
+  EXPECT_EQ(share(flipped(wall()), {&frustum, 1}, every), 0);
+  EXPECT_NEAR(share(test::grid({-2, -1, 0}, {4, 0, 0}, {0, 2, 0}, 9, 9), {&frustum, 1}, every), 0.5,
               0.01);
-  Eyes short_sighted = eye;
+  SensorFrustum short_sighted = frustum;
   short_sighted.far_m = 1.9;
   EXPECT_EQ(share(wall(), {&short_sighted, 1}, every), 0);
   short_sighted.far_m = 5, short_sighted.near_m = 2.1;
@@ -232,11 +233,11 @@ TEST(SeenSamples, AreInThePictureWithinReachInFrontAndNotHidden) {
       both(wall(), test::grid({-0.25f, -0.25f, 1}, {0.5f, 0, 0}, {0, 0.5f, 0}, 2, 2));
   const auto above = [](const SurfaceSample& s) { return s.position.z > 0.5f; };
   const auto below = [](const SurfaceSample& s) { return s.position.z < 0.5f; };
-  EXPECT_EQ(share(shelf, {&eye, 1}, above), 1);
-  EXPECT_NEAR(share(shelf, {&eye, 1}, below), 0.75, 0.01);
-  Eyes aside = eye;
+  EXPECT_EQ(share(shelf, {&frustum, 1}, above), 1);
+  EXPECT_NEAR(share(shelf, {&frustum, 1}, below), 0.75, 0.01);
+  SensorFrustum aside = frustum;
   aside.T_world_depth = look_at({0.9, 0, 2}, {0.9, 0, 0}, {0, 1, 0});
-  const Eyes two[] = {eye, aside};
+  const SensorFrustum two[] = {frustum, aside};
   EXPECT_GT(share(shelf, two, below), 0.85);
 }
 
@@ -323,8 +324,9 @@ TEST(GeometryErrors, WhatCannotBeMeasuredIsRefused) {
   Mesh lost = good, wrong = good;
   lost.positions[7].y = NAN;
   wrong.triangles[3][1] = 1'000'000;
-  const auto cause = [&](const Mesh& mesh, const Mesh& reference, std::span<const Eyes> eyes = {}) {
-    const auto error = geometry_error(mesh, reference, eyes, kConfig);
+  const auto cause = [&](const Mesh& mesh, const Mesh& reference,
+                         std::span<const SensorFrustum> frustums = {}) {
+    const auto error = geometry_error(mesh, reference, frustums, kConfig);
     EXPECT_FALSE(error);
     return error ? "" : cause_name(error.error().cause);
   };
@@ -334,20 +336,20 @@ TEST(GeometryErrors, WhatCannotBeMeasuredIsRefused) {
   EXPECT_STREQ(cause(lost, good), "invalid");
   EXPECT_STREQ(cause(good, lost), "invalid");
   EXPECT_STREQ(cause(wrong, good), "invalid");
-  const Eyes eye = eye_above();
-  EXPECT_STREQ(cause(good, wall(3), {&eye, 1}), "empty");  // behind the eye
+  const SensorFrustum frustum = frustum_above();
+  EXPECT_STREQ(cause(good, wall(3), {&frustum, 1}), "empty");  // behind the sensor
 }
 
 TEST(GeometryErrors, AreTheSameOnAnyNumberOfThreads) {
   const Mesh truth = test::grid({-1, -1, 0}, {2, 0, 0}, {0, 2, 0}, 60, 60, 0.004f, 1);
   Mesh mesh = with_hole(test::grid({-1, -1, 0}, {2, 0, 0}, {0, 2, 0}, 70, 70, 0.01f, 2), 0.3f);
   append(mesh, test::grid({0, -1, 0.01f}, {0.5f, 0, 0}, {0, 2, 0}, 20, 70, 0.01f, 3));
-  const Eyes eye = eye_above();
+  const SensorFrustum frustum = frustum_above();
   GeometryError errors[2];
   double residuals[2];
   for (const int i : {0, 1})
     Arena(i == 0 ? 1 : 8).run([&] {
-      errors[i] = errors_of(mesh, truth, {&eye, 1});
+      errors[i] = errors_of(mesh, truth, {&frustum, 1});
       residuals[i] = residual_mm(mesh, truth, kConfig);
     });
   EXPECT_EQ(std::memcmp(&errors[0], &errors[1], sizeof errors[0]), 0);
@@ -521,13 +523,14 @@ TEST(ReadPly, NoByteThatIsWrongCrashesIt) {
 
 TEST(SeenSamples, ALidarSeesBetweenItsBeamsOnly) {
   Mesh wall = test::grid({-0.5f, 2, 2}, {1, 0, 0}, {0, -4, 0}, 4, 40);  // y is down
-  Eyes eye;
-  eye.depth_camera.model = CameraModel::lidar;
-  eye.depth_camera.width = 512, eye.depth_camera.height = 46;
-  for (int row = 0; row < 46; ++row) eye.depth_camera.beam_altitude_rad.push_back(-row * 0.0174533);
-  eye.depth_camera.beam_azimuth_rad.assign(46, 0);
+  SensorFrustum frustum;
+  frustum.depth_camera.model = CameraModel::lidar;
+  frustum.depth_camera.width = 512, frustum.depth_camera.height = 46;
+  for (int row = 0; row < 46; ++row)
+    frustum.depth_camera.beam_altitude_rad.push_back(-row * 0.0174533);
+  frustum.depth_camera.beam_azimuth_rad.assign(46, 0);
   const auto samples = sample_surface(wall, 4000, 1);
-  const auto seen = seen_samples(wall, samples, std::span(&eye, 1), 0.01);
+  const auto seen = seen_samples(wall, samples, std::span(&frustum, 1), 0.01);
   int above = 0, below = 0;
   for (std::size_t i = 0; i < samples.size(); ++i)
     (samples[i].position.y < -0.03f ? above : below) += seen[i];

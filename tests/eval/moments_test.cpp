@@ -62,9 +62,9 @@ TEST(Moments, OfARecordingWithLayersLieAfterTheWarmUp) {
   EXPECT_EQ(brief.first.front(), 18);
   EXPECT_EQ(brief.fed_from(), 0);
   for (std::size_t m = 0; m < brief.first.size(); ++m) EXPECT_LT(brief.shown(m), 41);
-  EXPECT_TRUE(remembers(scene));
+  EXPECT_TRUE(is_stateful(scene));
   scene.pipeline = "points";
-  EXPECT_FALSE(remembers(scene));
+  EXPECT_FALSE(is_stateful(scene));
 }
 
 TEST(Rate, OfASteadyStreamHasNoKeyFrame) {

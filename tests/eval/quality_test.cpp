@@ -8,7 +8,7 @@
 #include "eval/small_scene.h"
 #include "mr/eval/geometry_buffer.h"
 #include "mr/eval/geometry_error.h"
-#include "mr/eval/seen.h"
+#include "mr/eval/seen_masks.h"
 #include "mr/eval/system.h"
 #include "mr/kit/topology.h"
 
@@ -19,8 +19,8 @@ namespace {
 struct Measured {
   SmallScene small;
   Trial trial;
-  Judge judge;
-  Played played;
+  MultiViewSsim metric;
+  DecodedStream stream;
 };
 
 const Measured& measured() {
@@ -29,20 +29,20 @@ const Measured& measured() {
     auto trial = Trial::prepare(m->small.scene, m->small.config());
     if (!trial) ADD_FAILURE() << trial.error().message;
     m->trial = *std::move(trial);
-    auto judge = m->trial.judge({0}, 4, 1, m->small.config());
-    if (!judge) ADD_FAILURE() << judge.error().message;
-    m->judge = *std::move(judge);
-    auto played = play(m->small.scene, m->trial.moments(), m->small.config());
-    if (!played) ADD_FAILURE() << played.error().message;
-    m->played = *std::move(played);
+    auto metric = m->trial.metric({0}, 4, 1, m->small.config());
+    if (!metric) ADD_FAILURE() << metric.error().message;
+    m->metric = *std::move(metric);
+    auto stream = run_pipeline(m->small.scene, m->trial.moments(), m->small.config());
+    if (!stream) ADD_FAILURE() << stream.error().message;
+    m->stream = *std::move(stream);
     return m;
   }();
   return *made;
 }
 
-QualityReport quality_of(const Played& played) {
+QualityReport quality_of(const DecodedStream& stream) {
   const Measured& m = measured();
-  const auto report = measure_quality(m.trial, m.judge, m.small.scene, played, m.small.config());
+  const auto report = measure_quality(m.trial, m.metric, m.small.scene, stream, m.small.config());
   if (report) return *report;
   ADD_FAILURE() << report.error().message;
   return {};
@@ -55,7 +55,7 @@ Mesh whole(const DecodedScene& scene) {
 }
 
 GeometryError against_itself(const DecodedScene& scene) {
-  const auto error = geometry_error(whole(scene), whole(measured().played.shown[0]), {},
+  const auto error = geometry_error(whole(scene), whole(measured().stream.shown[0]), {},
                                     {.voxel_m = 0.03, .samples = 40'000});
   if (error) return *error;
   ADD_FAILURE() << error.error().message;
@@ -64,8 +64,8 @@ GeometryError against_itself(const DecodedScene& scene) {
 
 /// The same stream with every chunk's mesh changed.
 template <typename Change>
-Played with_meshes(const Change& change) {
-  Played out = measured().played;
+DecodedStream with_meshes(const Change& change) {
+  DecodedStream out = measured().stream;
   for (auto& chunk : out.shown[0].chunks) {
     Chunk changed = *chunk;
     change(changed.mesh);
@@ -75,8 +75,8 @@ Played with_meshes(const Change& change) {
 }
 
 /// Every picture moved to the right.
-Played with_shifted_texture(int pixels) {
-  Played out = measured().played;
+DecodedStream with_shifted_texture(int pixels) {
+  DecodedStream out = measured().stream;
   for (auto& [stream, picture] : out.shown[0].textures) {
     ImageRgb moved = *picture;
     for (int y = 0; y < moved.height; ++y)
@@ -87,7 +87,7 @@ Played with_shifted_texture(int pixels) {
 }
 
 TEST(Quality, OfASmallRoomIsPlausible) {
-  const QualityReport report = quality_of(measured().played);
+  const QualityReport report = quality_of(measured().stream);
   EXPECT_EQ(report.reference, ReferenceKind::truth);
   EXPECT_EQ(report.views, 4);
   EXPECT_EQ(report.frames, 1);
@@ -104,24 +104,24 @@ TEST(Quality, TheReferenceItselfIsPerfect) {
   const auto pictures = m.trial.pictures({0}, 4, 0, m.small.config());
   ASSERT_TRUE(pictures.ok()) << pictures.error().message;
   for (std::size_t v = 0; v < 4; ++v) {
-    const Drawn& picture = (*pictures)[0][v];
-    const auto score = m.judge.compare(0, v, luma_of(picture.color), picture.covered);
+    const RenderedView& picture = (*pictures)[0][v];
+    const auto score = m.metric.compare(0, v, luma_of(picture.color), picture.covered);
     ASSERT_TRUE(score.ok());
     EXPECT_NEAR(score->ssim_masked, 1, 1e-6);
   }
 }
 
 TEST(SeededError, AShiftedTextureLowersSsimAndLeavesTheGeometry) {
-  const Played shifted = with_shifted_texture(8);
+  const DecodedStream shifted = with_shifted_texture(8);
   EXPECT_LT(quality_of(shifted).score.masked.mean,
-            quality_of(measured().played).score.masked.mean - 0.02);
+            quality_of(measured().stream).score.masked.mean - 0.02);
   EXPECT_LT(against_itself(shifted.shown[0]).to_reference.max_mm, 0.01);
 }
 
 TEST(SeededError, AHoleIsMissing) {
-  const Mesh before = whole(measured().played.shown[0]);
+  const Mesh before = whole(measured().stream.shown[0]);
   const Vec3f middle = before.centroid(before.triangles.size() / 2);
-  const Played holed = with_meshes([&](Mesh& mesh) {
+  const DecodedStream holed = with_meshes([&](Mesh& mesh) {
     std::vector<std::uint8_t> keep(mesh.triangles.size());
     for (std::size_t t = 0; t < keep.size(); ++t)
       keep[t] = length(mesh.centroid(t) - middle) > 0.5f ? 1 : 0;
@@ -132,20 +132,20 @@ TEST(SeededError, AHoleIsMissing) {
   const GeometryError error = against_itself(holed.shown[0]);
   EXPECT_GT(error.missing_ratio, 0.6 * lost);  // but for a voxel around the hole's rim
   EXPECT_LT(error.missing_ratio, lost);
-  EXPECT_EQ(against_itself(measured().played.shown[0]).missing_ratio, 0);
+  EXPECT_EQ(against_itself(measured().stream.shown[0]).missing_ratio, 0);
   EXPECT_LT(error.to_reference.max_mm, 0.01);
-  EXPECT_LT(quality_of(holed).score.masked.mean, quality_of(measured().played).score.masked.mean);
+  EXPECT_LT(quality_of(holed).score.masked.mean, quality_of(measured().stream).score.masked.mean);
 }
 
 TEST(SeededError, ADoubledWallIsADuplicate) {
-  const Played doubled = with_meshes([](Mesh& mesh) {
+  const DecodedStream doubled = with_meshes([](Mesh& mesh) {
     Mesh behind = mesh;
     const std::vector<Vec3f> normals = kit::vertex_normals(mesh);
     for (std::size_t v = 0; v < normals.size(); ++v)
       behind.positions[v] = behind.positions[v] - normals[v] * 0.045f;
     append(mesh, behind);
   });
-  const double before = against_itself(measured().played.shown[0]).duplicate_ratio;
+  const double before = against_itself(measured().stream.shown[0]).duplicate_ratio;
   const double after = against_itself(doubled.shown[0]).duplicate_ratio;
   EXPECT_LT(before, 0.2);
   EXPECT_GT(after, before + 0.5);
@@ -158,9 +158,9 @@ TEST(Quality, NoiseLeavesNoChunkToKeep) {
   SmallScene small(", people: 1", "still: {layers: false}\n");
   const auto trial = Trial::prepare(small.scene, small.config());
   ASSERT_TRUE(trial.ok()) << trial.error().message;
-  const auto kept = play(small.scene, trial->moments(), small.config());
+  const auto kept = run_pipeline(small.scene, trial->moments(), small.config());
   small.scene.reuse_chunks = false;
-  const auto afresh = play(small.scene, trial->moments(), small.config());
+  const auto afresh = run_pipeline(small.scene, trial->moments(), small.config());
   ASSERT_TRUE(kept.ok() && afresh.ok());
   EXPECT_GT(kept->mesh_mbps, 0.95 * afresh->mesh_mbps);
 }
@@ -171,12 +171,12 @@ TEST(Quality, ALateStreamIsJudgedByWhatIsThereBothSidesOfItsMeanAge) {
   ASSERT_TRUE(trial.ok()) << trial.error().message;
   const auto pictures = trial->pictures({0}, 1, 0, small.config());
   ASSERT_TRUE(pictures.ok()) << pictures.error().message;
-  const Drawn& now = pictures->front().front();
+  const RenderedView& now = pictures->front().front();
   std::vector<double> ssim;
   for (const int divider : {1, 2, 3}) {  // 0, 0.5 and 1 captures late
-    const auto judge = trial->judge({0}, 1, divider, small.config());
-    ASSERT_TRUE(judge.ok()) << judge.error().message;
-    ssim.push_back(judge->compare(0, 0, luma_of(now.color), now.covered)->ssim_masked);
+    const auto metric = trial->metric({0}, 1, divider, small.config());
+    ASSERT_TRUE(metric.ok()) << metric.error().message;
+    ssim.push_back(metric->compare(0, 0, luma_of(now.color), now.covered)->ssim_masked);
   }
   EXPECT_NEAR(ssim[0], 1, 1e-6);
   EXPECT_LT(ssim[2], 0.9999);
@@ -205,7 +205,7 @@ Alike compare_with_renderer(render::Renderer& renderer, const DecodedScene& scen
 
 TEST(GeometryBuffer, ShadesAsTheRendererDraws) {
   const Measured& m = measured();
-  const DecodedScene& scene = m.played.shown[0];
+  const DecodedScene& scene = m.stream.shown[0];
   auto renderer = render::Renderer::create();
   ASSERT_TRUE(renderer.ok()) << renderer.error().message;
   const LumaTexture texture = luma_texture({scene.views, scene.textures});
@@ -222,9 +222,10 @@ TEST(System, TakenApartIsAsGoodAsTheWhole) {
   auto system =
       make_system(m.small.scene, {m.trial.moments(), m.small.config().rig_cache, {}, {setting}});
   ASSERT_TRUE(system.ok()) << system.error().message;
-  const auto joined = play_apart(**system, m.small.scene, m.trial.moments(), m.small.config());
+  const auto joined =
+      run_pipeline_halves(**system, m.small.scene, m.trial.moments(), m.small.config());
   ASSERT_TRUE(joined.ok()) << joined.error().message;
-  const QualityReport apart = quality_of(*joined), together = quality_of(m.played);
+  const QualityReport apart = quality_of(*joined), together = quality_of(m.stream);
   EXPECT_NEAR(apart.score.masked.mean, together.score.masked.mean, 0.002);
   EXPECT_NEAR(apart.mesh_mbps / together.mesh_mbps, 1, 0.05);
   EXPECT_NEAR(apart.texture_mbps / together.texture_mbps, 1, 0.05);
@@ -234,8 +235,8 @@ TEST(System, TakenApartIsAsGoodAsTheWhole) {
 struct Remembered {
   SmallScene small{", people: 1, frames: 300", "still: {layers: true}\n"};
   Trial trial;
-  Judge judge;
-  Played whole, apart;
+  MultiViewSsim metric;
+  DecodedStream whole, apart;
 };
 
 const Remembered& remembered() {
@@ -245,17 +246,17 @@ const Remembered& remembered() {
     auto trial = Trial::prepare(m->small.scene, config);
     if (!trial) return ADD_FAILURE() << trial.error().message, std::move(m);
     m->trial = *std::move(trial);
-    auto judge = m->trial.judge({0}, 4, 1, config, true);
-    if (!judge) return ADD_FAILURE() << judge.error().message, std::move(m);
-    m->judge = *std::move(judge);
-    auto whole = play(m->small.scene, m->trial.moments(), config);
+    auto metric = m->trial.metric({0}, 4, 1, config, true);
+    if (!metric) return ADD_FAILURE() << metric.error().message, std::move(m);
+    m->metric = *std::move(metric);
+    auto whole = run_pipeline(m->small.scene, m->trial.moments(), config);
     if (!whole) return ADD_FAILURE() << whole.error().message, std::move(m);
     m->whole = *std::move(whole);
     const GeometrySetting setting = geometry_setting(m->small.scene);
     auto system =
         make_system(m->small.scene, {m->trial.moments(), config.rig_cache, {}, {setting}});
     if (!system) return ADD_FAILURE() << system.error().message, std::move(m);
-    auto apart = play_apart(**system, m->small.scene, m->trial.moments(), config);
+    auto apart = run_pipeline_halves(**system, m->small.scene, m->trial.moments(), config);
     if (!apart) return ADD_FAILURE() << apart.error().message, std::move(m);
     m->apart = *std::move(apart);
     return m;
@@ -267,7 +268,7 @@ TEST(SteadyState, ChunksOfTheStillSurfaceCountAsKept) {
   const Remembered& m = remembered();
   Scene anew = m.small.scene;
   anew.still.layers = false;
-  const auto everything = play(anew, m.trial.moments(), m.small.config());
+  const auto everything = run_pipeline(anew, m.trial.moments(), m.small.config());
   ASSERT_TRUE(everything.ok()) << everything.error().message;
   EXPECT_LT(m.whole.mesh_mbps, 0.5 * everything->mesh_mbps);
   EXPECT_GT(m.whole.refresh_mbps, 0.05);
@@ -280,8 +281,8 @@ TEST(SteadyState, ChunksOfTheStillSurfaceCountAsKept) {
 
 TEST(SteadyState, TakenApartIsAsGoodAsTheWhole) {
   const Remembered& m = remembered();
-  const auto score = [&](const Played& played) {
-    const auto report = measure_quality(m.trial, m.judge, m.small.scene, played, m.small.config());
+  const auto score = [&](const DecodedStream& stream) {
+    const auto report = measure_quality(m.trial, m.metric, m.small.scene, stream, m.small.config());
     if (!report) ADD_FAILURE() << report.error().message;
     return report ? report->score : MultiViewScore{};
   };
@@ -306,7 +307,7 @@ TEST(SteadyState, SightShadesBothLayersAsTheRendererDraws) {
 }
 
 TEST(GeometryBuffer, AppliesTheGainOfATile) {
-  DecodedScene scene = measured().played.shown[0];
+  DecodedScene scene = measured().stream.shown[0];
   scene.views.front().gain = {1.25f, 0.8f, 1.1f};
   auto renderer = render::Renderer::create();
   ASSERT_TRUE(renderer.ok()) << renderer.error().message;

@@ -1,6 +1,6 @@
 #include "mr/eval/still_error.h"
 
-#include "mr/eval/captured.h"
+#include "mr/eval/sensor_coverage.h"
 #include "small_scene.h"
 #include "support/meshes.h"
 
@@ -92,10 +92,10 @@ TEST(StillErrorOfARig, WantsATruth) {
 
 TEST(Captured, EyesStandWhereTheyReallyDo) {
   const SmallScene small(", calib_error_mm: 20");
-  const auto eyes = true_eyes(small.scene);
-  ASSERT_EQ(eyes.size(), small.scene.sensors.size());
+  const auto frustums = sensor_frustums(small.scene);
+  ASSERT_EQ(frustums.size(), small.scene.sensors.size());
   const Pose& stated = small.scene.sensors[1].T_world_depth.front();
-  const double off_m = length(eyes[1].T_world_depth.translation - stated.translation);
+  const double off_m = length(frustums[1].T_world_depth.translation - stated.translation);
   EXPECT_GT(off_m, 0.001);
   EXPECT_LT(off_m, 0.2);
 }

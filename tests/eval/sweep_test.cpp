@@ -3,7 +3,7 @@
 #include <gtest/gtest.h>
 
 #include "core/temp_dir.h"
-#include "mr/eval/match.h"
+#include "mr/eval/operating_point.h"
 #include "support/meshes.h"
 
 namespace mr::eval {
@@ -87,18 +87,18 @@ SweepPlan plan() {
   return plan;
 }
 
-SweepJudges judges() {
-  SweepJudges out;
+SweepReference references() {
+  SweepReference out;
   out.views = {{"front", camera(), {}}};
   out.moments = {0};
-  const Drawn reference{picture(0), ImageMask(kWidth, kHeight, 1)};
+  const RenderedView reference{picture(0), ImageMask(kWidth, kHeight, 1)};
   EXPECT_TRUE(out.by_divider.emplace_back().add({{reference}}).ok());
   return out;
 }
 
 TEST(Sweep, CombinesHalvesThatWereCodedOnce) {
   FakeSystem system({});
-  const auto points = sweep(system, plan(), judges(), 30, Store({}));
+  const auto points = sweep(system, plan(), references(), 30, Store({}));
   ASSERT_TRUE(points.ok()) << points.error().message;
   ASSERT_EQ(points->size(), 4u);
   EXPECT_EQ(system.encoded, 4);
@@ -116,17 +116,17 @@ TEST(Sweep, GoesOnWhereItWasInterrupted) {
   const test::TempDir folder;
   const Store scores(folder.path() / "scores");
   FakeSystem whole({});
-  const auto expected = sweep(whole, plan(), judges(), 30, Store({}));
+  const auto expected = sweep(whole, plan(), references(), 30, Store({}));
   FakeSystem interrupted(folder.path() / "coded");
   interrupted.fails_at_ratio = 0.3;
-  EXPECT_FALSE(sweep(interrupted, plan(), judges(), 30, scores).ok());
+  EXPECT_FALSE(sweep(interrupted, plan(), references(), 30, scores).ok());
   FakeSystem resumed(folder.path() / "coded");
-  const auto points = sweep(resumed, plan(), judges(), 30, scores);
+  const auto points = sweep(resumed, plan(), references(), 30, scores);
   ASSERT_TRUE(points.ok() && expected.ok());
   EXPECT_EQ(resumed.encoded, 1);  // the geometry that was not reached
   EXPECT_EQ(to_csv(*points, ReferenceKind::truth), to_csv(*expected, ReferenceKind::truth));
   FakeSystem done(folder.path() / "coded");
-  ASSERT_TRUE(sweep(done, plan(), judges(), 30, scores).ok());
+  ASSERT_TRUE(sweep(done, plan(), references(), 30, scores).ok());
   EXPECT_EQ(done.encoded, 0);
   EXPECT_EQ(done.textures_decoded, 0);  // all scores are kept
 }
@@ -147,9 +147,9 @@ TEST(ParetoHull, IsConvexAndRises) {
   EXPECT_EQ(pareto_hull({point(1, 0.5), point(1, 0.5)}).size(), 1u);
 }
 
-TEST(Match, TakesThePointWhereTheTargetIsJustMet) {
+TEST(OperatingPoint, TakesThePointWhereTheTargetIsJustMet) {
   const std::vector<SweepPoint> points =
-      front({point(4, 0.9), point(1, 0.5), point(3, 0.6), point(2, 0.8), point(9, 0.85)});
+      pareto_front({point(4, 0.9), point(1, 0.5), point(3, 0.6), point(2, 0.8), point(9, 0.85)});
   ASSERT_EQ(points.size(), 3u);  // 1, 2, 4: no other has more for less
   const auto at = [&](std::optional<double> mbps, std::optional<double> ssim) {
     return points[crossing(points, {mbps, ssim})].mbps();

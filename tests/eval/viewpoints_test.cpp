@@ -15,6 +15,7 @@
 
 #include "mr/core/parallel.h"
 #include "mr/eval/floor_map.h"
+#include "mr/eval/skeleton.h"
 #include "mr/kit/raster.h"
 #include "support/meshes.h"
 

@@ -44,20 +44,20 @@ TEST(Tokens, WhatIsNoneIsRefusedWithoutBeingShown) {
 TEST(Certificate, SpeaksForItsNamesAndIsKept) {
   test::TempDir folder;
   const std::vector<std::string> names = {"localhost", "127.0.0.1", "::1"};
-  const auto first = net::own_certificate(folder.path(), names);
+  const auto first = net::load_or_make_certificate(folder.path(), names);
   ASSERT_TRUE(first) << first.error().message;
-  const auto again = net::own_certificate(folder.path(), names);
+  const auto again = net::load_or_make_certificate(folder.path(), names);
   ASSERT_TRUE(again);
   EXPECT_EQ(*net::fingerprint(*first), *net::fingerprint(*again)) << "trusted once, known again";
   EXPECT_EQ(net::fingerprint(*first)->size(), 32u * 3 - 1);
-  EXPECT_EQ(net::complaint(*first), "");
-  const auto moved = net::own_certificate(folder.path(), {"localhost", "192.168.1.7"});
+  EXPECT_EQ(net::expiry_warning(*first), "");
+  const auto moved = net::load_or_make_certificate(folder.path(), {"localhost", "192.168.1.7"});
   EXPECT_EQ(*net::fingerprint(*first), *net::fingerprint(*moved)) << "the machine got an address";
-  EXPECT_TRUE(net::own_certificate({}, names)) << "nowhere to keep it";
+  EXPECT_TRUE(net::load_or_make_certificate({}, names)) << "nowhere to keep it";
   const auto mode = std::filesystem::status(folder / "gateway.key").permissions();
   EXPECT_EQ(mode & std::filesystem::perms(077), std::filesystem::perms::none);
   const auto other =
-      net::own_certificate(folder.path(), {"room.example.org"}, {"room.example.org"});
+      net::load_or_make_certificate(folder.path(), {"room.example.org"}, {"room.example.org"});
   ASSERT_TRUE(other);
   EXPECT_NE(*net::fingerprint(*first), *net::fingerprint(*other)) << "another name";
 }
@@ -65,9 +65,9 @@ TEST(Certificate, SpeaksForItsNamesAndIsKept) {
 TEST(Certificate, AnExpiredOneIsSaidToBe) {
   const auto made = net::make_certificate({"localhost"}, -1);
   ASSERT_TRUE(made);
-  EXPECT_NE(net::complaint(*made).find("has expired"), std::string::npos);
+  EXPECT_NE(net::expiry_warning(*made).find("has expired"), std::string::npos);
   const auto soon = net::make_certificate({"localhost"}, 3);
-  EXPECT_NE(net::complaint(*soon).find("expires in"), std::string::npos);
+  EXPECT_NE(net::expiry_warning(*soon).find("expires in"), std::string::npos);
 }
 
 TEST(Certificate, WhatDoesNotFitIsRefused) {

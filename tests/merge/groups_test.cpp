@@ -17,7 +17,7 @@ using Groups = std::vector<std::vector<std::uint32_t>>;
 Groups groups_of(const std::vector<Mesh>& meshes, double reach_m) {
   std::vector<const Mesh*> pointers;
   for (const Mesh& mesh : meshes) pointers.push_back(&mesh);
-  return merge::groups_that_meet(pointers, reach_m);
+  return merge::connected_groups(pointers, reach_m);
 }
 
 /// Walls of 1 m, at x.

@@ -34,7 +34,7 @@ constexpr Overlap kWays[] = {Overlap::raster, Overlap::rays};
 /// A noisy wall, a ball before it and a floor that passes beneath the cameras, seen three times.
 std::vector<kit::Part> room() {
   std::vector<kit::Part> out;
-  const Vec3d eyes[] = {{-0.5, 0, 0}, {0.5, -0.1, 0.1}, {0, 0.2, -0.3}};
+  const Vec3d sensors[] = {{-0.5, 0, 0}, {0.5, -0.1, 0.1}, {0, 0.2, -0.3}};
   for (unsigned i = 0; i < 3; ++i) {
     Mesh mesh = wall(-1.2f, 1.3f, 0.002f * static_cast<float>(i), 37 + 3 * static_cast<int>(i),
                      0.004f, i + 1);
@@ -42,7 +42,7 @@ std::vector<kit::Part> room() {
                               19 + 2 * static_cast<int>(i)));
     append(mesh, test::grid({-1, 0.6f, -1}, {2, 0, 0}, {0, 0.1f, 4}, 5 + static_cast<int>(i), 9,
                             0.003f, i + 7));
-    out.push_back(part(std::move(mesh), i, eyes[i]));
+    out.push_back(part(std::move(mesh), i, sensors[i]));
   }
   return out;
 }

@@ -42,7 +42,7 @@ std::vector<Case> make_cases() {
     out.push_back({std::move(name), std::move(parts), offset_m, {}});
   };
   const auto wall = [&](int sensors, float offset_m, float noise_m, int holes = 0) {
-    return seen_by(test::wall_shape, test::eyes_before_the_wall(sensors),
+    return seen_by(test::wall_shape, test::sensors_before_the_wall(sensors),
                    {.noise_m = noise_m, .offset_m = offset_m, .holes = holes});
   };
   for (const float offset_m : {0.0f, 0.003f, 0.01f})
@@ -52,21 +52,25 @@ std::vector<Case> make_cases() {
   add("wall, exact", wall(4, 0, 0), 0);
   add("wall with holes", wall(4, 0.003f, 0.002f, 25), 0.003);
   add("decimated wall",
-      decimated(seen_by(test::wall_shape, test::eyes_before_the_wall(4),
+      decimated(seen_by(test::wall_shape, test::sensors_before_the_wall(4),
                         {.cell_m = 0.014f, .noise_m = 0.002f}),
                 0.08),
       0);
   for (const float offset_m : {0.0f, 0.005f}) {
-    const test::Look look{.noise_m = 0.001f, .offset_m = offset_m};
+    const test::CaptureOptions options{.noise_m = 0.001f, .offset_m = offset_m};
     const std::string with = ", " + std::to_string(offset_m);
-    add("corner" + with, seen_by(test::corner_shape, test::eyes_in_the_corner(), look), offset_m);
-    add("sphere" + with, seen_by(test::sphere_shape, test::eyes_on_six_sides(), look), offset_m);
-    add("cylinder" + with, seen_by(test::cylinder_shape, test::eyes_around(1.8, 0.3, 4), look),
+    add("corner" + with, seen_by(test::corner_shape, test::sensors_in_the_corner(), options),
         offset_m);
-    add("step" + with, seen_by(test::step_shape, test::eyes_around(1, 1.2, 3), look), offset_m);
-    add("sheets" + with, seen_by(test::sheets_shape, test::eyes_before_the_wall(2), look),
+    add("sphere" + with, seen_by(test::sphere_shape, test::sensors_on_six_sides(), options),
         offset_m);
-    add("table" + with, seen_by(test::table_shape, test::eyes_around(1.2, 1.2, 2), look), offset_m);
+    add("cylinder" + with,
+        seen_by(test::cylinder_shape, test::sensors_around(1.8, 0.3, 4), options), offset_m);
+    add("step" + with, seen_by(test::step_shape, test::sensors_around(1, 1.2, 3), options),
+        offset_m);
+    add("sheets" + with, seen_by(test::sheets_shape, test::sensors_before_the_wall(2), options),
+        offset_m);
+    add("table" + with, seen_by(test::table_shape, test::sensors_around(1.2, 1.2, 2), options),
+        offset_m);
   }
   return out;
 }
@@ -252,7 +256,7 @@ TEST(MergeProperties, OcclusionRuleIsSoundAfterZipping) {
 
 TEST(MergeProperties, SameBytesOnAnyNumberOfThreads) {
   const auto parts =
-      test::seen_by(test::wall_shape, test::eyes_before_the_wall(3),
+      test::seen_by(test::wall_shape, test::sensors_before_the_wall(3),
                     {.cell_m = 0.06f, .noise_m = 0.002f, .offset_m = 0.004f, .holes = 12});
   for (const Owner owner : {Owner::coherent, Owner::paper}) {
     std::vector<test::Merged> results;
@@ -313,7 +317,7 @@ SensorId owner_near(Vec3f p, const Mesh& mesh, const test::Rays& rays, const Own
 
 TEST(MergeProperties, TwoLayersEqualOne) {
   // All four lie in depth where the others do not, so that each point tells its part.
-  std::vector<Part> parts = test::seen_by(test::wall_shape, test::eyes_before_the_wall(4), {});
+  std::vector<Part> parts = test::seen_by(test::wall_shape, test::sensors_before_the_wall(4), {});
   for (std::size_t i = 0; i < parts.size(); ++i)
     for (Vec3f& p : parts[i].mesh.positions) p.z += 0.002f * static_cast<float>(i);
   const Mesh flat = test::merged(parts).mesh;

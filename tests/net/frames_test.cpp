@@ -17,7 +17,7 @@ std::vector<std::byte> encoded(FrameKind kind, std::uint64_t id, std::size_t byt
 const FrameLimits kLimits = {{FrameKind::packet, 1000}, {FrameKind::subscribe, 0}};
 
 TEST(Frames, GoldenBytes) {
-  const auto header = encode_frame_header(FrameKind::ask, 0x0102030405060708u, 0x00A1B2C3u);
+  const auto header = encode_frame_header(FrameKind::request, 0x0102030405060708u, 0x00A1B2C3u);
   const std::array<int, kFrameHeaderBytes> golden = {0xC3, 0xB2, 0xA1, 0, 5, 8, 7,
                                                      6,    5,    4,    3, 2, 1};
   for (std::size_t i = 0; i < golden.size(); ++i)

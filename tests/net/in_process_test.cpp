@@ -40,8 +40,8 @@ TEST(InProcess, AnswersRequests) {
   };
   EXPECT_EQ(ask(), "");
   {
-    const auto served = transport->serve("n", [](std::span<const std::byte> question) {
-      return text_message(test::text_of(question) + "!");
+    const auto served = transport->serve("n", [](std::span<const std::byte> request) {
+      return text_message(test::text_of(request) + "!");
     });
     EXPECT_EQ(ask(), "q!");
     const auto newer = transport->serve("n", [](auto) { return Message(); });

@@ -8,7 +8,7 @@
 
 #include "certificates.h"
 #include "core/temp_dir.h"
-#include "mr/net/requests.h"
+#include "mr/net/pending_requests.h"
 #include "mr/net/transport.h"
 #include "net_support.h"
 
@@ -110,8 +110,8 @@ TEST_F(Nats, DeliversAndAnswersAnySize) {
   EXPECT_EQ(other.count, 0);
   EXPECT_TRUE(publish_until(*producer, "n.m *>", [&] { return other.count > 0; }));
 
-  const auto served = producer->serve("n", [](std::span<const std::byte> question) {
-    return question.size() == 3 ? test::message(3 << 20) : test::message(question.size());
+  const auto served = producer->serve("n", [](std::span<const std::byte> request) {
+    return request.size() == 3 ? test::message(3 << 20) : test::message(request.size());
   });
   std::atomic<std::size_t> got = 0;
   const auto ask = [&](std::size_t bytes, std::size_t expected) {
@@ -122,9 +122,9 @@ TEST_F(Nats, DeliversAndAnswersAnySize) {
   };
   EXPECT_TRUE(ask(10, 10));
   EXPECT_TRUE(ask(3, 3 << 20));
-  EXPECT_TRUE(ask(kQuestionBytes, kQuestionBytes));
-  a->request("n", test::message(kQuestionBytes + 1), [](const Message&) { ADD_FAILURE(); });
-  EXPECT_EQ(test::dropped(*a, "question too large"), 1u);
+  EXPECT_TRUE(ask(kMaxRequestBytes, kMaxRequestBytes));
+  a->request("n", test::message(kMaxRequestBytes + 1), [](const Message&) { ADD_FAILURE(); });
+  EXPECT_EQ(test::dropped(*a, "request too large"), 1u);
   EXPECT_EQ(test::dropped(*a, "broken"), 0u);
 }
 
@@ -142,7 +142,7 @@ TEST_F(Nats, WordsThatNeedNoAnswerWaitForNone) {
   }));
   for (int i = 0; i < 3000; ++i) consumer->request("n", test::message(1));
   EXPECT_TRUE(eventually([&] { return heard > 3000; }));
-  std::this_thread::sleep_for(Requests::kPatience + 1s);
+  std::this_thread::sleep_for(PendingRequests::kPatience + 1s);
   EXPECT_EQ(test::dropped(*consumer, "requests"), 0u);
 }
 
@@ -415,9 +415,9 @@ TEST_F(Nats, OneThatAsksForMoreThanItTakesGetsNoMore) {
   const Server server(port_);
   const auto producer = transport(), greedy = transport();
   std::atomic<int> asked = 0, words = 0;
-  const auto served = producer->serve("n", [&](std::span<const std::byte> question) {
-    ++(question.size() == 1 ? words : asked);
-    return question.size() == 1 ? nullptr : test::message(8 << 20);
+  const auto served = producer->serve("n", [&](std::span<const std::byte> request) {
+    ++(request.size() == 1 ? words : asked);
+    return request.size() == 1 ? nullptr : test::message(8 << 20);
   });
   ASSERT_TRUE(eventually([&] {
     greedy->request("n", test::message(1));

@@ -7,7 +7,7 @@
 #include "certificates.h"
 
 #include "mr/net/frames.h"
-#include "mr/net/requests.h"
+#include "mr/net/pending_requests.h"
 #include "mr/net/transport.h"
 #include "net_support.h"
 
@@ -41,8 +41,8 @@ TEST(Tcp, DeliversToSeveralAndAnswersRequests) {
   const auto producer = tcp(addresses);
   const auto a = tcp(addresses), b = tcp(addresses);
   Receiver at_a(*a, "n"), at_b(*b, "n"), at_home(*producer, "n");
-  const auto served = producer->serve("n", [](std::span<const std::byte> question) {
-    return question.empty() ? nullptr : text_message(test::text_of(question) + "!");
+  const auto served = producer->serve("n", [](std::span<const std::byte> request) {
+    return request.empty() ? nullptr : text_message(test::text_of(request) + "!");
   });
   EXPECT_TRUE(publish_until(*producer, "n",
                             [&] { return at_a.count > 0 && at_b.count > 0 && at_home.count > 0; }));
@@ -110,7 +110,7 @@ TEST(Tcp, BadPeersAreCutOffAndOthersGoOn) {
   Receiver receiver(*consumer, "n");
   ASSERT_TRUE(publish_until(*producer, "n", [&] { return receiver.count > 0; }));
   const std::string hello = frame(FrameKind::hello, "MRT1n");
-  const auto huge = encode_frame_header(FrameKind::ask, 1, 0xFFFFFFFF);
+  const auto huge = encode_frame_header(FrameKind::request, 1, 0xFFFFFFFF);
   const std::vector<std::string> bad = {"GET / HTTP/1.1\r\n\r\n",
                                         std::string(100, '\0'),
                                         std::string(100, '\xFF'),
@@ -242,7 +242,7 @@ TEST(Tcp, WordsThatNeedNoAnswerWaitForNone) {
     if (i % 500 != 0) continue;
     ASSERT_TRUE(eventually([&] { return heard == i; }));
   }
-  std::this_thread::sleep_for(Requests::kPatience + 1s);
+  std::this_thread::sleep_for(PendingRequests::kPatience + 1s);
   EXPECT_TRUE(consumer->drops().empty());
 }
 
@@ -266,9 +266,8 @@ TEST(TcpSecret, JoinsThoseWhoKnowIt) {
   const std::map<std::string, std::string> addresses = {{"n", here(test::free_port())}};
   Program producer(addresses, kSecret), consumer(addresses, kSecret);
   Receiver receiver(*consumer.transport, "n");
-  const auto served = producer.transport->serve("n", [](std::span<const std::byte> question) {
-    return test::message(question.size() * 1000);
-  });
+  const auto served = producer.transport->serve(
+      "n", [](std::span<const std::byte> request) { return test::message(request.size() * 1000); });
   ASSERT_TRUE(publish_until(*producer.transport, "n", [&] { return receiver.count > 0; }));
   producer.transport->publish("n", test::message(30 << 20));
   EXPECT_TRUE(eventually([&] { return receiver.last_bytes == 30 << 20; }));
@@ -437,20 +436,20 @@ TEST(Tcp, OneThatReadsNoAnswersGetsFewAndIsStillHeard) {
   const std::map<std::string, std::string> addresses = {{"n", here(port)}};
   Program node(addresses), friendly(addresses);
   std::atomic<int> made = 0, words = 0;
-  const auto served = node.transport->serve("n", [&](std::span<const std::byte> question) {
-    ++(question.empty() ? words : made);
+  const auto served = node.transport->serve("n", [&](std::span<const std::byte> request) {
+    ++(request.empty() ? words : made);
     return test::message(1 << 20);
   });
   ASSERT_TRUE(eventually([&] { return test::RawSocket(port).connected(); }));
   test::RawSocket greedy(port, 65536);
   std::string bytes = frame(FrameKind::hello, "MRT1n");
-  for (int i = 0; i < 1000; ++i) bytes += frame(FrameKind::ask, "q");
+  for (int i = 0; i < 1000; ++i) bytes += frame(FrameKind::request, "q");
   ASSERT_TRUE(greedy.send(bytes));
   const std::string cause = "asks again before it reads the answers";
   EXPECT_TRUE(
       eventually([&] { return test::dropped(*node.transport, cause) + made.load() == 1000u; }));
   EXPECT_LT(made, 40);  // 8 MB that wait, and what the kernel took
-  const auto word = encode_frame_header(FrameKind::ask, 0, 0);
+  const auto word = encode_frame_header(FrameKind::request, 0, 0);
   ASSERT_TRUE(greedy.send(test::text_of(word)));
   EXPECT_TRUE(eventually([&] { return words == 1; }));
   std::atomic<int> answers = 0;

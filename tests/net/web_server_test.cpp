@@ -262,7 +262,7 @@ TEST_F(Web, TooManyViewersAreTold) {
   start({.clients = 2});
   Viewer a(port_), b(port_);
   ASSERT_TRUE(eventually([&] { return present().size() == 2; }));
-  for (const ViewerId id : present()) server_->keep(id);
+  for (const ViewerId id : present()) server_->pin(id);
   EXPECT_EQ(Viewer(port_).status(), 503);
   a.send(8, "");
   EXPECT_TRUE(a.socket().closed_by_peer());
@@ -318,7 +318,7 @@ TEST_F(Web, OneAddressDoesNotTakeAllPlaces) {
   std::vector<Viewer> crowd;
   for (int i = 0; i < 3; ++i) crowd.emplace_back(port_, Viewer::Options{.from = "127.0.0.2"});
   ASSERT_TRUE(eventually([&] { return present().size() == 3; }));
-  for (const ViewerId id : present()) server_->keep(id);
+  for (const ViewerId id : present()) server_->pin(id);
   EXPECT_EQ(Viewer(port_, {.from = "127.0.0.2"}).status(), 503);
   EXPECT_EQ(Viewer(port_, {.from = "127.0.0.3"}).status(), 101);
 }
@@ -333,7 +333,7 @@ TEST_F(Web, ViewersThatShowNothingGiveTheirPlacesUp) {
   EXPECT_EQ(newcomer.status(), 101);
   EXPECT_TRUE(idle[0].socket().closed_by_peer()) << "who came first";
   EXPECT_TRUE(echoes(newcomer));
-  for (const ViewerId id : present()) server_->keep(id);
+  for (const ViewerId id : present()) server_->pin(id);
   EXPECT_EQ(Viewer(port_).status(), 503) << "all are kept";
 }
 

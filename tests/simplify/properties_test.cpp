@@ -4,8 +4,8 @@
 #include <random>
 
 #include "mr/core/parallel.h"
-#include "mr/simplify/shrinking_mesh.h"
 #include "mr/simplify/simplify.h"
+#include "mr/simplify/working_mesh.h"
 #include "support/decimation.h"
 
 namespace mr {
@@ -46,7 +46,7 @@ constexpr float kCell_m = 0.01f;
 
 /// [rows + 1] 1 where triangles reach from range to range, and two rows around.
 std::vector<std::uint8_t> seam_rows(const Mesh& mesh) {
-  const auto range = [](std::uint32_t v) { return v / simplify::ShrinkingMesh::kRange; };
+  const auto range = [](std::uint32_t v) { return v / simplify::WorkingMesh::kRange; };
   std::vector<std::uint8_t> out(kRows + 1, 0);
   for (const auto& [a, b, c] : mesh.triangles)
     if (range(a) != range(b) || range(b) != range(c))

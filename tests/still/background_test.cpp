@@ -11,7 +11,7 @@ namespace mr {
 namespace {
 
 using still::Background;
-using still::Moment;
+using still::BackgroundUpdate;
 using test::kAll;
 using test::Room;
 using test::share;
@@ -19,13 +19,13 @@ using test::share_at;
 
 constexpr Rect kPerson{60, 30, 40, 80};
 
-/// Lets captures go by; the last moment. `changes`: how often the still picture changed.
-Moment watch(Background& background, Room& room, int captures, int* changes = nullptr) {
-  Moment out;
+/// Lets captures go by; the last update. `changes`: how often the still picture changed.
+BackgroundUpdate watch(Background& background, Room& room, int captures, int* changes = nullptr) {
+  BackgroundUpdate out;
   for (int i = 0; i < captures; ++i) {
     out = background.update(room.capture());
     if (changes) *changes += out.still_changed;
-    EXPECT_FALSE(out.began_anew) << "capture " << background.captures();
+    EXPECT_FALSE(out.was_reset) << "capture " << background.captures();
   }
   return out;
 }
@@ -40,9 +40,9 @@ TEST(Background, StillRoomIsLearntAndThenNeverChanges) {
   int changes = 0;
   double moving = 0;
   for (int i = 0; i < 200; ++i) {
-    const Moment moment = watch(background, room, 1, &changes);
-    moving += share(moment.moving, kAll);
-    EXPECT_GT(share(moment.confirmed, kAll), 0.99);
+    const BackgroundUpdate update = watch(background, room, 1, &changes);
+    moving += share(update.moving, kAll);
+    EXPECT_GT(share(update.confirmed, kAll), 0.99);
   }
   EXPECT_EQ(changes, 0);
   EXPECT_EQ(moving, 0);
@@ -79,11 +79,11 @@ TEST(Background, WhoWalksByMovesAndLeavesNothing) {
   const ImageDepth before = background.still();
   for (int i = 0; i < 60; ++i) {
     room.boxes = {{{i * 2, 30, 40, 80}, 2}};
-    const Moment moment = background.update(room.capture());
+    const BackgroundUpdate update = background.update(room.capture());
     const Rect inside{i * 2 + 1, 31, std::min(38, Room::kWidth - i * 2 - 2), 78};
-    EXPECT_GT(share(moment.moving, inside), 0.99) << i;
-    EXPECT_NEAR(share(moment.moving, kAll),
-                share(moment.moving, {i * 2, 30, std::min(40, Room::kWidth - i * 2), 80}) *
+    EXPECT_GT(share(update.moving, inside), 0.99) << i;
+    EXPECT_NEAR(share(update.moving, kAll),
+                share(update.moving, {i * 2, 30, std::min(40, Room::kWidth - i * 2), 80}) *
                     std::min(40, Room::kWidth - i * 2) * 80 / (160.0 * 120),
                 0.01);
   }
@@ -125,9 +125,9 @@ TEST(Background, HairThatDropsOutBelongsToWhoWalks) {
   };
   for (int i = 0; i < 60; ++i) background.update(capture());
   room.boxes = {{{90, 30, 40, 80}, 2}};
-  const Moment moment = background.update(capture());
-  EXPECT_GT(share(moment.moving, kHair), 0.99);
-  EXPECT_EQ(share(moment.moving, {0, 0, 80, 120}), 0);
+  const BackgroundUpdate update = background.update(capture());
+  EXPECT_GT(share(update.moving, kHair), 0.99);
+  EXPECT_EQ(share(update.moving, {0, 0, 80, 120}), 0);
 }
 
 TEST(Background, WhoWasThereAtTheStartIsForgottenWhenTheyLeave) {
@@ -184,9 +184,9 @@ TEST(Background, WhoWalksBeforeWhatCannotBeMeasuredIsNeverLearnt) {
   for (int pass = 0; pass < 4; ++pass) {
     for (int i = 0; i < 60; ++i) {  // an arm, then the body behind it
       room.boxes = {{{i * 3 - 20, 30, 40, 80}, 2}, {{i * 3 + 15, 50, 20, 8}, 1.8f}};
-      const Moment moment = watch(background, room, 1);
+      const BackgroundUpdate update = watch(background, room, 1);
       if (i == 30) {
-        EXPECT_GT(share(moment.moving, {72, 32, 36, 70}), 0.99);
+        EXPECT_GT(share(update.moving, {72, 32, 36, 70}), 0.99);
       }
     }
     room.boxes.clear();
@@ -307,8 +307,8 @@ TEST(Background, ChairThatIsMovedStandsWhereItIsNow) {
   Background background = Room::background(2);
   watch(background, room, 90);
   room.boxes[0].at.x = 90;
-  const Moment moment = watch(background, room, 20);
-  EXPECT_GT(share(moment.moving, {91, 61, 28, 38}), 0.99);
+  const BackgroundUpdate update = watch(background, room, 20);
+  EXPECT_GT(share(update.moving, {91, 61, 28, 38}), 0.99);
   EXPECT_GT(share_at(background.still(), {30, 60, 30, 40}, 3), 0.98);
   watch(background, room, 60);
   EXPECT_GT(share_at(background.still(), {90, 60, 30, 40}, 2.5f), 0.98);
@@ -320,10 +320,10 @@ TEST(Background, DepthThatDropsOutChangesNothing) {
   watch(background, room, 60);
   const ImageDepth before = background.still();
   for (int i = 0; i < 90; ++i) {
-    const Moment moment = background.update(ImageDepth(Room::kWidth, Room::kHeight));
-    EXPECT_EQ(share(moment.moving, kAll), 0);
-    EXPECT_EQ(share(moment.confirmed, kAll), 0);
-    EXPECT_FALSE(moment.began_anew);
+    const BackgroundUpdate update = background.update(ImageDepth(Room::kWidth, Room::kHeight));
+    EXPECT_EQ(share(update.moving, kAll), 0);
+    EXPECT_EQ(share(update.confirmed, kAll), 0);
+    EXPECT_FALSE(update.was_reset);
   }
   EXPECT_EQ(share(watch(background, room, 1).moving, kAll), 0);
   EXPECT_EQ(background.still(), before);
@@ -336,7 +336,7 @@ TEST(Background, PushedCameraBeginsAnewAndSaysSo) {
   watch(background, room, 60);
   for (auto& box : room.boxes) box.at.x += 10, box.depth_m += box.at.x % 40 < 20 ? 0.1f : -0.1f;
   int told = 0;
-  for (int i = 0; i < 40; ++i) told += background.update(room.capture()).began_anew;
+  for (int i = 0; i < 40; ++i) told += background.update(room.capture()).was_reset;
   EXPECT_EQ(told, 1);
   EXPECT_EQ(share(watch(background, room, 1).moving, kAll), 0);
   EXPECT_GT(share_at(background.still(), {30, 0, 20, 120}, room.boxes[1].depth_m), 0.9);
@@ -347,8 +347,8 @@ TEST(Background, SomebodyBeforeTheCameraIsNoPush) {
   Background background = Room::background();
   watch(background, room, 60);
   room.boxes = {{{10, 0, 140, 120}, 0.6f}};
-  const Moment moment = watch(background, room, 60);
-  EXPECT_GT(share(moment.moving, {11, 1, 138, 118}), 0.99);
+  const BackgroundUpdate update = watch(background, room, 60);
+  EXPECT_GT(share(update.moving, {11, 1, 138, 118}), 0.99);
 }
 
 TEST(Background, NoiseTwiceWhatIsSaidIsMeasured) {
@@ -386,10 +386,10 @@ TEST(Background, SingleFlipsAtDepthEdgesDoNothing) {
       if (random() % 3 == 0) *depth.at(79, y) = *depth.at(82, y);
       if (random() % 3 == 0) *depth.at(80, y) = *depth.at(70, y);
     }
-    const Moment moment = background.update(depth);
+    const BackgroundUpdate update = background.update(depth);
     if (i < 100) continue;
-    changes += moment.still_changed;
-    EXPECT_LT(share(moment.moving, kAll), 0.001);
+    changes += update.still_changed;
+    EXPECT_LT(share(update.moving, kAll), 0.001);
   }
   EXPECT_LE(changes, 4);  // of 25 chances; regions are smallest in a picture as small as this
 }
@@ -416,9 +416,10 @@ void expect_mixed_columns_rest(Background& background, Room& room, double betwee
   room.boxes = {{{0, 0, 80, 120}, 2}};
   std::mt19937 random(3);
   for (int i = 0; i < 200; ++i) {
-    const Moment moment = background.update(with_mixed_columns(room, 79, 81, between, random));
+    const BackgroundUpdate update =
+        background.update(with_mixed_columns(room, 79, 81, between, random));
     if (i < 100) continue;
-    EXPECT_LT(share(moment.moving, kAll), 0.002) << i;
+    EXPECT_LT(share(update.moving, kAll), 0.002) << i;
   }
 }
 
@@ -434,8 +435,8 @@ TEST(Background, WhatJumpsForEverAtADepthEdgeDoesNotMove) {
   Background background = Room::background();
   expect_mixed_columns_rest(background, room, 1);
   room.boxes.push_back({{70, 30, 40, 80}, 1});  // who stands before it does, wholly
-  const Moment moment = background.update(room.capture());
-  EXPECT_GT(share(moment.moving, {71, 31, 38, 78}), 0.99);
+  const BackgroundUpdate update = background.update(room.capture());
+  EXPECT_GT(share(update.moving, {71, 31, 38, 78}), 0.99);
 }
 
 TEST(Background, DepthThatIsNoDistanceSaysNothing) {

@@ -26,7 +26,7 @@ TEST(Tiles, ColourIsHiddenWhereWhatMovesIsSeen) {
     for (int x = 64; x < 80; ++x) *moving.at(x, y) = 1;
   Pose T_color_depth;
   T_color_depth.translation.x = 2.0 * 32 / camera.fx;  // 32 pixels at 2 m
-  const TileMask tiles = still::unhidden_tiles(depth, moving, camera, camera, T_color_depth);
+  const TileMask tiles = still::unoccluded_tiles(depth, moving, camera, camera, T_color_depth);
   EXPECT_EQ(tiles.columns, 10);
   for (int row = 0; row < tiles.rows; ++row)
     for (int column = 0; column < tiles.columns; ++column)
@@ -37,9 +37,9 @@ TEST(Tiles, ColourIsHiddenWhereWhatMovesIsSeen) {
 TEST(Tiles, PartsHoldAllThatIsSet) {
   ImageMask mask(200, 100);
   *mask.at(40, 50) = *mask.at(60, 90) = *mask.at(199, 0) = 1;
-  const auto parts = still::parts_that_hold(mask, 8);
+  const auto parts = still::covering_rectangles(mask, 8);
   EXPECT_EQ(parts, (std::vector<Rect>{{24, 42, 48, 57}, {184, 0, 16, 9}}));
-  EXPECT_TRUE(still::parts_that_hold(ImageMask(64, 64), 8).empty());
+  EXPECT_TRUE(still::covering_rectangles(ImageMask(64, 64), 8).empty());
 }
 
 }  // namespace

@@ -93,15 +93,15 @@ class Captures {
 };
 
 /// A point of a surface.
-struct Spot {
+struct SurfacePoint {
   Vec3f at, normal;
   std::uint32_t triangle = 0;
 };
 
 /// Points spread over a surface, each for 80 cm².
-inline std::vector<Spot> spots(const Mesh& mesh) {
+inline std::vector<SurfacePoint> surface_points(const Mesh& mesh) {
   constexpr double kEach_m2 = 0.008, kGolden = 0.7548776662466927, kOther = 0.5698402909980532;
-  std::vector<Spot> out;
+  std::vector<SurfacePoint> out;
   double due = 0.5;
   for (std::uint32_t t = 0; t < mesh.triangles.size(); ++t) {
     const Vec3f normal = mesh.area_normal(t);
@@ -122,9 +122,10 @@ inline std::vector<Spot> spots(const Mesh& mesh) {
 inline double share_without(const Mesh& surface, const Mesh& other, double reach_m) {
   const Mesh* meshes[] = {&other};
   const kit::RayScene rays(meshes);
-  const std::vector<Spot> all = spots(surface);
+  const std::vector<SurfacePoint> all = surface_points(surface);
   double without = 0;
-  for (const Spot& spot : all) without += !rays.nearest(spot.at, static_cast<float>(reach_m));
+  for (const SurfacePoint& point : all)
+    without += !rays.nearest(point.at, static_cast<float>(reach_m));
   return all.empty() ? 0 : without / static_cast<double>(all.size());
 }
 
@@ -140,15 +141,15 @@ inline double doubled_share(const Mesh& surface, double reach_m) {
         if (place[a] == place[b]) return true;
     return false;
   };
-  const std::vector<Spot> all = spots(surface);
+  const std::vector<SurfacePoint> all = surface_points(surface);
   double doubled = 0;
   std::vector<kit::RayHit> hits;
-  for (const Spot& spot : all) {
+  for (const SurfacePoint& point : all) {
     const auto reach = static_cast<float>(reach_m);
-    rays.all_hits(spot.at, spot.normal, -reach, reach, hits);
+    rays.all_hits(point.at, point.normal, -reach, reach, hits);
     doubled += std::ranges::any_of(hits, [&](const kit::RayHit& hit) {
-      return dot(normalized(surface.area_normal(hit.triangle)), spot.normal) > 0.5f &&
-             !touch(spot.triangle, hit.triangle);
+      return dot(normalized(surface.area_normal(hit.triangle)), point.normal) > 0.5f &&
+             !touch(point.triangle, hit.triangle);
     });
   }
   return all.empty() ? 0 : doubled / static_cast<double>(all.size());

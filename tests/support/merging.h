@@ -25,11 +25,11 @@ inline constexpr double kVoxel_m = 0.01;
 /// A surface in triangles with edges of about this length.
 using Shape = std::function<Mesh(float cell_m)>;
 
-struct Eye {
+struct SensorPlacement {
   Vec3d at, target;
 };
 
-struct Look {
+struct CaptureOptions {
   float cell_m = 0.03f;
   float noise_m = 0;   ///< vertices lie up to this far off, along the normal
   float offset_m = 0;  ///< every second sensor measures this much too far
@@ -88,17 +88,17 @@ inline Mesh visible(const Mesh& mesh, const Mesh& truth, const Camera& camera, c
 }
 
 /// One part per eye, each with triangles of its own.
-inline std::vector<kit::Part> seen_by(const Shape& shape, std::span<const Eye> eyes,
-                                      const Look& look) {
+inline std::vector<kit::Part> seen_by(const Shape& shape, std::span<const SensorPlacement> sensors,
+                                      const CaptureOptions& options) {
   const Mesh truth = shape(0.02f);
   std::vector<kit::Part> parts;
-  for (std::uint32_t i = 0; i < eyes.size(); ++i) {
-    const Pose T = look_at(eyes[i].at, eyes[i].target, {0, -1, 0});
+  for (std::uint32_t i = 0; i < sensors.size(); ++i) {
+    const Pose T = look_at(sensors[i].at, sensors[i].target, {0, -1, 0});
     const SourceInfo from = source(i, T);
-    const float cell_m = look.cell_m * (1 + 0.07f * static_cast<float>(i));
+    const float cell_m = options.cell_m * (1 + 0.07f * static_cast<float>(i));
     Mesh mesh = visible(shape(cell_m), truth, from.depth_camera, T);
-    mesh = with_noise(with_holes(mesh, look.holes, 17 + i), look.noise_m, 5 + i);
-    const float error_m = i % 2 == 0 ? 0 : look.offset_m;
+    mesh = with_noise(with_holes(mesh, options.holes, 17 + i), options.noise_m, 5 + i);
+    const float error_m = i % 2 == 0 ? 0 : options.offset_m;
     for (Vec3f& p : mesh.positions) p = p + vec_cast<float>(T.rotation.column(2)) * error_m;
     parts.push_back({std::move(mesh), 0.001f, {from}});
   }
@@ -165,32 +165,33 @@ inline Mesh table_shape(float cell_m) {
   return mesh;
 }
 
-inline std::vector<Eye> eyes_before_the_wall(int count) {
+inline std::vector<SensorPlacement> sensors_before_the_wall(int count) {
   if (count == 2) return {{{-0.6, 0, 0.2}, {-0.45, 0, 2}}, {{0.6, 0, 0.2}, {0.45, 0, 2}}};
-  std::vector<Eye> eyes{{{-0.6, -0.3, 0.2}, {-0.45, -0.3, 2}},
-                        {{0.6, -0.3, 0.2}, {0.45, -0.3, 2}},
-                        {{-0.3, 0.5, 0.1}, {-0.3, 0.4, 2}},
-                        {{0.5, 0.5, 0.3}, {0.4, 0.4, 2}}};
-  eyes.resize(static_cast<std::size_t>(count));
-  return eyes;
+  std::vector<SensorPlacement> sensors{{{-0.6, -0.3, 0.2}, {-0.45, -0.3, 2}},
+                                       {{0.6, -0.3, 0.2}, {0.45, -0.3, 2}},
+                                       {{-0.3, 0.5, 0.1}, {-0.3, 0.4, 2}},
+                                       {{0.5, 0.5, 0.3}, {0.4, 0.4, 2}}};
+  sensors.resize(static_cast<std::size_t>(count));
+  return sensors;
 }
 
-inline std::vector<Eye> eyes_around(double radius_m, double height_m, int count) {
-  std::vector<Eye> eyes;
+inline std::vector<SensorPlacement> sensors_around(double radius_m, double height_m, int count) {
+  std::vector<SensorPlacement> sensors;
   for (int i = 0; i < count; ++i) {
     const double turn = 2 * std::numbers::pi * (i + 0.1) / count;
-    eyes.push_back({{radius_m * std::cos(turn), -height_m, radius_m * std::sin(turn)}, {0, 0, 0}});
+    sensors.push_back(
+        {{radius_m * std::cos(turn), -height_m, radius_m * std::sin(turn)}, {0, 0, 0}});
   }
-  return eyes;
+  return sensors;
 }
 
 /// All six sides of a ball; look_at() bears no view straight down.
-inline std::vector<Eye> eyes_on_six_sides() {
+inline std::vector<SensorPlacement> sensors_on_six_sides() {
   return {{{1.5, 0, 0}, {}},  {{-1.5, 0, 0}, {}},   {{0, 0, 1.5}, {}},
           {{0, 0, -1.5}, {}}, {{0.01, 1.5, 0}, {}}, {{0, -1.5, 0.01}, {}}};
 }
 
-inline std::vector<Eye> eyes_in_the_corner() {
+inline std::vector<SensorPlacement> sensors_in_the_corner() {
   return {{{-0.6, 0.2, 0.3}, {0.8, 0.8, 0.8}},
           {{0.4, 0.1, -0.7}, {0.8, 0.7, 0.9}},
           {{-0.2, -0.6, -0.2}, {0.7, 0.9, 0.7}}};

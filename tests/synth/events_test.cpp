@@ -165,8 +165,8 @@ TEST(Events, TheLightGoesOffAndOn) {
   EXPECT_EQ(frames[0].depth, frames[1].depth);
   Truth truth(rig, kFps);
   const SensorConfig sensor = rig_sensors(rig)[0];
-  const auto lit = truth.look(sensor.depth_camera, sensor.T_world_depth[0], 9);
-  const auto dark = truth.look(sensor.depth_camera, sensor.T_world_depth[0], 10);
+  const auto lit = truth.render(sensor.depth_camera, sensor.T_world_depth[0], 9);
+  const auto dark = truth.render(sensor.depth_camera, sensor.T_world_depth[0], 10);
   EXPECT_EQ(lit.depth, dark.depth);
   EXPECT_NE(lit.color, dark.color);
   EXPECT_LT(truth.surface(10).colors[0][1], truth.surface(9).colors[0][1]);
@@ -199,7 +199,7 @@ TEST(Events, APushedCameraDoesNotSaySo) {
   // Seen from where it truly stands, it measures the truth.
   Truth truth(rig, kFps);
   const SensorConfig sensor = exact_sensors(rig)[1];
-  const auto picture = truth.look(sensor.depth_camera, sensor.T_world_depth[0] * push, 10);
+  const auto picture = truth.render(sensor.depth_camera, sensor.T_world_depth[0] * push, 10);
   int wrong = 0;
   for (std::size_t i = 0; i < picture.depth.data.size(); ++i)
     wrong += frames[1].depth.data[i] > 0 && frames[1].depth.data[i] != picture.depth.data[i];

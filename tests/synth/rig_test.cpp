@@ -231,7 +231,8 @@ TEST(Rig, TheTruthIsTheSurfaceThatIsMeasured) {
   const std::vector<SensorConfig> sensors = rig_sensors(rig);
   const Frame frame = read(*open_all(rig)[0], 1).at(0);
   Truth truth(rig, 30);
-  const TruthPicture picture = truth.look(sensors[0].depth_camera, sensors[0].T_world_depth[0], 0);
+  const TruthPicture picture =
+      truth.render(sensors[0].depth_camera, sensors[0].T_world_depth[0], 0);
   int same = 0, seen = 0;
   for (std::size_t i = 0; i < frame.depth.data.size(); ++i) {
     if (frame.depth.data[i] == 0) continue;

@@ -9,8 +9,8 @@ namespace mr::atlas {
 
 struct AtlasConfig {
   enum class Views { coherent, best_angle, packed, separate } views = Views::coherent;
-  bool mask = true;                 ///< pixels of no use become black
-  bool burn_sequence = false;       ///< test pictures: the packet's number in the corner
+  bool mask = true;                 ///< pixels that no triangle uses become black
+  bool burn_sequence = false;       ///< for tests: a watermark with the packet's number
   int width = 4096, height = 2304;  ///< the atlas is at most this large
 
   static constexpr Range kSize{16, 8192};  // pixels

@@ -30,7 +30,7 @@ constexpr int kFillDeadBand = 6;                        // levels
 constexpr std::uint8_t kGrey = 128;
 constexpr std::size_t kRowsAtOnce = 4;
 
-/// Folds the 4x4 pixels of each cell, channel by channel.
+/// Reduces the 4x4 pixels of each cell to one value per channel.
 template <typename Cells, typename Fold>
 Cells fold_cells(const std::uint8_t* pixels, std::size_t stride, const Fold& fold) {
   Cells out;
@@ -76,8 +76,8 @@ std::array<std::uint32_t, 3> sum_of(const Cells& cells) {
   return sum;
 }
 
-/// One level of a pyramid over the blocks: what is known is handed up, where nothing is known it
-/// comes down again.
+/// One level of a push-pull pyramid (Gortler et al. 1996) over the blocks: averages of known
+/// colours go up, and unknown ones are interpolated from the coarser level.
 struct ColorGrid {
   int columns = 0, rows = 0;
   std::vector<std::array<float, 4>> cells;  ///< red, green, blue, weight
@@ -104,7 +104,7 @@ struct ColorGrid {
     return out;
   }
 
-  /// Cells without a colour take one from the grid half as fine, between its cells' middles.
+  /// Pull: interpolates cells without a colour bilinearly from the coarser level.
   void complete(ColorGrid& coarse) {
     for (int y = 0; y < rows; ++y)
       for (int x = 0; x < columns; ++x) {
@@ -168,7 +168,7 @@ bool CleanPlate::update(const ImageRgb& live, const TileMask& unhidden) {
   return is_new || exposure_moved || changed_blocks_ > 0;
 }
 
-/// The pixels of a block; beyond the picture its last row and column go on.
+/// The pixels of a block; beyond the picture the last row and column are repeated.
 CleanPlate::Pixels CleanPlate::pixels_of(const ImageRgb& image, std::size_t block) const {
   const int x0 = static_cast<int>(block % valid_.columns) * kBlock_px;
   const int y0 = static_cast<int>(block / valid_.columns) * kBlock_px;
@@ -182,7 +182,7 @@ CleanPlate::Pixels CleanPlate::pixels_of(const ImageRgb& image, std::size_t bloc
   return out;
 }
 
-/// Finds the cells of what is unhidden, and how noisy they are.
+/// Computes the cells of unhidden blocks and updates their noise estimates.
 void CleanPlate::measure(const ImageRgb& live, const TileMask& unhidden) {
   const bool has_mask = unhidden.tile_px == kBlock_px && unhidden.columns == valid_.columns &&
                         unhidden.rows == valid_.rows && unhidden.tiles.size() == blocks_.size();
@@ -209,7 +209,7 @@ void CleanPlate::measure(const ImageRgb& live, const TileMask& unhidden) {
   });
 }
 
-/// What each block takes the gain for. Clipped and dark ones cannot tell.
+/// Each block's estimate of the gain. Clipped and dark blocks give none.
 std::array<std::vector<std::uint16_t>, 3> CleanPlate::exposure_votes() const {
   constexpr std::uint32_t kBlockLevel = 16 * kCellLevel;  // in units of a sum over the cells
   std::array<std::vector<std::uint16_t>, 3> votes;
@@ -230,7 +230,7 @@ std::array<std::vector<std::uint16_t>, 3> CleanPlate::exposure_votes() const {
   return votes;
 }
 
-/// The middle of the votes, once it is off by more than a dead band.
+/// Sets the gain to the median of the blocks' estimates when that leaves a dead band.
 bool CleanPlate::follow_exposure() {
   bool moved = false;
   auto all_votes = exposure_votes();
@@ -246,7 +246,7 @@ bool CleanPlate::follow_exposure() {
   return moved;
 }
 
-/// Finds how far each block is off, and how far most are.
+/// Computes each block's difference from the plate, and a robust average over blocks.
 void CleanPlate::compare() {
   parallel_for(blocks_.size(), 128, [&](std::size_t begin, std::size_t end) {
     for (std::size_t i = begin; i < end; ++i) {
@@ -314,7 +314,7 @@ CleanPlate::Limits CleanPlate::limits_of(const Block& block) const {
   return out;
 }
 
-/// Whether a block differs by more than so many times its limits.
+/// Whether a block differs by more than a multiple of its limits.
 bool CleanPlate::is_off(std::size_t i, int factor) const {
   const Block& block = blocks_[i];
   const Limits limits = limits_of(block);
@@ -342,13 +342,13 @@ bool CleanPlate::is_off_around(std::size_t i, int limit) const {
   return false;
 }
 
-/// Sums up captures from the next on.
+/// Starts a new sum with the next capture.
 void CleanPlate::start_sums(std::size_t i) {
   blocks_[i].captures = 0;
   sums_[i].fill(0);
 }
 
-/// From the newest capture on.
+/// Starts a new sum with the newest capture.
 void CleanPlate::start_check(std::size_t i) {
   blocks_[i].stage = Stage::checking;
   start_sums(i);
@@ -371,7 +371,7 @@ void CleanPlate::accumulate(std::size_t i, const ImageRgb& live) {
   ++blocks_[i].captures;
 }
 
-/// The mean of the sums becomes the picture.
+/// Copies the mean of the summed captures into the picture.
 void CleanPlate::copy(std::size_t i) {
   Block& block = blocks_[i];
   const int bits = block.captures == kFirstCaptures ? 5 : 8;  // of the captures, and of an eighth
@@ -391,7 +391,7 @@ void CleanPlate::copy(std::size_t i) {
   valid_.tiles[i] = 1;
 }
 
-/// Takes the newest capture of a block; returns whether it was copied.
+/// Advances a block's state with the newest capture; returns whether the block was replaced.
 bool CleanPlate::take(std::size_t i, const ImageRgb& live) {
   Block& block = blocks_[i];
   if (!block.seen) {  // what was hidden a moment ago is looked at from the beginning
@@ -437,8 +437,8 @@ bool CleanPlate::next_stage(std::size_t i) {
   return true;
 }
 
-/// Colours for the middles of all blocks, and what is not valid drawn between them. Colours that
-/// hardly move stay, for the video's sake.
+/// Fills invalid blocks by interpolating between colours at the centres of all blocks (push-pull).
+/// Colours that hardly change are kept, so that the video does not change.
 void CleanPlate::fill_invalid() {
   ColorGrid grid(valid_.columns, valid_.rows);
   for (std::size_t i = 0; i < blocks_.size(); ++i) {
@@ -471,7 +471,7 @@ bool CleanPlate::any_around(const std::vector<std::uint8_t>& blocks, int column,
   return false;
 }
 
-/// Draws a block between the colours of its own middle and its neighbours'.
+/// Fills a block by bilinear interpolation between its own and its neighbours' central colours.
 void CleanPlate::fill(int column, int row) {
   const auto color = [&](int x, int y) -> const Color& {
     x = std::clamp(x, 0, valid_.columns - 1), y = std::clamp(y, 0, valid_.rows - 1);

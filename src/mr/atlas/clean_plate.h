@@ -11,28 +11,28 @@
 
 namespace mr::atlas {
 
-/// A clean plate, as film calls it, or background picture: a room as one camera sees it without
-/// those who move in it (DESIGN section 9, "Colour"): the picture that textures the still surface.
-/// It changes block by block and only where the room did, so a video of it costs next to nothing.
-/// One per colour view. Same input, same bytes, on any number of threads.
+/// A clean plate (the film term; a background picture): one camera's picture of a room without what
+/// moves in it (DESIGN section 9, "Colour"). It textures the still surface. It changes block by
+/// block, only where the room did, so that a video of it costs almost no bits. One per colour view.
+/// Deterministic on any number of threads.
 ///
-/// A block becomes valid with the mean of its first four captures in a row that show nothing but
-/// still surface, and gets better once, with the mean of 32. After that it is copied anew only
-/// when four captures in a row differ from it by more than noise allows: the camera's, as each
-/// block shows it, and that of video coding, which stays for seconds and changes everywhere with a
-/// key frame, as most blocks show it. What the camera's exposure does to the whole picture is the
-/// gain, and copies nothing.
+/// A 16x16 block becomes valid with the mean of its first four consecutive captures that show only
+/// still surface, and is refined once, to the mean of 32. Afterwards it is replaced only when four
+/// consecutive captures differ from it by more than noise: that of the camera, estimated per block,
+/// and that of video coding, which lasts for seconds and changes everywhere with a key frame,
+/// estimated over all blocks. A change of the camera's exposure becomes the gain and replaces no
+/// block.
 class CleanPlate {
  public:
   static constexpr int kBlock_px = 16;
 
-  /// Takes a capture. `live`: the camera's picture, not empty; another size than before starts
-  /// anew. `unhidden`: blocks of 16x16 that show nothing but still surface in it; none where it is
-  /// empty or made for another size. Returns whether picture, validity or gain changed.
+  /// Processes a capture. `live`: the camera's picture, not empty; a new size resets the plate.
+  /// `unhidden`: 16x16 blocks that show only still surface; empty or of another size: none do.
+  /// Returns whether picture, validity or gain changed.
   bool update(const ImageRgb& live, const TileMask& unhidden);
 
-  /// At the exposure of reference: what the camera shows divided by the gain. Blocks that are not
-  /// valid continue their neighbours smoothly; grey without any.
+  /// The plate at the reference exposure: the camera's values divided by the gain. Invalid blocks
+  /// are filled smoothly from their neighbours (push-pull); grey if there is no valid block.
   const ImageRgb& picture() const { return picture_; }
   /// Blocks that have been unhidden for four captures in a row.
   const TileMask& valid() const { return valid_; }
@@ -54,7 +54,7 @@ class CleanPlate {
   enum class Stage : std::uint8_t {
     collecting,  ///< the first captures
     refining,    ///< valid, on the way to 32 captures
-    checking,    ///< looks changed: four captures will tell
+    checking,    ///< may have changed: decided after four captures
     settled
   };
 
@@ -76,7 +76,8 @@ class CleanPlate {
     Color most{};                         ///< brightest value of the picture
   };
 
-  /// By how much a block may be off: a cell, its mean, and its mean like those around it.
+  /// Thresholds for a block's difference: of one cell, of its mean, and of its mean together with
+  /// those of the blocks around.
   struct Limits {
     int cell = 0, block = 0, around = 0;
   };

@@ -17,20 +17,20 @@ using Gains = std::map<ViewId, Vec3f>;
 /// Pictures by stream, as DecodedScene has them.
 using Pictures = std::map<StreamId, std::shared_ptr<const ImageRgb>>;
 
-/// [channel][value] what a view's byte becomes: sRGB to linear light, times the gain, back to sRGB,
-/// clipped at white. A gain of 1 leaves every byte as it is.
+/// [channel][value] lookup tables that apply a view's gain in linear light to 8-bit sRGB, clipped
+/// at white. With gain 1 they are the identity.
 using GainTables = std::array<std::array<std::uint8_t, 256>, 3>;
 GainTables gain_tables(Vec3f gain);
 
-/// Gain and white balance of each view, estimated where several views see the same surface, so that
-/// a seam across a plain wall does not show. The mean over all views that overlap stays as it is
-/// (of the logarithms). Smoothed over time; deterministic.
+/// Gain compensation (Brown and Lowe 2007): exposure and white balance gains of all views, by least
+/// squares over surface points that several views see, so that seams across plain walls are
+/// invisible. The geometric mean over overlapping views is kept. Smoothed over time; deterministic.
 class ColorBalance {
  public:
-  /// Takes a frame's evidence. `mesh`: the merged surface; `views` as the children have them, each
-  /// with the stream whose picture shows it; both in metres of one world. Cheap: a few thousand
-  /// samples. A view that appears has its gain at once; after that gains follow within about
-  /// 30 calls, and stand still, to the bit, while the evidence differs by less than 0.6 %.
+  /// Updates the estimate with a frame. `mesh`: the merged surface; `views` as the children have
+  /// them, each with the stream whose picture shows it; both in metres of one world. Cheap: a few
+  /// thousand samples. A new view gets its gain at once; later changes take about 30 calls, and
+  /// gains stay bit-identical while the estimate differs by less than 0.6 % (hysteresis).
   void update(const Mesh& mesh, std::span<const View> views, const Pictures& pictures);
 
   /// One per view of the last update(); 1 where nothing overlaps. Within [1/3, 3].
@@ -39,7 +39,7 @@ class ColorBalance {
   /// The logarithm of a view's gain in one channel, over time.
   struct Channel {
     double smoothed = 0, used = 0;
-    bool moving = false;  ///< `used` follows `smoothed` until that has arrived
+    bool moving = false;  ///< `used` follows `smoothed` until it reaches it
 
     void start(double wanted);
     void follow(double wanted);
@@ -51,12 +51,11 @@ class ColorBalance {
   Gains gains_;
 };
 
-/// The mean step of colour across seams: over the edges of the mesh at which the view changes, the
-/// mean distance (of 255, sRGB, largest channel) between what the two views show at points of the
-/// edge, by length. `mesh`: with runs, vertices shared. Only points count around which neither
-/// picture varies by more than `most_contrast` of 255: 255 takes all, 12 what is plain, where a
-/// step is not one of texture or of what lies behind an edge. 0 without such a point. For
-/// measuring.
+/// A quality measure: the mean colour difference across texture seams, that is, at mesh edges where
+/// the view changes, between the two views' colours at points of the edge (of 255, sRGB, largest
+/// channel), weighted by length. `mesh`: with runs, vertices shared. Only points around which both
+/// pictures vary by at most `most_contrast` of 255 count: 255 takes all, 12 only plain surface,
+/// where a difference is not due to texture or occlusion. 0 if there is no such point.
 double seam_color_step(const Mesh& mesh, std::span<const View> views, const Pictures& pictures,
                        const Gains& gains, int most_contrast = 255);
 

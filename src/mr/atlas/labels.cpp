@@ -23,8 +23,8 @@ constexpr int kSweeps = 12;
 /// [view][triangle]
 using Visibilities = std::vector<std::vector<TriangleVisibility>>;
 
-/// What labelling needs beside the surface, while that is cut.
-struct Work {
+/// The state of labelling while the surface is being split.
+struct LabellingState {
   Labelling& surface;
   std::vector<Vec3f> normals;               ///< [V] smoothed
   Visibilities visibility;                  ///< [views][T] of what is due
@@ -42,8 +42,8 @@ std::vector<std::optional<ViewVisibility>> visibility_tests(const Mesh& mesh,
   return tests;
 }
 
-/// Finds the visibility of those triangles, in all views.
-void find_visibility(std::span<const std::optional<ViewVisibility>> tests, Work& work) {
+/// Computes the visibility of the triangles in not_seen_yet from all views.
+void find_visibility(std::span<const std::optional<ViewVisibility>> tests, LabellingState& work) {
   const Mesh& mesh = work.surface.mesh;
   for (auto& view : work.visibility) view.resize(mesh.triangles.size());
   parallel_for(work.not_seen_yet.size(), 256, [&](std::size_t first, std::size_t last) {
@@ -57,9 +57,9 @@ void find_visibility(std::span<const std::optional<ViewVisibility>> tests, Work&
   });
 }
 
-/// Cuts the edges marked in `split`. Pieces face what their triangle faced; the visibility of whole
-/// triangles move along.
-void cut(Work& work, const std::vector<std::uint8_t>& split) {
+/// Splits the edges marked in `split`. New triangles inherit normals; visibilities of unsplit
+/// triangles are kept.
+void cut(LabellingState& work, const std::vector<std::uint8_t>& split) {
   Labelling& s = work.surface;
   kit::Refined refined = kit::refine(s.mesh, split);
   for (const auto& [a, b] : refined.cut_edges) {
@@ -85,8 +85,8 @@ void cut(Work& work, const std::vector<std::uint8_t>& split) {
   work.visibility = std::move(visibility);
 }
 
-/// Cuts triangles that some view sees a good part of, but none enough.
-bool cut_occlusion_edges(Work& work, double min_edge_m) {
+/// Splits triangles of which some view sees a good part, but no view enough.
+bool cut_occlusion_edges(LabellingState& work, double min_edge_m) {
   const Mesh& mesh = work.surface.mesh;
   std::vector<std::uint8_t> split(mesh.triangles.size() * 3, 0);
   bool any = false;
@@ -109,8 +109,8 @@ bool cut_occlusion_edges(Work& work, double min_edge_m) {
 
 constexpr int kNone = Labelling::kNone;
 
-/// The view that looks most directly among those that see enough; else the one that sees most of
-/// the triangle, if need be within the margin of an occluder.
+/// The most frontal view among those that see enough of the triangle; else the one that sees most
+/// of it, if necessary within an occluder's margin.
 int best_view(const Visibilities& visibility, std::size_t t) {
   int best = kNone, most = kNone;
   for (int v = 0; v < static_cast<int>(visibility.size()); ++v) {
@@ -177,9 +177,10 @@ class LongestBorder {
   int count_ = 1;
 };
 
-/// Moves labels to the neighbours' where the angle test allows (paper 3.3): in each sweep a
-/// triangle takes the allowed view with the longest border to triangles of that view. In index
-/// order: deterministic. Only triangles at which something changed are looked at again.
+/// Label smoothing (paper 3.3), a greedy minimization of seam length (iterated conditional modes):
+/// in each sweep a triangle takes, among the views that pass the angle test, the one with the
+/// longest border to triangles of that view. In index order, so deterministic; only triangles with
+/// changed neighbours are visited again.
 void agree_with_neighbours(Labelling& surface, const Visibilities& visibility, double angle_deg) {
   const Mesh& mesh = surface.mesh;
   std::vector<int>& label = surface.label;
@@ -212,7 +213,7 @@ void agree_with_neighbours(Labelling& surface, const Visibilities& visibility, d
 
 /// Labels what is due of a surface.
 void label(Labelling& surface, std::span<const View> views, const LabelConfig& config) {
-  Work work{
+  LabellingState work{
       surface, kit::smooth_normals(surface.mesh, kNormalRounds), Visibilities(views.size()), {}};
   for (std::uint32_t t = 0; t < surface.is_due.size(); ++t)
     if (surface.is_due[t]) work.not_seen_yet.push_back(t);
@@ -229,13 +230,13 @@ void label(Labelling& surface, std::span<const View> views, const LabelConfig& c
     agree_with_neighbours(surface, work.visibility, config.coherent_angle_deg);
 }
 
-/// What is due of a surface, with as much around it as its labels follow from: a label of what is
-/// due costs the same on a large surface as on a small one.
-struct Part {
+/// The due triangles of a surface with the neighbourhood that their labels depend on, so that the
+/// cost does not depend on the size of the whole surface.
+struct DuePart {
   Labelling labelling;                ///< its origins: places in the whole
   std::vector<std::uint32_t> vertex;  ///< [V] of the part → of the whole
 
-  explicit Part(const Labelling& whole) {
+  explicit DuePart(const Labelling& whole) {
     const std::vector<std::uint8_t> near = near_due(whole);
     std::vector<std::uint32_t> index(whole.mesh.positions.size(), kNoVertex);
     for (std::uint32_t t = 0; t < near.size(); ++t) {
@@ -253,7 +254,7 @@ struct Part {
     }
   }
 
-  /// The pieces and labels take the place of what they were cut from.
+  /// Writes the split triangles and labels back into the whole surface.
   void put_back(Labelling& whole) {
     const std::size_t first_cut = vertex.size();
     for (std::size_t i = 0; i < labelling.cut_edges.size(); ++i) {
@@ -332,7 +333,7 @@ void label_due(Labelling& surface, std::span<const View> views, const LabelConfi
   const auto due = static_cast<std::size_t>(std::ranges::count(surface.is_due, 1));
   if (due == 0) return;
   if (due == surface.is_due.size()) return label(surface, views, config);
-  Part part(surface);
+  DuePart part(surface);
   label(part.labelling, views, config);
   part.put_back(surface);
 }

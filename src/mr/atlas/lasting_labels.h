@@ -17,18 +17,18 @@
 
 namespace mr::atlas {
 
-/// The labels of a surface that stays and is changed here and there: what did not change keeps its
-/// labels and cuts, vertex by vertex. A triangle is labelled anew where
-///  - it was not part of the surface before,
-///  - its view sees other surface there than before, or is good for it no more,
-///  - it had no view, and some view sees other surface there, or has become good for it.
-/// So labels cost what changed, and chunks without changes are sent once. Where a view is no
-/// pinhole, all is labelled each time.
+/// Incremental view selection for a surface that changes only in places: unchanged triangles keep
+/// their labels and splits, to the vertex. A triangle is labelled again if
+///  - it is new,
+///  - its view now sees other surface there, or is not valid there any more,
+///  - it had no view, and some view now sees other surface there or has become valid there.
+/// So the cost is in proportion to the changes, and unchanged chunks are sent only once. If any
+/// view is not a pinhole, everything is labelled each time.
 class LastingLabels {
  public:
-  /// What is looked at: everything, as label_triangles() does; what is not as it was; or of that
-  /// only what is new to the surface and what its views' masks changed, quickly: what it hides or
-  /// uncovers is seen the next time.
+  /// What update() labels again: everything, as label_triangles() does; all changes; or, faster,
+  /// only new triangles and changes of the views' masks, so that new occlusions are found at the
+  /// next update.
   enum class Extent { everything, changes, new_surface };
 
   /// The surface with runs; vertices that cutting added may lie off the lattice. `surface` is
@@ -39,12 +39,12 @@ class LastingLabels {
   /// The depth of the last surface as its views see it (Extent::new_surface: of the one before);
   /// never changed. Null before the first.
   std::shared_ptr<const Occluders> occluders() const { return occluders_; }
-  /// Whether the last surface was the same as the one before, from the same views: only labels and
-  /// cuts may be others.
+  /// Whether the last two surfaces and their views were equal, so that only labels and splits may
+  /// differ.
   bool kept_surface() const { return kept_surface_; }
 
  private:
-  /// Tiles of a view's picture where something is another than before.
+  /// Tiles of a view's picture that changed.
   struct Changes {
     TileMask other;   ///< it sees other surface, or is not valid any more
     TileMask better;  ///< those, and where it has become valid

@@ -8,15 +8,15 @@
 
 namespace mr::atlas {
 
-/// Where every view's tile lies in one atlas picture.
+/// The positions of all views' tiles in one atlas picture.
 struct Layout {
   int width = 0, height = 0;  ///< pixels, multiples of 16
   std::vector<View> views;    ///< with atlas_rect, stream 0 and `layout` set
 };
 
-/// One tile per view, in rows, each scaled by `scale` (less when they would not fit into the
-/// largest atlas; too_large when not even the smallest would). Tiles start at multiples of 16
-/// pixels, so that no macroblock of the video mixes two views.
+/// Packs one tile per view in rows (shelf packing), each scaled by `scale`, or by less if they do
+/// not fit into the largest atlas. too_large: not even the smallest tiles fit. Tiles start at
+/// multiples of 16 pixels, so that no macroblock of the video mixes two views.
 Result<Layout> make_layout(const std::vector<View>& views, const AtlasConfig& atlas, double scale,
                            std::uint32_t layout_id);
 

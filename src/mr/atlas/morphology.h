@@ -8,9 +8,9 @@
 
 namespace mr::atlas {
 
-/// Reduces every `window` values that lie `stride` apart into the first of them by doubling (`op`
-/// must be associative, commutative and idempotent, such as min). What lies beyond the last whole
-/// window loses its meaning. `spare`: as many values.
+/// A sliding-window reduction by doubling: replaces each value by the reduction of the `window`
+/// values from it on, `stride` apart. `op` must be associative, commutative and idempotent, such as
+/// min. Values after the last complete window become undefined. `spare`: scratch of the same size.
 template <typename T, typename Op>
 void reduce_windows(std::vector<T>& values, std::vector<T>& spare, int window, int stride,
                     const Op& op) {
@@ -26,8 +26,8 @@ void reduce_windows(std::vector<T>& values, std::vector<T>& spare, int window, i
   if (reduced < window) reduce_with_next((window - reduced) * stride);
 }
 
-/// Each pixel reduced with all that are at most `r` away in x and y; beyond the picture lies
-/// `outside`. With max or `or` this is a morphological dilation by a square, with min an erosion.
+/// Reduces each pixel with all that are at most `r` away in x and y; `outside` is the value beyond
+/// the picture. With max or `or` this is a morphological dilation by a square, with min an erosion.
 /// Parallel.
 template <typename T, typename Op>
 Image<T, 1> reduce_neighbourhood(const Image<T, 1>& image, int r, T outside, const Op& op) {

@@ -13,20 +13,21 @@
 
 namespace mr::atlas {
 
-/// Surface that may hide another from some views: how far away each of them sees it.
+/// Depth maps of a surface from several views, against which other surface is tested for occlusion.
 class Occluders {
  public:
   Occluders() = default;
   Occluders(const Mesh& mesh, std::span<const View> views);
 
-  /// A pinhole's picture, or the six of a panorama; null for a view that is not known.
+  /// The depth map of a pinhole view, or the six cube faces of a panorama; null for an unknown
+  /// view.
   const std::vector<ImageDepth>* faces(const View& view) const;
 
  private:
   std::map<ViewId, std::vector<ImageDepth>> faces_;
 };
 
-/// The six pictures that a panorama is made of.
+/// The six cube faces of a panorama.
 std::array<kit::CubeFace, 6> panorama_faces(const Camera& camera);
 
 }  // namespace mr::atlas

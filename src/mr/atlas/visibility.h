@@ -17,11 +17,11 @@ namespace mr::atlas {
 
 /// How much of one triangle is visible in one view.
 struct TriangleVisibility {
-  float visible = 0;     ///< share of the triangle's pixels that are visible, clear of occluders'
-                         ///< margins; 0 where the view may not be used
-  float direct_px = 0;   ///< pixels in sight, margins or not; 0 where the view may not be used
+  float visible = 0;     ///< share of the triangle's pixels that are visible, outside of
+                         ///< occluders' margins; 0 if the view is not usable
+  float direct_px = 0;   ///< visible pixels, margins included; 0 if the view is not usable
   float facing = 0;      ///< cosine between the normal and the direction to the camera
-  bool touches = false;  ///< some of it is in the picture and in sight
+  bool touches = false;  ///< some of it is inside the picture and visible
 };
 
 /// A pinhole picture of the mesh: a view's own, a part of it, or one of the six that a panorama is
@@ -52,14 +52,14 @@ class Face {
   Camera camera_;
   Pose T_face_world_;
   int ring_, left_;
-  float error_m_, noise_per_m2_;  ///< how far in front something must be to hide
+  float error_m_, noise_per_m2_;  ///< how far in front a surface must be to occlude
   float pixel_;                   ///< width of a pixel at 1 m
   ImageDepth depth_;
   int margin_;
   ImageDepth around_;
 };
 
-/// The pixels of a view's picture that are good for texture.
+/// The pixels of a view's picture that are valid for texture (LabelConfig::valid).
 class ValidRegion {
  public:
   enum class Share { none, some, all };

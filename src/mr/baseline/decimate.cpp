@@ -45,20 +45,20 @@ std::vector<std::uint8_t> shared_vertices(const Mesh& mesh,
 
 /// One cube's triangles. A vertex at which two fans meet stays where it is in simplify(): each
 /// shared one gets a small triangle of its own, whose tips are remembered to find it again.
-struct Piece {
+struct CubeMesh {
   Mesh mesh;
   std::vector<Vec3f> tips;  ///< sorted
 };
 
-Piece make_piece(const Mesh& mesh, const std::vector<std::uint32_t>& triangles,
-                 const std::vector<std::uint8_t>& shared) {
+CubeMesh make_cube_mesh(const Mesh& mesh, const std::vector<std::uint32_t>& triangles,
+                        const std::vector<std::uint8_t>& shared) {
   constexpr float kSize_m = 0.00037f;
   std::vector<std::uint32_t> used;  // vertices of the mesh, sorted
   for (const std::uint32_t t : triangles)
     used.insert(used.end(), mesh.triangles[t].begin(), mesh.triangles[t].end());
   std::sort(used.begin(), used.end());
   used.erase(std::unique(used.begin(), used.end()), used.end());
-  Piece out;
+  CubeMesh out;
   for (const std::uint32_t v : used) out.mesh.positions.push_back(mesh.positions[v]);
   for (const std::uint32_t t : triangles) {
     Triangle& triangle = out.mesh.triangles.emplace_back(mesh.triangles[t]);
@@ -78,7 +78,7 @@ Piece make_piece(const Mesh& mesh, const std::vector<std::uint32_t>& triangles,
   return out;
 }
 
-Decimated decimate_piece(const Piece& piece, double ratio) {
+Decimated decimate_cube(const CubeMesh& piece, double ratio) {
   const auto own = static_cast<double>(piece.mesh.triangles.size() - piece.tips.size());
   const auto target = static_cast<std::size_t>(std::ceil(own * ratio)) + piece.tips.size();
   const simplify::Simplified small = *simplify::simplify(piece.mesh, {.triangles = target});
@@ -97,7 +97,7 @@ Decimated one_round(const Mesh& mesh, double ratio, double cube_m, double shift)
   std::vector<Decimated> pieces(cubes.size());
   parallel_for(cubes.size(), 1, [&](std::size_t begin, std::size_t end) {
     for (std::size_t c = begin; c < end; ++c)
-      pieces[c] = decimate_piece(make_piece(mesh, cubes[c], shared), ratio);
+      pieces[c] = decimate_cube(make_cube_mesh(mesh, cubes[c], shared), ratio);
   });
   Decimated out;
   for (const Decimated& piece : pieces) {

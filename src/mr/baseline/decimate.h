@@ -9,9 +9,9 @@ struct Decimated {
   float error_m = 0;
 };
 
-/// Keeps about `ratio` of the triangles, working on all cores: the mesh is cut into cubes, which
-/// are decimated apart with the vertices that they share in place, joined again without a crack,
-/// and cut into other cubes, half an edge off, so that what was a border before is decimated, too.
+/// Parallel decimation to about `ratio` of the triangles: the mesh is divided into cubes, which are
+/// decimated independently with their shared vertices fixed and joined without cracks; then again
+/// with cubes shifted by half an edge, so that the former borders are decimated, too.
 Decimated decimate(const Mesh& mesh, double ratio, double cube_m);
 
 }  // namespace mr::baseline

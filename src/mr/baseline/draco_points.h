@@ -5,7 +5,7 @@
 namespace mr::baseline {
 
 /// Points on the lattice as one Draco kd-tree stream. invalid: a point is outside the lattice's
-/// cube. Points that meet stay several.
+/// cube. Coinciding points are kept.
 Result<Bytes> encode_draco_points(const PointSet& points, const Lattice& lattice);
 
 /// The points of such a stream, in the tree's order; they must be `count`.

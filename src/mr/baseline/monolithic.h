@@ -12,19 +12,19 @@
 
 namespace mr::baseline {
 
-/// All sensors of a capture in one voxel grid: one TSDF, marching cubes, small islands removed; not
-/// decimated. `capture`: undistorted frames (node::CaptureReader). What Holoportation transmits,
-/// and the reference for scenes without a known truth.
+/// Fuses all sensors of a capture in one voxel grid: one TSDF, marching cubes, removal of small
+/// islands, no decimation. `capture`: undistorted frames (node::CaptureReader). This is what
+/// Holoportation transmits, and the reference for scenes without known ground truth.
 Mesh fuse_all(const Scene& scene, std::span<const Frame> capture, double voxel_m);
 
-/// The depth of one sensor as fusion takes it (node::prepare_depth).
+/// The filtered depth of one sensor, ready for fusion (node::prepare_depth).
 struct PreparedDepth {
   ImageDepth depth;
   Camera camera;  ///< undistorted
   Pose T_world_depth;
 };
 
-/// The second half of fuse_all().
+/// The second step of fuse_all(): fusion of prepared depth.
 Mesh fuse_prepared(const Scene& scene, std::span<const PreparedDepth> depths, double voxel_m);
 
 /// The colour cameras of a capture as views, by id; each fills a picture of its own (stream = id).

@@ -117,9 +117,9 @@ std::optional<Header> read_header(std::string_view text) {
 }
 
 /// Reads one vertex after another.
-class Body {
+class VertexReader {
  public:
-  Body(const Header& header, std::span<const std::byte> bytes)
+  VertexReader(const Header& header, std::span<const std::byte> bytes)
       : header_(header), rest_(bytes), values_(header.properties.size()) {}
 
   bool next() { return header_.ascii ? next_ascii() : next_binary(); }
@@ -178,11 +178,11 @@ Result<PointSet> from_ply(std::span<const std::byte> bytes, std::uint32_t most) 
   if (header->vertices > most)
     return Error{Error::Cause::too_large, "baseline: a .ply file of too many points"};
   PointSet out;
-  Body body(*header, bytes.subspan(header->bytes));
+  VertexReader reader(*header, bytes.subspan(header->bytes));
   for (std::uint64_t i = 0; i < header->vertices; ++i) {
-    if (!body.next()) return corrupt("a .ply file that ends early");
-    const Vec3d p{body.value(0), body.value(1), body.value(2)};
-    const Vec3d shade{body.value(3), body.value(4), body.value(5)};
+    if (!reader.next()) return corrupt("a .ply file that ends early");
+    const Vec3d p{reader.value(0), reader.value(1), reader.value(2)};
+    const Vec3d shade{reader.value(3), reader.value(4), reader.value(5)};
     if (!is_finite(p) || !is_finite(shade))
       return corrupt("a .ply file with a point that is nowhere");
     out.positions.push_back(vec_cast<float>(p));

@@ -19,17 +19,18 @@ struct PointSet {
   friend bool operator==(const PointSet&, const PointSet&) = default;
 };
 
-/// Makes pixels invalid that hang between two surfaces, as sensors give them at depth edges: those
-/// that have few neighbours at about their depth.
+/// Invalidates flying pixels, which sensors measure between two surfaces at depth edges: pixels
+/// with few neighbours at a similar depth.
 void drop_flying_pixels(ImageDepth& depth, const Camera& camera, const Precision& precision);
 
-/// Every valid depth pixel of a sensor inside `volume`, coloured from its own colour picture.
-/// Points that the colour camera does not see, for lack of field or behind something nearer, are
-/// left out: as a rule another sensor has them.
+/// Unprojects every valid depth pixel of a sensor inside `volume`, coloured from its own colour
+/// picture. Points that are outside the colour camera's picture or occluded in it are left out;
+/// usually another sensor has them.
 PointSet colored_points(const PreparedDepth& depth, const ImageRgb& color, const View& view,
                         const std::optional<Box3d>& volume);
 
-/// One point per voxel: the mean place and colour of those in it. In order of the first in each.
+/// Voxel-grid downsampling: one point per voxel with the mean position and colour of its points, in
+/// the order of the first point in each.
 PointSet voxel_sampled(std::span<const PointSet> sets, double voxel_m);
 
 }  // namespace mr::baseline

@@ -18,7 +18,7 @@ double ms_since(Clock::time_point start) {
 }
 
 /// What one capture has become.
-struct Shown {
+struct DecodedCapture {
   DecodedScene scene;
   std::size_t geometry_bytes = 0, texture_bytes = 0;
 };
@@ -42,7 +42,7 @@ class Runner {
   bool capture(std::vector<Frame>& frames);
   void undistort(std::vector<Frame>& frames);
   bool send(std::vector<Frame> frames);
-  Result<Shown> code(std::span<const Frame> frames);
+  Result<DecodedCapture> code(std::span<const Frame> frames);
   BaselineRun report(int captures, double seconds);
 
   const Scene& scene_;
@@ -52,7 +52,7 @@ class Runner {
   std::vector<sensor::Registration> registrations_;
   DropCounter drops_;
   Trace sensors_;
-  std::optional<Shown> shown_;
+  std::optional<DecodedCapture> shown_;
   int frames_ = 0, last_frame_ = -1;
   std::uint64_t geometry_bytes_ = 0, texture_bytes_ = 0, chunks_ = 0;
   double register_ms_ = 0;  // the slowest sensor's, of the newest capture
@@ -84,7 +84,7 @@ void Runner::undistort(std::vector<Frame>& frames) {
   }
 }
 
-Result<Shown> Runner::code(std::span<const Frame> frames) {
+Result<DecodedCapture> Runner::code(std::span<const Frame> frames) {
   const auto timed = [](double& ms, auto&& call) {
     ms = 0;
     const Stopwatch stopwatch(ms);
@@ -108,8 +108,8 @@ Result<Shown> Runner::code(std::span<const Frame> frames) {
   TimePoint captured_at{};
   for (const SourceInfo& source : geometry->sources)
     captured_at = std::max(captured_at, source.captured_at);
-  return Shown{join(*std::move(geometry), *std::move(texture), captured_at), mesh->size(),
-               pictures->size()};
+  return DecodedCapture{join(*std::move(geometry), *std::move(texture), captured_at), mesh->size(),
+                        pictures->size()};
 }
 
 /// Whether the capture came through; else it is counted, or all its frames were.

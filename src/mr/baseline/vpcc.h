@@ -23,7 +23,8 @@ std::optional<VpccPrograms> find_vpcc();
 Result<Bytes> encode_vpcc_points(const VpccPrograms& programs, const PointSet& points,
                                  double voxel_m);
 
-/// The inverse; V-PCC is lossy and may return more or fewer points. At most `most` are read.
+/// Decodes such a capture. V-PCC is lossy and may return more or fewer points; at most `most` are
+/// read.
 Result<PointSet> decode_vpcc_points(const VpccPrograms& programs, std::span<const std::byte> bytes,
                                     std::uint32_t most);
 

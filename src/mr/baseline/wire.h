@@ -7,8 +7,8 @@
 #include "mr/baseline/baseline.h"
 #include "mr/core/pose.h"
 
-/// The bytes of the baselines: little-endian numbers and blocks with a length, sealed with a mark
-/// and a check sum. Not meant to last: both ends are of one version.
+/// The wire format of the baselines: little-endian numbers and length-prefixed blocks, with a magic
+/// number and a checksum in front. It has no versions: both ends must be of the same build.
 namespace mr::baseline {
 
 class ByteWriter {
@@ -17,7 +17,7 @@ class ByteWriter {
   void u64(std::uint64_t v) { number(v, 8); }
   void f32(float v);
   void f64(double v);
-  /// Its length, then the bytes; at most 2^32 - 1.
+  /// A length-prefixed block; at most 2^32 - 1 bytes.
   void block(std::span<const std::byte> bytes);
 
   Bytes take() { return std::move(bytes_); }
@@ -28,8 +28,8 @@ class ByteWriter {
   Bytes bytes_;
 };
 
-/// Reads what ByteWriter wrote. Once something is not there, all further numbers are 0 and blocks
-/// empty, and ok() is false.
+/// Reads what ByteWriter wrote. After reading past the end, all numbers are 0, blocks are empty and
+/// ok() is false.
 class ByteReader {
  public:
   explicit ByteReader(std::span<const std::byte> bytes) : rest_(bytes) {}
@@ -41,7 +41,7 @@ class ByteReader {
   std::span<const std::byte> block();
 
   bool ok() const { return ok_; }
-  /// Nothing was missing and nothing is left.
+  /// Everything was read, and nothing beyond the end.
   bool at_end() const { return ok_ && rest_.empty(); }
   std::size_t left() const { return rest_.size(); }
 
@@ -52,7 +52,7 @@ class ByteReader {
   bool ok_ = true;
 };
 
-/// What a message is of.
+/// The type of a message.
 enum class Message : std::uint8_t {
   holoportation_geometry = 1,
   holoportation_texture,
@@ -63,9 +63,9 @@ enum class Message : std::uint8_t {
   depth_video,
 };
 
-/// The message with its mark and check sum in front.
+/// Prepends magic number, type and checksum to a message's body.
 Bytes seal(Message kind, const Bytes& body);
-/// Its body. corrupt: another kind, too short, or changed on the way.
+/// Verifies a message and returns its body. corrupt: another type, too short, or a wrong checksum.
 Result<std::span<const std::byte>> open_seal(Message kind, std::span<const std::byte> message);
 
 /// LZ4 (block format), without a header of its own. Input below 2^31 bytes.
@@ -79,7 +79,7 @@ inline Error corrupt(const std::string& what) {
   return {Error::Cause::corrupt, "baseline: " + what};
 }
 
-/// What the receiver must know of a sensor's capture beside the scene file.
+/// The metadata of a sensor's capture that the receiver needs in addition to the scene file.
 struct SensorHead {
   SensorId sensor{};
   TimePoint captured_at{};
@@ -87,9 +87,9 @@ struct SensorHead {
   Pose T_world_depth;
 };
 
-/// Of a capture: sorted by sensor.
+/// The heads of a capture, sorted by sensor.
 std::vector<SensorHead> heads_of(const Scene& scene, std::span<const Frame> capture);
-/// Poses that the scene file names go as their number.
+/// Poses from the scene file are written as their index.
 void write_heads(const Scene& scene, std::span<const Frame> capture, ByteWriter& out);
 Result<std::vector<SensorHead>> read_heads(const Scene& scene, ByteReader& in);
 

@@ -19,17 +19,17 @@ struct PartPair {
 std::vector<PartPair> pairs_that_meet(const std::vector<SampledSurface>& surfaces,
                                       const RegistrationConfig& config);
 
-/// A place that both parts show, in the world.
+/// A pair of corresponding surface points of two parts; world frame.
 struct Correspondence {
   Vec3d point, normal;
   double apart_m;  ///< point-to-plane residual: how far a lies from b along the normal
   double area_m2;
 };
 
-/// What two parts show of each other.
+/// The correspondences between two parts.
 struct Correspondences {
   std::vector<Correspondence> matches;
-  double through_m2 = 0;  ///< of either, where the other sees through it
+  double through_m2 = 0;  ///< area of either that contradicts the other, which sees through it
 };
 
 /// Projective data association, both ways: samples of one part are projected into the depth views
@@ -38,7 +38,7 @@ Correspondences find_correspondences(const std::vector<SampledSurface>& surfaces
                                      std::span<const Pose> poses, const PartPair& pair,
                                      const RegistrationConfig& config);
 
-/// Residuals above this are of different surfaces, judged by the others: 4.5 times their median.
+/// Trimming threshold against outliers: 4.5 times the median residual (as in trimmed ICP).
 double trim_limit_m(const Correspondences& found, const RegistrationConfig& config);
 
 }  // namespace mr::calib

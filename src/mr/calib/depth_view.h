@@ -23,13 +23,13 @@ struct DepthView {
 /// Appends the views of one source: a pinhole has one, others look through the faces of a cube.
 void add_depth_views(const Mesh& mesh, const SourceInfo& source, std::vector<DepthView>& views);
 
-/// Where dot(per_depth, p) = 1, in the camera's frame.
+/// The plane dot(per_depth, p) = 1; camera frame.
 struct DepthPlane {
   Vec3d per_depth;
   double per_m = 0;  ///< length of per_depth
 
   Vec3d normal() const { return per_depth / -per_m; }  ///< towards the camera
-  /// Before the plane is positive.
+  /// Signed distance, positive on the camera's side.
   double distance_m(Vec3d p) const { return (1 - dot(per_depth, p)) / per_m; }
 };
 

@@ -3,7 +3,8 @@
 #include <array>
 #include <utility>
 
-/// Vectors and matrices of the six degrees of freedom of a rigid motion: turn, then shift.
+/// Vectors and matrices of the six degrees of freedom of a rigid motion: rotation, then
+/// translation.
 namespace mr::calib {
 
 using Vec6 = std::array<double, 6>;
@@ -24,7 +25,7 @@ inline Mat6 operator*(const Mat6& a, const Mat6& b) {
   return out;
 }
 
-/// Of a positive definite matrix (Gauss-Jordan elimination).
+/// The inverse of a positive definite matrix (Gauss-Jordan elimination).
 inline Mat6 inverse(Mat6 a) {
   for (int k = 0; k < 6; ++k) {
     const double pivot = 1 / a[k][k];

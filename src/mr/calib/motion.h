@@ -7,9 +7,10 @@
 
 namespace mr::calib {
 
-inline constexpr double kArm_m = 2;  ///< a turn by 1 rad counts as so much of a shift
+/// Lever arm by which a rotation (rad) is compared with a translation.
+inline constexpr double kArm_m = 2;
 
-/// A small motion of a part about the middle of its sensors (a twist).
+/// A small rigid motion (twist) of a part about the centre of its sensors.
 struct Motion {
   Vec3d turn, shift;  ///< both in metres: turn · kArm_m
 

@@ -8,7 +8,7 @@
 
 namespace mr::calib {
 
-/// Two parts, what they show of each other, and how far that lies apart.
+/// Two parts with their correspondences and residual.
 struct PairOverlap {
   PartPair pair;
   Correspondences found;
@@ -16,12 +16,12 @@ struct PairOverlap {
   PairResidual residual;
 };
 
-/// Of all pairs that come near each other. Parallel.
+/// The overlaps of all pairs of parts near each other. Parallel.
 std::vector<PairOverlap> pair_overlaps(const std::vector<SampledSurface>& surfaces,
                                        std::span<const Pose> poses,
                                        const RegistrationConfig& config);
 
-/// Those of overlaps that should be large enough to tell anything.
+/// The residuals of overlaps whose expected area is large enough.
 std::vector<PairResidual> residuals_of(const std::vector<PairOverlap>& overlaps);
 
 }  // namespace mr::calib

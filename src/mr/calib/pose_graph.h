@@ -7,11 +7,10 @@
 
 namespace mr::calib {
 
-/// One step of Gauss and Newton over the pose graph, whose nodes are the parts and whose edges are
-/// the normal equations of the pairs that overlap: the motions that bring the linked parts
-/// together, by conjugate gradients. `corrections`: how far each part was moved already, towards
-/// none of which it is drawn a little (a prior). As nothing but that sees a common motion of all,
-/// their mean stays where it is.
+/// One Gauss-Newton step over the pose graph: nodes are the parts, edges the normal equations of
+/// overlapping pairs. Solves for all motions at once by conjugate gradients. `corrections`: the
+/// present motion of each part; a weak prior draws it towards zero, which also fixes the gauge
+/// freedom of a common motion of all parts.
 Motions solve_pose_graph(const std::vector<NormalEquations>& edges, const Motions& corrections);
 
 }  // namespace mr::calib

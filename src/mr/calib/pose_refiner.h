@@ -13,24 +13,25 @@ namespace mr::calib {
 /// Moves a part's mesh and the poses of its sources: p' = T * p.
 void move_part(const Pose& T, kit::Part& part);
 
-/// A small rigid correction per part that brings overlapping surfaces together: point-to-plane ICP
-/// over all pairs at once (Chen & Medioni 1992; one Gauss-Newton step of the pose graph an update),
-/// the mean of all parts held still. What an overlap leaves open (along a plain wall, say) is not
-/// followed, nor are parts that do not fit the others or that would need more than 100 mm or 4
-/// degrees: they stay where they are, and nothing is aligned to them. Corrections are followed
-/// slowly, so nothing jumps from frame to frame: per update each sensor moves by at most 1 mm and
-/// turns by at most 0.05 degrees, together at most 50 mm and 2 degrees; not at all below a tenth of
-/// the step, and not when the full correction would not make the residuals smaller. Parts that
-/// overlap go the same share of their ways and stop together.
+/// Online refinement of extrinsic calibration: a small rigid correction per part that aligns
+/// overlapping surfaces, by point-to-plane ICP over all pairs at once (Chen and Medioni 1992), one
+/// Gauss-Newton step of the pose graph per update. The mean over all parts is kept. Motions that an
+/// overlap does not constrain (such as along a plain wall) are not made. Outliers, and parts that
+/// would need more than 100 mm or 4 degrees, are neither moved nor aligned to. Corrections are
+/// applied in small steps, so that nothing jumps between frames: each sensor moves at most 1 mm and
+/// 0.05 degrees per update and 50 mm and 2 degrees in all; it does not move for less than a tenth
+/// of a step, nor if the full correction would not reduce the residuals. Overlapping parts move by
+/// the same fraction of their corrections and stop together.
 class PoseRefiner {
  public:
   explicit PoseRefiner(RegistrationConfig config) : config_(config) {}
 
-  /// Looks at uncorrected parts, named by `ids` (a part that was away starts anew), and takes a
-  /// step. Returns T_world_part for each: p' = T * p; also for its sources' and views' poses.
+  /// Takes the uncorrected parts, identified by `ids` (a part that was absent starts from zero),
+  /// and makes one step. Returns the correction of each, p' = T * p, which also applies to the
+  /// poses of its sources and views.
   std::vector<Pose> update(std::span<const kit::Part> parts, std::span<const std::uint64_t> ids);
 
-  /// Of the last update's parts, with the corrections they had before its step.
+  /// Residuals of the last update's parts, with the corrections before its step.
   const std::vector<PairResidual>& residuals() const { return residuals_; }
 
  private:

@@ -4,10 +4,10 @@ namespace mr::calib {
 
 struct RegistrationConfig {
   double voxel_m = 0.01;
-  double reach_m = 0.1;  ///< surfaces farther apart are not taken for the same
+  double reach_m = 0.1;  ///< largest distance of corresponding points
 };
 
-/// A pair of parts counts from this shared area on.
+/// Least shared area for a pair of parts to count.
 inline constexpr double kLeastShared_m2 = 0.1;
 
 }  // namespace mr::calib

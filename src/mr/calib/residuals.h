@@ -9,17 +9,16 @@
 
 namespace mr::calib {
 
-/// How far the surfaces of two parts lie apart where both see the same: a live check of
-/// calibration.
+/// The residual between the overlapping surfaces of two parts: a live check of calibration.
 struct PairResidual {
   std::uint32_t a = 0, b = 0;  ///< places of the parts, a < b
-  double residual_mm = 0;      ///< RMS distance from points of one to the planes of the other
-  double shared_m2 = 0;        ///< area that both see; borders and sharp edges are left out
-  /// Shared area, and what of either lies where the other sees through it to something farther: of
-  /// two parts that fit, 98 % and more is shared; less when one is far off.
+  double residual_mm = 0;      ///< RMS point-to-plane distance, both ways, trimmed
+  double shared_m2 = 0;        ///< overlap, without borders and sharp edges
+  /// The overlap expected from visibility: the shared area, and the area of either that the other
+  /// sees through. Of calibrated parts at least 98 % is shared; less if one is far off.
   double expected_m2 = 0;
-  /// As residual_mm, which leaves out what lies over 4.5 times the median apart, but with it: tells
-  /// also an error that only a few walls show.
+  /// As residual_mm but without trimming at 4.5 times the median: also shows an error that only a
+  /// few walls reveal.
   double untrimmed_mm = 0;
 };
 
@@ -28,8 +27,8 @@ struct PairResidual {
 std::vector<PairResidual> pair_residuals(std::span<const kit::Part> parts,
                                          const RegistrationConfig& config);
 
-/// Whether two parts fit: their residual is at most `limit_mm`, and they share at least 85 % of
-/// what they should.
+/// Whether two parts agree: their residual is at most `limit_mm`, and they share at least 85 % of
+/// the expected area.
 bool agree(const PairResidual& residual, double limit_mm);
 
 }  // namespace mr::calib

@@ -18,12 +18,12 @@ struct SurfaceSample {
   Vec3d position, normal;
 };
 
-/// A part, ready to be compared with others: points for one direction of a comparison, inverse
-/// depth maps for the other.
+/// A part prepared for projective data association: samples, which are projected into other parts,
+/// and inverse depth maps, into which samples of other parts are projected.
 struct SampledSurface {
   std::vector<DepthView> views;
-  std::vector<SurfaceSample> samples;  ///< evenly by area, where a plane fits and a sensor sees it
-  double sample_m2 = 0;                ///< that each stands for
+  std::vector<SurfaceSample> samples;  ///< uniform by area, where a plane fits and a sensor sees it
+  double sample_m2 = 0;                ///< area per sample
   Box3f box;
   Vec3d eye;  ///< the middle of its sensors
 };

@@ -13,13 +13,13 @@ constexpr float kBackground = 128, kNeutral = 176;  // as render::RenderOptions 
 constexpr double kNearest_m = 1e-6;                 // in front of a view's camera
 
 /// The triangles that face the eye, and the place of each one's view.
-struct Facing {
+struct FrontFaces {
   Mesh mesh;
   std::vector<std::uint16_t> view;  // [T]
 };
 
-Facing facing(const baseline::Geometry& geometry, Vec3d eye) {
-  Facing out;
+FrontFaces front_faces(const baseline::Geometry& geometry, Vec3d eye) {
+  FrontFaces out;
   const Vec3f from = vec_cast<float>(eye);
   for (const auto& chunk : geometry.chunks) {
     const Mesh& mesh = chunk->mesh;
@@ -120,7 +120,7 @@ void apply_gain(const ImageRgb& picture, const View& view, ImageLuma& luma) {
 GeometryBuffer draw_geometry(const baseline::Geometry& geometry,
                              const render::Viewpoint& viewpoint) {
   const Camera& camera = viewpoint.camera;
-  const Facing surface = facing(geometry, viewpoint.T_world_camera.translation);
+  const FrontFaces surface = front_faces(geometry, viewpoint.T_world_camera.translation);
   const kit::Raster raster = kit::rasterize(surface.mesh, camera, viewpoint.T_world_camera);
   GeometryBuffer out;
   out.width = camera.width, out.height = camera.height;

@@ -11,31 +11,31 @@
 
 namespace mr::eval {
 
-/// The G-buffer of deferred shading: what a viewpoint shows of a surface before its pictures are
-/// known, in one raster pass that is shaded again for every texture. The mathematics is that of
-/// render::Renderer, on the CPU.
+/// The G-buffer of deferred shading (Saito and Takahashi 1990): for every pixel of a viewpoint the
+/// view and texture coordinate of its surface. It is rasterized once and shaded with many textures,
+/// with the same mathematics as render::Renderer, on the CPU.
 struct GeometryBuffer {
   int width = 0, height = 0;
   ImageMask covered;
   std::vector<View> views;       ///< of the geometry
   Image<std::uint16_t, 1> view;  ///< place in `views`, or kUntextured
-  Image<float, 2> camera_pixel;  ///< where in the view's camera picture
+  Image<float, 2> camera_pixel;  ///< texture coordinate: pixel of the view's camera
   static constexpr std::uint16_t kUntextured = 0xFFFF;
 };
 
-/// Back faces are left out. Pinhole viewpoints.
+/// Rasterizes with back-face culling. The viewpoint must be a pinhole.
 GeometryBuffer draw_geometry(const baseline::Geometry& geometry,
                              const render::Viewpoint& viewpoint);
 
-/// The luma of a texture's pictures, by stream; to be shaded with many times.
+/// The luma of a texture's pictures, by stream: converted once, used for many viewpoints.
 struct LumaTexture {
   std::vector<View> views;
   std::map<StreamId, ImageLuma> pictures;
 };
 LumaTexture luma_texture(const baseline::Texture& texture);
 
-/// As the Renderer draws the geometry with this texture, in luma. Views that the texture lacks are
-/// drawn as if untextured.
+/// The luma of what render::Renderer draws of the geometry with this texture. A surface whose view
+/// the texture lacks is drawn untextured.
 ImageLuma shade(const GeometryBuffer& buffer, const LumaTexture& texture);
 
 }  // namespace mr::eval

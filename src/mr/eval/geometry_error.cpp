@@ -109,13 +109,13 @@ bool in_all(std::span<const HalfSpace> spaces, Vec3d p) {
 
 /// Samples of what could have been captured of the reference.
 std::vector<SurfaceSample> wanted_samples(const Mesh& reference, std::vector<SurfaceSample> samples,
-                                          std::span<const Eyes> eyes,
+                                          std::span<const SensorFrustum> frustums,
                                           const GeometryConfig& config) {
   std::erase_if(samples, [&](const SurfaceSample& sample) {
     return !in_all(config.captured, vec_cast<double>(sample.position));
   });
-  if (eyes.empty()) return samples;
-  const auto seen = seen_samples(reference, samples, eyes, config.voxel_m);
+  if (frustums.empty()) return samples;
+  const auto seen = seen_samples(reference, samples, frustums, config.voxel_m);
   std::vector<SurfaceSample> out;
   for (std::size_t i = 0; i < samples.size(); ++i)
     if (seen[i]) out.push_back(samples[i]);
@@ -212,7 +212,8 @@ double duplicate_ratio(const Mesh& mesh, const GeometryConfig& config) {
 }
 
 Result<GeometryError> geometry_error(const Mesh& mesh, const Mesh& reference,
-                                     std::span<const Eyes> eyes, const GeometryConfig& config) {
+                                     std::span<const SensorFrustum> frustums,
+                                     const GeometryConfig& config) {
   MR_ASSERT(config.voxel_m > 0 && config.samples > 0);
   if (const Status sound = check(mesh, "the mesh"); !sound) return sound.error();
   if (const Status sound = check(reference, "the reference"); !sound) return sound.error();
@@ -221,7 +222,7 @@ Result<GeometryError> geometry_error(const Mesh& mesh, const Mesh& reference,
   if (samples.empty()) return no_area("the mesh");
   auto wanted = sample_surface(reference, config.samples, config.seed + 1);
   if (wanted.empty()) return no_area("the reference");
-  wanted = wanted_samples(reference, std::move(wanted), eyes, config);
+  wanted = wanted_samples(reference, std::move(wanted), frustums, config);
   if (wanted.empty()) return Error{Error::Cause::empty, "no sensor sees any of the reference"};
 
   const kit::RayScene rays = rays_of(welded);

@@ -32,23 +32,26 @@ std::vector<double> values_from(const Bytes& bytes) {
 /// pictures are drawn from is noted on the way in one of them, so that every texture setting is
 /// drawn and coded from it.
 ///
-/// A pipeline that remembers is run once through all moments, from the warm-up on; another one
+/// A pipeline that is stateful is run once through all moments, from the warm-up on; another one
 /// separately for each moment, and every capture of it is coded for itself.
 ///
 /// A coded geometry is the whole mesh of the last capture, and what each capture cost: of the
-/// second before where the pipeline remembers, else the last one. A coded texture is the burst's
+/// second before where the pipeline is stateful, else the last one. A coded texture is the burst's
 /// packets without geometry.
 class MeshReduceSystem final : public System {
  public:
   MeshReduceSystem(std::filesystem::path folder, const Scene& scene, const SystemConfig& config)
-      : System(std::move(folder)), scene_(scene), config_(config), remembers_(remembers(scene)) {
-    if (!remembers_) scene_.reuse_chunks = false;
+      : System(std::move(folder)),
+        scene_(scene),
+        config_(config),
+        is_stateful_(is_stateful(scene)) {
+    if (!is_stateful_) scene_.reuse_chunks = false;
   }
   std::string name() const override { return "MeshReduce"; }
 
  private:
   /// What the root draws one capture from.
-  struct DrawnFrom {
+  struct RootInput {
     node::CaptureSet captures;
     std::vector<View> views;
     std::vector<SourceInfo> sources;
@@ -57,7 +60,7 @@ class MeshReduceSystem final : public System {
     float error_m = 0;
   };
   struct Inputs {
-    std::vector<DrawnFrom> burst;
+    std::vector<RootInput> burst;
     node::RootAtlas::Memory memory;  ///< at the burst's first capture
     bool all_settings = false;       ///< `moving` holds what moves in every setting
   };
@@ -88,7 +91,7 @@ class MeshReduceSystem final : public System {
 
   /// Runs the pipeline until what a setting gives at a moment is there.
   Status run(const GeometrySetting& setting, std::size_t moment) {
-    return remembers_ ? run_through(setting) : run_at(setting, moment);
+    return is_stateful_ ? run_through(setting) : run_at(setting, moment);
   }
 
   /// From the warm-up through all moments.
@@ -171,8 +174,8 @@ class MeshReduceSystem final : public System {
 
   /// A refresh is all chunks; heads come anyway.
   Cost geometry_cost(const Coded& coded) const override {
-    Cost out{values_from(coded.at(1)), remembers_, 0};
-    if (!remembers_) return out;
+    Cost out{values_from(coded.at(1)), is_stateful_, 0};
+    if (!is_stateful_) return out;
     if (const auto packet = codec::decode_packet(coded.at(0)))
       for (const EncodedChunk& chunk : packet->chunks)
         out.refresh_bytes += static_cast<double>(chunk.payload.size());
@@ -196,7 +199,7 @@ class MeshReduceSystem final : public System {
       if (!surface) return surface.error();
       for (const auto& chunk : surface->decoded.chunks)
         if (chunk->key.id.layer == Layer::moving)
-          for (DrawnFrom& from : in.burst) append(from.moving, chunk->mesh);
+          for (RootInput& from : in.burst) append(from.moving, chunk->mesh);
     }
     return &in;
   }
@@ -208,9 +211,9 @@ class MeshReduceSystem final : public System {
     node::RootAtlas atlas(scene);
     atlas.recall((*in)->memory);
     Coded out;
-    for (const DrawnFrom& from : (*in)->burst) {
+    for (const RootInput& from : (*in)->burst) {
       const node::RootAtlas::Tick tick{from.captures, from.views, from.sources};
-      if (remembers_ && !out.empty()) atlas.update_plates(tick, from.moving);
+      if (is_stateful_ && !out.empty()) atlas.update_plates(tick, from.moving);
       Packet packet;
       packet.scene = scene.id, packet.node = scene.mergers.back().id;
       packet.sequence = out.size(), packet.captured_at = from.captures.tick;
@@ -263,7 +266,7 @@ class MeshReduceSystem final : public System {
 
   Scene scene_;
   SystemConfig config_;
-  bool remembers_;
+  bool is_stateful_;
   std::map<std::size_t, Inputs> inputs_;  ///< by moment
   std::map<std::pair<GeometrySetting, std::size_t>, Coded> coded_;
 };

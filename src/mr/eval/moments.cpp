@@ -29,7 +29,9 @@ int Moments::later() const {
   return lacking > 0 && loop > 0 ? (lacking + loop - 1) / loop * loop : 0;
 }
 
-bool remembers(const Scene& scene) { return scene.pipeline == "meshreduce" && scene.still.layers; }
+bool is_stateful(const Scene& scene) {
+  return scene.pipeline == "meshreduce" && scene.still.layers;
+}
 
 Moments spread_moments(const Scene& scene, int moments, int burst) {
   const int captures = captures_of(scene);

@@ -6,43 +6,44 @@
 
 namespace mr::eval {
 
-/// Which captures are measured: short bursts that begin far apart. Quality is that of the last
-/// capture of each; the rate is that of the whole burst, see Rate.
+/// The captures that are measured: short bursts of consecutive captures, far apart (a "moment"
+/// each). Quality is measured at the last capture of a burst, bitrate over the whole burst (see
+/// Rate).
 struct Moments {
-  std::vector<int> first;  ///< capture numbers, from 0 at the sources
+  std::vector<int> first;  ///< [moments] first capture of each burst, counted from 0 at the sources
   int burst = 4;
-  int warm_up = 0;  ///< captures that a pipeline with memory is fed before the first moment
+  int warm_up = 0;  ///< captures that a stateful pipeline processes before the first burst
   int loop = 0;     ///< captures after which the sources start again; 0: they end
 
   int shown(std::size_t moment) const { return first[moment] + burst - 1; }
 
-  /// What a pipeline with memory reads are the same captures, so many later (whole loops) that the
-  /// warm-up fits before the first moment.
+  /// Looping sources: a stateful pipeline processes the bursts this many captures (whole loops)
+  /// later, so that the warm-up fits before the first one.
   int later() const;
-  /// The first capture that it reads.
+  /// The first capture that a stateful pipeline processes.
   int fed_from() const { return first.front() + later() - warm_up; }
 };
 
 /// EVALUATION, Steady state.
 inline constexpr int kWarmUpCaptures = 100;
 
-/// Whether a scene's pipeline depends on the captures before: it must be warmed up.
-bool remembers(const Scene& scene);
+/// Whether the output of a scene's pipeline depends on earlier captures, so that it needs a
+/// warm-up.
+bool is_stateful(const Scene& scene);
 
-/// `moments` bursts spread evenly over what the scene's sources hold; fewer where they hold less (a
-/// still picture is one moment). In scenes with layers whose sources end, the first lies after the
-/// warm-up, or where they are short, after half of what they hold.
+/// Spreads `moments` bursts evenly over the captures of the scene's sources; fewer bursts if there
+/// are not enough captures (a still picture has one moment). In scenes with layers whose sources
+/// end, the first burst comes after the warm-up or, in short ones, after half of the captures.
 Moments spread_moments(const Scene& scene, int moments, int burst);
 
-/// What a stream sends. A client joins, or loses a picture, now and then: we quote the rate of a
-/// stream of which one capture a second is sent afresh (key frame, every chunk) and the others
-/// follow from it.
+/// The bitrate of a stream in which one capture a second is sent in full (key frame, every chunk),
+/// as for clients that join or have lost a frame, and the others are predicted from it.
 class Rate {
  public:
   /// The bytes of one burst, capture by capture.
   void add_burst(const std::vector<double>& bytes);
 
-  /// The same of captures that all follow from others: nothing is sent afresh.
+  /// The same for predicted captures only.
   void add_steady(const std::vector<double>& bytes);
 
   /// Mean over the bursts, at `fps` captures a second.

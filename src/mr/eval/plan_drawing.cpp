@@ -21,9 +21,9 @@ constexpr const char* kLowColor = "#b3005e";
 constexpr const char* kHighColor = "#00695c";
 
 /// A map of metres to pixels, y upwards.
-class Sheet {
+class Canvas {
  public:
-  Sheet(Vec2d low, Vec2d high) : low_(low), high_(high) {
+  Canvas(Vec2d low, Vec2d high) : low_(low), high_(high) {
     scale_ = std::clamp(880 / std::max(high.x - low.x, 0.1), 20.0, 240.0);
     scale_ = std::min(scale_, 900 / std::max(high.y - low.y, 0.1));
   }
@@ -41,12 +41,12 @@ class Sheet {
 };
 
 /// A camera from above.
-struct Seen {
+struct CameraFromAbove {
   Vec2d at, ahead;  ///< `ahead` at most one long
   double height_m = 0;
 };
 
-Seen from_above(const Pose& T_floor_world, const Pose& T_world_camera) {
+CameraFromAbove from_above(const Pose& T_floor_world, const Pose& T_world_camera) {
   const Pose T = T_floor_world * T_world_camera;
   return {
       {T.translation.x, T.translation.y}, {T.rotation(0, 2), T.rotation(1, 2)}, T.translation.z};
@@ -54,7 +54,7 @@ Seen from_above(const Pose& T_floor_world, const Pose& T_world_camera) {
 
 /// Runs of one kind of cell along the rows.
 template <typename Is>
-void draw_cells(std::string& svg, const FloorMap& map, const Sheet& sheet, const char* fill,
+void draw_cells(std::string& svg, const FloorMap& map, const Canvas& canvas, const char* fill,
                 const Is& is) {
   svg += fmt::format("<path fill=\"{}\" shape-rendering=\"crispEdges\" d=\"", fill);
   for (int y = 0; y < map.height; ++y)
@@ -65,9 +65,9 @@ void draw_cells(std::string& svg, const FloorMap& map, const Sheet& sheet, const
       int end = x;
       while (end < map.width && at(end)) ++end;
       if (end > x)
-        svg += fmt::format("M{:.2f} {:.2f}h{:.2f}v{:.2f}h{:.2f}z", sheet.x(x * map.cell_m),
-                           sheet.y((y + 1) * map.cell_m), (end - x) * map.cell_m * sheet.scale(),
-                           map.cell_m * sheet.scale(), (x - end) * map.cell_m * sheet.scale());
+        svg += fmt::format("M{:.2f} {:.2f}h{:.2f}v{:.2f}h{:.2f}z", canvas.x(x * map.cell_m),
+                           canvas.y((y + 1) * map.cell_m), (end - x) * map.cell_m * canvas.scale(),
+                           map.cell_m * canvas.scale(), (x - end) * map.cell_m * canvas.scale());
       x = std::max(end, x + 1);
     }
   svg += "\"/>\n";
@@ -106,13 +106,13 @@ std::string text(double x, double y, const std::string& what, const char* attrib
 }
 
 /// The views as numbered arrows; a number moves on along its arrow until none is in its way.
-void draw_views(std::string& svg, const std::vector<Seen>& views, double high_m,
-                const Sheet& sheet) {
+void draw_views(std::string& svg, const std::vector<CameraFromAbove>& views, double high_m,
+                const Canvas& canvas) {
   std::vector<Vec2d> taken;
   std::string numbers;
   for (std::size_t i = 0; i < views.size(); ++i) {
-    const Seen& view = views[i];
-    const double x = sheet.x(view.at.x), y = sheet.y(view.at.y);
+    const CameraFromAbove& view = views[i];
+    const double x = canvas.x(view.at.x), y = canvas.y(view.at.y);
     const char* const color = view.height_m > high_m ? kHighColor : kLowColor;
     draw_arrow(svg, x, y, view.ahead, color);
     Vec2d at;
@@ -135,11 +135,11 @@ void draw_views(std::string& svg, const std::vector<Seen>& views, double high_m,
 }
 
 /// A bar of a round length.
-void draw_scale(std::string& svg, const Sheet& sheet, double y) {
+void draw_scale(std::string& svg, const Canvas& canvas, double y) {
   double length_m = 0.1;
   for (const double step : {0.2, 0.5, 1.0, 2.0, 5.0, 10.0})
-    if (step * sheet.scale() <= 200) length_m = step;
-  const double x = Sheet::kMargin, end = x + length_m * sheet.scale();
+    if (step * canvas.scale() <= 200) length_m = step;
+  const double x = Canvas::kMargin, end = x + length_m * canvas.scale();
   svg += fmt::format(
       "<path d=\"M{0:.1f} {2:.1f}v6H{1:.1f}v-6\" fill=\"none\" stroke=\"#222\" "
       "stroke-width=\"1.5\"/>\n",
@@ -170,7 +170,7 @@ std::vector<LegendEntry> legend_of(const ViewPlan& plan) {
 }
 
 void draw_legend(std::string& svg, const ViewPlan& plan, double y) {
-  double x = Sheet::kMargin;
+  double x = Canvas::kMargin;
   for (const LegendEntry& entry : legend_of(plan)) {
     svg += fmt::format("<g transform=\"translate({:.1f} {:.1f})\">{}</g>\n", x, y, entry.mark);
     svg += text(x + 19, y + 10, entry.words, "fill=\"#222\"");
@@ -193,13 +193,13 @@ Pose floor_frame(const ViewPlan& plan) {
 }
 
 /// Around the floor, the sensors and the views.
-Sheet sheet_for(const FloorMap& floor, const std::vector<Seen>& sensors,
-                const std::vector<Seen>& views) {
+Canvas canvas_for(const FloorMap& floor, const std::vector<CameraFromAbove>& sensors,
+                  const std::vector<CameraFromAbove>& views) {
   constexpr double kAround_m = 0.3;
   Vec2d low, high{floor.width * floor.cell_m, floor.height * floor.cell_m};
   if (floor.cells.empty() && !views.empty()) low = high = views.front().at;
   for (const auto* const some : {&sensors, &views})
-    for (const Seen& s : *some) {
+    for (const CameraFromAbove& s : *some) {
       low = {std::min(low.x, s.at.x - kAround_m), std::min(low.y, s.at.y - kAround_m)};
       high = {std::max(high.x, s.at.x + kAround_m), std::max(high.y, s.at.y + kAround_m)};
     }
@@ -207,7 +207,7 @@ Sheet sheet_for(const FloorMap& floor, const std::vector<Seen>& sensors,
 }
 
 /// Halfway between the lowest and the highest view; views all at one height are low.
-double middle_height_m(const std::vector<Seen>& views) {
+double middle_height_m(const std::vector<CameraFromAbove>& views) {
   const auto [low, high] =
       std::minmax_element(views.begin(), views.end(),
                           [](const auto& a, const auto& b) { return a.height_m < b.height_m; });
@@ -218,33 +218,33 @@ double middle_height_m(const std::vector<Seen>& views) {
 
 std::string draw_plan_svg(const ViewPlan& plan, std::span<const Pose> sensors) {
   const Pose T_floor_world = floor_frame(plan).inverse();
-  std::vector<Seen> seen_sensors, seen_views;
+  std::vector<CameraFromAbove> seen_sensors, seen_views;
   for (const Pose& sensor : sensors) seen_sensors.push_back(from_above(T_floor_world, sensor));
   for (const auto& view : plan.views)
     seen_views.push_back(from_above(T_floor_world, view.T_world_camera));
   const FloorMap& map = plan.floor;
-  const Sheet sheet = sheet_for(map, seen_sensors, seen_views);
-  const double height = sheet.bottom() + 56;
+  const Canvas canvas = canvas_for(map, seen_sensors, seen_views);
+  const double height = canvas.bottom() + 56;
   std::string svg = fmt::format(
       "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {0:.0f} {1:.0f}\" "
       "width=\"{0:.0f}\" height=\"{1:.0f}\" font-family=\"sans-serif\" font-size=\"12\">\n"
       "<rect width=\"100%\" height=\"100%\" fill=\"#f7f8fa\"/>\n",
-      sheet.width(), height);
+      canvas.width(), height);
   if (!map.cells.empty()) {
     const auto is = [&](FloorMap::Cell kind) {
       return [&map, kind](std::size_t cell) { return map.cells[cell] == kind; };
     };
-    draw_cells(svg, map, sheet, kUnknownFill, is(FloorMap::unknown));
-    draw_cells(svg, map, sheet, kFreeFill, is(FloorMap::free));
-    draw_cells(svg, map, sheet, kObstacleFill, is(FloorMap::obstacle));
-    draw_cells(svg, map, sheet, kSkeletonFill,
+    draw_cells(svg, map, canvas, kUnknownFill, is(FloorMap::unknown));
+    draw_cells(svg, map, canvas, kFreeFill, is(FloorMap::free));
+    draw_cells(svg, map, canvas, kObstacleFill, is(FloorMap::obstacle));
+    draw_cells(svg, map, canvas, kSkeletonFill,
                [&](std::size_t cell) { return map.skeleton[cell] != 0; });
   }
-  for (const Seen& sensor : seen_sensors)
-    draw_sensor(svg, sheet.x(sensor.at.x), sheet.y(sensor.at.y), sensor.ahead);
-  draw_views(svg, seen_views, middle_height_m(seen_views), sheet);
-  draw_scale(svg, sheet, sheet.bottom() + 8);
-  draw_legend(svg, plan, sheet.bottom() + 28);
+  for (const CameraFromAbove& sensor : seen_sensors)
+    draw_sensor(svg, canvas.x(sensor.at.x), canvas.y(sensor.at.y), sensor.ahead);
+  draw_views(svg, seen_views, middle_height_m(seen_views), canvas);
+  draw_scale(svg, canvas, canvas.bottom() + 8);
+  draw_legend(svg, plan, canvas.bottom() + 28);
   return svg + "</svg>\n";
 }
 

@@ -6,9 +6,9 @@
 
 namespace mr::eval {
 
-/// A figure as SVG: axes with round ticks, a grid, a legend at the right; on a white ground, so
-/// that it reads the same on white and on dark pages. Colours are told apart by colour-blind
-/// readers (Okabe and Ito); from the eighth series on they come again with another dash and marker.
+/// One series of a line or scatter plot. The plot is SVG with round ticks, a grid and a legend at
+/// the right, on a white background for light and dark pages. Colours suit colour-blind readers
+/// (Okabe and Ito palette); from the eighth series on they repeat with another dash and marker.
 struct Series {
   std::string name;                               ///< empty: not in the legend
   std::vector<std::pair<double, double>> points;  ///< in drawing order

@@ -9,7 +9,7 @@
 
 #include "mr/baseline/monolithic.h"
 #include "mr/baseline/run_baseline.h"
-#include "mr/eval/seen.h"
+#include "mr/eval/seen_masks.h"
 #include "mr/eval/store.h"
 #include "mr/node/capture.h"
 #include "mr/node/sources.h"
@@ -55,22 +55,22 @@ Result<Burst> play_burst(const Scene& scene, int first, int frames, const Qualit
 
 /// One run of a pipeline with memory through all moments. Between them it is fed all captures, or
 /// as many as the warm-up has.
-class SteadyRun {
+class StatefulRun {
  public:
-  SteadyRun(const Scene& scene, const Moments& moments, const QualityConfig& config)
+  StatefulRun(const Scene& scene, const Moments& moments, const QualityConfig& config)
       : scene_(scene), moments_(moments), config_(config), at_(moments.fed_from()) {
     listener_.dropped = listener_.warned = config.notice;
     listener_.captured = [this](int, const runtime::CaptureCost& cost) { costs_.push_back(cost); };
   }
 
-  Result<Played> run() {
+  Result<DecodedStream> run() {
     auto pipeline = runtime::LockstepScene::open(scene_, config_.rig_cache);
     if (!pipeline) return pipeline.error();
     (*pipeline)->skip(static_cast<std::uint64_t>(at_));
-    Played out;
+    DecodedStream out;
     for (std::size_t m = 0; m < moments_.first.size(); ++m) {
       tell(config_, "stream", m, moments_.first.size());
-      if (const Status played = play_moment(**pipeline, m); !played) return played.error();
+      if (const Status stream = run_moment(**pipeline, m); !stream) return stream.error();
       out.shown.push_back(*(*pipeline)->decoded());
     }
     tell(config_, "stream", moments_.first.size(), moments_.first.size());
@@ -80,7 +80,7 @@ class SteadyRun {
   }
 
  private:
-  Status play_moment(runtime::LockstepScene& pipeline, std::size_t moment) {
+  Status run_moment(runtime::LockstepScene& pipeline, std::size_t moment) {
     const int end = moments_.shown(moment) + moments_.later() + 1;
     const int second = std::max(moments_.burst, static_cast<int>(std::lround(scene_.fps)));
     int between = std::max(0, end - at_ - second);
@@ -133,8 +133,8 @@ std::uint64_t triangles_of(const DecodedScene& scene) {
   return triangles > 0 ? triangles : points;
 }
 
-nlohmann::ordered_json json_of(const Spread& spread) {
-  return {{"mean", spread.mean}, {"p5", spread.p5}, {"min", spread.min}};
+nlohmann::ordered_json json_of(const ScoreStatistics& statistics) {
+  return {{"mean", statistics.mean}, {"p5", statistics.p5}, {"min", statistics.min}};
 }
 
 }  // namespace
@@ -204,9 +204,9 @@ std::vector<std::size_t> Trial::all_moments() const {
   return all;
 }
 
-Result<std::vector<std::vector<Drawn>>> Trial::pictures(const std::vector<std::size_t>& moments,
-                                                        std::size_t views, int captures_later,
-                                                        const QualityConfig& config) const {
+Result<std::vector<std::vector<RenderedView>>> Trial::pictures(
+    const std::vector<std::size_t>& moments, std::size_t views, int captures_later,
+    const QualityConfig& config) const {
   std::vector<int> frames;
   for (const std::size_t m : moments) frames.push_back(moments_.shown(m) + captures_later);
   std::vector<render::Viewpoint> from = plan_.views;
@@ -216,10 +216,11 @@ Result<std::vector<std::vector<Drawn>>> Trial::pictures(const std::vector<std::s
       [&](std::size_t done, std::size_t of) { tell(config, "reference", done, of); });
 }
 
-Result<Judge> Trial::judge(const std::vector<std::size_t>& moments, std::size_t views, int divider,
-                           const QualityConfig& config, bool with_seen) const {
+Result<MultiViewSsim> Trial::metric(const std::vector<std::size_t>& moments, std::size_t views,
+                                    int divider, const QualityConfig& config,
+                                    bool with_seen) const {
   const int younger = (divider - 1) / 2, older = divider / 2;
-  Judge judge;
+  MultiViewSsim metric;
   std::vector<std::vector<ImageMask>> seen;
   if (with_seen && reference_ == ReferenceKind::truth) {
     std::vector<render::Viewpoint> from = plan_.views;
@@ -233,20 +234,21 @@ Result<Judge> Trial::judge(const std::vector<std::size_t>& moments, std::size_t 
   for (int age = younger; age <= older; ++age) {
     const auto reference = pictures(moments, views, age, config);
     if (!reference) return reference.error();
-    if (const Status added = judge.add(*reference, seen); !added) return added.error();
+    if (const Status added = metric.add(*reference, seen); !added) return added.error();
   }
-  return judge;
+  return metric;
 }
 
 int frame_divider(const Scene& scene) {
   return scene.pipeline == "meshreduce" ? 1 : scene.coding.frame_divider;
 }
 
-Result<Played> play(const Scene& scene, const Moments& moments, const QualityConfig& config) {
+Result<DecodedStream> run_pipeline(const Scene& scene, const Moments& moments,
+                                   const QualityConfig& config) {
   if (moments.burst == 1 && config.notice)
     config.notice("the sources hold one capture: the rate is that of sending it afresh each time");
-  if (remembers(scene)) return SteadyRun(scene, moments, config).run();
-  Played out;
+  if (is_stateful(scene)) return StatefulRun(scene, moments, config).run();
+  DecodedStream out;
   Rate mesh, texture;
   for (std::size_t m = 0; m < moments.first.size(); ++m) {
     tell(config, "stream", m, moments.first.size());
@@ -261,9 +263,9 @@ Result<Played> play(const Scene& scene, const Moments& moments, const QualityCon
   return out;
 }
 
-Result<Played> play_apart(System& system, const Scene& scene, const Moments& moments,
-                          const QualityConfig& config) {
-  Played out;
+Result<DecodedStream> run_pipeline_halves(System& system, const Scene& scene,
+                                          const Moments& moments, const QualityConfig& config) {
+  DecodedStream out;
   Rate mesh, texture;
   double refresh_bytes = 0;
   for (std::size_t m = 0; m < moments.first.size(); ++m) {
@@ -282,8 +284,9 @@ Result<Played> play_apart(System& system, const Scene& scene, const Moments& mom
   return out;
 }
 
-Result<QualityReport> measure_quality(const Trial& trial, const Judge& judge, const Scene& scene,
-                                      const Played& played, const QualityConfig& config,
+Result<QualityReport> measure_quality(const Trial& trial, const MultiViewSsim& metric,
+                                      const Scene& scene, const DecodedStream& stream,
+                                      const QualityConfig& config,
                                       std::vector<ImageRgb>* pictures) {
   auto renderer = render::Renderer::create();
   if (!renderer) return renderer.error();
@@ -291,24 +294,24 @@ Result<QualityReport> measure_quality(const Trial& trial, const Judge& judge, co
   report.scene = scene.id, report.pipeline = scene.pipeline, report.reference = trial.reference();
   report.fps = scene.fps;
   report.views = static_cast<int>(trial.plan().views.size());
-  report.frames = static_cast<int>(played.shown.size());
-  report.mesh_mbps = played.mesh_mbps, report.texture_mbps = played.texture_mbps;
-  report.refresh_mbps = played.refresh_mbps;
-  report.triangles = triangles_of(played.shown.back());
-  std::vector<std::vector<PictureScore>> scores(played.shown.size());
-  const std::size_t all = played.shown.size() * trial.plan().views.size();
-  for (std::size_t m = 0; m < played.shown.size(); ++m)
+  report.frames = static_cast<int>(stream.shown.size());
+  report.mesh_mbps = stream.mesh_mbps, report.texture_mbps = stream.texture_mbps;
+  report.refresh_mbps = stream.refresh_mbps;
+  report.triangles = triangles_of(stream.shown.back());
+  std::vector<std::vector<PictureScore>> scores(stream.shown.size());
+  const std::size_t all = stream.shown.size() * trial.plan().views.size();
+  for (std::size_t m = 0; m < stream.shown.size(); ++m)
     for (std::size_t v = 0; v < trial.plan().views.size(); ++v) {
       tell(config, "compare", m * trial.plan().views.size() + v, all);
-      auto drawn = draw_scene(*renderer, played.shown[m], trial.plan().views[v]);
+      auto drawn = draw_scene(*renderer, stream.shown[m], trial.plan().views[v]);
       if (!drawn) return drawn.error();
-      const auto score = judge.compare(m, v, luma_of(drawn->color), drawn->covered);
+      const auto score = metric.compare(m, v, luma_of(drawn->color), drawn->covered);
       if (!score) return score.error();
       scores[m].push_back(*score);
       if (pictures && m == 0) pictures->push_back(std::move(drawn->color));
     }
   tell(config, "compare", all, all);
-  report.score = summarize(scores, judge.knows_seen());
+  report.score = summarize(scores, metric.has_seen_masks());
   return report;
 }
 
@@ -327,7 +330,7 @@ std::string to_json(const QualityReport& r) {
 }
 
 std::string to_text(const QualityReport& r) {
-  const auto line = [](const char* name, const Spread& s) {
+  const auto line = [](const char* name, const ScoreStatistics& s) {
     return fmt::format("  SSIM {}  {:.4f} mean, {:.4f} 5th percentile, {:.4f} least\n", name,
                        s.mean, s.p5, s.min);
   };

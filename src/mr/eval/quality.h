@@ -8,8 +8,8 @@
 
 #include "mr/core/decoded_scene.h"
 #include "mr/core/result.h"
-#include "mr/eval/judge.h"
 #include "mr/eval/moments.h"
+#include "mr/eval/multi_view_ssim.h"
 #include "mr/eval/reference.h"
 #include "mr/eval/system.h"
 #include "mr/eval/viewpoints.h"
@@ -17,9 +17,9 @@
 
 namespace mr::eval {
 
-/// What is asked of a measurement.
+/// Options of a quality measurement.
 struct QualityConfig {
-  std::optional<ReferenceKind> reference;  ///< none: the scene's best
+  std::optional<ReferenceKind> reference;  ///< none: the best that the scene has
   int moments = 3, burst = 4;              ///< see Moments
   std::filesystem::path rig_cache, eval_cache;
   std::function<void(const std::string& step, std::size_t done, std::size_t of)> progress{};
@@ -30,22 +30,22 @@ struct QualityConfig {
 struct QualityReport {
   std::string scene, pipeline;
   ReferenceKind reference = ReferenceKind::truth;
-  int views = 0, frames = 0;  ///< frames: moments at which pictures were compared
+  int views = 0, frames = 0;  ///< frames: moments that were compared
   double fps = 30;
   double mesh_mbps = 0, texture_mbps = 0;
-  double refresh_mbps = 0;      ///< see Played
+  double refresh_mbps = 0;      ///< see DecodedStream
   std::uint64_t triangles = 0;  ///< of the last frame; points where it has none
   MultiViewScore score;
 
   double mbps() const { return mesh_mbps + texture_mbps; }
 };
 
-/// A prepared scene, and from where, when and with what pictures of it are compared; serves any
-/// pipeline of it.
+/// The set-up of an evaluation: a prepared scene with the viewpoints, moments and reference of the
+/// comparison. It serves all pipelines of the scene.
 class Trial {
  public:
-  /// Uses NAME.views.json beside the scene file where it was made for this scene, else plans the
-  /// viewpoints. empty: no viewpoint, no colour, no surface.
+  /// Reads the viewpoints from NAME.views.json beside the scene file if they were planned for this
+  /// scene, else plans them. empty: there is no viewpoint, no colour or no surface.
   static Result<Trial> prepare(const Scene& scene, const QualityConfig& config);
 
   const Scene& scene() const { return scene_; }
@@ -54,17 +54,17 @@ class Trial {
   ReferenceKind reference() const { return reference_; }
   std::vector<std::size_t> all_moments() const;
 
-  /// The reference from the first `views` viewpoints, so many captures after those that are shown
-  /// at some moments: [moments][views].
-  Result<std::vector<std::vector<Drawn>>> pictures(const std::vector<std::size_t>& moments,
-                                                   std::size_t views, int captures_later,
-                                                   const QualityConfig& config) const;
+  /// Renders the reference from the first `views` viewpoints, `captures_later` captures after each
+  /// of the given moments: [moments][views].
+  Result<std::vector<std::vector<RenderedView>>> pictures(const std::vector<std::size_t>& moments,
+                                                          std::size_t views, int captures_later,
+                                                          const QualityConfig& config) const;
 
-  /// What a stream of every `divider`-th capture is compared with: on average it is
-  /// (divider - 1) / 2 captures old.
-  /// `with_seen`: scores have an ssim_seen where the reference is a truth.
-  Result<Judge> judge(const std::vector<std::size_t>& moments, std::size_t views, int divider,
-                      const QualityConfig& config, bool with_seen = false) const;
+  /// The metric for a stream that sends every `divider`-th capture, so that what it shows is 0 to
+  /// divider - 1 captures old. `with_seen`: scores have ssim_seen if the reference is ground truth.
+  Result<MultiViewSsim> metric(const std::vector<std::size_t>& moments, std::size_t views,
+                               int divider, const QualityConfig& config,
+                               bool with_seen = false) const;
 
  private:
   Scene scene_;
@@ -73,35 +73,37 @@ class Trial {
   ReferenceKind reference_ = ReferenceKind::truth;
 };
 
-/// Every how many captures a scene's pipeline sends one.
+/// A scene's pipeline sends one of so many captures.
 int frame_divider(const Scene& scene);
 
-/// One stream as a client decodes it, moment by moment.
-struct Played {
+/// A stream as a client decodes it at each moment, and its bitrates.
+struct DecodedStream {
   std::vector<DecodedScene> shown;  ///< [moments]
   double mesh_mbps = 0, texture_mbps = 0;
-  /// Of a pipeline with memory: what sending all chunks and plates once a second would cost; that
-  /// is in no other rate. Others send everything all the time: 0.
+  /// Stateful pipelines: what sending all chunks and clean plates once a second would cost, which
+  /// is not part of the other rates. 0 for stateless ones, which always send everything.
   double refresh_mbps = 0;
 };
 
-/// Runs a scene's pipeline, whichever it names, through every moment: one with memory from the
-/// warm-up on, with its rate that of the second that ends with each moment.
-Result<Played> play(const Scene& scene, const Moments& moments, const QualityConfig& config);
+/// Runs the scene's pipeline over all moments. A stateful one runs from the warm-up on, and its
+/// bitrate is that of the second that ends with each moment.
+Result<DecodedStream> run_pipeline(const Scene& scene, const Moments& moments,
+                                   const QualityConfig& config);
 
-/// The same from a system's halves: quicker, as only what carries state is coded for the captures
-/// before the last of a burst, and kept for next time. Without memory every capture is coded for
-/// itself.
-Result<Played> play_apart(System& system, const Scene& scene, const Moments& moments,
-                          const QualityConfig& config);
+/// The same from the two halves of a System (geometry, texture). Faster: of a burst's earlier
+/// captures only what carries state is coded, and results are cached. Without state every capture
+/// is coded on its own.
+Result<DecodedStream> run_pipeline_halves(System& system, const Scene& scene,
+                                          const Moments& moments, const QualityConfig& config);
 
-/// Draws what was played from every viewpoint and compares. `pictures`, where given, takes the
-/// first moment's, [views].
-Result<QualityReport> measure_quality(const Trial& trial, const Judge& judge, const Scene& scene,
-                                      const Played& played, const QualityConfig& config,
+/// Renders a decoded stream from every viewpoint and compares it with the reference. `pictures`, if
+/// given, receives those of the first moment, [views].
+Result<QualityReport> measure_quality(const Trial& trial, const MultiViewSsim& metric,
+                                      const Scene& scene, const DecodedStream& stream,
+                                      const QualityConfig& config,
                                       std::vector<ImageRgb>* pictures = nullptr);
 
-/// Where a scene's viewpoints are stored, and what they were made for.
+/// The file of a scene's viewpoints, and the key that tells for which scene they were planned.
 std::filesystem::path viewpoints_file(const Scene& scene);
 std::string viewpoints_key(const Scene& scene);
 

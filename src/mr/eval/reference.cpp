@@ -16,14 +16,14 @@
 namespace mr::eval {
 namespace {
 
-using Pictures = std::vector<std::vector<Drawn>>;
+using Pictures = std::vector<std::vector<RenderedView>>;
 
 /// Another number whenever truth is stored differently.
 constexpr double kTruthVersion = 2;
 constexpr double kMonolithicVoxel_m = 0.01;
 
-Drawn drawn(synth::TruthPicture picture) {
-  Drawn out{std::move(picture.color), ImageMask(picture.depth.width, picture.depth.height)};
+RenderedView drawn(synth::TruthPicture picture) {
+  RenderedView out{std::move(picture.color), ImageMask(picture.depth.width, picture.depth.height)};
   for (std::size_t i = 0; i < out.covered.data.size(); ++i) {
     out.covered.data[i] = picture.depth.data[i] > 0 ? 1 : 0;
     if (!out.covered.data[i]) std::fill_n(&out.color.data[3 * i], 3, std::uint8_t{128});
@@ -38,19 +38,19 @@ class TruthStore {
       : store_(store_folder(cache_folder, fmt::format("truth-{}-{:016x}", kTruthVersion,
                                                       synth::rig_key(rig, fps)))) {}
 
-  std::optional<Drawn> get(const render::Viewpoint& view, int frame) const {
+  std::optional<RenderedView> get(const render::Viewpoint& view, int frame) const {
     const auto png = store_.get(name(view, frame));
     const auto both = png ? kit::decode_color(*png) : Error{Error::Cause::not_found, ""};
     const int width = view.camera.width, height = view.camera.height;
     if (!both || both->width != width || both->height != 2 * height) return std::nullopt;
-    Drawn out{ImageRgb(width, height), ImageMask(width, height)};
+    RenderedView out{ImageRgb(width, height), ImageMask(width, height)};
     std::copy_n(both->data.begin(), out.color.data.size(), out.color.data.begin());
     for (std::size_t i = 0; i < out.covered.data.size(); ++i)
       out.covered.data[i] = both->row(height)[3 * i] ? 1 : 0;
     return out;
   }
 
-  void put(const render::Viewpoint& view, int frame, const Drawn& picture) const {
+  void put(const render::Viewpoint& view, int frame, const RenderedView& picture) const {
     ImageRgb both(picture.color.width, 2 * picture.color.height);
     std::copy(picture.color.data.begin(), picture.color.data.end(), both.data.begin());
     for (std::size_t i = 0; i < picture.covered.data.size(); ++i)
@@ -76,7 +76,7 @@ Result<Pictures> truth_pictures(const Scene& scene, const std::vector<int>& fram
   if (!rig) return no_truth(scene);
   const TruthStore store(cache_folder, *rig, scene.fps);
   std::unique_ptr<synth::Truth> truth;  // made when something is missing
-  Pictures out(frames.size(), std::vector<Drawn>(views.size()));
+  Pictures out(frames.size(), std::vector<RenderedView>(views.size()));
   for (std::size_t v = 0; v < views.size(); ++v) {
     if (progress) progress(v, views.size());
     std::unique_ptr<synth::TruthView> eye;
@@ -112,7 +112,7 @@ Result<Pictures> monolithic_pictures(const Scene& scene, const std::vector<int>&
                    fmt::format("scene '{}' has no capture {}", scene.id, frame)};
     const auto reference = monolithic_scene(scene, *capture);
     if (!reference) return reference.error();
-    std::vector<Drawn>& pictures = out.emplace_back();
+    std::vector<RenderedView>& pictures = out.emplace_back();
     for (const render::Viewpoint& view : views) {
       auto picture = draw_scene(*renderer, *reference, view);
       if (!picture) return picture.error();
@@ -171,7 +171,7 @@ Result<DecodedScene> monolithic_scene(const Scene& scene, std::span<const Frame>
   return out;
 }
 
-Result<std::vector<std::vector<Drawn>>> reference_pictures(
+Result<std::vector<std::vector<RenderedView>>> reference_pictures(
     const Scene& scene, ReferenceKind kind, const std::vector<int>& frames,
     const std::vector<render::Viewpoint>& views, const std::filesystem::path& rig_cache,
     const std::filesystem::path& eval_cache, const Progress& progress) {

@@ -11,32 +11,33 @@
 
 #include "mr/core/image.h"
 #include "mr/core/result.h"
-#include "mr/eval/draw.h"
+#include "mr/eval/draw_scene.h"
 #include "mr/scene/scene.h"
 
 namespace mr::eval {
 
-/// What a stream is compared with (EVALUATION, Multi-View SSIM).
+/// The reference of a comparison (EVALUATION, Multi-View SSIM).
 enum class ReferenceKind {
   truth,      ///< of a synthetic scene: its noiseless surface and colours
   monolithic  ///< all sensors in one 1 cm grid, textured from uncompressed pictures
 };
 const char* to_string(ReferenceKind kind);
 
-/// The rig whose truth is known: the scene's own, or the one that its pictures were made with; null
-/// for real scenes.
+/// The synthetic rig whose ground truth is known: the scene's own, or the one its pictures were
+/// rendered with; null for real scenes.
 const RigConfig* known_rig(const Scene& scene);
-Error no_truth(const Scene& scene);  ///< unsupported: for a scene without one
+Error no_truth(const Scene& scene);  ///< unsupported: the error for a scene without one
 
-/// The scene's best: truth where its rig is known.
+/// The ground truth if the scene's rig is known, else monolithic.
 ReferenceKind default_reference(const Scene& scene);
 
 using Progress = std::function<void(std::size_t done, std::size_t of)>;
 
-/// Pictures from every viewpoint of every wanted capture: [frames][views]. The scene must be
-/// prepared. Pictures of a truth are kept in `eval_cache`, where it is not empty. unsupported:
-/// truth of a scene without a rig; empty: no capture, or none with a surface.
-Result<std::vector<std::vector<Drawn>>> reference_pictures(
+/// Renders the reference from every viewpoint at the given captures: [frames][views]. The scene
+/// must be prepared. Pictures of ground truth are cached in `eval_cache` unless that is empty.
+/// unsupported: truth of a scene without a known rig; empty: a capture is missing or has no
+/// surface.
+Result<std::vector<std::vector<RenderedView>>> reference_pictures(
     const Scene& scene, ReferenceKind kind, const std::vector<int>& frames,
     const std::vector<render::Viewpoint>& views, const std::filesystem::path& rig_cache,
     const std::filesystem::path& eval_cache, const Progress& progress = {});

@@ -52,7 +52,7 @@ std::vector<BorderEdge> border_edges(const Mesh& mesh) {
 }
 
 /// A short part of a border edge.
-struct Piece {
+struct BorderSegment {
   std::uint32_t edge = 0;
   Vec3d a, b;
 
@@ -60,26 +60,27 @@ struct Piece {
   double length_m() const { return length(b - a); }
 };
 
-std::vector<Piece> cut(std::span<const BorderEdge> edges, double longest_m) {
-  std::vector<Piece> pieces;
+std::vector<BorderSegment> cut(std::span<const BorderEdge> edges, double longest_m) {
+  std::vector<BorderSegment> segments;
   for (std::uint32_t e = 0; e < edges.size(); ++e) {
     const Vec3d side = edges[e].b - edges[e].a;
     const double count = std::max(1.0, std::ceil(length(side) / longest_m - 1e-6));
     for (double k = 0; k < count; ++k)
-      pieces.push_back({e, edges[e].a + side * (k / count), edges[e].a + side * ((k + 1) / count)});
+      segments.push_back(
+          {e, edges[e].a + side * (k / count), edges[e].a + side * ((k + 1) / count)});
   }
-  return pieces;
+  return segments;
 }
 
-/// Pieces by the cell that their middle lies in.
-class PieceGrid {
+/// Segments by the cell that their middle lies in.
+class SegmentGrid {
  public:
-  PieceGrid(std::span<const Piece> pieces, double cell_m) : cell_m_(cell_m) {
-    for (std::uint32_t i = 0; i < pieces.size(); ++i)
-      cells_[cell_of(pieces[i].middle())].push_back(i);
+  SegmentGrid(std::span<const BorderSegment> segments, double cell_m) : cell_m_(cell_m) {
+    for (std::uint32_t i = 0; i < segments.size(); ++i)
+      cells_[cell_of(segments[i].middle())].push_back(i);
   }
 
-  /// Calls body(piece) for all whose middle lies at most a cell away, and for some others.
+  /// Calls body(segment) for all whose middle lies at most a cell away, and for some others.
   template <typename Body>
   void around(Vec3d p, const Body& body) const {
     const Vec3i c = cell_of(p);
@@ -111,15 +112,15 @@ EdgesAt edges_at(std::span<const BorderEdge> edges) {
 }
 
 /// An edge and how far along the border it begins.
-struct Along {
+struct BorderArc {
   std::uint32_t edge = 0;
   double distance_m = 0;
 };
 
 /// The edges that begin at most `reach_m` along the border from an edge, sorted; that edge and its
 /// neighbours included.
-std::vector<Along> along_border(std::uint32_t start, std::span<const BorderEdge> edges,
-                                const EdgesAt& at, double reach_m) {
+std::vector<BorderArc> along_border(std::uint32_t start, std::span<const BorderEdge> edges,
+                                    const EdgesAt& at, double reach_m) {
   std::map<std::uint32_t, double> vertices{{edges[start].from, 0}, {edges[start].to, 0}};
   std::map<std::uint32_t, double> found;
   std::vector<std::uint32_t> open{edges[start].from, edges[start].to};
@@ -139,50 +140,51 @@ std::vector<Along> along_border(std::uint32_t start, std::span<const BorderEdge>
       open.push_back(next);
     }
   }
-  std::vector<Along> out;
+  std::vector<BorderArc> out;
   for (const auto& [edge, distance] : found) out.push_back({edge, distance});
   return out;
 }
 
 /// How far along the border an edge begins; infinite where it is not listed.
-double way_to(std::uint32_t edge, std::span<const Along> listed) {
-  const auto at = std::ranges::lower_bound(listed, edge, {}, &Along::edge);
+double arc_length_to(std::uint32_t edge, std::span<const BorderArc> listed) {
+  const auto at = std::ranges::lower_bound(listed, edge, {}, &BorderArc::edge);
   return at != listed.end() && at->edge == edge ? at->distance_m
                                                 : std::numeric_limits<double>::infinity();
 }
 
-/// Distance from a point of an edge to a piece of another; infinite where they do not face.
-double facing_distance(Vec3d from, const BorderEdge& edge, const Piece& piece,
+/// Distance from a point of an edge to a segment of another; infinite where they do not face.
+double facing_distance(Vec3d from, const BorderEdge& edge, const BorderSegment& segment,
                        const BorderEdge& other) {
   constexpr double kNone = std::numeric_limits<double>::infinity();
   if (dot(edge.along, other.along) > -kAcross) return kNone;
-  const Vec3d across = kit::nearest_on_segment(from, piece.a, piece.b) - from;
+  const Vec3d across = kit::nearest_on_segment(from, segment.a, segment.b) - from;
   const double distance = length(across);
   if (distance < 1e-6) return distance;  // no direction
   if (dot(across, edge.open) < kAcross * distance) return kNone;
   return dot(-across, other.open) < kAcross * distance ? kNone : distance;
 }
 
-/// For every piece the distance to the nearest that faces it; infinite where none does.
-std::vector<double> gap_widths(std::span<const BorderEdge> edges, std::span<const Piece> pieces,
-                               double voxel_m) {
+/// For every segment the distance to the nearest that faces it; infinite where none does.
+std::vector<double> gap_widths(std::span<const BorderEdge> edges,
+                               std::span<const BorderSegment> segments, double voxel_m) {
   const double farthest = kFarthest_voxels * voxel_m;
-  const PieceGrid grid(pieces, farthest + voxel_m);  // a piece's middle is that much farther away
+  const SegmentGrid grid(segments,
+                         farthest + voxel_m);  // a segment's middle is that much farther away
   const EdgesAt at = edges_at(edges);
-  std::vector<double> widths(pieces.size(), std::numeric_limits<double>::infinity());
-  parallel_for(pieces.size(), 64, [&](std::size_t begin, std::size_t end) {
-    std::vector<Along> same;
+  std::vector<double> widths(segments.size(), std::numeric_limits<double>::infinity());
+  parallel_for(segments.size(), 64, [&](std::size_t begin, std::size_t end) {
+    std::vector<BorderArc> same;
     for (std::size_t i = begin; i < end; ++i) {
-      const Piece& piece = pieces[i];
-      if (i == begin || piece.edge != pieces[i - 1].edge)
-        same = along_border(piece.edge, edges, at, kDetour * farthest);
-      const Vec3d from = piece.middle();
+      const BorderSegment& segment = segments[i];
+      if (i == begin || segment.edge != segments[i - 1].edge)
+        same = along_border(segment.edge, edges, at, kDetour * farthest);
+      const Vec3d from = segment.middle();
       grid.around(from, [&](std::uint32_t other) {
-        const std::uint32_t e = pieces[other].edge;
-        const double width = facing_distance(from, edges[piece.edge], pieces[other], edges[e]);
+        const std::uint32_t e = segments[other].edge;
+        const double width = facing_distance(from, edges[segment.edge], segments[other], edges[e]);
         if (width > farthest || width >= widths[i]) return;
         const double least_way = std::max(kSameBorder_voxels * voxel_m, kDetour * width);
-        if (way_to(e, same) > least_way) widths[i] = width;
+        if (arc_length_to(e, same) > least_way) widths[i] = width;
       });
     }
   });
@@ -193,14 +195,14 @@ std::vector<double> gap_widths(std::span<const BorderEdge> edges, std::span<cons
 
 double seam_gap_p95_mm(const Mesh& mesh, double voxel_m) {
   const std::vector<BorderEdge> edges = border_edges(mesh);
-  const std::vector<Piece> pieces = cut(edges, voxel_m / 2);
-  const std::vector<double> widths = gap_widths(edges, pieces, voxel_m);
+  const std::vector<BorderSegment> segments = cut(edges, voxel_m / 2);
+  const std::vector<double> widths = gap_widths(edges, segments, voxel_m);
   std::vector<std::pair<double, double>> width_and_length;
   double all = 0;
-  for (std::size_t i = 0; i < pieces.size(); ++i) {
+  for (std::size_t i = 0; i < segments.size(); ++i) {
     if (!std::isfinite(widths[i])) continue;
-    width_and_length.emplace_back(widths[i], pieces[i].length_m());
-    all += pieces[i].length_m();
+    width_and_length.emplace_back(widths[i], segments[i].length_m());
+    all += segments[i].length_m();
   }
   std::ranges::sort(width_and_length);
   double below = 0;

@@ -9,19 +9,20 @@ using ImageLuma = Image<float, 1>;  ///< BT.709 luma of 8-bit pictures, 0..255
 
 ImageLuma luma_of(const ImageRgb& picture);
 
-/// How alike two pictures are. `masked` counts only windows around pixels of interest.
+/// Similarity of two pictures. `masked`: only windows around the mask's pixels.
 struct PictureScore {
   double ssim_full = 0, ssim_masked = 0;
-  double ssim_seen = 0;  ///< see Judge
-  double psnr_db = 0;  ///< of luma over the mask's own pixels; at most kSamePsnr_db: no difference
+  double ssim_seen = 0;  ///< see MultiViewSsim
+  double psnr_db = 0;    ///< luma, only the mask's pixels; kSamePsnr_db when they are equal
 };
 inline constexpr double kSamePsnr_db = 100;
 
-/// Structural similarity (Wang, Bovik, Sheikh, Simoncelli 2004) to one reference picture, of which
-/// all sums are kept: 11x11 Gaussian windows of sigma 1.5, K1 0.01, K2 0.03, L 255, only windows
-/// that lie inside the picture (EVALUATION, Multi-View SSIM). Agrees with scikit-image's
-/// structural_similarity(gaussian_weights=True, sigma=1.5, use_sample_covariance=False,
-/// data_range=255) to 1e-3. Parallel over rows; the same result on any number of threads.
+/// Structural similarity (Wang, Bovik, Sheikh and Simoncelli 2004) to one reference picture, whose
+/// means and variances are computed once: 11x11 Gaussian windows of sigma 1.5, K1 0.01, K2 0.03, L
+/// 255, only windows that lie inside the picture (EVALUATION, Multi-View SSIM). Agrees with
+/// scikit-image's structural_similarity(gaussian_weights=True, sigma=1.5,
+/// use_sample_covariance=False, data_range=255) to 1e-3. Parallel over rows; the same result on any
+/// number of threads.
 class Ssim {
  public:
   /// invalid: the picture is smaller than a window, or a value is not finite.

@@ -12,9 +12,9 @@
 #include <utility>
 
 #include "mr/core/parallel.h"
-#include "mr/eval/captured.h"
-#include "mr/eval/draw.h"
+#include "mr/eval/draw_scene.h"
 #include "mr/eval/reference.h"
+#include "mr/eval/sensor_coverage.h"
 #include "mr/kit/raycast.h"
 #include "mr/node/sources.h"
 #include "mr/runtime/lockstep_scene.h"
@@ -58,7 +58,7 @@ Result<ShownRun> run_and_keep(const Scene& scene, int end, int kept,
     if (capture >= end - kept) out.last.push_back({capture, cost.key_frame, *std::move(shown)});
   };
   if (!scene.still.layers && end > kept + 1) {
-    // It remembers nothing: its first capture tells when it begins, the last ones the rest.
+    // A pipeline without state: the first capture tells when it begins, the last ones the rest.
     if (const auto begun = (*pipeline)->run(1, listener); !begun) return begun.error();
     offset = end - kept;
     (*pipeline)->skip(static_cast<std::uint64_t>(offset) - 1);
@@ -108,7 +108,7 @@ struct ChangedPixels {
   std::uint64_t changed = 0, all = 0;
 };
 
-void count_changed(const Drawn& before, const Drawn& now, const Same& same, int level,
+void count_changed(const RenderedView& before, const RenderedView& now, const Same& same, int level,
                    ChangedPixels& out) {
   for (std::size_t p = 0; p < same.size(); ++p) {
     if (!same[p] || !(before.covered.data[p] | now.covered.data[p])) continue;
@@ -135,7 +135,7 @@ Status compare_pictures(const Scene& scene, synth::Truth& truth,
   }
   auto renderer = render::Renderer::create();
   if (!renderer) return renderer.error();
-  std::vector<Drawn> before(views.size());
+  std::vector<RenderedView> before(views.size());
   ChangedPixels pixels;
   for (std::size_t i = 0; i < shown.size(); ++i) {
     tell("compare", i, shown.size());
@@ -166,14 +166,14 @@ struct SeenTruth {
 /// The depth pictures of a scene's sensors, capture by capture.
 class DepthPictures {
  public:
-  /// `eyes`: where the sensors really stand.
-  DepthPictures(const Scene& scene, const std::vector<Eyes>& eyes,
+  /// `frustums`: where the sensors really stand.
+  DepthPictures(const Scene& scene, const std::vector<SensorFrustum>& frustums,
                 const std::filesystem::path& rig_cache)
       : scene_(scene) {
     const std::vector<SensorId> all = all_sensors(scene.sensors);
     for (const SensorId id : all) {
       registrations_.emplace_back(scene.sensor(id), id);
-      T_depth_world_.push_back(eyes[index_of(id)].T_world_depth.inverse());
+      T_depth_world_.push_back(frustums[index_of(id)].T_world_depth.inverse());
     }
     sources_ = node::open_sources(scene, all, rig_cache);
     frames_.resize(sources_.size());
@@ -227,19 +227,19 @@ SeenTruth seen_truth(const Scene& scene, synth::Truth& truth, int now, int oldes
   const auto still = still_triangles(surface, truth_at(truth, scene, oldest));
   SeenTruth out;
   out.samples = sample_surface(surface, config.samples, 1);
-  const auto captured = captured_part(scene);
+  const auto captured = captured_half_spaces(scene);
   std::erase_if(out.samples, [&](const SurfaceSample& sample) {
     return !still[sample.triangle] || std::ranges::any_of(captured, [&](const HalfSpace& space) {
       return dot(space.normal, vec_cast<double>(sample.position)) < space.least_m;
     });
   });
-  const std::vector<Eyes> eyes = true_eyes(scene);
-  DepthPictures pictures(scene, eyes, config.rig_cache);
+  const std::vector<SensorFrustum> frustums = sensor_frustums(scene);
+  DepthPictures pictures(scene, frustums, config.rig_cache);
   std::vector<std::uint8_t> lately(out.samples.size()), seen;
   out.measured.resize(out.samples.size());
   for (int capture = oldest + (now - oldest) % kLookEvery; capture <= now; capture += kLookEvery) {
     if (config.progress) config.progress("seen", capture - oldest, now - oldest + 1);
-    seen = seen_samples(truth_at(truth, scene, capture), out.samples, eyes, scene.voxel_m);
+    seen = seen_samples(truth_at(truth, scene, capture), out.samples, frustums, scene.voxel_m);
     pictures.read(capture);
     parallel_for(seen.size(), 1024, [&](std::size_t begin, std::size_t end) {
       for (std::size_t i = begin; i < end; ++i) {

@@ -15,11 +15,11 @@
 
 namespace mr::eval {
 
-/// Results of long computations, as files in a folder, so that an interrupted sweep goes on where
-/// it was. What cannot be written is computed again next time.
+/// A cache on disk for results of long computations, one file each, so that an interrupted sweep
+/// can resume. What cannot be written is computed again next time.
 class Store {
  public:
-  /// empty: keeps nothing. The folder is made when it is first written to.
+  /// An empty folder disables the cache. The folder is created at the first put().
   explicit Store(std::filesystem::path folder) : folder_(std::move(folder)) {}
 
   std::optional<std::vector<std::byte>> get(const std::string& name) const;
@@ -29,7 +29,7 @@ class Store {
   std::filesystem::path folder_;
 };
 
-/// Names what a result depends on (FNV-1a, 64 bits).
+/// A hash of everything that a result depends on (FNV-1a, 64 bits): the key of a cache.
 class Fingerprint {
  public:
   Fingerprint& add(std::span<const std::byte> bytes);
@@ -44,11 +44,11 @@ class Fingerprint {
   std::uint64_t sum_ = 0xCBF29CE484222325ull;
 };
 
-/// Of the running program: what another build computed is not taken for this one's.
+/// A hash of the running executable, so that results of another build are not reused.
 const std::string& program_fingerprint();
 
-/// Makes `cache_folder`/`name` for a store; the oldest others go while all need more than 8 GiB.
-/// empty where `cache_folder` is, or cannot be written.
+/// Creates `cache_folder`/`name` for a store. Evicts the oldest other folders while all together
+/// hold more than 8 GiB. Returns an empty path if `cache_folder` is empty or cannot be written.
 std::filesystem::path store_folder(const std::filesystem::path& cache_folder,
                                    const std::string& name);
 

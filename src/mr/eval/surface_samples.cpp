@@ -49,21 +49,24 @@ bool in_field(const Camera& lidar, Vec3d p) {
 }
 
 /// Whether a camera could measure a point of a surface if nothing stood between them.
-bool could_see(const Eyes& eye, const Pose& T_depth_world, const SurfaceSample& sample) {
+bool could_see(const SensorFrustum& frustum, const Pose& T_depth_world,
+               const SurfaceSample& sample) {
   constexpr double kLeastCosine = 0.1;
   const Vec3d p_world = vec_cast<double>(sample.position), p = T_depth_world * p_world;
-  const double depth = eye.depth_camera.model == CameraModel::pinhole ? p.z : length(p);
-  if (depth < eye.near_m || depth > eye.far_m) return false;
-  const Vec3d towards = normalized(eye.T_world_depth.translation - p_world);
+  const double depth = frustum.depth_camera.model == CameraModel::pinhole ? p.z : length(p);
+  if (depth < frustum.near_m || depth > frustum.far_m) return false;
+  const Vec3d towards = normalized(frustum.T_world_depth.translation - p_world);
   if (dot(vec_cast<double>(sample.normal), towards) <= kLeastCosine) return false;
-  if (eye.depth_camera.model == CameraModel::lidar && !in_field(eye.depth_camera, p)) return false;
-  const auto pixel = project(eye.depth_camera, p);
-  return pixel && pixel->x >= -0.5 && pixel->y >= -0.5 && pixel->x < eye.depth_camera.width - 0.5 &&
-         pixel->y < eye.depth_camera.height - 0.5;
+  if (frustum.depth_camera.model == CameraModel::lidar && !in_field(frustum.depth_camera, p))
+    return false;
+  const auto pixel = project(frustum.depth_camera, p);
+  return pixel && pixel->x >= -0.5 && pixel->y >= -0.5 &&
+         pixel->x < frustum.depth_camera.width - 0.5 &&
+         pixel->y < frustum.depth_camera.height - 0.5;
 }
 
 /// Whether the way from an eye to a point is free, but for the last `tolerance_m`.
-bool is_free(const kit::RayScene& rays, Vec3f eye, Vec3f point, double tolerance_m) {
+bool is_unoccluded(const kit::RayScene& rays, Vec3f eye, Vec3f point, double tolerance_m) {
   const double distance = length(vec_cast<double>(point) - vec_cast<double>(eye));
   if (distance <= tolerance_m) return true;
   return !rays.first_hit(eye, point - eye, 0, static_cast<float>(1 - tolerance_m / distance));
@@ -95,18 +98,20 @@ std::vector<SurfaceSample> sample_surface(const Mesh& mesh, int samples, std::ui
 }
 
 std::vector<std::uint8_t> seen_samples(const Mesh& surface, std::span<const SurfaceSample> samples,
-                                       std::span<const Eyes> eyes, double tolerance_m) {
+                                       std::span<const SensorFrustum> frustums,
+                                       double tolerance_m) {
   const Mesh* meshes[] = {&surface};
   const kit::RayScene rays(meshes);
   std::vector<Pose> T_depth_world;
-  for (const Eyes& eye : eyes) T_depth_world.push_back(eye.T_world_depth.inverse());
+  for (const SensorFrustum& frustum : frustums)
+    T_depth_world.push_back(frustum.T_world_depth.inverse());
   std::vector<std::uint8_t> seen(samples.size(), 0);
   parallel_for(samples.size(), 256, [&](std::size_t begin, std::size_t end) {
     for (std::size_t i = begin; i < end; ++i)
-      for (std::size_t e = 0; e < eyes.size() && !seen[i]; ++e)
-        seen[i] = could_see(eyes[e], T_depth_world[e], samples[i]) &&
-                  is_free(rays, vec_cast<float>(eyes[e].T_world_depth.translation),
-                          samples[i].position, tolerance_m);
+      for (std::size_t e = 0; e < frustums.size() && !seen[i]; ++e)
+        seen[i] = could_see(frustums[e], T_depth_world[e], samples[i]) &&
+                  is_unoccluded(rays, vec_cast<float>(frustums[e].T_world_depth.translation),
+                                samples[i].position, tolerance_m);
   });
   return seen;
 }

@@ -9,7 +9,7 @@
 #include <utility>
 
 #include "mr/core/parallel.h"
-#include "mr/eval/draw.h"
+#include "mr/eval/draw_scene.h"
 #include "mr/eval/geometry_buffer.h"
 
 namespace mr::eval {
@@ -33,9 +33,13 @@ std::uint64_t triangles_of(const baseline::Geometry& geometry) {
 /// One sweep under way.
 class Sweep {
  public:
-  Sweep(System& system, const SweepPlan& plan, const SweepJudges& judges, const Store& scores,
-        const SweepProgress& progress)
-      : system_(system), plan_(plan), judges_(judges), store_(scores), progress_(progress) {}
+  Sweep(System& system, const SweepPlan& plan, const SweepReference& references,
+        const Store& scores, const SweepProgress& progress)
+      : system_(system),
+        plan_(plan),
+        references_(references),
+        store_(scores),
+        progress_(progress) {}
 
   Result<std::vector<SweepPoint>> run(double fps) {
     const std::size_t points =
@@ -46,14 +50,14 @@ class Sweep {
     geometry_refresh_.resize(plan_.geometries.size());
     texture_refresh_.resize(plan_.textures.size());
     triangles_.resize(plan_.geometries.size());
-    for (std::size_t i = 0; i < judges_.moments.size(); ++i)
+    for (std::size_t i = 0; i < references_.moments.size(); ++i)
       if (const Status done = run_moment(i); !done) return done.error();
     return summary(fps);
   }
 
  private:
   Status run_moment(std::size_t i) {
-    const std::size_t moment = judges_.moments[i];
+    const std::size_t moment = references_.moments[i];
     std::vector<std::optional<Scores>> scores;
     for (std::size_t g = 0; g < plan_.geometries.size(); ++g) scores.push_back(kept(i, g));
     const bool all_kept =
@@ -74,7 +78,7 @@ class Sweep {
         store_.put(name(i, g), std::as_bytes(std::span(*scores[g])));
       }
       take(g, *scores[g]);
-      tell(judges_.views.size());
+      tell(references_.views.size());
     }
     return {};
   }
@@ -102,16 +106,16 @@ class Sweep {
     texture_refresh_[t] += cost.refresh_bytes;
   }
 
-  std::size_t row() const { return plan_.dividers.size() * judges_.views.size(); }
+  std::size_t row() const { return plan_.dividers.size() * references_.views.size(); }
 
   /// Draws each view once and shades it with every texture; views at once.
   Result<Scores> score(std::size_t moment, const baseline::Geometry& geometry,
                        const std::vector<LumaTexture>& textures) const {
     Scores scores(textures.size() * row());
-    std::vector<std::optional<Error>> wrong(judges_.views.size());
-    parallel_for(judges_.views.size(), 1, [&](std::size_t begin, std::size_t end) {
+    std::vector<std::optional<Error>> wrong(references_.views.size());
+    parallel_for(references_.views.size(), 1, [&](std::size_t begin, std::size_t end) {
       for (std::size_t v = begin; v < end; ++v) {
-        const GeometryBuffer buffer = draw_geometry(geometry, judges_.views[v]);
+        const GeometryBuffer buffer = draw_geometry(geometry, references_.views[v]);
         for (std::size_t t = 0; t < textures.size(); ++t)
           if (const Status ok = compare(moment, v, shade(buffer, textures[t]), buffer.covered,
                                         &scores[t * row()]);
@@ -131,8 +135,8 @@ class Sweep {
     DecodedScene scene;
     scene.chunks = geometry.chunks;
     Scores scores(row());
-    for (std::size_t v = 0; v < judges_.views.size(); ++v) {
-      const auto drawn = draw_scene(*renderer, scene, judges_.views[v]);
+    for (std::size_t v = 0; v < references_.views.size(); ++v) {
+      const auto drawn = draw_scene(*renderer, scene, references_.views[v]);
       if (!drawn) return drawn.error();
       if (const Status ok =
               compare(moment, v, luma_of(drawn->color), drawn->covered, scores.data());
@@ -149,9 +153,9 @@ class Sweep {
   Status compare(std::size_t moment, std::size_t view, const ImageLuma& luma,
                  const ImageMask& covered, PictureScore* scores) const {
     for (std::size_t d = 0; d < plan_.dividers.size(); ++d) {
-      const auto result = judges_.by_divider.at(d).compare(moment, view, luma, covered);
+      const auto result = references_.by_divider.at(d).compare(moment, view, luma, covered);
       if (!result) return result.error();
-      scores[d * judges_.views.size() + view] = *result;
+      scores[d * references_.views.size() + view] = *result;
     }
     return {};
   }
@@ -160,8 +164,8 @@ class Sweep {
     Fingerprint print;
     for (const TextureSetting& texture : plan_.textures) print.add(to_string(texture));
     for (const int divider : plan_.dividers) print.add(divider);
-    return fmt::format("scores-{}-{}-{}", judges_.moments[moment], to_string(plan_.geometries[g]),
-                       print.hex());
+    return fmt::format("scores-{}-{}-{}", references_.moments[moment],
+                       to_string(plan_.geometries[g]), print.hex());
   }
 
   std::optional<Scores> kept(std::size_t moment, std::size_t g) const {
@@ -173,7 +177,7 @@ class Sweep {
   }
 
   void take(std::size_t g, const Scores& scores) {
-    const std::size_t views = judges_.views.size();
+    const std::size_t views = references_.views.size();
     for (std::size_t td = 0; td < plan_.textures.size() * plan_.dividers.size(); ++td) {
       const PictureScore* of = &scores[td * views];
       scores_[g * plan_.textures.size() * plan_.dividers.size() + td].emplace_back(of, of + views);
@@ -191,7 +195,7 @@ class Sweep {
           point.geometry_mbps = geometry_rates_[g].mbps(fps / divider);
           point.texture_mbps = texture_rates_[t].mbps(fps / divider);
           point.refresh_mbps = (geometry_refresh_[g] + texture_refresh_[t]) * 8e-6 /
-                               static_cast<double>(judges_.moments.size());
+                               static_cast<double>(references_.moments.size());
           point.score = summarize(scores_[points.size()]);
           points.push_back(std::move(point));
         }
@@ -200,14 +204,15 @@ class Sweep {
 
   void tell(std::size_t more) {
     done_ += more;
-    const std::size_t of = judges_.moments.size() *
-                           (plan_.textures.size() + plan_.geometries.size() * judges_.views.size());
+    const std::size_t of =
+        references_.moments.size() *
+        (plan_.textures.size() + plan_.geometries.size() * references_.views.size());
     if (progress_) progress_(done_, of);
   }
 
   System& system_;
   const SweepPlan& plan_;
-  const SweepJudges& judges_;
+  const SweepReference& references_;
   const Store& store_;
   const SweepProgress& progress_;
   std::vector<std::vector<std::vector<PictureScore>>> scores_;  // [points][moments][views]
@@ -220,9 +225,9 @@ class Sweep {
 }  // namespace
 
 Result<std::vector<SweepPoint>> sweep(System& system, const SweepPlan& plan,
-                                      const SweepJudges& judges, double fps, const Store& scores,
-                                      const SweepProgress& progress) {
-  return Sweep(system, plan, judges, scores, progress).run(fps);
+                                      const SweepReference& references, double fps,
+                                      const Store& scores, const SweepProgress& progress) {
+  return Sweep(system, plan, references, scores, progress).run(fps);
 }
 
 std::vector<std::size_t> pareto_hull(const std::vector<SweepPoint>& points) {

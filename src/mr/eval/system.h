@@ -15,7 +15,7 @@
 
 namespace mr::eval {
 
-/// What is varied of a stream's geometry; a system looks at those that it has.
+/// The geometry parameters that a sweep varies; a system ignores those that it does not have.
 struct GeometrySetting {
   double voxel_m = 0.01;
   double ratio = 0.1;  ///< simplify.ratio
@@ -25,7 +25,7 @@ struct GeometrySetting {
   friend auto operator<=>(const GeometrySetting&, const GeometrySetting&) = default;
 };
 
-/// What is varied of its texture.
+/// The texture parameters that a sweep varies.
 struct TextureSetting {
   double scale = 1;  ///< coding.texture_scale
   int qp = 28;       ///< coding.texture_qp
@@ -39,16 +39,16 @@ TextureSetting texture_setting(const Scene& scene);
 std::string to_string(const GeometrySetting& setting);
 std::string to_string(const TextureSetting& setting);
 
-/// What one half of a stream costs at one moment.
+/// The bytes of one half of a stream (geometry or texture) at one moment.
 struct Cost {
-  std::vector<double> bytes;  ///< of each capture of the burst, or of the second that ends with it
-  bool steady = false;        ///< none of these captures is sent afresh, see Rate
-  double refresh_bytes = 0;   ///< of all that is kept; in systems with memory, and in no other cost
+  std::vector<double> bytes;  ///< of each capture in the burst, or in the second that ends with it
+  bool steady = false;        ///< all captures are predicted, none is sent in full (see Rate)
+  double refresh_bytes = 0;   ///< stateful systems: all retained data; not part of `bytes`
 
   void add_to(Rate& rate) const { steady ? rate.add_steady(bytes) : rate.add_burst(bytes); }
 };
 
-/// One half of a stream at one moment: its cost, and what a client has of the last capture.
+/// One half of a stream at one moment: its cost, and the last capture as a client decodes it.
 template <typename Decoded>
 struct CodedHalf {
   Cost cost;
@@ -57,15 +57,14 @@ struct CodedHalf {
 using CodedGeometry = CodedHalf<baseline::Geometry>;
 using CodedTexture = CodedHalf<baseline::Texture>;
 
-/// A scene's pipeline taken apart, so that a sweep codes each half once and combines them freely.
-/// What was coded is kept in a store. Halves that carry no state from capture to capture are coded
-/// for the last capture of a burst only; a system with memory is fed all captures from the warm-up
-/// on.
+/// A scene's pipeline split into geometry and texture, so that a sweep codes each half once and
+/// combines them freely. Coded halves are cached. A half without state is coded for the last
+/// capture of a burst only; a stateful one processes all captures from the warm-up on.
 class System {
  public:
   virtual ~System() = default;
 
-  /// For people, e.g. "Holoportation".
+  /// The name for people, e.g. "Holoportation".
   virtual std::string name() const = 0;
 
   Result<CodedGeometry> geometry(const GeometrySetting& setting, std::size_t moment);
@@ -74,12 +73,12 @@ class System {
   /// Only what it costs.
   Result<Cost> texture_cost(const TextureSetting& setting, std::size_t moment);
 
-  /// Where scores of this system are kept.
+  /// The cache for scores of this system.
   Store scores(const std::vector<render::Viewpoint>& views, ReferenceKind reference) const;
 
  protected:
   using Bytes = baseline::Bytes;
-  /// `folder`: what was coded is kept there; empty: nowhere.
+  /// `folder`: the cache for coded halves; empty: none.
   explicit System(std::filesystem::path folder) : folder_(std::move(folder)), store_(folder_) {}
 
  private:
@@ -102,12 +101,12 @@ class System {
 struct SystemConfig {
   Moments moments;
   std::filesystem::path rig_cache, eval_cache;
-  /// meshreduce: the texture holds what is used by the surface in any of these settings, as it is
-  /// coded apart from it.
+  /// meshreduce only: the texture, which is coded independently of the geometry, contains the
+  /// pixels that the surface uses with any of these settings.
   std::vector<GeometrySetting> mask_for;
 };
 
-/// By the scene's pipeline. The scene must be prepared; it is copied.
+/// The System of the scene's pipeline. The scene must be prepared; it is copied.
 Result<std::unique_ptr<System>> make_system(const Scene& scene, const SystemConfig& config);
 
 }  // namespace mr::eval

@@ -13,16 +13,16 @@
 #include "mr/eval/system.h"
 #include "mr/scene/scene.h"
 
-/// What the systems under test are made of.
+/// Shared pieces of the systems under test.
 namespace mr::eval {
 
-/// A scene with other settings.
+/// The scene with the given settings.
 Scene with(Scene scene, const GeometrySetting& setting);
 Scene with(Scene scene, const TextureSetting& setting);
 
 using Capture = std::vector<Frame>;
 
-/// The captures of every moment's burst; read when first asked for.
+/// Reads the captures of a moment's burst on first use and keeps them.
 class Bursts {
  public:
   /// The scene must outlive this.
@@ -38,7 +38,7 @@ class Bursts {
   std::map<std::size_t, std::vector<Capture>> read_;
 };
 
-/// MeshReduce itself, taken apart.
+/// MeshReduce's own pipeline as a System.
 std::unique_ptr<System> make_meshreduce_system(std::filesystem::path folder, const Scene& scene,
                                                const SystemConfig& config);
 

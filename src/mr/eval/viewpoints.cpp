@@ -14,6 +14,7 @@
 #include "mr/core/assert.h"
 #include "mr/core/parallel.h"
 #include "mr/eval/floor_map.h"
+#include "mr/eval/skeleton.h"
 #include "mr/kit/raster.h"
 
 namespace mr::eval {
@@ -121,8 +122,8 @@ struct Candidate {
 
 /// Nothing when it sees too little, or has its nose against something. Surface that is seen from
 /// behind covers nothing.
-std::optional<Candidate> look(const Subject& subject, const Pose& pose,
-                              const ViewpointConfig& config) {
+std::optional<Candidate> view_from(const Subject& subject, const Pose& pose,
+                                   const ViewpointConfig& config) {
   const Camera camera = small_camera(config);
   const kit::Raster raster = kit::rasterize(subject.mesh, camera, pose);
   Candidate out{pose, {}, 0};
@@ -228,7 +229,8 @@ std::vector<Candidate> best_yaws(const Subject& subject, const FloorMap& map, Ve
     const Vec3d ahead =
         map.T_world_floor.rotation * Vec3d{std::cos(yaw) * std::cos(kPitch),
                                            std::sin(yaw) * std::cos(kPitch), -std::sin(kPitch)};
-    all[i] = look(subject, look_at(eye, eye + ahead, map.T_world_floor.rotation.column(2)), config);
+    all[i] =
+        view_from(subject, look_at(eye, eye + ahead, map.T_world_floor.rotation.column(2)), config);
   }
   std::vector<Candidate> out;
   int first = -1;
@@ -353,7 +355,7 @@ std::vector<Candidate> from_direction(const Subject& subject, Vec3d direction, d
   for (const double nearer : {1.0, 0.8, 0.64, 0.5, 0.4}) {
     const Vec3d eye = subject.middle + direction * (distance_m * nearer);
     const Pose pose = look_at(eye, subject.middle, vertical ? any_horizontal(up) : up);
-    if (auto seen = look(subject, pose, config)) return {*seen};
+    if (auto seen = view_from(subject, pose, config)) return {*seen};
   }
   return {};
 }

@@ -27,7 +27,7 @@ struct ViewpointConfig {
   double least_distance_m = 0.5;  ///< median depth
 };
 
-/// The floor as cells of cell_m; row 0 is at the lowest y of the floor frame.
+/// Occupancy grid of the floor; row 0 is at the lowest y of the floor frame.
 struct FloorMap {
   enum Cell : std::uint8_t { unknown, free, obstacle };
   int width = 0, height = 0;
@@ -47,21 +47,22 @@ struct ViewPlan {
 /// An undistorted pinhole with square pixels, its axis through the middle of the picture.
 Camera picture_camera(int width, int height, double vertical_fov_deg);
 
-/// Chooses viewpoints from which somebody would look at a captured place (paper 6.1: Voronoi
-/// planner), or on arcs between the sensors where nobody could stand in it. Cameras in a room look
-/// 10 degrees down; those on arcs look at the middle of the surface, from nearer than the sensors
-/// where it would be too small in the picture. Deterministic. invalid: a position is not finite.
-/// `captured`: the surface that the sensors saw, world frame; `sensors`: their depth cameras'
-/// poses; `up`: unit length. empty: no viewpoint sees enough.
+/// Plans viewpoints for the evaluation: where a person could stand in the captured place, along the
+/// generalised Voronoi diagram of its floor (paper 6.1, Voronoi planner), or, if nobody could stand
+/// there, on arcs between the sensors. Cameras in a room look 10 degrees down; those on arcs look
+/// at the surface's centre, and are nearer than the sensors if it would be too small in the
+/// picture. `captured`: the surface that the sensors saw, world frame; `sensors`: poses of their
+/// depth cameras; `up`: unit length. Deterministic. invalid: a position is not finite; empty: no
+/// viewpoint sees enough of the surface.
 Result<ViewPlan> plan_viewpoints(const Mesh& captured, std::span<const Pose> sensors, Vec3d up,
                                  const ViewpointConfig& config = {});
 
 /// A floor plan with obstacles, skeleton, sensors and the chosen views as arrows.
 std::string draw_plan_svg(const ViewPlan& plan, std::span<const Pose> sensors);
 
-/// Viewpoints as stored beside a scene file: JSON with kind, picture size, field of view and each
-/// view's name and pose. `key` names what they were planned for; read_viewpoints() refuses
-/// (invalid) a file of another key, unless `key` is empty.
+/// The file of viewpoints beside a scene file: JSON with kind, picture size, field of view and each
+/// view's name and pose. `key` identifies the scene they were planned for. read_viewpoints()
+/// returns invalid for a file with another key, unless `key` is empty.
 Status write_viewpoints(const std::filesystem::path& file, const ViewPlan& plan,
                         const std::string& key);
 Result<ViewPlan> read_viewpoints(const std::filesystem::path& file, const std::string& key);

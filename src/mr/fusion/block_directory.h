@@ -10,9 +10,9 @@
 
 namespace mr::fusion {
 
-/// Where each block of a volume is kept: 8³ blocks make a region, which a hash finds (Nießner et
-/// al. 2013); inside a region a slot is one look-up. Space without end costs nothing: only regions
-/// that hold a block exist.
+/// A hash map from block coordinates to the slots in which a volume stores its blocks (voxel
+/// hashing, Nießner et al. 2013), in two levels: 8³ blocks make a region, an open-addressing hash
+/// table finds the region, and an array inside it the slot. Only regions that hold a block exist.
 class BlockDirectory {
  public:
   static constexpr std::uint32_t kNone = 0xFFFFFFFFu;  ///< no block there
@@ -25,14 +25,14 @@ class BlockDirectory {
 
   BlockDirectory() { clear(); }
 
-  /// Forgets everything; keeps its memory.
+  /// Removes everything; keeps the allocated memory.
   void clear();
   /// The slot of a block, or kNone.
   std::uint32_t find(Vec3i block) const {
     const Region* region = find_region(region_of(block));
     return region ? region->slots[place_in_region(block)] : kNone;
   }
-  /// The place of a block's slot; its region is made where it is missing. Good until the next call.
+  /// Reference to a block's slot; its region is created if missing. Valid until the next call.
   std::uint32_t& at(Vec3i block) {
     return need_region(region_of(block)).slots[place_in_region(block)];
   }
@@ -62,8 +62,8 @@ class BlockDirectory {
 
   std::vector<Region> regions_;  ///< the first count_ are in use
   std::size_t count_ = 0;
-  std::vector<std::uint32_t> table_;  ///< open addressing: place in regions_ or kNone
-  std::size_t last_ = 0;              ///< the region met last
+  std::vector<std::uint32_t> table_;  ///< hash table, open addressing: index into regions_ or kNone
+  std::size_t last_ = 0;              ///< the region found last, which is tried first
 };
 
 }  // namespace mr::fusion

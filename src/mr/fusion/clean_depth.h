@@ -7,13 +7,12 @@
 
 namespace mr::fusion {
 
-/// What a sensor delivers, made fit for fusion: depth that is no positive number becomes 0
-/// (invalid); then, each as `config` asks for it, mixed pixels go, holes are filled, speckle goes,
-/// noise is averaged out. `camera`: of that depth, undistorted and of its size; pinhole depth is
-/// along z, of the other models along the ray. `readings`: how many each pixel is the mean of: what
-/// may be noise is √readings times less than `precision` says, and what differs by more stays.
-/// Where no step did anything, depth keeps its bytes. Parallel; the same bytes on any number of
-/// threads.
+/// Filters a sensor's depth for fusion. Depth that is no positive number becomes 0 (invalid). Then,
+/// as enabled in `config`: removes mixed pixels, fills holes, removes speckle and smooths noise.
+/// `camera`: of this depth picture, undistorted and of its size; a pinhole's depth is along z, that
+/// of other models along the ray. `readings`: the number of measurements averaged in each pixel;
+/// the assumed noise is `precision` / √readings. Pixels that no step changes keep their exact
+/// bytes. Parallel; the same bytes on any number of threads.
 ImageDepth clean_depth(const ImageDepth& depth, const Camera& camera, const Precision& precision,
                        const CleanConfig& config, int readings = 1);
 

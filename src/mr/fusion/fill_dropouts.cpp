@@ -16,18 +16,18 @@ constexpr float kFillSigmas = 5;
 constexpr float kSlopeSigmas = 12;  // of a step: what the slopes of one surface may differ by
 
 /// From a pixel to its neighbour in one direction.
-struct Way {
+struct ScanDirection {
   std::ptrdiff_t step;
   float slope;  ///< steepest surface: change of inverse depth a step / inverse depth
 };
 
 /// A straight line across a gap.
-struct Bridge {
+struct GapLine {
   float middle = 0;  ///< inverse depth at the pixel; 0: there is none
   float apart = 0;   ///< how much its ends differ
 };
 
-/// Whether the surfaces on both sides lead across: the bridge is no steeper than the steeper of
+/// Whether the surfaces on both sides lead across: the line is no steeper than the steeper of
 /// them and no flatter than the flatter one, noise aside. `before`, `after`: the pixels next to its
 /// ends, 0 where nothing is known.
 bool leads_across(float before, float a, float b, float after, float steps, float noise) {
@@ -43,20 +43,20 @@ struct Limits {
   InverseSigma sigma;
 };
 
-Bridge bridge(const float* p, const Way& way, const Limits& limits) {
+GapLine gap_line(const float* p, const ScanDirection& direction, const Limits& limits) {
   int i = 1, j = 1;
-  while (i <= limits.most_px && p[-i * way.step] <= 0) ++i;
+  while (i <= limits.most_px && p[-i * direction.step] <= 0) ++i;
   if (i > limits.most_px) return {};
   const int most = limits.most_px + 1 - i;
-  while (j <= most && p[j * way.step] <= 0) ++j;
+  while (j <= most && p[j * direction.step] <= 0) ++j;
   if (j > most) return {};
-  const float a = p[-i * way.step], b = p[j * way.step];
+  const float a = p[-i * direction.step], b = p[j * direction.step];
   const auto steps = static_cast<float>(i + j);
   const float middle = (a * static_cast<float>(j) + b * static_cast<float>(i)) / steps;
   const float apart = std::abs(a - b), noise = limits.sigma(middle);
-  if (apart > way.slope * steps * middle + kFillSigmas * noise) return {};
-  if (limits.is_exact && !leads_across(p[-(i + 1) * way.step], a, b, p[(j + 1) * way.step], steps,
-                                       kSlopeSigmas * noise))
+  if (apart > direction.slope * steps * middle + kFillSigmas * noise) return {};
+  if (limits.is_exact && !leads_across(p[-(i + 1) * direction.step], a, b,
+                                       p[(j + 1) * direction.step], steps, kSlopeSigmas * noise))
     return {};
   return {middle, apart};
 }
@@ -67,15 +67,15 @@ void fill_row(const RayGrid& grid, const RaySpacing& rays, int y, const Limits& 
   const float down =
       std::max(std::abs(rays.down_rad(y - 1)), std::abs(rays.down_rad(y))) / kFillGrazing;
   const std::ptrdiff_t next = grid.row(y + 1) - grid.row(y);
-  const std::array<Way, 4> ways{
+  const std::array<ScanDirection, 4> directions{
       {{1, across}, {next, down}, {next + 1, across + down}, {next - 1, across + down}}};
-  const std::size_t used = rays.rows_touch ? ways.size() : 1;
+  const std::size_t used = rays.rows_touch ? directions.size() : 1;
   const float* const in = grid.row(y);
   for (int x = 0; x < grid.width(); ++x) {
     if (in[x] > 0) continue;
-    Bridge best;
+    GapLine best;
     for (std::size_t i = 0; i < used; ++i) {
-      const Bridge found = bridge(in + x, ways[i], limits);
+      const GapLine found = gap_line(in + x, directions[i], limits);
       if (found.middle > 0 && (best.middle == 0 || found.apart < best.apart)) best = found;
     }
     out[x] = best.middle;

@@ -4,12 +4,13 @@
 
 namespace mr::fusion {
 
-/// Fills pixels that failed, as many do on dark or grazing surfaces, where two opposite neighbours
-/// lie on one surface and the gap between them is at most `most_px` (up to RayGrid::kMargin - 1)
-/// pixels: by the straight line between the two that agree best. Nothing grows past an edge. Rows
-/// are compared only where their beams share light. `is_exact`: the depth is so exact that two
-/// pixels tell a slope; then the slopes on both sides must lead across, else the gap is a depth
-/// edge's.
+/// Fills small holes in depth (dropouts), as they occur on dark or grazing surfaces: an invalid
+/// pixel is interpolated linearly, in inverse depth, between two opposite neighbours that lie on
+/// one surface at most `most_px` (up to RayGrid::kMargin - 1) invalid pixels apart; of the four
+/// directions the one whose ends agree best. Surfaces do not grow beyond depth edges. Rows are
+/// compared only if their beams overlap (RaySpacing::rows_touch). `is_exact`: the depth is so
+/// precise that two pixels determine a slope; then the slopes on both sides must also agree with
+/// the interpolation, otherwise the gap belongs to a depth edge.
 RayGrid fill_dropouts(const RayGrid& grid, const RaySpacing& rays, const Precision& precision,
                       int most_px, bool is_exact = false);
 

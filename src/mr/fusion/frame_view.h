@@ -16,32 +16,32 @@ namespace mr::fusion {
 
 struct VolumeConfig;
 
-/// A sensor's depth picture with all that fusion must know of it. What it points to must outlive
-/// the call that it is given to.
+/// A depth picture with its camera, pose and precision, as input of fusion. What it refers to must
+/// outlive the call.
 struct DepthFrame {
   const ImageDepth& depth;
   const Camera& camera;  ///< undistorted pinhole, equirectangular or LiDAR
   const Pose& T_world_camera;
   Rect region;                         ///< only pixels inside count
-  std::optional<Precision> precision;  ///< nearer, so better, measurements weigh more; none: equal
-  /// A pinhole's pixels are pieces of planes, too, not steps: slanted walls come out flat, where
-  /// steps make them rough by a millimetre or two. Slower.
+  std::optional<Precision> precision;  ///< weights by 1 / variance; none: all weights are equal
+  /// Interpolates a pinhole's depth by a plane per pixel instead of nearest-neighbour sampling,
+  /// whose steps roughen slanted walls by a millimetre or two. Slower.
   bool slanted = false;
 };
 
-/// The surface that a pixel of a range picture sees, as a plane: inverse range and its change per
-/// radian to the right and downwards, and how the distance along the ray shrinks to that across
-/// the plane. Of a slanted pinhole: the same of depth, per
-/// pixel; off the axis a step in depth is a longer one, so `cosine` may exceed 1.
+/// The tangent plane of a pixel in a range picture: inverse range, its derivatives per radian to
+/// the right and downwards, and the cosine that turns distance along the ray into distance to the
+/// plane. With DepthFrame::slanted, for a pinhole: inverse depth and its derivatives per pixel; off
+/// the axis a step in depth is longer along the ray, so `cosine` may exceed 1.
 struct RangePlane {
   float inverse = 0, right = 0, down = 0, cosine = 1;
 };
 
-/// A depth picture, or a rectangle of it, as the kernels read it: usable pixels only, with a border
-/// in which nothing was measured, and the camera as two formulas, pixel → point and point → pixel.
-/// Kept from frame to frame for its memory.
+/// A depth picture, or a rectangle of it, in the layout of the SIMD kernels: valid pixels, a border
+/// of invalid ones, and the coefficients of projection (voxel → pixel) and unprojection (pixel →
+/// point). Reused from frame to frame to save allocations.
 struct FrameView {
-  static constexpr float kNothing = -1e30f;  ///< no depth: far behind any voxel's band
+  static constexpr float kNothing = -1e30f;  ///< invalid depth: far behind every voxel's band
   static constexpr int kPadding = 16;        ///< floats that a row may be read past its end
 
   int width = 0, height = 0;  ///< of the rectangle
@@ -93,9 +93,8 @@ struct FrameView {
   std::optional<Precision> precision;
 };
 
-/// Sets all but the pixels. False when nothing can be measured with this camera from this place:
-/// impossible intrinsics, no pixels in the region, a pose that is not finite or more than 1000 km
-/// from the origin.
+/// Fills everything but the pixels. False when the frame cannot be used: invalid intrinsics, no
+/// pixels in the region, or a pose that is not finite or more than 1000 km from the origin.
 bool set_frame(const DepthFrame& frame, const VolumeConfig& config, FrameView& view);
 
 }  // namespace mr::fusion

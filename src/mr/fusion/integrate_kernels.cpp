@@ -290,8 +290,8 @@ struct Planes {
 };
 
 /// A pinhole whose pixels are pieces of planes.
-struct Slanted {
-  explicit Slanted(const FrameView& v)
+struct SlantedPinhole {
+  explicit SlantedPinhole(const FrameView& v)
       : pinhole(v), planes(v), band(-v.truncation_m), least_band(-v.least_band_m) {}
 
   HWY_INLINE Sample operator()(Vf U, Vf V, Vf Z) const {
@@ -371,9 +371,9 @@ struct Spherical {
 };
 
 /// Walks through the voxels of a block, as many at a time as there are lanes.
-class Walk {
+class BlockSampler {
  public:
-  Walk(const FrameView& view, const VoxelBlock& block)
+  BlockSampler(const FrameView& view, const VoxelBlock& block)
       : view_(view),
         corner_(view.origin + view.axis[0] * (block.coordinate.x * double{kSide}) +
                 view.axis[1] * (block.coordinate.y * double{kSide}) +
@@ -425,7 +425,7 @@ template <typename Camera>
 HWY_INLINE void first_frame(const FrameView& view, std::uint64_t rows, VoxelBlock& block) {
   const Camera camera(view);
   const Vf behind = hn::Set(df, -view.truncation_m), scale = hn::Set(df, kMost / view.truncation_m);
-  Walk walk(view, block);
+  BlockSampler sampler(view, block);
   for (int z = 0; z < kSide; ++z) {
     const std::uint64_t wanted = kBytes[rows >> 8 * z & 0xFF];
     if (wanted == 0) {
@@ -433,10 +433,10 @@ HWY_INLINE void first_frame(const FrameView& view, std::uint64_t rows, VoxelBloc
       continue;
     }
     std::uint64_t seen = 0;
-    walk.set_layer(z);
+    sampler.set_layer(z);
     for (int i = 0; i < 64; i += lanes()) {
       if ((wanted >> i & ((std::uint64_t{1} << lanes()) - 1)) == 0) continue;
-      const Sample s = walk.sample(camera, i);
+      const Sample s = sampler.sample(camera, i);
       const Vi value = stored(limited(hn::Mul(s.in_front_m, scale)));
       hn::StoreU(hn::DemoteTo(d16, value), d16, block.distance.data() + z * 64 + i);
       seen |= bits_of(hn::Ge(s.in_front_m, behind)) << i;
@@ -449,7 +449,7 @@ void IntegrateFirst(const FrameView& view, std::uint64_t rows, VoxelBlock& block
   if (view.spherical)
     first_frame<Spherical>(view, rows, block);
   else if (view.slanted)
-    first_frame<Slanted>(view, rows, block);
+    first_frame<SlantedPinhole>(view, rows, block);
   else
     first_frame<Pinhole>(view, rows, block);
 }
@@ -495,12 +495,13 @@ HWY_INLINE Voxels averaged(const FrameView& view, const Sample& s, const Voxels&
 template <typename Camera>
 HWY_INLINE void next_frame(const FrameView& view, VoxelBlock& block, VoxelBlock::Weights& weights) {
   const Camera camera(view);
-  Walk walk(view, block);
+  BlockSampler sampler(view, block);
   for (int z = 0; z < kSide; ++z) {
     std::uint64_t seen = 0;
-    walk.set_layer(z);
+    sampler.set_layer(z);
     for (int i = 0; i < 64; i += lanes()) {
-      const Voxels now = averaged(view, walk.sample(camera, i), load(block, weights, z * 64 + i));
+      const Voxels now =
+          averaged(view, sampler.sample(camera, i), load(block, weights, z * 64 + i));
       const Vi value = stored(now.distance);
       hn::StoreU(hn::DemoteTo(d16, value), d16, block.distance.data() + z * 64 + i);
       hn::StoreU(hn::DemoteTo(du16, rounded(now.weight)), du16, weights.data() + z * 64 + i);
@@ -514,7 +515,7 @@ void IntegrateNext(const FrameView& view, VoxelBlock& block, VoxelBlock::Weights
   if (view.spherical)
     next_frame<Spherical>(view, block, weights);
   else if (view.slanted)
-    next_frame<Slanted>(view, block, weights);
+    next_frame<SlantedPinhole>(view, block, weights);
   else
     next_frame<Pinhole>(view, block, weights);
 }

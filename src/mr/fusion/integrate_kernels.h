@@ -14,8 +14,8 @@
 /// multiply-add and approximations: every set gives the same bytes.
 namespace mr::fusion {
 
-/// Copies rows [begin, end) of a frame into a view; what is no usable depth, or lies outside the
-/// view's bounds, becomes kNothing. Returns how many pixels held a number that can be no depth.
+/// Copies rows [begin, end) of a frame into a view; invalid depth, and points outside the view's
+/// bounds, become kNothing. Returns the number of pixels with an impossible value.
 std::size_t copy_rows(const DepthFrame& frame, int begin, int end, FrameView& view);
 
 /// A box of voxels, both ends included, from the first voxel of a view's eye_block.
@@ -36,25 +36,26 @@ inline VoxelRange voxels_within(Vec3f low, Vec3f high, float margin) {
           {voxel(high.x + margin), voxel(high.y + margin), voxel(high.z + margin)}};
 }
 
-/// Pixels are looked at in squares of so many.
+/// Edge of a tile, pixels: the unit of block allocation.
 inline constexpr int kTile = 4;
 
-/// How a tile's pixels become ranges of voxels.
+/// Parameters by which a tile's pixels become ranges of voxels to allocate.
 struct TileRule {
   float margin;   ///< around the surface, blocks; half a pixel comes on top
-  float largest;  ///< blocks; a tile that extends farther, and is steep, is taken apart
-  float band_m;   ///< how far behind an edge something may hang
+  float largest;  ///< blocks; a steep tile that extends farther is split into pixels
+  float band_m;   ///< how far behind a depth edge mixed pixels may lie
 };
 
-/// Appends the boxes that hold the surface seen by row `tile_row` of tiles.
+/// Appends boxes of voxels that contain the surface seen by row `tile_row` of tiles.
 void tile_ranges(const FrameView& view, int tile_row, const TileRule& rule,
                  std::vector<VoxelRange>& out);
 
-/// Writes a frame into a block, and only into those of its rows along x whose bit z·8 + y is set;
-/// whatever the block held is lost.
+/// Overwrites a block with a frame's signed distances, only in rows along x whose bit z·8 + y is
+/// set.
 void integrate_first(const FrameView& view, std::uint64_t rows, VoxelBlock& block);
 
-/// Averages a frame into all of a block; weights start with 0 (Curless & Levoy 1996).
+/// Integrates a frame into a whole block by weighted averaging (Curless and Levoy 1996). Weights
+/// must be 0 in a new block.
 void integrate_next(const FrameView& view, VoxelBlock& block, VoxelBlock::Weights& weights);
 
 }  // namespace mr::fusion

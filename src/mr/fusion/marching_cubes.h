@@ -11,36 +11,37 @@
 
 namespace mr::fusion {
 
-/// What becomes of cells in which the inside meets free space beyond the truncation band directly.
-/// There depth jumps and nobody saw a surface.
+/// Treatment of cells with a corner behind a surface next to one in free space beyond the
+/// truncation band. They occur at depth discontinuities, where no surface was measured.
 enum class DepthEdges {
-  cut,     ///< they stay empty
-  bridge,  ///< they become surface like any other, as most TSDF libraries do
+  cut,     ///< no surface there
+  bridge,  ///< polygonized like other cells, as most TSDF libraries do
 };
 
-/// A chunk's share of a surface: ranges of its vertices and triangles. Triangles at the border use
-/// vertices of the chunks ahead.
+/// The ranges of a surface's vertices and triangles that belong to one chunk. Triangles at its
+/// border use vertices of neighbouring chunks in +x, +y and +z.
 struct SurfacePiece {
   Vec3i cube;  ///< in VolumeConfig::chunk_m
   std::uint32_t first_vertex = 0, vertices = 0, first_triangle = 0, triangles = 0;
 };
 
-/// The zero surface of a volume.
+/// The zero level set of a volume.
 struct Surface {
   Mesh mesh;                         ///< block by block
   std::vector<SurfacePiece> pieces;  ///< chunks that hold any, in the volume's order; cover `mesh`
 };
 
-/// Marching cubes (Lorensen & Cline 1987): vertices shared between cells and blocks, triangles
-/// counter-clockwise seen from the free side, none degenerate, no edge with more than two. Cells of
-/// which a corner was never seen stay empty. Works on bits, 64 voxels at a time, and touches
-/// distances only where the surface crosses an edge of the grid. Parallel; the same bytes on any
-/// number of threads and with any SIMD target. Keeps its memory from call to call.
+/// Marching cubes (Lorensen and Cline 1987). Vertices are shared between cells and blocks;
+/// triangles are counter-clockwise seen from free space, none is degenerate, and no edge has more
+/// than two. Cells with a corner that was never observed stay empty. Classifies cells by bit masks,
+/// 64 voxels at a time, and reads distances only at grid edges that the surface crosses. Parallel;
+/// the same bytes on any number of threads and with any SIMD target. Keeps its memory from call to
+/// call.
 class MarchingCubes {
  public:
   explicit MarchingCubes(DepthEdges edges = DepthEdges::cut) : edges_(edges) {}
 
-  /// The whole surface; what `out` held is replaced, its memory used again.
+  /// Extracts the whole surface into `out`, whose memory is reused.
   void run(const VoxelVolume& volume, Surface& out);
 
  private:
@@ -59,7 +60,7 @@ class MarchingCubes {
   std::uint32_t vertices_ = 0, triangles_ = 0;
 };
 
-/// The whole surface, for those who need it once.
+/// Extracts the whole surface once.
 Mesh extract_surface(const VoxelVolume& volume, DepthEdges edges = DepthEdges::cut);
 
 }  // namespace mr::fusion

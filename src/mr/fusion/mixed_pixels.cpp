@@ -30,15 +30,15 @@ struct Steps {
   float one, two, steepest;
 };
 
-struct Seen {
+struct SideTests {
   int nearer, nearer2, farther, farther2, goes_on;  ///< 0 or 1; as wide as a float
 };
 
 /// What lies on one side of pixel `p`; `2`: up to two pixels away. No branch: vectorised.
-inline Seen look(float p, float a, float b, float stretch, const Steps& most) {
+inline SideTests test_side(float p, float a, float b, float stretch, const Steps& most) {
   const float rise = a - p, rise2 = b - p;
   const float off = std::abs(rise + (a - b) * stretch);
-  Seen out;
+  SideTests out;
   out.nearer = rise > most.one;
   out.nearer2 = out.nearer | (rise2 > most.two);
   out.farther = (-rise > most.one) & (a > 0);
@@ -47,7 +47,7 @@ inline Seen look(float p, float a, float b, float stretch, const Steps& most) {
   return out;
 }
 
-inline int hangs_between(const Seen& l, const Seen& r) {
+inline int hangs_between(const SideTests& l, const SideTests& r) {
   const int between = (l.nearer & r.farther2) | (l.nearer2 & r.farther) | (r.nearer & l.farther2) |
                       (r.nearer2 & l.farther);
   return between & (1 ^ (l.goes_on | r.goes_on));
@@ -61,8 +61,8 @@ void drop_along(const Axis& axis, const float* in, int width, InverseSigma sigma
     const float p = in[x], rise = slope * p;
     const float noise = kJumpSigmas * sigma(p);
     const Steps most{rise + noise, 2 * rise + noise, kSteeper * rise + noise};
-    const Seen l = look(p, a1[x], a2[x], one, most);
-    const Seen r = look(p, b1[x], b2[x], other, most);
+    const SideTests l = test_side(p, a1[x], a2[x], one, most);
+    const SideTests r = test_side(p, b1[x], b2[x], other, most);
     out[x] *= static_cast<float>(1 - hangs_between(l, r));
   }
 }

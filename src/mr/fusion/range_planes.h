@@ -7,17 +7,17 @@
 
 namespace mr::fusion {
 
-/// Fills the planes of a picture from its pixels (parallel over rows). Neighbours count as
-/// one surface where the line through them is not too nearly a ray, or goes on straight beyond: so
-/// a floor far away is one sheet, and a step in range is not bridged.
+/// Fits the tangent plane of every pixel to its neighbours (parallel over rows). Neighbours belong
+/// to one surface when the line through them is not nearly parallel to a ray, or when it continues
+/// straight: so a distant floor is one surface, and a depth discontinuity is not bridged.
 void fit_planes(FrameView& view);
 
-/// Appends boxes that hold the planes of row `y`, each as far as half way to its neighbours: pixels
-/// of a range picture may lie many voxels apart.
+/// Appends boxes of voxels that contain the plane patches of row `y`. A patch reaches half-way to
+/// the neighbouring pixels, which in a range picture may be many voxels apart.
 void plane_ranges(const FrameView& view, int y, float margin_blocks, std::vector<VoxelRange>& out);
 
-/// The same of those pixels of a slanted pinhole's tile that lie too far apart for the margin
-/// around their points: of surface that is seen at a flat angle.
+/// The same for a tile of a pinhole with DepthFrame::slanted: only for pixels of grazing surfaces,
+/// whose points lie too far apart for the margin around them.
 void steep_ranges(const FrameView& view, const Rect& tile, float margin_blocks,
                   std::vector<VoxelRange>& out);
 

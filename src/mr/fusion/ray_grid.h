@@ -8,15 +8,15 @@
 
 namespace mr::fusion {
 
-/// How far apart the rays of neighbouring pixels are; all that the clean-up of a depth picture asks
-/// of its camera. An angle of a pinhole is that at the picture's centre.
+/// The angles between the rays of neighbouring pixels: all that the depth filters need to know of
+/// the camera. For a pinhole, those at the picture's centre.
 struct RaySpacing {
-  RaySpacing(int width, int height);   ///< of an ordinary picture, half a radian wide
-  explicit RaySpacing(const Camera&);  ///< usable (Camera::problems)
+  RaySpacing(int width, int height);   ///< a pinhole with a field of half a radian
+  explicit RaySpacing(const Camera&);  ///< must pass Camera::problems
 
   int width = 0, height = 0;
-  bool around = false;              ///< the last column is the first one's neighbour
-  bool rows_touch = true;           ///< beams of neighbouring rows share light; not so a LiDAR's
+  bool around = false;              ///< panorama: the last column is next to the first
+  bool rows_touch = true;           ///< beams of neighbouring rows overlap; false for a LiDAR
   std::vector<int> turn;            ///< [H] columns by which a row lags behind (LiDAR)
   std::vector<float> across_rad;    ///< [H] from one pixel to the next
   std::vector<float> altitude_rad;  ///< [H] of the row, downwards
@@ -25,9 +25,9 @@ struct RaySpacing {
   float down_rad(int y) const;
 };
 
-/// A depth picture as inverse depth, 1/m, in which every plane is affine, however grazing, and
-/// noise is nearly the same everywhere. Rows are turned so that columns line up. Around the picture
-/// is a margin: of invalid pixels, or of what follows beyond the seam.
+/// A depth picture as inverse depth, 1/m, in which every plane is an affine function of the pixel
+/// and noise is nearly uniform. A LiDAR's rows are shifted so that columns align. The margin around
+/// the picture holds invalid pixels or, in a panorama, those from beyond the seam.
 class RayGrid {
  public:
   static constexpr int kMargin = 8;  ///< pixels
@@ -41,7 +41,7 @@ class RayGrid {
   /// Pixel 0 of a row; rows and columns from -kMargin on can be read. 0: invalid.
   float* row(int y) { return data_.data() + offset(y); }
   const float* row(int y) const { return data_.data() + offset(y); }
-  /// After a row was written: brings its margins up to date.
+  /// Updates a row's margins; to be called after the row was written.
   void wrap(int y);
 
  private:
@@ -54,14 +54,14 @@ class RayGrid {
   std::vector<float> data_;
 };
 
-/// Depth that is no number between a micrometre and a thousand kilometres counts as invalid.
+/// Converts depth. Values that are not between a micrometre and a thousand kilometres are invalid.
 RayGrid to_grid(const ImageDepth& depth, const RaySpacing& rays);
 
-/// Back to depth. `before`, which may be null: the depth that is copied where it and the grid hold
-/// a surface, so that what no step touched keeps its bytes.
+/// Converts back to depth. `before`, which may be null: the original depth, which is copied where
+/// it and the grid agree, so that unchanged pixels keep their exact bytes.
 ImageDepth to_depth(const RayGrid& grid, const RaySpacing& rays, const ImageDepth* before);
 
-/// Spread of inverse depth: sigma(z) / z².
+/// Standard deviation of inverse depth: sigma(z) / z².
 struct InverseSigma {
   explicit InverseSigma(const Precision& p)
       : base(static_cast<float>(p.base_m)), per(static_cast<float>(p.per_m2) + kLeast) {}

@@ -12,8 +12,8 @@
 
 namespace mr::fusion {
 
-/// A block, packed into one number, and those of its rows along x, bit z·8 + y, in which surface
-/// may be found.
+/// A block (coordinates packed into one number) and the mask of its rows along x, bit z·8 + y, that
+/// the surface may cross.
 struct WantedRows {
   std::uint64_t key = 0;
   std::uint64_t rows = 0;
@@ -34,8 +34,8 @@ struct WantedRows {
   }
 };
 
-/// Collects the rows inside boxes of voxels by block. Blocks met lately are not listed again, so
-/// most come once.
+/// Collects the rows inside boxes of voxels, grouped by block. A small cache of recent blocks
+/// merges most duplicates.
 class RowCollector {
  public:
   /// Lists no more than `most` blocks.

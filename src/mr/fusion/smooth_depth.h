@@ -4,15 +4,16 @@
 
 namespace mr::fusion {
 
-/// Averages every valid pixel with its neighbours, three on each side along its row and then along
-/// its column, that lie within five sigma of it, closer ones counting more: sensor noise and
-/// quantisation go, depth edges stay (bilateral filter, as in Newcombe et al. 2011, with the
-/// sensor's own precision as its range, in two passes). Two opposite neighbours count also where
-/// only their mean lies within: a slanted surface is no edge. Invalid pixels stay invalid. Rows are
-/// averaged only where their beams share light. Parallel; the same bytes on any number of threads.
+/// A separable bilateral filter (Tomasi and Manduchi 1998; for depth, Newcombe et al. 2011) against
+/// sensor noise and quantisation that preserves depth edges. A pixel is averaged with three
+/// neighbours on each side, first along its row, then along its column; they must lie within five
+/// sigma of the sensor's precision, and closer ones have more weight. Two opposite neighbours also
+/// count when only their mean lies within, since a slanted surface is no edge. Invalid pixels stay
+/// invalid. Columns are filtered only if the beams of rows overlap. Parallel; the same bytes on any
+/// number of threads.
 RayGrid smooth_depth(const RayGrid& grid, const RaySpacing& rays, const Precision& precision);
 
-/// The same of an ordinary picture.
+/// The same for a pinhole's picture.
 ImageDepth smooth_depth(const ImageDepth& depth, const Precision& precision);
 
 }  // namespace mr::fusion

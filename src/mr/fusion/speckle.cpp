@@ -51,9 +51,9 @@ struct Run {
   int pixels;  ///< of the region, at its first run
 };
 
-class Regions {
+class RunComponents {
  public:
-  explicit Regions(int width) : above_(width, -1), here_(width, -1) {}
+  explicit RunComponents(int width) : above_(width, -1), here_(width, -1) {}
 
   void add_row(const float* row, int width, int y, const std::uint8_t* left, const std::uint8_t* up,
                bool around) {
@@ -105,7 +105,7 @@ class Regions {
 void drop_speckle(RayGrid& grid, const RaySpacing& rays, const Precision& precision, int least_px) {
   if (grid.width() < 1) return;
   const Links links = link(grid, rays, InverseSigma(precision));
-  Regions regions(grid.width());
+  RunComponents regions(grid.width());
   for (int y = 0; y < grid.height(); ++y)
     regions.add_row(grid.row(y), grid.width(), y, links.left.row(y), links.up.row(y),
                     grid.around());

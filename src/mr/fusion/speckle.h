@@ -4,9 +4,9 @@
 
 namespace mr::fusion {
 
-/// Takes out every region of fewer than `least_px` pixels. Pixels beside and above each other
-/// belong to one region where a surface seen at three degrees, and noise, could make the step
-/// between them. Linear in the pixels.
+/// Removes connected components of fewer than `least_px` pixels (run-based labelling with
+/// union-find, 4-connected). Neighbouring pixels are connected when noise and a surface seen at
+/// three degrees could explain the step between them. Linear time.
 void drop_speckle(RayGrid& grid, const RaySpacing& rays, const Precision& precision, int least_px);
 
 }  // namespace mr::fusion

@@ -9,16 +9,16 @@
 #include "mr/core/mesh.h"
 #include "mr/fusion/voxel_block.h"
 
-/// The inner loops of marching cubes, compiled for several instruction sets and chosen at run time.
-/// A cell belongs to the block of its lowest corner, an edge and the vertex on it to that of its
-/// lower end.
+/// The inner loops of marching cubes, compiled for several instruction sets and dispatched at run
+/// time (Highway). A cell belongs to the block of its lowest corner, an edge and its vertex to the
+/// block of its lower end.
 namespace mr::fusion {
 
-/// What is found of a block's surface before anything is emitted.
+/// Counts and masks of a block's surface, computed before vertices and triangles are written.
 struct BlockSurface {
   VoxelBlock::Bits cells;                 ///< those that hold triangles
   std::array<VoxelBlock::Bits, 3> edges;  ///< [axis] those that hold a vertex
-  /// Vertices are numbered by axis, layer and bit; how many come before each layer.
+  /// Vertices are numbered by axis, layer and bit; [axis][layer] how many come before.
   std::array<std::array<std::uint16_t, VoxelBlock::kSide>, 3> first;
   std::uint32_t first_vertex, first_triangle;  ///< in the mesh
   std::uint16_t vertices, triangles;           ///< how many

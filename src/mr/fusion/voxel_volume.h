@@ -16,19 +16,19 @@
 
 namespace mr::fusion {
 
-/// What a volume keeps of earlier frames.
+/// Which frames a volume holds.
 enum class History {
-  none,     ///< nothing: each frame stands for itself, and only what its surface needs is stored
-  average,  ///< all: frames of several sensors, or of one that moves, make up one surface
+  none,     ///< only the last one, and only the voxels that its surface needs
+  average,  ///< the weighted average of all, from several sensors or a moving one
 };
 
 struct VolumeConfig {
   double voxel_m = 0.01;
   double truncation_m = 0.04;   ///< half width of the signed-distance band, >= 1 voxel
   std::optional<Box3d> bounds;  ///< world; surface outside is dropped before fusion
-  double chunk_m = 0;           ///< blocks are sorted by cubes of this edge; 0: all are one chunk
+  double chunk_m = 0;           ///< edge of the chunks that blocks are sorted by; 0: one chunk
   History history = History::average;
-  std::size_t most_blocks = std::size_t{1} << 18;  ///< bounds the memory; more surface is left out
+  std::size_t most_blocks = std::size_t{1} << 18;  ///< memory limit; more surface is dropped
 };
 
 /// The blocks of one chunk, as places in VoxelVolume::order().
@@ -37,18 +37,18 @@ struct ChunkBlocks {
   std::size_t first = 0, count = 0;
 };
 
-/// What became of a frame.
+/// Statistics of a frame's integration.
 struct IntegrateReport {
   bool usable = true;              ///< false: camera or pose cannot be used, nothing was integrated
   std::size_t refused_pixels = 0;  ///< NaN, infinite, negative, below 1 µm or over 100 km
-  std::size_t left_out_blocks = 0;  ///< or boxes of them: wanted, but too many or too large
+  std::size_t left_out_blocks = 0;  ///< blocks, or boxes of them, that exceeded a limit
   double allocate_ms = 0, integrate_ms = 0;
 };
 
-/// A truncated signed distance field (Curless & Levoy 1996) in sparse blocks of 8³ voxels behind a
-/// hashed directory (Nießner et al. 2013). World coordinates. Where surface is goes by the
-/// extents of small tiles of pixels; only blocks, and with History::none only rows of voxels, that
-/// surface may cross are computed. docs/fusion.md draws it.
+/// A truncated signed distance field (TSDF; Curless and Levoy 1996) in sparse blocks of 8³ voxels
+/// that a hash map finds (voxel hashing, Nießner et al. 2013). World coordinates. Blocks are
+/// allocated from the bounds of small tiles of pixels; only blocks (with History::none only rows of
+/// voxels) that the surface may cross are computed. See docs/fusion.md.
 class VoxelVolume {
  public:
   explicit VoxelVolume(const VolumeConfig& config);
@@ -56,7 +56,7 @@ class VoxelVolume {
   /// Fuses a frame. Parallel; the same bytes on any number of threads and with any SIMD target.
   IntegrateReport integrate(const DepthFrame& frame);
 
-  /// Forgets all surface; keeps its memory for the next.
+  /// Removes all blocks; keeps the memory.
   void clear();
 
   const VolumeConfig& config() const { return config_; }
@@ -64,13 +64,13 @@ class VoxelVolume {
   /// and place.
   std::span<const std::uint32_t> order() const { return order_; }
   std::span<const ChunkBlocks> chunks() const { return chunks_; }  ///< by z, y, x; cover order()
-  /// Slots are below this.
+  /// Upper bound of slots.
   std::size_t slots() const { return slots_; }
   const VoxelBlock& block(std::uint32_t slot) const {
     return slabs_[slot / kSlab]->blocks[slot % kSlab];
   }
   const BlockDirectory& directory() const { return directory_; }
-  /// The cube of chunk_m that a block belongs to: that of its middle.
+  /// The chunk that a block's centre lies in, as a cube of chunk_m.
   Vec3i chunk_of(Vec3i block) const;
   std::size_t memory_bytes() const;
 

@@ -1,7 +1,7 @@
 #include "mr/gateway/front_door.h"
 
 #include "mr/net/address.h"
-#include "mr/net/own_addresses.h"
+#include "mr/net/local_addresses.h"
 
 namespace mr::gateway {
 namespace {
@@ -12,7 +12,7 @@ bool is_any(const std::string& host) { return host == "0.0.0.0" || host == "::";
 
 /// This machine's addresses that a socket on `host` listens on.
 std::vector<std::string> addresses_of(const std::string& host) {
-  std::vector<std::string> out = net::own_addresses();
+  std::vector<std::string> out = net::local_addresses();
   if (host == "0.0.0.0")
     std::erase_if(out, [](const auto& a) { return a.find(':') != std::string::npos; });
   return out;
@@ -47,7 +47,7 @@ Result<std::optional<net::Certificate>> certificate_of(const GatewayConfig& conf
                                                        const std::filesystem::path& state_folder) {
   if (!config.tls) return std::optional<net::Certificate>();
   auto made = config.tls->cert.empty()
-                  ? net::own_certificate(state_folder, names_of(config), config.hosts)
+                  ? net::load_or_make_certificate(state_folder, names_of(config), config.hosts)
                   : net::load_certificate(config.tls->cert, config.tls->key);
   if (!made) return Error{made.error().cause, "gateway.tls: " + made.error().message};
   return std::optional(*std::move(made));
@@ -71,7 +71,7 @@ Result<FrontDoor> FrontDoor::open(const GatewayConfig& config,
   if (door.certificate) {
     if (const auto print = net::fingerprint(*door.certificate))
       door.notices.push_back("TLS certificate, SHA-256 fingerprint " + *print);
-    if (const auto why = net::complaint(*door.certificate); !why.empty())
+    if (const auto why = net::expiry_warning(*door.certificate); !why.empty())
       door.notices.push_back(why);
   }
   if (config.tokens.empty()) return door;

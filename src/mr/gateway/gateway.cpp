@@ -177,7 +177,7 @@ void Gateway::on_text(net::ViewerId viewer, const std::string& text, TimePoint n
   if (type == "shown" && integer("sequence")) {
     send(viewers_.shown(viewer, *integer("sequence"), now));
     if (viewers_.has_shown(viewer) && !std::exchange(guest->is_kept, true))
-      guest->transport->keep(viewer);
+      guest->transport->pin(viewer);
     return;
   }
   if (type == "ping" && integer("id")) {

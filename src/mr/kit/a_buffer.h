@@ -11,32 +11,32 @@
 
 namespace mr::kit {
 
-/// Inverse depths are compared without their last bits, a 30 millionth of a metre at 3 m: rounding
-/// must not decide which of two surfaces that are the same is nearer.
+/// Mask by which inverse depths are compared: without the last 6 bits, which are a thirty-millionth
+/// of a metre at 3 m, so that rounding does not decide which of two equal surfaces is nearer.
 inline constexpr std::uint32_t kInverseDepthBits = ~63u;
 inline float comparable(float inverse_depth) {
   return std::bit_cast<float>(std::bit_cast<std::uint32_t>(inverse_depth) & kInverseDepthBits);
 }
 
-/// A triangle as it covers a pixel: `entry` is the triangle's place in the list of a tile.
+/// A fragment: a triangle in one pixel. `entry`: the triangle's index in the tile's list.
 struct Fragment {
   std::uint32_t not_entry;
   float inv_z;  ///< 1 / depth, comparable()
 
   std::uint32_t entry() const { return ~not_entry; }
-  /// The larger the nearer; of equal depths, that of the first triangle is larger.
+  /// Sort key: larger is nearer; at equal depths the first triangle's is larger.
   std::uint64_t key() const { return std::bit_cast<std::uint64_t>(*this); }
   static Fragment of_key(std::uint64_t key) { return std::bit_cast<Fragment>(key); }
 };
 static_assert(std::endian::native == std::endian::little, "for the order of Fragment::key()");
 
-/// The picture is drawn in tiles, whose A-buffers stay in the nearer caches.
+/// Size of a tile, so that its A-buffer fits into the L2 cache.
 inline constexpr int kTileColumnBits = 7, kTileRowBits = 5;
 inline constexpr int kTileColumns = 1 << kTileColumnBits, kTileRows = 1 << kTileRowBits;
 
-/// The A-buffer of a tile (a layered depth image): for each pixel the list of all fragments that
-/// were drawn there, hidden ones too. Four places per pixel, and one list of the tile's for those
-/// that do not fit.
+/// The A-buffer of a tile (Carpenter 1984; a layered depth image): for each pixel the list of all
+/// its fragments, hidden ones included. There is room for four fragments per pixel, and one
+/// overflow list per tile.
 class ABuffer {
  public:
   static constexpr int kPlaces = 4;
@@ -49,8 +49,8 @@ class ABuffer {
     overflow_.clear();
   }
 
-  /// Adds a triangle's fragments in four pixels from `pixel` (row · kStride + column) on, where
-  /// `bits` are set.
+  /// Adds a triangle's fragments in those of the four pixels from `pixel` (row · kStride + column)
+  /// on whose `bits` are set.
   void add(std::size_t pixel, unsigned bits, Float4 inv_z, std::uint32_t entry) {
     std::uint32_t counts;
     std::memcpy(&counts, &counts_[pixel], 4);

@@ -8,7 +8,7 @@
 
 namespace mr::kit {
 
-/// Sets of numbers, joined step by step. A set goes by its lowest member.
+/// Disjoint sets (union-find). The representative of a set is its lowest member.
 class DisjointSets {
  public:
   explicit DisjointSets(std::size_t count) : parent_(count) {

@@ -6,8 +6,8 @@
 #include <emmintrin.h>
 #endif
 
-/// SIMD vectors of four that every target has, by GCC's and Clang's vector extension: a lane holds
-/// exactly what the same operation on one number gives.
+/// SIMD vectors of four (GCC and Clang vector extension), available on every target. Each lane is
+/// bit-identical to the scalar operation.
 namespace mr::kit {
 
 using Float4 = float __attribute__((vector_size(16)));
@@ -18,7 +18,7 @@ using UInt4 = std::uint32_t __attribute__((vector_size(16)));
 inline Float4 splat4(float x) { return Float4{x, x, x, x}; }
 inline Int4 splat4(std::int32_t x) { return Int4{x, x, x, x}; }
 
-/// Four numbers from memory on; no alignment is needed.
+/// Unaligned load of four numbers.
 template <typename Lanes, typename T>
 Lanes load4(const T* from) {
   static_assert(sizeof(Lanes) == 4 * sizeof(T));
@@ -32,11 +32,11 @@ void store4(Lanes lanes, T* to) {
   std::memcpy(to, &lanes, sizeof(lanes));
 }
 
-/// The same bits, read as another type.
+/// Reinterprets the bits.
 inline Int4 as_ints(Float4 lanes) { return reinterpret_cast<Int4>(lanes); }
 inline Float4 as_floats(Int4 lanes) { return reinterpret_cast<Float4>(lanes); }
 
-/// Bit i: the sign of lane i, which in a mask says whether the lane is set.
+/// Bit i is the sign of lane i (movemask): of a mask, whether the lane is set.
 inline std::uint32_t sign_bits(Int4 lanes) {
 #ifdef __SSE2__
   return static_cast<std::uint32_t>(_mm_movemask_ps(reinterpret_cast<__m128>(lanes)));
@@ -82,7 +82,7 @@ inline void transpose(Float4& a, Float4& b, Float4& c, Float4& d) {
   d = __builtin_shufflevector(ab_high, cd_high, 2, 3, 6, 7);
 }
 
-/// Four points or directions, one a lane.
+/// Four points or directions, one per lane.
 struct Vec3x4 {
   Float4 x, y, z;
 };

@@ -12,19 +12,20 @@
 
 namespace mr::kit {
 
-/// A mesh to draw; its triangle t has the number first_triangle + t.
+/// A mesh to draw; the ID of its triangle t is first_triangle + t.
 struct LayeredMesh {
   const Mesh* mesh = nullptr;
   std::uint32_t first_triangle = 0;
 };
 
-/// Draws all triangles that face a camera, hidden ones too, into an A-buffer: a list of depth
-/// layers per pixel (Carpenter 1984; a layered depth image). The picture is drawn in tiles, and
-/// each tile is worked on while it is at hand: no A-buffer of the whole picture is kept. It keeps
-/// its memory from camera to camera.
+/// Rasterizes all front-facing triangles, hidden ones included, into an A-buffer: a list of depth
+/// layers per pixel (Carpenter 1984; also known as layered depth image). Tile-based: each tile's
+/// A-buffer is processed while it is in the cache, and none of the whole picture exists. Reuses its
+/// memory between cameras.
 ///
-/// Unlike rasterize(), vertices are rounded to 1/2048 pixel, where edge functions are exact: a ray
-/// through an edge that two triangles share meets one of them. Depths begin at kNearPlane_m.
+/// Unlike in rasterize(), vertices are snapped to 1/2048 pixel, so that edge functions are exact
+/// and the rasterization is watertight: a ray through a shared edge hits exactly one of its two
+/// triangles. The near plane is at kNearPlane_m.
 class LayeredRasterizer {
  public:
   LayeredRasterizer();
@@ -32,7 +33,7 @@ class LayeredRasterizer {
   LayeredRasterizer(const LayeredRasterizer&) = delete;
   LayeredRasterizer& operator=(const LayeredRasterizer&) = delete;
 
-  /// Gets the place of a tile in tiles(), and its A-buffer, which it may sort.
+  /// Receives the index of a tile in tiles() and its A-buffer, which it may sort.
   using TileWork = std::function<void(std::size_t, ABuffer&)>;
   /// Calls work(tile, buffer) for each tile; prepare(tiles) once before. The camera is an
   /// undistorted pinhole. Parallel over blocks of triangles, then over tiles; what is drawn does

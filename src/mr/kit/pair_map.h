@@ -7,19 +7,19 @@
 
 namespace mr::kit {
 
-/// Maps keys to numbers; nothing is ever taken out. Open addressing: one array, no allocation per
-/// entry.
+/// A hash map from 64-bit keys to numbers, without removal. Open addressing: one array, no
+/// allocation per entry.
 class PairMap {
  public:
   explicit PairMap(std::size_t expected) { resize(2 * expected); }
 
-  /// The number behind a key, or null.
+  /// The value of a key, or null.
   const std::uint32_t* find(std::uint64_t key) const {
     const Slot& slot = slots_[place(key)];
     return slot.used ? &slot.value : nullptr;
   }
 
-  /// The number behind a key; `fresh` where there was none.
+  /// The value of a key, which is inserted with `fresh` if it is missing.
   std::uint32_t& get_or_add(std::uint64_t key, std::uint32_t fresh) {
     if (2 * (count_ + 1) > slots_.size()) resize(2 * slots_.size());
     Slot& slot = slots_[place(key)];
@@ -34,7 +34,7 @@ class PairMap {
     bool used = false;
   };
 
-  /// Where a key is, or the free slot where it would be put.
+  /// The slot of a key, or the free slot for it.
   std::size_t place(std::uint64_t key) const {
     std::size_t at = key * 0x9E3779B97F4A7C15ull >> shift_;
     while (slots_[at].used && slots_[at].key != key) at = (at + 1) & (slots_.size() - 1);

@@ -11,7 +11,7 @@
 #include "mr/core/mesh.h"
 #include "mr/core/pose.h"
 
-/// A mesh as a camera sees it: depth and triangle per pixel, on the CPU.
+/// A software rasterizer: depth and triangle ID per pixel, on the CPU.
 namespace mr::kit {
 
 inline constexpr std::uint32_t kNoTriangle = 0xFFFFFFFFu;
@@ -19,13 +19,14 @@ inline constexpr double kNearPlane_m = 0.05;
 
 struct Raster {
   ImageDepth depth;  ///< metres along z of the nearest surface; 0: nothing
-  ImageId triangle;  ///< which triangle that is; kNoTriangle: nothing
+  ImageId triangle;  ///< ID of that triangle; kNoTriangle: nothing
 };
 
-/// Draws both sides of every triangle into an undistorted pinhole camera, clipped at the near
-/// plane. Parallel over bands of rows; the result does not depend on the threads.
+/// Rasterizes both sides of every triangle with a z-buffer for an undistorted pinhole camera,
+/// clipped at the near plane. Parallel over bands of rows; the result does not depend on the
+/// threads.
 Raster rasterize(const Mesh& mesh, const Camera& camera, const Pose& T_world_camera);
-/// The depth alone; quicker.
+/// Only the z-buffer; faster.
 ImageDepth rasterize_depth(const Mesh& mesh, const Camera& camera, const Pose& T_world_camera);
 
 /// The same pinhole view with `factor` times as many pixels a side.
@@ -35,9 +36,9 @@ Camera scaled(const Camera& camera, double factor);
 /// of a LiDAR's rows on average.
 Vec2d pixels_per_rad(const Camera& camera);
 
-/// One of the six pinhole pictures that a panorama or a LiDAR sees around itself.
+/// One face of the cube map around a panorama or a LiDAR: a pinhole camera.
 struct CubeFace {
-  Camera camera;       ///< width = height; `ring_px` pixels on each side show what neighbours show
+  Camera camera;       ///< width = height; overlaps its neighbours by `ring_px` pixels
   Mat3 R_camera_face;  ///< turns from the face to the camera
   int ring_px = 0;
 };
@@ -62,14 +63,14 @@ struct ScreenPolygon {
 };
 ScreenPolygon clip_to_screen(const Camera& camera, const std::array<Vec3d, 3>& corners_camera);
 
-/// Pixels of one row inside a triangle: `first` to `last`, with 1 / depth at `first` and what it
-/// grows by from pixel to pixel.
+/// The pixels of one row inside a triangle: `first` to `last`, with 1 / depth at `first` and its
+/// increment per pixel.
 struct ScreenSpan {
   int y = 0, first = 0, last = -1;
   float inv_z = 0, inv_z_step = 0;
 };
 
-/// An edge from a to b, a.v <= b.v: where it crosses a row. The same for both triangles at the
+/// Intersects the edge from a to b, a.v <= b.v, with rows; identical for both triangles at the
 /// edge.
 class ScreenEdge {
  public:

@@ -11,7 +11,7 @@
 
 namespace mr::kit {
 
-/// Where a ray meets a mesh.
+/// The intersection of a ray with a mesh.
 struct RayHit {
   float distance = 0;      ///< in units of the direction's length
   std::uint32_t mesh = 0;  ///< place in the list that the RayScene was built from
@@ -32,7 +32,8 @@ Vec3d nearest_on_triangle(Vec3d p, Vec3d a, Vec3d b, Vec3d c);
 /// The nearest point of the line from a to b, ends included.
 Vec3d nearest_on_segment(Vec3d p, Vec3d a, Vec3d b);
 
-/// Several meshes to cast rays at (Embree). Built and cast inside the caller's arena.
+/// A bounding volume hierarchy over several meshes for ray casting (Embree). Built and used inside
+/// the caller's arena.
 class RayScene {
  public:
   /// The meshes are copied into Embree; empty ones are allowed and keep their place.

@@ -28,13 +28,13 @@ inline std::uint32_t edge_to(const Mesh& mesh, std::uint32_t half_edge) {
   return mesh.triangles[half_edge / 3][(half_edge % 3 + 1) % 3];
 }
 
-/// Edges that more than two triangles share.
+/// Number of edges with more than two triangles.
 std::size_t count_nonmanifold_edges(const Mesh& mesh);
-/// Edges of one triangle only, counted.
+/// Number of edges with one triangle.
 std::size_t count_boundary_edges(const Mesh& mesh);
 
-/// [V] 1 for vertices whose triangles do not close a ring around them: on a border, at an edge of
-/// more than two triangles, or where winding changes.
+/// [V] 1 for vertices whose triangles do not form a closed fan: on a border, at a non-manifold
+/// edge, or where the winding is inconsistent.
 std::vector<std::uint8_t> border_vertices(const Mesh& mesh);
 
 /// Merges vertices at identical positions, drops triangles that thereby lose a corner, doubled
@@ -44,12 +44,12 @@ Mesh weld(const Mesh& mesh);
 /// For every vertex the lowest vertex at the same position.
 std::vector<std::uint32_t> same_place(const std::vector<Vec3f>& positions);
 
-/// Drops the smallest triangles at edges that more than two share, or two with the same direction,
-/// until no such edge is left; views are kept.
+/// Removes the smallest triangles at non-manifold edges (more than two triangles, or two with
+/// inconsistent winding) until none is left; views are kept.
 Mesh without_nonmanifold_edges(const Mesh& mesh);
 
-/// Triangles are of one component when a chain of shared manifold edges joins them; what hangs on
-/// by a vertex only is another.
+/// Connected components of triangles across shared manifold edges; parts that touch only in a
+/// vertex are separate.
 struct Components {
   std::vector<std::uint32_t> of_triangle;  ///< [T]
   std::vector<double> area_m2;             ///< per component
@@ -59,11 +59,11 @@ Components components(const Mesh& mesh);
 /// Unit normals per vertex, weighted by area; zero where nothing meets.
 std::vector<Vec3f> vertex_normals(const Mesh& mesh);
 
-/// vertex_normals(), averaged `rounds` times over the neighbours: what the surface faces at a scale
-/// of several edges, without the bumps of sensor noise.
+/// vertex_normals() smoothed by `rounds` averages over the one-ring: the orientation of the surface
+/// at the scale of several edges, without sensor noise.
 std::vector<Vec3f> smooth_normals(const Mesh& mesh, int rounds);
 
-/// A mesh with edges cut in the middle, and where each triangle came from.
+/// A mesh with edges split at their midpoints, and the origin of each triangle.
 struct Refined {
   Mesh mesh;
   std::vector<std::uint32_t> parent;  ///< [T'] triangle of the input
@@ -71,9 +71,9 @@ struct Refined {
       cut_edges;  ///< [V' - V] the ends of the edge that each new vertex lies on
 };
 
-/// Cuts every edge for which `split` ([3T], per half-edge) is set on any of its triangles; all
-/// triangles at an edge are cut alike, so no T-junction appears. Vertices of the input keep their
-/// index; views are not handed on (use `parent`).
+/// Splits every edge for which `split` ([3T], per half-edge) is set on any of its half-edges; all
+/// triangles at an edge are split, so there are no T-junctions. Vertices of the input keep their
+/// index; views are not copied (use `parent`).
 Refined refine(const Mesh& mesh, const std::vector<std::uint8_t>& split);
 
 }  // namespace mr::kit

@@ -11,14 +11,15 @@
 #include "mr/kit/a_buffer.h"
 #include "mr/kit/float4.h"
 
-/// The first half of the LayeredRasterizer: vertices are projected and rounded to a grid finer than
-/// pixels, triangles that cover pixels are found and sorted into tiles.
+/// The first stage of the LayeredRasterizer: projects vertices to a subpixel grid, culls triangles
+/// and bins them into tiles.
 namespace mr::kit {
 
 inline constexpr int kSubpixelBits = 11;
 inline constexpr int kSubpixels = 1 << kSubpixelBits;  ///< grid points per pixel and axis
 
-/// Why a vertex is not, or not plainly, in the picture.
+/// Outcodes (as in Cohen-Sutherland clipping): why a vertex is outside the picture or needs
+/// clipping.
 inline constexpr std::int32_t kLeftOf = 1, kRightOf = 2, kAbove = 4, kBelow = 8, kTooNear = 16,
                               kFarOut = 32;
 inline constexpr std::int32_t kOutcodeBase = 0x3f800000;  ///< so that it is no denormal number
@@ -32,7 +33,7 @@ struct alignas(16) ProjectedVertex {
   bool is(std::int32_t what) const { return (outcode & what) != 0; }
 };
 
-/// The camera that all triangles are drawn into, as the setup needs it.
+/// The camera of a draw.
 struct RasterView {
   const Camera* camera;  ///< an undistorted pinhole
   Vec3f origin;          ///< world frame
@@ -42,8 +43,8 @@ struct RasterView {
 /// Projects vertices, four at a time; out: [points].
 void project_vertices(const RasterView& view, std::span<const Vec3f> points, ProjectedVertex* out);
 
-/// A triangle in the picture, wound the positive way: its corners' u, v and 1 / depth, and the
-/// pixels that it may cover, last included.
+/// A projected triangle with positive winding: u, v and 1 / depth of its corners, and its inclusive
+/// bounding box of pixels.
 struct alignas(16) ScreenTriangle {
   std::array<float, 3> a;
   std::uint32_t triangle_and_wide;  ///< the highest bit: 16 pixels or more across
@@ -61,8 +62,8 @@ struct SubpixelPoint {
   std::int64_t u = 0, v = 0;
 };
 
-/// A triangle that reaches the near plane or far beyond the picture, or is very large. A piece of
-/// one: clipped at the near plane it may be two.
+/// A triangle, or part of one after near-plane clipping, that crosses the near plane, reaches far
+/// beyond the picture or is very large.
 struct ClippedTriangle {
   std::array<SubpixelPoint, 3> corners;
   double at_origin, per_x, per_y;  ///< 1 / depth over the picture
@@ -71,7 +72,7 @@ struct ClippedTriangle {
   int top, bottom;
 };
 
-/// How a picture is divided into tiles.
+/// The division of a picture into tiles.
 struct TileGrid {
   int across = 0, down = 0;
 
@@ -81,7 +82,7 @@ struct TileGrid {
   std::size_t count() const { return static_cast<std::size_t>(across) * down; }
 };
 
-/// What became of a range of one mesh's triangles in one camera's picture.
+/// The result of triangle setup for a range of one mesh's triangles in one camera's picture.
 struct TriangleBlock {
   static constexpr std::uint32_t kMost = 4096;   ///< triangles; places in it take 16 bits
   std::uint32_t mesh = 0, first = 0, count = 0;  ///< triangles of the mesh
@@ -95,15 +96,15 @@ struct TriangleBlock {
   }
 };
 
-/// Finds the triangles of a block that face the camera and cover pixels, and those to clip.
-/// `first_of_mesh` is added to the numbers of triangles.
+/// Collects the triangles of a block that face the camera and cover pixels, and those to be
+/// clipped. `first_of_mesh` is added to triangle IDs.
 void set_up_triangles(const Mesh& mesh, const ProjectedVertex* vertices,
                       std::uint32_t first_of_mesh, const Camera& camera, TriangleBlock& block);
 
-/// Finds the tiles that a block's triangles lie in.
+/// Bins a block's triangles into tiles.
 void sort_into_tiles(const TileGrid& tiles, TriangleBlock& block);
 
-/// Clips a triangle at the near plane in double precision and adds what is in the picture to `out`.
+/// Clips a triangle at the near plane in double precision and adds its visible parts to `out`.
 void clip_triangle(const RasterView& view, const Mesh& mesh, const ProjectedVertex* vertices,
                    std::uint32_t triangle, std::uint32_t first_of_mesh,
                    std::vector<ClippedTriangle>& out);

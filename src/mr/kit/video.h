@@ -11,10 +11,10 @@
 
 namespace mr::kit {
 
-/// The library that codes video, as it is linked.
+/// The linked video library.
 struct VideoLibrary {
   std::string version;  ///< of libavcodec
-  std::string licence;  ///< which a program linked with it is under, too
+  std::string licence;  ///< also applies to the program linked with it
 };
 VideoLibrary video_library();
 
@@ -22,7 +22,7 @@ struct VideoSettings {
   int width = 0, height = 0;  ///< pixels, even, at most 8192
   double fps = 30;
   int qp = 28;                  ///< quantiser of most pictures, 0..51; set_qp() changes it
-  int threads = 1, slices = 1;  ///< fixed by the scene: libx264's bytes depend on them
+  int threads = 1, slices = 1;  ///< fixed per scene, as libx264's output depends on them
   int key_frame_every = 250;    ///< pictures; 0: only the first and on demand
   friend bool operator==(const VideoSettings&, const VideoSettings&) = default;
 };
@@ -41,7 +41,7 @@ class VideoEncoder {
   VideoEncoder& operator=(VideoEncoder&&) noexcept;
   ~VideoEncoder();
 
-  /// Of the pictures from the next one on, 0..51: the stream goes on without a key frame.
+  /// Sets the quantiser of the following pictures, 0..51, without a key frame.
   void set_qp(int qp);
 
   /// The picture must have the settings' size.
@@ -55,8 +55,8 @@ class VideoEncoder {
   std::unique_ptr<Impl> impl_;
 };
 
-/// Decodes one stream; access units in order. Garbage is an error and leaves the decoder usable
-/// from the next key frame on.
+/// Decodes one H.264 stream; access units must come in order. Invalid data is an error, after which
+/// the decoder can continue at the next key frame.
 class VideoDecoder {
  public:
   static Result<VideoDecoder> create();

@@ -8,20 +8,20 @@
 
 namespace mr::kit {
 
-/// Luma and both chromas of a picture in BT.709, limited range, 4:2:0; a chroma sample lies in the
-/// middle of the four pixels that it is of.
+/// The planes of a YCbCr 4:2:0 picture, BT.709, limited range. Chroma samples lie in the centre of
+/// their four pixels.
 template <typename Byte>
 struct YuvPlanes {
   std::array<Byte*, 3> data;             ///< Y [H, W], Cb and Cr [⌈H / 2⌉, ⌈W / 2⌉]
   std::array<std::ptrdiff_t, 3> stride;  ///< bytes from row to row
 };
 
-/// To a picture of the same size, which is even. Chroma is the mean of four pixels. Parallel; the
+/// Converts RGB to YCbCr of the same, even size. Chroma is the mean of four pixels. Parallel; the
 /// same bytes with every instruction set.
 void rgb_to_yuv(const ImageRgb& rgb, const YuvPlanes<std::uint8_t>& out);
 
-/// To a picture that has its size already. Chroma is interpolated. Parallel; the same bytes with
-/// every instruction set.
+/// Converts YCbCr to RGB; `out` must have the size already. Chroma is interpolated bilinearly.
+/// Parallel; the same bytes with every instruction set.
 void yuv_to_rgb(const YuvPlanes<const std::uint8_t>& yuv, ImageRgb& out);
 
 }  // namespace mr::kit

@@ -8,7 +8,7 @@
 
 namespace mr::merge {
 
-/// The cell of a grid of unit cubes that a point lies in; at most a million cells from the origin.
+/// The cell of a unit grid that contains a point, clamped to a million cells from the origin.
 inline Vec3i cell_at(Vec3f p) {
   const auto whole = [](float x) {
     const float inside = std::clamp(x, -1e6f, 1e6f);
@@ -18,7 +18,7 @@ inline Vec3i cell_at(Vec3f p) {
   return {whole(p.x), whole(p.y), whole(p.z)};
 }
 
-/// A number of its own for each of those cells, and for those beside them.
+/// A unique key (for hash maps) of each such cell and of its neighbours.
 inline std::uint64_t cell_key(Vec3i cell) {
   const auto bits = [](std::int32_t x) { return static_cast<std::uint64_t>(x + (1 << 20)); };
   return bits(cell.x) << 42 | bits(cell.y) << 21 | bits(cell.z);

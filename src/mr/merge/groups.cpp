@@ -17,13 +17,14 @@ namespace {
 constexpr std::size_t kFew = 6;       // meshes: merging them together costs less than looking
 constexpr double kCell_reaches = 3;   // so that what is within reach, and a piece of a triangle
 constexpr float kPiece_cells = 0.5f;  // away from its middle, lies in the next cell at the most
-constexpr float kMostPieces = 64;     // of an edge: who has a larger triangle there joins all near
-constexpr std::size_t kEvery = 4;     // vertex is looked at first
+constexpr float kMostPieces =
+    64;  // of an edge; a mesh with a larger triangle joins all meshes near it
+constexpr std::size_t kEvery = 4;  // vertex is looked at first
 
 using Cells = std::vector<Vec3i>;
 
 /// Cells, each once.
-class CellSet {
+class UniqueCells {
  public:
   void add(Vec3i cell) {
     if (cell == last_) return;
@@ -51,11 +52,11 @@ class Grouping {
   /// near is looked at more closely.
   void run() {
     join_sharing(cells_of_all([&](std::uint32_t m) { return cells_of_vertices(*meshes_[m]); }));
-    find_rivals();
-    const auto close = cells_of_all([&](std::uint32_t m) { return cells_near_rivals(m); });
+    find_nearby();
+    const auto close = cells_of_all([&](std::uint32_t m) { return cells_near_others(m); });
     for (std::uint32_t m = 0; m < is_huge_.size(); ++m)
       if (is_huge_[m])
-        for (const Rival& rival : rivals_[m]) join(m, rival.mesh);
+        for (const NearbyMesh& near : nearby_[m]) join(m, near.mesh);
     join_sharing(close);
     join_beside(close);
   }
@@ -65,7 +66,7 @@ class Grouping {
 
  private:
   /// A mesh of another set that may be within reach, and where it is.
-  struct Rival {
+  struct NearbyMesh {
     std::uint32_t mesh;
     Box3f box;
   };
@@ -80,37 +81,37 @@ class Grouping {
   }
 
   Cells cells_of_vertices(const Mesh& mesh) const {
-    CellSet out;
+    UniqueCells out;
     for (std::size_t v = 0; v < mesh.positions.size(); v += kEvery)
       out.add(cell_at(mesh.positions[v] * per_cell_));
     return std::move(out).take();
   }
 
   /// Where a mesh of another set may be within reach.
-  void find_rivals() {
+  void find_nearby() {
     std::vector<Box3f> boxes(meshes_.size());
     parallel_for(boxes.size(), 1, [&](std::size_t begin, std::size_t end) {
       for (std::size_t m = begin; m < end; ++m)
         for (const Vec3f p : meshes_[m]->positions) boxes[m].add(p);
     });
-    rivals_.resize(meshes_.size()), is_huge_.resize(meshes_.size());
+    nearby_.resize(meshes_.size()), is_huge_.resize(meshes_.size());
     for (std::uint32_t m = 0; m < meshes_.size(); ++m)
       for (std::uint32_t other = 0; other < meshes_.size(); ++other)
         if (of(m) != of(other) && kit::meet(boxes[m], boxes[other], reach_m_))
-          rivals_[m].push_back({other, boxes[other]});
+          nearby_[m].push_back({other, boxes[other]});
   }
 
-  /// The cells that the middles of a mesh's triangles lie in, or of their pieces, as far as rivals
-  /// may be near.
-  Cells cells_near_rivals(std::uint32_t m) {
+  /// The cells that the middles of a mesh's triangles lie in, or of their pieces, as far as nearby
+  /// meshes may be near.
+  Cells cells_near_others(std::uint32_t m) {
     const Mesh& mesh = *meshes_[m];
-    if (rivals_[m].empty()) return {};
-    CellSet out;
+    if (nearby_[m].empty()) return {};
+    UniqueCells out;
     for (std::size_t t = 0; t < mesh.triangles.size(); ++t) {
       Box3f box;
       for (int i = 0; i < 3; ++i) box.add(mesh.corner(t, i));
-      if (std::ranges::none_of(rivals_[m],
-                               [&](const Rival& r) { return kit::meet(r.box, box, reach_m_); }))
+      if (std::ranges::none_of(
+              nearby_[m], [&](const NearbyMesh& r) { return kit::meet(r.box, box, reach_m_); }))
         continue;
       const Vec3f a = mesh.corner(t, 0) * per_cell_, ab = mesh.corner(t, 1) * per_cell_ - a,
                   ac = mesh.corner(t, 2) * per_cell_ - a;
@@ -139,14 +140,14 @@ class Grouping {
   std::span<const Mesh* const> meshes_;
   float per_cell_, reach_m_;
   kit::DisjointSets sets_;
-  kit::PairMap first_{1024};                // cell → a mesh with surface there
-  std::vector<std::vector<Rival>> rivals_;  // [meshes]
-  std::vector<std::uint8_t> is_huge_;       // [meshes] has a triangle that is not looked at
+  kit::PairMap first_{1024};                     // cell → a mesh with surface there
+  std::vector<std::vector<NearbyMesh>> nearby_;  // [meshes]
+  std::vector<std::uint8_t> is_huge_;            // [meshes] has a triangle that is not looked at
 };
 
 }  // namespace
 
-std::vector<std::vector<std::uint32_t>> groups_that_meet(std::span<const Mesh* const> meshes,
+std::vector<std::vector<std::uint32_t>> connected_groups(std::span<const Mesh* const> meshes,
                                                          double reach_m) {
   const auto count = static_cast<std::uint32_t>(meshes.size());
   Grouping grouping(meshes, reach_m);

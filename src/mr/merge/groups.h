@@ -8,11 +8,11 @@
 
 namespace mr::merge {
 
-/// Which meshes may touch each other: two are of one group where their surfaces come within
-/// `reach_m` (some a few times as far apart count, too), or when a chain of others joins them. So
-/// the rooms of a building are merged apart from each other. Returns their places, ascending in a
-/// group, groups by their first. Few meshes are one group without a look. Parallel; deterministic.
-std::vector<std::vector<std::uint32_t>> groups_that_meet(std::span<const Mesh* const> meshes,
+/// The connected components of meshes under "comes within `reach_m`", so that, for example, the
+/// rooms of a building are merged independently. Conservative: pairs a few times farther apart may
+/// count, too, and up to six meshes are always one group. Returns indices, ascending within a
+/// group, groups by their first. Hash grid and union-find; parallel; deterministic.
+std::vector<std::vector<std::uint32_t>> connected_groups(std::span<const Mesh* const> meshes,
                                                          double reach_m);
 
 }  // namespace mr::merge

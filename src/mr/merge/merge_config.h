@@ -7,17 +7,17 @@
 
 namespace mr::merge {
 
-/// How the surfaces of a merger's inputs become one.
+/// Options of merging the surfaces of a merger's inputs.
 struct MergeConfig {
   enum class Owner { paper, coherent } owner = Owner::coherent;
   enum class Overlap { rays, raster } overlap = Overlap::raster;
   bool refine = false;
   bool color_gain = false;
   double calibration_error_m = 0.005;  ///< how far two sensors may disagree, 1 sigma
-  double island_area_m2 = 0;           ///< smaller components go; 0: what suits the voxel
+  double island_area_m2 = 0;           ///< smaller components are removed; 0: by voxel size
   double gap_m = 0;                    ///< wider gaps between sensors stay open; 0: 2.5 voxels
-  double leave_out_mm = 0;  ///< a sensor whose surface lies farther than this from its neighbours'
-                            ///< is left out; 0: it is told, and stays
+  double leave_out_mm = 0;  ///< a sensor whose residual to its neighbours is larger is excluded;
+                            ///< 0: it is only reported
 
   static constexpr Range kCalibrationError_m{0, 0.5}, kIslandArea_m2{0, 100}, kGap_m{0, 1},
       kLeaveOut_mm{0, 10'000};

@@ -17,14 +17,14 @@ struct SurfacesConfig {
   double island_area_m2 = 0.002;  ///< smaller components are removed
 };
 
-/// With the zipper's gap and the area of islands that suit the voxels' size.
+/// The zipper's gap and the area of islands that suit the voxel size.
 SurfacesConfig surfaces_config(const OverlapConfig& overlap);
 
-/// For callers that measure the steps, or decide between them.
+/// Hooks for callers that time the steps or intervene between them.
 struct MergeHooks {
   /// Runs a step: "overlap", "zipper", then "islands". Must call work() once.
   std::function<void(const char* step, const std::function<void()>& work)> step;
-  /// Gets what stays of each part; may change how borders are joined.
+  /// Receives the remaining part meshes after overlap removal; may change the zipper's config.
   std::function<void(std::span<const Mesh> owned, ZipperConfig& zipper)> after_overlap;
 };
 

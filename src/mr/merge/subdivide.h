@@ -2,8 +2,8 @@
 
 namespace mr::merge {
 
-/// Subdivides a triangle abc into n² equal pieces: calls visit(b, c) with the weights of ab and ac
-/// for the middle of each.
+/// Subdivides a triangle abc into n² congruent triangles: calls visit(b, c) with the barycentric
+/// weights of b and c at each centroid.
 template <typename Visit>
 void for_each_subtriangle(int n, Visit&& visit) {
   const float step = 1 / static_cast<float>(n);

@@ -23,15 +23,15 @@ namespace mr::net {
 namespace {
 
 template <auto free_it>
-struct Free {
+struct OpensslDeleter {
   template <typename T>
   void operator()(T* thing) const {
     free_it(thing);
   }
 };
-using Bio = std::unique_ptr<BIO, Free<BIO_free>>;
-using Key = std::unique_ptr<EVP_PKEY, Free<EVP_PKEY_free>>;
-using X = std::unique_ptr<X509, Free<X509_free>>;
+using Bio = std::unique_ptr<BIO, OpensslDeleter<BIO_free>>;
+using Key = std::unique_ptr<EVP_PKEY, OpensslDeleter<EVP_PKEY_free>>;
+using X = std::unique_ptr<X509, OpensslDeleter<X509_free>>;
 
 constexpr long kDaySeconds = 24 * 3600;
 constexpr int kRenewDays = 30, kWarnDays = 7;
@@ -142,9 +142,9 @@ Result<Certificate> make_certificate(const std::vector<std::string>& names, int 
   return Certificate{text_of(chain.get()), text_of(secret.get())};
 }
 
-Result<Certificate> own_certificate(const std::filesystem::path& folder,
-                                    const std::vector<std::string>& names,
-                                    const std::vector<std::string>& needed) {
+Result<Certificate> load_or_make_certificate(const std::filesystem::path& folder,
+                                             const std::vector<std::string>& names,
+                                             const std::vector<std::string>& needed) {
   if (folder.empty()) return make_certificate(names);
   const auto chain = folder / "gateway.crt", key = folder / "gateway.key";
   if (auto kept = load_certificate(chain, key)) {
@@ -195,7 +195,7 @@ Result<std::string> fingerprint(const Certificate& certificate) {
   return out;
 }
 
-std::string complaint(const Certificate& certificate) {
+std::string expiry_warning(const Certificate& certificate) {
   const X first = first_of(certificate.chain_pem);
   if (!first) return {};
   const int days = days_left(first.get());

@@ -9,7 +9,8 @@ using Sha256 = std::array<unsigned char, 32>;
 
 Sha256 sha256(const std::string& text);
 
-/// Whether two digests are the same, in a time that tells nothing about where they differ.
+/// Compares two digests in constant time, so that the duration does not tell where they differ
+/// (timing attack).
 bool is_equal_in_constant_time(const Sha256& a, const Sha256& b);
 
 }  // namespace mr::net

@@ -7,8 +7,8 @@
 
 namespace mr::net {
 
-/// What was lost, refused or cut off, counted by "<slow or broken side>: <cause>". Thread-safe, and
-/// bounded: past a thousand names the rest is counted under "others".
+/// Counters of what was lost, refused or cut off, one per name "<slow or broken side>: <cause>".
+/// Thread-safe and bounded: beyond a thousand names everything new is counted as "others".
 class Drops {
  public:
   void count(const std::string& side, const std::string& cause, std::uint64_t times = 1) {

@@ -68,12 +68,12 @@ std::unique_ptr<Subscription> EmulatedTransport::subscribe(const std::string& no
   return packets_.add(node, std::move(on_packet));
 }
 
-void EmulatedTransport::request(const std::string& node, Message question,
+void EmulatedTransport::request(const std::string& node, Message message,
                                 std::function<void(Message)> on_answer) {
-  if (!question) return;
+  if (!message) return;
   const TimePoint asked = now_;
-  send(node, Direction::to_node, question->size(), [this, node, question, on_answer, asked] {
-    const Message answer = answer_from(answers_, node, *question);
+  send(node, Direction::to_node, message->size(), [this, node, message, on_answer, asked] {
+    const Message answer = answer_from(answers_, node, *message);
     if (!answer || !on_answer) return;
     send(node, Direction::from_node, answer->size(), [this, answer, on_answer, asked] {
       if (now_ - asked <= kAnswerTimeout) on_answer(answer);

@@ -14,35 +14,35 @@
 
 namespace mr::net {
 
-/// One direction of a link, as Linux' netem emulates one: messages wait in a queue that empties at
-/// a rate, then take the delay; some are lost.
+/// One direction of an emulated link, like Linux netem: messages wait in a queue that is served at
+/// a fixed rate, are then delayed, and some are lost.
 struct LinkConfig {
   Duration delay{};             ///< of one direction
   double loss = 0;              ///< share of messages, 0 to 1
   double bytes_per_s = 0;       ///< 0: no limit
-  std::size_t queue_bytes = 0;  ///< a message that would make more wait is lost; 0: no limit
+  std::size_t queue_bytes = 0;  ///< capacity of the queue (tail drop); 0: no limit
   std::uint64_t seed = 1;       ///< of the losses
 };
 
-/// All nodes in this process, joined by emulated links, in virtual time. Every node has two: its
-/// packets (one copy for each subscriber) and answers leave by one, requests reach it by the other.
-/// Same seed, same losses. For one thread.
+/// All nodes in this process, joined by emulated links, in virtual time. Every node has an uplink
+/// for its packets (one copy for each subscriber) and answers, and a downlink for the requests made
+/// to it. The same seed gives the same losses. For one thread.
 class EmulatedTransport final : public Transport {
  public:
   explicit EmulatedTransport(const LinkConfig& every_link) : every_link_(every_link) {}
 
-  /// How the links of a node are from now on: what is under way stays so.
+  /// Changes both links of a node. Messages under way are not affected.
   void set_link(const std::string& node, const LinkConfig& config);
 
-  /// Time goes on, and whatever arrives until `now` is delivered in the order of arrival.
+  /// Advances the virtual time and delivers what arrives until `now`, in the order of arrival.
   void advance(TimePoint now);
-  /// In a callback: when what it takes arrived.
+  /// The virtual time; in a callback, the time of arrival.
   TimePoint now() const { return now_; }
 
   void publish(const std::string& node, Message packet) override;
   std::unique_ptr<Subscription> subscribe(const std::string& node,
                                           std::function<void(Message)> on_packet) override;
-  void request(const std::string& node, Message question,
+  void request(const std::string& node, Message message,
                std::function<void(Message)> on_answer) override;
   std::unique_ptr<Subscription> serve(
       const std::string& node, std::function<Message(std::span<const std::byte>)> answer) override;

@@ -12,8 +12,8 @@
 
 namespace mr::net {
 
-/// Messages over NATS travel in parts no larger than the server's max_payload: each starts with
-/// {u32 magic, u64 message id, u16 part, u16 parts}, little endian.
+/// A message over NATS is split into fragments no larger than the server's max_payload. Each
+/// fragment has the header {u32 magic, u64 message id, u16 part, u16 parts}, little endian.
 inline constexpr std::size_t kFragmentHeaderBytes = 16;
 
 /// Number of parts, at least one. too_large: more than 65535 would be needed.
@@ -27,21 +27,21 @@ struct ReassemblyLimits {
   std::size_t message_bytes = 64u << 20;
   std::size_t messages = 64;         ///< incomplete at once; above it the oldest is lost
   std::size_t bytes = 128u << 20;    ///< held in incomplete messages; ditto
-  std::chrono::seconds patience{2};  ///< an incomplete message that gets nothing so long is lost
+  std::chrono::seconds patience{2};  ///< without a new fragment for so long a message is lost
 };
 
-/// Puts parts together again. Parts of one message come in order, those of several may be mixed.
-/// No socket or clock inside.
+/// Reassembles messages from fragments. Fragments of one message must come in order; those of
+/// several messages may be interleaved. No socket or clock inside.
 class Reassembly {
  public:
   using TimePoint = std::chrono::steady_clock::time_point;
 
   explicit Reassembly(const ReassemblyLimits& limits) : limits_(limits) {}
 
-  /// Takes what arrived; returns the message that it completes, else null.
+  /// Takes one fragment; returns the message that it completes, else null.
   Message accept(TimePoint now, std::span<const std::byte> bytes);
 
-  /// Messages that will never be complete, and bytes that were no part of any, so far.
+  /// How many messages were given up incomplete, and inputs that were no fragment, so far.
   std::uint64_t lost() const { return lost_; }
 
  private:

@@ -64,7 +64,7 @@ void FrameSocket::start() {
   if (side_ == Side::listens) return read_first();
   if (!secret_) return open();
   tls_.reset(new Tls{{socket_, secret_->context()}});
-  // Who does not know the secret could show a certificate instead: none is trusted.
+  // A peer without the secret could offer a certificate instead; none is trusted.
   tls_->stream.set_verify_mode(boost::asio::ssl::verify_peer);
   end_in(kHandshakePatience, {Error::Cause::io, "no handshake in time"});
   tls_->stream.async_handshake(
@@ -72,7 +72,7 @@ void FrameSocket::start() {
       [self = shared_from_this()](const auto& error) { self->on_handshake(error); });
 }
 
-/// The first bytes tell whether the peer uses a secret. The one who listens ends what is slow.
+/// Reads the first bytes, which tell whether the peer uses TLS. The listening side has a deadline.
 void FrameSocket::read_first() {
   boost::asio::async_read(socket_, boost::asio::buffer(buffer_, kFirstBytes),
                           [self = shared_from_this()](const auto& error, std::size_t bytes) {

@@ -16,8 +16,9 @@ namespace mr::net {
 
 class TcpSecret;
 
-/// Low delay, a dead peer noticed within seconds, and little room for stale data in the kernel.
-/// Options that the system lacks are left out.
+/// Sets TCP_NODELAY, keep-alive and TCP_USER_TIMEOUT (a dead peer is noticed within seconds), and a
+/// bounded kernel send buffer, in which data would become stale. Options that the system lacks are
+/// left out.
 void tune_socket(boost::asio::ip::tcp::socket& socket);
 
 struct OutFrame {
@@ -26,19 +27,20 @@ struct OutFrame {
   Message payload;  ///< null: empty
 };
 
-/// Frames over one connected socket, inside TLS where there is a secret. Everything runs on the
-/// socket's io thread.
+/// Sends and receives frames over one connected TCP socket, within TLS when there is a shared
+/// secret. Everything runs on the socket's io thread.
 class FrameSocket : public std::enable_shared_from_this<FrameSocket> {
  public:
   enum class Side { connects, listens };
   struct Handlers {
     /// An error ends the connection; the side that listens tells the other one why.
     std::function<Status(Frame)> received;
-    /// What to send next, asked when the socket is free.
+    /// Called when the socket is free: returns the next frame to send, if there is one.
     std::function<std::optional<OutFrame>()> next;
-    /// The connection is over; called once, the last of all.
+    /// The connection has ended. Called once, as the last handler.
     std::function<void(const Error&)> ended;
-    /// Secrets were compared and frames can go; of the side that listens once the first bytes came.
+    /// The TLS handshake is over and frames can be sent. On the listening side: once the first
+    /// bytes have come.
     std::function<void()> opened = nullptr;
   };
 
@@ -48,10 +50,11 @@ class FrameSocket : public std::enable_shared_from_this<FrameSocket> {
   ~FrameSocket();
 
   void start();
-  /// Something may have to be sent.
+  /// Makes the socket ask `next` again, as there may be something to send.
   void wake();
   void end(const Error& why);
-  /// Tells the peer why, then ends; what it still sends is thrown away.
+  /// Sends the peer a refusal with the reason, then ends the connection. Received data is discarded
+  /// meanwhile.
   void refuse(const Error& why);
 
  private:

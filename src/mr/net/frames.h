@@ -14,17 +14,18 @@
 
 namespace mr::net {
 
-/// What the TCP transport sends: {u32 payload length, u8 kind, u64 id}, little endian, then the
-/// payload. The connecting side starts with hello, and may then subscribe and ask at any time.
+/// The frames of the TCP transport: a header {u32 payload length, u8 kind, u64 id}, little endian,
+/// then the payload. The connecting side begins with `hello` and may then subscribe and send
+/// requests at any time.
 enum class FrameKind : std::uint8_t {
   hello = 1,  ///< payload: kHello and the node's name
   subscribe,  ///< packets of the node, from now on
   unsubscribe,
   packet,
-  ask,      ///< id: the asker's choice, 0 where no answer is wanted
-  answer,   ///< id: that of the question
-  refusal,  ///< payload: why the connection ends, a line of text
-  rival     ///< in place of a greeting; payload: the name of a node that the sender runs, too
+  request,   ///< id: the sender's choice, 0 where no answer is wanted
+  answer,    ///< id: that of the request
+  refusal,   ///< payload: why the connection ends, a line of text
+  duplicate  ///< in place of a greeting; payload: the name of a node that the sender runs, too
 };
 
 struct Frame {

@@ -18,10 +18,10 @@ class InProcessTransport final : public Transport {
     return packets_.add(node, std::move(on_packet));
   }
 
-  void request(const std::string& node, Message question,
+  void request(const std::string& node, Message message,
                std::function<void(Message)> on_answer) override {
-    if (!question) return;
-    Message answer = answer_from(answers_, node, *question);
+    if (!message) return;
+    Message answer = answer_from(answers_, node, *message);
     if (answer && on_answer) on_answer(std::move(answer));
   }
 

@@ -10,8 +10,8 @@
 
 namespace mr::net {
 
-/// One thread that runs an io_context until stop(). What still waits then is destroyed, not run,
-/// together with this object, which therefore must outlive all sockets.
+/// One thread that runs an asio io_context until stop(). Handlers that still wait then are
+/// destroyed with this object and not called, so it must outlive all sockets.
 class IoThread {
  public:
   /// `failed` is told of exceptions that escape a handler; the thread goes on.

@@ -12,7 +12,7 @@
 
 #include "mr/core/secret_source.h"
 #include "mr/net/fragments.h"
-#include "mr/net/nats_trouble.h"
+#include "mr/net/nats_failure.h"
 #include "mr/net/registry.h"
 
 namespace mr::net {
@@ -33,47 +33,47 @@ int as_int(std::size_t n) {
 
 }  // namespace
 
-/// What is told of a server: when it goes, why it refuses us, when it is back; each once. Outlives
-/// the connections.
+/// Logs and counts a server's events, each once: disconnected, refused, back again. Outlives the
+/// connections.
 class NatsEvents {
  public:
   NatsEvents(std::string server, std::function<void(const std::string&)> log,
              std::shared_ptr<Drops> drops)
       : server_(std::move(server)), log_(std::move(log)), drops_(std::move(drops)) {}
 
-  /// There is no connection. Of each kind of trouble the first is told, until back().
-  void away(const NatsTrouble& trouble) {
+  /// There is no connection. Logs the first failure of each kind until on_connected().
+  void on_disconnected(const NatsFailure& trouble) {
     const std::lock_guard lock(mutex_);
-    if (told_.insert(trouble.kind).second) tell(trouble.text + "; trying on");
+    if (logged_.insert(trouble.kind).second) log(trouble.text + "; trying on");
   }
   bool knows_unreachable() const {
     const std::lock_guard lock(mutex_);
-    return told_.contains(NatsTrouble::Kind::unreachable);
+    return logged_.contains(NatsFailure::Kind::unreachable);
   }
-  void back() {
+  void on_connected() {
     const std::lock_guard lock(mutex_);
     denied_.clear();
-    if (!std::exchange(told_, {}).empty()) tell("is back");
+    if (!std::exchange(logged_, {}).empty()) log("is back");
   }
   void slow(const std::string& subject) {
     const std::lock_guard lock(mutex_);
     drops_->count("subject " + subject, "slow consumer, messages lost");
     const auto now = Clock::now();
     if (now - std::exchange(told_slow_, now) > std::chrono::seconds(1))
-      tell("subject " + subject + ": this program does not keep up, messages were lost");
+      log("subject " + subject + ": this program does not keep up, messages were lost");
   }
-  /// Told once for each subject and connection.
+  /// Logged once per subject and connection.
   void denied(const NatsDenial& denial) {
     const std::string what = denial.publishing ? "may not publish" : "may not subscribe";
     const std::lock_guard lock(mutex_);
     drops_->count("subject " + denial.subject, what);
     if (denied_.size() < kDenials && denied_.insert(what + denial.subject).second)
-      tell("subject " + denial.subject + ": this program " + what +
-           " there; grant that in the server's configuration");
+      log("subject " + denial.subject + ": this program " + what +
+          " there; grant that in the server's configuration");
   }
 
  private:
-  void tell(const std::string& line) const {
+  void log(const std::string& line) const {
     if (log_) log_("NATS server " + server_ + ": " + line);
   }
 
@@ -81,7 +81,7 @@ class NatsEvents {
   const std::function<void(const std::string&)> log_;
   const std::shared_ptr<Drops> drops_;
   mutable std::mutex mutex_;
-  std::set<NatsTrouble::Kind> told_;
+  std::set<NatsFailure::Kind> logged_;
   std::set<std::string> denied_;
   Clock::time_point told_slow_;
 };
@@ -129,7 +129,7 @@ void on_disconnected(natsConnection* connection, void* closure) {
   natsStatus status = natsConnection_GetLastError(connection, &text);
   if (status != NATS_CONNECTION_AUTH_FAILED && status != NATS_SSL_ERROR)
     status = NATS_CONNECTION_CLOSED;  // the last error is not always the reason
-  session.events->away(nats_trouble(status, text ? text : "", session.config));
+  session.events->on_disconnected(nats_failure(status, text ? text : "", session.config));
 }
 void on_closed(natsConnection*, void* closure) {
   shared<NatsSession>(closure)->set_closed();
@@ -151,20 +151,20 @@ void on_error(natsConnection*, natsSubscription* subscription, natsStatus status
 }  // namespace
 
 /// One subject, whichever connection it is subscribed on.
-class NatsInlet {
+class NatsReceiver {
  public:
-  NatsInlet(std::string s, std::size_t message_bytes, std::size_t bytes, NatsLink::Handler handler,
-            std::shared_ptr<Drops> drops)
+  NatsReceiver(std::string s, std::size_t message_bytes, std::size_t bytes,
+               NatsLink::Handler handler, std::shared_ptr<Drops> drops)
       : subject(std::move(s)),
         handler_(std::move(handler)),
         drops_(std::move(drops)),
         reassembly_({.message_bytes = message_bytes, .bytes = bytes}) {}
 
   static void on_message(natsConnection*, natsSubscription*, natsMsg* message, void* closure) {
-    shared<NatsInlet>(closure)->arrived(message);
+    shared<NatsReceiver>(closure)->arrived(message);
     natsMsg_Destroy(message);
   }
-  static void on_complete(void* closure) { delete &shared<NatsInlet>(closure); }
+  static void on_complete(void* closure) { delete &shared<NatsReceiver>(closure); }
 
   void end() { handler_.end(); }
 
@@ -188,7 +188,7 @@ class NatsInlet {
     return message;
   }
 
-  Guarded<void(const NatsArrival&)> handler_;
+  CancellableCallback<void(const NatsArrival&)> handler_;
   const std::shared_ptr<Drops> drops_;
   std::mutex mutex_;
   Reassembly reassembly_;
@@ -218,10 +218,10 @@ struct OptionsDeleter {
 };
 using Options = std::unique_ptr<natsOptions, OptionsDeleter>;
 
-/// First failure of a row of calls.
-struct Row {
+/// The first failure of a row of calls.
+struct FirstFailure {
   natsStatus status = NATS_OK;
-  Row& operator<<(natsStatus next) {
+  FirstFailure& operator<<(natsStatus next) {
     if (status == NATS_OK) status = next;
     return *this;
   }
@@ -235,7 +235,7 @@ Status library_error(natsStatus status, const std::string& what) {
                what + ": " + nats_text(text && *text ? text : natsStatus_GetText(status))};
 }
 
-/// A file with a secret, which the library reads itself: told here where it cannot.
+/// Checks that a secret's file is readable, as libnats, which reads it itself, would not say so.
 Status check_secret(const std::filesystem::path& file) {
   const auto secret = read_secret({{}, file});
   return secret ? Status() : Status(secret.error());
@@ -278,17 +278,17 @@ Result<Options> make_options(const NatsConfig& config, void* closure) {
   if (!urls) return urls.error();
   std::vector<const char*> servers;
   for (const std::string& url : *urls) servers.push_back(url.c_str());
-  Row row;
-  row << natsOptions_SetServers(o, servers.data(), as_int(servers.size()))
-      << natsOptions_SetTimeout(o, kConnectMs) << natsOptions_SetAllowReconnect(o, false)
-      << natsOptions_SetPingInterval(o, kPingMs) << natsOptions_SetMaxPingsOut(o, 2)
-      << natsOptions_SetWriteDeadline(o, kWriteMs) << natsOptions_SetSendAsap(o, true)
-      << natsOptions_DisableNoResponders(o, true)
-      << natsOptions_SetDisconnectedCB(o, on_disconnected, closure)
-      << natsOptions_SetClosedCB(o, on_closed, closure)
-      << natsOptions_SetErrorHandler(o, on_error, closure);
-  if (row.status != NATS_OK)
-    return Error{Error::Cause::invalid, std::string("NATS: ") + natsStatus_GetText(row.status)};
+  FirstFailure failed;
+  failed << natsOptions_SetServers(o, servers.data(), as_int(servers.size()))
+         << natsOptions_SetTimeout(o, kConnectMs) << natsOptions_SetAllowReconnect(o, false)
+         << natsOptions_SetPingInterval(o, kPingMs) << natsOptions_SetMaxPingsOut(o, 2)
+         << natsOptions_SetWriteDeadline(o, kWriteMs) << natsOptions_SetSendAsap(o, true)
+         << natsOptions_DisableNoResponders(o, true)
+         << natsOptions_SetDisconnectedCB(o, on_disconnected, closure)
+         << natsOptions_SetClosedCB(o, on_closed, closure)
+         << natsOptions_SetErrorHandler(o, on_error, closure);
+  if (failed.status != NATS_OK)
+    return Error{Error::Cause::invalid, std::string("NATS: ") + natsStatus_GetText(failed.status)};
   if (auto ok = set_certificates(o, config); !ok) return ok.error();
   if (auto ok = set_identity(o, config); !ok) return ok.error();
   return options;
@@ -308,15 +308,15 @@ NatsLink::NatsLink(NatsConfig config, const TransportLimits& limits, std::shared
 NatsLink::~NatsLink() { close(); }
 
 void NatsLink::close() {
-  std::set<std::shared_ptr<NatsInlet>> inlets;
+  std::set<std::shared_ptr<NatsReceiver>> receivers;
   std::unique_ptr<Connection> connection;
   {
     const std::lock_guard lock(mutex_);
     unsubscribe_all();
-    inlets.swap(inlets_);
+    receivers.swap(receivers_);
     connection.swap(connection_);
   }
-  for (const auto& inlet : inlets) inlet->end();
+  for (const auto& receiver : receivers) receiver->end();
 }
 
 Result<std::shared_ptr<NatsLink>> NatsLink::open(const NatsConfig& config,
@@ -324,7 +324,7 @@ Result<std::shared_ptr<NatsLink>> NatsLink::open(const NatsConfig& config,
                                                  std::shared_ptr<Drops> drops) {
   if (auto usable = make_options(config, nullptr); !usable) return usable.error();
   std::shared_ptr<NatsLink> link(new NatsLink(config, limits, std::move(drops)));
-  link->revive();
+  link->reconnect();
   return link;
 }
 
@@ -335,41 +335,41 @@ std::unique_ptr<NatsLink::Connection> NatsLink::connect() {
   auto closure = std::make_unique<std::shared_ptr<NatsSession>>(connection->session);
   auto options = make_options(config_, closure.get());
   if (!options) {  // a file has gone since
-    events_->away({NatsTrouble::Kind::other, options.error().message});
+    events_->on_disconnected({NatsFailure::Kind::other, options.error().message});
     return nullptr;
   }
   const natsStatus status = natsConnection_Connect(&connection->handle, options->get());
   if (connection->handle != nullptr) {
     closure.release();  // on_closed frees it
-    events_->back();
+    events_->on_connected();
     return connection;
   }
   const bool known =
       (status == NATS_NO_SERVER || status == NATS_IO_ERROR) && events_->knows_unreachable();
   natsStatus last = NATS_OK;
   const char* text = nats_GetLastError(&last);
-  if (!known) events_->away(nats_trouble(status, text ? text : "", config_));
+  if (!known) events_->on_disconnected(nats_failure(status, text ? text : "", config_));
   return nullptr;
 }
 
-void NatsLink::unsubscribe(NatsInlet& inlet) {
-  natsSubscription* subscription = std::exchange(inlet.subscription, nullptr);
+void NatsLink::unsubscribe(NatsReceiver& receiver) {
+  natsSubscription* subscription = std::exchange(receiver.subscription, nullptr);
   if (subscription == nullptr) return;
   natsSubscription_Unsubscribe(subscription);
   connection_->ended.push_back(subscription);
 }
 
 void NatsLink::unsubscribe_all() {
-  for (const auto& inlet : inlets_) unsubscribe(*inlet);
+  for (const auto& receiver : receivers_) unsubscribe(*receiver);
 }
 
-void NatsLink::revive() {
+void NatsLink::reconnect() {
   std::unique_ptr<Connection> broken;
   {
     const std::lock_guard lock(mutex_);
     if (connection_ && !natsConnection_IsClosed(connection_->handle)) {
-      for (const auto& inlet : inlets_)
-        if (inlet->subscription == nullptr) subscribe(inlet);
+      for (const auto& receiver : receivers_)
+        if (receiver->subscription == nullptr) subscribe(receiver);
       return;
     }
     unsubscribe_all();
@@ -380,36 +380,36 @@ void NatsLink::revive() {
   if (!fresh) return;      // again at the next call
   const std::lock_guard lock(mutex_);
   connection_ = std::move(fresh);
-  for (const auto& inlet : inlets_) subscribe(inlet);
+  for (const auto& receiver : receivers_) subscribe(receiver);
 }
 
-void NatsLink::subscribe(const std::shared_ptr<NatsInlet>& inlet) {
+void NatsLink::subscribe(const std::shared_ptr<NatsReceiver>& receiver) {
   if (!connection_) return;
-  auto closure = std::make_unique<std::shared_ptr<NatsInlet>>(inlet);
-  natsSubscription*& subscription = inlet->subscription;
-  if (natsConnection_Subscribe(&subscription, connection_->handle, inlet->subject.c_str(),
-                               NatsInlet::on_message, closure.get()) != NATS_OK)
-    return;  // revive() does it
+  auto closure = std::make_unique<std::shared_ptr<NatsReceiver>>(receiver);
+  natsSubscription*& subscription = receiver->subscription;
+  if (natsConnection_Subscribe(&subscription, connection_->handle, receiver->subject.c_str(),
+                               NatsReceiver::on_message, closure.get()) != NATS_OK)
+    return;  // reconnect() does it
   natsSubscription_SetPendingLimits(subscription, kPendingMessages, as_int(limits_.queue_bytes));
-  natsSubscription_SetOnCompleteCB(subscription, NatsInlet::on_complete, closure.release());
+  natsSubscription_SetOnCompleteCB(subscription, NatsReceiver::on_complete, closure.release());
 }
 
-std::shared_ptr<NatsInlet> NatsLink::receive(const std::string& subject, std::size_t message_bytes,
-                                             Handler handler) {
-  auto inlet = std::make_shared<NatsInlet>(subject, message_bytes, limits_.queue_bytes,
-                                           std::move(handler), drops_);
+std::shared_ptr<NatsReceiver> NatsLink::receive(const std::string& subject,
+                                                std::size_t message_bytes, Handler handler) {
+  auto receiver = std::make_shared<NatsReceiver>(subject, message_bytes, limits_.queue_bytes,
+                                                 std::move(handler), drops_);
   const std::lock_guard lock(mutex_);
-  inlets_.insert(inlet);
-  subscribe(inlet);
-  return inlet;
+  receivers_.insert(receiver);
+  subscribe(receiver);
+  return receiver;
 }
 
-void NatsLink::forget(const std::shared_ptr<NatsInlet>& inlet) {
+void NatsLink::forget(const std::shared_ptr<NatsReceiver>& receiver) {
   {
     const std::lock_guard lock(mutex_);
-    if (inlets_.erase(inlet) > 0) unsubscribe(*inlet);
+    if (receivers_.erase(receiver) > 0) unsubscribe(*receiver);
   }
-  inlet->end();
+  receiver->end();
 }
 
 Status NatsLink::send(const std::string& subject, const std::string& reply,

@@ -15,50 +15,53 @@
 namespace mr::net {
 
 class NatsEvents;
-class NatsInlet;
+class NatsReceiver;
 
-/// What came in on a subject, put together again.
+/// A message that arrived on a subject, reassembled from its fragments.
 struct NatsArrival {
   std::string subject;
   std::string reply;  ///< empty: no answer is wanted
   Message message;
 };
 
-/// The connection to a NATS server (or a cluster), for ever made again; messages of any size.
+/// The connection to a NATS server or cluster, for messages of any size. It is made again for ever
+/// when it breaks.
 class NatsLink {
  public:
   using Handler = std::function<void(const NatsArrival&)>;
 
-  /// No server need be there. invalid, io, not_found: the URL or a file cannot be used.
+  /// Succeeds also while no server can be reached. invalid, io, not_found: the URL or a file of the
+  /// config cannot be used.
   static Result<std::shared_ptr<NatsLink>> open(const NatsConfig& config,
                                                 const TransportLimits& limits,
                                                 std::shared_ptr<Drops> drops);
   ~NatsLink();
 
-  /// Ends all inlets, once nothing is sent any more: no handler runs after this.
+  /// Ends all receivers. Nothing may be sent afterwards, and no handler runs after this returns.
   void close();
 
-  /// Messages on `subject`, none larger than `message_bytes`, until forget(). Any thread.
-  std::shared_ptr<NatsInlet> receive(const std::string& subject, std::size_t message_bytes,
-                                     Handler handler);
-  /// No handler runs on another thread after this. Any thread.
-  void forget(const std::shared_ptr<NatsInlet>& inlet);
+  /// Subscribes `handler` to `subject` until forget(), across reconnections. Messages above
+  /// `message_bytes` are dropped. Any thread.
+  std::shared_ptr<NatsReceiver> receive(const std::string& subject, std::size_t message_bytes,
+                                        Handler handler);
+  /// Unsubscribes. After it returns, the handler does not run on another thread. Any thread.
+  void forget(const std::shared_ptr<NatsReceiver>& receiver);
 
   /// io: there is no server. too_large: for its max_payload. One thread at a time; may wait up to
   /// two seconds for a server that does not read.
   Status send(const std::string& subject, const std::string& reply, const Message& message);
 
-  /// Connects anew where there is no connection, and tells why that fails, once. To be called about
-  /// twice a second, by the thread that sends; waits up to two seconds for a server that is silent.
-  void revive();
+  /// Connects when there is no connection; logs once why that fails. To be called about twice a
+  /// second by the thread that sends. Blocks up to two seconds on a silent server.
+  void reconnect();
 
  private:
   struct Connection;
   NatsLink(NatsConfig config, const TransportLimits& limits, std::shared_ptr<Drops> drops);
   std::unique_ptr<Connection> connect();
-  void unsubscribe(NatsInlet& inlet);
+  void unsubscribe(NatsReceiver& receiver);
   void unsubscribe_all();
-  void subscribe(const std::shared_ptr<NatsInlet>& inlet);
+  void subscribe(const std::shared_ptr<NatsReceiver>& receiver);
 
   const NatsConfig config_;
   const TransportLimits limits_;
@@ -67,7 +70,7 @@ class NatsLink {
   std::uint64_t last_message_;  ///< id; starts anywhere, so that no two senders use the same
   std::mutex mutex_;            ///< of all below
   std::unique_ptr<Connection> connection_;  ///< null: none
-  std::set<std::shared_ptr<NatsInlet>> inlets_;
+  std::set<std::shared_ptr<NatsReceiver>> receivers_;
 };
 
 }  // namespace mr::net

@@ -10,9 +10,9 @@
 
 #include "mr/net/little_endian.h"
 #include "mr/net/nats_link.h"
-#include "mr/net/rare_log.h"
+#include "mr/net/pending_requests.h"
+#include "mr/net/rate_limited_log.h"
 #include "mr/net/registry.h"
-#include "mr/net/requests.h"
 #include "mr/net/transport.h"
 
 namespace mr::net {
@@ -21,8 +21,8 @@ namespace {
 using Clock = std::chrono::steady_clock;
 
 constexpr std::chrono::milliseconds kNatsTick{500};
-constexpr std::chrono::seconds kHereEvery{1};
-constexpr std::size_t kHereBytes = 8;
+constexpr std::chrono::seconds kHeartbeatPeriod{1};
+constexpr std::size_t kHeartbeatBytes = 8;
 constexpr int kNatsAnswers = 8;  // unsent, for one asker: a program of a few mergers
 
 /// A name as one token of a subject: everything but letters, digits, '-' and '_' as %XX.
@@ -62,32 +62,32 @@ std::uint64_t last_number(const std::string& subject) {
 
 class NatsSubscription final : public Subscription {
  public:
-  NatsSubscription(const std::shared_ptr<NatsLink>& link, std::shared_ptr<NatsInlet> inlet)
-      : link_(link), inlet_(std::move(inlet)) {}
+  NatsSubscription(const std::shared_ptr<NatsLink>& link, std::shared_ptr<NatsReceiver> receiver)
+      : link_(link), receiver_(std::move(receiver)) {}
   NatsSubscription(const NatsSubscription&) = delete;
   NatsSubscription& operator=(const NatsSubscription&) = delete;
   ~NatsSubscription() override {
-    if (const auto link = link_.lock()) link->forget(inlet_);
+    if (const auto link = link_.lock()) link->forget(receiver_);
   }
 
  private:
   std::weak_ptr<NatsLink> link_;  ///< the transport may be gone
-  std::shared_ptr<NatsInlet> inlet_;
+  std::shared_ptr<NatsReceiver> receiver_;
 };
 
-/// A service: what asks, and what other programs say of the node.
+/// A service: the subscriptions to requests and to other programs' heartbeats.
 class NatsService final : public Subscription {
  public:
-  NatsService(std::unique_ptr<Subscription> ask, std::unique_ptr<Subscription> here,
+  NatsService(std::unique_ptr<Subscription> ask, std::unique_ptr<Subscription> heartbeats,
               std::shared_ptr<const std::string> node)
-      : ask_(std::move(ask)), here_(std::move(here)), node_(std::move(node)) {}
+      : ask_(std::move(ask)), heartbeats_(std::move(heartbeats)), node_(std::move(node)) {}
 
  private:
-  std::unique_ptr<Subscription> ask_, here_;
-  std::shared_ptr<const std::string> node_;  ///< while it lives, the transport says it is here
+  std::unique_ptr<Subscription> ask_, heartbeats_;
+  std::shared_ptr<const std::string> node_;  ///< heartbeats are sent while it lives
 };
 
-/// Everything is sent by one thread, so that nobody waits for a slow server.
+/// One thread sends everything, so that callers do not block on a slow server.
 class NatsTransport final : public Transport {
  public:
   NatsTransport(std::shared_ptr<NatsLink> link, std::shared_ptr<Drops> drops,
@@ -99,7 +99,7 @@ class NatsTransport final : public Transport {
         id_(random_number()),
         limits_(limits),
         coalesce_(std::move(coalesce)),
-        rare_log_(limits.log) {
+        log_lines_(limits.log) {
     sender_ = std::jthread([this](const std::stop_token& stop) { run(stop); });
   }
   ~NatsTransport() override {
@@ -130,29 +130,29 @@ class NatsTransport final : public Transport {
                         });
   }
 
-  void request(const std::string& node, Message question,
+  void request(const std::string& node, Message message,
                std::function<void(Message)> on_answer) override {
-    if (!question) return;
-    if (question->size() > kQuestionBytes)
-      return drops_->count("node " + node, "question too large");
-    if (!on_answer) return send_later({ask_subject(node), "", std::move(question)});
+    if (!message) return;
+    if (message->size() > kMaxRequestBytes)
+      return drops_->count("node " + node, "request too large");
+    if (!on_answer) return send_later({ask_subject(node), "", std::move(message)});
     open_inbox();
     const std::uint64_t id = requests_.add(Clock::now(), nullptr, std::move(on_answer));
     if (id == 0) return drops_->count("node " + node, "too many requests at once");
-    send_later({ask_subject(node), inbox_ + "." + std::to_string(id), std::move(question)});
+    send_later({ask_subject(node), inbox_ + "." + std::to_string(id), std::move(message)});
   }
 
   std::unique_ptr<Subscription> serve(
       const std::string& node, std::function<Message(std::span<const std::byte>)> answer) override {
-    auto ask = subscription(ask_subject(node), kQuestionBytes,
-                            [this, answer = std::move(answer)](const NatsArrival& question) {
-                              asked(question, answer);
-                            });
-    auto here = subscription(here_subject(node), kHereBytes,
-                             [this, node](const NatsArrival& other) { heard(node, other); });
+    auto ask = subscription(
+        ask_subject(node), kMaxRequestBytes,
+        [this, answer = std::move(answer)](const NatsArrival& request) { asked(request, answer); });
+    auto heartbeats =
+        subscription(heartbeat_subject(node), kHeartbeatBytes,
+                     [this, node](const NatsArrival& other) { on_heartbeat(node, other); });
     auto name = std::make_shared<const std::string>(node);
-    say_here(name);
-    return std::make_unique<NatsService>(std::move(ask), std::move(here), std::move(name));
+    start_heartbeats(name);
+    return std::make_unique<NatsService>(std::move(ask), std::move(heartbeats), std::move(name));
   }
 
   std::map<std::string, std::uint64_t> drops() const override {
@@ -167,7 +167,7 @@ class NatsTransport final : public Transport {
   }
 
  private:
-  struct Letter {
+  struct OutgoingMessage {
     std::string subject, reply;
     Message message;
     std::string inbox = {};  ///< of an answer: the asker's
@@ -181,7 +181,7 @@ class NatsTransport final : public Transport {
     return prefix_ + token(node) + ".packet";
   }
   std::string ask_subject(const std::string& node) const { return prefix_ + token(node) + ".ask"; }
-  std::string here_subject(const std::string& node) const {
+  std::string heartbeat_subject(const std::string& node) const {
     return prefix_ + token(node) + ".here";
   }
 
@@ -191,7 +191,7 @@ class NatsTransport final : public Transport {
         link_, link_->receive(subject, message_bytes, std::move(handler)));
   }
 
-  /// Only who asks needs an inbox, and the permission to subscribe to it.
+  /// Subscribes to the inbox at the first request, so that others do not need the permission.
   void open_inbox() {
     std::call_once(inbox_opened_, [this] {
       link_->receive(inbox_ + ".*", limits_.message_bytes,
@@ -199,14 +199,14 @@ class NatsTransport final : public Transport {
     });
   }
 
-  /// One that asks faster than its answers go is not answered.
-  void asked(const NatsArrival& question,
+  /// Answers a request. A peer whose answers are still queued beyond a limit gets none.
+  void asked(const NatsArrival& request,
              const std::function<Message(std::span<const std::byte>)>& answer) {
-    const std::string inbox = question.reply.substr(0, question.reply.rfind('.'));
+    const std::string inbox = request.reply.substr(0, request.reply.rfind('.'));
     if (!inbox.empty() && answers_to(inbox) >= kNatsAnswers)
-      return drops_->count("subject " + question.subject, "asked again before the answers went");
-    Message message = answer(*question.message);
-    if (message && !inbox.empty()) send_later({question.reply, "", std::move(message), inbox});
+      return drops_->count("subject " + request.subject, "asked again before the answers went");
+    Message message = answer(*request.message);
+    if (message && !inbox.empty()) send_later({request.reply, "", std::move(message), inbox});
   }
 
   int answers_to(const std::string& inbox) const {
@@ -215,36 +215,36 @@ class NatsTransport final : public Transport {
     return at == answers_.end() ? 0 : at->second;
   }
 
-  void heard(const std::string& node, const NatsArrival& other) {
+  void on_heartbeat(const std::string& node, const NatsArrival& other) {
     std::span<const std::byte> bytes = *other.message;
-    if (bytes.size() != kHereBytes || take<std::uint64_t>(bytes) == id_) return;
-    drops_->count("node " + node, kRivalCause);
-    rare_log_.tell(rival_line(node), Clock::now());
+    if (bytes.size() != kHeartbeatBytes || take<std::uint64_t>(bytes) == id_) return;
+    drops_->count("node " + node, kDuplicateNodeCause);
+    log_lines_.log(duplicate_node_line(node), Clock::now());
   }
 
-  /// At once, and each second while the name lives.
-  void say_here(const std::shared_ptr<const std::string>& node) {
+  /// Sends heartbeats for a node at once and each second while `node` lives.
+  void start_heartbeats(const std::shared_ptr<const std::string>& node) {
     {
       const std::lock_guard lock(mutex_);
       serving_.push_back(node);
-      here_due_ = work_ = true;
+      heartbeat_due_ = work_ = true;
     }
     wake_.notify_one();
   }
 
-  void send_here(Clock::time_point now) {
+  void send_heartbeats(Clock::time_point now) {
     std::set<std::string> nodes;
     {
       const std::lock_guard lock(mutex_);
-      if (!std::exchange(here_due_, false) && now < next_here_) return;
-      next_here_ = now + kHereEvery;
+      if (!std::exchange(heartbeat_due_, false) && now < next_heartbeat_) return;
+      next_heartbeat_ = now + kHeartbeatPeriod;
       std::erase_if(serving_, [](const auto& node) { return node.expired(); });
       for (const auto& serving : serving_)
         if (const auto node = serving.lock()) nodes.insert(*node);
     }
     const Message id = number_message(id_);
     for (const std::string& node : nodes)
-      static_cast<void>(link_->send(here_subject(node), "", id));  // no server: nobody to tell
+      static_cast<void>(link_->send(heartbeat_subject(node), "", id));  // no server: nobody to tell
   }
 
   void answered(const NatsArrival& answer) {
@@ -262,8 +262,8 @@ class NatsTransport final : public Transport {
     return *outbox;
   }
 
-  /// A question or an answer.
-  void send_later(Letter letter) {
+  /// A request or an answer.
+  void send_later(OutgoingMessage letter) {
     {
       const std::lock_guard lock(mutex_);
       if (letter_bytes_ + letter.message->size() > limits_.queue_bytes)
@@ -290,16 +290,16 @@ class NatsTransport final : public Transport {
   }
 
   void tick(Clock::time_point now) {
-    send_here(now);
+    send_heartbeats(now);
     if (now < next_tick_) return;
     next_tick_ = now + kNatsTick;
     drops_->count("NATS", "requests without an answer", requests_.expire(now));
-    link_->revive();
+    link_->reconnect();
   }
 
   /// All letters, and one packet of each node; false when there was nothing.
   bool send_some() {
-    std::deque<Letter> letters;
+    std::deque<OutgoingMessage> letters;
     std::vector<std::pair<std::string, Outbox*>> outboxes;
     {
       const std::lock_guard lock(mutex_);
@@ -308,9 +308,9 @@ class NatsTransport final : public Transport {
       for (const auto& [node, sending] : packets_)
         if (!sending.outbox->empty()) outboxes.emplace_back(node, sending.outbox.get());
     }
-    for (const Letter& letter : letters) {
+    for (const OutgoingMessage& letter : letters) {
       send(letter);
-      if (!letter.inbox.empty()) gone(letter.inbox);
+      if (!letter.inbox.empty()) answer_sent(letter.inbox);
     }
     for (const auto& [node, outbox] : outboxes)
       if (Message packet = outbox->try_pop()) send({packet_subject(node), "", std::move(packet)});
@@ -318,13 +318,13 @@ class NatsTransport final : public Transport {
   }
 
   /// An answer went, or was lost.
-  void gone(const std::string& inbox) {
+  void answer_sent(const std::string& inbox) {
     const std::lock_guard lock(mutex_);
     const auto at = answers_.find(inbox);
     if (--at->second == 0) answers_.erase(at);
   }
 
-  void send(const Letter& letter) {
+  void send(const OutgoingMessage& letter) {
     const auto sent = link_->send(letter.subject, letter.reply, letter.message);
     if (!sent) drops_->count("NATS server", "messages not sent: " + sent.error().message);
   }
@@ -336,20 +336,20 @@ class NatsTransport final : public Transport {
   const std::uint64_t id_;  ///< of this program, where it says that it serves a node
   const TransportLimits limits_;
   const Coalesce coalesce_;
-  RareLog rare_log_;
-  Requests requests_;
+  RateLimitedLog log_lines_;
+  PendingRequests requests_;
   std::once_flag inbox_opened_;
   Clock::time_point next_tick_;  ///< sender thread
 
   mutable std::mutex mutex_;
   std::condition_variable_any wake_;
   std::map<std::string, Sending> packets_;  ///< by node
-  std::deque<Letter> letters_;
+  std::deque<OutgoingMessage> letters_;
   std::size_t letter_bytes_ = 0;
   std::map<std::string, int> answers_;  ///< among the letters, and those being sent, by inbox
   std::vector<std::weak_ptr<const std::string>> serving_;  ///< names of nodes
-  Clock::time_point next_here_;
-  bool here_due_ = false;
+  Clock::time_point next_heartbeat_;
+  bool heartbeat_due_ = false;
   bool work_ = false;
   std::jthread sender_;
 };

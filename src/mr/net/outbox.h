@@ -15,35 +15,35 @@ namespace mr::net {
 /// Bytes that many receivers may share.
 using Message = std::shared_ptr<const std::vector<std::byte>>;
 
-/// Folds messages that wait for one slow receiver into one (DESIGN section 4, Queues). Takes them
-/// oldest first, at least one; null when they cannot be folded, they are then lost. Called on
-/// several threads at once; must not throw.
+/// Coalesces messages that wait for one slow receiver into a single one (DESIGN section 4, Queues).
+/// Its argument is oldest first and never empty. Null: they cannot be coalesced and are lost.
+/// Called from several threads at once; must not throw.
 using Coalesce = std::function<Message(std::span<const Message>)>;
 
 struct OutboxLimits {
-  std::size_t messages = 30;       ///< waiting; one more and they are folded into one
-  std::size_t bytes = 128u << 20;  ///< waiting; above it all but the newest are lost
+  std::size_t messages = 30;       ///< that wait; with one more they are coalesced
+  std::size_t bytes = 128u << 20;  ///< that wait; above it all but the newest are lost
 };
 
-/// The bounded, coalescing queue in front of ONE slow receiver: a socket, a node's worker, a
-/// viewer. What waits is folded into one message when it is taken, or when there is too much of it.
-/// Any number of threads may push, one takes.
+/// The bounded, coalescing queue in front of ONE slow receiver: a socket, a node's worker thread or
+/// a viewer. Waiting messages are coalesced into one when they are popped, or when there are too
+/// many. Multiple producers, one consumer.
 class Outbox {
  public:
   struct Counts {
-    std::uint64_t folded = 0;  ///< messages that went on inside another one
-    std::uint64_t lost = 0;    ///< messages that went nowhere; the receiver sees a gap
+    std::uint64_t folded = 0;  ///< messages coalesced into another one
+    std::uint64_t lost = 0;    ///< messages dropped; the receiver sees a gap
   };
 
-  /// Without `coalesce` messages are taken one by one, and all that wait are lost when there are
-  /// too many.
+  /// Without `coalesce` messages are popped one by one, and all that wait are dropped when there
+  /// are too many.
   explicit Outbox(Coalesce coalesce, const OutboxLimits& limits = {});
 
-  /// True when nothing waited before, that is when the receiver may have to be woken. A message
-  /// that alone exceeds the cap is lost; null is ignored.
+  /// Returns whether the queue was empty before, that is, whether the receiver may have to be
+  /// woken. A message larger than OutboxLimits::bytes is dropped; null is ignored.
   bool push(Message message);
 
-  /// Everything that waits as one message; null when nothing does, or when it could not be folded.
+  /// Pops all that waits as one message; null when nothing waits or it could not be coalesced.
   Message try_pop();
 
   /// Waits for a message; null once stop is asked for.

@@ -8,7 +8,8 @@ namespace mr::net {
 
 inline constexpr std::size_t kLongestPrintable = 200;
 
-/// Somebody else's text as part of a line: what is not printable ASCII is '?', and it is not long.
+/// Text from a peer made safe for a log line: characters that are not printable ASCII become '?',
+/// and it is cut after kLongestPrintable characters.
 inline std::string printable(std::string_view text) {
   std::string out(text.substr(0, kLongestPrintable));
   std::ranges::replace_if(

@@ -15,19 +15,19 @@
 
 namespace mr::net {
 
-/// A callback that can be ended: no call runs once end() returned, save the one that end() is
-/// called from.
+/// A callback that can be cancelled from any thread: after end() returns no call of it runs, except
+/// the call that end() itself was called from.
 template <typename Signature>
-class Guarded;
+class CancellableCallback;
 
 template <typename R, typename... A>
-class Guarded<R(A...)> {
+class CancellableCallback<R(A...)> {
  public:
-  explicit Guarded(std::function<R(A...)> function) : function_(std::move(function)) {}
+  explicit CancellableCallback(std::function<R(A...)> function) : function_(std::move(function)) {}
 
-  /// Calls the function; an empty answer once it was ended.
+  /// Calls the function; returns R() once it was cancelled.
   R operator()(A... arguments) {
-    const Inside inside(*this);
+    const RunningCall inside(*this);
     if (!inside.open) return R();
     return function_(std::forward<A>(arguments)...);
   }
@@ -42,23 +42,23 @@ class Guarded<R(A...)> {
   }
 
  private:
-  struct Inside {
-    explicit Inside(Guarded& g) : guarded(g) {
+  struct RunningCall {
+    explicit RunningCall(CancellableCallback& g) : guarded(g) {
       const std::lock_guard lock(guarded.mutex_);
       open = !guarded.ended_;
       if (open) guarded.running_.push_back(std::this_thread::get_id());
     }
-    ~Inside() {
+    ~RunningCall() {
       if (!open) return;
       const std::lock_guard lock(guarded.mutex_);
       auto& running = guarded.running_;
       running.erase(std::find(running.begin(), running.end(), std::this_thread::get_id()));
       guarded.left_.notify_all();
     }
-    Inside(const Inside&) = delete;
-    Inside& operator=(const Inside&) = delete;
+    RunningCall(const RunningCall&) = delete;
+    RunningCall& operator=(const RunningCall&) = delete;
 
-    Guarded& guarded;
+    CancellableCallback& guarded;
     bool open = false;
   };
 
@@ -69,11 +69,12 @@ class Guarded<R(A...)> {
   bool ended_ = false;
 };
 
-/// The callbacks registered for each node. Thread-safe; its subscriptions may outlive it.
+/// The callbacks registered for each node, by its name. Thread-safe. A Subscription removes its
+/// callback when destroyed, and may outlive the registry.
 template <typename Signature>
 class Registry {
  public:
-  using Callback = Guarded<Signature>;
+  using Callback = CancellableCallback<Signature>;
 
   std::unique_ptr<Subscription> add(const std::string& node, std::function<Signature> function) {
     auto callback = std::make_shared<Callback>(std::move(function));
@@ -82,7 +83,7 @@ class Registry {
     return std::make_unique<Entry>(state_, node, std::move(callback));
   }
 
-  /// Oldest first.
+  /// The callbacks of a node in the order in which they were added.
   std::vector<std::shared_ptr<Callback>> of(const std::string& node) const {
     const std::lock_guard lock(state_->mutex);
     const auto at = state_->callbacks.find(node);
@@ -128,11 +129,11 @@ class Registry {
 using PacketRegistry = Registry<void(Message)>;
 using AnswerRegistry = Registry<Message(std::span<const std::byte>)>;
 
-/// Asks the newest that serves `node`; null when none does.
+/// The answer of the newest service of `node`; null when there is none.
 inline Message answer_from(const AnswerRegistry& registry, const std::string& node,
-                           std::span<const std::byte> question) {
+                           std::span<const std::byte> request) {
   const auto serving = registry.of(node);
-  return serving.empty() ? nullptr : (*serving.back())(question);
+  return serving.empty() ? nullptr : (*serving.back())(request);
 }
 
 }  // namespace mr::net

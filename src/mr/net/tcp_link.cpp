@@ -51,11 +51,11 @@ TcpLink::TcpLink(asio::io_context& io, std::string node, Address address,
       timer_(io),
       backoff_(kFirstBackoff) {}
 
-void TcpLink::request(Message question, std::function<void(Message)> on_answer) {
+void TcpLink::request(Message message, std::function<void(Message)> on_answer) {
   const auto now = std::chrono::steady_clock::now();
-  if (question->size() > kQuestionBytes)
-    drops_.count("node " + node_, "question too large");
-  else if (requests_.add(now, std::move(question), std::move(on_answer)) == 0)
+  if (message->size() > kMaxRequestBytes)
+    drops_.count("node " + node_, "request too large");
+  else if (requests_.add(now, std::move(message), std::move(on_answer)) == 0)
     drops_.count("node " + node_, "too many requests at once");
 }
 
@@ -82,7 +82,7 @@ void TcpLink::tick() {
 /// The other side keeps us: what went wrong before is over.
 void TcpLink::settled() {
   backoff_ = kFirstBackoff;
-  if (!std::exchange(told_, {}).empty()) log("is back");
+  if (!std::exchange(logged_, {}).empty()) log("is back");
 }
 
 void TcpLink::connect() {
@@ -142,11 +142,11 @@ std::optional<OutFrame> TcpLink::next() {
   const bool subscribe = packets_.has(node_);
   if (std::exchange(subscribed_, subscribe) != subscribe)
     return OutFrame{subscribe ? FrameKind::subscribe : FrameKind::unsubscribe, 0, nullptr};
-  auto question = requests_.next_after(asked_);
-  if (!question) return std::nullopt;
-  asked_ = question->id;
-  return OutFrame{FrameKind::ask, question->wants_answer ? question->id : 0,
-                  std::move(question->message)};
+  auto request = requests_.next_after(asked_);
+  if (!request) return std::nullopt;
+  asked_ = request->id;
+  return OutFrame{FrameKind::request, request->wants_answer ? request->id : 0,
+                  std::move(request->message)};
 }
 
 void TcpLink::failed(const Error& why) {
@@ -159,7 +159,7 @@ void TcpLink::failed(const Error& why) {
   }
   // However it breaks is one trouble; each refusal is one of its own.
   const bool broke = why.cause == Error::Cause::io || why.cause == Error::Cause::empty;
-  if (told_.size() < kTroubles && told_.insert(broke ? "" : why.message).second)
+  if (logged_.size() < kTroubles && logged_.insert(broke ? "" : why.message).second)
     log(why.message + "; trying on");
   state_ = State::waiting;
   timer_.expires_after(backoff_);

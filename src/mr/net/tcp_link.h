@@ -13,15 +13,16 @@
 #include "mr/net/address.h"
 #include "mr/net/drops.h"
 #include "mr/net/frame_socket.h"
+#include "mr/net/pending_requests.h"
 #include "mr/net/registry.h"
-#include "mr/net/requests.h"
 
 namespace mr::net {
 
 class TcpSecret;
 
-/// The connection to one remote node, made again for ever while somebody wants its packets or waits
-/// for an answer. All but request() on the io thread, which must have ended before it is destroyed.
+/// The client's connection to one remote node. It is made, and made again with exponential backoff,
+/// while there are subscribers to the node's packets or requests without an answer. All but
+/// request() runs on the io thread, which must have ended before this is destroyed.
 class TcpLink {
  public:
   TcpLink(boost::asio::io_context& io, std::string node, Address address,
@@ -29,10 +30,11 @@ class TcpLink {
           std::shared_ptr<TcpSecret> secret);
 
   /// Any thread; wake() has to follow.
-  void request(Message question, std::function<void(Message)> on_answer);
-  /// Connects, subscribes or asks where there is reason to.
+  void request(Message message, std::function<void(Message)> on_answer);
+  /// Connects, subscribes or sends requests when there is something to do.
   void wake();
-  /// Forgets old requests, leaves a node that nobody needs. To be called about each second.
+  /// Times out old requests; disconnects from a node that nobody needs. To be called about once a
+  /// second.
   void tick();
 
  private:
@@ -54,7 +56,7 @@ class TcpLink {
   const TransportLimits limits_;
   Drops& drops_;
   const std::shared_ptr<TcpSecret> secret_;
-  Requests requests_;
+  PendingRequests requests_;
 
   State state_ = State::idle;
   boost::asio::ip::tcp::resolver resolver_;
@@ -62,10 +64,10 @@ class TcpLink {
   boost::asio::steady_timer timer_;
   std::shared_ptr<FrameSocket> socket_;  ///< while up
   bool greeted_ = false, subscribed_ = false;
-  std::uint64_t asked_ = 0;  ///< last question sent on this connection
+  std::uint64_t asked_ = 0;  ///< last request sent on this connection
   std::chrono::milliseconds backoff_;
   std::optional<std::chrono::steady_clock::time_point> open_since_;
-  std::set<std::string> told_;  ///< troubles since it was last up
+  std::set<std::string> logged_;  ///< errors logged since it was last connected
 };
 
 }  // namespace mr::net

@@ -12,10 +12,10 @@
 
 namespace mr::net {
 
-/// The secret that the nodes of a scene share, as TLS 1.3 with a pre-shared key uses it: it proves
-/// to each side that the other knows it, and is never sent. What was recorded stays unreadable even
-/// for who learns it later (ephemeral keys). The side that connects must verify certificates, of
-/// which none is trusted: else a certificate could take the secret's place. Immutable; must outlive
+/// The secret that the nodes of a scene share, used as the pre-shared key of TLS 1.3 (RFC 8446,
+/// psk_dhe_ke): mutual authentication without sending the secret, and forward secrecy by ephemeral
+/// Diffie-Hellman keys. The connecting side must verify certificates and trust none: otherwise a
+/// server without the secret could authenticate by a certificate instead. Immutable; must outlive
 /// the streams that use it.
 class TcpSecret {
  public:
@@ -38,17 +38,17 @@ class TcpSecret {
   Sha256 key_{};
 };
 
-/// Whether the first bytes of a connection begin a TLS handshake; frames never begin so.
+/// Whether the first bytes of a connection begin a TLS handshake. No frame begins with these.
 inline constexpr std::size_t kFirstBytes = 5;
 bool begins_tls(std::span<const std::byte> first);
 
-/// What both sides tell where only one has a secret.
+/// The error of both sides when only one has a secret.
 inline constexpr const char* kOnlyConnectingHasSecret =
     "only the side that connects has a secret (tcp.secret)";
 inline constexpr const char* kOnlyListeningHasSecret =
     "only the side that listens has a secret (tcp.secret)";
 
-/// Why a handshake failed, for the one who connected and for the one who listens.
+/// The error of a failed handshake, as the connecting and as the listening side reports it.
 Error client_refusal(const boost::system::error_code& error);
 Error server_refusal(const boost::system::error_code& error);
 

@@ -20,7 +20,7 @@ constexpr std::chrono::seconds kListenAgain{1};
 constexpr std::chrono::milliseconds kTcpAcceptAgain{100};
 constexpr std::size_t kRefusing = 16;  // connections above the limit, while they are told so
 // Answers that wait for one peer. A program of several mergers asks a node several things at once,
-// and reads what it gets; above this a question is not even looked at.
+// and reads what it gets; above this a request is not even looked at.
 constexpr std::size_t kAnswersWaiting = 32;
 constexpr std::size_t kAnswerBytesWaiting = 8u << 20;
 
@@ -28,8 +28,8 @@ FrameLimits accepted_frames() {
   return {{FrameKind::hello, kHello.size() + kLongestName},
           {FrameKind::subscribe, 0},
           {FrameKind::unsubscribe, 0},
-          {FrameKind::ask, kQuestionBytes},
-          {FrameKind::rival, kLongestName}};
+          {FrameKind::request, kMaxRequestBytes},
+          {FrameKind::duplicate, kLongestName}};
 }
 
 }  // namespace
@@ -43,10 +43,10 @@ class TcpSession : public std::enable_shared_from_this<TcpSession> {
         hello_timer_(server.io_),
         outbox_(server.coalesce_, {server.limits_.queue_messages, server.limits_.queue_bytes}) {}
 
-  /// Without a place it gets nothing but word of that.
-  void start(tcp::socket socket, std::shared_ptr<Places::Place> place) {
-    place_ = std::move(place);
-    if (!place_) refused_ = "too many connections";
+  /// Without a slot it gets nothing but word of that.
+  void start(tcp::socket socket, std::shared_ptr<ConnectionQuota::Slot> slot) {
+    slot_ = std::move(slot);
+    if (!slot_) refused_ = "too many connections";
     const auto weak = weak_from_this();
     socket_ = std::make_shared<FrameSocket>(
         std::move(socket), FrameSocket::Side::listens, server_.secret_, accepted_frames(),
@@ -100,14 +100,14 @@ class TcpSession : public std::enable_shared_from_this<TcpSession> {
   }
 
   Status received(Frame frame) {
-    if (frame.kind == FrameKind::rival) {  // of a program that could not listen here
-      server_.heard_rival(
+    if (frame.kind == FrameKind::duplicate) {  // of a program that could not listen here
+      server_.on_duplicate_node(
           {reinterpret_cast<const char*>(frame.payload.data()), frame.payload.size()});
       return {};
     }
     if (frame.kind == FrameKind::hello) return greeted(frame.payload);
     if (node_.empty()) return Error{Error::Cause::corrupt, "no greeting"};
-    if (frame.kind == FrameKind::ask) return asked(std::move(frame));
+    if (frame.kind == FrameKind::request) return asked(std::move(frame));
     server_.set_subscribed(node_, shared_from_this(), frame.kind == FrameKind::subscribe);
     return {};
   }
@@ -120,7 +120,7 @@ class TcpSession : public std::enable_shared_from_this<TcpSession> {
     if (!server_.is_local(node))
       return Error{Error::Cause::not_found, "asks for a node that is not here"};
     node_ = node;
-    if (place_) place_->settle();
+    if (slot_) slot_->pin();
     hello_timer_.cancel();
     return {};
   }
@@ -155,10 +155,10 @@ class TcpSession : public std::enable_shared_from_this<TcpSession> {
 
   void ended(const Error& why) {
     hello_timer_.cancel();
-    place_.reset();
+    slot_.reset();
     if (why.cause != Error::Cause::io && why.cause != Error::Cause::empty) {
       server_.drops_.count("peer " + peer_, why.message);
-      server_.rare_log_.tell("peer " + peer_ + ": " + why.message,
+      server_.log_lines_.log("peer " + peer_ + ": " + why.message,
                              std::chrono::steady_clock::now());
     }
     if (!node_.empty()) report_drops();
@@ -167,7 +167,7 @@ class TcpSession : public std::enable_shared_from_this<TcpSession> {
 
   TcpServer& server_;
   const std::string peer_;  ///< its address, or network
-  std::shared_ptr<Places::Place> place_;
+  std::shared_ptr<ConnectionQuota::Slot> slot_;
   std::string refused_;  ///< why
   std::string node_;     ///< that it greeted; set before it can subscribe
   asio::steady_timer hello_timer_;
@@ -222,13 +222,13 @@ class TcpListener {
   }
 
   void listen_later(const boost::system::error_code& why) {
-    if (!std::exchange(told_, true)) {
+    if (!std::exchange(logged_, true)) {
       const bool in_use = why == asio::error::address_in_use;
       server_.log(
           "cannot listen on " + to_string(address_) + ": " + why.message() +
           (in_use ? "; the node may be running already: stop one of the programs, or" : ";") +
           " free the address or change it in the scene file; trying on");
-      if (in_use) server_.tell_first(address_);
+      if (in_use) server_.notify_first_program(address_);
     }
     timer_.expires_after(kListenAgain);
     timer_.async_wait([this](const auto& error) {
@@ -237,7 +237,7 @@ class TcpListener {
   }
 
   void listening() {
-    if (told_) server_.log("listening on " + to_string(address_) + " now");
+    if (logged_) server_.log("listening on " + to_string(address_) + " now");
     accept();
   }
 
@@ -261,15 +261,15 @@ class TcpListener {
   tcp::resolver resolver_;
   tcp::acceptor acceptor_;
   asio::steady_timer timer_;
-  bool told_ = false;
+  bool logged_ = false;
 };
 
 /// Tells the program that listens in our place that we are another one of its nodes. Lives until
 /// that is told.
-class TcpRivalry : public std::enable_shared_from_this<TcpRivalry> {
+class DuplicateNodeNotice : public std::enable_shared_from_this<DuplicateNodeNotice> {
  public:
-  TcpRivalry(asio::io_context& io, std::vector<std::string> nodes,
-             std::shared_ptr<TcpSecret> secret)
+  DuplicateNodeNotice(asio::io_context& io, std::vector<std::string> nodes,
+                      std::shared_ptr<TcpSecret> secret)
       : resolver_(io),
         socket_(io),
         timer_(io),
@@ -281,13 +281,13 @@ class TcpRivalry : public std::enable_shared_from_this<TcpRivalry> {
         address.host, address.port, [self = shared_from_this()](const auto& error, const auto& to) {
           if (error) return;
           asio::async_connect(self->socket_, to, [self](const auto& refused, const auto&) {
-            if (!refused) self->tell();
+            if (!refused) self->send_notice();
           });
         });
   }
 
  private:
-  void tell() {
+  void send_notice() {
     const auto frames = std::make_shared<FrameSocket>(
         std::move(socket_), FrameSocket::Side::connects, secret_,
         FrameLimits{{FrameKind::refusal, kLongestRefusal}},
@@ -309,7 +309,7 @@ class TcpRivalry : public std::enable_shared_from_this<TcpRivalry> {
       return std::nullopt;
     }
     const auto bytes = std::as_bytes(std::span(nodes_.back()));
-    OutFrame frame{FrameKind::rival, 0,
+    OutFrame frame{FrameKind::duplicate, 0,
                    std::make_shared<const std::vector<std::byte>>(bytes.begin(), bytes.end())};
     nodes_.pop_back();
     return frame;
@@ -335,8 +335,8 @@ TcpServer::TcpServer(asio::io_context& io, const AnswerRegistry& answers, Coales
       limits_(limits),
       drops_(drops),
       secret_(std::move(secret)),
-      rare_log_(limits.log),
-      places_({limits.connections, limits.connections_per_address}) {}
+      log_lines_(limits.log),
+      quota_({limits.connections, limits.connections_per_address}) {}
 
 TcpServer::~TcpServer() = default;
 
@@ -371,23 +371,23 @@ void TcpServer::accepted(tcp::socket socket) {
   boost::system::error_code error;
   const std::string peer = peer_of(socket.remote_endpoint(error).address());
   const auto session = std::make_shared<TcpSession>(*this, peer);
-  auto place = places_.take(peer, [weak = std::weak_ptr(session)] {
+  auto slot = quota_.acquire(peer, [weak = std::weak_ptr(session)] {
     if (const auto self = weak.lock()) self->replace();
   });
-  if (!place && sessions_.size() >= static_cast<std::size_t>(limits_.connections) + kRefusing)
+  if (!slot && sessions_.size() >= static_cast<std::size_t>(limits_.connections) + kRefusing)
     return drops_.count("peer " + peer, "too many connections");
   sessions_.push_back(session);
-  session->start(std::move(socket), std::move(place));
+  session->start(std::move(socket), std::move(slot));
 }
 
-void TcpServer::heard_rival(const std::string& node) {
+void TcpServer::on_duplicate_node(const std::string& node) {
   if (!is_local(node)) return;
-  drops_.count("node " + node, kRivalCause);
-  rare_log_.tell(rival_line(node), std::chrono::steady_clock::now());
+  drops_.count("node " + node, kDuplicateNodeCause);
+  log_lines_.log(duplicate_node_line(node), std::chrono::steady_clock::now());
 }
 
-void TcpServer::tell_first(const Address& address) {
-  std::make_shared<TcpRivalry>(io_, local_nodes(), secret_)->start(address);
+void TcpServer::notify_first_program(const Address& address) {
+  std::make_shared<DuplicateNodeNotice>(io_, local_nodes(), secret_)->start(address);
 }
 
 std::vector<std::string> TcpServer::local_nodes() const {

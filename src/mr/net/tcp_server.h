@@ -10,9 +10,9 @@
 #include <vector>
 
 #include "mr/net/address.h"
+#include "mr/net/connection_quota.h"
 #include "mr/net/drops.h"
-#include "mr/net/places.h"
-#include "mr/net/rare_log.h"
+#include "mr/net/rate_limited_log.h"
 #include "mr/net/registry.h"
 #include "mr/net/transport.h"
 
@@ -22,20 +22,20 @@ class TcpListener;
 class TcpSecret;
 class TcpSession;
 
-/// The side of the TCP transport that publishes and answers: listens for each local node, and
-/// sends to those that connected. Whoever is refused is told why, and so is the log. Its io thread
-/// must have ended before it is destroyed.
+/// The server side of the TCP transport: listens for each local node, publishes its packets to
+/// subscribers and answers requests. A refused peer receives the reason, which is logged, too. The
+/// io thread must have ended before this is destroyed.
 class TcpServer {
  public:
   TcpServer(boost::asio::io_context& io, const AnswerRegistry& answers, Coalesce coalesce,
             const TransportLimits& limits, Drops& drops, std::shared_ptr<TcpSecret> secret);
   ~TcpServer();
 
-  /// Listens for `node`; again and again is fine. Any thread.
+  /// Starts to listen for `node`; idempotent. Any thread.
   void announce(const std::string& node, const Address& address);
   /// Any thread.
   void publish(const std::string& node, const Message& packet);
-  /// Adds what is folded and lost so far to the drops. Any thread.
+  /// Adds the counts of coalesced and lost packets so far to the drops. Any thread.
   void report_drops() const;
 
  private:
@@ -43,8 +43,8 @@ class TcpServer {
   friend class TcpListener;
 
   void accepted(boost::asio::ip::tcp::socket socket);
-  void heard_rival(const std::string& node);
-  void tell_first(const Address& address);
+  void on_duplicate_node(const std::string& node);
+  void notify_first_program(const Address& address);
   std::vector<std::string> local_nodes() const;
   void ended(const std::shared_ptr<TcpSession>& session);
   bool is_local(const std::string& node) const;
@@ -57,10 +57,10 @@ class TcpServer {
   const TransportLimits limits_;
   Drops& drops_;
   const std::shared_ptr<TcpSecret> secret_;
-  RareLog rare_log_;
+  RateLimitedLog log_lines_;
 
   std::map<std::string, std::unique_ptr<TcpListener>> listeners_;  ///< by address; io thread
-  Places places_;                                                  ///< io thread
+  ConnectionQuota quota_;                                          ///< io thread
   std::vector<std::shared_ptr<TcpSession>> sessions_;              ///< oldest first; io thread
 
   mutable std::mutex mutex_;

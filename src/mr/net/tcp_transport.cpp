@@ -49,11 +49,11 @@ class TcpTransport final : public Transport {
     return subscription;
   }
 
-  void request(const std::string& node, Message question,
+  void request(const std::string& node, Message message,
                std::function<void(Message)> on_answer) override {
     TcpLink* link = find_link(node);
-    if (!question || !link) return;
-    link->request(std::move(question), std::move(on_answer));
+    if (!message || !link) return;
+    link->request(std::move(message), std::move(on_answer));
     asio::post(thread_.io(), [link] { link->wake(); });
   }
 

@@ -11,50 +11,50 @@
 
 namespace mr::net {
 
-/// A viewer of this process; no two of any transport have the same.
+/// Identifies a viewer, uniquely within this process over all transports.
 using ViewerId = std::uint64_t;
 inline ViewerId next_viewer_id() {
   static std::atomic<ViewerId> last = 0;
   return ++last;
 }
 
-/// Who asks for something.
+/// The client behind a viewer or an HTTP request.
 struct Visitor {
-  std::string address;  ///< without port; of IPv6 its network
-  std::string token;    ///< that it showed when it came; may be empty
+  std::string address;  ///< IP address without port; for IPv6 its /64 network
+  std::string token;    ///< from its cookie or Authorization header; may be empty
 };
 
-/// What a viewer transport tells. All run on a thread of the transport and must not wait or throw.
+/// Callbacks of a viewer transport. They run on its thread and must not wait or throw.
 struct ViewerEvents {
   std::function<void(ViewerId, const Visitor&)> opened;
-  /// False: the viewer is cut off at once, whatever else it has sent.
+  /// A message from the viewer. False: disconnect it at once and ignore what else it has sent.
   std::function<bool(ViewerId, std::span<const std::byte>, bool is_text)> received;
-  /// One binary message that was given to send() has left as a whole: there is room for another.
+  /// A binary message given to send() was written completely: another one may be sent.
   std::function<void(ViewerId)> writable;
   std::function<void(ViewerId)> closed;
 };
 
-/// How viewers are reached: WebSocket (WebServer), or another way. It carries messages whole and in
-/// their order, tells its ViewerEvents, and never looks inside. The caller bounds what it sends: a
-/// viewer gets the next message when the last ones were written. Thread-safe.
+/// Carries whole messages in order between this process and viewers, over WebSocket (WebServer) or
+/// another protocol, and never looks inside them. Flow control is the caller's: it sends a viewer
+/// the next message when ViewerEvents::writable reports the last one. Thread-safe.
 class ViewerTransport {
  public:
   virtual ~ViewerTransport() = default;
 
-  /// Lets viewers in, and tells of them from now on. Once.
+  /// Starts to accept viewers and to call `events`. To be called once.
   virtual void run(ViewerEvents events) = 0;
   /// Queues a binary message. A viewer that is gone is ignored, here and below.
   virtual void send(ViewerId viewer, Message message) = 0;
   virtual void send_text(ViewerId viewer, const std::string& text) = 0;
-  /// Closes with a reason that the viewer sees, after the message that is on its way.
+  /// Closes the connection after the message under way, with a reason that the viewer receives.
   virtual void close(ViewerId viewer, const std::string& reason) = 0;
-  /// Ends a viewer that would not read why, at once.
+  /// Disconnects a viewer at once, without a closing handshake.
   virtual void cut(ViewerId viewer) = 0;
-  /// The viewer is what it should be: its place is not given to others any more.
-  virtual void keep(ViewerId viewer) = 0;
-  /// What was refused or cut off, by "<side>: <cause>".
+  /// The viewer has proven to be one: its connection is never evicted for a new one.
+  virtual void pin(ViewerId viewer) = 0;
+  /// Counts of refused and disconnected peers, by "<side>: <cause>".
   virtual std::map<std::string, std::uint64_t> drops() const = 0;
-  /// Bytes of messages that left so far.
+  /// Bytes of messages sent so far.
   virtual std::uint64_t sent_bytes() const = 0;
 };
 

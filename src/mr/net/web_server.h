@@ -17,46 +17,47 @@
 
 namespace mr::net {
 
-/// Where a Visitor's token comes from: this cookie, or "Authorization: Bearer".
+/// A Visitor's token is read from this cookie, or from "Authorization: Bearer".
 inline constexpr const char* kTokenCookie = "meshreduce_token";
 
-/// A page that is made when it is asked for.
+/// A page generated on request.
 struct WebPage {
   int status = 200;
   std::string mime = "text/plain; charset=utf-8";
   std::string text;
 };
 
-/// Makes pages for paths that no file is served at. On the server's thread: must not wait or throw.
+/// Generates pages for paths without a file. Runs on the server's thread; must not wait or throw.
 using WebPages =
     std::function<std::optional<WebPage>(const std::string& path, const Visitor& visitor)>;
 
 struct WebConfig {
   std::string listen = "127.0.0.1:8080";  ///< host:port; port 0: any free one
   std::filesystem::path root = {};        ///< folder of the built page; empty: none
-  /// Names in Host that are answered; every other gets 421, or a page of any site whose name
-  /// resolves here could read everything. Empty: those of loopback, and where the server listens
-  /// beyond it, the address that the connection came in at.
+  /// Accepted values of the Host header; others get 421. This prevents DNS rebinding, by which a
+  /// page of another site could read everything. Empty: the names of loopback and, when the server
+  /// listens on other interfaces, the local address of the connection.
   std::vector<std::string> hosts = {};
-  std::optional<Certificate> certificate = {};  ///< TLS only, with it
-  int clients = 64;                             ///< WebSockets at once; more are told 503
+  std::optional<Certificate> certificate = {};  ///< set: HTTPS only, with this certificate
+  int clients = 64;                             ///< WebSockets at once; further ones get 503
   int clients_per_address = 16;                 ///< ... of one address
-  int connections = 256;                 ///< all at once; the oldest that is no client gives way
-  int connections_per_address = 48;      ///< ... of one address
+  int connections = 256;             ///< in all; a new one evicts the oldest without a WebSocket
+  int connections_per_address = 48;  ///< ... of one address
   std::size_t message_bytes = 1u << 20;  ///< largest that a client may send
-  std::size_t queue_bytes = 64u << 20;   ///< waiting for one client; above it, it is cut off
-  std::chrono::seconds stalled{10};      ///< a client whose socket takes nothing so long is cut off
-  std::chrono::seconds patience{5};      ///< for TLS, for a whole request, for a handshake
-  std::chrono::seconds idle{10};         ///< for the next request on a connection
+  std::size_t queue_bytes = 64u << 20;   ///< waiting for one client; above it, it is disconnected
+  std::chrono::seconds stalled{10};  ///< a client that accepts no byte for so long is disconnected
+  std::chrono::seconds patience{5};  ///< limit of a TLS handshake, a request, a WebSocket handshake
+  std::chrono::seconds idle{10};     ///< for the next request on a connection
 };
 
-/// HTTP for the page; the viewers' transport WebSocket at /stream. Runs its own thread, which ends
-/// with it; viewers that are left then are not told as closed. A browser is let in only from a page
-/// of this server (its Origin names our Host).
+/// An HTTP(S) server for the web page and for viewers, whose WebSocket is at /stream. Runs one
+/// thread until it is destroyed; `closed` is not called for viewers that are connected then.
+/// Browsers are accepted only from pages of this server: Origin must match Host (against cross-site
+/// WebSocket hijacking).
 class WebServer final : public ViewerTransport {
  public:
-  /// Listens; who connects waits until run(). io: the address cannot be listened on; the message
-  /// says what to do. invalid: it cannot be read, or the certificate cannot be used.
+  /// Binds and listens; connections wait until run(). io: the address cannot be bound; the message
+  /// says what to do. invalid: the address is malformed, or the certificate cannot be used.
   static Result<std::unique_ptr<WebServer>> listen(const WebConfig& config, WebPages pages = {});
   ~WebServer() override;
 
@@ -64,10 +65,10 @@ class WebServer final : public ViewerTransport {
   void run(ViewerEvents events) override;
   void send(ViewerId viewer, Message message) override;
   void send_text(ViewerId viewer, const std::string& text) override;
-  /// 123 bytes of the reason at most; within two seconds.
+  /// Sends at most 123 bytes of the reason (RFC 6455) and disconnects within two seconds.
   void close(ViewerId viewer, const std::string& reason) override;
   void cut(ViewerId viewer) override;
-  void keep(ViewerId viewer) override;
+  void pin(ViewerId viewer) override;
   std::map<std::string, std::uint64_t> drops() const override;
   std::uint64_t sent_bytes() const override;
 

@@ -16,20 +16,20 @@ namespace {
 constexpr std::size_t kPieceBytes = 64u << 10;
 constexpr std::size_t kReasonBytes = 123;  // RFC 6455, 5.5.1
 constexpr std::chrono::seconds kPing{20};  // silence after which a client counts as gone
-constexpr std::chrono::seconds kFarewell{2};
+constexpr std::chrono::seconds kCloseTimeout{2};
 constexpr std::size_t kMostQueued = 256;  // messages, small ones too
 constexpr int kMostPings = 100, kMostLateReads = 64;
 
 }  // namespace
 
-WebSocket::WebSocket(WebStream stream, std::shared_ptr<Places::Place> connection, ViewerId id,
-                     const Shared& shared)
+WebSocket::WebSocket(WebStream stream, std::shared_ptr<ConnectionQuota::Slot> connection,
+                     ViewerId id, const Shared& shared)
     : socket_(std::move(stream)),
       connection_(std::move(connection)),
       id_(id),
       shared_(shared),
       stall_timer_(socket_.get_executor()),
-      farewell_timer_(socket_.get_executor()) {}
+      close_timer_(socket_.get_executor()) {}
 
 void WebSocket::accept(const Request& request, const Visitor& visitor) {
   socket_.next_layer().tcp().expires_never();  // the WebSocket has timeouts of its own
@@ -116,7 +116,7 @@ void WebSocket::on_written(std::size_t bytes) {
     if (!is_text && shared_.events.writable) shared_.events.writable(id_);
   }
   if (!outgoing_.empty()) return write();
-  if (closing_) say_goodbye();
+  if (closing_) send_close_frame();
 }
 
 void WebSocket::expect_progress() {
@@ -132,15 +132,15 @@ void WebSocket::close(const std::string& reason) {
   reason_ = reason.substr(0, kReasonBytes);
   socket_.next_layer().read_at_most(kMostLateReads);
   if (writing_) outgoing_.erase(outgoing_.begin() + 1, outgoing_.end());
-  farewell_timer_.expires_after(kFarewell);
-  farewell_timer_.async_wait([weak = weak_from_this()](const auto& error) {
+  close_timer_.expires_after(kCloseTimeout);
+  close_timer_.async_wait([weak = weak_from_this()](const auto& error) {
     const auto self = weak.lock();
     if (self && !error) self->ended();
   });
-  if (!writing_) say_goodbye();
+  if (!writing_) send_close_frame();
 }
 
-void WebSocket::say_goodbye() {
+void WebSocket::send_close_frame() {
   const websocket::close_reason why(websocket::close_code::policy_error, reason_);
   socket_.async_close(why, [self = shared_from_this()](const auto&) { self->ended(); });
 }
@@ -154,14 +154,14 @@ void WebSocket::cut(const std::string& cause) {
 void WebSocket::ended() {
   if (std::exchange(ended_, true)) return;
   stall_timer_.cancel();
-  farewell_timer_.cancel();
+  close_timer_.cancel();
   socket_.next_layer().tcp().close();
   if (writing_)  // the socket still reads from the first
     outgoing_.erase(outgoing_.begin() + 1, outgoing_.end());
   else
     outgoing_.clear();
   connection_.reset();
-  place_.reset();
+  slot_.reset();
   if (shared_.events.closed) shared_.events.closed(id_);
 }
 

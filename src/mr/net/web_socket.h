@@ -10,20 +10,20 @@
 #include <memory>
 #include <string>
 
+#include "mr/net/connection_quota.h"
 #include "mr/net/drops.h"
-#include "mr/net/places.h"
 #include "mr/net/web_server.h"
 #include "mr/net/web_stream.h"
 
 namespace mr::net {
 
-/// One WebSocket client. Everything runs on the io thread. Messages go out in pieces, so that a
-/// slow socket can be told from one that takes nothing.
+/// One WebSocket client. Everything runs on the io thread. Messages are sent in pieces, so that a
+/// slow client can be told from a stalled one.
 class WebSocket : public std::enable_shared_from_this<WebSocket> {
  public:
   using Request = boost::beast::http::request<boost::beast::http::empty_body>;
 
-  /// What it shares with all others, and outlives it.
+  /// The server's state that all its WebSockets share; it outlives them.
   struct Shared {
     const WebConfig& config;
     const ViewerEvents& events;
@@ -31,23 +31,23 @@ class WebSocket : public std::enable_shared_from_this<WebSocket> {
     std::atomic<std::uint64_t>& sent_bytes;
   };
 
-  /// `connection` is kept as long as the socket is. `events.closed` is called exactly once,
-  /// whether it opened or not.
-  WebSocket(WebStream stream, std::shared_ptr<Places::Place> connection, ViewerId id,
+  /// Holds the slot `connection` until it is destroyed. Calls `events.closed` exactly once, also
+  /// when it never opened.
+  WebSocket(WebStream stream, std::shared_ptr<ConnectionQuota::Slot> connection, ViewerId id,
             const Shared& shared);
 
-  /// The place among the clients that it holds.
-  void hold(std::shared_ptr<Places::Place> place) { place_ = std::move(place); }
-  void keep() { place_->settle(); }
+  /// Gives it its slot in the quota of clients.
+  void set_slot(std::shared_ptr<ConnectionQuota::Slot> slot) { slot_ = std::move(slot); }
+  void pin() { slot_->pin(); }
   void accept(const Request& request, const Visitor& visitor);
   void send(Message message, bool is_text);
-  /// With a reason, after the message that is on its way; what else waits is thrown away. Soon,
-  /// whatever the client does.
+  /// Sends a close frame with the reason after the message under way and drops all that waits. The
+  /// connection ends soon, whatever the client does.
   void close(const std::string& reason);
-  /// Ends it at once; cut() counts that.
+  /// Both disconnect at once; cut() counts `cause` as a drop.
   void ended();
   void cut(const std::string& cause);
-  /// Whether `events.opened` was told of it.
+  /// Whether `events.opened` was called.
   bool opened() const { return open_; }
 
  private:
@@ -62,19 +62,19 @@ class WebSocket : public std::enable_shared_from_this<WebSocket> {
   void on_written(std::size_t bytes);
   void expect_progress();
   void watch_pings();
-  void say_goodbye();
+  void send_close_frame();
 
   boost::beast::websocket::stream<WebStream> socket_;
-  std::shared_ptr<Places::Place> connection_, place_;
+  std::shared_ptr<ConnectionQuota::Slot> connection_, slot_;
   const ViewerId id_;
   const Shared shared_;
-  boost::asio::steady_timer stall_timer_, farewell_timer_;
+  boost::asio::steady_timer stall_timer_, close_timer_;
   boost::beast::flat_buffer incoming_;
   std::deque<Outgoing> outgoing_;
   std::size_t queued_bytes_ = 0;
   std::size_t offset_ = 0;  ///< sent of the first of outgoing_
   std::string reason_;      ///< to close with, once closing_
-  int pings_ = 0;           ///< since it sent something else
+  int pings_ = 0;           ///< pings since the client sent a message
   bool open_ = false, writing_ = false, closing_ = false, ended_ = false;
 };
 

@@ -13,8 +13,8 @@
 
 namespace mr::net {
 
-/// A connection of the web server, in TLS or plain: which is decided when it begins. An
-/// AsyncReadStream and AsyncWriteStream of Boost.Beast.
+/// A connection of the web server, over TLS or plain TCP, which is decided at its beginning. Models
+/// Boost.Beast's AsyncReadStream and AsyncWriteStream.
 class WebStream {
  public:
   using executor_type = boost::beast::tcp_stream::executor_type;
@@ -26,8 +26,8 @@ class WebStream {
   boost::beast::tcp_stream& tcp() { return state_->tcp; }
   bool is_encrypted() const { return state_->tls != nullptr; }
 
-  /// Everything after this is in TLS. `received`: what was read already; the handler is told how
-  /// much of it was used. The context outlives the stream.
+  /// Performs the TLS handshake; all later data is encrypted. `received`: bytes that were read
+  /// already; the handler gets the number used. The context must outlive the stream.
   template <typename Buffers, typename Handler>
   void async_start_tls(boost::asio::ssl::context& context, const Buffers& received,
                        Handler&& handler) {
@@ -36,7 +36,7 @@ class WebStream {
                                  std::forward<Handler>(handler));
   }
 
-  /// So many more reads give something; those after them fail.
+  /// Allows so many more reads; later ones fail with connection_reset.
   void read_at_most(int times) { state_->reads_left = times; }
 
   template <typename Buffers, typename Handler>
@@ -71,14 +71,14 @@ class WebStream {
   std::unique_ptr<State> state_;
 };
 
-// What Boost.Beast's WebSocket asks of its stream, found by argument-dependent look-up.
+// Customization points of Boost.Beast's WebSocket, found by argument-dependent lookup.
 inline void beast_close_socket(WebStream& stream) { stream.tcp().close(); }
 
 inline void teardown(boost::beast::role_type, WebStream& stream, boost::system::error_code& error) {
   stream.tcp().socket().shutdown(boost::asio::ip::tcp::socket::shutdown_both, error);
 }
 
-/// WebSocket's own farewell was exchanged; that of TLS would tell nothing more.
+/// WebSocket's close frames were exchanged already, so TLS needs no close_notify.
 template <typename Handler>
 void async_teardown(boost::beast::role_type role, WebStream& stream, Handler&& handler) {
   boost::beast::websocket::async_teardown(role, stream.tcp().socket(),

@@ -20,7 +20,7 @@
 #include "mr/core/result.h"
 #include "mr/core/trace.h"
 #include "mr/kit/part.h"
-#include "mr/merge/overlap/emptiness.h"
+#include "mr/merge/overlap/free_space_carver.h"
 #include "mr/node/calibration_check.h"
 #include "mr/node/chunk_publisher.h"
 #include "mr/node/input_synchronizer.h"
@@ -146,7 +146,7 @@ class MergeNode {
   Decimation still_decimation_;                            ///< of these
   ShownStill still_;                                       ///< no mesh: there is none yet
   std::optional<Surface> moving_;  ///< reused while the inputs' geometry stays
-  merge::EmptyPlaces empty_;
+  merge::FreeSpaceCarver empty_;
   double emptied_m2_ = 0;  ///< since the still surface was last begun
   Sequences taken_;        ///< newest of each input
   Sequences untold_;       ///< whose still surface is merged, but not shown as a whole yet

@@ -137,7 +137,7 @@ ImageDepth SensorNode::clean_where(const ImageMask& mask, const Camera& camera,
                                    const Frame& frame) const {
   constexpr int kAround_px = 16;
   std::vector<Rect> parts{{0, 0, mask.width, mask.height}};
-  if (camera.model == CameraModel::pinhole) parts = still::parts_that_hold(mask, kAround_px);
+  if (camera.model == CameraModel::pinhole) parts = still::covering_rectangles(mask, kAround_px);
   ImageDepth out(mask.width, mask.height);
   for (const Rect& r : parts) {
     Camera cropped = camera;
@@ -168,13 +168,13 @@ bool SensorNode::is_still_shown() {
 }
 
 /// What the background says of a frame.
-still::Moment SensorNode::look(const Frame& frame, bool is_sent) {
+still::BackgroundUpdate SensorNode::look(const Frame& frame, bool is_sent) {
   const bool was_new = layers_->background.is_new();
-  const still::Moment moment =
+  const still::BackgroundUpdate moment =
       trace_.time("background", [&] { return layers_->background.update(frame.depth, is_sent); });
   const bool is_learnt = was_new && !layers_->background.is_new();  // it is cleaned otherwise now
   layers_->still_changed |= moment.still_changed || is_learnt;
-  layers_->began_anew |= moment.began_anew;
+  layers_->began_anew |= moment.was_reset;
   return moment;
 }
 
@@ -196,15 +196,15 @@ Result<ImageDepth> SensorNode::divide(Reconstructed& out) {
     return depth;
   }
   // Until the still surface is shown, the moving one shows what has become still.
-  const still::Moment moment = look(frame, is_still_shown());
+  const still::BackgroundUpdate moment = look(frame, is_still_shown());
   trace_.time("clean", [&] {
     depth = clean_where(moment.moving, camera, frame);
     out.confirmed_depth = still::confirmed_tiles(moment.confirmed, moment.moving);
     if (const auto view = registration_.color_view(frame.T_world_depth);
         view && !frame.color.empty())
       out.confirmed_color =
-          still::unhidden_tiles(frame.depth, moment.foreign, camera, view->camera(),
-                                view->T_world_camera.inverse() * frame.T_world_depth);
+          still::unoccluded_tiles(frame.depth, moment.foreign, camera, view->camera(),
+                                  view->T_world_camera.inverse() * frame.T_world_depth);
   });
   if (const Status brought = bring_still(frame, out.plan); !brought) return brought.error();
   return depth;

@@ -96,7 +96,7 @@ class SensorNode {
   };
   using StillChunks = Result<std::vector<StillChunk>>;
   bool is_still_shown();
-  still::Moment look(const Frame& frame, bool is_sent);
+  still::BackgroundUpdate look(const Frame& frame, bool is_sent);
   StillChunks make_still(const Frame& still, int readings, double error_m);
   Status accept(StillChunks made);
   Status bring_still(const Frame& frame, const CodingPlan& plan);

@@ -108,8 +108,8 @@ Result<StillMerger::Made> StillMerger::update(Task task) {
       (extent != Extent::new_surface && (was_quick || !labels_.lasting.kept_surface()));
   // Others hand all on: when the root shows what is still, they cannot tell.
   if (is_root_ && is_other)
-    shown_.cover = std::make_shared<const merge::StillCover>(*shown_.mesh, joined_.parts,
-                                                             overlap_config(*scene_));
+    shown_.cover = std::make_shared<const merge::StillSurfaceMask>(*shown_.mesh, joined_.parts,
+                                                                   overlap_config(*scene_));
   if (is_root_) shown_.occluders = labels_.lasting.occluders();
   is_labelled_ = true;
   const double cube_m = scene_->fusion.chunk_m / (is_root_ ? kStillPerCube : 1);
@@ -208,8 +208,8 @@ Mesh StillMerger::labelled(const Task& task, atlas::LastingLabels::Extent extent
   labels_.last = task.sequence, labels_.blocks = task.valid_blocks;
   atlas::LabelConfig config = label_config(*scene_, task.sources, joined_.error_m);
   config.valid = task.valid;
-  Mesh out = labels_.lasting.update(task.empty.without_empty(joined_.mesh), task.views,
-                                    std::move(config), extent);
+  Mesh out = labels_.lasting.update(task.empty.carved(joined_.mesh), task.views, std::move(config),
+                                    extent);
   labels_.pieces = out.triangles.size();
   const bool quick = extent == Extent::new_surface;
   labels_.is_look_due = quick && (labels_.is_look_due || !labels_.lasting.kept_surface());

@@ -17,8 +17,8 @@
 #include "mr/core/trace.h"
 #include "mr/core/view.h"
 #include "mr/kit/part.h"
-#include "mr/merge/overlap/coincidence.h"
-#include "mr/merge/overlap/emptiness.h"
+#include "mr/merge/overlap/free_space_carver.h"
+#include "mr/merge/overlap/still_surface_mask.h"
 #include "mr/node/cube_merger.h"
 #include "mr/node/surface_joiner.h"
 #include "mr/scene/scene.h"
@@ -30,8 +30,8 @@ struct ShownStill {
   std::shared_ptr<const Mesh> mesh;  ///< labelled, on the lattice
   float error_m = 0;
   // The root's alone:
-  std::shared_ptr<const merge::StillCover> cover;     ///< takes from what moves what is shown
-  std::shared_ptr<const atlas::Occluders> occluders;  ///< hides what moves
+  std::shared_ptr<const merge::StillSurfaceMask> cover;  ///< takes from what moves what is shown
+  std::shared_ptr<const atlas::Occluders> occluders;     ///< hides what moves
 };
 
 /// What the labels of a surface follow from: how large its errors are, and the sensors' noise.
@@ -58,7 +58,7 @@ class StillMerger {
     std::vector<SourceInfo> sources;
     std::map<ViewId, TileMask> valid;  ///< blocks of plates
     std::size_t valid_blocks = 0;      ///< how many
-    merge::EmptyPlaces empty;          ///< places from which things were carried away
+    merge::FreeSpaceCarver empty;      ///< places from which things were carried away
   };
   /// What came of it.
   struct Made {

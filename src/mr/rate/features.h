@@ -15,28 +15,29 @@ inline constexpr int kFeatureBlock = 32;  ///< pixels a side
 /// of threads.
 double dct_energy(const Image<float, 1>& plane);
 
-/// The same of the difference of two pictures of one size: how much moves.
+/// The DCT energy of the difference of two pictures of one size: a measure of motion.
 double temporal_dct_energy(const Image<float, 1>& before, const Image<float, 1>& now);
 
 /// BT.709 luma, 0..255.
 Image<float, 1> luma_plane(const ImageRgb& picture);
-/// Depth in millimetres; invalid pixels take the value of their left neighbour (of the row above at
-/// a row's begin; before the first valid pixel, that one's), so that holes do not count as texture.
-/// All 0 where nothing is valid.
+/// Depth in millimetres. Invalid pixels are filled from their left neighbour (in the first column
+/// from the row above; before the first valid pixel with its value), so that holes do not count as
+/// texture. All 0 if nothing is valid.
 Image<float, 1> depth_plane(const ImageDepth& depth);
 
-/// A frame as features see it; an empty colour plane where the sensor has no colour.
+/// The planes of a frame from which features are computed; the colour plane is empty without
+/// colour.
 struct FeaturePlanes {
   Image<float, 1> color, depth;
 };
 FeaturePlanes feature_planes(const Frame& frame);
 
-/// What describes one sensor's frame (paper Fig. 9).
+/// The features of one sensor's frame (paper Fig. 9).
 struct SceneFeatures {
   double color_spatial = 0, color_temporal = 0, depth_spatial = 0, depth_temporal = 0;
 };
 
-/// Of one sensor's frame and the one before it; 0 for the colour of a sensor without.
+/// The features of a frame, given the previous one; 0 for the colour of a sensor without colour.
 SceneFeatures scene_features(const FeaturePlanes& before, const FeaturePlanes& now);
 
 }  // namespace mr::rate

@@ -105,7 +105,7 @@ void main() {
 }
 )";
 
-constexpr const char* kPaintShaders[kPaints] = {
+constexpr const char* kPaintShaders[kShadingModes] = {
     "vec3 paint() {\n"
     "  return in_view.z > 1e-6 ? min(gain * texture_at_pinhole(in_view), 1.0) : color;\n"
     "}",
@@ -180,7 +180,7 @@ Result<unsigned> link(const std::string& vertex_text, const std::string& fragmen
 
 }  // namespace
 
-Result<unsigned> make_scene_program(Paint paint, bool points) {
+Result<unsigned> make_scene_program(ShadingMode paint, bool points) {
   const std::string head = std::string(kVersion) + (points ? "#define POINTS\n" : "");
   return link(head + kVertexShader,
               head + kFragmentShader + kPaintShaders[static_cast<int>(paint)] + "\n");

@@ -4,17 +4,18 @@
 
 namespace mr::render {
 
-/// What the fragment shader does: projects into a view's picture, shows the normal, lights one
-/// colour from the eye, fills with it, or takes the vertices' own colours.
-enum class Paint : int { pinhole, equirectangular, normals, headlight, flat, vertex_colors };
-inline constexpr int kPaints = 6;
+/// What the fragment shader computes: projective texture mapping from a view's pinhole or
+/// equirectangular picture, the normal as a colour, one colour lit from the camera, one flat
+/// colour, or interpolated vertex colours.
+enum class ShadingMode : int { pinhole, equirectangular, normals, headlight, flat, vertex_colors };
+inline constexpr int kShadingModes = 6;
 
-/// Compiles and links the program that paints triangles, or points, in this way (its uniforms:
-/// gl_program.cpp), in the current context. One program each, as llvmpipe computes both sides of
-/// every branch. unsupported with the driver's log when that fails.
-Result<unsigned> make_scene_program(Paint paint, bool points);
+/// Compiles and links the shader program of a mode, for triangles or points, in the current context
+/// (uniforms: gl_program.cpp). There is one program per mode because llvmpipe evaluates both sides
+/// of every branch. unsupported, with the driver's log, when that fails.
+Result<unsigned> make_scene_program(ShadingMode paint, bool points);
 
-/// The program that puts six faces together as an equirectangular picture: panorama.h.
+/// The program that resamples six cube faces into an equirectangular picture (panorama.h).
 Result<unsigned> make_panorama_program();
 
 }  // namespace mr::render

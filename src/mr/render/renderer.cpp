@@ -160,8 +160,8 @@ Vec3d in_floats(Vec3d v) { return vec_cast<double>(vec_cast<float>(v)); }
 }  // namespace
 
 struct Renderer::Impl {
-  EglContext context;                                     // its end frees everything below
-  std::array<std::array<GLuint, 2>, kPaints> programs{};  // of triangles, of points
+  EglContext context;                                           // its end frees everything below
+  std::array<std::array<GLuint, 2>, kShadingModes> programs{};  // of triangles, of points
   GLuint panorama_program = 0, program = 0;
   SceneBuffers buffers;
   TextureSet textures;
@@ -169,7 +169,7 @@ struct Renderer::Impl {
   FacesTarget faces;
 
   /// Of the picture, or the face, that is being drawn.
-  struct Eye {
+  struct CameraState {
     Vec3d world;        ///< metres
     Vec3d from_origin;  ///< of the scene's geometry
     Matrix4d T_clip_eye{};
@@ -189,7 +189,7 @@ struct Renderer::Impl {
                   const RenderOptions& options);
   void draw_edges(const std::vector<std::uint8_t>& visible);
   void use_view(const View& view, Color otherwise);
-  void paint(Paint how, Color c, float point_m = 0);
+  void paint(ShadingMode how, Color c, float point_m = 0);
 
   GLint at(const char* uniform) const { return glGetUniformLocation(program, uniform); }
   void set(const char* uniform, Vec2d v) {
@@ -208,9 +208,9 @@ struct Renderer::Impl {
 };
 
 Status Renderer::Impl::set_up() {
-  for (int i = 0; i < kPaints; ++i)
+  for (int i = 0; i < kShadingModes; ++i)
     for (const bool points : {false, true}) {
-      auto made = make_scene_program(static_cast<Paint>(i), points);
+      auto made = make_scene_program(static_cast<ShadingMode>(i), points);
       if (!made) return made.error();
       programs[i][points] = *made;
     }
@@ -228,7 +228,7 @@ Status Renderer::Impl::set_up() {
 }
 
 /// Points of a diameter over 0, else triangles.
-void Renderer::Impl::paint(Paint how, Color c, float point_m) {
+void Renderer::Impl::paint(ShadingMode how, Color c, float point_m) {
   program = programs[static_cast<int>(how)][point_m > 0];
   glUseProgram(program);
   const Vec3d place = in_floats(eye.from_origin);
@@ -246,7 +246,7 @@ void Renderer::Impl::paint(Paint how, Color c, float point_m) {
 /// of what lies behind its camera.
 void Renderer::Impl::use_view(const View& view, Color otherwise) {
   const bool pinhole = view.kind == View::Kind::pinhole;
-  paint(pinhole ? Paint::pinhole : Paint::equirectangular, otherwise);
+  paint(pinhole ? ShadingMode::pinhole : ShadingMode::equirectangular, otherwise);
   const auto [width, height] = textures.bind(view.stream);
   const Rect &tile = view.atlas_rect, &source = view.image_rect;
   const Vec2d scale{static_cast<double>(tile.width) / source.width / width,
@@ -273,25 +273,26 @@ void Renderer::Impl::draw_range(const DecodedScene& scene, const ViewRange& rang
   switch (options.shade) {
     case Shade::texture:
       if (range.view == kNoView)
-        paint(range.colored ? Paint::vertex_colors : Paint::flat, plain, range.point_m);
+        paint(range.colored ? ShadingMode::vertex_colors : ShadingMode::flat, plain, range.point_m);
       else
         use_view(*texturing_view(scene.views, range.view, range.layer), plain);
       break;
     case Shade::normals:
-      paint(Paint::normals, plain, range.point_m);
+      paint(ShadingMode::normals, plain, range.point_m);
       break;
     case Shade::views:
-      paint(Paint::headlight, range.view == kNoView ? plain : color_of(range.view), range.point_m);
+      paint(ShadingMode::headlight, range.view == kNoView ? plain : color_of(range.view),
+            range.point_m);
       break;
     case Shade::wireframe:
-      paint(Paint::headlight, plain, range.point_m);
+      paint(ShadingMode::headlight, plain, range.point_m);
       break;
   }
   list.draw();
 }
 
 void Renderer::Impl::draw_edges(const std::vector<std::uint8_t>& visible) {
-  paint(Paint::flat, kEdge);
+  paint(ShadingMode::flat, kEdge);
   glPolygonMode(GL_FRONT_AND_BACK, GL_LINE);
   for (const ViewRange& range : buffers.geometry().ranges)
     if (range.point_m <= 0) DrawList(buffers.geometry(), range, visible).draw();

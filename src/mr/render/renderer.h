@@ -14,7 +14,7 @@
 
 namespace mr::render {
 
-/// How to draw.
+/// Options of a draw.
 struct RenderOptions {
   std::array<std::uint8_t, 3> background{128, 128, 128};
   std::array<std::uint8_t, 3> no_view{176, 176, 176};  ///< triangles without a view
@@ -22,10 +22,11 @@ struct RenderOptions {
   enum class Shade { texture, normals, views, wireframe } shade = Shade::texture;
 };
 
-/// Draws a decoded scene as a client would: every fragment is projected into the view of its
-/// triangle's label and its chunk's layer (core/view.h: texturing_view), whose gain it is
-/// multiplied by, and a background takes its vertices' colours. OpenGL 3.3 core through EGL,
-/// offscreen: the first hardware device, else llvmpipe. Must be used from the thread that made it.
+/// Renders a decoded scene as a client does, by projective texture mapping: every fragment is
+/// projected into the view of its triangle's label and its chunk's layer (core/view.h:
+/// texturing_view), and its colour multiplied by the view's gain; a background model has vertex
+/// colours. Offscreen OpenGL 3.3 core through EGL, on the first hardware device, else llvmpipe.
+/// Must be used from the thread that created it.
 class Renderer {
  public:
   /// unsupported when there is no EGL device or context.
@@ -34,18 +35,18 @@ class Renderer {
   Renderer& operator=(Renderer&&) noexcept;
   ~Renderer();
 
-  /// Name of the device that draws.
+  /// Name of the device.
   std::string device() const;
 
   /// Draws from a pinhole camera without distortion, or an equirectangular one (of six pinhole
-  /// pictures); pixel centres at integers, near plane 5 cm. What a scene's chunks and pictures hold
-  /// stays on the card for the next draw, so one scene from many viewpoints is uploaded once.
+  /// pictures); pixel centres at integers, near plane 5 cm. Chunks and pictures stay on the
+  /// GPU for the next draw, so a scene drawn from many viewpoints is uploaded once.
   /// Points are round and cover at least a pixel. invalid: camera, pose or scene cannot be drawn.
   /// too_large: the device cannot.
   Result<ImageRgb> draw(const DecodedScene& scene, const Camera& camera, const Pose& T_world_camera,
                         const RenderOptions& options = {});
 
-  /// Where the last picture shows a surface. [H, W], 1 there.
+  /// Coverage of the last picture: [H, W], 1 where it shows a surface.
   ImageMask covered() const;
 
  private:
@@ -61,10 +62,10 @@ struct Viewpoint {
   Pose T_world_camera;
 };
 
-/// Viewpoints for looking at a capture: one from each sensor's colour view (named after the view
-/// id), four from outside and above around the scene's box looking at its middle, one from
-/// straight above, one from the middle of the sensors looking the way they do on average.
-/// `up`: the world's, unit length.
+/// Viewpoints that give an overview of a capture: one at each sensor's colour view (named after the
+/// view id), four outside and above the scene's bounding box that look at its centre, one from
+/// straight above, and one at the sensors' mean position with their mean viewing direction. `up`:
+/// of the world, unit length.
 std::vector<Viewpoint> overview(const DecodedScene& scene, Vec3d up, int width = 960,
                                 int height = 720);
 

@@ -7,18 +7,17 @@
 
 namespace mr::render {
 
-/// The triangles and points of the scene that was drawn last, on the graphics card. Its context
-/// must be current and frees what is there.
+/// GPU buffers of the triangles and points of the last scene. The OpenGL context must be current;
+/// it frees the buffers.
 class SceneBuffers {
  public:
   /// Once, before all else.
   void set_up();
 
-  /// Brings the scene's chunks to the card unless they are there: drawing one scene from many
-  /// viewpoints gathers it once. Errors as gather().
+  /// Uploads the scene's chunks unless they are there already. Errors as gather().
   Status keep(const DecodedScene& scene);
 
-  /// What is there. Positions, indices and colours are on the card only.
+  /// The layout of the buffers; positions, indices and colours are on the GPU only.
   const SceneGeometry& geometry() const { return geometry_; }
 
  private:
@@ -27,7 +26,7 @@ class SceneBuffers {
 
   unsigned vertices_ = 0, colors_ = 0, indices_ = 0;
   SceneGeometry geometry_;
-  std::vector<std::weak_ptr<const Chunk>> chunks_;  ///< what was gathered; chunks never change
+  std::vector<std::weak_ptr<const Chunk>> chunks_;  ///< those uploaded; chunks are immutable
 };
 
 }  // namespace mr::render

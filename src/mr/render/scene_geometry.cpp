@@ -12,7 +12,7 @@ namespace mr::render {
 namespace {
 
 /// A run of triangles, or all points, of a chunk on their way into the index list.
-struct Piece {
+struct DrawRange {
   ViewId view = kNoView;
   Layer layer = Layer::moving;  ///< where it has a view
   bool colored = false;
@@ -59,8 +59,8 @@ Status check(const DecodedScene& scene) {
 
 /// In the order in which they are drawn. A mesh that is not labelled yet, or has colours, is one
 /// run without a view.
-std::vector<Piece> pieces_of(const DecodedScene& scene) {
-  std::vector<Piece> out;
+std::vector<DrawRange> draw_ranges_of(const DecodedScene& scene) {
+  std::vector<DrawRange> out;
   for (std::uint32_t i = 0; i < scene.chunks.size(); ++i) {
     const Chunk& chunk = *scene.chunks[i];
     const bool colored = !chunk.colors.empty();
@@ -74,9 +74,9 @@ std::vector<Piece> pieces_of(const DecodedScene& scene) {
         out.push_back({run.id, run.id == kNoView ? Layer::moving : chunk.key.id.layer, false, 0, i,
                        run.first, run.count});
   }
-  std::erase_if(out, [](const Piece& piece) { return piece.count == 0; });
+  std::erase_if(out, [](const DrawRange& range) { return range.count == 0; });
   std::stable_sort(out.begin(), out.end(),
-                   [](const Piece& a, const Piece& b) { return a.key() < b.key(); });
+                   [](const DrawRange& a, const DrawRange& b) { return a.key() < b.key(); });
   return out;
 }
 
@@ -100,15 +100,15 @@ std::vector<std::uint32_t> place_vertices(const DecodedScene& scene, SceneGeomet
   return first;
 }
 
-/// Ranges and parts of the pieces.
-void place_indices(const std::vector<Piece>& pieces, SceneGeometry& out) {
+/// Ranges and parts of the ranges.
+void place_indices(const std::vector<DrawRange>& ranges, SceneGeometry& out) {
   std::size_t indices = 0;
-  for (std::size_t i = 0; i < pieces.size(); ++i) {
-    const Piece& piece = pieces[i];
-    if (i == 0 || piece.key() != pieces[i - 1].key())
-      out.ranges.push_back({piece.view, piece.layer, piece.colored, piece.point_m, i, 0});
+  for (std::size_t i = 0; i < ranges.size(); ++i) {
+    const DrawRange& range = ranges[i];
+    if (i == 0 || range.key() != ranges[i - 1].key())
+      out.ranges.push_back({range.view, range.layer, range.colored, range.point_m, i, 0});
     ++out.ranges.back().parts;
-    out.parts.push_back({indices, 3 * std::size_t{piece.count}, piece.chunk});
+    out.parts.push_back({indices, 3 * std::size_t{range.count}, range.chunk});
     indices += out.parts.back().indices;
   }
   out.indices.resize(indices);
@@ -142,11 +142,11 @@ void put_vertices(const Chunk& chunk, std::size_t at, SceneGeometry& out) {
     }
 }
 
-void put_indices(const Piece& piece, const Mesh& mesh, std::uint32_t base, std::uint32_t* to) {
-  if (piece.point_m > 0)
-    for (std::uint32_t i = 0; i < 3 * piece.count; ++i) *to++ = base + i;
+void put_indices(const DrawRange& range, const Mesh& mesh, std::uint32_t base, std::uint32_t* to) {
+  if (range.point_m > 0)
+    for (std::uint32_t i = 0; i < 3 * range.count; ++i) *to++ = base + i;
   else
-    for (std::uint32_t t = piece.first; t < piece.first + piece.count; ++t)
+    for (std::uint32_t t = range.first; t < range.first + range.count; ++t)
       for (const std::uint32_t vertex : mesh.triangles[t]) *to++ = base + vertex;
 }
 
@@ -160,9 +160,9 @@ Result<SceneGeometry> gather(const DecodedScene& scene) {
   if (vertices > 0xFFFFFFFFu) return Error{Error::Cause::too_large, "scene has over 2^32 vertices"};
 
   SceneGeometry out;
-  const std::vector<Piece> pieces = pieces_of(scene);
+  const std::vector<DrawRange> ranges = draw_ranges_of(scene);
   const std::vector<std::uint32_t> base = place_vertices(scene, out);
-  place_indices(pieces, out);
+  place_indices(ranges, out);
   out.origin = origin_of(scene, out.boxes);
   parallel_for(scene.chunks.size(), 4, [&](std::size_t begin, std::size_t end) {
     for (std::size_t i = begin; i < end; ++i) {
@@ -171,9 +171,9 @@ Result<SceneGeometry> gather(const DecodedScene& scene) {
         *p = vec_cast<float>(vec_cast<double>(*p) - out.origin);
     }
   });
-  parallel_for(pieces.size(), 8, [&](std::size_t begin, std::size_t end) {
+  parallel_for(ranges.size(), 8, [&](std::size_t begin, std::size_t end) {
     for (std::size_t i = begin; i < end; ++i)
-      put_indices(pieces[i], scene.chunks[pieces[i].chunk]->mesh, base[pieces[i].chunk],
+      put_indices(ranges[i], scene.chunks[ranges[i].chunk]->mesh, base[ranges[i].chunk],
                   out.indices.data() + out.parts[i].first_index);
   });
   return out;

@@ -9,14 +9,14 @@
 
 namespace mr::render {
 
-/// What one chunk adds to a range.
+/// The part of a ViewRange that comes from one chunk.
 struct ScenePart {
   std::size_t first_index = 0, indices = 0;
-  std::uint32_t chunk = 0;  ///< its place in the scene
+  std::uint32_t chunk = 0;  ///< index in the scene
 };
 
-/// What is painted in one way: the triangles of all chunks of a layer that carry one view's label,
-/// those that have colours of their own, or points of one size.
+/// A batch drawn with one state: the triangles of a layer's chunks with one view's label, triangles
+/// with vertex colours, or points of one size.
 struct ViewRange {
   ViewId view = kNoView;
   Layer layer = Layer::moving;  ///< where it has a view
@@ -25,8 +25,8 @@ struct ViewRange {
   std::size_t first_part = 0, parts = 0;
 };
 
-/// A scene as the graphics card takes it. A point is a triangle whose three corners lie in one
-/// place: the vertex shader moves them apart.
+/// A scene as vertex and index arrays. A point is a degenerate triangle that the vertex shader
+/// expands.
 struct SceneGeometry {
   Vec3d origin;                        ///< whole metres, in the middle of the scene
   std::vector<Vec3f> positions;        ///< metres from the origin, along the world's axes

@@ -5,7 +5,7 @@
 #include <utility>
 #include <vector>
 
-#include "mr/simplify/collapser.h"
+#include "mr/simplify/edge_collapser.h"
 
 namespace mr::simplify {
 
@@ -16,9 +16,10 @@ constexpr std::size_t kMostSkipped = 3;  // vertices in a row that go: rings mus
 /// A line from end to end. A closed one begins and ends with the same vertex.
 using ChunkLine = std::vector<std::uint32_t>;
 
-class Lines {
+class ChunkLineFinder {
  public:
-  Lines(std::span<const Label> labels, const ShrinkingMesh& mesh) : labels_(labels), mesh_(mesh) {}
+  ChunkLineFinder(std::span<const Label> labels, const WorkingMesh& mesh)
+      : labels_(labels), mesh_(mesh) {}
 
   /// All lines, each in the direction in which its ends' places come first.
   std::vector<ChunkLine> find() const;
@@ -32,22 +33,22 @@ class Lines {
   Vec3f at(std::uint32_t v) const { return mesh_.places[v].at; }
 
   std::span<const Label> labels_;
-  const ShrinkingMesh& mesh_;
+  const WorkingMesh& mesh_;
 };
 
-bool Lines::is_on_line(std::uint32_t v) const {
-  if (!mesh_.rings.alive(v) || mesh_.kinds[v] != Kind::crease) return false;
-  const Rings::Line& ring = mesh_.rings.labels(v);
+bool ChunkLineFinder::is_on_line(std::uint32_t v) const {
+  if (!mesh_.rings.alive(v) || mesh_.kinds[v] != VertexKind::crease) return false;
+  const VertexRings::Line& ring = mesh_.rings.labels(v);
   for (std::uint32_t i = 1; i < mesh_.rings.size(v); ++i)
     if (labels_[ring[i]].chunk != labels_[ring[0]].chunk) return true;
   return false;
 }
 
 /// Of a vertex on a line: those before and after it.
-std::array<std::uint32_t, 2> Lines::neighbours(std::uint32_t v) const {
-  const Rings::Line& ring = mesh_.rings.labels(v);
+std::array<std::uint32_t, 2> ChunkLineFinder::neighbours(std::uint32_t v) const {
+  const VertexRings::Line& ring = mesh_.rings.labels(v);
   const std::uint32_t size = mesh_.rings.size(v);
-  std::array<std::uint32_t, 2> out{kNobody, kNobody};
+  std::array<std::uint32_t, 2> out{kNoVertex, kNoVertex};
   std::size_t n = 0;
   for (std::uint32_t i = 0; i < size && n < 2; ++i)
     if (ring[i] != ring[i > 0 ? i - 1 : size - 1]) out[n++] = mesh_.rings.ring(v)[i];
@@ -55,8 +56,8 @@ std::array<std::uint32_t, 2> Lines::neighbours(std::uint32_t v) const {
 }
 
 /// Goes on with `next`, as long as that is on a line and new.
-void Lines::follow(std::uint32_t from, std::uint32_t next, std::vector<std::uint8_t>& seen,
-                   ChunkLine& line) const {
+void ChunkLineFinder::follow(std::uint32_t from, std::uint32_t next,
+                             std::vector<std::uint8_t>& seen, ChunkLine& line) const {
   for (;;) {
     line.push_back(next);
     if (!is_on_line(next) || seen[next]) return;
@@ -66,7 +67,7 @@ void Lines::follow(std::uint32_t from, std::uint32_t next, std::vector<std::uint
   }
 }
 
-void Lines::put_in_order(ChunkLine& line) const {
+void ChunkLineFinder::put_in_order(ChunkLine& line) const {
   const auto before = [&](std::uint32_t v, std::uint32_t w) { return at(v) < at(w); };
   if (line.front() != line.back() || line.size() == 1) {
     if (before(line.back(), line.front())) std::reverse(line.begin(), line.end());
@@ -78,7 +79,7 @@ void Lines::put_in_order(ChunkLine& line) const {
   line.push_back(line.front());
 }
 
-std::vector<ChunkLine> Lines::find() const {
+std::vector<ChunkLine> ChunkLineFinder::find() const {
   std::vector<ChunkLine> out;
   std::vector<std::uint8_t> seen(mesh_.vertices(), 0);
   for (std::uint32_t v = 0; v < mesh_.vertices(); ++v) {
@@ -112,7 +113,7 @@ float distance2(Vec3f p, Vec3f a, Vec3f b) {
 }
 
 /// Marks the places of a line that stay.
-std::vector<std::uint8_t> choose(const ChunkLine& line, float error_m, const ShrinkingMesh& mesh) {
+std::vector<std::uint8_t> choose(const ChunkLine& line, float error_m, const WorkingMesh& mesh) {
   std::vector<std::uint8_t> stays(line.size(), 0);
   stays.front() = stays.back() = 1;
   std::vector<std::pair<std::size_t, std::size_t>> spans{{0, line.size() - 1}};
@@ -135,7 +136,7 @@ std::vector<std::uint8_t> choose(const ChunkLine& line, float error_m, const Shr
   return stays;
 }
 
-std::uint32_t place_in_ring(const Rings& rings, std::uint32_t v, std::uint32_t u) {
+std::uint32_t place_in_ring(const VertexRings& rings, std::uint32_t v, std::uint32_t u) {
   std::uint32_t i = 0;
   while (i < rings.size(v) && rings.ring(v)[i] != u) ++i;
   return i;
@@ -143,8 +144,8 @@ std::uint32_t place_in_ring(const Rings& rings, std::uint32_t v, std::uint32_t u
 
 /// Takes out what need not stay. Each goes to the nearer of those that do, but not to the end of a
 /// line if that can be helped: many lines may end there, and rings must not grow too long.
-void take_out(const ChunkLine& line, const std::vector<std::uint8_t>& stays, Collapser& collapser,
-              ShrinkingMesh& mesh) {
+void take_out(const ChunkLine& line, const std::vector<std::uint8_t>& stays,
+              EdgeCollapser& collapser, WorkingMesh& mesh) {
   const auto pull = [&](std::uint32_t v, std::uint32_t& into) {
     const std::uint32_t place = place_in_ring(mesh.rings, v, into);
     const std::uint32_t gone = place < mesh.rings.size(v) ? collapser.collapse_into(v, place) : 0;
@@ -167,13 +168,13 @@ void take_out(const ChunkLine& line, const std::vector<std::uint8_t>& stays, Col
 
 }  // namespace
 
-void simplify_chunk_lines(std::span<const Label> labels, float error_m, ShrinkingMesh& mesh) {
-  const std::vector<ChunkLine> lines = Lines(labels, mesh).find();
-  Collapser collapser(mesh);
+void simplify_chunk_lines(std::span<const Label> labels, float error_m, WorkingMesh& mesh) {
+  const std::vector<ChunkLine> lines = ChunkLineFinder(labels, mesh).find();
+  EdgeCollapser collapser(mesh);
   for (const ChunkLine& line : lines) take_out(line, choose(line, error_m, mesh), collapser, mesh);
   for (const ChunkLine& line : lines)
     for (const std::uint32_t v : line)
-      if (mesh.rings.alive(v)) mesh.kinds[v] = Kind::fixed, mesh.next[v] = kNever;
+      if (mesh.rings.alive(v)) mesh.kinds[v] = VertexKind::fixed, mesh.next[v] = kNever;
 }
 
 }  // namespace mr::simplify

@@ -2,15 +2,14 @@
 
 #include <span>
 
-#include "mr/simplify/builder.h"
-#include "mr/simplify/shrinking_mesh.h"
+#include "mr/simplify/working_mesh.h"
+#include "mr/simplify/working_mesh_builder.h"
 
 namespace mr::simplify {
 
-/// Simplifies the lines where triangles of different chunks meet, each on its own (Douglas &
-/// Peucker 1973): no vertex that goes lies farther than `error_m` from the line that is left. What
-/// stays of them is fixed from then on. A line ends where a third chunk, a real border or a complex
-/// vertex begins; those stay.
-void simplify_chunk_lines(std::span<const Label> labels, float error_m, ShrinkingMesh& mesh);
+/// Simplifies each border line between two chunks independently by the Douglas-Peucker algorithm
+/// (1973): removed vertices lie at most `error_m` from the remaining line, whose vertices are fixed
+/// afterwards. Lines end at a third chunk, an open border or a non-manifold vertex, which remain.
+void simplify_chunk_lines(std::span<const Label> labels, float error_m, WorkingMesh& mesh);
 
 }  // namespace mr::simplify

@@ -6,7 +6,7 @@
 
 namespace mr::simplify {
 
-std::uint32_t number_vertices(const ShrinkingMesh& mesh, std::vector<std::uint32_t>& number) {
+std::uint32_t number_vertices(const WorkingMesh& mesh, std::vector<std::uint32_t>& number) {
   std::vector<std::uint32_t> first(mesh.ranges(), 0);
   mesh.for_each_range([&](std::uint32_t range) {
     for (std::uint32_t v = mesh.begin(range); v < mesh.end(range); ++v)
@@ -23,7 +23,7 @@ std::uint32_t number_vertices(const ShrinkingMesh& mesh, std::vector<std::uint32
   return count;
 }
 
-void compact(const ShrinkingMesh& from, std::vector<std::uint32_t>& number, ShrinkingMesh& to) {
+void compact(const WorkingMesh& from, std::vector<std::uint32_t>& number, WorkingMesh& to) {
   const std::uint32_t count = number_vertices(from, number);
   to.resize(count, from.rings.has_labels());
   to.triangles = from.triangles;

@@ -3,15 +3,15 @@
 #include <cstdint>
 #include <vector>
 
-#include "mr/simplify/shrinking_mesh.h"
+#include "mr/simplify/working_mesh.h"
 
 namespace mr::simplify {
 
-/// Numbers the vertices that are left, in order: [v] of those that live. Returns how many.
-std::uint32_t number_vertices(const ShrinkingMesh& mesh, std::vector<std::uint32_t>& number);
+/// Numbers the remaining vertices in order: number[v] for those alive. Returns their count.
+std::uint32_t number_vertices(const WorkingMesh& mesh, std::vector<std::uint32_t>& number);
 
-/// Copies what is left of a mesh close together: what lies near in memory is near in space again.
-/// `number` is room to work in.
-void compact(const ShrinkingMesh& from, std::vector<std::uint32_t>& number, ShrinkingMesh& to);
+/// Compacts a mesh: copies the remaining vertices without gaps, which restores locality of memory.
+/// `number` is scratch memory.
+void compact(const WorkingMesh& from, std::vector<std::uint32_t>& number, WorkingMesh& to);
 
 }  // namespace mr::simplify

@@ -12,25 +12,28 @@ namespace mr::simplify {
 namespace {
 
 /// A triangle belongs to the lowest of its vertices.
-bool owns(std::uint32_t v, const Opposite& triangle) { return v < triangle.a && v < triangle.b; }
+bool owns(std::uint32_t v, const OppositeEdge& triangle) {
+  return v < triangle.a && v < triangle.b;
+}
 
 /// Where each range's share begins in the output.
-struct Share {
+struct OutputOffsets {
   std::uint32_t vertices = 0, triangles = 0;
 };
 
-std::vector<Share> share_out(const ShrinkingMesh& mesh, Share& total) {
-  std::vector<Share> out(mesh.ranges());
+std::vector<OutputOffsets> share_out(const WorkingMesh& mesh, OutputOffsets& total) {
+  std::vector<OutputOffsets> out(mesh.ranges());
   mesh.for_each_range([&](std::uint32_t range) {
-    Share share;
+    OutputOffsets share;
     for (std::uint32_t v = mesh.begin(range); v < mesh.end(range); ++v) {
       if (!mesh.rings.alive(v)) continue;
       ++share.vertices;
-      mesh.rings.visit(v, [&](const Opposite& triangle) { share.triangles += owns(v, triangle); });
+      mesh.rings.visit(v,
+                       [&](const OppositeEdge& triangle) { share.triangles += owns(v, triangle); });
     }
     out[range] = share;
   });
-  for (Share& share : out) {
+  for (OutputOffsets& share : out) {
     total.vertices += std::exchange(share.vertices, total.vertices);
     total.triangles += std::exchange(share.triangles, total.triangles);
   }
@@ -59,10 +62,10 @@ void sort_by_label(std::span<const std::uint32_t> of_triangle, std::span<const L
 
 }  // namespace
 
-Simplified output(const ShrinkingMesh& mesh, std::span<const Label> labels, bool with_chunks,
+Simplified output(const WorkingMesh& mesh, std::span<const Label> labels, bool with_chunks,
                   bool with_sensors, std::vector<std::uint32_t>& index) {
-  Share total;
-  const std::vector<Share> shares = share_out(mesh, total);
+  OutputOffsets total;
+  const std::vector<OutputOffsets> shares = share_out(mesh, total);
   Simplified out;
   out.mesh.positions.resize(total.vertices), out.mesh.triangles.resize(total.triangles);
   index.resize(mesh.vertices());
@@ -71,7 +74,7 @@ Simplified output(const ShrinkingMesh& mesh, std::span<const Label> labels, bool
     std::uint32_t to = shares[range].vertices;
     for (std::uint32_t v = mesh.begin(range); v < mesh.end(range); ++v) {
       if (!mesh.rings.alive(v)) continue;
-      const Place place = mesh.places[v];
+      const VertexPosition place = mesh.places[v];
       out.mesh.positions[to] = place.at, index[v] = to++;
       if (place.error > 0)
         worst[range] = std::max(worst[range], place.error / mesh.quadrics[v].weight);
@@ -82,7 +85,7 @@ Simplified output(const ShrinkingMesh& mesh, std::span<const Label> labels, bool
     std::uint32_t to = shares[range].triangles;
     for (std::uint32_t v = mesh.begin(range); v < mesh.end(range); ++v) {
       if (!mesh.rings.alive(v)) continue;
-      mesh.rings.visit(v, [&](const Opposite& triangle) {
+      mesh.rings.visit(v, [&](const OppositeEdge& triangle) {
         if (!owns(v, triangle)) return;
         if (!labels.empty()) of_triangle[to] = triangle.label;
         out.mesh.triangles[to++] = {index[v], index[triangle.a], index[triangle.b]};

@@ -4,9 +4,10 @@
 
 namespace mr::simplify {
 
-/// A sum of weighted squared distances to planes (Garland & Heckbert 1997) as a function of the way
-/// d from a vertex: d' A d + 2 b' d + c. It stays with its vertex, so fp32 is enough. c, the error
-/// at the vertex itself, is kept beside the vertex's position. Weights are in m², errors in m⁴.
+/// Quadric error metric (Garland and Heckbert 1997): the sum of weighted squared distances to
+/// planes as a function of the offset d from a vertex, d' A d + 2 b' d + c. Being relative to its
+/// vertex it needs only fp32. c, the error at the vertex itself, is stored with the vertex's
+/// position (VertexPosition::error). Weights are in m², errors in m⁴.
 struct alignas(16) Quadric {
   float xx = 0, xy = 0, xz = 0, yy = 0, yz = 0, zz = 0;  ///< A
   float weight = 0;                                      ///< of all planes together
@@ -20,17 +21,17 @@ struct alignas(16) Quadric {
     yy += n.y * m.y, yz += n.y * m.z, zz += n.z * m.z;
     weight += w, area += w;
   }
-  /// The vertex's own place, as if three planes at right angles met there.
+  /// The vertex's own position, as three orthogonal planes through it.
   void add_point(float w) { xx += w, yy += w, zz += w; }
 
-  /// How much larger the error is at d than at the vertex; d: Vec3f, or several at once.
+  /// The error at offset d minus that at the vertex. d: Vec3f, or several points at once (SIMD).
   template <typename Vec>
   auto growth(const Vec& d) const {
     return d.x * (xx * d.x + 2 * xy * d.y + 2 * xz * d.z + 2 * x) +
            d.y * (yy * d.y + 2 * yz * d.z + 2 * y) + d.z * (zz * d.z + 2 * z);
   }
 
-  /// The same function for a vertex that lies `d` further on.
+  /// The same function relative to a vertex at offset d.
   Quadric moved(Vec3f d) const {
     Quadric q = *this;
     q.x += xx * d.x + xy * d.y + xz * d.z;
@@ -38,14 +39,14 @@ struct alignas(16) Quadric {
     q.z += xz * d.x + yz * d.y + zz * d.z;
     return q;
   }
-  /// Both must belong to one vertex.
+  /// Both must be relative to the same vertex.
   Quadric& operator+=(const Quadric& q) {
     xx += q.xx, xy += q.xy, xz += q.xz, yy += q.yy, yz += q.yz, zz += q.zz;
     x += q.x, y += q.y, z += q.z, weight += q.weight, area += q.area;
     return *this;
   }
 
-  /// Counts `by` times; area stays.
+  /// Multiplied by a weight; `area` is unchanged.
   Quadric scaled(float by) const {
     Quadric q = *this;
     q.xx *= by, q.xy *= by, q.xz *= by, q.yy *= by, q.yz *= by, q.zz *= by;
@@ -53,14 +54,15 @@ struct alignas(16) Quadric {
     return q;
   }
 
-  /// The way to the least error; `hold` (of the weight) pulls back to the vertex, so that flat
-  /// directions do not run away. Zero where there is none.
-  Vec3f to_least_error(float hold) const;
+  /// The offset with the least error (a 3x3 linear solve). `regularization`, as a fraction of the
+  /// weight, penalizes the distance from the vertex, so that the minimum does not move far along
+  /// flat directions. Zero if the matrix is singular.
+  Vec3f minimizer(float regularization) const;
 };
 
-inline Vec3f Quadric::to_least_error(float hold) const {
-  const double pull = hold * weight;
-  const double a = xx + pull, b = yy + pull, c = zz + pull, ab = xy, ac = xz, bc = yz;
+inline Vec3f Quadric::minimizer(float regularization) const {
+  const double damping = regularization * weight;
+  const double a = xx + damping, b = yy + damping, c = zz + damping, ab = xy, ac = xz, bc = yz;
   const double aa_minor = b * c - bc * bc, ab_minor = ac * bc - ab * c, ac_minor = ab * bc - ac * b;
   const double bb_minor = a * c - ac * ac, bc_minor = ab * ac - a * bc, cc_minor = a * b - ab * ab;
   const double determinant = a * aa_minor + ab * ab_minor + ac * ac_minor;

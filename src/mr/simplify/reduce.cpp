@@ -38,8 +38,9 @@ std::uint32_t shuffled(std::uint32_t v) {
   return v ^ v >> 16;
 }
 
-/// What a round takes: all costs under `below`, and of those up to `most`, which are much the same,
-/// a share of the vertices. Without it a flat wall, where all cost nothing, would go at once.
+/// The vertices that a round collapses: all with a cost under `below`, and a random fraction of
+/// those up to `most`, which are nearly equal. Otherwise a flat wall, where all costs are 0, would
+/// collapse in one round.
 struct Limit {
   float below = 0, most = 0;
   std::uint32_t share = 0;  ///< of 2^32
@@ -51,7 +52,7 @@ struct Limit {
   }
 };
 
-/// How many costs are how large. Costs are not negative, so their bits sort like them.
+/// Histogram of costs by their bits: non-negative floats sort like their bit patterns.
 class Histogram {
  public:
   void add(float cost) { ++count_[std::bit_cast<std::uint32_t>(cost) >> kShift]; }
@@ -77,21 +78,21 @@ class Histogram {
   std::array<std::uint32_t, kBins + 1> count_{};  // the last: kNever
 };
 
-/// The limit below which `wanted` vertices lie, as judged by some of them. Those that were not
-/// rated yet are, for this.
-Limit find_limit(double wanted, bool rated, ShrinkingMesh& mesh) {
+/// The limit below which about `wanted` vertices lie, estimated from a sample, whose costs are
+/// computed if necessary.
+Limit find_limit(double wanted, bool rated, WorkingMesh& mesh) {
   const std::uint32_t step = std::max(1u, mesh.vertices() / (rated ? kSamples : kRatedSamples));
   Histogram costs;
-  Collapser collapser(mesh);
+  EdgeCollapser collapser(mesh);
   for (std::uint32_t v = step / 2; v < mesh.vertices(); v += step)
     costs.add(rated || mesh.next[v] == kNever ? mesh.next[v] : collapser.rate(v));
   return costs.limit(wanted / step);
 }
 
-/// Tells all threads when time is over.
-class Clock {
+/// The deadline, shared by all threads.
+class DeadlineClock {
  public:
-  explicit Clock(const Goal& goal) : deadline_(goal.deadline) {}
+  explicit DeadlineClock(const StopCriteria& goal) : deadline_(goal.deadline) {}
   bool is_over() const { return over_.load(std::memory_order_relaxed); }
   void tick() {
     if (deadline_ && std::chrono::steady_clock::now() >= *deadline_) over_ = true;
@@ -102,10 +103,10 @@ class Clock {
   std::atomic<bool> over_ = false;
 };
 
-/// Pulls v into a neighbour if that costs no more than the limit; otherwise notes when to look at
-/// it again. Returns how many triangles went.
-std::uint32_t look_at(std::uint32_t v, const Limit& limit, float error_m, Collapser& collapser,
-                      ShrinkingMesh& mesh) {
+/// Collapses v into a neighbour if the cost is within the limit; otherwise stores the cost at which
+/// to try again. Returns the number of triangles removed.
+std::uint32_t try_collapse(std::uint32_t v, const Limit& limit, float error_m,
+                           EdgeCollapser& collapser, WorkingMesh& mesh) {
   const float cost = collapser.rate(v);
   if (!limit.takes(cost, v)) {
     mesh.next[v] = cost;
@@ -116,21 +117,23 @@ std::uint32_t look_at(std::uint32_t v, const Limit& limit, float error_m, Collap
   return gone;
 }
 
-/// One round, for all vertices or a trial for some. Returns how many triangles went.
-std::size_t run_round(const Limit& limit, bool trial, const Goal& goal, Clock& clock, Sweep& sweep,
-                      ShrinkingMesh& mesh) {
+/// One round over all vertices, or a trial on a sample. Returns the number of triangles removed.
+std::size_t run_round(const Limit& limit, bool trial, const StopCriteria& goal,
+                      DeadlineClock& clock, ParallelSweep& sweep, WorkingMesh& mesh) {
   const auto wanted = [&](std::uint32_t v) {
     return limit.takes(mesh.next[v], v) && (!trial || v / kTrialBlock % kTrialStep == 0);
   };
   const std::size_t budget = mesh.triangles - goal.triangles;
-  return sweep.run(mesh, budget, wanted, [&](Collapser& collapser, std::uint32_t v) {
+  return sweep.run(mesh, budget, wanted, [&](EdgeCollapser& collapser, std::uint32_t v) {
     if (v % 64 == 0) clock.tick();
-    return clock.is_over() ? 0 : look_at(v, limit, goal.error_m, collapser, mesh);
+    return clock.is_over() ? 0 : try_collapse(v, limit, goal.error_m, collapser, mesh);
   });
 }
 
-/// Looks at the cheapest vertices one by one until the goal is met. False: none of them may go.
-bool take_cheapest(std::size_t most, const Goal& goal, Clock& clock, ShrinkingMesh& mesh) {
+/// Collapses the cheapest vertices serially, in order of cost, until the goal is met. False: none
+/// could be collapsed.
+bool take_cheapest(std::size_t most, const StopCriteria& goal, DeadlineClock& clock,
+                   WorkingMesh& mesh) {
   struct Candidate {
     float cost;
     std::uint32_t order, v;
@@ -147,13 +150,13 @@ bool take_cheapest(std::size_t most, const Goal& goal, Clock& clock, ShrinkingMe
   candidates.resize(most);
   bool any = false;
   float enough = kNever;  // what costs more waits until what was blocked has been tried once more
-  Collapser collapser(mesh);
+  EdgeCollapser collapser(mesh);
   for (const Candidate& candidate : candidates) {
     if (mesh.triangles <= goal.triangles || clock.is_over()) return true;
     if (candidate.cost > enough) break;
     if (mesh.next[candidate.v] == kNever) continue;
-    const std::uint32_t gone =
-        look_at(candidate.v, Limit::upto(candidates.back().cost), goal.error_m, collapser, mesh);
+    const std::uint32_t gone = try_collapse(candidate.v, Limit::upto(candidates.back().cost),
+                                            goal.error_m, collapser, mesh);
     mesh.triangles -= gone;
     if (gone > 0 && !any) any = true, enough = kRetry * std::max(candidate.cost, kLeastCost);
     clock.tick();
@@ -163,10 +166,10 @@ bool take_cheapest(std::size_t most, const Goal& goal, Clock& clock, ShrinkingMe
 
 }  // namespace
 
-void reduce(const Goal& goal, Sweep& sweep, ShrinkingMesh& mesh, ShrinkingMesh& spare,
+void reduce(const StopCriteria& goal, ParallelSweep& sweep, WorkingMesh& mesh, WorkingMesh& spare,
             std::vector<std::uint32_t>& number) {
   const std::size_t nearly = goal.triangles + std::max(goal.triangles / 128, kFew);
-  Clock clock(goal);
+  DeadlineClock clock(goal);
   double success = 1;
   for (int round = 0; mesh.triangles > nearly && !clock.is_over(); ++round) {
     const bool trial = round == 0, first = round == 1;
@@ -196,11 +199,11 @@ void reduce(const Goal& goal, Sweep& sweep, ShrinkingMesh& mesh, ShrinkingMesh& 
   }
 }
 
-void relax(Sweep& sweep, ShrinkingMesh& mesh) {
+void relax(ParallelSweep& sweep, WorkingMesh& mesh) {
   const auto wanted = [&](std::uint32_t v) {
-    return mesh.places[v].error > 0 && mesh.rings.alive(v) && mesh.kinds[v] == Kind::inner;
+    return mesh.places[v].error > 0 && mesh.rings.alive(v) && mesh.kinds[v] == VertexKind::inner;
   };
-  sweep.run(mesh, mesh.vertices(), wanted, [](Collapser& collapser, std::uint32_t v) {
+  sweep.run(mesh, mesh.vertices(), wanted, [](EdgeCollapser& collapser, std::uint32_t v) {
     collapser.relax(v);
     return 0u;
   });

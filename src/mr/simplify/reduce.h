@@ -4,24 +4,25 @@
 #include <cstddef>
 #include <optional>
 
-#include "mr/simplify/sweep.h"
+#include "mr/simplify/parallel_sweep.h"
 
 namespace mr::simplify {
 
-/// When to stop.
-struct Goal {
+/// Stopping criteria; the first one met counts.
+struct StopCriteria {
   std::size_t triangles = 0;
   float error_m = kNever;
   std::optional<std::chrono::steady_clock::time_point> deadline{};
 };
 
-/// Collapses what costs least until the goal is met, in rounds: each has a limit, chosen so that no
-/// more vertices lie below it than have to go, and takes them in one sweep. So the whole mesh errs
-/// alike, whoever works where. `spare` and `number` are room to work in.
-void reduce(const Goal& goal, Sweep& sweep, ShrinkingMesh& mesh, ShrinkingMesh& spare,
+/// Collapses the cheapest vertices until the goal is met. Instead of a priority queue, works in
+/// rounds: from a histogram of costs each round chooses a limit below which no more vertices lie
+/// than have to go, and collapses those in one parallel sweep. So the error is uniform over the
+/// mesh, whatever the threads. `spare` and `number` are scratch memory.
+void reduce(const StopCriteria& goal, ParallelSweep& sweep, WorkingMesh& mesh, WorkingMesh& spare,
             std::vector<std::uint32_t>& number);
 
-/// Moves inner vertices to where their error is least.
-void relax(Sweep& sweep, ShrinkingMesh& mesh);
+/// Moves interior vertices to the minimum of their quadrics.
+void relax(ParallelSweep& sweep, WorkingMesh& mesh);
 
 }  // namespace mr::simplify

@@ -9,11 +9,11 @@
 
 #include "mr/core/assert.h"
 #include "mr/core/parallel.h"
-#include "mr/simplify/builder.h"
 #include "mr/simplify/chunk_lines.h"
 #include "mr/simplify/output.h"
 #include "mr/simplify/reduce.h"
 #include "mr/simplify/spatial_order.h"
+#include "mr/simplify/working_mesh_builder.h"
 
 namespace mr::simplify {
 
@@ -56,7 +56,7 @@ Status check_options(const Mesh& mesh, const SimplifyOptions& options) {
 
 Status check_mesh(const Mesh& mesh) {
   const std::size_t vertices = mesh.positions.size();
-  if (vertices >= kNobody || mesh.triangles.size() >= kNobody / 3)
+  if (vertices >= kNoVertex || mesh.triangles.size() >= kNoVertex / 3)
     return Error{Error::Cause::too_large, "simplify: the mesh has too many vertices or triangles"};
   if (!all_of<Triangle>(mesh.triangles, [&](const Triangle& t) {
         return t[0] < vertices && t[1] < vertices && t[2] < vertices;
@@ -107,9 +107,9 @@ Labels find_labels(const Mesh& mesh, std::span<const std::uint32_t> chunks) {
 }  // namespace
 
 struct Simplifier::Impl {
-  ShrinkingMesh mesh, spare;
-  Builder builder;
-  Sweep sweep;
+  WorkingMesh mesh, spare;
+  WorkingMeshBuilder builder;
+  ParallelSweep sweep;
   std::vector<std::uint32_t> number;
 
   Labels start(const Mesh& mesh, const SimplifyOptions& options);
@@ -121,7 +121,7 @@ struct Simplifier::Impl {
 Labels Simplifier::Impl::start(const Mesh& input, const SimplifyOptions& options) {
   Labels labels = find_labels(input, options.chunks);
   if (is_scattered(input)) {
-    const Scattered sorted = sort_in_space(input, options.weights);
+    const ReorderedMesh sorted = sort_in_space(input, options.weights);
     builder.run(sorted.mesh, labels.of_triangle, sorted.weights, mesh);
   } else {
     builder.run(input, labels.of_triangle, options.weights, mesh);
@@ -136,7 +136,7 @@ std::vector<Simplified> Simplifier::Impl::run(const Mesh& input,
                                               const SimplifyOptions& options) {
   const SteadyClock::time_point started = SteadyClock::now();
   const Labels labels = start(input, options);
-  Goal goal{.triangles = 0, .error_m = options.error_m};
+  StopCriteria goal{.triangles = 0, .error_m = options.error_m};
   // The way out takes about half as long as the way in.
   if (options.time)
     goal.deadline = started + std::min<std::chrono::nanoseconds>(*options.time, kLongest) -

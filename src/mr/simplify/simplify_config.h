@@ -7,10 +7,10 @@
 
 namespace mr::simplify {
 
-/// How far a node's surface is decimated.
+/// Decimation of a node's surface.
 struct SimplifyConfig {
   double ratio = 1;    ///< triangles kept, (0, 1]
-  double error_m = 0;  ///< no collapse costs more; 0: any. Alone, it decides alone
+  double error_m = 0;  ///< largest error of a collapse; 0: no limit. Without `ratio` the only limit
 
   static constexpr Range kRatio{0, 1, true}, kError_m{0, 1};
   /// What is impossible in it, a line each.

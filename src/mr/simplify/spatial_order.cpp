@@ -4,7 +4,7 @@
 #include <cstdint>
 #include <utility>
 
-#include "mr/simplify/shrinking_mesh.h"
+#include "mr/simplify/working_mesh.h"
 
 namespace mr::simplify {
 
@@ -42,24 +42,24 @@ std::vector<std::uint32_t> cells_of(const std::vector<Vec3f>& positions) {
 }  // namespace
 
 bool is_scattered(const Mesh& mesh) {
-  if (mesh.positions.size() <= ShrinkingMesh::kRange) return false;
+  if (mesh.positions.size() <= WorkingMesh::kRange) return false;
   std::size_t seen = 0, spanning = 0;
   for (std::size_t t = 0; t < mesh.triangles.size(); t += kSampleStep) {
     const auto& [a, b, c] = mesh.triangles[t];
-    const auto range = [](std::uint32_t v) { return v / ShrinkingMesh::kRange; };
+    const auto range = [](std::uint32_t v) { return v / WorkingMesh::kRange; };
     ++seen, spanning += range(a) != range(b) || range(b) != range(c);
   }
   return static_cast<float>(spanning) > kMostSpanning * static_cast<float>(seen);
 }
 
-Scattered sort_in_space(const Mesh& mesh, std::span<const float> weights) {
+ReorderedMesh sort_in_space(const Mesh& mesh, std::span<const float> weights) {
   const std::vector<std::uint32_t> cells = cells_of(mesh.positions);
   std::vector<std::uint32_t> next((1u << 3 * kBits) + 1, 0);
   for (const std::uint32_t cell : cells) ++next[cell];
   std::uint32_t sum = 0;
   for (std::uint32_t& n : next) sum += std::exchange(n, sum);
   std::vector<std::uint32_t> number(cells.size());
-  Scattered out;
+  ReorderedMesh out;
   out.mesh.positions.resize(cells.size()), out.weights.resize(weights.size());
   for (std::size_t v = 0; v < cells.size(); ++v) {
     const std::uint32_t to = number[v] = next[cells[v]]++;

@@ -9,8 +9,8 @@
 
 #include "mr/core/assert.h"
 #include "mr/core/parallel.h"
+#include "mr/still/connected_components.h"
 #include "mr/still/moving_pixels.h"
-#include "mr/still/regions.h"
 
 namespace mr::still {
 namespace {
@@ -37,7 +37,7 @@ constexpr double kWorthRefining_voxels = 0.15;  // after the start: what is sent
 constexpr double kYoung_s = 60;                 // absorbed surface that may go back as a whole
 constexpr int kPushedFor = 5;
 
-/// How a cube's share of the still picture differs from what is known by now.
+/// Difference between still() and the model in one cube.
 struct CubeChange {
   int differs = 0;              ///< pixels that came, went or lie elsewhere
   int refinable = 0, held = 0;  ///< pixels read three times as often; all that it shows
@@ -45,7 +45,7 @@ struct CubeChange {
   double sigma2_m2 = 0;         ///< the same of their noise
 };
 
-/// Whether a reading can be a distance at all, whatever a file holds.
+/// Whether a value is a possible depth.
 bool is_measured(float depth) {
   constexpr float kFarthest_m = 1e5f;
   return depth > 0 && depth < kFarthest_m;
@@ -76,12 +76,12 @@ Background::Background(const Camera& camera, const Pose& T_world_camera,
         rays_[y * width_ + x] = vec_cast<float>(
             T_world_camera.rotation * unproject(camera, {double(x), static_cast<double>(y)}));
   });
-  begin_anew();
+  reset();
 }
 
-void Background::begin_anew() {
-  known_.assign(rays_.size(), {});
-  rest_.assign(rays_.size(), {});
+void Background::reset() {
+  models_.assign(rays_.size(), {});
+  details_.assign(rays_.size(), {});
   readings_.assign(rays_.size(), Reading::none);
   still_ = ImageDepth(width_, height_);
   previous_ = {};
@@ -97,36 +97,36 @@ float Background::band_m(float depth) const {
 }
 
 double Background::least_region() const {
-  return std::max(6.0, kLeastRegion * static_cast<double>(known_.size()) / (640.0 * 576.0));
+  return std::max(6.0, kLeastRegion * static_cast<double>(models_.size()) / (640.0 * 576.0));
 }
 
 bool Background::is_new() const { return captures_ < 2 * kFreezeEvery; }
 
-Moment Background::update(const ImageDepth& depth, bool is_sent) {
+BackgroundUpdate Background::update(const ImageDepth& depth, bool is_sent) {
   MR_ASSERT(depth.width == width_ && depth.height == height_);
   is_sent_ = is_sent;
-  Moment out;
+  BackgroundUpdate out;
   measure_noise(depth);
   read_pixels(depth);
-  if (was_pushed()) {
-    out.began_anew = out.still_changed = true;
-    begin_anew();
+  if (camera_has_moved()) {
+    out.was_reset = out.still_changed = true;
+    reset();
     read_pixels(depth);
   }
-  give_back_what_moves();
+  release_absorbed_that_moves();
   forget_contradicted();
   absorb_what_stopped();
   if (captures_ % kLookEvery == kLookAt) out.still_changed |= freeze();
   out.moving = moving_pixels(depth, out.foreign);
   out.confirmed = confirmed_pixels(depth, out.moving);
-  doubt_what_is_missing(out.moving);
+  count_missing_readings(out.moving);
   previous_ = depth;
   ++captures_;
   return out;
 }
 
-/// From the change of depth between two captures that three in ten pixels do not exceed: what
-/// moves does not count.
+/// Robust estimate of noise: from the 30th percentile of the change of depth between two captures,
+/// so that moving pixels do not count.
 void Background::measure_noise(const ImageDepth& depth) {
   constexpr std::size_t kEvery = 29, kEnough = 100;
   constexpr double kShare = 0.3;
@@ -146,7 +146,7 @@ void Background::measure_noise(const ImageDepth& depth) {
   noise_ = captures_ == 1 ? now : noise_ + kFollows * (now - noise_);
 }
 
-/// Calls row(y, begin, end) for the pixels of each row, on all threads.
+/// Calls row(y, begin, end) with the pixel indices of each row, in parallel.
 template <typename Row>
 void Background::for_each_row(const Row& row) const {
   parallel_for(height_, 16, [&](std::size_t first, std::size_t last) {
@@ -156,14 +156,15 @@ void Background::for_each_row(const Row& row) const {
 
 // --- one pixel
 
-int Background::captures_to_learn(const Known& known) const {
+int Background::captures_to_learn(const PixelModel& known) const {
   return captures_ < kStart || known.was_uncovered ? kQuick : kSlow;
 }
 
-/// Counts readings that agree with each other but not with what is known. At a depth edge readings
-/// jump between two surfaces: where nothing is known, the one that comes back more often wins.
-void Background::note_candidate(float depth, bool farther, Known& known, Rest& rest) const {
-  Surface& c = rest.candidate;
+/// Updates the candidate: depths that agree with each other but not with the model. At a depth edge
+/// they jump between two surfaces; in an unknown pixel the more frequent one wins (majority vote).
+void Background::note_candidate(float depth, bool farther, PixelModel& known,
+                                PixelModelDetail& detail) const {
+  Surface& c = detail.candidate;
   const bool any = known.has_candidate;
   const float band = band_m(depth);  // as wide as the spread of a reading and a mean of a few
   const float wide = band * std::sqrt(1 + 1 / static_cast<float>(std::max<int>(c.count, 1)));
@@ -183,49 +184,50 @@ void Background::note_candidate(float depth, bool farther, Known& known, Rest& r
   known.has_candidate = true, known.is_farther = farther;
 }
 
-/// Takes away what was absorbed, or else the room.
-void Background::forget(Known& known, Rest& rest) {
-  const Surface behind = known.is_absorbed ? std::exchange(rest.base, {}) : Surface{};
+/// Forgets the absorbed object of a pixel, or if there is none, the background.
+void Background::forget(PixelModel& known, PixelModelDetail& detail) {
+  const Surface behind = known.is_absorbed ? std::exchange(detail.base, {}) : Surface{};
   known.mean = behind.mean, known.count = behind.count;
   known.is_absorbed = known.is_doubted = false, known.age = 0;
-  rest.doubt = 0;
+  detail.doubt = 0;
 }
 
-/// A reading speaks against captures without one.
-void Background::trust(Known& known, Rest& rest) {
+/// A valid depth lowers the count of captures without one.
+void Background::trust(PixelModel& known, PixelModelDetail& detail) {
   if (!known.is_doubted) return;
-  rest.doubt -= std::min(rest.doubt, kAgainstDoubt);
-  known.is_doubted = rest.doubt > 0;
+  detail.doubt -= std::min(detail.doubt, kAgainstDoubt);
+  known.is_doubted = detail.doubt > 0;
 }
 
-/// Whether a blank pixel has again what was known there once: something black was before it.
-bool Background::is_as_before(const Known& known, const Rest& rest) const {
-  return known.has_candidate && rest.base.count >= kSlow && rest.candidate.count >= kQuick &&
-         std::abs(rest.candidate.mean - rest.base.mean) <= band_m(rest.base.mean);
+/// Whether a blank pixel sees its former background again: a black object had been in front of it.
+bool Background::is_as_before(const PixelModel& known, const PixelModelDetail& detail) const {
+  return known.has_candidate && detail.base.count >= kSlow && detail.candidate.count >= kQuick &&
+         std::abs(detail.candidate.mean - detail.base.mean) <= band_m(detail.base.mean);
 }
 
-Background::Reading Background::read(float depth, Known& known, Rest& rest) const {
+Background::Reading Background::read(float depth, PixelModel& known,
+                                     PixelModelDetail& detail) const {
   if (!is_measured(depth)) return Reading::none;
   if (known.count == 0) {
-    trust(known, rest);
-    note_candidate(depth, false, known, rest);
+    trust(known, detail);
+    note_candidate(depth, false, known, detail);
     if (known.age < kRestless) ++known.age;
-    const bool learnt = known.is_blank ? is_as_before(known, rest)
-                                       : rest.candidate.count >= captures_to_learn(known);
+    const bool learnt = known.is_blank ? is_as_before(known, detail)
+                                       : detail.candidate.count >= captures_to_learn(known);
     if (!learnt) return Reading::unknown;
-    rest.doubt = 0, rest.base = {};
-    known = {.mean = rest.candidate.mean, .count = rest.candidate.count};
+    detail.doubt = 0, detail.base = {};
+    known = {.mean = detail.candidate.mean, .count = detail.candidate.count};
     return Reading::agrees;
   }
   const float off = depth - known.mean, sigma = sigma_m(known.mean);
   if (std::abs(off) > kAgrees_sigmas * sigma + kRounding_m) {
-    note_candidate(depth, off > 0, known, rest);
+    note_candidate(depth, off > 0, known, detail);
     return off > 0 ? Reading::farther : Reading::nearer;
   }
-  trust(known, rest);
+  trust(known, detail);
   known.has_candidate = known.is_farther = false;
   if (is_sent_ && known.age < kHandOver) ++known.age;
-  // Trimmed on both sides, the mean stays where it is while a foot rests on the floor.
+  // A trimmed mean: deviating depths do not count, so that a foot on the floor does not shift it.
   if (std::abs(off) > kTrusted_sigmas * sigma + kRounding_m / 2) return Reading::agrees;
   if (known.count < kMostReadings)
     ++known.count;
@@ -240,11 +242,11 @@ void Background::read_pixels(const ImageDepth& depth) {
   std::vector<std::uint32_t> measured(height_);
   for_each_row([&](std::size_t y, std::size_t begin, std::size_t end) {
     for (std::size_t i = begin; i < end; ++i) {
-      Known& known = known_[i];
-      readings_[i] = read(depth.data[i], known, rest_[i]);
+      PixelModel& known = models_[i];
+      readings_[i] = read(depth.data[i], known, details_[i]);
       measured[y] += readings_[i] != Reading::none;
       if (!known.has_candidate || (known.count == 0 && !known.is_blank)) continue;
-      const int count = rest_[i].candidate.count;
+      const int count = details_[i].candidate.count;
       contradicted[y] |= known.is_farther && count >= kContradicts;
       stopped[y] |= count >= after_captures_;
     }
@@ -253,21 +255,21 @@ void Background::read_pixels(const ImageDepth& depth) {
     return std::ranges::find(rows, 1) != rows.end();
   };
   any_contradicted_ = any(contradicted), any_stopped_ = any(stopped);
-  note_how_much_is_read(std::accumulate(measured.begin(), measured.end(), 0.0));
+  update_expected_readings(std::accumulate(measured.begin(), measured.end(), 0.0));
 }
 
-/// A sensor's depth drops out where far fewer pixels are read than lately, or hardly any; what is
-/// so for long is usual.
-void Background::note_how_much_is_read(double pixels) {
+/// Detects a dropout: far fewer valid pixels than the slow mean, or hardly any. A lasting change
+/// becomes the new mean.
+void Background::update_expected_readings(double pixels) {
   constexpr double kFollows = 1.0 / 128, kFarFewer = 0.5, kLeast = 0.05;
   usually_read_ += (captures_ == 0 ? 1 : kFollows) * (pixels - usually_read_);
-  usually_read_ = std::max(usually_read_, kLeast * static_cast<double>(known_.size()));
+  usually_read_ = std::max(usually_read_, kLeast * static_cast<double>(models_.size()));
   drops_out_ = pixels < kFarFewer * usually_read_;
 }
 
 // --- regions
 
-bool Background::was_pushed() {
+bool Background::camera_has_moved() {
   constexpr double kLeastKnown = 0.1, kMostAgree = 0.6, kLeastFarther = 0.15;
   const auto count = [&](Reading r) { return std::ranges::count(readings_, r); };
   const auto agree = count(Reading::agrees), farther = count(Reading::farther);
@@ -280,18 +282,18 @@ bool Background::was_pushed() {
   return pushed_for_ >= kPushedFor;
 }
 
-/// What was absorbed not long ago and moves again leaves as a whole: somebody who sat leaves no
-/// shell.
-void Background::give_back_what_moves() {
+/// Releases recently absorbed objects that move again, each as a whole, so that a person who gets
+/// up leaves no remains behind.
+void Background::release_absorbed_that_moves() {
   constexpr double kShareThatMoves = 0.25;
   constexpr int kGone = 12;  // captures without a reading
   if (regions_.size() == 1) return;
   std::vector<std::uint32_t> moving(regions_.size());
-  for (std::size_t i = 0; i < known_.size(); ++i) {
-    if (!known_[i].is_absorbed) continue;
+  for (std::size_t i = 0; i < models_.size(); ++i) {
+    if (!models_[i].is_absorbed) continue;
     const Reading now = readings_[i];
-    const bool is_gone = now == Reading::none && known_[i].is_blank && rest_[i].doubt >= kGone;
-    moving[rest_[i].region] += now == Reading::nearer || now == Reading::farther || is_gone;
+    const bool is_gone = now == Reading::none && models_[i].is_blank && details_[i].doubt >= kGone;
+    moving[details_[i].region] += now == Reading::nearer || now == Reading::farther || is_gone;
   }
   std::vector<std::uint8_t> goes(regions_.size());
   bool any = false;
@@ -302,87 +304,88 @@ void Background::give_back_what_moves() {
     any |= goes[r] != 0;
   }
   if (!any) return;
-  for (std::size_t i = 0; i < known_.size(); ++i)
-    if (known_[i].is_absorbed && goes[rest_[i].region]) forget(known_[i], rest_[i]);
+  for (std::size_t i = 0; i < models_.size(); ++i)
+    if (models_[i].is_absorbed && goes[details_[i].region]) forget(models_[i], details_[i]);
 }
 
-/// The regions of pixels with a candidate of at least `beside` readings, in which enough have at
-/// least `sure`. `fits(known)`: which candidates count.
+/// Connected components of pixels whose candidate has at least `beside` depths, if enough of their
+/// pixels have at least `sure` (hysteresis). `fits(model)`: which candidates count.
 template <typename Fits>
-std::optional<Regions> Background::candidates(int beside, int sure, const Fits& fits) const {
+std::optional<ConnectedComponents> Background::candidates(int beside, int sure,
+                                                          const Fits& fits) const {
   ImageMask mask(width_, height_);
   std::vector<std::uint8_t> any(height_);
   for_each_row([&](std::size_t y, std::size_t begin, std::size_t end) {
     for (std::size_t i = begin; i < end; ++i) {
-      const Known& known = known_[i];
+      const PixelModel& known = models_[i];
       if (!known.has_candidate || (known.count == 0 && !known.is_blank) || !fits(known)) continue;
-      mask.data[i] = rest_[i].candidate.count >= beside;
-      any[y] |= rest_[i].candidate.count >= sure;
+      mask.data[i] = details_[i].candidate.count >= beside;
+      any[y] |= details_[i].candidate.count >= sure;
     }
   });
   if (std::ranges::count(any, 0) == height_) return std::nullopt;
-  Regions regions = connected_regions(mask);
+  ConnectedComponents regions = connected_components(mask);
   std::vector<std::uint32_t> enough(regions.pixels.size());
   regions.for_each_pixel(width_, [&](std::size_t i, std::uint32_t region) {
-    enough[region] += rest_[i].candidate.count >= sure;
+    enough[region] += details_[i].candidate.count >= sure;
   });
-  std::erase_if(regions.spans, [&](const Span& s) { return enough[s.region] < least_region(); });
+  std::erase_if(regions.runs, [&](const Run& s) { return enough[s.region] < least_region(); });
   return regions;
 }
 
-/// Where so many farther readings agree that what stood there is gone.
+/// Forgets pixels where so many farther depths agree that the object there must be gone.
 void Background::forget_contradicted() {
   constexpr int kBeside = 2;  // readings that count beside those
   if (!any_contradicted_) return;
   const auto regions =
-      candidates(kBeside, kContradicts, [](const Known& k) { return k.is_farther; });
+      candidates(kBeside, kContradicts, [](const PixelModel& k) { return k.is_farther; });
   if (!regions) return;
   regions->for_each_pixel(width_, [&](std::size_t i, std::uint32_t) {
-    Known& known = known_[i];
-    Rest& rest = rest_[i];
-    if (known.is_absorbed) forget(known, rest);
-    const float behind = rest.candidate.mean - known.mean;
+    PixelModel& known = models_[i];
+    PixelModelDetail& detail = details_[i];
+    if (known.is_absorbed) forget(known, detail);
+    const float behind = detail.candidate.mean - known.mean;
     if (std::abs(behind) <= band_m(known.mean))
       known.has_candidate = false;
     else if (behind > 0)
-      forget(known, rest), known.was_uncovered = true;
+      forget(known, detail), known.was_uncovered = true;
     known.is_farther = false;
   });
 }
 
-/// Who stood or walked before what cannot be measured leaves no farther reading behind. That
-/// nothing is read there any more, though nothing moves before it, says that they are gone.
-void Background::doubt_what_is_missing(const ImageMask& moving) {
+/// An object in front of an unmeasurable background leaves no farther depth when it goes away. It
+/// is gone when its pixels have no valid depth for long although nothing moves in front of them.
+void Background::count_missing_readings(const ImageMask& moving) {
   if (drops_out_) return;
   for_each_row([&](std::size_t, std::size_t begin, std::size_t end) {
     for (std::size_t i = begin; i < end; ++i)
-      if (readings_[i] == Reading::none && !moving.data[i]) doubt(known_[i], rest_[i]);
+      if (readings_[i] == Reading::none && !moving.data[i]) doubt(models_[i], details_[i]);
   });
 }
 
-void Background::doubt(Known& known, Rest& rest) const {
+void Background::doubt(PixelModel& known, PixelModelDetail& detail) const {
   constexpr int kLeast = 30, kBlank = 16;
   known.is_doubted = true;
-  if (++rest.doubt < (known.count > 0 ? kLeast + known.count : kBlank)) return;
+  if (++detail.doubt < (known.count > 0 ? kLeast + known.count : kBlank)) return;
   if (known.count > 0) {
     const bool is_base = !known.is_absorbed;
     const Surface before{known.mean, known.count};
-    forget(known, rest);
-    if (is_base) rest.base = before;
+    forget(known, detail);
+    if (is_base) detail.base = before;
     if (known.count > 0) return;  // what is behind
   }
   known.is_blank = true, known.has_candidate = known.was_uncovered = known.is_doubted = false;
-  rest.doubt = 0;
+  detail.doubt = 0;
 }
 
-/// How many pixels each absorbed region still has.
+/// Counts the remaining pixels of each absorbed region.
 void Background::count_absorbed() {
-  for (Region& region : regions_) region.pixels = 0;
-  for (std::size_t i = 0; i < known_.size(); ++i)
-    if (known_[i].is_absorbed) ++regions_[rest_[i].region].pixels;
+  for (AbsorbedRegion& region : regions_) region.pixels = 0;
+  for (std::size_t i = 0; i < models_.size(); ++i)
+    if (models_[i].is_absorbed) ++regions_[details_[i].region].pixels;
 }
 
-/// A number for what is absorbed together: one that nothing has any more; 0: there is none.
+/// A free number for a new absorbed region; 0: there is none.
 std::uint16_t Background::new_region() {
   std::size_t number = 1;
   while (number < regions_.size() &&
@@ -394,11 +397,11 @@ std::uint16_t Background::new_region() {
   return static_cast<std::uint16_t>(number);
 }
 
-/// What has been nearer than the room for so long belongs to it.
+/// Absorbs objects that have stayed in front of the background for after_s.
 void Background::absorb_what_stopped() {
   if (!any_stopped_) return;
   const auto regions = candidates(after_captures_ / 2, after_captures_,
-                                  [](const Known& k) { return !k.is_farther; });
+                                  [](const PixelModel& k) { return !k.is_farther; });
   if (!regions) return;
   std::map<std::uint32_t, std::uint16_t> number;
   count_absorbed();
@@ -406,22 +409,22 @@ void Background::absorb_what_stopped() {
     const auto [at, is_new] = number.try_emplace(region, std::uint16_t{0});
     if (is_new) at->second = new_region();
     if (at->second == 0) return;  // more than there are numbers
-    Known& known = known_[i];
-    Rest& rest = rest_[i];
-    if (!known.is_absorbed) rest.base = {known.mean, known.count};
-    known = {.mean = rest.candidate.mean,
-             .count = std::min(rest.candidate.count, kMostReadings),
+    PixelModel& known = models_[i];
+    PixelModelDetail& detail = details_[i];
+    if (!known.is_absorbed) detail.base = {known.mean, known.count};
+    known = {.mean = detail.candidate.mean,
+             .count = std::min(detail.candidate.count, kMostReadings),
              .is_absorbed = true,
              .is_blank = known.is_blank};
-    rest.region = at->second, rest.doubt = 0;
+    detail.region = at->second, detail.doubt = 0;
     ++regions_[at->second].pixels;
   });
 }
 
 // --- what comes out
 
-/// Whether a pixel and those around it are, on average, nearer than what stays: less noise than
-/// one pixel's, so that feet on the floor are told from it.
+/// Whether the mean over a pixel's neighbourhood is nearer than the background: less noisy than one
+/// pixel, so that feet are distinguished from the floor.
 bool Background::is_slightly_nearer(const ImageDepth& depth, int x, int y) const {
   constexpr float kSlightly_sigmas = 1.2f;
   float sum = 0, sigma = 0;
@@ -430,23 +433,23 @@ bool Background::is_slightly_nearer(const ImageDepth& depth, int x, int y) const
     for (int u = std::max(x - 1, 0); u <= std::min(x + 1, width_ - 1); ++u) {
       const std::size_t i = static_cast<std::size_t>(v) * width_ + u;
       if (readings_[i] != Reading::agrees) continue;
-      const float mean = known_[i].mean;
+      const float mean = models_[i].mean;
       sum += depth.data[i] - mean, sigma += sigma_m(mean), ++count;
     }
   return count > 0 && sum < -kSlightly_sigmas * sigma;
 }
 
-/// Whether the still surface has been shown at a pixel for long enough.
+/// Whether the still surface has been shown at a pixel long enough for the hand-over.
 bool Background::is_shown(std::size_t pixel) const {
-  return still_.data[pixel] > 0 && known_[pixel].age >= kHandOver && !differs(pixel);
+  return still_.data[pixel] > 0 && models_[pixel].age >= kHandOver && !differs(pixel);
 }
 
-/// Whether a pixel is one of those at a depth edge which jump about for ever, beside what stays:
-/// its reading says nothing.
+/// Whether a pixel lies at a depth edge of the background, where depth keeps jumping and means
+/// nothing.
 bool Background::is_mixed(int x, int y) const {
   constexpr int kReach_px = 2;
   const std::size_t i = static_cast<std::size_t>(y) * width_ + x;
-  if (readings_[i] != Reading::unknown || known_[i].age < kRestless) return false;
+  if (readings_[i] != Reading::unknown || models_[i].age < kRestless) return false;
   for (int v = std::max(y - kReach_px, 0); v <= std::min(y + kReach_px, height_ - 1); ++v)
     for (int u = std::max(x - kReach_px, 0); u <= std::min(x + kReach_px, width_ - 1); ++u)
       if (readings_[static_cast<std::size_t>(v) * width_ + u] == Reading::agrees) return true;
@@ -469,7 +472,7 @@ ImageMask Background::moving_pixels(const ImageDepth& depth, ImageMask& foreign)
            is_slightly_nearer(depth, x, y);
   };
   ImageMask moving =
-      moving_regions(strong, no_depth, weak, static_cast<double>(known_.size()) / (640.0 * 576.0));
+      moving_regions(strong, no_depth, weak, static_cast<double>(models_.size()) / (640.0 * 576.0));
   foreign = moving;
   for_each_row([&](std::size_t, std::size_t begin, std::size_t end) {
     for (std::size_t i = begin; i < end; ++i)
@@ -497,17 +500,17 @@ Vec3i Background::cube_of(std::size_t pixel, float depth) const {
   return {cell(p.x), cell(p.y), cell(p.z)};
 }
 
-/// Whether the still picture shows another surface at a pixel than what is known by now.
+/// Whether still() and the model show different surfaces at a pixel.
 bool Background::differs(std::size_t pixel) const {
-  const Known& now = known_[pixel];
+  const PixelModel& now = models_[pixel];
   const float was = still_.data[pixel];
   if ((was > 0) != (now.count > 0)) return true;
   const float off = std::abs(was - now.mean);
   return was > 0 && off > kRounding_m && off > band_m(now.mean);
 }
 
-/// Pixels at which the still picture is to change: regions that came, went or lie elsewhere. Of
-/// what is gone the large ones at each look; the others, and what is new, only in their turn.
+/// The pixels of still() to be updated: regions that appeared, disappeared or moved. Large regions
+/// that disappeared are updated at every check, all others at less frequent ones.
 ImageMask Background::regions_to_freeze() const {
   const bool all = is_new() || captures_ % kFreezeEvery == kLookAt;
   const double times = is_new() || captures_ % kRefineEvery == kLookAt ? 1 : all ? 3 : 10;
@@ -516,23 +519,23 @@ ImageMask Background::regions_to_freeze() const {
     for (std::size_t i = begin; i < end; ++i)
       mask.data[i] = (all || still_.data[i] > 0) && differs(i);
   });
-  const Regions regions = connected_regions(mask);
+  const ConnectedComponents regions = connected_components(mask);
   regions.for_each_pixel(width_, [&](std::size_t i, std::uint32_t region) {
     mask.data[i] = regions.pixels[region] >= times * least_region();
   });
   return mask;
 }
 
-/// Cubes all of which is to be brought up to date: where much has changed here and there, and where
-/// the picture has become so much more exact that it shows.
+/// Cubes to be updated as a whole: with many scattered changes, or where the model has become
+/// visibly more precise than still().
 std::set<Vec3i> Background::cubes_to_refine() const {
   constexpr double kMuch = 0.05;
   if (!is_new() && captures_ % kRefineEvery != kLookAt) return {};
   std::map<Vec3i, CubeChange> cubes;
   Vec3i last{};
   CubeChange* change = nullptr;
-  for (std::size_t i = 0; i < known_.size(); ++i) {
-    const Known& now = known_[i];
+  for (std::size_t i = 0; i < models_.size(); ++i) {
+    const PixelModel& now = models_[i];
     const float was = still_.data[i];
     if (was == 0 && now.count == 0) continue;
     const Vec3i cube = cube_of(i, was > 0 ? was : now.mean);
@@ -540,7 +543,7 @@ std::set<Vec3i> Background::cubes_to_refine() const {
     ++change->held;
     if (differs(i)) {
       ++change->differs;
-    } else if (now.count >= 3 * rest_[i].frozen_count) {
+    } else if (now.count >= 3 * details_[i].frozen_count) {
       const double off = now.mean - was, sigma = sigma_m(was);
       ++change->refinable, change->moved2_m2 += off * off, change->sigma2_m2 += sigma * sigma;
     }
@@ -559,25 +562,25 @@ std::set<Vec3i> Background::cubes_to_refine() const {
   return out;
 }
 
-/// The cubes in which the still picture is to change: they are sent again anyhow.
+/// The cubes that contain changing pixels: their chunks are sent again in any case.
 std::set<Vec3i> Background::cubes_of(const ImageMask& regions) const {
   std::set<Vec3i> out;
-  for (std::size_t i = 0; i < known_.size(); ++i) {
+  for (std::size_t i = 0; i < models_.size(); ++i) {
     if (!regions.data[i]) continue;
     if (still_.data[i] > 0) out.insert(cube_of(i, still_.data[i]));
-    if (known_[i].count > 0) out.insert(cube_of(i, known_[i].mean));
+    if (models_[i].count > 0) out.insert(cube_of(i, models_[i].mean));
   }
   return out;
 }
 
-/// Brings the still picture up to date. What is small comes along where its cube changes. Returns
-/// whether it changed.
+/// Updates still(). Small changes are included if their cube changes anyway. Returns whether it
+/// changed.
 bool Background::freeze() {
   const ImageMask regions = regions_to_freeze();
   const std::set<Vec3i> refined = cubes_to_refine(), touched = cubes_of(regions);
   bool changed = false;
-  for (std::size_t i = 0; i < known_.size(); ++i) {
-    Known& now = known_[i];
+  for (std::size_t i = 0; i < models_.size(); ++i) {
+    PixelModel& now = models_[i];
     const float was = still_.data[i], mean = now.count > 0 ? now.mean : 0;
     const bool other = differs(i);
     const auto in = [&](const std::set<Vec3i>& cubes) {
@@ -585,10 +588,10 @@ bool Background::freeze() {
                                 (mean > 0 && cubes.contains(cube_of(i, mean))));
     };
     if (!regions.data[i] && !(other && in(touched)) && !in(refined)) continue;
-    if (!other && now.count < 2 * rest_[i].frozen_count) continue;
+    if (!other && now.count < 2 * details_[i].frozen_count) continue;
     changed |= was != mean;
     still_.data[i] = mean;
-    rest_[i].frozen_count = now.count;
+    details_[i].frozen_count = now.count;
     if (other) now.age = 0;
   }
   return changed;

@@ -4,7 +4,7 @@
 #include <utility>
 #include <vector>
 
-#include "mr/still/regions.h"
+#include "mr/still/connected_components.h"
 
 namespace mr::still {
 namespace {
@@ -22,12 +22,12 @@ bool is_core(const ImageMask& strong, int x, int y) {
 }
 
 ImageMask large_regions(const ImageMask& strong, double scale) {
-  const Regions regions = connected_regions(strong);
+  const ConnectedComponents regions = connected_components(strong);
   std::vector<std::uint32_t> core(regions.pixels.size());
-  for (const Span& s : regions.spans)
+  for (const Run& s : regions.runs)
     for (int x = s.first; x < s.end; ++x) core[s.region] += is_core(strong, x, s.y);
   ImageMask out(strong.width, strong.height);
-  for (const Span& s : regions.spans)
+  for (const Run& s : regions.runs)
     if (regions.pixels[s.region] >= std::max(8.0, kLeastPixels * scale) &&
         core[s.region] >= std::max(1.0, kLeastCore * scale))
       std::fill(out.at(s.first, s.y), out.at(s.first, s.y) + (s.end - s.first), std::uint8_t{1});

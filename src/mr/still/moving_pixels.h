@@ -6,13 +6,14 @@
 
 namespace mr::still {
 
-/// The regions that move (DESIGN section 9): pixels of `strong` that hold together, what is weak
-/// beside them, and pixels without depth that touch either. Scattered pixels, as noise makes them,
-/// are none.
-///   strong    clearly nearer than what stays, or nothing is known to stay there
-///   no_depth  nothing is measured, or nothing that counts: hair and dark clothes have such holes,
-///             which cleaning closes where they are part of what moves
-///   is_weak   (x, y) of a pixel that counts beside strong ones: feet on the floor
+/// The moving regions of a depth picture (DESIGN section 9), by hysteresis thresholding: connected
+/// components of `strong` pixels that are large enough, weak pixels beside them, and pixels without
+/// depth that touch either. Scattered pixels are noise and do not count.
+///   strong    clearly nearer than the background, or the background is unknown
+///   no_depth  no valid depth: hair and dark clothes have such holes, which filtering fills later
+///   if
+///             they are part of a moving region
+///   is_weak   (x, y): whether a pixel counts beside strong ones, such as feet on the floor
 ///   scale     pixels of the picture / (640 · 576)
 ImageMask moving_regions(const ImageMask& strong, const ImageMask& no_depth,
                          const std::function<bool(int, int)>& is_weak, double scale);

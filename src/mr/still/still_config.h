@@ -7,10 +7,11 @@
 
 namespace mr::still {
 
-/// The scene's two surfaces (DESIGN section 9): what stays is kept, what moves is made anew.
+/// The scene's two layers (DESIGN section 9): the still surface is kept, the moving one is
+/// reconstructed from every capture.
 struct StillConfig {
-  bool layers = true;  ///< false: everything is made anew with every capture
-  double after_s = 5;  ///< what stopped becomes part of the room after so long
+  bool layers = true;  ///< false: everything is reconstructed from every capture
+  double after_s = 5;  ///< what stopped moving becomes background after so long
 
   static constexpr Range kAfter_s{0.5, 3600};
   /// What is impossible in it, a line each.

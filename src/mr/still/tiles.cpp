@@ -30,9 +30,9 @@ TileMask confirmed_tiles(const ImageMask& confirmed, const ImageMask& moving) {
   return out;
 }
 
-TileMask unhidden_tiles(const ImageDepth& depth, const ImageMask& moving,
-                        const Camera& depth_camera, const Camera& color_camera,
-                        const Pose& T_color_depth) {
+TileMask unoccluded_tiles(const ImageDepth& depth, const ImageMask& moving,
+                          const Camera& depth_camera, const Camera& color_camera,
+                          const Pose& T_color_depth) {
   constexpr int kStep_px = 2;
   TileMask out = tiles_of(color_camera.width, color_camera.height, kColorTile_px, 1);
   const auto hide = [&](int column, int row) {
@@ -55,7 +55,7 @@ TileMask unhidden_tiles(const ImageDepth& depth, const ImageMask& moving,
   return out;
 }
 
-std::vector<Rect> parts_that_hold(const ImageMask& mask, int around_px) {
+std::vector<Rect> covering_rectangles(const ImageMask& mask, int around_px) {
   constexpr int kStrip_px = 32;
   const int strips = (mask.width + kStrip_px - 1) / kStrip_px;
   std::vector<int> top(static_cast<std::size_t>(strips), mask.height), bottom(top.size(), -1);

@@ -11,18 +11,18 @@ namespace mr::still {
 
 inline constexpr int kDepthTile_px = 8, kColorTile_px = 16;
 
-/// The tiles of a depth picture in which the still surface is measured: most pixels are
-/// `confirmed`, none is `moving`. Masks of one size.
+/// The tiles of a depth picture that measure the still surface: most pixels are `confirmed` and
+/// none is `moving`. Both masks have the picture's size.
 TileMask confirmed_tiles(const ImageMask& confirmed, const ImageMask& moving);
 
-/// The tiles of a colour picture in which nothing that moves shows, one tile around it included.
-/// `depth`, `moving`: of the depth camera, which sees the same moment.
-TileMask unhidden_tiles(const ImageDepth& depth, const ImageMask& moving,
-                        const Camera& depth_camera, const Camera& color_camera,
-                        const Pose& T_color_depth);
+/// The tiles of a colour picture in which no moving surface is visible, nor in a tile beside them.
+/// `depth`, `moving`: of the depth camera at the same moment.
+TileMask unoccluded_tiles(const ImageDepth& depth, const ImageMask& moving,
+                          const Camera& depth_camera, const Camera& color_camera,
+                          const Pose& T_color_depth);
 
-/// Rectangles that together hold all that is set, with `around_px` around it (inside the picture);
-/// they may overlap. Few, and not much larger than they must be where what is set stands upright.
-std::vector<Rect> parts_that_hold(const ImageMask& mask, int around_px);
+/// A few rectangles that cover all set pixels with a margin of `around_px`, clipped to the picture.
+/// They may overlap, and are fairly tight for upright shapes such as people.
+std::vector<Rect> covering_rectangles(const ImageMask& mask, int around_px);
 
 }  // namespace mr::still

@@ -38,14 +38,15 @@ class Builder {
   void sheet(int columns, int rows, Vec2d size_m, MaterialId material,
              const std::function<Vec3d(double, double)>& shape);
 
-  /// Turns a profile of (radius, height), from bottom to top, about the z axis through `foot`.
+  /// A surface of revolution: turns a profile of (radius, height), from bottom to top, about the z
+  /// axis through `foot`.
   void lathe(Vec3d foot, std::span<const Vec2d> profile, int sides, MaterialId material);
   void sphere(Vec3d center, double radius, MaterialId material);
 
-  /// Notes that something fills a block: people and cameras keep clear of it.
+  /// Records a block as occupied, so that people and cameras avoid it.
   void fill(Vec3d low, Vec3d high);
 
-  /// [V] where and in what direction to gather the light of a vertex, world frame.
+  /// [V] where to sample the light that falls on a vertex, and in which direction; world frame.
   const std::vector<Vec3f>& light_places() const { return light_places_; }
   const std::vector<Vec3f>& normals() const { return normals_; }
 

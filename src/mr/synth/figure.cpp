@@ -10,9 +10,9 @@ namespace mr::synth {
 namespace {
 
 /// Adds pieces to a group.
-class Sculptor {
+class FigureBuilder {
  public:
-  Sculptor(Fleshes& out, double blend_m) : out_(out), blend_m_(blend_m) {}
+  FigureBuilder(BodyPrimitives& out, double blend_m) : out_(out), blend_m_(blend_m) {}
 
   void ball(std::size_t bone, Vec3d center, Vec3d radii) {
     out_.push_back({ellipsoid(center, radii), static_cast<std::uint8_t>(bone), blend_m_});
@@ -24,15 +24,15 @@ class Sculptor {
   }
 
  private:
-  Fleshes& out_;
+  BodyPrimitives& out_;
   double blend_m_;
 };
 
-Fleshes mirrored_fleshes(const Fleshes& of_left) {
-  Fleshes out = of_left;
-  for (Flesh& flesh : out) {
-    flesh.solid = mirrored(flesh.solid);
-    flesh.bone = static_cast<std::uint8_t>(flesh.bone + side_bones);
+BodyPrimitives mirrored_primitives(const BodyPrimitives& of_left) {
+  BodyPrimitives out = of_left;
+  for (BodyPrimitive& primitive : out) {
+    primitive.solid = mirrored(primitive.solid);
+    primitive.bone = static_cast<std::uint8_t>(primitive.bone + side_bones);
   }
   return out;
 }
@@ -41,7 +41,7 @@ void build_trunk(Figure& f) {
   const double k = f.physique.bulk, belly = f.physique.belly;
   const bool woman = f.physique.woman;
   const double hips = woman ? 1.07 : 1.0, girth = woman ? 0.88 : 1.0;
-  Sculptor add(f.trunk, 0.06);
+  FigureBuilder add(f.trunk, 0.06);
   add.ball(pelvis, {-0.012, 0, 0.955}, {0.108 * k, 0.155 * k * hips, 0.12});
   add.ball(waist, {-0.008 + 0.4 * belly, 0, 1.09},
            {0.100 * k * girth + 0.6 * belly, 0.135 * k * girth + 0.4 * belly, 0.14});
@@ -62,7 +62,7 @@ void build_trunk(Figure& f) {
 
 void build_neck(Figure& f) {
   const double k = f.physique.woman ? 0.86 : 1.0;
-  Sculptor add(f.neck, 0.03);
+  FigureBuilder add(f.neck, 0.03);
   add.limb(neck, {-0.028, 0, 1.43}, {-0.005, 0, 1.56}, 0.066 * k, 0.056 * k);
   for (const double y : {1.0, -1.0})  // trapezius
     add.limb(chest, {-0.03, y * 0.03, 1.475}, {-0.028, y * 0.11, 1.428}, 0.036 * k, 0.028 * k);
@@ -70,7 +70,7 @@ void build_neck(Figure& f) {
 
 void build_skull(Figure& f) {
   const double jaw = f.physique.jaw * (f.physique.woman ? 0.92 : 1.0);
-  Sculptor add(f.skull, 0.022);
+  FigureBuilder add(f.skull, 0.022);
   add.ball(head, {-0.002, 0, 1.668}, {0.097, 0.074, 0.083});
   add.ball(head, {0.040, 0, 1.625}, {0.055, 0.061, 0.075});
   for (const double y : {1.0, -1.0}) {
@@ -86,7 +86,7 @@ void build_arm(Figure& f) {
   const auto joint = [&](int bone) { return f.skeleton.joint[bone_of(left, bone)]; };
   const Vec3d top = joint(shoulder), elbow = joint(forearm), end = joint(hand);
   const Vec3d upper = elbow - top, lower = end - elbow;
-  Sculptor add(f.arms[left], 0.025);
+  FigureBuilder add(f.arms[left], 0.025);
   add.limb(bone_of(left, shoulder), top, top + upper * 0.5, 0.053 * k, 0.046 * k);
   add.limb(bone_of(left, upper_arm), top + upper * 0.5, elbow, 0.047 * k, 0.038 * k);
   add.limb(bone_of(left, forearm), elbow, elbow + lower * 0.32, 0.037 * k, 0.042 * k);
@@ -102,7 +102,7 @@ void build_hand(Figure& f) {
   const auto joint = [&](int finger, int i) {
     return f.skeleton.joint[finger_bone(left, finger, i)];
   };
-  Sculptor palm(f.hands[left], 0.014), finger(f.hands[left], 0.001);
+  FigureBuilder palm(f.hands[left], 0.014), finger(f.hands[left], 0.001);
   palm.limb(bone_of(left, hand), root, root + axes.ahead * 0.03, 0.0245 * k, 0.022 * k);
   for (int i = 1; i < kFingers; ++i) {
     const Vec3d heel = root + axes.ahead * 0.028 + axes.thumb * ((2.3 - i) * 0.011);
@@ -122,7 +122,7 @@ void build_leg(Figure& f) {
   const auto joint = [&](int bone) { return f.skeleton.joint[bone_of(left, bone)]; };
   const Vec3d hip = joint(thigh), knee = joint(shin), ankle = joint(foot);
   const Vec3d calf = knee + (ankle - knee) * 0.3 + Vec3d{-0.012, 0, 0};
-  Sculptor add(f.legs[left], 0.03);
+  FigureBuilder add(f.legs[left], 0.03);
   add.limb(bone_of(left, thigh), hip + Vec3d{-0.005, 0.004, -0.03}, knee, 0.088 * k, 0.054 * k);
   add.limb(bone_of(left, shin), knee, calf, 0.053 * k, 0.056 * k);
   add.limb(bone_of(left, shin), calf, ankle, 0.056 * k, 0.034);
@@ -132,7 +132,7 @@ void build_foot(Figure& f) {
   const auto joint = [&](int bone) { return f.skeleton.joint[bone_of(left, bone)]; };
   const Vec3d ankle = joint(foot), ball = joint(toes);
   const double y = ankle.y;
-  Sculptor add(f.feet[left], 0.03);
+  FigureBuilder add(f.feet[left], 0.03);
   add.limb(bone_of(left, foot), ankle + Vec3d{0, 0, 0.03}, ankle, 0.040, 0.040);
   add.limb(bone_of(left, foot), {ankle.x - 0.028, y, 0.030}, {ball.x, y + 0.004, 0.026}, 0.036,
            0.044);
@@ -171,15 +171,15 @@ Figure make_figure(const Physique& physique) {
   build_leg(f);
   build_foot(f);
   for (auto* group : {&f.arms, &f.hands, &f.legs, &f.feet})
-    (*group)[right] = mirrored_fleshes((*group)[left]);
+    (*group)[right] = mirrored_primitives((*group)[left]);
   for (const Side side : kSides) f.thighs[side] = {f.legs[side].front()};
   return f;
 }
 
-double distance(std::span<const Flesh> fleshes, Vec3d p) {
-  double d = distance(fleshes.front().solid, p);
-  for (const Flesh& flesh : fleshes.subspan(1))
-    d = smooth_min(d, distance(flesh.solid, p), flesh.blend_m);
+double distance(std::span<const BodyPrimitive> primitives, Vec3d p) {
+  double d = distance(primitives.front().solid, p);
+  for (const BodyPrimitive& primitive : primitives.subspan(1))
+    d = smooth_min(d, distance(primitive.solid, p), primitive.blend_m);
   return d;
 }
 
@@ -214,25 +214,25 @@ double hand_distance(const Figure& f, int side, Vec3d p) {
   std::array<double, kFingers> finger;
   finger.fill(1e9);
   double palm = 1e9;
-  for (const Flesh& flesh : f.hands[side]) {
-    const std::size_t bone = (flesh.bone - middle_bones) % side_bones;
+  for (const BodyPrimitive& primitive : f.hands[side]) {
+    const std::size_t bone = (primitive.bone - middle_bones) % side_bones;
     double& to = bone == hand ? palm : finger[(bone - fingers) / 2];
-    const double d = distance(flesh.solid, p);
-    to = to > 1e8 ? d : smooth_min(to, d, flesh.blend_m);
+    const double d = distance(primitive.solid, p);
+    to = to > 1e8 ? d : smooth_min(to, d, primitive.blend_m);
   }
   double tips = 1e9;
   for (const double d : finger) tips = tips > 1e8 ? d : smooth_min(tips, d, kBetweenFingers_m);
   return smooth_min(palm, tips, 0.010);
 }
 
-Grip grip_of(std::span<const Fleshes* const> groups, Vec3d p, double softness) {
+SkinWeights skin_weights(std::span<const BodyPrimitives* const> groups, Vec3d p, double softness) {
   std::array<double, kBones> nearest;
   nearest.fill(std::numeric_limits<double>::max());
   double least = std::numeric_limits<double>::max();
-  for (const Fleshes* group : groups)
-    for (const Flesh& flesh : *group) {
-      double& d = nearest[flesh.bone];
-      d = std::min(d, distance(flesh.solid, p));
+  for (const BodyPrimitives* group : groups)
+    for (const BodyPrimitive& primitive : *group) {
+      double& d = nearest[primitive.bone];
+      d = std::min(d, distance(primitive.solid, p));
       least = std::min(least, d);
     }
   std::array<std::pair<double, std::uint8_t>, kBones> holds;
@@ -243,12 +243,12 @@ Grip grip_of(std::span<const Fleshes* const> groups, Vec3d p, double softness) {
   std::partial_sort(holds.begin(), holds.begin() + 4, holds.end(), std::greater<>());
   double sum = 0;
   for (int i = 0; i < 4; ++i) sum += holds[i].first;
-  Grip grip;
+  SkinWeights weights;
   for (int i = 0; i < 4; ++i) {
-    grip.bones[i] = holds[i].second;
-    grip.weights[i] = static_cast<float>(holds[i].first / sum);
+    weights.bones[i] = holds[i].second;
+    weights.weights[i] = static_cast<float>(holds[i].first / sum);
   }
-  return grip;
+  return weights;
 }
 
 }  // namespace mr::synth

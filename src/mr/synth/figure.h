@@ -19,42 +19,43 @@ struct Physique {
   double jaw = 1;     ///< width of the jaw, as a factor
 };
 
-/// A piece of the body that a bone carries.
-struct Flesh {
+/// A primitive of the body's implicit surface, attached to a bone.
+struct BodyPrimitive {
   Solid solid;
   std::uint8_t bone;
-  double blend_m;  ///< how roundly it joins the pieces before it
+  double blend_m;  ///< blend radius (smooth minimum) with the primitives before it
 };
-using Fleshes = std::vector<Flesh>;
+using BodyPrimitives = std::vector<BodyPrimitive>;
 
-/// A body 1.75 m tall, standing at rest as its skeleton: what skin and clothes are shaped after.
+/// A body 1.75 m tall in the skeleton's rest pose, as implicit surfaces from which skin and clothes
+/// are made.
 struct Figure {
   Physique physique;
   Skeleton skeleton;
-  Fleshes trunk, neck, skull;  ///< the face's pits (eyes) are not in the skull
-  std::array<Fleshes, 2> arms, hands, legs, feet;
-  std::array<Fleshes, 2> thighs;  ///< the legs' upper parts only: what skirts follow
+  BodyPrimitives trunk, neck, skull;  ///< the skull without eye sockets
+  std::array<BodyPrimitives, 2> arms, hands, legs, feet;
+  std::array<BodyPrimitives, 2> thighs;  ///< the legs' upper parts only, for skirts
 };
 
 Figure make_figure(const Physique& physique);
 
-/// Distance to the skin of a group of pieces.
-double distance(std::span<const Flesh> fleshes, Vec3d p);
+/// Signed distance to the skin of a group of primitives.
+double distance(std::span<const BodyPrimitive> primitives, Vec3d p);
 
-/// Distance to the skin of head and neck: with eyes, ears, nose and mouth.
+/// Signed distance to the skin of head and neck, with eyes, ears, nose and mouth.
 double head_distance(const Figure& figure, Vec3d p);
 
-/// Distance to the skin of a hand: its fingers do not melt into each other.
+/// Signed distance to the skin of a hand, whose fingers are not blended with each other.
 double hand_distance(const Figure& figure, int side, Vec3d p);
 
-/// Which bones carry a point, and how much each.
-struct Grip {
+/// Skinning weights of a vertex: the bones that move it and by how much.
+struct SkinWeights {
   std::array<std::uint8_t, 4> bones{};
   std::array<float, 4> weights{};  ///< sum to 1
 };
 
-/// Shares a point among the bones of the given groups by its distances to their flesh. `softness`
-/// widens the change from bone to bone.
-Grip grip_of(std::span<const Fleshes* const> groups, Vec3d p, double softness);
+/// Skinning weights of a point by its distances to the bones' primitives in the given groups. A
+/// larger `softness` widens the transition from bone to bone.
+SkinWeights skin_weights(std::span<const BodyPrimitives* const> groups, Vec3d p, double softness);
 
 }  // namespace mr::synth

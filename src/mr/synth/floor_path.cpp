@@ -102,7 +102,7 @@ Vec2d FloorPath::point(double along_m) const {
   return points_[i] * (1 - part) + points_[i + 1] * part;
 }
 
-Spot FloorPath::at(double part) const {
+FloorPose FloorPath::at(double part) const {
   constexpr double kRound_m = 0.35, kSamples = 7;  // to either side
   const double along = std::clamp(part, 0.0, 1.0) * length_m();
   Vec2d sum;

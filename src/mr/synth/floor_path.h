@@ -7,16 +7,17 @@
 
 namespace mr::synth {
 
-/// A way through a room that keeps clear of what stands there where it can: corners are rounded.
-class FloorPath final : public Way {
+/// A path through a room that avoids furniture where it can (Dijkstra on a grid), with rounded
+/// corners.
+class FloorPath final : public WalkPath {
  public:
   /// From the first point straight to the second, from there on to the last. At least two points.
   FloorPath(const FloorPlan& plan, Vec2d first, Vec2d second, Vec2d last);
 
   double length_m() const override { return along_.back(); }
-  Spot at(double part) const override;
+  FloorPose at(double part) const override;
 
-  /// The same backwards.
+  /// The same path in the opposite direction.
   FloorPath reversed() const;
 
  private:

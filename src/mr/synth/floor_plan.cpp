@@ -49,25 +49,26 @@ class ClearanceMap {
   std::vector<double> values_;  // [rows * columns]
 };
 
-struct Round {
+struct WalkEllipse {
   Vec2d center, radius;
   double score = 0;
 };
 
-Vec2d on(const Round& round, int sample) {
+Vec2d on(const WalkEllipse& round, int sample) {
   const double a = 2 * std::numbers::pi * sample / kSamples;
   return {round.center.x + round.radius.x * std::cos(a),
           round.center.y + round.radius.y * std::sin(a)};
 }
 
 /// Long rounds with free elbows are good; 0 where somebody would bump into something.
-double score(const Round& round, const ClearanceMap& map, std::span<const Round> taken) {
+double score(const WalkEllipse& round, const ClearanceMap& map,
+             std::span<const WalkEllipse> taken) {
   double narrowest = kBestElbow_m;
   for (int i = 0; i < kSamples; ++i) {
     const Vec2d p = on(round, i);
     narrowest = std::min(narrowest, map.at(p));
     if (narrowest < kElbow_m) return 0;
-    for (const Round& other : taken)
+    for (const WalkEllipse& other : taken)
       for (int j = 0; j < kSamples; j += 2) {
         const Vec2d q = on(other, j);
         if (std::hypot(p.x - q.x, p.y - q.y) < kApart_m) return 0;
@@ -78,17 +79,17 @@ double score(const Round& round, const ClearanceMap& map, std::span<const Round>
 }
 
 /// The best round of a grid of centres and radii.
-std::optional<Round> best_round(const FloorPlan& plan, const ClearanceMap& map,
-                                std::span<const Round> taken) {
+std::optional<WalkEllipse> best_round(const FloorPlan& plan, const ClearanceMap& map,
+                                      std::span<const WalkEllipse> taken) {
   constexpr double kStep = 0.2;
-  Round best;
+  WalkEllipse best;
   const double w = plan.half_width_m(), d = plan.half_depth_m();
   const auto steps = [&](double half) { return static_cast<int>(half / kStep); };
   for (int iy = -steps(d); iy <= steps(d); ++iy)
     for (int ix = -steps(w); ix <= steps(w); ++ix)
       for (double ry = 0.3; ry < std::min(d, 2.6); ry += kStep)
         for (double rx = 0.3; rx < std::min(w, 2.6); rx += kStep) {
-          Round round{{ix * kStep, iy * kStep}, {rx, ry}};
+          WalkEllipse round{{ix * kStep, iy * kStep}, {rx, ry}};
           if (std::abs(round.center.x) + rx > w - kElbow_m ||
               std::abs(round.center.y) + ry > d - kElbow_m)
             continue;
@@ -144,7 +145,7 @@ bool FloorPlan::sees(Vec3d from, Vec3d to) const {
 
 std::vector<Walk> plan_walks(const RigConfig& rig, const FloorPlan& plan) {
   constexpr double kPerPerson_m = 1.6;
-  std::vector<Round> rounds;
+  std::vector<WalkEllipse> rounds;
   std::vector<int> most;  // people that a round has place for
   int places = 0;
   const ClearanceMap map(plan);

@@ -9,17 +9,17 @@
 
 namespace mr::synth {
 
-/// What is free in a room. Points are in the room's frame.
+/// Clearances and visibility in a room, for planning. Points are in the room frame.
 class FloorPlan {
  public:
   FloorPlan(const RigConfig& rig, std::span<const Block> blocks);
 
-  /// Distance to the nearest wall, floor, ceiling or furniture; negative outside, 0 inside of
-  /// something.
+  /// Distance to the nearest wall, floor, ceiling or furniture; negative outside the room, 0 inside
+  /// an object.
   double clearance_m(Vec3d p) const;
-  /// The same for someone upright on the floor; what is flat enough to step over does not count.
+  /// The same for a person standing on the floor; objects low enough to step over do not count.
   double walking_clearance_m(Vec2d p) const;
-  /// Whether nothing stands between two points.
+  /// Line of sight: whether nothing lies between two points.
   bool sees(Vec3d from, Vec3d to) const;
 
   double half_width_m() const { return half_.x; }
@@ -32,8 +32,9 @@ class FloorPlan {
   std::vector<Block> blocks_;  // with T_room_object inverted
 };
 
-/// Rounds through the free part of a room, one per person of the rig: people on the same round
-/// follow each other. Fewer where there is no room to walk. T_world_room and period_s stay default.
+/// Plans elliptic walks through the free part of a room, one per person of the rig; people on the
+/// same ellipse follow each other. Fewer if there is no space to walk. T_world_room and period_s
+/// are left at their defaults.
 std::vector<Walk> plan_walks(const RigConfig& rig, const FloorPlan& plan);
 
 }  // namespace mr::synth

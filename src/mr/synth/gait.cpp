@@ -23,7 +23,7 @@ double part_of(double v) { return v - std::floor(v); }
 // --- the way
 
 /// The ellipse, walked at an even speed.
-class Ellipse final : public Way {
+class Ellipse final : public WalkPath {
  public:
   explicit Ellipse(const Walk& walk) : walk_(walk) {
     double sum = 0;
@@ -37,7 +37,7 @@ class Ellipse final : public Way {
 
   double length_m() const override { return length_[kPieces]; }
 
-  Spot at(double period) const override {
+  FloorPose at(double period) const override {
     const double turns = turns_at(part_of(period));
     const double angle = kTurn * turns, way = walk_.clockwise ? -1 : 1;
     const double dx = -way * walk_.radius.x * std::sin(angle),
@@ -90,11 +90,11 @@ double foot_pitch(double cycle) {
 }
 
 /// The stance of someone who walks along a way.
-class Walker {
+class GaitGenerator {
  public:
-  Walker(const Skeleton& skeleton, const Way& way, int strides, std::uint64_t seed)
-      : skeleton_(skeleton), way_(way), strides_(strides), seed_(seed) {
-    liveliness_ = std::min(1.0, way_.length_m() / strides_ / 1.0);
+  GaitGenerator(const Skeleton& skeleton, const WalkPath& way, int strides, std::uint64_t seed)
+      : skeleton_(skeleton), path_(way), strides_(strides), seed_(seed) {
+    liveliness_ = std::min(1.0, path_.length_m() / strides_ / 1.0);
   }
 
   /// `period`: part of the way. All but the arms.
@@ -118,9 +118,9 @@ class Walker {
 
   /// Where a foot stands in its stride number `stride`: the point under its ankle, while the body
   /// passes over it.
-  Spot footprint(Side side, double stride) const {
+  FloorPose footprint(Side side, double stride) const {
     const double middle = (stride + kMiddle - (side == left ? 0.0 : 0.5)) / strides_;
-    Spot spot = way_.at(middle);
+    FloorPose spot = path_.at(middle);
     const double apart = sign_of(side) * 0.072 * skeleton_.scale;
     const Vec3d offset = spot.facing() * Vec3d{-0.02 * skeleton_.scale, apart, 0};
     spot.place = spot.place + Vec2d{offset.x, offset.y};
@@ -132,7 +132,7 @@ class Walker {
   FootPose foot_pose(Side side) const {
     const double cycles = cycle_of(side, period_), stride = std::floor(cycles), c = cycles - stride;
     const double swing = std::clamp((c - kToeLeaves) / (1 - kToeLeaves), 0.0, 1.0);
-    const Spot from = footprint(side, stride), to = footprint(side, stride + 1);
+    const FloorPose from = footprint(side, stride), to = footprint(side, stride + 1);
     const double moved = smooth_step(0, 1, swing);
     const double veer = std::remainder(to.heading_rad - from.heading_rad, kTurn);
     const Mat3 facing = rotation(kUp, from.heading_rad + veer * moved);
@@ -151,7 +151,7 @@ class Walker {
   void set_trunk() {
     // The body is over the left foot in the middle of the left foot's stance.
     const double c = cycle_of(left, period_) - kMiddle, lively = liveliness_;
-    const Spot spot = way_.at(period_);
+    const FloorPose spot = path_.at(period_);
     const Mat3 facing = spot.facing();
     const Mat3 attitude = facing * rotation(kUp, 0.09 * lively * wave(c - 0.06)) *
                           rotation(kAhead, 0.045 * lively * wave(c + 0.22)) * rotation(kLeft, 0.03);
@@ -174,7 +174,7 @@ class Walker {
   }
 
   const Skeleton& skeleton_;
-  const Way& way_;
+  const WalkPath& path_;
   const int strides_;
   const std::uint64_t seed_;
   double liveliness_ = 1;  ///< less than 1 for short strides
@@ -187,16 +187,17 @@ class Walker {
 Posture posture_at(const Skeleton& skeleton, const Walk& walk, double time_s) {
   const Ellipse way(walk);
   const double period = part_of(time_s / walk.period_s);
-  Walker walker(skeleton, way, strides_of(walk, way.length_m()), walk.seed);
+  GaitGenerator walker(skeleton, way, strides_of(walk, way.length_m()), walk.seed);
   Stance stance = walker.at(period);
   stance.arms = arm_poses(walk.seed, walk.period_s, part_of(period), walker.arm_swing());
   return posture_of(skeleton, stance, walk.T_world_room);
 }
 
-Stance walking_stance(const Skeleton& skeleton, const Way& way, double part, std::uint64_t seed) {
+Stance walking_stance(const Skeleton& skeleton, const WalkPath& way, double part,
+                      std::uint64_t seed) {
   constexpr double kStride_m = 1.2;  // two steps
   const int strides = std::max(1, static_cast<int>(std::lround(way.length_m() / kStride_m)));
-  Walker walker(skeleton, way, strides, seed);
+  GaitGenerator walker(skeleton, way, strides, seed);
   Stance stance = walker.at(part);
   stance.arms = {hanging_arm(walker.arm_swing()), hanging_arm(-walker.arm_swing())};
   return stance;

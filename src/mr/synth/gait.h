@@ -6,22 +6,23 @@
 
 namespace mr::synth {
 
-/// Where someone walks; floor frame.
-class Way {
+/// A path on which someone walks; floor frame.
+class WalkPath {
  public:
-  virtual ~Way() = default;
+  virtual ~WalkPath() = default;
   virtual double length_m() const = 0;
-  /// `part` of the way's length, any number: a way that is closed goes round and round, others end.
-  virtual Spot at(double part) const = 0;
+  /// The pose at a fraction of the length. A closed path is periodic; others clamp to their ends.
+  virtual FloorPose at(double part) const = 0;
 };
 
-/// Where every bone is at a time of a walk: rest → world.
+/// The posture at a time of a walk: for every bone the pose rest → world.
 Posture posture_at(const Skeleton& skeleton, const Walk& walk, double time_s);
 
-/// How someone walks who is at a part of a way, arms swinging.
-Stance walking_stance(const Skeleton& skeleton, const Way& way, double part, std::uint64_t seed);
+/// The stance of a walking person at a fraction of a path, arms swinging.
+Stance walking_stance(const Skeleton& skeleton, const WalkPath& way, double part,
+                      std::uint64_t seed);
 
-/// Is the sole of a foot (0 left, 1 right) flat on the floor then?
+/// Whether the sole of a foot (0 left, 1 right) is flat on the floor at that time.
 bool foot_is_flat(const Walk& walk, int side, double time_s);
 
 }  // namespace mr::synth

@@ -101,22 +101,23 @@ void room_shell(Builder& b, const RigConfig& rig, std::vector<Light>& lights) {
   door(b, rig, 0, door_x);
 
   b.place(at_wall(rig, 1), s);
-  hang(b, lettered("MESHREDUCE", 0xF6F1E3, 0x1B2A49), 0x2A2A2A, 0.0, 1.95, 1.7, 0.42, 0.03);
+  hang_picture(b, lettered("MESHREDUCE", 0xF6F1E3, 0x1B2A49), 0x2A2A2A, 0.0, 1.95, 1.7, 0.42, 0.03);
   Material board = plain(0xF5F5F2, 0.03f);
   board.pattern = Pattern::checker;
   board.accent = linear_color(0x151515);
-  hang(b, board, 0x2A2A2A, 1.3, eye - 0.2, 0.6, 0.42, 0.02);
-  hang(b, landscape(rig.seed * 7 + 1), 0x5A3A22, -1.35, eye - 0.15, 0.6, 0.8, 0.05);
+  hang_picture(b, board, 0x2A2A2A, 1.3, eye - 0.2, 0.6, 0.42, 0.02);
+  hang_picture(b, landscape(rig.seed * 7 + 1), 0x5A3A22, -1.35, eye - 0.15, 0.6, 0.8, 0.05);
 
   b.place(at_wall(rig, 2), s);
-  hang(b, landscape(rig.seed * 7 + 2), 0xC7A252, -0.55, eye, 0.9, 0.6, 0.05);
-  hang(b, landscape(rig.seed * 7 + 3), 0x232323, 0.45, eye, 0.55, 0.6, 0.04);
-  hang(b, lettered("^ ^\nTHIS\nWAY UP", 0xE9B93A, 0x201A12), 0x201A12, 1.6, eye - 0.1, 0.75, 0.95,
-       0.0);
+  hang_picture(b, landscape(rig.seed * 7 + 2), 0xC7A252, -0.55, eye, 0.9, 0.6, 0.05);
+  hang_picture(b, landscape(rig.seed * 7 + 3), 0x232323, 0.45, eye, 0.55, 0.6, 0.04);
+  hang_picture(b, lettered("^ ^\nTHIS\nWAY UP", 0xE9B93A, 0x201A12), 0x201A12, 1.6, eye - 0.1, 0.75,
+               0.95, 0.0);
 
   b.place(at_wall(rig, 3), s);
-  hang(b, lettered("THIS WAY UP ^", 0xF2EEE4, 0xA3271F), 0x6B4A2E, -0.35, 1.7, 1.35, 0.34, 0.03);
-  hang(b, landscape(rig.seed * 7 + 5), 0x6B4A2E, 1.25, eye - 0.1, 0.62, 0.46, 0.04);
+  hang_picture(b, lettered("THIS WAY UP ^", 0xF2EEE4, 0xA3271F), 0x6B4A2E, -0.35, 1.7, 1.35, 0.34,
+               0.03);
+  hang_picture(b, landscape(rig.seed * 7 + 5), 0x6B4A2E, 1.25, eye - 0.1, 0.62, 0.46, 0.04);
 }
 
 void furnish_room(Builder& b, const RigConfig& rig, std::vector<Light>& lights) {

@@ -6,8 +6,8 @@
 #include <cmath>
 #include <numbers>
 
-#include "mr/synth/eye.h"
 #include "mr/synth/hash.h"
+#include "mr/synth/posed_camera.h"
 
 namespace mr::synth {
 namespace {

@@ -9,12 +9,12 @@
 
 namespace mr::synth {
 
-/// What a time-of-flight camera would measure without noise, and where it fails.
+/// The noiseless measurement of a time-of-flight camera, and flags where the real one fails.
 struct DepthTruth {
   enum Flag : std::uint8_t {
     kGrazing = 1,  ///< seen at under 8 degrees: no measurement
-    kDark = 2,     ///< hardly any light comes back: most measurements fail
-    kEdge = 4,     ///< half of them are mixed with what lies beside
+    kDark = 2,     ///< little light is reflected: most measurements fail
+    kEdge = 4,     ///< depth edge: half of the measurements are mixed pixels
   };
 
   int width = 0, height = 0;
@@ -26,22 +26,22 @@ struct DepthTruth {
   DepthTruth(int w, int h);
 };
 
-/// Finds the edges of a part of the picture; `part` may reach over its borders.
+/// Finds the depth edges in a part of the picture; `part` may reach over its borders.
 void find_edges(DepthTruth& truth, Rect part);
 
-/// Whether light of a time-of-flight camera is swallowed by a surface of this linear colour.
+/// Whether a surface of this linear colour reflects too little for a time-of-flight camera.
 bool is_dark(Vec3f color);
 
-/// How a camera measures.
+/// The noise model of a depth camera.
 struct DepthNoise {
   bool on = true;
   Precision precision;
   double near_m = 0, far_m = 0;  ///< beyond is no measurement
   double factor = 1;             ///< times the precision
-  double correlation_px = 0;     ///< pixels r apart: exp(-r² / (2 · this²)); 0: each by itself
+  double correlation_px = 0;  ///< correlation of pixels r apart: exp(-r² / (2 · this²)); 0: none
 };
 
-/// Nearly normal, mean 0, deviation 1, within ±8.
+/// A nearly normal deviate from a hash: mean 0, standard deviation 1, within ±8.
 float normal_deviate(std::uint64_t hash);
 
 /// One frame's measurements in whole millimetres, 0 where there is none. `out`: [H*W]. The same on

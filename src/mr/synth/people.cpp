@@ -14,22 +14,25 @@ namespace {
 
 constexpr std::size_t kRemembered = 4;
 
-/// Appends a body or a prop to a cast.
+/// Appends a body or a prop to a topology.
 template <typename Shape>
-void append(Cast& cast, const Shape& shape) {
-  const auto vertex = static_cast<std::uint32_t>(cast.surface_m.size());
-  const auto material = static_cast<std::uint16_t>(cast.materials.size());
+void append(PeopleTopology& topology, const Shape& shape) {
+  const auto vertex = static_cast<std::uint32_t>(topology.surface_m.size());
+  const auto material = static_cast<std::uint16_t>(topology.materials.size());
   const std::uint32_t surface =
-      cast.surface.empty() ? 0 : *std::max_element(cast.surface.begin(), cast.surface.end()) + 1;
+      topology.surface.empty()
+          ? 0
+          : *std::max_element(topology.surface.begin(), topology.surface.end()) + 1;
   for (const Triangle& t : shape.rest.triangles)
-    cast.triangles.push_back({t[0] + vertex, t[1] + vertex, t[2] + vertex});
+    topology.triangles.push_back({t[0] + vertex, t[1] + vertex, t[2] + vertex});
   for (const std::uint16_t m : shape.material)
-    cast.material.push_back(static_cast<std::uint16_t>(material + m));
-  for (const std::uint32_t s : shape.surface) cast.surface.push_back(surface + s);
-  cast.surface_m.insert(cast.surface_m.end(), shape.surface_m.begin(), shape.surface_m.end());
+    topology.material.push_back(static_cast<std::uint16_t>(material + m));
+  for (const std::uint32_t s : shape.surface) topology.surface.push_back(surface + s);
+  topology.surface_m.insert(topology.surface_m.end(), shape.surface_m.begin(),
+                            shape.surface_m.end());
   for (const Material& m : shape.materials) {
-    cast.materials.push_back(m);
-    cast.dark.push_back(m.emission <= 0 && is_dark(m.color));
+    topology.materials.push_back(m);
+    topology.dark.push_back(m.emission <= 0 && is_dark(m.color));
   }
 }
 
@@ -70,8 +73,9 @@ double wrapped(double time_s, double period_s) {
 
 }  // namespace
 
-Skin PosedPeople::skin(float contrast) const {
-  return {&mesh, cast->material, cast->surface, cast->surface_m, light, materials, contrast, &rays};
+TexturedSurface PosedPeople::surface(float contrast) const {
+  return {&mesh, topology->material, topology->surface, topology->surface_m,
+          light, materials,          contrast,          &rays};
 }
 
 People::People(const RigConfig& rig, double fps, double period_s, std::shared_ptr<const Room> room)
@@ -87,24 +91,24 @@ People::People(const RigConfig& rig, double fps, double period_s, std::shared_pt
 
 std::vector<bool> People::present_at(double script_s) const {
   std::vector<bool> present(bodies_.size(), true);
-  for (const Performance& who : script_.people) present.push_back(who.at(script_s).has_value());
+  for (const ScriptedPerson& who : script_.people) present.push_back(who.at(script_s).has_value());
   for (const ScriptedProp& prop : script_.props)
     present.push_back(prop.T_room_prop(script_s).has_value());
   return present;
 }
 
-std::shared_ptr<const Cast> People::cast_of(const std::vector<bool>& present) {
-  std::shared_ptr<const Cast>& known = casts_[present];
+std::shared_ptr<const PeopleTopology> People::topology_of(const std::vector<bool>& present) {
+  std::shared_ptr<const PeopleTopology>& known = topologies_[present];
   if (known) return known;
-  auto cast = std::make_shared<Cast>();
+  auto topology = std::make_shared<PeopleTopology>();
   std::size_t next = 0;
   for (const Body& body : bodies_)
-    if (present[next++]) append(*cast, body);
-  for (const Performance& who : script_.people)
-    if (present[next++]) append(*cast, who.body);
+    if (present[next++]) append(*topology, body);
+  for (const ScriptedPerson& who : script_.people)
+    if (present[next++]) append(*topology, who.body);
   for (const ScriptedProp& prop : script_.props)
-    if (present[next++]) append(*cast, prop.shape);
-  return known = std::move(cast);
+    if (present[next++]) append(*topology, prop.shape);
+  return known = std::move(topology);
 }
 
 std::shared_ptr<const PosedPeople> People::at(double time_s) {
@@ -120,8 +124,8 @@ std::shared_ptr<const PosedPeople> People::at(double time_s) {
 }
 
 std::shared_ptr<const PosedPeople> People::pose(double walk_s, double script_s) {
-  const auto cast = cast_of(present_at(script_s));
-  if (cast->triangles.empty()) return nullptr;
+  const auto topology = topology_of(present_at(script_s));
+  if (topology->triangles.empty()) return nullptr;
   Posed posed;
   std::vector<Vec3d> feet;
   const Pose T_room_world = room_->T_world_room.inverse();
@@ -130,14 +134,14 @@ std::shared_ptr<const PosedPeople> People::pose(double walk_s, double script_s) 
     feet.push_back(feet_of(positions, T_room_world));
     posed.add(bodies_[i], positions);
   }
-  for (const Performance& who : script_.people)
+  for (const ScriptedPerson& who : script_.people)
     if (const auto stance = who.at(script_s)) {
       const std::vector<Vec3f> positions =
           pose_body(who.body, posture_of(who.body.skeleton, *stance, room_->T_world_room));
       feet.push_back(feet_of(positions, T_room_world));
       posed.add(who.body, positions);
     }
-  std::vector<Material> materials = cast->materials;
+  std::vector<Material> materials = topology->materials;
   std::size_t film = materials.size();  // of the first prop's: props come last
   for (const ScriptedProp& prop : script_.props)
     if (prop.T_room_prop(script_s)) film -= prop.shape.materials.size();
@@ -158,12 +162,12 @@ std::shared_ptr<const PosedPeople> People::pose(double walk_s, double script_s) 
   });
   Mesh mesh;
   mesh.positions = std::move(posed.positions);
-  mesh.triangles = cast->triangles;
+  mesh.triangles = topology->triangles;
   const Mesh* const meshes[] = {&mesh};
   kit::RayScene rays(meshes);
-  return std::make_shared<const PosedPeople>(PosedPeople{cast, std::move(mesh), std::move(light),
-                                                         std::move(materials), std::move(feet),
-                                                         std::move(rays)});
+  return std::make_shared<const PosedPeople>(PosedPeople{topology, std::move(mesh),
+                                                         std::move(light), std::move(materials),
+                                                         std::move(feet), std::move(rays)});
 }
 
 }  // namespace mr::synth

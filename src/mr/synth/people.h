@@ -7,16 +7,16 @@
 #include <vector>
 
 #include "mr/kit/raycast.h"
-#include "mr/synth/painter.h"
 #include "mr/synth/person.h"
+#include "mr/synth/pixel_shader.h"
 #include "mr/synth/room.h"
 #include "mr/synth/script.h"
 
 namespace mr::synth {
 
-/// The parts that never change of those who are there at a time; all arrays one after another:
-/// people who walk, people of events, things of events.
-struct Cast {
+/// The time-invariant mesh data of all people and props present at a time, concatenated: walking
+/// people, people of events, props of events.
+struct PeopleTopology {
   std::vector<Triangle> triangles;      // [T]
   std::vector<std::uint16_t> material;  // [T]
   std::vector<std::uint32_t> surface;   // [T]
@@ -25,32 +25,32 @@ struct Cast {
   std::vector<std::uint8_t> dark;  // [materials] swallows a depth camera's light
 };
 
-/// Everybody at one moment, and the things that events move.
+/// All people and props posed at one moment.
 struct PosedPeople {
-  std::shared_ptr<const Cast> cast;
+  std::shared_ptr<const PeopleTopology> topology;
   Mesh mesh;                        ///< world
   std::vector<Vec3f> light;         ///< [V]
-  std::vector<Material> materials;  ///< the cast's, films at this moment
-  std::vector<Vec3d> feet;          ///< what shades the floor: places on it, room frame
+  std::vector<Material> materials;  ///< the topology's, with films at this moment
+  std::vector<Vec3d> feet;          ///< positions on the floor of contact shadows, room frame
   kit::RayScene rays;
 
-  Skin skin(float contrast) const;
+  TexturedSurface surface(float contrast) const;
 };
 
-/// The people of a rig and what its events move. Cameras that look at the same moment share one
-/// posing. One caller at a time.
+/// The people and props of a rig. Cameras share the posed mesh of a moment (a small cache). Not
+/// thread-safe.
 class People {
  public:
-  /// `period_s`: after so long people who walk are where they were; with `loop` all is.
+  /// `period_s`: the period of walking people and, if the rig loops, of everything.
   People(const RigConfig& rig, double fps, double period_s, std::shared_ptr<const Room> room);
 
-  /// Everybody at a time, also before 0; null where nobody is there and nothing may move.
+  /// The people and props at a time, which may be negative; null if there are none.
   std::shared_ptr<const PosedPeople> at(double time_s);
 
  private:
   /// Who is there: walkers, performers, props.
   std::vector<bool> present_at(double script_s) const;
-  std::shared_ptr<const Cast> cast_of(const std::vector<bool>& present);
+  std::shared_ptr<const PeopleTopology> topology_of(const std::vector<bool>& present);
   std::shared_ptr<const PosedPeople> pose(double walk_s, double script_s);
 
   const std::shared_ptr<const Room> room_;
@@ -59,7 +59,7 @@ class People {
   std::vector<Body> bodies_;
   std::vector<Walk> walks_;  // [bodies_]
   Script script_;
-  std::map<std::vector<bool>, std::shared_ptr<const Cast>> casts_;
+  std::map<std::vector<bool>, std::shared_ptr<const PeopleTopology>> topologies_;
   std::list<std::pair<double, std::shared_ptr<const PosedPeople>>> recent_;  // newest first
 };
 

@@ -7,9 +7,9 @@
 #include <tuple>
 
 #include "mr/core/parallel.h"
+#include "mr/synth/appearance.h"
 #include "mr/synth/figure.h"
 #include "mr/synth/gait.h"
-#include "mr/synth/wardrobe.h"
 
 namespace mr::synth {
 namespace {
@@ -17,13 +17,13 @@ namespace {
 constexpr double kFigureStature_m = 1.75;
 
 /// Puts parts together into one body.
-class Tailor {
+class BodyAssembler {
  public:
-  Tailor(Body& body, double scale) : body_(body), scale_(scale) {}
+  BodyAssembler(Body& body, double scale) : body_(body), scale_(scale) {}
 
-  void add(const Part& part) {
+  void add(const BodyPart& part) {
     const Mesh mesh = polygonize(part.distance, part.grid);
-    const std::vector<Grip> grips = grips_of(part, mesh);
+    const std::vector<SkinWeights> weights = skin_weights_of(part, mesh);
     const std::size_t first_wrap = add_materials(part);
     body_.parts.push_back(static_cast<std::uint32_t>(body_.rest.triangles.size()));
     copies_.clear();
@@ -31,10 +31,10 @@ class Tailor {
     for (const Triangle& t : mesh.triangles) {
       const Vec3d middle = vec_cast<double>(
           (mesh.positions[t[0]] + mesh.positions[t[1]] + mesh.positions[t[2]]) / 3.0f);
-      const int w = part.wrap_of(middle);
+      const int w = part.mapping_of(middle);
       Triangle out;
       for (int i = 0; i < 3; ++i)
-        out[i] = vertex(mesh, grips, t[i], part.wraps[w], w, part.wraps[w].place(middle));
+        out[i] = vertex(mesh, weights, t[i], part.mappings[w], w, part.mappings[w].place(middle));
       body_.rest.triangles.push_back(out);
       body_.material.push_back(static_cast<std::uint16_t>(first_wrap + w));
       body_.surface.push_back(static_cast<std::uint32_t>(first_wrap + w));
@@ -44,42 +44,43 @@ class Tailor {
  private:
   static constexpr std::uint32_t kNone = 0xFFFFFFFFu;
 
-  static std::vector<Grip> grips_of(const Part& part, const Mesh& mesh) {
-    std::vector<Grip> grips(mesh.positions.size());
-    parallel_for(grips.size(), 512, [&](std::size_t begin, std::size_t end) {
+  static std::vector<SkinWeights> skin_weights_of(const BodyPart& part, const Mesh& mesh) {
+    std::vector<SkinWeights> weights(mesh.positions.size());
+    parallel_for(weights.size(), 512, [&](std::size_t begin, std::size_t end) {
       for (std::size_t v = begin; v < end; ++v)
-        grips[v] = grip_of(part.carried_by, vec_cast<double>(mesh.positions[v]), part.softness);
+        weights[v] =
+            skin_weights(part.carried_by, vec_cast<double>(mesh.positions[v]), part.softness);
     });
-    return grips;
+    return weights;
   }
 
   /// Adds the part's materials, sized to their sheets; returns the first one's index.
-  std::size_t add_materials(const Part& part) {
+  std::size_t add_materials(const BodyPart& part) {
     const std::size_t first = body_.materials.size();
-    for (const Wrap& wrap : part.wraps) {
-      body_.materials.push_back(wrap.material);
-      body_.materials.back().size_m = {static_cast<float>(wrap.around_m()),
-                                       static_cast<float>(wrap.height_m)};
+    for (const CylinderMapping& mapping : part.mappings) {
+      body_.materials.push_back(mapping.material);
+      body_.materials.back().size_m = {static_cast<float>(mapping.around_m()),
+                                       static_cast<float>(mapping.height_m)};
     }
     return first;
   }
 
-  /// The copy of a vertex that lies on a wrap, on the side of the seam where `near` is.
-  std::uint32_t vertex(const Mesh& mesh, const std::vector<Grip>& grips, std::uint32_t v,
-                       const Wrap& wrap, int wrap_index, Vec2f near) {
-    const auto around = static_cast<float>(wrap.around_m());
-    Vec2f place = wrap.place(vec_cast<double>(mesh.positions[v]));
+  /// The copy of a vertex that lies on a mapping, on the side of the seam where `near` is.
+  std::uint32_t vertex(const Mesh& mesh, const std::vector<SkinWeights>& weights, std::uint32_t v,
+                       const CylinderMapping& mapping, int mapping_index, Vec2f near) {
+    const auto around = static_cast<float>(mapping.around_m());
+    Vec2f place = mapping.place(vec_cast<double>(mesh.positions[v]));
     const int laps = static_cast<int>(std::lround((near.x - place.x) / around));
     const auto [copy, is_new] = copies_.try_emplace(
-        {v, wrap_index, laps}, static_cast<std::uint32_t>(body_.rest.positions.size()));
+        {v, mapping_index, laps}, static_cast<std::uint32_t>(body_.rest.positions.size()));
     if (!is_new) return copy->second;
     place.x += static_cast<float>(laps) * around;
     if (first_copy_[v] == kNone) first_copy_[v] = copy->second;
     body_.rest.positions.push_back(mesh.positions[v] * static_cast<float>(scale_));
     body_.surface_m.push_back(place);
     body_.place.push_back(first_copy_[v]);
-    body_.bones.push_back(grips[v].bones);
-    body_.weights.push_back(grips[v].weights);
+    body_.bones.push_back(weights[v].bones);
+    body_.weights.push_back(weights[v].weights);
     return copy->second;
   }
 
@@ -139,14 +140,14 @@ DualQuaternion dual_quaternion(const Pose& pose) {
 }  // namespace
 
 Body make_body(std::uint64_t seed) {
-  const Look look = look_of(seed);
-  const Figure figure = make_figure(look.physique);
+  const Appearance appearance = make_appearance(seed);
+  const Figure figure = make_figure(appearance.physique);
   Body body;
-  Tailor tailor(body, look.stature_m / kFigureStature_m);
-  for (const Part& part : parts_of(figure, look)) tailor.add(part);
+  BodyAssembler assembler(body, appearance.stature_m / kFigureStature_m);
+  for (const BodyPart& part : body_parts(figure, appearance)) assembler.add(part);
   body.parts.push_back(static_cast<std::uint32_t>(body.rest.triangles.size()));
   body.skeleton = figure.skeleton;
-  body.skeleton.scale = look.stature_m / kFigureStature_m;
+  body.skeleton.scale = appearance.stature_m / kFigureStature_m;
   for (Vec3d& joint : body.skeleton.joint) joint = joint * body.skeleton.scale;
   return body;
 }

@@ -11,7 +11,7 @@
 
 namespace mr::synth {
 
-/// A clothed person that can be posed: smooth skin over a skeleton. Person frame: metres, x ahead,
+/// A clothed person as a skinned mesh over a skeleton. Person frame: metres, x ahead,
 /// y left, z up, feet on z = 0.
 struct Body {
   Mesh rest;                            ///< arms a little away from the sides
@@ -26,12 +26,11 @@ struct Body {
   Skeleton skeleton;
 };
 
-/// Man or woman, build, hair, clothes and their patterns follow from the seed. Takes about a
-/// second of one core; runs in the caller's arena, the same on any number of threads.
+/// Creates a person; sex, build, hair, clothes and patterns are drawn from the seed. Takes about a
+/// second of one core. Runs in the caller's arena; the same on any number of threads.
 Body make_body(std::uint64_t seed);
 
-/// Where and how a person walks: round and round an ellipse on the floor, gesturing; everything
-/// repeats after `period_s`.
+/// A person's walk: around an ellipse on the floor, gesturing, with period `period_s`.
 struct Walk {
   Pose T_world_room;       ///< floor frame → world, z up, floor at z = 0
   Vec2d center, radius;    ///< metres, floor frame
@@ -41,8 +40,8 @@ struct Walk {
   std::uint64_t seed = 0;  ///< gestures and gait
 };
 
-/// World positions [V] of the body's vertices at a time. Periodic, continuous, feet do not slide
-/// visibly, and the same on every machine.
+/// World positions [V] of the body's vertices at a time, by dual quaternion skinning. Periodic and
+/// continuous; feet do not slide visibly; the same on every machine.
 std::vector<Vec3f> pose_body(const Body& body, const Walk& walk, double time_s);
 
 /// The same in any posture.

@@ -58,8 +58,8 @@ void radiator(Builder& b, double width);
 
 // --- on the walls
 /// A picture or poster with a rim.
-void hang(Builder& b, Material front, std::uint32_t rim_color, double x, double z, double width,
-          double height, double rim_m);
+void hang_picture(Builder& b, Material front, std::uint32_t rim_color, double x, double z,
+                  double width, double height, double rim_m);
 /// With curtains; a light of the room. In the frame of wall 0.
 void window(Builder& b, const RigConfig& rig, double x, std::vector<Light>& lights);
 /// The frame alone where events open it (doorway.h). In the frame of a wall.

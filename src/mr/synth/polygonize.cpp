@@ -16,7 +16,7 @@ constexpr double kSteepest = 1.4;
 constexpr int kRelaxRounds = 4;
 
 /// Distances at the nodes of a grid.
-struct Lattice {
+struct DistanceGrid {
   const Grid& grid;
   Vec3i size;
   std::vector<double> value;
@@ -30,23 +30,24 @@ struct Lattice {
 };
 
 /// Fills a block; where its centre is far from the surface all nodes get the centre's distance.
-void sample_block(const DistanceFunction& distance, Lattice& lattice, Vec3i low) {
-  const Vec3i high = min(low + Vec3i{kBlock, kBlock, kBlock}, lattice.size);
-  const Vec3d first = lattice.place(low.x, low.y, low.z),
-              last = lattice.place(high.x - 1, high.y - 1, high.z - 1);
+void sample_block(const DistanceFunction& distance, DistanceGrid& distances, Vec3i low) {
+  const Vec3i high = min(low + Vec3i{kBlock, kBlock, kBlock}, distances.size);
+  const Vec3d first = distances.place(low.x, low.y, low.z),
+              last = distances.place(high.x - 1, high.y - 1, high.z - 1);
   const double middle = distance((first + last) * 0.5);
   const bool far_away = std::abs(middle) > kSteepest * 0.5 * length(last - first) + 0.012;
   for (int z = low.z; z < high.z; ++z)
     for (int y = low.y; y < high.y; ++y)
       for (int x = low.x; x < high.x; ++x)
-        lattice.value[lattice.node(x, y, z)] = far_away ? middle : distance(lattice.place(x, y, z));
+        distances.value[distances.node(x, y, z)] =
+            far_away ? middle : distance(distances.place(x, y, z));
 }
 
-Lattice sample(const DistanceFunction& distance, const Grid& grid) {
+DistanceGrid sample(const DistanceFunction& distance, const Grid& grid) {
   const auto count = [&](int axis) { return static_cast<std::int32_t>(grid.planes[axis].size()); };
-  Lattice lattice{grid, {count(0), count(1), count(2)}, {}};
-  const Vec3i size = lattice.size;
-  lattice.value.resize(static_cast<std::size_t>(size.x) * size.y * size.z);
+  DistanceGrid distances{grid, {count(0), count(1), count(2)}, {}};
+  const Vec3i size = distances.size;
+  distances.value.resize(static_cast<std::size_t>(size.x) * size.y * size.z);
   const int columns = (size.x + kBlock - 1) / kBlock, rows = (size.y + kBlock - 1) / kBlock,
             layers = (size.z + kBlock - 1) / kBlock;
   const auto blocks = static_cast<std::size_t>(columns) * rows * layers;
@@ -54,11 +55,11 @@ Lattice sample(const DistanceFunction& distance, const Grid& grid) {
     for (std::size_t i = begin; i < end; ++i) {
       const int b = static_cast<int>(i);
       sample_block(
-          distance, lattice,
+          distance, distances,
           {b % columns * kBlock, b / columns % rows * kBlock, b / columns / rows * kBlock});
     }
   });
-  return lattice;
+  return distances;
 }
 
 /// Corners of a cell are numbered by their bits: x + 2y + 4z. Faces counter-clockwise from outside.
@@ -92,11 +93,11 @@ std::array<int, kCellEdges> polygon_steps(unsigned inside) {
 
 class MarchingCubes {
  public:
-  explicit MarchingCubes(const Lattice& lattice)
-      : lattice_(lattice), vertex_(3 * lattice.value.size(), kNone) {}
+  explicit MarchingCubes(const DistanceGrid& distances)
+      : distances_(distances), vertex_(3 * distances.value.size(), kNone) {}
 
   Mesh run() {
-    const Vec3i size = lattice_.size;
+    const Vec3i size = distances_.size;
     for (int z = 0; z + 1 < size.z; ++z)
       for (int y = 0; y + 1 < size.y; ++y)
         for (int x = 0; x + 1 < size.x; ++x) cell(x, y, z);
@@ -104,7 +105,7 @@ class MarchingCubes {
   }
 
  private:
-  double value(int x, int y, int z) const { return lattice_.value[lattice_.node(x, y, z)]; }
+  double value(int x, int y, int z) const { return distances_.value[distances_.node(x, y, z)]; }
 
   void cell(int x, int y, int z) {
     unsigned inside = 0;
@@ -129,14 +130,14 @@ class MarchingCubes {
   std::uint32_t vertex(int x, int y, int z, int edge) {
     const int axis = edge / 8, c = edge % 8;
     x += c & 1, y += c >> 1 & 1, z += c >> 2;
-    std::uint32_t& index = vertex_[3 * lattice_.node(x, y, z) + axis];
+    std::uint32_t& index = vertex_[3 * distances_.node(x, y, z) + axis];
     if (index != kNone) return index;
     index = static_cast<std::uint32_t>(mesh_.positions.size());
     const int x2 = x + (axis == 0), y2 = y + (axis == 1), z2 = z + (axis == 2);
     const double from = value(x, y, z), to = value(x2, y2, z2);
     const double t = std::clamp(from / (from - to), 0.1, 0.9);
     mesh_.positions.push_back(
-        vec_cast<float>(lattice_.place(x, y, z) * (1 - t) + lattice_.place(x2, y2, z2) * t));
+        vec_cast<float>(distances_.place(x, y, z) * (1 - t) + distances_.place(x2, y2, z2) * t));
     return index;
   }
 
@@ -155,7 +156,7 @@ class MarchingCubes {
       mesh_.triangles.push_back({middle, polygon_[i], polygon_[(i + 1) % n]});
   }
 
-  const Lattice& lattice_;
+  const DistanceGrid& distances_;
   std::vector<std::uint32_t> vertex_;  ///< [3 * nodes] of the edge from a node along an axis
   Mesh mesh_;
   std::vector<std::uint32_t> polygon_;
@@ -220,8 +221,8 @@ std::vector<double> planes(double low, double high, double coarse, double fine_l
 }
 
 Mesh polygonize(const DistanceFunction& distance, const Grid& grid) {
-  const Lattice lattice = sample(distance, grid);
-  Mesh mesh = MarchingCubes(lattice).run();
+  const DistanceGrid distances = sample(distance, grid);
+  Mesh mesh = MarchingCubes(distances).run();
   const auto& x = grid.planes[0];
   const double most_m = (x.back() - x.front()) / static_cast<double>(x.size());
   for (int i = 0; i < kRelaxRounds; ++i) relax(distance, mesh, 0.5 * most_m);

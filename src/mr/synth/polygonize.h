@@ -8,7 +8,7 @@
 
 namespace mr::synth {
 
-/// Planes across the three axes of a frame: a grid that may be finer in places.
+/// A rectilinear grid: planes across the three axes of a frame, which may be denser in places.
 struct Grid {
   Pose T_person_grid;
   std::array<std::vector<double>, 3> planes;  ///< metres, increasing
@@ -22,9 +22,10 @@ std::vector<double> planes(double low, double high, double coarse, double fine_l
 
 using DistanceFunction = std::function<double(Vec3d)>;
 
-/// The surface where `distance` (of a point of the person frame, negative inside, no steeper than
-/// about 1.3) is zero: marching cubes, then vertices spread evenly along the surface. Closed and
-/// manifold if the solid stays inside the grid; the same on any number of threads.
+/// Polygonizes the zero level set of `distance` (of a point in the person frame, negative inside,
+/// gradient at most about 1.3) by marching cubes, then relaxes vertices tangentially for evenly
+/// shaped triangles. Closed and manifold if the solid lies inside the grid; the same on any number
+/// of threads.
 Mesh polygonize(const DistanceFunction& distance, const Grid& grid);
 
 }  // namespace mr::synth

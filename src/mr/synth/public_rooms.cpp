@@ -44,7 +44,7 @@ void extinguisher(Builder& b, double x) {
   b.lathe({x, -0.09, 0}, bottle, 24, b.add(plain(0xC8261E, 0.05f)));
   const std::array<Vec3d, 3> hose{{{x, -0.09, 1.0}, {x + 0.09, -0.1, 0.95}, {x + 0.1, -0.1, 0.68}}};
   tube(b, hose, 0.009, b.add(plain(0x303034, 0.05f)));
-  hang(b, lettered("FIRE", 0xC8261E, 0xFFFFFF), 0xC8261E, x, 1.5, 0.24, 0.16, 0);
+  hang_picture(b, lettered("FIRE", 0xC8261E, 0xFFFFFF), 0xC8261E, x, 1.5, 0.24, 0.16, 0);
 }
 
 /// Doors with numbers along a wall; leaves the ends free.
@@ -56,8 +56,8 @@ void doors(Builder& b, const RigConfig& rig, int wall, int first_number) {
     b.place(at_wall(rig, wall));
     door(b, rig, wall, x);
     const std::string number = std::to_string(first_number + 2 * i);
-    hang(b, lettered("ROOM " + number, 0x2B4A6B, 0xF5F5F2), 0x2B4A6B, x + 0.78, 1.62, 0.36, 0.14,
-         0);
+    hang_picture(b, lettered("ROOM " + number, 0x2B4A6B, 0xF5F5F2), 0x2B4A6B, x + 0.78, 1.62, 0.36,
+                 0.14, 0);
   }
 }
 
@@ -65,7 +65,7 @@ void exit_sign(Builder& b, const RigConfig& rig, int wall) {
   Material sign = lettered("EXIT ^", 0x1E7A46, 0xF5FFF5);
   sign.emission = 0.9f;
   b.place(at_wall(rig, wall));
-  hang(b, sign, 0xD8D8D4, 0, std::min(2.28, rig.room_m.z - 0.25), 0.5, 0.18, 0.01);
+  hang_picture(b, sign, 0xD8D8D4, 0, std::min(2.28, rig.room_m.z - 0.25), 0.5, 0.18, 0.01);
 }
 
 /// A coat that hangs from a hook: a narrow, folded sheet.
@@ -145,10 +145,11 @@ void corridor(Builder& b, const RigConfig& rig, std::vector<Light>& lights) {
   doors(b, rig, side.opposite, 102);
   exit_sign(b, rig, side.end);
   b.place(at_wall(rig, side.end));
-  if (side.width >= 1.4) hang(b, landscape(rig.seed * 7 + 1), 0x5A3A22, 0, 1.5, 0.8, 0.6, 0.04);
+  if (side.width >= 1.4)
+    hang_picture(b, landscape(rig.seed * 7 + 1), 0x5A3A22, 0, 1.5, 0.8, 0.6, 0.04);
   b.place(at_wall(rig, side.start));
-  hang(b, lettered("MESHREDUCE\nTHIS WAY ^", 0xF6F1E3, 0x1B2A49), 0x2A2A2A, 0, 1.65,
-       std::min(1.3, side.width - 0.4), 0.5, 0.03);
+  hang_picture(b, lettered("MESHREDUCE\nTHIS WAY ^", 0xF6F1E3, 0x1B2A49), 0x2A2A2A, 0, 1.65,
+               std::min(1.3, side.width - 0.4), 0.5, 0.03);
   const int doors_here = std::max(1, static_cast<int>((side.length - 1.2) / 2.8));
   const auto between = [&](int i) {  // two doors
     return (static_cast<double>(i + 1) / doors_here - 0.5) * (side.length - 0.8);
@@ -186,10 +187,11 @@ void hallway(Builder& b, const RigConfig& rig, std::vector<Light>& lights) {
   b.place(at_wall(rig, 2, w - kSteps * 0.28));
   stairs(b, 1.0, kSteps, 0.17);
   b.place(at_wall(rig, 2, -0.55 * w));
-  hang(b, lettered("WELCOME", 0xF6F1E3, 0xA3271F), 0x6B4A2E, 0, 1.8, std::min(1.5, w), 0.4, 0.03);
+  hang_picture(b, lettered("WELCOME", 0xF6F1E3, 0xA3271F), 0x6B4A2E, 0, 1.8, std::min(1.5, w), 0.4,
+               0.03);
   b.place(at_wall(rig, 3));
-  hang(b, landscape(rig.seed * 7 + 2), 0xC7A252, -0.3 * d, 1.55, 1.0, 0.7, 0.05);
-  hang(b, landscape(rig.seed * 7 + 3), 0x232323, 0.45 * d, 1.55, 0.6, 0.8, 0.04);
+  hang_picture(b, landscape(rig.seed * 7 + 2), 0xC7A252, -0.3 * d, 1.55, 1.0, 0.7, 0.05);
+  hang_picture(b, landscape(rig.seed * 7 + 3), 0x232323, 0.45 * d, 1.55, 0.6, 0.8, 0.04);
   b.place({});
   if (w > 2.3 && d > 2.3)
     for (const double x : {-0.55, 0.55}) column(b, rig, {x * w, 0.62 * d});

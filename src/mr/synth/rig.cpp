@@ -43,7 +43,7 @@ Pose color_from_depth() {
 }
 
 /// Where a camera is and what it looks at; room frame.
-struct Stand {
+struct CameraPlacement {
   Vec3d eye, target;
 };
 
@@ -65,7 +65,7 @@ Vec3d nearest_free(const FloorPlan& plan, Vec3d wanted) {
 
 /// Camera `i` of `n` on a rectangle near the walls: four stand in the corners, eight in the
 /// middles of the walls as well.
-Stand around(const RigConfig& rig, const FloorPlan& plan, int i, int n) {
+CameraPlacement around(const RigConfig& rig, const FloorPlan& plan, int i, int n) {
   const double inset = 0.3, w = rig.room_m.x / 2 - inset, d = rig.room_m.y / 2 - inset;
   const Vec2d corners[] = {{-w, -d}, {w, -d}, {w, d}, {-w, d}, {-w, -d}};
   const double along = 4.0 * i / n;
@@ -97,7 +97,7 @@ Vec3d free_target(const FloorPlan& plan, Vec3d eye, double azimuth) {
 }
 
 /// Camera `i` of `n` below the ceiling, in a grid of about square cells.
-Stand in_grid(const RigConfig& rig, const FloorPlan& plan, int i, int n) {
+CameraPlacement in_grid(const RigConfig& rig, const FloorPlan& plan, int i, int n) {
   const double w = rig.room_m.x, d = rig.room_m.y;
   const int nx = std::clamp(static_cast<int>(std::lround(std::sqrt(n * w / d))), 1, n);
   const int ny = (n + nx - 1) / nx;
@@ -118,7 +118,8 @@ Stand in_grid(const RigConfig& rig, const FloorPlan& plan, int i, int n) {
 
 SensorConfig kinect(const RigConfig& rig, const FloorPlan& plan, int i) {
   const bool grid = rig.sensors > kMostAround || rig.kind == RigConfig::Kind::corridor;
-  const Stand stand = grid ? in_grid(rig, plan, i, rig.sensors) : around(rig, plan, i, rig.sensors);
+  const CameraPlacement stand =
+      grid ? in_grid(rig, plan, i, rig.sensors) : around(rig, plan, i, rig.sensors);
   SensorConfig sensor;
   sensor.depth_camera = depth_camera(rig);
   sensor.color_camera = color_camera(rig);

@@ -6,7 +6,7 @@
 #include "mr/core/sensor_config.h"
 #include "mr/synth/rig_config.h"
 
-/// The errors that a rig injects, drawn from its seed, one set per sensor.
+/// The errors injected into a rig, drawn from its seed, one set per sensor.
 namespace mr::synth {
 
 /// What turns a sensor's true pose into the one it states: T_world_stated = T_world_true * this.
@@ -22,7 +22,7 @@ Pose push_of(const RigConfig& rig, const RigEvent& event, std::uint32_t sensor);
 /// and blue within a further quarter of it.
 Vec3f exposure_gain(const RigConfig& rig, std::uint32_t sensor);
 
-/// How much later than stated a sensor looks, within ± clock_offset_ms.
+/// Clock error: how much later than stated a sensor captures, within ± clock_offset_ms.
 double clock_error_s(const RigConfig& rig, std::uint32_t sensor);
 
 /// The sensors of rig_sensors() with their true poses.

@@ -26,14 +26,14 @@ Pose room_pose() {
 
 namespace {
 
-struct Built {
+struct BuiltRoom {
   Room room;
   std::vector<Vec3f> light_places, normals;  // [V]
   std::vector<Light> lights;
 };
 
-Built build(const RigConfig& rig) {
-  Built built;
+BuiltRoom build(const RigConfig& rig) {
+  BuiltRoom built;
   built.room.detail = rig.detail;
   built.room.T_world_room = room_pose();
   Builder builder(built.room);
@@ -48,7 +48,7 @@ Built build(const RigConfig& rig) {
 Room build_room(const RigConfig& rig) { return build(rig).room; }
 
 Room make_room(const RigConfig& rig) {
-  Built built = build(rig);
+  BuiltRoom built = build(rig);
   Room& room = built.room;
   const Mesh* const meshes[] = {&room.mesh};
   room.rays = std::make_shared<const kit::RayScene>(meshes);

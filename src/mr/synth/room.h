@@ -20,13 +20,13 @@ class RayScene;
 
 namespace mr::synth {
 
-/// A block that something in the room fills; in the object's frame, metres.
+/// The oriented bounding box of something in the room; in the object's frame, metres.
 struct Block {
   Pose T_room_object;
   Vec3d low, high;
 };
 
-/// Light at points of a grid through the room, from six sides: what falls on someone who walks.
+/// Light probes (ambient cubes) on a grid through the room, for the irradiance of moving objects.
 struct LightProbes {
   Vec3d low, step;                          ///< room frame, metres
   Vec3i count;                              ///< 0: none were baked
@@ -43,11 +43,11 @@ struct Room {
   std::vector<Vec2f> surface_m;  ///< [V] place on that sheet: right and up, seen from outside
   std::vector<Vec3f> light;      ///< [V] diffuse light that arrives, shadows included
   std::vector<Material> materials;
-  std::vector<Block> blocks;                  ///< what people and cameras must keep clear of
+  std::vector<Block> blocks;                  ///< obstacles for people and cameras
   LightProbes probes;                         ///< baked where the rig has people or events
   double detail = 0.5;                        ///< contrast of the 1/f noise
   Pose T_world_room;                          ///< room frame: walls along the axes, floor at z = 0
-  std::shared_ptr<const kit::RayScene> rays;  ///< the mesh, ready for casting
+  std::shared_ptr<const kit::RayScene> rays;  ///< the mesh, for ray casting
 };
 
 /// Takes a few tenths of a second; runs in the caller's arena, the same on any number of threads.
@@ -74,10 +74,10 @@ struct SyntheticSource {
 /// off from those that the pictures are rendered from.
 std::vector<SensorConfig> rig_sensors(const RigConfig& rig);
 
-/// Names everything that a rig's pictures depend on, this version of the rig included.
+/// A hash of everything that a rig's pictures depend on, including the version of this module.
 std::uint64_t rig_key(const RigConfig& rig, double fps);
 
-/// Where a rig keeps what it has rendered.
+/// The cache of a rig's rendered pictures.
 struct RigCache {
   std::filesystem::path folder;  ///< of all rigs; empty: nothing is kept
   /// When set, open_rig() renders what the cache lacks before it returns and tells how far it is;

@@ -5,18 +5,18 @@
 #include <numbers>
 #include <utility>
 
-#include "mr/synth/eye.h"
+#include "mr/synth/appearance.h"
 #include "mr/synth/floor_path.h"
 #include "mr/synth/hash.h"
+#include "mr/synth/posed_camera.h"
 #include "mr/synth/rig_errors.h"
 #include "mr/synth/solid.h"
-#include "mr/synth/wardrobe.h"
 
 namespace mr::synth {
 namespace {
 
 using Kind = RigEvent::Kind;
-using Act = Performance::Act;
+using Action = ScriptedPerson::Action;
 
 constexpr double kPace_mps = 1.15;
 constexpr double kDoor_s = 1;  // to open or to close
@@ -32,11 +32,11 @@ double distance(Vec2d a, Vec2d b) { return std::hypot(a.x - b.x, a.y - b.y); }
 double degrees(double radians) { return radians * 180 / std::numbers::pi; }
 
 /// Acts one after another, from time 0; moved to their place in time at the end.
-class Choreography {
+class ActionSequence {
  public:
-  explicit Choreography(const Skeleton& skeleton) : skeleton_(skeleton) {}
+  explicit ActionSequence(const Skeleton& skeleton) : skeleton_(skeleton) {}
 
-  double now_s() const { return acts_.empty() ? 0 : acts_.back().end_s; }
+  double now_s() const { return actions_.empty() ? 0 : actions_.back().end_s; }
   const Stance& last() const { return last_; }
 
   void begin_at(Stance stance) { last_ = std::move(stance); }
@@ -58,7 +58,7 @@ class Choreography {
   }
 
   /// On the spot, in steps of at most 60 degrees. `hold_arms`: as they are.
-  void turn_to(Spot spot, double heading, bool hold_arms = false) {
+  void turn_to(FloorPose spot, double heading, bool hold_arms = false) {
     const double turn = std::remainder(heading - spot.heading_rad, 2 * std::numbers::pi);
     const int steps = static_cast<int>(std::ceil(std::abs(turn) / 1.05));
     const auto arms = last_.arms;
@@ -82,33 +82,34 @@ class Choreography {
     last_ = stance(1);
   }
 
-  /// The acts such that `now` of the choreography becomes `time_s`.
-  std::vector<Act> timed(double now, double time_s) const {
-    std::vector<Act> out = acts_;
-    for (Act& act : out) act.begin_s += time_s - now, act.end_s += time_s - now;
+  /// The actions such that `now` of the sequence becomes `time_s`.
+  std::vector<Action> timed(double now, double time_s) const {
+    std::vector<Action> out = actions_;
+    for (Action& action : out) action.begin_s += time_s - now, action.end_s += time_s - now;
     return out;
   }
 
  private:
   void add(double seconds, std::function<Stance(double)> stance) {
-    acts_.push_back({now_s(), now_s() + seconds, std::move(stance)});
+    actions_.push_back({now_s(), now_s() + seconds, std::move(stance)});
   }
 
   const Skeleton& skeleton_;
-  std::vector<Act> acts_;
+  std::vector<Action> actions_;
   Stance last_;
 };
 
 /// Somebody in trousers: a skirt does not sit down well.
 Body body_of(std::uint64_t seed) {
-  while (look_of(seed).bottom == Bottom::skirt || look_of(seed).top == Top::coat) seed = mix(seed);
+  while (make_appearance(seed).bottom == Bottom::skirt || make_appearance(seed).top == Top::coat)
+    seed = mix(seed);
   return make_body(seed);
 }
 
-class Director {
+class ScriptBuilder {
  public:
-  Director(const RigConfig& rig, double fps, std::span<const Block> blocks,
-           std::span<const Walk> walks)
+  ScriptBuilder(const RigConfig& rig, double fps, std::span<const Block> blocks,
+                std::span<const Walk> walks)
       : rig_(rig),
         fps_(fps),
         blocks_(blocks),
@@ -183,7 +184,7 @@ class Director {
   int seen_by(Vec2d place) const {
     constexpr double kNear_m = 1.5, kFar_m = 4.5;
     int sum = 0;
-    for (const Eye& eye : cameras_) {
+    for (const PosedCamera& eye : cameras_) {
       const Vec3d from = eye.T_world_camera.translation;
       const double far = distance(place, {from.x, from.y});
       bool sees = far > kNear_m && far < kFar_m;
@@ -252,25 +253,25 @@ class Director {
   }
 
   /// In through the door; ends standing at the way's end. The choreography begins with it.
-  void come_in(Choreography& acts, const Skeleton& skeleton, const FloorPath& path) const {
-    acts.begin_at(standing_stance(skeleton, path.at(0)));
-    acts.hold(kDoor_s);
-    acts.walk(std::make_shared<const FloorPath>(path), seed_);
-    acts.go_to(standing_stance(skeleton, path.at(1)), 0.5, false, true);
+  void come_in(ActionSequence& actions, const Skeleton& skeleton, const FloorPath& path) const {
+    actions.begin_at(standing_stance(skeleton, path.at(0)));
+    actions.hold(kDoor_s);
+    actions.walk(std::make_shared<const FloorPath>(path), seed_);
+    actions.go_to(standing_stance(skeleton, path.at(1)), 0.5, false, true);
   }
 
   /// Out through the door from where the stance of last() faces the way.
-  void go_out(Choreography& acts, const FloorPath& path, bool hold_arms = false) const {
-    acts.walk(std::make_shared<const FloorPath>(path), mix(seed_), hold_arms);
-    acts.hold(kDoor_s);
+  void go_out(ActionSequence& actions, const FloorPath& path, bool hold_arms = false) const {
+    actions.walk(std::make_shared<const FloorPath>(path), mix(seed_), hold_arms);
+    actions.hold(kDoor_s);
   }
 
   /// Somebody's whole performance; the door opens for them.
-  void perform(Body body, std::vector<Act> acts) {
+  void perform(Body body, std::vector<Action> actions) {
     const double through_s = kDoor_s + 0.4 + (kBehindDoor_m + kBeforeDoor_m) / kPace_mps;
-    open_door(acts.front().begin_s, acts.front().begin_s + through_s);
-    open_door(acts.back().end_s - through_s - kDoor_s, acts.back().end_s - kDoor_s);
-    script_.people.push_back({std::move(body), std::move(acts)});
+    open_door(actions.front().begin_s, actions.front().begin_s + through_s);
+    open_door(actions.back().end_s - through_s - kDoor_s, actions.back().end_s - kDoor_s);
+    script_.people.push_back({std::move(body), std::move(actions)});
   }
 
   void open_door(double begin_s, double end_s) { open_s_.push_back({begin_s, end_s}); }
@@ -304,26 +305,26 @@ class Director {
         {chair_prop(0xC2703D), [chair](double) { return std::optional(chair); }, {}});
 
     const FloorPath path = way_in(place_ + direction(facing) * kSitterFeet_m);
-    const Spot before{path.at(1).place, facing}, seat{place_, facing};
+    const FloorPose before{path.at(1).place, facing}, seat{place_, facing};
     const Stance upright = seated_stance(skeleton, seat, kSeat_m, kSitterFeet_m, 0),
                  leaning = seated_stance(skeleton, seat, kSeat_m, kSitterFeet_m, 0.28);
     const Stance stand = standing_stance(skeleton, before);
     const Stance crouch = crouching_stance(skeleton, stand, upright);
-    Choreography acts(skeleton);
-    come_in(acts, skeleton, path);
-    acts.turn_to(path.at(1), facing);
-    acts.go_to(crouch, 0.6, true, false);
-    acts.go_to(upright, 0.7, false, true);
-    acts.go_to(leaning, 0.8);
-    const double seated_s = acts.now_s();
-    acts.hold(event_->frames / fps_);
-    acts.go_to(upright, 0.7);
-    acts.go_to(crouch, 0.6, true, false);
-    acts.go_to(stand, 0.7, false, true);
+    ActionSequence actions(skeleton);
+    come_in(actions, skeleton, path);
+    actions.turn_to(path.at(1), facing);
+    actions.go_to(crouch, 0.6, true, false);
+    actions.go_to(upright, 0.7, false, true);
+    actions.go_to(leaning, 0.8);
+    const double seated_s = actions.now_s();
+    actions.hold(event_->frames / fps_);
+    actions.go_to(upright, 0.7);
+    actions.go_to(crouch, 0.6, true, false);
+    actions.go_to(stand, 0.7, false, true);
     const FloorPath out = path.reversed();
-    acts.turn_to(before, out.at(0).heading_rad);
-    go_out(acts, out);
-    perform(std::move(body), acts.timed(seated_s, begin_s()));
+    actions.turn_to(before, out.at(0).heading_rad);
+    go_out(actions, out);
+    perform(std::move(body), actions.timed(seated_s, begin_s()));
   }
 
   void move_chair() {
@@ -356,32 +357,32 @@ class Director {
     const Skeleton skeleton = body.skeleton;
     const double arrival = way_in(place_).at(1).heading_rad;
     const FloorPath path = way_in(place_ - direction(arrival) * kBoxAhead_m);
-    const Spot before = path.at(1);
+    const FloorPose before = path.at(1);
     const Vec2d box = before.place + direction(before.heading_rad) * kBoxAhead_m;
     const Stance reaching = reaching_stance(skeleton, before);
     Stance holding = standing_stance(skeleton, before);
     holding.arms = holding_arms();
     const double lift_s = 0.9;
-    Choreography acts(skeleton);
-    come_in(acts, skeleton, path);
-    acts.go_to(reaching, 0.9);
-    const double reached_s = acts.now_s();
-    acts.go_to(holding, lift_s);
+    ActionSequence actions(skeleton);
+    come_in(actions, skeleton, path);
+    actions.go_to(reaching, 0.9);
+    const double reached_s = actions.now_s();
+    actions.go_to(holding, lift_s);
     const FloorPath out = path.reversed();
-    acts.turn_to(before, out.at(0).heading_rad, true);
-    go_out(acts, out, true);
-    Performance who{{}, acts.timed(reached_s, begin_s())};
+    actions.turn_to(before, out.at(0).heading_rad, true);
+    go_out(actions, out, true);
+    ScriptedPerson who{{}, actions.timed(reached_s, begin_s())};
     const Pose on_floor = standing({box.x, box.y, 0}, degrees(before.heading_rad));
     script_.props.push_back({box_prop(),
                              [who, on_floor, begin = begin_s(), lift_s](double t) {
                                return box_at(who, on_floor, begin, lift_s, t);
                              },
                              {}});
-    perform(std::move(body), std::move(who.acts));
+    perform(std::move(body), std::move(who.actions));
   }
 
   /// A box that somebody lifts from `begin_s` on.
-  static std::optional<Pose> box_at(const Performance& who, const Pose& on_floor, double begin_s,
+  static std::optional<Pose> box_at(const ScriptedPerson& who, const Pose& on_floor, double begin_s,
                                     double lift_s, double time_s) {
     if (time_s < begin_s) return on_floor;
     const auto stance = who.at(time_s);
@@ -422,17 +423,17 @@ class Director {
         place = p;
     Body body = body_of(seed_);
     const FloorPath path = way_in(place);
-    const Spot spot = path.at(1);
-    Choreography acts(body.skeleton);
-    come_in(acts, body.skeleton, path);
-    acts.turn_to(spot, heading_of(to_eye * -1));
-    acts.hold(1);
-    const double gone_s = acts.now_s();
-    acts.hold(event_->frames / fps_);
+    const FloorPose spot = path.at(1);
+    ActionSequence actions(body.skeleton);
+    come_in(actions, body.skeleton, path);
+    actions.turn_to(spot, heading_of(to_eye * -1));
+    actions.hold(1);
+    const double gone_s = actions.now_s();
+    actions.hold(event_->frames / fps_);
     const FloorPath out = path.reversed();
-    acts.turn_to({spot.place, heading_of(to_eye * -1)}, out.at(0).heading_rad);
-    go_out(acts, out);
-    perform(std::move(body), acts.timed(gone_s, begin_s()));
+    actions.turn_to({spot.place, heading_of(to_eye * -1)}, out.at(0).heading_rad);
+    go_out(actions, out);
+    perform(std::move(body), actions.timed(gone_s, begin_s()));
   }
 
   const RigConfig& rig_;
@@ -441,9 +442,9 @@ class Director {
   const FloorPlan plan_;
   const std::span<const Walk> walks_;
   const std::optional<Doorway> doorway_;
-  std::vector<Eye> cameras_;   // room frame; the first ones
-  std::vector<Vec2d> places_;  // [events]
-  std::vector<Vec2d> open_s_;  // the door: begins to open, to close
+  std::vector<PosedCamera> cameras_;  // room frame; the first ones
+  std::vector<Vec2d> places_;         // [events]
+  std::vector<Vec2d> open_s_;         // the door: begins to open, to close
   Script script_;
   // The event under way:
   const RigEvent* event_ = nullptr;
@@ -453,16 +454,16 @@ class Director {
 
 }  // namespace
 
-std::optional<Stance> Performance::at(double time_s) const {
-  for (const Act& act : acts)
-    if (time_s >= act.begin_s && time_s < act.end_s)
-      return act.stance((time_s - act.begin_s) / (act.end_s - act.begin_s));
+std::optional<Stance> ScriptedPerson::at(double time_s) const {
+  for (const Action& action : actions)
+    if (time_s >= action.begin_s && time_s < action.end_s)
+      return action.stance((time_s - action.begin_s) / (action.end_s - action.begin_s));
   return std::nullopt;
 }
 
 Script make_script(const RigConfig& rig, double fps, std::span<const Block> blocks,
                    std::span<const Walk> walks) {
-  return Director(rig, fps, blocks, walks).direct();
+  return ScriptBuilder(rig, fps, blocks, walks).direct();
 }
 
 }  // namespace mr::synth

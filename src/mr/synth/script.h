@@ -14,34 +14,34 @@
 
 namespace mr::synth {
 
-/// Something of a rig's events, and where it is at a time since the rig's first frame.
+/// A prop of a rig's events and its pose over time since the rig's first frame.
 struct ScriptedProp {
   Prop shape;
-  std::function<std::optional<Pose>(double time_s)> T_room_prop;  ///< none: it is not there
-  std::function<float(double time_s)> phase;  ///< of its film; empty: it has none
-  bool on_floor = true;                       ///< it may shade the floor
+  std::function<std::optional<Pose>(double time_s)> T_room_prop;  ///< nullopt: absent
+  std::function<float(double time_s)> phase;                      ///< of its film; empty: no film
+  bool on_floor = true;                                           ///< casts a contact shadow
 };
 
-/// Somebody who comes in, does something and leaves.
-struct Performance {
-  struct Act {
+/// A person of an event, who comes in, does something and leaves.
+struct ScriptedPerson {
+  struct Action {
     double begin_s = 0, end_s = 0;
-    std::function<Stance(double share)> stance;  ///< 0 to 1 during the act; room frame
+    std::function<Stance(double share)> stance;  ///< 0 to 1 during the action; room frame
   };
 
   Body body;
-  std::vector<Act> acts;  ///< one after another
+  std::vector<Action> actions;  ///< one after another
 
   std::optional<Stance> at(double time_s) const;
 };
 
-/// What a rig's events move.
+/// The props and people of a rig's events.
 struct Script {
   std::vector<ScriptedProp> props;
-  std::vector<Performance> people;
+  std::vector<ScriptedPerson> people;
 };
 
-/// Reads the events of a rig. `walks`: whose ways are kept free.
+/// Plans the events of a rig. `walks`: paths of walking people, which are kept free.
 Script make_script(const RigConfig& rig, double fps, std::span<const Block> blocks,
                    std::span<const Walk> walks);
 

@@ -4,10 +4,10 @@
 #include <cmath>
 #include <numbers>
 
-#include "mr/synth/eye.h"
 #include "mr/synth/hash.h"
 #include "mr/synth/noise.h"
-#include "mr/synth/painter.h"
+#include "mr/synth/pixel_shader.h"
+#include "mr/synth/posed_camera.h"
 
 namespace mr::synth {
 

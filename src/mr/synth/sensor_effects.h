@@ -14,11 +14,11 @@ inline bool is_under_way(const RigEvent& event, std::uint64_t capture) {
   return capture >= at && capture - at < static_cast<std::uint64_t>(event.frames);
 }
 
-/// How much of its usual light a room has at a capture: what light switches leave.
+/// The room's light at a capture as a fraction of the usual one, after `light` events.
 double light_level(const RigConfig& rig, std::uint64_t capture);
 
-/// What happens to one sensor's rendered pictures, without rendering them anew: light switches,
-/// exposure that drifts, jumps and hunts, the colour camera's noise, depth that drops out.
+/// Effects applied to one sensor's rendered pictures: light switches, drifting, jumping and hunting
+/// exposure, colour noise, and depth dropouts.
 class SensorEffects {
  public:
   SensorEffects(const RigConfig& rig, std::uint32_t sensor, double fps);
@@ -26,7 +26,7 @@ class SensorEffects {
   /// `index` counts on where the rig loops: drift and noise do not repeat.
   void apply(std::uint64_t index, Frame& frame) const;
 
-  /// How far exposure is off at a capture, in stops; without the rig's exposure_spread.
+  /// Exposure error at a capture in stops, without the rig's exposure_spread.
   double exposure_stops(std::uint64_t index) const;
 
  private:
@@ -35,7 +35,7 @@ class SensorEffects {
   const RigConfig rig_;
   const std::uint32_t sensor_;
   const double fps_;
-  std::vector<RigEvent> events_;  // those that this sensor notices
+  std::vector<RigEvent> events_;  // those that affect this sensor
 };
 
 }  // namespace mr::synth

@@ -14,7 +14,7 @@
 
 namespace mr::synth {
 
-/// What the rendered frames of a sensor look like, so that files of other rigs are not taken.
+/// The format of a sensor's rendered frames, to recognize files of other rigs.
 struct ShotLayout {
   std::uint64_t key = 0;  ///< hash of everything that the pictures depend on
   int depth_width = 0, depth_height = 0, color_width = 0, color_height = 0;
@@ -32,10 +32,10 @@ struct ShotRef {
   std::span<const std::uint8_t> rgb;
 };
 
-/// One sensor's rendered frames in a file: the empty room's colour, then a log of frames in any
-/// order. Everything carries checksums: what is damaged or cut off counts as missing. One process
-/// at a time appends (flock), others read what is there already; a process that could not append
-/// tries again when it has something new. One caller at a time.
+/// A cache file of one sensor's rendered frames: the empty room's colour, then a log of frames in
+/// any order. All records have checksums; damaged or truncated ones count as missing. One process
+/// at a time appends (flock) while others read; a process that could not append tries again at the
+/// next frame. Not thread-safe.
 class ShotCache {
  public:
   /// `budget`: bytes that may still be written, shared with other caches; outlives this.
@@ -48,10 +48,10 @@ class ShotCache {
   /// The empty room, where the file holds it.
   std::optional<ImageRgb> empty_room() const;
   std::optional<ShotRef> find(std::uint32_t frame);
-  /// How many of the frames `begin` to `end` - 1 are there.
+  /// How many of the frames `begin` to `end` - 1 it holds.
   int count(int begin, int end) const;
 
-  /// Begins the file unless it is there. A cache that cannot be written stays empty.
+  /// Creates the file unless it exists. A cache that cannot be written stays empty.
   void begin(const ImageRgb& empty_room);
   void add(std::uint32_t frame, const Shot& shot);
 
@@ -78,8 +78,8 @@ class ShotCache {
   std::vector<std::optional<Record>> records_;  // by frame
 };
 
-/// Removes the oldest rigs in a folder of caches until those left, `keep` not counted, need at most
-/// `bytes`. `keep` becomes the newest.
+/// Evicts the oldest rigs from a folder of caches until the others, without `keep`, need at most
+/// `bytes` (LRU). Marks `keep` as the newest.
 void trim_caches(const std::filesystem::path& folder, const std::filesystem::path& keep,
                  std::uintmax_t bytes);
 

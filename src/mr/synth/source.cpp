@@ -15,7 +15,7 @@
 #include "mr/synth/room.h"
 #include "mr/synth/sensor_effects.h"
 #include "mr/synth/shot_cache.h"
-#include "mr/synth/stage.h"
+#include "mr/synth/synthetic_scene.h"
 #include "mr/synth/view.h"
 
 namespace mr::synth {
@@ -40,14 +40,14 @@ const std::array<float, 65536>& metres_of() {
 /// What the sources of one rig share: the room and its people, made when they are first needed, and
 /// the cache's remaining size.
 struct Shared {
-  Shared(const RigConfig& rig, double fps) : stage(rig, fps) {}
+  Shared(const RigConfig& rig, double fps) : scene(rig, fps) {}
 
-  Stage stage;
+  SyntheticScene scene;
   std::atomic<std::int64_t> cache_budget{0};
 };
 
 /// A sensor between two pushes: how it stands, and what it sees from there.
-struct Standpoint {
+struct SensorPlacement {
   std::uint32_t from = 0;  ///< frame of the rig
   ViewSetup setup;
   std::unique_ptr<ShotCache> cache;  ///< may be null
@@ -59,7 +59,7 @@ class RigSource final : public FrameSource {
  public:
   /// `standpoints`: by time, the first from frame 0.
   RigSource(std::shared_ptr<Shared> shared, const RigConfig& rig, const SensorConfig& sensor,
-            SensorId sensor_id, double fps, std::vector<Standpoint> standpoints)
+            SensorId sensor_id, double fps, std::vector<SensorPlacement> standpoints)
       : shared_(std::move(shared)),
         rig_(rig),
         sensor_(sensor),
@@ -68,7 +68,7 @@ class RigSource final : public FrameSource {
         clock_error_s_(clock_error_s(rig, camera_of(sensor))),
         effects_(rig, camera_of(sensor), fps),
         standpoints_(std::move(standpoints)) {
-    for (Standpoint& standpoint : standpoints_)
+    for (SensorPlacement& standpoint : standpoints_)
       if (standpoint.cache) standpoint.color = standpoint.cache->empty_room();
   }
 
@@ -84,7 +84,7 @@ class RigSource final : public FrameSource {
     if (sensor_.depth_camera.model == CameraModel::lidar)
       frame.exposure_start -= kSweep / 2, frame.exposure_end += kSweep / 2;
     frame.T_world_depth = sensor_.T_world_depth.at(0);
-    Standpoint& from = standpoint_at(shown);
+    SensorPlacement& from = standpoint_at(shown);
     const auto known = from.cache && from.color ? from.cache->find(shown) : std::nullopt;
     if (known) {
       fill(frame, *from.color, *known);
@@ -103,7 +103,7 @@ class RigSource final : public FrameSource {
   int kept() {
     int sum = 0;
     for (std::size_t i = 0; i < standpoints_.size(); ++i) {
-      const Standpoint& from = standpoints_[i];
+      const SensorPlacement& from = standpoints_[i];
       const int end =
           i + 1 < standpoints_.size() ? static_cast<int>(standpoints_[i + 1].from) : rig_.frames;
       if (from.cache && from.color) sum += from.cache->count(static_cast<int>(from.from), end);
@@ -113,7 +113,7 @@ class RigSource final : public FrameSource {
 
   /// Puts a frame of the rig into the cache where it is missing.
   void keep(std::uint32_t frame) {
-    Standpoint& from = standpoint_at(frame);
+    SensorPlacement& from = standpoint_at(frame);
     if (from.cache && !(from.color && from.cache->find(frame))) render(from, frame);
   }
 
@@ -122,20 +122,20 @@ class RigSource final : public FrameSource {
     return sensor.source.get_if<SyntheticSource>()->camera;
   }
 
-  Standpoint& standpoint_at(std::uint32_t frame) {
+  SensorPlacement& standpoint_at(std::uint32_t frame) {
     std::size_t i = standpoints_.size() - 1;
     while (i > 0 && standpoints_[i].from > frame) --i;
     return standpoints_[i];
   }
 
-  Shot render(Standpoint& from, std::uint32_t shown) {
+  Shot render(SensorPlacement& from, std::uint32_t shown) {
     if (!from.view) {
-      from.view = std::make_unique<SensorView>(shared_->stage.room(), from.setup);
+      from.view = std::make_unique<SensorView>(shared_->scene.room(), from.setup);
       from.color = from.view->empty_room();
       if (from.cache) from.cache->begin(*from.color);
     }
     const double time_s = shown / fps_ + clock_error_s_;
-    Shot shot = from.view->render(shared_->stage.people(time_s).get(), shown);
+    Shot shot = from.view->render(shared_->scene.people(time_s).get(), shown);
     if (from.cache) from.cache->add(shown, shot);
     return shot;
   }
@@ -161,7 +161,7 @@ class RigSource final : public FrameSource {
   const double fps_;
   const double clock_error_s_;
   const SensorEffects effects_;
-  std::vector<Standpoint> standpoints_;
+  std::vector<SensorPlacement> standpoints_;
   std::uint64_t index_ = 0;  // of the next frame
 };
 
@@ -211,7 +211,7 @@ ViewSetup setup_of(const RigConfig& rig, const SensorConfig& sensor, const Pose&
   ViewSetup setup;
   setup.depth = {sensor.depth_camera, T_world_depth};
   if (sensor.color_camera)
-    setup.color = Eye{*sensor.color_camera, T_world_depth * sensor.T_color_depth.inverse()};
+    setup.color = PosedCamera{*sensor.color_camera, T_world_depth * sensor.T_color_depth.inverse()};
   setup.noise = {rig.noise,          sensor.precision, sensor.depth_near_m,
                  sensor.depth_far_m, rig.depth_noise,  rig.depth_noise_px};
   setup.gain = exposure_gain(rig, camera);
@@ -220,17 +220,17 @@ ViewSetup setup_of(const RigConfig& rig, const SensorConfig& sensor, const Pose&
 }
 
 /// Where a sensor truly stands, from the beginning and after every push.
-std::vector<Standpoint> standpoints_of(const RigConfig& rig, const SensorConfig& sensor,
-                                       const SensorConfig& exact) {
+std::vector<SensorPlacement> standpoints_of(const RigConfig& rig, const SensorConfig& sensor,
+                                            const SensorConfig& exact) {
   std::vector<RigEvent> pushes;
   for (const RigEvent& event : rig.events)
     if (event.kind == RigEvent::Kind::push && event.sensor == exact.id) pushes.push_back(event);
   std::stable_sort(pushes.begin(), pushes.end(),
                    [](const RigEvent& a, const RigEvent& b) { return a.at < b.at; });
   Pose T_world_depth = exact.T_world_depth.at(0);
-  std::vector<Standpoint> out;
+  std::vector<SensorPlacement> out;
   const auto add = [&](int from) {
-    Standpoint standpoint;
+    SensorPlacement standpoint;
     standpoint.from = static_cast<std::uint32_t>(from);
     standpoint.setup = setup_of(rig, sensor, T_world_depth);
     out.push_back(std::move(standpoint));
@@ -360,9 +360,9 @@ std::vector<std::unique_ptr<FrameSource>> open_rig(const RigConfig& rig,
   for (const SensorId id : wanted) {
     const SensorConfig& sensor = sensors[index_of(id)];
     MR_ASSERT(sensor.source.get_if<SyntheticSource>() != nullptr);
-    std::vector<Standpoint> standpoints =
+    std::vector<SensorPlacement> standpoints =
         standpoints_of(rig, sensor, exact.at(sensor.source.get_if<SyntheticSource>()->camera));
-    for (Standpoint& standpoint : standpoints) {
+    for (SensorPlacement& standpoint : standpoints) {
       if (folder.empty()) break;
       const Camera color = sensor.color_camera.value_or(Camera{});
       const ShotLayout layout{sensor_key(key, standpoint.setup), sensor.depth_camera.width,
@@ -375,7 +375,7 @@ std::vector<std::unique_ptr<FrameSource>> open_rig(const RigConfig& rig,
     sources.push_back(source.get());
     out.push_back(std::move(source));
   }
-  if (!complete) shared->stage.set();
+  if (!complete) shared->scene.build();
   if (cache.progress && !folder.empty()) render_ahead(sources, rig.frames, cache.progress);
   return out;
 }

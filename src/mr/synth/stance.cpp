@@ -11,9 +11,10 @@ namespace mr::synth {
 namespace {
 
 /// Puts the bones where a stance wants them.
-class Poser {
+class PoseSolver {
  public:
-  Poser(const Skeleton& skeleton, const Stance& stance) : skeleton_(skeleton), stance_(stance) {}
+  PoseSolver(const Skeleton& skeleton, const Stance& stance)
+      : skeleton_(skeleton), stance_(stance) {}
 
   Posture pose(const Pose& T_world_floor) {
     for (const Side side : kSides) set_foot(side);
@@ -148,7 +149,7 @@ FootPose stepped(const FootPose& a, const FootPose& b, double share) {
   return out;
 }
 
-FootPose flat_foot(const Skeleton& skeleton, const Spot& spot, Side side) {
+FootPose flat_foot(const Skeleton& skeleton, const FloorPose& spot, Side side) {
   const double apart = sign_of(side) * 0.095 * skeleton.scale;
   const Vec3d place = spot.on_floor() + spot.facing() * Vec3d{-0.02 * skeleton.scale, apart, 0};
   return {place + Vec3d{0, 0, skeleton.joint[bone_of(side, foot)].z},
@@ -158,7 +159,7 @@ FootPose flat_foot(const Skeleton& skeleton, const Spot& spot, Side side) {
 }  // namespace
 
 Posture posture_of(const Skeleton& skeleton, const Stance& stance, const Pose& T_world_floor) {
-  return Poser(skeleton, stance).pose(T_world_floor);
+  return PoseSolver(skeleton, stance).pose(T_world_floor);
 }
 
 double reachable_height(const Skeleton& skeleton, const Stance& stance) {
@@ -181,7 +182,7 @@ Stance blended(const Stance& a, const Stance& b, double share) {
   return out;
 }
 
-Stance standing_stance(const Skeleton& skeleton, const Spot& spot) {
+Stance standing_stance(const Skeleton& skeleton, const FloorPose& spot) {
   Stance out;
   for (const Side side : kSides) {
     out.feet[side] = flat_foot(skeleton, spot, side);
@@ -195,10 +196,10 @@ Stance standing_stance(const Skeleton& skeleton, const Spot& spot) {
   return out;
 }
 
-Stance seated_stance(const Skeleton& skeleton, const Spot& seat, double seat_m, double feet_ahead_m,
-                     double lean_rad) {
+Stance seated_stance(const Skeleton& skeleton, const FloorPose& seat, double seat_m,
+                     double feet_ahead_m, double lean_rad) {
   constexpr double kHips_m = 0.125;  // the pelvis' joint over what it sits on
-  Spot feet = seat;
+  FloorPose feet = seat;
   const Vec3d ahead = seat.facing() * kAhead;
   feet.place = feet.place + Vec2d{ahead.x, ahead.y} * feet_ahead_m;
   Stance out = standing_stance(skeleton, feet);
@@ -225,7 +226,7 @@ Stance crouching_stance(const Skeleton& skeleton, const Stance& standing, const 
   return out;
 }
 
-Stance reaching_stance(const Skeleton& skeleton, const Spot& spot) {
+Stance reaching_stance(const Skeleton& skeleton, const FloorPose& spot) {
   Stance out = standing_stance(skeleton, spot);
   out.pelvis_attitude = spot.facing() * rotation(kLeft, 0.75);
   out.pelvis_place = out.pelvis_place - spot.facing() * kAhead * (0.14 * skeleton.scale);

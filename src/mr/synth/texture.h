@@ -7,7 +7,7 @@
 
 namespace mr::synth {
 
-/// What is painted on a surface.
+/// The procedural texture of a surface.
 enum class Pattern : std::uint8_t {
   plain,
   planks,   ///< floor boards along u
@@ -29,7 +29,7 @@ enum class Pattern : std::uint8_t {
   film,   ///< coloured waves and a bright square that move with `phase`
 };
 
-/// How a surface looks. Colours are linear, 0..1; lengths in metres.
+/// A procedural material. Colours are linear, 0..1; lengths in metres.
 struct Material {
   Pattern pattern = Pattern::plain;
   Vec3f color{0.5f, 0.5f, 0.5f};
@@ -38,16 +38,16 @@ struct Material {
   std::string text;         ///< capitals, digits and blanks; '^' is an arrow; '\n' ends a line
   float grain = 0.12f;      ///< strength of the 1/f noise
   Vec2f grain_scale{1, 1};  ///< stretches it: (1, 8) gives streaks along u
-  float emission = 0;       ///< over 0: shines by itself, whatever light falls on it
+  float emission = 0;       ///< over 0: emissive, independent of incident light
   std::uint32_t seed = 0;
   float phase = 0;  ///< of a film
 };
 
-/// 1/f noise of a material at a place of its surface, about -1..1.
+/// 1/f noise (fractal noise) of a material at a point of its surface, about -1..1.
 float grain_at(const Material& material, Vec2f surface_m);
 
-/// Colour at a place of the surface: x to the right, y up from the lower left corner as seen from
-/// outside. `grain`: of grain_at(), already scaled to the wanted contrast.
+/// The albedo at a point of the surface: x to the right, y up from the lower left corner, seen from
+/// outside. `grain`: of grain_at(), scaled to the wanted contrast.
 Vec3f paint(const Material& material, Vec2f surface_m, float grain);
 
 /// 0xRRGGBB as it is picked on a screen → linear.

@@ -7,23 +7,25 @@
 
 #include "mr/core/file.h"
 #include "mr/synth/sensor_effects.h"
-#include "mr/synth/stage.h"
+#include "mr/synth/synthetic_scene.h"
 #include "mr/synth/view.h"
 
 namespace mr::synth {
 namespace {
 
-ColoredMesh colored(const Skin& skin) { return {*skin.mesh, vertex_colors(skin)}; }
+ColoredMesh colored(const TexturedSurface& surface) {
+  return {*surface.mesh, vertex_colors(surface)};
+}
 
 }  // namespace
 
 struct Truth::Impl {
-  Impl(const RigConfig& r, double rate) : rig(r), fps(rate), stage(r, rate) { stage.set(); }
+  Impl(const RigConfig& r, double rate) : rig(r), fps(rate), scene(r, rate) { scene.build(); }
 
   /// As the rig's own cameras without injected errors see it.
   std::shared_ptr<const PosedPeople> people(std::uint64_t frame) {
     const auto frames = static_cast<std::uint64_t>(rig.frames);
-    return stage.people(static_cast<double>(rig.loop ? frame % frames : frame) / fps);
+    return scene.people(static_cast<double>(rig.loop ? frame % frames : frame) / fps);
   }
 
   /// What 8-bit values under the usual light become at a frame; none: they stay.
@@ -35,7 +37,7 @@ struct Truth::Impl {
 
   RigConfig rig;
   double fps;
-  Stage stage;
+  SyntheticScene scene;
   ColoredMesh room;  ///< once it was asked for
 };
 
@@ -43,10 +45,10 @@ Truth::Truth(const RigConfig& rig, double fps) : impl_(std::make_unique<Impl>(ri
 Truth::~Truth() = default;
 
 ColoredMesh Truth::surface(std::uint64_t frame) {
-  if (impl_->room.mesh.empty()) impl_->room = colored(skin_of(*impl_->stage.room()));
+  if (impl_->room.mesh.empty()) impl_->room = colored(textured_surface(*impl_->scene.room()));
   ColoredMesh surface = impl_->room;
   if (const auto people = impl_->people(frame)) {
-    const ColoredMesh bodies = colored(people->skin(static_cast<float>(2 * impl_->rig.detail)));
+    const ColoredMesh bodies = colored(people->surface(static_cast<float>(2 * impl_->rig.detail)));
     append(surface.mesh, bodies.mesh);
     surface.colors.insert(surface.colors.end(), bodies.colors.begin(), bodies.colors.end());
   }
@@ -57,10 +59,10 @@ ColoredMesh Truth::surface(std::uint64_t frame) {
 }
 
 /// The truth seen by one sensor without noise.
-class Truth::Eye final : public TruthView {
+class Truth::CameraView final : public TruthView {
  public:
-  Eye(Truth::Impl& truth, const Camera& camera, const Pose& T_world_camera)
-      : truth_(truth), camera_(camera), view_(truth.stage.room(), setup(camera, T_world_camera)) {}
+  CameraView(Truth::Impl& truth, const Camera& camera, const Pose& T_world_camera)
+      : truth_(truth), camera_(camera), view_(truth.scene.room(), setup(camera, T_world_camera)) {}
 
   TruthPicture at(std::uint64_t frame) override {
     const Shot shot = view_.render(truth_.people(frame).get(), frame);
@@ -93,10 +95,10 @@ class Truth::Eye final : public TruthView {
 };
 
 std::unique_ptr<TruthView> Truth::view(const Camera& camera, const Pose& T_world_camera) {
-  return std::make_unique<Eye>(*impl_, camera, T_world_camera);
+  return std::make_unique<CameraView>(*impl_, camera, T_world_camera);
 }
 
-TruthPicture Truth::look(const Camera& camera, const Pose& T_world_camera, std::uint64_t frame) {
+TruthPicture Truth::render(const Camera& camera, const Pose& T_world_camera, std::uint64_t frame) {
   return view(camera, T_world_camera)->at(frame);
 }
 

@@ -18,21 +18,21 @@ struct ColoredMesh {
   std::vector<std::array<std::uint8_t, 3>> colors;  ///< [V] 8-bit sRGB
 };
 
-/// What any camera would see of a rig's truth.
+/// A noiseless picture of a rig by an arbitrary camera.
 struct TruthPicture {
   ImageRgb color;    ///< under a neutral exposure, contact shadows included
   ImageDepth depth;  ///< metres along z, or range; to the millimetre; 0 where nothing is met
 };
 
-/// One camera that looks at the truth. The empty room is looked at once; afterwards frames with few
-/// people in sight are cheap. One caller at a time.
+/// Renders the ground truth for one camera. The empty room is rendered once; afterwards frames with
+/// few people in view are cheap. Not thread-safe.
 class TruthView {
  public:
   virtual ~TruthView() = default;
   virtual TruthPicture at(std::uint64_t frame) = 0;
 };
 
-/// The noiseless surface and colours of a rig, people included. One caller at a time.
+/// The ground truth of a rig: its noiseless surface and colours, people included. Not thread-safe.
 class Truth {
  public:
   Truth(const RigConfig& rig, double fps);
@@ -41,11 +41,11 @@ class Truth {
   ColoredMesh surface(std::uint64_t frame);
   /// Must not outlive the truth.
   std::unique_ptr<TruthView> view(const Camera& camera, const Pose& T_world_camera);
-  TruthPicture look(const Camera& camera, const Pose& T_world_camera, std::uint64_t frame);
+  TruthPicture render(const Camera& camera, const Pose& T_world_camera, std::uint64_t frame);
 
  private:
   struct Impl;
-  class Eye;
+  class CameraView;
   std::unique_ptr<Impl> impl_;
 };
 

@@ -31,13 +31,13 @@ bool is_edge(const SurfaceAt& surface, int x, int y) {
 }
 
 /// A pixel's light: at the edge of a surface each quarter has a ray of its own.
-Vec3f room_light(const Painter& painter, std::uint32_t triangle, bool edge, int x, int y) {
-  if (!edge) return triangle == kNothing ? Vec3f{} : painter.shade_pixel(triangle, x, y);
+Vec3f room_light(const PixelShader& shader, std::uint32_t triangle, bool edge, int x, int y) {
+  if (!edge) return triangle == kNothing ? Vec3f{} : shader.shade_pixel(triangle, x, y);
   Vec3f sum;
   for (const Vec2d quarter : kQuarters) {
-    const Vec3f ray = painter.eye().ray(x + quarter.x, y + quarter.y);
-    const Painter::Hit hit = painter.cast(ray);
-    if (hit.triangle != kNothing) sum += painter.shade(hit.triangle, ray);
+    const Vec3f ray = shader.camera().ray(x + quarter.x, y + quarter.y);
+    const PixelShader::Hit hit = shader.cast(ray);
+    if (hit.triangle != kNothing) sum += shader.shade(hit.triangle, ray);
   }
   return sum * 0.25f;
 }
@@ -59,23 +59,23 @@ Mesh shadow_disc(const Pose& T_world_room, Vec3d feet) {
 
 SensorView::SensorView(std::shared_ptr<const Room> room, ViewSetup setup)
     : room_(std::move(room)), setup_(std::move(setup)), tone_(setup_.gain) {
-  look_at_depth();
-  if (setup_.color) look_at_color();
+  cast_empty_room_depth();
+  if (setup_.color) render_empty_room_color();
 }
 
-void SensorView::look_at_depth() {
+void SensorView::cast_empty_room_depth() {
   const Camera& camera = setup_.depth.camera;
-  const Skin skin = skin_of(*room_);
-  const Painter painter(skin, setup_.depth);
+  const TexturedSurface surface = textured_surface(*room_);
+  const PixelShader shader(surface, setup_.depth);
   empty_ = DepthTruth(camera.width, camera.height);
   for_rows(camera.height, [&](int y) {
     for (int x = 0; x < camera.width; ++x) {
       const Vec3f ray = setup_.depth.ray(x, y);
-      const Painter::Hit hit = painter.cast(ray);
+      const PixelShader::Hit hit = shader.cast(ray);
       if (hit.triangle == kNothing) continue;
       const std::size_t pixel = static_cast<std::size_t>(y) * camera.width + x;
-      const bool shines = skin.material_of(hit.triangle).emission > 0;
-      const Vec3f color = shines ? Vec3f{1, 1, 1} : painter.albedo(hit.triangle, ray);
+      const bool shines = surface.material_of(hit.triangle).emission > 0;
+      const Vec3f color = shines ? Vec3f{1, 1, 1} : shader.albedo(hit.triangle, ray);
       empty_.z_mm[pixel] = hit.distance * 1000;
       empty_.flags[pixel] = flags_of(room_->mesh, hit.triangle, ray, is_dark(color));
     }
@@ -84,29 +84,29 @@ void SensorView::look_at_depth() {
   depth_ = empty_;
 }
 
-void SensorView::look_at_color() {
-  const Eye& eye = *setup_.color;
+void SensorView::render_empty_room_color() {
+  const PosedCamera& eye = *setup_.color;
   const int width = eye.camera.width, height = eye.camera.height;
-  const Skin skin = skin_of(*room_);
-  const Painter painter(skin, eye);
+  const TexturedSurface surface = textured_surface(*room_);
+  const PixelShader shader(surface, eye);
   hits_ = ImageId(width, height, kNothing);
   color_distance_.resize(static_cast<std::size_t>(width) * height);
   for_rows(height, [&](int y) {
     for (int x = 0; x < width; ++x) {
-      const Painter::Hit hit = painter.cast(eye.ray(x, y));
+      const PixelShader::Hit hit = shader.cast(eye.ray(x, y));
       *hits_.at(x, y) = hit.triangle;
       color_distance_[static_cast<std::size_t>(y) * width + x] =
           hit.triangle == kNothing ? kFarAway_m : hit.distance;
     }
   });
-  const auto surface = [&](int x, int y) {
+  const auto surface_at = [&](int x, int y) {
     const std::uint32_t t = *hits_.at(std::clamp(x, 0, width - 1), std::clamp(y, 0, height - 1));
-    return t == kNothing ? kNothing : skin.surface[t];
+    return t == kNothing ? kNothing : surface.surface[t];
   };
   empty_color_ = ImageRgb(width, height);
   for_rows(height, [&](int y) {
     for (int x = 0; x < width; ++x) {
-      const auto rgb = tone_(room_light(painter, *hits_.at(x, y), is_edge(surface, x, y), x, y));
+      const auto rgb = tone_(room_light(shader, *hits_.at(x, y), is_edge(surface_at, x, y), x, y));
       std::copy(rgb.begin(), rgb.end(), empty_color_.at(x, y));
     }
   });
@@ -116,7 +116,7 @@ void SensorView::look_at_color() {
 Shot SensorView::render(const PosedPeople* people, std::uint64_t frame) {
   Shot shot;
   shot.depth_mm.resize(empty_.z_mm.size());
-  Cover cover(empty_.width, empty_.height);
+  TileCoverage cover(empty_.width, empty_.height);
   if (people != nullptr) {
     cover.add(people->mesh, setup_.depth);
     cast_depth(*people, cover);
@@ -131,8 +131,8 @@ Shot SensorView::render(const PosedPeople* people, std::uint64_t frame) {
     }
   });
   if (people == nullptr || !setup_.color) return shot;
-  Cover seen(empty_color_.width, empty_color_.height);
-  Cover touched = seen;
+  TileCoverage seen(empty_color_.width, empty_color_.height);
+  TileCoverage touched = seen;
   shade_shadows(*people, touched);
   seen.add(people->mesh, *setup_.color);
   cast_color(*people, seen);
@@ -141,18 +141,18 @@ Shot SensorView::render(const PosedPeople* people, std::uint64_t frame) {
   return shot;
 }
 
-void SensorView::cast_depth(const PosedPeople& people, const Cover& cover) {
-  const Skin skin = people.skin(1);
-  const Painter painter(skin, setup_.depth);
+void SensorView::cast_depth(const PosedPeople& people, const TileCoverage& cover) {
+  const TexturedSurface surface = people.surface(1);
+  const PixelShader shader(surface, setup_.depth);
   cover.for_tiles([&](Rect tile) {
     for (int y = tile.y; y < tile.y + tile.height; ++y)
       for (int x = tile.x; x < tile.x + tile.width; ++x) {
         const Vec3f ray = setup_.depth.ray(x, y);
-        const Painter::Hit hit = painter.cast(ray);
+        const PixelShader::Hit hit = shader.cast(ray);
         const std::size_t pixel = static_cast<std::size_t>(y) * depth_.width + x;
         const float room_mm = empty_.z_mm[pixel];
         if (hit.triangle == kNothing || (room_mm > 0 && hit.distance * 1000 >= room_mm)) continue;
-        const bool dark = people.cast->dark[skin.material[hit.triangle]] != 0;
+        const bool dark = people.topology->dark[surface.material[hit.triangle]] != 0;
         depth_.z_mm[pixel] = hit.distance * 1000;
         depth_.flags[pixel] = flags_of(people.mesh, hit.triangle, ray, dark);
       }
@@ -160,34 +160,34 @@ void SensorView::cast_depth(const PosedPeople& people, const Cover& cover) {
   cover.for_tiles([&](Rect tile) { find_edges(depth_, tile); });
 }
 
-void SensorView::cast_color(const PosedPeople& people, const Cover& cover) {
-  const Skin skin = people.skin(static_cast<float>(2 * room_->detail));
-  const Painter painter(skin, *setup_.color);
+void SensorView::cast_color(const PosedPeople& people, const TileCoverage& cover) {
+  const TexturedSurface surface = people.surface(static_cast<float>(2 * room_->detail));
+  const PixelShader shader(surface, *setup_.color);
   cover.for_tiles([&](Rect tile) {
     for (int y = tile.y; y < tile.y + tile.height; ++y)
       for (int x = tile.x; x < tile.x + tile.width; ++x) {
-        const Painter::Hit hit = painter.cast(setup_.color->ray(x, y));
+        const PixelShader::Hit hit = shader.cast(setup_.color->ray(x, y));
         const float room = color_distance_[static_cast<std::size_t>(y) * hits_.width + x];
         *hits_.at(x, y) = hit.distance < room ? hit.triangle : kNothing;
       }
   });
-  cover.for_tiles([&](Rect tile) { shade_color(painter, cover, tile); });
+  cover.for_tiles([&](Rect tile) { shade_color(shader, cover, tile); });
 }
 
-void SensorView::shade_color(const Painter& painter, const Cover& cover, Rect tile) {
-  const Eye& eye = *setup_.color;
-  const auto surface = [&](int x, int y) {
+void SensorView::shade_color(const PixelShader& shader, const TileCoverage& cover, Rect tile) {
+  const PosedCamera& eye = *setup_.color;
+  const auto surface_at = [&](int x, int y) {
     if (!hits_.contains(x, y) || !cover.holds(x, y)) return kNothing;
     const std::uint32_t t = *hits_.at(x, y);
-    return t == kNothing ? kNothing : painter.skin().surface[t];
+    return t == kNothing ? kNothing : shader.surface().surface[t];
   };
   for (int y = tile.y; y < tile.y + tile.height; ++y)
     for (int x = tile.x; x < tile.x + tile.width; ++x) {
       const std::uint32_t middle = *hits_.at(x, y);
       std::uint8_t* pixel = color_.at(x, y);
-      if (!is_edge(surface, x, y)) {
+      if (!is_edge(surface_at, x, y)) {
         if (middle == kNothing) continue;
-        const auto rgb = tone_(painter.shade(middle, eye.ray(x, y)));
+        const auto rgb = tone_(shader.shade(middle, eye.ray(x, y)));
         std::copy(rgb.begin(), rgb.end(), pixel);
         continue;
       }
@@ -195,10 +195,10 @@ void SensorView::shade_color(const Painter& painter, const Cover& cover, Rect ti
       std::array<int, 3> sum{2, 2, 2};  // rounds
       for (const Vec2d quarter : kQuarters) {
         const Vec3f ray = eye.ray(x + quarter.x, y + quarter.y);
-        const Painter::Hit hit = painter.cast(ray);
+        const PixelShader::Hit hit = shader.cast(ray);
         const bool person = hit.triangle != kNothing && hit.distance < room;
         const std::array<std::uint8_t, 3> rgb =
-            person ? tone_(painter.shade(hit.triangle, ray))
+            person ? tone_(shader.shade(hit.triangle, ray))
                    : std::array<std::uint8_t, 3>{pixel[0], pixel[1], pixel[2]};
         for (int c = 0; c < 3; ++c) sum[c] += rgb[c];
       }
@@ -206,8 +206,8 @@ void SensorView::shade_color(const Painter& painter, const Cover& cover, Rect ti
     }
 }
 
-void SensorView::shade_shadows(const PosedPeople& people, Cover& cover) {
-  const Eye& eye = *setup_.color;
+void SensorView::shade_shadows(const PosedPeople& people, TileCoverage& cover) {
+  const PosedCamera& eye = *setup_.color;
   for (const Vec3d feet : people.feet) cover.add(shadow_disc(room_->T_world_room, feet), eye);
   const Pose T_room_world = room_->T_world_room.inverse();
   cover.for_tiles([&](Rect tile) {
@@ -230,7 +230,7 @@ void SensorView::shade_shadows(const PosedPeople& people, Cover& cover) {
 }
 
 /// Notes what differs from the empty room and makes it empty again.
-void SensorView::take_changes(const Cover& cover, Shot& shot) {
+void SensorView::take_changes(const TileCoverage& cover, Shot& shot) {
   constexpr int kGap = 4;  // unchanged pixels that are cheaper to copy than to leave out
   cover.for_runs([&](int y, int begin, int end) {
     const auto changed = [&](int x) {

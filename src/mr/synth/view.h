@@ -5,15 +5,14 @@
 #include <optional>
 #include <vector>
 
-#include "mr/synth/cover.h"
 #include "mr/synth/noise.h"
-#include "mr/synth/painter.h"
 #include "mr/synth/people.h"
+#include "mr/synth/pixel_shader.h"
+#include "mr/synth/tile_coverage.h"
 
 namespace mr::synth {
 
-/// What one sensor of a rig delivers for one frame: depth, and where its colour picture differs
-/// from that of the empty room.
+/// One rendered frame of a sensor: depth, and the colour pixels that differ from the empty room.
 struct Shot {
   struct Span {
     std::uint32_t first = 0, count = 0;  ///< pixels, row by row
@@ -28,34 +27,34 @@ struct Shot {
   friend bool operator==(const Shot&, const Shot&) = default;
 };
 
-/// How one sensor of a rig really is, injected errors included.
+/// The true parameters of one sensor of a rig, injected errors included.
 struct ViewSetup {
-  Eye depth;
-  std::optional<Eye> color;
+  PosedCamera depth;
+  std::optional<PosedCamera> color;
   DepthNoise noise;
   Vec3f gain{1, 1, 1};     ///< exposure and white balance
   std::uint64_t seed = 0;  ///< of the noise
 };
 
-/// Renders one sensor's pictures. Room and camera stand still, so the empty room is looked at once;
-/// afterwards only the pixels that people cover are cast and shaded. One caller at a time.
+/// Renders one sensor's pictures by ray casting. Room and camera are static, so the empty room is
+/// rendered once; afterwards only pixels that people cover are cast and shaded. Not thread-safe.
 class SensorView {
  public:
   SensorView(std::shared_ptr<const Room> room, ViewSetup setup);
 
   const ImageRgb& empty_room() const { return empty_color_; }
 
-  /// `people` may be null; `frame` chooses the noise.
+  /// `people` may be null; `frame` seeds the noise.
   Shot render(const PosedPeople* people, std::uint64_t frame);
 
  private:
-  void look_at_depth();
-  void look_at_color();
-  void cast_depth(const PosedPeople& people, const Cover& cover);
-  void cast_color(const PosedPeople& people, const Cover& cover);
-  void shade_color(const Painter& painter, const Cover& cover, Rect tile);
-  void shade_shadows(const PosedPeople& people, Cover& cover);
-  void take_changes(const Cover& cover, Shot& shot);
+  void cast_empty_room_depth();
+  void render_empty_room_color();
+  void cast_depth(const PosedPeople& people, const TileCoverage& cover);
+  void cast_color(const PosedPeople& people, const TileCoverage& cover);
+  void shade_color(const PixelShader& shader, const TileCoverage& cover, Rect tile);
+  void shade_shadows(const PosedPeople& people, TileCoverage& cover);
+  void take_changes(const TileCoverage& cover, Shot& shot);
 
   const std::shared_ptr<const Room> room_;
   const ViewSetup setup_;

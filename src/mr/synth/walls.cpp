@@ -37,8 +37,8 @@ Material landscape(std::uint32_t seed) {
   return m;
 }
 
-void hang(Builder& b, Material front, std::uint32_t rim_color, double x, double z, double width,
-          double height, double rim_m) {
+void hang_picture(Builder& b, Material front, std::uint32_t rim_color, double x, double z,
+                  double width, double height, double rim_m) {
   const MaterialId rim = b.add(plain(rim_color, 0.15f));
   front.size_m = {static_cast<float>(width), static_cast<float>(height)};
   const double depth = 0.025, left = x - width / 2, low = z - height / 2;
@@ -59,7 +59,7 @@ void window(Builder& b, const RigConfig& rig, double x, std::vector<Light>& ligh
   Material view = landscape(rig.seed * 13 + 4);
   view.emission = 1.9f;
   view.grain = 0;
-  hang(b, view, 0xF2EFE8, x, middle, width, height, 0.07);
+  hang_picture(b, view, 0xF2EFE8, x, middle, width, height, 0.07);
   const MaterialId white = b.add(plain(0xF2EFE8, 0.1f));
   b.box({x - 0.025, -0.045, low}, {x + 0.025, -0.02, high}, white);
   b.box({x - width / 2, -0.04, middle + 0.2}, {x + width / 2, -0.02, middle + 0.24}, white);
@@ -103,7 +103,7 @@ void door(Builder& b, const RigConfig& rig, int wall, double x) {
 void notice_board(Builder& b, double x, double z, double width, double height, Random& random) {
   Material cork = plain(0xB98A57, 0.5f);
   cork.grain_scale = {6, 6};
-  hang(b, cork, 0x5A3A22, x, z, width, height, 0.03);
+  hang_picture(b, cork, 0x5A3A22, x, z, width, height, 0.03);
   constexpr const char* kNotes[] = {
       "NO PARKING",          "FOR RENT\n2 ROOMS",     "CHOIR\nMONDAY 8",
       "LOST CAT\nCALL 4711", "MENU\nSOUP 3\nPASTA 7", "YOGA ^\nROOM 12"};

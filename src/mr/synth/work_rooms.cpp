@@ -26,7 +26,7 @@ void panels_for(Builder& b, const RigConfig& rig, std::vector<Light>& lights) {
 void whiteboard(Builder& b, double x, const std::string& text) {
   Material board = lettered(text, 0xF8F8F6, 0x1B4A8A);
   board.grain = 0.02f;
-  hang(b, board, 0xB8BABD, x, 1.5, 1.7, 1.0, 0.025);
+  hang_picture(b, board, 0xB8BABD, x, 1.5, 1.7, 1.0, 0.025);
   const MaterialId tray = b.add(plain(0xB8BABD, 0.05f));
   b.box({x - 0.5, -0.09, 0.94}, {x + 0.5, -0.0, 0.955}, tray);
   for (int i = 0; i < 3; ++i) {
@@ -160,7 +160,8 @@ void conference_room(Builder& b, const RigConfig& rig, std::vector<Light>& light
   whiteboard(b, 0, "AGENDA\n1 SCAN\n2 MESH\n3 STREAM ^");
   b.place(at_wall(rig, 3));
   door(b, rig, 3, rig.room_m.y / 2 - 0.9);
-  hang(b, landscape(rig.seed * 7 + 1), 0x232323, -0.25 * rig.room_m.y, 1.55, 1.0, 0.65, 0.04);
+  hang_picture(b, landscape(rig.seed * 7 + 1), 0x232323, -0.25 * rig.room_m.y, 1.55, 1.0, 0.65,
+               0.04);
   b.place(standing({rig.room_m.x / 2 - 0.5, -rig.room_m.y / 2 + 0.5, 0}, 0), 0.9);
   plant(b, random);
   b.place({});
@@ -183,10 +184,11 @@ void office(Builder& b, const RigConfig& rig, std::vector<Light>& lights) {
   b.place(at_wall(rig, 1, 0.25 * d));
   bookshelf(b, rig.detail, random);
   b.place(at_wall(rig, 1));
-  hang(b, lettered("MESHREDUCE", 0xF6F1E3, 0x1B2A49), 0x2A2A2A, 0.25 * d, 1.95, 1.4, 0.36, 0.03);
+  hang_picture(b, lettered("MESHREDUCE", 0xF6F1E3, 0x1B2A49), 0x2A2A2A, 0.25 * d, 1.95, 1.4, 0.36,
+               0.03);
   b.place(at_wall(rig, 3));
   door(b, rig, 3, 0.1 * d);
-  hang(b, landscape(rig.seed * 7 + 2), 0x5A3A22, -0.45 * d, 1.55, 0.7, 0.5, 0.04);
+  hang_picture(b, landscape(rig.seed * 7 + 2), 0x5A3A22, -0.45 * d, 1.55, 0.7, 0.5, 0.04);
   b.place(standing({w - 0.5, d - 0.5, 0}, 0), 0.9);
   plant(b, random);
   b.place(standing({-w + 0.45, -d + 0.45, 0}, 0), 0.75);

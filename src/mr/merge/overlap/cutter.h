@@ -7,12 +7,12 @@
 
 namespace mr::merge {
 
-/// Where the margin turns between two vertices: share of the way from the kept to the lost one.
+/// The zero of the margin on an edge, as a fraction of the way from its kept to its lost vertex.
 using Crossing = std::function<float(std::uint32_t kept, std::uint32_t lost)>;
 
-/// What lies on the positive side of a function on a mesh: triangles that it turns in are cut, at
-/// one point of each edge, so neighbours still share their vertices. A cut that would leave a
-/// corner's sliver goes through the corner. `margin`: [V].
+/// Clips a mesh at the zero level set of a function on its vertices (`margin`, [V]) and keeps the
+/// positive side. Crossed triangles are cut at one point of each edge, so that neighbours still
+/// share vertices. A cut very near a vertex snaps to it, to avoid slivers.
 struct Cut {
   Mesh mesh;                          ///< without views
   std::vector<std::uint32_t> parent;  ///< [T] triangle of the input

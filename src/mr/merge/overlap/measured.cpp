@@ -18,18 +18,18 @@ double depth_at(const SourceInfo& source, Vec3d ray) {
              : length(ray);
 }
 
-float sigma_at(const SourceInfo& source, Vec3f spot) {
-  const Vec3d ray = vec_cast<double>(spot) - source.T_world_depth.translation;
+float sigma_at(const SourceInfo& source, Vec3f point) {
+  const Vec3d ray = vec_cast<double>(point) - source.T_world_depth.translation;
   return static_cast<float>(std::max(source.precision.sigma_m(depth_at(source, ray)), 1e-6));
 }
 
-float quality_at(const SourceInfo& source, Vec3f spot, Vec3f unit_normal) {
-  const Vec3d ray = vec_cast<double>(spot) - source.T_world_depth.translation;
+float quality_at(const SourceInfo& source, Vec3f point, Vec3f unit_normal) {
+  const Vec3d ray = vec_cast<double>(point) - source.T_world_depth.translation;
   const double cosine = -dot(normalized(ray), vec_cast<double>(unit_normal));
-  return static_cast<float>(std::max(cosine, kLeastCosine)) / sigma_at(source, spot);
+  return static_cast<float>(std::max(cosine, kLeastCosine)) / sigma_at(source, point);
 }
 
-/// The source that each triangle is labelled with, or the only one.
+/// The source of each triangle's view, or the only source.
 std::vector<std::uint32_t> triangle_labels(const kit::Part& part) {
   std::vector<std::uint32_t> out(part.mesh.triangles.size(),
                                  part.sources.size() == 1 ? 0 : Measured::kNoSource);
@@ -40,7 +40,7 @@ std::vector<std::uint32_t> triangle_labels(const kit::Part& part) {
   return out;
 }
 
-/// Finds who measured a triangle, and how well.
+/// Finds the source that measured a triangle, and its quality.
 void measure(const kit::Part& part, std::size_t t, Measured& out) {
   const Vec3f normal = normalized(part.mesh.area_normal(t)), middle = part.mesh.centroid(t);
   const bool known = out.label[t] != Measured::kNoSource;
@@ -52,7 +52,7 @@ void measure(const kit::Part& part, std::size_t t, Measured& out) {
       out.quality[t] = q, out.source[t] = s;
 }
 
-/// A bound of a source's spread anywhere on a mesh; it grows with distance.
+/// Upper bound of a source's depth noise on a mesh, as noise grows with distance.
 float largest_sigma(const SourceInfo& source, const Mesh& mesh) {
   const auto eye = vec_cast<float>(source.T_world_depth.translation);
   float farthest = 0;  // squared

@@ -10,17 +10,17 @@
 
 namespace mr::merge {
 
-/// How far a part may lie off because of calibration and decimation. `error_m` is the largest error
-/// that decimation made anywhere: two parts hardly ever both have it at one place, so each counts
-/// with half of it.
+/// Tolerance for a part's error of calibration and decimation, metres. `error_m` is the largest
+/// error of decimation anywhere; as two parts hardly ever both have it at the same place, each
+/// counts with half of it.
 float slack_m(const kit::Part& part, const OverlapConfig& config);
 
-/// A place on a part's surface.
-struct Spot {
+/// A point of a part's surface.
+struct SurfacePoint {
   Vec3f position;
   Vec3f normal;              ///< unit
-  float sigma_m = 0;         ///< spread of the sensor that measured it
-  std::uint32_t source = 0;  ///< that sensor's place in the part's sources
+  float sigma_m = 0;         ///< depth noise of the sensor that measured it
+  std::uint32_t source = 0;  ///< index of that sensor in the part's sources
 };
 
 /// Points p with dot(normal, p) = offset_m.
@@ -29,21 +29,21 @@ struct Plane {
   float offset_m = 0;
 };
 
-/// What is known of a part's surface.
+/// How well, and by which sensor, a part's surface was measured.
 struct Measured {
   static constexpr std::uint32_t kNoSource = 0xFFFFFFFFu;
 
-  std::vector<Spot> vertices;         ///< [V] of the part's mesh
-  std::vector<std::uint32_t> label;   ///< [T] source whose view it has; kNoSource: none of them
-  std::vector<std::uint32_t> source;  ///< [T] that measured it: the labelled one, else the worst
-  std::vector<float> quality;         ///< [T] how well: cos(angle) / sigma, 1/m
-  std::vector<Plane> plane;           ///< [T] through its middle, facing as its corners do
-  float slack_m = 0;                  ///< of the part
+  std::vector<SurfacePoint> vertices;  ///< [V] of the part's mesh
+  std::vector<std::uint32_t> label;    ///< [T] source of its view; kNoSource: none
+  std::vector<std::uint32_t> source;   ///< [T] source that measured it: its label's, else the worst
+  std::vector<float> quality;          ///< [T] cos(angle) / sigma, 1/m
+  std::vector<Plane> plane;            ///< [T] through its centroid, with its vertices' mean normal
+  float slack_m = 0;                   ///< of the part
 };
 
 Measured measured(const kit::Part& part, const OverlapConfig& config);
 
-/// How far apart two spots may lie, along the normal, and be one surface, at the most. Parallel.
+/// Upper bound of the distance along the normal at which two points count as one surface. Parallel.
 double farthest_alike_m(std::span<const kit::Part> parts, const OverlapConfig& config);
 
 }  // namespace mr::merge

@@ -17,26 +17,26 @@
 namespace mr::merge {
 namespace {
 
-/// The depth that a source measured a spot at.
-double depth_m(const SourceInfo& source, Vec3f spot) {
-  const Vec3d ray = vec_cast<double>(spot) - source.T_world_depth.translation;
+/// The depth of a point in a source's camera.
+double depth_m(const SourceInfo& source, Vec3f point) {
+  const Vec3d ray = vec_cast<double>(point) - source.T_world_depth.translation;
   return source.depth_camera.model == CameraModel::pinhole
              ? std::max(dot(ray, source.T_world_depth.rotation.column(2)), 0.0)
              : length(ray);
 }
 
-/// Precision of a spot: of the source that measured it, or the worst, where that is not known.
-float sigma_m(const kit::Part& part, SensorId view, Vec3f spot) {
+/// Depth noise at a point: of the source that measured it or, if that is unknown, the largest.
+float sigma_m(const kit::Part& part, SensorId sensor, Vec3f point) {
   double worst = 0;
   for (const SourceInfo& s : part.sources) {
-    const double sigma = s.precision.sigma_m(depth_m(s, spot));
-    if (s.sensor == view) return static_cast<float>(sigma);
+    const double sigma = s.precision.sigma_m(depth_m(s, point));
+    if (s.sensor == sensor) return static_cast<float>(sigma);
     worst = std::max(worst, sigma);
   }
   return static_cast<float>(worst);
 }
 
-/// Twice the areas around every vertex along their normals; what is no number is left out.
+/// Sum of the area normals (twice the area) of the triangles at every vertex; NaNs are left out.
 std::vector<Vec3f> normals_around(const Mesh& mesh) {
   std::vector<Vec3f> out(mesh.positions.size());
   for (std::size_t t = 0; t < mesh.triangles.size(); ++t) {
@@ -47,9 +47,9 @@ std::vector<Vec3f> normals_around(const Mesh& mesh) {
   return out;
 }
 
-/// Describes a part's triangles.
+/// Computes the attributes of a part's triangles.
 void describe(const kit::Part& part, std::uint32_t number, const OverlapConfig& config,
-              Facing* out) {
+              TriangleSurface* out) {
   constexpr std::size_t kGrain = 8192;
   const std::vector<SensorId> views = triangle_sensors(part.mesh);
   const std::vector<Vec3f> normals = normals_around(part.mesh);
@@ -64,7 +64,7 @@ void describe(const kit::Part& part, std::uint32_t number, const OverlapConfig& 
   });
 }
 
-/// A box in the world.
+/// An axis-aligned bounding box; world frame.
 struct Bounds {
   Vec3f low, high;
 };
@@ -80,7 +80,7 @@ Bounds bounds_of(const Mesh& mesh) {
   return out;
 }
 
-/// Whether a camera's frustum may hold some of a box: no side of it has the whole box outside.
+/// Frustum culling: false if all corners of a box lie outside of one plane of the frustum.
 bool may_intersect(const RayGrid& grid, const Bounds& box) {
   if (box.low.x > box.high.x) return false;
   const Camera& c = grid.camera;
@@ -125,7 +125,7 @@ std::vector<RayBatch> ray_batches(std::span<const kit::Part> parts, double voxel
 /// Casts rays with Embree.
 class RayCaster {
  public:
-  explicit RayCaster(const TriangleField& field) : field_(field), scene_(meshes(field)) {}
+  explicit RayCaster(const TriangleTable& field) : field_(field), scene_(meshes(field)) {}
 
   void cast(const RayGrid& grid, RayVotes& votes, RayVerdicts* verdicts) const {
     const Camera& camera = grid.camera;
@@ -146,22 +146,22 @@ class RayCaster {
   }
 
  private:
-  static std::vector<const Mesh*> meshes(const TriangleField& field) {
+  static std::vector<const Mesh*> meshes(const TriangleTable& field) {
     std::vector<const Mesh*> out;
     for (const kit::Part& part : field.parts) out.push_back(&part.mesh);
     return out;
   }
 
-  /// The meetings of a ray with fronts of triangles, nearest first.
+  /// The intersections of a ray with front faces, nearest first.
   void meet(Vec3f origin, Vec3f ray, std::vector<kit::RayHit>& hits,
-            std::vector<RayMeeting>& out) const {
+            std::vector<RayIntersection>& out) const {
     constexpr float kFar_m = 1e6f;
     scene_.all_hits(origin, ray, static_cast<float>(kit::kNearPlane_m), kFar_m, hits);
     out.clear();
     for (const kit::RayHit& hit : hits)
       if (dot(field_.parts[hit.mesh].mesh.area_normal(hit.triangle), ray) < 0)
         out.push_back({hit.distance, field_.first[hit.mesh] + hit.triangle});
-    std::ranges::sort(out, {}, [](const RayMeeting& m) {
+    std::ranges::sort(out, {}, [](const RayIntersection& m) {
       return std::pair(-kit::comparable(1 / m.depth_m), m.triangle);
     });
   }
@@ -170,11 +170,11 @@ class RayCaster {
                 std::vector<RayVerdict>* verdicts) const {
     const RayPencil rays(grid);
     std::vector<kit::RayHit> hits;
-    std::vector<RayMeeting> on_ray;
+    std::vector<RayIntersection> on_ray;
     for (int x = 0; x < grid.camera.width; ++x) {
       meet(rays.origin, rays.at(x, y), hits, on_ray);
       decide(on_ray, field_, rays.at(x, y));
-      for (const RayMeeting& m : on_ray) {
+      for (const RayIntersection& m : on_ray) {
         std::atomic_ref(votes.hits[m.triangle]).fetch_add(1, std::memory_order_relaxed);
         if (m.lost) std::atomic_ref(votes.lost[m.triangle]).fetch_add(1, std::memory_order_relaxed);
         if (verdicts) verdicts[x].push_back({m.triangle, m.lost});
@@ -185,12 +185,12 @@ class RayCaster {
     }
   }
 
-  const TriangleField& field_;
+  const TriangleTable& field_;
   kit::RayScene scene_;
 };
 
-/// Casts all rays; with `verdicts`, also says what each decided.
-RayVotes cast_all(const TriangleField& field, const OverlapConfig& config,
+/// Casts all rays. `verdicts`, if given, receives the votes of each.
+RayVotes cast_all(const TriangleTable& field, const OverlapConfig& config,
                   std::vector<RayVerdicts>* verdicts) {
   const std::vector<RayBatch> batches = ray_batches(field.parts, config.voxel_m);
   RayVotes votes{std::vector<std::uint32_t>(field.facing.size()),
@@ -212,8 +212,8 @@ RayVotes cast_all(const TriangleField& field, const OverlapConfig& config,
 
 }  // namespace
 
-TriangleField triangle_field(std::span<const kit::Part> parts, const OverlapConfig& config) {
-  TriangleField out{parts, {0}, {}, 0};
+TriangleTable triangle_table(std::span<const kit::Part> parts, const OverlapConfig& config) {
+  TriangleTable out{parts, {0}, {}, 0};
   for (const kit::Part& part : parts) {
     MR_ASSERT(!part.sources.empty());
     out.first.push_back(out.first.back() + static_cast<std::uint32_t>(part.mesh.triangles.size()));
@@ -224,7 +224,7 @@ TriangleField triangle_field(std::span<const kit::Part> parts, const OverlapConf
       describe(parts[i], static_cast<std::uint32_t>(i), config, out.facing.data() + out.first[i]);
   });
   float sigma = 0, slack = 0;
-  for (const Facing& f : out.facing)
+  for (const TriangleSurface& f : out.facing)
     sigma = std::max(sigma, f.sigma_m), slack = std::max(slack, f.slack_m);
   out.reach_m = 4.001f * (2 * sigma + 2 * slack);  // rounding included
   return out;
@@ -232,7 +232,7 @@ TriangleField triangle_field(std::span<const kit::Part> parts, const OverlapConf
 
 std::vector<std::vector<std::uint8_t>> farther_triangles(std::span<const kit::Part> parts,
                                                          const OverlapConfig& config) {
-  const TriangleField field = triangle_field(parts, config);
+  const TriangleTable field = triangle_table(parts, config);
   const RayVotes votes = cast_all(field, config, nullptr);
   std::vector<std::vector<std::uint8_t>> out(parts.size());
   for (std::size_t i = 0; i < parts.size(); ++i)
@@ -243,7 +243,7 @@ std::vector<std::vector<std::uint8_t>> farther_triangles(std::span<const kit::Pa
 
 std::vector<RayVerdicts> ray_verdicts(std::span<const kit::Part> parts,
                                       const OverlapConfig& config) {
-  const TriangleField field = triangle_field(parts, config);
+  const TriangleTable field = triangle_table(parts, config);
   std::vector<RayVerdicts> out;
   cast_all(field, config, &out);
   return out;

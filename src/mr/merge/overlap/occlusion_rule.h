@@ -9,20 +9,20 @@
 
 namespace mr::merge {
 
-/// The paper's overlap removal (3.2), by occlusion: of surfaces that are one, the nearest to the
-/// camera stays, and what it occludes goes. Rays go from every depth camera through its pixels (of
-/// a LiDAR or an equirectangular camera through the faces of a cube, see camera_rays()) and meet
-/// the fronts of all triangles; hits of different parts that face the camera alike and lie within
-/// twice the sensors' precision (plus calibration and decimation error) are one surface, of which
-/// the nearest hit wins on that ray. A triangle goes as a whole, when it lost on more than half of
-/// the rays that hit it; nothing is cut, and what no ray hits stays. Only cameras whose frustum
-/// holds several parts are looked through. `config.overlap` says how hits are found: `rays` casts
-/// them at the meshes (Embree; the reference), `raster` draws layered depth images; both decide
-/// alike. Returns, for each part, 1 for every triangle that goes. Parallel; deterministic.
+/// The paper's overlap removal (3.2) by occlusion: of layers that are the same surface, the one
+/// nearest to the camera stays and those that it occludes are removed. Rays from every depth camera
+/// through its pixels (LiDAR and equirectangular: through the faces of a cube, see camera_rays())
+/// are intersected with the front faces of all triangles. Hits of different parts that have similar
+/// normals and lie within twice the sensors' precision (plus calibration and decimation error) are
+/// one surface, of which the nearest hit wins on that ray. A triangle is removed as a whole if it
+/// lost on more than half of the rays that hit it; nothing is cut, and triangles without hits stay.
+/// Cameras whose frustum contains only one part are skipped. `config.overlap`: `rays` casts rays at
+/// the meshes (Embree; the reference), `raster` rasterizes layered depth images (A-buffer); both
+/// give the same result. Returns for each part [T], 1: remove. Parallel; deterministic.
 std::vector<std::vector<std::uint8_t>> farther_triangles(std::span<const kit::Part> parts,
                                                          const OverlapConfig& config);
 
-/// A triangle that a ray met, counted through all parts, and what became of it there.
+/// A triangle hit by a ray (numbered through all parts), and whether it lost there.
 struct RayVerdict {
   std::uint32_t triangle = 0;
   bool lost = false;
@@ -30,7 +30,7 @@ struct RayVerdict {
   friend bool operator==(const RayVerdict&, const RayVerdict&) = default;
 };
 
-/// What the rays of one camera, or of one face of its cube, decided.
+/// The votes of all rays of one camera, or of one face of its cube.
 struct RayVerdicts {
   int width = 0, height = 0;
   std::vector<std::uint32_t> first;  ///< [width · height + 1] pixel → its first verdict
@@ -41,8 +41,8 @@ struct RayVerdicts {
   }
 };
 
-/// The decisions behind farther_triangles(), ray by ray, for comparing the ways to find hits: one
-/// element for every camera (or face) that was looked through, in order.
+/// The votes behind farther_triangles(), ray by ray, to compare the two implementations: one
+/// element for every camera (or face) that was used, in order.
 std::vector<RayVerdicts> ray_verdicts(std::span<const kit::Part> parts,
                                       const OverlapConfig& config);
 

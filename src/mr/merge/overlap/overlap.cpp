@@ -21,7 +21,7 @@ Mesh by_sensor(const kit::Part& part) {
   return out;
 }
 
-/// What is left by the paper's rule.
+/// The remaining meshes by the paper's rule.
 std::vector<Mesh> nearest(std::span<const kit::Part> parts, const OverlapConfig& config) {
   const auto goes = farther_triangles(parts, config);
   std::vector<Mesh> out(parts.size());
@@ -44,15 +44,14 @@ bool share_sensors(std::span<const kit::Part> parts) {
   return std::ranges::adjacent_find(sensors) != sensors.end();
 }
 
-/// What is left where each spot goes to who measured it best. Parts that do not meet have nothing
-/// to decide between them.
+/// The remaining meshes by coherent ownership. Groups of parts that are apart are independent.
 std::vector<Mesh> best(std::span<const kit::Part> parts, const OverlapConfig& config,
                        QualityMemory* memory) {
   std::vector<const Mesh*> meshes;
   for (const kit::Part& part : parts) meshes.push_back(&part.mesh);
   const double reach_m =
       std::max(farthest_alike_m(parts, config), kLeastReach_voxels * config.voxel_m);
-  const auto groups = groups_that_meet(meshes, reach_m);
+  const auto groups = connected_groups(meshes, reach_m);
   if (groups.size() == 1) return best_measured(parts, config, memory);
   std::vector<Mesh> out(parts.size());
   const auto work = [&](const std::vector<std::uint32_t>& group) {
@@ -65,7 +64,7 @@ std::vector<Mesh> best(std::span<const kit::Part> parts, const OverlapConfig& co
     std::vector<Mesh> owned = best_measured(some, config, memory);
     for (std::size_t k = 0; k < group.size(); ++k) out[group[k]] = std::move(owned[k]);
   };
-  // What is remembered is remembered by sensor: who has one in common comes one after another.
+  // QualityMemory is by sensor: groups with a common sensor must run one after another.
   const std::size_t grain = memory && share_sensors(parts) ? groups.size() : 1;
   parallel_for(groups.size(), grain, [&](std::size_t begin, std::size_t end) {
     for (std::size_t g = begin; g < end; ++g) work(groups[g]);

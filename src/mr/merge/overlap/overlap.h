@@ -11,7 +11,7 @@ namespace mr::merge {
 
 struct OverlapConfig {
   MergeConfig::Owner owner = MergeConfig::Owner::coherent;
-  MergeConfig::Overlap overlap = MergeConfig::Overlap::raster;  ///< how the paper's rays find hits
+  MergeConfig::Overlap overlap = MergeConfig::Overlap::raster;  ///< how the paper's rays are cast
   double voxel_m = 0.01;
   double calibration_error_m = 0.005;
 };
@@ -21,11 +21,11 @@ class QualityMemory;  // quality_grid.h
 /// Overlap removal (paper 3.2). Surfaces of different parts that face alike and lie within twice
 /// the sensors' precision (plus calibration and decimation error) are one, and all but one go:
 ///   owner paper     the farther ones, on the rays of the depth cameras (occlusion_rule.h)
-///   owner coherent  those that were measured less well; parts are cut along the line (ownership.h)
-/// Overlap is decided between parts, never inside one; vertices that stay do not move. Returns what
-/// stays of each part, in order, each triangle with the sensor that measured it as its view.
-/// `memory`: of who merges the same sensors frame after frame, so that noise does not move coherent
-/// borders. Parallel; deterministic.
+///   owner coherent  those measured less well; parts are cut at the border line (ownership.h)
+/// Overlap is removed between parts, never within one; remaining vertices do not move. Returns the
+/// remaining mesh of each part, in order; a triangle's view is the sensor that measured it.
+/// `memory`: kept from frame to frame by callers that merge the same sensors again, so that noise
+/// does not move coherent borders. Parallel; deterministic.
 std::vector<Mesh> remove_overlap(std::span<const kit::Part> parts, const OverlapConfig& config,
                                  QualityMemory* memory = nullptr);
 

@@ -30,13 +30,14 @@ constexpr int kCutSteps = 4;
 constexpr double kLongest_voxels = 10;  // of an edge where owners change
 constexpr int kMaxOwnerCuts = 6;        // halvings of an edge
 
-Spot between(const Spot& a, const Spot& b, float t) {
+SurfacePoint between(const SurfacePoint& a, const SurfacePoint& b, float t) {
   return {a.position + (b.position - a.position) * t,
           normalized(a.normal + (b.normal - a.normal) * t), a.sigma_m + (b.sigma_m - a.sigma_m) * t,
           t < 0.5f ? a.source : b.source};
 }
 
-/// The pinholes that a source looks through, as coarse as ownership needs.
+/// The pinhole cameras of a source (one, or the faces of a cube) at the low resolution that
+/// ownership needs.
 std::vector<RayGrid> places_of(const SourceInfo& source, double voxel_m) {
   const double focal_px = std::max(kFocal_voxels / voxel_m, kLeastFocal_px);
   const Camera& camera = source.depth_camera;
@@ -62,30 +63,31 @@ std::vector<Measured> all_measured(std::span<const kit::Part> parts, const Overl
   return out;
 }
 
-/// A triangle of a part.
-struct TrianglePlace {
+/// Identifies a triangle of a part.
+struct TriangleId {
   std::uint32_t part = 0, triangle = 0;
 };
 
-/// Who has a spot instead of the part that it is of.
-struct Loss {
-  static constexpr std::uint32_t kNobody = 0xFFFFFFFFu;
-  TrianglePlace to;
-  std::uint32_t owner = kNobody;  ///< number of it
-  bool is_clear = false;          ///< that one measured it better by far
+/// The better owner of a point that its part does not own.
+struct LostVertex {
+  static constexpr std::uint32_t kNoOwner = 0xFFFFFFFFu;
+  TriangleId to;
+  std::uint32_t owner = kNoOwner;  ///< its number, as QualityGrid::Candidate has it
+  bool is_clear = false;           ///< it measured the point better by far
 };
 
-/// How much better a part measured a spot of its own than the best other with surface there (over
-/// 0: its own), and that one.
-struct Verdict {
+/// A part's quality at one of its points minus the best quality of another part with surface there
+/// (positive: the part owns the point), and that other part.
+struct OwnershipMargin {
   float margin = 0;
-  Loss loss;
+  LostVertex loss;
 };
 
-/// Who owns what: at any place, the part with surface there that measured it best.
-class Owners {
+/// The owner of every point of the surface: of the parts with surface there, the one that measured
+/// it best.
+class OwnershipMap {
  public:
-  Owners(std::span<const kit::Part> parts, const OverlapConfig& config, QualityMemory* memory)
+  OwnershipMap(std::span<const kit::Part> parts, const OverlapConfig& config, QualityMemory* memory)
       : parts_(parts),
         measured_(all_measured(parts, config)),
         grid_(parts, measured_, kCell_voxels * config.voxel_m, memory) {
@@ -111,24 +113,26 @@ class Owners {
   }
 
   const Mesh& mesh(std::size_t part) const { return parts_[part].mesh; }
-  const std::vector<Spot>& vertices(std::size_t part) const { return measured_[part].vertices; }
+  const std::vector<SurfacePoint>& vertices(std::size_t part) const {
+    return measured_[part].vertices;
+  }
   /// The sensor that measured a triangle of a part.
   SensorId sensor(std::size_t part, std::uint32_t triangle) const {
     return parts_[part].sources[measured_[part].source[triangle]].sensor;
   }
 
-  /// Finds who owns the spots of one part; quickest where spots near each other come in turn.
+  /// Finds the owners of points of one part; fastest when successive points are near each other.
   class OwnershipQuery {
    public:
-    OwnershipQuery(const Owners& owners, std::size_t part)
+    OwnershipQuery(const OwnershipMap& owners, std::size_t part)
         : owners_(owners), part_(static_cast<std::uint32_t>(part)), reader_(owners.grid_) {}
 
-    /// Whether the part owns a spot of its own.
-    Verdict verdict(const Spot& spot) {
-      const auto candidates = reader_.at(spot.position, spot.normal);
+    /// The margin at a point of the part.
+    OwnershipMargin margin_at(const SurfacePoint& point) {
+      const auto candidates = reader_.at(point.position, point.normal);
       float mine = 0, below = 0;  // the best of those that measured it worse
       for (const auto& [owner, number, quality] : candidates)
-        if (owner.part == part_ && owner.source == spot.source) mine = quality;
+        if (owner.part == part_ && owner.source == point.source) mine = quality;
       better_.clear();
       for (QualityGrid::Candidate its : candidates) {
         if (its.owner.part == part_) continue;
@@ -142,48 +146,50 @@ class Owners {
       for (; !better_.empty(); better_.pop_back()) {
         std::ranges::pop_heap(better_, {}, by_quality);
         const auto& [owner, number, quality] = better_.back();
-        if (const auto t = owners_.find(number, spot, part_))
+        if (const auto t = owners_.find(number, point, part_))
           return {std::min(mine - quality, -kLeast),
                   {{owner.part, *t}, number, mine < kClear * quality}};
       }
       return {std::max(mine - below, kLeast), {}};
     }
-    float margin(const Spot& spot) { return verdict(spot).margin; }
+    float margin(const SurfacePoint& point) { return margin_at(point).margin; }
 
-    /// Whether it is plain that a spot is lost to the same one as a spot beside it.
-    bool is_lost_like(const Loss& beside, const Spot& spot) const {
-      return beside.is_clear && owners_.find(beside.owner, spot, part_);
+    /// Whether a point is clearly lost to the same owner as a point beside it, which spares a
+    /// query.
+    bool is_lost_like(const LostVertex& beside, const SurfacePoint& point) const {
+      return beside.is_clear && owners_.find(beside.owner, point, part_);
     }
 
-    /// Whether another part has surface at a spot that satisfies `holds(place)`.
+    /// Whether another part has a triangle at a point that satisfies `holds(triangle)`.
     template <typename Holds>
-    bool any_rival(const Spot& spot, Holds&& holds) {
-      const auto candidates = reader_.at(spot.position, spot.normal);
+    bool any_other_part(const SurfacePoint& point, Holds&& holds) {
+      const auto candidates = reader_.at(point.position, point.normal);
       return std::ranges::any_of(candidates, [&](const QualityGrid::Candidate& c) {
         if (c.owner.part == part_) return false;
-        const auto t = owners_.find(c.number, spot, part_);
-        return t && holds(TrianglePlace{c.owner.part, *t});
+        const auto t = owners_.find(c.number, point, part_);
+        return t && holds(TriangleId{c.owner.part, *t});
       });
     }
 
    private:
     static constexpr float kLeast = 1e-12f;
-    /// Of equals the one with the lower number comes first.
+    /// Ties go to the lower number.
     static std::pair<float, std::uint32_t> by_quality(const QualityGrid::Candidate& c) {
       return {c.quality, ~c.number};
     }
 
-    const Owners& owners_;
+    const OwnershipMap& owners_;
     std::uint32_t part_;
     QualityGrid::Reader reader_;
     std::vector<QualityGrid::Candidate> better_;  // than the part, those not asked yet
   };
 
  private:
-  /// The triangle that an owner has at a spot of another part.
-  std::optional<std::uint32_t> find(std::uint32_t owner, const Spot& spot, std::uint32_t of) const {
+  /// The triangle of an owner at a point of part `of`.
+  std::optional<std::uint32_t> find(std::uint32_t owner, const SurfacePoint& point,
+                                    std::uint32_t of) const {
     for (const PartView& view : views_[owner])
-      if (const auto t = view.at(spot, measured_[of].slack_m)) return t;
+      if (const auto t = view.at(point, measured_[of].slack_m)) return t;
     return std::nullopt;
   }
 
@@ -193,10 +199,10 @@ class Owners {
   std::vector<std::vector<PartView>> views_;  // [owners]
 };
 
-/// What a part owns, while it is found.
-class OwnPart {
+/// Computes the region of a part that it owns.
+class PartOwnership {
  public:
-  OwnPart(const Owners& owners, std::size_t part, const OverlapConfig& config)
+  PartOwnership(const OwnershipMap& owners, std::size_t part, const OverlapConfig& config)
       : owners_(owners),
         part_(part),
         config_(config),
@@ -205,39 +211,39 @@ class OwnPart {
         margin_(vertices_->size()),
         loss_(vertices_->size()) {}
 
-  void look_at(std::size_t begin, std::size_t end) {
-    Owners::OwnershipQuery query(owners_, part_);
+  void find_margins(std::size_t begin, std::size_t end) {
+    OwnershipMap::OwnershipQuery query(owners_, part_);
     for (std::size_t v = begin; v < end; ++v) {
-      const Verdict verdict = query.verdict((*vertices_)[v]);
-      margin_[v] = verdict.margin, loss_[v] = verdict.loss;
+      const OwnershipMargin found = query.margin_at((*vertices_)[v]);
+      margin_[v] = found.margin, loss_[v] = found.loss;
     }
   }
 
-  /// Whether any corner of one of the part's triangles is its own.
+  /// Whether the part owns a corner of its triangle.
   bool keeps(std::uint32_t triangle) const {
     const auto& [a, b, c] = mesh_->triangles[triangle];
     return margin_[a] > 0 || margin_[b] > 0 || margin_[c] > 0;
   }
 
-  /// Removal makes no holes: what was lost to a part that lost it, too, as in a gap as narrow as
-  /// triangles are, comes back unless a third part keeps it.
-  void restore(const std::vector<OwnPart>& all) {
-    std::optional<Owners::OwnershipQuery> query;
-    const auto kept = [&](const TrianglePlace& place) {
+  /// Prevents holes: a vertex lost to a part that itself lost the place, as in gaps as narrow as a
+  /// triangle, is restored unless a third part keeps it.
+  void restore(const std::vector<PartOwnership>& all) {
+    std::optional<OwnershipMap::OwnershipQuery> query;
+    const auto kept = [&](const TriangleId& place) {
       return all[place.part].keeps(place.triangle);
     };
     for (std::size_t v = 0; v < margin_.size(); ++v) {
-      if (loss_[v].owner == Loss::kNobody || kept(loss_[v].to)) continue;
+      if (loss_[v].owner == LostVertex::kNoOwner || kept(loss_[v].to)) continue;
       if (!query) query.emplace(owners_, part_);
-      if (!query->any_rival((*vertices_)[v], kept)) margin_[v] = kRestored;
+      if (!query->any_other_part((*vertices_)[v], kept)) margin_[v] = kRestored;
     }
   }
 
-  /// Cuts long edges of triangles that are owned in part, so that a border between owners bends
-  /// where it has to.
+  /// Splits long edges of partly owned triangles, so that the border between owners can follow the
+  /// quality function.
   void refine() {
     const auto longest_m = static_cast<float>(kLongest_voxels * config_.voxel_m);
-    Owners::OwnershipQuery query(owners_, part_);
+    OwnershipMap::OwnershipQuery query(owners_, part_);
     for (int round = 0; round < kMaxOwnerCuts; ++round) {
       std::vector<std::uint8_t> split;
       for (std::uint32_t t = 0; t < mesh_->triangles.size(); ++t) {
@@ -252,13 +258,13 @@ class OwnPart {
     }
   }
 
-  /// What is left of the part: cut where its margin is zero, which is found between two vertices
-  /// by looking there.
+  /// The owned region: clips the mesh where the margin is zero. The zero on an edge is found by the
+  /// secant method (regula falsi) and bisection in turn.
   Mesh cut() const {
-    Owners::OwnershipQuery query(owners_, part_);
+    OwnershipMap::OwnershipQuery query(owners_, part_);
     const float retreat_m = kRetreat_voxels * static_cast<float>(config_.voxel_m);
     const auto crossing = [&](std::uint32_t kept, std::uint32_t lost) {
-      const Spot &k = (*vertices_)[kept], &l = (*vertices_)[lost];
+      const SurfacePoint &k = (*vertices_)[kept], &l = (*vertices_)[lost];
       if (margin_[kept] == kRestored) return 0.5f;
       float low = 0, high = 1, at_low = margin_[kept], at_high = margin_[lost];
       const auto guess = [&] { return low + (high - low) * (at_low / (at_low - at_high)); };
@@ -287,8 +293,8 @@ class OwnPart {
     return out;
   }
 
-  /// Whether a triangle's corners, middle and middle of its longest edge have different owners.
-  bool is_divided(std::uint32_t t, Owners::OwnershipQuery& query) const {
+  /// Whether a triangle's corners, centroid and midpoint of its longest edge have different owners.
+  bool is_divided(std::uint32_t t, OwnershipMap::OwnershipQuery& query) const {
     const Triangle& corners = mesh_->triangles[t];
     if (std::ranges::all_of(corners, [&](std::uint32_t v) { return margin_[v] == kRestored; }))
       return false;
@@ -300,26 +306,27 @@ class OwnPart {
       edges[i] = length(mesh_->corner(t, i) - mesh_->corner(t, (i + 1) % 3));
       if (edges[i] > edges[longest]) longest = i;
     }
-    const Spot& a = (*vertices_)[corners[longest]];
-    const Spot& b = (*vertices_)[corners[(longest + 1) % 3]];
-    const Spot& c = (*vertices_)[corners[(longest + 2) % 3]];
-    const auto differs = [&](const Spot& spot) {
-      if (!own && std::ranges::any_of(
-                      corners, [&](std::uint32_t v) { return query.is_lost_like(loss_[v], spot); }))
+    const SurfacePoint& a = (*vertices_)[corners[longest]];
+    const SurfacePoint& b = (*vertices_)[corners[(longest + 1) % 3]];
+    const SurfacePoint& c = (*vertices_)[corners[(longest + 2) % 3]];
+    const auto differs = [&](const SurfacePoint& point) {
+      if (!own && std::ranges::any_of(corners, [&](std::uint32_t v) {
+            return query.is_lost_like(loss_[v], point);
+          }))
         return false;
-      return (query.margin(spot) > 0) != own;
+      return (query.margin(point) > 0) != own;
     };
-    const Spot middle = between(a, b, 0.5f);
+    const SurfacePoint middle = between(a, b, 0.5f);
     return differs(middle) || differs(between(middle, c, 1.0f / 3));
   }
 
-  void split_edges(const std::vector<std::uint8_t>& split, Owners::OwnershipQuery& query) {
+  void split_edges(const std::vector<std::uint8_t>& split, OwnershipMap::OwnershipQuery& query) {
     kit::Refined fine = kit::refine(*mesh_, split);
-    std::vector<Spot> vertices = *vertices_;
+    std::vector<SurfacePoint> vertices = *vertices_;
     for (const auto& [a, b] : fine.cut_edges) {
       vertices.push_back(between(vertices[a], vertices[b], 0.5f));
-      const Verdict verdict = query.verdict(vertices.back());
-      margin_.push_back(verdict.margin), loss_.push_back(verdict.loss);
+      const OwnershipMargin found = query.margin_at(vertices.back());
+      margin_.push_back(found.margin), loss_.push_back(found.loss);
     }
     is_new_.resize(fine.parent.size());
     for (std::size_t t = 0; t < is_new_.size(); ++t)
@@ -330,28 +337,28 @@ class OwnPart {
     finer_vertices_ = std::move(vertices), vertices_ = &finer_vertices_;
   }
 
-  const Owners& owners_;
+  const OwnershipMap& owners_;
   std::size_t part_;
   const OverlapConfig& config_;
-  const Mesh* mesh_;                   // the part's, or finer_mesh_
-  const std::vector<Spot>* vertices_;  // of mesh_
-  std::vector<float> margin_;          // [V] of mesh_
-  std::vector<Loss> loss_;             // [V] of mesh_
-  std::vector<std::uint32_t> whole_;   // [T of mesh_] triangle of the part; empty: the same
-  std::vector<std::uint8_t> is_new_;   // [T of mesh_] since edges were last split
+  const Mesh* mesh_;                           // the part's, or finer_mesh_
+  const std::vector<SurfacePoint>* vertices_;  // of mesh_
+  std::vector<float> margin_;                  // [V] of mesh_
+  std::vector<LostVertex> loss_;               // [V] of mesh_
+  std::vector<std::uint32_t> whole_;           // [T of mesh_] triangle of the part; empty: the same
+  std::vector<std::uint8_t> is_new_;           // [T of mesh_] since edges were last split
   Mesh finer_mesh_;
-  std::vector<Spot> finer_vertices_;
+  std::vector<SurfacePoint> finer_vertices_;
 };
 
 }  // namespace
 
 std::vector<Mesh> best_measured(std::span<const kit::Part> parts, const OverlapConfig& config,
                                 QualityMemory* memory) {
-  const Owners owners(parts, config, memory);
+  const OwnershipMap owners(parts, config, memory);
   struct Block {
     std::size_t part, begin, end;
   };
-  std::vector<OwnPart> own;
+  std::vector<PartOwnership> own;
   std::vector<Block> blocks;
   for (std::size_t i = 0; i < parts.size(); ++i) {
     own.emplace_back(owners, i, config);
@@ -360,9 +367,9 @@ std::vector<Mesh> best_measured(std::span<const kit::Part> parts, const OverlapC
       blocks.push_back({i, b, std::min(b + kVerticesAtOnce, count)});
   }
   for_each_index(blocks.size(), [&](std::size_t b) {
-    own[blocks[b].part].look_at(blocks[b].begin, blocks[b].end);
+    own[blocks[b].part].find_margins(blocks[b].begin, blocks[b].end);
   });
-  for (OwnPart& part : own) part.restore(own);  // one by one: only one of them has it back
+  for (PartOwnership& part : own) part.restore(own);  // one by one: only one of them has it back
   std::vector<Mesh> out(parts.size());
   for_each_index(parts.size(), [&](std::size_t i) {
     own[i].refine();

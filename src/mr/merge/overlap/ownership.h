@@ -8,11 +8,11 @@
 
 namespace mr::merge {
 
-/// Coherent ownership: every spot goes to the part that measured it best, by distance, angle and
-/// how much of it there is around (quality_grid.h). That is a function of space: both sides of a
-/// border between owners are cut where the same two values are equal. Returns what stays of each
-/// part, in order, each triangle with the sensor that measured it as its view. `memory` may be
-/// null.
+/// Coherent ownership: every point of the surface belongs to the part that measured it best, by
+/// distance, angle and the amount of surface around it (quality_grid.h). Quality is a function of
+/// space, so the meshes on both sides of a border are cut along the same line, where the two
+/// qualities are equal. Returns the remaining mesh of each part, in order; a triangle's view is the
+/// sensor that measured it. `memory` may be null.
 std::vector<Mesh> best_measured(std::span<const kit::Part> parts, const OverlapConfig& config,
                                 QualityMemory* memory);
 

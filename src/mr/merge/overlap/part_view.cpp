@@ -20,7 +20,7 @@ struct ScreenVertex {
   float u = 0, v = 0, inv_z = 0;  // inv_z 0: before the near plane
 };
 
-/// Where a part falls in a picture.
+/// Bounding rectangle of a part in a picture.
 struct Extent {
   float left = 1e9f, top = 1e9f, right = -1e9f, bottom = -1e9f;
 
@@ -40,7 +40,7 @@ struct Extent {
   }
 };
 
-/// The picture while it is drawn. 1 / depth is linear in it.
+/// The z-buffer and ID buffer while they are rasterized. 1 / depth is linear in the picture.
 struct Canvas {
   int width, height;
   std::vector<std::uint32_t>& triangle;
@@ -116,8 +116,7 @@ PartView::PartView(const kit::Part& part, const Measured& measured, std::uint32_
   widen();
 }
 
-/// Surfaces end a pixel later: where two parts end at one line, rounding must not hide one from the
-/// other.
+/// Dilates surfaces by a pixel, so that rounding leaves no gap where two parts end at one line.
 void PartView::widen() {
   const std::vector<std::uint32_t> drawn = triangle_;
   for (int y = 0; y < height_; ++y)
@@ -132,8 +131,8 @@ void PartView::widen() {
     }
 }
 
-std::optional<std::uint32_t> PartView::at(const Spot& spot, float slack_m) const {
-  const Vec3f d = spot.position - origin_;
+std::optional<std::uint32_t> PartView::at(const SurfacePoint& point, float slack_m) const {
+  const Vec3f d = point.position - origin_;
   const float z = dot(forward_, d);
   if (!(z >= static_cast<float>(kit::kNearPlane_m))) return std::nullopt;
   const float inv_z = 1 / z;
@@ -144,10 +143,10 @@ std::optional<std::uint32_t> PartView::at(const Spot& spot, float slack_m) const
       triangle_[static_cast<std::size_t>(static_cast<int>(v)) * width_ + static_cast<int>(u)];
   if (t == kit::kNoTriangle) return std::nullopt;
   const auto& [normal, offset_m] = measured_->plane[t];
-  if (dot(normal, spot.normal) < kSameFacing) return std::nullopt;
-  const float away = offset_m - dot(normal, spot.position);
+  if (dot(normal, point.normal) < kSameFacing) return std::nullopt;
+  const float away = offset_m - dot(normal, point.position);
   const auto sigma = static_cast<float>(precision_.sigma_m(z));
-  const float range = 2 * std::max(sigma, spot.sigma_m) + slack_m + measured_->slack_m;
+  const float range = 2 * std::max(sigma, point.sigma_m) + slack_m + measured_->slack_m;
   const float slope = std::abs(dot(normal, d)) / length(d);  // cosine to the ray
   if (!(std::abs(away) <= range * std::min(1.0f, kOblique * slope))) return std::nullopt;
   return t;

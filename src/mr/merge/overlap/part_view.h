@@ -10,20 +10,20 @@
 
 namespace mr::merge {
 
-/// The nearest surface of a part, as one of its sources' cameras sees it: the triangle in every
-/// pixel.
+/// An ID buffer: the nearest triangle of a part in every pixel of one of its sources' cameras.
 class PartView {
  public:
-  /// Draws the triangles that `source` (place in the part's sources) measured, as far as they face
-  /// the camera. `camera`: an undistorted pinhole at the source's place; surface up to `margin_px`
-  /// outside of its picture counts as well, as poses and labels may be a little off. `measured`
-  /// must outlive the view.
+  /// Rasterizes the front-facing triangles that `source` (index into the part's sources) measured.
+  /// `camera`: an undistorted pinhole at the source's pose. Surface up to `margin_px` outside its
+  /// picture is included, as poses and labels may be slightly off. `measured` must outlive the
+  /// view.
   PartView(const kit::Part& part, const Measured& measured, std::uint32_t source,
            const Camera& camera, const Pose& T_world_camera, int margin_px);
 
-  /// The part's triangle at a spot of another part, if it has surface there: it faces alike and
-  /// lies within twice the sensors' precision (paper 3.2) and both parts' slack, along the normal.
-  std::optional<std::uint32_t> at(const Spot& spot, float slack_m) const;
+  /// The part's triangle at a point of another part, if it has surface there: one with a similar
+  /// normal and, along the normal, within twice the sensors' precision (paper 3.2) plus both parts'
+  /// slack.
+  std::optional<std::uint32_t> at(const SurfacePoint& point, float slack_m) const;
 
  private:
   void widen();

@@ -48,7 +48,7 @@ class Filler {
     spread();
   }
 
-  /// Where a cell is kept.
+  /// The index of a cell.
   std::uint32_t place_of(std::uint64_t cell) {
     const auto fresh = static_cast<std::uint32_t>(cells_.keys.size());
     const std::uint32_t place = cells_.places.get_or_add(cell, fresh);
@@ -56,9 +56,9 @@ class Filler {
     return place;
   }
 
-  /// Takes out of the sums how triangles happen to fall into cells: along the surface they are
-  /// averaged, 1 2 1; across it a cell and its two neighbours are taken together, so that parts
-  /// that lie a little before or behind each other read the same.
+  /// Filters the sums against aliasing of triangles and cells: a binomial filter (1 2 1)
+  /// tangentially; along the normal the sum of a cell and its two neighbours, so that parts
+  /// slightly in front of or behind each other get the same value.
   void spread() {
     const std::vector<std::uint64_t>& keys = cells_.keys;
     std::vector<QualitySums>& sums = cells_.sums;
@@ -96,7 +96,7 @@ QualityCells& QualityMemory::remembered(SensorId sensor) {
   return last_[sensor];
 }
 
-void QualityMemory::steady(SensorId sensor, QualityCells& cells) {
+void QualityMemory::stabilize(SensorId sensor, QualityCells& cells) {
   QualityCells& last = remembered(sensor);
   for (std::size_t i = 0; i < cells.keys.size(); ++i) {
     const std::uint32_t* before = last.places.find(cells.keys[i]);
@@ -124,7 +124,7 @@ QualityGrid::QualityGrid(std::span<const kit::Part> parts, std::span<const Measu
   });
   if (memory)
     for (std::size_t k = 0; k < owners_.size(); ++k)
-      memory->steady(parts[owners_[k].part].sources[owners_[k].source].sensor, of_owner[k]);
+      memory->stabilize(parts[owners_[k].part].sources[owners_[k].source].sensor, of_owner[k]);
   std::vector<std::uint32_t> count, place;
   for (const QualityCells& cells : of_owner)
     for (const std::uint64_t cell : cells.keys) {

@@ -13,23 +13,25 @@
 
 namespace mr::merge {
 
-/// What a part adds to a cell: area by the axis that it faces along, then area · quality.
+/// A part's contribution to a cell: area, split among the three axes by
+/// the squares of the normal's components; then area · quality likewise.
 using QualitySums = std::array<float, 6>;
 
-/// The cells of one source of a part.
+/// The hash grid of one source of a part.
 struct QualityCells {
-  kit::PairMap places{256};         ///< cell → its place
+  kit::PairMap places{256};         ///< cell → index
   std::vector<std::uint64_t> keys;  ///< [cells]
   std::vector<QualitySums> sums;    ///< [cells]
 };
 
-/// The grid as it was, by sensor: sums that changed by less than a tenth stay as they were, so that
-/// borders between owners lie still while noise does not.
+/// Hysteresis for the quality grid over time, by sensor: sums that change by less than a tenth keep
+/// their old value, so that noise does not move borders between owners.
 class QualityMemory {
  public:
-  /// Steadies the sums of a sensor, and remembers them. Different sensors may come at once.
-  void steady(SensorId sensor, QualityCells& cells);
-  /// While frozen, nothing is remembered: a piece of a scene is merged.
+  /// Applies the hysteresis to a sensor's sums and remembers them. Different sensors may be
+  /// processed at once.
+  void stabilize(SensorId sensor, QualityCells& cells);
+  /// While frozen nothing is remembered, for merging only a piece of a scene.
   void freeze(bool frozen) { frozen_ = frozen; }
 
  private:
@@ -40,18 +42,18 @@ class QualityMemory {
   std::map<SensorId, QualityCells> last_;
 };
 
-/// How well each part measured each place: cos(angle) / sigma, averaged over the triangles around
-/// in cells of some voxels, apart for the three axes that a surface may face along. It falls off
-/// with the eighth root of the area around, so towards a part's borders, where depth is worst.
-/// Being a smooth function of space and not of any one mesh, it divides all meshes along the same
-/// lines.
+/// The quality of each part's measurement as a function of space: cos(angle) / sigma, averaged over
+/// triangles in a hash grid with cells of some voxels, separately for the three axes that a surface
+/// may face along, and interpolated trilinearly. It is multiplied by the eighth root of the area
+/// around, so it decreases towards a part's borders, where depth is worst. As it is smooth and does
+/// not depend on any one mesh, it divides all meshes along the same lines.
 class QualityGrid {
  public:
   /// `parts[i]` was measured as `measured[i]`. `memory` may be null. Parallel; deterministic.
   QualityGrid(std::span<const kit::Part> parts, std::span<const Measured> measured, double cell_m,
               QualityMemory* memory);
 
-  /// A source of a part: whose surface a spot may be.
+  /// A possible owner of surface: a source of a part.
   struct Owner {
     std::uint32_t part, source;
   };
@@ -61,19 +63,19 @@ class QualityGrid {
     float quality;
   };
 
-  /// Reads the grid, best at places that lie near each other in turn.
+  /// Queries the grid; fastest when successive points are near each other (it caches cells).
   class Reader {
    public:
     explicit Reader(const QualityGrid& grid);
 
-    /// Who has surface around a place, as far as it faces along the axes of `normal`; the order
+    /// The owners of surface around a point that faces along the axes of `normal`, in an order that
     /// depends on the grid only. Valid until the next call.
     std::span<const Candidate> at(Vec3f place, Vec3f normal);
 
    private:
     static constexpr std::size_t kCached = 64;
     static constexpr std::size_t kFour = 4;
-    /// The sums of four owners in the eight cells around a place, to be added up for all at once.
+    /// The sums of four owners in the eight cells around a point, for SIMD.
     struct Four {
       std::array<std::array<float, kFour>, 24> area{}, quality{};  // [3 · cell + axis][owner]
     };

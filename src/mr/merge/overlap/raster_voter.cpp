@@ -13,23 +13,23 @@ namespace {
 
 using kit::Fragment;
 
-/// A triangle in a tile, and what its rays decided there.
+/// The votes on a triangle in one tile.
 struct TriangleVotes {
-  Facing facing;
+  TriangleSurface facing;
   std::uint32_t hits = 0, lost = 0;
 };
 
-/// What the rays of a tile decided.
+/// The votes of a tile's rays.
 struct TileVotes {
   std::vector<TriangleVotes> entries;    ///< as the tile's triangles
   std::vector<RayVerdict> verdicts;      ///< if asked for
   std::vector<std::uint32_t> per_pixel;  ///< how many of them, if asked for
 };
 
-/// Decides the rays of a tile and counts what is lost there.
+/// Votes on the rays of a tile and counts lost ones.
 class TileRays {
  public:
-  TileRays(const TriangleField& field, const RayPencil& rays, const kit::RasterTile& tile,
+  TileRays(const TriangleTable& field, const RayPencil& rays, const kit::RasterTile& tile,
            TileVotes& votes)
       : field_(field), rays_(rays), tile_(tile), votes_(votes) {
     constexpr std::size_t kAhead = 12;
@@ -42,7 +42,7 @@ class TileRays {
     votes.verdicts.clear(), votes.per_pixel.clear();
   }
 
-  /// As many() does it, without branches.
+  /// The same as many() for two fragments, branchless.
   void two(Vec3f ray, Fragment a, Fragment b) {
     put_in_order(a, b);
     entry(b).lost += same(a, b, ray, dot(ray, ray));
@@ -78,15 +78,16 @@ class TileRays {
       entry(Fragment::of_key(sorted_[i])).lost += on_ray_[i].lost;
   }
 
-  /// Writes down what many() just decided.
+  /// Records the votes of many().
   void write_verdicts() {
-    std::sort(on_ray_.begin(), on_ray_.end(),
-              [](const RayMeeting& a, const RayMeeting& b) { return a.triangle < b.triangle; });
-    for (const RayMeeting& m : on_ray_) votes_.verdicts.push_back({m.triangle, m.lost});
+    std::sort(
+        on_ray_.begin(), on_ray_.end(),
+        [](const RayIntersection& a, const RayIntersection& b) { return a.triangle < b.triangle; });
+    for (const RayIntersection& m : on_ray_) votes_.verdicts.push_back({m.triangle, m.lost});
     votes_.per_pixel.push_back(static_cast<std::uint32_t>(on_ray_.size()));
   }
 
-  /// Through a pixel of the tile.
+  /// The ray through a pixel of the tile.
   Vec3f ray(int x, int y) const { return rays_.at(x + tile_.left, y + tile_.top); }
 
  private:
@@ -102,20 +103,20 @@ class TileRays {
     return same_surface(entry(a).facing, entry(b).facing, 1 / b.inv_z - 1 / a.inv_z, ray, stretch2);
   }
 
-  const TriangleField& field_;
+  const TriangleTable& field_;
   RayPencil rays_;
   const kit::RasterTile& tile_;
   TileVotes& votes_;
   std::vector<std::uint64_t> sorted_;  ///< keys
-  std::vector<RayMeeting> on_ray_;
+  std::vector<RayIntersection> on_ray_;
 };
 
 }  // namespace
 
 struct RasterVoter::Impl {
-  explicit Impl(const TriangleField& f) : field(f) {}
+  explicit Impl(const TriangleTable& f) : field(f) {}
 
-  const TriangleField& field;
+  const TriangleTable& field;
   kit::LayeredRasterizer rasterizer;
   std::vector<TileVotes> tiles;  ///< [tiles of the rasterizer] and perhaps more
 
@@ -188,7 +189,7 @@ void RasterVoter::Impl::count(RayVotes& votes) const {
     for (std::size_t e = drawn[t].first.back(); e < drawn[t].triangles.size(); ++e) add(t, e);
 }
 
-RasterVoter::RasterVoter(const TriangleField& field) : impl_(std::make_unique<Impl>(field)) {}
+RasterVoter::RasterVoter(const TriangleTable& field) : impl_(std::make_unique<Impl>(field)) {}
 RasterVoter::~RasterVoter() = default;
 
 void RasterVoter::cast(const RayGrid& grid, std::span<const std::uint32_t> parts, RayVotes& votes,

@@ -10,19 +10,18 @@
 
 namespace mr::merge {
 
-/// Finds what a camera's rays meet by drawing all triangles into an A-buffer
-/// (kit::LayeredRasterizer), and decides each pixel as a ray. It keeps its memory from camera to
-/// camera.
+/// Intersects a camera's rays with all triangles by rasterizing them into an A-buffer
+/// (kit::LayeredRasterizer), and votes per pixel as if it were a ray. Reuses its memory between
+/// cameras.
 class RasterVoter {
  public:
-  explicit RasterVoter(const TriangleField& field);  ///< the field must outlive it
+  explicit RasterVoter(const TriangleTable& field);  ///< the field must outlive it
   ~RasterVoter();
   RasterVoter(const RasterVoter&) = delete;
   RasterVoter& operator=(const RasterVoter&) = delete;
 
-  /// Casts the rays of one pinhole at the triangles of `parts` (ascending) and adds their votes.
-  /// With `verdicts`, also says what every ray decided. Parallel; the result does not depend on the
-  /// threads.
+  /// Adds the votes of one pinhole's rays on the triangles of `parts` (ascending). `verdicts`, if
+  /// given, receives the votes of every ray. Parallel; the result does not depend on the threads.
   void cast(const RayGrid& grid, std::span<const std::uint32_t> parts, RayVotes& votes,
             RayVerdicts* verdicts = nullptr);
 

@@ -8,16 +8,16 @@
 
 namespace mr::merge {
 
-/// Rays from one place, through the pixels of a pinhole picture.
+/// The rays through the pixels of a posed pinhole camera.
 struct RayGrid {
   Camera camera;
   Pose T_world_camera;
 };
 
-/// A depth camera's rays: a pinhole's through its pixels, those of a LiDAR or an equirectangular
-/// camera through the faces of a cube, as near together as its columns or rows, whichever are the
-/// nearer, but at 3 m no nearer than a quarter of a voxel, and as far around as its field: from its
-/// lowest to its highest beam, and half a row beyond.
+/// A depth camera's rays: those of a pinhole's pixels; for a LiDAR or an equirectangular camera,
+/// the faces of a cube with the angular resolution of its columns or rows, whichever is finer, but
+/// no finer than a quarter of a voxel at 3 m. They cover its vertical field, from the lowest to the
+/// highest beam and half a row beyond.
 std::vector<RayGrid> camera_rays(const SourceInfo& source, double voxel_m);
 
 }  // namespace mr::merge

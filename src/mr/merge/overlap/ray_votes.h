@@ -12,48 +12,49 @@
 #include "mr/merge/overlap/overlap.h"
 #include "mr/merge/overlap/ray_grids.h"
 
-/// What both ways of the paper's rule share: when two hits are one surface, and who loses.
+/// Shared by both implementations of the paper's rule: when two hits are one surface, and which one
+/// loses.
 namespace mr::merge {
 
-/// What is known of a triangle when a ray meets it.
-struct Facing {
+/// The attributes of a triangle that decide a vote.
+struct TriangleSurface {
   Vec3f normal;       ///< unit, smoothed over the neighbours
   float sigma_m = 0;  ///< precision of the sensor that measured it
   float slack_m = 0;  ///< error of calibration and decimation
   std::uint32_t part = 0;
 };
 
-/// All triangles of all parts, one after the other.
-struct TriangleField {
+/// All triangles of all parts in one numbering.
+struct TriangleTable {
   std::span<const kit::Part> parts;
-  std::vector<std::uint32_t> first;  ///< [parts + 1] part → its first triangle
-  std::vector<Facing> facing;        ///< [T]
-  float reach_m = 0;                 ///< farther behind each other no hits are one surface
+  std::vector<std::uint32_t> first;     ///< [parts + 1] part → its first triangle
+  std::vector<TriangleSurface> facing;  ///< [T]
+  float reach_m = 0;                    ///< upper bound of the distance between hits on one surface
 };
 
-TriangleField triangle_field(std::span<const kit::Part> parts, const OverlapConfig& config);
+TriangleTable triangle_table(std::span<const kit::Part> parts, const OverlapConfig& config);
 
-/// What rays found, by triangle ([T]).
+/// Numbers of hits and lost votes, by triangle ([T]).
 struct RayVotes {
   std::vector<std::uint32_t> hits, lost;
 };
 
-/// Where a ray meets the front of a triangle.
-struct RayMeeting {
+/// An intersection of a ray with a triangle's front face.
+struct RayIntersection {
   float depth_m = 0;           ///< along the camera's z axis
-  std::uint32_t triangle = 0;  ///< in the field
+  std::uint32_t triangle = 0;  ///< in the TriangleTable
   bool lost = false;
 };
 
-/// The nearest meetings of a ray that are decided; those behind them count as alone. Only meshes
-/// of slivers come near it.
-inline constexpr std::size_t kMostMeetings = 128;
+/// Only this many nearest intersections of a ray are compared; farther ones never lose. Only meshes
+/// of slivers reach the limit.
+inline constexpr std::size_t kMostIntersections = 128;
 
-/// Whether the farther of two meetings, of another part, is the same surface as the nearer one.
-/// `ray`: as long as 1 m of depth, `stretch2` its length squared. Without branches: which of two
-/// noisy surfaces is which is anyone's guess.
-inline bool same_surface(const Facing& near, const Facing& far, float deeper_m, Vec3f ray,
-                         float stretch2) {
+/// Whether the farther of two intersections is the same surface as the nearer one, but of another
+/// part. `ray`: direction per metre of depth; `stretch2`: its squared length. Branchless, as the
+/// outcome is unpredictable for noisy surfaces.
+inline bool same_surface(const TriangleSurface& near, const TriangleSurface& far, float deeper_m,
+                         Vec3f ray, float stretch2) {
   constexpr float kSameFacing = 0.5f;  // within 60 degrees: a thin board's back is another surface
   const float range = 2 * std::max(near.sigma_m, far.sigma_m) + near.slack_m + far.slack_m;
   return (near.part != far.part) & (dot(near.normal, far.normal) >= kSameFacing) &
@@ -61,21 +62,21 @@ inline bool same_surface(const Facing& near, const Facing& far, float deeper_m, 
          (deeper_m * deeper_m * stretch2 <= 16 * range * range);
 }
 
-/// Decides a ray's meetings, nearest first: each one that none before it took takes the first of
-/// every other part that is its surface, and those lose.
-inline void decide(std::span<RayMeeting> all, const TriangleField& field, Vec3f ray) {
+/// Votes on a ray's intersections, nearest first: each one that has not lost beats the first
+/// intersection of every other part that is the same surface.
+inline void decide(std::span<RayIntersection> all, const TriangleTable& field, Vec3f ray) {
   const float stretch2 = dot(ray, ray), reach2 = field.reach_m * field.reach_m;
-  const std::size_t count = std::min(all.size(), kMostMeetings);
-  std::array<std::uint32_t, kMostMeetings> parts;
+  const std::size_t count = std::min(all.size(), kMostIntersections);
+  std::array<std::uint32_t, kMostIntersections> parts;
   for (std::size_t i = 0; i + 1 < count; ++i) {
     if (all[i].lost) continue;
-    const Facing& owner = field.facing[all[i].triangle];
+    const TriangleSurface& owner = field.facing[all[i].triangle];
     std::size_t taken = 0;
     for (std::size_t k = i + 1; k < count; ++k) {
       const float deeper = all[k].depth_m - all[i].depth_m;
       if (deeper * deeper * stretch2 > reach2) break;
       if (all[k].lost) continue;
-      const Facing& other = field.facing[all[k].triangle];
+      const TriangleSurface& other = field.facing[all[k].triangle];
       if (!same_surface(owner, other, deeper, ray, stretch2)) continue;
       if (std::find(parts.begin(), parts.begin() + taken, other.part) != parts.begin() + taken)
         continue;
@@ -85,7 +86,7 @@ inline void decide(std::span<RayMeeting> all, const TriangleField& field, Vec3f 
   }
 }
 
-/// The rays of one camera, as both ways cast them.
+/// Directions and origin of one camera's rays, the same for both implementations.
 struct RayPencil {
   Vec3f origin;               ///< world frame
   Vec3f corner, right, down;  ///< through pixel (0, 0), and from pixel to pixel
@@ -96,7 +97,7 @@ struct RayPencil {
         right(vec_cast<float>(grid.T_world_camera.rotation.column(0) / grid.camera.fx)),
         down(vec_cast<float>(grid.T_world_camera.rotation.column(1) / grid.camera.fy)) {}
   Vec3f row(int y) const { return corner + down * static_cast<float>(y); }
-  /// The direction through pixel (x, y), as long as 1 m of depth.
+  /// The direction through pixel (x, y) per metre of depth.
   Vec3f at(int x, int y) const { return row(y) + right * static_cast<float>(x); }
 };
 

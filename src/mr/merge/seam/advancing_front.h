@@ -12,14 +12,15 @@
 
 namespace mr::merge {
 
-/// The open borders of a mesh as loops of directed edges with the surface on their left and the gap
-/// on their right, and the one step that closes gaps: a triangle from a border edge to a border
-/// corner. Steps that touch different places may be made at once.
+/// The advancing front of the zipper (as in advancing-front meshing): the open borders of a mesh as
+/// loops of half-edges with the surface on their left and the gap on their right, and the step that
+/// closes gaps: adding a triangle from a border edge to a border vertex. Steps that share no vertex
+/// may run in parallel.
 class AdvancingFront {
  public:
   static constexpr std::uint32_t kNone = 0xFFFFFFFFu;
 
-  /// A vertex at the border. Vertices that join_parts took apart share a place.
+  /// A vertex at the border. Duplicates made by join_parts share a `place`.
   struct Vertex {
     Vec3f at, normal;
     std::uint32_t of_mesh = 0, part = 0;
@@ -29,7 +30,8 @@ class AdvancingFront {
     std::uint32_t inner = kNone;      ///< of a place: the first edge from it that is not live
   };
 
-  /// Live: on the border. Else a triangle is on its left and may be on its right.
+  /// A half-edge. Alive: on the border; else it has a triangle on its left and perhaps on its
+  /// right.
   struct Edge {
     std::uint32_t from = 0, to = 0;
     std::uint32_t next = 0, prev = 0;
@@ -38,33 +40,33 @@ class AdvancingFront {
     bool alive = false;
   };
 
-  /// Where steps put what they make. Each of those made at once has its own.
+  /// The output of steps: a range of free edges, and new triangles. Parallel steps have one each.
   struct Workspace {
     std::uint32_t next = 0, end = 0;  ///< edges
     std::vector<Triangle> added;      ///< of the mesh's vertices
   };
 
-  /// `wanted`: [border] those edges that are looked at; they may be chains: the first has itself as
-  /// `prev`, the last has itself as `next`.
+  /// `wanted`: [border] the edges that take part. They may form open chains, whose first edge has
+  /// itself as `prev` and whose last has itself as `next`.
   AdvancingFront(const Joined& joined, std::span<const std::uint8_t> wanted);
 
   std::span<const Vertex> vertices() const { return vertices_; }
   const Vertex& vertex(std::uint32_t v) const { return vertices_[v]; }
-  /// Edges ever, and room for more; the first original() are those it began with.
+  /// Number of edges, dead and unused ones included; the first original() are the initial border.
   std::uint32_t size() const { return static_cast<std::uint32_t>(edges_.size()); }
   std::uint32_t original() const { return original_; }
   const Edge& edge(std::uint32_t e) const { return edges_[e]; }
-  /// The first of the live edges that start at a vertex, or kNone; `sibling` leads on. Each is one
-  /// corner of a border.
+  /// The first live edge that starts at a vertex, or kNone; `sibling` links to the next one. Each
+  /// is one corner of a border.
   std::uint32_t corner_at(std::uint32_t vertex) const { return vertices_[vertex].corner; }
 
-  /// From an edge into the gap, over both of its ends' surfaces: tips lie on this side.
+  /// The direction from an edge into the gap, tangential to the surface: new triangles lie there.
   Vec3f into_gap(std::uint32_t e) const {
     const Vertex &u = vertices_[edges_[e].from], &v = vertices_[edges_[e].to];
     return cross(u.normal + v.normal, u.at - v.at);
   }
 
-  /// Whether the triangle over edge `e` with the tip at a vertex faces like the surface around.
+  /// Whether a triangle of edge `e` and vertex `tip` has a normal like the surface around.
   bool faces_alike(std::uint32_t e, std::uint32_t tip) const {
     constexpr float kFacing = 0.05f;  // cosine to the normal at each corner
     const Vertex &u = vertices_[edges_[e].from], &v = vertices_[edges_[e].to], &w = vertices_[tip];
@@ -76,29 +78,29 @@ class AdvancingFront {
     return size > 1e-12f && least >= kFacing * size;
   }
 
-  /// Whether such a triangle, with the tip at the corner where edge `corner` starts, fills part of
-  /// the gap: inside the gap's angle at all three corners, on the right of the edge, and without a
-  /// third triangle at any edge.
+  /// Whether the triangle of edge `e` and the corner where edge `corner` starts is valid: inside
+  /// the gap's angle at all three corners, on the right of the edge, and no edge gets a third
+  /// triangle.
   bool fits(std::uint32_t e, std::uint32_t corner) const;
 
-  /// Whether the ear over edge `e` and the one after it can be cut off in a loop that is closed at
-  /// all costs: no third triangle at any edge, and not facing away from the surface around.
+  /// Weaker test for closing a small loop by ear clipping: whether the ear of edge `e` and the next
+  /// edge gives no edge a third triangle and does not face away from the surface around.
   bool fits_as_ear(std::uint32_t e) const;
-  /// The corner that the ear's triangle has its tip at.
+  /// The corner opposite to the ear's edge `e`.
   std::uint32_t ear_corner(std::uint32_t e) const { return edges_[edges_[e].next].next; }
 
-  /// Sets room for so many edges aside. Not while steps are made.
+  /// Reserves space for so many edges. Not during parallel steps.
   Workspace workspace(std::size_t edges);
-  /// One without an end, while no other is used.
+  /// One without a limit, for serial use.
   Workspace open_workspace() const { return {size(), kNone, {}}; }
   /// Whether there is room for another step.
   static bool has_room(const Workspace& space) { return space.end - space.next >= kPerStep; }
 
-  /// Adds that triangle; returns the edges that are new on the border, kNone for those that are
-  /// not. Reads and writes what belongs to the triangle's three vertices only.
+  /// Adds that triangle. Returns its two other edges that are new on the border, kNone for those
+  /// that are not. Accesses only data of the triangle's three vertices.
   std::array<std::uint32_t, 2> fill(std::uint32_t e, std::uint32_t corner, Workspace& space);
 
-  /// Number of edges of the loop that `e` is on, or nothing when there are more than `limit`.
+  /// Number of edges in the loop of `e`, or nullopt if there are more than `limit`.
   std::optional<int> loop_length(std::uint32_t e, int limit) const;
 
  private:
@@ -117,7 +119,7 @@ class AdvancingFront {
   void add_inner(std::uint32_t e);
   void link(std::uint32_t a, std::uint32_t b) { edges_[a].next = b, edges_[b].prev = a; }
   void retire(std::uint32_t e);
-  /// Removes a pair of opposite border edges, if `e` has one.
+  /// Removes edge `e` and its opposite border edge, if it has one.
   void close(std::uint32_t e);
 
   std::vector<Vertex> vertices_;

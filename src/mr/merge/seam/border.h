@@ -8,19 +8,19 @@
 
 namespace mr::merge {
 
-/// All parts side by side in one mesh whose borders do not touch themselves: at most one border
-/// edge starts at a vertex, and one ends.
+/// All parts concatenated into one mesh whose borders are simple loops: at most one border edge
+/// starts and one ends at a vertex.
 struct Joined {
   Mesh mesh;                          ///< without labels
   std::vector<SensorId> sensor;       ///< [T] that measured it
   std::vector<std::uint32_t> part;    ///< [V] which one a vertex belongs to
-  std::vector<std::uint32_t> border;  ///< half-edges with nothing on the other side, ascending
-  bool came_apart = false;  ///< at edges that were not manifold, which lie there several times
+  std::vector<std::uint32_t> border;  ///< half-edges without a twin, ascending
+  bool came_apart = false;            ///< true: non-manifold edges were duplicated
 };
 
-/// Puts parts side by side. Fans of triangles that meet in a vertex only get a vertex each, and
-/// edges of more than two triangles, or of two wound alike, come apart (paper 3.2: borders are
-/// found by counting the neighbours of an edge).
+/// Concatenates parts. Non-manifold vertices, where fans of triangles meet only in the vertex, are
+/// duplicated per fan; edges with more than two triangles, or with two of inconsistent winding, are
+/// split apart (paper 3.2: borders are found by counting the neighbours of an edge).
 Joined join_parts(std::span<const Mesh> parts);
 
 }  // namespace mr::merge

@@ -8,16 +8,16 @@
 
 namespace mr::merge {
 
-/// Which parts have border where, in a coarse grid: tells quickly which borders lie so far from
-/// those of any other part that there is nothing to close.
+/// A coarse hash grid of which parts have borders where, to skip borders that are far from those of
+/// any other part.
 class BorderMap {
  public:
-  /// `reach_m`: borders of another part this near to an edge are found; some up to three times as
-  /// far are, too.
+  /// `reach_m`: borders of another part within this distance of an edge are found; conservative:
+  /// some up to three times as far are, too.
   BorderMap(const Joined& joined, double reach_m);
 
-  /// [border] Whether another part's border may be near an edge, of the mesh as it was or cut
-  /// finer. Parallel.
+  /// [border] whether another part's border may be near an edge, of the original mesh or one with
+  /// split edges. Parallel.
   std::vector<std::uint8_t> has_other_near(const Joined& joined) const;
 
  private:
@@ -26,7 +26,7 @@ class BorderMap {
   void for_each_cell(const Joined& joined, std::uint32_t half_edge, Visit&& visit) const;
 
   float per_cell_;
-  kit::PairMap place_;                 // cell → its place; two of one key cost a closer look
+  kit::PairMap place_;                 // cell → index; a collision of keys only costs time
   std::vector<std::uint8_t> is_near_;  // [cells] several parts have border in or next to it
 };
 

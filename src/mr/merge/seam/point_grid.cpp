@@ -12,13 +12,13 @@
 namespace mr::merge {
 namespace {
 
-/// Numbers in the order of the floats.
+/// Maps floats to integers with the same order.
 std::uint32_t sortable(float value) {
   const auto bits = std::bit_cast<std::uint32_t>(value);
   return bits & 0x80000000u ? ~bits : bits | 0x80000000u;
 }
 
-/// The points' places by ascending x; those of equal x stay in order. A radix sort.
+/// Stable radix sort of the points' indices by x.
 std::vector<std::uint32_t> order_along_x(std::span<const Vec3f> points) {
   constexpr int kBits = 11, kPasses = 3;
   constexpr std::uint32_t kMask = (1u << kBits) - 1;
@@ -65,7 +65,7 @@ void PointGrid::set_size(const Box3f& box, std::size_t points, double cell_m) {
   rows_z_ = static_cast<int>(size.z / apart_m) + 1;
 }
 
-/// A counting sort by row of what is in order along x.
+/// Stable counting sort by row of points that are sorted along x.
 void PointGrid::sort_into_rows(std::span<const Vec3f> points) {
   std::vector<std::uint32_t> row(points.size());
   first_.assign(static_cast<std::size_t>(rows_y_) * rows_z_ + 1, 0);
@@ -82,9 +82,9 @@ void PointGrid::sort_into_rows(std::span<const Vec3f> points) {
   first_[0] = 0;
 }
 
-/// Finds what is near the points of one row after another. Those beside each other are looked at
-/// together: what may be near any of them is copied out once, and each is compared with all of
-/// that, several at a time and without a branch.
+/// Finds the neighbours of the points of one row after another. Batches consecutive points:
+/// candidates for the whole batch are copied into an array once, and each point is compared with
+/// all of them by branchless SIMD.
 class PointGrid::Matcher {
  public:
   /// `tags`: in the grid's order.

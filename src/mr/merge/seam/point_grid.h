@@ -10,15 +10,16 @@
 
 namespace mr::merge {
 
-/// Points sorted into rows along x, to find those in a ball.
+/// A uniform grid for fixed-radius neighbour search: cells in y and z, points sorted along x in
+/// each.
 class PointGrid {
  public:
-  /// `cell_m`: how far rows lie apart, best the usual radius or half of it; in a large and sparsely
-  /// filled space they lie farther apart. Points must be finite.
+  /// `cell_m`: size of a cell, best the usual radius or half of it; enlarged in a large, sparsely
+  /// filled space. Points must be finite.
   PointGrid(std::span<const Vec3f> points, double cell_m);
 
-  /// Calls visit(place) for every point nearer than `radius_m`, in an order that depends on the
-  /// points only.
+  /// Calls visit(index) for every point within `radius_m`, in an order that depends on the points
+  /// only.
   template <typename Visit>
   void within(Vec3f middle, float radius_m, Visit&& visit) const {
     if (points_.empty()) return;
@@ -38,7 +39,7 @@ class PointGrid {
       }
   }
 
-  /// What lies around a point.
+  /// The neighbourhood of a point.
   struct Match {
     static constexpr std::uint32_t kNone = 0xFFFFFFFFu;
 
@@ -49,8 +50,8 @@ class PointGrid {
     friend bool operator==(const Match&, const Match&) = default;
   };
 
-  /// The surroundings of every point of the grid, in the points' order. All at once costs a
-  /// fraction of as many calls of within(). `tags`: [points]. Parallel; deterministic.
+  /// The neighbourhood of every point, in the points' order; much faster than calling within() for
+  /// each. `tags`: [points]. Parallel; deterministic.
   std::vector<Match> match(std::span<const std::uint32_t> tags, float radius_m) const;
 
  private:

@@ -18,116 +18,18 @@
 #include "mr/merge/groups.h"
 #include "mr/merge/seam/advancing_front.h"
 #include "mr/merge/seam/border.h"
+#include "mr/merge/seam/border_cutter.h"
 #include "mr/merge/seam/border_map.h"
 #include "mr/merge/seam/point_grid.h"
 
 namespace mr::merge {
 namespace {
 
-constexpr int kMaxEdgeCuts = 6;           // halvings of a border edge
 constexpr std::size_t kMostAround = 256;  // corners in reach; where there are more lie slivers
 constexpr std::size_t kSmallLoop = 30;    // edges of a loop that is closed at all costs
 constexpr double kCube_gaps = 64;         // side of the cubes that are closed on their own
 constexpr std::size_t kRoom = 6;          // edges that may be made in them, per edge
 constexpr double kMoreReach = 1.001;      // rounding included
-
-/// Halves long border edges that have another part's border near, and the halves again.
-class BorderCutter {
- public:
-  BorderCutter(Joined& joined, const BorderMap& map, const ZipperConfig& config)
-      : joined_(joined), longest_m_(static_cast<float>(1.5 * config.edge_m)) {
-    const std::vector<std::uint8_t> near = map.has_other_near(joined);
-    std::vector<std::uint32_t> triangles;  // that are cut
-    for (std::size_t e = 0; e < near.size(); ++e)
-      if (near[e] && is_long(joined.border[e])) triangles.push_back(joined.border[e] / 3);
-    triangles.erase(std::unique(triangles.begin(), triangles.end()), triangles.end());
-    if (triangles.empty()) return;
-    for (const std::uint32_t h : joined.border)
-      if (!std::ranges::binary_search(triangles, h / 3)) border_.push_back(h);
-    for (const std::uint32_t t : triangles) {
-      place_ = whole_ = t;
-      const Triangle whole = joined.mesh.triangles[t];
-      cut(whole, flags(t), kMaxEdgeCuts);
-    }
-    std::ranges::sort(border_);
-    joined.border = std::move(border_);
-  }
-
- private:
-  using Flags = std::array<std::uint8_t, 3>;  // of a triangle's edges
-
-  bool is_long(std::uint32_t h) const {
-    return length(at(kit::edge_from(joined_.mesh, h)) - at(kit::edge_to(joined_.mesh, h))) >
-           longest_m_;
-  }
-  Flags flags(std::uint32_t t) const {
-    const auto is_border = [&](std::uint32_t h) {
-      return static_cast<std::uint8_t>(std::ranges::binary_search(joined_.border, h));
-    };
-    return {is_border(3 * t), is_border(3 * t + 1), is_border(3 * t + 2)};
-  }
-
-  /// Cuts a triangle across those of its edges that are on the border, and its pieces, `times`
-  /// deep. No other triangle shares those edges.
-  void cut(const Triangle& t, const Flags& border, int times) {
-    std::array<std::uint32_t, 3> middle{};
-    std::array<bool, 3> is_cut{};
-    for (std::uint32_t i = 0; i < 3; ++i) {
-      is_cut[i] = border[i] && times > 0 && length(at(t[i]) - at(t[(i + 1) % 3])) > longest_m_;
-      if (is_cut[i]) middle[i] = add_middle(t[i], t[(i + 1) % 3]);
-    }
-    const int cuts = is_cut[0] + is_cut[1] + is_cut[2];
-    if (cuts == 0) {
-      add(t, border);
-    } else if (cuts == 1) {
-      const int i = is_cut[0] ? 0 : is_cut[1] ? 1 : 2;
-      const std::uint32_t a = t[i], b = t[(i + 1) % 3], c = t[(i + 2) % 3], ab = middle[i];
-      cut({a, ab, c}, {1, 0, border[(i + 2) % 3]}, times - 1);
-      cut({ab, b, c}, {1, border[(i + 1) % 3], 0}, times - 1);
-    } else if (cuts == 2) {
-      const int i = !is_cut[0] ? 0 : !is_cut[1] ? 1 : 2;  // the edge that stays whole
-      const std::uint32_t a = t[i], b = t[(i + 1) % 3], c = t[(i + 2) % 3];
-      const std::uint32_t bc = middle[(i + 1) % 3], ca = middle[(i + 2) % 3];
-      cut({ca, bc, c}, {0, 1, 1}, times - 1);
-      if (length(at(a) - at(bc)) <= length(at(b) - at(ca))) {  // the shorter diagonal
-        cut({a, b, bc}, {border[i], 1, 0}, times - 1);
-        cut({a, bc, ca}, {0, 0, 1}, times - 1);
-      } else {
-        cut({a, b, ca}, {border[i], 0, 1}, times - 1);
-        cut({b, bc, ca}, {1, 0, 0}, times - 1);
-      }
-    } else {
-      for (int i = 0; i < 3; ++i) cut({t[i], middle[i], middle[(i + 2) % 3]}, {1, 0, 1}, times - 1);
-      add({middle[0], middle[1], middle[2]}, {0, 0, 0});
-    }
-  }
-
-  /// The first piece takes the triangle's place.
-  void add(const Triangle& t, const Flags& border) {
-    auto place = std::exchange(place_, kNoPlace);
-    if (place == kNoPlace) {
-      place = static_cast<std::uint32_t>(joined_.mesh.triangles.size());
-      joined_.mesh.triangles.emplace_back();
-      joined_.sensor.push_back(joined_.sensor[whole_]);
-    }
-    joined_.mesh.triangles[place] = t;
-    for (std::uint32_t i = 0; i < 3; ++i)
-      if (border[i]) border_.push_back(3 * place + i);
-  }
-
-  std::uint32_t add_middle(std::uint32_t a, std::uint32_t b) {
-    joined_.mesh.positions.push_back((at(a) + at(b)) * 0.5f);
-    joined_.part.push_back(joined_.part[a]);
-    return static_cast<std::uint32_t>(joined_.part.size() - 1);
-  }
-  Vec3f at(std::uint32_t vertex) const { return joined_.mesh.positions[vertex]; }
-
-  static constexpr std::uint32_t kNoPlace = 0xFFFFFFFFu;
-  Joined& joined_;
-  float longest_m_;
-  std::vector<std::uint32_t> border_;           // anew
-  std::uint32_t place_ = kNoPlace, whole_ = 0;  // whole_: the triangle that is cut
-};
 
 /// [border] The edges that another part's border may be near, and a few more on both sides.
 std::vector<std::uint8_t> wanted_edges(const Joined& joined, const BorderMap& map) {
@@ -147,18 +49,18 @@ std::vector<std::uint8_t> wanted_edges(const Joined& joined, const BorderMap& ma
   return edges;
 }
 
-/// A way to fill a bit of the gap: a triangle from a border edge to a corner.
-struct Filling {
+/// A candidate of the advancing front: the triangle of a border edge and a corner, with its cost.
+struct GapTriangle {
   double cost = 0;
   std::uint32_t edge = 0, corner = 0;
 
-  friend bool operator>(const Filling& a, const Filling& b) {
+  friend bool operator>(const GapTriangle& a, const GapTriangle& b) {
     return std::tie(a.cost, a.edge, a.corner) > std::tie(b.cost, b.edge, b.corner);
   }
 };
 
-/// Closes the gaps of a front, shortest connections first: in each cube of space on its own, then
-/// in what is left between them.
+/// Closes gaps with a priority queue of candidates, shortest connections first: in parallel for
+/// cubes of space, each with its own queue, then serially between the cubes.
 class Zipper {
  public:
   Zipper(AdvancingFront& front, const ZipperConfig& config)
@@ -167,11 +69,11 @@ class Zipper {
         per_cube_(static_cast<float>(1 / (kCube_gaps * config.max_gap_m))),
         grid_(places_of(front), config.max_gap_m + config.edge_m / 2) {}
 
-  /// Returns the strips.
+  /// Returns the new triangles.
   std::vector<Triangle> run() {
     std::vector<std::uint32_t> edges(front_.original());
     std::iota(edges.begin(), edges.end(), 0u);
-    Jobs jobs = deal_out(edges);
+    Jobs jobs = distribute(edges);
     parallel_for(jobs.cubes.size(), 1, [&](std::size_t begin, std::size_t end) {
       for (std::size_t i = begin; i < end; ++i) drain(jobs.cubes[i]);
     });
@@ -180,8 +82,8 @@ class Zipper {
     std::vector<Triangle> out;
     for (const Job& cube : jobs.cubes) {
       out.insert(out.end(), cube.space.added.begin(), cube.space.added.end());
-      for (const auto& filling : best_fillings(cube.left))
-        if (filling) between.queue.push(*filling);
+      for (const auto& triangle : best_triangles(cube.left))
+        if (triangle) between.queue.push(*triangle);
     }
     drain(between);
     close_small_loops(between.space);
@@ -196,46 +98,46 @@ class Zipper {
     return out;
   }
 
-  /// What lies around an edge. Kept to spare allocations.
-  struct Surroundings {
-    double reach = 0;                 // how far a triangle over the edge may go
-    std::vector<std::uint32_t> near;  // vertices that it may reach or meet
-    std::vector<Filling> candidates;  // with the vertex as corner
+  /// The neighbourhood of an edge; reused to save allocations.
+  struct EdgeNeighbourhood {
+    double reach = 0;                     // how far a triangle over the edge may go
+    std::vector<std::uint32_t> near;      // vertices that it may reach or meet
+    std::vector<GapTriangle> candidates;  // with the vertex as corner
   };
 
-  /// What is done one after another.
+  /// The work of one queue.
   struct Job {
     std::optional<Vec3i> cube;  // that edges must lie in with all that they may reach; none: any
-    std::priority_queue<Filling, std::vector<Filling>, std::greater<>> queue;
+    std::priority_queue<GapTriangle, std::vector<GapTriangle>, std::greater<>> queue;
     AdvancingFront::Workspace space;
     std::vector<std::uint32_t> left;  // edges that are not for this job
-    Surroundings around;
+    EdgeNeighbourhood around;
   };
   struct Jobs {
     std::vector<Job> cubes;
     Job between;
   };
 
-  /// Deals out the edges that a filling is found for.
-  Jobs deal_out(const std::vector<std::uint32_t>& edges) {
+  /// Distributes edges that have a candidate to the cubes' queues.
+  Jobs distribute(const std::vector<std::uint32_t>& edges) {
     Jobs out;
     std::map<std::tuple<int, int, int>, std::size_t> place;  // of cubes
-    for (const auto& filling : best_fillings(edges)) {
-      if (!filling) continue;
-      const std::optional<Vec3i> cube = cube_of(filling->edge);
+    for (const auto& triangle : best_triangles(edges)) {
+      if (!triangle) continue;
+      const std::optional<Vec3i> cube = cube_of(triangle->edge);
       if (!cube) {
-        out.between.queue.push(*filling);
+        out.between.queue.push(*triangle);
         continue;
       }
       const auto [known, fresh] = place.try_emplace({cube->x, cube->y, cube->z}, out.cubes.size());
       if (fresh) out.cubes.emplace_back().cube = cube;
-      out.cubes[known->second].queue.push(*filling);
+      out.cubes[known->second].queue.push(*triangle);
     }
     for (Job& job : out.cubes) job.space = front_.workspace(kRoom * job.queue.size());
     return out;
   }
 
-  /// The cube that holds all that an edge may reach, if one does.
+  /// The cube that contains everything within an edge's reach, if there is one.
   std::optional<Vec3i> cube_of(std::uint32_t e) const {
     const Vec3f middle = (from(e) + to(e)) * 0.5f;
     const auto reach = static_cast<float>(kMoreReach * reach_of(e));
@@ -246,7 +148,7 @@ class Zipper {
 
   void drain(Job& job) {
     while (!job.queue.empty()) {
-      const Filling f = job.queue.top();
+      const GapTriangle f = job.queue.top();
       job.queue.pop();
       if (!front_.edge(f.edge).alive) continue;
       if (!front_.has_room(job.space)) {
@@ -268,21 +170,22 @@ class Zipper {
   void offer(std::uint32_t e, Job& job) {
     if (job.cube && cube_of(e) != job.cube)
       job.left.push_back(e);
-    else if (const auto best = best_filling(e, job.around))
+    else if (const auto best = best_triangle(e, job.around))
       job.queue.push(*best);
   }
 
-  std::vector<std::optional<Filling>> best_fillings(const std::vector<std::uint32_t>& edges) const {
-    std::vector<std::optional<Filling>> out(edges.size());
+  std::vector<std::optional<GapTriangle>> best_triangles(
+      const std::vector<std::uint32_t>& edges) const {
+    std::vector<std::optional<GapTriangle>> out(edges.size());
     parallel_for(out.size(), 256, [&](std::size_t begin, std::size_t end) {
-      Surroundings around;
-      for (std::size_t i = begin; i < end; ++i) out[i] = best_filling(edges[i], around);
+      EdgeNeighbourhood around;
+      for (std::size_t i = begin; i < end; ++i) out[i] = best_triangle(edges[i], around);
     });
     return out;
   }
 
-  /// The cheapest filling from an edge, if there is one.
-  std::optional<Filling> best_filling(std::uint32_t e, Surroundings& around) const {
+  /// The cheapest triangle over an edge, if there is one.
+  std::optional<GapTriangle> best_triangle(std::uint32_t e, EdgeNeighbourhood& around) const {
     if (!front_.edge(e).alive) return std::nullopt;
     look_around(e, around);
     const Vec3f u = from(e), v = to(e), into_gap = front_.into_gap(e);
@@ -297,10 +200,10 @@ class Zipper {
     std::make_heap(candidates.begin(), candidates.end(), std::greater<>());
     for (; !candidates.empty(); candidates.pop_back()) {
       std::pop_heap(candidates.begin(), candidates.end(), std::greater<>());
-      const Filling& f = candidates.back();
+      const GapTriangle& f = candidates.back();
       std::uint32_t c = front_.corner_at(f.corner);
       for (; c != AdvancingFront::kNone; c = front_.edge(c).sibling)
-        if (front_.fits(e, c) && !blocked(e, f.corner, around)) return Filling{f.cost, e, c};
+        if (front_.fits(e, c) && !blocked(e, f.corner, around)) return GapTriangle{f.cost, e, c};
     }
     return std::nullopt;
   }
@@ -309,7 +212,7 @@ class Zipper {
     return config_.max_gap_m + 0.5 * length(to(e) - from(e));
   }
 
-  void look_around(std::uint32_t e, Surroundings& around) const {
+  void look_around(std::uint32_t e, EdgeNeighbourhood& around) const {
     around.reach = reach_of(e);
     around.near.clear();
     grid_.within((from(e) + to(e)) * 0.5f, static_cast<float>(around.reach),
@@ -319,7 +222,7 @@ class Zipper {
 
   /// Whether the triangle over `e` with tip `w` would lie across another border nearby: seen along
   /// its normal, a border vertex lies inside it or a border edge crosses one of its new edges.
-  bool blocked(std::uint32_t e, std::uint32_t w, const Surroundings& around) const {
+  bool blocked(std::uint32_t e, std::uint32_t w, const EdgeNeighbourhood& around) const {
     const Vec3f u = from(e), v = to(e), tip = at(w);
     const Vec3f normal = cross(u - v, tip - v);
     const float slack = 1e-4f * dot(normal, normal);
@@ -349,7 +252,7 @@ class Zipper {
     return false;
   }
 
-  /// Closes small loops that strips left over, and pinholes.
+  /// Closes small remaining loops and pinholes.
   void close_small_loops(AdvancingFront::Workspace& space) {
     std::vector<std::uint8_t> seen(front_.size(), 0);
     std::vector<std::uint32_t> edges, loop;
@@ -449,7 +352,7 @@ Mesh close(std::span<const Mesh> parts, const ZipperConfig& config) {
   Joined joined = join_parts(parts);
   if (config.max_gap_m <= 0) return with_sensors(std::move(joined));
   const BorderMap map(joined, reach_m(config));
-  BorderCutter(joined, map, config);
+  split_long_border_edges(joined, map, config);
   AdvancingFront front(joined, wanted_edges(joined, map));
   add_strips(Zipper(front, config).run(), joined);
   const bool came_apart = joined.came_apart;
@@ -464,7 +367,7 @@ Mesh zip(std::span<const Mesh> parts, const ZipperConfig& config) {
   if (config.max_gap_m <= 0) return close(parts, config);
   std::vector<const Mesh*> meshes;
   for (const Mesh& part : parts) meshes.push_back(&part);
-  const auto groups = groups_that_meet(meshes, reach_m(config));
+  const auto groups = connected_groups(meshes, reach_m(config));
   if (groups.size() == 1) return close(parts, config);
   std::vector<Mesh> closed(groups.size());
   parallel_for(groups.size(), 1, [&](std::size_t begin, std::size_t end) {
