@@ -14,7 +14,6 @@ namespace {
 namespace fb = flatbuffers;
 
 constexpr std::size_t kMaxViewsOfChunk = 254;
-constexpr std::uint32_t kNoLabel = 0xFFFFFFFFu;  // kNoSensor, kNoView
 constexpr fb::uoffset_t kMaxDepth = 8, kMaxTables = 1u << 18;
 
 Error invalid_packet(const std::string& what) { return {Error::Cause::invalid, "packet: " + what}; }
@@ -389,7 +388,7 @@ class Reader {
     if (!spend(4 * size_of(in))) return false;
     for (std::size_t i = 0; i < size_of(in); ++i) {
       out.push_back(Id{in->Get(static_cast<fb::uoffset_t>(i))});
-      if (!require(out[i] != Id{kNoLabel} && (i == 0 || out[i - 1] < out[i]),
+      if (!require(number_of(out[i]) != number_of(kNoView) && (i == 0 || out[i - 1] < out[i]),
                    "unsorted labels of a chunk"))
         return false;
     }
