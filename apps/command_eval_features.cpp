@@ -65,13 +65,12 @@ bool has_color(const Scene& scene) {
 
 // ------------------------------------------------------------------------------------ measuring
 
-using Planes = std::map<std::uint32_t, rate::FeaturePlanes>;  // by sensor
+using Planes = std::map<SensorId, rate::FeaturePlanes>;
 
 /// One capture of all sensors; nothing at the end.
 std::optional<Planes> next_planes(node::CaptureReader& reader) {
-  const auto frames = reader.next([](std::uint32_t, const Error& error) {
-    fmt::print(stderr, "dropped: {}\n", error.message);
-  });
+  const auto frames = reader.next(
+      [](SensorId, const Error& error) { fmt::print(stderr, "dropped: {}\n", error.message); });
   if (!frames) return std::nullopt;
   Planes planes;
   for (const Frame& frame : *frames) planes[frame.sensor] = rate::feature_planes(frame);

@@ -91,8 +91,8 @@ Result<Mesh> tested_surface(const Scene& scene, const GeometryOptions& options) 
 Result<std::vector<Frame>> read_capture(const Scene& scene, int frame) {
   node::CaptureReader reader(scene, synth::default_rig_cache());
   reader.skip(static_cast<std::uint64_t>(frame));
-  auto capture = reader.next(
-      [](std::uint32_t, const Error& error) { told_listener().dropped(error.message); });
+  auto capture =
+      reader.next([](SensorId, const Error& error) { told_listener().dropped(error.message); });
   if (!capture || capture->empty()) return no_such_frame(scene, frame);
   return *std::move(capture);
 }
@@ -135,7 +135,7 @@ std::vector<eval::SensorFrustum> frustums_of(const Scene& scene, std::span<const
       exact[sensor.id] = sensor.T_world_depth.front();
   std::vector<eval::SensorFrustum> frustums;
   for (const Frame& frame : capture) {
-    const SensorConfig& sensor = scene.sensors[frame.sensor];
+    const SensorConfig& sensor = scene.sensor(frame.sensor);
     const auto known = exact.find(sensor.id);
     frustums.push_back({undistorted(sensor.depth_camera),
                         known != exact.end() ? known->second : frame.T_world_depth,
@@ -185,7 +185,7 @@ std::vector<PairResidual> pair_residuals(const Scene& scene, std::span<const Fra
     const double residual = eval::residual_mm(surface(a), surface(b), config);
     if (residual >= 0)
       out.push_back(
-          {scene.sensors[capture[a].sensor].id, scene.sensors[capture[b].sensor].id, residual});
+          {scene.sensor(capture[a].sensor).id, scene.sensor(capture[b].sensor).id, residual});
   }
   return out;
 }

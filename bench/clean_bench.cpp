@@ -127,7 +127,7 @@ int bench(const std::filesystem::path& file, int frames, const std::filesystem::
     if (!captured) break;
     for (std::size_t k = 0; k < captured->size(); ++k) {
       const Frame& frame = (*captured)[k];
-      const SensorConfig& sensor = scene->sensors[frame.sensor];
+      const SensorConfig& sensor = scene->sensor(frame.sensor);
       pixels += static_cast<long>(frame.depth.data.size());
       const ImageDepth out =
           clean(frame.depth, rig ? &(*truth)[k].depth : nullptr, undistorted(sensor.depth_camera),

@@ -125,8 +125,7 @@ FuseCase case_from(const Message& message) {
 FuseCase render_rig() {
   const RigConfig rig;
   const auto sensors = synth::rig_sensors(rig);
-  const std::vector<std::uint32_t> first{0};
-  const auto sources = synth::open_rig(rig, sensors, first, kTruthFps, {});
+  const auto sources = synth::open_rig(rig, sensors, std::array{SensorId{0}}, kTruthFps, {});
   auto frame = sources.at(0)->next();
   if (!frame) throw std::runtime_error(frame.error().message);
   FuseCase out;
@@ -145,12 +144,12 @@ Message read_scene(const std::filesystem::path& file) {
   const Scene scene = load_or_throw(file);
   node::CaptureReader reader(scene, synth::default_rig_cache());
   const auto frames = reader.next(
-      [](std::uint32_t, const Error& lost) { fmt::print(stderr, "dropped: {}\n", lost.message); });
+      [](SensorId, const Error& lost) { fmt::print(stderr, "dropped: {}\n", lost.message); });
   if (!frames || frames->empty())
     throw std::runtime_error(file.string() + ": no sensor has a first frame");
   Message out = Message::array();
   for (const Frame& frame : *frames) {
-    const SensorConfig& sensor = scene.sensors.at(frame.sensor);
+    const SensorConfig& sensor = scene.sensor(frame.sensor);
     if (sensor.depth_camera.model != CameraModel::pinhole)
       throw std::runtime_error("sensor '" + sensor.id + "' is no pinhole camera");
     FuseCase fuse;

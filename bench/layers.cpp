@@ -44,8 +44,7 @@ std::vector<CaseInfo> layers_cases() {
 /// Renders what will be read into the cache, so that contenders only read it.
 Message render(const std::filesystem::path& file) {
   const Scene scene = load_or_throw(file);
-  std::vector<std::uint32_t> all(scene.sensors.size());
-  std::iota(all.begin(), all.end(), 0u);
+  const std::vector<SensorId> all = all_sensors(scene.sensors);
   Message about{{"sensors", all.size()}, {"voxel_m", scene.voxel_m}, {"fps", scene.fps}};
   about["depth"] = {scene.sensors.front().depth_camera.width,
                     scene.sensors.front().depth_camera.height};

@@ -98,7 +98,7 @@ Message part_message(const kit::Part& part) {
   const SourceInfo& source = part.sources.at(0);
   const Camera& k = source.depth_camera;
   Message out = to_message(part.mesh);
-  out["sensor"] = source.sensor;
+  out["sensor"] = number_of(source.sensor);
   out["size"] = {k.width, k.height};
   out["numbers"] = binary(std::vector<double>{k.fx, k.fy, k.cx, k.cy, source.precision.base_m,
                                               source.precision.per_m2, part.error_m});
@@ -111,7 +111,7 @@ kit::Part part_from(const Message& message) {
   out.mesh = mesh_from(message);
   const auto n = array_from<double>(message.at("numbers"));
   SourceInfo source;
-  source.sensor = message.at("sensor");
+  source.sensor = SensorId{message.at("sensor").get<std::uint32_t>()};
   source.depth_camera.width = message.at("size").at(0);
   source.depth_camera.height = message.at("size").at(1);
   source.depth_camera.fx = n.at(0), source.depth_camera.fy = n.at(1);
@@ -124,7 +124,7 @@ kit::Part part_from(const Message& message) {
 }
 
 /// As a sensor node makes it; with `triangles`, of about so many.
-kit::Part part_of(const Scene& scene, std::uint32_t sensor, Frame frame, std::size_t triangles) {
+kit::Part part_of(const Scene& scene, SensorId sensor, Frame frame, std::size_t triangles) {
   node::SensorNode node(scene, sensor);
   auto made = node.reconstruct(std::move(frame));
   if (!made) throw std::runtime_error(made.error().message);
@@ -136,19 +136,18 @@ kit::Part part_of(const Scene& scene, std::uint32_t sensor, Frame frame, std::si
     out.mesh = merge::remove_islands(small->mesh, merge::island_area_m2(scene.voxel_m));
   }
   out.mesh = kit::weld(out.mesh);
-  out.mesh.runs.clear();
+  clear_labels(out.mesh);
   SourceInfo source;
   source.sensor = sensor;
-  source.depth_camera = undistorted(scene.sensors[sensor].depth_camera);
+  source.depth_camera = undistorted(scene.sensor(sensor).depth_camera);
   source.T_world_depth = made->frame.T_world_depth;
-  source.precision = scene.sensors[sensor].precision;
+  source.precision = scene.sensor(sensor).precision;
   out.sources = {source};
   return out;
 }
 
 /// The parts of some sensors' first frames.
-Message parts_of(const Scene& scene, const std::vector<std::uint32_t>& wanted,
-                 std::size_t triangles) {
+Message parts_of(const Scene& scene, const std::vector<SensorId>& wanted, std::size_t triangles) {
   cli::ProgressBar bar;
   Message out = Message::array();
   Arena arena(0);
@@ -161,8 +160,8 @@ Message parts_of(const Scene& scene, const std::vector<std::uint32_t>& wanted,
       auto frame = sources[i]->next();
       if (!frame || !*frame)
         throw std::runtime_error(frame ? "a sensor has no frame" : frame.error().message);
-      if (scene.sensors[wanted[i]].depth_camera.model != CameraModel::pinhole)
-        throw std::runtime_error("sensor '" + scene.sensors[wanted[i]].id +
+      if (scene.sensor(wanted[i]).depth_camera.model != CameraModel::pinhole)
+        throw std::runtime_error("sensor '" + scene.sensor(wanted[i]).id +
                                  "' is no pinhole camera");
       out.push_back(part_message(part_of(scene, wanted[i], **std::move(frame), triangles)));
     }
@@ -170,9 +169,9 @@ Message parts_of(const Scene& scene, const std::vector<std::uint32_t>& wanted,
   return out;
 }
 
-std::vector<std::uint32_t> first(std::size_t count) {
-  std::vector<std::uint32_t> out(count);
-  std::iota(out.begin(), out.end(), 0u);
+std::vector<SensorId> first(std::size_t count) {
+  std::vector<SensorId> out;
+  for (std::size_t i = 0; i < count; ++i) out.push_back(sensor_at(i));
   return out;
 }
 
@@ -239,7 +238,8 @@ Parts load_rooms(std::uint32_t sensors) {
     }
     for (kit::Part part : made[room % kRoomsMade]) {
       move_by(place_of_room(room, *turn), part);
-      part.sources[0].sensor += room * kSensorsOfARoom;
+      SensorId& sensor = part.sources[0].sensor;
+      sensor = SensorId{number_of(sensor) + room * kSensorsOfARoom};
       out.push_back(std::move(part));
     }
   }
@@ -270,8 +270,9 @@ void put_neighbours_together(std::vector<kit::Part>& parts) {
 
 /// Every so many of 400 sensors in a room of 6x9 m.
 Parts load_one_room(std::uint32_t sensors) {
-  std::vector<std::uint32_t> wanted;
-  for (std::uint32_t i = 0; i < sensors; ++i) wanted.push_back(i * kSensors.back() / sensors);
+  std::vector<SensorId> wanted;
+  for (std::uint32_t i = 0; i < sensors; ++i)
+    wanted.push_back(SensorId{i * kSensors.back() / sensors});
   auto parts = load_parts(
       [&] { return parts_of(rig_scene(one_large_room()), wanted, kTrianglesOfASensor); });
   if (parts) put_neighbours_together(*parts);

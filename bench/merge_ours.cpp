@@ -26,7 +26,7 @@ class MergeOurs final : public Work {
     arena_.run([&] {
       const Mesh welded = kit::weld(merged_);
       out = to_message(welded);
-      out["runs"] = binary(welded.runs);
+      out["sensors"] = binary(welded.sensors);
     });
     return out;
   }

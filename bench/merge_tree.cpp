@@ -22,7 +22,7 @@ double megabytes_of(std::span<const kit::Part> parts) {
 kit::Part part_of(const Message& merged, std::span<const kit::Part> parts) {
   kit::Part out;
   out.mesh = mesh_from(merged);
-  out.mesh.runs = array_from<ViewRun>(merged.at("runs"));
+  out.mesh.sensors = array_from<SensorRun>(merged.at("sensors"));
   for (const kit::Part& part : parts) {
     out.error_m = std::max(out.error_m, part.error_m);
     out.sources.insert(out.sources.end(), part.sources.begin(), part.sources.end());

@@ -40,14 +40,14 @@ ImageRgb atlas(int shift) {
 }
 
 /// One view a quarter of the picture, from the upper corners of the room.
-View corner_view(ViewId id) {
+View corner_view(std::uint32_t corner) {
   View view;
-  view.id = id;
+  view.id = ViewId{corner};
   view.width = kAtlasWidth / 2, view.height = kAtlasHeight / 2;
   view.fx = view.fy = 560;
   view.cx = 0.5 * (view.width - 1), view.cy = 0.5 * (view.height - 1);
   view.image_rect = {0, 0, view.width, view.height};
-  const int right = static_cast<int>(id & 1), down = static_cast<int>(id >> 1);
+  const int right = static_cast<int>(corner & 1), down = static_cast<int>(corner >> 1);
   view.atlas_rect = {right * view.width, down * view.height, view.width, view.height};
   const Vec3d eye{right ? kLength_m - 0.2 : 0.2, down ? kWidth_m - 0.2 : 0.2, 2.4};
   view.T_world_camera = look_at(eye, {kLength_m / 2, kWidth_m / 2, 1}, {0, 0, 1});
@@ -73,7 +73,7 @@ Mesh room() {
 /// The room in cubes of a metre, each triangle with the view that sees it best.
 DecodedScene bench_scene() {
   DecodedScene scene;
-  for (ViewId id = 0; id < 4; ++id) scene.views.push_back(corner_view(id));
+  for (std::uint32_t corner = 0; corner < 4; ++corner) scene.views.push_back(corner_view(corner));
   const Mesh whole = room();
   std::map<Vec3i, std::pair<Mesh, std::vector<ViewId>>> cubes;
   for (std::size_t t = 0; t < whole.triangles.size(); ++t) {
@@ -175,9 +175,11 @@ int main(int argc, char** argv) {
 
   const std::array pictures{std::make_shared<const ImageRgb>(atlas(0)),
                             std::make_shared<const ImageRgb>(atlas(40))};
-  scene.textures[0] = pictures[0];
+  scene.textures[StreamId{0}] = pictures[0];
   const auto nothing = [](int, DecodedScene&) {};
-  const auto new_picture = [&](int run, DecodedScene& s) { s.textures[0] = pictures[run & 1]; };
+  const auto new_picture = [&](int run, DecodedScene& s) {
+    s.textures[StreamId{0}] = pictures[run & 1];
+  };
   const auto new_chunks = [](int, DecodedScene& s) {
     for (auto& chunk : s.chunks) chunk = std::make_shared<const Chunk>(*chunk);
   };

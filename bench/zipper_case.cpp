@@ -64,7 +64,7 @@ Result<BorderPoints> load_border(const Size& size) {
   BorderPoints all;
   const auto told = apart([&]() -> Message {
     const BorderPoints found = borders_of(*parts);
-    Mesh points{found.points, {}, {}};
+    Mesh points{found.points, {}, {}, {}};
     Message out = to_message(points);
     out["part"] = found.part;
     return out;

@@ -7,17 +7,18 @@
 namespace mr {
 namespace {
 
-View view(ViewId id, int w, int h) {
+View view(std::uint32_t number, int w, int h) {
   View v;
-  v.id = id, v.width = w, v.height = h, v.fx = v.fy = w, v.cx = w / 2.0, v.cy = h / 2.0;
+  v.id = ViewId{number}, v.width = w, v.height = h, v.fx = v.fy = w, v.cx = w / 2.0, v.cy = h / 2.0;
   v.image_rect = v.atlas_rect = {0, 0, w, h};
-  v.stream = id;
+  v.stream = StreamId{number};
   return v;
 }
 
 TEST(Layout, TilesDoNotShareMacroblocksAndFit) {
   std::vector<View> views;
-  for (ViewId i = 0; i < 11; ++i) views.push_back(view(i, 300 + 10 * static_cast<int>(i), 203));
+  for (std::uint32_t i = 0; i < 11; ++i)
+    views.push_back(view(i, 300 + 10 * static_cast<int>(i), 203));
   atlas::AtlasConfig config;
   config.width = 1000, config.height = 800;
   const atlas::Layout layout = *atlas::make_layout(views, config, 1.0, 4);
@@ -56,8 +57,8 @@ TEST(Compose, TilesAreCopiedExactlyAtFullScale) {
   for (std::size_t i = 0; i < picture->data.size(); ++i)
     picture->data[i] = static_cast<std::uint8_t>(i * 7);
   const atlas::Layout layout = *atlas::make_layout({view(0, 64, 32), view(1, 64, 32)}, {}, 1, 1);
-  const ImageRgb atlas_picture =
-      atlas::compose_atlas(layout, {{1, view(1, 64, 32)}}, {{1, picture}}, {}, false);
+  const ImageRgb atlas_picture = atlas::compose_atlas(layout, {{ViewId{1}, view(1, 64, 32)}},
+                                                      {{StreamId{1}, picture}}, {}, false);
   const Rect at = layout.views[1].atlas_rect;
   for (int y = 0; y < 32; ++y)
     for (int x = 0; x < 64; ++x)
@@ -70,15 +71,17 @@ TEST(Compose, TilesAreCopiedExactlyAtFullScale) {
 TEST(Compose, PixelsOfNoUseAreBlack) {
   auto picture = std::make_shared<ImageRgb>(100, 100, 200);
   Mesh mesh = test::grid({-0.2f, 0.2f, 1}, {0.4f, 0, 0}, {0, -0.4f, 0}, 1, 1);
-  set_triangle_views(mesh, {0, 0});
+  set_triangle_views(mesh, {ViewId{0}, ViewId{0}});
   View v = view(0, 100, 100);
   const ImageMask used = atlas::used_pixels(mesh, v, 3);
   const atlas::Layout layout = *atlas::make_layout({v}, {}, 1, 1);
-  const ImageRgb masked = atlas::compose_atlas(layout, {{0, v}}, {{0, picture}}, {{0, used}}, true);
+  const ImageRgb masked = atlas::compose_atlas(layout, {{ViewId{0}, v}}, {{StreamId{0}, picture}},
+                                               {{ViewId{0}, used}}, true);
   EXPECT_EQ(*masked.at(50, 50), 200);
   EXPECT_EQ(*masked.at(28, 50), 200);  // inside the margin: the square covers 30..70
   EXPECT_EQ(*masked.at(20, 50), 0);
-  const ImageRgb whole = atlas::compose_atlas(layout, {{0, v}}, {{0, picture}}, {{0, used}}, false);
+  const ImageRgb whole = atlas::compose_atlas(layout, {{ViewId{0}, v}}, {{StreamId{0}, picture}},
+                                              {{ViewId{0}, used}}, false);
   EXPECT_EQ(*whole.at(20, 50), 200);
 }
 
@@ -90,8 +93,8 @@ TEST(Compose, BlocksOfNoUseShowWhatIsBehind) {
   ImageMask used(40, 40);
   *used.at(17, 15) = 1;
   *used.at(39, 39) = 1;
-  const ImageRgb out =
-      atlas::compose_atlas(layout, {{0, v}}, {{0, picture}}, {{0, used}}, true, {}, {{0, &plate}});
+  const ImageRgb out = atlas::compose_atlas(layout, {{ViewId{0}, v}}, {{StreamId{0}, picture}},
+                                            {{ViewId{0}, used}}, true, {}, {{ViewId{0}, &plate}});
   for (int y = 0; y < 40; ++y)
     for (int x = 0; x < 40; ++x) {
       const bool is_live = (x / 16 == 1 && y / 16 == 0) || (x / 16 == 2 && y / 16 == 2);

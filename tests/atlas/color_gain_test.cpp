@@ -34,8 +34,8 @@ Vec3d paint(double x, double y) {
 }
 Mesh wall() {
   Mesh mesh = test::grid({-4, 1.5f, kWall_m}, {8, 0, 0}, {0, -3, 0}, 40, 15);
-  std::vector<ViewId> views(mesh.triangles.size(), 0);
-  for (std::size_t t = 0; t < views.size(); ++t) views[t] = mesh.centroid(t).x > 0;
+  std::vector<ViewId> views(mesh.triangles.size());
+  for (std::size_t t = 0; t < views.size(); ++t) views[t] = ViewId{mesh.centroid(t).x > 0};
   set_triangle_views(mesh, views);
   return mesh;
 }
@@ -47,17 +47,18 @@ struct Rig {
   /// A camera at x that is `exposure` times as bright as the others.
   void add(double x, Vec3d exposure, View::Kind kind = View::Kind::pinhole) {
     View v;
-    v.id = v.stream = static_cast<std::uint32_t>(views.size());
+    const auto number = static_cast<std::uint32_t>(views.size());
+    v.id = ViewId{number}, v.stream = StreamId{number};
     v.kind = kind, v.width = 320, v.height = 180;
     v.fx = v.fy = 200, v.cx = 159.5, v.cy = 89.5;
     v.T_world_camera.translation = {x, 0, 0};
     v.image_rect = v.atlas_rect = {0, 0, v.width, v.height};
     views.push_back(v);
-    draw(v.id, exposure);
+    draw(number, exposure);
   }
-  void draw(ViewId id, Vec3d exposure,
+  void draw(std::uint32_t camera, Vec3d exposure,
             const std::function<Vec3d(double x, double y)>& painted = paint) {
-    const View& v = views[id];
+    const View& v = views[camera];
     auto picture = std::make_shared<ImageRgb>(v.width, v.height);
     for (int y = 0; y < v.height; ++y)
       for (int x = 0; x < v.width; ++x) {
@@ -67,7 +68,7 @@ struct Rig {
         for (int c = 0; c < 3; ++c)
           picture->at(x, y)[c] = to_srgb(painted(p.x, p.y)[c] * exposure[c]);
       }
-    pictures[id] = picture;
+    pictures[v.stream] = picture;
   }
 };
 
@@ -78,9 +79,11 @@ Gains balanced(const Mesh& mesh, const Rig& rig) {
 }
 
 /// Gain times exposure must be the same for both views, in each channel.
-void expect_balanced(const Gains& gains, ViewId a, Vec3d exposure_a, ViewId b, Vec3d exposure_b) {
+void expect_balanced(const Gains& gains, std::uint32_t a, Vec3d exposure_a, std::uint32_t b,
+                     Vec3d exposure_b) {
   for (int c = 0; c < 3; ++c) {
-    const double ratio = gains.at(a)[c] * exposure_a[c] / (gains.at(b)[c] * exposure_b[c]);
+    const double ratio =
+        gains.at(ViewId{a})[c] * exposure_a[c] / (gains.at(ViewId{b})[c] * exposure_b[c]);
     EXPECT_NEAR(ratio, 1, 0.02) << "views " << a << " and " << b << ", channel " << c;
   }
 }
@@ -93,7 +96,7 @@ TEST(ColorBalance, TwoViewsOfAWallAgree) {
   const Gains gains = balanced(wall(), rig);
   expect_balanced(gains, 0, kPlain, 1, kWarm);
   for (int c = 0; c < 3; ++c)  // the mean stays
-    EXPECT_NEAR(gains.at(0)[c] * gains.at(1)[c], 1, 0.02);
+    EXPECT_NEAR(gains.at(ViewId{0})[c] * gains.at(ViewId{1})[c], 1, 0.02);
 }
 
 TEST(ColorBalance, SeamsAreHardToSee) {
@@ -151,7 +154,7 @@ TEST(ColorBalance, WhatIsHiddenIsNoEvidence) {
   Rig rig;  // a screen between the second camera and the wall, which its picture does not show
   rig.add(-0.3, kPlain), rig.add(0.3, kWarm);
   Mesh mesh = wall();
-  mesh.runs.clear();
+  clear_labels(mesh);
   append(mesh, test::grid({0, 0.5f, 0.3f}, {0.6f, 0, 0}, {0, -1, 0}, 4, 4));
   for (const auto& [id, gain] : balanced(mesh, rig)) EXPECT_EQ(gain, (Vec3f{1, 1, 1}));
 }
@@ -162,7 +165,7 @@ TEST(ColorBalance, AlikeViewsLeaveTheAtlasUntouched) {
   const Gains gains = balanced(wall(), rig);
   for (const auto& [id, gain] : gains) EXPECT_EQ(gain, (Vec3f{1, 1, 1}));
   const atlas::Layout layout = *atlas::make_layout(rig.views, {}, 1, 1);
-  const std::map<ViewId, View> children{{0, rig.views[0]}, {1, rig.views[1]}};
+  const std::map<ViewId, View> children{{ViewId{0}, rig.views[0]}, {ViewId{1}, rig.views[1]}};
   EXPECT_EQ(atlas::compose_atlas(layout, children, rig.pictures, {}, false, gains),
             atlas::compose_atlas(layout, children, rig.pictures, {}, false));
 }
@@ -191,7 +194,7 @@ TEST(ColorBalance, GainsAreLimited) {
   Rig rig;
   rig.add(-0.3, {0.08, 0.08, 0.08}), rig.add(0.3, {1.8, 1.8, 1.8});
   for (const auto& [id, gain] : balanced(wall(), rig))
-    EXPECT_FLOAT_EQ(gain.x, id == 0 ? 3 : 1 / 3.0f);
+    EXPECT_FLOAT_EQ(gain.x, id == ViewId{0} ? 3 : 1 / 3.0f);
 }
 
 TEST(ColorBalance, AViewThatReturnsFitsAtOnce) {
@@ -203,13 +206,14 @@ TEST(ColorBalance, AViewThatReturnsFitsAtOnce) {
   const Gains all = balance.gains();
   balance.update(wall(), fewer, rig.pictures);
   ASSERT_EQ(balance.gains().size(), 2u);
-  EXPECT_NEAR(balance.gains().at(0).x, all.at(0).x, 0.01);  // the others take their time
+  EXPECT_NEAR(balance.gains().at(ViewId{0}).x, all.at(ViewId{0}).x,
+              0.01);  // the others take their time
   for (int frame = 0; frame < 200; ++frame) balance.update(wall(), fewer, rig.pictures);
-  EXPECT_NEAR(balance.gains().at(0).x, 1, 0.01);
+  EXPECT_NEAR(balance.gains().at(ViewId{0}).x, 1, 0.01);
   balance.update(wall(), rig.views, rig.pictures);
   expect_balanced(balance.gains(), 0, kPlain, 2, kWarm);
   for (int frame = 0; frame < 200; ++frame) balance.update(wall(), rig.views, rig.pictures);
-  EXPECT_NEAR(balance.gains().at(0).x, all.at(0).x, 0.01);
+  EXPECT_NEAR(balance.gains().at(ViewId{0}).x, all.at(ViewId{0}).x, 0.01);
 }
 
 TEST(ColorBalance, AChangeOfExposureIsFollowedSmoothlyAndThenStandsStill) {
@@ -221,7 +225,7 @@ TEST(ColorBalance, AChangeOfExposureIsFollowedSmoothlyAndThenStandsStill) {
   double last = 1;
   for (int frame = 0; frame < 250; ++frame) {
     balance.update(wall(), rig.views, rig.pictures);
-    const double now = balance.gains().at(0).x;
+    const double now = balance.gains().at(ViewId{0}).x;
     EXPECT_LT(std::abs(now - last), 0.015);
     last = now;
   }
@@ -240,7 +244,7 @@ TEST(ColorBalance, TheSameOnAnyNumberOfThreads) {
     return gains;
   };
   const Gains one = on(1);
-  EXPECT_NE(one.at(0), (Vec3f{1, 1, 1}));
+  EXPECT_NE(one.at(ViewId{0}), (Vec3f{1, 1, 1}));
   EXPECT_EQ(on(2), one);
   EXPECT_EQ(on(8), one);
 }
@@ -248,9 +252,9 @@ TEST(ColorBalance, TheSameOnAnyNumberOfThreads) {
 TEST(ColorBalance, BrokenInputIsHarmless) {
   Rig rig;
   rig.add(-0.6, kPlain), rig.add(0.6, kWarm), rig.add(0, kPlain), rig.add(0.1, kPlain);
-  rig.pictures[0] = std::make_shared<ImageRgb>(16, 16);  // smaller than the view says
-  rig.pictures[1] = nullptr;
-  rig.pictures.erase(2);
+  rig.pictures[StreamId{0}] = std::make_shared<ImageRgb>(16, 16);  // smaller than the view says
+  rig.pictures[StreamId{1}] = nullptr;
+  rig.pictures.erase(StreamId{2});
   Mesh mesh = wall();
   mesh.positions[3].x = std::numeric_limits<float>::quiet_NaN();
   for (const auto& [id, gain] : balanced(mesh, rig)) EXPECT_EQ(gain, (Vec3f{1, 1, 1}));
@@ -269,18 +273,18 @@ TEST(Compose, GainsApplyToTheirTileOnly) {
   Rig rig;
   rig.add(-0.6, kPlain), rig.add(0.6, kPlain);
   const atlas::Layout layout = *atlas::make_layout(rig.views, {}, 1, 1);
-  const std::map<ViewId, View> children{{0, rig.views[0]}, {1, rig.views[1]}};
-  const Gains gains{{1, {1.2f, 1, 0.7f}}};
+  const std::map<ViewId, View> children{{ViewId{0}, rig.views[0]}, {ViewId{1}, rig.views[1]}};
+  const Gains gains{{ViewId{1}, {1.2f, 1, 0.7f}}};
   const ImageRgb plain = atlas::compose_atlas(layout, children, rig.pictures, {}, false);
   const ImageRgb changed = atlas::compose_atlas(layout, children, rig.pictures, {}, false, gains);
-  const atlas::GainTables tables = atlas::gain_tables(gains.at(1));
+  const atlas::GainTables tables = atlas::gain_tables(gains.at(ViewId{1}));
   for (const View& tile : layout.views)
     for (int y = 0; y < tile.atlas_rect.height; ++y)
       for (int x = 0; x < tile.atlas_rect.width; ++x)
         for (int c = 0; c < 3; ++c) {
           const std::uint8_t was = plain.at(tile.atlas_rect.x + x, tile.atlas_rect.y + y)[c];
           const std::uint8_t is = changed.at(tile.atlas_rect.x + x, tile.atlas_rect.y + y)[c];
-          ASSERT_EQ(is, tile.id == 1 ? tables[c][was] : was);
+          ASSERT_EQ(is, tile.id == ViewId{1} ? tables[c][was] : was);
         }
 }
 

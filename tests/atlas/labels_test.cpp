@@ -34,23 +34,24 @@ void expect_inside(const Mesh& mesh, const View& v) {
 }
 
 TEST(Labels, WhatNoViewSeesHasNone) {
-  const View v = view(3, {0, 0, 0}, {0, 0, 2});
+  const View v = view(ViewId{3}, {0, 0, 0}, {0, 0, 2});
   const Mesh mesh = atlas::label_triangles(wall(3, 60), {{v}}, {});
   expect_inside(mesh, v);
   // The view covers 320/260 · 2 by 240/260 · 2 metres of the wall, less the gutter.
-  EXPECT_NEAR(labelled_area(mesh, 3), 2.43 * 1.81, 0.15);
+  EXPECT_NEAR(labelled_area(mesh, ViewId{3}), 2.43 * 1.81, 0.15);
   EXPECT_GT(labelled_area(mesh, kNoView), 30);
 }
 
 TEST(Labels, FromBehindThereIsNothingToSee) {
-  const Mesh mesh = atlas::label_triangles(wall(0.5f, 10), {{view(0, {0, 0, 4}, {0, 0, 2})}}, {});
-  EXPECT_EQ(labelled_area(mesh, 0), 0);
+  const Mesh mesh =
+      atlas::label_triangles(wall(0.5f, 10), {{view(ViewId{0}, {0, 0, 4}, {0, 0, 2})}}, {});
+  EXPECT_EQ(labelled_area(mesh, ViewId{0}), 0);
 }
 
 TEST(Labels, OccluderIsNotPaintedOntoTheWall) {
   Mesh scene = wall(0.8f, 2);  // large triangles: the occlusion edge has to be cut
   append(scene, test::grid({-0.2f, 0.2f, 1}, {0.4f, 0, 0}, {0, -0.4f, 0}, 8, 8));
-  const View v = view(0, {0, 0, 0}, {0, 0, 2});
+  const View v = view(ViewId{0}, {0, 0, 0}, {0, 0, 2});
   const Mesh mesh =
       atlas::label_triangles(scene, {{v}}, {.geometry_error_m = 0.005, .min_edge_m = 0.02});
   EXPECT_NEAR(surface_area_m2(mesh), 1.6 * 1.6 + 0.16, 1e-3);
@@ -71,11 +72,11 @@ TEST(Labels, OccluderIsNotPaintedOntoTheWall) {
 }
 
 TEST(Labels, BestAngleTakesTheMostDirectView) {
-  const std::vector<View> views = {view(0, {-1.5, 0, 0.5}, {0, 0, 2}),
-                                   view(1, {0, 0, 0}, {0, 0, 2})};
+  const std::vector<View> views = {view(ViewId{0}, {-1.5, 0, 0.5}, {0, 0, 2}),
+                                   view(ViewId{1}, {0, 0, 0}, {0, 0, 2})};
   const Mesh mesh = atlas::label_triangles(wall(0.4f, 10), views,
                                            {.views = atlas::AtlasConfig::Views::best_angle});
-  EXPECT_NEAR(labelled_area(mesh, 1), 0.64, 1e-3);
+  EXPECT_NEAR(labelled_area(mesh, ViewId{1}), 0.64, 1e-3);
 }
 
 /// Blocks of 16 pixels of a view; `is_valid`: of a column and row.
@@ -111,35 +112,36 @@ void expect_valid(const Mesh& mesh, const View& v, const TileMask& valid) {
 }
 
 TEST(Labels, OnlyWhereAViewIsValid) {
-  const View v = view(3, {0, 0, 0}, {0, 0, 2});
+  const View v = view(ViewId{3}, {0, 0, 0}, {0, 0, 2});
   const TileMask valid = blocks(v, [](int column, int) { return column < 10; });  // the left half
-  const Mesh mesh = atlas::label_triangles(wall(0.6f, 2), {{v}}, {.valid = {{3, valid}}});
+  const Mesh mesh = atlas::label_triangles(wall(0.6f, 2), {{v}}, {.valid = {{ViewId{3}, valid}}});
   expect_valid(mesh, v, valid);
-  EXPECT_NEAR(labelled_area(mesh, 3), 0.5 * 1.2 * 1.2, 0.06);  // cut along the border
-  EXPECT_EQ(atlas::label_triangles(wall(0.6f, 2), {{v}}, {.valid = {{4, valid}}}),
+  EXPECT_NEAR(labelled_area(mesh, ViewId{3}), 0.5 * 1.2 * 1.2, 0.06);  // cut along the border
+  EXPECT_EQ(atlas::label_triangles(wall(0.6f, 2), {{v}}, {.valid = {{ViewId{4}, valid}}}),
             atlas::label_triangles(wall(0.6f, 2), {{v}}, {}));
 }
 
 TEST(Labels, WhereAViewIsNotValidAnotherIsTaken) {
-  const std::vector<View> views = {view(0, {0, 0, 0}, {0, 0, 2}), view(1, {-1, 0, 0}, {0, 0, 2})};
+  const std::vector<View> views = {view(ViewId{0}, {0, 0, 0}, {0, 0, 2}),
+                                   view(ViewId{1}, {-1, 0, 0}, {0, 0, 2})};
   const auto odd = [](int column, int row) { return (column / 4 + row / 4) % 2 == 1; };
-  const std::map<ViewId, TileMask> valid = {{0, blocks(views[0], odd)}};
+  const std::map<ViewId, TileMask> valid = {{ViewId{0}, blocks(views[0], odd)}};
   const Mesh mesh = atlas::label_triangles(wall(0.5f, 40), views, {.valid = valid});
-  expect_valid(mesh, views[0], valid.at(0));
-  EXPECT_GT(labelled_area(mesh, 0), 0.3);
+  expect_valid(mesh, views[0], valid.at(ViewId{0}));
+  EXPECT_GT(labelled_area(mesh, ViewId{0}), 0.3);
   EXPECT_NEAR(labelled_area(mesh, kNoView), 0, 1e-3);
 }
 
 TEST(Labels, ViewsThatAreNowhereValidCutNothing) {
-  const View v = view(0, {0, 0, 0}, {0, 0, 2});
+  const View v = view(ViewId{0}, {0, 0, 0}, {0, 0, 2});
   const TileMask none = blocks(v, [](int, int) { return false; });
-  const Mesh mesh = atlas::label_triangles(wall(0.6f, 2), {{v}}, {.valid = {{0, none}}});
-  EXPECT_EQ(mesh.runs, (std::vector<ViewRun>{{0, 8, kNoView}}));
+  const Mesh mesh = atlas::label_triangles(wall(0.6f, 2), {{v}}, {.valid = {{ViewId{0}, none}}});
+  EXPECT_EQ(mesh.views, (std::vector<ViewRun>{{0, 8, kNoView}}));
 }
 
 TEST(Labels, CoherentLabelsHaveShorterBorders) {
-  const std::vector<View> views = {view(0, {-0.4, 0, 0}, {-0.1, 0, 2}),
-                                   view(1, {0.4, 0, 0}, {0.1, 0, 2})};
+  const std::vector<View> views = {view(ViewId{0}, {-0.4, 0, 0}, {-0.1, 0, 2}),
+                                   view(ViewId{1}, {0.4, 0, 0}, {0.1, 0, 2})};
   // A bumpy wall: the angle test alone flickers between two views of about the same angle.
   const Mesh bumpy = test::grid({-0.6f, 0.6f, 2}, {1.2f, 0, 0}, {0, -1.2f, 0}, 30, 30, 0.01f, 5);
   const auto border = [&](atlas::AtlasConfig::Views mode) {
@@ -157,8 +159,8 @@ TEST(Labels, CoherentLabelsHaveShorterBorders) {
 }
 
 TEST(Labels, SameOnAnyNumberOfThreads) {
-  const std::vector<View> views = {view(0, {-0.4, 0, 0}, {0, 0, 2}),
-                                   view(1, {0.4, 0, 0}, {0, 0, 2})};
+  const std::vector<View> views = {view(ViewId{0}, {-0.4, 0, 0}, {0, 0, 2}),
+                                   view(ViewId{1}, {0.4, 0, 0}, {0, 0, 2})};
   std::vector<Mesh> results;
   for (const int threads : {1, 2, 8}) {
     Arena arena(threads);
@@ -170,7 +172,7 @@ TEST(Labels, SameOnAnyNumberOfThreads) {
 
 TEST(Labels, NoViewsNoLabels) {
   const Mesh mesh = atlas::label_triangles(wall(1, 2), {}, {});
-  EXPECT_EQ(mesh.runs, (std::vector<ViewRun>{{0, 8, kNoView}}));
+  EXPECT_EQ(mesh.views, (std::vector<ViewRun>{{0, 8, kNoView}}));
 }
 
 /// All around the origin; looks along z.
@@ -198,10 +200,10 @@ TEST(Labels, PanoramaTexturesTheWholeRoomAcrossItsSeamAndPoles) {
   const Mesh input = room(8);
   const double area = surface_area_m2(input);
   EXPECT_NEAR(area, 64, 1e-3);
-  const View v = panorama(7);
+  const View v = panorama(ViewId{7});
   const Mesh mesh = atlas::label_triangles(input, {{v}}, {.min_edge_m = 0.05});
   EXPECT_NEAR(surface_area_m2(mesh), area, 1e-3);
-  EXPECT_GT(labelled_area(mesh, 7), 0.995 * area);
+  EXPECT_GT(labelled_area(mesh, ViewId{7}), 0.995 * area);
   // What lies across the seam, behind at x = 0, or over a pole is small.
   double across = 0;
   for (std::size_t t = 0; t < mesh.triangles.size(); ++t) {
@@ -217,24 +219,24 @@ TEST(Labels, PanoramaTexturesTheWholeRoomAcrossItsSeamAndPoles) {
 }
 
 TEST(Labels, OnlyWhereAPanoramaIsValid) {
-  const View v = panorama(7);
+  const View v = panorama(ViewId{7});
   // Around the seam and one of the poles, and not in between.
   const TileMask valid =
       blocks(v, [](int column, int row) { return column < 8 || column >= 24 || row < 4; });
   const Mesh mesh =
-      atlas::label_triangles(room(8), {{v}}, {.min_edge_m = 0.05, .valid = {{7, valid}}});
+      atlas::label_triangles(room(8), {{v}}, {.min_edge_m = 0.05, .valid = {{ViewId{7}, valid}}});
   expect_valid(mesh, v, valid);
   const double whole =
-      labelled_area(atlas::label_triangles(room(8), {{v}}, {.min_edge_m = 0.05}), 7);
-  EXPECT_GT(labelled_area(mesh, 7), 0.5 * whole);
-  EXPECT_LT(labelled_area(mesh, 7), 0.75 * whole);
+      labelled_area(atlas::label_triangles(room(8), {{v}}, {.min_edge_m = 0.05}), ViewId{7});
+  EXPECT_GT(labelled_area(mesh, ViewId{7}), 0.5 * whole);
+  EXPECT_LT(labelled_area(mesh, ViewId{7}), 0.75 * whole);
 }
 
 TEST(Labels, PanoramaPaintsNoOccluderOntoTheWall) {
   // A board beside the camera, at its right, where no pinhole that looks along z would see it.
   Mesh scene = room(8);
   append(scene, test::grid({1, 0.2f, 0.2f}, {0, 0, -0.4f}, {0, -0.4f, 0}, 8, 8));
-  const Mesh mesh = atlas::label_triangles(scene, {{panorama(0)}},
+  const Mesh mesh = atlas::label_triangles(scene, {{panorama(ViewId{0})}},
                                            {.geometry_error_m = 0.005, .min_edge_m = 0.02});
   const auto views = triangle_views(mesh);
   double hidden = 0, beside = 0, board = 0;
@@ -242,11 +244,11 @@ TEST(Labels, PanoramaPaintsNoOccluderOntoTheWall) {
     const Vec3f c = mesh.centroid(t);
     const double area = 0.5 * length(mesh.area_normal(t));
     const bool on_board = std::abs(c.x - 1) < 0.01f && std::abs(c.z) < 0.3f && std::abs(c.y) < 0.3f;
-    if (on_board && views[t] == 0) board += area;
+    if (on_board && views[t] == ViewId{0}) board += area;
     if (c.x < 1.99f) continue;  // the wall behind it: its shadow reaches 0.4 m to each side
     const float reach = std::max(std::abs(c.y), std::abs(c.z));
-    if (reach < 0.34f && views[t] == 0) hidden += area;
-    if (reach > 0.52f && views[t] != 0) beside += area;
+    if (reach < 0.34f && views[t] == ViewId{0}) hidden += area;
+    if (reach > 0.52f && views[t] != ViewId{0}) beside += area;
   }
   EXPECT_EQ(hidden, 0);
   EXPECT_LT(beside, 0.05);
@@ -255,18 +257,18 @@ TEST(Labels, PanoramaPaintsNoOccluderOntoTheWall) {
 
 TEST(Labels, PinholeAndPanoramaShareTheRoom) {
   // The pinhole looks at one wall from near by; the panorama stands aside.
-  View near = view(1, {0, 0, 0.8}, {0, 0, 2});
-  const View around = panorama(0, {-1.2, 0, 0.3});
+  View near = view(ViewId{1}, {0, 0, 0.8}, {0, 0, 2});
+  const View around = panorama(ViewId{0}, {-1.2, 0, 0.3});
   const Mesh mesh =
       atlas::label_triangles(room(20), {{around, near}},
                              {.views = atlas::AtlasConfig::Views::best_angle, .min_edge_m = 0.05});
-  EXPECT_GT(labelled_area(mesh, 1), 0.8);
-  EXPECT_GT(labelled_area(mesh, 0), 60);
+  EXPECT_GT(labelled_area(mesh, ViewId{1}), 0.8);
+  EXPECT_GT(labelled_area(mesh, ViewId{0}), 60);
   expect_inside(mesh, near);
 }
 
 TEST(Labels, OfPanoramasAreTheSameOnAnyNumberOfThreads) {
-  const std::vector<View> views = {panorama(0, {-1, 0, 0}), panorama(1, {1, 0, 0})};
+  const std::vector<View> views = {panorama(ViewId{0}, {-1, 0, 0}), panorama(ViewId{1}, {1, 0, 0})};
   std::vector<Mesh> results;
   for (const int threads : {1, 8}) {
     Arena arena(threads);

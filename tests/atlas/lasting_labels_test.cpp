@@ -20,8 +20,8 @@ using atlas::LastingLabels;
 using Extent = LastingLabels::Extent;
 using test::labelled_area;
 
-const std::vector<View> kViews = {test::view(0, {-0.5, 0, 0}, {0, 0, 2}),
-                                  test::view(1, {0.5, 0, 0}, {0, 0, 2})};
+const std::vector<View> kViews = {test::view(ViewId{0}, {-0.5, 0, 0}, {0, 0, 2}),
+                                  test::view(ViewId{1}, {0.5, 0, 0}, {0, 0, 2})};
 const LabelConfig kConfig{.geometry_error_m = 0.005, .min_edge_m = 0.02};
 
 const Mesh kWall = test::wall(0.8f, 6);
@@ -65,7 +65,7 @@ TEST(LastingLabels, WithoutChangesNothingChanges) {
   const Mesh after = labels.update(wall_and_box(), kViews, kConfig, Extent::changes);
   const auto everywhere = [](Vec3f) { return true; };
   EXPECT_EQ(soup(after, everywhere), soup(before, everywhere));
-  EXPECT_EQ(after.runs, before.runs);
+  EXPECT_EQ(after.views, before.views);
   EXPECT_EQ(labels.update(wall_and_box(), kViews, kConfig, Extent::everything), before);
 }
 
@@ -75,7 +75,7 @@ TEST(LastingLabels, WhatComesBeforeAWallIsNotPaintedOntoIt) {
   const Mesh mesh = labels.update(wall_and_box(), kViews, kConfig, Extent::changes);
   const Mesh anew = atlas::label_triangles(wall_and_box(), kViews, kConfig);
   for (const ViewId id : {ViewId{0}, ViewId{1}, kNoView})
-    EXPECT_NEAR(labelled_area(mesh, id), labelled_area(anew, id), 0.05) << id;
+    EXPECT_NEAR(labelled_area(mesh, id), labelled_area(anew, id), 0.05) << number_of(id);
   EXPECT_NEAR(border_m(mesh), 4 * 1.6 + 4 * 0.4, 1e-4);
 }
 
@@ -143,19 +143,19 @@ TEST(LastingLabels, BlocksThatBecomeValidAreUsedAndSuchAsAreNotAreLeft) {
   double last = -1;
   for (const int columns : {0, 6, 12, 20}) {
     const double area =
-        labelled_area(labels.update(kWall, one, config(columns), Extent::changes), 0);
+        labelled_area(labels.update(kWall, one, config(columns), Extent::changes), ViewId{0});
     EXPECT_GT(area, last) << columns;
     last = area;
   }
   const Mesh fewer = labels.update(kWall, one, config(6), Extent::changes);
-  EXPECT_NEAR(labelled_area(fewer, 0),
-              labelled_area(atlas::label_triangles(kWall, one, config(6)), 0), 0.03);
+  EXPECT_NEAR(labelled_area(fewer, ViewId{0}),
+              labelled_area(atlas::label_triangles(kWall, one, config(6)), ViewId{0}), 0.03);
 }
 
 TEST(LastingLabels, AnotherCameraIsAnotherMatter) {
   LastingLabels labels;
   labels.update(wall_and_box(), kViews, kConfig, Extent::everything);
-  const std::vector<View> moved = {test::view(0, {-0.4, 0.1, 0}, {0, 0, 2}), kViews[1]};
+  const std::vector<View> moved = {test::view(ViewId{0}, {-0.4, 0.1, 0}, {0, 0, 2}), kViews[1]};
   EXPECT_EQ(labels.update(wall_and_box(), moved, kConfig, Extent::changes),
             atlas::label_triangles(wall_and_box(), moved, kConfig));
   EXPECT_TRUE(labels.update({}, moved, kConfig, Extent::changes).empty());

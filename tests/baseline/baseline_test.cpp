@@ -73,12 +73,14 @@ TEST(Monolithic, ViewsAreOfTheFramesWithColour) {
   std::swap(rig.captures[0][0], rig.captures[0][2]);
   const auto views = baseline::color_views(rig.scene, rig.captures[0]);
   ASSERT_EQ(views.size(), 2u);
-  EXPECT_EQ(views[0].id, 0u);
-  EXPECT_EQ(views[1].id, 2u);
+  EXPECT_EQ(views[0].id, ViewId{0});
+  EXPECT_EQ(views[1].id, ViewId{2});
   for (const View& view : views) {
-    const sensor::Registration registration(rig.scene.sensors[view.id], view.id);
-    View wanted = *registration.color_view(rig.scene.sensors[view.id].T_world_depth[0]);
-    wanted.stream = view.id;
+    const SensorId id = sensor_of(view.id);
+    const SensorConfig& config = rig.scene.sensor(id);
+    const sensor::Registration registration(config, id);
+    View wanted = *registration.color_view(config.T_world_depth[0]);
+    wanted.stream = stream_of(id);
     EXPECT_EQ(view, wanted);
   }
 }
@@ -94,7 +96,7 @@ TEST(Baseline, HoloportationIsLossless) {
   EXPECT_NEAR(surface_area_m2(mesh), surface_area_m2(fused), 1e-3);
   EXPECT_EQ(geometry.views, baseline::color_views(rig.scene, rig.captures[0]));
   std::size_t textured = 0;
-  for (const ViewRun& run : mesh.runs) textured += run.view == kNoView ? 0 : run.count;
+  for (const ViewRun& run : mesh.views) textured += run.id == kNoView ? 0 : run.count;
   EXPECT_GT(textured, mesh.triangles.size() * 8 / 10);
 
   const auto texture =
@@ -102,7 +104,7 @@ TEST(Baseline, HoloportationIsLossless) {
   ASSERT_EQ(texture.views.size(), 3u);
   for (const View& view : texture.views) {
     const ImageRgb& picture = *texture.pictures.at(view.stream);
-    EXPECT_EQ(picture, baseline::tile_picture(rig.captures[0][view.id].color, view));
+    EXPECT_EQ(picture, baseline::tile_picture(rig.captures[0][number_of(view.id)].color, view));
     EXPECT_EQ(picture.width, view.image_rect.width);
   }
 }
@@ -132,7 +134,8 @@ TEST(Baseline, ScaledTilesAreMadeFromBytesAndSceneAlone) {
     const auto texture = value(rig.fresh()->decode_texture(bytes));
     ASSERT_EQ(texture.views.size(), 3u);
     for (const View& view : texture.views) {
-      const ImageRgb wanted = baseline::tile_picture(rig.captures[0][view.id].color, view);
+      const ImageRgb wanted =
+          baseline::tile_picture(rig.captures[0][number_of(view.id)].color, view);
       EXPECT_EQ(wanted.width, std::lround(0.35 * view.image_rect.width));
       ImageRgb got(wanted.width, wanted.height);
       const ImageRgb& picture = *texture.pictures.at(view.stream);

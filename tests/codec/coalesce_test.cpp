@@ -88,7 +88,8 @@ TEST(Coalesce, NoMoreUnitsThanAPacketMayHold) {
     packets.push_back(packet(i, {}, {}));
     packets.back().textures.assign(PacketLimits{}.textures / 2, unit(1));
     packets.back().change.streams.reset();
-    for (std::uint32_t stream = 0; TextureUnit & u : packets.back().textures) u.stream = stream++;
+    for (std::uint32_t stream = 0; TextureUnit & u : packets.back().textures)
+      u.stream = StreamId{stream++};
   }
   const PacketMessage out = coalesce(packets);
   EXPECT_EQ(out.coalesced, 1u);

@@ -12,8 +12,9 @@ namespace {
 constexpr std::size_t kBody = 8;  // after magic and version
 
 Control full() {
-  Control out{{0, 4, 0xFFFFFFFF},
-              {{{{-1, 2, -3}, kMergedSource}, 0, 7}, {{{0, 0, 0}, 1, Layer::still}, 2, 0xFFFFFFFF}},
+  Control out{{StreamId{0}, StreamId{4}, StreamId{0xFFFFFFFF}},
+              {{{{-1, 2, -3}, kMergedSource}, 0, 7},
+               {{{0, 0, 0}, SensorId{1}, Layer::still}, 2, 0xFFFFFFFF}},
               1'234'567'890'123,
               true};
   out.shown = 77, out.time = true;
@@ -33,7 +34,7 @@ TEST(Control, RoundTrip) {
   Control plan;
   plan.plan.emplace();
   for (const Control& control :
-       {Control{}, full(), plan, Control{{7}, {}, {}}, Control{{}, {}, 0},
+       {Control{}, full(), plan, Control{{StreamId{7}}, {}, {}}, Control{{}, {}, 0},
         Control{{}, {}, {}, true}, Control{{}, {}, 3, false, 2}, Control{{}, {}, {}, false, 0},
         Control{{}, {}, {}, false, {}, true}}) {
     const auto back = decode_control(encode_control(control));
@@ -144,14 +145,15 @@ TEST(Control, TheTimeIsAnAnswerOfItsOwn) {
 
 TEST(Control, AWishIsForOneStream) {
   const Control control = full();
-  EXPECT_TRUE(control.wants_key_frame(4));
-  EXPECT_FALSE(control.wants_key_frame(1));
-  EXPECT_FALSE(Control{}.wants_key_frame(0));
+  EXPECT_TRUE(control.wants_key_frame(StreamId{4}));
+  EXPECT_FALSE(control.wants_key_frame(StreamId{1}));
+  EXPECT_FALSE(Control{}.wants_key_frame(StreamId{0}));
 }
 
 /// Golden bytes: the browser writes the same.
 TEST(Control, BytesAreFixed) {
-  const auto bytes = encode_control({{6}, {{{{1, -1, 0}, 2, Layer::still}, 3, 4}}, {}, true});
+  const auto bytes =
+      encode_control({{StreamId{6}}, {{{{1, -1, 0}, SensorId{2}, Layer::still}, 3, 4}}, {}, true});
   const unsigned char want[] = {
       'M', 'R', 'C', 'T', 1,  0, 0, 0,                                      // version
       1,   0,   0,   0,   4,  0, 0, 0, 6, 0, 0, 0,                          // key frames

@@ -23,12 +23,12 @@ Packet still_room(int sensors, int chunks) {
   p.scene = "living room", p.node = "root", p.epoch = 7;
   for (int i = 0; i < sensors; ++i) {
     SourceInfo& source = p.sources.emplace_back();
-    source.sensor = static_cast<std::uint32_t>(i);
+    source.sensor = SensorId{static_cast<std::uint32_t>(i)};
     source.depth_camera.width = 640, source.depth_camera.height = 576;
     source.depth_camera.fx = source.depth_camera.fy = 500;
     source.depth_camera.cx = 320, source.depth_camera.cy = 288;
     View& view = p.views.emplace_back();
-    view.id = source.sensor;
+    view.id = view_of(source.sensor);
     view.width = 1280, view.height = 720;
     view.fx = view.fy = 600, view.cx = 640, view.cy = 360;
     view.image_rect = {0, 0, 1280, 720};
@@ -51,11 +51,11 @@ void advance(Packet& p) {
 }
 
 TextureUnit unit(std::uint32_t stream, std::uint32_t serial, bool key_frame = false) {
-  return {stream, serial, TextureCodec::h264, 0, 8192, 8192, key_frame, {std::byte{1}}};
+  return {StreamId{stream}, serial, TextureCodec::h264, 0, 8192, 8192, key_frame, {std::byte{1}}};
 }
 
 EncodedChunk payload(const ChunkKey& key) {
-  return {key, 0, 1, {}, std::vector<std::byte>(8, static_cast<std::byte>(key.version))};
+  return {key, 0, 1, {}, {}, std::vector<std::byte>(8, static_cast<std::byte>(key.version))};
 }
 
 /// What a reader should have of what was written.
@@ -134,7 +134,7 @@ TEST(Head, EveryFieldMayChange) {
   arrives();
   p.views.push_back(p.views.back());
   p.views.back().layer = Layer::still, p.views.back().gain = {1, 2, 0.5f};
-  p.views.back().stream = 1;
+  p.views.back().stream = StreamId{1};
   arrives();
   p.views.back().image_rect.x = 64, p.views.back().image_rect.width -= 64;
   arrives();
@@ -162,20 +162,26 @@ TEST(Head, StreamsAreThoseOfTheUnits) {
   HeadWriter writer;
   HeadReader reader;
   Packet p = still_room(2, 1);
-  p.views[1].stream = 1;
+  p.views[1].stream = StreamId{1};
   const auto streams = [&](std::vector<TextureUnit> units) {
     p.textures = std::move(units);
     advance(p);
     const auto back = reader.read(writer.write(p));
     return back ? back->streams : std::vector<StreamState>{};
   };
-  using States = std::vector<StreamState>;
-  EXPECT_EQ(streams({unit(0, 3), unit(1, 0)}), (States{{0, 3}, {1, 0}}));
-  EXPECT_EQ(streams({unit(0, 4)}), (States{{0, 4}, {1, 0}}));
-  for (std::uint32_t i = 5; i < 50; ++i) EXPECT_EQ(streams({unit(0, i)}), (States{{0, i}, {1, 0}}));
-  EXPECT_EQ(streams({}), (States{{0, 49}, {1, 0}}));
+  const auto states = [](auto... serials) {
+    std::vector<StreamState> out;
+    (out.push_back(
+         {StreamId{static_cast<std::uint32_t>(out.size())}, static_cast<std::uint32_t>(serials)}),
+     ...);
+    return out;
+  };
+  EXPECT_EQ(streams({unit(0, 3), unit(1, 0)}), states(3, 0));
+  EXPECT_EQ(streams({unit(0, 4)}), states(4, 0));
+  for (std::uint32_t i = 5; i < 50; ++i) EXPECT_EQ(streams({unit(0, i)}), states(i, 0));
+  EXPECT_EQ(streams({}), states(49, 0));
   p.views.pop_back();
-  EXPECT_EQ(streams({}), (States{{0, 49}}));
+  EXPECT_EQ(streams({}), states(49));
 }
 
 TEST(Head, WhoMissedTheBaseKnows) {
@@ -221,18 +227,24 @@ TEST(Head, WhatDoesNotFitItsBaseIsRefused) {
   EXPECT_FALSE(fits([](PacketMessage& m) { m.change.removed = {{{{9, 0, 0}}, 0, 1}}; }));
   EXPECT_TRUE(fits([](PacketMessage& m) { m.change.removed = {{{{1, 0, 0}}, 0, 1}}; }));
   EXPECT_FALSE(fits([](PacketMessage& m) { m.change.added = {{{{1, 0, 0}}, 0, 1}}; }));
-  EXPECT_FALSE(fits([](PacketMessage& m) { m.change.removed_sources = {5}; }));
-  EXPECT_FALSE(fits([](PacketMessage& m) { m.change.removed_views = {{5, Layer::moving}}; }));
-  EXPECT_FALSE(fits([](PacketMessage& m) { m.change.removed_views = {{0, Layer::still}}; }));
-  EXPECT_TRUE(fits([](PacketMessage& m) { m.change.removed_views = {{0, Layer::moving}}; }));
+  EXPECT_FALSE(fits([](PacketMessage& m) { m.change.removed_sources = {SensorId{5}}; }));
   EXPECT_FALSE(fits([](PacketMessage& m) {
-    m.change.confirmed = {{5, TileMask{64, 10, 9, std::vector<std::uint8_t>(90)}, {}}};
+    m.change.removed_views = {{ViewId{5}, Layer::moving}};
   }));
   EXPECT_FALSE(fits([](PacketMessage& m) {
-    m.change.confirmed = {{0, TileMask{64, 9, 9, std::vector<std::uint8_t>(81)}, {}}};
+    m.change.removed_views = {{ViewId{0}, Layer::still}};
   }));
   EXPECT_TRUE(fits([](PacketMessage& m) {
-    m.change.confirmed = {{0, TileMask{64, 10, 9, std::vector<std::uint8_t>(90)}, {}}};
+    m.change.removed_views = {{ViewId{0}, Layer::moving}};
+  }));
+  EXPECT_FALSE(fits([](PacketMessage& m) {
+    m.change.confirmed = {{SensorId{5}, TileMask{64, 10, 9, std::vector<std::uint8_t>(90)}, {}}};
+  }));
+  EXPECT_FALSE(fits([](PacketMessage& m) {
+    m.change.confirmed = {{SensorId{0}, TileMask{64, 9, 9, std::vector<std::uint8_t>(81)}, {}}};
+  }));
+  EXPECT_TRUE(fits([](PacketMessage& m) {
+    m.change.confirmed = {{SensorId{0}, TileMask{64, 10, 9, std::vector<std::uint8_t>(90)}, {}}};
   }));
   EXPECT_FALSE(fits([](PacketMessage& m) { m.chunks = {payload({{{9, 0, 0}}, 0, 1})}; }));
   EXPECT_FALSE(fits([](PacketMessage& m) {
@@ -257,7 +269,7 @@ std::vector<std::vector<std::byte>> golden_packets() {
       {{{0, 0, 0}}, 0, 1}, {{{1, 0, 0}, kMergedSource, Layer::still}, 2, 9}, {{{2, 0, 0}}, 0, 1}};
   p.chunks = {payload(p.manifest[1])};
   p.views.push_back(p.views[1]);
-  p.views[2].layer = Layer::still, p.views[2].gain = {0.5f, 1, 2}, p.views[2].stream = 1;
+  p.views[2].layer = Layer::still, p.views[2].gain = {0.5f, 1, 2}, p.views[2].stream = StreamId{1};
   p.sources[0].confirmed_depth = {64, 10, 9, std::vector<std::uint8_t>(90, 1)};
   p.sources[1].precision.base_m = 0.005;
   p.textures = {unit(0, 2), unit(1, 0, true)};
@@ -334,7 +346,8 @@ class RandomScene {
   }
   void add_source() {
     packet_.sources.push_back(packet_.sources.back());
-    ++packet_.sources.back().sensor;
+    SensorId& sensor = packet_.sources.back().sensor;
+    sensor = SensorId{number_of(sensor) + 1};
   }
 
   std::mt19937 random_;

@@ -32,8 +32,8 @@ std::multimap<Key, ViewId> content(const Mesh& mesh) {
   return out;
 }
 
-Mesh one_view(Mesh mesh, ViewId view = 3) {
-  mesh.runs = {{0, static_cast<std::uint32_t>(mesh.triangles.size()), view}};
+Mesh one_view(Mesh mesh, ViewId view = ViewId{3}) {
+  mesh.views = {{0, static_cast<std::uint32_t>(mesh.triangles.size()), view}};
   return mesh;
 }
 
@@ -55,14 +55,14 @@ void label_in_blocks(Mesh& mesh, int views, std::size_t every = 0) {
   for (std::size_t t = 0; t < labels.size(); ++t) {
     const Vec3f c = mesh.centroid(t);
     const int block = static_cast<int>(c.x * 8) + 8 * static_cast<int>(c.y * 8);
-    labels[t] = 10 * static_cast<ViewId>(((block % views) + views) % views) + 5;
+    labels[t] = ViewId{10 * static_cast<std::uint32_t>(((block % views) + views) % views) + 5};
     if (every != 0 && t % every == 0) labels[t] = kNoView;
   }
   set_triangle_views(mesh, labels);
 }
 
 EncodedChunk encoded(const Mesh& mesh, int speed = 5, const Lattice& lattice = {}) {
-  const Chunk chunk{{{{1, -2, 3}, 7}, 1, 42}, 0.25f, mesh};
+  const Chunk chunk{{{{1, -2, 3}, SensorId{7}}, 1, 42}, 0.25f, mesh};
   auto out = encode_chunk(chunk, lattice, speed);
   EXPECT_TRUE(out) << out.error().message;
   return out ? *out : EncodedChunk{};
@@ -85,17 +85,17 @@ TEST(SnapToLattice, WeldsAndDropsWhatHasNoArea) {
   Mesh mesh;
   mesh.positions = {{0, 0, 0}, {1, 0, 0}, {0, 1, 0}, {1.0001f, 0, 0}, {0.5f, 0, 0}, {9, 9, 9}};
   mesh.triangles = {{0, 1, 2}, {0, 3, 2}, {1, 3, 2}, {0, 4, 1}, {2, 0, 1}, {0, 2, 1}};
-  mesh.runs = {{0, 2, 1}, {2, 4, 2}};
+  mesh.views = {{0, 2, ViewId{1}}, {2, 4, ViewId{2}}};
   const Mesh out = snapped(mesh);
   EXPECT_EQ(out.positions.size(), 3u) << "unused and doubled vertices go";
   ASSERT_EQ(out.triangles.size(), 2u) << "one each way round stays";
-  EXPECT_EQ(out.runs, (std::vector<ViewRun>{{0, 1, 1}, {1, 1, 2}}));
+  EXPECT_EQ(out.views, (std::vector<ViewRun>{{0, 1, ViewId{1}}, {1, 1, ViewId{2}}}));
 }
 
 TEST(SnapToLattice, IsIdempotentAndWithinHalfAStep) {
   const Mesh mesh = grid({-3, 2, 1}, {2, 0, 0.3f}, {0, 2, 0.1f}, 20, 20, 0.01f);
   const Mesh once = snapped(mesh);
-  EXPECT_TRUE(once.runs.empty()) << "not labelled before, not labelled after";
+  EXPECT_TRUE(once.views.empty()) << "not labelled before, not labelled after";
   EXPECT_EQ(snapped(once), once);
   ASSERT_EQ(once.triangles.size(), mesh.triangles.size());
   for (std::size_t t = 0; t < mesh.triangles.size(); ++t)
@@ -178,7 +178,7 @@ TEST(MeshCodec, LabelsSurvivePerTriangle) {
         EXPECT_EQ(chunk.views.size(), static_cast<std::size_t>(views));
         const Mesh back = decoded(chunk);
         EXPECT_EQ(content(back), content(mesh)) << views << " views, speed " << speed;
-        EXPECT_EQ(back.runs, mesh.runs) << "sorted by view, the same counts";
+        EXPECT_EQ(back.views, mesh.views) << "sorted by view, the same counts";
         EXPECT_EQ(back.positions.size(), mesh.positions.size()) << "welded across labels";
       }
     }
@@ -347,20 +347,20 @@ TEST(MeshCodec, VerticesOfABackgroundThatManyMeetKeepTheirColour) {
 TEST(MeshCodec, ColoursAreForBackgroundsOnly) {
   const Chunk good = background(6);
   Chunk bad = good;
-  bad.key.id.source = 3;
+  bad.key.id.source = SensorId{3};
   EXPECT_EQ(cause_of(encode_chunk(bad, {}, 5)), Error::Cause::invalid);
   bad = good;
   bad.colors.pop_back();
   EXPECT_EQ(cause_of(encode_chunk(bad, {}, 5)), Error::Cause::invalid);
   bad = good;
-  bad.mesh = one_view(bad.mesh, 3);
+  bad.mesh = one_view(bad.mesh, ViewId{3});
   EXPECT_EQ(cause_of(encode_chunk(bad, {}, 5)), Error::Cause::invalid);
   auto coded = encode_chunk(good, {}, 5);
   ASSERT_TRUE(coded);
   coded->key.id.source = kMergedSource;
   EXPECT_FALSE(decode_chunk(*coded, {})) << "COLOR where a label should be";
   coded->key.id.source = kBackgroundSource;
-  coded->views = {1};
+  coded->views = {ViewId{1}};
   EXPECT_FALSE(decode_chunk(*coded, {}));
   EncodedChunk plain = encoded(one_view(surface(6), kNoView));
   plain.key.id.source = kBackgroundSource;
@@ -380,7 +380,7 @@ TEST(MeshCodec, RefusesWhatItCannotCode) {
   mesh.positions[3].x += 0.0001f;
   EXPECT_EQ(cause_of(encode_chunk({{}, 0, mesh}, {}, 5)), Error::Cause::invalid) << "not snapped";
   mesh = surface(4);
-  mesh.runs.clear();
+  mesh.views.clear();
   EXPECT_EQ(cause_of(encode_chunk({{}, 0, mesh}, {}, 5)), Error::Cause::invalid) << "no runs";
   mesh = surface(4);
   mesh.triangles[0][1] = mesh.triangles[0][0];
@@ -432,7 +432,7 @@ TEST(MeshCodec, PromisesAreChecked) {
   EXPECT_TRUE(
       refuses([](EncodedChunk& c) { c.error_m = std::numeric_limits<float>::quiet_NaN(); }));
   EncodedChunk plain = encoded(surface(10));
-  plain.views = {1, 2};
+  plain.views = {ViewId{1}, ViewId{2}};
   EXPECT_FALSE(decode_chunk(plain, {})) << "two views and no labels";
   EXPECT_FALSE(decode_chunk(good, {{0, 0, 0}, -9})) << "another lattice";
   EXPECT_FALSE(decode_chunk(good, {{100000, 0, 0}, -10})) << "an unusable lattice";

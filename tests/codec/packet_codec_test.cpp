@@ -36,7 +36,7 @@ Camera pinhole(int width, int height) {
 
 SourceInfo source(std::uint32_t sensor) {
   SourceInfo s;
-  s.sensor = sensor;
+  s.sensor = SensorId{sensor};
   s.captured_at = TimePoint(Duration(1'700'000'000'000'000'000 + sensor));
   s.depth_camera = pinhole(640, 576);
   s.T_world_depth = look_at({1, 2, 1.5}, {0.25, 0.5, 1}, {0, 0, 1});
@@ -78,25 +78,26 @@ Packet full_packet() {
   lidar.beam_azimuth_rad = {0.01, -0.01, 0.02, 0};
   p.sources[2].depth_camera.model = CameraModel::equirectangular;
   p.plan = {{0.5, 0}, 0, 7, 0.75, 33};
-  p.views = {view(0), view(5)};
+  p.views = {view(ViewId{0}), view(ViewId{5})};
   p.views[1].kind = View::Kind::equirectangular;
-  p.views[1].stream = 9;
+  p.views[1].stream = StreamId{9};
   p.views.push_back(p.views[1]);
-  p.views[2].layer = Layer::still, p.views[2].gain = {0.5f, 1.25f, 2}, p.views[2].stream = 10;
+  p.views[2].layer = Layer::still, p.views[2].gain = {0.5f, 1.25f, 2},
+  p.views[2].stream = StreamId{10};
   p.sources[0].confirmed_depth = mask(640, 576, 8);
   p.sources[0].confirmed_color = mask(1280, 720, 16);
   p.manifest = {{{{-1, 2, 3}, kMergedSource}, 0, 7},
-                {{{0, 0, 0}, 1}, 0, 8},
-                {{{0, 0, 0}, 1}, 2, 1},
-                {{{0, 0, 0}, 1, Layer::still}, 0, 1}};
+                {{{0, 0, 0}, SensorId{1}}, 0, 8},
+                {{{0, 0, 0}, SensorId{1}}, 2, 1},
+                {{{0, 0, 0}, SensorId{1}, Layer::still}, 0, 1}};
   const Mesh wall = test::grid({0, 0, 0}, {1, 0, 0}, {0, 1, 0}, 3, 3);
   Chunk chunk{p.manifest[0], 0.003f, *snap_to_lattice(wall, {})};
-  chunk.mesh.runs = {{0, 10, 0}, {10, 8, 5}};
+  chunk.mesh.views = {{0, 10, ViewId{0}}, {10, 8, ViewId{5}}};
   p.chunks = {*encode_chunk(chunk, {}, 5)};
-  p.chunks.push_back({p.manifest[2], 0, 12, {}, counting(45)});
-  p.textures = {{0, 70'000, TextureCodec::h264, 3, 640, 400, true, counting(77)},
-                {1, 2, TextureCodec::h264, 4, 8192, 8192, false, counting(5)}};
-  p.streams = {{0, 70'000}, {1, 2}, {9, 5}, {10, 1}};
+  p.chunks.push_back({p.manifest[2], 0, 12, {}, {}, counting(45)});
+  p.textures = {{StreamId{0}, 70'000, TextureCodec::h264, 3, 640, 400, true, counting(77)},
+                {StreamId{1}, 2, TextureCodec::h264, 4, 8192, 8192, false, counting(5)}};
+  p.streams = {{StreamId{0}, 70'000}, {StreamId{1}, 2}, {StreamId{9}, 5}, {StreamId{10}, 1}};
   p.marks = {{"cam0/fuse", TimePoint(Duration(5))}, {"cam0/encode_mesh", TimePoint(Duration(6))}};
   return p;
 }
@@ -258,8 +259,8 @@ TEST(PacketCodec, CapsAreChecked) {
   EXPECT_TRUE(too_large({.chunk_triangles = 17}));
   EXPECT_TRUE(too_large({.packet_triangles = 29}));
   EXPECT_TRUE(too_large({.name_bytes = 15}));
-  EXPECT_TRUE(
-      refused(Error::Cause::too_large, [](Packet& p) { p.chunks[0].views.assign(255, 0); }));
+  EXPECT_TRUE(refused(Error::Cause::too_large,
+                      [](Packet& p) { p.chunks[0].views.assign(255, ViewId{0}); }));
 }
 
 TEST(PacketCodec, NamesArePrintableAscii) {
@@ -405,7 +406,7 @@ TEST(PacketCodec, ListsAreSortedAndUnique) {
   EXPECT_TRUE(invalid([](Packet& p) { p.manifest[1] = p.manifest[0]; }));
   EXPECT_TRUE(invalid([](Packet& p) { std::swap(p.chunks[0], p.chunks[1]); }));
   EXPECT_TRUE(invalid([](Packet& p) { p.chunks[1] = p.chunks[0]; }));
-  EXPECT_TRUE(invalid([](Packet& p) { p.chunks[0].views = {5, 0}; }));
+  EXPECT_TRUE(invalid([](Packet& p) { p.chunks[0].views = {ViewId{5}, ViewId{0}}; }));
   EXPECT_TRUE(invalid([](Packet& p) { p.chunks[0].views = {0, kNoView}; }));
   EXPECT_TRUE(invalid([](Packet& p) { ++p.chunks[0].key.version; })) << "not in the manifest";
   EXPECT_TRUE(invalid([](Packet& p) { p.manifest.clear(); }));

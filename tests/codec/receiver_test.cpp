@@ -33,8 +33,10 @@ testing::AssertionResult equals(const std::optional<DecodedScene>& scene, const 
   for (std::size_t i = 0; i < expected.size(); ++i)
     if (scene->chunks[i]->key != expected[i].key || scene->chunks[i]->mesh != expected[i].mesh)
       return testing::AssertionFailure() << "chunk " << i;
-  if (!scene->textures.contains(4)) return testing::AssertionFailure() << "no texture";
-  const double off = mean_difference(*scene->textures.at(4), Sender::picture(sequence));
+  if (!scene->textures.contains(Sender::kStream))
+    return testing::AssertionFailure() << "no texture";
+  const double off =
+      mean_difference(*scene->textures.at(Sender::kStream), Sender::picture(sequence));
   if (off > 12) return testing::AssertionFailure() << "picture of another capture: " << off;
   return testing::AssertionSuccess();
 }
@@ -258,7 +260,7 @@ TEST(Receiver, TwentyPercentLoss) {
 // ---- the cache that answers ----
 
 std::shared_ptr<const EncodedChunk> chunk_of_version(std::uint32_t version) {
-  return std::make_shared<const EncodedChunk>(EncodedChunk{{{}, 0, version}, 0, 1, {}, {}});
+  return std::make_shared<const EncodedChunk>(EncodedChunk{{{}, 0, version}, 0, 1, {}, {}, {}});
 }
 
 TEST(ChunkCache, ForgetsWhatManifestsNoLongerName) {

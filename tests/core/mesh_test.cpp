@@ -9,18 +9,27 @@
 namespace mr {
 namespace {
 
+constexpr std::uint32_t kNone = number_of(kNoView);
+
+std::vector<ViewId> views(const std::vector<std::uint32_t>& numbers) {
+  std::vector<ViewId> out;
+  for (const std::uint32_t number : numbers) out.push_back(ViewId{number});
+  return out;
+}
+
 Mesh square(float z = 0) { return test::grid({0, 0, z}, {1, 0, 0}, {0, 1, 0}, 1, 1); }
 
 TEST(Mesh, SetTriangleViewsSortsStablyAndCoversAll) {
   Mesh mesh = test::grid({0, 0, 0}, {1, 0, 0}, {0, 1, 0}, 3, 1);
   const std::vector<Triangle> before = mesh.triangles;
-  set_triangle_views(mesh, {7, 2, kNoView, 2, 7, 0});
-  const std::vector<ViewRun> runs = {{0, 1, 0}, {1, 2, 2}, {3, 2, 7}, {5, 1, kNoView}};
-  EXPECT_EQ(mesh.runs, runs);
+  set_triangle_views(mesh, views({7, 2, kNone, 2, 7, 0}));
+  const std::vector<ViewRun> runs = {
+      {0, 1, ViewId{0}}, {1, 2, ViewId{2}}, {3, 2, ViewId{7}}, {5, 1, kNoView}};
+  EXPECT_EQ(mesh.views, runs);
   const std::vector<Triangle> sorted = {before[5], before[1], before[3],
                                         before[0], before[4], before[2]};
   EXPECT_EQ(mesh.triangles, sorted);
-  EXPECT_EQ(triangle_views(mesh), (std::vector<ViewId>{0, 2, 2, 7, 7, kNoView}));
+  EXPECT_EQ(triangle_views(mesh), views({0, 2, 2, 7, 7, kNone}));
 }
 
 TEST(Mesh, WithoutRunsNoTriangleHasAView) {
@@ -29,10 +38,10 @@ TEST(Mesh, WithoutRunsNoTriangleHasAView) {
 
 TEST(Mesh, SelectKeepsTheChosenAndTheirVerticesOnly) {
   Mesh mesh = test::grid({0, 0, 0}, {2, 0, 0}, {0, 1, 0}, 2, 1);
-  set_triangle_views(mesh, {1, 1, 3, 3});
+  set_triangle_views(mesh, views({1, 1, 3, 3}));
   const Mesh part = select_triangles(mesh, {0, 1, 1, 0});
   ASSERT_EQ(part.triangles.size(), 2u);
-  EXPECT_EQ(part.runs, (std::vector<ViewRun>{{0, 1, 1}, {1, 1, 3}}));
+  EXPECT_EQ(part.views, (std::vector<ViewRun>{{0, 1, ViewId{1}}, {1, 1, ViewId{3}}}));
   for (int i = 0; i < 3; ++i) {
     EXPECT_EQ(part.corner(0, i), mesh.corner(1, i));
     EXPECT_EQ(part.corner(1, i), mesh.corner(2, i));
@@ -45,17 +54,17 @@ TEST(Mesh, SelectNothingIsEmpty) {
   const Mesh none = select_triangles(square(), {0, 0});
   EXPECT_TRUE(none.empty());
   EXPECT_TRUE(none.positions.empty());
-  EXPECT_TRUE(none.runs.empty());
+  EXPECT_TRUE(none.views.empty());
 }
 
 TEST(Mesh, AppendShiftsIndicesAndKeepsViews) {
   Mesh low = square(0), high = square(5);
-  set_triangle_views(low, {4, 4});
-  set_triangle_views(high, {1, 4});
+  set_triangle_views(low, views({4, 4}));
+  set_triangle_views(high, views({1, 4}));
   append(low, high);
   ASSERT_EQ(low.triangles.size(), 4u);
   EXPECT_EQ(low.positions.size(), 8u);
-  EXPECT_EQ(low.runs, (std::vector<ViewRun>{{0, 1, 1}, {1, 3, 4}}));
+  EXPECT_EQ(low.views, (std::vector<ViewRun>{{0, 1, ViewId{1}}, {1, 3, ViewId{4}}}));
   EXPECT_EQ(low.corner(0, 0).z, 5);
   EXPECT_EQ(low.corner(1, 0).z, 0);
   EXPECT_EQ(low.corner(3, 2).z, 5);
@@ -63,13 +72,13 @@ TEST(Mesh, AppendShiftsIndicesAndKeepsViews) {
 
 TEST(Mesh, AppendToAnUnlabelledMeshLeavesItsTrianglesWithoutView) {
   Mesh plain = square(0), labelled = square(1);
-  set_triangle_views(labelled, {2, 2});
+  set_triangle_views(labelled, views({2, 2}));
   append(plain, labelled);
-  EXPECT_EQ(plain.runs, (std::vector<ViewRun>{{0, 2, 2}, {2, 2, kNoView}}));
+  EXPECT_EQ(plain.views, (std::vector<ViewRun>{{0, 2, ViewId{2}}, {2, 2, kNoView}}));
 
   Mesh a = square(0);
   append(a, square(1));
-  EXPECT_TRUE(a.runs.empty());
+  EXPECT_TRUE(a.views.empty());
 }
 
 TEST(Mesh, AreasOfKnownShapes) {

@@ -93,7 +93,7 @@ TEST(SampleSurface, IsTheSameForTheSameSeedAndSkipsWhatHasNoArea) {
   }
   EXPECT_GT(differ, 990);
   EXPECT_TRUE(sample_surface({}, 1000, 1).empty());
-  EXPECT_TRUE(sample_surface({{{0, 0, 0}}, {{0, 0, 0}}, {}}, 1000, 1).empty());
+  EXPECT_TRUE(sample_surface({{{0, 0, 0}}, {{0, 0, 0}}, {}, {}}, 1000, 1).empty());
 }
 
 TEST(SurfaceDistance, OfASheetThatIsOffIsTheOffset) {
@@ -332,7 +332,7 @@ TEST(GeometryErrors, WhatCannotBeMeasuredIsRefused) {
   };
   EXPECT_STREQ(cause({}, good), "empty");
   EXPECT_STREQ(cause(good, {}), "empty");
-  EXPECT_STREQ(cause({good.positions, {{0, 0, 0}}, {}}, good), "empty");
+  EXPECT_STREQ(cause({good.positions, {{0, 0, 0}}, {}, {}}, good), "empty");
   EXPECT_STREQ(cause(lost, good), "invalid");
   EXPECT_STREQ(cause(good, lost), "invalid");
   EXPECT_STREQ(cause(wrong, good), "invalid");

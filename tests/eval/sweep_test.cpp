@@ -44,7 +44,7 @@ Mesh wall(double ratio) {
   Mesh mesh;
   mesh.positions = {{-r, -r, 2}, {r, -r, 2}, {r, r, 2}, {-r, r, 2}};
   mesh.triangles = {{0, 2, 1}, {0, 3, 2}};
-  mesh.runs = {{0, 2, 0}};
+  mesh.views = {{0, 2, ViewId{0}}};
   return mesh;
 }
 
@@ -75,8 +75,8 @@ class FakeSystem final : public System {
   Result<baseline::Texture> decode(const TextureSetting& setting, std::size_t,
                                    const std::vector<Bytes>&) override {
     ++textures_decoded;
-    return baseline::Texture{{front_view()},
-                             {{0, std::make_shared<const ImageRgb>(picture(setting.qp))}}};
+    return baseline::Texture{
+        {front_view()}, {{StreamId{0}, std::make_shared<const ImageRgb>(picture(setting.qp))}}};
   }
 };
 

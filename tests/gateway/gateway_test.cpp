@@ -291,7 +291,7 @@ TEST_F(GatewayTest, ADeadSensorIsToldWithinTwoSeconds) {
     Packet both = next(true);
     both.captured_at = node::wall_time();
     both.sources[0].captured_at = both.captured_at;
-    if (second) both.sources.push_back(both.sources[0]), both.sources[1].sensor = 1;
+    if (second) both.sources.push_back(both.sources[0]), both.sources[1].sensor = SensorId{1};
     publish(both);
     std::this_thread::sleep_for(30ms);
   };
@@ -324,7 +324,7 @@ Packet large(Packet packet, std::uint32_t version) {
   packet.chunks.clear();
   for (ChunkKey& key : packet.manifest) {
     key.version = version;
-    packet.chunks.push_back({key, 0, 1, {}, std::vector<std::byte>(1'500'000, std::byte{7})});
+    packet.chunks.push_back({key, 0, 1, {}, {}, std::vector<std::byte>(1'500'000, std::byte{7})});
   }
   return packet;
 }

@@ -126,12 +126,12 @@ TEST(Viewers, ALostUnitIsNotKeptOver) {
 Packet with_plate(Packet packet, bool brings) {
   packet.views.push_back(packet.views[0]);
   packet.views[1].layer = Layer::still;
-  packet.views[1].stream = 5;
+  packet.views[1].stream = StreamId{5};
   if (brings) {
     packet.textures.push_back(packet.textures.at(0));
-    packet.textures.back().stream = 5, packet.textures.back().serial = 17;
+    packet.textures.back().stream = StreamId{5}, packet.textures.back().serial = 17;
   }
-  packet.streams.push_back({5, 17});
+  packet.streams.push_back({StreamId{5}, 17});
   return packet;
 }
 
@@ -148,7 +148,7 @@ TEST(Viewers, AskForTheStreamThatIsLackingOnly) {
   codec::Receiver receiver({});
   EXPECT_TRUE(receiver.accept(decoded(sent[0])).empty());
   EXPECT_TRUE(receiver.scene());
-  viewers.asked(1, {{5, 6}, {}, {}}, kStart);
+  viewers.asked(1, {{StreamId{5}, StreamId{6}}, {}, {}}, kStart);
   EXPECT_EQ(viewers.wanted(false, kStart).key_frames, std::vector<std::uint32_t>{5})
       << "6 is no view's";
 }
@@ -285,7 +285,8 @@ TEST(Viewers, GiveChunksOnRequest) {
   viewers.opened(1);
   const Packet packet = sender.next(true);
   give(viewers, packet);
-  const auto answer = viewers.asked(1, {{4}, {packet.manifest[2], packet.manifest[0]}, {}}, kStart);
+  const auto answer =
+      viewers.asked(1, {{StreamId{4}}, {packet.manifest[2], packet.manifest[0]}, {}}, kStart);
   ASSERT_TRUE(answer);
   const auto chunks = codec::decode_chunks(**answer);
   ASSERT_TRUE(chunks);
@@ -294,7 +295,7 @@ TEST(Viewers, GiveChunksOnRequest) {
   EXPECT_EQ(viewers.wanted(false, kStart).key_frames, std::vector<std::uint32_t>{4});
   EXPECT_FALSE(viewers.asked(9, {}, kStart));
   const TimePoint later = kStart + Viewers::kAnswerEvery;
-  EXPECT_FALSE(viewers.asked(1, {{}, {{{{9, 9, 9}, 0}, 0, 0}}, {}}, later)) << "unknown chunks";
+  EXPECT_FALSE(viewers.asked(1, {{}, {{{{9, 9, 9}, SensorId{0}}, 0, 0}}, {}}, later)) << "unknown chunks";
 }
 
 TEST(ViewerInbox, AFloodTakesNothingFromOthers) {
@@ -336,7 +337,7 @@ Packet large_packet(Sender& sender, std::size_t bytes) {
   Packet packet = sender.next(true);
   packet.chunks.clear();
   for (const ChunkKey& key : packet.manifest)
-    packet.chunks.push_back({key, 0, 1, {}, {std::byte{1}}});
+    packet.chunks.push_back({key, 0, 1, {}, {}, {std::byte{1}}});
   packet.chunks[0].payload.resize(bytes);
   return packet;
 }

@@ -84,7 +84,7 @@ Mesh pages() {
 
 /// Blades around one vertex, every third of them doubled.
 Mesh fan() {
-  Mesh out{{{0, 0, 1.99f}}, {}, {}};
+  Mesh out{{{0, 0, 1.99f}}, {}, {}, {}};
   for (std::uint32_t i = 0; i < 60; ++i) {
     const float turn = -6.2831853f * static_cast<float>(i) / 60;
     out.positions.push_back({0.7f * std::cos(turn), 0.7f * std::sin(turn), 2});
@@ -110,9 +110,9 @@ std::vector<Odd> odd_parts() {
   out.push_back({"one empty part", {part({})}});
   out.push_back({"empty parts", {part({}), part({}, 1, {1, 0, 0}), part({}, 2, {-1, 0, 0})}});
   out.push_back({"an empty part", wall_and({})});
-  out.push_back({"vertices alone", wall_and({wall().positions, {}, {}})});
+  out.push_back({"vertices alone", wall_and({wall().positions, {}, {}, {}})});
   out.push_back(
-      {"one triangle", wall_and({{{0, 0, 2}, {0, 0.1f, 2}, {0.1f, 0, 2}}, {{0, 1, 2}}, {}})});
+      {"one triangle", wall_and({{{0, 0, 2}, {0, 0.1f, 2}, {0.1f, 0, 2}}, {{0, 1, 2}}, {}, {}})});
   out.push_back({"identical parts", {part(wall()), part(wall())}});
   out.push_back({"five identical parts",
                  {part(wall()), part(wall()), part(wall()), part(wall()), part(wall())}});
@@ -220,13 +220,13 @@ std::vector<Odd> odd_sources() {
     out.push_back({name, with([m = model](SourceInfo& s) { s.depth_camera = all_around(m); })});
   out.push_back({"no spread", with([](SourceInfo& s) { s.precision = {0, 0}; })});
   out.push_back({"a spread of metres", with([](SourceInfo& s) { s.precision = {3, 1}; })});
-  out.push_back({"twice the same sensor", with([](SourceInfo& s) { s.sensor = 0; })});
+  out.push_back({"twice the same sensor", with([](SourceInfo& s) { s.sensor = SensorId{0}; })});
   out.push_back({"views of no source", wall_and(wall(27, 2.003f))});
   Part& merged = out.back().parts[1];
   merged.sources.push_back(test::source(5, look_at({-0.5, 0, 0}, {0, 0, 2}, {0, -1, 0})));
   std::vector<SensorId> views;
   for (std::size_t i = 0; i < merged.mesh.triangles.size(); ++i)
-    views.push_back(i % 3 == 0 ? kNoSensor : i % 3 == 1 ? 77 : 5);
+    views.push_back(i % 3 == 0 ? kNoSensor : SensorId{i % 3 == 1 ? 77u : 5u});
   set_triangle_sensors(merged.mesh, views);
   out.push_back({"an error of metres", wall_and(wall(27, 2.01f))});
   out.back().parts[1].error_m = 4;
@@ -415,7 +415,7 @@ TEST(MergeBadInput, ManySliversEndSoon) {
 }
 
 TEST(MergeBadInput, ManySliversOfOneFanEndSoon) {  // a vertex with 40,000 triangles
-  Mesh mesh{{{0, 0, 2}}, {}, {}};
+  Mesh mesh{{{0, 0, 2}}, {}, {}, {}};
   constexpr std::uint32_t kBlades = 40'000;
   for (std::uint32_t i = 0; i < kBlades; ++i) {
     const double turn = -6.283185307 * i / kBlades;
@@ -475,7 +475,7 @@ TEST(MergeBadInput, IslandsOfNothingAreNothing) {
   EXPECT_TRUE(merge::zip({}, merge::zipper_config(0.01)).empty());
   const Mesh empty[3] = {};
   EXPECT_TRUE(merge::zip(empty, merge::zipper_config(0.01)).empty());
-  const Mesh odd{{{0, 0, 0}}, {{0, 0, 0}}, {}};
+  const Mesh odd{{{0, 0, 0}}, {{0, 0, 0}}, {}, {}};
   EXPECT_TRUE(merge::remove_islands(odd, 1e-9).empty());
 }
 

@@ -17,7 +17,7 @@ constexpr int kCapturesUntilEmpty = 15;
 
 SourceInfo sensor(std::uint32_t id, Vec3d at, double turned_rad) {
   SourceInfo out;
-  out.sensor = id;
+  out.sensor = SensorId{id};
   out.depth_camera.width = 320, out.depth_camera.height = 240;
   out.depth_camera.fx = out.depth_camera.fy = 260;
   out.depth_camera.cx = 159.5, out.depth_camera.cy = 119.5;
@@ -42,7 +42,7 @@ struct CarriedAway {
   CarriedAway() {
     append(parts[0].mesh, box);
     joined = parts[0].mesh;
-    set_triangle_sensors(joined, std::vector<SensorId>(joined.triangles.size(), 0));
+    set_triangle_sensors(joined, std::vector<SensorId>(joined.triangles.size()));
     for (int row = 11; row < 19; ++row)
       for (int column = 15; column < 25; ++column)
         parts[0].sources[0].confirmed_depth.tiles[row * 40 + column] = 0;

@@ -92,7 +92,7 @@ TEST(Groups, RoomsMergeAsIfAlone) {
   const Mesh together = merged(all);
   EXPECT_EQ(together.triangles.size(), triangles);
   EXPECT_NEAR(surface_area_m2(together), area_m2, 1e-4);
-  EXPECT_EQ(together.runs.size(), all.size());  // the sensors stay the triangles' views
+  EXPECT_EQ(together.sensors.size(), all.size());
 }
 
 TEST(Groups, SameBytesOnAnyNumberOfThreads) {

@@ -20,8 +20,9 @@ TEST(Islands, SmallOnesGoLargeOnesStay) {
 TEST(Islands, ViewsAreKept) {
   Mesh mesh = test::grid({0, 0, 0}, {1, 0, 0}, {0, 1, 0}, 1, 1);
   append(mesh, test::grid({3, 0, 0}, {0.01f, 0, 0}, {0, 0.01f, 0}, 1, 1));
-  set_triangle_sensors(mesh, {7, 4, 7, 4});
-  EXPECT_EQ(triangle_sensors(merge::remove_islands(mesh, 0.01)), (std::vector<SensorId>{4, 7}));
+  set_triangle_sensors(mesh, {SensorId{7}, SensorId{4}, SensorId{7}, SensorId{4}});
+  EXPECT_EQ(triangle_sensors(merge::remove_islands(mesh, 0.01)),
+            (std::vector<SensorId>{SensorId{4}, SensorId{7}}));
 }
 
 }  // namespace

@@ -152,7 +152,7 @@ TEST(Overlap, OnePartAndEmptyPartsPassThrough) {
 /// An upright LiDAR with a beam per degree, as far above the horizon as below.
 SourceInfo lidar_source(std::uint32_t sensor, Vec3d eye, int most_deg = 50) {
   SourceInfo out;
-  out.sensor = sensor;
+  out.sensor = SensorId{sensor};
   Camera& c = out.depth_camera;
   c.model = CameraModel::lidar;
   c.width = 512, c.height = 2 * most_deg + 1;

@@ -290,7 +290,7 @@ TEST(MergeProperties, TheOrderOfPartsDoesNotMatter) {
 /// Which of the parts' surfaces a point lies on: the nearest one.
 struct OwnerFinder {
   explicit OwnerFinder(const std::vector<Part>& parts) : rays(test::meshes_of(parts)) {}
-  SensorId at(Vec3f p) const { return rays.scene().nearest(p)->mesh; }
+  SensorId at(Vec3f p) const { return SensorId{rays.scene().nearest(p)->mesh}; }
   test::Rays rays;
 };
 
@@ -395,14 +395,14 @@ TEST(IslandProperties, ALargePieceAroundASmallOneKeepsItsViews) {
   Mesh mesh = test::grid({0, 0, 0}, {1, 0, 0}, {0, 1, 0}, 10, 10);
   append(mesh, test::grid({0.4f, 0.4f, 0.1f}, {0.01f, 0, 0}, {0, 0.01f, 0}, 3, 3));
   std::vector<SensorId> views;
-  for (std::size_t t = 0; t < mesh.triangles.size(); ++t) views.push_back(t % 5);
+  for (std::size_t t = 0; t < mesh.triangles.size(); ++t) views.push_back(sensor_at(t % 5));
   set_triangle_sensors(mesh, views);
   const Mesh kept = merge::remove_islands(mesh, 0.002);
   EXPECT_EQ(kept.triangles.size(), 200u);
   EXPECT_EQ(kept.positions.size(), 121u);
   std::map<SensorId, int> count;
   for (const SensorId v : triangle_sensors(kept)) ++count[v];
-  for (SensorId v = 0; v < 5; ++v) EXPECT_EQ(count[v], 40) << v;
+  for (std::size_t i = 0; i < 5; ++i) EXPECT_EQ(count[sensor_at(i)], 40) << i;
 }
 
 }  // namespace

@@ -72,10 +72,10 @@ TEST(QualityGrid, ItFallsOffTowardsBorders) {
 TEST(QualityGrid, BordersBetweenTheSourcesOfAPartDoNotCount) {
   kit::Part both = wall_seen_from(0);
   both.sources.push_back(both.sources[0]);
-  both.sources[1].sensor = 1;
+  both.sources[1].sensor = SensorId{1};
   std::vector<SensorId> views;
   for (std::size_t t = 0; t < both.mesh.triangles.size(); ++t)
-    views.push_back(both.mesh.centroid(t).x > 0 ? 1 : 0);
+    views.push_back(SensorId{both.mesh.centroid(t).x > 0});
   set_triangle_sensors(both.mesh, views);
   Grid one({wall_seen_from(0)}), two({both});
   for (const float x : {-0.3f, -0.05f, 0.0f, 0.1f})

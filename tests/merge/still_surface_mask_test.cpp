@@ -25,7 +25,7 @@ Mesh sheet(double z, Vec2d x = kWide) {
 /// What a sensor at the origin, or a bit to the right of it, has.
 Part part(std::uint32_t sensor, Mesh mesh) {
   Part out{std::move(mesh), 0.001f, {test::source(sensor, Pose{{}, {0.1 * sensor, 0, 0}})}};
-  set_triangle_sensors(out.mesh, std::vector<SensorId>(out.mesh.triangles.size(), sensor));
+  set_sensor(out.mesh, SensorId{sensor});
   return out;
 }
 
@@ -107,7 +107,7 @@ TEST(StillSurfaceMask, WhatIsHalfCoveredStays) {
   Part one = part(0, {});
   one.mesh.positions = {{-0.3f, 0.1f, 2}, {0.3f, 0.1f, 2}, {-0.3f, -0.1f, 2}};
   one.mesh.triangles = {{0, 1, 2}};
-  set_triangle_sensors(one.mesh, {0});
+  set_triangle_sensors(one.mesh, {SensorId{0}});
   EXPECT_EQ(left(cover, one), 1u);
   for (Vec3f& p : one.mesh.positions) p.x -= 0.4f;
   EXPECT_EQ(left(cover, one), 0u);

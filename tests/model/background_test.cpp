@@ -108,15 +108,15 @@ ImageRgb ramp(int width, int height) {
 DecodedScene background_scene() {
   DecodedScene scene;
   View view;
-  view.id = 0;
+  view.id = ViewId{0};
   view.width = 128, view.height = 128;
   view.fx = view.fy = 100, view.cx = view.cy = 63.5;
   view.image_rect = view.atlas_rect = {0, 0, 128, 128};
   scene.views = {view};
-  scene.textures[0] = std::make_shared<ImageRgb>(ramp(128, 128));
+  scene.textures[StreamId{0}] = std::make_shared<ImageRgb>(ramp(128, 128));
   auto chunk = std::make_shared<Chunk>();
   chunk->mesh = test::grid({-1, 1, 2}, {2, 0, 0}, {0, -2, 0}, 2, 2);
-  set_triangle_views(chunk->mesh, std::vector<ViewId>(chunk->mesh.triangles.size(), 0));
+  set_view(chunk->mesh, ViewId{0});
   scene.chunks = {chunk};
   return scene;
 }

@@ -49,10 +49,10 @@ class Export : public testing::Test {
   std::filesystem::path folder_;
 };
 
-View view_of(ViewId id, std::uint32_t stream, Rect atlas_rect) {
+View view_of(std::uint32_t number, std::uint32_t stream, Rect atlas_rect) {
   View view;
-  view.id = id;
-  view.stream = stream;
+  view.id = ViewId{number};
+  view.stream = StreamId{stream};
   view.width = 64, view.height = 48;
   view.fx = 50, view.fy = 52, view.cx = 30.5, view.cy = 24;
   view.image_rect = {0, 0, 64, 48};
@@ -72,8 +72,13 @@ ImageRgb ramp(int width, int height, std::uint8_t blue) {
   return image;
 }
 
-std::shared_ptr<const Chunk> chunk_of(Mesh mesh, const std::vector<ViewId>& views) {
-  set_triangle_views(mesh, views);
+constexpr std::uint32_t kNone = number_of(kNoView);
+
+/// `views`: [T].
+std::shared_ptr<const Chunk> chunk_of(Mesh mesh, const std::vector<std::uint32_t>& views) {
+  std::vector<ViewId> ids;
+  for (const std::uint32_t view : views) ids.push_back(ViewId{view});
+  set_triangle_views(mesh, ids);
   auto chunk = std::make_shared<Chunk>();
   chunk->mesh = std::move(mesh);
   return chunk;
@@ -85,13 +90,13 @@ DecodedScene wall_scene() {
   DecodedScene scene;
   scene.views = {view_of(0, 4, {0, 0, 64, 48}), view_of(1, 4, {64, 0, 32, 24}),
                  view_of(2, 9, {3, 5, 50, 40})};
-  scene.textures[4] = std::make_shared<ImageRgb>(ramp(100, 48, 10));
-  scene.textures[9] = std::make_shared<ImageRgb>(ramp(61, 50, 200));
+  scene.textures[StreamId{4}] = std::make_shared<ImageRgb>(ramp(100, 48, 10));
+  scene.textures[StreamId{9}] = std::make_shared<ImageRgb>(ramp(61, 50, 200));
   const Mesh left = test::grid({-0.5f, 0.25f, 2}, {0.5f, 0, 0}, {0, -0.5f, 0}, 2, 1);
   const Mesh right = test::grid({0, 0.25f, 2}, {0.5f, 0, 0}, {0, -0.5f, 0}, 2, 1);
-  scene.chunks = {chunk_of(left, {0, 0, 1, 1}), chunk_of(right, {1, 1, 2, 2}),
-                  chunk_of(test::grid({0.5f, 0.25f, 2}, {0.5f, 0, 0}, {0, -0.5f, 0}, 1, 1),
-                           {kNoView, kNoView})};
+  scene.chunks = {
+      chunk_of(left, {0, 0, 1, 1}), chunk_of(right, {1, 1, 2, 2}),
+      chunk_of(test::grid({0.5f, 0.25f, 2}, {0.5f, 0, 0}, {0, -0.5f, 0}, 1, 1), {kNone, kNone})};
   return scene;
 }
 
@@ -217,7 +222,7 @@ TEST_F(Export, GlbPicturesAreThoseOfTheStreams) {
             .ok());
     const auto picture = kit::read_color(folder_ / "picture.png");
     ASSERT_TRUE(picture.ok());
-    EXPECT_EQ(*picture, *scene.textures.at(i == 0 ? 4 : 9));
+    EXPECT_EQ(*picture, *scene.textures.at(StreamId{i == 0 ? 4u : 9u}));
   }
 }
 
@@ -226,19 +231,20 @@ TEST_F(Export, ALayersOwnViewsTextureItsChunksWithTheirGain) {
   View plate = view_of(1, 7, {4, 2, 32, 24});
   plate.layer = Layer::still, plate.gain = {0.5f, 1, 3};
   scene.views.insert(scene.views.begin() + 2, plate);
-  scene.textures[7] = std::make_shared<ImageRgb>(ramp(40, 30, 100));
+  scene.textures[StreamId{7}] = std::make_shared<ImageRgb>(ramp(40, 30, 100));
   auto still = std::make_shared<Chunk>(*scene.chunks[1]);  // of views 1, 1, 2, 2
   still->key.id.layer = Layer::still;
   scene.chunks[1] = still;
   const auto parts = bake(scene);
   ASSERT_TRUE(parts.ok());
-  std::map<std::uint32_t, std::size_t> triangles;
+  std::map<StreamId, std::size_t> triangles;
   for (const BakedPart& part : *parts)
     if (part.stream) triangles[*part.stream] = part.triangles.size();
-  EXPECT_EQ(triangles, (std::map<std::uint32_t, std::size_t>{{4, 4}, {7, 2}, {9, 2}}));
+  EXPECT_EQ(triangles, (std::map<StreamId, std::size_t>{
+                           {StreamId{4}, 4}, {StreamId{7}, 2}, {StreamId{9}, 2}}));
   const auto shown = shown_textures(scene);
-  EXPECT_EQ(shown.at(4), scene.textures.at(4));
-  const ImageRgb &before = *scene.textures.at(7), &after = *shown.at(7);
+  EXPECT_EQ(shown.at(StreamId{4}), scene.textures.at(StreamId{4}));
+  const ImageRgb &before = *scene.textures.at(StreamId{7}), &after = *shown.at(StreamId{7});
   for (int y = 0; y < 30; ++y)
     for (int x = 0; x < 40; ++x) {
       const bool inside = x >= 4 && x < 36 && y >= 2 && y < 26;
@@ -269,7 +275,7 @@ TEST_F(Export, GlbTurnsUpToY) {
 TEST_F(Export, GlbUsesWideIndicesWhereNeeded) {
   DecodedScene scene;
   const Mesh grid = test::grid({0, 0, 0}, {1, 0, 0}, {0, 1, 0}, 260, 260);  // 68,121 vertices
-  scene.chunks = {chunk_of(grid, std::vector<ViewId>(grid.triangles.size(), kNoView))};
+  scene.chunks = {chunk_of(grid, std::vector<std::uint32_t>(grid.triangles.size(), kNone))};
   ASSERT_TRUE(export_scene(scene, kUp, folder_ / "a.glb").ok());
   const Glb glb(folder_ / "a.glb");
   const auto indices = glb.indices(glb.json["meshes"][0]["primitives"][0]);
@@ -321,9 +327,9 @@ TEST_F(Export, TrianglesAcrossAPanoramasSeamStaySmall) {
   view.width = 360, view.height = 180;
   view.image_rect = {-4, 0, 368, 180};
   scene.views = {view};
-  scene.textures[0] = std::make_shared<ImageRgb>(ramp(368, 180, 0));
+  scene.textures[StreamId{0}] = std::make_shared<ImageRgb>(ramp(368, 180, 0));
   const Mesh behind = test::grid({-0.1f, -0.1f, -2}, {0.2f, 0, 0}, {0, 0.2f, 0}, 3, 3);
-  scene.chunks = {chunk_of(behind, std::vector<ViewId>(18, 0))};
+  scene.chunks = {chunk_of(behind, std::vector<std::uint32_t>(18, 0))};
   const auto parts = bake(scene);
   ASSERT_TRUE(parts.ok());
   ASSERT_EQ(parts->size(), 1u);
@@ -384,7 +390,7 @@ TEST_F(Export, ObjReadsBack) {
               UnorderedElementsAre("my room.obj", "my_room.mtl", "my_room_4.png", "my_room_9.png"));
   const auto picture = kit::read_color(folder_ / "my_room_9.png");
   ASSERT_TRUE(picture.ok());
-  EXPECT_EQ(*picture, *scene.textures.at(9));
+  EXPECT_EQ(*picture, *scene.textures.at(StreamId{9}));
 
   std::ifstream in(folder_ / "my room.obj");
   std::vector<Vec3f> positions;
@@ -505,7 +511,7 @@ TEST_F(Export, WhatCannotBeExportedIsAnError) {
   EXPECT_STREQ(cause(wall_scene(), "a.glb", {0, 0, 0}), "invalid");
   EXPECT_STREQ(cause(wall_scene(), "a.glb", {0, std::nan(""), 0}), "invalid");
   DecodedScene broken = wall_scene();
-  broken.textures.erase(9);
+  broken.textures.erase(StreamId{9});
   EXPECT_STREQ(cause(broken), "invalid");
   broken = wall_scene();
   broken.views.pop_back();
@@ -515,11 +521,11 @@ TEST_F(Export, WhatCannotBeExportedIsAnError) {
   EXPECT_STREQ(cause(broken), "invalid");
   Mesh mesh = test::grid({0, 0, 2}, {1, 0, 0}, {0, 1, 0}, 1, 1);
   mesh.positions[1].y = std::numeric_limits<float>::quiet_NaN();
-  broken.chunks = {chunk_of(mesh, {kNoView, kNoView})};
+  broken.chunks = {chunk_of(mesh, {kNone, kNone})};
   EXPECT_STREQ(cause(broken), "invalid");
   mesh = test::grid({0, 0, 2}, {1, 0, 0}, {0, 1, 0}, 1, 1);
   mesh.triangles[1][2] = 4;
-  broken.chunks = {chunk_of(mesh, {kNoView, kNoView})};
+  broken.chunks = {chunk_of(mesh, {kNone, kNone})};
   EXPECT_STREQ(cause(broken), "invalid");
   EXPECT_THAT(files(), IsEmpty());
 }
@@ -558,9 +564,9 @@ class FileSizeLimit {
 TEST_F(Export, AFullDiskLeavesNothingBehind) {
   DecodedScene scene;
   const Mesh grid = test::grid({0, 0, 2}, {1, 0, 0}, {0, 1, 0}, 60, 60);
-  scene.chunks = {chunk_of(grid, std::vector<ViewId>(grid.triangles.size(), 0))};
+  scene.chunks = {chunk_of(grid, std::vector<std::uint32_t>(grid.triangles.size(), 0))};
   scene.views = {view_of(0, 0, {0, 0, 8, 8})};
-  scene.textures[0] = std::make_shared<ImageRgb>(8, 8);
+  scene.textures[StreamId{0}] = std::make_shared<ImageRgb>(8, 8);
   for (const char* name : {"a.glb", "a.ply", "a.obj"}) {
     Status status;
     {

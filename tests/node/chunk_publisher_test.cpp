@@ -11,7 +11,7 @@ namespace {
 Mesh surface(float bump = 0) {
   Mesh mesh = test::grid({-1, 1, 1}, {3, 0, 0}, {0, -2, 0}, 30, 20);
   mesh.positions[25].z += bump;
-  set_triangle_views(mesh, std::vector<ViewId>(mesh.triangles.size(), 0));
+  set_view(mesh, ViewId{0});
   return *codec::snap_to_lattice(mesh, Lattice{});
 }
 
@@ -23,7 +23,7 @@ Packet publish(node::ChunkPublisher& publisher, const Mesh& mesh) {
 
 TEST(ChunkPublisher, OnlyWhatChangedIsSentAgain) {
   Scene scene;
-  node::ChunkPublisher publisher(scene, 2);
+  node::ChunkPublisher publisher(scene, SensorId{2});
   const Packet first = publish(publisher, surface());
   EXPECT_GT(first.manifest.size(), 2u);
   EXPECT_EQ(first.chunks.size(), first.manifest.size());
@@ -34,13 +34,13 @@ TEST(ChunkPublisher, OnlyWhatChangedIsSentAgain) {
   EXPECT_EQ(third.manifest.size(), first.manifest.size());
   ASSERT_EQ(third.chunks.size(), 1u);
   EXPECT_EQ(third.chunks[0].key.version, first.manifest[0].version + 1);
-  EXPECT_EQ(third.chunks[0].key.id.source, 2u);
+  EXPECT_EQ(third.chunks[0].key.id.source, SensorId{2});
   for (const ChunkKey& key : third.manifest) EXPECT_TRUE(publisher.find(key));
 }
 
 TEST(ChunkPublisher, ChunkThatComesBackHasANewVersion) {
   Scene scene;
-  node::ChunkPublisher publisher(scene, 0);
+  node::ChunkPublisher publisher(scene, SensorId{0});
   const Packet first = publish(publisher, surface());
   publish(publisher, Mesh{});
   const Packet again = publish(publisher, surface());
@@ -52,7 +52,7 @@ TEST(ChunkPublisher, ChunkThatComesBackHasANewVersion) {
 TEST(ChunkPublisher, WithoutReuseEverythingIsSent) {
   Scene scene;
   scene.reuse_chunks = false;
-  node::ChunkPublisher publisher(scene, 0);
+  node::ChunkPublisher publisher(scene, SensorId{0});
   publish(publisher, surface());
   const Packet second = publish(publisher, surface());
   EXPECT_EQ(second.chunks.size(), second.manifest.size());

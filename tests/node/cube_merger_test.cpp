@@ -25,7 +25,7 @@ DecodedScene wall(std::uint32_t sensor, float z, int cells, unsigned seed) {
   out.sources = {source};
   for (auto& [cube, piece] : node::split_by_cube(mesh, kChunk_m))
     out.chunks.push_back(
-        std::make_shared<const Chunk>(Chunk{{{cube, sensor}, 0, 1}, 0.001f, piece}));
+        std::make_shared<const Chunk>(Chunk{{{cube, SensorId{sensor}}, 0, 1}, 0.001f, piece}));
   return out;
 }
 

@@ -51,7 +51,7 @@ TEST(InputSynchronizer, MeshEqualsTheSendersWithin500MsOfAnyLoss) {
     });
     const auto service = network.serve("sender", [&](std::span<const std::byte> question) {
       const codec::Control request = *codec::decode_control(question);
-      key_frame_wanted |= request.wants_key_frame(4);
+      key_frame_wanted |= request.wants_key_frame(StreamId{4});
       auto answer = sender.answer(request);
       return answer.empty() ? nullptr : message(std::move(answer));
     });
@@ -101,7 +101,7 @@ class SpoiltLink {
       if (n == spoilt) spoil(bytes);
       refused_ += !synchronizer_.receive(0, bytes, now_);
       for (const auto& [input, request] : synchronizer_.requests(now_)) {
-        key_frame_wanted_ |= request.wants_key_frame(4);
+        key_frame_wanted_ |= request.wants_key_frame(StreamId{4});
         if (request.whole_head) writer_.ask_whole();
         if (const auto answer = sender_.answer(request); !answer.empty())
           synchronizer_.take_answer(0, answer, now_);
@@ -200,7 +200,7 @@ TEST(InputSynchronizer, AsksForKeyFramesAtMostTwiceASecond) {
     const TimePoint now{milliseconds(ms)};
     if (ms % 30 == 0) static_cast<void>(synchronizer.receive(0, sender.next(), now));
     for (const auto& [input, request] : synchronizer.requests(now))
-      asked += request.wants_key_frame(4);
+      asked += request.wants_key_frame(StreamId{4});
   }
   EXPECT_EQ(asked, 4);
 }
@@ -258,9 +258,9 @@ TEST(InputSynchronizer, AWishForAKeyFrameGoesToWhoHasTheStream) {
   Sender sender;
   node::InputSynchronizer synchronizer(scene, scene.mergers[0], true);
   ASSERT_TRUE(synchronizer.receive(0, sender.next(true), TimePoint{}));
-  synchronizer.ask_key_frames(std::vector<std::uint32_t>{3, 9});
+  synchronizer.ask_key_frames(std::vector{StreamId{3}, StreamId{9}});
   EXPECT_TRUE(synchronizer.requests(TimePoint{}).empty());
-  synchronizer.ask_key_frames(std::vector<std::uint32_t>{3, 4});
+  synchronizer.ask_key_frames(std::vector{StreamId{3}, StreamId{4}});
   const auto requests = synchronizer.requests(TimePoint{});
   ASSERT_EQ(requests.size(), 1u);
   EXPECT_EQ(requests[0].second.key_frames, std::vector<std::uint32_t>{4});
@@ -337,9 +337,9 @@ TEST(InputSynchronizer, ARegionFarAwayStillKnowsItsSensors) {
 
 TEST(InputSynchronizer, RegionsSideBySideShareOutAllTriangles) {
   Mesh mesh = test::grid({-1, -1, 0.3f}, {2, 0, 0}, {0, 2, 0.2f}, 20, 20, 0.02f, 3);
-  std::vector<ViewId> views(mesh.triangles.size());
-  for (std::size_t t = 0; t < views.size(); ++t) views[t] = t % 3;
-  set_triangle_views(mesh, views);
+  std::vector<SensorId> sensors(mesh.triangles.size());
+  for (std::size_t t = 0; t < sensors.size(); ++t) sensors[t] = sensor_at(t % 3);
+  set_triangle_sensors(mesh, sensors);
   const Box3d west{{-1.28, -1.28, 0}, {0, 1.28, 1.28}}, east{{0, -1.28, 0}, {1.28, 1.28, 1.28}};
   const Mesh a = node::inside(mesh, west, 1.28), b = node::inside(mesh, east, 1.28);
   EXPECT_GT(a.triangles.size(), 300u);
@@ -347,7 +347,7 @@ TEST(InputSynchronizer, RegionsSideBySideShareOutAllTriangles) {
   EXPECT_EQ(a.triangles.size() + b.triangles.size(), mesh.triangles.size());
   for (std::size_t t = 0; t < a.triangles.size(); ++t) ASSERT_LT(a.centroid(t).x, 0);
   for (std::size_t t = 0; t < b.triangles.size(); ++t) ASSERT_GE(b.centroid(t).x, 0);
-  EXPECT_EQ(a.runs.size(), 3u);
+  EXPECT_EQ(a.sensors.size(), 3u);
   EXPECT_TRUE(node::inside(mesh, {{0, 0, 2.56}, {1.28, 1.28, 3.84}}, 1.28).empty());
 }
 
@@ -431,7 +431,7 @@ TEST_F(SharedSensor, AStreamGoesOverToAnotherInputWithAKeyFrame) {
 TEST_F(SharedSensor, OtherSensorsAreStillRefused) {
   node::InputSynchronizer synchronizer(scene_, scene_.mergers[2], true);
   Packet packet = next(west_, "west", TimePoint{milliseconds(1000)}, true);
-  packet.sources[0].sensor = 3;
+  packet.sources[0].sensor = SensorId{3};
   EXPECT_FALSE(synchronizer.receive(0, packet, packet.captured_at));
 }
 

@@ -64,9 +64,10 @@ TEST(MergeNodeLayers, TheRootTexturesTheRoomByPlates) {
   std::size_t plates = 0;
   for (int i = 0; i < kLearnt; ++i) {
     packet = root.see(wall());
-    plates += unit_of(packet, 1) != nullptr;
+    plates += unit_of(packet, StreamId{1}) != nullptr;
   }
-  ASSERT_EQ(ids_of(packet.views), (std::vector<ViewId>{0, 0, 1, 1})) << "each with its plate";
+  ASSERT_EQ(ids_of(packet.views), (std::vector{ViewId{0}, ViewId{0}, ViewId{1}, ViewId{1}}))
+      << "each with its plate";
   for (std::size_t i = 0; i < 4; ++i) {
     EXPECT_EQ(packet.views[i].layer, i % 2 ? Layer::still : Layer::moving);
     EXPECT_EQ(packet.views[i].stream, i % 2);
@@ -94,15 +95,15 @@ TEST(MergeNodeLayers, WhatMovesIsNotTexturedByWhoSeesAPostBeforeIt) {
   root.see(room);
   const Mesh box = root.surface(Layer::moving);
   const std::vector<ViewId> views = triangle_views(box);
-  EXPECT_GT(std::ranges::count(views, 0u), 5);
-  EXPECT_EQ(std::ranges::count(views, 1u), 0);
+  EXPECT_GT(std::ranges::count(views, ViewId{0}), 5);
+  EXPECT_EQ(std::ranges::count(views, ViewId{1}), 0);
 }
 
 TEST(MergeNodeLayers, AnInnerMergerHandsOnWhatIsConfirmed) {
   Merger west(two_sensors_below_west(two_sensors_with_layers()), false);
   Packet packet;
   for (int i = 0; i < kLearnt; ++i) packet = west.see(wall());
-  EXPECT_EQ(ids_of(packet.views), (std::vector<ViewId>{0, 1})) << "plates are the root's";
+  EXPECT_EQ(ids_of(packet.views), (std::vector{ViewId{0}, ViewId{1}})) << "plates are the root's";
   for (const SourceInfo& source : packet.sources) {
     EXPECT_GT(std::ranges::count(source.confirmed_depth.tiles, 1), 40);
     EXPECT_GT(std::ranges::count(source.confirmed_color.tiles, 1), 10);

@@ -32,7 +32,7 @@ using test::two_sensors_with_layers;
 using test::unit_of;
 using test::wall;
 
-codec::Control key_frames_of(std::vector<std::uint32_t> streams) {
+codec::Control key_frames_of(std::vector<StreamId> streams) {
   return {.key_frames = std::move(streams), .chunks = {}, .taken = {}};
 }
 
@@ -57,7 +57,7 @@ TEST(MergeNode, HeadNamesSceneMergerAndTick) {
     ASSERT_EQ(packet.sources.size(), 2u);
     for (std::uint32_t s = 0; s < 2; ++s)
       EXPECT_EQ(packet.sources[s],
-                (SourceInfo{s, tick + test::kExposure / 2, scene.sensors[s].depth_camera,
+                (SourceInfo{SensorId{s}, tick + test::kExposure / 2, scene.sensors[s].depth_camera,
                             scene.sensors[s].T_world_depth[0], scene.sensors[s].precision}));
   }
 }
@@ -261,7 +261,7 @@ TEST(MergeNode, AChunkThatIsAskedForIsSentAgain) {
   const Packet first = root.see(wall());
   const EncodedChunk& wanted = first.chunks.at(1);
   ChunkKey unknown = wanted.key, of_a_sensor = wanted.key;
-  unknown.version += 40, of_a_sensor.id.source = 0;
+  unknown.version += 40, of_a_sensor.id.source = SensorId{0};
   const auto answer = codec::decode_chunks(root.node.answer(
       {.key_frames = {}, .chunks = {unknown, of_a_sensor, wanted.key}, .taken = {}}));
   ASSERT_TRUE(answer) << answer.error().message;
@@ -306,7 +306,7 @@ TEST(MergeNode, TheRestIsMergedWithoutAMissingInput) {
 
   const Packet both = root.see(wall());
   EXPECT_EQ(both.sources.size(), 2u);
-  EXPECT_EQ(ids_of(both.views), (std::vector<ViewId>{0, 1}));
+  EXPECT_EQ(ids_of(both.views), (std::vector{ViewId{0}, ViewId{1}}));
   EXPECT_GT(surface_area_m2(root.surface()), 1.3 * one);
 
   const Packet late = root.see(wall(), {0});
@@ -394,7 +394,7 @@ TEST(MergeNode, TheRootComposesOneAtlas) {
     const TextureUnit& unit = packet.textures[0];
     EXPECT_EQ(unit.stream, 0u);
     EXPECT_TRUE(unit.key_frame);
-    ASSERT_EQ(ids_of(packet.views), (std::vector<ViewId>{0, 1}));
+    ASSERT_EQ(ids_of(packet.views), (std::vector{ViewId{0}, ViewId{1}}));
     for (const View& view : packet.views) {
       EXPECT_EQ(view.stream, 0u);
       EXPECT_EQ(view.layout, unit.layout);
@@ -403,7 +403,7 @@ TEST(MergeNode, TheRootComposesOneAtlas) {
       EXPECT_EQ(view.atlas_rect.height, 64 * scale);
       EXPECT_LE(view.atlas_rect.x + view.atlas_rect.width, unit.width);
       EXPECT_LE(view.atlas_rect.y + view.atlas_rect.height, unit.height);
-      EXPECT_EQ(view.camera(), *scene.sensors[view.id].color_camera);
+      EXPECT_EQ(view.camera(), *scene.sensor(sensor_of(view.id)).color_camera);
     }
     EXPECT_NE(packet.views[0].atlas_rect, packet.views[1].atlas_rect);
 
@@ -413,8 +413,8 @@ TEST(MergeNode, TheRootComposesOneAtlas) {
     const std::vector<ViewId> views = triangle_views(mesh);
     for (std::size_t t = 0; t < views.size(); ++t) {
       if (views[t] != kNoView) textured += length(mesh.area_normal(t)) / 2;
-      EXPECT_TRUE(views[t] != 1 || mesh.centroid(t).x > -kApart_m / 2);
-      EXPECT_TRUE(views[t] != 0 || mesh.centroid(t).x < kApart_m / 2);
+      EXPECT_TRUE(views[t] != ViewId{1} || mesh.centroid(t).x > -kApart_m / 2);
+      EXPECT_TRUE(views[t] != ViewId{0} || mesh.centroid(t).x < kApart_m / 2);
     }
     EXPECT_GT(textured, 0.7 * surface_area_m2(mesh)) << "pictures are less high than depth";
   }
@@ -466,15 +466,15 @@ TEST(MergeNode, TheRootGivesAKeyFrameThatWasAskedForOnce) {
   for (int i = 0; i < 3; ++i) root.see(wall());
   const auto is_key = [&] {
     const Packet packet = root.see(wall());
-    const TextureUnit* unit = unit_of(packet, 0);
+    const TextureUnit* unit = unit_of(packet, StreamId{0});
     return unit && unit->key_frame;
   };
   EXPECT_FALSE(is_key());
-  EXPECT_TRUE(root.node.answer(key_frames_of({0})).empty());
+  EXPECT_TRUE(root.node.answer(key_frames_of({StreamId{0}})).empty());
   EXPECT_TRUE(is_key());
   EXPECT_FALSE(is_key());
   EXPECT_TRUE(root.node.take_key_frame_wishes().empty()) << "the inputs have nothing to do with it";
-  root.node.answer(key_frames_of({77}));
+  root.node.answer(key_frames_of({StreamId{77}}));
   EXPECT_FALSE(is_key()) << "there is no such stream";
 }
 
@@ -482,7 +482,7 @@ TEST(MergeNode, AWishForAKeyFrameTravelsThroughAnInnerMerger) {
   Merger west(two_sensors_below_west(), false);
   for (int i = 0; i < 3; ++i) west.see(wall());
   EXPECT_TRUE(west.node.take_key_frame_wishes().empty());
-  EXPECT_TRUE(west.node.answer(key_frames_of({1})).empty());
+  EXPECT_TRUE(west.node.answer(key_frames_of({StreamId{1}})).empty());
   const auto wishes = west.node.take_key_frame_wishes();
   EXPECT_EQ(wishes, std::vector<std::uint32_t>{1});
   EXPECT_TRUE(west.node.take_key_frame_wishes().empty());
@@ -490,9 +490,9 @@ TEST(MergeNode, AWishForAKeyFrameTravelsThroughAnInnerMerger) {
   west.node.inputs().ask_key_frames(wishes);
   west.see(wall());  // asks the sensor
   const Packet packet = west.see(wall());
-  ASSERT_TRUE(unit_of(packet, 0) && unit_of(packet, 1));
-  EXPECT_FALSE(unit_of(packet, 0)->key_frame);
-  EXPECT_TRUE(unit_of(packet, 1)->key_frame);
+  ASSERT_TRUE(unit_of(packet, StreamId{0}) && unit_of(packet, StreamId{1}));
+  EXPECT_FALSE(unit_of(packet, StreamId{0})->key_frame);
+  EXPECT_TRUE(unit_of(packet, StreamId{1})->key_frame);
 }
 
 TEST(MergeNode, TheDrawingIsShownAtTheRootOnly) {
@@ -515,7 +515,7 @@ TEST(MergeNode, TheDrawingIsShownAtTheRootOnly) {
 /// A tick in which a sensor stands `by` beside its stated place.
 Packet see_with_push(Merger& merger, std::uint32_t pushed, Vec3d by, const Solids& solids) {
   for (std::uint32_t i = 0; i < merger.sensors.size(); ++i) {
-    Frame frame = test::frame_of(merger.scene(), i, 0, {});
+    Frame frame = test::frame_of(merger.scene(), SensorId{i}, 0, {});
     Pose place = frame.T_world_depth;
     if (i == pushed) place.translation = place.translation + by;
     frame.depth = test::depth_picture(solids, merger.scene().sensors[i].depth_camera, place);
@@ -603,8 +603,8 @@ TEST(MergeNode, SameBytesOnOneAndTwoThreads) {
             Solids solids = test::furnished_room();
             solids.balls[0].center.x += 0.1 * (i / 13);  // learnt, it moves
             for (std::uint32_t s = 0; s < 2; ++s) {
-              Frame frame =
-                  test::frame_of(merger.scene(), s, static_cast<std::uint64_t>(i), solids);
+              Frame frame = test::frame_of(merger.scene(), SensorId{s},
+                                           static_cast<std::uint64_t>(i), solids);
               frame.depth = test::with_noise(frame.depth, 0.001, 1 + 2 * i + s);
               ASSERT_TRUE(merger.receive(s, merger.sense(frame)));
             }

@@ -37,10 +37,10 @@ class Sensor {
  public:
   explicit Sensor(const Scene& scene, std::uint32_t index = 0, node::NodeClock clock = {},
                   node::StillWork still_work = node::StillWork::at_once)
-      : scene_(scene), index_(index), node(scene_, index, std::move(clock), still_work) {}
+      : scene_(scene), id_{index}, node(scene_, id_, std::move(clock), still_work) {}
 
   const Scene& scene() const { return scene_; }
-  Frame frame(const Solids& solids) { return frame_of(scene_, index_, frames_++, solids); }
+  Frame frame(const Solids& solids) { return frame_of(scene_, id_, frames_++, solids); }
 
   /// The bytes of a frame's packet.
   Result<std::vector<std::byte>> send(Frame frame) {
@@ -76,7 +76,7 @@ class Sensor {
 
  private:
   const Scene scene_;
-  std::uint32_t index_;
+  SensorId id_;
   std::uint64_t frames_ = 0;
   codec::HeadReader reader_;
   codec::Receiver receiver_{scene_.lattice};
@@ -113,7 +113,7 @@ TEST(SensorNode, HeadNamesSceneSensorAndCapture) {
   EXPECT_EQ(packet.plan, (CodingPlan{{0.25, 0}, 0, 5, 1, 25}));
 
   ASSERT_EQ(packet.sources.size(), 1u);
-  EXPECT_EQ(packet.sources[0], (SourceInfo{1, middle, scene.sensors[1].depth_camera,
+  EXPECT_EQ(packet.sources[0], (SourceInfo{SensorId{1}, middle, scene.sensors[1].depth_camera,
                                            frame.T_world_depth, scene.sensors[1].precision}));
   ASSERT_EQ(packet.views.size(), 1u);
   const View& view = packet.views[0];
@@ -179,7 +179,7 @@ TEST(SensorNode, SurfaceIsTheWallThatItSees) {
   for (std::size_t t = 0; t < mesh.triangles.size(); ++t)
     EXPECT_LT(mesh.area_normal(t).z, 0) << "turned away from the sensor";
   EXPECT_EQ(kit::count_nonmanifold_edges(mesh), 0u);
-  EXPECT_EQ(triangle_views(mesh), std::vector<ViewId>(mesh.triangles.size(), 0));
+  EXPECT_EQ(triangle_views(mesh), std::vector<ViewId>(mesh.triangles.size()));
 }
 
 TEST(SensorNode, ChunksAreCutByCubeAndNameTheSensor) {
@@ -304,7 +304,7 @@ TEST(SensorNode, PicturesHaveTheColourCamerasSizeMadeEven) {
   EXPECT_EQ(unit.layout, packet.views.at(0).layout);
   EXPECT_EQ(packet.views[0].width, 95);
   EXPECT_EQ(packet.views[0].height, 63);
-  EXPECT_EQ(packet.streams, (std::vector<StreamState>{{0, unit.serial}}));
+  EXPECT_EQ(packet.streams, (std::vector<StreamState>{{StreamId{0}, unit.serial}}));
 }
 
 TEST(SensorNode, AKeyFrameThatWasAskedForComesOnce) {
@@ -312,9 +312,11 @@ TEST(SensorNode, AKeyFrameThatWasAskedForComesOnce) {
   const auto is_key = [&] { return sensor.see(wall()).textures.at(0).key_frame; };
   EXPECT_TRUE(is_key());
   EXPECT_FALSE(is_key());
-  EXPECT_TRUE(sensor.node.answer({.key_frames = {0}, .chunks = {}, .taken = {}}).empty());
+  EXPECT_TRUE(sensor.node.answer({.key_frames = {StreamId{0}}, .chunks = {}, .taken = {}}).empty());
   EXPECT_FALSE(is_key()) << "that is another sensor's stream";
-  EXPECT_TRUE(sensor.node.answer({.key_frames = {0, 1}, .chunks = {}, .taken = {}}).empty());
+  EXPECT_TRUE(
+      sensor.node.answer({.key_frames = {StreamId{0}, StreamId{1}}, .chunks = {}, .taken = {}})
+          .empty());
   EXPECT_TRUE(is_key());
   EXPECT_FALSE(is_key());
 }

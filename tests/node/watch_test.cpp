@@ -154,13 +154,14 @@ TEST(RequestLimits, KeyFramesAndHeadsAreNotGivenFaster) {
   RequestLimits limits;
   int keys = 0, heads = 0;
   for (int i = 0; i < 1000; ++i) {  // in ten seconds
-    const auto request = limits.admit({{4}, {}, {}, true}, kStart + milliseconds(10) * i);
+    const auto request = limits.admit({{StreamId{4}}, {}, {}, true}, kStart + milliseconds(10) * i);
     keys += !request.key_frames.empty(), heads += request.whole_head;
   }
   EXPECT_LE(keys, 41);
   EXPECT_GE(keys, 39);
   EXPECT_LE(heads, 41);
-  EXPECT_TRUE(limits.admit({{5}, {}, {}}, kStart + seconds(10)).wants_key_frame(5))
+  EXPECT_TRUE(
+      limits.admit({{StreamId{5}}, {}, {}}, kStart + seconds(10)).wants_key_frame(StreamId{5}))
       << "another stream";
   EXPECT_GT(limits.refused(), 1900u);
 }
@@ -169,11 +170,12 @@ TEST(RequestLimits, ManyStreamsMakeNoRoomForOne) {
   RequestLimits limits;
   codec::Control all;
   for (std::uint32_t stream = 0; stream < codec::Control::kMaxStreams; ++stream)
-    all.key_frames.push_back(stream);
+    all.key_frames.push_back(StreamId{stream});
   EXPECT_EQ(limits.admit(all, kStart).key_frames.size(), all.key_frames.size());
-  for (std::uint32_t& stream : all.key_frames) stream += 5000;
+  for (StreamId& stream : all.key_frames) stream = StreamId{number_of(stream) + 5000};
   EXPECT_TRUE(limits.admit(all, kStart + milliseconds(1)).key_frames.empty());
-  EXPECT_FALSE(limits.admit({{4}, {}, {}}, kStart + milliseconds(2)).wants_key_frame(4));
+  EXPECT_FALSE(
+      limits.admit({{StreamId{4}}, {}, {}}, kStart + milliseconds(2)).wants_key_frame(StreamId{4}));
 }
 
 TEST(RequestLimits, AnswersHaveABudget) {

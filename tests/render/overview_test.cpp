@@ -14,12 +14,12 @@ DecodedScene box_scene() {
   chunk.mesh = test::box({-1, -2, 0}, {3, 2, 2.5f});
   DecodedScene scene;
   scene.chunks.push_back(std::make_shared<Chunk>(chunk));
-  for (const ViewId id : {2u, 5u}) {
+  for (const SensorId id : {SensorId{2}, SensorId{5}}) {
     View view;
-    view.id = id;
+    view.id = view_of(id);
     view.width = 640, view.height = 360;
     view.fx = view.fy = 500, view.cx = 300, view.cy = 170;
-    view.T_world_camera = look_at({id - 3.0, -1, 1}, {1, 1, 1}, {0, 0, 1});
+    view.T_world_camera = look_at({number_of(id) - 3.0, -1, 1}, {1, 1, 1}, {0, 0, 1});
     scene.views.push_back(view);
     SourceInfo source;
     source.sensor = id;

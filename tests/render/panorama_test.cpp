@@ -25,7 +25,7 @@ DecodedScene panorama_scene() {
               }));
   Mesh room = test::box({-3, -3, -2}, {3, 3, 2});
   for (Triangle& t : room.triangles) std::swap(t[1], t[2]);
-  add(scene, room, 0);
+  add(scene, room, ViewId{0});
   return scene;
 }
 
@@ -40,7 +40,7 @@ TEST(RendererPanorama, APanoramaShowsEveryDirectionAndItsSeam) {
     const ImageRgb image = draw(scene, camera, pose);
     const auto off = difference(image, [&](int x, int y) {
       const Vec3d ray = pose.rotation * unproject(camera, {x + 0., y + 0.});
-      return expected_color(view, *scene.textures.at(0), pose.translation + ray);
+      return expected_color(view, *scene.textures.at(StreamId{0}), pose.translation + ray);
     });
     EXPECT_LT(off.mean, 0.6);
     EXPECT_LE(off.max, 2);
@@ -57,7 +57,7 @@ TEST(RendererPanorama, APanoramaShowsEveryDirectionAndItsSeam) {
 TEST(RendererPanorama, APanoramasTileMayLieAcrossTheSeam) {
   DecodedScene scene = panorama_scene();
   View& view = scene.views[0];
-  const ImageRgb& whole = *scene.textures[0];
+  const ImageRgb& whole = *scene.textures[StreamId{0}];
   ImageRgb part(120, 180);  // columns 300 .. 419 of the turn
   for (int y = 0; y < 180; ++y)
     for (int x = 0; x < 120; ++x)

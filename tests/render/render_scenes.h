@@ -87,9 +87,10 @@ inline ImageRgb plain_picture(int width, int height, Color color) {
   });
 }
 
-inline View view_of(ViewId id, const Camera& camera, const Pose& T_world_camera, Rect atlas_rect) {
+inline View view_of(std::uint32_t number, const Camera& camera, const Pose& T_world_camera,
+                    Rect atlas_rect) {
   View view;
-  view.id = id;
+  view.id = ViewId{number};
   view.width = camera.width, view.height = camera.height;
   view.fx = camera.fx, view.fy = camera.fy, view.cx = camera.cx, view.cy = camera.cy;
   view.T_world_camera = T_world_camera;
@@ -99,13 +100,13 @@ inline View view_of(ViewId id, const Camera& camera, const Pose& T_world_camera,
 }
 
 inline void add(DecodedScene& scene, Mesh mesh, ViewId view) {
-  set_triangle_views(mesh, std::vector<ViewId>(mesh.triangles.size(), view));
+  set_view(mesh, view);
   auto chunk = std::make_shared<Chunk>();
   chunk->mesh = std::move(mesh);
   scene.chunks.push_back(std::move(chunk));
 }
 
-inline void set_texture(DecodedScene& scene, ImageRgb image, std::uint32_t stream = 0) {
+inline void set_texture(DecodedScene& scene, ImageRgb image, StreamId stream = {}) {
   scene.textures[stream] = std::make_shared<const ImageRgb>(std::move(image));
 }
 

@@ -82,7 +82,7 @@ TEST(Renderer, NearerSurfacesHideFartherOnes) {
   DecodedScene scene;
   scene.views.push_back(view_of(0, camera, {}, {0, 0, 60, 40}));
   set_texture(scene, plain_picture(60, 40, {0, 255, 0}));
-  add(scene, wall_before({}, 1.0, 0.2), 0);
+  add(scene, wall_before({}, 1.0, 0.2), ViewId{0});
   add(scene, wall_before({}, 1.002, 3), kNoView);  // drawn later, 2 mm behind
   const ImageRgb image = draw(scene, camera);
   EXPECT_EQ(at(image, 30, 20), (Color{0, 255, 0}));
@@ -134,7 +134,7 @@ DecodedScene rough_scene(Vec3d offset, unsigned seed = 1) {
   DecodedScene scene;
   scene.views.push_back(view_of(0, kCamera, pose, {0, 0, 96, 64}));
   set_texture(scene, asymmetric_picture(96, 64));
-  add(scene, mesh, 0);
+  add(scene, mesh, ViewId{0});
   return scene;
 }
 
@@ -202,7 +202,7 @@ TEST(Renderer, NothingThatCanBeSeenIsLeftOut) {
 TEST(Renderer, WhatIsMissingIsAnError) {
   const Camera camera = pinhole(60, 40, 40, 40, 29.5, 19.5);
   DecodedScene scene;
-  add(scene, wall_before({}, 2, 4), 5);
+  add(scene, wall_before({}, 2, 4), ViewId{5});
   const auto message = [&] {
     const auto image = renderer().draw(scene, camera, {}, kOptions);
     EXPECT_FALSE(image.ok());
@@ -211,15 +211,15 @@ TEST(Renderer, WhatIsMissingIsAnError) {
   };
   EXPECT_NE(message().find("view 5"), std::string::npos);
   scene.views.push_back(view_of(5, camera, {}, {0, 0, 60, 40}));
-  scene.views[0].stream = 9;
+  scene.views[0].stream = StreamId{9};
   EXPECT_NE(message().find("stream 9"), std::string::npos);
-  set_texture(scene, plain_picture(59, 40, {1, 1, 1}), 9);
+  set_texture(scene, plain_picture(59, 40, {1, 1, 1}), StreamId{9});
   EXPECT_NE(message().find("outside"), std::string::npos);
-  set_texture(scene, plain_picture(60, 40, {1, 1, 1}), 9);
+  set_texture(scene, plain_picture(60, 40, {1, 1, 1}), StreamId{9});
   EXPECT_TRUE(renderer().draw(scene, camera, {}, kOptions).ok());
   Mesh broken = wall_before({}, 2, 4);
   broken.triangles[0][1] = 1000;
-  add(scene, broken, 5);
+  add(scene, broken, ViewId{5});
   EXPECT_NE(message().find("vertex"), std::string::npos);
 }
 

@@ -27,7 +27,8 @@ TEST(RendererShades, ViewsHaveColoursOfTheirOwnAndNeedNoTextures) {
   RenderOptions options = kOptions;
   options.shade = Shade::views;
   std::vector<Color> seen;
-  for (const ViewId view : {0u, 1u, 2u, 3u, 4u, 5u, 6u, 7u, kNoView}) {
+  for (const std::uint32_t number : {0u, 1u, 2u, 3u, 4u, 5u, 6u, 7u, number_of(kNoView)}) {
+    const ViewId view{number};
     DecodedScene scene;
     add(scene, wall_before({}, 2, 4), view);
     seen.push_back(at(draw(scene, camera, {}, options), 30, 20));

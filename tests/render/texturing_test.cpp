@@ -10,7 +10,7 @@ TEST(RendererTexturing, AViewSeenFromItsOwnCameraIsItsPicture) {
   DecodedScene scene;
   scene.views.push_back(view_of(7, kCamera, kPose, {0, 0, 96, 64}));
   set_texture(scene, original);
-  add(scene, wall_before(kPose, 2, 4), 7);
+  add(scene, wall_before(kPose, 2, 4), ViewId{7});
   const ImageRgb image = draw(scene, kCamera, kPose);
   const auto off = difference(image, [&](int x, int y) { return as_vec(original.at(x, y)); });
   EXPECT_LT(off.mean, 0.5);
@@ -24,11 +24,12 @@ TEST(RendererTexturing, OnlyPartOfAPictureScaledIntoAnAtlas) {
   DecodedScene scene;
   View view = view_of(0, kCamera, kPose, {20, 7, 33, 50});
   view.image_rect = {10, 4, 66, 50};
-  view.stream = 3;
+  view.stream = StreamId{3};
   scene.views.push_back(view);
-  set_texture(scene, asymmetric_picture(75, 61), 3);  // odd width: rows are not 4-byte aligned
+  set_texture(scene, asymmetric_picture(75, 61),
+              StreamId{3});  // odd width: rows are not 4-byte aligned
   const Mesh wall = wall_before(kPose, 2, 4);
-  add(scene, wall, 0);
+  add(scene, wall, ViewId{0});
   const Camera eye = pinhole(80, 60, 60, 60, 39.5, 29.5);
   const Pose pose = look_at({2.6, -2.1, 1.6}, {-1, 2, 0.4}, {0, 0.1, 1});
   const ImageRgb image = draw(scene, eye, pose);
@@ -36,7 +37,7 @@ TEST(RendererTexturing, OnlyPartOfAPictureScaledIntoAnAtlas) {
   const auto off = difference(image, [&](int x, int y) {
     const Vec3d ray = pose.rotation * unproject(eye, {x + 0., y + 0.});
     const double t = dot(origin - pose.translation, normal) / dot(ray, normal);
-    return expected_color(view, *scene.textures[3], pose.translation + ray * t);
+    return expected_color(view, *scene.textures[StreamId{3}], pose.translation + ray * t);
   });
   EXPECT_LT(off.mean, 0.6);
   EXPECT_LE(off.max, 3);
@@ -52,12 +53,13 @@ TEST(RendererTexturing, NeighboursInAnAtlasDoNotBleed) {
   scene.views = {view_of(0, small, {}, {0, 0, 20, 20}), view_of(1, small, {}, {20, 0, 20, 20})};
   set_texture(scene, atlas);
   const Camera wide = pinhole(200, 60, 50, 50, 99.5, 29.5);
-  for (const ViewId view : {0u, 1u}) {  // the wall is wider than the pictures: the rim is repeated
+  for (const ViewId view :
+       {ViewId{0}, ViewId{1}}) {  // the wall is wider than the pictures: the rim is repeated
     scene.chunks.clear();
     add(scene, wall_before({}, 2, 8), view);
     const ImageRgb image = draw(scene, wide);
     for (int y = 0; y < 60; ++y)
-      for (int x = 0; x < 200; ++x) ASSERT_EQ(at(image, x, y), view == 0 ? red : blue);
+      for (int x = 0; x < 200; ++x) ASSERT_EQ(at(image, x, y), view == ViewId{0} ? red : blue);
   }
 }
 
@@ -67,11 +69,12 @@ TEST(RendererTexturing, RunsOfSeveralChunksUseTheirOwnViewsAndStreams) {
   const std::array<Color, 3> colors{{{255, 0, 0}, {0, 255, 0}, {0, 0, 255}}};
   for (const std::uint32_t id : {0u, 1u, 2u}) {
     scene.views.push_back(view_of(id, camera, {}, {0, 0, 60, 40}));
-    scene.views.back().stream = 10 + id;
-    set_texture(scene, plain_picture(60, 40, colors[id]), 10 + id);
+    scene.views.back().stream = StreamId{10 + id};
+    set_texture(scene, plain_picture(60, 40, colors[id]), StreamId{10 + id});
   }
   Mesh wall = test::grid({-1.5f, 2, 2}, {3, 0, 0}, {0, -4, 0}, 4, 1);  // 15 pixels a column
-  set_triangle_views(wall, {2, 2, 0, 0, kNoView, kNoView, 1, 1});
+  set_triangle_views(
+      wall, {ViewId{2}, ViewId{2}, ViewId{0}, ViewId{0}, kNoView, kNoView, ViewId{1}, ViewId{1}});
   auto chunk = std::make_shared<Chunk>();
   chunk->mesh = wall;
   scene.chunks = {chunk, chunk};
@@ -87,15 +90,15 @@ TEST(RendererTexturing, AChunksLayerPicksTheLivePictureOrThePlate) {
   const Color live{200, 0, 0}, plate{0, 100, 40};
   DecodedScene scene;
   scene.views = {view_of(0, camera, {}, {0, 0, 60, 40}), view_of(0, camera, {}, {0, 0, 60, 40})};
-  scene.views[1].layer = Layer::still, scene.views[1].stream = 1;
+  scene.views[1].layer = Layer::still, scene.views[1].stream = StreamId{1};
   scene.views[1].gain = {1, 2, 3};
-  set_texture(scene, plain_picture(60, 40, live), 0);
-  set_texture(scene, plain_picture(60, 40, plate), 1);
+  set_texture(scene, plain_picture(60, 40, live), StreamId{0});
+  set_texture(scene, plain_picture(60, 40, plate), StreamId{1});
   const auto half = [](float x, Layer layer) {
     auto chunk = std::make_shared<Chunk>();
     chunk->key.id.layer = layer;
     chunk->mesh = test::grid({x, 2, 2}, {1.5f, 0, 0}, {0, -4, 0}, 1, 1);
-    set_triangle_views(chunk->mesh, {0, 0});
+    set_triangle_views(chunk->mesh, {ViewId{0}, ViewId{0}});
     return chunk;
   };
   scene.chunks = {half(-1.5f, Layer::moving), half(0, Layer::still)};
@@ -119,7 +122,7 @@ TEST(RendererTexturing, GainMultipliesWhatThePictureShowsAndIsClamped) {
     if (panoramic) view.kind = View::Kind::equirectangular;
     scene.views.push_back(view);
     set_texture(scene, asymmetric_picture(96, 64));
-    add(scene, wall_before(kPose, 2, 4), 0);
+    add(scene, wall_before(kPose, 2, 4), ViewId{0});
     const ImageRgb plain = draw(scene, kCamera, kPose);
     scene.views[0].gain = {0.25f, 1.5f, 4};
     const auto off = difference(draw(scene, kCamera, kPose), [&](int x, int y) {
@@ -158,7 +161,7 @@ TEST(RendererTexturing, ABackgroundHidesAndIsHidden) {
       DecodedScene scene;
       scene.views.push_back(view_of(0, camera, {}, {0, 0, 60, 40}));
       set_texture(scene, plain_picture(60, 40, green));
-      add(scene, wall_before({}, 1.0, 0.2), 0);
+      add(scene, wall_before({}, 1.0, 0.2), ViewId{0});
       const Mesh wall = wall_before({}, background_m, background_m < 1 ? 0.05 : 3);
       auto background = background_of(wall, std::vector<Color>(wall.positions.size(), blue));
       scene.chunks.insert(background_first ? scene.chunks.begin() : scene.chunks.end(), background);
@@ -175,7 +178,7 @@ TEST(RendererTexturing, SameSceneAgainWithAnotherPictureShowsThatPicture) {
   const Camera camera = pinhole(60, 40, 40, 40, 29.5, 19.5);
   DecodedScene scene;
   scene.views.push_back(view_of(0, camera, {}, {0, 0, 60, 40}));
-  add(scene, wall_before({}, 2, 4), 0);
+  add(scene, wall_before({}, 2, 4), ViewId{0});
   for (const Color color : {Color{1, 2, 3}, Color{90, 80, 70}, Color{255, 254, 0}}) {
     set_texture(scene, plain_picture(60, 40, color));
     EXPECT_EQ(at(draw(scene, camera), 30, 20), color);
@@ -191,7 +194,7 @@ TEST(RendererTexturing, FarFromTheOriginNothingMoves) {
   DecodedScene scene;
   scene.views.push_back(view_of(0, kCamera, pose, {0, 0, 96, 64}));
   set_texture(scene, original);
-  add(scene, wall_before(pose, 2, 4), 0);
+  add(scene, wall_before(pose, 2, 4), ViewId{0});
   const auto off = difference(draw(scene, kCamera, pose),
                               [&](int x, int y) { return as_vec(original.at(x, y)); });
   EXPECT_LT(off.mean, 0.5);

@@ -159,12 +159,12 @@ TEST(LayersEvents, PlatesFollowAnExposureThatJumps) {
   const auto jump = test::exposure_jump(kLearnt, 15, -1, "cam-0");
   Captures here(with_layers(rig_scene(small_rig(200, {jump}))));
   here.run_to(kLearnt - 1);
-  EXPECT_NEAR(gain_of(here.scene(), 0), 1, 0.05);
+  EXPECT_NEAR(gain_of(here.scene(), ViewId{0}), 1, 0.05);
   here.run_to(kLearnt + 8);
-  EXPECT_LT(gain_of(here.scene(), 0), 0.85);
-  EXPECT_NEAR(gain_of(here.scene(), 1), 1, 0.05);
+  EXPECT_LT(gain_of(here.scene(), ViewId{0}), 0.85);
+  EXPECT_NEAR(gain_of(here.scene(), ViewId{1}), 1, 0.05);
   here.run_to(kLearnt + 24);
-  EXPECT_NEAR(gain_of(here.scene(), 0), 1, 0.05);
+  EXPECT_NEAR(gain_of(here.scene(), ViewId{0}), 1, 0.05);
   expect_plates_stay({jump}, 0, kLearnt + 24, 0.02);
 }
 

@@ -163,9 +163,9 @@ TEST(Layers, ChunksMadeAtDifferentTimesFit) {
   rig.depth_width = 320, rig.depth_height = 288;
   const Scene scene = *node::prepare_scene(with_layers(rig_scene(rig)));
   const SensorConfig& sensor = scene.sensors[0];
-  const std::uint32_t wanted[] = {0};
+  const SensorId wanted[] = {SensorId{0}};
   const auto sources = node::open_sources(scene, wanted);
-  const sensor::Registration registration(sensor, 0);
+  const sensor::Registration registration(sensor, SensorId{0});
   const Camera& camera = registration.depth_camera();
   still::Background background(camera, sensor.T_world_depth[0],
                                {.precision = sensor.precision,
@@ -173,7 +173,7 @@ TEST(Layers, ChunksMadeAtDifferentTimesFit) {
                                 .after_s = scene.still.after_s,
                                 .chunk_m = scene.fusion.chunk_m});
   node::StillSurface surface(scene);
-  const double error_m = node::sensor_plan(scene, 0).still_error_m;
+  const double error_m = node::sensor_plan(scene, SensorId{0}).still_error_m;
   Chunks chunks;
   std::map<Vec3i, int> made_at;
   for (int i = 0; i < 115; ++i) {
@@ -238,10 +238,10 @@ struct OneSensor {
 TEST(Layers, StillChunksMadeBesideAreTheSameAndLeaveNoHole) {
   const Scene scene =
       *node::prepare_scene(with_layers(rig_scene(small_rig(400, {test::chair_moved(80)}))));
-  const std::uint32_t wanted[] = {0};
+  const SensorId wanted[] = {SensorId{0}};
   const auto sources = node::open_sources(scene, wanted);
-  OneSensor at_once{node::SensorNode(scene, 0, {}, StillWork::at_once)},
-      beside{node::SensorNode(scene, 0, {}, StillWork::beside)};
+  OneSensor at_once{node::SensorNode(scene, SensorId{0}, {}, StillWork::at_once)},
+      beside{node::SensorNode(scene, SensorId{0}, {}, StillWork::beside)};
   constexpr int kChangesEnd = 171;
   bool same = false;
   for (int i = 0; i < 400 && !(same && i > kChangesEnd); ++i) {
@@ -262,10 +262,10 @@ TEST(Layers, StillChunksMadeBesideAreTheSameAndLeaveNoHole) {
 /// for ever.
 TEST(Layers, ASensorSendsAsMovingWhatNobodySaysIsShown) {
   const Scene scene = *node::prepare_scene(with_layers(rig_scene(small_rig(400))));
-  const std::uint32_t wanted[] = {0};
+  const SensorId wanted[] = {SensorId{0}};
   const auto sources = node::open_sources(scene, wanted);
-  OneSensor heard{node::SensorNode(scene, 0, {}, StillWork::beside)},
-      unheard{node::SensorNode(scene, 0, {}, StillWork::beside), false};
+  OneSensor heard{node::SensorNode(scene, SensorId{0}, {}, StillWork::beside)},
+      unheard{node::SensorNode(scene, SensorId{0}, {}, StillWork::beside), false};
   double room_m2 = 0;
   auto run_to = [&, next = 0](int end) mutable {
     for (; next < end; ++next) {
@@ -287,11 +287,9 @@ class Nodes {
  public:
   explicit Nodes(const Scene& scene, StillWork work = StillWork::at_once)
       : scene_(*node::prepare_scene(scene)), root_(scene_, scene_.mergers[0], true, {}, work) {
-    std::vector<std::uint32_t> all;
-    for (std::uint32_t i = 0; i < scene_.sensors.size(); ++i) {
-      all.push_back(i);
-      sensors_.push_back(std::make_unique<node::SensorNode>(scene_, i, node::NodeClock{}, work));
-    }
+    const std::vector<SensorId> all = all_sensors(scene_.sensors);
+    for (const SensorId id : all)
+      sensors_.push_back(std::make_unique<node::SensorNode>(scene_, id, node::NodeClock{}, work));
     sources_ = node::open_sources(scene_, all);
   }
 

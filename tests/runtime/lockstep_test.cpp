@@ -218,8 +218,8 @@ TEST(LockstepScene, LidarAndKinectMakeOneSurface) {
   EXPECT_EQ(kit::count_nonmanifold_edges(mesh), 0u);
   EXPECT_EQ(both->decoded()->sources.size(), 2u);
   // The LiDAR's walls and floor are textured by its panorama, what the Kinect sees by that.
-  EXPECT_GT(textured_share(mesh, 0), 0.05);
-  EXPECT_GT(textured_share(mesh, 1), 0.5);
+  EXPECT_GT(textured_share(mesh, ViewId{0}), 0.05);
+  EXPECT_GT(textured_share(mesh, ViewId{1}), 0.5);
   // Each has surface that the other lacks, and together they do not double it.
   const auto kinect = run(small_room(1), 1);
   ASSERT_TRUE(kinect);
@@ -347,7 +347,7 @@ bool merges(node::MergeNode& merger, TimePoint now) {
 
 TEST_F(LockstepSceneFromFiles, LossIsMendedByAKeyFrame) {
   const Scene s = scene();
-  node::SensorNode sensor(s, 0);
+  node::SensorNode sensor(s, SensorId{0});
   node::MergeNode merger(s, s.mergers[0], true);
   TimePoint now{};
   codec::HeadReader heads;
@@ -368,7 +368,7 @@ TEST_F(LockstepSceneFromFiles, LossIsMendedByAKeyFrame) {
 
 TEST_F(LockstepSceneFromFiles, WhoLeavesTheVolumeLeavesTheScene) {
   const Scene s = scene();
-  node::SensorNode sensor(s, 0);
+  node::SensorNode sensor(s, SensorId{0});
   node::MergeNode merger(s, s.mergers[0], true);
   TimePoint now{};
   for (const float depth_m : {1.5f, 0.0f, 1.5f}) {
@@ -387,7 +387,7 @@ TEST_F(LockstepSceneFromFiles, WhoLeavesTheVolumeLeavesTheScene) {
 
 TEST_F(LockstepSceneFromFiles, PacketsOfOtherSendersAreRefused) {
   const Scene s = scene();
-  node::SensorNode sensor(s, 0);
+  node::SensorNode sensor(s, SensorId{0});
   node::MergeNode merger(s, s.mergers[0], true);
   node::InputSynchronizer& inputs = merger.inputs();
   const std::vector<std::byte> bytes = wall_packet(s, sensor);
@@ -429,10 +429,10 @@ TEST_F(LockstepSceneFromFiles, BlackRimOfUndistortionIsNotSeen) {
   const DecodedScene& scene = *pipeline->decoded();
   int seen = 0;
   for (const auto& chunk : scene.chunks)
-    for (const ViewRun& run : chunk->mesh.runs)
-      for (std::uint32_t t = run.first; run.view != kNoView && t < run.first + run.count; ++t)
+    for (const ViewRun& run : chunk->mesh.views)
+      for (std::uint32_t t = run.first; run.id != kNoView && t < run.first + run.count; ++t)
         for (int i = 0; i < 3; ++i) {
-          const View& view = scene.views[run.view];
+          const View& view = scene.views[number_of(run.id)];
           const auto p = project(view.camera(), view.T_world_camera.inverse() *
                                                     vec_cast<double>(chunk->mesh.corner(t, i)));
           const ImageRgb& picture = *scene.textures.at(view.stream);
@@ -559,7 +559,7 @@ TEST_F(LockstepSceneFromFiles, SceneWithoutAnyColourStillHasASurface) {
 
 TEST_F(LockstepSceneFromFiles, MergerSurvivesGarbagePackets) {
   const Scene s = scene();
-  node::SensorNode sensor(s, 0);
+  node::SensorNode sensor(s, SensorId{0});
   node::MergeNode merger(s, s.mergers[0], true);
   node::InputSynchronizer& inputs = merger.inputs();
   const TimePoint now{};
@@ -578,7 +578,7 @@ TEST_F(LockstepSceneFromFiles, MergerSurvivesGarbagePackets) {
 
 TEST_F(LockstepSceneFromFiles, ChunkLostOnTheWayIsAskedFor) {
   const Scene s = scene();
-  node::SensorNode sensor(s, 0);
+  node::SensorNode sensor(s, SensorId{0});
   node::MergeNode merger(s, s.mergers[0], true);
   auto packet = codec::decode_packet(wall_packet(s, sensor));
   ASSERT_TRUE(packet);

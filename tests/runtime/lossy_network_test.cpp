@@ -27,12 +27,12 @@ class LinkedScene {
  public:
   LinkedScene(Scene scene, const net::LinkConfig& links)
       : scene_(*node::prepare_scene(std::move(scene))), network_(links) {
-    std::vector<std::uint32_t> all;
-    for (std::uint32_t i = 0; i < scene_.sensors.size(); ++i) all.push_back(i);
+    const std::vector<SensorId> all = all_sensors(scene_.sensors);
     auto sources = node::open_sources(scene_, all, {});
-    for (const std::uint32_t i : all)
+    for (const SensorId id : all)
       add(std::make_unique<node::SensorTask>(
-          scene_, i, std::make_unique<PacedFrames>(std::move(sources[i]), scene_.fps, clock_),
+          scene_, id,
+          std::make_unique<PacedFrames>(std::move(sources[index_of(id)]), scene_.fps, clock_),
           node::NodeLog{}));
     for (const SensorConfig& sensor : scene_.sensors)
       listeners_.push_back(network_.subscribe(

@@ -173,7 +173,7 @@ class Client {
 Mesh mesh_of(const DecodedScene& scene) {
   Mesh out;
   for (const auto& chunk : scene.chunks)
-    append(out, {chunk->mesh.positions, chunk->mesh.triangles, {}});
+    append(out, {chunk->mesh.positions, chunk->mesh.triangles, {}, {}});
   return out;
 }
 
@@ -303,7 +303,7 @@ rig: {type: synthetic, seed: 3, room: [5, 4, 2.6], depth_mode: nfov_binned, colo
     while (Clock::now() < until) {
       if (const auto scene = client.scene()) {
         std::vector<std::uint32_t> from;
-        for (const SourceInfo& s : scene->sources) from.push_back(s.sensor);
+        for (const SourceInfo& s : scene->sources) from.push_back(number_of(s.sensor));
         if (scene->captured_at > since && from == sensors) return testing::AssertionSuccess();
         last = std::to_string(from.size()) + " sensors";
       }
@@ -454,7 +454,7 @@ std::optional<Clock::duration> time_to_show(Client& client, const std::vector<st
     std::vector<std::uint32_t> sensors;
     const auto scene = client.scene();
     if (scene && scene->captured_at > since)
-      for (const SourceInfo& s : scene->sources) sensors.push_back(s.sensor);
+      for (const SourceInfo& s : scene->sources) sensors.push_back(number_of(s.sensor));
     if (sensors == from) return Clock::now() - begun;
     std::this_thread::sleep_for(milliseconds(5));
   }

@@ -40,7 +40,7 @@ TEST(Registration, APlaneSeenThroughABentLensComesOutStraight) {
       *frame.depth.at(x, y) = static_cast<float>(
           plane_depth(unproject(sensor.depth_camera, {double(x), double(y)}), n, d));
 
-  const Registration registration(sensor, 0);
+  const Registration registration(sensor, SensorId{0});
   const Frame straight = registration.undistort(frame);
   const Camera& pinhole = registration.depth_camera();
   EXPECT_EQ(pinhole.distortion, DistortionModel::none);
@@ -72,7 +72,7 @@ TEST(Registration, ColourLinesBecomeStraight) {
       for (int c = 0; c < 3; ++c)
         frame.color.at(x, y)[c] = static_cast<std::uint8_t>(
             std::lround(value(unproject(bent, {double(x), double(y)}).x)));
-  const Frame straight = Registration(sensor, 0).undistort(frame);
+  const Frame straight = Registration(sensor, SensorId{0}).undistort(frame);
   for (int y = 10; y < bent.height - 10; ++y)
     for (int x = 10; x < bent.width - 10; ++x)
       ASSERT_NEAR(straight.color.at(x, y)[1], value((x - bent.cx) / bent.fx), 1.1) << x << "," << y;
@@ -84,7 +84,7 @@ TEST(Registration, PixelsOutsideTheOriginalAreEmpty) {
   Frame frame;
   frame.depth = ImageDepth(160, 144, 1.0f);
   frame.color = ImageRgb(200, 120, 255);
-  const Frame straight = Registration(sensor, 0).undistort(frame);
+  const Frame straight = Registration(sensor, SensorId{0}).undistort(frame);
   EXPECT_EQ(*straight.depth.at(0, 0), 0);
   EXPECT_EQ(straight.color.at(0, 0)[0], 0);
   EXPECT_EQ(*straight.depth.at(80, 72), 1.0f);
@@ -97,14 +97,14 @@ TEST(Registration, StraightPicturesPassThroughUntouched) {
   sensor.color_camera.reset();
   Frame frame;
   frame.depth = ImageDepth(160, 144, 1.5f);
-  const Registration registration(sensor, 0);
+  const Registration registration(sensor, SensorId{0});
   EXPECT_EQ(registration.undistort(frame).depth, frame.depth);
   EXPECT_FALSE(registration.color_view({}));
 }
 
 TEST(Registration, TheColourViewStandsBesideTheDepthCamera) {
   Pose T_world_depth = look_at({1, 2, 3}, {0, 0, 0}, {0, 0, 1});
-  const auto view = Registration(bent_sensor(), 7).color_view(T_world_depth);
+  const auto view = Registration(bent_sensor(), SensorId{7}).color_view(T_world_depth);
   ASSERT_TRUE(view);
   EXPECT_EQ(view->id, 7u);
   EXPECT_EQ(view->kind, View::Kind::pinhole);

@@ -28,7 +28,7 @@ Mesh patch() { return test::hills(20, 15, 0.05f, 0.004f); }
 
 Mesh with(const std::vector<Vec3f>& positions, const std::vector<Triangle>& triangles) {
   Mesh out = patch();
-  append(out, {positions, triangles, {}});
+  append(out, {positions, triangles, {}, {}});
   return out;
 }
 Mesh with_triangles(const std::vector<Triangle>& triangles) {
@@ -38,7 +38,7 @@ Mesh with_triangles(const std::vector<Triangle>& triangles) {
 }
 
 Mesh fan(std::uint32_t blades, bool closed) {
-  Mesh out{{{0, 0, 0.1f}}, {}, {}};
+  Mesh out{{{0, 0, 0.1f}}, {}, {}, {}};
   for (std::uint32_t i = 0; i < blades; ++i) {
     const float turn =
         2 * std::numbers::pi_v<float> * static_cast<float>(i) / static_cast<float>(blades);
@@ -186,7 +186,7 @@ TEST(SimplifyBadInput, OddMeshesWithViewsChunksAndWeights) {
     std::vector<SensorId> views;
     std::vector<std::uint32_t> chunks;
     for (std::uint32_t t = 0; t < mesh.triangles.size(); ++t) {
-      views.push_back(t / 37 % 3 == 2 ? kNoSensor : t / 37 % 3);
+      views.push_back(t / 37 % 3 == 2 ? kNoSensor : SensorId{t / 37 % 3});
       chunks.push_back(t / 150 % 3 == 2 ? 0xFFFFFFFFu : t / 150);
     }
     set_triangle_sensors(mesh, views);
@@ -245,7 +245,7 @@ TEST(SimplifyBadInput, IndicesOutOfRange) {
         mesh.triangles[50][corner] = vertices + beyond;
         expect_invalid(simplify::simplify(mesh, {.triangles = target}));
       }
-  expect_invalid(simplify::simplify({{}, {{0, 0, 0}}, {}}, {}));
+  expect_invalid(simplify::simplify({{}, {{0, 0, 0}}, {}, {}}, {}));
   Mesh last = patch();
   last.triangles[50] = {0xFFFFFFFFu, 0xFFFFFFFFu, 0xFFFFFFFFu};
   expect_invalid(simplify::simplify(last, {}));
@@ -254,13 +254,15 @@ TEST(SimplifyBadInput, IndicesOutOfRange) {
 TEST(SimplifyBadInput, RunsThatDoNotCover) {
   const auto count = static_cast<std::uint32_t>(patch().triangles.size());
   for (const std::vector<SensorRun>& runs : std::vector<std::vector<SensorRun>>{
-           {{0, count - 1, 0}},
-           {{0, count + 1, 0}},
-           {{1, count - 1, 0}},
-           {{0, 10, 0}, {11, count - 11, 1}},
-           {{0, 10, 0}, {5, count - 5, 1}},
-           {{0, 0xFFFFFFFFu, 0}, {0xFFFFFFFFu, count + 1, 1}},
-           {{0, count, 0}, {count, 0x80000000u, 1}, {count + 0x80000000u, 0x80000000u, 2}}}) {
+           {{0, count - 1, SensorId{0}}},
+           {{0, count + 1, SensorId{0}}},
+           {{1, count - 1, SensorId{0}}},
+           {{0, 10, SensorId{0}}, {11, count - 11, SensorId{1}}},
+           {{0, 10, SensorId{0}}, {5, count - 5, SensorId{1}}},
+           {{0, 0xFFFFFFFFu, SensorId{0}}, {0xFFFFFFFFu, count + 1, SensorId{1}}},
+           {{0, count, SensorId{0}},
+            {count, 0x80000000u, SensorId{1}},
+            {count + 0x80000000u, 0x80000000u, SensorId{2}}}}) {
     Mesh mesh = patch();
     mesh.sensors = runs;
     expect_invalid(simplify::simplify(mesh, {}));

@@ -16,7 +16,7 @@ Mesh by_meshoptimizer(const Mesh& mesh, std::size_t target) {
   corners.resize(meshopt_simplify(corners.data(), mesh.triangles.data()->data(), corners.size(),
                                   &mesh.positions.data()->x, mesh.positions.size(), sizeof(Vec3f),
                                   target * 3, 1, 0, nullptr));
-  Mesh out{mesh.positions, {}, {}};
+  Mesh out{mesh.positions, {}, {}, {}};
   for (std::size_t i = 0; i < corners.size(); i += 3)
     out.triangles.push_back({corners[i], corners[i + 1], corners[i + 2]});
   return out;

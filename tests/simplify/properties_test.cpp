@@ -263,7 +263,7 @@ TEST(SimplifyRuns, StripesKeepTheirPlaces) {
     SCOPED_TRACE(ratio);
     const Mesh small = by_ratio(mesh, ratio).mesh;
     EXPECT_TRUE(test::are_runs_good(small));
-    ASSERT_EQ(small.runs.size(), 3u);
+    ASSERT_EQ(small.sensors.size(), 3u);
     const std::vector<SensorId> views = triangle_sensors(small);
     std::map<test::Edge, std::set<SensorId>> views_at;
     for (std::size_t t = 0; t < views.size(); ++t) {
@@ -281,7 +281,7 @@ TEST(SimplifyRuns, StripesKeepTheirPlaces) {
       line_m += std::abs(b.y - a.y);
     }
     EXPECT_NEAR(line_m, 2 * 2.0, 1e-4);
-    for (SensorId view = 0; view < 3; ++view)
+    for (const SensorId view : {SensorId{0}, SensorId{1}, SensorId{2}})
       EXPECT_NEAR(area_from_above_m2(small, view), area_from_above_m2(mesh, view), 0.002);
   }
 }

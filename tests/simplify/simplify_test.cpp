@@ -164,7 +164,7 @@ TEST(Simplify, NoPartVanishes) {
     append(mesh, test::grid({static_cast<float>(i), 0, 0}, {0.5f, 0, 0}, {0, 0.5f, 0}, 1, 1));
   append(mesh, test::box({0, 5, 0}, {1, 6, 1}));
   for (int i = 0; i < 2000; ++i) {
-    Mesh single{{{0, 10, 0}, {1, 10, 0}, {0, 11, 0}}, {{0, 1, 2}}, {}};
+    Mesh single{{{0, 10, 0}, {1, 10, 0}, {0, 11, 0}}, {{0, 1, 2}}, {}, {}};
     for (Vec3f& p : single.positions) p.z = static_cast<float>(i);
     append(mesh, single);
   }

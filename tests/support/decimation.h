@@ -130,20 +130,21 @@ inline std::size_t count_border_loops(const Mesh& mesh) {
   return loops;
 }
 
-/// Area by view.
-inline std::map<SensorId, double> view_areas_m2(const Mesh& mesh) {
+/// Area by sensor.
+inline std::map<SensorId, double> sensor_areas_m2(const Mesh& mesh) {
   std::map<SensorId, double> out;
-  const std::vector<SensorId> views = triangle_sensors(mesh);
-  for (std::size_t t = 0; t < views.size(); ++t) out[views[t]] += length(mesh.area_normal(t)) / 2;
+  const std::vector<SensorId> sensors = triangle_sensors(mesh);
+  for (std::size_t t = 0; t < sensors.size(); ++t)
+    out[sensors[t]] += length(mesh.area_normal(t)) / 2;
   return out;
 }
 
-/// Whether the runs are sorted by view and cover the triangles.
+/// Whether the runs are sorted by sensor and cover the triangles.
 inline bool are_runs_good(const Mesh& mesh) {
   std::size_t covered = 0;
   for (std::size_t r = 0; r < mesh.sensors.size(); ++r) {
     if (mesh.sensors[r].first != covered || mesh.sensors[r].count == 0) return false;
-    if (r > 0 && mesh.sensors[r - 1].view >= mesh.sensors[r].view) return false;
+    if (r > 0 && mesh.sensors[r - 1].id >= mesh.sensors[r].id) return false;
     covered += mesh.sensors[r].count;
   }
   return mesh.sensors.empty() || covered == mesh.triangles.size();

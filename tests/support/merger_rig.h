@@ -57,7 +57,7 @@ class Merger {
                   const MergerConfig* config = nullptr)
       : scene_(scene),
         node(scene_, config ? *config : scene_.mergers.front(), is_root, std::move(clock)) {
-    for (std::uint32_t i = 0; i < scene_.sensors.size(); ++i) sensors.emplace_back(scene_, i);
+    for (const SensorId id : all_sensors(scene_.sensors)) sensors.emplace_back(scene_, id);
   }
 
   const Scene& scene() const { return scene_; }
@@ -67,10 +67,10 @@ class Merger {
 
   /// The bytes of a sensor's packet of this tick.
   std::vector<std::byte> sense(std::uint32_t sensor, const Solids& solids) {
-    return sense(frame_of(scene_, sensor, tick_, solids));
+    return sense(frame_of(scene_, SensorId{sensor}, tick_, solids));
   }
   std::vector<std::byte> sense(Frame frame) {
-    node::SensorNode& sensor = sensors[frame.sensor];
+    node::SensorNode& sensor = sensors[index_of(frame.sensor)];
     const auto surface = sensor.reconstruct(std::move(frame));
     EXPECT_TRUE(surface) << surface.error().message;
     auto bytes = sensor.code(*surface);
@@ -163,7 +163,7 @@ inline std::vector<ViewId> ids_of(const std::vector<View>& views) {
   return out;
 }
 
-inline const TextureUnit* unit_of(const Packet& packet, std::uint32_t stream) {
+inline const TextureUnit* unit_of(const Packet& packet, StreamId stream) {
   const auto unit = std::ranges::find(packet.textures, stream, &TextureUnit::stream);
   return unit == packet.textures.end() ? nullptr : &*unit;
 }

@@ -30,8 +30,8 @@ inline ImageDepth render_depth(const Mesh& mesh, const Camera& camera, const Pos
   return depth;
 }
 
-inline SourceInfo source(std::uint32_t sensor, const Pose& T_world_depth) {
-  return {sensor, {}, small_camera(), T_world_depth, {0.001, 0.0002}};
+inline SourceInfo source(std::uint32_t number, const Pose& T_world_depth) {
+  return {SensorId{number}, {}, small_camera(), T_world_depth, {0.001, 0.0002}};
 }
 
 /// Share of a grid of parallel rays on which a second surface facing the viewer lies within `range`

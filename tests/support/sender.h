@@ -21,6 +21,7 @@ namespace mr::test {
 class Sender {
  public:
   static constexpr int kWidth = 64, kHeight = 48;
+  static constexpr StreamId kStream{4};
 
   explicit Sender(int chunks = 6, std::uint32_t epoch = 1) : epoch_(epoch) {
     for (int i = 0; i < chunks; ++i) change(i);
@@ -31,7 +32,7 @@ class Sender {
     const auto x = static_cast<float>(cube);
     const Mesh mesh = grid({x, 0, 1}, {1, 0, 0}, {0, 1, 0}, 8, 8, 0.05f, ++version_);
     Chunk chunk{{{{cube, 0, 0}, kMergedSource}, 0, version_}, 0, *codec::snap_to_lattice(mesh, {})};
-    chunk.mesh.runs = {{0, 60, 0}, {60, 68, kNoView}};
+    chunk.mesh.views = {{0, 60, ViewId{0}}, {60, 68, kNoView}};
     auto encoded = std::make_shared<const EncodedChunk>(*codec::encode_chunk(chunk, {}, 5));
     live_[cube] = encoded;
     fresh_.insert(cube);
@@ -47,9 +48,9 @@ class Sender {
   Packet next(bool key_frame = false) {
     Packet p = quiet();
     auto unit = encoder_->encode(picture(p.sequence), key_frame);
-    p.textures = {
-        {4, ++serial_, TextureCodec::h264, layout_, kWidth, kHeight, unit->key_frame, unit->data}};
-    p.streams = {{4, serial_}};
+    p.textures = {{kStream, ++serial_, TextureCodec::h264, layout_, kWidth, kHeight,
+                   unit->key_frame, unit->data}};
+    p.streams = {{kStream, serial_}};
     return p;
   }
 
@@ -60,11 +61,11 @@ class Sender {
     p.epoch = epoch_, p.sequence = sequence_++;
     p.captured_at = TimePoint(Duration(33'000'000 * static_cast<std::int64_t>(p.sequence)));
     View view;
-    view.id = 0;
+    view.id = ViewId{0};
     view.width = kWidth, view.height = kHeight;
     view.fx = view.fy = 60, view.cx = 32, view.cy = 24;
     view.image_rect = view.atlas_rect = {0, 0, kWidth, kHeight};
-    view.stream = 4, view.layout = layout_;
+    view.stream = kStream, view.layout = layout_;
     p.views = {view};
     SourceInfo source;
     source.captured_at = p.captured_at;
@@ -76,7 +77,7 @@ class Sender {
     }
     fresh_.clear();
     cache.keep(p.manifest);
-    p.streams = {{4, serial_}};
+    p.streams = {{kStream, serial_}};
     return p;
   }
 

@@ -59,9 +59,9 @@ inline Scene scene_of_sensors(const std::vector<Pose>& places) {
 inline constexpr std::chrono::milliseconds kExposure{8};
 
 /// A sensor's exact frame; frames are a tenth of a second apart.
-inline Frame frame_of(const Scene& scene, std::uint32_t sensor, std::uint64_t index,
+inline Frame frame_of(const Scene& scene, SensorId sensor, std::uint64_t index,
                       const Solids& solids) {
-  const SensorConfig& config = scene.sensors[sensor];
+  const SensorConfig& config = scene.sensor(sensor);
   Frame frame;
   frame.sensor = sensor, frame.index = index;
   frame.exposure_start = TimePoint(std::chrono::hours(1)) + std::chrono::milliseconds(100) * index;

@@ -23,7 +23,7 @@ constexpr double kFps = 10;
 
 std::unique_ptr<FrameSource> open_sensor(const RigConfig& rig, std::uint32_t sensor) {
   const std::vector<SensorConfig> sensors = rig_sensors(rig);
-  const std::uint32_t wanted[] = {sensor};
+  const SensorId wanted[] = {SensorId{sensor}};
   return std::move(open_rig(rig, sensors, wanted, kFps, {}).front());
 }
 

@@ -207,7 +207,7 @@ TEST(Rig, LidarRangesAgreeWithTheWalls) {
   EXPECT_EQ(sensor.id, "lidar-0");
   EXPECT_EQ(sensor.color_camera->width, 2048);
   sensor.color_camera.reset();
-  const std::uint32_t wanted[] = {0};
+  const SensorId wanted[] = {SensorId{0}};
   const Frame frame = read(*open_rig(rig, {&sensor, 1}, wanted, 30, {})[0], 1).at(0);
   EXPECT_EQ(frame.depth.width, 2048);
   EXPECT_EQ(frame.depth.height, 128);
@@ -259,7 +259,8 @@ TEST(Rig, WritesASceneThatSaysWhatItIs) {
   for (std::uint32_t i = 0; i < sensors.size(); ++i) {
     const SensorConfig& written = loaded.scene.sensors[i];
     if (i == 0)
-      expect_same(read(*sensor::open_rgbd_images(written, i, 30), 3), read(*rendered[i], 3));
+      expect_same(read(*sensor::open_rgbd_images(written, SensorId{i}, 30), 3),
+                  read(*rendered[i], 3));
     EXPECT_EQ(written.id, sensors[i].id);
     EXPECT_EQ(written.color_camera, sensors[i].color_camera);
     EXPECT_EQ(written.depth_camera.model, sensors[i].depth_camera.model);

@@ -31,7 +31,7 @@ Frame frame_of(FrameSource& source) {
 }
 
 std::unique_ptr<FrameSource> open_one(const RigConfig& rig, const SensorConfig& sensor) {
-  const std::uint32_t wanted[] = {0};
+  const SensorId wanted[] = {SensorId{0}};
   return std::move(open_rig(rig, {&sensor, 1}, wanted, 30, {}).front());
 }
 
@@ -70,7 +70,7 @@ TEST(Room, SameSeedSameBytesOnAnyNumberOfThreads) {
   for (const int threads : {1, 8})
     Arena(threads).run([&] {
       rooms.push_back(make_room(rig));
-      const std::uint32_t wanted[] = {1};
+      const SensorId wanted[] = {SensorId{1}};
       const auto source = std::move(open_rig(rig, sensors, wanted, 30, {}).front());
       for (int i = 0; i < 2; ++i) frames.push_back(frame_of(*source));
       EXPECT_FALSE(*source->next());
@@ -98,9 +98,9 @@ TEST(Room, PureDepthAgreesWithTheDistanceToFloorAndWalls) {
   rig.noise = false;
   rig.sensors = 2;
   const std::vector<SensorConfig> sensors = rig_sensors(rig);
-  const std::uint32_t both[] = {0, 1};
+  const SensorId both[] = {SensorId{0}, SensorId{1}};
   const auto sources = open_rig(rig, sensors, both, 30, {});
-  for (const std::uint32_t i : both) {
+  for (std::size_t i = 0; i < std::size(both); ++i) {
     const SensorConfig& sensor = sensors[i];
     const Frame frame = frame_of(*sources[i]);
     // In the room's frame the empty room is a box: the exit of each ray is known.
