@@ -81,7 +81,7 @@ TEST(Receiver, ALostPacketIsMendedByAsking) {
   const Packet p = sender.next();
   EXPECT_TRUE(receiver.accept(p).empty());
   EXPECT_EQ(receiver.missing(), (std::vector<ChunkKey>{p.manifest[1], p.manifest[3]}));
-  EXPECT_EQ(receiver.streams_waiting(), std::vector<std::uint32_t>{4});
+  EXPECT_EQ(receiver.streams_waiting(), std::vector{Sender::kStream});
   EXPECT_FALSE(receiver.scene());
   for (const ChunkKey& key : receiver.missing()) {
     const auto chunk = sender.cache.find(key);
@@ -113,7 +113,7 @@ TEST(Receiver, LateJoiner) {
   Receiver receiver({});
   EXPECT_TRUE(receiver.accept(sender.next()).empty());
   EXPECT_EQ(receiver.missing().size(), 6u);
-  EXPECT_EQ(receiver.streams_waiting(), std::vector<std::uint32_t>{4});
+  EXPECT_EQ(receiver.streams_waiting(), std::vector{Sender::kStream});
   for (const ChunkKey& key : receiver.missing())
     EXPECT_TRUE(receiver.provide(*sender.cache.find(key)));
   const Packet p = sender.next(true);
@@ -181,7 +181,7 @@ TEST(Receiver, ABrokenPictureWaitsForAKeyFrame) {
   Packet broken = sender.next();
   broken.textures[0].data.resize(broken.textures[0].data.size() / 2);
   EXPECT_EQ(receiver.accept(broken).size(), 1u);
-  EXPECT_EQ(receiver.streams_waiting(), std::vector<std::uint32_t>{4});
+  EXPECT_EQ(receiver.streams_waiting(), std::vector{Sender::kStream});
   EXPECT_TRUE(receiver.accept(sender.next()).empty()) << "waiting is no new error";
   EXPECT_FALSE(receiver.scene());
   const Packet p = sender.next(true);
@@ -203,7 +203,7 @@ TEST(Receiver, ALayoutChangesWithAKeyFrameOnly) {
   stale.views[0].layout += 1;  // the view expects a picture that did not come
   receiver.accept(stale);
   EXPECT_FALSE(receiver.scene());
-  EXPECT_EQ(receiver.streams_waiting(), std::vector<std::uint32_t>{4});
+  EXPECT_EQ(receiver.streams_waiting(), std::vector{Sender::kStream});
 }
 
 TEST(Receiver, APictureOfAnotherSizeIsRefused) {

@@ -48,7 +48,7 @@ TEST(Viewers, ANewcomerStartsWithEverything) {
   EXPECT_TRUE(give(viewers, sender.next()).empty());
   viewers.take_chunks(*codec::decode_chunks(sender.answer(viewers.wanted(false, kStart))));
   viewers.opened(7);
-  EXPECT_EQ(viewers.wanted(false, kStart).key_frames, std::vector<std::uint32_t>{4});
+  EXPECT_EQ(viewers.wanted(false, kStart).key_frames, std::vector{StreamId{4}});
   EXPECT_TRUE(viewers.wanted(false, kStart).key_frames.empty()) << "asked a moment ago";
   EXPECT_TRUE(give(viewers, sender.next()).empty()) << "not without a key frame";
   sender.change(3);
@@ -108,7 +108,7 @@ TEST(Viewers, WhatIsKeptOfAStreamIsBounded) {
   viewers.opened(1);
   EXPECT_TRUE(viewers.wanted(false, kStart).empty());
   give(viewers, sender.next());
-  EXPECT_EQ(viewers.wanted(false, kStart).key_frames, std::vector<std::uint32_t>{4});
+  EXPECT_EQ(viewers.wanted(false, kStart).key_frames, std::vector{StreamId{4}});
   EXPECT_EQ(give(viewers, sender.next(true)).size(), 1u);
 }
 
@@ -119,7 +119,7 @@ TEST(Viewers, ALostUnitIsNotKeptOver) {
   sender.next();  // lost, and nothing follows on the stream
   viewers.opened(1);
   EXPECT_TRUE(give(viewers, sender.quiet()).empty());
-  EXPECT_EQ(viewers.wanted(false, kStart).key_frames, std::vector<std::uint32_t>{4});
+  EXPECT_EQ(viewers.wanted(false, kStart).key_frames, std::vector{StreamId{4}});
 }
 
 /// A packet of two streams: the sender's, and one that was coded once.
@@ -142,14 +142,14 @@ TEST(Viewers, AskForTheStreamThatIsLackingOnly) {
   for (std::size_t i = 0; i <= Viewers::kMaxKeptUnits; ++i)
     give(viewers, with_plate(sender.next(), false));
   viewers.opened(1);
-  EXPECT_EQ(viewers.wanted(false, kStart).key_frames, std::vector<std::uint32_t>{4});
+  EXPECT_EQ(viewers.wanted(false, kStart).key_frames, std::vector{StreamId{4}});
   const auto sent = give(viewers, with_plate(sender.next(true), false));
   ASSERT_EQ(sent.size(), 1u);
   codec::Receiver receiver({});
   EXPECT_TRUE(receiver.accept(decoded(sent[0])).empty());
   EXPECT_TRUE(receiver.scene());
   viewers.asked(1, {{StreamId{5}, StreamId{6}}, {}, {}}, kStart);
-  EXPECT_EQ(viewers.wanted(false, kStart).key_frames, std::vector<std::uint32_t>{5})
+  EXPECT_EQ(viewers.wanted(false, kStart).key_frames, std::vector{StreamId{5}})
       << "6 is no view's";
 }
 
@@ -292,10 +292,11 @@ TEST(Viewers, GiveChunksOnRequest) {
   ASSERT_TRUE(chunks);
   ASSERT_EQ(chunks->size(), 2u);
   EXPECT_EQ((*chunks)[0].key, packet.manifest[0]);
-  EXPECT_EQ(viewers.wanted(false, kStart).key_frames, std::vector<std::uint32_t>{4});
+  EXPECT_EQ(viewers.wanted(false, kStart).key_frames, std::vector{StreamId{4}});
   EXPECT_FALSE(viewers.asked(9, {}, kStart));
   const TimePoint later = kStart + Viewers::kAnswerEvery;
-  EXPECT_FALSE(viewers.asked(1, {{}, {{{{9, 9, 9}, SensorId{0}}, 0, 0}}, {}}, later)) << "unknown chunks";
+  EXPECT_FALSE(viewers.asked(1, {{}, {{{{9, 9, 9}, SensorId{0}}, 0, 0}}, {}}, later))
+      << "unknown chunks";
 }
 
 TEST(ViewerInbox, AFloodTakesNothingFromOthers) {

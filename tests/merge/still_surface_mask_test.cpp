@@ -125,7 +125,7 @@ TEST(StillSurfaceMask, TrianglesOfSeveralSensorsAreToldApart) {
   moving.sources = both.sources;
   const Mesh rest = cover.uncovered(moving);
   ASSERT_EQ(rest.triangles.size(), kAll);
-  for (const SensorId view : triangle_sensors(rest)) EXPECT_EQ(view, 0u);
+  for (const SensorId view : triangle_sensors(rest)) EXPECT_EQ(view, SensorId{0});
 }
 
 TEST(StillSurfaceMask, WhatItKnowsNothingAboutStays) {

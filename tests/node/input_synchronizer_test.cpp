@@ -263,7 +263,7 @@ TEST(InputSynchronizer, AWishForAKeyFrameGoesToWhoHasTheStream) {
   synchronizer.ask_key_frames(std::vector{StreamId{3}, StreamId{4}});
   const auto requests = synchronizer.requests(TimePoint{});
   ASSERT_EQ(requests.size(), 1u);
-  EXPECT_EQ(requests[0].second.key_frames, std::vector<std::uint32_t>{4});
+  EXPECT_EQ(requests[0].second.key_frames, std::vector{StreamId{4}});
   synchronizer.ask_key_frames();
   EXPECT_TRUE(synchronizer.requests(TimePoint{}).empty()) << "asked just now";
   EXPECT_EQ(synchronizer.requests(TimePoint{milliseconds(500)}).size(), 1u);
@@ -416,7 +416,7 @@ TEST_F(SharedSensor, AStreamGoesOverToAnotherInputWithAKeyFrame) {
   const auto requests = synchronizer.requests(now + milliseconds(60));
   ASSERT_EQ(requests.size(), 1u);
   EXPECT_EQ(requests[0].first, 1u);
-  EXPECT_EQ(requests[0].second.key_frames, std::vector<std::uint32_t>{4});
+  EXPECT_EQ(requests[0].second.key_frames, std::vector{StreamId{4}});
 
   now += milliseconds(100);
   packet = next(east_, "east", now, true);

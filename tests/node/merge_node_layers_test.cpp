@@ -70,7 +70,7 @@ TEST(MergeNodeLayers, TheRootTexturesTheRoomByPlates) {
       << "each with its plate";
   for (std::size_t i = 0; i < 4; ++i) {
     EXPECT_EQ(packet.views[i].layer, i % 2 ? Layer::still : Layer::moving);
-    EXPECT_EQ(packet.views[i].stream, i % 2);
+    EXPECT_EQ(packet.views[i].stream, StreamId{i % 2 == 1});
   }
   EXPECT_GE(plates, 1u);
   EXPECT_LT(plates, kLearnt / 2u) << "a picture that did not change is not sent again";

@@ -300,7 +300,7 @@ TEST(MergeNode, TheRestIsMergedWithoutAMissingInput) {
   const double one = test::seen_wall_m2(root.scene().sensors[0].depth_camera);
   const Packet alone = root.see(wall(), {1});
   ASSERT_EQ(alone.sources.size(), 1u);
-  EXPECT_EQ(alone.sources[0].sensor, 0u);
+  EXPECT_EQ(alone.sources[0].sensor, SensorId{0});
   EXPECT_EQ(ids_of(alone.views), std::vector<ViewId>{0});
   EXPECT_NEAR(surface_area_m2(root.surface()), one, 0.08 * one);
 
@@ -315,10 +315,10 @@ TEST(MergeNode, TheRestIsMergedWithoutAMissingInput) {
   Packet gone;
   for (int i = 0; i < 8; ++i) gone = root.see(wall(), {0});
   ASSERT_EQ(gone.sources.size(), 1u);
-  EXPECT_EQ(gone.sources[0].sensor, 1u);
+  EXPECT_EQ(gone.sources[0].sensor, SensorId{1});
   EXPECT_NEAR(surface_area_m2(root.surface()), one, 0.08 * one);
   for (const auto& chunk : root.decoded().chunks)
-    for (const ViewId view : triangle_views(chunk->mesh)) EXPECT_NE(view, 0u);
+    for (const ViewId view : triangle_views(chunk->mesh)) EXPECT_NE(view, ViewId{0});
 }
 
 TEST(MergeNode, ABrokenPacketIsRefusedAndAllIsWholeSoonAfter) {
@@ -392,11 +392,11 @@ TEST(MergeNode, TheRootComposesOneAtlas) {
     const Packet packet = root.see(wall());
     ASSERT_EQ(packet.textures.size(), 1u);
     const TextureUnit& unit = packet.textures[0];
-    EXPECT_EQ(unit.stream, 0u);
+    EXPECT_EQ(unit.stream, StreamId{0});
     EXPECT_TRUE(unit.key_frame);
     ASSERT_EQ(ids_of(packet.views), (std::vector{ViewId{0}, ViewId{1}}));
     for (const View& view : packet.views) {
-      EXPECT_EQ(view.stream, 0u);
+      EXPECT_EQ(view.stream, StreamId{0});
       EXPECT_EQ(view.layout, unit.layout);
       EXPECT_EQ(view.image_rect, (Rect{0, 0, 96, 64}));
       EXPECT_EQ(view.atlas_rect.width, 96 * scale);
@@ -439,7 +439,7 @@ TEST(MergeNode, AnInnerMergerHandsPicturesOnUntouched) {
   }
   // Triangles name who measured them, for the root to choose.
   for (const auto& chunk : west.decoded().chunks)
-    for (const ViewId view : triangle_views(chunk->mesh)) EXPECT_LT(view, 2u);
+    for (const ViewId view : triangle_views(chunk->mesh)) EXPECT_LT(view, ViewId{2});
 }
 
 TEST(MergeNode, ARootAboveAnInnerMergerShowsTheSame) {
@@ -484,7 +484,7 @@ TEST(MergeNode, AWishForAKeyFrameTravelsThroughAnInnerMerger) {
   EXPECT_TRUE(west.node.take_key_frame_wishes().empty());
   EXPECT_TRUE(west.node.answer(key_frames_of({StreamId{1}})).empty());
   const auto wishes = west.node.take_key_frame_wishes();
-  EXPECT_EQ(wishes, std::vector<std::uint32_t>{1});
+  EXPECT_EQ(wishes, std::vector{StreamId{1}});
   EXPECT_TRUE(west.node.take_key_frame_wishes().empty());
 
   west.node.inputs().ask_key_frames(wishes);

@@ -117,8 +117,8 @@ TEST(SensorNode, HeadNamesSceneSensorAndCapture) {
                                            frame.T_world_depth, scene.sensors[1].precision}));
   ASSERT_EQ(packet.views.size(), 1u);
   const View& view = packet.views[0];
-  EXPECT_EQ(view.id, 1u);
-  EXPECT_EQ(view.stream, 1u);
+  EXPECT_EQ(view.id, ViewId{1});
+  EXPECT_EQ(view.stream, StreamId{1});
   EXPECT_EQ(view.layout, 0u);
   EXPECT_EQ(view.layer, Layer::moving);
   EXPECT_EQ(view.camera(), *scene.sensors[1].color_camera);
@@ -464,7 +464,7 @@ TEST(SensorNodeLayers, TheRoomIsSentOnceAndThenOnlyWhatMoves) {
     EXPECT_EQ(chunk->key.id.source, 0u);
     EXPECT_GE(chunk->error_m, 0);
     EXPECT_LT(chunk->error_m, sensor.scene().voxel_m);
-    for (const ViewId view : triangle_views(chunk->mesh)) EXPECT_EQ(view, 0u);
+    for (const ViewId view : triangle_views(chunk->mesh)) EXPECT_EQ(view, ViewId{0});
   }
 
   const Packet moving = sensor.see(wall_and_box());

@@ -409,7 +409,7 @@ TEST(Layers, WhoJoinsLateOrLosesPacketsHasTheSameScene) {
       EXPECT_EQ(scene->chunks[i]->mesh, wanted->chunks[i]->mesh);
     }
     for (const auto& [stream, picture] : wanted->textures)
-      EXPECT_EQ(*scene->textures.at(stream) == *picture, true) << "stream " << stream;
+      EXPECT_EQ(*scene->textures.at(stream) == *picture, true) << "stream " << number_of(stream);
   }
 }
 

@@ -541,7 +541,7 @@ TEST_F(LockstepSceneFromFiles, SensorWithoutColourIsTexturedByTheOther) {
   EXPECT_EQ(pipeline->decoded()->views.size(), 1u);
   const Mesh mesh = whole(*pipeline->decoded());
   const auto views = triangle_views(mesh);
-  EXPECT_GT(std::count(views.begin(), views.end(), 0u), 0);
+  EXPECT_GT(std::count(views.begin(), views.end(), ViewId{0}), 0);
   EXPECT_GT(std::count(views.begin(), views.end(), kNoView), 0);
 }
 

@@ -106,7 +106,7 @@ TEST(Registration, TheColourViewStandsBesideTheDepthCamera) {
   Pose T_world_depth = look_at({1, 2, 3}, {0, 0, 0}, {0, 0, 1});
   const auto view = Registration(bent_sensor(), SensorId{7}).color_view(T_world_depth);
   ASSERT_TRUE(view);
-  EXPECT_EQ(view->id, 7u);
+  EXPECT_EQ(view->id, ViewId{7});
   EXPECT_EQ(view->kind, View::Kind::pinhole);
   EXPECT_EQ(view->image_rect, (Rect{0, 0, 200, 120}));
   EXPECT_EQ(view->atlas_rect, view->image_rect);

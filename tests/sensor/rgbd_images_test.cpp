@@ -78,7 +78,7 @@ TEST(RgbdImages, ReadsPngJpegAndPgm) {
   EXPECT_FLOAT_EQ(*a.depth.at(3, 0), counts.data[3] * 0.001f);
   EXPECT_EQ(b.color, color);
   EXPECT_EQ(a.color.width, kColorWidth);
-  EXPECT_EQ(a.sensor, 3u);
+  EXPECT_EQ(a.sensor, SensorId{3});
   EXPECT_EQ(a.index, 0u);
   EXPECT_EQ(b.index, 1u);
   EXPECT_EQ(b.exposure_start, TimePoint(std::chrono::milliseconds(100)));

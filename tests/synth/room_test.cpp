@@ -84,7 +84,7 @@ TEST(Room, SameSeedSameBytesOnAnyNumberOfThreads) {
   EXPECT_EQ(frames[0].color, frames[1].color);
   EXPECT_NE(frames[0].depth, frames[1].depth);  // the noise is new in every frame
   EXPECT_EQ(frames[1].index, 1u);
-  EXPECT_EQ(frames[1].sensor, 1u);
+  EXPECT_EQ(frames[1].sensor, SensorId{1});
 }
 
 TEST(Room, AnotherSeedIsAnotherRoom) {

@@ -26,10 +26,10 @@ using ViewRun = Run<ViewId>;
 /// chooses views, who measured them, then what textures them. Runs are sorted by label and cover
 /// [0, T).
 struct Mesh {
-  std::vector<Vec3f> positions;     ///< [V] metres, world frame
-  std::vector<Triangle> triangles;  ///< [T] counter-clockwise seen from outside
-  std::vector<SensorRun> sensors;   ///< which sensor measured a triangle; empty: not told
-  std::vector<ViewRun> views;       ///< which view textures a triangle; empty: not chosen
+  std::vector<Vec3f> positions;      ///< [V] metres, world frame
+  std::vector<Triangle> triangles;   ///< [T] counter-clockwise seen from outside
+  std::vector<SensorRun> sensors{};  ///< which sensor measured a triangle; empty: not told
+  std::vector<ViewRun> views{};      ///< which view textures a triangle; empty: not chosen
 
   bool empty() const { return triangles.empty(); }
   friend bool operator==(const Mesh&, const Mesh&) = default;
