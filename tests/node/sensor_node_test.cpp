@@ -190,7 +190,7 @@ TEST(SensorNode, ChunksAreCutByCubeAndNameTheSensor) {
   EXPECT_TRUE(std::ranges::is_sorted(packet.manifest));
   EXPECT_EQ(keys_of(packet.chunks), packet.manifest);
   for (const auto& chunk : sensor.chunks()) {
-    EXPECT_EQ(chunk->key.id.source, 1u);
+    EXPECT_EQ(chunk->key.id.source, SensorId{1});
     EXPECT_EQ(chunk->key.id.layer, Layer::moving);
     EXPECT_EQ(chunk->key.level, 0u);
     EXPECT_GE(chunk->error_m, 0);
@@ -300,7 +300,7 @@ TEST(SensorNode, PicturesHaveTheColourCamerasSizeMadeEven) {
   const TextureUnit& unit = packet.textures[0];
   EXPECT_EQ(unit.width, 96);
   EXPECT_EQ(unit.height, 64);
-  EXPECT_EQ(unit.stream, 0u);
+  EXPECT_EQ(unit.stream, StreamId{0});
   EXPECT_EQ(unit.layout, packet.views.at(0).layout);
   EXPECT_EQ(packet.views[0].width, 95);
   EXPECT_EQ(packet.views[0].height, 63);
@@ -461,7 +461,7 @@ TEST(SensorNodeLayers, TheRoomIsSentOnceAndThenOnlyWhatMoves) {
   without.see(wall());
   EXPECT_NEAR(surface_area_m2(sensor.surface()), surface_area_m2(without.surface()), 0.05);
   for (const auto& chunk : sensor.chunks()) {
-    EXPECT_EQ(chunk->key.id.source, 0u);
+    EXPECT_EQ(chunk->key.id.source, SensorId{0});
     EXPECT_GE(chunk->error_m, 0);
     EXPECT_LT(chunk->error_m, sensor.scene().voxel_m);
     for (const ViewId view : triangle_views(chunk->mesh)) EXPECT_EQ(view, ViewId{0});
