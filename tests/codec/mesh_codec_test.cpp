@@ -122,7 +122,7 @@ TEST(MeshCodec, GeometryAndWindingSurviveAtEverySpeed) {
   const Mesh mesh = surface(30);
   for (int speed = 0; speed <= 10; ++speed) {
     const EncodedChunk chunk = encoded(mesh, speed);
-    EXPECT_EQ(chunk.views, std::vector<ViewId>{3});
+    EXPECT_EQ(chunk.views, std::vector{ViewId{3}});
     const auto back = decode_chunk(chunk, {});
     ASSERT_TRUE(back) << back.error().message;
     EXPECT_EQ(back->key, chunk.key);

@@ -301,7 +301,7 @@ TEST(MergeNode, TheRestIsMergedWithoutAMissingInput) {
   const Packet alone = root.see(wall(), {1});
   ASSERT_EQ(alone.sources.size(), 1u);
   EXPECT_EQ(alone.sources[0].sensor, SensorId{0});
-  EXPECT_EQ(ids_of(alone.views), std::vector<ViewId>{0});
+  EXPECT_EQ(ids_of(alone.views), std::vector{ViewId{0}});
   EXPECT_NEAR(surface_area_m2(root.surface()), one, 0.08 * one);
 
   const Packet both = root.see(wall());
