@@ -5,7 +5,7 @@
 #include <nlohmann/json.hpp>
 
 #include "mr/core/trace.h"
-#include "mr/gateway/front_door.h"
+#include "mr/gateway/access_policy.h"
 #include "mr/node/coalesce_packets.h"
 #include "mr/node/merge_task.h"
 #include "mr/node/sensor_task.h"
@@ -167,17 +167,17 @@ Status LiveScene::start_gateway() {
   const GatewayConfig config = scene_->gateway.value_or(GatewayConfig{});
   const node::NodeLog log = log_of(kGateway);
   const auto& state = options_.state_folder;
-  auto door = gateway::FrontDoor::open(config, state.empty() ? "" : state / scene_->id);
-  if (!door) return door.error();
-  for (const std::string& notice : door->notices) log.tell(notice);
+  auto policy = gateway::AccessPolicy::open(config, state.empty() ? "" : state / scene_->id);
+  if (!policy) return policy.error();
+  for (const std::string& notice : policy->notices) log.tell(notice);
   auto task = std::make_unique<gateway::Gateway>(
       *scene_, log,
-      gateway::Gateway::Options{.tokens = std::move(door->tokens),
+      gateway::Gateway::Options{.tokens = std::move(policy->tokens),
                                 .expects_root = !is_whole(),
                                 .has_ended = [this] { return ended_ >= scene_->sensors.size(); }});
   const auto monitor = std::make_shared<Monitor>([this] { return figures(); });
   auto web = net::WebServer::listen(
-      gateway::web_config(config, *door, options_.page),
+      gateway::web_config(config, *policy, options_.page),
       [monitor, gateway = task.get()](const std::string& path, const net::Visitor& visitor) {
         return monitor->page(path, gateway->may_look(visitor, node::wall_time()));
       });
