@@ -19,7 +19,8 @@ struct Column {
 /// To so many digits after the point: rows are read by people, too.
 double rounded(double value, int digits);
 
-/// What `mr-bench STAGE` found (DESIGN section 7).
+/// The results of `mr-bench STAGE`. Programs outside the repository read them: the JSON keys are
+/// stable.
 struct Report {
   std::string stage;
   Message input = Message::object();  ///< per case: what was measured on

@@ -12,7 +12,7 @@
 namespace mr::atlas {
 
 /// A clean plate (the film term; a background picture): one camera's picture of a room without what
-/// moves in it (DESIGN section 9, "Colour"). It textures the still surface. It changes block by
+/// moves in it (docs/layers.md, Colour). It textures the still surface. It changes block by
 /// block, only where the room did, so that a video of it costs almost no bits. One per colour view.
 /// Deterministic on any number of threads.
 ///

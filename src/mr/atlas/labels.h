@@ -29,15 +29,14 @@ struct LabelConfig {
   std::map<ViewId, TileMask> valid{};
 };
 
-/// View selection: chooses the view that textures each triangle (paper 3.3; DESIGN section 4,
-/// "Texturing by projection"). A view is usable if all corners lie beyond its near plane and inside
-/// image_rect minus the gutter, the triangle faces it, at least 90 % of the triangle is visible in
-/// its depth buffer (a panorama: of its cube faces), with a margin around occluders, and all its
-/// pixels are valid. A triangle across an occlusion edge, the border of valid pixels or a
-/// panorama's seam is split; what is too small to split gets the view that sees most of it, or
-/// none, and never one without valid pixels. best_angle chooses the most frontal view; coherent
-/// prefers the neighbours' view where angles allow. Returns the mesh with runs; new vertices may
-/// lie off the lattice.
+/// View selection: chooses the view that textures each triangle (paper 3.3). A view is usable if
+/// all corners lie beyond its near plane and inside image_rect minus the gutter, the triangle faces
+/// it, at least 90 % of the triangle is visible in its depth buffer (a panorama: of its cube
+/// faces), with a margin around occluders, and all its pixels are valid. A triangle across an
+/// occlusion edge, the border of valid pixels or a panorama's seam is split; what is too small to
+/// split gets the view that sees most of it, or none, and never one without valid pixels.
+/// best_angle chooses the most frontal view; coherent prefers the neighbours' view where angles
+/// allow. Returns the mesh with runs; new vertices may lie off the lattice.
 Mesh label_triangles(const Mesh& mesh, std::span<const View> views, const LabelConfig& config);
 
 /// A surface while its triangles are split and labelled.

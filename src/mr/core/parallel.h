@@ -6,8 +6,8 @@
 
 namespace mr {
 
-/// The threads that the app gives to the pipeline. parallel_for inside run() uses them; library
-/// settings stay untouched (DESIGN section 5).
+/// A TBB task arena: the threads that the app gives to the pipeline. parallel_for inside run() uses
+/// them. TBB's global settings are not changed.
 class Arena {
  public:
   /// `threads`: 0 = all cores.

@@ -10,10 +10,10 @@
 
 namespace mr {
 
-/// A picture that textures triangles by projection (DESIGN section 4, "Texturing by projection").
-/// Colour is undistorted before it is coded, so clients know these two kinds only. A sensor may
-/// have two views: its live picture textures chunks of the layer `moving`, its plate (the room as
-/// it looks without those who move) those of the layer `still`.
+/// A picture that textures triangles by projection (docs/conventions.md): a pinhole or an
+/// equirectangular one. Colour is undistorted before it is coded, so clients know these two kinds
+/// only. A sensor may have two views: its live picture textures chunks of the layer `moving`, its
+/// plate (the room as it looks without those who move) those of the layer `still`.
 struct View {
   enum class Kind : std::uint8_t { pinhole, equirectangular };
 

@@ -12,7 +12,7 @@
 
 namespace mr::eval {
 
-/// How the still surface of a synthetic scene is measured (DESIGN section 9).
+/// How the still surface of a synthetic scene is measured (docs/evaluation.md, Still surface).
 struct StillErrorConfig {
   int captures = 100;  ///< processed before; a stateless pipeline skips them
   int pairs = 10;      ///< of consecutive captures whose pictures are compared
@@ -24,7 +24,7 @@ struct StillErrorConfig {
   std::function<void(const std::string& message)> notice{};  ///< one line
 };
 
-/// `eval still` (DESIGN section 7).
+/// The figures that `eval still` prints.
 struct StillError {
   std::string scene;
   bool layers = false;

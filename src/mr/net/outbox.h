@@ -15,9 +15,9 @@ namespace mr::net {
 /// Bytes that many receivers may share.
 using Message = std::shared_ptr<const std::vector<std::byte>>;
 
-/// Coalesces messages that wait for one slow receiver into a single one (DESIGN section 4, Queues).
-/// Its argument is oldest first and never empty. Null: they cannot be coalesced and are lost.
-/// Called from several threads at once; must not throw.
+/// Folds the messages that wait for one slow receiver into a single one (docs/wire-format.md,
+/// Folded packets). Its argument is oldest first and never empty. Null: they cannot be coalesced
+/// and are lost. Called from several threads at once; must not throw.
 using Coalesce = std::function<Message(std::span<const Message>)>;
 
 struct OutboxLimits {

@@ -18,7 +18,7 @@
 
 namespace mr::node {
 
-/// The root's pictures (paper 3.3; DESIGN section 9, Colour): one atlas of what moves, stream 0,
+/// The root's pictures (paper 3.3; docs/layers.md, Colour): one atlas of what moves, stream 0,
 /// with a tile for each view; and where there is a still surface one of plates, stream 1. Beside
 /// plates a live tile shows only a window of its view. A picture that did not change is not coded
 /// again.

@@ -38,7 +38,7 @@ struct ShownStill {
 atlas::LabelConfig label_config(const Scene& scene, const std::vector<SourceInfo>& sources,
                                 float error_m);
 
-/// Makes one still surface of all inputs' (DESIGN section 9, The merger): merged around what
+/// Makes one still surface of all inputs' (docs/layers.md, The merger): merged around what
 /// changed, without what was carried away, and at the root textured by plates. It counts ticks and
 /// never looks at a clock. Not thread-safe: it may work on another thread than its owner's, who
 /// asks nothing meanwhile.

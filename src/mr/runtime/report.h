@@ -10,7 +10,8 @@
 
 namespace mr::runtime {
 
-/// What `meshreduce run --report` writes (DESIGN section 7).
+/// The JSON report that `meshreduce run --report` writes. Programs outside the repository read it:
+/// its keys are stable.
 struct RunReport {
   std::string scene;
   std::string preset;   ///< of preset_of()

@@ -30,13 +30,13 @@ struct BackgroundUpdate {
   bool was_reset = false;      ///< most of the model is wrong: the camera was moved
 };
 
-/// Background subtraction for the depth pictures of a static sensor (DESIGN section 9). The
+/// Background subtraction for the depth pictures of a static sensor (docs/layers.md). The
 /// background model holds for each pixel the depth of the surface that stays, learnt from captures
 /// that agree, and of an object that stopped in front of it ("absorbed" into the background). It
 /// counts captures and never reads a clock, so the same captures give the same bytes. It needs
 /// every capture, also those that are not reconstructed. The states of a pixel:
 ///
-///   unknown ──8 captures agree (the start; just uncovered), 60 or after_s else──▶ base
+///   unknown ──8 captures agree (the first 40 captures; just uncovered), 60 otherwise──▶ base
 ///   base ──5 farther captures agree, 30 pixels together──▶ unknown, and learnt anew
 ///   base ──nearer for after_s──▶ absorbed in front of it ──moves again──▶ base
 ///   unknown ──16 captures without a reading, nothing moves──▶ blank: as if infinitely far

@@ -6,7 +6,7 @@
 
 namespace mr::still {
 
-/// The moving regions of a depth picture (DESIGN section 9), by hysteresis thresholding: connected
+/// The moving regions of a depth picture (docs/layers.md), by hysteresis thresholding: connected
 /// components of `strong` pixels that are large enough, weak pixels beside them, and pixels without
 /// depth that touch either. Scattered pixels are noise and do not count.
 ///   strong    clearly nearer than the background, or the background is unknown

@@ -7,11 +7,11 @@
 
 namespace mr::still {
 
-/// The scene's two layers (DESIGN section 9): the still surface is kept, the moving one is
+/// The scene's two layers (docs/layers.md): the still surface is kept, the moving one is
 /// reconstructed from every capture.
 struct StillConfig {
   bool layers = true;  ///< false: everything is reconstructed from every capture
-  double after_s = 5;  ///< what stopped moving becomes background after so long
+  double after_s = 5;  ///< seconds after which an object that stopped becomes background
 
   static constexpr Range kAfter_s{0.5, 3600};
   /// What is impossible in it, a line each.
