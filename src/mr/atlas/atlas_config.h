@@ -14,7 +14,7 @@ struct AtlasConfig {
   int width = 4096, height = 2304;  ///< the atlas is at most this large
 
   static constexpr Range kSize{16, 8192};  // pixels
-  /// What is impossible in it, a line each.
+  /// The invalid fields, one line each; empty: valid.
   std::vector<std::string> problems() const {
     return out_of_range({{"size", width, kSize}, {"size", height, kSize}});
   }

@@ -15,7 +15,7 @@ struct CodingConfig {
   int frame_divider = 1;       ///< baselines: every n-th capture is sent
 
   static constexpr Range kTextureScale{0, 1, true}, kQp{0, 51}, kFrameDivider{1, 30};
-  /// What is impossible in it, a line each.
+  /// The invalid fields, one line each; empty: valid.
   std::vector<std::string> problems() const {
     return out_of_range({{"texture_scale", texture_scale, kTextureScale},
                          {"texture_qp", texture_qp, kQp},

@@ -18,7 +18,7 @@ struct CleanConfig {
   bool smooth_depth = true;  ///< average out sensor noise
 
   static constexpr Range kSpeckle_px{0, 1'000'000}, kFill_px{0, 7};
-  /// What is impossible in it, a line each.
+  /// The invalid fields, one line each; empty: valid.
   std::vector<std::string> problems() const {
     return out_of_range({{"speckle_px", speckle_px, kSpeckle_px}, {"fill_px", fill_px, kFill_px}});
   }
@@ -34,7 +34,7 @@ struct FusionConfig {
 
   static constexpr Range kChunk_m{0, 100, true}, kTruncation_m{0, 1, true}, kPatches{1, 16};
   static constexpr int kLeastChunkVoxels = 8, kLeastTruncationVoxels = 2;
-  /// What is impossible in it, a line each.
+  /// The invalid fields, one line each; empty: valid.
   std::vector<std::string> problems() const;
   /// The same with voxels of so many metres, which chunks and the band must hold several of.
   std::vector<std::string> problems(double voxel_m) const;

@@ -19,7 +19,7 @@ struct NatsConfig {
   std::filesystem::path nkey_seed = {};    ///< file with its seed
   std::filesystem::path credentials = {};  ///< file of a JWT and its seed; instead of an NKey
 
-  /// What is impossible in it, a line each.
+  /// The invalid fields, one line each; empty: valid.
   std::vector<std::string> problems() const;
   /// Whether a text looks like the public NKey of a user.
   static bool is_user_nkey(std::string_view text);
@@ -32,7 +32,7 @@ struct NetworkConfig {
   std::map<std::string, std::string> tcp;  ///< node → host:port; empty: no TCP
   SecretSource tcp_secret;                 ///< of all nodes that TCP joins; empty: none
 
-  /// What is impossible in it, a line each.
+  /// The invalid fields, one line each; empty: valid.
   std::vector<std::string> problems() const;
   friend bool operator==(const NetworkConfig&, const NetworkConfig&) = default;
 };

@@ -26,7 +26,7 @@ struct RgbdImagesSource {
   bool loop = false;                         ///< start again after the last
 
   static constexpr Range kDepthUnit_m{0, 1, true};
-  /// What is impossible in it, a line each.
+  /// The invalid fields, one line each; empty: valid.
   std::vector<std::string> problems() const {
     return out_of_range({{"depth_unit_m", depth_unit_m, kDepthUnit_m}});
   }

@@ -14,7 +14,7 @@ struct StillConfig {
   double after_s = 5;  ///< seconds after which an object that stopped becomes background
 
   static constexpr Range kAfter_s{0.5, 3600};
-  /// What is impossible in it, a line each.
+  /// The invalid fields, one line each; empty: valid.
   std::vector<std::string> problems() const {
     return out_of_range({{"after_s", after_s, kAfter_s}});
   }

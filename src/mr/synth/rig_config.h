@@ -38,7 +38,7 @@ struct RigEvent {
   static constexpr Range kAt{0, 1'000'000}, kFrames{1, 1'000'000}, kPlace_m{-25, 25},
       kBy_m{0.05, 5}, kBy_mm{0, 1000}, kBy_deg{0, 90}, kLevel{0, 1}, kStops{-4, 4},
       kPeriod_s{0.1, 3600};
-  /// What is impossible in it, a line each.
+  /// The invalid fields, one line each; empty: valid.
   std::vector<std::string> problems() const;
   friend bool operator==(const RigEvent&, const RigEvent&) = default;
 };
@@ -79,7 +79,7 @@ struct RigConfig {
       kColor{16, 8192}, kDepthNoise{0, 100}, kDepthNoise_px{0, 16}, kColorNoise{0, 64},
       kExposure{0, 4}, kExposurePeriod_s{0.1, 36'000}, kCalibError_mm{0, 1000},
       kCalibError_deg{0, 90}, kClockOffset_ms{0, 10'000}, kDetail{0, 1}, kFrames{1, 1'000'000};
-  /// What is impossible in it, a line each.
+  /// The invalid fields, one line each; empty: valid.
   std::vector<std::string> problems() const;
   /// The ids of its sensors, in order.
   std::vector<std::string> sensor_ids() const;
