@@ -9,13 +9,13 @@ namespace mr::fusion {
 
 enum class Decomposition { none, chunks, patches };
 
-/// What is done to a sensor's depth before fusion (fusion/clean_depth.h). In a scene file these are
+/// Filtering of a sensor's depth before fusion (fusion/clean_depth.h). In a scene file these are
 /// keys of `fusion`.
 struct CleanConfig {
-  bool mixed_pixels = true;  ///< drop what hangs between two surfaces at a depth edge
-  int speckle_px = 8;        ///< drop regions of fewer pixels; 0 or 1: none
-  int fill_px = 2;           ///< close gaps of up to so many pixels inside a surface, 0 (off) .. 7
-  bool smooth_depth = true;  ///< average out sensor noise
+  bool mixed_pixels = true;  ///< remove mixed (flying) pixels at depth edges
+  int speckle_px = 8;        ///< remove regions of fewer pixels; 0 or 1: off
+  int fill_px = 2;           ///< fill gaps of at most this many pixels inside a surface; 0: off
+  bool smooth_depth = true;  ///< bilateral filter against sensor noise
 
   static constexpr Range kSpeckle_px{0, 1'000'000}, kFill_px{0, 7};
   /// The invalid fields, one line each; empty: valid.
@@ -36,7 +36,7 @@ struct FusionConfig {
   static constexpr int kLeastChunkVoxels = 8, kLeastTruncationVoxels = 2;
   /// The invalid fields, one line each; empty: valid.
   std::vector<std::string> problems() const;
-  /// The same with voxels of so many metres, which chunks and the band must hold several of.
+  /// The same; also checks that chunks and the band span enough voxels of this edge.
   std::vector<std::string> problems(double voxel_m) const;
   friend bool operator==(const FusionConfig&, const FusionConfig&) = default;
 };
