@@ -10,10 +10,10 @@
 
 namespace mr::net {
 
-/// The NATS server that joins nodes, and who a node is to it. Files are read when a node connects.
+/// The NATS server that connects nodes, and a node's identity. Files are read when a node connects.
 struct NatsConfig {
   std::string url = {};  ///< "nats://host:port" or "tls://…", several after commas; empty: no NATS
-  std::filesystem::path ca = {};  ///< whose certificates are trusted; empty: the system's
+  std::filesystem::path ca = {};  ///< trusted certificate authorities; empty: the system's
   std::filesystem::path certificate = {}, key = {};  ///< of this node, PEM; both or none
   std::string nkey = {};                   ///< public NKey of this node, "U…"; empty: none
   std::filesystem::path nkey_seed = {};    ///< file with its seed
@@ -30,7 +30,7 @@ struct NatsConfig {
 struct NetworkConfig {
   NatsConfig nats;
   std::map<std::string, std::string> tcp;  ///< node → host:port; empty: no TCP
-  SecretSource tcp_secret;                 ///< of all nodes that TCP joins; empty: none
+  SecretSource tcp_secret;                 ///< shared by all nodes; empty: none
 
   /// The invalid fields, one line each; empty: valid.
   std::vector<std::string> problems() const;
