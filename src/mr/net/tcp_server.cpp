@@ -100,8 +100,7 @@ class TcpSession : public std::enable_shared_from_this<TcpSession> {
   }
 
   Status received(Frame frame) {
-    if (frame.kind ==
-        FrameKind::duplicate) {  // from a program that could not listen on this address
+    if (frame.kind == FrameKind::duplicate) {  // its sender could not listen on this address
       server_.on_duplicate_node(
           {reinterpret_cast<const char*>(frame.payload.data()), frame.payload.size()});
       return {};
