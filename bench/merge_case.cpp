@@ -253,7 +253,8 @@ Vec3f middle_of(const kit::Part& part) {
   return sum / static_cast<float>(std::max<std::size_t>(part.mesh.positions.size(), 1));
 }
 
-/// In strips across the room, and along each: groups of 20 in a row look at about the same.
+/// Sorts sensors in strips across the room and along each strip, so that groups of 20 consecutive
+/// ones have similar views.
 void put_neighbours_together(std::vector<kit::Part>& parts) {
   const double groups = static_cast<double>(parts.size()) / kSensorsOfARoom;
   const auto strips = static_cast<std::size_t>(std::max(1.0, std::round(std::sqrt(groups))));
@@ -334,7 +335,7 @@ Result<MergeCase> load_merge_case(const std::string& name) {
 Result<MergeCase> load_merge_scene(const std::filesystem::path& scene_file) {
   MergeCase out;
   out.name = scene_file.stem().string();
-  const Scene stated = load_scene(scene_file).scene;  // the child tells what is wrong with it
+  const Scene stated = load_scene(scene_file).scene;  // the child reports its problems
   out.voxel_m = stated.voxel_m, out.config = stated.merge;
   auto parts = load_parts([&] {
     const Scene scene = load_or_throw(scene_file);

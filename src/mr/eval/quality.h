@@ -103,7 +103,7 @@ Result<QualityReport> measure_quality(const Trial& trial, const MultiViewSsim& m
                                       const QualityConfig& config,
                                       std::vector<ImageRgb>* pictures = nullptr);
 
-/// The file of a scene's viewpoints, and the key that tells for which scene they were planned.
+/// The file of a scene's viewpoints, and the key of the scene for which they were planned.
 std::filesystem::path viewpoints_file(const Scene& scene);
 std::string viewpoints_key(const Scene& scene);
 

@@ -60,8 +60,8 @@ Result<StillError> still_error(const Scene& scene, const std::vector<render::Vie
 std::vector<std::uint8_t> still_triangles(const Mesh& surface, const Mesh& other);
 
 /// For each triangle of a truth's surface whether it lies in a plane with at least a square metre
-/// of it: walls, floors, large table tops. What lies on shelves and desks says more about the voxel
-/// than about noise.
+/// of it: walls, floors, large table tops. On clutter, such as shelves and desks, the
+/// error depends more on the voxel size than on noise.
 std::vector<std::uint8_t> wall_triangles(const Mesh& surface);
 
 std::string to_json(const StillError& error);

@@ -13,7 +13,7 @@
 namespace mr::kit {
 namespace {
 
-constexpr std::size_t kGrain = 8192;  // vertices that are looked at together
+constexpr std::size_t kGrain = 8192;  // vertices per parallel task
 
 std::uint64_t edge_key(std::uint32_t a, std::uint32_t b) {
   return (static_cast<std::uint64_t>(std::min(a, b)) << 32) | std::max(a, b);

@@ -99,7 +99,7 @@ struct Scene {
   static constexpr std::array<const char*, 5> kPipelines{"meshreduce", "holoportation",
                                                          "holoportation++", "points", "rgbd"};
   /// The invalid fields, one line each; empty: valid that names the key ("fusion.chunk_m must be
-  /// …"); empty where it can be run. Files, the tree's shape and ids are looked at by load_scene()
+  /// …"); empty: it can be run. Files, the tree's shape and ids are checked by load_scene()
   /// alone.
   std::vector<std::string> problems() const;
   friend bool operator==(const Scene&, const Scene&) = default;

@@ -32,7 +32,7 @@ struct RgbdImagesSource {
   }
   SourceContent content() const { return {depth.size(), loop}; }
   std::vector<std::filesystem::path> files() const;
-  /// What a wrong unit looks like: no median of a room.
+  /// A hint at a wrong unit of depth, if the median is implausible for a room.
   std::optional<std::string> depth_hint(double median_m) const;
   friend bool operator==(const RgbdImagesSource&, const RgbdImagesSource&) = default;
 };
