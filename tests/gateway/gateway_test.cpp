@@ -171,7 +171,8 @@ TEST_F(GatewayTest, ReplayedPacketsDoNotReachViewers) {
   }
 }
 
-/// What is taken for the newest though it is none is overcome.
+/// A forged packet with a higher sequence is accepted; the real stream is accepted again soon
+/// after.
 TEST_F(GatewayTest, AForgedPacketWithinReachIsOvercomeWithinTwoSeconds) {
   start();
   WebViewer viewer(port());

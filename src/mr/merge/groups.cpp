@@ -14,11 +14,11 @@
 namespace mr::merge {
 namespace {
 
-constexpr std::size_t kFew = 6;       // meshes: merging them in one group costs less than grouping
+constexpr std::size_t kFew = 6;       // up to so many meshes are one group without a search
 constexpr double kCell_reaches = 3;   // so that a point within reach of a piece of a triangle
 constexpr float kPiece_cells = 0.5f;  // lies at most in the cell next to the piece's centre
-constexpr float kMostPieces =
-    64;  // of an edge; a mesh with a larger triangle is joined with all meshes near it
+// Of an edge; a mesh with a larger triangle is joined with all meshes near it.
+constexpr float kMostPieces = 64;
 constexpr std::size_t kEvery = 4;  // in the first pass, every kEvery-th vertex is tested
 
 using Cells = std::vector<Vec3i>;

@@ -59,7 +59,7 @@ struct Limit {
 class Histogram {
  public:
   void add(float cost) { ++count_[std::bit_cast<std::uint32_t>(cost) >> kShift]; }
-  /// The limit under which `wanted` of them lie.
+  /// The cost limit below which `wanted` of the costs lie.
   Limit limit(double wanted) const {
     double under = 0;
     for (std::uint32_t bin = 0; bin < kBins; ++bin) {
@@ -152,7 +152,7 @@ bool take_cheapest(std::size_t most, const StopCriteria& goal, DeadlineClock& cl
                     candidates.end());
   candidates.resize(most);
   bool any = false;
-  float enough = kNever;  // what costs more waits until what was blocked has been tried once more
+  float enough = kNever;  // costlier vertices wait until blocked ones are retried
   EdgeCollapser collapser(mesh);
   for (const Candidate& candidate : candidates) {
     if (mesh.triangles <= goal.triangles || clock.is_over()) return true;
