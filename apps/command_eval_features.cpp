@@ -212,7 +212,7 @@ Status write(const FeatureOptions& options, const std::vector<SceneRow>& rows) {
 
 // ------------------------------------------------------------------------------------ the command
 
-/// All scenes, ready to read; tells what is wrong with them and gives nothing where anything is.
+/// Loads all scenes; prints their problems; nothing if there is any problem.
 std::optional<std::vector<Scene>> load_all(const FeatureOptions& options) {
   std::vector<Scene> scenes;
   for (const auto& file : options.scenes) {

@@ -79,7 +79,7 @@ Json fit_as_json(const eval::SceneCheck& check) {
           {"pairs", std::move(pairs)}};
 }
 
-/// `check`: nothing where no pictures were looked at.
+/// `check`: nothing if no pictures were checked.
 Json as_json(const Scene& scene, const std::optional<eval::SceneCheck>& check) {
   Json out{{"scene", scene.id},
            {"fps", scene.fps},
@@ -107,7 +107,7 @@ std::string sensor_as_text(const SensorConfig& s) {
 }
 
 std::string pictures_as_text(const eval::SensorCheck& c) {
-  if (!c.problem.empty()) return {};  // told on stderr
+  if (!c.problem.empty()) return {};  // printed on stderr
   std::string out = fmt::format(
       "    first pictures: depth {}x{}, {:.0f} % valid, {:.2f} to {:.2f} m, median {:.2f} m; "
       "color {}\n",
@@ -150,7 +150,7 @@ std::string as_text(const Scene& scene, const std::optional<eval::SceneCheck>& c
   return out + (check ? fit_as_text(*check) : "");
 }
 
-/// Exit code 1 when a picture cannot be read; each is told.
+/// Prints each sensor whose picture cannot be read; returns exit code 1 if there is one.
 int tell_unreadable(const eval::SceneCheck& check) {
   int code = 0;
   for (const eval::SensorCheck& sensor : check.sensors)

@@ -93,7 +93,8 @@ void show_progress(int done, int of) {
   std::fflush(stderr);
 }
 
-/// Whether OUT seems to be meant as the kind of the room: a bare word that is one, and no folder.
+/// Whether OUT was probably meant as the kind of the room: it names a kind and is no existing
+/// folder.
 bool is_kind_for_folder(const SynthOptions& options) {
   return !options.has_kind && kKinds.contains(options.folder.string()) &&
          !std::filesystem::exists(options.folder);

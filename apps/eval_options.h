@@ -12,7 +12,7 @@
 #include "mr/eval/quality.h"
 #include "mr/scene/scene.h"
 
-/// What the commands under `eval` share.
+/// Shared by the commands under `eval`.
 namespace mr::apps {
 
 struct EvalOptions {
@@ -25,13 +25,13 @@ struct EvalOptions {
 /// --reference, --moments, --burst, --threads, --json and --set.
 void add_eval_options(CLI::App& command, EvalOptions& options);
 
-/// Whether a pipeline sends what it would be compared with: it must not be ranked then.
+/// Whether a pipeline transmits the reference itself: it must not be ranked then.
 bool is_reference(const std::string& pipeline, eval::ReferenceKind reference);
 
-/// A number between two, and not NaN.
+/// Validates a number: between `low` and `high`, not NaN.
 CLI::Validator between(double low, double high);
 
-/// The measurement that the options ask for; `bar` must outlive it.
+/// The measurement's configuration from the options; `bar` must outlive it.
 eval::QualityConfig quality_config(const EvalOptions& options, cli::ProgressBar& bar);
 
 /// Runs `work` with the threads of the options, else of the scene.
@@ -40,7 +40,7 @@ void in_arena(const EvalOptions& options, const Scene& scene, const std::functio
 /// Writes several files, or none of them. Files without a name are left out.
 Status write_all(const std::vector<std::pair<std::filesystem::path, std::string>>& files);
 
-/// Loads and prepares a scene for measuring; tells what is wrong with its file.
+/// Loads and prepares a scene for measuring; prints the problems of its file.
 std::optional<Scene> load_for_eval(const std::filesystem::path& file,
                                    const std::vector<std::string>& set);
 

@@ -21,8 +21,8 @@
 namespace mr::apps {
 namespace {
 
-/// Lines for people, with time, level and node, and on a terminal one status line below them that
-/// is written over. Lines that are alike but for numbers are told once in ten seconds.
+/// Log lines with time, level and node, and on a terminal one status line below them, which is
+/// overwritten. Lines that differ only in numbers are printed once in ten seconds.
 class Console {
  public:
   Console() : sink_(std::make_shared<spdlog::sinks::stderr_color_sink_mt>()) {

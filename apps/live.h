@@ -8,14 +8,14 @@
 
 namespace mr::apps {
 
-/// How a command runs a scene live.
+/// Options of running a scene live.
 struct LiveRun {
   std::vector<std::string> nodes;  ///< empty: the whole scene
   std::string listen;              ///< of the gateway; empty: as the scene says
   std::filesystem::path page;      ///< of the built viewer; empty: beside this program
   std::filesystem::path report;    ///< written at the end; empty: none
   std::string metrics;             ///< host:port of /metrics beside the gateway's; empty: none
-  double seconds = 0;              ///< 0: until it is interrupted
+  double seconds = 0;              ///< 0: until interrupted
   int threads = 0;
   bool open_browser = false;
 };

@@ -11,33 +11,33 @@
 #include "mr/runtime/lockstep_scene.h"
 #include "mr/scene/scene.h"
 
-/// What the commands share: loading a scene with all its problems told, running it with a progress
-/// line, and writing what came out.
+/// Shared by the commands: loading a scene and reporting all its problems, running it with a
+/// progress line, and writing results.
 namespace mr::apps {
 
 /// Prints "meshreduce: message" to stderr; returns exit code 1 (kFailed).
 int fail(const std::string& message);
-/// The same for options that do not go together; returns exit code 2 (kMisused).
+/// The same for incompatible options; returns exit code 2 (kMisused).
 int misuse(const std::string& message);
 
-/// --set key=value, as often as one likes; what load_or_tell takes.
+/// Adds the repeatable option --set key=value, for load_or_tell().
 void add_set_option(CLI::App& command, std::vector<std::string>& set);
 
-/// Loads a scene, with what was set beside its file; tells every problem on stderr, one line each,
-/// and gives nothing when there is any.
+/// Loads a scene with the values of --set. Prints every problem on stderr, one line each; nothing
+/// if there is any problem.
 std::optional<Scene> load_or_tell(const std::filesystem::path& file,
                                   const std::vector<std::string>& set);
 std::optional<Scene> usable_or_tell(SceneResult result);
 
-/// Tells what check() found: an ending that nobody writes is a wrong command line.
+/// Prints the error of check(); returns the exit code: kMisused for an unsupported file extension.
 int refused(const Error& error);
 
-/// Where a run's results go; empty paths: nowhere.
+/// The output files of a run; an empty path: not written.
 struct Outputs {
   std::filesystem::path model, report, snapshots;
 };
 
-/// Finds what would fail only at the end: a folder that is not there, an ending nobody writes.
+/// Checks early for what would fail at the end: a missing folder, an unsupported file extension.
 Status check(const Outputs& outputs);
 
 struct RunOutcome {
@@ -45,13 +45,13 @@ struct RunOutcome {
   DecodedScene last;
 };
 
-/// Tells on stderr what is "dropped: …", and each "warning: …".
+/// A listener that prints "dropped: …" and "warning: …" lines on stderr.
 runtime::RunListener told_listener();
 
 /// Runs a scene in lockstep with a progress line on a terminal and one line per dropped frame.
 Result<RunOutcome> run_scene(const Scene& scene, int frames, int threads);
 
-/// Writes the model, the report and the pictures that were asked for.
+/// Writes the requested model, report and pictures.
 Status write_outputs(const RunOutcome& outcome, const Scene& scene, const Outputs& outputs);
 
 }  // namespace mr::apps

@@ -10,23 +10,23 @@
 /// time: whatever computes, loads a scene or might abort runs in a child.
 namespace mr::bench {
 
-/// What processes tell each other (as CBOR), and what is printed. Large arrays are binary values.
+/// Messages between processes (as CBOR) and printed results. Large arrays are binary values.
 using Message = nlohmann::ordered_json;
 
-/// Answers one question; an exception becomes the error of that question.
+/// Handles one request; an exception becomes the error of that request.
 using Answerer = std::function<Message(const Message& question)>;
 
 class Child {
  public:
-  /// Forks; `make` runs in the child, which sees everything that is in memory now. Its standard
-  /// output goes to standard error (`quiet`: both go nowhere), and it leaves no core dump.
+  /// Forks; `make` runs in the child, with a copy of the parent's memory. Its standard
+  /// output goes to standard error (`quiet`: both are discarded), and it writes no core dump.
   static Result<Child> start(const std::function<Answerer()>& make, bool quiet = false);
   Child(Child&& other) noexcept;
   Child& operator=(Child&&) = delete;
-  ~Child();  ///< kills it
+  ~Child();  ///< kills the process
 
-  /// io: the child is dead (the message names the signal), or was killed because it took longer
-  /// than `patience`; invalid: what it threw.
+  /// Sends a request and waits for the answer. Errors: io: the child is dead (the message names the
+  /// signal), or was killed because it took longer than `patience`; invalid: it threw an exception.
   Result<Message> ask(const Message& question, std::chrono::seconds patience);
 
  private:
@@ -36,7 +36,7 @@ class Child {
   int process_ = -1, socket_ = -1;
 };
 
-/// Runs `work` in a child and hands back what it returns.
+/// Runs `work` in a child process and returns its result.
 Result<Message> apart(const std::function<Message()>& work,
                       std::chrono::seconds patience = std::chrono::seconds(600));
 

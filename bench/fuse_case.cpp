@@ -49,9 +49,8 @@ Recording kitchen(int frame) {
 
 const std::vector<Recording>& recordings() {
   static const auto all = [] {
-    std::vector<Recording> out{{"room_bench", "the frame of PERFORMANCE.md",
-                                "room_bench/depth_0.png", "room_bench/pose_0.txt",
-                                pinhole(640, 576, 504, 320, 288)}};
+    std::vector<Recording> out{{"room_bench", "a furnished 6x5x3 m room", "room_bench/depth_0.png",
+                                "room_bench/pose_0.txt", pinhole(640, 576, 504, 320, 288)}};
     for (const int frame : {300, 890, 200, 30, 430, 120, 460, 170}) out.push_back(kitchen(frame));
     return out;
   }();

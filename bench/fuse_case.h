@@ -15,7 +15,7 @@ namespace mr::bench {
 /// One depth frame to fuse.
 struct FuseCase {
   std::string name;
-  ImageDepth depth;  ///< metres; what lies beyond the limit is 0 already
+  ImageDepth depth;  ///< metres; depth beyond the limit is 0
   Camera camera;     ///< undistorted pinhole
   Pose T_world_camera;
   double voxel_m = 0.01, truncation_m = 0.04, limit_m = 5;
@@ -28,8 +28,8 @@ std::vector<CaseInfo> fuse_cases();
 
 Result<FuseCase> load_fuse_case(const std::string& name);
 
-/// The first frame of every sensor of a scene, named by the sensor. Several problems of a
-/// scene are told on standard error, one line each. unsupported: a sensor is no pinhole camera.
+/// The first frame of every sensor of a scene, named by the sensor. A scene's problems are
+/// printed on standard error, one line each. unsupported: a sensor is no pinhole camera.
 Result<std::vector<FuseCase>> load_fuse_scene(const std::filesystem::path& scene_file);
 
 }  // namespace mr::bench

@@ -7,17 +7,17 @@
 
 namespace mr::bench {
 
-/// Depth to indexed mesh in one run. The case must outlive them.
+/// Contenders of fusion: one depth frame to an indexed mesh. The case must outlive them.
 
-/// "ours", which bridges depth edges as the peer does, so that like is compared with like, and
-/// "ours/cut", which is what the pipeline runs.
+/// "ours" bridges depth edges as the peer does, for a fair comparison; "ours/cut" cuts them, as the
+/// pipeline does.
 std::vector<Contender> fuse_ours(const FuseCase& input, int threads);
 
-/// Whether Open3D was there when this was built.
+/// Whether this was built with Open3D.
 bool has_open3d();
 
-/// Open3D's VoxelBlockGrid as it is at its best: per block size of 8 and 16 the room for blocks
-/// that a trial found fastest. Empty where there is no Open3D.
+/// Open3D's VoxelBlockGrid with its best parameters: for block sizes of 8 and 16, the block
+/// capacity that a trial found fastest. Empty: built without Open3D.
 std::vector<Contender> fuse_open3d(const FuseCase& input, int threads);
 
 }  // namespace mr::bench

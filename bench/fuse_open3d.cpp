@@ -33,8 +33,8 @@ struct GridConfig {
   int capacity = 0;    ///< blocks that it makes room for; more make it grow
 };
 
-/// Its parallel loops are OpenMP's, as many as OMP_NUM_THREADS says (else one per core, whatever
-/// omp_set_num_threads said); its block search and hash map are TBB's.
+/// Open3D's parallel loops use OpenMP with OMP_NUM_THREADS threads (default: one per core,
+/// regardless of omp_set_num_threads); its block search and hash map use TBB.
 class Threads {
  public:
   explicit Threads(int count)

@@ -15,8 +15,8 @@
 #include "scene_input.h"
 #include "stage.h"
 
-/// What keeping the still surface saves: the whole pipeline with layers beside the same scene made
-/// anew with every capture (DESIGN section 9).
+/// The saving by keeping the still surface (docs/layers.md): the whole pipeline with layers is
+/// compared with the same scene reconstructed from every capture.
 namespace mr::bench {
 namespace {
 

@@ -48,7 +48,8 @@ Pose pose_from_file(const std::filesystem::path& file) {
   return *pose;
 }
 
-/// The four sensors of PERFORMANCE.md, as a sensor node takes them.
+/// Four simulated Kinect-like sensors (640x576) in one furnished room of 6x5x3 m, as a sensor node
+/// takes them.
 Scene room_bench_scene() {
   Scene scene;
   scene.id = kRoomBench;
@@ -252,7 +253,8 @@ Vec3f middle_of(const kit::Part& part) {
   return sum / static_cast<float>(std::max<std::size_t>(part.mesh.positions.size(), 1));
 }
 
-/// In strips across the room, and along each: groups of 20 in a row look at about the same.
+/// Sorts sensors in strips across the room and along each strip, so that groups of 20 consecutive
+/// ones have similar views.
 void put_neighbours_together(std::vector<kit::Part>& parts) {
   const double groups = static_cast<double>(parts.size()) / kSensorsOfARoom;
   const auto strips = static_cast<std::size_t>(std::max(1.0, std::round(std::sqrt(groups))));
@@ -314,7 +316,7 @@ Status load_into(MergeCase& out) {
 
 std::vector<CaseInfo> merge_cases() {
   std::vector<CaseInfo> out{
-      {kRoomBench, "the four sensors of PERFORMANCE.md at 10 %", true, no_room_bench()}};
+      {kRoomBench, "four sensors in a furnished room, 10 %", true, no_room_bench()}};
   for (const std::uint32_t n : kSensors)
     out.push_back({kRooms + std::to_string(n), fmt::format("{} sensors, 20 a room", n), true, {}});
   for (const std::uint32_t n : kSensors)
@@ -333,7 +335,7 @@ Result<MergeCase> load_merge_case(const std::string& name) {
 Result<MergeCase> load_merge_scene(const std::filesystem::path& scene_file) {
   MergeCase out;
   out.name = scene_file.stem().string();
-  const Scene stated = load_scene(scene_file).scene;  // the child tells what is wrong with it
+  const Scene stated = load_scene(scene_file).scene;  // the child reports its problems
   out.voxel_m = stated.voxel_m, out.config = stated.merge;
   auto parts = load_parts([&] {
     const Scene scene = load_or_throw(scene_file);

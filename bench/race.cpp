@@ -22,7 +22,7 @@ constexpr int kRunsOfSlow = 3;
 constexpr auto kPause = std::chrono::milliseconds(10);
 constexpr double kShort_ms = 100;  // shorter runs are made twice, the first one untimed
 
-/// A figure of /proc/self/status, in kB; 0 where it is not told.
+/// A value of /proc/self/status, in kB; 0: missing.
 double memory_kb(const std::string& name) {
   std::ifstream status("/proc/self/status");
   for (std::string word; status >> word;)

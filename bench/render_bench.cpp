@@ -105,7 +105,7 @@ DecodedScene bench_scene() {
   return scene;
 }
 
-Camera eye_camera() {  // EVALUATION, Multi-View SSIM
+Camera eye_camera() {  // as the evaluation's viewpoints
   Camera c;
   c.width = 960, c.height = 720;
   c.fx = c.fy = 360 / std::tan(std::acos(-1.0) / 6);

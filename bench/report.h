@@ -16,17 +16,18 @@ struct Column {
   int digits = 3;
 };
 
-/// To so many digits after the point: rows are read by people, too.
+/// Rounds to a number of decimal places, for readable output.
 double rounded(double value, int digits);
 
-/// What `mr-bench STAGE` found (DESIGN section 7).
+/// The results of `mr-bench STAGE`. Programs outside the repository read them: the JSON keys are
+/// stable.
 struct Report {
   std::string stage;
   Message input = Message::object();  ///< per case: what was measured on
   std::vector<Message> results{};     ///< as result_row() begins them
   std::vector<std::string> absent{};  ///< peers that are not installed
-  std::vector<Column> columns{};      ///< for people, beside those that every stage has
-  /// In place of the ratio of `ms`, where a stage compares more than that.
+  std::vector<Column> columns{};      ///< additional columns of the printed table
+  /// Replaces the ratio of `ms` in stages that compare more than time.
   Message ratio{};
 };
 

@@ -6,12 +6,12 @@
 
 namespace mr::bench {
 
-/// $MR_DATA, or the first ../shared/data that is there, from here or from the sources; it may be
-/// missing.
+/// The data folder: $MR_DATA, or the first existing ../shared/data relative to the working folder
+/// or the sources; it may be missing.
 std::filesystem::path data_folder();
 
-/// A scene file, prepared; throws where it cannot be used. Several problems are told on standard
-/// error, one line each. Takes threads: for a child.
+/// Loads and prepares a scene file; throws if it cannot be used. Prints its problems on standard
+/// error, one line each. Starts threads: to be called in a child.
 Scene load_or_throw(const std::filesystem::path& file);
 
 }  // namespace mr::bench

@@ -61,7 +61,7 @@ Message judge_one(const Message& result, const Mesh& input, const kit::RayScene&
     add_distance("from_input", distance(input, mesh), fields);
     fields["flipped"] = flipped_triangles(mesh, input, rays);
   }
-  for (const auto& [name, value] : result.items())  // what it says of itself
+  for (const auto& [name, value] : result.items())  // the contender's own fields
     if (value.is_number()) fields[name] = value;
   return fields;
 }

@@ -9,7 +9,7 @@
 
 namespace mr::bench {
 
-/// What the command line asks of a stage.
+/// The command line's options for a stage.
 struct Request {
   std::vector<int> threads{1, 2};
   std::vector<std::string> cases;  ///< empty: the default ones
@@ -19,11 +19,11 @@ struct Request {
 
 struct CaseInfo {
   std::string name, what;
-  bool by_default = true;  ///< else only by name
-  std::string missing;     ///< why it cannot run here; empty: it can
+  bool by_default = true;  ///< false: only by name
+  std::string missing;     ///< reason why it cannot run here; empty: it can
 };
 
-/// One stage of the pipeline beside its peers; one .cpp file each.
+/// The benchmark of one stage of the pipeline against its peers; one .cpp file each.
 struct Stage {
   std::string name, what;
   std::vector<CaseInfo> (*cases)();
@@ -38,9 +38,9 @@ Stage overlap_stage();
 Stage zipper_stage();
 Stage simplify_stage();
 
-/// The names of those cases that the request names, else of the default ones that can run. A case
-/// "kitchen/50%" is also one of those called "kitchen" and, where no case is named just that,
-/// "50%". `whose`: for the error, such as "fuse has".
+/// The names of the requested cases, else of the default cases that can run. "kitchen/50%" is also
+/// selected by "kitchen" and, if no case has exactly that name, by "50%". `whose`: for the error,
+/// such as "fuse has".
 Result<std::vector<std::string>> wanted_cases(const std::vector<CaseInfo>& known,
                                               const Request& request, const std::string& whose);
 

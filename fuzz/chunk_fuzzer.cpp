@@ -41,7 +41,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   if (size < 2) return 0;
   EncodedChunk chunk = valid[data[0] % 5];
   chunk.payload = mr::fuzz::patched(chunk.payload, mr::fuzz::as_bytes(data + 1, size - 1));
-  // Promise what the header says, or nothing would get past it.
+  // Sets the expected values to the header's, or every input would be refused.
   if ((data[0] & 128) != 0 && chunk.payload.size() > 14)
     chunk.triangles = std::to_integer<std::uint32_t>(chunk.payload[13]);
   const auto mesh = codec::decode_chunk(chunk, {});

@@ -1,8 +1,8 @@
-// Packets on any bytes, alone and one after another: no crash, what is accepted can be sent on,
-// folds of it too, and what a writer tells of it by differences is what a reader gets.
+// Decodes packets from any bytes, alone and in sequence: no crash; accepted packets can be encoded
+// again and folded; and HeadReader reconstructs the packets that HeadWriter writes as differences.
 //
-// An input is one packet, or several, each after its length (32 bits, little-endian); without their
-// checksums, which are put behind them here: nothing would get past a wrong one.
+// An input is one packet or several, each after its length (32 bits, little-endian), without
+// checksums, which are appended here, as a wrong checksum would end every test early.
 #include <cstdlib>
 #include <cstring>
 #include <optional>
@@ -40,7 +40,7 @@ std::vector<std::span<const std::byte>> pieces(std::span<const std::byte> bytes)
   return out;
 }
 
-/// The same packet, told by its difference to the ones before.
+/// The same packet, written as its difference to the ones before.
 struct Differences {
   codec::HeadWriter writer;
   codec::HeadReader reader;

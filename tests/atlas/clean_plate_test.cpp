@@ -248,8 +248,7 @@ TEST(CleanPlate, NobodyIsPaintedOnTheWall) {
   TileMask unhidden = all();
   for (int row = 2; row < 5; ++row)
     for (int column = 4; column < 6; ++column) unhidden.tiles[row * kColumns + column] = 0;
-  // Hidden from the start; three captures in between in which the mask says nothing of it do not
-  // suffice.
+  // Hidden from the start; three captures in which the mask does not hide it do not suffice.
   show(plate, with_person, 60, unhidden);
   EXPECT_FALSE(plate.valid().at(4, 2));
   EXPECT_TRUE(plate.valid().at(3, 2));

@@ -172,7 +172,7 @@ TEST(ColorBalance, AlikeViewsLeaveTheAtlasUntouched) {
 
 TEST(ColorBalance, ClippedPixelsAreNoEvidence) {
   const auto half_white = [](double x, double y) {
-    return x > 0 ? Vec3d{1, 1, 1} : paint(x, y);  // clipped for both, which says a ratio of 1
+    return x > 0 ? Vec3d{1, 1, 1} : paint(x, y);  // clipped in both, which suggests a ratio of 1
   };
   Rig rig;
   rig.add(-0.3, kPlain), rig.add(0.6, kPlain);
@@ -252,7 +252,7 @@ TEST(ColorBalance, TheSameOnAnyNumberOfThreads) {
 TEST(ColorBalance, BrokenInputIsHarmless) {
   Rig rig;
   rig.add(-0.6, kPlain), rig.add(0.6, kWarm), rig.add(0, kPlain), rig.add(0.1, kPlain);
-  rig.pictures[StreamId{0}] = std::make_shared<ImageRgb>(16, 16);  // smaller than the view says
+  rig.pictures[StreamId{0}] = std::make_shared<ImageRgb>(16, 16);  // smaller than the view
   rig.pictures[StreamId{1}] = nullptr;
   rig.pictures.erase(StreamId{2});
   Mesh mesh = wall();

@@ -256,7 +256,7 @@ TEST(Labels, PanoramaPaintsNoOccluderOntoTheWall) {
 }
 
 TEST(Labels, PinholeAndPanoramaShareTheRoom) {
-  // The pinhole looks at one wall from near by; the panorama stands aside.
+  // The pinhole is close to one wall; the panorama is to the side.
   View near = view(ViewId{1}, {0, 0, 0.8}, {0, 0, 2});
   const View around = panorama(ViewId{0}, {-1.2, 0, 0.3});
   const Mesh mesh =

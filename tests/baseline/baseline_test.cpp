@@ -228,7 +228,7 @@ TEST(Baseline, VideoGoesOnFromCallToCall) {
     }
     EXPECT_LT(sizes[1], sizes[0]);  // no second key frame
     EXPECT_LT(sizes[2], sizes[0]);
-    // Whoever comes late has no key frame to begin with.
+    // A late joiner has no key frame to start from.
     EXPECT_FALSE(rig.fresh()->decode_texture(value(rig.system->encode_texture(rig.captures[2]))));
   }
 }
@@ -340,7 +340,7 @@ TEST(Baseline, DamageBehindAFittingCheckSumDoesNoHarm) {
       std::mt19937 random(2);
       for (int i = 0; i < 30; ++i) {
         Bytes damaged = body;
-        // Half of the damage near the front, where sizes are told.
+        // Half of the damage is near the front, where sizes are stored.
         const std::size_t reach = i % 2 ? std::min<std::size_t>(120, body.size()) : body.size();
         for (int n = 0; n < 1 + i % 3; ++n)
           damaged[random() % reach] = static_cast<std::byte>(random() % 256);

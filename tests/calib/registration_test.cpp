@@ -150,7 +150,7 @@ TEST(Registration, NothingToCompare) {
   parts[0].mesh = {};
   parts[1] = moved(parts[1], {{}, {20, 0, 0}});
   EXPECT_THAT(calib::pair_residuals(parts, {}), IsEmpty());
-  // A sensor that does not see its own surface says nothing; a mesh without area neither.
+  // Neither a sensor that does not see its own surface nor a mesh without area gives residuals.
   parts = corner_parts(3);
   parts[0].sources[0].T_world_depth = look_at({-1, -1, -1}, {-3, -3, -3}, {0, 0, 1});
   for (Vec3f& p : parts[1].mesh.positions) p = {1, 1, 1};
@@ -182,7 +182,7 @@ TEST(Registration, OutliersAreThoseAgainstTheLargestGroup) {
   const std::vector<PairResidual> one_odd = {pair(0, 1, 4), pair(0, 2, 40), pair(1, 2, 35)};
   EXPECT_THAT(calib::outliers(one_odd, 3, 20), ElementsAre(2u));
   EXPECT_THAT(calib::outliers(one_odd, 3, 50), IsEmpty());
-  EXPECT_THAT(calib::outliers(one_odd, 3, 3), IsEmpty());  // none agree: no one can tell
+  EXPECT_THAT(calib::outliers(one_odd, 3, 3), IsEmpty());  // none agree: undecidable
   EXPECT_THAT(calib::outliers(std::vector{pair(0, 1, 90)}, 2, 20), IsEmpty());
   // Fits where it meets the others, but they see through most of it.
   EXPECT_THAT(

@@ -215,8 +215,8 @@ TEST(Receiver, APictureOfAnotherSizeIsRefused) {
   EXPECT_FALSE(receiver.scene());
 }
 
-/// DESIGN section 4: a fifth of the packets is lost; the receiver asks and ends with what the
-/// sender has.
+/// A fifth of the packets is lost; the receiver requests what it lacks, and in the end its mesh
+/// equals the sender's.
 TEST(Receiver, TwentyPercentLoss) {
   for (unsigned seed = 1; seed <= 5; ++seed) {
     std::mt19937 random(seed);

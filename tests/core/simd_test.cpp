@@ -44,7 +44,7 @@ std::string dispatched(float& sum) {
   return words.at(hwy::TargetName(HWY_DYNAMIC_DISPATCH(run_kernel)(sum)));
 }
 
-/// What a process says that starts with this MR_SIMD, ahead of its end.
+/// Sets MR_SIMD, prints the target in use and exits; to be run in a process of its own.
 [[noreturn]] void say_target(const char* wanted) {
   setenv("MR_SIMD", wanted, 1);
   apply_simd_override();

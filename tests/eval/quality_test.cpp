@@ -15,7 +15,7 @@
 namespace mr::eval {
 namespace {
 
-/// What the tests of this file look at, made once.
+/// Measurements shared by the tests of this file, made once.
 struct Measured {
   SmallScene small;
   Trial trial;
@@ -231,7 +231,7 @@ TEST(System, TakenApartIsAsGoodAsTheWhole) {
   EXPECT_NEAR(apart.texture_mbps / together.texture_mbps, 1, 0.05);
 }
 
-/// A small room with layers and somebody in it, warmed up, whole and taken apart.
+/// A small room with layers and a person, warmed up; measured as a whole and by halves.
 struct Remembered {
   SmallScene small{", people: 1, frames: 300", "still: {layers: true}\n"};
   Trial trial;

@@ -131,7 +131,7 @@ TEST(SceneCheck, APictureThatCannotBeReadIsTold) {
   EXPECT_THAT(wall.check().problem, HasSubstr("cut.png"));
 }
 
-// What is missing was told as the scene was read.
+// Missing files were reported when the scene was loaded.
 TEST(SceneCheck, TheFirstPictureThatIsThereIsLookedAt) {
   WallPicture wall;
   const auto there = wall.source().depth.front();

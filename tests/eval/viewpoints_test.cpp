@@ -181,7 +181,7 @@ TEST(Viewpoints, CorridorRoundACorner) {
     EXPECT_TRUE(has_near(skeleton, {along, 1, 0}, 0.1)) << along;
     EXPECT_TRUE(has_near(skeleton, {1, along, 0}, 0.1)) << along;
   }
-  for (const Vec3d p : skeleton)  // the hull's other half, behind the walls, is nobody's
+  for (const Vec3d p : skeleton)  // not in the hull's other half, behind the walls
     EXPECT_TRUE(p.x < 2 || p.y < 2) << p.x << ' ' << p.y;
   EXPECT_GE(plan.views.size(), 20u);
   expect_good_views(plan, mesh);

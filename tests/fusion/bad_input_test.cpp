@@ -1,5 +1,5 @@
-// Whatever a sensor, a file or a configuration says: no crash, bounded memory, an empty mesh or a
-// counted refusal.
+// Invalid input from sensors, files and configurations: no crash, bounded memory, an empty mesh or
+// a counted refusal.
 #include <gtest/gtest.h>
 
 #include <cmath>

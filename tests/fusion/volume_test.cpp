@@ -32,7 +32,7 @@ Mesh surface_of(const VolumeConfig& config, const DepthFrame& frame, DepthEdges 
 
 // --- the definition, without blocks, bits and rows
 
-/// What one frame says of a voxel: projective distance to the nearest pixel's depth, in voxels.
+/// One frame's observation of a voxel: projective distance to the nearest pixel's depth, in voxels.
 struct Sample {
   bool seen = false;
   bool unsure = false;  ///< so near a pixel's border or the band's end that rounding decides
@@ -214,7 +214,7 @@ TEST(Volume, IsWhatTheDefinitionSays) {
   }
 }
 
-/// What triangles look like, in an order of its own.
+/// The corners of all triangles, sorted, to compare meshes with different vertex order.
 std::vector<std::array<Vec3f, 3>> sorted_corners(const Mesh& mesh) {
   std::vector<std::array<Vec3f, 3>> out;
   for (std::size_t t = 0; t < mesh.triangles.size(); ++t) {

@@ -7,7 +7,7 @@
 #include <fstream>
 
 #include "mr/codec/packet_codec.h"
-#include "mr/gateway/front_door.h"
+#include "mr/gateway/access_policy.h"
 #include "mr/net/transport.h"
 #include "mr/net/web_server.h"
 #include "mr/node/node_clock.h"
@@ -55,15 +55,15 @@ class GatewayTest : public testing::Test {
       return answer.empty() ? net::Message()
                             : std::make_shared<const std::vector<std::byte>>(std::move(answer));
     });
-    auto door = FrontDoor::open(config, {});
-    ASSERT_TRUE(door) << door.error().message;
+    auto policy = AccessPolicy::open(config, {});
+    ASSERT_TRUE(policy) << policy.error().message;
     const node::NodeLog log{
         .say = [this](LogLevel, const std::string& text) { lines_.add(text); },
         .dropped = [this](const std::string& place,
                           const Error& error) { lines_.add(place + ": " + error.message); }};
-    auto gateway = std::make_unique<Gateway>(scene_, log, Gateway::Options{door->tokens});
+    auto gateway = std::make_unique<Gateway>(scene_, log, Gateway::Options{policy->tokens});
     auto web = net::WebServer::listen(
-        web_config(config, *door, {}),
+        web_config(config, *policy, {}),
         [this, asked = gateway.get()](const std::string& path, const net::Visitor& visitor) {
           return monitor_.page(path, asked->may_look(visitor, node::wall_time()));
         });
@@ -171,7 +171,8 @@ TEST_F(GatewayTest, ReplayedPacketsDoNotReachViewers) {
   }
 }
 
-/// What is taken for the newest though it is none is overcome.
+/// A forged packet with a higher sequence is accepted; the real stream is accepted again soon
+/// after.
 TEST_F(GatewayTest, AForgedPacketWithinReachIsOvercomeWithinTwoSeconds) {
   start();
   WebViewer viewer(port());

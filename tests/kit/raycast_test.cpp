@@ -145,8 +145,8 @@ TEST(NearestPoint, OfADegenerateTriangleLiesOnWhatIsLeftOfIt) {
   EXPECT_EQ(nearest_on_triangle({1, 1, 0}, {5, 0, 0}, {5, 0, 0}, {5, 0, 0}), (Vec3d{5, 0, 0}));
 }
 
-/// The nearest point by looking at every triangle, as the cheapest of the plane's foot, where it is
-/// inside, and the three sides: inside is told by barycentric coordinates.
+/// Distance to the nearest point by brute force over all triangles: the nearest of the
+/// perpendicular foot, if its barycentric coordinates are inside, and the three sides.
 double distance_by_hand(Vec3f from, const Mesh& mesh) {
   const Vec3d p = vec_cast<double>(from);
   double best = 1e30;

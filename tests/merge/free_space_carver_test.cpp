@@ -30,7 +30,7 @@ SourceInfo sensor(std::uint32_t id, Vec3d at, double turned_rad) {
 }
 
 /// A wall 3 m away that both sensors have as still, and a box's front that only the first has: it
-/// was carried away while somebody stood before the first.
+/// was carried away while the first sensor's view was occluded.
 struct CarriedAway {
   Mesh wall = test::grid({-2, -1, 3}, {4, 0, 0}, {0, 2, 0}, 40, 20);
   Mesh box = test::grid({-0.2f, -0.2f, 1.5f}, {0.4f, 0, 0}, {0, 0.4f, 0}, 8, 8);

@@ -316,7 +316,7 @@ SensorId owner_near(Vec3f p, const Mesh& mesh, const test::Rays& rays, const Own
 }
 
 TEST(MergeProperties, TwoLayersEqualOne) {
-  // All four lie in depth where the others do not, so that each point tells its part.
+  // Each part has its own depth, so that each point identifies its part.
   std::vector<Part> parts = test::seen_by(test::wall_shape, test::sensors_before_the_wall(4), {});
   for (std::size_t i = 0; i < parts.size(); ++i)
     for (Vec3f& p : parts[i].mesh.positions) p.z += 0.002f * static_cast<float>(i);

@@ -66,7 +66,7 @@ TEST(StillSurfaceMask, HandAboveATableThatOnlyAnotherSensorHasStays) {
   const std::vector<Part> parts{part(0, {}), part(1, sheet(2))};
   const StillSurfaceMask cover = cover_of(parts[1].mesh, parts);
   EXPECT_EQ(left(cover, part(0, sheet(1.975, kMiddle))), kAll);
-  EXPECT_EQ(left(cover, part(0, sheet(1.985, kMiddle))), 0u);  // nobody can tell it from the table
+  EXPECT_EQ(left(cover, part(0, sheet(1.985, kMiddle))), 0u);  // not distinguishable from the table
   EXPECT_EQ(left(cover, part(0, sheet(2.015, kMiddle))), 0u);
 }
 
@@ -113,7 +113,7 @@ TEST(StillSurfaceMask, WhatIsHalfCoveredStays) {
   EXPECT_EQ(left(cover, one), 0u);
 }
 
-/// From an inner merger, each triangle is looked at from its own sensor.
+/// In a part of an inner merger, each triangle is tested from its own sensor.
 TEST(StillSurfaceMask, TrianglesOfSeveralSensorsAreToldApart) {
   std::vector<Part> parts{part(0, sheet(2)), part(1, sheet(1.975))};
   Part both = parts[0];

@@ -323,7 +323,7 @@ TEST_F(Nats, FilesThatCannotBeUsedAreToldAtTheStart) {
   EXPECT_EQ(told.find(kSeed), std::string::npos);
 }
 
-// Whoever is refused is told why; whoever is not sees nothing of it.
+// A refused node gets the reason; other nodes are not affected.
 TEST_F(Nats, AWrongPasswordOrKeyIsRefusedWithTheReason) {
   const test::TempDir dir;
   const auto config = dir.write(

@@ -144,7 +144,7 @@ class RawSocket {
   std::string pending_;
 };
 
-/// A WebSocket client that does what it is told, bad things included.
+/// A scripted WebSocket client that can also violate the protocol.
 class WebViewer {
  public:
   struct Frame {

@@ -278,8 +278,8 @@ TEST(TcpSecret, JoinsThoseWhoKnowIt) {
   EXPECT_LE(consumer.lines.all().size(), 2u) << "at most away at first, and back";
 }
 
-// Each kind of stranger is told why, in one line, and so is the node; who knows the secret sees
-// nothing of it.
+// Peers without the right secret get the reason in one line, and the node logs it; peers with the
+// secret are not affected.
 TEST(TcpSecret, OthersAreRefusedWithTheReasonOnBothSides) {
   const struct {
     std::string listens, connects, reason;
@@ -392,7 +392,7 @@ TEST(Tcp, TooManyConnectionsAreToldOnBothSides) {
     }
 }
 
-// Connections that say nothing keep nobody out.
+// Silent connections do not keep others out.
 TEST(Tcp, ANewcomerReplacesWhoHasNotGreeted) {
   const int port = test::free_port();
   const std::map<std::string, std::string> addresses = {{"n", here(port)}};

@@ -193,7 +193,7 @@ TEST(Planner, ACrowdOfSensorsIsSplitBySpace) {
   ASSERT_TRUE(plan) << plan.error().message;
   EXPECT_EQ(plan->split, Split::space) << plan->why;
   EXPECT_THAT(plan->why, HasSubstr("crowd"));
-  // All in one cube: groups, and the plan says so.
+  // All in one cube: split by groups, and `why` states it.
   scene = scene_of(ring("cam-", {50, 50, 50}, 16));
   scene.fusion.chunk_m = 100;
   const auto coarse = plan_of(scene, 4);

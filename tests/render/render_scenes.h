@@ -120,8 +120,8 @@ inline Mesh wall_before(const Pose& pose, double distance_m, double half_m, int 
                     cells);
 }
 
-/// What DESIGN section 4 says a point of a view's surface looks like; a tile that is the whole turn
-/// goes on with its other side.
+/// The colour that texturing by projection must give a point of a view's surface: the sample of the
+/// view's tile at the point's projection. A tile that covers 360° wraps around.
 inline Vec3d expected_color(const View& view, const ImageRgb& atlas, Vec3d p_world) {
   Vec2d pixel = *project(view.camera(), view.T_world_camera.inverse() * p_world);
   if (view.kind == View::Kind::equirectangular) {

@@ -47,7 +47,7 @@ TEST(Credit, RunsNotAheadOfItsConsumers) {
   EXPECT_FALSE(credit.try_begin(kStart));
   credit.taken(0);
   EXPECT_TRUE(credit.try_begin(kStart));
-  credit.end(false);  // came to nothing
+  credit.end(false);  // abandoned
   EXPECT_TRUE(credit.try_begin(kStart));
 }
 

@@ -32,8 +32,8 @@ using test::with_layers;
 
 constexpr int kBothShown = 2;  // captures at the end of the hand-over in which much is drawn twice
 
-/// A rig in which somebody walks around; with noise, in Kinects' binned mode: depth edges, whose
-/// pixels are never learnt, are a smaller part of larger pictures.
+/// A rig with a walking person; with noise, in the Kinects' binned mode, as depth edges, whose
+/// pixels are never learnt, are a smaller share of larger pictures.
 RigConfig walked_through(bool noise) {
   RigConfig rig = small_rig(300);
   rig.people = 1;
@@ -207,8 +207,8 @@ TEST(Layers, ChunksMadeAtDifferentTimesFit) {
   EXPECT_GT(times.size(), 2u);
 }
 
-/// What a receiver of one sensor has: still chunks as they came, and what moves. It says when it
-/// shows them, or never.
+/// The state of a receiver of one sensor: the still chunks received so far and the moving surface.
+/// It acknowledges the still surface, or never does.
 struct OneSensor {
   node::SensorNode node;
   bool says_so = true;
@@ -247,10 +247,10 @@ TEST(Layers, StillChunksMadeBesideAreTheSameAndLeaveNoHole) {
   for (int i = 0; i < 400 && !(same && i > kChangesEnd); ++i) {
     const Frame frame = **sources[0]->next();
     const Mesh expected = at_once.surface(frame), actual = beside.surface(frame);
-    // Now and then a job takes several captures; the last has time.
+    // Some jobs take several captures; the last one has time to finish.
     if (i >= 80) std::this_thread::sleep_for(std::chrono::milliseconds(i < 164 ? i % 7 : 60));
-    if (i % 4 ==
-        0) {  // what is too small to be told from noise while it moves comes with its chunk
+    // Moving surface too small to be distinguished from noise arrives with its chunk.
+    if (i % 4 == 0) {
       EXPECT_LT(share_without(expected, actual, scene.voxel_m), 0.015) << "capture " << i;
     }
     same = at_once.still == beside.still;
@@ -309,7 +309,7 @@ class Nodes {
     }
     return bytes;
   }
-  /// Sensors that were told that their still surface is shown.
+  /// Number of sensors informed that their still surface is shown.
   std::size_t told() const { return told_.size(); }
   Mesh surface() const { return *root_.surface(); }
   std::vector<std::byte> answer(const codec::Control& request) { return root_.answer(request); }

@@ -62,9 +62,9 @@ class LinkedScene {
   }
   TimePoint now() const { return now_; }
   const std::optional<Packet>& newest() const { return client_->newest(); }
-  /// What the sensors' newest packets say that reached anybody.
+  /// The plans in the newest delivered packets of the sensors.
   const std::map<std::string, CodingPlan>& sensor_plans() const { return plans_; }
-  /// As whoever controls the rate does.
+  /// Sends a request, as a rate controller does.
   void ask(const std::string& node, const codec::Control& control) {
     network_.request(
         node, std::make_shared<const std::vector<std::byte>>(codec::encode_control(control)), {});

@@ -375,8 +375,8 @@ TEST_F(Processes, ASensorWhoseClockIsOffIsShownAndTold) {
   ASSERT_TRUE(told_s);
   EXPECT_NEAR(std::stod(*told_s), 1, 0.2) << "as good as half a round trip";
   EXPECT_NE(told_s->find("s behind"), std::string::npos);
-  // Of 60 looks in a row. Where other tests run beside this one, a sensor may stand still for half
-  // a second, with a right clock, too: then some later ones are looked at.
+  // The last 60 observations. Beside other tests a sensor may stall for half a second even with a
+  // correct clock: then later observations replace these.
   std::deque<bool> looks;
   const auto whole = [&] { return std::count(looks.begin(), looks.end(), true); };
   for (const auto until = Clock::now() + seconds(20); whole() <= 50 && Clock::now() < until;

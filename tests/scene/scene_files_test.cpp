@@ -167,10 +167,10 @@ TEST_F(SceneFile, WhatOneMissingFolderShouldHoldIsToldOnce) {
               ElementsAre(testing::AllOf(
                   HasSubstr("4: no folder '"), HasSubstr("/none', where 6 files of this scene"),
                   HasSubstr("; set MR_TEST_UNSET to the folder that holds 'room'"))));
-  // Files that are missing in a folder that is there are told one by one.
+  // Files missing in an existing folder are reported one by one.
   EXPECT_THAT(problems(long_sensor("{type: rgbd-images, depth: [x.png, y.png]}")),
               ElementsAre(HasSubstr("no such file"), HasSubstr("no such file")));
-  // One path alone says what it is.
+  // A single missing file is reported by its path.
   EXPECT_THAT(
       problems(long_sensor("{type: rgbd-images, depth: none/x.png}")),
       ElementsAre(testing::AllOf(HasSubstr("4: depth: no such file"), HasSubstr("none/x.png"))));

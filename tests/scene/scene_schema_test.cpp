@@ -154,7 +154,7 @@ tcp: {a: "127.0.0.1:9000", secret: {file: secret.txt}}
 gateway: {tls: auto}
 )";
 
-/// As YAML reads it: numbers, true and false are what they look like where they are not in quotes.
+/// Converts YAML to JSON: unquoted numbers, true and false get their types; all else is text.
 Json as_json(const yaml::Node& node) {
   using Kind = yaml::Node::Kind;
   Json out;
@@ -197,7 +197,7 @@ std::string text_of(const std::filesystem::path& file) {
 /// A key of the schema: an entry of `properties` with a description. (Others only narrow one.)
 bool is_key(const Json& schema) { return schema.is_object() && schema.contains("description"); }
 
-/// A place in a scene, and what the schema says of it.
+/// A location in a scene, and the schema that applies there.
 struct Place {
   Json::json_pointer at;
   std::string key;  ///< the last part of its path; of an item, its list's
@@ -270,7 +270,7 @@ class SceneSchema : public testing::Test {
     for (const auto& [name, inner] : schema.items()) all_keys(inner, out);
   }
 
-  /// Schema and reader agree on a scene; else what each says.
+  /// Empty: schema and reader agree on a scene; else the verdict of each.
   std::string disagreement(const Json& scene, const std::string& what) {
     const bool by_schema = schema_.accepts(scene);
     std::string refused;
@@ -409,7 +409,7 @@ TEST_F(SceneSchema, TheReaderAsksForTheKeysOfTheSchema) {
     EXPECT_EQ(keys.first, keys.second) << "of the reader; of the schema: " << schema->dump(2);
 }
 
-// A word that the reader takes and the schema lacks, or the other way round.
+// Every enumerated value is accepted by both the reader and the schema, or by neither.
 TEST_F(SceneSchema, TheReaderTakesTheWordsOfTheSchema) {
   std::size_t compared = 0;
   for (const Json& base : bases_)

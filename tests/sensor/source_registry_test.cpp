@@ -23,7 +23,7 @@ TEST(SourceRegistry, EveryTypeHasAName) {
   EXPECT_EQ(find_source_type(""), nullptr);
 }
 
-// What people are told is missing is what the reader asks for.
+// The keys that messages report as missing are those that the reader requires.
 TEST(SourceRegistry, EveryTypeReportsWhatItsKeysLack) {
   for (const SourceType& type : source_types()) {
     const yaml::Tree tree = yaml::parse_yaml("{}");

@@ -67,7 +67,7 @@ TEST(Background, CapturesThatAreNotSentTeachButDoNotHandOver) {
   EXPECT_TRUE(background.is_new());
   for (int i = 0; i < 40; ++i) background.update(room.capture(), false);
   EXPECT_GT(share_at(background.still(), kAll, 3, 0.01f), 0.999);
-  EXPECT_EQ(share(watch(background, room, 1).moving, kAll), 1);  // nobody else knows it yet
+  EXPECT_EQ(share(watch(background, room, 1).moving, kAll), 1);  // not learnt yet
   EXPECT_EQ(share(watch(background, room, 30).moving, kAll), 0);
   EXPECT_FALSE(background.is_new());
 }
@@ -142,8 +142,8 @@ TEST(Background, WhoWasThereAtTheStartIsForgottenWhenTheyLeave) {
   EXPECT_EQ(share(watch(background, room, 10).moving, kAll), 0);
 }
 
-/// Somebody stands before what cannot be measured, which begins at a column, and leaves for so many
-/// captures: no farther reading says that they left.
+/// A person stands in front of an unmeasurable background, which begins at a column, and leaves for
+/// `captures`: no farther depth shows that the person left.
 void expect_no_shell(int column, int captures) {
   Room room;
   room.too_far = {column, 0, Room::kWidth - column, Room::kHeight};

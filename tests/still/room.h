@@ -9,7 +9,7 @@
 
 namespace mr::test {
 
-/// A depth camera that looks at a wall, with boxes in front of it.
+/// A simulated depth camera in front of a wall and boxes.
 struct Room {
   static constexpr int kWidth = 160, kHeight = 120;
   struct Box {
@@ -19,9 +19,9 @@ struct Room {
 
   float wall_m = 3;
   std::vector<Box> boxes{};
-  double noise = 1;     ///< times what the sensor is said to have
-  Rect too_far{};       ///< where the wall cannot be measured
-  double far_rate = 0;  ///< how often it can be there, all the same
+  double noise = 1;     ///< as a multiple of the stated precision
+  Rect too_far{};       ///< pixels where the wall cannot be measured
+  double far_rate = 0;  ///< share of readings there that succeed nevertheless
   Precision precision{};
   std::mt19937 random{1};
 

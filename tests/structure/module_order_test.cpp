@@ -59,7 +59,7 @@ std::vector<std::string> order_problems(const Files& files) {
   for (const auto& [path, text] : files) {
     const std::string from = module_of(path);
     if (layer(from) < 0) {
-      problems.push_back(path + ": its folder is no module of DESIGN section 3");
+      problems.push_back(path + ": its folder is no module of docs/architecture.md");
       continue;
     }
     std::istringstream lines(text);
@@ -69,7 +69,7 @@ std::vector<std::string> order_problems(const Files& files) {
       if (to.empty()) continue;
       const std::string where = path + ":" + std::to_string(n) + ": ";
       if (layer(to) < 0)
-        problems.push_back(where + to + " is no module of DESIGN section 3");
+        problems.push_back(where + to + " is no module of docs/architecture.md");
       else if (!may_include(from, to))
         problems.push_back(where + from + " must not include " + to);
     }

@@ -20,7 +20,7 @@ struct Ball {
   double radius_m = 1;
 };
 
-/// What a sensor looks at.
+/// The shapes in front of a sensor.
 struct Solids {
   std::optional<Box3d> room;  ///< seen from inside
   std::vector<Box3d> boxes;

@@ -7,7 +7,7 @@
 
 namespace mr::test {
 
-/// Whether nobody listens on a TCP port of the loopback address right now.
+/// Whether a TCP port of the loopback address is free right now.
 inline bool is_free(int port) {
   const int fd = ::socket(AF_INET, SOCK_STREAM, 0);
   sockaddr_in address{};
@@ -19,7 +19,7 @@ inline bool is_free(int port) {
   return bound;
 }
 
-/// A TCP port of the loopback address that nobody listens on, never given twice by one program,
+/// A free TCP port of the loopback address, never returned twice by one program,
 /// and below those that the system gives to connections: a connection that is tried before its
 /// server listens would take the server's port at times.
 inline int free_port() {

@@ -64,8 +64,8 @@ inline Mesh with_holes(const Mesh& mesh, int holes, unsigned seed) {
   return select_triangles(mesh, keep);
 }
 
-/// What a camera sees of `mesh`, with `truth` in the way: triangles that face it, with all corners
-/// in the picture and in sight.
+/// The part of `mesh` visible to a camera: triangles that face it, with all corners inside the
+/// picture and not occluded by `truth`.
 inline Mesh visible(const Mesh& mesh, const Mesh& truth, const Camera& camera, const Pose& T) {
   const Mesh* meshes[] = {&truth};
   const kit::RayScene rays(meshes);
@@ -87,7 +87,7 @@ inline Mesh visible(const Mesh& mesh, const Mesh& truth, const Camera& camera, c
   return select_triangles(mesh, keep);
 }
 
-/// One part per eye, each with triangles of its own.
+/// One part per sensor, each with its own triangulation.
 inline std::vector<kit::Part> seen_by(const Shape& shape, std::span<const SensorPlacement> sensors,
                                       const CaptureOptions& options) {
   const Mesh truth = shape(0.02f);

@@ -10,7 +10,7 @@
 namespace mr::test {
 
 /// Two sensors in the default room, 160x144 depth and 160x90 colour, 10 captures a second when read
-/// at that rate; nobody walks, depth is exact. It ends after `frames`.
+/// at that rate; without people, with exact depth. It ends after `frames`.
 inline RigConfig small_rig(int frames, std::vector<RigEvent> events = {}) {
   RigConfig rig;
   rig.sensors = 2;
@@ -75,10 +75,10 @@ inline RigEvent chair_moved(int at, int frames = 10, double by_m = 1) {
   out.by_m = by_m;
   return out;
 }
-/// Somebody who sits still from `at` on for `frames`, then leaves.
+/// A person sits still from `at` on for `frames`, then leaves.
 inline RigEvent sits_still(int at, int frames) { return event(RigEvent::Kind::sit, at, frames); }
 inline RigEvent box_carried_away(int at) { return event(RigEvent::Kind::carry, at, 1); }
-/// A box that is gone from `at` on; somebody hides that from `sensor` for `frames`.
+/// A box is gone from `at` on; a person occludes its place from `sensor` for `frames`.
 inline RigEvent box_gone(int at, int frames = 1, std::string sensor = {}) {
   return event(RigEvent::Kind::vanish, at, frames, std::move(sensor));
 }
@@ -86,7 +86,7 @@ inline RigEvent screen_plays(int at, int frames) {
   return event(RigEvent::Kind::screen, at, frames);
 }
 
-/// The usual noise, `times` what the scene file says, correlated over `px` pixels.
+/// The sensors' noise, `times` the stated precision, correlated over `px` pixels.
 inline RigConfig noisy(RigConfig rig, double times = 1, double px = 0) {
   rig.noise = true, rig.depth_noise = times, rig.depth_noise_px = px;
   return rig;

@@ -81,7 +81,7 @@ class Sender {
     return p;
   }
 
-  /// The chunks that a request names; empty when there are none.
+  /// The answer with the chunks that a request names; empty: it names none.
   std::vector<std::byte> answer(const codec::Control& request) const {
     std::vector<EncodedChunk> found;
     for (const ChunkKey& key : request.chunks)

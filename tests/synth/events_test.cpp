@@ -133,7 +133,7 @@ TEST(Events, ABoxIsCarriedAway) {
   const RigConfig rig = small_rig(240, {test::box_carried_away(120)});
   const auto frames = frames_at(rig, {0, 10, 119, 125, 230});
   EXPECT_EQ(frames[0].depth, frames[1].depth);
-  EXPECT_GT(changed(frames[1], frames[2]), 100);  // somebody stoops
+  EXPECT_GT(changed(frames[1], frames[2]), 100);  // a person stoops
   EXPECT_GT(changed(frames[2], frames[3]), 100);
   EXPECT_GT(changed(frames[1], frames[4]), 30);
   EXPECT_LT(changed(frames[1], frames[4]), 1500);

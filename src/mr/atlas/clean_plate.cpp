@@ -13,17 +13,17 @@ namespace mr::atlas {
 namespace {
 
 constexpr int kFirstCaptures = 4, kRefinedCaptures = 32;  // powers of two: see copy()
-constexpr int kDoubtsToCheck = 3;                         // while the plate itself is noisy
-constexpr int kCellLevel = 16;                            // of 255, in units of a cell
+constexpr int kDoubtsToCheck = 3;  // consecutive captures, while the plate is not refined
+constexpr int kCellLevel = 16;     // of 255, in units of a cell
 constexpr int kWhite = 255 * kCellLevel;
-constexpr int kMostNoise = 4096;  // a screen that plays is not noise
+constexpr int kMostNoise = 4096;  // a running screen is not noise
 constexpr int kGainOne = 8192;    // gains are in 8192ths
 constexpr int kLeastPlateGain = kGainOne / 4, kMostPlateGain = 4 * kGainOne;
 constexpr int kGainDeadBand = 160;  // a 160th: half a step of bright sRGB
 constexpr std::size_t kFewVotes = 12;
-constexpr int kUsualLasts = 256;                        // captures; a key frame comes in less
-constexpr int kHabitFades = 8;                          // captures for a sixteenth of a level
-constexpr int kEnoughAround = 5;                        // of nine blocks
+constexpr int kUsualLasts = 256;  // captures; longer than a key-frame interval
+constexpr int kHabitFades = 8;    // captures for a sixteenth of a level
+constexpr int kEnoughAround = 5;  // of nine blocks
 constexpr int kDarkestVote = 16, kBrightestVote = 240;  // level of a block's mean
 constexpr int kClipped = 250;                           // level of a pixel
 constexpr int kFillDeadBand = 6;                        // levels
@@ -67,7 +67,7 @@ std::uint16_t times(std::uint16_t value, std::uint16_t gain) {
   return static_cast<std::uint16_t>((static_cast<std::uint32_t>(value << 3) * gain) >> 16);
 }
 
-/// Over the cells, of each channel.
+/// Sum over the cells, by channel.
 template <typename Cells>
 std::array<std::uint32_t, 3> sum_of(const Cells& cells) {
   std::array<std::uint32_t, 3> sum{};
@@ -230,7 +230,7 @@ std::array<std::vector<std::uint16_t>, 3> CleanPlate::exposure_votes() const {
   return votes;
 }
 
-/// Sets the gain to the median of the blocks' estimates when that leaves a dead band.
+/// Sets the gain to the median of the blocks' estimates if it lies outside a dead band.
 bool CleanPlate::follow_exposure() {
   bool moved = false;
   auto all_votes = exposure_votes();
@@ -269,7 +269,8 @@ void CleanPlate::compare() {
   follow(usual_block_off_, means);
 }
 
-/// Where the gain drives some pixels of a cell beyond white, its mean lies between two values.
+/// Compares a block's cells with the plate. If the gain clips some pixels of a cell at white, the
+/// cell's expected mean is an interval.
 void CleanPlate::compare(Block& block) const {
   std::array<std::uint16_t, kCellValues> gain;
   for (int k = 0; k < kCellValues; ++k) gain[k] = gain_[k % 3];
@@ -296,15 +297,16 @@ void CleanPlate::compare(Block& block) const {
 CleanPlate::Limits CleanPlate::limits_of(const Block& block) const {
   // Four times the spread of a cell's mean, of which the sum of the cells' changes is 868.
   const int noise = std::clamp(block.noise * 19 / 256, 3 * kCellLevel, 10 * kCellLevel);
-  // What coding does reaches three times as far in some block as in most, and is not alike in
+  // Coding noise is up to three times the usual in single blocks, and is uncorrelated between
   // neighbours.
   Limits out{std::max(noise, std::min(3 * usual_cell_off_, 24 * kCellLevel)),
              std::clamp(7 * usual_block_off_ / 2, 5 * kCellLevel / 2, 8 * kCellLevel),
              std::clamp(3 * usual_block_off_ / 2, 3 * kCellLevel / 2, 4 * kCellLevel)};
-  // Blocks at the limit, which video coding lets jump now and then, are not copied every time.
+  // Hysteresis: a block whose difference stays near the limit is not replaced every time.
   out.cell = std::max(out.cell, std::min(block.cell_habit, 10 * kCellLevel));
   out.block = std::max(out.block, std::min(block.block_habit, 4 * kCellLevel));
-  // Exposure is a factor on light, not on sRGB: a gain of 2 may be wrong by ten levels.
+  // The gain is applied to sRGB, but exposure acts on linear light: at gain 2 the error is up to
+  // ten levels.
   int most = 0;
   for (const std::uint16_t g : gain_) most = std::max(most, std::abs(int{g} - kGainOne));
   for (int* const limit : {&out.cell, &out.block, &out.around}) {
@@ -322,7 +324,8 @@ bool CleanPlate::is_off(std::size_t i, int factor) const {
          (block.block_off > factor * limits.around && is_off_around(i, factor * limits.around));
 }
 
-/// Whether a block and most around it have become brighter, or darker, as light does it.
+/// Whether a block and most of its neighbours have become brighter, or darker, as by a change of
+/// illumination.
 bool CleanPlate::is_off_around(std::size_t i, int limit) const {
   const int column = static_cast<int>(i % valid_.columns);
   const int row = static_cast<int>(i / valid_.columns);
@@ -374,7 +377,7 @@ void CleanPlate::accumulate(std::size_t i, const ImageRgb& live) {
 /// Copies the mean of the summed captures into the picture.
 void CleanPlate::copy(std::size_t i) {
   Block& block = blocks_[i];
-  const int bits = block.captures == kFirstCaptures ? 5 : 8;  // of the captures, and of an eighth
+  const int bits = block.captures == kFirstCaptures ? 5 : 8;  // log2(captures · 8)
   Pixels pixels;
   for (int k = 0; k < kBlockValues; ++k)
     pixels[k] = static_cast<std::uint8_t>((sums_[i][k] + (1 << bits >> 1)) >> bits);
@@ -394,7 +397,7 @@ void CleanPlate::copy(std::size_t i) {
 /// Advances a block's state with the newest capture; returns whether the block was replaced.
 bool CleanPlate::take(std::size_t i, const ImageRgb& live) {
   Block& block = blocks_[i];
-  if (!block.seen) {  // what was hidden a moment ago is looked at from the beginning
+  if (!block.seen) {  // a block that was hidden starts again
     if (block.stage == Stage::checking)
       block.stage = block.refined ? Stage::settled : Stage::refining;
     if (block.captures > 0) start_sums(i);
@@ -416,10 +419,10 @@ bool CleanPlate::take(std::size_t i, const ImageRgb& live) {
   return next_stage(i);
 }
 
-/// With what has been summed up.
+/// Advances a block's stage once enough captures are summed.
 bool CleanPlate::next_stage(std::size_t i) {
   Block& block = blocks_[i];
-  if (block.stage == Stage::checking && block.doubts == 0) {  // it has flashed by
+  if (block.stage == Stage::checking && block.doubts == 0) {  // the change did not last
     block.stage = block.refined ? Stage::settled : Stage::refining;
     if (!block.refined) start_sums(i);
     return false;

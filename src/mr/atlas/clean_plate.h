@@ -11,10 +11,10 @@
 
 namespace mr::atlas {
 
-/// A clean plate (the film term; a background picture): one camera's picture of a room without what
-/// moves in it (DESIGN section 9, "Colour"). It textures the still surface. It changes block by
-/// block, only where the room did, so that a video of it costs almost no bits. One per colour view.
-/// Deterministic on any number of threads.
+/// A clean plate (film term: a background picture): one camera's picture of the room without moving
+/// people and things (docs/layers.md, Colour). It textures the still surface. It is updated in
+/// blocks, only where the room changed, so that a video of it costs almost no bits. One per colour
+/// view. Deterministic on any number of threads.
 ///
 /// A 16x16 block becomes valid with the mean of its first four consecutive captures that show only
 /// still surface, and is refined once, to the mean of 32. Afterwards it is replaced only when four
@@ -39,7 +39,7 @@ class CleanPlate {
   /// Factors on the picture's sRGB values that give the newest capture's exposure. [1/4, 4]; the
   /// same to the bit while the exposure moves by less than 0.6 %.
   Vec3f gain() const;
-  /// How many blocks the last update copied.
+  /// Number of blocks that the last update replaced.
   std::size_t changed_blocks() const { return changed_blocks_; }
 
  private:
@@ -48,32 +48,32 @@ class CleanPlate {
   /// A value for each cell and channel; of colours, in sixteenths of a level.
   using Cells = std::array<std::uint16_t, kCellValues>;
   using Pixels = std::array<std::uint8_t, kBlockValues>;
-  using Sums = std::array<std::uint16_t, kBlockValues>;  ///< eighths of a level, without the gain
+  using Sums = std::array<std::uint16_t, kBlockValues>;  ///< in eighths of a level, gain removed
   using Color = std::array<std::uint8_t, 3>;
 
   enum class Stage : std::uint8_t {
     collecting,  ///< the first captures
-    refining,    ///< valid, on the way to 32 captures
-    checking,    ///< may have changed: decided after four captures
+    refining,    ///< valid, averaging up to 32 captures
+    checking,    ///< may have changed; decided after four captures
     settled
   };
 
   struct Block {
     Stage stage = Stage::collecting;
-    bool refined = false;        ///< holds the mean of 32 captures
-    bool seen = false;           ///< unhidden in the last capture
-    bool compared = false;       ///< in the last capture: seen and valid
-    std::uint8_t captures = 0;   ///< in the sums
-    std::uint8_t doubts = 0;     ///< last captures in a row that did not fit
-    std::uint16_t noise = 0;     ///< sum over the cells of how much they change by themselves
-    Cells now{};                 ///< of the newest capture
-    std::array<int, 3> shift{};  ///< mean of how far its cells are off, signed, by channel
-    int cell_off = 0;            ///< how far the worst of them is
-    int block_off = 0;           ///< the shift's worst channel
-    int cell_habit = 0, block_habit = 0;  ///< what it lately was copied for
-    Cells plate{}, brightest{};           ///< of the picture; of its brightest pixel in each cell
-    std::array<std::uint32_t, 3> sum{};   ///< over the plate's cells
-    Color most{};                         ///< brightest value of the picture
+    bool refined = false;                 ///< holds the mean of 32 captures
+    bool seen = false;                    ///< unhidden in the last capture
+    bool compared = false;                ///< was seen and valid in the last capture
+    std::uint8_t captures = 0;            ///< in the sums
+    std::uint8_t doubts = 0;              ///< consecutive captures that differ
+    std::uint16_t noise = 0;              ///< sum over cells of their frame-to-frame changes
+    Cells now{};                          ///< of the newest capture
+    std::array<int, 3> shift{};           ///< mean signed difference of its cells, by channel
+    int cell_off = 0;                     ///< largest difference of a cell
+    int block_off = 0;                    ///< largest |shift| over channels
+    int cell_habit = 0, block_habit = 0;  ///< differences that recently caused a copy
+    Cells plate{}, brightest{};          ///< of the picture: mean, and brightest pixel of each cell
+    std::array<std::uint32_t, 3> sum{};  ///< over the plate's cells
+    Color most{};                        ///< brightest value of the picture
   };
 
   /// Thresholds for a block's difference: of one cell, of its mean, and of its mean together with
@@ -105,12 +105,13 @@ class CleanPlate {
   ImageRgb picture_;
   TileMask valid_;
   std::array<std::uint16_t, 3> gain_{8192, 8192, 8192};  ///< in 8192ths
-  int usual_cell_off_ = 0, usual_block_off_ = 0;         ///< of most blocks, lately
+  int usual_cell_off_ = 0,
+      usual_block_off_ = 0;  ///< recent differences of most blocks (coding noise)
   std::size_t changed_blocks_ = 0;
   std::uint64_t captures_ = 0;
   std::vector<Block> blocks_;
   std::vector<Sums> sums_;
-  std::vector<Color> fill_colors_;  ///< of every block, in the middle; changes only when it must
+  std::vector<Color> fill_colors_;  ///< [blocks] colour at the centre, with hysteresis
 };
 
 }  // namespace mr::atlas

@@ -18,18 +18,19 @@ namespace {
 
 constexpr std::size_t kSamplesPerView = 1024, kMostSamples = 32768;
 constexpr float kSimilarFacing = 0.2f;
-constexpr double kFewSamples = 4, kEnoughSamples = 20;  // a pair counts in full from here
-constexpr double kPairError = 0.02;  // of a pair's log ratio, however many samples it has
-constexpr double kPriorError = 0.5;  // of the guess that a view needs no gain
+constexpr double kFewSamples = 4,
+                 kEnoughSamples = 20;  // from kEnoughSamples on a pair has full weight
+constexpr double kPairError = 0.02;    // least error of a pair's log ratio
+constexpr double kPriorError = 0.5;    // standard deviation of the prior: log gain 0
 constexpr double kMostGain = 3;
-constexpr double kShare = 1.0 / 30;  // of the way to the estimate that a frame goes
+constexpr double kShare = 1.0 / 30;  // exponential smoothing factor per frame
 constexpr double kDeadBand = 0.006;  // of the log gain: half a step of bright sRGB
 constexpr double kArrived = 0.001;
 constexpr double kSeamStep_m = 0.01;
 
 /// The log ratio of a point's light in two views.
 struct Difference {
-  double value = 0;  ///< of the logarithms
+  double value = 0;  ///< difference of logarithms
   double weight = 0;
 };
 
@@ -49,12 +50,12 @@ struct RobustEstimate {
   double mean = 0, spread = 0;
 };
 
-/// A robust mean: of the values near the median, in units of the median absolute deviation.
+/// A robust mean: of the values within twice the scaled median absolute deviation of the median.
 RobustEstimate robust_mean(std::vector<Difference> of) {
   const double middle = median(of);
   std::vector<Difference> off = of;
   for (Difference& d : off) d.value = std::abs(d.value - middle);
-  const double spread = 1.4826 * median(off);  // the standard deviation of what is Gaussian
+  const double spread = 1.4826 * median(off);  // = the standard deviation, for a Gaussian
   double sum = 0, weight = 0;
   for (const Difference& d : of)
     if (std::abs(d.value - middle) <= 2 * spread) sum += d.weight * d.value, weight += d.weight;
@@ -64,7 +65,7 @@ RobustEstimate robust_mean(std::vector<Difference> of) {
 /// Two views that overlap, with the differences at their common samples.
 struct Pair {
   std::size_t first = 0, second = 0;
-  std::array<std::vector<Difference>, 3> samples;  ///< first less second, by channel
+  std::array<std::vector<Difference>, 3> samples;  ///< first minus second, by channel
   Vec3d log_ratio;
   double weight = 0;  ///< 1 / variance
 };

@@ -33,7 +33,7 @@ class ColorBalance {
   /// gains stay bit-identical while the estimate differs by less than 0.6 % (hysteresis).
   void update(const Mesh& mesh, std::span<const View> views, const Pictures& pictures);
 
-  /// One per view of the last update(); 1 where nothing overlaps. Within [1/3, 3].
+  /// The gain of each view of the last update(), within [1/3, 3]; 1 for views without overlap.
   const Gains& gains() const { return gains_; }
 
   /// The logarithm of a view's gain in one channel, over time.

@@ -17,10 +17,10 @@ namespace {
 
 constexpr int kBlock_px = 16;  // of a tile: a macroblock
 
-/// Where the pixels of a tile's rows or columns come from.
+/// The source of a tile's row or column: linear interpolation between two of the child's.
 struct Source {
-  int first = 0, second = 0;  ///< the child's pixels that are mixed
-  double share = 0;           ///< of the second
+  int first = 0, second = 0;  ///< the child's rows or columns
+  double share = 0;           ///< weight of the second
   int camera = 0;             ///< nearest pixel of the camera picture
 };
 
@@ -31,8 +31,9 @@ struct Extent {
 Extent columns_of(const Rect& r) { return {r.x, r.width}; }
 Extent rows_of(const Rect& r) { return {r.y, r.height}; }
 
-/// Along one axis: tile pixel → camera pixel → child's picture, all with centres at integers.
-/// `shown`: the camera pixels of the tile; `child_shown`: those that the child has at `child`.
+/// Resampling along one axis: tile pixel → camera pixel → pixel of the child's picture; pixel
+/// centres at integers. `shown`: the camera pixels that the tile shows; `child_shown`: those that
+/// the child's picture shows at `child`.
 std::vector<Source> sources(int tile_count, Extent shown, Extent child_shown, Extent child,
                             int camera_count) {
   std::vector<Source> out(tile_count);
@@ -42,7 +43,7 @@ std::vector<Source> sources(int tile_count, Extent shown, Extent child_shown, Ex
   for (int i = 0; i < tile_count; ++i) {
     const double camera = (i + 0.5) * scale + shown.first - 0.5;
     double at = (camera + 0.5 - child_shown.first) * child_scale + child.first - 0.5;
-    if (std::abs(at - std::round(at)) < 1e-6) at = std::round(at);  // nothing to mix
+    if (std::abs(at - std::round(at)) < 1e-6) at = std::round(at);  // no interpolation
     at = std::clamp<double>(at, child.first, child_last);
     const int first = static_cast<int>(at);
     out[i] = {first, std::min(first + 1, child_last), at - first,
@@ -51,7 +52,7 @@ std::vector<Source> sources(int tile_count, Extent shown, Extent child_shown, Ex
   return out;
 }
 
-/// Whether columns are copied as they are, one beside the other.
+/// Whether the columns are consecutive and not interpolated, so that rows can be copied.
 bool is_straight(const std::vector<Source>& columns) {
   for (int i = 0; i < static_cast<int>(columns.size()); ++i)
     if (columns[i].share != 0 || columns[i].first != columns[0].first + i ||
@@ -60,7 +61,7 @@ bool is_straight(const std::vector<Source>& columns) {
   return true;
 }
 
-/// Mixes four pixels. `shade(c, v)`: what becomes of a channel's byte.
+/// Bilinear interpolation of four pixels. `shade(c, v)` maps the byte of channel c.
 template <typename Shade>
 void mix(const ImageRgb& picture, const Source& column, const Source& row, const Shade& shade,
          std::uint8_t* out) {
@@ -74,7 +75,7 @@ void mix(const ImageRgb& picture, const Source& column, const Source& row, const
   }
 }
 
-/// `used`: of the camera's row; null: all.
+/// Draws a row. `used`: mask of the camera's row; null: all pixels.
 template <typename Shade>
 void draw_row(const ImageRgb& picture, std::span<const Source> columns, const Source& row,
               const std::uint8_t* used, const Shade& shade, std::uint8_t* out) {
@@ -91,7 +92,7 @@ void draw_row(const ImageRgb& picture, std::span<const Source> columns, const So
   }
 }
 
-/// What one tile is drawn from; `used`, `tables` and `behind` may be null.
+/// The inputs of one tile; `used`, `tables` and `behind` may be null.
 struct TileSources {
   const ImageRgb& picture;
   const ImageMask* used;
@@ -123,14 +124,14 @@ class TileDrawer {
   }
 
  private:
-  /// A line of blocks.
+  /// Draws a line of blocks.
   void draw_line(const Rect& line) const {
     if (!from_.behind || !from_.used)
       return draw(from_.picture, from_.mask ? from_.used : nullptr, line);
     const auto block = [&](int x) {
       return Rect{x, line.y, std::min(kBlock_px, line.width - x), line.height};
     };
-    for (int x = 0; x < line.width;) {  // blocks of one kind together
+    for (int x = 0; x < line.width;) {  // consecutive blocks of one kind at once
       const int first = x;
       const bool used = any_used(block(x));
       do x += kBlock_px;
@@ -152,7 +153,7 @@ class TileDrawer {
     });
   }
 
-  /// `used`: the others stay black; may be null.
+  /// Draws a part of the tile. `used`: pixels outside this mask stay black; null: draws all.
   void draw(const ImageRgb& picture, const ImageMask* used, const Rect& part) const {
     const auto as_it_is = [](int, std::uint8_t v) { return v; };
     const auto with_gain = [&](int c, std::uint8_t v) { return (*from_.tables)[c][v]; };
@@ -204,7 +205,7 @@ ImageMask used_pixels(const Mesh& mesh, const View& view, int margin_px) {
                         [&](const kit::ScreenSpan& s) {
                           std::fill(mask.at(s.first, s.y), mask.at(s.last, s.y) + 1, 1);
                         });
-      for (const Vec3d& c : corners) {  // slivers hit no pixel centre
+      for (const Vec3d& c : corners) {  // slivers cover no pixel centre
         const kit::ScreenPoint s = kit::to_screen(camera, c);
         const int x = static_cast<int>(std::lround(s.u)), y = static_cast<int>(std::lround(s.v));
         if (c.z > kit::kNearPlane_m && mask.contains(x, y)) *mask.at(x, y) = 1;

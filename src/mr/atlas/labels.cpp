@@ -27,8 +27,8 @@ using Visibilities = std::vector<std::vector<TriangleVisibility>>;
 struct LabellingState {
   Labelling& surface;
   std::vector<Vec3f> normals;               ///< [V] smoothed
-  Visibilities visibility;                  ///< [views][T] of what is due
-  std::vector<std::uint32_t> not_seen_yet;  ///< triangles whose visibility is still to be found
+  Visibilities visibility;                  ///< [views][T] of due triangles
+  std::vector<std::uint32_t> not_seen_yet;  ///< triangles whose visibility is not computed yet
 };
 
 /// One per view.
@@ -85,7 +85,7 @@ void cut(LabellingState& work, const std::vector<std::uint8_t>& split) {
   work.visibility = std::move(visibility);
 }
 
-/// Splits triangles of which some view sees a good part, but no view enough.
+/// Splits triangles that are partly visible in some view but sufficiently visible in none.
 bool cut_occlusion_edges(LabellingState& work, double min_edge_m) {
   const Mesh& mesh = work.surface.mesh;
   std::vector<std::uint8_t> split(mesh.triangles.size() * 3, 0);
@@ -109,8 +109,8 @@ bool cut_occlusion_edges(LabellingState& work, double min_edge_m) {
 
 constexpr int kNone = Labelling::kNone;
 
-/// The most frontal view among those that see enough of the triangle; else the one that sees most
-/// of it, if necessary within an occluder's margin.
+/// The most frontal of the views in which enough of the triangle is visible; else the view in which
+/// most of it is visible, including an occluder's margin if necessary.
 int best_view(const Visibilities& visibility, std::size_t t) {
   int best = kNone, most = kNone;
   for (int v = 0; v < static_cast<int>(visibility.size()); ++v) {
@@ -125,7 +125,8 @@ int best_view(const Visibilities& visibility, std::size_t t) {
   return best != kNone ? best : most;
 }
 
-/// [triangle][view] 1 where the view sees enough, at an angle that is not much worse than the best.
+/// [triangle][view] 1 if enough of the triangle is visible at an angle not much worse than the
+/// best.
 std::vector<std::uint8_t> allowed_views(const Labelling& surface, const Visibilities& visibility,
                                         double angle_deg) {
   const std::vector<int>& best = surface.label;
@@ -145,8 +146,8 @@ std::vector<std::uint8_t> allowed_views(const Labelling& surface, const Visibili
   return allowed;
 }
 
-/// The view with the longest border among a triangle's own and those that its neighbours bring; its
-/// own when none is longer, else the lowest of equals.
+/// The view that shares the longest border with a triangle, among its own view and its neighbours'.
+/// Ties: its own view, else the lowest index.
 class LongestBorder {
  public:
   explicit LongestBorder(int own) : entries_{{{own, 0.0}}} {}
@@ -211,13 +212,13 @@ void agree_with_neighbours(Labelling& surface, const Visibilities& visibility, d
   }
 }
 
-/// Labels what is due of a surface.
+/// Labels the due triangles of a surface.
 void label(Labelling& surface, std::span<const View> views, const LabelConfig& config) {
   LabellingState work{
       surface, kit::smooth_normals(surface.mesh, kNormalRounds), Visibilities(views.size()), {}};
   for (std::uint32_t t = 0; t < surface.is_due.size(); ++t)
     if (surface.is_due[t]) work.not_seen_yet.push_back(t);
-  // Cutting leaves the surface as it is: what hides what is found out once.
+  // Cutting does not change the geometry: the depth buffers are rendered once.
   const bool all = work.not_seen_yet.size() == surface.is_due.size();
   const std::vector<std::optional<ViewVisibility>> tests = visibility_tests(
       all ? surface.mesh : select_triangles(surface.mesh, surface.is_due), views, config);
@@ -233,7 +234,7 @@ void label(Labelling& surface, std::span<const View> views, const LabelConfig& c
 /// The due triangles of a surface with the neighbourhood that their labels depend on, so that the
 /// cost does not depend on the size of the whole surface.
 struct DuePart {
-  Labelling labelling;                ///< its origins: places in the whole
+  Labelling labelling;                ///< origins: indices of the whole surface's triangles
   std::vector<std::uint32_t> vertex;  ///< [V] of the part → of the whole
 
   explicit DuePart(const Labelling& whole) {
@@ -286,7 +287,8 @@ struct DuePart {
  private:
   static constexpr std::uint32_t kNoVertex = 0xFFFFFFFFu;
 
-  /// [T] what is due and the rings of triangles around it that smooth its normals.
+  /// [T] due triangles and the rings of triangles around them that influence their smoothed
+  /// normals.
   static std::vector<std::uint8_t> near_due(const Labelling& whole) {
     constexpr int kRings = kNormalRounds + 1;
     std::vector<std::uint8_t> near = whole.is_due, reached(whole.mesh.positions.size());

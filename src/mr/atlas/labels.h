@@ -29,15 +29,15 @@ struct LabelConfig {
   std::map<ViewId, TileMask> valid{};
 };
 
-/// View selection: chooses the view that textures each triangle (paper 3.3; DESIGN section 4,
-/// "Texturing by projection"). A view is usable if all corners lie beyond its near plane and inside
-/// image_rect minus the gutter, the triangle faces it, at least 90 % of the triangle is visible in
-/// its depth buffer (a panorama: of its cube faces), with a margin around occluders, and all its
-/// pixels are valid. A triangle across an occlusion edge, the border of valid pixels or a
-/// panorama's seam is split; what is too small to split gets the view that sees most of it, or
-/// none, and never one without valid pixels. best_angle chooses the most frontal view; coherent
-/// prefers the neighbours' view where angles allow. Returns the mesh with runs; new vertices may
-/// lie off the lattice.
+/// View selection: chooses the view that textures each triangle (paper 3.3). A view is usable if
+/// all corners lie beyond its near plane and inside image_rect minus the gutter, the triangle faces
+/// it, at least 90 % of the triangle is visible in its depth buffer (a panorama: of its cube
+/// faces), with a margin around occluders, and all its pixels are valid. A triangle across an
+/// occlusion edge, the border of valid pixels or a panorama's seam is split; a
+/// triangle too small to split gets the view in which most of it is visible, or none, and never a
+/// view without valid pixels.
+/// best_angle chooses the most frontal view; coherent prefers the neighbours' view where angles
+/// allow. Returns the mesh with runs; new vertices may lie off the lattice.
 Mesh label_triangles(const Mesh& mesh, std::span<const View> views, const LabelConfig& config);
 
 /// A surface while its triangles are split and labelled.
@@ -46,14 +46,15 @@ struct Labelling {
 
   Mesh mesh;                          ///< without runs
   std::vector<int> label;             ///< [T] index of a view; kNone: none
-  std::vector<std::uint8_t> is_due;   ///< [T] to be labelled
-  std::vector<std::uint32_t> origin;  ///< [T] triangle of the surface that it was cut from
-  /// The ends of the edge that each vertex added by cutting lies on; those are the last vertices.
+  std::vector<std::uint8_t> is_due;   ///< [T] whether it is to be labelled
+  std::vector<std::uint32_t> origin;  ///< [T] index of the original triangle
+  /// For each vertex added by cutting, the ends of the edge that it lies on. These vertices are the
+  /// last of the mesh.
   std::vector<std::array<std::uint32_t, 2>> cut_edges;
 
-  /// A whole surface, to be labelled.
+  /// A surface of which every triangle is due.
   static Labelling of(Mesh surface);
-  /// The labels as runs.
+  /// The mesh with its labels as runs.
   Mesh labelled(std::span<const View> views) const;
 };
 

@@ -45,11 +45,10 @@ TileMask no_tiles(const View& view) {
           std::vector<std::uint8_t>(static_cast<std::size_t>(columns) * rows)};
 }
 
-/// Marks the tiles in which a view sees other surface than before, and those around: an occluder
-/// needs a margin.
+/// Marks the tiles in which a view's depth has changed, dilated by one tile for occluders' margins.
 void mark_other_depth(const ImageDepth& before, const ImageDepth& now, TileMask& tiles) {
   constexpr float kOther_m = 0.05f;
-  constexpr int kLeast_px = 40;  // of a tile: an edge that lies a pixel beside is none
+  constexpr int kLeast_px = 40;  // of a tile: a depth edge that moves by a pixel is ignored
   std::vector<std::uint8_t> other(tiles.tiles.size());
   for (int row = 0; row < tiles.rows; ++row)
     for (int column = 0; column < tiles.columns; ++column) {
@@ -57,7 +56,7 @@ void mark_other_depth(const ImageDepth& before, const ImageDepth& now, TileMask&
       const int x_end = std::min((column + 1) * kTile_px, now.width);
       for (int y = row * kTile_px; y < std::min((row + 1) * kTile_px, now.height); ++y)
         for (int x = column * kTile_px; x < x_end; ++x)
-          count += std::abs(*before.at(x, y) - *now.at(x, y)) > kOther_m;  // 0: nothing
+          count += std::abs(*before.at(x, y) - *now.at(x, y)) > kOther_m;  // 0: no surface
       other[static_cast<std::size_t>(row) * tiles.columns + column] = count >= kLeast_px;
     }
   for (int row = 0; row < tiles.rows; ++row)
@@ -69,7 +68,7 @@ void mark_other_depth(const ImageDepth& before, const ImageDepth& now, TileMask&
     }
 }
 
-/// Where a pinhole sees a mesh's vertices; not a number: at its near plane or behind.
+/// Projects a mesh's vertices into a pinhole view; NaN: at or behind its near plane.
 std::vector<Vec2f> screen_points(const Mesh& mesh, const View& view) {
   const Camera camera = view.camera();
   const Pose T_camera_world = view.T_world_camera.inverse();
@@ -105,7 +104,7 @@ bool any_tile(const TileMask& mask, Vec2f a, Vec2f b, Vec2f c) {
 /// Cuts the edges of whole triangles where a carried-over neighbour was cut: no T-junction is left.
 void meet_cuts(Labelling& next) {
   const std::size_t first_cut = next.mesh.positions.size() - next.cut_edges.size();
-  std::map<std::array<std::uint32_t, 2>, std::uint32_t> middle;  // of an edge that was cut
+  std::map<std::array<std::uint32_t, 2>, std::uint32_t> middle;  // midpoint vertex of a cut edge
   const auto key = [](std::uint32_t a, std::uint32_t b) {
     return std::array{std::min(a, b), std::max(a, b)};
   };
@@ -142,7 +141,7 @@ void meet_cuts(Labelling& next) {
 
 }  // namespace
 
-/// Whether what was labelled last holds for these views.
+/// Whether the labels of the last call are valid for these views.
 bool LastingLabels::may_keep(std::span<const View> views) const {
   const auto same = [](const View& a, const View& b) {
     return a.kind == View::Kind::pinhole && a.kind == b.kind && a.id == b.id &&
@@ -159,7 +158,7 @@ bool LastingLabels::is_last_surface(const Mesh& surface) const {
                     last_.mesh.positions.begin());
 }
 
-/// Where a triangle was in the last surface.
+/// Index of a triangle in the last surface; nothing: it is new.
 std::optional<std::uint32_t> LastingLabels::last_place(const Mesh& surface, std::size_t t,
                                                        std::uint64_t key) const {
   const std::uint32_t* const found = place_.find(key);
@@ -169,8 +168,8 @@ std::optional<std::uint32_t> LastingLabels::last_place(const Mesh& surface, std:
   return *found;
 }
 
-/// The surface, with the pieces and labels of the triangles that it had before; the others whole,
-/// and due.
+/// The surface with unchanged triangles split and labelled as before; new triangles are unsplit and
+/// due.
 Labelling LastingLabels::carry_over(const Mesh& surface,
                                     std::span<const std::uint64_t> keys) const {
   Labelling next;

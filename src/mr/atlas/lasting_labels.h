@@ -20,9 +20,9 @@ namespace mr::atlas {
 /// Incremental view selection for a surface that changes only in places: unchanged triangles keep
 /// their labels and splits, to the vertex. A triangle is labelled again if
 ///  - it is new,
-///  - its view now sees other surface there, or is not valid there any more,
-///  - it had no view, and some view now sees other surface there or has become valid there.
-/// So the cost is in proportion to the changes, and unchanged chunks are sent only once. If any
+///  - the depth in its view has changed there, or the view is not valid there any more,
+///  - it had no view, and in some view the depth has changed there or has become valid there.
+/// So the cost is proportional to the changes, and unchanged chunks are sent only once. If any
 /// view is not a pinhole, everything is labelled each time.
 class LastingLabels {
  public:
@@ -31,13 +31,13 @@ class LastingLabels {
   /// next update.
   enum class Extent { everything, changes, new_surface };
 
-  /// The surface with runs; vertices that cutting added may lie off the lattice. `surface` is
-  /// welded. `config.occluders` is not used; `config.valid` is of tiles of 16 pixels.
+  /// Returns the surface with runs; vertices that cutting added may lie off the lattice. `surface`
+  /// is welded. `config.occluders` is not used; `config.valid` is of tiles of 16 pixels.
   /// Deterministic, and the same on any number of threads.
   Mesh update(const Mesh& surface, std::span<const View> views, LabelConfig config, Extent extent);
 
-  /// The depth of the last surface as its views see it (Extent::new_surface: of the one before);
-  /// never changed. Null before the first.
+  /// Depth maps of the last surface from its views (Extent::new_surface: of the one before).
+  /// Immutable. Null before the first.
   std::shared_ptr<const Occluders> occluders() const { return occluders_; }
   /// Whether the last two surfaces and their views were equal, so that only labels and splits may
   /// differ.
@@ -46,8 +46,8 @@ class LastingLabels {
  private:
   /// Tiles of a view's picture that changed.
   struct Changes {
-    TileMask other;   ///< it sees other surface, or is not valid any more
-    TileMask better;  ///< those, and where it has become valid
+    TileMask other;   ///< depth changed, or not valid any more
+    TileMask better;  ///< the same, or has become valid
   };
 
   bool may_keep(std::span<const View> views) const;
@@ -64,7 +64,7 @@ class LastingLabels {
   Labelling last_;
   std::vector<Triangle> triangles_;         ///< [T] of the last surface
   std::vector<std::uint32_t> first_piece_;  ///< [T + 1] in `last_`
-  kit::PairMap place_{0};                   ///< of a triangle, by the hash of its corners
+  kit::PairMap place_{0};                   ///< index of a triangle, by the hash of its corners
   std::shared_ptr<const Occluders> occluders_;
   std::map<ViewId, TileMask> valid_;
   bool kept_surface_ = false;

@@ -12,7 +12,7 @@ constexpr int kMacroblock = 16;
 
 int up_to_macroblock(int pixels) { return (pixels + kMacroblock - 1) / kMacroblock * kMacroblock; }
 
-/// Places tiles in rows of at most `width` pixels, in order. Returns the size that they need.
+/// Places tiles in rows of at most `width` pixels, in order. Returns the size of the picture.
 std::pair<int, int> place(std::vector<View>& views, double scale, int width) {
   int x = 0, y = 0, row_height = 0, used_width = 0;
   for (View& v : views) {
@@ -29,8 +29,7 @@ std::pair<int, int> place(std::vector<View>& views, double scale, int width) {
   return {used_width, y + row_height};
 }
 
-/// The row width, among those that hold a whole number of the widest tile, whose picture is
-/// smallest.
+/// Chooses the row width, a multiple of the widest tile, that gives the smallest picture.
 std::pair<int, int> place_compactly(std::vector<View>& views, double scale,
                                     const AtlasConfig& atlas) {
   const int limit_w = atlas.width / kMacroblock * kMacroblock,
@@ -58,7 +57,7 @@ Result<Layout> make_layout(const std::vector<View>& views, const AtlasConfig& at
   Layout layout;
   layout.views = views;
   if (views.empty()) return layout;
-  constexpr double kLeastScale = 1e-4;  // tiles have their least size by then
+  constexpr double kLeastScale = 1e-4;  // tiles have their minimum size by then
   for (double s = scale; s > kLeastScale && layout.width == 0; s *= 0.95)
     std::tie(layout.width, layout.height) = place_compactly(layout.views, s, atlas);
   if (layout.width == 0)

@@ -9,7 +9,7 @@ namespace mr::atlas {
 
 std::array<kit::CubeFace, 6> panorama_faces(const Camera& camera) {
   constexpr int kRing_px = 24;
-  constexpr double kEnoughPerRad = 512;  // to tell what hides what
+  constexpr double kEnoughPerRad = 512;  // pixels per radian that suffice for occlusion
   const Vec2d density = kit::pixels_per_rad(camera);
   return kit::cube_faces(std::min(std::max(density.x, density.y), kEnoughPerRad), kRing_px);
 }

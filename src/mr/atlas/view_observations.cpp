@@ -11,11 +11,11 @@
 namespace mr::atlas {
 namespace {
 
-constexpr int kCoarse_px = 128;  // longer side of the pictures that tell what is in sight
+constexpr int kCoarse_px = 128;  // longer side of the coarse depth maps
 constexpr float kSightMargin_m = 0.03f;
-constexpr float kSightMargin_px = 3;  // coarse pixels: a slope of 60 degrees hides nothing
+constexpr float kSightMargin_px = 3;  // coarse pixels: slopes below 60 degrees do not occlude
 constexpr float kLeastGainFacing =
-    0.5f;  // sine: flatter than 30 degrees to the surface, gloss misleads
+    0.5f;  // sine: below 30 degrees to the surface, specular light misleads
 constexpr int kDarkest = 8, kBrightest = 247;  // beyond, a channel may be clipped
 
 /// Linear light of an sRGB byte.
@@ -41,7 +41,7 @@ class CoarseDepth {
     std::vector<std::uint32_t> next(mesh.positions.size());
     for (std::size_t v = 0; v < next.size(); ++v) next[v] = next_pixel(mesh.positions[v]);
     for (const Triangle& t : mesh.triangles) {
-      // Most triangles lie between the centres of coarse pixels, or outside.
+      // Skips triangles that cover no centre of a coarse pixel: most of them.
       const std::uint32_t differ = (next[t[0]] ^ next[t[1]]) | (next[t[0]] ^ next[t[2]]);
       if (!(differ & 0xFFFF) || !(differ >> 16)) continue;
       const auto corner = [&](int i) {
@@ -84,8 +84,8 @@ class CoarseDepth {
             static_cast<float>(camera_.fy) * y / z + static_cast<float>(camera_.cy), z};
   }
 
-  /// The first column and row of pixel centres from a point on, those outside alike: where it is
-  /// the same for two points, no pixel centre lies between them.
+  /// Column and row of the next pixel centre after a point, clamped to the picture. If two points
+  /// have the same value, no pixel centre lies between them.
   std::uint32_t next_pixel(Vec3f p_world) const {
     const OnScreen s = on_screen(p_world);
     if (s.z < 0) return 0xFFFFFFFF;

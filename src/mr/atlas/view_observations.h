@@ -58,11 +58,12 @@ std::vector<Sample> spread_samples(const Mesh& mesh, std::size_t count);
 struct Observation {
   std::size_t view = 0;  ///< index of the view
   float facing = 0;      ///< PicturedView::facing()
-  float level = 0;       ///< the darkest channel, about as sRGB has it, to 1
+  float level = 0;       ///< darkest channel, approximately sRGB, 0..1
   Vec3d log_light;       ///< logarithm of linear red, green and blue
 };
 
-/// [sample] the views that show it well: not occluded, not too flat, and not clipped. Parallel.
+/// [sample] the observations in views where the sample is not occluded, not seen at a grazing
+/// angle, and not clipped. Parallel.
 std::vector<std::vector<Observation>> observe(std::span<const Sample> samples, const Mesh& mesh,
                                               std::span<const View> views,
                                               const Pictures& pictures);

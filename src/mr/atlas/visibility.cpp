@@ -11,11 +11,11 @@
 namespace mr::atlas {
 namespace {
 
-constexpr double kLeastDirect = 0.75;  // below it, neutral colour is better than a wrong picture
-constexpr float kLeastFacing = 0.1f;   // cosine; flatter, a pixel smears over the surface
+constexpr double kLeastDirect = 0.75;  // below it, a neutral colour is better than wrong texture
+constexpr float kLeastFacing = 0.1f;   // cosine; at a flatter angle the texture is smeared
 constexpr float kFrontOfMargin_m = 0.05f;  // an occluder this much nearer needs a margin around it
 
-/// Smallest value in a window of (2r + 1)²; where the mesh leaves the picture empty counts as far.
+/// Erosion: the smallest depth in a window of (2r + 1)²; empty pixels count as infinitely far.
 ImageDepth nearest_around(const ImageDepth& depth, int r) {
   constexpr float kFar = std::numeric_limits<float>::infinity();
   const auto nearer = [](float a, float b) { return a < b ? a : b; };
@@ -24,7 +24,7 @@ ImageDepth nearest_around(const ImageDepth& depth, int r) {
   return reduce_neighbourhood(far_where_empty, r, kFar, nearer);
 }
 
-/// Depth that nine tenths of the picture are beyond: margins must do for occluders close by.
+/// The 10th percentile of depth: margins must suffice for near occluders.
 double near_depth(const ImageDepth& depth) {
   constexpr int kEvery_px = 3;
   std::vector<float> samples;
@@ -43,7 +43,7 @@ double margin_of(const Camera& camera, double geometry_error_m, double depth_m) 
          2;
 }
 
-/// The nearer of two depths, pixel by pixel; of `others` the part from (x0, y0) on.
+/// The pixel-wise nearer of two depth maps; of `others`, the part from (x0, y0) on is used.
 ImageDepth nearer(ImageDepth depth, const ImageDepth* others, int x0, int y0) {
   if (!others) return depth;
   for (int y = 0; y < depth.height; ++y) {
@@ -55,10 +55,10 @@ ImageDepth nearer(ImageDepth depth, const ImageDepth* others, int x0, int y0) {
   return depth;
 }
 
-/// A mesh in a pinhole's camera frame, and the columns of the picture that its triangles fall into.
+/// A mesh in a pinhole's camera frame, and the columns and rows that each triangle covers.
 struct Projected {
   struct Columns {
-    int first = 0, last = -1;  ///< none: it falls beside the picture
+    int first = 0, last = -1;  ///< empty: outside the picture
     int top = 0, end = 0;      ///< rows
   };
 
@@ -89,11 +89,11 @@ struct Projected {
 
   std::vector<Columns> triangles;  ///< [T]
   double nearest_m = std::numeric_limits<double>::infinity();
-  bool is_cut = false;  ///< some of it reaches through the near plane
+  bool is_cut = false;  ///< some triangle crosses the near plane
 };
 
-/// Where a mesh falls in a pinhole's picture, with `around_px` pixels around: rectangles side by
-/// side that hold each of its triangles whole, as what stands upright leaves gaps between.
+/// Vertical strips of a pinhole's picture that cover a mesh with a margin of `around_px` pixels;
+/// each triangle lies inside one strip. Upright shapes such as people leave gaps between strips.
 std::vector<Rect> strips_in(const Camera& camera, const Projected& mesh, int around_px) {
   struct Rows {
     int top = std::numeric_limits<int>::max(), end = 0;
@@ -126,7 +126,7 @@ std::vector<Rect> strips_in(const Camera& camera, const Projected& mesh, int aro
   return out;
 }
 
-/// How far from a mesh occluders can be that hide some of it by their margins.
+/// How far outside the mesh's pixels an occluder may lie whose margin covers a part of the mesh.
 int reach_px(const Camera& camera, const Projected& mesh, const ImageDepth& others,
              const LabelConfig& config) {
   constexpr int kMost_px = 64, kEvery_px = 4;
@@ -139,7 +139,7 @@ int reach_px(const Camera& camera, const Projected& mesh, const ImageDepth& othe
   return static_cast<int>(std::min<double>(margin, kMost_px));
 }
 
-/// The strips of a pinhole view that a mesh falls into, each with its triangles.
+/// The faces of a pinhole view: strips that cover the mesh, each with its triangles.
 std::vector<Face> strip_faces(const Mesh& mesh, const View& view, const ImageDepth& others,
                               const LabelConfig& config) {
   const Camera camera = view.camera();
@@ -163,7 +163,7 @@ std::vector<Face> strip_faces(const Mesh& mesh, const View& view, const ImageDep
   return out;
 }
 
-/// The faces of a view, as much of them as the mesh falls into.
+/// The faces of a view, cropped to what the mesh covers.
 std::vector<Face> faces_of(const Mesh& mesh, const View& view, const LabelConfig& config) {
   std::vector<Face> out;
   const Camera camera = view.camera();
@@ -234,7 +234,8 @@ void Face::add(const kit::ScreenSpan& s, Count& count) const {
   const float* const around = around_.row(s.y);
   for (int x = s.first; x <= s.last; ++x) {
     const float z = 1 / (s.inv_z + static_cast<float>(x - s.first) * s.inv_z_step);
-    // Bumps of the surface's own size hide nothing, and no slope of up to 72 degrees does.
+    // Tolerance: roughness within the geometry error, noise, and slopes of up to 72 degrees do not
+    // occlude.
     const float in_front = z - (error_m_ + noise_per_m2_ * (z * z) + 3 * pixel_ * z);
     const float occluder =
         in_front - kFrontOfMargin_m - 3 * pixel_ * z * static_cast<float>(margin_ - 1);
@@ -264,10 +265,11 @@ TriangleVisibility ViewVisibility::of_triangle(const Mesh& mesh, std::size_t t,
   const ValidRegion::Share valid = valid_share(corners);
   if (valid == ValidRegion::Share::none) return {};
   sight.touches = count.direct > 0;
-  if (valid == ValidRegion::Share::some) return sight;  // cut, its inner pieces may use the view
+  if (valid == ValidRegion::Share::some)
+    return sight;  // after cutting, its inner pieces may use the view
   const bool inside = is_inside(corners);
-  // A corner outside forbids the view for this triangle; cut, its inner pieces may use it.
-  // Across the seam of a panorama, though, what cannot be cut further has its picture.
+  // A triangle with a corner outside cannot use the view; after cutting, its inner pieces may. At
+  // the seam of a panorama even a triangle too small to cut may use it.
   if (!inside && !is_whole_turn()) return sight;
   if (inside) sight.visible = static_cast<float>(count.clear) / static_cast<float>(count.pixels);
   if (count.direct > kLeastDirect * count.pixels)
@@ -275,7 +277,7 @@ TriangleVisibility ViewVisibility::of_triangle(const Mesh& mesh, std::size_t t,
   return sight;
 }
 
-/// Strips of a pinhole's picture hold each triangle whole, in the columns of any of its corners.
+/// In a pinhole view, a triangle lies in the strips that contain its first corner's column.
 Face::Count ViewVisibility::count_pixels(const std::array<Vec3f, 3>& corners, Vec3f middle) const {
   const bool are_strips = view_.kind == View::Kind::pinhole && faces_.size() > 1;
   const auto corner = are_strips ? pixel_of(corners[0]) : std::nullopt;
@@ -285,13 +287,13 @@ Face::Count ViewVisibility::count_pixels(const std::array<Vec3f, 3>& corners, Ve
   Face::Count count;
   for (const Face& face : faces_)
     if (may_hold(face)) face.count(corners, count);
-  // Smaller than a pixel.
+  // A triangle that covers no pixel centre: tests the pixel at its centroid.
   for (std::size_t i = 0; i < faces_.size() && count.pixels == 0; ++i)
     if (may_hold(faces_[i])) faces_[i].count(middle, count);
   return count;
 }
 
-/// How much of what a triangle covers is valid.
+/// Share of a triangle's pixels that are valid.
 ValidRegion::Share ViewVisibility::valid_share(const std::array<Vec3f, 3>& corners) const {
   if (valid_.is_whole()) return ValidRegion::Share::all;
   int valid = 0, invalid = 0;
@@ -307,8 +309,8 @@ ValidRegion::Share ViewVisibility::valid_share(const std::array<Vec3f, 3>& corne
   return ValidRegion::share(valid, invalid);
 }
 
-/// Points at which to look whether a triangle is valid: its corners, and of a panorama, where
-/// edges are curves, so many that no block lies between them.
+/// Sample points of a triangle for the test of validity: its corners; in a panorama, where edges
+/// are curves, a grid denser than the blocks.
 std::vector<Vec3f> ViewVisibility::valid_samples(const std::array<Vec3f, 3>& corners) const {
   if (view_.kind == View::Kind::pinhole) return {corners.begin(), corners.end()};
   constexpr double kApart_px = 8, kMost = 64;
@@ -335,7 +337,7 @@ bool ViewVisibility::is_whole_turn() const {
          view_.image_rect == Rect{0, 0, view_.width, view_.height};
 }
 
-/// Where a point falls in the view's picture; nothing when it is too near.
+/// Projects a point into the view's picture; nothing if it is nearer than the near plane.
 std::optional<Vec2d> ViewVisibility::pixel_of(Vec3f p_world) const {
   const Vec3d p = T_camera_world_ * vec_cast<double>(p_world);
   if (view_.kind == View::Kind::equirectangular) return project(camera_, p);
@@ -344,7 +346,7 @@ std::optional<Vec2d> ViewVisibility::pixel_of(Vec3f p_world) const {
   return Vec2d{s.u, s.v};
 }
 
-/// Whether all of a triangle lies in the tile without its gutter, and not across its seam.
+/// Whether a triangle lies inside the tile minus its gutter, and not across a panorama's seam.
 bool ViewVisibility::is_inside(const std::array<Vec3f, 3>& corners) const {
   double left = std::numeric_limits<double>::max(), right = -left;
   for (const Vec3f& corner : corners) {
@@ -352,7 +354,7 @@ bool ViewVisibility::is_inside(const std::array<Vec3f, 3>& corners) const {
     if (!pixel || !inside_tile(*pixel)) return false;
     left = std::min(left, pixel->x), right = std::max(right, pixel->x);
   }
-  // Corners of one more than half a turn apart: it goes the other way, or around a pole.
+  // Corners more than half a turn apart: the triangle crosses the seam or contains a pole.
   return view_.kind == View::Kind::pinhole || right - left < 0.5 * view_.width;
 }
 

@@ -24,17 +24,17 @@ struct TriangleVisibility {
   bool touches = false;  ///< some of it is inside the picture and visible
 };
 
-/// A pinhole picture of the mesh: a view's own, a part of it, or one of the six that a panorama is
-/// made of.
+/// A pinhole depth buffer of the mesh: of a view, of a part of it, or of one of a panorama's six
+/// cube faces.
 class Face {
  public:
-  /// The triangle's pixels that a face has seen.
+  /// Pixel counts of a triangle: all; visible outside margins; visible.
   struct Count {
     int pixels = 0, clear = 0, direct = 0;
   };
 
-  /// `ring_px`: pixels at the border that only serve those inside. `others`: the depth of other
-  /// surface, of which `camera` shows the part from (x, y) on; may be null.
+  /// `ring_px`: border pixels that serve only as neighbourhood of inner ones. `others`: depth map
+  /// of another surface, of which `camera` shows the part from (x, y) on; may be null.
   Face(const Mesh& mesh, const Camera& camera, const Pose& T_world_face, int ring_px,
        const ImageDepth* others, int x, int y, const LabelConfig& config);
 
@@ -42,7 +42,7 @@ class Face {
   void count(const std::array<Vec3f, 3>& corners, Count& count) const;
   /// Adds the pixel at a point, if it is inside.
   void count(Vec3f point, Count& count) const;
-  /// Whether a column of the whole picture is one of its own, give or take one.
+  /// Whether a column of the whole picture lies in this face, within one pixel.
   bool has_column(double x) const { return x >= left_ - 1 && x <= left_ + camera_.width; }
 
  private:
@@ -52,7 +52,7 @@ class Face {
   Camera camera_;
   Pose T_face_world_;
   int ring_, left_;
-  float error_m_, noise_per_m2_;  ///< how far in front a surface must be to occlude
+  float error_m_, noise_per_m2_;  ///< least distance of an occluder in front of the surface
   float pixel_;                   ///< width of a pixel at 1 m
   ImageDepth depth_;
   int margin_;
@@ -67,7 +67,7 @@ class ValidRegion {
   explicit ValidRegion(const TileMask* mask) : mask_(mask) {}
   bool is_whole() const { return mask_ == nullptr; }
 
-  /// Adds pixels of a row.
+  /// Counts the tiles under pixels [first, last] of a row.
   void add(int y, int first, int last, int& valid, int& invalid) const {
     for (int tile = first / mask_->tile_px; tile <= last / mask_->tile_px; ++tile)
       ++(is_valid(tile, y / mask_->tile_px) ? valid : invalid);
@@ -86,17 +86,17 @@ class ValidRegion {
     return column < mask_->columns && row < mask_->rows && mask_->at(column, row);
   }
 
-  const TileMask* mask_;  ///< null: all
+  const TileMask* mask_;  ///< null: all pixels are valid
 };
 
-/// Tests which triangles of a mesh are visible in a view, by depth buffer: in its own picture, or
-/// in the six sides of a panorama.
+/// Tests which triangles of a mesh are visible in a view, by depth buffer: that of the view, or
+/// those of a panorama's six cube faces.
 class ViewVisibility {
  public:
   /// The view must outlive this, and so must the masks of `config.valid`.
   ViewVisibility(const Mesh& mesh, const View& view, const LabelConfig& config);
 
-  /// `normal_world`: what the surface faces there, smoothed.
+  /// `normal_world`: the smoothed surface normal at the triangle.
   TriangleVisibility of_triangle(const Mesh& mesh, std::size_t t, Vec3f normal_world) const;
 
  private:

@@ -14,8 +14,9 @@
 #include "mr/core/trace.h"
 #include "mr/scene/scene.h"
 
-/// The systems that MeshReduce is compared with (EVALUATION, Baselines), as senders and receivers
-/// that code and decode for real. Both ends know the scene file, cameras and poses included.
+/// The systems that MeshReduce is compared with (docs/evaluation.md, Baselines), as senders and
+/// receivers that code and decode for real. Both ends know the scene file, cameras and poses
+/// included.
 namespace mr::baseline {
 
 /// What goes over the wire for one capture. Geometry and texture are coded apart, so that sweeps
@@ -55,8 +56,8 @@ class Baseline {
   virtual Result<Geometry> decode_geometry(std::span<const std::byte> bytes) = 0;
   virtual Result<Texture> decode_texture(std::span<const std::byte> bytes) = 0;
 
-  /// Of the newest capture: each node alone, the slowest of each layer, summed over the layers that
-  /// it takes to the mesh (EVALUATION, Latency). One node does it all, unless said otherwise.
+  /// Latency of the newest capture up to the mesh: the slowest node of each layer, each node run
+  /// alone, summed over the layers. Default: one node does everything.
   virtual double critical_path_ms(const CallTimes& calls) const {
     return calls.encode_geometry_ms + calls.encode_texture_ms;
   }

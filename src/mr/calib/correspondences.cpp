@@ -9,8 +9,8 @@
 namespace mr::calib {
 namespace {
 
-constexpr std::size_t kPartsForAll = 6;    // with so many neighbours each looks at every sample
-constexpr std::size_t kLeastSamples = 64;  // that a part looks at in another
+constexpr std::size_t kPartsForAll = 6;    // up to so many neighbours, every sample is used
+constexpr std::size_t kLeastSamples = 64;  // of a part that another one tests
 constexpr double kAlike = 0.87;            // cosine: normals within 30 degrees
 constexpr double kFacing = 0.25;           // cosine towards a camera: not grazing
 

@@ -5,7 +5,7 @@
 #include <span>
 #include <string>
 
-/// What `meshreduce` and `mr-bench` share about how they are called.
+/// Command-line handling shared by `meshreduce` and `mr-bench`.
 namespace mr::cli {
 
 /// docs/command-line.md. A process that a signal ends has 128 + its number, as in any shell.
@@ -20,8 +20,8 @@ enum ExitCode : int {
 /// with the one that may have been meant; nothing where all are known.
 std::optional<std::string> unknown_word(const CLI::App& app, std::span<const std::string> args);
 
-/// Parses and runs the chosen command's callback. Tells what is wrong with the command line in one
-/// line on stderr, and shows the help where a command is missing. kDone, kFailed for an exception
+/// Parses and runs the chosen command's callback. Prints a problem of the command line in one
+/// line on stderr, and the help if a command is missing. kDone, kFailed for an exception
 /// of the work, or kMisused; the callback reports its own exit code elsewhere.
 ExitCode parse_and_run(CLI::App& app, int argc, const char* const* argv);
 

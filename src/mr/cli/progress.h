@@ -12,9 +12,9 @@ class ProgressBar {
  public:
   ~ProgressBar() { hide(); }
   void show(const std::string& step, std::size_t done, std::size_t of);
-  /// A line of its own above the bar.
+  /// Prints a line above the bar.
   void say(const std::string& line);
-  /// Takes the bar away until it is shown again.
+  /// Removes the bar until it is shown again.
   void hide();
 
  private:

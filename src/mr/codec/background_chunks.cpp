@@ -19,13 +19,13 @@ namespace {
 constexpr std::size_t kMaxChunks = 32768;  // half of what a manifest may hold
 constexpr int kMeshSpeed = 2;              // coded once, sent to everybody
 
-/// A mesh on the lattice with the colours that are sent.
+/// A mesh on the lattice with the colours to be sent.
 struct SnappedBackground {
   Mesh mesh;
   std::vector<std::array<std::uint8_t, 3>> colors;  ///< [V] sRGB
 };
 
-/// Puts the mesh on the lattice; vertices that meet there get the mean of their colours.
+/// Snaps the mesh to the lattice; vertices that are welded get their mean colour.
 Result<SnappedBackground> snap(const ColoredMesh& in, const Lattice& lattice) {
   auto snapped = snap_vertices(in.mesh, lattice);
   if (!snapped) return snapped.error();
@@ -42,7 +42,7 @@ Result<SnappedBackground> snap(const ColoredMesh& in, const Lattice& lattice) {
   return out;
 }
 
-/// The triangles by the cube that holds their centroid.
+/// The triangles, grouped by the cube that contains their centroid.
 std::map<Vec3i, std::vector<std::uint32_t>> by_cube(const Mesh& mesh, double chunk_m) {
   const auto cell = [&](float v) { return static_cast<std::int32_t>(std::floor(v / chunk_m)); };
   std::map<Vec3i, std::vector<std::uint32_t>> out;

@@ -11,11 +11,11 @@ struct CodingConfig {
   double texture_scale = 1;
   int texture_qp = 28;
   int sensor_texture_qp = 22;  ///< between sensor and first merger
-  int depth_qp = 14;           ///< pipeline rgbd: of its depth video
-  int frame_divider = 1;       ///< baselines: every n-th capture is sent
+  int depth_qp = 14;           ///< of the depth video, pipeline rgbd only
+  int frame_divider = 1;       ///< baselines only: every n-th capture is sent
 
   static constexpr Range kTextureScale{0, 1, true}, kQp{0, 51}, kFrameDivider{1, 30};
-  /// What is impossible in it, a line each.
+  /// The invalid fields, one line each; empty: valid.
   std::vector<std::string> problems() const {
     return out_of_range({{"texture_scale", texture_scale, kTextureScale},
                          {"texture_qp", texture_qp, kQp},

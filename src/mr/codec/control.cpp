@@ -16,8 +16,8 @@ constexpr std::size_t kMagicBytes = 4;
 using Magic = char[kMagicBytes + 1];
 constexpr Magic kControlMagic = "MRCT", kTimeMagic = "MRT3", kRefusalMagic = "MRNO";
 
-/// What follows the version: any number of sections, each a kind, the length of its body, its body;
-/// kinds ascend. An unknown kind is passed over: so wishes can be added that older nodes ignore.
+/// After the version follow sections in ascending order of kind: kind, length of the body, body. An
+/// unknown kind is skipped, so that requests can be added that older nodes ignore.
 enum class Section : std::uint32_t {
   key_frames = 1,
   chunks = 2,
@@ -164,7 +164,7 @@ Status read_section(Section kind, std::span<const std::byte> body, Control& out)
     case Section::plan:
       return read_plans(body, out);
   }
-  return {};  // of a later program
+  return {};  // unknown kind, of a newer version: skipped
 }
 
 }  // namespace

@@ -13,7 +13,7 @@ constexpr std::uint32_t kNone = 0xFFFFFFFFu;
 
 using Vec3l = Vec3<std::int64_t>;
 
-/// The corner that a flat triangle's longest edge starts at.
+/// The corner at which a flat triangle's longest edge starts.
 int long_edge(const std::vector<Vec3i>& cells, const Triangle& t) {
   int best = 0;
   std::int64_t longest = -1;
@@ -29,7 +29,7 @@ std::uint64_t directed(std::uint32_t from, std::uint32_t to) {
   return static_cast<std::uint64_t>(from) << 32 | to;
 }
 
-/// The triangle behind the long edge of each flat one; kNone where there is none, or more than one.
+/// For each flat triangle the triangle across its longest edge; kNone: there is none or several.
 std::vector<std::uint32_t> behind(const std::vector<Vec3i>& cells,
                                   const std::vector<Triangle>& triangles,
                                   const std::vector<std::uint32_t>& flat) {
@@ -41,7 +41,8 @@ std::vector<std::uint32_t> behind(const std::vector<Vec3i>& cells,
     const Triangle& t = triangles[flat[f]];
     const int i = long_edge(cells, t);
     const std::uint32_t from = t[i], to = t[(i + 1) % 3];
-    if (edges.get_or_add(directed(to, from), f) != f) owners[f] = 2;  // two flat ones on one edge
+    if (edges.get_or_add(directed(to, from), f) != f)
+      owners[f] = 2;  // two flat triangles on one edge
     touched[from] = touched[to] = 1;
   }
   for (std::uint32_t t = 0; t < triangles.size(); ++t)

@@ -6,7 +6,7 @@
 
 namespace mr::codec {
 
-/// How far each stream has come that a view uses.
+/// Sets the packet's `streams`: the newest serial of each stream that a view uses.
 void HeadWriter::note_streams(Packet& packet) {
   std::map<StreamId, std::uint32_t> used;
   for (const View& view : packet.views)
@@ -52,7 +52,7 @@ Status HeadReader::check_node(const Packet& base) const {
   return {};
 }
 
-/// Null: it did not come.
+/// The base of a message; null: it was lost.
 std::shared_ptr<const Packet> HeadReader::base_for(const PacketMessage& message) const {
   if (message.base) return message.base;
   const bool fits =

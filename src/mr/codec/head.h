@@ -18,54 +18,55 @@
 
 namespace mr::codec {
 
-/// The sending end of a node's packets: tells each by its difference to a base, the head of an
-/// earlier packet, and brings the base itself now and then. A base is brought by the first packets
-/// that build on it, so that only who loses all of these has to ask; whatever else is lost does no
-/// harm. One thread writes; ask_whole() is for any.
+/// Sending end of the delta coding of packet heads: each packet is written as its difference to a
+/// base, the head of an earlier packet. The first packets that refer to a new base contain it, so
+/// only a receiver that loses all of these must request it; other losses do no harm. One thread
+/// writes; ask_whole() may be called from any thread.
 class HeadWriter {
  public:
   static constexpr std::uint64_t kWholeEvery = 30;  ///< packets, at the latest
-  static constexpr int kBroughtBy = 3;              ///< packets in a row bring a new base
+  static constexpr int kBroughtBy = 3;              ///< consecutive packets that contain a new base
 
-  /// The bytes of the node's next packet. Its `streams` are filled in from the units that were
-  /// written.
+  /// Encodes the node's next packet. Its field `streams` is set from the texture units written so
+  /// far.
   std::vector<std::byte> write(Packet packet);
 
-  /// Somebody lacks the base: the next packets bring it.
+  /// A receiver lacks the base: the next packets contain it.
   void ask_whole() { asked_ = true; }
 
  private:
   void note_streams(Packet& packet);
 
   std::shared_ptr<const Packet> base_;
-  std::uint64_t brought_ = 0;  ///< sequence of the packet that brought it last
+  std::uint64_t brought_ = 0;  ///< sequence of the last packet that contained it
   int to_bring_ = 0;
-  std::map<StreamId, std::uint32_t> serials_;  ///< of each stream's newest unit
+  std::map<StreamId, std::uint32_t> serials_;  ///< serial of each stream's newest unit
   std::atomic<bool> asked_ = false;
 };
 
-/// The receiving end: complete packets out of what a HeadWriter wrote, with losses and folds on the
-/// way, and in their order (PacketOrder).
+/// Receiving end: reconstructs complete packets from the bytes of a HeadWriter, some of which may
+/// be lost or folded on the way, and enforces their order (PacketOrder).
 class HeadReader {
  public:
   HeadReader() = default;
-  /// Of this node's packets only: another's must not replace its base.
+  /// Accepts the packets of this node only.
   HeadReader(std::string scene, std::string node)
       : scene_(std::move(scene)), node_(std::move(node)) {}
 
-  /// Errors as decode_packet(); invalid: another node's, or not after the ones before.
-  /// not_found: the base did not come; lacks_base() tells so until one does.
-  /// `now` may stay the same where no time passes, as in lockstep.
+  /// Errors as decode_packet(); invalid, too: a packet of another node, or one out of order;
+  /// not_found: its base was lost, and lacks_base() is true until a base arrives. `now` may stay
+  /// the same from call to call, as in lockstep.
   Result<Packet> read(std::span<const std::byte> bytes, TimePoint now = {});
   Result<Packet> read(PacketMessage message, TimePoint now = {});
 
-  /// Whether the packet just read begins afresh: what was decoded before it does not hold.
+  /// Whether the packet just read starts a new stream of packets: everything decoded before it is
+  /// invalid.
   bool began_afresh() const { return began_afresh_; }
 
-  /// Whether the node should be asked for a whole head.
+  /// Whether a complete head must be requested from the node.
   bool lacks_base() const { return lacks_base_; }
 
-  /// What the newest packet was built on; null before the first.
+  /// The base of the newest packet; null before the first packet.
   const std::shared_ptr<const Packet>& base() const { return base_; }
 
  private:
@@ -76,7 +77,7 @@ class HeadReader {
   PacketOrder order_;
   std::shared_ptr<const Packet> base_;
   bool lacks_base_ = false;
-  bool is_afresh_ = false;  ///< since the last packet that was read
+  bool is_afresh_ = false;  ///< pending: a restart was seen, no packet read since
   bool began_afresh_ = false;
 };
 

@@ -15,7 +15,7 @@ PacketChange::ViewKey key_of(const View& view) { return {view.id, view.layer}; }
 SensorId key_of(const SourceInfo& source) { return source.sensor; }
 ChunkKey key_of(const ChunkKey& key) { return key; }
 
-/// Equal but for its time and masks.
+/// Whether two sources are equal except for time and masks.
 bool same_sensor(const SourceInfo& a, const SourceInfo& b) {
   return a.depth_camera == b.depth_camera && a.T_world_depth == b.T_world_depth &&
          a.precision == b.precision;
@@ -27,8 +27,8 @@ std::vector<std::string> stages_of(const Packet& packet) {
   return out;
 }
 
-/// Calls gone(item of a) and come(item of b) for items without a partner of the same key, both(a,
-/// b) for pairs.
+/// Merges two lists sorted by key: calls gone(item) for keys only in a, come(item) for keys only in
+/// b, both(item of a, item of b) for keys in both.
 template <typename T, typename Gone, typename Come, typename Both>
 void compare(const std::vector<T>& a, const std::vector<T>& b, Gone gone, Come come, Both both) {
   auto i = a.begin(), j = b.begin();
@@ -64,8 +64,7 @@ void compare_sources(const Packet& base, const Packet& packet, PacketChange& out
 
 Error misfit(const std::string& what) { return {Error::Cause::invalid, "packet: " + what}; }
 
-/// `base` without what is removed, with what has come or is another; false where something that is
-/// removed is not there.
+/// Applies removals, additions and replacements to `base`; false: a removed item does not exist.
 template <typename T, typename Key>
 bool change_list(std::vector<T>& list, const std::vector<Key>& removed,
                  const std::vector<T>& come) {
@@ -135,7 +134,7 @@ Status set_times(Packet& packet, const PacketMessage& message) {
   return {};
 }
 
-/// A mask has the tiles that a picture asks for.
+/// Whether a mask has the number of tiles of a picture of this size.
 bool fits(const TileMask& mask, int width, int height) {
   const auto tiles = [&](int side) { return (side + mask.tile_px - 1) / mask.tile_px; };
   return mask.empty() || (mask.columns == tiles(width) && mask.rows == tiles(height));
@@ -156,7 +155,7 @@ Status check_masks(const Packet& packet, const PacketLimits& limits) {
   return {};
 }
 
-/// What only the whole of a packet shows.
+/// The checks that need the complete packet.
 Status check_whole(const Packet& packet, const PacketLimits& limits) {
   const auto too_many = [](const char* what) {
     return Error{Error::Cause::too_large, std::string("packet: too many ") + what};

@@ -15,11 +15,11 @@
 
 namespace mr::codec {
 
-/// What a packet's head (all but its payloads and times) has other than its base, an earlier
-/// packet's head. Lists are sorted.
+/// The difference of a packet's head (everything but payloads and times) to its base, the head of
+/// an earlier packet. Lists are sorted.
 struct PacketChange {
   using ViewKey = std::pair<ViewId, Layer>;
-  /// New masks of a sensor of the base; nothing: as in the base.
+  /// Changed masks of a sensor that the base names; nothing: as in the base.
   struct Confirmed {
     SensorId sensor{};
     std::optional<TileMask> depth{}, color{};
@@ -28,19 +28,20 @@ struct PacketChange {
 
   std::vector<ChunkKey> removed, added;
   std::vector<ViewKey> removed_views;
-  std::vector<View> views;  ///< that are new or another
+  std::vector<View> views;  ///< new or changed
   std::vector<SensorId> removed_sources;
-  std::vector<SourceInfo> sources;  ///< that are new or another, without times
+  std::vector<SourceInfo> sources;  ///< new or changed, without times
   std::vector<Confirmed> confirmed;
   std::optional<CodingPlan> plan;
-  std::optional<std::vector<std::string>> stages;   ///< of all time marks
-  std::optional<std::vector<StreamState>> streams;  ///< all of them; else the base's and the units'
+  std::optional<std::vector<std::string>> stages;  ///< names of all time marks
+  std::optional<std::vector<StreamState>>
+      streams;  ///< all; none: from the base and the texture units
 
   bool empty() const { return *this == PacketChange{}; }
   friend bool operator==(const PacketChange&, const PacketChange&) = default;
 };
 
-/// A packet as it travels (docs/wire-format.md, "Head and base"): what its head has other than that
+/// A packet on the wire (docs/wire-format.md, "Head and base"): the difference of its head to that
 /// of the packet `age` before it, its times, and the payloads.
 struct PacketMessage {
   std::uint32_t epoch = 0;
@@ -49,7 +50,7 @@ struct PacketMessage {
   std::uint32_t coalesced = 0;
   TimePoint captured_at{};
   std::vector<TimePoint> source_times, mark_times;
-  /// The base, where this message brings it: a packet without payloads, its times are zero.
+  /// The base, if this message contains it: a packet without payloads whose times are zero.
   std::shared_ptr<const Packet> base;
   PacketChange change;
   std::vector<EncodedChunk> chunks;
@@ -58,20 +59,21 @@ struct PacketMessage {
   std::uint64_t base_sequence() const { return sequence - age; }
 };
 
-/// The streams' states after some units; sorted.
+/// The states of the streams after `units`; sorted.
 std::vector<StreamState> streams_after(const std::vector<StreamState>& before,
                                        const std::vector<TextureUnit>& units);
 
-/// A packet's head as a base for others: without payloads, all times zero.
+/// A packet's head as a base for later packets: without payloads, all times zero.
 std::shared_ptr<const Packet> base_of(const Packet& packet);
 
-/// What `packet` has other than `base`, which is of the same scene and node.
+/// The difference of `packet` to `base`, which is of the same scene and node.
 PacketChange change_between(const Packet& base, const Packet& packet);
 
-/// The packet that a message means. invalid: it does not fit its base, or what comes out cannot be.
+/// Applies a message to its base. Error invalid: it does not fit the base, or the result is no
+/// valid packet.
 Result<Packet> complete(PacketMessage message, const Packet& base, const PacketLimits& limits = {});
 
-/// The bytes of a packet that is told by its `change` to `base`; with `bring` they hold the base.
+/// Encodes a packet as its `change` to `base`; with `bring` the bytes contain the base, too.
 std::vector<std::byte> encode_packet(const Packet& packet, const Packet& base,
                                      const PacketChange& change, bool bring);
 std::vector<std::byte> encode_message(const PacketMessage& message);

@@ -7,7 +7,7 @@ namespace mr::codec {
 std::optional<Error> PacketOrder::objection(std::uint32_t epoch, std::uint64_t sequence) const {
   const auto refuse = [](const std::string& why) { return Error{Error::Cause::invalid, why}; };
   if (epoch != last_->epoch) {
-    // Epochs are times, and wrap around.
+    // Epochs are times modulo 2^32: serial number arithmetic.
     const bool is_newer = static_cast<std::int32_t>(epoch - last_->epoch) > 0;
     if (is_newer) return std::nullopt;
     return refuse(

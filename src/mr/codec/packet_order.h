@@ -8,23 +8,23 @@
 
 namespace mr::codec {
 
-/// Which packets of one node go on from those before. Packets come from a network where one may be
-/// damaged, forged or sent again: none of these may silence the node, nor go back in time. So what
-/// is older, or far ahead, is refused; and where for a while nothing but that comes, it was the
-/// packet taken last that was wrong, and all starts afresh. No clock inside.
+/// Accepts the packets of one node in increasing order of sequence. A damaged, forged or replayed
+/// packet must neither block the node's later packets nor move the stream back in time. So packets
+/// that are older, or far ahead, are refused; if for kPatience only such packets arrive, the last
+/// accepted one is assumed to have been wrong, and the order starts afresh. No clock inside.
 class PacketOrder {
  public:
-  static constexpr std::uint64_t kMostAhead = 4096;  ///< packets that may be missing
+  static constexpr std::uint64_t kMostAhead = 4096;  ///< largest gap in sequence numbers
   static constexpr Duration kPatience = std::chrono::seconds(1);
   static constexpr int kRefusals = 2;
 
-  /// next: goes on from the one before. afresh: nothing of what came before holds.
+  /// next: continues the packets before. afresh: the state from the packets before is invalid.
   enum class Verdict { next, afresh };
 
-  /// Takes the packet, or refuses it (invalid).
+  /// Accepts a packet, or refuses it with Error invalid.
   Result<Verdict> take(std::uint32_t epoch, std::uint64_t sequence, TimePoint now);
 
-  /// Whatever packet comes next is taken.
+  /// Resets: the next packet is accepted whatever its number.
   void forget() { last_.reset(); }
 
  private:
@@ -36,7 +36,7 @@ class PacketOrder {
   std::optional<Error> objection(std::uint32_t epoch, std::uint64_t sequence) const;
 
   std::optional<Last> last_;
-  int refused_ = 0;  ///< since the last that was taken
+  int refused_ = 0;  ///< packets since the last accepted one
 };
 
 }  // namespace mr::codec

@@ -8,14 +8,14 @@
 
 namespace mr::codec {
 
-/// What every message between nodes and to viewers ends with: the CRC-32 (IEEE 802.3) of all bytes
-/// before, little-endian. It tells bytes that were damaged on the way, not forged ones.
+/// The trailer of every message between nodes and to viewers: the CRC-32 (IEEE 802.3) of all bytes
+/// before it, little-endian. It detects damaged bytes, not forged ones.
 inline constexpr std::size_t kSealBytes = 4;
 
 /// Appends the checksum.
 void seal(std::vector<std::byte>& bytes);
 
-/// The bytes before the checksum. corrupt: it does not fit them.
+/// The bytes before the checksum. Error corrupt: the checksum is wrong.
 Result<std::span<const std::byte>> unseal(std::span<const std::byte> sealed);
 
 }  // namespace mr::codec

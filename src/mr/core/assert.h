@@ -3,8 +3,8 @@
 #include <cstdio>
 #include <cstdlib>
 
-/// Our own mistakes: stops the program with the place. On in every build that defines
-/// MR_ENABLE_ASSERTS (dev, asan, tsan, fuzz); elsewhere the condition is not evaluated.
+/// Assertion against programming errors: prints file and line and aborts. Enabled in builds that
+/// define MR_ENABLE_ASSERTS (dev, asan, tsan, fuzz); in others the condition is not evaluated.
 #ifdef MR_ENABLE_ASSERTS
 #define MR_ASSERT(condition)                                                                 \
   do {                                                                                       \

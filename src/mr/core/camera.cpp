@@ -25,7 +25,8 @@ Vec2d distort(const Camera& c, Vec2d n) {
           n.y * f + c.p[0] * (r2 + 2 * n.y * n.y) + 2 * c.p[1] * n.x * n.y};
 }
 
-/// The distorted radius must grow with the true one, or far points fold back into the picture.
+/// Whether the distorted radius decreases at `r`: points farther out would be projected back into
+/// the picture.
 bool folds_back(const Camera& c, double r) {
   if (c.distortion == DistortionModel::none) return false;
   const double step = 1e-3 * (r + 1e-3);

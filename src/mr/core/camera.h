@@ -12,8 +12,8 @@ namespace mr {
 enum class CameraModel { pinhole, equirectangular, lidar };
 enum class DistortionModel { none, brown, rational };
 
-/// How a sensor's pixels relate to directions. Camera frame: x right, y down, z forward, metres.
-/// Pixel centres lie at integers.
+/// Camera model: the mapping between a sensor's pixels and directions. Camera frame: x right, y
+/// down, z forward, metres. Pixel centres lie at integers.
 struct Camera {
   CameraModel model = CameraModel::pinhole;
   int width = 0, height = 0;  ///< pixels
@@ -30,21 +30,21 @@ struct Camera {
 
   friend bool operator==(const Camera&, const Camera&) = default;
 
-  /// What makes this camera impossible; empty when usable.
+  /// The invalid fields, one line each; empty: usable.
   std::vector<std::string> problems() const;
 };
 
-/// Where a point of the camera frame falls, in pixels; nothing when it cannot be seen (behind a
-/// pinhole, outside the range where the distortion is invertible, or at the origin).
+/// Projects a point of the camera frame to pixels; nothing when it has no image (behind a pinhole,
+/// outside the range where the distortion is invertible, or at the origin).
 /// equirectangular: u = (lon/2π + 0.5) W - 0.5, v = (lat/π + 0.5) H - 0.5 with lon = atan2(x, z),
 /// lat positive downwards.
 std::optional<Vec2d> project(const Camera& camera, Vec3d point_camera);
 
-/// The direction that a pixel looks along: z = 1 for a pinhole (so depth · direction is the point),
+/// The viewing direction of a pixel: z = 1 for a pinhole (so depth · direction is the point),
 /// unit length for the others (range · direction).
 Vec3d unproject(const Camera& camera, Vec2d pixel);
 
-/// The same pinhole without its distortion; other models come back as they are.
+/// The same pinhole without its distortion; other models are returned unchanged.
 Camera undistorted(const Camera& camera);
 
 }  // namespace mr

@@ -5,32 +5,33 @@
 
 namespace mr {
 
-/// How far a mesh is decimated: until so few triangles are left, or the next collapse would cost
-/// more than the error, whichever comes first. An error limit alone (ratio 0) leaves walls as they
-/// are when somebody enters; a ratio spreads its triangles over what there is.
+/// Limits of decimation: it stops at the ratio of triangles or when the next edge collapse would
+/// exceed the error, whichever comes first. With an error limit alone (ratio 0) the decimation of
+/// walls does not change when a person enters; a ratio distributes a triangle budget over the whole
+/// mesh.
 struct Decimation {
   double ratio = 1;    ///< triangles kept, 0 to 1; 0: as few as the error allows
-  double error_m = 0;  ///< of quadric error metrics, at most 1; 0: any
+  double error_m = 0;  ///< quadric error limit, at most 1; 0: no limit
 
   bool does_nothing() const { return ratio >= 1; }
   friend bool operator==(const Decimation&, const Decimation&) = default;
 };
 
-/// How a node codes what it sends. Made before a frame is reconstructed or a tick merged; stages
-/// take it from there, and its packet tells it.
+/// The coding parameters of a node. Chosen before a frame is reconstructed or a tick is merged;
+/// every stage reads them, and the node's packet carries them.
 struct CodingPlan {
-  Decimation decimation;     ///< of a sensor's surface (with layers: of what moves); of the root's
-  double still_error_m = 0;  ///< of decimation of a sensor's still surface
+  Decimation decimation;     ///< of a sensor's or the root's surface; with layers: moving only
+  double still_error_m = 0;  ///< error limit of decimating a sensor's still surface
   int mesh_speed = 5;        ///< Draco: 0 smallest .. 10 fastest
-  double texture_scale = 1;  ///< of a tile against its camera picture
+  double texture_scale = 1;  ///< tile pixels per camera pixel, along each axis
   int texture_qp = 28;       ///< H.264 quantiser
 
-  /// What is impossible in it, a line each.
+  /// The invalid fields, one line each; empty: valid.
   std::vector<std::string> problems() const;
   friend bool operator==(const CodingPlan&, const CodingPlan&) = default;
 };
 
-/// The plans of all nodes of a scene, as whoever controls it gives them to the root.
+/// The plans of all nodes of a scene, as a controller sends them to the root.
 struct ScenePlan {
   CodingPlan sensors, root;
 

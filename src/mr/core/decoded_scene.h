@@ -9,7 +9,7 @@
 
 namespace mr {
 
-/// One capture as a client has it: everything a packet's manifest names, decoded.
+/// One capture on the client's side: everything that a packet's manifest names, decoded.
 struct DecodedScene {
   TimePoint captured_at{};
   std::vector<SourceInfo> sources;

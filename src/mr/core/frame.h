@@ -13,7 +13,8 @@ namespace mr {
 using Duration = std::chrono::nanoseconds;
 using TimePoint = std::chrono::sys_time<Duration>;  ///< ns since the Unix epoch
 
-/// Whether what was last done then is due again; clocks may be set back.
+/// Whether a periodic action, last done at `last`, is due again. Also true when the clock was set
+/// back.
 inline bool is_due(const std::optional<TimePoint>& last, Duration every, TimePoint now) {
   return !last || now - *last >= every || now < *last;
 }

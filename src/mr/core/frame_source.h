@@ -8,20 +8,20 @@
 
 namespace mr {
 
-/// Where a sensor's frames come from. Not thread-safe: one reader.
+/// A source of one sensor's frames. Not thread-safe: one reader.
 class FrameSource {
  public:
   virtual ~FrameSource() = default;
 
-  /// The next frame; an Error when that one frame was lost (its message names the file; calling
-  /// again goes on with the one after it); nothing at the end.
+  /// The next frame; nothing at the end. An Error: this frame was lost (the message names the
+  /// file); the next call returns the frame after it.
   virtual Result<std::optional<Frame>> next() = 0;
 
-  /// Goes on as if so many more frames had been read; cheap. Frame i is captured at i / fps after
+  /// Skips this many frames without reading them; cheap. Frame i is captured at i / fps after
   /// the epoch, so skip(now * fps) puts an endless source in step with the wall clock.
   virtual void skip(std::uint64_t frames) = 0;
 
-  /// Whether it starts again after its last frame; its indices count on.
+  /// Whether the source starts again after its last frame; frame indices keep increasing.
   virtual bool endless() const = 0;
 };
 

@@ -7,15 +7,15 @@
 
 namespace mr {
 
-/// A hash of numbers in their order; the same on every machine. Not against people who want two
-/// to be equal.
+/// An order-dependent hash of numbers; the same on every machine. Not cryptographic: collisions can
+/// be constructed.
 class Hash {
  public:
   void add(std::uint64_t v) {
     value_ = (value_ ^ v) * 0x9E3779B97F4A7C15u;
     value_ ^= value_ >> 29;
   }
-  /// What is equal adds the same: -0 is 0.
+  /// Equal vectors add the same: -0 is hashed as 0.
   void add(Vec3f p) {
     for (const float v : {p.x, p.y, p.z}) add(std::bit_cast<std::uint32_t>(v + 0.0f));
   }

@@ -3,24 +3,25 @@
 #include <cstddef>
 #include <cstdint>
 
-/// Numbers that must not be taken for each other. A sensor measures triangles, a view textures
-/// them, a texture stream carries the pictures of one or more views.
+/// Identifiers as distinct types, so that the compiler tells them apart. A sensor measures
+/// triangles, a view textures them, a texture stream carries the pictures of one or more views.
 namespace mr {
 
 enum class SensorId : std::uint32_t {};  ///< index of the sensor in the scene file
-enum class ViewId : std::uint32_t {};    ///< of a scene; a live view and its plate share one
-enum class StreamId : std::uint32_t {};  ///< of a node's packets
+enum class ViewId : std::uint32_t {};    ///< unique in a scene; a live view and its plate share one
+enum class StreamId : std::uint32_t {};  ///< unique within a node's packets
 
-inline constexpr SensorId kNoSensor{0xFFFFFFFFu};  ///< nobody says who measured a triangle
-/// A triangle that no view textures; drawn in a neutral colour.
+inline constexpr SensorId kNoSensor{
+    0xFFFFFFFFu};  ///< the sensor that measured a triangle is not known
+/// Label of a triangle that no view textures; it is drawn in a neutral colour.
 inline constexpr ViewId kNoView{0xFFFFFFFFu};
 
-/// The number on the wire and in messages.
+/// The number of an identifier, as on the wire and in messages.
 constexpr std::uint32_t number_of(SensorId id) { return static_cast<std::uint32_t>(id); }
 constexpr std::uint32_t number_of(ViewId id) { return static_cast<std::uint32_t>(id); }
 constexpr std::uint32_t number_of(StreamId id) { return static_cast<std::uint32_t>(id); }
 
-/// Place of a sensor in Scene::sensors.
+/// Index of a sensor in Scene::sensors.
 constexpr std::size_t index_of(SensorId id) { return number_of(id); }
 constexpr SensorId sensor_at(std::size_t index) {
   return SensorId{static_cast<std::uint32_t>(index)};

@@ -10,18 +10,19 @@
 
 namespace mr {
 
-/// The scene's grid of representable vertex positions (DESIGN section 4, "The lattice"): step
-/// 2^step_exp metres, 20 bits an axis, so 1,024 m at 2^-10, centred on `origin`. Lattice positions
-/// are exact in float, so coding them again changes nothing.
+/// The scene's grid of representable vertex positions (docs/conventions.md, The lattice): a cube of
+/// 2^20 steps of 2^step_exp metres along each axis, centred on `origin`: 1,024 m at 2^-10. A
+/// position is exact in float up to 2^24 steps from the world's origin (16 km at 2^-10); coding it
+/// again then changes nothing. Farther away positions are rounded to float.
 struct Lattice {
-  static constexpr int kBits = 20;
-  static constexpr std::int32_t kCells = 1 << kBits;
+  static constexpr int kBits = 20;                    ///< of a coordinate, unsigned
+  static constexpr std::int32_t kCells = 1 << kBits;  ///< lattice points along an axis
 
   Vec3d origin;        ///< metres, a multiple of the step; the middle of the covered cube
-  int step_exp = -10;  ///< -9, -10 or -11; of point clouds also -7 and -8
+  int step_exp = -10;  ///< -9, -10 or -11; for point clouds also -7 and -8
 
   static constexpr Range kStepExp{-11, -7}, kMeshStepExp{-11, -9}, kOrigin_m{-1e5, 1e5};
-  /// What is impossible in it, a line each.
+  /// The invalid fields, one line each; empty: the lattice is valid.
   std::vector<std::string> problems() const;
 
   friend bool operator==(const Lattice&, const Lattice&) = default;
@@ -41,13 +42,14 @@ struct Lattice {
     };
     return {round(q.x), round(q.y), round(q.z)};
   }
+  /// Position of a lattice point, world frame, metres.
   Vec3f position(Vec3i q) const {
     return vec_cast<float>(low_corner() + vec_cast<double>(q) * step_m());
   }
   static bool contains(Vec3i q) {
     return q.x >= 0 && q.y >= 0 && q.z >= 0 && q.x < kCells && q.y < kCells && q.z < kCells;
   }
-  /// Moves a point to the lattice.
+  /// The position of the lattice point nearest to `p`.
   Vec3f snap(Vec3f p) const { return position(quantize(p)); }
 };
 

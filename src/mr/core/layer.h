@@ -4,8 +4,8 @@
 
 namespace mr {
 
-/// A scene has two surfaces (DESIGN section 9): what is made anew with every capture, and what
-/// stays until something of it changes. Where a scene does not tell them apart, all is `moving`.
+/// A scene has two surfaces (docs/layers.md): the moving surface, reconstructed from every capture,
+/// and the still surface, kept until it changes. In a scene without layers everything is `moving`.
 enum class Layer : std::uint8_t { moving, still };
 
 }  // namespace mr

@@ -7,14 +7,14 @@ namespace mr {
 
 enum class LogLevel { info, warning, error };
 
-/// One line for people.
+/// One line of the log.
 struct LogLine {
   LogLevel level = LogLevel::info;
-  std::string node;  ///< who says it: a sensor, a merger, "gateway"; empty: the program
+  std::string node;  ///< origin: a sensor, a merger, "gateway"; empty: the program
   std::string text;
 };
 
-/// Takes lines from any thread; must not wait for long.
+/// Sink of log lines. Called from any thread; must not block for long.
 using Log = std::function<void(const LogLine&)>;
 
 }  // namespace mr

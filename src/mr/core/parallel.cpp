@@ -13,8 +13,8 @@
 namespace mr {
 namespace {
 
-/// The libtbb of distributions is built without the thread sanitizer, which so does not see what
-/// its tasks put in order: it is told.
+/// Tells the thread sanitizer about the happens-before order that TBB's tasks establish: the libtbb
+/// of distributions is built without the sanitizer's instrumentation.
 class Order {
  public:
 #if defined(__SANITIZE_THREAD__)

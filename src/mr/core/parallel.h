@@ -6,8 +6,8 @@
 
 namespace mr {
 
-/// The threads that the app gives to the pipeline. parallel_for inside run() uses them; library
-/// settings stay untouched (DESIGN section 5).
+/// A TBB task arena: the threads that the app gives to the pipeline. parallel_for inside run() uses
+/// them. TBB's global settings are not changed.
 class Arena {
  public:
   /// `threads`: 0 = all cores.
@@ -25,14 +25,14 @@ class Arena {
 };
 
 /// Calls body(begin, end) on disjoint pieces that cover [0, count), each at least `grain` long
-/// where possible; serial below one grain. Pieces may run at once and in any order, so the body
-/// writes to places that only its own indices name: then the result is the same on any number of
-/// threads. Exceptions from the body reach the caller.
+/// where possible; serial below one grain. Pieces run concurrently and in any order. A body that
+/// writes only to elements of its own indices gives the same result on any number of threads.
+/// Exceptions from the body reach the caller.
 void parallel_for(std::size_t count, std::size_t grain,
                   const std::function<void(std::size_t begin, std::size_t end)>& body);
 
-/// Runs `work` so that a thread that waits inside it takes up nothing from outside: what is timed
-/// in it is its own.
+/// Runs `work` in isolation (TBB's this_task_arena::isolate): a thread that waits inside it does
+/// not steal tasks from outside, which would be counted in the time of `work`.
 void isolated(const std::function<void()>& work);
 
 }  // namespace mr

@@ -5,11 +5,11 @@
 #include <string_view>
 #include <vector>
 
-/// The limits of configs: stated once, beside the field, for scene files and for scenes made in
-/// C++.
+/// Limits of configuration values: each is declared once, beside its field, and checked for scene
+/// files and for scenes built in C++.
 namespace mr {
 
-/// The numbers that are allowed: [low, high], or (low, high] when `low_open`.
+/// An interval of allowed numbers: [low, high], or (low, high] when `low_open`.
 struct Range {
   double low, high;
   bool low_open = false;
@@ -20,12 +20,12 @@ struct Range {
   }
 };
 
-/// As short as it can be written: "0.5", "30".
+/// The shortest decimal form: "0.5", "30".
 std::string number_text(double value);
 /// "must be between 0 and 1", "must be greater than 0 and at most 1".
 std::string to_string(const Range& range);
 
-/// A number of a config beside its limits.
+/// A named configuration value with its limits.
 struct LimitedValue {
   template <typename Number>
   LimitedValue(std::string_view key, Number number, const Range& limits)
@@ -36,7 +36,7 @@ struct LimitedValue {
   Range range;
 };
 
-/// A line for each value that its range does not contain: "ratio must be between …, not 2".
+/// One line for each value outside its range: "ratio must be between …, not 2".
 std::vector<std::string> out_of_range(std::initializer_list<LimitedValue> values);
 
 /// Puts `prefix` before each line.

@@ -8,7 +8,7 @@
 
 namespace mr {
 
-/// What went wrong with bytes, files, devices or peers. Our own mistakes are MR_ASSERT's business.
+/// A failure caused by bytes, files, devices or peers. Programming errors: MR_ASSERT.
 struct Error {
   /// Causes are counted by name; `message` is one line that names what and where.
   enum class Cause { invalid, corrupt, too_large, not_found, io, unsupported, empty };

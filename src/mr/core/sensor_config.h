@@ -25,17 +25,17 @@ struct SensorConfig {
   double depth_near_m = 0.3, depth_far_m = 5.0;
   Precision precision;
   double clock_offset_ms = 0;  ///< added to the source's times
-  /// Items whose pose file is missing or cannot be used, and why: their frames are lost. In
-  /// T_world_depth they have a neighbour's.
+  /// Items whose pose file is missing or invalid, with the reason: their frames are lost.
+  /// T_world_depth has a neighbour's pose in their place.
   std::map<std::size_t, Error> lost_poses{};
 
   static constexpr Range kDepth_m{0, 1000}, kClockOffset_ms{-1e7, 1e7};
-  /// What is impossible in it, a line each.
+  /// The invalid fields, one line each; empty: valid.
   std::vector<std::string> problems() const;
   friend bool operator==(const SensorConfig&, const SensorConfig&) = default;
 };
 
-/// All of a scene's sensors, in its order.
+/// The ids of all sensors, in the order of the scene.
 inline std::vector<SensorId> all_sensors(const std::vector<SensorConfig>& sensors) {
   std::vector<SensorId> out;
   for (std::size_t i = 0; i < sensors.size(); ++i) out.push_back(sensor_at(i));

@@ -35,7 +35,7 @@ std::string word(Target target) {
   }
 }
 
-/// As detected, before anything here takes some away.
+/// The targets as detected, before limit_to() removes some.
 const std::vector<Target>& available() {
   static const std::vector<Target> targets = hwy::SupportedAndGeneratedTargets();
   return targets;
@@ -48,8 +48,8 @@ std::optional<Target> find(std::string_view name) {
   return {};
 }
 
-/// From here on dispatch takes `best` or what is older. Not by hwy::DisableTargets: Highway 1.0.3
-/// forgets it when something asks for the supported targets again.
+/// Limits dispatch to `best` and older targets. hwy::DisableTargets is not used: in Highway 1.0.3
+/// its effect is lost when the supported targets are queried again.
 void limit_to(Target best) {
   Target targets = 0;
   for (const Target target : available())
@@ -65,7 +65,7 @@ void warn(const char* wanted) {
                names.c_str(), word(available().front()).c_str());
 }
 
-/// What MR_SIMD asks for, else the best.
+/// The target that MR_SIMD names, else the best.
 Target asked_for() {
   static const Target target = [] {
     const char* wanted = std::getenv("MR_SIMD");

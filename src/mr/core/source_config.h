@@ -13,7 +13,7 @@
 
 namespace mr {
 
-/// How much a source holds.
+/// The length of a source.
 struct SourceContent {
   std::size_t items = 0;  ///< frames before it ends or starts again; 0: not known
   bool loops = false;     ///< starts again after the last
@@ -26,8 +26,8 @@ concept SourceConfigType = requires(const T& config) {
   { config.content() } -> std::same_as<SourceContent>;
 };
 
-/// Where a sensor's frames come from: the config of any type of source, as a value. So nothing
-/// above the source's own folder names its type, but who is asked for that type only.
+/// The config of a sensor's source, of any type, as a value (type erasure). Only the module that
+/// implements a type of source, and callers of get_if(), name that type.
 class SourceConfig {
  public:
   SourceConfig() = default;  ///< no source
@@ -41,7 +41,7 @@ class SourceConfig {
   }
   ~SourceConfig() = default;
 
-  /// The config, where it is of type T; else null.
+  /// The config if it is of type T, else null.
   template <SourceConfigType T>
   T* get_if() {
     auto* held = dynamic_cast<Held<T>*>(held_.get());
@@ -55,17 +55,17 @@ class SourceConfig {
   std::string_view type() const { return held_ ? held_->type() : "none"; }
   SourceContent content() const { return held_ ? held_->content() : SourceContent{}; }
 
-  /// What is impossible in it, a line each (`problems()` of the config).
+  /// The invalid fields, one line each; empty: valid (`problems()` of the config).
   std::vector<std::string> problems() const {
     return held_ ? held_->problems() : std::vector<std::string>{"there is none"};
   }
-  /// The files that its frames are read from; empty for types without a list of them
-  /// (`files()` of the config).
+  /// The files that the frames are read from; empty for types without a list of files (`files()` of
+  /// the config).
   std::vector<std::filesystem::path> files() const {
     return held_ ? held_->files() : std::vector<std::filesystem::path>{};
   }
-  /// What looks wrong where the median of all measured depth is so much, and what to do, in one
-  /// line; nothing where it looks fine (`depth_hint()` of the config).
+  /// A warning in one line if the median of all measured depths is implausible, with advice (such
+  /// as a wrong unit); nothing if it is plausible (`depth_hint()` of the config).
   std::optional<std::string> depth_hint(double median_m) const {
     return held_ ? held_->depth_hint(median_m) : std::nullopt;
   }

@@ -28,20 +28,20 @@ class Stopwatch {
   std::chrono::steady_clock::time_point start_ = std::chrono::steady_clock::now();
 };
 
-/// Processor time of this process so far, on all its threads.
+/// CPU time that this process has used so far, on all its threads.
 double process_cpu_ms();
 
-/// Milliseconds that each stage of a node took, one entry per frame in which it ran; the newest
-/// `kKept` of each. Thread-safe.
+/// Durations of a node's stages in milliseconds, one entry per frame in which a stage ran; the
+/// newest `kKept` of each stage. Thread-safe.
 class Trace {
  public:
   static constexpr std::size_t kKept = 4096;
 
   void add(const std::string& stage, double ms);
-  /// Oldest first.
+  /// The recorded durations by stage, oldest first.
   std::map<std::string, std::vector<double>> stages() const;
 
-  /// Runs `work` and notes its time under `stage`; returns what it returns.
+  /// Runs `work`, records its duration under `stage`, and returns its result.
   template <typename Work>
   auto time(const std::string& stage, Work&& work) {
     const Timer timer(*this, stage);
@@ -64,7 +64,7 @@ class Trace {
 
   struct Ring {
     std::vector<double> ms;
-    std::size_t next = 0;  ///< the oldest, once it is full
+    std::size_t next = 0;  ///< index of the oldest entry, once the ring is full
   };
   mutable std::mutex mutex_;
   std::map<std::string, Ring> stages_;
@@ -73,15 +73,16 @@ class Trace {
 /// The p-th percentile (0..1) by linear interpolation; 0 for no samples.
 double percentile(std::vector<double> samples, double p);
 
-/// What was dropped, counted by cause. Each cause is "<place>: <cause>". Thread-safe.
+/// Counts dropped data by cause, named "<place>: <cause>". Thread-safe.
 class DropCounter {
  public:
   using Listener = std::function<void(const std::string& place, const Error& error)>;
 
-  /// Called for every drop that is news, under no lock. Set before the first one.
+  /// The listener is called for every drop that is news, without a lock held. To be set before the
+  /// first drop.
   void set_listener(Listener listener) { listener_ = std::move(listener); }
 
-  /// `is_news`: the listener is told; else it is counted alone, as the same was told before.
+  /// `is_news`: also calls the listener. False: the same drop was already reported; only counted.
   void count(const std::string& place, const Error& error, bool is_news = true) {
     {
       const std::lock_guard lock(mutex_);

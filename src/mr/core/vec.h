@@ -10,7 +10,7 @@
 
 namespace mr {
 
-/// Two numbers: pixel coordinates (x right, y down) or anything planar.
+/// A 2-vector: pixel coordinates (x right, y down) or any planar quantity.
 template <typename T>
 struct Vec2 {
   T x{}, y{};
@@ -21,7 +21,7 @@ struct Vec2 {
   friend constexpr auto operator<=>(const Vec2&, const Vec2&) = default;
 };
 
-/// Three numbers: a point or direction. Metres where it is a position.
+/// A 3-vector: a point or direction. Positions are in metres.
 template <typename T>
 struct Vec3 {
   T x{}, y{}, z{};

@@ -10,10 +10,11 @@
 
 namespace mr {
 
-/// A picture that textures triangles by projection (DESIGN section 4, "Texturing by projection").
-/// Colour is undistorted before it is coded, so clients know these two kinds only. A sensor may
-/// have two views: its live picture textures chunks of the layer `moving`, its plate (the room as
-/// it looks without those who move) those of the layer `still`.
+/// A picture that textures triangles by projection (docs/conventions.md): a pinhole or an
+/// equirectangular one. Colour is undistorted before it is coded, so clients know these two kinds
+/// only. A sensor may have two views: its live picture textures chunks of the layer `moving`, its
+/// clean plate (the picture of the room without moving people and things) those of the layer
+/// `still`.
 struct View {
   enum class Kind : std::uint8_t { pinhole, equirectangular };
 
@@ -23,12 +24,12 @@ struct View {
   double fx = 0, fy = 0, cx = 0, cy = 0;
   Pose T_world_camera;
   Rect image_rect;              ///< camera pixels that the tile shows
-  Rect atlas_rect;              ///< where they lie in the decoded picture of `stream`
+  Rect atlas_rect;              ///< where the tile lies in the decoded picture of `stream`
   float gutter_px = 2;          ///< margin inside image_rect that no triangle may use
   StreamId stream{};            ///< texture stream that holds the tile
-  std::uint32_t layout = 0;     ///< changes with the tiles' arrangement, with a key frame
+  std::uint32_t layout = 0;     ///< id of the arrangement of tiles; changes only with a key frame
   Layer layer = Layer::moving;  ///< of the chunks that it textures
-  Vec3f gain{1, 1, 1};  ///< the shown sRGB value is the decoded one times this, channel by channel
+  Vec3f gain{1, 1, 1};          ///< per channel: shown sRGB value / decoded sRGB value
 
   friend bool operator==(const View&, const View&) = default;
 
@@ -42,8 +43,8 @@ struct View {
   }
 };
 
-/// What textures the triangles labelled `id` of a chunk of a layer: the view of that layer, or
-/// where there is none, of the other. nullptr where no view has the id.
+/// The view that textures the triangles labelled `id` in a chunk of `layer`: the view of that
+/// layer, or if there is none, of the other layer. nullptr: no view has the id.
 inline const View* texturing_view(std::span<const View> views, ViewId id, Layer layer) {
   const View* other = nullptr;
   for (const View& view : views) {

@@ -4,10 +4,10 @@
 #include <string_view>
 #include <vector>
 
-/// Words of a user in messages: of a scene file, of a command line.
+/// Formatting of user input in messages: words of a scene file or a command line.
 namespace mr {
 
-/// 'text', shortened and without control characters.
+/// The text in single quotes, shortened and without control characters.
 std::string in_quotes(std::string_view text);
 
 /// " (did you mean 'word'?)" with the most similar of `known`; empty when none is.

@@ -13,7 +13,7 @@ struct RenderedView {
   ImageMask covered;
 };
 
-/// Renders a scene as a client does (EVALUATION, "Render"): unlit, with back-face culling, on a
+/// Renders a scene as a client does: unlit, with back-face culling, on a
 /// mid-grey background.
 Result<RenderedView> draw_scene(render::Renderer& renderer, const DecodedScene& scene,
                                 const render::Viewpoint& view);

@@ -11,10 +11,10 @@
 
 namespace mr::eval {
 
-/// Builds the occupancy grid of the floor under a captured surface (EVALUATION, Viewpoints 1 to 3).
-/// The floor frame's x axis runs along the longer side of the minimum-area bounding rectangle of
-/// the captured surface's convex hull. All positions must be finite, and `captured` must have
-/// triangles. too_large: more than 4 million cells.
+/// Builds the occupancy grid of the floor under a captured surface (docs/evaluation.md,
+/// Viewpoints). The floor frame's x axis runs along the longer side of the minimum-area bounding
+/// rectangle of the captured surface's convex hull. All positions must be finite, and `captured`
+/// must have triangles. too_large: more than 4 million cells.
 Result<FloorMap> map_floor(const Mesh& captured, std::span<const Pose> sensors, Vec3d up,
                            const ViewpointConfig& config);
 

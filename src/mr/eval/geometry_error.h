@@ -36,7 +36,7 @@ struct SensorFrustum {
   double near_m = 0.3, far_m = 5;
 };
 
-/// EVALUATION, Geometry.
+/// The geometric error of a mesh (docs/evaluation.md, Geometry).
 struct GeometryError {
   SurfaceDistance to_reference;    ///< from the mesh to the reference
   SurfaceDistance from_reference;  ///< from the reference that sensors see to the mesh
@@ -48,10 +48,10 @@ struct GeometryError {
   double boundary_m = 0;
 };
 
-/// All of it. The mesh is welded by exact position first. With no `frustums`, all of the reference
-/// that lies in `captured` counts as seen. The same on any number of threads. invalid: a position
-/// is not finite or over 10 km away, or an index has no vertex; empty: one of the surfaces has no
-/// area, or no sensor sees the reference.
+/// Computes all measures. The mesh is welded by exact position first. With no `frustums`, all of
+/// the reference that lies in `captured` counts as seen. The same on any number of threads.
+/// invalid: a position is not finite or over 10 km away, or an index has no vertex; empty: one of
+/// the surfaces has no area, or no sensor sees the reference.
 Result<GeometryError> geometry_error(const Mesh& mesh, const Mesh& reference,
                                      std::span<const SensorFrustum> frustums,
                                      const GeometryConfig& config);

@@ -8,7 +8,7 @@ namespace mr::eval {
 
 /// The captures that are measured: short bursts of consecutive captures, far apart (a "moment"
 /// each). Quality is measured at the last capture of a burst, bitrate over the whole burst (see
-/// Rate).
+/// docs/evaluation.md, Rate).
 struct Moments {
   std::vector<int> first;  ///< [moments] first capture of each burst, counted from 0 at the sources
   int burst = 4;
@@ -24,7 +24,8 @@ struct Moments {
   int fed_from() const { return first.front() + later() - warm_up; }
 };
 
-/// EVALUATION, Steady state.
+/// Captures that a stateful pipeline processes before it is measured (docs/evaluation.md, Steady
+/// state).
 inline constexpr int kWarmUpCaptures = 100;
 
 /// Whether the output of a scene's pipeline depends on earlier captures, so that it needs a

@@ -22,7 +22,7 @@ struct OperatingPoint {
   SweepPoint point;
 };
 
-/// The settings that are varied for each pipeline (EVALUATION).
+/// The settings that are varied for each pipeline (docs/evaluation.md).
 SweepPlan operating_point_plan(const std::string& pipeline, const Scene& scene);
 
 /// The Pareto front: the points that no other one dominates in bitrate and quality, by rising

@@ -90,7 +90,8 @@ class StatefulRun {
     }
     if (between > 0)
       if (const auto ran = pipeline.run(between, listener_); !ran) return ran.error();
-    // As many key frames of what moves as others send; the plates' tell what a refresh costs.
+    // The moving layer has as many key frames as the baselines; the plates' give the cost of a
+    // refresh.
     pipeline.ask_key_frames({node::RootAtlas::kLiveStream, node::RootAtlas::kPlateStream});
     costs_.clear();
     const auto report = pipeline.run(end - at_ - between, listener_);

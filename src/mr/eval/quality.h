@@ -26,7 +26,7 @@ struct QualityConfig {
   std::function<void(const std::string& message)> notice{};  ///< one line
 };
 
-/// `eval ssim` (DESIGN section 7).
+/// The figures that `eval ssim` prints (docs/evaluation.md, Pictures).
 struct QualityReport {
   std::string scene, pipeline;
   ReferenceKind reference = ReferenceKind::truth;
@@ -103,14 +103,14 @@ Result<QualityReport> measure_quality(const Trial& trial, const MultiViewSsim& m
                                       const QualityConfig& config,
                                       std::vector<ImageRgb>* pictures = nullptr);
 
-/// The file of a scene's viewpoints, and the key that tells for which scene they were planned.
+/// The file of a scene's viewpoints, and the key of the scene for which they were planned.
 std::filesystem::path viewpoints_file(const Scene& scene);
 std::string viewpoints_key(const Scene& scene);
 
 /// Plans the viewpoints of a prepared scene from a coarse fusion of its first capture.
 Result<ViewPlan> plan_scene(const Scene& scene, const std::filesystem::path& rig_cache);
 
-/// The figures as JSON (DESIGN section 7), and as lines for people.
+/// The figures as JSON with stable keys, and as lines for people.
 std::string to_json(const QualityReport& report);
 std::string to_text(const QualityReport& report);
 

@@ -58,7 +58,7 @@ struct Element {
 Error corrupt_mesh(const std::string& what) { return {Error::Cause::corrupt, what}; }
 Error unsupported(const std::string& what) { return {Error::Cause::unsupported, what}; }
 
-/// A word of a header as a message may show it.
+/// A word of the header in a form that is safe for messages.
 std::string shown(std::string word) {
   constexpr std::size_t kLongest = 32;
   if (word.size() > kLongest) word.resize(kLongest);
@@ -263,7 +263,7 @@ Status read_vertices(const Element& element, Reader& reader, Mesh& mesh) {
 /// Reads one face's list of corners.
 Status read_face(const Property& list, std::uint64_t face, Reader& reader, Mesh& mesh) {
   const std::int64_t corners = reader.integer(*list.count);
-  if (reader.ended()) return {};  // the caller tells
+  if (reader.ended()) return {};  // the caller reports it
   const std::string name = "face " + std::to_string(face);
   if (corners < 3) return corrupt_mesh(name + " has " + std::to_string(corners) + " corners");
   Triangle triangle{};

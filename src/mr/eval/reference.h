@@ -16,7 +16,7 @@
 
 namespace mr::eval {
 
-/// The reference of a comparison (EVALUATION, Multi-View SSIM).
+/// The reference of a comparison (docs/evaluation.md, Pictures).
 enum class ReferenceKind {
   truth,      ///< of a synthetic scene: its noiseless surface and colours
   monolithic  ///< all sensors in one 1 cm grid, textured from uncompressed pictures

@@ -18,10 +18,10 @@
 namespace mr::eval {
 namespace {
 
-constexpr double kLeastVoxel_m = 0.02;  // finer takes longer and tells no more
+constexpr double kLeastVoxel_m = 0.02;  // a finer one takes longer without a better result
 constexpr double kLeastShare = 0.85;    // of what both should see, as calib::outliers has it
 constexpr double kAnyDepth_m = 1e6;
-constexpr double kMostOutside = 0.5;  // of the pixels with depth; more is told
+constexpr double kMostOutside = 0.5;  // of the pixels with depth; more is reported
 
 /// Recorded sensors with all depth that they hold; rigs render what is in range.
 Scene without_ranges(Scene scene) {
@@ -142,7 +142,7 @@ void compare(const Scene& scene, std::span<const kit::Part> parts, double voxel_
           "metres)");
 }
 
-/// The first frame. Files that are missing were told as the scene was read: the next frame will do.
+/// The first readable frame. Missing files were reported when the scene was loaded.
 Result<std::optional<Frame>> first_frame(const SensorConfig& sensor, FrameSource& source) {
   const std::size_t items = sensor.source.content().items;
   auto frame = source.next();

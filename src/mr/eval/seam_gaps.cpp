@@ -12,10 +12,10 @@
 namespace mr::eval {
 namespace {
 
-constexpr double kFarthest_voxels = 6;    // a wider gap is none
-constexpr double kSameBorder_voxels = 3;  // a way along the border that is no longer is none
-constexpr double kDetour = 3;             // nor is one that is not so much longer than across
-constexpr double kAcross = 0.5;           // cosine: within 60 degrees
+constexpr double kFarthest_voxels = 6;    // wider openings are not gaps
+constexpr double kSameBorder_voxels = 3;  // borders connected by a shorter path are one
+constexpr double kDetour = 3;    // the path must also be this many times longer than the gap
+constexpr double kAcross = 0.5;  // cosine: within 60 degrees
 
 Vec3d position(const Mesh& mesh, std::uint32_t vertex) {
   return vec_cast<double>(mesh.positions[vertex]);

@@ -13,7 +13,7 @@
 namespace mr::eval {
 
 /// Masks of the pixels in the ground truth's pictures whose surface some depth camera has seen
-/// since the beginning of the warm-up (EVALUATION, `seen`): [moments][views], 1 there. Visibility
+/// since the beginning of the warm-up (the metric `seen`): [moments][views], 1 there. Visibility
 /// is sampled every tenth capture and every fourth pixel in x and y. A moving surface counts as
 /// seen only if it is seen at the moment itself. Cached in `eval_cache` unless that is empty. The
 /// scene must be prepared. unsupported: the scene has no known ground truth.

@@ -19,7 +19,7 @@ inline constexpr double kSamePsnr_db = 100;
 
 /// Structural similarity (Wang, Bovik, Sheikh and Simoncelli 2004) to one reference picture, whose
 /// means and variances are computed once: 11x11 Gaussian windows of sigma 1.5, K1 0.01, K2 0.03, L
-/// 255, only windows that lie inside the picture (EVALUATION, Multi-View SSIM). Agrees with
+/// 255, only windows that lie inside the picture (docs/evaluation.md, Pictures). Agrees with
 /// scikit-image's structural_similarity(gaussian_weights=True, sigma=1.5,
 /// use_sample_covariance=False, data_range=255) to 1e-3. Parallel over rows; the same result on any
 /// number of threads.

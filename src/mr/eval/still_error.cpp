@@ -58,7 +58,7 @@ Result<ShownRun> run_and_keep(const Scene& scene, int end, int kept,
     if (capture >= end - kept) out.last.push_back({capture, cost.key_frame, *std::move(shown)});
   };
   if (!scene.still.layers && end > kept + 1) {
-    // A pipeline without state: the first capture tells when it begins, the last ones the rest.
+    // A stateless pipeline: the first capture gives first_s, the last ones everything else.
     if (const auto begun = (*pipeline)->run(1, listener); !begun) return begun.error();
     offset = end - kept;
     (*pipeline)->skip(static_cast<std::uint64_t>(offset) - 1);

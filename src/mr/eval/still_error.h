@@ -12,7 +12,7 @@
 
 namespace mr::eval {
 
-/// How the still surface of a synthetic scene is measured (DESIGN section 9).
+/// How the still surface of a synthetic scene is measured (docs/evaluation.md, Still surface).
 struct StillErrorConfig {
   int captures = 100;  ///< processed before; a stateless pipeline skips them
   int pairs = 10;      ///< of consecutive captures whose pictures are compared
@@ -24,7 +24,7 @@ struct StillErrorConfig {
   std::function<void(const std::string& message)> notice{};  ///< one line
 };
 
-/// `eval still` (DESIGN section 7).
+/// The figures that `eval still` prints.
 struct StillError {
   std::string scene;
   bool layers = false;
@@ -60,8 +60,8 @@ Result<StillError> still_error(const Scene& scene, const std::vector<render::Vie
 std::vector<std::uint8_t> still_triangles(const Mesh& surface, const Mesh& other);
 
 /// For each triangle of a truth's surface whether it lies in a plane with at least a square metre
-/// of it: walls, floors, large table tops. What lies on shelves and desks says more about the voxel
-/// than about noise.
+/// of it: walls, floors, large table tops. On clutter, such as shelves and desks, the
+/// error depends more on the voxel size than on noise.
 std::vector<std::uint8_t> wall_triangles(const Mesh& surface);
 
 std::string to_json(const StillError& error);

@@ -42,8 +42,9 @@ std::string to_string(const TextureSetting& setting);
 /// The bytes of one half of a stream (geometry or texture) at one moment.
 struct Cost {
   std::vector<double> bytes;  ///< of each capture in the burst, or in the second that ends with it
-  bool steady = false;        ///< all captures are predicted, none is sent in full (see Rate)
-  double refresh_bytes = 0;   ///< stateful systems: all retained data; not part of `bytes`
+  /// All captures are predicted, none is sent in full (docs/evaluation.md, Rate).
+  bool steady = false;
+  double refresh_bytes = 0;  ///< stateful systems: all retained data; not part of `bytes`
 
   void add_to(Rate& rate) const { steady ? rate.add_steady(bytes) : rate.add_burst(bytes); }
 };

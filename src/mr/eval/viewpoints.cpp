@@ -176,7 +176,7 @@ std::vector<std::size_t> greedy_cover(const Subject& subject,
 
 // --- along the skeleton
 
-/// Lengths of the ways along the skeleton from a cell; infinite where there is none.
+/// Shortest path lengths along the skeleton from a cell; infinite: not reachable.
 void measure_ways(const FloorMap& map, std::int32_t from, std::vector<double>& length_m) {
   using Entry = std::pair<double, std::int32_t>;
   std::priority_queue<Entry, std::vector<Entry>, std::greater<>> open;

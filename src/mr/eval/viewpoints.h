@@ -14,7 +14,7 @@
 
 namespace mr::eval {
 
-/// EVALUATION, Viewpoints.
+/// Options of planning viewpoints (docs/evaluation.md, Viewpoints).
 struct ViewpointConfig {
   int views = 30;
   int width = 960, height = 720;

@@ -11,9 +11,9 @@ namespace mr::fusion {
 namespace {
 
 constexpr float kFillGrazing =
-    0.26f;  // sine of the angle to the ray at which surfaces are still one
+    0.26f;  // sine of the least angle between ray and a connected surface
 constexpr float kFillSigmas = 5;
-constexpr float kSlopeSigmas = 12;  // of a step: what the slopes of one surface may differ by
+constexpr float kSlopeSigmas = 12;  // largest difference of slopes within one surface
 
 /// From a pixel to its neighbour in one direction.
 struct ScanDirection {
@@ -23,20 +23,19 @@ struct ScanDirection {
 
 /// A straight line across a gap.
 struct GapLine {
-  float middle = 0;  ///< inverse depth at the pixel; 0: there is none
-  float apart = 0;   ///< how much its ends differ
+  float middle = 0;  ///< inverse depth at the pixel; 0: no line
+  float apart = 0;   ///< difference of its ends
 };
 
-/// Whether the surfaces on both sides lead across: the line is no steeper than the steeper of
-/// them and no flatter than the flatter one, noise aside. `before`, `after`: the pixels next to its
-/// ends, 0 where nothing is known.
+/// Whether the surfaces on both sides continue across the gap: the slope of the line lies between
+/// their slopes, within noise. `before`, `after`: the pixels next to its ends; 0: invalid.
 bool leads_across(float before, float a, float b, float after, float steps, float noise) {
   if (before <= 0 || after <= 0) return true;
   const float one = a - before, other = after - b, across = (b - a) / steps;
   return across >= std::min(one, other) - noise && across <= std::max(one, other) + noise;
 }
 
-/// What gaps are closed.
+/// Limits of the gaps that are filled.
 struct Limits {
   int most_px;
   bool is_exact;

@@ -14,7 +14,7 @@ constexpr double kFarthestPlace_m = 1e6;
 
 double per_block(const VolumeConfig& config) { return 1 / (config.voxel_m * VoxelBlock::kSide); }
 
-/// (U, V, Z) of points and what a voxel's step adds to it, from a linear map of camera points.
+/// Sets the voxel → (U, V, Z) map; `form`: linear map from camera points to (U, V, Z).
 template <typename Form>
 void set_projection(const Pose& T_camera_world, double voxel_m, const Form& form, FrameView& view) {
   view.origin = form(T_camera_world.translation);
@@ -39,7 +39,7 @@ void set_pinhole(const DepthFrame& frame, const VolumeConfig& config, FrameView&
   view.per_pixel = {static_cast<float>(1 / c.fx), static_cast<float>(1 / c.fy)};
   view.down_per_pixel = vec_cast<float>(column(1) * (1 / c.fy));
   view.first_row = static_cast<float>((region.y - c.cy) / c.fy);
-  // Counted from the border: the place in `depth` is the nearest integer.
+  // + 1 for the border column and row: rounding then gives the index in `depth`.
   const double cx = c.cx - region.x + 1, cy = c.cy - region.y + 1;
   set_projection(
       frame.T_world_camera.inverse(), config.voxel_m,
@@ -49,7 +49,7 @@ void set_pinhole(const DepthFrame& frame, const VolumeConfig& config, FrameView&
       view);
 }
 
-/// The angle of each row below the horizon, and how far it is turned to the right.
+/// Each row's angle below the horizon and its azimuth offset to the right.
 void set_rows(const DepthFrame& frame, FrameView& view) {
   const Camera& c = frame.camera;
   const bool lidar = c.model == CameraModel::lidar;
@@ -63,7 +63,8 @@ void set_rows(const DepthFrame& frame, FrameView& view) {
   }
 }
 
-/// Which row a direction belongs to: the nearest, no farther than half a gap beyond the outermost.
+/// Lookup table from elevation to the nearest row; none beyond half a row gap outside the outermost
+/// rows.
 void set_row_bins(FrameView& view) {
   std::vector<int> by_angle(view.height);
   for (int y = 0; y < view.height; ++y) by_angle[y] = y;

@@ -16,13 +16,13 @@ namespace mr::fusion {
 
 struct VolumeConfig;
 
-/// A depth picture with its camera, pose and precision, as input of fusion. What it refers to must
-/// outlive the call.
+/// A depth picture with its camera, pose and precision: the input of fusion. Holds references,
+/// which must outlive the call.
 struct DepthFrame {
   const ImageDepth& depth;
   const Camera& camera;  ///< undistorted pinhole, equirectangular or LiDAR
   const Pose& T_world_camera;
-  Rect region;                         ///< only pixels inside count
+  Rect region;                         ///< pixels outside are ignored
   std::optional<Precision> precision;  ///< weights by 1 / variance; none: all weights are equal
   /// Interpolates a pinhole's depth by a plane per pixel instead of nearest-neighbour sampling,
   /// whose steps roughen slanted walls by a millimetre or two. Slower.
@@ -61,22 +61,23 @@ struct FrameView {
   std::optional<Box3f> bounds;            ///< in blocks from the corner of eye_block
   Vec3f direction(int x, int y) const { return ray[y][0] + ray[y][1] * s[x] + ray[y][2] * t[x]; }
 
-  // Voxel → pixel. `origin` and `axis` make (U, V, Z) of a voxel. Pinhole: its place in `depth` is
-  // (U / Z, V / Z), rounded, and its depth is Z. Others: (U, V, Z) is the point in the camera.
-  Vec3d origin;                      ///< of the world's origin
-  std::array<Vec3d, 3> axis;         ///< what a voxel along x, y, z adds
+  // Voxel → pixel: (U, V, Z) = origin + x · axis[0] + y · axis[1] + z · axis[2]. Pinhole: the index
+  // in `depth` is (U / Z, V / Z), rounded, and the depth is Z. Others: (U, V, Z) is the point in
+  // the camera frame, metres.
+  Vec3d origin;                      ///< (U, V, Z) of the world's origin
+  std::array<Vec3d, 3> axis;         ///< change of (U, V, Z) per voxel along x, y, z
   std::array<float, 64> dU, dV, dZ;  ///< from a layer's first voxel to each of its 64
 
-  // Of pinholes only: what a pixel to the right and downwards adds to the direction of depth 1, in
-  // the camera and (downwards) in blocks; and where the first row is.
+  // Pinhole only: change of the direction of depth 1 per pixel to the right and downwards, in the
+  // camera frame, and downwards in blocks; the direction's y of the first row.
   Vec2f per_pixel;
   Vec3f down_per_pixel;
   float first_row = 0;
 
   bool slanted = false;            ///< DepthFrame::slanted; never of range pictures
-  std::vector<RangePlane> planes;  ///< as `depth`; of range pictures and where `slanted`
+  std::vector<RangePlane> planes;  ///< indexed as `depth`; range pictures and `slanted` only
 
-  // Of range pictures only.
+  // Range pictures only.
   bool spherical = false;
   bool wraps = false;                ///< the picture goes all around
   std::vector<std::int32_t> row_at;  ///< [bins from straight up to straight down] row + 1; 0 none
@@ -86,14 +87,13 @@ struct FrameView {
   float columns_per_rad = 0, first_column = 0;
   Vec3f down_axis;  ///< the camera's y axis, in blocks per metre
 
-  float pixel_rad = 0;  ///< between neighbouring pixels, about
+  float pixel_rad = 0;  ///< approximate angle between neighbouring pixels
   float truncation_m = 0;
-  float least_band_m =
-      0;  ///< what a slanted pinhole needs behind its planes, however flat the angle
+  float least_band_m = 0;  ///< least band of a slanted pinhole behind its planes
   std::optional<Precision> precision;
 };
 
-/// Fills everything but the pixels. False when the frame cannot be used: invalid intrinsics, no
+/// Sets all fields except the pixels. False: the frame cannot be used: invalid intrinsics, no
 /// pixels in the region, or a pose that is not finite or more than 1000 km from the origin.
 bool set_frame(const DepthFrame& frame, const VolumeConfig& config, FrameView& view);
 

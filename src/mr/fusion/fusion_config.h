@@ -9,16 +9,16 @@ namespace mr::fusion {
 
 enum class Decomposition { none, chunks, patches };
 
-/// What is done to a sensor's depth before fusion (fusion/clean_depth.h). In a scene file these are
+/// Filtering of a sensor's depth before fusion (fusion/clean_depth.h). In a scene file these are
 /// keys of `fusion`.
 struct CleanConfig {
-  bool mixed_pixels = true;  ///< drop what hangs between two surfaces at a depth edge
-  int speckle_px = 8;        ///< drop regions of fewer pixels; 0 or 1: none
-  int fill_px = 2;           ///< close gaps of up to so many pixels inside a surface, 0 (off) .. 7
-  bool smooth_depth = true;  ///< average out sensor noise
+  bool mixed_pixels = true;  ///< remove mixed (flying) pixels at depth edges
+  int speckle_px = 8;        ///< remove regions of fewer pixels; 0 or 1: off
+  int fill_px = 2;           ///< fill gaps of at most this many pixels inside a surface; 0: off
+  bool smooth_depth = true;  ///< bilateral filter against sensor noise
 
   static constexpr Range kSpeckle_px{0, 1'000'000}, kFill_px{0, 7};
-  /// What is impossible in it, a line each.
+  /// The invalid fields, one line each; empty: valid.
   std::vector<std::string> problems() const {
     return out_of_range({{"speckle_px", speckle_px, kSpeckle_px}, {"fill_px", fill_px, kFill_px}});
   }
@@ -34,9 +34,9 @@ struct FusionConfig {
 
   static constexpr Range kChunk_m{0, 100, true}, kTruncation_m{0, 1, true}, kPatches{1, 16};
   static constexpr int kLeastChunkVoxels = 8, kLeastTruncationVoxels = 2;
-  /// What is impossible in it, a line each.
+  /// The invalid fields, one line each; empty: valid.
   std::vector<std::string> problems() const;
-  /// The same with voxels of so many metres, which chunks and the band must hold several of.
+  /// The same; also checks that chunks and the band span enough voxels of this edge.
   std::vector<std::string> problems(double voxel_m) const;
   friend bool operator==(const FusionConfig&, const FusionConfig&) = default;
 };

@@ -112,9 +112,9 @@ std::size_t CopyRows(const DepthFrame& frame, int begin, int end, FrameView& vie
   return refused;
 }
 
-// --- where surface is
+// --- allocation: ranges of voxels
 
-/// What the columns of a tile row hold: the extent of their points.
+/// Bounding boxes of the points in each column of a tile row.
 struct ColumnBounds {
   std::array<std::vector<float>, 3> low, high;
 
@@ -142,7 +142,7 @@ HWY_INLINE void add_row(const FrameView& view, int y, ColumnBounds& bounds) {
   }
 }
 
-/// The least of a tile's columns and the next one.
+/// The least value of a tile's columns and the column after them.
 HWY_INLINE float least(const float* v) {
   static_assert(kTile == 4);
   return std::min(std::min(std::min(v[0], v[1]), std::min(v[2], v[3])), v[4]);
@@ -151,14 +151,15 @@ HWY_INLINE float most(const float* v) {
   return std::max(std::max(std::max(v[0], v[1]), std::max(v[2], v[3])), v[4]);
 }
 
-/// A tile may extend so many times as far as it would facing the sensor: more is a depth edge.
+/// Largest extent of a tile without a depth edge: kSteepTile times that of a surface facing the
+/// sensor, at most kLargestTile.
 constexpr float kSteepTile = 3, kLargestTile = 16;  // blocks
 
-/// Where pixels lie farther apart than twice this, not all between them is found.
+/// If pixels lie farther apart than twice this, voxels between them may be missed.
 constexpr float kMostHalfPixel = 1;  // blocks
 
-/// The surface seen by those pixels of a tile that lie between two depths, and what may hang behind
-/// it where depth jumps. False, and nothing is done, where it extends too far.
+/// Appends the range of a tile's pixels between two depths, extended by the band of mixed pixels
+/// behind them. False, without effect: the points extend too far.
 HWY_INLINE bool layer_range(const FrameView& view, const Rect& tile, float nearest, float farthest,
                             const TileRule& rule, float half_pixel, std::vector<VoxelRange>& out) {
   Box3f points, all;
@@ -176,7 +177,8 @@ HWY_INLINE bool layer_range(const FrameView& view, const Rect& tile, float neare
   return true;
 }
 
-/// A tile with a depth edge: a nearer and a farther surface, or else each pixel by itself.
+/// Appends the ranges of a tile with a depth edge: one for the nearer and one for the farther
+/// surface, or if these extend too far, one per pixel.
 HWY_INLINE void edge_ranges(const FrameView& view, const Rect& tile, const TileRule& rule,
                             float half_pixel, std::vector<VoxelRange>& out) {
   float nearest = 1e30f, farthest = 0;
@@ -203,7 +205,7 @@ void TileRanges(const FrameView& view, int tile_row, const TileRule& rule,
                 std::vector<VoxelRange>& out) {
   thread_local ColumnBounds bounds;
   bounds.reset(view.width);
-  // One row and column more than the tile: surface lies also between it and the next.
+  // One row and column more than the tile, as the surface continues between tiles.
   const int top = tile_row * kTile, bottom = std::min(top + kTile, view.height - 1);
   for (int y = top; y <= bottom; ++y) add_row(view, y, bounds);
   for (int x = 0; x < view.width; x += kTile) {
@@ -222,22 +224,22 @@ void TileRanges(const FrameView& view, int tile_row, const TileRule& rule,
   }
 }
 
-// --- voxels and what a frame says of them
+// --- sampling a frame at voxels
 
-/// How far voxels lie in front of the surface that their pixel measured, and how far from the
-/// sensor; nothing measured: far behind.
+/// Signed distance of voxels in front of the surface measured by their pixels, and depth of the
+/// voxels. Invalid pixels: far behind.
 struct Sample {
   Vf in_front_m, depth_m;
 };
 
-/// To the nearest integer, for |v| < 2²²: adding 1.5 · 2²³ leaves it in the lowest bits. Without
-/// the checks for what does not fit that conversions make.
+/// Fast rounding for |v| < 2²²: adding 1.5 · 2²³ leaves the nearest integer in the lowest bits.
+/// Omits the range checks of conversion instructions.
 constexpr float kRounder = 12582912.0f;
 constexpr std::int32_t kRounderBits = 0x4B400000;
 HWY_INLINE Vi raw_rounded(Vf v) { return hn::BitCast(di, hn::Add(v, hn::Set(df, kRounder))); }
 HWY_INLINE Vi rounded(Vf v) { return hn::Sub(raw_rounded(v), hn::Set(di, kRounderBits)); }
 
-/// Where a pinhole sees something.
+/// Samples a pinhole picture by nearest neighbour.
 struct Pinhole {
   explicit Pinhole(const FrameView& v)
       : depth(v.depth.data()),
@@ -249,7 +251,7 @@ struct Pinhole {
 
   HWY_INLINE void project(Vf U, Vf V, Vf Z, Vf& u, Vf& v) const {
     const Vf zero = hn::Zero(df);
-    // Behind the camera: the corner of the border, where nothing was measured.
+    // Behind the camera: maps to the corner of the border, which is invalid.
     const Vf per_z = hn::IfThenElseZero(hn::Gt(Z, zero), hn::Div(hn::Set(df, 1.0f), Z));
     u = hn::Max(zero, hn::Min(hn::Mul(U, per_z), hn::Set(df, right)));
     v = hn::Max(zero, hn::Min(hn::Mul(V, per_z), hn::Set(df, bottom)));
@@ -266,21 +268,21 @@ struct Pinhole {
 
   const float* depth;
   float right, bottom;
-  std::int32_t stride, raw_origin;  ///< raw_origin: the place that raw_rounded makes of (0, 0)
+  std::int32_t stride, raw_origin;  ///< raw_origin: index that raw_rounded gives for (0, 0)
 };
 
-/// The plane that a pixel is a piece of.
+/// The tangent planes of pixels (RangePlane).
 struct Planes {
   explicit Planes(const FrameView& view) : first(&view.planes[0].inverse) {}
 
   HWY_INLINE Vf field(Vi place, int i) const {
     return hn::GatherIndex(df, first, hn::Add(hn::ShiftLeft<2>(place), hn::Set(di, i)));
   }
-  /// How far away it is beside the pixel's middle; without meaning where `valid` is not set.
+  /// Depth of the plane at an offset from the pixel's centre; undefined where `valid` is not set.
   HWY_INLINE Vf depth(Vi place, Vf right, Vf down, Mf& valid) const {
     const Vf measured = field(place, 0);
     const Vf moved = hn::Add(hn::Mul(field(place, 1), right), hn::Mul(field(place, 2), down));
-    const Vf half = hn::Mul(measured, hn::Set(df, 0.5f));  // a plane tells little that far off
+    const Vf half = hn::Mul(measured, hn::Set(df, 0.5f));  // limits extrapolation
     const Vf inverse = hn::Add(measured, hn::Max(hn::Neg(half), hn::Min(moved, half)));
     valid = hn::Gt(measured, hn::Zero(df));
     return hn::Div(hn::Set(df, 1.0f), hn::IfThenElse(valid, inverse, hn::Set(df, 1.0f)));
@@ -289,7 +291,7 @@ struct Planes {
   const float* first;
 };
 
-/// A pinhole whose pixels are pieces of planes.
+/// Samples a pinhole picture by a plane per pixel (DepthFrame::slanted).
 struct SlantedPinhole {
   explicit SlantedPinhole(const FrameView& v)
       : pinhole(v), planes(v), band(-v.truncation_m), least_band(-v.least_band_m) {}
@@ -302,7 +304,7 @@ struct SlantedPinhole {
     const Vi place = pinhole.place(u, v);
     const Vf there = planes.depth(place, off(u), off(v), valid);
     const Vf along = hn::Sub(there, Z), in_front = hn::Mul(along, planes.field(place, 3));
-    // Far behind flat surface lies other surface, and no inside.
+    // Voxels far behind a grazing surface may belong to other surface: not inside.
     const Mf near =
         hn::Or(hn::Ge(along, hn::Set(df, band)), hn::Ge(in_front, hn::Set(df, least_band)));
     return {hn::IfThenElse(hn::And(valid, near), in_front, hn::Set(df, FrameView::kNothing)), Z};
@@ -333,7 +335,7 @@ HWY_INLINE Vf angle_of(Vf y, Vf x) {
 struct Spherical {
   explicit Spherical(const FrameView& v) : view(v), planes(v) {}
 
-  /// The column of an angle to the right of the row's start, and what is left of the angle.
+  /// The column at an angle to the right of the row's start; `rest`: the angle from its centre.
   HWY_INLINE Vi column_of(Vf right, Vf& rest) const {
     const Vf per_rad = hn::Set(df, view.columns_per_rad);
     const Vf around = hn::Mul(per_rad, hn::Set(df, 6.28318531f));
@@ -370,7 +372,7 @@ struct Spherical {
   Planes planes;
 };
 
-/// Walks through the voxels of a block, as many at a time as there are lanes.
+/// Iterates over a block's voxels, as many at a time as SIMD lanes.
 class BlockSampler {
  public:
   BlockSampler(const FrameView& view, const VoxelBlock& block)
@@ -396,13 +398,13 @@ class BlockSampler {
   float u_ = 0, v_ = 0, z_ = 0;
 };
 
-/// Distances as they are stored: the nearest odd number, so never 0.
+/// Quantizes distances for storage: to the nearest odd number, so never 0.
 HWY_INLINE Vi stored(Vf distance) {
   const Vf half = hn::Set(df, 0.5f);
   return hn::Or(hn::ShiftLeft<1>(rounded(hn::Sub(hn::Mul(distance, half), half))), hn::Set(di, 1));
 }
 
-/// Sets a layer's bits, `seen` being known and distances stored.
+/// Sets a layer's bit masks from `seen` and the stored distances.
 HWY_INLINE void set_bits(int z, std::uint64_t seen, VoxelBlock& block) {
   constexpr hn::CappedTag<std::int16_t, 64> d;
   const std::int16_t* const distance = block.distance.data() + z * 64;
@@ -471,7 +473,7 @@ HWY_INLINE Vf weight_of(const FrameView& view, Vf depth) {
       df, rounded(hn::Max(hn::Set(df, 1.0f), hn::Min(weight, hn::Set(df, 4 * kUnit)))));
 }
 
-/// What voxels hold between frames.
+/// The stored state of voxels.
 struct Voxels {
   Vf distance, weight;
 };
@@ -481,7 +483,7 @@ HWY_INLINE Voxels load(const VoxelBlock& block, const VoxelBlock::Weights& weigh
           hn::ConvertTo(df, hn::PromoteTo(di, hn::LoadU(du16, weights.data() + i)))};
 }
 
-/// One step of averaging.
+/// One update of the weighted average.
 HWY_INLINE Voxels averaged(const FrameView& view, const Sample& s, const Voxels& old) {
   constexpr float kMostWeight = 65535;
   const Mf seen = hn::Ge(s.in_front_m, hn::Set(df, -view.truncation_m));

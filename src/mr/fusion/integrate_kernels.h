@@ -23,8 +23,8 @@ struct VoxelRange {
   Vec3i low, high;
 };
 
-/// The voxels inside a box of blocks from eye_block, and a margin around it. What lies more than
-/// kFarthestBlock away is cut off.
+/// The voxels inside a box, given in blocks from eye_block, and a margin around it; clipped at
+/// kFarthestBlock.
 inline constexpr std::int32_t kFarthestBlock = 1'000'000;
 inline VoxelRange voxels_within(Vec3f low, Vec3f high, float margin) {
   const auto voxel = [](float blocks) {
@@ -39,11 +39,11 @@ inline VoxelRange voxels_within(Vec3f low, Vec3f high, float margin) {
 /// Edge of a tile, pixels: the unit of block allocation.
 inline constexpr int kTile = 4;
 
-/// Parameters by which a tile's pixels become ranges of voxels to allocate.
+/// Parameters of the conversion from a tile's pixels to ranges of voxels to allocate.
 struct TileRule {
-  float margin;   ///< around the surface, blocks; half a pixel comes on top
+  float margin;   ///< around the surface, blocks; half a pixel is added
   float largest;  ///< blocks; a steep tile that extends farther is split into pixels
-  float band_m;   ///< how far behind a depth edge mixed pixels may lie
+  float band_m;   ///< range behind a depth edge in which mixed pixels may lie
 };
 
 /// Appends boxes of voxels that contain the surface seen by row `tile_row` of tiles.

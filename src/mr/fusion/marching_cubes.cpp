@@ -41,7 +41,7 @@ void for_groups(std::size_t blocks, const Work& work) {
   });
 }
 
-/// Asks for memory that is needed soon: blocks lie anywhere, so the CPU does not guess it.
+/// Prefetches memory that is needed soon: the order of blocks is unpredictable for the CPU.
 template <typename T>
 void prefetch(const T& object) {
   constexpr std::size_t kLine = 64;
@@ -55,8 +55,8 @@ std::size_t count_cells(const BlockSurface& surface) {
   return count;
 }
 
-/// Vertices of one cell lie at least 1/256 of a voxel apart; that far from the origin, floats do
-/// not tell them apart any more.
+/// Whether vertices may coincide: those of one cell are at least 1/256 voxel apart, which far from
+/// the origin is below the resolution of float.
 bool may_coincide(const VoxelVolume& volume) {
   double farthest_m = 0;
   for (const BlockDirectory::Region& r : volume.directory().regions())
@@ -68,7 +68,7 @@ bool may_coincide(const VoxelVolume& volume) {
   return farthest_m > volume.config().voxel_m / 256 * kFloatSteps;
 }
 
-/// Drops triangles of which two corners fell together; pieces follow.
+/// Removes triangles with two equal corners and updates the pieces.
 void drop_degenerate(Surface& surface) {
   Mesh& mesh = surface.mesh;
   std::uint32_t kept = 0;
@@ -100,7 +100,7 @@ Around<BlockSurface> MarchingCubes::surfaces(const Slots& slots) const {
   return out;
 }
 
-/// Which cells hold triangles, and which edges vertices.
+/// Finds the cells with triangles and the edges with vertices.
 void MarchingCubes::find(const VoxelVolume& volume) {
   const auto order = volume.order();
   const auto slots_of = [&](std::uint32_t slot, int direction) {
@@ -128,7 +128,7 @@ void MarchingCubes::find(const VoxelVolume& volume) {
   });
 }
 
-/// Where each block's vertices and triangles go.
+/// Prefix sums: the first vertex and triangle number of each block.
 void MarchingCubes::number(const VoxelVolume& volume) {
   vertices_ = triangles_ = 0;
   for (const std::uint32_t slot : volume.order()) {

@@ -8,12 +8,12 @@
 namespace mr::fusion {
 namespace {
 
-constexpr float kJumpGrazing = 0.26f;  // sine of the angle to the ray below which a step is a jump
-constexpr float kSteeper = 5.2f;   // three degrees: a steeper line is no surface that could go on
-constexpr float kJumpSigmas = 4;   // of one pixel: what noise may add to a step
-constexpr float kMostStretch = 4;  // of a continuation from unevenly spaced rows
+constexpr float kJumpGrazing = 0.26f;  // sine of the angle to the ray; a smaller angle is a jump
+constexpr float kSteeper = 5.2f;       // three degrees: a steeper line is not a surface
+constexpr float kJumpSigmas = 4;       // of one pixel: noise tolerance of a step
+constexpr float kMostStretch = 4;      // largest extrapolation, for unevenly spaced rows
 
-/// The two neighbours of every pixel on one side of it, and how a line through them goes on.
+/// The two neighbours of each pixel on one side, for extrapolating a line through them.
 struct Side {
   const float *near, *far;
   float stretch;  ///< step to the pixel / step between the neighbours
@@ -25,7 +25,8 @@ struct Axis {
   float slope;  ///< steepest surface: change of inverse depth between neighbours / inverse depth
 };
 
-/// Changes of inverse depth that are no jump, over one pixel and two, and the steepest surface's.
+/// Largest changes of inverse depth that are no jump, over one and two pixels, and that of the
+/// steepest surface.
 struct Steps {
   float one, two, steepest;
 };
@@ -34,7 +35,8 @@ struct SideTests {
   int nearer, nearer2, farther, farther2, goes_on;  ///< 0 or 1; as wide as a float
 };
 
-/// What lies on one side of pixel `p`; `2`: up to two pixels away. No branch: vectorised.
+/// Tests the neighbours on one side of pixel `p`; suffix 2: up to two pixels away. Branch-free, so
+/// that it is vectorised.
 inline SideTests test_side(float p, float a, float b, float stretch, const Steps& most) {
   const float rise = a - p, rise2 = b - p;
   const float off = std::abs(rise + (a - b) * stretch);

@@ -12,16 +12,16 @@ namespace {
 
 /// When neighbours in a line count as one surface.
 struct LineRule {
-  float steepest;  ///< tangent of the least angle between ray and surface; else the line must go on
-  float straight;  ///< of the step before, that the next may differ from it
-  bool three_steps;  ///< so many must be straight, around the pixel; else two
+  float steepest;    ///< tangent of the least angle between ray and surface; below it the line must
+                     ///< be straight
+  float straight;    ///< largest relative change from one step to the next
+  bool three_steps;  ///< three steps around the pixel must be straight, else two
 };
 constexpr LineRule kSparseLine{0.15f, 0.2f, false};
-/// Of pixels that lie densely: a depth edge with a mixed pixel on it looks like a short steep line.
+/// For dense pixels: a depth edge with a mixed pixel looks like a short steep line.
 constexpr LineRule kDenseLine{0.3f, 0.35f, true};
 
-/// The inverse ranges of up to five pixels in a line; 0 where nothing was measured. [2] is the
-/// middle one.
+/// The inverse ranges of five pixels in a line; [2] is the centre; 0: invalid.
 using Line = std::array<float, 5>;
 
 /// The change of inverse range per pixel along a line, `angle` being between neighbours, radians.
@@ -61,7 +61,7 @@ RangePlane plane_at(const FrameView& view, int x, int y) {
   if (plane.inverse == 0) return plane;
   Line across_rows, along_row;
   for (int i = 0; i < 5; ++i) {
-    const int row = std::clamp(y + i - 2, 0, view.height - 1);  // whose start may be turned
+    const int row = std::clamp(y + i - 2, 0, view.height - 1);  // rows may have azimuth offsets
     const float turned = view.row_right[y + 1] - view.row_right[row + 1];
     const int column = x + static_cast<int>(std::lround(turned * view.columns_per_rad));
     along_row[i] = inverse(view, x + i - 2, y);
@@ -136,9 +136,9 @@ class Patch {
   Vec3f eye_, ahead_, aside_, down_;
 };
 
-/// A patch is taken in pieces of about this size, so that their boxes fit it closely.
+/// A patch is divided into pieces of about this size, so that their boxes fit tightly.
 constexpr float kPiece = 0.5f;   // blocks
-constexpr int kMostPieces = 32;  // along a side; what lies farther from the ray is left out
+constexpr int kMostPieces = 32;  // along a side; parts farther from the ray are omitted
 
 void patch_ranges(const Patch& patch, float right, float down, float margin,
                   std::vector<VoxelRange>& out) {
@@ -176,7 +176,7 @@ void fit_planes(FrameView& view) {
 
 void plane_ranges(const FrameView& view, int y, float margin_blocks, std::vector<VoxelRange>& out) {
   const float right = 0.5f / view.columns_per_rad, down = half_gap_rad(view, y);
-  // Pixels that lie close enough: the margin around their point holds their plane.
+  // Dense pixels: the margin around a pixel's point contains its plane patch.
   const float blocks_per_m = length(view.down_axis);
   const float near = 0.5f * margin_blocks / (blocks_per_m * std::hypot(right, down));
   for (int x = 0; x < view.width; ++x) {

@@ -9,14 +9,14 @@
 namespace mr::fusion {
 namespace {
 
-constexpr double kBeam_rad = 0.009;  // LiDAR rays further apart than half a degree share no light
+constexpr double kBeam_rad = 0.009;  // LiDAR beams farther apart than half a degree do not overlap
 constexpr double kPi = std::numbers::pi;
 
-constexpr float kLeast_m = 1e-6f, kMost_m = 1e6f;  // beyond is no depth
+constexpr float kLeast_m = 1e-6f, kMost_m = 1e6f;  // depths outside are invalid
 
 int wrapped(int x, int width) { return ((x % width) + width) % width; }
 
-/// A row of depth as inverse depth, turned. No branch: vectorised.
+/// Converts a row of depth to inverse depth and rotates it. Branch-free, so that it is vectorised.
 void invert_row(const float* depth, int count, float* out) {
   for (int x = 0; x < count; ++x) {
     const float d = depth[x];

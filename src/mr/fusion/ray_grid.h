@@ -18,10 +18,10 @@ struct RaySpacing {
   bool around = false;              ///< panorama: the last column is next to the first
   bool rows_touch = true;           ///< beams of neighbouring rows overlap; false for a LiDAR
   std::vector<int> turn;            ///< [H] columns by which a row lags behind (LiDAR)
-  std::vector<float> across_rad;    ///< [H] from one pixel to the next
+  std::vector<float> across_rad;    ///< [H] angle from one pixel to the next
   std::vector<float> altitude_rad;  ///< [H] of the row, downwards
 
-  /// From row y to y + 1; 0 where one of them is none.
+  /// The angle from row y to y + 1; 0: one of them does not exist.
   float down_rad(int y) const;
 };
 

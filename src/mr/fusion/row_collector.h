@@ -38,11 +38,11 @@ struct WantedRows {
 /// merges most duplicates.
 class RowCollector {
  public:
-  /// Lists no more than `most` blocks.
+  /// `most`: limit of the number of blocks.
   explicit RowCollector(std::size_t most) : most_(most) { recent_.fill(0); }
 
   void add(const VoxelRange& r) {
-    // A box as large as this comes from a pixel that looks along a surface far away.
+    // Larger boxes come from pixels that see a distant surface at a grazing angle.
     constexpr std::int32_t kLargest = 32 * VoxelBlock::kSide;
     const Vec3i extent = r.high - r.low;
     if (blocks_.size() >= most_ || std::max({extent.x, extent.y, extent.z}) > kLargest) {
@@ -68,7 +68,7 @@ class RowCollector {
     }
   }
 
-  std::size_t left_out() const { return left_out_; }  ///< ranges too large or too late
+  std::size_t left_out() const { return left_out_; }  ///< ranges above a limit
   std::vector<WantedRows> take() { return std::move(blocks_); }
 
  private:

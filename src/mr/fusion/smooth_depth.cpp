@@ -10,14 +10,15 @@ namespace mr::fusion {
 namespace {
 
 constexpr float kRange = 5;  // sigmas
-constexpr float kSlant = 3;  // ranges; what differs more is no slant but an edge
+constexpr float kSlant = 3;  // in ranges; a larger difference is a depth edge
 constexpr std::array<float, 4> kNear{1, 0.97f, 0.875f, 0.72f};  // by distance in pixels
 
 struct Sum {
   float value, weight;
 };
 
-/// How alike two inverse depths are that differ by `off` ranges, 0..1. No branch: vectorised.
+/// Similarity weight, 0..1, of two inverse depths that differ by `off` ranges. Branch-free, so that
+/// it is vectorised.
 inline float alike(float off, int valid) {
   const float unlike = off * off;
   return (1 - unlike) * (1 - unlike) * static_cast<float>(valid & (unlike < 1));
@@ -25,8 +26,8 @@ inline float alike(float off, int valid) {
 
 inline float either(float a, float b) { return a + b - a * b; }
 
-/// Adds two opposite neighbours of pixel p, each as far as it resembles p or both as far as their
-/// mean does, unless they differ by too much: on a slanted surface that mean is p.
+/// Adds two opposite neighbours of pixel p, weighted by their similarity to p, or by that of their
+/// mean if it is larger and they do not differ too much: on a slanted surface the mean equals p.
 inline void add(float p, float a, float b, float per_range, float near, Sum& sum) {
   const float off_a = (a - p) * per_range, off_b = (b - p) * per_range;
   const int slant = (std::abs(off_a) < kSlant) & (std::abs(off_b) < kSlant);

@@ -12,14 +12,14 @@ namespace {
 
 constexpr float kLinkGrazing =
     0.05f;                        // sine of the angle to the ray at which surfaces still connect
-constexpr float kLinkSigmas = 6;  // of one pixel: what noise may add to a step
+constexpr float kLinkSigmas = 6;  // of one pixel: noise tolerance of a step
 
-/// Which pixels belong to the region of the one to their left and of the one above.
+/// Whether each pixel is connected to the one to its left and the one above.
 struct Links {
   ImageMask left, up;
 };
 
-/// No branch: vectorised.
+/// Branch-free, so that it is vectorised.
 void link_row(const float* row, const float* other, int width, float slope, InverseSigma sigma,
               std::uint8_t* out) {
   for (int x = 0; x < width; ++x) {
@@ -44,11 +44,11 @@ Links link(const RayGrid& grid, const RaySpacing& rays, InverseSigma sigma) {
   return out;
 }
 
-/// Pixels of one row that hang together.
+/// A run of connected pixels in one row.
 struct Run {
   int y, begin, end;
-  int region;  ///< a run of the same region that came before, or itself
-  int pixels;  ///< of the region, at its first run
+  int region;  ///< union-find parent: an earlier run of the region, or itself
+  int pixels;  ///< size of the region, stored at its first run
 };
 
 class RunComponents {

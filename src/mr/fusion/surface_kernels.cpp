@@ -25,7 +25,7 @@ struct VertexIds {
   std::array<std::uint32_t, 3 * kAxis> id;
 };
 
-/// A case's triangles: the edges of their corners, as offsets in VertexIds from the cell's.
+/// The triangles of a marching cubes case: offsets of their edges in VertexIds from the cell's.
 struct CellCase {
   std::uint16_t corners = 0;
   std::array<std::uint16_t, 15> edge{};
@@ -42,7 +42,7 @@ inline const std::array<CellCase, 256>& cell_cases() {
               static_cast<std::uint16_t>(VertexIds::at(axis, low & 1, low >> 1 & 1, low >> 2 & 1));
         }
       for (std::size_t i = out[c].corners; i < out[c].edge.size(); ++i)
-        out[c].edge[i] = out[c].edge[0];  // read in vain: any that was written
+        out[c].edge[i] = out[c].edge[0];  // padding: any valid offset
     }
     return out;
   }();
@@ -109,8 +109,8 @@ HWY_INLINE std::uint64_t mixed_cells(const Around<VoxelBlock>& ahead, const Corn
   return found;
 }
 
-/// Takes away the cells with an edge on which the inside meets free space beyond the band: that is
-/// a depth discontinuity, not a surface.
+/// Removes cells with an edge between the inside and free space beyond the band: a depth
+/// discontinuity, not a surface.
 HWY_INLINE void drop_discontinuities(const Corners& inside, const Corners& near, Bits& cells) {
   const auto torn = [&](int a, int b, int z) {
     return (inside[a][z] ^ inside[b][z]) & ~(near[a][z] & near[b][z]);
@@ -214,8 +214,8 @@ void FindEdges(const Around<VoxelBlock>& ahead, const Around<BlockSurface>& behi
   surface.vertices = static_cast<std::uint16_t>(count);
 }
 
-/// Notes the numbers of those vertices of `from`, a block ahead, along `axis` in layer z that
-/// `mask` picks. `offset`: of that block in VertexIds.
+/// Records the numbers of the vertices selected by `mask` on edges along `axis` in layer z of
+/// `from`, a block ahead. `offset`: of that block in VertexIds.
 HWY_INLINE void note_ids(const BlockSurface& from, int axis, int z, std::uint64_t mask, int offset,
                          VertexIds& ids) {
   const std::uint64_t all = from.edges[axis][z];
@@ -243,15 +243,15 @@ HWY_INLINE void note_ids_ahead(const Around<BlockSurface>& ahead, VertexIds& ids
   note_ids(*ahead[6], 0, 0, kFirstRow, kY + kZ, ids);
 }
 
-/// Where on an edge of the grid the surface crosses, in voxels; never at an end, where the vertices
-/// of several edges would fall together.
+/// Position on a grid edge where the surface crosses it, in voxels; never an end, where the
+/// vertices of several edges would coincide.
 HWY_INLINE float crossing(std::int16_t here, std::int16_t next) {
   constexpr float kLeast = 1.0f / 256;
   const float a = here, b = next;
   return std::clamp(a / (a - b), kLeast, 1 - kLeast);
 }
 
-/// Where the voxels of a block lie: [axis][place along it], metres.
+/// Positions of a block's voxels: [axis][index along it], metres.
 struct GridLines {
   std::array<std::array<float, kSide>, 3> at;
   float voxel;
@@ -313,8 +313,8 @@ void EmitBlock(const Around<VoxelBlock>& ahead, const Around<BlockSurface>& surf
     const CellCase& c = cases[cell & 0xFF];
     const std::uint32_t* const id =
         ids.id.data() + VertexIds::at(0, voxel & 7, voxel >> 3 & 7, voxel >> 6);
-    // Nearly all cells hold up to four triangles: written without asking how many there are;
-    // what is too much is overwritten by the next cell.
+    // Nearly all cells have up to four triangles: always writes four without a branch; the next
+    // cell overwrites the surplus.
     if (corners + 12 <= corners_end && c.corners <= 12)
       for (int k = 0; k < 12; ++k) corners[k] = id[c.edge[k]];
     else

@@ -13,16 +13,16 @@ struct alignas(64) VoxelBlock {
   static constexpr int kSide = 8;
   static constexpr int kVoxels = kSide * kSide * kSide;
   static constexpr int kTruncated = 32767;              ///< the stored distance of ± truncation
-  static constexpr int kWeightUnit = 16;                ///< of one observation from 1 m away
+  static constexpr int kWeightUnit = 16;                ///< weight of one observation from 1 m away
   using Bits = std::array<std::uint64_t, kSide>;        ///< one bit per voxel, in layers
   using Distances = std::array<std::int16_t, kVoxels>;  ///< in truncation / kTruncated
   using Weights = std::array<std::uint16_t, kVoxels>;   ///< in 1 / kWeightUnit; 0: never seen
 
-  /// Signed distance to the surface; never 0, so that no vertex falls on a voxel. Means nothing
-  /// where `seen` is not set.
+  /// Signed distance to the surface, positive in front; never 0, so that no vertex falls on a
+  /// voxel. Undefined where `seen` is not set.
   Distances distance;
-  /// What the surface is found by: seen at all; seen and behind a surface (distance below 0); seen
-  /// and within the band (distance below kTruncated).
+  /// Bit masks for marching cubes: observed; observed and behind a surface (distance below 0);
+  /// observed and within the band (distance below kTruncated).
   Bits seen, inside, near;
   Vec3i coordinate;  ///< in blocks
 };

@@ -18,8 +18,8 @@ namespace {
 constexpr int kSide = VoxelBlock::kSide;
 constexpr std::size_t kIntegratedAtOnce = 32;
 
-/// How many voxels around the surface are computed: what marching cubes reads where a frame stands
-/// for itself, else what the next frame's surface may need.
+/// Voxels computed around the surface: without history those that marching cubes reads, with
+/// history those that the next frames' surface may need.
 constexpr float kMargin = 1.05f, kMarginOfHistory = 3;
 
 TileRule tile_rule(const VolumeConfig& config) {
@@ -35,7 +35,7 @@ struct ByZyx {
   }
 };
 
-/// Lists by chunk, in order of the chunks.
+/// Lists of slots by chunk, in order of the chunks.
 class Chunks {
  public:
   std::vector<std::uint32_t>& of(Vec3i cube) {
@@ -53,7 +53,7 @@ class Chunks {
   std::vector<std::uint32_t>* last_ = nullptr;
 };
 
-/// Whether a block may lie in the picture.
+/// Whether a block may project into the picture (frustum test).
 bool may_see(const FrameView& view, const VoxelBlock& block) {
   if (view.spherical) return true;
   constexpr double kHalf = (kSide - 1) / 2.0;
@@ -102,7 +102,7 @@ std::size_t VoxelVolume::memory_bytes() const {
 
 // --- allocation
 
-/// What each band of the picture asks for.
+/// The rows of voxels to allocate, for each horizontal band of the picture.
 std::vector<std::vector<WantedRows>> VoxelVolume::wanted_rows(std::size_t& left_out_ranges) const {
   constexpr int kRowsAtOnce = 96;
   static_assert(kRowsAtOnce % kTile == 0);
@@ -144,7 +144,7 @@ std::uint32_t VoxelVolume::new_slot(Vec3i coordinate) {
   return slot;
 }
 
-/// Gives every wanted block a slot. Returns how many found no place.
+/// Assigns a slot to every wanted block. Returns the number of ranges and blocks above the limits.
 std::size_t VoxelVolume::allocate() {
   std::fill(rows_.begin(), rows_.end(), 0);
   std::size_t left_out = 0;

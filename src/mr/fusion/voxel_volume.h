@@ -16,24 +16,25 @@
 
 namespace mr::fusion {
 
-/// Which frames a volume holds.
+/// Which frames a volume integrates.
 enum class History {
-  none,     ///< only the last one, and only the voxels that its surface needs
-  average,  ///< the weighted average of all, from several sensors or a moving one
+  none,     ///< only the last frame, and only the voxels that its surface needs
+  average,  ///< weighted average of all frames, from several sensors or a moving one
 };
 
 struct VolumeConfig {
   double voxel_m = 0.01;
-  double truncation_m = 0.04;   ///< half width of the signed-distance band, >= 1 voxel
-  std::optional<Box3d> bounds;  ///< world; surface outside is dropped before fusion
-  double chunk_m = 0;           ///< edge of the chunks that blocks are sorted by; 0: one chunk
+  double truncation_m = 0.04;   ///< half width of the signed-distance band; at least voxel_m
+                                ///< (a scene file must give 2 voxels, see FusionConfig)
+  std::optional<Box3d> bounds;  ///< world; pixels whose points lie outside are dropped
+  double chunk_m = 0;           ///< edge of the cubes that blocks are grouped by; 0: one group
   History history = History::average;
-  std::size_t most_blocks = std::size_t{1} << 18;  ///< memory limit; more surface is dropped
+  std::size_t most_blocks = std::size_t{1} << 18;  ///< memory limit; surface beyond it is dropped
 };
 
-/// The blocks of one chunk, as places in VoxelVolume::order().
+/// The blocks of one chunk: a range of VoxelVolume::order().
 struct ChunkBlocks {
-  Vec3i cube;  ///< in chunk_m
+  Vec3i cube;  ///< coordinates in units of chunk_m
   std::size_t first = 0, count = 0;
 };
 
@@ -60,11 +61,13 @@ class VoxelVolume {
   void clear();
 
   const VolumeConfig& config() const { return config_; }
-  /// The slots of all blocks: chunk by chunk (by z, y, x of the cubes), inside a chunk by region
-  /// and place.
+  /// The slots of all blocks: chunk by chunk (by z, y, x of the cubes), inside a chunk by region of
+  /// the directory and by position in it.
   std::span<const std::uint32_t> order() const { return order_; }
-  std::span<const ChunkBlocks> chunks() const { return chunks_; }  ///< by z, y, x; cover order()
-  /// Upper bound of slots.
+  std::span<const ChunkBlocks> chunks() const {
+    return chunks_;
+  }  ///< sorted by z, y, x; cover order()
+  /// Number of slots in use: every slot is less than this.
   std::size_t slots() const { return slots_; }
   const VoxelBlock& block(std::uint32_t slot) const {
     return slabs_[slot / kSlab]->blocks[slot % kSlab];
@@ -99,8 +102,9 @@ class VoxelVolume {
   std::size_t slots_ = 0;
   std::vector<std::uint32_t> order_;
   std::vector<ChunkBlocks> chunks_;
-  std::vector<std::uint64_t> rows_;  ///< [slots] wanted by the last frame
-  FrameView view_;                   ///< of the last frame; kept for its memory
+  std::vector<std::uint64_t>
+      rows_;        ///< [slots] rows that the last frame's surface may cross, bit z·8 + y
+  FrameView view_;  ///< of the last frame; kept for its memory
 };
 
 }  // namespace mr::fusion

@@ -14,8 +14,9 @@ namespace {
 
 using Json = nlohmann::ordered_json;
 
-constexpr Duration kSilence = std::chrono::milliseconds(1500);  // after it, viewers are told
-constexpr Duration kLongestSilence = std::chrono::seconds(10);  // where packets are far apart
+constexpr Duration kSilence =
+    std::chrono::milliseconds(1500);  // of the root, then viewers are informed
+constexpr Duration kLongestSilence = std::chrono::seconds(10);  // limit where packets are far apart
 constexpr std::size_t kMaxText = 1024;                          // bytes of a viewer's text message
 constexpr std::size_t kMaxSensorsNamed = 256;                   // in a hello
 
@@ -36,7 +37,7 @@ Gateway::Gateway(const Scene& scene, node::NodeLog log, Options options)
       log_(std::move(log)),
       options_(std::move(options)),
       root_(scene.mergers.back().id),
-      guests_(std::move(options_.tokens)),
+      sessions_(std::move(options_.tokens)),
       sensors_(scene.sensors.size()),
       heads_(scene.id, root_) {
   drops_.set_listener(log_.dropped);
@@ -104,9 +105,9 @@ void Gateway::on_event(const Event& event, TimePoint now) {
   switch (event.kind) {
     case Event::Kind::opened:
       return on_decision(event.viewer,
-                         guests_.come(event.viewer, *event.transport, event.visitor, now));
+                         sessions_.open(event.viewer, *event.transport, event.visitor, now));
     case Event::Kind::closed:
-      guests_.leave(event.viewer);
+      sessions_.close(event.viewer);
       return viewers_.closed(event.viewer);
     case Event::Kind::written:
       return send(viewers_.written(event.viewer, event.messages, now));
@@ -118,32 +119,33 @@ void Gateway::on_event(const Event& event, TimePoint now) {
   }
 }
 
-void Gateway::on_decision(net::ViewerId viewer, const Guests::Decision& decision) {
+void Gateway::on_decision(net::ViewerId viewer, const ViewerSessions::Decision& decision) {
   switch (decision.verdict) {
-    case Guests::Verdict::refused:
+    case ViewerSessions::Verdict::refused:
       return refuse(viewer, decision.why);
-    case Guests::Verdict::must_show_token:
+    case ViewerSessions::Verdict::must_show_token:
       return send_text(viewer, Json{{"type", "locked"}}.dump());
-    case Guests::Verdict::admitted:
+    case ViewerSessions::Verdict::admitted:
       viewers_.opened(viewer);
       return send_text(viewer, hello());
   }
 }
 
-/// One line for both sides.
+/// Closes the connection; the viewer and the log get the same reason.
 void Gateway::refuse(net::ViewerId viewer, const std::string& why) {
-  const Guests::Guest* const guest = guests_.find(viewer);
-  if (!guest) return;
-  drops_.count("viewer → gateway", {Error::Cause::invalid, "from " + guest->address + ": " + why});
-  guest->transport->close(viewer, why);
+  const ViewerSessions::Session* const session = sessions_.find(viewer);
+  if (!session) return;
+  drops_.count("viewer → gateway",
+               {Error::Cause::invalid, "from " + session->address + ": " + why});
+  session->transport->close(viewer, why);
   viewers_.closed(viewer);
-  guests_.leave(viewer);
+  sessions_.close(viewer);
 }
 
 void Gateway::on_request(net::ViewerId viewer, std::span<const std::byte> bytes, TimePoint now) {
-  const Guests::Guest* const guest = guests_.find(viewer);
-  if (!guest) return;
-  if (!guest->is_admitted) return refuse(viewer, "no token");
+  const ViewerSessions::Session* const session = sessions_.find(viewer);
+  if (!session) return;
+  if (!session->is_admitted) return refuse(viewer, "no token");
   const auto request = codec::decode_control(bytes);
   if (!request && request.error().cause == Error::Cause::unsupported) {
     drops_.count("viewer → gateway", request.error());
@@ -152,12 +154,12 @@ void Gateway::on_request(net::ViewerId viewer, std::span<const std::byte> bytes,
   if (!request) return refuse(viewer, "not a request");
   if (request->plan) return refuse(viewer, "a viewer makes no plans");
   if (const auto answer = viewers_.asked(viewer, *request, now))
-    guest->transport->send(viewer, *answer);
+    session->transport->send(viewer, *answer);
 }
 
 void Gateway::on_text(net::ViewerId viewer, const std::string& text, TimePoint now) {
-  Guests::Guest* const guest = guests_.find(viewer);
-  if (!guest) return;
+  ViewerSessions::Session* const session = sessions_.find(viewer);
+  if (!session) return;
   const Json message =
       text.size() > kMaxText ? Json() : Json::parse(text, nullptr, /*allow_exceptions=*/false);
   const auto word = [&](const char* key) {
@@ -171,13 +173,13 @@ void Gateway::on_text(net::ViewerId viewer, const std::string& text, TimePoint n
                : std::nullopt;
   };
   const std::string type = word("type");
-  if (!guest->is_admitted)
-    return type == "token" ? on_decision(viewer, guests_.show_token(viewer, word("token"), now))
+  if (!session->is_admitted)
+    return type == "token" ? on_decision(viewer, sessions_.show_token(viewer, word("token"), now))
                            : refuse(viewer, "no token");
   if (type == "shown" && integer("sequence")) {
     send(viewers_.shown(viewer, *integer("sequence"), now));
-    if (viewers_.has_shown(viewer) && !std::exchange(guest->is_kept, true))
-      guest->transport->pin(viewer);
+    if (viewers_.has_shown(viewer) && !std::exchange(session->is_kept, true))
+      session->transport->pin(viewer);
     return;
   }
   if (type == "ping" && integer("id")) {
@@ -185,22 +187,22 @@ void Gateway::on_text(net::ViewerId viewer, const std::string& text, TimePoint n
     return send_text(viewer,
                      Json{{"type", "pong"}, {"id", *integer("id")}, {"server_ms", ms}}.dump());
   }
-  if (type == "token") return;  // it has shown one already
+  if (type == "token") return;  // a second token changes nothing
   refuse(viewer, "not a message of this protocol");
 }
 
-/// Those that use a place and do nothing with it.
+/// Refuses viewers that occupy a connection without making progress.
 void Gateway::close_overdue(TimePoint now) {
   for (const auto& [viewer, why, reads] : viewers_.overdue(now)) {
-    const Guests::Guest* const guest = guests_.find(viewer);
-    net::ViewerTransport* const transport = guest ? guest->transport : nullptr;
+    const ViewerSessions::Session* const session = sessions_.find(viewer);
+    net::ViewerTransport* const transport = session ? session->transport : nullptr;
     refuse(viewer, why);
     if (!reads && transport) transport->cut(viewer);
   }
-  for (const auto& [viewer, why] : guests_.overdue(now)) refuse(viewer, why);
+  for (const auto& [viewer, why] : sessions_.overdue(now)) refuse(viewer, why);
 }
 
-/// Whom the transports did not let in, or cut off: who was refused knows, and so does the log.
+/// Logs once a second how many connections the transports refused or cut off, by cause.
 void Gateway::tell_refusals(TimePoint now) {
   if (!is_due(refusals_told_, std::chrono::seconds(1), now)) return;
   refusals_told_ = now;
@@ -211,10 +213,11 @@ void Gateway::tell_refusals(TimePoint now) {
   refusals_ = std::move(all);
 }
 
-/// What slow viewers made the process take, once they are gone: the allocator would keep it.
+/// Returns free heap memory to the system once the backlog of slow viewers has shrunk: the
+/// allocator would keep it.
 void Gateway::give_memory_back(TimePoint now) {
   constexpr std::size_t kWorthIt = 8u << 20;
-  constexpr Duration kLater = std::chrono::seconds(1);  // when sockets have let go of it, too
+  constexpr Duration kLater = std::chrono::seconds(1);  // by then sockets have released it, too
   const std::size_t unread = viewers_.unread_bytes();
   most_unread_ = std::max(most_unread_, unread);
   if (most_unread_ >= kWorthIt && unread <= most_unread_ / 2) {
@@ -226,8 +229,9 @@ void Gateway::give_memory_back(TimePoint now) {
   ::malloc_trim(0);
 }
 
-/// For what viewers lack, and for a whole head; and the word that lets the root go on as fast as
-/// the fastest viewer follows.
+/// Requests to the root: for the chunks and key frames that viewers lack, for a complete packet
+/// head, and the acknowledgement by which the root paces its output (back-pressure): the newest
+/// packet that the fastest viewer has taken.
 std::vector<node::Ask> Gateway::asks(TimePoint now) {
   std::vector<node::Ask> out;
   if (auto request = viewers_.wanted(heads_.lacks_base(), now); !request.empty())
@@ -257,17 +261,18 @@ void Gateway::watch_silence(TimePoint now) {
 
 void Gateway::send(std::vector<Viewers::Send> messages) {
   for (auto& [viewer, message] : messages)
-    if (const Guests::Guest* const guest = guests_.find(viewer))
-      guest->transport->send(viewer, std::move(message));
+    if (const ViewerSessions::Session* const session = sessions_.find(viewer))
+      session->transport->send(viewer, std::move(message));
 }
 
 void Gateway::send_text(net::ViewerId viewer, const std::string& text) {
-  if (const Guests::Guest* const guest = guests_.find(viewer))
-    guest->transport->send_text(viewer, text);
+  if (const ViewerSessions::Session* const session = sessions_.find(viewer))
+    session->transport->send_text(viewer, text);
 }
 
 void Gateway::send_to_all(const std::string& text) {
-  for (const auto& [viewer, guest] : guests_.admitted()) guest->transport->send_text(viewer, text);
+  for (const auto& [viewer, session] : sessions_.admitted())
+    session->transport->send_text(viewer, text);
 }
 
 std::map<std::string, std::uint64_t> Gateway::transport_drops() const {

@@ -10,8 +10,8 @@
 #include <vector>
 
 #include "mr/codec/head.h"
-#include "mr/gateway/guests.h"
 #include "mr/gateway/viewer_inbox.h"
+#include "mr/gateway/viewer_sessions.h"
 #include "mr/gateway/viewers.h"
 #include "mr/net/viewer_transport.h"
 #include "mr/node/node_clock.h"
@@ -21,30 +21,30 @@
 
 namespace mr::gateway {
 
-/// Brings the root's stream to viewers, by whatever transports are attached (docs/wire-format.md).
-/// Where there are tokens, nobody is told anything of the scene without one. A Task: no socket and
+/// Sends the root's stream to viewers over the attached transports (docs/wire-format.md). If the
+/// scene has tokens, a viewer without one receives nothing about the scene. A Task: no socket and
 /// no thread inside, and the time is an argument.
 class Gateway final : public node::Task {
  public:
   struct Options {
-    std::optional<Tokens> tokens = {};  ///< none: anybody may watch
-    /// Silence of the root is told from the start on: it may never have been started.
+    std::optional<Tokens> tokens = {};  ///< none: every viewer is admitted
+    /// Warns also when the root sends nothing from the start: another process runs it.
     bool expects_root = false;
     /// Whether all recordings of the scene have ended. Any thread.
     std::function<bool()> has_ended = [] { return false; };
   };
   static constexpr const char* kName = "gateway";
 
-  /// The scene must outlive it.
+  /// The scene must outlive the gateway.
   Gateway(const Scene& scene, node::NodeLog log, Options options);
   ~Gateway() override;
 
-  /// Lets viewers in by a transport, which must outlive every step. `clock`: when they say
-  /// something.
+  /// Adds a transport by which viewers connect. It must outlive every step. `clock` stamps the
+  /// messages of viewers on arrival.
   void attach(net::ViewerTransport& transport, node::Clock clock);
-  /// Whether who asks for figures has a right to them. Any thread.
+  /// Whether a visitor may read the monitoring figures. Any thread.
   bool may_look(const net::Visitor& visitor, TimePoint now) const {
-    return guests_.may_look(visitor, now);
+    return sessions_.may_look(visitor, now);
   }
 
   const std::string& id() const override { return id_; }
@@ -58,7 +58,7 @@ class Gateway final : public node::Task {
   using Event = ViewerInbox::Event;
   void take_packet(const net::Message& bytes, Packet packet, TimePoint now);
   void on_event(const Event& event, TimePoint now);
-  void on_decision(net::ViewerId viewer, const Guests::Decision& decision);
+  void on_decision(net::ViewerId viewer, const ViewerSessions::Decision& decision);
   void on_text(net::ViewerId viewer, const std::string& text, TimePoint now);
   void on_request(net::ViewerId viewer, std::span<const std::byte> bytes, TimePoint now);
   void refuse(net::ViewerId viewer, const std::string& why);
@@ -78,17 +78,17 @@ class Gateway final : public node::Task {
   Options options_;
   std::string id_ = kName, root_;
   std::shared_ptr<ViewerInbox> inbox_ = std::make_shared<ViewerInbox>();  // transports push to it
-  mutable std::mutex mutex_;  // of what follows, for stats()
+  mutable std::mutex mutex_;  // guards the members below: stats() is called from any thread
   std::vector<net::ViewerTransport*> transports_;
-  Guests guests_;
+  ViewerSessions sessions_;
   Viewers viewers_;
   node::Presence sensors_;
-  bool is_silent_ = false;  ///< which was told
+  bool is_silent_ = false;  ///< of the root, and viewers were informed
   codec::HeadReader heads_;
-  std::map<std::string, std::uint64_t> refusals_;  ///< of the transports, that were told
+  std::map<std::string, std::uint64_t> refusals_;  ///< by cause, of the transports; as last logged
   std::optional<TimePoint> refusals_told_, first_step_, last_packet_, give_back_at_;
   Duration interval_{};          ///< between the last two packets
-  std::size_t most_unread_ = 0;  ///< since memory was given back
+  std::size_t most_unread_ = 0;  ///< bytes, since memory was given back
   std::optional<std::uint64_t> acknowledged_;
   std::atomic<std::uint64_t> frames_ = 0, bytes_ = 0;
   DropCounter drops_;

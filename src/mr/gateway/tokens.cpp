@@ -7,7 +7,7 @@
 namespace mr::gateway {
 namespace {
 
-/// The end of a day such as "2027-01-31"; nothing where it is none.
+/// The end of a day such as "2027-01-31", UTC; nothing: not a valid date.
 std::optional<TimePoint> end_of_day(const std::string& text) {
   int year = 0, month = 0, day = 0, used = 0;
   const int read = std::sscanf(text.c_str(), "%4d-%2d-%2d%n", &year, &month, &day, &used);

@@ -10,7 +10,8 @@
 
 namespace mr::gateway {
 
-/// Who may watch: anybody who knows one of these. Only their digests are kept.
+/// The access tokens of a scene: a viewer that shows one of them is admitted. Only their digests
+/// are kept.
 class Tokens {
  public:
   static constexpr std::size_t kShortest = 16, kLongest = 256;  ///< characters
@@ -18,15 +19,15 @@ class Tokens {
   enum class Verdict { right, wrong, expired };
   struct Answer {
     Verdict verdict = Verdict::wrong;
-    std::optional<TimePoint> until;  ///< of a token that ends
+    std::optional<TimePoint> until;  ///< when the token expires; none: never
   };
 
-  /// One token a line or between commas, each perhaps with "until=2027-01-31" (to the end of that
-  /// day, UTC); from '#' to the end of a line is a remark. invalid: one line that names the entry's
-  /// number and never shows what stands in it.
+  /// Tokens are separated by line ends or commas; each may be followed by "until=2027-01-31" (valid
+  /// to the end of that day, UTC); '#' starts a comment. Error invalid: its message names the
+  /// number of the bad entry and never shows the entry itself, which may be a secret.
   static Result<Tokens> parse(const std::string& text);
 
-  /// Takes the same time for every token of one length.
+  /// Constant-time comparison: the duration depends on the length of `token` only.
   Answer check(const std::string& token, TimePoint now) const;
 
  private:

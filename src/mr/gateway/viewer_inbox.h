@@ -14,9 +14,10 @@
 
 namespace mr::gateway {
 
-/// What viewers did and nobody looked at yet, in order. Bounded for each viewer, at once and over
-/// time: one that sends more floods, and is to be cut off. So none can crowd out the words of
-/// others. Thread-safe.
+/// Queue of the viewers' events that the gateway has not handled yet, in order of arrival. Each
+/// viewer has a limit of waiting messages and bytes and a rate limit, so that one viewer cannot
+/// crowd out the others: a viewer that exceeds a limit is flooding and must be cut off.
+/// Thread-safe.
 class ViewerInbox {
  public:
   struct Event {
@@ -28,11 +29,11 @@ class ViewerInbox {
     std::size_t messages = 1;                   ///< of written
   };
 
-  static constexpr std::size_t kMostMessages = 64;  ///< of one viewer that wait
+  static constexpr std::size_t kMostMessages = 64;  ///< of one viewer, waiting
   static constexpr std::size_t kMostBytes = 256u << 10;
   static constexpr double kMostPerSecond = 200, kBurst = 400;  ///< messages of one viewer
 
-  /// `wake` is called when somebody did something; on any thread. Before the first of them.
+  /// `wake` is called after each event, on any thread. To be set before the first event.
   void wake_by(std::function<void()> wake) { wake_ = std::move(wake); }
 
   void opened(net::ViewerId viewer, net::ViewerTransport& transport, const net::Visitor& visitor) {
@@ -45,7 +46,7 @@ class ViewerInbox {
     }
     add({Event::Kind::closed, viewer});
   }
-  /// One more message went to the viewer's socket.
+  /// One more message was written to the viewer's socket.
   void written(net::ViewerId viewer) {
     {
       const std::lock_guard lock(mutex_);
@@ -58,7 +59,7 @@ class ViewerInbox {
     }
     add({Event::Kind::written, viewer});
   }
-  /// False: it floods, and nothing is taken from it any more.
+  /// False: the viewer is flooding; this and all its later messages are dropped.
   bool received(net::ViewerId viewer, std::span<const std::byte> bytes, bool is_text,
                 TimePoint now) {
     {
@@ -83,7 +84,7 @@ class ViewerInbox {
 
  private:
   struct Sender {
-    std::size_t messages = 0, bytes = 0;  ///< that wait
+    std::size_t messages = 0, bytes = 0;  ///< waiting
     node::TokenBucket allowance{kMostPerSecond, kBurst};
     bool floods = false;
   };

@@ -54,8 +54,7 @@ class BorderEdges {
   std::vector<std::uint32_t> next_, starts_;
 };
 
-/// The corners of the hole that a border edge from `start` is on; empty where it is none that can
-/// be closed.
+/// The corners of the hole with a border edge from `start`; empty: it cannot be filled.
 std::vector<std::uint32_t> hole_at(const Mesh& mesh, const BorderEdges& edges, std::uint32_t start,
                                    double max_perimeter_m) {
   std::vector<std::uint32_t> corners{start};
@@ -72,8 +71,8 @@ std::vector<std::uint32_t> hole_at(const Mesh& mesh, const BorderEdges& edges, s
   return corners;
 }
 
-/// Triangles that fill a hole, ear by ear, each time across the shortest way; empty where that
-/// cannot be done. Border edges run around the hole with the surface on their left.
+/// Fills a hole by ear clipping, shortest diagonal first; empty: not possible. Border edges run
+/// around the hole with the surface on their left.
 std::vector<Triangle> filling(const Mesh& mesh, const BorderEdges& edges,
                               std::vector<std::uint32_t> corners) {
   std::vector<Triangle> out;

@@ -87,7 +87,7 @@ void LayeredRasterizer::Impl::clip(const RasterView& view) {
 }
 
 /// Draws all triangles that lie in a tile.
-// Inside its caller, the compiler runs short of registers for it.
+// Not inlined: inside its caller the compiler runs out of registers.
 [[gnu::noinline]] void LayeredRasterizer::Impl::draw_tile(std::size_t number, ABuffer& buffer) {
   constexpr std::size_t kAhead = 12;
   RasterTile& tile = tiles[number];
@@ -104,7 +104,7 @@ void LayeredRasterizer::Impl::clip(const RasterView& view) {
     const std::span<const std::uint16_t> places = blocks[i].in(number);
     const ScreenTriangle* shapes = blocks[i].on_screen.data();
     for (std::size_t k = 0; k < places.size(); ++k) {
-      if (k + kAhead < places.size())  // what is not in the nearest cache is waited for long
+      if (k + kAhead < places.size())  // prefetch: a cache miss takes long
         __builtin_prefetch(&shapes[places[k + kAhead]]);
       const ScreenTriangle& shape = shapes[places[k]];
       add(shape.triangle(), kit::draw(shape, tile, next, buffer));

@@ -13,7 +13,7 @@
 namespace mr::kit {
 namespace {
 
-constexpr std::size_t kGrain = 8192;  // vertices that are looked at together
+constexpr std::size_t kGrain = 8192;  // vertices per parallel task
 
 std::uint64_t edge_key(std::uint32_t a, std::uint32_t b) {
   return (static_cast<std::uint64_t>(std::min(a, b)) << 32) | std::max(a, b);
@@ -70,8 +70,8 @@ EdgesByVertex edges_by_lower_vertex(const Mesh& mesh) {
 }  // namespace
 
 std::vector<std::uint8_t> border_vertices(const Mesh& mesh) {
-  // Going around a vertex, each neighbour is once the next corner of a triangle and once the one
-  // before: then what stands for the neighbours cancels out.
+  // Around an inner vertex, each neighbour is once the next and once the previous corner of a
+  // triangle, so the neighbours' hash values cancel out.
   const auto stands_for = [](std::uint32_t v) {
     std::uint64_t h = (v + 1) * 0x9E3779B97F4A7C15ull;
     h ^= h >> 32;

@@ -64,8 +64,8 @@ std::vector<std::string> problems(const VideoSettings& s) {
   return out;
 }
 
-/// The quantiser as x264's rate factor, which unlike `qp` may be changed in a running encoder. With
-/// the scene's complexity left out of account (qcomp, aq-mode) the one is the other.
+/// Sets the quantiser by x264's rate factor, which unlike `qp` may be changed in a running encoder.
+/// With adaptation to complexity disabled (qcomp, aq-mode) both are equal.
 void set_rate_factor(AVCodecContext& c, double qp) {
   constexpr double kFinest = 1;  // 0 is lossless, not in main
   av_opt_set_double(c.priv_data, "crf", std::max(qp, kFinest), 0);

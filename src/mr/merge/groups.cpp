@@ -14,16 +14,16 @@
 namespace mr::merge {
 namespace {
 
-constexpr std::size_t kFew = 6;       // meshes: merging them together costs less than looking
-constexpr double kCell_reaches = 3;   // so that what is within reach, and a piece of a triangle
-constexpr float kPiece_cells = 0.5f;  // away from its middle, lies in the next cell at the most
-constexpr float kMostPieces =
-    64;  // of an edge; a mesh with a larger triangle joins all meshes near it
-constexpr std::size_t kEvery = 4;  // vertex is looked at first
+constexpr std::size_t kFew = 6;       // up to so many meshes are one group without a search
+constexpr double kCell_reaches = 3;   // so that a point within reach of a piece of a triangle
+constexpr float kPiece_cells = 0.5f;  // lies at most in the cell next to the piece's centre
+// Of an edge; a mesh with a larger triangle is joined with all meshes near it.
+constexpr float kMostPieces = 64;
+constexpr std::size_t kEvery = 4;  // in the first pass, every kEvery-th vertex is tested
 
 using Cells = std::vector<Vec3i>;
 
-/// Cells, each once.
+/// A list of cells without duplicates.
 class UniqueCells {
  public:
   void add(Vec3i cell) {
@@ -48,8 +48,8 @@ class Grouping {
         reach_m_(static_cast<float>(reach_m)),
         sets_(meshes.size()) {}
 
-  /// Joins all that meet. Most of them share a cell with a vertex in it; only where others come
-  /// near is looked at more closely.
+  /// Joins meshes that come near each other. Most of these share a cell that contains vertices of
+  /// both; the others are tested piece by piece of their triangles, only near other meshes.
   void run() {
     join_sharing(cells_of_all([&](std::uint32_t m) { return cells_of_vertices(*meshes_[m]); }));
     find_nearby();
@@ -142,7 +142,7 @@ class Grouping {
   kit::DisjointSets sets_;
   kit::PairMap first_{1024};                     // cell → a mesh with surface there
   std::vector<std::vector<NearbyMesh>> nearby_;  // [meshes]
-  std::vector<std::uint8_t> is_huge_;            // [meshes] has a triangle that is not looked at
+  std::vector<std::uint8_t> is_huge_;            // [meshes] has a triangle too large for the grid
 };
 
 }  // namespace

@@ -21,7 +21,7 @@ struct MergeConfig {
 
   static constexpr Range kCalibrationError_m{0, 0.5}, kIslandArea_m2{0, 100}, kGap_m{0, 1},
       kLeaveOut_mm{0, 10'000};
-  /// What is impossible in it, a line each.
+  /// The invalid fields, one line each; empty: valid.
   std::vector<std::string> problems() const {
     return out_of_range({{"calibration_error_m", calibration_error_m, kCalibrationError_m},
                          {"island_area_m2", island_area_m2, kIslandArea_m2},

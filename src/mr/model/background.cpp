@@ -39,7 +39,7 @@ Result<Surface> place(const ModelPart& part, const Pose& T_world_model, const La
 
 // --- cutting edges
 
-/// Half-edges that are too long. Both triangles at an edge say the same, in one part or in two.
+/// Marks half-edges that are too long. Both triangles at an edge decide alike, also across parts.
 std::vector<std::uint8_t> long_edges(const Mesh& mesh, double max_edge_m) {
   std::vector<std::uint8_t> split(mesh.triangles.size() * 3);
   for (std::uint32_t h = 0; h < split.size(); ++h) {
@@ -56,12 +56,12 @@ void add_midpoints(std::vector<T>& values, const kit::Refined& refined) {
   for (const auto& [a, b] : refined.cut_edges) values.push_back((values[a] + values[b]) * 0.5f);
 }
 
-/// Cuts a surface in rounds of halving. False when it gets more than `most` triangles.
+/// Halves long edges in rounds. False: more than `most` triangles would result.
 bool cut_edges(Surface& surface, double max_edge_m, std::size_t most) {
   while (true) {
     const std::vector<std::uint8_t> split = long_edges(surface.mesh, max_edge_m);
     const auto cuts = static_cast<std::size_t>(std::count(split.begin(), split.end(), 1));
-    if (surface.mesh.triangles.size() + cuts > most) return false;  // a cut edge is one more each
+    if (surface.mesh.triangles.size() + cuts > most) return false;  // each cut adds one triangle
     if (cuts == 0) return true;
     kit::Refined refined = kit::refine(surface.mesh, split);
     add_midpoints(surface.uvs, refined);
@@ -70,7 +70,7 @@ bool cut_edges(Surface& surface, double max_edge_m, std::size_t most) {
   }
 }
 
-/// All surfaces; nothing when there are too many triangles.
+/// Cuts the edges of all surfaces; nothing: too many triangles.
 std::optional<std::vector<Surface>> cut_edges(std::vector<Surface> surfaces, double max_edge_m) {
   std::size_t left = kMaxModelTriangles;
   for (Surface& surface : surfaces) {

@@ -19,7 +19,7 @@ struct BackgroundConfig {
   std::filesystem::path model;  ///< .glb
   Pose T_world_model;
 
-  /// What is impossible in it, a line each.
+  /// The invalid fields, one line each; empty: valid.
   std::vector<std::string> problems() const;
   friend bool operator==(const BackgroundConfig&, const BackgroundConfig&) = default;
 };

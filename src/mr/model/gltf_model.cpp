@@ -4,7 +4,7 @@
 #include <cmath>
 #include <cstring>
 #include <exception>
-#include <fstream>  // tinygltf forgets it where it may not read files
+#include <fstream>  // needed by tinygltf without file access, which does not include it
 #include <nlohmann/json.hpp>
 #include <set>
 #include <string>
@@ -33,7 +33,7 @@ Error corrupt_model(std::string what) { return {Error::Cause::corrupt, std::move
 Error unsupported_model(std::string what) { return {Error::Cause::unsupported, std::move(what)}; }
 Error too_large_model(std::string what) { return {Error::Cause::too_large, std::move(what)}; }
 
-/// Another's message, which may quote the file, as one line of plain text.
+/// Sanitizes a library's message, which may quote the file, to one line of plain text.
 std::string one_line(std::string text) {
   for (char& c : text)
     if (c < ' ' || c > '~') c = ' ';
@@ -63,7 +63,7 @@ Result<std::string_view> json_of(std::span<const std::byte> bytes) {
   return std::string_view(reinterpret_cast<const char*>(bytes.data()) + 20, length);
 }
 
-/// tinygltf calls itself for what is nested, so depth is a matter of its stack.
+/// Limits nesting: tinygltf is recursive, so deep nesting would overflow the stack.
 bool nested_too_deep(std::string_view json) {
   int depth = 0;
   bool quoted = false;
@@ -98,7 +98,7 @@ Status check_container(std::span<const std::byte> bytes) {
   return {};
 }
 
-/// Pictures are decoded later, from what is checked. Those written into the JSON are kept here.
+/// Defers the decoding of pictures until their bytes are checked; keeps those embedded in the JSON.
 bool keep_picture(tinygltf::Image* image, const int, std::string*, std::string*, int, int,
                   const unsigned char* bytes, int size, void*) {
   if (image->bufferView < 0) image->image.assign(bytes, bytes + size);
@@ -286,7 +286,7 @@ struct PlacedMesh {
   Affine T_model_mesh;
 };
 
-/// The meshes of the default scene. Nodes must be a forest: whatever else would go round for ever.
+/// The meshes of the default scene. Nodes must be a forest: otherwise traversal would not end.
 Result<std::vector<PlacedMesh>> placed_meshes(const tinygltf::Model& gltf) {
   const tinygltf::Scene* scene = find(gltf.scenes, std::max(gltf.defaultScene, 0));
   if (!scene) return Error{Error::Cause::empty, "it has no scene to show"};

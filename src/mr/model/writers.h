@@ -23,7 +23,7 @@ using Bytes = std::vector<std::byte>;
 /// `parts`: not empty. `pictures`: of their streams. `up`: unit length.
 Result<Bytes> to_glb(const std::vector<BakedPart>& parts, const Pictures& pictures, Vec3d up);
 
-/// `parts` stand as the file wants them; its header tells by T_file_world how that is.
+/// `parts`: already transformed by T_file_world, which is stored in the header.
 Result<Bytes> to_ply(const std::vector<BakedPart>& parts, const Pictures& pictures,
                      const Pose& T_file_world);
 

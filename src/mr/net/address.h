@@ -14,10 +14,10 @@ struct Address {
 /// Reads "host:port", "1.2.3.4:port" or "[v6]:port". invalid: anything else.
 Result<Address> parse_address(const std::string& text);
 
-/// Whether a text ends like an address, ":port" after something; scene files need no more.
+/// Whether a text has the form "something:port": the check for scene files.
 bool is_address(const std::string& text);
 
-/// As parse_address reads it.
+/// The inverse of parse_address().
 std::string to_string(const Address& address);
 
 }  // namespace mr::net

@@ -103,7 +103,7 @@ bool speaks_for(X509* certificate, const std::string& name) {
                          : X509_check_host(certificate, name.c_str(), name.size(), 0, nullptr) == 1;
 }
 
-/// Days until it expires; negative: it has.
+/// Days until the certificate expires; negative: it has expired.
 int days_left(const X509* certificate) {
   int days = 0, seconds = 0;
   if (ASN1_TIME_diff(&days, &seconds, nullptr, X509_get0_notAfter(certificate)) != 1) return -1;
@@ -116,7 +116,7 @@ Result<std::string> read_pem(const std::filesystem::path& file) {
   return std::string(reinterpret_cast<const char*>(bytes->data()), bytes->size());
 }
 
-/// For its owner alone, from its first byte on.
+/// Writes a file that only its owner can ever read, atomically.
 bool write_private(const std::filesystem::path& file, const std::string& text) {
   const std::string draft = file.string() + ".new";
   ::unlink(draft.c_str());
@@ -157,7 +157,7 @@ Result<Certificate> load_or_make_certificate(const std::filesystem::path& folder
   if (!made) return made;
   std::error_code ignored;
   std::filesystem::create_directories(folder, ignored);
-  // Where it cannot be kept, the next run makes another.
+  // If it cannot be stored, the next run makes another one.
   if (write_private(key, made->key_pem)) write_private(chain, made->chain_pem);
   return made;
 }

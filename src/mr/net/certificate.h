@@ -36,7 +36,7 @@ Result<Certificate> load_certificate(const std::filesystem::path& chain,
 /// chain is empty.
 Result<std::string> fingerprint(const Certificate& certificate);
 
-/// A line for people when the certificate has expired or will within a week; else empty.
+/// A warning if the certificate has expired or will within a week; else empty.
 std::string expiry_warning(const Certificate& certificate);
 
 }  // namespace mr::net

@@ -8,7 +8,7 @@ namespace {
 
 constexpr Duration kAnswerTimeout = std::chrono::seconds(2);  // as of every transport
 
-/// How long so many bytes take.
+/// Transmission time of `bytes`.
 Duration at_rate(std::size_t bytes, double bytes_per_s) {
   if (bytes_per_s <= 0) return {};
   return std::chrono::duration_cast<Duration>(

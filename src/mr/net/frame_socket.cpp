@@ -18,7 +18,7 @@ namespace {
 
 constexpr std::size_t kReadBytes = 256u << 10;
 constexpr int kSendBufferBytes = 1 << 20;
-constexpr int kPatienceMs = 6000;  // with a peer that takes nothing
+constexpr int kPatienceMs = 6000;  // until a peer that reads nothing is disconnected
 constexpr std::chrono::seconds kHandshakePatience{5};
 constexpr std::chrono::seconds kRefusalPatience{1};
 
@@ -72,7 +72,7 @@ void FrameSocket::start() {
       [self = shared_from_this()](const auto& error) { self->on_handshake(error); });
 }
 
-/// Reads the first bytes, which tell whether the peer uses TLS. The listening side has a deadline.
+/// Reads the first bytes, which show whether the peer uses TLS. The listening side has a deadline.
 void FrameSocket::read_first() {
   boost::asio::async_read(socket_, boost::asio::buffer(buffer_, kFirstBytes),
                           [self = shared_from_this()](const auto& error, std::size_t bytes) {
@@ -170,7 +170,7 @@ void FrameSocket::on_written(const boost::system::error_code& error) {
   if (error) return end(refused_.value_or(closed(error)));
   if (!refused_) return wake();
   if (!was_refusal) return refuse(*refused_);
-  // The peer ends it: bytes left unread would destroy the refusal.
+  // Lets the peer close: closing with unread bytes would send a reset and lose the refusal.
   boost::system::error_code ignored;
   socket_.shutdown(boost::asio::ip::tcp::socket::shutdown_send, ignored);
 }
@@ -180,7 +180,7 @@ void FrameSocket::refuse(const Error& why) {
   const bool is_first = !refused_;
   refused_ = why;
   if (is_first) end_in(kRefusalPatience, why);
-  if (busy_) return;  // on_written() goes on
+  if (busy_) return;  // on_written() continues
   const std::string text = why.message.substr(0, kLongestRefusal);
   const auto bytes = std::as_bytes(std::span(text));
   write({FrameKind::refusal, 0,

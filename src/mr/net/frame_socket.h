@@ -33,9 +33,9 @@ class FrameSocket : public std::enable_shared_from_this<FrameSocket> {
  public:
   enum class Side { connects, listens };
   struct Handlers {
-    /// An error ends the connection; the side that listens tells the other one why.
+    /// Handles a frame. An Error ends the connection; the listening side sends the reason.
     std::function<Status(Frame)> received;
-    /// Called when the socket is free: returns the next frame to send, if there is one.
+    /// Called when the socket can send: returns the next frame, if there is one.
     std::function<std::optional<OutFrame>()> next;
     /// The connection has ended. Called once, as the last handler.
     std::function<void(const Error&)> ended;
@@ -44,13 +44,13 @@ class FrameSocket : public std::enable_shared_from_this<FrameSocket> {
     std::function<void()> opened = nullptr;
   };
 
-  /// `secret`: null for a plain connection. A peer that is not of the same kind is refused.
+  /// `secret`: null for a plain connection. A peer of the other kind is refused.
   FrameSocket(boost::asio::ip::tcp::socket socket, Side side, std::shared_ptr<TcpSecret> secret,
               FrameLimits limits, Handlers handlers);
   ~FrameSocket();
 
   void start();
-  /// Makes the socket ask `next` again, as there may be something to send.
+  /// Makes the socket call `next` again, as there may be a frame to send.
   void wake();
   void end(const Error& why);
   /// Sends the peer a refusal with the reason, then ends the connection. Received data is discarded
@@ -72,16 +72,16 @@ class FrameSocket : public std::enable_shared_from_this<FrameSocket> {
   boost::asio::ip::tcp::socket socket_;
   const Side side_;
   const std::shared_ptr<TcpSecret> secret_;
-  std::unique_ptr<Tls> tls_;  ///< null while, or as, the connection is plain
+  std::unique_ptr<Tls> tls_;  ///< null: the connection is plain, so far or for good
   FrameReader reader_;
   std::shared_ptr<Handlers> handlers_;  ///< null once ended
-  boost::asio::steady_timer timer_;     ///< of the handshake, of a refusal
+  boost::asio::steady_timer timer_;     ///< deadline of the handshake or of a refusal
   std::vector<std::byte> buffer_;
   std::array<std::byte, kFrameHeaderBytes> header_{};
   OutFrame writing_;
   std::optional<Error> refused_;
   bool open_ = false;
-  bool busy_ = false;  ///< with writing_
+  bool busy_ = false;  ///< sending writing_
 };
 
 }  // namespace mr::net

@@ -19,13 +19,13 @@ namespace mr::net {
 /// requests at any time.
 enum class FrameKind : std::uint8_t {
   hello = 1,  ///< payload: kHello and the node's name
-  subscribe,  ///< packets of the node, from now on
+  subscribe,  ///< to the packets of the node, from now on
   unsubscribe,
   packet,
-  request,   ///< id: the sender's choice, 0 where no answer is wanted
+  request,   ///< id: chosen by the sender; 0: no answer is wanted
   answer,    ///< id: that of the request
   refusal,   ///< payload: why the connection ends, a line of text
-  duplicate  ///< in place of a greeting; payload: the name of a node that the sender runs, too
+  duplicate  ///< instead of hello; payload: a node that the sender runs, too
 };
 
 struct Frame {
@@ -51,9 +51,9 @@ class FrameReader {
  public:
   explicit FrameReader(FrameLimits limits) : limits_(std::move(limits)) {}
 
-  /// Takes the next bytes, any number; returns the frames that they complete. corrupt, too_large:
-  /// the stream cannot be read any further. Memory grows with the bytes that came, not with the
-  /// length that a header promises.
+  /// Takes the next bytes, any number; returns the frames that they complete. Errors corrupt,
+  /// too_large: the rest of the stream cannot be read. Memory grows with the bytes received, not
+  /// with the length that a header claims.
   Result<std::vector<Frame>> feed(std::span<const std::byte> bytes);
 
  private:

@@ -31,8 +31,8 @@ constexpr const char* kContentSecurity =
     "connect-src 'self' blob:; img-src 'self' blob: data:; media-src 'self' blob:; "
     "object-src 'none'; base-uri 'none'; form-action 'none'; frame-ancestors 'self'";
 
-/// No delay, little stale data in the kernel, and the congestion control that holds up under loss,
-/// where the system has them.
+/// Disables Nagle's algorithm, limits unsent data in the kernel, and selects a congestion control
+/// that tolerates loss, as far as the system supports it.
 void tune(tcp::socket& socket) {
   const int handle = socket.native_handle();
   const int on = 1;
@@ -42,7 +42,7 @@ void tune(tcp::socket& socket) {
   static_cast<void>(::setsockopt(handle, IPPROTO_TCP, TCP_CONGESTION, "bbr", 3));
 }
 
-/// Whether a request may open the stream: a browser tells the page it comes from.
+/// Whether the Origin header matches Host: pages of other sites may not open the stream.
 bool same_origin(const WebSocket::Request& request) {
   const auto origin = request.find(http::field::origin);
   if (origin == request.end()) return true;
@@ -71,7 +71,7 @@ std::string host_name(beast::string_view host) {
   return name;
 }
 
-/// The value of one cookie; empty where it is not there.
+/// The value of one cookie; empty: it is missing.
 std::string cookie(beast::string_view all, std::string_view name) {
   std::string_view rest = view_of(all);
   while (!rest.empty()) {
@@ -105,7 +105,7 @@ class HttpSession : public std::enable_shared_from_this<HttpSession> {
     local_address_ = unmapped(connected.local_endpoint(error).address()).to_string();
   }
 
-  /// Null: there is no slot for it.
+  /// Starts a session if the quota has a slot.
   static void start(tcp::socket socket, WebServer::Impl& server) {
     const auto session = std::make_shared<HttpSession>(std::move(socket), server);
     session->connection_ =

@@ -10,11 +10,11 @@
 
 namespace mr::net {
 
-/// One thread that runs an asio io_context until stop(). Handlers that still wait then are
+/// One thread that runs an asio io_context until stop(). Handlers still pending then are
 /// destroyed with this object and not called, so it must outlive all sockets.
 class IoThread {
  public:
-  /// `failed` is told of exceptions that escape a handler; the thread goes on.
+  /// `failed` is called for exceptions that escape a handler; the thread continues.
   explicit IoThread(std::function<void(const std::string&)> failed) : failed_(std::move(failed)) {}
   ~IoThread() { stop(); }
   IoThread(const IoThread&) = delete;

@@ -5,7 +5,7 @@
 
 namespace mr::net {
 
-/// Writes an unsigned number, lowest byte first, and moves on behind it.
+/// Writes an unsigned number, lowest byte first; returns the position after it.
 template <typename T>
 std::byte* put(std::byte* at, T value) {
   for (std::size_t i = 0; i < sizeof(T); ++i)
@@ -13,7 +13,7 @@ std::byte* put(std::byte* at, T value) {
   return at;
 }
 
-/// Reads an unsigned number from the front of `bytes`, which must hold it, and cuts it off.
+/// Reads an unsigned number from the front of `bytes`, which must be long enough, and removes it.
 template <typename T>
 T take(std::span<const std::byte>& bytes) {
   T value = 0;

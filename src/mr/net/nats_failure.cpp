@@ -48,7 +48,7 @@ Result<Address> address_of(const std::string& url) {
                "\"" + shown + "\" is no NATS server: write nats://host:port"};
 }
 
-/// Connects once; why that does not work, empty where it does.
+/// Tries one TCP connection. Returns the reason of a failure; empty: it succeeded.
 std::string why_not_reached(const ::addrinfo& to) {
   const int handle = ::socket(to.ai_family, SOCK_STREAM | SOCK_CLOEXEC | SOCK_NONBLOCK, 0);
   if (handle < 0) return std::strerror(errno);
@@ -65,8 +65,8 @@ std::string why_not_reached(const ::addrinfo& to) {
   return failed == 0 ? "" : std::strerror(failed);
 }
 
-/// What libnats does not tell: whether the host is known, and whether its port is open. Empty: it
-/// is.
+/// Probes what libnats does not report: whether the host name resolves and its port is open. Empty:
+/// the server can be reached.
 std::string why_unreachable(const std::string& urls) {
   const auto address = address_of(split_urls(urls).front());
   if (!address) return address.error().message;
@@ -82,8 +82,8 @@ std::string why_unreachable(const std::string& urls) {
   return why;
 }
 
-/// A server that takes the connection and ends it. With TLS 1.3 it looks at our certificate only
-/// once the handshake is over for us.
+/// The failure of a server that accepts a connection and closes it. With TLS 1.3 the server checks
+/// our certificate only after our side of the handshake is complete.
 NatsFailure hang_up(const NatsConfig& config) {
   if (config.url.find("tls://") == std::string::npos)
     return {NatsFailure::Kind::unreachable, "cannot be reached: it ends the connection"};
@@ -95,7 +95,8 @@ NatsFailure hang_up(const NatsConfig& config) {
                 "certificate of nats.cert"};
 }
 
-/// Of "SSL handshake error: 20:unable to get local issuer certificate:depth=0:cert=…".
+/// Rewrites "SSL handshake error: 20:unable to get local issuer certificate:depth=0:cert=…" as
+/// advice.
 std::string tls_text(const std::string& text) {
   const auto has = [&](const char* part) { return text.find(part) != std::string::npos; };
   if (has("hostname mismatch") || has("IP address mismatch"))
@@ -120,13 +121,13 @@ std::string refused_text(const NatsConfig& config) {
 
 std::string nats_text(std::string text) {
   if (const std::size_t end = text.find("): "); text.starts_with("(") && end != std::string::npos)
-    text.erase(0, end + 3);  // "(conn.c:733): ": where in libnats
+    text.erase(0, end + 3);  // "(conn.c:733): ": the location in libnats
   return printable(text);
 }
 
 Result<std::vector<std::string>> nats_servers(const std::string& urls) {
   std::vector<std::string> all = split_urls(urls);
-  // Half a password is not to be shown.
+  // A malformed URL may contain a part of a password: not shown.
   for (const std::string& url : all)
     if (urls.find('@') != std::string::npos && url.find("://") == std::string::npos)
       return Error{Error::Cause::invalid,

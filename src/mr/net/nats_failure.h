@@ -21,14 +21,14 @@ std::string nats_text(std::string text);
 struct NatsFailure {
   enum class Kind { unreachable, tls, refused, other };
   Kind kind = Kind::other;
-  std::string text;  ///< one line, says what to do; holds no secret
+  std::string text;  ///< one line with advice; contains no secret
 };
 
-/// Diagnoses a failed or broken connection from libnats' status (natsStatus) and text. Where those
-/// do not tell, it tries to reach the server by TCP, which may take a second.
+/// Diagnoses a failed or broken connection from libnats' status (natsStatus) and text. If those
+/// are not enough, probes the server by TCP, which may take a second.
 NatsFailure nats_failure(int status, const std::string& text, const NatsConfig& config);
 
-/// A permissions violation: the server did not let us publish or subscribe.
+/// A permissions violation: the server refused a publication or subscription.
 struct NatsDenial {
   std::string subject;  ///< of an inbox without the last part, which counts requests
   bool publishing = false;

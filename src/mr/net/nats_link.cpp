@@ -41,7 +41,7 @@ class NatsEvents {
              std::shared_ptr<Drops> drops)
       : server_(std::move(server)), log_(std::move(log)), drops_(std::move(drops)) {}
 
-  /// There is no connection. Logs the first failure of each kind until on_connected().
+  /// The connection failed or broke. Logs the first failure of each kind until on_connected().
   void on_disconnected(const NatsFailure& trouble) {
     const std::lock_guard lock(mutex_);
     if (logged_.insert(trouble.kind).second) log(trouble.text + "; trying on");
@@ -88,7 +88,8 @@ class NatsEvents {
 
 namespace {
 
-/// What the library's callbacks of one connection need. They may come late, so it outlives it.
+/// The state of one connection that the library's callbacks use. Callbacks may come late, so it
+/// outlives the connection.
 struct NatsSession {
   std::shared_ptr<NatsEvents> events;
   NatsConfig config;
@@ -128,7 +129,7 @@ void on_disconnected(natsConnection* connection, void* closure) {
   const char* text = nullptr;
   natsStatus status = natsConnection_GetLastError(connection, &text);
   if (status != NATS_CONNECTION_AUTH_FAILED && status != NATS_SSL_ERROR)
-    status = NATS_CONNECTION_CLOSED;  // the last error is not always the reason
+    status = NATS_CONNECTION_CLOSED;  // the last error may be an unrelated one
   session.events->on_disconnected(nats_failure(status, text ? text : "", session.config));
 }
 void on_closed(natsConnection*, void* closure) {
@@ -139,7 +140,7 @@ void on_error(natsConnection*, natsSubscription* subscription, natsStatus status
   NatsSession& session = *shared<NatsSession>(closure);
   if (session.is_quiet()) return;
   if (status == NATS_NOT_PERMITTED) {
-    natsStatus last = NATS_OK;  // of this thread, where the library has put the error's text
+    natsStatus last = NATS_OK;  // thread-local: the library stores the error's text there
     const char* text = nats_GetLastError(&last);
     session.events->denied(nats_denial(text ? text : ""));
   } else if (status == NATS_SLOW_CONSUMER && subscription != nullptr) {
@@ -150,7 +151,7 @@ void on_error(natsConnection*, natsSubscription* subscription, natsStatus status
 
 }  // namespace
 
-/// One subject, whichever connection it is subscribed on.
+/// A subscribed subject, independent of the current connection.
 class NatsReceiver {
  public:
   NatsReceiver(std::string s, std::size_t message_bytes, std::size_t bytes,
@@ -181,7 +182,7 @@ class NatsReceiver {
   }
 
   Message put_together(std::span<const std::byte> bytes) {
-    const std::lock_guard lock(mutex_);  // the thread of a former connection may still be here
+    const std::lock_guard lock(mutex_);  // a thread of a former connection may still be here
     const std::uint64_t lost = reassembly_.lost();
     Message message = reassembly_.accept(Clock::now(), bytes);
     drops_->count("subject " + subject, "broken messages", reassembly_.lost() - lost);
@@ -218,7 +219,7 @@ struct OptionsDeleter {
 };
 using Options = std::unique_ptr<natsOptions, OptionsDeleter>;
 
-/// The first failure of a row of calls.
+/// The first failure in a sequence of calls.
 struct FirstFailure {
   natsStatus status = NATS_OK;
   FirstFailure& operator<<(natsStatus next) {
@@ -235,7 +236,8 @@ Status library_error(natsStatus status, const std::string& what) {
                what + ": " + nats_text(text && *text ? text : natsStatus_GetText(status))};
 }
 
-/// Checks that a secret's file is readable, as libnats, which reads it itself, would not say so.
+/// Checks that a secret's file is readable: libnats reads it itself and would not report that it
+/// cannot.
 Status check_secret(const std::filesystem::path& file) {
   const auto secret = read_secret({{}, file});
   return secret ? Status() : Status(secret.error());
@@ -269,7 +271,7 @@ Status set_identity(natsOptions* o, const NatsConfig& config) {
       "nats.credentials");
 }
 
-/// The library does not connect again by itself: it would not say why it cannot.
+/// Disables the library's own reconnection, as it does not report why it fails.
 Result<Options> make_options(const NatsConfig& config, void* closure) {
   natsOptions* o = nullptr;
   if (natsOptions_Create(&o) != NATS_OK) return Error{Error::Cause::io, "NATS: out of memory"};
@@ -334,7 +336,7 @@ std::unique_ptr<NatsLink::Connection> NatsLink::connect() {
   connection->session->config = config_;
   auto closure = std::make_unique<std::shared_ptr<NatsSession>>(connection->session);
   auto options = make_options(config_, closure.get());
-  if (!options) {  // a file has gone since
+  if (!options) {  // a file was removed meanwhile
     events_->on_disconnected({NatsFailure::Kind::other, options.error().message});
     return nullptr;
   }
@@ -375,9 +377,9 @@ void NatsLink::reconnect() {
     unsubscribe_all();
     broken.swap(connection_);
   }
-  broken.reset();          // its callbacks are over, and nobody waits for that
-  auto fresh = connect();  // takes seconds where nobody answers
-  if (!fresh) return;      // again at the next call
+  broken.reset();          // outside the lock: waits for its callbacks
+  auto fresh = connect();  // takes seconds if the server does not answer
+  if (!fresh) return;      // retried at the next call
   const std::lock_guard lock(mutex_);
   connection_ = std::move(fresh);
   for (const auto& receiver : receivers_) subscribe(receiver);
@@ -414,7 +416,7 @@ void NatsLink::forget(const std::shared_ptr<NatsReceiver>& receiver) {
 
 Status NatsLink::send(const std::string& subject, const std::string& reply,
                       const Message& message) {
-  if (!connection_ ||  // only this thread replaces it
+  if (!connection_ ||  // only this thread replaces the connection
       natsConnection_Status(connection_->handle) != NATS_CONN_STATUS_CONNECTED)
     return Error{Error::Cause::io, "no server"};
   natsConnection* handle = connection_->handle;

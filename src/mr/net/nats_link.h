@@ -24,14 +24,14 @@ struct NatsArrival {
   Message message;
 };
 
-/// The connection to a NATS server or cluster, for messages of any size. It is made again for ever
-/// when it breaks.
+/// The connection to a NATS server or cluster, for messages of any size. A broken connection is
+/// restored, without a limit of attempts.
 class NatsLink {
  public:
   using Handler = std::function<void(const NatsArrival&)>;
 
-  /// Succeeds also while no server can be reached. invalid, io, not_found: the URL or a file of the
-  /// config cannot be used.
+  /// Succeeds even if no server can be reached. Errors invalid, io, not_found: the URL or a file of
+  /// the config cannot be used.
   static Result<std::shared_ptr<NatsLink>> open(const NatsConfig& config,
                                                 const TransportLimits& limits,
                                                 std::shared_ptr<Drops> drops);
@@ -47,8 +47,8 @@ class NatsLink {
   /// Unsubscribes. After it returns, the handler does not run on another thread. Any thread.
   void forget(const std::shared_ptr<NatsReceiver>& receiver);
 
-  /// io: there is no server. too_large: for its max_payload. One thread at a time; may wait up to
-  /// two seconds for a server that does not read.
+  /// Errors: io: no connection; too_large: for the server's max_payload. One thread at a time; may
+  /// block for up to two seconds on a server that does not read.
   Status send(const std::string& subject, const std::string& reply, const Message& message);
 
   /// Connects when there is no connection; logs once why that fails. To be called about twice a
@@ -67,8 +67,8 @@ class NatsLink {
   const TransportLimits limits_;
   const std::shared_ptr<Drops> drops_;
   const std::shared_ptr<NatsEvents> events_;
-  std::uint64_t last_message_;  ///< id; starts anywhere, so that no two senders use the same
-  std::mutex mutex_;            ///< of all below
+  std::uint64_t last_message_;  ///< id; starts at a random number, so that senders differ
+  std::mutex mutex_;            ///< guards all below
   std::unique_ptr<Connection> connection_;  ///< null: none
   std::set<std::shared_ptr<NatsReceiver>> receivers_;
 };

@@ -23,7 +23,7 @@ using Clock = std::chrono::steady_clock;
 constexpr std::chrono::milliseconds kNatsTick{500};
 constexpr std::chrono::seconds kHeartbeatPeriod{1};
 constexpr std::size_t kHeartbeatBytes = 8;
-constexpr int kNatsAnswers = 8;  // unsent, for one asker: a program of a few mergers
+constexpr int kNatsAnswers = 8;  // unsent, per requester: enough for a program of a few mergers
 
 /// A name as one token of a subject: everything but letters, digits, '-' and '_' as %XX.
 std::string token(const std::string& name) {
@@ -45,14 +45,14 @@ std::uint64_t random_number() {
   return (std::uint64_t{random()} << 32) | random();
 }
 
-/// The number as 8 bytes.
+/// Encodes a number as 8 bytes.
 Message number_message(std::uint64_t number) {
   auto bytes = std::make_shared<std::vector<std::byte>>(sizeof number);
   put(bytes->data(), number);
   return bytes;
 }
 
-/// The number behind the last dot; 0 when there is none.
+/// The number after the last dot of a subject; 0: none.
 std::uint64_t last_number(const std::string& subject) {
   std::uint64_t number = 0;
   for (const char c : subject.substr(subject.rfind('.') + 1))
@@ -170,7 +170,7 @@ class NatsTransport final : public Transport {
   struct OutgoingMessage {
     std::string subject, reply;
     Message message;
-    std::string inbox = {};  ///< of an answer: the asker's
+    std::string inbox = {};  ///< of an answer: the requester's
   };
   struct Sending {
     std::unique_ptr<Outbox> outbox;
@@ -244,7 +244,7 @@ class NatsTransport final : public Transport {
     }
     const Message id = number_message(id_);
     for (const std::string& node : nodes)
-      static_cast<void>(link_->send(heartbeat_subject(node), "", id));  // no server: nobody to tell
+      static_cast<void>(link_->send(heartbeat_subject(node), "", id));  // no server: nothing to do
   }
 
   void answered(const NatsArrival& answer) {
@@ -252,7 +252,7 @@ class NatsTransport final : public Transport {
       on_answer(answer.message);
   }
 
-  /// It stays for ever.
+  /// The outbox of a node's packets; created on first use, never removed.
   Outbox& outbox_of(const std::string& node) {
     const std::lock_guard lock(mutex_);
     auto& outbox = packets_[node].outbox;
@@ -262,7 +262,7 @@ class NatsTransport final : public Transport {
     return *outbox;
   }
 
-  /// A request or an answer.
+  /// Queues a request or an answer.
   void send_later(OutgoingMessage letter) {
     {
       const std::lock_guard lock(mutex_);
@@ -297,7 +297,7 @@ class NatsTransport final : public Transport {
     link_->reconnect();
   }
 
-  /// All letters, and one packet of each node; false when there was nothing.
+  /// Sends all queued requests and answers, and one packet of each node; false: there was nothing.
   bool send_some() {
     std::deque<OutgoingMessage> letters;
     std::vector<std::pair<std::string, Outbox*>> outboxes;
@@ -317,7 +317,7 @@ class NatsTransport final : public Transport {
     return !letters.empty() || !outboxes.empty();
   }
 
-  /// An answer went, or was lost.
+  /// An answer was sent or lost.
   void answer_sent(const std::string& inbox) {
     const std::lock_guard lock(mutex_);
     const auto at = answers_.find(inbox);
@@ -333,7 +333,7 @@ class NatsTransport final : public Transport {
   const std::shared_ptr<Drops> drops_;
   const std::string prefix_;
   const std::string inbox_;
-  const std::uint64_t id_;  ///< of this program, where it says that it serves a node
+  const std::uint64_t id_;  ///< of this program, in its heartbeats
   const TransportLimits limits_;
   const Coalesce coalesce_;
   RateLimitedLog log_lines_;
@@ -346,7 +346,7 @@ class NatsTransport final : public Transport {
   std::map<std::string, Sending> packets_;  ///< by node
   std::deque<OutgoingMessage> letters_;
   std::size_t letter_bytes_ = 0;
-  std::map<std::string, int> answers_;  ///< among the letters, and those being sent, by inbox
+  std::map<std::string, int> answers_;  ///< number of queued and sending answers, by inbox
   std::vector<std::weak_ptr<const std::string>> serving_;  ///< names of nodes
   Clock::time_point next_heartbeat_;
   bool heartbeat_due_ = false;

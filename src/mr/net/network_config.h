@@ -10,16 +10,16 @@
 
 namespace mr::net {
 
-/// The NATS server that joins nodes, and who a node is to it. Files are read when a node connects.
+/// The NATS server that connects nodes, and a node's identity. Files are read when a node connects.
 struct NatsConfig {
   std::string url = {};  ///< "nats://host:port" or "tls://…", several after commas; empty: no NATS
-  std::filesystem::path ca = {};  ///< whose certificates are trusted; empty: the system's
+  std::filesystem::path ca = {};  ///< trusted certificate authorities; empty: the system's
   std::filesystem::path certificate = {}, key = {};  ///< of this node, PEM; both or none
   std::string nkey = {};                   ///< public NKey of this node, "U…"; empty: none
   std::filesystem::path nkey_seed = {};    ///< file with its seed
   std::filesystem::path credentials = {};  ///< file of a JWT and its seed; instead of an NKey
 
-  /// What is impossible in it, a line each.
+  /// The invalid fields, one line each; empty: valid.
   std::vector<std::string> problems() const;
   /// Whether a text looks like the public NKey of a user.
   static bool is_user_nkey(std::string_view text);
@@ -30,9 +30,9 @@ struct NatsConfig {
 struct NetworkConfig {
   NatsConfig nats;
   std::map<std::string, std::string> tcp;  ///< node → host:port; empty: no TCP
-  SecretSource tcp_secret;                 ///< of all nodes that TCP joins; empty: none
+  SecretSource tcp_secret;                 ///< shared by all nodes; empty: none
 
-  /// What is impossible in it, a line each.
+  /// The invalid fields, one line each; empty: valid.
   std::vector<std::string> problems() const;
   friend bool operator==(const NetworkConfig&, const NetworkConfig&) = default;
 };

@@ -31,7 +31,7 @@ void Outbox::add(Message message) {
   waiting_.push_back(std::move(message));
   bytes_ += size;
   if (waiting_.size() <= limits_.messages) return;
-  // Folded under the lock, or a newer message could be taken before these.
+  // Folds under the lock, so that no newer message can be popped before these.
   if (Message one = fold(take(), counts_)) {
     bytes_ = one->size();
     waiting_.push_back(std::move(one));

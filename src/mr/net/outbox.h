@@ -12,17 +12,17 @@
 
 namespace mr::net {
 
-/// Bytes that many receivers may share.
+/// An immutable message, shared by its receivers without copying.
 using Message = std::shared_ptr<const std::vector<std::byte>>;
 
-/// Coalesces messages that wait for one slow receiver into a single one (DESIGN section 4, Queues).
-/// Its argument is oldest first and never empty. Null: they cannot be coalesced and are lost.
-/// Called from several threads at once; must not throw.
+/// Folds the messages that wait for one slow receiver into a single one (docs/wire-format.md,
+/// Folded packets). Its argument is oldest first and never empty. Null: the messages cannot be
+/// coalesced and are lost. Called from several threads at once; must not throw.
 using Coalesce = std::function<Message(std::span<const Message>)>;
 
 struct OutboxLimits {
-  std::size_t messages = 30;       ///< that wait; with one more they are coalesced
-  std::size_t bytes = 128u << 20;  ///< that wait; above it all but the newest are lost
+  std::size_t messages = 30;       ///< limit of waiting messages; above it they are coalesced
+  std::size_t bytes = 128u << 20;  ///< limit of waiting bytes; above it all but the newest are lost
 };
 
 /// The bounded, coalescing queue in front of ONE slow receiver: a socket, a node's worker thread or
@@ -35,7 +35,7 @@ class Outbox {
     std::uint64_t lost = 0;    ///< messages dropped; the receiver sees a gap
   };
 
-  /// Without `coalesce` messages are popped one by one, and all that wait are dropped when there
+  /// Without `coalesce` messages are popped one by one, and all waiting ones are dropped when there
   /// are too many.
   explicit Outbox(Coalesce coalesce, const OutboxLimits& limits = {});
 
@@ -43,10 +43,10 @@ class Outbox {
   /// woken. A message larger than OutboxLimits::bytes is dropped; null is ignored.
   bool push(Message message);
 
-  /// Pops all that waits as one message; null when nothing waits or it could not be coalesced.
+  /// Pops all waiting messages as one; null: none is waiting, or they could not be coalesced.
   Message try_pop();
 
-  /// Waits for a message; null once stop is asked for.
+  /// Waits for a message; null once stop is requested.
   Message pop(const std::stop_token& stop);
 
   bool empty() const;
@@ -64,7 +64,7 @@ class Outbox {
   mutable std::mutex mutex_;
   std::condition_variable_any arrived_;
   std::vector<Message> waiting_;  ///< oldest first
-  std::size_t bytes_ = 0;         ///< of all that wait
+  std::size_t bytes_ = 0;         ///< of all waiting messages
   Counts counts_;
 };
 

@@ -13,7 +13,7 @@
 
 namespace mr::net {
 
-/// Requests that wait to be sent or for their answer. A request times out after kPatience, and
+/// Requests that are waiting to be sent or to be answered. A request times out after kPatience, and
 /// there are at most kMost. Thread-safe.
 class PendingRequests {
  public:
@@ -28,7 +28,7 @@ class PendingRequests {
   static constexpr std::chrono::seconds kPatience{2};
   static constexpr std::size_t kMost = 1024;
 
-  /// Adds a request and returns its id, which its answer carries; 0 when kMost wait already.
+  /// Adds a request and returns its id, which its answer carries; 0: kMost are waiting already.
   std::uint64_t add(TimePoint now, Message request, OnAnswer on_answer) {
     const std::lock_guard lock(mutex_);
     if (waiting_.size() >= kMost) return 0;
@@ -54,8 +54,8 @@ class PendingRequests {
     }));
   }
 
-  /// The oldest waiting request with an id above `id`. One that wants no answer is removed with
-  /// that.
+  /// The oldest waiting request with an id above `id`. A request that wants no answer
+  /// is removed.
   std::optional<Request> next_after(std::uint64_t id) {
     const std::lock_guard lock(mutex_);
     const auto at = waiting_.upper_bound(id);

@@ -15,8 +15,8 @@
 
 namespace mr::net {
 
-/// A callback that can be cancelled from any thread: after end() returns no call of it runs, except
-/// the call that end() itself was called from.
+/// A callback that can be cancelled from any thread: once end() returns, no call of it is running,
+/// except a call that called end() itself.
 template <typename Signature>
 class CancellableCallback;
 

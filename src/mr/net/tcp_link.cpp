@@ -13,7 +13,7 @@ namespace {
 constexpr std::chrono::milliseconds kFirstBackoff{50};
 constexpr std::chrono::milliseconds kLongestBackoff{1000};
 constexpr std::chrono::seconds kConnectPatience{5};
-constexpr std::chrono::seconds kSettled{1};  // a refusal comes sooner
+constexpr std::chrono::seconds kSettled{1};  // after this time the peer has not refused us
 constexpr std::size_t kTroubles = 8;
 
 Message as_message(std::vector<std::byte> bytes) {
@@ -26,8 +26,8 @@ Message greeting(const std::string& node) {
   return as_message({bytes.begin(), bytes.end()});
 }
 
-/// The system may take the very port that nobody listens on for our end: the connection would then
-/// be with itself, and keep the node from listening there.
+/// TCP self-connection: the system may choose as our local port the very port that we connect to.
+/// Such a connection would keep the node from listening there.
 bool is_its_own_peer(const tcp::socket& socket) {
   boost::system::error_code error;
   const auto here = socket.local_endpoint(error);
@@ -79,7 +79,7 @@ void TcpLink::tick() {
     socket_->end({Error::Cause::empty, "no longer needed"});
 }
 
-/// The other side keeps us: what went wrong before is over.
+/// The connection has lasted: resets backoff and logged errors.
 void TcpLink::settled() {
   backoff_ = kFirstBackoff;
   if (!std::exchange(logged_, {}).empty()) log("is back");
@@ -157,7 +157,7 @@ void TcpLink::failed(const Error& why) {
     state_ = State::idle;
     return;
   }
-  // However it breaks is one trouble; each refusal is one of its own.
+  // Broken connections are logged once, whatever the cause; refusals once per reason.
   const bool broke = why.cause == Error::Cause::io || why.cause == Error::Cause::empty;
   if (logged_.size() < kTroubles && logged_.insert(broke ? "" : why.message).second)
     log(why.message + "; trying on");

@@ -20,8 +20,8 @@ namespace mr::net {
 
 class TcpSecret;
 
-/// The client's connection to one remote node. It is made, and made again with exponential backoff,
-/// while there are subscribers to the node's packets or requests without an answer. All but
+/// The client's connection to one remote node. It is established, and restored with exponential
+/// backoff, while there are subscribers to the node's packets or unanswered requests. All but
 /// request() runs on the io thread, which must have ended before this is destroyed.
 class TcpLink {
  public:
@@ -29,11 +29,11 @@ class TcpLink {
           const PacketRegistry& packets, const TransportLimits& limits, Drops& drops,
           std::shared_ptr<TcpSecret> secret);
 
-  /// Any thread; wake() has to follow.
+  /// Queues a request. Any thread; must be followed by wake().
   void request(Message message, std::function<void(Message)> on_answer);
   /// Connects, subscribes or sends requests when there is something to do.
   void wake();
-  /// Times out old requests; disconnects from a node that nobody needs. To be called about once a
+  /// Times out old requests; disconnects from a node that is not needed. To be called about once a
   /// second.
   void tick();
 

@@ -24,7 +24,7 @@ int secret_index() {
   return index;
 }
 
-/// The reason that OpenSSL gives; 0 for what is no error of it.
+/// OpenSSL's reason code of an error; 0: not an error of OpenSSL.
 int ssl_reason(const boost::system::error_code& error) {
   if (error.category() != boost::asio::error::get_ssl_category()) return 0;
   return ERR_GET_REASON(static_cast<unsigned long>(error.value()));
@@ -81,8 +81,8 @@ unsigned TcpSecret::server_key(SSL* ssl, const char* identity, unsigned char* ke
 }
 
 bool begins_tls(std::span<const std::byte> first) {
-  // A record of a handshake. As a frame its payload would have 790 bytes or more; a greeting is
-  // shorter.
+  // A TLS handshake record. As a frame header these bytes would mean a payload of at least 790
+  // bytes; a greeting is shorter.
   return first.size() >= 2 && first[0] == std::byte{0x16} && first[1] == std::byte{0x03};
 }
 

@@ -18,9 +18,9 @@ namespace {
 constexpr std::chrono::seconds kHelloPatience{5};
 constexpr std::chrono::seconds kListenAgain{1};
 constexpr std::chrono::milliseconds kTcpAcceptAgain{100};
-constexpr std::size_t kRefusing = 16;  // connections above the limit, while they are told so
-// Answers that wait for one peer. A program of several mergers asks a node several things at once,
-// and reads what it gets; above this a request is not even looked at.
+constexpr std::size_t kRefusing = 16;  // connections above the limit that are being refused
+// Limits of the answers waiting for one peer; above them its requests are ignored. A program with
+// several mergers sends a node several requests at once and reads the answers.
 constexpr std::size_t kAnswersWaiting = 32;
 constexpr std::size_t kAnswerBytesWaiting = 8u << 20;
 
@@ -34,7 +34,7 @@ FrameLimits accepted_frames() {
 
 }  // namespace
 
-/// One peer that connected to us.
+/// The connection of one peer.
 class TcpSession : public std::enable_shared_from_this<TcpSession> {
  public:
   TcpSession(TcpServer& server, std::string peer)
@@ -43,7 +43,7 @@ class TcpSession : public std::enable_shared_from_this<TcpSession> {
         hello_timer_(server.io_),
         outbox_(server.coalesce_, {server.limits_.queue_messages, server.limits_.queue_bytes}) {}
 
-  /// Without a slot it gets nothing but word of that.
+  /// Without a slot the peer is refused.
   void start(tcp::socket socket, std::shared_ptr<ConnectionQuota::Slot> slot) {
     slot_ = std::move(slot);
     if (!slot_) refused_ = "too many connections";
@@ -72,7 +72,7 @@ class TcpSession : public std::enable_shared_from_this<TcpSession> {
     socket_->start();
   }
 
-  /// Makes room for a newcomer.
+  /// Evicted: ends the connection in favour of a new one.
   void replace() {
     refused_ = "too many connections, and this one had not greeted";
     socket_->end({Error::Cause::invalid, refused_});
@@ -100,7 +100,7 @@ class TcpSession : public std::enable_shared_from_this<TcpSession> {
   }
 
   Status received(Frame frame) {
-    if (frame.kind == FrameKind::duplicate) {  // of a program that could not listen here
+    if (frame.kind == FrameKind::duplicate) {  // its sender could not listen on this address
       server_.on_duplicate_node(
           {reinterpret_cast<const char*>(frame.payload.data()), frame.payload.size()});
       return {};
@@ -166,10 +166,10 @@ class TcpSession : public std::enable_shared_from_this<TcpSession> {
   }
 
   TcpServer& server_;
-  const std::string peer_;  ///< its address, or network
+  const std::string peer_;  ///< address or network
   std::shared_ptr<ConnectionQuota::Slot> slot_;
-  std::string refused_;  ///< why
-  std::string node_;     ///< that it greeted; set before it can subscribe
+  std::string refused_;  ///< reason; empty: not refused
+  std::string node_;     ///< named in its hello; set before it can subscribe
   asio::steady_timer hello_timer_;
   std::shared_ptr<FrameSocket> socket_;
   Outbox outbox_;
@@ -179,7 +179,7 @@ class TcpSession : public std::enable_shared_from_this<TcpSession> {
   Outbox::Counts reported_;
 };
 
-/// Listens at one address, for ever.
+/// Listens at one address until destroyed.
 class TcpListener {
  public:
   TcpListener(TcpServer& server, Address address)
@@ -249,7 +249,7 @@ class TcpListener {
         return accept();
       }
       server_.drops_.count("listener " + to_string(address_), error.message());
-      timer_.expires_after(kTcpAcceptAgain);  // out of file descriptors, say
+      timer_.expires_after(kTcpAcceptAgain);  // for example, out of file descriptors
       timer_.async_wait([this](const auto& cancelled) {
         if (!cancelled) accept();
       });
@@ -264,8 +264,8 @@ class TcpListener {
   bool logged_ = false;
 };
 
-/// Tells the program that listens in our place that we are another one of its nodes. Lives until
-/// that is told.
+/// Notifies the program that occupies our address that this program runs the same node. Keeps
+/// itself alive until the notice is sent.
 class DuplicateNodeNotice : public std::enable_shared_from_this<DuplicateNodeNotice> {
  public:
   DuplicateNodeNotice(asio::io_context& io, std::vector<std::string> nodes,

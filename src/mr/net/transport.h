@@ -13,7 +13,7 @@
 #include "mr/net/network_config.h"
 #include "mr/net/outbox.h"
 
-/// Carries bytes between nodes and to viewers, and never looks inside them.
+/// Transports carry bytes between nodes and to viewers; they never interpret them.
 namespace mr::net {
 
 /// A subscription or service (RAII): its destructor ends it, and no callback runs afterwards. The
@@ -27,9 +27,9 @@ class Subscription {
 
 /// Carries messages between the nodes of one scene: for each node a stream of packets
 /// (publish/subscribe) and a service (request/response). Implementations: in one process, plain
-/// TCP, NATS. Callbacks run on the transport's threads; they may push to a queue or look something
-/// up, but must not wait or throw. Broken connections are made again for ever. Thread-safe. A
-/// transport must not be destroyed within a callback; no callback runs afterwards.
+/// TCP, NATS. Callbacks run on the transport's threads; they may push to a queue or do a
+/// look-up, but must not wait or throw. Broken connections are restored automatically. Thread-safe.
+/// A transport must not be destroyed within a callback; no callback runs afterwards.
 class Transport {
  public:
   virtual ~Transport() = default;
@@ -43,7 +43,7 @@ class Transport {
                                                   std::function<void(Message)> on_packet) = 0;
 
   /// Sends a request of at most kMaxRequestBytes to `node`. `on_answer` is called when the answer
-  /// comes (in one process: before this returns), or never: when the node is away, answers null or
+  /// comes (in one process: before this returns), or never: if the node is absent, answers null or
   /// takes more than 2 s. Without `on_answer` no answer is sent.
   virtual void request(const std::string& node, Message message,
                        std::function<void(Message)> on_answer = {}) = 0;
@@ -65,11 +65,12 @@ inline constexpr std::size_t kMaxRequestBytes = 1u << 20;
 struct TransportLimits {
   std::size_t message_bytes = 64u << 20;  ///< largest packet or answer
   std::size_t queue_messages = 30;        ///< waiting for one receiver, before they are coalesced
-  std::size_t queue_bytes = 128u << 20;   ///< ... above it all that wait are dropped
+  std::size_t queue_bytes = 128u << 20;   ///< ... above it all waiting ones are dropped
   int connections = 256;                  ///< of a TCP node. Above it, or above ...
   int connections_per_address = 32;       ///< ... from one IP address, a new one evicts the oldest
                                           ///< without a greeting, or else is refused
-  /// Takes one log line whenever a peer, port or server goes or comes. Any thread; must not wait.
+  /// Called with a log line when a peer, port or server fails or returns. Any thread; must not
+  /// wait.
   std::function<void(const std::string&)> log = nullptr;
 };
 

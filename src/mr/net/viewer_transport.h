@@ -35,7 +35,7 @@ struct ViewerEvents {
 };
 
 /// Carries whole messages in order between this process and viewers, over WebSocket (WebServer) or
-/// another protocol, and never looks inside them. Flow control is the caller's: it sends a viewer
+/// another protocol, without interpreting them. Flow control is the caller's: it sends a viewer
 /// the next message when ViewerEvents::writable reports the last one. Thread-safe.
 class ViewerTransport {
  public:
@@ -43,14 +43,14 @@ class ViewerTransport {
 
   /// Starts to accept viewers and to call `events`. To be called once.
   virtual void run(ViewerEvents events) = 0;
-  /// Queues a binary message. A viewer that is gone is ignored, here and below.
+  /// Queues a binary message. Here and below, a viewer that is gone is ignored.
   virtual void send(ViewerId viewer, Message message) = 0;
   virtual void send_text(ViewerId viewer, const std::string& text) = 0;
-  /// Closes the connection after the message under way, with a reason that the viewer receives.
+  /// Closes the connection after the current message, with a reason that the viewer receives.
   virtual void close(ViewerId viewer, const std::string& reason) = 0;
   /// Disconnects a viewer at once, without a closing handshake.
   virtual void cut(ViewerId viewer) = 0;
-  /// The viewer has proven to be one: its connection is never evicted for a new one.
+  /// Protects a viewer's connection from eviction in favour of a new one.
   virtual void pin(ViewerId viewer) = 0;
   /// Counts of refused and disconnected peers, by "<side>: <cause>".
   virtual std::map<std::string, std::uint64_t> drops() const = 0;

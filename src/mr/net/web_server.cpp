@@ -10,7 +10,7 @@ namespace {
 
 constexpr std::chrono::milliseconds kWebAcceptAgain{100};
 
-/// A context that shows the certificate; invalid: it cannot be used.
+/// A TLS context with the certificate. Error invalid: it cannot be used.
 Result<std::unique_ptr<asio::ssl::context>> tls_context(const Certificate& certificate) {
   try {
     auto context = std::make_unique<asio::ssl::context>(asio::ssl::context::tls_server);
@@ -69,7 +69,7 @@ void WebServer::Impl::accept() {
       accepted(std::move(socket));
       return accept();
     }
-    drops.count("web server", error.message());  // out of file descriptors, say
+    drops.count("web server", error.message());  // for example, out of file descriptors
     accept_timer.expires_after(kWebAcceptAgain);
     accept_timer.async_wait([this](const auto& cancelled) {
       if (!cancelled) accept();

@@ -32,7 +32,7 @@ using WebPages =
     std::function<std::optional<WebPage>(const std::string& path, const Visitor& visitor)>;
 
 struct WebConfig {
-  std::string listen = "127.0.0.1:8080";  ///< host:port; port 0: any free one
+  std::string listen = "127.0.0.1:8080";  ///< host:port; port 0: any free port
   std::filesystem::path root = {};        ///< folder of the built page; empty: none
   /// Accepted values of the Host header; others get 421. This prevents DNS rebinding, by which a
   /// page of another site could read everything. Empty: the names of loopback and, when the server
@@ -51,7 +51,7 @@ struct WebConfig {
 };
 
 /// An HTTP(S) server for the web page and for viewers, whose WebSocket is at /stream. Runs one
-/// thread until it is destroyed; `closed` is not called for viewers that are connected then.
+/// thread until it is destroyed; `closed` is not called for viewers still connected then.
 /// Browsers are accepted only from pages of this server: Origin must match Host (against cross-site
 /// WebSocket hijacking).
 class WebServer final : public ViewerTransport {
@@ -79,7 +79,7 @@ class WebServer final : public ViewerTransport {
   std::unique_ptr<Impl> impl_;
 };
 
-/// Whether an address such as "127.0.0.1:8080" is reached from this machine alone.
+/// Whether an address such as "127.0.0.1:8080" can be reached from this machine only.
 bool is_loopback(const std::string& listen);
 
 }  // namespace mr::net

@@ -18,7 +18,7 @@
 
 namespace mr::net {
 
-/// Whether a host name or address means this machine alone.
+/// Whether a host name or address is one of loopback.
 bool is_loopback_name(const std::string& host);
 
 /// The state of a WebServer, shared by its sessions (http_session.cpp) and WebSockets. Used on the
@@ -57,7 +57,7 @@ struct WebServer::Impl {
   Drops drops;
   std::atomic<std::uint64_t> sent_bytes = 0;
   std::unique_ptr<boost::asio::ssl::context> tls;  // null: plain
-  IoThread thread;                                 // before all that lives on it
+  IoThread thread;                                 // before its users
   boost::asio::ip::tcp::acceptor acceptor;
   boost::asio::steady_timer accept_timer;
   ConnectionQuota connections, client_slots;

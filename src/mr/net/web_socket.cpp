@@ -32,7 +32,7 @@ WebSocket::WebSocket(WebStream stream, std::shared_ptr<ConnectionQuota::Slot> co
       close_timer_(socket_.get_executor()) {}
 
 void WebSocket::accept(const Request& request, const Visitor& visitor) {
-  socket_.next_layer().tcp().expires_never();  // the WebSocket has timeouts of its own
+  socket_.next_layer().tcp().expires_never();  // Beast's WebSocket has its own timeouts
   socket_.set_option(websocket::stream_base::timeout{shared_.config.patience, kPing, true});
   socket_.read_message_max(shared_.config.message_bytes);
   socket_.auto_fragment(false);
@@ -45,7 +45,7 @@ void WebSocket::accept(const Request& request, const Visitor& visitor) {
   });
 }
 
-/// Pings are answered inside the library, however many come.
+/// Limits pings: the library answers them itself, without a limit.
 void WebSocket::watch_pings() {
   socket_.control_callback(
       [weak = weak_from_this()](websocket::frame_type kind, beast::string_view) {
@@ -156,7 +156,7 @@ void WebSocket::ended() {
   stall_timer_.cancel();
   close_timer_.cancel();
   socket_.next_layer().tcp().close();
-  if (writing_)  // the socket still reads from the first
+  if (writing_)  // the first one is being sent
     outgoing_.erase(outgoing_.begin() + 1, outgoing_.end());
   else
     outgoing_.clear();

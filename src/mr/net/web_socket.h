@@ -31,17 +31,17 @@ class WebSocket : public std::enable_shared_from_this<WebSocket> {
     std::atomic<std::uint64_t>& sent_bytes;
   };
 
-  /// Holds the slot `connection` until it is destroyed. Calls `events.closed` exactly once, also
-  /// when it never opened.
+  /// Keeps the slot `connection` until destroyed. Calls `events.closed` exactly once, even if it
+  /// never opened.
   WebSocket(WebStream stream, std::shared_ptr<ConnectionQuota::Slot> connection, ViewerId id,
             const Shared& shared);
 
-  /// Gives it its slot in the quota of clients.
+  /// Sets the slot in the quota of clients.
   void set_slot(std::shared_ptr<ConnectionQuota::Slot> slot) { slot_ = std::move(slot); }
   void pin() { slot_->pin(); }
   void accept(const Request& request, const Visitor& visitor);
   void send(Message message, bool is_text);
-  /// Sends a close frame with the reason after the message under way and drops all that waits. The
+  /// Sends a close frame with the reason after the current message and drops all queued ones. The
   /// connection ends soon, whatever the client does.
   void close(const std::string& reason);
   /// Both disconnect at once; cut() counts `cause` as a drop.

@@ -15,7 +15,7 @@ TimePoint Aligner::tick_of(TimePoint captured_at) const {
 }
 
 void Aligner::arrived(std::size_t input, TimePoint captured_at, TimePoint now) {
-  // A clock that is ahead must not carry the others' ticks into the future.
+  // An input whose clock is ahead must not move the ticks into the future.
   const TimePoint present = tick_of(now), tick = std::min(tick_of(captured_at), present);
   const bool set_back = std::any_of(inputs_.begin(), inputs_.end(), [&](const Input& i) {
     return i.newest && *i.newest - present > kMaxAge;
@@ -31,13 +31,13 @@ void Aligner::arrived(std::size_t input, TimePoint captured_at, TimePoint now) {
 
 bool Aligner::is_live(const Input& input, TimePoint tick) {
   if (!input.newest) return false;
-  const bool is_slow = input.interval <= kSlowest;  // else it was away
+  const bool is_slow = input.interval <= kSlowest;  // else the input was missing
   return tick - *input.newest <= (is_slow ? std::max(kMaxAge, input.interval * 5 / 2) : kMaxAge);
 }
 
 std::optional<TimePoint> Aligner::ready(TimePoint now) const {
   if (!pending_) return std::nullopt;
-  // An input that has gone is not waited for.
+  // Inputs that are not live are not waited for.
   const bool all = std::all_of(inputs_.begin(), inputs_.end(), [&](const Input& input) {
     if (!input.newest) return last_merged_.has_value();
     return input.is_new || *input.newest >= *pending_ || !is_live(input, *pending_);

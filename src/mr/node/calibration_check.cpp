@@ -10,7 +10,7 @@ namespace mr::node {
 namespace {
 
 constexpr int kLookEvery = 30;   // merges
-constexpr double kOdd_mm = 20;   // more is told
+constexpr double kOdd_mm = 20;   // larger residuals are reported
 constexpr int kRefineEvery = 3;  // merges
 
 calib::RegistrationConfig registration(const Scene& scene) { return {.voxel_m = scene.voxel_m}; }
@@ -20,7 +20,7 @@ calib::RegistrationConfig registration(const Scene& scene) { return {.voxel_m = 
 CalibrationCheck::CalibrationCheck(const Scene& scene)
     : scene_(&scene), refiner_(registration(scene)) {}
 
-/// A sensor's id, or the first of a merger's with how many there are.
+/// A sensor's id; of a merger's part, the first sensor's id and how many others there are.
 std::string CalibrationCheck::name(const kit::Part& part) const {
   const std::string& first = scene_->sensor(part.sources.front().sensor).id;
   return part.sources.size() == 1 ? first : first + "+" + std::to_string(part.sources.size() - 1);

@@ -12,32 +12,33 @@
 
 namespace mr::node {
 
-/// How far two inputs' surfaces lie apart where both see the same.
+/// Residual distance between two inputs' surfaces in the region that both see.
 struct InputResidual {
   std::string a, b;
   double residual_mm = 0, shared_m2 = 0;
 };
 
-/// What a merger does about calibration: it measures how well its inputs fit, says which one does
-/// not, leaves that out if the scene wants it, and aligns the others (merge.refine).
+/// Online calibration check of a merger: measures the residuals between its inputs, reports
+/// outliers, leaves them out if the scene says so (merge.leave_out_mm), and refines the poses of
+/// the others (merge.refine).
 class CalibrationCheck {
  public:
   /// The scene must outlive the check.
   explicit CalibrationCheck(const Scene& scene);
 
-  /// Looks at the parts, one per input; not closely at each call, for it takes
-  /// time.
+  /// Measures the parts, one per input, and refines their poses; both only at every n-th call, as
+  /// they are expensive.
   void look(const std::vector<kit::Part>& parts);
   /// Corrects the poses of parts where merge.refine is set, and of their sources; empties the
   /// meshes of parts that are left out. As many parts as look() was given, of the same inputs.
   void apply(std::vector<kit::Part>& parts) const;
-  /// The same for views and sources, as they came; `parts`: corrected.
+  /// The same for views and sources as received; `parts`: corrected.
   void apply(const std::vector<kit::Part>& parts, std::vector<View>& views,
              std::vector<SourceInfo>& sources) const;
 
-  /// Of the last look.
+  /// The residuals of the last measurement.
   const std::vector<InputResidual>& residuals() const { return residuals_; }
-  /// One line for people when the inputs that do not fit changed; forgets it.
+  /// A message for the log if the set of outliers has changed; returned once.
   std::optional<std::string> take_notice() { return std::exchange(notice_, std::nullopt); }
 
  private:
@@ -49,7 +50,7 @@ class CalibrationCheck {
   calib::PoseRefiner refiner_;
   int calls_ = 0;
   std::vector<Pose> corrections_;
-  std::vector<std::uint64_t> ids_;  ///< of the parts that they belong to
+  std::vector<std::uint64_t> ids_;  ///< of the parts that corrections_ belong to
   std::vector<InputResidual> residuals_;
   std::vector<std::string> misfits_;
   std::optional<std::string> notice_;

@@ -13,19 +13,20 @@
 
 namespace mr::node {
 
-/// Reads all sensors of a scene frame by frame, undistorted, without any node: for baselines,
-/// references and features.
+/// Reads the undistorted frames of all sensors of a scene, without nodes: for baselines, references
+/// and features.
 class CaptureReader {
  public:
-  /// The scene must be prepared (prepare_scene). `cache_folder`: of rendered rigs; empty: none.
+  /// The scene must be prepared (prepare_scene). `cache_folder`: cache of rendered
+  /// synthetic rigs; empty: none.
   CaptureReader(const Scene& scene, const std::filesystem::path& cache_folder);
 
   /// The next frame of every sensor that delivers one, by sensor; nothing when all have ended.
-  /// `dropped`: told about each that was lost.
+  /// `dropped` is called for each lost frame.
   std::optional<std::vector<Frame>> next(
       const std::function<void(SensorId sensor, const Error&)>& dropped = {});
 
-  /// Goes on as if so many more had been read; cheap.
+  /// Skips this many frames without reading them; cheap.
   void skip(std::uint64_t frames);
 
  private:
@@ -33,9 +34,9 @@ class CaptureReader {
   std::vector<sensor::Registration> registrations_;
 };
 
-/// What fusion takes: depth cleaned as the scene asks for (fusion::clean_depth), without the floor.
-/// `camera`: the undistorted depth camera of the frame's sensor. `readings`: how many each pixel is
-/// the mean of.
+/// The depth picture for fusion: filtered as the scene says (fusion::clean_depth), floor removed.
+/// `camera`: the undistorted depth camera of the frame's sensor. `readings`: number of readings
+/// that each pixel is the mean of.
 ImageDepth prepare_depth(const Scene& scene, const Camera& camera, const Frame& frame,
                          int readings = 1);
 

@@ -10,10 +10,10 @@
 
 namespace mr::node {
 
-/// Who watches a scene: decodes the root's packets and asks for what is missing.
+/// A client of a scene: decodes the root's packets and requests missing data.
 class ClientTask final : public Task {
  public:
-  /// `root`: whose packets it takes. The scene's lattice is copied.
+  /// Takes the packets of the scene's root. The scene's lattice is copied.
   ClientTask(const Scene& scene, NodeLog log);
 
   const std::string& id() const override { return id_; }
@@ -22,9 +22,9 @@ class ClientTask final : public Task {
   Bytes answer(const codec::Control&, TimePoint) override { return {}; }
   NodeStats stats(TimePoint now) const override;
 
-  /// The newest packet that could be read, as it came.
+  /// The newest packet that could be decoded, unchanged.
   const std::optional<Packet>& newest() const { return newest_; }
-  /// The newest capture that is whole; nothing while something of the newest packet is missing.
+  /// The newest complete capture; nothing while data of the newest packet is missing.
   std::optional<DecodedScene> scene() const { return stream_.decoded().scene(); }
 
  private:

@@ -14,7 +14,7 @@ net::Message coalesce_packets(std::span<const net::Message> packets) {
   std::vector<codec::PacketMessage> decoded;
   for (const net::Message& bytes : packets)
     if (auto packet = codec::decode_message(*bytes)) decoded.push_back(*std::move(packet));
-  // Bytes that are no packet: whoever takes them counts them.
+  // Undecodable bytes are passed on: the receiver counts the error.
   if (decoded.empty()) return packets.back();
   return std::make_shared<const std::vector<std::byte>>(
       codec::encode_message(codec::coalesce(decoded)));

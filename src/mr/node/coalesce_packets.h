@@ -6,7 +6,8 @@
 
 namespace mr::node {
 
-/// Folds encoded packets of one node, oldest first, for queues in front of slow receivers.
+/// Folds encoded packets of one node, oldest first, into one packet: for the queues in front of
+/// slow receivers (net::Outbox).
 net::Message coalesce_packets(std::span<const net::Message> packets);
 
 }  // namespace mr::node

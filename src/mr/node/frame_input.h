@@ -9,28 +9,28 @@
 
 namespace mr::node {
 
-/// Where a sensor's task takes its captures from: at the pace of whoever runs it.
+/// The captures of a sensor's task. The executor implements it and sets the pace: lockstep or live.
 class FrameInput {
  public:
   struct Captured {
     Frame frame;
     TimePoint read_at{};
   };
-  /// Takes a frame that is skipped; returns whether it wants more of them.
+  /// Receives a skipped frame; returns whether it accepts another one.
   using Watch = std::function<bool(Frame)>;
 
   virtual ~FrameInput() = default;
 
-  /// Whether there is a frame that was not given out yet, and when there will be the next.
+  /// is_ready: whether a frame is waiting; due: when the next one will be.
   virtual bool is_ready(TimePoint now) = 0;
   virtual std::optional<TimePoint> due() const = 0;
 
-  /// The newest frame that was not given out yet; an Error when that one was lost; nothing at the
-  /// end. Of the frames in between a few go to `watch`, oldest first, as long as it wants them; the
-  /// others are skipped.
+  /// Takes the newest waiting frame; an Error: this frame was lost; nothing at the end. Older
+  /// waiting frames are skipped; some of them are passed to `watch`, oldest first, while it accepts
+  /// more.
   virtual Result<std::optional<Captured>> next(TimePoint now, const Watch& watch) = 0;
 
-  /// Frames that nobody had time for, those watched included. Any thread.
+  /// Number of skipped frames, including those passed to `watch`. Any thread.
   virtual std::uint64_t skipped() const = 0;
 };
 

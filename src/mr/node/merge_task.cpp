@@ -23,7 +23,7 @@ MergeTask::MergeTask(const Scene& scene, const MergerConfig& merger, NodeLog log
 
 std::vector<Ask> MergeTask::step(const Arrivals& arrivals, TimePoint now) {
   for (const auto& [input, bytes] : arrivals.packets) {
-    // A refusal is counted, and told, by the synchronizer.
+    // The synchronizer counts and logs refused packets.
     static_cast<void>(node_.inputs().receive(input, *bytes, now).ok());
     const std::lock_guard lock(watch_mutex_);
     if (const auto newest = node_.inputs().newest(input)) presence_.seen(input, *newest, now);
@@ -50,7 +50,8 @@ std::vector<Ask> MergeTask::step(const Arrivals& arrivals, TimePoint now) {
   return asks;
 }
 
-/// At once, and again and again: word may be lost, and inputs start anew.
+/// Sends the plan to the inputs at once and then periodically: messages may be lost, and inputs may
+/// restart.
 void MergeTask::pass_plan(TimePoint now, std::vector<Ask>& asks) {
   constexpr Duration kPlanEvery = std::chrono::seconds(1);
   const std::lock_guard lock(plan_mutex_);
@@ -61,7 +62,7 @@ void MergeTask::pass_plan(TimePoint now, std::vector<Ask>& asks) {
   for (std::size_t i = 0; i < clocks_.size(); ++i) asks.push_back({i, control});
 }
 
-/// Chunks, or what the input's clock says.
+/// Handles an answer of an input: chunks, or the input's clock.
 void MergeTask::take_answer(const Arrivals::Answer& answer) {
   const auto told = codec::decode_time(*answer.bytes);
   if (!told) return node_.inputs().take_answer(answer.input, *answer.bytes, answer.came);
@@ -79,7 +80,7 @@ void MergeTask::take_answer(const Arrivals::Answer& answer) {
                       " this one; corrected. Synchronise the clocks (PTP, NTP)");
 }
 
-/// Tells who has gone or come back.
+/// Logs inputs that went missing or came back.
 void MergeTask::watch_inputs(Duration busy, TimePoint now) {
   const std::lock_guard lock(watch_mutex_);
   presence_.set_pace(busy);

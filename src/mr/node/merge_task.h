@@ -13,18 +13,19 @@
 
 namespace mr::node {
 
-/// A merging server's node: receives its inputs' packets, asks for what is missing, watches who is
-/// there and whose clock is off, and makes one packet of what belongs together. First half:
-/// bringing captures together; second half: merging them.
+/// The task of a merging server: receives its inputs' packets, requests missing data, monitors the
+/// presence and the clocks of its inputs, and merges captures of one tick into one packet. First
+/// half: synchronising captures; second half: merging them.
 class MergeTask final : public Task {
  public:
   struct Options {
     NodeClock clock = {};
     StillWork still_work = StillWork::at_once;
-    std::vector<EncodedChunk> background = {};   ///< chunks of the scene's background model
-    std::optional<TimePoint> inputs_since = {};  ///< inputs that never came are missed from then on
+    std::vector<EncodedChunk> background = {};  ///< chunks of the scene's background model
+    /// From then on, inputs that have never delivered are reported missing.
+    std::optional<TimePoint> inputs_since = {};
   };
-  /// The scene must outlive it.
+  /// The scene must outlive the task.
   MergeTask(const Scene& scene, const MergerConfig& merger, NodeLog log, Options options);
 
   const std::string& id() const override { return node_.id(); }
@@ -50,14 +51,14 @@ class MergeTask final : public Task {
   bool is_root_;
   MergeNode node_;
   NodeLog log_;
-  mutable std::mutex watch_mutex_;  ///< of the next two
+  mutable std::mutex watch_mutex_;  ///< guards the next two
   Presence presence_;
-  std::vector<ClockOffset> clocks_;  ///< of the inputs
+  std::vector<ClockOffset> clocks_;  ///< [inputs]
   std::optional<TimePoint> clocks_asked_, plan_passed_;
   std::mutex plan_mutex_;
-  std::optional<ScenePlan> plan_;  ///< that was given to this node, and goes to its inputs
+  std::optional<ScenePlan> plan_;  ///< received; passed on to the inputs
   std::atomic<std::uint64_t> retimed_ = 0;
-  std::atomic<bool> key_frames_wanted_ = false;  ///< units that were to be handed on are lost
+  std::atomic<bool> key_frames_wanted_ = false;  ///< a tick failed: units to forward were lost
   DropCounter drops_;
 };
 

@@ -9,8 +9,8 @@ TimePoint wall_time() {
 }
 
 NodeClock NodeClock::live() {
-  // Hundredths of a second, so that a node that is restarted at once differs; they repeat after 497
-  // days.
+  // In units of 10 ms, so that a node that is restarted at once gets another epoch; the values
+  // repeat after 497 days.
   const auto ticks = wall_time().time_since_epoch() / std::chrono::milliseconds(10);
   return {static_cast<std::uint32_t>(ticks), wall_time};
 }

@@ -7,13 +7,13 @@
 
 namespace mr::node {
 
-/// Tells the time: the machine's, or a virtual one. Any thread.
+/// A clock: the machine's or a virtual one. Any thread.
 using Clock = std::function<TimePoint()>;
 
-/// What a running node stamps its packets with. The default is that of lockstep runs, where the
-/// same input must give the same bytes.
+/// The epoch and clock with which a node stamps its packets. Default: lockstep runs, where the same
+/// input must give the same bytes.
 struct NodeClock {
-  std::uint32_t epoch = 0;  ///< another one after every start
+  std::uint32_t epoch = 0;  ///< differs after every start of the node
   Clock now;                ///< for time marks; none: no marks
 
   /// The clock of a node that starts now.

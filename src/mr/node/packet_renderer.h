@@ -11,20 +11,20 @@
 
 namespace mr::node {
 
-/// Packets in, pixels out: draws what a client would decode. Must be used from the thread that made
-/// it.
+/// Decodes packets as a client does and renders the scene. To be used only on the thread that
+/// created it.
 class PacketRenderer {
  public:
   /// `lattice`: the scene's. Errors as render::Renderer::create().
   static Result<PacketRenderer> create(const Lattice& lattice);
 
-  /// Takes a packet as it came, at a time that goes on from packet to packet. The first thing that
-  /// was wrong with it: corrupt bytes, packets whose base did not come (not_found) and packets
-  /// older than the newest are refused whole; what is sound in others counts.
+  /// Takes the bytes of a packet; `now` must not decrease. Returns the first error found. Corrupt
+  /// bytes, packets whose base was lost (not_found) and packets older than the newest are refused
+  /// as a whole; of other packets, the valid payloads are used.
   Status accept(std::span<const std::byte> packet_bytes, TimePoint now = {});
 
-  /// The newest capture from a viewpoint. empty until a whole scene is there, saying what it waits
-  /// for; else errors as render::Renderer::draw().
+  /// Renders the newest complete capture from a viewpoint. Error empty: there is none yet, and the
+  /// message says what is missing; other errors as render::Renderer::draw().
   Result<ImageRgb> draw(const Camera& camera, const Pose& T_world_camera,
                         const render::RenderOptions& options = {});
 

@@ -3,12 +3,13 @@
 namespace mr::node {
 namespace {
 
-// Of decimation, of what moves: people alone cannot spare as many triangles as people with walls.
+// Error limit for decimating the moving surface: a ratio alone would decimate people too much where
+// no walls share the triangle budget.
 constexpr double kMovingError_voxels = 0.5;
-// Of what stays: it is sent once, so it may be finer than what a capture can tell.
+// Error limit for the still surface: it is sent once, so it may be finer than one capture's noise.
 constexpr double kStillError_voxels = 0.4;
 
-/// An error limit alone decides alone.
+/// If the scene sets an error limit and no ratio, only the error limit applies.
 Decimation decimation_of(const SimplifyConfig& config) {
   const bool has_ratio = config.ratio < 1 || config.error_m <= 0;
   return {has_ratio ? config.ratio : 0, config.error_m};

@@ -9,13 +9,13 @@
 
 namespace mr::node {
 
-/// The plan that a sensor begins with, as the scene has it.
+/// A sensor's initial plan, from the scene file.
 CodingPlan sensor_plan(const Scene& scene, SensorId sensor);
 
-/// The same of a merger. Only the root decimates.
+/// A merger's initial plan. Only the root decimates.
 CodingPlan merger_plan(const Scene& scene, bool is_root);
 
-/// The plan that a node is to work by: the scene's until it is given another. Thread-safe.
+/// A node's plan in force: the initial one until set() is called. Thread-safe.
 class CurrentPlan {
  public:
   explicit CurrentPlan(CodingPlan plan) : plan_(std::move(plan)) {}

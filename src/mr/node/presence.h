@@ -10,43 +10,44 @@
 
 namespace mr::node {
 
-/// Which of several sources are there: those that bring something new again and again. No clock
-/// inside.
+/// Detects which of several sources are missing: those that deliver nothing new for too long. No
+/// clock inside.
 class Presence {
  public:
-  /// A source is missing when it brought nothing new for so long; one that always takes longer,
-  /// after two and a half times as long as that.
+  /// A source is missing when it has delivered nothing new for this long; a slow source, for 2.5
+  /// times its usual interval.
   static constexpr Duration kMissingAfter = std::chrono::milliseconds(1200);
   static constexpr Duration kSlowest = std::chrono::seconds(3);
   static constexpr std::size_t kGaps = 3;
 
   explicit Presence(std::size_t sources) : sources_(sources) {}
 
-  /// From then on sources that never came are missing; else from when the first of all came.
+  /// Start of the observation: from then on sources that have never delivered count as missing.
+  /// Without it the observation starts with the first delivery of any source.
   void begin(TimePoint at) { first_ = at; }
 
-  /// Whoever watches is busy for so long at a time, and sources wait for it.
+  /// The observer is busy for this long at a time, and the sources wait for it (back-pressure).
   void set_pace(Duration pace) { pace_ = pace; }
 
-  /// What a source brought was captured then; the same capture again is nothing new.
+  /// A source delivered a capture; the same capture again is nothing new.
   void seen(std::size_t source, TimePoint captured_at, TimePoint now) {
     Source& of = sources_[source];
     if (!first_) first_ = now;
     if (of.captured_at == captured_at) return;
     const Duration gap = of.at ? now - *of.at : Duration{};
-    if (gap > Duration{} && gap <= kSlowest) {  // else it was away
+    if (gap > Duration{} && gap <= kSlowest) {  // else the source was missing
       of.gaps.push_back(gap);
       if (of.gaps.size() > kGaps) of.gaps.pop_front();
     }
     of.captured_at = captured_at, of.at = now;
   }
 
-  /// Those that never came count from when the first of all did.
+  /// A source that has never delivered is measured from the start of the observation.
   bool is_missing(std::size_t source, TimePoint now) const {
     if (!first_) return false;
     const Source& of = sources_[source];
     const TimePoint last = of.at.value_or(*first_);
-    // The least of a few gaps: one hiccup makes nobody slow.
+    // The smallest of a few intervals: a single delay does not make a source slow.
     const Duration usual =
         of.gaps.empty() ? Duration{} : *std::min_element(of.gaps.begin(), of.gaps.end());
     return now - last > std::max(kMissingAfter, std::max(usual, pace_) * 5 / 2);
@@ -62,7 +63,7 @@ class Presence {
     std::size_t source;
     bool is_missing;
   };
-  /// What came or went since the last call.
+  /// The sources that went missing or came back since the last call.
   std::vector<Change> changes(TimePoint now) {
     std::vector<Change> out;
     for (std::size_t i = 0; i < sources_.size(); ++i)

@@ -11,15 +11,15 @@
 
 namespace mr::node {
 
-/// Bounds what others can make a node do by asking: whoever they are and however often they ask.
-/// Well-behaved receivers ask again after a while for what they did not get. Thread-safe.
+/// Rate limits for the requests to a node, over all requesters together: so requests cannot
+/// overload it. Well-behaved receivers repeat requests that were refused. Thread-safe.
 class RequestLimits {
  public:
   static constexpr Duration kKeyFrameEvery = std::chrono::milliseconds(250);  ///< of one stream
   static constexpr Duration kHeadEvery = std::chrono::milliseconds(250);
-  static constexpr double kBytesPerSecond = 32e6, kBurstBytes = 64e6;  ///< of answers, together
+  static constexpr double kBytesPerSecond = 32e6, kBurstBytes = 64e6;  ///< of all answers together
 
-  /// What of a request is done now; the rest is counted.
+  /// The part of a request that is served now; the refused rest is counted.
   codec::Control admit(codec::Control request, TimePoint now) {
     const std::lock_guard lock(mutex_);
     std::erase_if(request.key_frames, [&](StreamId stream) {
@@ -37,14 +37,14 @@ class RequestLimits {
     const std::lock_guard lock(mutex_);
     bytes_.spend(static_cast<double>(bytes));
   }
-  /// Wishes that came too soon after others.
+  /// Number of refused parts of requests.
   std::uint64_t refused() const {
     const std::lock_guard lock(mutex_);
     return refused_;
   }
 
  private:
-  /// Whoever names very many streams gets nothing sooner by that.
+  /// Bounds the map: removes entries that limit nothing any more. False: it is still full.
   bool make_room_for(StreamId stream, TimePoint now) {
     if (key_frames_.size() < codec::Control::kMaxStreams || key_frames_.contains(stream))
       return true;

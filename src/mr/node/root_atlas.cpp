@@ -15,7 +15,7 @@
 namespace mr::node {
 namespace {
 
-constexpr int kPlatesFiner = 8;  // QP: what stays is coded seldom, and seen for long
+constexpr int kPlatesFiner = 8;  // QP steps: plates are encoded seldom and shown for long
 
 atlas::Pictures pictures_of(const CaptureSet& captures) {
   atlas::Pictures out;
@@ -24,7 +24,8 @@ atlas::Pictures pictures_of(const CaptureSet& captures) {
   return out;
 }
 
-/// Which blocks of a view its own sensor's depth picture sees all of, near and far.
+/// The blocks of a view whose centres project into its own sensor's depth picture, at near and at
+/// far depths.
 TileMask blocks_in_depth(const View& view, const SourceInfo& source) {
   TileMask out = source.confirmed_color;
   const Camera camera = view.camera();
@@ -44,14 +45,14 @@ TileMask blocks_in_depth(const View& view, const SourceInfo& source) {
   return out;
 }
 
-/// Whether a mask is one of a view's picture.
+/// Whether a mask has the number of tiles of a view's picture.
 bool fits(const TileMask& mask, const View& view) {
   const auto tiles = [&](int size) { return (size + mask.tile_px - 1) / mask.tile_px; };
   return !mask.empty() && mask.columns == tiles(view.width) && mask.rows == tiles(view.height);
 }
 
-/// Takes the blocks from a mask that a mesh falls into, and those around them, but for those that
-/// are `seen`.
+/// Removes from the mask `unhidden` the blocks onto which a mesh projects, dilated by one block,
+/// except blocks in `seen`.
 void hide(const Mesh& mesh, const View& view, const TileMask& seen, TileMask& unhidden) {
   const Camera camera = view.camera();
   const Pose T_camera_world = view.T_world_camera.inverse();
@@ -69,7 +70,8 @@ void hide(const Mesh& mesh, const View& view, const TileMask& seen, TileMask& un
   for (const auto& [a, b, c] : mesh.triangles) {
     const auto [left, right] = std::minmax({pixel[a].x, pixel[b].x, pixel[c].x});
     const auto [top, bottom] = std::minmax({pixel[a].y, pixel[b].y, pixel[c].y});
-    // Behind the camera, or across the seam of a panorama: what is beside it will do.
+    // Skips triangles behind the camera or across the seam of a panorama: their neighbours' dilated
+    // blocks cover them.
     if (left == kNowhere || right - left > 0.5f * static_cast<float>(view.width)) continue;
     const int x0 = std::max(tile(left, unhidden.columns) - 1, 0),
               x1 = std::min(tile(right, unhidden.columns) + 1, unhidden.columns - 1),
@@ -105,7 +107,7 @@ void RootAtlas::answer(const codec::Control& request) {
   if (request.wants_key_frame(kPlateStream)) plate_.ask_key_frame();
 }
 
-/// Found once for a place of the cameras.
+/// Cached until one of the cameras moves.
 const TileMask& RootAtlas::seen_by_depth(const View& view, const SourceInfo& source) {
   Seen& seen = seen_[view.id];
   if (seen.view != view || seen.depth_camera != source.depth_camera ||
@@ -167,7 +169,7 @@ std::size_t RootAtlas::valid_blocks() const {
   return out;
 }
 
-/// Tiles for the views; another arrangement is another layout.
+/// Places the tiles of the views; a changed arrangement gets a new layout id.
 Status RootAtlas::arrange(const std::vector<View>& views, double scale,
                           atlas::Layout& layout) const {
   const std::uint32_t current = layout.views.empty() ? 0 : layout.views.front().layout;
@@ -196,8 +198,7 @@ RootAtlas::Used RootAtlas::used_pixels(const Tick& tick, const Mesh& shown, floa
   return out;
 }
 
-/// The live tiles of views with plates show only where something moves: a window of a size that
-/// seldom changes, as that takes a key frame, and that moves in steps.
+/// Restricts the live tiles of views with plates to a window around the motion.
 std::vector<View> RootAtlas::windows(const std::vector<View>& views, const Used& used) {
   std::vector<View> out = views;
   for (View& view : out)
@@ -206,8 +207,8 @@ std::vector<View> RootAtlas::windows(const std::vector<View>& views, const Used&
   return out;
 }
 
-/// What moves, and around it what the plates show, so that a video of it skips that. Without a
-/// plate, pixels of no use are black.
+/// Draws the live atlas: used pixels, on a background of the plates, which the video encoder skips
+/// because it does not change. In views without a plate, unused pixels are black.
 ImageRgb RootAtlas::draw_live(const Children& children, const atlas::Pictures& pictures,
                               const Used& used) {
   atlas::PicturesBehind behind;
@@ -216,7 +217,7 @@ ImageRgb RootAtlas::draw_live(const Children& children, const atlas::Pictures& p
                               balance_.gains(), behind, std::exchange(spare_, {}));
 }
 
-/// Codes a picture unless it is the last one.
+/// Encodes a picture unless it equals the last one and no key frame was requested.
 Status RootAtlas::add_unit(TextureStream& stream, int qp, std::uint32_t layout, ImageRgb picture,
                            ImageRgb& last, Packet& packet) {
   if (picture == last && !stream.key_frame_asked()) {
@@ -251,7 +252,7 @@ Status RootAtlas::compose(const Tick& tick, const Mesh& moving, const Mesh* stil
   return still && !plates_.empty() ? add_plates(tick, children, packet) : Status{};
 }
 
-/// The live views, each followed by its plate's.
+/// Adds the live views, each followed by the view of its plate.
 void RootAtlas::add_views(bool with_plates, Packet& packet) const {
   packet.views.clear();
   for (std::size_t i = 0; i < live_layout_.views.size(); ++i) {
@@ -263,11 +264,11 @@ void RootAtlas::add_views(bool with_plates, Packet& packet) const {
   }
 }
 
-/// Whether the atlas of plates is another than the client has. A few blocks wait for more: coding
-/// the picture takes as long for one block as for all.
+/// Whether the atlas of plates must be encoded again. A few changed blocks wait for more: encoding
+/// the picture costs the same for one block as for all.
 bool RootAtlas::are_plates_due(std::uint32_t layout) {
   constexpr int kWait = 15;          // ticks
-  constexpr std::size_t kMany = 20;  // one in so many is too many to wait
+  constexpr std::size_t kMany = 20;  // 1/kMany of all blocks do not wait
   if (plate_gains_ != balance_.gains() || drawn_layout_ != layout || plate_.key_frame_asked())
     return true;
   if (blocks_waiting_ == 0) return plates_due_ = false;
@@ -292,7 +293,6 @@ Status RootAtlas::add_plates(const Tick& tick, const Children& children, Packet&
   return {};
 }
 
-/// Where a picture of the window's size is to be taken from, so that it holds `wanted`.
 Rect RootAtlas::Window::follow(const Rect& wanted, const Rect& whole) {
   constexpr int kStep_px = 64, kSize_px = 128, kLookBackEvery = 32;
   constexpr double kWorthShrinking = 0.75;

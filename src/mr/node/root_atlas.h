@@ -18,44 +18,45 @@
 
 namespace mr::node {
 
-/// The root's pictures (paper 3.3; DESIGN section 9, Colour): one atlas of what moves, stream 0,
-/// with a tile for each view; and where there is a still surface one of plates, stream 1. Beside
-/// plates a live tile shows only a window of its view. A picture that did not change is not coded
-/// again.
+/// The root's pictures (paper 3.3; docs/layers.md, Colour): the live atlas, stream
+/// 0, with a tile for each view, and for a still surface the atlas of clean plates, stream 1. The
+/// live tile of a view that has a plate shows only a window of the view. A picture that did not
+/// change is not encoded again.
 class RootAtlas {
  public:
   static constexpr StreamId kLiveStream{0}, kPlateStream{1};
 
-  /// What the pictures of one tick follow from. Views as the children have them, poses corrected.
+  /// The inputs of one tick. `views`: of the children, poses corrected.
   struct Tick {
     const CaptureSet& captures;
     const std::vector<View>& views;
     const std::vector<SourceInfo>& sources;
   };
 
-  /// The part of a camera picture that a live tile shows. It moves in steps; its size, another one
-  /// of which takes a key frame, grows by more than it must and shrinks late, where that is worth
-  /// it.
+  /// The part of a camera picture that a live tile shows. It moves in steps. A change of its size
+  /// needs a key frame, so the size changes with hysteresis: it grows with a reserve and shrinks
+  /// only after a while and by a substantial amount.
   struct Window {
     struct Size {
       int width = 0, height = 0;
     };
     Rect rect;
-    Size lately;    ///< the most that was needed since the last look back
-    Size before;    ///< and between the two before it
-    int ticks = 0;  ///< in which something moved
+    Size lately;    ///< largest size needed in the current review period
+    Size before;    ///< the same in the period before
+    int ticks = 0;  ///< with motion; a period has a fixed number
 
+    /// Moves and resizes the window so that it contains `wanted`; `whole`: the camera picture.
     Rect follow(const Rect& wanted, const Rect& whole);
   };
 
-  /// What is kept from tick to tick, but for how far the streams are.
+  /// The state kept from tick to tick, without that of the video encoders.
   struct Memory {
     std::map<ViewId, atlas::CleanPlate> plates;
     atlas::ColorBalance balance;
     std::map<ViewId, Window> windows;
   };
 
-  /// All that the pictures of one tick follow from, beside the streams' own past.
+  /// All inputs of the pictures of one tick, except the encoders' state.
   struct Drawing {
     const RootAtlas& atlas;  ///< its plates are up to date
     Tick tick;
@@ -67,34 +68,34 @@ class RootAtlas {
   /// The scene must outlive this.
   explicit RootAtlas(const Scene& scene);
 
-  /// Brings the plates up to date. Blocks in which the view's own sensor sees something move stay
-  /// as they were; so do those beyond its depth picture into which `moving` falls.
+  /// Updates the plates. Blocks in which the view's own sensor sees motion are not updated, nor are
+  /// blocks outside its depth picture onto which `moving` projects.
   void update_plates(const Tick& tick, const Mesh& moving);
 
-  /// Which blocks of their pictures the plates are good for; by view.
+  /// The valid blocks of the plates, by view.
   std::map<ViewId, TileMask> valid() const;
-  /// How many of them, of all views.
+  /// Number of valid blocks, over all views.
   std::size_t valid_blocks() const;
 
-  /// Labels were chosen from the plates as they are: the next packet brings them.
+  /// Labels were chosen from the current plates: the next packet must contain them.
   void bring_plates() { plates_due_ = true; }
 
   Memory memory() const { return {plates_, balance_, windows_}; }
-  /// Goes on from what another one kept.
+  /// Restores the state of another RootAtlas.
   void recall(Memory memory);
 
-  /// Adds views and texture units to a packet. `moving`, and `still` where there is one: what they
-  /// texture, labelled; `error_m`: of their geometry.
+  /// Adds views and texture units to a packet. `moving`, `still` (null: none): the labelled
+  /// surfaces to be textured; `error_m`: their geometric error.
   Status compose(const Tick& tick, const Mesh& moving, const Mesh* still, float error_m,
                  Packet& packet);
 
-  /// Notes who waits for key frames. Any thread.
+  /// Records requests for key frames. Any thread.
   void answer(const codec::Control& request);
 
  private:
   using Children = std::map<ViewId, View>;
   using Used = std::map<ViewId, ImageMask>;
-  /// Blocks of a view that its sensor's depth picture sees, and where both cameras were.
+  /// Cached: the blocks of a view that its sensor's depth picture covers, for these camera poses.
   struct Seen {
     View view;
     Camera depth_camera;
@@ -120,9 +121,9 @@ class RootAtlas {
   atlas::ColorBalance balance_;
   std::map<ViewId, atlas::CleanPlate> plates_;
   TextureStream live_, plate_;
-  ImageRgb last_live_, last_plate_;  ///< as they were coded
-  ImageRgb spare_;                   ///< memory for the next picture
-  // Of the atlas of plates: what it was drawn with, and what has come since.
+  ImageRgb last_live_, last_plate_;  ///< as last encoded
+  ImageRgb spare_;                   ///< reused memory for the next picture
+  // The atlas of plates: the gains and layout it was drawn with, and the blocks changed since.
   std::size_t blocks_waiting_ = 0;
   int waited_ = 0;  ///< ticks
   bool plates_due_ = false;

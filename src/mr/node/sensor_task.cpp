@@ -53,7 +53,8 @@ void SensorTask::tell_people(const SensorNode::Reconstructed& surface) {
   if (surface.began_anew) log_.warn(node_.pushed(surface.frame));
 }
 
-/// A sensor whose clock is off would be left out, as if its captures were old.
+/// Corrects the timestamps of a sensor whose clock is wrong: mergers would drop its captures as too
+/// old.
 void SensorTask::correct_stamp(Frame& frame, TimePoint read_at) {
   const Duration before = stamp_shift_;
   stamp_shift_ = stamps_.shift(frame.exposure_end, read_at);

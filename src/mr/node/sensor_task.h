@@ -12,11 +12,11 @@
 
 namespace mr::node {
 
-/// A sensor's node: takes captures, corrects their stamps, and makes a packet of each. First half:
-/// the surface; second half: its bytes.
+/// The task of a sensor: takes captures, corrects their timestamps, and makes a packet of each.
+/// First half: reconstruction; second half: encoding.
 class SensorTask final : public Task {
  public:
-  /// The scene must outlive it.
+  /// The scene must outlive the task.
   SensorTask(const Scene& scene, SensorId sensor, std::unique_ptr<FrameInput> input, NodeLog log,
              NodeClock clock = {}, StillWork still_work = StillWork::at_once);
 
@@ -42,9 +42,9 @@ class SensorTask final : public Task {
   NodeLog log_;
   StampCheck stamps_;
   Duration stamp_shift_{};
-  bool was_empty_ = false;  ///< an empty volume is news once
+  bool was_empty_ = false;  ///< an empty volume is reported once
   std::atomic<bool> ended_ = false;
-  std::atomic<std::int64_t> newest_ns_ = 0;  ///< when the newest capture was read; 0: none was
+  std::atomic<std::int64_t> newest_ns_ = 0;  ///< time at which the newest capture was read; 0: none
   std::atomic<std::uint64_t> restamped_ = 0;
   DropCounter drops_;
 };

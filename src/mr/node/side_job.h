@@ -12,19 +12,20 @@
 
 namespace mr::node {
 
-/// When a node works on what stays: within its tick, so that the same captures give the same bytes;
-/// or, once most of the room is learnt, beside its ticks, as a SideJob.
+/// When a node processes the still surface: at_once: within its tick, deterministically; beside: in
+/// a background thread (SideJob), once most of the background is learnt.
 enum class StillWork { at_once, beside };
 
-/// One job at a time beside its owner's own work: on one thread, at low priority, so that what is
-/// live goes first. Not thread-safe: one owner, who waits for the job when he ends.
+/// A background job on one thread at low priority, so that live work has precedence; one at a time.
+/// Not thread-safe: one owner. The destructor waits for the job.
 template <typename T>
 class SideJob {
  public:
-  /// Whether a job was started and its result not taken yet.
+  /// Whether a job was started and its result is not taken yet.
   bool is_busy() const { return result_.valid(); }
 
-  /// Not while one is busy. What the job uses must outlive it, and stay as it is.
+  /// Must not be called while a job is busy. Data that the job refers to must outlive it and not
+  /// change.
   void start(std::function<T()> job) {
     result_ = std::async(std::launch::async, [job = std::move(job)] {
       constexpr int kNice = 10;
@@ -35,7 +36,7 @@ class SideJob {
     });
   }
 
-  /// The result, once, when it is there.
+  /// The result, once, when the job has finished; else nothing.
   std::optional<T> take() {
     if (!is_busy() || result_.wait_for(std::chrono::seconds(0)) != std::future_status::ready)
       return std::nullopt;

@@ -27,7 +27,7 @@ std::vector<std::unique_ptr<FrameSource>> open_sources(
 Result<std::vector<EncodedChunk>> open_background(
     const Scene& scene, const std::function<void(const std::string&)>& notice) {
   if (!scene.background) return std::vector<EncodedChunk>{};
-  // Its colours are per vertex: as fine as the voxels.
+  // Colours are per vertex, so the mesh is as fine as the voxels.
   const auto mesh = model::load_background(*scene.background, scene.lattice, scene.voxel_m, notice);
   if (!mesh) return mesh.error();
   auto chunks = codec::encode_background(*mesh, scene.lattice, scene.fusion.chunk_m);

@@ -7,9 +7,9 @@
 
 namespace mr::node {
 
-/// Whether a sensor stamps its captures with the time they were made at: the quickest of the last
-/// ones was read soon after that. Where they are read long after, or before, the sensor's clock is
-/// another than the computer's. No clock inside.
+/// Checks the timestamps of a sensor's captures against the time at which the computer reads them.
+/// The smallest lag of the last captures excludes jitter; if it is too large or negative, the
+/// sensor's clock differs from the computer's, and the stamps are shifted by it. No clock inside.
 class StampCheck {
  public:
   static constexpr std::size_t kKept = 30, kFewest = 3;                ///< captures
@@ -17,8 +17,8 @@ class StampCheck {
   static constexpr Duration kEarliest = std::chrono::milliseconds(-50);
   static constexpr Duration kHold = std::chrono::milliseconds(20);
 
-  /// What to add to the stamps of captures; zero where they are right. `stamped`: the end of the
-  /// exposure as the sensor tells it.
+  /// The correction to add to timestamps; zero if they are right. `stamped`: end of exposure by the
+  /// sensor's clock; `read`: by the computer's.
   Duration shift(TimePoint stamped, TimePoint read) {
     lags_.push_back(read - stamped);
     if (lags_.size() > kKept) lags_.pop_front();

@@ -12,23 +12,23 @@ namespace {
 
 constexpr double kReach_voxels = 48;  // three cells of the quality grid
 
-// Ticks: how long a fresh still triangle without a plate waits for one (in lockstep, where sensors
-// wait for no word, less than the ten captures in which they go on with it as moving); how long
-// still surface without a plate waits for one; and how long at most those that have one wait for a
-// better.
+// In ticks. kPatience: how long a fresh still triangle is withheld while no plate textures it; less
+// than the ten captures during which a sensor in lockstep keeps sending it as moving.
+// kRelabelEvery: how long still surface without a plate waits until labels are chosen again.
+// kLabelAllEvery: the longest interval between labellings of everything.
 constexpr std::uint64_t kPatience = 8, kRelabelEvery = 30, kLabelAllEvery = 3000;
-// The same where hardly any more have come; one block in so many is not hardly any.
+// The same if fewer than 1/kManyBlocks of the valid blocks are new.
 constexpr std::uint64_t kRelabelLateEvery = 300;
 constexpr std::size_t kManyBlocks = 100;
-// The root sends the still surface in cubes that divide the chunk grid's: a change reaches fewer
-// triangles.
+// The root splits each cube of the chunk grid in this many along each axis for the still surface,
+// so that a change affects fewer triangles.
 constexpr int kStillPerCube = 2;
-// Ticks between removals of what was carried away, where that is much, or little.
+// Ticks between removals of surface in free space, for a large or a small area.
 constexpr std::uint64_t kEmptyEvery = 15, kLittleEvery = 30;
 constexpr double kMuchEmptied_m2 = 0.02;
-constexpr std::uint64_t kLookEvery = 90;  // ticks until what that uncovered is labelled
+constexpr std::uint64_t kLookEvery = 90;  // ticks until surface uncovered by a removal is labelled
 constexpr double kWorthWithholding_m2 = 0.02;
-constexpr double kManyCuts = 1.3;  // times as many triangles as when all was labelled
+constexpr double kManyCuts = 1.3;  // times the triangles after the last labelling of everything
 
 /// The precision of the noisiest of several sensors, as seen from 2 m.
 Precision noisiest(const std::vector<SourceInfo>& sources) {
@@ -63,8 +63,8 @@ StillMerger::StillMerger(const Scene& scene, const MergerConfig& merger, bool is
       joiner_(scene, merger, std::move(clock), trace),
       cubes_(scene.fusion.chunk_m, kReach_voxels * scene.voxel_m) {}
 
-/// Whether there are enough more blocks of plates than when the surface was labelled last, or any,
-/// after a while; then labels that were not sent count, too.
+/// Whether enough blocks of plates have become valid since the last labelling. After
+/// kRelabelLateEvery ticks a single block suffices, or labels that were not sent.
 bool StillMerger::is_labelling_worth_it(std::uint64_t age, std::size_t valid_blocks) const {
   if (labels_.are_outdated && age >= kRelabelLateEvery) return true;
   return valid_blocks > labels_.blocks &&
@@ -106,7 +106,7 @@ Result<StillMerger::Made> StillMerger::update(Task task) {
   const bool is_other =
       !is_labelled_ || withheld_until_ || was_withheld ||
       (extent != Extent::new_surface && (was_quick || !labels_.lasting.kept_surface()));
-  // Others hand all on: when the root shows what is still, they cannot tell.
+  // Inner mergers pass everything on: they do not know when the root shows still surface.
   if (is_root_ && is_other)
     shown_.cover = std::make_shared<const merge::StillSurfaceMask>(*shown_.mesh, joined_.parts,
                                                                    overlap_config(*scene_));
@@ -116,17 +116,18 @@ Result<StillMerger::Made> StillMerger::update(Task task) {
   return Made{shown_, split_by_cube(*shown_.mesh, cube_m), !withheld_until_};
 }
 
-/// Overlap removal, zipper and islands where an input changed. It is labelled later.
+/// Overlap removal, zipper, island removal and decimation around the cubes that changed. Labels are
+/// chosen later.
 Status StillMerger::join(Inputs inputs, const Decimation& decimation, std::uint64_t sequence) {
   is_labelled_ = false;
   const auto& [scenes, parts] = inputs;
   const auto join_some = [&](const std::vector<kit::Part>& some, bool all) {
     return joiner_.join(some, all);
   };
-  // Corrections of poses (merge.refine) concern all that an input has.
+  // A corrected pose (merge.refine) changes every cube of an input.
   const bool whole = scene_->merge.refine || scene_->merge.leave_out_mm > 0;
   const Mesh joined = whole ? join_some(parts, true) : cubes_.run(scenes, parts, join_some);
-  if (joiner_.take_hurried()) cubes_.forget();  // seams are open
+  if (joiner_.take_hurried()) cubes_.forget();  // some seams are still open
   note_fresh(scenes, sequence);
   float error_m = largest_error_m(parts);
   auto small = joiner_.decimated(joined, parts, decimation, error_m);
@@ -135,8 +136,8 @@ Status StillMerger::join(Inputs inputs, const Decimation& decimation, std::uint6
   return {};
 }
 
-/// Notes which cubes are fresh. Another change does not prolong that: what came before it is not
-/// sent as moving for longer.
+/// Records which cubes are fresh. A second change does not extend the period, as the surface from
+/// before it is not sent as moving for longer.
 void StillMerger::note_fresh(const std::vector<DecodedScene>& scenes, std::uint64_t sequence) {
   std::map<Vec3i, std::vector<ChunkKey>> contents;
   for (const DecodedScene& scene : scenes)
@@ -151,15 +152,15 @@ void StillMerger::note_fresh(const std::vector<DecodedScene>& scenes, std::uint6
   contents_ = std::move(contents);
 }
 
-/// Until which tick a cube is fresh; nothing: it is not.
+/// The tick until which a cube is fresh; nothing: it is not fresh.
 std::optional<std::uint64_t> StillMerger::fresh_until(Vec3i cube, std::uint64_t sequence) const {
   const auto since = fresh_since_.find(cube);
   if (since == fresh_since_.end() || sequence >= since->second + kPatience) return std::nullopt;
   return since->second + kPatience;
 }
 
-/// Without triangles that have no plate, where they are fresh and nothing was shown before: until
-/// they have, or it is plain that nobody sees their colour, they stay with the moving surface.
+/// Withholds fresh triangles that no plate textures, where nothing was shown before: until a plate
+/// textures them, or kPatience has passed, they remain part of the moving surface.
 Mesh StillMerger::without_fresh_grey(const Mesh& mesh, std::uint64_t sequence,
                                      std::optional<std::uint64_t>& until) const {
   const Mesh nothing;
@@ -185,12 +186,13 @@ Mesh StillMerger::without_fresh_grey(const Mesh& mesh, std::uint64_t sequence,
   return until ? select_triangles(mesh, keep) : mesh;
 }
 
-/// Everything at times, the longer it is there the more seldom, as there are more plates to choose
-/// from. What was carried away goes soon; to see what that uncovers costs more, and has time.
+/// The extent of the next labelling. Everything is labelled at intervals that grow with the age of
+/// the surface, when more blocks are valid. Removed surface is handled soon (new_surface);
+/// labelling the surface that it uncovered costs more and is deferred (changes).
 atlas::LastingLabels::Extent StillMerger::extent_of(const Task& task) const {
   using Extent = atlas::LastingLabels::Extent;
   const std::uint64_t wait = std::clamp(labels_.all - labels_.first, kPatience, kLabelAllEvery);
-  // What was before another thing for a while leaves its cuts.
+  // Triangles split at the silhouette of a temporary occluder stay split.
   const bool many_cuts =
       static_cast<double>(labels_.pieces) > kManyCuts * static_cast<double>(labels_.pieces_at_all);
   if (!labels_.are_any || ((task.valid_blocks > labels_.blocks_at_all || many_cuts) &&
@@ -201,7 +203,7 @@ atlas::LastingLabels::Extent StillMerger::extent_of(const Task& task) const {
                                                                 : Extent::new_surface;
 }
 
-/// With the plates that texture it.
+/// The joined surface, without surface in free space, with labels of the plates that texture it.
 Mesh StillMerger::labelled(const Task& task, atlas::LastingLabels::Extent extent) {
   using Extent = atlas::LastingLabels::Extent;
   if (!std::exchange(labels_.are_any, true)) labels_.first = task.sequence;

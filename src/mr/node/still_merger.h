@@ -25,73 +25,75 @@
 
 namespace mr::node {
 
-/// A still surface as it is shown, with what is asked about it at every tick. Never changed.
+/// The still surface as shown, with the structures that every tick queries. Immutable.
 struct ShownStill {
   std::shared_ptr<const Mesh> mesh;  ///< labelled, on the lattice
   float error_m = 0;
-  // The root's alone:
-  std::shared_ptr<const merge::StillSurfaceMask> cover;  ///< takes from what moves what is shown
-  std::shared_ptr<const atlas::Occluders> occluders;     ///< hides what moves
+  // Root only:
+  std::shared_ptr<const merge::StillSurfaceMask> cover;  ///< removes moving surface that coincides
+  std::shared_ptr<const atlas::Occluders> occluders;  ///< in view selection for the moving surface
 };
 
-/// What the labels of a surface follow from: how large its errors are, and the sensors' noise.
+/// The configuration of view selection for a surface with this geometric error and these sensors'
+/// noise.
 atlas::LabelConfig label_config(const Scene& scene, const std::vector<SourceInfo>& sources,
                                 float error_m);
 
-/// Makes one still surface of all inputs' (DESIGN section 9, The merger): merged around what
-/// changed, without what was carried away, and at the root textured by plates. It counts ticks and
-/// never looks at a clock. Not thread-safe: it may work on another thread than its owner's, who
-/// asks nothing meanwhile.
+/// Merges the still surfaces of all inputs into one (docs/layers.md, The merger): incrementally,
+/// around the changed cubes, without surface that was carried away, and at the root textured by
+/// plates. It counts ticks and never reads a clock. Not thread-safe: it may run on another thread
+/// than its owner's, which must not call it meanwhile.
 class StillMerger {
  public:
-  /// The surfaces of all inputs.
+  /// The still surfaces of all inputs.
   struct Inputs {
     std::vector<DecodedScene> scenes;  ///< the still layer, without textures
     std::vector<kit::Part> parts;      ///< the same, poses corrected
   };
-  /// What an update follows from.
+  /// The arguments of an update.
   struct Task {
     std::uint64_t sequence = 0;    ///< the tick
-    std::optional<Inputs> inputs;  ///< none: they are what they were
+    std::optional<Inputs> inputs;  ///< none: unchanged
     Decimation decimation = {};    ///< of these inputs
     std::vector<View> views;       ///< as the inputs have them, poses corrected
     std::vector<SourceInfo> sources;
-    std::map<ViewId, TileMask> valid;  ///< blocks of plates
-    std::size_t valid_blocks = 0;      ///< how many
-    merge::FreeSpaceCarver empty;      ///< places from which things were carried away
+    std::map<ViewId, TileMask> valid;  ///< valid blocks of plates
+    std::size_t valid_blocks = 0;      ///< their number
+    merge::FreeSpaceCarver empty;      ///< removes surface in free space
   };
-  /// What came of it.
+  /// The result of an update.
   struct Made {
     ShownStill shown;
     std::map<Vec3i, Mesh> pieces;  ///< the shown mesh by the cubes that it is sent in
-    bool is_whole = true;  ///< nothing of it is withheld: an update of a later tick shows it
+    bool is_whole = true;          ///< false: a part is withheld until an update of a later tick
   };
 
   /// The scene, the merger and the trace must outlive this.
   StillMerger(const Scene& scene, const MergerConfig& merger, bool is_root, Clock clock,
               Trace& trace);
 
-  /// Whether labels should be chosen anew though no input changed. `emptied_m2`: area of places
-  /// that became empty, or are no longer, since the last update.
+  /// Whether an update is due although no input changed. `emptied_m2`: area of the surface whose
+  /// place became free space, or ceased to be, since the last update.
   bool is_due(std::uint64_t sequence, std::size_t valid_blocks, double emptied_m2) const;
 
-  /// After an Error the same inputs may be given again.
+  /// After an Error the same task may be given again.
   Result<Made> update(Task task);
 
-  /// Some of the pieces were not sent: nothing but a few labels in them was other.
+  /// Whether some of the pieces were not sent because only a few of their labels had changed.
   void note_outdated(bool any) { labels_.are_outdated = any; }
 
  private:
-  /// How the surface got its labels.
+  /// The state of view selection.
   struct Labels {
     atlas::LastingLabels lasting;
     bool are_any = false;
     bool are_outdated = false;  ///< some were not sent
-    bool is_look_due = false;   ///< something went, and what that uncovers waits
-    // Sequence: at first; all of it; what is uncovered, too; some of it.
+    bool is_look_due = false;   ///< surface was removed; what it uncovered is not labelled yet
+    // Ticks: of the first labelling; of the last one of everything; of the last one that included
+    // uncovered surface; of the last one of any kind.
     std::uint64_t first = 0, all = 0, looked = 0, last = 0;
-    std::size_t blocks = 0, blocks_at_all = 0;  // of plates, then
-    std::size_t pieces = 0, pieces_at_all = 0;  // triangles
+    std::size_t blocks = 0, blocks_at_all = 0;  // valid ones of plates, at `last` and at `all`
+    std::size_t pieces = 0, pieces_at_all = 0;  // triangles, at `last` and at `all`
   };
   struct Joined {
     Mesh mesh;  // not labelled yet
@@ -116,10 +118,10 @@ class StillMerger {
   Joined joined_;
   Labels labels_;
   ShownStill shown_;
-  bool is_labelled_ = false;                     ///< what was joined last
-  std::optional<std::uint64_t> withheld_until_;  ///< sequence; nothing: all is shown
+  bool is_labelled_ = false;                     ///< joined_ was labelled
+  std::optional<std::uint64_t> withheld_until_;  ///< tick; nothing: nothing is withheld
   std::map<Vec3i, std::vector<ChunkKey>> contents_;
-  std::map<Vec3i, std::uint64_t> fresh_since_;  ///< sequence since which a cube is another
+  std::map<Vec3i, std::uint64_t> fresh_since_;  ///< tick of a cube's last change
 };
 
 }  // namespace mr::node

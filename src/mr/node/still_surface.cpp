@@ -15,10 +15,10 @@
 namespace mr::node {
 namespace {
 
-constexpr double kStillPinhole_voxels = 12;  // around: what a few failed pixels leave
-constexpr int kRingsAround = 2;              // of a chunk: what its lines to the neighbours look at
+constexpr double kStillPinhole_voxels = 12;  // perimeter: a hole left by a few pixels without depth
+constexpr int kRingsAround = 2;              // of triangles that the border lines depend on
 
-/// Of what a chunk follows from.
+/// Hash of a chunk's input.
 std::uint64_t hash_of(const Mesh& mesh, const std::vector<std::uint32_t>& chunk,
                       std::uint32_t own) {
   Hash hash;
@@ -29,7 +29,7 @@ std::uint64_t hash_of(const Mesh& mesh, const std::vector<std::uint32_t>& chunk,
   return hash.value();
 }
 
-/// [T] whether a triangle lies within kRingsAround rings of another chunk's.
+/// [T] whether a triangle lies within kRingsAround rings around another chunk's triangles.
 std::vector<std::uint8_t> near_lines(const Mesh& mesh, const std::vector<std::uint32_t>& chunk) {
   constexpr std::uint32_t kNone = 0xFFFFFFFFu;
   std::vector<std::uint32_t> of_vertex(mesh.positions.size(), kNone);
@@ -51,7 +51,7 @@ std::vector<std::uint8_t> near_lines(const Mesh& mesh, const std::vector<std::ui
   return near;
 }
 
-/// Without parts that are too small to be anything, and do not go on in a neighbour.
+/// Removes connected components with an area below `least_m2` that do not continue in a neighbour.
 Mesh without_small_parts(const Mesh& mesh, const std::vector<std::uint8_t>& on_line,
                          double least_m2) {
   const kit::Components parts = kit::components(mesh);
@@ -74,8 +74,8 @@ StillSurface::StillSurface(const Scene& scene)
               .chunk_m = scene.fusion.chunk_m,
               .history = fusion::History::none}) {}
 
-/// Triangles belong to the chunk of their first vertex in the order of chunks, so a filled pinhole
-/// at a border is one chunk's.
+/// Groups triangles by chunk. A triangle of a filled hole belongs to the first chunk, in their
+/// order, that owns one of its vertices.
 StillSurface::Labelled StillSurface::by_cube(const fusion::Surface& surface, const Mesh& mesh) {
   Labelled out{mesh, std::vector<std::uint32_t>(mesh.triangles.size()), {}, {}, {}};
   std::vector<std::uint32_t> of_vertex(mesh.positions.size());

@@ -16,30 +16,30 @@
 
 namespace mr::node {
 
-/// One cube of a still surface that is another than before.
+/// A changed chunk of a still surface.
 struct StillChunk {
   Vec3i cube;
-  Mesh mesh;  ///< decimated, on the lattice; empty: nothing is left of it
+  Mesh mesh;  ///< decimated, on the lattice; empty: the chunk is gone
   float error_m = 0;
 };
 
-/// The surface of a sensor's still picture (still::Background), chunk by chunk. A chunk is
-/// decimated on its own to an error limit, with the lines to its neighbours fixed, so it follows
-/// from its own part of the fused surface alone: a change makes the chunks that it touches anew,
-/// and they fit the others.
+/// Reconstructs a sensor's still picture (still::Background) chunk by chunk. Each chunk is
+/// decimated separately to an error limit, with border lines that both neighbours simplify alike.
+/// So a chunk depends on its own part of the fused surface only: a change affects only the chunks
+/// that it touches, and these still fit the others.
 class StillSurface {
  public:
   /// The scene must outlive this.
   explicit StillSurface(const Scene& scene);
 
-  /// Takes a cleaned still picture. `error_m`: of decimation; where it is another than before, all
-  /// chunks are made anew. Returns the chunks that changed, by cube. Deterministic; the
-  /// same on any number of threads.
+  /// Takes a filtered still picture. `error_m`: error limit of decimation; if it differs from the
+  /// last call's, all chunks are reconstructed. Returns the changed chunks, sorted by cube.
+  /// Deterministic; the same on any number of threads.
   Result<std::vector<StillChunk>> update(const ImageDepth& still, const Camera& camera,
                                          const Pose& T_world_camera, const Precision& precision,
                                          double error_m);
 
-  /// How many there are.
+  /// Number of chunks.
   std::size_t chunks() const { return fused_.size(); }
 
  private:
@@ -48,11 +48,11 @@ class StillSurface {
     std::vector<std::uint32_t> chunk;  ///< [T] place in `cubes`
     std::vector<Vec3i> cubes;
     std::vector<std::vector<std::uint32_t>> triangles;  ///< [cubes]
-    /// [cubes] those of them that may be near a neighbour's line.
+    /// [cubes] those of them that lie near the border line to a neighbour.
     std::vector<std::vector<std::uint32_t>> near_lines;
   };
-  /// A chunk's part of the fused surface, with the neighbours' triangles near its lines, which are
-  /// simplified alike from both sides.
+  /// A chunk's part of the fused surface, with the neighbours' triangles near its border lines, so
+  /// that both sides simplify the lines alike.
   struct Part {
     Mesh mesh;
     std::vector<std::uint32_t> chunk;  ///< [T] place in `cubes`
@@ -64,8 +64,8 @@ class StillSurface {
 
   const Scene* scene_;
   fusion::FrameFuser fuser_;
-  std::map<Vec3i, std::uint64_t> fused_;  ///< hash of what each chunk follows from
-  double error_m_ = 0;                    ///< to which they were decimated
+  std::map<Vec3i, std::uint64_t> fused_;  ///< hash of each chunk's input
+  double error_m_ = 0;                    ///< limit of the last decimation
 };
 
 }  // namespace mr::node

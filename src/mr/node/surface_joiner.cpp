@@ -14,8 +14,8 @@
 namespace mr::node {
 namespace {
 
-/// How many triangles the inputs spent on the surface that is left. Cutting along overlaps adds
-/// many small ones; decimation counts from here.
+/// Number of triangles of the merged surface at the inputs' triangle density. Decimation starts
+/// from it, as cutting along overlaps adds many small triangles.
 double triangles_sent(const std::vector<kit::Part>& parts, const Mesh& left) {
   double triangles = 0, area_m2 = 0;
   for (const kit::Part& part : parts)

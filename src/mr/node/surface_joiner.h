@@ -17,33 +17,35 @@
 
 namespace mr::node {
 
-/// What a scene asks of the removal of overlap.
+/// The scene's configuration of overlap removal.
 merge::OverlapConfig overlap_config(const Scene& scene);
 
-/// A mesh on the scene's lattice, without edges of more than two triangles.
+/// Snaps a mesh to the scene's lattice and removes non-manifold edges (of more than two triangles).
 Result<Mesh> on_lattice(const Mesh& mesh, const Scene& scene);
 
-/// Makes one surface of all that a merger's inputs have (paper 3.2), and remembers what the next
-/// time can use. One for each layer; not thread-safe.
+/// Merges the surfaces of a merger's inputs into one (paper 3.2), and keeps state that speeds up
+/// the next call. One object per layer; not thread-safe.
 class SurfaceJoiner {
  public:
   using Parts = std::vector<kit::Part>;
 
-  /// The scene, the merger and the trace must outlive this. `clock`: of merger.budget_ms; without
-  /// one there is no hurry, so that the same input gives the same bytes.
+  /// The scene, the merger and the trace must outlive this. `clock`: for merger.budget_ms; empty:
+  /// the budget is ignored, so that the same input gives the same bytes.
   SurfaceJoiner(const Scene& scene, const MergerConfig& merger, Clock clock, Trace& trace)
       : scene_(&scene), merger_(&merger), clock_(std::move(clock)), trace_(&trace) {}
 
-  /// Without overlap, seams closed, without islands. `all`: of the whole scene, not of a piece.
-  /// `halfway`, where there is one, is called when the stages that use every core are over.
+  /// Removes overlap, closes the seams (zipper) and removes islands. `all`: the parts cover the
+  /// whole scene, not a piece of it. `halfway`, if set, is called after overlap removal, the last
+  /// stage that uses every core.
   Mesh join(const Parts& parts, bool all, const std::function<void()>& halfway = {});
 
-  /// On the lattice. A ratio counts from the triangles that the inputs spent on what is left of
-  /// `parts`: cuts along overlaps do not count. `error_m` grows by what decimation costs.
+  /// Decimates a merged mesh; the result is on the lattice. A ratio refers to the triangle density
+  /// of `parts`, so triangles added by cuts along overlaps do not count. Adds the error of
+  /// decimation to `error_m`.
   Result<Mesh> decimated(const Mesh& mesh, const Parts& parts, const Decimation& decimation,
                          float& error_m);
 
-  /// Whether some gaps were left open for merger.budget_ms since this was last asked.
+  /// Whether gaps were left open because of merger.budget_ms since the last call.
   bool take_hurried() { return std::exchange(hurried_, false); }
 
  private:
@@ -53,7 +55,7 @@ class SurfaceJoiner {
   Trace* trace_;
   merge::QualityMemory quality_;
   simplify::Simplifier simplifier_;
-  double zipper_ms_ = 0;  ///< what closing all gaps took last
+  double zipper_ms_ = 0;  ///< duration of the last complete zipper stage
   bool hurried_ = false;
 };
 

@@ -16,23 +16,23 @@
 #include "mr/net/outbox.h"
 
 /// Nodes as step functions over values: no socket and no thread inside, and the time is an
-/// argument. What reaches a node comes as Arrivals, what it says goes out as Asks and packets. An
-/// executor (mr/runtime) carries both: in virtual time, or on threads.
+/// argument. A node's input is Arrivals, its output Asks and packets. An executor (mr/runtime)
+/// transports both, in virtual time or on threads.
 namespace mr::node {
 
-/// A request to one of the nodes whose packets a node takes.
+/// A request of a node to one of its inputs.
 struct Ask {
-  std::size_t input = 0;  ///< place in Task::inputs()
+  std::size_t input = 0;  ///< index in Task::inputs()
   codec::Control request;
 };
 
-/// What reached a node since its last step, oldest first.
+/// The messages that reached a node since its last step, oldest first.
 struct Arrivals {
   struct Packet {
     std::size_t input = 0;
     net::Message bytes;
   };
-  /// To one of its asks.
+  /// An answer to one of its requests.
   struct Answer {
     std::size_t input = 0;
     net::Message bytes;
@@ -40,12 +40,12 @@ struct Arrivals {
   };
   std::vector<Packet> packets;
   std::vector<Answer> answers;
-  Duration busy{};  ///< that the node has been at one packet: the last one, or the one under way
+  Duration busy{};  ///< time spent on the last packet, or on the current one
 
   bool empty() const { return packets.empty() && answers.empty(); }
 };
 
-/// What a node has done since it started, and how it is now.
+/// Counters of a node since it started, and its present state.
 struct NodeStats {
   struct Viewers {
     std::size_t watching = 0;
@@ -53,20 +53,20 @@ struct NodeStats {
     std::size_t unread_bytes = 0;
   };
   std::string id;
-  std::uint64_t frames = 0;                         ///< packets sent; of the gateway: taken
+  std::uint64_t frames = 0;                         ///< packets sent; of the gateway: received
   std::map<std::string, std::uint64_t> drops = {};  ///< by "<slow or broken side>: <cause>"
   std::map<std::string, std::vector<double>> stages_ms = {};
   std::uint64_t bytes = 0;                             ///< of these packets
-  std::map<std::string, bool> inputs = {};             ///< whether they bring captures, by name
-  std::map<std::string, double> clock_offsets_s = {};  ///< of inputs, where worth telling
-  bool is_silent = false;                              ///< nothing comes at all
-  std::optional<Viewers> viewers = {};                 ///< of the gateway
+  std::map<std::string, bool> inputs = {};             ///< whether each delivers captures, by name
+  std::map<std::string, double> clock_offsets_s = {};  ///< of inputs; 0: too small to matter
+  bool is_silent = false;                              ///< no input delivers anything
+  std::optional<Viewers> viewers = {};                 ///< gateway only
 };
 
-/// Where a node's lines for people go. Any thread; may be empty.
+/// The log of a node. Any thread; the functions may be empty.
 struct NodeLog {
   std::function<void(LogLevel level, const std::string& text)> say;
-  DropCounter::Listener dropped;  ///< of everything that the node loses
+  DropCounter::Listener dropped;  ///< called for everything that the node drops
 
   void tell(const std::string& text) const {
     if (say) say(LogLevel::info, text);
@@ -79,12 +79,12 @@ struct NodeLog {
   }
 };
 
-/// What a node does. Its packets are made in two halves, begin() and finish(), which two threads
-/// may run, so that two packets are under way at once. step(), is_ready(), due() and begin() belong
-/// to the first thread, answer() and stats() to any.
+/// The behaviour of a node. A packet is made in two pipeline stages, begin() and finish(), which
+/// may run on two threads, so that two packets are in progress at once. step(), is_ready(), due()
+/// and begin() are called on the first thread, answer() and stats() on any thread.
 class Task {
  public:
-  /// A packet between its two halves.
+  /// A packet between its two stages.
   struct Work {
     virtual ~Work() = default;
   };
@@ -92,26 +92,25 @@ class Task {
 
   virtual ~Task() = default;
   virtual const std::string& id() const = 0;
-  /// The nodes whose packets it takes.
+  /// The ids of the nodes whose packets it receives.
   virtual std::vector<std::string> inputs() const { return {}; }
 
-  /// Takes what arrived, and does what the time brings. Returns what to ask the inputs.
+  /// Handles arrivals and timers. Returns the requests to the inputs.
   virtual std::vector<Ask> step(const Arrivals& arrivals, TimePoint now) = 0;
 
-  /// What the node says to a request of a consumer; empty: nothing.
+  /// The answer to a consumer's request; empty: no answer.
   virtual Bytes answer(const codec::Control& request, TimePoint now) = 0;
 
-  /// Whether a packet can be begun now; if not, when that is to be asked again though nothing
-  /// arrives.
+  /// is_ready: whether a packet can be begun now. due: if not, the time at which to check again
+  /// even if nothing arrives.
   virtual bool is_ready(TimePoint /*now*/) { return false; }
   virtual std::optional<TimePoint> due() const { return std::nullopt; }
-  /// The first half; null: it came to nothing, which was counted and told.
+  /// First stage. null: no packet; the reason was counted and logged.
   virtual std::unique_ptr<Work> begin(TimePoint /*now*/) { return nullptr; }
-  /// Words to the inputs that what they brought was taken for this packet.
+  /// Acknowledgements to the inputs whose captures this packet uses.
   virtual std::vector<Ask> taken(const Work& /*work*/) const { return {}; }
-  /// The second half: the packet's bytes; nothing as begin(). `first_part_done` is called once the
-  /// stages that use every core are over: on one machine, the inputs' next frames fit in from
-  /// there.
+  /// Second stage: the packet's bytes; nothing as in begin(). `first_part_done` is called after the
+  /// stages that use every core: inputs on the same machine may start on their next frames then.
   virtual std::optional<Bytes> finish(Work& /*work*/,
                                       const std::function<void()>& /*first_part_done*/) {
     return std::nullopt;
@@ -119,7 +118,7 @@ class Task {
   /// No packet will follow.
   virtual bool has_ended() const { return false; }
 
-  /// Called once, before the first step: `wake` asks for a step, on any thread.
+  /// Called once, before the first step: `wake` schedules a step and may be called on any thread.
   virtual void wake_by(std::function<void()> /*wake*/) {}
 
   virtual NodeStats stats(TimePoint now) const = 0;

@@ -11,20 +11,20 @@
 
 namespace mr::node {
 
-/// One texture stream of a node: an encoder that starts afresh, with a key frame, when the
-/// picture's size or its layout changes; another quantiser goes on without. Pictures of odd size
-/// are padded by repeating their last row and column, as H.264 wants even ones.
+/// One texture stream of a node: a video encoder that is restarted, with a key frame, when the
+/// picture's size or layout changes; a change of the quantiser needs none. Pictures of odd size are
+/// padded by repeating their last row and column, as H.264 requires even sizes.
 class TextureStream {
  public:
-  /// `periodic`: a key frame comes now and then; else only when one must.
+  /// `periodic`: key frames at intervals; false: only when needed or requested.
   TextureStream(const Scene& scene, StreamId stream, bool periodic = true)
       : scene_(&scene), stream_(stream), periodic_(periodic) {}
 
   Result<TextureUnit> encode(const ImageRgb& picture, int qp, std::uint32_t layout);
   /// The next unit will be a key frame. Any thread.
   void ask_key_frame() { key_frame_asked_ = true; }
-  /// Whether somebody waits for a key frame: then the picture is to be coded though it did not
-  /// change. Any thread.
+  /// Whether a key frame was requested: then the picture must be encoded even if it did not change.
+  /// Any thread.
   bool key_frame_asked() const { return key_frame_asked_; }
 
  private:

@@ -8,13 +8,13 @@
 
 namespace mr::node {
 
-/// A token bucket: so much a second in the long run, so much at once. No clock inside.
+/// A token bucket: limits a long-term rate and a burst size. No clock inside.
 class TokenBucket {
  public:
   TokenBucket(double per_second, double burst)
       : per_second_(per_second), burst_(burst), left_(burst) {}
 
-  /// What may be spent now; negative where more was.
+  /// The tokens available now; negative after overspending.
   double left(TimePoint now) {
     if (filled_ && now > *filled_) {
       const double seconds = std::chrono::duration<double>(now - *filled_).count();

@@ -6,7 +6,7 @@
 namespace mr::planner {
 namespace {
 
-constexpr double kTriangleM2 = 0.0012;  // of sensors that were not looked at: 10,000 on 12 m²
+constexpr double kTriangleM2 = 0.0012;  // area per triangle, sensors not sampled: 10,000 on 12 m²
 
 }  // namespace
 
@@ -22,7 +22,7 @@ GridEstimate estimate_grid(const Coverage& coverage, std::span<const SensorSampl
   }
   if (!known) out.reconstruct_ms = 0;
   if (central.triangles_in > 0)
-    area_m2 *= central.triangles_out / central.triangles_in;  // what several see counts once
+    area_m2 *= central.triangles_out / central.triangles_in;  // overlapping surface counts once
   const double voxel_m = coverage.scene->voxel_m, side_m = voxel_m * fusion::VoxelBlock::kSide;
   // A plane in any direction crosses 1.5 cubes per side², and its band those beside it.
   const double per_m2 =

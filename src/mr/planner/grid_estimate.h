@@ -7,8 +7,8 @@
 
 namespace mr::planner {
 
-/// What one voxel grid for all sensors would take. `central`: the merger of all sensors, which says
-/// how much several of them see.
+/// Estimates time and memory of one voxel grid for all sensors. `central`: the merger of all
+/// sensors, from which the overlap follows.
 GridEstimate estimate_grid(const Coverage& coverage, std::span<const SensorSample> samples,
                            const PlannedMerger& central);
 

@@ -6,24 +6,24 @@
 #include "mr/planner/cube_box.h"
 #include "mr/planner/planner.h"
 
-/// What mergers have to do, and how long that takes.
+/// Model of the mergers' load and latency.
 namespace mr::planner {
 
-/// What a merger has to do, in triangles.
+/// A merger's load, in triangles.
 struct MergeLoad {
   double in = 0, shared = 0, out = 0;
 };
 
-/// Of a merger whose inputs have merged these sensors each. Where several sensors see a spot, one
-/// of them stays. With `region`: of a merger that owns it.
+/// The load of a merger, given the set of sensors merged by each input. Surface seen by several
+/// sensors is kept once. With `region`: of a merger that owns this region.
 MergeLoad load_of(const Coverage& coverage, std::span<const SensorSet> inputs,
                   const CubeBox* region = nullptr);
 
-/// Puts in what a merger's load means. `group`: the sensors below it.
+/// Sets a planned merger's figures from its load. `group`: the sensors below it.
 void set_load(PlannedMerger& merger, const MergeLoad& load, const SensorSet& group,
               const Coverage& coverage);
 
-/// Adds up the layers: each is as slow as its slowest merger and link.
+/// Sums latencies over the layers: the slowest merger and link of each.
 void add_latencies(Plan& plan, const Coverage& coverage, const PlanConfig& config);
 
 /// The shortest deadline of the scene's mergers: that of a merger of sensors.

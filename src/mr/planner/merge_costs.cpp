@@ -144,7 +144,7 @@ double fastest_ms(Work&& work) {
   return best;
 }
 
-/// "VmHWM" or "VmRSS" of this process, in bytes; 0 where the system does not tell.
+/// "VmHWM" or "VmRSS" of this process, in bytes; 0: not available.
 double memory_bytes(const std::string& key) {
   std::ifstream status("/proc/self/status");
   for (std::string line; std::getline(status, line);)
@@ -152,7 +152,7 @@ double memory_bytes(const std::string& key) {
   return 0;
 }
 
-/// How much more memory the process has at the peak of some work; 0 where the system does not tell.
+/// Peak increase of the process's memory during some work; 0: not available.
 /// The most of several runs: what other threads give back meanwhile, and pages that the process
 /// still had, make a run seem cheaper.
 template <typename Work>

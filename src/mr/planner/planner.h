@@ -12,30 +12,30 @@
 
 namespace mr::planner {
 
-/// How a tree shares out the work.
+/// How a tree divides the work.
 enum class Split { sensors, space };
 
 struct PlanConfig {
   int mergers = 2;               ///< below the root; 1: the root alone
-  std::optional<Split> split{};  ///< nothing: what suits the scene
-  double link_ms = 1;            ///< from one machine to the next, without the time for the bytes
+  std::optional<Split> split{};  ///< nothing: chosen by latency
+  double link_ms = 1;            ///< latency of a link, without transmission time
 };
 
-/// A merger, as it is expected to work.
+/// A merger with its expected figures.
 struct PlannedMerger {
   MergerConfig config;
   int layer = 1;  ///< 1: its inputs are sensors
   double triangles_in = 0, triangles_out = 0;
-  double triangles_shared = 0;  ///< of those in: where another input has surface, too
-  double latency_ms = 0;        ///< decoding, merging, coding; no labels, no pictures
-  double memory_mb = 0;         ///< pictures included
+  double triangles_shared = 0;  ///< of triangles_in: where inputs overlap
+  double latency_ms = 0;        ///< decoding, merging, encoding; without labels and textures
+  double memory_mb = 0;         ///< including pictures
 };
 
-/// All depth in one voxel grid (paper 6.5: what a centralised system does).
+/// A centralised system (paper 6.5): all depth in one voxel grid.
 struct GridEstimate {
   double blocks = 0;           ///< of 8³ voxels, around surface only
   double memory_mb = 0;        ///< of these
-  double dense_memory_mb = 0;  ///< of all voxels of the space that is seen, as a dense grid has
+  double dense_memory_mb = 0;  ///< of a dense grid over all observed space
   double reconstruct_ms = 0;   ///< 0: not known
 };
 
@@ -48,13 +48,13 @@ struct Plan {
   PlannedMerger central;          ///< one merger for all sensors
   double central_latency_ms = 0;  ///< with its slowest link
   GridEstimate one_grid;
-  std::string why;  ///< one line: what the split was chosen by
+  std::string why;  ///< the reason for the choice of split, one line
 };
 
-/// Proposes a tree. Sensors that see the same share a merger, so that few triangles are sent up
-/// twice, and mergers have about the same to do; or each merger owns a box of the chunk grid. Of
-/// several trees the one with the lowest latency is taken; where the sensors crowd one place, one
-/// that splits the space is preferred. Same input, same tree. invalid: cannot be done.
+/// Proposes a tree. Either sensors with overlapping views share a merger, so that little surface is
+/// sent twice, and mergers have balanced loads; or each merger owns a box of the chunk grid.
+/// Chooses the tree with the lowest latency, but prefers one that splits space if the sensors are
+/// crowded. Deterministic. invalid: cannot be done.
 Result<Plan> make_plan(const Scene& scene, std::span<const SensorSample> samples,
                        const MergeCosts& costs, const PlanConfig& config);
 

@@ -44,7 +44,7 @@ Result<SensorSample> sample_of(const Scene& scene, SensorId sensor, FrameSource&
   return out;
 }
 
-/// What stands for the sensors that were not looked at.
+/// The estimate for sensors that were not sampled.
 SensorSample mean_of(std::span<const SensorSample> looked) {
   SensorSample out;
   if (looked.empty()) return out;
@@ -65,8 +65,7 @@ std::vector<SensorSample> sample_sensors(const Scene& scene, const std::filesyst
   const bool all = n <= static_cast<std::size_t>(config.most_sensors);
   const std::size_t count = all ? n : std::min<std::size_t>(n, SampleConfig::kSamples);
   std::vector<SensorId> wanted;
-  for (std::size_t i = 0; i < count; ++i)
-    wanted.push_back(sensor_at(i * n / count));
+  for (std::size_t i = 0; i < count; ++i) wanted.push_back(sensor_at(i * n / count));
   const auto sources = node::open_sources(scene, wanted, rig_cache);
   std::vector<SensorSample> out(n), looked;
   for (std::size_t i = 0; i < count; ++i) {

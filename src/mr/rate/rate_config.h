@@ -12,7 +12,7 @@ struct RateConfig {
   double target_mbps = 20;
 
   static constexpr Range kTarget_mbps{0, 1e5, true};
-  /// What is impossible in it, a line each.
+  /// The invalid fields, one line each; empty: valid.
   std::vector<std::string> problems() const {
     return out_of_range({{"target_mbps", target_mbps, kTarget_mbps}});
   }

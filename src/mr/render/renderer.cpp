@@ -63,8 +63,8 @@ Matrix4d clip_from_eye(const Camera& c, const Mat3& R_world_camera) {
   return out;
 }
 
-/// Row 0 = row 0 * scale + row 2 * offset, and so on: a pixel's place in the picture times its
-/// depth.
+/// Applies the view's intrinsics, then `scale` and `offset`, to rows 0 and 1 of a matrix to camera
+/// space: the result gives picture coordinates times depth.
 Matrix4d picture_from_camera(const View& view, Vec2d scale, Vec2d offset, const Matrix4d& m) {
   Matrix4d out = m;
   for (int i = 0; i < 4; ++i) {

@@ -14,12 +14,12 @@ namespace {
 /// A run of triangles, or all points, of a chunk on their way into the index list.
 struct DrawRange {
   ViewId view = kNoView;
-  Layer layer = Layer::moving;  ///< where it has a view
+  Layer layer = Layer::moving;  ///< if it has a view
   bool colored = false;
   float point_m = 0;
   std::uint32_t chunk = 0, first = 0, count = 0;
 
-  /// Pieces alike in this are painted together: by view, coloured ones and points last.
+  /// Ranges with equal keys are drawn together; sorted by view, coloured ones and points last.
   auto key() const { return std::tuple(view, layer, colored, point_m); }
 };
 
@@ -57,8 +57,8 @@ Status check(const DecodedScene& scene) {
   return {};
 }
 
-/// In the order in which they are drawn. A mesh that is not labelled yet, or has colours, is one
-/// run without a view.
+/// The ranges of a scene in drawing order. A mesh without labels, or with colours, is one range
+/// without a view.
 std::vector<DrawRange> draw_ranges_of(const DecodedScene& scene) {
   std::vector<DrawRange> out;
   for (std::uint32_t i = 0; i < scene.chunks.size(); ++i) {

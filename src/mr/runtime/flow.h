@@ -13,13 +13,13 @@
 
 namespace mr::runtime {
 
-/// Hands values from the first half of a node to the second; holds one at most. put() waits while
-/// the last one was not taken: a half that is ahead stands still, and what comes in meanwhile is
-/// dropped where that costs nothing, before the work.
+/// A bounded queue of capacity one between a node's two pipeline stages. put() blocks until the
+/// last value was taken (back-pressure), so a first stage that is faster waits, and frames are
+/// dropped before any work is spent on them.
 template <typename T>
 class Handoff {
  public:
-  /// False when stop was asked for.
+  /// Blocks; false when stop was requested.
   bool put(const std::stop_token& stop, T value) {
     std::unique_lock lock(mutex_);
     changed_.wait(lock, stop, [&] { return !value_; });
@@ -28,11 +28,11 @@ class Handoff {
     changed_.notify_all();
     return true;
   }
-  /// Nothing when stop was asked for.
+  /// Blocks; nothing when stop was requested.
   std::optional<T> take(const std::stop_token& stop) {
     std::unique_lock lock(mutex_);
     changed_.wait(lock, stop, [&] { return value_.has_value(); });
-    if (stop.stop_requested()) return std::nullopt;  // also where there is one: more may follow
+    if (stop.stop_requested()) return std::nullopt;  // even if a value is waiting
     auto value = std::exchange(value_, std::nullopt);
     changed_.notify_all();
     return value;
@@ -44,7 +44,7 @@ class Handoff {
   std::optional<T> value_;
 };
 
-/// Wakes one thread that waits for several things.
+/// An auto-reset event: wakes one thread that waits for several conditions.
 class Signal {
  public:
   void notify() {
@@ -54,7 +54,7 @@ class Signal {
     }
     changed_.notify_all();
   }
-  /// Returns once notified, after `longest`, or when stop is asked for.
+  /// Returns once notified, after `longest`, or when stop is requested.
   void wait(const std::stop_token& stop, std::chrono::nanoseconds longest) {
     std::unique_lock lock(mutex_);
     changed_.wait_for(lock, stop, longest, [&] { return raised_; });
@@ -67,17 +67,17 @@ class Signal {
   bool raised_ = false;
 };
 
-/// Keeps a producer from running ahead of its consumers (credit-based flow control), so that frames
-/// are dropped before they cost anything: it begins a packet when fewer than `ahead` of its packets
-/// are begun and not yet taken by any consumer. Without word from a consumer it goes on after
-/// `kPatience`. No clock inside. Thread-safe.
+/// Credit-based flow control: keeps a producer from running ahead of its consumers, so that frames
+/// are dropped before any work is spent on them. The producer may begin a packet if fewer than
+/// `ahead` of its packets are begun and not yet acknowledged by any consumer; without an
+/// acknowledgement, after `kPatience`. No clock inside. Thread-safe.
 class Credit {
  public:
   static constexpr Duration kPatience = std::chrono::milliseconds(500);
 
   explicit Credit(int ahead) : ahead_(static_cast<std::uint64_t>(ahead)) {}
 
-  /// Begins a packet; false when it is too early.
+  /// Begins a packet; false: no credit.
   bool try_begin(TimePoint now) {
     const std::lock_guard lock(mutex_);
     if (working_ >= ahead_) return false;
@@ -87,13 +87,13 @@ class Credit {
     begun_ = now;
     return true;
   }
-  /// What was begun was published, or came to nothing.
+  /// A packet that was begun is published, or abandoned.
   void end(bool published) {
     const std::lock_guard lock(mutex_);
     --working_;
     if (published) ++published_;
   }
-  /// A consumer made use of the packet with this sequence.
+  /// A consumer acknowledged the packet with this sequence.
   void taken(std::uint64_t sequence) {
     const std::lock_guard lock(mutex_);
     if (sequence >= published_) return;  // of another epoch
@@ -104,7 +104,7 @@ class Credit {
   const std::uint64_t ahead_;
   std::mutex mutex_;
   std::uint64_t working_ = 0, published_ = 0, taken_ = 0;
-  std::optional<TimePoint> begun_;  ///< the newest
+  std::optional<TimePoint> begun_;  ///< time of the newest packet begun
 };
 
 }  // namespace mr::runtime

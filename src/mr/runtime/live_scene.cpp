@@ -5,7 +5,7 @@
 #include <nlohmann/json.hpp>
 
 #include "mr/core/trace.h"
-#include "mr/gateway/front_door.h"
+#include "mr/gateway/access_policy.h"
 #include "mr/node/coalesce_packets.h"
 #include "mr/node/merge_task.h"
 #include "mr/node/sensor_task.h"
@@ -33,7 +33,7 @@ std::vector<SensorId> sensors_among(const Scene& scene, const std::vector<std::s
   return out;
 }
 
-/// Sensors of one process work at the same time: more threads than cores would only take turns.
+/// Threads per sensor: the sensors of one process run concurrently and share its cores.
 int threads_each(int threads, std::size_t sensors) {
   const int all = threads > 0 ? threads : static_cast<int>(std::thread::hardware_concurrency());
   return std::max(1, all / static_cast<int>(std::max<std::size_t>(sensors, 1)));
@@ -52,7 +52,8 @@ std::vector<std::string> node_names(const Scene& scene) {
 LiveScene::LiveScene(Scene scene, LiveOptions options)
     : scene_(std::make_unique<const Scene>(std::move(scene))), options_(std::move(options)) {}
 
-/// Whoever asks for figures meanwhile is told of no node: none of them is asked while it ends.
+/// Nodes are removed from nodes_ before they end, so that concurrent calls of stats() do not query
+/// them.
 LiveScene::~LiveScene() {
   std::vector<std::unique_ptr<TaskThreads>> nodes;
   {
@@ -74,7 +75,7 @@ Result<std::unique_ptr<LiveScene>> LiveScene::start(Scene given, const LiveOptio
 
   if (const Status open = live->open_transport(); !open) return open.error();
   if (const Status served = live->serve_figures(); !served) return served.error();
-  // Consumers first, so that they see their producers' first packets.
+  // Consumers first, so that they receive their producers' first packets.
   const auto& names = live->is_whole() ? known : options.nodes;
   const auto is_wanted = [&](const std::string& name) {
     return std::ranges::find(names, name) != names.end();
@@ -135,7 +136,7 @@ Status LiveScene::serve_figures() {
   return {};
 }
 
-/// In one process all nodes share the machine: one packet of each at a time.
+/// If all nodes run in this process, each processes one packet at a time.
 TaskThreads::Config LiveScene::threads_config() const {
   TaskThreads::Config config;
   config.threads = options_.threads > 0 ? options_.threads : scene_->threads;
@@ -145,7 +146,7 @@ TaskThreads::Config LiveScene::threads_config() const {
 }
 
 Status LiveScene::start_merger(const MergerConfig& merger) {
-  // Where nodes are programs of their own, some may never have been started.
+  // In a scene of several processes, some may never have been started.
   constexpr Duration kStart = std::chrono::seconds(5);
   node::MergeTask::Options options;
   options.clock = node::NodeClock::live();
@@ -167,17 +168,17 @@ Status LiveScene::start_gateway() {
   const GatewayConfig config = scene_->gateway.value_or(GatewayConfig{});
   const node::NodeLog log = log_of(kGateway);
   const auto& state = options_.state_folder;
-  auto door = gateway::FrontDoor::open(config, state.empty() ? "" : state / scene_->id);
-  if (!door) return door.error();
-  for (const std::string& notice : door->notices) log.tell(notice);
+  auto policy = gateway::AccessPolicy::open(config, state.empty() ? "" : state / scene_->id);
+  if (!policy) return policy.error();
+  for (const std::string& notice : policy->notices) log.tell(notice);
   auto task = std::make_unique<gateway::Gateway>(
       *scene_, log,
-      gateway::Gateway::Options{.tokens = std::move(door->tokens),
+      gateway::Gateway::Options{.tokens = std::move(policy->tokens),
                                 .expects_root = !is_whole(),
                                 .has_ended = [this] { return ended_ >= scene_->sensors.size(); }});
   const auto monitor = std::make_shared<Monitor>([this] { return figures(); });
   auto web = net::WebServer::listen(
-      gateway::web_config(config, *door, options_.page),
+      gateway::web_config(config, *policy, options_.page),
       [monitor, gateway = task.get()](const std::string& path, const net::Visitor& visitor) {
         return monitor->page(path, gateway->may_look(visitor, node::wall_time()));
       });
@@ -186,7 +187,7 @@ Status LiveScene::start_gateway() {
   urls_ = gateway::urls_of(config, web_->port());
   task->attach(*web_, node::wall_time);
   TaskThreads::Config threads = threads_config();
-  threads.makes_packets = threads.folds = false;  // what waits is recorded for each viewer
+  threads.makes_packets = threads.folds = false;  // viewers have queues of their own
   threads.longest_wait = std::chrono::milliseconds(100);
   add(std::move(task), std::move(threads));
   return {};
@@ -229,7 +230,7 @@ std::vector<node::NodeStats> LiveScene::stats() const {
   return out;
 }
 
-/// With what was lost between nodes, as one of the first one's.
+/// The nodes' stats; transport drops are added to those of the first node.
 std::vector<node::NodeStats> LiveScene::figures() const {
   auto all = stats();
   if (!all.empty()) all.front().drops.merge(transport_drops());

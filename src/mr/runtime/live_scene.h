@@ -21,36 +21,36 @@
 namespace mr::runtime {
 
 struct LiveOptions {
-  /// Which nodes to run here: sensors, mergers, "gateway". Empty: all of them, joined in this
-  /// process; else by NATS or TCP, as the scene says.
+  /// The nodes to run in this process: sensors, mergers, "gateway". Empty: all of them, connected
+  /// in-process; else connected by NATS or TCP, as the scene says.
   std::vector<std::string> nodes;
   std::filesystem::path page;          ///< folder of the built viewer, for the gateway
-  std::filesystem::path cache_folder;  ///< of rendered rigs; empty: none
-  int threads = 0;                     ///< of each stage; 0: as the scene says
-  std::filesystem::path state_folder;  ///< for what is kept between runs; empty: nowhere
-  std::string metrics;                 ///< host:port of /metrics and /healthz beside the gateway's
+  std::filesystem::path cache_folder;  ///< cache of rendered rigs; empty: none
+  int threads = 0;                     ///< per node stage; 0: as the scene says
+  std::filesystem::path state_folder;  ///< for state kept between runs; empty: none is kept
+  std::string metrics;                 ///< host:port of a server for /metrics and /healthz
   Log log = [](const LogLine&) {};
-  std::function<void(int done, int of)> rendering;  ///< a rig's pictures on their way to the cache
+  std::function<void(int done, int of)> rendering;  ///< progress of rendering a rig
 };
 
 /// Some or all nodes of a scene, running on threads until destroyed.
 class LiveScene {
  public:
-  /// not_found: the scene has no node of such a name. invalid: several processes, but neither NATS
-  /// nor TCP in the scene. io: the gateway's address cannot be listened on.
+  /// Errors: not_found: the scene has no node of this name. invalid: several processes, but neither
+  /// NATS nor TCP in the scene. io: the gateway cannot listen on its address.
   static Result<std::unique_ptr<LiveScene>> start(Scene scene, const LiveOptions& options);
   ~LiveScene();
 
   const Scene& scene() const { return *scene_; }
-  /// What people open in a browser, the likeliest first; empty where the gateway does not run here.
+  /// URLs of the viewer, the most useful first; empty: the gateway does not run in this process.
   const std::vector<std::string>& urls() const { return urls_; }
   std::vector<node::NodeStats> stats() const;
-  /// Lost or folded between nodes since the start.
+  /// Packets lost or folded between nodes since the start, by cause.
   std::map<std::string, std::uint64_t> transport_drops() const { return transport_->drops(); }
   double seconds() const;
 
-  /// Asks the root, in whatever process it runs, that it and all below code by this plan. Word may
-  /// be lost: say it again where a packet does not tell it. Its problems() must be none.
+  /// Requests that the root, in whatever process it runs, and all nodes below it use this plan. The
+  /// message may be lost: repeat the call until packets carry the plan. The plan must be valid.
   void set_plan(const ScenePlan& plan);
 
  private:
@@ -70,18 +70,18 @@ class LiveScene {
   LiveOptions options_;
   std::atomic<std::size_t> ended_ = 0;  ///< sensors of this process whose recordings have ended
   std::unique_ptr<net::Transport> transport_;
-  mutable std::mutex mutex_;             // of nodes_, while they start and end
-  std::unique_ptr<net::WebServer> web_;  ///< the gateway's; it outlives what sends by it
+  mutable std::mutex mutex_;             // guards nodes_, while nodes start and end
+  std::unique_ptr<net::WebServer> web_;  ///< the gateway's; must outlive the gateway
   std::vector<std::unique_ptr<TaskThreads>> nodes_;
   std::vector<std::string> urls_;
   std::chrono::steady_clock::time_point started_ = std::chrono::steady_clock::now();
-  std::unique_ptr<net::WebServer> monitor_;  // last: it asks the nodes
+  std::unique_ptr<net::WebServer> monitor_;  // last: it queries the nodes
 };
 
 /// The names of all nodes of a scene, children before parents; the gateway is last.
 std::vector<std::string> node_names(const Scene& scene);
 
-/// What `meshreduce run --report` writes after a live run.
+/// The JSON that `meshreduce run --report` writes after a live run.
 std::string to_json(const LiveScene& live);
 
 }  // namespace mr::runtime

@@ -19,7 +19,7 @@ double ms_since(SteadyClock::time_point start) {
   return std::chrono::duration<double, std::milli>(SteadyClock::now() - start).count();
 }
 
-/// Adds up what a node takes until it ends: wall clock, and processor time of all threads.
+/// Adds the wall-clock and CPU time of a scope, on all threads, to two sums.
 class Meter {
  public:
   Meter(double& wall_ms, double& cpu_ms) : wall_ms_(wall_ms), cpu_ms_(cpu_ms) {}
@@ -38,7 +38,7 @@ class Meter {
 
 }  // namespace
 
-/// A sensor's next frame, as it was captured: read, or lost, or none at the end.
+/// The input of a sensor's task: the frame of the current capture, an error, or the end.
 class LockstepScene::GivenFrame final : public node::FrameInput {
  public:
   bool is_ready(TimePoint) override { return true; }
@@ -55,19 +55,19 @@ class LockstepScene::GivenFrame final : public node::FrameInput {
   Result<std::optional<Frame>> frame = std::optional<Frame>();
 };
 
-/// What one run adds up.
+/// The sums of one run.
 struct LockstepScene::Measured {
-  int frame = 0;   // under way
+  int frame = 0;   // current
   int frames = 0;  // that reached the client
   bool any_surface = false;
   int last_frame = -1;  // the newest of them
   std::uint64_t mesh_bytes = 0, texture_bytes = 0, chunks_new = 0, chunks_kept = 0;
   std::vector<double> end_to_end_ms;
   std::map<std::string, std::vector<double>> node_ms;  // per frame: receiving and processing
-  // Of the frame under way:
+  // Of the current frame:
   std::map<std::string, double> alone_ms;  // all of a node's work
   CaptureCost cost;
-  std::set<std::string> silent;  // nodes that bring nothing; if that is a loss, it was told
+  std::set<std::string> silent;  // nodes without a packet; losses are reported elsewhere
 };
 
 // -------------------------------------------------- opening
@@ -211,7 +211,7 @@ void LockstepScene::run_sensor(std::size_t sensor, Measured& measured) {
   if (is_there) measured.node_ms[task.id()].push_back(measured.alone_ms[task.id()]);
 }
 
-/// A merger whose inputs all came to nothing does nothing, and tells nothing of it.
+/// A merger of which no input has a packet is skipped without a report.
 void LockstepScene::run_merger(Member<node::MergeTask>& merger, Measured& measured) {
   node::MergeTask& task = *merger.task;
   const auto is_silent = [&](const std::string& id) { return measured.silent.contains(id); };
@@ -232,7 +232,8 @@ void LockstepScene::run_merger(Member<node::MergeTask>& merger, Measured& measur
     make_packet(task, *merger.steps, measured);
   }
   const bool came_to_nothing = measured.silent.contains(task.id());
-  if (!came_to_nothing && !task.node().reused())  // where nothing moved would flatter the figures
+  if (!came_to_nothing &&
+      !task.node().reused())  // captures without motion would distort the figures
     measured.node_ms[task.id()].push_back(measured.alone_ms[task.id()]);
 }
 
@@ -250,7 +251,7 @@ void LockstepScene::make_packet(const node::Task& task, TaskSteps& steps, Measur
 void LockstepScene::show(Measured& measured) {
   client_.steps->step(now_);
   const auto& packet = client_.task->newest();
-  if (!packet || packet->sequence == shown_) return;  // it was refused, which was told
+  if (!packet || packet->sequence == shown_) return;  // refused, which was reported
   auto scene = client_.task->scene();
   if (!scene) return drops_.count("client", {Error::Cause::empty, "a frame stayed incomplete"});
   measured.any_surface |= !scene->chunks.empty();
@@ -281,7 +282,7 @@ void LockstepScene::count_bytes(const Packet& packet, std::uint64_t bytes,
     listener_->sent(measured.frame, bytes - cost.texture_bytes, cost.texture_bytes);
 }
 
-// -------------------------------------------------- what came of it
+// -------------------------------------------------- results
 
 std::vector<std::byte> LockstepScene::last_packet() const {
   const auto& packet = client_.task->newest();
@@ -328,7 +329,7 @@ double LockstepScene::critical_path_ms(const std::map<std::string, double>& node
   return sum;
 }
 
-/// What the slowest node could do with a machine of its own.
+/// Frame rate of the slowest node, if each node ran on a machine of its own.
 double LockstepScene::throughput_fps(const Measured& measured) const {
   double slowest_ms = 0;
   for (const auto& [node, ms] : measured.node_ms)

@@ -23,74 +23,76 @@
 
 namespace mr::runtime {
 
-/// What one capture took. Time of nodes is that of their own calls: neither what reads or renders
-/// the sensors' pictures nor what the client does.
+/// The cost of one capture. Times are those of the nodes' own calls, without reading or rendering
+/// the sensors' pictures and without the client.
 struct CaptureCost {
-  bool shown = false;  ///< it reached the client
-  // What the root sent to the client:
+  bool shown = false;  ///< the capture reached the client
+  // Sent by the root to the client:
   std::uint64_t mesh_bytes = 0;                   ///< payloads of chunks
-  std::uint64_t plate_bytes = 0;                  ///< of texture_bytes, those of plates
+  std::uint64_t plate_bytes = 0;                  ///< the plates' part of texture_bytes
   std::uint64_t texture_bytes = 0;                ///< access units
   std::uint64_t head_bytes = 0;                   ///< the rest of the packet
-  bool key_frame = false;                         ///< some picture is coded for itself
-  double sensors_cpu_ms = 0, mergers_cpu_ms = 0;  ///< processor time on all threads
+  bool key_frame = false;                         ///< some texture unit is a key frame
+  double sensors_cpu_ms = 0, mergers_cpu_ms = 0;  ///< CPU time on all threads
   double critical_path_ms = 0;  ///< slowest node of each layer, each alone, summed; wall clock
 };
 
-/// What a run tells while it goes on; all may be empty.
+/// Callbacks of a run; all may be empty.
 struct RunListener {
   std::function<void(int frame, int frames, const std::string& node)> progress;
   std::function<void(const std::string& message)> dropped;  ///< one line that names what and where
-  std::function<void(int frame, const DecodedScene& scene)> shown{};  ///< what a client has of it
-  /// Bytes of one capture that went to the client; mesh: all of a packet but its pictures.
+  std::function<void(int frame, const DecodedScene& scene)> shown{};  ///< decoded by the client
+  /// Bytes of one capture that were sent to the client; mesh: all of a packet except textures.
   std::function<void(int frame, std::uint64_t mesh_bytes, std::uint64_t texture_bytes)> sent{};
-  std::function<void(int frame, std::span<const std::byte> bytes)> packet{};  ///< of the root
-  std::function<void(int frame, const CaptureCost& cost)> captured{};         ///< once all is done
-  /// What the root is about to draw.
+  std::function<void(int frame, std::span<const std::byte> bytes)> packet{};  ///< the root's
+  std::function<void(int frame, const CaptureCost& cost)> captured{};  ///< after everything else
+  /// Called before the root draws its atlases.
   std::function<void(int frame, const node::RootAtlas::Drawing& drawing)> drawing{};
-  /// What people should look at though nothing was lost; one line.
+  /// A warning about something other than lost data; one line.
   std::function<void(const std::string& message)> warned{};
 };
 
-/// The executor in virtual time: a whole scene in one process, in lockstep. Every frame goes
+/// The executor in virtual time: a whole scene in one process, in lockstep. Every frame passes
 /// through every sensor, every merger and a client, one after another, each with all threads of the
-/// caller's arena. No pacing, no deadline, no drops but those of broken input. Nodes exchange the
-/// same bytes as over a network. Same input, same bytes.
+/// caller's arena. No pacing, no deadlines, and no drops except of invalid input. Nodes exchange
+/// the same bytes as over a network. Deterministic: the same input gives the same bytes.
 class LockstepScene {
  public:
-  /// Opens the scene's sources; a rig is turned into its sensors. `cache_folder`: of rendered rigs;
-  /// empty: none.
+  /// Opens the scene's sources; a rig is replaced by its sensors. `cache_folder`: cache of rendered
+  /// rigs; empty: none.
   static Result<std::unique_ptr<LockstepScene>> open(
       Scene scene, const std::filesystem::path& cache_folder = {});
   ~LockstepScene();
 
-  /// Goes on as if so many more frames had been captured; cheap.
+  /// Skips this many frames without reading them; cheap.
   void skip(std::uint64_t frames);
 
-  /// The next capture has key frames of some of the root's streams, as if a client had asked.
+  /// Requests key frames of some of the root's streams in the next capture, as a client does.
   void ask_key_frames(std::vector<StreamId> streams);
 
-  /// From the next capture on all nodes code by this plan (the sensors from the one after it): as
-  /// if whoever controls the rate had given it to the root. Its problems() must be none.
+  /// Sends a plan to the root, as a rate controller does. The mergers use it from the next capture
+  /// on, the sensors from the one after that. The plan must be valid.
   void set_plan(const ScenePlan& plan);
 
-  /// Runs until `frames` were captured or all sources ended. empty: no frame reached the client.
+  /// Runs until `frames` were captured or all sources ended. Error empty: no frame reached the
+  /// client.
   Result<RunReport> run(int frames, const RunListener& listener = {});
 
-  /// The newest capture as a client has it; nothing before the first.
+  /// The newest capture as decoded by the client; nothing before the first.
   const std::optional<DecodedScene>& decoded() const { return decoded_; }
-  /// The root's newest packet, in bytes that can be read without any other; empty before the first.
+  /// The root's newest packet, self-contained: decodable without earlier ones; empty before the
+  /// first.
   std::vector<std::byte> last_packet() const;
-  /// The same without pictures, but with the payloads of all its chunks.
+  /// The same without textures, with the payloads of all its chunks.
   std::vector<std::byte> last_mesh() const;
-  /// The root's newest merged surface, labelled, before coding; nothing before the first.
+  /// The root's newest merged surface, labelled, before encoding; nothing before the first.
   std::optional<Mesh> surface() const { return root().node().surface(); }
   const Scene& scene() const { return *scene_; }
 
  private:
   class GivenFrame;
   struct Measured;
-  /// A node and what runs it.
+  /// A node and its executor.
   template <typename T>
   struct Member {
     std::unique_ptr<T> task;
@@ -116,17 +118,17 @@ class LockstepScene {
   RunReport report(const Measured& measured, double seconds) const;
 
   std::unique_ptr<Scene> scene_;           // nodes point to it
-  const RunListener* listener_ = nullptr;  ///< of the run under way
+  const RunListener* listener_ = nullptr;  ///< of the current run
   TimePoint now_{};
   DropCounter drops_;
   std::unique_ptr<net::Transport> transport_;
   std::vector<std::unique_ptr<FrameSource>> sources_;
-  std::vector<GivenFrame*> frames_;  ///< of the sensors' tasks, which own them
+  std::vector<GivenFrame*> frames_;  ///< owned by the sensors' tasks
   std::vector<Member<node::SensorTask>> sensors_;
   std::vector<Member<node::MergeTask>> mergers_;  ///< children before parents
   Member<node::ClientTask> client_;
-  std::uint64_t root_bytes_ = 0;        ///< of the packet on its way to the client
-  std::optional<std::uint64_t> shown_;  ///< sequence of the packet that the client showed last
+  std::uint64_t root_bytes_ = 0;        ///< size of the packet sent to the client
+  std::optional<std::uint64_t> shown_;  ///< sequence of the last packet shown
   std::optional<DecodedScene> decoded_;
 };
 

@@ -19,7 +19,7 @@ using prometheus::MetricFamily;
 using prometheus::MetricType;
 using Labels = std::vector<ClientMetric::Label>;
 
-constexpr std::size_t kNewest = 300;  // samples of a stage that its percentiles are of
+constexpr std::size_t kNewest = 300;  // samples of a stage for its percentiles
 
 const char* name_of(Health::Status status) {
   constexpr const char* kNames[] = {"ok", "degraded", "down"};
@@ -34,7 +34,7 @@ class Metrics {
     families_.push_back({"meshreduce_" + name + unit, help, type, {}});
     return *this;
   }
-  /// Of the family named last.
+  /// Adds a sample to the family named last.
   void add(Labels labels, double value) {
     MetricFamily& family = families_.back();
     ClientMetric& metric = family.metric.emplace_back();

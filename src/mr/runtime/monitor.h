@@ -15,12 +15,12 @@
 
 namespace mr::runtime {
 
-/// How the nodes of this process are.
+/// The state of this process's nodes.
 struct Health {
   enum class Status {
     ok,
     degraded,  ///< some input is missing
-    down       ///< nothing comes at all
+    down       ///< no input delivers anything
   };
   Status status = Status::ok;
   std::vector<std::string> missing;  ///< inputs and sensors, each once, sorted
@@ -28,21 +28,22 @@ struct Health {
 Health health_of(const std::vector<node::NodeStats>& nodes);
 
 /// {"status": "ok" | "degraded" | "down", "missing": ["cam-1"], "nodes": {"root": {"packets": 7}}};
-/// without `in_detail` the status alone.
+/// without `in_detail` only the status.
 std::string health_json(const std::vector<node::NodeStats>& nodes, bool in_detail);
 
 /// The figures in Prometheus' text format: packets, bytes, stages, drops by cause, inputs alive,
 /// clocks, viewers, this process.
 std::string metrics_text(const std::vector<node::NodeStats>& nodes);
 
-/// The pages at /healthz and /metrics. They are made at most four times a second, however often
-/// somebody asks: making them waits for nodes that are at work. Thread-safe.
+/// The pages at /healthz and /metrics. They are generated at most four times a second and cached,
+/// as generating them blocks on busy nodes. Thread-safe.
 class Monitor {
  public:
   explicit Monitor(std::function<std::vector<node::NodeStats>()> stats)
       : stats_(std::move(stats)) {}
 
-  /// Nothing for another path. Who has no right to look gets the bare status (of /healthz) or 401.
+  /// Nothing for other paths. A visitor who may not read figures gets only the status (/healthz) or
+  /// 401 (/metrics).
   std::optional<net::WebPage> page(const std::string& path, bool may_look);
 
  private:
@@ -58,7 +59,7 @@ class Monitor {
   std::optional<std::chrono::steady_clock::time_point> made_;
 };
 
-/// Serves these two pages alone, for a process without a gateway. io, invalid: see WebServer.
+/// Serves only these two pages, for a process without a gateway. Errors as WebServer::listen().
 Result<std::unique_ptr<net::WebServer>> serve_monitor(
     const std::string& listen, std::function<std::vector<node::NodeStats>()> stats);
 

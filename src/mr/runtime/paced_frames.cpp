@@ -18,7 +18,7 @@ PacedFrames::PacedFrames(std::unique_ptr<FrameSource> source, double fps, node::
 }
 
 bool PacedFrames::is_ready(TimePoint now) {
-  // The clock was set back: go on from there.
+  // The clock was set back: continue from the new time.
   const Duration ahead = time_of(next_) - now;
   if (ahead > std::max<Duration>(std::chrono::seconds(1), 2 * period())) start_ -= ahead;
   return now >= time_of(next_);
@@ -42,7 +42,7 @@ void PacedFrames::skip_to(std::uint64_t index, const Watch& watch) {
   next_ = index;
   for (; watched > 0; --watched) {
     auto frame = source_->next();
-    if (!frame) continue;  // that one was lost
+    if (!frame) continue;  // this frame was lost
     if (!*frame || !watch(**std::move(frame))) return source_->skip(watched - 1);
   }
 }
@@ -50,7 +50,7 @@ void PacedFrames::skip_to(std::uint64_t index, const Watch& watch) {
 Result<std::optional<node::FrameInput::Captured>> PacedFrames::next(TimePoint now,
                                                                     const Watch& watch) {
   skip_to(index_at(now), watch);
-  skip_to(index_at(clock_()), {});  // watching took time
+  skip_to(index_at(clock_()), {});  // `watch` took time
   ++next_;
   auto frame = source_->next();
   if (!frame) return frame.error();

@@ -10,8 +10,8 @@
 
 namespace mr::runtime {
 
-/// Plays recorded or rendered frames as a sensor would take them: by the clock, newest only.
-/// Endless sources of all processes run in step; others start when they are opened.
+/// Plays recorded or rendered frames in real time, as a live sensor delivers them: newest only.
+/// Endless sources are synchronised by the wall clock over all processes; others start when opened.
 class PacedFrames final : public node::FrameInput {
  public:
   PacedFrames(std::unique_ptr<FrameSource> source, double fps, node::Clock clock);
@@ -30,7 +30,7 @@ class PacedFrames final : public node::FrameInput {
   std::unique_ptr<FrameSource> source_;
   double fps_;
   node::Clock clock_;
-  TimePoint start_;         ///< when its frame 0 is taken
+  TimePoint start_;         ///< time of frame 0
   std::uint64_t next_ = 0;  ///< index of the source's next frame
   std::atomic<std::uint64_t> skipped_ = 0;
 };

@@ -6,7 +6,7 @@
 namespace mr::runtime {
 namespace {
 
-constexpr std::size_t kMostAnswers = 64;  // of one input that wait
+constexpr std::size_t kMostAnswers = 64;  // waiting, of one input
 
 net::Message shared(std::vector<std::byte> bytes) {
   return std::make_shared<const std::vector<std::byte>>(std::move(bytes));
@@ -14,7 +14,7 @@ net::Message shared(std::vector<std::byte> bytes) {
 
 }  // namespace
 
-/// What arrived from one input.
+/// The queues of one input.
 struct Port::Inbox {
   explicit Inbox(const net::Coalesce& fold) : packets(fold) {}
   net::Outbox packets;
@@ -49,7 +49,7 @@ void Port::serve(Answering answering, DropCounter& drops) {
                          const TimePoint now = clock();
                          const bool is_time_asked = std::exchange(request->time, false);
                          if (is_time_asked)
-                           request->chunks.clear();  // it is answered by the time alone
+                           request->chunks.clear();  // the answer holds only the time
                          auto bytes = answering(*request, now);
                          if (is_time_asked) bytes = codec::encode_time(now);
                          return bytes.empty() ? nullptr : shared(std::move(bytes));

@@ -8,15 +8,15 @@
 
 namespace mr::runtime {
 
-/// The executor in virtual time: runs one node's task step by step, on the caller's thread. The
-/// caller has the clock, and says when. TaskThreads is its counterpart for live nodes.
+/// The executor in virtual time: runs one node's task step by step, on the caller's thread and at
+/// the caller's times. TaskThreads is its counterpart for live nodes.
 class TaskSteps {
  public:
-  /// The task, the transport and `drops`, where broken requests are counted, must outlive it.
+  /// The task, the transport and `drops`, which counts invalid requests, must outlive this.
   /// `clock`: the virtual time.
   TaskSteps(node::Task& task, net::Transport& transport, node::Clock clock, DropCounter& drops);
 
-  /// The task takes what arrived, and then whatever is answered at once.
+  /// Passes arrivals to the task, then the answers to its requests that arrive at once.
   void step(TimePoint now);
   /// Makes and publishes a packet if the task is ready for one. Returns it; null: none.
   net::Message make_packet(TimePoint now);

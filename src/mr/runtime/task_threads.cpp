@@ -36,7 +36,7 @@ Port::Config TaskThreads::port_config(bool folds) {
           .wake = [signal = signal_] { signal->notify(); }};
 }
 
-/// What was taken is credited; whoever asks too much is put off.
+/// Credits acknowledgements; requests above the rate limits are refused.
 node::Task::Bytes TaskThreads::answer(const codec::Control& request, TimePoint now) {
   if (request.taken) credit_.taken(*request.taken);
   auto bytes = task_->answer(limits_.admit(request, now), now);
@@ -45,7 +45,8 @@ node::Task::Bytes TaskThreads::answer(const codec::Control& request, TimePoint n
   return bytes;
 }
 
-/// On one machine, what is furthest on its way goes first: merging before the next frame.
+/// Lowers this thread's priority, so that mergers on the same machine run before sensors' next
+/// frames.
 void TaskThreads::give_way() const {
   constexpr int kNice = 5;
   if (config_.gives_way) ::setpriority(PRIO_PROCESS, static_cast<id_t>(::gettid()), kNice);
@@ -66,7 +67,7 @@ void TaskThreads::run_first_half(const std::stop_token& stop) {
       arena.run([&] { work = task_->begin(now); });
       if (!hand_over(stop, std::move(work))) return;
     }
-    // Who waits for credit is woken by it.
+    // A task that waits for credit is woken by the acknowledgement.
     const auto due = is_ready && !may_begin ? std::nullopt : task_->due();
     constexpr Duration kShortest = std::chrono::microseconds(100);
     signal_->wait(stop, due ? std::clamp(*due - config_.clock(), kShortest, config_.longest_wait)
@@ -74,7 +75,7 @@ void TaskThreads::run_first_half(const std::stop_token& stop) {
   }
 }
 
-/// False: nothing will follow.
+/// False: no more packets will follow.
 bool TaskThreads::hand_over(const std::stop_token& stop, std::unique_ptr<node::Task::Work> work) {
   if (work) {
     if (!config_.shares_machine) port_.send(task_->taken(*work));
@@ -99,7 +100,8 @@ void TaskThreads::run_second_half(const std::stop_token& stop) {
 }
 
 void TaskThreads::finish(node::Task::Work& work) {
-  // On one machine the inputs' next frames would slow the first part down.
+  // On a shared machine, acknowledging early would start the inputs' next frames, which would slow
+  // this stage down.
   bool is_told = !config_.shares_machine;
   const auto tell_inputs = [&] {
     if (!std::exchange(is_told, true)) port_.send(task_->taken(work));
@@ -113,7 +115,7 @@ void TaskThreads::finish(node::Task::Work& work) {
   port_.publish(std::make_shared<const node::Task::Bytes>(*std::move(bytes)));
 }
 
-/// How long the last second half took, or this one has.
+/// Duration of the last second stage, or of the current one so far if longer.
 Duration TaskThreads::busy_for(TimePoint now) const {
   const Duration last(busy_ns_.load());
   const std::int64_t since = busy_since_ns_;

@@ -13,24 +13,24 @@
 
 namespace mr::runtime {
 
-/// The live executor: runs one node's task on threads until it is destroyed. One thread takes what
-/// arrives, asks the inputs, and makes the first half of packets; another one makes the second half
-/// and sends them. Each works in an arena of its own.
+/// The live executor: runs one node's task on two threads until it is destroyed. The first thread
+/// receives messages, sends requests to the inputs and runs the first stage of packets; the second
+/// thread runs the second stage and sends packets. Each has a task arena of its own.
 class TaskThreads {
  public:
   struct Config {
     node::Clock clock = node::wall_time;
     int threads = 0;              ///< of each arena; 0: all cores
-    int packets_ahead = 2;        ///< begun, and not yet taken by a consumer
-    bool shares_machine = false;  ///< with its inputs: they are told late that theirs was taken
-    bool gives_way = false;     ///< to other nodes of this machine, which are further on their way
-    bool makes_packets = true;  ///< else there is no second thread
-    bool folds = true;          ///< several packets that wait become one
+    int packets_ahead = 2;        ///< begun and not yet acknowledged
+    bool shares_machine = false;  ///< with its inputs: late acknowledgement
+    bool gives_way = false;       ///< low priority, for nodes nearer to the root
+    bool makes_packets = true;    ///< false: no second thread
+    bool folds = true;            ///< waiting packets are folded into one
     Duration longest_wait = std::chrono::milliseconds(20);  ///< between two steps
-    std::function<void()> ended = [] {};  ///< no packet will follow; on the first thread
+    std::function<void()> ended = [] {};  ///< called on the first thread after the last packet
   };
 
-  /// The transport must outlive it.
+  /// The transport must outlive this.
   TaskThreads(std::unique_ptr<node::Task> task, net::Transport& transport, node::NodeLog log,
               Config config);
 
@@ -49,15 +49,15 @@ class TaskThreads {
 
   Config config_;
   std::unique_ptr<node::Task> task_;
-  std::shared_ptr<Signal> signal_ = std::make_shared<Signal>();  // late answers may outlive us
+  std::shared_ptr<Signal> signal_ = std::make_shared<Signal>();  // late answers may outlive this
   DropCounter drops_;
   Credit credit_;
   node::RequestLimits limits_;
   Port port_;
   Handoff<std::unique_ptr<node::Task::Work>> begun_;
-  std::atomic<std::int64_t> busy_since_ns_ = 0, busy_ns_ = 0;  // 0: it is not
+  std::atomic<std::int64_t> busy_since_ns_ = 0, busy_ns_ = 0;  // 0: not busy
   std::atomic<std::uint64_t> packets_ = 0, bytes_ = 0;
-  std::jthread first_, second_;  // last: they use what is above
+  std::jthread first_, second_;  // last: they use the members above
 };
 
 }  // namespace mr::runtime

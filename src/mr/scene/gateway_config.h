@@ -34,7 +34,7 @@ struct GatewayConfig {
   int viewers_per_address = 16;
 
   static constexpr Range kViewers{1, 10'000};
-  /// What is impossible in it, a line each.
+  /// The invalid fields, one line each; empty: valid.
   std::vector<std::string> problems() const;
   friend bool operator==(const GatewayConfig&, const GatewayConfig&) = default;
 };

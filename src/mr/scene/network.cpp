@@ -41,7 +41,7 @@ void read_start(MapReader& gateway, std::optional<StartConfig>& start) {
   start = StartConfig{*eye, *look_at};
 }
 
-/// A file of this node; whether it is there is looked at when the node starts.
+/// Reads the name of a file of this node; its existence is checked when the node starts.
 void read_own_file(MapReader& map, const std::string& key, std::filesystem::path& out) {
   std::string text;
   if (!map.text(key, text)) return;

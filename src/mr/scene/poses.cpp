@@ -39,7 +39,7 @@ Result<Pose> read_pose_file(const std::filesystem::path& path) {
 /// there is only one, that is a problem.
 std::vector<Pose> load_poses(Report& report, FileList& list, const std::string& name) {
   std::vector<Pose> poses(list.paths.size());
-  if (list.unusable.size() == poses.size()) return poses;  // told already
+  if (list.unusable.size() == poses.size()) return poses;  // already reported
   std::optional<std::size_t> usable;                       // the newest
   for (std::size_t i = 0; i < poses.size(); ++i) {
     const auto pose = list.unusable.contains(i) ? list.unusable[i] : read_pose_file(list.paths[i]);

@@ -86,7 +86,7 @@ void read_general(MapReader& top, Scene& scene) {
 }
 
 void read_fusion(MapReader& top, const Scene& scene, FusionConfig& fusion) {
-  // Half the band must hold two voxels also where the file says nothing.
+  // Default: the band's half width must be at least two voxels.
   fusion.truncation_m = 4 * scene.voxel_m;
   const yaml::Node* node = top.find("fusion");
   if (!node) return;

@@ -51,7 +51,7 @@ using SceneProblem = yaml::Problem;
 struct MergeConfig : merge::MergeConfig {
   SimplifyConfig simplify;
 
-  /// What is impossible in it, a line each.
+  /// The invalid fields, one line each; empty: valid.
   std::vector<std::string> problems() const;
   friend bool operator==(const MergeConfig&, const MergeConfig&) = default;
 };
@@ -98,8 +98,9 @@ struct Scene {
   static constexpr Range kFps{0, 240, true}, kThreads{0, 1024}, kVoxel_m{0.002, 0.05};
   static constexpr std::array<const char*, 5> kPipelines{"meshreduce", "holoportation",
                                                          "holoportation++", "points", "rgbd"};
-  /// What is impossible in it, a line each that names the key ("fusion.chunk_m must be …"); empty
-  /// where it can be run. Files, the tree's shape and ids are looked at by load_scene() alone.
+  /// The invalid fields, one line each; empty: valid that names the key ("fusion.chunk_m must be
+  /// …"); empty: it can be run. Files, the tree's shape and ids are checked by load_scene()
+  /// alone.
   std::vector<std::string> problems() const;
   friend bool operator==(const Scene&, const Scene&) = default;
 };

@@ -52,7 +52,7 @@ bool read_beams(MapReader& map, Camera& camera) {
   return true;
 }
 
-/// Camera::problems names no key; this finds the line a reader would look at.
+/// The line to report for a problem of Camera::problems(), which names no key.
 int line_of_problem(const MapReader& map, const Camera& camera, const std::string& problem) {
   if (problem.starts_with("size")) return map.line("size");
   if (problem.starts_with("focal")) return map.line("fx");
@@ -69,7 +69,7 @@ std::string supported_types() {
   return out;
 }
 
-/// Whether the source has colour; nothing where that cannot be told.
+/// Whether the source has colour; nothing: unknown.
 std::optional<bool> read_source(Report& report, const yaml::Node& node, SensorConfig& sensor) {
   MapReader map(report, node, "source");
   std::string name;

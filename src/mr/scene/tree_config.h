@@ -33,7 +33,7 @@ struct MergerConfig {
   std::optional<Box3d> region{};
 
   static constexpr Range kDeadline_ms{0, 60'000, true}, kBudget_ms{0, 60'000};
-  /// What is impossible in it, a line each.
+  /// The invalid fields, one line each; empty: valid.
   std::vector<std::string> problems() const {
     std::vector<std::string> out = out_of_range(
         {{"deadline_ms", deadline_ms, kDeadline_ms}, {"budget_ms", budget_ms, kBudget_ms}});
@@ -49,7 +49,7 @@ struct LinkConfig {
   double limit_mbps = 0;  ///< 0: no limit is known
 
   static constexpr Range kLimit_mbps{0, 1e6, true};
-  /// What is impossible in it, a line each.
+  /// The invalid fields, one line each; empty: valid.
   std::vector<std::string> problems() const {
     if (limit_mbps == 0) return {};
     return out_of_range({{"limit_mbps", limit_mbps, kLimit_mbps}});

@@ -17,7 +17,7 @@ struct FloorConfig {
   double margin_m = 0.03;  ///< sensor noise and calibration
 
   static constexpr Range kHeight_m{-1e5, 1e5}, kMargin_m{0, 10};
-  /// What is impossible in it, a line each.
+  /// The invalid fields, one line each; empty: valid.
   std::vector<std::string> problems() const {
     return out_of_range({{"height_m", height_m, kHeight_m}, {"margin_m", margin_m, kMargin_m}});
   }

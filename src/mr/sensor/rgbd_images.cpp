@@ -25,7 +25,7 @@ std::vector<float> depth_table(const SensorConfig& sensor, const RgbdImagesSourc
   return table;
 }
 
-/// An Error when a picture is not as large as its camera says.
+/// An Error if a picture has not the size of its camera.
 Status check_size(const auto& image, const Camera& camera, const char* which,
                   const std::filesystem::path& file) {
   if (image.width == camera.width && image.height == camera.height) return {};

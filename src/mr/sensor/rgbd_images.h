@@ -26,13 +26,13 @@ struct RgbdImagesSource {
   bool loop = false;                         ///< start again after the last
 
   static constexpr Range kDepthUnit_m{0, 1, true};
-  /// What is impossible in it, a line each.
+  /// The invalid fields, one line each; empty: valid.
   std::vector<std::string> problems() const {
     return out_of_range({{"depth_unit_m", depth_unit_m, kDepthUnit_m}});
   }
   SourceContent content() const { return {depth.size(), loop}; }
   std::vector<std::filesystem::path> files() const;
-  /// What a wrong unit looks like: no median of a room.
+  /// A hint at a wrong unit of depth, if the median is implausible for a room.
   std::optional<std::string> depth_hint(double median_m) const;
   friend bool operator==(const RgbdImagesSource&, const RgbdImagesSource&) = default;
 };

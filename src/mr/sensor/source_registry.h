@@ -22,16 +22,15 @@ struct SourceKeys {
 
 struct SourceType {
   std::string_view name;  ///< the value of `source.type`
-  /// Reads the keys beside `type`, and reports what is wrong with them. `key`: of the source in the
+  /// Reads the keys beside `type` and reports their problems. `key`: of the source in the
   /// scene, such as "sensors.cam-0.source".
   SourceKeys (*read)(yaml::MapReader& map, const std::string& key);
-  /// Opens the source of a sensor, whose config is of this type. What cannot be opened is told by
+  /// Opens the source of a sensor, whose config is of this type. Failures are reported by
   /// FrameSource::next().
-  std::unique_ptr<FrameSource> (*open)(const SensorConfig& sensor, SensorId id,
-                                       double fps);
+  std::unique_ptr<FrameSource> (*open)(const SensorConfig& sensor, SensorId id, double fps);
 };
 
-/// All types, in the order in which people are told of them.
+/// All types, in the order of listings and messages.
 std::span<const SourceType> source_types();
 
 /// Null where no type has that name.

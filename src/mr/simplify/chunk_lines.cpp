@@ -11,9 +11,9 @@ namespace mr::simplify {
 
 namespace {
 
-constexpr std::size_t kMostSkipped = 3;  // vertices in a row that go: rings must not grow too long
+constexpr std::size_t kMostSkipped = 3;  // consecutive removed vertices: limits the size of rings
 
-/// A line from end to end. A closed one begins and ends with the same vertex.
+/// A border line between chunks. A closed line begins and ends with the same vertex.
 using ChunkLine = std::vector<std::uint32_t>;
 
 class ChunkLineFinder {
@@ -21,7 +21,7 @@ class ChunkLineFinder {
   ChunkLineFinder(std::span<const Label> labels, const WorkingMesh& mesh)
       : labels_(labels), mesh_(mesh) {}
 
-  /// All lines, each in the direction in which its ends' places come first.
+  /// All lines, each in a direction that depends only on its ends' positions.
   std::vector<ChunkLine> find() const;
 
  private:
@@ -44,7 +44,7 @@ bool ChunkLineFinder::is_on_line(std::uint32_t v) const {
   return false;
 }
 
-/// Of a vertex on a line: those before and after it.
+/// The vertices before and after a vertex on a line.
 std::array<std::uint32_t, 2> ChunkLineFinder::neighbours(std::uint32_t v) const {
   const VertexRings::Line& ring = mesh_.rings.labels(v);
   const std::uint32_t size = mesh_.rings.size(v);
@@ -112,7 +112,7 @@ float distance2(Vec3f p, Vec3f a, Vec3f b) {
   return dot(away, away);
 }
 
-/// Marks the places of a line that stay.
+/// Marks the vertices of a line that remain.
 std::vector<std::uint8_t> choose(const ChunkLine& line, float error_m, const WorkingMesh& mesh) {
   std::vector<std::uint8_t> stays(line.size(), 0);
   stays.front() = stays.back() = 1;
@@ -142,8 +142,8 @@ std::uint32_t place_in_ring(const VertexRings& rings, std::uint32_t v, std::uint
   return i;
 }
 
-/// Takes out what need not stay. Each goes to the nearer of those that do, but not to the end of a
-/// line if that can be helped: many lines may end there, and rings must not grow too long.
+/// Collapses the other vertices, each into the nearer remaining one, but if possible not into the
+/// end of a line: many lines may end there, and rings must not grow too large.
 void take_out(const ChunkLine& line, const std::vector<std::uint8_t>& stays,
               EdgeCollapser& collapser, WorkingMesh& mesh) {
   const auto pull = [&](std::uint32_t v, std::uint32_t& into) {

@@ -79,9 +79,9 @@ void EdgeCollapser::measure_triangles() {
   measured_ = true;
 }
 
-/// Whether the triangles that stay keep their side and become no worse slivers than the ring has
-/// when the vertex goes to `to` (from where it is). Those with the neighbour at place `u` vanish.
-/// With most_turn2 = 0 any shape will do that is not turned over.
+/// Whether moving the vertex to `to` flips no remaining triangle and makes none a worse sliver than
+/// the ring has now. Triangles with the neighbour at index `u` of the ring vanish. With most_turn2
+/// = 0 only flips are refused.
 bool EdgeCollapser::keeps_shape(std::uint32_t u, Vec3f to, float most_turn2) {
   if (!measured_) measure_triangles();
   const float least_quality2 = most_turn2 > 0 ? least_quality2_ : 0;

@@ -15,20 +15,23 @@ namespace mr::simplify {
 
 namespace {
 
-constexpr std::size_t kFew = 256;  // triangles: the last ones go one by one, cheapest first
-// How many vertices a round looks at, so that no more go than have to:
-constexpr double kCare = 0.9;        // of what would do if as many succeed as in the round before,
-constexpr double kMostFirst = 0.9;   // and no more than these of all, in the first round
-constexpr double kMostLater = 0.65;  // and in the others
-// Before the first round one in so many blocks of vertices shows how many succeed.
+constexpr std::size_t kFew =
+    256;  // triangles: the last ones are removed one by one, cheapest first
+// How many vertices a round considers, so that no more than necessary are removed:
+constexpr double kCare = 0.9;  // times the number that suffices at the last round's success rate,
+constexpr double kMostFirst = 0.9;   // at most this share of all vertices in the first round
+constexpr double kMostLater = 0.65;  // and in later rounds
+// Before the first round, one in kTrialStep blocks of vertices is tried to estimate the success
+// rate.
 constexpr std::uint32_t kTrialBlock = 512, kTrialStep = 8;
-constexpr double kFewest = 0.35;        // as few are reckoned with at least: success comes in waves
-constexpr double kLeastSuccess = 0.02;  // below, rounds are of no use any more
-constexpr double kCrowded = 0.55;       // of the places for vertices: when fewer are left they are
-constexpr double kWorthwhile = 0.2;     // moved together, if so many of those are still to go
-constexpr std::uint32_t kSamples = 65536;      // vertices that a limit is judged by
-constexpr std::uint32_t kRatedSamples = 4096;  // the same where they have to be rated for it
-constexpr float kRetry = 4;                    // times the limit: what was blocked is tried again
+constexpr double kFewest = 0.35;        // lower bound of the assumed success rate, which fluctuates
+constexpr double kLeastSuccess = 0.02;  // below this rate, rounds end
+// When less than kCrowded of the array of vertices is left, it is compacted,
+constexpr double kCrowded = 0.55;
+constexpr double kWorthwhile = 0.2;            // if this share of the rest is still to be removed
+constexpr std::uint32_t kSamples = 65536;      // vertices from which a cost limit is estimated
+constexpr std::uint32_t kRatedSamples = 4096;  // the same if their costs must be computed for it
+constexpr float kRetry = 4;  // blocked vertices below this multiple of the limit are retried
 constexpr float kLeastCost = 1e-30f;
 
 /// A vertex's number, well mixed.
@@ -56,7 +59,7 @@ struct Limit {
 class Histogram {
  public:
   void add(float cost) { ++count_[std::bit_cast<std::uint32_t>(cost) >> kShift]; }
-  /// The limit under which `wanted` of them lie.
+  /// The cost limit below which `wanted` of the costs lie.
   Limit limit(double wanted) const {
     double under = 0;
     for (std::uint32_t bin = 0; bin < kBins; ++bin) {
@@ -149,7 +152,7 @@ bool take_cheapest(std::size_t most, const StopCriteria& goal, DeadlineClock& cl
                     candidates.end());
   candidates.resize(most);
   bool any = false;
-  float enough = kNever;  // what costs more waits until what was blocked has been tried once more
+  float enough = kNever;  // costlier vertices wait until blocked ones are retried
   EdgeCollapser collapser(mesh);
   for (const Candidate& candidate : candidates) {
     if (mesh.triangles <= goal.triangles || clock.is_over()) return true;

@@ -77,7 +77,7 @@ Status check_mesh(const Mesh& mesh) {
   return {};
 }
 
-/// Labels of triangles, and what they mean.
+/// Labels of triangles, and the meaning of each label.
 struct Labels {
   std::vector<std::uint32_t> of_triangle;
   std::vector<Label> meaning;
@@ -117,7 +117,7 @@ struct Simplifier::Impl {
                               const SimplifyOptions& options);
 };
 
-/// Builds what shrinks; lines between chunks are simplified at once.
+/// Builds the working mesh and simplifies the lines between chunks.
 Labels Simplifier::Impl::start(const Mesh& input, const SimplifyOptions& options) {
   Labels labels = find_labels(input, options.chunks);
   if (is_scattered(input)) {
@@ -170,7 +170,7 @@ Result<std::vector<Simplified>> Simplifier::run(const Mesh& mesh,
   if (const Status usable = check_mesh(mesh); !usable) return usable.error();
   if (!std::is_sorted(triangles.rbegin(), triangles.rend()))
     return invalid("levels of detail do not fall");
-  // What needs no work is handed back as it came.
+  // Levels that need no decimation return the input.
   std::vector<Simplified> out;
   std::size_t whole = 0;
   while (options.chunks.empty() && whole < triangles.size() &&

@@ -31,7 +31,7 @@ struct SimplifyOptions {
   std::span<const float> weights{};
   /// [T] label of each triangle, such as its chunk; empty: none. Border lines between two labels
   /// are simplified first, each independently of the triangles beside it, so that neighbouring
-  /// chunks always agree on them (DESIGN section 4, The border).
+  /// chunks always agree on them (docs/simplify.md, Lines between chunks).
   std::span<const std::uint32_t> chunks{};
   /// Largest distance that a border line between chunks may move, metres. When these lines need
   /// more triangles than the target allows, more triangles remain.

@@ -13,7 +13,7 @@ struct SimplifyConfig {
   double error_m = 0;  ///< largest error of a collapse; 0: no limit. Without `ratio` the only limit
 
   static constexpr Range kRatio{0, 1, true}, kError_m{0, 1};
-  /// What is impossible in it, a line each.
+  /// The invalid fields, one line each; empty: valid.
   std::vector<std::string> problems() const {
     return out_of_range({{"ratio", ratio, kRatio}, {"error_m", error_m, kError_m}});
   }

@@ -43,13 +43,13 @@ struct EightNeighbours {
   void store(std::uint32_t* to) const { kit::store4(low, to), kit::store4(high, to + 4); }
 };
 
-/// Puts `count` in the place of what stands at `at` in a line of `size`. `with`: a line's length
-/// may be read.
+/// Replaces the element at `at` of a line with `size` elements by the first `count` of `with`, of
+/// which a whole line's length must be readable.
 void insert(const std::uint32_t* with, std::uint32_t count, std::uint32_t at, std::uint32_t size,
             Line& line) {
   const std::uint32_t result = size - 1 + count;
   if (size <= 8 && result <= 8) {
-    // All is read before the first is written; each hides what the one before wrote too much.
+    // Loads everything before storing; each store overwrites the surplus of the one before.
     const EightNeighbours middle = EightNeighbours::load(with),
                           tail = EightNeighbours::load(&line[at + 1]);
     middle.store(&line[at]);
@@ -64,7 +64,7 @@ void insert(const std::uint32_t* with, std::uint32_t count, std::uint32_t at, st
   std::copy(before.begin() + at + 1, before.begin() + size, line.begin() + at + count);
 }
 
-/// Takes out what stands at `at` in a line of `size`.
+/// Removes the element at `at` from a line with `size` elements.
 void take_out(std::uint32_t at, std::uint32_t size, Line& line) {
   if (size <= 8) {
     for (std::uint32_t i = 0; i < 8; i += 4) {
@@ -84,14 +84,14 @@ struct Fan {
   std::uint32_t size = 0;
   const std::uint32_t *a = nullptr, *b = nullptr;
 
-  /// The triangles in order around the vertex, if they are a single fan. `open`: it has ends. The
-  /// same steps whatever the size, up to kLanes, so that nothing has to be guessed.
+  /// The triangles in order around the vertex; false: they are not a single fan. `open`: the fan
+  /// has ends. Takes kLanes steps for every size, without unpredictable branches.
   template <std::uint32_t kLanes>
   bool order(std::array<std::uint8_t, VertexRings::kMost>& out, bool& open) const {
     constexpr std::uint8_t kEnd = 31;
     const std::uint32_t all = (1u << size) - 1;
     std::array<std::uint8_t, 32> next;  // the triangle that begins where this one ends
-    std::uint32_t begun = 0;            // bit i: triangle i begins where another ends
+    std::uint32_t begun = 0;            // bit i: triangle i begins where another one ends
     for (std::uint32_t i = 0; i < kLanes; ++i) {
       const std::uint32_t found = i < size ? find(a, kLanes, b[i]) & all : 0;
       next[i] = static_cast<std::uint8_t>(std::countr_zero(found | 1u << kEnd));
@@ -106,7 +106,7 @@ struct Fan {
       seen |= 1u << at;
       at = next[at];
     }
-    // All were met, each once: closed fans go round and round, open ones end.
+    // A single fan visits all triangles: a closed one cyclically, an open one up to its end.
     return (seen & all) == all;
   }
 };
@@ -186,7 +186,7 @@ void VertexRings::copy_complex(const VertexRings& from, const std::vector<std::u
   }
 }
 
-/// Whether one of v's triangles may vanish.
+/// Whether v may lose one of its triangles.
 bool VertexRings::may_lose_one(std::uint32_t v) const {
   if (is_complex(v)) return complex_.at(v).size() > 1;
   return size_[v] > 3u - open_[v];
@@ -200,7 +200,7 @@ bool VertexRings::may_collapse(std::uint32_t v, std::uint32_t i) const {
   const std::uint32_t m = size_[u], common = 2 - open;
   const std::uint32_t size = n + m - 2 - common;  // of u's ring afterwards
   if (size > kMost || size < 3u - open_[u]) return false;
-  // The neighbours of both are those of the triangles that vanish.
+  // Link condition: the only common neighbours are the tips of the triangles that vanish.
   kit::UInt4 met{};
   const std::uint32_t lanes = lanes_of(n);
   for (std::uint32_t k = 0; k < m; ++k)
@@ -235,7 +235,7 @@ void VertexRings::remove_from_complex(std::uint32_t in, std::uint32_t v, std::ui
   *gone = triangles.back(), triangles.pop_back();
 }
 
-/// The triangle of `in`, v and u vanishes, and v with it.
+/// Updates the ring of `in`: removes the triangle of `in`, v and u, and the neighbour v.
 void VertexRings::remove(std::uint32_t in, std::uint32_t v, std::uint32_t u) {
   if (is_complex(in)) return remove_from_complex(in, v, u);
   Line& ring = rings_[in];

@@ -12,9 +12,9 @@ namespace mr::simplify {
 
 namespace {
 
-// Of the planes that hold a border or crease, per edge length squared.
+// Weight of the planes that preserve borders and creases, per edge length squared.
 constexpr float kBorderWeight = 5;
-constexpr float kTipWeight = 3;        // of a border's sharp tips against its planes
+constexpr float kTipWeight = 3;        // of a border's sharp tips, relative to its planes
 constexpr std::size_t kBatch = 32768;  // triangles that are assigned at once
 
 /// A triangle's plane through each of its corners, weighted by area: A of a Quadric and the weight.
@@ -36,7 +36,7 @@ struct Plane {
   }
 };
 
-/// A plane along an edge that leaves the vertex, at right angles to the surface there.
+/// Adds the plane along an edge of the vertex, perpendicular to the surface.
 void add_wall(Vec3f edge, Vec3f normal, Quadric& quadric) {
   quadric.add_plane(normalized(cross(edge, normal)), kBorderWeight * dot(edge, edge));
 }
@@ -56,7 +56,7 @@ void hold_border(const Neighbourhood& near, Quadric& quadric) {
   add_tip(on, back, quadric);
 }
 
-/// Places in the ring where the label changes; true when there are just two, in a closed ring.
+/// Finds the indices in the ring where the label changes; true: exactly two, in a closed ring.
 bool find_crease(const VertexRings& rings, std::uint32_t v, std::uint32_t (&at)[2],
                  std::uint32_t& count) {
   const VertexRings::Line& labels = rings.labels(v);
@@ -131,8 +131,8 @@ void WorkingMeshBuilder::assign_triangles(const Mesh& mesh, std::uint32_t ranges
       [&](std::uint32_t& to, std::size_t t) { list_[to++] = static_cast<std::uint32_t>(t); });
 }
 
-/// Gives the vertices of a range their places and triangles. Returns how many triangles begin
-/// there.
+/// Assigns the vertices of a range their positions and triangles. Returns how many triangles begin
+/// in the range.
 std::size_t WorkingMeshBuilder::gather(const Mesh& mesh, std::span<const std::uint32_t> labels,
                                        std::uint32_t range, std::vector<OverflowTriangle>& refused,
                                        WorkingMesh& out) const {

@@ -16,33 +16,34 @@ namespace mr::still {
 namespace {
 
 constexpr float kAgrees_sigmas = 3.5f, kTrusted_sigmas = 1.5f;
-constexpr float kRounding_m = 0.002f;         // on top: files count millimetres
+constexpr float kRounding_m = 0.002f;         // added: files store whole millimetres
 constexpr float kMostNoise = 4;               // times the stated precision
-constexpr float kUncovered_m = 0.05f;         // what lies so much farther was hidden
-constexpr std::uint16_t kMostReadings = 512;  // then the mean follows what is slow
+constexpr float kUncovered_m = 0.05f;         // surface this much farther was occluded
+constexpr std::uint16_t kMostReadings = 512;  // limit of the running mean, to follow slow drift
 constexpr int kQuick = 8, kSlow = 60;         // captures to learn
-constexpr std::uint64_t kStart = 40;          // captures in which all is learnt quickly
-constexpr int kContradicts = 5;               // farther readings that agree
-constexpr std::uint16_t kAgainstDoubt = 4;    // captures without a reading that one outweighs
-constexpr double kLeastRegion = 30;           // pixels that change together, at 640x576
-constexpr std::uint8_t kHandOver = 10;        // captures until the merger shows what is still
-// Captures from one look at the still picture to the next: in which only what is gone or elsewhere
-// counts, in which all does, and in which what is small does, too, and the picture is refined. The
-// first look is late enough for plates of what is learnt at first.
+constexpr std::uint64_t kStart = 40;          // captures of quick learning at the start
+constexpr int kContradicts = 5;               // farther readings that agree to contradict the model
+constexpr std::uint16_t kAgainstDoubt = 4;  // captures without depth that one valid depth outweighs
+constexpr double kLeastRegion = 30;         // pixels that change together, at 640x576
+constexpr std::uint8_t kHandOver = 10;      // captures until the merger shows the still surface
+// Intervals in captures between checks for updates of the still picture: kLookEvery for surface
+// that disappeared or moved, kFreezeEvery also for new surface, kRefineEvery also for small regions
+// and refinement. The first check, at kLookAt, is late enough for clean plates of the surface
+// learnt at the start.
 constexpr std::uint64_t kLookEvery = 8, kLookAt = 4, kFreezeEvery = 32, kRefineEvery = 512;
-constexpr int kRefineTurns = 2;         // at the start cubes are refined in so many turns
-constexpr std::uint8_t kRestless = 60;  // captures in which nothing was learnt
+constexpr int kRefineTurns = 2;         // at the start, cubes are refined in this many turns
+constexpr std::uint8_t kRestless = 60;  // captures without learning until a pixel counts as noisy
 constexpr double kWorthRefining_m = 0.0005, kWorthRefining_sigmas = 0.17;
-constexpr double kWorthRefining_voxels = 0.15;  // after the start: what is sent is sent again
-constexpr double kYoung_s = 60;                 // absorbed surface that may go back as a whole
+constexpr double kWorthRefining_voxels = 0.15;  // after the start: a refined chunk is sent again
+constexpr double kYoung_s = 60;  // absorbed objects younger than this may be released
 constexpr int kPushedFor = 5;
 
 /// Difference between still() and the model in one cube.
 struct CubeChange {
-  int differs = 0;              ///< pixels that came, went or lie elsewhere
-  int refinable = 0, held = 0;  ///< pixels read three times as often; all that it shows
-  double moved2_m2 = 0;         ///< sum over the refinable
-  double sigma2_m2 = 0;         ///< the same of their noise
+  int differs = 0;              ///< pixels that appeared, disappeared or moved
+  int refinable = 0, held = 0;  ///< pixels with three times the readings; all pixels
+  double moved2_m2 = 0;         ///< sum of squared differences of refinable pixels
+  double sigma2_m2 = 0;         ///< sum of their squared noise
 };
 
 /// Whether a value is a possible depth.
@@ -130,7 +131,7 @@ BackgroundUpdate Background::update(const ImageDepth& depth, bool is_sent) {
 void Background::measure_noise(const ImageDepth& depth) {
   constexpr std::size_t kEvery = 29, kEnough = 100;
   constexpr double kShare = 0.3;
-  constexpr float kOfSigma = 0.3853f * 1.4142f;  // what 0.3 of the differences of two stay below
+  constexpr float kOfSigma = 0.3853f * 1.4142f;  // 30th percentile of |difference| of two Gaussians
   constexpr float kFollows = 0.1f;
   if (previous_.empty()) return;
   std::vector<float> change;
@@ -166,15 +167,15 @@ void Background::note_candidate(float depth, bool farther, PixelModel& known,
                                 PixelModelDetail& detail) const {
   Surface& c = detail.candidate;
   const bool any = known.has_candidate;
-  const float band = band_m(depth);  // as wide as the spread of a reading and a mean of a few
+  const float band = band_m(depth);  // combined spread of a reading and a mean of few
   const float wide = band * std::sqrt(1 + 1 / static_cast<float>(std::max<int>(c.count, 1)));
   if (any && known.is_farther == farther && std::abs(depth - c.mean) <= wide) {
     if (c.count < 65535) ++c.count;
     c.mean += (depth - c.mean) / static_cast<float>(std::min(c.count, kMostReadings));
     return;
   }
-  if (any && known.count == 0 && c.count > 1) {          // two that disagree outweigh one
-    c.count = std::min<std::uint16_t>(c.count, kQuick);  // who stood there for long is gone
+  if (any && known.count == 0 && c.count > 1) {          // two disagreeing readings cancel one
+    c.count = std::min<std::uint16_t>(c.count, kQuick);  // a long-lived candidate fades quickly
     known.was_missed = !known.was_missed;
     if (known.was_missed || --c.count > 1) return;
   }
@@ -335,7 +336,7 @@ std::optional<ConnectedComponents> Background::candidates(int beside, int sure,
 
 /// Forgets pixels where so many farther depths agree that the object there must be gone.
 void Background::forget_contradicted() {
-  constexpr int kBeside = 2;  // readings that count beside those
+  constexpr int kBeside = 2;  // readings of the weaker pixels of a region
   if (!any_contradicted_) return;
   const auto regions =
       candidates(kBeside, kContradicts, [](const PixelModel& k) { return k.is_farther; });
@@ -408,7 +409,7 @@ void Background::absorb_what_stopped() {
   regions->for_each_pixel(width_, [&](std::size_t i, std::uint32_t region) {
     const auto [at, is_new] = number.try_emplace(region, std::uint16_t{0});
     if (is_new) at->second = new_region();
-    if (at->second == 0) return;  // more than there are numbers
+    if (at->second == 0) return;  // all region numbers are in use
     PixelModel& known = models_[i];
     PixelModelDetail& detail = details_[i];
     if (!known.is_absorbed) detail.base = {known.mean, known.count};
@@ -421,7 +422,7 @@ void Background::absorb_what_stopped() {
   });
 }
 
-// --- what comes out
+// --- results
 
 /// Whether the mean over a pixel's neighbourhood is nearer than the background: less noisy than one
 /// pixel, so that feet are distinguished from the floor.

@@ -14,35 +14,35 @@
 namespace mr::still {
 
 struct BackgroundConfig {
-  Precision precision;    ///< of the sensor; noise may be up to four times that
+  Precision precision;    ///< of the sensor; the actual noise may be up to 4 times as large
   double fps = 30;        ///< captures per second
-  double after_s = 5;     ///< what stopped moving becomes background after so long
+  double after_s = 5;     ///< seconds after which an object that stopped becomes background
   double chunk_m = 1.28;  ///< edge of the cubes by which still() is refined
-  double voxel_m = 0.01;  ///< of the fusion; smaller differences are not worth refining
+  double voxel_m = 0.01;  ///< of fusion; limits what differences are refined
 };
 
 /// The segmentation of one capture.
 struct BackgroundUpdate {
   ImageMask moving;            ///< [H, W] foreground: must be reconstructed from this capture
-  ImageMask foreign;           ///< [H, W] the part of it that is known not to be background
-  ImageMask confirmed;         ///< [H, W] this capture measures the background here
+  ImageMask foreign;           ///< [H, W] the part of `moving` known not to be background
+  ImageMask confirmed;         ///< [H, W] pixels whose depth agrees with still()
   bool still_changed = false;  ///< Background::still() has changed
-  bool was_reset = false;      ///< most of the model is wrong: the camera was moved
+  bool was_reset = false;      ///< the model was reset: the camera was moved
 };
 
-/// Background subtraction for the depth pictures of a static sensor (DESIGN section 9). The
-/// background model holds for each pixel the depth of the surface that stays, learnt from captures
-/// that agree, and of an object that stopped in front of it ("absorbed" into the background). It
-/// counts captures and never reads a clock, so the same captures give the same bytes. It needs
-/// every capture, also those that are not reconstructed. The states of a pixel:
+/// Background subtraction for the depth pictures of a static sensor (docs/layers.md). The
+/// background model of a pixel is the depth of the permanent surface (base), learnt from captures
+/// that agree, and that of an object that stopped in front of it ("absorbed" into the background).
+/// Time is counted in captures, without a clock, so the same captures give the same bytes. The
+/// model needs every capture, also those that are not reconstructed. The states of a pixel:
 ///
-///   unknown ──8 captures agree (the start; just uncovered), 60 or after_s else──▶ base
-///   base ──5 farther captures agree, 30 pixels together──▶ unknown, and learnt anew
+///   unknown ──8 captures agree (the first 40 captures; just uncovered), 60 otherwise──▶ base
+///   base ──5 farther captures agree, 30 pixels together──▶ unknown, to be learnt again
 ///   base ──nearer for after_s──▶ absorbed in front of it ──moves again──▶ base
-///   unknown ──16 captures without a reading, nothing moves──▶ blank: as if infinitely far
-///   blank ──read for after_s──▶ absorbed in front of it
-///   base ──no reading for long, nothing moves──▶ blank: who stood there is gone
-///   blank ──8 captures agree with what was there before──▶ base
+///   unknown ──16 captures without depth, nothing moves──▶ blank: unmeasurable, treated as far
+///   blank ──depth agrees for after_s──▶ absorbed in front of it
+///   base ──no depth for long, nothing moves──▶ blank: the object there is gone
+///   blank ──8 captures agree with the former base──▶ base
 ///
 /// `still()` is a frozen copy of the model: its pixels change only in regions that appeared or
 /// disappeared or, seldom, all together in a cube, so that the chunks of the still surface rarely
@@ -64,11 +64,11 @@ class Background {
   /// Depth of the background, 0 where it is unknown.
   const ImageDepth& still() const { return still_; }
 
-  /// Noise of the depth as a multiple of `precision`, from the median change between captures; 1
-  /// .. 4.
+  /// Noise of the depth as a multiple of `precision`, 1 .. 4, estimated from the 30th percentile of
+  /// the changes between captures.
   float noise() const { return noise_; }
   std::uint64_t captures() const { return captures_; }
-  /// Whether most of the model is still unknown.
+  /// Whether the model is in its first captures and mostly unknown.
   bool is_new() const;
 
  private:
@@ -78,34 +78,33 @@ class Background {
     std::uint16_t count = 0;  ///< 0: none
   };
   /// The state of a pixel: the background, or the object absorbed in front of it. Compact, as every
-  /// capture reads all of them.
+  /// capture reads the models of all pixels.
   struct PixelModel {
     float mean = 0;
-    std::uint16_t count = 0;  ///< readings; 0: nothing is known
-    /// Captures that agree since still_ holds what is known, up to kHandOver; nothing known:
-    /// captures in which nothing was learnt, up to kRestless.
+    std::uint16_t count = 0;  ///< readings in the mean; 0: unknown or blank
+    /// Known: captures that agree since still_ has this depth, up to kHandOver. Unknown: captures
+    /// in which nothing was learnt, up to kRestless.
     std::uint8_t age = 0;
     bool is_absorbed : 1 = false;
     bool has_candidate : 1 = false;
-    bool is_farther : 1 = false;     ///< the candidate lies behind what is known
-    bool was_uncovered : 1 = false;  ///< nothing known: what was in front has just left
-    bool was_missed : 1 = false;     ///< nothing known: the last reading disagreed
-    bool is_blank : 1 = false;       ///< the room cannot be measured there
+    bool is_farther : 1 = false;     ///< the candidate lies behind the model
+    bool was_uncovered : 1 = false;  ///< unknown: an object in front has just left
+    bool was_missed : 1 = false;     ///< unknown: the last reading disagreed
+    bool is_blank : 1 = false;       ///< the background has no measurable depth
     bool is_doubted : 1 = false;     ///< PixelModelDetail::doubt is not 0
   };
   /// State that only some pixels use.
   struct PixelModelDetail {
-    Surface base;              ///< the background behind an absorbed object; blank: the one before
+    Surface base;              ///< the background behind an absorbed object; blank: the former base
     Surface candidate;         ///< recent depths that agree with each other but not with the model
     std::uint16_t region = 0;  ///< of an absorbed object: index into regions_
-    std::uint16_t frozen_count = 0;  ///< readings behind still_
-    /// Captures of late without a reading, though nothing moves there, less kAgainstDoubt for each
-    /// reading.
+    std::uint16_t frozen_count = 0;  ///< readings in the mean that still_ holds
+    /// Recent captures without depth and without motion, minus kAgainstDoubt for each valid depth.
     std::uint16_t doubt = 0;
   };
   struct AbsorbedRegion {
     std::uint32_t pixels = 0;
-    std::uint64_t since = 0;  ///< capture
+    std::uint64_t since = 0;  ///< number of the capture
   };
   enum class Reading : std::uint8_t { none, agrees, nearer, farther, unknown };
 
@@ -157,13 +156,13 @@ class Background {
   ImageDepth still_, previous_;
   std::vector<AbsorbedRegion> regions_;  ///< [id], 0: none
   std::uint64_t captures_ = 0;
-  int pushed_for_ = 0;   ///< captures in a row in which most disagreed
-  bool is_sent_ = true;  ///< the capture at hand
+  int pushed_for_ = 0;   ///< consecutive captures in which most pixels disagreed
+  bool is_sent_ = true;  ///< of the current capture
   float noise_ = 1;
-  // Of this capture:
+  // Of the current capture:
   bool any_contradicted_ = false, any_stopped_ = false;  ///< pixels
-  bool drops_out_ = false;                               ///< far fewer than usual are read
-  double usually_read_ = 0;                              ///< pixels, slow mean
+  bool drops_out_ = false;   ///< a dropout: far fewer valid pixels than usual
+  double usually_read_ = 0;  ///< valid pixels, slow running mean
 };
 
 }  // namespace mr::still

@@ -6,7 +6,8 @@
 namespace mr::still {
 namespace {
 
-/// The first span of a region; of each, `region` is the place of another one until all are known.
+/// Union-find: the index of the first run of a region. While labelling, Run::region is the index of
+/// the parent run.
 std::uint32_t root_of(std::vector<Run>& runs, std::uint32_t s) {
   while (runs[s].region != s) s = runs[s].region = runs[runs[s].region].region;
   return s;
@@ -28,7 +29,7 @@ int next_set(const std::uint8_t* row, int x, int end) {
 ConnectedComponents connected_components(const ImageMask& mask) {
   ConnectedComponents out;
   std::vector<Run>& runs = out.runs;
-  std::size_t above = 0, above_end = 0;  // the runs of the row before
+  std::size_t above = 0, above_end = 0;  // range of the runs of the previous row
   for (int y = 0; y < mask.height; ++y) {
     const std::uint8_t* const row = mask.row(y);
     const std::size_t begin = runs.size();
@@ -44,7 +45,7 @@ ConnectedComponents connected_components(const ImageMask& mask) {
     }
     above = begin, above_end = runs.size();
   }
-  std::vector<std::uint32_t> number(runs.size());  // a root stands before the others
+  std::vector<std::uint32_t> number(runs.size());  // a region's root is its first run
   for (std::uint32_t s = 0; s < runs.size(); ++s) {
     const std::uint32_t root = root_of(runs, s);
     if (root == s)

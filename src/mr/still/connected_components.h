@@ -10,7 +10,7 @@ namespace mr::still {
 /// A run: consecutive pixels of one row, [first, end).
 struct Run {
   int y, first, end;
-  std::uint32_t region;  ///< place in ConnectedComponents::pixels
+  std::uint32_t region;  ///< index into ConnectedComponents::pixels
 };
 
 /// The 8-connected components of a mask, as runs (run-based labelling with union-find).

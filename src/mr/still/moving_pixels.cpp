@@ -9,11 +9,11 @@
 namespace mr::still {
 namespace {
 
-constexpr double kLeastPixels = 100;  // of a region, at 640x576
-constexpr double kLeastCore = 12;     // pixels all around which is strong
-constexpr int kReach_px = 24;         // of what comes along
+constexpr double kLeastPixels = 100;  // least size of a region, at 640x576
+constexpr double kLeastCore = 12;     // pixels of a region whose whole neighbourhood is strong
+constexpr int kReach_px = 24;         // how far weak pixels extend a region
 
-/// Whether all around a pixel is strong.
+/// Whether all neighbours of a pixel are strong (erosion).
 bool is_core(const ImageMask& strong, int x, int y) {
   for (int v = std::max(y - 1, 0); v <= std::min(y + 1, strong.height - 1); ++v)
     for (int u = std::max(x - 1, 0); u <= std::min(x + 1, strong.width - 1); ++u)
@@ -34,8 +34,8 @@ ImageMask large_regions(const ImageMask& strong, double scale) {
   return out;
 }
 
-/// Adds the pixels that satisfy `joins(x, y)` and lie within reach of the mask through others that
-/// do.
+/// Region growing: adds the pixels that satisfy `joins(x, y)` and are connected to the mask by such
+/// pixels within kReach_px.
 template <typename Joins>
 void grow(ImageMask& mask, const Joins& joins) {
   std::vector<std::pair<int, int>> front, next;

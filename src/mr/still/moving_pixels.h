@@ -6,14 +6,14 @@
 
 namespace mr::still {
 
-/// The moving regions of a depth picture (DESIGN section 9), by hysteresis thresholding: connected
+/// The moving regions of a depth picture (docs/layers.md), by hysteresis thresholding: connected
 /// components of `strong` pixels that are large enough, weak pixels beside them, and pixels without
 /// depth that touch either. Scattered pixels are noise and do not count.
 ///   strong    clearly nearer than the background, or the background is unknown
-///   no_depth  no valid depth: hair and dark clothes have such holes, which filtering fills later
+///   no_depth  no valid depth: holes of hair and dark clothes, which the depth filter fills later
 ///   if
 ///             they are part of a moving region
-///   is_weak   (x, y): whether a pixel counts beside strong ones, such as feet on the floor
+///   is_weak   (x, y): whether a pixel joins adjacent strong ones, such as feet on the floor
 ///   scale     pixels of the picture / (640 · 576)
 ImageMask moving_regions(const ImageMask& strong, const ImageMask& no_depth,
                          const std::function<bool(int, int)>& is_weak, double scale);

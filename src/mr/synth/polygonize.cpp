@@ -11,7 +11,7 @@ namespace mr::synth {
 namespace {
 
 constexpr std::uint32_t kNone = 0xFFFFFFFFu;
-constexpr int kBlock = 4;  // nodes per side that one look at the distance may settle
+constexpr int kBlock = 4;  // nodes per side that one evaluation of the distance may decide
 constexpr double kSteepest = 1.4;
 constexpr int kRelaxRounds = 4;
 

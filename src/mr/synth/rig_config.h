@@ -10,7 +10,7 @@
 
 namespace mr::synth {
 
-/// Something that happens in a synthetic rig, told by the rig's captures: its frames 0, 1, …, again
+/// An event in a synthetic rig, timed by the rig's captures: its frames 0, 1, …, again
 /// from 0 where it loops. Which fields count follows from the kind.
 struct RigEvent {
   enum class Kind {
@@ -38,14 +38,14 @@ struct RigEvent {
   static constexpr Range kAt{0, 1'000'000}, kFrames{1, 1'000'000}, kPlace_m{-25, 25},
       kBy_m{0.05, 5}, kBy_mm{0, 1000}, kBy_deg{0, 90}, kLevel{0, 1}, kStops{-4, 4},
       kPeriod_s{0.1, 3600};
-  /// What is impossible in it, a line each.
+  /// The invalid fields, one line each; empty: valid.
   std::vector<std::string> problems() const;
   friend bool operator==(const RigEvent&, const RigEvent&) = default;
 };
 
 /// How long an event of a scene file without `frames` takes, in captures.
 int usual_frames(RigEvent::Kind kind);
-/// The word of a scene file for a kind.
+/// The name of a kind in scene files.
 const char* name_of(RigEvent::Kind kind);
 
 /// A synthetic rig in place of `sensors`. Errors are drawn from the seed, one set per sensor.
@@ -69,7 +69,7 @@ struct RigConfig {
   double calib_error_deg = 0;     ///< and turned by so much, about some axis
   double exposure_spread =
       0;  ///< stops: exposure is off by up to ± this, red and blue by a quarter
-  double clock_offset_ms = 0;  ///< each clock is off by up to ± this; the stated times do not tell
+  double clock_offset_ms = 0;  ///< each clock is off by up to ± this, unknown to the receivers
   double detail = 0.5;         ///< texture contrast and clutter, 0..1
   int frames = 300;            ///< the source ends, or starts again, after so many
   bool loop = false;           ///< start again; then motion repeats after `frames`
@@ -79,7 +79,7 @@ struct RigConfig {
       kColor{16, 8192}, kDepthNoise{0, 100}, kDepthNoise_px{0, 16}, kColorNoise{0, 64},
       kExposure{0, 4}, kExposurePeriod_s{0.1, 36'000}, kCalibError_mm{0, 1000},
       kCalibError_deg{0, 90}, kClockOffset_ms{0, 10'000}, kDetail{0, 1}, kFrames{1, 1'000'000};
-  /// What is impossible in it, a line each.
+  /// The invalid fields, one line each; empty: valid.
   std::vector<std::string> problems() const;
   /// The ids of its sensors, in order.
   std::vector<std::string> sensor_ids() const;

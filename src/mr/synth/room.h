@@ -80,7 +80,7 @@ std::uint64_t rig_key(const RigConfig& rig, double fps);
 /// The cache of a rig's rendered pictures.
 struct RigCache {
   std::filesystem::path folder;  ///< of all rigs; empty: nothing is kept
-  /// When set, open_rig() renders what the cache lacks before it returns and tells how far it is;
+  /// When set, open_rig() renders what the cache lacks before it returns and reports progress;
   /// else frames are kept as they are read.
   std::function<void(int done, int of)> progress;
 };

@@ -252,7 +252,7 @@ void ShotCache::add(std::uint32_t frame, const Shot& shot) {
     return;
   if (!write_at(descriptor_, end_, bytes)) {
     budget_ = 0;  // the disk is full: no more of this
-    // Where that fails, whoever locks it next cuts it off.
+    // On failure the next process that locks the file truncates it.
     [[maybe_unused]] const int cut = ::ftruncate(descriptor_, static_cast<off_t>(end_));
     return;
   }

@@ -175,7 +175,7 @@ bool read_secret_source(MapReader& map, const std::string& key, SecretSource& ou
     return refuse(node->line, std::string(" must not stand in the scene file; ") + kWrite);
   MapReader source(map.report, *node, key);
   const bool env = source.has("env"), file = source.has("file");
-  if (node->kind != Node::Kind::map) return false;  // told
+  if (node->kind != Node::Kind::map) return false;  // already reported
   if (env == file)
     return refuse(map.line(key), std::string(" needs either env or file; ") + kWrite);
   std::string text;

@@ -18,24 +18,24 @@ namespace mr::yaml {
 /// where no problem was reported.
 struct FileList {
   std::vector<std::filesystem::path> paths;
-  std::vector<int> lines;  ///< [paths] where each is named
+  std::vector<int> lines;  ///< [paths] line of each
   bool is_pattern = false;
-  std::map<std::size_t, Error> unusable;  ///< some of the paths, and what is wrong with each
+  std::map<std::size_t, Error> unusable;  ///< index of an unusable path → its error
 };
 
-/// A list, one name or a pattern.
+/// Reads a list, one name or a pattern.
 std::optional<FileList> read_files(Report& report, const Node& node, const std::string& name);
-/// One name.
+/// Reads one name.
 std::optional<FileList> read_one_file(Report& report, const Node& node, const std::string& name);
 /// The same from a mapping that holds pattern, first and last.
 std::optional<FileList> read_pattern(MapReader& map, const std::string& name);
 
-/// Notes what of a list cannot be used, where the rest can; `key`: in the scene, such as
+/// Reports the unusable files of a list of which the rest can be used; `key`: in the scene, such as
 /// "sensors.cam-0.source.depth".
 void tell_unusable(Report& report, const FileList& list, const std::string& key);
 
-/// Where a secret stands: {env: NAME} or {file: PATH}. Whether it is there is not looked at: each
-/// node of a scene has only its own. False where the key is missing or wrong.
+/// Reads the location of a secret: {env: NAME} or {file: PATH}. Its existence is not checked, as
+/// each node of a scene has only its own secrets. False: the key is missing or wrong.
 bool read_secret_source(MapReader& map, const std::string& key, SecretSource& out);
 
 }  // namespace mr::yaml

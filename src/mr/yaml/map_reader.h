@@ -16,48 +16,47 @@
 #include "mr/yaml/problem.h"
 #include "mr/yaml/tree.h"
 
-/// Typed access to the YAML tree that notes every problem and goes on.
+/// Typed access to the YAML tree that records every problem and continues.
 namespace mr::yaml {
 
-/// Collects what is wrong with one file.
+/// Collects the problems of one file.
 class Report {
  public:
-  /// `options`: what was set beside the file.
+  /// `options`: the values of --set.
   Report(std::filesystem::path file, std::vector<std::string> options)
       : file_(std::move(file)), options_(std::move(options)) {}
 
   void problem(int line, std::string message);
   void notice(int line, std::string message);
-  /// An environment variable that a text needs is not set; told once for all texts that do.
+  /// Reports that an environment variable is not set; once per variable.
   void unset_variable(int line, const std::string& name);
-  /// `count` files that are not there, which `message` tells; `first` is one of them and `written`
-  /// how the scene file names it. What is said of several such within one missing folder becomes
-  /// one problem about the folder.
+  /// Reports `count` missing files with `message`; `first` is one of them, `written` its name in
+  /// the scene file. Several reports about one missing folder become one problem about the folder.
   void missing_files(int line, std::string message, const std::filesystem::path& first,
                      std::size_t count, const std::string& written);
-  bool full() const;  ///< no further problem will be listed
+  bool full() const;  ///< the limit of listed problems is reached
 
-  /// The "line" of what option i set; below 0.
+  /// The pseudo line number of option i; negative.
   int line_of_option(std::size_t i) const {
     return static_cast<int>(i) - static_cast<int>(options_.size());
   }
 
-  /// A path of the file, which is relative to the file's own folder.
+  /// Resolves a path relative to the file's own folder.
   std::filesystem::path resolve(const std::string& path) const;
-  /// Whether `count` more files may be looked at; bounds the work that a small file can ask for.
+  /// Whether `count` more files may be checked: bounds the work that a small scene file can cause.
   bool spend_files(std::size_t count);
 
-  /// Moves out what was found, by line.
+  /// Moves out the problems, or notices, sorted by line.
   std::vector<Problem> take_problems();
   std::vector<Problem> take_notices();
 
  private:
   std::vector<Problem> by_line(std::vector<Problem> list) const;
 
-  /// What is missing in one folder that does not exist.
+  /// The files missing in one folder that does not exist.
   struct MissingFolder {
-    int line = 0;         ///< of the first
-    std::string message;  ///< of the first
+    int line = 0;         ///< of the first file
+    std::string message;  ///< of the first file
     std::string remedy;   ///< may be empty
     std::size_t told = 0, files = 0;
   };
@@ -70,7 +69,7 @@ class Report {
   std::size_t files_ = 0;
 };
 
-/// " (first in line 7)"; empty for what stands in no line.
+/// " (first in line 7)"; empty: not in the file.
 std::string first_in(int line);
 
 /// A scalar with ${NAME} and ${NAME:-default} expanded.
@@ -85,8 +84,9 @@ bool is_variable_name(std::string_view name);
 /// A text of the form [A-Za-z0-9_-]{1,64}; a wrong one is reported and still returned.
 std::optional<std::string> read_id(Report& report, const Node& node, const std::string& name);
 
-/// One mapping. Doubled keys are reported at once, keys that nobody asked for in the destructor.
-/// The getters return whether the key holds a usable value; else the output stays as it was.
+/// Reads one mapping. Duplicate keys are reported at once, unknown keys (never read) in the
+/// destructor. The getters return whether the key has a usable value; else the output is not
+/// changed.
 class MapReader {
  public:
   MapReader(Report& report, const Node& node, std::string name);
@@ -97,10 +97,10 @@ class MapReader {
   const Node* find(const std::string& key);
   /// As find, but a missing key is a problem.
   const Node* need(const std::string& key);
-  /// No key of this mapping is unknown.
+  /// Disables the report of unknown keys.
   void accept_all() { accept_all_ = true; }
   bool has(const std::string& key) { return find(key) != nullptr; }
-  /// Tells that a key is accepted and changes nothing.
+  /// Reports, as a notice, that a key is accepted but has no effect.
   void not_acted_on(const std::string& key, const std::string& what);
   int line() const { return node_.line; }
   int line(const std::string& key) const;  ///< of the key; of the mapping where it is missing
@@ -113,7 +113,7 @@ class MapReader {
   bool numbers(const std::string& key, Range range, std::span<double> out);
   /// A list of two whole numbers.
   bool size(const std::string& key, Range range, int& first, int& second);
-  /// One of the words; `out` becomes what stands beside it.
+  /// One of the words; sets `out` to the value beside it.
   template <typename T>
   bool choice(const std::string& key, T& out,
               std::initializer_list<std::pair<const char*, T>> choices);

@@ -14,7 +14,7 @@ constexpr double kLeastArea_m2 = 0.005;      // of places that touch each other
 constexpr double kTolerances = 3;            // so many times what may be one surface lies beyond
 constexpr int kAround_px = 2;                // of the other's view
 constexpr double kNear_voxels = 10;          // of a tile: what is one thing
-constexpr std::uint64_t kDisputeTurns = 64;  // updates until all tiles were looked at for disputes
+constexpr std::uint64_t kDisputeTurns = 64;  // updates to check all tiles once for disputes
 
 /// Area of a tile at a depth.
 double area_m2(const StillSurfaceMask::SensorView& own, int tile_px, double depth_m) {

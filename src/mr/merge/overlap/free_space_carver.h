@@ -13,7 +13,7 @@
 
 namespace mr::merge {
 
-/// Space carving for the still surface (DESIGN section 9, The merger): removes surface that its own
+/// Space carving for the still surface (docs/layers.md, The merger): removes surface that its own
 /// sensor cannot see at present, because it is occluded, while another sensor sees through its
 /// place: the object was carried away behind an occluder. Decided per tile of the own sensor's
 /// depth picture. Only another sensor's still surface farther away is evidence of free space;

@@ -19,7 +19,7 @@
 namespace mr::merge {
 namespace {
 
-constexpr std::size_t kVerticesAtOnce = 2048;  // vertices that are looked at together
+constexpr std::size_t kVerticesAtOnce = 2048;  // vertices per parallel task
 constexpr double kCell_voxels = 16;            // of the quality grid
 constexpr float kFirstWins = 1.001f;           // of two about equally good measurements
 constexpr float kClear = 0.8f;         // of another's quality: worse than that beside it, too

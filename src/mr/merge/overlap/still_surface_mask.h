@@ -12,8 +12,8 @@
 
 namespace mr::merge {
 
-/// Removes those parts of the moving surface that coincide with the still surface (DESIGN section
-/// 9, The merger), as both would be drawn and z-fight. Tested against low-resolution depth maps of
+/// Removes those parts of the moving surface that coincide with the still surface (docs/layers.md,
+/// The merger), as both would be drawn and z-fight. Tested against low-resolution depth maps of
 /// the still surface from every sensor.
 class StillSurfaceMask {
  public:

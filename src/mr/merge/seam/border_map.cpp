@@ -11,7 +11,7 @@ namespace mr::merge {
 namespace {
 
 constexpr float kMostSamples = 4096;        // of one edge
-constexpr std::size_t kEdgesAtOnce = 4096;  // edges that are looked at together
+constexpr std::size_t kEdgesAtOnce = 4096;  // edges per parallel task
 constexpr std::uint32_t kSeveral = 0xFFFFFFFFu;
 
 }  // namespace

@@ -1,4 +1,4 @@
-#include "mr/gateway/front_door.h"
+#include "mr/gateway/access_policy.h"
 
 #include <gtest/gtest.h>
 
@@ -84,14 +84,14 @@ TEST(Certificate, WhatDoesNotFitIsRefused) {
   EXPECT_NE(message("missing", "b.key"), "");
 }
 
-TEST(FrontDoor, BeyondThisMachineItNeedsTlsAndTokensUnlessOpen) {
+TEST(AccessPolicy, BeyondThisMachineItNeedsTlsAndTokensUnlessOpen) {
   test::TempDir folder;
   folder.write("tokens", "0123456789abcdef");
   std::filesystem::permissions(folder / "tokens", std::filesystem::perms(0600));
   GatewayConfig config;
   const auto message = [&] {
-    const auto door = FrontDoor::open(config, folder.path());
-    return door ? "" : door.error().message;
+    const auto policy = AccessPolicy::open(config, folder.path());
+    return policy ? "" : policy.error().message;
   };
   for (const char* loopback : {"127.0.0.1:8080", "[::1]:8080", "localhost:0", "127.0.0.9:1"}) {
     config.listen = loopback;
@@ -114,27 +114,27 @@ TEST(FrontDoor, BeyondThisMachineItNeedsTlsAndTokensUnlessOpen) {
   }
 }
 
-TEST(FrontDoor, SaysWhatIsWrongWithTokensAndCertificates) {
+TEST(AccessPolicy, SaysWhatIsWrongWithTokensAndCertificates) {
   test::TempDir folder;
   GatewayConfig config;
   config.tokens.env = "MR_NO_SUCH_TOKENS";
-  auto door = FrontDoor::open(config, folder.path());
-  ASSERT_FALSE(door);
-  EXPECT_TRUE(door.error().message.starts_with("gateway.tokens: ")) << door.error().message;
+  auto policy = AccessPolicy::open(config, folder.path());
+  ASSERT_FALSE(policy);
+  EXPECT_TRUE(policy.error().message.starts_with("gateway.tokens: ")) << policy.error().message;
   ::setenv("MR_TEST_TOKENS", "short", 1);
   config.tokens.env = "MR_TEST_TOKENS";
-  door = FrontDoor::open(config, folder.path());
-  ASSERT_FALSE(door);
-  EXPECT_NE(door.error().message.find("MR_TEST_TOKENS"), std::string::npos);
-  EXPECT_EQ(door.error().message.find("short"), std::string::npos);
+  policy = AccessPolicy::open(config, folder.path());
+  ASSERT_FALSE(policy);
+  EXPECT_NE(policy.error().message.find("MR_TEST_TOKENS"), std::string::npos);
+  EXPECT_EQ(policy.error().message.find("short"), std::string::npos);
   config.tokens = {};
   config.tls = TlsConfig{folder / "no.crt", folder / "no.key"};
-  door = FrontDoor::open(config, folder.path());
-  ASSERT_FALSE(door);
-  EXPECT_TRUE(door.error().message.starts_with("gateway.tls: ")) << door.error().message;
+  policy = AccessPolicy::open(config, folder.path());
+  ASSERT_FALSE(policy);
+  EXPECT_TRUE(policy.error().message.starts_with("gateway.tls: ")) << policy.error().message;
 }
 
-TEST(FrontDoor, PrintsAnAddressThatOthersCanOpen) {
+TEST(AccessPolicy, PrintsAnAddressThatOthersCanOpen) {
   GatewayConfig config;
   EXPECT_EQ(urls_of(config, 8080).front(), "http://127.0.0.1:8080");
   config.listen = "[::1]:0";

@@ -1,4 +1,4 @@
-#include "mr/gateway/front_door.h"
+#include "mr/gateway/access_policy.h"
 
 #include "mr/net/address.h"
 #include "mr/net/local_addresses.h"
@@ -10,7 +10,7 @@ constexpr const char* kLoopback[] = {"localhost", "127.0.0.1", "::1"};
 
 bool is_any(const std::string& host) { return host == "0.0.0.0" || host == "::"; }
 
-/// This machine's addresses that a socket on `host` listens on.
+/// Those addresses of this machine that a socket on the wildcard address `host` listens on.
 std::vector<std::string> addresses_of(const std::string& host) {
   std::vector<std::string> out = net::local_addresses();
   if (host == "0.0.0.0")
@@ -18,13 +18,13 @@ std::vector<std::string> addresses_of(const std::string& host) {
   return out;
 }
 
-/// The host that is listened on where it is one name or address.
+/// The host that the gateway listens on; empty: all addresses.
 std::string listened_name(const GatewayConfig& config) {
   const auto listens = net::parse_address(config.listen);
   return listens && !is_any(listens->host) ? listens->host : "";
 }
 
-/// What the gateway answers for, as WebConfig::hosts wants it.
+/// The host names that the gateway answers for, in the form of WebConfig::hosts.
 std::vector<std::string> hosts_of(const GatewayConfig& config) {
   const std::string name = listened_name(config);
   if (!config.hosts.empty() || name.empty() || net::is_loopback(config.listen)) return config.hosts;
@@ -33,7 +33,7 @@ std::vector<std::string> hosts_of(const GatewayConfig& config) {
   return hosts;
 }
 
-/// All names that somebody may open the gateway by.
+/// All host names and addresses by which a viewer may open the gateway.
 std::vector<std::string> names_of(const GatewayConfig& config) {
   std::vector<std::string> names = hosts_of(config);
   if (!names.empty()) return names;
@@ -55,45 +55,45 @@ Result<std::optional<net::Certificate>> certificate_of(const GatewayConfig& conf
 
 }  // namespace
 
-Result<FrontDoor> FrontDoor::open(const GatewayConfig& config,
-                                  const std::filesystem::path& state_folder) {
+Result<AccessPolicy> AccessPolicy::open(const GatewayConfig& config,
+                                        const std::filesystem::path& state_folder) {
   const bool is_beyond = !net::is_loopback(config.listen);
   if (is_beyond && !config.open && (!config.tls || config.tokens.empty()))
     return Error{Error::Cause::invalid,
                  "gateway: listening on " + config.listen +
                      " lets other machines in: give it 'tls' and 'tokens', or 'open: true' on a "
                      "network that you trust (docs/security.md)"};
-  FrontDoor door;
-  door.hosts = hosts_of(config);
+  AccessPolicy policy;
+  policy.hosts = hosts_of(config);
   auto certificate = certificate_of(config, state_folder);
   if (!certificate) return certificate.error();
-  door.certificate = *std::move(certificate);
-  if (door.certificate) {
-    if (const auto print = net::fingerprint(*door.certificate))
-      door.notices.push_back("TLS certificate, SHA-256 fingerprint " + *print);
-    if (const auto why = net::expiry_warning(*door.certificate); !why.empty())
-      door.notices.push_back(why);
+  policy.certificate = *std::move(certificate);
+  if (policy.certificate) {
+    if (const auto print = net::fingerprint(*policy.certificate))
+      policy.notices.push_back("TLS certificate, SHA-256 fingerprint " + *print);
+    if (const auto why = net::expiry_warning(*policy.certificate); !why.empty())
+      policy.notices.push_back(why);
   }
-  if (config.tokens.empty()) return door;
+  if (config.tokens.empty()) return policy;
   const auto text = read_secret(config.tokens);
   if (!text) return Error{text.error().cause, "gateway.tokens: " + text.error().message};
   auto tokens = Tokens::parse(*text);
   if (!tokens)
     return Error{Error::Cause::invalid,
                  "gateway.tokens: " + to_string(config.tokens) + ": " + tokens.error().message};
-  door.tokens = *std::move(tokens);
-  return door;
+  policy.tokens = *std::move(tokens);
+  return policy;
 }
 
-net::WebConfig web_config(const GatewayConfig& config, const FrontDoor& door,
+net::WebConfig web_config(const GatewayConfig& config, const AccessPolicy& policy,
                           const std::filesystem::path& page) {
   constexpr int kConnectionsPerViewer = 4;         // a page's files, and the stream
   constexpr std::size_t kMaxMessage = 128u << 10;  // bytes; the longest request is a little shorter
   net::WebConfig web;
   web.listen = config.listen;
   web.root = page;
-  web.hosts = door.hosts;
-  web.certificate = door.certificate;
+  web.hosts = policy.hosts;
+  web.certificate = policy.certificate;
   web.clients = config.viewers;
   web.clients_per_address = config.viewers_per_address;
   web.connections = kConnectionsPerViewer * config.viewers;
