@@ -473,7 +473,7 @@ TEST(MergeNode, TheRootGivesAKeyFrameThatWasAskedForOnce) {
   EXPECT_TRUE(root.node.answer(key_frames_of({StreamId{0}})).empty());
   EXPECT_TRUE(is_key());
   EXPECT_FALSE(is_key());
-  EXPECT_TRUE(root.node.take_key_frame_wishes().empty()) << "the inputs have nothing to do with it";
+  EXPECT_TRUE(root.node.take_wanted_key_frames().empty()) << "the inputs have nothing to do with it";
   root.node.answer(key_frames_of({StreamId{77}}));
   EXPECT_FALSE(is_key()) << "there is no such stream";
 }
@@ -481,11 +481,11 @@ TEST(MergeNode, TheRootGivesAKeyFrameThatWasAskedForOnce) {
 TEST(MergeNode, AWishForAKeyFrameTravelsThroughAnInnerMerger) {
   Merger west(two_sensors_below_west(), false);
   for (int i = 0; i < 3; ++i) west.see(wall());
-  EXPECT_TRUE(west.node.take_key_frame_wishes().empty());
+  EXPECT_TRUE(west.node.take_wanted_key_frames().empty());
   EXPECT_TRUE(west.node.answer(key_frames_of({StreamId{1}})).empty());
-  const auto wishes = west.node.take_key_frame_wishes();
+  const auto wishes = west.node.take_wanted_key_frames();
   EXPECT_EQ(wishes, std::vector{StreamId{1}});
-  EXPECT_TRUE(west.node.take_key_frame_wishes().empty());
+  EXPECT_TRUE(west.node.take_wanted_key_frames().empty());
 
   west.node.inputs().ask_key_frames(wishes);
   west.see(wall());  // asks the sensor

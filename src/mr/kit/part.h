@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cstddef>
 #include <vector>
 
 #include "mr/core/mesh.h"
@@ -14,5 +15,12 @@ struct Part {
   float error_m = 0;                ///< geometric error made so far
   std::vector<SourceInfo> sources;  ///< at least one
 };
+
+/// How many triangles all parts have together.
+inline std::size_t triangles_of(const std::vector<Part>& parts) {
+  std::size_t sum = 0;
+  for (const Part& part : parts) sum += part.mesh.triangles.size();
+  return sum;
+}
 
 }  // namespace mr::kit

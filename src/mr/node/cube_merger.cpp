@@ -12,19 +12,6 @@
 namespace mr::node {
 namespace {
 
-/// What of a scene lies in some cubes.
-kit::Part part_in(const DecodedScene& scene, const std::function<bool(Vec3i)>& wanted) {
-  kit::Part part;
-  for (const auto& chunk : scene.chunks) {
-    if (!wanted(chunk->key.id.cube)) continue;
-    append(part.mesh, chunk->mesh);
-    part.error_m = std::max(part.error_m, chunk->error_m);
-  }
-  part.mesh = kit::weld(part.mesh);
-  part.sources = scene.sources;
-  return part;
-}
-
 /// A mesh whose triangles lie in some cubes or not.
 struct Divided {
   Mesh inside, outside;
@@ -52,19 +39,6 @@ struct Divided {
 
 }  // namespace
 
-kit::Part part_of(const DecodedScene& scene, Layer layer) {
-  return part_in(layer_of(scene, layer), [](Vec3i) { return true; });
-}
-
-DecodedScene layer_of(const DecodedScene& scene, Layer layer) {
-  DecodedScene out;
-  out.captured_at = scene.captured_at;
-  out.sources = scene.sources, out.views = scene.views;
-  for (const auto& chunk : scene.chunks)
-    if (chunk->key.id.layer == layer) out.chunks.push_back(chunk);
-  return out;
-}
-
 CubeMerger::CubeMerger(double chunk_m, double reach_m)
     : chunk_m_(chunk_m), rings_(static_cast<int>(std::ceil(reach_m / chunk_m))) {}
 
@@ -90,12 +64,8 @@ Mesh CubeMerger::run(const std::vector<DecodedScene>& scenes, const std::vector<
 }
 
 bool CubeMerger::is_like_last(const std::vector<DecodedScene>& scenes) const {
-  const auto same_source = [](const SourceInfo& a, const SourceInfo& b) {
-    return a.sensor == b.sensor && a.T_world_depth == b.T_world_depth &&
-           a.depth_camera == b.depth_camera;
-  };
   return last_ && std::ranges::equal(scenes, last_->scenes, [&](const auto& a, const auto& b) {
-           return std::ranges::equal(a.sources, b.sources, same_source);
+           return std::ranges::equal(a.sources, b.sources, same_place);
          });
 }
 
@@ -126,7 +96,7 @@ std::optional<Mesh> CubeMerger::mend(const std::vector<DecodedScene>& scenes, co
   std::vector<kit::Part> parts(scenes.size());
   parallel_for(parts.size(), 1, [&](std::size_t begin, std::size_t end) {
     for (std::size_t i = begin; i < end; ++i)
-      parts[i] = part_in(scenes[i], [&](Vec3i cube) { return around.contains(cube); });
+      parts[i] = part_of(scenes[i], [&](Vec3i cube) { return around.contains(cube); });
   });
   const Divided fresh(merge(parts, false), chunk_m_, again);
   Divided old(last_->mesh, chunk_m_, again);

@@ -11,14 +11,9 @@
 #include "mr/core/decoded_scene.h"
 #include "mr/core/mesh.h"
 #include "mr/kit/part.h"
+#include "mr/node/layers.h"
 
 namespace mr::node {
-
-/// One surface of a scene; borders between chunks are welded.
-kit::Part part_of(const DecodedScene& scene, Layer layer);
-
-/// A scene with the chunks of one layer, without pictures.
-DecodedScene layer_of(const DecodedScene& scene, Layer layer);
 
 /// Merges cube by cube of the chunk grid: after the first time, only what lies around chunks that
 /// changed is merged again, and the rest is what it was. A chunk that was kept is the very same

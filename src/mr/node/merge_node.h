@@ -3,9 +3,7 @@
 #include <atomic>
 #include <cstddef>
 #include <cstdint>
-#include <deque>
 #include <functional>
-#include <map>
 #include <memory>
 #include <mutex>
 #include <optional>
@@ -20,16 +18,15 @@
 #include "mr/core/result.h"
 #include "mr/core/trace.h"
 #include "mr/kit/part.h"
-#include "mr/merge/overlap/free_space_carver.h"
 #include "mr/node/calibration_check.h"
 #include "mr/node/chunk_publisher.h"
 #include "mr/node/input_synchronizer.h"
+#include "mr/node/layers.h"
+#include "mr/node/moving_layer.h"
 #include "mr/node/node_clock.h"
 #include "mr/node/plans.h"
 #include "mr/node/root_atlas.h"
-#include "mr/node/side_job.h"
-#include "mr/node/still_merger.h"
-#include "mr/node/surface_joiner.h"
+#include "mr/node/still_layer.h"
 #include "mr/scene/scene.h"
 
 namespace mr::node {
@@ -58,10 +55,10 @@ class MergeNode {
   const InputSynchronizer& inputs() const { return synchronizer_; }
 
   /// The bytes of the merged packet. After an Error the inputs should send key frames, as units
-  /// that were to be handed on are lost. `halfway` is called when the stages that use every core
-  /// are over: on one machine, the inputs' next frames fit in from there.
+  /// that were to be handed on are lost. `on_cores_free` is called when the stages that use every
+  /// core are over: on one machine, the inputs' next frames fit in from there.
   Result<std::vector<std::byte>> merge(const CaptureSet& captures,
-                                       const std::function<void()>& halfway = {});
+                                       const std::function<void()>& on_cores_free = {});
 
   /// Chunks that a receiver asked for; empty when there are none. Wishes for key frames and for a
   /// whole head are noted, what it shows of the still surface, and its plan for the next ticks.
@@ -71,10 +68,12 @@ class MergeNode {
     return publisher_.find(key);
   }
   /// Streams of which key frames were asked for that the inputs have to give. Forgets them.
-  std::vector<StreamId> take_key_frame_wishes();
+  std::vector<StreamId> take_wanted_key_frames();
 
   /// Inputs whose still surface is shown as their packet with that sequence had it. Forgets them.
-  std::vector<std::pair<std::size_t, std::uint64_t>> take_shown();
+  std::vector<std::pair<std::size_t, std::uint64_t>> take_shown() {
+    return still_.receipts().take();
+  }
 
   /// The newest merged surface, before coding: what moves, then what stays. Nothing before the
   /// first.
@@ -93,38 +92,11 @@ class MergeNode {
   const Trace& trace() const { return trace_; }
 
  private:
-  /// The merged moving surface, and what it was made from.
-  struct Surface {
-    std::vector<DecodedScene> scenes;  // one layer, without textures
-    Decimation decimation;
-    Mesh mesh;  // labelled, on the lattice
-    float error_m = 0;
-  };
-  using Parts = std::vector<kit::Part>;
-  using Sequences = std::map<std::size_t, std::uint64_t>;  // by input
-  /// Views and sources as merge.refine corrected them.
-  struct Places {
-    std::vector<View> views;
-    std::vector<SourceInfo> sources;
-  };
-
-  /// A job's, beside the ticks or within one.
-  struct StillMade {
-    Result<StillMerger::Made> made;
-    std::optional<Sequences> inputs;  // whose still surfaces it shows, where some are new
-  };
-
   Packet head(const CaptureSet& captures, const CodingPlan& plan) const;
-  Status merge_surfaces(const CaptureSet& captures, const Decimation& decimation,
-                        const std::function<void()>& halfway);
-  void correct(const CaptureSet& captures, bool look, Parts& parts);
-  void look_at_plates(const CaptureSet& captures, const Parts& moving);
-  Status bring_still(std::optional<StillMerger::Inputs> inputs, const Decimation& decimation,
-                     const Parts& moving);
-  Status show(StillMade still);
-  Status merge_moving(std::vector<DecodedScene> scenes, const Parts& parts,
-                      const Decimation& decimation, const std::function<void()>& halfway);
-  Mesh label_moving(const Mesh& mesh, float error_m) const;
+  Status update_layers(const CaptureSet& captures, const Decimation& decimation,
+                       const std::function<void()>& on_cores_free);
+  void correct_poses(const CaptureSet& captures, bool measure, std::vector<kit::Part>& parts);
+  void update_plates(const CaptureSet& captures, const std::vector<kit::Part>& moving);
   Status add_textures(const CaptureSet& captures, Packet& packet);
   void add_marks(const CaptureSet& captures, TimePoint started, Packet& packet) const;
 
@@ -134,31 +106,19 @@ class MergeNode {
   NodeClock clock_;
   CurrentPlan plan_;
   InputSynchronizer synchronizer_;
+  CalibrationCheck calibration_;
+  CorrectedPoses poses_;  ///< of the newest tick
+  Trace trace_;
   ChunkPublisher publisher_;
   RootAtlas atlas_;
+  MovingLayer moving_;
+  StillLayer still_;
   codec::HeadWriter writer_;
-  CalibrationCheck calibration_;
-  Trace trace_;
-  SurfaceJoiner joiner_;  ///< of what moves
-  StillMerger still_merger_;
-  StillWork still_work_;
-  std::optional<std::vector<DecodedScene>> still_scenes_;  ///< that it was last given
-  Decimation still_decimation_;                            ///< of these
-  ShownStill still_;                                       ///< no mesh: there is none yet
-  std::optional<Surface> moving_;  ///< reused while the inputs' geometry stays
-  merge::FreeSpaceCarver empty_;
-  double emptied_m2_ = 0;  ///< since the still surface was last begun
-  Sequences taken_;        ///< newest of each input
-  Sequences untold_;       ///< whose still surface is merged, but not shown as a whole yet
-  Places places_;
-  std::atomic<bool> reused_ = false;
-  std::mutex wishes_mutex_;
-  std::set<StreamId> key_frame_wishes_;
-  Sequences shown_;  ///< still surfaces that are shown, and whose inputs were not told
-  std::deque<std::pair<std::uint64_t, Sequences>> in_packets_;  ///< own sequence, what it brought
   std::uint64_t sequence_ = 0;
+  std::atomic<bool> reused_ = false;
+  std::mutex key_frames_mutex_;
+  std::set<StreamId> key_frames_wanted_;
   DrawingListener drawing_listener_;
-  SideJob<StillMade> still_job_;  ///< last: it uses what is above
 };
 
 }  // namespace mr::node

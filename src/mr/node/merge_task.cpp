@@ -32,7 +32,7 @@ std::vector<Ask> MergeTask::step(const Arrivals& arrivals, TimePoint now) {
   for (const Arrivals::Answer& answer : arrivals.answers) take_answer(answer);
 
   if (key_frames_wanted_.exchange(false)) node_.inputs().ask_key_frames();
-  node_.inputs().ask_key_frames(node_.take_key_frame_wishes());
+  node_.inputs().ask_key_frames(node_.take_wanted_key_frames());
   std::vector<Ask> asks;
   for (const auto& [input, sequence] : node_.take_shown())
     asks.push_back({input, {.key_frames = {}, .chunks = {}, .taken = {}, .shown = sequence}});

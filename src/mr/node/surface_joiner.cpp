@@ -39,7 +39,7 @@ Result<Mesh> on_lattice(const Mesh& mesh, const Scene& scene) {
   return kit::without_nonmanifold_edges(*snapped);
 }
 
-Mesh SurfaceJoiner::join(const Parts& parts, bool all, const std::function<void()>& halfway) {
+Mesh SurfaceJoiner::join(const Parts& parts, bool all, const std::function<void()>& on_cores_free) {
   const MergeConfig& config = scene_->merge;
   const bool has_budget = clock_ && merger_->budget_ms > 0;
   const auto now = [&] { return has_budget ? clock_() : TimePoint{}; };
@@ -59,7 +59,7 @@ Mesh SurfaceJoiner::join(const Parts& parts, bool all, const std::function<void(
     if (step == std::string_view("zipper")) zipper_ms = spent_ms() - before_zipper_ms;
   };
   hooks.after_overlap = [&](std::span<const Mesh>, merge::ZipperConfig& zipper) {
-    if (halfway) halfway();
+    if (on_cores_free) on_cores_free();
     before_zipper_ms = spent_ms();
     hurry = has_budget && before_zipper_ms + zipper_ms_ > merger_->budget_ms;
     if (hurry) zipper.max_gap_m = 0;

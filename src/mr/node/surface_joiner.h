@@ -35,9 +35,9 @@ class SurfaceJoiner {
       : scene_(&scene), merger_(&merger), clock_(std::move(clock)), trace_(&trace) {}
 
   /// Removes overlap, closes the seams (zipper) and removes islands. `all`: the parts cover the
-  /// whole scene, not a piece of it. `halfway`, if set, is called after overlap removal, the last
-  /// stage that uses every core.
-  Mesh join(const Parts& parts, bool all, const std::function<void()>& halfway = {});
+  /// whole scene, not a piece of it. `on_cores_free`, if set, is called after overlap removal, the
+  /// last stage that uses every core.
+  Mesh join(const Parts& parts, bool all, const std::function<void()>& on_cores_free = {});
 
   /// Decimates a merged mesh; the result is on the lattice. A ratio refers to the triangle density
   /// of `parts`, so triangles added by cuts along overlaps do not count. Adds the error of

@@ -1,0 +1,58 @@
+#include "mr/node/layers.h"
+
+#include <algorithm>
+
+#include "mr/core/parallel.h"
+#include "mr/kit/topology.h"
+
+namespace mr::node {
+
+DecodedScene layer_of(const DecodedScene& scene, Layer layer) {
+  DecodedScene out;
+  out.captured_at = scene.captured_at;
+  out.sources = scene.sources, out.views = scene.views;
+  for (const auto& chunk : scene.chunks)
+    if (chunk->key.id.layer == layer) out.chunks.push_back(chunk);
+  return out;
+}
+
+std::vector<DecodedScene> layer_of(const std::vector<DecodedScene>& scenes, Layer layer) {
+  std::vector<DecodedScene> out;
+  for (const DecodedScene& scene : scenes) out.push_back(layer_of(scene, layer));
+  return out;
+}
+
+kit::Part part_of(const DecodedScene& scene, const std::function<bool(Vec3i)>& wanted) {
+  kit::Part part;
+  for (const auto& chunk : scene.chunks) {
+    if (!wanted(chunk->key.id.cube)) continue;
+    append(part.mesh, chunk->mesh);
+    part.error_m = std::max(part.error_m, chunk->error_m);
+  }
+  part.mesh = kit::weld(part.mesh);
+  part.sources = scene.sources;
+  return part;
+}
+
+std::vector<kit::Part> parts_of(const std::vector<DecodedScene>& scenes) {
+  std::vector<kit::Part> parts(scenes.size());
+  parallel_for(parts.size(), 1, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t i = begin; i < end; ++i)
+      parts[i] = part_of(scenes[i], [](Vec3i) { return true; });
+  });
+  return parts;
+}
+
+bool same_place(const SourceInfo& a, const SourceInfo& b) {
+  return a.sensor == b.sensor && a.T_world_depth == b.T_world_depth &&
+         a.depth_camera == b.depth_camera;
+}
+
+bool same_geometry(const std::vector<DecodedScene>& a, const std::vector<DecodedScene>& b) {
+  return std::ranges::equal(a, b, [](const DecodedScene& x, const DecodedScene& y) {
+    return x.views == y.views && x.chunks == y.chunks &&
+           std::ranges::equal(x.sources, y.sources, same_place);
+  });
+}
+
+}  // namespace mr::node
