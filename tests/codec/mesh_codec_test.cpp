@@ -295,12 +295,31 @@ TEST(MeshCodec, TheWholeCubeCanBeUsed) {
     EXPECT_EQ(content(decoded(encoded(mesh, speed, lattice), lattice)), content(mesh));
 }
 
+TEST(MeshCodec, LabelsAreSensorsOrViewsOrNone) {
+  Mesh by_view = surface(10);
+  label_in_blocks(by_view, 3, 4);
+  Mesh by_sensor = by_view, bare = by_view;
+  std::vector<SensorId> sensors;
+  for (const ViewId view : triangle_views(by_view)) sensors.push_back(sensor_of(view));
+  set_triangle_sensors(by_sensor, sensors);
+  clear_labels(bare);
+  for (const Mesh& mesh : {by_view, by_sensor, bare}) {
+    const EncodedChunk coded = encoded(mesh);
+    EXPECT_EQ(coded.views.size(), mesh.views.empty() ? 0u : 3u);
+    EXPECT_EQ(coded.sensors.size(), mesh.sensors.empty() ? 0u : 3u);
+    const Mesh back = decoded(coded);
+    EXPECT_EQ(back.views, mesh.views);
+    EXPECT_EQ(back.sensors, mesh.sensors);
+  }
+}
+
 // ---- colours ----
 
 using Rgb = std::array<std::uint8_t, 3>;
 
 Chunk background(int n) {
-  Chunk chunk{{{{1, -2, 3}, kBackgroundSource}, 0, 1}, 0, one_view(surface(n), kNoView)};
+  Chunk chunk{{{{1, -2, 3}, kBackgroundSource}, 0, 1}, 0, surface(n)};
+  clear_labels(chunk.mesh);
   std::mt19937 random(7);
   for (std::size_t v = 0; v < chunk.mesh.positions.size(); ++v)
     chunk.colors.push_back({static_cast<std::uint8_t>(random()), static_cast<std::uint8_t>(v),
@@ -333,7 +352,7 @@ TEST(MeshCodec, ColoursOfABackgroundSurviveExactly) {
 TEST(MeshCodec, VerticesOfABackgroundThatManyMeetKeepTheirColour) {
   Mesh hourglass = test::box({0, 0, 0}, {1, 1, 1});  // Draco doubles the corner they share
   append(hourglass, test::box({1, 1, 1}, {2, 2, 2}));
-  Chunk chunk{{{{}, kBackgroundSource}, 0, 1}, 0, snapped(one_view(hourglass, kNoView))};
+  Chunk chunk{{{{}, kBackgroundSource}, 0, 1}, 0, snapped(hourglass)};
   for (std::size_t v = 0; v < chunk.mesh.positions.size(); ++v)
     chunk.colors.push_back({static_cast<std::uint8_t>(17 * v), 200, 3});
   const auto coded = encode_chunk(chunk, {}, 5);
@@ -380,8 +399,8 @@ TEST(MeshCodec, RefusesWhatItCannotCode) {
   mesh.positions[3].x += 0.0001f;
   EXPECT_EQ(cause_of(encode_chunk({{}, 0, mesh}, {}, 5)), Error::Cause::invalid) << "not snapped";
   mesh = surface(4);
-  mesh.views.clear();
-  EXPECT_EQ(cause_of(encode_chunk({{}, 0, mesh}, {}, 5)), Error::Cause::invalid) << "no runs";
+  mesh.sensors = {{0, static_cast<std::uint32_t>(mesh.triangles.size()), SensorId{3}}};
+  EXPECT_EQ(cause_of(encode_chunk({{}, 0, mesh}, {}, 5)), Error::Cause::invalid) << "two kinds";
   mesh = surface(4);
   mesh.triangles[0][1] = mesh.triangles[0][0];
   EXPECT_EQ(cause_of(encode_chunk({{}, 0, mesh}, {}, 5)), Error::Cause::invalid) << "no area";

@@ -407,7 +407,8 @@ TEST(PacketCodec, ListsAreSortedAndUnique) {
   EXPECT_TRUE(invalid([](Packet& p) { std::swap(p.chunks[0], p.chunks[1]); }));
   EXPECT_TRUE(invalid([](Packet& p) { p.chunks[1] = p.chunks[0]; }));
   EXPECT_TRUE(invalid([](Packet& p) { p.chunks[0].views = {ViewId{5}, ViewId{0}}; }));
-  EXPECT_TRUE(invalid([](Packet& p) { p.chunks[0].views = {0, kNoView}; }));
+  EXPECT_TRUE(invalid([](Packet& p) { p.chunks[0].views = {ViewId{0}, kNoView}; }));
+  EXPECT_TRUE(invalid([](Packet& p) { p.chunks[0].sensors = {SensorId{0}}; })) << "two kinds";
   EXPECT_TRUE(invalid([](Packet& p) { ++p.chunks[0].key.version; })) << "not in the manifest";
   EXPECT_TRUE(invalid([](Packet& p) { p.manifest.clear(); }));
   EXPECT_TRUE(invalid([](Packet& p) { p.chunks[1].key.id.layer = Layer::still; })) << "not named";

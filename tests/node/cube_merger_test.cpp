@@ -43,13 +43,13 @@ DecodedScene dented(DecodedScene scene, Vec3f at) {
 
 struct Merger {
   Mesh run(const std::vector<DecodedScene>& scenes) {
-    std::vector<kit::Part> parts;
-    for (const DecodedScene& scene : scenes) parts.push_back(node::part_of(scene, Layer::moving));
-    return cubes.run(scenes, parts, [&](const std::vector<kit::Part>& some, bool all) {
-      all_calls += all, some_calls += !all;
-      memory.freeze(!all);
-      return merge::merge_surfaces(some, merge::surfaces_config({.voxel_m = kVoxel_m}), &memory);
-    });
+    return cubes.run(scenes, node::parts_of(scenes),
+                     [&](const std::vector<kit::Part>& some, bool all) {
+                       all_calls += all, some_calls += !all;
+                       memory.freeze(!all);
+                       return merge::merge_surfaces(
+                           some, merge::surfaces_config({.voxel_m = kVoxel_m}), &memory);
+                     });
   }
   node::CubeMerger cubes{kChunk_m, 48 * kVoxel_m};
   merge::QualityMemory memory;

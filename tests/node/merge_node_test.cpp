@@ -439,7 +439,7 @@ TEST(MergeNode, AnInnerMergerHandsPicturesOnUntouched) {
   }
   // Triangles name who measured them, for the root to choose.
   for (const auto& chunk : west.decoded().chunks)
-    for (const ViewId view : triangle_views(chunk->mesh)) EXPECT_LT(view, ViewId{2});
+    for (const SensorId sensor : triangle_sensors(chunk->mesh)) EXPECT_LT(sensor, SensorId{2});
 }
 
 TEST(MergeNode, ARootAboveAnInnerMergerShowsTheSame) {
@@ -473,7 +473,8 @@ TEST(MergeNode, TheRootGivesAKeyFrameThatWasAskedForOnce) {
   EXPECT_TRUE(root.node.answer(key_frames_of({StreamId{0}})).empty());
   EXPECT_TRUE(is_key());
   EXPECT_FALSE(is_key());
-  EXPECT_TRUE(root.node.take_wanted_key_frames().empty()) << "the inputs have nothing to do with it";
+  EXPECT_TRUE(root.node.take_wanted_key_frames().empty())
+      << "the inputs have nothing to do with it";
   root.node.answer(key_frames_of({StreamId{77}}));
   EXPECT_FALSE(is_key()) << "there is no such stream";
 }

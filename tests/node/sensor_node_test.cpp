@@ -179,7 +179,7 @@ TEST(SensorNode, SurfaceIsTheWallThatItSees) {
   for (std::size_t t = 0; t < mesh.triangles.size(); ++t)
     EXPECT_LT(mesh.area_normal(t).z, 0) << "turned away from the sensor";
   EXPECT_EQ(kit::count_nonmanifold_edges(mesh), 0u);
-  EXPECT_EQ(triangle_views(mesh), std::vector<ViewId>(mesh.triangles.size()));
+  EXPECT_EQ(triangle_sensors(mesh), std::vector<SensorId>(mesh.triangles.size()));
 }
 
 TEST(SensorNode, ChunksAreCutByCubeAndNameTheSensor) {
@@ -464,7 +464,7 @@ TEST(SensorNodeLayers, TheRoomIsSentOnceAndThenOnlyWhatMoves) {
     EXPECT_EQ(chunk->key.id.source, SensorId{0});
     EXPECT_GE(chunk->error_m, 0);
     EXPECT_LT(chunk->error_m, sensor.scene().voxel_m);
-    for (const ViewId view : triangle_views(chunk->mesh)) EXPECT_EQ(view, ViewId{0});
+    for (const SensorId id : triangle_sensors(chunk->mesh)) EXPECT_EQ(id, SensorId{0});
   }
 
   const Packet moving = sensor.see(wall_and_box());
