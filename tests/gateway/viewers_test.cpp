@@ -149,8 +149,7 @@ TEST(Viewers, AskForTheStreamThatIsLackingOnly) {
   EXPECT_TRUE(receiver.accept(decoded(sent[0])).empty());
   EXPECT_TRUE(receiver.scene());
   viewers.asked(1, {{StreamId{5}, StreamId{6}}, {}, {}}, kStart);
-  EXPECT_EQ(viewers.wanted(false, kStart).key_frames, std::vector{StreamId{5}})
-      << "6 is no view's";
+  EXPECT_EQ(viewers.wanted(false, kStart).key_frames, std::vector{StreamId{5}}) << "6 is no view's";
 }
 
 /// As the gateway does it: the root's bytes are read here, and viewers get them as they are.

@@ -567,7 +567,7 @@ TEST(SensorNodeLayers, APushedCameraLearnsTheRoomAnewAndSaysSoOnce) {
     const auto surface = sensor.node.reconstruct(sensor.frame(other));
     ASSERT_TRUE(surface);
     ASSERT_TRUE(sensor.node.code(*surface));
-    if (!surface->began_anew) continue;
+    if (!surface->still.began_anew) continue;
     ++told;
     const std::string line = sensor.node.pushed(surface->frame);
     EXPECT_TRUE(test::is_one_line(line));

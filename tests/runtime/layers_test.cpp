@@ -219,7 +219,7 @@ struct OneSensor {
   Mesh surface(Frame frame) {
     auto made = node.reconstruct(std::move(frame));
     EXPECT_TRUE(made);
-    for (const node::StillChunk& chunk : made->still) {
+    for (const node::StillChunk& chunk : made->still.chunks) {
       still[chunk.cube] = chunk.mesh;
       if (chunk.mesh.empty()) still.erase(chunk.cube);
     }

@@ -3,7 +3,6 @@
 #include <atomic>
 #include <cstddef>
 #include <cstdint>
-#include <memory>
 #include <optional>
 #include <string>
 #include <vector>
@@ -14,17 +13,15 @@
 #include "mr/core/packet.h"
 #include "mr/core/result.h"
 #include "mr/core/trace.h"
-#include "mr/fusion/fuse.h"
 #include "mr/node/chunk_publisher.h"
 #include "mr/node/node_clock.h"
 #include "mr/node/plans.h"
+#include "mr/node/sensor_layers.h"
 #include "mr/node/side_job.h"
-#include "mr/node/still_surface.h"
+#include "mr/node/surface_reconstructor.h"
 #include "mr/node/texture_stream.h"
 #include "mr/scene/scene.h"
 #include "mr/sensor/registration.h"
-#include "mr/simplify/simplify.h"
-#include "mr/still/background.h"
 
 namespace mr::node {
 
@@ -40,9 +37,8 @@ class SensorNode {
     Mesh mesh;        // decimated, on the lattice; with layers: of what moves
     float error_m = 0;
     // With layers:
-    std::vector<StillChunk> still;  // chunks of the still surface that changed
+    SensorLayers::News still;
     TileMask confirmed_depth, confirmed_color;
-    bool began_anew = false;  // the camera was pushed: what was known does not hold any more
   };
 
   /// The scene must outlive the node.
@@ -73,38 +69,7 @@ class SensorNode {
   const Trace& trace() const { return trace_; }
 
  private:
-  struct Patch {
-    simplify::Simplified surface;
-    double fuse_ms = 0, simplify_ms = 0;
-    bool usable = true;
-  };
-  /// What keeps its memory from frame to frame.
-  struct PatchWorker {
-    fusion::FrameFuser fuser;
-    simplify::Simplifier simplifier;
-  };
-  /// What a sensor that stands still keeps of the room.
-  struct Layers {
-    still::Background background;
-    StillSurface surface;            ///< the job's, while that is busy
-    std::size_t chunks = 0;          ///< of the surface
-    std::vector<StillChunk> unsent;  ///< changed, and the frame that was to tell came to nothing
-    bool still_changed = false;      ///< since chunks were last begun
-    double still_error_m = 0;        ///< of the plan that chunks were last begun with
-    int waited = 0;                  ///< captures, for word that the newest chunks are shown
-    bool began_anew = false;         ///< and nobody was told yet
-  };
-  using StillChunks = Result<std::vector<StillChunk>>;
-  bool is_still_shown();
-  still::BackgroundUpdate look(const Frame& frame, bool is_sent);
-  StillChunks make_still(const Frame& still, int readings, double error_m);
-  Status accept(StillChunks made);
-  Status bring_still(const Frame& frame, const CodingPlan& plan);
-  Result<ImageDepth> divide(Reconstructed& out);
-  ImageDepth clean_where(const ImageMask& mask, const Camera& camera, const Frame& frame) const;
-  Patch reconstruct_patch(const ImageDepth& depth, const Pose& T_world_depth, const Rect& rect,
-                          const Decimation& decimation, PatchWorker& worker) const;
-  Status join(const std::vector<Patch>& patches, Reconstructed& out) const;
+  Result<ImageDepth> depth_to_reconstruct(Reconstructed& out);
   Packet head(const Reconstructed& surface) const;
   Status add_mesh(const Reconstructed& surface, Packet& packet);
 
@@ -112,21 +77,14 @@ class SensorNode {
   SensorId sensor_;
   NodeClock clock_;
   CurrentPlan plan_;
+  Trace trace_;
   sensor::Registration registration_;
+  std::optional<SensorLayers> layers_;  ///< none: everything is reconstructed with every frame
+  SurfaceReconstructor reconstructor_;
   ChunkPublisher publisher_;
   TextureStream texture_;
   codec::HeadWriter writer_;
-  std::vector<PatchWorker> workers_;  ///< one per patch
-  std::optional<Layers> layers_;      ///< none: everything is made anew with every frame
-  StillWork still_work_;
   std::atomic<std::uint64_t> sequence_ = 0;
-  /// Frames with still chunks that were reconstructed and are not coded yet.
-  std::atomic<int> still_on_the_way_ = 0;
-  /// One more than the sequence of the newest packet with still chunks, and of the newest whose
-  /// still surface is shown.
-  std::atomic<std::uint64_t> still_sent_ = 0, still_shown_ = 0;
-  Trace trace_;
-  SideJob<StillChunks> still_job_;  ///< last: it uses what is above
 };
 
 /// What the texturing rules take as the geometry's error in this scene: decimation (no more than a

@@ -50,7 +50,7 @@ void SensorTask::tell_people(const SensorNode::Reconstructed& surface) {
   const bool is_empty = node_.is_empty(surface);
   if (is_empty) drops_.count(id(), node_.no_surface(surface.frame), !was_empty_);
   was_empty_ = is_empty;
-  if (surface.began_anew) log_.warn(node_.pushed(surface.frame));
+  if (surface.still.began_anew) log_.warn(node_.pushed(surface.frame));
 }
 
 /// Corrects the timestamps of a sensor whose clock is wrong: mergers would drop its captures as too

@@ -1,0 +1,86 @@
+#pragma once
+
+#include <atomic>
+#include <cstddef>
+#include <cstdint>
+#include <vector>
+
+#include "mr/core/frame.h"
+#include "mr/core/image.h"
+#include "mr/core/packet.h"
+#include "mr/core/result.h"
+#include "mr/core/trace.h"
+#include "mr/node/side_job.h"
+#include "mr/node/still_surface.h"
+#include "mr/scene/scene.h"
+#include "mr/sensor/registration.h"
+#include "mr/still/background.h"
+
+namespace mr::node {
+
+/// What a sensor that stands still knows of the room (docs/layers.md): a background model parts
+/// each depth picture into what moves and what stays; of what stays a still surface is
+/// reconstructed, of which only chunks that changed are sent. take_news() to note_shown() by any
+/// thread, the others by one.
+class SensorLayers {
+ public:
+  /// All must outlive this.
+  SensorLayers(const Scene& scene, SensorId id, const sensor::Registration& registration,
+               StillWork work, Trace& trace);
+
+  /// Learns the room from an undistorted frame that is not reconstructed. Returns whether more of
+  /// them are wanted: most is still to be learnt.
+  bool learn(const Frame& frame);
+
+  struct Divided {
+    ImageDepth moving;  ///< cleaned
+    TileMask confirmed_depth, confirmed_color;
+  };
+  /// Parts an undistorted frame, and brings the still surface up to date.
+  /// `still_error_m`: to which that is decimated.
+  Result<Divided> divide(const Frame& frame, double still_error_m);
+
+  /// How many chunks the still surface has.
+  std::size_t chunks() const { return chunks_; }
+
+  struct News {
+    std::vector<StillChunk> chunks;  ///< of the still surface, that changed
+    bool began_anew = false;  ///< the camera was pushed: what was known does not hold any more
+  };
+  /// What the next packet is to bring; once.
+  News take_news();
+  /// The packet with that sequence brings chunks of take_news().
+  void note_sent(std::uint64_t sequence) { sent_ = sequence + 1, --on_the_way_; }
+  /// The merger shows the still surface as that packet had it.
+  void note_shown(std::uint64_t sequence);
+
+ private:
+  using Chunks = Result<std::vector<StillChunk>>;
+
+  still::BackgroundUpdate observe(const Frame& frame, bool is_sent);
+  bool is_shown();
+  ImageDepth clean_where(const ImageMask& mask, const Camera& camera, const Frame& frame) const;
+  Chunks reconstruct(const Frame& still, int readings, double error_m);
+  Status accept(Chunks made);
+  Status update_surface(const Frame& frame, double error_m);
+
+  const Scene* scene_;
+  const SensorConfig* sensor_;
+  const sensor::Registration* registration_;
+  StillWork work_;
+  Trace* trace_;
+  still::Background background_;
+  StillSurface surface_;             ///< the job's, while that is busy
+  std::size_t chunks_ = 0;           ///< of the surface
+  std::vector<StillChunk> unsent_;   ///< changed, and no packet was begun with them
+  bool is_outdated_ = false;         ///< the still picture changed since chunks were last begun
+  double error_m_ = 0;               ///< to which these are decimated
+  bool began_anew_ = false;          ///< and nobody was told yet
+  int waited_ = 0;                   ///< captures, for word that the newest chunks are shown
+  std::atomic<int> on_the_way_ = 0;  ///< frames with chunks, taken and not coded yet
+  /// One more than the sequence of the newest packet with chunks, and of the newest that is shown.
+  std::atomic<std::uint64_t> sent_ = 0, shown_ = 0;
+  SideJob<Chunks> job_;  ///< last: it uses what is above
+};
+
+}  // namespace mr::node
