@@ -24,7 +24,7 @@ void require(bool condition) {
 }
 
 bool is_packet(std::span<const std::byte> bytes) {
-  return bytes.size() >= 8 && std::memcmp(bytes.data() + 4, "MRP3", 4) == 0;
+  return bytes.size() >= 8 && std::memcmp(bytes.data() + 4, "MRP4", 4) == 0;
 }
 
 std::vector<std::span<const std::byte>> pieces(std::span<const std::byte> bytes) {

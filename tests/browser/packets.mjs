@@ -88,7 +88,7 @@ export function packetOf({ epoch = 1, sequence, capturedAtMs, sources }) {
   writer.view.setUint32(0, root, true);
   const bytes = Buffer.alloc(writer.end + 4);
   bytes.set(new Uint8Array(writer.view.buffer, 0, writer.end));
-  bytes.write("MRP3", 4);
+  bytes.write("MRP4", 4);
   bytes.writeUInt32LE(crc32(bytes.subarray(0, writer.end)), writer.end);
   return bytes;
 }

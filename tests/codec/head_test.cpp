@@ -279,8 +279,8 @@ std::vector<std::vector<std::byte>> golden_packets() {
   return out;
 }
 
-TEST(Head, GoldenBytesOfVersionThree) {
-  const auto file = std::filesystem::path(MR_SOURCE_DIR) / "tests/data/packets_v3.bin";
+TEST(Head, GoldenBytesOfVersionFour) {
+  const auto file = std::filesystem::path(MR_SOURCE_DIR) / "tests/data/packets_v4.bin";
   std::vector<std::byte> all;  // each after its length, 32 bits
   for (const auto& bytes : golden_packets()) {
     const auto size = static_cast<std::uint32_t>(bytes.size());

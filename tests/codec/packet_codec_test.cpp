@@ -141,8 +141,8 @@ TEST(PacketCodec, AnEmptyPacketIsAPacket) {
   EXPECT_EQ(*back, Packet{});
 }
 
-TEST(PacketCodec, GoldenBytesOfVersionThree) {
-  const auto file = std::filesystem::path(MR_SOURCE_DIR) / "tests/data/packet_v3.bin";
+TEST(PacketCodec, GoldenBytesOfVersionFour) {
+  const auto file = std::filesystem::path(MR_SOURCE_DIR) / "tests/data/packet_v4.bin";
   Packet packet = full_packet();
   packet.chunks.erase(packet.chunks.begin());  // Draco's bytes are Draco's business
   // Nor may the last bit of a root decide.

@@ -19,9 +19,9 @@ export function openMessage(bytes: Uint8Array): Message {
   const body = withoutChecksum(bytes);
   require(body !== null, "damaged: its checksum does not fit");
   switch (new FlatBuffer(body).identifier()) {
-    case "MRP3":
+    case "MRP4":
       return { kind: "packet", body };
-    case "MRC3":
+    case "MRC4":
       return { kind: "chunks", body };
     default:
       throw new Malformed("not one of our messages, or of another version");

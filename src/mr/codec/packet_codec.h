@@ -35,7 +35,7 @@ std::vector<std::byte> encode_packet(const Packet& packet);
 Result<Packet> decode_packet(std::span<const std::byte> bytes, const PacketLimits& limits = {});
 
 /// The file identifier of chunks that answer a request; a packet's is in the schema.
-inline constexpr const char* kChunksIdentifier = "MRC3";
+inline constexpr const char* kChunksIdentifier = "MRC4";
 
 /// Chunks in answer to a request, sorted by key: docs/wire-format.md, "Request and answer".
 std::vector<std::byte> encode_chunks(std::span<const EncodedChunk> chunks);

@@ -58,7 +58,7 @@ ChunkPublisher::ChunkPublisher(const Scene& scene, SensorId source)
 void ChunkPublisher::put(const ChunkId& id, Mesh mesh, float error_m) {
   const auto before = live_.find(id);
   if (reuse_ && before != live_.end() && before->second.mesh == mesh) return;
-  live_[id] = Live{++last_version_[id], std::move(mesh), error_m};
+  live_[id] = Live{publications_ + 1, std::move(mesh), error_m};
 }
 
 void ChunkPublisher::set_still(Vec3i cube, Mesh mesh, float error_m) {
@@ -133,6 +133,7 @@ Status ChunkPublisher::publish(const Mesh& mesh, float error_m, int mesh_speed, 
     cache_.put(std::make_shared<const EncodedChunk>(**std::move(chunk)));
   }
   for (auto& [id, chunk] : live_) chunk.is_new = false;
+  ++publications_;
   name_background(packet);
   cache_.keep(packet.manifest);
   return {};

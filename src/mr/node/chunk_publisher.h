@@ -14,8 +14,8 @@ namespace mr::node {
 
 /// Cuts a node's mesh along the scene's chunk grid, gives every chunk a version and codes what is
 /// new. A chunk whose content is that of the frame before keeps its version, and is not coded or
-/// sent again (DESIGN section 4, Chunk). All chunks of one packet come from one mesh, so their
-/// borders fit.
+/// sent again. A version is the number of the publication that brings it: none is used twice. All
+/// chunks of one packet come from one mesh, so their borders fit.
 class ChunkPublisher {
  public:
   ChunkPublisher(const Scene& scene, SensorId source);
@@ -59,7 +59,7 @@ class ChunkPublisher {
   bool reuse_;
   SensorId source_;
   std::map<ChunkId, Live> live_;
-  std::map<ChunkId, std::uint32_t> last_version_;
+  std::uint32_t publications_ = 0;
   std::vector<std::shared_ptr<const EncodedChunk>> background_;
   bool background_sent_ = false;
   codec::ChunkCache cache_;

@@ -7,8 +7,8 @@ import { HeadReader, numbersOf, openMessage, readChunksAnswer, readPacket } from
 import { writeControl } from "../../src/control.ts";
 import { makeRandom, readBytes } from "./support.ts";
 
-const kGolden = "../tests/data/packet_v3.bin";
-const kGoldenSequence = "../tests/data/packets_v3.bin";
+const kGolden = "../tests/data/packet_v4.bin";
+const kGoldenSequence = "../tests/data/packets_v4.bin";
 const kRoom = "tests/data/chunks_room.bin";
 
 /** What a node sends one after another; each packet after its length. */
@@ -192,7 +192,7 @@ test("an answer with chunks reads", () => {
   const bytes = new Uint8Array(32 + kChecksumBytes);
   const view = new DataView(bytes.buffer);
   view.setUint32(0, 16, true);
-  bytes.set([..."MRC3"].map((c) => c.charCodeAt(0)), 4);
+  bytes.set([..."MRC4"].map((c) => c.charCodeAt(0)), 4);
   [6, 8, 4].forEach((value, i) => view.setUint16(8 + 2 * i, value, true));
   view.setInt32(16, 8, true);
   view.setUint32(20, 8, true);
