@@ -128,11 +128,11 @@ Part any_part(Input& in, std::uint32_t number) {
   for (std::uint32_t i = 0; i < sources; ++i)
     part.sources.push_back(any_source(in, 2 * number + i));
   if (in.one_in(3)) {
-    std::vector<SensorId> views;
+    std::vector<SensorId> sensors;
     const std::uint32_t block = 1 + in.below(30);
     for (std::uint32_t t = 0; t < part.mesh.triangles.size(); ++t)
-      views.push_back(t / block % 3 == 2 ? kNoSensor : 2 * number + t / block % 3);
-    set_triangle_sensors(part.mesh, views);
+      sensors.push_back(t / block % 3 == 2 ? kNoSensor : SensorId{2 * number + t / block % 3});
+    set_triangle_sensors(part.mesh, sensors);
   }
   return part;
 }

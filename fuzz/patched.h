@@ -15,11 +15,11 @@ inline std::span<const std::byte> as_bytes(const std::uint8_t* data, std::size_t
 /// Bytes to decode. An input that starts with 0 is taken as it is; any other is a list of changes
 /// to `valid`, four bytes each (where, 24 bits; what), so that the fuzzer gets past the entropy
 /// coding without a corpus. A change with the highest bit set cuts the rest off.
-inline std::vector<std::byte> patched(const std::vector<std::byte>& valid,
+inline std::vector<std::byte> patched(std::span<const std::byte> valid,
                                       std::span<const std::byte> input) {
   if (input.empty() || input[0] == std::byte{0})
     return {input.begin() + (input.empty() ? 0 : 1), input.end()};
-  std::vector<std::byte> out = valid;
+  std::vector<std::byte> out(valid.begin(), valid.end());
   for (input = input.subspan(1); input.size() >= 4 && !out.empty(); input = input.subspan(4)) {
     std::uint32_t where = 0;
     std::memcpy(&where, input.data(), 3);

@@ -154,11 +154,11 @@ Mesh any_mesh(Input& in) {
     for (Vec3f& p : mesh.positions) p = p * scale;
   }
   if (in.one_in(3)) {
-    std::vector<SensorId> views;
+    std::vector<SensorId> sensors;
     const std::uint32_t block = 1 + in.below(60);
     for (std::uint32_t t = 0; t < mesh.triangles.size(); ++t)
-      views.push_back(t / block % 4 == 3 ? kNoSensor : t / block % 4);
-    set_triangle_sensors(mesh, views);
+      sensors.push_back(t / block % 4 == 3 ? kNoSensor : SensorId{t / block % 4});
+    set_triangle_sensors(mesh, sensors);
     if (in.one_in(16) && !mesh.sensors.empty())
       mesh.sensors[in.word() % mesh.sensors.size()] = {in.word(), in.word(), in.word()};
   }
@@ -235,7 +235,7 @@ void require_good(const Simplified& out, const Mesh& in, const Settings& setting
     covered += run.count;
   }
   require(out.mesh.sensors.empty() || covered == out.mesh.triangles.size(), "runs cover the mesh");
-  require(in.sensors.empty() || !out.mesh.sensors.empty() || out.mesh.empty(), "views are kept");
+  require(in.sensors.empty() || !out.mesh.sensors.empty() || out.mesh.empty(), "sensors are kept");
   for (const Triangle& t : out.mesh.triangles)
     for (const std::uint32_t v : t) require(v < out.mesh.positions.size(), "corners are vertices");
   for (const Vec3f p : out.mesh.positions) require(is_finite(p), "positions are finite");

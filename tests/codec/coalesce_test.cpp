@@ -106,7 +106,7 @@ TEST(Coalesce, NoMoreBytesThanAPacketMayHold) {
   std::vector<PacketMessage> packets;
   for (std::uint64_t i = 0; i < 5; ++i) {
     packets.push_back(packet(i, {}, {}));
-    packets.back().textures[0].data.resize(PacketLimits{}.packet_bytes / 4);
+    packets.back().textures[0].data = std::vector<std::byte>(PacketLimits{}.packet_bytes / 4);
   }
   const PacketMessage out = coalesce(packets);
   EXPECT_GT(out.textures.size(), 1u);

@@ -385,7 +385,7 @@ class Client {
 
   HeadReader reader;
   std::optional<Packet> newest;
-  std::map<ChunkKey, std::vector<std::byte>> chunks;
+  std::map<ChunkKey, SharedBytes> chunks;
   std::optional<std::uint64_t> asked;
   int dropped = 0;
 };

@@ -10,6 +10,7 @@
 #include <set>
 
 #include "support/meshes.h"
+#include "support/seal.h"
 
 namespace mr::codec {
 namespace {
@@ -446,7 +447,7 @@ TEST(MeshCodec, PromisesAreChecked) {
   EXPECT_TRUE(refuses([](EncodedChunk& c) { c.views.pop_back(); })) << "labels beyond the views";
   EXPECT_TRUE(refuses([](EncodedChunk& c) { std::swap(c.views[0], c.views[1]); }));
   EXPECT_TRUE(refuses([](EncodedChunk& c) { c.views[2] = kNoView; }));
-  EXPECT_TRUE(refuses([](EncodedChunk& c) { c.payload.clear(); }));
+  EXPECT_TRUE(refuses([](EncodedChunk& c) { c.payload = {}; }));
   EXPECT_TRUE(refuses([](EncodedChunk& c) { c.error_m = -1; }));
   EXPECT_TRUE(
       refuses([](EncodedChunk& c) { c.error_m = std::numeric_limits<float>::quiet_NaN(); }));
@@ -463,7 +464,7 @@ TEST(MeshCodec, EveryTruncationIsAnError) {
   const EncodedChunk good = encoded(mesh);
   for (std::size_t bytes = 0; bytes < good.payload.size(); ++bytes) {
     EncodedChunk cut = good;
-    cut.payload.resize(bytes);
+    test::edit(cut.payload, [&](auto& payload) { payload.resize(bytes); });
     EXPECT_FALSE(decode_chunk(cut, {})) << bytes << " of " << good.payload.size();
   }
 }
@@ -477,8 +478,10 @@ TEST(MeshCodec, CorruptionNeverCrashes) {
     const EncodedChunk good = encoded(mesh, speed);
     for (int i = 0; i < 1500; ++i) {
       EncodedChunk bad = good;
-      for (int flips = 1 + static_cast<int>(random() % 4); flips > 0; --flips)
-        bad.payload[random() % bad.payload.size()] ^= static_cast<std::byte>(1 + random() % 255);
+      test::edit(bad.payload, [&](auto& payload) {
+        for (int flips = 1 + static_cast<int>(random() % 4); flips > 0; --flips)
+          payload[random() % payload.size()] ^= static_cast<std::byte>(1 + random() % 255);
+      });
       const auto back = decode_chunk(bad, {});
       if (!back) continue;
       ++survived;

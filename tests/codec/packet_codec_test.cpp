@@ -1,4 +1,5 @@
 #include "mr/codec/packet_codec.h"
+#include "mr/codec/packet_message.h"
 
 #include <gtest/gtest.h>
 
@@ -304,8 +305,8 @@ TEST(PacketCodec, NumbersAreFiniteAndPossible) {
   EXPECT_TRUE(
       invalid([](Packet& p) { p.marks[0].at = TimePoint(Duration(std::int64_t{1} << 62)); }));
   EXPECT_TRUE(invalid([](Packet& p) { p.chunks[0].triangles = 0; }));
-  EXPECT_TRUE(invalid([](Packet& p) { p.chunks[0].payload.clear(); }));
-  EXPECT_TRUE(invalid([](Packet& p) { p.textures[0].data.clear(); }));
+  EXPECT_TRUE(invalid([](Packet& p) { p.chunks[0].payload = {}; }));
+  EXPECT_TRUE(invalid([](Packet& p) { p.textures[0].data = {}; }));
   EXPECT_TRUE(invalid([](Packet& p) { p.textures[0].width = 641; }));
   EXPECT_TRUE(invalid([](Packet& p) { p.textures[0].height = 0; }));
   EXPECT_TRUE(invalid([](Packet& p) { p.textures[0].codec = static_cast<TextureCodec>(9); }));
@@ -474,6 +475,29 @@ TEST(PacketCodec, CorruptionNeverCrashes) {
   }
   EXPECT_GT(accepted, 100);
   EXPECT_LT(accepted, 19000);
+}
+
+TEST(PacketCodec, APayloadIsPassedOnByPointer) {
+  const auto bytes = std::make_shared<const std::vector<std::byte>>(encode_packet(full_packet()));
+  const auto lies_in = [&](const SharedBytes& part) {
+    return part.data() >= bytes->data() && part.end() <= bytes->data() + bytes->size();
+  };
+  const auto message = read_message(bytes);
+  ASSERT_TRUE(message) << message.error().message;
+  ASSERT_FALSE(message->chunks.empty());
+  ASSERT_FALSE(message->textures.empty());
+  EXPECT_TRUE(lies_in(message->chunks[0].payload));
+  EXPECT_TRUE(lies_in(message->textures[0].data));
+  EXPECT_EQ(bytes.use_count(), 1 + static_cast<long>(message->chunks.size()) +
+                                   static_cast<long>(message->textures.size()));
+
+  // What is kept holds its own bytes only; its copies share them.
+  const auto packet = decode_packet(*bytes);
+  ASSERT_TRUE(packet);
+  EXPECT_EQ(packet->chunks, message->chunks);
+  EXPECT_FALSE(lies_in(packet->chunks[0].payload));
+  const Packet copy = *packet;
+  EXPECT_EQ(copy.chunks[0].payload.data(), packet->chunks[0].payload.data());
 }
 
 }  // namespace

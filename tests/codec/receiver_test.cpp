@@ -11,6 +11,7 @@
 #include "mr/codec/packet_codec.h"
 #include "mr/kit/video.h"
 #include "support/meshes.h"
+#include "support/seal.h"
 #include "support/sender.h"
 
 namespace mr::codec {
@@ -85,7 +86,7 @@ TEST(Receiver, ALostPacketIsMendedByAsking) {
   EXPECT_FALSE(receiver.scene());
   for (const ChunkKey& key : receiver.missing()) {
     const auto chunk = sender.cache.find(key);
-    ASSERT_NE(chunk, nullptr);
+    ASSERT_TRUE(chunk);
     EXPECT_TRUE(receiver.provide(*chunk));
     EXPECT_TRUE(receiver.provide(*chunk)) << "twice does no harm";
   }
@@ -152,8 +153,10 @@ TEST(Receiver, ABrokenChunkHarmsNoOther) {
   Sender sender;
   Receiver receiver({});
   Packet p = sender.next();
-  p.chunks[2].payload[20] ^= std::byte{0x55};
-  p.chunks[2].payload.resize(p.chunks[2].payload.size() / 2);
+  test::edit(p.chunks[2].payload, [](auto& bytes) {
+    bytes[20] ^= std::byte{0x55};
+    bytes.resize(bytes.size() / 2);
+  });
   p.chunks[4].triangles += 1;
   const auto errors = receiver.accept(p);
   EXPECT_EQ(errors.size(), 2u);
@@ -179,7 +182,7 @@ TEST(Receiver, ABrokenPictureWaitsForAKeyFrame) {
   Receiver receiver({});
   receiver.accept(sender.next());
   Packet broken = sender.next();
-  broken.textures[0].data.resize(broken.textures[0].data.size() / 2);
+  test::edit(broken.textures[0].data, [](auto& bytes) { bytes.resize(bytes.size() / 2); });
   EXPECT_EQ(receiver.accept(broken).size(), 1u);
   EXPECT_EQ(receiver.streams_waiting(), std::vector{Sender::kStream});
   EXPECT_TRUE(receiver.accept(sender.next()).empty()) << "waiting is no new error";
@@ -259,8 +262,8 @@ TEST(Receiver, TwentyPercentLoss) {
 
 // ---- the cache that answers ----
 
-std::shared_ptr<const EncodedChunk> chunk_of_version(std::uint32_t version) {
-  return std::make_shared<const EncodedChunk>(EncodedChunk{{{}, 0, version}, 0, 1, {}, {}, {}});
+EncodedChunk chunk_of_version(std::uint32_t version) {
+  return {{{}, 0, version}, 0, 1, {}, {}, {}};
 }
 
 TEST(ChunkCache, ForgetsWhatManifestsNoLongerName) {
@@ -269,10 +272,10 @@ TEST(ChunkCache, ForgetsWhatManifestsNoLongerName) {
   cache.put(chunk_of_version(2));
   const std::vector<ChunkKey> manifest = {{{}, 0, 2}};
   for (std::uint64_t i = 0; i + 1 < ChunkCache::kManifestsKept; ++i) cache.keep(manifest);
-  EXPECT_NE(cache.find({{}, 0, 1}), nullptr);
+  EXPECT_TRUE(cache.find({{}, 0, 1}));
   cache.keep(manifest);
-  EXPECT_EQ(cache.find({{}, 0, 1}), nullptr);
-  EXPECT_NE(cache.find({{}, 0, 2}), nullptr);
+  EXPECT_FALSE(cache.find({{}, 0, 1}));
+  EXPECT_TRUE(cache.find({{}, 0, 2}));
   EXPECT_EQ(cache.size(), 1u);
 }
 
@@ -284,8 +287,8 @@ TEST(ChunkCache, NamedAgainInTimeIsKept) {
     for (std::uint64_t i = 0; i + 1 < ChunkCache::kManifestsKept; ++i) cache.keep({});
     cache.keep(with);
   }
-  EXPECT_NE(cache.find({{}, 0, 1}), nullptr);
-  EXPECT_EQ(cache.find({{}, 1, 1}), nullptr);
+  EXPECT_TRUE(cache.find({{}, 0, 1}));
+  EXPECT_FALSE(cache.find({{}, 1, 1}));
 }
 
 }  // namespace

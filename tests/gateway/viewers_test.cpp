@@ -338,7 +338,7 @@ Packet large_packet(Sender& sender, std::size_t bytes) {
   packet.chunks.clear();
   for (const ChunkKey& key : packet.manifest)
     packet.chunks.push_back({key, 0, 1, {}, {}, {std::byte{1}}});
-  packet.chunks[0].payload.resize(bytes);
+  packet.chunks[0].payload = std::vector<std::byte>(bytes);
   return packet;
 }
 

@@ -3,9 +3,11 @@
 #include <cstddef>
 #include <cstdint>
 #include <span>
+#include <utility>
 #include <vector>
 
 #include "mr/codec/seal.h"
+#include "mr/core/shared_bytes.h"
 
 namespace mr::test {
 
@@ -22,6 +24,14 @@ inline std::vector<std::byte> resealed(std::vector<std::byte> message) {
   message.resize(message.size() < codec::kSealBytes ? 0 : message.size() - codec::kSealBytes);
   codec::seal(message);
   return message;
+}
+
+/// Changes a payload: `change` gets a copy of its bytes, for others may hold the payload, too.
+template <typename Change>
+void edit(SharedBytes& payload, const Change& change) {
+  std::vector<std::byte> bytes = payload.copy();
+  change(bytes);
+  payload = std::move(bytes);
 }
 
 }  // namespace mr::test

@@ -33,7 +33,7 @@ class Sender {
     const Mesh mesh = grid({x, 0, 1}, {1, 0, 0}, {0, 1, 0}, 8, 8, 0.05f, ++version_);
     Chunk chunk{{{{cube, 0, 0}, kMergedSource}, 0, version_}, 0, *codec::snap_to_lattice(mesh, {})};
     chunk.mesh.views = {{0, 60, ViewId{0}}, {60, 68, kNoView}};
-    auto encoded = std::make_shared<const EncodedChunk>(*codec::encode_chunk(chunk, {}, 5));
+    const EncodedChunk encoded = *codec::encode_chunk(chunk, {}, 5);
     live_[cube] = encoded;
     fresh_.insert(cube);
     cache.put(encoded);
@@ -72,8 +72,8 @@ class Sender {
     source.depth_camera = view.camera();
     p.sources = {source};
     for (const auto& [cube, chunk] : live_) {
-      p.manifest.push_back(chunk->key);
-      if (fresh_.contains(cube)) p.chunks.push_back(*chunk);
+      p.manifest.push_back(chunk.key);
+      if (fresh_.contains(cube)) p.chunks.push_back(chunk);
     }
     fresh_.clear();
     cache.keep(p.manifest);
@@ -102,7 +102,7 @@ class Sender {
   /// What a receiver should have.
   std::vector<Chunk> chunks() const {
     std::vector<Chunk> out;
-    for (const auto& [cube, chunk] : live_) out.push_back(*codec::decode_chunk(*chunk, {}));
+    for (const auto& [cube, chunk] : live_) out.push_back(*codec::decode_chunk(chunk, {}));
     return out;
   }
 
@@ -111,7 +111,7 @@ class Sender {
  private:
   std::uint32_t epoch_ = 1, version_ = 0, layout_ = 0, serial_ = 0;
   std::uint64_t sequence_ = 100;
-  std::map<int, std::shared_ptr<const EncodedChunk>> live_;
+  std::map<int, EncodedChunk> live_;
   std::set<int> fresh_;
   std::optional<kit::VideoEncoder> encoder_;
 };

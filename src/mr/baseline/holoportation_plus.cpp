@@ -120,7 +120,7 @@ Result<std::vector<EncodedChunk>> HoloportationPlus::read_chunks(ByteReader& in)
     chunk.error_m = error_m;
     chunk.triangles = in.u32();
     const auto payload = in.block();
-    chunk.payload.assign(payload.begin(), payload.end());
+    chunk.payload = std::vector(payload.begin(), payload.end());
     triangles += chunk.triangles;
     chunks.push_back(std::move(chunk));
   }

@@ -1,12 +1,11 @@
 #include "mr/codec/chunk_cache.h"
 
-#include "mr/core/assert.h"
+#include <utility>
 
 namespace mr::codec {
 
-void ChunkCache::put(std::shared_ptr<const EncodedChunk> chunk) {
-  MR_ASSERT(chunk != nullptr);
-  const ChunkKey key = chunk->key;
+void ChunkCache::put(EncodedChunk chunk) {
+  const ChunkKey key = chunk.key;
   const std::lock_guard lock(mutex_);
   entries_[key] = {std::move(chunk), manifests_};
 }
@@ -22,10 +21,10 @@ void ChunkCache::keep(std::span<const ChunkKey> manifest) {
   });
 }
 
-std::shared_ptr<const EncodedChunk> ChunkCache::find(const ChunkKey& key) const {
+std::optional<EncodedChunk> ChunkCache::find(const ChunkKey& key) const {
   const std::lock_guard lock(mutex_);
   const auto it = entries_.find(key);
-  return it == entries_.end() ? nullptr : it->second.chunk;
+  return it == entries_.end() ? std::nullopt : std::optional(it->second.chunk);
 }
 
 std::size_t ChunkCache::size() const {

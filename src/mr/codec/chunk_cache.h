@@ -1,8 +1,8 @@
 #pragma once
 
 #include <map>
-#include <memory>
 #include <mutex>
+#include <optional>
 #include <span>
 #include <vector>
 
@@ -11,21 +11,21 @@
 namespace mr::codec {
 
 /// What a node holds for receivers that lack a chunk: late joiners, losses and restarts are this
-/// one case (DESIGN section 4). Holds what the newest manifests name, and forgets a chunk once
+/// one case. Holds what the newest manifests name, and forgets a chunk once
 /// `kManifestsKept` manifests went by without it. Thread-safe: requests come on other threads.
 class ChunkCache {
  public:
   static constexpr std::uint64_t kManifestsKept = 30;
 
-  void put(std::shared_ptr<const EncodedChunk> chunk);
+  void put(EncodedChunk chunk);
   /// Marks what is live, and forgets what has not been for long.
   void keep(std::span<const ChunkKey> manifest);
-  std::shared_ptr<const EncodedChunk> find(const ChunkKey& key) const;  ///< null when forgotten
+  std::optional<EncodedChunk> find(const ChunkKey& key) const;  ///< none when forgotten
   std::size_t size() const;
 
  private:
   struct Entry {
-    std::shared_ptr<const EncodedChunk> chunk;
+    EncodedChunk chunk;
     std::uint64_t last_named = 0;
   };
   mutable std::mutex mutex_;

@@ -10,7 +10,7 @@ namespace mr::codec {
 /// told which of its chunks the newer manifest names.
 bool can_fold(const PacketMessage& older, const PacketMessage& newer);
 
-/// Folds a packet into the one after it (DESIGN section 4, Queues): newest manifest, the newest
+/// Folds a packet into the one after it: newest manifest, the newest
 /// payload of each chunk that it names, texture units of both in order, the base that the newer one
 /// builds on if one of them brings it.
 PacketMessage fold(PacketMessage older, PacketMessage newer);

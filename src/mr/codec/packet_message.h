@@ -82,4 +82,9 @@ std::vector<std::byte> encode_message(const PacketMessage& message);
 Result<PacketMessage> decode_message(std::span<const std::byte> bytes,
                                      const PacketLimits& limits = {});
 
+/// As decode_message(), but the payloads stay where they are: each shares the memory of all
+/// `bytes`. For messages that are soon passed on (folding), not for what is kept.
+Result<PacketMessage> read_message(const std::shared_ptr<const std::vector<std::byte>>& bytes,
+                                   const PacketLimits& limits = {});
+
 }  // namespace mr::codec

@@ -83,7 +83,9 @@ Number number_at(const fb::Vector<Number>& vector, std::size_t i) {
 /// Reads one verified buffer. Each step returns false once `error_` is set.
 class Reader {
  public:
-  Reader(std::size_t bytes, const PacketLimits& limits) : limits_(limits), unread_(bytes) {}
+  /// With an `owner` of the buffer payloads share it, else they are copied.
+  Reader(std::size_t bytes, const PacketLimits& limits, std::shared_ptr<const void> owner)
+      : limits_(limits), unread_(bytes), owner_(std::move(owner)) {}
 
   Result<PacketMessage> read(const wire::Packet& in) {
     if (read_times(in) && read_base(in) &&
@@ -132,10 +134,10 @@ class Reader {
     return require(ns > -kCenturies && ns < kCenturies, "a time out of range");
   }
 
-  bool read_bytes(const fb::Vector<std::uint8_t>& in, std::vector<std::byte>& out) {
+  bool read_payload(const fb::Vector<std::uint8_t>& in, SharedBytes& out) {
     if (!require(in.size() > 0, "an empty payload") || !spend(in.size())) return false;
-    const auto* data = reinterpret_cast<const std::byte*>(in.data());
-    out.assign(data, data + in.size());
+    const std::span bytes(reinterpret_cast<const std::byte*>(in.data()), in.size());
+    out = owner_ ? SharedBytes(owner_, bytes) : std::vector(bytes.begin(), bytes.end());
     return true;
   }
 
@@ -375,7 +377,7 @@ class Reader {
           !read_labels(in.views(), out.views) || !read_labels(in.sensors(), out.sensors) ||
           !require(out.views.empty() || out.sensors.empty(),
                    "a chunk whose labels mean views and sensors") ||
-          !read_bytes(*in.payload(), out.payload))
+          !read_payload(*in.payload(), out.payload))
         return false;
     }
     return true;
@@ -410,7 +412,7 @@ class Reader {
       if (!require(in.codec() == wire::TextureCodec::h264, "an unknown texture codec") ||
           !require(out.width > 0 && out.height > 0 && out.width % 2 == 0 && out.height % 2 == 0,
                    "an impossible size of a texture") ||
-          !read_bytes(*in.data(), out.data))
+          !read_payload(*in.data(), out.data))
         return false;
     }
     return true;
@@ -459,15 +461,28 @@ class Reader {
 
   const PacketLimits& limits_;
   std::size_t unread_;
+  std::shared_ptr<const void> owner_;
   std::uint64_t triangles_ = 0, tiles_ = 0;
   PacketMessage out_;
   Error error_;
 };
 
+/// A verified FlatBuffer's bytes, aligned to 8. `copy`: where they were not.
+struct Aligned {
+  explicit Aligned(std::span<const std::byte> in) : bytes(in) {
+    if (reinterpret_cast<std::uintptr_t>(in.data()) % alignof(std::uint64_t) == 0) return;
+    copy = std::make_shared<std::vector<std::uint64_t>>((in.size() + 7) / 8);
+    std::memcpy(copy->data(), in.data(), in.size());
+    bytes = std::as_bytes(std::span(*copy)).first(in.size());
+  }
+  std::span<const std::byte> bytes;
+  std::shared_ptr<std::vector<std::uint64_t>> copy;
+};
+
 /// Verifies bytes that may come from anyone, then reads them as the FlatBuffer `Wire`.
 template <typename Wire, typename Value>
 Result<Value> decode(std::span<const std::byte> sealed, const char* identifier,
-                     const PacketLimits& limits) {
+                     const PacketLimits& limits, std::shared_ptr<const void> owner = nullptr) {
   if (sealed.size() > limits.packet_bytes)
     return too_large_packet(std::to_string(sealed.size()) + " bytes, at most " +
                             std::to_string(limits.packet_bytes));
@@ -477,21 +492,24 @@ Result<Value> decode(std::span<const std::byte> sealed, const char* identifier,
     return Error{Error::Cause::corrupt, "packet: not one of ours, or of another version"};
   const auto unsealed = unseal(sealed);
   if (!unsealed) return Error{unsealed.error().cause, "packet: " + unsealed.error().message};
-  const std::span<const std::byte> bytes = *unsealed;
-  // Bytes from a network lie anywhere; the reads below need 8-byte alignment.
-  std::vector<std::uint64_t> aligned((bytes.size() + 7) / 8);
-  if (!bytes.empty()) std::memcpy(aligned.data(), bytes.data(), bytes.size());
-  const auto* data = reinterpret_cast<const std::uint8_t*>(aligned.data());
-  fb::Verifier verifier(data, bytes.size(), kMaxDepth, kMaxTables);
+  const Aligned aligned(*unsealed);  // bytes from a network lie anywhere
+  if (owner && aligned.copy) owner = aligned.copy;
+  const auto* data = reinterpret_cast<const std::uint8_t*>(aligned.bytes.data());
+  fb::Verifier verifier(data, aligned.bytes.size(), kMaxDepth, kMaxTables);
   if (!verifier.VerifyBuffer<Wire>(identifier))
     return Error{Error::Cause::corrupt, "packet: cut off or damaged"};
-  return Reader(bytes.size(), limits).read(*fb::GetRoot<Wire>(data));
+  return Reader(aligned.bytes.size(), limits, std::move(owner)).read(*fb::GetRoot<Wire>(data));
 }
 
 }  // namespace
 
 Result<PacketMessage> decode_message(std::span<const std::byte> bytes, const PacketLimits& limits) {
   return decode<wire::Packet, PacketMessage>(bytes, wire::PacketIdentifier(), limits);
+}
+
+Result<PacketMessage> read_message(const std::shared_ptr<const std::vector<std::byte>>& bytes,
+                                   const PacketLimits& limits) {
+  return decode<wire::Packet, PacketMessage>(*bytes, wire::PacketIdentifier(), limits, bytes);
 }
 
 Result<Packet> decode_packet(std::span<const std::byte> bytes, const PacketLimits& limits) {

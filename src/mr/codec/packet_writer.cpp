@@ -86,7 +86,7 @@ fb::Offset<wire::Plan> write(Builder& b, const CodingPlan& p) {
                           f(p.decimation.error_m), f(p.still_error_m));
 }
 
-fb::Offset<fb::Vector<std::uint8_t>> write_bytes(Builder& b, const std::vector<std::byte>& bytes) {
+fb::Offset<fb::Vector<std::uint8_t>> write_bytes(Builder& b, const SharedBytes& bytes) {
   b.ForceVectorAlignment(bytes.size(), 1, 8);
   return b.CreateVector(reinterpret_cast<const std::uint8_t*>(bytes.data()), bytes.size());
 }

@@ -1,12 +1,12 @@
 #pragma once
 
 #include <array>
-#include <cstddef>
 #include <cstdint>
 #include <vector>
 
 #include "mr/core/layer.h"
 #include "mr/core/mesh.h"
+#include "mr/core/shared_bytes.h"
 
 namespace mr {
 
@@ -42,7 +42,7 @@ struct EncodedChunk {
   /// What the stream's labels mean, at most 254: as in the mesh, of one kind at most.
   std::vector<SensorId> sensors{};
   std::vector<ViewId> views{};
-  std::vector<std::byte> payload;  ///< Draco, Edgebreaker
+  SharedBytes payload;  ///< Draco, Edgebreaker
 
   friend bool operator==(const EncodedChunk&, const EncodedChunk&) = default;
 };

@@ -9,6 +9,7 @@
 #include "mr/core/coding_plan.h"
 #include "mr/core/frame.h"
 #include "mr/core/range.h"
+#include "mr/core/shared_bytes.h"
 #include "mr/core/view.h"
 
 namespace mr {
@@ -65,7 +66,7 @@ struct TextureUnit {
   std::uint32_t layout = 0;
   int width = 0, height = 0;  ///< decoded size
   bool key_frame = false;
-  std::vector<std::byte> data;
+  SharedBytes data;
 
   friend bool operator==(const TextureUnit&, const TextureUnit&) = default;
 };
@@ -87,7 +88,7 @@ struct TimeMark {
   friend bool operator==(const TimeMark&, const TimeMark&) = default;
 };
 
-/// What every node produces and every merger and client consumes (DESIGN section 4). Mesh and
+/// What every node produces and every merger and client consumes. Mesh and
 /// texture of one capture travel together.
 struct Packet {
   std::string scene, node;

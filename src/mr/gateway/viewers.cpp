@@ -77,8 +77,7 @@ void Viewers::take_head(const std::shared_ptr<const Packet>& packet) {
   std::erase_if(chunks_, [&](const auto& item) {
     return !std::binary_search(manifest.begin(), manifest.end(), item.first);
   });
-  for (const EncodedChunk& chunk : packet->chunks)
-    chunks_[chunk.key] = std::make_shared<const EncodedChunk>(chunk);
+  for (const EncodedChunk& chunk : packet->chunks) chunks_[chunk.key] = chunk;
 }
 
 /// Keeps what a newcomer needs of each stream, for as long as nothing of it is lost.
@@ -124,7 +123,7 @@ void Viewers::take_chunks(std::vector<EncodedChunk> chunks) {
   for (EncodedChunk& chunk : chunks)
     if (std::binary_search(manifest.begin(), manifest.end(), chunk.key)) {
       const ChunkKey key = chunk.key;
-      chunks_[key] = std::make_shared<const EncodedChunk>(std::move(chunk));
+      chunks_[key] = std::move(chunk);
     }
 }
 
@@ -136,7 +135,7 @@ net::Message Viewers::refresh(const Packet& packet) const {
   Packet all = packet;
   all.coalesced = 0;
   all.chunks.clear();
-  for (const auto& [key, chunk] : chunks_) all.chunks.push_back(*chunk);
+  for (const auto& [key, chunk] : chunks_) all.chunks.push_back(chunk);
   all.textures.clear();
   for (const auto& [stream, kept] : kept_)
     all.textures.insert(all.textures.end(), kept.units.begin(), kept.units.end());
@@ -146,7 +145,7 @@ net::Message Viewers::refresh(const Packet& packet) const {
 
 std::size_t Viewers::refresh_bytes() const {
   std::size_t bytes = 0;
-  for (const auto& [key, chunk] : chunks_) bytes += chunk->payload.size();
+  for (const auto& [key, chunk] : chunks_) bytes += chunk.payload.size();
   for (const auto& [stream, kept] : kept_) bytes += kept.bytes;
   return bytes;
 }
@@ -258,9 +257,9 @@ std::vector<EncodedChunk> Viewers::find_chunks(const std::vector<ChunkKey>& keys
   for (const ChunkKey& key : wanted) {
     const auto chunk = chunks_.find(key);
     if (chunk == chunks_.end()) continue;
-    bytes += chunk->second->payload.size();
+    bytes += chunk->second.payload.size();
     if (!found.empty() && bytes > kAnswerBytes) break;
-    found.push_back(*chunk->second);
+    found.push_back(chunk->second);
   }
   return found;
 }

@@ -127,9 +127,9 @@ class Viewers {
 
   std::map<Id, Viewer> viewers_;
   std::shared_ptr<const Packet> newest_, base_;
-  std::map<ChunkKey, std::shared_ptr<const EncodedChunk>> chunks_;  // of the newest manifest
-  std::map<StreamId, Kept> kept_;                                   // by stream
-  std::set<StreamId> key_frames_wanted_;                            // by viewers
+  std::map<ChunkKey, EncodedChunk> chunks_;  // of the newest manifest
+  std::map<StreamId, Kept> kept_;            // by stream
+  std::set<StreamId> key_frames_wanted_;     // by viewers
   codec::ControlPacing pacing_;
   std::uint64_t folded_ = 0, restarted_ = 0, impatient_ = 0, unread_answers_ = 0;
 };

@@ -130,7 +130,7 @@ Status ChunkPublisher::publish(const Mesh& mesh, float error_m, int mesh_speed, 
     if (!chunk->ok()) return chunk->error();
   for (auto& chunk : coded) {
     packet.chunks.push_back(**chunk);
-    cache_.put(std::make_shared<const EncodedChunk>(**std::move(chunk)));
+    cache_.put(**std::move(chunk));
   }
   for (auto& [id, chunk] : live_) chunk.is_new = false;
   ++publications_;
@@ -141,8 +141,8 @@ Status ChunkPublisher::publish(const Mesh& mesh, float error_m, int mesh_speed, 
 
 void ChunkPublisher::add_background(std::vector<EncodedChunk> chunks) {
   for (EncodedChunk& chunk : chunks) {
-    background_.push_back(std::make_shared<const EncodedChunk>(std::move(chunk)));
-    cache_.put(background_.back());
+    cache_.put(chunk);
+    background_.push_back(std::move(chunk));
   }
 }
 
@@ -150,8 +150,8 @@ void ChunkPublisher::name_background(Packet& packet) {
   if (background_.empty()) return;
   const bool first = !std::exchange(background_sent_, true);
   for (const auto& chunk : background_) {
-    packet.manifest.push_back(chunk->key);
-    if (first) packet.chunks.push_back(*chunk);
+    packet.manifest.push_back(chunk.key);
+    if (first) packet.chunks.push_back(chunk);
   }
   std::sort(packet.manifest.begin(), packet.manifest.end());
   std::sort(packet.chunks.begin(), packet.chunks.end(),
@@ -163,7 +163,7 @@ std::vector<std::byte> ChunkPublisher::answer(std::vector<ChunkKey> wanted) cons
   wanted.erase(std::unique(wanted.begin(), wanted.end()), wanted.end());
   std::vector<EncodedChunk> found;
   for (const ChunkKey& key : wanted)
-    if (const auto chunk = cache_.find(key)) found.push_back(*chunk);
+    if (auto chunk = cache_.find(key)) found.push_back(*std::move(chunk));
   return found.empty() ? std::vector<std::byte>{} : codec::encode_chunks(found);
 }
 

@@ -2,7 +2,7 @@
 
 #include <cstddef>
 #include <map>
-#include <memory>
+#include <optional>
 #include <vector>
 
 #include "mr/codec/chunk_cache.h"
@@ -39,7 +39,7 @@ class ChunkPublisher {
   /// Those of the chunks that are still known, coded as an answer; empty when none is. Any thread.
   std::vector<std::byte> answer(std::vector<ChunkKey> wanted) const;
   /// null when it is not live any more. Any thread.
-  std::shared_ptr<const EncodedChunk> find(const ChunkKey& key) const { return cache_.find(key); }
+  std::optional<EncodedChunk> find(const ChunkKey& key) const { return cache_.find(key); }
 
  private:
   static bool is_nearly(const Mesh& a, const Mesh& b);
@@ -60,7 +60,7 @@ class ChunkPublisher {
   SensorId source_;
   std::map<ChunkId, Live> live_;
   std::uint32_t publications_ = 0;
-  std::vector<std::shared_ptr<const EncodedChunk>> background_;
+  std::vector<EncodedChunk> background_;
   bool background_sent_ = false;
   codec::ChunkCache cache_;
 };

@@ -11,13 +11,13 @@ namespace mr::node {
 
 net::Message coalesce_packets(std::span<const net::Message> packets) {
   if (packets.size() == 1) return packets.front();
-  std::vector<codec::PacketMessage> decoded;
+  std::vector<codec::PacketMessage> read;
   for (const net::Message& bytes : packets)
-    if (auto packet = codec::decode_message(*bytes)) decoded.push_back(*std::move(packet));
-  // Undecodable bytes are passed on: the receiver counts the error.
-  if (decoded.empty()) return packets.back();
+    if (auto packet = codec::read_message(bytes)) read.push_back(*std::move(packet));
+  // Unreadable bytes are passed on: the receiver counts the error.
+  if (read.empty()) return packets.back();
   return std::make_shared<const std::vector<std::byte>>(
-      codec::encode_message(codec::coalesce(decoded)));
+      codec::encode_message(codec::coalesce(read)));
 }
 
 }  // namespace mr::node

@@ -63,10 +63,8 @@ class MergeNode {
   /// Chunks that a receiver asked for; empty when there are none. Wishes for key frames and for a
   /// whole head are noted, what it shows of the still surface, and its plan for the next ticks.
   std::vector<std::byte> answer(const codec::Control& control);
-  /// null when it is not live any more. Any thread.
-  std::shared_ptr<const EncodedChunk> find(const ChunkKey& key) const {
-    return publisher_.find(key);
-  }
+  /// None when it is not live any more. Any thread.
+  std::optional<EncodedChunk> find(const ChunkKey& key) const { return publisher_.find(key); }
   /// Streams of which key frames were asked for that the inputs have to give. Forgets them.
   std::vector<StreamId> take_wanted_key_frames();
 
