@@ -129,7 +129,7 @@ kit::Part part_of(const Scene& scene, SensorId sensor, Frame frame, std::size_t 
   node::SensorNode node(scene, sensor);
   auto made = node.reconstruct(std::move(frame));
   if (!made) throw std::runtime_error(made.error().message);
-  kit::Part out{std::move(made->mesh), made->error_m, {}};
+  kit::Part out{std::move(made->mesh), made->errors.most_m(), {}};
   if (triangles > 0) {
     auto small = simplify::simplify(out.mesh, {.triangles = triangles});
     if (!small) throw std::runtime_error(small.error().message);

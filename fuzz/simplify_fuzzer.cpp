@@ -160,7 +160,7 @@ Mesh any_mesh(Input& in) {
       sensors.push_back(t / block % 4 == 3 ? kNoSensor : SensorId{t / block % 4});
     set_triangle_sensors(mesh, sensors);
     if (in.one_in(16) && !mesh.sensors.empty())
-      mesh.sensors[in.word() % mesh.sensors.size()] = {in.word(), in.word(), in.word()};
+      mesh.sensors[in.word() % mesh.sensors.size()] = {in.word(), in.word(), SensorId{in.word()}};
   }
   return mesh;
 }

@@ -2,6 +2,8 @@
 
 #include <gtest/gtest.h>
 
+#include <set>
+
 #include "mr/codec/mesh_codec.h"
 #include "support/meshes.h"
 
@@ -15,9 +17,11 @@ Mesh surface(float bump = 0) {
   return *codec::snap_to_lattice(mesh, Lattice{});
 }
 
-Packet publish(node::ChunkPublisher& publisher, const Mesh& mesh) {
+Packet publish(node::ChunkPublisher& publisher, const Mesh& mesh,
+               const node::CubeErrors& errors = {}) {
   Packet packet;
-  EXPECT_TRUE(publisher.publish(mesh, 0.001f, 5, packet));
+  publisher.set_moving(mesh, errors);
+  EXPECT_TRUE(publisher.publish(5, packet));
   return packet;
 }
 
@@ -57,6 +61,66 @@ TEST(ChunkPublisher, WithoutReuseEverythingIsSent) {
   publish(publisher, surface());
   const Packet second = publish(publisher, surface());
   EXPECT_EQ(second.chunks.size(), second.manifest.size());
+}
+
+TEST(ChunkPublisher, WhatIsNotSetAgainIsWhatItWas) {
+  Scene scene;
+  node::ChunkPublisher publisher(scene, SensorId{0});
+  const Packet first = publish(publisher, surface());
+  Packet second;
+  ASSERT_TRUE(publisher.publish(5, second));
+  EXPECT_EQ(second.manifest, first.manifest);
+  EXPECT_TRUE(second.chunks.empty());
+}
+
+TEST(ChunkPublisher, EachChunkHasItsOwnError) {
+  Scene scene;
+  node::ChunkPublisher publisher(scene, SensorId{0});
+  node::CubeErrors errors;
+  for (const auto& [cube, piece] : node::split_by_cube(surface(), scene.fusion.chunk_m))
+    errors.raise(cube, 0.001f * static_cast<float>(2 + cube.x));
+  const Packet packet = publish(publisher, surface(), errors);
+  std::set<float> different;
+  for (const EncodedChunk& chunk : packet.chunks) {
+    EXPECT_FLOAT_EQ(chunk.error_m, 0.001f * static_cast<float>(2 + chunk.key.id.cube.x));
+    different.insert(chunk.error_m);
+  }
+  EXPECT_GT(different.size(), 1u);
+}
+
+TEST(CubeErrors, WhereNothingIsKnownThoseAroundCount) {
+  node::CubeErrors errors;
+  EXPECT_EQ(errors.at({0, 0, 0}), 0);
+  errors.raise({0, 0, 0}, 0.001f);
+  errors.raise({1, 0, 0}, 0.002f);
+  errors.raise({9, 0, 0}, 0.004f);
+  errors.raise({0, 0, 0}, 0.0005f);  // less than what is known
+  EXPECT_FLOAT_EQ(errors.at({0, 0, 0}), 0.001f);
+  EXPECT_FLOAT_EQ(errors.around({0, 0, 0}), 0.002f);
+  EXPECT_FLOAT_EQ(errors.at({0, 1, 1}), 0.002f) << "its neighbours'";
+  EXPECT_FLOAT_EQ(errors.at({0, -50, 0}), 0.004f) << "the largest of all";
+}
+
+TEST(CubeErrors, DecimationAddsToWhatWas) {
+  node::CubeErrors before, by_decimation;
+  before.raise({0, 0, 0}, 0.001f);
+  before.raise({5, 0, 0}, 0.003f);
+  by_decimation.raise({1, 0, 0}, 0.002f);
+  by_decimation.raise({5, 0, 0}, 0.0f);
+  const node::CubeErrors after = decimated(before, by_decimation);
+  EXPECT_FLOAT_EQ(after.at({1, 0, 0}), 0.003f) << "the surface around had 0.001";
+  EXPECT_FLOAT_EQ(after.at({5, 0, 0}), 0.003f);
+}
+
+TEST(CubeErrors, OfAMeshAreItsVerticesErrors) {
+  const Mesh mesh = surface();
+  std::vector<float> of_vertices(mesh.positions.size(), 0.0f);
+  of_vertices[mesh.triangles[0][1]] = 0.004f;
+  node::CubeErrors errors;
+  errors.raise(mesh, of_vertices, 1.28);
+  EXPECT_FLOAT_EQ(errors.most_m(), 0.004f);
+  EXPECT_FLOAT_EQ(errors.at(node::cube_of(vec_cast<double>(mesh.centroid(0)), 1.28)), 0.004f);
+  EXPECT_FLOAT_EQ(errors.at(node::cube_of({1.9, -0.9, 1}, 1.28)), 0);
 }
 
 TEST(SplitByCube, EveryTriangleOnceAndBordersFit) {

@@ -7,7 +7,7 @@
 
 #include "mr/merge/merge_surfaces.h"
 #include "mr/merge/overlap/quality_grid.h"
-#include "mr/node/chunk_publisher.h"
+#include "mr/node/chunk_grid.h"
 #include "support/meshes.h"
 #include "support/rays.h"
 

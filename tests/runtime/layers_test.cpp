@@ -185,8 +185,8 @@ TEST(Layers, ChunksMadeAtDifferentTimesFit) {
         surface.update(depth, camera, frame.T_world_depth, sensor.precision, error_m);
     ASSERT_TRUE(changed);
     for (const node::StillChunk& chunk : *changed) {
-      made_at[chunk.cube] = i, chunks[chunk.cube] = chunk.mesh;
-      if (chunk.mesh.empty()) chunks.erase(chunk.cube);
+      made_at[chunk.cube] = i, chunks[chunk.cube] = chunk.piece.mesh;
+      if (chunk.piece.mesh.empty()) chunks.erase(chunk.cube);
     }
     // It is what would be made of this picture at once.
     node::StillSurface fresh(scene);
@@ -195,7 +195,7 @@ TEST(Layers, ChunksMadeAtDifferentTimesFit) {
     int other = 0;
     Chunks at_once;
     for (const node::StillChunk& chunk : *all)
-      if (!chunk.mesh.empty()) at_once[chunk.cube] = chunk.mesh;
+      if (!chunk.piece.mesh.empty()) at_once[chunk.cube] = chunk.piece.mesh;
     EXPECT_EQ(at_once.size(), chunks.size());
     for (const auto& [cube, mesh] : at_once) other += mesh != chunks[cube];
     EXPECT_EQ(other, 0) << "of " << at_once.size() << " chunks, capture " << i;
@@ -220,8 +220,8 @@ struct OneSensor {
     auto made = node.reconstruct(std::move(frame));
     EXPECT_TRUE(made);
     for (const node::StillChunk& chunk : made->still.chunks) {
-      still[chunk.cube] = chunk.mesh;
-      if (chunk.mesh.empty()) still.erase(chunk.cube);
+      still[chunk.cube] = chunk.piece.mesh;
+      if (chunk.piece.mesh.empty()) still.erase(chunk.cube);
     }
     EXPECT_TRUE(node.code(*made));
     if (says_so) node.answer({.key_frames = {}, .chunks = {}, .taken = {}, .shown = sequence});

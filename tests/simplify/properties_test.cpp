@@ -37,6 +37,7 @@ void expect_same(const std::vector<Simplified>& a, const std::vector<Simplified>
     EXPECT_TRUE(a[i].mesh == b[i].mesh) << i;
     EXPECT_TRUE(a[i].chunks == b[i].chunks) << i;
     EXPECT_EQ(a[i].error_m, b[i].error_m) << i;
+    EXPECT_EQ(a[i].errors_m, b[i].errors_m) << i;
   }
 }
 
@@ -196,6 +197,9 @@ TEST(SimplifyTargets, ErrorIsRespected) {
     SCOPED_TRACE(error_m);
     const Simplified small = made(mesh, {.error_m = error_m});
     EXPECT_LE(small.error_m, 1.001f * error_m);
+    ASSERT_EQ(small.errors_m.size(), small.mesh.positions.size());
+    EXPECT_EQ(small.error_m, std::ranges::max(small.errors_m));
+    EXPECT_EQ(std::ranges::min(small.errors_m), 0) << "some places are flat";
     EXPECT_LT(small.mesh.triangles.size(), before * 9 / 10);
     before = small.mesh.triangles.size();
     const std::vector<double> away_m = test::distances_m(mesh.positions, small.mesh);

@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <array>
-#include <cmath>
 #include <optional>
 #include <utility>
 #include <vector>
@@ -13,41 +12,6 @@
 
 namespace mr::node {
 
-Vec3i cube_of(Vec3d p, double chunk_m) {
-  const auto cell = [&](double v) { return static_cast<std::int32_t>(std::floor(v / chunk_m)); };
-  return {cell(p.x), cell(p.y), cell(p.z)};
-}
-
-std::map<Vec3i, Mesh> split_by_cube(const Mesh& mesh, double chunk_m) {
-  std::map<Vec3i, std::vector<std::uint32_t>> cubes;  // their triangles
-  for (std::uint32_t t = 0; t < mesh.triangles.size(); ++t)
-    cubes[cube_of(vec_cast<double>(mesh.centroid(t)), chunk_m)].push_back(t);
-  const std::vector<SensorId> sensors = triangle_sensors(mesh);
-  const std::vector<ViewId> views = triangle_views(mesh);
-  std::vector<std::uint32_t> index(mesh.positions.size());
-  std::vector<const Mesh*> index_in(mesh.positions.size(), nullptr);  // the piece that it is for
-  std::map<Vec3i, Mesh> out;
-  for (const auto& [cube, triangles] : cubes) {
-    Mesh& piece = out[cube];
-    std::vector<SensorId> piece_sensors;
-    std::vector<ViewId> piece_views;
-    for (const std::uint32_t t : triangles) {
-      Triangle& triangle = piece.triangles.emplace_back(mesh.triangles[t]);
-      for (std::uint32_t& v : triangle) {
-        if (index_in[v] != &piece) {
-          index_in[v] = &piece, index[v] = static_cast<std::uint32_t>(piece.positions.size());
-          piece.positions.push_back(mesh.positions[v]);
-        }
-        v = index[v];
-      }
-      piece_sensors.push_back(sensors[t]), piece_views.push_back(views[t]);
-    }
-    if (!mesh.sensors.empty()) set_triangle_sensors(piece, piece_sensors);
-    if (!mesh.views.empty()) set_triangle_views(piece, piece_views);
-  }
-  return out;
-}
-
 ChunkPublisher::ChunkPublisher(const Scene& scene, SensorId source)
     : lattice_(scene.lattice),
       chunk_m_(scene.fusion.chunk_m),
@@ -55,18 +19,27 @@ ChunkPublisher::ChunkPublisher(const Scene& scene, SensorId source)
       source_(source) {}
 
 /// A chunk whose content is what it was keeps its version.
-void ChunkPublisher::put(const ChunkId& id, Mesh mesh, float error_m) {
+void ChunkPublisher::put(const ChunkId& id, SurfacePiece piece) {
   const auto before = live_.find(id);
-  if (reuse_ && before != live_.end() && before->second.mesh == mesh) return;
-  live_[id] = Live{publications_ + 1, std::move(mesh), error_m};
+  if (reuse_ && before != live_.end() && before->second.piece.mesh == piece.mesh) return;
+  live_[id] = Live{publications_ + 1, std::move(piece)};
 }
 
-void ChunkPublisher::set_still(Vec3i cube, Mesh mesh, float error_m) {
+void ChunkPublisher::set_moving(const Mesh& mesh, const CubeErrors& errors) {
+  auto pieces = split_by_cube(mesh, chunk_m_);
+  std::erase_if(live_, [&](const auto& item) {
+    return item.first.layer == Layer::moving && !pieces.contains(item.first.cube);
+  });
+  for (auto& [cube, piece] : pieces)
+    put({cube, source_, Layer::moving}, {std::move(piece), errors.at(cube)});
+}
+
+void ChunkPublisher::set_still(Vec3i cube, SurfacePiece piece) {
   const ChunkId id{cube, source_, Layer::still};
-  if (mesh.empty())
+  if (piece.mesh.empty())
     live_.erase(id);
   else
-    put(id, std::move(mesh), error_m);
+    put(id, std::move(piece));
 }
 
 /// Whether two textured meshes have the same triangles, and nearly all of them the same view.
@@ -91,7 +64,7 @@ bool ChunkPublisher::is_nearly(const Mesh& a, const Mesh& b) {
   return kFew * others <= of_a.size();
 }
 
-bool ChunkPublisher::set_all_still(std::map<Vec3i, Mesh> pieces, float error_m) {
+bool ChunkPublisher::set_all_still(std::map<Vec3i, SurfacePiece> pieces) {
   bool any_outdated = false;
   std::erase_if(live_, [&](const auto& item) {
     return item.first.layer == Layer::still && !pieces.contains(item.first.cube);
@@ -100,25 +73,21 @@ bool ChunkPublisher::set_all_still(std::map<Vec3i, Mesh> pieces, float error_m) 
     const auto found = live_.find({cube, source_, Layer::still});
     Live* const before = reuse_ && found != live_.end() ? &found->second : nullptr;
     const bool was_outdated = before && std::exchange(before->is_outdated, false);
-    if (before && !was_outdated && before->mesh != piece && is_nearly(before->mesh, piece))
+    if (before && !was_outdated && before->piece.mesh != piece.mesh &&
+        is_nearly(before->piece.mesh, piece.mesh))
       any_outdated = before->is_outdated = true;
     else
-      set_still(cube, std::move(piece), error_m);
+      set_still(cube, std::move(piece));
   }
   return any_outdated;
 }
 
-Status ChunkPublisher::publish(const Mesh& mesh, float error_m, int mesh_speed, Packet& packet) {
-  auto pieces = split_by_cube(mesh, chunk_m_);
-  std::erase_if(live_, [&](const auto& item) {
-    return item.first.layer == Layer::moving && !pieces.contains(item.first.cube);
-  });
-  for (auto& [cube, piece] : pieces) put({cube, source_, Layer::moving}, std::move(piece), error_m);
+Status ChunkPublisher::publish(int mesh_speed, Packet& packet) {
   std::vector<Chunk> fresh;
   for (auto& [id, chunk] : live_) {
     const ChunkKey key{id, 0, chunk.version};
     packet.manifest.push_back(key);
-    if (chunk.is_new || !reuse_) fresh.push_back({key, chunk.error_m, chunk.mesh});
+    if (chunk.is_new || !reuse_) fresh.push_back({key, chunk.piece.error_m, chunk.piece.mesh});
   }
 
   std::vector<std::optional<Result<EncodedChunk>>> coded(fresh.size());

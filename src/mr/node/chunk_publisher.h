@@ -8,14 +8,15 @@
 #include "mr/codec/chunk_cache.h"
 #include "mr/core/packet.h"
 #include "mr/core/result.h"
+#include "mr/node/chunk_grid.h"
 #include "mr/scene/scene.h"
 
 namespace mr::node {
 
-/// Cuts a node's mesh along the scene's chunk grid, gives every chunk a version and codes what is
-/// new. A chunk whose content is that of the frame before keeps its version, and is not coded or
-/// sent again. A version is the number of the publication that brings it: none is used twice. All
-/// chunks of one packet come from one mesh, so their borders fit.
+/// Holds a node's live chunks, gives every chunk a version and codes what is new. A chunk whose
+/// content is what it was keeps its version, and is not coded or sent again. A version is the
+/// number of the publication that brings it: none is used twice. All chunks of one packet come from
+/// one mesh, so their borders fit.
 class ChunkPublisher {
  public:
   ChunkPublisher(const Scene& scene, SensorId source);
@@ -24,17 +25,20 @@ class ChunkPublisher {
   /// first one brings. Before the first publish().
   void add_background(std::vector<EncodedChunk> chunks);
 
-  /// Puts a chunk of the still surface in the place of the one in that cube; an empty mesh takes it
-  /// away. It is on the lattice. The next publish() tells.
-  void set_still(Vec3i cube, Mesh mesh, float error_m);
-  /// The same for the whole still surface, by cubes of any size (split_by_cube()). A cube in which
-  /// nothing but the views of a few triangles is other stays as it is until the next call: what it
-  /// shows is nearly right, and all of it would be sent again. Returns whether there is one.
-  bool set_all_still(std::map<Vec3i, Mesh> pieces, float error_m);
+  // Meshes are on the lattice. The next publish() tells what is other.
 
-  /// Fills the packet's manifest and chunks: the still ones, and the moving surface `mesh`, which
-  /// lies on the lattice.
-  Status publish(const Mesh& mesh, float error_m, int mesh_speed, Packet& packet);
+  /// The moving surface, cut along the chunk grid; not called: it is what it was.
+  void set_moving(const Mesh& mesh, const CubeErrors& errors);
+  /// Puts a chunk of the still surface in the place of the one in that cube; an empty mesh takes it
+  /// away.
+  void set_still(Vec3i cube, SurfacePiece piece);
+  /// The same for the whole still surface, by cubes of any size. A cube in which nothing but the
+  /// views of a few triangles is other stays as it is until the next call: what it shows is nearly
+  /// right, and all of it would be sent again. Returns whether there is one.
+  bool set_all_still(std::map<Vec3i, SurfacePiece> pieces);
+
+  /// Fills the packet's manifest and chunks.
+  Status publish(int mesh_speed, Packet& packet);
 
   /// Those of the chunks that are still known, coded as an answer; empty when none is. Any thread.
   std::vector<std::byte> answer(std::vector<ChunkKey> wanted) const;
@@ -44,12 +48,11 @@ class ChunkPublisher {
  private:
   static bool is_nearly(const Mesh& a, const Mesh& b);
   void name_background(Packet& packet);
-  void put(const ChunkId& id, Mesh mesh, float error_m);
+  void put(const ChunkId& id, SurfacePiece piece);
 
   struct Live {
     std::uint32_t version = 0;
-    Mesh mesh;  // what the version stands for
-    float error_m = 0;
+    SurfacePiece piece;        // what the version stands for
     bool is_new = true;        // not published yet
     bool is_outdated = false;  // some views should be others since the last set_all_still()
   };
@@ -64,12 +67,5 @@ class ChunkPublisher {
   bool background_sent_ = false;
   codec::ChunkCache cache_;
 };
-
-/// The cube of the chunk grid that a point lies in.
-Vec3i cube_of(Vec3d p, double chunk_m);
-
-/// The triangles of a mesh by the cube that holds their centroid, in the mesh's order; labels
-/// are kept.
-std::map<Vec3i, Mesh> split_by_cube(const Mesh& mesh, double chunk_m);
 
 }  // namespace mr::node

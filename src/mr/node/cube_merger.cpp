@@ -7,7 +7,7 @@
 
 #include "mr/core/parallel.h"
 #include "mr/kit/topology.h"
-#include "mr/node/chunk_publisher.h"
+#include "mr/node/chunk_grid.h"
 
 namespace mr::node {
 namespace {

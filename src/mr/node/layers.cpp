@@ -43,6 +43,13 @@ std::vector<kit::Part> parts_of(const std::vector<DecodedScene>& scenes) {
   return parts;
 }
 
+CubeErrors errors_of(const std::vector<DecodedScene>& scenes) {
+  CubeErrors out;
+  for (const DecodedScene& scene : scenes)
+    for (const auto& chunk : scene.chunks) out.raise(chunk->key.id.cube, chunk->error_m);
+  return out;
+}
+
 bool same_place(const SourceInfo& a, const SourceInfo& b) {
   return a.sensor == b.sensor && a.T_world_depth == b.T_world_depth &&
          a.depth_camera == b.depth_camera;

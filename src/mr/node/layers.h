@@ -6,6 +6,7 @@
 #include "mr/core/decoded_scene.h"
 #include "mr/core/mesh.h"
 #include "mr/kit/part.h"
+#include "mr/node/chunk_grid.h"
 
 /// Scenes by layer, as a merger takes them: one scene per input, without pictures.
 namespace mr::node {
@@ -24,6 +25,9 @@ std::vector<DecodedScene> layer_of(const std::vector<DecodedScene>& scenes, Laye
 kit::Part part_of(const DecodedScene& scene, const std::function<bool(Vec3i cube)>& wanted);
 /// The same of all cubes, for each scene. Parallel.
 std::vector<kit::Part> parts_of(const std::vector<DecodedScene>& scenes);
+
+/// The errors that the scenes' chunks have.
+CubeErrors errors_of(const std::vector<DecodedScene>& scenes);
 
 /// Whether two sets of scenes have the same geometry, measured from the same poses and seen by the
 /// same views. Chunks are compared by address: one that was kept is the very same object.

@@ -60,7 +60,8 @@ Result<std::vector<std::byte>> MergeNode::merge(const CaptureSet& captures,
   if (const Status updated = update_layers(captures, plan.decimation, on_cores_free); !updated)
     return updated.error();
   const Status coded = trace_.time("encode_mesh", [&] {
-    return publisher_.publish(moving_.mesh(), moving_.error_m(), plan.mesh_speed, packet);
+    if (!reused_) publisher_.set_moving(moving_.mesh(), moving_.errors());
+    return publisher_.publish(plan.mesh_speed, packet);
   });
   if (!coded) return coded.error();
   if (const Status textured = add_textures(captures, packet); !textured) return textured.error();
@@ -139,7 +140,7 @@ Status MergeNode::add_textures(const CaptureSet& captures, Packet& packet) {
   if (is_root_ && !poses_.views.empty()) {
     const RootAtlas::Tick tick{captures, poses_.views, poses_.sources};
     const Mesh* still = still_.shown().mesh.get();
-    const float error_m = std::max(moving_.error_m(), still_.shown().error_m);
+    const float error_m = std::max(moving_.errors().most_m(), still_.shown().error_m);
     if (drawing_listener_) drawing_listener_({atlas_, tick, moving_.mesh(), still, error_m});
     return trace_.time("encode_atlas", [&] {
       return atlas_.compose(tick, moving_.mesh(), still, error_m, packet);

@@ -1,6 +1,5 @@
 #include "mr/node/moving_layer.h"
 
-#include <algorithm>
 #include <utility>
 
 #include "mr/atlas/labels.h"
@@ -15,22 +14,20 @@ bool MovingLayer::is_outdated(const std::vector<DecodedScene>& scenes,
 
 Status MovingLayer::update(std::vector<DecodedScene> scenes, const std::vector<kit::Part>& parts,
                            const Tick& tick) {
-  Merged merged{std::move(scenes), tick.decimation, {}, 0};
-  for (const kit::Part& part : parts) merged.error_m = std::max(merged.error_m, part.error_m);
-  const auto small = joiner_.decimated(joiner_.join(parts, true, tick.on_cores_free), parts,
-                                       tick.decimation, merged.error_m);
-  if (!small) return small.error();
+  auto surface = joiner_.decimated(joiner_.join(parts, true, tick.on_cores_free), parts,
+                                   errors_of(scenes), tick.decimation);
+  if (!surface) return surface.error();
   // Only the root chooses views; below it labels stay the sensors that measured.
   auto mesh = trace_->time("atlas", [&] {
-    if (!is_root_) return *small;
-    atlas::LabelConfig config = label_config(*scene_, tick.poses.sources, merged.error_m);
+    if (!is_root_) return surface->mesh;
+    atlas::LabelConfig config = label_config(*scene_, tick.poses.sources, surface->errors.most_m());
     config.occluders = tick.still;
-    return atlas::label_triangles(*small, tick.poses.views, config);
+    return atlas::label_triangles(surface->mesh, tick.poses.views, config);
   });
   auto snapped = on_lattice(mesh, *scene_);
   if (!snapped) return snapped.error();
-  merged.mesh = *std::move(snapped);
-  merged_ = std::move(merged);
+  merged_ =
+      Merged{std::move(scenes), tick.decimation, *std::move(snapped), std::move(surface->errors)};
   return {};
 }
 

@@ -46,14 +46,14 @@ class MovingLayer {
 
   /// On the lattice; labelled, at the root with views. There is one.
   const Mesh& mesh() const { return merged_->mesh; }
-  float error_m() const { return merged_->error_m; }
+  const CubeErrors& errors() const { return merged_->errors; }
 
  private:
   struct Merged {
     std::vector<DecodedScene> scenes;
     Decimation decimation;
     Mesh mesh;
-    float error_m = 0;
+    CubeErrors errors;
   };
 
   const Scene* scene_;

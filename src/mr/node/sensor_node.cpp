@@ -61,7 +61,7 @@ Result<SensorNode::Reconstructed> SensorNode::reconstruct(Frame raw) {
   if (!surface)
     return Error{surface.error().cause,
                  "frame " + std::to_string(out.frame.index) + ": " + surface.error().message};
-  out.mesh = std::move(surface->mesh), out.error_m = surface->error_m;
+  out.mesh = std::move(surface->mesh), out.errors = std::move(surface->errors);
   if (layers_) out.still = layers_->take_news();
   return out;
 }
@@ -107,10 +107,11 @@ Status SensorNode::add_mesh(const Reconstructed& surface, Packet& packet) {
     Mesh mesh = surface.mesh;
     set_sensor(mesh, sensor_);
     for (StillChunk chunk : surface.still.chunks) {
-      set_sensor(chunk.mesh, sensor_);
-      publisher_.set_still(chunk.cube, std::move(chunk.mesh), chunk.error_m);
+      set_sensor(chunk.piece.mesh, sensor_);
+      publisher_.set_still(chunk.cube, std::move(chunk.piece));
     }
-    return publisher_.publish(mesh, surface.error_m, packet.plan.mesh_speed, packet);
+    publisher_.set_moving(mesh, surface.errors);
+    return publisher_.publish(packet.plan.mesh_speed, packet);
   });
 }
 

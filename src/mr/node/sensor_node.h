@@ -35,7 +35,7 @@ class SensorNode {
     Frame frame;      // undistorted
     CodingPlan plan;  // of this frame
     Mesh mesh;        // decimated, on the lattice; with layers: of what moves
-    float error_m = 0;
+    CubeErrors errors;
     // With layers:
     SensorLayers::News still;
     TileMask confirmed_depth, confirmed_color;

@@ -69,7 +69,7 @@ Status StillLayer::publish(Update update, std::uint64_t sequence) {
   StillMerger::Made& made = *update.made;
   shown_ = std::move(made.shown);
   if (is_root_) atlas_->bring_plates();
-  merger_.note_outdated(publisher_->set_all_still(std::move(made.pieces), shown_.error_m));
+  merger_.note_outdated(publisher_->set_all_still(std::move(made.pieces)));
   receipts_.publish(std::move(update.inputs), made.is_whole, sequence);
   return {};
 }

@@ -4,7 +4,7 @@
 #include <utility>
 
 #include "mr/kit/raycast.h"
-#include "mr/node/chunk_publisher.h"
+#include "mr/node/chunk_grid.h"
 #include "mr/node/sensor_node.h"
 
 namespace mr::node {
@@ -37,12 +37,6 @@ Precision noisiest(const std::vector<SourceInfo>& sources) {
                                         return a.precision.sigma_m(2) < b.precision.sigma_m(2);
                                       });
   return worst == sources.end() ? Precision{} : worst->precision;
-}
-
-float largest_error_m(const std::vector<kit::Part>& parts) {
-  float most = 0;
-  for (const kit::Part& part : parts) most = std::max(most, part.error_m);
-  return most;
 }
 
 }  // namespace
@@ -102,7 +96,7 @@ Result<StillMerger::Made> StillMerger::update(Task task) {
   }
   const bool was_withheld = std::exchange(withheld_until_, withheld_until).has_value();
   shown_.mesh = std::make_shared<const Mesh>(*std::move(mesh));
-  shown_.error_m = joined_.error_m;
+  shown_.error_m = joined_.errors.most_m();
   const bool is_other =
       !is_labelled_ || withheld_until_ || was_withheld ||
       (extent != Extent::new_surface && (was_quick || !labels_.lasting.kept_surface()));
@@ -112,8 +106,20 @@ Result<StillMerger::Made> StillMerger::update(Task task) {
                                                                    overlap_config(*scene_));
   if (is_root_) shown_.occluders = labels_.lasting.occluders();
   is_labelled_ = true;
-  const double cube_m = scene_->fusion.chunk_m / (is_root_ ? kStillPerCube : 1);
-  return Made{shown_, split_by_cube(*shown_.mesh, cube_m), !withheld_until_};
+  return Made{shown_, pieces(), !withheld_until_};
+}
+
+/// The shown mesh by the cubes that it is sent in.
+std::map<Vec3i, SurfacePiece> StillMerger::pieces() const {
+  const int per_cube = is_root_ ? kStillPerCube : 1;
+  const double piece_m = scene_->fusion.chunk_m / per_cube;
+  std::map<Vec3i, SurfacePiece> out;
+  for (auto& [place, mesh] : split_by_cube(*shown_.mesh, piece_m)) {
+    const Vec3d middle = (vec_cast<double>(place) + Vec3d{0.5, 0.5, 0.5}) * piece_m;
+    const float error_m = joined_.errors.at(cube_of(middle, scene_->fusion.chunk_m));
+    out[place] = {std::move(mesh), error_m};
+  }
+  return out;
 }
 
 /// Overlap removal, zipper, island removal and decimation around the cubes that changed. Labels are
@@ -129,10 +135,9 @@ Status StillMerger::join(Inputs inputs, const Decimation& decimation, std::uint6
   const Mesh joined = whole ? join_some(parts, true) : cubes_.run(scenes, parts, join_some);
   if (joiner_.take_hurried()) cubes_.forget();  // some seams are still open
   note_fresh(scenes, sequence);
-  float error_m = largest_error_m(parts);
-  auto small = joiner_.decimated(joined, parts, decimation, error_m);
-  if (!small) return small.error();
-  joined_ = {*std::move(small), std::move(inputs.parts), error_m};
+  auto surface = joiner_.decimated(joined, parts, errors_of(scenes), decimation);
+  if (!surface) return surface.error();
+  joined_ = {std::move(surface->mesh), std::move(inputs.parts), std::move(surface->errors)};
   return {};
 }
 
@@ -208,7 +213,7 @@ Mesh StillMerger::labelled(const Task& task, atlas::LastingLabels::Extent extent
   using Extent = atlas::LastingLabels::Extent;
   if (!std::exchange(labels_.are_any, true)) labels_.first = task.sequence;
   labels_.last = task.sequence, labels_.blocks = task.valid_blocks;
-  atlas::LabelConfig config = label_config(*scene_, task.sources, joined_.error_m);
+  atlas::LabelConfig config = label_config(*scene_, task.sources, joined_.errors.most_m());
   config.valid = task.valid;
   Mesh out = labels_.lasting.update(task.empty.carved(joined_.mesh), task.views, std::move(config),
                                     extent);

@@ -64,8 +64,8 @@ class StillMerger {
   /// The result of an update.
   struct Made {
     ShownStill shown;
-    std::map<Vec3i, Mesh> pieces;  ///< the shown mesh by the cubes that it is sent in
-    bool is_whole = true;          ///< false: a part is withheld until an update of a later tick
+    std::map<Vec3i, SurfacePiece> pieces;  ///< the shown mesh by the cubes that it is sent in
+    bool is_whole = true;  ///< false: a part is withheld until an update of a later tick
   };
 
   /// The scene, the merger and the trace must outlive this.
@@ -98,9 +98,10 @@ class StillMerger {
   struct Joined {
     Mesh mesh;  // not labelled yet
     std::vector<kit::Part> parts;
-    float error_m = 0;
+    CubeErrors errors;
   };
 
+  std::map<Vec3i, SurfacePiece> pieces() const;
   Status join(Inputs inputs, const Decimation& decimation, std::uint64_t sequence);
   void note_fresh(const std::vector<DecodedScene>& scenes, std::uint64_t sequence);
   std::optional<std::uint64_t> fresh_until(Vec3i cube, std::uint64_t sequence) const;

@@ -139,7 +139,7 @@ Result<std::vector<StillChunk>> StillSurface::update(const ImageDepth& still, co
     out.push_back(std::move(**chunk));
   }
   for (const auto& [cube, hash] : fused_)
-    if (!fused.contains(cube)) out.push_back({cube, {}, 0});
+    if (!fused.contains(cube)) out.push_back({cube, {}});
   std::ranges::sort(out, {}, &StillChunk::cube);
   fused_ = std::move(fused);
   error_m_ = error_m;
@@ -195,15 +195,19 @@ Result<StillChunk> StillSurface::decimate(const Part& part, std::uint32_t chunk,
   }
   std::vector<std::uint8_t> own_on_line;  // of the vertices that stay, in order of first use
   std::vector<std::uint8_t> seen(on_line.size());
+  float own_error_m = 0;
   for (std::size_t t = 0; t < own.size(); ++t)
     if (own[t])
       for (const std::uint32_t v : small->mesh.triangles[t])
-        if (!std::exchange(seen[v], std::uint8_t{1})) own_on_line.push_back(on_line[v]);
+        if (!std::exchange(seen[v], std::uint8_t{1})) {
+          own_on_line.push_back(on_line[v]);
+          own_error_m = std::max(own_error_m, small->errors_m[v]);
+        }
   Mesh whole = without_small_parts(select_triangles(small->mesh, own), own_on_line,
                                    merge::island_area_m2(scene_->voxel_m));
   auto snapped = codec::snap_to_lattice(whole, scene_->lattice);
   if (!snapped) return snapped.error();
-  return StillChunk{cube, kit::without_nonmanifold_edges(*snapped), small->error_m};
+  return StillChunk{cube, {kit::without_nonmanifold_edges(*snapped), own_error_m}};
 }
 
 }  // namespace mr::node

@@ -12,6 +12,7 @@
 #include "mr/core/pose.h"
 #include "mr/core/result.h"
 #include "mr/fusion/fuse.h"
+#include "mr/node/chunk_grid.h"
 #include "mr/scene/scene.h"
 
 namespace mr::node {
@@ -19,8 +20,7 @@ namespace mr::node {
 /// A changed chunk of a still surface.
 struct StillChunk {
   Vec3i cube;
-  Mesh mesh;  ///< decimated, on the lattice; empty: the chunk is gone
-  float error_m = 0;
+  SurfacePiece piece;  ///< decimated, on the lattice; empty: the chunk is gone
 };
 
 /// Reconstructs a sensor's still picture (still::Background) chunk by chunk. Each chunk is

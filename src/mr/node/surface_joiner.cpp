@@ -70,18 +70,23 @@ Mesh SurfaceJoiner::join(const Parts& parts, bool all, const std::function<void(
   return merger_->region ? inside(whole, *merger_->region, scene_->fusion.chunk_m) : whole;
 }
 
-Result<Mesh> SurfaceJoiner::decimated(const Mesh& mesh, const Parts& parts,
-                                      const Decimation& decimation, float& error_m) {
-  return trace_->time("simplify", [&]() -> Result<Mesh> {
+Result<SurfaceJoiner::Surface> SurfaceJoiner::decimated(const Mesh& mesh, const Parts& parts,
+                                                        const CubeErrors& errors,
+                                                        const Decimation& decimation) {
+  return trace_->time("simplify", [&]() -> Result<Surface> {
     auto snapped = codec::snap_to_lattice(mesh, scene_->lattice);
-    if (!snapped || decimation.does_nothing()) return snapped;
+    if (!snapped) return snapped.error();
+    if (decimation.does_nothing()) return Surface{*std::move(snapped), errors};
     const double target = decimation.ratio * triangles_sent(parts, *snapped);
     simplify::SimplifyOptions limits{.triangles = static_cast<std::size_t>(std::ceil(target))};
     if (decimation.error_m > 0) limits.error_m = static_cast<float>(decimation.error_m);
     const auto small = simplifier_.run(*snapped, limits);
     if (!small) return small.error();
-    error_m += small->error_m;
-    return codec::snap_to_lattice(small->mesh, scene_->lattice);
+    CubeErrors own;
+    own.raise(small->mesh, small->errors_m, scene_->fusion.chunk_m);
+    snapped = codec::snap_to_lattice(small->mesh, scene_->lattice);
+    if (!snapped) return snapped.error();
+    return Surface{*std::move(snapped), node::decimated(errors, own)};
   });
 }
 

@@ -11,6 +11,7 @@
 #include "mr/kit/part.h"
 #include "mr/merge/overlap/overlap.h"
 #include "mr/merge/overlap/quality_grid.h"
+#include "mr/node/chunk_grid.h"
 #include "mr/node/node_clock.h"
 #include "mr/scene/scene.h"
 #include "mr/simplify/simplify.h"
@@ -39,11 +40,14 @@ class SurfaceJoiner {
   /// last stage that uses every core.
   Mesh join(const Parts& parts, bool all, const std::function<void()>& on_cores_free = {});
 
-  /// Decimates a merged mesh; the result is on the lattice. A ratio refers to the triangle density
-  /// of `parts`, so triangles added by cuts along overlaps do not count. Adds the error of
-  /// decimation to `error_m`.
-  Result<Mesh> decimated(const Mesh& mesh, const Parts& parts, const Decimation& decimation,
-                         float& error_m);
+  struct Surface {
+    Mesh mesh;  ///< on the lattice
+    CubeErrors errors;
+  };
+  /// Decimates a merged mesh. A ratio refers to the triangle density of `parts`, so triangles added
+  /// by cuts along overlaps do not count. `errors`: of the parts.
+  Result<Surface> decimated(const Mesh& mesh, const Parts& parts, const CubeErrors& errors,
+                            const Decimation& decimation);
 
   /// Whether gaps were left open because of merger.budget_ms since the last call.
   bool take_hurried() { return std::exchange(hurried_, false); }

@@ -76,9 +76,8 @@ SurfaceReconstructor::Patch SurfaceReconstructor::reconstruct_patch(const ImageD
     out.usable = false;
     return out;
   }
-  out.surface = *std::move(small);
-  out.surface.mesh =
-      merge::remove_islands(out.surface.mesh, merge::island_area_m2(scene_->voxel_m));
+  out.surface.errors.raise(small->mesh, small->errors_m, scene_->fusion.chunk_m);
+  out.surface.mesh = merge::remove_islands(small->mesh, merge::island_area_m2(scene_->voxel_m));
   return out;
 }
 
@@ -89,7 +88,7 @@ Result<SurfaceReconstructor::Surface> SurfaceReconstructor::join(
   std::vector<Mesh> parts;
   for (const Patch& patch : patches) {
     parts.push_back(patch.surface.mesh);
-    out.error_m = std::max(out.error_m, patch.surface.error_m);
+    out.errors.raise(patch.surface.errors);
   }
   auto snapped = codec::snap_to_lattice(merge::zip(parts, merge::zipper_config(scene_->voxel_m)),
                                         scene_->lattice);

@@ -10,6 +10,7 @@
 #include "mr/core/result.h"
 #include "mr/core/trace.h"
 #include "mr/fusion/fuse.h"
+#include "mr/node/chunk_grid.h"
 #include "mr/scene/scene.h"
 #include "mr/simplify/simplify.h"
 
@@ -22,7 +23,7 @@ class SurfaceReconstructor {
  public:
   struct Surface {
     Mesh mesh;  ///< decimated, on the lattice
-    float error_m = 0;
+    CubeErrors errors;
   };
 
   /// `camera`: undistorted. `with_layers`: pictures hold what moves alone, and surfaces are to lie
@@ -41,7 +42,7 @@ class SurfaceReconstructor {
 
  private:
   struct Patch {
-    simplify::Simplified surface;
+    Surface surface;  ///< not on the lattice yet
     double fuse_ms = 0, simplify_ms = 0;
     bool usable = true;
   };

@@ -6,7 +6,7 @@
 #include <string>
 #include <utility>
 
-#include "mr/node/chunk_publisher.h"
+#include "mr/node/chunk_grid.h"
 
 namespace mr::planner {
 namespace {

@@ -16,7 +16,7 @@
 #include "mr/core/parallel.h"
 #include "mr/core/trace.h"
 #include "mr/merge/merge_surfaces.h"
-#include "mr/node/chunk_publisher.h"
+#include "mr/node/chunk_grid.h"
 
 namespace mr::planner {
 namespace {

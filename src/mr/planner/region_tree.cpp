@@ -8,7 +8,7 @@
 #include <utility>
 #include <vector>
 
-#include "mr/node/chunk_publisher.h"
+#include "mr/node/chunk_grid.h"
 #include "mr/planner/latency_model.h"
 #include "mr/planner/merger_ids.h"
 

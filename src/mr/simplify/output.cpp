@@ -69,15 +69,15 @@ Simplified output(const WorkingMesh& mesh, std::span<const Label> labels, bool w
   Simplified out;
   out.mesh.positions.resize(total.vertices), out.mesh.triangles.resize(total.triangles);
   index.resize(mesh.vertices());
-  std::vector<float> worst(mesh.ranges(), 0);
+  out.errors_m.resize(total.vertices);
   mesh.for_each_range([&](std::uint32_t range) {
     std::uint32_t to = shares[range].vertices;
     for (std::uint32_t v = mesh.begin(range); v < mesh.end(range); ++v) {
       if (!mesh.rings.alive(v)) continue;
       const VertexPosition place = mesh.places[v];
-      out.mesh.positions[to] = place.at, index[v] = to++;
-      if (place.error > 0)
-        worst[range] = std::max(worst[range], place.error / mesh.quadrics[v].weight);
+      out.mesh.positions[to] = place.at, index[v] = to;
+      if (place.error > 0) out.errors_m[to] = std::sqrt(place.error / mesh.quadrics[v].weight);
+      ++to;
     }
   });
   std::vector<std::uint32_t> of_triangle(labels.empty() ? 0 : total.triangles);
@@ -92,7 +92,7 @@ Simplified output(const WorkingMesh& mesh, std::span<const Label> labels, bool w
       });
     }
   });
-  for (const float error : worst) out.error_m = std::max(out.error_m, std::sqrt(error));
+  if (!out.errors_m.empty()) out.error_m = std::ranges::max(out.errors_m);
   if (!labels.empty()) sort_by_label(of_triangle, labels, with_chunks, with_sensors, out);
   return out;
 }

@@ -175,7 +175,7 @@ Result<std::vector<Simplified>> Simplifier::run(const Mesh& mesh,
   std::size_t whole = 0;
   while (options.chunks.empty() && whole < triangles.size() &&
          triangles[whole] >= mesh.triangles.size()) {
-    out.push_back({mesh, {}, 0});
+    out.push_back({mesh, {}, std::vector<float>(mesh.positions.size()), 0});
     ++whole;
   }
   if (whole == triangles.size()) return out;

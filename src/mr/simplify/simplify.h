@@ -41,7 +41,8 @@ struct SimplifyOptions {
 struct Simplified {
   Mesh mesh;                          ///< runs as in the input
   std::vector<std::uint32_t> chunks;  ///< [T] if the input had them
-  float error_m = 0;  ///< largest RMS distance of a vertex to the planes in its quadric
+  std::vector<float> errors_m;  ///< [V] RMS distance of each vertex to the planes in its quadric
+  float error_m = 0;            ///< the largest of them
 };
 
 /// Mesh decimation with quadric error metrics (Garland and Heckbert 1997; paper 3.1): half-edge
