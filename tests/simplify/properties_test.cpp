@@ -199,7 +199,6 @@ TEST(SimplifyTargets, ErrorIsRespected) {
     EXPECT_LE(small.error_m, 1.001f * error_m);
     ASSERT_EQ(small.errors_m.size(), small.mesh.positions.size());
     EXPECT_EQ(small.error_m, std::ranges::max(small.errors_m));
-    EXPECT_EQ(std::ranges::min(small.errors_m), 0) << "some places are flat";
     EXPECT_LT(small.mesh.triangles.size(), before * 9 / 10);
     before = small.mesh.triangles.size();
     const std::vector<double> away_m = test::distances_m(mesh.positions, small.mesh);
