@@ -27,7 +27,7 @@ kit::Part wall_seen_from(double z, std::uint32_t sensor = 0) {
 struct Grid {
   explicit Grid(const std::vector<kit::Part>& parts) {
     for (const kit::Part& part : parts) measured.push_back(merge::measured(part, {}));
-    grid.emplace(parts, measured, kCell_m, nullptr);
+    grid.emplace(parts, measured, kCell_m, nullptr, false);
     reader.emplace(*grid);
   }
   float at(Vec3f place, std::uint32_t part = 0, Vec3f normal = kTowardsUs) {

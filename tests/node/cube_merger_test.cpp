@@ -43,13 +43,12 @@ DecodedScene dented(DecodedScene scene, Vec3f at) {
 
 struct Merger {
   Mesh run(const std::vector<DecodedScene>& scenes) {
-    return cubes.run(scenes, node::parts_of(scenes),
-                     [&](const std::vector<kit::Part>& some, bool all) {
-                       all_calls += all, some_calls += !all;
-                       memory.freeze(!all);
-                       return merge::merge_surfaces(
-                           some, merge::surfaces_config({.voxel_m = kVoxel_m}), &memory);
-                     });
+    return cubes.run(
+        scenes, node::parts_of(scenes), [&](const std::vector<kit::Part>& some, bool all) {
+          all_calls += all, some_calls += !all;
+          return merge::merge_surfaces(
+              some, merge::surfaces_config({.voxel_m = kVoxel_m, .is_piece = !all}), &memory);
+        });
   }
   node::CubeMerger cubes{kChunk_m, 48 * kVoxel_m};
   merge::QualityMemory memory;

@@ -59,9 +59,12 @@ void find_visibility(std::span<const std::optional<ViewVisibility>> tests, Label
 
 /// Splits the edges marked in `split`. New triangles inherit normals; visibilities of unsplit
 /// triangles are kept.
-void cut(LabellingState& work, const std::vector<std::uint8_t>& split) {
+void cut(LabellingState& work, const std::vector<std::uint8_t>& split,
+         const std::optional<Lattice>& lattice) {
   Labelling& s = work.surface;
   kit::Refined refined = kit::refine(s.mesh, split);
+  for (std::size_t v = s.mesh.positions.size(); lattice && v < refined.mesh.positions.size(); ++v)
+    refined.mesh.positions[v] = lattice->snap(refined.mesh.positions[v]);
   for (const auto& [a, b] : refined.cut_edges) {
     work.normals.push_back(normalized(work.normals[a] + work.normals[b]));
     s.cut_edges.push_back({a, b});
@@ -86,7 +89,7 @@ void cut(LabellingState& work, const std::vector<std::uint8_t>& split) {
 }
 
 /// Splits triangles that are partly visible in some view but sufficiently visible in none.
-bool cut_occlusion_edges(LabellingState& work, double min_edge_m) {
+bool cut_occlusion_edges(LabellingState& work, const LabelConfig& config) {
   const Mesh& mesh = work.surface.mesh;
   std::vector<std::uint8_t> split(mesh.triangles.size() * 3, 0);
   bool any = false;
@@ -99,11 +102,11 @@ bool cut_occlusion_edges(LabellingState& work, double min_edge_m) {
     for (std::uint32_t h = 3 * t; h < 3 * t + 3; ++h) {
       const Vec3f edge =
           mesh.positions[kit::edge_to(mesh, h)] - mesh.positions[kit::edge_from(mesh, h)];
-      split[h] = length(edge) > 2 * min_edge_m;
+      split[h] = length(edge) > 2 * config.min_edge_m;
       any |= split[h] != 0;
     }
   }
-  if (any) cut(work, split);
+  if (any) cut(work, split, config.lattice);
   return any;
 }
 
@@ -223,7 +226,7 @@ void label(Labelling& surface, std::span<const View> views, const LabelConfig& c
   const std::vector<std::optional<ViewVisibility>> tests = visibility_tests(
       all ? surface.mesh : select_triangles(surface.mesh, surface.is_due), views, config);
   find_visibility(tests, work);
-  for (int round = 0; round < kCutRounds && cut_occlusion_edges(work, config.min_edge_m); ++round)
+  for (int round = 0; round < kCutRounds && cut_occlusion_edges(work, config); ++round)
     find_visibility(tests, work);
   for (std::size_t t = 0; t < surface.label.size(); ++t)
     if (surface.is_due[t]) surface.label[t] = best_view(work.visibility, t);
@@ -325,8 +328,14 @@ Labelling Labelling::of(Mesh surface) {
 
 Mesh Labelling::labelled(std::span<const View> views) const {
   std::vector<ViewId> ids;
-  for (const int v : label) ids.push_back(v == kNone ? kNoView : views[v].id);
-  Mesh out = mesh;
+  Mesh out;
+  out.positions = mesh.positions;
+  for (std::size_t t = 0; t < label.size(); ++t) {
+    const Vec3f a = mesh.corner(t, 0), b = mesh.corner(t, 1), c = mesh.corner(t, 2);
+    if (a == b || b == c || c == a) continue;  // what splitting left of a sliver
+    out.triangles.push_back(mesh.triangles[t]);
+    ids.push_back(label[t] == kNone ? kNoView : views[label[t]].id);
+  }
   set_triangle_views(out, ids);
   return out;
 }

@@ -3,11 +3,13 @@
 #include <array>
 #include <cstdint>
 #include <map>
+#include <optional>
 #include <span>
 #include <vector>
 
 #include "mr/atlas/atlas_config.h"
 #include "mr/core/image.h"
+#include "mr/core/lattice.h"
 #include "mr/core/mesh.h"
 #include "mr/core/packet.h"
 #include "mr/core/view.h"
@@ -24,6 +26,7 @@ struct LabelConfig {
   Precision precision{};     ///< of the noisiest sensor, so that noise does not count as occluder
   double min_edge_m = 0.02;  ///< triangles across an occlusion edge are split down to this edge
   const Occluders* occluders = nullptr;  ///< other surface that may occlude this one
+  std::optional<Lattice> lattice{};  ///< of the mesh: vertices that splitting adds are put on it
   /// Masks of the pixels of a view's camera picture that may be used for texture, such as the valid
   /// blocks of a clean plate; all pixels if it has no mask.
   std::map<ViewId, TileMask> valid{};
@@ -37,7 +40,7 @@ struct LabelConfig {
 /// triangle too small to split gets the view in which most of it is visible, or none, and never a
 /// view without valid pixels.
 /// best_angle chooses the most frontal view; coherent prefers the neighbours' view where angles
-/// allow. Returns the mesh with runs; new vertices may lie off the lattice.
+/// allow. Returns the mesh with runs.
 Mesh label_triangles(const Mesh& mesh, std::span<const View> views, const LabelConfig& config);
 
 /// A surface while its triangles are split and labelled.
@@ -54,7 +57,7 @@ struct Labelling {
 
   /// A surface of which every triangle is due.
   static Labelling of(Mesh surface);
-  /// The mesh with its labels as runs.
+  /// The mesh with its labels as runs, without triangles with two corners in one place.
   Mesh labelled(std::span<const View> views) const;
 };
 

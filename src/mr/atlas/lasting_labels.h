@@ -31,9 +31,8 @@ class LastingLabels {
   /// next update.
   enum class Extent { everything, changes, new_surface };
 
-  /// Returns the surface with runs; vertices that cutting added may lie off the lattice. `surface`
-  /// is welded. `config.occluders` is not used; `config.valid` is of tiles of 16 pixels.
-  /// Deterministic, and the same on any number of threads.
+  /// Returns the surface with runs. `surface` is welded. `config.occluders` is not used;
+  /// `config.valid` is of tiles of 16 pixels. Deterministic, and the same on any number of threads.
   Mesh update(const Mesh& surface, std::span<const View> views, LabelConfig config, Extent extent);
 
   /// Depth maps of the last surface from its views (Extent::new_surface: of the one before).

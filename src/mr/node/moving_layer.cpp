@@ -24,10 +24,7 @@ Status MovingLayer::update(std::vector<DecodedScene> scenes, const std::vector<k
     config.occluders = tick.still;
     return atlas::label_triangles(surface->mesh, tick.poses.views, config);
   });
-  auto snapped = on_lattice(mesh, *scene_);
-  if (!snapped) return snapped.error();
-  merged_ =
-      Merged{std::move(scenes), tick.decimation, *std::move(snapped), std::move(surface->errors)};
+  merged_ = Merged{std::move(scenes), tick.decimation, std::move(mesh), std::move(surface->errors)};
   return {};
 }
 

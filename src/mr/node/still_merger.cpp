@@ -46,7 +46,8 @@ atlas::LabelConfig label_config(const Scene& scene, const std::vector<SourceInfo
   return {.views = scene.atlas.views,
           .geometry_error_m = texturing_error_m(scene, error_m),
           .precision = noisiest(sources),
-          .min_edge_m = 2 * scene.voxel_m};
+          .min_edge_m = 2 * scene.voxel_m,
+          .lattice = scene.lattice};
 }
 
 StillMerger::StillMerger(const Scene& scene, const MergerConfig& merger, bool is_root, Clock clock,
@@ -88,14 +89,9 @@ Result<StillMerger::Made> StillMerger::update(Task task) {
       trace_->time("atlas", [&] { return is_root_ ? labelled(task, extent) : joined_.mesh; });
   std::optional<std::uint64_t> withheld_until;
   const bool withhold = is_root_ && !task.views.empty();
-  auto mesh = on_lattice(
-      withhold ? without_fresh_grey(textured, task.sequence, withheld_until) : textured, *scene_);
-  if (!mesh) {
-    is_labelled_ = false;
-    return mesh.error();
-  }
+  Mesh mesh = withhold ? without_fresh_grey(textured, task.sequence, withheld_until) : textured;
   const bool was_withheld = std::exchange(withheld_until_, withheld_until).has_value();
-  shown_.mesh = std::make_shared<const Mesh>(*std::move(mesh));
+  shown_.mesh = std::make_shared<const Mesh>(std::move(mesh));
   shown_.error_m = joined_.errors.most_m();
   const bool is_other =
       !is_labelled_ || withheld_until_ || was_withheld ||

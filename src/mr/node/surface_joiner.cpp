@@ -33,12 +33,6 @@ merge::OverlapConfig overlap_config(const Scene& scene) {
           .calibration_error_m = scene.merge.calibration_error_m};
 }
 
-Result<Mesh> on_lattice(const Mesh& mesh, const Scene& scene) {
-  auto snapped = codec::snap_to_lattice(mesh, scene.lattice);
-  if (!snapped) return snapped.error();
-  return kit::without_nonmanifold_edges(*snapped);
-}
-
 Mesh SurfaceJoiner::join(const Parts& parts, bool all, const std::function<void()>& on_cores_free) {
   const MergeConfig& config = scene_->merge;
   const bool has_budget = clock_ && merger_->budget_ms > 0;
@@ -47,8 +41,8 @@ Mesh SurfaceJoiner::join(const Parts& parts, bool all, const std::function<void(
   const auto spent_ms = [&] {
     return std::chrono::duration<double, std::milli>(now() - started).count();
   };
-  quality_.freeze(!all);
   merge::SurfacesConfig surfaces = merge::surfaces_config(overlap_config(*scene_));
+  surfaces.overlap.is_piece = !all;
   if (config.gap_m > 0) surfaces.zipper.max_gap_m = config.gap_m;
   if (config.island_area_m2 > 0) surfaces.island_area_m2 = config.island_area_m2;
   double before_zipper_ms = 0, zipper_ms = 0;
@@ -70,23 +64,25 @@ Mesh SurfaceJoiner::join(const Parts& parts, bool all, const std::function<void(
   return merger_->region ? inside(whole, *merger_->region, scene_->fusion.chunk_m) : whole;
 }
 
-Result<SurfaceJoiner::Surface> SurfaceJoiner::decimated(const Mesh& mesh, const Parts& parts,
+Result<SurfaceJoiner::Surface> SurfaceJoiner::decimated(Mesh mesh, const Parts& parts,
                                                         const CubeErrors& errors,
                                                         const Decimation& decimation) {
   return trace_->time("simplify", [&]() -> Result<Surface> {
-    auto snapped = codec::snap_to_lattice(mesh, scene_->lattice);
+    Surface out{std::move(mesh), errors};
+    if (!decimation.does_nothing()) {
+      const double target = decimation.ratio * triangles_sent(parts, out.mesh);
+      simplify::SimplifyOptions limits{.triangles = static_cast<std::size_t>(std::ceil(target))};
+      if (decimation.error_m > 0) limits.error_m = static_cast<float>(decimation.error_m);
+      auto small = simplifier_.run(out.mesh, limits);
+      if (!small) return small.error();
+      CubeErrors own;
+      own.raise(small->mesh, small->errors_m, scene_->fusion.chunk_m);
+      out = {std::move(small->mesh), node::decimated(errors, own)};
+    }
+    auto snapped = codec::snap_to_lattice(out.mesh, scene_->lattice);
     if (!snapped) return snapped.error();
-    if (decimation.does_nothing()) return Surface{*std::move(snapped), errors};
-    const double target = decimation.ratio * triangles_sent(parts, *snapped);
-    simplify::SimplifyOptions limits{.triangles = static_cast<std::size_t>(std::ceil(target))};
-    if (decimation.error_m > 0) limits.error_m = static_cast<float>(decimation.error_m);
-    const auto small = simplifier_.run(*snapped, limits);
-    if (!small) return small.error();
-    CubeErrors own;
-    own.raise(small->mesh, small->errors_m, scene_->fusion.chunk_m);
-    snapped = codec::snap_to_lattice(small->mesh, scene_->lattice);
-    if (!snapped) return snapped.error();
-    return Surface{*std::move(snapped), node::decimated(errors, own)};
+    out.mesh = kit::without_nonmanifold_edges(*snapped);
+    return out;
   });
 }
 

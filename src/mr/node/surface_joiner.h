@@ -21,9 +21,6 @@ namespace mr::node {
 /// The scene's configuration of overlap removal.
 merge::OverlapConfig overlap_config(const Scene& scene);
 
-/// Snaps a mesh to the scene's lattice and removes non-manifold edges (of more than two triangles).
-Result<Mesh> on_lattice(const Mesh& mesh, const Scene& scene);
-
 /// Merges the surfaces of a merger's inputs into one (paper 3.2), and keeps state that speeds up
 /// the next call. One object per layer; not thread-safe.
 class SurfaceJoiner {
@@ -44,9 +41,10 @@ class SurfaceJoiner {
     Mesh mesh;  ///< on the lattice
     CubeErrors errors;
   };
-  /// Decimates a merged mesh. A ratio refers to the triangle density of `parts`, so triangles added
-  /// by cuts along overlaps do not count. `errors`: of the parts.
-  Result<Surface> decimated(const Mesh& mesh, const Parts& parts, const CubeErrors& errors,
+  /// Decimates a merged mesh, then snaps it to the lattice and removes edges of more than two
+  /// triangles: nothing moves its vertices any more. A ratio refers to the triangle density of
+  /// `parts`, so triangles added by cuts along overlaps do not count. `errors`: of the parts.
+  Result<Surface> decimated(Mesh mesh, const Parts& parts, const CubeErrors& errors,
                             const Decimation& decimation);
 
   /// Whether gaps were left open because of merger.budget_ms since the last call.

@@ -14,6 +14,7 @@ struct OverlapConfig {
   MergeConfig::Overlap overlap = MergeConfig::Overlap::raster;  ///< how the paper's rays are cast
   double voxel_m = 0.01;
   double calibration_error_m = 0.005;
+  bool is_piece = false;  ///< the parts are a piece of the scene: a QualityMemory learns nothing
 };
 
 class QualityMemory;  // quality_grid.h

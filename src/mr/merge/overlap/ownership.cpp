@@ -90,7 +90,7 @@ class OwnershipMap {
   OwnershipMap(std::span<const kit::Part> parts, const OverlapConfig& config, QualityMemory* memory)
       : parts_(parts),
         measured_(all_measured(parts, config)),
-        grid_(parts, measured_, kCell_voxels * config.voxel_m, memory) {
+        grid_(parts, measured_, kCell_voxels * config.voxel_m, memory, !config.is_piece) {
     struct Wanted {
       std::uint32_t part, source;
       std::size_t owner;

@@ -91,13 +91,15 @@ class Filler {
 
 }  // namespace
 
-QualityCells& QualityMemory::remembered(SensorId sensor) {
-  const std::lock_guard lock(mutex_);
-  return last_[sensor];
-}
-
-void QualityMemory::stabilize(SensorId sensor, QualityCells& cells) {
-  QualityCells& last = remembered(sensor);
+void QualityMemory::stabilize(SensorId sensor, QualityCells& cells) const {
+  const QualityCells* found = nullptr;
+  {
+    const std::lock_guard lock(mutex_);
+    const auto known = last_.find(sensor);
+    if (known == last_.end()) return;
+    found = &known->second;
+  }
+  const QualityCells& last = *found;
   for (std::size_t i = 0; i < cells.keys.size(); ++i) {
     const std::uint32_t* before = last.places.find(cells.keys[i]);
     if (!before) continue;
@@ -106,11 +108,19 @@ void QualityMemory::stabilize(SensorId sensor, QualityCells& cells) {
       if (std::abs(cells.sums[i][k] - held) <= kHeldChange * held) cells.sums[i][k] = held;
     }
   }
-  if (!frozen_) last = cells;
+}
+
+void QualityMemory::learn(SensorId sensor, const QualityCells& cells) {
+  QualityCells* last = nullptr;
+  {
+    const std::lock_guard lock(mutex_);
+    last = &last_[sensor];
+  }
+  *last = cells;
 }
 
 QualityGrid::QualityGrid(std::span<const kit::Part> parts, std::span<const Measured> measured,
-                         double cell_m, QualityMemory* memory)
+                         double cell_m, QualityMemory* memory, bool learns)
     : per_cell_(static_cast<float>(1 / cell_m)), cells_(1024) {
   for (std::uint32_t i = 0; i < parts.size(); ++i)
     for (std::uint32_t source = 0; source < parts[i].sources.size(); ++source)
@@ -122,9 +132,11 @@ QualityGrid::QualityGrid(std::span<const kit::Part> parts, std::span<const Measu
       Filler(of_owner[k]).fill(parts[part].mesh, measured[part], source, per_cell_);
     }
   });
-  if (memory)
-    for (std::size_t k = 0; k < owners_.size(); ++k)
-      memory->stabilize(parts[owners_[k].part].sources[owners_[k].source].sensor, of_owner[k]);
+  for (std::size_t k = 0; memory && k < owners_.size(); ++k) {
+    const SensorId sensor = parts[owners_[k].part].sources[owners_[k].source].sensor;
+    memory->stabilize(sensor, of_owner[k]);
+    if (learns) memory->learn(sensor, of_owner[k]);
+  }
   std::vector<std::uint32_t> count, place;
   for (const QualityCells& cells : of_owner)
     for (const std::uint64_t cell : cells.keys) {

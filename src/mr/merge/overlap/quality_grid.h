@@ -28,17 +28,14 @@ struct QualityCells {
 /// their old value, so that noise does not move borders between owners.
 class QualityMemory {
  public:
-  /// Applies the hysteresis to a sensor's sums and remembers them. Different sensors may be
+  /// Applies the hysteresis to a sensor's sums. Different sensors may be processed at once.
+  void stabilize(SensorId sensor, QualityCells& cells) const;
+  /// Remembers a sensor's sums, stabilized ones of the whole scene. Different sensors may be
   /// processed at once.
-  void stabilize(SensorId sensor, QualityCells& cells);
-  /// While frozen nothing is remembered, for merging only a piece of a scene.
-  void freeze(bool frozen) { frozen_ = frozen; }
+  void learn(SensorId sensor, const QualityCells& cells);
 
  private:
-  QualityCells& remembered(SensorId sensor);
-
-  bool frozen_ = false;
-  std::mutex mutex_;  // for the map alone
+  mutable std::mutex mutex_;  // for the map alone
   std::map<SensorId, QualityCells> last_;
 };
 
@@ -49,9 +46,10 @@ class QualityMemory {
 /// not depend on any one mesh, it divides all meshes along the same lines.
 class QualityGrid {
  public:
-  /// `parts[i]` was measured as `measured[i]`. `memory` may be null. Parallel; deterministic.
+  /// `parts[i]` was measured as `measured[i]`. `memory` may be null, and `learns` where the parts
+  /// are the whole scene. Parallel; deterministic.
   QualityGrid(std::span<const kit::Part> parts, std::span<const Measured> measured, double cell_m,
-              QualityMemory* memory);
+              QualityMemory* memory, bool learns);
 
   /// A possible owner of surface: a source of a part.
   struct Owner {
