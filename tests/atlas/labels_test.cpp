@@ -71,6 +71,27 @@ TEST(Labels, OccluderIsNotPaintedOntoTheWall) {
   EXPECT_LT(outside, 0.05);
 }
 
+TEST(Labels, WhatSplittingAddsLiesOnTheLattice) {
+  const Lattice lattice{.origin = {}, .step_exp = -9};
+  Mesh scene = wall(0.8f, 3);
+  append(scene, test::grid({-0.2f, 0.2f, 1}, {0.4f, 0, 0}, {0, -0.4f, 0}, 8, 8));
+  // Slivers of one step: the middles of two of their edges meet on the lattice.
+  for (Vec3f& p : scene.positions) p = lattice.snap(p);
+  const float step = static_cast<float>(lattice.step_m());
+  append(scene, Mesh{{{-0.3f, 0.9f, 2}, {0.6f, 0.9f, 2}, {0.6f, 0.9f + step, 2}}, {{0, 1, 2}}});
+  const std::size_t last = scene.positions.size() - 3;
+  for (std::size_t v = last; v < scene.positions.size(); ++v)
+    scene.positions[v] = lattice.snap(scene.positions[v]);
+  const View v = view(ViewId{0}, {0, 0, 0}, {0, 0, 2});
+  const Mesh mesh = atlas::label_triangles(
+      scene, {{v}}, {.geometry_error_m = 0.005, .min_edge_m = 0.02, .lattice = lattice});
+  EXPECT_GT(mesh.triangles.size(), scene.triangles.size() + 10) << "it was split";
+  for (const Vec3f p : mesh.positions) EXPECT_EQ(p, lattice.snap(p));
+  for (std::size_t t = 0; t < mesh.triangles.size(); ++t)
+    for (int i = 0; i < 3; ++i) EXPECT_NE(mesh.corner(t, i), mesh.corner(t, (i + 1) % 3));
+  EXPECT_NEAR(surface_area_m2(mesh), surface_area_m2(scene), 1e-3);
+}
+
 TEST(Labels, BestAngleTakesTheMostDirectView) {
   const std::vector<View> views = {view(ViewId{0}, {-1.5, 0, 0.5}, {0, 0, 2}),
                                    view(ViewId{1}, {0, 0, 0}, {0, 0, 2})};

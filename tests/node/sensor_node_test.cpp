@@ -246,6 +246,31 @@ TEST(SensorNode, DecimationKeepsTheShareThatWasAskedFor) {
   EXPECT_NEAR(triangles(0.2) / all, 0.2, 0.02);
 }
 
+/// Triangles to the right of where balls may enter a room on the left.
+double triangles_on_the_right(const Decimation& decimation, bool with_balls) {
+  Scene scene = one_sensor();
+  scene.simplify.ratio = decimation.ratio, scene.simplify.error_m = decimation.error_m;
+  Solids solids = test::furnished_room();
+  if (with_balls)
+    for (const double y : {-0.4, 0.0}) solids.balls.push_back({{-0.6, y, 1.2}, 0.2});
+  Sensor sensor(scene);
+  sensor.see(solids);
+  const Mesh mesh = sensor.surface();
+  double count = 0;
+  for (std::size_t t = 0; t < mesh.triangles.size(); ++t) count += mesh.centroid(t).x > -0.1f;
+  return count;
+}
+
+TEST(SensorNode, WithAnErrorLimitTheRestDoesNotChangeWhenSomebodyEnters) {
+  const auto change = [](const Decimation& decimation) {
+    const double alone = triangles_on_the_right(decimation, false);
+    EXPECT_GT(alone, 50);
+    return std::abs(triangles_on_the_right(decimation, true) / alone - 1);
+  };
+  EXPECT_LT(change({1, 0.002}), 0.02);
+  EXPECT_GT(change({0.1, 0}), 0.1) << "a share of all triangles is another there, too";
+}
+
 TEST(SensorNode, ASensorThatMovesSendsWhatItSeesWhereItStands) {
   Scene scene = one_sensor();
   scene.sensors[0].T_world_depth = {facing_the_wall(), facing_the_wall({0.5, 0, 0})};
