@@ -108,5 +108,17 @@ TEST(CubeMerger, WhatIsNewInHalfOfTheSceneOrFromAnotherPlaceIsMergedWhole) {
   EXPECT_EQ(merger.all_calls, 5);
 }
 
+TEST(PartOf, ViewsThatAnInputNamesAreDropped) {
+  Chunk chunk;
+  chunk.mesh = test::grid({0, 0, 1}, {1, 0, 0}, {0, 1, 0}, 4, 4);
+  set_view(chunk.mesh, ViewId{3});
+  DecodedScene scene;
+  scene.sources.resize(2);
+  scene.chunks = {std::make_shared<const Chunk>(chunk)};
+  const kit::Part part = node::part_of(scene, [](Vec3i) { return true; });
+  EXPECT_EQ(part.mesh.triangles.size(), chunk.mesh.triangles.size());
+  EXPECT_TRUE(part.mesh.views.empty());
+}
+
 }  // namespace
 }  // namespace mr

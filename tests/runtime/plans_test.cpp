@@ -1,6 +1,7 @@
 // The plan in force, from the root to the sensors (docs/wire-format.md, Control), in lockstep.
 #include <gtest/gtest.h>
 
+#include <cmath>
 #include <memory>
 #include <vector>
 
@@ -56,10 +57,10 @@ TEST(Plans, ANewQualityTakesEffectAtOnceAndWithoutAKeyFrame) {
   const double before = run.captures(2)[1].texture_bytes;
   ScenePlan plan = initial_plan(run.scene().scene());
   plan.root.texture_qp += 12;
-  run.scene().set_plan(plan);
+  ASSERT_TRUE(run.scene().set_plan(plan));
   const std::vector<Sent> coarse = run.captures(3);
   plan.root.texture_qp -= 18;
-  run.scene().set_plan(plan);
+  ASSERT_TRUE(run.scene().set_plan(plan));
   const std::vector<Sent> fine = run.captures(3);
   for (const auto& captures : {coarse, fine})
     for (const Sent& sent : captures) EXPECT_FALSE(sent.key_frame);
@@ -67,12 +68,26 @@ TEST(Plans, ANewQualityTakesEffectAtOnceAndWithoutAKeyFrame) {
   EXPECT_GT(fine[0].texture_bytes, 2 * before);
 }
 
+TEST(Plans, AnImpossiblePlanIsRefused) {
+  Lockstep run(lively_scene());
+  const auto refused = [&](auto edit) {
+    ScenePlan plan = initial_plan(run.scene().scene());
+    edit(plan);
+    return !run.scene().set_plan(plan);
+  };
+  EXPECT_FALSE(refused([](ScenePlan&) {}));
+  EXPECT_TRUE(refused([](ScenePlan& p) { p.sensors.decimation.ratio = -1; }));
+  EXPECT_TRUE(refused([](ScenePlan& p) { p.root.decimation = {0, 0}; }));
+  EXPECT_TRUE(refused([](ScenePlan& p) { p.root.texture_scale = 1e-4; }));
+  EXPECT_TRUE(refused([](ScenePlan& p) { p.root.still_error_m = std::nan(""); }));
+}
+
 TEST(Plans, APlanGivenToTheRootReachesTheSensors) {
   Lockstep run(lively_scene());
   const double before = run.captures(2)[1].triangles;
   ScenePlan plan = initial_plan(run.scene().scene());
   plan.sensors.decimation.ratio /= 4;
-  run.scene().set_plan(plan);
+  ASSERT_TRUE(run.scene().set_plan(plan));
   const std::vector<Sent> after = run.captures(3);
   EXPECT_GT(after[0].triangles, 0.7 * before) << "the root hands it on with this capture";
   EXPECT_LT(after[1].triangles, 0.4 * before);

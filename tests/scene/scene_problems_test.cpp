@@ -78,6 +78,14 @@ TEST(SceneProblems, EachStageRefusesWhatCannotBeAndSaysWhichKey) {
          push.kind = RigEvent::Kind::push, push.frames = 1, push.by_mm = -1;
          s.rig.emplace().events = {push};
        }},
+      {"rig.depth must be", [](Scene& s) { s.rig.emplace().depth_width = 0; }},
+      {"rig.depth must be", [](Scene& s) { s.rig.emplace().depth_height = 1 << 20; }},
+      {"coding.texture_scale must be", [](Scene& s) { s.coding.texture_scale = 1e-4; }},
+      {"gateway.start: eye and look_at must hold finite",
+       [](Scene& s) {
+         s.gateway.emplace().start.emplace() = {{0, 0, 1},
+                                                {std::numeric_limits<double>::infinity(), 0, 0}};
+       }},
       {"simplify.ratio must be", [](Scene& s) { s.simplify.ratio = 2; }},
       {"merge.simplify.error_m must be", [](Scene& s) { s.merge.simplify.error_m = -1; }},
       {"merge.gap_m must be", [](Scene& s) { s.merge.gap_m = 2; }},
@@ -116,7 +124,7 @@ TEST(SceneProblems, SensorsAreLookedAtWithTheirSource) {
   EXPECT_THAT(of_sensor([](SensorConfig& s) { s.T_world_depth.clear(); }),
               ElementsAre("sensors.a.T_world_depth must hold a pose"));
   EXPECT_THAT(of_sensor([](SensorConfig& s) { s.T_world_depth[0].translation.y = kNan; }),
-              ElementsAre("sensors.a.T_world_depth must hold finite numbers"));
+              ElementsAre("sensors.a.T_world_depth must hold rigid transforms"));
   EXPECT_THAT(of_sensor([](SensorConfig& s) { s.depth_near_m = 5, s.depth_far_m = 1; }),
               ElementsAre(HasSubstr("near less than far")));
   EXPECT_THAT(of_sensor([](SensorConfig& s) { s.precision.base_m = 0; }),

@@ -221,7 +221,7 @@ void label(Labelling& surface, std::span<const View> views, const LabelConfig& c
       surface, kit::smooth_normals(surface.mesh, kNormalRounds), Visibilities(views.size()), {}};
   for (std::uint32_t t = 0; t < surface.is_due.size(); ++t)
     if (surface.is_due[t]) work.not_seen_yet.push_back(t);
-  // Cutting does not change the geometry: the depth buffers are rendered once.
+  // Cutting moves no surface by more than a step of the lattice: depth is rendered once.
   const bool all = work.not_seen_yet.size() == surface.is_due.size();
   const std::vector<std::optional<ViewVisibility>> tests = visibility_tests(
       all ? surface.mesh : select_triangles(surface.mesh, surface.is_due), views, config);

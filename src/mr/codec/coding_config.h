@@ -3,6 +3,7 @@
 #include <string>
 #include <vector>
 
+#include "mr/core/coding_plan.h"
 #include "mr/core/range.h"
 
 namespace mr::codec {
@@ -14,7 +15,8 @@ struct CodingConfig {
   int depth_qp = 14;           ///< of the depth video, pipeline rgbd only
   int frame_divider = 1;       ///< baselines only: every n-th capture is sent
 
-  static constexpr Range kTextureScale{0, 1, true}, kQp{0, 51}, kFrameDivider{1, 30};
+  static constexpr Range kTextureScale = CodingPlan::kTextureScale, kQp{0, 51},
+                         kFrameDivider{1, 30};
   /// The invalid fields, one line each; empty: valid.
   std::vector<std::string> problems() const {
     return out_of_range({{"texture_scale", texture_scale, kTextureScale},

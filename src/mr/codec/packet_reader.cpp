@@ -21,24 +21,6 @@ Error too_large_packet(const std::string& what) {
   return {Error::Cause::too_large, "packet: " + what};
 }
 
-bool is_finite(const Pose& T) {
-  for (const double v : T.rotation.m)
-    if (!std::isfinite(v)) return false;
-  return mr::is_finite(T.translation);
-}
-
-bool is_rigid(const Pose& T) {
-  constexpr double kTolerance = 1e-3, kFarthest_m = 1e8;
-  if (!is_finite(T)) return false;
-  for (int i = 0; i < 3; ++i) {
-    if (std::abs(T.translation[i]) > kFarthest_m) return false;
-    for (int j = 0; j <= i; ++j)
-      if (std::abs(dot(T.rotation.column(i), T.rotation.column(j)) - (i == j)) > kTolerance)
-        return false;
-  }
-  return dot(cross(T.rotation.column(0), T.rotation.column(1)), T.rotation.column(2)) > 0;
-}
-
 /// `inner` is not empty and lies in [0, width] x [0, height].
 bool fits(const Rect& inner, int width, int height) {
   return !inner.empty() && inner.x >= 0 && inner.y >= 0 && inner.width <= width - inner.x &&

@@ -15,11 +15,15 @@ Result<Packet> StreamReceiver::read(std::span<const std::byte> bytes, TimePoint 
   return packet;
 }
 
-std::vector<Error> StreamReceiver::take_answer(std::span<const std::byte> answer) {
+Result<std::vector<EncodedChunk>> read_answer(std::span<const std::byte> answer) {
   if (const auto refusal = decode_refusal(answer))
-    return {*refusal ? Error{Error::Cause::unsupported, "it refused: " + **refusal}
-                     : refusal->error()};
-  const auto chunks = decode_chunks(answer);
+    return *refusal ? Error{Error::Cause::unsupported, "it refused: " + **refusal}
+                    : refusal->error();
+  return decode_chunks(answer);
+}
+
+std::vector<Error> StreamReceiver::take_answer(std::span<const std::byte> answer) {
+  const auto chunks = read_answer(answer);
   if (!chunks) return {chunks.error()};
   std::vector<Error> wrong;
   for (const EncodedChunk& chunk : *chunks)

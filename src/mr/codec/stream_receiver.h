@@ -13,6 +13,10 @@
 
 namespace mr::codec {
 
+/// A node's answer to a request for chunks. Errors as decode_chunks(); unsupported: why the node
+/// refused the request.
+Result<std::vector<EncodedChunk>> read_answer(std::span<const std::byte> answer);
+
 /// The receiving end of one node's stream, from bytes to decoded captures: packets in their order
 /// (HeadReader), chunks and pictures (Receiver), and what to ask the node for (ControlPacing).
 /// Mergers, clients and renderers all receive with it. No socket, thread or clock inside.

@@ -1,16 +1,17 @@
 #include "mr/core/coding_plan.h"
 
-#include "mr/core/range.h"
-
 namespace mr {
 
 std::vector<std::string> CodingPlan::problems() const {
-  return out_of_range({{"decimation.ratio", decimation.ratio, {0, 1}},
-                       {"decimation.error_m", decimation.error_m, {0, 1}},
-                       {"still_error_m", still_error_m, {0, 1}},
-                       {"mesh_speed", mesh_speed, {0, 10}},
-                       {"texture_scale", texture_scale, {0, 16}},
-                       {"texture_qp", texture_qp, {0, 51}}});
+  std::vector<std::string> out = out_of_range({{"decimation.ratio", decimation.ratio, {0, 1}},
+                                               {"decimation.error_m", decimation.error_m, {0, 1}},
+                                               {"still_error_m", still_error_m, {0, 1}},
+                                               {"mesh_speed", mesh_speed, {0, 10}},
+                                               {"texture_scale", texture_scale, kTextureScale},
+                                               {"texture_qp", texture_qp, {0, 51}}});
+  if (decimation.ratio == 0 && decimation.error_m == 0)
+    out.push_back("decimation.ratio may be 0 only with an error_m");
+  return out;
 }
 
 std::vector<std::string> ScenePlan::problems() const {

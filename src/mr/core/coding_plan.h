@@ -3,6 +3,8 @@
 #include <string>
 #include <vector>
 
+#include "mr/core/range.h"
+
 namespace mr {
 
 /// Limits of decimation: it stops at the ratio of triangles or when the next edge collapse would
@@ -26,6 +28,7 @@ struct CodingPlan {
   double texture_scale = 1;  ///< tile pixels per camera pixel, along each axis
   int texture_qp = 28;       ///< H.264 quantiser
 
+  static constexpr Range kTextureScale{0.01, 1};
   /// The invalid fields, one line each; empty: valid.
   std::vector<std::string> problems() const;
   friend bool operator==(const CodingPlan&, const CodingPlan&) = default;

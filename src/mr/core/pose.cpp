@@ -57,6 +57,17 @@ double deviation_from_rotation(const Mat3& r) {
 
 }  // namespace
 
+bool is_rigid(const Pose& T) {
+  constexpr double kTolerance = 1e-3, kFarthest_m = 1e8;
+  for (int i = 0; i < 3; ++i) {
+    if (!(std::abs(T.translation[i]) <= kFarthest_m)) return false;
+    for (int j = 0; j <= i; ++j)
+      if (!(std::abs(dot(T.rotation.column(i), T.rotation.column(j)) - (i == j)) <= kTolerance))
+        return false;
+  }
+  return determinant(T.rotation) > 0;
+}
+
 Result<Pose> pose_from_matrix(std::span<const double, 16> matrix, double tolerance) {
   const auto refuse = [](const char* why) { return Error{Error::Cause::invalid, why}; };
   for (const double v : matrix)

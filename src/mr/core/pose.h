@@ -41,6 +41,9 @@ struct Pose {
   std::array<double, 16> matrix() const;
 };
 
+/// Whether a pose is rigid to 1e-3, not mirrored, and at most 1e8 m away.
+bool is_rigid(const Pose& T);
+
 /// Reads a 4x4 row-major matrix. A rotation that is off by at most `tolerance` (largest entry of
 /// RᵀR - I, so 0.02 accepts a 1 % scale) is replaced by the nearest rotation (polar
 /// decomposition, Higham 1986); others, mirrored ones and non-finite ones are refused.

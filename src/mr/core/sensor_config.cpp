@@ -1,15 +1,9 @@
 #include "mr/core/sensor_config.h"
 
 #include <algorithm>
-#include <cmath>
 
 namespace mr {
 namespace {
-
-bool is_finite_pose(const Pose& pose) {
-  const auto matrix = pose.matrix();
-  return std::all_of(matrix.begin(), matrix.end(), [](double v) { return std::isfinite(v); });
-}
 
 std::vector<std::string> camera_problems(const SensorConfig& sensor) {
   std::vector<std::string> out = prefixed("depth_camera: ", sensor.depth_camera.problems());
@@ -29,10 +23,9 @@ std::vector<std::string> pose_problems(const SensorConfig& sensor) {
   if (items > 0 && poses > 1 && poses != items)
     out.push_back("T_world_depth holds " + std::to_string(poses) + " poses for " +
                   std::to_string(items) + " items; it needs one, or one per item");
-  if (!std::all_of(sensor.T_world_depth.begin(), sensor.T_world_depth.end(), is_finite_pose))
-    out.push_back("T_world_depth must hold finite numbers");
-  if (!is_finite_pose(sensor.T_color_depth))
-    out.push_back("T_color_depth must hold finite numbers");
+  if (!std::ranges::all_of(sensor.T_world_depth, is_rigid))
+    out.push_back("T_world_depth must hold rigid transforms");
+  if (!is_rigid(sensor.T_color_depth)) out.push_back("T_color_depth must be a rigid transform");
   return out;
 }
 

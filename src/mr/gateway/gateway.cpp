@@ -8,6 +8,7 @@
 #include <utility>
 
 #include "mr/codec/packet_codec.h"
+#include "mr/codec/stream_receiver.h"
 
 namespace mr::gateway {
 namespace {
@@ -73,7 +74,7 @@ std::vector<node::Ask> Gateway::step(const node::Arrivals& arrivals, TimePoint n
            : drops_.count(root_ + " → gateway", packet.error());
   }
   for (const node::Arrivals::Answer& answer : arrivals.answers) {
-    auto chunks = codec::decode_chunks(*answer.bytes);
+    auto chunks = codec::read_answer(*answer.bytes);
     chunks ? viewers_.take_chunks(*std::move(chunks))
            : drops_.count(root_ + " → gateway", chunks.error());
   }
@@ -148,7 +149,10 @@ void Gateway::on_request(net::ViewerId viewer, std::span<const std::byte> bytes,
   if (!session->is_admitted) return refuse(viewer, "no token");
   const auto request = codec::decode_control(bytes);
   if (!request && request.error().cause == Error::Cause::unsupported) {
-    drops_.count("viewer → gateway", request.error());
+    constexpr auto kTellEvery = std::chrono::seconds(1);
+    const bool is_news = !version_refused_ || now - *version_refused_ >= kTellEvery;
+    if (is_news) version_refused_ = now;
+    drops_.count("viewer → gateway", request.error(), is_news);
     return send_text(viewer, Json{{"type", "error"}, {"message", request.error().message}}.dump());
   }
   if (!request) return refuse(viewer, "not a request");

@@ -86,7 +86,8 @@ class Gateway final : public node::Task {
   bool is_silent_ = false;  ///< of the root, and viewers were informed
   codec::HeadReader heads_;
   std::map<std::string, std::uint64_t> refusals_;  ///< by cause, of the transports; as last logged
-  std::optional<TimePoint> refusals_told_, first_step_, last_packet_, give_back_at_;
+  std::optional<TimePoint> refusals_told_, version_refused_, first_step_, last_packet_,
+      give_back_at_;
   Duration interval_{};          ///< between the last two packets
   std::size_t most_unread_ = 0;  ///< bytes, since memory was given back
   std::optional<std::uint64_t> acknowledged_;

@@ -64,6 +64,8 @@ void Viewers::begin_afresh() {
   newest_.reset();
   chunks_.clear();
   kept_.clear();
+  key_frames_wanted_.clear();
+  pacing_.begin_afresh();
   for (auto& [id, viewer] : viewers_) {
     viewer.waiting.clear();
     viewer.in_flight.clear();
@@ -139,7 +141,7 @@ net::Message Viewers::refresh(const Packet& packet) const {
   all.textures.clear();
   for (const auto& [stream, kept] : kept_)
     all.textures.insert(all.textures.end(), kept.units.begin(), kept.units.end());
-  return std::make_shared<const std::vector<std::byte>>(
+  return net::as_message(
       codec::encode_packet(all, *base_, codec::change_between(*base_, all), true));
 }
 
@@ -244,8 +246,7 @@ std::optional<net::Message> Viewers::asked(Id id, const codec::Control& request,
   viewer->second.answered = now;
   const std::vector<EncodedChunk> found = find_chunks(request.chunks);
   if (found.empty()) return std::nullopt;
-  viewer->second.unread.push_back(
-      {std::make_shared<const std::vector<std::byte>>(codec::encode_chunks(found)), now, true});
+  viewer->second.unread.push_back({net::as_message(codec::encode_chunks(found)), now, true});
   return viewer->second.unread.back().message;
 }
 

@@ -59,7 +59,7 @@ Message Reassembly::append(Partials::iterator at, TimePoint now, std::span<const
   partial.until = now + limits_.patience;
   if (++partial.next < partial.parts) return nullptr;
   held_ -= partial.bytes.size();
-  auto whole = std::make_shared<const std::vector<std::byte>>(std::move(partial.bytes));
+  auto whole = as_message(std::move(partial.bytes));
   partials_.erase(at);
   return whole;
 }

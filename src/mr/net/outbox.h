@@ -8,12 +8,17 @@
 #include <mutex>
 #include <span>
 #include <stop_token>
+#include <utility>
 #include <vector>
 
 namespace mr::net {
 
 /// An immutable message, shared by its receivers without copying.
 using Message = std::shared_ptr<const std::vector<std::byte>>;
+
+inline Message as_message(std::vector<std::byte> bytes) {
+  return std::make_shared<const std::vector<std::byte>>(std::move(bytes));
+}
 
 /// Folds the messages that wait for one slow receiver into a single one (docs/wire-format.md,
 /// Folded packets). Its argument is oldest first and never empty. Null: the messages cannot be

@@ -16,10 +16,6 @@ constexpr std::chrono::seconds kConnectPatience{5};
 constexpr std::chrono::seconds kSettled{1};  // after this time the peer has not refused us
 constexpr std::size_t kTroubles = 8;
 
-Message as_message(std::vector<std::byte> bytes) {
-  return std::make_shared<const std::vector<std::byte>>(std::move(bytes));
-}
-
 Message greeting(const std::string& node) {
   const std::string text = std::string(kHello) + node;
   const auto bytes = std::as_bytes(std::span(text));

@@ -18,7 +18,7 @@ ChunkPublisher::ChunkPublisher(const Scene& scene, SensorId source)
       reuse_(scene.reuse_chunks),
       source_(source) {}
 
-/// A chunk whose content is what it was keeps its version.
+/// A chunk whose mesh is what it was keeps its version, and the error told with that.
 void ChunkPublisher::put(const ChunkId& id, SurfacePiece piece) {
   const auto before = live_.find(id);
   if (reuse_ && before != live_.end() && before->second.piece.mesh == piece.mesh) return;
@@ -45,7 +45,7 @@ void ChunkPublisher::set_still(Vec3i cube, SurfacePiece piece) {
 /// Whether two textured meshes have the same triangles, and nearly all of them the same view.
 bool ChunkPublisher::is_nearly(const Mesh& a, const Mesh& b) {
   constexpr std::size_t kFew = 100;  // one in so many
-  if (a.triangles.size() != b.triangles.size()) return false;
+  if (a.triangles.size() != b.triangles.size() || a.views.empty() || b.views.empty()) return false;
   using Labelled = std::pair<std::array<Vec3f, 3>, ViewId>;
   const auto sorted = [](const Mesh& mesh) {
     const std::vector<ViewId> views = triangle_views(mesh);

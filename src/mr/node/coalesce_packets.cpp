@@ -16,8 +16,7 @@ net::Message coalesce_packets(std::span<const net::Message> packets) {
     if (auto packet = codec::read_message(bytes)) read.push_back(*std::move(packet));
   // Unreadable bytes are passed on: the receiver counts the error.
   if (read.empty()) return packets.back();
-  return std::make_shared<const std::vector<std::byte>>(
-      codec::encode_message(codec::coalesce(read)));
+  return net::as_message(codec::encode_message(codec::coalesce(read)));
 }
 
 }  // namespace mr::node

@@ -107,6 +107,10 @@ Status InputSynchronizer::check_sender(const Input& input, const Packet& packet)
   for (const TextureUnit& unit : packet.textures)
     if (!is_below(unit.stream))
       return refuse("brings stream " + name(unit.stream) + ", which is not below it");
+  for (const EncodedChunk& chunk : packet.chunks)
+    for (const SensorId sensor : chunk.sensors)
+      if (!is_below(sensor))
+        return refuse("labels a chunk with sensor " + name(sensor) + ", which is not below it");
   if (packet.sources.empty()) return refuse("names no sensor");
   if (input.stream.decoded().is_stale(packet)) return refuse("comes after a newer one");
   return {};

@@ -29,6 +29,7 @@ kit::Part part_of(const DecodedScene& scene, const std::function<bool(Vec3i)>& w
     append(part.mesh, chunk->mesh);
     part.error_m = std::max(part.error_m, chunk->error_m);
   }
+  if (!part.mesh.views.empty()) clear_labels(part.mesh);  // inputs have no say in texturing
   part.mesh = kit::weld(part.mesh);
   part.sources = scene.sources;
   return part;

@@ -27,7 +27,8 @@ std::vector<std::byte> MergeNode::answer(const codec::Control& control) {
   if (is_root_) {
     atlas_.answer(control);
   } else {
-    if (control.shown) still_.receipts().acknowledge(*control.shown);
+    if (control.shown && *control.shown < sequence_)  // else of another epoch
+      still_.receipts().acknowledge(*control.shown);
     const std::lock_guard lock(key_frames_mutex_);
     if (key_frames_wanted_.size() < codec::Control::kMaxStreams)
       key_frames_wanted_.insert(control.key_frames.begin(), control.key_frames.end());

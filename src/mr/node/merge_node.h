@@ -112,7 +112,7 @@ class MergeNode {
   MovingLayer moving_;
   StillLayer still_;
   codec::HeadWriter writer_;
-  std::uint64_t sequence_ = 0;
+  std::atomic<std::uint64_t> sequence_ = 0;
   std::atomic<bool> reused_ = false;
   std::mutex key_frames_mutex_;
   std::set<StreamId> key_frames_wanted_;

@@ -145,7 +145,9 @@ SensorLayers::News SensorLayers::take_news() {
 }
 
 void SensorLayers::note_shown(std::uint64_t sequence) {
-  shown_ = std::max<std::uint64_t>(shown_, sequence + 1);
+  std::uint64_t before = shown_;
+  while (before < sequence + 1 && !shown_.compare_exchange_weak(before, sequence + 1)) {
+  }
 }
 
 }  // namespace mr::node

@@ -20,8 +20,8 @@ namespace mr::node {
 
 /// What a sensor that stands still knows of the room (docs/layers.md): a background model parts
 /// each depth picture into what moves and what stays; of what stays a still surface is
-/// reconstructed, of which only chunks that changed are sent. take_news() to note_shown() by any
-/// thread, the others by one.
+/// reconstructed, of which only chunks that changed are sent. note_sent() and note_shown() may be
+/// called on any thread, all others on one.
 class SensorLayers {
  public:
   /// All must outlive this.

@@ -116,7 +116,8 @@ Status SensorNode::add_mesh(const Reconstructed& surface, Packet& packet) {
 }
 
 Result<std::vector<std::byte>> SensorNode::code(const Reconstructed& surface) {
-  // Where this packet comes to nothing, the next one has the same sequence and brings the chunks.
+  // Where this packet comes to nothing, the next one has the same sequence and names the chunks:
+  // receivers ask for those that it does not bring.
   if (!surface.still.chunks.empty()) layers_->note_sent(sequence_);
   Packet packet = head(surface);
   if (clock_.now) packet.marks.push_back({"sensors/reconstructed", clock_.now()});

@@ -143,12 +143,11 @@ void StillMerger::note_fresh(const std::vector<DecodedScene>& scenes, std::uint6
   std::map<Vec3i, std::vector<ChunkKey>> contents;
   for (const DecodedScene& scene : scenes)
     for (const auto& chunk : scene.chunks) contents[chunk->key.id.cube].push_back(chunk->key);
+  std::erase_if(fresh_since_, [&](const auto& cube) { return sequence > cube.second + kPatience; });
   for (const auto& [cube, keys] : contents) {
     const auto before = contents_.find(cube);
     const bool changed = before == contents_.end() || before->second != keys;
-    const auto since = fresh_since_.find(cube);
-    if (changed && (since == fresh_since_.end() || sequence > since->second + kPatience))
-      fresh_since_[cube] = sequence;
+    if (changed) fresh_since_.try_emplace(cube, sequence);
   }
   contents_ = std::move(contents);
 }

@@ -103,9 +103,10 @@ StillSurface::Labelled StillSurface::by_cube(const fusion::Surface& surface, con
   return out;
 }
 
-Result<std::vector<StillChunk>> StillSurface::update(const ImageDepth& still, const Camera& camera,
-                                                     const Pose& T_world_camera,
-                                                     const Precision& precision, double error_m) {
+/// The surface of a still picture, in the fuser's memory.
+Result<fusion::Surface*> StillSurface::fuse(const ImageDepth& still, const Camera& camera,
+                                            const Pose& T_world_camera,
+                                            const Precision& precision) {
   fusion::IntegrateReport report;
   fusion::Surface& surface = fuser_.fuse({.depth = still,
                                           .camera = camera,
@@ -117,7 +118,15 @@ Result<std::vector<StillChunk>> StillSurface::update(const ImageDepth& still, co
   if (!report.usable)
     return Error{Error::Cause::invalid, "the still picture's camera or pose cannot be used"};
   kit::fill_small_holes(surface.mesh, kStillPinhole_voxels * scene_->voxel_m);
-  const Labelled all = by_cube(surface, surface.mesh);
+  return &surface;
+}
+
+Result<std::vector<StillChunk>> StillSurface::update(const ImageDepth& still, const Camera& camera,
+                                                     const Pose& T_world_camera,
+                                                     const Precision& precision, double error_m) {
+  const auto surface = fuse(still, camera, T_world_camera, precision);
+  if (!surface) return surface.error();
+  const Labelled all = by_cube(**surface, (*surface)->mesh);
 
   std::vector<std::uint64_t> hashes(all.cubes.size());
   std::vector<std::optional<Result<StillChunk>>> made(all.cubes.size());

@@ -59,6 +59,8 @@ class StillSurface {
   };
   static Labelled by_cube(const fusion::Surface& surface, const Mesh& mesh);
   static Part part_of(const Labelled& all, std::uint32_t chunk);
+  Result<fusion::Surface*> fuse(const ImageDepth& still, const Camera& camera,
+                                const Pose& T_world_camera, const Precision& precision);
   Result<StillChunk> decimate(const Part& part, std::uint32_t chunk, Vec3i cube,
                               double error_m) const;
 

@@ -28,9 +28,12 @@ Result<TextureUnit> TextureStream::encode(const ImageRgb& picture, int qp, std::
     encoder_.emplace(*std::move(encoder));
     key_frame_asked_ = true;
   }
-  const bool key = key_frame_asked_.exchange(false) || layout != layout_;
-  auto unit = encoder_->encode(picture, key);
-  if (!unit) return unit.error();
+  const bool asked = key_frame_asked_.exchange(false);
+  auto unit = encoder_->encode(picture, asked || layout != layout_);
+  if (!unit) {
+    if (asked) key_frame_asked_ = true;
+    return unit.error();
+  }
   layout_ = layout;
   return TextureUnit{stream_,       serial_++,      TextureCodec::h264, layout,
                      picture.width, picture.height, unit->key_frame,    std::move(unit->data)};

@@ -216,11 +216,13 @@ void LiveScene::add(std::unique_ptr<node::Task> task, TaskThreads::Config config
   nodes_.push_back(std::move(threads));
 }
 
-void LiveScene::set_plan(const ScenePlan& plan) {
+Status LiveScene::set_plan(const ScenePlan& plan) {
+  if (const auto problems = plan.problems(); !problems.empty())
+    return Error{Error::Cause::invalid, "plan: " + problems.front()};
   codec::Control control;
   control.plan = plan;
-  transport_->request(scene_->mergers.back().id, std::make_shared<const std::vector<std::byte>>(
-                                                     codec::encode_control(control)));
+  transport_->request(scene_->mergers.back().id, net::as_message(codec::encode_control(control)));
+  return {};
 }
 
 std::vector<node::NodeStats> LiveScene::stats() const {

@@ -51,7 +51,7 @@ class LiveScene {
 
   /// Requests that the root, in whatever process it runs, and all nodes below it use this plan. The
   /// message may be lost: repeat the call until packets carry the plan. The plan must be valid.
-  void set_plan(const ScenePlan& plan);
+  Status set_plan(const ScenePlan& plan);
 
  private:
   LiveScene(Scene scene, LiveOptions options);

@@ -136,10 +136,13 @@ void LockstepScene::ask_key_frames(std::vector<StreamId> streams) {
   root().answer({std::move(streams), {}, {}}, now_);
 }
 
-void LockstepScene::set_plan(const ScenePlan& plan) {
+Status LockstepScene::set_plan(const ScenePlan& plan) {
+  if (const auto problems = plan.problems(); !problems.empty())
+    return Error{Error::Cause::invalid, "plan: " + problems.front()};
   codec::Control control;
   control.plan = plan;
   root().answer(control, now_);
+  return {};
 }
 
 Result<RunReport> LockstepScene::run(int frames, const RunListener& listener) {

@@ -72,7 +72,7 @@ class LockstepScene {
 
   /// Sends a plan to the root, as a rate controller does. The mergers use it from the next capture
   /// on, the sensors from the one after that. The plan must be valid.
-  void set_plan(const ScenePlan& plan);
+  Status set_plan(const ScenePlan& plan);
 
   /// Runs until `frames` were captured or all sources ended. Error empty: no frame reached the
   /// client.

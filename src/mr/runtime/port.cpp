@@ -1,6 +1,9 @@
 #include "mr/runtime/port.h"
 
+#include <chrono>
+#include <memory>
 #include <mutex>
+#include <optional>
 #include <utility>
 
 namespace mr::runtime {
@@ -8,9 +11,20 @@ namespace {
 
 constexpr std::size_t kMostAnswers = 64;  // waiting, of one input
 
-net::Message shared(std::vector<std::byte> bytes) {
-  return std::make_shared<const std::vector<std::byte>>(std::move(bytes));
-}
+/// Whether something that happens again and again is to be told: once a second.
+class TellRarely {
+ public:
+  bool is_due(TimePoint now) {
+    const std::lock_guard lock(mutex_);
+    if (last_ && now - *last_ < std::chrono::seconds(1)) return false;
+    last_ = now;
+    return true;
+  }
+
+ private:
+  std::mutex mutex_;
+  std::optional<TimePoint> last_;
+};
 
 }  // namespace
 
@@ -35,25 +49,24 @@ Port::Port(net::Transport& transport, Config config)
 }
 
 void Port::serve(Answering answering, DropCounter& drops) {
-  subscriptions_.push_back(
-      transport_.serve(config_.id,
-                       [answering = std::move(answering), &drops, clock = config_.clock,
-                        id = config_.id](std::span<const std::byte> question) -> net::Message {
-                         auto request = codec::decode_control(question);
-                         if (!request) {
-                           drops.count("requests to " + id, request.error());
-                           return request.error().cause == Error::Cause::unsupported
-                                      ? shared(codec::encode_refusal(request.error().message))
-                                      : nullptr;
-                         }
-                         const TimePoint now = clock();
-                         const bool is_time_asked = std::exchange(request->time, false);
-                         if (is_time_asked)
-                           request->chunks.clear();  // the answer holds only the time
-                         auto bytes = answering(*request, now);
-                         if (is_time_asked) bytes = codec::encode_time(now);
-                         return bytes.empty() ? nullptr : shared(std::move(bytes));
-                       }));
+  subscriptions_.push_back(transport_.serve(
+      config_.id,
+      [answering = std::move(answering), &drops, clock = config_.clock, id = config_.id,
+       tell = std::make_shared<TellRarely>()](std::span<const std::byte> question) -> net::Message {
+        auto request = codec::decode_control(question);
+        if (!request) {
+          drops.count("requests to " + id, request.error(), tell->is_due(clock()));
+          return request.error().cause == Error::Cause::unsupported
+                     ? net::as_message(codec::encode_refusal(request.error().message))
+                     : nullptr;
+        }
+        const TimePoint now = clock();
+        const bool is_time_asked = std::exchange(request->time, false);
+        if (is_time_asked) request->chunks.clear();  // the answer holds only the time
+        auto bytes = answering(*request, now);
+        if (is_time_asked) bytes = codec::encode_time(now);
+        return bytes.empty() ? nullptr : net::as_message(std::move(bytes));
+      }));
 }
 
 node::Arrivals Port::take() {
@@ -72,7 +85,7 @@ node::Arrivals Port::take() {
 void Port::send(const std::vector<node::Ask>& asks) {
   for (const auto& [input, request] : asks) {
     const std::string& to = config_.inputs[input];
-    net::Message question = shared(codec::encode_control(request));
+    net::Message question = net::as_message(codec::encode_control(request));
     if (!request.wants_answer()) {
       transport_.request(to, std::move(question));
       continue;

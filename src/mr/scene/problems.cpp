@@ -45,7 +45,9 @@ std::vector<std::string> GatewayConfig::problems() const {
     out.push_back("listen: " + in_quotes(listen) +
                   " is no address; write host:port, as in 127.0.0.1:8080");
   constexpr double kApart_m = 0.001;
-  if (start && !(length(start->look_at - start->eye) >= kApart_m))
+  if (start && !(is_finite(start->eye) && is_finite(start->look_at)))
+    out.push_back("start: eye and look_at must hold finite numbers");
+  else if (start && !(length(start->look_at - start->eye) >= kApart_m))
     out.push_back("start: look_at must be another place than eye");
   if (tls && tls->cert.empty() != tls->key.empty())
     out.push_back("tls: cert and key only together; both are PEM files");

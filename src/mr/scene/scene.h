@@ -98,9 +98,8 @@ struct Scene {
   static constexpr Range kFps{0, 240, true}, kThreads{0, 1024}, kVoxel_m{0.002, 0.05};
   static constexpr std::array<const char*, 5> kPipelines{"meshreduce", "holoportation",
                                                          "holoportation++", "points", "rgbd"};
-  /// The invalid fields, one line each; empty: valid that names the key ("fusion.chunk_m must be
-  /// …"); empty: it can be run. Files, the tree's shape and ids are checked by load_scene()
-  /// alone.
+  /// The invalid fields, one line each that names the key ("fusion.chunk_m must be …"); empty: the
+  /// scene can be run. Files, the tree's shape and ids are checked by load_scene() alone.
   std::vector<std::string> problems() const;
   friend bool operator==(const Scene&, const Scene&) = default;
 };

@@ -64,6 +64,8 @@ std::vector<std::string> RigConfig::problems() const {
                     {"people", people, kPeople},
                     {"sensors", sensors, kSensors},
                     {"lidars", lidars, kLidars},
+                    {"depth", depth_width, kDepth},
+                    {"depth", depth_height, kDepth},
                     {"color", color_width, kColor},
                     {"color", color_height, kColor},
                     {"depth_noise", depth_noise, kDepthNoise},

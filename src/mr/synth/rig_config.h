@@ -76,8 +76,8 @@ struct RigConfig {
   std::vector<RigEvent> events;
 
   static constexpr Range kRoom_m{1, 50}, kPeople{0, 100}, kSensors{1, 400}, kLidars{0, 16},
-      kColor{16, 8192}, kDepthNoise{0, 100}, kDepthNoise_px{0, 16}, kColorNoise{0, 64},
-      kExposure{0, 4}, kExposurePeriod_s{0.1, 36'000}, kCalibError_mm{0, 1000},
+      kColor{16, 8192}, kDepth{16, 8192}, kDepthNoise{0, 100}, kDepthNoise_px{0, 16},
+      kColorNoise{0, 64}, kExposure{0, 4}, kExposurePeriod_s{0.1, 36'000}, kCalibError_mm{0, 1000},
       kCalibError_deg{0, 90}, kClockOffset_ms{0, 10'000}, kDetail{0, 1}, kFrames{1, 1'000'000};
   /// The invalid fields, one line each; empty: valid.
   std::vector<std::string> problems() const;
