@@ -33,7 +33,7 @@ int demo(const DemoOptions& options) {
   std::vector<std::string> set;
   if (options.small) set = kSmall;
   set.insert(set.end(), options.set.begin(), options.set.end());
-  auto preset = usable_or_tell(parse_scene(synth::kDemoScene, "demo", set));
+  auto preset = usable_or_print_problems(parse_scene(synth::kDemoScene, "demo", set));
   if (!preset) return 1;
   Scene& scene = *preset;
   scene.atlas.burn_sequence |= options.burn_sequence;

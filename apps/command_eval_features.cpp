@@ -216,7 +216,7 @@ Status write(const FeatureOptions& options, const std::vector<SceneRow>& rows) {
 std::optional<std::vector<Scene>> load_all(const FeatureOptions& options) {
   std::vector<Scene> scenes;
   for (const auto& file : options.scenes) {
-    auto loaded = load_or_tell(file, options.set);
+    auto loaded = load_or_print_problems(file, options.set);
     if (!loaded) continue;
     auto scene = node::prepare_scene(*std::move(loaded));
     if (!scene)

@@ -68,8 +68,8 @@ Mesh joined(const DecodedScene& decoded) {
 }
 
 Result<Mesh> baseline_surface(const Scene& scene, const GeometryOptions& options) {
-  const auto run =
-      baseline::run_baseline(scene, 1, options.frame, told_listener(), synth::default_rig_cache());
+  const auto run = baseline::run_baseline(scene, 1, options.frame, printing_listener(),
+                                          synth::default_rig_cache());
   if (!run) return run.error();
   return joined(run->last);
 }
@@ -80,7 +80,7 @@ Result<Mesh> tested_surface(const Scene& scene, const GeometryOptions& options) 
   auto pipeline = runtime::LockstepScene::open(scene, synth::default_rig_cache());
   if (!pipeline) return pipeline.error();
   (*pipeline)->skip(static_cast<std::uint64_t>(options.frame));
-  const auto report = (*pipeline)->run(1, told_listener());
+  const auto report = (*pipeline)->run(1, printing_listener());
   if (!report) return report.error();
   if (options.decoded) return joined(*(*pipeline)->decoded());
   auto surface = (*pipeline)->surface();
@@ -92,7 +92,7 @@ Result<std::vector<Frame>> read_capture(const Scene& scene, int frame) {
   node::CaptureReader reader(scene, synth::default_rig_cache());
   reader.skip(static_cast<std::uint64_t>(frame));
   auto capture =
-      reader.next([](SensorId, const Error& error) { told_listener().dropped(error.message); });
+      reader.next([](SensorId, const Error& error) { printing_listener().dropped(error.message); });
   if (!capture || capture->empty()) return no_such_frame(scene, frame);
   return *std::move(capture);
 }
@@ -305,7 +305,7 @@ int eval_geometry(const GeometryOptions& options) {
   if (!options.compares_files()) {
     if (options.inputs[0].extension() == ".ply")
       return misuse("a .ply file needs another to compare it with: eval geometry A.ply B.ply");
-    if (!(scene = load_or_tell(options.inputs[0], options.set))) return 1;
+    if (!(scene = load_or_print_problems(options.inputs[0], options.set))) return 1;
   }
   std::optional<Result<Measured>> measured;
   Arena arena(options.threads > 0 || !scene ? options.threads : scene->threads);

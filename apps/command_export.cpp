@@ -17,7 +17,7 @@ struct ExportOptions {
 int export_moment(const ExportOptions& options) {
   const Outputs outputs{options.file, {}, {}};
   if (const Status ok = check(outputs); !ok) return refused(ok.error());
-  const auto scene = load_or_tell(options.scene, options.set);
+  const auto scene = load_or_print_problems(options.scene, options.set);
   if (!scene) return 1;
   const auto outcome = run_scene(*scene, options.frame + 1, options.threads);
   if (!outcome) return fail(outcome.error().message);

@@ -151,7 +151,7 @@ std::string as_text(const Scene& scene, const std::optional<eval::SceneCheck>& c
 }
 
 /// Prints each sensor whose picture cannot be read; returns exit code 1 if there is one.
-int tell_unreadable(const eval::SceneCheck& check) {
+int print_unreadable(const eval::SceneCheck& check) {
   int code = 0;
   for (const eval::SensorCheck& sensor : check.sensors)
     if (!sensor.problem.empty()) code = fail("sensor " + sensor.id + ": " + sensor.problem);
@@ -159,7 +159,7 @@ int tell_unreadable(const eval::SceneCheck& check) {
 }
 
 int info(const InfoOptions& options) {
-  auto scene = load_or_tell(options.scene, options.set);
+  auto scene = load_or_print_problems(options.scene, options.set);
   if (!scene) return 1;
   if (scene->rig) scene->sensors = synth::rig_sensors(*scene->rig);
   std::optional<eval::SceneCheck> check;
@@ -171,7 +171,7 @@ int info(const InfoOptions& options) {
              options.json
                  ? as_json(*scene, check).dump(2, ' ', false, Json::error_handler_t::replace) + "\n"
                  : as_text(*scene, check));
-  return check ? tell_unreadable(*check) : 0;
+  return check ? print_unreadable(*check) : 0;
 }
 
 }  // namespace

@@ -42,7 +42,7 @@ void add_node(CLI::App& app, int& exit_code) {
       "auto,\n"
       "tokens: {file: tokens}}', or 'open: true' in place of the last two; see docs/security.md.");
   command->callback([options, &exit_code] {
-    const auto scene = load_or_tell(options->scene, options->set);
+    const auto scene = load_or_print_problems(options->scene, options->set);
     exit_code = scene ? run_live(*scene, options->run) : 1;
   });
 }

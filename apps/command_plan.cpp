@@ -225,7 +225,7 @@ int plan(const PlanOptions& given) {
   if (options.split != "auto")
     options.config.split =
         options.split == "space" ? planner::Split::space : planner::Split::sensors;
-  const auto loaded = load_or_tell(options.scene, options.set);
+  const auto loaded = load_or_print_problems(options.scene, options.set);
   if (!loaded) return 1;
   const auto scene = node::prepare_scene(*loaded);
   if (!scene) return fail(scene.error().message);

@@ -25,7 +25,7 @@ struct RunOptions {
 
 int run(const RunOptions& options) {
   if (const Status ok = check(options.outputs); !ok) return refused(ok.error());
-  const auto scene = load_or_tell(options.scene, options.set);
+  const auto scene = load_or_print_problems(options.scene, options.set);
   if (!scene) return 1;
   if (!options.lockstep()) {
     LiveRun live = options.live;

@@ -9,7 +9,7 @@
 
 #include "commands.h"
 #include "mr/core/parallel.h"
-#include "mr/core/words.h"
+#include "mr/core/user_text.h"
 #include "mr/synth/export_rig.h"
 #include "output.h"
 

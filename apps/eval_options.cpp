@@ -79,7 +79,7 @@ Status write_all(const std::vector<std::pair<std::filesystem::path, std::string>
 
 std::optional<Scene> load_for_eval(const std::filesystem::path& file,
                                    const std::vector<std::string>& set) {
-  const auto scene = load_or_tell(file, set);
+  const auto scene = load_or_print_problems(file, set);
   if (!scene) return std::nullopt;
   auto prepared = node::prepare_scene(*scene);
   if (prepared) return *std::move(prepared);

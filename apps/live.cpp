@@ -28,15 +28,15 @@ class Console {
   Console() : sink_(std::make_shared<spdlog::sinks::stderr_color_sink_mt>()) {
     sink_->set_pattern("%Y-%m-%d %H:%M:%S.%e %^%l%$ [%n] %v");
   }
-  void say(const LogLine& line) {
+  void print(const LogLine& line) {
     const std::lock_guard lock(mutex_);
     const auto now = std::chrono::steady_clock::now();
-    if (told_.size() > 1000) told_.clear();
+    if (printed_.size() > 1000) printed_.clear();
     std::string kind = line.node + ": " + line.text;
     std::erase_if(kind, [](char c) { return c >= '0' && c <= '9'; });
-    auto& told = told_[kind];
-    if (told.count++ > 0 && now - told.at < std::chrono::seconds(10)) return;
-    told = {now, 1};
+    auto& printed = printed_[kind];
+    if (printed.count++ > 0 && now - printed.at < std::chrono::seconds(10)) return;
+    printed = {now, 1};
     clear();
     const std::string& name = line.node.empty() ? kProgram : line.node;
     spdlog::logger(name, sink_).log(level_of(line.level), line.text);
@@ -51,7 +51,7 @@ class Console {
   }
 
  private:
-  struct Told {
+  struct Printed {
     std::chrono::steady_clock::time_point at;
     int count = 0;
   };
@@ -67,7 +67,7 @@ class Console {
   std::shared_ptr<spdlog::sinks::sink> sink_;
   std::mutex mutex_;
   bool shown_ = false;
-  std::map<std::string, Told> told_;  // by the line's place
+  std::map<std::string, Printed> printed_;  // by the line's place
 };
 
 /// SIGINT and SIGTERM are waited for instead of ending the process. Set before any thread starts.
@@ -158,7 +158,7 @@ int run_live(Scene scene, const LiveRun& run) {
   options.threads = run.threads;
   options.state_folder = state_folder();
   options.metrics = run.metrics;
-  options.log = [&](const LogLine& line) { console.say(line); };
+  options.log = [&](const LogLine& line) { console.print(line); };
   options.rendering = [&](int done, int of) {
     show_rendering(console, done, of);
     if (interrupt.within(std::chrono::milliseconds(0)))
@@ -171,9 +171,9 @@ int run_live(Scene scene, const LiveRun& run) {
     fmt::print("Open {} in a browser. Ctrl-C ends it.\n", urls.front());
     for (std::size_t i = 1; i < urls.size(); ++i) fmt::print("Or {}\n", urls[i]);
     if (!std::filesystem::is_regular_file(options.page / "index.html"))
-      console.say({LogLevel::warning, "gateway",
-                   "no page in " + options.page.string() +
-                       "; build it with scripts/build, or name it with --page"});
+      console.print({LogLevel::warning, "gateway",
+                     "no page in " + options.page.string() +
+                         "; build it with scripts/build, or name it with --page"});
     if (run.open_browser) open_in_browser(urls.front());
   } else {
     fmt::print("Running {}. Ctrl-C ends it.\n", fmt::join(run.nodes, ", "));

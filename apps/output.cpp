@@ -129,7 +129,7 @@ void add_set_option(CLI::App& command, std::vector<std::string>& set) {
       ->allow_extra_args(false);
 }
 
-std::optional<Scene> usable_or_tell(SceneResult result) {
+std::optional<Scene> usable_or_print_problems(SceneResult result) {
   for (const SceneProblem& problem : result.problems)
     fmt::print(stderr, "{}\n", to_string(problem));
   const auto in_file = std::count_if(result.problems.begin(), result.problems.end(),
@@ -143,9 +143,9 @@ std::optional<Scene> usable_or_tell(SceneResult result) {
   return std::move(result.scene);
 }
 
-std::optional<Scene> load_or_tell(const std::filesystem::path& file,
-                                  const std::vector<std::string>& set) {
-  return usable_or_tell(load_scene(file, set));
+std::optional<Scene> load_or_print_problems(const std::filesystem::path& file,
+                                            const std::vector<std::string>& set) {
+  return usable_or_print_problems(load_scene(file, set));
 }
 
 Status check(const Outputs& outputs) {
@@ -169,7 +169,7 @@ Status check(const Outputs& outputs) {
   return {};
 }
 
-runtime::RunListener told_listener() {
+runtime::RunListener printing_listener() {
   runtime::RunListener listener;
   listener.dropped = [](const std::string& message) {
     fmt::print(stderr, "dropped: {}\n", message);
@@ -185,7 +185,7 @@ Result<RunOutcome> run_scene(const Scene& scene, int frames, int threads) {
   Arena arena(threads > 0 ? threads : scene.threads);
   arena.run([&] {
     ProgressLine line;
-    runtime::RunListener listener = told_listener();
+    runtime::RunListener listener = printing_listener();
     listener.progress = [&](int frame, int of, const std::string& node) {
       line.show(frame, of, node);
     };

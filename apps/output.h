@@ -20,14 +20,14 @@ int fail(const std::string& message);
 /// The same for incompatible options; returns exit code 2 (kMisused).
 int misuse(const std::string& message);
 
-/// Adds the repeatable option --set key=value, for load_or_tell().
+/// Adds the repeatable option --set key=value, for load_or_print_problems().
 void add_set_option(CLI::App& command, std::vector<std::string>& set);
 
 /// Loads a scene with the values of --set. Prints every problem on stderr, one line each; nothing
 /// if there is any problem.
-std::optional<Scene> load_or_tell(const std::filesystem::path& file,
-                                  const std::vector<std::string>& set);
-std::optional<Scene> usable_or_tell(SceneResult result);
+std::optional<Scene> load_or_print_problems(const std::filesystem::path& file,
+                                            const std::vector<std::string>& set);
+std::optional<Scene> usable_or_print_problems(SceneResult result);
 
 /// Prints the error of check(); returns the exit code: kMisused for an unsupported file extension.
 int refused(const Error& error);
@@ -46,7 +46,7 @@ struct RunOutcome {
 };
 
 /// A listener that prints "dropped: …" and "warning: …" lines on stderr.
-runtime::RunListener told_listener();
+runtime::RunListener printing_listener();
 
 /// Runs a scene in lockstep with a progress line on a terminal and one line per dropped frame.
 Result<RunOutcome> run_scene(const Scene& scene, int frames, int threads);

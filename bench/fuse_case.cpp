@@ -187,10 +187,10 @@ Result<FuseCase> load_fuse_case(const std::string& name) {
 }
 
 Result<std::vector<FuseCase>> load_fuse_scene(const std::filesystem::path& scene_file) {
-  const auto told = apart([&] { return read_scene(scene_file); });
-  if (!told) return told.error();
+  const auto outcome = apart([&] { return read_scene(scene_file); });
+  if (!outcome) return outcome.error();
   std::vector<FuseCase> out;
-  for (const Message& one : *told) out.push_back(case_from(one));
+  for (const Message& one : *outcome) out.push_back(case_from(one));
   return out;
 }
 

@@ -70,7 +70,7 @@ Message evaluate(const MergeCase& input, const std::vector<Outcome>& outcomes) {
     const Mesh sum = sum_of(input);
     const auto frustums = frustums_of(input);
     const eval::GeometryConfig config{.voxel_m = input.voxel_m};
-    const auto judge_one = [&](const Mesh& mesh) {
+    const auto evaluate_one = [&](const Mesh& mesh) {
       Message of = surface_figures(mesh);
       of["saving"] = rounded(1 - static_cast<double>(mesh.triangles.size()) /
                                      static_cast<double>(sum.triangles.size()),
@@ -88,9 +88,9 @@ Message evaluate(const MergeCase& input, const std::vector<Outcome>& outcomes) {
       const auto earlier = static_cast<std::size_t>(same - outcomes.begin());
       fields.push_back(result.is_null() ? Message::object()
                        : earlier < i    ? Message(fields[earlier])
-                                        : judge_one(mesh_from(result)));
+                                        : evaluate_one(mesh_from(result)));
     }
-    fields.push_back(judge_one(sum));
+    fields.push_back(evaluate_one(sum));
   });
   return fields;
 }
@@ -118,9 +118,9 @@ Message tree_row(const MergeCase& input, int threads, const TreeOutcome& tree) {
 Status measure_case(const MergeCase& input, const Request& request, cli::ProgressBar& bar,
                     Report& report) {
   const auto contenders = contenders_of(input, request);
-  const auto told = [&](std::size_t done, std::size_t of) { bar.show(input.name, done, of); };
+  const auto progress = [&](std::size_t done, std::size_t of) { bar.show(input.name, done, of); };
   const RaceConfig config{.warm_ups = 1, .runs = request.runs};
-  auto outcomes = race(contenders, config, told);
+  auto outcomes = race(contenders, config, progress);
   std::vector<Message> rows;
   for (std::size_t i = 0; i < contenders.size(); ++i) {
     rows.push_back(result_row(contenders[i], input.name, outcomes[i]));

@@ -179,22 +179,22 @@ std::vector<SensorId> first(std::size_t count) {
 using Parts = Result<std::vector<kit::Part>>;
 
 Parts load_parts(const std::function<Message()>& make) {
-  const auto told = apart(make, kPatience);
-  if (!told) return told.error();
+  const auto outcome = apart(make, kPatience);
+  if (!outcome) return outcome.error();
   std::vector<kit::Part> out;
-  for (const Message& part : *told) out.push_back(part_from(part));
+  for (const Message& part : *outcome) out.push_back(part_from(part));
   return out;
 }
 
 Result<Mesh> load_truth(const RigConfig& rig) {
-  const auto told = apart([&] {
+  const auto outcome = apart([&] {
     Message out;
     Arena arena(0);
     arena.run([&] { out = to_message(synth::Truth(rig, Scene{}.fps).surface(0).mesh); });
     return out;
   });
-  if (!told) return told.error();
-  return mesh_from(*told);
+  if (!outcome) return outcome.error();
+  return mesh_from(*outcome);
 }
 
 // ------------------------------------------------------------ rooms
@@ -207,10 +207,10 @@ void move_by(Vec3d by, kit::Part& part) {
 
 /// How rooms lie in the world. In a child, because building one takes threads.
 Result<Mat3> turn_of_rooms() {
-  const auto told = apart(
+  const auto outcome = apart(
       [] { return binary(std::vector<Pose>{synth::build_room(room_of_20(1)).T_world_room}); });
-  if (!told) return told.error();
-  return array_from<Pose>(*told).at(0).rotation;
+  if (!outcome) return outcome.error();
+  return array_from<Pose>(*outcome).at(0).rotation;
 }
 
 /// Where room number `i` of a building stands: walls of neighbours are half a metre apart.

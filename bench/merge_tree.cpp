@@ -59,13 +59,13 @@ void add_merger(const Outcome& merger, double input_mb, TreeOutcome& out) {
 }  // namespace
 
 TreeOutcome measure_tree(const MergeCase& input, int threads, const RaceConfig& config,
-                         const std::function<void(std::size_t, std::size_t)>& told) {
+                         const std::function<void(std::size_t, std::size_t)>& progress) {
   TreeOutcome out;
   std::vector<Outcome> groups;
   std::vector<kit::Part> merged;
   std::size_t at = 0;
   for (const std::size_t size : input.groups) {
-    told(groups.size(), input.groups.size() + 1);
+    progress(groups.size(), input.groups.size() + 1);
     const auto parts = std::span(input.parts).subspan(at, size);
     groups.push_back(measure_one(parts, input, threads, config));
     add_merger(groups.back(), megabytes_of(parts), out);
@@ -73,7 +73,7 @@ TreeOutcome measure_tree(const MergeCase& input, int threads, const RaceConfig& 
     merged.push_back(part_of(std::exchange(groups.back().result, {}), parts));
     at += size;
   }
-  told(groups.size(), input.groups.size() + 1);
+  progress(groups.size(), input.groups.size() + 1);
   Outcome root = measure_one(merged, input, threads, config);
   add_merger(root, megabytes_of(merged), out);
   if (!out.whole.aborted.empty()) return out;

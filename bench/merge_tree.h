@@ -15,6 +15,6 @@ struct TreeOutcome {
 
 /// A merger per group of the case's parts, and a root over what they made.
 TreeOutcome measure_tree(const MergeCase& input, int threads, const RaceConfig& config,
-                         const std::function<void(std::size_t, std::size_t)>& told);
+                         const std::function<void(std::size_t, std::size_t)>& progress);
 
 }  // namespace mr::bench

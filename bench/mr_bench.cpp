@@ -6,7 +6,7 @@
 
 #include "mr/cli/command_line.h"
 #include "mr/core/file.h"
-#include "mr/core/words.h"
+#include "mr/core/user_text.h"
 #include "stage.h"
 
 namespace mr::bench {

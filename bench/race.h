@@ -68,10 +68,10 @@ double median(std::vector<double> values);
 double percentile95(std::vector<double> values);
 
 /// Runs contenders alternately, each in its own process forked before the first run, so that all
-/// are subject to the same fluctuations of the machine. A contender that dies drops out. `told` is
-/// called with the number of finished runs and of all.
+/// are subject to the same fluctuations of the machine. A contender that dies drops out. `progress`
+/// is called with the number of finished runs and of all.
 std::vector<Outcome> race(const std::vector<Contender>& contenders, const RaceConfig& config,
-                          const std::function<void(std::size_t, std::size_t)>& told = {});
+                          const std::function<void(std::size_t, std::size_t)>& progress = {});
 
 /// The fields of a result that every stage has: impl, threads, case, ms, p95_ms, cpu_ms, runs,
 /// stages, peak_mb, the contender's own fields, and `aborted` if it was.

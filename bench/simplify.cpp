@@ -53,7 +53,7 @@ void add_distance(const std::string& way, const eval::SurfaceDistance& d, Messag
   add("p95_mm", d.p95_mm), add("max_mm", d.max_mm);
 }
 
-Message judge_one(const Message& result, const Mesh& input, const kit::RayScene& rays) {
+Message evaluate_one(const Message& result, const Mesh& input, const kit::RayScene& rays) {
   const Mesh mesh = mesh_from(result);
   Message fields = surface_figures(mesh);
   if (!mesh.empty()) {
@@ -81,7 +81,7 @@ Message evaluate(const SimplifyCase& input, const std::vector<Outcome>& outcomes
       const auto earlier = static_cast<std::size_t>(same - outcomes.begin());
       fields.push_back(result.is_null() ? Message::object()
                        : earlier < i    ? Message(fields[earlier])
-                                        : judge_one(result, *input.mesh, rays));
+                                        : evaluate_one(result, *input.mesh, rays));
     }
   });
   return fields;

@@ -103,9 +103,9 @@ Message merged() {
 }
 
 Result<std::shared_ptr<const Mesh>> mesh_by(const std::function<Message()>& make) {
-  const auto told = apart(make);
-  if (!told) return told.error();
-  return std::make_shared<const Mesh>(mesh_from(*told));
+  const auto outcome = apart(make);
+  if (!outcome) return outcome.error();
+  return std::make_shared<const Mesh>(mesh_from(*outcome));
 }
 
 /// A mesh and what it is called in the report.

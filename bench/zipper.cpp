@@ -87,16 +87,16 @@ Status describe_strips(const Strips& strips, const std::vector<Outcome>& outcome
   std::size_t before = 0;
   for (const Mesh& part : strips.parts) before += part.triangles.size();
   about = {{"parts", strips.parts.size()}, {"triangles", before}};
-  const auto judged = apart([&] {  // topology takes threads
+  const auto evaluated = apart([&] {  // topology takes threads
     Message out = Message::array();
     for (const Outcome& outcome : outcomes)
       out.push_back(outcome.result.is_null() ? Message::object()
                                              : surface_figures(mesh_from(outcome.result)));
     return out;
   });
-  if (!judged) return judged.error();
+  if (!evaluated) return evaluated.error();
   for (std::size_t i = 0; i < rows.size(); ++i) {
-    rows[i].update(judged->at(i));
+    rows[i].update(evaluated->at(i));
     if (rows[i].contains("triangles"))
       rows[i]["added"] =
           rows[i]["triangles"].get<std::int64_t>() - static_cast<std::int64_t>(before);

@@ -62,16 +62,16 @@ Result<BorderPoints> load_border(const Size& size) {
   const auto parts = load_room_bench(size.triangles);
   if (!parts) return parts.error();
   BorderPoints all;
-  const auto told = apart([&]() -> Message {
+  const auto outcome = apart([&]() -> Message {
     const BorderPoints found = borders_of(*parts);
     Mesh points{found.points, {}, {}, {}};
     Message out = to_message(points);
     out["part"] = found.part;
     return out;
   });
-  if (!told) return told.error();
-  all.points = mesh_from(*told).positions;
-  all.part = told->at("part").get<std::vector<std::uint32_t>>();
+  if (!outcome) return outcome.error();
+  all.points = mesh_from(*outcome).positions;
+  all.part = outcome->at("part").get<std::vector<std::uint32_t>>();
   if (all.points.empty()) return Error{Error::Cause::empty, "the parts have no border"};
   return some_of(all, size);
 }
@@ -79,7 +79,7 @@ Result<BorderPoints> load_border(const Size& size) {
 Result<Strips> load_strips(const std::string& name) {
   const auto input = load_merge_case(name.substr(kStrips.size()));
   if (!input) return input.error();
-  const auto told = apart([&] {
+  const auto outcome = apart([&] {
     Message out = Message::array();
     Arena arena(0);
     arena.run([&] {
@@ -89,9 +89,9 @@ Result<Strips> load_strips(const std::string& name) {
     });
     return out;
   });
-  if (!told) return told.error();
+  if (!outcome) return outcome.error();
   Strips out{name, {}, input->voxel_m};
-  for (const Message& mesh : *told) out.parts.push_back(mesh_from(mesh));
+  for (const Message& mesh : *outcome) out.parts.push_back(mesh_from(mesh));
   return out;
 }
 

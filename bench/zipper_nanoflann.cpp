@@ -29,7 +29,7 @@ using Tree = nanoflann::KDTreeSingleIndexAdaptor<nanoflann::L2_Simple_Adaptor<fl
                                                  3, std::uint32_t>;
 
 /// What a match is made from: one found point after another.
-struct Gathering {
+struct MatchCollector {
   const std::vector<std::uint32_t>& part;
   std::uint32_t point;
   std::uint32_t found = 0, nearest = Match::kNone;
@@ -46,7 +46,7 @@ struct Gathering {
 
 /// Takes the found points as they come.
 struct Visitor {
-  Gathering& into;
+  MatchCollector& into;
   float limit;
 
   void init() {}
@@ -86,18 +86,18 @@ class Nanoflann final : public Work {
     std::vector<std::pair<std::uint32_t, float>> found;
     for (std::size_t i = begin; i < end; ++i) {
       tree.radiusSearch(&input_.points[i].x, input_.radius_m * input_.radius_m, found, unsorted);
-      Gathering gathering{input_.part, static_cast<std::uint32_t>(i)};
-      for (const auto& [other, square] : found) gathering.add(other, square);
-      matches_[i] = gathering.result();
+      MatchCollector collector{input_.part, static_cast<std::uint32_t>(i)};
+      for (const auto& [other, square] : found) collector.add(other, square);
+      matches_[i] = collector.result();
     }
   }
 
   void visit_some(const Tree& tree, std::size_t begin, std::size_t end) {
     for (std::size_t i = begin; i < end; ++i) {
-      Gathering gathering{input_.part, static_cast<std::uint32_t>(i)};
-      Visitor visitor{gathering, input_.radius_m * input_.radius_m};
+      MatchCollector collector{input_.part, static_cast<std::uint32_t>(i)};
+      Visitor visitor{collector, input_.radius_m * input_.radius_m};
       tree.radiusSearchCustomCallback(&input_.points[i].x, visitor);
-      matches_[i] = gathering.result();
+      matches_[i] = collector.result();
     }
   }
 

@@ -58,14 +58,14 @@ class GatewayTest : public testing::Test {
     auto policy = AccessPolicy::open(config, {});
     ASSERT_TRUE(policy) << policy.error().message;
     const node::NodeLog log{
-        .say = [this](LogLevel, const std::string& text) { lines_.add(text); },
+        .write = [this](LogLevel, const std::string& text) { lines_.add(text); },
         .dropped = [this](const std::string& place,
                           const Error& error) { lines_.add(place + ": " + error.message); }};
     auto gateway = std::make_unique<Gateway>(scene_, log, Gateway::Options{policy->tokens});
     auto web = net::WebServer::listen(
         web_config(config, *policy, {}),
         [this, asked = gateway.get()](const std::string& path, const net::Visitor& visitor) {
-          return monitor_.page(path, asked->may_look(visitor, node::wall_time()));
+          return monitor_.page(path, asked->may_read_figures(visitor, node::wall_time()));
         });
     ASSERT_TRUE(web) << web.error().message;
     web_ = *std::move(web);

@@ -126,8 +126,8 @@ TEST(ClockOffset, FollowsAClockThatIsSet) {
   for (int i = 0; i < 20; ++i) ask(clock, now, seconds(-1), milliseconds(1), milliseconds(1));
   ask(clock, now, {}, milliseconds(1), milliseconds(1));
   EXPECT_EQ(clock.offset(), Duration{});
-  EXPECT_EQ(said_of_clock(milliseconds(-1004)), "1.00 s behind");
-  EXPECT_EQ(said_of_clock(milliseconds(250)), "0.25 s ahead of");
+  EXPECT_EQ(clock_offset_text(milliseconds(-1004)), "1.00 s behind");
+  EXPECT_EQ(clock_offset_text(milliseconds(250)), "0.25 s ahead of");
 }
 
 TEST(StampCheck, CapturesOfAWrongClockAreMoved) {

@@ -83,7 +83,7 @@ merge:
       {25, "principal point"},
       {27, "'ghost', which is no sensor and no merger"},
       {28, "texture_qp must be between 0 and 51"},
-      {28, "texture_scale must be greater than 0 and at most 1"},
+      {28, "texture_scale must be between 0.01 and 1, not 0"},
       {30, "owner must be one of paper, coherent"},
   };
   const std::vector<SceneProblem> found = load(text).problems;

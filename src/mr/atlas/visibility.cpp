@@ -255,41 +255,43 @@ ViewVisibility::ViewVisibility(const Mesh& mesh, const View& view, const LabelCo
 
 TriangleVisibility ViewVisibility::of_triangle(const Mesh& mesh, std::size_t t,
                                                Vec3f normal_world) const {
-  TriangleVisibility sight;
+  TriangleVisibility visibility;
   const Vec3d sight_line = vec_cast<double>(mesh.centroid(t)) - view_.T_world_camera.translation;
-  sight.facing = static_cast<float>(-dot(vec_cast<double>(normal_world), normalized(sight_line)));
-  if (sight.facing < kLeastFacing) return {};
+  visibility.facing =
+      static_cast<float>(-dot(vec_cast<double>(normal_world), normalized(sight_line)));
+  if (visibility.facing < kLeastFacing) return {};
   const std::array<Vec3f, 3> corners = {mesh.corner(t, 0), mesh.corner(t, 1), mesh.corner(t, 2)};
   const Face::Count count = count_pixels(corners, mesh.centroid(t));
   if (count.pixels == 0) return {};
   const ValidRegion::Share valid = valid_share(corners);
   if (valid == ValidRegion::Share::none) return {};
-  sight.touches = count.direct > 0;
+  visibility.touches = count.direct > 0;
   if (valid == ValidRegion::Share::some)
-    return sight;  // after cutting, its inner pieces may use the view
+    return visibility;  // after cutting, its inner pieces may use the view
   const bool inside = is_inside(corners);
   // A triangle with a corner outside cannot use the view; after cutting, its inner pieces may. At
   // the seam of a panorama even a triangle too small to cut may use it.
-  if (!inside && !is_whole_turn()) return sight;
-  if (inside) sight.visible = static_cast<float>(count.clear) / static_cast<float>(count.pixels);
+  if (!inside && !is_whole_turn()) return visibility;
+  if (inside)
+    visibility.visible = static_cast<float>(count.clear) / static_cast<float>(count.pixels);
   if (count.direct > kLeastDirect * count.pixels)
-    sight.direct_px = static_cast<float>(count.direct);
-  return sight;
+    visibility.direct_px = static_cast<float>(count.direct);
+  return visibility;
 }
 
 /// In a pinhole view, a triangle lies in the strips that contain its first corner's column.
 Face::Count ViewVisibility::count_pixels(const std::array<Vec3f, 3>& corners, Vec3f middle) const {
   const bool are_strips = view_.kind == View::Kind::pinhole && faces_.size() > 1;
   const auto corner = are_strips ? pixel_of(corners[0]) : std::nullopt;
-  const auto may_hold = [&](const Face& face) {
+  const auto may_contain = [&](const Face& face) {
     return !corner || face.has_column(std::clamp(corner->x, 0.0, camera_.width - 1.0));
   };
   Face::Count count;
   for (const Face& face : faces_)
-    if (may_hold(face)) face.count(corners, count);
+    if (may_contain(face)) face.count(corners, count);
   // A triangle that covers no pixel centre: tests the pixel at its centroid.
   for (std::size_t i = 0; i < faces_.size() && count.pixels == 0; ++i)
-    if (may_hold(faces_[i])) faces_[i].count(middle, count);
+    if (may_contain(faces_[i])) faces_[i].count(middle, count);
   return count;
 }
 

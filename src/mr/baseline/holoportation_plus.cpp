@@ -5,6 +5,7 @@
 #include "mr/baseline/monolithic.h"
 #include "mr/baseline/systems.h"
 #include "mr/codec/mesh_codec.h"
+#include "mr/core/coding_plan.h"
 #include "mr/core/parallel.h"
 #include "mr/kit/topology.h"
 #include "mr/node/chunk_grid.h"
@@ -12,7 +13,7 @@
 namespace mr::baseline {
 namespace {
 
-constexpr int kMeshSpeed = 5;  // Draco's, as everywhere in MeshReduce
+const int kMeshSpeed = CodingPlan{}.mesh_speed;  // as MeshReduce codes
 constexpr std::uint32_t kMaxChunks = 1u << 16;
 constexpr std::uint64_t kMaxTriangles = 1u << 24;
 

@@ -9,7 +9,7 @@
 #include <filesystem>
 #include <vector>
 
-#include "mr/core/words.h"
+#include "mr/core/user_text.h"
 
 namespace mr::cli {
 namespace {
@@ -62,8 +62,8 @@ ExitCode misused(const CLI::App& app, const std::string& message) {
   return kMisused;
 }
 
-ExitCode tell(const CLI::App& app, const CLI::ParseError& wrong,
-              std::span<const std::string> args) {
+ExitCode print_parse_error(const CLI::App& app, const CLI::ParseError& wrong,
+                           std::span<const std::string> args) {
   const Called called = called_by(app, args);
   if (called.command->get_require_subcommand_min() > 0) {
     const CLI::App* parent = called.command->get_parent();
@@ -103,7 +103,7 @@ ExitCode parse_and_run(CLI::App& app, int argc, const char* const* argv) {
     app.parse(argc, argv);
     return kDone;
   } catch (const CLI::ParseError& wrong) {
-    if (wrong.get_exit_code() != 0) return tell(app, wrong, args);
+    if (wrong.get_exit_code() != 0) return print_parse_error(app, wrong, args);
     app.exit(wrong);  // --help, --version
     return kDone;
   } catch (const std::exception& unexpected) {

@@ -24,8 +24,8 @@ void ProgressBar::show(const std::string& step, std::size_t done, std::size_t of
     step_start_ = now, step_first_ = done;
   if (now - start_ < std::chrono::seconds(2)) return;
   const bool terminal = isatty(STDERR_FILENO);
-  if (!terminal && now - told_ < std::chrono::seconds(30)) return;
-  told_ = now;
+  if (!terminal && now - shown_at_ < std::chrono::seconds(30)) return;
+  shown_at_ = now;
   constexpr std::size_t kWidth = 30;
   const std::size_t filled = of > 0 ? kWidth * done / of : 0;
   std::string left;

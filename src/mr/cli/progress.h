@@ -20,7 +20,7 @@ class ProgressBar {
  private:
   using Clock = std::chrono::steady_clock;
   const Clock::time_point start_ = Clock::now();
-  Clock::time_point step_start_ = start_, told_ = start_;
+  Clock::time_point step_start_ = start_, shown_at_ = start_;
   std::string step_;
   std::size_t step_first_ = 0;
   bool shown_ = false;

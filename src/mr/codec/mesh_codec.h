@@ -19,7 +19,7 @@ struct Snapped {
 };
 Result<Snapped> snap_vertices(const Mesh& mesh, const Lattice& lattice);
 
-/// Codes a chunk as one Edgebreaker stream (DESIGN section 4, "The mesh on the wire"): POSITION on
+/// Codes a chunk as one Edgebreaker stream (docs/wire-format.md): POSITION on
 /// the lattice, and a GENERIC uint8 label per corner where the chunk has more than one view. A
 /// background chunk, and no other, has COLOR in its place: [V] colours and triangles of no view.
 /// The mesh must be snapped and have runs. `speed`: Draco's, 0 smallest .. 10 fastest. Errors:

@@ -24,10 +24,10 @@ Result<std::span<const std::byte>> unseal(std::span<const std::byte> sealed) {
   const Error damaged{Error::Cause::corrupt, "cut off or damaged: its checksum does not fit"};
   if (sealed.size() < kSealBytes) return damaged;
   const auto bytes = sealed.first(sealed.size() - kSealBytes);
-  std::uint32_t told = 0;
+  std::uint32_t stored = 0;
   for (std::size_t i = 0; i < kSealBytes; ++i)
-    told |= std::to_integer<std::uint32_t>(sealed[bytes.size() + i]) << (8 * i);
-  if (told != checksum(bytes)) return damaged;
+    stored |= std::to_integer<std::uint32_t>(sealed[bytes.size() + i]) << (8 * i);
+  if (stored != checksum(bytes)) return damaged;
   return bytes;
 }
 

@@ -21,7 +21,8 @@ namespace {
 
 constexpr double kPlanVoxel_m = 0.03;
 
-void tell(const QualityConfig& config, const std::string& step, std::size_t done, std::size_t of) {
+void show_progress(const QualityConfig& config, const std::string& step, std::size_t done,
+                   std::size_t of) {
   if (config.progress) config.progress(step, done, of);
 }
 
@@ -69,11 +70,11 @@ class StatefulRun {
     (*pipeline)->skip(static_cast<std::uint64_t>(at_));
     DecodedStream out;
     for (std::size_t m = 0; m < moments_.first.size(); ++m) {
-      tell(config_, "stream", m, moments_.first.size());
+      show_progress(config_, "stream", m, moments_.first.size());
       if (const Status stream = run_moment(**pipeline, m); !stream) return stream.error();
       out.shown.push_back(*(*pipeline)->decoded());
     }
-    tell(config_, "stream", moments_.first.size(), moments_.first.size());
+    show_progress(config_, "stream", moments_.first.size(), moments_.first.size());
     out.mesh_mbps = mesh_.mbps(scene_.fps), out.texture_mbps = texture_.mbps(scene_.fps);
     out.refresh_mbps = refresh_bytes_ / static_cast<double>(out.shown.size()) * 8e-6;
     return out;
@@ -214,7 +215,7 @@ Result<std::vector<std::vector<RenderedView>>> Trial::pictures(
   from.resize(std::min(views, from.size()));
   return reference_pictures(
       scene_, reference_, frames, from, config.rig_cache, config.eval_cache,
-      [&](std::size_t done, std::size_t of) { tell(config, "reference", done, of); });
+      [&](std::size_t done, std::size_t of) { show_progress(config, "reference", done, of); });
 }
 
 Result<MultiViewSsim> Trial::metric(const std::vector<std::size_t>& moments, std::size_t views,
@@ -226,9 +227,9 @@ Result<MultiViewSsim> Trial::metric(const std::vector<std::size_t>& moments, std
   if (with_seen && reference_ == ReferenceKind::truth) {
     std::vector<render::Viewpoint> from = plan_.views;
     from.resize(std::min(views, from.size()));
-    auto masks =
-        seen_masks(scene_, moments_, moments, from, config.eval_cache,
-                   [&](std::size_t done, std::size_t of) { tell(config, "seen", done, of); });
+    auto masks = seen_masks(
+        scene_, moments_, moments, from, config.eval_cache,
+        [&](std::size_t done, std::size_t of) { show_progress(config, "seen", done, of); });
     if (!masks) return masks.error();
     seen = *std::move(masks);
   }
@@ -252,14 +253,14 @@ Result<DecodedStream> run_pipeline(const Scene& scene, const Moments& moments,
   DecodedStream out;
   Rate mesh, texture;
   for (std::size_t m = 0; m < moments.first.size(); ++m) {
-    tell(config, "stream", m, moments.first.size());
+    show_progress(config, "stream", m, moments.first.size());
     auto burst = play_burst(scene, moments.first[m], moments.burst, config);
     if (!burst) return burst.error();
     mesh.add_burst(burst->mesh_bytes);
     texture.add_burst(burst->texture_bytes);
     out.shown.push_back(*std::move(burst->shown));
   }
-  tell(config, "stream", moments.first.size(), moments.first.size());
+  show_progress(config, "stream", moments.first.size(), moments.first.size());
   out.mesh_mbps = mesh.mbps(scene.fps), out.texture_mbps = texture.mbps(scene.fps);
   return out;
 }
@@ -270,7 +271,7 @@ Result<DecodedStream> run_pipeline_halves(System& system, const Scene& scene,
   Rate mesh, texture;
   double refresh_bytes = 0;
   for (std::size_t m = 0; m < moments.first.size(); ++m) {
-    tell(config, system.name(), m, moments.first.size());
+    show_progress(config, system.name(), m, moments.first.size());
     auto geometry = system.geometry(geometry_setting(scene), m);
     if (!geometry) return geometry.error();
     auto pictures = system.texture(texture_setting(scene), m);
@@ -303,7 +304,7 @@ Result<QualityReport> measure_quality(const Trial& trial, const MultiViewSsim& m
   const std::size_t all = stream.shown.size() * trial.plan().views.size();
   for (std::size_t m = 0; m < stream.shown.size(); ++m)
     for (std::size_t v = 0; v < trial.plan().views.size(); ++v) {
-      tell(config, "compare", m * trial.plan().views.size() + v, all);
+      show_progress(config, "compare", m * trial.plan().views.size() + v, all);
       auto drawn = draw_scene(*renderer, stream.shown[m], trial.plan().views[v]);
       if (!drawn) return drawn.error();
       const auto score = metric.compare(m, v, luma_of(drawn->color), drawn->covered);
@@ -311,7 +312,7 @@ Result<QualityReport> measure_quality(const Trial& trial, const MultiViewSsim& m
       scores[m].push_back(*score);
       if (pictures && m == 0) pictures->push_back(std::move(drawn->color));
     }
-  tell(config, "compare", all, all);
+  show_progress(config, "compare", all, all);
   report.score = summarize(scores, metric.has_seen_masks());
   return report;
 }

@@ -69,9 +69,10 @@ void look_at_pictures(const SensorConfig& sensor, Frame& frame, SensorCheck& che
       depth = 0;
   }
   const double median_m = median_of(all), valid_median_m = median_of(valid);
-  const std::vector<float>& told = valid.empty() ? all : valid;
-  if (!told.empty()) {
-    check.min_m = static_cast<double>(told.front()), check.max_m = static_cast<double>(told.back());
+  const std::vector<float>& reported = valid.empty() ? all : valid;
+  if (!reported.empty()) {
+    check.min_m = static_cast<double>(reported.front()),
+    check.max_m = static_cast<double>(reported.back());
     check.median_m = valid.empty() ? median_m : valid_median_m;
     check.outside_ratio = 1 - static_cast<double>(valid.size()) / static_cast<double>(all.size());
   }

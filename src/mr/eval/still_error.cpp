@@ -24,7 +24,7 @@
 namespace mr::eval {
 namespace {
 
-constexpr int kLookEvery = 10;  // captures: how often it is looked what sensors see
+constexpr int kCheckEvery = 10;  // captures: how often it is looked what sensors see
 
 /// A capture that reached the client.
 struct ShownCapture {
@@ -125,12 +125,12 @@ Status compare_pictures(const Scene& scene, synth::Truth& truth,
                         const std::vector<render::Viewpoint>& views,
                         const std::vector<ShownCapture>& shown, const StillErrorConfig& config,
                         StillError& out) {
-  const auto tell = [&](const char* step, std::size_t done, std::size_t of) {
+  const auto show_progress = [&](const char* step, std::size_t done, std::size_t of) {
     if (config.progress) config.progress(step, done, of);
   };
   std::vector<std::vector<Same>> same;  // [views][pairs]
   for (const render::Viewpoint& view : views) {
-    tell("truth", same.size(), views.size());
+    show_progress("truth", same.size(), views.size());
     same.push_back(unchanged_truth(*truth.view(view.camera, view.T_world_camera), scene, shown));
   }
   auto renderer = render::Renderer::create();
@@ -138,7 +138,7 @@ Status compare_pictures(const Scene& scene, synth::Truth& truth,
   std::vector<RenderedView> before(views.size());
   ChangedPixels pixels;
   for (std::size_t i = 0; i < shown.size(); ++i) {
-    tell("compare", i, shown.size());
+    show_progress("compare", i, shown.size());
     const bool counts =
         i > 0 && !shown[i].key_frame && shown[i].capture == shown[i - 1].capture + 1;
     out.pairs += counts;
@@ -237,7 +237,8 @@ SeenTruth seen_truth(const Scene& scene, synth::Truth& truth, int now, int oldes
   DepthPictures pictures(scene, frustums, config.rig_cache);
   std::vector<std::uint8_t> lately(out.samples.size()), seen;
   out.measured.resize(out.samples.size());
-  for (int capture = oldest + (now - oldest) % kLookEvery; capture <= now; capture += kLookEvery) {
+  for (int capture = oldest + (now - oldest) % kCheckEvery; capture <= now;
+       capture += kCheckEvery) {
     if (config.progress) config.progress("seen", capture - oldest, now - oldest + 1);
     seen = seen_samples(truth_at(truth, scene, capture), out.samples, frustums, scene.voxel_m);
     pictures.read(capture);

@@ -78,7 +78,7 @@ class Sweep {
         store_.put(name(i, g), std::as_bytes(std::span(*scores[g])));
       }
       take(g, *scores[g]);
-      tell(references_.views.size());
+      show_progress(references_.views.size());
     }
     return {};
   }
@@ -96,7 +96,7 @@ class Sweep {
         note_texture(t, texture->cost);
         textures.push_back(luma_texture(texture->decoded));
       }
-      tell(1);
+      show_progress(1);
     }
     return {};
   }
@@ -202,7 +202,7 @@ class Sweep {
     return points;
   }
 
-  void tell(std::size_t more) {
+  void show_progress(std::size_t more) {
     done_ += more;
     const std::size_t of =
         references_.moments.size() *

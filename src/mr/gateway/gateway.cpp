@@ -79,7 +79,7 @@ std::vector<node::Ask> Gateway::step(const node::Arrivals& arrivals, TimePoint n
            : drops_.count(root_ + " → gateway", chunks.error());
   }
   close_overdue(now);
-  tell_refusals(now);
+  log_refusals(now);
   give_memory_back(now);
   watch_silence(now);
   return asks(now);
@@ -207,9 +207,9 @@ void Gateway::close_overdue(TimePoint now) {
 }
 
 /// Logs once a second how many connections the transports refused or cut off, by cause.
-void Gateway::tell_refusals(TimePoint now) {
-  if (!is_due(refusals_told_, std::chrono::seconds(1), now)) return;
-  refusals_told_ = now;
+void Gateway::log_refusals(TimePoint now) {
+  if (!is_due(refusals_logged_, std::chrono::seconds(1), now)) return;
+  refusals_logged_ = now;
   auto all = transport_drops();
   for (const auto& [cause, times] : all)
     if (const auto more = times - refusals_[cause]; more > 0)

@@ -43,8 +43,8 @@ class Gateway final : public node::Task {
   /// messages of viewers on arrival.
   void attach(net::ViewerTransport& transport, node::Clock clock);
   /// Whether a visitor may read the monitoring figures. Any thread.
-  bool may_look(const net::Visitor& visitor, TimePoint now) const {
-    return sessions_.may_look(visitor, now);
+  bool may_read_figures(const net::Visitor& visitor, TimePoint now) const {
+    return sessions_.may_read_figures(visitor, now);
   }
 
   const std::string& id() const override { return id_; }
@@ -63,7 +63,7 @@ class Gateway final : public node::Task {
   void on_request(net::ViewerId viewer, std::span<const std::byte> bytes, TimePoint now);
   void refuse(net::ViewerId viewer, const std::string& why);
   void close_overdue(TimePoint now);
-  void tell_refusals(TimePoint now);
+  void log_refusals(TimePoint now);
   void give_memory_back(TimePoint now);
   std::vector<node::Ask> asks(TimePoint now);
   void watch_silence(TimePoint now);
@@ -86,7 +86,7 @@ class Gateway final : public node::Task {
   bool is_silent_ = false;  ///< of the root, and viewers were informed
   codec::HeadReader heads_;
   std::map<std::string, std::uint64_t> refusals_;  ///< by cause, of the transports; as last logged
-  std::optional<TimePoint> refusals_told_, version_refused_, first_step_, last_packet_,
+  std::optional<TimePoint> refusals_logged_, version_refused_, first_step_, last_packet_,
       give_back_at_;
   Duration interval_{};          ///< between the last two packets
   std::size_t most_unread_ = 0;  ///< bytes, since memory was given back

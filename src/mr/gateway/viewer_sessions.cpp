@@ -49,7 +49,7 @@ std::vector<std::pair<net::ViewerId, std::string>> ViewerSessions::overdue(TimeP
   return out;
 }
 
-bool ViewerSessions::may_look(const net::Visitor& visitor, TimePoint now) const {
+bool ViewerSessions::may_read_figures(const net::Visitor& visitor, TimePoint now) const {
   return !tokens_ || tokens_->check(visitor.token, now).verdict == Tokens::Verdict::right;
 }
 

@@ -50,7 +50,7 @@ class ViewerSessions {
   std::vector<std::pair<net::ViewerId, std::string>> overdue(TimePoint now) const;
 
   /// Whether a visitor may read the monitoring figures. Any thread.
-  bool may_look(const net::Visitor& visitor, TimePoint now) const;
+  bool may_read_figures(const net::Visitor& visitor, TimePoint now) const;
 
  private:
   const std::optional<Tokens> tokens_;

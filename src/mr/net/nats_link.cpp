@@ -59,7 +59,7 @@ class NatsEvents {
     const std::lock_guard lock(mutex_);
     drops_->count("subject " + subject, "slow consumer, messages lost");
     const auto now = Clock::now();
-    if (now - std::exchange(told_slow_, now) > std::chrono::seconds(1))
+    if (now - std::exchange(slow_logged_, now) > std::chrono::seconds(1))
       log("subject " + subject + ": this program does not keep up, messages were lost");
   }
   /// Logged once per subject and connection.
@@ -83,7 +83,7 @@ class NatsEvents {
   mutable std::mutex mutex_;
   std::set<NatsFailure::Kind> logged_;
   std::set<std::string> denied_;
-  Clock::time_point told_slow_;
+  Clock::time_point slow_logged_;
 };
 
 namespace {

@@ -3,7 +3,7 @@
 #include <algorithm>
 
 #include "mr/core/range.h"
-#include "mr/core/words.h"
+#include "mr/core/user_text.h"
 #include "mr/net/address.h"
 
 namespace mr::net {

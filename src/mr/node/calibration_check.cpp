@@ -9,7 +9,7 @@
 namespace mr::node {
 namespace {
 
-constexpr int kLookEvery = 30;   // merges
+constexpr int kCheckEvery = 30;  // merges
 constexpr double kOdd_mm = 20;   // larger residuals are reported
 constexpr int kRefineEvery = 3;  // merges
 
@@ -26,9 +26,9 @@ std::string CalibrationCheck::name(const kit::Part& part) const {
   return part.sources.size() == 1 ? first : first + "+" + std::to_string(part.sources.size() - 1);
 }
 
-void CalibrationCheck::look(const std::vector<kit::Part>& parts) {
+void CalibrationCheck::update(const std::vector<kit::Part>& parts) {
   if (parts.size() < 2) return;
-  if (calls_ % kLookEvery == 0) measure(parts);
+  if (calls_ % kCheckEvery == 0) measure(parts);
   if (scene_->merge.refine) {
     std::vector<std::uint64_t> ids;
     for (const kit::Part& part : parts) ids.push_back(number_of(part.sources.front().sensor));

@@ -28,9 +28,9 @@ class CalibrationCheck {
 
   /// Measures the parts, one per input, and refines their poses; both only at every n-th call, as
   /// they are expensive.
-  void look(const std::vector<kit::Part>& parts);
+  void update(const std::vector<kit::Part>& parts);
   /// Corrects the poses of parts where merge.refine is set, and of their sources; empties the
-  /// meshes of parts that are left out. As many parts as look() was given, of the same inputs.
+  /// meshes of parts that are left out. As many parts as update() was given, of the same inputs.
   void apply(std::vector<kit::Part>& parts) const;
   /// The same for views and sources as received; `parts`: corrected.
   void apply(const std::vector<kit::Part>& parts, std::vector<View>& views,

@@ -12,7 +12,7 @@
 namespace mr::node {
 
 /// The offset of a clock in words: "1.00 s behind" or "0.25 s ahead of".
-inline std::string said_of_clock(Duration ahead) {
+inline std::string clock_offset_text(Duration ahead) {
   const double seconds = std::chrono::duration<double>(std::chrono::abs(ahead)).count();
   char text[32];
   std::snprintf(text, sizeof text, "%.2f s", seconds);
@@ -26,20 +26,20 @@ class ClockOffset {
  public:
   static constexpr std::size_t kKept = 20, kBest = 5;
   /// Smaller offsets are ignored: half a capture period and the error of a busy machine's answers.
-  static constexpr Duration kWorthTelling = std::chrono::milliseconds(50);
+  static constexpr Duration kLeastReported = std::chrono::milliseconds(50);
   /// Hysteresis: the estimate changes only if the new one differs by more.
-  static constexpr Duration kHold = std::chrono::milliseconds(10);
+  static constexpr Duration kHysteresis = std::chrono::milliseconds(10);
 
-  void add(TimePoint asked, TimePoint told, TimePoint answered) {
+  void add(TimePoint asked, TimePoint reported, TimePoint answered) {
     const Duration round_trip = answered - asked;
     if (round_trip < Duration::zero()) return;  // our own clock was set back
-    samples_.push_back({round_trip, told - asked - round_trip / 2});
+    samples_.push_back({round_trip, reported - asked - round_trip / 2});
     if (samples_.size() > kKept) samples_.pop_front();
     settle();
   }
 
   /// How far the other clock is ahead of ours; negative: behind. Zero before the first answer and
-  /// for offsets that cannot be told from the round trip's asymmetry.
+  /// for offsets that cannot be distinguished from the round trip's asymmetry.
   Duration offset() const { return offset_; }
 
  private:
@@ -56,13 +56,13 @@ class ClockOffset {
     const Duration found = best[best.size() / 2].offset;
     // The other clock was set: older samples are invalid.
     const Duration newest = samples_.back().offset;
-    const Duration doubt = samples_.back().round_trip + kWorthTelling;
+    const Duration doubt = samples_.back().round_trip + kLeastReported;
     if (std::chrono::abs(newest - found) > doubt) samples_ = {samples_.back()};
     const Duration now = samples_.size() == 1 ? newest : found;
     // An offset below half the round trip may come from asymmetric delays.
-    const Duration hidden = quickest / 2 + kWorthTelling;
-    const Duration told = std::chrono::abs(now) < hidden ? Duration{} : now;
-    if (std::chrono::abs(told - offset_) > kHold) offset_ = told;
+    const Duration hidden = quickest / 2 + kLeastReported;
+    const Duration reported = std::chrono::abs(now) < hidden ? Duration{} : now;
+    if (std::chrono::abs(reported - offset_) > kHysteresis) offset_ = reported;
   }
 
   std::deque<Sample> samples_;

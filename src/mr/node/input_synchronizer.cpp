@@ -125,20 +125,20 @@ Status InputSynchronizer::receive(std::size_t input, std::span<const std::byte> 
     if (from.stream.began_afresh()) from.units.clear();  // what is whole is shown until more is
     return receive(input, *std::move(packet), now);
   }
-  const Error told{packet.error().cause, "packet from '" + from.id + "' to '" + merger_.id +
-                                             "': " + packet.error().message};
-  drops_.count(link(from), told);
-  return told;
+  const Error reported{packet.error().cause, "packet from '" + from.id + "' to '" + merger_.id +
+                                                 "': " + packet.error().message};
+  drops_.count(link(from), reported);
+  return reported;
 }
 
 Status InputSynchronizer::receive(std::size_t input, Packet packet, TimePoint now) {
   const Stopwatch stopwatch(decode_ms_);
   Input& from = inputs_[input];
   if (const Status fits = check_sender(from, packet); !fits) {
-    const Error told{fits.error().cause, "packet from '" + from.id + "' to '" + merger_.id +
-                                             "': " + fits.error().message};
-    drops_.count(link(from), told);
-    return told;
+    const Error reported{fits.error().cause, "packet from '" + from.id + "' to '" + merger_.id +
+                                                 "': " + fits.error().message};
+    drops_.count(link(from), reported);
+    return reported;
   }
   keep_region(packet);
   from.streams.clear();

@@ -117,7 +117,7 @@ void MergeNode::correct_poses(const CaptureSet& captures, bool measure,
                               std::vector<kit::Part>& parts) {
   trace_.time("register", [&] {
     poses_ = {captures.views, captures.sources};
-    if (measure) calibration_.look(parts);
+    if (measure) calibration_.update(parts);
     calibration_.apply(parts);
     calibration_.apply(parts, poses_.views, poses_.sources);
   });

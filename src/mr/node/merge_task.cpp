@@ -64,19 +64,19 @@ void MergeTask::pass_plan(TimePoint now, std::vector<Ask>& asks) {
 
 /// Handles an answer of an input: chunks, or the input's clock.
 void MergeTask::take_answer(const Arrivals::Answer& answer) {
-  const auto told = codec::decode_time(*answer.bytes);
-  if (!told) return node_.inputs().take_answer(answer.input, *answer.bytes, answer.came);
+  const auto reported = codec::decode_time(*answer.bytes);
+  if (!reported) return node_.inputs().take_answer(answer.input, *answer.bytes, answer.came);
   const std::string& name = node_.config().inputs[answer.input];
-  if (!*told) return drops_.count(name + " → " + id(), told->error());
+  if (!*reported) return drops_.count(name + " → " + id(), reported->error());
   const std::lock_guard lock(watch_mutex_);
   ClockOffset& clock = clocks_[answer.input];
   const Duration before = clock.offset();
-  clock.add(answer.asked, **told, answer.came);
+  clock.add(answer.asked, **reported, answer.came);
   if (clock.offset() == before) return;
   node_.inputs().set_clock_offset(answer.input, clock.offset());
   log_.warn(clock.offset() == Duration{}
                 ? "the clock of '" + name + "' is right again"
-                : "the clock of '" + name + "' is " + said_of_clock(clock.offset()) +
+                : "the clock of '" + name + "' is " + clock_offset_text(clock.offset()) +
                       " this one; corrected. Synchronise the clocks (PTP, NTP)");
 }
 
@@ -89,7 +89,7 @@ void MergeTask::watch_inputs(Duration busy, TimePoint now) {
     if (is_missing)
       log_.warn(name + " is missing: nothing new comes from it");
     else
-      log_.tell(name + " is back");
+      log_.info(name + " is back");
   }
 }
 

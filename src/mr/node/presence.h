@@ -67,8 +67,8 @@ class Presence {
   std::vector<Change> changes(TimePoint now) {
     std::vector<Change> out;
     for (std::size_t i = 0; i < sources_.size(); ++i)
-      if (const bool missing = is_missing(i, now); missing != sources_[i].is_told_missing) {
-        sources_[i].is_told_missing = missing;
+      if (const bool missing = is_missing(i, now); missing != sources_[i].is_reported_missing) {
+        sources_[i].is_reported_missing = missing;
         out.push_back({i, missing});
       }
     return out;
@@ -78,7 +78,7 @@ class Presence {
   struct Source {
     std::optional<TimePoint> captured_at, at;
     std::deque<Duration> gaps;
-    bool is_told_missing = false;
+    bool is_reported_missing = false;
   };
   std::vector<Source> sources_;
   std::optional<TimePoint> first_;

@@ -31,7 +31,7 @@ std::unique_ptr<Task::Work> SensorTask::begin(TimePoint now) {
   }
   if (!*captured) {
     ended_ = true;
-    log_.tell("its recording ended");
+    log_.info("its recording ended");
     return nullptr;
   }
   auto& [frame, read_at] = **captured;
@@ -42,11 +42,11 @@ std::unique_ptr<Task::Work> SensorTask::begin(TimePoint now) {
     drops_.count(id(), surface.error());
     return nullptr;
   }
-  tell_people(*surface);
+  log_events(*surface);
   return std::make_unique<Surface>(*std::move(surface));
 }
 
-void SensorTask::tell_people(const SensorNode::Reconstructed& surface) {
+void SensorTask::log_events(const SensorNode::Reconstructed& surface) {
   const bool is_empty = node_.is_empty(surface);
   if (is_empty) drops_.count(id(), node_.no_surface(surface.frame), !was_empty_);
   was_empty_ = is_empty;
@@ -61,7 +61,7 @@ void SensorTask::correct_stamp(Frame& frame, TimePoint read_at) {
   if (stamp_shift_ != before)
     log_.warn(stamp_shift_ == Duration{}
                   ? "its captures are stamped by the right time again"
-                  : "its captures are stamped " + said_of_clock(-stamp_shift_) +
+                  : "its captures are stamped " + clock_offset_text(-stamp_shift_) +
                         " this computer's clock; corrected. Synchronise the clocks (PTP, NTP), or "
                         "set clock_offset_ms");
   if (stamp_shift_ == Duration{}) return;

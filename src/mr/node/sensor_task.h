@@ -35,7 +35,7 @@ class SensorTask final : public Task {
  private:
   struct Surface;
   void correct_stamp(Frame& frame, TimePoint read_at);
-  void tell_people(const SensorNode::Reconstructed& surface);
+  void log_events(const SensorNode::Reconstructed& surface);
 
   SensorNode node_;
   std::unique_ptr<FrameInput> input_;

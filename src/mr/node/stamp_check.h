@@ -15,7 +15,7 @@ class StampCheck {
   static constexpr std::size_t kKept = 30, kFewest = 3;                ///< captures
   static constexpr Duration kLatest = std::chrono::milliseconds(400);  ///< mergers wait for 500
   static constexpr Duration kEarliest = std::chrono::milliseconds(-50);
-  static constexpr Duration kHold = std::chrono::milliseconds(20);
+  static constexpr Duration kHysteresis = std::chrono::milliseconds(20);
 
   /// The correction to add to timestamps; zero if they are right. `stamped`: end of exposure by the
   /// sensor's clock; `read`: by the computer's.
@@ -26,7 +26,7 @@ class StampCheck {
     const Duration least = *std::min_element(lags_.begin(), lags_.end());
     const bool is_right = least >= kEarliest && least <= kLatest;
     const Duration found = is_right ? Duration{} : least;
-    if (std::chrono::abs(found - shift_) > kHold) shift_ = found;
+    if (std::chrono::abs(found - shift_) > kHysteresis) shift_ = found;
     return shift_;
   }
 

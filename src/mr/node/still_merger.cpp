@@ -26,7 +26,7 @@ constexpr int kStillPerCube = 2;
 // Ticks between removals of surface in free space, for a large or a small area.
 constexpr std::uint64_t kEmptyEvery = 15, kLittleEvery = 30;
 constexpr double kMuchEmptied_m2 = 0.02;
-constexpr std::uint64_t kLookEvery = 90;  // ticks until surface uncovered by a removal is labelled
+constexpr std::uint64_t kCheckEvery = 90;  // ticks until surface uncovered by a removal is labelled
 constexpr double kWorthWithholding_m2 = 0.02;
 constexpr double kManyCuts = 1.3;  // times the triangles after the last labelling of everything
 
@@ -73,14 +73,14 @@ bool StillMerger::is_due(std::uint64_t sequence, std::size_t valid_blocks,
   const std::uint64_t empty_every = emptied_m2 >= kMuchEmptied_m2 ? kEmptyEvery : kLittleEvery;
   return !is_labelled_ || (emptied_m2 > 0 && age >= empty_every) ||
          (withheld_until_ && sequence >= *withheld_until_) ||
-         (labels_.is_look_due && sequence >= labels_.looked + kLookEvery) ||
+         (labels_.is_check_due && sequence >= labels_.checked + kCheckEvery) ||
          (is_root_ && age >= kRelabelEvery && is_labelling_worth_it(age, valid_blocks));
 }
 
 Result<StillMerger::Made> StillMerger::update(Task task) {
   using Extent = atlas::LastingLabels::Extent;
   const Extent extent = extent_of(task);
-  const bool was_quick = labels_.is_look_due;
+  const bool was_quick = labels_.is_check_due;
   if (task.inputs)
     if (const Status joined = join(*std::move(task.inputs), task.decimation, task.sequence);
         !joined)
@@ -199,8 +199,8 @@ atlas::LastingLabels::Extent StillMerger::extent_of(const Task& task) const {
                            task.sequence >= labels_.all + wait))
     return Extent::everything;
   const bool is_old = task.inputs || !is_labelled_ || withheld_until_;
-  return is_old || task.sequence >= labels_.looked + kLookEvery ? Extent::changes
-                                                                : Extent::new_surface;
+  return is_old || task.sequence >= labels_.checked + kCheckEvery ? Extent::changes
+                                                                  : Extent::new_surface;
 }
 
 /// The joined surface, without surface in free space, with labels of the plates that texture it.
@@ -214,8 +214,8 @@ Mesh StillMerger::labelled(const Task& task, atlas::LastingLabels::Extent extent
                                     extent);
   labels_.pieces = out.triangles.size();
   const bool quick = extent == Extent::new_surface;
-  labels_.is_look_due = quick && (labels_.is_look_due || !labels_.lasting.kept_surface());
-  if (!quick) labels_.looked = task.sequence;
+  labels_.is_check_due = quick && (labels_.is_check_due || !labels_.lasting.kept_surface());
+  if (!quick) labels_.checked = task.sequence;
   if (extent == Extent::everything)
     labels_.all = task.sequence, labels_.blocks_at_all = task.valid_blocks,
     labels_.pieces_at_all = labels_.pieces;

@@ -88,10 +88,10 @@ class StillMerger {
     atlas::LastingLabels lasting;
     bool are_any = false;
     bool are_outdated = false;  ///< some were not sent
-    bool is_look_due = false;   ///< surface was removed; what it uncovered is not labelled yet
+    bool is_check_due = false;  ///< surface was removed; what it uncovered is not labelled yet
     // Ticks: of the first labelling; of the last one of everything; of the last one that included
     // uncovered surface; of the last one of any kind.
-    std::uint64_t first = 0, all = 0, looked = 0, last = 0;
+    std::uint64_t first = 0, all = 0, checked = 0, last = 0;
     std::size_t blocks = 0, blocks_at_all = 0;  // valid ones of plates, at `last` and at `all`
     std::size_t pieces = 0, pieces_at_all = 0;  // triangles, at `last` and at `all`
   };

@@ -65,14 +65,14 @@ struct NodeStats {
 
 /// The log of a node. Any thread; the functions may be empty.
 struct NodeLog {
-  std::function<void(LogLevel level, const std::string& text)> say;
+  std::function<void(LogLevel level, const std::string& text)> write;
   DropCounter::Listener dropped;  ///< called for everything that the node drops
 
-  void tell(const std::string& text) const {
-    if (say) say(LogLevel::info, text);
+  void info(const std::string& text) const {
+    if (write) write(LogLevel::info, text);
   }
   void warn(const std::string& text) const {
-    if (say) say(LogLevel::warning, text);
+    if (write) write(LogLevel::warning, text);
   }
   void drop(const std::string& place, const Error& error) const {
     if (dropped) dropped(place, error);

@@ -13,6 +13,7 @@
 #include <vector>
 
 #include "mr/codec/mesh_codec.h"
+#include "mr/core/coding_plan.h"
 #include "mr/core/parallel.h"
 #include "mr/core/trace.h"
 #include "mr/merge/merge_surfaces.h"
@@ -113,7 +114,8 @@ std::vector<EncodedChunk> coded(const Scene& scene, const std::vector<kit::Part>
   std::vector<EncodedChunk> out(chunks.size());
   parallel_for(chunks.size(), 1, [&](std::size_t begin, std::size_t end) {
     for (std::size_t i = begin; i < end; ++i)
-      if (auto chunk = codec::encode_chunk(chunks[i], Lattice{}, 5)) out[i] = *std::move(chunk);
+      if (auto chunk = codec::encode_chunk(chunks[i], Lattice{}, CodingPlan{}.mesh_speed))
+        out[i] = *std::move(chunk);
   });
   return out;
 }

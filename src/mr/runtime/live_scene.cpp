@@ -91,11 +91,11 @@ Result<std::unique_ptr<LiveScene>> LiveScene::start(Scene given, const LiveOptio
 }
 
 node::NodeLog LiveScene::log_of(const std::string& node) const {
-  const auto say = [log = options_.log, node](LogLevel level, const std::string& text) {
+  const auto write = [log = options_.log, node](LogLevel level, const std::string& text) {
     log({level, node, text});
   };
-  return {.say = say, .dropped = [say](const std::string& place, const Error& error) {
-            say(LogLevel::warning, place + ": " + error.message);
+  return {.write = write, .dropped = [write](const std::string& place, const Error& error) {
+            write(LogLevel::warning, place + ": " + error.message);
           }};
 }
 
@@ -155,7 +155,7 @@ Status LiveScene::start_merger(const MergerConfig& merger) {
   const node::NodeLog log = log_of(merger.id);
   if (&merger == &scene_->mergers.back()) {
     auto opened =
-        node::open_background(*scene_, [&](const std::string& notice) { log.tell(notice); });
+        node::open_background(*scene_, [&](const std::string& notice) { log.info(notice); });
     if (!opened) return opened.error();
     options.background = *std::move(opened);
   }
@@ -170,7 +170,7 @@ Status LiveScene::start_gateway() {
   const auto& state = options_.state_folder;
   auto policy = gateway::AccessPolicy::open(config, state.empty() ? "" : state / scene_->id);
   if (!policy) return policy.error();
-  for (const std::string& notice : policy->notices) log.tell(notice);
+  for (const std::string& notice : policy->notices) log.info(notice);
   auto task = std::make_unique<gateway::Gateway>(
       *scene_, log,
       gateway::Gateway::Options{.tokens = std::move(policy->tokens),
@@ -180,7 +180,7 @@ Status LiveScene::start_gateway() {
   auto web = net::WebServer::listen(
       gateway::web_config(config, *policy, options_.page),
       [monitor, gateway = task.get()](const std::string& path, const net::Visitor& visitor) {
-        return monitor->page(path, gateway->may_look(visitor, node::wall_time()));
+        return monitor->page(path, gateway->may_read_figures(visitor, node::wall_time()));
       });
   if (!web) return web.error();
   web_ = *std::move(web);

@@ -107,7 +107,7 @@ LockstepScene::LockstepScene(std::unique_ptr<Scene> scene, std::vector<EncodedCh
 LockstepScene::~LockstepScene() = default;
 
 node::NodeLog LockstepScene::log_of(const std::string& id) {
-  return {.say =
+  return {.write =
               [this, id](LogLevel level, const std::string& text) {
                 if (level != LogLevel::info && listener_ && listener_->warned)
                   listener_->warned(id + ": " + text);

@@ -160,13 +160,13 @@ const Monitor::Pages& Monitor::pages() {
   return pages_;
 }
 
-std::optional<net::WebPage> Monitor::page(const std::string& path, bool may_look) {
+std::optional<net::WebPage> Monitor::page(const std::string& path, bool may_read_figures) {
   const std::lock_guard lock(mutex_);
   if (path == "/healthz")
     return net::WebPage{pages().is_down ? 503 : 200, "application/json",
-                        may_look ? pages().health : pages().status};
+                        may_read_figures ? pages().health : pages().status};
   if (path != "/metrics") return std::nullopt;
-  if (!may_look) return net::WebPage{.status = 401, .text = "a token is needed\n"};
+  if (!may_read_figures) return net::WebPage{.status = 401, .text = "a token is needed\n"};
   return net::WebPage{200, "text/plain; version=0.0.4; charset=utf-8", pages().metrics};
 }
 

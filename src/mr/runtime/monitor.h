@@ -44,7 +44,7 @@ class Monitor {
 
   /// Nothing for other paths. A visitor who may not read figures gets only the status (/healthz) or
   /// 401 (/metrics).
-  std::optional<net::WebPage> page(const std::string& path, bool may_look);
+  std::optional<net::WebPage> page(const std::string& path, bool may_read_figures);
 
  private:
   struct Pages {

@@ -11,8 +11,8 @@ namespace {
 
 constexpr std::size_t kMostAnswers = 64;  // waiting, of one input
 
-/// Whether something that happens again and again is to be told: once a second.
-class TellRarely {
+/// Lets what happens again and again through once a second. Any thread.
+class RateLimit {
  public:
   bool is_due(TimePoint now) {
     const std::lock_guard lock(mutex_);
@@ -52,10 +52,10 @@ void Port::serve(Answering answering, DropCounter& drops) {
   subscriptions_.push_back(transport_.serve(
       config_.id,
       [answering = std::move(answering), &drops, clock = config_.clock, id = config_.id,
-       tell = std::make_shared<TellRarely>()](std::span<const std::byte> question) -> net::Message {
+       limit = std::make_shared<RateLimit>()](std::span<const std::byte> question) -> net::Message {
         auto request = codec::decode_control(question);
         if (!request) {
-          drops.count("requests to " + id, request.error(), tell->is_due(clock()));
+          drops.count("requests to " + id, request.error(), limit->is_due(clock()));
           return request.error().cause == Error::Cause::unsupported
                      ? net::as_message(codec::encode_refusal(request.error().message))
                      : nullptr;

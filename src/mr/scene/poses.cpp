@@ -96,7 +96,7 @@ void read_poses(Report& report, const yaml::Node& node, const std::string& name,
                                          : yaml::read_pattern(map, name);
   if (!list) return;
   sensor.T_world_depth = load_poses(report, *list, name);
-  yaml::tell_unusable(report, *list, "sensors." + sensor.id + "." + name);
+  yaml::report_unusable(report, *list, "sensors." + sensor.id + "." + name);
   sensor.lost_poses = std::move(list->unusable);
 }
 

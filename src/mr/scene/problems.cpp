@@ -2,7 +2,7 @@
 #include <cmath>
 #include <utility>
 
-#include "mr/core/words.h"
+#include "mr/core/user_text.h"
 #include "mr/net/address.h"
 #include "mr/scene/scene.h"
 

@@ -146,14 +146,14 @@ bool overlap(const Box3d& a, const Box3d& b, double tolerance_m) {
 /// What two mergers get from one input must not be merged twice.
 void check_shares(Report& report, const std::vector<MergerEntry>& mergers, const Tree& tree,
                   double chunk_m) {
-  std::set<std::pair<std::size_t, std::size_t>> told;
+  std::set<std::pair<std::size_t, std::size_t>> reported;
   for (const auto& [input, parents] : tree.parents_of)
     for (std::size_t j = 1; j < parents.size(); ++j)
       for (std::size_t i = 0; i < j; ++i) {
         const MergerEntry &a = mergers[parents[i]], &b = mergers[parents[j]];
         if (!a.config.region || !b.config.region) continue;
         if (!overlap(*a.config.region, *b.config.region, chunk_m / 2)) continue;
-        if (!told.emplace(parents[i], parents[j]).second) continue;
+        if (!reported.emplace(parents[i], parents[j]).second) continue;
         report.problem(b.region_line, "the regions of mergers " + in_quotes(a.config.id) + " and " +
                                           in_quotes(b.config.id) +
                                           " overlap, and both have the input " + in_quotes(input));

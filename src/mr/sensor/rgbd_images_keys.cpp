@@ -18,8 +18,8 @@ void read_files(MapReader& map, const std::string& key, RgbdImagesSource& out) {
     report.problem(map.line("color"),
                    "color names " + std::to_string(color->paths.size()) + " files and depth " +
                        std::to_string(depth->paths.size()) + "; they must be as many");
-  if (depth) yaml::tell_unusable(report, *depth, key + ".depth");
-  if (color) yaml::tell_unusable(report, *color, key + ".color");
+  if (depth) yaml::report_unusable(report, *depth, key + ".depth");
+  if (color) yaml::report_unusable(report, *color, key + ".color");
   if (color) out.color = std::move(color->paths);
   if (depth) out.depth = std::move(depth->paths);
 }

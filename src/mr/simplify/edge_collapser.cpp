@@ -7,7 +7,7 @@ namespace mr::simplify {
 
 namespace {
 
-constexpr float kHold = 0.01f;          // of relax()
+constexpr float kDamping = 0.01f;       // of relax()
 constexpr float kMostTurn2 = 0.36f;     // square of the cosine of the most that a triangle may turn
 constexpr float kMostRelax2 = 0.5f;     // the same in relax()
 constexpr float kLeastQuality = 0.05f;  // of a triangle, 1 being equilateral, unless in its ring
@@ -139,7 +139,7 @@ std::uint32_t EdgeCollapser::collapse_into(std::uint32_t v, std::uint32_t i) {
 
 void EdgeCollapser::relax(std::uint32_t v) {
   const Quadric quadric = mesh_.quadrics[v];
-  const Vec3f step = quadric.minimizer(kHold);
+  const Vec3f step = quadric.minimizer(kDamping);
   load(v);
   if (!keeps_shape(kNoVertex, step, kMostRelax2)) return;
   VertexPosition& place = mesh_.places[v];

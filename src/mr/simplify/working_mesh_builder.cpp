@@ -48,7 +48,7 @@ void add_tip(Vec3f on, Vec3f back, Quadric& quadric) {
   if (sharp > 0) quadric.add_point(kTipWeight * kBorderWeight * sharp);
 }
 
-void hold_border(const Neighbourhood& near, Quadric& quadric) {
+void constrain_border(const Neighbourhood& near, Quadric& quadric) {
   const std::uint32_t last = near.size() - 1;
   const Vec3f on = near.arm(0), back = near.arm(last);
   add_wall(on, cross(on, near.arm(1)), quadric);
@@ -70,7 +70,7 @@ bool find_crease(const VertexRings& rings, std::uint32_t v, std::uint32_t (&at)[
   return count == 2 && !open;
 }
 
-void hold_crease(const Neighbourhood& near, const std::uint32_t (&at)[2], Quadric& quadric) {
+void constrain_crease(const Neighbourhood& near, const std::uint32_t (&at)[2], Quadric& quadric) {
   for (const std::uint32_t i : at) {
     const Vec3f edge = near.arm(i);
     const Vec3f next = near.arm(i + 1 < near.size() ? i + 1 : 0);
@@ -88,11 +88,11 @@ void prepare(std::uint32_t v, Neighbourhood& near, WorkingMesh& mesh) {
   mesh.kinds[v] = open ? VertexKind::border : VertexKind::inner;
   if (!open && !rings.has_labels()) return;
   near.load(rings, mesh.places.data(), v);
-  if (open) hold_border(near, quadric);
+  if (open) constrain_border(near, quadric);
   if (!rings.has_labels()) return;
   std::uint32_t at[2], count = 0;
   const bool crease = find_crease(rings, v, at, count);
-  if (crease) hold_crease(near, at, quadric);
+  if (crease) constrain_crease(near, at, quadric);
   if (count > 0) mesh.kinds[v] = crease ? VertexKind::crease : VertexKind::fixed;
 }
 

@@ -26,11 +26,11 @@ constexpr int kContradicts = 5;               // farther readings that agree to 
 constexpr std::uint16_t kAgainstDoubt = 4;  // captures without depth that one valid depth outweighs
 constexpr double kLeastRegion = 30;         // pixels that change together, at 640x576
 constexpr std::uint8_t kHandOver = 10;      // captures until the merger shows the still surface
-// Intervals in captures between checks for updates of the still picture: kLookEvery for surface
+// Intervals in captures between checks for updates of the still picture: kCheckEvery for surface
 // that disappeared or moved, kFreezeEvery also for new surface, kRefineEvery also for small regions
-// and refinement. The first check, at kLookAt, is late enough for clean plates of the surface
+// and refinement. The first check, at kCheckAt, is late enough for clean plates of the surface
 // learnt at the start.
-constexpr std::uint64_t kLookEvery = 8, kLookAt = 4, kFreezeEvery = 32, kRefineEvery = 512;
+constexpr std::uint64_t kCheckEvery = 8, kCheckAt = 4, kFreezeEvery = 32, kRefineEvery = 512;
 constexpr int kRefineTurns = 2;         // at the start, cubes are refined in this many turns
 constexpr std::uint8_t kRestless = 60;  // captures without learning until a pixel counts as noisy
 constexpr double kWorthRefining_m = 0.0005, kWorthRefining_sigmas = 0.17;
@@ -117,7 +117,7 @@ BackgroundUpdate Background::update(const ImageDepth& depth, bool is_sent) {
   release_absorbed_that_moves();
   forget_contradicted();
   absorb_what_stopped();
-  if (captures_ % kLookEvery == kLookAt) out.still_changed |= freeze();
+  if (captures_ % kCheckEvery == kCheckAt) out.still_changed |= freeze();
   out.moving = moving_pixels(depth, out.foreign);
   out.confirmed = confirmed_pixels(depth, out.moving);
   count_missing_readings(out.moving);
@@ -513,8 +513,8 @@ bool Background::differs(std::size_t pixel) const {
 /// The pixels of still() to be updated: regions that appeared, disappeared or moved. Large regions
 /// that disappeared are updated at every check, all others at less frequent ones.
 ImageMask Background::regions_to_freeze() const {
-  const bool all = is_new() || captures_ % kFreezeEvery == kLookAt;
-  const double times = is_new() || captures_ % kRefineEvery == kLookAt ? 1 : all ? 3 : 10;
+  const bool all = is_new() || captures_ % kFreezeEvery == kCheckAt;
+  const double times = is_new() || captures_ % kRefineEvery == kCheckAt ? 1 : all ? 3 : 10;
   ImageMask mask(width_, height_);
   for_each_row([&](std::size_t, std::size_t begin, std::size_t end) {
     for (std::size_t i = begin; i < end; ++i)
@@ -531,7 +531,7 @@ ImageMask Background::regions_to_freeze() const {
 /// visibly more precise than still().
 std::set<Vec3i> Background::cubes_to_refine() const {
   constexpr double kMuch = 0.05;
-  if (!is_new() && captures_ % kRefineEvery != kLookAt) return {};
+  if (!is_new() && captures_ % kRefineEvery != kCheckAt) return {};
   std::map<Vec3i, CubeChange> cubes;
   Vec3i last{};
   CubeChange* change = nullptr;
@@ -551,7 +551,7 @@ std::set<Vec3i> Background::cubes_to_refine() const {
   }
   std::set<Vec3i> out;
   const double worth_m = is_new() ? kWorthRefining_m : kWorthRefining_voxels * config_.voxel_m;
-  const auto turn = static_cast<std::uint32_t>(captures_ / kLookEvery) % kRefineTurns;
+  const auto turn = static_cast<std::uint32_t>(captures_ / kCheckEvery) % kRefineTurns;
   for (const auto& [cube, c] : cubes) {
     const double worth2_m2 = std::max(worth_m * worth_m * c.refinable,
                                       kWorthRefining_sigmas * kWorthRefining_sigmas * c.sigma2_m2);

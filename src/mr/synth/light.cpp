@@ -50,9 +50,9 @@ std::array<Vec3f, kSkyRays> sky_directions() {
   return out;
 }
 
-class LightGatherer {
+class IrradianceSampler {
  public:
-  LightGatherer(const Room& room, std::vector<Emitter> emitters)
+  IrradianceSampler(const Room& room, std::vector<Emitter> emitters)
       : room_(room), emitters_(std::move(emitters)), sky_(sky_directions()) {}
 
   Vec3f light_at(Vec3f place, Vec3f normal) const {
@@ -109,11 +109,11 @@ class LightGatherer {
 
 void bake_light(Room& room, std::span<const Vec3f> places, std::span<const Vec3f> normals,
                 std::span<const Light> lights) {
-  const LightGatherer gatherer(room, emitters_of(room.T_world_room, lights));
+  const IrradianceSampler sampler(room, emitters_of(room.T_world_room, lights));
   room.light.resize(places.size());
   parallel_for(places.size(), 256, [&](std::size_t begin, std::size_t end) {
     for (std::size_t i = begin; i < end; ++i)
-      room.light[i] = gatherer.light_at(places[i], normals[i]);
+      room.light[i] = sampler.light_at(places[i], normals[i]);
   });
 }
 
@@ -131,7 +131,7 @@ void bake_probes(Room& room, Vec3d room_m, std::span<const Light> lights) {
   probes.step = {size.x / (probes.count.x - 1), size.y / (probes.count.y - 1),
                  size.z / (probes.count.z - 1)};
   probes.light.resize(static_cast<std::size_t>(probes.count.x) * probes.count.y * probes.count.z);
-  const LightGatherer gatherer(room, emitters_of(room.T_world_room, lights));
+  const IrradianceSampler sampler(room, emitters_of(room.T_world_room, lights));
   parallel_for(probes.light.size(), 8, [&](std::size_t begin, std::size_t end) {
     for (std::size_t i = begin; i < end; ++i) {
       const auto n = static_cast<int>(i);
@@ -143,8 +143,8 @@ void bake_probes(Room& room, Vec3d room_m, std::span<const Light> lights) {
         Vec3d normal;
         normal[face / 2] = face % 2 == 0 ? 1 : -1;
         probes.light[i][face] =
-            gatherer.light_at(vec_cast<float>(room.T_world_room * p),
-                              vec_cast<float>(room.T_world_room.rotation * normal));
+            sampler.light_at(vec_cast<float>(room.T_world_room * p),
+                             vec_cast<float>(room.T_world_room.rotation * normal));
       }
     }
   });

@@ -57,24 +57,24 @@ class ActionSequence {
     last_ = std::move(stance);
   }
 
-  /// On the spot, in steps of at most 60 degrees. `hold_arms`: as they are.
-  void turn_to(FloorPose spot, double heading, bool hold_arms = false) {
+  /// On the spot, in steps of at most 60 degrees. `keep_arms`: as they are.
+  void turn_to(FloorPose spot, double heading, bool keep_arms = false) {
     const double turn = std::remainder(heading - spot.heading_rad, 2 * std::numbers::pi);
     const int steps = static_cast<int>(std::ceil(std::abs(turn) / 1.05));
     const auto arms = last_.arms;
     for (int i = 1; i <= steps; ++i) {
       Stance stance = standing_stance(
           skeleton_, {spot.place, spot.heading_rad + turn * i / std::max(steps, 1)});
-      if (hold_arms) stance.arms = arms;
+      if (keep_arms) stance.arms = arms;
       go_to(std::move(stance), 0.45, i == 1, i == steps);
     }
   }
 
-  void walk(std::shared_ptr<const FloorPath> path, std::uint64_t seed, bool hold_arms = false) {
-    const auto stance = [skeleton = skeleton_, path, seed, hold_arms,
+  void walk(std::shared_ptr<const FloorPath> path, std::uint64_t seed, bool keep_arms = false) {
+    const auto stance = [skeleton = skeleton_, path, seed, keep_arms,
                          arms = last_.arms](double part) {
       Stance out = walking_stance(skeleton, *path, part, seed);
-      if (hold_arms) out.arms = arms;
+      if (keep_arms) out.arms = arms;
       return out;
     };
     go_to(stance(0), 0.4, true, false);
@@ -261,8 +261,8 @@ class ScriptBuilder {
   }
 
   /// Out through the door from where the stance of last() faces the way.
-  void go_out(ActionSequence& actions, const FloorPath& path, bool hold_arms = false) const {
-    actions.walk(std::make_shared<const FloorPath>(path), mix(seed_), hold_arms);
+  void go_out(ActionSequence& actions, const FloorPath& path, bool keep_arms = false) const {
+    actions.walk(std::make_shared<const FloorPath>(path), mix(seed_), keep_arms);
     actions.hold(kDoor_s);
   }
 

@@ -147,7 +147,7 @@ std::optional<FileList> read_one_file(Report& report, const Node& node, const st
   return list_files(report, {&node}, name);
 }
 
-void tell_unusable(Report& report, const FileList& list, const std::string& key) {
+void report_unusable(Report& report, const FileList& list, const std::string& key) {
   const std::size_t bad = list.unusable.size();
   if (bad == 0 || bad == list.paths.size()) return;
   const bool missing = std::ranges::all_of(

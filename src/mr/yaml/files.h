@@ -32,7 +32,7 @@ std::optional<FileList> read_pattern(MapReader& map, const std::string& name);
 
 /// Reports the unusable files of a list of which the rest can be used; `key`: in the scene, such as
 /// "sensors.cam-0.source.depth".
-void tell_unusable(Report& report, const FileList& list, const std::string& key);
+void report_unusable(Report& report, const FileList& list, const std::string& key);
 
 /// Reads the location of a secret: {env: NAME} or {file: PATH}. Its existence is not checked, as
 /// each node of a scene has only its own secrets. False: the key is missing or wrong.

@@ -124,7 +124,7 @@ void Report::missing_files(int line, std::string message, const std::filesystem:
   const std::filesystem::path folder = missing_folder(first);
   if (folder.empty()) return problem(line, std::move(message));
   MissingFolder& missing = missing_[folder];
-  if (missing.told++ == 0)
+  if (missing.reported++ == 0)
     missing.line = line, missing.message = std::move(message), missing.remedy = remedy(written);
   missing.files += count;
 }
@@ -155,10 +155,10 @@ std::vector<Problem> Report::by_line(std::vector<Problem> list) const {
 
 std::vector<Problem> Report::take_problems() {
   for (const auto& [folder, missing] : std::exchange(missing_, {}))
-    problem(missing.line, (missing.told == 1 ? missing.message
-                                             : "no folder " + in_quotes(folder.string()) +
-                                                   ", where " + std::to_string(missing.files) +
-                                                   " files of this scene should be") +
+    problem(missing.line, (missing.reported == 1 ? missing.message
+                                                 : "no folder " + in_quotes(folder.string()) +
+                                                       ", where " + std::to_string(missing.files) +
+                                                       " files of this scene should be") +
                               missing.remedy);
   return by_line(std::move(problems_));
 }

@@ -12,7 +12,7 @@
 #include <vector>
 
 #include "mr/core/range.h"
-#include "mr/core/words.h"
+#include "mr/core/user_text.h"
 #include "mr/yaml/problem.h"
 #include "mr/yaml/tree.h"
 
@@ -58,7 +58,7 @@ class Report {
     int line = 0;         ///< of the first file
     std::string message;  ///< of the first file
     std::string remedy;   ///< may be empty
-    std::size_t told = 0, files = 0;
+    std::size_t reported = 0, files = 0;
   };
 
   std::filesystem::path file_;

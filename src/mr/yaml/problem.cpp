@@ -1,6 +1,6 @@
 #include "mr/yaml/problem.h"
 
-#include "mr/core/words.h"
+#include "mr/core/user_text.h"
 
 namespace mr::yaml {
 

@@ -1,4 +1,4 @@
-#include "mr/core/words.h"
+#include "mr/core/user_text.h"
 
 #include <algorithm>
 #include <span>
