@@ -101,7 +101,7 @@ void edit(Input& in, Mesh& mesh) {
 
 SourceInfo any_source(Input& in, std::uint32_t sensor) {
   SourceInfo out;
-  out.sensor = sensor;
+  out.sensor = SensorId{sensor};
   Camera& c = out.depth_camera;
   c.width = 24, c.height = 20, c.fx = c.fy = 20, c.cx = 11.5, c.cy = 9.5;
   const std::uint32_t kind = in.below(8);

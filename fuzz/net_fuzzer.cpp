@@ -20,7 +20,8 @@ struct Outcome {
 };
 
 Outcome read_frames(std::span<const std::byte> bytes, std::size_t step) {
-  FrameReader reader({{FrameKind::packet, kCap}, {FrameKind::ask, 64}, {FrameKind::subscribe, 0}});
+  FrameReader reader(
+      {{FrameKind::packet, kCap}, {FrameKind::request, 64}, {FrameKind::subscribe, 0}});
   Outcome out;
   while (!bytes.empty() && !out.broken) {
     auto frames = reader.feed(bytes.first(std::min(step, bytes.size())));
