@@ -17,11 +17,10 @@ EncodedChunk valid_chunk(int speed, Kind kind) {
   auto mesh = codec::snap_to_lattice(test::sphere({0, 0, 1}, 0.5f, 6), {});
   if (!mesh) std::abort();
   chunk.mesh = std::move(*mesh);
-  std::vector<ViewId> views(chunk.mesh.triangles.size(),
-                            kind == Kind::background ? kNoView : ViewId{1});
+  std::vector<ViewId> views(chunk.mesh.triangles.size(), ViewId{1});
   for (std::size_t t = 0; kind == Kind::labelled && t < views.size(); ++t)
     views[t] = t % 9 == 8 ? kNoView : static_cast<ViewId>(t / 40);
-  set_triangle_views(chunk.mesh, views);
+  if (kind != Kind::background) set_triangle_views(chunk.mesh, views);
   if (kind == Kind::background) {
     chunk.key.id.source = kBackgroundSource;
     for (std::size_t v = 0; v < chunk.mesh.positions.size(); ++v)
