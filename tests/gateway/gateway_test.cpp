@@ -52,8 +52,7 @@ class GatewayTest : public testing::Test {
       const auto request = codec::decode_control(question);
       if (!request) return net::Message();
       auto answer = sender_.answer(*request);
-      return answer.empty() ? net::Message()
-                            : std::make_shared<const std::vector<std::byte>>(std::move(answer));
+      return answer.empty() ? net::Message() : net::as_message(std::move(answer));
     });
     auto policy = AccessPolicy::open(config, {});
     ASSERT_TRUE(policy) << policy.error().message;
@@ -78,7 +77,7 @@ class GatewayTest : public testing::Test {
 
   void publish(const Packet& packet) { publish(codec::encode_packet(packet)); }
   void publish(std::vector<std::byte> bytes) {
-    transport_->publish("sender", std::make_shared<const std::vector<std::byte>>(std::move(bytes)));
+    transport_->publish("sender", net::as_message(std::move(bytes)));
   }
   Packet next(bool key_frame = false) {
     const std::lock_guard lock(mutex_);

@@ -28,9 +28,8 @@ std::vector<Viewers::Send> read_all(Viewers& viewers, std::vector<Viewers::Send>
 
 std::vector<Viewers::Send> give_unread(Viewers& viewers, const Packet& packet,
                                        TimePoint now = kStart) {
-  return viewers.packet(
-      packet, std::make_shared<const std::vector<std::byte>>(codec::encode_packet(packet)),
-      codec::base_of(packet), now);
+  return viewers.packet(packet, net::as_message(codec::encode_packet(packet)),
+                        codec::base_of(packet), now);
 }
 std::vector<Viewers::Send> give(Viewers& viewers, const Packet& packet) {
   return read_all(viewers, give_unread(viewers, packet));
@@ -176,7 +175,7 @@ TEST(Viewers, DifferencesReachNewcomersAndSlowOnes) {
     if (i % 3 == 0) sender.change(i % 6);
     Packet packet = i % 5 == 0 ? sender.next(i == 0) : sender.quiet();
     last = packet.sequence;
-    const auto bytes = std::make_shared<const std::vector<std::byte>>(root.write(packet));
+    const auto bytes = net::as_message(root.write(packet));
     auto read = here.read(*bytes);
     ASSERT_TRUE(read);
     take(read_all(viewers, viewers.packet(*std::move(read), bytes, here.base(), kStart)));

@@ -16,7 +16,7 @@ const Reassembly::TimePoint kNow{};
 Message numbered(std::size_t bytes) {
   std::vector<std::byte> out(bytes);
   for (std::size_t i = 0; i < bytes; ++i) out[i] = static_cast<std::byte>(i * 7 + i / 256);
-  return std::make_shared<const std::vector<std::byte>>(std::move(out));
+  return as_message(std::move(out));
 }
 
 Parts cut(const Message& message, std::uint64_t id) {

@@ -26,10 +26,6 @@ Scene one_sensor() {
   return scene;
 }
 
-net::Message message(std::vector<std::byte> bytes) {
-  return std::make_shared<const std::vector<std::byte>>(std::move(bytes));
-}
-
 bool same_mesh(const std::vector<std::shared_ptr<const Chunk>>& mesh,
                const std::vector<Chunk>& chunks) {
   return std::equal(
@@ -53,7 +49,7 @@ TEST(InputSynchronizer, MeshEqualsTheSendersWithin500MsOfAnyLoss) {
       const codec::Control request = *codec::decode_control(question);
       key_frame_wanted |= request.wants_key_frame(StreamId{4});
       auto answer = sender.answer(request);
-      return answer.empty() ? nullptr : message(std::move(answer));
+      return answer.empty() ? nullptr : net::as_message(std::move(answer));
     });
     int moves = 0, equal = 0;
     std::mt19937 random(static_cast<unsigned>(seed) + 100);
@@ -65,10 +61,10 @@ TEST(InputSynchronizer, MeshEqualsTheSendersWithin500MsOfAnyLoss) {
           for (int i = 0; i < 2; ++i) sender.change(static_cast<int>(random() % 6));
         Packet packet = sender.next(std::exchange(key_frame_wanted, false));
         packet.captured_at = now;
-        network.publish("sender", message(codec::encode_packet(packet)));
+        network.publish("sender", net::as_message(codec::encode_packet(packet)));
       }
       for (const auto& [input, request] : synchronizer.requests(now))
-        network.request("sender", message(codec::encode_control(request)),
+        network.request("sender", net::as_message(codec::encode_control(request)),
                         [&](const net::Message& answer) {
                           synchronizer.take_answer(0, *answer, network.now());
                         });

@@ -66,8 +66,7 @@ class LinkedScene {
   const std::map<std::string, CodingPlan>& sensor_plans() const { return plans_; }
   /// Sends a request, as a rate controller does.
   void ask(const std::string& node, const codec::Control& control) {
-    network_.request(
-        node, std::make_shared<const std::vector<std::byte>>(codec::encode_control(control)), {});
+    network_.request(node, net::as_message(codec::encode_control(control)), {});
   }
   std::uint64_t lost() const {
     std::uint64_t out = 0;

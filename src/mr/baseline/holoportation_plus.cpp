@@ -13,7 +13,7 @@
 namespace mr::baseline {
 namespace {
 
-const int kMeshSpeed = CodingPlan{}.mesh_speed;  // as MeshReduce codes
+constexpr int kMeshSpeed = CodingPlan{}.mesh_speed;  // as MeshReduce codes
 constexpr std::uint32_t kMaxChunks = 1u << 16;
 constexpr std::uint64_t kMaxTriangles = 1u << 24;
 

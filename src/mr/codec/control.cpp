@@ -173,6 +173,14 @@ bool Control::wants_key_frame(StreamId stream) const {
   return std::binary_search(key_frames.begin(), key_frames.end(), stream);
 }
 
+Result<Control> plan_control(const ScenePlan& plan) {
+  if (const auto problems = plan.problems(); !problems.empty())
+    return Error{Error::Cause::invalid, "plan: " + problems.front()};
+  Control out;
+  out.plan = plan;
+  return out;
+}
+
 std::vector<std::byte> encode_control(const Control& control) {
   MR_ASSERT(control.chunks.size() <= Control::kMaxChunks);
   MR_ASSERT(control.key_frames.size() <= Control::kMaxStreams);

@@ -41,6 +41,9 @@ struct Control {
   friend bool operator==(const Control&, const Control&) = default;
 };
 
+/// A control that asks for this plan. Error invalid: the first of the plan's problems().
+Result<Control> plan_control(const ScenePlan& plan);
+
 std::vector<std::byte> encode_control(const Control& control);
 
 /// Decodes untrusted bytes. Errors: corrupt, too_large; unsupported: a message of another version,

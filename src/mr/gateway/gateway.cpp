@@ -18,6 +18,7 @@ using Json = nlohmann::ordered_json;
 constexpr Duration kSilence =
     std::chrono::milliseconds(1500);  // of the root, then viewers are informed
 constexpr Duration kLongestSilence = std::chrono::seconds(10);  // limit where packets are far apart
+constexpr Duration kLogEvery = std::chrono::seconds(1);         // what happens again and again
 constexpr std::size_t kMaxText = 1024;                          // bytes of a viewer's text message
 constexpr std::size_t kMaxSensorsNamed = 256;                   // in a hello
 
@@ -149,8 +150,7 @@ void Gateway::on_request(net::ViewerId viewer, std::span<const std::byte> bytes,
   if (!session->is_admitted) return refuse(viewer, "no token");
   const auto request = codec::decode_control(bytes);
   if (!request && request.error().cause == Error::Cause::unsupported) {
-    constexpr auto kTellEvery = std::chrono::seconds(1);
-    const bool is_news = !version_refused_ || now - *version_refused_ >= kTellEvery;
+    const bool is_news = is_due(version_refused_, kLogEvery, now);
     if (is_news) version_refused_ = now;
     drops_.count("viewer → gateway", request.error(), is_news);
     return send_text(viewer, Json{{"type", "error"}, {"message", request.error().message}}.dump());
@@ -208,7 +208,7 @@ void Gateway::close_overdue(TimePoint now) {
 
 /// Logs once a second how many connections the transports refused or cut off, by cause.
 void Gateway::log_refusals(TimePoint now) {
-  if (!is_due(refusals_logged_, std::chrono::seconds(1), now)) return;
+  if (!is_due(refusals_logged_, kLogEvery, now)) return;
   refusals_logged_ = now;
   auto all = transport_drops();
   for (const auto& [cause, times] : all)

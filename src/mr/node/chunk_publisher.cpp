@@ -18,7 +18,7 @@ ChunkPublisher::ChunkPublisher(const Scene& scene, SensorId source)
       reuse_(scene.reuse_chunks),
       source_(source) {}
 
-/// A chunk whose mesh is what it was keeps its version, and the error told with that.
+/// A chunk whose mesh did not change keeps its version, and the error_m sent with that version.
 void ChunkPublisher::put(const ChunkId& id, SurfacePiece piece) {
   const auto before = live_.find(id);
   if (reuse_ && before != live_.end() && before->second.piece.mesh == piece.mesh) return;

@@ -125,21 +125,19 @@ Status InputSynchronizer::receive(std::size_t input, std::span<const std::byte> 
     if (from.stream.began_afresh()) from.units.clear();  // what is whole is shown until more is
     return receive(input, *std::move(packet), now);
   }
-  const Error reported{packet.error().cause, "packet from '" + from.id + "' to '" + merger_.id +
-                                                 "': " + packet.error().message};
-  drops_.count(link(from), reported);
-  return reported;
+  return drop(from, packet.error());
+}
+
+Error InputSynchronizer::drop(const Input& from, const Error& why) {
+  Error error{why.cause, "packet from '" + from.id + "' to '" + merger_.id + "': " + why.message};
+  drops_.count(link(from), error);
+  return error;
 }
 
 Status InputSynchronizer::receive(std::size_t input, Packet packet, TimePoint now) {
   const Stopwatch stopwatch(decode_ms_);
   Input& from = inputs_[input];
-  if (const Status fits = check_sender(from, packet); !fits) {
-    const Error reported{fits.error().cause, "packet from '" + from.id + "' to '" + merger_.id +
-                                                 "': " + fits.error().message};
-    drops_.count(link(from), reported);
-    return reported;
-  }
+  if (const Status fits = check_sender(from, packet); !fits) return drop(from, fits.error());
   keep_region(packet);
   from.streams.clear();
   for (const View& view : packet.views) from.streams.insert(view.stream);

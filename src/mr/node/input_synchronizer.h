@@ -106,6 +106,8 @@ class InputSynchronizer {
 
   std::string link(const Input& input) const { return input.id + " → " + merger_.id; }
   Status check_sender(const Input& input, const Packet& packet) const;
+  /// Counts a packet as lost; returns the error with both ends' names.
+  Error drop(const Input& from, const Error& why);
   void keep_region(Packet& packet) const;
   void keep_units(Input& input, Packet& packet);
   void settle(std::size_t input, TimePoint now);

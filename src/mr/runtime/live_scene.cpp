@@ -217,11 +217,9 @@ void LiveScene::add(std::unique_ptr<node::Task> task, TaskThreads::Config config
 }
 
 Status LiveScene::set_plan(const ScenePlan& plan) {
-  if (const auto problems = plan.problems(); !problems.empty())
-    return Error{Error::Cause::invalid, "plan: " + problems.front()};
-  codec::Control control;
-  control.plan = plan;
-  transport_->request(scene_->mergers.back().id, net::as_message(codec::encode_control(control)));
+  const auto control = codec::plan_control(plan);
+  if (!control) return control.error();
+  transport_->request(scene_->mergers.back().id, net::as_message(codec::encode_control(*control)));
   return {};
 }
 

@@ -50,7 +50,8 @@ class LiveScene {
   double seconds() const;
 
   /// Requests that the root, in whatever process it runs, and all nodes below it use this plan. The
-  /// message may be lost: repeat the call until packets carry the plan. The plan must be valid.
+  /// message may be lost: repeat the call until packets carry the plan. Error
+  /// invalid: the first of the plan's problems().
   Status set_plan(const ScenePlan& plan);
 
  private:

@@ -137,11 +137,9 @@ void LockstepScene::ask_key_frames(std::vector<StreamId> streams) {
 }
 
 Status LockstepScene::set_plan(const ScenePlan& plan) {
-  if (const auto problems = plan.problems(); !problems.empty())
-    return Error{Error::Cause::invalid, "plan: " + problems.front()};
-  codec::Control control;
-  control.plan = plan;
-  root().answer(control, now_);
+  const auto control = codec::plan_control(plan);
+  if (!control) return control.error();
+  root().answer(*control, now_);
   return {};
 }
 

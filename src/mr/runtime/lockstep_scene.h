@@ -71,7 +71,7 @@ class LockstepScene {
   void ask_key_frames(std::vector<StreamId> streams);
 
   /// Sends a plan to the root, as a rate controller does. The mergers use it from the next capture
-  /// on, the sensors from the one after that. The plan must be valid.
+  /// on, the sensors from the one after that. Error invalid: the first of the plan's problems().
   Status set_plan(const ScenePlan& plan);
 
   /// Runs until `frames` were captured or all sources ended. Error empty: no frame reached the

@@ -16,7 +16,7 @@ class RateLimit {
  public:
   bool is_due(TimePoint now) {
     const std::lock_guard lock(mutex_);
-    if (last_ && now - *last_ < std::chrono::seconds(1)) return false;
+    if (!mr::is_due(last_, std::chrono::seconds(1), now)) return false;
     last_ = now;
     return true;
   }
