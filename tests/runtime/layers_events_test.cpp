@@ -46,7 +46,13 @@ TEST(LayersEvents, PushedCameraIsToldOnceAndLearnsAnew) {
   EXPECT_NE(here.told[0].find("pushed"), std::string::npos) << here.told[0];
   const Difference d = reference.compare(here);  // both believe the pose that is stated
   EXPECT_LT(d.missing, 0.03) << d;
-  EXPECT_LT(d.doubled, d.usual_doubled + 0.025) << d;
+  // The still surface reaches farther at flat angles, where misplaced sheets lie apart: compared
+  // with a scene that saw nothing before the push. What was learnt before leaves nothing behind.
+  Captures fresh(with_layers(scene));
+  fresh.skip_to(kLearnt + 1), fresh.run_to(here.number());
+  const double reach_m = 2.5 * scene.voxel_m;
+  EXPECT_LT(d.doubled, test::doubled_share(fresh.surface(), reach_m) + 0.005) << d;
+  EXPECT_LT(test::share_without(here.surface(), fresh.surface(), reach_m), 0.005);
   EXPECT_LT(surface_area_m2(here.surface_of(Layer::moving)),
             0.05 * surface_area_m2(here.surface()));
 }
