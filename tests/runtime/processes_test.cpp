@@ -315,7 +315,7 @@ rig: {type: synthetic, seed: 3, room: [5, 4, 2.6], depth_mode: nfov_binned, colo
   /// Waits until the client's newest capture comes from these sensors and all of it stays: while a
   /// room is learnt, both layers show some of it for a second or two.
   Mesh learnt(Client& client, const std::vector<std::uint32_t>& sensors) {
-    const auto until = Clock::now() + seconds(60);
+    const auto until = Clock::now() + seconds(60) * kSlower;
     while (Clock::now() < until) {
       const auto scene = client.scene();
       const bool is_learnt =
