@@ -247,6 +247,28 @@ TEST(SimplifyChunks, LinesStayWithinTheirError) {
     }
 }
 
+/// A fan hangs on the middle of one side of a square chunk: the chunk's line begins and ends there.
+TEST(SimplifyChunks, WhereALineBeginsAndEndsStays) {
+  Chunked scene{test::grid({0, 0, 0}, {8, 0, 0}, {0, 8, 0}, 8, 8), {}};
+  for (std::size_t t = 0; t < scene.mesh.triangles.size(); ++t) {
+    const Vec3f middle = scene.mesh.centroid(t);
+    scene.chunks.push_back(middle.x > 2 && middle.x < 6 && middle.y > 2 && middle.y < 6 ? 1 : 0);
+  }
+  const Vec3f hinge{4, 2, 0};
+  const auto at = static_cast<std::uint32_t>(std::ranges::find(scene.mesh.positions, hinge) -
+                                             scene.mesh.positions.begin());
+  const auto next = static_cast<std::uint32_t>(scene.mesh.positions.size());
+  for (const Vec3f p : {Vec3f{4, 2, 1}, Vec3f{5, 2, 1}}) scene.mesh.positions.push_back(p);
+  scene.mesh.triangles.push_back({at, next, next + 1}), scene.chunks.push_back(0);
+  for (const Simplified& level : levels_of(scene, 0.1f, {1.0, 0.5})) {
+    EXPECT_EQ(std::ranges::count(level.mesh.positions, hinge), 1);
+    std::size_t uses = 0;
+    for (const auto& [pair, edges] : lines_of(level))
+      for (const Places& edge : edges) uses += edge.first == hinge || edge.second == hinge;
+    EXPECT_EQ(uses, 2u) << "the line still passes it";
+  }
+}
+
 TEST(SimplifyChunks, ThatMeetNowhereChangeNothing) {
   Mesh mesh = test::sphere({0, 0, 0}, 1, 40);
   std::vector<std::uint32_t> chunks(mesh.triangles.size(), 7);

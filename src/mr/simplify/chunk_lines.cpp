@@ -67,16 +67,19 @@ void ChunkLineFinder::follow(std::uint32_t from, std::uint32_t next,
   }
 }
 
+/// A line with ends begins at the first of them. A ring, all of whose vertices are on the line, has
+/// none: it begins at its first vertex. Both that and a loop, whose ends are one vertex beside the
+/// line, go toward the first neighbour.
 void ChunkLineFinder::put_in_order(ChunkLine& line) const {
   const auto before = [&](std::uint32_t v, std::uint32_t w) { return at(v) < at(w); };
-  if (line.front() != line.back() || line.size() == 1) {
-    if (before(line.back(), line.front())) std::reverse(line.begin(), line.end());
-    return;
+  const bool is_closed = line.front() == line.back();
+  if (is_closed && is_on_line(line.front())) {
+    line.pop_back();
+    std::rotate(line.begin(), std::min_element(line.begin(), line.end(), before), line.end());
+    line.push_back(line.front());
   }
-  line.pop_back();
-  std::rotate(line.begin(), std::min_element(line.begin(), line.end(), before), line.end());
-  if (before(line.back(), line[1])) std::reverse(line.begin() + 1, line.end());
-  line.push_back(line.front());
+  const std::size_t first = is_closed ? 1 : 0;
+  if (before(line[line.size() - 1 - first], line[first])) std::reverse(line.begin(), line.end());
 }
 
 std::vector<ChunkLine> ChunkLineFinder::find() const {
