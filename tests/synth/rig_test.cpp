@@ -8,6 +8,7 @@
 
 #include "core/temp_dir.h"
 #include "mr/core/parallel.h"
+#include "mr/scene/scene.h"
 #include "mr/sensor/rgbd_images.h"
 #include "mr/synth/export_rig.h"
 #include "mr/synth/floor_plan.h"

@@ -5,7 +5,7 @@
 namespace mr::node {
 
 struct MergeTask::Tick final : Work {
-  explicit Tick(CaptureSet captures) : captures(std::move(captures)) {}
+  explicit Tick(CaptureSet of) : captures(std::move(of)) {}
   CaptureSet captures;
 };
 

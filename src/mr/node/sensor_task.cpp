@@ -7,7 +7,7 @@
 namespace mr::node {
 
 struct SensorTask::Surface final : Work {
-  explicit Surface(SensorNode::Reconstructed made) : made(std::move(made)) {}
+  explicit Surface(SensorNode::Reconstructed of) : made(std::move(of)) {}
   SensorNode::Reconstructed made;
 };
 

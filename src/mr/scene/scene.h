@@ -93,7 +93,7 @@ struct Scene {
   std::optional<GatewayConfig> gateway;
   NetworkConfig network;
 
-  const SensorConfig& sensor(SensorId id) const { return sensors[index_of(id)]; }
+  const SensorConfig& sensor(SensorId which) const { return sensors[index_of(which)]; }
 
   static constexpr Range kFps{0, 240, true}, kThreads{0, 1024}, kVoxel_m{0.002, 0.05};
   static constexpr std::array<const char*, 5> kPipelines{"meshreduce", "holoportation",

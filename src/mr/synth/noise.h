@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "mr/core/image.h"
+#include "mr/core/packet.h"
 #include "mr/synth/rig_config.h"
 
 namespace mr::synth {
