@@ -355,7 +355,7 @@ rig: {type: synthetic, seed: 3, room: [5, 4, 2.6], depth_mode: nfov_binned, colo
     return false;
   }
   Still still_scene(const std::string& mergers) {
-    write_scene(4, 1, mergers, 10);
+    write_scene(4, 1, mergers, 30 / kSlower);
     const SceneResult loaded = load_scene(file());
     EXPECT_TRUE(loaded.problems.empty());
     scene_ = loaded.scene;
