@@ -10,6 +10,7 @@ void add_eval(CLI::App& app, int& exit_code) {
   eval->footer("meshreduce eval COMMAND --help shows a command's options and examples.");
   add_eval_ssim(*eval, exit_code);
   add_eval_geometry(*eval, exit_code);
+  add_eval_scene(*eval, exit_code);
   add_eval_still(*eval, exit_code);
   add_eval_views(*eval, exit_code);
   add_eval_compare(*eval, exit_code);

@@ -17,14 +17,11 @@
 #include "mr/core/parallel.h"
 #include "mr/eval/geometry_error.h"
 #include "mr/eval/read_mesh.h"
-#include "mr/eval/reference.h"
+#include "mr/eval/reference_surface.h"
 #include "mr/eval/sensor_coverage.h"
-#include "mr/node/capture.h"
 #include "mr/node/sources.h"
 #include "mr/runtime/lockstep_scene.h"
-#include "mr/synth/rig_errors.h"
 #include "mr/synth/room.h"
-#include "mr/synth/truth.h"
 #include "output.h"
 
 namespace mr::apps {
@@ -56,22 +53,11 @@ struct Measured {
 
 // ---------------------------------------------------------------------------- what is measured
 
-Error no_such_frame(const Scene& scene, int frame) {
-  return {Error::Cause::empty,
-          fmt::format("frame {} of scene '{}' did not come through", frame, scene.id)};
-}
-
-Mesh joined(const DecodedScene& decoded) {
-  Mesh mesh;
-  for (const auto& chunk : decoded.chunks) append(mesh, chunk->mesh);
-  return mesh;
-}
-
 Result<Mesh> baseline_surface(const Scene& scene, const GeometryOptions& options) {
   const auto run = baseline::run_baseline(scene, 1, options.frame, printing_listener(),
                                           synth::default_rig_cache());
   if (!run) return run.error();
-  return joined(run->last);
+  return eval::shown_surface(run->last);
 }
 
 /// One frame's surface through all nodes.
@@ -82,66 +68,10 @@ Result<Mesh> tested_surface(const Scene& scene, const GeometryOptions& options) 
   (*pipeline)->skip(static_cast<std::uint64_t>(options.frame));
   const auto report = (*pipeline)->run(1, printing_listener());
   if (!report) return report.error();
-  if (options.decoded) return joined(*(*pipeline)->decoded());
+  if (options.decoded) return eval::shown_surface(*(*pipeline)->decoded());
   auto surface = (*pipeline)->surface();
-  if (!surface) return no_such_frame(scene, options.frame);
+  if (!surface) return eval::no_such_capture(scene, options.frame);
   return *std::move(surface);
-}
-
-Result<std::vector<Frame>> read_capture(const Scene& scene, int frame) {
-  node::CaptureReader reader(scene, synth::default_rig_cache());
-  reader.skip(static_cast<std::uint64_t>(frame));
-  auto capture =
-      reader.next([](SensorId, const Error& error) { printing_listener().dropped(error.message); });
-  if (!capture || capture->empty()) return no_such_frame(scene, frame);
-  return *std::move(capture);
-}
-
-// -------------------------------------------------------------------------------- the reference
-
-/// "truth/%06d.ply" with a number, beside the scene file; nothing where it is no such pattern.
-std::optional<std::filesystem::path> truth_file(const Scene& scene, int number) {
-  const std::string& pattern = scene.truth->mesh;
-  const std::size_t percent = pattern.find('%'), letter = pattern.find('d', percent);
-  if (percent == std::string::npos || letter == std::string::npos || letter - percent > 3)
-    return std::nullopt;
-  const std::string width = pattern.substr(percent + 1, letter - percent - 1);
-  if (!width.empty() && (width.size() != 2 || width[0] != '0' || width[1] < '1' || width[1] > '9'))
-    return std::nullopt;
-  return scene.file.parent_path() /
-         (pattern.substr(0, percent) +
-          fmt::format("{:0{}}", number, width.empty() ? 1 : width[1] - '0') +
-          pattern.substr(letter + 1));
-}
-
-Result<Mesh> truth_surface(const Scene& scene, int frame) {
-  const int item = eval::truth_frame(scene, frame);
-  if (const RigConfig* rig = eval::known_rig(scene))
-    return synth::Truth(*rig, scene.fps).surface(static_cast<std::uint64_t>(item)).mesh;
-  const auto file = truth_file(scene, item);
-  if (!file)
-    return Error{
-        Error::Cause::invalid,
-        "truth.mesh must hold one %d or one of %01d to %09d, not '" + scene.truth->mesh + "'"};
-  return eval::read_ply(*file);
-}
-
-/// The depth cameras that delivered; with their true poses where those are known and wanted.
-std::vector<eval::SensorFrustum> frustums_of(const Scene& scene, std::span<const Frame> capture,
-                                             bool truth) {
-  std::map<std::string, Pose> exact;
-  if (const RigConfig* rig = truth ? eval::known_rig(scene) : nullptr)
-    for (const SensorConfig& sensor : synth::exact_sensors(*rig))
-      exact[sensor.id] = sensor.T_world_depth.front();
-  std::vector<eval::SensorFrustum> frustums;
-  for (const Frame& frame : capture) {
-    const SensorConfig& sensor = scene.sensor(frame.sensor);
-    const auto known = exact.find(sensor.id);
-    frustums.push_back({undistorted(sensor.depth_camera),
-                        known != exact.end() ? known->second : frame.T_world_depth,
-                        sensor.depth_near_m, sensor.depth_far_m});
-  }
-  return frustums;
 }
 
 // ------------------------------------------------------------------------------- sensor by sensor
@@ -193,7 +123,7 @@ std::vector<PairResidual> pair_residuals(const Scene& scene, std::span<const Fra
 // ------------------------------------------------------------------------------------- measuring
 
 Result<Measured> measure_scene(const Scene& given, const GeometryOptions& options) {
-  const bool has_truth = eval::known_rig(given) || given.truth;
+  const bool has_truth = eval::has_true_surface(given);
   const bool truth = options.reference.empty() ? has_truth : options.reference == "truth";
   if (truth && !has_truth)
     return Error{Error::Cause::unsupported, "scene '" + given.id +
@@ -204,16 +134,18 @@ Result<Measured> measure_scene(const Scene& given, const GeometryOptions& option
                  "scene '" + given.id + "' shows points, which have no surface to measure"};
   const auto scene = node::prepare_scene(given);
   if (!scene) return scene.error();
-  const auto capture = read_capture(*scene, options.frame);
+  const auto capture =
+      eval::read_capture(*scene, options.frame, synth::default_rig_cache(),
+                         [](const std::string& line) { printing_listener().dropped(line); });
   if (!capture) return capture.error();
-  const auto reference = truth ? truth_surface(*scene, options.frame)
+  const auto reference = truth ? eval::true_surface(*scene, options.frame)
                                : Result<Mesh>(baseline::fuse_all(*scene, *capture, 0.01));
   if (!reference) return reference.error();
   const auto tested = tested_surface(*scene, options);
   if (!tested) return tested.error();
   const double voxel_m = options.voxel_m > 0 ? options.voxel_m : scene->voxel_m;
   const auto error =
-      eval::geometry_error(*tested, *reference, frustums_of(*scene, *capture, truth),
+      eval::geometry_error(*tested, *reference, eval::delivered_frustums(*scene, *capture, truth),
                            {.voxel_m = voxel_m, .captured = eval::captured_half_spaces(*scene)});
   if (!error) return error.error();
   std::string note;

@@ -1,0 +1,171 @@
+#include <fmt/format.h>
+
+#include <cmath>
+#include <memory>
+#include <nlohmann/json.hpp>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "commands.h"
+#include "eval_options.h"
+#include "mr/baseline/monolithic.h"
+#include "mr/baseline/run_baseline.h"
+#include "mr/eval/depth_fit.h"
+#include "mr/eval/geometry_error.h"
+#include "mr/eval/reference_surface.h"
+#include "mr/eval/sensor_coverage.h"
+#include "mr/runtime/lockstep_scene.h"
+#include "mr/synth/room.h"
+#include "output.h"
+
+namespace mr::apps {
+namespace {
+
+struct SceneOptions : EvalOptions {
+  std::filesystem::path scene;
+  std::string pipeline;
+  int captures = 30;
+};
+
+/// What a client shows after some captures of a scene, measured at the last of them.
+struct SceneMeasures {
+  std::string scene, pipeline, reference;
+  int captures = 0;
+  eval::DepthFit depth;
+  eval::GeometryError geometry;
+  std::vector<node::InputResidual> pairs;
+};
+
+struct Shown {
+  Mesh mesh;
+  std::vector<node::InputResidual> pairs;  ///< of the root's inputs; empty: a baseline
+};
+
+/// What a client has after so many captures; baselines have no memory.
+Result<Shown> shown_after(const Scene& scene, int captures, const runtime::RunListener& listener) {
+  const auto cache = synth::default_rig_cache();
+  if (scene.pipeline != "meshreduce") {
+    const auto run = baseline::run_baseline(scene, 1, captures - 1, listener, cache);
+    if (!run) return run.error();
+    return Shown{eval::shown_surface(run->last), {}};
+  }
+  auto pipeline = runtime::LockstepScene::open(scene, cache);
+  if (!pipeline) return pipeline.error();
+  const auto report = (*pipeline)->run(captures, listener);
+  if (!report) return report.error();
+  return Shown{eval::shown_surface(*(*pipeline)->decoded()), report->pairs};
+}
+
+Result<SceneMeasures> measured(const Scene& scene, int captures,
+                               const runtime::RunListener& listener) {
+  if (scene.pipeline == "points")
+    return Error{Error::Cause::unsupported,
+                 "scene '" + scene.id + "' shows points, which have no surface to measure"};
+  const bool exact = eval::has_true_surface(scene);
+  const auto capture =
+      eval::read_capture(scene, captures - 1, synth::default_rig_cache(), listener.dropped);
+  if (!capture) return capture.error();
+  const auto reference = exact ? eval::true_surface(scene, captures - 1)
+                               : Result<Mesh>(baseline::fuse_all(scene, *capture, 0.01));
+  if (!reference) return reference.error();
+  const auto shown = shown_after(scene, captures, listener);
+  if (!shown) return shown.error();
+  const auto geometry = eval::geometry_error(
+      shown->mesh, *reference, eval::delivered_frustums(scene, *capture, exact),
+      {.voxel_m = scene.voxel_m, .captured = eval::captured_half_spaces(scene)});
+  if (!geometry) return geometry.error();
+  return SceneMeasures{scene.id,
+                       scene.pipeline,
+                       exact ? "truth" : "monolithic",
+                       captures,
+                       eval::depth_fit(shown->mesh, scene, *capture, scene.voxel_m),
+                       *geometry,
+                       shown->pairs};
+}
+
+/// To the millionth.
+double to_millionth(double ratio) { return std::round(ratio * 1e6) / 1e6; }
+
+std::string as_json(const SceneMeasures& m) {
+  nlohmann::ordered_json out{
+      {"scene", m.scene},
+      {"pipeline", m.pipeline},
+      {"captures", m.captures},
+      {"reference", m.reference},
+      {"hole_ratio", to_millionth(m.depth.hole_ratio)},
+      {"depth_agreement", to_millionth(m.depth.agreement)},
+      {"beyond_1_voxel", to_millionth(m.depth.beyond_1_voxel)},
+      {"beyond_3_voxels", to_millionth(m.depth.beyond_3_voxels)},
+      {"duplicate_ratio", to_millionth(m.geometry.duplicate_ratio)},
+      {"missing_ratio", to_millionth(m.geometry.missing_ratio)},
+      {"to_reference_rms_mm", to_millionth(m.geometry.to_reference.rms_mm)},
+      {"from_reference_rms_mm", to_millionth(m.geometry.from_reference.rms_mm)},
+      {"pairs", nlohmann::ordered_json::array()}};
+  for (const node::InputResidual& pair : m.pairs)
+    out["pairs"].push_back(
+        {{"a", pair.a}, {"b", pair.b}, {"residual_mm", to_millionth(pair.residual_mm)}});
+  return out.dump(2, ' ', false, nlohmann::ordered_json::error_handler_t::replace) + "\n";
+}
+
+std::string as_text(const SceneMeasures& m) {
+  std::string out = fmt::format("{}, {}, as a client shows it after {} captures\n", m.scene,
+                                m.pipeline, m.captures);
+  const auto line = [&](const char* name, double ratio, const char* of) {
+    out += fmt::format("  {:<18} {:8.3f} % {}\n", name, 100 * ratio, of);
+  };
+  line("holes", m.depth.hole_ratio, "of the raw depth shows nothing, or 3 voxels behind");
+  line("depth agreement", m.depth.agreement, "of the raw depth, within 3 voxels");
+  line("beyond 1 voxel", m.depth.beyond_1_voxel, "of the raw depth has nothing as near");
+  line("beyond 3 voxels", m.depth.beyond_3_voxels, "of the raw depth has nothing as near");
+  line("duplicate layers", m.geometry.duplicate_ratio, "of the surface");
+  line("missing", m.geometry.missing_ratio,
+       m.reference == "truth" ? "of the truth that sensors see" : "of one 1 cm grid");
+  out += fmt::format("  to / from the reference: {:.2f} / {:.2f} mm RMS\n",
+                     m.geometry.to_reference.rms_mm, m.geometry.from_reference.rms_mm);
+  for (const node::InputResidual& pair : m.pairs)
+    out += fmt::format("  {} to {}: {:.2f} mm RMS\n", pair.a, pair.b, pair.residual_mm);
+  return out;
+}
+
+int measure_scene(const SceneOptions& options) {
+  auto scene = load_for_eval(options.scene, options.set);
+  if (!scene) return 1;
+  if (!options.pipeline.empty()) scene->pipeline = options.pipeline;
+  int code = 0;
+  in_arena(options, *scene, [&] {
+    const auto found = measured(*scene, options.captures, printing_listener());
+    if (!found) return void(code = fail(found.error().message));
+    fmt::print("{}", options.json ? as_json(*found) : as_text(*found));
+  });
+  return code;
+}
+
+}  // namespace
+
+void add_eval_scene(CLI::App& eval, int& exit_code) {
+  auto options = std::make_shared<SceneOptions>();
+  CLI::App* command = eval.add_subcommand("scene",
+                                          "Whether surfaces are whole: holes, agreement with the "
+                                          "raw depth, doubled and missing layers");
+  command->add_option("SCENE", options->scene, "Scene file (YAML)")->required();
+  command->add_option("--captures", options->captures, "Captures until the stream is measured")
+      ->check(CLI::Range(1, 100000))
+      ->capture_default_str();
+  command
+      ->add_option("--pipeline", options->pipeline,
+                   "Measure this pipeline rather than the scene's: meshreduce, holoportation, "
+                   "holoportation++, rgbd")
+      ->check(CLI::IsMember({"meshreduce", "holoportation", "holoportation++", "rgbd"}));
+  command->add_option("--threads", options->threads, "Threads; 0: as the scene says")
+      ->check(CLI::Range(0, 1024));
+  command->add_flag("--json", options->json, "Print the figures as JSON");
+  add_set_option(*command, options->set);
+  command->footer(
+      "Examples:\n"
+      "  meshreduce eval scene examples/eval/office-still.yaml\n"
+      "  meshreduce eval scene examples/red-kitchen.yaml --pipeline holoportation --json");
+  command->callback([options, &exit_code] { exit_code = measure_scene(*options); });
+}
+
+}  // namespace mr::apps
