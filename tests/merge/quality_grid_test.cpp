@@ -100,8 +100,9 @@ TEST(BorderMap, FindsBordersOfOtherPartsOnly) {
 TEST(Cutter, CutsWhereItIsToldAndKnowsItsParents) {
   const Mesh wall = test::grid({0, 0, 0}, {1, 0, 0}, {0, 1, 0}, 10, 10);
   std::vector<float> margin;
-  for (const Vec3f p : wall.positions) margin.push_back(0.43f - p.x);
-  const merge::Cut cut = merge::cut_at_zero(wall, margin, [&](std::uint32_t a, std::uint32_t b) {
+  std::vector<std::uint8_t> keep;
+  for (const Vec3f p : wall.positions) margin.push_back(0.43f - p.x), keep.push_back(p.x < 0.43f);
+  const merge::Cut cut = merge::cut_at(wall, keep, [&](std::uint32_t a, std::uint32_t b) {
     return margin[a] / (margin[a] - margin[b]);
   });
   EXPECT_NEAR(surface_area_m2(cut.mesh), 0.43, 1e-5);

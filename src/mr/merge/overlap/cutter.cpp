@@ -13,14 +13,14 @@ constexpr float kSliver = 0.2f;  // of an edge
 
 class Cutter {
  public:
-  Cutter(const Mesh& mesh, const std::vector<float>& margin, const Crossing& crossing)
-      : mesh_(mesh), margin_(margin), crossing_(crossing), kept_(mesh.positions.size(), kNone) {
+  Cutter(const Mesh& mesh, const std::vector<std::uint8_t>& is_kept, const Crossing& crossing)
+      : mesh_(mesh), is_kept_(is_kept), crossing_(crossing), kept_(mesh.positions.size(), kNone) {
     for (; parent_ < mesh.triangles.size(); ++parent_) add(mesh.triangles[parent_]);
   }
   Cut result() && { return std::move(out_); }
 
  private:
-  bool keeps(std::uint32_t v) const { return margin_[v] > 0; }
+  bool keeps(std::uint32_t v) const { return is_kept_[v] != 0; }
 
   void add(const Triangle& t) {
     const int kept = keeps(t[0]) + keeps(t[1]) + keeps(t[2]);
@@ -41,13 +41,15 @@ class Cutter {
     out_.parent.push_back(parent_);
   }
 
-  std::uint32_t add_vertex(Vec3f p) {
-    out_.mesh.positions.push_back(p);
+  std::uint32_t add_vertex(const Cut::Place& place) {
+    const Vec3f p = mesh_.positions[place.from], q = mesh_.positions[place.to];
+    out_.mesh.positions.push_back(p + (q - p) * place.share);
+    out_.places.push_back(place);
     return static_cast<std::uint32_t>(out_.mesh.positions.size() - 1);
   }
 
   std::uint32_t keep(std::uint32_t v) {
-    if (kept_[v] == kNone) kept_[v] = add_vertex(mesh_.positions[v]);
+    if (kept_[v] == kNone) kept_[v] = add_vertex({v, v, 0});
     return kept_[v];
   }
 
@@ -56,13 +58,12 @@ class Cutter {
     const std::uint64_t key = static_cast<std::uint64_t>(kept) << 32 | lost;
     if (const std::uint32_t* known = crossings_.find(key)) return *known;
     const float t = crossing_(kept, lost);
-    const Vec3f p = mesh_.positions[kept], q = mesh_.positions[lost];
-    const std::uint32_t vertex = t < kSliver ? keep(kept) : add_vertex(p + (q - p) * t);
+    const std::uint32_t vertex = t < kSliver ? keep(kept) : add_vertex({kept, lost, t});
     return crossings_.get_or_add(key, vertex);
   }
 
   const Mesh& mesh_;
-  const std::vector<float>& margin_;
+  const std::vector<std::uint8_t>& is_kept_;
   const Crossing& crossing_;
   std::vector<std::uint32_t> kept_;  // [V] in out_
   kit::PairMap crossings_{1024};
@@ -72,8 +73,8 @@ class Cutter {
 
 }  // namespace
 
-Cut cut_at_zero(const Mesh& mesh, const std::vector<float>& margin, const Crossing& crossing) {
-  return Cutter(mesh, margin, crossing).result();
+Cut cut_at(const Mesh& mesh, const std::vector<std::uint8_t>& keep, const Crossing& crossing) {
+  return Cutter(mesh, keep, crossing).result();
 }
 
 }  // namespace mr::merge

@@ -27,6 +27,8 @@ struct SurfacePoint {
 struct Plane {
   Vec3f normal;  ///< unit
   float offset_m = 0;
+
+  float above(Vec3f p) const { return dot(normal, p) - offset_m; }  ///< metres
 };
 
 /// How well, and by which sensor, a part's surface was measured.

@@ -1,12 +1,15 @@
 #include "mr/merge/overlap/part_view.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <limits>
+#include <utility>
 
 #include "mr/core/assert.h"
 #include "mr/core/image.h"
 #include "mr/kit/raster.h"
+#include "mr/kit/raycast.h"
 
 namespace mr::merge {
 namespace {
@@ -15,6 +18,9 @@ constexpr float kSameFacing = 0.25f;  // cosine: near creases normals differ, th
                                       // two sides still more
 constexpr float kSlack = 1e-3f;       // rounding leaves no pixel between two triangles
 constexpr float kOblique = 4;         // of the range: the farthest along the ray
+constexpr float kMeetFacing = 0.7f;   // cosine, of surfaces that are averaged
+constexpr int kMostInner = 12;        // pixels: farther from a border is as good
+constexpr float kJump = 0.04f;        // relative step of depth at a border
 
 struct ScreenVertex {
   float u = 0, v = 0, inv_z = 0;  // inv_z 0: before the near plane
@@ -81,9 +87,10 @@ struct Canvas {
 
 }  // namespace
 
-PartView::PartView(const kit::Part& part, const Measured& measured, std::uint32_t source,
-                   const Camera& camera, const Pose& T_world_camera, int margin_px)
-    : measured_(&measured), precision_(part.sources[source].precision) {
+PartView::PartView(const kit::Part& part, const Measured& measured, const Region& region,
+                   std::uint32_t source, const Camera& camera, const Pose& T_world_camera,
+                   int margin_px)
+    : measured_(&measured), region_(region), precision_(part.sources[source].precision) {
   MR_ASSERT(camera.model == CameraModel::pinhole && camera.distortion == DistortionModel::none);
   const Mat3& axes = T_world_camera.rotation;
   origin_ = vec_cast<float>(T_world_camera.translation);
@@ -91,10 +98,11 @@ PartView::PartView(const kit::Part& part, const Measured& measured, std::uint32_
   right_ = vec_cast<float>(axes.column(0) * camera.fx + axes.column(2) * camera.cx);
   down_ = vec_cast<float>(axes.column(1) * camera.fy + axes.column(2) * camera.cy);
 
-  std::vector<ScreenVertex> screen(measured.vertices.size());
+  const Mesh& mesh = region.mesh;
+  std::vector<ScreenVertex> screen(mesh.positions.size());
   Extent extent;
   for (std::size_t v = 0; v < screen.size(); ++v) {
-    const Vec3f d = measured.vertices[v].position - origin_;
+    const Vec3f d = mesh.positions[v] - origin_;
     const float z = dot(forward_, d), inv_z = 1 / z;
     if (!(z >= static_cast<float>(kit::kNearPlane_m))) continue;
     screen[v] = {dot(right_, d) * inv_z, dot(down_, d) * inv_z, inv_z};
@@ -107,13 +115,41 @@ PartView::PartView(const kit::Part& part, const Measured& measured, std::uint32_
   for (ScreenVertex& v : screen) v.u -= static_cast<float>(left), v.v -= static_cast<float>(top);
   triangle_.assign(static_cast<std::size_t>(width_) * height_, kit::kNoTriangle);
   Canvas canvas{width_, height_, triangle_, std::vector<float>(triangle_.size(), 0.0f)};
-  for (std::uint32_t t = 0; t < part.mesh.triangles.size(); ++t) {
-    if (measured.label[t] != source && measured.label[t] != Measured::kNoSource) continue;
-    const auto& [i, j, k] = part.mesh.triangles[t];
+  for (std::uint32_t t = 0; t < mesh.triangles.size(); ++t) {
+    if (const std::uint32_t label = measured.label[region.parent[t]];
+        label != source && label != Measured::kNoSource)
+      continue;
+    const auto& [i, j, k] = mesh.triangles[t];
     const ScreenVertex &a = screen[i], &b = screen[j], &c = screen[k];
     if (a.inv_z > 0 && b.inv_z > 0 && c.inv_z > 0) canvas.draw(a, b, c, t);
   }
+  find_inner(canvas.inv_z);
   widen();
+}
+
+/// Distances to borders by city blocks: forwards, then backwards.
+void PartView::find_inner(const std::vector<float>& inv_z) {
+  inner_.assign(triangle_.size(), 0);
+  const auto goes_on = [&](std::size_t i, std::size_t k) {
+    return triangle_[k] != kit::kNoTriangle &&
+           std::abs(inv_z[i] - inv_z[k]) < kJump * std::min(inv_z[i], inv_z[k]);
+  };
+  const auto step = [&](int x, int y, int back) {
+    const std::size_t i = static_cast<std::size_t>(y) * width_ + x;
+    if (triangle_[i] == kit::kNoTriangle) return;
+    const auto from = [&](bool inside, std::size_t k) {
+      return inside && goes_on(i, k) ? std::min<int>(inner_[k] + 1, kMostInner) : 1;
+    };
+    const std::size_t w = static_cast<std::size_t>(width_);
+    const int beside = back ? from(x + 1 < width_, i + 1) : from(x > 0, i - 1);
+    const int above = back ? from(y + 1 < height_, i + w) : from(y > 0, i - w);
+    const int least = std::min(beside, above);
+    inner_[i] = static_cast<std::uint8_t>(back ? std::min<int>(inner_[i], least) : least);
+  };
+  for (int y = 0; y < height_; ++y)
+    for (int x = 0; x < width_; ++x) step(x, y, 0);
+  for (int y = height_ - 1; y >= 0; --y)
+    for (int x = width_ - 1; x >= 0; --x) step(x, y, 1);
 }
 
 /// Dilates surfaces by a pixel, so that rounding leaves no gap where two parts end at one line.
@@ -131,25 +167,80 @@ void PartView::widen() {
     }
 }
 
-std::optional<std::uint32_t> PartView::at(const SurfacePoint& point, float slack_m) const {
+PartView::Seen PartView::seen(const SurfacePoint& point) const {
   const Vec3f d = point.position - origin_;
   const float z = dot(forward_, d);
-  if (!(z >= static_cast<float>(kit::kNearPlane_m))) return std::nullopt;
+  if (!(z >= static_cast<float>(kit::kNearPlane_m))) return {};
   const float inv_z = 1 / z;
   const float u = dot(right_, d) * inv_z + 0.5f, v = dot(down_, d) * inv_z + 0.5f;
   if (!(u >= 0 && v >= 0 && u < static_cast<float>(width_) && v < static_cast<float>(height_)))
-    return std::nullopt;
-  const std::uint32_t t =
-      triangle_[static_cast<std::size_t>(static_cast<int>(v)) * width_ + static_cast<int>(u)];
-  if (t == kit::kNoTriangle) return std::nullopt;
-  const auto& [normal, offset_m] = measured_->plane[t];
-  if (dot(normal, point.normal) < kSameFacing) return std::nullopt;
-  const float away = offset_m - dot(normal, point.position);
-  const auto sigma = static_cast<float>(precision_.sigma_m(z));
+    return {};
+  return {static_cast<int>(u), static_cast<int>(v), z, d};
+}
+
+std::uint32_t PartView::triangle(int x, int y) const {
+  if (x < 0 || y < 0 || x >= width_ || y >= height_) return kit::kNoTriangle;
+  return triangle_[static_cast<std::size_t>(y) * width_ + x];
+}
+
+/// How far from a triangle's plane a point may lie on its surface; 0: it faces another way.
+float PartView::range_m(std::uint32_t t, const Seen& seen, const SurfacePoint& point,
+                        float slack_m) const {
+  const Vec3f normal = measured_->plane[region_.parent[t]].normal;
+  if (dot(normal, point.normal) < kSameFacing) return 0;
+  const auto sigma = static_cast<float>(precision_.sigma_m(seen.z));
   const float range = 2 * std::max(sigma, point.sigma_m) + slack_m + measured_->slack_m;
-  const float slope = std::abs(dot(normal, d)) / length(d);  // cosine to the ray
-  if (!(std::abs(away) <= range * std::min(1.0f, kOblique * slope))) return std::nullopt;
-  return t;
+  const float slope = std::abs(dot(normal, seen.ray)) / length(seen.ray);  // cosine to the ray
+  return range * std::min(1.0f, kOblique * slope);
+}
+
+/// Whether a triangle's plane is the surface that a point lies on.
+bool PartView::is_alike(std::uint32_t t, const Seen& seen, const SurfacePoint& point,
+                        float slack_m) const {
+  if (t == kit::kNoTriangle) return false;
+  const float range = range_m(t, seen, point, slack_m);
+  return range > 0 && std::abs(measured_->plane[region_.parent[t]].above(point.position)) <= range;
+}
+
+PartView::Meeting PartView::meeting(const SurfacePoint& point, float slack_m) const {
+  const Seen at = seen(point);
+  if (!(at.z > 0)) return {};
+  const std::uint32_t t = triangle(at.x, at.y);
+  if (t == kit::kNoTriangle) return {};
+  const Plane& plane = measured_->plane[region_.parent[t]];
+  const float facing = dot(plane.normal, point.normal);
+  if (facing < kMeetFacing) return {};
+  const float range = range_m(t, at, point, slack_m), away = -plane.above(point.position);
+  if (!(std::abs(away) < range)) return {};
+  const float inner =
+      static_cast<float>(inner_[static_cast<std::size_t>(at.y) * width_ + at.x]) / kMostInner;
+  const float off = away / range;
+  return {away / facing, inner * (1 - off * off)};
+}
+
+bool PartView::has(const SurfacePoint& point, float slack_m) const {
+  const Seen at = seen(point);
+  return at.z > 0 && is_alike(triangle(at.x, at.y), at, point, slack_m);
+}
+
+bool PartView::reaches(const SurfacePoint& point, float slack_m, float aside_m) const {
+  const Seen at = seen(point);
+  if (!(at.z > 0) || !is_alike(triangle(at.x, at.y), at, point, slack_m)) return false;
+  const Vec3d p = vec_cast<double>(point.position);
+  const auto is_near = [&](std::uint32_t t) {
+    if (!is_alike(t, at, point, slack_m)) return false;
+    const auto corner = [&](int i) { return vec_cast<double>(region_.mesh.corner(t, i)); };
+    const Vec3d off = p - kit::nearest_on_triangle(p, corner(0), corner(1), corner(2));
+    const Vec3d normal = vec_cast<double>(measured_->plane[region_.parent[t]].normal);
+    return length(off - normal * dot(normal, off)) <= aside_m;
+  };
+  constexpr std::array<std::pair<int, int>, 9> kAround{
+      {{0, 0}, {1, 0}, {-1, 0}, {0, 1}, {0, -1}, {1, 1}, {-1, 1}, {1, -1}, {-1, -1}}};
+  for (const auto& [dx, dy] : kAround)
+    if (is_near(triangle(at.x + dx, at.y + dy))) return true;
+  return std::ranges::all_of(kAround, [&](const auto& d) {  // amid triangles smaller than pixels
+    return is_alike(triangle(at.x + d.first, at.y + d.second), at, point, slack_m);
+  });
 }
 
 }  // namespace mr::merge

@@ -2,38 +2,74 @@
 
 #include <cstdint>
 #include <optional>
+#include <span>
 #include <vector>
 
 #include "mr/core/camera.h"
+#include "mr/core/mesh.h"
+#include "mr/core/packet.h"
 #include "mr/core/pose.h"
 #include "mr/merge/overlap/measured.h"
 
 namespace mr::merge {
 
-/// An ID buffer: the nearest triangle of a part in every pixel of one of its sources' cameras.
+/// A region of a part: triangles that lie in triangles of the part.
+struct Region {
+  const Mesh& mesh;
+  std::span<const std::uint32_t> parent;  ///< [T] triangle of the part
+};
+
+/// An ID buffer: the nearest triangle of a part's region in every pixel of one of the part's
+/// cameras.
 class PartView {
  public:
-  /// Rasterizes the front-facing triangles that `source` (index into the part's sources) measured.
-  /// `camera`: an undistorted pinhole at the source's pose. Surface up to `margin_px` outside its
-  /// picture is included, as poses and labels may be slightly off. `measured` must outlive the
+  /// Rasterizes the triangles that face `camera`, an undistorted pinhole at the pose of `source`,
+  /// and that this source measured. Surface up to `margin_px` outside its picture is included, as
+  /// poses and labels may be slightly off. `measured`, of the part, and the region must outlive the
   /// view.
-  PartView(const kit::Part& part, const Measured& measured, std::uint32_t source,
-           const Camera& camera, const Pose& T_world_camera, int margin_px);
+  PartView(const kit::Part& part, const Measured& measured, const Region& region,
+           std::uint32_t source, const Camera& camera, const Pose& T_world_camera, int margin_px);
 
-  /// The part's triangle at a point of another part, if it has surface there: one with a similar
-  /// normal and, along the normal, within twice the sensors' precision (paper 3.2) plus both parts'
-  /// slack.
-  std::optional<std::uint32_t> at(const SurfacePoint& point, float slack_m) const;
+  /// Whether the region has surface at a point of another part, to a pixel: a triangle with a
+  /// similar normal and, along the normal, within twice the sensors' precision (paper 3.2) plus
+  /// both parts' slack.
+  bool has(const SurfacePoint& point, float slack_m) const;
+  /// The same, but its border is exact: at most `aside_m` from the point. A pixel is long on a
+  /// surface that is seen at a flat angle.
+  bool reaches(const SurfacePoint& point, float slack_m, float aside_m) const;
+
+  /// Where the surface lies, if the region has any at a point.
+  struct Meeting {
+    float along_m = 0;  ///< from the point along its normal
+    float weight = 0;   ///< 0..1: falls towards borders, and towards the largest distance
+  };
+  Meeting meeting(const SurfacePoint& point, float slack_m) const;  ///< weight 0: none
 
  private:
+  /// A point as the camera sees it.
+  struct Seen {
+    int x = 0, y = 0;  ///< pixel
+    float z = 0;       ///< depth; 0: outside the picture
+    Vec3f ray;         ///< from the camera to it
+  };
+
+  Seen seen(const SurfacePoint& point) const;
+  std::uint32_t triangle(int x, int y) const;
+  float range_m(std::uint32_t triangle, const Seen& seen, const SurfacePoint& point,
+                float slack_m) const;
+  bool is_alike(std::uint32_t triangle, const Seen& seen, const SurfacePoint& point,
+                float slack_m) const;
+  void find_inner(const std::vector<float>& inv_z);
   void widen();
 
   const Measured* measured_;
+  Region region_;
   int width_ = 0, height_ = 0;
   Vec3f origin_, right_, down_,
       forward_;  ///< rows of the projection: pixel = right · p / forward · p
   Precision precision_;
-  std::vector<std::uint32_t> triangle_;  ///< [width · height], kit::kNoTriangle: none
+  std::vector<std::uint32_t> triangle_;  ///< [width · height] of the region; kit::kNoTriangle: none
+  std::vector<std::uint8_t> inner_;  ///< [width · height] pixels to the next border, or kMostInner
 };
 
 }  // namespace mr::merge

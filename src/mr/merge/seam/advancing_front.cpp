@@ -1,5 +1,6 @@
 #include "mr/merge/seam/advancing_front.h"
 
+#include <algorithm>
 #include <cmath>
 #include <utility>
 
@@ -175,11 +176,14 @@ bool AdvancingFront::edges_are_free(std::uint32_t u, std::uint32_t v, std::uint3
   return true;
 }
 
-bool AdvancingFront::fits_as_ear(std::uint32_t e) const {
+bool AdvancingFront::fits_as_ear(std::uint32_t e, float least_cosine) const {
   const std::uint32_t corner = edges_[ear_corner(e)].from;
   const Vertex &u = vertices_[edges_[e].from], &v = vertices_[edges_[e].to], &w = vertices_[corner];
   if (w.place == u.place || w.place == v.place) return false;
   const Vec3f across = cross(u.at - v.at, w.at - v.at);
+  const float least =
+      std::min({dot(across, u.normal), dot(across, v.normal), dot(across, w.normal)});
+  if (least_cosine > 0 && least < least_cosine * length(across)) return false;
   return dot(across, u.normal + v.normal + w.normal) > 0 &&
          edges_are_free(edges_[e].from, edges_[e].to, corner);
 }

@@ -85,7 +85,7 @@ class AdvancingFront {
 
   /// Weaker test for closing a small loop by ear clipping: whether the ear of edge `e` and the next
   /// edge gives no edge a third triangle and does not face away from the surface around.
-  bool fits_as_ear(std::uint32_t e) const;
+  bool fits_as_ear(std::uint32_t e, float least_cosine) const;
   /// The corner opposite to the ear's edge `e`.
   std::uint32_t ear_corner(std::uint32_t e) const { return edges_[edges_[e].next].next; }
 

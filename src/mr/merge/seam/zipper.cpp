@@ -27,6 +27,8 @@ namespace {
 
 constexpr std::size_t kMostAround = 256;  // corners in reach; where there are more lie slivers
 constexpr std::size_t kSmallLoop = 30;    // edges of a loop that is closed at all costs
+constexpr std::size_t kLongLoop = 200;    // and of one that is closed where its rims agree
+constexpr float kAgree = 0.6f;            // cosine
 constexpr double kCube_gaps = 64;         // side of the cubes that are closed on their own
 constexpr std::size_t kRoom = 6;          // edges that may be made in them, per edge
 constexpr double kMoreReach = 1.001;      // rounding included
@@ -287,19 +289,21 @@ class Zipper {
       around += length(to(k) - from(k));
       left_over |= k >= front_.original();
     }
-    return k == e && loop.size() <= kSmallLoop && (left_over || around < 2 * config_.max_gap_m);
+    return k == e && loop.size() <= kLongLoop && (left_over || around < 2 * config_.max_gap_m);
   }
 
   /// Cuts off ears, the smallest first, until the small loop that `e` is on is closed or no ear
   /// fits.
   void close_small_loop(std::uint32_t e, AdvancingFront::Workspace& space) {
-    while (front_.edge(e).alive && front_.loop_length(e, kSmallLoop)) {
+    const bool small = front_.loop_length(e, kSmallLoop).has_value();
+    while (front_.edge(e).alive && front_.loop_length(e, kLongLoop)) {
       double least = std::numeric_limits<double>::max();
       std::uint32_t best = e;
       std::uint32_t k = e;
       do {
         const double across = length(from(front_.ear_corner(k)) - from(k));
-        if (across < std::min(least, 2 * config_.max_gap_m) && front_.fits_as_ear(k))
+        if (across < std::min(least, 2 * config_.max_gap_m) &&
+            front_.fits_as_ear(k, small ? 0 : kAgree))
           least = across, best = k;
         k = front_.edge(k).next;
       } while (k != e);
