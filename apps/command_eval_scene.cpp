@@ -103,8 +103,10 @@ std::string as_json(const SceneMeasures& m) {
       {"from_reference_rms_mm", to_millionth(m.geometry.from_reference.rms_mm)},
       {"pairs", nlohmann::ordered_json::array()}};
   for (const node::InputResidual& pair : m.pairs)
-    out["pairs"].push_back(
-        {{"a", pair.a}, {"b", pair.b}, {"residual_mm", to_millionth(pair.residual_mm)}});
+    out["pairs"].push_back({{"a", pair.a},
+                            {"b", pair.b},
+                            {"residual_mm", to_millionth(pair.residual_mm)},
+                            {"corrected_mm", to_millionth(pair.corrected_mm)}});
   return out.dump(2, ' ', false, nlohmann::ordered_json::error_handler_t::replace) + "\n";
 }
 
@@ -124,7 +126,8 @@ std::string as_text(const SceneMeasures& m) {
   out += fmt::format("  to / from the reference: {:.2f} / {:.2f} mm RMS\n",
                      m.geometry.to_reference.rms_mm, m.geometry.from_reference.rms_mm);
   for (const node::InputResidual& pair : m.pairs)
-    out += fmt::format("  {} to {}: {:.2f} mm RMS\n", pair.a, pair.b, pair.residual_mm);
+    out += fmt::format("  {} to {}: {:.2f} mm RMS, corrected {:.2f}\n", pair.a, pair.b,
+                       pair.residual_mm, pair.corrected_mm);
   return out;
 }
 

@@ -152,6 +152,7 @@ TEST(SceneProblems, NumbersThatAreNoneAreRefused) {
                              &scene.merge.calibration_error_m,
                              &scene.merge.island_area_m2,
                              &scene.merge.gap_m,
+                             &scene.merge.agree_m,
                              &scene.merge.leave_out_mm,
                              &scene.merge.simplify.ratio,
                              &scene.still.after_s,

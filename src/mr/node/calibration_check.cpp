@@ -13,12 +13,16 @@ constexpr int kCheckEvery = 30;  // merges
 constexpr double kOdd_mm = 20;   // larger residuals are reported
 constexpr int kRefineEvery = 3;  // merges
 
+std::uint64_t id_of(const kit::Part& part) { return number_of(part.sources.front().sensor); }
+
 calib::RegistrationConfig registration(const Scene& scene) { return {.voxel_m = scene.voxel_m}; }
 
 }  // namespace
 
 CalibrationCheck::CalibrationCheck(const Scene& scene)
-    : scene_(&scene), refiner_(registration(scene)) {}
+    : scene_(&scene),
+      refiner_(registration(scene)),
+      corrector_(registration(scene), scene.merge.agree_m) {}
 
 /// A sensor's id; of a merger's part, the first sensor's id and how many others there are.
 std::string CalibrationCheck::name(const kit::Part& part) const {
@@ -28,22 +32,28 @@ std::string CalibrationCheck::name(const kit::Part& part) const {
 
 void CalibrationCheck::update(const std::vector<kit::Part>& parts) {
   if (parts.size() < 2) return;
-  if (calls_ % kCheckEvery == 0) measure(parts);
+  std::vector<std::uint64_t> ids;
+  for (const kit::Part& part : parts) ids.push_back(id_of(part));
+  if (calls_ % kCheckEvery == 0) measure(parts, ids);
   if (scene_->merge.refine) {
-    std::vector<std::uint64_t> ids;
-    for (const kit::Part& part : parts) ids.push_back(number_of(part.sources.front().sensor));
     if (calls_ % kRefineEvery == 0 || corrections_.size() != parts.size() || ids != ids_)
       corrections_ = refiner_.update(parts, ids), ids_ = ids;
   }
   ++calls_;
 }
 
-void CalibrationCheck::measure(const std::vector<kit::Part>& parts) {
-  const auto pairs = calib::pair_residuals(parts, registration(*scene_));
+void CalibrationCheck::measure(const std::vector<kit::Part>& parts,
+                               const std::vector<std::uint64_t>& ids) {
+  version_ += corrector_.update(parts, ids);
+  const auto& pairs = corrector_.before();
   residuals_.clear();
-  for (const calib::PairResidual& pair : pairs)
-    residuals_.push_back(
-        {name(parts[pair.a]), name(parts[pair.b]), pair.residual_mm, pair.shared_m2});
+  for (const calib::PairResidual& pair : pairs) {
+    residuals_.push_back({name(parts[pair.a]), name(parts[pair.b]), pair.residual_mm,
+                          pair.shared_m2, pair.residual_mm});
+    for (const calib::PairResidual& after : corrector_.after())
+      if (after.a == pair.a && after.b == pair.b)
+        residuals_.back().corrected_mm = after.residual_mm;
+  }
   const double limit_mm = scene_->merge.leave_out_mm > 0 ? scene_->merge.leave_out_mm : kOdd_mm;
   std::vector<std::string> misfits;
   for (const std::uint32_t i : calib::outliers(pairs, parts.size(), limit_mm))
@@ -67,6 +77,10 @@ void CalibrationCheck::apply(std::vector<kit::Part>& parts) const {
   if (parts.size() < 2) return;
   for (kit::Part& part : parts)
     if (is_left_out(part)) part.mesh = {};
+  parallel_for(parts.size(), 1, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t i = begin; i < end; ++i)
+      if (const auto* bent = corrector_.of(id_of(parts[i]))) calib::correct(*bent, parts[i]);
+  });
   if (corrections_.size() != parts.size()) return;
   parallel_for(parts.size(), 1, [&](std::size_t begin, std::size_t end) {
     for (std::size_t i = begin; i < end; ++i) calib::move_part(corrections_[i], parts[i]);

@@ -5,6 +5,7 @@
 #include <utility>
 #include <vector>
 
+#include "mr/calib/depth_correction.h"
 #include "mr/calib/pose_refiner.h"
 #include "mr/core/view.h"
 #include "mr/kit/part.h"
@@ -16,11 +17,12 @@ namespace mr::node {
 struct InputResidual {
   std::string a, b;
   double residual_mm = 0, shared_m2 = 0;
+  double corrected_mm = 0;  ///< residual_mm once both are corrected (merge.agree_m)
 };
 
 /// Online calibration check of a merger: measures the residuals between its inputs, reports
-/// outliers, leaves them out if the scene says so (merge.leave_out_mm), and refines the poses of
-/// the others (merge.refine).
+/// outliers, leaves them out if the scene says so (merge.leave_out_mm), bends the others so that
+/// they meet (merge.agree_m), and refines their poses (merge.refine).
 class CalibrationCheck {
  public:
   /// The scene must outlive the check.
@@ -36,6 +38,9 @@ class CalibrationCheck {
   void apply(const std::vector<kit::Part>& parts, std::vector<View>& views,
              std::vector<SourceInfo>& sources) const;
 
+  /// Counts changes of the corrections: surfaces before and after lie elsewhere.
+  std::uint64_t version() const { return version_; }
+
   /// The residuals of the last measurement.
   const std::vector<InputResidual>& residuals() const { return residuals_; }
   /// A message for the log if the set of outliers has changed; returned once.
@@ -43,11 +48,13 @@ class CalibrationCheck {
 
  private:
   std::string name(const kit::Part& part) const;
-  void measure(const std::vector<kit::Part>& parts);
+  void measure(const std::vector<kit::Part>& parts, const std::vector<std::uint64_t>& ids);
   bool is_left_out(const kit::Part& part) const;
 
   const Scene* scene_;
   calib::PoseRefiner refiner_;
+  calib::DepthCorrector corrector_;
+  std::uint64_t version_ = 0;
   int calls_ = 0;
   std::vector<Pose> corrections_;
   std::vector<std::uint64_t> ids_;  ///< of the parts that corrections_ belong to

@@ -99,7 +99,10 @@ Status MergeNode::update_layers(const CaptureSet& captures, const Decimation& de
 
   std::optional<StillMerger::Inputs> inputs;
   if (is_still_outdated) inputs = still_.take_inputs(std::move(still), decimation);
-  if (inputs) correct_poses(captures, true, inputs->parts);
+  if (inputs) {
+    correct_poses(captures, true, inputs->parts);
+    inputs->correction = calibration_.version();
+  }
   std::vector<kit::Part> parts = parts_of(moving);
   correct_poses(captures, !still_.exists(), parts);
   if (still_.exists()) {

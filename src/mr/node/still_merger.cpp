@@ -122,11 +122,12 @@ std::map<Vec3i, SurfacePiece> StillMerger::pieces() const {
 /// chosen later.
 Status StillMerger::join(Inputs inputs, const Decimation& decimation, std::uint64_t sequence) {
   is_labelled_ = false;
-  const auto& [scenes, parts] = inputs;
+  const auto& [scenes, parts, correction] = inputs;
+  if (std::exchange(correction_, correction) != correction) cubes_.forget();
   const auto join_some = [&](const std::vector<kit::Part>& some, bool all) {
     return joiner_.join(some, all);
   };
-  // A corrected pose (merge.refine) changes every cube of an input.
+  // A refined pose (merge.refine) changes every cube of an input.
   const bool whole = scene_->merge.refine || scene_->merge.leave_out_mm > 0;
   const Mesh joined = whole ? join_some(parts, true) : cubes_.run(scenes, parts, join_some);
   if (joiner_.take_hurried()) cubes_.forget();  // some seams are still open

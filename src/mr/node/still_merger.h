@@ -48,7 +48,8 @@ class StillMerger {
   /// The still surfaces of all inputs.
   struct Inputs {
     std::vector<DecodedScene> scenes;  ///< the still layer, without textures
-    std::vector<kit::Part> parts;      ///< the same, poses corrected
+    std::vector<kit::Part> parts;      ///< the same, corrected
+    std::uint64_t correction = 0;      ///< CalibrationCheck::version()
   };
   /// The arguments of an update.
   struct Task {
@@ -116,6 +117,7 @@ class StillMerger {
   Trace* trace_;
   SurfaceJoiner joiner_;
   CubeMerger cubes_;
+  std::uint64_t correction_ = 0;  ///< of the parts that cubes_ knows
   Joined joined_;
   Labels labels_;
   ShownStill shown_;

@@ -143,6 +143,7 @@ void read_merge(MapReader& top, MergeConfig& merge) {
   map.number("calibration_error_m", merge.calibration_error_m, MergeConfig::kCalibrationError_m);
   map.number("island_area_m2", merge.island_area_m2, MergeConfig::kIslandArea_m2);
   map.number("gap_m", merge.gap_m, MergeConfig::kGap_m);
+  map.number("agree_m", merge.agree_m, MergeConfig::kAgree_m);
   map.number("leave_out_mm", merge.leave_out_mm, MergeConfig::kLeaveOut_mm);
   read_simplify(map, merge.simplify);
 }

@@ -16,7 +16,7 @@ constexpr float kLeastMargin = 1e-12f;
 constexpr double kFocal_voxels = 2.5;  // pixels per radian · voxel_m: 1.2 voxels a pixel at 3 m
 constexpr double kLeastFocal_px = 250;
 constexpr float kLeastOwn = 0.02f;   // weight of a part at its own border
-constexpr double kAside_voxels = 2;  // how far from a part's border the part counts as there
+constexpr double kAside_voxels = 1.6;  // how far from a part's border the part counts as there
 
 /// The pinhole cameras of a source (one, or the faces of a cube) at the low resolution that
 /// ownership needs.

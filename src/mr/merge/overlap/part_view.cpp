@@ -1,10 +1,8 @@
 #include "mr/merge/overlap/part_view.h"
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <limits>
-#include <utility>
 
 #include "mr/core/assert.h"
 #include "mr/core/image.h"
@@ -18,7 +16,10 @@ constexpr float kSameFacing = 0.25f;  // cosine: near creases normals differ, th
                                       // two sides still more
 constexpr float kSlack = 1e-3f;       // rounding leaves no pixel between two triangles
 constexpr float kOblique = 4;         // of the range: the farthest along the ray
-constexpr float kMeetFacing = 0.7f;   // cosine, of surfaces that are averaged
+constexpr float kMeetFacing = 0.85f;  // cosine, of surfaces that are averaged
+constexpr float kStillThere = 2;      // times the range: what was lost to a surface that a third
+                                      // one took lies farther from that one
+constexpr int kMostAside = 3;         // pixels
 constexpr int kMostInner = 12;        // pixels: farther from a border is as good
 constexpr float kJump = 0.04f;        // relative step of depth at a border
 
@@ -95,6 +96,7 @@ PartView::PartView(const kit::Part& part, const Measured& measured, const Region
   const Mat3& axes = T_world_camera.rotation;
   origin_ = vec_cast<float>(T_world_camera.translation);
   forward_ = vec_cast<float>(axes.column(2));
+  focal_px_ = static_cast<float>(camera.fx);
   right_ = vec_cast<float>(axes.column(0) * camera.fx + axes.column(2) * camera.cx);
   down_ = vec_cast<float>(axes.column(1) * camera.fy + axes.column(2) * camera.cy);
 
@@ -195,10 +197,10 @@ float PartView::range_m(std::uint32_t t, const Seen& seen, const SurfacePoint& p
 }
 
 /// Whether a triangle's plane is the surface that a point lies on.
-bool PartView::is_alike(std::uint32_t t, const Seen& seen, const SurfacePoint& point,
-                        float slack_m) const {
+bool PartView::is_alike(std::uint32_t t, const Seen& seen, const SurfacePoint& point, float slack_m,
+                        float times) const {
   if (t == kit::kNoTriangle) return false;
-  const float range = range_m(t, seen, point, slack_m);
+  const float range = times * range_m(t, seen, point, slack_m);
   return range > 0 && std::abs(measured_->plane[region_.parent[t]].above(point.position)) <= range;
 }
 
@@ -207,40 +209,49 @@ PartView::Meeting PartView::meeting(const SurfacePoint& point, float slack_m) co
   if (!(at.z > 0)) return {};
   const std::uint32_t t = triangle(at.x, at.y);
   if (t == kit::kNoTriangle) return {};
-  const Plane& plane = measured_->plane[region_.parent[t]];
-  const float facing = dot(plane.normal, point.normal);
-  if (facing < kMeetFacing) return {};
-  const float range = range_m(t, at, point, slack_m), away = -plane.above(point.position);
-  if (!(std::abs(away) < range)) return {};
+  if (dot(measured_->plane[region_.parent[t]].normal, point.normal) < kMeetFacing) return {};
+  const float along_m = dot(point.normal, nearest_on(t, point) - point.position);
+  const float off = along_m / range_m(t, at, point, slack_m);
+  if (!(std::abs(off) < 1)) return {};
   const float inner =
       static_cast<float>(inner_[static_cast<std::size_t>(at.y) * width_ + at.x]) / kMostInner;
-  const float off = away / range;
-  return {away / facing, inner * (1 - off * off)};
+  return {along_m, inner * (1 - off * off)};
+}
+
+/// The point of a triangle that is nearest to another.
+Vec3f PartView::nearest_on(std::uint32_t t, const SurfacePoint& point) const {
+  const auto corner = [&](int i) { return vec_cast<double>(region_.mesh.corner(t, i)); };
+  return vec_cast<float>(
+      kit::nearest_on_triangle(vec_cast<double>(point.position), corner(0), corner(1), corner(2)));
 }
 
 bool PartView::has(const SurfacePoint& point, float slack_m) const {
   const Seen at = seen(point);
-  return at.z > 0 && is_alike(triangle(at.x, at.y), at, point, slack_m);
+  return at.z > 0 && is_alike(triangle(at.x, at.y), at, point, slack_m, 1);
 }
 
 bool PartView::reaches(const SurfacePoint& point, float slack_m, float aside_m) const {
   const Seen at = seen(point);
-  if (!(at.z > 0) || !is_alike(triangle(at.x, at.y), at, point, slack_m)) return false;
-  const Vec3d p = vec_cast<double>(point.position);
+  if (!(at.z > 0)) return false;
   const auto is_near = [&](std::uint32_t t) {
-    if (!is_alike(t, at, point, slack_m)) return false;
-    const auto corner = [&](int i) { return vec_cast<double>(region_.mesh.corner(t, i)); };
-    const Vec3d off = p - kit::nearest_on_triangle(p, corner(0), corner(1), corner(2));
-    const Vec3d normal = vec_cast<double>(measured_->plane[region_.parent[t]].normal);
+    if (!is_alike(t, at, point, slack_m, kStillThere)) return false;
+    const Vec3f off = point.position - nearest_on(t, point);
+    const Vec3f normal = measured_->plane[region_.parent[t]].normal;
     return length(off - normal * dot(normal, off)) <= aside_m;
   };
-  constexpr std::array<std::pair<int, int>, 9> kAround{
-      {{0, 0}, {1, 0}, {-1, 0}, {0, 1}, {0, -1}, {1, 1}, {-1, 1}, {1, -1}, {-1, -1}}};
-  for (const auto& [dx, dy] : kAround)
-    if (is_near(triangle(at.x + dx, at.y + dy))) return true;
-  return std::ranges::all_of(kAround, [&](const auto& d) {  // amid triangles smaller than pixels
-    return is_alike(triangle(at.x + d.first, at.y + d.second), at, point, slack_m);
-  });
+  const int aside_px =
+      std::clamp(static_cast<int>(std::ceil(aside_m * focal_px_ / at.z)), 1, kMostAside);
+  bool is_amid = true;  // amid triangles that may be smaller than pixels
+  for (int ring = 0; ring <= aside_px; ++ring) {
+    for (int dy = -ring; dy <= ring; ++dy)
+      for (int dx = -ring; dx <= ring; dx += std::abs(dy) == ring || ring == 0 ? 1 : 2 * ring) {
+        const std::uint32_t t = triangle(at.x + dx, at.y + dy);
+        if (is_near(t)) return true;
+        is_amid = is_amid && is_alike(t, at, point, slack_m, kStillThere);
+      }
+    if (ring == 1 && is_amid) return true;
+  }
+  return false;
 }
 
 }  // namespace mr::merge

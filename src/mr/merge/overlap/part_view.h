@@ -57,8 +57,9 @@ class PartView {
   std::uint32_t triangle(int x, int y) const;
   float range_m(std::uint32_t triangle, const Seen& seen, const SurfacePoint& point,
                 float slack_m) const;
-  bool is_alike(std::uint32_t triangle, const Seen& seen, const SurfacePoint& point,
-                float slack_m) const;
+  bool is_alike(std::uint32_t triangle, const Seen& seen, const SurfacePoint& point, float slack_m,
+                float times) const;
+  Vec3f nearest_on(std::uint32_t triangle, const SurfacePoint& point) const;
   void find_inner(const std::vector<float>& inv_z);
   void widen();
 
@@ -67,6 +68,7 @@ class PartView {
   int width_ = 0, height_ = 0;
   Vec3f origin_, right_, down_,
       forward_;  ///< rows of the projection: pixel = right · p / forward · p
+  float focal_px_ = 0;
   Precision precision_;
   std::vector<std::uint32_t> triangle_;  ///< [width · height] of the region; kit::kNoTriangle: none
   std::vector<std::uint8_t> inner_;  ///< [width · height] pixels to the next border, or kMostInner
