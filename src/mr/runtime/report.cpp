@@ -56,6 +56,7 @@ Json pairs(const std::vector<node::InputResidual>& residuals) {
     out.push_back({{"a", pair.a},
                    {"b", pair.b},
                    {"residual_mm", rounded(pair.residual_mm)},
+                   {"corrected_mm", rounded(pair.corrected_mm)},
                    {"shared_m2", rounded(pair.shared_m2)}});
   return out;
 }
@@ -112,7 +113,8 @@ std::string to_text(const RunReport& r) {
   if (!r.pairs.empty()) {
     out += "fit        ";
     for (const node::InputResidual& pair : r.pairs)
-      out += fmt::format(" {}~{} {:.1f}", pair.a, pair.b, pair.residual_mm);
+      out +=
+          fmt::format(" {}~{} {:.1f}→{:.1f}", pair.a, pair.b, pair.residual_mm, pair.corrected_mm);
     out += "  (mm RMS between inputs)\n";
   }
   for (const auto& [cause, n] : r.drops) out += fmt::format("dropped    {} × {}\n", n, cause);

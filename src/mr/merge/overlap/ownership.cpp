@@ -51,6 +51,7 @@ void for_each_block(const std::vector<std::size_t>& counts, Work&& work) {
 ///   claim()   what it measured best
 ///   settle()  that, and what it lost to parts that do not keep it either; without what parts
 ///             before it keep in that way
+/// then level(), which moves what is kept to the mean of all parts.
 class PartOwnership {
  public:
   PartOwnership(const OwnershipMap& owners, std::size_t part, const OverlapConfig& config)
@@ -81,7 +82,7 @@ class PartOwnership {
       return query.margin(point) > 0;
     });
     Cut out = cut_at(*mesh_, keep_, [&](std::uint32_t kept, std::uint32_t lost) {
-      return without_retreat(kept, lost, query).second;
+      return claim_end(kept, lost, query).cut;
     });
     for (std::uint32_t& parent : out.parent) parent = whole(parent);
     return out;
@@ -139,10 +140,14 @@ class PartOwnership {
     is_new_.clear();
   }
 
-  /// Where the margin is zero on an edge, by the secant method (regula falsi) and bisection in
-  /// turn; and the same a little nearer to the kept end.
-  std::pair<float, float> without_retreat(std::uint32_t kept, std::uint32_t lost,
-                                          OwnershipMap::Query& query) const {
+  /// Where a claim ends on an edge, in shares of the way from its kept to its lost vertex.
+  struct ClaimEnd {
+    float line = 0;  ///< the margin is zero
+    float cut = 0;   ///< a little before, which leaves the zipper a gap
+    float next = 0;  ///< as much after: there another part's claim begins
+  };
+  /// The line by the secant method (regula falsi) and bisection in turn.
+  ClaimEnd claim_end(std::uint32_t kept, std::uint32_t lost, OwnershipMap::Query& query) const {
     const SurfacePoint &k = (*vertices_)[kept], &l = (*vertices_)[lost];
     float low = 0, high = 1, at_low = margin_[kept], at_high = margin_[lost];
     const auto guess = [&] { return low + (high - low) * (at_low / (at_low - at_high)); };
@@ -150,10 +155,10 @@ class PartOwnership {
       const float t = i % 2 == 0 ? guess() : (low + high) / 2, m = query.margin(between(k, l, t));
       (m > 0 ? low : high) = t, (m > 0 ? at_low : at_high) = m;
     }
-    return {guess(), std::max(guess() - retreat_m() / length(l.position - k.position), 0.0f)};
+    const float line = guess(), retreat_m = kRetreat_voxels * static_cast<float>(config_.voxel_m);
+    const float retreat = retreat_m / length(l.position - k.position);
+    return {line, std::max(line - retreat, 0.0f), std::min(line + retreat, 1.0f)};
   }
-
-  float retreat_m() const { return kRetreat_voxels * static_cast<float>(config_.voxel_m); }
 
   /// Where the part's region ends on an edge: a little before the line of equal quality, if another
   /// part begins there; else where another part's begins.
@@ -161,10 +166,9 @@ class PartOwnership {
     const SurfacePoint &k = (*vertices_)[kept], &l = (*vertices_)[lost];
     float low = 0, high = 1;
     if (margin_[kept] > 0 && margin_[lost] <= 0) {
-      const auto [line, end] = without_retreat(kept, lost, query);
-      const float next = std::min(line + retreat_m() / length(l.position - k.position), 1.0f);
-      if (query.is_kept(between(k, l, next), loss_[lost])) return end;
-      low = next;
+      const ClaimEnd end = claim_end(kept, lost, query);
+      if (query.is_kept(between(k, l, end.next), loss_[lost])) return end.cut;
+      low = end.next;
     }
     for (int i = 0; i < kKeptSteps; ++i) {
       const float t = (low + high) / 2;

@@ -83,8 +83,9 @@ class AdvancingFront {
   /// triangle.
   bool fits(std::uint32_t e, std::uint32_t corner) const;
 
-  /// Weaker test for closing a small loop by ear clipping: whether the ear of edge `e` and the next
-  /// edge gives no edge a third triangle and does not face away from the surface around.
+  /// Weaker test for closing a loop by ear clipping: whether the ear of edge `e` and the next edge
+  /// gives no edge a third triangle and does not face away from the surface around.
+  /// `least_cosine`: of its normal to that at each corner; 0: only to their mean.
   bool fits_as_ear(std::uint32_t e, float least_cosine) const;
   /// The corner opposite to the ear's edge `e`.
   std::uint32_t ear_corner(std::uint32_t e) const { return edges_[edges_[e].next].next; }

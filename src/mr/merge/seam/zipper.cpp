@@ -88,7 +88,7 @@ class Zipper {
         if (triangle) between.queue.push(*triangle);
     }
     drain(between);
-    close_small_loops(between.space);
+    close_loops(between.space);
     out.insert(out.end(), between.space.added.begin(), between.space.added.end());
     return out;
   }
@@ -254,8 +254,8 @@ class Zipper {
     return false;
   }
 
-  /// Closes small remaining loops and pinholes.
-  void close_small_loops(AdvancingFront::Workspace& space) {
+  /// Closes remaining loops and pinholes.
+  void close_loops(AdvancingFront::Workspace& space) {
     std::vector<std::uint8_t> seen(front_.size(), 0);
     std::vector<std::uint32_t> edges, loop;
     for (std::uint32_t v = 0; v < front_.vertices().size(); ++v) {
@@ -267,7 +267,7 @@ class Zipper {
         edges.pop_back();
         if (!front_.edge(e).alive || seen[e] || !is_remainder(e, seen, loop)) continue;
         const std::size_t before = space.added.size();
-        close_small_loop(e, space);
+        close_loop(e, space);
         seen.resize(front_.size(), 0);
         if (space.added.size() == before) continue;
         for (const std::uint32_t k : loop)
@@ -276,7 +276,7 @@ class Zipper {
     }
   }
 
-  /// Whether `e` is on a small loop that strips left over, or around a pinhole. Marks and returns
+  /// Whether `e` is on a loop that strips left over, or around a pinhole. Marks and returns
   /// what is on the same loop.
   bool is_remainder(std::uint32_t e, std::vector<std::uint8_t>& seen,
                     std::vector<std::uint32_t>& loop) const {
@@ -292,9 +292,9 @@ class Zipper {
     return k == e && loop.size() <= kLongLoop && (left_over || around < 2 * config_.max_gap_m);
   }
 
-  /// Cuts off ears, the smallest first, until the small loop that `e` is on is closed or no ear
+  /// Cuts off ears, the smallest first, until the loop that `e` is on is closed or no ear
   /// fits.
-  void close_small_loop(std::uint32_t e, AdvancingFront::Workspace& space) {
+  void close_loop(std::uint32_t e, AdvancingFront::Workspace& space) {
     const bool small = front_.loop_length(e, kSmallLoop).has_value();
     while (front_.edge(e).alive && front_.loop_length(e, kLongLoop)) {
       double least = std::numeric_limits<double>::max();
