@@ -33,7 +33,7 @@ double nowhere(double, double) { return 0; }
 /// Of a bent depth field: 2 cm in the middle, -1 cm beside it.
 double bent(double x, double z) { return 0.02 * std::cos(2 * (x - 1.5)) * std::cos(0.5 * (z - 1)); }
 
-std::vector<std::uint64_t> ids_of(const std::vector<Part>& parts) {
+std::vector<std::uint64_t> numbers_of(const std::vector<Part>& parts) {
   std::vector<std::uint64_t> out;
   for (std::size_t i = 0; i < parts.size(); ++i) out.push_back(7 + i);
   return out;
@@ -49,7 +49,7 @@ double most_offset_m(const DepthCorrector& corrector, std::uint64_t id) {
 TEST(DepthCorrection, ABentFieldAndAStraightOneMeetInTheMiddle) {
   const std::vector<Part> parts{wall(0, {1, 2.5, 1}, nowhere), wall(1, {2, 2.5, 1}, bent)};
   DepthCorrector corrector({}, kAgree_m);
-  EXPECT_TRUE(corrector.update(parts, ids_of(parts)));
+  EXPECT_TRUE(corrector.update(parts, numbers_of(parts)));
   ASSERT_EQ(corrector.before().size(), 1u);
   ASSERT_EQ(corrector.after().size(), 1u);
   EXPECT_GT(corrector.before()[0].residual_mm, 10);
@@ -65,20 +65,20 @@ TEST(DepthCorrection, ABentFieldAndAStraightOneMeetInTheMiddle) {
 TEST(DepthCorrection, RestsOnceItIsDone) {
   const std::vector<Part> parts{wall(0, {1, 2.5, 1}, nowhere), wall(1, {2, 2.5, 1}, bent)};
   DepthCorrector corrector({}, kAgree_m);
-  EXPECT_TRUE(corrector.update(parts, ids_of(parts)));
+  EXPECT_TRUE(corrector.update(parts, numbers_of(parts)));
   const std::vector<double> first = corrector.of(8)->offset_m;
-  for (int i = 0; i < 5; ++i) EXPECT_FALSE(corrector.update(parts, ids_of(parts))) << i;
+  for (int i = 0; i < 5; ++i) EXPECT_FALSE(corrector.update(parts, numbers_of(parts))) << i;
   EXPECT_EQ(corrector.of(8)->offset_m, first);
 }
 
 TEST(DepthCorrection, LaterChangesAreSlow) {
   std::vector<Part> parts{wall(0, {1, 2.5, 1}, nowhere), wall(1, {2, 2.5, 1}, nowhere)};
   DepthCorrector corrector({}, kAgree_m);
-  corrector.update(parts, ids_of(parts));
+  corrector.update(parts, numbers_of(parts));
   parts[1] = wall(1, {2, 2.5, 1}, bent);
   double before_m = most_offset_m(corrector, 8);
   for (int i = 0; i < 3; ++i) {
-    EXPECT_TRUE(corrector.update(parts, ids_of(parts))) << i;
+    EXPECT_TRUE(corrector.update(parts, numbers_of(parts))) << i;
     const double now_m = most_offset_m(corrector, 8);
     EXPECT_LT(now_m, before_m + 0.004) << i;
     before_m = now_m;
@@ -88,7 +88,7 @@ TEST(DepthCorrection, LaterChangesAreSlow) {
 TEST(DepthCorrection, NoiseAloneBendsNothing) {
   const std::vector<Part> parts{wall(0, {1, 2.5, 1}, nowhere), wall(1, {2, 2.5, 1}, nowhere)};
   DepthCorrector corrector({}, kAgree_m);
-  corrector.update(parts, ids_of(parts));
+  corrector.update(parts, numbers_of(parts));
   for (const std::uint64_t id : {7, 8}) EXPECT_LT(most_offset_m(corrector, id), 0.0005);
 }
 
@@ -97,14 +97,14 @@ TEST(DepthCorrection, NobodyIsBentTowardsASensorThatIsFarOff) {
   const std::vector<Part> parts{wall(0, {1, 2.5, 1}, nowhere), wall(1, {2, 2.5, 1}, nowhere),
                                 wall(2, {1.5, 2.5, 1.5}, far_off)};
   DepthCorrector corrector({}, kAgree_m);
-  corrector.update(parts, ids_of(parts));
+  corrector.update(parts, numbers_of(parts));
   for (const std::uint64_t id : {7, 8, 9}) EXPECT_LT(most_offset_m(corrector, id), 0.001) << id;
 }
 
 TEST(DepthCorrection, ZeroTurnsItOff) {
   const std::vector<Part> parts{wall(0, {1, 2.5, 1}, nowhere), wall(1, {2, 2.5, 1}, bent)};
   DepthCorrector corrector({}, 0);
-  EXPECT_FALSE(corrector.update(parts, ids_of(parts)));
+  EXPECT_FALSE(corrector.update(parts, numbers_of(parts)));
   EXPECT_EQ(corrector.of(7), nullptr);
   EXPECT_EQ(corrector.before().size(), 1u);
 }
@@ -115,7 +115,7 @@ TEST(DepthCorrection, EmptyPartsAndPartsOfSeveralSensorsAreTaken) {
   parts[0].sources.push_back(parts[1].sources[0]);
   parts[2].mesh = {};
   DepthCorrector corrector({}, kAgree_m);
-  EXPECT_TRUE(corrector.update(parts, ids_of(parts)));
+  EXPECT_TRUE(corrector.update(parts, numbers_of(parts)));
   ASSERT_EQ(corrector.after().size(), 1u);
   EXPECT_LT(corrector.after()[0].residual_mm, 0.5 * corrector.before()[0].residual_mm);
 }

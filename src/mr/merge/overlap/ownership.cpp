@@ -16,8 +16,8 @@ namespace {
 constexpr std::size_t kVerticesAtOnce = 2048;  // vertices per parallel task
 constexpr float kRetreat_voxels = 0.8f;        // from an owner's border, on both sides
 constexpr int kCutSteps = 4, kKeptSteps = 5;
-constexpr double kLongest_voxels = 5;  // of an edge where owners change
-constexpr int kMaxOwnerCuts = 6;       // halvings of an edge
+constexpr double kLongest_voxels = 10;  // of an edge where owners change
+constexpr int kMaxOwnerCuts = 6;        // halvings of an edge
 
 SurfacePoint between(const SurfacePoint& a, const SurfacePoint& b, float t) {
   return {a.position + (b.position - a.position) * t,

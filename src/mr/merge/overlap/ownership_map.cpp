@@ -15,8 +15,9 @@ constexpr float kClear = 0.8f;        // of another's quality: worse than that b
 constexpr float kLeastMargin = 1e-12f;
 constexpr double kFocal_voxels = 2.5;  // pixels per radian · voxel_m: 1.2 voxels a pixel at 3 m
 constexpr double kLeastFocal_px = 250;
-constexpr float kLeastOwn = 0.02f;   // weight of a part at its own border
-constexpr double kAside_voxels = 1.6;  // how far from a part's border the part counts as there
+constexpr float kLeastOwn = 1;          // at its own border, of the others' weight
+constexpr double kFeather_voxels = 14;  // from a border, where a part counts less
+constexpr double kAside_voxels = 1.6;   // how far from a part's border the part counts as there
 
 /// The pinhole cameras of a source (one, or the faces of a cube) at the low resolution that
 /// ownership needs.
@@ -75,7 +76,8 @@ OwnershipMap::Views OwnershipMap::views_of(std::size_t part, std::uint32_t sourc
   Views out;
   for (const RayGrid& place : places_of(from, voxel_m_))
     out.emplace_back(parts_[part], measured_[part], region, source, place.camera,
-                     place.T_world_camera, pinhole ? place.camera.width / 4 : 1);
+                     place.T_world_camera, pinhole ? place.camera.width / 4 : 1,
+                     kFeather_voxels * voxel_m_);
   return out;
 }
 
@@ -134,7 +136,7 @@ OwnershipMargin OwnershipMap::Query::margin_at(const SurfacePoint& point) {
 }
 
 Vec3f OwnershipMap::Query::mean_at(const SurfacePoint& point) {
-  float along_m = 0, weights = 0;
+  float along_m = 0, weights = 0, own_weight = 0;
   const auto add = [&](const QualityGrid::Candidate& c) {
     PartView::Meeting best;
     for (const PartView& view : owners_.surface_[c.number])
@@ -142,12 +144,14 @@ Vec3f OwnershipMap::Query::mean_at(const SurfacePoint& point) {
           m.weight > best.weight)
         best = m;
     const bool own = c.owner.part == part_;
-    const float weight = c.quality * c.quality * std::max(best.weight, own ? kLeastOwn : 0.0f);
-    along_m += own ? 0 : weight * best.along_m, weights += weight;
+    along_m += own ? 0 : best.weight * best.along_m, weights += best.weight;
+    own_weight += own ? best.weight : 0;
   };
   for (const QualityGrid::Candidate& c : reader_.at(point.position, point.normal))
     if (c.owner.part != part_ || c.owner.source == point.source) add(c);
-  return weights > 0 ? point.position + point.normal * (along_m / weights) : point.position;
+  if (weights == 0) return point.position;
+  if (own_weight == 0) weights *= 1 + kLeastOwn;  // at its own border
+  return point.position + point.normal * (along_m / weights);
 }
 
 bool OwnershipMap::Query::is_kept_by(std::uint32_t owner, const SurfacePoint& point) const {

@@ -20,7 +20,7 @@ constexpr float kMeetFacing = 0.85f;  // cosine, of surfaces that are averaged
 constexpr float kStillThere = 2;      // times the range: what was lost to a surface that a third
                                       // one took lies farther from that one
 constexpr int kMostAside = 3;         // pixels
-constexpr int kMostInner = 12;        // pixels: farther from a border is as good
+constexpr int kMostInner = 64;        // pixels: farther from a border is as good
 constexpr float kJump = 0.04f;        // relative step of depth at a border
 
 struct ScreenVertex {
@@ -48,23 +48,28 @@ struct Extent {
 };
 
 /// The z-buffer and ID buffer while they are rasterized. 1 / depth is linear in the picture.
+/// A piece of the picture, in the whole picture's coordinates: rounding does not depend on the
+/// piece.
 struct Canvas {
-  int width, height;
+  int x_first, y_first, width, height;
   std::vector<std::uint32_t>& triangle;
   std::vector<float> inv_z;
 
   void draw(const ScreenVertex& a, const ScreenVertex& b, const ScreenVertex& c, std::uint32_t id) {
     const float area = (b.u - a.u) * (c.v - a.v) - (c.u - a.u) * (b.v - a.v);
     if (!(area < 0)) return;  // rows go down: a triangle that faces the camera turns this way
-    const auto first = [](float low) { return std::max(static_cast<int>(std::ceil(low)), 0); };
+    const auto first = [](float low, int least) {
+      return std::max(static_cast<int>(std::ceil(low)), least);
+    };
+    const int x_last = x_first + width - 1, y_last = y_first + height - 1;
     const float left = std::min({a.u, b.u, c.u}), right = std::max({a.u, b.u, c.u});
     const float top = std::min({a.v, b.v, c.v}), bottom = std::max({a.v, b.v, c.v});
-    if (!(right >= 0 && bottom >= 0 && left <= static_cast<float>(width - 1) &&
-          top <= static_cast<float>(height - 1)))
+    if (!(right >= static_cast<float>(x_first) && bottom >= static_cast<float>(y_first) &&
+          left <= static_cast<float>(x_last) && top <= static_cast<float>(y_last)))
       return;
-    const int x0 = first(left), y0 = first(top);
-    const int x1 = static_cast<int>(std::min(right, static_cast<float>(width - 1)));
-    const int y1 = static_cast<int>(std::min(bottom, static_cast<float>(height - 1)));
+    const int x0 = first(left, x_first), y0 = first(top, y_first);
+    const int x1 = static_cast<int>(std::floor(std::min(right, static_cast<float>(x_last))));
+    const int y1 = static_cast<int>(std::floor(std::min(bottom, static_cast<float>(y_last))));
     if (x0 > x1 || y0 > y1) return;
     // Barycentric weights of b and c, and 1 / depth, as planes over the picture.
     const float scale = 1 / area;
@@ -78,7 +83,7 @@ struct Canvas {
         const float wb = wb_u * du + wb_v * dv, wc = wc_u * du + wc_v * dv;
         if (wb < -kSlack || wc < -kSlack || wb + wc > 1 + kSlack) continue;
         const float nearness = a.inv_z + wb * db + wc * dc;
-        const std::size_t pixel = static_cast<std::size_t>(y) * width + x;
+        const std::size_t pixel = static_cast<std::size_t>(y - y_first) * width + (x - x_first);
         if (nearness <= inv_z[pixel]) continue;
         inv_z[pixel] = nearness, triangle[pixel] = id;
       }
@@ -90,8 +95,11 @@ struct Canvas {
 
 PartView::PartView(const kit::Part& part, const Measured& measured, const Region& region,
                    std::uint32_t source, const Camera& camera, const Pose& T_world_camera,
-                   int margin_px)
-    : measured_(&measured), region_(region), precision_(part.sources[source].precision) {
+                   int margin_px, double feather_m)
+    : measured_(&measured),
+      region_(region),
+      precision_(part.sources[source].precision),
+      feather_m_(static_cast<float>(feather_m)) {
   MR_ASSERT(camera.model == CameraModel::pinhole && camera.distortion == DistortionModel::none);
   const Mat3& axes = T_world_camera.rotation;
   origin_ = vec_cast<float>(T_world_camera.translation);
@@ -112,11 +120,9 @@ PartView::PartView(const kit::Part& part, const Measured& measured, const Region
   }
   const auto [left, top, width, height] = extent.within(camera, margin_px);
   width_ = width, height_ = height;
-  right_ = right_ - forward_ * static_cast<float>(left);
-  down_ = down_ - forward_ * static_cast<float>(top);
-  for (ScreenVertex& v : screen) v.u -= static_cast<float>(left), v.v -= static_cast<float>(top);
+  left_ = left, top_ = top;
   triangle_.assign(static_cast<std::size_t>(width_) * height_, kit::kNoTriangle);
-  Canvas canvas{width_, height_, triangle_, std::vector<float>(triangle_.size(), 0.0f)};
+  Canvas canvas{left, top, width_, height_, triangle_, std::vector<float>(triangle_.size(), 0.0f)};
   for (std::uint32_t t = 0; t < mesh.triangles.size(); ++t) {
     if (const std::uint32_t label = measured.label[region.parent[t]];
         label != source && label != Measured::kNoSource)
@@ -175,9 +181,10 @@ PartView::Seen PartView::seen(const SurfacePoint& point) const {
   if (!(z >= static_cast<float>(kit::kNearPlane_m))) return {};
   const float inv_z = 1 / z;
   const float u = dot(right_, d) * inv_z + 0.5f, v = dot(down_, d) * inv_z + 0.5f;
-  if (!(u >= 0 && v >= 0 && u < static_cast<float>(width_) && v < static_cast<float>(height_)))
+  if (!(u >= static_cast<float>(left_) && v >= static_cast<float>(top_) &&
+        u < static_cast<float>(left_ + width_) && v < static_cast<float>(top_ + height_)))
     return {};
-  return {static_cast<int>(u), static_cast<int>(v), z, d};
+  return {static_cast<int>(std::floor(u)) - left_, static_cast<int>(std::floor(v)) - top_, z, d};
 }
 
 std::uint32_t PartView::triangle(int x, int y) const {
@@ -213,9 +220,10 @@ PartView::Meeting PartView::meeting(const SurfacePoint& point, float slack_m) co
   const float along_m = dot(point.normal, nearest_on(t, point) - point.position);
   const float off = along_m / range_m(t, at, point, slack_m);
   if (!(std::abs(off) < 1)) return {};
-  const float inner =
-      static_cast<float>(inner_[static_cast<std::size_t>(at.y) * width_ + at.x]) / kMostInner;
-  return {along_m, inner * (1 - off * off)};
+  const float to_border_px = inner_[static_cast<std::size_t>(at.y) * width_ + at.x];
+  const float inner = std::min(to_border_px * at.z / (focal_px_ * feather_m_), 1.0f);
+  const float quality = measured_->quality[region_.parent[t]];
+  return {along_m, inner * (1 - off * off) * quality * quality};
 }
 
 /// The point of a triangle that is nearest to another.

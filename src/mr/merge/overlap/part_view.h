@@ -25,10 +25,11 @@ class PartView {
  public:
   /// Rasterizes the triangles that face `camera`, an undistorted pinhole at the pose of `source`,
   /// and that this source measured. Surface up to `margin_px` outside its picture is included, as
-  /// poses and labels may be slightly off. `measured`, of the part, and the region must outlive the
-  /// view.
+  /// poses and labels may be slightly off. `feather_m`: how far from a border meetings count less.
+  /// `measured`, of the part, and the region must outlive the view.
   PartView(const kit::Part& part, const Measured& measured, const Region& region,
-           std::uint32_t source, const Camera& camera, const Pose& T_world_camera, int margin_px);
+           std::uint32_t source, const Camera& camera, const Pose& T_world_camera, int margin_px,
+           double feather_m);
 
   /// Whether the region has surface at a point of another part, to a pixel: a triangle with a
   /// similar normal and, along the normal, within twice the sensors' precision (paper 3.2) plus
@@ -41,14 +42,14 @@ class PartView {
   /// Where the surface lies, if the region has any at a point.
   struct Meeting {
     float along_m = 0;  ///< from the point along its normal
-    float weight = 0;   ///< 0..1: falls towards borders, and towards the largest distance
+    float weight = 0;   ///< inverse variance; falls towards borders, and the largest distance
   };
   Meeting meeting(const SurfacePoint& point, float slack_m) const;  ///< weight 0: none
 
  private:
   /// A point as the camera sees it.
   struct Seen {
-    int x = 0, y = 0;  ///< pixel
+    int x = 0, y = 0;  ///< pixel, from left_ and top_
     float z = 0;       ///< depth; 0: outside the picture
     Vec3f ray;         ///< from the camera to it
   };
@@ -65,11 +66,12 @@ class PartView {
 
   const Measured* measured_;
   Region region_;
-  int width_ = 0, height_ = 0;
+  int left_ = 0, top_ = 0, width_ = 0, height_ = 0;  ///< of what is drawn, in the picture
   Vec3f origin_, right_, down_,
       forward_;  ///< rows of the projection: pixel = right · p / forward · p
   float focal_px_ = 0;
   Precision precision_;
+  float feather_m_;
   std::vector<std::uint32_t> triangle_;  ///< [width · height] of the region; kit::kNoTriangle: none
   std::vector<std::uint8_t> inner_;  ///< [width · height] pixels to the next border, or kMostInner
 };
