@@ -22,7 +22,7 @@ without elsewhere 's/^fps: 30/fps: 30\nvolume: {box: [[90, 90, 90], [91, 91, 91]
 without sliver 's/^fps: 30/fps: 30\nvolume: {box: [[-0.3, -0.3, -0.2], [0.3, 0.3, 0.1]]}/'
 without untrue 's/^truth:.*//'
 
-for command in "" ssim geometry views compare match rd features still; do check "eval $command --help" 0 "Example|COMMAND" measure $command --help; done
+for command in "" ssim geometry views compare match rd features still scene; do check "eval $command --help" 0 "Example|COMMAND" measure $command --help; done
 
 # Pictures
 pictures=$here/tests/data/ssim
@@ -46,6 +46,13 @@ check "ssim of a baseline" 0 '"rgbd"' measure ssim $scene --json --reference mon
 check "geometry" 0 '"duplicate_ratio"' measure geometry $scene --json
 rms=$(measure geometry $scene --json 2>/dev/null | number 'o.reference == "truth" && o.to_reference.rms_mm > 0.5 && o.to_reference.rms_mm < 60 && o.pairs[0].residual_mm > 0')
 [ "$rms" = true ] || fail_test "geometry: implausible figures"
+check "scene" 0 '"depth_agreement"' measure scene $scene --captures 3 --json
+whole=$(measure scene $scene --captures 3 --json 2>/dev/null | number 'o.hole_ratio + o.depth_agreement <= 1 && o.depth_agreement > 0.5 && o.missing_ratio > 0 && o.duplicate_ratio < 0.2 && o.pairs[0].corrected_mm > 0 && o.reference')
+[ "$whole" = truth ] || fail_test "scene: implausible figures ($whole)"
+check "scene of a baseline" 0 '"holoportation"' measure scene $scene --captures 1 --json --pipeline holoportation
+check "scene without a truth" 0 "of one 1 cm grid" measure scene room/untrue.yaml --captures 1
+check "scene of points" fails "points" measure scene $scene --captures 1 --set pipeline=points
+check "scene elsewhere" fails "." measure scene room/elsewhere.yaml --captures 1
 check "rd" 0 "" measure rd $scene --csv rd.csv --plot rd.svg --reference monolithic --moments 1 --burst 2 --views 2 --scales 1,0.5 --qps 24,40 --ratios 0.2 --bits 10
 grep -q monolithic rd.csv && [ "$(wc -l <rd.csv)" = 5 ] || fail_test "rd: not 4 settings in rd.csv"
 grep -q ",1$" rd.csv || fail_test "rd: no setting is on the hull"

@@ -201,6 +201,8 @@ TEST_P(Covered, HardlyARayPassesThrough) {
   const std::vector<kit::Part> seen = parts(shape(name), sensors, ratio);
   const Mesh merged = test::merged(seen).mesh;
   const RayCount count = count_rays(seen, merged);
+  RecordProperty("rays", count.rays);
+  RecordProperty("open", count.open);
   ASSERT_GT(count.rays, 4000);
   EXPECT_LE(count.open, kMostOpen * count.rays)
       << "of " << count.rays << ", one at " << count.example.x << ' ' << count.example.y << ' '
