@@ -160,10 +160,7 @@ void add_eval_scene(CLI::App& eval, int& exit_code) {
                    "Measure this pipeline rather than the scene's: meshreduce, holoportation, "
                    "holoportation++, rgbd")
       ->check(CLI::IsMember({"meshreduce", "holoportation", "holoportation++", "rgbd"}));
-  command->add_option("--threads", options->threads, "Threads; 0: as the scene says")
-      ->check(CLI::Range(0, 1024));
-  command->add_flag("--json", options->json, "Print the figures as JSON");
-  add_set_option(*command, options->set);
+  add_common_options(*command, *options);
   command->footer(
       "Examples:\n"
       "  meshreduce eval scene examples/eval/office-still.yaml\n"

@@ -59,10 +59,7 @@ void add_eval_still(CLI::App& eval, int& exit_code) {
   command->add_option("--pairs", options->pairs, "Pairs of consecutive captures to compare")
       ->check(CLI::Range(1, 1000))
       ->capture_default_str();
-  command->add_option("--threads", options->threads, "Threads; 0: as the scene says")
-      ->check(CLI::Range(0, 1024));
-  command->add_flag("--json", options->json, "Print the figures as JSON");
-  add_set_option(*command, options->set);
+  add_common_options(*command, *options);
   command->footer(
       "Examples:\n"
       "  meshreduce eval still bench/scenes/two_people.yaml --layers true\n"

@@ -25,6 +25,10 @@ void add_eval_options(CLI::App& command, EvalOptions& options) {
                   "Captures per moment: a key frame and those that follow; the last is compared")
       ->check(CLI::Range(2, 10000))
       ->capture_default_str();
+  add_common_options(command, options);
+}
+
+void add_common_options(CLI::App& command, EvalOptions& options) {
   command.add_option("--threads", options.threads, "Threads; 0: as the scene says")
       ->check(CLI::Range(0, 1024));
   command.add_flag("--json", options.json, "Print the figures as JSON");

@@ -25,6 +25,9 @@ struct EvalOptions {
 /// --reference, --moments, --burst, --threads, --json and --set.
 void add_eval_options(CLI::App& command, EvalOptions& options);
 
+/// --threads, --json and --set alone.
+void add_common_options(CLI::App& command, EvalOptions& options);
+
 /// Whether a pipeline transmits the reference itself: it must not be ranked then.
 bool is_reference(const std::string& pipeline, eval::ReferenceKind reference);
 

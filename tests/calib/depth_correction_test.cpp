@@ -50,10 +50,11 @@ TEST(DepthCorrection, ABentFieldAndAStraightOneMeetInTheMiddle) {
   const std::vector<Part> parts{wall(0, {1, 2.5, 1}, nowhere), wall(1, {2, 2.5, 1}, bent)};
   DepthCorrector corrector({}, kAgree_m);
   EXPECT_TRUE(corrector.update(parts, numbers_of(parts)));
-  ASSERT_EQ(corrector.before().size(), 1u);
-  ASSERT_EQ(corrector.after().size(), 1u);
-  EXPECT_GT(corrector.before()[0].residual_mm, 10);
-  EXPECT_LT(corrector.after()[0].residual_mm, 0.4 * corrector.before()[0].residual_mm);
+  const auto before = calib::pair_residuals(parts, {});
+  ASSERT_EQ(before.size(), 1u);
+  ASSERT_EQ(corrector.residuals().size(), 1u);
+  EXPECT_GT(before[0].residual_mm, 10);
+  EXPECT_LT(corrector.residuals()[0].residual_mm, 0.4 * before[0].residual_mm);
   const Vec3d middle{1.5, 0, 1};
   const double straight_m = corrector.of(7)->offset_at(middle),
                bent_m = corrector.of(8)->offset_at(middle);
@@ -106,7 +107,7 @@ TEST(DepthCorrection, ZeroTurnsItOff) {
   DepthCorrector corrector({}, 0);
   EXPECT_FALSE(corrector.update(parts, numbers_of(parts)));
   EXPECT_EQ(corrector.of(7), nullptr);
-  EXPECT_EQ(corrector.before().size(), 1u);
+  EXPECT_TRUE(corrector.residuals().empty());
 }
 
 TEST(DepthCorrection, EmptyPartsAndPartsOfSeveralSensorsAreTaken) {
@@ -116,8 +117,25 @@ TEST(DepthCorrection, EmptyPartsAndPartsOfSeveralSensorsAreTaken) {
   parts[2].mesh = {};
   DepthCorrector corrector({}, kAgree_m);
   EXPECT_TRUE(corrector.update(parts, numbers_of(parts)));
-  ASSERT_EQ(corrector.after().size(), 1u);
-  EXPECT_LT(corrector.after()[0].residual_mm, 0.5 * corrector.before()[0].residual_mm);
+  const auto before = calib::pair_residuals(parts, {});
+  ASSERT_EQ(before.size(), 1u);
+  ASSERT_EQ(corrector.residuals().size(), 1u);
+  EXPECT_LT(corrector.residuals()[0].residual_mm, 0.5 * before[0].residual_mm);
+}
+
+TEST(DepthCorrection, DirectionsGoAllAround) {
+  Part part = wall(0, {1, 2.5, 1}, nowhere);
+  part.sources.push_back(part.sources[0]);
+  calib::DepthCorrection correction(part);
+  ASSERT_TRUE(correction.goes_around());
+  for (std::size_t k = 0; k < correction.offset_m.size(); ++k)
+    correction.offset_m[k] = 0.01 * std::sin(0.7 * static_cast<double>(k));
+  for (double up = -1; up <= 1; up += 0.1) {  // on both sides of where the angle jumps
+    const Vec3d behind = correction.eye() + Vec3d{-2, 0, up};
+    const double left_m = correction.offset_at(behind + Vec3d{0, -1e-9, 0}),
+                 right_m = correction.offset_at(behind + Vec3d{0, 1e-9, 0});
+    EXPECT_NEAR(left_m, right_m, 1e-6);
+  }
 }
 
 }  // namespace

@@ -126,7 +126,8 @@ std::vector<Row> rows_of(const std::vector<PairOverlap>& overlaps,
 }
 
 /// Springs as stiff as the data of their part's nodes on average.
-void add_springs(std::size_t parts, Problem& problem) {
+void add_springs(const std::vector<DepthCorrection>& corrections, Problem& problem) {
+  const std::size_t parts = corrections.size();
   constexpr std::size_t kNodes = DepthCorrection::kNodes;
   std::vector<double> data(parts);
   for (const Row& row : problem.rows)
@@ -137,8 +138,10 @@ void add_springs(std::size_t parts, Problem& problem) {
     const double mean = std::max(data[p] / kNodes, kLeast);
     for (std::uint32_t k = 0; k < kNodes; ++k) {
       const auto node = static_cast<std::uint32_t>(p * kNodes) + k;
-      const std::uint32_t column = k % DepthCorrection::kColumns;
-      if (column + 1 < DepthCorrection::kColumns) problem.springs.push_back({node, node + 1});
+      const bool is_last = k % DepthCorrection::kColumns == DepthCorrection::kColumns - 1;
+      if (!is_last) problem.springs.push_back({node, node + 1});
+      if (is_last && corrections[p].goes_around())
+        problem.springs.push_back({node, node + 1 - DepthCorrection::kColumns});
       if (k + DepthCorrection::kColumns < kNodes)
         problem.springs.push_back({node, node + DepthCorrection::kColumns});
       problem.stiffness.resize(problem.springs.size(), kStiff * mean);
@@ -214,7 +217,7 @@ DepthCorrection::DepthCorrection(const kit::Part& part) {
 
 DepthCorrection::Weights DepthCorrection::weights(Vec3d point) const {
   double right = 0, down = 0;  // 0..1
-  if (camera_.width > 0) {
+  if (!goes_around()) {
     const Vec3d p = T_camera_world_ * point;
     const double z = std::max(p.z, 1e-3);
     right = (camera_.fx * p.x / z + camera_.cx) / camera_.width;
@@ -224,13 +227,15 @@ DepthCorrection::Weights DepthCorrection::weights(Vec3d point) const {
     right = std::atan2(d.y, d.x) / (2 * std::numbers::pi) + 0.5;
     down = std::atan2(d.z, std::hypot(d.x, d.y)) / std::numbers::pi + 0.5;
   }
-  const double x = std::clamp(right, 0.0, 1.0) * (kColumns - 1);
+  const double x = goes_around() ? right * kColumns : std::clamp(right, 0.0, 1.0) * (kColumns - 1);
   const double y = std::clamp(down, 0.0, 1.0) * (kRows - 1);
-  const auto column = std::min(static_cast<std::uint32_t>(x), std::uint32_t{kColumns - 2});
+  const std::uint32_t last = goes_around() ? kColumns - 1 : kColumns - 2;
+  const auto column = std::min(static_cast<std::uint32_t>(x), last);
   const auto row = std::min(static_cast<std::uint32_t>(y), std::uint32_t{kRows - 2});
   const double s = x - column, t = y - row;
-  const std::uint32_t first = row * kColumns + column;
-  return {{first, first + 1, first + kColumns, first + kColumns + 1},
+  const std::uint32_t here = row * kColumns + column,
+                      beside = row * kColumns + (column + 1) % kColumns;
+  return {{here, beside, here + kColumns, beside + kColumns},
           {(1 - s) * (1 - t), s * (1 - t), (1 - s) * t, s * t}};
 }
 
@@ -250,7 +255,7 @@ const DepthCorrection* DepthCorrector::of(std::uint64_t id) const {
   return known == known_.end() ? nullptr : &known->correction;
 }
 
-/// One step of Gauss-Newton from `now`, all the way where `at_once`; nothing: not worth it.
+/// One step of Gauss-Newton, all the way where `at_once`; nothing: not worth it.
 std::optional<Nodes> DepthCorrector::step(const std::vector<PairOverlap>& overlaps,
                                           const std::vector<DepthCorrection>& corrections,
                                           bool at_once) const {
@@ -259,7 +264,7 @@ std::optional<Nodes> DepthCorrector::step(const std::vector<PairOverlap>& overla
   Problem problem;
   problem.rows = rows_of(sound(overlaps, parts, agree_m_), corrections, agree_m_);
   for (const Row& row : problem.rows) problem.goal.push_back(row.times(now) - row.apart_m);
-  add_springs(parts, problem);
+  add_springs(corrections, problem);
   Nodes next = solve(problem, now), change(next.size());
   for (std::size_t k = 0; k < next.size(); ++k) change[k] = next[k] - now[k];
   const Move move = move_of(problem.rows, change);
@@ -273,7 +278,7 @@ std::optional<Nodes> DepthCorrector::step(const std::vector<PairOverlap>& overla
 
 bool DepthCorrector::update(std::span<const kit::Part> parts, std::span<const std::uint64_t> ids) {
   MR_ASSERT(parts.size() == ids.size());
-  before_ = after_ = pair_residuals(parts, config_);
+  residuals_.clear();
   if (agree_m_ <= 0) return false;
   std::vector<DepthCorrection> corrections;
   bool is_new = false;
@@ -293,7 +298,7 @@ bool DepthCorrector::update(std::span<const kit::Part> parts, std::span<const st
     overlaps = overlaps_of(parts, corrections, config_);
     changed = true;
   }
-  after_ = residuals_of(overlaps);
+  residuals_ = residuals_of(overlaps);
   known_.clear();
   for (std::size_t i = 0; i < parts.size(); ++i) known_.push_back({ids[i], corrections[i]});
   return changed;

@@ -16,8 +16,9 @@
 namespace mr::calib {
 
 /// A smooth function over what a part's sensor sees: how far each point is moved along the ray to
-/// it. Nodes lie on a grid over the picture of a pinhole camera; for others, and
-/// for parts of several sensors, on a grid of directions around the middle of these.
+/// it. Nodes lie on a grid over the picture of a pinhole camera; for others, and for parts of
+/// several sensors, on a grid of directions around the middle of these, whose columns go all
+/// around.
 class DepthCorrection {
  public:
   static constexpr int kColumns = 12, kRows = 9;
@@ -32,6 +33,7 @@ class DepthCorrection {
   };
   Weights weights(Vec3d point) const;
   Vec3d eye() const { return eye_; }
+  bool goes_around() const { return camera_.width == 0; }
   /// Noise of the sensor at a point, 1 sigma.
   double noise_m(Vec3d point) const { return precision_.sigma_m(length(point - eye_)); }
 
@@ -65,15 +67,14 @@ class DepthCorrector {
       : config_(config), agree_m_(agree_m) {}
 
   /// Takes the uncorrected parts, identified by `ids`; the corrections of a part that was absent
-  /// start from nothing. True: they changed. Costs several pair_residuals().
+  /// start from nothing. True: they changed. Costs two to five pair_residuals().
   bool update(std::span<const kit::Part> parts, std::span<const std::uint64_t> ids);
 
   /// The correction of a part; null: none.
   const DepthCorrection* of(std::uint64_t id) const;
 
-  /// Residuals of the last update's parts, as they came and corrected.
-  const std::vector<PairResidual>& before() const { return before_; }
-  const std::vector<PairResidual>& after() const { return after_; }
+  /// Residuals of the last update's parts once corrected.
+  const std::vector<PairResidual>& residuals() const { return residuals_; }
 
  private:
   struct Known {
@@ -88,7 +89,7 @@ class DepthCorrector {
   RegistrationConfig config_;
   double agree_m_;
   std::vector<Known> known_;
-  std::vector<PairResidual> before_, after_;
+  std::vector<PairResidual> residuals_;
 };
 
 }  // namespace mr::calib

@@ -34,23 +34,25 @@ void CalibrationCheck::update(const std::vector<kit::Part>& parts) {
   if (parts.size() < 2) return;
   std::vector<std::uint64_t> ids;
   for (const kit::Part& part : parts) ids.push_back(id_of(part));
-  if (calls_ % kCheckEvery == 0) measure(parts, ids);
   if (scene_->merge.refine) {
     if (calls_ % kRefineEvery == 0 || corrections_.size() != parts.size() || ids != ids_)
       corrections_ = refiner_.update(parts, ids), ids_ = ids;
   }
+  if (calls_ % kCheckEvery == 0) measure(parts, ids);
   ++calls_;
 }
 
 void CalibrationCheck::measure(const std::vector<kit::Part>& parts,
                                const std::vector<std::uint64_t>& ids) {
-  version_ += corrector_.update(parts, ids);
-  const auto& pairs = corrector_.before();
+  std::vector<kit::Part> refined = parts;
+  refine(refined);
+  version_ += corrector_.update(refined, ids);
+  const auto pairs = calib::pair_residuals(parts, registration(*scene_));
   residuals_.clear();
   for (const calib::PairResidual& pair : pairs) {
     residuals_.push_back({name(parts[pair.a]), name(parts[pair.b]), pair.residual_mm,
                           pair.shared_m2, pair.residual_mm});
-    for (const calib::PairResidual& after : corrector_.after())
+    for (const calib::PairResidual& after : corrector_.residuals())
       if (after.a == pair.a && after.b == pair.b)
         residuals_.back().corrected_mm = after.residual_mm;
   }
@@ -73,17 +75,22 @@ bool CalibrationCheck::is_left_out(const kit::Part& part) const {
          std::ranges::find(misfits_, name(part)) != misfits_.end();
 }
 
+/// Moves parts as they were refined, where they were.
+void CalibrationCheck::refine(std::vector<kit::Part>& parts) const {
+  if (corrections_.size() != parts.size()) return;
+  parallel_for(parts.size(), 1, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t i = begin; i < end; ++i) calib::move_part(corrections_[i], parts[i]);
+  });
+}
+
 void CalibrationCheck::apply(std::vector<kit::Part>& parts) const {
   if (parts.size() < 2) return;
   for (kit::Part& part : parts)
     if (is_left_out(part)) part.mesh = {};
+  refine(parts);
   parallel_for(parts.size(), 1, [&](std::size_t begin, std::size_t end) {
     for (std::size_t i = begin; i < end; ++i)
       if (const auto* bent = corrector_.of(id_of(parts[i]))) calib::correct(*bent, parts[i]);
-  });
-  if (corrections_.size() != parts.size()) return;
-  parallel_for(parts.size(), 1, [&](std::size_t begin, std::size_t end) {
-    for (std::size_t i = begin; i < end; ++i) calib::move_part(corrections_[i], parts[i]);
   });
 }
 

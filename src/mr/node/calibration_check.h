@@ -28,11 +28,12 @@ class CalibrationCheck {
   /// The scene must outlive the check.
   explicit CalibrationCheck(const Scene& scene);
 
-  /// Measures the parts, one per input, and refines their poses; both only at every n-th call, as
-  /// they are expensive.
+  /// Measures the parts, one per input, and finds how they are to be bent and their poses refined;
+  /// each only at every n-th call, as it is expensive.
   void update(const std::vector<kit::Part>& parts);
-  /// Corrects the poses of parts where merge.refine is set, and of their sources; empties the
-  /// meshes of parts that are left out. As many parts as update() was given, of the same inputs.
+  /// Corrects the poses of parts where merge.refine is set, and of their sources, then bends their
+  /// meshes (merge.agree_m); empties those of parts that are left out. As many parts as update() was
+  /// given, of the same inputs.
   void apply(std::vector<kit::Part>& parts) const;
   /// The same for views and sources as received; `parts`: corrected.
   void apply(const std::vector<kit::Part>& parts, std::vector<View>& views,
@@ -49,6 +50,7 @@ class CalibrationCheck {
  private:
   std::string name(const kit::Part& part) const;
   void measure(const std::vector<kit::Part>& parts, const std::vector<std::uint64_t>& ids);
+  void refine(std::vector<kit::Part>& parts) const;
   bool is_left_out(const kit::Part& part) const;
 
   const Scene* scene_;

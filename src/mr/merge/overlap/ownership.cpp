@@ -76,11 +76,7 @@ class PartOwnership {
     OwnershipMap::Query query(owners_, part_);
     keep_.resize(margin_.size());
     for (std::size_t v = 0; v < margin_.size(); ++v) keep_[v] = margin_[v] > 0;
-    refine([&](const SurfacePoint& point, const std::array<Loss, 3>& lost) {
-      if (std::ranges::any_of(lost, [&](const Loss& l) { return query.is_lost_like(l, point); }))
-        return false;
-      return query.margin(point) > 0;
-    });
+    refine(query, Round::claim);
     Cut out = cut_at(*mesh_, keep_, [&](std::uint32_t kept, std::uint32_t lost) {
       return claim_end(kept, lost, query).cut;
     });
@@ -92,9 +88,7 @@ class PartOwnership {
   Mesh settle(Cut& also) {
     OwnershipMap::Query query(owners_, part_);
     settle_vertices();
-    refine([&](const SurfacePoint& point, const std::array<Loss, 3>&) {
-      return keeps(point, query.margin_at(point), query);
-    });
+    refine(query, Round::settle);
     Cut out = cut_at(*mesh_, keep_, [&](std::uint32_t kept, std::uint32_t lost) {
       return crossing(kept, lost, query);
     });
@@ -126,8 +120,11 @@ class PartOwnership {
   /// The part's triangle that a triangle of mesh_ lies in.
   std::uint32_t whole(std::uint32_t t) const { return whole_.empty() ? t : whole_[t]; }
 
-  static bool keeps(const SurfacePoint& point, const OwnershipMargin& own,
+  enum class Round { claim, settle };
+
+  static bool keeps(Round round, const SurfacePoint& point, const OwnershipMargin& own,
                     OwnershipMap::Query& query) {
+    if (round == Round::claim) return own.margin > 0;
     return own.margin > 0 ? !query.is_kept_also(point) : !query.is_kept(point, own.loss);
   }
 
@@ -135,7 +132,7 @@ class PartOwnership {
     for_each_block({keep_.size()}, [&](std::size_t, std::size_t begin, std::size_t end) {
       OwnershipMap::Query query(owners_, part_);
       for (std::size_t v = begin; v < end; ++v)
-        keep_[v] = keeps((*vertices_)[v], {margin_[v], loss_[v]}, query);
+        keep_[v] = keeps(Round::settle, (*vertices_)[v], {margin_[v], loss_[v]}, query);
     });
     is_new_.clear();
   }
@@ -181,21 +178,19 @@ class PartOwnership {
   }
 
   /// Splits long edges of triangles that are kept in part, so that the border can follow.
-  /// `keeps_at(point, losses of the triangle's corners)`: whether a point is kept.
-  template <typename KeepsAt>
-  void refine(KeepsAt&& keeps_at) {
+  void refine(OwnershipMap::Query& query, Round round) {
     const auto longest_m = static_cast<float>(kLongest_voxels * config_.voxel_m);
-    for (int round = 0; round < kMaxOwnerCuts; ++round) {
+    for (int cut = 0; cut < kMaxOwnerCuts; ++cut) {
       std::vector<std::uint8_t> split;
       for (std::uint32_t t = 0; t < mesh_->triangles.size(); ++t) {
-        if (round > 0 && !is_new_[t]) continue;  // it was asked before
+        if (cut > 0 && !is_new_[t]) continue;  // it was asked before
         const std::uint8_t edges = long_edges(t, longest_m);
-        if (edges == 0 || !is_divided(t, keeps_at)) continue;
+        if (edges == 0 || !is_divided(t, query, round)) continue;
         split.resize(mesh_->triangles.size() * 3);
         for (int i = 0; i < 3; ++i) split[3 * t + i] = edges >> i & 1;
       }
       if (split.empty()) return;
-      split_edges(split, keeps_at);
+      split_edges(split, query, round);
     }
   }
 
@@ -208,36 +203,39 @@ class PartOwnership {
   }
 
   /// Whether of a triangle's corners, centroid and midpoint of its longest edge some are kept.
-  template <typename KeepsAt>
-  bool is_divided(std::uint32_t t, KeepsAt&& keeps_at) const {
+  bool is_divided(std::uint32_t t, OwnershipMap::Query& query, Round round) const {
     const Triangle& corners = mesh_->triangles[t];
     const bool own = keep_[corners[0]] != 0;
     if ((keep_[corners[1]] != 0) != own || (keep_[corners[2]] != 0) != own) return true;
     int longest = 0;
     std::array<float, 3> edges;
-    std::array<Loss, 3> lost;
     for (int i = 0; i < 3; ++i) {
       edges[i] = length(mesh_->corner(t, i) - mesh_->corner(t, (i + 1) % 3));
       if (edges[i] > edges[longest]) longest = i;
-      if (!own) lost[i] = loss_[corners[i]];
     }
     const SurfacePoint& a = (*vertices_)[corners[longest]];
     const SurfacePoint& b = (*vertices_)[corners[(longest + 1) % 3]];
     const SurfacePoint& c = (*vertices_)[corners[(longest + 2) % 3]];
+    const auto differs = [&](const SurfacePoint& point) {
+      if (round == Round::claim && !own && std::ranges::any_of(corners, [&](std::uint32_t v) {
+            return query.is_lost_like(loss_[v], point);
+          }))
+        return false;
+      return keeps(round, point, query.margin_at(point), query) != own;
+    };
     const SurfacePoint middle = between(a, b, 0.5f);
-    return keeps_at(middle, lost) != own || keeps_at(between(middle, c, 1.0f / 3), lost) != own;
+    return differs(middle) || differs(between(middle, c, 1.0f / 3));
   }
 
-  template <typename KeepsAt>
-  void split_edges(const std::vector<std::uint8_t>& split, KeepsAt&& keeps_at) {
-    OwnershipMap::Query query(owners_, part_);
+  void split_edges(const std::vector<std::uint8_t>& split, OwnershipMap::Query& query,
+                   Round round) {
     kit::Refined fine = kit::refine(*mesh_, split);
     std::vector<SurfacePoint> vertices = *vertices_;
     for (const auto& [a, b] : fine.cut_edges) {
       vertices.push_back(between(vertices[a], vertices[b], 0.5f));
       const OwnershipMargin found = query.margin_at(vertices.back());
       margin_.push_back(found.margin), loss_.push_back(found.loss);
-      keep_.push_back(keeps_at(vertices.back(), {}));
+      keep_.push_back(keeps(round, vertices.back(), found, query));
     }
     is_new_.resize(fine.parent.size());
     for (std::size_t t = 0; t < is_new_.size(); ++t)
