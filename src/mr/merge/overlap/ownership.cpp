@@ -216,7 +216,11 @@ class PartOwnership {
     const SurfacePoint& a = (*vertices_)[corners[longest]];
     const SurfacePoint& b = (*vertices_)[corners[(longest + 1) % 3]];
     const SurfacePoint& c = (*vertices_)[corners[(longest + 2) % 3]];
+    const auto claimed = std::ranges::count_if(corners, [&](auto v) { return margin_[v] > 0; });
     const auto differs = [&](const SurfacePoint& point) {
+      if (round == Round::settle &&
+          (claimed == 0 || claimed == 3))  // so is the point, since claim()
+        return keeps(round, point, {margin_[corners[0]], loss_[corners[0]]}, query) != own;
       if (round == Round::claim && !own && std::ranges::any_of(corners, [&](std::uint32_t v) {
             return query.is_lost_like(loss_[v], point);
           }))

@@ -136,22 +136,22 @@ OwnershipMargin OwnershipMap::Query::margin_at(const SurfacePoint& point) {
 }
 
 Vec3f OwnershipMap::Query::mean_at(const SurfacePoint& point) {
-  float along_m = 0, weights = 0, own_weight = 0;
-  const auto add = [&](const QualityGrid::Candidate& c) {
+  float along_m = 0, others = 0;
+  for (const QualityGrid::Candidate& c : reader_.at(point.position, point.normal)) {
+    if (c.owner.part == part_) continue;
     PartView::Meeting best;
     for (const PartView& view : owners_.surface_[c.number])
       if (const auto m = view.meeting(point, owners_.measured_[part_].slack_m);
           m.weight > best.weight)
         best = m;
-    const bool own = c.owner.part == part_;
-    along_m += own ? 0 : best.weight * best.along_m, weights += best.weight;
-    own_weight += own ? best.weight : 0;
-  };
-  for (const QualityGrid::Candidate& c : reader_.at(point.position, point.normal))
-    if (c.owner.part != part_ || c.owner.source == point.source) add(c);
-  if (weights == 0) return point.position;
-  if (own_weight == 0) weights *= 1 + kLeastOwn;  // at its own border
-  return point.position + point.normal * (along_m / weights);
+    along_m += best.weight * best.along_m, others += best.weight;
+  }
+  if (others == 0) return point.position;
+  float own = 0;
+  for (const PartView& view : owners_.surface_[owners_.first_owner_[part_] + point.source])
+    own = std::max(own, view.own_weight(point));
+  if (own == 0) own = kLeastOwn * others;  // at its own border
+  return point.position + point.normal * (along_m / (own + others));
 }
 
 bool OwnershipMap::Query::is_kept_by(std::uint32_t owner, const SurfacePoint& point) const {

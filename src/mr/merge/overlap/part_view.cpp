@@ -20,6 +20,7 @@ constexpr float kMeetFacing = 0.85f;  // cosine, of surfaces that are averaged
 constexpr float kStillThere = 2;      // times the range: what was lost to a surface that a third
                                       // one took lies farther from that one
 constexpr int kMostAside = 3;         // pixels
+constexpr int kAmid = 2;              // pixels from a border: the surface goes on all around
 constexpr int kMostInner = 64;        // pixels: farther from a border is as good
 constexpr float kJump = 0.04f;        // relative step of depth at a border
 
@@ -211,6 +212,24 @@ bool PartView::is_alike(std::uint32_t t, const Seen& seen, const SurfacePoint& p
   return range > 0 && std::abs(measured_->plane[region_.parent[t]].above(point.position)) <= range;
 }
 
+/// Pixels to the next border.
+int PartView::inner(const Seen& at) const {
+  return inner_[static_cast<std::size_t>(at.y) * width_ + at.x];
+}
+
+float PartView::weight(const Seen& at, std::uint32_t t) const {
+  const float to_border_m = static_cast<float>(inner(at)) * at.z / focal_px_;
+  const float quality = measured_->quality[region_.parent[t]];
+  return std::min(to_border_m / feather_m_, 1.0f) * quality * quality;
+}
+
+float PartView::own_weight(const SurfacePoint& point) const {
+  const Seen at = seen(point);
+  if (!(at.z > 0)) return 0;
+  const std::uint32_t t = triangle(at.x, at.y);
+  return t == kit::kNoTriangle || !is_alike(t, at, point, 0, 1) ? 0 : weight(at, t);
+}
+
 PartView::Meeting PartView::meeting(const SurfacePoint& point, float slack_m) const {
   const Seen at = seen(point);
   if (!(at.z > 0)) return {};
@@ -220,10 +239,7 @@ PartView::Meeting PartView::meeting(const SurfacePoint& point, float slack_m) co
   const float along_m = dot(point.normal, nearest_on(t, point) - point.position);
   const float off = along_m / range_m(t, at, point, slack_m);
   if (!(std::abs(off) < 1)) return {};
-  const float to_border_px = inner_[static_cast<std::size_t>(at.y) * width_ + at.x];
-  const float inner = std::min(to_border_px * at.z / (focal_px_ * feather_m_), 1.0f);
-  const float quality = measured_->quality[region_.parent[t]];
-  return {along_m, inner * (1 - off * off) * quality * quality};
+  return {along_m, (1 - off * off) * weight(at, t)};
 }
 
 /// The point of a triangle that is nearest to another.
@@ -241,24 +257,22 @@ bool PartView::has(const SurfacePoint& point, float slack_m) const {
 bool PartView::reaches(const SurfacePoint& point, float slack_m, float aside_m) const {
   const Seen at = seen(point);
   if (!(at.z > 0)) return false;
+  const auto is_there = [&](std::uint32_t t) {
+    return is_alike(t, at, point, slack_m, kStillThere);
+  };
+  if (inner(at) >= kAmid && is_there(triangle(at.x, at.y))) return true;
   const auto is_near = [&](std::uint32_t t) {
-    if (!is_alike(t, at, point, slack_m, kStillThere)) return false;
+    if (!is_there(t)) return false;
     const Vec3f off = point.position - nearest_on(t, point);
     const Vec3f normal = measured_->plane[region_.parent[t]].normal;
     return length(off - normal * dot(normal, off)) <= aside_m;
   };
   const int aside_px =
       std::clamp(static_cast<int>(std::ceil(aside_m * focal_px_ / at.z)), 1, kMostAside);
-  bool is_amid = true;  // amid triangles that may be smaller than pixels
-  for (int ring = 0; ring <= aside_px; ++ring) {
+  for (int ring = 0; ring <= aside_px; ++ring)  // the nearest pixels first
     for (int dy = -ring; dy <= ring; ++dy)
-      for (int dx = -ring; dx <= ring; dx += std::abs(dy) == ring || ring == 0 ? 1 : 2 * ring) {
-        const std::uint32_t t = triangle(at.x + dx, at.y + dy);
-        if (is_near(t)) return true;
-        is_amid = is_amid && is_alike(t, at, point, slack_m, kStillThere);
-      }
-    if (ring == 1 && is_amid) return true;
-  }
+      for (int dx = -ring; dx <= ring; dx += std::abs(dy) == ring || ring == 0 ? 1 : 2 * ring)
+        if (is_near(triangle(at.x + dx, at.y + dy))) return true;
   return false;
 }
 

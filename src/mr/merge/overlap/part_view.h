@@ -45,6 +45,8 @@ class PartView {
     float weight = 0;   ///< inverse variance; falls towards borders, and the largest distance
   };
   Meeting meeting(const SurfacePoint& point, float slack_m) const;  ///< weight 0: none
+  /// The weight of the part itself at one of its points; 0: the camera sees something else there.
+  float own_weight(const SurfacePoint& point) const;
 
  private:
   /// A point as the camera sees it.
@@ -56,6 +58,8 @@ class PartView {
 
   Seen seen(const SurfacePoint& point) const;
   std::uint32_t triangle(int x, int y) const;
+  int inner(const Seen& at) const;
+  float weight(const Seen& at, std::uint32_t triangle) const;
   float range_m(std::uint32_t triangle, const Seen& seen, const SurfacePoint& point,
                 float slack_m) const;
   bool is_alike(std::uint32_t triangle, const Seen& seen, const SurfacePoint& point, float slack_m,
