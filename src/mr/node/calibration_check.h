@@ -32,8 +32,8 @@ class CalibrationCheck {
   /// each only at every n-th call, as it is expensive.
   void update(const std::vector<kit::Part>& parts);
   /// Corrects the poses of parts where merge.refine is set, and of their sources, then bends their
-  /// meshes (merge.agree_m); empties those of parts that are left out. As many parts as update() was
-  /// given, of the same inputs.
+  /// meshes (merge.agree_m); empties those of parts that are left out. As many parts as update()
+  /// was given, of the same inputs.
   void apply(std::vector<kit::Part>& parts) const;
   /// The same for views and sources as received; `parts`: corrected.
   void apply(const std::vector<kit::Part>& parts, std::vector<View>& views,
