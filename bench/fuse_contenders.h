@@ -9,8 +9,8 @@ namespace mr::bench {
 
 /// Contenders of fusion: one depth frame to an indexed mesh. The case must outlive them.
 
-/// "ours" bridges depth edges as the peer does, for a fair comparison; "ours/cut" cuts them, as the
-/// pipeline does.
+/// "ours" bridges depth edges as the peer does, for a fair comparison; "ours/cut" cuts them;
+/// "ours/planes" does so with a plane per pixel, as the pipeline does.
 std::vector<Contender> fuse_ours(const FuseCase& input, int threads);
 
 /// Whether this was built with Open3D.

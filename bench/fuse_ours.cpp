@@ -13,8 +13,9 @@ namespace {
 /// As a sensor node does it: the volume and the mesh keep their memory from frame to frame.
 class FuseOurs final : public Work {
  public:
-  FuseOurs(const FuseCase& input, int threads, fusion::DepthEdges edges)
+  FuseOurs(const FuseCase& input, int threads, fusion::DepthEdges edges, bool slanted)
       : input_(input),
+        slanted_(slanted),
         arena_(threads),
         volume_({.voxel_m = input.voxel_m,
                  .truncation_m = input.truncation_m,
@@ -31,7 +32,8 @@ class FuseOurs final : public Work {
                              .camera = input_.camera,
                              .T_world_camera = input_.T_world_camera,
                              .region = {0, 0, input_.depth.width, input_.depth.height},
-                             .precision = {}});
+                             .precision = {},
+                             .slanted = slanted_});
       clock.skip();
       clock.add("allocate", made.allocate_ms);
       clock.add("integrate", made.integrate_ms);
@@ -44,6 +46,7 @@ class FuseOurs final : public Work {
 
  private:
   const FuseCase& input_;
+  bool slanted_;
   Arena arena_;
   fusion::VoxelVolume volume_;
   fusion::MarchingCubes marching_cubes_;
@@ -51,9 +54,10 @@ class FuseOurs final : public Work {
 };
 
 Contender contender(const std::string& name, const FuseCase& input, int threads,
-                    fusion::DepthEdges edges) {
-  return {name, threads, Message{{"simd", simd_target()}},
-          [&input, threads, edges] { return std::make_unique<FuseOurs>(input, threads, edges); }};
+                    fusion::DepthEdges edges, bool slanted = false) {
+  return {name, threads, Message{{"simd", simd_target()}}, [&input, threads, edges, slanted] {
+            return std::make_unique<FuseOurs>(input, threads, edges, slanted);
+          }};
 }
 
 }  // namespace
@@ -61,7 +65,8 @@ Contender contender(const std::string& name, const FuseCase& input, int threads,
 std::vector<Contender> fuse_ours(const FuseCase& input, int threads) {
   apply_simd_override();
   return {contender("ours", input, threads, fusion::DepthEdges::bridge),
-          contender("ours/cut", input, threads, fusion::DepthEdges::cut)};
+          contender("ours/cut", input, threads, fusion::DepthEdges::cut),
+          contender("ours/planes", input, threads, fusion::DepthEdges::cut, true)};
 }
 
 }  // namespace mr::bench

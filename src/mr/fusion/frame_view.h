@@ -24,8 +24,8 @@ struct DepthFrame {
   const Pose& T_world_camera;
   Rect region;                         ///< pixels outside are ignored
   std::optional<Precision> precision;  ///< weights by 1 / variance; none: all weights are equal
-  /// Interpolates a pinhole's depth by a plane per pixel instead of nearest-neighbour sampling,
-  /// whose steps roughen slanted walls by a millimetre or two. Slower.
+  /// Samples a pinhole's depth by a plane per pixel (pinhole_planes) instead of the nearest pixel,
+  /// whose steps roughen slanted walls and tear grazing surfaces. Slower.
   bool slanted = false;
 };
 

@@ -10,37 +10,27 @@
 namespace mr::fusion {
 namespace {
 
-/// When neighbours in a line count as one surface.
-struct LineRule {
-  float steepest;    ///< tangent of the least angle between ray and surface; below it the line must
-                     ///< be straight
-  float straight;    ///< largest relative change from one step to the next
-  bool three_steps;  ///< three steps around the pixel must be straight, else two
-};
-constexpr LineRule kSparseLine{0.15f, 0.2f, false};
-/// For dense pixels: a depth edge with a mixed pixel looks like a short steep line.
-constexpr LineRule kDenseLine{0.3f, 0.35f, true};
+/// Tangent of the least angle between ray and surface; below it a line must be straight.
+constexpr float kSteepestRange = 0.15f;
+constexpr float kStraight = 0.2f;  // largest relative change from one step to the next
 
 /// The inverse ranges of five pixels in a line; [2] is the centre; 0: invalid.
 using Line = std::array<float, 5>;
 
 /// The change of inverse range per pixel along a line, `angle` being between neighbours, radians.
-float slope(const Line& w, float angle, const LineRule& rule) {
+float slope(const Line& w, float angle) {
   // Step i leads from pixel i to i + 1.
   const auto step = [&](int i) { return w[i + 1] - w[i]; };
   const auto measured = [&](int i) { return w[i] > 0 && w[i + 1] > 0; };
   const auto steep = [&](int i) {  // |dr| / (r · angle), with dr / r = dw / w
-    return std::abs(step(i)) * rule.steepest > angle * std::min(w[i], w[i + 1]);
+    return std::abs(step(i)) * kSteepestRange > angle * std::min(w[i], w[i + 1]);
   };
   const auto straight = [&](int i, int j) {
     return measured(i) && measured(j) &&
            std::abs(step(i) - step(j)) <=
-               rule.straight * std::max(std::abs(step(i)), std::abs(step(j)));
+               kStraight * std::max(std::abs(step(i)), std::abs(step(j)));
   };
-  const auto goes_on = [&](int i, int j) {
-    return rule.three_steps ? straight(1, 2) && (straight(0, 1) || straight(2, 3))
-                            : straight(1, 2) || straight(i, j);
-  };
+  const auto goes_on = [&](int i, int j) { return straight(1, 2) || straight(i, j); };
   const bool before = measured(1) && (!steep(1) || goes_on(0, 1));
   const bool after = measured(2) && (!steep(2) || goes_on(2, 3));
   if (before && after) return 0.5f * (step(1) + step(2));
@@ -69,34 +59,15 @@ RangePlane plane_at(const FrameView& view, int x, int y) {
   }
   const float cos_down = std::max(std::cos(view.row_down[y + 1]), 1e-3f);
   const float right_rad = 1 / view.columns_per_rad;
-  plane.right = slope(along_row, right_rad * cos_down, kSparseLine) / right_rad;
+  plane.right = slope(along_row, right_rad * cos_down) / right_rad;
   const int above = std::max(y - 1, 0), below = std::min(y + 1, view.height - 1);
   if (above < below) {
     const float down_rad =
         (view.row_down[below + 1] - view.row_down[above + 1]) / static_cast<float>(below - above);
-    if (down_rad != 0) plane.down = slope(across_rows, std::abs(down_rad), kSparseLine) / down_rad;
+    if (down_rad != 0) plane.down = slope(across_rows, std::abs(down_rad)) / down_rad;
   }
   const float right = plane.right / (plane.inverse * cos_down), down = plane.down / plane.inverse;
   plane.cosine = 1 / std::sqrt(1 + right * right + down * down);
-  return plane;
-}
-
-/// The same of a pinhole's pixel, per pixel.
-RangePlane slanted_plane_at(const FrameView& view, int x, int y) {
-  RangePlane plane;
-  plane.inverse = inverse(view, x, y);
-  if (plane.inverse == 0) return plane;
-  Line across_rows, along_row;
-  for (int i = 0; i < 5; ++i)
-    along_row[i] = inverse(view, x + i - 2, y), across_rows[i] = inverse(view, x, y + i - 2);
-  plane.right = slope(along_row, view.per_pixel.x, kDenseLine);
-  plane.down = slope(across_rows, view.per_pixel.y, kDenseLine);
-  // The plane's equation: inverse depth is linear in the direction of depth 1.
-  constexpr float kLeastCosine = 0.1f;
-  const float right = plane.right / view.per_pixel.x, down = plane.down / view.per_pixel.y;
-  const float row = view.first_row + static_cast<float>(y) * view.per_pixel.y;
-  const float ahead = plane.inverse - right * view.s[x] - down * row;
-  plane.cosine = std::max(plane.inverse / length(Vec3f{right, down, ahead}), kLeastCosine);
   return plane;
 }
 
@@ -164,13 +135,11 @@ void patch_ranges(const Patch& patch, float right, float down, float margin,
 
 }  // namespace
 
-void fit_planes(FrameView& view) {
+void fit_range_planes(FrameView& view) {
   view.planes.assign(view.depth.size(), {});
   parallel_for(view.height, 8, [&](std::size_t begin, std::size_t end) {
     for (int y = static_cast<int>(begin); y < static_cast<int>(end); ++y)
-      for (int x = 0; x < view.width; ++x)
-        view.planes[view.place(x, y)] =
-            view.spherical ? plane_at(view, x, y) : slanted_plane_at(view, x, y);
+      for (int x = 0; x < view.width; ++x) view.planes[view.place(x, y)] = plane_at(view, x, y);
   });
 }
 

@@ -7,10 +7,11 @@
 
 namespace mr::fusion {
 
-/// Fits the tangent plane of every pixel to its neighbours (parallel over rows). Neighbours belong
-/// to one surface when the line through them is not nearly parallel to a ray, or when it continues
-/// straight: so a distant floor is one surface, and a depth discontinuity is not bridged.
-void fit_planes(FrameView& view);
+/// Fits the tangent plane of every pixel of a range picture to its neighbours (parallel over rows).
+/// Neighbours belong to one surface when the line through them is not nearly parallel to a ray, or
+/// when it continues straight: so a distant floor is one surface, and a depth discontinuity is not
+/// bridged.
+void fit_range_planes(FrameView& view);
 
 /// Appends boxes of voxels that contain the plane patches of row `y`. A patch reaches half-way to
 /// the neighbouring pixels, which in a range picture may be many voxels apart.

@@ -10,6 +10,7 @@
 #include "mr/core/simd.h"
 #include "mr/core/trace.h"
 #include "mr/fusion/integrate_kernels.h"
+#include "mr/fusion/pinhole_planes.h"
 #include "mr/fusion/range_planes.h"
 
 namespace mr::fusion {
@@ -197,7 +198,8 @@ IntegrateReport VoxelVolume::integrate(const DepthFrame& frame) {
       refused[begin] = copy_rows(frame, static_cast<int>(begin), static_cast<int>(end), view_);
     });
     for (const std::size_t count : refused) report.refused_pixels += count;
-    if (view_.spherical || view_.slanted) fit_planes(view_);
+    if (view_.spherical) fit_range_planes(view_);
+    if (view_.slanted) fit_pinhole_planes(view_);
     report.left_out_blocks = allocate();
   }
   const Stopwatch stopwatch(report.integrate_ms);

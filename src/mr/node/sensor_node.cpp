@@ -27,8 +27,7 @@ SensorNode::SensorNode(const Scene& scene, SensorId id, NodeClock clock, StillWo
       clock_(std::move(clock)),
       plan_(sensor_plan(scene, id)),
       registration_(scene.sensor(id), id),
-      reconstructor_(scene, scene.sensor(id), registration_.depth_camera(), has_layers(scene, id),
-                     trace_),
+      reconstructor_(scene, scene.sensor(id), registration_.depth_camera(), trace_),
       publisher_(scene, id),
       texture_(scene, stream_of(id)) {
   if (has_layers(scene, id)) layers_.emplace(scene, id, registration_, still_work, trace_);

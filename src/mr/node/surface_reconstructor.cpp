@@ -64,7 +64,7 @@ SurfaceReconstructor::Patch SurfaceReconstructor::reconstruct_patch(const ImageD
                         .T_world_camera = T_world_depth,
                         .region = rect,
                         .precision = sensor_->precision,
-                        .slanted = with_layers_},  // to lie where the still surface does
+                        .slanted = true},
                        &report)
                  .mesh;
   }
@@ -100,8 +100,8 @@ Result<SurfaceReconstructor::Surface> SurfaceReconstructor::join(
 Result<SurfaceReconstructor::Surface> SurfaceReconstructor::run(const ImageDepth& depth,
                                                                 const Pose& T_world_depth,
                                                                 const Decimation& decimation) {
-  auto rects = fusion::patches(depth.width, depth.height, scene_->fusion);
-  if (with_layers_) rects = measured_parts(depth, rects);
+  const auto rects =
+      measured_parts(depth, fusion::patches(depth.width, depth.height, scene_->fusion));
   while (workers_.size() < rects.size())
     workers_.push_back({fusion::FrameFuser(volume_config(*scene_)), {}});
   std::vector<Patch> patches(rects.size());

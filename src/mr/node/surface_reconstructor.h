@@ -26,15 +26,10 @@ class SurfaceReconstructor {
     CubeErrors errors;
   };
 
-  /// `camera`: undistorted. `with_layers`: pictures hold what moves alone, and surfaces are to lie
-  /// where the still surface does. All must outlive this.
+  /// `camera`: undistorted. All must outlive this.
   SurfaceReconstructor(const Scene& scene, const SensorConfig& sensor, const Camera& camera,
-                       bool with_layers, Trace& trace)
-      : scene_(&scene),
-        sensor_(&sensor),
-        camera_(&camera),
-        with_layers_(with_layers),
-        trace_(&trace) {}
+                       Trace& trace)
+      : scene_(&scene), sensor_(&sensor), camera_(&camera), trace_(&trace) {}
 
   /// `depth`: cleaned. An empty surface where nothing is in the volume.
   Result<Surface> run(const ImageDepth& depth, const Pose& T_world_depth,
@@ -59,7 +54,6 @@ class SurfaceReconstructor {
   const Scene* scene_;
   const SensorConfig* sensor_;
   const Camera* camera_;
-  bool with_layers_;
   Trace* trace_;
   std::vector<PatchWorker> workers_;  ///< one per patch
 };
