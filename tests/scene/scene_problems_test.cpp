@@ -153,6 +153,7 @@ TEST(SceneProblems, NumbersThatAreNoneAreRefused) {
                              &scene.merge.island_area_m2,
                              &scene.merge.gap_m,
                              &scene.merge.agree_m,
+                             &scene.merge.fill_m,
                              &scene.merge.leave_out_mm,
                              &scene.merge.simplify.ratio,
                              &scene.still.after_s,

@@ -109,7 +109,7 @@ fusion: {decomposition: chunks, chunk_m: 1.28, patches: [2, 3], truncation_m: 0.
          mixed_pixels: false, speckle_px: 4, fill_px: 1, smooth_depth: false}
 simplify: {ratio: 0.5, error_m: 0.002}
 merge: {owner: paper, overlap: rays, refine: true, color_gain: true, simplify: {ratio: 0.5, error_m: 0.002},
-        calibration_error_m: 0.01, island_area_m2: 0.1, gap_m: 0.1, agree_m: 0.03, leave_out_mm: 50}
+        calibration_error_m: 0.01, island_area_m2: 0.1, gap_m: 0.1, agree_m: 0.03, fill_m: 0.1, leave_out_mm: 50}
 atlas: {views: best_angle, mask: false, size: [512, 256], burn_sequence: true}
 reuse: {chunks: false}
 still: {layers: true, after_s: 3}

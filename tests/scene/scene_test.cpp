@@ -400,7 +400,7 @@ TEST_F(SceneFile, RefusesWhatIsNoTree) {
 
 TEST_F(SceneFile, MergingIsReadWithItsLimits) {
   const SceneResult result = load(scene_of({"a"}, R"(mergers: [{id: r, inputs: [a], budget_ms: 40}]
-merge: {owner: paper, overlap: rays, refine: true, color_gain: true, island_area_m2: 0.01, gap_m: 0.05, agree_m: 0.02, leave_out_mm: 25}
+merge: {owner: paper, overlap: rays, refine: true, color_gain: true, island_area_m2: 0.01, gap_m: 0.05, agree_m: 0.02, fill_m: 0.03, leave_out_mm: 25}
 )"));
   EXPECT_THAT(shorten(result.problems), IsEmpty());
   EXPECT_THAT(shorten(result.notices), IsEmpty());
@@ -409,11 +409,13 @@ merge: {owner: paper, overlap: rays, refine: true, color_gain: true, island_area
   EXPECT_EQ(result.scene.merge.island_area_m2, 0.01);
   EXPECT_EQ(result.scene.merge.gap_m, 0.05);
   EXPECT_EQ(result.scene.merge.agree_m, 0.02);
+  EXPECT_EQ(result.scene.merge.fill_m, 0.03);
   EXPECT_EQ(result.scene.merge.leave_out_mm, 25);
   EXPECT_THAT(problem_of("mergers: [{id: r, inputs: [a], budget_ms: -1}]"), HasSubstr("budget_ms"));
   EXPECT_THAT(problem_of("merge: {island_area_m2: -1}"), HasSubstr("island_area_m2"));
   EXPECT_THAT(problem_of("merge: {gap_m: 2}"), HasSubstr("gap_m"));
   EXPECT_THAT(problem_of("merge: {agree_m: 1}"), HasSubstr("agree_m"));
+  EXPECT_THAT(problem_of("merge: {fill_m: 1}"), HasSubstr("fill_m"));
   EXPECT_THAT(problem_of("merge: {leave_out_mm: -1}"), HasSubstr("leave_out_mm"));
 }
 

@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <cstring>
 #include <exception>
+#include <numeric>
 #include <optional>
 #include <span>
 
@@ -518,6 +519,7 @@ Status check_for_decoding(const EncodedChunk& chunk, const Lattice& lattice) {
     return invalid_chunk("labels mean sensors or views, not both");
   if (chunk.key.id.source == kBackgroundSource && !(chunk.sensors.empty() && chunk.views.empty()))
     return invalid_chunk("a background has no labels");
+  if (!are_apart(chunk.guessed, chunk.triangles)) return invalid_chunk("impossible guesses");
   const auto header = read_header(chunk.payload);
   if (!header) return corrupt_chunk("not an Edgebreaker stream of version 2.2");
   if (header->faces == 0 || header->faces != chunk.triangles ||
@@ -576,9 +578,67 @@ Result<Snapped> snap_vertices(const Mesh& mesh, const Lattice& lattice) {
   return snapped;
 }
 
+namespace {
+
+/// A triangle's corners, the smallest first, in the same winding.
+using PlacedTriangle = std::array<Vec3f, 3>;
+PlacedTriangle placed(const Mesh& mesh, std::size_t triangle) {
+  PlacedTriangle out{mesh.corner(triangle, 0), mesh.corner(triangle, 1), mesh.corner(triangle, 2)};
+  std::rotate(out.begin(), std::min_element(out.begin(), out.end()), out.end());
+  return out;
+}
+
+/// Where the guessed triangles are in the coded stream: Edgebreaker has an order of its own.
+Result<std::vector<TriangleRange>> guessed_in_stream(const Chunk& chunk, const SharedBytes& payload,
+                                                     const Lattice& lattice) {
+  std::vector<PlacedTriangle> wanted;
+  for (std::size_t t = 0; t < chunk.guessed.size(); ++t)
+    if (chunk.guessed[t]) wanted.push_back(placed(chunk.mesh, t));
+  std::vector<TriangleRange> out;
+  if (wanted.empty()) return out;
+  std::ranges::sort(wanted);
+  draco::Mesh decoded;
+  if (auto ok = decompress(payload, false, decoded); !ok) return ok.error();
+  std::vector<std::uint32_t> labels;
+  const std::vector<std::uint32_t> any(kMaxViews);
+  const auto mesh = rebuild(decoded, decoded.num_attributes() > 1, any, lattice, labels);
+  if (!mesh) return mesh.error();
+  for (std::uint32_t t = 0; t < mesh->triangles.size(); ++t) {
+    if (!std::ranges::binary_search(wanted, placed(*mesh, t))) continue;
+    if (out.empty() || out.back().first + out.back().count != t) out.push_back({t, 0});
+    ++out.back().count;
+  }
+  return out;
+}
+
+/// [T] The marks of triangles in the stream's order.
+std::vector<std::uint8_t> marks_of(const EncodedChunk& chunk) {
+  std::vector<std::uint8_t> out;
+  if (chunk.guessed.empty()) return out;
+  out.resize(chunk.triangles, 0);
+  for (const TriangleRange& r : chunk.guessed) std::fill_n(out.begin() + r.first, r.count, 1);
+  return out;
+}
+
+/// The same once the triangles are sorted by label, as set_triangle_views() sorts them.
+std::vector<std::uint8_t> sorted_by(const std::vector<std::uint32_t>& labels,
+                                    const std::vector<std::uint8_t>& marks) {
+  std::vector<std::uint32_t> order(marks.size());
+  std::iota(order.begin(), order.end(), 0u);
+  std::ranges::stable_sort(order, {}, [&](std::uint32_t t) { return labels[t]; });
+  std::vector<std::uint8_t> out;
+  out.reserve(marks.size());
+  for (const std::uint32_t t : order) out.push_back(marks[t]);
+  return out;
+}
+
+}  // namespace
+
 Result<EncodedChunk> encode_chunk(const Chunk& chunk, const Lattice& lattice, int speed) {
   if (auto ok = check_for_encoding(chunk.mesh, lattice); !ok) return ok.error();
   if (auto ok = check_colors(chunk); !ok) return ok.error();
+  if (!chunk.guessed.empty() && chunk.guessed.size() != chunk.mesh.triangles.size())
+    return invalid_chunk("marks of guesses must be one for each triangle");
   EncodedChunk out;
   out.key = chunk.key;
   out.error_m = chunk.error_m;
@@ -594,6 +654,9 @@ Result<EncodedChunk> encode_chunk(const Chunk& chunk, const Lattice& lattice, in
     auto payload = compress(mesh, lattice, speed);
     if (!payload) return payload.error();
     out.payload = std::move(*payload);
+    auto guessed = guessed_in_stream(chunk, out.payload, lattice);
+    if (!guessed) return guessed.error();
+    out.guessed = *std::move(guessed);
   } catch (const std::exception& e) {
     return corrupt_chunk(std::string("Draco gave up: ") + e.what());
   }
@@ -616,7 +679,7 @@ Result<Chunk> decode_chunk(const EncodedChunk& chunk, const Lattice& lattice) {
   if (!mesh) return mesh.error();
   if (by_sensor) set_triangle_sensors(*mesh, ids_of<SensorId>(labels));
   if (!chunk.views.empty()) set_triangle_views(*mesh, ids_of<ViewId>(labels));
-  Chunk out{chunk.key, chunk.error_m, std::move(*mesh)};
+  Chunk out{chunk.key, chunk.error_m, std::move(*mesh), sorted_by(labels, marks_of(chunk))};
   if (!colored) return out;
   auto colors = rebuild_colors(decoded, lattice);
   if (!colors) return colors.error();

@@ -359,10 +359,21 @@ class Reader {
           !read_labels(in.views(), out.views) || !read_labels(in.sensors(), out.sensors) ||
           !require(out.views.empty() || out.sensors.empty(),
                    "a chunk whose labels mean views and sensors") ||
+          !read_ranges(in.guessed(), out.triangles, out.guessed) ||
           !read_payload(*in.payload(), out.payload))
         return false;
     }
     return true;
+  }
+
+  /// Ascending and apart, of so many triangles.
+  bool read_ranges(const fb::Vector<std::uint32_t>* in, std::uint32_t triangles,
+                   std::vector<TriangleRange>& out) {
+    if (!require(size_of(in) % 2 == 0 && size_of(in) <= triangles + 1, "impossible guesses") ||
+        !spend(4 * size_of(in)))
+      return false;
+    for (fb::uoffset_t i = 0; i < size_of(in); i += 2) out.push_back({in->Get(i), in->Get(i + 1)});
+    return require(are_apart(out, triangles), "impossible guesses");
   }
 
   template <typename Id>

@@ -100,11 +100,20 @@ fb::Offset<fb::Vector<std::uint32_t>> write_ids(Builder& b, const std::vector<Id
   return b.CreateVector(numbers);
 }
 
+fb::Offset<fb::Vector<std::uint32_t>> write_ranges(Builder& b,
+                                                   const std::vector<TriangleRange>& ranges) {
+  if (ranges.empty()) return {};
+  std::vector<std::uint32_t> numbers;
+  for (const TriangleRange& r : ranges) numbers.push_back(r.first), numbers.push_back(r.count);
+  return b.CreateVector(numbers);
+}
+
 fb::Offset<wire::Chunk> write(Builder& b, const EncodedChunk& c) {
   const auto views = write_ids(b, c.views), sensors = write_ids(b, c.sensors);
+  const auto guessed = write_ranges(b, c.guessed);
   const auto payload = write_bytes(b, c.payload);
   const wire::ChunkKey key = to_wire(c.key);
-  return wire::CreateChunk(b, &key, c.error_m, c.triangles, views, payload, sensors);
+  return wire::CreateChunk(b, &key, c.error_m, c.triangles, views, payload, sensors, guessed);
 }
 
 fb::Offset<wire::Texture> write(Builder& b, const TextureUnit& t) {

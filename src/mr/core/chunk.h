@@ -1,6 +1,7 @@
 #pragma once
 
 #include <array>
+#include <cstddef>
 #include <cstdint>
 #include <vector>
 
@@ -34,6 +35,24 @@ struct ChunkKey {
   friend auto operator<=>(const ChunkKey&, const ChunkKey&) = default;
 };
 
+/// `count` triangles from `first` on.
+struct TriangleRange {
+  std::uint32_t first = 0, count = 0;
+
+  friend bool operator==(const TriangleRange&, const TriangleRange&) = default;
+};
+
+/// Whether ranges are ascending, not empty, do not touch, and lie in so many triangles.
+inline bool are_apart(const std::vector<TriangleRange>& ranges, std::uint32_t triangles) {
+  std::uint64_t end = 0;
+  for (std::size_t i = 0; i < ranges.size(); ++i) {
+    if (ranges[i].count == 0 || (i > 0 && ranges[i].first <= end)) return false;
+    end = std::uint64_t{ranges[i].first} + ranges[i].count;
+    if (end > triangles) return false;
+  }
+  return true;
+}
+
 /// The unit of transport and of reuse: one coded mesh.
 struct EncodedChunk {
   ChunkKey key;
@@ -42,6 +61,8 @@ struct EncodedChunk {
   /// What the stream's labels mean, at most 254: as in the mesh, of one kind at most.
   std::vector<SensorId> sensors{};
   std::vector<ViewId> views{};
+  /// Which triangles, in the stream's order, no sensor measured (merge.fill_m): ascending, apart.
+  std::vector<TriangleRange> guessed{};
   SharedBytes payload;  ///< Draco, Edgebreaker
 
   friend bool operator==(const EncodedChunk&, const EncodedChunk&) = default;
@@ -50,7 +71,8 @@ struct EncodedChunk {
 struct Chunk {
   ChunkKey key;
   float error_m = 0;
-  Mesh mesh;                                          ///< vertices on the scene's lattice
+  Mesh mesh;                            ///< vertices on the scene's lattice
+  std::vector<std::uint8_t> guessed{};  ///< [T] 1: no sensor measured the triangle; empty: none
   std::vector<std::array<std::uint8_t, 3>> colors{};  ///< [V] sRGB; background chunks, points
   float point_m = 0;  ///< over 0: no triangles, each vertex is a point of this diameter
 };

@@ -19,7 +19,8 @@ std::map<Vec3i, Mesh> split_by_cube(const Mesh& mesh, double chunk_m);
 /// What of a surface lies in one cube.
 struct SurfacePiece {
   Mesh mesh;
-  float error_m = 0;  ///< geometric error made so far
+  float error_m = 0;                    ///< geometric error made so far
+  std::vector<std::uint8_t> guessed{};  ///< [T] as in Chunk
 };
 
 /// The geometric error that a surface has so far, by cube of the chunk grid, in metres.

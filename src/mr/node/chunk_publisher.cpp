@@ -25,13 +25,16 @@ void ChunkPublisher::put(const ChunkId& id, SurfacePiece piece) {
   live_[id] = Live{publications_ + 1, std::move(piece)};
 }
 
-void ChunkPublisher::set_moving(const Mesh& mesh, const CubeErrors& errors) {
+void ChunkPublisher::set_moving(const Mesh& mesh, const CubeErrors& errors,
+                                const merge::GuessedSurface& guessed) {
   auto pieces = split_by_cube(mesh, chunk_m_);
   std::erase_if(live_, [&](const auto& item) {
     return item.first.layer == Layer::moving && !pieces.contains(item.first.cube);
   });
-  for (auto& [cube, piece] : pieces)
-    put({cube, source_, Layer::moving}, {std::move(piece), errors.at(cube)});
+  for (auto& [cube, piece] : pieces) {
+    std::vector<std::uint8_t> marks = guessed.marks(piece);
+    put({cube, source_, Layer::moving}, {std::move(piece), errors.at(cube), std::move(marks)});
+  }
 }
 
 void ChunkPublisher::set_still(Vec3i cube, SurfacePiece piece) {
@@ -87,7 +90,8 @@ Status ChunkPublisher::publish(int mesh_speed, Packet& packet) {
   for (auto& [id, chunk] : live_) {
     const ChunkKey key{id, 0, chunk.version};
     packet.manifest.push_back(key);
-    if (chunk.is_new || !reuse_) fresh.push_back({key, chunk.piece.error_m, chunk.piece.mesh});
+    if (chunk.is_new || !reuse_)
+      fresh.push_back({key, chunk.piece.error_m, chunk.piece.mesh, chunk.piece.guessed});
   }
 
   std::vector<std::optional<Result<EncodedChunk>>> coded(fresh.size());

@@ -8,6 +8,7 @@
 #include "mr/codec/chunk_cache.h"
 #include "mr/core/packet.h"
 #include "mr/core/result.h"
+#include "mr/merge/holes/guessed_surface.h"
 #include "mr/node/chunk_grid.h"
 #include "mr/scene/scene.h"
 
@@ -28,7 +29,8 @@ class ChunkPublisher {
   // Meshes are on the lattice. The next publish() tells what is other.
 
   /// The moving surface, cut along the chunk grid; not called: it is what it was.
-  void set_moving(const Mesh& mesh, const CubeErrors& errors);
+  void set_moving(const Mesh& mesh, const CubeErrors& errors,
+                  const merge::GuessedSurface& guessed = {});
   /// Puts a chunk of the still surface in the place of the one in that cube; an empty mesh takes it
   /// away.
   void set_still(Vec3i cube, SurfacePiece piece);

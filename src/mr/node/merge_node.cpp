@@ -61,7 +61,7 @@ Result<std::vector<std::byte>> MergeNode::merge(const CaptureSet& captures,
   if (const Status updated = update_layers(captures, plan.decimation, on_cores_free); !updated)
     return updated.error();
   const Status coded = trace_.time("encode_mesh", [&] {
-    if (!reused_) publisher_.set_moving(moving_.mesh(), moving_.errors());
+    if (!reused_) publisher_.set_moving(moving_.mesh(), moving_.errors(), moving_.guessed());
     return publisher_.publish(plan.mesh_speed, packet);
   });
   if (!coded) return coded.error();

@@ -47,6 +47,7 @@ class MovingLayer {
   /// On the lattice; labelled, at the root with views. There is one.
   const Mesh& mesh() const { return merged_->mesh; }
   const CubeErrors& errors() const { return merged_->errors; }
+  const merge::GuessedSurface& guessed() const { return merged_->guessed; }
 
  private:
   struct Merged {
@@ -54,6 +55,7 @@ class MovingLayer {
     Decimation decimation;
     Mesh mesh;
     CubeErrors errors;
+    merge::GuessedSurface guessed;
   };
 
   const Scene* scene_;

@@ -113,7 +113,8 @@ std::map<Vec3i, SurfacePiece> StillMerger::pieces() const {
   for (auto& [place, mesh] : split_by_cube(*shown_.mesh, piece_m)) {
     const Vec3d middle = (vec_cast<double>(place) + Vec3d{0.5, 0.5, 0.5}) * piece_m;
     const float error_m = joined_.errors.at(cube_of(middle, scene_->fusion.chunk_m));
-    out[place] = {std::move(mesh), error_m};
+    std::vector<std::uint8_t> guessed = joined_.guessed.marks(mesh);
+    out[place] = {std::move(mesh), error_m, std::move(guessed)};
   }
   return out;
 }
@@ -134,7 +135,9 @@ Status StillMerger::join(Inputs inputs, const Decimation& decimation, std::uint6
   note_fresh(scenes, sequence);
   auto surface = joiner_.decimated(joined, parts, errors_of(scenes), decimation);
   if (!surface) return surface.error();
-  joined_ = {std::move(surface->mesh), std::move(inputs.parts), std::move(surface->errors)};
+  if (is_root_) joiner_.close_holes(parts, *surface);
+  joined_ = {std::move(surface->mesh), std::move(inputs.parts), std::move(surface->errors),
+             std::move(surface->guessed)};
   return {};
 }
 

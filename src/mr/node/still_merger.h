@@ -100,6 +100,7 @@ class StillMerger {
     Mesh mesh;  // not labelled yet
     std::vector<kit::Part> parts;
     CubeErrors errors;
+    merge::GuessedSurface guessed;
   };
 
   std::map<Vec3i, SurfacePiece> pieces() const;

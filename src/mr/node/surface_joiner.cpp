@@ -68,7 +68,7 @@ Result<SurfaceJoiner::Surface> SurfaceJoiner::decimated(Mesh mesh, const Parts& 
                                                         const CubeErrors& errors,
                                                         const Decimation& decimation) {
   return trace_->time("simplify", [&]() -> Result<Surface> {
-    Surface out{std::move(mesh), errors};
+    Surface out{std::move(mesh), errors, {}};
     if (!decimation.does_nothing()) {
       const double target = decimation.ratio * triangles_sent(parts, out.mesh);
       simplify::SimplifyOptions limits{.triangles = static_cast<std::size_t>(std::ceil(target))};
@@ -77,12 +77,21 @@ Result<SurfaceJoiner::Surface> SurfaceJoiner::decimated(Mesh mesh, const Parts& 
       if (!small) return small.error();
       CubeErrors own;
       own.raise(small->mesh, small->errors_m, scene_->fusion.chunk_m);
-      out = {std::move(small->mesh), node::decimated(errors, own)};
+      out = {std::move(small->mesh), node::decimated(errors, own), {}};
     }
     auto snapped = codec::snap_to_lattice(out.mesh, scene_->lattice);
     if (!snapped) return snapped.error();
     out.mesh = kit::without_nonmanifold_edges(*snapped);
     return out;
+  });
+}
+
+void SurfaceJoiner::close_holes(const Parts& parts, Surface& surface) const {
+  constexpr double kTolerance_steps = 2;
+  trace_->time("holes", [&] {
+    const merge::HolesConfig config{scene_->merge.fill_m, scene_->voxel_m, scene_->lattice};
+    surface.guessed = merge::GuessedSurface(merge::close_holes(surface.mesh, parts, config),
+                                            kTolerance_steps * scene_->lattice.step_m());
   });
 }
 

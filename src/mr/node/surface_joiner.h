@@ -9,6 +9,7 @@
 #include "mr/core/result.h"
 #include "mr/core/trace.h"
 #include "mr/kit/part.h"
+#include "mr/merge/holes/guessed_surface.h"
 #include "mr/merge/overlap/overlap.h"
 #include "mr/merge/overlap/quality_grid.h"
 #include "mr/node/chunk_grid.h"
@@ -40,12 +41,17 @@ class SurfaceJoiner {
   struct Surface {
     Mesh mesh;  ///< on the lattice
     CubeErrors errors;
+    merge::GuessedSurface guessed{};  ///< of the mesh
   };
   /// Decimates a merged mesh, then snaps it to the lattice and removes edges of more than two
   /// triangles: nothing moves its vertices any more. A ratio refers to the triangle density of
   /// `parts`, so triangles added by cuts along overlaps do not count. `errors`: of the parts.
   Result<Surface> decimated(Mesh mesh, const Parts& parts, const CubeErrors& errors,
                             const Decimation& decimation);
+
+  /// Closes small holes of what decimated() gave (merge.fill_m). At the root alone: below it,
+  /// another merger's sensors may have seen what is missing.
+  void close_holes(const Parts& parts, Surface& surface) const;
 
   /// Whether gaps were left open because of merger.budget_ms since the last call.
   bool take_hurried() { return std::exchange(hurried_, false); }

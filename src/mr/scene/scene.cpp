@@ -144,6 +144,7 @@ void read_merge(MapReader& top, MergeConfig& merge) {
   map.number("island_area_m2", merge.island_area_m2, MergeConfig::kIslandArea_m2);
   map.number("gap_m", merge.gap_m, MergeConfig::kGap_m);
   map.number("agree_m", merge.agree_m, MergeConfig::kAgree_m);
+  map.number("fill_m", merge.fill_m, MergeConfig::kFill_m);
   map.number("leave_out_mm", merge.leave_out_mm, MergeConfig::kLeaveOut_mm);
   read_simplify(map, merge.simplify);
 }

@@ -1,0 +1,265 @@
+#include "mr/merge/holes/close_holes.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstdint>
+#include <optional>
+#include <unordered_set>
+#include <utility>
+
+#include "mr/core/parallel.h"
+#include "mr/kit/topology.h"
+#include "mr/merge/holes/border_loops.h"
+#include "mr/merge/holes/loop_filling.h"
+#include "mr/merge/holes/seen_through.h"
+#include "mr/merge/seam/point_grid.h"
+
+namespace mr::merge {
+namespace {
+
+constexpr std::size_t kMostRimCorners = 100;
+constexpr float kRimsAgree = 0.5f;  // cosine: rims that face like what closes them
+constexpr float kSlit_voxels = 3;   // triangles with shorter edges need only face the same way
+constexpr float kClear_voxels = 3;  // above and below a hole: other surface there is in it
+constexpr float kBehind_voxels = 5;
+constexpr float kLeastArea_m2 = 1e-9f;
+constexpr float kWide_voxels = 4, kBent_voxels = 0.25f;  // of holes that get a vertex
+
+/// What closes a hole.
+struct Filling {
+  std::vector<Triangle> triangles;  ///< of the mesh's vertices; kMiddle: `middle`
+  std::optional<Vec3f> middle;      ///< a vertex of its own
+  static constexpr std::uint32_t kMiddle = 0xFFFFFFFFu;
+};
+
+std::uint64_t edge_of(std::uint32_t a, std::uint32_t b) {
+  return static_cast<std::uint64_t>(std::min(a, b)) << 32 | std::max(a, b);
+}
+
+/// A mesh with its holes.
+class Holes {
+ public:
+  Holes(const Mesh& mesh, const HolesConfig& config)
+      : mesh_(mesh), config_(config), normals_(kit::vertex_normals(mesh)) {
+    for (BorderLoop& loop : border_loops(mesh))
+      if (loop.size() <= kMostRimCorners && may_be_narrow(loop)) loops_.push_back(std::move(loop));
+    std::vector<std::uint8_t> on_loop(mesh.positions.size(), 0);
+    for (const BorderLoop& loop : loops_)
+      for (const std::uint32_t v : loop) on_loop[v] = 1;
+    for (const Triangle& t : mesh.triangles)
+      for (int i = 0; i < 3; ++i)
+        if (const std::uint32_t a = t[i], b = t[(i + 1) % 3]; on_loop[a] && on_loop[b])
+          edges_.insert(edge_of(a, b));
+  }
+
+  const std::vector<BorderLoop>& loops() const { return loops_; }
+
+  /// What closes a loop, if it is a small hole.
+  std::optional<Filling> filling(const BorderLoop& loop) const {
+    const auto found = least_filling(static_cast<std::uint32_t>(loop.size()),
+                                     [&](std::uint32_t i, std::uint32_t j, std::uint32_t k) {
+                                       const bool is_last = i == 0 && k + 1 == loop.size();
+                                       return cost(loop[i], loop[j], loop[k], !is_last);
+                                     });
+    if (!found) return std::nullopt;
+    Filling out;
+    for (const auto& [a, b, c] : *found) out.triangles.push_back({loop[a], loop[b], loop[c]});
+    if (auto bent = with_middle(loop)) return bent;
+    return out;
+  }
+
+  /// Whether the filling would give an edge a third triangle; else its edges are the mesh's.
+  bool add_edges(const Filling& filling, const BorderLoop& loop) {
+    std::vector<std::uint64_t> fresh;
+    std::unordered_set<std::uint64_t> around;
+    for (std::size_t i = 0; i < loop.size(); ++i)
+      around.insert(edge_of(loop[i], loop[(i + 1) % loop.size()]));
+    for (const Triangle& t : filling.triangles)
+      for (int i = 0; i < 3; ++i)
+        if (const std::uint64_t e = edge_of(t[i], t[(i + 1) % 3]); !around.contains(e))
+          fresh.push_back(e);
+    for (const std::uint64_t e : fresh)
+      if (!filling.middle && edges_.contains(e)) return false;
+    edges_.insert(fresh.begin(), fresh.end());
+    return true;
+  }
+
+  /// Corners of one of its triangles.
+  GuessedTriangle corners(const Filling& filling, const Triangle& t) const {
+    GuessedTriangle out;
+    for (int i = 0; i < 3; ++i)
+      out[i] = t[i] == Filling::kMiddle ? *filling.middle : mesh_.positions[t[i]];
+    return out;
+  }
+
+ private:
+  Vec3f at(std::uint32_t v) const { return mesh_.positions[v]; }
+
+  /// Whether a loop's area is not too large for its length; saves time.
+  bool may_be_narrow(const BorderLoop& loop) const {
+    Vec3f area;
+    float around = 0;
+    for (std::size_t i = 0; i < loop.size(); ++i) {
+      const Vec3f a = at(loop[i]) - at(loop[0]), b = at(loop[(i + 1) % loop.size()]) - at(loop[0]);
+      area += cross(b, a), around += length(b - a);
+    }
+    return 0.5f * length(area) <= static_cast<float>(config_.fill_m) * around;
+  }
+
+  /// Of the triangle {c, b, a} over a hole: its area. `closes`: it has a new edge from a to c.
+  std::optional<double> cost(std::uint32_t a, std::uint32_t b, std::uint32_t c, bool closes) const {
+    const auto most = static_cast<float>(config_.fill_m);
+    if (closes && (length(at(a) - at(c)) > most || edges_.contains(edge_of(a, c))))
+      return std::nullopt;
+    const float size = agreeing_size(at(c), at(b), at(a), {normals_[c], normals_[b], normals_[a]});
+    if (size <= 0) return std::nullopt;
+    return 0.5 * size;
+  }
+
+  /// Twice the area of a triangle; 0: it is too wide, a sliver, or faces another way than the
+  /// surface at its corners.
+  float agreeing_size(Vec3f p, Vec3f q, Vec3f r, const std::array<Vec3f, 3>& normals) const {
+    const Vec3f n = cross(q - p, r - p);
+    const float size = length(n);
+    const float longest = std::max({length(q - p), length(r - q), length(p - r)});
+    if (size < 2 * kLeastArea_m2 || size > static_cast<float>(config_.fill_m) * longest) return 0;
+    if (longest <= kSlit_voxels * static_cast<float>(config_.voxel_m))
+      return dot(n, normals[0] + normals[1] + normals[2]) > 0 ? size : 0;
+    for (const Vec3f& around : normals)
+      if (dot(n, around) < kRimsAgree * size) return 0;
+    return size;
+  }
+
+  /// A fan around a vertex in the middle of a wide hole in a bent surface. The tangent planes of a
+  /// sphere, a cylinder or a paraboloid at the rim pass its middle at twice its height.
+  std::optional<Filling> with_middle(const BorderLoop& loop) const {
+    Vec3f middle, normal;
+    for (const std::uint32_t v : loop) middle += at(v), normal += normals_[v];
+    middle = middle / static_cast<float>(loop.size()), normal = normalized(normal);
+    float height = 0, width = 0;
+    for (const std::uint32_t v : loop) {
+      const float along = dot(normals_[v], normal);
+      if (along < kRimsAgree) return std::nullopt;
+      height += dot(at(v) - middle, normals_[v]) / along / static_cast<float>(loop.size());
+      width = std::max(width, 2 * length(at(v) - middle));
+    }
+    const auto voxel_m = static_cast<float>(config_.voxel_m);
+    if (width < kWide_voxels * voxel_m || std::abs(height) < 2 * kBent_voxels * voxel_m)
+      return std::nullopt;
+    Filling out;
+    out.middle = config_.lattice.snap(middle + normal * (0.5f * height));
+    for (std::size_t i = 0; i < loop.size(); ++i) {
+      const std::uint32_t a = loop[i], b = loop[(i + 1) % loop.size()];
+      if (agreeing_size(at(b), at(a), *out.middle, {normals_[b], normals_[a], normal}) <= 0)
+        return std::nullopt;
+      out.triangles.push_back({b, a, Filling::kMiddle});
+    }
+    return out;
+  }
+
+  const Mesh& mesh_;
+  const HolesConfig& config_;
+  std::vector<Vec3f> normals_;
+  std::vector<BorderLoop> loops_;
+  std::unordered_set<std::uint64_t> edges_;  ///< between vertices of loops
+};
+
+/// The ends of all borders, to find what lies in a hole.
+class BorderPoints {
+ public:
+  BorderPoints(const Mesh& mesh, double cell_m)
+      : points_(ends(mesh)), grid_(places(mesh, points_), cell_m), mesh_(mesh) {}
+
+  /// Whether a border other than the loop's ends above or below a triangle.
+  bool any_over(const GuessedTriangle& t, const BorderLoop& loop, float clear_m) const {
+    const Vec3f middle = (t[0] + t[1] + t[2]) / 3.0f;
+    const Vec3f normal = normalized(cross(t[1] - t[0], t[2] - t[0]));
+    const float reach =
+        clear_m + std::max({length(t[0] - middle), length(t[1] - middle), length(t[2] - middle)});
+    bool found = false;
+    grid_.within(middle, reach, [&](std::uint32_t i) {
+      const Vec3f p = mesh_.positions[points_[i]];
+      bool over = std::abs(dot(p - middle, normal)) < clear_m;
+      for (int k = 0; k < 3 && over; ++k)
+        over = dot(cross(t[(k + 1) % 3] - t[k], p - t[k]), normal) > 0;
+      found |= over && std::ranges::find(loop, points_[i]) == loop.end();
+    });
+    return found;
+  }
+
+ private:
+  static std::vector<std::uint32_t> ends(const Mesh& mesh) {
+    const std::vector<std::uint8_t> border = kit::border_vertices(mesh);
+    std::vector<std::uint32_t> out;
+    for (std::uint32_t v = 0; v < border.size(); ++v)
+      if (border[v]) out.push_back(v);
+    return out;
+  }
+  static std::vector<Vec3f> places(const Mesh& mesh, const std::vector<std::uint32_t>& vertices) {
+    std::vector<Vec3f> out;
+    for (const std::uint32_t v : vertices) out.push_back(mesh.positions[v]);
+    return out;
+  }
+
+  std::vector<std::uint32_t> points_;
+  PointGrid grid_;
+  const Mesh& mesh_;
+};
+
+/// Adds triangles and their vertices; each has the sensor of a triangle at its rim.
+void append_fillings(Mesh& mesh, const std::vector<Filling>& fillings) {
+  const bool labelled = !mesh.sensors.empty();
+  std::vector<SensorId> sensor = triangle_sensors(mesh),
+                        at_vertex(mesh.positions.size(), kNoSensor);
+  for (std::size_t t = 0; labelled && t < mesh.triangles.size(); ++t)
+    for (const std::uint32_t v : mesh.triangles[t]) at_vertex[v] = sensor[t];
+  for (const Filling& filling : fillings) {
+    const auto middle = static_cast<std::uint32_t>(mesh.positions.size());
+    if (filling.middle) mesh.positions.push_back(*filling.middle);
+    for (Triangle t : filling.triangles) {
+      sensor.push_back(at_vertex[t[0]]);
+      for (std::uint32_t& v : t)
+        if (v == Filling::kMiddle) v = middle;
+      mesh.triangles.push_back(t);
+    }
+  }
+  clear_labels(mesh);
+  if (labelled) set_triangle_sensors(mesh, sensor);
+}
+
+}  // namespace
+
+std::vector<GuessedTriangle> close_holes(Mesh& mesh, std::span<const kit::Part> parts,
+                                         const HolesConfig& config) {
+  std::vector<GuessedTriangle> out;
+  if (config.fill_m <= 0 || mesh.empty()) return out;
+  Holes holes(mesh, config);
+  const std::vector<BorderLoop>& loops = holes.loops();
+  if (loops.empty()) return out;
+  const BorderPoints borders(mesh, config.fill_m);
+  const SeenThrough through(parts, kBehind_voxels * config.voxel_m);
+  const auto clear_m = static_cast<float>(kClear_voxels * config.voxel_m);
+  std::vector<std::optional<Filling>> found(loops.size());
+  parallel_for(loops.size(), 1, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t i = begin; i < end; ++i) {
+      auto filling = holes.filling(loops[i]);
+      const bool sound =
+          filling && std::ranges::none_of(filling->triangles, [&](const Triangle& triangle) {
+            const GuessedTriangle t = holes.corners(*filling, triangle);
+            return borders.any_over(t, loops[i], clear_m) ||
+                   through.at((t[0] + t[1] + t[2]) / 3.0f, cross(t[1] - t[0], t[2] - t[0]));
+          });
+      if (sound) found[i] = std::move(filling);
+    }
+  });
+  std::vector<Filling> fillings;
+  for (std::size_t i = 0; i < loops.size(); ++i) {
+    if (!found[i] || !holes.add_edges(*found[i], loops[i])) continue;
+    for (const Triangle& t : found[i]->triangles) out.push_back(holes.corners(*found[i], t));
+    fillings.push_back(*std::move(found[i]));
+  }
+  if (!fillings.empty()) append_fillings(mesh, fillings);
+  return out;
+}
+
+}  // namespace mr::merge

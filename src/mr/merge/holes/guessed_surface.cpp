@@ -1,0 +1,55 @@
+#include "mr/merge/holes/guessed_surface.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "mr/merge/cell.h"
+
+namespace mr::merge {
+namespace {
+
+constexpr float kCell_m = 0.1f;
+
+bool contains(const GuessedTriangle& t, Vec3f p, float tolerance_m) {
+  const Vec3f normal = normalized(cross(t[1] - t[0], t[2] - t[0]));
+  if (std::abs(dot(p - t[0], normal)) > tolerance_m) return false;
+  for (int i = 0; i < 3; ++i)
+    if (dot(cross(t[(i + 1) % 3] - t[i], p - t[i]), normal) <= 0) return false;
+  return true;
+}
+
+}  // namespace
+
+GuessedSurface::GuessedSurface(std::vector<GuessedTriangle> triangles, double tolerance_m)
+    : tolerance_m_(static_cast<float>(tolerance_m)),
+      per_cell_(1 / kCell_m),
+      triangles_(std::move(triangles)) {
+  for (std::uint32_t i = 0; i < triangles_.size(); ++i) {
+    Box3f box;
+    for (const Vec3f p : triangles_[i]) box.add(p);
+    const Vec3f around{tolerance_m_, tolerance_m_, tolerance_m_};
+    const Vec3i low = cell_at((box.low - around) * per_cell_),
+                high = cell_at((box.high + around) * per_cell_);
+    for (int x = low.x; x <= high.x; ++x)
+      for (int y = low.y; y <= high.y; ++y)
+        for (int z = low.z; z <= high.z; ++z) by_cell_.emplace_back(cell_key({x, y, z}), i);
+  }
+  std::ranges::sort(by_cell_);
+}
+
+bool GuessedSurface::has(Vec3f p) const {
+  const auto near = std::ranges::equal_range(by_cell_, cell_key(cell_at(p * per_cell_)), {},
+                                             &std::pair<std::uint64_t, std::uint32_t>::first);
+  return std::ranges::any_of(
+      near, [&](const auto& item) { return contains(triangles_[item.second], p, tolerance_m_); });
+}
+
+std::vector<std::uint8_t> GuessedSurface::marks(const Mesh& mesh) const {
+  std::vector<std::uint8_t> out;
+  if (empty()) return out;
+  for (std::size_t t = 0; t < mesh.triangles.size(); ++t) out.push_back(has(mesh.centroid(t)));
+  if (std::ranges::count(out, 0) == std::ssize(out)) out.clear();
+  return out;
+}
+
+}  // namespace mr::merge
