@@ -186,6 +186,33 @@ TEST(MeshCodec, LabelsSurvivePerTriangle) {
   }
 }
 
+TEST(MeshCodec, MarksOfGuessesStayWithTheirTriangles) {
+  for (const int views : {1, 4}) {
+    Chunk chunk{{}, 0.001f, surface(40)};
+    if (views > 1) label_in_blocks(chunk.mesh, views);
+    const auto is_guessed = [](const Mesh& mesh, std::size_t t) {
+      const Vec3f c = mesh.centroid(t);
+      return c.x > 0.5f && c.x < 0.6f && c.y < 0.9f;
+    };
+    for (std::size_t t = 0; t < chunk.mesh.triangles.size(); ++t)
+      chunk.guessed.push_back(is_guessed(chunk.mesh, t));
+    const auto coded = encode_chunk(chunk, {}, 5);
+    ASSERT_TRUE(coded) << coded.error().message;
+    EXPECT_FALSE(coded->guessed.empty());
+    const auto decoded = decode_chunk(*coded, {});
+    ASSERT_TRUE(decoded) << decoded.error().message;
+    ASSERT_EQ(decoded->guessed.size(), decoded->mesh.triangles.size());
+    for (std::size_t t = 0; t < decoded->guessed.size(); ++t)
+      EXPECT_EQ(decoded->guessed[t] != 0, is_guessed(decoded->mesh, t)) << t;
+
+    EncodedChunk wrong = *coded;
+    wrong.guessed = {{wrong.triangles - 1, 2}};
+    EXPECT_FALSE(decode_chunk(wrong, {}));
+    chunk.guessed.pop_back();
+    EXPECT_FALSE(encode_chunk(chunk, {}, 5));
+  }
+}
+
 TEST(MeshCodec, NoViewAtAllNeedsNoLabels) {
   const Mesh mesh = one_view(surface(10), kNoView);
   const EncodedChunk chunk = encoded(mesh);

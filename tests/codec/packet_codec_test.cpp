@@ -394,6 +394,44 @@ TEST(PacketCodec, RectanglesLieInTheirPictures) {
       << "beyond any texture";
 }
 
+TEST(PacketCodec, GuessesLieInTheirChunk) {
+  Packet packet = full_packet();
+  packet.chunks[0].guessed = {{2, 3}, {7, 1}, {17, 1}};
+  const auto read = decode_packet(encode_packet(packet));
+  ASSERT_TRUE(read) << read.error().message;
+  EXPECT_EQ(read->chunks[0].guessed, packet.chunks[0].guessed);
+  using Ranges = std::vector<TriangleRange>;
+  for (const Ranges& wrong : {Ranges{{17, 2}}, Ranges{{3, 0}}, Ranges{{4, 2}, {2, 1}},
+                              Ranges{{2, 3}, {5, 1}}, Ranges{{0xFFFFFFFF, 2}}})
+    EXPECT_TRUE(invalid([&](Packet& p) { p.chunks[0].guessed = wrong; }));
+}
+
+/// x + 3 y + 7 z over the lattice cells of the corners of a chunk's guessed triangles.
+std::int64_t sum_of_guessed(const Chunk& chunk) {
+  std::int64_t sum = 0;
+  for (std::size_t t = 0; t < chunk.guessed.size(); ++t)
+    for (int i = 0; i < 3 && chunk.guessed[t]; ++i) {
+      const Vec3i cell = Lattice{}.quantize(chunk.mesh.corner(t, i));
+      sum += cell.x + std::int64_t{3} * cell.y + std::int64_t{7} * cell.z;
+    }
+  return sum;
+}
+
+TEST(PacketCodec, GuessesAreTheTrianglesThatThePageTakesThemFor) {
+  // web/tests/unit/draco.test.ts: the same sums.
+  const auto packet = decode_packet(
+      *read_file(std::filesystem::path(MR_SOURCE_DIR) / "web/tests/data/chunks_room.bin"));
+  ASSERT_TRUE(packet) << packet.error().message;
+  std::vector<std::int64_t> sums;
+  for (EncodedChunk chunk : packet->chunks) {
+    chunk.guessed = {{3, 4}, {11, 1}};
+    const auto decoded = decode_chunk(chunk, {});
+    ASSERT_TRUE(decoded) << decoded.error().message;
+    sums.push_back(sum_of_guessed(*decoded));
+  }
+  EXPECT_EQ(sums, (std::vector<std::int64_t>{86648919, 86754940, 86915445}));
+}
+
 TEST(PacketCodec, ListsAreSortedAndUnique) {
   EXPECT_TRUE(invalid([](Packet& p) { std::swap(p.views[0], p.views[1]); }));
   EXPECT_TRUE(invalid([](Packet& p) { p.views[1].id = p.views[0].id; }));

@@ -193,7 +193,7 @@ export class Client {
   private decode(chunks: readonly EncodedChunk[]): void {
     const generation = this.generation;
     const lattice = this.lattice;
-    for (const { key, payload, triangles, views } of chunks) {
+    for (const { key, payload, triangles, views, guessed } of chunks) {
       const done = (report: () => void): void => {
         if (generation !== this.generation) return;
         report();
@@ -210,7 +210,7 @@ export class Client {
       }
       const background = key.source === kBackgroundSource;
       this.pool.decode(
-        { payload, triangles, views, background, lattice },
+        { payload, triangles, views, guessed, background, lattice },
         (mesh) => done(() => this.receiver.chunkDecoded(key.name, mesh)),
         failed,
       );

@@ -16,6 +16,8 @@ export interface ChunkToDecode {
   readonly payload: Uint8Array;
   readonly triangles: number;
   readonly views: readonly number[];
+  /** As in EncodedChunk. */
+  readonly guessed?: readonly number[] | undefined;
   readonly background: boolean;
   readonly lattice: Lattice;
 }
@@ -31,6 +33,8 @@ export interface ChunkMesh {
   readonly views: Uint16Array<ArrayBuffer> | null;
   /** Of a background. */
   readonly colors: Uint8Array<ArrayBuffer> | null;
+  /** [9 G] Corners of the triangles that no sensor measured; null: there are none. */
+  readonly guessed: Float32Array<ArrayBuffer> | null;
 }
 
 /** Views with a number below this can be drawn; the number is the index of a sensor in the scene. */
@@ -110,12 +114,13 @@ function readMesh(draco: DracoModule, decoder: DracoDecoder, mesh: DracoMesh, ch
   const second = count === 2 ? decoder.GetAttribute(mesh, 1) : null;
 
   const positions = new Float32Array(values(position, draco.DT_FLOAT32, 12 * points));
-  const common = { positions, box: boxOnLattice(positions, chunk.lattice), viewIds: chunk.views };
   const corners = new Uint32Array(
     copyOut(draco, 12 * faces, (at) => decoder.GetTrianglesUInt32Array(mesh, 12 * faces, at)),
   );
   require(corners.every((point) => point < points), "a triangle names a point that is not there");
   const indices = points <= 0xffff ? Uint16Array.from(corners) : corners;
+  const guessed = cornersOf(positions, corners, chunk.guessed ?? []);
+  const common = { positions, box: boxOnLattice(positions, chunk.lattice), viewIds: chunk.views, guessed };
 
   if (chunk.background) {
     require(second !== null && is(second, draco.COLOR, draco.DT_UINT8, 3), "a background without colours");
@@ -130,6 +135,15 @@ function readMesh(draco: DracoModule, decoder: DracoDecoder, mesh: DracoMesh, ch
   require(is(second, draco.GENERIC, draco.DT_UINT8, 1), "a chunk whose labels are none");
   const labels = new Uint8Array(values(second, draco.DT_UINT8, points));
   return { ...common, indices, views: viewsOf(labels, corners, chunk.views), colors: null };
+}
+
+/** Of the triangles in some ranges: pairs of the first one and their number. */
+function cornersOf(positions: Float32Array, corners: Uint32Array, ranges: readonly number[]): Float32Array<ArrayBuffer> | null {
+  const out: number[] = [];
+  for (let i = 0; i < ranges.length; i += 2)
+    for (const point of corners.subarray(3 * ranges[i]!, 3 * (ranges[i]! + ranges[i + 1]!)))
+      out.push(...positions.subarray(3 * point, 3 * point + 3));
+  return out.length === 0 ? null : Float32Array.from(out);
 }
 
 /** All positions must be lattice points. */

@@ -40,7 +40,7 @@ async function decode({ id, chunk }: DecodeRequest): Promise<void> {
     answer = { id, mesh: null, error: message, isFatal: !isLoaded };
   }
   const mesh = answer.mesh;
-  const arrays = mesh === null ? [] : [mesh.positions, mesh.indices, mesh.views, mesh.colors];
+  const arrays = mesh === null ? [] : [mesh.positions, mesh.indices, mesh.views, mesh.colors, mesh.guessed];
   const buffers = arrays.flatMap((array) => (array === null ? [] : [array.buffer]));
   self.postMessage(answer, { transfer: mesh?.rim == null ? buffers : [...buffers, ...buffersOf(mesh.rim)] });
 }

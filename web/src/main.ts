@@ -102,6 +102,7 @@ async function main(): Promise<void> {
       device: support.device,
       hold: query.get("hold") === "1",
       layer: askedLayer(query.get("layers")),
+      showsGuesses: query.get("guessed") === "show",
       checkPairs,
       breakPairs: checkPairs && query.get("break") === "pairs",
     },

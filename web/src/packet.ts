@@ -67,6 +67,8 @@ export interface EncodedChunk {
   readonly errorM: number;
   readonly triangles: number;
   readonly views: readonly number[];
+  /** Triangles, in the stream's order, that no sensor measured: pairs of the first one and their number. */
+  readonly guessed?: readonly number[];
   readonly payload: Uint8Array;
 }
 

@@ -138,7 +138,20 @@ function readChunk(table: Table): EncodedChunk {
   requireSorted(views, (a, b) => a < b, "views of a chunk");
   require(!views.includes(kNoView), "a chunk that names no view as view");
   const key = readKey(table.buffer, table.struct(0, kKeyBytes, "a chunk's key"));
-  return { key, errorM, triangles, views, payload: table.payload(4, "a chunk's payload") };
+  const payload = table.payload(4, "a chunk's payload");
+  return { key, errorM, triangles, views, guessed: readGuessed(table, triangles), payload };
+}
+
+function readGuessed(table: Table, triangles: number): number[] {
+  const span = table.vector(6, 4, triangles + 1, "guesses of a chunk");
+  const guessed = numbers(span, 4, (at) => table.buffer.view.getUint32(at, true));
+  require(guessed.length % 2 === 0, "impossible guesses");
+  for (let i = 0, end = -1; i < guessed.length; i += 2) {
+    const [first, count] = [guessed[i]!, guessed[i + 1]!];
+    require(first > end && count > 0 && first + count <= triangles, "impossible guesses");
+    end = first + count;
+  }
+  return guessed;
 }
 
 export function numbers(span: Span, bytes: number, read: (at: number) => number): number[] {

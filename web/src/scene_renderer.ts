@@ -12,7 +12,7 @@ import { planeSizes, type Picture } from "./picture.ts";
 import { Stage, type Theme } from "./stage.ts";
 import { StillPicture } from "./still_picture.ts";
 import type { Vec3 } from "./vec.ts";
-import { kBackground, kNoView, kParts, makeColorMaterial, SharedUniforms, streamUniforms, ViewMaterial, type StreamUniforms } from "./view_material.ts";
+import { kBackground, kNoView, kParts, makeColorMaterial, makeTintMaterial, SharedUniforms, streamUniforms, ViewMaterial, type StreamUniforms } from "./view_material.ts";
 
 ColorManagement.enabled = false;
 
@@ -32,6 +32,8 @@ interface DrawnChunk {
   readonly mesh: RimmedMesh;
   readonly geometry: BufferGeometry;
   readonly objects: Map<Materials, Mesh>;
+  /** Over what no sensor measured, if that is shown. */
+  readonly tint: Mesh | null;
   readonly scene: Scene;
   /** Edges where surface ends, by number in the rim. */
   borders: readonly number[];
@@ -43,6 +45,8 @@ interface StillLook {
   readonly views: string;
   readonly pictures: readonly (Picture | undefined)[];
 }
+
+const kGuessedColor = [230, 60, 200] as const;
 
 const kNothing: StillLook = { chunks: [], views: "", pictures: [] };
 
@@ -127,6 +131,7 @@ export class SceneRenderer {
   private readonly stage = new Stage(this.scenes[kStill]!, this.shared);
   private readonly plainMaterials = viewMaterials(this.shared, streamUniforms(0, 1, 1), "rgba", kMoving);
   private readonly colorMaterials: Materials;
+  private readonly tintMaterial: RawShaderMaterial;
   private unseen = kNoView;
   private readonly empty = new Color();
   private readonly streams = new Map<number, StreamTexture>();
@@ -136,14 +141,15 @@ export class SceneRenderer {
   private stillLook = kNothing;
   private size: readonly [number, number] = [1, 1];
 
-  /** Without a graphics device what stays is drawn once for an eye. */
-  constructor(canvas: HTMLCanvasElement, isSoftware: boolean) {
+  /** Without a graphics device what stays is drawn once for an eye. `showsGuesses`: tints what no sensor measured. */
+  constructor(canvas: HTMLCanvasElement, isSoftware: boolean, private readonly showsGuesses = false) {
     const antialias = !isSoftware;
     this.renderer = new WebGLRenderer({ canvas, antialias, alpha: false, powerPreference: "high-performance" });
     this.renderer.outputColorSpace = LinearSRGBColorSpace;
     this.renderer.autoClear = false;
     this.stillPicture = isSoftware ? new StillPicture(this.renderer) : null;
     this.colorMaterials = [makeColorMaterial(this.shared)];
+    this.tintMaterial = makeTintMaterial(this.shared);
     for (const scene of this.scenes) scene.matrixWorldAutoUpdate = false;
     this.camera.matrixWorldAutoUpdate = false;
   }
@@ -318,9 +324,21 @@ export class SceneRenderer {
     if (mesh.colors !== null) geometry.setAttribute("color", new BufferAttribute(mesh.colors, 3, true));
     const [low, high] = [new Vector3(...mesh.box.low), new Vector3(...mesh.box.high)];
     geometry.boundingSphere = new Sphere(low.clone().add(high).multiplyScalar(0.5), 0.5 * low.distanceTo(high));
-    const chunk: DrawnChunk = { mesh, geometry, objects: new Map(), scene: this.scenes[layer]!, borders: [] };
+    const chunk: DrawnChunk = { mesh, geometry, objects: new Map(), tint: this.tintOf(mesh), scene: this.scenes[layer]!, borders: [] };
+    if (chunk.tint !== null) chunk.scene.add(chunk.tint);
     this.chunks.set(name, chunk);
     return chunk;
+  }
+
+  private tintOf({ guessed }: RimmedMesh): Mesh | null {
+    if (guessed === null || !this.showsGuesses) return null;
+    const geometry = new BufferGeometry();
+    geometry.setAttribute("position", new BufferAttribute(guessed, 3));
+    const colors = Uint8Array.from({ length: guessed.length }, (_, i) => kGuessedColor[i % 3]!);
+    geometry.setAttribute("color", new BufferAttribute(colors, 3, true));
+    const tint = new Mesh(geometry, this.tintMaterial);
+    tint.frustumCulled = tint.matrixAutoUpdate = tint.matrixWorldAutoUpdate = false;
+    return tint;
   }
 
   /** Beside a still surface only that fades: what moves is small, and people would lose their hands. */
@@ -356,7 +374,11 @@ export class SceneRenderer {
     geometry.addGroup(whole, reached, kParts.indexOf("fading"));
   }
 
-  private remove(name: string, { geometry, objects, scene }: DrawnChunk): void {
+  private remove(name: string, { geometry, objects, tint, scene }: DrawnChunk): void {
+    if (tint !== null) {
+      scene.remove(tint);
+      tint.geometry.dispose();
+    }
     this.chunks.delete(name);
     scene.remove(...objects.values());
     geometry.dispose();

@@ -266,3 +266,11 @@ export function makeColorMaterial(shared: SharedUniforms): RawShaderMaterial {
     uniforms: { eye: shared.eye, T_clip_eye: shared.T_clip_eye },
   });
 }
+
+/** The same, over surface in the same place. */
+export function makeTintMaterial(shared: SharedUniforms): RawShaderMaterial {
+  const material = makeColorMaterial(shared);
+  material.polygonOffset = true;
+  material.polygonOffsetFactor = material.polygonOffsetUnits = -2;
+  return material;
+}

@@ -24,6 +24,8 @@ export interface ViewerOptions {
   readonly hold: boolean;
   /** Shows the chunks of this layer alone; null: all. */
   readonly layer: Layer | null;
+  /** Tints what no sensor measured. */
+  readonly showsGuesses: boolean;
   /** Reads the number that is burnt into each picture drawn. */
   readonly checkPairs: boolean;
   /** A deliberate mistake for tests: the previous picture with the new mesh. */
@@ -107,7 +109,7 @@ export class Viewer {
     tokens: TokenKeeper,
     private readonly page: ViewerPage,
   ) {
-    this.renderer = new SceneRenderer(canvas, options.isSoftware);
+    this.renderer = new SceneRenderer(canvas, options.isSoftware, options.showsGuesses);
     this.controls = new Controls(canvas, this.navigation, (x, y) => this.aim(x, y), () => {
       this.hasMoved = true;
       this.schedule();

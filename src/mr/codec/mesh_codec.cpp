@@ -588,8 +588,13 @@ PlacedTriangle placed(const Mesh& mesh, std::size_t triangle) {
   return out;
 }
 
+/// What the labels of a chunk's stream stand for.
+std::vector<std::uint32_t> meanings_of(const EncodedChunk& chunk) {
+  return chunk.sensors.empty() ? numbers_of(chunk.views) : numbers_of(chunk.sensors);
+}
+
 /// Where the guessed triangles are in the coded stream: Edgebreaker has an order of its own.
-Result<std::vector<TriangleRange>> guessed_in_stream(const Chunk& chunk, const SharedBytes& payload,
+Result<std::vector<TriangleRange>> guessed_in_stream(const Chunk& chunk, const EncodedChunk& coded,
                                                      const Lattice& lattice) {
   std::vector<PlacedTriangle> wanted;
   for (std::size_t t = 0; t < chunk.guessed.size(); ++t)
@@ -598,10 +603,10 @@ Result<std::vector<TriangleRange>> guessed_in_stream(const Chunk& chunk, const S
   if (wanted.empty()) return out;
   std::ranges::sort(wanted);
   draco::Mesh decoded;
-  if (auto ok = decompress(payload, false, decoded); !ok) return ok.error();
+  if (auto ok = decompress(coded.payload, false, decoded); !ok) return ok.error();
   std::vector<std::uint32_t> labels;
-  const std::vector<std::uint32_t> any(kMaxViews);
-  const auto mesh = rebuild(decoded, decoded.num_attributes() > 1, any, lattice, labels);
+  const auto mesh =
+      rebuild(decoded, decoded.num_attributes() > 1, meanings_of(coded), lattice, labels);
   if (!mesh) return mesh.error();
   for (std::uint32_t t = 0; t < mesh->triangles.size(); ++t) {
     if (!std::ranges::binary_search(wanted, placed(*mesh, t))) continue;
@@ -654,7 +659,7 @@ Result<EncodedChunk> encode_chunk(const Chunk& chunk, const Lattice& lattice, in
     auto payload = compress(mesh, lattice, speed);
     if (!payload) return payload.error();
     out.payload = std::move(*payload);
-    auto guessed = guessed_in_stream(chunk, out.payload, lattice);
+    auto guessed = guessed_in_stream(chunk, out, lattice);
     if (!guessed) return guessed.error();
     out.guessed = *std::move(guessed);
   } catch (const std::exception& e) {
@@ -673,9 +678,7 @@ Result<Chunk> decode_chunk(const EncodedChunk& chunk, const Lattice& lattice) {
   const bool labelled = !colored && decoded.num_attributes() > 1;
   const bool by_sensor = !chunk.sensors.empty();
   std::vector<std::uint32_t> labels;
-  auto mesh =
-      rebuild(decoded, labelled, by_sensor ? numbers_of(chunk.sensors) : numbers_of(chunk.views),
-              lattice, labels);
+  auto mesh = rebuild(decoded, labelled, meanings_of(chunk), lattice, labels);
   if (!mesh) return mesh.error();
   if (by_sensor) set_triangle_sensors(*mesh, ids_of<SensorId>(labels));
   if (!chunk.views.empty()) set_triangle_views(*mesh, ids_of<ViewId>(labels));

@@ -61,9 +61,9 @@ struct EncodedChunk {
   /// What the stream's labels mean, at most 254: as in the mesh, of one kind at most.
   std::vector<SensorId> sensors{};
   std::vector<ViewId> views{};
+  SharedBytes payload;  ///< Draco, Edgebreaker
   /// Which triangles, in the stream's order, no sensor measured (merge.fill_m): ascending, apart.
   std::vector<TriangleRange> guessed{};
-  SharedBytes payload;  ///< Draco, Edgebreaker
 
   friend bool operator==(const EncodedChunk&, const EncodedChunk&) = default;
 };

@@ -44,6 +44,19 @@ test("chunks decode to the triangles that the C++ side decodes", () => {
   });
 });
 
+test("guesses are the triangles that the C++ side takes them for", () => {
+  // tests/codec/packet_codec_test.cpp: the same ranges, the same sums over the corners' lattice cells.
+  const expected = [86648919, 86754940, 86915445];
+  expected.forEach((sum, i) => {
+    const mesh = decodeChunk(draco, { ...toDecode(i), guessed: [3, 4, 11, 1] });
+    let found = 0;
+    assert.equal(mesh.guessed?.length, 9 * 5);
+    mesh.guessed!.forEach((value, k) => (found += (value + 512) * 1024 * [1, 3, 7][k % 3]!));
+    assert.equal(found, sum);
+  });
+  assert.equal(decodeChunk(draco, toDecode(0)).guessed, null);
+});
+
 test("a chunk that is not as promised is refused", () => {
   const good = toDecode(0);
   const refused = (change: Partial<ChunkToDecode>): void =>
