@@ -21,6 +21,7 @@ function patch(x: number, n: number, step = kStepM, view = (_column: number) => 
   return withRim({
     box: { low: [x, 0, 0], high: [x + n * step, n * step, 0] }, viewIds: [0, 1],
     positions: new Float32Array(positions), indices: new Uint16Array(indices), views: new Uint16Array(views), colors: null,
+    guessed: null,
   });
 }
 
