@@ -337,6 +337,11 @@ Mesh Labelling::labelled(std::span<const View> views) const {
     ids.push_back(label[t] == kNone ? kNoView : views[label[t]].id);
   }
   set_triangle_views(out, ids);
+  // On the lattice, vertices of cuts may meet those of another sheet.
+  const std::vector<std::uint32_t> place =
+      cut_edges.empty() ? std::vector<std::uint32_t>{} : kit::same_place(out.positions);
+  for (std::uint32_t v = 0; v < place.size(); ++v)
+    if (place[v] != v) return kit::without_nonmanifold_edges(kit::weld(out));
   return out;
 }
 
