@@ -8,6 +8,7 @@
 #include <utility>
 #include <vector>
 
+#include "mr/merge/holes/close_holes.h"
 #include "mr/merge/islands.h"
 #include "mr/merge/overlap/overlap.h"
 #include "mr/merge/seam/zipper.h"
@@ -193,6 +194,10 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   const Mesh zipped = merge::zip(owned, merge::zipper_config(config.voxel_m));
   require_whole(zipped);
   require(bad_before > 0 || count_bad_edges(zipped) == 0, "zipping makes no non-manifold edge");
+  Mesh closed = zipped;
+  merge::close_holes(closed, parts, {.fill_m = 10 * config.voxel_m, .voxel_m = config.voxel_m});
+  require_whole(closed);
+  require(bad_before > 0 || count_bad_edges(closed) == 0, "closed holes make no such edge");
   require_whole(merge::remove_islands(zipped, merge::island_area_m2(config.voxel_m)));
   return 0;
 }

@@ -17,7 +17,7 @@
 namespace mr::merge {
 namespace {
 
-constexpr std::size_t kMostRimCorners = 100;
+constexpr std::size_t kMostRimCorners = 300;
 constexpr float kRimsAgree = 0.5f;  // cosine: rims that face like what closes them
 constexpr float kSlit_voxels = 3;   // triangles with shorter edges need only face the same way
 constexpr float kClear_voxels = 3;  // above and below a hole: other surface there is in it
@@ -56,11 +56,12 @@ class Holes {
 
   /// What closes a loop, if it is a small hole.
   std::optional<Filling> filling(const BorderLoop& loop) const {
-    const auto found = least_filling(static_cast<std::uint32_t>(loop.size()),
-                                     [&](std::uint32_t i, std::uint32_t j, std::uint32_t k) {
-                                       const bool is_last = i == 0 && k + 1 == loop.size();
-                                       return cost(loop[i], loop[j], loop[k], !is_last);
-                                     });
+    const FillingRule rule{
+        [&](std::uint32_t i, std::uint32_t k) { return may_join(loop[i], loop[k]); },
+        [&](std::uint32_t i, std::uint32_t j, std::uint32_t k) {
+          return cost(loop[i], loop[j], loop[k]);
+        }};
+    const auto found = least_filling(static_cast<std::uint32_t>(loop.size()), rule);
     if (!found) return std::nullopt;
     Filling out;
     for (const auto& [a, b, c] : *found) out.triangles.push_back({loop[a], loop[b], loop[c]});
@@ -106,11 +107,13 @@ class Holes {
     return 0.5f * length(area) <= static_cast<float>(config_.fill_m) * around;
   }
 
-  /// Of the triangle {c, b, a} over a hole: its area. `closes`: it has a new edge from a to c.
-  std::optional<double> cost(std::uint32_t a, std::uint32_t b, std::uint32_t c, bool closes) const {
-    const auto most = static_cast<float>(config_.fill_m);
-    if (closes && (length(at(a) - at(c)) > most || edges_.contains(edge_of(a, c))))
-      return std::nullopt;
+  bool may_join(std::uint32_t a, std::uint32_t b) const {
+    return length(at(a) - at(b)) <= static_cast<float>(config_.fill_m) &&
+           !edges_.contains(edge_of(a, b));
+  }
+
+  /// Of the triangle {c, b, a} over a hole: its area.
+  std::optional<double> cost(std::uint32_t a, std::uint32_t b, std::uint32_t c) const {
     const float size = agreeing_size(at(c), at(b), at(a), {normals_[c], normals_[b], normals_[a]});
     if (size <= 0) return std::nullopt;
     return 0.5 * size;

@@ -38,10 +38,11 @@ GuessedSurface::GuessedSurface(std::vector<GuessedTriangle> triangles, double to
 }
 
 bool GuessedSurface::has(Vec3f p) const {
-  const auto near = std::ranges::equal_range(by_cell_, cell_key(cell_at(p * per_cell_)), {},
-                                             &std::pair<std::uint64_t, std::uint32_t>::first);
-  return std::ranges::any_of(
-      near, [&](const auto& item) { return contains(triangles_[item.second], p, tolerance_m_); });
+  const std::uint64_t cell = cell_key(cell_at(p * per_cell_));
+  auto near = std::lower_bound(by_cell_.begin(), by_cell_.end(), std::pair(cell, 0u));
+  for (; near != by_cell_.end() && near->first == cell; ++near)
+    if (contains(triangles_[near->second], p, tolerance_m_)) return true;
+  return false;
 }
 
 std::vector<std::uint8_t> GuessedSurface::marks(const Mesh& mesh) const {

@@ -6,9 +6,7 @@
 
 namespace mr::merge {
 
-std::optional<std::vector<Triangle>> least_filling(
-    std::uint32_t corners,
-    const std::function<std::optional<double>(std::uint32_t, std::uint32_t, std::uint32_t)>& cost) {
+std::optional<std::vector<Triangle>> least_filling(std::uint32_t corners, const FillingRule& rule) {
   constexpr double kImpossible = std::numeric_limits<double>::infinity();
   if (corners < 3) return std::nullopt;
   struct Best {
@@ -21,10 +19,11 @@ std::optional<std::vector<Triangle>> least_filling(
     for (std::uint32_t i = 0; i + span < corners; ++i) {
       const std::uint32_t k = i + span;
       Best found{kImpossible, i};
-      for (std::uint32_t j = i + 1; j < k; ++j) {
+      const bool is_edge = (i == 0 && k + 1 == corners) || rule.may_join(i, k);
+      for (std::uint32_t j = i + 1; j < k && is_edge; ++j) {
         const double parts = at(i, j).cost + at(j, k).cost;
         if (parts >= found.cost) continue;
-        const auto own = cost(i, j, k);
+        const auto own = rule.cost(i, j, k);
         if (own && parts + *own < found.cost) found = {parts + *own, j};
       }
       at(i, k) = found;
