@@ -146,8 +146,11 @@ bool AdvancingFront::has_inner(std::uint32_t from, std::uint32_t to) const {
   return e != kNone;
 }
 
-/// The live edge that leads from one vertex's place to another's, or kNone.
+/// The live edge that leads from one vertex's place to another's, or kNone. Where borders of two
+/// parts lie in one place, the one between these very vertices.
 std::uint32_t AdvancingFront::find_live(std::uint32_t from, std::uint32_t to) const {
+  for (std::uint32_t e = vertices_[from].corner; e != kNone; e = edges_[e].sibling)
+    if (edges_[e].to == to) return e;
   const std::uint32_t place = vertices_[to].place;
   for (std::uint32_t v = vertices_[from].place; v != kNone; v = vertices_[v].next_here)
     for (std::uint32_t e = vertices_[v].corner; e != kNone; e = edges_[e].sibling)
