@@ -17,7 +17,7 @@ Status MovingLayer::update(std::vector<DecodedScene> scenes, const std::vector<k
   auto surface = joiner_.decimated(joiner_.join(parts, true, tick.on_cores_free), parts,
                                    errors_of(scenes), tick.decimation);
   if (!surface) return surface.error();
-  if (is_root_) joiner_.close_holes(parts, *surface);
+  if (is_root_) joiner_.close_holes(parts, Layer::moving, *surface);
   // Only the root chooses views; below it labels stay the sensors that measured.
   auto mesh = trace_->time("atlas", [&] {
     if (!is_root_) return surface->mesh;

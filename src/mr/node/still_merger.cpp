@@ -135,7 +135,7 @@ Status StillMerger::join(Inputs inputs, const Decimation& decimation, std::uint6
   note_fresh(scenes, sequence);
   auto surface = joiner_.decimated(joined, parts, errors_of(scenes), decimation);
   if (!surface) return surface.error();
-  if (is_root_) joiner_.close_holes(parts, *surface);
+  if (is_root_) joiner_.close_holes(parts, Layer::still, *surface);
   joined_ = {std::move(surface->mesh), std::move(inputs.parts), std::move(surface->errors),
              std::move(surface->guessed)};
   return {};

@@ -86,10 +86,11 @@ Result<SurfaceJoiner::Surface> SurfaceJoiner::decimated(Mesh mesh, const Parts& 
   });
 }
 
-void SurfaceJoiner::close_holes(const Parts& parts, Surface& surface) const {
+void SurfaceJoiner::close_holes(const Parts& parts, Layer layer, Surface& surface) const {
   constexpr double kTolerance_steps = 2;
   trace_->time("holes", [&] {
-    const merge::HolesConfig config{scene_->merge.fill_m, scene_->voxel_m, scene_->lattice};
+    const merge::HolesConfig config{scene_->merge.fill_m, scene_->voxel_m, scene_->lattice,
+                                    layer == Layer::moving};
     surface.guessed = merge::GuessedSurface(merge::close_holes(surface.mesh, parts, config),
                                             kTolerance_steps * scene_->lattice.step_m());
   });

@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "mr/core/coding_plan.h"
+#include "mr/core/layer.h"
 #include "mr/core/mesh.h"
 #include "mr/core/result.h"
 #include "mr/core/trace.h"
@@ -51,7 +52,7 @@ class SurfaceJoiner {
 
   /// Closes small holes of what decimated() gave (merge.fill_m). At the root alone: below it,
   /// another merger's sensors may have seen what is missing.
-  void close_holes(const Parts& parts, Surface& surface) const;
+  void close_holes(const Parts& parts, Layer layer, Surface& surface) const;
 
   /// Whether gaps were left open because of merger.budget_ms since the last call.
   bool take_hurried() { return std::exchange(hurried_, false); }

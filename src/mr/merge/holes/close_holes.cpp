@@ -240,7 +240,7 @@ std::vector<GuessedTriangle> close_holes(Mesh& mesh, std::span<const kit::Part> 
   const std::vector<BorderLoop>& loops = holes.loops();
   if (loops.empty()) return out;
   const BorderPoints borders(mesh, config.fill_m);
-  const SeenThrough through(parts, kBehind_voxels * config.voxel_m);
+  const SeenThrough through(parts, kBehind_voxels * config.voxel_m, config.is_moving);
   const auto clear_m = static_cast<float>(kClear_voxels * config.voxel_m);
   std::vector<std::optional<Filling>> found(loops.size());
   parallel_for(loops.size(), 1, [&](std::size_t begin, std::size_t end) {

@@ -14,6 +14,8 @@ struct HolesConfig {
   double fill_m = 0.05;  ///< width of the widest hole that is closed; 0: none is
   double voxel_m = 0.01;
   Lattice lattice{};  ///< of the mesh's vertices
+  /// Where a sensor confirms its still surface, it saw through: of a moving surface.
+  bool is_moving = false;
 };
 
 /// The corners of a triangle that no sensor measured.

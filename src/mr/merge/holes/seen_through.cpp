@@ -25,9 +25,10 @@ kit::RayScene rays_of(std::span<const kit::Part> parts) {
 
 }  // namespace
 
-SeenThrough::SeenThrough(std::span<const kit::Part> parts, double margin_m)
+SeenThrough::SeenThrough(std::span<const kit::Part> parts, double margin_m, bool is_moving)
     : parts_(parts),
       margin_m_(static_cast<float>(margin_m)),
+      is_moving_(is_moving),
       measured_by_(parts.size()),
       scene_(rays_of(parts)) {
   for (std::uint32_t i = 0; i < parts.size(); ++i) {
@@ -40,7 +41,8 @@ bool SeenThrough::at(Vec3f p, Vec3f normal) const {
   std::vector<kit::RayHit> hits;
   return std::ranges::any_of(sensors_, [&](const Sensor& sensor) {
     const Vec3f eye = vec_cast<float>(sensor.source->T_world_depth.translation);
-    return dot(normal, eye - p) > 0 && (is_confirmed(*sensor.source, p) || passed(sensor, p, hits));
+    return dot(normal, eye - p) > 0 &&
+           ((is_moving_ && is_confirmed(*sensor.source, p)) || passed(sensor, p, hits));
   });
 }
 

@@ -14,8 +14,9 @@ namespace mr::merge {
 class SeenThrough {
  public:
   /// `parts`: what was merged; must outlive this. What lies less than `margin_m` behind a place may
-  /// be noise of what is there.
-  SeenThrough(std::span<const kit::Part> parts, double margin_m);
+  /// be noise of what is there. `is_moving`: so does a sensor's still surface, where the sensor
+  /// confirms it.
+  SeenThrough(std::span<const kit::Part> parts, double margin_m, bool is_moving);
 
   /// Whether a sensor saw through a surface at `p`; only sensors that the surface faces count.
   /// Thread-safe.
@@ -30,6 +31,7 @@ class SeenThrough {
 
   std::span<const kit::Part> parts_;
   float margin_m_;
+  bool is_moving_;
   std::vector<Sensor> sensors_;
   std::vector<std::vector<SensorId>> measured_by_;  // [parts][T]; empty: by the only source
   kit::RayScene scene_;
