@@ -528,58 +528,6 @@ Status check_for_decoding(const EncodedChunk& chunk, const Lattice& lattice) {
   return {};
 }
 
-}  // namespace
-
-Result<Mesh> snap_to_lattice(const Mesh& mesh, const Lattice& lattice) {
-  auto snapped = snap_vertices(mesh, lattice);
-  if (!snapped) return snapped.error();
-  return std::move(snapped->mesh);
-}
-
-Result<Snapped> snap_vertices(const Mesh& mesh, const Lattice& lattice) {
-  if (!usable(lattice)) return invalid_chunk("the lattice's step or origin cannot be used");
-  if (!indices_fit(mesh)) return invalid_chunk("a triangle names a vertex that is not there");
-  std::vector<Vec3i> cells(mesh.positions.size());
-  for (std::size_t v = 0; v < cells.size(); ++v) {
-    const auto cell = cell_of(lattice, mesh.positions[v]);
-    if (!cell)
-      return invalid_chunk("vertex " + std::to_string(v) + " is not finite or outside the lattice");
-    cells[v] = *cell;
-  }
-  Welder places(cells.size()), kept(mesh.triangles.size());
-  std::vector<std::uint32_t> place_of(cells.size());
-  for (std::size_t v = 0; v < cells.size(); ++v) place_of[v] = places.index_of(cells[v]);
-  std::vector<Triangle> triangles;
-  std::vector<std::uint32_t> labels;
-  add_snapped(mesh, place_of, triangles, labels);
-  turn_flat_edges(places.cells(), triangles, labels);
-
-  Snapped snapped{{}, std::vector<std::uint32_t>(cells.size(), Snapped::kGone)};
-  Mesh& out = snapped.mesh;
-  std::vector<std::uint32_t> vertex_of(places.cells().size(), Snapped::kGone);
-  std::vector<std::uint32_t> kept_labels;
-  for (std::size_t i = 0; i < triangles.size(); ++i) {
-    Triangle t = triangles[i];
-    if (is_flat(places.cells(), t)) continue;
-    for (std::uint32_t& v : t) {
-      if (vertex_of[v] == Snapped::kGone) {
-        vertex_of[v] = static_cast<std::uint32_t>(out.positions.size());
-        out.positions.push_back(lattice.position(places.cells()[v]));
-      }
-      v = vertex_of[v];
-    }
-    if (kept.index_of(name_of(t)) < out.triangles.size()) continue;  // there already
-    out.triangles.push_back(t);
-    kept_labels.push_back(labels[i]);
-  }
-  for (std::size_t v = 0; v < cells.size(); ++v) snapped.vertex_of[v] = vertex_of[place_of[v]];
-  if (!mesh.sensors.empty()) set_triangle_sensors(out, ids_of<SensorId>(kept_labels));
-  if (!mesh.views.empty()) set_triangle_views(out, ids_of<ViewId>(kept_labels));
-  return snapped;
-}
-
-namespace {
-
 /// A triangle's corners, the smallest first, in the same winding.
 using PlacedTriangle = std::array<Vec3f, 3>;
 PlacedTriangle placed(const Mesh& mesh, std::size_t triangle) {
@@ -638,6 +586,54 @@ std::vector<std::uint8_t> sorted_by(const std::vector<std::uint32_t>& labels,
 }
 
 }  // namespace
+
+Result<Mesh> snap_to_lattice(const Mesh& mesh, const Lattice& lattice) {
+  auto snapped = snap_vertices(mesh, lattice);
+  if (!snapped) return snapped.error();
+  return std::move(snapped->mesh);
+}
+
+Result<Snapped> snap_vertices(const Mesh& mesh, const Lattice& lattice) {
+  if (!usable(lattice)) return invalid_chunk("the lattice's step or origin cannot be used");
+  if (!indices_fit(mesh)) return invalid_chunk("a triangle names a vertex that is not there");
+  std::vector<Vec3i> cells(mesh.positions.size());
+  for (std::size_t v = 0; v < cells.size(); ++v) {
+    const auto cell = cell_of(lattice, mesh.positions[v]);
+    if (!cell)
+      return invalid_chunk("vertex " + std::to_string(v) + " is not finite or outside the lattice");
+    cells[v] = *cell;
+  }
+  Welder places(cells.size()), kept(mesh.triangles.size());
+  std::vector<std::uint32_t> place_of(cells.size());
+  for (std::size_t v = 0; v < cells.size(); ++v) place_of[v] = places.index_of(cells[v]);
+  std::vector<Triangle> triangles;
+  std::vector<std::uint32_t> labels;
+  add_snapped(mesh, place_of, triangles, labels);
+  turn_flat_edges(places.cells(), triangles, labels);
+
+  Snapped snapped{{}, std::vector<std::uint32_t>(cells.size(), Snapped::kGone)};
+  Mesh& out = snapped.mesh;
+  std::vector<std::uint32_t> vertex_of(places.cells().size(), Snapped::kGone);
+  std::vector<std::uint32_t> kept_labels;
+  for (std::size_t i = 0; i < triangles.size(); ++i) {
+    Triangle t = triangles[i];
+    if (is_flat(places.cells(), t)) continue;
+    for (std::uint32_t& v : t) {
+      if (vertex_of[v] == Snapped::kGone) {
+        vertex_of[v] = static_cast<std::uint32_t>(out.positions.size());
+        out.positions.push_back(lattice.position(places.cells()[v]));
+      }
+      v = vertex_of[v];
+    }
+    if (kept.index_of(name_of(t)) < out.triangles.size()) continue;  // there already
+    out.triangles.push_back(t);
+    kept_labels.push_back(labels[i]);
+  }
+  for (std::size_t v = 0; v < cells.size(); ++v) snapped.vertex_of[v] = vertex_of[place_of[v]];
+  if (!mesh.sensors.empty()) set_triangle_sensors(out, ids_of<SensorId>(kept_labels));
+  if (!mesh.views.empty()) set_triangle_views(out, ids_of<ViewId>(kept_labels));
+  return snapped;
+}
 
 Result<EncodedChunk> encode_chunk(const Chunk& chunk, const Lattice& lattice, int speed) {
   if (auto ok = check_for_encoding(chunk.mesh, lattice); !ok) return ok.error();

@@ -39,13 +39,13 @@ RayGrid inverse_depth(const FrameView& view) {
 }
 
 /// A line at a pixel: inverse depth, and its change per pixel.
-struct Line {
+struct PixelLine {
   float inverse, slope;
 };
 
 /// The line through pixels that lie `next` floats apart, at one of them; none: they are no surface.
-std::optional<Line> line_through(const float* first, std::ptrdiff_t next, int at,
-                                 const LineRule& rule) {
+std::optional<PixelLine> line_through(const float* first, std::ptrdiff_t next, int at,
+                                      const LineRule& rule) {
   const auto steps = static_cast<float>(rule.pixels - 1);
   const float last = first[(rule.pixels - 1) * next], mean = (last - first[0]) / steps;
   if (first[0] <= 0 || last <= 0 || mean == 0) return std::nullopt;
@@ -57,11 +57,11 @@ std::optional<Line> line_through(const float* first, std::ptrdiff_t next, int at
   }
   const auto n = static_cast<float>(rule.pixels);
   const float slope = moment * 12 / (n * (n * n - 1));  // least squares
-  return Line{sum / n + slope * (static_cast<float>(at) - 0.5f * steps), slope};
+  return PixelLine{sum / n + slope * (static_cast<float>(at) - 0.5f * steps), slope};
 }
 
 /// The line over a grazing surface that has `pixel` nearest its middle.
-std::optional<Line> grazing_line(const float* pixel, std::ptrdiff_t next) {
+std::optional<PixelLine> grazing_line(const float* pixel, std::ptrdiff_t next) {
   for (const LineRule& rule : kLines) {
     const int half = rule.pixels / 2;
     for (int off = 0; off < half - rule.inside; ++off)

@@ -68,7 +68,7 @@ Result<SurfaceJoiner::Surface> SurfaceJoiner::decimated(Mesh mesh, const Parts& 
                                                         const CubeErrors& errors,
                                                         const Decimation& decimation) {
   return trace_->time("simplify", [&]() -> Result<Surface> {
-    Surface out{std::move(mesh), errors, {}};
+    Surface out{std::move(mesh), errors};
     if (!decimation.does_nothing()) {
       const double target = decimation.ratio * triangles_sent(parts, out.mesh);
       simplify::SimplifyOptions limits{.triangles = static_cast<std::size_t>(std::ceil(target))};
@@ -77,7 +77,7 @@ Result<SurfaceJoiner::Surface> SurfaceJoiner::decimated(Mesh mesh, const Parts& 
       if (!small) return small.error();
       CubeErrors own;
       own.raise(small->mesh, small->errors_m, scene_->fusion.chunk_m);
-      out = {std::move(small->mesh), node::decimated(errors, own), {}};
+      out = {std::move(small->mesh), node::decimated(errors, own)};
     }
     auto snapped = codec::snap_to_lattice(out.mesh, scene_->lattice);
     if (!snapped) return snapped.error();

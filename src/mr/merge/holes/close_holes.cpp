@@ -69,7 +69,7 @@ class Holes {
     return out;
   }
 
-  /// Whether the filling would give an edge a third triangle; else its edges are the mesh's.
+  /// Takes over a filling's edges. False, without effect: one of them would have a third triangle.
   bool add_edges(const Filling& filling, const BorderLoop& loop) {
     std::vector<std::uint64_t> fresh;
     std::unordered_set<std::uint64_t> around;

@@ -8,7 +8,7 @@
 namespace mr::merge {
 namespace {
 
-constexpr float kCell_m = 0.1f;
+constexpr float kPerCell = 10;  // cells of 10 cm
 
 bool contains(const GuessedTriangle& t, Vec3f p, float tolerance_m) {
   const Vec3f normal = normalized(cross(t[1] - t[0], t[2] - t[0]));
@@ -21,15 +21,13 @@ bool contains(const GuessedTriangle& t, Vec3f p, float tolerance_m) {
 }  // namespace
 
 GuessedSurface::GuessedSurface(std::vector<GuessedTriangle> triangles, double tolerance_m)
-    : tolerance_m_(static_cast<float>(tolerance_m)),
-      per_cell_(1 / kCell_m),
-      triangles_(std::move(triangles)) {
+    : tolerance_m_(static_cast<float>(tolerance_m)), triangles_(std::move(triangles)) {
   for (std::uint32_t i = 0; i < triangles_.size(); ++i) {
     Box3f box;
     for (const Vec3f p : triangles_[i]) box.add(p);
     const Vec3f around{tolerance_m_, tolerance_m_, tolerance_m_};
-    const Vec3i low = cell_at((box.low - around) * per_cell_),
-                high = cell_at((box.high + around) * per_cell_);
+    const Vec3i low = cell_at((box.low - around) * kPerCell),
+                high = cell_at((box.high + around) * kPerCell);
     for (int x = low.x; x <= high.x; ++x)
       for (int y = low.y; y <= high.y; ++y)
         for (int z = low.z; z <= high.z; ++z) by_cell_.emplace_back(cell_key({x, y, z}), i);
@@ -38,7 +36,7 @@ GuessedSurface::GuessedSurface(std::vector<GuessedTriangle> triangles, double to
 }
 
 bool GuessedSurface::has(Vec3f p) const {
-  const std::uint64_t cell = cell_key(cell_at(p * per_cell_));
+  const std::uint64_t cell = cell_key(cell_at(p * kPerCell));
   auto near = std::lower_bound(by_cell_.begin(), by_cell_.end(), std::pair(cell, 0u));
   for (; near != by_cell_.end() && near->first == cell; ++near)
     if (contains(triangles_[near->second], p, tolerance_m_)) return true;

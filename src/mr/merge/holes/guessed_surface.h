@@ -23,7 +23,7 @@ class GuessedSurface {
  private:
   bool has(Vec3f p) const;
 
-  float tolerance_m_ = 0, per_cell_ = 0;
+  float tolerance_m_ = 0;
   std::vector<GuessedTriangle> triangles_;
   std::vector<std::pair<std::uint64_t, std::uint32_t>> by_cell_;  // sorted; triangles near a cell
 };
