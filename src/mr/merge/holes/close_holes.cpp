@@ -71,6 +71,7 @@ class Holes {
 
   /// Takes over a filling's edges. False, without effect: one of them would have a third triangle.
   bool add_edges(const Filling& filling, const BorderLoop& loop) {
+    if (filling.middle) return true;  // all new edges end there
     std::vector<std::uint64_t> fresh;
     std::unordered_set<std::uint64_t> around;
     for (std::size_t i = 0; i < loop.size(); ++i)
@@ -79,8 +80,8 @@ class Holes {
       for (int i = 0; i < 3; ++i)
         if (const std::uint64_t e = edge_of(t[i], t[(i + 1) % 3]); !around.contains(e))
           fresh.push_back(e);
-    for (const std::uint64_t e : fresh)
-      if (!filling.middle && edges_.contains(e)) return false;
+    if (std::ranges::any_of(fresh, [&](std::uint64_t e) { return edges_.contains(e); }))
+      return false;
     edges_.insert(fresh.begin(), fresh.end());
     return true;
   }
