@@ -4,12 +4,11 @@
 #include <cmath>
 #include <cstdint>
 #include <optional>
-#include <unordered_set>
 #include <utility>
 
 #include "mr/core/parallel.h"
+#include "mr/kit/borders.h"
 #include "mr/kit/topology.h"
-#include "mr/merge/holes/border_loops.h"
 #include "mr/merge/holes/loop_filling.h"
 #include "mr/merge/holes/seen_through.h"
 #include "mr/merge/seam/point_grid.h"
@@ -22,34 +21,26 @@ constexpr float kRimsAgree = 0.5f;  // cosine: rims that face like what closes t
 constexpr float kSlit_voxels = 3;   // triangles with shorter edges need only face the same way
 constexpr float kClear_voxels = 3;  // above and below a hole: other surface there is in it
 constexpr float kBehind_voxels = 5;
-constexpr float kLeastArea_m2 = 1e-9f;
+constexpr float kSliver_m2 = 1e-9f;
 constexpr float kWide_voxels = 4, kBent_voxels = 0.25f;  // of holes that get a vertex
 
 /// What closes a hole.
 struct Filling {
-  std::vector<Triangle> triangles;  ///< of the mesh's vertices; kMiddle: `middle`
-  std::optional<Vec3f> middle;      ///< a vertex of its own
+  std::vector<Triangle> triangles;                  ///< of the mesh's vertices; kMiddle: `middle`
+  std::optional<Vec3f> middle;                      ///< a vertex of its own
+  std::vector<std::array<std::uint32_t, 2>> joins;  ///< new edges between vertices of the mesh
   static constexpr std::uint32_t kMiddle = 0xFFFFFFFFu;
 };
 
-std::uint64_t edge_of(std::uint32_t a, std::uint32_t b) {
-  return static_cast<std::uint64_t>(std::min(a, b)) << 32 | std::max(a, b);
-}
+using kit::BorderLoop;
 
 /// A mesh with its holes.
 class Holes {
  public:
   Holes(const Mesh& mesh, const HolesConfig& config)
-      : mesh_(mesh), config_(config), normals_(kit::vertex_normals(mesh)) {
-    for (BorderLoop& loop : border_loops(mesh))
-      if (loop.size() <= kMostRimCorners && may_be_narrow(loop)) loops_.push_back(std::move(loop));
-    std::vector<std::uint8_t> on_loop(mesh.positions.size(), 0);
-    for (const BorderLoop& loop : loops_)
-      for (const std::uint32_t v : loop) on_loop[v] = 1;
-    for (const Triangle& t : mesh.triangles)
-      for (int i = 0; i < 3; ++i)
-        if (const std::uint32_t a = t[i], b = t[(i + 1) % 3]; on_loop[a] && on_loop[b])
-          edges_.insert(edge_of(a, b));
+      : mesh_(mesh), config_(config), normals_(kit::vertex_normals(mesh)), borders_(mesh) {
+    for (const BorderLoop& loop : borders_.loops())
+      if (loop.size() <= kMostRimCorners && may_be_narrow(loop)) loops_.push_back(loop);
   }
 
   const std::vector<BorderLoop>& loops() const { return loops_; }
@@ -64,26 +55,23 @@ class Holes {
     const auto found = least_filling(static_cast<std::uint32_t>(loop.size()), rule);
     if (!found) return std::nullopt;
     Filling out;
-    for (const auto& [a, b, c] : *found) out.triangles.push_back({loop[a], loop[b], loop[c]});
     if (auto bent = with_middle(loop)) return bent;
+    for (const auto& [k, j, i] : *found) {  // i < j < k
+      out.triangles.push_back({loop[k], loop[j], loop[i]});
+      if (j - i > 1) out.joins.push_back({loop[i], loop[j]});
+      if (k - j > 1) out.joins.push_back({loop[j], loop[k]});
+    }
     return out;
   }
 
-  /// Takes over a filling's edges. False, without effect: one of them would have a third triangle.
-  bool add_edges(const Filling& filling, const BorderLoop& loop) {
-    if (filling.middle) return true;  // all new edges end there
-    std::vector<std::uint64_t> fresh;
-    std::unordered_set<std::uint64_t> around;
-    for (std::size_t i = 0; i < loop.size(); ++i)
-      around.insert(edge_of(loop[i], loop[(i + 1) % loop.size()]));
-    for (const Triangle& t : filling.triangles)
-      for (int i = 0; i < 3; ++i)
-        if (const std::uint64_t e = edge_of(t[i], t[(i + 1) % 3]); !around.contains(e))
-          fresh.push_back(e);
-    if (std::ranges::any_of(fresh, [&](std::uint64_t e) { return edges_.contains(e); }))
-      return false;
-    edges_.insert(fresh.begin(), fresh.end());
-    return true;
+  /// Whether a filling still fits: another one may have made an edge between the same vertices.
+  bool fits(const Filling& filling) const {
+    return std::ranges::all_of(
+        filling.joins, [&](const auto& edge) { return !borders_.has_edge(edge[0], edge[1]); });
+  }
+  /// Takes over a filling's edges.
+  void add(const Filling& filling) {
+    for (const auto& [a, b] : filling.joins) borders_.add_edge(a, b);
   }
 
   /// Corners of one of its triangles.
@@ -109,8 +97,7 @@ class Holes {
   }
 
   bool may_join(std::uint32_t a, std::uint32_t b) const {
-    return length(at(a) - at(b)) <= static_cast<float>(config_.fill_m) &&
-           !edges_.contains(edge_of(a, b));
+    return length(at(a) - at(b)) <= static_cast<float>(config_.fill_m) && !borders_.has_edge(a, b);
   }
 
   /// Of the triangle {c, b, a} over a hole: its area.
@@ -126,7 +113,7 @@ class Holes {
     const Vec3f n = cross(q - p, r - p);
     const float size = length(n);
     const float longest = std::max({length(q - p), length(r - q), length(p - r)});
-    if (size < 2 * kLeastArea_m2 || size > static_cast<float>(config_.fill_m) * longest) return 0;
+    if (size < 2 * kSliver_m2 || size > static_cast<float>(config_.fill_m) * longest) return 0;
     if (longest <= kSlit_voxels * static_cast<float>(config_.voxel_m))
       return dot(n, normals[0] + normals[1] + normals[2]) > 0 ? size : 0;
     for (const Vec3f& around : normals)
@@ -164,8 +151,8 @@ class Holes {
   const Mesh& mesh_;
   const HolesConfig& config_;
   std::vector<Vec3f> normals_;
+  kit::Borders borders_;
   std::vector<BorderLoop> loops_;
-  std::unordered_set<std::uint64_t> edges_;  ///< between vertices of loops
 };
 
 /// The ends of all borders, to find what lies in a hole.
@@ -258,7 +245,8 @@ std::vector<GuessedTriangle> close_holes(Mesh& mesh, std::span<const kit::Part> 
   });
   std::vector<Filling> fillings;
   for (std::size_t i = 0; i < loops.size(); ++i) {
-    if (!found[i] || !holes.add_edges(*found[i], loops[i])) continue;
+    if (!found[i] || !holes.fits(*found[i])) continue;
+    holes.add(*found[i]);
     for (const Triangle& t : found[i]->triangles) out.push_back(holes.corners(*found[i], t));
     fillings.push_back(*std::move(found[i]));
   }
