@@ -29,11 +29,12 @@ struct FusionConfig {
   Decomposition decomposition = Decomposition::chunks;
   double chunk_m = 1.28;             ///< edge of the scene's chunk grid
   int patches_x = 4, patches_y = 4;  ///< the paper's M×N
-  double truncation_m = 0.04;        ///< half width of the signed-distance band
+  double truncation_m = 0.038;       ///< half width of the signed-distance band
   CleanConfig clean;                 ///< keys smooth_depth, mixed_pixels, speckle_px, fill_px
 
   static constexpr Range kChunk_m{0, 100, true}, kTruncation_m{0, 1, true}, kPatches{1, 16};
   static constexpr int kLeastChunkVoxels = 8, kLeastTruncationVoxels = 2;
+  static constexpr double kTruncation_voxels = 3.8;  ///< the default (docs/fusion.md)
   /// The invalid fields, one line each; empty: valid.
   std::vector<std::string> problems() const;
   /// The same; also checks that chunks and the band span enough voxels of this edge.

@@ -1,11 +1,14 @@
 #include "mr/merge/merge_surfaces.h"
 
 #include "mr/merge/islands.h"
+#include "mr/merge/overlap/second_layers.h"
 
 namespace mr::merge {
 
 SurfacesConfig surfaces_config(const OverlapConfig& overlap) {
-  return {overlap, zipper_config(overlap.voxel_m), island_area_m2(overlap.voxel_m)};
+  const bool as_paper = overlap.owner == MergeConfig::Owner::paper;
+  return {overlap, as_paper ? 0 : 3 * overlap.voxel_m, zipper_config(overlap.voxel_m),
+          island_area_m2(overlap.voxel_m)};
 }
 
 Mesh merge_surfaces(std::span<const kit::Part> parts, const SurfacesConfig& config,
@@ -15,7 +18,10 @@ Mesh merge_surfaces(std::span<const kit::Part> parts, const SurfacesConfig& conf
   };
   std::vector<Mesh> owned;
   Mesh mesh;
-  step("overlap", [&] { owned = remove_overlap(parts, config.overlap, memory); });
+  step("overlap", [&] {
+    owned = remove_overlap(parts, config.overlap, memory);
+    if (config.second_layer_m > 0) remove_second_layers(owned, config.second_layer_m);
+  });
   ZipperConfig zipper = config.zipper;
   if (hooks.after_overlap) hooks.after_overlap(owned, zipper);
   step("zipper", [&] { mesh = zip(owned, zipper); });

@@ -13,11 +13,13 @@ namespace mr::merge {
 
 struct SurfacesConfig {
   OverlapConfig overlap;
+  double second_layer_m = 0.03;  ///< as remove_second_layers(); 0: not at all
   ZipperConfig zipper;
   double island_area_m2 = 0.002;  ///< smaller components are removed
 };
 
-/// The zipper's gap and the area of islands that suit the voxel size.
+/// The distance of second layers, the zipper's gap and the area of islands that suit the voxel
+/// size.
 SurfacesConfig surfaces_config(const OverlapConfig& overlap);
 
 /// Hooks for callers that time the steps or intervene between them.

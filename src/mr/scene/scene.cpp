@@ -86,8 +86,7 @@ void read_general(MapReader& top, Scene& scene) {
 }
 
 void read_fusion(MapReader& top, const Scene& scene, FusionConfig& fusion) {
-  // Default: the band's half width must be at least two voxels.
-  fusion.truncation_m = 4 * scene.voxel_m;
+  fusion.truncation_m = FusionConfig::kTruncation_voxels * scene.voxel_m;
   const yaml::Node* node = top.find("fusion");
   if (!node) return;
   MapReader map(top.report, *node, "fusion");

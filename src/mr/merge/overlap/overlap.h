@@ -23,10 +23,9 @@ class QualityMemory;  // quality_grid.h
 /// the sensors' precision (plus calibration and decimation error) are one, and all but one go:
 ///   owner paper     the farther ones, on the rays of the depth cameras (occlusion_rule.h)
 ///   owner coherent  those measured less well; parts are cut at the border line, and what remains
-///   is
-///                   moved to the mean of all of them (ownership.h)
-/// Overlap is removed between parts, never within one. Returns the
-/// remaining mesh of each part, in order; a triangle's view is the sensor that measured it.
+///                   is moved to the mean of all of them (ownership.h)
+/// Overlap is removed between parts, never within one. Returns the remaining mesh of each part, in
+/// order; a triangle's view is the sensor that measured it.
 /// `memory`: kept from frame to frame by callers that merge the same sensors again, so that noise
 /// does not move coherent borders. Parallel; deterministic.
 std::vector<Mesh> remove_overlap(std::span<const kit::Part> parts, const OverlapConfig& config,
