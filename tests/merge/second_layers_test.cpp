@@ -10,7 +10,7 @@
 namespace mr {
 namespace {
 
-constexpr double kNear_m = 0.03;
+constexpr merge::SecondLayersConfig kConfig{.apart_m = 0.03, .large_m2 = 0.2};
 
 /// A square of so many triangles along each edge, facing up.
 Mesh square(Vec3f corner, float edge_m, int cells) {
@@ -19,21 +19,21 @@ Mesh square(Vec3f corner, float edge_m, int cells) {
 
 TEST(SecondLayers, WhatLiesOverALargerSurfaceGoes) {
   std::vector<Mesh> parts{square({0, 0, 0}, 1, 40), square({0.3f, 0.3f, 0.02f}, 0.2f, 10)};
-  merge::remove_second_layers(parts, kNear_m);
+  merge::remove_second_layers(parts, kConfig);
   EXPECT_EQ(parts[0].triangles.size(), 3200u);
   EXPECT_TRUE(parts[1].triangles.empty());
 }
 
 TEST(SecondLayers, ThePartOrderDoesNotMatter) {
   std::vector<Mesh> parts{square({0.3f, 0.3f, 0.02f}, 0.2f, 10), square({0, 0, 0}, 1, 40)};
-  merge::remove_second_layers(parts, kNear_m);
+  merge::remove_second_layers(parts, kConfig);
   EXPECT_TRUE(parts[0].triangles.empty());
   EXPECT_EQ(parts[1].triangles.size(), 3200u);
 }
 
 TEST(SecondLayers, WhatReachesFurtherStaysThere) {
   std::vector<Mesh> parts{square({0, 0, 0}, 1, 40), square({0.9f, 0.3f, 0.01f}, 0.2f, 10)};
-  merge::remove_second_layers(parts, kNear_m);
+  merge::remove_second_layers(parts, kConfig);
   EXPECT_EQ(parts[1].triangles.size(), 100u);
   for (std::uint32_t t = 0; t < parts[1].triangles.size(); ++t)
     EXPECT_GT(parts[1].centroid(t).x, 1);
@@ -45,7 +45,7 @@ TEST(SecondLayers, SurfaceFurtherAwayOrFacingAnotherWayStays) {
              beneath = test::grid({0.3f, 0.3f, -0.01f}, {0, 0.2f, 0}, {0.2f, 0, 0}, 10, 10),
              upright = test::grid({0.3f, 0.3f, -0.1f}, {0.2f, 0, 0}, {0, 0, 0.2f}, 10, 10);
   std::vector<Mesh> parts{floor, above, beneath, upright};
-  merge::remove_second_layers(parts, kNear_m);
+  merge::remove_second_layers(parts, kConfig);
   for (std::size_t i = 1; i < parts.size(); ++i) EXPECT_EQ(parts[i].triangles.size(), 200u) << i;
 }
 
@@ -56,22 +56,32 @@ TEST(SecondLayers, ASurfaceOverItselfStays) {
   append(ramp, test::grid({0.5f, 0, 0.02f}, {-0.2f, 0, 0}, {0, 0.5f, 0}, 4, 10));
   std::vector<Mesh> parts{kit::weld(ramp), square({5, 5, 5}, 1, 4)};
   const std::size_t before = parts[0].triangles.size();
-  merge::remove_second_layers(parts, kNear_m);
+  merge::remove_second_layers(parts, kConfig);
   EXPECT_EQ(parts[0].triangles.size(), before);
 }
 
 TEST(SecondLayers, TrianglesOfAnySizeAreFound) {
   for (const float edge_m : {1.0f, 10.0f, 1000.0f}) {
     std::vector<Mesh> parts{square({0, 0, 0}, edge_m, 1), square({0.3f, 0.4f, 0.02f}, 0.2f, 10)};
-    merge::remove_second_layers(parts, kNear_m);
+    merge::remove_second_layers(parts, kConfig);
     EXPECT_TRUE(parts[1].triangles.empty()) << edge_m;
   }
 }
 
+TEST(SecondLayers, OfLargeOnesTheSensorDecidesWhereverItsSurfaceHasBeenJoined) {
+  Mesh first = square({0, 0, 0}, 1, 40), second = square({0, 0, 0.02f}, 2, 80);
+  set_triangle_sensors(first, std::vector(first.triangles.size(), SensorId{7}));
+  set_triangle_sensors(second, std::vector(second.triangles.size(), SensorId{3}));
+  std::vector<Mesh> parts{first, second};
+  merge::remove_second_layers(parts, kConfig);
+  EXPECT_EQ(parts[0].triangles.size(), 3200u);
+  EXPECT_EQ(parts[1].triangles.size(), 12800u - 3200u) << "where only it is, it stays";
+}
+
 TEST(SecondLayers, NothingIsNoError) {
   std::vector<Mesh> none, empty(2);
-  merge::remove_second_layers(none, kNear_m);
-  merge::remove_second_layers(empty, kNear_m);
+  merge::remove_second_layers(none, kConfig);
+  merge::remove_second_layers(empty, kConfig);
   EXPECT_TRUE(empty[0].triangles.empty());
 }
 

@@ -7,13 +7,14 @@
 #include "mr/core/mesh.h"
 #include "mr/kit/part.h"
 #include "mr/merge/overlap/overlap.h"
+#include "mr/merge/overlap/second_layers.h"
 #include "mr/merge/seam/zipper.h"
 
 namespace mr::merge {
 
 struct SurfacesConfig {
   OverlapConfig overlap;
-  double second_layer_m = 0.03;  ///< as remove_second_layers(); 0: not at all
+  SecondLayersConfig second_layers;
   ZipperConfig zipper;
   double island_area_m2 = 0.002;  ///< smaller components are removed
 };

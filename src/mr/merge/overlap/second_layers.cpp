@@ -1,8 +1,9 @@
 #include "mr/merge/overlap/second_layers.h"
 
 #include <algorithm>
+#include <compare>
 #include <cstdint>
-#include <tuple>
+#include <numeric>
 #include <vector>
 
 #include "mr/core/parallel.h"
@@ -19,53 +20,81 @@ constexpr float kCell_nears = 4;     // edge of a cell
 constexpr float kMostCells = 64;     // around a triangle; a larger one is looked at in quarters
 constexpr int kMostQuarterings = 6;  // what is larger even then counts as near everything
 
-/// The place of each component among those of all parts, by area: [parts][triangles].
-std::vector<std::vector<std::uint32_t>> component_ranks(std::span<const Mesh> parts) {
+/// Surface of one sensor within a component, and its precedence where it lies over another one.
+struct Sheet {
+  double area_m2;  ///< of the component, at most `large_m2`
+  SensorId sensor;
+  std::uint32_t component;  ///< among those of all parts
+
+  friend auto operator<=>(const Sheet&, const Sheet&) = default;
+};
+
+/// Sheets in ascending order, and each triangle's: [parts][T]. Larger components take precedence.
+/// All large ones are alike, so that sensors decide: above a merger that has joined components, the
+/// same sheet is to stay.
+struct Sheets {
+  std::vector<Sheet> sheets;
+  std::vector<std::vector<std::uint32_t>> of_triangle;
+};
+
+Sheets sheets_of(std::span<const Mesh> parts, double large_m2) {
   std::vector<kit::Components> components(parts.size());
   parallel_for(parts.size(), 1, [&](std::size_t begin, std::size_t end) {
     for (std::size_t i = begin; i < end; ++i) components[i] = kit::components(parts[i]);
   });
-  std::vector<std::tuple<double, std::uint32_t, std::uint32_t>> order;  // area, part, component
-  std::vector<std::vector<std::uint32_t>> rank(parts.size()), out(parts.size());
-  for (std::uint32_t i = 0; i < parts.size(); ++i) {
-    rank[i].resize(components[i].area_m2.size());
-    for (std::uint32_t c = 0; c < rank[i].size(); ++c)
-      order.emplace_back(components[i].area_m2[c], i, c);
+  Sheets out{{}, std::vector<std::vector<std::uint32_t>>(parts.size())};
+  std::vector<Sheet>& sheets = out.sheets;
+  kit::PairMap known{1024};  // component and sensor → sheet, in the order of discovery
+  std::uint32_t before = 0;  // components of the parts before
+  for (std::size_t i = 0; i < parts.size(); ++i) {
+    const std::vector<SensorId> sensor = triangle_sensors(parts[i]);
+    for (std::size_t t = 0; t < sensor.size(); ++t) {
+      const std::uint32_t c = components[i].of_triangle[t];
+      const auto fresh = static_cast<std::uint32_t>(sheets.size());
+      const std::uint64_t key = std::uint64_t{before + c} << 32 | number_of(sensor[t]);
+      const std::uint32_t sheet = known.get_or_add(key, fresh);
+      if (sheet == fresh)
+        sheets.push_back({std::min(components[i].area_m2[c], large_m2), sensor[t], before + c});
+      out.of_triangle[i].push_back(sheet);
+    }
+    before += static_cast<std::uint32_t>(components[i].area_m2.size());
   }
-  std::ranges::sort(order);
-  for (std::uint32_t r = 0; r < order.size(); ++r)
-    rank[std::get<1>(order[r])][std::get<2>(order[r])] = r;
-  for (std::uint32_t i = 0; i < parts.size(); ++i)
-    for (const std::uint32_t c : components[i].of_triangle) out[i].push_back(rank[i][c]);
+  std::vector<std::uint32_t> order(sheets.size()), place(sheets.size());
+  std::iota(order.begin(), order.end(), 0u);
+  std::ranges::sort(order, {}, [&](std::uint32_t sheet) { return sheets[sheet]; });
+  std::ranges::sort(sheets);
+  for (std::uint32_t k = 0; k < order.size(); ++k) place[order[k]] = k;
+  for (std::vector<std::uint32_t>& of_triangle : out.of_triangle)
+    for (std::uint32_t& sheet : of_triangle) sheet = place[sheet];
   return out;
 }
 
-/// The lowest and the highest component in each cell of space.
-class ComponentCells {
+/// The lowest and the highest sheet in each cell of space.
+class SheetCells {
  public:
-  explicit ComponentCells(float near_m)
+  explicit SheetCells(float near_m)
       : margin_{near_m, near_m, near_m}, per_cell_(1 / (kCell_nears * near_m)) {}
 
-  void add(const Mesh& mesh, std::size_t t, std::uint32_t rank) {
+  void add(const Mesh& mesh, std::size_t t, std::uint32_t sheet) {
     is_any_huge_ |= !for_each_cell(mesh, t, {}, [&](std::uint64_t key) {
       const auto fresh = static_cast<std::uint32_t>(cells_.size());
       const std::uint32_t at = place_.get_or_add(key, fresh);
-      if (at == fresh) cells_.push_back({rank, rank});
-      cells_[at].lowest = std::min(cells_[at].lowest, rank);
-      cells_[at].highest = std::max(cells_[at].highest, rank);
+      if (at == fresh) cells_.push_back({sheet, sheet});
+      cells_[at].lowest = std::min(cells_[at].lowest, sheet);
+      cells_[at].highest = std::max(cells_[at].highest, sheet);
     });
   }
 
-  /// Which components there may be within reach of a triangle of another one.
+  /// Which sheets there may be within reach of a triangle of another one.
   struct Around {
     bool lower = false, higher = false;
   };
-  Around around(const Mesh& mesh, std::size_t t, std::uint32_t rank) const {
+  Around around(const Mesh& mesh, std::size_t t, std::uint32_t sheet) const {
     if (is_any_huge_) return {true, true};
     Around out;
     for_each_cell(mesh, t, margin_, [&](std::uint64_t key) {
       const std::uint32_t* at = place_.find(key);
-      if (at) out.lower |= cells_[*at].lowest<rank, out.higher |= cells_[*at].highest> rank;
+      if (at) out.lower |= cells_[*at].lowest<sheet, out.higher |= cells_[*at].highest> sheet;
     });
     return out;
   }
@@ -111,16 +140,17 @@ class ComponentCells {
 struct NearOthers {
   std::vector<std::uint32_t> over;
   Mesh under;
-  std::vector<std::uint32_t> under_rank;  ///< [T of under]
+  std::vector<std::uint32_t> under_sheet;  ///< [T of under]
 };
 
-NearOthers near_others(const Mesh& part, const std::vector<std::uint32_t>& rank,
-                       const ComponentCells& cells) {
+NearOthers near_others(const Mesh& part, const std::vector<std::uint32_t>& sheet,
+                       const SheetCells& cells) {
   NearOthers out;
   for (std::uint32_t t = 0; t < part.triangles.size(); ++t) {
-    const auto [lower, higher] = cells.around(part, t, rank[t]);
+    const auto [lower, higher] = cells.around(part, t, sheet[t]);
     if (higher) out.over.push_back(t);
-    if (lower) out.under.triangles.push_back(part.triangles[t]), out.under_rank.push_back(rank[t]);
+    if (lower)
+      out.under.triangles.push_back(part.triangles[t]), out.under_sheet.push_back(sheet[t]);
   }
   if (!out.under.triangles.empty()) out.under.positions = part.positions;
   return out;
@@ -128,19 +158,21 @@ NearOthers near_others(const Mesh& part, const std::vector<std::uint32_t>& rank,
 
 }  // namespace
 
-void remove_second_layers(std::span<Mesh> parts, double near_m) {
-  const auto reach_m = static_cast<float>(near_m);
+void remove_second_layers(std::span<Mesh> parts, const SecondLayersConfig& config) {
+  const auto reach_m = static_cast<float>(config.apart_m);
   const auto for_all_parts = [&](const auto& work) {
     parallel_for(parts.size(), 1, [&](std::size_t begin, std::size_t end) {
       for (std::size_t i = begin; i < end; ++i) work(i);
     });
   };
-  const std::vector<std::vector<std::uint32_t>> rank = component_ranks(parts);
-  ComponentCells cells(reach_m);
+  const Sheets found = sheets_of(parts, config.large_m2);
+  const std::vector<Sheet>& sheets = found.sheets;
+  const std::vector<std::vector<std::uint32_t>>& sheet = found.of_triangle;
+  SheetCells cells(reach_m);
   for (std::size_t i = 0; i < parts.size(); ++i)
-    for (std::size_t t = 0; t < rank[i].size(); ++t) cells.add(parts[i], t, rank[i][t]);
+    for (std::size_t t = 0; t < sheet[i].size(); ++t) cells.add(parts[i], t, sheet[i][t]);
   std::vector<NearOthers> near(parts.size());
-  for_all_parts([&](std::size_t i) { near[i] = near_others(parts[i], rank[i], cells); });
+  for_all_parts([&](std::size_t i) { near[i] = near_others(parts[i], sheet[i], cells); });
 
   std::vector<const Mesh*> under;
   for (const NearOthers& part : near) under.push_back(&part.under);
@@ -152,12 +184,14 @@ void remove_second_layers(std::span<Mesh> parts, double near_m) {
     parallel_for(over.size(), 256, [&](std::size_t begin, std::size_t end) {
       std::vector<kit::RayHit> hits;
       for (std::size_t k = begin; k < end; ++k) {
+        const std::uint32_t own = sheet[i][over[k]];
         const Vec3f normal = normalized(part.area_normal(over[k]));
         rays.all_hits(part.centroid(over[k]), normal, -reach_m, reach_m, hits);
         keep[over[k]] = std::ranges::none_of(hits, [&](const kit::RayHit& hit) {
-          const NearOthers& other = near[hit.mesh];
-          return other.under_rank[hit.triangle] > rank[i][over[k]] &&
-                 dot(normalized(other.under.area_normal(hit.triangle)), normal) >= kFacesAlike;
+          const NearOthers& there = near[hit.mesh];
+          const std::uint32_t other = there.under_sheet[hit.triangle];
+          return other > own && sheets[other].component != sheets[own].component &&
+                 dot(normalized(there.under.area_normal(hit.triangle)), normal) >= kFacesAlike;
         });
       }
     });
