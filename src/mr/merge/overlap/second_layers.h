@@ -1,5 +1,6 @@
 #pragma once
 
+#include <algorithm>
 #include <span>
 
 #include "mr/core/mesh.h"
@@ -12,9 +13,10 @@ struct SecondLayersConfig {
       0.2;  ///< components of which the sensors decide, not the areas, which one stays
 };
 
-/// The config for a voxel size: layers up to three voxels apart.
+/// The config for a voxel size: layers up to three voxels apart, and not farther than sensors
+/// disagree.
 inline SecondLayersConfig second_layers_config(double voxel_m) {
-  return {3 * voxel_m, 2000 * voxel_m * voxel_m};
+  return {std::min(3 * voxel_m, 0.05), 2000 * voxel_m * voxel_m};
 }
 
 /// Removes what overlap removal leaves of one surface over another, where sensors disagree by more
