@@ -1,6 +1,5 @@
 #pragma once
 
-#include <algorithm>
 #include <span>
 
 #include "mr/core/mesh.h"
@@ -13,10 +12,9 @@ struct SecondLayersConfig {
       0.2;  ///< components of which the sensors decide, not the areas, which one stays
 };
 
-/// The config for a voxel size: layers up to three voxels apart, and not farther than sensors
-/// disagree.
+/// The config for a voxel size: layers up to three voxels apart.
 inline SecondLayersConfig second_layers_config(double voxel_m) {
-  return {std::min(3 * voxel_m, 0.05), 2000 * voxel_m * voxel_m};
+  return {3 * voxel_m, 2000 * voxel_m * voxel_m};
 }
 
 /// Removes what overlap removal leaves of one surface over another, where sensors disagree by more
