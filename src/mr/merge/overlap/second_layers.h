@@ -14,7 +14,7 @@ struct SecondLayersConfig {
 
 /// The config for a voxel size: layers up to three voxels apart.
 inline SecondLayersConfig second_layers_config(double voxel_m) {
-  return {3 * voxel_m, 2000 * voxel_m * voxel_m};
+  return {3 * voxel_m, 125 * voxel_m * voxel_m};
 }
 
 /// Removes what overlap removal leaves of one surface over another, where sensors disagree by more
