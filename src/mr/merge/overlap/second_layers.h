@@ -7,9 +7,8 @@
 namespace mr::merge {
 
 struct SecondLayersConfig {
-  double apart_m = 0.03;  ///< how far apart two layers lie at most; 0: none is removed
-  double large_m2 =
-      0.2;  ///< components of which the sensors decide, not the areas, which one stays
+  double apart_m = 0.03;     ///< how far apart two layers lie at most; 0: none is removed
+  double large_m2 = 0.0125;  ///< of two larger components sensors decide, not areas
 };
 
 /// The config for a voxel size: layers up to three voxels apart.
