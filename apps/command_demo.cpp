@@ -23,10 +23,9 @@ struct DemoOptions {
 };
 
 /// What `--small` makes of it: quick on two cores.
-const std::vector<std::string> kSmall{"voxel_m=0.03",          "rig.depth_mode=nfov_binned",
-                                      "rig.color=[640, 360]",  "fusion.truncation_m=0.09",
-                                      "fusion.chunk_m=2.56",   "simplify.ratio=0.05",
-                                      "atlas.size=[1280, 720]"};
+const std::vector<std::string> kSmall{"voxel_m=0.03",         "rig.depth_mode=nfov_binned",
+                                      "rig.color=[640, 360]", "fusion.chunk_m=2.56",
+                                      "simplify.ratio=0.05",  "atlas.size=[1280, 720]"};
 
 int demo(const DemoOptions& options) {
   if (const Status ok = check(options.outputs); !ok) return refused(ok.error());
