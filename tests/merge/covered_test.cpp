@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <functional>
 #include <map>
 #include <numbers>
 #include <random>
@@ -50,10 +51,19 @@ Mesh person() {
   return mesh;
 }
 
+/// Two sides, closer together than a voxel.
+Mesh sheet() {
+  constexpr float kThick = 0.004f;
+  Mesh out = test::grid({-0.3f, -0.3f, 0}, {0.6f, 0, 0}, {0, 0.6f, 0}, 40, 40);
+  append(out, test::grid({-0.3f, -0.3f, kThick}, {0, 0.6f, 0}, {0.6f, 0, 0}, 40, 40));
+  return out;
+}
+
 const Mesh& shape(const std::string& name) {
+  static const std::map<std::string, Mesh (*)()> makers{
+      {"pole", pole}, {"ball", ball}, {"person", person}, {"sheet", sheet}};
   static std::map<std::string, Mesh> made;
-  if (!made.contains(name))
-    made[name] = name == "pole" ? pole() : name == "ball" ? ball() : person();
+  if (!made.contains(name)) made[name] = makers.at(name)();
   return made[name];
 }
 
@@ -96,16 +106,35 @@ fusion::VolumeConfig volume() {
   return out;
 }
 
+/// What is wrong with a sensor.
+struct Fault {
+  Vec3d shift;  ///< of its stated pose
+  std::function<float(double right, double down, float depth, double chance)>
+      measured;  ///< right, down, chance: 0..1
+};
+
+void apply(const Fault& fault, std::mt19937& random, ImageDepth& depth) {
+  if (!fault.measured) return;
+  for (int y = 0; y < depth.height; ++y)
+    for (int x = 0; x < depth.width; ++x)
+      if (float& d = *depth.at(x, y); d > 0)
+        d = fault.measured(double(x) / depth.width, double(y) / depth.height, d,
+                           test::unit(random));
+}
+
 /// What a sensor's node makes of a shape.
-kit::Part part(const Mesh& truth, std::uint32_t number, Vec3d at, double ratio) {
+kit::Part part(const Mesh& truth, std::uint32_t number, Vec3d at, double ratio,
+               const Fault& fault) {
   std::mt19937 random(71 + number);
   const Pose T = look_at(at, {0, 0, 0}, {0, -1, 0});
   ImageDepth depth = test::render_depth(truth, camera(), T);
   for (float& d : depth.data)
     if (d > 0) d += static_cast<float>(kNoise_m * gauss(random));
+  apply(fault, random, depth);
   const Precision precision{.base_m = kNoise_m, .per_m2 = 0};
   depth = fusion::clean_depth(depth, camera(), precision, {});
-  const Pose stated = misplaced(T, random);
+  Pose stated = misplaced(T, random);
+  stated.translation = stated.translation + fault.shift;
   fusion::FrameFuser fuser(volume());
   Mesh mesh = fuser
                   .fuse({.depth = depth,
@@ -122,14 +151,16 @@ kit::Part part(const Mesh& truth, std::uint32_t number, Vec3d at, double ratio) 
           {{SensorId{number}, {}, camera(), stated, precision}}};
 }
 
-std::vector<kit::Part> parts(const Mesh& truth, int sensors, double ratio) {
+/// `fault`: of the first sensor.
+std::vector<kit::Part> parts(const Mesh& truth, int sensors, double ratio,
+                             const Fault& fault = {}) {
   std::vector<kit::Part> out(sensors);
   parallel_for(out.size(), 1, [&](std::size_t begin, std::size_t end) {
     for (std::size_t i = begin; i < end; ++i) {
       const double turn = 2 * std::numbers::pi * (static_cast<double>(i) + 0.1) / sensors;
       const Vec3d at{kDistance_m * std::cos(turn), i % 2 == 0 ? -0.6 : -0.2,
                      kDistance_m * std::sin(turn)};
-      out[i] = part(truth, static_cast<std::uint32_t>(i), at, ratio);
+      out[i] = part(truth, static_cast<std::uint32_t>(i), at, ratio, i == 0 ? fault : Fault{});
     }
   });
   return out;
@@ -235,6 +266,43 @@ INSTANTIATE_TEST_SUITE_P(RoundThings, Covered,
                          testing::Combine(testing::Values("pole", "ball", "person"),
                                           testing::Values(2, 3, 4, 5, 6),
                                           testing::Values(1.0, 0.1, 0.05)));
+
+// --- what goes wrong
+
+/// What the other sensors see stays closed.
+void expect_no_crater(const std::string& name, const Fault& fault) {
+  constexpr int kSensors = 5;
+  const std::vector<kit::Part> all = parts(shape(name), kSensors, 0.1, fault);
+  Mesh merged = test::merged(all).mesh;
+  merge::close_holes(merged, all, {.voxel_m = test::kVoxel_m});
+  const RayCount count = count_rays(std::span(all).subspan(1), merged);
+  SCOPED_TRACE(name);
+  testing::Test::RecordProperty(name + "_open", count.open);
+  ASSERT_GT(count.rays, 4000);
+  EXPECT_LE(count.open, kMostOpen * count.rays) << "of " << count.rays;
+}
+
+TEST(CoveredDespite, ASensorThatIs20CmOff) {
+  for (const char* name : {"pole", "ball", "person"})
+    expect_no_crater(name, {{0, 0.2, 0}, nullptr});
+}
+
+TEST(CoveredDespite, GlassOrAMirrorInFrontOfASensor) {
+  const auto mirrored = [](double right, double, float depth, double chance) {
+    if (right < 0.45 || right > 0.55) return depth;
+    return chance < 0.3 ? 0 : depth + 1.5f;
+  };
+  for (const char* name : {"pole", "ball", "person"}) expect_no_crater(name, {{}, mirrored});
+}
+
+TEST(CoveredDespite, ASensorWithABentDepthField) {
+  const auto bent = [](double right, double down, float depth, double) {
+    return depth * static_cast<float>(1 + 0.02 * std::sin(6 * right) * std::cos(5 * down));
+  };
+  for (const char* name : {"pole", "ball", "person"}) expect_no_crater(name, {{}, bent});
+}
+
+TEST(CoveredDespite, AThingThinnerThanAVoxel) { expect_no_crater("sheet", {}); }
 
 }  // namespace
 }  // namespace mr
