@@ -7,7 +7,7 @@ namespace mr::merge {
 SurfacesConfig surfaces_config(const OverlapConfig& overlap) {
   const double voxel_m = overlap.voxel_m;
   const bool as_paper = overlap.owner == MergeConfig::Owner::paper;
-  return {overlap, as_paper ? SecondLayersConfig{0, 0} : second_layers_config(voxel_m),
+  return {overlap, as_paper ? SecondLayersConfig{.apart_m = 0} : second_layers_config(voxel_m),
           zipper_config(voxel_m), island_area_m2(voxel_m)};
 }
 
@@ -20,7 +20,7 @@ Mesh merge_surfaces(std::span<const kit::Part> parts, const SurfacesConfig& conf
   Mesh mesh;
   step("overlap", [&] {
     owned = remove_overlap(parts, config.overlap, memory);
-    if (config.second_layers.apart_m > 0) remove_second_layers(owned, config.second_layers);
+    remove_second_layers(owned, config.second_layers);
   });
   ZipperConfig zipper = config.zipper;
   if (hooks.after_overlap) hooks.after_overlap(owned, zipper);

@@ -159,6 +159,7 @@ NearOthers near_others(const Mesh& part, const std::vector<std::uint32_t>& sheet
 }  // namespace
 
 void remove_second_layers(std::span<Mesh> parts, const SecondLayersConfig& config) {
+  if (config.apart_m <= 0) return;
   const auto reach_m = static_cast<float>(config.apart_m);
   const auto for_all_parts = [&](const auto& work) {
     parallel_for(parts.size(), 1, [&](std::size_t begin, std::size_t end) {
