@@ -22,6 +22,7 @@ using test::facing_the_wall;
 using test::ids_of;
 using test::kApart_m;
 using test::keys_of;
+using test::kLearnt;
 using test::kWall_m;
 using test::Merger;
 using test::seen_together_m2;
@@ -539,6 +540,17 @@ TEST(MergeNode, ResidualsSayHowFarTwoInputsLieApart) {
     EXPECT_NEAR(residuals[0].residual_mm, merger == &exact ? 0 : 30, 4);
     EXPECT_GT(residuals[0].shared_m2, 1);
   }
+}
+
+TEST(MergeNode, ASensorThatWasPushedIsBentOnWhileItsRoomRests) {
+  constexpr int kRest = 150;  // a fifth of a voxel every 30th tick
+  Merger root(two_sensors_with_layers());
+  for (int i = 0; i < kLearnt; ++i) root.see(wall());
+  for (int i = 0; i < kLearnt + kRest; ++i) see_with_push(root, 1, {0, 0, 0.03}, wall());
+  const auto& residuals = root.node.calibration().residuals();
+  ASSERT_EQ(residuals.size(), 1u);
+  EXPECT_NEAR(residuals[0].residual_mm, 30, 4);
+  EXPECT_LT(residuals[0].corrected_mm, 15);
 }
 
 TEST(MergeNode, ASensorThatDoesNotFitIsToldOnceAndLeftOutWhereThatIsWanted) {

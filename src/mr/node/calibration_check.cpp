@@ -9,9 +9,13 @@
 namespace mr::node {
 namespace {
 
-constexpr int kCheckEvery = 30;  // merges
+constexpr int kCheckEvery = 30;  // ticks
 constexpr double kOdd_mm = 20;   // larger residuals are reported
-constexpr int kRefineEvery = 3;  // merges
+constexpr int kRefineEvery = 3;  // ticks
+
+bool is_over(const std::optional<std::uint64_t>& last, int every, std::uint64_t tick) {
+  return !last || tick >= *last + every;
+}
 
 std::uint64_t id_of(const kit::Part& part) { return number_of(part.sources.front().sensor); }
 
@@ -30,23 +34,36 @@ std::string CalibrationCheck::name(const kit::Part& part) const {
   return part.sources.size() == 1 ? first : first + "+" + std::to_string(part.sources.size() - 1);
 }
 
-void CalibrationCheck::update(const std::vector<kit::Part>& parts) {
+bool CalibrationCheck::is_due(std::uint64_t tick) const {
+  return !is_settled_ && is_over(measured_, kCheckEvery, tick);
+}
+
+void CalibrationCheck::update(const std::vector<kit::Part>& parts, std::uint64_t tick) {
+  is_settled_ = true;
   if (parts.size() < 2) return;
   std::vector<std::uint64_t> ids;
   for (const kit::Part& part : parts) ids.push_back(id_of(part));
-  if (scene_->merge.refine) {
-    if (calls_ % kRefineEvery == 0 || corrections_.size() != parts.size() || ids != ids_)
-      corrections_ = refiner_.update(parts, ids), ids_ = ids;
+  bool changed = false;
+  if (scene_->merge.refine && (is_over(refined_, kRefineEvery, tick) ||
+                               corrections_.size() != parts.size() || ids != ids_)) {
+    std::vector<Pose> corrections = refiner_.update(parts, ids);
+    changed = std::exchange(corrections_, corrections) != corrections;
+    ids_ = ids, refined_ = tick;
   }
-  if (calls_ % kCheckEvery == 0) measure(parts, ids);
-  ++calls_;
+  const bool measures = is_over(measured_, kCheckEvery, tick);
+  if (measures) {
+    std::vector<kit::Part> refined = parts;
+    refine(refined);
+    changed |= corrector_.update(refined, ids);
+    changed |= measure(parts);
+    measured_ = tick;
+  }
+  version_ += changed;
+  is_settled_ = measures && !changed;
 }
 
-void CalibrationCheck::measure(const std::vector<kit::Part>& parts,
-                               const std::vector<std::uint64_t>& ids) {
-  std::vector<kit::Part> refined = parts;
-  refine(refined);
-  version_ += corrector_.update(refined, ids);
+/// Whether other parts are left out than before.
+bool CalibrationCheck::measure(const std::vector<kit::Part>& parts) {
   const auto pairs = calib::pair_residuals(parts, registration(*scene_));
   residuals_.clear();
   for (const calib::PairResidual& pair : pairs) {
@@ -60,7 +77,7 @@ void CalibrationCheck::measure(const std::vector<kit::Part>& parts,
   std::vector<std::string> misfits;
   for (const std::uint32_t i : calib::outliers(pairs, parts.size(), limit_mm))
     misfits.push_back(name(parts[i]));
-  if (misfits == misfits_) return;
+  if (misfits == misfits_) return false;
   misfits_ = std::move(misfits);
   notice_ = misfits_.empty() ? "all inputs fit each other again" : "";
   for (const std::string& misfit : misfits_)
@@ -68,6 +85,7 @@ void CalibrationCheck::measure(const std::vector<kit::Part>& parts,
                 (scene_->merge.leave_out_mm > 0
                      ? " and is left out"
                      : ": check its pose, or set merge.leave_out_mm to leave such sensors out");
+  return scene_->merge.leave_out_mm > 0;
 }
 
 bool CalibrationCheck::is_left_out(const kit::Part& part) const {

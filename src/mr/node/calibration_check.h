@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cstdint>
 #include <optional>
 #include <string>
 #include <utility>
@@ -29,8 +30,11 @@ class CalibrationCheck {
   explicit CalibrationCheck(const Scene& scene);
 
   /// Measures the parts, one per input, and finds how they are to be bent and their poses refined;
-  /// each only at every n-th call, as it is expensive.
-  void update(const std::vector<kit::Part>& parts);
+  /// each only so many ticks after the last time, as it is expensive.
+  void update(const std::vector<kit::Part>& parts, std::uint64_t tick);
+  /// Whether parts that stay as they are must be measured again: they have not been since they
+  /// changed, or their corrections go on.
+  bool is_due(std::uint64_t tick) const;
   /// Corrects the poses of parts where merge.refine is set, and of their sources, then bends their
   /// meshes (merge.agree_m); empties those of parts that are left out. As many parts as update()
   /// was given, of the same inputs.
@@ -49,7 +53,7 @@ class CalibrationCheck {
 
  private:
   std::string name(const kit::Part& part) const;
-  void measure(const std::vector<kit::Part>& parts, const std::vector<std::uint64_t>& ids);
+  bool measure(const std::vector<kit::Part>& parts);
   void refine(std::vector<kit::Part>& parts) const;
   bool is_left_out(const kit::Part& part) const;
 
@@ -57,7 +61,8 @@ class CalibrationCheck {
   calib::PoseRefiner refiner_;
   calib::DepthCorrector corrector_;
   std::uint64_t version_ = 0;
-  int calls_ = 0;
+  std::optional<std::uint64_t> measured_, refined_;  ///< ticks
+  bool is_settled_ = true;  ///< no more is to be corrected in the last parts
   std::vector<Pose> corrections_;
   std::vector<std::uint64_t> ids_;  ///< of the parts that corrections_ belong to
   std::vector<InputResidual> residuals_;

@@ -97,11 +97,15 @@ Status MergeNode::update_layers(const CaptureSet& captures, const Decimation& de
   reused_ = !still_.exists() && !is_still_outdated && !moving_.is_outdated(moving, decimation);
   if (reused_) return {};
 
+  // Unchanged inputs, too, are merged anew where their corrections go on.
   std::optional<StillMerger::Inputs> inputs;
-  if (is_still_outdated) inputs = still_.take_inputs(std::move(still), decimation);
+  if (is_still_outdated || (still_.exists() && calibration_.is_due(sequence_)))
+    inputs = still_.take_inputs(std::move(still), decimation);
   if (inputs) {
+    const std::uint64_t before = calibration_.version();
     correct_poses(captures, true, inputs->parts);
     inputs->correction = calibration_.version();
+    if (!is_still_outdated && inputs->correction == before) inputs.reset();
   }
   std::vector<kit::Part> parts = parts_of(moving);
   correct_poses(captures, !still_.exists(), parts);
@@ -120,7 +124,7 @@ void MergeNode::correct_poses(const CaptureSet& captures, bool measure,
                               std::vector<kit::Part>& parts) {
   trace_.time("register", [&] {
     poses_ = {captures.views, captures.sources};
-    if (measure) calibration_.update(parts);
+    if (measure) calibration_.update(parts, sequence_);
     calibration_.apply(parts);
     calibration_.apply(parts, poses_.views, poses_.sources);
   });
