@@ -68,6 +68,28 @@ TEST(SecondLayers, TrianglesOfAnySizeAreFound) {
   }
 }
 
+TEST(SecondLayers, ATriangleGoesOnlyWhereAllOfItIsCovered) {
+  for (const float edge_m : {0.4f, 3.0f}) {
+    Mesh wall = square({0, 0, 0}, 1, 1), patch = square({0.1f, 0.1f, 0.02f}, edge_m, 10);
+    if (edge_m > 1)
+      for (Vec3f& p : patch.positions) p = p - Vec3f{1, 1, 0};
+    set_triangle_sensors(wall, std::vector(wall.triangles.size(), SensorId{0}));
+    set_triangle_sensors(patch, std::vector(patch.triangles.size(), SensorId{1}));
+    std::vector<Mesh> parts{wall, patch};
+    merge::remove_second_layers(parts, {.apart_m = 0.03, .large_m2 = 0.0125});
+    EXPECT_EQ(parts[0].triangles.size(), edge_m > 1 ? 0u : 2u) << edge_m;
+  }
+}
+
+TEST(SecondLayers, WhatOneSensorSawAsTwoSurfacesIsTwo) {
+  Mesh table = square({0, 0, 0}, 1, 40);
+  append(table, square({0.3f, 0.3f, 0.02f}, 0.2f, 10));  // a sheet held over it
+  set_triangle_sensors(table, std::vector(table.triangles.size(), SensorId{0}));
+  std::vector<Mesh> parts{table};
+  merge::remove_second_layers(parts, kConfig);
+  EXPECT_EQ(parts[0].triangles.size(), 3400u);
+}
+
 TEST(SecondLayers, OfLargeOnesTheSensorDecidesWhereverItsSurfaceHasBeenJoined) {
   Mesh first = square({0, 0, 0}, 1, 40), second = square({0, 0, 0.02f}, 2, 80);
   set_triangle_sensors(first, std::vector(first.triangles.size(), SensorId{7}));

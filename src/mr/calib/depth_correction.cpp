@@ -167,9 +167,7 @@ std::vector<PairOverlap> overlaps_of(std::span<const kit::Part> parts,
                                      const std::vector<DepthCorrection>& corrections,
                                      const RegistrationConfig& config) {
   std::vector<kit::Part> moved(parts.begin(), parts.end());
-  parallel_for(moved.size(), 1, [&](std::size_t begin, std::size_t end) {
-    for (std::size_t i = begin; i < end; ++i) correct(corrections[i], moved[i]);
-  });
+  bend({corrections.begin(), corrections.end()}, moved);
   return pair_overlaps(sampled_surfaces(moved, config.voxel_m), std::vector<Pose>(parts.size()),
                        config);
 }
@@ -250,6 +248,14 @@ void correct(const DepthCorrection& correction, kit::Part& part) {
   for (Vec3f& p : part.mesh.positions) p = vec_cast<float>(correction.moved(vec_cast<double>(p)));
 }
 
+void bend(const Bends& bends, std::span<kit::Part> parts) {
+  MR_ASSERT(bends.size() == parts.size());
+  parallel_for(parts.size(), 1, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t i = begin; i < end; ++i)
+      if (bends[i]) correct(*bends[i], parts[i]);
+  });
+}
+
 const DepthCorrection* DepthCorrector::of(std::uint64_t id) const {
   const auto known = std::ranges::find(known_, id, &Known::id);
   return known == known_.end() ? nullptr : &known->correction;
@@ -299,8 +305,10 @@ bool DepthCorrector::update(std::span<const kit::Part> parts, std::span<const st
     changed = true;
   }
   residuals_ = residuals_of(overlaps);
-  known_.clear();
-  for (std::size_t i = 0; i < parts.size(); ++i) known_.push_back({ids[i], corrections[i]});
+  for (std::size_t i = 0; i < parts.size(); ++i) {
+    std::erase_if(known_, [&](const Known& known) { return known.id == ids[i]; });
+    known_.push_back({ids[i], corrections[i]});
+  }
   return changed;
 }
 

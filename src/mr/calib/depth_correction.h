@@ -52,6 +52,12 @@ class DepthCorrection {
 /// Moves the vertices of a part.
 void correct(const DepthCorrection& correction, kit::Part& part);
 
+/// The corrections of several parts, none where a part has none.
+using Bends = std::vector<std::optional<DepthCorrection>>;
+
+/// Moves the vertices of as many parts.
+void bend(const Bends& bends, std::span<kit::Part> parts);
+
 struct PairOverlap;  // overlaps.h
 
 /// Online correction of what calibration leaves: bent depth fields, scale, small errors of pose.
@@ -66,8 +72,8 @@ class DepthCorrector {
   DepthCorrector(const RegistrationConfig& config, double agree_m)
       : config_(config), agree_m_(agree_m) {}
 
-  /// Takes the uncorrected parts, identified by `ids`; the corrections of a part that was absent
-  /// start from nothing. True: they changed. Costs two to five pair_residuals().
+  /// Takes the uncorrected parts, identified by `ids`; a part that was absent goes on with what it
+  /// had. True: the corrections changed. Costs two to five pair_residuals().
   bool update(std::span<const kit::Part> parts, std::span<const std::uint64_t> ids);
 
   /// The correction of a part; null: none.

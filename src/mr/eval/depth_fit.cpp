@@ -51,7 +51,7 @@ class Shown {
       const auto hit = rays_.first_hit(from, along, near, static_cast<float>(far_m));
       if (!hit) return std::nullopt;
       if (dot(mesh_.area_normal(hit->triangle), along) < 0) return hit->distance;
-      near = hit->distance + kOn;
+      near = std::max(hit->distance + kOn, std::nextafter(hit->distance, INFINITY));
     }
     return std::nullopt;
   }

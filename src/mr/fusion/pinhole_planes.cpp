@@ -17,6 +17,9 @@ namespace {
 /// Tangent of the angle between ray and surface; below it, neighbours alone do not make a surface.
 constexpr float kSteepest = 0.3f;
 
+constexpr float kLeastMoved =
+    0.5f;  // of a pixel's inverse depth: a line that is off by more is none
+
 /// What makes one surface of pixels in a row: each of their steps is about the mean one.
 struct LineRule {
   int pixels;
@@ -111,8 +114,9 @@ void set_row(const FrameView& view, int y, const float* inverse, const Slopes& r
   const float row = view.first_row + static_cast<float>(y) * view.per_pixel.y;
   const float per_right = 1 / view.per_pixel.x, per_down = 1 / view.per_pixel.y;
   for (int x = 0; x < view.width; ++x) {
-    const float w = inverse[x] + right.moved[x] + down.moved[x],
-                across = right.slope[x] * per_right, along = down.slope[x] * per_down;
+    const float across = right.slope[x] * per_right, along = down.slope[x] * per_down;
+    float w = inverse[x] + right.moved[x] + down.moved[x];
+    if (w < kLeastMoved * inverse[x]) w = inverse[x];
     const float ahead = w - across * view.s[x] - along * row;
     const float steepness = std::sqrt(across * across + along * along + ahead * ahead);
     const float cosine = std::max(w / std::max(steepness, 1e-20f), kLeastCosine);

@@ -106,10 +106,15 @@ void CalibrationCheck::apply(std::vector<kit::Part>& parts) const {
   for (kit::Part& part : parts)
     if (is_left_out(part)) part.mesh = {};
   refine(parts);
-  parallel_for(parts.size(), 1, [&](std::size_t begin, std::size_t end) {
-    for (std::size_t i = begin; i < end; ++i)
-      if (const auto* bent = corrector_.of(id_of(parts[i]))) calib::correct(*bent, parts[i]);
-  });
+  calib::bend(bends(parts), parts);
+}
+
+calib::Bends CalibrationCheck::bends(const std::vector<kit::Part>& parts) const {
+  calib::Bends out(parts.size());
+  for (std::size_t i = 0; i < parts.size() && parts.size() > 1; ++i)
+    if (const calib::DepthCorrection* known = corrector_.of(id_of(parts[i])))
+      out[i].emplace(parts[i]).offset_m = known->offset_m;
+  return out;
 }
 
 void CalibrationCheck::apply(const std::vector<kit::Part>& parts, std::vector<View>& views,

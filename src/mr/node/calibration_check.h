@@ -43,6 +43,9 @@ class CalibrationCheck {
   void apply(const std::vector<kit::Part>& parts, std::vector<View>& views,
              std::vector<SourceInfo>& sources) const;
 
+  /// How parts are bent, from where their sensors stand now.
+  calib::Bends bends(const std::vector<kit::Part>& parts) const;
+
   /// Counts changes of the corrections: surfaces before and after lie elsewhere.
   std::uint64_t version() const { return version_; }
 

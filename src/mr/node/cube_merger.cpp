@@ -43,7 +43,7 @@ CubeMerger::CubeMerger(double chunk_m, double reach_m)
     : chunk_m_(chunk_m), rings_(static_cast<int>(std::ceil(reach_m / chunk_m))) {}
 
 Mesh CubeMerger::run(const std::vector<DecodedScene>& scenes, const std::vector<kit::Part>& parts,
-                     const Merge& merge) {
+                     const Correct& correct, const Merge& merge) {
   Contents contents;
   for (std::size_t i = 0; i < scenes.size(); ++i)
     for (const auto& chunk : scenes[i].chunks)
@@ -54,7 +54,7 @@ Mesh CubeMerger::run(const std::vector<DecodedScene>& scenes, const std::vector<
     const Cubes again = grown(changed(contents));
     const auto is_merged = [&](const auto& cube) { return again.contains(cube.first); };
     const auto count = static_cast<std::size_t>(std::ranges::count_if(contents, is_merged));
-    if (2 * count <= cubes_) mesh = mend(scenes, again, merge);
+    if (2 * count <= cubes_) mesh = mend(scenes, again, correct, merge);
     if (mesh) merged_ = count;
   }
   if (!mesh) mesh = merge(parts, true);
@@ -91,13 +91,14 @@ CubeMerger::Cubes CubeMerger::grown(const Cubes& cubes) const {
 }
 
 std::optional<Mesh> CubeMerger::mend(const std::vector<DecodedScene>& scenes, const Cubes& again,
-                                     const Merge& merge) const {
+                                     const Correct& correct, const Merge& merge) const {
   const Cubes around = grown(again);
   std::vector<kit::Part> parts(scenes.size());
   parallel_for(parts.size(), 1, [&](std::size_t begin, std::size_t end) {
     for (std::size_t i = begin; i < end; ++i)
       parts[i] = part_of(scenes[i], [&](Vec3i cube) { return around.contains(cube); });
   });
+  correct(parts);
   const Divided fresh(merge(parts, false), chunk_m_, again);
   Divided old(last_->mesh, chunk_m_, again);
   if (fresh.seam != old.seam) return std::nullopt;

@@ -20,15 +20,17 @@ namespace mr::node {
 /// object. Where the new surface does not meet the old one edge by edge, all is merged.
 class CubeMerger {
  public:
+  /// What calibration does to the parts of the scenes, point by point.
+  using Correct = std::function<void(std::vector<kit::Part>& parts)>;
   /// Overlap removal, zipper and islands; `all`: of the whole scene, not of a piece.
   using Merge = std::function<Mesh(const std::vector<kit::Part>& parts, bool all)>;
 
   /// `reach_m`: how far away a change can still be felt.
   CubeMerger(double chunk_m, double reach_m);
 
-  /// The merged surface of some scenes, whose whole surfaces are `parts`.
+  /// The merged surface of some scenes, whose whole surfaces, corrected, are `parts`.
   Mesh run(const std::vector<DecodedScene>& scenes, const std::vector<kit::Part>& parts,
-           const Merge& merge);
+           const Correct& correct, const Merge& merge);
 
   /// The next time all is merged.
   void forget() { last_.reset(); }
@@ -52,7 +54,7 @@ class CubeMerger {
   Cubes grown(const Cubes& cubes) const;
   /// The new surface, if it meets the old one.
   std::optional<Mesh> mend(const std::vector<DecodedScene>& scenes, const Cubes& again,
-                           const Merge& merge) const;
+                           const Correct& correct, const Merge& merge) const;
 
   double chunk_m_;
   int rings_;

@@ -104,6 +104,7 @@ Status MergeNode::update_layers(const CaptureSet& captures, const Decimation& de
   if (inputs) {
     const std::uint64_t before = calibration_.version();
     correct_poses(captures, true, inputs->parts);
+    inputs->bends = calibration_.bends(inputs->parts);
     inputs->correction = calibration_.version();
     if (!is_still_outdated && inputs->correction == before) inputs.reset();
   }

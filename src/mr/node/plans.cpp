@@ -7,7 +7,7 @@ namespace {
 // no walls share the triangle budget.
 constexpr double kMovingError_voxels = 0.5;
 // Error limit for the still surface: it is sent once, so it may be finer than one capture's noise.
-constexpr double kStillError_voxels = 0.4;
+constexpr double kStillError_voxels = 0.35;
 
 /// If the scene sets an error limit and no ratio, only the error limit applies.
 Decimation decimation_of(const SimplifyConfig& config) {

@@ -123,14 +123,16 @@ std::map<Vec3i, SurfacePiece> StillMerger::pieces() const {
 /// chosen later.
 Status StillMerger::join(Inputs inputs, const Decimation& decimation, std::uint64_t sequence) {
   is_labelled_ = false;
-  const auto& [scenes, parts, correction] = inputs;
-  if (std::exchange(correction_, correction) != correction) cubes_.forget();
+  const std::vector<DecodedScene>& scenes = inputs.scenes;
+  const std::vector<kit::Part>& parts = inputs.parts;
+  if (std::exchange(correction_, inputs.correction) != inputs.correction) cubes_.forget();
   const auto join_some = [&](const std::vector<kit::Part>& some, bool all) {
     return joiner_.join(some, all);
   };
+  const auto bend = [&](std::vector<kit::Part>& some) { calib::bend(inputs.bends, some); };
   // A refined pose (merge.refine) changes every cube of an input.
   const bool whole = scene_->merge.refine || scene_->merge.leave_out_mm > 0;
-  const Mesh joined = whole ? join_some(parts, true) : cubes_.run(scenes, parts, join_some);
+  const Mesh joined = whole ? join_some(parts, true) : cubes_.run(scenes, parts, bend, join_some);
   if (joiner_.take_hurried()) cubes_.forget();  // some seams are still open
   note_fresh(scenes, sequence);
   auto surface = joiner_.decimated(joined, parts, errors_of(scenes), decimation);

@@ -10,6 +10,7 @@
 #include "mr/atlas/labels.h"
 #include "mr/atlas/lasting_labels.h"
 #include "mr/atlas/occluders.h"
+#include "mr/calib/depth_correction.h"
 #include "mr/core/decoded_scene.h"
 #include "mr/core/mesh.h"
 #include "mr/core/packet.h"
@@ -49,6 +50,7 @@ class StillMerger {
   struct Inputs {
     std::vector<DecodedScene> scenes;  ///< the still layer, without textures
     std::vector<kit::Part> parts;      ///< the same, corrected
+    calib::Bends bends;                ///< by which they were; one per part
     std::uint64_t correction = 0;      ///< CalibrationCheck::version()
   };
   /// The arguments of an update.

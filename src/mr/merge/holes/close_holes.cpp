@@ -54,8 +54,8 @@ class Holes {
         }};
     const auto found = least_filling(static_cast<std::uint32_t>(loop.size()), rule);
     if (!found) return std::nullopt;
-    Filling out;
     if (auto bent = with_middle(loop)) return bent;
+    Filling out;
     for (const auto& [k, j, i] : *found) {  // i < j < k
       out.triangles.push_back({loop[k], loop[j], loop[i]});
       if (j - i > 1) out.joins.push_back({loop[i], loop[j]});

@@ -8,7 +8,8 @@
 namespace mr::merge {
 namespace {
 
-constexpr float kPerCell = 10;  // cells of 10 cm
+constexpr float kPerCell = 10;    // cells of 10 cm
+constexpr float kMostCells = 64;  // around a triangle; who has more is compared with every point
 
 bool contains(const GuessedTriangle& t, Vec3f p, float tolerance_m) {
   const Vec3f normal = normalized(cross(t[1] - t[0], t[2] - t[0]));
@@ -28,6 +29,11 @@ GuessedSurface::GuessedSurface(std::vector<GuessedTriangle> triangles, double to
     const Vec3f around{tolerance_m_, tolerance_m_, tolerance_m_};
     const Vec3i low = cell_at((box.low - around) * kPerCell),
                 high = cell_at((box.high + around) * kPerCell);
+    const Vec3f size = vec_cast<float>(high - low) + Vec3f{1, 1, 1};
+    if (size.x * size.y * size.z > kMostCells) {
+      large_.push_back(i);
+      continue;
+    }
     for (int x = low.x; x <= high.x; ++x)
       for (int y = low.y; y <= high.y; ++y)
         for (int z = low.z; z <= high.z; ++z) by_cell_.emplace_back(cell_key({x, y, z}), i);
@@ -40,7 +46,8 @@ bool GuessedSurface::has(Vec3f p) const {
   auto near = std::lower_bound(by_cell_.begin(), by_cell_.end(), std::pair(cell, 0u));
   for (; near != by_cell_.end() && near->first == cell; ++near)
     if (contains(triangles_[near->second], p, tolerance_m_)) return true;
-  return false;
+  return std::ranges::any_of(
+      large_, [&](std::uint32_t i) { return contains(triangles_[i], p, tolerance_m_); });
 }
 
 std::vector<std::uint8_t> GuessedSurface::marks(const Mesh& mesh) const {

@@ -26,6 +26,7 @@ class GuessedSurface {
   float tolerance_m_ = 0;
   std::vector<GuessedTriangle> triangles_;
   std::vector<std::pair<std::uint64_t, std::uint32_t>> by_cell_;  // sorted; triangles near a cell
+  std::vector<std::uint32_t> large_;                              ///< triangles in too many cells
 };
 
 }  // namespace mr::merge

@@ -11,7 +11,10 @@ bool is_confirmed(const SourceInfo& source, Vec3f p) {
   if (mask.empty()) return false;
   const auto pixel =
       project(source.depth_camera, source.T_world_depth.inverse() * vec_cast<double>(p));
-  if (!pixel || pixel->x < 0 || pixel->y < 0) return false;
+  const Camera& camera = source.depth_camera;
+  if (!pixel ||
+      !(pixel->x >= 0 && pixel->y >= 0 && pixel->x < camera.width && pixel->y < camera.height))
+    return false;
   const int column = static_cast<int>(pixel->x) / mask.tile_px,
             row = static_cast<int>(pixel->y) / mask.tile_px;
   return column < mask.columns && row < mask.rows && mask.at(column, row);

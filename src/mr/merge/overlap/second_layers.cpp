@@ -15,10 +15,12 @@
 namespace mr::merge {
 namespace {
 
-constexpr float kFacesAlike = 0.5f;  // cosine
-constexpr float kCell_nears = 4;     // edge of a cell
-constexpr float kMostCells = 64;     // around a triangle; a larger one is looked at in quarters
-constexpr int kMostQuarterings = 6;  // what is larger even then counts as near everything
+constexpr float kFacesAlike = 0.5f;   // cosine
+constexpr float kLarge_nears = 1.5f;  // edge of a triangle that is looked at near its corners, too
+constexpr float kToCorner = 0.9f;     // of the way from the centroid
+constexpr float kCell_nears = 4;      // edge of a cell
+constexpr float kMostCells = 64;      // around a triangle; a larger one is looked at in quarters
+constexpr int kMostQuarterings = 6;   // what is larger even then counts as near everything
 
 /// Surface of one sensor within a component, and its precedence where it lies over another one.
 struct Sheet {
@@ -156,6 +158,18 @@ NearOthers near_others(const Mesh& part, const std::vector<std::uint32_t>& sheet
   return out;
 }
 
+/// Where other surface is looked for over a triangle.
+std::vector<Vec3f> looked_at(const Mesh& mesh, std::size_t t, float near_m) {
+  const Vec3f middle = mesh.centroid(t);
+  std::vector<Vec3f> out{middle};
+  for (int i = 0; i < 3; ++i)
+    if (length(mesh.corner(t, (i + 1) % 3) - mesh.corner(t, i)) > kLarge_nears * near_m) {
+      for (int k = 0; k < 3; ++k) out.push_back(middle + (mesh.corner(t, k) - middle) * kToCorner);
+      break;
+    }
+  return out;
+}
+
 }  // namespace
 
 void remove_second_layers(std::span<Mesh> parts, const SecondLayersConfig& config) {
@@ -187,12 +201,15 @@ void remove_second_layers(std::span<Mesh> parts, const SecondLayersConfig& confi
       for (std::size_t k = begin; k < end; ++k) {
         const std::uint32_t own = sheet[i][over[k]];
         const Vec3f normal = normalized(part.area_normal(over[k]));
-        rays.all_hits(part.centroid(over[k]), normal, -reach_m, reach_m, hits);
-        keep[over[k]] = std::ranges::none_of(hits, [&](const kit::RayHit& hit) {
-          const NearOthers& there = near[hit.mesh];
-          const std::uint32_t other = there.under_sheet[hit.triangle];
-          return other > own && sheets[other].component != sheets[own].component &&
-                 dot(normalized(there.under.area_normal(hit.triangle)), normal) >= kFacesAlike;
+        keep[over[k]] = !std::ranges::all_of(looked_at(part, over[k], reach_m), [&](Vec3f p) {
+          rays.all_hits(p, normal, -reach_m, reach_m, hits);
+          return std::ranges::any_of(hits, [&](const kit::RayHit& hit) {
+            const NearOthers& there = near[hit.mesh];
+            const std::uint32_t other = there.under_sheet[hit.triangle];
+            return other > own && sheets[other].component != sheets[own].component &&
+                   (hit.mesh != i || sheets[other].sensor != sheets[own].sensor) &&
+                   dot(normalized(there.under.area_normal(hit.triangle)), normal) >= kFacesAlike;
+          });
         });
       }
     });

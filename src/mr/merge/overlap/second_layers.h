@@ -18,10 +18,11 @@ inline SecondLayersConfig second_layers_config(double voxel_m) {
 
 /// Removes what overlap removal leaves of one surface over another, where sensors disagree by more
 /// than is expected; the zipper would join both as a second layer. A triangle goes if, along its
-/// normal and within `apart_m`, another component takes precedence and faces alike: one with more
-/// area; of two large ones, that of the later sensor. So all that was covered stays covered. As the
-/// redundant triangles of Turk and Levoy 1994 (section 4.1), but not from the border on. Parallel;
-/// deterministic.
+/// normal and within `apart_m`, over its middle and, where it is large, near its corners, another
+/// component takes precedence and faces alike: one with more area; of two large ones, that of the
+/// later sensor. So what was covered stays covered. Of one sensor within a part, two surfaces are
+/// two. As the redundant triangles of Turk and Levoy 1994 (section 4.1), but not from the border
+/// on. Parallel; deterministic.
 void remove_second_layers(std::span<Mesh> parts, const SecondLayersConfig& config);
 
 }  // namespace mr::merge
