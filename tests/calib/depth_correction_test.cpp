@@ -102,6 +102,20 @@ TEST(DepthCorrection, NobodyIsBentTowardsASensorThatIsFarOff) {
   for (const std::uint64_t id : {7, 8, 9}) EXPECT_LT(most_offset_m(corrector, id), 0.001) << id;
 }
 
+TEST(DepthCorrection, WhoWasAwayGoesOnWithWhatItHadAndMovesNobody) {
+  const std::vector<Part> parts{wall(0, {1, 2.5, 1}, nowhere), wall(1, {2, 2.5, 1}, bent),
+                                wall(2, {1.5, 2.5, 1.2}, nowhere)};
+  DepthCorrector corrector({}, kAgree_m);
+  EXPECT_TRUE(corrector.update(parts, numbers_of(parts)));
+  const std::vector<double> first = corrector.of(7)->offset_m, away = corrector.of(9)->offset_m;
+  corrector.update(std::span(parts).first(2), std::vector<std::uint64_t>{7, 8});
+  ASSERT_TRUE(corrector.of(9));
+  EXPECT_EQ(corrector.of(9)->offset_m, away);
+  corrector.update(parts, numbers_of(parts));
+  for (std::size_t k = 0; k < first.size(); ++k)  // a fifth of a voxel each time
+    EXPECT_NEAR(corrector.of(7)->offset_m[k], first[k], 0.005) << k;
+}
+
 TEST(DepthCorrection, ZeroTurnsItOff) {
   const std::vector<Part> parts{wall(0, {1, 2.5, 1}, nowhere), wall(1, {2, 2.5, 1}, bent)};
   DepthCorrector corrector({}, 0);

@@ -4,7 +4,9 @@
 
 #include <cmath>
 
+#include "mr/fusion/frame_view.h"
 #include "mr/fusion/fuse.h"
+#include "mr/fusion/pinhole_planes.h"
 #include "mr/kit/raycast.h"
 #include "support/depth_pictures.h"
 
@@ -74,6 +76,22 @@ TEST(PinholePlanes, AFloorSeenAtEightDegreesIsWhole) {
 TEST(PinholePlanes, MixedPixelsDoNotTearIt) {
   const Floor floor;
   EXPECT_LT(floor.missing(fused(with_mixed_pixels(floor.depth, 1), floor.camera, true)), 0.1);
+}
+
+TEST(PinholePlanes, ALineNeverTakesAPixelBehindTheCamera) {
+  // A line through six pixels, each step about the mean one, that passes the first behind infinity.
+  constexpr float kSteps[] = {0, 0.11f, 0.22f, 1.22f, 3.1f, 4.98f};  // 0.1 to 1.9 of the mean
+  fusion::FrameView view;
+  view.width = 32, view.height = 8, view.stride = view.width + 2;
+  view.depth.assign(static_cast<std::size_t>(view.height + 2) * view.stride + view.kPadding,
+                    view.kNothing);
+  view.s.resize(view.width + view.kPadding), view.t = view.s;
+  view.per_pixel = {0.004f, 0.004f};
+  for (int y = 0; y < view.height; ++y)
+    for (int i = 0; i < 6; ++i) view.row(y)[10 + i] = 1 / (0.05f + 0.105f * kSteps[i]);
+  fusion::fit_pinhole_planes(view);
+  for (int y = 0; y < view.height; ++y)
+    for (int i = 0; i < 6; ++i) EXPECT_GT(view.planes[view.place(10 + i, y)].inverse, 0.02f) << i;
 }
 
 TEST(PinholePlanes, NothingSpansADepthEdge) {

@@ -59,6 +59,18 @@ TEST(CloseHoles, ASmallHoleInAWallIsClosedAndMarked) {
   EXPECT_EQ(static_cast<std::size_t>(std::ranges::count(marks, 1)), guessed.size());
 }
 
+TEST(CloseHoles, GuessesOfAnySizeAreFound) {
+  for (const float edge_m : {0.02f, 1.0f, 1000.0f}) {
+    Mesh mesh;
+    mesh.positions = {{0, 0, 0}, {edge_m, 0, edge_m}, {0, edge_m, edge_m}};
+    mesh.triangles = {{0, 1, 2}};
+    const std::vector<merge::GuessedTriangle> guessed{
+        {mesh.positions[0], mesh.positions[1], mesh.positions[2]}};
+    EXPECT_EQ(merge::GuessedSurface(guessed, 0.002).marks(mesh), (std::vector<std::uint8_t>{1}))
+        << edge_m;
+  }
+}
+
 TEST(CloseHoles, AWideHoleStaysAndSoDoesEverythingWhereNothingIsToBeFilled) {
   for (const auto& [radius_m, fill_m] : {std::pair{0.1f, 0.05}, {0.022f, 0.0}}) {
     Mesh mesh = with_round_hole(wall(), {0.05f, 0.05f, 1}, radius_m);

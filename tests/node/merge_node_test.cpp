@@ -553,6 +553,18 @@ TEST(MergeNode, ASensorThatWasPushedIsBentOnWhileItsRoomRests) {
   EXPECT_LT(residuals[0].corrected_mm, 15);
 }
 
+TEST(MergeNode, ASensorThatMovedIsBentFromWhereItStandsNow) {
+  Merger root(two_sensors());
+  see_with_push(root, 1, {0, 0, 0.03}, wall());
+  std::vector<kit::Part> parts;
+  for (std::uint32_t i = 0; i < 2; ++i) parts.push_back({{}, 0, {test::source(i, {})}});
+  parts[1].sources[0].T_world_depth.translation.x += 1;
+  const calib::Bends bends = root.node.calibration().bends(parts);
+  ASSERT_TRUE(bends[0] && bends[1]);
+  EXPECT_EQ(bends[1]->eye(), parts[1].sources[0].T_world_depth.translation);
+  EXPECT_NE(bends[1]->offset_m, std::vector<double>(bends[1]->offset_m.size(), 0.0));
+}
+
 TEST(MergeNode, ASensorThatDoesNotFitIsToldOnceAndLeftOutWhereThatIsWanted) {
   for (const double leave_out_mm : {0.0, 40.0}) {
     Scene scene = test::scene_of_sensors(

@@ -257,8 +257,8 @@ void bend(const Bends& bends, std::span<kit::Part> parts) {
 }
 
 const DepthCorrection* DepthCorrector::of(std::uint64_t id) const {
-  const auto known = std::ranges::find(known_, id, &Known::id);
-  return known == known_.end() ? nullptr : &known->correction;
+  const auto known = known_.find(id);
+  return known == known_.end() ? nullptr : &known->second;
 }
 
 /// One step of Gauss-Newton, all the way where `at_once`; nothing: not worth it.
@@ -305,10 +305,7 @@ bool DepthCorrector::update(std::span<const kit::Part> parts, std::span<const st
     changed = true;
   }
   residuals_ = residuals_of(overlaps);
-  for (std::size_t i = 0; i < parts.size(); ++i) {
-    std::erase_if(known_, [&](const Known& known) { return known.id == ids[i]; });
-    known_.push_back({ids[i], corrections[i]});
-  }
+  for (std::size_t i = 0; i < parts.size(); ++i) known_.insert_or_assign(ids[i], corrections[i]);
   return changed;
 }
 

@@ -3,6 +3,7 @@
 #include <array>
 #include <cstddef>
 #include <cstdint>
+#include <map>
 #include <optional>
 #include <span>
 #include <vector>
@@ -41,6 +42,8 @@ class DepthCorrection {
 
   double offset_at(Vec3d point) const;
   Vec3d moved(Vec3d point) const { return point + normalized(point - eye_) * offset_at(point); }
+
+  friend bool operator==(const DepthCorrection&, const DepthCorrection&) = default;
 
  private:
   Camera camera_;  ///< a pinhole, or without pixels: a grid of directions
@@ -83,18 +86,13 @@ class DepthCorrector {
   const std::vector<PairResidual>& residuals() const { return residuals_; }
 
  private:
-  struct Known {
-    std::uint64_t id = 0;
-    DepthCorrection correction;
-  };
-
   std::optional<std::vector<double>> step(const std::vector<PairOverlap>& overlaps,
                                           const std::vector<DepthCorrection>& corrections,
                                           bool at_once) const;
 
   RegistrationConfig config_;
   double agree_m_;
-  std::vector<Known> known_;
+  std::map<std::uint64_t, DepthCorrection> known_;  ///< by id
   std::vector<PairResidual> residuals_;
 };
 

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <optional>
 
 #include "mr/core/parallel.h"
@@ -51,7 +52,8 @@ class Shown {
       const auto hit = rays_.first_hit(from, along, near, static_cast<float>(far_m));
       if (!hit) return std::nullopt;
       if (dot(mesh_.area_normal(hit->triangle), along) < 0) return hit->distance;
-      near = std::max(hit->distance + kOn, std::nextafter(hit->distance, INFINITY));
+      near = std::max(hit->distance + kOn,
+                      std::nextafter(hit->distance, std::numeric_limits<float>::max()));
     }
     return std::nullopt;
   }

@@ -17,8 +17,8 @@ namespace {
 /// Tangent of the angle between ray and surface; below it, neighbours alone do not make a surface.
 constexpr float kSteepest = 0.3f;
 
-constexpr float kLeastMoved =
-    0.5f;  // of a pixel's inverse depth: a line that is off by more is none
+/// Of a pixel's inverse depth: a line that passes nearer to zero is none.
+constexpr float kLeastInverse = 0.5f;
 
 /// What makes one surface of pixels in a row: each of their steps is about the mean one.
 struct LineRule {
@@ -116,7 +116,7 @@ void set_row(const FrameView& view, int y, const float* inverse, const Slopes& r
   for (int x = 0; x < view.width; ++x) {
     const float across = right.slope[x] * per_right, along = down.slope[x] * per_down;
     float w = inverse[x] + right.moved[x] + down.moved[x];
-    if (w < kLeastMoved * inverse[x]) w = inverse[x];
+    if (w < kLeastInverse * inverse[x]) w = inverse[x];
     const float ahead = w - across * view.s[x] - along * row;
     const float steepness = std::sqrt(across * across + along * along + ahead * ahead);
     const float cosine = std::max(w / std::max(steepness, 1e-20f), kLeastCosine);

@@ -25,4 +25,21 @@ inline std::uint64_t cell_key(Vec3i cell) {
 }
 inline constexpr std::array<std::uint64_t, 3> kCellStep{1ull << 42, 1ull << 21, 1};  // of a key
 
+/// The cells that a box lies in.
+struct CellBox {
+  Vec3i low, high;
+
+  float count() const {
+    const Vec3f size = vec_cast<float>(high - low) + Vec3f{1, 1, 1};
+    return size.x * size.y * size.z;
+  }
+  /// Calls work(key) for each.
+  template <typename Work>
+  void for_each(const Work& work) const {
+    for (int x = low.x; x <= high.x; ++x)
+      for (int y = low.y; y <= high.y; ++y)
+        for (int z = low.z; z <= high.z; ++z) work(cell_key({x, y, z}));
+  }
+};
+
 }  // namespace mr::merge

@@ -38,9 +38,9 @@ bool CalibrationCheck::is_due(std::uint64_t tick) const {
   return !is_settled_ && is_over(measured_, kCheckEvery, tick);
 }
 
-void CalibrationCheck::update(const std::vector<kit::Part>& parts, std::uint64_t tick) {
+bool CalibrationCheck::update(const std::vector<kit::Part>& parts, std::uint64_t tick) {
   is_settled_ = true;
-  if (parts.size() < 2) return;
+  if (parts.size() < 2) return false;
   std::vector<std::uint64_t> ids;
   for (const kit::Part& part : parts) ids.push_back(id_of(part));
   bool changed = false;
@@ -58,8 +58,8 @@ void CalibrationCheck::update(const std::vector<kit::Part>& parts, std::uint64_t
     changed |= measure(parts);
     measured_ = tick;
   }
-  version_ += changed;
   is_settled_ = measures && !changed;
+  return changed;
 }
 
 /// Whether other parts are left out than before.

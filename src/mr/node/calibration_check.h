@@ -30,8 +30,9 @@ class CalibrationCheck {
   explicit CalibrationCheck(const Scene& scene);
 
   /// Measures the parts, one per input, and finds how they are to be bent and their poses refined;
-  /// each only so many ticks after the last time, as it is expensive.
-  void update(const std::vector<kit::Part>& parts, std::uint64_t tick);
+  /// each only so many ticks after the last time, as it is expensive. True: the corrections
+  /// changed; surfaces lie elsewhere than before.
+  bool update(const std::vector<kit::Part>& parts, std::uint64_t tick);
   /// Whether parts that stay as they are must be measured again: they have not been since they
   /// changed, or their corrections go on.
   bool is_due(std::uint64_t tick) const;
@@ -45,9 +46,6 @@ class CalibrationCheck {
 
   /// How parts are bent, from where their sensors stand now.
   calib::Bends bends(const std::vector<kit::Part>& parts) const;
-
-  /// Counts changes of the corrections: surfaces before and after lie elsewhere.
-  std::uint64_t version() const { return version_; }
 
   /// The residuals of the last measurement.
   const std::vector<InputResidual>& residuals() const { return residuals_; }
@@ -63,7 +61,6 @@ class CalibrationCheck {
   const Scene* scene_;
   calib::PoseRefiner refiner_;
   calib::DepthCorrector corrector_;
-  std::uint64_t version_ = 0;
   std::optional<std::uint64_t> measured_, refined_;  ///< ticks
   bool is_settled_ = true;  ///< no more is to be corrected in the last parts
   std::vector<Pose> corrections_;

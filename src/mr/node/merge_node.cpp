@@ -102,11 +102,9 @@ Status MergeNode::update_layers(const CaptureSet& captures, const Decimation& de
   if (is_still_outdated || (still_.exists() && calibration_.is_due(sequence_)))
     inputs = still_.take_inputs(std::move(still), decimation);
   if (inputs) {
-    const std::uint64_t before = calibration_.version();
-    correct_poses(captures, true, inputs->parts);
+    const bool changed = correct_poses(captures, true, inputs->parts);
     inputs->bends = calibration_.bends(inputs->parts);
-    inputs->correction = calibration_.version();
-    if (!is_still_outdated && inputs->correction == before) inputs.reset();
+    if (!is_still_outdated && !changed) inputs.reset();
   }
   std::vector<kit::Part> parts = parts_of(moving);
   correct_poses(captures, !still_.exists(), parts);
@@ -120,14 +118,15 @@ Status MergeNode::update_layers(const CaptureSet& captures, const Decimation& de
                         {decimation, poses_, still_.shown().occluders.get(), on_cores_free});
 }
 
-/// Calibration is measured on the layer that has most surface.
-void MergeNode::correct_poses(const CaptureSet& captures, bool measure,
+/// Calibration is measured on the layer that has most surface. Whether corrections changed.
+bool MergeNode::correct_poses(const CaptureSet& captures, bool measure,
                               std::vector<kit::Part>& parts) {
-  trace_.time("register", [&] {
+  return trace_.time("register", [&] {
     poses_ = {captures.views, captures.sources};
-    if (measure) calibration_.update(parts, sequence_);
+    const bool changed = measure && calibration_.update(parts, sequence_);
     calibration_.apply(parts);
     calibration_.apply(parts, poses_.views, poses_.sources);
+    return changed;
   });
 }
 

@@ -93,7 +93,7 @@ class MergeNode {
   Packet head(const CaptureSet& captures, const CodingPlan& plan) const;
   Status update_layers(const CaptureSet& captures, const Decimation& decimation,
                        const std::function<void()>& on_cores_free);
-  void correct_poses(const CaptureSet& captures, bool measure, std::vector<kit::Part>& parts);
+  bool correct_poses(const CaptureSet& captures, bool measure, std::vector<kit::Part>& parts);
   void update_plates(const CaptureSet& captures, const std::vector<kit::Part>& moving);
   Status add_textures(const CaptureSet& captures, Packet& packet);
   void add_marks(const CaptureSet& captures, TimePoint started, Packet& packet) const;

@@ -32,7 +32,7 @@ Status StillLayer::publish_finished(std::uint64_t sequence) {
 std::optional<StillMerger::Inputs> StillLayer::take_inputs(std::vector<DecodedScene> scenes,
                                                            const Decimation& decimation) {
   if (job_.is_busy()) return std::nullopt;
-  StillMerger::Inputs inputs{scenes, parts_of(scenes), {}, 0};
+  StillMerger::Inputs inputs{scenes, parts_of(scenes), {}};
   scenes_ = std::move(scenes), decimation_ = decimation;
   return inputs;
 }

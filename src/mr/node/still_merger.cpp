@@ -125,7 +125,7 @@ Status StillMerger::join(Inputs inputs, const Decimation& decimation, std::uint6
   is_labelled_ = false;
   const std::vector<DecodedScene>& scenes = inputs.scenes;
   const std::vector<kit::Part>& parts = inputs.parts;
-  if (std::exchange(correction_, inputs.correction) != inputs.correction) cubes_.forget();
+  if (std::exchange(bends_, inputs.bends) != inputs.bends) cubes_.forget();
   const auto join_some = [&](const std::vector<kit::Part>& some, bool all) {
     return joiner_.join(some, all);
   };

@@ -51,7 +51,6 @@ class StillMerger {
     std::vector<DecodedScene> scenes;  ///< the still layer, without textures
     std::vector<kit::Part> parts;      ///< the same, corrected
     calib::Bends bends;                ///< by which they were; one per part
-    std::uint64_t correction = 0;      ///< CalibrationCheck::version()
   };
   /// The arguments of an update.
   struct Task {
@@ -120,7 +119,7 @@ class StillMerger {
   Trace* trace_;
   SurfaceJoiner joiner_;
   CubeMerger cubes_;
-  std::uint64_t correction_ = 0;  ///< of the parts that cubes_ knows
+  calib::Bends bends_;  ///< of the parts that cubes_ knows
   Joined joined_;
   Labels labels_;
   ShownStill shown_;

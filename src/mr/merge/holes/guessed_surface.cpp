@@ -27,16 +27,12 @@ GuessedSurface::GuessedSurface(std::vector<GuessedTriangle> triangles, double to
     Box3f box;
     for (const Vec3f p : triangles_[i]) box.add(p);
     const Vec3f around{tolerance_m_, tolerance_m_, tolerance_m_};
-    const Vec3i low = cell_at((box.low - around) * kPerCell),
-                high = cell_at((box.high + around) * kPerCell);
-    const Vec3f size = vec_cast<float>(high - low) + Vec3f{1, 1, 1};
-    if (size.x * size.y * size.z > kMostCells) {
+    const CellBox cells{cell_at((box.low - around) * kPerCell),
+                        cell_at((box.high + around) * kPerCell)};
+    if (cells.count() > kMostCells)
       large_.push_back(i);
-      continue;
-    }
-    for (int x = low.x; x <= high.x; ++x)
-      for (int y = low.y; y <= high.y; ++y)
-        for (int z = low.z; z <= high.z; ++z) by_cell_.emplace_back(cell_key({x, y, z}), i);
+    else
+      cells.for_each([&](std::uint64_t key) { by_cell_.emplace_back(key, i); });
   }
   std::ranges::sort(by_cell_);
 }

@@ -1,6 +1,7 @@
 #include "mr/merge/overlap/second_layers.h"
 
 #include <algorithm>
+#include <array>
 #include <compare>
 #include <cstdint>
 #include <numeric>
@@ -114,13 +115,10 @@ class SheetCells {
   template <typename Work>
   bool for_each_cell(Vec3f a, Vec3f b, Vec3f c, Vec3f margin, int quarterings,
                      const Work& work) const {
-    const Vec3i low = cell_at((min(min(a, b), c) - margin) * per_cell_),
-                high = cell_at((max(max(a, b), c) + margin) * per_cell_);
-    const Vec3f size = vec_cast<float>(high - low) + Vec3f{1, 1, 1};
-    if (size.x * size.y * size.z <= kMostCells) {
-      for (int x = low.x; x <= high.x; ++x)
-        for (int y = low.y; y <= high.y; ++y)
-          for (int z = low.z; z <= high.z; ++z) work(cell_key({x, y, z}));
+    const CellBox cells{cell_at((min(min(a, b), c) - margin) * per_cell_),
+                        cell_at((max(max(a, b), c) + margin) * per_cell_)};
+    if (cells.count() <= kMostCells) {
+      cells.for_each(work);
       return true;
     }
     if (quarterings == kMostQuarterings) return false;
@@ -158,16 +156,18 @@ NearOthers near_others(const Mesh& part, const std::vector<std::uint32_t>& sheet
   return out;
 }
 
-/// Where other surface is looked for over a triangle.
-std::vector<Vec3f> looked_at(const Mesh& mesh, std::size_t t, float near_m) {
+/// Whether `is_covered(point)` holds all over a triangle: in its middle and, if it is large, near
+/// its corners.
+template <typename IsCovered>
+bool is_covered_all_over(const Mesh& mesh, std::size_t t, float near_m,
+                         const IsCovered& is_covered) {
+  const Vec3f a = mesh.corner(t, 0), b = mesh.corner(t, 1), c = mesh.corner(t, 2);
   const Vec3f middle = mesh.centroid(t);
-  std::vector<Vec3f> out{middle};
-  for (int i = 0; i < 3; ++i)
-    if (length(mesh.corner(t, (i + 1) % 3) - mesh.corner(t, i)) > kLarge_nears * near_m) {
-      for (int k = 0; k < 3; ++k) out.push_back(middle + (mesh.corner(t, k) - middle) * kToCorner);
-      break;
-    }
-  return out;
+  if (!is_covered(middle)) return false;
+  if (std::max({length(b - a), length(c - b), length(a - c)}) <= kLarge_nears * near_m) return true;
+  return std::ranges::all_of(std::array{a, b, c}, [&](Vec3f corner) {
+    return is_covered(middle + (corner - middle) * kToCorner);
+  });
 }
 
 }  // namespace
@@ -201,7 +201,7 @@ void remove_second_layers(std::span<Mesh> parts, const SecondLayersConfig& confi
       for (std::size_t k = begin; k < end; ++k) {
         const std::uint32_t own = sheet[i][over[k]];
         const Vec3f normal = normalized(part.area_normal(over[k]));
-        keep[over[k]] = !std::ranges::all_of(looked_at(part, over[k], reach_m), [&](Vec3f p) {
+        keep[over[k]] = !is_covered_all_over(part, over[k], reach_m, [&](Vec3f p) {
           rays.all_hits(p, normal, -reach_m, reach_m, hits);
           return std::ranges::any_of(hits, [&](const kit::RayHit& hit) {
             const NearOthers& there = near[hit.mesh];
