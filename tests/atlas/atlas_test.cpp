@@ -57,8 +57,8 @@ TEST(Compose, TilesAreCopiedExactlyAtFullScale) {
   for (std::size_t i = 0; i < picture->data.size(); ++i)
     picture->data[i] = static_cast<std::uint8_t>(i * 7);
   const atlas::Layout layout = *atlas::make_layout({view(0, 64, 32), view(1, 64, 32)}, {}, 1, 1);
-  const ImageRgb atlas_picture = atlas::compose_atlas(layout, {{ViewId{1}, view(1, 64, 32)}},
-                                                      {{StreamId{1}, picture}}, {}, false);
+  const ImageRgb atlas_picture = atlas::compose_atlas(
+      layout, {.children = {{ViewId{1}, view(1, 64, 32)}}, .pictures = {{StreamId{1}, picture}}});
   const Rect at = layout.views[1].atlas_rect;
   for (int y = 0; y < 32; ++y)
     for (int x = 0; x < 64; ++x)
@@ -75,13 +75,16 @@ TEST(Compose, PixelsOfNoUseAreBlack) {
   View v = view(0, 100, 100);
   const ImageMask used = atlas::used_pixels(mesh, v, 3);
   const atlas::Layout layout = *atlas::make_layout({v}, {}, 1, 1);
-  const ImageRgb masked = atlas::compose_atlas(layout, {{ViewId{0}, v}}, {{StreamId{0}, picture}},
-                                               {{ViewId{0}, used}}, true);
+  const ImageRgb masked = atlas::compose_atlas(layout, {.children = {{ViewId{0}, v}},
+                                                        .pictures = {{StreamId{0}, picture}},
+                                                        .used = {{ViewId{0}, used}},
+                                                        .mask = true});
   EXPECT_EQ(*masked.at(50, 50), 200);
   EXPECT_EQ(*masked.at(28, 50), 200);  // inside the margin: the square covers 30..70
   EXPECT_EQ(*masked.at(20, 50), 0);
-  const ImageRgb whole = atlas::compose_atlas(layout, {{ViewId{0}, v}}, {{StreamId{0}, picture}},
-                                              {{ViewId{0}, used}}, false);
+  const ImageRgb whole = atlas::compose_atlas(layout, {.children = {{ViewId{0}, v}},
+                                                       .pictures = {{StreamId{0}, picture}},
+                                                       .used = {{ViewId{0}, used}}});
   EXPECT_EQ(*whole.at(20, 50), 200);
 }
 
@@ -93,8 +96,11 @@ TEST(Compose, BlocksOfNoUseShowWhatIsBehind) {
   ImageMask used(40, 40);
   *used.at(17, 15) = 1;
   *used.at(39, 39) = 1;
-  const ImageRgb out = atlas::compose_atlas(layout, {{ViewId{0}, v}}, {{StreamId{0}, picture}},
-                                            {{ViewId{0}, used}}, true, {}, {{ViewId{0}, &plate}});
+  const ImageRgb out = atlas::compose_atlas(layout, {.children = {{ViewId{0}, v}},
+                                                     .pictures = {{StreamId{0}, picture}},
+                                                     .used = {{ViewId{0}, used}},
+                                                     .mask = true,
+                                                     .behind = {{ViewId{0}, &plate}}});
   for (int y = 0; y < 40; ++y)
     for (int x = 0; x < 40; ++x) {
       const bool is_live = (x / 16 == 1 && y / 16 == 0) || (x / 16 == 2 && y / 16 == 2);

@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <cmath>
 #include <cstring>
-#include <optional>
 #include <span>
 #include <utility>
 #include <vector>
@@ -61,44 +60,43 @@ bool is_straight(const std::vector<Source>& columns) {
   return true;
 }
 
-/// Bilinear interpolation of four pixels. `shade(c, v)` maps the byte of channel c.
-template <typename Shade>
-void mix(const ImageRgb& picture, const Source& column, const Source& row, const Shade& shade,
-         std::uint8_t* out) {
+/// Bilinear interpolation of four pixels.
+void mix(const ImageRgb& picture, const Source& column, const Source& row, std::uint8_t* out) {
   for (int c = 0; c < 3; ++c) {
     const auto line = [&](int y) {
       return picture.at(column.first, y)[c] * (1 - column.share) +
              picture.at(column.second, y)[c] * column.share;
     };
-    out[c] = shade(c, static_cast<std::uint8_t>(line(row.first) * (1 - row.share) +
-                                                line(row.second) * row.share + 0.5));
+    out[c] = static_cast<std::uint8_t>(line(row.first) * (1 - row.share) +
+                                       line(row.second) * row.share + 0.5);
   }
 }
 
 /// Draws a row. `used`: mask of the camera's row; null: all pixels.
-template <typename Shade>
 void draw_row(const ImageRgb& picture, std::span<const Source> columns, const Source& row,
-              const std::uint8_t* used, const Shade& shade, std::uint8_t* out) {
+              const std::uint8_t* used, std::uint8_t* out) {
   for (const Source& column : columns) {
     if (!used || used[column.camera]) {
-      if (column.share == 0 && row.share == 0) {
-        const std::uint8_t* const pixel = picture.at(column.first, row.first);
-        for (int c = 0; c < 3; ++c) out[c] = shade(c, pixel[c]);
-      } else {
-        mix(picture, column, row, shade, out);
-      }
+      if (column.share == 0 && row.share == 0)
+        std::copy_n(picture.at(column.first, row.first), 3, out);
+      else
+        mix(picture, column, row, out);
     }
     out += 3;
   }
 }
 
-/// The inputs of one tile; `used`, `tables` and `behind` may be null.
+/// A picture with what is done to its colours.
+struct Toned {
+  const ImageRgb* picture;  ///< null: there is none
+  TileShader shader;
+};
+
+/// The inputs of one tile; `used` may be null.
 struct TileSources {
-  const ImageRgb& picture;
+  Toned now, behind;
   const ImageMask* used;
   bool mask;
-  const GainTables* tables;
-  const ImageRgb* behind;
 };
 
 /// Draws one tile of an atlas.
@@ -126,8 +124,8 @@ class TileDrawer {
  private:
   /// Draws a line of blocks.
   void draw_line(const Rect& line) const {
-    if (!from_.behind || !from_.used)
-      return draw(from_.picture, from_.mask ? from_.used : nullptr, line);
+    if (!from_.behind.picture || !from_.used)
+      return draw(from_.now, from_.mask ? from_.used : nullptr, line);
     const auto block = [&](int x) {
       return Rect{x, line.y, std::min(kBlock_px, line.width - x), line.height};
     };
@@ -137,8 +135,7 @@ class TileDrawer {
       do x += kBlock_px;
       while (x < line.width && any_used(block(x)) == used);
       const int end = std::min(x, line.width);
-      draw(used ? from_.picture : *from_.behind, nullptr,
-           {first, line.y, end - first, line.height});
+      draw(used ? from_.now : from_.behind, nullptr, {first, line.y, end - first, line.height});
     }
   }
 
@@ -154,19 +151,16 @@ class TileDrawer {
   }
 
   /// Draws a part of the tile. `used`: pixels outside this mask stay black; null: draws all.
-  void draw(const ImageRgb& picture, const ImageMask* used, const Rect& part) const {
-    const auto as_it_is = [](int, std::uint8_t v) { return v; };
-    const auto with_gain = [&](int c, std::uint8_t v) { return (*from_.tables)[c][v]; };
-    int y = at_.y + part.y;
-    for (const Source& row : rows_in(part)) {
-      const std::uint8_t* const used_row = used ? used->row(row.camera) : nullptr;
-      std::uint8_t* const out = atlas_.at(at_.x + part.x, y++);
-      if (straight_ && row.share == 0 && !used && !from_.tables)
-        std::copy_n(picture.at(columns_[part.x].first, row.first), 3 * part.width, out);
-      else if (from_.tables)
-        draw_row(picture, columns_in(part), row, used_row, with_gain, out);
+  void draw(const Toned& toned, const ImageMask* used, const Rect& part) const {
+    for (int y = part.y; y < part.y + part.height; ++y) {
+      const Source& row = rows_[y];
+      std::uint8_t* const out = atlas_.at(at_.x + part.x, at_.y + y);
+      if (straight_ && row.share == 0 && !used)
+        std::copy_n(toned.picture->at(columns_[part.x].first, row.first), 3 * part.width, out);
       else
-        draw_row(picture, columns_in(part), row, used_row, as_it_is, out);
+        draw_row(*toned.picture, columns_in(part), row, used ? used->row(row.camera) : nullptr,
+                 out);
+      if (!toned.shader.is_plain()) toned.shader.apply(part.x, y, part.width, out);
     }
   }
 
@@ -218,27 +212,29 @@ ImageMask used_pixels(const Mesh& mesh, const View& view, int margin_px) {
   return reduce_neighbourhood(mask, margin_px, std::uint8_t{0}, either);
 }
 
-ImageRgb compose_atlas(const Layout& layout, const std::map<ViewId, View>& children,
-                       const Pictures& pictures, const std::map<ViewId, ImageMask>& used, bool mask,
-                       const Gains& gains, const PicturesBehind& behind, ImageRgb memory) {
+ImageRgb compose_atlas(const Layout& layout, const AtlasSources& from, ImageRgb memory) {
   ImageRgb atlas = std::move(memory);
   atlas.width = layout.width, atlas.height = layout.height;
   atlas.data.assign(std::size_t{3} * layout.width * layout.height, 0);
+  static const ColorCorrection kNone;
   for (const View& tile : layout.views) {
-    const auto child = children.find(tile.id);
-    if (child == children.end()) continue;
-    const auto picture = pictures.find(child->second.stream);
-    if (picture == pictures.end() || !picture->second) continue;
-    const auto masked = used.find(tile.id);
-    const auto gain = gains.find(tile.id);
-    const auto back = behind.find(tile.id);
-    const bool has_back = back != behind.end() && back->second->width == picture->second->width &&
+    const auto child = from.children.find(tile.id);
+    if (child == from.children.end()) continue;
+    const auto picture = from.pictures.find(child->second.stream);
+    if (picture == from.pictures.end() || !picture->second) continue;
+    const auto used = from.used.find(tile.id);
+    const auto found = from.corrections.find(tile.id);
+    const ColorCorrection& color = found == from.corrections.end() ? kNone : found->second;
+    const auto back = from.behind.find(tile.id);
+    const bool has_back = back != from.behind.end() &&
+                          back->second->width == picture->second->width &&
                           back->second->height == picture->second->height;
-    std::optional<GainTables> tables;
-    if (gain != gains.end() && gain->second != Vec3f{1, 1, 1}) tables = gain_tables(gain->second);
-    const TileSources from{*picture->second, masked != used.end() ? &masked->second : nullptr, mask,
-                           tables ? &*tables : nullptr, has_back ? back->second : nullptr};
-    TileDrawer(tile, child->second, from, atlas).draw();
+    const TileSources sources{
+        {picture->second.get(), TileShader(tile, color.field, color.log_exposure)},
+        {has_back ? back->second : nullptr, TileShader(tile, color.field, {})},
+        used == from.used.end() ? nullptr : &used->second,
+        from.mask};
+    TileDrawer(tile, child->second, sources, atlas).draw();
   }
   return atlas;
 }

@@ -2,8 +2,9 @@
 
 #include <map>
 
-#include "mr/atlas/color_gain.h"
+#include "mr/atlas/color_field.h"
 #include "mr/atlas/layout.h"
+#include "mr/atlas/view_observations.h"
 #include "mr/core/image.h"
 #include "mr/core/mesh.h"
 
@@ -16,15 +17,21 @@ ImageMask used_pixels(const Mesh& mesh, const View& view, int margin_px);
 /// Background pictures by view; not null. Those whose size differs from the children's are ignored.
 using PicturesBehind = std::map<ViewId, const ImageRgb*>;
 
-/// Composes the atlas picture of a layout. Every tile is resampled from the child's picture
-/// (`children`: the same views by id, in their own streams; `pictures`: by stream) and multiplied
-/// by its gain (missing: 1). Unused pixels are black if `mask` is set (paper 3.3), and so are views
-/// that no child has. Where a view has a picture `behind`, 16x16 blocks of its tile without used
-/// pixels show that, so that the video codec skips what does not move. `memory`: an image whose
-/// memory is reused.
-ImageRgb compose_atlas(const Layout& layout, const std::map<ViewId, View>& children,
-                       const Pictures& pictures, const std::map<ViewId, ImageMask>& used, bool mask,
-                       const Gains& gains = {}, const PicturesBehind& behind = {},
-                       ImageRgb memory = {});
+/// What an atlas is composed of.
+struct AtlasSources {
+  /// The views as the children have them, by id, each in its own stream; pictures by stream.
+  const std::map<ViewId, View>& children;
+  const Pictures& pictures;
+  std::map<ViewId, ImageMask> used{};  ///< used_pixels(); a view without a mask is used whole
+  bool mask = false;                   ///< unused pixels are black (paper 3.3)
+  ColorCorrections corrections{};      ///< a view without one keeps its colours
+  PicturesBehind behind{};
+};
+
+/// Composes the atlas picture of a layout. Every tile is resampled from the child's picture and
+/// corrected. Views that no child has are black. Where a view has a picture `behind`, 16x16 blocks
+/// of its tile without used pixels show that, so that the video codec skips what does not move.
+/// `memory`: an image whose memory is reused.
+ImageRgb compose_atlas(const Layout& layout, const AtlasSources& from, ImageRgb memory = {});
 
 }  // namespace mr::atlas

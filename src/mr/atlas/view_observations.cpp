@@ -4,9 +4,9 @@
 #include <cmath>
 #include <numeric>
 
-#include "mr/atlas/srgb.h"
 #include "mr/core/parallel.h"
 #include "mr/kit/raster.h"
+#include "mr/kit/srgb.h"
 
 namespace mr::atlas {
 namespace {
@@ -17,16 +17,6 @@ constexpr float kSightMargin_px = 3;  // coarse pixels: slopes below 60 degrees 
 constexpr float kLeastGainFacing =
     0.5f;  // sine: below 30 degrees to the surface, specular light misleads
 constexpr int kDarkest = 8, kBrightest = 247;  // beyond, a channel may be clipped
-
-/// Linear light of an sRGB byte.
-float light_of(std::uint8_t srgb) {
-  static const std::array<float, 256> table = [] {
-    std::array<float, 256> out;
-    for (int i = 0; i < 256; ++i) out[i] = static_cast<float>(to_linear(i / 255.0));
-    return out;
-  }();
-  return table[srgb];
-}
 
 /// A low-resolution z-buffer of a pinhole camera.
 class CoarseDepth {
@@ -146,6 +136,47 @@ class ViewDepth {
   std::vector<CoarseDepth> faces_;
 };
 
+/// Observes samples in one view.
+class Observer {
+ public:
+  /// `valid`: null: all tiles are.
+  Observer(const Mesh& mesh, const View& view, const PicturedView& shown, const TileMask* valid)
+      : size_{view.width + 0.0f, view.height + 0.0f},
+        shown_(shown),
+        depth_(mesh, view),
+        valid_(valid) {}
+
+  std::optional<Observation> of(const Sample& sample) const {
+    const float facing = shown_.facing(sample.p_world, sample.normal);
+    if (!(facing >= kLeastGainFacing) || !depth_.sees(sample.p_world)) return std::nullopt;
+    const auto pixel = shown_.pixel(sample.p_world);
+    if (!pixel) return std::nullopt;
+    const auto light = shown_.light(*pixel);
+    const Vec2f place = shown_.place(*pixel);
+    if (!light || !is_valid(place)) return std::nullopt;
+    const Vec3f rgb = light->mean;
+    return Observation{0,
+                       facing,
+                       std::sqrt(std::min({rgb.x, rgb.y, rgb.z})),
+                       light->contrast,
+                       place,
+                       {std::log(rgb.x), std::log(rgb.y), std::log(rgb.z)}};
+  }
+
+ private:
+  bool is_valid(Vec2f place) const {
+    if (!valid_) return true;
+    const auto tile = [&](float at) { return static_cast<int>(at) / valid_->tile_px; };
+    const int column = tile(place.x * size_.x), row = tile(place.y * size_.y);
+    return column < valid_->columns && row < valid_->rows && valid_->at(column, row);
+  }
+
+  Vec2f size_;  ///< of the camera's picture, pixels
+  PicturedView shown_;
+  ViewDepth depth_;
+  const TileMask* valid_;
+};
+
 }  // namespace
 
 std::optional<PicturedView> PicturedView::find(const View& view, const Pictures& pictures) {
@@ -190,23 +221,35 @@ int PicturedView::contrast(Vec2d pixel) const {
   return std::max({high[0] - low[0], high[1] - low[1], high[2] - low[2]});
 }
 
-std::optional<Vec3f> PicturedView::light(Vec2d pixel) const {
+Vec2f PicturedView::place(Vec2d pixel) const {
+  const Rect &from = view_->image_rect, &to = view_->atlas_rect;
+  const double x = (pixel.x + 0.5 - to.x) * from.width / to.width + from.x;
+  const double y = (pixel.y + 0.5 - to.y) * from.height / to.height + from.y;
+  return {static_cast<float>(x / view_->width), static_cast<float>(y / view_->height)};
+}
+
+std::optional<PicturedView::Light> PicturedView::light(Vec2d pixel) const {
+  constexpr int kReach = 2;  // steps
   const Rect& r = view_->atlas_rect;
   const int step = std::max(1, r.width / 640);
   const int x = static_cast<int>(std::lround(pixel.x)), y = static_cast<int>(std::lround(pixel.y));
-  const int margin = step + static_cast<int>(std::ceil(view_->gutter_px));
+  const int margin = kReach * step + static_cast<int>(std::ceil(view_->gutter_px));
   if (x - margin < r.x || y - margin < r.y || x + margin >= r.x + r.width ||
       y + margin >= r.y + r.height)
     return std::nullopt;
   Vec3f sum;
-  for (int j = -1; j <= 1; ++j)
-    for (int i = -1; i <= 1; ++i) {
+  float squares = 0;
+  for (int j = -kReach; j <= kReach; ++j)
+    for (int i = -kReach; i <= kReach; ++i) {
       const std::uint8_t* const p = picture_->at(x + i * step, y + j * step);
       if (std::min({p[0], p[1], p[2]}) < kDarkest || std::max({p[0], p[1], p[2]}) > kBrightest)
         return std::nullopt;
-      sum += {light_of(p[0]), light_of(p[1]), light_of(p[2])};
+      const Vec3f light{kit::to_linear(p[0]), kit::to_linear(p[1]), kit::to_linear(p[2])};
+      sum += light, squares += light.y * light.y;
     }
-  return sum / 9.0f;
+  constexpr float kCount = (2 * kReach + 1) * (2 * kReach + 1);
+  const Vec3f mean = sum / kCount;
+  return Light{mean, std::sqrt(std::max(0.0f, squares / kCount - mean.y * mean.y)) / mean.y};
 }
 
 std::vector<Sample> spread_samples(const Mesh& mesh, std::size_t count) {
@@ -238,33 +281,24 @@ std::vector<Sample> spread_samples(const Mesh& mesh, std::size_t count) {
 }
 
 std::vector<std::vector<Observation>> observe(std::span<const Sample> samples, const Mesh& mesh,
-                                              std::span<const View> views,
-                                              const Pictures& pictures) {
-  std::vector<std::optional<PicturedView>> shown(views.size());
-  std::vector<std::optional<ViewDepth>> depths(views.size());
+                                              std::span<const View> views, const Pictures& pictures,
+                                              const ValidTiles& valid) {
+  std::vector<std::optional<Observer>> observers(views.size());
   parallel_for(views.size(), 1, [&](std::size_t begin, std::size_t end) {
     for (std::size_t v = begin; v < end; ++v) {
-      shown[v] = PicturedView::find(views[v], pictures);
-      if (shown[v]) depths[v].emplace(mesh, views[v]);
+      const auto mask = valid.find(views[v].id);
+      if (const auto shown = PicturedView::find(views[v], pictures))
+        observers[v].emplace(mesh, views[v], *shown, mask == valid.end() ? nullptr : &mask->second);
     }
   });
   std::vector<std::vector<Observation>> out(samples.size());
   parallel_for(samples.size(), 256, [&](std::size_t begin, std::size_t end) {
     for (std::size_t i = begin; i < end; ++i)
-      for (std::size_t v = 0; v < views.size(); ++v) {
-        const Sample& s = samples[i];
-        if (!shown[v]) continue;
-        const float facing = shown[v]->facing(s.p_world, s.normal);
-        if (!(facing >= kLeastGainFacing) || !depths[v]->sees(s.p_world)) continue;
-        const auto pixel = shown[v]->pixel(s.p_world);
-        const auto light = pixel ? shown[v]->light(*pixel) : std::nullopt;
-        if (!light) continue;
-        const Vec3d rgb = vec_cast<double>(*light);
-        out[i].push_back({v,
-                          facing,
-                          std::sqrt(std::min({light->x, light->y, light->z})),
-                          {std::log(rgb.x), std::log(rgb.y), std::log(rgb.z)}});
-      }
+      for (std::size_t v = 0; v < views.size(); ++v)
+        if (auto seen = observers[v] ? observers[v]->of(samples[i]) : std::nullopt) {
+          seen->view = v;
+          out[i].push_back(*seen);
+        }
   });
   return out;
 }

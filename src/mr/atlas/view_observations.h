@@ -3,16 +3,26 @@
 #include <array>
 #include <cstddef>
 #include <cstdint>
+#include <map>
+#include <memory>
 #include <optional>
 #include <span>
 #include <vector>
 
-#include "mr/atlas/color_gain.h"
 #include "mr/core/camera.h"
+#include "mr/core/image.h"
+#include "mr/core/mesh.h"
+#include "mr/core/packet.h"
 #include "mr/core/pose.h"
+#include "mr/core/view.h"
 
-/// What the views' pictures show of points on a surface: the input of gain compensation.
+/// What the views' pictures show of points on a surface: the input of ColorBalance.
 namespace mr::atlas {
+
+/// Pictures by stream, as DecodedScene has them.
+using Pictures = std::map<StreamId, std::shared_ptr<const ImageRgb>>;
+/// The tiles of a view's camera picture that may be used; all if a view has no mask.
+using ValidTiles = std::map<ViewId, TileMask>;
 
 /// A view with its picture. Refers to both.
 class PicturedView {
@@ -28,9 +38,15 @@ class PicturedView {
   std::array<std::uint8_t, 3> color(Vec2d pixel) const;
   /// The range of values within two pixels, of the channel that varies most.
   int contrast(Vec2d pixel) const;
-  /// Mean linear light around a pixel; nothing near the tile's border or where a channel may be
-  /// clipped.
-  std::optional<Vec3f> light(Vec2d pixel) const;
+  /// The linear light around a pixel.
+  struct Light {
+    Vec3f mean;
+    float contrast = 0;  ///< standard deviation of green over its mean
+  };
+  /// Nothing near the tile's border or where a channel may be clipped.
+  std::optional<Light> light(Vec2d pixel) const;
+  /// Where in the camera's picture a pixel of the stream's picture lies, both coordinates 0..1.
+  Vec2f place(Vec2d pixel) const;
 
  private:
   PicturedView(const View& view, const ImageRgb& picture)
@@ -59,13 +75,15 @@ struct Observation {
   std::size_t view = 0;  ///< index of the view
   float facing = 0;      ///< PicturedView::facing()
   float level = 0;       ///< darkest channel, approximately sRGB, 0..1
-  Vec3d log_light;       ///< logarithm of linear red, green and blue
+  float contrast = 0;    ///< PicturedView::Light
+  Vec2f place;           ///< PicturedView::place()
+  Vec3f log_light;       ///< logarithm of linear red, green and blue
 };
 
 /// [sample] the observations in views where the sample is not occluded, not seen at a grazing
-/// angle, and not clipped. Parallel.
+/// angle, not clipped, and in a valid tile. Parallel.
 std::vector<std::vector<Observation>> observe(std::span<const Sample> samples, const Mesh& mesh,
-                                              std::span<const View> views,
-                                              const Pictures& pictures);
+                                              std::span<const View> views, const Pictures& pictures,
+                                              const ValidTiles& valid);
 
 }  // namespace mr::atlas

@@ -12,7 +12,7 @@ struct MergeConfig {
   enum class Owner { paper, coherent } owner = Owner::coherent;
   enum class Overlap { rays, raster } overlap = Overlap::raster;
   bool refine = false;
-  bool color_gain = false;
+  bool color_gain = true;
   double calibration_error_m = 0.005;  ///< how far two sensors may disagree, 1 sigma
   double island_area_m2 = 0;           ///< smaller components are removed; 0: by voxel size
   double gap_m = 0;                    ///< wider gaps between sensors stay open; 0: 2.5 voxels

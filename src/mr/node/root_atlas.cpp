@@ -100,7 +100,10 @@ Rect bounds_of(const ImageMask& mask) {
 }  // namespace
 
 RootAtlas::RootAtlas(const Scene& scene)
-    : scene_(&scene), live_(scene, kLiveStream), plate_(scene, kPlateStream, false) {}
+    : scene_(&scene),
+      colors_(scene.merge.color_gain),
+      live_(scene, kLiveStream),
+      plate_(scene, kPlateStream, false) {}
 
 void RootAtlas::answer(const codec::Control& request) {
   if (request.wants_key_frame(kLiveStream)) live_.ask_key_frame();
@@ -147,11 +150,12 @@ void RootAtlas::update_plates(const Tick& tick, const Mesh& moving) {
       changed[i] = plate->changed_blocks();
     }
   });
-  blocks_waiting_ = std::accumulate(changed.begin(), changed.end(), blocks_waiting_);
+  changed_blocks_ = std::accumulate(changed.begin(), changed.end(), std::size_t{0});
+  blocks_waiting_ += changed_blocks_;
 }
 
 void RootAtlas::recall(Memory memory) {
-  plates_ = std::move(memory.plates), balance_ = std::move(memory.balance);
+  plates_ = std::move(memory.plates), colors_ = std::move(memory.colors);
   windows_ = std::move(memory.windows);
   blocks_waiting_ = valid_blocks();
 }
@@ -210,11 +214,17 @@ std::vector<View> RootAtlas::windows(const std::vector<View>& views, const Used&
 /// Draws the live atlas: used pixels, on a background of the plates, which the video encoder skips
 /// because it does not change. In views without a plate, unused pixels are black.
 ImageRgb RootAtlas::draw_live(const Children& children, const atlas::Pictures& pictures,
-                              const Used& used) {
+                              Used used) {
   atlas::PicturesBehind behind;
   for (const auto& [view, plate] : plates_) behind[view] = &plate.picture();
-  return atlas::compose_atlas(live_layout_, children, pictures, used, scene_->atlas.mask,
-                              balance_.gains(), behind, std::exchange(spare_, {}));
+  return atlas::compose_atlas(live_layout_,
+                              {.children = children,
+                               .pictures = pictures,
+                               .used = std::move(used),
+                               .mask = scene_->atlas.mask,
+                               .corrections = colors_.live(),
+                               .behind = std::move(behind)},
+                              std::exchange(spare_, {}));
 }
 
 /// Encodes a picture unless it equals the last one and no key frame was requested.
@@ -238,12 +248,12 @@ Status RootAtlas::compose(const Tick& tick, const Mesh& moving, const Mesh* stil
   const double scale = packet.plan.texture_scale;
   if (const Status ok = arrange(windows(tick.views, used), scale, live_layout_); !ok) return ok;
   if (const Status ok = arrange(tick.views, scale, plate_layout_); !ok) return ok;
-  add_views(still != nullptr, packet);
   Children children;
   for (const View& view : tick.views) children[view.id] = view;
   const atlas::Pictures pictures = pictures_of(tick.captures);
-  if (scene_->merge.color_gain) balance_.update(still ? *still : moving, tick.views, pictures);
-  ImageRgb picture = draw_live(children, pictures, used);
+  colors_.update({tick.views, pictures, moving, still, plates_, changed_blocks_});
+  add_views(still != nullptr, packet);
+  ImageRgb picture = draw_live(children, pictures, std::move(used));
   if (scene_->atlas.burn_sequence) atlas::draw_watermark(picture, packet.sequence);
   const std::uint32_t layout = live_layout_.views.front().layout;
   const Status added =
@@ -260,7 +270,7 @@ void RootAtlas::add_views(bool with_plates, Packet& packet) const {
     const auto plate = plates_.find(live_layout_.views[i].id);
     if (!with_plates || plate == plates_.end()) continue;
     View& view = packet.views.emplace_back(plate_layout_.views[i]);
-    view.layer = Layer::still, view.stream = kPlateStream, view.gain = plate->second.gain();
+    view.layer = Layer::still, view.stream = kPlateStream, view.gain = colors_.exposure();
   }
 }
 
@@ -269,7 +279,7 @@ void RootAtlas::add_views(bool with_plates, Packet& packet) const {
 bool RootAtlas::are_plates_due(std::uint32_t layout) {
   constexpr int kWait = 15;          // ticks
   constexpr std::size_t kMany = 20;  // 1/kMany of all blocks do not wait
-  if (plate_gains_ != balance_.gains() || drawn_layout_ != layout || plate_.key_frame_asked())
+  if (plate_colors_ != colors_.plates() || drawn_layout_ != layout || plate_.key_frame_asked())
     return true;
   if (blocks_waiting_ == 0) return plates_due_ = false;
   return ++waited_ >= kWait || plates_due_ || kMany * blocks_waiting_ >= valid_blocks();
@@ -284,12 +294,14 @@ Status RootAtlas::add_plates(const Tick& tick, const Children& children, Packet&
       plates[view.stream] = {std::shared_ptr<void>{}, &plate->second.picture()};
   const Status added =
       add_unit(plate_, std::max(packet.plan.texture_qp - kPlatesFiner, 0), layout,
-               atlas::compose_atlas(plate_layout_, children, plates, {}, false, balance_.gains(),
-                                    {}, std::exchange(spare_, {})),
+               atlas::compose_atlas(
+                   plate_layout_,
+                   {.children = children, .pictures = plates, .corrections = colors_.plates()},
+                   std::exchange(spare_, {})),
                last_plate_, packet);
   if (!added) return added;
   blocks_waiting_ = 0, waited_ = 0, plates_due_ = false;
-  plate_gains_ = balance_.gains(), drawn_layout_ = layout;
+  plate_colors_ = colors_.plates(), drawn_layout_ = layout;
   return {};
 }
 

@@ -6,13 +6,13 @@
 #include <vector>
 
 #include "mr/atlas/clean_plate.h"
-#include "mr/atlas/color_gain.h"
 #include "mr/atlas/layout.h"
 #include "mr/codec/control.h"
 #include "mr/core/mesh.h"
 #include "mr/core/packet.h"
 #include "mr/core/result.h"
 #include "mr/node/input_synchronizer.h"
+#include "mr/node/root_colors.h"
 #include "mr/node/texture_stream.h"
 #include "mr/scene/scene.h"
 
@@ -52,7 +52,7 @@ class RootAtlas {
   /// The state kept from tick to tick, without that of the video encoders.
   struct Memory {
     std::map<ViewId, atlas::CleanPlate> plates;
-    atlas::ColorBalance balance;
+    RootColors colors;
     std::map<ViewId, Window> windows;
   };
 
@@ -80,7 +80,10 @@ class RootAtlas {
   /// Labels were chosen from the current plates: the next packet must contain them.
   void bring_plates() { plates_due_ = true; }
 
-  Memory memory() const { return {plates_, balance_, windows_}; }
+  /// What is known about the views' colours, for reports.
+  const RootColors& colors() const { return colors_; }
+
+  Memory memory() const { return {plates_, colors_, windows_}; }
   /// Restores the state of another RootAtlas.
   void recall(Memory memory);
 
@@ -109,7 +112,7 @@ class RootAtlas {
   std::vector<View> windows(const std::vector<View>& views, const Used& used);
   Used used_pixels(const Tick& tick, const Mesh& shown, float error_m) const;
   void add_views(bool with_plates, Packet& packet) const;
-  ImageRgb draw_live(const Children& children, const atlas::Pictures& pictures, const Used& used);
+  ImageRgb draw_live(const Children& children, const atlas::Pictures& pictures, Used used);
   Status add_plates(const Tick& tick, const Children& children, Packet& packet);
   Status add_unit(TextureStream& stream, int qp, std::uint32_t layout, ImageRgb picture,
                   ImageRgb& last, Packet& packet);
@@ -118,16 +121,17 @@ class RootAtlas {
   atlas::Layout live_layout_, plate_layout_;
   std::map<ViewId, Window> windows_;
   std::map<ViewId, Seen> seen_;
-  atlas::ColorBalance balance_;
+  RootColors colors_;
   std::map<ViewId, atlas::CleanPlate> plates_;
   TextureStream live_, plate_;
   ImageRgb last_live_, last_plate_;  ///< as last encoded
   ImageRgb spare_;                   ///< reused memory for the next picture
-  // The atlas of plates: the gains and layout it was drawn with, and the blocks changed since.
+  std::size_t changed_blocks_ = 0;   ///< of the plates, by the last update
+  // The atlas of plates: the colours and layout it was drawn with, and the blocks changed since.
   std::size_t blocks_waiting_ = 0;
   int waited_ = 0;  ///< ticks
   bool plates_due_ = false;
-  atlas::Gains plate_gains_;
+  atlas::ColorCorrections plate_colors_;
   std::uint32_t drawn_layout_ = 0;
 };
 

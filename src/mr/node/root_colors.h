@@ -1,0 +1,64 @@
+#pragma once
+
+#include <cstddef>
+#include <map>
+#include <set>
+
+#include "mr/atlas/clean_plate.h"
+#include "mr/atlas/color_balance.h"
+#include "mr/atlas/color_field.h"
+#include "mr/core/mesh.h"
+#include "mr/core/view.h"
+
+namespace mr::node {
+
+/// When and from which pictures the root estimates how colours are corrected (atlas/color_balance),
+/// and what follows from the cameras' automatic exposure. Where there are plates, they are the
+/// pictures of the still surface, at one exposure, and estimates are made when the plates changed;
+/// else the live pictures, regularly.
+class RootColors {
+ public:
+  using Plates = std::map<ViewId, atlas::CleanPlate>;
+
+  /// One tick. `live`: the newest pictures; `still`: the still surface with `plates`, or null.
+  struct Tick {
+    const std::vector<View>& views;
+    const atlas::Pictures& live;
+    const Mesh& moving;
+    const Mesh* still;
+    const Plates& plates;
+    std::size_t changed_blocks;  ///< of the plates, in this tick
+  };
+
+  /// `corrects`: whether views are corrected at all; exposure is always evened out.
+  explicit RootColors(bool corrects) : corrects_(corrects) {}
+
+  void update(const Tick& tick);
+
+  /// Of the live pictures, in front of the plates. The plates' own have no exposure.
+  atlas::ColorCorrections live() const;
+  atlas::ColorCorrections plates() const;
+  /// The factor on the sRGB values of all plates that gives the newest captures' exposure as far as
+  /// it is common to all cameras: a change of the light in the room, not of one camera.
+  Vec3f exposure() const { return exposure_; }
+  const std::map<ViewId, atlas::ColorBalance::Finding>& findings() const {
+    return balance_.findings();
+  }
+
+ private:
+  bool is_due(const Tick& tick) const;
+  void estimate(const Tick& tick);
+  void follow_exposure(const Plates& plates);
+
+  bool corrects_;
+  atlas::ColorBalance balance_;
+  std::map<ViewId, Vec3f> log_exposure_;  ///< from a view's live picture to the common exposure
+  Vec3f exposure_{1, 1, 1};
+  // The last estimate.
+  std::set<ViewId> views_;
+  bool of_plates_ = false;
+  int ticks_ = 0;            ///< since
+  std::size_t changed_ = 0;  ///< blocks of plates, since
+};
+
+}  // namespace mr::node
