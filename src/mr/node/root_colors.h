@@ -31,7 +31,7 @@ class RootColors {
   };
 
   /// `corrects`: whether views are corrected at all; exposure is always evened out.
-  explicit RootColors(bool corrects) : corrects_(corrects) {}
+  explicit RootColors(bool corrects = true) : corrects_(corrects) {}
 
   void update(const Tick& tick);
 
