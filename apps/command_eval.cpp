@@ -12,6 +12,7 @@ void add_eval(CLI::App& app, int& exit_code) {
   add_eval_geometry(*eval, exit_code);
   add_eval_scene(*eval, exit_code);
   add_eval_still(*eval, exit_code);
+  add_eval_photos(*eval, exit_code);
   add_eval_views(*eval, exit_code);
   add_eval_compare(*eval, exit_code);
   add_eval_match(*eval, exit_code);

@@ -24,6 +24,7 @@ void add_eval_views(CLI::App& eval, int& exit_code);
 void add_eval_ssim(CLI::App& eval, int& exit_code);
 void add_eval_compare(CLI::App& eval, int& exit_code);
 void add_eval_match(CLI::App& eval, int& exit_code);
+void add_eval_photos(CLI::App& eval, int& exit_code);
 void add_eval_rd(CLI::App& eval, int& exit_code);
 
 }  // namespace mr::apps

@@ -13,23 +13,16 @@
 #include "mr/node/capture.h"
 #include "mr/synth/rig_errors.h"
 #include "mr/synth/truth.h"
+#include "mr/yaml/files.h"
 
 namespace mr::eval {
 namespace {
 
 /// "truth/%06d.ply" with a number, beside the scene file; nothing where it is no such pattern.
 std::optional<std::filesystem::path> truth_file(const Scene& scene, int number) {
-  const std::string& pattern = scene.truth->mesh;
-  const std::size_t percent = pattern.find('%'), letter = pattern.find('d', percent);
-  if (percent == std::string::npos || letter == std::string::npos || letter - percent > 3)
-    return std::nullopt;
-  const std::string width = pattern.substr(percent + 1, letter - percent - 1);
-  if (!width.empty() && (width.size() != 2 || width[0] != '0' || width[1] < '1' || width[1] > '9'))
-    return std::nullopt;
-  return scene.file.parent_path() /
-         (pattern.substr(0, percent) +
-          fmt::format("{:0{}}", number, width.empty() ? 1 : width[1] - '0') +
-          pattern.substr(letter + 1));
+  const auto pattern = yaml::parse_pattern(scene.truth->mesh);
+  if (!pattern) return std::nullopt;
+  return scene.file.parent_path() / pattern->name(number);
 }
 
 }  // namespace
@@ -47,9 +40,8 @@ Result<Mesh> true_surface(const Scene& scene, int capture) {
     return synth::Truth(*rig, scene.fps).surface(static_cast<std::uint64_t>(item)).mesh;
   const auto file = truth_file(scene, item);
   if (!file)
-    return Error{
-        Error::Cause::invalid,
-        "truth.mesh must hold one %d or one of %01d to %09d, not '" + scene.truth->mesh + "'"};
+    return Error{Error::Cause::invalid, "truth.mesh must hold " + std::string(yaml::kPatternRule) +
+                                            ", not '" + scene.truth->mesh + "'"};
   return read_ply(*file);
 }
 

@@ -12,9 +12,7 @@
 namespace mr::eval {
 namespace {
 
-constexpr int kWindow = 11, kRadius = 5;
-constexpr double kSigma_px = 1.5;
-constexpr double kC1 = 0.01 * 255 * (0.01 * 255), kC2 = 0.03 * 255 * (0.03 * 255);
+constexpr int kWindow = kSsimWindow_px, kRadius = kWindow / 2;
 constexpr float kMiddle = 128;  // taken off before squaring, so that floats keep their precision
 constexpr int kBandRows = 96;
 constexpr float kLargestLuma =
@@ -47,7 +45,7 @@ struct Weights {
   Weights() {
     double values[kRadius + 1], sum = 0;
     for (int k = 0; k <= kRadius; ++k) {
-      values[k] = std::exp(-0.5 * k * k / (kSigma_px * kSigma_px));
+      values[k] = std::exp(-0.5 * k * k / (kSsimSigma_px * kSsimSigma_px));
       sum += k == 0 ? values[k] : 2 * values[k];
     }
     for (int k = 0; k <= kRadius; ++k)
@@ -227,7 +225,7 @@ void push_row(TestWindow& window, const float* test, const float* reference, int
 /// 1 - md² / (mx² + my² + C1) and 1 - var d / (var x + var y + C2): exactly 1 for equal pictures,
 /// and precise where both are flat.
 Float4 similarity(const TestWindow& window, int x, Float4 mean_y, Float4 variance_y) {
-  constexpr auto kLuminance = static_cast<float>(kC1), kContrast = static_cast<float>(kC2);
+  constexpr auto kLuminance = static_cast<float>(kSsimC1), kContrast = static_cast<float>(kSsimC2);
   const Float4 mean_d = window.sum(difference_plane, x);
   const Float4 variance_d = window.sum(square_plane, x) - mean_d * mean_d;
   const Float4 covariance =

@@ -9,6 +9,11 @@ using ImageLuma = Image<float, 1>;  ///< BT.709 luma of 8-bit pictures, 0..255
 
 ImageLuma luma_of(const ImageRgb& picture);
 
+/// The window and the constants of SSIM.
+inline constexpr int kSsimWindow_px = 11;
+inline constexpr double kSsimSigma_px = 1.5;
+inline constexpr double kSsimC1 = 0.01 * 255 * (0.01 * 255), kSsimC2 = 0.03 * 255 * (0.03 * 255);
+
 /// Similarity of two pictures. `masked`: only windows around the mask's pixels.
 struct PictureScore {
   double ssim_full = 0, ssim_masked = 0;

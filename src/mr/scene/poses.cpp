@@ -3,11 +3,10 @@
 
 #include "mr/core/file.h"
 #include "mr/scene/parts.h"
+#include "mr/scene/pose_file.h"
 
-namespace mr::scene_file {
-namespace {
+namespace mr {
 
-/// A 4x4 matrix as text.
 Result<Pose> read_pose_file(const std::filesystem::path& path) {
   constexpr std::uintmax_t kMaxBytes = 64 * 1024;
   const auto refuse = [&](const std::string& why) {
@@ -34,6 +33,11 @@ Result<Pose> read_pose_file(const std::filesystem::path& path) {
   if (!pose) return refuse("cannot be used: " + pose.error().message);
   return pose;
 }
+
+}  // namespace mr
+
+namespace mr::scene_file {
+namespace {
 
 /// The poses of the files that can be used; the others get a neighbour's. Where none can, and where
 /// there is only one, that is a problem.

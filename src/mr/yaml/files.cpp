@@ -7,32 +7,6 @@ namespace {
 
 constexpr int kMaxItems = 100'000;
 
-/// A printf pattern with one %d or %0Nd, taken apart; the user's text never reaches printf.
-struct Pattern {
-  std::string before, after;
-  std::size_t digits = 0;
-
-  std::string name(int number) const {
-    const std::string text = std::to_string(number);
-    const std::size_t zeros = digits > text.size() ? digits - text.size() : 0;
-    return before + std::string(zeros, '0') + text + after;
-  }
-};
-
-std::optional<Pattern> parse_pattern(const std::string& text) {
-  Pattern pattern;
-  const std::size_t percent = text.find('%');
-  if (percent == std::string::npos || text.find('%', percent + 1) != std::string::npos)
-    return std::nullopt;
-  std::size_t at = percent + 1;
-  if (at + 1 < text.size() && text[at] == '0' && text[at + 1] >= '1' && text[at + 1] <= '9')
-    pattern.digits = static_cast<std::size_t>(text[at + 1] - '0'), at += 2;
-  if (at >= text.size() || text[at] != 'd') return std::nullopt;
-  pattern.before = text.substr(0, percent);
-  pattern.after = text.substr(at + 1);
-  return pattern;
-}
-
 /// What keeps a path from being read as a file; empty when nothing does.
 std::string file_problem(const std::filesystem::path& path) {
   std::error_code failed;
@@ -96,6 +70,26 @@ std::optional<FileList> list_files(Report& report, const std::vector<const Node*
 
 }  // namespace
 
+std::string NumberedPattern::name(int number) const {
+  const std::string text = std::to_string(number);
+  const std::size_t zeros = digits > text.size() ? digits - text.size() : 0;
+  return before + std::string(zeros, '0') + text + after;
+}
+
+std::optional<NumberedPattern> parse_pattern(const std::string& text) {
+  NumberedPattern pattern;
+  const std::size_t percent = text.find('%');
+  if (percent == std::string::npos || text.find('%', percent + 1) != std::string::npos)
+    return std::nullopt;
+  std::size_t at = percent + 1;
+  if (at + 1 < text.size() && text[at] == '0' && text[at + 1] >= '1' && text[at + 1] <= '9')
+    pattern.digits = static_cast<std::size_t>(text[at + 1] - '0'), at += 2;
+  if (at >= text.size() || text[at] != 'd') return std::nullopt;
+  pattern.before = text.substr(0, percent);
+  pattern.after = text.substr(at + 1);
+  return pattern;
+}
+
 std::optional<FileList> read_pattern(MapReader& map, const std::string& name) {
   std::string text;
   int first = 0, last = 0;
@@ -107,8 +101,7 @@ std::optional<FileList> read_pattern(MapReader& map, const std::string& name) {
   const auto pattern = parse_pattern(text);
   if (!pattern)
     map.report.problem(
-        line,
-        "pattern must hold one %d or one of %01d to %09d and no other %, not " + in_quotes(text));
+        line, "pattern must hold " + std::string(kPatternRule) + ", not " + in_quotes(text));
   if (!pattern || !has_range || !good) return std::nullopt;
   if (last < first) {
     map.report.problem(map.line("last"), "last must not be less than first");

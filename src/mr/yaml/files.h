@@ -23,6 +23,19 @@ struct FileList {
   std::map<std::size_t, Error> unusable;  ///< index of an unusable path → its error
 };
 
+/// A printf pattern with one number, taken apart: the user's text never reaches printf.
+struct NumberedPattern {
+  std::string before, after;
+  std::size_t digits = 0;  ///< at least so many, with leading zeros
+
+  std::string name(int number) const;  ///< `number`: not negative
+};
+inline constexpr const char* kPatternRule =
+    "one %d or one of %01d to %09d and no other %";  ///< what a pattern must hold
+
+/// Nothing where the text breaks kPatternRule.
+std::optional<NumberedPattern> parse_pattern(const std::string& text);
+
 /// Reads a list, one name or a pattern.
 std::optional<FileList> read_files(Report& report, const Node& node, const std::string& name);
 /// Reads one name.
