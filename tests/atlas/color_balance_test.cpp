@@ -11,8 +11,6 @@
 #include <memory>
 #include <vector>
 
-#include "mr/atlas/compose.h"
-#include "mr/atlas/layout.h"
 #include "mr/atlas/seam_color.h"
 #include "mr/core/parallel.h"
 #include "support/meshes.h"
@@ -279,17 +277,11 @@ TEST(ColorBalance, WhatIsNotValidIsNoEvidence) {
   expect_balanced(balanced(wall(), rig), 0, kPlain, 1, kWarm);
 }
 
-TEST(ColorBalance, AlikeViewsLeaveTheAtlasUntouched) {
+TEST(ColorBalance, AlikeViewsStayAsTheyAre) {
   Rig rig;
   rig.add(-0.6, kPlain), rig.add(0.6, kPlain);
   const Fields fields = balanced(wall(), rig);
   for (const auto& [id, field] : fields) EXPECT_TRUE(field.empty());
-  const atlas::Layout layout = *atlas::make_layout(rig.views, {}, 1, 1);
-  const std::map<ViewId, View> children{{ViewId{0}, rig.views[0]}, {ViewId{1}, rig.views[1]}};
-  EXPECT_EQ(atlas::compose_atlas(layout, {.children = children,
-                                          .pictures = rig.pictures,
-                                          .corrections = corrections(fields)}),
-            atlas::compose_atlas(layout, {.children = children, .pictures = rig.pictures}));
 }
 
 TEST(ColorBalance, ClippedPixelsAreNoEvidence) {
@@ -393,36 +385,6 @@ TEST(ToneCurves, RiseAndClipNoMoreThanTheCamera) {
       EXPECT_EQ(curve[255], 255) << stops;
     }
   }
-}
-
-TEST(Compose, CorrectionsApplyToTheirTileAndExposureInFrontOnly) {
-  Rig rig;
-  rig.add(-0.6, kPlain), rig.add(0.6, kPlain);
-  const atlas::Layout layout = *atlas::make_layout(rig.views, {}, 1, 1);
-  const std::map<ViewId, View> children{{ViewId{0}, rig.views[0]}, {ViewId{1}, rig.views[1]}};
-  ImageMask used(320, 180);
-  for (int y = 0; y < 96; ++y) std::fill(used.row(y), used.row(y) + 320, 1);
-  const Vec3f gain{0.2f, 0, -0.3f}, exposure{0.1f, 0.1f, -0.2f};
-  const auto draw = [&](const atlas::ColorCorrections& corrections) {
-    return atlas::compose_atlas(layout,
-                                {.children = children,
-                                 .pictures = rig.pictures,
-                                 .used = {{ViewId{0}, used}, {ViewId{1}, used}},
-                                 .corrections = corrections,
-                                 .behind = {{ViewId{1}, rig.pictures.at(StreamId{1}).get()}}});
-  };
-  const ImageRgb plain = draw({});
-  const ColorField field{std::vector<Vec3f>(ColorField::kNodes, gain)};
-  const ImageRgb changed = draw({{ViewId{1}, {field, exposure}}});
-  for (const View& tile : layout.views)
-    for (int y = 0; y < tile.atlas_rect.height; ++y)
-      for (int x = 0; x < tile.atlas_rect.width; ++x)
-        for (int c = 0; c < 3; ++c) {
-          const std::uint8_t was = plain.at(tile.atlas_rect.x + x, tile.atlas_rect.y + y)[c];
-          const std::uint8_t is = changed.at(tile.atlas_rect.x + x, tile.atlas_rect.y + y)[c];
-          const float log_gain = gain[c] + (y < 96 ? exposure[c] : 0);
-          ASSERT_EQ(is, tile.id == ViewId{1} ? atlas::ToneCurves::of(log_gain)[was] : was);
-        }
 }
 
 }  // namespace

@@ -77,6 +77,10 @@ class TileShader {
   /// Corrects `count` pixels of the tile's row `y` in place, from column `x` on; `rgb`: of the
   /// first of them.
   void apply(int x, int y, int count, std::uint8_t* rgb) const;
+  /// The curves of red, green and blue at a pixel of the tile.
+  const std::array<const std::uint8_t*, 3>& curves(int x, int y) const {
+    return curves_[static_cast<std::size_t>(y / kBlock_px) * columns_ + x / kBlock_px];
+  }
 
  private:
   static constexpr int kBlock_px = 8;  ///< pixels of a tile that share their factors

@@ -86,17 +86,12 @@ void draw_row(const ImageRgb& picture, std::span<const Source> columns, const So
   }
 }
 
-/// A picture with what is done to its colours.
-struct Toned {
-  const ImageRgb* picture;  ///< null: there is none
-  TileShader shader;
-};
-
-/// The inputs of one tile; `used` may be null.
+/// The inputs of one tile; `used` and `behind` may be null.
 struct TileSources {
-  Toned now, behind;
+  const ImageRgb& picture;
   const ImageMask* used;
   bool mask;
+  const ImageRgb* behind;
 };
 
 /// Draws one tile of an atlas.
@@ -124,8 +119,8 @@ class TileDrawer {
  private:
   /// Draws a line of blocks.
   void draw_line(const Rect& line) const {
-    if (!from_.behind.picture || !from_.used)
-      return draw(from_.now, from_.mask ? from_.used : nullptr, line);
+    if (!from_.behind || !from_.used)
+      return draw(from_.picture, from_.mask ? from_.used : nullptr, line);
     const auto block = [&](int x) {
       return Rect{x, line.y, std::min(kBlock_px, line.width - x), line.height};
     };
@@ -135,7 +130,8 @@ class TileDrawer {
       do x += kBlock_px;
       while (x < line.width && any_used(block(x)) == used);
       const int end = std::min(x, line.width);
-      draw(used ? from_.now : from_.behind, nullptr, {first, line.y, end - first, line.height});
+      draw(used ? from_.picture : *from_.behind, nullptr,
+           {first, line.y, end - first, line.height});
     }
   }
 
@@ -151,16 +147,14 @@ class TileDrawer {
   }
 
   /// Draws a part of the tile. `used`: pixels outside this mask stay black; null: draws all.
-  void draw(const Toned& toned, const ImageMask* used, const Rect& part) const {
+  void draw(const ImageRgb& picture, const ImageMask* used, const Rect& part) const {
     for (int y = part.y; y < part.y + part.height; ++y) {
       const Source& row = rows_[y];
       std::uint8_t* const out = atlas_.at(at_.x + part.x, at_.y + y);
       if (straight_ && row.share == 0 && !used)
-        std::copy_n(toned.picture->at(columns_[part.x].first, row.first), 3 * part.width, out);
+        std::copy_n(picture.at(columns_[part.x].first, row.first), 3 * part.width, out);
       else
-        draw_row(*toned.picture, columns_in(part), row, used ? used->row(row.camera) : nullptr,
-                 out);
-      if (!toned.shader.is_plain()) toned.shader.apply(part.x, y, part.width, out);
+        draw_row(picture, columns_in(part), row, used ? used->row(row.camera) : nullptr, out);
     }
   }
 
@@ -216,24 +210,18 @@ ImageRgb compose_atlas(const Layout& layout, const AtlasSources& from, ImageRgb 
   ImageRgb atlas = std::move(memory);
   atlas.width = layout.width, atlas.height = layout.height;
   atlas.data.assign(std::size_t{3} * layout.width * layout.height, 0);
-  static const ColorCorrection kNone;
   for (const View& tile : layout.views) {
     const auto child = from.children.find(tile.id);
     if (child == from.children.end()) continue;
     const auto picture = from.pictures.find(child->second.stream);
     if (picture == from.pictures.end() || !picture->second) continue;
     const auto used = from.used.find(tile.id);
-    const auto found = from.corrections.find(tile.id);
-    const ColorCorrection& color = found == from.corrections.end() ? kNone : found->second;
     const auto back = from.behind.find(tile.id);
     const bool has_back = back != from.behind.end() &&
                           back->second->width == picture->second->width &&
                           back->second->height == picture->second->height;
-    const TileSources sources{
-        {picture->second.get(), TileShader(tile, color.field, color.log_exposure)},
-        {has_back ? back->second : nullptr, TileShader(tile, color.field, {})},
-        used == from.used.end() ? nullptr : &used->second,
-        from.mask};
+    const TileSources sources{*picture->second, used == from.used.end() ? nullptr : &used->second,
+                              from.mask, has_back ? back->second : nullptr};
     TileDrawer(tile, child->second, sources, atlas).draw();
   }
   return atlas;

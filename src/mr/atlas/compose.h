@@ -2,7 +2,6 @@
 
 #include <map>
 
-#include "mr/atlas/color_field.h"
 #include "mr/atlas/layout.h"
 #include "mr/atlas/view_observations.h"
 #include "mr/core/image.h"
@@ -19,17 +18,17 @@ using PicturesBehind = std::map<ViewId, const ImageRgb*>;
 
 /// What an atlas is composed of.
 struct AtlasSources {
-  /// The views as the children have them, by id, each in its own stream; pictures by stream.
+  /// The views as the children have them, by id, each in its own stream; pictures by stream, with
+  /// the colours that are to be shown.
   const std::map<ViewId, View>& children;
   const Pictures& pictures;
   std::map<ViewId, ImageMask> used{};  ///< used_pixels(); a view without a mask is used whole
   bool mask = false;                   ///< unused pixels are black (paper 3.3)
-  ColorCorrections corrections{};      ///< a view without one keeps its colours
   PicturesBehind behind{};
 };
 
-/// Composes the atlas picture of a layout. Every tile is resampled from the child's picture and
-/// corrected. Views that no child has are black. Where a view has a picture `behind`, 16x16 blocks
+/// Composes the atlas picture of a layout. Every tile is resampled from the child's picture.
+/// Views that no child has are black. Where a view has a picture `behind`, 16x16 blocks
 /// of its tile without used pixels show that, so that the video codec skips what does not move.
 /// `memory`: an image whose memory is reused.
 ImageRgb compose_atlas(const Layout& layout, const AtlasSources& from, ImageRgb memory = {});

@@ -8,8 +8,10 @@
 
 #include "mr/atlas/compose.h"
 #include "mr/atlas/labels.h"
+#include "mr/atlas/view_blend.h"
 #include "mr/atlas/watermark.h"
 #include "mr/core/parallel.h"
+#include "mr/kit/raster.h"
 #include "mr/node/sensor_node.h"
 
 namespace mr::node {
@@ -211,18 +213,103 @@ std::vector<View> RootAtlas::windows(const std::vector<View>& views, const Used&
   return out;
 }
 
+/// Draws both surfaces from all pinhole views: the still one only where it or the view is another.
+void RootAtlas::draw_depths(const std::vector<View>& views, const Mesh& moving, const Mesh* still) {
+  const bool same =
+      still ? still->positions == depths_of_.positions && still->triangles == depths_of_.triangles
+            : depths_of_.empty();
+  if (!same) depths_of_ = still ? *still : Mesh{};
+  std::map<ViewId, Depths> before = std::exchange(depths_, {});
+  std::vector<Depths*> all;
+  for (const View& view : views) {
+    if (view.kind != View::Kind::pinhole) continue;
+    Depths& depths = depths_[view.id];
+    const auto known = before.find(view.id);
+    if (same && known != before.end() && known->second.view == view)
+      depths = std::move(known->second);
+    depths.view = view;
+    all.push_back(&depths);
+  }
+  parallel_for(all.size(), 1, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t i = begin; i < end; ++i) {
+      Depths& d = *all[i];
+      const Camera camera = d.view.camera();
+      if (d.still.empty())
+        d.still = kit::rasterize_depth(depths_of_, camera, d.view.T_world_camera);
+      d.moving = kit::rasterize_depth(moving, camera, d.view.T_world_camera);
+      d.nearest = d.still;
+      for (std::size_t p = 0; p < d.nearest.data.size(); ++p)
+        if (const float m = d.moving.data[p], s = d.still.data[p]; m > 0 && (s <= 0 || m < s))
+          d.nearest.data[p] = m;
+    }
+  });
+}
+
+/// The live pictures as they are shown.
+atlas::Pictures RootAtlas::shown_live(const Tick& tick, const atlas::Pictures& pictures,
+                                      const Used& used) const {
+  const atlas::ColorCorrections corrections = colors_.live();
+  std::vector<atlas::ViewBlend::Source> sources;
+  for (const View& view : tick.views) {
+    const auto picture = pictures.find(view.stream);
+    if (picture == pictures.end() || !picture->second) continue;
+    atlas::ViewBlend::Source& source = sources.emplace_back();
+    source.view = &view, source.picture = picture->second.get();
+    if (const auto c = corrections.find(view.id); c != corrections.end())
+      source.field = c->second.field, source.log_exposure = c->second.log_exposure;
+    if (const auto d = depths_.find(view.id); d != depths_.end())
+      source.nearest = &d->second.nearest;
+  }
+  const atlas::ViewBlend blend(sources);
+  atlas::Pictures out;
+  for (std::size_t i = 0; i < sources.size(); ++i) {
+    const ViewId id = sources[i].view->id;
+    const auto mask = used.find(id);
+    const auto depths = depths_.find(id);
+    out[sources[i].view->stream] = std::make_shared<const ImageRgb>(
+        blend.picture(i, mask == used.end() ? nullptr : &mask->second,
+                      depths == depths_.end() ? nullptr : &depths->second.moving));
+  }
+  return out;
+}
+
+/// Draws the plates as they are shown.
+void RootAtlas::show_plates(const Tick& tick, const Mesh& still, float error_m) {
+  const Used used = used_pixels(tick, still, error_m);
+  const atlas::ColorCorrections corrections = colors_.plates();
+  std::vector<atlas::ViewBlend::Source> sources;
+  for (const View& view : tick.views) {
+    const auto plate = plates_.find(view.id);
+    if (plate == plates_.end() || plate->second.picture().empty()) continue;
+    atlas::ViewBlend::Source& source = sources.emplace_back();
+    source.view = &view, source.picture = &plate->second.picture();
+    source.valid = &plate->second.valid();
+    if (const auto c = corrections.find(view.id); c != corrections.end())
+      source.field = c->second.field;
+    if (const auto d = depths_.find(view.id); d != depths_.end()) source.nearest = &d->second.still;
+  }
+  const atlas::ViewBlend blend(sources);
+  shown_plates_.clear();
+  for (std::size_t i = 0; i < sources.size(); ++i)
+    shown_plates_[sources[i].view->stream] = std::make_shared<const ImageRgb>(
+        blend.picture(i, &used.at(sources[i].view->id), sources[i].nearest));
+}
+
 /// Draws the live atlas: used pixels, on a background of the plates, which the video encoder skips
 /// because it does not change. In views without a plate, unused pixels are black.
 ImageRgb RootAtlas::draw_live(const Children& children, const atlas::Pictures& pictures,
                               Used used) {
   atlas::PicturesBehind behind;
-  for (const auto& [view, plate] : plates_) behind[view] = &plate.picture();
+  for (const auto& [id, view] : children)
+    if (const auto plate = shown_plates_.find(view.stream); plate != shown_plates_.end())
+      behind[id] = plate->second.get();
+    else if (const auto raw = plates_.find(id); raw != plates_.end())
+      behind[id] = &raw->second.picture();
   return atlas::compose_atlas(live_layout_,
                               {.children = children,
                                .pictures = pictures,
                                .used = std::move(used),
                                .mask = scene_->atlas.mask,
-                               .corrections = colors_.live(),
                                .behind = std::move(behind)},
                               std::exchange(spare_, {}));
 }
@@ -253,13 +340,18 @@ Status RootAtlas::compose(const Tick& tick, const Mesh& moving, const Mesh* stil
   const atlas::Pictures pictures = pictures_of(tick.captures);
   colors_.update({tick.views, pictures, moving, still, plates_, changed_blocks_});
   add_views(still != nullptr, packet);
-  ImageRgb picture = draw_live(children, pictures, std::move(used));
+  draw_depths(tick.views, moving, still);
+  const bool has_plates = still && !plates_.empty();
+  const bool plates_due = has_plates && are_plates_due(plate_layout_.views.front().layout);
+  if (plates_due) show_plates(tick, *still, error_m);
+  const atlas::Pictures shown = shown_live(tick, pictures, used);
+  ImageRgb picture = draw_live(children, shown, std::move(used));
   if (scene_->atlas.burn_sequence) atlas::draw_watermark(picture, packet.sequence);
   const std::uint32_t layout = live_layout_.views.front().layout;
   const Status added =
       add_unit(live_, packet.plan.texture_qp, layout, std::move(picture), last_live_, packet);
   if (!added) return added;
-  return still && !plates_.empty() ? add_plates(tick, children, packet) : Status{};
+  return plates_due ? add_plates(children, packet) : Status{};
 }
 
 /// Adds the live views, each followed by the view of its plate.
@@ -285,20 +377,13 @@ bool RootAtlas::are_plates_due(std::uint32_t layout) {
   return ++waited_ >= kWait || plates_due_ || kMany * blocks_waiting_ >= valid_blocks();
 }
 
-Status RootAtlas::add_plates(const Tick& tick, const Children& children, Packet& packet) {
+Status RootAtlas::add_plates(const Children& children, Packet& packet) {
   const std::uint32_t layout = plate_layout_.views.front().layout;
-  if (!are_plates_due(layout)) return {};
-  atlas::Pictures plates;
-  for (const View& view : tick.views)
-    if (const auto plate = plates_.find(view.id); plate != plates_.end())
-      plates[view.stream] = {std::shared_ptr<void>{}, &plate->second.picture()};
-  const Status added =
-      add_unit(plate_, std::max(packet.plan.texture_qp - kPlatesFiner, 0), layout,
-               atlas::compose_atlas(
-                   plate_layout_,
-                   {.children = children, .pictures = plates, .corrections = colors_.plates()},
-                   std::exchange(spare_, {})),
-               last_plate_, packet);
+  const Status added = add_unit(
+      plate_, std::max(packet.plan.texture_qp - kPlatesFiner, 0), layout,
+      atlas::compose_atlas(plate_layout_, {.children = children, .pictures = shown_plates_},
+                           std::exchange(spare_, {})),
+      last_plate_, packet);
   if (!added) return added;
   blocks_waiting_ = 0, waited_ = 0, plates_due_ = false;
   plate_colors_ = colors_.plates(), drawn_layout_ = layout;

@@ -98,6 +98,11 @@ class RootAtlas {
  private:
   using Children = std::map<ViewId, View>;
   using Used = std::map<ViewId, ImageMask>;
+  /// Depth pictures of surfaces from a view, [height, width] of it.
+  struct Depths {
+    View view;
+    ImageDepth still, moving, nearest;
+  };
   /// Cached: the blocks of a view that its sensor's depth picture covers, for these camera poses.
   struct Seen {
     View view;
@@ -112,8 +117,12 @@ class RootAtlas {
   std::vector<View> windows(const std::vector<View>& views, const Used& used);
   Used used_pixels(const Tick& tick, const Mesh& shown, float error_m) const;
   void add_views(bool with_plates, Packet& packet) const;
+  void draw_depths(const std::vector<View>& views, const Mesh& moving, const Mesh* still);
+  atlas::Pictures shown_live(const Tick& tick, const atlas::Pictures& pictures,
+                             const Used& used) const;
+  void show_plates(const Tick& tick, const Mesh& still, float error_m);
   ImageRgb draw_live(const Children& children, const atlas::Pictures& pictures, Used used);
-  Status add_plates(const Tick& tick, const Children& children, Packet& packet);
+  Status add_plates(const Children& children, Packet& packet);
   Status add_unit(TextureStream& stream, int qp, std::uint32_t layout, ImageRgb picture,
                   ImageRgb& last, Packet& packet);
 
@@ -127,6 +136,10 @@ class RootAtlas {
   ImageRgb last_live_, last_plate_;  ///< as last encoded
   ImageRgb spare_;                   ///< reused memory for the next picture
   std::size_t changed_blocks_ = 0;   ///< of the plates, by the last update
+  std::map<ViewId, Depths> depths_;  ///< of pinhole views
+  Mesh depths_of_;                   ///< the still surface that depths_ show
+  /// The plates as shown, by the stream of the view: corrected and blended; as last drawn.
+  atlas::Pictures shown_plates_;
   // The atlas of plates: the colours and layout it was drawn with, and the blocks changed since.
   std::size_t blocks_waiting_ = 0;
   int waited_ = 0;  ///< ticks

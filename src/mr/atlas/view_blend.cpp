@@ -1,0 +1,255 @@
+#include "mr/atlas/view_blend.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstdint>
+#include <optional>
+#include <utility>
+
+#include "mr/core/parallel.h"
+
+namespace mr::atlas {
+namespace {
+
+constexpr int kBlendBlock_px = 4;                        // of the coarse depth maps, and of normals
+constexpr float kFront_m = 0.03f, kFront_share = 0.01f;  // nearer surface hides a point
+constexpr float kSteepest = 3;    // depth over width of surface that does not hide itself
+constexpr float kBorder_px = 40;  // of a picture of 640 columns; weights fall towards its border
+constexpr float kLeast = 0.02f;   // weight of a picture in its own tile
+constexpr float kNearWhiteWeight = 0.25f;
+constexpr int kNearWhite = 250;
+constexpr float kSharpness = 1.0f;  // power of the resolution on the surface
+
+float power(float v) { return kSharpness == 1 ? v : std::pow(v, kSharpness); }
+
+/// The least depth of each block of pixels and of those up to `reach` blocks away; nothing counts
+/// as infinitely far.
+ImageDepth least_around(const ImageDepth& depth, int reach) {
+  const auto blocks = [](int size) { return (size + kBlendBlock_px - 1) / kBlendBlock_px; };
+  ImageDepth least(blocks(depth.width), blocks(depth.height), 1e9f);
+  for (int y = 0; y < depth.height; ++y)
+    for (int x = 0; x < depth.width; ++x)
+      if (const float d = *depth.at(x, y); d > 0) {
+        float& l = *least.at(x / kBlendBlock_px, y / kBlendBlock_px);
+        l = std::min(l, d);
+      }
+  ImageDepth rows = least, out = least;
+  for (int y = 0; y < least.height; ++y)
+    for (int x = 0; x < least.width; ++x)
+      for (int i = std::max(0, x - reach); i <= std::min(least.width - 1, x + reach); ++i)
+        *rows.at(x, y) = std::min(*rows.at(x, y), *least.at(i, y));
+  for (int y = 0; y < least.height; ++y)
+    for (int x = 0; x < least.width; ++x) {
+      *out.at(x, y) = *rows.at(x, y);
+      for (int i = std::max(0, y - reach); i <= std::min(least.height - 1, y + reach); ++i)
+        *out.at(x, y) = std::min(*out.at(x, y), *rows.at(x, i));
+    }
+  return out;
+}
+
+/// A rigid transform in floats.
+struct Transform {
+  std::array<Vec3f, 3> rows;
+  Vec3f translation;
+
+  explicit Transform(const Pose& pose) : translation(vec_cast<float>(pose.translation)) {
+    for (int i = 0; i < 3; ++i) rows[i] = vec_cast<float>(pose.rotation.row(i));
+  }
+  Vec3f operator*(Vec3f p) const {
+    return Vec3f{dot(rows[0], p), dot(rows[1], p), dot(rows[2], p)} + translation;
+  }
+};
+
+}  // namespace
+
+/// A source, prepared.
+struct ViewBlend::Eye {
+  static constexpr std::array<int, 2> kReach{1, 4};               // blocks
+  static constexpr std::array<float, 3> kSeen{0.1f, 0.5f, 1.0f};  // weight by how far edges are
+
+  explicit Eye(const Source& source)
+      : source(source),
+        view(*source.view),
+        shader(view, source.field, source.log_exposure),
+        scale_x(static_cast<float>(view.atlas_rect.width) / view.image_rect.width),
+        scale_y(static_cast<float>(view.atlas_rect.height) / view.image_rect.height),
+        border(kBorder_px * view.width / 640.0f) {
+    if (source.nearest)
+      for (std::size_t i = 0; i < around.size(); ++i)
+        around[i] = least_around(*source.nearest, kReach[i]);
+  }
+
+  bool blends() const { return source.nearest && view.kind == View::Kind::pinhole; }
+
+  /// Where a point in the camera's space lies in the camera's picture.
+  Vec2f pixel(Vec3f p) const {
+    return {static_cast<float>(view.fx) * p.x / p.z + static_cast<float>(view.cx),
+            static_cast<float>(view.fy) * p.y / p.z + static_cast<float>(view.cy)};
+  }
+
+  /// The share of its full weight that the view has at a point, by what hides it, by the border of
+  /// its picture and by validity: 0..1.
+  float sees(Vec2f at, float z) const {
+    const Rect& r = view.image_rect;
+    const auto left = static_cast<float>(r.x), top = static_cast<float>(r.y);
+    const float inside =
+        std::min({at.x - left, at.y - top, left + static_cast<float>(r.width - 1) - at.x,
+                  top + static_cast<float>(r.height - 1) - at.y}) -
+        view.gutter_px;
+    if (!(inside > 0)) return 0;
+    const int x = static_cast<int>(at.x + 0.5f), y = static_cast<int>(at.y + 0.5f);
+    if (source.valid && !source.valid->at(x / source.valid->tile_px, y / source.valid->tile_px))
+      return 0;
+    const float front = z - kFront_m - kFront_share * z;
+    const float d = *source.nearest->at(x, y);
+    if (!(d > 0) || d < front) return 0;
+    std::size_t level = 0;
+    for (; level < around.size(); ++level) {
+      const float reach_px = static_cast<float>((kReach[level] + 1) * kBlendBlock_px);
+      const float slope_m = kSteepest * reach_px * z / static_cast<float>(view.fx);
+      if (*around[level].at(x / kBlendBlock_px, y / kBlendBlock_px) < front - slope_m) break;
+    }
+    return kSeen[level] * std::min(1.0f, inside / border);
+  }
+
+  /// The corrected colour at a pixel of the camera's picture, 0..255.
+  Vec3f color(Vec2f at) const {
+    const Rect& r = view.atlas_rect;
+    const float u = (at.x + 0.5f - static_cast<float>(view.image_rect.x)) * scale_x - 0.5f;
+    const float v = (at.y + 0.5f - static_cast<float>(view.image_rect.y)) * scale_y - 0.5f;
+    const float x = std::clamp(u, 0.0f, static_cast<float>(r.width - 1));
+    const float y = std::clamp(v, 0.0f, static_cast<float>(r.height - 1));
+    const int x0 = std::min(static_cast<int>(x), r.width - 2),
+              y0 = std::min(static_cast<int>(y), r.height - 2);
+    const float fx = x - static_cast<float>(x0), fy = y - static_cast<float>(y0);
+    const std::uint8_t *a = source.picture->at(r.x + x0, r.y + y0),
+                       *b = source.picture->at(r.x + x0, r.y + y0 + 1);
+    const auto& curves = shader.curves(x0, y0);
+    Vec3f out;
+    for (int c = 0; c < 3; ++c) {
+      const float top = a[c] + (a[c + 3] - a[c]) * fx, bottom = b[c] + (b[c + 3] - b[c]) * fx;
+      const float value = top + (bottom - top) * fy;
+      const int low = static_cast<int>(value);
+      const float from = curves[c][low], to = curves[c][std::min(low + 1, 255)];
+      out[c] = from + (to - from) * (value - static_cast<float>(low));
+    }
+    return out;
+  }
+
+  Source source;
+  const View& view;
+  TileShader shader;
+  float scale_x, scale_y, border;
+  std::array<ImageDepth, 2> around;
+};
+
+namespace {
+
+/// The normal of the surface at a pixel, towards the camera; from pixels beside it. Straight at the
+/// camera where these show other surface.
+Vec3f normal_at(const View& view, const ImageDepth& depth, int x, int y, float z) {
+  constexpr int kAside = 3;
+  const auto point = [&](int u, int v) -> std::optional<Vec3f> {
+    if (!depth.contains(u, v)) return std::nullopt;
+    const float d = *depth.at(u, v);
+    if (!(std::abs(d - z) < 0.1f * z)) return std::nullopt;
+    return Vec3f{
+               (static_cast<float>(u) - static_cast<float>(view.cx)) / static_cast<float>(view.fx),
+               (static_cast<float>(v) - static_cast<float>(view.cy)) / static_cast<float>(view.fy),
+               1} *
+           d;
+  };
+  const auto left = point(x - kAside, y), right = point(x + kAside, y);
+  const auto above = point(x, y - kAside), below = point(x, y + kAside);
+  if (!left || !right || !above || !below) return {0, 0, -1};
+  return normalized(cross(*below - *above, *right - *left));
+}
+
+}  // namespace
+
+ViewBlend::ViewBlend(std::vector<Source> sources) {
+  eyes_.resize(sources.size());
+  parallel_for(sources.size(), 1, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t i = begin; i < end; ++i) eyes_[i] = std::make_unique<const Eye>(sources[i]);
+  });
+}
+ViewBlend::~ViewBlend() = default;
+ViewBlend::ViewBlend(ViewBlend&&) noexcept = default;
+
+ImageRgb ViewBlend::picture(std::size_t source, const ImageMask* used,
+                            const ImageDepth* surface) const {
+  const Eye& own = *eyes_[source];
+  const View& view = own.view;
+  const Rect& at = view.atlas_rect;
+  ImageRgb out = *own.source.picture;
+  struct Other {
+    const Eye* eye;
+    Transform from_own;  ///< from the own camera's space
+    Vec3f centre;        ///< of the other camera, in the own camera's space
+  };
+  std::vector<Other> others;
+  for (std::size_t i = 0; i < eyes_.size(); ++i) {
+    if (i == source || !eyes_[i]->blends()) continue;
+    const Pose T_own_other = view.T_world_camera.inverse() * eyes_[i]->view.T_world_camera;
+    others.push_back({eyes_[i].get(), Transform(T_own_other.inverse()),
+                      vec_cast<float>(T_own_other.translation)});
+  }
+  const bool blends = surface && own.blends() && !others.empty();
+  const auto pixels_per_m2 = [](const View& v, float facing, float z) {
+    return power(std::max(facing, 0.0f) * static_cast<float>(v.fx * v.fy) / (z * z));
+  };
+  const auto blended = [&](int x, int y, Vec2f camera, float z, Vec3f normal) {
+    const Vec3f p =
+        Vec3f{(camera.x - static_cast<float>(view.cx)) / static_cast<float>(view.fx),
+              (camera.y - static_cast<float>(view.cy)) / static_cast<float>(view.fy), 1} *
+        z;
+    Vec3f sum;
+    float weights = 0;
+    const auto add = [&](Vec3f color, float weight) {
+      if (std::max({color.x, color.y, color.z}) >= kNearWhite) weight *= kNearWhiteWeight;
+      sum += color * weight, weights += weight;
+    };
+    const std::uint8_t* const rgb = out.at(at.x + x, at.y + y);  // corrected already
+    const float seen = std::max(own.sees(camera, z), kLeast);
+    const float whole = pixels_per_m2(view, std::max(dot(normal, -normalized(p)), 0.1f), z);
+    add({rgb[0] + 0.0f, rgb[1] + 0.0f, rgb[2] + 0.0f}, seen * whole);
+    for (const Other& other : others) {
+      const float facing = dot(normal, normalized(other.centre - p));
+      if (facing < 0.15f) continue;
+      const Vec3f q = other.from_own * p;
+      if (!(q.z > 0.05f)) continue;
+      const Vec2f pixel = other.eye->pixel(q);
+      const float weight = other.eye->sees(pixel, q.z);
+      if (weight > 0)
+        add(other.eye->color(pixel), weight * pixels_per_m2(other.eye->view, facing, q.z));
+    }
+    return sum / weights;
+  };
+  parallel_for(static_cast<std::size_t>(at.height), 8, [&](std::size_t begin, std::size_t end) {
+    for (int y = static_cast<int>(begin); y < static_cast<int>(end); ++y) {
+      if (!own.shader.is_plain()) own.shader.apply(0, y, at.width, out.at(at.x, at.y + y));
+      if (!blends) continue;
+      const float camera_y = (static_cast<float>(y) + 0.5f) / own.scale_y - 0.5f +
+                             static_cast<float>(view.image_rect.y);
+      const int row = std::clamp(static_cast<int>(camera_y + 0.5f), 0, view.height - 1);
+      Vec3f normal{0, 0, -1};
+      int normal_of = -1;  // block of columns
+      for (int x = 0; x < at.width; ++x) {
+        const float camera_x = (static_cast<float>(x) + 0.5f) / own.scale_x - 0.5f +
+                               static_cast<float>(view.image_rect.x);
+        const int column = std::clamp(static_cast<int>(camera_x + 0.5f), 0, view.width - 1);
+        if (used && !*used->at(column, row)) continue;
+        const float z = *surface->at(column, row);
+        if (!(z > 0)) continue;
+        if (column / kBlendBlock_px != normal_of)
+          normal = normal_at(view, *surface, column, row, z), normal_of = column / kBlendBlock_px;
+        const Vec3f color = blended(x, y, {camera_x, camera_y}, z, normal);
+        for (int c = 0; c < 3; ++c)
+          out.at(at.x + x, at.y + y)[c] = static_cast<std::uint8_t>(color[c] + 0.5f);
+      }
+    }
+  });
+  return out;
+}
+
+}  // namespace mr::atlas

@@ -1,0 +1,52 @@
+#pragma once
+
+#include <array>
+#include <cstddef>
+#include <memory>
+#include <span>
+#include <vector>
+
+#include "mr/atlas/color_field.h"
+#include "mr/core/image.h"
+#include "mr/core/packet.h"
+#include "mr/core/pose.h"
+#include "mr/core/view.h"
+
+namespace mr::atlas {
+
+/// Corrects the pictures of views and blends them on the surface that they show, so that borders
+/// between views cannot be seen: each pixel that shows a surface becomes the mean of all views that
+/// see the same point. Done in the root's pictures, so neither bytes on the wire nor work at the
+/// viewer: on both sides of a border between two views the pictures show the same colour. Weights:
+/// resolution on the surface (angle and distance), falling to 0 within centimetres of what hides a
+/// view, of its picture's border, and of pixels that are not valid. Of pinhole views; others are
+/// corrected only. Deterministic on any number of threads.
+class ViewBlend {
+ public:
+  /// A view with its picture. What is referred to must outlive the blend.
+  struct Source {
+    const View* view = nullptr;         ///< as the child has it
+    const ImageRgb* picture = nullptr;  ///< of its stream, not null
+    ColorField field{};
+    Vec3f log_exposure{};  ///< as in ColorCorrection
+    const TileMask* valid =
+        nullptr;  ///< pixels of the camera's picture that may be used; null: all
+    /// Of all surface, [height, width] of the view; null: it blends with no other view.
+    const ImageDepth* nearest = nullptr;
+  };
+
+  explicit ViewBlend(std::vector<Source> sources);
+  ~ViewBlend();
+  ViewBlend(ViewBlend&&) noexcept;
+
+  /// The picture of a source, corrected, and blended where it shows `surface`. `used`: pixels of
+  /// the camera's picture that are blended; null: all. `surface`: depth of the surface that it
+  /// textures, [height, width] of the view; null: none, only corrected. Parallel.
+  ImageRgb picture(std::size_t source, const ImageMask* used, const ImageDepth* surface) const;
+
+ private:
+  struct Eye;
+  std::vector<std::unique_ptr<const Eye>> eyes_;
+};
+
+}  // namespace mr::atlas
