@@ -10,12 +10,15 @@
 #include "commands.h"
 #include "eval_options.h"
 #include "mr/baseline/monolithic.h"
-#include "mr/baseline/run_baseline.h"
+#include "mr/eval/client_run.h"
+#include "mr/eval/clipped.h"
 #include "mr/eval/depth_fit.h"
 #include "mr/eval/geometry_error.h"
+#include "mr/eval/label_change.h"
+#include "mr/eval/outline.h"
+#include "mr/eval/quality.h"
 #include "mr/eval/reference_surface.h"
 #include "mr/eval/sensor_coverage.h"
-#include "mr/runtime/lockstep_scene.h"
 #include "mr/synth/room.h"
 #include "output.h"
 
@@ -34,27 +37,20 @@ struct SceneMeasures {
   int captures = 0;
   eval::DepthFit depth;
   eval::GeometryError geometry;
+  std::optional<double> label_change, clipped_ratio, outline_px;
   std::vector<node::InputResidual> pairs;
 };
 
-struct Shown {
-  Mesh mesh;
-  std::vector<node::InputResidual> pairs;  ///< of the root's inputs; empty: a baseline
-};
+constexpr int kLabelPairs = 10;  // the last of a run, whose labels are compared
 
-/// What a client has after so many captures; baselines have no memory.
-Result<Shown> shown_after(const Scene& scene, int captures, const runtime::RunListener& listener) {
-  const auto cache = synth::default_rig_cache();
-  if (scene.pipeline != "meshreduce") {
-    const auto run = baseline::run_baseline(scene, 1, captures - 1, listener, cache);
-    if (!run) return run.error();
-    return Shown{eval::shown_surface(run->last), {}};
-  }
-  auto pipeline = runtime::LockstepScene::open(scene, cache);
-  if (!pipeline) return pipeline.error();
-  const auto report = (*pipeline)->run(captures, listener);
-  if (!report) return report.error();
-  return Shown{eval::shown_surface(*(*pipeline)->decoded()), report->pairs};
+/// From the scene's viewpoints, which only scenes with known people need.
+Result<std::optional<double>> outline_of(const Scene& scene, const DecodedScene& shown, int capture,
+                                         const runtime::RunListener& listener) {
+  const RigConfig* rig = eval::known_rig(scene);
+  if (!rig || rig->people == 0) return std::optional<double>{};
+  const auto plan = eval::scene_viewpoints(scene, synth::default_rig_cache(), listener.warned);
+  if (!plan) return plan.error();
+  return eval::outline_px(scene, shown, capture, plan->views);
 }
 
 Result<SceneMeasures> measured(const Scene& scene, int captures,
@@ -69,23 +65,36 @@ Result<SceneMeasures> measured(const Scene& scene, int captures,
   const auto reference = exact ? eval::true_surface(scene, captures - 1)
                                : Result<Mesh>(baseline::fuse_all(scene, *capture, 0.01));
   if (!reference) return reference.error();
-  const auto shown = shown_after(scene, captures, listener);
-  if (!shown) return shown.error();
+  const auto run =
+      eval::run_client(scene, captures, 1 + kLabelPairs, listener, synth::default_rig_cache());
+  if (!run) return run.error();
+  const Mesh shown = eval::shown_surface(run->shown());
   const auto geometry = eval::geometry_error(
-      shown->mesh, *reference, eval::delivered_frustums(scene, *capture, exact),
+      shown, *reference, eval::delivered_frustums(scene, *capture, exact),
       {.voxel_m = scene.voxel_m, .captured = eval::captured_half_spaces(scene)});
   if (!geometry) return geometry.error();
+  const auto labels = eval::label_change(scene, run->last);
+  if (!labels) return labels.error();
+  const auto outline = outline_of(scene, run->shown(), captures - 1, listener);
+  if (!outline) return outline.error();
   return SceneMeasures{scene.id,
                        scene.pipeline,
                        exact ? "truth" : "monolithic",
                        captures,
-                       eval::depth_fit(shown->mesh, scene, *capture, scene.voxel_m),
+                       eval::depth_fit(shown, scene, *capture, scene.voxel_m),
                        *geometry,
-                       shown->pairs};
+                       *labels,
+                       eval::clipped_ratio(run->shown(), *capture),
+                       *outline,
+                       run->pairs};
 }
 
 /// To the millionth.
 double to_millionth(double ratio) { return std::round(ratio * 1e6) / 1e6; }
+
+nlohmann::ordered_json or_null(const std::optional<double>& figure) {
+  return figure ? nlohmann::ordered_json(to_millionth(*figure)) : nullptr;
+}
 
 std::string as_json(const SceneMeasures& m) {
   nlohmann::ordered_json out{
@@ -101,6 +110,9 @@ std::string as_json(const SceneMeasures& m) {
       {"missing_ratio", to_millionth(m.geometry.missing_ratio)},
       {"to_reference_rms_mm", to_millionth(m.geometry.to_reference.rms_mm)},
       {"from_reference_rms_mm", to_millionth(m.geometry.from_reference.rms_mm)},
+      {"label_change", or_null(m.label_change)},
+      {"clipped_ratio", or_null(m.clipped_ratio)},
+      {"outline_px", or_null(m.outline_px)},
       {"pairs", nlohmann::ordered_json::array()}};
   for (const node::InputResidual& pair : m.pairs)
     out["pairs"].push_back({{"a", pair.a},
@@ -125,6 +137,11 @@ std::string as_text(const SceneMeasures& m) {
        m.reference == "truth" ? "of the truth that sensors see" : "of one 1 cm grid");
   out += fmt::format("  to / from the reference: {:.2f} / {:.2f} mm RMS\n",
                      m.geometry.to_reference.rms_mm, m.geometry.from_reference.rms_mm);
+  if (m.label_change) line("label change", *m.label_change, "of the still surface a capture");
+  if (m.clipped_ratio)
+    line("clipped", *m.clipped_ratio, "of the worst view's pixels, not so in its camera");
+  if (m.outline_px)
+    out += fmt::format("  outlines of people: {:.2f} px from the truth's at 720p\n", *m.outline_px);
   for (const node::InputResidual& pair : m.pairs)
     out += fmt::format("  {} to {}: {:.2f} mm RMS, corrected {:.2f}\n", pair.a, pair.b,
                        pair.residual_mm, pair.corrected_mm);
@@ -149,8 +166,9 @@ int measure_scene(const SceneOptions& options) {
 void add_eval_scene(CLI::App& eval, int& exit_code) {
   auto options = std::make_shared<SceneOptions>();
   CLI::App* command = eval.add_subcommand("scene",
-                                          "Whether surfaces are whole: holes, agreement with the "
-                                          "raw depth, doubled and missing layers");
+                                          "Whether surfaces are whole and steady: holes, agreement "
+                                          "with the raw depth, doubled and missing layers, change "
+                                          "of labels, clipped colour, outlines of people");
   command->add_option("SCENE", options->scene, "Scene file (YAML)")->required();
   command->add_option("--captures", options->captures, "Captures until the stream is measured")
       ->check(CLI::Range(1, 100000))

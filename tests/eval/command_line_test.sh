@@ -22,7 +22,7 @@ without elsewhere 's/^fps: 30/fps: 30\nvolume: {box: [[90, 90, 90], [91, 91, 91]
 without sliver 's/^fps: 30/fps: 30\nvolume: {box: [[-0.3, -0.3, -0.2], [0.3, 0.3, 0.1]]}/'
 without untrue 's/^truth:.*//'
 
-for command in "" ssim geometry views compare match rd features still scene; do check "eval $command --help" 0 "Example|COMMAND" measure $command --help; done
+for command in "" ssim geometry views compare match rd features still scene photos; do check "eval $command --help" 0 "Example|COMMAND" measure $command --help; done
 
 # Pictures
 pictures=$here/tests/data/ssim
@@ -47,12 +47,26 @@ check "geometry" 0 '"duplicate_ratio"' measure geometry $scene --json
 rms=$(measure geometry $scene --json 2>/dev/null | number 'o.reference == "truth" && o.to_reference.rms_mm > 0.5 && o.to_reference.rms_mm < 60 && o.pairs[0].residual_mm > 0')
 [ "$rms" = true ] || fail_test "geometry: implausible figures"
 check "scene" 0 '"depth_agreement"' measure scene $scene --captures 3 --json
-whole=$(measure scene $scene --captures 3 --json 2>/dev/null | number 'o.hole_ratio + o.depth_agreement <= 1 && o.depth_agreement > 0.5 && o.missing_ratio > 0 && o.duplicate_ratio < 0.2 && o.pairs[0].corrected_mm > 0 && o.reference')
+whole=$(measure scene $scene --captures 3 --json 2>/dev/null | number 'o.hole_ratio + o.depth_agreement <= 1 && o.depth_agreement > 0.5 && o.missing_ratio > 0 && o.duplicate_ratio < 0.2 && o.pairs[0].corrected_mm > 0 && o.label_change >= 0 && o.label_change < 1 && o.clipped_ratio >= 0 && o.clipped_ratio < 0.5 && o.outline_px > 0 && o.outline_px < 20 && o.reference')
 [ "$whole" = truth ] || fail_test "scene: implausible figures ($whole)"
 check "scene of a baseline" 0 '"holoportation"' measure scene $scene --captures 1 --json --pipeline holoportation
+check "scene after one capture" 0 '"label_change": null' measure scene $scene --captures 1 --json
 check "scene without a truth" 0 "of one 1 cm grid" measure scene room/untrue.yaml --captures 1
 check "scene of points" fails "points" measure scene $scene --captures 1 --set pipeline=points
 check "scene elsewhere" fails "." measure scene room/elsewhere.yaml --captures 1
+# Photographs: those of the first sensor, as of frame 2 on a scene of frame 0 (somebody has moved in between)
+sed 's/last: 2/last: 0/g' $scene >room/first.yaml
+poses() { for i in 0 1 2; do echo "$1" >room/pose-$i.txt; done; }
+poses "$(grep -m1 -o 'T_world_depth: \[.*\]' $scene | sed 's/.*\[//; s/\]//')"
+photos() { measure photos "$@" --pose room/pose-%d.txt; }
+check "photos" 0 '"vertex-colors"' photos room/first.yaml --color room/cam-0/color/%06d.png --frames 1,2 --beside vertex-colors --json --pictures pictures
+seen=$(photos room/first.yaml --color room/cam-0/color/%06d.png --frames 1,2 --json 2>/dev/null | number 'o.pictures == 2 && o.ssim.mean > 0.5 && o.ssim.mean < 1 && o.psnr_db > 15 && o.covered > 0.5 && o.covered < 1')
+[ "$seen" = true ] || fail_test "photos: implausible figures ($seen)"
+[ -s pictures/000002.png ] || fail_test "photos: no pictures"
+check "photos of a sensor" fails "000000.png.*--frames" photos room/first.yaml --color room/cam-0/color/%06d.png
+check "photos by no pattern" fails "color must hold one %d" photos $scene --color room/cam-0/color/000000.png
+check "photos: two of one" 2 "measured already" photos $scene --color %d.png --pipeline rgbd --beside rgbd
+check "photos without colour" fails "no colour" photos room/colourless.yaml --color %d.png
 check "rd" 0 "" measure rd $scene --csv rd.csv --plot rd.svg --reference monolithic --moments 1 --burst 2 --views 2 --scales 1,0.5 --qps 24,40 --ratios 0.2 --bits 10
 grep -q monolithic rd.csv && [ "$(wc -l <rd.csv)" = 5 ] || fail_test "rd: not 4 settings in rd.csv"
 grep -q ",1$" rd.csv || fail_test "rd: no setting is on the hull"

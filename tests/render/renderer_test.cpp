@@ -1,5 +1,6 @@
 #include <gtest/gtest.h>
 
+#include <cmath>
 #include <cstdio>
 #include <limits>
 
@@ -48,6 +49,49 @@ TEST(Renderer, TellsWhereASurfaceIs) {
       inside += *covered.at(x, y);
     }
   EXPECT_NEAR(inside, 25 * 25, 60);  // 1 m at 2 m, 50 pixels focal length
+}
+
+TEST(Renderer, ReadsBackTheDepthThatItDrew) {
+  DecodedScene scene;
+  Chunk chunk;  // a floor 1 m below, from 1 to 9 m, and a wall before a part of it
+  chunk.mesh = test::grid({-1, 1, 1}, {2, 0, 0}, {0, 0, 8}, 8, 8);
+  append(chunk.mesh, test::grid({-0.5f, -1, 3}, {1, 0, 0}, {0, 1.5f, 0}, 2, 2));
+  scene.chunks.push_back(std::make_shared<const Chunk>(chunk));
+  const Camera camera = pinhole(90, 70, 60, 60, 44.5, 20);
+  draw(scene, camera);
+  const auto depth = renderer().depth();
+  ASSERT_TRUE(depth) << depth.error().message;
+  const ImageMask covered = renderer().covered();
+  int floor = 0, wall = 0;
+  for (int y = 0; y < depth->height; ++y)
+    for (int x = 0; x < depth->width; ++x) {
+      const float z = *depth->at(x, y);
+      EXPECT_EQ(z > 0, *covered.at(x, y) == 1) << x << ' ' << y;
+      if (z <= 0) continue;
+      const Vec3d p = unproject(camera, {double(x), double(y)}) * double{z};
+      const bool on_wall = std::abs(p.x) < 0.51 && p.y < 0.51 && std::abs(p.z - 3) < 1e-4;
+      EXPECT_TRUE(on_wall || std::abs(p.y - 1) < 1e-4) << x << ' ' << y;
+      ++(on_wall ? wall : floor);
+    }
+  EXPECT_GT(floor, 300);
+  EXPECT_GT(wall, 300);
+  // What is culled is not there.
+  RenderOptions culled;
+  culled.cull_back_faces = true;
+  ASSERT_TRUE(renderer().draw(scene, camera, {}, culled));
+  const auto rest = renderer().depth();
+  ASSERT_TRUE(rest);
+  EXPECT_NE(rest->data, depth->data);
+}
+
+TEST(Renderer, APanoramaHasNoDepthBuffer) {
+  Camera camera;
+  camera.model = CameraModel::equirectangular;
+  camera.width = 64, camera.height = 32;
+  draw({}, camera);
+  EXPECT_FALSE(renderer().depth());
+  draw({}, kCamera);
+  EXPECT_TRUE(renderer().depth());
 }
 
 TEST(Renderer, PicturesOfAnySizeHaveNoPadding) {

@@ -8,9 +8,10 @@
 #include <nlohmann/json.hpp>
 #include <utility>
 
-#include "mr/baseline/run_baseline.h"
+#include "mr/baseline/baseline.h"
 #include "mr/baseline/vertex_colors.h"
 #include "mr/core/user_text.h"
+#include "mr/eval/client_run.h"
 #include "mr/eval/covered_ssim.h"
 #include "mr/eval/draw_scene.h"
 #include "mr/eval/reference_surface.h"
@@ -33,15 +34,9 @@ Result<DecodedScene> shown_by(const std::string& system, Scene scene, int captur
     return baseline::vertex_colored_scene(scene, *capture);
   }
   scene.pipeline = system;
-  if (system != "meshreduce") {
-    auto run = baseline::run_baseline(scene, 1, captures - 1, listener, rig_cache);
-    if (!run) return run.error();
-    return std::move(run->last);
-  }
-  auto pipeline = runtime::LockstepScene::open(scene, rig_cache);
-  if (!pipeline) return pipeline.error();
-  if (const auto report = (*pipeline)->run(captures, listener); !report) return report.error();
-  return *(*pipeline)->decoded();
+  auto run = run_client(scene, captures, 1, listener, rig_cache);
+  if (!run) return run.error();
+  return std::move(run->last.back().scene);
 }
 
 /// The sensor that took the photographs.

@@ -156,6 +156,17 @@ std::filesystem::path viewpoints_file(const Scene& scene) {
   return std::filesystem::path(scene.file).replace_extension(".views.json");
 }
 
+Result<ViewPlan> scene_viewpoints(const Scene& scene, const std::filesystem::path& rig_cache,
+                                  const std::function<void(const std::string&)>& notice) {
+  const auto file = viewpoints_file(scene);
+  if (!std::filesystem::exists(file)) return plan_scene(scene, rig_cache);
+  auto plan = read_viewpoints(file, viewpoints_key(scene));
+  if (plan) return plan;
+  if (plan.error().cause != Error::Cause::not_found && notice)
+    notice(plan.error().message + "; planning afresh (eval views writes it)");
+  return plan_scene(scene, rig_cache);
+}
+
 std::string viewpoints_key(const Scene& scene) {
   Fingerprint print;
   print.add(scene.up.x).add(scene.up.y).add(scene.up.z);
@@ -187,12 +198,7 @@ Result<Trial> Trial::prepare(const Scene& scene, const QualityConfig& config) {
   trial.reference_ = config.reference.value_or(default_reference(trial.scene_));
   if (trial.reference_ == ReferenceKind::truth && !known_rig(trial.scene_)) return no_truth(scene);
 
-  const auto file = viewpoints_file(trial.scene_);
-  auto plan = std::filesystem::exists(file) ? read_viewpoints(file, viewpoints_key(trial.scene_))
-                                            : Result<ViewPlan>(Error{Error::Cause::not_found, ""});
-  if (!plan && plan.error().cause != Error::Cause::not_found && config.notice)
-    config.notice(plan.error().message + "; planning afresh (eval views writes it)");
-  if (!plan) plan = plan_scene(trial.scene_, config.rig_cache);
+  auto plan = scene_viewpoints(trial.scene_, config.rig_cache, config.notice);
   if (!plan) return plan.error();
   trial.plan_ = *std::move(plan);
 

@@ -110,6 +110,11 @@ std::string viewpoints_key(const Scene& scene);
 /// Plans the viewpoints of a prepared scene from a coarse fusion of its first capture.
 Result<ViewPlan> plan_scene(const Scene& scene, const std::filesystem::path& rig_cache);
 
+/// The viewpoints that are stored beside a prepared scene; planned where there are none, or those
+/// of another scene (`notice` gets a line then; may be empty).
+Result<ViewPlan> scene_viewpoints(const Scene& scene, const std::filesystem::path& rig_cache,
+                                  const std::function<void(const std::string&)>& notice);
+
 /// The figures as JSON with stable keys, and as lines for people.
 std::string to_json(const QualityReport& report);
 std::string to_text(const QualityReport& report);

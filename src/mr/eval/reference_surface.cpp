@@ -34,15 +34,24 @@ Error no_such_capture(const Scene& scene, int capture) {
 
 bool has_true_surface(const Scene& scene) { return known_rig(scene) || scene.truth; }
 
-Result<Mesh> true_surface(const Scene& scene, int capture) {
-  const int item = truth_frame(scene, capture);
-  if (const RigConfig* rig = known_rig(scene))
-    return synth::Truth(*rig, scene.fps).surface(static_cast<std::uint64_t>(item)).mesh;
-  const auto file = truth_file(scene, item);
+TrueSurfaces::TrueSurfaces(const Scene& scene) : scene_(scene) {}
+TrueSurfaces::~TrueSurfaces() = default;
+
+Result<Mesh> TrueSurfaces::at(int capture) {
+  const int item = truth_frame(scene_, capture);
+  if (const RigConfig* rig = known_rig(scene_)) {
+    if (!truth_) truth_ = std::make_unique<synth::Truth>(*rig, scene_.fps);
+    return truth_->surface(static_cast<std::uint64_t>(item)).mesh;
+  }
+  const auto file = truth_file(scene_, item);
   if (!file)
     return Error{Error::Cause::invalid, "truth.mesh must hold " + std::string(yaml::kPatternRule) +
-                                            ", not '" + scene.truth->mesh + "'"};
+                                            ", not '" + scene_.truth->mesh + "'"};
   return read_ply(*file);
+}
+
+Result<Mesh> true_surface(const Scene& scene, int capture) {
+  return TrueSurfaces(scene).at(capture);
 }
 
 Result<std::vector<Frame>> read_capture(const Scene& scene, int capture,

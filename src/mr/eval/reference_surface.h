@@ -2,6 +2,7 @@
 
 #include <filesystem>
 #include <functional>
+#include <memory>
 #include <span>
 #include <vector>
 
@@ -12,11 +13,30 @@
 #include "mr/eval/geometry_error.h"
 #include "mr/scene/scene.h"
 
+namespace mr::synth {
+class Truth;
+}
+
 /// A scene's surface, and what it is measured against. Scenes must be prepared.
 namespace mr::eval {
 
 /// Whether the noiseless surface is known: of a rig, or named by `truth.mesh`.
 bool has_true_surface(const Scene& scene);
+
+/// The noiseless surfaces of a scene; the room of a rig is made once, at the first call.
+class TrueSurfaces {
+ public:
+  /// The scene must outlive it.
+  explicit TrueSurfaces(const Scene& scene);
+  ~TrueSurfaces();
+
+  /// As true_surface().
+  Result<Mesh> at(int capture);
+
+ private:
+  const Scene& scene_;
+  std::unique_ptr<synth::Truth> truth_;
+};
 
 /// The noiseless surface at a capture. invalid: `truth.mesh` is no pattern, or its file no mesh.
 Result<Mesh> true_surface(const Scene& scene, int capture);

@@ -167,6 +167,7 @@ struct Renderer::Impl {
   TextureSet textures;
   PictureTarget picture;
   FacesTarget faces;
+  bool has_depth = false;  ///< the depth buffer is that of the last picture
 
   /// Of the picture, or the face, that is being drawn.
   struct CameraState {
@@ -370,10 +371,22 @@ Result<ImageRgb> Renderer::draw(const DecodedScene& scene, const Camera& camera,
                                 const Pose& T_world_camera, const RenderOptions& options) {
   if (auto ok = check(camera, T_world_camera); !ok) return ok.error();
   if (auto ok = impl_->context.make_current(); !ok) return ok.error();
+  impl_->has_depth = false;
   if (auto ok = impl_->draw(scene, camera, T_world_camera, options); !ok) return ok.error();
+  impl_->has_depth = camera.model == CameraModel::pinhole;
   return impl_->picture.read_back();
 }
 
 ImageMask Renderer::covered() const { return impl_->picture.covered(); }
+
+Result<ImageDepth> Renderer::depth() const {
+  if (!impl_->has_depth)
+    return Error{Error::Cause::unsupported, "the last picture was not of a pinhole camera"};
+  if (auto ok = impl_->context.make_current(); !ok) return ok.error();
+  auto depth = impl_->picture.read_depth();
+  if (!depth) return depth.error();
+  for (float& v : depth->data) v = v < 1 ? static_cast<float>(kNear_m / (1.0 - double{v})) : 0.0f;
+  return depth;
+}
 
 }  // namespace mr::render

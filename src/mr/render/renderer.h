@@ -49,6 +49,11 @@ class Renderer {
   /// Coverage of the last picture: [H, W], 1 where it shows a surface.
   ImageMask covered() const;
 
+  /// The depth buffer of the last picture, as the device drew it: [H, W] metres along the camera's
+  /// z axis, 0 where nothing was drawn; 24 bits of the inverse, so to 3e-5 m at 5 m. unsupported:
+  /// there is no picture, it was equirectangular, or the device fails.
+  Result<ImageDepth> depth() const;
+
  private:
   struct Impl;
   explicit Renderer(std::unique_ptr<Impl> impl);

@@ -28,6 +28,14 @@ void set_storage(unsigned renderbuffer, GLenum format, int width, int height) {
   glRenderbufferStorage(GL_RENDERBUFFER, format, width, height);
 }
 
+Status check_read() {
+  if (const GLenum code = glGetError(); code != GL_NO_ERROR)
+    return Error{Error::Cause::unsupported,
+                 "OpenGL failed with error " + std::to_string(code) +
+                     (code == GL_OUT_OF_MEMORY ? " (out of memory)" : "")};
+  return {};
+}
+
 ImageRgb without_alpha(const std::vector<std::uint8_t>& rgba, int width, int height) {
   ImageRgb out(width, height);
   parallel_for(rgba.size() / 4, 1 << 16, [&](std::size_t begin, std::size_t end) {
@@ -71,11 +79,16 @@ Status PictureTarget::use(int width, int height) {
 Result<ImageRgb> PictureTarget::read_back() {
   rgba_.resize(std::size_t{4} * width_ * height_);  // four channels: nothing for the driver to do
   glReadPixels(0, 0, width_, height_, GL_RGBA, GL_UNSIGNED_BYTE, rgba_.data());
-  if (const GLenum code = glGetError(); code != GL_NO_ERROR)
-    return Error{Error::Cause::unsupported,
-                 "OpenGL failed with error " + std::to_string(code) +
-                     (code == GL_OUT_OF_MEMORY ? " (out of memory)" : "")};
+  if (const Status ok = check_read(); !ok) return ok.error();
   return without_alpha(rgba_, width_, height_);
+}
+
+Result<ImageDepth> PictureTarget::read_depth() {
+  glBindFramebuffer(GL_FRAMEBUFFER, framebuffer_);
+  ImageDepth out(width_, height_);
+  glReadPixels(0, 0, width_, height_, GL_DEPTH_COMPONENT, GL_FLOAT, out.data.data());
+  if (const Status ok = check_read(); !ok) return ok.error();
+  return out;
 }
 
 ImageMask PictureTarget::covered() const {

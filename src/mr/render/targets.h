@@ -21,6 +21,8 @@ class PictureTarget {
   Result<ImageRgb> read_back();
   /// Where the picture that was read back last shows a surface.
   ImageMask covered() const;
+  /// The depth buffer as it is: 0..1, 1 where nothing was drawn.
+  Result<ImageDepth> read_depth();
 
  private:
   unsigned framebuffer_ = 0, color_ = 0, depth_ = 0;

@@ -44,6 +44,8 @@ struct Truth::Impl {
 Truth::Truth(const RigConfig& rig, double fps) : impl_(std::make_unique<Impl>(rig, fps)) {}
 Truth::~Truth() = default;
 
+Mesh Truth::room() { return *textured_surface(*impl_->scene.room()).mesh; }
+
 ColoredMesh Truth::surface(std::uint64_t frame) {
   if (impl_->room.mesh.empty()) impl_->room = colored(textured_surface(*impl_->scene.room()));
   ColoredMesh surface = impl_->room;

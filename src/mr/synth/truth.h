@@ -39,6 +39,8 @@ class Truth {
   ~Truth();
 
   ColoredMesh surface(std::uint64_t frame);
+  /// The surface without people and what they move.
+  Mesh room();
   /// Must not outlive the truth.
   std::unique_ptr<TruthView> view(const Camera& camera, const Pose& T_world_camera);
   TruthPicture render(const Camera& camera, const Pose& T_world_camera, std::uint64_t frame);
