@@ -81,6 +81,21 @@ struct ViewBlend::Eye {
 
   bool blends() const { return source.nearest && view.kind == View::Kind::pinhole; }
 
+  /// Where the middle of a pixel of the tile lies in the camera's picture.
+  float camera_column(int x) const {
+    return (static_cast<float>(x) + 0.5f) / scale_x - 0.5f + static_cast<float>(view.image_rect.x);
+  }
+  float camera_row(int y) const {
+    return (static_cast<float>(y) + 0.5f) / scale_y - 0.5f + static_cast<float>(view.image_rect.y);
+  }
+
+  /// The point at a pixel of the camera's picture, in the camera's space.
+  Vec3f point(Vec2f pixel, float z) const {
+    return Vec3f{(pixel.x - static_cast<float>(view.cx)) / static_cast<float>(view.fx),
+                 (pixel.y - static_cast<float>(view.cy)) / static_cast<float>(view.fy), 1} *
+           z;
+  }
+
   /// Where a point in the camera's space lies in the camera's picture.
   Vec2f pixel(Vec3f p) const {
     return {static_cast<float>(view.fx) * p.x / p.z + static_cast<float>(view.cx),
@@ -165,7 +180,98 @@ Vec3f normal_at(const View& view, const ImageDepth& depth, int x, int y, float z
   return normalized(cross(*below - *above, *right - *left));
 }
 
+/// Pixels of a surface per m², to a power: what a view weighs.
+float resolution(const View& view, float facing, float z) {
+  return power(facing * static_cast<float>(view.fx * view.fy) / (z * z));
+}
+
+/// The mean of colours.
+struct Mix {
+  Vec3f sum;
+  float weights = 0;
+
+  /// What is nearly white may be a highlight, and tells little about the surface.
+  void add(Vec3f color, float weight) {
+    if (std::max({color.x, color.y, color.z}) >= kNearWhite) weight *= kNearWhiteWeight;
+    sum += color * weight, weights += weight;
+  }
+};
+
 }  // namespace
+
+/// Blends the picture of one view.
+class ViewBlend::Painter {
+ public:
+  Painter(const std::vector<std::unique_ptr<const Eye>>& eyes, std::size_t own, ImageRgb& out)
+      : own_(*eyes[own]), view_(own_.view), out_(out) {
+    for (std::size_t i = 0; i < eyes.size(); ++i) {
+      if (i == own || !eyes[i]->blends()) continue;
+      const Pose T_own_other = view_.T_world_camera.inverse() * eyes[i]->view.T_world_camera;
+      others_.push_back({eyes[i].get(), Transform(T_own_other.inverse()),
+                         vec_cast<float>(T_own_other.translation)});
+    }
+  }
+
+  bool blends() const { return own_.blends() && !others_.empty(); }
+
+  /// Corrects a row of the view's tile.
+  void correct(int y) {
+    const Rect& at = view_.atlas_rect;
+    if (!own_.shader.is_plain()) own_.shader.apply(0, y, at.width, out_.at(at.x, at.y + y));
+  }
+
+  /// Blends a corrected row with what others show.
+  void blend(int y, const ImageMask* used, const ImageDepth& surface) {
+    const Rect& at = view_.atlas_rect;
+    const float camera_y = own_.camera_row(y);
+    const int row = std::clamp(static_cast<int>(camera_y + 0.5f), 0, view_.height - 1);
+    Vec3f normal;
+    int normal_of = -1;  // block of columns
+    for (int x = 0; x < at.width; ++x) {
+      const float camera_x = own_.camera_column(x);
+      const int column = std::clamp(static_cast<int>(camera_x + 0.5f), 0, view_.width - 1);
+      const float z = *surface.at(column, row);
+      if (!(z > 0) || (used && !*used->at(column, row))) continue;
+      if (const int block = column / kBlendBlock_px; block != normal_of)
+        normal = normal_at(view_, surface, column, row, z), normal_of = block;
+      std::uint8_t* const rgb = out_.at(at.x + x, at.y + y);
+      const Vec3f color =
+          mean({camera_x, camera_y}, z, normal, {rgb[0] + 0.0f, rgb[1] + 0.0f, rgb[2] + 0.0f});
+      for (int c = 0; c < 3; ++c) rgb[c] = static_cast<std::uint8_t>(color[c] + 0.5f);
+    }
+  }
+
+ private:
+  struct Other {
+    const Eye* eye;
+    Transform from_own;  ///< from the own camera's space
+    Vec3f centre;        ///< of the other camera, in the own camera's space
+  };
+
+  /// The mean colour of a point at a pixel of the own camera. `shown`: by the own picture.
+  Vec3f mean(Vec2f pixel, float z, Vec3f normal, Vec3f shown) const {
+    constexpr float kLeastFacing = 0.15f, kNear_m = 0.05f;
+    const Vec3f p = own_.point(pixel, z);
+    const auto facing = [&](Vec3f eye) { return dot(normal, normalized(eye - p)); };
+    Mix mix;
+    mix.add(shown, std::max(own_.sees(pixel, z), kLeast) *
+                       resolution(view_, std::max(facing({}), kLeastFacing), z));
+    for (const Other& other : others_) {
+      const Vec3f q = other.from_own * p;
+      const float faces = facing(other.centre);
+      if (faces < kLeastFacing || !(q.z > kNear_m)) continue;
+      const Vec2f at = other.eye->pixel(q);
+      if (const float sees = other.eye->sees(at, q.z); sees > 0)
+        mix.add(other.eye->color(at), sees * resolution(other.eye->view, faces, q.z));
+    }
+    return mix.sum / mix.weights;
+  }
+
+  const Eye& own_;
+  const View& view_;
+  ImageRgb& out_;
+  std::vector<Other> others_;
+};
 
 ViewBlend::ViewBlend(std::vector<Source> sources) {
   eyes_.resize(sources.size());
@@ -179,74 +285,13 @@ ViewBlend::ViewBlend(ViewBlend&&) noexcept = default;
 ImageRgb ViewBlend::picture(std::size_t source, const ImageMask* used,
                             const ImageDepth* surface) const {
   const Eye& own = *eyes_[source];
-  const View& view = own.view;
-  const Rect& at = view.atlas_rect;
   ImageRgb out = *own.source.picture;
-  struct Other {
-    const Eye* eye;
-    Transform from_own;  ///< from the own camera's space
-    Vec3f centre;        ///< of the other camera, in the own camera's space
-  };
-  std::vector<Other> others;
-  for (std::size_t i = 0; i < eyes_.size(); ++i) {
-    if (i == source || !eyes_[i]->blends()) continue;
-    const Pose T_own_other = view.T_world_camera.inverse() * eyes_[i]->view.T_world_camera;
-    others.push_back({eyes_[i].get(), Transform(T_own_other.inverse()),
-                      vec_cast<float>(T_own_other.translation)});
-  }
-  const bool blends = surface && own.blends() && !others.empty();
-  const auto pixels_per_m2 = [](const View& v, float facing, float z) {
-    return power(std::max(facing, 0.0f) * static_cast<float>(v.fx * v.fy) / (z * z));
-  };
-  const auto blended = [&](int x, int y, Vec2f camera, float z, Vec3f normal) {
-    const Vec3f p =
-        Vec3f{(camera.x - static_cast<float>(view.cx)) / static_cast<float>(view.fx),
-              (camera.y - static_cast<float>(view.cy)) / static_cast<float>(view.fy), 1} *
-        z;
-    Vec3f sum;
-    float weights = 0;
-    const auto add = [&](Vec3f color, float weight) {
-      if (std::max({color.x, color.y, color.z}) >= kNearWhite) weight *= kNearWhiteWeight;
-      sum += color * weight, weights += weight;
-    };
-    const std::uint8_t* const rgb = out.at(at.x + x, at.y + y);  // corrected already
-    const float seen = std::max(own.sees(camera, z), kLeast);
-    const float whole = pixels_per_m2(view, std::max(dot(normal, -normalized(p)), 0.1f), z);
-    add({rgb[0] + 0.0f, rgb[1] + 0.0f, rgb[2] + 0.0f}, seen * whole);
-    for (const Other& other : others) {
-      const float facing = dot(normal, normalized(other.centre - p));
-      if (facing < 0.15f) continue;
-      const Vec3f q = other.from_own * p;
-      if (!(q.z > 0.05f)) continue;
-      const Vec2f pixel = other.eye->pixel(q);
-      const float weight = other.eye->sees(pixel, q.z);
-      if (weight > 0)
-        add(other.eye->color(pixel), weight * pixels_per_m2(other.eye->view, facing, q.z));
-    }
-    return sum / weights;
-  };
-  parallel_for(static_cast<std::size_t>(at.height), 8, [&](std::size_t begin, std::size_t end) {
+  Painter painter(eyes_, source, out);
+  const auto rows = static_cast<std::size_t>(own.view.atlas_rect.height);
+  parallel_for(rows, 8, [&](std::size_t begin, std::size_t end) {
     for (int y = static_cast<int>(begin); y < static_cast<int>(end); ++y) {
-      if (!own.shader.is_plain()) own.shader.apply(0, y, at.width, out.at(at.x, at.y + y));
-      if (!blends) continue;
-      const float camera_y = (static_cast<float>(y) + 0.5f) / own.scale_y - 0.5f +
-                             static_cast<float>(view.image_rect.y);
-      const int row = std::clamp(static_cast<int>(camera_y + 0.5f), 0, view.height - 1);
-      Vec3f normal{0, 0, -1};
-      int normal_of = -1;  // block of columns
-      for (int x = 0; x < at.width; ++x) {
-        const float camera_x = (static_cast<float>(x) + 0.5f) / own.scale_x - 0.5f +
-                               static_cast<float>(view.image_rect.x);
-        const int column = std::clamp(static_cast<int>(camera_x + 0.5f), 0, view.width - 1);
-        if (used && !*used->at(column, row)) continue;
-        const float z = *surface->at(column, row);
-        if (!(z > 0)) continue;
-        if (column / kBlendBlock_px != normal_of)
-          normal = normal_at(view, *surface, column, row, z), normal_of = column / kBlendBlock_px;
-        const Vec3f color = blended(x, y, {camera_x, camera_y}, z, normal);
-        for (int c = 0; c < 3; ++c)
-          out.at(at.x + x, at.y + y)[c] = static_cast<std::uint8_t>(color[c] + 0.5f);
-      }
+      painter.correct(y);
+      if (surface && painter.blends()) painter.blend(y, used, *surface);
     }
   });
   return out;

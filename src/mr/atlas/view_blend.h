@@ -45,7 +45,8 @@ class ViewBlend {
   ImageRgb picture(std::size_t source, const ImageMask* used, const ImageDepth* surface) const;
 
  private:
-  struct Eye;
+  struct Eye;     // a source, prepared
+  class Painter;  // of one picture
   std::vector<std::unique_ptr<const Eye>> eyes_;
 };
 

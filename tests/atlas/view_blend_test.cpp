@@ -1,0 +1,168 @@
+#include "mr/atlas/view_blend.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstdint>
+#include <cstdlib>
+#include <optional>
+#include <vector>
+
+#include "mr/core/parallel.h"
+#include "mr/kit/raster.h"
+#include "support/meshes.h"
+#include "walls.h"
+
+namespace mr {
+namespace {
+
+using atlas::ViewBlend;
+using Color = std::array<std::uint8_t, 3>;
+
+ImageRgb plain(Color color) {
+  ImageRgb out(320, 240);
+  for (int y = 0; y < out.height; ++y)
+    for (int x = 0; x < out.width; ++x) std::copy_n(color.data(), 3, out.at(x, y));
+  return out;
+}
+
+/// Cameras before a wall, each with a picture.
+struct BlendRoom {
+  Mesh mesh = test::wall(2, 8);
+  std::vector<View> views;
+  std::vector<ImageRgb> pictures;
+  std::vector<ImageDepth> depths;
+
+  void add(double x, ImageRgb picture) {
+    const auto id = static_cast<std::uint32_t>(views.size());
+    views.push_back(test::view(ViewId{id}, {x, 0, 0}, {x, 0, 2}));
+    pictures.push_back(std::move(picture));
+  }
+  std::vector<ViewBlend::Source> sources() {
+    depths.clear();
+    for (const View& view : views)
+      depths.push_back(kit::rasterize_depth(mesh, view.camera(), view.T_world_camera));
+    std::vector<ViewBlend::Source> out(views.size());
+    for (std::size_t v = 0; v < out.size(); ++v)
+      out[v].view = &views[v], out[v].picture = &pictures[v], out[v].nearest = &depths[v];
+    return out;
+  }
+};
+
+TEST(ViewBlend, BothSidesOfABorderShowTheSameColour) {
+  BlendRoom room;
+  room.add(-0.3, plain({100, 60, 50})), room.add(0.4, plain({140, 80, 50}));
+  const ViewBlend blend(room.sources());
+  const ImageRgb a = blend.picture(0, nullptr, &room.depths[0]),
+                 b = blend.picture(1, nullptr, &room.depths[1]);
+  int compared = 0;
+  for (float x = -0.7f; x < 0.8f; x += 0.1f)
+    for (float y = -0.8f; y < 0.8f; y += 0.1f) {
+      const auto in = [&](std::size_t v) {
+        return *project(room.views[v].camera(),
+                        room.views[v].T_world_camera.inverse() * Vec3d{x, y, 2});
+      };
+      const Vec2d p = in(0), q = in(1);
+      if (std::min({p.x, p.y, q.x, q.y}) < 4 || std::max(p.x, q.x) > 315 ||
+          std::max(p.y, q.y) > 235)
+        continue;
+      const auto color_a = sample_bilinear(a, {0, 0, 320, 240}, p.x, p.y);
+      const auto color_b = sample_bilinear(b, {0, 0, 320, 240}, q.x, q.y);
+      for (int c = 0; c < 3; ++c) EXPECT_NEAR(color_a[c], color_b[c], 2) << x << " " << y;
+      ++compared;
+    }
+  EXPECT_GT(compared, 100);
+  EXPECT_NEAR(*a.at(190, 120), 120, 12);  // seen equally well: half way
+}
+
+TEST(ViewBlend, NearThePicturesBorderAViewCountsLess) {
+  BlendRoom room;
+  room.add(0, plain({100, 100, 100})), room.add(0.9, plain({200, 200, 200}));
+  const ViewBlend blend(room.sources());
+  const ImageRgb out = blend.picture(0, nullptr, &room.depths[0]);
+  // The other picture begins at column 117 of this one; no step there.
+  EXPECT_EQ(*out.at(100, 120), 100);
+  int most = 0;
+  for (int x = 101; x < 290; ++x) most = std::max(most, *out.at(x, 120) - *out.at(x - 1, 120));
+  EXPECT_LE(most, 5);
+  EXPECT_GT(*out.at(316, 120), 180);  // its own border
+}
+
+TEST(ViewBlend, WhatHidesAPlaceFromAViewIsNotPaintedThere) {
+  BlendRoom room;
+  room.add(0, plain({100, 100, 100})), room.add(0.5, plain({240, 0, 0}));
+  // A board before the second camera alone.
+  append(room.mesh, test::grid({0.42f, 0.3f, 0.4f}, {0.16f, 0, 0}, {0, -0.6f, 0}, 2, 2));
+  const ViewBlend blend(room.sources());
+  const ImageRgb out = blend.picture(0, nullptr, &room.depths[0]);
+  const auto at = [&](float x) {
+    const Vec2d p = *project(room.views[0].camera(), Vec3d{x, 0, 2});
+    return *out.at(static_cast<int>(std::lround(p.x)), static_cast<int>(std::lround(p.y)));
+  };
+  EXPECT_EQ(at(0.5f), 100);  // behind the board
+  EXPECT_EQ(at(0.2f), 100);
+  EXPECT_GT(at(-0.1f), 130);  // beside it
+}
+
+TEST(ViewBlend, OnlyValidAndUsedPixelsAreTaken) {
+  BlendRoom room;
+  room.add(0, plain({100, 100, 100})), room.add(0.1, plain({200, 200, 200}));
+  auto sources = room.sources();
+  const TileMask none{16, 20, 15, std::vector<std::uint8_t>(300, 0)};
+  sources[1].valid = &none;
+  EXPECT_EQ(ViewBlend(sources).picture(0, nullptr, &room.depths[0]), room.pictures[0]);
+  sources[1].valid = nullptr;
+  ImageMask used(320, 240);
+  *used.at(150, 120) = 1;
+  const ImageRgb out = ViewBlend(sources).picture(0, &used, &room.depths[0]);
+  EXPECT_GT(*out.at(150, 120), 120);
+  EXPECT_EQ(*out.at(151, 120), 100);
+}
+
+TEST(ViewBlend, PicturesAreCorrectedWithOrWithoutSurface) {
+  BlendRoom room;
+  room.add(0, plain({100, 120, 140})), room.add(0.1, plain({100, 120, 140}));
+  auto sources = room.sources();
+  const Vec3f gain{0.2f, 0, -0.3f}, exposure{0.1f, 0.1f, -0.2f};
+  for (auto& s : sources)
+    s.field.log_gain.assign(atlas::ColorField::kNodes, gain), s.log_exposure = exposure;
+  const ViewBlend blend(sources);
+  for (const ImageDepth* surface : {static_cast<const ImageDepth*>(nullptr),
+                                    static_cast<const ImageDepth*>(room.depths.data())}) {
+    const ImageRgb out = blend.picture(0, nullptr, surface);
+    for (int c = 0; c < 3; ++c) {
+      const int before = 100 + 20 * c;
+      const int wanted = atlas::ToneCurves::of(gain[c] + exposure[c])[before];
+      EXPECT_NEAR(out.at(160, 120)[c], wanted, 1);
+    }
+  }
+}
+
+TEST(ViewBlend, TheSameOnAnyNumberOfThreads) {
+  BlendRoom room;
+  room.add(-0.2, plain({90, 100, 110})), room.add(0.1, plain({100, 130, 140}));
+  room.add(0.3, plain({120, 110, 100}));
+  const auto on = [&](int threads) {
+    std::optional<ImageRgb> out;
+    Arena(threads).run([&] {
+      const ViewBlend blend(room.sources());
+      out = blend.picture(1, nullptr, &room.depths[1]);
+    });
+    return *out;
+  };
+  EXPECT_EQ(on(1), on(4));
+}
+
+TEST(ViewBlend, PanoramasAreLeftApart) {
+  BlendRoom room;
+  room.add(0, plain({100, 100, 100})), room.add(0.1, plain({200, 200, 200}));
+  const auto sources = room.sources();
+  room.views[1].kind = View::Kind::equirectangular;
+  EXPECT_EQ(ViewBlend(sources).picture(0, nullptr, &room.depths[0]), room.pictures[0]);
+  EXPECT_EQ(ViewBlend(sources).picture(1, nullptr, nullptr), room.pictures[1]);
+}
+
+}  // namespace
+}  // namespace mr
