@@ -83,6 +83,9 @@ class MergeNode {
   using DrawingListener = std::function<void(const RootAtlas::Drawing& drawing)>;
   void set_drawing_listener(DrawingListener listener) { drawing_listener_ = std::move(listener); }
 
+  /// What the root knows about the cameras' colours; empty below it.
+  std::vector<CameraColor> colors() const { return atlas_.colors().findings(*scene_); }
+
   /// How well the inputs fit, and a line when one does not.
   CalibrationCheck& calibration() { return calibration_; }
 

@@ -1,5 +1,7 @@
 #include "mr/node/root_colors.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cmath>
 #include <memory>
@@ -34,7 +36,40 @@ float common(const std::vector<float>& changes) {
   return low > 0 ? low : high < 0 ? high : 0;
 }
 
+double median(std::vector<double> of) {
+  std::ranges::sort(of);
+  return of.empty() ? 0 : of[(of.size() - 1) / 2];
+}
+
+/// What looks wrong with a camera; `usual`: the misfit of the other cameras.
+std::string note_on(const atlas::ColorBalance::Finding& found, double usual) {
+  constexpr double kManyStops = 1, kMisfit = 0.2, kUnusual = 2;
+  const double light = (found.gain.x + found.gain.y + found.gain.z) / 3.0;
+  const double stops = std::log2(light);
+  std::string out;
+  if (std::abs(stops) >= kManyStops)
+    out = fmt::format("{:.1f} stops {} than the others", std::abs(stops),
+                      stops > 0 ? "darker" : "brighter");
+  if (found.misfit > kMisfit && found.misfit > kUnusual * usual)
+    out += std::string(out.empty() ? "" : "; ") +
+           "its colour does not lie on the surface: check T_color_depth and color_camera";
+  return out;
+}
+
 }  // namespace
+
+std::vector<CameraColor> RootColors::findings(const Scene& scene) const {
+  std::vector<CameraColor> out;
+  for (const auto& [id, found] : balance_.findings()) {
+    if (!found.overlaps) continue;
+    std::vector<double> others;
+    for (const auto& [other, theirs] : balance_.findings())
+      if (other != id && theirs.overlaps) others.push_back(theirs.misfit);
+    out.push_back({scene.sensor(sensor_of(id)).id, found.gain, found.misfit,
+                   note_on(found, median(std::move(others)))});
+  }
+  return out;
+}
 
 void RootColors::update(const Tick& tick) {
   follow_exposure(tick.plates);

@@ -3,14 +3,25 @@
 #include <cstddef>
 #include <map>
 #include <set>
+#include <string>
+#include <vector>
 
 #include "mr/atlas/clean_plate.h"
 #include "mr/atlas/color_balance.h"
 #include "mr/atlas/color_field.h"
 #include "mr/core/mesh.h"
 #include "mr/core/view.h"
+#include "mr/scene/scene.h"
 
 namespace mr::node {
+
+/// What is known about the colour of a sensor's camera, for reports.
+struct CameraColor {
+  std::string sensor;
+  Vec3f gain{1, 1, 1};  ///< by which its linear light is multiplied, mean over the picture
+  double misfit = 0;    ///< atlas::ViewFit::misfit: how far it is from the others after correction
+  std::string note;     ///< what looks wrong with it; empty: nothing
+};
 
 /// When and from which pictures the root estimates how colours are corrected (atlas/color_balance),
 /// and what follows from the cameras' automatic exposure. Where there are plates, they are the
@@ -41,9 +52,8 @@ class RootColors {
   /// The factor on the sRGB values of all plates that gives the newest captures' exposure as far as
   /// it is common to all cameras: a change of the light in the room, not of one camera.
   Vec3f exposure() const { return exposure_; }
-  const std::map<ViewId, atlas::ColorBalance::Finding>& findings() const {
-    return balance_.findings();
-  }
+  /// The cameras that see what others see, by view.
+  std::vector<CameraColor> findings(const Scene& scene) const;
 
  private:
   bool is_due(const Tick& tick) const;

@@ -61,6 +61,17 @@ Json pairs(const std::vector<node::InputResidual>& residuals) {
   return out;
 }
 
+Json colors(const std::vector<node::CameraColor>& cameras) {
+  Json out = Json::array();
+  for (const node::CameraColor& camera : cameras)
+    out.push_back(
+        {{"sensor", camera.sensor},
+         {"gain", {rounded(camera.gain.x), rounded(camera.gain.y), rounded(camera.gain.z)}},
+         {"misfit", rounded(camera.misfit)},
+         {"note", camera.note}});
+  return out;
+}
+
 std::string to_json(const RunReport& r) {
   std::uint64_t dropped = 0;
   for (const auto& [cause, n] : r.drops) dropped += n;
@@ -81,6 +92,7 @@ std::string to_json(const RunReport& r) {
       {"drops", {{"total", dropped}, {"by", Json(r.drops)}}},
       {"nodes", {{"sensor", stages(r.sensor_stages_ms)}, {"merge", stages(r.merge_stages_ms)}}},
       {"pairs", pairs(r.pairs)},
+      {"colors", colors(r.colors)},
       {"throughput_fps", rounded(r.throughput_fps)},
       {"latency_ms",
        {{"critical_path", rounded(r.critical_path_ms)},
@@ -117,6 +129,8 @@ std::string to_text(const RunReport& r) {
           fmt::format(" {}~{} {:.1f}→{:.1f}", pair.a, pair.b, pair.residual_mm, pair.corrected_mm);
     out += "  (mm RMS between inputs)\n";
   }
+  for (const node::CameraColor& camera : r.colors)
+    if (!camera.note.empty()) out += fmt::format("colour     {}: {}\n", camera.sensor, camera.note);
   for (const auto& [cause, n] : r.drops) out += fmt::format("dropped    {} × {}\n", n, cause);
   return out;
 }

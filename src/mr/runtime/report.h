@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "mr/node/calibration_check.h"
+#include "mr/node/root_colors.h"
 #include "mr/scene/scene.h"
 
 namespace mr::runtime {
@@ -29,6 +30,7 @@ struct RunReport {
   using Stages = std::map<std::string, std::vector<double>>;
   Stages sensor_stages_ms, merge_stages_ms;
   std::vector<node::InputResidual> pairs;  ///< residuals between the mergers' inputs, last measured
+  std::vector<node::CameraColor> colors;   ///< of cameras that see what others see
   double critical_path_ms = 0;             ///< slowest node of each layer, each alone, summed; p50
   /// Frames per second of the slowest node, each node run alone: nodes work concurrently, so the
   /// slowest one limits the rate, not the critical path.
