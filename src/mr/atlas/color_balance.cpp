@@ -25,7 +25,8 @@ std::vector<LightPair> pairs_of(const std::vector<std::vector<Observation>>& obs
         const float uneven = std::max(a.contrast, b.contrast) / kEven;
         const float weight = a.facing * b.facing * std::min(a.level, b.level) /
                              ((1 + unlike * unlike) * (1 + uneven * uneven));
-        out.push_back({a.view, b.view, a.place, b.place, a.log_light - b.log_light, weight});
+        out.push_back({a.view, b.view, a.place, b.place, a.log_light - b.log_light, weight,
+                       0.5f * (a.slope + b.slope)});
       }
   return out;
 }
@@ -74,13 +75,14 @@ void ColorBalance::estimate(const Capture& capture, float share) {
   std::vector<float> aspects;
   for (const View& view : capture.views)
     aspects.push_back(static_cast<float>(view.height) / static_cast<float>(view.width));
-  std::vector<ViewFit> fits = fit_colors(aspects, pairs);
+  const ColorFit fit_of_all = fit_colors(aspects, pairs);
+  misplaced_px_ = fit_of_all.misplaced_px;
 
   std::map<ViewId, ColorField> wanted, fields;
   findings_.clear();
   for (std::size_t v = 0; v < capture.views.size(); ++v) {
     const ViewId id = capture.views[v].id;
-    const ViewFit& fit = fits[v];
+    const ViewFit& fit = fit_of_all.views[v];
     findings_[id] = {fit.overlaps, factor(fit.field.mean()), fit.misfit};
     const auto known = wanted_.find(id);
     if (known == wanted_.end())

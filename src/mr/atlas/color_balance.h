@@ -40,11 +40,14 @@ class ColorBalance {
     double misfit = 0;      ///< ViewFit::misfit
   };
   const std::map<ViewId, Finding>& findings() const { return findings_; }
+  /// ColorFit::misplaced_px of the last estimate.
+  double misplaced_px() const { return misplaced_px_; }
 
  private:
   std::map<ViewId, ColorField> wanted_;  ///< the smoothed estimate
   std::map<ViewId, ColorField> fields_;
   std::map<ViewId, Finding> findings_;
+  double misplaced_px_ = 0;
   bool is_moving_ = false;  ///< until the fields reach the estimate
 };
 

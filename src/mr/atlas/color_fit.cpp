@@ -69,6 +69,7 @@ struct Place {
 struct Equation {
   Place first, second;
   Vec3f log_ratio;
+  float slope = 0;    ///< LightPair
   double trust = 0;   ///< before reweighting
   double weight = 0;  ///< 1 / variance
 };
@@ -178,6 +179,18 @@ double difference(const Equation& e, const Solution& x) {
   return most;
 }
 
+/// ColorFit::misplaced_px.
+double misplaced_px(std::span<const Equation> equations, const Solution& x) {
+  constexpr float kSteep = 0.03f;
+  std::vector<Weighted> all;
+  for (const Equation& e : equations) {
+    if (e.slope < kSteep) continue;
+    const double off = e.log_ratio.y + e.first.value(x[1]) - e.second.value(x[1]);
+    all.push_back({std::abs(off) / (std::sqrt(2.0) * e.slope), e.trust});  // two pictures
+  }
+  return median(std::move(all));
+}
+
 /// Gains alone, from the medians of each two views' ratios, along the strongest overlaps first: a
 /// start from which most pairs are nearly right.
 Solution first_gains(std::size_t views, std::span<const LightPair> pairs) {
@@ -237,7 +250,7 @@ std::vector<Equation> equations_of(std::span<const float> aspects,
   std::vector<Equation> out;
   for (const LightPair& p : pairs)
     out.push_back({place(p.first, p.place_first), place(p.second, p.place_second), p.log_ratio,
-                   p.weight / (kPairSpread * kPairSpread), 0});
+                   p.slope, p.weight / (kPairSpread * kPairSpread), 0});
   return out;
 }
 
@@ -275,7 +288,7 @@ void anchor(std::span<const std::uint32_t> groups, std::vector<ViewFit>& fits) {
 
 }  // namespace
 
-std::vector<ViewFit> fit_colors(std::span<const float> aspects, std::span<const LightPair> pairs) {
+ColorFit fit_colors(std::span<const float> aspects, std::span<const LightPair> pairs) {
   const std::size_t views = aspects.size();
   const std::vector<std::uint32_t> groups = groups_of(views, pairs);
   std::vector<LightPair> used;
@@ -294,7 +307,7 @@ std::vector<ViewFit> fit_colors(std::span<const float> aspects, std::span<const 
     });
   }
 
-  std::vector<ViewFit> out(views);
+  ColorFit out{std::vector<ViewFit>(views), misplaced_px(equations, x)};
   std::vector<std::vector<Weighted>> misfits(views);
   for (const Equation& e : equations) {
     const Weighted misfit{difference(e, x), e.trust};
@@ -302,9 +315,9 @@ std::vector<ViewFit> fit_colors(std::span<const float> aspects, std::span<const 
   }
   for (std::size_t v = 0; v < views; ++v) {
     if (misfits[v].empty()) continue;
-    out[v] = {true, field_of(x, v, aspects[v]), median(std::move(misfits[v]))};
+    out.views[v] = {true, field_of(x, v, aspects[v]), median(std::move(misfits[v]))};
   }
-  anchor(groups, out);
+  anchor(groups, out.views);
   return out;
 }
 

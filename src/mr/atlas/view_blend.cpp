@@ -18,9 +18,6 @@ constexpr float kBorder_px = 40;  // of a picture of 640 columns; weights fall t
 constexpr float kLeast = 0.02f;   // weight of a picture in its own tile
 constexpr float kNearWhiteWeight = 0.25f;
 constexpr int kNearWhite = 250;
-constexpr float kSharpness = 1.0f;  // power of the resolution on the surface
-
-float power(float v) { return kSharpness == 1 ? v : std::pow(v, kSharpness); }
 
 /// The least depth of each block of pixels and of those up to `reach` blocks away; nothing counts
 /// as infinitely far.
@@ -180,9 +177,9 @@ Vec3f normal_at(const View& view, const ImageDepth& depth, int x, int y, float z
   return normalized(cross(*below - *above, *right - *left));
 }
 
-/// Pixels of a surface per m², to a power: what a view weighs.
-float resolution(const View& view, float facing, float z) {
-  return power(facing * static_cast<float>(view.fx * view.fy) / (z * z));
+/// Pixels per m² of a surface, as a logarithm.
+float log_resolution(const View& view, float facing, float z) {
+  return std::log(facing * static_cast<float>(view.fx * view.fy) / (z * z));
 }
 
 /// The mean of colours.
@@ -202,8 +199,9 @@ struct Mix {
 /// Blends the picture of one view.
 class ViewBlend::Painter {
  public:
-  Painter(const std::vector<std::unique_ptr<const Eye>>& eyes, std::size_t own, ImageRgb& out)
-      : own_(*eyes[own]), view_(own_.view), out_(out) {
+  Painter(const std::vector<std::unique_ptr<const Eye>>& eyes, std::size_t own, float sharpness,
+          ImageRgb& out)
+      : own_(*eyes[own]), view_(own_.view), sharpness_(sharpness), out_(out) {
     for (std::size_t i = 0; i < eyes.size(); ++i) {
       if (i == own || !eyes[i]->blends()) continue;
       const Pose T_own_other = view_.T_world_camera.inverse() * eyes[i]->view.T_world_camera;
@@ -253,27 +251,31 @@ class ViewBlend::Painter {
     constexpr float kLeastFacing = 0.15f, kNear_m = 0.05f;
     const Vec3f p = own_.point(pixel, z);
     const auto facing = [&](Vec3f eye) { return dot(normal, normalized(eye - p)); };
+    const float own_resolution = log_resolution(view_, std::max(facing({}), kLeastFacing), z);
     Mix mix;
-    mix.add(shown, std::max(own_.sees(pixel, z), kLeast) *
-                       resolution(view_, std::max(facing({}), kLeastFacing), z));
+    mix.add(shown, std::max(own_.sees(pixel, z), kLeast));
     for (const Other& other : others_) {
       const Vec3f q = other.from_own * p;
       const float faces = facing(other.centre);
       if (faces < kLeastFacing || !(q.z > kNear_m)) continue;
       const Vec2f at = other.eye->pixel(q);
       if (const float sees = other.eye->sees(at, q.z); sees > 0)
-        mix.add(other.eye->color(at), sees * resolution(other.eye->view, faces, q.z));
+        mix.add(other.eye->color(at),
+                sees * std::exp(sharpness_ *
+                                (log_resolution(other.eye->view, faces, q.z) - own_resolution)));
     }
     return mix.sum / mix.weights;
   }
 
   const Eye& own_;
   const View& view_;
+  float sharpness_;
   ImageRgb& out_;
   std::vector<Other> others_;
 };
 
-ViewBlend::ViewBlend(std::vector<Source> sources) {
+ViewBlend::ViewBlend(std::vector<Source> sources, double sharpness)
+    : sharpness_(static_cast<float>(sharpness)) {
   eyes_.resize(sources.size());
   parallel_for(sources.size(), 1, [&](std::size_t begin, std::size_t end) {
     for (std::size_t i = begin; i < end; ++i) eyes_[i] = std::make_unique<const Eye>(sources[i]);
@@ -286,7 +288,7 @@ ImageRgb ViewBlend::picture(std::size_t source, const ImageMask* used,
                             const ImageDepth* surface) const {
   const Eye& own = *eyes_[source];
   ImageRgb out = *own.source.picture;
-  Painter painter(eyes_, source, out);
+  Painter painter(eyes_, source, sharpness_, out);
   const auto rows = static_cast<std::size_t>(own.view.atlas_rect.height);
   parallel_for(rows, 8, [&](std::size_t begin, std::size_t end) {
     for (int y = static_cast<int>(begin); y < static_cast<int>(end); ++y) {

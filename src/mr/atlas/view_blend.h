@@ -35,7 +35,9 @@ class ViewBlend {
     const ImageDepth* nearest = nullptr;
   };
 
-  explicit ViewBlend(std::vector<Source> sources);
+  /// `sharpness`: power of the resolution on the surface (pixels per m²) by which views are
+  /// weighed: the higher, the more the nearest view alone counts. Over 0.
+  ViewBlend(std::vector<Source> sources, double sharpness);
   ~ViewBlend();
   ViewBlend(ViewBlend&&) noexcept;
 
@@ -48,6 +50,7 @@ class ViewBlend {
   struct Eye;     // a source, prepared
   class Painter;  // of one picture
   std::vector<std::unique_ptr<const Eye>> eyes_;
+  float sharpness_;
 };
 
 }  // namespace mr::atlas

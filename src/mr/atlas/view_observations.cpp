@@ -159,6 +159,7 @@ class Observer {
                        facing,
                        std::sqrt(std::min({rgb.x, rgb.y, rgb.z})),
                        light->contrast,
+                       light->slope,
                        place,
                        {std::log(rgb.x), std::log(rgb.y), std::log(rgb.z)}};
   }
@@ -249,7 +250,11 @@ std::optional<PicturedView::Light> PicturedView::light(Vec2d pixel) const {
     }
   constexpr float kCount = (2 * kReach + 1) * (2 * kReach + 1);
   const Vec3f mean = sum / kCount;
-  return Light{mean, std::sqrt(std::max(0.0f, squares / kCount - mean.y * mean.y)) / mean.y};
+  const float contrast = std::sqrt(std::max(0.0f, squares / kCount - mean.y * mean.y)) / mean.y;
+  // Of a ramp: the deviation of -2..2 steps is the square root of 2.
+  const float steps =
+      static_cast<float>(step * view_->image_rect.width) / static_cast<float>(r.width);
+  return Light{mean, contrast, contrast / (std::sqrt(2.0f) * steps)};
 }
 
 std::vector<Sample> spread_samples(const Mesh& mesh, std::size_t count) {

@@ -42,6 +42,7 @@ class PicturedView {
   struct Light {
     Vec3f mean;
     float contrast = 0;  ///< standard deviation of green over its mean
+    float slope = 0;     ///< the same per pixel of the camera's picture, as if light were a ramp
   };
   /// Nothing near the tile's border or where a channel may be clipped.
   std::optional<Light> light(Vec2d pixel) const;
@@ -72,12 +73,12 @@ std::vector<Sample> spread_samples(const Mesh& mesh, std::size_t count);
 
 /// The light of a sample in one view.
 struct Observation {
-  std::size_t view = 0;  ///< index of the view
-  float facing = 0;      ///< PicturedView::facing()
-  float level = 0;       ///< darkest channel, approximately sRGB, 0..1
-  float contrast = 0;    ///< PicturedView::Light
-  Vec2f place;           ///< PicturedView::place()
-  Vec3f log_light;       ///< logarithm of linear red, green and blue
+  std::size_t view = 0;           ///< index of the view
+  float facing = 0;               ///< PicturedView::facing()
+  float level = 0;                ///< darkest channel, approximately sRGB, 0..1
+  float contrast = 0, slope = 0;  ///< PicturedView::Light
+  Vec2f place;                    ///< PicturedView::place()
+  Vec3f log_light;                ///< logarithm of linear red, green and blue
 };
 
 /// [sample] the observations in views where the sample is not occluded, not seen at a grazing

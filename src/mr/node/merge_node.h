@@ -85,6 +85,7 @@ class MergeNode {
 
   /// What the root knows about the cameras' colours; empty below it.
   std::vector<CameraColor> colors() const { return atlas_.colors().findings(*scene_); }
+  double misplaced_px() const { return atlas_.colors().misplaced_px(); }
 
   /// How well the inputs fit, and a line when one does not.
   CalibrationCheck& calibration() { return calibration_; }

@@ -97,8 +97,18 @@ void RootColors::estimate(const Tick& tick) {
   }
   const Mesh& surface = tick.still ? *tick.still : tick.moving;
   balance_.estimate({surface, tick.views, pictures, valid}, tick.still ? 1 : kShare);
+  sharpen(balance_.misplaced_px());
   views_ = pictured(tick), of_plates_ = tick.still != nullptr;
   ticks_ = 0, changed_ = 0;
+}
+
+/// In steps of a factor of 2, each kept while the best is not much nearer to another.
+void RootColors::sharpen(double misplaced_px) {
+  constexpr double kSmoothest = 0.5, kKept = 0.75;
+  const double best =
+      std::clamp(kSharpest / std::max(misplaced_px * misplaced_px, 1e-3), kSmoothest, kSharpest);
+  if (std::abs(std::log2(best / sharpness_)) > kKept)
+    sharpness_ = std::exp2(std::round(std::log2(best)));
 }
 
 void RootColors::follow_exposure(const Plates& plates) {

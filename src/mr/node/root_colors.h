@@ -52,18 +52,28 @@ class RootColors {
   /// The factor on the sRGB values of all plates that gives the newest captures' exposure as far as
   /// it is common to all cameras: a change of the light in the room, not of one camera.
   Vec3f exposure() const { return exposure_; }
+  /// How much the view with the best resolution counts when views are blended
+  /// (atlas::ViewBlend): much where pictures lie on each other, so that detail stays; little where
+  /// they do not, so that wrong detail is averaged.
+  double sharpness() const { return sharpness_; }
+  /// How far pictures lie beside each other on the surface.
+  double misplaced_px() const { return balance_.misplaced_px(); }
   /// The cameras that see what others see, by view.
   std::vector<CameraColor> findings(const Scene& scene) const;
 
  private:
+  static constexpr double kSharpest = 4;
+
   bool is_due(const Tick& tick) const;
   void estimate(const Tick& tick);
+  void sharpen(double misplaced_px);
   void follow_exposure(const Plates& plates);
 
   bool corrects_;
   atlas::ColorBalance balance_;
   std::map<ViewId, Vec3f> log_exposure_;  ///< from a view's live picture to the common exposure
   Vec3f exposure_{1, 1, 1};
+  double sharpness_ = kSharpest;
   // The last estimate.
   std::set<ViewId> views_;
   bool of_plates_ = false;

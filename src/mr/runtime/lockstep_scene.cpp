@@ -368,7 +368,7 @@ RunReport LockstepScene::report(const Measured& m, double seconds) const {
     add(r.merge_stages_ms, node.trace());
     for (const node::InputResidual& pair : node.calibration().residuals()) r.pairs.push_back(pair);
   }
-  r.colors = root().node().colors();
+  r.colors = root().node().colors(), r.misplaced_px = root().node().misplaced_px();
   std::map<std::string, double> usual_ms;
   for (const auto& [node, ms] : m.node_ms) usual_ms[node] = percentile(ms, 0.5);
   r.critical_path_ms = critical_path_ms(usual_ms);

@@ -93,6 +93,7 @@ std::string to_json(const RunReport& r) {
       {"nodes", {{"sensor", stages(r.sensor_stages_ms)}, {"merge", stages(r.merge_stages_ms)}}},
       {"pairs", pairs(r.pairs)},
       {"colors", colors(r.colors)},
+      {"misplaced_px", rounded(r.misplaced_px)},
       {"throughput_fps", rounded(r.throughput_fps)},
       {"latency_ms",
        {{"critical_path", rounded(r.critical_path_ms)},

@@ -31,6 +31,7 @@ struct RunReport {
   Stages sensor_stages_ms, merge_stages_ms;
   std::vector<node::InputResidual> pairs;  ///< residuals between the mergers' inputs, last measured
   std::vector<node::CameraColor> colors;   ///< of cameras that see what others see
+  double misplaced_px = 0;                 ///< how far their pictures lie beside each other
   double critical_path_ms = 0;             ///< slowest node of each layer, each alone, summed; p50
   /// Frames per second of the slowest node, each node run alone: nodes work concurrently, so the
   /// slowest one limits the rate, not the critical path.
