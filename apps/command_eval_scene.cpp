@@ -26,7 +26,7 @@ namespace mr::apps {
 namespace {
 
 struct SceneOptions : EvalOptions {
-  std::filesystem::path scene;
+  std::filesystem::path scene, pictures;
   std::string pipeline;
   int captures = 30;
 };
@@ -37,23 +37,27 @@ struct SceneMeasures {
   int captures = 0;
   eval::DepthFit depth;
   eval::GeometryError geometry;
-  std::optional<double> label_change, clipped_ratio, outline_px;
+  std::optional<double> label_change, clipped_ratio;
+  std::optional<eval::OutlineError> outline;
   std::vector<node::InputResidual> pairs;
 };
 
 constexpr int kLabelPairs = 10;  // the last of a run, whose labels are compared
 
 /// From the scene's viewpoints, which only scenes with known people need.
-Result<std::optional<double>> outline_of(const Scene& scene, const DecodedScene& shown, int capture,
-                                         const runtime::RunListener& listener) {
+Result<std::optional<eval::OutlineError>> outline_of(const Scene& scene, const DecodedScene& shown,
+                                                     int capture,
+                                                     const std::filesystem::path& pictures,
+                                                     const runtime::RunListener& listener) {
   const RigConfig* rig = eval::known_rig(scene);
-  if (!rig || rig->people == 0) return std::optional<double>{};
+  if (!rig || rig->people == 0) return std::optional<eval::OutlineError>{};
   const auto plan = eval::scene_viewpoints(scene, synth::default_rig_cache(), listener.warned);
   if (!plan) return plan.error();
-  return eval::outline_px(scene, shown, capture, plan->views);
+  return eval::outline_error(scene, shown, capture, plan->views, pictures);
 }
 
 Result<SceneMeasures> measured(const Scene& scene, int captures,
+                               const std::filesystem::path& pictures,
                                const runtime::RunListener& listener) {
   if (scene.pipeline == "points")
     return Error{Error::Cause::unsupported,
@@ -75,7 +79,7 @@ Result<SceneMeasures> measured(const Scene& scene, int captures,
   if (!geometry) return geometry.error();
   const auto labels = eval::label_change(scene, run->last);
   if (!labels) return labels.error();
-  const auto outline = outline_of(scene, run->shown(), captures - 1, listener);
+  const auto outline = outline_of(scene, run->shown(), captures - 1, pictures, listener);
   if (!outline) return outline.error();
   return SceneMeasures{scene.id,
                        scene.pipeline,
@@ -112,7 +116,8 @@ std::string as_json(const SceneMeasures& m) {
       {"from_reference_rms_mm", to_millionth(m.geometry.from_reference.rms_mm)},
       {"label_change", or_null(m.label_change)},
       {"clipped_ratio", or_null(m.clipped_ratio)},
-      {"outline_px", or_null(m.outline_px)},
+      {"outline_px", or_null(m.outline ? std::optional(m.outline->all_px) : std::nullopt)},
+      {"outline_seen_px", or_null(m.outline ? m.outline->seen_px : std::nullopt)},
       {"pairs", nlohmann::ordered_json::array()}};
   for (const node::InputResidual& pair : m.pairs)
     out["pairs"].push_back({{"a", pair.a},
@@ -140,8 +145,10 @@ std::string as_text(const SceneMeasures& m) {
   if (m.label_change) line("label change", *m.label_change, "of the still surface a capture");
   if (m.clipped_ratio)
     line("clipped", *m.clipped_ratio, "of the worst view's pixels, not so in its camera");
-  if (m.outline_px)
-    out += fmt::format("  outlines of people: {:.2f} px from the truth's at 720p\n", *m.outline_px);
+  if (m.outline)
+    out +=
+        fmt::format("  outlines of people: {:.2f} px from the truth's at 720p, {:.2f} where seen\n",
+                    m.outline->all_px, m.outline->seen_px.value_or(0));
   for (const node::InputResidual& pair : m.pairs)
     out += fmt::format("  {} to {}: {:.2f} mm RMS, corrected {:.2f}\n", pair.a, pair.b,
                        pair.residual_mm, pair.corrected_mm);
@@ -149,12 +156,18 @@ std::string as_text(const SceneMeasures& m) {
 }
 
 int measure_scene(const SceneOptions& options) {
+  if (const Status ok = check({{}, {}, options.pictures}); !ok) return fail(ok.error().message);
+  if (!options.pictures.empty()) {
+    std::error_code failed;
+    std::filesystem::create_directories(options.pictures, failed);
+    if (failed) return fail("cannot make folder " + options.pictures.string());
+  }
   auto scene = load_for_eval(options.scene, options.set);
   if (!scene) return 1;
   if (!options.pipeline.empty()) scene->pipeline = options.pipeline;
   int code = 0;
   in_arena(options, *scene, [&] {
-    const auto found = measured(*scene, options.captures, printing_listener());
+    const auto found = measured(*scene, options.captures, options.pictures, printing_listener());
     if (!found) return void(code = fail(found.error().message));
     fmt::print("{}", options.json ? as_json(*found) : as_text(*found));
   });
@@ -178,6 +191,9 @@ void add_eval_scene(CLI::App& eval, int& exit_code) {
                    "Measure this pipeline rather than the scene's: meshreduce, holoportation, "
                    "holoportation++, rgbd")
       ->check(CLI::IsMember({"meshreduce", "holoportation", "holoportation++", "rgbd"}));
+  command->add_option("--pictures", options->pictures,
+                      "Write what was drawn of people into this folder, with the truth's outline "
+                      "in green and the drawn one in red");
   add_common_options(*command, *options);
   command->footer(
       "Examples:\n"

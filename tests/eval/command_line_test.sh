@@ -50,6 +50,8 @@ check "scene" 0 '"depth_agreement"' measure scene $scene --captures 3 --json
 whole=$(measure scene $scene --captures 3 --json 2>/dev/null | number 'o.hole_ratio + o.depth_agreement <= 1 && o.depth_agreement > 0.5 && o.missing_ratio > 0 && o.duplicate_ratio < 0.2 && o.pairs[0].corrected_mm > 0 && o.label_change >= 0 && o.label_change < 1 && o.clipped_ratio >= 0 && o.clipped_ratio < 0.5 && o.outline_px > 0 && o.outline_px < 20 && o.reference')
 [ "$whole" = truth ] || fail_test "scene: implausible figures ($whole)"
 check "scene of a baseline" 0 '"holoportation"' measure scene $scene --captures 1 --json --pipeline holoportation
+check "scene with pictures" 0 "outlines of people" measure scene $scene --captures 2 --pictures outlines
+ls outlines/*.png >/dev/null || fail_test "scene: no pictures"
 check "scene after one capture" 0 '"label_change": null' measure scene $scene --captures 1 --json
 check "scene without a truth" 0 "of one 1 cm grid" measure scene room/untrue.yaml --captures 1
 check "scene of points" fails "points" measure scene $scene --captures 1 --set pipeline=points

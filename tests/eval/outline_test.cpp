@@ -7,6 +7,8 @@
 #include <utility>
 
 #include "eval/small_scene.h"
+#include "mr/eval/geometry_error.h"
+#include "mr/eval/sensor_coverage.h"
 #include "mr/eval/viewpoints.h"
 #include "mr/synth/truth.h"
 
@@ -67,6 +69,16 @@ TEST(Outline, DistancesAreThoseOfShiftedAndGrownShapes) {
   // A stripe that is shifted along itself: only its ends move.
   EXPECT_EQ(between(rectangle(0, 40, 200, 20), rectangle(0, 44, 200, 20)), 4);
   EXPECT_EQ(between(shape, ImageMask(200, 150)), kOutlineMost_px) << "nobody was drawn";
+  const ImageMask left = rectangle(0, 0, 100, 150);
+  const OutlineDistance right = outline_distance(
+      outline_of(shape, everywhere), outline_of(rectangle(60, 40, 64, 60), everywhere), left);
+  EXPECT_GT(mean(right), 1);
+  EXPECT_LT(mean(right), 4);
+  EXPECT_EQ(mean(outline_distance(outline_of(shape, everywhere),
+                                  outline_of(rectangle(60, 40, 64, 60), everywhere),
+                                  rectangle(95, 0, 105, 150))),
+            0)
+      << "the shifted side is left out";
   EXPECT_EQ(between(rectangle(0, 0, 5, 5), rectangle(180, 140, 5, 5)), kOutlineMost_px);
 }
 
@@ -79,15 +91,29 @@ TEST(Outline, OfTheTruthIsNoDistanceAndOfAnEmptyRoomTheMost) {
     chunk.mesh = std::move(mesh);
     DecodedScene shown;
     shown.chunks.push_back(std::make_shared<const Chunk>(std::move(chunk)));
-    const auto found = outline_px(small.scene, shown, 2, views);
+    const auto found = outline_error(small.scene, shown, 2, views);
     if (found) return *found;
     ADD_FAILURE() << found.error().message;
-    return std::optional<double>{};
+    return std::optional<OutlineError>{};
   };
   const Mesh room = truth.room(), all = truth.surface(2).mesh;
   ASSERT_GT(all.triangles.size(), room.triangles.size());
-  EXPECT_LT(outline(all).value(), 0.05);  // another rasteriser, on the same triangles
-  EXPECT_GT(outline(room).value(), 19);
+  EXPECT_LT(outline(all).value().all_px, 0.05);  // another rasteriser, on the same triangles
+  EXPECT_GT(outline(room).value().all_px, 19);
+  // What no sensor sees and nobody draws does not count as seen.
+  const std::vector<SurfaceSample> middles = [&] {
+    std::vector<SurfaceSample> out;
+    for (std::uint32_t t = 0; t < all.triangles.size(); ++t)
+      out.push_back({all.centroid(t), normalized(all.area_normal(t)), t});
+    return out;
+  }();
+  std::vector<std::uint8_t> keep =
+      seen_samples(all, middles, sensor_frustums(small.scene), small.scene.voxel_m);
+  std::fill_n(keep.begin(), room.triangles.size(), std::uint8_t{1});
+  const OutlineError open = outline(select_triangles(all, keep)).value();
+  EXPECT_GT(open.all_px, 3 * open.seen_px.value());
+  EXPECT_LT(open.seen_px.value(), 1.5);
+  EXPECT_GT(outline(room).value().seen_px.value(), 19) << "they can be seen, and are not there";
   // Everybody 1 cm fatter: at 2 m that is three pixels.
   Mesh fatter = all;
   const std::size_t first = room.positions.size();
@@ -96,13 +122,13 @@ TEST(Outline, OfTheTruthIsNoDistanceAndOfAnEmptyRoomTheMost) {
     for (const std::uint32_t v : fatter.triangles[t]) normals[v] += fatter.area_normal(t);
   for (std::size_t v = first; v < fatter.positions.size(); ++v)
     fatter.positions[v] += normalized(normals[v]) * 0.01f;
-  EXPECT_GT(outline(fatter).value(), 1);
-  EXPECT_LT(outline(fatter).value(), 8);
+  EXPECT_GT(outline(fatter).value().all_px, 1);
+  EXPECT_LT(outline(fatter).value().all_px, 8);
 }
 
 TEST(Outline, NothingWithoutPeople) {
   const SmallScene small;
-  const auto found = outline_px(small.scene, {}, 0, {});
+  const auto found = outline_error(small.scene, {}, 0, {});
   ASSERT_TRUE(found);
   EXPECT_EQ(*found, std::nullopt);
 }

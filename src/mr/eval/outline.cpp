@@ -2,12 +2,15 @@
 
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
 #include "mr/core/parallel.h"
 #include "mr/eval/draw_scene.h"
+#include "mr/eval/geometry_error.h"
 #include "mr/eval/reference.h"
 #include "mr/eval/sensor_coverage.h"
 #include "mr/eval/viewpoints.h"
+#include "mr/kit/image_io.h"
 #include "mr/kit/raster.h"
 #include "mr/synth/truth.h"
 
@@ -31,13 +34,14 @@ double nearest_px(const ImageMask& marked, int x, int y) {
   return std::sqrt(best);
 }
 
-OutlineDistance one_way(const ImageMask& from, const ImageMask& to) {
+OutlineDistance one_way(const ImageMask& from, const ImageMask& to, const ImageMask& left_out) {
   std::vector<OutlineDistance> rows(from.height);
   parallel_for(rows.size(), 16, [&](std::size_t begin, std::size_t end) {
     for (std::size_t r = begin; r < end; ++r) {
       const int y = static_cast<int>(r);
       for (int x = 0; x < from.width; ++x)
-        if (*from.at(x, y)) rows[r].sum_px += nearest_px(to, x, y), ++rows[r].pixels;
+        if (*from.at(x, y) && (left_out.empty() || !*left_out.at(x, y)))
+          rows[r].sum_px += nearest_px(to, x, y), ++rows[r].pixels;
     }
   });
   OutlineDistance out;
@@ -68,6 +72,79 @@ ImageMask transposed(const ImageMask& mask) {
   return out;
 }
 
+/// The people of the truth from one viewpoint.
+struct PeopleView {
+  render::Viewpoint view;
+  ImageDepth room;   ///< without them
+  ImageMask people;  ///< [H, W]
+  ImageMask unseen;  ///< people that no sensor sees
+};
+
+/// Finds which people's pixels no sensor sees: all views at once, on one surface.
+class UnseenPeople {
+ public:
+  explicit UnseenPeople(const Mesh& truth) : truth_(truth) {}
+
+  void add(PeopleView& view, const kit::Raster& drawn) {
+    const Camera& camera = view.view.camera;
+    view.unseen = ImageMask(camera.width, camera.height);
+    for (int y = 0; y < camera.height; ++y)
+      for (int x = 0; x < camera.width; ++x) {
+        if (!*view.people.at(x, y)) continue;
+        const Vec3d ray = unproject(camera, {double(x), double(y)});
+        const Vec3d p = view.view.T_world_camera * (ray * double{*drawn.depth.at(x, y)});
+        const std::uint32_t t = *drawn.triangle.at(x, y);
+        samples_.push_back({vec_cast<float>(p), normalized(truth_.area_normal(t)), t});
+      }
+  }
+  /// In the order in which the views were added.
+  void mark(std::vector<PeopleView>& views, const Scene& scene) const {
+    const auto seen = seen_samples(truth_, samples_, sensor_frustums(scene), scene.voxel_m);
+    std::size_t next = 0;
+    for (PeopleView& view : views)
+      for (std::size_t i = 0; i < view.people.data.size(); ++i)
+        if (view.people.data[i]) view.unseen.data[i] = !seen[next++];
+  }
+
+ private:
+  const Mesh& truth_;
+  std::vector<SurfaceSample> samples_;
+};
+
+std::vector<PeopleView> people_views(const Scene& scene, const RigConfig& rig, int capture,
+                                     const std::vector<render::Viewpoint>& views) {
+  synth::Truth truth(rig, scene.fps);
+  const Mesh room = truth.room();
+  const Mesh all = truth.surface(static_cast<std::uint64_t>(truth_frame(scene, capture))).mesh;
+  UnseenPeople unseen(all);
+  std::vector<PeopleView> out;
+  for (const render::Viewpoint& from : views) {
+    PeopleView view{from, {}, {}, {}};
+    view.view.camera = picture_camera(kOutlineWidth, kOutlineHeight, kOutlineFov_deg);
+    view.room = kit::rasterize_depth(room, view.view.camera, from.T_world_camera);
+    const kit::Raster drawn = kit::rasterize(all, view.view.camera, from.T_world_camera);
+    view.people = people_mask(drawn.depth, view.room);
+    if (std::ranges::count(view.people.data, 1) == 0) continue;
+    unseen.add(view, drawn);
+    out.push_back(std::move(view));
+  }
+  unseen.mark(out, scene);
+  return out;
+}
+
+double mean_px(const OutlineDistance& sum) { return sum.sum_px / static_cast<double>(sum.pixels); }
+
+/// The picture with the truth's outline in green, the drawn one in red, both in yellow.
+ImageRgb with_outlines(ImageRgb picture, const ImageMask& wanted, const ImageMask& found) {
+  for (std::size_t i = 0; i < wanted.data.size(); ++i) {
+    if (!wanted.data[i] && !found.data[i]) continue;
+    picture.data[3 * i] = found.data[i] ? 255 : 0,
+                     picture.data[3 * i + 1] = wanted.data[i] ? 255 : 0;
+    picture.data[3 * i + 2] = 0;
+  }
+  return picture;
+}
+
 }  // namespace
 
 ImageMask people_mask(const ImageDepth& depth, const ImageDepth& room) {
@@ -96,37 +173,40 @@ ImageMask outline_of(const ImageMask& mask, const ImageMask& region) {
   return out;
 }
 
-OutlineDistance outline_distance(const ImageMask& a, const ImageMask& b) {
-  OutlineDistance out = one_way(a, b);
-  out.add(one_way(b, a));
+OutlineDistance outline_distance(const ImageMask& a, const ImageMask& b,
+                                 const ImageMask& left_out) {
+  OutlineDistance out = one_way(a, b, left_out);
+  out.add(one_way(b, a, left_out));
   return out;
 }
 
-Result<std::optional<double>> outline_px(const Scene& scene, const DecodedScene& shown, int capture,
-                                         const std::vector<render::Viewpoint>& views) {
+Result<std::optional<OutlineError>> outline_error(const Scene& scene, const DecodedScene& shown,
+                                                  int capture,
+                                                  const std::vector<render::Viewpoint>& views,
+                                                  const std::filesystem::path& pictures) {
   const RigConfig* rig = known_rig(scene);
-  if (!rig || rig->people == 0) return std::optional<double>{};
-  synth::Truth truth(*rig, scene.fps);
-  const Mesh room = truth.room();
-  const Mesh all = truth.surface(static_cast<std::uint64_t>(truth_frame(scene, capture))).mesh;
+  if (!rig || rig->people == 0) return std::optional<OutlineError>{};
   auto renderer = render::Renderer::create();
   if (!renderer) return renderer.error();
-  OutlineDistance sum;
-  for (render::Viewpoint view : views) {
-    view.camera = picture_camera(kOutlineWidth, kOutlineHeight, kOutlineFov_deg);
-    const ImageDepth behind = kit::rasterize_depth(room, view.camera, view.T_world_camera);
-    const ImageMask people =
-        people_mask(kit::rasterize_depth(all, view.camera, view.T_world_camera), behind);
-    if (std::ranges::count(people.data, 1) == 0) continue;
-    if (const auto drawn = draw_scene(*renderer, shown, view); !drawn) return drawn.error();
+  OutlineDistance all, seen;
+  for (const PeopleView& from : people_views(scene, *rig, capture, views)) {
+    auto drawn = draw_scene(*renderer, shown, from.view);
+    if (!drawn) return drawn.error();
     const auto depth = renderer->depth();
     if (!depth) return depth.error();
-    const ImageMask region = grown(people, kOutlineReach_px);
-    sum.add(outline_distance(outline_of(people, region),
-                             outline_of(people_mask(*depth, behind), region)));
+    const ImageMask region = grown(from.people, kOutlineReach_px);
+    const ImageMask wanted = outline_of(from.people, region);
+    const ImageMask found = outline_of(people_mask(*depth, from.room), region);
+    all.add(outline_distance(wanted, found));
+    seen.add(outline_distance(wanted, found, grown(from.unseen, kUnseenReach_px)));
+    if (pictures.empty()) continue;
+    const ImageRgb marked = with_outlines(std::move(drawn->color), wanted, found);
+    if (const Status ok = kit::write_png(pictures / (from.view.name + ".png"), marked); !ok)
+      return ok.error();
   }
-  if (sum.pixels == 0) return std::optional<double>{};
-  return std::optional(sum.sum_px / static_cast<double>(sum.pixels));
+  if (all.pixels == 0) return std::optional<OutlineError>{};
+  return std::optional(
+      OutlineError{mean_px(all), seen.pixels > 0 ? std::optional(mean_px(seen)) : std::nullopt});
 }
 
 }  // namespace mr::eval

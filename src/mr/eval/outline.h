@@ -39,13 +39,27 @@ ImageMask grown(const ImageMask& mask, int reach_px);
 /// inside picture and region.
 ImageMask outline_of(const ImageMask& mask, const ImageMask& region);
 
-/// From each pixel of either outline to the nearest one of the other, at most kOutlineMost_px.
-OutlineDistance outline_distance(const ImageMask& a, const ImageMask& b);
+/// From each pixel of either outline to the nearest one of the other, at most kOutlineMost_px. Only
+/// pixels outside `left_out` count; empty: all.
+OutlineDistance outline_distance(const ImageMask& a, const ImageMask& b,
+                                 const ImageMask& left_out = {});
 
-/// The mean distance between the outlines of people in pictures of 1280x720 (vertical field of view
-/// 60 degrees) from these viewpoints and in pictures of the truth of a capture. The scene must be
-/// prepared. Nothing: its rig is not known or has no people, or none is seen.
-Result<std::optional<double>> outline_px(const Scene& scene, const DecodedScene& shown, int capture,
-                                         const std::vector<render::Viewpoint>& views);
+/// Mean distances between the outlines of people.
+struct OutlineError {
+  double all_px = 0;
+  /// The same without outlines within kUnseenReach_px of people that no sensor sees: nobody can
+  /// draw these. Nothing: none is left.
+  std::optional<double> seen_px;
+};
+inline constexpr int kUnseenReach_px = 5;
+
+/// Compares pictures of 1280x720 (vertical field of view 60 degrees) from these viewpoints with
+/// those of the truth of a capture. The scene must be prepared. `pictures`: a folder for what was
+/// drawn, with the truth's outline in green and the drawn one in red; empty: none. Nothing: its rig
+/// is not known or has no people, or none is seen.
+Result<std::optional<OutlineError>> outline_error(const Scene& scene, const DecodedScene& shown,
+                                                  int capture,
+                                                  const std::vector<render::Viewpoint>& views,
+                                                  const std::filesystem::path& pictures = {});
 
 }  // namespace mr::eval
