@@ -12,8 +12,9 @@
 namespace mr::bench {
 namespace {
 
-/// How a surface came out: its regions (connected triangles of one label), the length of the
-/// borders between two views, and what no view textures.
+/// How a surface came out: its regions (connected triangles of one label), those under 50 cm²
+/// beside a region of another view (patches), the length of the borders between two views, and what
+/// no view textures.
 Message label_figures(const Mesh& mesh, const std::vector<int>& label) {
   const auto twin = kit::edge_table(mesh).twin;
   std::vector<std::uint32_t> root(label.size());
@@ -33,6 +34,10 @@ Message label_figures(const Mesh& mesh, const std::vector<int>& label) {
           length(mesh.positions[kit::edge_to(mesh, h)] - mesh.positions[kit::edge_from(mesh, h)]);
   }
   std::vector<double> area(label.size());
+  std::vector<std::uint8_t> has_neighbour(label.size());
+  for (std::uint32_t h = 0; h < twin.size(); ++h)
+    if (twin[h] != kit::kNoTwin && label[twin[h] / 3] >= 0 && label[twin[h] / 3] != label[h / 3])
+      has_neighbour[find(h / 3)] = 1;
   double none = 0, all = 0;
   for (std::uint32_t t = 0; t < label.size(); ++t) {
     const double a = 0.5 * length(mesh.area_normal(t));
@@ -41,9 +46,16 @@ Message label_figures(const Mesh& mesh, const std::vector<int>& label) {
   const auto below = [&](double cm2) {
     return std::ranges::count_if(area, [&](double a) { return a > 0 && a < cm2 * 1e-4; });
   };
-  return {{"triangles", label.size()},        {"regions", below(1e12)},
-          {"under_50_cm2", below(50)},        {"under_20_cm2", below(20)},
-          {"border_m", rounded(border_m, 2)}, {"untextured", rounded(all > 0 ? none / all : 0, 4)}};
+  std::size_t patches = 0;
+  for (std::uint32_t t = 0; t < label.size(); ++t)
+    patches += area[t] > 0 && area[t] < 50e-4 && has_neighbour[t];
+  return {{"triangles", label.size()},
+          {"patches", patches},
+          {"regions", below(1e12)},
+          {"under_50_cm2", below(50)},
+          {"under_20_cm2", below(20)},
+          {"border_m", rounded(border_m, 2)},
+          {"untextured", rounded(all > 0 ? none / all : 0, 4)}};
 }
 
 Status measure_labels(const AtlasCase& input, const Request& request, cli::ProgressBar& bar,
@@ -81,6 +93,7 @@ Result<Report> run_atlas(const Request& request, cli::ProgressBar& bar) {
                             {"regions", "regions", 0},
                             {"<50 cm2", "under_50_cm2", 0},
                             {"<20 cm2", "under_20_cm2", 0},
+                            {"patches", "patches", 0},
                             {"border m", "border_m", 1},
                             {"none", "untextured", 4}}};
   for (const std::string& name : *names) {

@@ -19,7 +19,7 @@ class AtlasOurs final : public Work {
   void clear() override { labelled_ = {}; }
   void run(StageClock&) override {
     const atlas::LabelConfig config{.geometry_error_m = input_.error_m,
-                                    .precision = {0.001, 0.001},
+                                    .precision = {0.001, 0.0025},
                                     .min_edge_m = 2 * input_.voxel_m,
                                     .occluders = still_ ? &*still_ : nullptr};
     arena_.run([&] { labelled_ = atlas::label_triangles(input_.surface, input_.views, config); });

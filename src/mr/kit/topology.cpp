@@ -237,25 +237,62 @@ Components components(const Mesh& mesh) {
   return out;
 }
 
-std::vector<Vec3f> vertex_normals(const Mesh& mesh) {
-  std::vector<Vec3f> normals(mesh.positions.size());
-  for (std::size_t t = 0; t < mesh.triangles.size(); ++t) {
-    const Vec3f n = mesh.area_normal(t);
-    for (const std::uint32_t v : mesh.triangles[t]) normals[v] += n;
+namespace {
+
+/// The triangles at each vertex, in order: those of v are triangle[start[v]] .. [start[v + 1]].
+struct VertexFans {
+  std::vector<std::uint32_t> start, triangle;
+
+  explicit VertexFans(const Mesh& mesh)
+      : start(mesh.positions.size() + 2), triangle(3 * mesh.triangles.size()) {
+    for (const Triangle& t : mesh.triangles)
+      for (const std::uint32_t v : t) ++start[v + 2];
+    std::partial_sum(start.begin(), start.end(), start.begin());
+    for (std::uint32_t t = 0; t < mesh.triangles.size(); ++t)
+      for (const std::uint32_t v : mesh.triangles[t]) triangle[start[v + 1]++] = t;
+    start.pop_back();
   }
-  for (Vec3f& n : normals) n = normalized(n);
-  return normals;
+
+  /// [V] for each vertex the normalized sum of its triangles' values.
+  std::vector<Vec3f> normalized_sums(const std::vector<Vec3f>& of_triangle) const {
+    std::vector<Vec3f> out(start.size() - 1);
+    parallel_for(out.size(), kGrain, [&](std::size_t begin, std::size_t end) {
+      for (std::size_t v = begin; v < end; ++v) {
+        Vec3f sum;
+        for (std::uint32_t i = start[v]; i < start[v + 1]; ++i) sum += of_triangle[triangle[i]];
+        out[v] = normalized(sum);
+      }
+    });
+    return out;
+  }
+};
+
+std::vector<Vec3f> area_normals(const Mesh& mesh) {
+  std::vector<Vec3f> out(mesh.triangles.size());
+  parallel_for(out.size(), kGrain, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t t = begin; t < end; ++t) out[t] = mesh.area_normal(t);
+  });
+  return out;
+}
+
+}  // namespace
+
+std::vector<Vec3f> vertex_normals(const Mesh& mesh) {
+  return VertexFans(mesh).normalized_sums(area_normals(mesh));
 }
 
 std::vector<Vec3f> smooth_normals(const Mesh& mesh, int rounds) {
-  std::vector<Vec3f> normals = vertex_normals(mesh);
+  const VertexFans fans(mesh);
+  std::vector<Vec3f> of_triangle = area_normals(mesh);
+  std::vector<Vec3f> normals = fans.normalized_sums(of_triangle);
   for (int i = 0; i < rounds; ++i) {
-    std::vector<Vec3f> sum(normals.size());
-    for (const Triangle& t : mesh.triangles) {
-      const Vec3f all = normals[t[0]] + normals[t[1]] + normals[t[2]];
-      for (const std::uint32_t v : t) sum[v] += all;
-    }
-    for (std::size_t v = 0; v < sum.size(); ++v) normals[v] = normalized(sum[v]);
+    parallel_for(of_triangle.size(), kGrain, [&](std::size_t begin, std::size_t end) {
+      for (std::size_t t = begin; t < end; ++t) {
+        const auto& [a, b, c] = mesh.triangles[t];
+        of_triangle[t] = normals[a] + normals[b] + normals[c];
+      }
+    });
+    normals = fans.normalized_sums(of_triangle);
   }
   return normals;
 }
