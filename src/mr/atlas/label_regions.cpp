@@ -21,25 +21,36 @@ LabelRegions::LabelRegions(const LabelProblem& problem, std::vector<int>& label)
   find_regions();
 }
 
+/// Numbers the regions by their lowest triangles.
 void LabelRegions::find_regions() {
-  of_triangle_.assign(label_.size(), kNoRegion);
-  for (std::uint32_t seed = 0; seed < label_.size(); ++seed) {
-    if (label_[seed] == kNone || of_triangle_[seed] != kNoRegion) continue;
-    const auto number = static_cast<std::uint32_t>(regions_.size());
-    Region& region = regions_.emplace_back();
-    region.triangles.push_back(seed), of_triangle_[seed] = number;
-    for (std::size_t i = 0; i < region.triangles.size(); ++i) {
-      const std::uint32_t t = region.triangles[i];
-      region.area_m2 += problem_.area_m2[t];
-      region.may_move &= problem_.may_move[t] != 0;
-      for (std::uint32_t h = 3 * t; h < 3 * t + 3; ++h) {
-        if (problem_.twin[h] == kit::kNoTwin) continue;
-        const std::uint32_t other = problem_.twin[h] / 3;
-        if (label_[other] != label_[t] || of_triangle_[other] != kNoRegion) continue;
-        of_triangle_[other] = number, region.triangles.push_back(other);
-      }
-    }
+  std::vector<std::uint32_t> root(label_.size());
+  std::iota(root.begin(), root.end(), 0u);
+  const auto find = [&](std::uint32_t t) {
+    while (root[t] != t) t = root[t] = root[root[t]];
+    return t;
+  };
+  for (std::uint32_t h = 0; h < problem_.twin.size(); ++h) {
+    const std::uint32_t other = problem_.twin[h];
+    if (other == kit::kNoTwin || other < h || label_[h / 3] != label_[other / 3]) continue;
+    const std::uint32_t a = find(h / 3), b = find(other / 3);
+    root[std::max(a, b)] = std::min(a, b);
   }
+  of_triangle_.assign(label_.size(), kNoRegion);
+  for (std::uint32_t t = 0; t < label_.size(); ++t) {
+    if (label_[t] == kNone) continue;
+    const std::uint32_t first = find(t);
+    if (first == t)
+      of_triangle_[t] = static_cast<std::uint32_t>(regions_.size()), regions_.emplace_back();
+    Region& region = regions_[of_triangle_[t] = of_triangle_[first]];
+    region.area_m2 += problem_.area_m2[t], ++region.count;
+    region.may_move &= problem_.may_move[t] != 0;
+  }
+  const auto is_listed = [](const Region& r) { return r.may_move && r.area_m2 < kLargestMoved_m2; };
+  for (Region& region : regions_)
+    if (is_listed(region)) region.triangles.reserve(region.count);
+  for (std::uint32_t t = 0; t < label_.size(); ++t)
+    if (label_[t] != kNone && is_listed(regions_[of_triangle_[t]]))
+      regions_[of_triangle_[t]].triangles.push_back(t);
   joined_to_.resize(regions_.size());
   std::iota(joined_to_.begin(), joined_to_.end(), 0u);
 }
@@ -123,13 +134,13 @@ std::uint32_t LabelRegions::move(std::uint32_t r, int label) {
   }
   std::ranges::sort(beside);
   beside.erase(std::unique(beside.begin(), beside.end()), beside.end());
-  const std::uint32_t into = *std::ranges::max_element(
-      beside, {}, [&](std::uint32_t b) { return regions_[b].triangles.size(); });
+  const std::uint32_t into =
+      *std::ranges::max_element(beside, {}, [&](std::uint32_t b) { return regions_[b].count; });
   for (const std::uint32_t b : beside) {
     if (b == into) continue;
     Region &to = regions_[into], from = std::exchange(regions_[b], {});
     to.triangles.insert(to.triangles.end(), from.triangles.begin(), from.triangles.end());
-    to.area_m2 += from.area_m2, to.may_move &= from.may_move;
+    to.area_m2 += from.area_m2, to.may_move &= from.may_move, to.count += from.count;
     joined_to_[b] = into;
   }
   return into;
@@ -181,7 +192,7 @@ bool LabelRegions::dissolve(std::uint32_t r) {
   }
   for (const auto& [t, to] : given) {
     Region& region = regions_[of_triangle_[t] = region_of(to)];
-    region.triangles.push_back(t), region.area_m2 += problem_.area_m2[t];
+    region.triangles.push_back(t), region.area_m2 += problem_.area_m2[t], ++region.count;
   }
   regions_[r] = {};
   return true;

@@ -24,7 +24,8 @@ class LabelRegions {
 
  private:
   struct Region {
-    std::vector<std::uint32_t> triangles;
+    std::vector<std::uint32_t> triangles;  ///< of small ones that may move; of others, some
+    std::size_t count = 0;                 ///< of all its triangles
     double area_m2 = 0;
     bool may_move = true;
   };

@@ -44,58 +44,54 @@ std::vector<std::optional<ViewVisibility>> visibility_tests(const LabellingState
   return tests;
 }
 
-/// Computes the visibility of the triangles in not_seen_yet from all views.
+/// Computes the visibility of the triangles in not_seen_yet, view by view, so that a depth map
+/// stays in the cache.
 void find_visibility(std::span<const std::optional<ViewVisibility>> tests, LabellingState& work) {
   const Mesh& mesh = work.surface.mesh;
-  for (auto& view : work.visibility) view.resize(mesh.triangles.size());
-  parallel_for(work.not_seen_yet.size(), 256, [&](std::size_t first, std::size_t last) {
-    for (std::size_t i = first; i < last; ++i) {
-      const std::uint32_t t = work.not_seen_yet[i];
-      const auto& [a, b, c] = mesh.triangles[t];
-      const Vec3f normal = normalized(work.normals[a] + work.normals[b] + work.normals[c]);
-      for (std::size_t v = 0; v < tests.size(); ++v)
-        work.visibility[v][t] = tests[v]->of_triangle(mesh, t, normal);
-    }
-  });
+  for (std::size_t v = 0; v < tests.size(); ++v) {
+    std::vector<TriangleVisibility>& visibility = work.visibility[v];
+    visibility.resize(mesh.triangles.size());
+    parallel_for(work.not_seen_yet.size(), 512, [&](std::size_t first, std::size_t last) {
+      for (std::size_t i = first; i < last; ++i) {
+        const std::uint32_t t = work.not_seen_yet[i];
+        const auto& [a, b, c] = mesh.triangles[t];
+        const Vec3f normal = work.normals[a] + work.normals[b] + work.normals[c];
+        visibility[t] = tests[v]->of_triangle(mesh, t, normal);
+      }
+    });
+  }
 }
 
-/// Splits the edges marked in `split`. New triangles inherit normals; visibilities of unsplit
-/// triangles are kept.
+/// Splits the edges marked in `split`; the pieces are to be seen again.
 void cut(LabellingState& work, const std::vector<std::uint8_t>& split,
          const std::optional<Lattice>& lattice) {
   Labelling& s = work.surface;
-  kit::Refined refined = kit::refine(s.mesh, split);
-  for (std::size_t v = s.mesh.positions.size(); lattice && v < refined.mesh.positions.size(); ++v)
-    refined.mesh.positions[v] = lattice->snap(refined.mesh.positions[v]);
-  for (const auto& [a, b] : refined.cut_edges) {
+  const std::size_t known = s.mesh.positions.size();
+  const auto old_count = static_cast<std::uint32_t>(s.label.size());
+  const kit::Cuts cuts = kit::refine_in_place(s.mesh, split);
+  for (std::size_t v = known; lattice && v < s.mesh.positions.size(); ++v)
+    s.mesh.positions[v] = lattice->snap(s.mesh.positions[v]);
+  for (const auto& [a, b] : cuts.cut_edges)
     work.normals.push_back(normalized(work.normals[a] + work.normals[b]));
-    s.cut_edges.push_back({a, b});
-  }
-  Visibilities visibility(work.visibility.size(),
-                          std::vector<TriangleVisibility>(refined.parent.size()));
+  s.cut_edges.insert(s.cut_edges.end(), cuts.cut_edges.begin(), cuts.cut_edges.end());
   work.not_seen_yet.clear();
-  Labelling out;
-  for (std::uint32_t t = 0; t < refined.parent.size(); ++t) {
-    const std::uint32_t parent = refined.parent[t];
-    out.label.push_back(s.label[parent]), out.is_due.push_back(s.is_due[parent]);
-    out.origin.push_back(s.origin[parent]);
-    if (refined.mesh.triangles[t] == s.mesh.triangles[parent])
-      for (std::size_t v = 0; v < visibility.size(); ++v)
-        visibility[v][t] = work.visibility[v][parent];
-    else if (s.is_due[parent])
-      work.not_seen_yet.push_back(t);
+  for (const std::uint32_t t : cuts.changed)
+    if (s.is_due[t]) work.not_seen_yet.push_back(t);
+  for (std::uint32_t i = 0; i < cuts.parent.size(); ++i) {
+    const std::uint32_t parent = cuts.parent[i];
+    s.label.push_back(s.label[parent]), s.is_due.push_back(s.is_due[parent]);
+    s.origin.push_back(s.origin[parent]);
+    if (s.is_due[parent]) work.not_seen_yet.push_back(old_count + i);
   }
-  out.mesh = std::move(refined.mesh), out.cut_edges = std::move(s.cut_edges);
-  s = std::move(out);
-  work.visibility = std::move(visibility);
 }
 
-/// Splits triangles that are partly visible in some view but sufficiently visible in none.
+/// Splits triangles that are partly visible in some view but sufficiently visible in none, among
+/// those that were just seen.
 bool cut_occlusion_edges(LabellingState& work, const LabelConfig& config) {
   const Mesh& mesh = work.surface.mesh;
   std::vector<std::uint8_t> split(mesh.triangles.size() * 3, 0);
   bool any = false;
-  for (std::uint32_t t = 0; t < mesh.triangles.size(); ++t) {
+  for (const std::uint32_t t : work.not_seen_yet) {
     float best = 0;
     bool touched = false;
     for (const auto& view : work.visibility)
@@ -110,6 +106,21 @@ bool cut_occlusion_edges(LabellingState& work, const LabelConfig& config) {
   }
   if (any) cut(work, split, config.lattice);
   return any;
+}
+
+/// Puts the pieces of each original triangle side by side, the originals in order.
+void gather_pieces(Labelling& s) {
+  if (std::ranges::is_sorted(s.origin)) return;
+  std::vector<std::uint32_t> order(s.origin.size());
+  std::iota(order.begin(), order.end(), 0u);
+  std::ranges::stable_sort(order, {}, [&](std::uint32_t t) { return s.origin[t]; });
+  Labelling out;
+  for (const std::uint32_t t : order) {
+    out.mesh.triangles.push_back(s.mesh.triangles[t]), out.label.push_back(s.label[t]);
+    out.is_due.push_back(s.is_due[t]), out.origin.push_back(s.origin[t]);
+  }
+  s.mesh.triangles = std::move(out.mesh.triangles), s.label = std::move(out.label);
+  s.is_due = std::move(out.is_due), s.origin = std::move(out.origin);
 }
 
 constexpr int kNone = Labelling::kNone;
@@ -207,9 +218,13 @@ void label(Labelling& surface, std::span<const View> views, const LabelConfig& c
   find_visibility(tests, work);
   for (int round = 0; round < kCutRounds && cut_occlusion_edges(work, config); ++round)
     find_visibility(tests, work);
-  if (config.views == AtlasConfig::Views::coherent) return choose_coherent(work, views, config);
-  for (std::size_t t = 0; t < surface.label.size(); ++t)
-    if (surface.is_due[t]) surface.label[t] = best_view(work.visibility, t);
+  if (config.views == AtlasConfig::Views::coherent) {
+    choose_coherent(work, views, config);
+  } else {
+    for (std::size_t t = 0; t < surface.label.size(); ++t)
+      if (surface.is_due[t]) surface.label[t] = best_view(work.visibility, t);
+  }
+  gather_pieces(surface);
 }
 
 /// The due triangles of a surface with the neighbourhood that their labels depend on, so that the

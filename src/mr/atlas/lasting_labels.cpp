@@ -273,10 +273,16 @@ Mesh LastingLabels::update(const Mesh& surface, std::span<const View> views, Lab
     }
     config.occluders = now.get();
   }
+  constexpr float kKeepStill = 0.3f;  // the resolution along a line is two thirds of the best one's
+  config.keep = kKeepStill, config.history = nullptr;
+  std::optional<LabelHistory> history;
+  if (may_carry && std::ranges::count(next.is_due, 1) > 0)
+    config.history = &history.emplace(labelled_);
   label_due(next, views, config);
   last_ = std::move(next), occluders_ = now, valid_ = std::move(config.valid);
   remember(surface, keys, views);
-  return last_.labelled(views);
+  labelled_ = last_.labelled(views);
+  return labelled_;
 }
 
 void LastingLabels::remember(const Mesh& surface, std::span<const std::uint64_t> keys,

@@ -351,8 +351,11 @@ TriangleVisibility ViewVisibility::of_triangle(const Mesh& mesh, std::size_t t,
                                                Vec3f normal_world) const {
   const Vec3f middle = mesh.centroid(t), to_eye = eye_ - middle;
   TriangleVisibility visibility;
-  visibility.facing = dot(normal_world, to_eye) / std::sqrt(dot(to_eye, to_eye));
+  const float toward = dot(normal_world, to_eye);
+  if (!(toward > 0)) return {};
+  visibility.facing = toward / std::sqrt(dot(to_eye, to_eye) * dot(normal_world, normal_world));
   if (!(visibility.facing >= kLeastFacing)) return {};
+  if (is_outside(mesh.triangles[t])) return {};
   const Corners corners = {mesh.corner(t, 0), mesh.corner(t, 1), mesh.corner(t, 2)};
   const kit::ScreenPolygon outline = is_pinhole() ? polygon(mesh, t) : kit::ScreenPolygon{};
   float edge_px = DepthEdges::kFar_px;
@@ -377,6 +380,22 @@ TriangleVisibility ViewVisibility::of_triangle(const Mesh& mesh, std::size_t t,
   if (visibility.visible > 0 || visibility.near_px > 0)
     visibility.cost = cost(outline, middle, visibility.facing, edge_px);
   return visibility;
+}
+
+/// Whether a triangle of a pinhole's mesh lies beside the picture or nearer than the near plane;
+/// false where that is not known.
+bool ViewVisibility::is_outside(const Triangle& triangle) const {
+  int left = 0, right = 0, above = 0, below = 0, near = 0;
+  for (const std::uint32_t v : triangle) {
+    if (v >= projection_.on_screen.size()) return false;
+    const kit::ScreenPoint& s = projection_.on_screen[v];
+    const bool is_near = projection_.in_camera[v].z < kit::kNearPlane_m;
+    near += is_near;
+    if (is_near) continue;
+    left += s.u<-0.5, right += s.u> depth_camera_.width - 0.5;
+    above += s.v<-0.5, below += s.v> depth_camera_.height - 0.5;
+  }
+  return left == 3 || right == 3 || above == 3 || below == 3 || near == 3;
 }
 
 /// How badly the view shows a triangle; `outline`: in a pinhole's picture.

@@ -133,7 +133,7 @@ class ViewVisibility {
                  const LabelConfig& config);
 
   /// `mesh`: that of the constructor, or one with the same first vertices. `normal_world`: the
-  /// smoothed surface normal at the triangle.
+  /// smoothed surface normal at the triangle, of any length.
   TriangleVisibility of_triangle(const Mesh& mesh, std::size_t t, Vec3f normal_world) const;
 
  private:
@@ -145,6 +145,7 @@ class ViewVisibility {
                   const LabelConfig& config);
   void add_cube_faces(const Mesh& mesh, std::span<const std::uint32_t> triangles,
                       const LabelConfig& config);
+  bool is_outside(const Triangle& triangle) const;
   kit::ScreenPolygon polygon(const Mesh& mesh, std::size_t t) const;
   kit::ScreenPolygon in_face(std::size_t face, const Corners& corners) const;
   Face::Count count_in_picture(const kit::ScreenPolygon& polygon, float& edge_px) const;

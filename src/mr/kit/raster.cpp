@@ -164,12 +164,19 @@ void rasterize_part(const Mesh& mesh, const Camera& camera, const Projection& pr
   // Triangles by band, in order; one that reaches into several is in each.
   std::vector<std::vector<std::uint32_t>> in_band(bands);
   for (const std::uint32_t t : triangles) {
-    const ScreenPolygon p = projection.polygon(camera, mesh.triangles[t]);
-    if (p.count == 0) continue;
-    double top = p.points[0].v, bottom = top, left = p.points[0].u, most = left;
-    for (int i = 1; i < p.count; ++i) {
-      top = std::min(top, p.points[i].v), bottom = std::max(bottom, p.points[i].v);
-      left = std::min(left, p.points[i].u), most = std::max(most, p.points[i].u);
+    double top = below, bottom = -1, left = right, most = -1;
+    const auto add = [&](const ScreenPoint& p) {
+      top = std::min(top, p.v), bottom = std::max(bottom, p.v);
+      left = std::min(left, p.u), most = std::max(most, p.u);
+    };
+    const Triangle& corners = mesh.triangles[t];
+    const bool is_cut = std::ranges::any_of(
+        corners, [&](std::uint32_t v) { return projection.in_camera[v].z < kNearPlane_m; });
+    if (is_cut) {
+      const ScreenPolygon p = projection.polygon(camera, corners);
+      for (int i = 0; i < p.count; ++i) add(p.points[i]);
+    } else {
+      for (const std::uint32_t v : corners) add(projection.on_screen[v]);
     }
     const int first = ceil_within(top, part.y, below),
               last = floor_within(bottom, part.y - 1, below - 1);

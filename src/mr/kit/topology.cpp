@@ -336,33 +336,74 @@ void cut_triangle(const Triangle& t, const std::array<std::uint32_t, 3>& m, cons
 
 }  // namespace
 
+namespace {
+
+/// The midpoints of the edges to be cut.
+class Midpoints {
+ public:
+  /// Appends them to `positions`.
+  Midpoints(const Mesh& mesh, const std::vector<std::uint8_t>& split, std::vector<Vec3f>& positions)
+      : midpoint_(1024), at_cut_(mesh.positions.size()) {
+    MR_ASSERT(split.size() == mesh.triangles.size() * 3);
+    for (std::uint32_t h = 0; h < split.size(); ++h) {
+      if (!split[h]) continue;
+      const std::uint32_t a = edge_from(mesh, h), b = edge_to(mesh, h);
+      const auto next = static_cast<std::uint32_t>(positions.size());
+      if (midpoint_.get_or_add(edge_key(a, b), next) != next) continue;
+      positions.push_back((positions[a] + positions[b]) * 0.5f);
+      cut_edges.push_back({a, b});
+      at_cut_[a] = at_cut_[b] = 1;
+    }
+  }
+
+  /// Of a triangle's edges; kNoTwin: not cut.
+  std::array<std::uint32_t, 3> of(const Triangle& t) const {
+    std::array<std::uint32_t, 3> out{kNoTwin, kNoTwin, kNoTwin};
+    for (int i = 0; i < 3; ++i) {
+      const std::uint32_t a = t[i], b = t[(i + 1) % 3];
+      if (!at_cut_[a] || !at_cut_[b]) continue;
+      if (const std::uint32_t* found = midpoint_.find(edge_key(a, b))) out[i] = *found;
+    }
+    return out;
+  }
+
+  std::vector<std::array<std::uint32_t, 2>> cut_edges;
+
+ private:
+  PairMap midpoint_;
+  std::vector<std::uint8_t> at_cut_;  ///< [V] vertices at an end of a cut edge
+};
+
+}  // namespace
+
 Refined refine(const Mesh& mesh, const std::vector<std::uint8_t>& split) {
-  MR_ASSERT(split.size() == mesh.triangles.size() * 3);
   Refined out;
   out.mesh.positions = mesh.positions;
-  PairMap midpoint(1024);
-  std::vector<std::uint8_t> at_cut(mesh.positions.size(), 0);  // vertices at an end of a cut edge
-  for (std::uint32_t h = 0; h < split.size(); ++h) {
-    if (!split[h]) continue;
-    const std::uint32_t a = edge_from(mesh, h), b = edge_to(mesh, h);
-    const auto next = static_cast<std::uint32_t>(out.mesh.positions.size());
-    if (midpoint.get_or_add(edge_key(a, b), next) != next) continue;
-    out.mesh.positions.push_back((mesh.positions[a] + mesh.positions[b]) * 0.5f);
-    out.cut_edges.push_back({a, b});
-    at_cut[a] = at_cut[b] = 1;
-  }
+  Midpoints midpoints(mesh, split, out.mesh.positions);
+  out.cut_edges = std::move(midpoints.cut_edges);
   out.mesh.triangles.reserve(mesh.triangles.size() + 2 * out.cut_edges.size());
   out.parent.reserve(out.mesh.triangles.capacity());
   for (std::uint32_t t = 0; t < mesh.triangles.size(); ++t) {
-    std::array<std::uint32_t, 3> m{};
-    for (std::uint32_t i = 0; i < 3; ++i) {
-      const std::uint32_t a = edge_from(mesh, 3 * t + i), b = edge_to(mesh, 3 * t + i);
-      m[i] = kNoTwin;
-      if (!at_cut[a] || !at_cut[b]) continue;
-      if (const std::uint32_t* found = midpoint.find(edge_key(a, b))) m[i] = *found;
-    }
-    cut_triangle(mesh.triangles[t], m, out.mesh, out.mesh.triangles);
+    cut_triangle(mesh.triangles[t], midpoints.of(mesh.triangles[t]), out.mesh, out.mesh.triangles);
     out.parent.resize(out.mesh.triangles.size(), t);
+  }
+  return out;
+}
+
+Cuts refine_in_place(Mesh& mesh, const std::vector<std::uint8_t>& split) {
+  Cuts out;
+  Midpoints midpoints(mesh, split, mesh.positions);
+  out.cut_edges = std::move(midpoints.cut_edges);
+  const auto count = static_cast<std::uint32_t>(mesh.triangles.size());
+  std::vector<Triangle> pieces;
+  for (std::uint32_t t = 0; t < count; ++t) {
+    const std::array<std::uint32_t, 3> middles = midpoints.of(mesh.triangles[t]);
+    if (middles[0] == kNoTwin && middles[1] == kNoTwin && middles[2] == kNoTwin) continue;
+    pieces.clear();
+    cut_triangle(mesh.triangles[t], middles, mesh, pieces);
+    mesh.triangles[t] = pieces.front();
+    mesh.triangles.insert(mesh.triangles.end(), pieces.begin() + 1, pieces.end());
+    out.changed.push_back(t), out.parent.resize(mesh.triangles.size() - count, t);
   }
   return out;
 }

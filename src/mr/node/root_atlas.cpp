@@ -150,6 +150,35 @@ void RootAtlas::update_plates(const Tick& tick, const Mesh& moving) {
   blocks_waiting_ = std::accumulate(changed.begin(), changed.end(), blocks_waiting_);
 }
 
+/// The view's gain, which counts in linear light, as a factor on sRGB values.
+Vec3f RootAtlas::srgb_gain(ViewId view) const {
+  constexpr float kGamma = 2.2f;
+  const auto found = balance_.gains().find(view);
+  if (found == balance_.gains().end()) return {1, 1, 1};
+  const Vec3f gain = found->second;
+  return {std::pow(gain.x, 1 / kGamma), std::pow(gain.y, 1 / kGamma), std::pow(gain.z, 1 / kGamma)};
+}
+
+atlas::PictureSampler RootAtlas::live_colors(const CaptureSet& captures,
+                                             const std::vector<View>& views) const {
+  const atlas::Pictures pictures = pictures_of(captures);
+  std::map<ViewId, atlas::PictureSampler::Picture> out;
+  for (const View& view : views)
+    if (const auto found = pictures.find(view.stream); found != pictures.end() && found->second)
+      out[view.id] = {found->second, srgb_gain(view.id)};
+  return atlas::PictureSampler(std::move(out));
+}
+
+atlas::PictureSampler RootAtlas::plate_colors() const {
+  std::map<ViewId, atlas::PictureSampler::Picture> out;
+  for (const auto& [view, plate] : plates_) {
+    const Vec3f a = srgb_gain(view), b = plate.gain();
+    out[view] = {std::make_shared<const ImageRgb>(plate.picture()),
+                 {a.x * b.x, a.y * b.y, a.z * b.z}};
+  }
+  return atlas::PictureSampler(std::move(out));
+}
+
 void RootAtlas::recall(Memory memory) {
   plates_ = std::move(memory.plates), balance_ = std::move(memory.balance);
   windows_ = std::move(memory.windows);

@@ -7,6 +7,7 @@
 
 #include "mr/atlas/clean_plate.h"
 #include "mr/atlas/color_gain.h"
+#include "mr/atlas/color_sampler.h"
 #include "mr/atlas/layout.h"
 #include "mr/codec/control.h"
 #include "mr/core/mesh.h"
@@ -77,6 +78,12 @@ class RootAtlas {
   /// Number of valid blocks, over all views.
   std::size_t valid_blocks() const;
 
+  /// The pictures that view selection compares, after colour correction (the gains of the last
+  /// tick): the live ones, which are shared, and the plates, which are copied.
+  atlas::PictureSampler live_colors(const CaptureSet& captures,
+                                    const std::vector<View>& views) const;
+  atlas::PictureSampler plate_colors() const;
+
   /// Labels were chosen from the current plates: the next packet must contain them.
   void bring_plates() { plates_due_ = true; }
 
@@ -108,6 +115,7 @@ class RootAtlas {
   Status arrange(const std::vector<View>& views, double scale, atlas::Layout& layout) const;
   std::vector<View> windows(const std::vector<View>& views, const Used& used);
   Used used_pixels(const Tick& tick, const Mesh& shown, float error_m) const;
+  Vec3f srgb_gain(ViewId view) const;
   void add_views(bool with_plates, Packet& packet) const;
   ImageRgb draw_live(const Children& children, const atlas::Pictures& pictures, const Used& used);
   Status add_plates(const Tick& tick, const Children& children, Packet& packet);
