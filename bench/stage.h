@@ -31,6 +31,7 @@ struct Stage {
   std::string (*plot)(const Report& report) = nullptr;  ///< an SVG; null: there is no figure
 };
 
+Stage atlas_stage();
 Stage fuse_stage();
 Stage layers_stage();
 Stage merge_stage();

@@ -2,9 +2,11 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <set>
 
 #include "atlas/walls.h"
+#include "mr/atlas/label_history.h"
 #include "mr/core/parallel.h"
 #include "mr/kit/topology.h"
 #include "support/meshes.h"
@@ -177,6 +179,71 @@ TEST(Labels, CoherentLabelsHaveShorterBorders) {
   };
   EXPECT_LT(border(atlas::AtlasConfig::Views::coherent),
             border(atlas::AtlasConfig::Views::best_angle));
+}
+
+/// Connected triangles of one view, their areas in m².
+std::vector<double> region_areas_m2(const Mesh& mesh) {
+  const auto label = triangle_views(mesh);
+  const auto twin = kit::edge_table(mesh).twin;
+  std::vector<double> out;
+  std::vector<std::uint8_t> is_done(label.size());
+  for (std::uint32_t seed = 0; seed < label.size(); ++seed) {
+    if (is_done[seed] || label[seed] == kNoView) continue;
+    std::vector<std::uint32_t> queue{seed};
+    is_done[seed] = 1;
+    double area = 0;
+    for (std::size_t i = 0; i < queue.size(); ++i) {
+      area += 0.5 * length(mesh.area_normal(queue[i]));
+      for (std::uint32_t h = 3 * queue[i]; h < 3 * queue[i] + 3; ++h)
+        if (twin[h] != kit::kNoTwin && label[twin[h] / 3] == label[seed] && !is_done[twin[h] / 3])
+          is_done[twin[h] / 3] = 1, queue.push_back(twin[h] / 3);
+    }
+    out.push_back(area);
+  }
+  return out;
+}
+
+const std::vector<View> kSideBySide = {view(ViewId{0}, {-0.4, 0, 0}, {-0.1, 0, 2}),
+                                       view(ViewId{1}, {0.4, 0, 0}, {0.1, 0, 2})};
+
+/// A wall that is as rough as a moving surface, anew with each seed.
+Mesh rough_wall(unsigned seed) {
+  return test::grid({-0.6f, 0.6f, 2}, {1.2f, 0, 0}, {0, -1.2f, 0}, 40, 40, 0.01f, seed);
+}
+
+TEST(Labels, NoRegionIsUnder50SquareCentimetres) {
+  const Mesh mesh = atlas::label_triangles(rough_wall(5), kSideBySide, {.geometry_error_m = 0.02});
+  for (const double area : region_areas_m2(mesh)) EXPECT_GE(area, 0.005);
+  const Mesh frontal = atlas::label_triangles(
+      rough_wall(5), kSideBySide,
+      {.views = atlas::AtlasConfig::Views::best_angle, .geometry_error_m = 0.02});
+  EXPECT_GT(std::ranges::count_if(region_areas_m2(frontal), [](double a) { return a < 0.005; }),
+            0);
+}
+
+TEST(Labels, AMovingSurfaceKeepsItsViews) {
+  // The share of the wall that has another view than a capture before, on average.
+  const auto change = [&](bool keep) {
+    atlas::LabelHistory history;
+    double changed = 0;
+    constexpr int kCaptures = 8;
+    for (unsigned capture = 1; capture <= kCaptures; ++capture) {
+      atlas::LabelConfig config{.geometry_error_m = 0.02};
+      config.history = keep && capture > 1 ? &history : nullptr;
+      // Between the two cameras the better view depends on noise alone.
+      const Mesh mesh = atlas::label_triangles(rough_wall(capture), kSideBySide, config);
+      const auto label = triangle_views(mesh);
+      double off = 0;
+      for (std::size_t t = 0; t < label.size() && capture > 1; ++t)
+        if (history.at(mesh.centroid(t)) != label[t]) off += 0.5 * length(mesh.area_normal(t));
+      changed += off / surface_area_m2(mesh) / (kCaptures - 1);
+      history = atlas::LabelHistory(mesh);
+    }
+    return changed;
+  };
+  const double kept = change(true), anew = change(false);
+  EXPECT_LT(kept, 0.015);
+  EXPECT_LT(kept, 0.5 * anew);
 }
 
 TEST(Labels, SameOnAnyNumberOfThreads) {

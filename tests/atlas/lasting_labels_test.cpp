@@ -4,10 +4,12 @@
 
 #include <array>
 #include <functional>
+#include <random>
 #include <span>
 #include <vector>
 
 #include "atlas/walls.h"
+#include "mr/atlas/label_history.h"
 #include "mr/core/parallel.h"
 #include "mr/kit/topology.h"
 #include "support/meshes.h"
@@ -150,6 +152,30 @@ TEST(LastingLabels, BlocksThatBecomeValidAreUsedAndSuchAsAreNotAreLeft) {
   const Mesh fewer = labels.update(kWall, one, config(6), Extent::changes);
   EXPECT_NEAR(labelled_area(fewer, ViewId{0}),
               labelled_area(atlas::label_triangles(kWall, one, config(6)), ViewId{0}), 0.03);
+}
+
+TEST(LastingLabels, SurfaceMadeAnewKeepsItsViews) {
+  // A third of the wall is made anew with every capture, a little elsewhere, as where the still
+  // picture is refined; labels are chosen anew everywhere now and then.
+  const auto wall = [](unsigned capture) {
+    Mesh out = test::wall(0.8f, 40);
+    std::mt19937 random(capture);
+    for (Vec3f& p : out.positions)
+      if (p.y < -0.25f) p.z += 0.004f * (static_cast<float>(random() % 1001) / 500 - 1);
+    return out;
+  };
+  LastingLabels labels;
+  atlas::LabelHistory before(labels.update(wall(0), kViews, kConfig, Extent::everything));
+  for (unsigned capture = 1; capture <= 6; ++capture) {
+    const Mesh mesh = labels.update(wall(capture), kViews, kConfig,
+                                    capture % 3 == 0 ? Extent::everything : Extent::changes);
+    const auto label = triangle_views(mesh);
+    double changed = 0;
+    for (std::size_t t = 0; t < label.size(); ++t)
+      if (before.at(mesh.centroid(t)) != label[t]) changed += 0.5 * length(mesh.area_normal(t));
+    EXPECT_LT(changed, 0.001 * surface_area_m2(mesh)) << capture;
+    before = atlas::LabelHistory(mesh);
+  }
 }
 
 TEST(LastingLabels, AnotherCameraIsAnotherMatter) {

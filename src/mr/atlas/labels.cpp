@@ -3,11 +3,13 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <numbers>
 #include <numeric>
 #include <optional>
 #include <vector>
 
+#include "mr/atlas/color_sampler.h"
+#include "mr/atlas/label_history.h"
+#include "mr/atlas/label_problem.h"
 #include "mr/atlas/visibility.h"
 #include "mr/core/parallel.h"
 #include "mr/kit/topology.h"
@@ -18,7 +20,6 @@ namespace {
 constexpr double kEnoughVisible = 0.9;
 constexpr int kNormalRounds = 4;
 constexpr int kCutRounds = 4;
-constexpr int kSweeps = 12;
 
 /// [view][triangle]
 using Visibilities = std::vector<std::vector<TriangleVisibility>>;
@@ -31,69 +32,66 @@ struct LabellingState {
   std::vector<std::uint32_t> not_seen_yet;  ///< triangles whose visibility is not computed yet
 };
 
-/// One per view.
-std::vector<std::optional<ViewVisibility>> visibility_tests(const Mesh& mesh,
+/// One per view; depth buffers show the due triangles.
+std::vector<std::optional<ViewVisibility>> visibility_tests(const LabellingState& work,
                                                             std::span<const View> views,
                                                             const LabelConfig& config) {
   std::vector<std::optional<ViewVisibility>> tests(views.size());
   parallel_for(views.size(), 1, [&](std::size_t begin, std::size_t end) {
-    for (std::size_t v = begin; v < end; ++v) tests[v].emplace(mesh, views[v], config);
+    for (std::size_t v = begin; v < end; ++v)
+      tests[v].emplace(work.surface.mesh, work.not_seen_yet, views[v], config);
   });
   return tests;
 }
 
-/// Computes the visibility of the triangles in not_seen_yet from all views.
+/// Computes the visibility of the triangles in not_seen_yet, view by view, so that a depth map
+/// stays in the cache.
 void find_visibility(std::span<const std::optional<ViewVisibility>> tests, LabellingState& work) {
   const Mesh& mesh = work.surface.mesh;
-  for (auto& view : work.visibility) view.resize(mesh.triangles.size());
-  parallel_for(work.not_seen_yet.size(), 256, [&](std::size_t first, std::size_t last) {
-    for (std::size_t i = first; i < last; ++i) {
-      const std::uint32_t t = work.not_seen_yet[i];
-      const auto& [a, b, c] = mesh.triangles[t];
-      const Vec3f normal = normalized(work.normals[a] + work.normals[b] + work.normals[c]);
-      for (std::size_t v = 0; v < tests.size(); ++v)
-        work.visibility[v][t] = tests[v]->of_triangle(mesh, t, normal);
-    }
-  });
+  for (std::size_t v = 0; v < tests.size(); ++v) {
+    std::vector<TriangleVisibility>& visibility = work.visibility[v];
+    visibility.resize(mesh.triangles.size());
+    parallel_for(work.not_seen_yet.size(), 512, [&](std::size_t first, std::size_t last) {
+      for (std::size_t i = first; i < last; ++i) {
+        const std::uint32_t t = work.not_seen_yet[i];
+        const auto& [a, b, c] = mesh.triangles[t];
+        const Vec3f normal = work.normals[a] + work.normals[b] + work.normals[c];
+        visibility[t] = tests[v]->of_triangle(mesh, t, normal);
+      }
+    });
+  }
 }
 
-/// Splits the edges marked in `split`. New triangles inherit normals; visibilities of unsplit
-/// triangles are kept.
+/// Splits the edges marked in `split`; the pieces are to be seen again.
 void cut(LabellingState& work, const std::vector<std::uint8_t>& split,
          const std::optional<Lattice>& lattice) {
   Labelling& s = work.surface;
-  kit::Refined refined = kit::refine(s.mesh, split);
-  for (std::size_t v = s.mesh.positions.size(); lattice && v < refined.mesh.positions.size(); ++v)
-    refined.mesh.positions[v] = lattice->snap(refined.mesh.positions[v]);
-  for (const auto& [a, b] : refined.cut_edges) {
+  const std::size_t known = s.mesh.positions.size();
+  const auto old_count = static_cast<std::uint32_t>(s.label.size());
+  const kit::Cuts cuts = kit::refine_in_place(s.mesh, split);
+  for (std::size_t v = known; lattice && v < s.mesh.positions.size(); ++v)
+    s.mesh.positions[v] = lattice->snap(s.mesh.positions[v]);
+  for (const auto& [a, b] : cuts.cut_edges)
     work.normals.push_back(normalized(work.normals[a] + work.normals[b]));
-    s.cut_edges.push_back({a, b});
-  }
-  Visibilities visibility(work.visibility.size(),
-                          std::vector<TriangleVisibility>(refined.parent.size()));
+  s.cut_edges.insert(s.cut_edges.end(), cuts.cut_edges.begin(), cuts.cut_edges.end());
   work.not_seen_yet.clear();
-  Labelling out;
-  for (std::uint32_t t = 0; t < refined.parent.size(); ++t) {
-    const std::uint32_t parent = refined.parent[t];
-    out.label.push_back(s.label[parent]), out.is_due.push_back(s.is_due[parent]);
-    out.origin.push_back(s.origin[parent]);
-    if (refined.mesh.triangles[t] == s.mesh.triangles[parent])
-      for (std::size_t v = 0; v < visibility.size(); ++v)
-        visibility[v][t] = work.visibility[v][parent];
-    else if (s.is_due[parent])
-      work.not_seen_yet.push_back(t);
+  for (const std::uint32_t t : cuts.changed)
+    if (s.is_due[t]) work.not_seen_yet.push_back(t);
+  for (std::uint32_t i = 0; i < cuts.parent.size(); ++i) {
+    const std::uint32_t parent = cuts.parent[i];
+    s.label.push_back(s.label[parent]), s.is_due.push_back(s.is_due[parent]);
+    s.origin.push_back(s.origin[parent]);
+    if (s.is_due[parent]) work.not_seen_yet.push_back(old_count + i);
   }
-  out.mesh = std::move(refined.mesh), out.cut_edges = std::move(s.cut_edges);
-  s = std::move(out);
-  work.visibility = std::move(visibility);
 }
 
-/// Splits triangles that are partly visible in some view but sufficiently visible in none.
+/// Splits triangles that are partly visible in some view but sufficiently visible in none, among
+/// those that were just seen.
 bool cut_occlusion_edges(LabellingState& work, const LabelConfig& config) {
   const Mesh& mesh = work.surface.mesh;
   std::vector<std::uint8_t> split(mesh.triangles.size() * 3, 0);
   bool any = false;
-  for (std::uint32_t t = 0; t < mesh.triangles.size(); ++t) {
+  for (const std::uint32_t t : work.not_seen_yet) {
     float best = 0;
     bool touched = false;
     for (const auto& view : work.visibility)
@@ -108,6 +106,21 @@ bool cut_occlusion_edges(LabellingState& work, const LabelConfig& config) {
   }
   if (any) cut(work, split, config.lattice);
   return any;
+}
+
+/// Puts the pieces of each original triangle side by side, the originals in order.
+void gather_pieces(Labelling& s) {
+  if (std::ranges::is_sorted(s.origin)) return;
+  std::vector<std::uint32_t> order(s.origin.size());
+  std::iota(order.begin(), order.end(), 0u);
+  std::ranges::stable_sort(order, {}, [&](std::uint32_t t) { return s.origin[t]; });
+  Labelling out;
+  for (const std::uint32_t t : order) {
+    out.mesh.triangles.push_back(s.mesh.triangles[t]), out.label.push_back(s.label[t]);
+    out.is_due.push_back(s.is_due[t]), out.origin.push_back(s.origin[t]);
+  }
+  s.mesh.triangles = std::move(out.mesh.triangles), s.label = std::move(out.label);
+  s.is_due = std::move(out.is_due), s.origin = std::move(out.origin);
 }
 
 constexpr int kNone = Labelling::kNone;
@@ -128,91 +141,70 @@ int best_view(const Visibilities& visibility, std::size_t t) {
   return best != kNone ? best : most;
 }
 
-/// [triangle][view] 1 if enough of the triangle is visible at an angle not much worse than the
-/// best.
-std::vector<std::uint8_t> allowed_views(const Labelling& surface, const Visibilities& visibility,
-                                        double angle_deg) {
-  const std::vector<int>& best = surface.label;
-  const double allowance = angle_deg * std::numbers::pi / 180;
-  const auto angle = [](const TriangleVisibility& s) {
-    return std::acos(std::min(1.0f, s.facing));
+/// The views that may texture a triangle and what they cost per area: 0 for the best one, at most
+/// kMostCost more. Where only the margin of an occluder hides a triangle, a view costs kMargin
+/// more; where it shows surface just in front, twice as much: such views serve regions that would
+/// be too small. Nothing is allowed where no view shows the triangle itself.
+void rate_views(const Visibilities& visibility, std::size_t t, ViewId kept,
+                std::span<const View> views, float keep, std::span<float> cost) {
+  constexpr float kMostCost = 4, kMargin = 1;
+  const auto shows = [](const TriangleVisibility& s) {
+    return s.visible >= kEnoughVisible || s.direct_px > 0;
   };
-  std::vector<std::uint8_t> allowed(best.size() * visibility.size(), 0);
-  for (std::size_t t = 0; t < best.size(); ++t) {
-    if (best[t] == kNone || !surface.is_due[t]) continue;
-    const double most = angle(visibility[best[t]][t]) + allowance;
-    for (std::size_t v = 0; v < visibility.size(); ++v) {
-      const TriangleVisibility& s = visibility[v][t];
-      allowed[t * visibility.size() + v] = s.visible >= kEnoughVisible && angle(s) <= most;
-    }
+  float best = LabelProblem::kNotAllowed;
+  bool any = false;
+  for (std::size_t v = 0; v < visibility.size(); ++v) {
+    const TriangleVisibility& s = visibility[v][t];
+    cost[v] = LabelProblem::kNotAllowed;
+    if (!shows(s) && s.near_px <= 0) continue;
+    const float hidden = s.visible >= kEnoughVisible ? 0 : shows(s) ? kMargin : 2 * kMargin;
+    const float change = kept == kNoView || views[v].id == kept ? 0 : keep;
+    cost[v] = s.cost + hidden + (1 - s.visible) + change;
+    best = std::min(best, cost[v]), any |= shows(s);
   }
-  return allowed;
+  for (float& c : cost)
+    if (c < LabelProblem::kNotAllowed)
+      c = any ? std::min(c - best, kMostCost) : LabelProblem::kNotAllowed;
 }
 
-/// The view that shares the longest border with a triangle, among its own view and its neighbours'.
-/// Ties: its own view, else the lowest index.
-class LongestBorder {
- public:
-  explicit LongestBorder(int own) : entries_{{{own, 0.0}}} {}
-
-  void add(int view, double length_m) {
-    int i = 0;
-    while (i < count_ && entries_[i].view != view) ++i;
-    if (i == count_) entries_[count_++] = {view, 0.0};
-    entries_[i].length_m += length_m;
-  }
-  int view() const {
-    Entry best = entries_[0];
-    for (int i = 1; i < count_; ++i) {
-      const Entry& e = entries_[i];
-      const bool lower_of_equals =
-          e.length_m == best.length_m && best.view != entries_[0].view && e.view < best.view;
-      if (e.length_m > best.length_m || lower_of_equals) best = e;
+/// The choice of views of the due triangles as a problem; the others' labels are fixed.
+LabelProblem label_problem(const LabellingState& work, std::span<const View> views,
+                           const LabelConfig& config) {
+  const Mesh& mesh = work.surface.mesh;
+  const std::size_t count = mesh.triangles.size();
+  LabelProblem out;
+  out.mesh = &mesh, out.views = views.size();
+  out.cost.resize(count * views.size()), out.area_m2.resize(count);
+  out.may_move = work.surface.is_due;
+  parallel_for(count, 1024, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t t = begin; t < end; ++t) {
+      out.area_m2[t] = 0.5f * length(mesh.area_normal(t));
+      if (!out.may_move[t]) continue;
+      const ViewId kept = config.history ? config.history->at(mesh.centroid(t)) : kNoView;
+      const std::span cost(out.cost.data() + t * views.size(), views.size());
+      rate_views(work.visibility, t, kept, views, config.keep, cost);
+      for (float& c : cost) c *= out.area_m2[t];
     }
-    return best.view;
-  }
+  });
+  out.twin = kit::edge_table(mesh).twin;
+  return out;
+}
 
- private:
-  struct Entry {
-    int view = kNone;
-    double length_m = 0;
-  };
-  std::array<Entry, 4> entries_;  // its own and one per edge
-  int count_ = 1;
-};
-
-/// Label smoothing (paper 3.3), a greedy minimization of seam length (iterated conditional modes):
-/// in each sweep a triangle takes, among the views that pass the angle test, the one with the
-/// longest border to triangles of that view. In index order, so deterministic; only triangles with
-/// changed neighbours are visited again.
-void agree_with_neighbours(Labelling& surface, const Visibilities& visibility, double angle_deg) {
-  const Mesh& mesh = surface.mesh;
-  std::vector<int>& label = surface.label;
-  const std::vector<std::uint32_t> twin = kit::edge_table(mesh).twin;
-  const std::vector<std::uint8_t> allowed = allowed_views(surface, visibility, angle_deg);
-  const auto may_move = [&](std::size_t t) { return label[t] != kNone && surface.is_due[t]; };
-  std::vector<std::uint8_t> stale(label.size());
-  for (std::size_t t = 0; t < label.size(); ++t) stale[t] = may_move(t);
-  bool moved = true;
-  for (int sweep = 0; sweep < kSweeps && moved; ++sweep) {
-    moved = false;
-    for (std::uint32_t t = 0; t < label.size(); ++t) {
-      if (!stale[t]) continue;
-      stale[t] = 0;
-      LongestBorder border(label[t]);
-      for (std::uint32_t h = 3 * t; h < 3 * t + 3; ++h) {
-        const int other = twin[h] == kit::kNoTwin ? kNone : label[twin[h] / 3];
-        if (other == kNone || !allowed[t * visibility.size() + other]) continue;
-        border.add(other, length(mesh.positions[kit::edge_to(mesh, h)] -
-                                 mesh.positions[kit::edge_from(mesh, h)]));
-      }
-      if (border.view() == label[t]) continue;
-      label[t] = border.view();
-      moved = true;
-      for (std::uint32_t h = 3 * t; h < 3 * t + 3; ++h)
-        if (twin[h] != kit::kNoTwin) stale[twin[h] / 3] = may_move(twin[h] / 3);
-    }
+/// View selection as energy minimization. Due triangles start with the view of least cost.
+void choose_coherent(LabellingState& work, std::span<const View> views, const LabelConfig& config) {
+  LabelProblem problem = label_problem(work, views, config);
+  SeamColors colors(work.surface.mesh, views, config.colors);
+  problem.colors = &colors;
+  std::vector<int>& label = work.surface.label;
+  for (std::size_t t = 0; t < label.size(); ++t) {
+    if (!problem.may_move[t]) continue;
+    const auto first = problem.cost.begin() + static_cast<std::ptrdiff_t>(t * views.size());
+    const auto best = std::min_element(first, first + static_cast<std::ptrdiff_t>(views.size()));
+    label[t] = views.empty() || !(*best < LabelProblem::kNotAllowed)
+                   ? kNone
+                   : static_cast<int>(best - first);
   }
+  solve_labels(problem, config.least_region_m2, label);
 }
 
 /// Labels the due triangles of a surface.
@@ -222,16 +214,17 @@ void label(Labelling& surface, std::span<const View> views, const LabelConfig& c
   for (std::uint32_t t = 0; t < surface.is_due.size(); ++t)
     if (surface.is_due[t]) work.not_seen_yet.push_back(t);
   // Cutting moves no surface by more than a step of the lattice: depth is rendered once.
-  const bool all = work.not_seen_yet.size() == surface.is_due.size();
-  const std::vector<std::optional<ViewVisibility>> tests = visibility_tests(
-      all ? surface.mesh : select_triangles(surface.mesh, surface.is_due), views, config);
+  const std::vector<std::optional<ViewVisibility>> tests = visibility_tests(work, views, config);
   find_visibility(tests, work);
   for (int round = 0; round < kCutRounds && cut_occlusion_edges(work, config); ++round)
     find_visibility(tests, work);
-  for (std::size_t t = 0; t < surface.label.size(); ++t)
-    if (surface.is_due[t]) surface.label[t] = best_view(work.visibility, t);
-  if (config.views == AtlasConfig::Views::coherent)
-    agree_with_neighbours(surface, work.visibility, config.coherent_angle_deg);
+  if (config.views == AtlasConfig::Views::coherent) {
+    choose_coherent(work, views, config);
+  } else {
+    for (std::size_t t = 0; t < surface.label.size(); ++t)
+      if (surface.is_due[t]) surface.label[t] = best_view(work.visibility, t);
+  }
+  gather_pieces(surface);
 }
 
 /// The due triangles of a surface with the neighbourhood that their labels depend on, so that the

@@ -16,12 +16,12 @@
 
 namespace mr::atlas {
 
+class ColorSampler;
+class LabelHistory;
 class Occluders;
 
 struct LabelConfig {
   AtlasConfig::Views views = AtlasConfig::Views::coherent;
-  double coherent_angle_deg =
-      30;  ///< a neighbour's view is used if its angle is at most this much worse than the best
   double geometry_error_m = 0.01;  ///< decimation + lattice + calibration error
   Precision precision{};     ///< of the noisiest sensor, so that noise does not count as occluder
   double min_edge_m = 0.02;  ///< triangles across an occlusion edge are split down to this edge
@@ -30,6 +30,10 @@ struct LabelConfig {
   /// Masks of the pixels of a view's camera picture that may be used for texture, such as the valid
   /// blocks of a clean plate; all pixels if it has no mask.
   std::map<ViewId, TileMask> valid{};
+  const ColorSampler* colors = nullptr;   ///< coherent: seams go where pictures agree; may be null
+  const LabelHistory* history = nullptr;  ///< coherent: views that are kept; null: none
+  float keep = 0.15f;                     ///< how much worse a kept view may be (quality_cost)
+  double least_region_m2 = 0.005;         ///< coherent: smaller regions take a neighbour's view
 };
 
 /// View selection: chooses the view that textures each triangle (paper 3.3). A view is usable if
@@ -39,8 +43,11 @@ struct LabelConfig {
 /// occlusion edge, the border of valid pixels or a panorama's seam is split; a
 /// triangle too small to split gets the view in which most of it is visible, or none, and never a
 /// view without valid pixels.
-/// best_angle chooses the most frontal view; coherent prefers the neighbours' view where angles
-/// allow. Returns the mesh with runs.
+/// best_angle chooses the most frontal view. coherent solves a labelling problem (label_problem.h):
+/// each triangle costs its area times quality_cost() of its view, seams cost their length times the
+/// difference of colours; no region, that is, connected triangles of one view, is smaller than
+/// `least_region_m2` unless its neighbours' views do not show all of it. Returns the mesh with
+/// runs.
 Mesh label_triangles(const Mesh& mesh, std::span<const View> views, const LabelConfig& config);
 
 /// A surface while its triangles are split and labelled.

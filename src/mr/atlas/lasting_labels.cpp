@@ -46,18 +46,21 @@ TileMask no_tiles(const View& view) {
 }
 
 /// Marks the tiles in which a view's depth has changed, dilated by one tile for occluders' margins.
-void mark_other_depth(const ImageDepth& before, const ImageDepth& now, TileMask& tiles) {
+/// `tile_px`: the width of a tile in the depth maps.
+void mark_other_depth(const ImageDepth& before, const ImageDepth& now, int tile_px,
+                      TileMask& tiles) {
   constexpr float kOther_m = 0.05f;
-  constexpr int kLeast_px = 40;  // of a tile: a depth edge that moves by a pixel is ignored
+  // Of a tile: a depth edge that moves by a pixel is ignored.
+  const int least_px = tile_px * tile_px * 40 / (kTile_px * kTile_px);
   std::vector<std::uint8_t> other(tiles.tiles.size());
   for (int row = 0; row < tiles.rows; ++row)
     for (int column = 0; column < tiles.columns; ++column) {
       int count = 0;
-      const int x_end = std::min((column + 1) * kTile_px, now.width);
-      for (int y = row * kTile_px; y < std::min((row + 1) * kTile_px, now.height); ++y)
-        for (int x = column * kTile_px; x < x_end; ++x)
+      const int x_end = std::min((column + 1) * tile_px, now.width);
+      for (int y = row * tile_px; y < std::min((row + 1) * tile_px, now.height); ++y)
+        for (int x = column * tile_px; x < x_end; ++x)
           count += std::abs(*before.at(x, y) - *now.at(x, y)) > kOther_m;  // 0: no surface
-      other[static_cast<std::size_t>(row) * tiles.columns + column] = count >= kLeast_px;
+      other[static_cast<std::size_t>(row) * tiles.columns + column] = count >= least_px;
     }
   for (int row = 0; row < tiles.rows; ++row)
     for (int column = 0; column < tiles.columns; ++column) {
@@ -218,7 +221,8 @@ std::vector<LastingLabels::Changes> LastingLabels::changes(
     for (std::size_t i = begin; i < end; ++i) {
       TileMask& other = out[i].other = no_tiles(views[i]);
       const auto *before = occluders_->faces(views[i]), *after = now.faces(views[i]);
-      mark_other_depth(before->front(), after->front(), other);
+      mark_other_depth(before->front(), after->front(), kTile_px / depth_divisor(views[i].camera()),
+                       other);
       out[i].better = other;
       const auto was = valid_.find(views[i].id), is = valid.find(views[i].id);
       MR_ASSERT(was == valid_.end() || was->second.tile_px == kTile_px);
@@ -269,10 +273,16 @@ Mesh LastingLabels::update(const Mesh& surface, std::span<const View> views, Lab
     }
     config.occluders = now.get();
   }
+  constexpr float kKeepStill = 0.3f;  // the resolution along a line is two thirds of the best one's
+  config.keep = kKeepStill, config.history = nullptr;
+  std::optional<LabelHistory> history;
+  if (may_carry && std::ranges::count(next.is_due, 1) > 0)
+    config.history = &history.emplace(labelled_);
   label_due(next, views, config);
   last_ = std::move(next), occluders_ = now, valid_ = std::move(config.valid);
   remember(surface, keys, views);
-  return last_.labelled(views);
+  labelled_ = last_.labelled(views);
+  return labelled_;
 }
 
 void LastingLabels::remember(const Mesh& surface, std::span<const std::uint64_t> keys,

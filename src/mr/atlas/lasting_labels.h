@@ -7,6 +7,7 @@
 #include <span>
 #include <vector>
 
+#include "mr/atlas/label_history.h"
 #include "mr/atlas/labels.h"
 #include "mr/atlas/occluders.h"
 #include "mr/core/image.h"
@@ -22,8 +23,9 @@ namespace mr::atlas {
 ///  - it is new,
 ///  - the depth in its view has changed there, or the view is not valid there any more,
 ///  - it had no view, and in some view the depth has changed there or has become valid there.
-/// So the cost is proportional to the changes, and unchanged chunks are sent only once. If any
-/// view is not a pinhole, everything is labelled each time.
+/// A triangle that is labelled again keeps the view that was at its place (LabelHistory) unless
+/// another one is clearly better. So the cost is proportional to the changes, and unchanged chunks
+/// are sent only once. If any view is not a pinhole, everything is labelled each time.
 class LastingLabels {
  public:
   /// What update() labels again: everything, as label_triangles() does; all changes; or, faster,
@@ -31,8 +33,9 @@ class LastingLabels {
   /// next update.
   enum class Extent { everything, changes, new_surface };
 
-  /// Returns the surface with runs. `surface` is welded. `config.occluders` is not used;
-  /// `config.valid` is of tiles of 16 pixels. Deterministic, and the same on any number of threads.
+  /// Returns the surface with runs. `surface` is welded. `config.occluders` and `config.history` are
+  /// not used; `config.valid` is of tiles of 16 pixels. Deterministic, and the same on any number of
+  /// threads.
   Mesh update(const Mesh& surface, std::span<const View> views, LabelConfig config, Extent extent);
 
   /// Depth maps of the last surface from its views (Extent::new_surface: of the one before).
@@ -61,6 +64,7 @@ class LastingLabels {
 
   std::vector<View> views_;
   Labelling last_;
+  Mesh labelled_;                           ///< the last result
   std::vector<Triangle> triangles_;         ///< [T] of the last surface
   std::vector<std::uint32_t> first_piece_;  ///< [T + 1] in `last_`
   kit::PairMap place_{0};                   ///< index of a triangle, by the hash of its corners

@@ -7,6 +7,16 @@
 
 namespace mr::atlas {
 
+int depth_divisor(const Camera& camera) {
+  constexpr double kEnoughPerRad = 300;
+  const double most = std::min(camera.fx, camera.fy) / kEnoughPerRad;
+  return most >= 4 ? 4 : most >= 2 ? 2 : 1;
+}
+
+Camera depth_camera(const Camera& camera) {
+  return kit::scaled(camera, 1.0 / depth_divisor(camera));
+}
+
 std::array<kit::CubeFace, 6> panorama_faces(const Camera& camera) {
   constexpr int kRing_px = 24;
   constexpr double kEnoughPerRad = 512;  // pixels per radian that suffice for occlusion
@@ -24,7 +34,7 @@ Occluders::Occluders(const Mesh& mesh, std::span<const View> views) {
         faces[v].push_back(kit::rasterize_depth(mesh, camera, T_world_face));
       };
       if (view.kind == View::Kind::pinhole)
-        draw(view.camera(), Pose{}.rotation);
+        draw(depth_camera(view.camera()), Pose{}.rotation);
       else
         for (const kit::CubeFace& face : panorama_faces(view.camera()))
           draw(face.camera, face.R_camera_face);

@@ -13,7 +13,8 @@
 
 namespace mr::atlas {
 
-/// Depth maps of a surface from several views, against which other surface is tested for occlusion.
+/// Depth maps of a surface from several views (depth_camera), against which other surface is tested
+/// for occlusion.
 class Occluders {
  public:
   Occluders() = default;
@@ -26,6 +27,12 @@ class Occluders {
  private:
   std::map<ViewId, std::vector<ImageDepth>> faces_;
 };
+
+/// How many pixels of a pinhole's picture a pixel of its depth map is wide: 1, 2 or 4, so that the
+/// depth map has at least 300 pixels per radian: 1 cm at 3 m, which geometry is no better than.
+int depth_divisor(const Camera& camera);
+/// The camera of the depth map of a pinhole view.
+Camera depth_camera(const Camera& camera);
 
 /// The six cube faces of a panorama.
 std::array<kit::CubeFace, 6> panorama_faces(const Camera& camera);

@@ -1,9 +1,11 @@
 #include "mr/atlas/visibility.h"
 
 #include <algorithm>
+#include <bit>
 #include <cmath>
 #include <cstdint>
 #include <limits>
+#include <ranges>
 
 #include "mr/atlas/morphology.h"
 #include "mr/atlas/occluders.h"
@@ -37,10 +39,20 @@ double near_depth(const ImageDepth& depth) {
   return *tenth;
 }
 
-double margin_of(const Camera& camera, double geometry_error_m, double depth_m) {
+/// `at_least_px`: how far a silhouette may be off apart from that.
+double margin_of(const Camera& camera, double geometry_error_m, double depth_m,
+                 double at_least_px = 2) {
   const Vec2d density = kit::pixels_per_rad(camera);
   return geometry_error_m * std::max(density.x, density.y) / std::max(depth_m, kit::kNearPlane_m) +
-         2;
+         at_least_px;
+}
+
+/// The logarithm to base 2 of a positive number, within 0.01; the same on every machine.
+float approximate_log2(float v) {
+  const auto bits = std::bit_cast<std::uint32_t>(v);
+  const float exponent = static_cast<float>(static_cast<int>(bits >> 23) - 127);
+  const float mantissa = std::bit_cast<float>((bits & 0x7FFFFFu) | 0x3F800000u);
+  return exponent + (2 - mantissa / 3) * mantissa - 5.0f / 3;
 }
 
 /// The pixel-wise nearer of two depth maps; of `others`, the part from (x0, y0) on is used.
@@ -55,24 +67,23 @@ ImageDepth nearer(ImageDepth depth, const ImageDepth* others, int x0, int y0) {
   return depth;
 }
 
-/// A mesh in a pinhole's camera frame, and the columns and rows that each triangle covers.
-struct Projected {
+/// The columns and rows of a pinhole's picture that each triangle covers.
+struct Coverage {
   struct Columns {
     int first = 0, last = -1;  ///< empty: outside the picture
     int top = 0, end = 0;      ///< rows
   };
 
-  Projected(const Camera& camera, const Pose& T_world_camera, const Mesh& mesh) {
-    const Pose T_camera_world = T_world_camera.inverse();
-    std::vector<Vec3d> in_camera;
-    for (const Vec3f& p : mesh.positions) in_camera.push_back(T_camera_world * vec_cast<double>(p));
-    for (const Triangle& triangle : mesh.triangles) {
+  Coverage(const Camera& camera, const kit::Projection& projection, const Mesh& mesh,
+           std::span<const std::uint32_t> wanted) {
+    triangles.reserve(wanted.size());
+    for (const std::uint32_t t : wanted) {
       Columns& columns = triangles.emplace_back();
       double left = camera.width, top = camera.height, right = -1, bottom = -1;
       int behind = 0;
-      for (const std::uint32_t v : triangle) {
-        behind += in_camera[v].z <= kit::kNearPlane_m;
-        const kit::ScreenPoint s = kit::to_screen(camera, in_camera[v]);
+      for (const std::uint32_t v : mesh.triangles[t]) {
+        behind += projection.in_camera[v].z <= kit::kNearPlane_m;
+        const kit::ScreenPoint& s = projection.on_screen[v];
         left = std::min(left, s.u), right = std::max(right, s.u);
         top = std::min(top, s.v), bottom = std::max(bottom, s.v);
       }
@@ -83,18 +94,19 @@ struct Projected {
                  kit::floor_within(top, 0, camera.height),
                  kit::ceil_within(bottom, -1, camera.height - 1) + 1};
       if (columns.first <= columns.last && columns.top < columns.end)
-        for (const std::uint32_t v : triangle) nearest_m = std::min(nearest_m, in_camera[v].z);
+        for (const std::uint32_t v : mesh.triangles[t])
+          nearest_m = std::min(nearest_m, projection.in_camera[v].z);
     }
   }
 
-  std::vector<Columns> triangles;  ///< [T]
+  std::vector<Columns> triangles;  ///< of the wanted ones
   double nearest_m = std::numeric_limits<double>::infinity();
   bool is_cut = false;  ///< some triangle crosses the near plane
 };
 
 /// Vertical strips of a pinhole's picture that cover a mesh with a margin of `around_px` pixels;
 /// each triangle lies inside one strip. Upright shapes such as people leave gaps between strips.
-std::vector<Rect> strips_in(const Camera& camera, const Projected& mesh, int around_px) {
+std::vector<Rect> strips_in(const Camera& camera, const Coverage& mesh, int around_px) {
   struct Rows {
     int top = std::numeric_limits<int>::max(), end = 0;
   };
@@ -127,7 +139,7 @@ std::vector<Rect> strips_in(const Camera& camera, const Projected& mesh, int aro
 }
 
 /// How far outside the mesh's pixels an occluder may lie whose margin covers a part of the mesh.
-int reach_px(const Camera& camera, const Projected& mesh, const ImageDepth& others,
+int reach_px(const Camera& camera, const Coverage& mesh, const ImageDepth& others,
              const LabelConfig& config) {
   constexpr int kMost_px = 64, kEvery_px = 4;
   auto nearest_m = static_cast<float>(mesh.nearest_m);
@@ -137,48 +149,6 @@ int reach_px(const Camera& camera, const Projected& mesh, const ImageDepth& othe
         if (const float d = *others.at(x, y); d > 0) nearest_m = std::min(nearest_m, d);
   const double margin = std::ceil(margin_of(camera, config.geometry_error_m, nearest_m));
   return static_cast<int>(std::min<double>(margin, kMost_px));
-}
-
-/// The faces of a pinhole view: strips that cover the mesh, each with its triangles.
-std::vector<Face> strip_faces(const Mesh& mesh, const View& view, const ImageDepth& others,
-                              const LabelConfig& config) {
-  const Camera camera = view.camera();
-  const Projected projected(camera, view.T_world_camera, mesh);
-  std::vector<Face> out;
-  if (projected.is_cut) {
-    out.emplace_back(mesh, camera, view.T_world_camera, 0, &others, 0, 0, config);
-    return out;
-  }
-  for (const Rect& part :
-       strips_in(camera, projected, reach_px(camera, projected, others, config))) {
-    std::vector<std::uint8_t> keep;
-    for (const auto& [first, last, top, end] : projected.triangles)
-      keep.push_back(first <= last && first >= part.x && first < part.x + part.width);
-    Camera cropped = camera;
-    cropped.width = part.width, cropped.height = part.height;
-    cropped.cx -= part.x, cropped.cy -= part.y;
-    out.emplace_back(select_triangles(mesh, keep), cropped, view.T_world_camera, 0, &others, part.x,
-                     part.y, config);
-  }
-  return out;
-}
-
-/// The faces of a view, cropped to what the mesh covers.
-std::vector<Face> faces_of(const Mesh& mesh, const View& view, const LabelConfig& config) {
-  std::vector<Face> out;
-  const Camera camera = view.camera();
-  const std::vector<ImageDepth>* const others =
-      config.occluders ? config.occluders->faces(view) : nullptr;
-  if (view.kind == View::Kind::pinhole) {
-    if (others) return strip_faces(mesh, view, others->front(), config);
-    out.emplace_back(mesh, camera, view.T_world_camera, 0, nullptr, 0, 0, config);
-    return out;
-  }
-  const auto faces = panorama_faces(camera);
-  for (std::size_t i = 0; i < faces.size(); ++i)
-    out.emplace_back(mesh, faces[i].camera, view.T_world_camera * Pose{faces[i].R_camera_face, {}},
-                     faces[i].ring_px, others ? &(*others)[i] : nullptr, 0, 0, config);
-  return out;
 }
 
 ValidRegion valid_region(const View& view, const LabelConfig& config) {
@@ -192,46 +162,91 @@ double margin_px(const View& view, double geometry_error_m, double depth_m) {
   return margin_of(view.camera(), geometry_error_m, depth_m);
 }
 
-Face::Face(const Mesh& mesh, const Camera& camera, const Pose& T_world_face, int ring_px,
-           const ImageDepth* others, int x, int y, const LabelConfig& config)
+float quality_cost(const ViewQuality& quality) {
+  constexpr float kPerHalving = 0.25f;  // of the resolution on a surface; twice that along a line
+  constexpr float kMost = 0.5f, kBorder = 0.04f, kDepthEdge_px = 16;
+  const auto within = [](float distance, float reach) {
+    const float nearness = std::max(0.0f, 1 - distance / reach);
+    return kMost * nearness * nearness;
+  };
+  const float flatness = 1 - std::clamp(quality.facing, 0.0f, 1.0f);
+  return -kPerHalving * approximate_log2(std::max(quality.pixels_per_m2, 1e-6f)) +
+         kMost * flatness * flatness + within(quality.border, kBorder) +
+         within(quality.depth_edge_px, kDepthEdge_px);
+}
+
+namespace {
+
+ImageDepth depth_of(const Mesh& mesh, std::span<const std::uint32_t> triangles,
+                    const Camera& camera, const kit::Projection& projection,
+                    const Face::Place& place) {
+  kit::DepthPart part{place.part.x, place.part.y, ImageDepth(place.part.width, place.part.height)};
+  kit::rasterize_part(mesh, camera, projection, triangles, part);
+  return nearer(std::move(part.depth), place.others, part.x, part.y);
+}
+
+/// Half of what a silhouette is off for comes from the pixels of the depth map.
+double least_margin_px(const Camera& camera, const Camera& depth_camera) {
+  return 1 + depth_camera.fx / camera.fx;
+}
+
+}  // namespace
+
+Face::Face(const Mesh& mesh, std::span<const std::uint32_t> triangles, const Camera& camera,
+           const kit::Projection& projection, const Place& place, const LabelConfig& config)
     : camera_(camera),
-      T_face_world_(T_world_face.inverse()),
-      ring_(ring_px),
-      left_(x),
+      part_(place.part),
+      ring_(place.ring_px),
       error_m_(static_cast<float>(config.geometry_error_m + 2 * config.precision.base_m)),
       noise_per_m2_(static_cast<float>(2 * config.precision.per_m2)),
       pixel_(static_cast<float>(1 / camera.fx)),
-      depth_(nearer(kit::rasterize_depth(mesh, camera, T_world_face), others, x, y)),
-      margin_(static_cast<int>(
-          std::ceil(margin_of(camera, config.geometry_error_m, near_depth(depth_))))),
-      around_(nearest_around(depth_, margin_)) {}
+      depth_(depth_of(mesh, triangles, camera, projection, place)),
+      margin_(static_cast<int>(std::ceil(
+          margin_of(camera, config.geometry_error_m, near_depth(depth_), place.least_margin_px)))),
+      around_(nearest_around(depth_, margin_)),
+      edges_(depth_, pixel_) {}
 
-void Face::count(const std::array<Vec3f, 3>& corners, Count& count) const {
-  const std::array<Vec3d, 3> p = {in_face(corners[0]), in_face(corners[1]), in_face(corners[2])};
-  kit::scan_polygon(kit::clip_to_screen(camera_, p), camera_.width, ring_, camera_.height - ring_,
+void Face::count(const kit::ScreenPolygon& p, Count& count) const {
+  constexpr double kSmall_px = 6;
+  if (p.count == 3 && ring_ == 0) {
+    const auto [left, right] = std::minmax({p.points[0].u, p.points[1].u, p.points[2].u});
+    const auto [top, bottom] = std::minmax({p.points[0].v, p.points[1].v, p.points[2].v});
+    if (right - left < kSmall_px && bottom - top < kSmall_px) return add_samples(p, count);
+  }
+  const int left = part_.x + ring_, right = part_.x + part_.width - ring_;
+  kit::scan_polygon(p, right, part_.y + ring_, part_.y + part_.height - ring_,
                     [&](kit::ScreenSpan s) {
-                      const int skipped = std::max(0, ring_ - s.first);
+                      const int skipped = std::max(0, left - s.first);
                       s.first += skipped;
                       s.inv_z += static_cast<float>(skipped) * s.inv_z_step;
-                      s.last = std::min(s.last, camera_.width - 1 - ring_);
                       add(s, count);
                     });
 }
 
-void Face::count(Vec3f point, Count& count) const {
-  const Vec3d p = in_face(point);
-  if (p.z <= kit::kNearPlane_m) return;
-  const kit::ScreenPoint s = kit::to_screen(camera_, p);
-  const double most = std::max(camera_.width, camera_.height);
-  if (!(std::abs(s.u) <= most && std::abs(s.v) <= most)) return;
-  const int x = static_cast<int>(std::lround(s.u)), y = static_cast<int>(std::lround(s.v));
-  if (x >= ring_ && y >= ring_ && x < camera_.width - ring_ && y < camera_.height - ring_)
-    add({y, x, x, static_cast<float>(s.inv_z), 0}, count);
+/// At points inside the triangle, towards each corner and in the middle.
+void Face::add_samples(const kit::ScreenPolygon& p, Count& count) const {
+  const kit::ScreenPoint &a = p.points[0], &b = p.points[1], &c = p.points[2];
+  const kit::ScreenPoint third{(a.u + b.u + c.u) / 3, (a.v + b.v + c.v) / 3,
+                               (a.inv_z + b.inv_z + c.inv_z) / 3};
+  this->count(third, count);
+  for (const kit::ScreenPoint& corner : {a, b, c})
+    this->count(kit::ScreenPoint{0.5 * (third.u + corner.u), 0.5 * (third.v + corner.v),
+                                 0.5 * (third.inv_z + corner.inv_z)},
+                count);
+}
+
+void Face::count(const kit::ScreenPoint& point, Count& count) const {
+  const double left = part_.x + ring_ - 0.5, top = part_.y + ring_ - 0.5;
+  if (!(point.u >= left && point.v >= top && point.u < left + part_.width - 2 * ring_ &&
+        point.v < top + part_.height - 2 * ring_))
+    return;
+  const int x = static_cast<int>(point.u + 0.5), y = static_cast<int>(point.v + 0.5);
+  add({y, x, x, static_cast<float>(point.inv_z), 0}, count);
 }
 
 void Face::add(const kit::ScreenSpan& s, Count& count) const {
-  const float* const nearest = depth_.row(s.y);
-  const float* const around = around_.row(s.y);
+  const float* const nearest = depth_.row(s.y - part_.y);
+  const float* const around = around_.row(s.y - part_.y);
   for (int x = s.first; x <= s.last; ++x) {
     const float z = 1 / (s.inv_z + static_cast<float>(x - s.first) * s.inv_z_step);
     // Tolerance: roughness within the geometry error, noise, and slopes of up to 72 degrees do not
@@ -239,64 +254,211 @@ void Face::add(const kit::ScreenSpan& s, Count& count) const {
     const float in_front = z - (error_m_ + noise_per_m2_ * (z * z) + 3 * pixel_ * z);
     const float occluder =
         in_front - kFrontOfMargin_m - 3 * pixel_ * z * static_cast<float>(margin_ - 1);
-    const int in_sight = nearest[x] >= in_front;
+    const int in_sight = nearest[x - part_.x] >= in_front;
     count.direct += in_sight;
-    count.clear += in_sight & (around[x] >= occluder);
+    count.near += nearest[x - part_.x] >= in_front - kFrontOfMargin_m;
+    count.clear += in_sight & (around[x - part_.x] >= occluder);
   }
   count.pixels += std::max(0, s.last - s.first + 1);
 }
 
-ViewVisibility::ViewVisibility(const Mesh& mesh, const View& view, const LabelConfig& config)
+ViewVisibility::ViewVisibility(const Mesh& mesh, std::span<const std::uint32_t> triangles,
+                               const View& view, const LabelConfig& config)
     : view_(view),
       camera_(view.camera()),
+      depth_camera_(is_pinhole() ? depth_camera(camera_) : camera_),
+      eye_(vec_cast<float>(view.T_world_camera.translation)),
       T_camera_world_(view.T_world_camera.inverse()),
-      valid_(valid_region(view, config)),
-      faces_(faces_of(mesh, view, config)) {}
+      valid_(valid_region(view, config)) {
+  if (is_pinhole())
+    add_picture(mesh, triangles, config);
+  else
+    add_cube_faces(mesh, triangles, config);
+}
+
+/// The face of a pinhole's picture, or strips of it where another surface is there as well.
+void ViewVisibility::add_picture(const Mesh& mesh, std::span<const std::uint32_t> triangles,
+                                 const LabelConfig& config) {
+  projection_ = kit::Projection(mesh, depth_camera_, view_.T_world_camera);
+  const std::vector<ImageDepth>* const others =
+      config.occluders ? config.occluders->faces(view_) : nullptr;
+  Face::Place place;
+  place.part = {0, 0, depth_camera_.width, depth_camera_.height};
+  place.others = others ? &others->front() : nullptr;
+  place.least_margin_px = least_margin_px(camera_, depth_camera_);
+  if (others)
+    add_strips(mesh, triangles, place, config);
+  else
+    faces_.emplace_back(mesh, triangles, depth_camera_, projection_, place, config);
+}
+
+/// Strips that cover the triangles.
+void ViewVisibility::add_strips(const Mesh& mesh, std::span<const std::uint32_t> triangles,
+                                Face::Place place, const LabelConfig& config) {
+  const Coverage coverage(depth_camera_, projection_, mesh, triangles);
+  if (coverage.is_cut) {
+    faces_.emplace_back(mesh, triangles, depth_camera_, projection_, place, config);
+    return;
+  }
+  const int reach = reach_px(depth_camera_, coverage, *place.others, config);
+  for (const Rect& part : strips_in(depth_camera_, coverage, reach)) {
+    std::vector<std::uint32_t> inside;
+    for (std::size_t i = 0; i < triangles.size(); ++i) {
+      const auto& [first, last, top, end] = coverage.triangles[i];
+      if (first <= last && first >= part.x && first < part.x + part.width)
+        inside.push_back(triangles[i]);
+    }
+    place.part = part;
+    faces_.emplace_back(mesh, inside, depth_camera_, projection_, place, config);
+  }
+}
+
+void ViewVisibility::add_cube_faces(const Mesh& mesh, std::span<const std::uint32_t> triangles,
+                                    const LabelConfig& config) {
+  const std::vector<ImageDepth>* const others =
+      config.occluders ? config.occluders->faces(view_) : nullptr;
+  const auto cube = panorama_faces(camera_);
+  for (std::size_t i = 0; i < cube.size(); ++i) {
+    const Camera& camera = cube[i].camera;
+    const Pose T_world_face = view_.T_world_camera * Pose{cube[i].R_camera_face, {}};
+    T_face_world_.push_back(T_world_face.inverse());
+    faces_.emplace_back(mesh, triangles, camera, kit::Projection(mesh, camera, T_world_face),
+                        Face::Place{.part = {0, 0, camera.width, camera.height},
+                                    .ring_px = cube[i].ring_px,
+                                    .others = others ? &(*others)[i] : nullptr},
+                        config);
+  }
+}
+
+/// A triangle in the picture of depth_camera_, clipped at the near plane.
+kit::ScreenPolygon ViewVisibility::polygon(const Mesh& mesh, std::size_t t) const {
+  const Triangle& triangle = mesh.triangles[t];
+  const std::size_t known = projection_.on_screen.size();
+  if (triangle[0] < known && triangle[1] < known && triangle[2] < known)
+    return projection_.polygon(depth_camera_, triangle);
+  const auto in_camera = [&](int i) {
+    return T_camera_world_ * vec_cast<double>(mesh.corner(t, i));
+  };
+  return kit::clip_to_screen(depth_camera_, {in_camera(0), in_camera(1), in_camera(2)});
+}
+
+kit::ScreenPolygon ViewVisibility::in_face(std::size_t face, const Corners& corners) const {
+  const auto at = [&](int i) { return T_face_world_[face] * vec_cast<double>(corners[i]); };
+  return kit::clip_to_screen(faces_[face].camera(), {at(0), at(1), at(2)});
+}
 
 TriangleVisibility ViewVisibility::of_triangle(const Mesh& mesh, std::size_t t,
                                                Vec3f normal_world) const {
+  const Vec3f middle = mesh.centroid(t), to_eye = eye_ - middle;
   TriangleVisibility visibility;
-  const Vec3d sight_line = vec_cast<double>(mesh.centroid(t)) - view_.T_world_camera.translation;
-  visibility.facing =
-      static_cast<float>(-dot(vec_cast<double>(normal_world), normalized(sight_line)));
-  if (visibility.facing < kLeastFacing) return {};
-  const std::array<Vec3f, 3> corners = {mesh.corner(t, 0), mesh.corner(t, 1), mesh.corner(t, 2)};
-  const Face::Count count = count_pixels(corners, mesh.centroid(t));
+  const float toward = dot(normal_world, to_eye);
+  if (!(toward > 0)) return {};
+  visibility.facing = toward / std::sqrt(dot(to_eye, to_eye) * dot(normal_world, normal_world));
+  if (!(visibility.facing >= kLeastFacing)) return {};
+  if (is_outside(mesh.triangles[t])) return {};
+  const Corners corners = {mesh.corner(t, 0), mesh.corner(t, 1), mesh.corner(t, 2)};
+  const kit::ScreenPolygon outline = is_pinhole() ? polygon(mesh, t) : kit::ScreenPolygon{};
+  float edge_px = DepthEdges::kFar_px;
+  const Face::Count count =
+      is_pinhole() ? count_in_picture(outline, edge_px) : count_in_cube(corners, edge_px);
   if (count.pixels == 0) return {};
   const ValidRegion::Share valid = valid_share(corners);
   if (valid == ValidRegion::Share::none) return {};
   visibility.touches = count.direct > 0;
   if (valid == ValidRegion::Share::some)
     return visibility;  // after cutting, its inner pieces may use the view
-  const bool inside = is_inside(corners);
+  const bool inside = is_pinhole() ? is_inside(outline) : is_inside(corners);
   // A triangle with a corner outside cannot use the view; after cutting, its inner pieces may. At
   // the seam of a panorama even a triangle too small to cut may use it.
   if (!inside && !is_whole_turn()) return visibility;
   if (inside)
     visibility.visible = static_cast<float>(count.clear) / static_cast<float>(count.pixels);
-  if (count.direct > kLeastDirect * count.pixels)
+  if (count.direct >= kLeastDirect * count.pixels)
     visibility.direct_px = static_cast<float>(count.direct);
+  if (count.near >= kLeastDirect * count.pixels)
+    visibility.near_px = static_cast<float>(count.near);
+  if (visibility.visible > 0 || visibility.near_px > 0)
+    visibility.cost = cost(outline, middle, visibility.facing, edge_px);
   return visibility;
 }
 
-/// In a pinhole view, a triangle lies in the strips that contain its first corner's column.
-Face::Count ViewVisibility::count_pixels(const std::array<Vec3f, 3>& corners, Vec3f middle) const {
-  const bool are_strips = view_.kind == View::Kind::pinhole && faces_.size() > 1;
-  const auto corner = are_strips ? pixel_of(corners[0]) : std::nullopt;
-  const auto may_contain = [&](const Face& face) {
-    return !corner || face.has_column(std::clamp(corner->x, 0.0, camera_.width - 1.0));
-  };
+/// Whether a triangle of a pinhole's mesh lies beside the picture or nearer than the near plane;
+/// false where that is not known.
+bool ViewVisibility::is_outside(const Triangle& triangle) const {
+  int left = 0, right = 0, above = 0, below = 0, near = 0;
+  for (const std::uint32_t v : triangle) {
+    if (v >= projection_.on_screen.size()) return false;
+    const kit::ScreenPoint& s = projection_.on_screen[v];
+    const bool is_near = projection_.in_camera[v].z < kit::kNearPlane_m;
+    near += is_near;
+    if (is_near) continue;
+    left += s.u<-0.5, right += s.u> depth_camera_.width - 0.5;
+    above += s.v<-0.5, below += s.v> depth_camera_.height - 0.5;
+  }
+  return left == 3 || right == 3 || above == 3 || below == 3 || near == 3;
+}
+
+/// How badly the view shows a triangle; `outline`: in a pinhole's picture.
+float ViewVisibility::cost(const kit::ScreenPolygon& outline, Vec3f middle, float facing,
+                           float edge_px) const {
+  const Vec3f sight_line = middle - eye_;
+  const float distance2 = dot(sight_line, sight_line);
+  ViewQuality quality{.facing = facing, .border = 1, .depth_edge_px = edge_px};
+  const auto per_rad2 =
+      static_cast<float>(kit::pixels_per_rad(camera_).x * kit::pixels_per_rad(camera_).y);
+  quality.pixels_per_m2 = per_rad2 * facing / distance2;
+  if (!is_pinhole()) return quality_cost(quality);
+  const kit::ScreenPoint& p = outline.points[0];
+  const auto inv_z = static_cast<float>(p.inv_z);
+  quality.pixels_per_m2 = per_rad2 * facing * std::sqrt(distance2) * inv_z * inv_z * inv_z;
+  const double scale = camera_.fx / depth_camera_.fx;
+  const Rect& r = view_.image_rect;
+  const double u = (p.u + 0.5) * scale - 0.5 - r.x, v = (p.v + 0.5) * scale - 0.5 - r.y;
+  const double inner = std::min({u, v, r.width - 1 - u, r.height - 1 - v}) - view_.gutter_px;
+  quality.border = static_cast<float>(std::max(inner, 0.0) / r.width);
+  return quality_cost(quality);
+}
+
+/// A triangle lies in the strips that contain its first corner's column.
+Face::Count ViewVisibility::count_in_picture(const kit::ScreenPolygon& outline,
+                                             float& edge_px) const {
   Face::Count count;
-  for (const Face& face : faces_)
-    if (may_contain(face)) face.count(corners, count);
-  // A triangle that covers no pixel centre: tests the pixel at its centroid.
-  for (std::size_t i = 0; i < faces_.size() && count.pixels == 0; ++i)
-    if (may_contain(faces_[i])) faces_[i].count(middle, count);
+  if (outline.count == 0) return count;
+  kit::ScreenPoint middle;
+  for (int i = 0; i < outline.count; ++i) {
+    const kit::ScreenPoint& p = outline.points[i];
+    middle.u += p.u / outline.count, middle.v += p.v / outline.count;
+    middle.inv_z += p.inv_z / outline.count;
+  }
+  const double column = std::clamp(outline.points[0].u, 0.0, depth_camera_.width - 1.0);
+  for (const Face& face : faces_) {
+    if (faces_.size() > 1 && !face.has_column(column)) continue;
+    face.count(outline, count);
+    // A triangle that covers no pixel centre: tests the pixel at its centroid.
+    if (count.pixels == 0) face.count(middle, count);
+    if (count.pixels > 0) edge_px = face.edge_distance_px(middle.u, middle.v);
+    if (count.pixels > 0) break;
+  }
+  return count;
+}
+
+Face::Count ViewVisibility::count_in_cube(const Corners& corners, float& edge_px) const {
+  Face::Count count;
+  for (std::size_t i = 0; i < faces_.size(); ++i) faces_[i].count(in_face(i, corners), count);
+  const Vec3f middle = (corners[0] + corners[1] + corners[2]) / 3.0f;
+  for (std::size_t i = 0; i < faces_.size(); ++i) {
+    const Vec3d p = T_face_world_[i] * vec_cast<double>(middle);
+    if (p.z <= kit::kNearPlane_m) continue;
+    const kit::ScreenPoint s = kit::to_screen(faces_[i].camera(), p);
+    if (count.pixels == 0) faces_[i].count(s, count);
+    if (std::abs(p.x) <= p.z && std::abs(p.y) <= p.z)
+      edge_px = faces_[i].edge_distance_px(s.u, s.v);
+  }
   return count;
 }
 
 /// Share of a triangle's pixels that are valid.
-ValidRegion::Share ViewVisibility::valid_share(const std::array<Vec3f, 3>& corners) const {
+ValidRegion::Share ViewVisibility::valid_share(const Corners& corners) const {
   if (valid_.is_whole()) return ValidRegion::Share::all;
   int valid = 0, invalid = 0;
   if (view_.kind == View::Kind::pinhole) {
@@ -313,7 +475,7 @@ ValidRegion::Share ViewVisibility::valid_share(const std::array<Vec3f, 3>& corne
 
 /// Sample points of a triangle for the test of validity: its corners; in a panorama, where edges
 /// are curves, a grid denser than the blocks.
-std::vector<Vec3f> ViewVisibility::valid_samples(const std::array<Vec3f, 3>& corners) const {
+std::vector<Vec3f> ViewVisibility::valid_samples(const Corners& corners) const {
   if (view_.kind == View::Kind::pinhole) return {corners.begin(), corners.end()};
   constexpr double kApart_px = 8, kMost = 64;
   double widest_rad = 0;
@@ -348,8 +510,19 @@ std::optional<Vec2d> ViewVisibility::pixel_of(Vec3f p_world) const {
   return Vec2d{s.u, s.v};
 }
 
+/// Whether a triangle of depth_camera_'s picture lies inside the tile minus its gutter.
+bool ViewVisibility::is_inside(const kit::ScreenPolygon& outline) const {
+  constexpr double kBeyondNearPlane = 0.9999;
+  const double scale = depth_divisor(camera_);
+  bool inside = outline.count == 3;
+  for (const kit::ScreenPoint& p : outline.points | std::views::take(3))
+    inside &= p.inv_z * kit::kNearPlane_m < kBeyondNearPlane &&
+              inside_tile({(p.u + 0.5) * scale - 0.5, (p.v + 0.5) * scale - 0.5});
+  return inside;
+}
+
 /// Whether a triangle lies inside the tile minus its gutter, and not across a panorama's seam.
-bool ViewVisibility::is_inside(const std::array<Vec3f, 3>& corners) const {
+bool ViewVisibility::is_inside(const Corners& corners) const {
   double left = std::numeric_limits<double>::max(), right = -left;
   for (const Vec3f& corner : corners) {
     const auto pixel = pixel_of(corner);
@@ -357,7 +530,7 @@ bool ViewVisibility::is_inside(const std::array<Vec3f, 3>& corners) const {
     left = std::min(left, pixel->x), right = std::max(right, pixel->x);
   }
   // Corners more than half a turn apart: the triangle crosses the seam or contains a pole.
-  return view_.kind == View::Kind::pinhole || right - left < 0.5 * view_.width;
+  return right - left < 0.5 * view_.width;
 }
 
 bool ViewVisibility::inside_tile(Vec2d pixel) const {

@@ -64,33 +64,25 @@ ScreenPolygon clip_to_screen(const Camera& camera, const std::array<Vec3d, 3>& c
   return out;
 }
 
-namespace {
-
-/// A mesh's vertices in the camera and in its picture.
-struct Projection {
-  std::vector<Vec3d> in_camera;
-  std::vector<ScreenPoint> on_screen;  ///< without meaning in front of the near plane
-
-  ScreenPolygon polygon(const Camera& camera, const Triangle& t) const {
-    const auto beyond = [&](std::uint32_t v) { return in_camera[v].z >= kNearPlane_m; };
-    if (beyond(t[0]) && beyond(t[1]) && beyond(t[2]))
-      return {{on_screen[t[0]], on_screen[t[1]], on_screen[t[2]], {}}, 3};
-    return clip_to_screen(camera, {in_camera[t[0]], in_camera[t[1]], in_camera[t[2]]});
-  }
-};
-
-Projection project_vertices(const Mesh& mesh, const Camera& camera, const Pose& T_world_camera) {
+Projection::Projection(const Mesh& mesh, const Camera& camera, const Pose& T_world_camera)
+    : in_camera(mesh.positions.size()), on_screen(mesh.positions.size()) {
   const Pose T_camera_world = T_world_camera.inverse();
-  const std::size_t count = mesh.positions.size();
-  Projection out{std::vector<Vec3d>(count), std::vector<ScreenPoint>(count)};
-  parallel_for(count, 2048, [&](std::size_t begin, std::size_t end) {
+  parallel_for(in_camera.size(), 2048, [&](std::size_t begin, std::size_t end) {
     for (std::size_t v = begin; v < end; ++v) {
-      out.in_camera[v] = T_camera_world * vec_cast<double>(mesh.positions[v]);
-      out.on_screen[v] = to_screen(camera, out.in_camera[v]);
+      in_camera[v] = T_camera_world * vec_cast<double>(mesh.positions[v]);
+      on_screen[v] = to_screen(camera, in_camera[v]);
     }
   });
-  return out;
 }
+
+ScreenPolygon Projection::polygon(const Camera& camera, const Triangle& t) const {
+  const auto beyond = [&](std::uint32_t v) { return in_camera[v].z >= kNearPlane_m; };
+  if (beyond(t[0]) && beyond(t[1]) && beyond(t[2]))
+    return {{on_screen[t[0]], on_screen[t[1]], on_screen[t[2]], {}}, 3};
+  return clip_to_screen(camera, {in_camera[t[0]], in_camera[t[1]], in_camera[t[2]]});
+}
+
+namespace {
 
 /// Which rows of the picture a triangle touches.
 struct Rows {
@@ -116,7 +108,7 @@ std::vector<Rows> rows_of(const Mesh& mesh, const Camera& camera, const Projecti
 void draw(const Mesh& mesh, const Camera& camera, const Pose& T_world_camera, ImageDepth& depth,
           ImageId* triangles) {
   MR_ASSERT(camera.model == CameraModel::pinhole && camera.distortion == DistortionModel::none);
-  const Projection projection = project_vertices(mesh, camera, T_world_camera);
+  const Projection projection(mesh, camera, T_world_camera);
   const std::vector<Rows> rows = rows_of(mesh, camera, projection);
   constexpr std::size_t kBand = 64;
   parallel_for((camera.height + kBand - 1) / kBand, 1, [&](std::size_t begin, std::size_t end) {
@@ -162,6 +154,58 @@ Raster rasterize(const Mesh& mesh, const Camera& camera, const Pose& T_world_cam
              ImageId(camera.width, camera.height, kNoTriangle)};
   draw(mesh, camera, T_world_camera, out.depth, &out.triangle);
   return out;
+}
+
+void rasterize_part(const Mesh& mesh, const Camera& camera, const Projection& projection,
+                    std::span<const std::uint32_t> triangles, DepthPart& part) {
+  constexpr int kBand = 32;
+  const int right = part.x + part.depth.width, below = part.y + part.depth.height;
+  const auto bands = static_cast<std::size_t>((part.depth.height + kBand - 1) / kBand);
+  // Triangles by band, in order; one that reaches into several is in each.
+  std::vector<std::vector<std::uint32_t>> in_band(bands);
+  for (const std::uint32_t t : triangles) {
+    double top = below, bottom = -1, left = right, most = -1;
+    const auto add = [&](const ScreenPoint& p) {
+      top = std::min(top, p.v), bottom = std::max(bottom, p.v);
+      left = std::min(left, p.u), most = std::max(most, p.u);
+    };
+    const Triangle& corners = mesh.triangles[t];
+    const bool is_cut = std::ranges::any_of(
+        corners, [&](std::uint32_t v) { return projection.in_camera[v].z < kNearPlane_m; });
+    if (is_cut) {
+      const ScreenPolygon p = projection.polygon(camera, corners);
+      for (int i = 0; i < p.count; ++i) add(p.points[i]);
+    } else {
+      for (const std::uint32_t v : corners) add(projection.on_screen[v]);
+    }
+    const int first = ceil_within(top, part.y, below),
+              last = floor_within(bottom, part.y - 1, below - 1);
+    if (first > last ||
+        ceil_within(left, part.x, right) > floor_within(most, part.x - 1, right - 1))
+      continue;
+    for (int band = (first - part.y) / kBand; band <= (last - part.y) / kBand; ++band)
+      in_band[band].push_back(t);
+  }
+  parallel_for(bands, 1, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t band = begin; band < end; ++band) {
+      const int first = part.y + static_cast<int>(band) * kBand,
+                end_row = std::min(first + kBand, below);
+      for (const std::uint32_t t : in_band[band])
+        scan_polygon(projection.polygon(camera, mesh.triangles[t]), right, first, end_row,
+                     [&](const ScreenSpan& s) {
+                       float* const inv_depth = part.depth.row(s.y - part.y);
+                       for (int x = std::max(s.first, part.x); x <= s.last; ++x)
+                         inv_depth[x - part.x] =
+                             std::max(inv_depth[x - part.x],
+                                      s.inv_z + static_cast<float>(x - s.first) * s.inv_z_step);
+                     });
+      for (int y = first; y < end_row; ++y)
+        for (int x = 0; x < part.depth.width; ++x) {
+          float& d = *part.depth.at(x, y - part.y);
+          d = d > 0 ? 1 / d : 0;
+        }
+    }
+  });
 }
 
 ImageDepth rasterize_depth(const Mesh& mesh, const Camera& camera, const Pose& T_world_camera) {

@@ -4,7 +4,9 @@
 #include <array>
 #include <cmath>
 #include <cstdint>
+#include <span>
 #include <utility>
+#include <vector>
 
 #include "mr/core/camera.h"
 #include "mr/core/image.h"
@@ -62,6 +64,27 @@ struct ScreenPolygon {
   int count = 0;
 };
 ScreenPolygon clip_to_screen(const Camera& camera, const std::array<Vec3d, 3>& corners_camera);
+
+/// A mesh's vertices in a pinhole's frame and in its picture.
+struct Projection {
+  std::vector<Vec3d> in_camera;        ///< [V]
+  std::vector<ScreenPoint> on_screen;  ///< [V] without meaning nearer than the near plane
+
+  Projection() = default;
+  Projection(const Mesh& mesh, const Camera& camera, const Pose& T_world_camera);
+  /// A triangle of the mesh, clipped at the near plane.
+  ScreenPolygon polygon(const Camera& camera, const Triangle& t) const;
+};
+
+/// A part of a picture with the depth of some triangles in it: (0, 0) of `depth` lies at `x`, `y`.
+/// `triangles`: which ones of the mesh; every one that reaches into the part.
+struct DepthPart {
+  int x = 0, y = 0;
+  ImageDepth depth;
+};
+/// Rasterizes into `part.depth`, which has its size and is 0. Parallel as rasterize().
+void rasterize_part(const Mesh& mesh, const Camera& camera, const Projection& projection,
+                    std::span<const std::uint32_t> triangles, DepthPart& part);
 
 /// The pixels of one row inside a triangle: `first` to `last`, with 1 / depth at `first` and its
 /// increment per pixel.

@@ -237,25 +237,62 @@ Components components(const Mesh& mesh) {
   return out;
 }
 
-std::vector<Vec3f> vertex_normals(const Mesh& mesh) {
-  std::vector<Vec3f> normals(mesh.positions.size());
-  for (std::size_t t = 0; t < mesh.triangles.size(); ++t) {
-    const Vec3f n = mesh.area_normal(t);
-    for (const std::uint32_t v : mesh.triangles[t]) normals[v] += n;
+namespace {
+
+/// The triangles at each vertex, in order: those of v are triangle[start[v]] .. [start[v + 1]].
+struct VertexFans {
+  std::vector<std::uint32_t> start, triangle;
+
+  explicit VertexFans(const Mesh& mesh)
+      : start(mesh.positions.size() + 2), triangle(3 * mesh.triangles.size()) {
+    for (const Triangle& t : mesh.triangles)
+      for (const std::uint32_t v : t) ++start[v + 2];
+    std::partial_sum(start.begin(), start.end(), start.begin());
+    for (std::uint32_t t = 0; t < mesh.triangles.size(); ++t)
+      for (const std::uint32_t v : mesh.triangles[t]) triangle[start[v + 1]++] = t;
+    start.pop_back();
   }
-  for (Vec3f& n : normals) n = normalized(n);
-  return normals;
+
+  /// [V] for each vertex the normalized sum of its triangles' values.
+  std::vector<Vec3f> normalized_sums(const std::vector<Vec3f>& of_triangle) const {
+    std::vector<Vec3f> out(start.size() - 1);
+    parallel_for(out.size(), kGrain, [&](std::size_t begin, std::size_t end) {
+      for (std::size_t v = begin; v < end; ++v) {
+        Vec3f sum;
+        for (std::uint32_t i = start[v]; i < start[v + 1]; ++i) sum += of_triangle[triangle[i]];
+        out[v] = normalized(sum);
+      }
+    });
+    return out;
+  }
+};
+
+std::vector<Vec3f> area_normals(const Mesh& mesh) {
+  std::vector<Vec3f> out(mesh.triangles.size());
+  parallel_for(out.size(), kGrain, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t t = begin; t < end; ++t) out[t] = mesh.area_normal(t);
+  });
+  return out;
+}
+
+}  // namespace
+
+std::vector<Vec3f> vertex_normals(const Mesh& mesh) {
+  return VertexFans(mesh).normalized_sums(area_normals(mesh));
 }
 
 std::vector<Vec3f> smooth_normals(const Mesh& mesh, int rounds) {
-  std::vector<Vec3f> normals = vertex_normals(mesh);
+  const VertexFans fans(mesh);
+  std::vector<Vec3f> of_triangle = area_normals(mesh);
+  std::vector<Vec3f> normals = fans.normalized_sums(of_triangle);
   for (int i = 0; i < rounds; ++i) {
-    std::vector<Vec3f> sum(normals.size());
-    for (const Triangle& t : mesh.triangles) {
-      const Vec3f all = normals[t[0]] + normals[t[1]] + normals[t[2]];
-      for (const std::uint32_t v : t) sum[v] += all;
-    }
-    for (std::size_t v = 0; v < sum.size(); ++v) normals[v] = normalized(sum[v]);
+    parallel_for(of_triangle.size(), kGrain, [&](std::size_t begin, std::size_t end) {
+      for (std::size_t t = begin; t < end; ++t) {
+        const auto& [a, b, c] = mesh.triangles[t];
+        of_triangle[t] = normals[a] + normals[b] + normals[c];
+      }
+    });
+    normals = fans.normalized_sums(of_triangle);
   }
   return normals;
 }
@@ -299,33 +336,74 @@ void cut_triangle(const Triangle& t, const std::array<std::uint32_t, 3>& m, cons
 
 }  // namespace
 
+namespace {
+
+/// The midpoints of the edges to be cut.
+class Midpoints {
+ public:
+  /// Appends them to `positions`.
+  Midpoints(const Mesh& mesh, const std::vector<std::uint8_t>& split, std::vector<Vec3f>& positions)
+      : midpoint_(1024), at_cut_(mesh.positions.size()) {
+    MR_ASSERT(split.size() == mesh.triangles.size() * 3);
+    for (std::uint32_t h = 0; h < split.size(); ++h) {
+      if (!split[h]) continue;
+      const std::uint32_t a = edge_from(mesh, h), b = edge_to(mesh, h);
+      const auto next = static_cast<std::uint32_t>(positions.size());
+      if (midpoint_.get_or_add(edge_key(a, b), next) != next) continue;
+      positions.push_back((positions[a] + positions[b]) * 0.5f);
+      cut_edges.push_back({a, b});
+      at_cut_[a] = at_cut_[b] = 1;
+    }
+  }
+
+  /// Of a triangle's edges; kNoTwin: not cut.
+  std::array<std::uint32_t, 3> of(const Triangle& t) const {
+    std::array<std::uint32_t, 3> out{kNoTwin, kNoTwin, kNoTwin};
+    for (int i = 0; i < 3; ++i) {
+      const std::uint32_t a = t[i], b = t[(i + 1) % 3];
+      if (!at_cut_[a] || !at_cut_[b]) continue;
+      if (const std::uint32_t* found = midpoint_.find(edge_key(a, b))) out[i] = *found;
+    }
+    return out;
+  }
+
+  std::vector<std::array<std::uint32_t, 2>> cut_edges;
+
+ private:
+  PairMap midpoint_;
+  std::vector<std::uint8_t> at_cut_;  ///< [V] vertices at an end of a cut edge
+};
+
+}  // namespace
+
 Refined refine(const Mesh& mesh, const std::vector<std::uint8_t>& split) {
-  MR_ASSERT(split.size() == mesh.triangles.size() * 3);
   Refined out;
   out.mesh.positions = mesh.positions;
-  PairMap midpoint(1024);
-  std::vector<std::uint8_t> at_cut(mesh.positions.size(), 0);  // vertices at an end of a cut edge
-  for (std::uint32_t h = 0; h < split.size(); ++h) {
-    if (!split[h]) continue;
-    const std::uint32_t a = edge_from(mesh, h), b = edge_to(mesh, h);
-    const auto next = static_cast<std::uint32_t>(out.mesh.positions.size());
-    if (midpoint.get_or_add(edge_key(a, b), next) != next) continue;
-    out.mesh.positions.push_back((mesh.positions[a] + mesh.positions[b]) * 0.5f);
-    out.cut_edges.push_back({a, b});
-    at_cut[a] = at_cut[b] = 1;
-  }
+  Midpoints midpoints(mesh, split, out.mesh.positions);
+  out.cut_edges = std::move(midpoints.cut_edges);
   out.mesh.triangles.reserve(mesh.triangles.size() + 2 * out.cut_edges.size());
   out.parent.reserve(out.mesh.triangles.capacity());
   for (std::uint32_t t = 0; t < mesh.triangles.size(); ++t) {
-    std::array<std::uint32_t, 3> m{};
-    for (std::uint32_t i = 0; i < 3; ++i) {
-      const std::uint32_t a = edge_from(mesh, 3 * t + i), b = edge_to(mesh, 3 * t + i);
-      m[i] = kNoTwin;
-      if (!at_cut[a] || !at_cut[b]) continue;
-      if (const std::uint32_t* found = midpoint.find(edge_key(a, b))) m[i] = *found;
-    }
-    cut_triangle(mesh.triangles[t], m, out.mesh, out.mesh.triangles);
+    cut_triangle(mesh.triangles[t], midpoints.of(mesh.triangles[t]), out.mesh, out.mesh.triangles);
     out.parent.resize(out.mesh.triangles.size(), t);
+  }
+  return out;
+}
+
+Cuts refine_in_place(Mesh& mesh, const std::vector<std::uint8_t>& split) {
+  Cuts out;
+  Midpoints midpoints(mesh, split, mesh.positions);
+  out.cut_edges = std::move(midpoints.cut_edges);
+  const auto count = static_cast<std::uint32_t>(mesh.triangles.size());
+  std::vector<Triangle> pieces;
+  for (std::uint32_t t = 0; t < count; ++t) {
+    const std::array<std::uint32_t, 3> middles = midpoints.of(mesh.triangles[t]);
+    if (middles[0] == kNoTwin && middles[1] == kNoTwin && middles[2] == kNoTwin) continue;
+    pieces.clear();
+    cut_triangle(mesh.triangles[t], middles, mesh, pieces);
+    mesh.triangles[t] = pieces.front();
+    mesh.triangles.insert(mesh.triangles.end(), pieces.begin() + 1, pieces.end());
+    out.changed.push_back(t), out.parent.resize(mesh.triangles.size() - count, t);
   }
   return out;
 }

@@ -76,4 +76,15 @@ struct Refined {
 /// index; views are not copied (use `parent`).
 Refined refine(const Mesh& mesh, const std::vector<std::uint8_t>& split);
 
+/// What refine_in_place() did.
+struct Cuts {
+  std::vector<std::uint32_t> changed;  ///< triangles that were cut; their first piece replaces them
+  std::vector<std::uint32_t> parent;   ///< of each triangle that was appended
+  std::vector<std::array<std::uint32_t, 2>> cut_edges;  ///< as Refined has them
+};
+
+/// The same as refine() with the pieces in another order, so that only what is cut is written: the
+/// first piece of a triangle in its place, the others at the end.
+Cuts refine_in_place(Mesh& mesh, const std::vector<std::uint8_t>& split);
+
 }  // namespace mr::kit

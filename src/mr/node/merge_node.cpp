@@ -114,8 +114,10 @@ Status MergeNode::update_layers(const CaptureSet& captures, const Decimation& de
     if (const Status updated = still_.update(std::move(inputs), tick); !updated) return updated;
     trace_.time("cover", [&] { still_.remove_shown(parts); });
   }
-  return moving_.update(std::move(moving), parts,
-                        {decimation, poses_, still_.shown().occluders.get(), on_cores_free});
+  const atlas::PictureSampler colors = atlas_.live_colors(captures, poses_.views);
+  return moving_.update(
+      std::move(moving), parts,
+      {decimation, poses_, still_.shown().occluders.get(), &colors, on_cores_free});
 }
 
 /// Calibration is measured on the layer that has most surface. Whether corrections changed.

@@ -4,6 +4,8 @@
 #include <optional>
 #include <vector>
 
+#include "mr/atlas/color_sampler.h"
+#include "mr/atlas/label_history.h"
 #include "mr/atlas/occluders.h"
 #include "mr/core/coding_plan.h"
 #include "mr/core/decoded_scene.h"
@@ -36,7 +38,8 @@ class MovingLayer {
   struct Tick {
     Decimation decimation;
     const CorrectedPoses& poses;
-    const atlas::Occluders* still;  ///< hides what moves; null: nothing does
+    const atlas::Occluders* still;      ///< hides what moves; null: nothing does
+    const atlas::ColorSampler* colors;  ///< of the live pictures; null: there are none
     const std::function<void()>& on_cores_free;
   };
   /// Merges `parts`, made of `scenes`: poses corrected, without what the still surface shows. After
@@ -63,6 +66,7 @@ class MovingLayer {
   Trace* trace_;
   SurfaceJoiner joiner_;
   std::optional<Merged> merged_;
+  atlas::LabelHistory history_;  ///< views of the last surface, so that people keep theirs
 };
 
 }  // namespace mr::node

@@ -156,6 +156,25 @@ void RootAtlas::update_plates(const Tick& tick, const Mesh& moving) {
   blocks_waiting_ += changed_blocks_;
 }
 
+atlas::PictureSampler RootAtlas::live_colors(const CaptureSet& captures,
+                                             const std::vector<View>& views) const {
+  const atlas::Pictures pictures = pictures_of(captures);
+  atlas::ColorCorrections corrections = colors_.live();
+  std::map<ViewId, atlas::PictureSampler::Picture> out;
+  for (const View& view : views)
+    if (const auto found = pictures.find(view.stream); found != pictures.end() && found->second)
+      out[view.id] = {found->second, std::move(corrections[view.id])};
+  return atlas::PictureSampler(std::move(out));
+}
+
+atlas::PictureSampler RootAtlas::plate_colors() const {
+  atlas::ColorCorrections corrections = colors_.plates();
+  std::map<ViewId, atlas::PictureSampler::Picture> out;
+  for (const auto& [view, plate] : plates_)
+    out[view] = {std::make_shared<const ImageRgb>(plate.picture()), std::move(corrections[view])};
+  return atlas::PictureSampler(std::move(out));
+}
+
 void RootAtlas::recall(Memory memory) {
   plates_ = std::move(memory.plates), colors_ = std::move(memory.colors);
   windows_ = std::move(memory.windows);

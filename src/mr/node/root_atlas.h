@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "mr/atlas/clean_plate.h"
+#include "mr/atlas/color_sampler.h"
 #include "mr/atlas/layout.h"
 #include "mr/codec/control.h"
 #include "mr/core/mesh.h"
@@ -76,6 +77,12 @@ class RootAtlas {
   std::map<ViewId, TileMask> valid() const;
   /// Number of valid blocks, over all views.
   std::size_t valid_blocks() const;
+
+  /// The pictures that view selection compares, after colour correction (as in the last
+  /// tick): the live ones, which are shared, and the plates, which are copied.
+  atlas::PictureSampler live_colors(const CaptureSet& captures,
+                                    const std::vector<View>& views) const;
+  atlas::PictureSampler plate_colors() const;
 
   /// Labels were chosen from the current plates: the next packet must contain them.
   void bring_plates() { plates_due_ = true; }

@@ -50,8 +50,15 @@ Status StillLayer::update(std::optional<StillMerger::Inputs> inputs, const Tick&
   if (!inputs && !merger_.is_due(tick.sequence, blocks, carved_m2_)) return {};
   carved_m2_ = 0;
   const auto packets = inputs ? std::optional(receipts_.taken()) : std::nullopt;
-  StillMerger::Task task{tick.sequence,      std::move(inputs), tick.decimation, tick.poses.views,
-                         tick.poses.sources, atlas_->valid(),   blocks,          carver_};
+  StillMerger::Task task{tick.sequence,
+                         std::move(inputs),
+                         tick.decimation,
+                         tick.poses.views,
+                         tick.poses.sources,
+                         atlas_->valid(),
+                         blocks,
+                         is_root_ ? atlas_->plate_colors() : atlas::PictureSampler({}),
+                         carver_};
   auto job = [this, packets, task = std::move(task)]() mutable {
     return Update{merger_.update(std::move(task)), packets};
   };

@@ -215,7 +215,7 @@ Mesh StillMerger::labelled(const Task& task, atlas::LastingLabels::Extent extent
   if (!std::exchange(labels_.are_any, true)) labels_.first = task.sequence;
   labels_.last = task.sequence, labels_.blocks = task.valid_blocks;
   atlas::LabelConfig config = label_config(*scene_, task.sources, joined_.errors.most_m());
-  config.valid = task.valid;
+  config.valid = task.valid, config.colors = &task.colors;
   Mesh out = labels_.lasting.update(task.empty.carved(joined_.mesh), task.views, std::move(config),
                                     extent);
   labels_.pieces = out.triangles.size();

@@ -7,6 +7,7 @@
 #include <optional>
 #include <vector>
 
+#include "mr/atlas/color_sampler.h"
 #include "mr/atlas/labels.h"
 #include "mr/atlas/lasting_labels.h"
 #include "mr/atlas/occluders.h"
@@ -61,6 +62,7 @@ class StillMerger {
     std::vector<SourceInfo> sources;
     std::map<ViewId, TileMask> valid;  ///< valid blocks of plates
     std::size_t valid_blocks = 0;      ///< their number
+    atlas::PictureSampler colors{{}};  ///< the plates
     merge::FreeSpaceCarver empty;      ///< removes surface in free space
   };
   /// The result of an update.
