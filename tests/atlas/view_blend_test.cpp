@@ -20,6 +20,7 @@ namespace {
 
 using atlas::ViewBlend;
 using Color = std::array<std::uint8_t, 3>;
+constexpr atlas::BlendConfig kMean{1, false};
 
 ImageRgb plain(Color color) {
   ImageRgb out(320, 240);
@@ -54,7 +55,7 @@ struct BlendRoom {
 TEST(ViewBlend, BothSidesOfABorderShowTheSameColour) {
   BlendRoom room;
   room.add(-0.3, plain({100, 60, 50})), room.add(0.4, plain({140, 80, 50}));
-  const ViewBlend blend(room.sources(), 1);
+  const ViewBlend blend(room.sources(), kMean);
   const ImageRgb a = blend.picture(0, nullptr, &room.depths[0]),
                  b = blend.picture(1, nullptr, &room.depths[1]);
   int compared = 0;
@@ -80,7 +81,7 @@ TEST(ViewBlend, BothSidesOfABorderShowTheSameColour) {
 TEST(ViewBlend, NearThePicturesBorderAViewCountsLess) {
   BlendRoom room;
   room.add(0, plain({100, 100, 100})), room.add(0.9, plain({200, 200, 200}));
-  const ViewBlend blend(room.sources(), 1);
+  const ViewBlend blend(room.sources(), kMean);
   const ImageRgb out = blend.picture(0, nullptr, &room.depths[0]);
   // The other picture begins at column 117 of this one; no step there.
   EXPECT_EQ(*out.at(100, 120), 100);
@@ -95,7 +96,7 @@ TEST(ViewBlend, WhatHidesAPlaceFromAViewIsNotPaintedThere) {
   room.add(0, plain({100, 100, 100})), room.add(0.5, plain({240, 0, 0}));
   // A board before the second camera alone.
   append(room.mesh, test::grid({0.42f, 0.3f, 0.4f}, {0.16f, 0, 0}, {0, -0.6f, 0}, 2, 2));
-  const ViewBlend blend(room.sources(), 1);
+  const ViewBlend blend(room.sources(), kMean);
   const ImageRgb out = blend.picture(0, nullptr, &room.depths[0]);
   const auto at = [&](float x) {
     const Vec2d p = *project(room.views[0].camera(), Vec3d{x, 0, 2});
@@ -112,11 +113,11 @@ TEST(ViewBlend, OnlyValidAndUsedPixelsAreTaken) {
   auto sources = room.sources();
   const TileMask none{16, 20, 15, std::vector<std::uint8_t>(300, 0)};
   sources[1].valid = &none;
-  EXPECT_EQ(ViewBlend(sources, 1).picture(0, nullptr, &room.depths[0]), room.pictures[0]);
+  EXPECT_EQ(ViewBlend(sources, kMean).picture(0, nullptr, &room.depths[0]), room.pictures[0]);
   sources[1].valid = nullptr;
   ImageMask used(320, 240);
   *used.at(150, 120) = 1;
-  const ImageRgb out = ViewBlend(sources, 1).picture(0, &used, &room.depths[0]);
+  const ImageRgb out = ViewBlend(sources, kMean).picture(0, &used, &room.depths[0]);
   EXPECT_GT(*out.at(150, 120), 120);
   EXPECT_EQ(*out.at(151, 120), 100);
 }
@@ -128,7 +129,7 @@ TEST(ViewBlend, PicturesAreCorrectedWithOrWithoutSurface) {
   const Vec3f gain{0.2f, 0, -0.3f}, exposure{0.1f, 0.1f, -0.2f};
   for (auto& s : sources)
     s.field.log_gain.assign(atlas::ColorField::kNodes, gain), s.log_exposure = exposure;
-  const ViewBlend blend(sources, 1);
+  const ViewBlend blend(sources, kMean);
   for (const ImageDepth* surface : {static_cast<const ImageDepth*>(nullptr),
                                     static_cast<const ImageDepth*>(room.depths.data())}) {
     const ImageRgb out = blend.picture(0, nullptr, surface);
@@ -140,6 +141,23 @@ TEST(ViewBlend, PicturesAreCorrectedWithOrWithoutSurface) {
   }
 }
 
+TEST(ViewBlend, DetailIsKeptWhileColoursMeet) {
+  ImageRgb striped = plain({100, 100, 100});
+  for (int y = 0; y < striped.height; ++y)
+    for (int x = 0; x < striped.width; ++x)
+      if (x / 2 % 2) std::fill_n(striped.at(x, y), 3, 130);
+  BlendRoom room;
+  room.add(0, striped),
+      room.add(0.1, plain({155, 155, 155}));  // 40 brighter than the mean of the first
+  const ViewBlend blend(room.sources(), {1, true});
+  const ImageRgb out = blend.picture(0, nullptr, &room.depths[0]);
+  const int dark = *out.at(160, 120), bright = *out.at(162, 120);
+  EXPECT_NEAR(bright - dark, 30, 1);
+  EXPECT_NEAR((bright + dark) / 2, 135, 3);  // half way
+  const ImageRgb mean = ViewBlend(room.sources(), kMean).picture(0, nullptr, &room.depths[0]);
+  EXPECT_NEAR(*mean.at(162, 120) - *mean.at(160, 120), 15, 2);
+}
+
 TEST(ViewBlend, TheSameOnAnyNumberOfThreads) {
   BlendRoom room;
   room.add(-0.2, plain({90, 100, 110})), room.add(0.1, plain({100, 130, 140}));
@@ -147,7 +165,7 @@ TEST(ViewBlend, TheSameOnAnyNumberOfThreads) {
   const auto on = [&](int threads) {
     std::optional<ImageRgb> out;
     Arena(threads).run([&] {
-      const ViewBlend blend(room.sources(), 1);
+      const ViewBlend blend(room.sources(), kMean);
       out = blend.picture(1, nullptr, &room.depths[1]);
     });
     return *out;
@@ -160,8 +178,8 @@ TEST(ViewBlend, PanoramasAreLeftApart) {
   room.add(0, plain({100, 100, 100})), room.add(0.1, plain({200, 200, 200}));
   const auto sources = room.sources();
   room.views[1].kind = View::Kind::equirectangular;
-  EXPECT_EQ(ViewBlend(sources, 1).picture(0, nullptr, &room.depths[0]), room.pictures[0]);
-  EXPECT_EQ(ViewBlend(sources, 1).picture(1, nullptr, nullptr), room.pictures[1]);
+  EXPECT_EQ(ViewBlend(sources, kMean).picture(0, nullptr, &room.depths[0]), room.pictures[0]);
+  EXPECT_EQ(ViewBlend(sources, kMean).picture(1, nullptr, nullptr), room.pictures[1]);
 }
 
 }  // namespace

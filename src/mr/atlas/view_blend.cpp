@@ -196,6 +196,99 @@ struct Mix {
 
 }  // namespace
 
+namespace {
+
+/// By how much the pixels of a tile change.
+struct Changes {
+  Image<float, 3> by;
+  ImageMask any;  ///< pixels that change at all
+
+  Changes(int width, int height) : by(width, height), any(width, height) {}
+};
+
+/// Means of changes over blocks, smooth: of each block and those around it.
+class SmoothChanges {
+ public:
+  explicit SmoothChanges(const Changes& changes)
+      : columns_((changes.any.width + kBlock_px - 1) / kBlock_px),
+        rows_((changes.any.height + kBlock_px - 1) / kBlock_px),
+        sums_(static_cast<std::size_t>(columns_) * rows_) {
+    parallel_for(static_cast<std::size_t>(rows_), 4, [&](std::size_t begin, std::size_t end) {
+      for (std::size_t row = begin; row < end; ++row) sum(changes, static_cast<int>(row));
+    });
+    const std::vector<Sum> blocks = sums_;
+    for (int row = 0; row < rows_; ++row)
+      for (int column = 0; column < columns_; ++column) {
+        Sum& all = sums_[static_cast<std::size_t>(row) * columns_ + column];
+        all = {};
+        for (int y = std::max(row - 1, 0); y <= std::min(row + 1, rows_ - 1); ++y)
+          for (int x = std::max(column - 1, 0); x <= std::min(column + 1, columns_ - 1); ++x) {
+            const Sum& block = blocks[static_cast<std::size_t>(y) * columns_ + x];
+            all.change += block.change, all.count += block.count;
+          }
+      }
+  }
+
+  /// Bilinear between the middles of blocks.
+  Vec3f at(int x, int y) const {
+    const auto along = [](int p, int count) {
+      return std::clamp((static_cast<float>(p) + 0.5f) / kBlock_px - 0.5f, 0.0f,
+                        static_cast<float>(count - 1));
+    };
+    const float u = along(x, columns_), v = along(y, rows_);
+    const int x0 = static_cast<int>(u), y0 = static_cast<int>(v);
+    const float fx = u - static_cast<float>(x0), fy = v - static_cast<float>(y0);
+    Vec3f change;
+    float weights = 0;
+    const auto add = [&](int column, int row, float weight) {
+      const Sum& s = sums_[static_cast<std::size_t>(std::min(row, rows_ - 1)) * columns_ +
+                           std::min(column, columns_ - 1)];
+      if (s.count == 0) return;
+      change += s.change * (weight / s.count), weights += weight;
+    };
+    add(x0, y0, (1 - fx) * (1 - fy)), add(x0 + 1, y0, fx * (1 - fy));
+    add(x0, y0 + 1, (1 - fx) * fy), add(x0 + 1, y0 + 1, fx * fy);
+    return weights > 0 ? change / weights : change;
+  }
+
+ private:
+  static constexpr int kBlock_px = 8;
+  struct Sum {
+    Vec3f change;
+    float count = 0;
+  };
+
+  void sum(const Changes& changes, int row) {
+    const int end = std::min((row + 1) * kBlock_px, changes.any.height);
+    for (int y = row * kBlock_px; y < end; ++y)
+      for (int x = 0; x < changes.any.width; ++x) {
+        if (!*changes.any.at(x, y)) continue;
+        Sum& s = sums_[static_cast<std::size_t>(row) * columns_ + x / kBlock_px];
+        const float* const by = changes.by.at(x, y);
+        s.change += Vec3f{by[0], by[1], by[2]}, s.count += 1;
+      }
+  }
+
+  int columns_, rows_;
+  std::vector<Sum> sums_;  ///< [rows, columns] of blocks
+};
+
+/// Leaves only the smooth part.
+void smooth(Changes& changes) {
+  const SmoothChanges smoothed(changes);
+  parallel_for(static_cast<std::size_t>(changes.any.height), 16,
+               [&](std::size_t begin, std::size_t end) {
+                 for (int y = static_cast<int>(begin); y < static_cast<int>(end); ++y)
+                   for (int x = 0; x < changes.any.width; ++x) {
+                     if (!*changes.any.at(x, y)) continue;
+                     const Vec3f by = smoothed.at(x, y);
+                     for (int c = 0; c < 3; ++c) changes.by.at(x, y)[c] = by[c];
+                   }
+               });
+}
+
+}  // namespace
+
 /// Blends the picture of one view.
 class ViewBlend::Painter {
  public:
@@ -218,8 +311,8 @@ class ViewBlend::Painter {
     if (!own_.shader.is_plain()) own_.shader.apply(0, y, at.width, out_.at(at.x, at.y + y));
   }
 
-  /// Blends a corrected row with what others show.
-  void blend(int y, const ImageMask* used, const ImageDepth& surface) {
+  /// Finds how a corrected row would change to what all views show.
+  void compare(int y, const ImageMask* used, const ImageDepth& surface, Changes& changes) const {
     const Rect& at = view_.atlas_rect;
     const float camera_y = own_.camera_row(y);
     const int row = std::clamp(static_cast<int>(camera_y + 0.5f), 0, view_.height - 1);
@@ -232,10 +325,22 @@ class ViewBlend::Painter {
       if (!(z > 0) || (used && !*used->at(column, row))) continue;
       if (const int block = column / kBlendBlock_px; block != normal_of)
         normal = normal_at(view_, surface, column, row, z), normal_of = block;
-      std::uint8_t* const rgb = out_.at(at.x + x, at.y + y);
+      const std::uint8_t* const rgb = out_.at(at.x + x, at.y + y);
       const Vec3f color =
           mean({camera_x, camera_y}, z, normal, {rgb[0] + 0.0f, rgb[1] + 0.0f, rgb[2] + 0.0f});
-      for (int c = 0; c < 3; ++c) rgb[c] = static_cast<std::uint8_t>(color[c] + 0.5f);
+      *changes.any.at(x, y) = 1;
+      for (int c = 0; c < 3; ++c) changes.by.at(x, y)[c] = color[c] - static_cast<float>(rgb[c]);
+    }
+  }
+
+  void change(int y, const Changes& changes) {
+    const Rect& at = view_.atlas_rect;
+    for (int x = 0; x < at.width; ++x) {
+      if (!*changes.any.at(x, y)) continue;
+      std::uint8_t* const rgb = out_.at(at.x + x, at.y + y);
+      for (int c = 0; c < 3; ++c)
+        rgb[c] = static_cast<std::uint8_t>(
+            std::clamp(static_cast<float>(rgb[c]) + changes.by.at(x, y)[c] + 0.5f, 0.0f, 255.0f));
     }
   }
 
@@ -274,8 +379,7 @@ class ViewBlend::Painter {
   std::vector<Other> others_;
 };
 
-ViewBlend::ViewBlend(std::vector<Source> sources, double sharpness)
-    : sharpness_(static_cast<float>(sharpness)) {
+ViewBlend::ViewBlend(std::vector<Source> sources, const BlendConfig& config) : config_(config) {
   eyes_.resize(sources.size());
   parallel_for(sources.size(), 1, [&](std::size_t begin, std::size_t end) {
     for (std::size_t i = begin; i < end; ++i) eyes_[i] = std::make_unique<const Eye>(sources[i]);
@@ -286,16 +390,20 @@ ViewBlend::ViewBlend(ViewBlend&&) noexcept = default;
 
 ImageRgb ViewBlend::picture(std::size_t source, const ImageMask* used,
                             const ImageDepth* surface) const {
-  const Eye& own = *eyes_[source];
-  ImageRgb out = *own.source.picture;
-  Painter painter(eyes_, source, sharpness_, out);
-  const auto rows = static_cast<std::size_t>(own.view.atlas_rect.height);
-  parallel_for(rows, 8, [&](std::size_t begin, std::size_t end) {
-    for (int y = static_cast<int>(begin); y < static_cast<int>(end); ++y) {
-      painter.correct(y);
-      if (surface && painter.blends()) painter.blend(y, used, *surface);
-    }
-  });
+  const Rect& at = eyes_[source]->view.atlas_rect;
+  ImageRgb out = *eyes_[source]->source.picture;
+  Painter painter(eyes_, source, static_cast<float>(config_.sharpness), out);
+  const auto rows = [&](const auto& row) {
+    parallel_for(static_cast<std::size_t>(at.height), 8, [&](std::size_t begin, std::size_t end) {
+      for (int y = static_cast<int>(begin); y < static_cast<int>(end); ++y) row(y);
+    });
+  };
+  rows([&](int y) { painter.correct(y); });
+  if (!surface || !painter.blends()) return out;
+  Changes changes(at.width, at.height);
+  rows([&](int y) { painter.compare(y, used, *surface, changes); });
+  if (config_.keep_detail) smooth(changes);
+  rows([&](int y) { painter.change(y, changes); });
   return out;
 }
 

@@ -14,13 +14,26 @@
 
 namespace mr::atlas {
 
+/// How views are blended.
+struct BlendConfig {
+  /// Power of the resolution on the surface (pixels per m²) by which views are weighed: the higher,
+  /// the more the nearest view alone counts. Over 0.
+  double sharpness = 4;
+  /// Only the smooth part of what the mean would change is changed, so that each picture keeps its
+  /// own detail: for pictures that lie on each other. Else detail is averaged, too.
+  bool keep_detail = true;
+
+  friend bool operator==(const BlendConfig&, const BlendConfig&) = default;
+};
+
 /// Corrects the pictures of views and blends them on the surface that they show, so that borders
 /// between views cannot be seen: each pixel that shows a surface becomes the mean of all views that
-/// see the same point. Done in the root's pictures, so neither bytes on the wire nor work at the
-/// viewer: on both sides of a border between two views the pictures show the same colour. Weights:
-/// resolution on the surface (angle and distance), falling to 0 within centimetres of what hides a
-/// view, of its picture's border, and of pixels that are not valid. Of pinhole views; others are
-/// corrected only. Deterministic on any number of threads.
+/// see the same point; with detail kept, in two bands as in Burt and Adelson 1983. Done in the
+/// root's pictures, so neither bytes on the wire nor work at the viewer: on both sides of a border
+/// between two views the pictures show the same colour. Weights: resolution on the surface (angle
+/// and distance), falling to 0 within centimetres of what hides a view, of its picture's border,
+/// and of pixels that are not valid. Of pinhole views; others are corrected only. Deterministic on
+/// any number of threads.
 class ViewBlend {
  public:
   /// A view with its picture. What is referred to must outlive the blend.
@@ -35,9 +48,7 @@ class ViewBlend {
     const ImageDepth* nearest = nullptr;
   };
 
-  /// `sharpness`: power of the resolution on the surface (pixels per m²) by which views are
-  /// weighed: the higher, the more the nearest view alone counts. Over 0.
-  ViewBlend(std::vector<Source> sources, double sharpness);
+  ViewBlend(std::vector<Source> sources, const BlendConfig& config);
   ~ViewBlend();
   ViewBlend(ViewBlend&&) noexcept;
 
@@ -50,7 +61,7 @@ class ViewBlend {
   struct Eye;     // a source, prepared
   class Painter;  // of one picture
   std::vector<std::unique_ptr<const Eye>> eyes_;
-  float sharpness_;
+  BlendConfig config_;
 };
 
 }  // namespace mr::atlas

@@ -279,7 +279,7 @@ atlas::Pictures RootAtlas::shown_live(const Tick& tick, const atlas::Pictures& p
     if (const auto d = depths_.find(view.id); d != depths_.end())
       source.nearest = &d->second.nearest;
   }
-  const atlas::ViewBlend blend(sources, colors_.sharpness());
+  const atlas::ViewBlend blend(sources, colors_.blending());
   atlas::Pictures out;
   for (std::size_t i = 0; i < sources.size(); ++i) {
     const ViewId id = sources[i].view->id;
@@ -307,7 +307,7 @@ void RootAtlas::show_plates(const Tick& tick, const Mesh& still, float error_m) 
       source.field = c->second.field;
     if (const auto d = depths_.find(view.id); d != depths_.end()) source.nearest = &d->second.still;
   }
-  const atlas::ViewBlend blend(sources, colors_.sharpness());
+  const atlas::ViewBlend blend(sources, colors_.blending());
   shown_plates_.clear();
   for (std::size_t i = 0; i < sources.size(); ++i)
     shown_plates_[sources[i].view->stream] = std::make_shared<const ImageRgb>(

@@ -9,6 +9,7 @@
 #include "mr/atlas/clean_plate.h"
 #include "mr/atlas/color_balance.h"
 #include "mr/atlas/color_field.h"
+#include "mr/atlas/view_blend.h"
 #include "mr/core/mesh.h"
 #include "mr/core/view.h"
 #include "mr/scene/scene.h"
@@ -52,17 +53,16 @@ class RootColors {
   /// The factor on the sRGB values of all plates that gives the newest captures' exposure as far as
   /// it is common to all cameras: a change of the light in the room, not of one camera.
   Vec3f exposure() const { return exposure_; }
-  /// How much the view with the best resolution counts when views are blended
-  /// (atlas::ViewBlend): much where pictures lie on each other, so that detail stays; little where
-  /// they do not, so that wrong detail is averaged.
-  double sharpness() const { return sharpness_; }
+  /// How views are blended: where pictures lie on each other, each keeps its detail and the best
+  /// counts most; where they do not, wrong detail is averaged.
+  atlas::BlendConfig blending() const { return {sharpness_, sharpness_ >= kKeepsDetail}; }
   /// How far pictures lie beside each other on the surface.
   double misplaced_px() const { return balance_.misplaced_px(); }
   /// The cameras that see what others see, by view.
   std::vector<CameraColor> findings(const Scene& scene) const;
 
  private:
-  static constexpr double kSharpest = 4;
+  static constexpr double kSharpest = 4, kKeepsDetail = 2;
 
   bool is_due(const Tick& tick) const;
   void estimate(const Tick& tick);
