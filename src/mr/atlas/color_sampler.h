@@ -3,7 +3,7 @@
 #include <map>
 #include <memory>
 #include <optional>
-#include <span>
+#include <utility>
 
 #include "mr/core/image.h"
 #include "mr/core/view.h"
