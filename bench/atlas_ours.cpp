@@ -1,7 +1,11 @@
+#include <algorithm>
+#include <map>
+#include <memory>
 #include <optional>
 
 #include "atlas_contenders.h"
 #include "bytes.h"
+#include "mr/atlas/color_sampler.h"
 #include "mr/atlas/occluders.h"
 #include "mr/core/parallel.h"
 #include "surfaces.h"
@@ -11,7 +15,8 @@ namespace {
 
 class AtlasOurs final : public Work {
  public:
-  AtlasOurs(const AtlasCase& input, int threads) : input_(input), arena_(threads) {
+  AtlasOurs(const AtlasCase& input, int threads)
+      : input_(input), arena_(threads), colors_(pictures_of(input)) {
     if (!input.still.empty())
       arena_.run([&] { still_.emplace(input_.still, std::span(input_.views)); });
   }
@@ -21,7 +26,8 @@ class AtlasOurs final : public Work {
     const atlas::LabelConfig config{.geometry_error_m = input_.error_m,
                                     .precision = {0.001, 0.0025},
                                     .min_edge_m = 2 * input_.voxel_m,
-                                    .occluders = still_ ? &*still_ : nullptr};
+                                    .occluders = still_ ? &*still_ : nullptr,
+                                    .colors = &colors_};
     arena_.run([&] { labelled_ = atlas::label_triangles(input_.surface, input_.views, config); });
   }
   Message result() override {
@@ -35,8 +41,16 @@ class AtlasOurs final : public Work {
   }
 
  private:
+  static std::map<ViewId, atlas::PictureSampler::Picture> pictures_of(const AtlasCase& input) {
+    std::map<ViewId, atlas::PictureSampler::Picture> out;
+    for (std::size_t v = 0; v < input.views.size(); ++v)
+      out[input.views[v].id] = {std::make_shared<const ImageRgb>(input.pictures[v]), {1, 1, 1}};
+    return out;
+  }
+
   const AtlasCase& input_;
   Arena arena_;
+  atlas::PictureSampler colors_;
   std::optional<atlas::Occluders> still_;
   Mesh labelled_;
 };

@@ -3,7 +3,7 @@
 #include <map>
 #include <memory>
 #include <optional>
-#include <span>
+#include <utility>
 
 #include "mr/atlas/color_field.h"
 #include "mr/core/image.h"

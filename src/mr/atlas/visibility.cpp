@@ -185,9 +185,9 @@ ImageDepth depth_of(const Mesh& mesh, std::span<const std::uint32_t> triangles,
   return nearer(std::move(part.depth), place.others, part.x, part.y);
 }
 
-/// Half of what a silhouette is off for comes from the pixels of the depth map.
+/// Two pixels of the view's picture.
 double least_margin_px(const Camera& camera, const Camera& depth_camera) {
-  return 1 + depth_camera.fx / camera.fx;
+  return 2 * depth_camera.fx / camera.fx;
 }
 
 }  // namespace
@@ -240,25 +240,38 @@ void Face::count(const kit::ScreenPoint& point, Count& count) const {
   if (!(point.u >= left && point.v >= top && point.u < left + part_.width - 2 * ring_ &&
         point.v < top + part_.height - 2 * ring_))
     return;
-  const int x = static_cast<int>(point.u + 0.5), y = static_cast<int>(point.v + 0.5);
-  add({y, x, x, static_cast<float>(point.inv_z), 0}, count);
+  const int x = static_cast<int>(point.u + 0.5) - part_.x,
+            y = static_cast<int>(point.v + 0.5) - part_.y;
+  // The farthest of the four pixels around the point: beside a silhouette, half a pixel is no
+  // occluder.
+  const int x0 = std::max(static_cast<int>(point.u) - part_.x, 0),
+            y0 = std::max(static_cast<int>(point.v) - part_.y, 0);
+  const int x1 = std::min(x0 + 1, part_.width - 1), y1 = std::min(y0 + 1, part_.height - 1);
+  const float *const upper = depth_.row(y0), *const lower = depth_.row(y1);
+  const float nearest = std::max({upper[x0], upper[x1], lower[x0], lower[x1]});
+  add(nearest, *around_.at(x, y), 1 / static_cast<float>(point.inv_z), count);
+  ++count.pixels;
+}
+
+/// Adds a pixel: the nearest depth there and around it, and the depth of the surface.
+void Face::add(float nearest, float around, float z, Count& count) const {
+  // Tolerance: roughness within the geometry error, noise, and slopes of up to 72 degrees do not
+  // occlude.
+  const float in_front = z - (error_m_ + noise_per_m2_ * (z * z) + 3 * pixel_ * z);
+  const float occluder =
+      in_front - kFrontOfMargin_m - 3 * pixel_ * z * static_cast<float>(margin_ - 1);
+  const int in_sight = nearest >= in_front;
+  count.direct += in_sight;
+  count.near += nearest >= in_front - kFrontOfMargin_m;
+  count.clear += in_sight & (around >= occluder);
 }
 
 void Face::add(const kit::ScreenSpan& s, Count& count) const {
   const float* const nearest = depth_.row(s.y - part_.y);
   const float* const around = around_.row(s.y - part_.y);
-  for (int x = s.first; x <= s.last; ++x) {
-    const float z = 1 / (s.inv_z + static_cast<float>(x - s.first) * s.inv_z_step);
-    // Tolerance: roughness within the geometry error, noise, and slopes of up to 72 degrees do not
-    // occlude.
-    const float in_front = z - (error_m_ + noise_per_m2_ * (z * z) + 3 * pixel_ * z);
-    const float occluder =
-        in_front - kFrontOfMargin_m - 3 * pixel_ * z * static_cast<float>(margin_ - 1);
-    const int in_sight = nearest[x - part_.x] >= in_front;
-    count.direct += in_sight;
-    count.near += nearest[x - part_.x] >= in_front - kFrontOfMargin_m;
-    count.clear += in_sight & (around[x - part_.x] >= occluder);
-  }
+  for (int x = s.first; x <= s.last; ++x)
+    add(nearest[x - part_.x], around[x - part_.x],
+        1 / (s.inv_z + static_cast<float>(x - s.first) * s.inv_z_step), count);
   count.pixels += std::max(0, s.last - s.first + 1);
 }
 

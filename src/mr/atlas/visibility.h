@@ -79,6 +79,7 @@ class Face {
   const Camera& camera() const { return camera_; }
 
  private:
+  void add(float nearest, float around, float z, Count& count) const;
   void add(const kit::ScreenSpan& s, Count& count) const;
   void add_samples(const kit::ScreenPolygon& p, Count& count) const;
 
