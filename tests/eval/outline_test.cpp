@@ -114,6 +114,13 @@ TEST(Outline, OfTheTruthIsNoDistanceAndOfAnEmptyRoomTheMost) {
   EXPECT_GT(open.all_px, 3 * open.seen_px.value());
   EXPECT_LT(open.seen_px.value(), 1.5);
   EXPECT_GT(outline(room).value().seen_px.value(), 19) << "they can be seen, and are not there";
+  // Edges of a room that is drawn up to 3 cm inwards are no people.
+  Mesh reaching = all;
+  for (std::size_t v = 0; v < room.positions.size(); ++v)
+    reaching.positions[v] = reaching.positions[v] * 0.99f;  // up to 3 cm inwards
+  const OutlineError wide = outline(reaching).value();
+  EXPECT_GT(wide.all_px, 2 * wide.seen_px.value());
+  EXPECT_LT(wide.seen_px.value(), 1);
   // Everybody 1 cm fatter: at 2 m that is three pixels.
   Mesh fatter = all;
   const std::size_t first = room.positions.size();

@@ -12,6 +12,7 @@
 #include "mr/eval/viewpoints.h"
 #include "mr/kit/image_io.h"
 #include "mr/kit/raster.h"
+#include "mr/kit/raycast.h"
 #include "mr/synth/truth.h"
 
 namespace mr::eval {
@@ -77,8 +78,31 @@ struct PeopleView {
   render::Viewpoint view;
   ImageDepth room;   ///< without them
   ImageMask people;  ///< [H, W]
+  ImageMask clear;   ///< people that are clear_of() the room
   ImageMask unseen;  ///< people that no sensor sees
 };
+
+/// The truth of a capture: its room, and its people from each viewpoint that shows some.
+struct TruePeople {
+  kit::RayScene room;
+  std::vector<PeopleView> views;
+};
+
+/// The marked pixels whose points are at least kOutlineStep_m from the room, whichever way.
+ImageMask clear_of(const kit::RayScene& room, const ImageMask& mask, const ImageDepth& depth,
+                   const render::Viewpoint& view) {
+  ImageMask out = mask;
+  parallel_for(mask.height, 16, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t r = begin; r < end; ++r)
+      for (int x = 0, y = static_cast<int>(r); x < mask.width; ++x) {
+        if (!*mask.at(x, y)) continue;
+        const Vec3d ray = unproject(view.camera, {double(x), double(y)});
+        const Vec3d p = view.T_world_camera * (ray * double{*depth.at(x, y)});
+        *out.at(x, y) = !room.nearest(vec_cast<float>(p), static_cast<float>(kOutlineStep_m));
+      }
+  });
+  return out;
+}
 
 /// Finds which people's pixels no sensor sees: all views at once, on one surface.
 class UnseenPeople {
@@ -111,24 +135,25 @@ class UnseenPeople {
   std::vector<SurfaceSample> samples_;
 };
 
-std::vector<PeopleView> people_views(const Scene& scene, const RigConfig& rig, int capture,
-                                     const std::vector<render::Viewpoint>& views) {
+TruePeople true_people(const Scene& scene, const RigConfig& rig, int capture,
+                       const std::vector<render::Viewpoint>& views) {
   synth::Truth truth(rig, scene.fps);
   const Mesh room = truth.room();
   const Mesh all = truth.surface(static_cast<std::uint64_t>(truth_frame(scene, capture))).mesh;
   UnseenPeople unseen(all);
-  std::vector<PeopleView> out;
+  TruePeople out{kit::RayScene(std::vector<const Mesh*>{&room}), {}};
   for (const render::Viewpoint& from : views) {
-    PeopleView view{from, {}, {}, {}};
+    PeopleView view{from, {}, {}, {}, {}};
     view.view.camera = picture_camera(kOutlineWidth, kOutlineHeight, kOutlineFov_deg);
     view.room = kit::rasterize_depth(room, view.view.camera, from.T_world_camera);
     const kit::Raster drawn = kit::rasterize(all, view.view.camera, from.T_world_camera);
     view.people = people_mask(drawn.depth, view.room);
     if (std::ranges::count(view.people.data, 1) == 0) continue;
+    view.clear = clear_of(out.room, view.people, drawn.depth, view.view);
     unseen.add(view, drawn);
-    out.push_back(std::move(view));
+    out.views.push_back(std::move(view));
   }
-  unseen.mark(out, scene);
+  unseen.mark(out.views, scene);
   return out;
 }
 
@@ -189,16 +214,20 @@ Result<std::optional<OutlineError>> outline_error(const Scene& scene, const Deco
   auto renderer = render::Renderer::create();
   if (!renderer) return renderer.error();
   OutlineDistance all, seen;
-  for (const PeopleView& from : people_views(scene, *rig, capture, views)) {
+  const TruePeople truth = true_people(scene, *rig, capture, views);
+  for (const PeopleView& from : truth.views) {
     auto drawn = draw_scene(*renderer, shown, from.view);
     if (!drawn) return drawn.error();
     const auto depth = renderer->depth();
     if (!depth) return depth.error();
     const ImageMask region = grown(from.people, kOutlineReach_px);
     const ImageMask wanted = outline_of(from.people, region);
-    const ImageMask found = outline_of(people_mask(*depth, from.room), region);
+    const ImageMask people = people_mask(*depth, from.room);
+    const ImageMask found = outline_of(people, region);
     all.add(outline_distance(wanted, found));
-    seen.add(outline_distance(wanted, found, grown(from.unseen, kUnseenReach_px)));
+    seen.add(outline_distance(outline_of(from.clear, region),
+                              outline_of(clear_of(truth.room, people, *depth, from.view), region),
+                              grown(from.unseen, kUnseenReach_px)));
     if (pictures.empty()) continue;
     const ImageRgb marked = with_outlines(std::move(drawn->color), wanted, found);
     if (const Status ok = kit::write_png(pictures / (from.view.name + ".png"), marked); !ok)

@@ -47,8 +47,9 @@ OutlineDistance outline_distance(const ImageMask& a, const ImageMask& b,
 /// Mean distances between the outlines of people.
 struct OutlineError {
   double all_px = 0;
-  /// The same without outlines within kUnseenReach_px of people that no sensor sees: nobody can
-  /// draw these. Nothing: none is left.
+  /// The same without outlines within kUnseenReach_px of people that no sensor sees (nobody can
+  /// draw these), and without what lies within kOutlineStep_m of the room in space: things that are
+  /// drawn too wide, such as books in a shelf. Nothing: none is left.
   std::optional<double> seen_px;
 };
 inline constexpr int kUnseenReach_px = 5;
