@@ -44,7 +44,7 @@ class AtlasOurs final : public Work {
   static std::map<ViewId, atlas::PictureSampler::Picture> pictures_of(const AtlasCase& input) {
     std::map<ViewId, atlas::PictureSampler::Picture> out;
     for (std::size_t v = 0; v < input.views.size(); ++v)
-      out[input.views[v].id] = {std::make_shared<const ImageRgb>(input.pictures[v]), {1, 1, 1}};
+      out[input.views[v].id] = {std::make_shared<const ImageRgb>(input.pictures[v]), {}};
     return out;
   }
 
