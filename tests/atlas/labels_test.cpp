@@ -217,8 +217,7 @@ TEST(Labels, NoRegionIsUnder50SquareCentimetres) {
   const Mesh frontal = atlas::label_triangles(
       rough_wall(5), kSideBySide,
       {.views = atlas::AtlasConfig::Views::best_angle, .geometry_error_m = 0.02});
-  EXPECT_GT(std::ranges::count_if(region_areas_m2(frontal), [](double a) { return a < 0.005; }),
-            0);
+  EXPECT_GT(std::ranges::count_if(region_areas_m2(frontal), [](double a) { return a < 0.005; }), 0);
 }
 
 TEST(Labels, AMovingSurfaceKeepsItsViews) {

@@ -33,9 +33,9 @@ class LastingLabels {
   /// next update.
   enum class Extent { everything, changes, new_surface };
 
-  /// Returns the surface with runs. `surface` is welded. `config.occluders` and `config.history` are
-  /// not used; `config.valid` is of tiles of 16 pixels. Deterministic, and the same on any number of
-  /// threads.
+  /// Returns the surface with runs. `surface` is welded. `config.occluders` and `config.history`
+  /// are not used; `config.valid` is of tiles of 16 pixels. Deterministic, and the same on any
+  /// number of threads.
   Mesh update(const Mesh& surface, std::span<const View> views, LabelConfig config, Extent extent);
 
   /// Depth maps of the last surface from its views (Extent::new_surface: of the one before).
