@@ -5,7 +5,7 @@
 #include <cmath>
 #include <cstdint>
 #include <limits>
-#include <ranges>
+#include <span>
 
 #include "mr/atlas/morphology.h"
 #include "mr/atlas/occluders.h"
@@ -528,7 +528,7 @@ bool ViewVisibility::is_inside(const kit::ScreenPolygon& outline) const {
   constexpr double kBeyondNearPlane = 0.9999;
   const double scale = depth_divisor(camera_);
   bool inside = outline.count == 3;
-  for (const kit::ScreenPoint& p : outline.points | std::views::take(3))
+  for (const kit::ScreenPoint& p : std::span(outline.points).first(3))
     inside &= p.inv_z * kit::kNearPlane_m < kBeyondNearPlane &&
               inside_tile({(p.u + 0.5) * scale - 0.5, (p.v + 0.5) * scale - 0.5});
   return inside;

@@ -9,8 +9,7 @@ namespace mr::node {
 
 StillLayer::StillLayer(const Scene& scene, const MergerConfig& merger, bool is_root, Clock clock,
                        StillWork work, Trace& trace, ChunkPublisher& publisher, RootAtlas& atlas)
-    : scene_(&scene),
-      is_root_(is_root),
+    : is_root_(is_root),
       work_(work),
       publisher_(&publisher),
       atlas_(&atlas),

@@ -67,7 +67,6 @@ class StillLayer {
   Status publish(Update update, std::uint64_t sequence);
   bool is_mostly_learnt(std::size_t moving_triangles) const;
 
-  const Scene* scene_;
   bool is_root_;
   StillWork work_;
   ChunkPublisher* publisher_;
