@@ -16,7 +16,7 @@ namespace {
 class AtlasOurs final : public Work {
  public:
   AtlasOurs(const AtlasCase& input, int threads)
-      : input_(input), arena_(threads), colors_(pictures_of(input)) {
+      : input_(input), arena_(threads), colors_(pictures_of(input), {}) {
     if (!input.still.empty())
       arena_.run([&] { still_.emplace(input_.still, std::span(input_.views)); });
   }
@@ -41,10 +41,10 @@ class AtlasOurs final : public Work {
   }
 
  private:
-  static std::map<ViewId, atlas::PictureSampler::Picture> pictures_of(const AtlasCase& input) {
-    std::map<ViewId, atlas::PictureSampler::Picture> out;
+  static atlas::Pictures pictures_of(const AtlasCase& input) {
+    atlas::Pictures out;
     for (std::size_t v = 0; v < input.views.size(); ++v)
-      out[input.views[v].id] = {std::make_shared<const ImageRgb>(input.pictures[v]), {}};
+      out[input.views[v].stream] = std::make_shared<const ImageRgb>(input.pictures[v]);
     return out;
   }
 

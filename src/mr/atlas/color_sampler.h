@@ -1,12 +1,10 @@
 #pragma once
 
-#include <map>
-#include <memory>
 #include <optional>
 #include <utility>
 
 #include "mr/atlas/color_field.h"
-#include "mr/core/image.h"
+#include "mr/atlas/view_observations.h"
 #include "mr/core/view.h"
 
 namespace mr::atlas {
@@ -23,16 +21,14 @@ class ColorSampler {
 /// The pictures of views, corrected.
 class PictureSampler final : public ColorSampler {
  public:
-  struct Picture {
-    std::shared_ptr<const ImageRgb> image;  ///< the whole camera picture; not null
-    ColorCorrection correction{};
-  };
-
-  explicit PictureSampler(std::map<ViewId, Picture> pictures) : pictures_(std::move(pictures)) {}
+  PictureSampler() = default;
+  PictureSampler(Pictures pictures, ColorCorrections corrections)
+      : pictures_(std::move(pictures)), corrections_(std::move(corrections)) {}
   std::optional<Vec3f> at(const View& view, Vec3f p_world) const override;
 
  private:
-  std::map<ViewId, Picture> pictures_;
+  Pictures pictures_;
+  ColorCorrections corrections_;
 };
 
 }  // namespace mr::atlas

@@ -1,12 +1,12 @@
 #include "mr/atlas/seam_color.h"
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <cstdint>
 #include <map>
 #include <vector>
 
+#include "mr/atlas/color_sampler.h"
 #include "mr/kit/topology.h"
 
 namespace mr::atlas {
@@ -14,24 +14,17 @@ namespace {
 
 constexpr double kStep_m = 0.01;
 
-/// A view as it is shown.
+/// A view and its picture.
 struct Shown {
+  const View* view;
   PicturedView picture;
-  const ColorField* field;  ///< null: none
-
-  std::array<std::uint8_t, 3> color(Vec2d pixel) const {
-    std::array<std::uint8_t, 3> out = picture.color(pixel);
-    if (!field) return out;
-    const Vec3f log_gain = field->at(picture.place(pixel));
-    for (int c = 0; c < 3; ++c) out[c] = ToneCurves::of(log_gain[c])[out[c]];
-    return out;
-  }
 };
 
 /// Accumulates the colour differences of two views along edges.
 class EdgeSteps {
  public:
-  explicit EdgeSteps(int most_contrast) : most_contrast_(most_contrast) {}
+  EdgeSteps(const ColorSampler& colors, int most_contrast)
+      : colors_(colors), most_contrast_(most_contrast) {}
 
   void add(const Shown& a, const Shown& b, Vec3f from, Vec3f to) {
     const double edge_m = length(to - from);
@@ -43,15 +36,16 @@ class EdgeSteps {
       if (!pixel_a || !pixel_b) continue;
       if (std::max(a.picture.contrast(*pixel_a), b.picture.contrast(*pixel_b)) > most_contrast_)
         continue;
-      const auto color_a = a.color(*pixel_a), color_b = b.color(*pixel_b);
-      int most = 0;
-      for (int c = 0; c < 3; ++c) most = std::max(most, std::abs(color_a[c] - color_b[c]));
+      const auto color_a = colors_.at(*a.view, p), color_b = colors_.at(*b.view, p);
+      float most = 0;
+      for (int c = 0; c < 3; ++c) most = std::max(most, std::abs((*color_a)[c] - (*color_b)[c]));
       sum_ += most * edge_m / count, length_m_ += edge_m / count;
     }
   }
   double mean() const { return length_m_ > 0 ? sum_ / length_m_ : 0; }
 
  private:
+  const ColorSampler& colors_;
   int most_contrast_;
   double sum_ = 0, length_m_ = 0;
 };
@@ -61,16 +55,13 @@ class EdgeSteps {
 double seam_color_step(const Mesh& mesh, std::span<const View> views, const Pictures& pictures,
                        const ColorCorrections& corrections, int most_contrast) {
   std::map<ViewId, Shown> shown;
-  for (const View& view : views) {
-    const auto correction = corrections.find(view.id);
+  for (const View& view : views)
     if (const auto found = PicturedView::find(view, pictures))
-      shown.try_emplace(
-          view.id,
-          Shown{*found, correction == corrections.end() ? nullptr : &correction->second.field});
-  }
+      shown.try_emplace(view.id, Shown{&view, *found});
   const std::vector<ViewId> ids = triangle_views(mesh);
   const std::vector<std::uint32_t> twin = kit::edge_table(mesh).twin;
-  EdgeSteps steps(most_contrast);
+  const PictureSampler colors(pictures, corrections);
+  EdgeSteps steps(colors, most_contrast);
   for (std::uint32_t h = 0; h < twin.size(); ++h) {
     if (twin[h] == kit::kNoTwin || twin[h] < h || ids[h / 3] == ids[twin[h] / 3]) continue;
     const auto a = shown.find(ids[h / 3]), b = shown.find(ids[twin[h] / 3]);

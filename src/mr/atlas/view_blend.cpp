@@ -198,12 +198,13 @@ struct Mix {
 
 namespace {
 
-/// By how much the pixels of a tile change.
+/// By how much the pixels of a part of a tile change.
 struct Changes {
-  Image<float, 3> by;
-  ImageMask any;  ///< pixels that change at all
+  Rect part;           ///< pixels of the tile
+  Image<float, 3> by;  ///< [height, width] of the part
+  ImageMask any;       ///< pixels that change at all
 
-  Changes(int width, int height) : by(width, height), any(width, height) {}
+  explicit Changes(const Rect& of) : part(of), by(of.width, of.height), any(of.width, of.height) {}
 };
 
 /// Means of changes over blocks, smooth: of each block and those around it.
@@ -311,21 +312,39 @@ class ViewBlend::Painter {
     if (!own_.shader.is_plain()) own_.shader.apply(0, y, at.width, out_.at(at.x, at.y + y));
   }
 
-  /// Finds how a corrected row would change to what all views show.
+  /// The part of the tile that shows pixels of the camera's picture with `surface` that are used.
+  Rect part(const ImageMask* used, const ImageDepth& surface) const {
+    const Rect &at = view_.atlas_rect, &shown = view_.image_rect;
+    int left = shown.x + shown.width, top = shown.y + shown.height, right = -1, bottom = -1;
+    for (int y = shown.y; y < shown.y + shown.height; ++y)
+      for (int x = shown.x; x < shown.x + shown.width; ++x)
+        if (*surface.at(x, y) > 0 && (!used || *used->at(x, y)))
+          left = std::min(left, x), right = std::max(right, x), top = std::min(top, y), bottom = y;
+    if (right < 0) return {};
+    const auto in_tile = [](int p, int first, float scale, int size) {
+      return std::clamp(static_cast<int>(static_cast<float>(p - first) * scale), 0, size - 1);
+    };
+    const int x0 = in_tile(left - 1, shown.x, own_.scale_x, at.width),
+              y0 = in_tile(top - 1, shown.y, own_.scale_y, at.height);
+    return {x0, y0, in_tile(right + 2, shown.x, own_.scale_x, at.width) + 1 - x0,
+            in_tile(bottom + 2, shown.y, own_.scale_y, at.height) + 1 - y0};
+  }
+
+  /// Finds how a corrected row of a part would change to what all views show.
   void compare(int y, const ImageMask* used, const ImageDepth& surface, Changes& changes) const {
-    const Rect& at = view_.atlas_rect;
-    const float camera_y = own_.camera_row(y);
+    const Rect &at = view_.atlas_rect, &part = changes.part;
+    const float camera_y = own_.camera_row(part.y + y);
     const int row = std::clamp(static_cast<int>(camera_y + 0.5f), 0, view_.height - 1);
     Vec3f normal;
     int normal_of = -1;  // block of columns
-    for (int x = 0; x < at.width; ++x) {
-      const float camera_x = own_.camera_column(x);
+    for (int x = 0; x < part.width; ++x) {
+      const float camera_x = own_.camera_column(part.x + x);
       const int column = std::clamp(static_cast<int>(camera_x + 0.5f), 0, view_.width - 1);
       const float z = *surface.at(column, row);
       if (!(z > 0) || (used && !*used->at(column, row))) continue;
       if (const int block = column / kBlendBlock_px; block != normal_of)
         normal = normal_at(view_, surface, column, row, z), normal_of = block;
-      const std::uint8_t* const rgb = out_.at(at.x + x, at.y + y);
+      const std::uint8_t* const rgb = out_.at(at.x + part.x + x, at.y + part.y + y);
       const Vec3f color =
           mean({camera_x, camera_y}, z, normal, {rgb[0] + 0.0f, rgb[1] + 0.0f, rgb[2] + 0.0f});
       *changes.any.at(x, y) = 1;
@@ -334,10 +353,10 @@ class ViewBlend::Painter {
   }
 
   void change(int y, const Changes& changes) {
-    const Rect& at = view_.atlas_rect;
-    for (int x = 0; x < at.width; ++x) {
+    const Rect &at = view_.atlas_rect, &part = changes.part;
+    for (int x = 0; x < part.width; ++x) {
       if (!*changes.any.at(x, y)) continue;
-      std::uint8_t* const rgb = out_.at(at.x + x, at.y + y);
+      std::uint8_t* const rgb = out_.at(at.x + part.x + x, at.y + part.y + y);
       for (int c = 0; c < 3; ++c)
         rgb[c] = static_cast<std::uint8_t>(
             std::clamp(static_cast<float>(rgb[c]) + changes.by.at(x, y)[c] + 0.5f, 0.0f, 255.0f));
@@ -390,20 +409,19 @@ ViewBlend::ViewBlend(ViewBlend&&) noexcept = default;
 
 ImageRgb ViewBlend::picture(std::size_t source, const ImageMask* used,
                             const ImageDepth* surface) const {
-  const Rect& at = eyes_[source]->view.atlas_rect;
   ImageRgb out = *eyes_[source]->source.picture;
   Painter painter(eyes_, source, static_cast<float>(config_.sharpness), out);
-  const auto rows = [&](const auto& row) {
-    parallel_for(static_cast<std::size_t>(at.height), 8, [&](std::size_t begin, std::size_t end) {
+  const auto rows = [](int count, const auto& row) {
+    parallel_for(static_cast<std::size_t>(count), 8, [&](std::size_t begin, std::size_t end) {
       for (int y = static_cast<int>(begin); y < static_cast<int>(end); ++y) row(y);
     });
   };
-  rows([&](int y) { painter.correct(y); });
+  rows(eyes_[source]->view.atlas_rect.height, [&](int y) { painter.correct(y); });
   if (!surface || !painter.blends()) return out;
-  Changes changes(at.width, at.height);
-  rows([&](int y) { painter.compare(y, used, *surface, changes); });
-  if (config_.keep_detail) smooth(changes);
-  rows([&](int y) { painter.change(y, changes); });
+  Changes changes(painter.part(used, *surface));
+  rows(changes.part.height, [&](int y) { painter.compare(y, used, *surface, changes); });
+  if (config_.keep_detail && !changes.part.empty()) smooth(changes);
+  rows(changes.part.height, [&](int y) { painter.change(y, changes); });
   return out;
 }
 

@@ -114,7 +114,7 @@ Status MergeNode::update_layers(const CaptureSet& captures, const Decimation& de
     if (const Status updated = still_.update(std::move(inputs), tick); !updated) return updated;
     trace_.time("cover", [&] { still_.remove_shown(parts); });
   }
-  const atlas::PictureSampler colors = atlas_.live_colors(captures, poses_.views);
+  const atlas::PictureSampler colors = atlas_.live_colors(captures);
   return moving_.update(
       std::move(moving), parts,
       {decimation, poses_, still_.shown().occluders.get(), &colors, on_cores_free});

@@ -8,10 +8,8 @@
 
 #include "mr/atlas/compose.h"
 #include "mr/atlas/labels.h"
-#include "mr/atlas/view_blend.h"
 #include "mr/atlas/watermark.h"
 #include "mr/core/parallel.h"
-#include "mr/kit/raster.h"
 #include "mr/node/sensor_node.h"
 
 namespace mr::node {
@@ -156,23 +154,16 @@ void RootAtlas::update_plates(const Tick& tick, const Mesh& moving) {
   blocks_waiting_ += changed_blocks_;
 }
 
-atlas::PictureSampler RootAtlas::live_colors(const CaptureSet& captures,
-                                             const std::vector<View>& views) const {
-  const atlas::Pictures pictures = pictures_of(captures);
-  atlas::ColorCorrections corrections = colors_.live();
-  std::map<ViewId, atlas::PictureSampler::Picture> out;
-  for (const View& view : views)
-    if (const auto found = pictures.find(view.stream); found != pictures.end() && found->second)
-      out[view.id] = {found->second, std::move(corrections[view.id])};
-  return atlas::PictureSampler(std::move(out));
+atlas::PictureSampler RootAtlas::live_colors(const CaptureSet& captures) const {
+  return {pictures_of(captures), colors_.live()};
 }
 
-atlas::PictureSampler RootAtlas::plate_colors() const {
-  atlas::ColorCorrections corrections = colors_.plates();
-  std::map<ViewId, atlas::PictureSampler::Picture> out;
-  for (const auto& [view, plate] : plates_)
-    out[view] = {std::make_shared<const ImageRgb>(plate.picture()), std::move(corrections[view])};
-  return atlas::PictureSampler(std::move(out));
+atlas::PictureSampler RootAtlas::plate_colors(const std::vector<View>& views) const {
+  atlas::Pictures pictures;
+  for (const View& view : views)
+    if (const auto plate = plates_.find(view.id); plate != plates_.end())
+      pictures[view.stream] = std::make_shared<const ImageRgb>(plate->second.picture());
+  return {std::move(pictures), colors_.plates()};
 }
 
 void RootAtlas::recall(Memory memory) {
@@ -232,88 +223,6 @@ std::vector<View> RootAtlas::windows(const std::vector<View>& views, const Used&
   return out;
 }
 
-/// Draws both surfaces from all pinhole views: the still one only where it or the view is another.
-void RootAtlas::draw_depths(const std::vector<View>& views, const Mesh& moving, const Mesh* still) {
-  const bool same =
-      still ? still->positions == depths_of_.positions && still->triangles == depths_of_.triangles
-            : depths_of_.empty();
-  if (!same) depths_of_ = still ? *still : Mesh{};
-  std::map<ViewId, Depths> before = std::exchange(depths_, {});
-  std::vector<Depths*> all;
-  for (const View& view : views) {
-    if (view.kind != View::Kind::pinhole) continue;
-    Depths& depths = depths_[view.id];
-    const auto known = before.find(view.id);
-    if (same && known != before.end() && known->second.view == view)
-      depths = std::move(known->second);
-    depths.view = view;
-    all.push_back(&depths);
-  }
-  parallel_for(all.size(), 1, [&](std::size_t begin, std::size_t end) {
-    for (std::size_t i = begin; i < end; ++i) {
-      Depths& d = *all[i];
-      const Camera camera = d.view.camera();
-      if (d.still.empty())
-        d.still = kit::rasterize_depth(depths_of_, camera, d.view.T_world_camera);
-      d.moving = kit::rasterize_depth(moving, camera, d.view.T_world_camera);
-      d.nearest = d.still;
-      for (std::size_t p = 0; p < d.nearest.data.size(); ++p)
-        if (const float m = d.moving.data[p], s = d.still.data[p]; m > 0 && (s <= 0 || m < s))
-          d.nearest.data[p] = m;
-    }
-  });
-}
-
-/// The live pictures as they are shown.
-atlas::Pictures RootAtlas::shown_live(const Tick& tick, const atlas::Pictures& pictures,
-                                      const Used& used) const {
-  const atlas::ColorCorrections corrections = colors_.live();
-  std::vector<atlas::ViewBlend::Source> sources;
-  for (const View& view : tick.views) {
-    const auto picture = pictures.find(view.stream);
-    if (picture == pictures.end() || !picture->second) continue;
-    atlas::ViewBlend::Source& source = sources.emplace_back();
-    source.view = &view, source.picture = picture->second.get();
-    if (const auto c = corrections.find(view.id); c != corrections.end())
-      source.field = c->second.field, source.log_exposure = c->second.log_exposure;
-    if (const auto d = depths_.find(view.id); d != depths_.end())
-      source.nearest = &d->second.nearest;
-  }
-  const atlas::ViewBlend blend(sources, colors_.blending());
-  atlas::Pictures out;
-  for (std::size_t i = 0; i < sources.size(); ++i) {
-    const ViewId id = sources[i].view->id;
-    const auto mask = used.find(id);
-    const auto depths = depths_.find(id);
-    out[sources[i].view->stream] = std::make_shared<const ImageRgb>(
-        blend.picture(i, mask == used.end() ? nullptr : &mask->second,
-                      depths == depths_.end() ? nullptr : &depths->second.moving));
-  }
-  return out;
-}
-
-/// Draws the plates as they are shown.
-void RootAtlas::show_plates(const Tick& tick, const Mesh& still, float error_m) {
-  const Used used = used_pixels(tick, still, error_m);
-  const atlas::ColorCorrections corrections = colors_.plates();
-  std::vector<atlas::ViewBlend::Source> sources;
-  for (const View& view : tick.views) {
-    const auto plate = plates_.find(view.id);
-    if (plate == plates_.end() || plate->second.picture().empty()) continue;
-    atlas::ViewBlend::Source& source = sources.emplace_back();
-    source.view = &view, source.picture = &plate->second.picture();
-    source.valid = &plate->second.valid();
-    if (const auto c = corrections.find(view.id); c != corrections.end())
-      source.field = c->second.field;
-    if (const auto d = depths_.find(view.id); d != depths_.end()) source.nearest = &d->second.still;
-  }
-  const atlas::ViewBlend blend(sources, colors_.blending());
-  shown_plates_.clear();
-  for (std::size_t i = 0; i < sources.size(); ++i)
-    shown_plates_[sources[i].view->stream] = std::make_shared<const ImageRgb>(
-        blend.picture(i, &used.at(sources[i].view->id), sources[i].nearest));
-}
-
 /// Draws the live atlas: used pixels, on a background of the plates, which the video encoder skips
 /// because it does not change. In views without a plate, unused pixels are black.
 ImageRgb RootAtlas::draw_live(const Children& children, const atlas::Pictures& pictures,
@@ -359,11 +268,12 @@ Status RootAtlas::compose(const Tick& tick, const Mesh& moving, const Mesh* stil
   const atlas::Pictures pictures = pictures_of(tick.captures);
   colors_.update({tick.views, pictures, moving, still, plates_, changed_blocks_});
   add_views(still != nullptr, packet);
-  draw_depths(tick.views, moving, still);
   const bool has_plates = still && !plates_.empty();
   const bool plates_due = has_plates && are_plates_due(plate_layout_.views.front().layout);
-  if (plates_due) show_plates(tick, *still, error_m);
-  const atlas::Pictures shown = shown_live(tick, pictures, used);
+  if (plates_due)
+    shown_plates_ =
+        painter_.plates(tick.views, plates_, used_pixels(tick, *still, error_m), *still, colors_);
+  const atlas::Pictures shown = painter_.live(tick.views, pictures, used, moving, still, colors_);
   ImageRgb picture = draw_live(children, shown, std::move(used));
   if (scene_->atlas.burn_sequence) atlas::draw_watermark(picture, packet.sequence);
   const std::uint32_t layout = live_layout_.views.front().layout;

@@ -14,6 +14,7 @@
 #include "mr/core/result.h"
 #include "mr/node/input_synchronizer.h"
 #include "mr/node/root_colors.h"
+#include "mr/node/texture_painter.h"
 #include "mr/node/texture_stream.h"
 #include "mr/scene/scene.h"
 
@@ -80,9 +81,8 @@ class RootAtlas {
 
   /// The pictures that view selection compares, after colour correction (as in the last
   /// tick): the live ones, which are shared, and the plates, which are copied.
-  atlas::PictureSampler live_colors(const CaptureSet& captures,
-                                    const std::vector<View>& views) const;
-  atlas::PictureSampler plate_colors() const;
+  atlas::PictureSampler live_colors(const CaptureSet& captures) const;
+  atlas::PictureSampler plate_colors(const std::vector<View>& views) const;
 
   /// Labels were chosen from the current plates: the next packet must contain them.
   void bring_plates() { plates_due_ = true; }
@@ -104,12 +104,7 @@ class RootAtlas {
 
  private:
   using Children = std::map<ViewId, View>;
-  using Used = std::map<ViewId, ImageMask>;
-  /// Depth pictures of surfaces from a view, [height, width] of it.
-  struct Depths {
-    View view;
-    ImageDepth still, moving, nearest;
-  };
+  using Used = TexturePainter::Used;
   /// Cached: the blocks of a view that its sensor's depth picture covers, for these camera poses.
   struct Seen {
     View view;
@@ -124,10 +119,6 @@ class RootAtlas {
   std::vector<View> windows(const std::vector<View>& views, const Used& used);
   Used used_pixels(const Tick& tick, const Mesh& shown, float error_m) const;
   void add_views(bool with_plates, Packet& packet) const;
-  void draw_depths(const std::vector<View>& views, const Mesh& moving, const Mesh* still);
-  atlas::Pictures shown_live(const Tick& tick, const atlas::Pictures& pictures,
-                             const Used& used) const;
-  void show_plates(const Tick& tick, const Mesh& still, float error_m);
   ImageRgb draw_live(const Children& children, const atlas::Pictures& pictures, Used used);
   Status add_plates(const Children& children, Packet& packet);
   Status add_unit(TextureStream& stream, int qp, std::uint32_t layout, ImageRgb picture,
@@ -143,8 +134,7 @@ class RootAtlas {
   ImageRgb last_live_, last_plate_;  ///< as last encoded
   ImageRgb spare_;                   ///< reused memory for the next picture
   std::size_t changed_blocks_ = 0;   ///< of the plates, by the last update
-  std::map<ViewId, Depths> depths_;  ///< of pinhole views
-  Mesh depths_of_;                   ///< the still surface that depths_ show
+  TexturePainter painter_;
   /// The plates as shown, by the stream of the view: corrected and blended; as last drawn.
   atlas::Pictures shown_plates_;
   // The atlas of plates: the colours and layout it was drawn with, and the blocks changed since.

@@ -56,7 +56,7 @@ Status StillLayer::update(std::optional<StillMerger::Inputs> inputs, const Tick&
                          tick.poses.sources,
                          atlas_->valid(),
                          blocks,
-                         is_root_ ? atlas_->plate_colors() : atlas::PictureSampler({}),
+                         atlas_->plate_colors(tick.poses.views),
                          carver_};
   auto job = [this, packets, task = std::move(task)]() mutable {
     return Update{merger_.update(std::move(task)), packets};

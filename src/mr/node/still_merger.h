@@ -62,7 +62,7 @@ class StillMerger {
     std::vector<SourceInfo> sources;
     std::map<ViewId, TileMask> valid;  ///< valid blocks of plates
     std::size_t valid_blocks = 0;      ///< their number
-    atlas::PictureSampler colors{{}};  ///< the plates
+    atlas::PictureSampler colors;      ///< the plates
     merge::FreeSpaceCarver empty;      ///< removes surface in free space
   };
   /// The result of an update.

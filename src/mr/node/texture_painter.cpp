@@ -1,0 +1,120 @@
+#include "mr/node/texture_painter.h"
+
+#include <memory>
+#include <utility>
+
+#include "mr/atlas/view_blend.h"
+#include "mr/core/parallel.h"
+#include "mr/kit/raster.h"
+
+namespace mr::node {
+namespace {
+
+using Source = atlas::ViewBlend::Source;
+
+/// A source whose colours are corrected as the corrections say.
+Source source_of(const View& view, const ImageRgb& picture,
+                 const atlas::ColorCorrections& corrections) {
+  Source out;
+  out.view = &view, out.picture = &picture;
+  if (const auto found = corrections.find(view.id); found != corrections.end())
+    out.field = found->second.field, out.log_exposure = found->second.log_exposure;
+  return out;
+}
+
+/// Of two depth pictures of one view; the first may be empty.
+ImageDepth nearer(const ImageDepth* a, const ImageDepth& b) {
+  if (!a || a->empty()) return b;
+  ImageDepth out = *a;
+  for (std::size_t p = 0; p < out.data.size(); ++p)
+    if (const float d = b.data[p]; d > 0 && (out.data[p] <= 0 || d < out.data[p])) out.data[p] = d;
+  return out;
+}
+
+/// The pictures of sources, by stream. `surfaces`: [sources] depth of what each textures; empty:
+/// of a view that is not blended.
+atlas::Pictures paint(const std::vector<Source>& sources, const TexturePainter::Used& used,
+                      const std::vector<const ImageDepth*>& surfaces,
+                      const atlas::BlendConfig& config) {
+  const atlas::ViewBlend blend(sources, config);
+  atlas::Pictures out;
+  for (std::size_t i = 0; i < sources.size(); ++i) {
+    const auto mask = used.find(sources[i].view->id);
+    out[sources[i].view->stream] = std::make_shared<const ImageRgb>(
+        blend.picture(i, mask == used.end() ? nullptr : &mask->second, surfaces[i]));
+  }
+  return out;
+}
+
+}  // namespace
+
+/// Draws the still surface from all pinhole views where it or a view is another.
+void TexturePainter::look_at(const Mesh& still, const std::vector<View>& views) {
+  const bool same = still.positions == still_.positions && still.triangles == still_.triangles;
+  if (!same) still_ = still;
+  std::map<ViewId, Seen> before = std::exchange(seen_, {});
+  std::vector<Seen*> changed;
+  for (const View& view : views) {
+    if (view.kind != View::Kind::pinhole) continue;
+    Seen& seen = seen_[view.id];
+    const auto known = before.find(view.id);
+    if (same && known != before.end() && known->second.view == view)
+      seen = std::move(known->second);
+    else
+      seen.view = view, changed.push_back(&seen);
+  }
+  parallel_for(changed.size(), 1, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t i = begin; i < end; ++i) {
+      const View& view = changed[i]->view;
+      changed[i]->depth = kit::rasterize_depth(still_, view.camera(), view.T_world_camera);
+    }
+  });
+}
+
+atlas::Pictures TexturePainter::live(const std::vector<View>& views,
+                                     const atlas::Pictures& pictures, const Used& used,
+                                     const Mesh& moving, const Mesh* still,
+                                     const RootColors& colors) {
+  if (moving.empty()) return pictures;
+  if (still) look_at(*still, views);
+  const atlas::ColorCorrections corrections = colors.live();
+  std::vector<Source> sources;
+  for (const View& view : views)
+    if (const auto found = pictures.find(view.stream); found != pictures.end() && found->second)
+      sources.push_back(source_of(view, *found->second, corrections));
+  std::vector<ImageDepth> depths(sources.size()), nearest(sources.size());
+  parallel_for(sources.size(), 1, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t i = begin; i < end; ++i) {
+      const View& view = *sources[i].view;
+      if (view.kind != View::Kind::pinhole) continue;
+      const auto behind = still ? seen_.find(view.id) : seen_.end();
+      depths[i] = kit::rasterize_depth(moving, view.camera(), view.T_world_camera);
+      nearest[i] = nearer(behind == seen_.end() ? nullptr : &behind->second.depth, depths[i]);
+    }
+  });
+  std::vector<const ImageDepth*> surfaces(sources.size());
+  for (std::size_t i = 0; i < sources.size(); ++i)
+    if (!depths[i].empty()) sources[i].nearest = &nearest[i], surfaces[i] = &depths[i];
+  return paint(sources, used, surfaces, colors.blending());
+}
+
+atlas::Pictures TexturePainter::plates(const std::vector<View>& views,
+                                       const RootColors::Plates& plates, const Used& used,
+                                       const Mesh& still, const RootColors& colors) {
+  look_at(still, views);
+  const atlas::ColorCorrections corrections = colors.plates();
+  std::vector<Source> sources;
+  std::vector<const ImageDepth*> surfaces;
+  for (const View& view : views) {
+    const auto plate = plates.find(view.id);
+    if (plate == plates.end() || plate->second.picture().empty()) continue;
+    Source& source = sources.emplace_back(source_of(view, plate->second.picture(), corrections));
+    source.valid = &plate->second.valid();
+    if (const auto seen = seen_.find(view.id); seen != seen_.end())
+      source.nearest = &seen->second.depth;
+    surfaces.push_back(source.nearest);
+  }
+  return paint(sources, used, surfaces, colors.blending());
+}
+
+}  // namespace mr::node

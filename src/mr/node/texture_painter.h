@@ -1,0 +1,44 @@
+#pragma once
+
+#include <map>
+#include <vector>
+
+#include "mr/atlas/view_observations.h"
+#include "mr/core/image.h"
+#include "mr/core/mesh.h"
+#include "mr/core/view.h"
+#include "mr/node/root_colors.h"
+
+namespace mr::node {
+
+/// Paints the pictures that the root's atlases show: those of the cameras, and the plates, each
+/// corrected (RootColors) and blended with the others on the surface that it textures
+/// (atlas/view_blend). Keeps the depth of the still surface from the views.
+class TexturePainter {
+ public:
+  using Used = std::map<ViewId, ImageMask>;
+
+  /// The live pictures, by stream, for a moving surface in front of a still one (null: none).
+  /// `used`: pixels that it uses; a view without a mask is used whole. As they come where there is
+  /// no moving surface.
+  atlas::Pictures live(const std::vector<View>& views, const atlas::Pictures& pictures,
+                       const Used& used, const Mesh& moving, const Mesh* still,
+                       const RootColors& colors);
+  /// The plates, by the stream of their view, for the still surface.
+  atlas::Pictures plates(const std::vector<View>& views, const RootColors::Plates& plates,
+                         const Used& used, const Mesh& still, const RootColors& colors);
+
+ private:
+  /// What a view sees of the still surface, [height, width] of it.
+  struct Seen {
+    View view;
+    ImageDepth depth;
+  };
+
+  void look_at(const Mesh& still, const std::vector<View>& views);
+
+  Mesh still_;
+  std::map<ViewId, Seen> seen_;  ///< of pinhole views
+};
+
+}  // namespace mr::node
