@@ -10,6 +10,7 @@
 #include <optional>
 #include <vector>
 
+#include "mr/atlas/occluders.h"
 #include "mr/core/parallel.h"
 #include "mr/kit/raster.h"
 #include "support/meshes.h"
@@ -44,7 +45,8 @@ struct BlendRoom {
   std::vector<ViewBlend::Source> sources() {
     depths.clear();
     for (const View& view : views)
-      depths.push_back(kit::rasterize_depth(mesh, view.camera(), view.T_world_camera));
+      depths.push_back(
+          kit::rasterize_depth(mesh, atlas::depth_camera(view.camera()), view.T_world_camera));
     std::vector<ViewBlend::Source> out(views.size());
     for (std::size_t v = 0; v < out.size(); ++v)
       out[v].view = &views[v], out[v].picture = &pictures[v], out[v].nearest = &depths[v];

@@ -6,12 +6,14 @@
 #include <optional>
 #include <utility>
 
+#include "mr/atlas/occluders.h"
 #include "mr/core/parallel.h"
 
 namespace mr::atlas {
 namespace {
 
-constexpr int kBlendBlock_px = 4;                        // of the coarse depth maps, and of normals
+constexpr int kBlendBlock_px =
+    4;  // of the coarsest depth maps, and of normals; pixels of a picture
 constexpr float kFront_m = 0.03f, kFront_share = 0.01f;  // nearer surface hides a point
 constexpr float kSteepest = 3;    // depth over width of surface that does not hide itself
 constexpr float kBorder_px = 40;  // of a picture of 640 columns; weights fall towards its border
@@ -19,28 +21,34 @@ constexpr float kLeast = 0.02f;   // weight of a picture in its own tile
 constexpr float kNearWhiteWeight = 0.25f;
 constexpr int kNearWhite = 250;
 
-/// The least depth of each block of pixels and of those up to `reach` blocks away; nothing counts
-/// as infinitely far.
-ImageDepth least_around(const ImageDepth& depth, int reach) {
-  const auto blocks = [](int size) { return (size + kBlendBlock_px - 1) / kBlendBlock_px; };
+/// The least depth of each block of pixels of a depth map; nothing counts as infinitely far.
+ImageDepth least_of_blocks(const ImageDepth& depth, int block_px) {
+  const auto blocks = [&](int size) { return (size + block_px - 1) / block_px; };
   ImageDepth least(blocks(depth.width), blocks(depth.height), 1e9f);
   for (int y = 0; y < depth.height; ++y)
     for (int x = 0; x < depth.width; ++x)
       if (const float d = *depth.at(x, y); d > 0) {
-        float& l = *least.at(x / kBlendBlock_px, y / kBlendBlock_px);
+        float& l = *least.at(x / block_px, y / block_px);
         l = std::min(l, d);
       }
-  ImageDepth rows = least, out = least;
-  for (int y = 0; y < least.height; ++y)
-    for (int x = 0; x < least.width; ++x)
-      for (int i = std::max(0, x - reach); i <= std::min(least.width - 1, x + reach); ++i)
-        *rows.at(x, y) = std::min(*rows.at(x, y), *least.at(i, y));
-  for (int y = 0; y < least.height; ++y)
-    for (int x = 0; x < least.width; ++x) {
-      *out.at(x, y) = *rows.at(x, y);
-      for (int i = std::max(0, y - reach); i <= std::min(least.height - 1, y + reach); ++i)
-        *out.at(x, y) = std::min(*out.at(x, y), *rows.at(x, i));
+  return least;
+}
+
+/// The least of each value and of those up to `reach` beside, above and below it.
+ImageDepth least_around(const ImageDepth& of, int reach) {
+  const auto lower = [](float* out, const float* other, int count) {
+    for (int i = 0; i < count; ++i) out[i] = std::min(out[i], other[i]);
+  };
+  ImageDepth rows = of;
+  for (int y = 0; y < of.height; ++y)
+    for (int by = 1; by <= std::min(reach, of.width - 1); ++by) {
+      lower(rows.at(0, y), of.at(by, y), of.width - by);
+      lower(rows.at(by, y), of.at(0, y), of.width - by);
     }
+  ImageDepth out = rows;
+  for (int y = 0; y < of.height; ++y)
+    for (int i = std::max(0, y - reach); i <= std::min(of.height - 1, y + reach); ++i)
+      lower(out.at(0, y), rows.at(0, i), of.width);
   return out;
 }
 
@@ -70,13 +78,19 @@ struct ViewBlend::Eye {
         shader(view, source.field, source.log_exposure),
         scale_x(static_cast<float>(view.atlas_rect.width) / view.image_rect.width),
         scale_y(static_cast<float>(view.atlas_rect.height) / view.image_rect.height),
-        border(kBorder_px * view.width / 640.0f) {
-    if (source.nearest)
-      for (std::size_t i = 0; i < around.size(); ++i)
-        around[i] = least_around(*source.nearest, kReach[i]);
+        border(kBorder_px * view.width / 640.0f),
+        divisor(blends() ? depth_divisor(view.camera()) : 1) {
+    if (!blends()) return;
+    const ImageDepth least = least_of_blocks(*source.nearest, kBlendBlock_px / divisor);
+    for (std::size_t i = 0; i < around.size(); ++i) around[i] = least_around(least, kReach[i]);
   }
 
   bool blends() const { return source.nearest && view.kind == View::Kind::pinhole; }
+
+  /// The depth in a depth map of the view (depth_camera) at a pixel of the camera's picture.
+  float depth(const ImageDepth& map, int x, int y) const {
+    return *map.at(std::min(x / divisor, map.width - 1), std::min(y / divisor, map.height - 1));
+  }
 
   /// Where the middle of a pixel of the tile lies in the camera's picture.
   float camera_column(int x) const {
@@ -113,13 +127,15 @@ struct ViewBlend::Eye {
     if (source.valid && !source.valid->at(x / source.valid->tile_px, y / source.valid->tile_px))
       return 0;
     const float front = z - kFront_m - kFront_share * z;
-    const float d = *source.nearest->at(x, y);
+    const float d = depth(*source.nearest, x, y);
     if (!(d > 0) || d < front) return 0;
     std::size_t level = 0;
     for (; level < around.size(); ++level) {
       const float reach_px = static_cast<float>((kReach[level] + 1) * kBlendBlock_px);
       const float slope_m = kSteepest * reach_px * z / static_cast<float>(view.fx);
-      if (*around[level].at(x / kBlendBlock_px, y / kBlendBlock_px) < front - slope_m) break;
+      const int column = std::min(x / kBlendBlock_px, around[level].width - 1),
+                row = std::min(y / kBlendBlock_px, around[level].height - 1);
+      if (*around[level].at(column, row) < front - slope_m) break;
     }
     return kSeen[level] * std::min(1.0f, inside / border);
   }
@@ -152,27 +168,26 @@ struct ViewBlend::Eye {
   const View& view;
   TileShader shader;
   float scale_x, scale_y, border;
+  int divisor;  ///< of depth maps
   std::array<ImageDepth, 2> around;
 };
 
 namespace {
 
-/// The normal of the surface at a pixel, towards the camera; from pixels beside it. Straight at the
-/// camera where these show other surface.
-Vec3f normal_at(const View& view, const ImageDepth& depth, int x, int y, float z) {
-  constexpr int kAside = 3;
+/// The normal of the surface at a pixel of a camera's depth map, towards the camera; from pixels
+/// `aside` beside it. Straight at the camera where these show other surface.
+Vec3f normal_at(const Camera& camera, const ImageDepth& depth, int x, int y, int aside) {
+  const float z = *depth.at(x, y);
   const auto point = [&](int u, int v) -> std::optional<Vec3f> {
     if (!depth.contains(u, v)) return std::nullopt;
     const float d = *depth.at(u, v);
     if (!(std::abs(d - z) < 0.1f * z)) return std::nullopt;
-    return Vec3f{
-               (static_cast<float>(u) - static_cast<float>(view.cx)) / static_cast<float>(view.fx),
-               (static_cast<float>(v) - static_cast<float>(view.cy)) / static_cast<float>(view.fy),
-               1} *
+    return Vec3f{static_cast<float>((u - camera.cx) / camera.fx),
+                 static_cast<float>((v - camera.cy) / camera.fy), 1} *
            d;
   };
-  const auto left = point(x - kAside, y), right = point(x + kAside, y);
-  const auto above = point(x, y - kAside), below = point(x, y + kAside);
+  const auto left = point(x - aside, y), right = point(x + aside, y);
+  const auto above = point(x, y - aside), below = point(x, y + aside);
   if (!left || !right || !above || !below) return {0, 0, -1};
   return normalized(cross(*below - *above, *right - *left));
 }
@@ -194,99 +209,83 @@ struct Mix {
   }
 };
 
-}  // namespace
-
-namespace {
-
-/// By how much the pixels of a part of a tile change.
-struct Changes {
-  Rect part;           ///< pixels of the tile
-  Image<float, 3> by;  ///< [height, width] of the part
-  ImageMask any;       ///< pixels that change at all
-
-  explicit Changes(const Rect& of) : part(of), by(of.width, of.height), any(of.width, of.height) {}
-};
-
-/// Means of changes over blocks, smooth: of each block and those around it.
-class SmoothChanges {
+/// The smooth part of how the colours of a part of a tile change: of each block of pixels the mean
+/// over it and the blocks around it, bilinear between the middles of blocks.
+class SmoothChange {
  public:
-  explicit SmoothChanges(const Changes& changes)
-      : columns_((changes.any.width + kBlock_px - 1) / kBlock_px),
-        rows_((changes.any.height + kBlock_px - 1) / kBlock_px),
-        sums_(static_cast<std::size_t>(columns_) * rows_) {
-    parallel_for(static_cast<std::size_t>(rows_), 4, [&](std::size_t begin, std::size_t end) {
-      for (std::size_t row = begin; row < end; ++row) sum(changes, static_cast<int>(row));
-    });
-    const std::vector<Sum> blocks = sums_;
-    for (int row = 0; row < rows_; ++row)
-      for (int column = 0; column < columns_; ++column) {
-        Sum& all = sums_[static_cast<std::size_t>(row) * columns_ + column];
-        all = {};
-        for (int y = std::max(row - 1, 0); y <= std::min(row + 1, rows_ - 1); ++y)
-          for (int x = std::max(column - 1, 0); x <= std::min(column + 1, columns_ - 1); ++x) {
-            const Sum& block = blocks[static_cast<std::size_t>(y) * columns_ + x];
-            all.change += block.change, all.count += block.count;
-          }
-      }
-  }
-
-  /// Bilinear between the middles of blocks.
-  Vec3f at(int x, int y) const {
-    const auto along = [](int p, int count) {
-      return std::clamp((static_cast<float>(p) + 0.5f) / kBlock_px - 0.5f, 0.0f,
-                        static_cast<float>(count - 1));
-    };
-    const float u = along(x, columns_), v = along(y, rows_);
-    const int x0 = static_cast<int>(u), y0 = static_cast<int>(v);
-    const float fx = u - static_cast<float>(x0), fy = v - static_cast<float>(y0);
-    Vec3f change;
-    float weights = 0;
-    const auto add = [&](int column, int row, float weight) {
-      const Sum& s = sums_[static_cast<std::size_t>(std::min(row, rows_ - 1)) * columns_ +
-                           std::min(column, columns_ - 1)];
-      if (s.count == 0) return;
-      change += s.change * (weight / s.count), weights += weight;
-    };
-    add(x0, y0, (1 - fx) * (1 - fy)), add(x0 + 1, y0, fx * (1 - fy));
-    add(x0, y0 + 1, (1 - fx) * fy), add(x0 + 1, y0 + 1, fx * fy);
-    return weights > 0 ? change / weights : change;
-  }
-
- private:
   static constexpr int kBlock_px = 8;
-  struct Sum {
-    Vec3f change;
-    float count = 0;
+
+  SmoothChange(int width, int height)
+      : columns_((width + kBlock_px - 1) / kBlock_px),
+        rows_((height + kBlock_px - 1) / kBlock_px),
+        blocks_(static_cast<std::size_t>(columns_) * rows_) {}
+
+  int rows() const { return rows_; }
+  /// Adds the change of a pixel. Rows of blocks are apart from each other.
+  void add(int x, int y, Vec3f change) {
+    Block& block = blocks_[static_cast<std::size_t>(y / kBlock_px) * columns_ + x / kBlock_px];
+    block.sum += change, block.count += 1;
+  }
+  /// Once all is added. Blocks without a pixel become what is around them.
+  void smooth() {
+    blocks_ = around(true);
+    blocks_ = around(false);
+  }
+  /// The changes of a row of pixels, by column; none two blocks from where pixels were added.
+  class Row {
+   public:
+    Row(const SmoothChange& of, int y) : changes_(static_cast<std::size_t>(of.columns_) + 1) {
+      const auto [above, share] = between(y, of.rows_);
+      const Block* const a = of.blocks_.data() + static_cast<std::size_t>(above) * of.columns_;
+      const Block* const b = above + 1 < of.rows_ ? a + of.columns_ : a;
+      for (int column = 0; column < of.columns_; ++column)
+        changes_[column] = a[column].sum * (1 - share) + b[column].sum * share;
+      changes_.back() = changes_[of.columns_ - 1];
+    }
+    Vec3f at(int x) const {
+      const auto [left, share] = between(x, static_cast<int>(changes_.size()) - 1);
+      return changes_[left] + (changes_[left + 1] - changes_[left]) * share;
+    }
+
+   private:
+    std::vector<Vec3f> changes_;  ///< of columns of blocks; the last one twice
   };
 
-  void sum(const Changes& changes, int row) {
-    const int end = std::min((row + 1) * kBlock_px, changes.any.height);
-    for (int y = row * kBlock_px; y < end; ++y)
-      for (int x = 0; x < changes.any.width; ++x) {
-        if (!*changes.any.at(x, y)) continue;
-        Sum& s = sums_[static_cast<std::size_t>(row) * columns_ + x / kBlock_px];
-        const float* const by = changes.by.at(x, y);
-        s.change += Vec3f{by[0], by[1], by[2]}, s.count += 1;
+ private:
+  struct Block {
+    Vec3f sum;        ///< of changes; once smoothed, the mean
+    float count = 0;  ///< of pixels; once smoothed, 1 where there are any
+  };
+
+  /// The block whose middle is before a pixel, and how far the pixel is towards the next: 0..1.
+  static std::pair<int, float> between(int p, int count) {
+    const float at = std::clamp((static_cast<float>(p) + 0.5f) / kBlock_px - 0.5f, 0.0f,
+                                static_cast<float>(count - 1));
+    const int before = static_cast<int>(at);
+    return {before, at - static_cast<float>(before)};
+  }
+
+  /// The means of blocks and those around them: of `all`, or only of those without a pixel.
+  std::vector<Block> around(bool all) const {
+    std::vector<Block> out = blocks_;
+    for (int row = 0; row < rows_; ++row)
+      for (int column = 0; column < columns_; ++column) {
+        Block& mean = out[static_cast<std::size_t>(row) * columns_ + column];
+        if (!all && mean.count > 0) continue;
+        mean = {};
+        for (int y = std::max(row - 1, 0); y <= std::min(row + 1, rows_ - 1); ++y)
+          for (int x = std::max(column - 1, 0); x <= std::min(column + 1, columns_ - 1); ++x) {
+            const Block& block = blocks_[static_cast<std::size_t>(y) * columns_ + x];
+            mean.sum += block.sum, mean.count += block.count;
+          }
+        if (mean.count > 0) mean.sum = mean.sum / mean.count, mean.count = 1;
       }
+    return out;
   }
 
   int columns_, rows_;
-  std::vector<Sum> sums_;  ///< [rows, columns] of blocks
+  std::vector<Block> blocks_;  ///< [rows, columns]
 };
-
-/// Leaves only the smooth part.
-void smooth(Changes& changes) {
-  const SmoothChanges smoothed(changes);
-  parallel_for(static_cast<std::size_t>(changes.any.height), 16,
-               [&](std::size_t begin, std::size_t end) {
-                 for (int y = static_cast<int>(begin); y < static_cast<int>(end); ++y)
-                   for (int x = 0; x < changes.any.width; ++x) {
-                     if (!*changes.any.at(x, y)) continue;
-                     const Vec3f by = smoothed.at(x, y);
-                     for (int c = 0; c < 3; ++c) changes.by.at(x, y)[c] = by[c];
-                   }
-               });
-}
 
 }  // namespace
 
@@ -295,7 +294,11 @@ class ViewBlend::Painter {
  public:
   Painter(const std::vector<std::unique_ptr<const Eye>>& eyes, std::size_t own, float sharpness,
           ImageRgb& out)
-      : own_(*eyes[own]), view_(own_.view), sharpness_(sharpness), out_(out) {
+      : own_(*eyes[own]),
+        view_(own_.view),
+        depth_camera_(depth_camera(view_.camera())),
+        sharpness_(sharpness),
+        out_(out) {
     for (std::size_t i = 0; i < eyes.size(); ++i) {
       if (i == own || !eyes[i]->blends()) continue;
       const Pose T_own_other = view_.T_world_camera.inverse() * eyes[i]->view.T_world_camera;
@@ -318,7 +321,7 @@ class ViewBlend::Painter {
     int left = shown.x + shown.width, top = shown.y + shown.height, right = -1, bottom = -1;
     for (int y = shown.y; y < shown.y + shown.height; ++y)
       for (int x = shown.x; x < shown.x + shown.width; ++x)
-        if (*surface.at(x, y) > 0 && (!used || *used->at(x, y)))
+        if ((!used || *used->at(x, y)) && own_.depth(surface, x, y) > 0)
           left = std::min(left, x), right = std::max(right, x), top = std::min(top, y), bottom = y;
     if (right < 0) return {};
     const auto in_tile = [](int p, int first, float scale, int size) {
@@ -330,36 +333,38 @@ class ViewBlend::Painter {
             in_tile(bottom + 2, shown.y, own_.scale_y, at.height) + 1 - y0};
   }
 
-  /// Finds how a corrected row of a part would change to what all views show.
-  void compare(int y, const ImageMask* used, const ImageDepth& surface, Changes& changes) const {
-    const Rect &at = view_.atlas_rect, &part = changes.part;
-    const float camera_y = own_.camera_row(part.y + y);
-    const int row = std::clamp(static_cast<int>(camera_y + 0.5f), 0, view_.height - 1);
-    Vec3f normal;
-    int normal_of = -1;  // block of columns
-    for (int x = 0; x < part.width; ++x) {
-      const float camera_x = own_.camera_column(part.x + x);
-      const int column = std::clamp(static_cast<int>(camera_x + 0.5f), 0, view_.width - 1);
-      const float z = *surface.at(column, row);
-      if (!(z > 0) || (used && !*used->at(column, row))) continue;
-      if (const int block = column / kBlendBlock_px; block != normal_of)
-        normal = normal_at(view_, surface, column, row, z), normal_of = block;
-      const std::uint8_t* const rgb = out_.at(at.x + part.x + x, at.y + part.y + y);
-      const Vec3f color =
-          mean({camera_x, camera_y}, z, normal, {rgb[0] + 0.0f, rgb[1] + 0.0f, rgb[2] + 0.0f});
-      *changes.any.at(x, y) = 1;
-      for (int c = 0; c < 3; ++c) changes.by.at(x, y)[c] = color[c] - static_cast<float>(rgb[c]);
-    }
+  /// Makes a corrected row of a part of the tile what all views show.
+  void average(int y, const Rect& part, const ImageMask* used, const ImageDepth& surface) {
+    each_shown(y, {0, 1}, part, used, surface, [](int, std::uint8_t* rgb, Vec3f mean) {
+      for (int c = 0; c < 3; ++c) rgb[c] = static_cast<std::uint8_t>(mean[c] + 0.5f);
+    });
   }
 
-  void change(int y, const Changes& changes) {
-    const Rect &at = view_.atlas_rect, &part = changes.part;
+  /// Finds how a row of blocks of a part would change to what all views show. One pixel of eight,
+  /// staggered, tells it, as only its smooth part is kept.
+  void compare(int row, const Rect& part, const ImageMask* used, const ImageDepth& surface,
+               SmoothChange& change) const {
+    const int begin = row * SmoothChange::kBlock_px;
+    const int end = std::min(begin + SmoothChange::kBlock_px, part.height);
+    for (int y = begin; y < end; y += 2)
+      each_shown(y, {y % 4, 4}, part, used, surface,
+                 [&](int x, const std::uint8_t* rgb, Vec3f mean) {
+                   change.add(x, y, mean - Vec3f{rgb[0] + 0.0f, rgb[1] + 0.0f, rgb[2] + 0.0f});
+                 });
+  }
+
+  /// Changes a row of a part, as far as it is used.
+  void apply(int y, const Rect& part, const ImageMask* used, const SmoothChange& change) {
+    const Rect& at = view_.atlas_rect;
+    const int row = nearest(own_.camera_row(part.y + y), view_.height);
+    const SmoothChange::Row changes(change, y);
     for (int x = 0; x < part.width; ++x) {
-      if (!*changes.any.at(x, y)) continue;
+      if (used && !*used->at(nearest(own_.camera_column(part.x + x), view_.width), row)) continue;
       std::uint8_t* const rgb = out_.at(at.x + part.x + x, at.y + part.y + y);
+      const Vec3f by = changes.at(x);
       for (int c = 0; c < 3; ++c)
         rgb[c] = static_cast<std::uint8_t>(
-            std::clamp(static_cast<float>(rgb[c]) + changes.by.at(x, y)[c] + 0.5f, 0.0f, 255.0f));
+            std::clamp(static_cast<float>(rgb[c]) + by[c] + 0.5f, 0.0f, 255.0f));
     }
   }
 
@@ -369,6 +374,42 @@ class ViewBlend::Painter {
     Transform from_own;  ///< from the own camera's space
     Vec3f centre;        ///< of the other camera, in the own camera's space
   };
+
+  static int nearest(float p, int size) {
+    return std::clamp(static_cast<int>(p + 0.5f), 0, size - 1);
+  }
+
+  /// Some columns.
+  struct Columns {
+    int first, stride;
+  };
+
+  /// Calls `f` with the column in the part, the pixel, and the mean colour of all views, for pixels
+  /// of a corrected row that are used and show `surface`.
+  template <typename F>
+  void each_shown(int y, Columns columns, const Rect& part, const ImageMask* used,
+                  const ImageDepth& surface, const F& f) const {
+    const int aside = (kAside_px + own_.divisor - 1) / own_.divisor;
+    const float camera_y = own_.camera_row(part.y + y);
+    const int row = nearest(camera_y, view_.height);
+    Vec3f normal;
+    int normal_of = -1;  // block of columns
+    for (int x = columns.first; x < part.width; x += columns.stride) {
+      const float camera_x = own_.camera_column(part.x + x);
+      const int column = nearest(camera_x, view_.width);
+      const float z = own_.depth(surface, column, row);
+      if (!(z > 0) || (used && !*used->at(column, row))) continue;
+      if (const int block = column / kBlendBlock_px; block != normal_of) {
+        const int u = std::min(column / own_.divisor, surface.width - 1),
+                  v = std::min(row / own_.divisor, surface.height - 1);
+        normal = normal_at(depth_camera_, surface, u, v, aside), normal_of = block;
+      }
+      const Rect& at = view_.atlas_rect;
+      std::uint8_t* const rgb = out_.at(at.x + part.x + x, at.y + part.y + y);
+      f(x, rgb,
+        mean({camera_x, camera_y}, z, normal, {rgb[0] + 0.0f, rgb[1] + 0.0f, rgb[2] + 0.0f}));
+    }
+  }
 
   /// The mean colour of a point at a pixel of the own camera. `shown`: by the own picture.
   Vec3f mean(Vec2f pixel, float z, Vec3f normal, Vec3f shown) const {
@@ -391,8 +432,11 @@ class ViewBlend::Painter {
     return mix.sum / mix.weights;
   }
 
+  static constexpr int kAside_px = 3;  // of normals
+
   const Eye& own_;
   const View& view_;
+  Camera depth_camera_;
   float sharpness_;
   ImageRgb& out_;
   std::vector<Other> others_;
@@ -411,17 +455,23 @@ ImageRgb ViewBlend::picture(std::size_t source, const ImageMask* used,
                             const ImageDepth* surface) const {
   ImageRgb out = *eyes_[source]->source.picture;
   Painter painter(eyes_, source, static_cast<float>(config_.sharpness), out);
-  const auto rows = [](int count, const auto& row) {
-    parallel_for(static_cast<std::size_t>(count), 8, [&](std::size_t begin, std::size_t end) {
+  const auto rows = [](int count, int grain, const auto& row) {
+    parallel_for(static_cast<std::size_t>(count), grain, [&](std::size_t begin, std::size_t end) {
       for (int y = static_cast<int>(begin); y < static_cast<int>(end); ++y) row(y);
     });
   };
-  rows(eyes_[source]->view.atlas_rect.height, [&](int y) { painter.correct(y); });
+  rows(eyes_[source]->view.atlas_rect.height, 16, [&](int y) { painter.correct(y); });
   if (!surface || !painter.blends()) return out;
-  Changes changes(painter.part(used, *surface));
-  rows(changes.part.height, [&](int y) { painter.compare(y, used, *surface, changes); });
-  if (config_.keep_detail && !changes.part.empty()) smooth(changes);
-  rows(changes.part.height, [&](int y) { painter.change(y, changes); });
+  const Rect part = painter.part(used, *surface);
+  if (part.empty()) return out;
+  if (!config_.keep_detail) {
+    rows(part.height, 8, [&](int y) { painter.average(y, part, used, *surface); });
+    return out;
+  }
+  SmoothChange change(part.width, part.height);
+  rows(change.rows(), 1, [&](int row) { painter.compare(row, part, used, *surface, change); });
+  change.smooth();
+  rows(part.height, 16, [&](int y) { painter.apply(y, part, used, change); });
   return out;
 }
 

@@ -44,7 +44,7 @@ class ViewBlend {
     Vec3f log_exposure{};  ///< as in ColorCorrection
     const TileMask* valid =
         nullptr;  ///< pixels of the camera's picture that may be used; null: all
-    /// Of all surface, [height, width] of the view; null: it blends with no other view.
+    /// Depth map of all surface (depth_camera of the view); null: it blends with no other view.
     const ImageDepth* nearest = nullptr;
   };
 
@@ -53,8 +53,9 @@ class ViewBlend {
   ViewBlend(ViewBlend&&) noexcept;
 
   /// The picture of a source, corrected, and blended where it shows `surface`. `used`: pixels of
-  /// the camera's picture that are blended; null: all. `surface`: depth of the surface that it
-  /// textures, [height, width] of the view; null: none, only corrected. Parallel.
+  /// the camera's picture that are blended; null: all. `surface`: depth map of the surface that it
+  /// textures (depth_camera); null: none, only corrected. With detail kept, the change goes on in
+  /// used pixels beside the surface. Parallel.
   ImageRgb picture(std::size_t source, const ImageMask* used, const ImageDepth* surface) const;
 
  private:

@@ -3,6 +3,7 @@
 #include <memory>
 #include <utility>
 
+#include "mr/atlas/occluders.h"
 #include "mr/atlas/view_blend.h"
 #include "mr/core/parallel.h"
 #include "mr/kit/raster.h"
@@ -66,7 +67,8 @@ void TexturePainter::look_at(const Mesh& still, const std::vector<View>& views) 
   parallel_for(changed.size(), 1, [&](std::size_t begin, std::size_t end) {
     for (std::size_t i = begin; i < end; ++i) {
       const View& view = changed[i]->view;
-      changed[i]->depth = kit::rasterize_depth(still_, view.camera(), view.T_world_camera);
+      changed[i]->depth =
+          kit::rasterize_depth(still_, atlas::depth_camera(view.camera()), view.T_world_camera);
     }
   });
 }
@@ -88,7 +90,8 @@ atlas::Pictures TexturePainter::live(const std::vector<View>& views,
       const View& view = *sources[i].view;
       if (view.kind != View::Kind::pinhole) continue;
       const auto behind = still ? seen_.find(view.id) : seen_.end();
-      depths[i] = kit::rasterize_depth(moving, view.camera(), view.T_world_camera);
+      depths[i] =
+          kit::rasterize_depth(moving, atlas::depth_camera(view.camera()), view.T_world_camera);
       nearest[i] = nearer(behind == seen_.end() ? nullptr : &behind->second.depth, depths[i]);
     }
   });

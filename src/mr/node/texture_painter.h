@@ -29,7 +29,7 @@ class TexturePainter {
                          const Used& used, const Mesh& still, const RootColors& colors);
 
  private:
-  /// What a view sees of the still surface, [height, width] of it.
+  /// What a view sees of the still surface: a depth map (atlas::depth_camera).
   struct Seen {
     View view;
     ImageDepth depth;
