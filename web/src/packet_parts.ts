@@ -275,7 +275,7 @@ export function readSources(table: Table, field: number, masks: Masks): Sensor[]
   const sources = table.tables(field, kLimits.views, "sources").map((source) => {
     requireDepthCamera(source.table(1, "a depth camera"));
     require(within(source.f64(3), 0, 1e3) && within(source.f64(4), 0, 1e3), "an impossible precision");
-    for (const mask of [5, 6]) if (source.has(mask)) masks.check(source.table(mask, "a mask"));
+    for (const mask of [5, 6, 7]) if (source.has(mask)) masks.check(source.table(mask, "a mask"));
     return {
       sensor: source.u32(0),
       pose: readPose(source.buffer, source.struct(2, 96, "a sensor's pose")),
@@ -288,7 +288,7 @@ export function readSources(table: Table, field: number, masks: Masks): Sensor[]
 export function checkConfirmed(table: Table, field: number, sources: readonly Sensor[], masks: Masks): void {
   const known = new Set(sources.map((source) => source.sensor));
   const sensors = table.tables(field, kLimits.views, "masks").map((confirmed) => {
-    for (const mask of [1, 2]) if (confirmed.has(mask)) masks.check(confirmed.table(mask, "a mask"));
+    for (const mask of [1, 2, 3]) if (confirmed.has(mask)) masks.check(confirmed.table(mask, "a mask"));
     return confirmed.u32(0);
   });
   requireSorted(sensors, (a, b) => a < b, "masks");

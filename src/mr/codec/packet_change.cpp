@@ -54,11 +54,13 @@ void compare_sources(const Packet& base, const Packet& packet, PacketChange& out
         if (!same_sensor(before, now)) return add(now);
         const bool depth = before.confirmed_depth != now.confirmed_depth;
         const bool color = before.confirmed_color != now.confirmed_color;
-        if (!depth && !color) return;
+        const bool blind = before.blind_color != now.blind_color;
+        if (!depth && !color && !blind) return;
         PacketChange::Confirmed& masks = out.confirmed.emplace_back();
         masks.sensor = now.sensor;
         if (depth) masks.depth = now.confirmed_depth;
         if (color) masks.color = now.confirmed_color;
+        if (blind) masks.blind = now.blind_color;
       });
 }
 
@@ -98,6 +100,7 @@ Status change_masks(std::vector<SourceInfo>& sources, std::vector<PacketChange::
       return misfit("a mask of a sensor that it does not name");
     if (mask.depth) at->confirmed_depth = *std::move(mask.depth);
     if (mask.color) at->confirmed_color = *std::move(mask.color);
+    if (mask.blind) at->blind_color = *std::move(mask.blind);
   }
   return {};
 }
@@ -134,10 +137,8 @@ Status set_times(Packet& packet, const PacketMessage& message) {
   return {};
 }
 
-/// Whether a mask has the number of tiles of a picture of this size.
 bool fits(const TileMask& mask, int width, int height) {
-  const auto tiles = [&](int side) { return (side + mask.tile_px - 1) / mask.tile_px; };
-  return mask.empty() || (mask.columns == tiles(width) && mask.rows == tiles(height));
+  return mask.empty() || mask.is_of(width, height);
 }
 
 Status check_masks(const Packet& packet, const PacketLimits& limits) {
@@ -145,10 +146,14 @@ Status check_masks(const Packet& packet, const PacketLimits& limits) {
   for (const View& view : packet.views) size.emplace(view.id, Vec2i{view.width, view.height});
   std::uint64_t tiles = 0;
   for (const SourceInfo& source : packet.sources) {
-    tiles += source.confirmed_depth.tiles.size() + source.confirmed_color.tiles.size();
+    tiles += source.confirmed_depth.tiles.size() + source.confirmed_color.tiles.size() +
+             source.blind_color.tiles.size();
     const auto color = size.find(view_of(source.sensor));
+    const auto fits_color = [&](const TileMask& mask) {
+      return color == size.end() || fits(mask, color->second.x, color->second.y);
+    };
     if (!fits(source.confirmed_depth, source.depth_camera.width, source.depth_camera.height) ||
-        (color != size.end() && !fits(source.confirmed_color, color->second.x, color->second.y)))
+        !fits_color(source.confirmed_color) || !fits_color(source.blind_color))
       return misfit("a mask of another picture");
   }
   if (tiles > limits.mask_tiles) return Error{Error::Cause::too_large, "packet: too many tiles"};

@@ -22,7 +22,7 @@ struct PacketChange {
   /// Changed masks of a sensor that the base names; nothing: as in the base.
   struct Confirmed {
     SensorId sensor{};
-    std::optional<TileMask> depth{}, color{};
+    std::optional<TileMask> depth{}, color{}, blind{};
     friend bool operator==(const Confirmed&, const Confirmed&) = default;
   };
 

@@ -255,7 +255,8 @@ class Reader {
           !require(within(out.precision.base_m, 0, 1e3) && within(out.precision.per_m2, 0, 1e3),
                    "an impossible precision") ||
           !read_mask(in.confirmed_depth(), out.confirmed_depth) ||
-          !read_mask(in.confirmed_color(), out.confirmed_color))
+          !read_mask(in.confirmed_color(), out.confirmed_color) ||
+          !read_mask(in.blind_color(), out.blind_color))
         return false;
     }
     return true;
@@ -270,7 +271,8 @@ class Reader {
       out.sensor = SensorId{in.sensor()};
       if (!require(i == 0 || list[i - 1].sensor < out.sensor, "unsorted masks") ||
           (in.depth() != nullptr && !read_mask(in.depth(), out.depth.emplace())) ||
-          (in.color() != nullptr && !read_mask(in.color(), out.color.emplace())))
+          (in.color() != nullptr && !read_mask(in.color(), out.color.emplace())) ||
+          (in.blind() != nullptr && !read_mask(in.blind(), out.blind.emplace())))
         return false;
     }
     return true;

@@ -56,18 +56,20 @@ fb::Offset<wire::Source> write(Builder& b, const SourceInfo& s) {
   const auto camera = wire::CreateCamera(b, static_cast<wire::CameraModel>(c.model), c.width,
                                          c.height, c.fx, c.fy, c.cx, c.cy, altitude, azimuth);
   const wire::Pose pose = to_wire(s.T_world_depth);
-  fb::Offset<wire::TileMask> depth, color;
+  fb::Offset<wire::TileMask> depth, color, blind;
   if (!s.confirmed_depth.empty()) depth = write(b, s.confirmed_depth);
   if (!s.confirmed_color.empty()) color = write(b, s.confirmed_color);
+  if (!s.blind_color.empty()) blind = write(b, s.blind_color);
   return wire::CreateSource(b, number_of(s.sensor), camera, &pose, s.precision.base_m,
-                            s.precision.per_m2, depth, color);
+                            s.precision.per_m2, depth, color, blind);
 }
 
 fb::Offset<wire::Confirmed> write(Builder& b, const PacketChange::Confirmed& c) {
-  fb::Offset<wire::TileMask> depth, color;
+  fb::Offset<wire::TileMask> depth, color, blind;
   if (c.depth) depth = write(b, *c.depth);
   if (c.color) color = write(b, *c.color);
-  return wire::CreateConfirmed(b, number_of(c.sensor), depth, color);
+  if (c.blind) blind = write(b, *c.blind);
+  return wire::CreateConfirmed(b, number_of(c.sensor), depth, color, blind);
 }
 
 fb::Offset<wire::View> write(Builder& b, const View& v) {

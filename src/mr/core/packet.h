@@ -36,6 +36,11 @@ struct TileMask {
   std::vector<std::uint8_t> tiles;  ///< [rows, columns] 0 or 1
 
   bool empty() const { return tiles.empty(); }
+  /// Whether it has the number of tiles of a picture of this size.
+  bool is_of(int width, int height) const {
+    const auto count = [&](int side) { return (side + tile_px - 1) / tile_px; };
+    return !empty() && columns == count(width) && rows == count(height);
+  }
   bool at(int column, int row) const {
     return tiles[static_cast<std::size_t>(row) * columns + column] != 0;
   }
@@ -52,6 +57,9 @@ struct SourceInfo {
   /// Where the sensor measures its still surface in this very capture, in tiles of its depth
   /// picture (8 px) and of its colour picture (16 px). Only on the way to the root.
   TileMask confirmed_depth{}, confirmed_color{};
+  /// Where no surface may take its colour from the sensor's colour picture in this very capture
+  /// (sensor/color_sight.h), in tiles of 16 px. Only on the way to the root.
+  TileMask blind_color{};
 
   friend bool operator==(const SourceInfo&, const SourceInfo&) = default;
 };

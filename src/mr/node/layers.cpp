@@ -1,11 +1,24 @@
 #include "mr/node/layers.h"
 
 #include <algorithm>
+#include <cstdint>
 
 #include "mr/core/parallel.h"
 #include "mr/kit/topology.h"
 
 namespace mr::node {
+
+std::map<ViewId, TileMask> seeing_tiles(const std::vector<View>& views,
+                                        const std::vector<SourceInfo>& sources) {
+  std::map<ViewId, TileMask> out;
+  for (const SourceInfo& source : sources) {
+    const auto view = std::ranges::find(views, view_of(source.sensor), &View::id);
+    if (view == views.end() || !source.blind_color.is_of(view->width, view->height)) continue;
+    TileMask& seeing = out[view->id] = source.blind_color;
+    for (std::uint8_t& tile : seeing.tiles) tile = tile == 0;
+  }
+  return out;
+}
 
 DecodedScene layer_of(const DecodedScene& scene, Layer layer) {
   DecodedScene out;

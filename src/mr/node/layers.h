@@ -1,6 +1,7 @@
 #pragma once
 
 #include <functional>
+#include <map>
 #include <vector>
 
 #include "mr/core/decoded_scene.h"
@@ -16,6 +17,11 @@ struct CorrectedPoses {
   std::vector<View> views;
   std::vector<SourceInfo> sources;
 };
+
+/// The tiles of views' pictures that may give colour: all that are not blind
+/// (SourceInfo::blind_color). Views of which nothing is said have none.
+std::map<ViewId, TileMask> seeing_tiles(const std::vector<View>& views,
+                                        const std::vector<SourceInfo>& sources);
 
 /// A scene with the chunks of one layer.
 DecodedScene layer_of(const DecodedScene& scene, Layer layer);

@@ -145,7 +145,7 @@ Status MergeNode::add_textures(const CaptureSet& captures, Packet& packet) {
   for (SourceInfo& source : packet.sources) {
     for (const SourceInfo& corrected : poses_.sources)
       if (corrected.sensor == source.sensor) source.T_world_depth = corrected.T_world_depth;
-    if (is_root_) source.confirmed_depth = source.confirmed_color = {};
+    if (is_root_) source.confirmed_depth = source.confirmed_color = source.blind_color = {};
   }
   if (is_root_ && !poses_.views.empty()) {
     const RootAtlas::Tick tick{captures, poses_.views, poses_.sources};

@@ -10,6 +10,7 @@
 #include "mr/atlas/labels.h"
 #include "mr/atlas/watermark.h"
 #include "mr/core/parallel.h"
+#include "mr/node/layers.h"
 #include "mr/node/sensor_node.h"
 
 namespace mr::node {
@@ -43,12 +44,6 @@ TileMask blocks_in_depth(const View& view, const SourceInfo& source) {
           sees(middle, 1) && sees(middle, 2) && sees(middle, 8);
     }
   return out;
-}
-
-/// Whether a mask has the number of tiles of a view's picture.
-bool fits(const TileMask& mask, const View& view) {
-  const auto tiles = [&](int size) { return (size + mask.tile_px - 1) / mask.tile_px; };
-  return !mask.empty() && mask.columns == tiles(view.width) && mask.rows == tiles(view.height);
 }
 
 /// Removes from the mask `unhidden` the blocks onto which a mesh projects, dilated by one block,
@@ -134,7 +129,8 @@ void RootAtlas::update_plates(const Tick& tick, const Mesh& moving) {
   std::vector<Work> all;
   for (const SourceInfo& source : tick.sources) {
     const auto view = std::ranges::find(tick.views, view_of(source.sensor), &View::id);
-    if (view == tick.views.end() || !fits(source.confirmed_color, *view)) continue;
+    if (view == tick.views.end() || !source.confirmed_color.is_of(view->width, view->height))
+      continue;
     const auto picture = pictures.find(view->stream);
     if (picture == pictures.end() || !picture->second) continue;
     all.push_back({&plates_[view->id], &*view, &source, picture->second.get(),
@@ -145,6 +141,9 @@ void RootAtlas::update_plates(const Tick& tick, const Mesh& moving) {
     for (std::size_t i = begin; i < end; ++i) {
       const auto& [plate, view, source, picture, seen] = all[i];
       TileMask unhidden = source->confirmed_color;
+      if (source->blind_color.tiles.size() == unhidden.tiles.size())
+        for (std::size_t t = 0; t < unhidden.tiles.size(); ++t)
+          unhidden.tiles[t] &= source->blind_color.tiles[t] == 0;
       hide(moving, *view, *seen, unhidden);
       plate->update(*picture, unhidden);
       changed[i] = plate->changed_blocks();
@@ -273,7 +272,8 @@ Status RootAtlas::compose(const Tick& tick, const Mesh& moving, const Mesh* stil
   if (plates_due)
     shown_plates_ =
         painter_.plates(tick.views, plates_, used_pixels(tick, *still, error_m), *still, colors_);
-  const atlas::Pictures shown = painter_.live(tick.views, pictures, used, moving, still, colors_);
+  const atlas::Pictures shown = painter_.live(
+      {tick.views, pictures, seeing_tiles(tick.views, tick.sources)}, used, moving, still, colors_);
   ImageRgb picture = draw_live(children, shown, std::move(used));
   if (scene_->atlas.burn_sequence) atlas::draw_watermark(picture, packet.sequence);
   const std::uint32_t layout = live_layout_.views.front().layout;

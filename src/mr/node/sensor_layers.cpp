@@ -85,7 +85,7 @@ Result<SensorLayers::Divided> SensorLayers::divide(const Frame& frame, double st
   const Camera& camera = registration_->depth_camera();
   Divided out;
   // Until the still surface is shown, the moving one shows what has become still.
-  const still::BackgroundUpdate update = observe(frame, is_shown());
+  still::BackgroundUpdate update = observe(frame, is_shown());
   trace_->time("clean", [&] {
     out.moving = clean_where(update.moving, camera, frame);
     out.confirmed_depth = still::confirmed_tiles(update.confirmed, update.moving);
@@ -94,6 +94,7 @@ Result<SensorLayers::Divided> SensorLayers::divide(const Frame& frame, double st
       out.confirmed_color =
           still::unoccluded_tiles(frame.depth, update.foreign, camera, view->camera(),
                                   view->T_world_camera.inverse() * frame.T_world_depth);
+    out.moving_pixels = std::move(update.moving);
   });
   if (const Status updated = update_surface(frame, still_error_m); !updated) return updated.error();
   return out;

@@ -33,7 +33,8 @@ class SensorLayers {
   bool learn(const Frame& frame);
 
   struct Divided {
-    ImageDepth moving;  ///< cleaned
+    ImageDepth moving;        ///< cleaned
+    ImageMask moving_pixels;  ///< before cleaning
     TileMask confirmed_depth, confirmed_color;
   };
   /// Parts an undistorted frame, and brings the still surface up to date.

@@ -30,6 +30,9 @@ SensorNode::SensorNode(const Scene& scene, SensorId id, NodeClock clock, StillWo
       reconstructor_(scene, scene.sensor(id), registration_.depth_camera(), trace_),
       publisher_(scene, id),
       texture_(scene, stream_of(id)) {
+  if (const auto view = registration_.color_view({}))
+    sight_.emplace(registration_.depth_camera(), view->camera(), view->T_world_camera.inverse(),
+                   scene.volume);
   if (has_layers(scene, id)) layers_.emplace(scene, id, registration_, still_work, trace_);
 }
 
@@ -40,13 +43,22 @@ bool SensorNode::watch(Frame frame) {
 
 /// The cleaned depth that is to be reconstructed: of all, or of what moves.
 Result<ImageDepth> SensorNode::depth_to_reconstruct(Reconstructed& out) {
+  const Frame& frame = out.frame;
+  const auto look = [&](const ImageDepth& cleaned, const ImageMask* of) {
+    if (sight_ && !frame.color.empty())
+      out.blind_color = sight_->blind(frame.depth, cleaned, of, frame.T_world_depth);
+  };
   if (!layers_)
-    return trace_.time(
-        "clean", [&] { return prepare_depth(*scene_, registration_.depth_camera(), out.frame); });
+    return trace_.time("clean", [&] {
+      ImageDepth cleaned = prepare_depth(*scene_, registration_.depth_camera(), frame);
+      look(cleaned, nullptr);
+      return cleaned;
+    });
   auto divided = layers_->divide(out.frame, out.plan.still_error_m);
   if (!divided) return divided.error();
   out.confirmed_depth = std::move(divided->confirmed_depth);
   out.confirmed_color = std::move(divided->confirmed_color);
+  look(divided->moving, &divided->moving_pixels);
   return std::move(divided->moving);
 }
 
@@ -90,7 +102,7 @@ Packet SensorNode::head(const Reconstructed& surface) const {
   packet.plan = surface.plan;
   packet.sources = {{sensor_, frame.captured_at(), registration_.depth_camera(),
                      frame.T_world_depth, scene_->sensor(sensor_).precision,
-                     surface.confirmed_depth, surface.confirmed_color}};
+                     surface.confirmed_depth, surface.confirmed_color, surface.blind_color}};
   if (auto view =
           frame.color.empty() ? std::nullopt : registration_.color_view(frame.T_world_depth)) {
     view->stream = stream_of(sensor_);

@@ -21,6 +21,7 @@
 #include "mr/node/surface_reconstructor.h"
 #include "mr/node/texture_stream.h"
 #include "mr/scene/scene.h"
+#include "mr/sensor/color_sight.h"
 #include "mr/sensor/registration.h"
 
 namespace mr::node {
@@ -36,6 +37,7 @@ class SensorNode {
     CodingPlan plan;  // of this frame
     Mesh mesh;        // decimated, on the lattice; with layers: of what moves
     CubeErrors errors;
+    TileMask blind_color;
     // With layers:
     SensorLayers::News still;
     TileMask confirmed_depth, confirmed_color;
@@ -79,7 +81,8 @@ class SensorNode {
   CurrentPlan plan_;
   Trace trace_;
   sensor::Registration registration_;
-  std::optional<SensorLayers> layers_;  ///< none: everything is reconstructed with every frame
+  std::optional<sensor::ColorSight> sight_;  ///< none: the sensor has no colour
+  std::optional<SensorLayers> layers_;       ///< none: everything is reconstructed with every frame
   SurfaceReconstructor reconstructor_;
   ChunkPublisher publisher_;
   TextureStream texture_;

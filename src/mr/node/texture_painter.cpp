@@ -73,17 +73,19 @@ void TexturePainter::look_at(const Mesh& still, const std::vector<View>& views) 
   });
 }
 
-atlas::Pictures TexturePainter::live(const std::vector<View>& views,
-                                     const atlas::Pictures& pictures, const Used& used,
-                                     const Mesh& moving, const Mesh* still,
-                                     const RootColors& colors) {
-  if (moving.empty()) return pictures;
-  if (still) look_at(*still, views);
+atlas::Pictures TexturePainter::live(const Live& from, const Used& used, const Mesh& moving,
+                                     const Mesh* still, const RootColors& colors) {
+  if (moving.empty()) return from.pictures;
+  if (still) look_at(*still, from.views);
   const atlas::ColorCorrections corrections = colors.live();
   std::vector<Source> sources;
-  for (const View& view : views)
-    if (const auto found = pictures.find(view.stream); found != pictures.end() && found->second)
-      sources.push_back(source_of(view, *found->second, corrections));
+  for (const View& view : from.views) {
+    const auto picture = from.pictures.find(view.stream);
+    if (picture == from.pictures.end() || !picture->second) continue;
+    Source& source = sources.emplace_back(source_of(view, *picture->second, corrections));
+    if (const auto tiles = from.seeing.find(view.id); tiles != from.seeing.end())
+      source.valid = &tiles->second;
+  }
   std::vector<ImageDepth> depths(sources.size()), nearest(sources.size());
   parallel_for(sources.size(), 1, [&](std::size_t begin, std::size_t end) {
     for (std::size_t i = begin; i < end; ++i) {

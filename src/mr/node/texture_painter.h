@@ -18,11 +18,18 @@ class TexturePainter {
  public:
   using Used = std::map<ViewId, ImageMask>;
 
+  /// The cameras' pictures, by stream, and the tiles of them that may give colour to others; a view
+  /// without a mask gives all.
+  struct Live {
+    const std::vector<View>& views;
+    const atlas::Pictures& pictures;
+    std::map<ViewId, TileMask> seeing;
+  };
+
   /// The live pictures, by stream, for a moving surface in front of a still one (null: none).
   /// `used`: pixels that it uses; a view without a mask is used whole. As they come where there is
   /// no moving surface.
-  atlas::Pictures live(const std::vector<View>& views, const atlas::Pictures& pictures,
-                       const Used& used, const Mesh& moving, const Mesh* still,
+  atlas::Pictures live(const Live& from, const Used& used, const Mesh& moving, const Mesh* still,
                        const RootColors& colors);
   /// The plates, by the stream of their view, for the still surface.
   atlas::Pictures plates(const std::vector<View>& views, const RootColors::Plates& plates,

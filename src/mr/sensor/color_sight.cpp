@@ -1,0 +1,107 @@
+#include "mr/sensor/color_sight.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstddef>
+#include <cstdint>
+#include <limits>
+#include <vector>
+
+namespace mr::sensor {
+namespace {
+
+/// The depth from which a ray is inside a box: 0 if it begins there or misses the box. `direction`
+/// gains 1 m of depth.
+float entry_depth(const Box3d& box, Vec3d from, Vec3d direction) {
+  double in = 0, out = std::numeric_limits<double>::infinity();
+  for (int axis = 0; axis < 3; ++axis) {
+    const double a = (box.low[axis] - from[axis]) / direction[axis],
+                 b = (box.high[axis] - from[axis]) / direction[axis];
+    if (std::isnan(a) || std::isnan(b)) continue;  // along a side of the box
+    in = std::max(in, std::min(a, b)), out = std::min(out, std::max(a, b));
+  }
+  return in < out ? static_cast<float>(in) : 0;
+}
+
+}  // namespace
+
+ColorSight::ColorSight(const Camera& depth_camera, const Camera& color_camera,
+                       const Pose& T_color_depth, const std::optional<Box3d>& volume)
+    : depth_camera_(depth_camera),
+      color_camera_(color_camera),
+      T_color_depth_(T_color_depth),
+      volume_(volume),
+      columns_((color_camera.width + kTile_px - 1) / kTile_px),
+      rows_((color_camera.height + kTile_px - 1) / kTile_px) {
+  if (depth_camera.model != CameraModel::pinhole || color_camera.model != CameraModel::pinhole)
+    return;
+  // Pixels that a tile's side has in the depth picture: some four are enough to judge by.
+  const double side_px =
+      kTile_px * std::min(depth_camera.fx / color_camera.fx, depth_camera.fy / color_camera.fy);
+  step_px_ = side_px < 1 ? 0 : std::max(static_cast<int>(side_px / 4), 1);
+}
+
+/// Calls `f` with every sample that the colour picture shows.
+template <typename F>
+void ColorSight::each_sample(const ImageDepth& measured, const ImageDepth& cleaned,
+                             const ImageMask* of, const Pose& T_world_depth, const F& f) const {
+  const Vec3f t = vec_cast<float>(T_color_depth_.translation);
+  const auto fx = static_cast<float>(color_camera_.fx), fy = static_cast<float>(color_camera_.fy);
+  const auto cx = static_cast<float>(color_camera_.cx), cy = static_cast<float>(color_camera_.cy);
+  for (int y = 0; y < measured.height; y += step_px_)
+    for (int x = 0; x < measured.width; x += step_px_) {
+      const float z = *measured.at(x, y);
+      if (!(z > 0)) continue;
+      const Vec3d ray{(x - depth_camera_.cx) / depth_camera_.fx,
+                      (y - depth_camera_.cy) / depth_camera_.fy, 1};
+      const Vec3f p = vec_cast<float>(T_color_depth_.rotation * ray) * z + t;
+      if (!(p.z > 0)) continue;
+      const float u = fx * p.x / p.z + cx + 0.5f, v = fy * p.y / p.z + cy + 0.5f;
+      if (!(u >= 0 && v >= 0 && u < static_cast<float>(color_camera_.width) &&
+            v < static_cast<float>(color_camera_.height)))
+        continue;
+      const bool is_cleaned = (!of || *of->at(x, y)) && !(*cleaned.at(x, y) > 0);
+      const bool is_before = volume_ && z < entry_depth(*volume_, T_world_depth.translation,
+                                                        T_world_depth.rotation * ray);
+      f(Sample{static_cast<int>(v) / kTile_px * columns_ + static_cast<int>(u) / kTile_px, z,
+               !is_cleaned && !is_before});
+    }
+}
+
+TileMask ColorSight::blind(const ImageDepth& measured, const ImageDepth& cleaned,
+                           const ImageMask* of, const Pose& T_world_depth) const {
+  constexpr float kFront_m = 0.05f, kFrontShare = 0.02f;
+  if (step_px_ == 0) return {};
+  struct Tile {
+    float nearest_made = std::numeric_limits<float>::infinity();
+    int samples = 0, hiding = 0;
+  };
+  std::vector<Tile> tiles(static_cast<std::size_t>(columns_) * rows_);
+  std::vector<Sample> unmade;
+  each_sample(measured, cleaned, of, T_world_depth, [&](const Sample& sample) {
+    Tile& tile = tiles[sample.tile];
+    ++tile.samples;
+    if (sample.is_made)
+      tile.nearest_made = std::min(tile.nearest_made, sample.z);
+    else
+      unmade.push_back(sample);
+  });
+  for (const Sample& sample : unmade) {
+    Tile& tile = tiles[sample.tile];
+    tile.hiding += sample.z < tile.nearest_made - kFront_m - kFrontShare * sample.z;
+  }
+  TileMask out{kTile_px, columns_, rows_, std::vector<std::uint8_t>(tiles.size())};
+  for (int row = 0; row < rows_; ++row)
+    for (int column = 0; column < columns_; ++column) {
+      int around = 0;
+      for (int y = std::max(row - 1, 0); y <= std::min(row + 1, rows_ - 1); ++y)
+        for (int x = std::max(column - 1, 0); x <= std::min(column + 1, columns_ - 1); ++x)
+          around += tiles[static_cast<std::size_t>(y) * columns_ + x].samples;
+      const std::size_t i = static_cast<std::size_t>(row) * columns_ + column;
+      out.tiles[i] = around == 0 || 2 * tiles[i].hiding > tiles[i].samples;
+    }
+  return out;
+}
+
+}  // namespace mr::sensor

@@ -1,0 +1,53 @@
+#pragma once
+
+#include <optional>
+
+#include "mr/core/camera.h"
+#include "mr/core/image.h"
+#include "mr/core/packet.h"
+#include "mr/core/pose.h"
+#include "mr/core/vec.h"
+
+namespace mr::sensor {
+
+/// Tells where a sensor's colour picture shows what its depth picture does not account for, so that
+/// no surface takes its colour there: an occluder that is in no mesh hides nothing, though the
+/// sensor measured it, and beyond the depth picture nobody knows what hides what. Pinhole cameras.
+class ColorSight {
+ public:
+  static constexpr int kTile_px = 16;
+
+  /// `volume`: outside of it nothing is reconstructed; none: everything is. Undistorted cameras.
+  ColorSight(const Camera& depth_camera, const Camera& color_camera, const Pose& T_color_depth,
+             const std::optional<Box3d>& volume);
+
+  /// The blind tiles of the colour picture:
+  ///  - those that have no measured depth in them or in a tile beside them;
+  ///  - those in which most depth is of something that is not reconstructed and hides what is: in
+  ///    front of the volume, or removed by cleaning and over 5 cm nearer than what is left there.
+  /// `measured`: the depth picture [m]; `cleaned`: what is reconstructed of the pixels `of` (null:
+  /// of all); of the others, all is. Empty where cameras are no pinholes, or depth is so coarse
+  /// that not every tile has a pixel. 1 ms for 640x576.
+  TileMask blind(const ImageDepth& measured, const ImageDepth& cleaned, const ImageMask* of,
+                 const Pose& T_world_depth) const;
+
+ private:
+  /// A measured depth.
+  struct Sample {
+    int tile;
+    float z;       ///< m
+    bool is_made;  ///< a surface is reconstructed of it
+  };
+
+  template <typename F>
+  void each_sample(const ImageDepth& measured, const ImageDepth& cleaned, const ImageMask* of,
+                   const Pose& T_world_depth, const F& f) const;
+
+  Camera depth_camera_, color_camera_;
+  Pose T_color_depth_;
+  std::optional<Box3d> volume_;
+  int columns_ = 0, rows_ = 0;  ///< of tiles
+  int step_px_ = 0;             ///< between depth pixels that are looked at; 0: too coarse
+};
+
+}  // namespace mr::sensor
