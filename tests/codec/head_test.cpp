@@ -123,9 +123,11 @@ TEST(Head, EveryFieldMayChange) {
   arrives();
   p.sources[1].confirmed_color = {256, 5, 3, std::vector<std::uint8_t>(15, 1)};
   arrives();
+  p.sources[1].blind_color = {16, 80, 45, std::vector<std::uint8_t>(3600, 1)};
+  arrives();
   p.sources[1].confirmed_depth.tiles[7] = 0;
   arrives();
-  p.sources[1].confirmed_depth = {};
+  p.sources[1].confirmed_depth = {}, p.sources[1].blind_color.tiles[9] = 0;
   arrives();
   p.sources[0].T_world_depth.translation.x = 1;
   arrives();

@@ -325,6 +325,7 @@ TEST(PacketCodec, GainsAreModerate) {
 TEST(PacketCodec, MasksFitTheirPictures) {
   EXPECT_TRUE(invalid([](Packet& p) { p.sources[0].confirmed_depth = mask(648, 576, 8); }));
   EXPECT_TRUE(invalid([](Packet& p) { p.sources[0].confirmed_color = mask(1280, 704, 16); }));
+  EXPECT_TRUE(invalid([](Packet& p) { p.sources[0].blind_color = mask(1280, 704, 16); }));
   EXPECT_TRUE(invalid([](Packet& p) { p.sources[0].confirmed_depth.tiles.resize(80 * 71); }));
   EXPECT_TRUE(invalid([](Packet& p) { p.sources[0].confirmed_depth.tiles.resize(80 * 72 + 8); }));
   EXPECT_TRUE(invalid([](Packet& p) { p.sources[0].confirmed_depth = mask(640, 576, 257); }));
@@ -334,6 +335,14 @@ TEST(PacketCodec, MasksFitTheirPictures) {
   EXPECT_FALSE(invalid([](Packet& p) { p.sources[1].confirmed_color = mask(8192, 8192, 16); }));
   EXPECT_TRUE(refused(Error::Cause::too_large,
                       [](Packet& p) { p.sources[1].confirmed_color = mask(8193, 16, 16); }));
+}
+
+TEST(PacketCodec, BlindTilesTravel) {
+  Packet packet = full_packet();
+  packet.sources[0].blind_color = mask(1280, 720, 16);
+  const auto back = decode_packet(encode_packet(packet));
+  ASSERT_TRUE(back);
+  EXPECT_EQ(*back, packet);
 }
 
 TEST(PacketCodec, ABitBeyondAMasksLastTileIsRefused) {

@@ -421,6 +421,28 @@ TEST(MergeNode, TheRootComposesOneAtlas) {
   }
 }
 
+TEST(MergeNode, AnOccluderThatIsInNoMeshIsNotPrintedOnTheWall) {
+  for (const bool layers : {false, true}) {
+    Scene scene = two_sensors();
+    scene.still.layers = layers;
+    scene.volume = Box3d{{-9, -9, 1.2}, {9, 9, 9}};
+    Merger root(scene);
+    // Before the volume, and hides the middle of the wall from the left sensor alone.
+    const Solids solids = test::wall_with_box({-0.5, -0.15, 0.6});
+    for (int i = 0; i < (layers ? kLearnt : 1); ++i) root.see(solids);
+    const Mesh mesh = root.surface();
+    const std::vector<ViewId> views = triangle_views(mesh);
+    double hidden_m2 = 0;
+    for (std::size_t t = 0; t < views.size(); ++t) {
+      const Vec3f p = mesh.centroid(t);
+      if (p.x < -0.05f || p.x > 0.5f || std::abs(p.y) > 0.25f) continue;
+      hidden_m2 += length(mesh.area_normal(t)) / 2;
+      EXPECT_EQ(views[t], ViewId{1}) << p.x << " " << p.y;
+    }
+    EXPECT_GT(hidden_m2, 0.2) << layers;
+  }
+}
+
 TEST(MergeNode, AnInnerMergerHandsPicturesOnUntouched) {
   Merger west(two_sensors_below_west(), false);
   for (int tick = 0; tick < 3; ++tick) {

@@ -527,6 +527,25 @@ TEST(SensorNodeLayers, ConfirmedTilesAreWhereNothingMoves) {
   EXPECT_TRUE(moving.confirmed_color.at(0, 0));
 }
 
+TEST(SensorNode, ToldIsWhereColourSeesWhatNoMeshShows) {
+  for (const bool layers : {false, true}) {
+    Scene scene = one_sensor();
+    scene.still.layers = layers;
+    scene.volume = Box3d{{-9, -9, 1}, {9, 9, 9}};
+    Sensor sensor(scene);
+    const auto blind = [&](const Solids& solids) {
+      return sensor.see(solids).sources.at(0).blind_color;
+    };
+    const TileMask none = blind(wall());
+    ASSERT_TRUE(none.is_of(96, 64));
+    EXPECT_EQ(std::ranges::count(none.tiles, 1), 0);
+    const TileMask before = blind(test::wall_with_box({-0.15, -0.15, 0.6}));
+    EXPECT_TRUE(before.at(2, 1) && before.at(3, 2)) << "the box is before the volume";
+    EXPECT_FALSE(before.at(0, 0) || before.at(5, 3));
+    EXPECT_EQ(std::ranges::count(blind(test::wall_with_box({-0.15, -0.15, 1.2})).tiles, 1), 0);
+  }
+}
+
 TEST(SensorNodeLayers, AnEmptyFrameIsNoNewsOnceTheRoomIsKnown) {
   Sensor sensor(with_layers());
   for (int i = 0; i < kLearnt; ++i) sensor.see(wall());

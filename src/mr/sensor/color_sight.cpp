@@ -24,6 +24,29 @@ float entry_depth(const Box3d& box, Vec3d from, Vec3d direction) {
   return in < out ? static_cast<float>(in) : 0;
 }
 
+/// The tiles of a colour picture that lie, with those around them, beyond a depth picture at near
+/// and at far depths.
+TileMask tiles_beyond(const Camera& depth, const Camera& color, const Pose& T_depth_color) {
+  constexpr int kTile_px = ColorSight::kTile_px;
+  const auto sees = [&](Vec2d pixel, double depth_m) {
+    const auto p = project(depth, T_depth_color * (unproject(color, pixel) * depth_m));
+    return p && p->x >= 0 && p->y >= 0 && p->x <= depth.width - 1 && p->y <= depth.height - 1;
+  };
+  const int columns = (color.width + kTile_px - 1) / kTile_px,
+            rows = (color.height + kTile_px - 1) / kTile_px;
+  TileMask out{kTile_px, columns, rows,
+               std::vector<std::uint8_t>(static_cast<std::size_t>(columns) * rows, 1)};
+  for (int row = 0; row < rows; ++row)
+    for (int column = 0; column < columns; ++column) {
+      const Vec2d middle{(column + 0.5) * kTile_px, (row + 0.5) * kTile_px};
+      if (!sees(middle, 1) && !sees(middle, 2) && !sees(middle, 8)) continue;
+      for (int y = std::max(row - 1, 0); y <= std::min(row + 1, rows - 1); ++y)
+        for (int x = std::max(column - 1, 0); x <= std::min(column + 1, columns - 1); ++x)
+          out.tiles[static_cast<std::size_t>(y) * columns + x] = 0;
+    }
+  return out;
+}
+
 }  // namespace
 
 ColorSight::ColorSight(const Camera& depth_camera, const Camera& color_camera,
@@ -32,8 +55,7 @@ ColorSight::ColorSight(const Camera& depth_camera, const Camera& color_camera,
       color_camera_(color_camera),
       T_color_depth_(T_color_depth),
       volume_(volume),
-      columns_((color_camera.width + kTile_px - 1) / kTile_px),
-      rows_((color_camera.height + kTile_px - 1) / kTile_px) {
+      beyond_(tiles_beyond(depth_camera, color_camera, T_color_depth.inverse())) {
   if (depth_camera.model != CameraModel::pinhole || color_camera.model != CameraModel::pinhole)
     return;
   // Pixels that a tile's side has in the depth picture: some four are enough to judge by.
@@ -64,20 +86,20 @@ void ColorSight::each_sample(const ImageDepth& measured, const ImageDepth& clean
       const bool is_cleaned = (!of || *of->at(x, y)) && !(*cleaned.at(x, y) > 0);
       const bool is_before = volume_ && z < entry_depth(*volume_, T_world_depth.translation,
                                                         T_world_depth.rotation * ray);
-      f(Sample{static_cast<int>(v) / kTile_px * columns_ + static_cast<int>(u) / kTile_px, z,
+      f(Sample{static_cast<int>(v) / kTile_px * beyond_.columns + static_cast<int>(u) / kTile_px, z,
                !is_cleaned && !is_before});
     }
 }
 
-TileMask ColorSight::blind(const ImageDepth& measured, const ImageDepth& cleaned,
-                           const ImageMask* of, const Pose& T_world_depth) const {
+/// Adds the tiles in which something that is not reconstructed hides what is.
+void ColorSight::add_hidden(const ImageDepth& measured, const ImageDepth& cleaned,
+                            const ImageMask* of, const Pose& T_world_depth, TileMask& blind) const {
   constexpr float kFront_m = 0.05f, kFrontShare = 0.02f;
-  if (step_px_ == 0) return {};
   struct Tile {
     float nearest_made = std::numeric_limits<float>::infinity();
     int samples = 0, hiding = 0;
   };
-  std::vector<Tile> tiles(static_cast<std::size_t>(columns_) * rows_);
+  std::vector<Tile> tiles(blind.tiles.size());
   std::vector<Sample> unmade;
   each_sample(measured, cleaned, of, T_world_depth, [&](const Sample& sample) {
     Tile& tile = tiles[sample.tile];
@@ -91,16 +113,14 @@ TileMask ColorSight::blind(const ImageDepth& measured, const ImageDepth& cleaned
     Tile& tile = tiles[sample.tile];
     tile.hiding += sample.z < tile.nearest_made - kFront_m - kFrontShare * sample.z;
   }
-  TileMask out{kTile_px, columns_, rows_, std::vector<std::uint8_t>(tiles.size())};
-  for (int row = 0; row < rows_; ++row)
-    for (int column = 0; column < columns_; ++column) {
-      int around = 0;
-      for (int y = std::max(row - 1, 0); y <= std::min(row + 1, rows_ - 1); ++y)
-        for (int x = std::max(column - 1, 0); x <= std::min(column + 1, columns_ - 1); ++x)
-          around += tiles[static_cast<std::size_t>(y) * columns_ + x].samples;
-      const std::size_t i = static_cast<std::size_t>(row) * columns_ + column;
-      out.tiles[i] = around == 0 || 2 * tiles[i].hiding > tiles[i].samples;
-    }
+  for (std::size_t i = 0; i < tiles.size(); ++i)
+    if (2 * tiles[i].hiding > tiles[i].samples) blind.tiles[i] = 1;
+}
+
+TileMask ColorSight::blind(const ImageDepth& measured, const ImageDepth& cleaned,
+                           const ImageMask* of, const Pose& T_world_depth) const {
+  TileMask out = beyond_;
+  if (step_px_ > 0) add_hidden(measured, cleaned, of, T_world_depth, out);
   return out;
 }
 

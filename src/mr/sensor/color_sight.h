@@ -12,7 +12,8 @@ namespace mr::sensor {
 
 /// Tells where a sensor's colour picture shows what its depth picture does not account for, so that
 /// no surface takes its colour there: an occluder that is in no mesh hides nothing, though the
-/// sensor measured it, and beyond the depth picture nobody knows what hides what. Pinhole cameras.
+/// sensor measured it, and beyond the depth picture nobody knows what hides what. Pixels without
+/// depth inside the depth picture do count as seen: most are dark or shiny surface.
 class ColorSight {
  public:
   static constexpr int kTile_px = 16;
@@ -22,12 +23,12 @@ class ColorSight {
              const std::optional<Box3d>& volume);
 
   /// The blind tiles of the colour picture:
-  ///  - those that have no measured depth in them or in a tile beside them;
-  ///  - those in which most depth is of something that is not reconstructed and hides what is: in
-  ///    front of the volume, or removed by cleaning and over 5 cm nearer than what is left there.
+  ///  - those beyond the depth picture, by more than a tile, 1 to 8 m away;
+  ///  - of pinhole cameras, those in which most depth is of something that is not reconstructed and
+  ///    hides what is: in front of the volume, or removed by cleaning and over 5 cm nearer than
+  ///    what is left there. Not where depth is so coarse that not every tile has a pixel.
   /// `measured`: the depth picture [m]; `cleaned`: what is reconstructed of the pixels `of` (null:
-  /// of all); of the others, all is. Empty where cameras are no pinholes, or depth is so coarse
-  /// that not every tile has a pixel. 1 ms for 640x576.
+  /// of all); of the others, all is. 1 ms for 640x576.
   TileMask blind(const ImageDepth& measured, const ImageDepth& cleaned, const ImageMask* of,
                  const Pose& T_world_depth) const;
 
@@ -43,11 +44,14 @@ class ColorSight {
   void each_sample(const ImageDepth& measured, const ImageDepth& cleaned, const ImageMask* of,
                    const Pose& T_world_depth, const F& f) const;
 
+  void add_hidden(const ImageDepth& measured, const ImageDepth& cleaned, const ImageMask* of,
+                  const Pose& T_world_depth, TileMask& blind) const;
+
   Camera depth_camera_, color_camera_;
   Pose T_color_depth_;
   std::optional<Box3d> volume_;
-  int columns_ = 0, rows_ = 0;  ///< of tiles
-  int step_px_ = 0;             ///< between depth pixels that are looked at; 0: too coarse
+  TileMask beyond_;  ///< the depth picture
+  int step_px_ = 0;  ///< between depth pixels that are looked at; 0: too coarse
 };
 
 }  // namespace mr::sensor
