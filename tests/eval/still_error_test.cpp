@@ -43,7 +43,7 @@ StillPair measure_both(const std::string& rig, int captures) {
   const auto plan = read_viewpoints(viewpoints_file(small.scene), viewpoints_key(small.scene));
   EXPECT_TRUE(plan.ok());
   StillErrorConfig config;
-  config.captures = captures, config.pairs = 2, config.samples = 20'000;
+  config.captures = captures, config.pairs = 2, config.samples = 400'000;
   config.rig_cache = small.config().rig_cache;
   StillPair out;
   for (StillError* error : {&out.layers, &out.anew}) {

@@ -113,8 +113,14 @@ TEST(SensorNode, HeadNamesSceneSensorAndCapture) {
   EXPECT_EQ(packet.plan, (CodingPlan{{0.25, 0}, 0, 5, 1, 25}));
 
   ASSERT_EQ(packet.sources.size(), 1u);
-  EXPECT_EQ(packet.sources[0], (SourceInfo{SensorId{1}, middle, scene.sensors[1].depth_camera,
-                                           frame.T_world_depth, scene.sensors[1].precision}));
+  EXPECT_EQ(packet.sources[0], (SourceInfo{SensorId{1},
+                                           middle,
+                                           scene.sensors[1].depth_camera,
+                                           frame.T_world_depth,
+                                           scene.sensors[1].precision,
+                                           {},
+                                           {},
+                                           {16, 6, 4, std::vector<std::uint8_t>(24)}}));
   ASSERT_EQ(packet.views.size(), 1u);
   const View& view = packet.views[0];
   EXPECT_EQ(view.id, ViewId{1});
