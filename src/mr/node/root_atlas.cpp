@@ -12,6 +12,7 @@
 #include "mr/core/parallel.h"
 #include "mr/node/layers.h"
 #include "mr/node/sensor_node.h"
+#include "mr/sensor/color_sight.h"
 
 namespace mr::node {
 namespace {
@@ -22,27 +23,6 @@ atlas::Pictures pictures_of(const CaptureSet& captures) {
   atlas::Pictures out;
   for (const DecodedScene& scene : captures.scenes)
     out.insert(scene.textures.begin(), scene.textures.end());
-  return out;
-}
-
-/// The blocks of a view whose centres project into its own sensor's depth picture, at near and at
-/// far depths.
-TileMask blocks_in_depth(const View& view, const SourceInfo& source) {
-  TileMask out = source.confirmed_color;
-  const Camera camera = view.camera();
-  const Pose T_depth_color = source.T_world_depth.inverse() * view.T_world_camera;
-  const auto sees = [&](Vec2d pixel, double depth_m) {
-    const auto p =
-        project(source.depth_camera, T_depth_color * (unproject(camera, pixel) * depth_m));
-    return p && p->x >= 0 && p->y >= 0 && p->x <= source.depth_camera.width - 1 &&
-           p->y <= source.depth_camera.height - 1;
-  };
-  for (int row = 0; row < out.rows; ++row)
-    for (int column = 0; column < out.columns; ++column) {
-      const Vec2d middle{(column + 0.5) * out.tile_px, (row + 0.5) * out.tile_px};
-      out.tiles[static_cast<std::size_t>(row) * out.columns + column] =
-          sees(middle, 1) && sees(middle, 2) && sees(middle, 8);
-    }
   return out;
 }
 
@@ -113,7 +93,10 @@ const TileMask& RootAtlas::seen_by_depth(const View& view, const SourceInfo& sou
       seen.blocks.columns != source.confirmed_color.columns ||
       seen.blocks.rows != source.confirmed_color.rows ||
       seen.blocks.tile_px != source.confirmed_color.tile_px)
-    seen = {view, source.depth_camera, source.T_world_depth, blocks_in_depth(view, source)};
+    seen = {view, source.depth_camera, source.T_world_depth,
+            sensor::tiles_in_depth(source.depth_camera, view.camera(),
+                                   source.T_world_depth.inverse() * view.T_world_camera,
+                                   source.confirmed_color.tile_px, sensor::NearAndFar::both)};
   return seen.blocks;
 }
 

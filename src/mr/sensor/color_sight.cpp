@@ -24,30 +24,38 @@ float entry_depth(const Box3d& box, Vec3d from, Vec3d direction) {
   return in < out ? static_cast<float>(in) : 0;
 }
 
-/// The tiles of a colour picture that lie, with those around them, beyond a depth picture at near
-/// and at far depths.
-TileMask tiles_beyond(const Camera& depth, const Camera& color, const Pose& T_depth_color) {
-  constexpr int kTile_px = ColorSight::kTile_px;
-  const auto sees = [&](Vec2d pixel, double depth_m) {
-    const auto p = project(depth, T_depth_color * (unproject(color, pixel) * depth_m));
-    return p && p->x >= 0 && p->y >= 0 && p->x <= depth.width - 1 && p->y <= depth.height - 1;
-  };
-  const int columns = (color.width + kTile_px - 1) / kTile_px,
-            rows = (color.height + kTile_px - 1) / kTile_px;
-  TileMask out{kTile_px, columns, rows,
-               std::vector<std::uint8_t>(static_cast<std::size_t>(columns) * rows, 1)};
-  for (int row = 0; row < rows; ++row)
-    for (int column = 0; column < columns; ++column) {
-      const Vec2d middle{(column + 0.5) * kTile_px, (row + 0.5) * kTile_px};
-      if (!sees(middle, 1) && !sees(middle, 2) && !sees(middle, 8)) continue;
-      for (int y = std::max(row - 1, 0); y <= std::min(row + 1, rows - 1); ++y)
-        for (int x = std::max(column - 1, 0); x <= std::min(column + 1, columns - 1); ++x)
-          out.tiles[static_cast<std::size_t>(y) * columns + x] = 0;
+/// The tiles that are not in a mask, nor beside one that is.
+TileMask far_from(const TileMask& mask) {
+  TileMask out = mask;
+  for (int row = 0; row < mask.rows; ++row)
+    for (int column = 0; column < mask.columns; ++column) {
+      bool any = false;
+      for (int y = std::max(row - 1, 0); y <= std::min(row + 1, mask.rows - 1); ++y)
+        for (int x = std::max(column - 1, 0); x <= std::min(column + 1, mask.columns - 1); ++x)
+          any |= mask.at(x, y);
+      out.tiles[static_cast<std::size_t>(row) * mask.columns + column] = !any;
     }
   return out;
 }
 
 }  // namespace
+
+TileMask tiles_in_depth(const Camera& depth, const Camera& color, const Pose& T_depth_color,
+                        int tile_px, NearAndFar wanted) {
+  const auto sees = [&](Vec2d pixel, double depth_m) {
+    const auto p = project(depth, T_depth_color * (unproject(color, pixel) * depth_m));
+    return p && p->x >= 0 && p->y >= 0 && p->x <= depth.width - 1 && p->y <= depth.height - 1;
+  };
+  TileMask out{
+      tile_px, (color.width + tile_px - 1) / tile_px, (color.height + tile_px - 1) / tile_px, {}};
+  for (int row = 0; row < out.rows; ++row)
+    for (int column = 0; column < out.columns; ++column) {
+      const Vec2d middle{(column + 0.5) * tile_px, (row + 0.5) * tile_px};
+      const int seen = sees(middle, 1) + sees(middle, 2) + sees(middle, 8);
+      out.tiles.push_back(wanted == NearAndFar::both ? seen == 3 : seen > 0);
+    }
+  return out;
+}
 
 ColorSight::ColorSight(const Camera& depth_camera, const Camera& color_camera,
                        const Pose& T_color_depth, const std::optional<Box3d>& volume)
@@ -55,7 +63,8 @@ ColorSight::ColorSight(const Camera& depth_camera, const Camera& color_camera,
       color_camera_(color_camera),
       T_color_depth_(T_color_depth),
       volume_(volume),
-      beyond_(tiles_beyond(depth_camera, color_camera, T_color_depth.inverse())) {
+      beyond_(far_from(tiles_in_depth(depth_camera, color_camera, T_color_depth.inverse(), kTile_px,
+                                      NearAndFar::either))) {
   if (depth_camera.model != CameraModel::pinhole || color_camera.model != CameraModel::pinhole)
     return;
   // Pixels that a tile's side has in the depth picture: some four are enough to judge by.

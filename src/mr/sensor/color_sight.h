@@ -10,6 +10,12 @@
 
 namespace mr::sensor {
 
+/// Whether a place must lie in a picture at near and at far depths, or at one of them.
+enum class NearAndFar { either, both };
+/// The tiles of a colour picture whose middles project into a depth picture, 1, 2 and 8 m away.
+TileMask tiles_in_depth(const Camera& depth, const Camera& color, const Pose& T_depth_color,
+                        int tile_px, NearAndFar wanted);
+
 /// Tells where a sensor's colour picture shows what its depth picture does not account for, so that
 /// no surface takes its colour there: an occluder that is in no mesh hides nothing, though the
 /// sensor measured it, and beyond the depth picture nobody knows what hides what. Pixels without
