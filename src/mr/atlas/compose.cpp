@@ -227,4 +227,61 @@ ImageRgb compose_atlas(const Layout& layout, const AtlasSources& from, ImageRgb 
   return atlas;
 }
 
+namespace {
+
+/// Along one axis: the pixel of a child's plane for each pixel of an atlas's plane from `first` on.
+struct PlaneAxis {
+  int first = 0;
+  std::vector<int> from;
+
+  /// `tile`, `shown`: first pixel and size of the tile in the atlas, and of the part of the camera
+  /// picture that it shows; `own`, `own_shown`: the same in the child's picture.
+  struct Span {
+    int first, size;
+  };
+  PlaneAxis(Span tile, Span shown, Span own, Span own_shown, const Alpha& child, int child_size,
+            int step_px) {
+    first = (tile.first + step_px / 2) / step_px;
+    for (int i = first; i * step_px + step_px / 2 < tile.first + tile.size; ++i) {
+      const double in_tile = (i + 0.5) * step_px - tile.first;
+      const double camera = in_tile * shown.size / tile.size + shown.first;
+      const double at = (camera - own_shown.first) * own.size / own_shown.size + own.first;
+      from.push_back(std::clamp(static_cast<int>(at / child.step_px), 0, child_size - 1));
+    }
+  }
+};
+
+}  // namespace
+
+std::optional<Alpha> compose_alpha(const Layout& layout, const std::map<ViewId, View>& children,
+                                   const AlphaPlanes& planes) {
+  std::optional<Alpha> out;
+  for (const View& tile : layout.views) {
+    const auto child = children.find(tile.id);
+    if (child == children.end()) continue;
+    const auto plane = planes.find(child->second.stream);
+    if (plane == planes.end()) continue;
+    const Alpha& from = *plane->second;
+    if (!out) {
+      const int step = from.step_px;
+      out = Alpha{
+          step,
+          ImageMask((layout.width + step - 1) / step, (layout.height + step - 1) / step, 1)};
+    }
+    const View& own = child->second;
+    const auto columns = [](const Rect& r) { return PlaneAxis::Span{r.x, r.width}; };
+    const auto rows = [](const Rect& r) { return PlaneAxis::Span{r.y, r.height}; };
+    const PlaneAxis x(columns(tile.atlas_rect), columns(tile.image_rect), columns(own.atlas_rect),
+                      columns(own.image_rect), from, from.plane.width, out->step_px);
+    const PlaneAxis y(rows(tile.atlas_rect), rows(tile.image_rect), rows(own.atlas_rect),
+                      rows(own.image_rect), from, from.plane.height, out->step_px);
+    for (std::size_t v = 0; v < y.from.size(); ++v)
+      for (std::size_t u = 0; u < x.from.size(); ++u)
+        *out->plane.at(x.first + static_cast<int>(u), y.first + static_cast<int>(v)) =
+            *from.plane.at(x.from[u], y.from[v]);
+  }
+  if (out && std::ranges::count(out->plane.data, 0) == 0) out.reset();
+  return out;
+}
+
 }  // namespace mr::atlas

@@ -1,9 +1,12 @@
 #pragma once
 
 #include <map>
+#include <memory>
+#include <optional>
 
 #include "mr/atlas/layout.h"
 #include "mr/atlas/view_observations.h"
+#include "mr/core/decoded_scene.h"
 #include "mr/core/image.h"
 #include "mr/core/mesh.h"
 
@@ -32,5 +35,13 @@ struct AtlasSources {
 /// of its tile without used pixels show that, so that the video codec skips what does not move.
 /// `memory`: an image whose memory is reused.
 ImageRgb compose_atlas(const Layout& layout, const AtlasSources& from, ImageRgb memory = {});
+
+/// Alpha planes of the children's pictures, by stream; not null.
+using AlphaPlanes = std::map<StreamId, std::shared_ptr<const Alpha>>;
+
+/// The alpha plane of the atlas picture of a layout, nearest pixels of the children's planes; 1
+/// where there is none. Nothing: it would be 1 everywhere.
+std::optional<Alpha> compose_alpha(const Layout& layout, const std::map<ViewId, View>& children,
+                                   const AlphaPlanes& planes);
 
 }  // namespace mr::atlas

@@ -230,7 +230,7 @@ PacketChange change_between(const Packet& base, const Packet& packet) {
 }
 
 Result<Packet> complete(PacketMessage message, const Packet& base, const PacketLimits& limits) {
-  MR_ASSERT(base.chunks.empty() && base.textures.empty());
+  MR_ASSERT(base.chunks.empty() && base.textures.empty() && base.alpha.empty());
   Packet packet = base;
   packet.epoch = message.epoch, packet.sequence = message.sequence;
   packet.coalesced = message.coalesced;
@@ -239,6 +239,7 @@ Result<Packet> complete(PacketMessage message, const Packet& base, const PacketL
   if (const Status timed = set_times(packet, message); !timed) return timed.error();
   packet.chunks = std::move(message.chunks);
   packet.textures = std::move(message.textures);
+  packet.alpha = std::move(message.alpha);
   if (const Status sound = check_whole(packet, limits); !sound) return sound.error();
   return packet;
 }

@@ -20,7 +20,8 @@ struct PacketLimits {
   std::uint32_t chunk_triangles = 1u << 20;
   std::uint64_t packet_triangles = 1u << 24;  ///< of all payloads together
   std::size_t marks = 1024;
-  std::uint64_t mask_tiles = 1u << 26;  ///< of all masks together
+  std::uint64_t mask_tiles = 1u << 26;    ///< of all masks together
+  std::uint64_t alpha_pixels = 1u << 24;  ///< of all alpha planes together
   std::size_t name_bytes = 256;
 };
 

@@ -55,6 +55,7 @@ struct PacketMessage {
   PacketChange change;
   std::vector<EncodedChunk> chunks;
   std::vector<TextureUnit> textures;
+  std::vector<AlphaPlane> alpha;
 
   std::uint64_t base_sequence() const { return sequence - age; }
 };

@@ -72,7 +72,7 @@ class Reader {
   Result<PacketMessage> read(const wire::Packet& in) {
     if (read_times(in) && read_base(in) &&
         (in.change() == nullptr || read_change(*in.change(), out_.change)) &&
-        count_chunks(in.chunks()) && read_chunks(in.chunks()) && read_textures(in.textures()))
+        count_chunks(in.chunks()) && read_chunks(in.chunks()) && read_textures(in.textures()) && read_alpha(in.alpha()))
       return std::move(out_);
     return error_;
   }
@@ -409,6 +409,28 @@ class Reader {
                    "an impossible size of a texture") ||
           !read_payload(*in.data(), out.data))
         return false;
+    }
+    return true;
+  }
+
+  /// Planes grow when they are decoded: what all hold is bounded.
+  bool read_alpha(const fb::Vector<fb::Offset<wire::Alpha>>* all) {
+    if (size_of(all) > limits_.views) return fail(too_large_packet("too many alpha planes"));
+    std::size_t pixels = 0;
+    for (std::size_t i = 0; i < size_of(all); ++i) {
+      const wire::Alpha& in = *all->Get(static_cast<fb::uoffset_t>(i));
+      AlphaPlane& out = out_.alpha.emplace_back();
+      out.stream = StreamId{in.stream()};
+      out.step_px = in.step_px(), out.width = in.width(), out.height = in.height();
+      pixels += static_cast<std::size_t>(out.width) * static_cast<std::size_t>(out.height);
+      if (!require(out.step_px >= 1 && out.step_px <= AlphaPlane::kMostStep_px && out.width > 0 &&
+                       out.height > 0,
+                   "an impossible alpha plane") ||
+          !require(i == 0 || out_.alpha[i - 1].stream < out.stream, "unsorted alpha planes"))
+        return false;
+      if (std::max(out.width, out.height) > limits_.texture_side || pixels > limits_.alpha_pixels)
+        return fail(too_large_packet("too large an alpha plane"));
+      if (!read_payload(*in.data(), out.data)) return false;
     }
     return true;
   }

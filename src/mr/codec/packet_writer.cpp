@@ -124,6 +124,14 @@ fb::Offset<wire::Texture> write(Builder& b, const TextureUnit& t) {
                              t.layout, t.width, t.height, t.key_frame, data, t.serial);
 }
 
+fb::Offset<wire::Alpha> write(Builder& b, const AlphaPlane& a) {
+  const auto data =
+      b.CreateVector(reinterpret_cast<const std::uint8_t*>(a.data.data()), a.data.size());
+  return wire::CreateAlpha(b, number_of(a.stream), static_cast<std::uint8_t>(a.step_px),
+                           static_cast<std::uint16_t>(a.width),
+                           static_cast<std::uint16_t>(a.height), data);
+}
+
 template <typename Out, typename Value>
 fb::Offset<fb::Vector<fb::Offset<Out>>> write_all(Builder& b, const std::vector<Value>& values) {
   std::vector<fb::Offset<Out>> offsets;
@@ -218,6 +226,7 @@ struct Parts {
   const PacketChange& change;
   const std::vector<EncodedChunk>& chunks;
   const std::vector<TextureUnit>& textures;
+  const std::vector<AlphaPlane>& alpha;
 };
 
 std::size_t expected_bytes(const Parts& parts) {
@@ -226,6 +235,7 @@ std::size_t expected_bytes(const Parts& parts) {
     bytes += 4096 + 512 * parts.base->views.size() + 32 * parts.base->manifest.size();
   for (const EncodedChunk& c : parts.chunks) bytes += c.payload.size() + 96;
   for (const TextureUnit& t : parts.textures) bytes += t.data.size() + 96;
+  for (const AlphaPlane& a : parts.alpha) bytes += a.data.size() + 64;
   return bytes;
 }
 
@@ -245,12 +255,13 @@ std::vector<std::byte> encode(const Parts& parts) {
   const auto change = write_change(b, parts.change);
   const auto chunks = write_some<wire::Chunk>(b, parts.chunks);
   const auto textures = write_some<wire::Texture>(b, parts.textures);
+  const auto alpha = write_some<wire::Alpha>(b, parts.alpha);
   const WrittenTimes sources = write_times(b, parts.captured_at, parts.source_times);
   const WrittenTimes marks = write_times(b, parts.captured_at, parts.mark_times);
   wire::FinishPacketBuffer(
       b, wire::CreatePacket(b, parts.epoch, parts.sequence, to_ns(parts.captured_at), parts.age,
                             sources.delays, marks.delays, textures, chunks, change, head,
-                            parts.coalesced, sources.times, marks.times));
+                            parts.coalesced, sources.times, marks.times, alpha));
   return sealed_bytes(b);
 }
 
@@ -271,7 +282,8 @@ std::vector<std::byte> encode_packet(const Packet& packet, const Packet& base,
                  .base = bring ? &base : nullptr,
                  .change = change,
                  .chunks = packet.chunks,
-                 .textures = packet.textures});
+                 .textures = packet.textures,
+                 .alpha = packet.alpha});
 }
 
 std::vector<std::byte> encode_packet(const Packet& packet) {
@@ -292,7 +304,8 @@ std::vector<std::byte> encode_message(const PacketMessage& message) {
                  .base = message.base.get(),
                  .change = message.change,
                  .chunks = message.chunks,
-                 .textures = message.textures});
+                 .textures = message.textures,
+                 .alpha = message.alpha});
 }
 
 std::vector<std::byte> encode_chunks(std::span<const EncodedChunk> chunks) {

@@ -4,6 +4,7 @@
 #include <set>
 #include <string>
 
+#include "mr/codec/alpha_codec.h"
 #include "mr/codec/mesh_codec.h"
 #include "mr/core/parallel.h"
 #include "mr/kit/video.h"
@@ -72,6 +73,21 @@ struct ChunkWork {
   }
 };
 
+struct AlphaWork {
+  const AlphaPlane* encoded = nullptr;
+  std::shared_ptr<const Alpha> decoded;
+  std::optional<Error> error;
+
+  void run() {
+    auto plane = decode_alpha(encoded->data, encoded->width, encoded->height);
+    if (plane)
+      decoded = std::make_shared<const Alpha>(encoded->step_px, *std::move(plane));
+    else
+      error = Error{plane.error().cause, "stream " + std::to_string(number_of(encoded->stream)) +
+                                             ": " + plane.error().message};
+  }
+};
+
 }  // namespace
 
 struct Receiver::Impl {
@@ -81,6 +97,7 @@ struct Receiver::Impl {
   std::optional<Packet> newest;  ///< without payloads
   std::map<ChunkKey, std::shared_ptr<const Chunk>> chunks;
   std::map<StreamId, Stream> streams;
+  std::map<StreamId, std::shared_ptr<const Alpha>> alpha;  ///< of the newest packet
 
   bool same_origin(const Packet& p) const {
     return newest && newest->scene == p.scene && newest->node == p.node && newest->epoch == p.epoch;
@@ -91,6 +108,7 @@ struct Receiver::Impl {
   void take_head(const Packet& packet);
   std::vector<ChunkWork> chunk_work(const Packet& packet) const;
   std::vector<StreamWork> stream_work(const Packet& packet);
+  std::vector<AlphaWork> alpha_work(const Packet& packet) const;
   void check_streams(const Packet& packet);
   bool whole() const;
 };
@@ -128,6 +146,13 @@ std::vector<StreamWork> Receiver::Impl::stream_work(const Packet& packet) {
   }
   std::vector<StreamWork> work;
   for (auto& [stream, item] : by_stream) work.push_back(std::move(item));
+  return work;
+}
+
+std::vector<AlphaWork> Receiver::Impl::alpha_work(const Packet& packet) const {
+  std::vector<AlphaWork> work;
+  for (const AlphaPlane& plane : packet.alpha)
+    if (streams.contains(plane.stream)) work.push_back({&plane, nullptr, {}});
   return work;
 }
 
@@ -173,9 +198,16 @@ std::vector<Error> Receiver::accept(const Packet& packet) {
 
   std::vector<ChunkWork> chunks = i.chunk_work(packet);
   std::vector<StreamWork> streams = i.stream_work(packet);
-  parallel_for(streams.size() + chunks.size(), 1, [&](std::size_t begin, std::size_t end) {
+  std::vector<AlphaWork> planes = i.alpha_work(packet);
+  const std::size_t pictures = streams.size() + planes.size();
+  parallel_for(pictures + chunks.size(), 1, [&](std::size_t begin, std::size_t end) {
     for (std::size_t n = begin; n < end; ++n)
-      n < streams.size() ? streams[n].run() : chunks[n - streams.size()].run(i.lattice);
+      if (n < streams.size())
+        streams[n].run();
+      else if (n < pictures)
+        planes[n - streams.size()].run();
+      else
+        chunks[n - pictures].run(i.lattice);
   });
 
   i.check_streams(packet);
@@ -188,6 +220,13 @@ std::vector<Error> Receiver::accept(const Packet& packet) {
   }
   for (StreamWork& work : streams)
     std::move(work.errors.begin(), work.errors.end(), std::back_inserter(errors));
+  i.alpha.clear();
+  for (AlphaWork& work : planes) {
+    if (work.error)
+      errors.push_back(*std::move(work.error));
+    else
+      i.alpha[work.encoded->stream] = std::move(work.decoded);
+  }
   return errors;
 }
 
@@ -242,6 +281,10 @@ std::optional<DecodedScene> Receiver::scene() const {
   out.chunks = *mesh();
   for (const auto& [id, stream] : impl_->streams)
     if (!stream.waiting()) out.textures[id] = stream.picture;
+  for (const auto& [id, alpha] : impl_->alpha)
+    if (const auto picture = out.textures.find(id);
+        picture != out.textures.end() && alpha->fits(*picture->second))
+      out.alpha[id] = alpha;
   return out;
 }
 

@@ -88,6 +88,20 @@ struct StreamState {
   friend bool operator==(const StreamState&, const StreamState&) = default;
 };
 
+/// The binary alpha plane of a texture stream's picture in one capture, coded (codec/alpha_codec.h):
+/// what is textured where it is 0 is not drawn. Several pixels of the picture, a square, share one
+/// of the plane; between the middles of these alpha is bilinear, and over a half is drawn.
+struct AlphaPlane {
+  StreamId stream{};
+  int step_px = 2;            ///< side of the square
+  int width = 0, height = 0;  ///< of the plane
+  SharedBytes data;
+
+  static constexpr int kMostStep_px = 16;
+
+  friend bool operator==(const AlphaPlane&, const AlphaPlane&) = default;
+};
+
 /// When a stage ended, for latency overlays.
 struct TimeMark {
   std::string stage;  ///< "<node>/<stage>"
@@ -111,6 +125,7 @@ struct Packet {
   std::vector<EncodedChunk> chunks;   ///< the payloads that are new, sorted by key
   std::vector<TextureUnit> textures;  ///< in order; none of a stream whose picture did not change
   std::vector<StreamState> streams;   ///< sorted by stream; codec::HeadWriter fills it in
+  std::vector<AlphaPlane> alpha;      ///< of this capture, sorted by stream; none: all is drawn
   std::vector<TimeMark> marks;
 
   friend bool operator==(const Packet&, const Packet&) = default;

@@ -107,6 +107,9 @@ Status InputSynchronizer::check_sender(const Input& input, const Packet& packet)
   for (const TextureUnit& unit : packet.textures)
     if (!is_below(unit.stream))
       return refuse("brings stream " + name(unit.stream) + ", which is not below it");
+  for (const AlphaPlane& plane : packet.alpha)
+    if (!is_below(plane.stream))
+      return refuse("brings alpha of stream " + name(plane.stream) + ", which is not below it");
   for (const EncodedChunk& chunk : packet.chunks)
     for (const SensorId sensor : chunk.sensors)
       if (!is_below(sensor))
@@ -144,7 +147,10 @@ Status InputSynchronizer::receive(std::size_t input, Packet packet, TimePoint no
   for (const Error& error : from.stream.accept(packet)) drops_.count(link(from), error);
   from.marks.clear();
   for (const TimeMark& mark : packet.marks) keep_latest(from.marks, mark.stage, mark.at);
-  if (hand_on_) keep_units(from, packet);
+  if (hand_on_) {
+    from.alpha = std::move(packet.alpha);
+    keep_units(from, packet);
+  }
   settle(input, now);
   return {};
 }
@@ -188,7 +194,7 @@ void InputSynchronizer::settle(std::size_t input, TimePoint now) {
   Input& from = inputs_[input];
   auto scene = from.stream.decoded().scene();
   if (!scene) return;
-  from.whole = *std::move(scene);
+  from.whole = *std::move(scene), from.whole_alpha = from.alpha;
   from.taken = from.stream.decoded().newest_sequence();
   aligner_.arrived(input, from.whole->captured_at, now);
 }
@@ -227,6 +233,7 @@ Result<std::optional<CaptureSet>> InputSynchronizer::next_set(TimePoint now) {
     return Error{Error::Cause::empty, "merger '" + merger_.id + "' has no live input at this tick"};
   keep_first_of_each(out.views, [](const View& view) { return std::pair(view.id, view.layer); });
   keep_first_of_each(out.sources, [](const SourceInfo& source) { return source.sensor; });
+  std::ranges::sort(out.alpha, {}, &AlphaPlane::stream);
   return std::optional(std::move(out));
 }
 
@@ -240,6 +247,8 @@ void InputSynchronizer::add(std::size_t input, CaptureSet& out) {
   out.sources.insert(out.sources.end(), scene.sources.begin(), scene.sources.end());
   out.scenes.push_back(scene);
   for (const auto& [stage, at] : from.marks) keep_latest(out.marks, stage, at);
+  for (const AlphaPlane& plane : from.whole_alpha)
+    if (!given.contains(plane.stream)) out.alpha.push_back(plane);
   hand_on_units(input, given, out);
 }
 

@@ -157,7 +157,7 @@ Status MergeNode::add_textures(const CaptureSet& captures, Packet& packet) {
     });
   }
   packet.views = poses_.views;
-  packet.textures = captures.units;
+  packet.textures = captures.units, packet.alpha = captures.alpha;
   return {};
 }
 

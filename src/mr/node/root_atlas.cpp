@@ -9,6 +9,7 @@
 #include "mr/atlas/compose.h"
 #include "mr/atlas/labels.h"
 #include "mr/atlas/watermark.h"
+#include "mr/codec/alpha_codec.h"
 #include "mr/core/parallel.h"
 #include "mr/node/layers.h"
 #include "mr/node/sensor_node.h"
@@ -224,6 +225,17 @@ ImageRgb RootAtlas::draw_live(const Children& children, const atlas::Pictures& p
                               std::exchange(spare_, {}));
 }
 
+/// The children's alpha, arranged as the live atlas is.
+void RootAtlas::add_alpha(const Tick& tick, const Children& children, Packet& packet) const {
+  std::map<StreamId, std::shared_ptr<const Alpha>> of_children;
+  for (const DecodedScene& scene : tick.captures.scenes)
+    of_children.insert(scene.alpha.begin(), scene.alpha.end());
+  const auto plane = atlas::compose_alpha(live_layout_, children, of_children);
+  if (!plane) return;
+  packet.alpha = {{kLiveStream, plane->step_px, plane->plane.width, plane->plane.height,
+                   codec::encode_alpha(plane->plane)}};
+}
+
 /// Encodes a picture unless it equals the last one and no key frame was requested.
 Status RootAtlas::add_unit(TextureStream& stream, int qp, std::uint32_t layout, ImageRgb picture,
                            ImageRgb& last, Packet& packet) {
@@ -250,6 +262,7 @@ Status RootAtlas::compose(const Tick& tick, const Mesh& moving, const Mesh* stil
   const atlas::Pictures pictures = pictures_of(tick.captures);
   colors_.update({tick.views, pictures, moving, still, plates_, changed_blocks_});
   add_views(still != nullptr, packet);
+  add_alpha(tick, children, packet);
   const bool has_plates = still && !plates_.empty();
   const bool plates_due = has_plates && are_plates_due(plate_layout_.views.front().layout);
   if (plates_due)

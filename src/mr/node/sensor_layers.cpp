@@ -29,7 +29,12 @@ SensorLayers::SensorLayers(const Scene& scene, SensorId id,
                    .after_s = scene.still.after_s,
                    .chunk_m = scene.fusion.chunk_m,
                    .voxel_m = scene.voxel_m}),
-      surface_(scene) {}
+      surface_(scene) {
+  const Camera& depth = registration.depth_camera();
+  const auto view = registration.color_view({});
+  if (view && view->kind == View::Kind::pinhole && depth.model == CameraModel::pinhole)
+    outline_.emplace(depth, view->camera(), view->T_world_camera.inverse(), scene.voxel_m);
+}
 
 still::BackgroundUpdate SensorLayers::observe(const Frame& frame, bool is_sent) {
   const bool was_new = background_.is_new();
@@ -96,8 +101,17 @@ Result<SensorLayers::Divided> SensorLayers::divide(const Frame& frame, double st
                                   view->T_world_camera.inverse() * frame.T_world_depth);
     out.moving_pixels = std::move(update.moving);
   });
+  out.outline = trace_->time("outline", [&] { return find_outline(frame, out); });
   if (const Status updated = update_surface(frame, still_error_m); !updated) return updated.error();
   return out;
+}
+
+/// Also brings the plate up to date.
+still::Outline SensorLayers::find_outline(const Frame& frame, const Divided& divided) {
+  if (!outline_ || frame.color.empty()) return {divided.moving, {}};
+  plate_.update(frame.color, divided.confirmed_color);
+  return outline_->find({frame.depth, divided.moving, divided.moving_pixels, frame.color,
+                         plate_.picture(), plate_.valid(), plate_.gain()});
 }
 
 /// The chunks of a still picture that changed. `readings`: behind its pixels.

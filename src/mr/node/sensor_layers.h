@@ -3,8 +3,10 @@
 #include <atomic>
 #include <cstddef>
 #include <cstdint>
+#include <optional>
 #include <vector>
 
+#include "mr/atlas/clean_plate.h"
 #include "mr/core/frame.h"
 #include "mr/core/image.h"
 #include "mr/core/packet.h"
@@ -15,6 +17,7 @@
 #include "mr/scene/scene.h"
 #include "mr/sensor/registration.h"
 #include "mr/still/background.h"
+#include "mr/still/outline.h"
 
 namespace mr::node {
 
@@ -35,6 +38,9 @@ class SensorLayers {
   struct Divided {
     ImageDepth moving;        ///< cleaned
     ImageMask moving_pixels;  ///< before cleaning
+    /// `moving` with the outline that the colour picture shows. Without alpha: the picture has no
+    /// say, and the depth is that of `moving`.
+    still::Outline outline;
     TileMask confirmed_depth, confirmed_color;
   };
   /// Parts an undistorted frame, and brings the still surface up to date.
@@ -60,6 +66,7 @@ class SensorLayers {
 
   still::BackgroundUpdate observe(const Frame& frame, bool is_sent);
   bool is_shown();
+  still::Outline find_outline(const Frame& frame, const Divided& divided);
   ImageDepth clean_where(const ImageMask& mask, const Camera& camera, const Frame& frame) const;
   Chunks reconstruct(const Frame& still, int readings, double error_m);
   Status accept(Chunks made);
@@ -71,6 +78,8 @@ class SensorLayers {
   StillWork work_;
   Trace* trace_;
   still::Background background_;
+  std::optional<still::OutlineFinder> outline_;  ///< of pinhole cameras
+  atlas::CleanPlate plate_;                      ///< by which the outline is found
   StillSurface surface_;             ///< the job's, while that is busy
   std::size_t chunks_ = 0;           ///< of the surface
   std::vector<StillChunk> unsent_;   ///< changed, and no packet was begun with them

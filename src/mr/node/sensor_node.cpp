@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <utility>
 
+#include "mr/codec/alpha_codec.h"
 #include "mr/node/capture.h"
 
 namespace mr::node {
@@ -59,7 +60,8 @@ Result<ImageDepth> SensorNode::depth_to_reconstruct(Reconstructed& out) {
   out.confirmed_depth = std::move(divided->confirmed_depth);
   out.confirmed_color = std::move(divided->confirmed_color);
   look(divided->moving, &divided->moving_pixels);
-  return std::move(divided->moving);
+  out.alpha = std::move(divided->outline.alpha);
+  return std::move(divided->outline.depth);
 }
 
 Result<SensorNode::Reconstructed> SensorNode::reconstruct(Frame raw) {
@@ -139,6 +141,9 @@ Result<std::vector<std::byte>> SensorNode::code(const Reconstructed& surface) {
     });
     if (!unit) return unit.error();
     packet.textures.push_back(*std::move(unit));
+    if (std::ranges::count(surface.alpha.data, 0) > 0)
+      packet.alpha = {{stream_of(sensor_), still::kAlphaStep_px, surface.alpha.width,
+                       surface.alpha.height, codec::encode_alpha(surface.alpha)}};
   }
   if (clock_.now) packet.marks.push_back({"sensors/coded", clock_.now()});
   ++sequence_;

@@ -38,6 +38,7 @@ class SensorNode {
     Mesh mesh;        // decimated, on the lattice; with layers: of what moves
     CubeErrors errors;
     TileMask blind_color;
+    ImageMask alpha;  ///< still::Outline
     // With layers:
     SensorLayers::News still;
     TileMask confirmed_depth, confirmed_color;

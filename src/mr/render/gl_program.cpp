@@ -109,6 +109,12 @@ constexpr const char* kPaintShaders[kShadingModes] = {
     "vec3 paint() {\n"
     "  return in_view.z > 1e-6 ? min(gain * texture_at_pinhole(in_view), 1.0) : color;\n"
     "}",
+    "vec3 paint() {\n"
+    "  if (in_view.z <= 1e-6) return color;\n"
+    "  vec2 at = clamp(in_view.xy / in_view.z, tile_low, tile_high);\n"
+    "  if (textureLod(picture, at, 0.0).a < 0.5) discard;\n"
+    "  return min(gain * picture_at(at), 1.0);\n"
+    "}",
     "vec3 paint() { return min(gain * texture_at_equirectangular(in_view), 1.0); }",
     "vec3 paint() {\n"
     "  vec3 n = normal();\n"

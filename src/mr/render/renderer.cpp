@@ -189,7 +189,8 @@ struct Renderer::Impl {
   void draw_range(const DecodedScene& scene, const ViewRange& range, const DrawList& list,
                   const RenderOptions& options);
   void draw_edges(const std::vector<std::uint8_t>& visible);
-  void use_view(const View& view, Color otherwise);
+  void use_view_of(const DecodedScene& scene, const ViewRange& range, Color otherwise);
+  void use_view(const View& view, bool has_alpha, Color otherwise);
   void paint(ShadingMode how, Color c, float point_m = 0);
 
   GLint at(const char* uniform) const { return glGetUniformLocation(program, uniform); }
@@ -245,9 +246,12 @@ void Renderer::Impl::paint(ShadingMode how, Color c, float point_m) {
 
 /// Paints by projection into a view, as atlas_uv() in core/view.h maps it; `otherwise`: the colour
 /// of what lies behind its camera.
-void Renderer::Impl::use_view(const View& view, Color otherwise) {
+void Renderer::Impl::use_view(const View& view, bool has_alpha, Color otherwise) {
   const bool pinhole = view.kind == View::Kind::pinhole;
-  paint(pinhole ? ShadingMode::pinhole : ShadingMode::equirectangular, otherwise);
+  paint(!pinhole    ? ShadingMode::equirectangular
+        : has_alpha ? ShadingMode::pinhole_alpha
+                    : ShadingMode::pinhole,
+        otherwise);
   const auto [width, height] = textures.bind(view.stream);
   const Rect &tile = view.atlas_rect, &source = view.image_rect;
   const Vec2d scale{static_cast<double>(tile.width) / source.width / width,
@@ -268,6 +272,13 @@ void Renderer::Impl::use_view(const View& view, Color otherwise) {
   set("far_side", source.width == view.width ? width : 0.0);
 }
 
+/// Prepares to draw a range with its view's picture. Alpha is of what moves.
+void Renderer::Impl::use_view_of(const DecodedScene& scene, const ViewRange& range,
+                                 Color otherwise) {
+  const View& view = *texturing_view(scene.views, range.view, range.layer);
+  use_view(view, range.layer == Layer::moving && scene.alpha.contains(view.stream), otherwise);
+}
+
 void Renderer::Impl::draw_range(const DecodedScene& scene, const ViewRange& range,
                                 const DrawList& list, const RenderOptions& options) {
   const Color plain = options.no_view;
@@ -276,7 +287,7 @@ void Renderer::Impl::draw_range(const DecodedScene& scene, const ViewRange& rang
       if (range.view == kNoView)
         paint(range.colored ? ShadingMode::vertex_colors : ShadingMode::flat, plain, range.point_m);
       else
-        use_view(*texturing_view(scene.views, range.view, range.layer), plain);
+        use_view_of(scene, range, plain);
       break;
     case Shade::normals:
       paint(ShadingMode::normals, plain, range.point_m);

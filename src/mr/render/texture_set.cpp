@@ -56,6 +56,27 @@ void widen(const ImageRgb& image, std::vector<std::uint8_t>& rgba) {
   });
 }
 
+/// Fills the fourth channel: bilinear between the middles of the plane's pixels.
+void add_alpha(const Alpha& alpha, const ImageRgb& image, std::vector<std::uint8_t>& rgba) {
+  const ImageMask& plane = alpha.plane;
+  const auto place = [&](int pixel) { return (pixel + 0.5f) / alpha.step_px - 0.5f; };
+  parallel_for(image.height, 16, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t y = begin; y < end; ++y) {
+      const float v = std::clamp(place(static_cast<int>(y)), 0.0f, plane.height - 1.0f);
+      const int v0 = static_cast<int>(v), v1 = std::min(v0 + 1, plane.height - 1);
+      std::uint8_t* to = rgba.data() + 4 * y * image.width + 3;
+      for (int x = 0; x < image.width; ++x, to += 4) {
+        const float u = std::clamp(place(x), 0.0f, plane.width - 1.0f);
+        const int u0 = static_cast<int>(u), u1 = std::min(u0 + 1, plane.width - 1);
+        const float du = u - u0, dv = v - v0;
+        const float above = *plane.at(u0, v0) * (1 - du) + *plane.at(u1, v0) * du;
+        const float below = *plane.at(u0, v1) * (1 - du) + *plane.at(u1, v1) * du;
+        *to = static_cast<std::uint8_t>(255 * (above * (1 - dv) + below * dv) + 0.5f);
+      }
+    }
+  });
+}
+
 }  // namespace
 
 Status TextureSet::keep(const DecodedScene& scene, const std::vector<ViewRange>& ranges) {
@@ -76,15 +97,20 @@ Status TextureSet::keep(const DecodedScene& scene, const std::vector<ViewRange>&
       return Error{Error::Cause::too_large, "texture stream " +
                                                 std::to_string(number_of(view->stream)) +
                                                 " is larger than this device takes"};
+    const auto plane = scene.alpha.find(view->stream);
+    const auto alpha = plane == scene.alpha.end() ? nullptr : plane->second;
+    if (alpha && !alpha->fits(*image))
+      return invalid_view("alpha of texture stream " + std::to_string(number_of(view->stream)) +
+                          " is not of its picture's size");
     Texture& texture = textures_[view->stream];
-    if (texture.name && texture.image.lock() == image) continue;
-    upload(texture, *image);
-    texture.image = image;
+    if (texture.name && texture.image.lock() == image && texture.alpha.lock() == alpha) continue;
+    upload(texture, *image, alpha.get());
+    texture.image = image, texture.alpha = alpha;
   }
   return {};
 }
 
-void TextureSet::upload(Texture& texture, const ImageRgb& image) {
+void TextureSet::upload(Texture& texture, const ImageRgb& image, const Alpha* alpha) {
   if (!texture.name) create(texture.name);
   glBindTexture(GL_TEXTURE_2D, texture.name);
   if (texture.width != image.width || texture.height != image.height)
@@ -92,6 +118,7 @@ void TextureSet::upload(Texture& texture, const ImageRgb& image) {
                  GL_UNSIGNED_BYTE, nullptr);
   texture.width = image.width, texture.height = image.height;
   widen(image, rgba_);
+  if (alpha) add_alpha(*alpha, image, rgba_);
   glTexSubImage2D(GL_TEXTURE_2D, 0, 0, 0, image.width, image.height, GL_RGBA, GL_UNSIGNED_BYTE,
                   rgba_.data());
 }

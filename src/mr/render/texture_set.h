@@ -27,9 +27,10 @@ class TextureSet {
     unsigned name = 0;
     int width = 0, height = 0;
     std::weak_ptr<const ImageRgb> image;  ///< what was uploaded; pictures never change
+    std::weak_ptr<const Alpha> alpha;     ///< in its fourth channel; nor do planes
   };
 
-  void upload(Texture& texture, const ImageRgb& image);
+  void upload(Texture& texture, const ImageRgb& image, const Alpha* alpha);
 
   std::map<StreamId, Texture> textures_;  ///< by stream
   std::vector<std::uint8_t> rgba_;        ///< on the way to the card

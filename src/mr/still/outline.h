@@ -1,0 +1,84 @@
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include "mr/core/camera.h"
+#include "mr/core/image.h"
+#include "mr/core/packet.h"
+#include "mr/core/pose.h"
+
+namespace mr::still {
+
+/// Side of the square of colour pixels that share a pixel of an alpha plane.
+inline constexpr int kAlphaStep_px = 2;
+
+/// What moves, with the outline that the colour picture shows.
+struct Outline {
+  /// [H, W] the moving depth, with what colour adds to it: hair and thin things that depth misses,
+  /// and a border beyond the outline, which alpha cuts.
+  ImageDepth depth;
+  /// 0: the colour picture shows the room there, beside what moves. Of the colour picture, a pixel
+  /// for kAlphaStep_px squared.
+  ImageMask alpha;
+};
+
+/// Finds the outlines of what moves, where a sensor's colour picture differs from its clean plate
+/// (background subtraction; shadows as in Horprasert et al. 1999). Depth ends earlier: it has fewer
+/// pixels, cleaning takes mixed ones, and hair reflects little. For pinhole cameras that stand
+/// still. Deterministic.
+class OutlineFinder {
+ public:
+  /// `voxel_m`: of fusion; the border is one and a half wide.
+  OutlineFinder(const Camera& depth_camera, const Camera& color_camera, const Pose& T_color_depth,
+                double voxel_m);
+
+  /// One capture. The depth pictures have the depth camera's size, `color` and `plate` the colour
+  /// camera's.
+  struct Input {
+    const ImageDepth& measured;
+    const ImageDepth& cleaned;  ///< of what moves; 0 elsewhere
+    const ImageMask& moving;    ///< before cleaning
+    const ImageRgb& color;
+    const ImageRgb& plate;  ///< of the room without what moves
+    const TileMask& known;  ///< where there is a plate: tiles of kColorTile_px
+    Vec3f gain;             ///< plate times gain: the room at this capture's exposure
+  };
+  Outline find(const Input& in);
+
+ private:
+  /// What a plane's pixel shows, beside the plate.
+  enum class Color : std::uint8_t { unknown, same, dark, unsure, different };
+  /// What depth says of a plane's pixel. `edge`: the border of what moves, which colour may move.
+  enum class Depth : std::uint8_t { none, still, edge, moving };
+  using ColorPlane = Image<Color, 1>;
+  using DepthPlane = Image<Depth, 1>;
+
+  /// A depth pixel that is next to be decided on, or was.
+  struct Grown {
+    int x, y;
+    float depth;  ///< m, of its neighbours
+    int reach;    ///< steps since what was measured
+  };
+
+  ColorPlane compare(const Input& in) const;
+  Color color_at(const ColorPlane& colors, int x, int y, float depth) const;
+  bool is_free(const Input& in, int x, int y, float depth) const;
+  std::vector<Grown> neighbours(const Input& in, const ImageDepth& depth,
+                                const std::vector<Grown>& of) const;
+  std::vector<Grown> grow(const Input& in, const ColorPlane& colors, ImageDepth& depth) const;
+  void smooth(const std::vector<Grown>& grown, ImageDepth& depth) const;
+  void add_border(const Input& in, const ColorPlane& colors, ImageDepth& depth) const;
+  template <typename F>
+  void each_plane_pixel(int x, int y, float depth, float side_px, const F& f) const;
+  DepthPlane draw(const Input& in, const ImageDepth& depth) const;
+  ImageMask decide(const ColorPlane& colors, const DepthPlane& depths) const;
+
+  Camera depth_camera_, color_camera_;
+  Pose T_color_depth_;
+  double voxel_m_;
+  int width_, height_;  ///< of the plane
+  ImageMask before_;    ///< alpha of the capture before
+};
+
+}  // namespace mr::still
