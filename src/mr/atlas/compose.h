@@ -36,9 +36,6 @@ struct AtlasSources {
 /// `memory`: an image whose memory is reused.
 ImageRgb compose_atlas(const Layout& layout, const AtlasSources& from, ImageRgb memory = {});
 
-/// Alpha planes of the children's pictures, by stream; not null.
-using AlphaPlanes = std::map<StreamId, std::shared_ptr<const Alpha>>;
-
 /// The alpha plane of the atlas picture of a layout, nearest pixels of the children's planes; 1
 /// where there is none. Nothing: it would be 1 everywhere.
 std::optional<Alpha> compose_alpha(const Layout& layout, const std::map<ViewId, View>& children,

@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "mr/atlas/atlas_config.h"
+#include "mr/core/decoded_scene.h"
 #include "mr/core/image.h"
 #include "mr/core/lattice.h"
 #include "mr/core/mesh.h"
@@ -30,6 +31,9 @@ struct LabelConfig {
   /// Masks of the pixels of a view's camera picture that may be used for texture, such as the valid
   /// blocks of a clean plate; all pixels if it has no mask.
   std::map<ViewId, TileMask> valid{};
+  /// Alpha planes of the views' pictures, by stream: a view that shows something else where a
+  /// triangle lies (alpha is 0) textures it only where no other does.
+  AlphaPlanes alpha{};
   const ColorSampler* colors = nullptr;   ///< coherent: seams go where pictures agree; may be null
   const LabelHistory* history = nullptr;  ///< coherent: views that are kept; null: none
   float keep = 0.15f;                     ///< how much worse a kept view may be (quality_cost)
@@ -58,6 +62,7 @@ struct Labelling {
   std::vector<int> label;             ///< [T] index of a view; kNone: none
   std::vector<std::uint8_t> is_due;   ///< [T] whether it is to be labelled
   std::vector<std::uint32_t> origin;  ///< [T] index of the original triangle
+  std::vector<SensorId> sensors;      ///< who measured the original triangles; empty: not told
   /// For each vertex added by cutting, the ends of the edge that it lies on. These vertices are the
   /// last of the mesh.
   std::vector<std::array<std::uint32_t, 2>> cut_edges;

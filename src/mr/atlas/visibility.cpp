@@ -156,6 +156,11 @@ ValidRegion valid_region(const View& view, const LabelConfig& config) {
   return ValidRegion(found == config.valid.end() ? nullptr : &found->second);
 }
 
+const Alpha* alpha_of(const View& view, const LabelConfig& config) {
+  const auto found = config.alpha.find(view.stream);
+  return found == config.alpha.end() ? nullptr : found->second.get();
+}
+
 }  // namespace
 
 double margin_px(const View& view, double geometry_error_m, double depth_m) {
@@ -164,7 +169,7 @@ double margin_px(const View& view, double geometry_error_m, double depth_m) {
 
 float quality_cost(const ViewQuality& quality) {
   constexpr float kPerHalving = 0.25f;  // of the resolution on a surface; twice that along a line
-  constexpr float kMost = 0.5f, kBorder = 0.04f, kDepthEdge_px = 16;
+  constexpr float kMost = 0.5f, kBorder = 0.04f, kDepthEdge_px = 16, kCut = 4;
   const auto within = [](float distance, float reach) {
     const float nearness = std::max(0.0f, 1 - distance / reach);
     return kMost * nearness * nearness;
@@ -172,7 +177,7 @@ float quality_cost(const ViewQuality& quality) {
   const float flatness = 1 - std::clamp(quality.facing, 0.0f, 1.0f);
   return -kPerHalving * approximate_log2(std::max(quality.pixels_per_m2, 1e-6f)) +
          kMost * flatness * flatness + within(quality.border, kBorder) +
-         within(quality.depth_edge_px, kDepthEdge_px);
+         within(quality.depth_edge_px, kDepthEdge_px) + kCut * quality.cut;
 }
 
 namespace {
@@ -282,7 +287,8 @@ ViewVisibility::ViewVisibility(const Mesh& mesh, std::span<const std::uint32_t> 
       depth_camera_(is_pinhole() ? depth_camera(camera_) : camera_),
       eye_(vec_cast<float>(view.T_world_camera.translation)),
       T_camera_world_(view.T_world_camera.inverse()),
-      valid_(valid_region(view, config)) {
+      valid_(valid_region(view, config)),
+      alpha_(alpha_of(view, config)) {
   if (is_pinhole())
     add_picture(mesh, triangles, config);
   else
@@ -390,8 +396,14 @@ TriangleVisibility ViewVisibility::of_triangle(const Mesh& mesh, std::size_t t,
     visibility.direct_px = static_cast<float>(count.direct);
   if (count.near >= kLeastDirect * count.pixels)
     visibility.near_px = static_cast<float>(count.near);
-  if (visibility.visible > 0 || visibility.near_px > 0)
-    visibility.cost = cost(outline, middle, visibility.facing, edge_px);
+  if (visibility.visible > 0 || visibility.near_px > 0) {
+    visibility.cut = cut_share(corners, middle);
+    visibility.cost = cost(outline, middle,
+                           {.facing = visibility.facing,
+                            .border = 1,
+                            .depth_edge_px = edge_px,
+                            .cut = visibility.cut});
+  }
   return visibility;
 }
 
@@ -412,18 +424,17 @@ bool ViewVisibility::is_outside(const Triangle& triangle) const {
 }
 
 /// How badly the view shows a triangle; `outline`: in a pinhole's picture.
-float ViewVisibility::cost(const kit::ScreenPolygon& outline, Vec3f middle, float facing,
-                           float edge_px) const {
+float ViewVisibility::cost(const kit::ScreenPolygon& outline, Vec3f middle,
+                           ViewQuality quality) const {
   const Vec3f sight_line = middle - eye_;
   const float distance2 = dot(sight_line, sight_line);
-  ViewQuality quality{.facing = facing, .border = 1, .depth_edge_px = edge_px};
   const auto per_rad2 =
       static_cast<float>(kit::pixels_per_rad(camera_).x * kit::pixels_per_rad(camera_).y);
-  quality.pixels_per_m2 = per_rad2 * facing / distance2;
+  quality.pixels_per_m2 = per_rad2 * quality.facing / distance2;
   if (!is_pinhole()) return quality_cost(quality);
   const kit::ScreenPoint& p = outline.points[0];
   const auto inv_z = static_cast<float>(p.inv_z);
-  quality.pixels_per_m2 = per_rad2 * facing * std::sqrt(distance2) * inv_z * inv_z * inv_z;
+  quality.pixels_per_m2 = per_rad2 * quality.facing * std::sqrt(distance2) * inv_z * inv_z * inv_z;
   const double scale = camera_.fx / depth_camera_.fx;
   const Rect& r = view_.image_rect;
   const double u = (p.u + 0.5) * scale - 0.5 - r.x, v = (p.v + 0.5) * scale - 0.5 - r.y;
@@ -468,6 +479,21 @@ Face::Count ViewVisibility::count_in_cube(const Corners& corners, float& edge_px
       edge_px = faces_[i].edge_distance_px(s.u, s.v);
   }
   return count;
+}
+
+/// Share of a triangle, by its middle and three points around it, where the view's alpha is 0.
+float ViewVisibility::cut_share(const Corners& corners, Vec3f middle) const {
+  if (!alpha_) return 0;
+  int cut = 0;
+  const auto add = [&](Vec3f p) {
+    const auto pixel = pixel_of(p);
+    if (!pixel) return;
+    const Vec2d at = stream_pixel(view_, *pixel);
+    cut += alpha_->at(at) == 0;
+  };
+  add(middle);
+  for (const Vec3f& corner : corners) add(middle + (corner - middle) * 0.6f);
+  return static_cast<float>(cut) / 4;
 }
 
 /// Share of a triangle's pixels that are valid.

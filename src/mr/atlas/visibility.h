@@ -27,6 +27,7 @@ struct TriangleVisibility {
                          ///< 5 cm in front
   float facing = 0;      ///< cosine between the normal and the direction to the camera
   float cost = 0;        ///< how badly the view shows it: see quality_cost()
+  float cut = 0;         ///< share of the triangle where the view's alpha is 0
   bool touches = false;  ///< some of it is inside the picture and visible
 };
 
@@ -36,11 +37,12 @@ struct ViewQuality {
   float facing = 0;         ///< cosine between the normal and the direction to the camera
   float border = 0;         ///< distance from the picture's border, as a share of its width
   float depth_edge_px = 0;  ///< distance from the next depth edge, pixels of the depth map
+  float cut = 0;            ///< share of the triangle where the view's alpha is 0
 };
 /// The cost of texturing a square metre from a view; only differences between views count. Half
 /// the resolution along a line costs 0.5; in addition up to 0.5 each for a flat angle, for lying
 /// within 4 % of the picture's width of its border, and for lying within 16 pixels of a depth edge,
-/// where poses that are a little off show the other surface. Smooth.
+/// where poses that are a little off show the other surface, and 4 where alpha is 0. Smooth.
 float quality_cost(const ViewQuality& quality);
 
 /// A pinhole depth buffer of the mesh: of a view, of a part of it, or of one of a panorama's six
@@ -151,7 +153,8 @@ class ViewVisibility {
   kit::ScreenPolygon in_face(std::size_t face, const Corners& corners) const;
   Face::Count count_in_picture(const kit::ScreenPolygon& polygon, float& edge_px) const;
   Face::Count count_in_cube(const Corners& corners, float& edge_px) const;
-  float cost(const kit::ScreenPolygon& polygon, Vec3f middle, float facing, float edge_px) const;
+  float cost(const kit::ScreenPolygon& polygon, Vec3f middle, ViewQuality quality) const;
+  float cut_share(const Corners& corners, Vec3f middle) const;
   ValidRegion::Share valid_share(const Corners& corners) const;
   std::vector<Vec3f> valid_samples(const Corners& corners) const;
   bool is_pinhole() const { return view_.kind == View::Kind::pinhole; }
@@ -166,6 +169,7 @@ class ViewVisibility {
   Vec3f eye_;
   Pose T_camera_world_;
   ValidRegion valid_;
+  const Alpha* alpha_;              ///< null: 1 everywhere
   kit::Projection projection_;      ///< of a pinhole, by depth_camera_
   std::vector<Pose> T_face_world_;  ///< [faces] of a panorama
   std::vector<Face> faces_;

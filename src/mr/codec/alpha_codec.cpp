@@ -166,9 +166,9 @@ class PlaneCoder {
   Coder& coder_;
   ImageMask& plane_;
   int columns_;
-  std::vector<Kind> above_;                    ///< [columns] the blocks above
-  std::array<Probability, 9> mixed_, ones_;    ///< by the kinds of the blocks to the left and above
-  std::array<Probability, 1 << 10> pixels_;    ///< by the pixels around
+  std::vector<Kind> above_;                  ///< [columns] the blocks above
+  std::array<Probability, 9> mixed_, ones_;  ///< by the kinds of the blocks to the left and above
+  std::array<Probability, 1 << 10> pixels_;  ///< by the pixels around
 };
 
 }  // namespace

@@ -55,13 +55,19 @@ inline const View* texturing_view(std::span<const View> views, ViewId id, Layer 
   return other;
 }
 
+/// Where a camera pixel lies in the picture of the view's stream, pixel centres at whole numbers.
+inline Vec2d stream_pixel(const View& view, Vec2d camera_pixel) {
+  const double sx = static_cast<double>(view.atlas_rect.width) / view.image_rect.width;
+  const double sy = static_cast<double>(view.atlas_rect.height) / view.image_rect.height;
+  return {(camera_pixel.x + 0.5 - view.image_rect.x) * sx + view.atlas_rect.x - 0.5,
+          (camera_pixel.y + 0.5 - view.image_rect.y) * sy + view.atlas_rect.y - 0.5};
+}
+
 /// Texture coordinate of a camera pixel in the stream's picture of the given size:
 /// uv = (p + 0.5) / size, v from the top.
 inline Vec2d atlas_uv(const View& view, Vec2d camera_pixel, int atlas_width, int atlas_height) {
-  const double sx = static_cast<double>(view.atlas_rect.width) / view.image_rect.width;
-  const double sy = static_cast<double>(view.atlas_rect.height) / view.image_rect.height;
-  return {((camera_pixel.x + 0.5 - view.image_rect.x) * sx + view.atlas_rect.x) / atlas_width,
-          ((camera_pixel.y + 0.5 - view.image_rect.y) * sy + view.atlas_rect.y) / atlas_height};
+  const Vec2d p = stream_pixel(view, camera_pixel);
+  return {(p.x + 0.5) / atlas_width, (p.y + 0.5) / atlas_height};
 }
 
 }  // namespace mr

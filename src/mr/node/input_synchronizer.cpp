@@ -87,6 +87,13 @@ InputSynchronizer::InputSynchronizer(const Scene& scene, const MergerConfig& mer
   }
 }
 
+AlphaPlanes alpha_of(const CaptureSet& captures) {
+  AlphaPlanes out;
+  for (const DecodedScene& scene : captures.scenes)
+    out.insert(scene.alpha.begin(), scene.alpha.end());
+  return out;
+}
+
 /// The packet must come from the node that the input stands for, and speak for its sensors only:
 /// another's ids would collide with those of other inputs.
 Status InputSynchronizer::check_sender(const Input& input, const Packet& packet) const {

@@ -33,6 +33,9 @@ struct CaptureSet {
   std::vector<std::pair<std::size_t, std::uint64_t>> taken;
 };
 
+/// The alpha planes of all pictures; where two inputs have one, that of the first.
+AlphaPlanes alpha_of(const CaptureSet& captures);
+
 /// The triangles of the cubes that lie in a region, by their centroids; views are kept. Of two
 /// regions side by side, each triangle is inside one.
 Mesh inside(const Mesh& mesh, const Box3d& region, double chunk_m);

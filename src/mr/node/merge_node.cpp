@@ -115,9 +115,9 @@ Status MergeNode::update_layers(const CaptureSet& captures, const Decimation& de
     trace_.time("cover", [&] { still_.remove_shown(parts); });
   }
   const atlas::PictureSampler colors = atlas_.live_colors(captures);
-  return moving_.update(
-      std::move(moving), parts,
-      {decimation, poses_, still_.shown().occluders.get(), &colors, on_cores_free});
+  return moving_.update(std::move(moving), parts,
+                        {decimation, poses_, still_.shown().occluders.get(), &colors,
+                         alpha_of(captures), on_cores_free});
 }
 
 /// Calibration is measured on the layer that has most surface. Whether corrections changed.

@@ -23,6 +23,7 @@ Status MovingLayer::update(std::vector<DecodedScene> scenes, const std::vector<k
     if (!is_root_) return surface->mesh;
     atlas::LabelConfig config = label_config(*scene_, tick.poses.sources, surface->errors.most_m());
     config.valid = seeing_tiles(tick.poses.views, tick.poses.sources);
+    config.alpha = tick.alpha;
     config.occluders = tick.still, config.colors = tick.colors, config.history = &history_;
     Mesh labelled = atlas::label_triangles(surface->mesh, tick.poses.views, config);
     history_ = atlas::LabelHistory(labelled);

@@ -227,10 +227,7 @@ ImageRgb RootAtlas::draw_live(const Children& children, const atlas::Pictures& p
 
 /// The children's alpha, arranged as the live atlas is.
 void RootAtlas::add_alpha(const Tick& tick, const Children& children, Packet& packet) const {
-  std::map<StreamId, std::shared_ptr<const Alpha>> of_children;
-  for (const DecodedScene& scene : tick.captures.scenes)
-    of_children.insert(scene.alpha.begin(), scene.alpha.end());
-  const auto plane = atlas::compose_alpha(live_layout_, children, of_children);
+  const auto plane = atlas::compose_alpha(live_layout_, children, alpha_of(tick.captures));
   if (!plane) return;
   packet.alpha = {{kLiveStream, plane->step_px, plane->plane.width, plane->plane.height,
                    codec::encode_alpha(plane->plane)}};

@@ -33,7 +33,7 @@ SensorLayers::SensorLayers(const Scene& scene, SensorId id,
   const Camera& depth = registration.depth_camera();
   const auto view = registration.color_view({});
   if (view && view->kind == View::Kind::pinhole && depth.model == CameraModel::pinhole)
-    outline_.emplace(depth, view->camera(), view->T_world_camera.inverse(), scene.voxel_m);
+    outline_.emplace(depth, view->camera(), view->T_world_camera.inverse());
 }
 
 still::BackgroundUpdate SensorLayers::observe(const Frame& frame, bool is_sent) {

@@ -15,14 +15,15 @@ namespace mr::still {
 namespace {
 
 constexpr int kBlock_px = kColorTile_px / kAlphaStep_px;  // of the plane
-constexpr int kSameLevels = 10, kDifferentLevels = 26;    // of 255, in the channel that differs most
-constexpr int kStaysLevels = 17;      // what was different in the capture before stays so above
-constexpr int kDarkLevels = 48;       // hair and black cloth before something dark
+constexpr int kSameLevels = 10, kDifferentLevels = 26;  // of 255, in the channel that differs most
+constexpr int kStaysLevels = 17;        // what was different in the capture before stays so above
+constexpr int kDarkLevels = 48;         // hair and black cloth before something dark
 constexpr float kDarkestShadow = 0.6f;  // of the light
-constexpr float kClear_m = 0.08f;     // between what moves and the room behind, to tell them apart
-constexpr int kThin_px = 4;           // colour may add before depth of the room
-constexpr double kHair_m = 0.22;      // and where there is no depth
-constexpr int kMostBorder_px = 5;
+constexpr float kClear_m = 0.08f;   // between what moves and the room behind, to tell them apart
+constexpr int kThin_px = 4;         // colour may add before depth of the room
+constexpr double kHair_m = 0.22;    // and where there is no depth
+constexpr int kMostlyAround = 5;    // of eight neighbours: these say what colour does not
+constexpr float kBackwards = 0.4f;  // a head is round: what is added turns away from the camera
 constexpr int kNearBlocks = 2;
 
 constexpr std::array<std::pair<int, int>, 8> kAround{
@@ -53,11 +54,10 @@ float difference(const std::array<int, 3>& now, const std::array<float, 3>& room
 }  // namespace
 
 OutlineFinder::OutlineFinder(const Camera& depth_camera, const Camera& color_camera,
-                             const Pose& T_color_depth, double voxel_m)
+                             const Pose& T_color_depth)
     : depth_camera_(depth_camera),
       color_camera_(color_camera),
       T_color_depth_(T_color_depth),
-      voxel_m_(voxel_m),
       width_((color_camera.width + kAlphaStep_px - 1) / kAlphaStep_px),
       height_((color_camera.height + kAlphaStep_px - 1) / kAlphaStep_px),
       before_(width_, height_, 1) {
@@ -71,7 +71,6 @@ Outline OutlineFinder::find(const Input& in) {
   const std::vector<Grown> grown = grow(in, colors, out.depth);
   smooth(grown, out.depth);
   out.alpha = decide(colors, draw(in, out.depth));
-  add_border(in, colors, out.depth);
   before_ = out.alpha;
   return out;
 }
@@ -105,8 +104,7 @@ OutlineFinder::Color OutlineFinder::color_at(const ColorPlane& colors, int x, in
   const auto p = project(color_camera_, T_color_depth_ * (ray * double{depth}));
   if (!p || !(p->x >= 0 && p->y >= 0 && p->x < color_camera_.width && p->y < color_camera_.height))
     return Color::unknown;
-  return *colors.at(static_cast<int>(p->x) / kAlphaStep_px,
-                    static_cast<int>(p->y) / kAlphaStep_px);
+  return *colors.at(static_cast<int>(p->x) / kAlphaStep_px, static_cast<int>(p->y) / kAlphaStep_px);
 }
 
 /// Whether nothing is measured at that depth, or before it, that does not move.
@@ -123,7 +121,7 @@ std::vector<OutlineFinder::Grown> OutlineFinder::neighbours(const Input& in,
   for (const Grown& from : of)
     for (const auto& [dx, dy] : kAround)
       if (const int x = from.x + dx, y = from.y + dy; depth.contains(x, y) && !*depth.at(x, y))
-        out.push_back({x, y, 0, from.reach + 1});
+        out.push_back({x, y, 0, from.reach + 1, 0});
   const auto place = [](const Grown& g) { return std::pair(g.y, g.x); };
   std::ranges::sort(out, {}, [](const Grown& g) { return std::tuple(g.y, g.x, g.reach); });
   const auto again = std::ranges::unique(out, {}, place);
@@ -133,7 +131,7 @@ std::vector<OutlineFinder::Grown> OutlineFinder::neighbours(const Input& in,
     for (const auto& [dx, dy] : kAround)
       if (depth.contains(g.x + dx, g.y + dy))
         if (const float d = *depth.at(g.x + dx, g.y + dy); d > 0) g.depth += d, ++count;
-    g.depth /= static_cast<float>(count);
+    g.depth /= static_cast<float>(count), g.beside = count;
     return !is_free(in, g.x, g.y, g.depth);
   });
   return out;
@@ -146,15 +144,19 @@ std::vector<OutlineFinder::Grown> OutlineFinder::grow(const Input& in, const Col
   std::vector<Grown> edge, all;
   for (int y = 0; y < depth.height; ++y)
     for (int x = 0; x < depth.width; ++x)
-      if (const float d = *depth.at(x, y); d > 0) edge.push_back({x, y, d, 0});
+      if (const float d = *depth.at(x, y); d > 0) edge.push_back({x, y, d, 0, 0});
   while (!edge.empty()) {
     edge = neighbours(in, depth, edge);
     std::erase_if(edge, [&](const Grown& g) {
       const bool is_measured = *in.measured.at(g.x, g.y) > 0 && !*in.moving.at(g.x, g.y);
       const double most = is_measured ? kThin_px : kHair_m * depth_camera_.fx / g.depth;
-      return g.reach > most || color_at(colors, g.x, g.y, g.depth) != Color::different;
+      if (g.reach > most) return true;
+      const Color color = color_at(colors, g.x, g.y, g.depth);
+      if (color == Color::different) return false;
+      return color == Color::same || is_measured || g.beside < kMostlyAround;
     });
-    for (const Grown& g : edge) *depth.at(g.x, g.y) = g.depth;
+    for (const Grown& g : edge)
+      *depth.at(g.x, g.y) = g.depth + kBackwards * g.depth / static_cast<float>(depth_camera_.fx);
     all.insert(all.end(), edge.begin(), edge.end());
   }
   return all;
@@ -182,23 +184,6 @@ void OutlineFinder::smooth(const std::vector<Grown>& grown, ImageDepth& depth) c
   }
 }
 
-/// Adds some pixels around, where there is a plate, so that alpha can cut there.
-void OutlineFinder::add_border(const Input& in, const ColorPlane& colors, ImageDepth& depth) const {
-  std::vector<Grown> edge;
-  for (int y = 0; y < depth.height; ++y)
-    for (int x = 0; x < depth.width; ++x)
-      if (const float d = *depth.at(x, y); d > 0) edge.push_back({x, y, d, 0});
-  while (!edge.empty()) {
-    edge = neighbours(in, depth, edge);
-    std::erase_if(edge, [&](const Grown& g) {
-      const double most = std::ceil(1.5 * voxel_m_ * depth_camera_.fx / g.depth);
-      return g.reach > std::min<double>(most, kMostBorder_px) ||
-             color_at(colors, g.x, g.y, g.depth) == Color::unknown;
-    });
-    for (const Grown& g : edge) *depth.at(g.x, g.y) = g.depth;
-  }
-}
-
 /// Calls `f` with the place of each pixel of the plane that a square of depth pixels covers.
 template <typename F>
 void OutlineFinder::each_plane_pixel(int x, int y, float depth, float side_px, const F& f) const {
@@ -208,12 +193,12 @@ void OutlineFinder::each_plane_pixel(int x, int y, float depth, float side_px, c
   if (!pixel) return;
   const double half = 0.5 * side_px * depth / p.z * color_camera_.fx / depth_camera_.fx;
   const auto first = [&](double middle, int last) {
-    return static_cast<int>(std::ceil(std::clamp((middle + 0.5 - half) / kAlphaStep_px - 0.5, 0.0,
-                                                 double(last) + 1)));
+    return static_cast<int>(
+        std::ceil(std::clamp((middle + 0.5 - half) / kAlphaStep_px - 0.5, 0.0, double(last) + 1)));
   };
   const auto end = [&](double middle, int last) {
-    return static_cast<int>(std::floor(std::clamp((middle + 0.5 + half) / kAlphaStep_px - 0.5, -1.0,
-                                                  double(last))));
+    return static_cast<int>(
+        std::floor(std::clamp((middle + 0.5 + half) / kAlphaStep_px - 0.5, -1.0, double(last))));
   };
   const int x0 = first(pixel->x, width_ - 1), x1 = end(pixel->x, width_ - 1);
   const int y0 = first(pixel->y, height_ - 1), y1 = end(pixel->y, height_ - 1);
@@ -269,7 +254,8 @@ ImageMask OutlineFinder::decide(const ColorPlane& colors, const DepthPlane& dept
       const Color color = *colors.at(x, y);
       const Depth depth = *depths.at(x, y);
       if (depth == Depth::moving || color == Color::unknown) continue;
-      *out.at(x, y) = color == Color::different || (color == Color::dark && depth != Depth::still) ||
+      *out.at(x, y) = color == Color::different ||
+                      (color == Color::dark && depth != Depth::still) ||
                       (color == Color::unsure && depth == Depth::edge);
     }
   // Single pixels go with those around them.

@@ -15,8 +15,8 @@ inline constexpr int kAlphaStep_px = 2;
 
 /// What moves, with the outline that the colour picture shows.
 struct Outline {
-  /// [H, W] the moving depth, with what colour adds to it: hair and thin things that depth misses,
-  /// and a border beyond the outline, which alpha cuts.
+  /// [H, W] the moving depth, with what colour adds to it: the pixels up to the outline, hair, and
+  /// thin things.
   ImageDepth depth;
   /// 0: the colour picture shows the room there, beside what moves. Of the colour picture, a pixel
   /// for kAlphaStep_px squared.
@@ -29,9 +29,7 @@ struct Outline {
 /// still. Deterministic.
 class OutlineFinder {
  public:
-  /// `voxel_m`: of fusion; the border is one and a half wide.
-  OutlineFinder(const Camera& depth_camera, const Camera& color_camera, const Pose& T_color_depth,
-                double voxel_m);
+  OutlineFinder(const Camera& depth_camera, const Camera& color_camera, const Pose& T_color_depth);
 
   /// One capture. The depth pictures have the depth camera's size, `color` and `plate` the colour
   /// camera's.
@@ -59,6 +57,7 @@ class OutlineFinder {
     int x, y;
     float depth;  ///< m, of its neighbours
     int reach;    ///< steps since what was measured
+    int beside;   ///< how many of its neighbours have a depth
   };
 
   ColorPlane compare(const Input& in) const;
@@ -68,7 +67,6 @@ class OutlineFinder {
                                 const std::vector<Grown>& of) const;
   std::vector<Grown> grow(const Input& in, const ColorPlane& colors, ImageDepth& depth) const;
   void smooth(const std::vector<Grown>& grown, ImageDepth& depth) const;
-  void add_border(const Input& in, const ColorPlane& colors, ImageDepth& depth) const;
   template <typename F>
   void each_plane_pixel(int x, int y, float depth, float side_px, const F& f) const;
   DepthPlane draw(const Input& in, const ImageDepth& depth) const;
@@ -76,7 +74,6 @@ class OutlineFinder {
 
   Camera depth_camera_, color_camera_;
   Pose T_color_depth_;
-  double voxel_m_;
   int width_, height_;  ///< of the plane
   ImageMask before_;    ///< alpha of the capture before
 };
