@@ -21,6 +21,7 @@ struct BakeView {
   Camera camera;
   Pose T_camera_world;
   int atlas_width = 0, atlas_height = 0;
+  const Alpha* alpha = nullptr;  ///< null: all is shown
 };
 
 bool fits(const Rect& tile, int width, int height) {
@@ -41,7 +42,42 @@ Result<BakeView> find_view(const DecodedScene& scene, ViewId id, Layer layer) {
       !fits(view->atlas_rect, width, height))
     return invalid_scene(name + " has a tile outside the picture of texture stream " +
                          std::to_string(number_of(view->stream)));
-  return BakeView{view, view->camera(), view->T_world_camera.inverse(), width, height};
+  BakeView out{view, view->camera(), view->T_world_camera.inverse(), width, height};
+  const auto alpha = scene.alpha.find(view->stream);
+  if (alpha == scene.alpha.end() || layer == Layer::still || view->kind != View::Kind::pinhole)
+    return out;
+  if (!alpha->second->fits(*picture->second))
+    return invalid_scene("alpha of texture stream " + std::to_string(number_of(view->stream)) +
+                         " is not of its picture's size");
+  out.alpha = alpha->second.get();
+  return out;
+}
+
+Vec2f middle_of(const Corners& uvs) { return (uvs[0] + uvs[1] + uvs[2]) * (1.0f / 3); }
+
+/// Alpha at a texture coordinate.
+bool is_shown(const BakeView& view, Vec2f uv) {
+  return view.alpha->at(
+      {double{uv.x} * view.atlas_width - 0.5, double{uv.y} * view.atlas_height - 0.5});
+}
+
+/// Whether the pixels of the alpha plane around a triangle differ.
+bool crosses_outline(const BakeView& view, const Corners& uvs) {
+  const auto [left, right] = std::minmax({uvs[0].x, uvs[1].x, uvs[2].x});
+  const auto [top, bottom] = std::minmax({uvs[0].y, uvs[1].y, uvs[2].y});
+  const Alpha& alpha = *view.alpha;
+  const auto index = [&](float uv, int picture, int plane) {
+    return std::clamp(static_cast<int>(uv * static_cast<float>(picture)) / alpha.step_px, 0,
+                      plane - 1);
+  };
+  const int x0 = index(left, view.atlas_width, alpha.plane.width),
+            x1 = index(right, view.atlas_width, alpha.plane.width),
+            y0 = index(top, view.atlas_height, alpha.plane.height),
+            y1 = index(bottom, view.atlas_height, alpha.plane.height);
+  for (int y = y0; y <= y1; ++y)
+    for (int x = x0; x <= x1; ++x)
+      if (*alpha.plane.at(x, y) != *alpha.plane.at(x0, y0)) return true;
+  return false;
 }
 
 /// Columns of a panorama: all corners on one turn, the one whose middle is nearest to the tile's.
@@ -202,7 +238,42 @@ struct Baker {
     if (!uvs) return plain.add(corners, Corners{});
     PartBuilder& builder = textured[view->view->stream];
     builder.part.stream = view->view->stream;
-    builder.add(corners, *uvs);
+    if (view->alpha)
+      add_shown(corners, *uvs, *view, kMostHalvings, builder);
+    else
+      builder.add(corners, *uvs);
+  }
+
+  /// Adds what alpha shows of a triangle: one that crosses an outline is halved at its longest edge
+  /// until it hardly does.
+  static constexpr int kMostHalvings = 12;
+  static void add_shown(const std::array<Vec3f, 3>& corners, const Corners& uvs,
+                        const BakeView& view, int halvings, PartBuilder& builder) {
+    if (halvings == 0 || !crosses_outline(view, uvs)) {
+      if (is_shown(view, middle_of(uvs))) builder.add(corners, uvs);
+      return;
+    }
+    int longest = 0;  // the edge after this corner
+    const auto edge = [&](int i) { return length(corners[(i + 1) % 3] - corners[i]); };
+    for (int i = 1; i < 3; ++i)
+      if (edge(i) > edge(longest)) longest = i;
+    const auto half = halved(view, corners, longest);
+    if (!half) return;
+    for (const int i : {longest, (longest + 1) % 3}) {
+      auto piece = corners;
+      Corners piece_uvs = uvs;
+      piece[i] = half->first, piece_uvs[i] = half->second;
+      add_shown(piece, piece_uvs, view, halvings - 1, builder);
+    }
+  }
+
+  /// The middle of an edge, the same for both of its triangles, with its coordinate.
+  static std::optional<std::pair<Vec3f, Vec2f>> halved(const BakeView& view,
+                                                       const std::array<Vec3f, 3>& corners,
+                                                       int edge) {
+    const Vec3f middle = (corners[edge] + corners[(edge + 1) % 3]) * 0.5f;
+    const auto uvs = corner_uvs(view, {middle, middle, middle});
+    return uvs ? std::optional(std::pair(middle, (*uvs)[0])) : std::nullopt;
   }
 };
 

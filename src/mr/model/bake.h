@@ -27,8 +27,9 @@ struct BakedPart {
 /// Vertices are welded where position and coordinate or colour are equal. Coordinates are clamped
 /// to half a texel inside the view's tile; a triangle that crosses a panorama's seam follows the
 /// turn of its first corner; one with a corner that its view cannot see (behind a pinhole) loses
-/// its texture. Errors: empty without triangles; invalid for a position that is not finite, a
-/// vertex, view, colour or texture stream that is not there, or a tile outside its picture.
+/// its texture. Triangles that move are cut along their picture's alpha. Errors: empty without
+/// triangles; invalid for a position that is not finite, a vertex, view, colour or texture stream
+/// that is not there, or a tile outside its picture.
 Result<std::vector<BakedPart>> bake(const DecodedScene& scene);
 
 /// By stream.

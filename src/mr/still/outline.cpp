@@ -29,6 +29,11 @@ constexpr int kNearBlocks = 2;
 constexpr std::array<std::pair<int, int>, 8> kAround{
     {{-1, -1}, {0, -1}, {1, -1}, {-1, 0}, {1, 0}, {-1, 1}, {0, 1}, {1, 1}}};
 
+/// Whether a depth pixel measures what does not move.
+bool is_room(const OutlineFinder::Input& in, int x, int y) {
+  return *in.measured.at(x, y) > 0 && !*in.moving.at(x, y);
+}
+
 /// The mean of a square of pixels, as far as the picture reaches.
 std::array<int, 3> mean_of(const ImageRgb& picture, int x0, int y0) {
   const int x1 = std::min(x0 + kAlphaStep_px, picture.width),
@@ -148,12 +153,12 @@ std::vector<OutlineFinder::Grown> OutlineFinder::grow(const Input& in, const Col
   while (!edge.empty()) {
     edge = neighbours(in, depth, edge);
     std::erase_if(edge, [&](const Grown& g) {
-      const bool is_measured = *in.measured.at(g.x, g.y) > 0 && !*in.moving.at(g.x, g.y);
-      const double most = is_measured ? kThin_px : kHair_m * depth_camera_.fx / g.depth;
+      const bool before_room = is_room(in, g.x, g.y);
+      const double most = before_room ? kThin_px : kHair_m * depth_camera_.fx / g.depth;
       if (g.reach > most) return true;
       const Color color = color_at(colors, g.x, g.y, g.depth);
       if (color == Color::different) return false;
-      return color == Color::same || is_measured || g.beside < kMostlyAround;
+      return color == Color::same || before_room || g.beside < kMostlyAround;
     });
     for (const Grown& g : edge)
       *depth.at(g.x, g.y) = g.depth + kBackwards * g.depth / static_cast<float>(depth_camera_.fx);
@@ -221,13 +226,12 @@ OutlineFinder::DepthPlane OutlineFinder::draw(const Input& in, const ImageDepth&
   for (int y = 0; y < depth.height; ++y)
     for (int x = 0; x < depth.width; ++x)
       if (const float z = *depth.at(x, y); z > 0) {
-        const bool is_inside = std::ranges::all_of(kAround, [&](const auto& d) {
-          return !depth.contains(x + d.first, y + d.second) ||
-                 *in.cleaned.at(x + d.first, y + d.second) > 0;
+        const bool is_inside = std::ranges::none_of(kAround, [&](const auto& d) {
+          return depth.contains(x + d.first, y + d.second) &&
+                 is_room(in, x + d.first, y + d.second);
         });
         add(x, y, z, kOverlap, is_inside && *in.cleaned.at(x, y) > 0 ? Depth::moving : Depth::edge);
-      } else if (x % kStep_px == 0 && y % kStep_px == 0 && !*in.moving.at(x, y) &&
-                 *in.measured.at(x, y) > 0) {
+      } else if (x % kStep_px == 0 && y % kStep_px == 0 && is_room(in, x, y)) {
         add(x, y, *in.measured.at(x, y), kOverlap * kStep_px, Depth::still);
       }
   return out;
@@ -258,15 +262,18 @@ ImageMask OutlineFinder::decide(const ColorPlane& colors, const DepthPlane& dept
                       (color == Color::dark && depth != Depth::still) ||
                       (color == Color::unsure && depth == Depth::edge);
     }
-  // Single pixels go with those around them.
-  const ImageMask raw = out;
-  for (int y = 1; y + 1 < height_; ++y)
-    for (int x = 1; x + 1 < width_; ++x) {
-      if (!*near.at(x / kBlock_px, y / kBlock_px) || *depths.at(x, y) == Depth::moving) continue;
-      int ones = *raw.at(x, y);
-      for (const auto& [dx, dy] : kAround) ones += *raw.at(x + dx, y + dy);
-      *out.at(x, y) = ones >= 5;
-    }
+  // A few pixels go with those around them.
+  constexpr int kPasses = 2;
+  for (int pass = 0; pass < kPasses; ++pass) {
+    const ImageMask raw = out;
+    for (int y = 1; y + 1 < height_; ++y)
+      for (int x = 1; x + 1 < width_; ++x) {
+        if (!*near.at(x / kBlock_px, y / kBlock_px) || *depths.at(x, y) == Depth::moving) continue;
+        int ones = *raw.at(x, y);
+        for (const auto& [dx, dy] : kAround) ones += *raw.at(x + dx, y + dy);
+        *out.at(x, y) = ones >= 5;
+      }
+  }
   return out;
 }
 
