@@ -108,5 +108,65 @@ TEST(Compose, BlocksOfNoUseShowWhatIsBehind) {
     }
 }
 
+TEST(Compose, AlphaIsArrangedAsThePictureIs) {
+  const std::map<ViewId, View> children = {{ViewId{0}, view(0, 64, 32)},
+                                           {ViewId{1}, view(1, 64, 32)}};
+  View shown = children.at(ViewId{1});
+  shown.image_rect = {16, 8, 32, 16};  // a window
+  const atlas::Layout layout = *atlas::make_layout({children.at(ViewId{0}), shown}, {}, 1, 1);
+  auto alpha = std::make_shared<Alpha>(2, ImageMask(32, 16, 1));
+  for (int y = 6; y < 10; ++y) *alpha->plane.at(10, y) = 0;
+  const auto plane = atlas::compose_alpha(layout, {children, {{StreamId{1}, alpha}}});
+  ASSERT_TRUE(plane);
+  EXPECT_EQ(plane->step_px, 2);
+  ASSERT_EQ(plane->plane.width, layout.width / 2);
+  ASSERT_EQ(plane->plane.height, layout.height / 2);
+  const Rect at = layout.views[1].atlas_rect;
+  for (int y = 0; y < plane->plane.height; ++y)
+    for (int x = 0; x < plane->plane.width; ++x) {
+      const bool is_cut = x == at.x / 2 + 10 - 8 && y >= at.y / 2 + 6 - 4 && y < at.y / 2 + 10 - 4;
+      EXPECT_EQ(*plane->plane.at(x, y), !is_cut) << x << ' ' << y;
+    }
+  // Beside the window nothing is cut: no plane.
+  for (int y = 6; y < 10; ++y) *alpha->plane.at(10, y) = 1, *alpha->plane.at(30, y) = 0;
+  EXPECT_FALSE(atlas::compose_alpha(layout, {children, {{StreamId{1}, alpha}}}));
+  EXPECT_FALSE(atlas::compose_alpha(layout, {children, {}}));
+}
+
+TEST(Compose, AlphaIsScaledWithThePicture) {
+  const View v = view(0, 64, 32);
+  const atlas::Layout layout = *atlas::make_layout({v}, {}, 0.5, 1);
+  auto alpha = std::make_shared<Alpha>(2, ImageMask(32, 16, 1));
+  for (int y = 0; y < 16; ++y)
+    for (int x = 0; x < 16; ++x) *alpha->plane.at(x, y) = 0;  // the left half
+  const auto plane = atlas::compose_alpha(layout, {{{ViewId{0}, v}}, {{StreamId{0}, alpha}}});
+  ASSERT_TRUE(plane);
+  const Rect at = layout.views[0].atlas_rect;
+  for (int y = 0; y < at.height / 2; ++y)
+    for (int x = 0; x < at.width / 2; ++x)
+      EXPECT_EQ(*plane->plane.at(at.x / 2 + x, at.y / 2 + y), x >= at.width / 4) << x << ' ' << y;
+}
+
+TEST(Compose, AlphaIsKeptOnlyWhereItMatters) {
+  const View v = view(0, 64, 32);
+  const std::map<ViewId, View> children = {{ViewId{0}, v}};
+  const atlas::Layout layout = *atlas::make_layout({v}, {}, 1, 1);
+  auto alpha = std::make_shared<Alpha>(2, ImageMask(32, 16, 1));
+  for (int y = 0; y < 16; ++y)
+    for (int x = 0; x < 32; ++x) *alpha->plane.at(x, y) = x % 8 < 4;
+  const AlphaPlanes planes = {{StreamId{0}, alpha}};
+  ImageMask used(64, 32);
+  *used.at(2, 2) = 1;                     // of the first block a one
+  *used.at(16 + 14, 2) = 1;               // of the second a zero
+  *used.at(32, 2) = *used.at(46, 2) = 1;  // of the third both; of the fourth nothing
+  const auto plane = atlas::compose_alpha(layout, {children, planes, {{ViewId{0}, used}}});
+  ASSERT_TRUE(plane);
+  for (int y = 0; y < 8; ++y)
+    for (int x = 0; x < 32; ++x) {
+      const int expected = x < 8 ? 1 : x < 16 ? 0 : x < 24 ? x % 8 < 4 : 1;
+      EXPECT_EQ(*plane->plane.at(x, y), expected) << x << ' ' << y;
+    }
+}
+
 }  // namespace
 }  // namespace mr

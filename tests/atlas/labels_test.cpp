@@ -102,6 +102,49 @@ TEST(Labels, BestAngleTakesTheMostDirectView) {
   EXPECT_NEAR(labelled_area(mesh, ViewId{1}), 0.64, 1e-3);
 }
 
+/// The alpha plane of a view's picture; 0 in columns [first, last) of the camera.
+AlphaPlanes cut_columns(const View& v, int first, int last) {
+  auto alpha = std::make_shared<Alpha>(2, ImageMask((v.width + 1) / 2, (v.height + 1) / 2, 1));
+  for (int y = 0; y < alpha->plane.height; ++y)
+    for (int x = first / 2; x < last / 2; ++x) *alpha->plane.at(x, y) = 0;
+  return {{v.stream, alpha}};
+}
+
+/// Two views of a wall; the first one sees it better.
+std::vector<View> better_and_worse() {
+  std::vector<View> views = {view(ViewId{0}, {0, 0, 0}, {0, 0, 2}),
+                             view(ViewId{1}, {0, 0, -1}, {0, 0, 2})};
+  views[1].stream = StreamId{1};
+  for (View& v : views) v.atlas_rect = v.image_rect;
+  return views;
+}
+
+TEST(Labels, AViewThatShowsSomethingElseTexturesNothingThere) {
+  const std::vector<View> views = better_and_worse();
+  const Mesh mesh = wall(0.6f, 24);
+  EXPECT_NEAR(labelled_area(atlas::label_triangles(mesh, views, {}), ViewId{0}), 1.44, 1e-3);
+  const Mesh labelled =
+      atlas::label_triangles(mesh, views, {.alpha = cut_columns(views[0], 0, views[0].width / 2)});
+  EXPECT_NEAR(labelled_area(labelled, ViewId{1}), 0.72, 0.08);
+  EXPECT_NEAR(labelled_area(labelled, ViewId{0}), 0.72, 0.08);
+}
+
+TEST(Labels, WhatNoOtherViewSeesIsLeftToAlpha) {
+  const std::vector<View> views = {better_and_worse()[0]};
+  const Mesh labelled = atlas::label_triangles(
+      wall(0.6f, 24), views, {.alpha = cut_columns(views[0], 0, views[0].width / 2)});
+  EXPECT_NEAR(labelled_area(labelled, ViewId{0}), 1.44, 1e-3);
+}
+
+TEST(Labels, WhatASensorMeasuredBesideItsOutlineIsCutByItsOwnView) {
+  const std::vector<View> views = better_and_worse();
+  Mesh mesh = wall(0.6f, 24);
+  set_sensor(mesh, SensorId{0});
+  const Mesh labelled =
+      atlas::label_triangles(mesh, views, {.alpha = cut_columns(views[0], 0, views[0].width / 2)});
+  EXPECT_NEAR(labelled_area(labelled, ViewId{0}), 1.44, 1e-3);
+}
+
 /// Blocks of 16 pixels of a view; `is_valid`: of a column and row.
 template <typename IsValid>
 TileMask blocks(const View& v, const IsValid& is_valid) {

@@ -12,6 +12,7 @@
 #include <fstream>
 #include <limits>
 #include <nlohmann/json.hpp>
+#include <numbers>
 #include <sstream>
 
 #include "mr/core/file.h"
@@ -302,6 +303,44 @@ TEST_F(Export, BakeClampsIntoTheTile) {
     EXPECT_TRUE(std::abs(uv.x - 64.5 / 100) < 1e-6 || std::abs(uv.x - 95.5 / 100) < 1e-6) << uv.x;
     EXPECT_TRUE(std::abs(uv.y - 0.5 / 48) < 1e-6 || std::abs(uv.y - 23.5 / 48) < 1e-6) << uv.y;
   }
+}
+
+/// The wall's left half of view 0, as moving, with a disc as alpha of its picture.
+DecodedScene scene_with_alpha(Layer layer) {
+  DecodedScene scene = wall_scene();
+  auto chunk = std::make_shared<Chunk>(*chunk_of(
+      test::grid({-0.6f, 0.4f, 2}, {1.2f, 0, 0}, {0, -0.8f, 0}, 2, 2), std::vector(8, 0u)));
+  chunk->key.id.layer = layer;
+  scene.chunks = {chunk};
+  auto alpha = std::make_shared<Alpha>(2, ImageMask(50, 24));
+  for (int y = 0; y < 24; ++y)
+    for (int x = 0; x < 50; ++x) *alpha->plane.at(x, y) = std::hypot(x - 15, y - 12) < 5;
+  scene.alpha = {{StreamId{4}, alpha}};
+  return scene;
+}
+
+double area_of(const BakedPart& part) { return surface_area_m2({part.positions, part.triangles}); }
+
+TEST_F(Export, WhatMovesIsCutAlongAlpha) {
+  const auto parts = bake(scene_with_alpha(Layer::moving));
+  ASSERT_TRUE(parts);
+  ASSERT_EQ(parts->size(), 1u);
+  // The disc has a radius of ten pixels, at 2 m and 50 and 52 pixels per radian.
+  const double disc = std::numbers::pi * (10 * 2 / 50.0) * (10 * 2 / 52.0);
+  EXPECT_NEAR(area_of(parts->front()), disc, 0.06 * disc);
+  for (const Vec3f p : parts->front().positions) EXPECT_LT(std::hypot(p.x, p.y), 0.47);
+}
+
+TEST_F(Export, WhatStaysIsNotCut) {
+  const auto parts = bake(scene_with_alpha(Layer::still));
+  ASSERT_TRUE(parts);
+  EXPECT_NEAR(area_of(parts->front()), 1.2 * 0.8, 1e-5);
+}
+
+TEST_F(Export, AlphaOfAnotherSizeIsAnError) {
+  DecodedScene scene = scene_with_alpha(Layer::moving);
+  scene.alpha[StreamId{4}] = std::make_shared<Alpha>(2, ImageMask(50, 25));
+  EXPECT_FALSE(bake(scene));
 }
 
 TEST_F(Export, TrianglesThatReachBehindAPinholeLoseTheirTexture) {

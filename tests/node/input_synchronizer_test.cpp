@@ -4,6 +4,7 @@
 
 #include <random>
 
+#include "mr/codec/alpha_codec.h"
 #include "mr/codec/head.h"
 #include "mr/codec/packet_codec.h"
 #include "mr/codec/packet_message.h"
@@ -218,6 +219,46 @@ TEST(InputSynchronizer, UnitsAreHandedOnWithTheirCapture) {
   captures = synchronizer.next_set(second.captured_at + milliseconds(120));
   ASSERT_TRUE(captures && *captures);
   EXPECT_EQ((*captures)->units, second.textures);
+}
+
+TEST(InputSynchronizer, AlphaIsHandedOnWithItsCapture) {
+  const Scene scene = one_sensor();
+  Sender sender;
+  node::InputSynchronizer synchronizer(scene, scene.mergers[0], true);
+  Packet first = sender.next(true);
+  const auto plane_of = [&](int x) {
+    const TextureUnit& unit = first.textures.front();
+    ImageMask plane((unit.width + 1) / 2, (unit.height + 1) / 2, 1);
+    *plane.at(x, 0) = 0;
+    return AlphaPlane{unit.stream, 2, plane.width, plane.height, codec::encode_alpha(plane)};
+  };
+  first.alpha = {plane_of(1)};
+  ASSERT_TRUE(synchronizer.receive(0, first, first.captured_at));
+  sender.change(2);
+  Packet second = sender.next();
+  second.alpha = {plane_of(2)};
+  const auto withheld = std::exchange(second.chunks, {});
+  ASSERT_TRUE(synchronizer.receive(0, second, second.captured_at));
+  auto captures = synchronizer.next_set(second.captured_at + milliseconds(60));
+  ASSERT_TRUE(captures && *captures);
+  EXPECT_EQ((*captures)->alpha, first.alpha);  // the second one's mesh is not whole yet
+  EXPECT_EQ(*node::alpha_of(**captures).at(first.alpha[0].stream)->plane.at(1, 0), 0);
+  synchronizer.take_answer(0, codec::encode_chunks(withheld), second.captured_at);
+  captures = synchronizer.next_set(second.captured_at + milliseconds(120));
+  ASSERT_TRUE(captures && *captures);
+  EXPECT_EQ((*captures)->alpha, second.alpha);
+  EXPECT_EQ(*node::alpha_of(**captures).at(first.alpha[0].stream)->plane.at(1, 0), 1);
+}
+
+TEST(InputSynchronizer, AlphaOfAnotherSensorsPictureIsRefused) {
+  const Scene scene = one_sensor();
+  Sender sender;
+  node::InputSynchronizer synchronizer(scene, scene.mergers[0], false);
+  Packet packet = sender.next(true);
+  packet.alpha = {{StreamId{7}, 2, 4, 4, codec::encode_alpha(ImageMask(4, 4))}};
+  const Status refused = synchronizer.receive(0, packet, packet.captured_at);
+  ASSERT_FALSE(refused);
+  EXPECT_NE(refused.error().message.find("alpha of stream 7"), std::string::npos);
 }
 
 /// A stream without units for long: what its parent has stays good, and the next unit follows.

@@ -6,6 +6,7 @@
 #include <cmath>
 #include <limits>
 
+#include "mr/codec/alpha_codec.h"
 #include "mr/codec/chunk_cache.h"
 #include "mr/codec/head.h"
 #include "mr/codec/mesh_codec.h"
@@ -531,6 +532,50 @@ TEST(SensorNodeLayers, ConfirmedTilesAreWhereNothingMoves) {
   EXPECT_TRUE(moving.confirmed_depth.at(1, 1));
   EXPECT_FALSE(moving.confirmed_color.at(3, 2));
   EXPECT_TRUE(moving.confirmed_color.at(0, 0));
+}
+
+/// The picture is white where the colour camera sees a box that is not that far away.
+Frame with_white_box(const Sensor& sensor, Frame frame, const Solids& solids) {
+  const SensorConfig& config = sensor.scene().sensor(frame.sensor);
+  const Camera& camera = *config.color_camera;
+  const ImageDepth depth =
+      test::depth_picture(solids, camera, frame.T_world_depth * config.T_color_depth.inverse());
+  for (int y = 0; y < camera.height; ++y)
+    for (int x = 0; x < camera.width; ++x)
+      if (*depth.at(x, y) < 1.9f) std::fill_n(frame.color.at(x, y), 3, std::uint8_t{255});
+  return frame;
+}
+
+TEST(SensorNodeLayers, TheOutlineIsThatOfThePicture) {
+  Sensor sensor(with_layers());
+  for (int i = 0; i < kLearnt; ++i)
+    EXPECT_TRUE(sensor.see(wall()).alpha.empty()) << "nothing moves";
+  const Solids box = wall_and_box();
+  Frame frame = with_white_box(sensor, sensor.frame(box), box);
+  const ImageRgb color = frame.color;
+  for (int y = 0; y < 34; ++y) std::fill_n(frame.depth.row(y), 80, 0.0f);  // half of the box, too
+  const Packet packet = sensor.packet(std::move(frame));
+  ASSERT_EQ(packet.alpha.size(), 1u);
+  EXPECT_EQ(packet.alpha[0].stream, packet.views.at(0).stream);
+  ASSERT_EQ(packet.alpha[0].width, 48);
+  ASSERT_EQ(packet.alpha[0].height, 32);
+  const auto alpha = codec::decode_alpha(packet.alpha[0].data, 48, 32);
+  ASSERT_TRUE(alpha);
+  int cut = 0;
+  for (int y = 0; y < 32; ++y)
+    for (int x = 0; x < 48; ++x) {
+      if (color.at(2 * x, 2 * y)[2] == 255 && color.at(2 * x + 1, 2 * y + 1)[2] == 255) {
+        EXPECT_TRUE(*alpha->at(x, y)) << x << ' ' << y << " shows the box";
+      }
+      cut += !*alpha->at(x, y);
+    }
+  EXPECT_GT(cut, 100) << "the wall beside it";
+  double front = 0;
+  const Mesh moving = test::all_of(sensor.chunks(Layer::moving));
+  for (std::size_t t = 0; t < moving.triangles.size(); ++t)
+    if (moving.centroid(t).z < 1.7f) front += length(moving.area_normal(t)) / 2;
+  EXPECT_GT(front, 0.3 * 0.3 * 0.7) << "half of it has no depth";
+  EXPECT_TRUE(sensor.see(wall()).alpha.empty()) << "it left";
 }
 
 TEST(SensorNode, ToldIsWhereColourSeesWhatNoMeshShows) {

@@ -251,22 +251,50 @@ struct PlaneAxis {
   }
 };
 
+/// Makes blocks uniform whose used pixels are all 0 or all 1.
+Alpha simplified(Alpha alpha, const View& view, const ImageMask& used) {
+  constexpr int kBlock_px = 8;
+  constexpr std::uint8_t kZeros = 1, kOnes = 2;
+  ImageMask& plane = alpha.plane;
+  const auto index = [&](double p, int size) {
+    return std::clamp(static_cast<int>((p + 0.5) / alpha.step_px), 0, size - 1);
+  };
+  std::vector<int> column(used.width);
+  for (int x = 0; x < used.width; ++x)
+    column[x] = index(stream_pixel(view, {double(x), 0}).x, plane.width);
+  ImageMask values((plane.width + kBlock_px - 1) / kBlock_px,
+                   (plane.height + kBlock_px - 1) / kBlock_px);
+  for (int y = 0; y < used.height; ++y) {
+    const int row = index(stream_pixel(view, {0, double(y)}).y, plane.height);
+    for (int x = 0; x < used.width; ++x)
+      if (*used.at(x, y))
+        *values.at(column[x] / kBlock_px, row / kBlock_px) |=
+            *plane.at(column[x], row) ? kOnes : kZeros;
+  }
+  for (int y = 0; y < plane.height; ++y)
+    for (int x = 0; x < plane.width; ++x)
+      if (const std::uint8_t v = *values.at(x / kBlock_px, y / kBlock_px); v != (kZeros | kOnes))
+        *plane.at(x, y) = v != kZeros;
+  return alpha;
+}
+
 }  // namespace
 
-std::optional<Alpha> compose_alpha(const Layout& layout, const std::map<ViewId, View>& children,
-                                   const AlphaPlanes& planes) {
+std::optional<Alpha> compose_alpha(const Layout& layout, const AlphaSources& sources) {
   std::optional<Alpha> out;
   for (const View& tile : layout.views) {
-    const auto child = children.find(tile.id);
-    if (child == children.end()) continue;
-    const auto plane = planes.find(child->second.stream);
-    if (plane == planes.end()) continue;
-    const Alpha& from = *plane->second;
+    const auto child = sources.children.find(tile.id);
+    if (child == sources.children.end()) continue;
+    const auto plane = sources.planes.find(child->second.stream);
+    if (plane == sources.planes.end()) continue;
+    const auto used = sources.used.find(tile.id);
+    const Alpha from = used == sources.used.end()
+                           ? *plane->second
+                           : simplified(*plane->second, child->second, used->second);
     if (!out) {
       const int step = from.step_px;
       out = Alpha{
-          step,
-          ImageMask((layout.width + step - 1) / step, (layout.height + step - 1) / step, 1)};
+          step, ImageMask((layout.width + step - 1) / step, (layout.height + step - 1) / step, 1)};
     }
     const View& own = child->second;
     const auto columns = [](const Rect& r) { return PlaneAxis::Span{r.x, r.width}; };

@@ -226,8 +226,19 @@ ImageRgb RootAtlas::draw_live(const Children& children, const atlas::Pictures& p
 }
 
 /// The children's alpha, arranged as the live atlas is.
-void RootAtlas::add_alpha(const Tick& tick, const Children& children, Packet& packet) const {
-  const auto plane = atlas::compose_alpha(live_layout_, children, alpha_of(tick.captures));
+void RootAtlas::add_alpha(const Tick& tick, const Children& children, const Mesh& moving,
+                          Packet& packet) const {
+  constexpr int kBeside_px = 3;  // alpha is bilinear
+  const AlphaPlanes planes = alpha_of(tick.captures);
+  Used used;
+  for (const View& view : tick.views)
+    if (planes.contains(view.stream)) used[view.id] = {};
+  parallel_for(tick.views.size(), 1, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t i = begin; i < end; ++i)
+      if (const auto mask = used.find(tick.views[i].id); mask != used.end())
+        mask->second = atlas::used_pixels(moving, tick.views[i], kBeside_px);
+  });
+  const auto plane = atlas::compose_alpha(live_layout_, {children, planes, std::move(used)});
   if (!plane) return;
   packet.alpha = {{kLiveStream, plane->step_px, plane->plane.width, plane->plane.height,
                    codec::encode_alpha(plane->plane)}};
@@ -259,7 +270,7 @@ Status RootAtlas::compose(const Tick& tick, const Mesh& moving, const Mesh* stil
   const atlas::Pictures pictures = pictures_of(tick.captures);
   colors_.update({tick.views, pictures, moving, still, plates_, changed_blocks_});
   add_views(still != nullptr, packet);
-  add_alpha(tick, children, packet);
+  add_alpha(tick, children, moving, packet);
   const bool has_plates = still && !plates_.empty();
   const bool plates_due = has_plates && are_plates_due(plate_layout_.views.front().layout);
   if (plates_due)
