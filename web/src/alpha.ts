@@ -63,7 +63,8 @@ class RangeDecoder {
   }
 
   private next(): number {
-    return this.bytes[this.read++] ?? 0;
+    const at = this.read++;
+    return at < this.bytes.length ? this.bytes[at]! : 0;
   }
 }
 
@@ -71,24 +72,27 @@ function evenly(count: number): Uint16Array {
   return new Uint16Array(count).fill(kEven);
 }
 
+const kRowsAbove = 2; // of zeros
+
 /** Fills a plane in, block by block. */
 class PlaneDecoder {
-  readonly pixels: Uint8Array<ArrayBuffer>;
+  private readonly padded: Uint8Array<ArrayBuffer>;
   // By the kinds of the blocks to the left and above; by the pixels around.
   private readonly mixed = evenly(9);
   private readonly ones = evenly(9);
   private readonly pixel = evenly(1 << 10);
 
   constructor(private readonly coder: RangeDecoder, private readonly width: number, private readonly height: number) {
-    this.pixels = new Uint8Array(width * height);
+    this.padded = new Uint8Array(width * (height + kRowsAbove));
   }
 
-  run(): void {
+  run(): Uint8Array<ArrayBuffer> {
     const columns = Math.ceil(this.width / kBlockPx);
     const above = new Uint8Array(columns).fill(kZeros);
     for (let y = 0; y < this.height; y += kBlockPx)
       for (let column = 0, left = kZeros; column < columns; ++column)
         left = above[column] = this.block(column * kBlockPx, y, 3 * left + above[column]!);
+    return this.padded.subarray(kRowsAbove * this.width);
   }
 
   /** Its kind. */
@@ -100,39 +104,46 @@ class PlaneDecoder {
       return kMixed;
     }
     if (this.coder.bit(this.ones, around) === 0) return kZeros;
-    for (let row = y; row < bottom; ++row) this.pixels.fill(255, row * this.width + x, row * this.width + right);
+    for (let row = y; row < bottom; ++row) this.padded.fill(255, this.begin(row) + x, this.begin(row) + right);
     return kOnes;
+  }
+
+  private begin(row: number): number {
+    return (row + kRowsAbove) * this.width;
   }
 
   /** A row of a mixed block that begins at (`x`, `top`) and ends before `right`. Ten known pixels tell how likely a pixel is: two before
    *  it, five above, three above these. Those that are not known yet, or not in the plane, are as the last one before them in their row. */
   private row(x: number, right: number, y: number, top: number): void {
-    const { pixels, width } = this;
-    const at = (column: number, row: number): number => {
-      if (row < 0) return 0;
-      const last = row < top ? width - 1 : right - 1;
-      return pixels[row * width + Math.min(Math.max(column, 0), last)]! & 1;
-    };
-    let before = x > 0 ? (at(x - 1, y) << 1) | at(x - 2, y) : 0; // the nearer one in the higher bit
-    let above = 0;
-    for (let dx = -2; dx < 2; ++dx) above = (above << 1) | at(x + dx, y - 1);
-    let two = (at(x - 1, y - 2) << 1) | at(x, y - 2);
+    const { padded, width } = this;
+    const [here, up, up2] = [this.begin(y), this.begin(y - 1), this.begin(y - 2)];
+    const lastUp = up + (y - 1 < top ? width : right) - 1;
+    const lastUp2 = up2 + (y - 2 < top ? width : right) - 1;
+    const first = x === 0 ? 0 : x - 1;
+    // The nearer one before in the higher bit; else the one to the left.
+    let before = x === 0 ? 0 : (bitOf(padded, here + x - 1) << 1) | bitOf(padded, here + x - 2);
+    let above = (bitOf(padded, up + (x === 0 ? 0 : x - 2)) << 3) | (bitOf(padded, up + first) << 2) |
+      (bitOf(padded, up + x) << 1) | bitOf(padded, Math.min(up + x + 1, lastUp));
+    let above2 = (bitOf(padded, up2 + first) << 1) | bitOf(padded, up2 + x);
     for (let column = x; column < right; ++column) {
-      above = ((above << 1) | at(column + 2, y - 1)) & 31;
-      two = ((two << 1) | at(column + 1, y - 2)) & 7;
-      const bit = this.coder.bit(this.pixel, (before << 8) | (above << 3) | two);
-      if (bit === 1) pixels[y * width + column] = 255;
+      above = ((above << 1) | bitOf(padded, Math.min(up + column + 2, lastUp))) & 31;
+      above2 = ((above2 << 1) | bitOf(padded, Math.min(up2 + column + 1, lastUp2))) & 7;
+      const bit = this.coder.bit(this.pixel, (before << 8) | (above << 3) | above2);
+      if (bit === 1) padded[here + column] = 255;
       before = column === 0 ? 3 * bit : (bit << 1) | (before >> 1);
     }
   }
+}
+
+function bitOf(pixels: Uint8Array, at: number): number {
+  return pixels[at]! & 1;
 }
 
 /** The plane of this size, 0 or 255 a pixel, as decode_alpha() of src/mr/codec/alpha_codec.h: docs/wire-format.md, Alpha planes. Bytes that
  *  are more than it has use for throw Malformed; whatever other bytes there are, they are a plane. */
 export function decodeAlpha(bytes: Uint8Array, width: number, height: number): Uint8Array<ArrayBuffer> {
   const coder = new RangeDecoder(bytes);
-  const plane = new PlaneDecoder(coder, width, height);
-  plane.run();
+  const pixels = new PlaneDecoder(coder, width, height).run();
   if (!coder.hasReadAll()) throw new Malformed("alpha plane: more bytes than it has use for");
-  return plane.pixels;
+  return pixels;
 }
