@@ -8,6 +8,7 @@
 #include <optional>
 #include <vector>
 
+#include "mr/codec/alpha_codec.h"
 #include "mr/codec/coalesce.h"
 #include "mr/codec/head.h"
 #include "mr/codec/packet_codec.h"
@@ -58,6 +59,13 @@ void check_differences(const Packet& packet, std::optional<Differences>& pair) {
   require(*back == expected);
 }
 
+/// Also of streams that have no picture; small ones.
+void decode_planes(const Packet& packet) {
+  for (const AlphaPlane& plane : packet.alpha)
+    if (plane.width * plane.height <= 1 << 16)
+      static_cast<void>(codec::decode_alpha(plane.data, plane.width, plane.height));
+}
+
 void check_folds(std::vector<codec::PacketMessage> messages) {
   if (messages.empty()) return;
   const auto folded = codec::coalesce(messages);
@@ -82,6 +90,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
     const auto back = codec::decode_packet(codec::encode_packet(*packet));
     require(back && *back == *packet);
     check_differences(*packet, again);
+    decode_planes(*packet);
     static_cast<void>(receiver.accept(*packet));
     static_cast<void>(receiver.scene());
   }

@@ -2,7 +2,7 @@
 //   node --test tests/browser/page_test.mjs
 import assert from "node:assert/strict";
 import { execFileSync } from "node:child_process";
-import { mkdtempSync, rmSync } from "node:fs";
+import { mkdtempSync, readFileSync, rmSync } from "node:fs";
 import { tmpdir } from "node:os";
 import { join } from "node:path";
 import { after, afterEach, before, beforeEach, test } from "node:test";
@@ -268,4 +268,63 @@ test("the question for the token fits into any window, in light and dark", async
     }
     await page.context().close();
   }
+});
+
+/** tests/codec/alpha_packet_test.cpp: a red wall that moves before a blue one that stays, both with planes of alpha. */
+function alphaPackets() {
+  const bytes = readFileSync(new URL("../../web/tests/data/packets_alpha.bin", import.meta.url));
+  const out = [];
+  for (let at = 0; at < bytes.length; at += 4 + bytes.readUInt32LE(at)) out.push(bytes.subarray(at + 4, at + 4 + bytes.readUInt32LE(at)));
+  return out;
+}
+
+/** Looks as the views' cameras do: what is drawn lies where it lies in their pictures, of 64 x 48 pixels. */
+const kAlphaCamera = { position: [0, 0, 1], target: [0, 2, 1], up: [0, 0, 1], fx: 60, fy: 60, cx: 31.5, cy: 23.5, width: 64, height: 48 };
+
+/** "r", "b" or "?" for each pixel. */
+function colorsOf(base64) {
+  const pixels = Buffer.from(base64, "base64");
+  return Array.from({ length: pixels.length / 4 }, (_, i) => {
+    const [r, g, b] = pixels.subarray(4 * i, 4 * i + 3);
+    const isNear = (color) => color.every((v, k) => Math.abs(v - [r, g, b][k]) < 12);
+    return isNear([200, 60, 40]) ? "r" : isNear([40, 80, 200]) ? "b" : "?";
+  });
+}
+
+/** Nothing but a red disc of 16 pixels' radius before blue, or nothing but red. `edge`: pixels by which its outline may be off. */
+function checkDisc(colors, edge) {
+  colors.forEach((color, i) => {
+    const away = Math.hypot((i % 64) - 31.5, Math.floor(i / 64) - 23.5);
+    if (away < 16 - edge) assert.equal(color, "r", `pixel ${i}, ${away} from the middle`);
+    else if (away > 16 + edge) assert.equal(color, "b", `pixel ${i}, ${away} from the middle`);
+    else assert.notEqual(color, "?", `pixel ${i}: drawn or not, nothing between`);
+  });
+}
+
+test("what moves is cut by the alpha of its picture, in its capture alone; what stays and panoramas are not", async () => {
+  const page = await openPage(gateway.url);
+  await page.waitForFunction(() => window.meshreduce !== undefined);
+  for (let i = 0; gateway.viewer?.isIn !== true && i < 200; ++i) await page.waitForTimeout(20);
+  await page.evaluate((camera) => window.meshreduce.setCamera(camera), kAlphaCamera);
+  const seen = [];
+  for (const [i, bytes] of alphaPackets().entries()) {
+    gateway.viewer.binary(bytes);
+    await page.waitForFunction((n) => window.meshreduce.shown()?.sequence === n, i + 1, { timeout: 20_000 });
+    seen.push(colorsOf(await page.evaluate(() => window.meshreduce.pixels())));
+    // On the screen, with what is kept of the still wall, as drawn afresh.
+    const [kept, afresh] = await page.evaluate(() => [window.meshreduce.screen(false), window.meshreduce.screen(true)]);
+    assert.equal(kept, afresh, `packet ${i + 1}`);
+  }
+  checkDisc(seen[0], 1.5);
+  assert.ok(seen[1].every((color) => color === "r"), "a capture without a plane");
+  assert.ok(seen[2].every((color) => color === "r"), "a plane of another size");
+  assert.ok(seen[3].every((color) => color === "r"), "a broken plane");
+  checkDisc(seen[4], 3);
+  assert.ok(seen[5].every((color) => color === "r"), "a panorama");
+  const said = page.said.filter((words) => words.includes("alpha"));
+  assert.deepEqual(said, ["stream 0: an alpha plane that is not of its picture's size", "stream 0: alpha plane: more bytes than it has use for"]);
+  await page.click("#numbers");
+  await page.waitForFunction(() => /^6, 2 broken parts/.test(document.querySelector('[data-testid="capture"]').textContent));
+  assert.equal(gateway.viewers.length, 1, "over one connection");
+  await page.context().close();
 });

@@ -1,3 +1,4 @@
+import { alphaFor, type Alpha } from "./alpha.ts";
 import type { RimmedMesh } from "./border.ts";
 import { Malformed } from "./bytes.ts";
 import { Connection, nowMs, type Hello, type LinkState } from "./connection.ts";
@@ -13,7 +14,10 @@ import { Traffic } from "./statistics.ts";
 import type { TokenKeeper } from "./token.ts";
 import { Video } from "./video.ts";
 
-export type Capture = Complete<RimmedMesh, Picture>;
+export interface Capture extends Complete<RimmedMesh, Picture> {
+  /** By stream, of pictures that have one. */
+  readonly alpha: ReadonlyMap<number, Alpha>;
+}
 
 export interface ClientEvents {
   onHello(hello: Hello): void;
@@ -30,7 +34,7 @@ const kAskEveryMs = 500;
 /** From the socket to complete captures. */
 export class Client {
   readonly traffic = new Traffic();
-  /** Chunks, pictures and messages that were broken. */
+  /** Chunks, pictures, alpha planes and messages that were broken. */
   errors = 0;
   /** Packets that were out of order: sent again, or with an absurd number. */
   refused = 0;
@@ -95,9 +99,9 @@ export class Client {
 
   /** The newest complete capture since the last call. Acknowledge what it says is done once that is drawn. */
   take(): { complete: Capture | null; done: number[] } {
-    const taken = this.receiver.take();
+    const { complete, done } = this.receiver.take();
     this.ask();
-    return taken;
+    return { complete: complete === null ? null : { ...complete, alpha: this.decodeAlpha(complete) }, done };
   }
 
   acknowledge(sequences: readonly number[]): void {
@@ -188,6 +192,22 @@ export class Client {
       this.video.flush();
     }
     this.events.onChange();
+  }
+
+  /** What has a broken plane is shown whole. */
+  private decodeAlpha({ packet, pictures }: Complete<RimmedMesh, Picture>): ReadonlyMap<number, Alpha> {
+    const out = new Map<number, Alpha>();
+    for (const plane of packet.alpha) {
+      const picture = pictures.get(plane.stream);
+      if (picture === undefined) continue;
+      try {
+        out.set(plane.stream, alphaFor(plane, picture));
+      } catch (error) {
+        if (!(error instanceof Malformed)) throw error;
+        this.complain(`stream ${plane.stream}: ${error.message}`);
+      }
+    }
+    return out;
   }
 
   private decode(chunks: readonly EncodedChunk[]): void {

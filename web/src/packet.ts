@@ -83,6 +83,18 @@ export interface TextureUnit {
   readonly data: Uint8Array;
 }
 
+/** The coded alpha plane of a stream's picture, in one capture alone: where the plane is 0, what moves and is textured by the picture is
+ *  not drawn. */
+export interface AlphaPlane {
+  readonly stream: number;
+  /** Side of the square of the picture's pixels that one pixel of the plane stands for. */
+  readonly stepPx: number;
+  /** Of the plane. */
+  readonly width: number;
+  readonly height: number;
+  readonly data: Uint8Array;
+}
+
 export interface Plan {
   readonly simplifyRatio: number;
   readonly meshSpeed: number;
@@ -102,6 +114,8 @@ export interface Packet {
   readonly manifest: readonly ChunkKey[];
   readonly chunks: readonly EncodedChunk[];
   readonly textures: readonly TextureUnit[];
+  /** Sorted by stream; what a stream without one textures is drawn whole. */
+  readonly alpha: readonly AlphaPlane[];
   /** The serial, by stream, of the unit whose picture belongs to the packet. */
   readonly streams: ReadonlyMap<number, number>;
   readonly marks: readonly { readonly stage: string; readonly atNs: bigint }[];

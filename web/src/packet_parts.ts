@@ -1,7 +1,7 @@
 import { FlatBuffer, require, Table, type Span } from "./bytes.ts";
 import { kMoving, kStill, type Layer } from "./layers.ts";
 import {
-  kNoView, type ChunkKey, type EncodedChunk, type Plan, type Pose, type Rect, type Sensor, type TextureUnit, type View,
+  kNoView, type AlphaPlane, type ChunkKey, type EncodedChunk, type Plan, type Pose, type Rect, type Sensor, type TextureUnit, type View,
 } from "./packet.ts";
 import type { Vec3 } from "./vec.ts";
 
@@ -24,6 +24,8 @@ export const kLimits = {
   requestChunks: 4096,
   requestStreams: 1024,
   mostGain: 16,
+  alphaPixels: 1 << 24,
+  alphaStepPx: 16,
 };
 export const kKeyBytes = 28;
 const kCenturies = 1n << 61n;
@@ -175,6 +177,28 @@ export function readTexture(table: Table): TextureUnit {
     keyFrame: table.u8(5) !== 0,
     data: table.payload(6, "a texture's payload"),
   };
+}
+
+/** Planes grow when they are decoded: what all hold is bounded. */
+export function readAlpha(root: Table, field: number): AlphaPlane[] {
+  let pixels = 0;
+  const planes = root.tables(field, kLimits.views, "alpha planes").map((table) => {
+    const plane = readAlphaPlane(table);
+    pixels += plane.width * plane.height;
+    require(pixels <= kLimits.alphaPixels, "too large an alpha plane");
+    return plane;
+  });
+  requireSorted(planes, (a, b) => a.stream < b.stream, "alpha planes");
+  return planes;
+}
+
+function readAlphaPlane(table: Table): AlphaPlane {
+  const stepPx = table.u8(1);
+  const width = table.u16(2);
+  const height = table.u16(3);
+  require(within(stepPx, 1, kLimits.alphaStepPx) && width > 0 && height > 0, "an impossible alpha plane");
+  require(Math.max(width, height) <= kLimits.textureSide, "too large an alpha plane");
+  return { stream: table.u32(0), stepPx, width, height, data: table.payload(4, "an alpha plane's payload") };
 }
 
 export function readPlan(table: Table): Plan {

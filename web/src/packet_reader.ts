@@ -2,7 +2,7 @@ import { FlatBuffer, Malformed, require, type Span, type Table } from "./bytes.t
 import { withoutChecksum } from "./crc32.ts";
 import type { ChunkKey, EncodedChunk, Packet, Plan, Sensor, TextureUnit, View } from "./packet.ts";
 import {
-  checkConfirmed, isBefore, isViewBefore, kLimits, Masks, numbers, readChunks, readKeys, readNumbers, readPlan, readSources,
+  checkConfirmed, isBefore, isViewBefore, kLimits, Masks, numbers, readAlpha, readChunks, readKeys, readNumbers, readPlan, readSources,
   readStreams, readTexture, readViewKeys, readViews, requireTilesInTextures, time, viewKey,
 } from "./packet_parts.ts";
 
@@ -114,6 +114,7 @@ function readRest(
   for (const chunk of chunks)
     require(named.has(chunk.key.name), "a chunk that the manifest does not name");
   requireTilesInTextures(head.views, textures);
+  const alpha = readAlpha(root, 13);
   const sourceTimes = readTimes(root, 4, 11, capturedAtNs, kLimits.views);
   const markTimes = readTimes(root, 5, 12, capturedAtNs, kLimits.marks);
   require(sourceTimes.length === head.sources.length, "not one time for each sensor");
@@ -129,6 +130,7 @@ function readRest(
     manifest: head.manifest,
     chunks,
     textures,
+    alpha,
     streams,
     marks: head.stages.map((stage, i) => ({ stage, atNs: markTimes[i]! })),
   };

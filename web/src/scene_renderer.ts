@@ -1,8 +1,9 @@
 import {
   BufferAttribute, BufferGeometry, Camera as ThreeCamera, Color, ColorManagement, DataTexture, IntType, LinearFilter,
-  LinearSRGBColorSpace, Matrix4, Mesh, RedFormat, RGBAFormat, RGFormat, Scene, Sphere, UnsignedByteType, Vector3,
+  LinearSRGBColorSpace, Matrix4, Mesh, RedFormat, RGBAFormat, RGFormat, Scene, Sphere, UnsignedByteType, Vector2, Vector3,
   WebGLRenderer, WebGLRenderTarget, type RawShaderMaterial,
 } from "three";
+import type { Alpha } from "./alpha.ts";
 import { borderDistances, fadingTriangles, findBorders, kFarM, type Rim, type RimmedMesh } from "./border.ts";
 import { clipFromEye, type Camera } from "./camera.ts";
 import type { Box } from "./draco_chunk.ts";
@@ -21,6 +22,8 @@ export interface Drawable {
   readonly views: readonly View[];
   readonly meshes: ReadonlyMap<string, RimmedMesh>;
   readonly pictures: ReadonlyMap<number, Picture>;
+  /** By stream; a picture without one is drawn whole. */
+  readonly alpha: ReadonlyMap<number, Alpha>;
   /** Of the meshes; moving where it says nothing. */
   readonly layers: ReadonlyMap<string, Layer>;
 }
@@ -58,24 +61,44 @@ function isSame(a: StillLook, b: StillLook): boolean {
 const kFormats = { 1: RedFormat, 2: RGFormat, 4: RGBAFormat } as const;
 const kSamplers = ["luma", "chroma", "chroma_red"] as const;
 
-/** One stream's picture on the graphics card. */
+function bytesTexture(bytes: Uint8Array<ArrayBuffer>, width: number, height: number, components: number): DataTexture {
+  const texture = new DataTexture(bytes, width, height, kFormats[components as keyof typeof kFormats], UnsignedByteType);
+  texture.magFilter = texture.minFilter = LinearFilter; // clamped at its borders
+  texture.unpackAlignment = 1;
+  texture.needsUpdate = true;
+  return texture;
+}
+
+function replaceBytes(texture: DataTexture, bytes: Uint8Array<ArrayBuffer>): void {
+  texture.image.data = bytes;
+  texture.needsUpdate = true;
+}
+
+/** One stream's picture on the graphics card, and its alpha plane where it has one. */
 class StreamTexture {
+  private readonly uniforms: StreamUniforms;
   /** By layer. */
-  readonly materials: readonly Materials[];
+  private readonly materials: readonly Materials[];
+  /** Of what moves, where there is a plane: what discards fragments is slower. */
+  private readonly cutting: Materials;
   private readonly planes: DataTexture[];
+  private alpha: Alpha | null = null;
+  private alphaTexture: DataTexture | null = null;
 
   constructor(shared: SharedUniforms, readonly slot: number, private picture: Picture) {
-    const uniforms = streamUniforms(slot, picture.width, picture.height);
-    this.materials = kLayers.map((layer) => viewMaterials(shared, uniforms, picture.format, layer));
-    this.planes = planeSizes(picture).map(({ width, height, components }, i) => {
-      const format = kFormats[components as keyof typeof kFormats];
-      const texture = new DataTexture(picture.planes[i]!, width, height, format, UnsignedByteType);
-      texture.magFilter = texture.minFilter = LinearFilter;
-      texture.unpackAlignment = 1;
-      texture.needsUpdate = true;
-      uniforms[kSamplers[i]!].value = texture;
+    const { width, height, format, planes } = picture;
+    this.uniforms = streamUniforms(slot, width, height);
+    this.materials = kLayers.map((layer) => viewMaterials(shared, this.uniforms, format, layer));
+    this.cutting = viewMaterials(shared, this.uniforms, format, kMoving, true);
+    this.planes = planeSizes(picture).map((size, i) => {
+      const texture = bytesTexture(planes[i]!, size.width, size.height, size.components);
+      this.uniforms[kSamplers[i]!].value = texture;
       return texture;
     });
+  }
+
+  materialsOf(layer: Layer): Materials {
+    return layer === kMoving && this.alpha !== null ? this.cutting : this.materials[layer]!;
   }
 
   takes({ width, height, format }: Picture): boolean {
@@ -85,20 +108,35 @@ class StreamTexture {
   update(picture: Picture): void {
     if (picture === this.picture) return;
     this.picture = picture;
-    this.planes.forEach((texture, i) => {
-      texture.image.data = picture.planes[i]!;
-      texture.needsUpdate = true;
-    });
+    this.planes.forEach((texture, i) => replaceBytes(texture, picture.planes[i]!));
+  }
+
+  /** Of the picture's size; null: all of it is shown. */
+  setAlpha(alpha: Alpha | null): void {
+    if (alpha === this.alpha) return;
+    const before = this.alpha;
+    this.alpha = alpha;
+    if (alpha !== null && this.alphaTexture !== null && alpha.width === before?.width && alpha.height === before.height) {
+      replaceBytes(this.alphaTexture, alpha.pixels);
+    } else {
+      this.alphaTexture?.dispose();
+      this.alphaTexture = alpha === null ? null : bytesTexture(alpha.pixels, alpha.width, alpha.height, 1);
+    }
+    this.uniforms.alpha.value = this.alphaTexture;
+    if (alpha !== null) this.uniforms.alpha_size.value = new Vector2(alpha.stepPx * alpha.width, alpha.stepPx * alpha.height);
   }
 
   dispose(): void {
+    this.alphaTexture?.dispose();
     for (const texture of this.planes) texture.dispose();
-    for (const material of this.materials.flat()) material.dispose();
+    for (const material of [...this.materials.flat(), ...this.cutting]) material.dispose();
   }
 }
 
-function viewMaterials(shared: SharedUniforms, uniforms: StreamUniforms, format: Picture["format"], layer: Layer): Materials {
-  return kParts.map((part) => new ViewMaterial(shared, uniforms, format, layer, part));
+function viewMaterials(
+  shared: SharedUniforms, uniforms: StreamUniforms, format: Picture["format"], layer: Layer, cuts = false,
+): Materials {
+  return kParts.map((part) => new ViewMaterial(shared, uniforms, format, layer, part, cuts));
 }
 
 /** Copies triangles, those named last; `named`: ascending. Returns where they begin. */
@@ -177,10 +215,11 @@ export class SceneRenderer {
     this.stillPicture?.outdate();
   }
 
-  /** Swaps mesh and pictures together. */
-  show({ views, meshes, pictures, layers }: Drawable): void {
+  /** Swaps mesh, pictures and their alpha together. */
+  show({ views, meshes, pictures, alpha, layers }: Drawable): void {
     const used = [...new Set(views.map((view) => view.stream))].filter((stream) => pictures.has(stream));
     this.setPictures(used, pictures);
+    for (const [stream, texture] of this.streams) texture.setAlpha(alpha.get(stream) ?? null);
     this.shared.setViews(views, new Map(used.map((stream, slot) => [stream, slot])));
     for (const [name, chunk] of this.chunks)
       if (meshes.get(name) !== chunk.mesh) this.remove(name, chunk);
@@ -285,10 +324,10 @@ export class SceneRenderer {
     const materials = new Set<Materials>();
     for (const view of mesh.viewIds) {
       const texture = this.streams.get(views.get(view)?.stream ?? -1);
-      if (texture !== undefined) materials.add(texture.materials[layer]!);
+      if (texture !== undefined) materials.add(texture.materialsOf(layer));
     }
     const plain = [...this.streams.values()].find((texture) => texture.slot === this.shared.plainSlots[layer]!.value);
-    return materials.add(plain?.materials[layer] ?? this.plainMaterials);
+    return materials.add(plain?.materialsOf(layer) ?? this.plainMaterials);
   }
 
   /** One object for each material that draws a part of the chunk. */

@@ -22,16 +22,16 @@ export class Rate {
   }
 }
 
-/** Bytes of packets per second, by layer. A picture is still when it is a plate: when views of still surface show it. */
+/** Bytes of packets per second, by layer. A picture, with its alpha, is still when it is a plate: when views of still surface show it. */
 export class Traffic {
   private readonly mesh = kLayers.map(() => new Rate());
   private readonly texture = kLayers.map(() => new Rate());
 
-  add(nowMs: number, { views, chunks, textures }: Pick<Packet, "views" | "chunks" | "textures">): void {
+  add(nowMs: number, { views, chunks, textures, alpha }: Pick<Packet, "views" | "chunks" | "textures" | "alpha">): void {
     const plates = new Set(views.filter((view) => layerOf(view) === kStill).map((view) => view.stream));
     const sum = (sizes: readonly number[]): number => sizes.reduce((a, b) => a + b, 0);
     for (const layer of kLayers) {
-      const units = textures.filter((unit) => plates.has(unit.stream) === (layer === kStill));
+      const units = [...textures, ...alpha].filter((unit) => plates.has(unit.stream) === (layer === kStill));
       this.mesh[layer]!.add(nowMs, sum(chunks.filter((chunk) => layerOf(chunk.key) === layer).map((chunk) => chunk.payload.length)));
       this.texture[layer]!.add(nowMs, sum(units.map((unit) => unit.data.length)));
     }

@@ -63,6 +63,10 @@ uniform sampler2D luma;   // or RGBA
 uniform sampler2D chroma; // Cb, or CbCr
 uniform sampler2D chroma_red;
 uniform vec2 atlas_size;
+#ifdef CUT
+uniform sampler2D alpha;
+uniform vec2 alpha_size;  // of the picture, rounded up to squares of the plane
+#endif
 uniform float unseen;     // level of what no camera saw in colour
 uniform bool fades;       // at borders
 uniform sampler2D views;
@@ -101,6 +105,10 @@ vec3 atlas_at(vec2 texel) {
 }
 #endif
 
+#ifdef CUT
+bool is_cut(vec2 texel) { return textureLod(alpha, clamp(texel, tile.xy, tile.zw) / alpha_size, 0.0).r < 0.5; }
+#endif
+
 vec3 texture_at(vec2 texel) {
   vec3 decoded = atlas_at(clamp(texel, tile.xy, tile.zw));
   return min(gain * clamp(decoded, 0.0, 1.0), 1.0);
@@ -119,6 +127,9 @@ void main() {
 #endif
   vec3 color = vec3(unseen);
   if (kind == ${kPinhole}) {
+#ifdef CUT
+    if (in_view.z > 1e-6 && is_cut(in_view.xy / in_view.z)) discard;
+#endif
     if (in_view.z > 1e-6) color = texture_at(in_view.xy / in_view.z);
   } else if (kind == ${kEquirectangular}) {
     color = texture_at(project_equirectangular(in_view));
@@ -214,7 +225,9 @@ function texelsOf(view: View, slot: number): number[] {
 }
 
 /** What the materials of one texture stream share. */
-export type StreamUniforms = Record<"slot" | "luma" | "chroma" | "chroma_red" | "atlas_size", { value: unknown }>;
+export type StreamUniforms = Record<
+  "slot" | "luma" | "chroma" | "chroma_red" | "atlas_size" | "alpha" | "alpha_size", { value: unknown }
+>;
 
 export function streamUniforms(slot: number, width: number, height: number): StreamUniforms {
   return {
@@ -223,6 +236,8 @@ export function streamUniforms(slot: number, width: number, height: number): Str
     chroma: { value: null },
     chroma_red: { value: null },
     atlas_size: { value: new Vector2(width, height) },
+    alpha: { value: null },
+    alpha_size: { value: null },
   };
 }
 
@@ -231,16 +246,19 @@ export function streamUniforms(slot: number, width: number, height: number): Str
 export const kParts = ["whole", "solid", "fading"] as const;
 export type Part = (typeof kParts)[number];
 
-/** Paints chunks of one layer by projection into the views of one texture stream. */
+/** Paints chunks of one layer by projection into the views of one texture stream. `cuts`: not where the alpha of a pinhole's picture is
+ *  under a half. */
 export class ViewMaterial extends RawShaderMaterial {
-  constructor(shared: SharedUniforms, stream: StreamUniforms, format: Picture["format"], layer: Layer, part: Part) {
+  constructor(
+    shared: SharedUniforms, stream: StreamUniforms, format: Picture["format"], layer: Layer, part: Part, cuts: boolean,
+  ) {
     const isFading = part === "fading";
     super({
       glslVersion: GLSL3,
       side: FrontSide,
       vertexShader: kVertexShader,
       fragmentShader: kFragmentShader,
-      defines: { [format.toUpperCase()]: "", [part.toUpperCase()]: "" },
+      defines: { [format.toUpperCase()]: "", [part.toUpperCase()]: "", ...(cuts ? { CUT: "" } : {}) },
       transparent: isFading,
       depthWrite: !isFading,
       uniforms: {

@@ -371,8 +371,8 @@ export class Viewer {
     const { packet } = capture;
     const meshes = ofLayer(capture.meshes, packet.manifest, this.options.layer);
     const layers = new Map(packet.manifest.map((key) => [key.name, layerOf(key)]));
-    const pictures = this.options.breakPairs && before !== null ? before.pictures : capture.pictures;
-    this.renderer.show({ views: packet.views, meshes, pictures, layers });
+    const { pictures, alpha } = this.options.breakPairs && before !== null ? before : capture;
+    this.renderer.show({ views: packet.views, meshes, pictures, alpha, layers });
     this.newChunks = [...capture.meshes].filter(([name, mesh]) => before?.meshes.get(name) !== mesh).length;
     this.shownCapture = capture;
     this.lastCameMs = Date.now();

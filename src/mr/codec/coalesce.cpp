@@ -24,13 +24,14 @@ bool still_names(const PacketMessage& newer, const PacketMessage& older, const C
 
 /// Whether the two, folded, are within all limits.
 bool has_room(const PacketMessage& older, const PacketMessage& newer) {
-  constexpr std::size_t kOverhead = 128;  // bytes, of a chunk or unit
+  constexpr std::size_t kOverhead = 128;  // bytes, of a chunk, unit or plane
   const PacketLimits limits;
   std::size_t keys = 0;
   for (const PacketMessage* packet : {&older, &newer})
     keys += packet->change.removed.size() + packet->change.added.size() +
             (packet->base ? packet->base->manifest.size() : 0);
   std::size_t bytes = limits.packet_bytes / 16 + 28 * keys;  // head, views
+  for (const AlphaPlane& plane : newer.alpha) bytes += plane.data.size() + kOverhead;
   std::map<StreamId, std::size_t> units;
   for (const PacketMessage* packet : {&older, &newer}) {
     for (const TextureUnit& unit : packet->textures)

@@ -72,7 +72,8 @@ class Reader {
   Result<PacketMessage> read(const wire::Packet& in) {
     if (read_times(in) && read_base(in) &&
         (in.change() == nullptr || read_change(*in.change(), out_.change)) &&
-        count_chunks(in.chunks()) && read_chunks(in.chunks()) && read_textures(in.textures()) && read_alpha(in.alpha()))
+        count_chunks(in.chunks()) && read_chunks(in.chunks()) && read_textures(in.textures()) &&
+        read_alpha(in.alpha()))
       return std::move(out_);
     return error_;
   }

@@ -81,7 +81,7 @@ struct AlphaWork {
   void run() {
     auto plane = decode_alpha(encoded->data, encoded->width, encoded->height);
     if (plane)
-      decoded = std::make_shared<const Alpha>(encoded->step_px, *std::move(plane));
+      decoded = std::make_shared<const Alpha>(Alpha{encoded->step_px, *std::move(plane)});
     else
       error = Error{plane.error().cause, "stream " + std::to_string(number_of(encoded->stream)) +
                                              ": " + plane.error().message};

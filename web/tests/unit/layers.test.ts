@@ -80,7 +80,8 @@ test("bits are counted apart: chunks by layer, plates by who shows them", () => 
   const packet = {
     views: [view(0, 0, { layer: 0 }), view(0, 1, { layer: 1 })],
     chunks: [chunk(1000), chunk(2000, 0), chunk(400, 1)],
-    textures: [unit(0, 600), unit(1, 50)],
+    textures: [unit(0, 500), unit(1, 50)],
+    alpha: [{ stream: 0, stepPx: 2, width: 32, height: 24, data: new Uint8Array(100) }],
   } as unknown as Packet;
   traffic.add(0, packet);
   assert.deepEqual([traffic.meshBytes(kMoving, 0), traffic.meshBytes(kStill, 0)], [1500, 200]);

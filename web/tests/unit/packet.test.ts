@@ -1,5 +1,6 @@
 import assert from "node:assert/strict";
 import { test } from "node:test";
+import { decodeAlpha } from "../../src/alpha.ts";
 import { Malformed } from "../../src/bytes.ts";
 import { kChecksumBytes, writeChecksum } from "../../src/crc32.ts";
 import type { Packet } from "../../src/packet.ts";
@@ -10,10 +11,11 @@ import { makeRandom, readBytes } from "./support.ts";
 const kGolden = "../tests/data/packet_v4.bin";
 const kGoldenSequence = "../tests/data/packets_v4.bin";
 const kRoom = "tests/data/chunks_room.bin";
+const kAlpha = "tests/data/packets_alpha.bin"; // tests/codec/alpha_packet_test.cpp
 
 /** What a node sends one after another; each packet after its length. */
-function goldenSequence(): Uint8Array[] {
-  const bytes = readBytes(kGoldenSequence);
+function goldenSequence(file = kGoldenSequence): Uint8Array[] {
+  const bytes = readBytes(file);
   const view = new DataView(bytes.buffer, bytes.byteOffset, bytes.byteLength);
   const out: Uint8Array[] = [];
   for (let at = 0; at < bytes.length; at += 4 + view.getUint32(at, true))
@@ -28,6 +30,7 @@ test("the golden packet of the C++ side reads", () => {
   assert.equal(packet.epoch, 2);
   assert.equal(packet.sequence, 1_234_567_890_123);
   assert.equal(packet.coalesced, 0);
+  assert.deepEqual(packet.alpha, []);
   assert.equal(packet.capturedAtNs, 1_700_000_000_123_456_789n);
   assert.deepEqual(packet.sources.map((source) => source.sensor), [0, 2, 5]);
   assert.equal(packet.sources[1]!.capturedAtNs, 1_700_000_000_000_000_002n);
@@ -161,6 +164,60 @@ test("10,000 corrupted sequences give values within the caps or Malformed", () =
   assert.ok(refused > 1000 && read > 10_000, `${refused} refused, ${read} read`);
 });
 
+/** The planes of a packet of two, after one was changed: a field of the table, and how it is written. */
+function readChangedAlpha(plane: number, field: number, write: (view: DataView, at: number) => void): Packet {
+  const bytes = goldenSequence(kAlpha)[0]!.slice();
+  const view = new DataView(bytes.buffer);
+  const list = follow(view, fieldAt(view, view.getUint32(0, true), 13));
+  write(view, fieldAt(view, follow(view, list + 4 + 4 * plane), field));
+  writeChecksum(bytes);
+  return readPacket(bytes);
+}
+const u16 = (value: number) => (view: DataView, at: number): void => view.setUint16(at, value, true);
+const u8 = (value: number) => (view: DataView, at: number): void => view.setUint8(at, value);
+const u32 = (value: number) => (view: DataView, at: number): void => view.setUint32(at, value, true);
+
+function follow(view: DataView, at: number): number {
+  return at + view.getUint32(at, true);
+}
+
+test("alpha planes are read", () => {
+  const packets = goldenSequence(kAlpha).map(readPacket);
+  assert.deepEqual(packets.map(({ alpha }) => alpha.map(({ stream, stepPx, width, height }) => [stream, stepPx, width, height])), [
+    [[0, 2, 32, 24], [1, 2, 32, 24]], [], [[0, 2, 31, 24], [1, 2, 32, 24]], [[0, 2, 32, 24], [1, 2, 32, 24]], [[0, 4, 16, 12]],
+    [[0, 4, 16, 12]],
+  ]);
+  const disc = decodeAlpha(packets[0]!.alpha[0]!.data, 32, 24);
+  assert.deepEqual([disc[0], disc[12 * 32 + 4], disc[12 * 32 + 16], disc[12 * 32 + 8]], [0, 0, 255, 255]);
+  assert.deepEqual([...packets[0]!.alpha[1]!.data], [0]);
+});
+
+test("impossible alpha planes are refused", () => {
+  const refused = (words: RegExp, ...change: Parameters<typeof readChangedAlpha>): void =>
+    assert.throws(() => readChangedAlpha(...change), (error) => error instanceof Malformed && words.test(error.message));
+  assert.equal(readChangedAlpha(1, 1, u8(16)).alpha[1]!.stepPx, 16);
+  for (const step of [0, 17, 255]) refused(/^an impossible alpha plane$/, 1, 1, u8(step));
+  for (const field of [2, 3]) refused(/^an impossible alpha plane$/, 1, field, u16(0));
+  assert.equal(readChangedAlpha(1, 0, u32(9)).alpha[1]!.stream, 9);
+  refused(/^unsorted alpha planes$/, 1, 0, u32(0)); // that of the first one
+  for (const field of [2, 3]) refused(/^too large an alpha plane$/, 1, field, u16(8193));
+  assert.equal(readChangedAlpha(1, 2, u16(8192)).alpha[1]!.width, 8192);
+  refused(/payload is empty/, 1, 4, (view, at) => view.setUint32(follow(view, at), 0, true));
+  refused(/cut off/, 1, 4, (view, at) => view.setUint32(follow(view, at), view.byteLength - 4, true));
+});
+
+test("alpha planes are bounded together", () => {
+  const sized = (width: number, height: number) => (): Packet =>
+    readChangedAlpha(1, 2, (view, at) => {
+      view.setUint16(at, width, true);
+      const table = new DataView(view.buffer);
+      const list = follow(table, fieldAt(table, table.getUint32(0, true), 13));
+      view.setUint16(fieldAt(table, follow(table, list + 8), 3), height, true);
+    });
+  assert.equal(sized(8192, 2047)().alpha.length, 2);
+  assert.throws(sized(8192, 2048), /^Error: too large an alpha plane$/);
+});
+
 test("any alignment reads", () => {
   const bytes = readBytes(kGolden);
   for (let shift = 0; shift < 8; ++shift) {
@@ -218,7 +275,7 @@ test("a request has the bytes of docs/wire-format.md", () => {
 
 /** What every packet that was accepted must fulfil, whatever its bytes. */
 function requireCaps(packet: Packet, bytes: number): void {
-  const payload = [...packet.chunks.map((c) => c.payload), ...packet.textures.map((t) => t.data)];
+  const payload = [...packet.chunks.map((c) => c.payload), ...[...packet.textures, ...packet.alpha].map((t) => t.data)];
   assert.ok(payload.reduce((sum, data) => sum + data.length, 0) <= bytes);
   assert.ok(packet.manifest.length <= 65_536 && packet.views.length <= 4096 && packet.textures.length <= 1024);
   for (const view of packet.views) {
@@ -227,15 +284,18 @@ function requireCaps(packet: Packet, bytes: number): void {
     assert.ok(view.atlasRect.height > 0 && view.atlasRect.y + view.atlasRect.height <= 8192);
   }
   for (const chunk of packet.chunks) assert.ok(chunk.triangles >= 1 && chunk.triangles <= 1 << 20);
+  const pixels = packet.alpha.map(({ width, height }) => width * height);
+  assert.ok(pixels.every((count) => count > 0) && pixels.reduce((a, b) => a + b, 0) <= 1 << 24);
+  for (const plane of packet.alpha) assert.ok(plane.stepPx >= 1 && plane.stepPx <= 16 && plane.data.length > 0);
   for (const unit of packet.textures) assert.ok(unit.width <= 8192 && unit.height % 2 === 0 && unit.data.length > 0);
 }
 
 test("20,000 corrupted packets give values within the caps or Malformed", () => {
   const random = makeRandom(1);
-  const originals = [readBytes(kGolden), readBytes(kRoom)];
+  const originals = [readBytes(kGolden), readBytes(kRoom), goldenSequence(kAlpha)[2]!];
   let refused = 0;
   for (let round = 0; round < 20_000; ++round) {
-    let bytes = originals[round % 2]!.slice();
+    let bytes = originals[round % 3]!.slice();
     const view = new DataView(bytes.buffer);
     for (let edits = 1 + random(4); edits > 0; --edits) {
       const at = random(bytes.length - 4);

@@ -27,7 +27,7 @@ function packet(sequence: number, rest: Partial<Packet> = {}): Packet {
   return {
     scene: "room", node: "root", epoch: 1, sequence, capturedAtNs: BigInt(sequence), sources: [],
     plan: { simplifyRatio: 1, meshSpeed: 5, textureScale: 1, textureQp: 28 },
-    views: [view()], manifest: [key(0)], chunks: [], textures: [unit(false, sequence)], streams: new Map([[0, sequence]]),
+    views: [view()], manifest: [key(0)], chunks: [], textures: [unit(false, sequence)], alpha: [], streams: new Map([[0, sequence]]),
     marks: [], coalesced: 0, ...rest,
   };
 }
