@@ -88,9 +88,10 @@ struct StreamState {
   friend bool operator==(const StreamState&, const StreamState&) = default;
 };
 
-/// The binary alpha plane of a texture stream's picture in one capture, coded (codec/alpha_codec.h):
-/// what is textured where it is 0 is not drawn. Several pixels of the picture, a square, share one
-/// of the plane; between the middles of these alpha is bilinear, and over a half is drawn.
+/// The binary alpha plane of a texture stream's picture in one capture, coded
+/// (codec/alpha_codec.h): what is textured where it is 0 is not drawn. Several pixels of the
+/// picture, a square, share one of the plane; between the middles of these alpha is bilinear, and
+/// over a half is drawn.
 struct AlphaPlane {
   StreamId stream{};
   int step_px = 2;            ///< side of the square

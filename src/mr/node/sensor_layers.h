@@ -80,9 +80,9 @@ class SensorLayers {
   still::Background background_;
   std::optional<still::OutlineFinder> outline_;  ///< of pinhole cameras
   atlas::CleanPlate plate_;                      ///< by which the outline is found
-  StillSurface surface_;             ///< the job's, while that is busy
-  std::size_t chunks_ = 0;           ///< of the surface
-  std::vector<StillChunk> unsent_;   ///< changed, and no packet was begun with them
+  StillSurface surface_;                         ///< the job's, while that is busy
+  std::size_t chunks_ = 0;                       ///< of the surface
+  std::vector<StillChunk> unsent_;               ///< changed, and no packet was begun with them
   bool is_outdated_ = false;         ///< the still picture changed since chunks were last begun
   double error_m_ = 0;               ///< to which these are decimated
   bool began_anew_ = false;          ///< and nobody was told yet

@@ -5,6 +5,7 @@
 #include <cmath>
 #include <cstdlib>
 #include <limits>
+#include <tuple>
 #include <utility>
 
 #include "mr/core/assert.h"
@@ -127,10 +128,11 @@ std::vector<OutlineFinder::Grown> OutlineFinder::neighbours(const Input& in,
     for (const auto& [dx, dy] : kAround)
       if (const int x = from.x + dx, y = from.y + dy; depth.contains(x, y) && !*depth.at(x, y))
         out.push_back({x, y, 0, from.reach + 1, 0});
-  const auto place = [](const Grown& g) { return std::pair(g.y, g.x); };
   std::ranges::sort(out, {}, [](const Grown& g) { return std::tuple(g.y, g.x, g.reach); });
-  const auto again = std::ranges::unique(out, {}, place);
-  out.erase(again.begin(), again.end());
+  const auto is_same_place = [](const Grown& a, const Grown& b) {
+    return a.x == b.x && a.y == b.y;
+  };
+  out.erase(std::unique(out.begin(), out.end(), is_same_place), out.end());
   std::erase_if(out, [&](Grown& g) {
     int count = 0;
     for (const auto& [dx, dy] : kAround)
