@@ -68,11 +68,11 @@ struct Transform {
 }  // namespace
 
 /// A source, prepared.
-struct ViewBlend::Eye {
-  static constexpr std::array<int, 2> kReach{1, 4};               // blocks
-  static constexpr std::array<float, 3> kSeen{0.1f, 0.5f, 1.0f};  // weight by how far edges are
+struct ViewBlend::PreparedView {
+  static constexpr std::array<int, 2> kReach{1, 4};                   // blocks
+  static constexpr std::array<float, 3> kUnhidden{0.1f, 0.5f, 1.0f};  // weight by how far edges are
 
-  explicit Eye(const Source& source)
+  explicit PreparedView(const Source& source)
       : source(source),
         view(*source.view),
         shader(view, source.field, source.log_exposure),
@@ -115,7 +115,7 @@ struct ViewBlend::Eye {
 
   /// The share of its full weight that the view has at a point, by what hides it, by the border of
   /// its picture and by validity: 0..1.
-  float sees(Vec2f at, float z) const {
+  float visibility(Vec2f at, float z) const {
     const Rect& r = view.image_rect;
     const auto left = static_cast<float>(r.x), top = static_cast<float>(r.y);
     const float inside =
@@ -137,7 +137,7 @@ struct ViewBlend::Eye {
                 row = std::min(y / kBlendBlock_px, around[level].height - 1);
       if (*around[level].at(column, row) < front - slope_m) break;
     }
-    return kSeen[level] * std::min(1.0f, inside / border);
+    return kUnhidden[level] * std::min(1.0f, inside / border);
   }
 
   /// The corrected colour at a pixel of the camera's picture, 0..255.
@@ -292,17 +292,17 @@ class SmoothChange {
 /// Blends the picture of one view.
 class ViewBlend::Painter {
  public:
-  Painter(const std::vector<std::unique_ptr<const Eye>>& eyes, std::size_t own, float sharpness,
-          ImageRgb& out)
-      : own_(*eyes[own]),
+  Painter(const std::vector<std::unique_ptr<const PreparedView>>& views, std::size_t own,
+          float sharpness, ImageRgb& out)
+      : own_(*views[own]),
         view_(own_.view),
         depth_camera_(depth_camera(view_.camera())),
         sharpness_(sharpness),
         out_(out) {
-    for (std::size_t i = 0; i < eyes.size(); ++i) {
-      if (i == own || !eyes[i]->blends()) continue;
-      const Pose T_own_other = view_.T_world_camera.inverse() * eyes[i]->view.T_world_camera;
-      others_.push_back({eyes[i].get(), Transform(T_own_other.inverse()),
+    for (std::size_t i = 0; i < views.size(); ++i) {
+      if (i == own || !views[i]->blends()) continue;
+      const Pose T_own_other = view_.T_world_camera.inverse() * views[i]->view.T_world_camera;
+      others_.push_back({views[i].get(), Transform(T_own_other.inverse()),
                          vec_cast<float>(T_own_other.translation)});
     }
   }
@@ -370,7 +370,7 @@ class ViewBlend::Painter {
 
  private:
   struct Other {
-    const Eye* eye;
+    const PreparedView* view;
     Transform from_own;  ///< from the own camera's space
     Vec3f centre;        ///< of the other camera, in the own camera's space
   };
@@ -415,26 +415,26 @@ class ViewBlend::Painter {
   Vec3f mean(Vec2f pixel, float z, Vec3f normal, Vec3f shown) const {
     constexpr float kLeastFacing = 0.15f, kNear_m = 0.05f;
     const Vec3f p = own_.point(pixel, z);
-    const auto facing = [&](Vec3f eye) { return dot(normal, normalized(eye - p)); };
+    const auto facing = [&](Vec3f centre) { return dot(normal, normalized(centre - p)); };
     const float own_resolution = log_resolution(view_, std::max(facing({}), kLeastFacing), z);
     Mix mix;
-    mix.add(shown, std::max(own_.sees(pixel, z), kLeast));
+    mix.add(shown, std::max(own_.visibility(pixel, z), kLeast));
     for (const Other& other : others_) {
       const Vec3f q = other.from_own * p;
       const float faces = facing(other.centre);
       if (faces < kLeastFacing || !(q.z > kNear_m)) continue;
-      const Vec2f at = other.eye->pixel(q);
-      if (const float sees = other.eye->sees(at, q.z); sees > 0)
-        mix.add(other.eye->color(at),
-                sees * std::exp(sharpness_ *
-                                (log_resolution(other.eye->view, faces, q.z) - own_resolution)));
+      const Vec2f at = other.view->pixel(q);
+      if (const float visible = other.view->visibility(at, q.z); visible > 0)
+        mix.add(other.view->color(at),
+                visible * std::exp(sharpness_ * (log_resolution(other.view->view, faces, q.z) -
+                                                 own_resolution)));
     }
     return mix.sum / mix.weights;
   }
 
   static constexpr int kAside_px = 3;  // of normals
 
-  const Eye& own_;
+  const PreparedView& own_;
   const View& view_;
   Camera depth_camera_;
   float sharpness_;
@@ -443,9 +443,10 @@ class ViewBlend::Painter {
 };
 
 ViewBlend::ViewBlend(std::vector<Source> sources, const BlendConfig& config) : config_(config) {
-  eyes_.resize(sources.size());
+  views_.resize(sources.size());
   parallel_for(sources.size(), 1, [&](std::size_t begin, std::size_t end) {
-    for (std::size_t i = begin; i < end; ++i) eyes_[i] = std::make_unique<const Eye>(sources[i]);
+    for (std::size_t i = begin; i < end; ++i)
+      views_[i] = std::make_unique<const PreparedView>(sources[i]);
   });
 }
 ViewBlend::~ViewBlend() = default;
@@ -453,14 +454,14 @@ ViewBlend::ViewBlend(ViewBlend&&) noexcept = default;
 
 ImageRgb ViewBlend::picture(std::size_t source, const ImageMask* used,
                             const ImageDepth* surface) const {
-  ImageRgb out = *eyes_[source]->source.picture;
-  Painter painter(eyes_, source, static_cast<float>(config_.sharpness), out);
+  ImageRgb out = *views_[source]->source.picture;
+  Painter painter(views_, source, static_cast<float>(config_.sharpness), out);
   const auto rows = [](int count, int grain, const auto& row) {
     parallel_for(static_cast<std::size_t>(count), grain, [&](std::size_t begin, std::size_t end) {
       for (int y = static_cast<int>(begin); y < static_cast<int>(end); ++y) row(y);
     });
   };
-  rows(eyes_[source]->view.atlas_rect.height, 16, [&](int y) { painter.correct(y); });
+  rows(views_[source]->view.atlas_rect.height, 16, [&](int y) { painter.correct(y); });
   if (!surface || !painter.blends()) return out;
   const Rect part = painter.part(used, *surface);
   if (part.empty()) return out;

@@ -59,9 +59,9 @@ class ViewBlend {
   ImageRgb picture(std::size_t source, const ImageMask* used, const ImageDepth* surface) const;
 
  private:
-  struct Eye;     // a source, prepared
-  class Painter;  // of one picture
-  std::vector<std::unique_ptr<const Eye>> eyes_;
+  struct PreparedView;  // a source, prepared
+  class Painter;        // of one picture
+  std::vector<std::unique_ptr<const PreparedView>> views_;
   BlendConfig config_;
 };
 

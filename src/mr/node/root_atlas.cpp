@@ -12,7 +12,7 @@
 #include "mr/core/parallel.h"
 #include "mr/node/layers.h"
 #include "mr/node/sensor_node.h"
-#include "mr/sensor/color_sight.h"
+#include "mr/sensor/blind_tiles.h"
 
 namespace mr::node {
 namespace {

@@ -1,4 +1,4 @@
-#include "mr/sensor/color_sight.h"
+#include "mr/sensor/blind_tiles.h"
 
 #include <algorithm>
 #include <array>
@@ -57,7 +57,7 @@ TileMask tiles_in_depth(const Camera& depth, const Camera& color, const Pose& T_
   return out;
 }
 
-ColorSight::ColorSight(const Camera& depth_camera, const Camera& color_camera,
+BlindTiles::BlindTiles(const Camera& depth_camera, const Camera& color_camera,
                        const Pose& T_color_depth, const std::optional<Box3d>& volume)
     : depth_camera_(depth_camera),
       color_camera_(color_camera),
@@ -75,7 +75,7 @@ ColorSight::ColorSight(const Camera& depth_camera, const Camera& color_camera,
 
 /// Calls `f` with every sample that the colour picture shows.
 template <typename F>
-void ColorSight::each_sample(const ImageDepth& measured, const ImageDepth& cleaned,
+void BlindTiles::each_sample(const ImageDepth& measured, const ImageDepth& cleaned,
                              const ImageMask* of, const Pose& T_world_depth, const F& f) const {
   const Vec3f t = vec_cast<float>(T_color_depth_.translation);
   const auto fx = static_cast<float>(color_camera_.fx), fy = static_cast<float>(color_camera_.fy);
@@ -101,7 +101,7 @@ void ColorSight::each_sample(const ImageDepth& measured, const ImageDepth& clean
 }
 
 /// Adds the tiles in which something that is not reconstructed hides what is.
-void ColorSight::add_hidden(const ImageDepth& measured, const ImageDepth& cleaned,
+void BlindTiles::add_hidden(const ImageDepth& measured, const ImageDepth& cleaned,
                             const ImageMask* of, const Pose& T_world_depth, TileMask& blind) const {
   constexpr float kFront_m = 0.05f, kFrontShare = 0.02f;
   struct Tile {
@@ -126,7 +126,7 @@ void ColorSight::add_hidden(const ImageDepth& measured, const ImageDepth& cleane
     if (2 * tiles[i].hiding > tiles[i].samples) blind.tiles[i] = 1;
 }
 
-TileMask ColorSight::blind(const ImageDepth& measured, const ImageDepth& cleaned,
+TileMask BlindTiles::blind(const ImageDepth& measured, const ImageDepth& cleaned,
                            const ImageMask* of, const Pose& T_world_depth) const {
   TileMask out = beyond_;
   if (step_px_ > 0) add_hidden(measured, cleaned, of, T_world_depth, out);

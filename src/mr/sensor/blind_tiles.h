@@ -20,12 +20,12 @@ TileMask tiles_in_depth(const Camera& depth, const Camera& color, const Pose& T_
 /// no surface takes its colour there: an occluder that is in no mesh hides nothing, though the
 /// sensor measured it, and beyond the depth picture nobody knows what hides what. Pixels without
 /// depth inside the depth picture do count as seen: most are dark or shiny surface.
-class ColorSight {
+class BlindTiles {
  public:
   static constexpr int kTile_px = 16;
 
   /// `volume`: outside of it nothing is reconstructed; none: everything is. Undistorted cameras.
-  ColorSight(const Camera& depth_camera, const Camera& color_camera, const Pose& T_color_depth,
+  BlindTiles(const Camera& depth_camera, const Camera& color_camera, const Pose& T_color_depth,
              const std::optional<Box3d>& volume);
 
   /// The blind tiles of the colour picture:
