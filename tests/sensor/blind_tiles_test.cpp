@@ -18,7 +18,7 @@ constexpr float kWall_m = 3;
 struct TwoCameras {
   Camera depth = test::pinhole(160, 120, 130);
   Camera color = test::pinhole(320, 240, 260);
-  std::optional<Box3d> volume{};
+  sensor::ReconstructedSpace space{};
   ImageDepth measured = wall(), cleaned = wall();
 
   static ImageDepth wall() { return {160, 120, kWall_m}; }
@@ -28,7 +28,7 @@ struct TwoCameras {
       for (int x = 8 * first; x < 8 * (last + 1); ++x) *picture.at(x, y) = z;
   }
   TileMask blind(const ImageMask* of = nullptr, const Pose& T_world_depth = {}) const {
-    return BlindTiles(depth, color, {}, volume).blind(measured, cleaned, of, T_world_depth);
+    return BlindTiles(depth, color, {}, space).blind(measured, cleaned, of, T_world_depth);
   }
 };
 
@@ -71,13 +71,13 @@ TEST(BlindTiles, WhatLiesBeforeTheVolumeHides) {
   TwoCameras cameras;
   TwoCameras::set(cameras.measured, 3, 6, 1), TwoCameras::set(cameras.cleaned, 3, 6, 1);
   EXPECT_TRUE(none(cameras.blind())) << "it is reconstructed";
-  cameras.volume = Box3d{{-9, -9, 2}, {9, 9, 9}};
+  cameras.space.volume = Box3d{{-9, -9, 2}, {9, 9, 9}};
   EXPECT_TRUE(only(cameras.blind(), 3, 6));
   // Seen from inside, and from a place whose rays do not enter it.
   EXPECT_TRUE(none(cameras.blind(nullptr, Pose{{}, {0, 0, 2.5}})));
   EXPECT_TRUE(none(cameras.blind(nullptr, Pose{{}, {0, 0, 20}})));
   // Behind it nothing is hidden.
-  cameras.volume = Box3d{{-9, -9, -9}, {9, 9, 2}};
+  cameras.space.volume = Box3d{{-9, -9, -9}, {9, 9, 2}};
   EXPECT_TRUE(none(cameras.blind()));
 }
 
@@ -89,6 +89,29 @@ TEST(BlindTiles, WhatCleaningRemovesHides) {
   EXPECT_TRUE(none(cameras.blind(&of))) << "it belongs to what is reconstructed otherwise";
   std::ranges::fill(of.data, 1);
   EXPECT_TRUE(only(cameras.blind(&of), 3, 6));
+}
+
+TEST(BlindTiles, ARemovedFloorHidesNothing) {
+  TwoCameras cameras;
+  cameras.space.up = {0, -1, 0};
+  // From row 104 on: a floor 1 m below the camera, nearer than the wall.
+  const auto set_floor = [&](ImageDepth& picture, bool is_removed) {
+    for (int y = 104; y < 120; ++y)
+      for (int x = 0; x < 160; ++x)
+        *picture.at(x, y) = is_removed ? 0 : static_cast<float>(130 / (y - cameras.depth.cy));
+  };
+  set_floor(cameras.measured, false), set_floor(cameras.cleaned, true);
+  EXPECT_FALSE(none(cameras.blind())) << "without a word about a floor it is something removed";
+  cameras.space.floor = sensor::FloorConfig{.height_m = -1, .margin_m = 0.03};
+  EXPECT_TRUE(none(cameras.blind()));
+  // The floor is that of the world.
+  cameras.space.floor->height_m = -3;
+  EXPECT_FALSE(none(cameras.blind()));
+  EXPECT_TRUE(none(cameras.blind(nullptr, Pose{{}, {0, 2, 0}})));
+  // What stands on it and is removed does hide.
+  cameras.space.floor->height_m = -1;
+  TwoCameras::set(cameras.measured, 3, 6, 1), TwoCameras::set(cameras.cleaned, 3, 6, 0);
+  EXPECT_TRUE(only(cameras.blind(), 3, 6));
 }
 
 TEST(BlindTiles, MixedPixelsBehindASilhouetteDoNotHide) {

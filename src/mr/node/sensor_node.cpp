@@ -32,7 +32,8 @@ SensorNode::SensorNode(const Scene& scene, SensorId id, NodeClock clock, StillWo
       texture_(scene, stream_of(id)) {
   if (const auto view = registration_.color_view({}))
     blind_tiles_.emplace(registration_.depth_camera(), view->camera(),
-                         view->T_world_camera.inverse(), scene.volume);
+                         view->T_world_camera.inverse(),
+                         sensor::ReconstructedSpace{scene.volume, scene.floor, scene.up});
   if (has_layers(scene, id)) layers_.emplace(scene, id, registration_, still_work, trace_);
 }
 
