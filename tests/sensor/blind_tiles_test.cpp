@@ -18,6 +18,7 @@ constexpr float kWall_m = 3;
 struct TwoCameras {
   Camera depth = test::pinhole(160, 120, 130);
   Camera color = test::pinhole(320, 240, 260);
+  Pose T_color_depth{};
   sensor::ReconstructedSpace space{};
   ImageDepth measured = wall(), cleaned = wall();
 
@@ -28,7 +29,8 @@ struct TwoCameras {
       for (int x = 8 * first; x < 8 * (last + 1); ++x) *picture.at(x, y) = z;
   }
   TileMask blind(const ImageMask* of = nullptr, const Pose& T_world_depth = {}) const {
-    return BlindTiles(depth, color, {}, space).blind(measured, cleaned, of, T_world_depth);
+    return BlindTiles(depth, color, T_color_depth, space)
+        .blind(measured, cleaned, of, T_world_depth);
   }
 };
 
@@ -59,6 +61,19 @@ TEST(BlindTiles, BeyondTheDepthPicture) {
     EXPECT_EQ(blind.at(column, 7), column < 2 || column > 17) << column;
   for (int row = 0; row < blind.rows; ++row)
     EXPECT_EQ(blind.at(10, row), row < 2 || row > 12) << row;
+}
+
+TEST(BlindTiles, NotWhereThisCaptureMeasuresSurface) {
+  TwoCameras cameras;
+  cameras.depth.fx = cameras.depth.fy = 195;
+  cameras.T_color_depth.translation = {0.1, 0, 0};
+  // The depth picture ends at column 292 for what is 1 m away, and beyond 320 for 0.3 m.
+  EXPECT_TRUE(cameras.blind().at(19, 7));
+  std::ranges::fill(cameras.measured.data, 0.3f), std::ranges::fill(cameras.cleaned.data, 0.3f);
+  EXPECT_FALSE(cameras.blind().at(19, 7));
+  EXPECT_TRUE(cameras.blind().at(0, 7)) << "nothing is measured there";
+  std::ranges::fill(cameras.cleaned.data, 0.0f);
+  EXPECT_TRUE(cameras.blind().at(19, 7)) << "no surface is made of it";
 }
 
 TEST(BlindTiles, APixelWithoutDepthIsNotBlind) {

@@ -104,7 +104,8 @@ void BlindTiles::each_sample(const ImageDepth& measured, const ImageDepth& clean
     }
 }
 
-/// Adds the tiles in which something that is not reconstructed hides what is.
+/// Adds the tiles in which something that is not reconstructed hides what is; clears others that
+/// show what is: nearer than the depths that `beyond_` is for, the depth picture reaches farther.
 void BlindTiles::add_hidden(const ImageDepth& measured, const ImageDepth& cleaned,
                             const ImageMask* of, const Pose& T_world_depth, TileMask& blind) const {
   constexpr float kFront_m = 0.05f, kFrontShare = 0.02f;
@@ -127,7 +128,10 @@ void BlindTiles::add_hidden(const ImageDepth& measured, const ImageDepth& cleane
     tile.hiding += sample.z < tile.nearest_made - kFront_m - kFrontShare * sample.z;
   }
   for (std::size_t i = 0; i < tiles.size(); ++i)
-    if (2 * tiles[i].hiding > tiles[i].samples) blind.tiles[i] = 1;
+    if (2 * tiles[i].hiding > tiles[i].samples)
+      blind.tiles[i] = 1;
+    else if (std::isfinite(tiles[i].nearest_made))
+      blind.tiles[i] = 0;
 }
 
 TileMask BlindTiles::blind(const ImageDepth& measured, const ImageDepth& cleaned,

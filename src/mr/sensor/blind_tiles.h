@@ -37,7 +37,8 @@ class BlindTiles {
              const ReconstructedSpace& space);
 
   /// The blind tiles of the colour picture:
-  ///  - those beyond the depth picture, by more than a tile, 1 to 8 m away;
+  ///  - those beyond the depth picture, by more than a tile, 1 to 8 m away, unless `measured` has
+  ///    surface in them that is nearer than that;
   ///  - of pinhole cameras, those in which most depth is of something that is not reconstructed and
   ///    hides what is: in front of the volume, or removed by cleaning and over 5 cm nearer than
   ///    what is left there. Not where depth is so coarse that not every tile has a pixel.
