@@ -39,12 +39,14 @@ class BlindTiles {
   /// The blind tiles of the colour picture:
   ///  - those beyond the depth picture, by more than a tile, 1 to 8 m away, unless `measured` has
   ///    surface in them that is nearer than that;
-  ///  - of pinhole cameras, those in which most depth is of something that is not reconstructed and
-  ///    hides what is: in front of the volume, or removed by cleaning and over 5 cm nearer than
-  ///    what is left there. Not where depth is so coarse that not every tile has a pixel.
+  ///  - of pinhole cameras, those that are hidden: most depth is of something that is not
+  ///    reconstructed (in front of the volume, or removed by cleaning) and over 5 cm and 2 % nearer
+  ///    than the nearest that is reconstructed in the tile; where nothing is, all of it hides. A
+  ///    removed floor counts as reconstructed: nothing lies below it. Not where depth is so coarse
+  ///    that not every tile has a pixel.
   /// `measured`: the depth picture [m]; `cleaned`: what is reconstructed of the pixels `of` (null:
-  /// of all); of the others, all is. A removed floor hides nothing, as nothing lies below it. 1 ms
-  /// for 640x576.
+  /// of all). The others count as reconstructed: with layers, `of` is what moves, and a still thing
+  /// that cleaning removes makes no tile blind. 1 ms for 640x576.
   TileMask blind(const ImageDepth& measured, const ImageDepth& cleaned, const ImageMask* of,
                  const Pose& T_world_depth) const;
 
