@@ -248,15 +248,16 @@ Status RootAtlas::compose(const Tick& tick, const Mesh& moving, const Mesh* stil
   Children children;
   for (const View& view : tick.views) children[view.id] = view;
   const atlas::Pictures pictures = pictures_of(tick.captures);
-  colors_.update({tick.views, pictures, moving, still, plates_, changed_blocks_});
+  atlas::ValidTiles seeing = seeing_tiles(tick.views, tick.sources);
+  colors_.update({tick.views, pictures, seeing, moving, still, plates_, changed_blocks_});
   add_views(still != nullptr, packet);
   const bool has_plates = still && !plates_.empty();
   const bool plates_due = has_plates && are_plates_due(plate_layout_.views.front().layout);
   if (plates_due)
     shown_plates_ =
         painter_.plates(tick.views, plates_, used_pixels(tick, *still, error_m), *still, colors_);
-  const atlas::Pictures shown = painter_.live(
-      {tick.views, pictures, seeing_tiles(tick.views, tick.sources)}, used, moving, still, colors_);
+  const atlas::Pictures shown =
+      painter_.live({tick.views, pictures, std::move(seeing)}, used, moving, still, colors_);
   ImageRgb picture = draw_live(children, shown, std::move(used));
   if (scene_->atlas.burn_sequence) atlas::draw_watermark(picture, packet.sequence);
   const std::uint32_t layout = live_layout_.views.front().layout;
