@@ -7,6 +7,7 @@
 #include <utility>
 
 #include "mr/atlas/occluders.h"
+#include "mr/core/assert.h"
 #include "mr/core/parallel.h"
 
 namespace mr::atlas {
@@ -81,6 +82,7 @@ struct ViewBlend::PreparedView {
         border(kBorder_px * view.width / 640.0f),
         divisor(blends() ? depth_divisor(view.camera()) : 1) {
     if (!blends()) return;
+    MR_ASSERT(kBlendBlock_px / divisor > 0);
     const ImageDepth least = least_of_blocks(*source.nearest, kBlendBlock_px / divisor);
     for (std::size_t i = 0; i < around.size(); ++i) around[i] = least_around(least, kReach[i]);
   }
@@ -147,15 +149,17 @@ struct ViewBlend::PreparedView {
     const float v = (at.y + 0.5f - static_cast<float>(view.image_rect.y)) * scale_y - 0.5f;
     const float x = std::clamp(u, 0.0f, static_cast<float>(r.width - 1));
     const float y = std::clamp(v, 0.0f, static_cast<float>(r.height - 1));
-    const int x0 = std::min(static_cast<int>(x), r.width - 2),
-              y0 = std::min(static_cast<int>(y), r.height - 2);
+    // In a tile one pixel wide or high, both neighbours are that pixel.
+    const int x0 = std::min(static_cast<int>(x), std::max(r.width - 2, 0)),
+              y0 = std::min(static_cast<int>(y), std::max(r.height - 2, 0));
+    const int next = r.width > 1 ? 3 : 0, below = r.height > 1;
     const float fx = x - static_cast<float>(x0), fy = y - static_cast<float>(y0);
     const std::uint8_t *a = source.picture->at(r.x + x0, r.y + y0),
-                       *b = source.picture->at(r.x + x0, r.y + y0 + 1);
+                       *b = source.picture->at(r.x + x0, r.y + y0 + below);
     const auto& curves = shader.curves(x0, y0);
     Vec3f out;
     for (int c = 0; c < 3; ++c) {
-      const float top = a[c] + (a[c + 3] - a[c]) * fx, bottom = b[c] + (b[c + 3] - b[c]) * fx;
+      const float top = a[c] + (a[c + next] - a[c]) * fx, bottom = b[c] + (b[c + next] - b[c]) * fx;
       const float value = top + (bottom - top) * fy;
       const int low = static_cast<int>(value);
       const float from = curves[c][low], to = curves[c][std::min(low + 1, 255)];

@@ -13,9 +13,14 @@
 #include "mr/node/layers.h"
 #include "mr/node/sensor_node.h"
 #include "mr/sensor/blind_tiles.h"
+#include "mr/still/tiles.h"
 
 namespace mr::node {
 namespace {
+
+static_assert(still::kColorTile_px == atlas::CleanPlate::kBlock_px &&
+                  sensor::BlindTiles::kTile_px == atlas::CleanPlate::kBlock_px,
+              "tiles that sensors name are blocks of plates");
 
 constexpr int kPlatesFiner = 8;  // QP steps: plates are encoded seldom and shown for long
 
@@ -124,7 +129,8 @@ void RootAtlas::update_plates(const Tick& tick, const Mesh& moving) {
     for (std::size_t i = begin; i < end; ++i) {
       const auto& [plate, view, source, picture, seen] = all[i];
       TileMask unhidden = source->confirmed_color;
-      if (source->blind_color.tiles.size() == unhidden.tiles.size())
+      if (source->blind_color.is_of(view->width, view->height) &&
+          source->blind_color.tile_px == unhidden.tile_px)
         for (std::size_t t = 0; t < unhidden.tiles.size(); ++t)
           unhidden.tiles[t] &= source->blind_color.tiles[t] == 0;
       hide(moving, *view, *seen, unhidden);
