@@ -124,6 +124,24 @@ TEST(ViewBlend, OnlyValidAndUsedPixelsAreTaken) {
   EXPECT_EQ(*out.at(151, 120), 100);
 }
 
+TEST(ViewBlend, WeightsFallToNothingOverATileBesideInvalidOnes) {
+  BlendRoom room;
+  room.add(0, plain({100, 100, 100})), room.add(0, plain({200, 200, 200}));
+  auto sources = room.sources();
+  TileMask valid{16, 20, 15, {}};
+  for (int tile = 0; tile < 300; ++tile) valid.tiles.push_back(tile % 20 < 10);
+  sources[1].valid = &valid;
+  const ImageRgb out = ViewBlend(sources, kMean).picture(0, nullptr, &room.depths[0]);
+  for (int y = 60; y < 180; y += 10) {
+    for (int x = 100; x < 143; ++x) ASSERT_EQ(*out.at(x, y), 150) << x;
+    for (int x = 144; x < 160; ++x) {
+      const double share = (160 - 0.5 - x) / 16;
+      EXPECT_NEAR(*out.at(x, y), (100 + 200 * share) / (1 + share), 1) << x;
+    }
+    for (int x = 160; x < 200; ++x) ASSERT_EQ(*out.at(x, y), 100) << x;
+  }
+}
+
 TEST(ViewBlend, PicturesAreCorrectedWithOrWithoutSurface) {
   BlendRoom room;
   room.add(0, plain({100, 120, 140})), room.add(0.1, plain({100, 120, 140}));

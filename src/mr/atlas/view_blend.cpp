@@ -53,6 +53,46 @@ ImageDepth least_around(const ImageDepth& of, int reach) {
   return out;
 }
 
+/// The share of its weight that a valid pixel has: none along invalid tiles, bilinear between the
+/// corners of its tile, so that it is full a tile from them.
+class Validity {
+ public:
+  explicit Validity(const TileMask& mask)
+      : tile_px_(static_cast<float>(mask.tile_px)),
+        columns_(mask.columns + 1),
+        corners_(static_cast<std::size_t>(columns_) * (mask.rows + 1), 1) {
+    for (int row = 0; row < mask.rows; ++row)
+      for (int column = 0; column < mask.columns; ++column)
+        if (!mask.at(column, row))
+          for (const int below : {0, 1})
+            for (const int right : {0, 1}) corners_[corner(column + right, row + below)] = 0;
+  }
+
+  /// At a pixel of the picture; 0 in invalid tiles.
+  float at(Vec2f pixel) const {
+    const float x = (pixel.x + 0.5f) / tile_px_, y = (pixel.y + 0.5f) / tile_px_;
+    const int column = static_cast<int>(x), row = static_cast<int>(y);
+    const std::uint8_t* const above = &corners_[corner(column, row)];
+    const std::uint8_t* const below = above + columns_;
+    const int valid = above[0] + above[1] + below[0] + below[1];
+    if (valid % 4 == 0) return static_cast<float>(valid / 4);
+    const float right = x - static_cast<float>(column), down = y - static_cast<float>(row);
+    const auto between = [&](const std::uint8_t* c) {
+      return static_cast<float>(c[0]) * (1 - right) + static_cast<float>(c[1]) * right;
+    };
+    return between(above) * (1 - down) + between(below) * down;
+  }
+
+ private:
+  std::size_t corner(int column, int row) const {
+    return static_cast<std::size_t>(row) * columns_ + column;
+  }
+
+  float tile_px_;
+  int columns_;
+  std::vector<std::uint8_t> corners_;  ///< of tiles: 1 where all tiles around are valid
+};
+
 /// A rigid transform in floats.
 struct Transform {
   std::array<Vec3f, 3> rows;
@@ -82,6 +122,7 @@ struct ViewBlend::PreparedView {
         border(kBorder_px * view.width / 640.0f),
         divisor(blends() ? depth_divisor(view.camera()) : 1) {
     if (!blends()) return;
+    if (source.valid) validity.emplace(*source.valid);
     MR_ASSERT(kBlendBlock_px / divisor > 0);
     const ImageDepth least = least_of_blocks(*source.nearest, kBlendBlock_px / divisor);
     for (std::size_t i = 0; i < around.size(); ++i) around[i] = least_around(least, kReach[i]);
@@ -126,8 +167,8 @@ struct ViewBlend::PreparedView {
         view.gutter_px;
     if (!(inside > 0)) return 0;
     const int x = static_cast<int>(at.x + 0.5f), y = static_cast<int>(at.y + 0.5f);
-    if (source.valid && !source.valid->at(x / source.valid->tile_px, y / source.valid->tile_px))
-      return 0;
+    const float valid = validity ? validity->at(at) : 1;
+    if (!(valid > 0)) return 0;
     const float front = z - kFront_m - kFront_share * z;
     const float d = depth(*source.nearest, x, y);
     if (!(d > 0) || d < front) return 0;
@@ -139,7 +180,7 @@ struct ViewBlend::PreparedView {
                 row = std::min(y / kBlendBlock_px, around[level].height - 1);
       if (*around[level].at(column, row) < front - slope_m) break;
     }
-    return kUnhidden[level] * std::min(1.0f, inside / border);
+    return kUnhidden[level] * valid * std::min(1.0f, inside / border);
   }
 
   /// The corrected colour at a pixel of the camera's picture, 0..255.
@@ -174,6 +215,7 @@ struct ViewBlend::PreparedView {
   float scale_x, scale_y, border;
   int divisor;  ///< of depth maps
   std::array<ImageDepth, 2> around;
+  std::optional<Validity> validity;  ///< none: all pixels are valid
 };
 
 namespace {
