@@ -178,6 +178,28 @@ TEST(ViewBlend, DetailIsKeptWhileColoursMeet) {
   EXPECT_NEAR(*mean.at(162, 120) - *mean.at(160, 120), 15, 2);
 }
 
+TEST(ViewBlend, TheSmoothChangeGoesOnBesideTheSurface) {
+  BlendRoom room;
+  room.mesh = test::grid({-0.2f, 0.2f, 2}, {0.4f, 0, 0}, {0, -0.4f, 0}, 4, 4);
+  room.add(0, plain({100, 100, 100})), room.add(0, plain({180, 180, 180}));
+  const ViewBlend blend(room.sources(), {1, true});
+  const ImageRgb out = blend.picture(0, nullptr, &room.depths[0]);
+  EXPECT_EQ(*out.at(160, 120), 140);
+  const int right = 185;  // the last column with surface
+  ASSERT_TRUE(*room.depths[0].at(right, 120) > 0 && !(*room.depths[0].at(right + 1, 120) > 0));
+  for (int x = right - 2; x < 319; ++x) {
+    EXPECT_LE(*out.at(x + 1, 120), *out.at(x, 120)) << x;
+    EXPECT_GE(*out.at(x + 1, 120), *out.at(x, 120) - 6) << x;
+  }
+  EXPECT_EQ(*out.at(right + 25, 120), 100);
+
+  ImageMask used(320, 240);
+  for (int y = 0; y < 240; ++y) std::fill_n(used.at(0, y), right + 8, 1);
+  const ImageRgb some = blend.picture(0, &used, &room.depths[0]);
+  for (int x = 100; x < right + 8; ++x) EXPECT_EQ(*some.at(x, 120), *out.at(x, 120)) << x;
+  for (int x = right + 8; x < 320; ++x) EXPECT_EQ(*some.at(x, 120), 100) << x;
+}
+
 TEST(ViewBlend, TheSameOnAnyNumberOfThreads) {
   BlendRoom room;
   room.add(-0.2, plain({90, 100, 110})), room.add(0.1, plain({100, 130, 140}));

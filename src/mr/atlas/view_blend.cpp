@@ -260,6 +260,7 @@ struct Mix {
 class SmoothChange {
  public:
   static constexpr int kBlock_px = 8;
+  static constexpr int kReach_px = 3 * kBlock_px;  ///< beside pixels that were added
 
   SmoothChange(int width, int height)
       : columns_((width + kBlock_px - 1) / kBlock_px),
@@ -277,7 +278,7 @@ class SmoothChange {
     blocks_ = around(true);
     blocks_ = around(false);
   }
-  /// The changes of a row of pixels, by column; none two blocks from where pixels were added.
+  /// The changes of a row of pixels, by column; none three blocks from where pixels were added.
   class Row {
    public:
     Row(const SmoothChange& of, int y) : changes_(static_cast<std::size_t>(of.columns_) + 1) {
@@ -361,8 +362,9 @@ class ViewBlend::Painter {
     if (!own_.shader.is_plain()) own_.shader.apply(0, y, at.width, out_.at(at.x, at.y + y));
   }
 
-  /// The part of the tile that shows pixels of the camera's picture with `surface` that are used.
-  Rect part(const ImageMask* used, const ImageDepth& surface) const {
+  /// The part of the tile that shows pixels of the camera's picture with `surface` that are used,
+  /// and `around_px` around it.
+  Rect part(const ImageMask* used, const ImageDepth& surface, int around_px) const {
     const Rect &at = view_.atlas_rect, &shown = view_.image_rect;
     int left = shown.x + shown.width, top = shown.y + shown.height, right = -1, bottom = -1;
     for (int y = shown.y; y < shown.y + shown.height; ++y)
@@ -370,13 +372,14 @@ class ViewBlend::Painter {
         if ((!used || *used->at(x, y)) && own_.depth(surface, x, y) > 0)
           left = std::min(left, x), right = std::max(right, x), top = std::min(top, y), bottom = y;
     if (right < 0) return {};
-    const auto in_tile = [](int p, int first, float scale, int size) {
-      return std::clamp(static_cast<int>(static_cast<float>(p - first) * scale), 0, size - 1);
+    const auto in_tile = [](int p, int first, float scale, int around, int size) {
+      return std::clamp(static_cast<int>(static_cast<float>(p - first) * scale) + around, 0,
+                        size - 1);
     };
-    const int x0 = in_tile(left - 1, shown.x, own_.scale_x, at.width),
-              y0 = in_tile(top - 1, shown.y, own_.scale_y, at.height);
-    return {x0, y0, in_tile(right + 2, shown.x, own_.scale_x, at.width) + 1 - x0,
-            in_tile(bottom + 2, shown.y, own_.scale_y, at.height) + 1 - y0};
+    const int x0 = in_tile(left - 1, shown.x, own_.scale_x, -around_px, at.width),
+              y0 = in_tile(top - 1, shown.y, own_.scale_y, -around_px, at.height);
+    return {x0, y0, in_tile(right + 2, shown.x, own_.scale_x, around_px, at.width) + 1 - x0,
+            in_tile(bottom + 2, shown.y, own_.scale_y, around_px, at.height) + 1 - y0};
   }
 
   /// Makes a corrected row of a part of the tile what all views show.
@@ -509,7 +512,8 @@ ImageRgb ViewBlend::picture(std::size_t source, const ImageMask* used,
   };
   rows(views_[source]->view.atlas_rect.height, 16, [&](int y) { painter.correct(y); });
   if (!surface || !painter.blends()) return out;
-  const Rect part = painter.part(used, *surface);
+  const int around_px = config_.keep_detail ? SmoothChange::kReach_px : 0;
+  const Rect part = painter.part(used, *surface, around_px);
   if (part.empty()) return out;
   if (!config_.keep_detail) {
     rows(part.height, 8, [&](int y) { painter.average(y, part, used, *surface); });
