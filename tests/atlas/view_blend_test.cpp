@@ -8,6 +8,7 @@
 #include <cstdint>
 #include <cstdlib>
 #include <optional>
+#include <utility>
 #include <vector>
 
 #include "mr/atlas/occluders.h"
@@ -23,8 +24,8 @@ using atlas::ViewBlend;
 using Color = std::array<std::uint8_t, 3>;
 constexpr atlas::BlendConfig kMean{1, false};
 
-ImageRgb plain(Color color) {
-  ImageRgb out(320, 240);
+ImageRgb plain(Color color, int width = 320, int height = 240) {
+  ImageRgb out(width, height);
   for (int y = 0; y < out.height; ++y)
     for (int x = 0; x < out.width; ++x) std::copy_n(color.data(), 3, out.at(x, y));
   return out;
@@ -38,9 +39,17 @@ struct BlendRoom {
   std::vector<ImageDepth> depths;
 
   void add(double x, ImageRgb picture) {
-    const auto id = static_cast<std::uint32_t>(views.size());
-    views.push_back(test::view(ViewId{id}, {x, 0, 0}, {x, 0, 2}));
+    views.push_back(
+        test::view(ViewId{static_cast<std::uint32_t>(views.size())}, {x, 0, 0}, {x, 0, 2}));
     pictures.push_back(std::move(picture));
+  }
+  /// A camera of another size and focal length (pixels), with a plain picture.
+  void add(double x, int width, int height, double focal, Color color) {
+    add(x, plain(color, width, height));
+    View& v = views.back();
+    v.width = width, v.height = height, v.fx = v.fy = focal;
+    v.cx = (width - 1) / 2.0, v.cy = (height - 1) / 2.0;
+    v.image_rect = v.atlas_rect = {0, 0, width, height};
   }
   std::vector<ViewBlend::Source> sources() {
     depths.clear();
@@ -109,6 +118,84 @@ TEST(ViewBlend, WhatHidesAPlaceFromAViewIsNotPaintedThere) {
   EXPECT_GT(at(-0.1f), 130);  // beside it
 }
 
+/// Cameras whose depth maps are as fine as their pictures, half and a quarter as fine.
+TEST(ViewBlend, DepthMapsMayBeCoarserThanPictures) {
+  struct Case {
+    int width, height;
+    double focal;
+    int divisor;
+  };
+  for (const Case& c : {Case{323, 243, 290, 1}, {1283, 723, 700, 2}, {1283, 723, 1300, 4}})
+    for (const bool keep_detail : {false, true}) {
+      BlendRoom room;
+      room.add(0, c.width, c.height, c.focal, {100, 100, 100});
+      room.add(0.25, c.width, c.height, c.focal, {180, 180, 180});
+      ASSERT_EQ(atlas::depth_divisor(room.views[0].camera()), c.divisor);
+      // A board before the second camera alone hides x = 0.08 to 0.18 on the wall.
+      append(room.mesh, test::grid({0.19f, 0.3f, 0.7f}, {0.035f, 0, 0}, {0, -0.6f, 0}, 2, 2));
+      const ViewBlend blend(room.sources(), {1, keep_detail});
+      const ImageRgb out = blend.picture(0, nullptr, &room.depths[0]);
+      const auto at = [&](float x) {
+        const Vec2d p = *project(room.views[0].camera(), Vec3d{x, 0, 2});
+        return *out.at(static_cast<int>(std::lround(p.x)), static_cast<int>(std::lround(p.y)));
+      };
+      EXPECT_NEAR(at(0.13f), 100, keep_detail ? 6 : 0) << c.focal;
+      EXPECT_GT(at(-0.1f), 120) << c.focal << " " << keep_detail;
+      EXPECT_EQ(*out.at(0, c.height - 1), 100) << "not seen by the other";
+    }
+}
+
+/// Tiles that show a part of the camera's picture, smaller and somewhere in the atlas.
+TEST(ViewBlend, TilesMayShowAPartAtAnotherScale) {
+  const auto painted = [](Vec2d camera_px) { return 60 + 0.25 * camera_px.x + 0.15 * camera_px.y; };
+  for (const bool keep_detail : {false, true}) {
+    BlendRoom room;
+    for (const int brighter : {0, 40}) {
+      room.add(0, plain({0, 0, 0}));
+      View& v = room.views.back();
+      v.image_rect = brighter ? Rect{0, 0, 320, 240} : Rect{40, 24, 200, 160};
+      v.atlas_rect = brighter ? Rect{64, 30, 240, 180} : Rect{19, 11, 100, 120};
+      for (int y = 0; y < v.atlas_rect.height; ++y)
+        for (int x = 0; x < v.atlas_rect.width; ++x) {
+          const Vec2d at{
+              (x + 0.5) * v.image_rect.width / v.atlas_rect.width - 0.5 + v.image_rect.x,
+              (y + 0.5) * v.image_rect.height / v.atlas_rect.height - 0.5 + v.image_rect.y};
+          std::fill_n(room.pictures.back().at(v.atlas_rect.x + x, v.atlas_rect.y + y), 3,
+                      static_cast<std::uint8_t>(std::lround(painted(at) + brighter)));
+        }
+    }
+    const ViewBlend blend(room.sources(), {1, keep_detail});
+    const ImageRgb out = blend.picture(0, nullptr, &room.depths[0]);
+    const Rect& tile = room.views[0].atlas_rect;
+    for (int y = 0; y < 240; ++y)
+      for (int x = 0; x < 320; ++x) {
+        const int change = *out.at(x, y) - *room.pictures[0].at(x, y);
+        const int inside = std::min(
+            {x - tile.x, y - tile.y, tile.x + tile.width - 1 - x, tile.y + tile.height - 1 - y});
+        if (inside < 0) {
+          ASSERT_EQ(change, 0) << x << " " << y;
+        } else if (inside >= 24) {  // where both count fully
+          ASSERT_NEAR(change, 20, 2) << x << " " << y;
+        }
+      }
+  }
+}
+
+TEST(ViewBlend, TilesMayBeOnePixelOrOneBlockWide) {
+  for (const bool keep_detail : {false, true})
+    for (const auto& [width, height] :
+         {std::pair{1, 1}, {1, 40}, {40, 1}, {8, 8}, {5, 120}, {120, 5}, {9, 17}}) {
+      BlendRoom room;
+      room.add(0, plain({100, 100, 100}, width, height));
+      room.add(0, plain({200, 200, 200}, width, height));
+      for (View& view : room.views) view.atlas_rect = {0, 0, width, height};
+      const ViewBlend blend(room.sources(), {1, keep_detail});
+      const ImageRgb out = blend.picture(0, nullptr, &room.depths[0]);
+      EXPECT_NEAR(*out.at(width / 2, height / 2), 150, 2) << width << "x" << height;
+      for (const std::uint8_t value : out.data) EXPECT_TRUE(value >= 99 && value <= 151);
+    }
+}
+
 TEST(ViewBlend, OnlyValidAndUsedPixelsAreTaken) {
   BlendRoom room;
   room.add(0, plain({100, 100, 100})), room.add(0.1, plain({200, 200, 200}));
@@ -122,6 +209,24 @@ TEST(ViewBlend, OnlyValidAndUsedPixelsAreTaken) {
   const ImageRgb out = ViewBlend(sources, kMean).picture(0, &used, &room.depths[0]);
   EXPECT_GT(*out.at(150, 120), 120);
   EXPECT_EQ(*out.at(151, 120), 100);
+}
+
+TEST(ViewBlend, WeightsFallToNothingOverATileBesideInvalidOnes) {
+  BlendRoom room;
+  room.add(0, plain({100, 100, 100})), room.add(0, plain({200, 200, 200}));
+  auto sources = room.sources();
+  TileMask valid{16, 20, 15, {}};
+  for (int tile = 0; tile < 300; ++tile) valid.tiles.push_back(tile % 20 < 10);
+  sources[1].valid = &valid;
+  const ImageRgb out = ViewBlend(sources, kMean).picture(0, nullptr, &room.depths[0]);
+  for (int y = 60; y < 180; y += 10) {
+    for (int x = 100; x < 143; ++x) ASSERT_EQ(*out.at(x, y), 150) << x;
+    for (int x = 144; x < 160; ++x) {
+      const double share = (160 - 0.5 - x) / 16;
+      EXPECT_NEAR(*out.at(x, y), (100 + 200 * share) / (1 + share), 1) << x;
+    }
+    for (int x = 160; x < 200; ++x) ASSERT_EQ(*out.at(x, y), 100) << x;
+  }
 }
 
 TEST(ViewBlend, PicturesAreCorrectedWithOrWithoutSurface) {
@@ -160,19 +265,46 @@ TEST(ViewBlend, DetailIsKeptWhileColoursMeet) {
   EXPECT_NEAR(*mean.at(162, 120) - *mean.at(160, 120), 15, 2);
 }
 
+TEST(ViewBlend, TheSmoothChangeGoesOnBesideTheSurface) {
+  BlendRoom room;
+  room.mesh = test::grid({-0.2f, 0.2f, 2}, {0.4f, 0, 0}, {0, -0.4f, 0}, 4, 4);
+  room.add(0, plain({100, 100, 100})), room.add(0, plain({180, 180, 180}));
+  const ViewBlend blend(room.sources(), {1, true});
+  const ImageRgb out = blend.picture(0, nullptr, &room.depths[0]);
+  EXPECT_EQ(*out.at(160, 120), 140);
+  const int right = 185;  // the last column with surface
+  ASSERT_TRUE(*room.depths[0].at(right, 120) > 0 && !(*room.depths[0].at(right + 1, 120) > 0));
+  for (int x = right - 2; x < 319; ++x) {
+    EXPECT_LE(*out.at(x + 1, 120), *out.at(x, 120)) << x;
+    EXPECT_GE(*out.at(x + 1, 120), *out.at(x, 120) - 6) << x;
+  }
+  EXPECT_EQ(*out.at(right + 25, 120), 100);
+
+  ImageMask used(320, 240);
+  for (int y = 0; y < 240; ++y) std::fill_n(used.at(0, y), right + 8, 1);
+  const ImageRgb some = blend.picture(0, &used, &room.depths[0]);
+  for (int x = 100; x < right + 8; ++x) EXPECT_EQ(*some.at(x, 120), *out.at(x, 120)) << x;
+  for (int x = right + 8; x < 320; ++x) EXPECT_EQ(*some.at(x, 120), 100) << x;
+}
+
 TEST(ViewBlend, TheSameOnAnyNumberOfThreads) {
   BlendRoom room;
   room.add(-0.2, plain({90, 100, 110})), room.add(0.1, plain({100, 130, 140}));
-  room.add(0.3, plain({120, 110, 100}));
-  const auto on = [&](int threads) {
-    std::optional<ImageRgb> out;
-    Arena(threads).run([&] {
-      const ViewBlend blend(room.sources(), kMean);
-      out = blend.picture(1, nullptr, &room.depths[1]);
-    });
-    return *out;
-  };
-  EXPECT_EQ(on(1), on(4));
+  room.add(0.3, plain({120, 110, 100})), room.add(0, 643, 361, 620, {110, 90, 100});
+  for (const atlas::BlendConfig& config : {kMean, {1, true}})
+    for (const std::size_t own : {1u, 3u}) {
+      const auto on = [&](int threads) {
+        std::optional<ImageRgb> out;
+        Arena(threads).run([&] {
+          const ViewBlend blend(room.sources(), config);
+          out = blend.picture(own, nullptr, &room.depths[own]);
+        });
+        return *out;
+      };
+      const ImageRgb alone = on(1);
+      EXPECT_NE(alone, room.pictures[own]);
+      EXPECT_EQ(alone, on(4));
+    }
 }
 
 TEST(ViewBlend, PanoramasAreLeftApart) {

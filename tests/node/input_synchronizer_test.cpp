@@ -388,6 +388,25 @@ TEST(InputSynchronizer, RegionsSideBySideShareOutAllTriangles) {
   EXPECT_TRUE(node::inside(mesh, {{0, 0, 2.56}, {1.28, 1.28, 3.84}}, 1.28).empty());
 }
 
+/// A view in two layers, of two sizes, would be two cameras of one name.
+TEST(InputSynchronizer, ViewsOfPlatesAreRefused) {
+  const Scene scene = one_sensor();
+  Sender sender;
+  node::InputSynchronizer synchronizer(scene, scene.mergers[0], false);
+  Packet packet = sender.next(true);
+  View& plate = packet.views.emplace_back(packet.views[0]);
+  plate.layer = Layer::still, plate.width *= 2, plate.height *= 2;
+  const Status taken = synchronizer.receive(0, packet, packet.captured_at);
+  ASSERT_FALSE(taken);
+  EXPECT_NE(taken.error().message.find("brings view 0 of a plate"), std::string::npos)
+      << taken.error().message;
+  EXPECT_EQ(taken.error().message.find('\n'), std::string::npos);
+  EXPECT_EQ(synchronizer.drops().total(), 1u);
+  EXPECT_FALSE(synchronizer.newest(0));
+  packet.views.pop_back();
+  EXPECT_TRUE(synchronizer.receive(0, packet, packet.captured_at));
+}
+
 /// Two mergers with regions bring the same sensor to their parent.
 class SharedSensor : public testing::Test {
  protected:

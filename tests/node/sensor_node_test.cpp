@@ -236,6 +236,21 @@ TEST(SensorNode, NothingOfTheFloor) {
   for (const Vec3f p : mesh.positions) EXPECT_LT(p.y, 0.03f);
 }
 
+TEST(SensorNode, ARemovedFloorMakesNoTileBlind) {
+  for (const bool layers : {false, true}) {
+    Scene scene = layers ? with_layers() : one_sensor();
+    scene.up = {0, -1, 0};
+    scene.floor = FloorConfig{.height_m = -0.5, .margin_m = 0.03};
+    scene.sensors[0].T_world_depth = {look_at({}, {0, 0.5, 1}, {0, -1, 0})};
+    Sensor sensor(scene);
+    Solids solids = wall();
+    solids.boxes.push_back({{-9, 0.5, -9}, {9, 1, 9}});
+    const TileMask blind = sensor.see(solids).sources.at(0).blind_color;
+    EXPECT_TRUE(blind.is_of(96, 64));
+    EXPECT_EQ(std::ranges::count(blind.tiles, 1), 0) << layers;
+  }
+}
+
 TEST(SensorNode, DecimationKeepsTheShareThatWasAskedFor) {
   const auto triangles = [](double ratio) {
     Scene scene = one_sensor();

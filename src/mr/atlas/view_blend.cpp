@@ -7,6 +7,7 @@
 #include <utility>
 
 #include "mr/atlas/occluders.h"
+#include "mr/core/assert.h"
 #include "mr/core/parallel.h"
 
 namespace mr::atlas {
@@ -52,6 +53,46 @@ ImageDepth least_around(const ImageDepth& of, int reach) {
   return out;
 }
 
+/// The share of its weight that a valid pixel has: none along invalid tiles, bilinear between the
+/// corners of its tile, so that it is full a tile from them.
+class Validity {
+ public:
+  explicit Validity(const TileMask& mask)
+      : tile_px_(static_cast<float>(mask.tile_px)),
+        columns_(mask.columns + 1),
+        corners_(static_cast<std::size_t>(columns_) * (mask.rows + 1), 1) {
+    for (int row = 0; row < mask.rows; ++row)
+      for (int column = 0; column < mask.columns; ++column)
+        if (!mask.at(column, row))
+          for (const int below : {0, 1})
+            for (const int right : {0, 1}) corners_[corner(column + right, row + below)] = 0;
+  }
+
+  /// At a pixel of the picture; 0 in invalid tiles.
+  float at(Vec2f pixel) const {
+    const float x = (pixel.x + 0.5f) / tile_px_, y = (pixel.y + 0.5f) / tile_px_;
+    const int column = static_cast<int>(x), row = static_cast<int>(y);
+    const std::uint8_t* const above = &corners_[corner(column, row)];
+    const std::uint8_t* const below = above + columns_;
+    const int valid = above[0] + above[1] + below[0] + below[1];
+    if (valid % 4 == 0) return static_cast<float>(valid / 4);
+    const float right = x - static_cast<float>(column), down = y - static_cast<float>(row);
+    const auto between = [&](const std::uint8_t* c) {
+      return static_cast<float>(c[0]) * (1 - right) + static_cast<float>(c[1]) * right;
+    };
+    return between(above) * (1 - down) + between(below) * down;
+  }
+
+ private:
+  std::size_t corner(int column, int row) const {
+    return static_cast<std::size_t>(row) * columns_ + column;
+  }
+
+  float tile_px_;
+  int columns_;
+  std::vector<std::uint8_t> corners_;  ///< of tiles: 1 where all tiles around are valid
+};
+
 /// A rigid transform in floats.
 struct Transform {
   std::array<Vec3f, 3> rows;
@@ -68,11 +109,11 @@ struct Transform {
 }  // namespace
 
 /// A source, prepared.
-struct ViewBlend::Eye {
-  static constexpr std::array<int, 2> kReach{1, 4};               // blocks
-  static constexpr std::array<float, 3> kSeen{0.1f, 0.5f, 1.0f};  // weight by how far edges are
+struct ViewBlend::PreparedView {
+  static constexpr std::array<int, 2> kReach{1, 4};                   // blocks
+  static constexpr std::array<float, 3> kUnhidden{0.1f, 0.5f, 1.0f};  // weight by how far edges are
 
-  explicit Eye(const Source& source)
+  explicit PreparedView(const Source& source)
       : source(source),
         view(*source.view),
         shader(view, source.field, source.log_exposure),
@@ -81,6 +122,8 @@ struct ViewBlend::Eye {
         border(kBorder_px * view.width / 640.0f),
         divisor(blends() ? depth_divisor(view.camera()) : 1) {
     if (!blends()) return;
+    if (source.valid) validity.emplace(*source.valid);
+    MR_ASSERT(kBlendBlock_px / divisor > 0);
     const ImageDepth least = least_of_blocks(*source.nearest, kBlendBlock_px / divisor);
     for (std::size_t i = 0; i < around.size(); ++i) around[i] = least_around(least, kReach[i]);
   }
@@ -115,7 +158,7 @@ struct ViewBlend::Eye {
 
   /// The share of its full weight that the view has at a point, by what hides it, by the border of
   /// its picture and by validity: 0..1.
-  float sees(Vec2f at, float z) const {
+  float visibility(Vec2f at, float z) const {
     const Rect& r = view.image_rect;
     const auto left = static_cast<float>(r.x), top = static_cast<float>(r.y);
     const float inside =
@@ -124,8 +167,8 @@ struct ViewBlend::Eye {
         view.gutter_px;
     if (!(inside > 0)) return 0;
     const int x = static_cast<int>(at.x + 0.5f), y = static_cast<int>(at.y + 0.5f);
-    if (source.valid && !source.valid->at(x / source.valid->tile_px, y / source.valid->tile_px))
-      return 0;
+    const float valid = validity ? validity->at(at) : 1;
+    if (!(valid > 0)) return 0;
     const float front = z - kFront_m - kFront_share * z;
     const float d = depth(*source.nearest, x, y);
     if (!(d > 0) || d < front) return 0;
@@ -137,7 +180,7 @@ struct ViewBlend::Eye {
                 row = std::min(y / kBlendBlock_px, around[level].height - 1);
       if (*around[level].at(column, row) < front - slope_m) break;
     }
-    return kSeen[level] * std::min(1.0f, inside / border);
+    return kUnhidden[level] * valid * std::min(1.0f, inside / border);
   }
 
   /// The corrected colour at a pixel of the camera's picture, 0..255.
@@ -147,15 +190,17 @@ struct ViewBlend::Eye {
     const float v = (at.y + 0.5f - static_cast<float>(view.image_rect.y)) * scale_y - 0.5f;
     const float x = std::clamp(u, 0.0f, static_cast<float>(r.width - 1));
     const float y = std::clamp(v, 0.0f, static_cast<float>(r.height - 1));
-    const int x0 = std::min(static_cast<int>(x), r.width - 2),
-              y0 = std::min(static_cast<int>(y), r.height - 2);
+    // In a tile one pixel wide or high, both neighbours are that pixel.
+    const int x0 = std::min(static_cast<int>(x), std::max(r.width - 2, 0)),
+              y0 = std::min(static_cast<int>(y), std::max(r.height - 2, 0));
+    const int next = r.width > 1 ? 3 : 0, below = r.height > 1;
     const float fx = x - static_cast<float>(x0), fy = y - static_cast<float>(y0);
     const std::uint8_t *a = source.picture->at(r.x + x0, r.y + y0),
-                       *b = source.picture->at(r.x + x0, r.y + y0 + 1);
+                       *b = source.picture->at(r.x + x0, r.y + y0 + below);
     const auto& curves = shader.curves(x0, y0);
     Vec3f out;
     for (int c = 0; c < 3; ++c) {
-      const float top = a[c] + (a[c + 3] - a[c]) * fx, bottom = b[c] + (b[c + 3] - b[c]) * fx;
+      const float top = a[c] + (a[c + next] - a[c]) * fx, bottom = b[c] + (b[c + next] - b[c]) * fx;
       const float value = top + (bottom - top) * fy;
       const int low = static_cast<int>(value);
       const float from = curves[c][low], to = curves[c][std::min(low + 1, 255)];
@@ -170,6 +215,7 @@ struct ViewBlend::Eye {
   float scale_x, scale_y, border;
   int divisor;  ///< of depth maps
   std::array<ImageDepth, 2> around;
+  std::optional<Validity> validity;  ///< none: all pixels are valid
 };
 
 namespace {
@@ -214,6 +260,7 @@ struct Mix {
 class SmoothChange {
  public:
   static constexpr int kBlock_px = 8;
+  static constexpr int kReach_px = 3 * kBlock_px;  ///< beside pixels that were added
 
   SmoothChange(int width, int height)
       : columns_((width + kBlock_px - 1) / kBlock_px),
@@ -231,7 +278,7 @@ class SmoothChange {
     blocks_ = around(true);
     blocks_ = around(false);
   }
-  /// The changes of a row of pixels, by column; none two blocks from where pixels were added.
+  /// The changes of a row of pixels, by column; none three blocks from where pixels were added.
   class Row {
    public:
     Row(const SmoothChange& of, int y) : changes_(static_cast<std::size_t>(of.columns_) + 1) {
@@ -292,17 +339,17 @@ class SmoothChange {
 /// Blends the picture of one view.
 class ViewBlend::Painter {
  public:
-  Painter(const std::vector<std::unique_ptr<const Eye>>& eyes, std::size_t own, float sharpness,
-          ImageRgb& out)
-      : own_(*eyes[own]),
+  Painter(const std::vector<std::unique_ptr<const PreparedView>>& views, std::size_t own,
+          float sharpness, ImageRgb& out)
+      : own_(*views[own]),
         view_(own_.view),
         depth_camera_(depth_camera(view_.camera())),
         sharpness_(sharpness),
         out_(out) {
-    for (std::size_t i = 0; i < eyes.size(); ++i) {
-      if (i == own || !eyes[i]->blends()) continue;
-      const Pose T_own_other = view_.T_world_camera.inverse() * eyes[i]->view.T_world_camera;
-      others_.push_back({eyes[i].get(), Transform(T_own_other.inverse()),
+    for (std::size_t i = 0; i < views.size(); ++i) {
+      if (i == own || !views[i]->blends()) continue;
+      const Pose T_own_other = view_.T_world_camera.inverse() * views[i]->view.T_world_camera;
+      others_.push_back({views[i].get(), Transform(T_own_other.inverse()),
                          vec_cast<float>(T_own_other.translation)});
     }
   }
@@ -315,8 +362,9 @@ class ViewBlend::Painter {
     if (!own_.shader.is_plain()) own_.shader.apply(0, y, at.width, out_.at(at.x, at.y + y));
   }
 
-  /// The part of the tile that shows pixels of the camera's picture with `surface` that are used.
-  Rect part(const ImageMask* used, const ImageDepth& surface) const {
+  /// The part of the tile that shows pixels of the camera's picture with `surface` that are used,
+  /// and `around_px` around it.
+  Rect part(const ImageMask* used, const ImageDepth& surface, int around_px) const {
     const Rect &at = view_.atlas_rect, &shown = view_.image_rect;
     int left = shown.x + shown.width, top = shown.y + shown.height, right = -1, bottom = -1;
     for (int y = shown.y; y < shown.y + shown.height; ++y)
@@ -324,13 +372,14 @@ class ViewBlend::Painter {
         if ((!used || *used->at(x, y)) && own_.depth(surface, x, y) > 0)
           left = std::min(left, x), right = std::max(right, x), top = std::min(top, y), bottom = y;
     if (right < 0) return {};
-    const auto in_tile = [](int p, int first, float scale, int size) {
-      return std::clamp(static_cast<int>(static_cast<float>(p - first) * scale), 0, size - 1);
+    const auto in_tile = [](int p, int first, float scale, int around, int size) {
+      return std::clamp(static_cast<int>(static_cast<float>(p - first) * scale) + around, 0,
+                        size - 1);
     };
-    const int x0 = in_tile(left - 1, shown.x, own_.scale_x, at.width),
-              y0 = in_tile(top - 1, shown.y, own_.scale_y, at.height);
-    return {x0, y0, in_tile(right + 2, shown.x, own_.scale_x, at.width) + 1 - x0,
-            in_tile(bottom + 2, shown.y, own_.scale_y, at.height) + 1 - y0};
+    const int x0 = in_tile(left - 1, shown.x, own_.scale_x, -around_px, at.width),
+              y0 = in_tile(top - 1, shown.y, own_.scale_y, -around_px, at.height);
+    return {x0, y0, in_tile(right + 2, shown.x, own_.scale_x, around_px, at.width) + 1 - x0,
+            in_tile(bottom + 2, shown.y, own_.scale_y, around_px, at.height) + 1 - y0};
   }
 
   /// Makes a corrected row of a part of the tile what all views show.
@@ -370,7 +419,7 @@ class ViewBlend::Painter {
 
  private:
   struct Other {
-    const Eye* eye;
+    const PreparedView* view;
     Transform from_own;  ///< from the own camera's space
     Vec3f centre;        ///< of the other camera, in the own camera's space
   };
@@ -415,26 +464,26 @@ class ViewBlend::Painter {
   Vec3f mean(Vec2f pixel, float z, Vec3f normal, Vec3f shown) const {
     constexpr float kLeastFacing = 0.15f, kNear_m = 0.05f;
     const Vec3f p = own_.point(pixel, z);
-    const auto facing = [&](Vec3f eye) { return dot(normal, normalized(eye - p)); };
+    const auto facing = [&](Vec3f centre) { return dot(normal, normalized(centre - p)); };
     const float own_resolution = log_resolution(view_, std::max(facing({}), kLeastFacing), z);
     Mix mix;
-    mix.add(shown, std::max(own_.sees(pixel, z), kLeast));
+    mix.add(shown, std::max(own_.visibility(pixel, z), kLeast));
     for (const Other& other : others_) {
       const Vec3f q = other.from_own * p;
       const float faces = facing(other.centre);
       if (faces < kLeastFacing || !(q.z > kNear_m)) continue;
-      const Vec2f at = other.eye->pixel(q);
-      if (const float sees = other.eye->sees(at, q.z); sees > 0)
-        mix.add(other.eye->color(at),
-                sees * std::exp(sharpness_ *
-                                (log_resolution(other.eye->view, faces, q.z) - own_resolution)));
+      const Vec2f at = other.view->pixel(q);
+      if (const float visible = other.view->visibility(at, q.z); visible > 0)
+        mix.add(other.view->color(at),
+                visible * std::exp(sharpness_ * (log_resolution(other.view->view, faces, q.z) -
+                                                 own_resolution)));
     }
     return mix.sum / mix.weights;
   }
 
   static constexpr int kAside_px = 3;  // of normals
 
-  const Eye& own_;
+  const PreparedView& own_;
   const View& view_;
   Camera depth_camera_;
   float sharpness_;
@@ -443,9 +492,10 @@ class ViewBlend::Painter {
 };
 
 ViewBlend::ViewBlend(std::vector<Source> sources, const BlendConfig& config) : config_(config) {
-  eyes_.resize(sources.size());
+  views_.resize(sources.size());
   parallel_for(sources.size(), 1, [&](std::size_t begin, std::size_t end) {
-    for (std::size_t i = begin; i < end; ++i) eyes_[i] = std::make_unique<const Eye>(sources[i]);
+    for (std::size_t i = begin; i < end; ++i)
+      views_[i] = std::make_unique<const PreparedView>(sources[i]);
   });
 }
 ViewBlend::~ViewBlend() = default;
@@ -453,16 +503,17 @@ ViewBlend::ViewBlend(ViewBlend&&) noexcept = default;
 
 ImageRgb ViewBlend::picture(std::size_t source, const ImageMask* used,
                             const ImageDepth* surface) const {
-  ImageRgb out = *eyes_[source]->source.picture;
-  Painter painter(eyes_, source, static_cast<float>(config_.sharpness), out);
+  ImageRgb out = *views_[source]->source.picture;
+  Painter painter(views_, source, static_cast<float>(config_.sharpness), out);
   const auto rows = [](int count, int grain, const auto& row) {
     parallel_for(static_cast<std::size_t>(count), grain, [&](std::size_t begin, std::size_t end) {
       for (int y = static_cast<int>(begin); y < static_cast<int>(end); ++y) row(y);
     });
   };
-  rows(eyes_[source]->view.atlas_rect.height, 16, [&](int y) { painter.correct(y); });
+  rows(views_[source]->view.atlas_rect.height, 16, [&](int y) { painter.correct(y); });
   if (!surface || !painter.blends()) return out;
-  const Rect part = painter.part(used, *surface);
+  const int around_px = config_.keep_detail ? SmoothChange::kReach_px : 0;
+  const Rect part = painter.part(used, *surface, around_px);
   if (part.empty()) return out;
   if (!config_.keep_detail) {
     rows(part.height, 8, [&](int y) { painter.average(y, part, used, *surface); });

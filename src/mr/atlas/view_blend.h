@@ -32,8 +32,8 @@ struct BlendConfig {
 /// root's pictures, so neither bytes on the wire nor work at the viewer: on both sides of a border
 /// between two views the pictures show the same colour. Weights: resolution on the surface (angle
 /// and distance), falling to 0 within centimetres of what hides a view, of its picture's border,
-/// and of pixels that are not valid. Of pinhole views; others are corrected only. Deterministic on
-/// any number of threads.
+/// and over a tile beside those that are not valid. Of pinhole views; others are corrected only.
+/// Deterministic on any number of threads.
 class ViewBlend {
  public:
   /// A view with its picture. What is referred to must outlive the blend.
@@ -59,9 +59,9 @@ class ViewBlend {
   ImageRgb picture(std::size_t source, const ImageMask* used, const ImageDepth* surface) const;
 
  private:
-  struct Eye;     // a source, prepared
-  class Painter;  // of one picture
-  std::vector<std::unique_ptr<const Eye>> eyes_;
+  struct PreparedView;  // a source, prepared
+  class Painter;        // of one picture
+  std::vector<std::unique_ptr<const PreparedView>> views_;
   BlendConfig config_;
 };
 

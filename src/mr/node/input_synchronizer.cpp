@@ -95,7 +95,8 @@ AlphaPlanes alpha_of(const CaptureSet& captures) {
 }
 
 /// The packet must come from the node that the input stands for, and speak for its sensors only:
-/// another's ids would collide with those of other inputs.
+/// another's ids would collide with those of other inputs. Only roots add views of plates (layer
+/// `still`), to viewers' packets: here each view is one camera, and has one size.
 Status InputSynchronizer::check_sender(const Input& input, const Packet& packet) const {
   const auto refuse = [](const std::string& why) { return Error{Error::Cause::invalid, why}; };
   if (packet.scene != scene_->id || packet.node != input.id)
@@ -105,6 +106,9 @@ Status InputSynchronizer::check_sender(const Input& input, const Packet& packet)
   for (const View& view : packet.views)
     if (!is_below(view.id))
       return refuse("brings view " + name(view.id) + ", which is not below it");
+  for (const View& view : packet.views)
+    if (view.layer != Layer::moving)
+      return refuse("brings view " + name(view.id) + " of a plate, which only a root has");
   for (const SourceInfo& source : packet.sources)
     if (!is_below(source.sensor))
       return refuse("brings sensor " + name(source.sensor) + ", which is not below it");

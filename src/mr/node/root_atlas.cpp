@@ -13,10 +13,15 @@
 #include "mr/core/parallel.h"
 #include "mr/node/layers.h"
 #include "mr/node/sensor_node.h"
-#include "mr/sensor/color_sight.h"
+#include "mr/sensor/blind_tiles.h"
+#include "mr/still/tiles.h"
 
 namespace mr::node {
 namespace {
+
+static_assert(still::kColorTile_px == atlas::CleanPlate::kBlock_px &&
+                  sensor::BlindTiles::kTile_px == atlas::CleanPlate::kBlock_px,
+              "tiles that sensors name are blocks of plates");
 
 constexpr int kPlatesFiner = 8;  // QP steps: plates are encoded seldom and shown for long
 
@@ -125,7 +130,8 @@ void RootAtlas::update_plates(const Tick& tick, const Mesh& moving) {
     for (std::size_t i = begin; i < end; ++i) {
       const auto& [plate, view, source, picture, seen] = all[i];
       TileMask unhidden = source->confirmed_color;
-      if (source->blind_color.tiles.size() == unhidden.tiles.size())
+      if (source->blind_color.is_of(view->width, view->height) &&
+          source->blind_color.tile_px == unhidden.tile_px)
         for (std::size_t t = 0; t < unhidden.tiles.size(); ++t)
           unhidden.tiles[t] &= source->blind_color.tiles[t] == 0;
       hide(moving, *view, *seen, unhidden);
@@ -268,7 +274,8 @@ Status RootAtlas::compose(const Tick& tick, const Mesh& moving, const Mesh* stil
   Children children;
   for (const View& view : tick.views) children[view.id] = view;
   const atlas::Pictures pictures = pictures_of(tick.captures);
-  colors_.update({tick.views, pictures, moving, still, plates_, changed_blocks_});
+  atlas::ValidTiles seeing = seeing_tiles(tick.views, tick.sources);
+  colors_.update({tick.views, pictures, seeing, moving, still, plates_, changed_blocks_});
   add_views(still != nullptr, packet);
   add_alpha(tick, children, moving, packet);
   const bool has_plates = still && !plates_.empty();
@@ -276,8 +283,8 @@ Status RootAtlas::compose(const Tick& tick, const Mesh& moving, const Mesh* stil
   if (plates_due)
     shown_plates_ =
         painter_.plates(tick.views, plates_, used_pixels(tick, *still, error_m), *still, colors_);
-  const atlas::Pictures shown = painter_.live(
-      {tick.views, pictures, seeing_tiles(tick.views, tick.sources)}, used, moving, still, colors_);
+  const atlas::Pictures shown =
+      painter_.live({tick.views, pictures, std::move(seeing)}, used, moving, still, colors_);
   ImageRgb picture = draw_live(children, shown, std::move(used));
   if (scene_->atlas.burn_sequence) atlas::draw_watermark(picture, packet.sequence);
   const std::uint32_t layout = live_layout_.views.front().layout;

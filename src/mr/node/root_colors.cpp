@@ -88,7 +88,7 @@ bool RootColors::is_due(const Tick& tick) const {
 
 void RootColors::estimate(const Tick& tick) {
   atlas::Pictures pictures = tick.live;
-  atlas::ValidTiles valid;
+  atlas::ValidTiles valid = tick.seeing;
   for (const View& view : tick.views) {
     const auto plate = tick.plates.find(view.id);
     if (!tick.still || plate == tick.plates.end() || plate->second.picture().empty()) continue;

@@ -32,10 +32,12 @@ class RootColors {
  public:
   using Plates = std::map<ViewId, atlas::CleanPlate>;
 
-  /// One tick. `live`: the newest pictures; `still`: the still surface with `plates`, or null.
+  /// One tick. `live`: the newest pictures; `seeing`: the tiles of them that may give colour (of a
+  /// view without a mask, all); `still`: the still surface with `plates`, or null.
   struct Tick {
     const std::vector<View>& views;
     const atlas::Pictures& live;
+    const atlas::ValidTiles& seeing;
     const Mesh& moving;
     const Mesh* still;
     const Plates& plates;

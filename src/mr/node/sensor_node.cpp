@@ -32,8 +32,9 @@ SensorNode::SensorNode(const Scene& scene, SensorId id, NodeClock clock, StillWo
       publisher_(scene, id),
       texture_(scene, stream_of(id)) {
   if (const auto view = registration_.color_view({}))
-    sight_.emplace(registration_.depth_camera(), view->camera(), view->T_world_camera.inverse(),
-                   scene.volume);
+    blind_tiles_.emplace(registration_.depth_camera(), view->camera(),
+                         view->T_world_camera.inverse(),
+                         sensor::ReconstructedSpace{scene.volume, scene.floor, scene.up});
   if (has_layers(scene, id)) layers_.emplace(scene, id, registration_, still_work, trace_);
 }
 
@@ -45,21 +46,21 @@ bool SensorNode::watch(Frame frame) {
 /// The cleaned depth that is to be reconstructed: of all, or of what moves.
 Result<ImageDepth> SensorNode::depth_to_reconstruct(Reconstructed& out) {
   const Frame& frame = out.frame;
-  const auto look = [&](const ImageDepth& cleaned, const ImageMask* of) {
-    if (sight_ && !frame.color.empty())
-      out.blind_color = sight_->blind(frame.depth, cleaned, of, frame.T_world_depth);
+  const auto add_blind_tiles = [&](const ImageDepth& cleaned, const ImageMask* of) {
+    if (blind_tiles_ && !frame.color.empty())
+      out.blind_color = blind_tiles_->blind(frame.depth, cleaned, of, frame.T_world_depth);
   };
   if (!layers_)
     return trace_.time("clean", [&] {
       ImageDepth cleaned = prepare_depth(*scene_, registration_.depth_camera(), frame);
-      look(cleaned, nullptr);
+      add_blind_tiles(cleaned, nullptr);
       return cleaned;
     });
   auto divided = layers_->divide(out.frame, out.plan.still_error_m);
   if (!divided) return divided.error();
   out.confirmed_depth = std::move(divided->confirmed_depth);
   out.confirmed_color = std::move(divided->confirmed_color);
-  look(divided->moving, &divided->moving_pixels);
+  add_blind_tiles(divided->moving, &divided->moving_pixels);
   out.alpha = std::move(divided->outline.alpha);
   return std::move(divided->outline.depth);
 }

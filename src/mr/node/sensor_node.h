@@ -21,7 +21,7 @@
 #include "mr/node/surface_reconstructor.h"
 #include "mr/node/texture_stream.h"
 #include "mr/scene/scene.h"
-#include "mr/sensor/color_sight.h"
+#include "mr/sensor/blind_tiles.h"
 #include "mr/sensor/registration.h"
 
 namespace mr::node {
@@ -82,8 +82,8 @@ class SensorNode {
   CurrentPlan plan_;
   Trace trace_;
   sensor::Registration registration_;
-  std::optional<sensor::ColorSight> sight_;  ///< none: the sensor has no colour
-  std::optional<SensorLayers> layers_;       ///< none: everything is reconstructed with every frame
+  std::optional<sensor::BlindTiles> blind_tiles_;  ///< none: the sensor has no colour
+  std::optional<SensorLayers> layers_;  ///< none: everything is reconstructed with every frame
   SurfaceReconstructor reconstructor_;
   ChunkPublisher publisher_;
   TextureStream texture_;

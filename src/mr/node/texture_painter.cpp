@@ -23,16 +23,16 @@ Source source_of(const View& view, const ImageRgb& picture,
   return out;
 }
 
-/// Of two depth pictures of one view; the first may be empty.
+/// The nearer depth of two depth maps of one view; `a` may be null.
 ImageDepth nearer(const ImageDepth* a, const ImageDepth& b) {
-  if (!a || a->empty()) return b;
+  if (!a) return b;
   ImageDepth out = *a;
   for (std::size_t p = 0; p < out.data.size(); ++p)
     if (const float d = b.data[p]; d > 0 && (out.data[p] <= 0 || d < out.data[p])) out.data[p] = d;
   return out;
 }
 
-/// The pictures of sources, by stream. `surfaces`: [sources] depth of what each textures; empty:
+/// The pictures of sources, by stream. `surfaces`: [sources] depth of what each textures; null:
 /// of a view that is not blended.
 atlas::Pictures paint(const std::vector<Source>& sources, const TexturePainter::Used& used,
                       const std::vector<const ImageDepth*>& surfaces,
@@ -50,19 +50,19 @@ atlas::Pictures paint(const std::vector<Source>& sources, const TexturePainter::
 }  // namespace
 
 /// Draws the still surface from all pinhole views where it or a view is another.
-void TexturePainter::look_at(const Mesh& still, const std::vector<View>& views) {
+void TexturePainter::draw_still_depths(const Mesh& still, const std::vector<View>& views) {
   const bool same = still.positions == still_.positions && still.triangles == still_.triangles;
   if (!same) still_ = still;
-  std::map<ViewId, Seen> before = std::exchange(seen_, {});
-  std::vector<Seen*> changed;
+  std::map<ViewId, StillDepth> before = std::exchange(still_depths_, {});
+  std::vector<StillDepth*> changed;
   for (const View& view : views) {
     if (view.kind != View::Kind::pinhole) continue;
-    Seen& seen = seen_[view.id];
+    StillDepth& still_depth = still_depths_[view.id];
     const auto known = before.find(view.id);
     if (same && known != before.end() && known->second.view == view)
-      seen = std::move(known->second);
+      still_depth = std::move(known->second);
     else
-      seen.view = view, changed.push_back(&seen);
+      still_depth.view = view, changed.push_back(&still_depth);
   }
   parallel_for(changed.size(), 1, [&](std::size_t begin, std::size_t end) {
     for (std::size_t i = begin; i < end; ++i) {
@@ -76,7 +76,7 @@ void TexturePainter::look_at(const Mesh& still, const std::vector<View>& views) 
 atlas::Pictures TexturePainter::live(const Live& from, const Used& used, const Mesh& moving,
                                      const Mesh* still, const RootColors& colors) {
   if (moving.empty()) return from.pictures;
-  if (still) look_at(*still, from.views);
+  if (still) draw_still_depths(*still, from.views);
   const atlas::ColorCorrections corrections = colors.live();
   std::vector<Source> sources;
   for (const View& view : from.views) {
@@ -91,10 +91,11 @@ atlas::Pictures TexturePainter::live(const Live& from, const Used& used, const M
     for (std::size_t i = begin; i < end; ++i) {
       const View& view = *sources[i].view;
       if (view.kind != View::Kind::pinhole) continue;
-      const auto behind = still ? seen_.find(view.id) : seen_.end();
+      const auto behind = still ? still_depths_.find(view.id) : still_depths_.end();
       depths[i] =
           kit::rasterize_depth(moving, atlas::depth_camera(view.camera()), view.T_world_camera);
-      nearest[i] = nearer(behind == seen_.end() ? nullptr : &behind->second.depth, depths[i]);
+      nearest[i] =
+          nearer(behind == still_depths_.end() ? nullptr : &behind->second.depth, depths[i]);
     }
   });
   std::vector<const ImageDepth*> surfaces(sources.size());
@@ -106,7 +107,7 @@ atlas::Pictures TexturePainter::live(const Live& from, const Used& used, const M
 atlas::Pictures TexturePainter::plates(const std::vector<View>& views,
                                        const RootColors::Plates& plates, const Used& used,
                                        const Mesh& still, const RootColors& colors) {
-  look_at(still, views);
+  draw_still_depths(still, views);
   const atlas::ColorCorrections corrections = colors.plates();
   std::vector<Source> sources;
   std::vector<const ImageDepth*> surfaces;
@@ -115,8 +116,8 @@ atlas::Pictures TexturePainter::plates(const std::vector<View>& views,
     if (plate == plates.end() || plate->second.picture().empty()) continue;
     Source& source = sources.emplace_back(source_of(view, plate->second.picture(), corrections));
     source.valid = &plate->second.valid();
-    if (const auto seen = seen_.find(view.id); seen != seen_.end())
-      source.nearest = &seen->second.depth;
+    if (const auto depth = still_depths_.find(view.id); depth != still_depths_.end())
+      source.nearest = &depth->second.depth;
     surfaces.push_back(source.nearest);
   }
   return paint(sources, used, surfaces, colors.blending());

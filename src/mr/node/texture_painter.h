@@ -36,16 +36,16 @@ class TexturePainter {
                          const Used& used, const Mesh& still, const RootColors& colors);
 
  private:
-  /// What a view sees of the still surface: a depth map (atlas::depth_camera).
-  struct Seen {
+  /// The still surface from a view.
+  struct StillDepth {
     View view;
-    ImageDepth depth;
+    ImageDepth depth;  ///< map (atlas::depth_camera)
   };
 
-  void look_at(const Mesh& still, const std::vector<View>& views);
+  void draw_still_depths(const Mesh& still, const std::vector<View>& views);
 
   Mesh still_;
-  std::map<ViewId, Seen> seen_;  ///< of pinhole views
+  std::map<ViewId, StillDepth> still_depths_;  ///< of pinhole views
 };
 
 }  // namespace mr::node

@@ -1,7 +1,6 @@
-#include "mr/sensor/color_sight.h"
+#include "mr/sensor/blind_tiles.h"
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
@@ -57,12 +56,12 @@ TileMask tiles_in_depth(const Camera& depth, const Camera& color, const Pose& T_
   return out;
 }
 
-ColorSight::ColorSight(const Camera& depth_camera, const Camera& color_camera,
-                       const Pose& T_color_depth, const std::optional<Box3d>& volume)
+BlindTiles::BlindTiles(const Camera& depth_camera, const Camera& color_camera,
+                       const Pose& T_color_depth, const ReconstructedSpace& space)
     : depth_camera_(depth_camera),
       color_camera_(color_camera),
       T_color_depth_(T_color_depth),
-      volume_(volume),
+      space_(space),
       beyond_(far_from(tiles_in_depth(depth_camera, color_camera, T_color_depth.inverse(), kTile_px,
                                       NearAndFar::either))) {
   if (depth_camera.model != CameraModel::pinhole || color_camera.model != CameraModel::pinhole)
@@ -75,11 +74,15 @@ ColorSight::ColorSight(const Camera& depth_camera, const Camera& color_camera,
 
 /// Calls `f` with every sample that the colour picture shows.
 template <typename F>
-void ColorSight::each_sample(const ImageDepth& measured, const ImageDepth& cleaned,
+void BlindTiles::each_sample(const ImageDepth& measured, const ImageDepth& cleaned,
                              const ImageMask* of, const Pose& T_world_depth, const F& f) const {
   const Vec3f t = vec_cast<float>(T_color_depth_.translation);
   const auto fx = static_cast<float>(color_camera_.fx), fy = static_cast<float>(color_camera_.fy);
   const auto cx = static_cast<float>(color_camera_.cx), cy = static_cast<float>(color_camera_.cy);
+  const Vec3d eye = T_world_depth.translation;
+  const double floor_m = space_.floor
+                             ? space_.floor->height_m + space_.floor->margin_m - dot(space_.up, eye)
+                             : -std::numeric_limits<double>::infinity();  // above the camera
   for (int y = 0; y < measured.height; y += step_px_)
     for (int x = 0; x < measured.width; x += step_px_) {
       const float z = *measured.at(x, y);
@@ -93,15 +96,17 @@ void ColorSight::each_sample(const ImageDepth& measured, const ImageDepth& clean
             v < static_cast<float>(color_camera_.height)))
         continue;
       const bool is_cleaned = (!of || *of->at(x, y)) && !(*cleaned.at(x, y) > 0);
-      const bool is_before = volume_ && z < entry_depth(*volume_, T_world_depth.translation,
-                                                        T_world_depth.rotation * ray);
+      const Vec3d direction = T_world_depth.rotation * ray;
+      const bool is_before = space_.volume && z < entry_depth(*space_.volume, eye, direction);
+      const bool is_floor = dot(space_.up, direction) * z < floor_m;
       f(Sample{static_cast<int>(v) / kTile_px * beyond_.columns + static_cast<int>(u) / kTile_px, z,
-               !is_cleaned && !is_before});
+               is_floor || (!is_cleaned && !is_before)});
     }
 }
 
-/// Adds the tiles in which something that is not reconstructed hides what is.
-void ColorSight::add_hidden(const ImageDepth& measured, const ImageDepth& cleaned,
+/// Adds the tiles in which something that is not reconstructed hides what is; clears others that
+/// show what is: nearer than the depths that `beyond_` is for, the depth picture reaches farther.
+void BlindTiles::add_hidden(const ImageDepth& measured, const ImageDepth& cleaned,
                             const ImageMask* of, const Pose& T_world_depth, TileMask& blind) const {
   constexpr float kFront_m = 0.05f, kFrontShare = 0.02f;
   struct Tile {
@@ -123,10 +128,13 @@ void ColorSight::add_hidden(const ImageDepth& measured, const ImageDepth& cleane
     tile.hiding += sample.z < tile.nearest_made - kFront_m - kFrontShare * sample.z;
   }
   for (std::size_t i = 0; i < tiles.size(); ++i)
-    if (2 * tiles[i].hiding > tiles[i].samples) blind.tiles[i] = 1;
+    if (2 * tiles[i].hiding > tiles[i].samples)
+      blind.tiles[i] = 1;
+    else if (std::isfinite(tiles[i].nearest_made))
+      blind.tiles[i] = 0;
 }
 
-TileMask ColorSight::blind(const ImageDepth& measured, const ImageDepth& cleaned,
+TileMask BlindTiles::blind(const ImageDepth& measured, const ImageDepth& cleaned,
                            const ImageMask* of, const Pose& T_world_depth) const {
   TileMask out = beyond_;
   if (step_px_ > 0) add_hidden(measured, cleaned, of, T_world_depth, out);
