@@ -58,7 +58,7 @@ struct SourceInfo {
   /// picture (8 px) and of its colour picture (16 px). Only on the way to the root.
   TileMask confirmed_depth{}, confirmed_color{};
   /// Where no surface may take its colour from the sensor's colour picture in this very capture
-  /// (sensor/color_sight.h), in tiles of 16 px. Only on the way to the root.
+  /// (sensor/blind_tiles.h), in tiles of 16 px. Only on the way to the root.
   TileMask blind_color{};
 
   friend bool operator==(const SourceInfo&, const SourceInfo&) = default;
