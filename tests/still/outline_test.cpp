@@ -37,6 +37,7 @@ struct Stage {
   int noise = 0;                             ///< levels of colour
   double depth_radius_m = kRadius_m - 0.02;  ///< cleaning takes the border
   bool has_plate = true;
+  bool is_known = true;  ///< that the disc is not the room
   unsigned seed = 1;
 
   static double from_middle(const Camera& camera, double x, double y) {
@@ -75,7 +76,14 @@ struct Stage {
       }
     TileMask known{kColorTile_px, (color.width + 15) / 16, (color.height + 15) / 16, {}};
     known.tiles.assign(static_cast<std::size_t>(known.columns) * known.rows, has_plate);
-    return finder.find({measured, cleaned, moving, color, plate, known, {1, 1, 1}});
+    return finder.find({measured,
+                        cleaned,
+                        moving,
+                        is_known ? moving : ImageMask(w, h),
+                        color,
+                        plate,
+                        known,
+                        {1, 1, 1}});
   }
   Outline find() {
     OutlineFinder finder(depth_camera, color_camera, Pose{});
@@ -195,6 +203,15 @@ TEST(OutlineFinder, WithoutAPlateAllStays) {
   const Outline out = stage.find();
   EXPECT_EQ(std::ranges::count(out.alpha.data, 0), 0);
   EXPECT_EQ(Reach(stage, out.depth).beyond, 0);
+}
+
+TEST(OutlineFinder, WhatMayBeTheRoomIsKeptAsItIs) {
+  Stage stage;
+  stage.is_known = false;
+  stage.drops_out = [](int, int y) { return y < 60; };
+  const Outline out = stage.find();
+  EXPECT_EQ(std::ranges::count(out.alpha.data, 0), 0);
+  EXPECT_LT(Reach(stage, out.depth).covered, 0.9);
 }
 
 TEST(OutlineFinder, NothingIsCutWhereNothingMoves) {

@@ -101,16 +101,17 @@ Result<SensorLayers::Divided> SensorLayers::divide(const Frame& frame, double st
                                   view->T_world_camera.inverse() * frame.T_world_depth);
     out.moving_pixels = std::move(update.moving);
   });
-  out.outline = trace_->time("outline", [&] { return find_outline(frame, out); });
+  out.outline = trace_->time("outline", [&] { return find_outline(frame, out, update.foreign); });
   if (const Status updated = update_surface(frame, still_error_m); !updated) return updated.error();
   return out;
 }
 
 /// Also brings the plate up to date.
-still::Outline SensorLayers::find_outline(const Frame& frame, const Divided& divided) {
+still::Outline SensorLayers::find_outline(const Frame& frame, const Divided& divided,
+                                          const ImageMask& foreign) {
   if (!outline_ || frame.color.empty()) return {divided.moving, {}};
   plate_.update(frame.color, divided.confirmed_color);
-  return outline_->find({frame.depth, divided.moving, divided.moving_pixels, frame.color,
+  return outline_->find({frame.depth, divided.moving, divided.moving_pixels, foreign, frame.color,
                          plate_.picture(), plate_.valid(), plate_.gain()});
 }
 

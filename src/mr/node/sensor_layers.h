@@ -66,7 +66,7 @@ class SensorLayers {
 
   still::BackgroundUpdate observe(const Frame& frame, bool is_sent);
   bool is_shown();
-  still::Outline find_outline(const Frame& frame, const Divided& divided);
+  still::Outline find_outline(const Frame& frame, const Divided& divided, const ImageMask& foreign);
   ImageDepth clean_where(const ImageMask& mask, const Camera& camera, const Frame& frame) const;
   Chunks reconstruct(const Frame& still, int readings, double error_m);
   Status accept(Chunks made);

@@ -151,7 +151,8 @@ std::vector<OutlineFinder::Grown> OutlineFinder::grow(const Input& in, const Col
   std::vector<Grown> edge, all;
   for (int y = 0; y < depth.height; ++y)
     for (int x = 0; x < depth.width; ++x)
-      if (const float d = *depth.at(x, y); d > 0) edge.push_back({x, y, d, 0, 0});
+      if (const float d = *depth.at(x, y); d > 0 && *in.foreign.at(x, y))
+        edge.push_back({x, y, d, 0, 0});
   while (!edge.empty()) {
     edge = neighbours(in, depth, edge);
     std::erase_if(edge, [&](const Grown& g) {
@@ -213,6 +214,17 @@ void OutlineFinder::each_plane_pixel(int x, int y, float depth, float side_px, c
     for (int u = x0; u <= x1; ++u) f(u, v, static_cast<float>(p.z));
 }
 
+/// Of a pixel of what moves, or was added to it.
+OutlineFinder::Depth OutlineFinder::kind_of(const Input& in, int x, int y) {
+  if (!(*in.cleaned.at(x, y) > 0)) return Depth::edge;
+  if (!*in.foreign.at(x, y)) return Depth::kept;
+  const bool is_beside_room = std::ranges::any_of(kAround, [&](const auto& d) {
+    const int u = x + d.first, v = y + d.second;
+    return in.measured.contains(u, v) && is_room(in, u, v);
+  });
+  return is_beside_room ? Depth::edge : Depth::moving;
+}
+
 /// What depth says of the plane's pixels: the nearest counts.
 OutlineFinder::DepthPlane OutlineFinder::draw(const Input& in, const ImageDepth& depth) const {
   constexpr int kStep_px = 2;       // of the room: it has no outline here
@@ -228,11 +240,7 @@ OutlineFinder::DepthPlane OutlineFinder::draw(const Input& in, const ImageDepth&
   for (int y = 0; y < depth.height; ++y)
     for (int x = 0; x < depth.width; ++x)
       if (const float z = *depth.at(x, y); z > 0) {
-        const bool is_inside = std::ranges::none_of(kAround, [&](const auto& d) {
-          return depth.contains(x + d.first, y + d.second) &&
-                 is_room(in, x + d.first, y + d.second);
-        });
-        add(x, y, z, kOverlap, is_inside && *in.cleaned.at(x, y) > 0 ? Depth::moving : Depth::edge);
+        add(x, y, z, kOverlap, kind_of(in, x, y));
       } else if (x % kStep_px == 0 && y % kStep_px == 0 && is_room(in, x, y)) {
         add(x, y, *in.measured.at(x, y), kOverlap * kStep_px, Depth::still);
       }
@@ -253,13 +261,14 @@ ImageMask OutlineFinder::decide(const ColorPlane& colors, const DepthPlane& dept
              u <= std::min(column + kNearBlocks, columns - 1); ++u)
           *near.at(u, v) = 1;
     }
+  const auto is_kept = [](Depth d) { return d == Depth::moving || d == Depth::kept; };
   ImageMask out(width_, height_, 1);
   for (int y = 0; y < height_; ++y)
     for (int x = 0; x < width_; ++x) {
       if (!*near.at(x / kBlock_px, y / kBlock_px)) continue;
       const Color color = *colors.at(x, y);
       const Depth depth = *depths.at(x, y);
-      if (depth == Depth::moving || color == Color::unknown) continue;
+      if (is_kept(depth) || color == Color::unknown) continue;
       *out.at(x, y) = color == Color::different ||
                       (color == Color::dark && depth != Depth::still) ||
                       (color == Color::unsure && depth == Depth::edge);
@@ -270,7 +279,7 @@ ImageMask OutlineFinder::decide(const ColorPlane& colors, const DepthPlane& dept
     const ImageMask raw = out;
     for (int y = 1; y + 1 < height_; ++y)
       for (int x = 1; x + 1 < width_; ++x) {
-        if (!*near.at(x / kBlock_px, y / kBlock_px) || *depths.at(x, y) == Depth::moving) continue;
+        if (!*near.at(x / kBlock_px, y / kBlock_px) || is_kept(*depths.at(x, y))) continue;
         int ones = *raw.at(x, y);
         for (const auto& [dx, dy] : kAround) ones += *raw.at(x + dx, y + dy);
         *out.at(x, y) = ones >= 5;

@@ -37,6 +37,8 @@ class OutlineFinder {
     const ImageDepth& measured;
     const ImageDepth& cleaned;  ///< of what moves; 0 elsewhere
     const ImageMask& moving;    ///< before cleaning
+    /// The part of it that is known not to be the room: it alone has outlines. The rest is kept.
+    const ImageMask& foreign;
     const ImageRgb& color;
     const ImageRgb& plate;  ///< of the room without what moves
     const TileMask& known;  ///< where there is a plate: tiles of kColorTile_px
@@ -47,8 +49,9 @@ class OutlineFinder {
  private:
   /// What a plane's pixel shows, beside the plate.
   enum class Color : std::uint8_t { unknown, same, dark, unsure, different };
-  /// What depth says of a plane's pixel. `edge`: the border of what moves, which colour may move.
-  enum class Depth : std::uint8_t { none, still, edge, moving };
+  /// What depth says of a plane's pixel. `kept`: it may be the room; `edge`: the border of what
+  /// moves, which colour may move.
+  enum class Depth : std::uint8_t { none, still, kept, edge, moving };
   using ColorPlane = Image<Color, 1>;
   using DepthPlane = Image<Depth, 1>;
 
@@ -69,6 +72,7 @@ class OutlineFinder {
   void smooth(const std::vector<Grown>& grown, ImageDepth& depth) const;
   template <typename F>
   void each_plane_pixel(int x, int y, float depth, float side_px, const F& f) const;
+  static Depth kind_of(const Input& in, int x, int y);
   DepthPlane draw(const Input& in, const ImageDepth& depth) const;
   ImageMask decide(const ColorPlane& colors, const DepthPlane& depths) const;
 
