@@ -200,9 +200,11 @@ TEST(OutlineFinder, AShadowOnTheWallStaysWall) {
 TEST(OutlineFinder, WithoutAPlateAllStays) {
   Stage stage;
   stage.has_plate = false;
+  stage.drops_out = [](int x, int y) { return x > 100 && y < 60; };
   const Outline out = stage.find();
   EXPECT_EQ(std::ranges::count(out.alpha.data, 0), 0);
-  EXPECT_EQ(Reach(stage, out.depth).beyond, 0);
+  stage.disc = stage.wall, stage.has_plate = true;  // looks like the room: nothing grows
+  EXPECT_EQ(out.depth, stage.find().depth);
 }
 
 TEST(OutlineFinder, WhatMayBeTheRoomIsKeptAsItIs) {

@@ -161,7 +161,8 @@ std::vector<OutlineFinder::Grown> OutlineFinder::grow(const Input& in, const Col
       if (g.reach > most) return true;
       const Color color = color_at(colors, g.x, g.y, g.depth);
       if (color == Color::different) return false;
-      return color == Color::same || before_room || g.beside < kMostlyAround;
+      const bool says_no = color == Color::same || color == Color::unknown;
+      return says_no || before_room || g.beside < kMostlyAround;
     });
     for (const Grown& g : edge)
       *depth.at(g.x, g.y) = g.depth + kBackwards * g.depth / static_cast<float>(depth_camera_.fx);
