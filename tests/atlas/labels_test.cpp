@@ -136,15 +136,6 @@ TEST(Labels, WhatNoOtherViewSeesIsLeftToAlpha) {
   EXPECT_NEAR(labelled_area(labelled, ViewId{0}), 1.44, 1e-3);
 }
 
-TEST(Labels, WhatASensorMeasuredBesideItsOutlineIsCutByItsOwnView) {
-  const std::vector<View> views = better_and_worse();
-  Mesh mesh = wall(0.6f, 24);
-  set_sensor(mesh, SensorId{0});
-  const Mesh labelled =
-      atlas::label_triangles(mesh, views, {.alpha = cut_columns(views[0], 0, views[0].width / 2)});
-  EXPECT_NEAR(labelled_area(labelled, ViewId{0}), 1.44, 1e-3);
-}
-
 /// Blocks of 16 pixels of a view; `is_valid`: of a column and row.
 template <typename IsValid>
 TileMask blocks(const View& v, const IsValid& is_valid) {

@@ -144,14 +144,10 @@ int best_view(const Visibilities& visibility, std::size_t t) {
 /// The views that may texture a triangle and what they cost per area: 0 for the best one, at most
 /// kMostCost more. Where only the margin of an occluder hides a triangle, a view costs kMargin
 /// more; where it shows surface just in front, twice as much: such views serve regions that would
-/// be too small. Nothing is allowed where no view shows the triangle itself. What its own sensor
-/// added beyond an outline, for alpha to cut, only that one's view cuts.
-void rate_views(const Visibilities& visibility, std::size_t t, ViewId own, ViewId kept,
+/// be too small. Nothing is allowed where no view shows the triangle itself.
+void rate_views(const Visibilities& visibility, std::size_t t, ViewId kept,
                 std::span<const View> views, float keep, std::span<float> cost) {
   constexpr float kMostCost = 4, kMargin = 1;
-  bool is_cut = false;
-  for (std::size_t v = 0; v < visibility.size(); ++v)
-    is_cut |= views[v].id == own && visibility[v][t].cut > 0;
   const auto shows = [](const TriangleVisibility& s) {
     return s.visible >= kEnoughVisible || s.direct_px > 0;
   };
@@ -160,7 +156,7 @@ void rate_views(const Visibilities& visibility, std::size_t t, ViewId own, ViewI
   for (std::size_t v = 0; v < visibility.size(); ++v) {
     const TriangleVisibility& s = visibility[v][t];
     cost[v] = LabelProblem::kNotAllowed;
-    if ((!shows(s) && s.near_px <= 0) || (is_cut && views[v].id != own)) continue;
+    if (!shows(s) && s.near_px <= 0) continue;
     const float hidden = s.visible >= kEnoughVisible ? 0 : shows(s) ? kMargin : 2 * kMargin;
     const float change = kept == kNoView || views[v].id == kept ? 0 : keep;
     cost[v] = s.cost + hidden + (1 - s.visible) + change;
@@ -180,15 +176,13 @@ LabelProblem label_problem(const LabellingState& work, std::span<const View> vie
   out.mesh = &mesh, out.views = views.size();
   out.cost.resize(count * views.size()), out.area_m2.resize(count);
   out.may_move = work.surface.is_due;
-  const std::vector<SensorId>& sensors = work.surface.sensors;
   parallel_for(count, 1024, [&](std::size_t begin, std::size_t end) {
     for (std::size_t t = begin; t < end; ++t) {
       out.area_m2[t] = 0.5f * length(mesh.area_normal(t));
       if (!out.may_move[t]) continue;
       const ViewId kept = config.history ? config.history->at(mesh.centroid(t)) : kNoView;
       const std::span cost(out.cost.data() + t * views.size(), views.size());
-      const ViewId own = sensors.empty() ? kNoView : view_of(sensors[work.surface.origin[t]]);
-      rate_views(work.visibility, t, own, kept, views, config.keep, cost);
+      rate_views(work.visibility, t, kept, views, config.keep, cost);
       for (float& c : cost) c *= out.area_m2[t];
     }
   });
@@ -317,7 +311,6 @@ struct DuePart {
 Labelling Labelling::of(Mesh surface) {
   Labelling out;
   const std::size_t count = surface.triangles.size();
-  if (!surface.sensors.empty()) out.sensors = triangle_sensors(surface);
   out.mesh = std::move(surface);
   out.mesh.views.clear();
   out.label.assign(count, kNone), out.is_due.assign(count, 1);

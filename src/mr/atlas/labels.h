@@ -62,7 +62,6 @@ struct Labelling {
   std::vector<int> label;             ///< [T] index of a view; kNone: none
   std::vector<std::uint8_t> is_due;   ///< [T] whether it is to be labelled
   std::vector<std::uint32_t> origin;  ///< [T] index of the original triangle
-  std::vector<SensorId> sensors;      ///< who measured the original triangles; empty: not told
   /// For each vertex added by cutting, the ends of the edge that it lies on. These vertices are the
   /// last of the mesh.
   std::vector<std::array<std::uint32_t, 2>> cut_edges;

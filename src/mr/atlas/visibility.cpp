@@ -396,14 +396,12 @@ TriangleVisibility ViewVisibility::of_triangle(const Mesh& mesh, std::size_t t,
     visibility.direct_px = static_cast<float>(count.direct);
   if (count.near >= kLeastDirect * count.pixels)
     visibility.near_px = static_cast<float>(count.near);
-  if (visibility.visible > 0 || visibility.near_px > 0) {
-    visibility.cut = cut_share(corners, middle);
+  if (visibility.visible > 0 || visibility.near_px > 0)
     visibility.cost = cost(outline, middle,
                            {.facing = visibility.facing,
                             .border = 1,
                             .depth_edge_px = edge_px,
-                            .cut = visibility.cut});
-  }
+                            .cut = cut_share(corners, middle)});
   return visibility;
 }
 

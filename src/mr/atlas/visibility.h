@@ -27,7 +27,6 @@ struct TriangleVisibility {
                          ///< 5 cm in front
   float facing = 0;      ///< cosine between the normal and the direction to the camera
   float cost = 0;        ///< how badly the view shows it: see quality_cost()
-  float cut = 0;         ///< share of the triangle where the view's alpha is 0
   bool touches = false;  ///< some of it is inside the picture and visible
 };
 
