@@ -114,7 +114,7 @@ TEST(Compose, AlphaIsArrangedAsThePictureIs) {
   View shown = children.at(ViewId{1});
   shown.image_rect = {16, 8, 32, 16};  // a window
   const atlas::Layout layout = *atlas::make_layout({children.at(ViewId{0}), shown}, {}, 1, 1);
-  auto alpha = std::make_shared<Alpha>(2, ImageMask(32, 16, 1));
+  auto alpha = std::make_shared<Alpha>(Alpha{2, ImageMask(32, 16, 1)});
   for (int y = 6; y < 10; ++y) *alpha->plane.at(10, y) = 0;
   const auto plane = atlas::compose_alpha(layout, {children, {{StreamId{1}, alpha}}});
   ASSERT_TRUE(plane);
@@ -136,7 +136,7 @@ TEST(Compose, AlphaIsArrangedAsThePictureIs) {
 TEST(Compose, AlphaIsScaledWithThePicture) {
   const View v = view(0, 64, 32);
   const atlas::Layout layout = *atlas::make_layout({v}, {}, 0.5, 1);
-  auto alpha = std::make_shared<Alpha>(2, ImageMask(32, 16, 1));
+  auto alpha = std::make_shared<Alpha>(Alpha{2, ImageMask(32, 16, 1)});
   for (int y = 0; y < 16; ++y)
     for (int x = 0; x < 16; ++x) *alpha->plane.at(x, y) = 0;  // the left half
   const auto plane = atlas::compose_alpha(layout, {{{ViewId{0}, v}}, {{StreamId{0}, alpha}}});
@@ -151,7 +151,7 @@ TEST(Compose, AlphaIsKeptOnlyWhereItMatters) {
   const View v = view(0, 64, 32);
   const std::map<ViewId, View> children = {{ViewId{0}, v}};
   const atlas::Layout layout = *atlas::make_layout({v}, {}, 1, 1);
-  auto alpha = std::make_shared<Alpha>(2, ImageMask(32, 16, 1));
+  auto alpha = std::make_shared<Alpha>(Alpha{2, ImageMask(32, 16, 1)});
   for (int y = 0; y < 16; ++y)
     for (int x = 0; x < 32; ++x) *alpha->plane.at(x, y) = x % 8 < 4;
   const AlphaPlanes planes = {{StreamId{0}, alpha}};

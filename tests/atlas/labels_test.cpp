@@ -104,7 +104,8 @@ TEST(Labels, BestAngleTakesTheMostDirectView) {
 
 /// The alpha plane of a view's picture; 0 in columns [first, last) of the camera.
 AlphaPlanes cut_columns(const View& v, int first, int last) {
-  auto alpha = std::make_shared<Alpha>(2, ImageMask((v.width + 1) / 2, (v.height + 1) / 2, 1));
+  auto alpha =
+      std::make_shared<Alpha>(Alpha{2, ImageMask((v.width + 1) / 2, (v.height + 1) / 2, 1)});
   for (int y = 0; y < alpha->plane.height; ++y)
     for (int x = first / 2; x < last / 2; ++x) *alpha->plane.at(x, y) = 0;
   return {{v.stream, alpha}};

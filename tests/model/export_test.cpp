@@ -311,7 +311,7 @@ DecodedScene scene_with_alpha(Layer layer) {
       test::grid({-0.6f, 0.4f, 2}, {1.2f, 0, 0}, {0, -0.8f, 0}, 2, 2), std::vector(8, 0u)));
   chunk->key.id.layer = layer;
   scene.chunks = {chunk};
-  auto alpha = std::make_shared<Alpha>(2, ImageMask(50, 24));
+  auto alpha = std::make_shared<Alpha>(Alpha{2, ImageMask(50, 24)});
   for (int y = 0; y < 24; ++y)
     for (int x = 0; x < 50; ++x) *alpha->plane.at(x, y) = std::hypot(x - 15, y - 12) < 5;
   scene.alpha = {{StreamId{4}, alpha}};
@@ -339,7 +339,7 @@ TEST_F(Export, WhatStaysIsNotCut) {
 
 TEST_F(Export, AlphaOfAnotherSizeIsAnError) {
   DecodedScene scene = scene_with_alpha(Layer::moving);
-  scene.alpha[StreamId{4}] = std::make_shared<Alpha>(2, ImageMask(50, 25));
+  scene.alpha[StreamId{4}] = std::make_shared<Alpha>(Alpha{2, ImageMask(50, 25)});
   EXPECT_FALSE(bake(scene));
 }
 
