@@ -116,7 +116,7 @@ TEST(Compose, AlphaIsArrangedAsThePictureIs) {
   const atlas::Layout layout = *atlas::make_layout({children.at(ViewId{0}), shown}, {}, 1, 1);
   auto alpha = std::make_shared<Alpha>(Alpha{2, ImageMask(32, 16, 1)});
   for (int y = 6; y < 10; ++y) *alpha->plane.at(10, y) = 0;
-  const auto plane = atlas::compose_alpha(layout, {children, {{StreamId{1}, alpha}}});
+  const auto plane = atlas::compose_alpha(layout, {children, {{StreamId{1}, alpha}}, {}});
   ASSERT_TRUE(plane);
   EXPECT_EQ(plane->step_px, 2);
   ASSERT_EQ(plane->plane.width, layout.width / 2);
@@ -129,8 +129,8 @@ TEST(Compose, AlphaIsArrangedAsThePictureIs) {
     }
   // Beside the window nothing is cut: no plane.
   for (int y = 6; y < 10; ++y) *alpha->plane.at(10, y) = 1, *alpha->plane.at(30, y) = 0;
-  EXPECT_FALSE(atlas::compose_alpha(layout, {children, {{StreamId{1}, alpha}}}));
-  EXPECT_FALSE(atlas::compose_alpha(layout, {children, {}}));
+  EXPECT_FALSE(atlas::compose_alpha(layout, {children, {{StreamId{1}, alpha}}, {}}));
+  EXPECT_FALSE(atlas::compose_alpha(layout, {children, {}, {}}));
 }
 
 TEST(Compose, AlphaIsScaledWithThePicture) {
@@ -139,7 +139,7 @@ TEST(Compose, AlphaIsScaledWithThePicture) {
   auto alpha = std::make_shared<Alpha>(Alpha{2, ImageMask(32, 16, 1)});
   for (int y = 0; y < 16; ++y)
     for (int x = 0; x < 16; ++x) *alpha->plane.at(x, y) = 0;  // the left half
-  const auto plane = atlas::compose_alpha(layout, {{{ViewId{0}, v}}, {{StreamId{0}, alpha}}});
+  const auto plane = atlas::compose_alpha(layout, {{{ViewId{0}, v}}, {{StreamId{0}, alpha}}, {}});
   ASSERT_TRUE(plane);
   const Rect at = layout.views[0].atlas_rect;
   for (int y = 0; y < at.height / 2; ++y)
@@ -154,7 +154,7 @@ TEST(Compose, AlphaIsKeptOnlyWhereItMatters) {
   auto alpha = std::make_shared<Alpha>(Alpha{2, ImageMask(32, 16, 1)});
   for (int y = 0; y < 16; ++y)
     for (int x = 0; x < 32; ++x) *alpha->plane.at(x, y) = x % 8 < 4;
-  const AlphaPlanes planes = {{StreamId{0}, alpha}};
+  const AlphaByStream planes = {{StreamId{0}, alpha}};
   ImageMask used(64, 32);
   *used.at(2, 2) = 1;                     // of the first block a one
   *used.at(16 + 14, 2) = 1;               // of the second a zero

@@ -103,7 +103,7 @@ TEST(Labels, BestAngleTakesTheMostDirectView) {
 }
 
 /// The alpha plane of a view's picture; 0 in columns [first, last) of the camera.
-AlphaPlanes cut_columns(const View& v, int first, int last) {
+AlphaByStream cut_columns(const View& v, int first, int last) {
   auto alpha =
       std::make_shared<Alpha>(Alpha{2, ImageMask((v.width + 1) / 2, (v.height + 1) / 2, 1)});
   for (int y = 0; y < alpha->plane.height; ++y)

@@ -229,86 +229,61 @@ ImageRgb compose_atlas(const Layout& layout, const AtlasSources& from, ImageRgb 
 
 namespace {
 
-/// Along one axis: the pixel of a child's plane for each pixel of an atlas's plane from `first` on.
-struct PlaneAxis {
-  int first = 0;
-  std::vector<int> from;
-
-  /// `tile`, `shown`: first pixel and size of the tile in the atlas, and of the part of the camera
-  /// picture that it shows; `own`, `own_shown`: the same in the child's picture.
-  struct Span {
-    int first, size;
-  };
-  PlaneAxis(Span tile, Span shown, Span own, Span own_shown, const Alpha& child, int child_size,
-            int step_px) {
-    first = (tile.first + step_px / 2) / step_px;
-    for (int i = first; i * step_px + step_px / 2 < tile.first + tile.size; ++i) {
-      const double in_tile = (i + 0.5) * step_px - tile.first;
-      const double camera = in_tile * shown.size / tile.size + shown.first;
-      const double at = (camera - own_shown.first) * own.size / own_shown.size + own.first;
-      from.push_back(std::clamp(static_cast<int>(at / child.step_px), 0, child_size - 1));
-    }
-  }
-};
-
 /// Makes blocks uniform whose used pixels are all 0 or all 1.
-Alpha simplified(Alpha alpha, const View& view, const ImageMask& used) {
-  constexpr int kBlock_px = 8;
+void simplify(Alpha& alpha, const View& view, const ImageMask& used) {
+  constexpr int kAlphaBlock_px = AlphaPlane::kBlock_px;
   constexpr std::uint8_t kZeros = 1, kOnes = 2;
   ImageMask& plane = alpha.plane;
-  const auto index = [&](double p, int size) {
-    return std::clamp(static_cast<int>((p + 0.5) / alpha.step_px), 0, size - 1);
-  };
   std::vector<int> column(used.width);
-  for (int x = 0; x < used.width; ++x)
-    column[x] = index(stream_pixel(view, {double(x), 0}).x, plane.width);
-  ImageMask values((plane.width + kBlock_px - 1) / kBlock_px,
-                   (plane.height + kBlock_px - 1) / kBlock_px);
+  for (int x = 0; x < used.width; ++x) column[x] = alpha.column(stream_pixel(view, {x + 0.0, 0}).x);
+  ImageMask values((plane.width + kAlphaBlock_px - 1) / kAlphaBlock_px,
+                   (plane.height + kAlphaBlock_px - 1) / kAlphaBlock_px);
   for (int y = 0; y < used.height; ++y) {
-    const int row = index(stream_pixel(view, {0, double(y)}).y, plane.height);
+    const int row = alpha.row(stream_pixel(view, {0, y + 0.0}).y);
     for (int x = 0; x < used.width; ++x)
       if (*used.at(x, y))
-        *values.at(column[x] / kBlock_px, row / kBlock_px) |=
+        *values.at(column[x] / kAlphaBlock_px, row / kAlphaBlock_px) |=
             *plane.at(column[x], row) ? kOnes : kZeros;
   }
   for (int y = 0; y < plane.height; ++y)
     for (int x = 0; x < plane.width; ++x)
-      if (const std::uint8_t v = *values.at(x / kBlock_px, y / kBlock_px); v != (kZeros | kOnes))
+      if (const std::uint8_t v = *values.at(x / kAlphaBlock_px, y / kAlphaBlock_px);
+          v != (kZeros | kOnes))
         *plane.at(x, y) = v != kZeros;
-  return alpha;
+}
+
+/// Draws the tile of a plane, from the plane of its child.
+void draw_tile(const View& tile, const View& child, const Alpha& from, Alpha& out) {
+  const Rect& at = tile.atlas_rect;
+  const auto middle = [&](int i) { return (i + 0.5) * out.step_px - 0.5; };
+  const auto first = [&](int pixel) { return (pixel + out.step_px / 2) / out.step_px; };
+  std::vector<int> columns;
+  for (int x = first(at.x); middle(x) < at.x + at.width - 0.5; ++x)
+    columns.push_back(from.column(stream_pixel(child, camera_pixel(tile, {middle(x), 0})).x));
+  for (int y = first(at.y); middle(y) < at.y + at.height - 0.5; ++y) {
+    const int row = from.row(stream_pixel(child, camera_pixel(tile, {0, middle(y)})).y);
+    std::ranges::transform(columns, out.plane.at(first(at.x), y),
+                           [&](int column) { return *from.plane.at(column, row); });
+  }
 }
 
 }  // namespace
 
 std::optional<Alpha> compose_alpha(const Layout& layout, const AlphaSources& sources) {
-  std::optional<Alpha> out;
+  constexpr int kStep_px = AlphaPlane::kStep_px;
+  Alpha out{kStep_px, ImageMask((layout.width + kStep_px - 1) / kStep_px,
+                                (layout.height + kStep_px - 1) / kStep_px, 1)};
   for (const View& tile : layout.views) {
     const auto child = sources.children.find(tile.id);
     if (child == sources.children.end()) continue;
-    const auto plane = sources.planes.find(child->second.stream);
-    if (plane == sources.planes.end()) continue;
-    const auto used = sources.used.find(tile.id);
-    const Alpha from = used == sources.used.end()
-                           ? *plane->second
-                           : simplified(*plane->second, child->second, used->second);
-    if (!out) {
-      const int step = from.step_px;
-      out = Alpha{
-          step, ImageMask((layout.width + step - 1) / step, (layout.height + step - 1) / step, 1)};
-    }
-    const View& own = child->second;
-    const auto columns = [](const Rect& r) { return PlaneAxis::Span{r.x, r.width}; };
-    const auto rows = [](const Rect& r) { return PlaneAxis::Span{r.y, r.height}; };
-    const PlaneAxis x(columns(tile.atlas_rect), columns(tile.image_rect), columns(own.atlas_rect),
-                      columns(own.image_rect), from, from.plane.width, out->step_px);
-    const PlaneAxis y(rows(tile.atlas_rect), rows(tile.image_rect), rows(own.atlas_rect),
-                      rows(own.image_rect), from, from.plane.height, out->step_px);
-    for (std::size_t v = 0; v < y.from.size(); ++v)
-      for (std::size_t u = 0; u < x.from.size(); ++u)
-        *out->plane.at(x.first + static_cast<int>(u), y.first + static_cast<int>(v)) =
-            *from.plane.at(x.from[u], y.from[v]);
+    const auto found = sources.planes.find(child->second.stream);
+    if (found == sources.planes.end()) continue;
+    Alpha from = *found->second;
+    if (const auto used = sources.used.find(tile.id); used != sources.used.end())
+      simplify(from, child->second, used->second);
+    draw_tile(tile, child->second, from, out);
   }
-  if (out && std::ranges::count(out->plane.data, 0) == 0) out.reset();
+  if (std::ranges::count(out.plane.data, 0) == 0) return std::nullopt;
   return out;
 }
 

@@ -39,10 +39,10 @@ ImageRgb compose_atlas(const Layout& layout, const AtlasSources& from, ImageRgb 
 /// What an alpha plane is composed of.
 struct AlphaSources {
   const std::map<ViewId, View>& children;  ///< as AtlasSources has them
-  const AlphaPlanes& planes;
+  const AlphaByStream& planes;
   /// Pixels that a view's triangles show. Blocks of 8x8 of the plane whose used pixels are all 0 or
   /// all 1 become that, so that outlines that nobody sees cost no bits. Without a mask: all.
-  std::map<ViewId, ImageMask> used{};
+  const std::map<ViewId, ImageMask>& used;
 };
 
 /// The alpha plane of the atlas picture of a layout, nearest pixels of the children's planes; 1

@@ -33,7 +33,7 @@ struct LabelConfig {
   std::map<ViewId, TileMask> valid{};
   /// Alpha planes of the views' pictures, by stream: a view that shows something else where a
   /// triangle lies (alpha is 0) textures it only where no other does.
-  AlphaPlanes alpha{};
+  AlphaByStream alpha{};
   const ColorSampler* colors = nullptr;   ///< coherent: seams go where pictures agree; may be null
   const LabelHistory* history = nullptr;  ///< coherent: views that are kept; null: none
   float keep = 0.15f;                     ///< how much worse a kept view may be (quality_cost)

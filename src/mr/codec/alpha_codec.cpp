@@ -5,11 +5,12 @@
 #include <cstdint>
 
 #include "mr/core/assert.h"
+#include "mr/core/packet.h"
 
 namespace mr::codec {
 namespace {
 
-constexpr int kBlock_px = 8;
+constexpr int kBlock_px = AlphaPlane::kBlock_px;
 
 // The range coder of LZMA: probabilities of a 0 in 2048ths, carries resolved by the encoder.
 constexpr int kProbabilityBits = 11, kAdaptation = 4;

@@ -93,12 +93,14 @@ struct StreamState {
 /// picture, a square, share one of the plane; between the middles of these alpha is bilinear, and
 /// over a half is drawn.
 struct AlphaPlane {
+  static constexpr int kStep_px = 2;  ///< of the planes that we make
+  static constexpr int kMostStep_px = 16;
+  static constexpr int kBlock_px = 8;  ///< a uniform block of the plane costs next to no bits
+
   StreamId stream{};
-  int step_px = 2;            ///< side of the square
+  int step_px = kStep_px;     ///< side of the square
   int width = 0, height = 0;  ///< of the plane
   SharedBytes data;
-
-  static constexpr int kMostStep_px = 16;
 
   friend bool operator==(const AlphaPlane&, const AlphaPlane&) = default;
 };

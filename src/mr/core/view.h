@@ -63,6 +63,14 @@ inline Vec2d stream_pixel(const View& view, Vec2d camera_pixel) {
           (camera_pixel.y + 0.5 - view.image_rect.y) * sy + view.atlas_rect.y - 0.5};
 }
 
+/// The camera pixel at a place in the picture of the view's stream: the inverse of stream_pixel().
+inline Vec2d camera_pixel(const View& view, Vec2d stream_pixel) {
+  const double sx = static_cast<double>(view.image_rect.width) / view.atlas_rect.width;
+  const double sy = static_cast<double>(view.image_rect.height) / view.atlas_rect.height;
+  return {(stream_pixel.x + 0.5 - view.atlas_rect.x) * sx + view.image_rect.x - 0.5,
+          (stream_pixel.y + 0.5 - view.atlas_rect.y) * sy + view.image_rect.y - 0.5};
+}
+
 /// Texture coordinate of a camera pixel in the stream's picture of the given size:
 /// uv = (p + 0.5) / size, v from the top.
 inline Vec2d atlas_uv(const View& view, Vec2d camera_pixel, int atlas_width, int atlas_height) {

@@ -66,14 +66,9 @@ bool crosses_outline(const BakeView& view, const Corners& uvs) {
   const auto [left, right] = std::minmax({uvs[0].x, uvs[1].x, uvs[2].x});
   const auto [top, bottom] = std::minmax({uvs[0].y, uvs[1].y, uvs[2].y});
   const Alpha& alpha = *view.alpha;
-  const auto index = [&](float uv, int picture, int plane) {
-    return std::clamp(static_cast<int>(uv * static_cast<float>(picture)) / alpha.step_px, 0,
-                      plane - 1);
-  };
-  const int x0 = index(left, view.atlas_width, alpha.plane.width),
-            x1 = index(right, view.atlas_width, alpha.plane.width),
-            y0 = index(top, view.atlas_height, alpha.plane.height),
-            y1 = index(bottom, view.atlas_height, alpha.plane.height);
+  const auto column = [&](float u) { return alpha.column(double{u} * view.atlas_width - 0.5); };
+  const auto row = [&](float v) { return alpha.row(double{v} * view.atlas_height - 0.5); };
+  const int x0 = column(left), x1 = column(right), y0 = row(top), y1 = row(bottom);
   for (int y = y0; y <= y1; ++y)
     for (int x = x0; x <= x1; ++x)
       if (*alpha.plane.at(x, y) != *alpha.plane.at(x0, y0)) return true;

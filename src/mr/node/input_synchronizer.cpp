@@ -87,8 +87,8 @@ InputSynchronizer::InputSynchronizer(const Scene& scene, const MergerConfig& mer
   }
 }
 
-AlphaPlanes alpha_of(const CaptureSet& captures) {
-  AlphaPlanes out;
+AlphaByStream alpha_of(const CaptureSet& captures) {
+  AlphaByStream out;
   for (const DecodedScene& scene : captures.scenes)
     out.insert(scene.alpha.begin(), scene.alpha.end());
   return out;
@@ -244,7 +244,7 @@ Result<std::optional<CaptureSet>> InputSynchronizer::next_set(TimePoint now) {
     return Error{Error::Cause::empty, "merger '" + merger_.id + "' has no live input at this tick"};
   keep_first_of_each(out.views, [](const View& view) { return std::pair(view.id, view.layer); });
   keep_first_of_each(out.sources, [](const SourceInfo& source) { return source.sensor; });
-  std::ranges::sort(out.alpha, {}, &AlphaPlane::stream);
+  keep_first_of_each(out.alpha, [](const AlphaPlane& plane) { return plane.stream; });
   return std::optional(std::move(out));
 }
 

@@ -34,7 +34,7 @@ struct CaptureSet {
 };
 
 /// The alpha planes of all pictures; where two inputs have one, that of the first.
-AlphaPlanes alpha_of(const CaptureSet& captures);
+AlphaByStream alpha_of(const CaptureSet& captures);
 
 /// The triangles of the cubes that lie in a region, by their centroids; views are kept. Of two
 /// regions side by side, each triangle is inside one.

@@ -40,7 +40,7 @@ class MovingLayer {
     const CorrectedPoses& poses;
     const atlas::Occluders* still;      ///< hides what moves; null: nothing does
     const atlas::ColorSampler* colors;  ///< of the live pictures; null: there are none
-    const AlphaPlanes& alpha;           ///< of the live pictures
+    const AlphaByStream& alpha;         ///< of the live pictures
     const std::function<void()>& on_cores_free;
   };
   /// Merges `parts`, made of `scenes`: poses corrected, without what the still surface shows. After

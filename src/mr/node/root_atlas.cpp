@@ -232,22 +232,12 @@ ImageRgb RootAtlas::draw_live(const Children& children, const atlas::Pictures& p
 }
 
 /// The children's alpha, arranged as the live atlas is.
-void RootAtlas::add_alpha(const Tick& tick, const Children& children, const Mesh& moving,
+void RootAtlas::add_alpha(const Tick& tick, const Children& children, const Used& used,
                           Packet& packet) const {
-  constexpr int kBeside_px = 3;  // alpha is bilinear
-  const AlphaPlanes planes = alpha_of(tick.captures);
-  Used used;
-  for (const View& view : tick.views)
-    if (planes.contains(view.stream)) used[view.id] = {};
-  parallel_for(tick.views.size(), 1, [&](std::size_t begin, std::size_t end) {
-    for (std::size_t i = begin; i < end; ++i)
-      if (const auto mask = used.find(tick.views[i].id); mask != used.end())
-        mask->second = atlas::used_pixels(moving, tick.views[i], kBeside_px);
-  });
-  const auto plane = atlas::compose_alpha(live_layout_, {children, planes, std::move(used)});
-  if (!plane) return;
-  packet.alpha = {{kLiveStream, plane->step_px, plane->plane.width, plane->plane.height,
-                   codec::encode_alpha(plane->plane)}};
+  const auto alpha = atlas::compose_alpha(live_layout_, {children, alpha_of(tick.captures), used});
+  if (!alpha) return;
+  packet.alpha = {{kLiveStream, alpha->step_px, alpha->plane.width, alpha->plane.height,
+                   codec::encode_alpha(alpha->plane)}};
 }
 
 /// Encodes a picture unless it equals the last one and no key frame was requested.
@@ -277,7 +267,7 @@ Status RootAtlas::compose(const Tick& tick, const Mesh& moving, const Mesh* stil
   atlas::ValidTiles seeing = seeing_tiles(tick.views, tick.sources);
   colors_.update({tick.views, pictures, seeing, moving, still, plates_, changed_blocks_});
   add_views(still != nullptr, packet);
-  add_alpha(tick, children, moving, packet);
+  add_alpha(tick, children, used, packet);
   const bool has_plates = still && !plates_.empty();
   const bool plates_due = has_plates && are_plates_due(plate_layout_.views.front().layout);
   if (plates_due)

@@ -119,7 +119,7 @@ class RootAtlas {
   std::vector<View> windows(const std::vector<View>& views, const Used& used);
   Used used_pixels(const Tick& tick, const Mesh& shown, float error_m) const;
   void add_views(bool with_plates, Packet& packet) const;
-  void add_alpha(const Tick& tick, const Children& children, const Mesh& moving,
+  void add_alpha(const Tick& tick, const Children& children, const Used& used,
                  Packet& packet) const;
   ImageRgb draw_live(const Children& children, const atlas::Pictures& pictures, Used used);
   Status add_plates(const Children& children, Packet& packet);

@@ -43,6 +43,7 @@ still::BackgroundUpdate SensorLayers::observe(const Frame& frame, bool is_sent) 
   const bool is_learnt = was_new && !background_.is_new();  // it is cleaned otherwise now
   is_outdated_ |= update.still_changed || is_learnt;
   began_anew_ |= update.was_reset;
+  if (update.was_reset) plate_ = {};
   return update;
 }
 

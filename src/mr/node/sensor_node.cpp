@@ -143,7 +143,7 @@ Result<std::vector<std::byte>> SensorNode::code(const Reconstructed& surface) {
     if (!unit) return unit.error();
     packet.textures.push_back(*std::move(unit));
     if (std::ranges::count(surface.alpha.data, 0) > 0)
-      packet.alpha = {{stream_of(sensor_), still::kAlphaStep_px, surface.alpha.width,
+      packet.alpha = {{stream_of(sensor_), AlphaPlane::kStep_px, surface.alpha.width,
                        surface.alpha.height, codec::encode_alpha(surface.alpha)}};
   }
   if (clock_.now) packet.marks.push_back({"sensors/coded", clock_.now()});

@@ -15,6 +15,7 @@
 namespace mr::still {
 namespace {
 
+constexpr int kAlphaStep_px = AlphaPlane::kStep_px;
 constexpr int kBlock_px = kColorTile_px / kAlphaStep_px;  // of the plane
 constexpr int kSameLevels = 10, kDifferentLevels = 26;  // of 255, in the channel that differs most
 constexpr int kStaysLevels = 17;        // what was different in the capture before stays so above
@@ -66,7 +67,7 @@ OutlineFinder::OutlineFinder(const Camera& depth_camera, const Camera& color_cam
       T_color_depth_(T_color_depth),
       width_((color_camera.width + kAlphaStep_px - 1) / kAlphaStep_px),
       height_((color_camera.height + kAlphaStep_px - 1) / kAlphaStep_px),
-      before_(width_, height_, 1) {
+      was_different_(width_, height_) {
   MR_ASSERT(depth_camera.model == CameraModel::pinhole);
   MR_ASSERT(color_camera.model == CameraModel::pinhole);
 }
@@ -77,24 +78,28 @@ Outline OutlineFinder::find(const Input& in) {
   const std::vector<Grown> grown = grow(in, colors, out.depth);
   smooth(grown, out.depth);
   out.alpha = decide(colors, draw(in, out.depth));
-  before_ = out.alpha;
   return out;
 }
 
-OutlineFinder::ColorPlane OutlineFinder::compare(const Input& in) const {
+/// What is different is remembered: it stays so for less.
+OutlineFinder::ColorPlane OutlineFinder::compare(const Input& in) {
   ColorPlane out(width_, height_, Color::unknown);
   parallel_for(height_, 16, [&](std::size_t begin, std::size_t end) {
     for (int y = static_cast<int>(begin); y < static_cast<int>(end); ++y)
       for (int x = 0; x < width_; ++x) {
-        if (!in.known.at(x / kBlock_px, y / kBlock_px)) continue;
+        std::uint8_t& was_different = *was_different_.at(x, y);
+        if (!in.known.at(x / kBlock_px, y / kBlock_px)) {
+          was_different = 0;
+          continue;
+        }
         const auto now = mean_of(in.color, x * kAlphaStep_px, y * kAlphaStep_px);
         const auto plate = mean_of(in.plate, x * kAlphaStep_px, y * kAlphaStep_px);
         const std::array<float, 3> room{plate[0] * in.gain.x, plate[1] * in.gain.y,
                                         plate[2] * in.gain.z};
         const float d = difference(now, room);
+        was_different = d >= (was_different ? kStaysLevels : kDifferentLevels);
         const bool is_dark = std::max({now[0], now[1], now[2]}) < kDarkLevels;
-        *out.at(x, y) = d >= (*before_.at(x, y) ? kStaysLevels : kDifferentLevels)
-                            ? Color::different
+        *out.at(x, y) = was_different     ? Color::different
                         : is_dark         ? Color::dark
                         : d < kSameLevels ? Color::same
                                           : Color::unsure;
@@ -108,13 +113,15 @@ OutlineFinder::Color OutlineFinder::color_at(const ColorPlane& colors, int x, in
                                              float depth) const {
   const Vec3d ray = unproject(depth_camera_, {double(x), double(y)});
   const auto p = project(color_camera_, T_color_depth_ * (ray * double{depth}));
-  if (!p || !(p->x >= 0 && p->y >= 0 && p->x < color_camera_.width && p->y < color_camera_.height))
+  if (!p) return Color::unknown;
+  const double u = p->x + 0.5, v = p->y + 0.5;
+  if (!(u >= 0 && v >= 0 && u < color_camera_.width && v < color_camera_.height))
     return Color::unknown;
-  return *colors.at(static_cast<int>(p->x) / kAlphaStep_px, static_cast<int>(p->y) / kAlphaStep_px);
+  return *colors.at(static_cast<int>(u) / kAlphaStep_px, static_cast<int>(v) / kAlphaStep_px);
 }
 
 /// Whether nothing is measured at that depth, or before it, that does not move.
-bool OutlineFinder::is_free(const Input& in, int x, int y, float depth) const {
+bool OutlineFinder::is_free(const Input& in, int x, int y, float depth) {
   const float measured = *in.measured.at(x, y);
   return !(measured > 0) || *in.moving.at(x, y) || measured > depth + kClear_m;
 }
@@ -122,7 +129,7 @@ bool OutlineFinder::is_free(const Input& in, int x, int y, float depth) const {
 /// The pixels without depth beside some that have one, row by row.
 std::vector<OutlineFinder::Grown> OutlineFinder::neighbours(const Input& in,
                                                             const ImageDepth& depth,
-                                                            const std::vector<Grown>& of) const {
+                                                            const std::vector<Grown>& of) {
   std::vector<Grown> out;
   for (const Grown& from : of)
     for (const auto& [dx, dy] : kAround)
@@ -172,7 +179,7 @@ std::vector<OutlineFinder::Grown> OutlineFinder::grow(const Input& in, const Col
 }
 
 /// Makes what was added a membrane between the pixels around it.
-void OutlineFinder::smooth(const std::vector<Grown>& grown, ImageDepth& depth) const {
+void OutlineFinder::smooth(const std::vector<Grown>& grown, ImageDepth& depth) {
   constexpr int kPasses = 8;
   constexpr float kBreak_m = 0.1f;
   std::vector<float> next(grown.size());
@@ -248,45 +255,55 @@ OutlineFinder::DepthPlane OutlineFinder::draw(const Input& in, const ImageDepth&
   return out;
 }
 
-/// Alpha: what moves stays; beside it, what looks like the room goes.
-ImageMask OutlineFinder::decide(const ColorPlane& colors, const DepthPlane& depths) const {
-  const int columns = (width_ + kBlock_px - 1) / kBlock_px,
-            rows = (height_ + kBlock_px - 1) / kBlock_px;
-  ImageMask near(columns, rows);
-  for (int y = 0; y < height_; ++y)
-    for (int x = 0; x < width_; ++x) {
+/// The blocks of the plane within kNearBlocks of what moves and is not the room.
+ImageMask OutlineFinder::near_blocks(const DepthPlane& depths) {
+  ImageMask out((depths.width + kBlock_px - 1) / kBlock_px,
+                (depths.height + kBlock_px - 1) / kBlock_px);
+  for (int y = 0; y < depths.height; ++y)
+    for (int x = 0; x < depths.width; ++x) {
       if (*depths.at(x, y) < Depth::edge) continue;
       const int column = x / kBlock_px, row = y / kBlock_px;
-      for (int v = std::max(row - kNearBlocks, 0); v <= std::min(row + kNearBlocks, rows - 1); ++v)
+      for (int v = std::max(row - kNearBlocks, 0); v <= std::min(row + kNearBlocks, out.height - 1);
+           ++v)
         for (int u = std::max(column - kNearBlocks, 0);
-             u <= std::min(column + kNearBlocks, columns - 1); ++u)
-          *near.at(u, v) = 1;
+             u <= std::min(column + kNearBlocks, out.width - 1); ++u)
+          *out.at(u, v) = 1;
     }
-  const auto is_kept = [](Depth d) { return d == Depth::moving || d == Depth::kept; };
-  ImageMask out(width_, height_, 1);
+  return out;
+}
+
+/// A few pixels go with those around them; those that `is_fixed` stay.
+ImageMask OutlineFinder::without_specks(ImageMask alpha, const ImageMask& is_fixed) {
+  constexpr int kPasses = 2, kMostOfNine = 5;
+  for (int pass = 0; pass < kPasses; ++pass) {
+    const ImageMask raw = alpha;
+    for (int y = 1; y + 1 < alpha.height; ++y)
+      for (int x = 1; x + 1 < alpha.width; ++x) {
+        if (*is_fixed.at(x, y)) continue;
+        int ones = *raw.at(x, y);
+        for (const auto& [dx, dy] : kAround) ones += *raw.at(x + dx, y + dy);
+        *alpha.at(x, y) = ones >= kMostOfNine;
+      }
+  }
+  return alpha;
+}
+
+/// Alpha: what moves stays; beside it, what looks like the room goes.
+ImageMask OutlineFinder::decide(const ColorPlane& colors, const DepthPlane& depths) const {
+  const ImageMask near = near_blocks(depths);
+  ImageMask out(width_, height_, 1), is_fixed(width_, height_, 1);
   for (int y = 0; y < height_; ++y)
     for (int x = 0; x < width_; ++x) {
-      if (!*near.at(x / kBlock_px, y / kBlock_px)) continue;
       const Color color = *colors.at(x, y);
       const Depth depth = *depths.at(x, y);
-      if (is_kept(depth) || color == Color::unknown) continue;
-      *out.at(x, y) = color == Color::different ||
+      if (!*near.at(x / kBlock_px, y / kBlock_px) || depth == Depth::moving || depth == Depth::kept)
+        continue;
+      *is_fixed.at(x, y) = 0;
+      *out.at(x, y) = color == Color::different || color == Color::unknown ||
                       (color == Color::dark && depth != Depth::still) ||
                       (color == Color::unsure && depth == Depth::edge);
     }
-  // A few pixels go with those around them.
-  constexpr int kPasses = 2;
-  for (int pass = 0; pass < kPasses; ++pass) {
-    const ImageMask raw = out;
-    for (int y = 1; y + 1 < height_; ++y)
-      for (int x = 1; x + 1 < width_; ++x) {
-        if (!*near.at(x / kBlock_px, y / kBlock_px) || is_kept(*depths.at(x, y))) continue;
-        int ones = *raw.at(x, y);
-        for (const auto& [dx, dy] : kAround) ones += *raw.at(x + dx, y + dy);
-        *out.at(x, y) = ones >= 5;
-      }
-  }
-  return out;
+  return without_specks(std::move(out), is_fixed);
 }
 
 }  // namespace mr::still

@@ -10,16 +10,13 @@
 
 namespace mr::still {
 
-/// Side of the square of colour pixels that share a pixel of an alpha plane.
-inline constexpr int kAlphaStep_px = 2;
-
 /// What moves, with the outline that the colour picture shows.
 struct Outline {
   /// [H, W] the moving depth, with what colour adds to it: the pixels up to the outline, hair, and
   /// thin things.
   ImageDepth depth;
   /// 0: the colour picture shows the room there, beside what moves. Of the colour picture, a pixel
-  /// for kAlphaStep_px squared.
+  /// for AlphaPlane::kStep_px squared.
   ImageMask alpha;
 };
 
@@ -63,23 +60,25 @@ class OutlineFinder {
     int beside;   ///< how many of its neighbours have a depth
   };
 
-  ColorPlane compare(const Input& in) const;
+  ColorPlane compare(const Input& in);
   Color color_at(const ColorPlane& colors, int x, int y, float depth) const;
-  bool is_free(const Input& in, int x, int y, float depth) const;
-  std::vector<Grown> neighbours(const Input& in, const ImageDepth& depth,
-                                const std::vector<Grown>& of) const;
+  static bool is_free(const Input& in, int x, int y, float depth);
+  static std::vector<Grown> neighbours(const Input& in, const ImageDepth& depth,
+                                       const std::vector<Grown>& of);
   std::vector<Grown> grow(const Input& in, const ColorPlane& colors, ImageDepth& depth) const;
-  void smooth(const std::vector<Grown>& grown, ImageDepth& depth) const;
+  static void smooth(const std::vector<Grown>& grown, ImageDepth& depth);
   template <typename F>
   void each_plane_pixel(int x, int y, float depth, float side_px, const F& f) const;
   static Depth kind_of(const Input& in, int x, int y);
   DepthPlane draw(const Input& in, const ImageDepth& depth) const;
+  static ImageMask near_blocks(const DepthPlane& depths);
+  static ImageMask without_specks(ImageMask alpha, const ImageMask& is_fixed);
   ImageMask decide(const ColorPlane& colors, const DepthPlane& depths) const;
 
   Camera depth_camera_, color_camera_;
   Pose T_color_depth_;
-  int width_, height_;  ///< of the plane
-  ImageMask before_;    ///< alpha of the capture before
+  int width_, height_;       ///< of the plane
+  ImageMask was_different_;  ///< in the capture before
 };
 
 }  // namespace mr::still
