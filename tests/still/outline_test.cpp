@@ -82,10 +82,7 @@ struct Stage {
                         cleaned,
                         moving,
                         is_known ? moving : ImageMask(w, h),
-                        color,
-                        plate,
-                        known,
-                        {1, 1, 1}});
+                        {color, plate, known, {1, 1, 1}}});
   }
   Outline find() {
     OutlineFinder finder(depth_camera, color_camera, Pose{});

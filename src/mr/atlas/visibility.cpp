@@ -280,6 +280,35 @@ void Face::add(const kit::ScreenSpan& s, Count& count) const {
   count.pixels += std::max(0, s.last - s.first + 1);
 }
 
+ValidRegion::ValidRegion(const TileMask* mask) : mask_(mask) {
+  if (!mask) return;
+  const std::size_t stride = static_cast<std::size_t>(mask->columns) + 1;
+  above_.resize(stride * (static_cast<std::size_t>(mask->rows) + 1));
+  for (int row = 0; row < mask->rows; ++row)
+    for (int column = 0; column < mask->columns; ++column) {
+      const std::size_t at = static_cast<std::size_t>(row) * stride + column;
+      above_[at + stride + 1] =
+          above_[at + 1] + above_[at + stride] - above_[at] + (mask->at(column, row) ? 1 : 0);
+    }
+}
+
+ValidRegion::Share ValidRegion::of(Vec2d least, Vec2d most) const {
+  const auto tile = [&](double px, int count) {
+    return static_cast<int>(
+        std::floor(std::clamp(std::round(px) / mask_->tile_px, -1.0, static_cast<double>(count))));
+  };
+  const int x0 = tile(least.x, mask_->columns), x1 = tile(most.x, mask_->columns);
+  const int y0 = tile(least.y, mask_->rows), y1 = tile(most.y, mask_->rows);
+  const auto above = [&](int column, int row) {
+    column = std::clamp(column, 0, mask_->columns), row = std::clamp(row, 0, mask_->rows);
+    return above_[static_cast<std::size_t>(row) * (mask_->columns + 1) + column];
+  };
+  const std::uint32_t valid =
+      above(x1 + 1, y1 + 1) - above(x0, y1 + 1) - above(x1 + 1, y0) + above(x0, y0);
+  const auto all = static_cast<std::uint32_t>((x1 - x0 + 1) * (y1 - y0 + 1));
+  return valid == 0 ? Share::none : valid < all ? Share::some : Share::all;
+}
+
 ViewVisibility::ViewVisibility(const Mesh& mesh, std::span<const std::uint32_t> triangles,
                                const View& view, const LabelConfig& config)
     : view_(view),
@@ -498,12 +527,19 @@ float ViewVisibility::cut_share(const Corners& corners, Vec3f middle) const {
 ValidRegion::Share ViewVisibility::valid_share(const Corners& corners) const {
   if (valid_.is_whole()) return ValidRegion::Share::all;
   int valid = 0, invalid = 0;
-  if (view_.kind == View::Kind::pinhole) {
+  if (is_pinhole()) {
     const auto in_camera = [&](int i) { return T_camera_world_ * vec_cast<double>(corners[i]); };
-    kit::scan_polygon(kit::clip_to_screen(camera_, {in_camera(0), in_camera(1), in_camera(2)}),
-                      camera_.width, 0, camera_.height, [&](const kit::ScreenSpan& s) {
-                        valid_.add(s.y, s.first, s.last, valid, invalid);
-                      });
+    const kit::ScreenPolygon outline =
+        kit::clip_to_screen(camera_, {in_camera(0), in_camera(1), in_camera(2)});
+    if (outline.count == 3) {
+      const auto& [a, b, c, d] = outline.points;
+      const auto share = valid_.of({std::min({a.u, b.u, c.u}), std::min({a.v, b.v, c.v})},
+                                   {std::max({a.u, b.u, c.u}), std::max({a.v, b.v, c.v})});
+      if (share != ValidRegion::Share::some) return share;
+    }
+    kit::scan_polygon(outline, camera_.width, 0, camera_.height, [&](const kit::ScreenSpan& s) {
+      valid_.add(s.y, s.first, s.last, valid, invalid);
+    });
   }
   for (const Vec3f& p : valid_samples(corners))
     if (const auto pixel = pixel_of(p)) valid_.add(*pixel, valid, invalid);

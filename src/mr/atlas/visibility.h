@@ -100,8 +100,12 @@ class ValidRegion {
  public:
   enum class Share { none, some, all };
 
-  explicit ValidRegion(const TileMask* mask) : mask_(mask) {}
+  explicit ValidRegion(const TileMask* mask);
   bool is_whole() const { return mask_ == nullptr; }
+
+  /// How many of the tiles under the pixels of a rectangle are valid; those beside the picture are
+  /// not. At most a few look-ups (summed-area table).
+  Share of(Vec2d least, Vec2d most) const;
 
   /// Counts the tiles under pixels [first, last] of a row.
   void add(int y, int first, int last, int& valid, int& invalid) const {
@@ -122,7 +126,8 @@ class ValidRegion {
     return column < mask_->columns && row < mask_->rows && mask_->at(column, row);
   }
 
-  const TileMask* mask_;  ///< null: all pixels are valid
+  const TileMask* mask_;              ///< null: all pixels are valid
+  std::vector<std::uint32_t> above_;  ///< [rows + 1, columns + 1] valid tiles left of and above
 };
 
 /// Tests which triangles of a mesh are visible in a view, by depth buffer: that of the view, or

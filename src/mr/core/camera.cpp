@@ -71,10 +71,12 @@ std::optional<Vec2d> project(const Camera& c, Vec3d p) {
   switch (c.model) {
     case CameraModel::pinhole: {
       if (p.z <= 1e-9) return std::nullopt;
-      const Vec2d n{p.x / p.z, p.y / p.z};
-      if (folds_back(c, std::hypot(n.x, n.y))) return std::nullopt;
-      const Vec2d d = distort(c, n);
-      return Vec2d{d.x * c.fx + c.cx, d.y * c.fy + c.cy};
+      Vec2d n{p.x / p.z, p.y / p.z};
+      if (c.distortion != DistortionModel::none) {
+        if (folds_back(c, std::hypot(n.x, n.y))) return std::nullopt;
+        n = distort(c, n);
+      }
+      return Vec2d{n.x * c.fx + c.cx, n.y * c.fy + c.cy};
     }
     case CameraModel::equirectangular:
       return Vec2d{(std::atan2(p.x, p.z) / (2 * kPi) + 0.5) * c.width - 0.5,

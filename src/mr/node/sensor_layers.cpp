@@ -112,8 +112,11 @@ still::Outline SensorLayers::find_outline(const Frame& frame, const Divided& div
                                           const ImageMask& foreign) {
   if (!outline_ || frame.color.empty()) return {divided.moving, {}};
   plate_.update(frame.color, divided.confirmed_color);
-  return outline_->find({frame.depth, divided.moving, divided.moving_pixels, foreign, frame.color,
-                         plate_.picture(), plate_.valid(), plate_.gain()});
+  return outline_->find({frame.depth,
+                         divided.moving,
+                         divided.moving_pixels,
+                         foreign,
+                         {frame.color, plate_.picture(), plate_.valid(), plate_.gain()}});
 }
 
 /// The chunks of a still picture that changed. `readings`: behind its pixels.

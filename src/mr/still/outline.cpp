@@ -3,30 +3,23 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <cstdlib>
 #include <limits>
 #include <tuple>
 #include <utility>
 
 #include "mr/core/assert.h"
-#include "mr/core/parallel.h"
-#include "mr/still/tiles.h"
 
 namespace mr::still {
 namespace {
 
-constexpr int kAlphaStep_px = AlphaPlane::kStep_px;
-constexpr int kBlock_px = kColorTile_px / kAlphaStep_px;  // of the plane
-constexpr int kSameLevels = 10, kDifferentLevels = 26;  // of 255, in the channel that differs most
-constexpr int kStaysLevels = 17;        // what was different in the capture before stays so above
-constexpr int kDarkLevels = 48;         // hair and black cloth before something dark
-constexpr float kDarkestShadow = 0.6f;  // of the light
+constexpr int kStep_px = PlateDifference::kStep_px, kBlock_px = PlateDifference::kBlock_px;
 constexpr float kClear_m = 0.08f;   // between what moves and the room behind, to tell them apart
 constexpr int kThin_px = 4;         // colour may add before depth of the room
 constexpr double kHair_m = 0.22;    // and where there is no depth
 constexpr int kMostlyAround = 5;    // of eight neighbours: these say what colour does not
 constexpr float kBackwards = 0.4f;  // a head is round: what is added turns away from the camera
 constexpr int kNearBlocks = 2;
+constexpr float kOverlap = 1.2f;  // of depth pixels in the plane, so that no gaps are left
 
 constexpr std::array<std::pair<int, int>, 8> kAround{
     {{-1, -1}, {0, -1}, {1, -1}, {-1, 0}, {1, 0}, {-1, 1}, {0, 1}, {1, 1}}};
@@ -36,26 +29,40 @@ bool is_room(const OutlineFinder::Input& in, int x, int y) {
   return *in.measured.at(x, y) > 0 && !*in.moving.at(x, y);
 }
 
-/// The mean of a square of pixels, as far as the picture reaches.
-std::array<int, 3> mean_of(const ImageRgb& picture, int x0, int y0) {
-  const int x1 = std::min(x0 + kAlphaStep_px, picture.width),
-            y1 = std::min(y0 + kAlphaStep_px, picture.height);
-  std::array<int, 3> sum{};
-  for (int y = y0; y < y1; ++y)
-    for (int x = x0; x < x1; ++x)
-      for (int c = 0; c < 3; ++c) sum[c] += picture.at(x, y)[c];
-  for (int& s : sum) s /= (x1 - x0) * (y1 - y0);
-  return sum;
+/// Whether one of the eight pixels around a pixel is set, as `is_set` says of those in the picture.
+template <typename F>
+bool any_around(const ImageDepth& picture, int x, int y, const F& is_set) {
+  return std::ranges::any_of(kAround, [&](const auto& d) {
+    return picture.contains(x + d.first, y + d.second) && is_set(x + d.first, y + d.second);
+  });
 }
 
-/// How much a colour differs from a room's, which may lie in shadow.
-float difference(const std::array<int, 3>& now, const std::array<float, 3>& room) {
-  float both = 0, square = 0;
-  for (int c = 0; c < 3; ++c) both += now[c] * room[c], square += room[c] * room[c];
-  const float light = square > 0 ? std::clamp(both / square, kDarkestShadow, 1.0f) : 1;
-  float most = 0;
-  for (int c = 0; c < 3; ++c) most = std::max(most, std::abs(now[c] - light * room[c]));
-  return most;
+/// Calls `f` for each pixel of the blocks that are set, block by block.
+template <typename F>
+void each_pixel_of(const ImageMask& blocks, int width, int height, const F& f) {
+  for (int row = 0; row < blocks.height; ++row)
+    for (int column = 0; column < blocks.width; ++column) {
+      if (!*blocks.at(column, row)) continue;
+      const int x_end = std::min((column + 1) * kBlock_px, width),
+                y_end = std::min((row + 1) * kBlock_px, height);
+      for (int y = row * kBlock_px; y < y_end; ++y)
+        for (int x = column * kBlock_px; x < x_end; ++x) f(x, y);
+    }
+}
+
+/// A few pixels of the blocks that are set go with those around them; those that `is_fixed` stay.
+void remove_specks(const ImageMask& blocks, const ImageMask& is_fixed, ImageMask& alpha) {
+  constexpr int kPasses = 2, kMostOfNine = 5;
+  for (int pass = 0; pass < kPasses; ++pass) {
+    const ImageMask raw = alpha;
+    each_pixel_of(blocks, alpha.width, alpha.height, [&](int x, int y) {
+      if (*is_fixed.at(x, y) || x == 0 || y == 0 || x + 1 == alpha.width || y + 1 == alpha.height)
+        return;
+      int ones = *raw.at(x, y);
+      for (const auto& [dx, dy] : kAround) ones += *raw.at(x + dx, y + dy);
+      *alpha.at(x, y) = ones >= kMostOfNine;
+    });
+  }
 }
 
 }  // namespace
@@ -64,60 +71,51 @@ OutlineFinder::OutlineFinder(const Camera& depth_camera, const Camera& color_cam
                              const Pose& T_color_depth)
     : depth_camera_(depth_camera),
       color_camera_(color_camera),
-      T_color_depth_(T_color_depth),
-      width_((color_camera.width + kAlphaStep_px - 1) / kAlphaStep_px),
-      height_((color_camera.height + kAlphaStep_px - 1) / kAlphaStep_px),
-      was_different_(width_, height_) {
-  MR_ASSERT(depth_camera.model == CameraModel::pinhole);
-  MR_ASSERT(color_camera.model == CameraModel::pinhole);
+      translation_(vec_cast<float>(T_color_depth.translation)),
+      width_((color_camera.width + kStep_px - 1) / kStep_px),
+      height_((color_camera.height + kStep_px - 1) / kStep_px) {
+  for (const Camera& camera : {depth_camera, color_camera})
+    MR_ASSERT(camera.model == CameraModel::pinhole && camera.distortion == DistortionModel::none);
+  const auto turned = [&](Vec3d v) { return vec_cast<float>(T_color_depth.rotation * v); };
+  const auto& [fx, fy, cx, cy] =
+      std::array{depth_camera.fx, depth_camera.fy, depth_camera.cx, depth_camera.cy};
+  ray_ = turned({-cx / fx, -cy / fy, 1});
+  ray_right_ = turned({1 / fx, 0, 0}), ray_down_ = turned({0, 1 / fy, 0});
 }
 
 Outline OutlineFinder::find(const Input& in) {
-  const ColorPlane colors = compare(in);
+  PlateDifference colors(in.colors, was_different_);
   Outline out{in.cleaned, {}};
   const std::vector<Grown> grown = grow(in, colors, out.depth);
   smooth(grown, out.depth);
-  out.alpha = decide(colors, draw(in, out.depth));
+  DepthPlane plane{Image<Depth, 1>(width_, height_, Depth::none),
+                   ImageDepth(width_, height_, std::numeric_limits<float>::infinity())};
+  draw_moving(in, out.depth, plane);
+  const ImageMask near = near_blocks(plane);
+  draw_room(in, out.depth, near, plane);
+  out.alpha = decide(colors, plane, near);
+  was_different_ = colors.take_different();
   return out;
 }
 
-/// What is different is remembered: it stays so for less.
-OutlineFinder::ColorPlane OutlineFinder::compare(const Input& in) {
-  ColorPlane out(width_, height_, Color::unknown);
-  parallel_for(height_, 16, [&](std::size_t begin, std::size_t end) {
-    for (int y = static_cast<int>(begin); y < static_cast<int>(end); ++y)
-      for (int x = 0; x < width_; ++x) {
-        std::uint8_t& was_different = *was_different_.at(x, y);
-        if (!in.known.at(x / kBlock_px, y / kBlock_px)) {
-          was_different = 0;
-          continue;
-        }
-        const auto now = mean_of(in.color, x * kAlphaStep_px, y * kAlphaStep_px);
-        const auto plate = mean_of(in.plate, x * kAlphaStep_px, y * kAlphaStep_px);
-        const std::array<float, 3> room{plate[0] * in.gain.x, plate[1] * in.gain.y,
-                                        plate[2] * in.gain.z};
-        const float d = difference(now, room);
-        was_different = d >= (was_different ? kStaysLevels : kDifferentLevels);
-        const bool is_dark = std::max({now[0], now[1], now[2]}) < kDarkLevels;
-        *out.at(x, y) = was_different     ? Color::different
-                        : is_dark         ? Color::dark
-                        : d < kSameLevels ? Color::same
-                                          : Color::unsure;
-      }
-  });
-  return out;
+/// Where the colour picture shows a point at a depth pixel.
+OutlineFinder::InColor OutlineFinder::in_color(int x, int y, float depth) const {
+  const Vec3f ray = ray_ + ray_right_ * static_cast<float>(x) + ray_down_ * static_cast<float>(y);
+  const Vec3f p = ray * depth + translation_;
+  const float per_z = 1 / p.z;
+  return {static_cast<float>(color_camera_.fx) * p.x * per_z + static_cast<float>(color_camera_.cx),
+          static_cast<float>(color_camera_.fy) * p.y * per_z + static_cast<float>(color_camera_.cy),
+          p.z};
 }
 
 /// Of a point at a depth pixel; unknown beside the colour picture.
-OutlineFinder::Color OutlineFinder::color_at(const ColorPlane& colors, int x, int y,
-                                             float depth) const {
-  const Vec3d ray = unproject(depth_camera_, {double(x), double(y)});
-  const auto p = project(color_camera_, T_color_depth_ * (ray * double{depth}));
-  if (!p) return Color::unknown;
-  const double u = p->x + 0.5, v = p->y + 0.5;
-  if (!(u >= 0 && v >= 0 && u < color_camera_.width && v < color_camera_.height))
-    return Color::unknown;
-  return *colors.at(static_cast<int>(u) / kAlphaStep_px, static_cast<int>(v) / kAlphaStep_px);
+PlateColor OutlineFinder::color_at(PlateDifference& colors, int x, int y, float depth) const {
+  const InColor at = in_color(x, y, depth);
+  const float u = at.u + 0.5f, v = at.v + 0.5f;
+  if (!(at.z > 0 && u >= 0 && v >= 0 && u < static_cast<float>(color_camera_.width) &&
+        v < static_cast<float>(color_camera_.height)))
+    return PlateColor::unknown;
+  return colors.at(static_cast<int>(u) / kStep_px, static_cast<int>(v) / kStep_px);
 }
 
 /// Whether nothing is measured at that depth, or before it, that does not move.
@@ -153,12 +151,14 @@ std::vector<OutlineFinder::Grown> OutlineFinder::neighbours(const Input& in,
 
 /// Adds what is beside the moving depth and differs from the plate: some pixels before the room,
 /// and all within kHair_m where there is no depth. Returns what was added.
-std::vector<OutlineFinder::Grown> OutlineFinder::grow(const Input& in, const ColorPlane& colors,
+std::vector<OutlineFinder::Grown> OutlineFinder::grow(const Input& in, PlateDifference& colors,
                                                       ImageDepth& depth) const {
   std::vector<Grown> edge, all;
+  const auto is_empty = [&](int x, int y) { return !(*depth.at(x, y) > 0); };
   for (int y = 0; y < depth.height; ++y)
     for (int x = 0; x < depth.width; ++x)
-      if (const float d = *depth.at(x, y); d > 0 && *in.foreign.at(x, y))
+      if (const float d = *depth.at(x, y);
+          d > 0 && *in.foreign.at(x, y) && any_around(depth, x, y, is_empty))
         edge.push_back({x, y, d, 0, 0});
   while (!edge.empty()) {
     edge = neighbours(in, depth, edge);
@@ -166,9 +166,9 @@ std::vector<OutlineFinder::Grown> OutlineFinder::grow(const Input& in, const Col
       const bool before_room = is_room(in, g.x, g.y);
       const double most = before_room ? kThin_px : kHair_m * depth_camera_.fx / g.depth;
       if (g.reach > most) return true;
-      const Color color = color_at(colors, g.x, g.y, g.depth);
-      if (color == Color::different) return false;
-      const bool says_no = color == Color::same || color == Color::unknown;
+      const PlateColor color = color_at(colors, g.x, g.y, g.depth);
+      if (color == PlateColor::different) return false;
+      const bool says_no = color == PlateColor::same || color == PlateColor::unknown;
       return says_no || before_room || g.beside < kMostlyAround;
     });
     for (const Grown& g : edge)
@@ -203,107 +203,96 @@ void OutlineFinder::smooth(const std::vector<Grown>& grown, ImageDepth& depth) {
 /// Calls `f` with the place of each pixel of the plane that a square of depth pixels covers.
 template <typename F>
 void OutlineFinder::each_plane_pixel(int x, int y, float depth, float side_px, const F& f) const {
-  const Vec3d ray = unproject(depth_camera_, {double(x), double(y)});
-  const Vec3d p = T_color_depth_ * (ray * double{depth});
-  const auto pixel = project(color_camera_, p);
-  if (!pixel) return;
-  const double half = 0.5 * side_px * depth / p.z * color_camera_.fx / depth_camera_.fx;
-  const auto first = [&](double middle, int last) {
-    return static_cast<int>(
-        std::ceil(std::clamp((middle + 0.5 - half) / kAlphaStep_px - 0.5, 0.0, double(last) + 1)));
+  const InColor at = in_color(x, y, depth);
+  if (!(at.z > 0)) return;
+  const float half =
+      0.5f * side_px * depth / at.z * static_cast<float>(color_camera_.fx / depth_camera_.fx);
+  const auto first = [&](float middle, int count) {
+    const float px = std::max((middle + 0.5f - half) / kStep_px - 0.5f, 0.0f);
+    return px < static_cast<float>(count) ? static_cast<int>(std::ceil(px)) : count;
   };
-  const auto end = [&](double middle, int last) {
-    return static_cast<int>(
-        std::floor(std::clamp((middle + 0.5 + half) / kAlphaStep_px - 0.5, -1.0, double(last))));
+  const auto last = [&](float middle, int count) {
+    const float px = (middle + 0.5f + half) / kStep_px - 0.5f;
+    return px < 0 ? -1 : static_cast<int>(std::min(px, static_cast<float>(count - 1)));
   };
-  const int x0 = first(pixel->x, width_ - 1), x1 = end(pixel->x, width_ - 1);
-  const int y0 = first(pixel->y, height_ - 1), y1 = end(pixel->y, height_ - 1);
+  const int x0 = first(at.u, width_), x1 = last(at.u, width_);
+  const int y0 = first(at.v, height_), y1 = last(at.v, height_);
   for (int v = y0; v <= y1; ++v)
-    for (int u = x0; u <= x1; ++u) f(u, v, static_cast<float>(p.z));
+    for (int u = x0; u <= x1; ++u) f(u, v, at.z);
 }
 
 /// Of a pixel of what moves, or was added to it.
 OutlineFinder::Depth OutlineFinder::kind_of(const Input& in, int x, int y) {
   if (!(*in.cleaned.at(x, y) > 0)) return Depth::edge;
   if (!*in.foreign.at(x, y)) return Depth::kept;
-  const bool is_beside_room = std::ranges::any_of(kAround, [&](const auto& d) {
-    const int u = x + d.first, v = y + d.second;
-    return in.measured.contains(u, v) && is_room(in, u, v);
-  });
+  const bool is_beside_room =
+      any_around(in.measured, x, y, [&](int u, int v) { return is_room(in, u, v); });
   return is_beside_room ? Depth::edge : Depth::moving;
 }
 
-/// What depth says of the plane's pixels: the nearest counts.
-OutlineFinder::DepthPlane OutlineFinder::draw(const Input& in, const ImageDepth& depth) const {
-  constexpr int kStep_px = 2;       // of the room: it has no outline here
-  constexpr float kOverlap = 1.2f;  // so that no gaps are left
-  DepthPlane out(width_, height_, Depth::none);
-  ImageDepth nearest(width_, height_, std::numeric_limits<float>::infinity());
-  const auto add = [&](int x, int y, float z, float side_px, Depth what) {
-    each_plane_pixel(x, y, z, side_px, [&](int u, int v, float z_color) {
-      if (z_color >= *nearest.at(u, v)) return;
-      *nearest.at(u, v) = z_color, *out.at(u, v) = what;
-    });
-  };
+/// What moves, into an empty plane.
+void OutlineFinder::draw_moving(const Input& in, const ImageDepth& depth, DepthPlane& plane) const {
   for (int y = 0; y < depth.height; ++y)
-    for (int x = 0; x < depth.width; ++x)
-      if (const float z = *depth.at(x, y); z > 0) {
-        add(x, y, z, kOverlap, kind_of(in, x, y));
-      } else if (x % kStep_px == 0 && y % kStep_px == 0 && is_room(in, x, y)) {
-        add(x, y, *in.measured.at(x, y), kOverlap * kStep_px, Depth::still);
-      }
-  return out;
+    for (int x = 0; x < depth.width; ++x) {
+      const float z = *depth.at(x, y);
+      if (!(z > 0)) continue;
+      const Depth what = kind_of(in, x, y);
+      each_plane_pixel(x, y, z, kOverlap, [&](int u, int v, float z_color) {
+        if (z_color < *plane.nearest.at(u, v))
+          *plane.nearest.at(u, v) = z_color, *plane.what.at(u, v) = what;
+      });
+    }
+}
+
+/// The room around it, where it is nearer: in the blocks that are `near`.
+void OutlineFinder::draw_room(const Input& in, const ImageDepth& depth, const ImageMask& near,
+                              DepthPlane& plane) const {
+  constexpr int kEvery_px = 2;  // it has no outline here
+  for (int y = 0; y < depth.height; y += kEvery_px)
+    for (int x = 0; x < depth.width; x += kEvery_px) {
+      if (*depth.at(x, y) > 0 || !is_room(in, x, y)) continue;
+      each_plane_pixel(
+          x, y, *in.measured.at(x, y), kOverlap * kEvery_px, [&](int u, int v, float z_color) {
+            if (*near.at(u / kBlock_px, v / kBlock_px) && z_color < *plane.nearest.at(u, v))
+              *plane.nearest.at(u, v) = z_color, *plane.what.at(u, v) = Depth::still;
+          });
+    }
 }
 
 /// The blocks of the plane within kNearBlocks of what moves and is not the room.
-ImageMask OutlineFinder::near_blocks(const DepthPlane& depths) {
-  ImageMask out((depths.width + kBlock_px - 1) / kBlock_px,
-                (depths.height + kBlock_px - 1) / kBlock_px);
-  for (int y = 0; y < depths.height; ++y)
-    for (int x = 0; x < depths.width; ++x) {
-      if (*depths.at(x, y) < Depth::edge) continue;
+ImageMask OutlineFinder::near_blocks(const DepthPlane& plane) {
+  const Image<Depth, 1>& what = plane.what;
+  ImageMask out((what.width + kBlock_px - 1) / kBlock_px,
+                (what.height + kBlock_px - 1) / kBlock_px);
+  for (int y = 0; y < what.height; ++y)
+    for (int x = 0; x < what.width; ++x) {
+      if (*what.at(x, y) < Depth::edge) continue;
       const int column = x / kBlock_px, row = y / kBlock_px;
       for (int v = std::max(row - kNearBlocks, 0); v <= std::min(row + kNearBlocks, out.height - 1);
            ++v)
         for (int u = std::max(column - kNearBlocks, 0);
              u <= std::min(column + kNearBlocks, out.width - 1); ++u)
           *out.at(u, v) = 1;
+      x = (column + 1) * kBlock_px - 1;  // the block's other pixels of this row add nothing
     }
   return out;
 }
 
-/// A few pixels go with those around them; those that `is_fixed` stay.
-ImageMask OutlineFinder::without_specks(ImageMask alpha, const ImageMask& is_fixed) {
-  constexpr int kPasses = 2, kMostOfNine = 5;
-  for (int pass = 0; pass < kPasses; ++pass) {
-    const ImageMask raw = alpha;
-    for (int y = 1; y + 1 < alpha.height; ++y)
-      for (int x = 1; x + 1 < alpha.width; ++x) {
-        if (*is_fixed.at(x, y)) continue;
-        int ones = *raw.at(x, y);
-        for (const auto& [dx, dy] : kAround) ones += *raw.at(x + dx, y + dy);
-        *alpha.at(x, y) = ones >= kMostOfNine;
-      }
-  }
-  return alpha;
-}
-
 /// Alpha: what moves stays; beside it, what looks like the room goes.
-ImageMask OutlineFinder::decide(const ColorPlane& colors, const DepthPlane& depths) const {
-  const ImageMask near = near_blocks(depths);
+ImageMask OutlineFinder::decide(PlateDifference& colors, const DepthPlane& plane,
+                                const ImageMask& near) const {
   ImageMask out(width_, height_, 1), is_fixed(width_, height_, 1);
-  for (int y = 0; y < height_; ++y)
-    for (int x = 0; x < width_; ++x) {
-      const Color color = *colors.at(x, y);
-      const Depth depth = *depths.at(x, y);
-      if (!*near.at(x / kBlock_px, y / kBlock_px) || depth == Depth::moving || depth == Depth::kept)
-        continue;
-      *is_fixed.at(x, y) = 0;
-      *out.at(x, y) = color == Color::different || color == Color::unknown ||
-                      (color == Color::dark && depth != Depth::still) ||
-                      (color == Color::unsure && depth == Depth::edge);
-    }
-  return without_specks(std::move(out), is_fixed);
+  each_pixel_of(near, width_, height_, [&](int x, int y) {
+    const Depth depth = *plane.what.at(x, y);
+    if (depth == Depth::moving || depth == Depth::kept) return;
+    const PlateColor color = colors.at(x, y);
+    *is_fixed.at(x, y) = 0;
+    *out.at(x, y) = color == PlateColor::different || color == PlateColor::unknown ||
+                    (color == PlateColor::dark && depth != Depth::still) ||
+                    (color == PlateColor::unsure && depth == Depth::edge);
+  });
+  remove_specks(near, is_fixed, out);
+  return out;
 }
 
 }  // namespace mr::still

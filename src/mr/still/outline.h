@@ -7,6 +7,7 @@
 #include "mr/core/image.h"
 #include "mr/core/packet.h"
 #include "mr/core/pose.h"
+#include "mr/still/plate_difference.h"
 
 namespace mr::still {
 
@@ -21,9 +22,10 @@ struct Outline {
 };
 
 /// Finds the outlines of what moves, where a sensor's colour picture differs from its clean plate
-/// (background subtraction; shadows as in Horprasert et al. 1999). Depth ends earlier: it has fewer
-/// pixels, cleaning takes mixed ones, and hair reflects little. For pinhole cameras that stand
-/// still. Deterministic.
+/// (PlateDifference). Depth ends earlier: it has fewer pixels, cleaning takes mixed ones, and hair
+/// reflects little. For undistorted pinhole cameras that stand still. Costs what lies near what
+/// moves.
+/// Deterministic.
 class OutlineFinder {
  public:
   OutlineFinder(const Camera& depth_camera, const Camera& color_camera, const Pose& T_color_depth);
@@ -36,21 +38,18 @@ class OutlineFinder {
     const ImageMask& moving;    ///< before cleaning
     /// The part of it that is known not to be the room: it alone has outlines. The rest is kept.
     const ImageMask& foreign;
-    const ImageRgb& color;
-    const ImageRgb& plate;  ///< of the room without what moves
-    const TileMask& known;  ///< where there is a plate: tiles of kColorTile_px
-    Vec3f gain;             ///< plate times gain: the room at this capture's exposure
+    PlateDifference::Input colors;
   };
   Outline find(const Input& in);
 
  private:
-  /// What a plane's pixel shows, beside the plate.
-  enum class Color : std::uint8_t { unknown, same, dark, unsure, different };
   /// What depth says of a plane's pixel. `kept`: it may be the room; `edge`: the border of what
   /// moves, which colour may move.
   enum class Depth : std::uint8_t { none, still, kept, edge, moving };
-  using ColorPlane = Image<Color, 1>;
-  using DepthPlane = Image<Depth, 1>;
+  struct DepthPlane {
+    Image<Depth, 1> what;
+    ImageDepth nearest;  ///< m; infinite: nothing
+  };
 
   /// A depth pixel that is next to be decided on, or was.
   struct Grown {
@@ -60,25 +59,32 @@ class OutlineFinder {
     int beside;   ///< how many of its neighbours have a depth
   };
 
-  ColorPlane compare(const Input& in);
-  Color color_at(const ColorPlane& colors, int x, int y, float depth) const;
+  /// A point in the colour picture; in front of the camera if z > 0.
+  struct InColor {
+    float u, v, z;
+  };
+
+  InColor in_color(int x, int y, float depth) const;
+  PlateColor color_at(PlateDifference& colors, int x, int y, float depth) const;
   static bool is_free(const Input& in, int x, int y, float depth);
   static std::vector<Grown> neighbours(const Input& in, const ImageDepth& depth,
                                        const std::vector<Grown>& of);
-  std::vector<Grown> grow(const Input& in, const ColorPlane& colors, ImageDepth& depth) const;
+  std::vector<Grown> grow(const Input& in, PlateDifference& colors, ImageDepth& depth) const;
   static void smooth(const std::vector<Grown>& grown, ImageDepth& depth);
   template <typename F>
   void each_plane_pixel(int x, int y, float depth, float side_px, const F& f) const;
   static Depth kind_of(const Input& in, int x, int y);
-  DepthPlane draw(const Input& in, const ImageDepth& depth) const;
-  static ImageMask near_blocks(const DepthPlane& depths);
-  static ImageMask without_specks(ImageMask alpha, const ImageMask& is_fixed);
-  ImageMask decide(const ColorPlane& colors, const DepthPlane& depths) const;
+  void draw_moving(const Input& in, const ImageDepth& depth, DepthPlane& plane) const;
+  void draw_room(const Input& in, const ImageDepth& depth, const ImageMask& near,
+                 DepthPlane& plane) const;
+  static ImageMask near_blocks(const DepthPlane& plane);
+  ImageMask decide(PlateDifference& colors, const DepthPlane& plane, const ImageMask& near) const;
 
   Camera depth_camera_, color_camera_;
-  Pose T_color_depth_;
-  int width_, height_;       ///< of the plane
-  ImageMask was_different_;  ///< in the capture before
+  Vec3f translation_;                 ///< of T_color_depth
+  Vec3f ray_, ray_right_, ray_down_;  ///< in the colour camera's frame, per m of depth and pixel
+  int width_, height_;                ///< of the plane
+  ImageMask was_different_;           ///< in the capture before
 };
 
 }  // namespace mr::still
