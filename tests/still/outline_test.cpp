@@ -170,6 +170,23 @@ TEST(OutlineFinder, FillsHairThatDepthMisses) {
   EXPECT_EQ(stage.wrong(out.alpha, true), 0);
 }
 
+/// So another sensor that sees such a place straight on knows it better than a flange would say.
+TEST(OutlineFinder, WhatIsAddedTurnsAway) {
+  Stage stage;
+  stage.drops_out = [](int, int y) { return y < 60; };
+  const ImageDepth depth = stage.find().depth;
+  const int x = depth.width / 2;
+  int y = 60;
+  float before = *depth.at(x, y);
+  EXPECT_NEAR(before, Stage::kDisc_m, 1e-4);
+  for (--y; *depth.at(x, y) > 0; --y) {
+    EXPECT_GT(*depth.at(x, y), before);
+    before = *depth.at(x, y);
+  }
+  EXPECT_LT(y, 55);
+  EXPECT_LT(before, Stage::kDisc_m + 0.1f);
+}
+
 TEST(OutlineFinder, FillsWhereColourHardlyTells) {
   Stage stage;
   stage.drops_out = [](int, int y) { return y < 60; };

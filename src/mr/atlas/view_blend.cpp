@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
+#include <iterator>
 #include <optional>
 #include <utility>
 
@@ -367,10 +368,18 @@ class ViewBlend::Painter {
   Rect part(const ImageMask* used, const ImageDepth& surface, int around_px) const {
     const Rect &at = view_.atlas_rect, &shown = view_.image_rect;
     int left = shown.x + shown.width, top = shown.y + shown.height, right = -1, bottom = -1;
-    for (int y = shown.y; y < shown.y + shown.height; ++y)
-      for (int x = shown.x; x < shown.x + shown.width; ++x)
+    for (int y = shown.y; y < shown.y + shown.height; ++y) {
+      int x = shown.x, x_end = shown.x + shown.width;
+      if (used) {  // most pixels are not: searched fast
+        const std::uint8_t *const first = used->at(x, y), *const end = first + shown.width;
+        x += static_cast<int>(std::find(first, end, 1) - first);
+        const auto last = std::find(std::reverse_iterator(end), std::reverse_iterator(first), 1);
+        x_end -= static_cast<int>(last - std::reverse_iterator(end));
+      }
+      for (; x < x_end; ++x)
         if ((!used || *used->at(x, y)) && own_.depth(surface, x, y) > 0)
           left = std::min(left, x), right = std::max(right, x), top = std::min(top, y), bottom = y;
+    }
     if (right < 0) return {};
     const auto in_tile = [](int p, int first, float scale, int around, int size) {
       return std::clamp(static_cast<int>(static_cast<float>(p - first) * scale) + around, 0,

@@ -17,7 +17,7 @@ constexpr float kClear_m = 0.08f;   // between what moves and the room behind, t
 constexpr int kThin_px = 4;         // colour may add before depth of the room
 constexpr double kHair_m = 0.22;    // and where there is no depth
 constexpr int kMostlyAround = 5;    // of eight neighbours: these say what colour does not
-constexpr float kBackwards = 0.4f;  // a head is round: what is added turns away from the camera
+constexpr float kRound_m = 0.025f;  // radius that outlines are rounded off by
 constexpr int kNearBlocks = 2;
 constexpr float kOverlap = 1.2f;  // of depth pixels in the plane, so that no gaps are left
 
@@ -88,6 +88,7 @@ Outline OutlineFinder::find(const Input& in) {
   Outline out{in.cleaned, {}};
   const std::vector<Grown> grown = grow(in, colors, out.depth);
   smooth(grown, out.depth);
+  round_off(grown, out.depth);
   DepthPlane plane{Image<Depth, 1>(width_, height_, Depth::none),
                    ImageDepth(width_, height_, std::numeric_limits<float>::infinity())};
   draw_moving(in, out.depth, plane);
@@ -171,8 +172,7 @@ std::vector<OutlineFinder::Grown> OutlineFinder::grow(const Input& in, PlateDiff
       const bool says_no = color == PlateColor::same || color == PlateColor::unknown;
       return says_no || before_room || g.beside < kMostlyAround;
     });
-    for (const Grown& g : edge)
-      *depth.at(g.x, g.y) = g.depth + kBackwards * g.depth / static_cast<float>(depth_camera_.fx);
+    for (const Grown& g : edge) *depth.at(g.x, g.y) = g.depth;
     all.insert(all.end(), edge.begin(), edge.end());
   }
   return all;
@@ -197,6 +197,16 @@ void OutlineFinder::smooth(const std::vector<Grown>& grown, ImageDepth& depth) {
       next[i] = sum / static_cast<float>(count);
     }
     for (std::size_t i = 0; i < grown.size(); ++i) *depth.at(grown[i].x, grown[i].y) = next[i];
+  }
+}
+
+/// Turns what was added away from the camera, as heads and arms do: another sensor that sees such a
+/// place straight on knows it better.
+void OutlineFinder::round_off(const std::vector<Grown>& grown, ImageDepth& depth) const {
+  for (const Grown& g : grown) {
+    float& z = *depth.at(g.x, g.y);
+    const float aside_m = static_cast<float>(g.reach) * z / static_cast<float>(depth_camera_.fx);
+    z += std::sqrt(2 * kRound_m * aside_m);
   }
 }
 

@@ -71,6 +71,7 @@ class OutlineFinder {
                                        const std::vector<Grown>& of);
   std::vector<Grown> grow(const Input& in, PlateDifference& colors, ImageDepth& depth) const;
   static void smooth(const std::vector<Grown>& grown, ImageDepth& depth);
+  void round_off(const std::vector<Grown>& grown, ImageDepth& depth) const;
   template <typename F>
   void each_plane_pixel(int x, int y, float depth, float side_px, const F& f) const;
   static Depth kind_of(const Input& in, int x, int y);
