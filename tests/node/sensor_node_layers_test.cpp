@@ -3,9 +3,10 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <cstdint>
+#include <string>
 
 #include "mr/codec/alpha_codec.h"
-#include "mr/codec/receiver.h"
 #include "support/one_sensor.h"
 
 namespace mr {

@@ -179,7 +179,7 @@ TEST(OutlineFinder, WhatIsAddedTurnsAway) {
   int y = 60;
   float before = *depth.at(x, y);
   EXPECT_NEAR(before, Stage::kDisc_m, 1e-4);
-  for (--y; *depth.at(x, y) > 0; --y) {
+  for (--y; y >= 0 && *depth.at(x, y) > 0; --y) {
     EXPECT_GT(*depth.at(x, y), before);
     before = *depth.at(x, y);
   }

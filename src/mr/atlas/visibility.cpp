@@ -283,25 +283,24 @@ void Face::add(const kit::ScreenSpan& s, Count& count) const {
 ValidRegion::ValidRegion(const TileMask* mask) : mask_(mask) {
   if (!mask) return;
   const std::size_t stride = static_cast<std::size_t>(mask->columns) + 1;
-  above_.resize(stride * (static_cast<std::size_t>(mask->rows) + 1));
+  valid_sums_.resize(stride * (static_cast<std::size_t>(mask->rows) + 1));
   for (int row = 0; row < mask->rows; ++row)
     for (int column = 0; column < mask->columns; ++column) {
       const std::size_t at = static_cast<std::size_t>(row) * stride + column;
-      above_[at + stride + 1] =
-          above_[at + 1] + above_[at + stride] - above_[at] + (mask->at(column, row) ? 1 : 0);
+      valid_sums_[at + stride + 1] = valid_sums_[at + 1] + valid_sums_[at + stride] -
+                                     valid_sums_[at] + (mask->at(column, row) ? 1 : 0);
     }
 }
 
-ValidRegion::Share ValidRegion::of(Vec2d least, Vec2d most) const {
+ValidRegion::Share ValidRegion::share_in(Vec2d least, Vec2d most) const {
   const auto tile = [&](double px, int count) {
-    return static_cast<int>(
-        std::floor(std::clamp(std::round(px) / mask_->tile_px, -1.0, static_cast<double>(count))));
+    return kit::floor_within(std::round(px) / mask_->tile_px, -1, count);
   };
   const int x0 = tile(least.x, mask_->columns), x1 = tile(most.x, mask_->columns);
   const int y0 = tile(least.y, mask_->rows), y1 = tile(most.y, mask_->rows);
   const auto above = [&](int column, int row) {
     column = std::clamp(column, 0, mask_->columns), row = std::clamp(row, 0, mask_->rows);
-    return above_[static_cast<std::size_t>(row) * (mask_->columns + 1) + column];
+    return valid_sums_[static_cast<std::size_t>(row) * (mask_->columns + 1) + column];
   };
   const std::uint32_t valid =
       above(x1 + 1, y1 + 1) - above(x0, y1 + 1) - above(x1 + 1, y0) + above(x0, y0);
@@ -533,8 +532,8 @@ ValidRegion::Share ViewVisibility::valid_share(const Corners& corners) const {
         kit::clip_to_screen(camera_, {in_camera(0), in_camera(1), in_camera(2)});
     if (outline.count == 3) {
       const auto& [a, b, c, d] = outline.points;
-      const auto share = valid_.of({std::min({a.u, b.u, c.u}), std::min({a.v, b.v, c.v})},
-                                   {std::max({a.u, b.u, c.u}), std::max({a.v, b.v, c.v})});
+      const auto share = valid_.share_in({std::min({a.u, b.u, c.u}), std::min({a.v, b.v, c.v})},
+                                         {std::max({a.u, b.u, c.u}), std::max({a.v, b.v, c.v})});
       if (share != ValidRegion::Share::some) return share;
     }
     kit::scan_polygon(outline, camera_.width, 0, camera_.height, [&](const kit::ScreenSpan& s) {

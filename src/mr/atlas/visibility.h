@@ -105,7 +105,7 @@ class ValidRegion {
 
   /// How many of the tiles under the pixels of a rectangle are valid; those beside the picture are
   /// not. At most a few look-ups (summed-area table).
-  Share of(Vec2d least, Vec2d most) const;
+  Share share_in(Vec2d least, Vec2d most) const;
 
   /// Counts the tiles under pixels [first, last] of a row.
   void add(int y, int first, int last, int& valid, int& invalid) const {
@@ -126,8 +126,8 @@ class ValidRegion {
     return column < mask_->columns && row < mask_->rows && mask_->at(column, row);
   }
 
-  const TileMask* mask_;              ///< null: all pixels are valid
-  std::vector<std::uint32_t> above_;  ///< [rows + 1, columns + 1] valid tiles left of and above
+  const TileMask* mask_;                   ///< null: all pixels are valid
+  std::vector<std::uint32_t> valid_sums_;  ///< [rows + 1, columns + 1] summed-area table
 };
 
 /// Tests which triangles of a mesh are visible in a view, by depth buffer: that of the view, or

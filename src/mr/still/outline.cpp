@@ -17,7 +17,7 @@ constexpr float kClear_m = 0.08f;   // between what moves and the room behind, t
 constexpr int kThin_px = 4;         // colour may add before depth of the room
 constexpr double kHair_m = 0.22;    // and where there is no depth
 constexpr int kMostlyAround = 5;    // of eight neighbours: these say what colour does not
-constexpr float kRound_m = 0.025f;  // radius that outlines are rounded off by
+constexpr float kRound_m = 0.025f;  // see turn_away()
 constexpr int kNearBlocks = 2;
 constexpr float kOverlap = 1.2f;  // of depth pixels in the plane, so that no gaps are left
 
@@ -86,9 +86,10 @@ OutlineFinder::OutlineFinder(const Camera& depth_camera, const Camera& color_cam
 Outline OutlineFinder::find(const Input& in) {
   PlateDifference colors(in.colors, was_different_);
   Outline out{in.cleaned, {}};
+  MR_ASSERT(colors.width() == width_ && colors.height() == height_);
   const std::vector<Grown> grown = grow(in, colors, out.depth);
   smooth(grown, out.depth);
-  round_off(grown, out.depth);
+  turn_away(grown, out.depth);
   DepthPlane plane{Image<Depth, 1>(width_, height_, Depth::none),
                    ImageDepth(width_, height_, std::numeric_limits<float>::infinity())};
   draw_moving(in, out.depth, plane);
@@ -200,9 +201,9 @@ void OutlineFinder::smooth(const std::vector<Grown>& grown, ImageDepth& depth) {
   }
 }
 
-/// Turns what was added away from the camera, as heads and arms do: another sensor that sees such a
-/// place straight on knows it better.
-void OutlineFinder::round_off(const std::vector<Grown>& grown, ImageDepth& depth) const {
+/// Sets what was added back by a parabola, steep at what was measured: heads and arms turn away at
+/// their outline, and another sensor that sees such a place straight on knows it better.
+void OutlineFinder::turn_away(const std::vector<Grown>& grown, ImageDepth& depth) const {
   for (const Grown& g : grown) {
     float& z = *depth.at(g.x, g.y);
     const float aside_m = static_cast<float>(g.reach) * z / static_cast<float>(depth_camera_.fx);
@@ -223,7 +224,7 @@ void OutlineFinder::each_plane_pixel(int x, int y, float depth, float side_px, c
   };
   const auto last = [&](float middle, int count) {
     const float px = (middle + 0.5f + half) / kStep_px - 0.5f;
-    return px < 0 ? -1 : static_cast<int>(std::min(px, static_cast<float>(count - 1)));
+    return px >= 0 ? static_cast<int>(std::min(px, static_cast<float>(count - 1))) : -1;
   };
   const int x0 = first(at.u, width_), x1 = last(at.u, width_);
   const int y0 = first(at.v, height_), y1 = last(at.v, height_);

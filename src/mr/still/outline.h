@@ -23,9 +23,8 @@ struct Outline {
 
 /// Finds the outlines of what moves, where a sensor's colour picture differs from its clean plate
 /// (PlateDifference). Depth ends earlier: it has fewer pixels, cleaning takes mixed ones, and hair
-/// reflects little. For undistorted pinhole cameras that stand still. Costs what lies near what
-/// moves.
-/// Deterministic.
+/// reflects little. For undistorted pinhole cameras that stand still. Colour is compared only near
+/// what moves. Deterministic.
 class OutlineFinder {
  public:
   OutlineFinder(const Camera& depth_camera, const Camera& color_camera, const Pose& T_color_depth);
@@ -71,7 +70,7 @@ class OutlineFinder {
                                        const std::vector<Grown>& of);
   std::vector<Grown> grow(const Input& in, PlateDifference& colors, ImageDepth& depth) const;
   static void smooth(const std::vector<Grown>& grown, ImageDepth& depth);
-  void round_off(const std::vector<Grown>& grown, ImageDepth& depth) const;
+  void turn_away(const std::vector<Grown>& grown, ImageDepth& depth) const;
   template <typename F>
   void each_plane_pixel(int x, int y, float depth, float side_px, const F& f) const;
   static Depth kind_of(const Input& in, int x, int y);
@@ -85,7 +84,7 @@ class OutlineFinder {
   Vec3f translation_;                 ///< of T_color_depth
   Vec3f ray_, ray_right_, ray_down_;  ///< in the colour camera's frame, per m of depth and pixel
   int width_, height_;                ///< of the plane
-  ImageMask was_different_;           ///< in the capture before
+  ImageMask was_different_;           ///< where compared last; empty: nowhere yet
 };
 
 }  // namespace mr::still

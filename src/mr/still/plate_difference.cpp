@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "mr/core/assert.h"
+
 namespace mr::still {
 namespace {
 
@@ -31,6 +33,8 @@ PlateDifference::PlateDifference(const Input& in, const ImageMask& was_different
       colors_((in.color.width + kStep_px - 1) / kStep_px,
               (in.color.height + kStep_px - 1) / kStep_px, PlateColor::unknown),
       different_(colors_.width, colors_.height) {
+  MR_ASSERT(was_different.empty() ||
+            (was_different.width == colors_.width && was_different.height == colors_.height));
   is_compared_ = ImageMask(blocks(colors_.width), blocks(colors_.height));
 }
 

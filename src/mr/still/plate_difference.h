@@ -35,8 +35,8 @@ class PlateDifference {
     const TileMask& known;  ///< where there is a plate: tiles of kColorTile_px
     Vec3f gain;             ///< plate times gain: the room at this capture's exposure
   };
-  /// `was_different`: of the capture before; empty: there is none. What was different stays so for
-  /// less.
+  /// `was_different`: take_different() of the capture before; empty: there is none. What was found
+  /// to be different stays so for less. It must outlive the comparison.
   PlateDifference(const Input& in, const ImageMask& was_different);
 
   int width() const { return colors_.width; }
