@@ -10,10 +10,9 @@
 #include <utility>
 #include <vector>
 
-#include "mr/codec/head.h"
-#include "mr/codec/receiver.h"
 #include "mr/node/merge_node.h"
 #include "mr/node/sensor_node.h"
+#include "support/packet_inbox.h"
 #include "support/rays.h"
 #include "support/sensor_rig.h"
 
@@ -94,16 +93,7 @@ class Merger {
     return node.merge(**captures);
   }
   /// The same, as received.
-  Packet merged() {
-    const auto bytes = merge();
-    EXPECT_TRUE(bytes) << bytes.error().message;
-    if (!bytes) return {};
-    auto packet = reader_.read(*bytes);
-    EXPECT_TRUE(packet) << packet.error().message;
-    if (!packet) return {};
-    for (const Error& error : receiver_.accept(*packet)) ADD_FAILURE() << error.message;
-    return *std::move(packet);
-  }
+  Packet merged() { return inbox_.take(merge()); }
   /// A tick in which all sensors but some see the same.
   Packet see(const Solids& solids, const std::set<std::uint32_t>& silent = {}) {
     for (std::uint32_t i = 0; i < sensors.size(); ++i)
@@ -113,7 +103,7 @@ class Merger {
 
   /// As received.
   DecodedScene decoded() const {
-    auto out = receiver_.scene();
+    auto out = inbox_.receiver().scene();
     EXPECT_TRUE(out) << "chunks or pictures are missing";
     return out ? *std::move(out) : DecodedScene{};
   }
@@ -144,8 +134,7 @@ class Merger {
 
   const Scene scene_;
   std::uint64_t tick_ = 0;
-  codec::HeadReader reader_;
-  codec::Receiver receiver_{scene_.lattice};
+  PacketInbox inbox_{scene_.lattice};
 
  public:
   std::deque<node::SensorNode> sensors;

@@ -8,9 +8,8 @@
 #include <utility>
 #include <vector>
 
-#include "mr/codec/head.h"
-#include "mr/codec/receiver.h"
 #include "mr/node/sensor_node.h"
+#include "support/packet_inbox.h"
 #include "support/sensor_rig.h"
 
 /// A sensor node in steps of one frame.
@@ -36,21 +35,12 @@ class Sensor {
     return node.code(*surface);
   }
   /// The packet itself, once it was received.
-  Packet packet(Frame frame) {
-    const auto bytes = send(std::move(frame));
-    EXPECT_TRUE(bytes) << bytes.error().message;
-    if (!bytes) return {};
-    auto packet = reader_.read(*bytes);
-    EXPECT_TRUE(packet) << packet.error().message;
-    if (!packet) return {};
-    for (const Error& error : receiver_.accept(*packet)) ADD_FAILURE() << error.message;
-    return *std::move(packet);
-  }
+  Packet packet(Frame frame) { return inbox_.take(send(std::move(frame))); }
   Packet see(const Solids& solids) { return packet(frame(solids)); }
 
   /// As received.
   std::vector<std::shared_ptr<const Chunk>> chunks() const {
-    auto mesh = receiver_.mesh();
+    auto mesh = inbox_.receiver().mesh();
     EXPECT_TRUE(mesh) << "chunks are missing";
     return mesh ? *std::move(mesh) : std::vector<std::shared_ptr<const Chunk>>{};
   }
@@ -65,8 +55,7 @@ class Sensor {
   const Scene scene_;
   SensorId id_;
   std::uint64_t frames_ = 0;
-  codec::HeadReader reader_;
-  codec::Receiver receiver_{scene_.lattice};
+  PacketInbox inbox_{scene_.lattice};
 
  public:
   mr::node::SensorNode node;

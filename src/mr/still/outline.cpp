@@ -202,12 +202,13 @@ void OutlineFinder::smooth(const std::vector<Grown>& grown, ImageDepth& depth) {
 }
 
 /// Sets what was added back by a parabola, steep at what was measured: heads and arms turn away at
-/// their outline, and another sensor that sees such a place straight on knows it better.
+/// their outline, and another sensor that sees such a place straight on knows it better. Not so
+/// far that it could lie behind the room.
 void OutlineFinder::turn_away(const std::vector<Grown>& grown, ImageDepth& depth) const {
   for (const Grown& g : grown) {
     float& z = *depth.at(g.x, g.y);
     const float aside_m = static_cast<float>(g.reach) * z / static_cast<float>(depth_camera_.fx);
-    z += std::sqrt(2 * kRound_m * aside_m);
+    z += std::min(std::sqrt(2 * kRound_m * aside_m), kClear_m);
   }
 }
 

@@ -32,10 +32,10 @@ PlateDifference::PlateDifference(const Input& in, const ImageMask& was_different
       was_different_(was_different),
       colors_((in.color.width + kStep_px - 1) / kStep_px,
               (in.color.height + kStep_px - 1) / kStep_px, PlateColor::unknown),
+      is_compared_(blocks(colors_.width), blocks(colors_.height)),
       different_(colors_.width, colors_.height) {
   MR_ASSERT(was_different.empty() ||
             (was_different.width == colors_.width && was_different.height == colors_.height));
-  is_compared_ = ImageMask(blocks(colors_.width), blocks(colors_.height));
 }
 
 PlateColor PlateDifference::at(int x, int y) {

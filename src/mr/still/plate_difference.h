@@ -53,8 +53,8 @@ class PlateDifference {
 
   Input in_;
   const ImageMask& was_different_;
-  ImageMask is_compared_;        ///< blocks
   Image<PlateColor, 1> colors_;  ///< of compared blocks
+  ImageMask is_compared_;        ///< blocks
   ImageMask different_;
 };
 
