@@ -184,7 +184,7 @@ TEST(OutlineFinder, WhatIsAddedTurnsAway) {
     before = *depth.at(x, y);
   }
   EXPECT_LT(y, 55);
-  EXPECT_LE(before, Stage::kDisc_m + 0.08f + 1e-4f);  // not behind a wall
+  EXPECT_LT(before, Stage::kDisc_m + 0.08f);  // not behind a wall
 }
 
 TEST(OutlineFinder, FillsWhereColourHardlyTells) {

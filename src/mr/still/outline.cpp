@@ -201,14 +201,15 @@ void OutlineFinder::smooth(const std::vector<Grown>& grown, ImageDepth& depth) {
   }
 }
 
-/// Sets what was added back by a parabola, steep at what was measured: heads and arms turn away at
-/// their outline, and another sensor that sees such a place straight on knows it better. Not so
-/// far that it could lie behind the room.
+/// Sets what was added back, by a parabola at first and never by kClear_m, so not behind the room:
+/// heads and arms turn away at their outline, and another sensor that sees such a place straight on
+/// knows it better.
 void OutlineFinder::turn_away(const std::vector<Grown>& grown, ImageDepth& depth) const {
   for (const Grown& g : grown) {
     float& z = *depth.at(g.x, g.y);
     const float aside_m = static_cast<float>(g.reach) * z / static_cast<float>(depth_camera_.fx);
-    z += std::min(std::sqrt(2 * kRound_m * aside_m), kClear_m);
+    const float square_m2 = 2 * kRound_m * aside_m;
+    z += std::sqrt(square_m2 / (1 + square_m2 / (kClear_m * kClear_m)));
   }
 }
 
