@@ -78,7 +78,7 @@ void add_photo_options(CLI::App& command, PhotoOptions& options) {
   command
       .add_option("--pipeline", options.pipeline,
                   "Measure this rather than the scene's pipeline: meshreduce, holoportation, "
-                  "holoportation++, points, rgbd, vertex-colors")
+                  "holoportation++, points, rgbd, vertex-colors, single-views, levelled-views")
       ->check(systems);
   command
       .add_option("--beside", options.beside,

@@ -11,11 +11,8 @@ namespace mr::bench {
 /// atlas::label_triangles; the still surface's depth maps are made before.
 Contender atlas_ours(const AtlasCase& input, int threads);
 
-/// Waechter, Moehrle and Goesele (ECCV 2014, "Let There Be Color!"), written anew after the paper:
-/// the data term is the colour gradient summed over a triangle's pixels, visibility is by rays to
-/// its corners (Embree), labels are a Potts model solved by alpha expansion. Data terms on all
-/// threads, the graph cut on one. The still surface's triangles are in the ray caster, which is
-/// built before.
+/// View selection of Waechter et al. 2014 (baseline/waechter.h). Data terms on all threads, the
+/// graph cut on one. The still surface's triangles are in the ray caster, which is built before.
 Contender atlas_waechter(const AtlasCase& input, int threads);
 
 /// Adds a labelled surface to a result.

@@ -9,8 +9,8 @@
 
 #include "atlas/walls.h"
 #include "mr/atlas/label_history.h"
+#include "mr/kit/graph_cut.h"
 #include "mr/kit/topology.h"
-#include "support/graph_cut.h"
 #include "support/meshes.h"
 
 namespace mr {
@@ -47,14 +47,14 @@ std::vector<int> cheapest(const LabelProblem& problem) {
 
 /// The graph cut's labels.
 std::vector<int> oracle(const LabelProblem& problem) {
-  std::vector<test::CutEdge> edges;
+  std::vector<kit::CutEdge> edges;
   std::vector<std::uint32_t> half_edges;
   for (std::uint32_t h = 0; h < problem.twin.size(); ++h)
     if (problem.twin[h] != kit::kNoTwin && h < problem.twin[h])
       edges.push_back({h / 3, problem.twin[h] / 3}), half_edges.push_back(h);
   std::vector<int> label = cheapest(problem);
   const auto pair = [&](std::size_t e, int a, int b) { return problem.seam(half_edges[e], a, b); };
-  test::expand_labels(problem.cost, kViewCount, edges, pair, label);
+  kit::expand_labels(problem.cost, kViewCount, edges, pair, label);
   return label;
 }
 

@@ -5,7 +5,7 @@
 #include <utility>
 #include <vector>
 
-#include "mr/baseline/monolithic.h"
+#include "mr/baseline/photographed_grid.h"
 #include "mr/core/parallel.h"
 #include "mr/kit/raycast.h"
 #include "mr/kit/topology.h"
@@ -25,13 +25,12 @@ struct ColorCamera {
   const ImageRgb* picture;
 };
 
-std::vector<ColorCamera> color_cameras(std::span<const Frame> capture,
-                                       std::span<const View> views) {
+std::vector<ColorCamera> color_cameras(const PhotographedGrid& grid) {
   std::vector<ColorCamera> out;
-  for (const View& view : views) {
-    const auto frame = std::ranges::find(capture, sensor_of(view.id), &Frame::sensor);
+  for (std::size_t v = 0; v < grid.views.size(); ++v) {
+    const View& view = grid.views[v];
     out.push_back({view.camera(), view.T_world_camera, view.T_world_camera.inverse(),
-                   view.image_rect, &frame->color});
+                   view.image_rect, grid.pictures[v]});
   }
   return out;
 }
@@ -117,18 +116,12 @@ std::vector<Color> vertex_colors(const Mesh& mesh, std::span<const ColorCamera> 
 }  // namespace
 
 Result<DecodedScene> vertex_colored_scene(const Scene& scene, std::span<const Frame> capture) {
-  const std::vector<View> views = color_views(scene, capture);
-  if (views.empty()) return Error{Error::Cause::empty, "scene '" + scene.id + "' has no colour"};
+  auto grid = PhotographedGrid::of(scene, capture);
+  if (!grid) return grid.error();
   Chunk chunk;
-  chunk.mesh = fuse_all(scene, capture, scene.voxel_m);
-  if (chunk.mesh.empty())
-    return Error{Error::Cause::empty, "scene '" + scene.id + "': a capture holds no surface"};
-  chunk.colors = vertex_colors(chunk.mesh, color_cameras(capture, views), scene.voxel_m);
-  DecodedScene out;
-  out.chunks = {std::make_shared<const Chunk>(std::move(chunk))};
-  for (const Frame& frame : capture)
-    out.captured_at = std::max(out.captured_at, frame.captured_at());
-  return out;
+  chunk.colors = vertex_colors(grid->mesh, color_cameras(*grid), scene.voxel_m);
+  chunk.mesh = std::move(grid->mesh);
+  return grid->shown(std::move(chunk));
 }
 
 }  // namespace mr::baseline

@@ -9,6 +9,7 @@
 #include <utility>
 
 #include "mr/baseline/baseline.h"
+#include "mr/baseline/single_views.h"
 #include "mr/baseline/vertex_colors.h"
 #include "mr/core/user_text.h"
 #include "mr/eval/client_run.h"
@@ -24,14 +25,19 @@ namespace {
 
 constexpr std::uint8_t kClipped = 254;
 
+/// What is no pipeline: surfaces of one capture, not coded.
+constexpr std::string_view kReconstructions[] = {baseline::kVertexColors, baseline::kSingleViews,
+                                                 baseline::kLevelledViews};
+
 /// What a client shows of a scene after so many captures.
 Result<DecodedScene> shown_by(const std::string& system, Scene scene, int captures,
                               const runtime::RunListener& listener,
                               const std::filesystem::path& rig_cache) {
-  if (system == baseline::kVertexColors) {
+  if (std::ranges::find(kReconstructions, system) != std::end(kReconstructions)) {
     const auto capture = read_capture(scene, captures - 1, rig_cache, listener.dropped);
     if (!capture) return capture.error();
-    return baseline::vertex_colored_scene(scene, *capture);
+    if (system == baseline::kVertexColors) return baseline::vertex_colored_scene(scene, *capture);
+    return baseline::single_view_scene(scene, *capture, system == baseline::kLevelledViews);
   }
   scene.pipeline = system;
   auto run = run_client(scene, captures, 1, listener, rig_cache);
@@ -183,7 +189,7 @@ nlohmann::ordered_json json_of(const PhotoSystem& system) {
 
 std::vector<std::string> photo_systems() {
   std::vector<std::string> out = baseline::pipeline_names();
-  out.push_back(baseline::kVertexColors);
+  out.insert(out.end(), std::begin(kReconstructions), std::end(kReconstructions));
   return out;
 }
 

@@ -20,7 +20,7 @@ struct PhotoConfig {
   PhotoSelection photographs;
   std::string camera;                ///< id of the sensor that took them; empty: the first sensor
   int captures = 1;                  ///< of the stream; it is compared after the last
-  std::vector<std::string> systems;  ///< pipelines, or baseline::kVertexColors; not empty
+  std::vector<std::string> systems;  ///< of photo_systems(); not empty
   std::filesystem::path pictures;    ///< folder for photographs beside renders; empty: none
   std::filesystem::path rig_cache;
 };

@@ -8,9 +8,9 @@
 #include <span>
 #include <vector>
 
-/// Graph cuts as an oracle: maximum flow by Boykov and Kolmogorov (2004, Boost.Graph), alpha
+/// Graph cuts: maximum flow by Boykov and Kolmogorov (2004, Boost.Graph), alpha
 /// expansion by Boykov, Veksler and Zabih (2001). Plain and slow.
-namespace mr::test {
+namespace mr::kit {
 
 /// A directed graph with capacities between a source and a sink.
 class MaxFlow {
@@ -113,4 +113,4 @@ void expand_labels(std::span<const float> cost, int labels, std::span<const CutE
   }
 }
 
-}  // namespace mr::test
+}  // namespace mr::kit
