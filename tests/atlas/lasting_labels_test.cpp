@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include <array>
+#include <cmath>
 #include <functional>
 #include <random>
 #include <span>
@@ -10,6 +11,7 @@
 
 #include "atlas/walls.h"
 #include "mr/atlas/label_history.h"
+#include "mr/atlas/occluders.h"
 #include "mr/core/parallel.h"
 #include "mr/kit/topology.h"
 #include "support/meshes.h"
@@ -176,6 +178,27 @@ TEST(LastingLabels, SurfaceMadeAnewKeepsItsViews) {
     EXPECT_LT(changed, 0.001 * surface_area_m2(mesh)) << capture;
     before = atlas::LabelHistory(mesh);
   }
+}
+
+TEST(LastingLabels, WhatIsLeftOfARegionGoesWithTheRest) {
+  // A disc of the first view, of 130 cm², most of it due, in the second view's wall. Both views
+  // show all of it, the second one better.
+  const std::vector<View> views = {test::view(ViewId{0}, {-0.9, 0, 0}, {0, 0, 2}),
+                                   test::view(ViewId{1}, {0, 0, 0}, {0, 0, 2})};
+  auto surface = atlas::Labelling::of(test::wall(0.5f, 100));
+  double left_m2 = 0;
+  for (std::size_t t = 0; t < surface.label.size(); ++t) {
+    const Vec3f p = surface.mesh.centroid(t);
+    const bool in_disc = std::hypot(p.x, p.y) < 0.065f;
+    surface.label[t] = in_disc ? 0 : 1, surface.is_due[t] = in_disc && p.x > -0.02f;
+    if (in_disc && !surface.is_due[t]) left_m2 += 0.5 * length(surface.mesh.area_normal(t));
+  }
+  ASSERT_NEAR(left_m2, 0.004, 0.001);
+  const atlas::Occluders occluders(surface.mesh, views);
+  LabelConfig config = kConfig;
+  config.occluders = &occluders;
+  atlas::label_due(surface, views, config);
+  for (const int label : surface.label) ASSERT_EQ(label, 1);
 }
 
 TEST(LastingLabels, AnotherCameraIsAnotherMatter) {

@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "mr/atlas/color_sampler.h"
+#include "mr/atlas/due_part.h"
 #include "mr/atlas/label_history.h"
 #include "mr/atlas/label_problem.h"
 #include "mr/atlas/visibility.h"
@@ -227,84 +228,11 @@ void label(Labelling& surface, std::span<const View> views, const LabelConfig& c
   gather_pieces(surface);
 }
 
-/// The due triangles of a surface with the neighbourhood that their labels depend on, so that the
-/// cost does not depend on the size of the whole surface.
-struct DuePart {
-  Labelling labelling;                ///< origins: indices of the whole surface's triangles
-  std::vector<std::uint32_t> vertex;  ///< [V] of the part → of the whole
-
-  explicit DuePart(const Labelling& whole) {
-    const std::vector<std::uint8_t> near = near_due(whole);
-    std::vector<std::uint32_t> index(whole.mesh.positions.size(), kNoVertex);
-    for (std::uint32_t t = 0; t < near.size(); ++t) {
-      if (!near[t]) continue;
-      Triangle triangle = whole.mesh.triangles[t];
-      for (std::uint32_t& v : triangle) {
-        if (index[v] == kNoVertex) {
-          index[v] = static_cast<std::uint32_t>(vertex.size());
-          vertex.push_back(v), labelling.mesh.positions.push_back(whole.mesh.positions[v]);
-        }
-        v = index[v];
-      }
-      labelling.mesh.triangles.push_back(triangle), labelling.origin.push_back(t);
-      labelling.label.push_back(whole.label[t]), labelling.is_due.push_back(whole.is_due[t]);
-    }
-  }
-
-  /// Writes the split triangles and labels back into the whole surface.
-  void put_back(Labelling& whole) {
-    const std::size_t first_cut = vertex.size();
-    for (std::size_t i = 0; i < labelling.cut_edges.size(); ++i) {
-      const auto& [a, b] = labelling.cut_edges[i];
-      vertex.push_back(static_cast<std::uint32_t>(whole.mesh.positions.size()));
-      whole.mesh.positions.push_back(labelling.mesh.positions[first_cut + i]);
-      whole.cut_edges.push_back({vertex[a], vertex[b]});
-    }
-    Labelling out;
-    const auto add = [&](const Triangle& triangle, int label, std::uint8_t is_due,
-                         std::uint32_t origin) {
-      out.mesh.triangles.push_back(triangle);
-      out.label.push_back(label), out.is_due.push_back(is_due), out.origin.push_back(origin);
-    };
-    std::size_t p = 0;
-    for (std::uint32_t t = 0; t < whole.mesh.triangles.size(); ++t) {
-      if (p == labelling.origin.size() || labelling.origin[p] != t)
-        add(whole.mesh.triangles[t], whole.label[t], whole.is_due[t], whole.origin[t]);
-      for (; p < labelling.origin.size() && labelling.origin[p] == t; ++p) {
-        const auto& [a, b, c] = labelling.mesh.triangles[p];
-        add({vertex[a], vertex[b], vertex[c]}, labelling.label[p], labelling.is_due[p],
-            whole.origin[t]);
-      }
-    }
-    whole.mesh.triangles = std::move(out.mesh.triangles), whole.label = std::move(out.label);
-    whole.is_due = std::move(out.is_due), whole.origin = std::move(out.origin);
-  }
-
- private:
-  static constexpr std::uint32_t kNoVertex = 0xFFFFFFFFu;
-
-  /// [T] due triangles and the rings of triangles around them that influence their smoothed
-  /// normals.
-  static std::vector<std::uint8_t> near_due(const Labelling& whole) {
-    constexpr int kRings = kNormalRounds + 1;
-    std::vector<std::uint8_t> near = whole.is_due, reached(whole.mesh.positions.size());
-    const auto reach = [&](std::size_t t, int ring) {
-      for (const std::uint32_t v : whole.mesh.triangles[t])
-        if (!reached[v]) reached[v] = static_cast<std::uint8_t>(ring + 1);
-    };
-    for (std::size_t t = 0; t < near.size(); ++t)
-      if (near[t]) reach(t, 0);
-    for (int ring = 1; ring <= kRings; ++ring)
-      for (std::size_t t = 0; t < near.size(); ++t) {
-        if (near[t]) continue;
-        near[t] = std::ranges::any_of(whole.mesh.triangles[t], [&](std::uint32_t v) {
-          return reached[v] && reached[v] <= ring;
-        });
-        if (near[t]) reach(t, ring);
-      }
-    return near;
-  }
-};
+void label_part(Labelling& surface, std::span<const View> views, const LabelConfig& config) {
+  DuePart part(surface, kNormalRounds + 1);
+  label(part.labelling, views, config);
+  part.put_back(surface);
+}
 
 }  // namespace
 
@@ -342,9 +270,10 @@ void label_due(Labelling& surface, std::span<const View> views, const LabelConfi
   const auto due = static_cast<std::size_t>(std::ranges::count(surface.is_due, 1));
   if (due == 0) return;
   if (due == surface.is_due.size()) return label(surface, views, config);
-  DuePart part(surface);
-  label(part.labelling, views, config);
-  part.put_back(surface);
+  label_part(surface, views, config);
+  const bool is_coherent = config.views == AtlasConfig::Views::coherent;
+  if (is_coherent && mark_fragments(surface, config.least_region_m2))
+    label_part(surface, views, config);
 }
 
 Mesh label_triangles(const Mesh& mesh, std::span<const View> views, const LabelConfig& config) {

@@ -237,35 +237,30 @@ Components components(const Mesh& mesh) {
   return out;
 }
 
+VertexFans::VertexFans(const Mesh& mesh)
+    : start(mesh.positions.size() + 2), triangle(3 * mesh.triangles.size()) {
+  for (const Triangle& t : mesh.triangles)
+    for (const std::uint32_t v : t) ++start[v + 2];
+  std::partial_sum(start.begin(), start.end(), start.begin());
+  for (std::uint32_t t = 0; t < mesh.triangles.size(); ++t)
+    for (const std::uint32_t v : mesh.triangles[t]) triangle[start[v + 1]++] = t;
+  start.pop_back();
+}
+
 namespace {
 
-/// The triangles at each vertex, in order: those of v are triangle[start[v]] .. [start[v + 1]].
-struct VertexFans {
-  std::vector<std::uint32_t> start, triangle;
-
-  explicit VertexFans(const Mesh& mesh)
-      : start(mesh.positions.size() + 2), triangle(3 * mesh.triangles.size()) {
-    for (const Triangle& t : mesh.triangles)
-      for (const std::uint32_t v : t) ++start[v + 2];
-    std::partial_sum(start.begin(), start.end(), start.begin());
-    for (std::uint32_t t = 0; t < mesh.triangles.size(); ++t)
-      for (const std::uint32_t v : mesh.triangles[t]) triangle[start[v + 1]++] = t;
-    start.pop_back();
-  }
-
-  /// [V] for each vertex the normalized sum of its triangles' values.
-  std::vector<Vec3f> normalized_sums(const std::vector<Vec3f>& of_triangle) const {
-    std::vector<Vec3f> out(start.size() - 1);
-    parallel_for(out.size(), kGrain, [&](std::size_t begin, std::size_t end) {
-      for (std::size_t v = begin; v < end; ++v) {
-        Vec3f sum;
-        for (std::uint32_t i = start[v]; i < start[v + 1]; ++i) sum += of_triangle[triangle[i]];
-        out[v] = normalized(sum);
-      }
-    });
-    return out;
-  }
-};
+/// [V] for each vertex the normalized sum of its triangles' values.
+std::vector<Vec3f> normalized_sums(const VertexFans& fans, const std::vector<Vec3f>& of_triangle) {
+  std::vector<Vec3f> out(fans.start.size() - 1);
+  parallel_for(out.size(), kGrain, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t v = begin; v < end; ++v) {
+      Vec3f sum;
+      for (const std::uint32_t t : fans.at(static_cast<std::uint32_t>(v))) sum += of_triangle[t];
+      out[v] = normalized(sum);
+    }
+  });
+  return out;
+}
 
 std::vector<Vec3f> area_normals(const Mesh& mesh) {
   std::vector<Vec3f> out(mesh.triangles.size());
@@ -278,13 +273,13 @@ std::vector<Vec3f> area_normals(const Mesh& mesh) {
 }  // namespace
 
 std::vector<Vec3f> vertex_normals(const Mesh& mesh) {
-  return VertexFans(mesh).normalized_sums(area_normals(mesh));
+  return normalized_sums(VertexFans(mesh), area_normals(mesh));
 }
 
 std::vector<Vec3f> smooth_normals(const Mesh& mesh, int rounds) {
   const VertexFans fans(mesh);
   std::vector<Vec3f> of_triangle = area_normals(mesh);
-  std::vector<Vec3f> normals = fans.normalized_sums(of_triangle);
+  std::vector<Vec3f> normals = normalized_sums(fans, of_triangle);
   for (int i = 0; i < rounds; ++i) {
     parallel_for(of_triangle.size(), kGrain, [&](std::size_t begin, std::size_t end) {
       for (std::size_t t = begin; t < end; ++t) {
@@ -292,7 +287,7 @@ std::vector<Vec3f> smooth_normals(const Mesh& mesh, int rounds) {
         of_triangle[t] = normals[a] + normals[b] + normals[c];
       }
     });
-    normals = fans.normalized_sums(of_triangle);
+    normals = normalized_sums(fans, of_triangle);
   }
   return normals;
 }

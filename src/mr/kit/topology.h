@@ -2,6 +2,7 @@
 
 #include <array>
 #include <cstdint>
+#include <span>
 #include <vector>
 
 #include "mr/core/mesh.h"
@@ -55,6 +56,16 @@ struct Components {
   std::vector<double> area_m2;             ///< per component
 };
 Components components(const Mesh& mesh);
+
+/// The triangles at each vertex, in order: those of v are triangle[start[v]] .. [start[v + 1]].
+struct VertexFans {
+  std::vector<std::uint32_t> start, triangle;
+
+  explicit VertexFans(const Mesh& mesh);
+  std::span<const std::uint32_t> at(std::uint32_t v) const {
+    return std::span(triangle).subspan(start[v], start[v + 1] - start[v]);
+  }
+};
 
 /// Unit normals per vertex, weighted by area; zero where nothing meets.
 std::vector<Vec3f> vertex_normals(const Mesh& mesh);
