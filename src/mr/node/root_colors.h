@@ -57,14 +57,14 @@ class RootColors {
   Vec3f exposure() const { return exposure_; }
   /// How views are blended: where pictures lie on each other, each keeps its detail and the best
   /// counts most; where they do not, wrong detail is averaged.
-  atlas::BlendConfig blending() const { return {sharpness_, sharpness_ >= kKeepsDetail}; }
+  atlas::BlendConfig blending() const { return {sharpness_, sharpness_ >= kSharpest}; }
   /// How far pictures lie beside each other on the surface.
   double misplaced_px() const { return balance_.misplaced_px(); }
   /// The cameras that see what others see, by view.
   std::vector<CameraColor> findings(const Scene& scene) const;
 
  private:
-  static constexpr double kSharpest = 4, kKeepsDetail = 2;
+  static constexpr double kSharpest = 4;
 
   bool is_due(const Tick& tick) const;
   void estimate(const Tick& tick);
