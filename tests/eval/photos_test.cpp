@@ -210,12 +210,13 @@ struct Photographed : SmallScene {
 
 TEST(Photos, EverySystemIsMeasuredOnTheSamePixels) {
   Photographed setup;
-  setup.config.systems = {"meshreduce", "vertex-colors", "points"};
+  setup.config.systems = {"meshreduce", "vertex-colors", "points", "single-views",
+                          "levelled-views"};
   setup.config.pictures = setup.folder / "pictures";
   const PhotoReport report = setup.report();
   ASSERT_EQ(report.photographs.size(), 2u);
   EXPECT_EQ(report.photographs[1].number, 7);
-  ASSERT_EQ(report.systems.size(), 3u);
+  ASSERT_EQ(report.systems.size(), 5u);
   for (const PhotoSystem& system : report.systems) {
     SCOPED_TRACE(system.name);
     EXPECT_GT(system.ssim, 0.4);
@@ -226,7 +227,10 @@ TEST(Photos, EverySystemIsMeasuredOnTheSamePixels) {
     for (const auto& score : system.scores) EXPECT_NEAR(score.value().gain, 1, 0.35);
   }
   const auto picture = kit::read_color(setup.folder / "pictures/photo-002.png");
-  EXPECT_EQ(picture->width, 4 * 320);
+  EXPECT_EQ(picture->width, 6 * 320);
+  // The same surface, with other pictures.
+  EXPECT_EQ(report.systems[3].covered, report.systems[4].covered);
+  EXPECT_NE(report.systems[3].ssim, report.systems[4].ssim);
   // Alone, a system is measured on all that it covers: other figures, the same coverage.
   setup.config.systems = {"vertex-colors"};
   const PhotoReport alone = setup.report();

@@ -123,7 +123,7 @@ TEST_F(SceneFile, TheExampleLoads) {
   EXPECT_EQ(images.invalid, (std::vector<std::uint16_t>{0, 65535}));
   EXPECT_TRUE(images.loop);
   EXPECT_EQ(view.depth_camera.fx, 585);
-  EXPECT_EQ(view.color_camera->fx, 522.6);
+  EXPECT_EQ(view.color_camera->fx, 527.5);
   EXPECT_EQ(view.T_color_depth.translation, (Vec3d{-0.0225, 0, 0}));
   ASSERT_EQ(view.T_world_depth.size(), 1u);
   EXPECT_NEAR(view.T_world_depth[0].translation.z, 0.71433984999999998, 1e-15);

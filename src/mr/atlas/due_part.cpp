@@ -32,21 +32,17 @@ std::vector<std::uint8_t> near_due(const Labelling& whole, int rings) {
 class RegionFill {
  public:
   explicit RegionFill(const Labelling& surface)
-      : surface_(surface), fans_(surface.mesh), fill_of_(surface.label.size()) {}
+      : surface_(surface),
+        twin_(kit::edge_table(surface.mesh).twin),
+        fill_of_(surface.label.size()) {}
 
   bool is_done(std::uint32_t t) const { return fill_of_[t] > 0; }
 
-  /// Calls with the triangles that share an edge with `t`, some of them twice.
+  /// Calls with the triangles across the edges of `t`.
   template <typename Function>
   void for_each_beside(std::uint32_t t, const Function& call) const {
-    const Triangle& corners = surface_.mesh.triangles[t];
-    for (const std::uint32_t v : corners)
-      for (const std::uint32_t other : fans_.at(v)) {
-        int shared = 0;
-        for (const std::uint32_t w : surface_.mesh.triangles[other])
-          shared += std::ranges::find(corners, w) != corners.end();
-        if (shared == 2) call(other);
-      }
+    for (std::uint32_t h = 3 * t; h < 3 * t + 3; ++h)
+      if (twin_[h] != kit::kNoTwin) call(twin_[h] / 3);
   }
 
   /// The region of a triangle that is not done; empty: its area is not below `below_m2`.
@@ -70,7 +66,7 @@ class RegionFill {
 
  private:
   const Labelling& surface_;
-  kit::VertexFans fans_;
+  std::vector<std::uint32_t> twin_;     ///< [3T] kit::EdgeTable::twin
   std::vector<std::uint32_t> fill_of_;  ///< [T] number of a fill; 0: not done
   std::uint32_t fills_ = 0;
 };

@@ -19,9 +19,9 @@ struct DuePart {
   void put_back(Labelling& whole);
 };
 
-/// Makes due, in place of what was due and has been labelled, the rest of regions: connected
-/// triangles of one label beside it that are now smaller than `least_m2`, as the others took
-/// another view. False: there are none.
+/// Makes due, in place of what was due and has been labelled, the regions beside it that are
+/// smaller than `least_m2`: mostly what is left of one whose other part took another view. A
+/// region: connected triangles of one label. False: there are none.
 bool mark_fragments(Labelling& surface, double least_m2);
 
 }  // namespace mr::atlas

@@ -73,7 +73,9 @@ struct Labelling {
 };
 
 /// Labels the due triangles as label_triangles() does. All others keep their labels and are only
-/// split along with a shared edge. `config.occluders` must contain the surface that is not due.
+/// split along with a shared edge, but for regions that end up beside due triangles and are smaller
+/// than `least_region_m2` (coherent): they are labelled again, too. `is_due` has no meaning after.
+/// `config.occluders` must contain the surface that is not due.
 void label_due(Labelling& surface, std::span<const View> views, const LabelConfig& config);
 
 /// Margin in pixels for a geometry error at a depth: error · f / z + 2, with f in pixels per

@@ -22,7 +22,9 @@ namespace mr::atlas {
 /// their labels and splits, to the vertex. A triangle is labelled again if
 ///  - it is new,
 ///  - the depth in its view has changed there, or the view is not valid there any more,
-///  - it had no view, and in some view the depth has changed there or has become valid there.
+///  - it had no view, and in some view the depth has changed there or has become valid there,
+///  - it belongs to a region that is too small (LabelConfig::least_region_m2), beside such
+///  triangles.
 /// A triangle that is labelled again keeps the view that was at its place (LabelHistory) unless
 /// another one is clearly better. So the cost is proportional to the changes, and unchanged chunks
 /// are sent only once. If any view is not a pinhole, everything is labelled each time.

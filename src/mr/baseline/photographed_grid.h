@@ -20,7 +20,7 @@ struct PhotographedGrid {
 
   /// `capture`: undistorted frames. empty: there is no surface, or no sensor has colour.
   static Result<PhotographedGrid> of(const Scene& scene, std::span<const Frame> capture);
-  /// The grid alone as one chunk.
+  /// What a client shows of this chunk, at the capture's time; the mesh itself is not looked at.
   DecodedScene shown(Chunk chunk) const;
 };
 

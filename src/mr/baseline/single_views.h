@@ -16,7 +16,8 @@ inline constexpr const char* kLevelledViews = "levelled-views";
 /// The grid of vertex_colored_scene(), each triangle textured by one picture: the peers of
 /// blending. Views are chosen as by Waechter et al. 2014 (waechter.h). `are_levelled`: the pictures
 /// are levelled at the seams as there; else they are shown as they are. `capture`: undistorted
-/// frames. empty: there is no surface, or no sensor has colour.
+/// frames. empty: there is no surface, or no sensor has colour. unsupported: a camera is a
+/// panorama.
 Result<DecodedScene> single_view_scene(const Scene& scene, std::span<const Frame> capture,
                                        bool are_levelled);
 

@@ -1,7 +1,6 @@
 #pragma once
 
 #include <functional>
-#include <optional>
 #include <span>
 #include <vector>
 
@@ -13,7 +12,8 @@
 
 /// Texturing by Waechter, Moehrle and Goesele (ECCV 2014, "Let There Be Color!"), written anew
 /// after the paper: view selection (3), global and local seam levelling (4). Their rejection of
-/// pictures that show somebody walking through is left out: the pictures are of one moment.
+/// pictures that show somebody walking through is left out: the pictures are of one moment. Local
+/// levelling runs over all that one picture textures, where theirs runs over each patch.
 namespace mr::baseline {
 
 /// A surface and the pinhole views that may texture it.

@@ -1,6 +1,8 @@
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <numeric>
+#include <optional>
 #include <utility>
 
 #include "mr/baseline/waechter.h"
@@ -11,10 +13,10 @@
 namespace mr::baseline {
 namespace {
 
-constexpr double kSmooth = 10;  // 1 / lambda of the paper
+constexpr double kSmooth = 10;     // 1 / lambda of the paper
+constexpr double kSeamEdge = 0.5;  // two edges of a seam meet at a vertex
 
-/// The samples of a seam's edge: a share of the way from its start to its end.
-constexpr std::array<double, 5> kAlongSeam{0, 0.25, 0.5, 0.75, 1};
+constexpr int kSteps = 4;  // along a seam's edge
 
 /// An edge between two views.
 struct Seam {
@@ -42,21 +44,21 @@ std::uint32_t next_corner(std::uint32_t half_edge) {
   return half_edge / 3 * 3 + (half_edge + 1) % 3;
 }
 
-/// weight · |x[a] - x[b] + offset|².
-struct Spring {
+/// A term of a sum: weight · |x[a] - x[b] + offset|².
+struct Difference {
   std::uint32_t a, b;
   double weight;
   Vec3d offset;
 };
 
-/// The least sum of springs, by conjugate gradients from 0 (Hestenes and Stiefel 1952), with the
-/// diagonal as preconditioner.
-std::vector<Vec3d> relax(std::size_t count, const std::vector<Spring>& springs) {
+/// What makes the sum of terms least, by conjugate gradients from 0 (Hestenes and Stiefel 1952),
+/// with the diagonal as preconditioner.
+std::vector<Vec3d> solve_least_squares(std::size_t count, const std::vector<Difference>& terms) {
   constexpr int kMostRounds = 2000;
   constexpr double kEnough = 1e-10;  // of the squared residual
   std::vector<Vec3d> x(count), r(count), z(count), p(count), Ap(count);
   std::vector<double> diagonal(count);
-  for (const Spring& s : springs) {
+  for (const Difference& s : terms) {
     r[s.a] = r[s.a] - s.offset * s.weight, r[s.b] = r[s.b] + s.offset * s.weight;
     diagonal[s.a] += s.weight, diagonal[s.b] += s.weight;
   }
@@ -74,9 +76,9 @@ std::vector<Vec3d> relax(std::size_t count, const std::vector<Spring>& springs) 
   const double enough = rz * kEnough;
   for (int round = 0; round < kMostRounds && rz > enough; ++round) {
     std::ranges::fill(Ap, Vec3d{});
-    for (const Spring& s : springs) {
-      const Vec3d pull = (p[s.a] - p[s.b]) * s.weight;
-      Ap[s.a] = Ap[s.a] + pull, Ap[s.b] = Ap[s.b] - pull;
+    for (const Difference& s : terms) {
+      const Vec3d by = (p[s.a] - p[s.b]) * s.weight;
+      Ap[s.a] = Ap[s.a] + by, Ap[s.b] = Ap[s.b] - by;
     }
     const double step = rz / product(p, Ap);
     for (std::size_t i = 0; i < count; ++i) x[i] = x[i] + p[i] * step, r[i] = r[i] - Ap[i] * step;
@@ -134,6 +136,12 @@ struct Patch {
     const std::array<int, 2> out{static_cast<int>(std::lround(p->x)),
                                  static_cast<int>(std::lround(p->y))};
     return mask.contains(out[0], out[1]) ? std::optional(out) : std::nullopt;
+  }
+  /// Into how many steps of a pixel at most a segment is divided; at least 1.
+  int steps(Vec3d from, Vec3d to) const {
+    const auto a = pixel(from), b = pixel(to);
+    if (!a || !b) return 1;
+    return std::max({std::abs((*a)[0] - (*b)[0]), std::abs((*a)[1] - (*b)[1]), 0}) + 1;
   }
   void fill(std::span<const Vec3d> corners);
   void grow();
@@ -291,27 +299,27 @@ std::vector<Vec3d> level_seams(const Mesh& surface, std::span<const int> label,
                                const ColorOfView& color) {
   const Unknowns unknown(surface, label);
   const auto twin = kit::edge_table(surface).twin;
-  std::vector<Spring> springs;
+  std::vector<Difference> terms;
   for (std::uint32_t h = 0; h < twin.size(); ++h)  // edges within a view, once
     if (label[h / 3] >= 0 &&
         (twin[h] == kit::kNoTwin || h < twin[h] || label[twin[h] / 3] != label[h / 3]))
-      springs.push_back(
-          {unknown.of_corner[h], unknown.of_corner[next_corner(h)], kSmooth, Vec3d{}});
+      terms.push_back({unknown.of_corner[h], unknown.of_corner[next_corner(h)], kSmooth, Vec3d{}});
   for (const Seam& seam : seams_of(twin, label)) {
     Vec3d at_from, at_to;  // means, weighted by nearness
     double weight = 0;
-    for (const double share : kAlongSeam) {
+    for (int step = 0; step <= kSteps; ++step) {
+      const double share = static_cast<double>(step) / kSteps;
       const Vec3d p = along(surface, seam.half_edge, share);
       const Vec3d difference = color(seam.view, p) - color(seam.other, p);
       at_from += difference * (1 - share), at_to += difference * share, weight += share;
     }
     // The twin runs the other way.
-    springs.push_back({unknown.of_corner[seam.half_edge], unknown.of_corner[next_corner(seam.twin)],
-                       1, at_from / weight});
-    springs.push_back({unknown.of_corner[next_corner(seam.half_edge)], unknown.of_corner[seam.twin],
-                       1, at_to / weight});
+    terms.push_back({unknown.of_corner[seam.half_edge], unknown.of_corner[next_corner(seam.twin)],
+                     kSeamEdge, at_from / weight});
+    terms.push_back({unknown.of_corner[next_corner(seam.half_edge)], unknown.of_corner[seam.twin],
+                     kSeamEdge, at_to / weight});
   }
-  const std::vector<Vec3d> solved = relax(unknown.count, springs);
+  const std::vector<Vec3d> solved = solve_least_squares(unknown.count, terms);
   std::vector<Vec3d> out(3 * surface.triangles.size());
   for (std::size_t c = 0; c < out.size(); ++c)
     if (unknown.of_corner[c] != Unknowns::kNone) out[c] = solved[unknown.of_corner[c]];
@@ -333,7 +341,13 @@ std::vector<ImageRgb> levelled_pictures(const Photographed& in, std::span<const 
                               Vec3d p) {
       return color(view, p) + level[from] * (1 - share) + level[to] * share;
     };
-    for (const double share : kAlongSeam) {
+    const Patch &own = patches[static_cast<std::size_t>(seam.view)],
+                &other = patches[static_cast<std::size_t>(seam.other)];
+    const Vec3d from = along(*in.surface, seam.half_edge, 0),
+                to = along(*in.surface, seam.half_edge, 1);
+    const int steps = std::max(own.steps(from, to), other.steps(from, to));
+    for (int step = 0; step <= steps; ++step) {
+      const double share = static_cast<double>(step) / steps;
       const Vec3d p = along(*in.surface, seam.half_edge, share);
       const Vec3d here = levelled(seam.view, seam.half_edge, next_corner(seam.half_edge), share, p);
       const Vec3d there = levelled(seam.other, next_corner(seam.twin), seam.twin, share, p);

@@ -1,4 +1,5 @@
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <limits>
 
@@ -29,13 +30,13 @@ ImageDepth gradient_of(const ImageRgb& picture) {
   return out;
 }
 
-/// A view as gradient_sums() looks through it.
-struct Eye {
+/// A view and the gradient of its picture.
+struct Gradient {
   const View* view;
   Camera camera;
   Pose T_camera_world;
-  Vec3f place;
-  ImageDepth gradient;
+  Vec3f eye;
+  ImageDepth magnitude;
 };
 
 /// Whether the segment from a camera to a corner is free.
@@ -47,25 +48,25 @@ bool is_free(const Photographed& in, Vec3f eye, Vec3f corner) {
 }
 
 /// A triangle's sum in one view.
-float gradient_sum(const Photographed& in, const Eye& eye, std::size_t t) {
+float gradient_sum(const Photographed& in, const Gradient& from, std::size_t t) {
   const Mesh& mesh = *in.surface;
-  if (dot(mesh.area_normal(t), eye.place - mesh.centroid(t)) <= 0) return 0;
-  const Rect& r = eye.view->image_rect;
-  const double g = eye.view->gutter_px;
+  if (dot(mesh.area_normal(t), from.eye - mesh.centroid(t)) <= 0) return 0;
+  const Rect& r = from.view->image_rect;
+  const double g = from.view->gutter_px;
   std::array<Vec3d, 3> corners;
   for (int i = 0; i < 3; ++i) {
-    corners[i] = eye.T_camera_world * vec_cast<double>(mesh.corner(t, i));
-    const auto p = project(eye.camera, corners[i]);
+    corners[i] = from.T_camera_world * vec_cast<double>(mesh.corner(t, i));
+    const auto p = project(from.camera, corners[i]);
     if (!p || p->x < r.x + g || p->y < r.y + g || p->x > r.x + r.width - 1 - g ||
         p->y > r.y + r.height - 1 - g)
       return 0;
   }
   for (int i = 0; i < 3; ++i)
-    if (!is_free(in, eye.place, mesh.corner(t, i))) return 0;
+    if (!is_free(in, from.eye, mesh.corner(t, i))) return 0;
   float sum = 1e-3f;
-  kit::scan_polygon(kit::clip_to_screen(eye.camera, corners), eye.camera.width, 0,
-                    eye.camera.height, [&](const kit::ScreenSpan& s) {
-                      for (int x = s.first; x <= s.last; ++x) sum += *eye.gradient.at(x, s.y);
+  kit::scan_polygon(kit::clip_to_screen(from.camera, corners), from.camera.width, 0,
+                    from.camera.height, [&](const kit::ScreenSpan& s) {
+                      for (int x = s.first; x <= s.last; ++x) sum += *from.magnitude.at(x, s.y);
                     });
   return sum;
 }
@@ -73,18 +74,18 @@ float gradient_sum(const Photographed& in, const Eye& eye, std::size_t t) {
 }  // namespace
 
 std::vector<float> gradient_sums(const Photographed& in) {
-  std::vector<Eye> eyes;
+  std::vector<Gradient> gradients;
   for (std::size_t v = 0; v < in.views.size(); ++v) {
     const View& view = in.views[v];
-    eyes.push_back({&view, view.camera(), view.T_world_camera.inverse(),
-                    vec_cast<float>(view.T_world_camera.translation),
-                    gradient_of(*in.pictures[v])});
+    gradients.push_back({&view, view.camera(), view.T_world_camera.inverse(),
+                         vec_cast<float>(view.T_world_camera.translation),
+                         gradient_of(*in.pictures[v])});
   }
-  std::vector<float> out(in.surface->triangles.size() * eyes.size());
+  std::vector<float> out(in.surface->triangles.size() * gradients.size());
   parallel_for(in.surface->triangles.size(), 256, [&](std::size_t begin, std::size_t end) {
     for (std::size_t t = begin; t < end; ++t)
-      for (std::size_t v = 0; v < eyes.size(); ++v)
-        out[t * eyes.size() + v] = gradient_sum(in, eyes[v], t);
+      for (std::size_t v = 0; v < gradients.size(); ++v)
+        out[t * gradients.size() + v] = gradient_sum(in, gradients[v], t);
   });
   return out;
 }

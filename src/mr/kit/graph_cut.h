@@ -66,9 +66,9 @@ struct CutEdge {
 };
 
 /// Minimizes sum of cost[node * labels + label] + sum over edges of pair(edge, label a, label b) by
-/// alpha expansion until nothing gets better. An infinite cost: not allowed. Nodes without an
-/// allowed label have a negative one and take no part. `pair` is a metric in the labels; `label`:
-/// an allowed start.
+/// alpha expansion until no label changes, at most `most_rounds`. An infinite cost: not allowed.
+/// Nodes without an allowed label have a negative one and take no part. `pair` is a metric in the
+/// labels; `label`: an allowed start.
 template <typename Pair>
 void expand_labels(std::span<const float> cost, int labels, std::span<const CutEdge> edges,
                    const Pair& pair, std::vector<int>& label, int most_rounds = 10) {
