@@ -15,8 +15,7 @@ namespace {
 
 constexpr double kSmooth = 10;     // 1 / lambda of the paper
 constexpr double kSeamEdge = 0.5;  // two edges of a seam meet at a vertex
-
-constexpr int kSteps = 4;  // along a seam's edge
+constexpr int kSteps = 4;          // along a seam's edge
 
 /// An edge between two views.
 struct Seam {
@@ -141,7 +140,7 @@ struct Patch {
   int steps(Vec3d from, Vec3d to) const {
     const auto a = pixel(from), b = pixel(to);
     if (!a || !b) return 1;
-    return std::max({std::abs((*a)[0] - (*b)[0]), std::abs((*a)[1] - (*b)[1]), 0}) + 1;
+    return std::max(std::abs((*a)[0] - (*b)[0]), std::abs((*a)[1] - (*b)[1])) + 1;
   }
   void fill(std::span<const Vec3d> corners);
   void grow();
