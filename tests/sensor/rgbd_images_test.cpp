@@ -70,7 +70,7 @@ TEST(RgbdImages, ReadsPngJpegAndPgm) {
       open_rgbd_images(sensor_of({.color = {dir.write("0.jpg", jpeg_of(color)), dir / "1.png"},
                                   .depth = {dir.write("0.d.png", test::depth_png(counts)),
                                             dir.write("1.pgm", test::depth_pgm(counts))}}),
-                       SensorId{3}, 10);
+                       SensorId{3}, {10});
   const Frame a = frame_of(*source), b = frame_of(*source);
   EXPECT_TRUE(has_ended(*source));
   EXPECT_TRUE(has_ended(*source));
@@ -95,7 +95,7 @@ TEST(RgbdImages, UnitsInvalidCountsAndRange) {
                                    .depth_unit_m = 0.0002,
                                    .invalid = {0, 65535, 777}});
   sensor.depth_near_m = 0.1, sensor.depth_far_m = 1.0;
-  const Frame frame = frame_of(*open_rgbd_images(sensor, SensorId{0}, 30));
+  const Frame frame = frame_of(*open_rgbd_images(sensor, SensorId{0}, {30}));
   for (const int i : {0, 1, 2, 3, 4}) EXPECT_EQ(frame.depth.data[i], 0) << i;
   EXPECT_FLOAT_EQ(frame.depth.data[5], 0.1f);
   EXPECT_FLOAT_EQ(frame.depth.data[6], 1.0f);
@@ -119,7 +119,7 @@ TEST(RgbdImages, ABadPictureLosesItsFrameOnly) {
       {good_color, good_depth}};
   RgbdImagesSource files;
   for (const auto& [color, d] : items) files.color.push_back(color), files.depth.push_back(d);
-  const auto source = open_rgbd_images(sensor_of(files), SensorId{0}, 30);
+  const auto source = open_rgbd_images(sensor_of(files), SensorId{0}, {30});
   for (const char* name : {"cut.jpg", "cut.png", "cut.pgm", "text.jpg", "missing.png"}) {
     const auto lost = source->next();
     ASSERT_FALSE(lost) << name;
@@ -135,7 +135,7 @@ TEST(RgbdImages, WhatIsLostIsNamedByItsPlaceInTheRecording) {
   SensorConfig sensor = sensor_of({.color = {}, .depth = {good, good, bad}, .loop = true});
   sensor.T_world_depth.assign(3, Pose{});
   sensor.lost_poses[1] = {Error::Cause::not_found, "no such file: '1.txt'"};
-  const auto source = open_rgbd_images(sensor, SensorId{0}, 30);
+  const auto source = open_rgbd_images(sensor, SensorId{0}, {30});
   for (std::uint64_t round = 0; round < 2; ++round) {
     EXPECT_EQ(frame_of(*source).index, 3 * round);
     const auto without_pose = source->next(), broken = source->next();
@@ -155,7 +155,7 @@ TEST(RgbdImages, AWrongSizeNamesFileAndBothSizes) {
   const auto small = dir.write("small.png", test::depth_png(test::counting_depth(6, 4)));
   const auto wide = dir.write("wide.jpg", jpeg_of(test::gradient(40, 10)));
   const auto source = open_rgbd_images(sensor_of({.color = {wide, wide}, .depth = {small, depth}}),
-                                       SensorId{0}, 30);
+                                       SensorId{0}, {30});
   const auto first = source->next(), second = source->next();
   ASSERT_FALSE(first);
   EXPECT_THAT(first.error().message,
@@ -175,7 +175,7 @@ TEST(RgbdImages, LoopsGoOnCounting) {
   sensor.T_world_depth.assign(2, Pose{});
   sensor.T_world_depth[1].translation = {1, 2, 3};
   sensor.clock_offset_ms = -5;
-  const auto source = open_rgbd_images(sensor, SensorId{0}, 100);
+  const auto source = open_rgbd_images(sensor, SensorId{0}, {100});
   for (std::uint64_t i = 0; i < 5; ++i) {
     const Frame frame = frame_of(*source);
     EXPECT_EQ(frame.index, i);
@@ -191,10 +191,10 @@ TEST(RgbdImages, AStillMayLoopAndAStaticPoseServesAllItems) {
   SensorConfig still =
       sensor_of({.color = {}, .depth = {dir.write("0.png", depth_of(1000))}, .loop = true});
   still.T_world_depth[0].translation = {4, 5, 6};
-  const auto source = open_rgbd_images(still, SensorId{0}, 30);
+  const auto source = open_rgbd_images(still, SensorId{0}, {30});
   for (int i = 0; i < 3; ++i) EXPECT_EQ(frame_of(*source).T_world_depth, still.T_world_depth[0]);
   EXPECT_TRUE(has_ended(
-      *open_rgbd_images(sensor_of({.color = {}, .depth = {}, .loop = true}), SensorId{0}, 30)));
+      *open_rgbd_images(sensor_of({.color = {}, .depth = {}, .loop = true}), SensorId{0}, {30})));
 }
 
 }  // namespace

@@ -260,7 +260,7 @@ TEST(Rig, WritesASceneThatSaysWhatItIs) {
   for (std::uint32_t i = 0; i < sensors.size(); ++i) {
     const SensorConfig& written = loaded.scene.sensors[i];
     if (i == 0)
-      expect_same(read(*sensor::open_rgbd_images(written, SensorId{i}, 30), 3),
+      expect_same(read(*sensor::open_rgbd_images(written, SensorId{i}, {30}), 3),
                   read(*rendered[i], 3));
     EXPECT_EQ(written.id, sensors[i].id);
     EXPECT_EQ(written.color_camera, sensors[i].color_camera);

@@ -67,7 +67,7 @@ bool Runner::capture(std::vector<Frame>& frames) {
   for (std::size_t i = 0; i < sources_.size(); ++i) {
     auto frame = sources_[i]->next();
     any |= !frame || frame->has_value();
-    if (!frame) drops_.count(scene_.sensors[i].id, frame.error());
+    if (!frame && !is_gap(frame.error())) drops_.count(scene_.sensors[i].id, frame.error());
     if (frame && *frame) frames.push_back(**std::move(frame));
   }
   return any;

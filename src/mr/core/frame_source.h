@@ -8,13 +8,17 @@
 
 namespace mr {
 
+/// Whether a frame was not lost but never captured: the sensor is slower than the scene, or its
+/// recording has a gap.
+inline bool is_gap(const Error& error) { return error.cause == Error::Cause::empty; }
+
 /// A source of one sensor's frames. Not thread-safe: one reader.
 class FrameSource {
  public:
   virtual ~FrameSource() = default;
 
   /// The next frame; nothing at the end. An Error: this frame was lost (the message names the
-  /// file); the next call returns the frame after it.
+  /// file), or there is none at its time (is_gap); the next call returns the frame after it.
   virtual Result<std::optional<Frame>> next() = 0;
 
   /// Skips this many frames without reading them; cheap. Frame i is captured at i / fps after

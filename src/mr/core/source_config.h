@@ -11,6 +11,8 @@
 #include <utility>
 #include <vector>
 
+#include "mr/core/timeline.h"
+
 namespace mr {
 
 /// The length of a source.
@@ -70,6 +72,11 @@ class SourceConfig {
     return held_ ? held_->depth_hint(median_m) : std::nullopt;
   }
 
+  /// The recording's own clock; nothing for sources without one, whose item i is captured at i /
+  /// fps
+  /// (`clock()` of the config).
+  std::optional<SourceClock> clock() const { return held_ ? held_->clock() : std::nullopt; }
+
   friend bool operator==(const SourceConfig& a, const SourceConfig& b) {
     return a.held_ && b.held_ ? a.held_->equals(*b.held_) : a.held_ == b.held_;
   }
@@ -84,6 +91,7 @@ class SourceConfig {
     virtual std::vector<std::string> problems() const = 0;
     virtual std::vector<std::filesystem::path> files() const = 0;
     virtual std::optional<std::string> depth_hint(double median_m) const = 0;
+    virtual std::optional<SourceClock> clock() const = 0;
   };
 
   template <typename T>
@@ -111,6 +119,12 @@ class SourceConfig {
     std::optional<std::string> depth_hint([[maybe_unused]] double median_m) const override {
       if constexpr (requires { config.depth_hint(median_m); })
         return config.depth_hint(median_m);
+      else
+        return std::nullopt;
+    }
+    std::optional<SourceClock> clock() const override {
+      if constexpr (requires { config.clock(); })
+        return config.clock();
       else
         return std::nullopt;
     }

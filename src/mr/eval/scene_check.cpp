@@ -148,7 +148,9 @@ Result<std::optional<Frame>> first_frame(const SensorConfig& sensor, FrameSource
   const std::size_t items = sensor.source.content().items;
   auto frame = source.next();
   for (std::size_t item = 0; !frame && item + 1 < items; ++item) {
-    if (frame.error().cause != Error::Cause::not_found && !sensor.lost_poses.contains(item)) break;
+    if (!is_gap(frame.error()) && frame.error().cause != Error::Cause::not_found &&
+        !sensor.lost_poses.contains(item))
+      break;
     frame = source.next();
   }
   return frame;

@@ -21,7 +21,7 @@ CodingPlan sensor_plan(const Scene& scene, SensorId sensor) {
   CodingPlan plan;
   plan.decimation = decimation_of(scene.simplify);
   plan.texture_qp = scene.coding.sensor_texture_qp;
-  const bool stands_still = scene.sensor(sensor).T_world_depth.size() == 1;
+  const bool stands_still = !scene.sensor(sensor).is_moving();
   if (scene.still.layers && stands_still) {
     if (plan.decimation.error_m <= 0) plan.decimation.error_m = kMovingError_voxels * scene.voxel_m;
     plan.still_error_m = kStillError_voxels * scene.voxel_m;

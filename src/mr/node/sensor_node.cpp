@@ -17,7 +17,7 @@ namespace {
 
 /// Only of a sensor that stands still.
 bool has_layers(const Scene& scene, SensorId id) {
-  return scene.still.layers && scene.sensor(id).T_world_depth.size() == 1;
+  return scene.still.layers && !scene.sensor(id).is_moving();
 }
 
 }  // namespace

@@ -2,6 +2,7 @@
 
 #include <utility>
 
+#include "mr/core/frame_source.h"
 #include "mr/node/clock_offset.h"
 
 namespace mr::node {
@@ -26,7 +27,7 @@ Task::Bytes SensorTask::answer(const codec::Control& request, TimePoint) {
 std::unique_ptr<Task::Work> SensorTask::begin(TimePoint now) {
   auto captured = input_->next(now, [this](Frame frame) { return node_.watch(std::move(frame)); });
   if (!captured) {
-    drops_.count(id(), captured.error());
+    if (!is_gap(captured.error())) drops_.count(id(), captured.error());
     return nullptr;
   }
   if (!*captured) {

@@ -4,6 +4,7 @@
 #include "mr/core/assert.h"
 #include "mr/model/background.h"
 #include "mr/sensor/source_registry.h"
+#include "mr/sensor/timelines.h"
 #include "mr/synth/room.h"
 
 namespace mr::node {
@@ -14,12 +15,13 @@ std::vector<std::unique_ptr<FrameSource>> open_sources(
   if (scene.rig)
     return synth::open_rig(*scene.rig, scene.sensors, wanted, scene.fps,
                            {cache_folder, std::move(rendering)});
+  const std::vector<Timeline> timelines = sensor::timelines(scene.sensors, scene.fps);
   std::vector<std::unique_ptr<FrameSource>> out;
   for (const SensorId id : wanted) {
     const SensorConfig& sensor = scene.sensor(id);
     const sensor::SourceType* type = sensor::find_source_type(sensor.source.type());
     MR_ASSERT(type != nullptr);
-    out.push_back(type->open(sensor, id, scene.fps));
+    out.push_back(type->open(sensor, id, timelines[index_of(id)]));
   }
   return out;
 }

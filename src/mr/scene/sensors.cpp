@@ -69,8 +69,9 @@ std::string supported_types() {
   return out;
 }
 
-/// Whether the source has colour; nothing: unknown.
-std::optional<bool> read_source(Report& report, const yaml::Node& node, SensorConfig& sensor) {
+/// What its keys say; nothing: unknown.
+std::optional<sensor::SourceKeys> read_source(Report& report, const yaml::Node& node,
+                                              SensorConfig& sensor) {
   MapReader map(report, node, "source");
   std::string name;
   const bool named = map.need("type") && map.text("type", name);
@@ -84,13 +85,25 @@ std::optional<bool> read_source(Report& report, const yaml::Node& node, SensorCo
     return std::nullopt;
   }
   sensor::SourceKeys keys = type->read(map, "sensors." + sensor.id + ".source");
-  sensor.source = std::move(keys.config);
-  return keys.has_color;
+  sensor.source = keys.config;
+  return keys;
 }
 
-void read_cameras(MapReader& map, SensorConfig& sensor, std::optional<bool> source_has_color) {
+/// What the source tells of its cameras, where the scene's keys do not say otherwise.
+void take_cameras(const sensor::SourceCameras& cameras, SensorConfig& sensor) {
+  sensor.depth_camera = cameras.depth;
+  sensor.color_camera = cameras.color;
+  sensor.T_color_depth = cameras.T_color_depth;
+  sensor.depth_near_m = cameras.depth_near_m, sensor.depth_far_m = cameras.depth_far_m;
+  sensor.precision = cameras.precision;
+}
+
+/// `keys`: of the source; nothing where it could not be read.
+void read_cameras(MapReader& map, SensorConfig& sensor,
+                  const std::optional<sensor::SourceKeys>& keys) {
   Report& report = map.report;
-  if (const yaml::Node* node = map.need("depth_camera")) {
+  const bool is_told = keys && keys->cameras;
+  if (const yaml::Node* node = is_told ? map.find("depth_camera") : map.need("depth_camera")) {
     const auto camera = read_camera(report, *node, "depth_camera");
     if (camera && camera->model == CameraModel::equirectangular)
       report.problem(
@@ -102,7 +115,7 @@ void read_cameras(MapReader& map, SensorConfig& sensor, std::optional<bool> sour
   if (color) sensor.color_camera = read_camera(report, *color, "color_camera");
   if (sensor.color_camera && sensor.color_camera->model == CameraModel::lidar)
     report.problem(color->line, "color_camera: a lidar takes no colour pictures");
-  if (source_has_color && *source_has_color != (color != nullptr))
+  if (keys && !is_told && keys->has_color != (color != nullptr))
     report.problem(color ? map.line("color_camera") : map.line("source"),
                    color ? "color_camera is given but source names no color"
                          : "source names color but color_camera is missing");
@@ -125,6 +138,7 @@ void read_depth_figures(MapReader& map, SensorConfig& sensor) {
     precision.number("per_m2", sensor.precision.per_m2, Precision::kPer_m2);
   }
   map.number("clock_offset_ms", sensor.clock_offset_ms, SensorConfig::kClockOffset_ms);
+  map.number("clock_drift_ppm", sensor.clock_drift_ppm, SensorConfig::kClockDrift_ppm);
 }
 
 SensorConfig read_sensor(Report& report, const yaml::Node& node, std::vector<NodeName>& names) {
@@ -135,14 +149,15 @@ SensorConfig read_sensor(Report& report, const yaml::Node& node, std::vector<Nod
       sensor.id = *text;
       names.push_back({*text, id->line});
     }
-  std::optional<bool> has_color;
-  if (const yaml::Node* source = map.need("source"))
-    has_color = read_source(report, *source, sensor);
-  read_cameras(map, sensor, has_color);
+  std::optional<sensor::SourceKeys> keys;
+  if (const yaml::Node* source = map.need("source")) keys = read_source(report, *source, sensor);
+  if (keys && keys->cameras) take_cameras(*keys->cameras, sensor);
+  read_cameras(map, sensor, keys);
+  map.flag("moving", sensor.moving);
   if (const yaml::Node* poses = map.need("T_world_depth"))
     read_poses(report, *poses, "T_world_depth", sensor);
   const std::size_t items = sensor.source.content().items, poses = sensor.T_world_depth.size();
-  if (items > 0 && poses > 1 && poses != items)
+  if (items > 0 && poses > 1 && poses != items && sensor.trajectory.poses().empty())
     report.problem(map.line("T_world_depth"), "T_world_depth holds " + std::to_string(poses) +
                                                   " poses for " + std::to_string(items) +
                                                   " items; it needs one, or one per item");

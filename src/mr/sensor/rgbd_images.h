@@ -42,7 +42,8 @@ struct RgbdImagesSource {
 /// Depth outside [depth_near_m, depth_far_m] and the invalid counts become 0. A picture that is
 /// corrupt, truncated or of another size than its camera is an error that names the file; the
 /// frame is lost, the next call goes on. The sensor's source must be an RgbdImagesSource.
-std::unique_ptr<FrameSource> open_rgbd_images(const SensorConfig& sensor, SensorId id, double fps);
+std::unique_ptr<FrameSource> open_rgbd_images(const SensorConfig& sensor, SensorId id,
+                                              const Timeline& timeline);
 
 /// The keys depth, color, depth_unit_m, invalid and loop.
 SourceKeys read_rgbd_images(yaml::MapReader& map, const std::string& key);

@@ -1,0 +1,122 @@
+#include "mr/sensor/recorded_frames.h"
+
+#include <fmt/format.h>
+
+#include <cmath>
+#include <utility>
+
+namespace mr::sensor {
+namespace {
+
+using Capture = RecordingReader::Capture;
+
+/// Captures farther ahead than this are reached by seeking, nearer ones by reading on.
+constexpr Duration kSeek = std::chrono::seconds(2);
+
+double seconds(Duration d) { return std::chrono::duration<double>(d).count(); }
+
+Duration nanoseconds(double ns) { return Duration(std::llround(ns)); }
+
+/// The largest multiple of `length` that is at most `time`.
+Duration round_of(Duration time, Duration length) {
+  const auto rounds = time / length - (time % length < Duration{} ? 1 : 0);
+  return rounds * length;
+}
+
+}  // namespace
+
+RecordedFrames::RecordedFrames(std::unique_ptr<RecordingReader> reader, const SensorConfig& sensor,
+                               SensorId id, const Timeline& timeline)
+    : reader_(std::move(reader)),
+      sensor_(sensor),
+      id_(id),
+      timeline_(timeline),
+      loops_(sensor.source.content().loops),
+      length_(timeline.length) {
+  MR_ASSERT(timeline.fps > 0);
+}
+
+Duration RecordedFrames::scene_time(TimePoint own) const {
+  const auto ns = static_cast<double>((own - timeline_.start).count());
+  return own - timeline_.start +
+         nanoseconds(ns * sensor_.clock_drift_ppm * 1e-6 + sensor_.clock_offset_ms * 1e6);
+}
+
+TimePoint RecordedFrames::own_time(Duration scene_time) const {
+  const Duration since = scene_time - nanoseconds(sensor_.clock_offset_ms * 1e6);
+  const auto ns = static_cast<double>(since.count());
+  const double drift = sensor_.clock_drift_ppm * 1e-6;
+  return timeline_.start + since - nanoseconds(ns * drift / (1 + drift));
+}
+
+Result<std::optional<Frame>> RecordedFrames::next() {
+  const std::uint64_t index = index_++;
+  const Duration tick = timeline_.time_of(index), half = timeline_.period() / 2;
+  if (const Status went = go_to_round(tick); !went) return went.error();
+  auto found = first_from(own_time(tick - round_ - half));
+  if (found && !*found && loops_) found = ended(tick);
+  if (!found) return found.error();
+  if (!*found) return std::optional<Frame>();
+  if (round_ + scene_time((*found)->at) >= tick + half)
+    return Error{Error::Cause::empty,
+                 fmt::format("sensor '{}': no capture near {:.3f} s (frame {})", sensor_.id,
+                             seconds(tick - round_), index)};
+  return take(**found, index);
+}
+
+/// Starts again where the recording loops and this round is over.
+Status RecordedFrames::go_to_round(Duration tick) {
+  if (!loops_ || length_ == Duration{}) return {};
+  const Duration offset = nanoseconds(sensor_.clock_offset_ms * 1e6);
+  const Duration round = round_of(tick - offset + timeline_.period() / 2, length_);
+  if (round == round_) return {};
+  round_ = round, last_.reset();
+  return reader_->seek(own_time(tick - round_));
+}
+
+/// The first capture at `own` or later.
+Result<std::optional<Capture>> RecordedFrames::first_from(TimePoint own) {
+  bool sought = false;
+  while (true) {
+    auto capture = reader_->peek();
+    if (!capture || !*capture) return capture;
+    last_ = (*capture)->at;
+    if ((*capture)->at >= own) return capture;
+    if (!sought && own - (*capture)->at > kSeek) {
+      if (const Status went = reader_->seek(own); !went) return went.error();
+      sought = true;
+    } else {
+      reader_->drop();
+    }
+  }
+}
+
+/// The recording's end in a round whose length was not known: goes on with the next round.
+Result<std::optional<Capture>> RecordedFrames::ended(Duration tick) {
+  if (length_ == Duration{} && last_)
+    length_ = std::max(*last_ - timeline_.start, Duration{}) + timeline_.period();
+  if (length_ == Duration{}) return std::optional<Capture>();  // it holds nothing
+  if (const Status went = go_to_round(tick); !went) return went.error();
+  auto found = first_from(own_time(tick - round_ - timeline_.period() / 2));
+  if (found && !*found)
+    return Error{Error::Cause::empty,
+                 fmt::format("sensor '{}': no capture at the end of its recording", sensor_.id)};
+  return found;
+}
+
+Result<std::optional<Frame>> RecordedFrames::take(const Capture& capture, std::uint64_t index) {
+  auto frame = reader_->take();
+  if (!frame) return frame.error();
+  auto pose = sensor_.pose_of(capture.item, capture.at);
+  if (!pose)
+    return Error{pose.error().cause, pose.error().message + " (frame " + std::to_string(index) +
+                                         " of sensor '" + sensor_.id + "' is lost)"};
+  const Duration shift = round_ + scene_time(capture.at) - capture.at.time_since_epoch();
+  frame->sensor = id_;
+  frame->index = index;
+  frame->exposure_start += shift, frame->exposure_end += shift;
+  frame->T_world_depth = *pose;
+  return std::optional<Frame>(*std::move(frame));
+}
+
+}  // namespace mr::sensor

@@ -1,0 +1,69 @@
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <memory>
+#include <optional>
+
+#include "mr/core/frame_source.h"
+#include "mr/core/sensor_config.h"
+#include "mr/core/timeline.h"
+
+namespace mr::sensor {
+
+/// Reads the captures of one recording in order. Times are those of the recording's own clock.
+class RecordingReader {
+ public:
+  /// A capture that is not decoded yet.
+  struct Capture {
+    TimePoint at{};        ///< Frame::captured_at()
+    std::size_t item = 0;  ///< its number in the recording, from 0
+  };
+  virtual ~RecordingReader() = default;
+
+  /// The next capture; nothing at the end. Error: what is left of the recording cannot be read;
+  /// after it, nothing.
+  virtual Result<std::optional<Capture>> peek() = 0;
+  /// Decodes the capture that peek() told and goes on to the next. The frame has the recording's
+  /// own times; sensor, index and pose are left. Error: this capture is lost.
+  virtual Result<Frame> take() = 0;
+  /// Goes on to the next capture; cheap.
+  virtual void drop() = 0;
+  /// Goes to a capture at `time` or earlier, such as the last one before it; later ones follow.
+  virtual Status seek(TimePoint time) = 0;
+};
+
+/// Plays a recording on the scene's clock: frame i is the capture nearest to i / fps, if there is
+/// one within half a period, with the time at which it was really captured (plus the sensor's clock
+/// offset and drift). Where there is none the frame is a gap (is_gap). A capture belongs to one
+/// frame at most. Poses are those of the sensor at the capture's own time; captures without one are
+/// lost.
+class RecordedFrames final : public FrameSource {
+ public:
+  RecordedFrames(std::unique_ptr<RecordingReader> reader, const SensorConfig& sensor, SensorId id,
+                 const Timeline& timeline);
+
+  Result<std::optional<Frame>> next() override;
+  void skip(std::uint64_t frames) override { index_ += frames; }
+  bool endless() const override { return loops_; }
+
+ private:
+  Duration scene_time(TimePoint own) const;  ///< within a round, with offset and drift
+  TimePoint own_time(Duration scene_time) const;
+  Status go_to_round(Duration tick);
+  Result<std::optional<RecordingReader::Capture>> first_from(TimePoint own);
+  Result<std::optional<RecordingReader::Capture>> ended(Duration tick);
+  Result<std::optional<Frame>> take(const RecordingReader::Capture& capture, std::uint64_t index);
+
+  const std::unique_ptr<RecordingReader> reader_;
+  const SensorConfig sensor_;
+  const SensorId id_;
+  const Timeline timeline_;
+  const bool loops_;
+  Duration length_;                ///< of a round; 0: not known yet
+  Duration round_{};               ///< scene time at which this round began
+  std::uint64_t index_ = 0;        ///< of the next frame
+  std::optional<TimePoint> last_;  ///< the newest capture seen
+};
+
+}  // namespace mr::sensor

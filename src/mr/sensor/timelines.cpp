@@ -1,0 +1,58 @@
+#include "mr/sensor/timelines.h"
+
+#include <algorithm>
+#include <map>
+#include <string>
+#include <utility>
+
+namespace mr::sensor {
+namespace {
+
+constexpr Duration kApart = std::chrono::seconds(10);
+
+/// A sensor with the clock of its recording.
+struct Clocked {
+  std::size_t sensor;
+  SourceClock clock;
+
+  TimePoint last() const { return clock.last.value_or(clock.first); }
+};
+
+/// One session of recordings on one clock, by their first captures.
+void lay(std::span<const Clocked> session, std::vector<Timeline>& out) {
+  const TimePoint start = session.front().clock.first;
+  const bool is_known =
+      std::ranges::all_of(session, [](const Clocked& c) { return c.clock.last.has_value(); });
+  const TimePoint last = std::ranges::max_element(session, {}, &Clocked::last)->last();
+  for (const Clocked& c : session) {
+    Timeline& timeline = out[c.sensor];
+    timeline.start = start;
+    timeline.length = is_known ? last - start + timeline.period() : Duration{};
+  }
+}
+
+}  // namespace
+
+std::vector<Timeline> timelines(std::span<const SensorConfig> sensors, double fps) {
+  std::vector<Timeline> out(sensors.size(), Timeline{.fps = fps});
+  std::map<std::string, std::vector<Clocked>> domains;
+  for (std::size_t i = 0; i < sensors.size(); ++i)
+    if (auto clock = sensors[i].source.clock())
+      domains[clock->domain].push_back({i, *std::move(clock)});
+  for (auto& [name, members] : domains) {
+    std::ranges::stable_sort(members, {}, [](const Clocked& c) { return c.clock.first; });
+    std::size_t first = 0;
+    TimePoint end = members.front().last();
+    for (std::size_t i = 1; i <= members.size(); ++i) {
+      if (i < members.size() && members[i].clock.first <= end + kApart) {
+        end = std::max(end, members[i].last());
+        continue;
+      }
+      lay(std::span(members).subspan(first, i - first), out);
+      if (i < members.size()) first = i, end = members[i].last();
+    }
+  }
+  return out;
+}
+
+}  // namespace mr::sensor

@@ -1,0 +1,16 @@
+#pragma once
+
+#include <span>
+#include <vector>
+
+#include "mr/core/sensor_config.h"
+#include "mr/core/timeline.h"
+
+namespace mr::sensor {
+
+/// Lays the clocks of all sensors' recordings on the scene's clock. Recordings of one domain whose
+/// spans meet (or lie less than ten seconds apart) keep their differences in time: the earliest
+/// begins at 0, and all start again together. Others begin at 0, each by itself.
+std::vector<Timeline> timelines(std::span<const SensorConfig> sensors, double fps);
+
+}  // namespace mr::sensor
