@@ -74,7 +74,9 @@ std::vector<int> captures(RecordedFrames& source, int count) {
   std::vector<int> out;
   for (int i = 0; i < count; ++i) {
     const auto frame = source.next();
-    if (!frame) EXPECT_TRUE(is_gap(frame.error())) << frame.error().message;
+    if (!frame) {
+      EXPECT_TRUE(is_gap(frame.error())) << frame.error().message;
+    }
     out.push_back(!frame ? -1 : !*frame ? -2 : static_cast<int>(*(*frame)->depth.at(0, 0)));
   }
   return out;
