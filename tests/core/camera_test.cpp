@@ -18,7 +18,7 @@ Camera pinhole(DistortionModel distortion = DistortionModel::none) {
   if (distortion == DistortionModel::brown) {
     c.k = {-0.28, 0.09, -0.01};
     c.p = {0.0012, -0.0007};
-  } else if (distortion == DistortionModel::rational) {
+  } else if (distortion != DistortionModel::none) {
     c.k = {0.45, -2.6, 1.5, 0.33, -2.4, 1.43};
     c.p = {0.0006, -0.0002};
   }
@@ -82,9 +82,19 @@ TEST(Pinhole, RationalMatchesReference) {
   expect_pixel(c, {0.9, 0.6, 1.5}, {643.1783945, 555.952395126});
 }
 
+TEST(Pinhole, EarlyKinectsHaveHalfTheMixedTerms) {
+  const Camera usual = pinhole(DistortionModel::rational);
+  Camera early = usual;
+  early.distortion = DistortionModel::rational_6kt;
+  const Vec3d p{0.3, -0.2, 1};
+  expect_pixel(early, p,
+               *project(usual, p) -
+                   Vec2d{early.fx * early.p[0] * p.x * p.y, early.fy * early.p[1] * p.x * p.y});
+}
+
 TEST(Pinhole, EveryPixelComesBack) {
-  for (const auto model :
-       {DistortionModel::none, DistortionModel::brown, DistortionModel::rational}) {
+  for (const auto model : {DistortionModel::none, DistortionModel::brown, DistortionModel::rational,
+                           DistortionModel::rational_6kt}) {
     const Camera c = pinhole(model);
     ASSERT_TRUE(c.problems().empty()) << c.problems()[0];
     for (int y = 0; y < c.height; y += 5)

@@ -21,8 +21,9 @@ double radial_factor(const Camera& c, double r2) {
 /// Normalised image coordinates → distorted ones (OpenCV's order of coefficients).
 Vec2d distort(const Camera& c, Vec2d n) {
   const double r2 = n.x * n.x + n.y * n.y, f = radial_factor(c, r2);
-  return {n.x * f + 2 * c.p[0] * n.x * n.y + c.p[1] * (r2 + 2 * n.x * n.x),
-          n.y * f + c.p[0] * (r2 + 2 * n.y * n.y) + 2 * c.p[1] * n.x * n.y};
+  const double mixed = c.distortion == DistortionModel::rational_6kt ? 1 : 2;
+  return {n.x * f + mixed * c.p[0] * n.x * n.y + c.p[1] * (r2 + 2 * n.x * n.x),
+          n.y * f + c.p[0] * (r2 + 2 * n.y * n.y) + mixed * c.p[1] * n.x * n.y};
 }
 
 /// Whether the distorted radius decreases at `r`: points farther out would be projected back into

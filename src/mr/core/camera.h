@@ -10,7 +10,12 @@
 namespace mr {
 
 enum class CameraModel { pinhole, equirectangular, lidar };
-enum class DistortionModel { none, brown, rational };
+enum class DistortionModel {
+  none,
+  brown,
+  rational,
+  rational_6kt,  ///< early Azure Kinects: rational, but the terms with x·y are half as large
+};
 
 /// Camera model: the mapping between a sensor's pixels and directions. Camera frame: x right, y
 /// down, z forward, metres. Pixel centres lie at integers.
