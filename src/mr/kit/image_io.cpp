@@ -11,17 +11,16 @@
 #include <string_view>
 
 #include "mr/core/file.h"
+#include "mr/kit/image_limits.h"
+#include "mr/kit/jpeg.h"
 
 namespace mr::kit {
 namespace {
 
 using Bytes = std::span<const std::uint8_t>;
 
-constexpr std::uint64_t kMaxImageSide = 16384;
-constexpr std::uint64_t kMaxPixels = 64'000'000;
 constexpr std::uintmax_t kMaxFileBytes = std::uintmax_t{512} << 20;
 constexpr std::size_t kMaxBytesInMemory = 0x7FFFFFFF;  // OpenCV counts them in an int
-constexpr int kMaxJpegScans = 200;  // a progressive picture has about ten; thousands are an attack
 
 /// What a file's header claims, read without decoding.
 struct Header {
@@ -34,65 +33,6 @@ Error corrupt(std::string what) { return {Error::Cause::corrupt, std::move(what)
 
 std::uint32_t big16(Bytes b, std::size_t at) { return b[at] << 8 | b[at + 1]; }
 std::uint32_t big32(Bytes b, std::size_t at) { return big16(b, at) << 16 | big16(b, at + 2); }
-
-Result<Header> within_limits(Header h) {
-  const std::string size = std::to_string(h.width) + "x" + std::to_string(h.height);
-  if (h.width == 0 || h.height == 0) return corrupt("the picture is empty (" + size + ")");
-  if (h.width > kMaxImageSide || h.height > kMaxImageSide || h.width * h.height > kMaxPixels)
-    return Error{Error::Cause::too_large,
-                 size + " pixels are more than 16384 a side or 64 million in all"};
-  return h;
-}
-
-// --- JPEG: libjpeg fills what is missing with grey and only warns, so the markers are walked
-// first.
-
-bool is_jpeg(Bytes b) { return b.size() >= 3 && b[0] == 0xFF && b[1] == 0xD8 && b[2] == 0xFF; }
-
-bool is_frame_header(std::uint8_t marker) {
-  return marker >= 0xC0 && marker <= 0xCF && marker != 0xC4 && marker != 0xC8 && marker != 0xCC;
-}
-
-/// The first marker at or after `at` that is neither a stuffed byte nor a restart; size() if none.
-std::size_t end_of_scan(Bytes b, std::size_t at) {
-  for (; at + 1 < b.size(); ++at)
-    if (b[at] == 0xFF && b[at + 1] != 0 && b[at + 1] != 0xFF &&
-        !(b[at + 1] >= 0xD0 && b[at + 1] <= 0xD7))
-      return at;
-  return b.size();
-}
-
-/// Checks that every segment is whole and that the picture ends with its EOI marker.
-Result<Header> check_jpeg(Bytes b) {
-  std::optional<Header> header;
-  int scans = 0;
-  for (std::size_t at = 2; at + 1 < b.size();) {
-    if (b[at] != 0xFF) return corrupt("JPEG marker missing");
-    const std::uint8_t marker = b[at + 1];
-    if (marker == 0xFF) {  // padding
-      ++at;
-      continue;
-    }
-    if (marker == 0xD9) {
-      if (!header || scans == 0) return corrupt("JPEG without a picture");
-      return within_limits(*header);
-    }
-    if (at + 4 > b.size()) break;
-    const std::size_t length = big16(b, at + 2);
-    if (length < 2 || at + 2 + length > b.size()) break;
-    if (is_frame_header(marker)) {
-      if (length < 8 || header) return corrupt("JPEG frame header is wrong");
-      header = Header{big16(b, at + 7), big16(b, at + 5), b[at + 4], b[at + 9] == 1};
-      const auto fits = within_limits(*header);
-      if (!fits) return fits.error();
-    }
-    at += 2 + length;
-    if (marker != 0xDA) continue;
-    if (++scans > kMaxJpegScans) return corrupt("JPEG has too many scans");
-    at = end_of_scan(b, at);
-  }
-  return corrupt("JPEG is truncated");
-}
 
 // --- PNG: every chunk must be whole and carry its right checksum up to IEND.
 
@@ -132,8 +72,8 @@ Result<Header> check_png(Bytes b) {
     if (!header) {
       if (type != "IHDR" || length != 13) return corrupt("PNG does not start with its header");
       header = Header{big32(b, at + 8), big32(b, at + 12), b[at + 16], b[at + 17] == 0};
-      const auto fits = within_limits(*header);
-      if (!fits) return fits.error();
+      if (const auto fits = within_image_limits(header->width, header->height); !fits)
+        return fits.error();
     }
     if (type == "IDAT") has_data = true;
     if (type == "IEND") {
@@ -177,8 +117,7 @@ Result<ImageDepth16> decode_pgm(Bytes b) {
   if (!width || !height || !maxval || at >= b.size() || !is_space(b[at]))
     return corrupt("PGM header is wrong");
   ++at;
-  const auto fits = within_limits({*width, *height, 16, true});
-  if (!fits) return fits.error();
+  if (const auto fits = within_image_limits(*width, *height); !fits) return fits.error();
   if (*maxval == 0 || *maxval > 65535) return corrupt("PGM maxval must be 1 to 65535");
   if (*maxval < 256) return kNotSixteenBit;
   const std::size_t expected = *width * *height * 2, found = b.size() - at;
@@ -211,9 +150,9 @@ Result<cv::Mat> decode(Bytes b, const Header& header, int flags) {
 }
 
 Result<ImageRgb> decode_jpeg_or_png(Bytes b) {
-  const bool known = is_jpeg(b) || is_png(b);
-  if (!known) return Error{Error::Cause::unsupported, "neither JPEG nor PNG"};
-  const auto header = is_jpeg(b) ? check_jpeg(b) : check_png(b);
+  if (is_jpeg(std::as_bytes(b))) return decode_jpeg(std::as_bytes(b));
+  if (!is_png(b)) return Error{Error::Cause::unsupported, "neither JPEG nor PNG"};
+  const auto header = check_png(b);
   if (!header) return header.error();
   // A camera's pixels are wanted as they were taken: EXIF must not turn them.
   auto bgr = decode(b, *header, cv::IMREAD_COLOR | cv::IMREAD_IGNORE_ORIENTATION);
@@ -230,7 +169,7 @@ Result<ImageRgb> decode_jpeg_or_png(Bytes b) {
 
 Result<ImageDepth16> decode_depth(Bytes b) {
   if (is_pgm(b)) return decode_pgm(b);
-  if (is_jpeg(b)) return kNotSixteenBit;
+  if (is_jpeg(std::as_bytes(b))) return kNotSixteenBit;
   if (!is_png(b)) return Error{Error::Cause::unsupported, "neither PNG nor PGM (P5)"};
   const auto header = check_png(b);
   if (!header) return header.error();
