@@ -1,11 +1,13 @@
 #include "mr/sensor/recording_formats.h"
 
-#include <array>
+#include "mr/sensor/azure_kinect/source.h"
 
 namespace mr::sensor {
 namespace {
 
-constexpr std::array<RecordingFormat, 0> kFormats{};
+constexpr RecordingFormat kFormats[] = {
+    {"azure-kinect-mkv", is_kinect_mkv, describe_kinect_mkv, import_kinect_mkv},
+};
 
 }  // namespace
 

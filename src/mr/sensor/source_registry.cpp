@@ -2,6 +2,7 @@
 
 #include <algorithm>
 
+#include "mr/sensor/azure_kinect/source.h"
 #include "mr/sensor/rgbd_images.h"
 
 namespace mr::sensor {
@@ -9,6 +10,7 @@ namespace {
 
 constexpr SourceType kSourceTypes[] = {
     {RgbdImagesSource::kType, read_rgbd_images, open_rgbd_images},
+    {KinectMkvSource::kType, read_kinect_mkv, open_kinect_mkv},
 };
 
 }  // namespace

@@ -1,0 +1,154 @@
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <utility>
+#include <vector>
+
+#include "mr/sensor/azure_kinect/captures.h"
+#include "mr/sensor/azure_kinect/source.h"
+
+namespace mr::sensor {
+namespace {
+
+double milliseconds(Duration d) { return std::chrono::duration<double, std::milli>(d).count(); }
+
+const char* name_of(KinectHeader::Sync sync) {
+  constexpr const char* kNames[] = {"standalone", "master", "subordinate"};
+  return kNames[static_cast<int>(sync)];
+}
+
+const char* name_of(KinectColorFormat format) {
+  constexpr const char* kNames[] = {"MJPG", "NV12", "YUY2", "BGRA"};
+  return kNames[static_cast<int>(format)];
+}
+
+void add_pictures(const char* track, const std::optional<KinectPictures>& pictures,
+                  RecordingInfo& out) {
+  if (!pictures) return;
+  const std::string name = track;
+  out.fields.push_back({name + "_size",
+                        std::vector<double>{double(pictures->width), double(pictures->height)},
+                        "px"});
+  if (!pictures->mode.empty()) out.fields.push_back({name + "_mode", pictures->mode});
+}
+
+void add_times(const KinectHeader& header, RecordingInfo& out) {
+  out.fields.push_back({"fps", 1e3 / milliseconds(header.period), "1/s"});
+  if (header.first && header.last)
+    out.fields.push_back({"duration_s", milliseconds(*header.last - *header.first) / 1e3, "s"});
+  out.fields.push_back({"sync", std::string(name_of(header.sync))});
+  out.fields.push_back({"start_offset_ns", std::int64_t{header.start_offset.count()}, "ns"});
+  out.fields.push_back({"depth_delay_ns", std::int64_t{header.depth_delay.count()}, "ns"});
+  if (header.sync == KinectHeader::Sync::subordinate)
+    out.fields.push_back(
+        {"subordinate_delay_ns", std::int64_t{header.subordinate_delay.count()}, "ns"});
+}
+
+std::vector<double> intrinsics(const Camera& c) { return {c.fx, c.fy, c.cx, c.cy}; }
+
+void add_cameras(const KinectHeader& header, const std::filesystem::path& file,
+                 RecordingInfo& out) {
+  const auto cameras = kinect_cameras(header, file, {});
+  if (!cameras) {
+    out.notes.push_back(cameras.error().message);
+    return;
+  }
+  out.fields.push_back({"depth_fx_fy_cx_cy", intrinsics(cameras->depth), "px"});
+  if (!cameras->color) return;
+  out.fields.push_back({"color_fx_fy_cx_cy", intrinsics(*cameras->color), "px"});
+  const Vec3d t = cameras->T_color_depth.translation;
+  out.fields.push_back({"color_from_depth_m", std::vector<double>{t.x, t.y, t.z}, "m"});
+}
+
+/// Of the first capture's depth.
+void add_first_depth(const KinectPictures& depth, std::span<const std::byte> bytes,
+                     RecordingInfo& out) {
+  std::vector<float> millimetres(65536);
+  for (std::size_t i = 0; i < millimetres.size(); ++i) millimetres[i] = static_cast<float>(i);
+  auto picture = decode_counts(bytes, depth, count_table(std::move(millimetres), depth));
+  if (!picture) {
+    out.notes.push_back("first depth picture: " + picture.error().message);
+    return;
+  }
+  std::vector<float>& values = picture->data;
+  const auto pixels = static_cast<double>(values.size());
+  std::erase(values, 0.0f);
+  out.fields.push_back({"first_valid_ratio", static_cast<double>(values.size()) / pixels});
+  if (values.empty()) return;
+  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
+  std::ranges::nth_element(values, middle);
+  out.fields.push_back({"first_median_m", *middle * 0.001, "m"});
+}
+
+/// Goes through the whole file: how many pictures there are, and whether it can be read to its end.
+void add_counts(KinectRecording& recording, RecordingInfo& out) {
+  std::int64_t count[4] = {}, samples = 0;
+  bool is_first = true;
+  while (true) {
+    const auto block = recording.next();
+    if (!block) out.notes.push_back(block.error().message);
+    if (!block || !*block) break;
+    ++count[static_cast<int>((*block)->track)];
+    if ((*block)->track == KinectTrack::imu)
+      samples += static_cast<std::int64_t>(decode_imu((*block)->bytes).size());
+    if ((*block)->track == KinectTrack::depth && std::exchange(is_first, false))
+      add_first_depth(*recording.header().depth, (*block)->bytes, out);
+  }
+  const auto of = [&](KinectTrack track) { return count[static_cast<int>(track)]; };
+  out.fields.push_back({"color_pictures", of(KinectTrack::color)});
+  out.fields.push_back({"depth_pictures", of(KinectTrack::depth)});
+  out.fields.push_back({"infrared_pictures", of(KinectTrack::infrared)});
+  out.fields.push_back({"imu_samples", samples});
+}
+
+}  // namespace
+
+bool is_kinect_mkv(const std::filesystem::path& path) {
+  std::error_code failed;
+  return path.extension() == ".mkv" && std::filesystem::is_regular_file(path, failed);
+}
+
+Result<RecordingInfo> describe_kinect_mkv(const std::filesystem::path& path) {
+  auto recording = KinectRecording::open(path);
+  if (!recording) return recording.error();
+  const KinectHeader& header = recording->header();
+  RecordingInfo out;
+  out.format = "Azure Kinect recording (MKV)";
+  out.notes = header.notes;
+  out.fields.push_back({"serial", header.serial});
+  if (!header.color_firmware.empty())
+    out.fields.push_back(
+        {"firmware", header.color_firmware + " colour, " + header.depth_firmware + " depth"});
+  add_pictures("color", header.color, out);
+  if (header.color)
+    out.fields.push_back({"color_format", std::string(name_of(header.color->format))});
+  add_pictures("depth", header.depth, out);
+  add_pictures("infrared", header.infrared, out);
+  add_times(header, out);
+  add_cameras(header, path, out);
+  add_counts(*recording, out);
+  return out;
+}
+
+Result<ImportedScene> import_kinect_mkv(const std::filesystem::path& path) {
+  auto recording = KinectRecording::open(path);
+  if (!recording) return recording.error();
+  const KinectHeader& header = recording->header();
+  const auto cameras = kinect_cameras(header, path, {});
+  if (!cameras) return cameras.error();
+  ImportedScene out;
+  out.name = path.stem().string();
+  out.fps = std::round(1e5 / milliseconds(header.period)) / 1e2;
+  ImportedSensor sensor;
+  sensor.id = path.stem().string();
+  sensor.source = "{type: azure-kinect-mkv, file: \"" + path.string() + "\", loop: true}";
+  sensor.comments.push_back(
+      fmt::format("serial {}, {}; the recording does not say where the sensor stood", header.serial,
+                  name_of(header.sync)));
+  out.sensors.push_back(std::move(sensor));
+  out.notes = header.notes;
+  return out;
+}
+
+}  // namespace mr::sensor
