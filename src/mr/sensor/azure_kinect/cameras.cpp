@@ -8,7 +8,6 @@
 namespace mr::sensor {
 namespace {
 
-constexpr std::uintmax_t kMostCalibrationBytes = 1 << 20;
 /// Of depth: random up to 17 mm and systematic up to 11 mm + 0.1 %, as the vendor states them.
 constexpr Precision kTimeOfFlight{.base_m = 0.002, .per_m2 = 0.001};
 
@@ -20,7 +19,7 @@ Result<std::string> calibration_text(const KinectHeader& header,
                    "it holds no calibration.json; name one: calibration: FILE"};
     return header.calibration;
   }
-  const auto bytes = read_file(instead, kMostCalibrationBytes);
+  const auto bytes = read_file(instead, kMostKinectCalibrationBytes);
   if (!bytes) return bytes.error();
   return std::string(reinterpret_cast<const char*>(bytes->data()), bytes->size());
 }

@@ -22,7 +22,6 @@ namespace {
 using std::chrono::microseconds;
 
 constexpr int kMostSide_px = 16384;
-constexpr std::size_t kMostCalibrationBytes = 1 << 20;
 constexpr std::int64_t kMost_ns = std::int64_t{1} << 61;  // sums of such times stay in range
 constexpr int kFirstBlocks = 4096;  // how many are looked at for the first picture
 
@@ -174,7 +173,7 @@ std::string calibration_in(const AVFormatContext& input) {
     const AVStream& stream = *input.streams[i];
     const AVCodecParameters& data = *stream.codecpar;
     if (data.codec_type != AVMEDIA_TYPE_ATTACHMENT || data.extradata_size <= 0 ||
-        static_cast<std::size_t>(data.extradata_size) > kMostCalibrationBytes)
+        static_cast<std::size_t>(data.extradata_size) > kMostKinectCalibrationBytes)
       continue;
     const bool is_tagged = !text_of(stream.metadata, "K4A_CALIBRATION_FILE").empty();
     if (!is_tagged && text_of(stream.metadata, "filename") != "calibration.json") continue;

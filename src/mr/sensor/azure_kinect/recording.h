@@ -19,6 +19,8 @@
 /// libavformat. Names are those of the Azure Kinect Sensor SDK (record.cpp, matroska_read.cpp).
 namespace mr::sensor {
 
+inline constexpr std::size_t kMostKinectCalibrationBytes = 1 << 20;
+
 enum class KinectTrack { color, depth, infrared, imu };
 
 /// How colour is coded, by the FOURCC of its track.
