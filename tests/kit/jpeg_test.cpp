@@ -132,6 +132,8 @@ TEST(Jpeg, SizesAreCheckedBeforeDecoding) {
 
 TEST(Jpeg, EveryChangedByteIsAnErrorOrAPictureOfTheStatedSize) {
   const Bytes whole = test::jpeg_file(smooth(32, 24), {70});
+  const auto good = decode_jpeg(whole);
+  ASSERT_TRUE(good);
   for (std::size_t i = 0; i < whole.size(); ++i)
     for (const int flip : {1, 0x80, 0xFF}) {
       Bytes bad = whole;
@@ -140,6 +142,9 @@ TEST(Jpeg, EveryChangedByteIsAnErrorOrAPictureOfTheStatedSize) {
       if (back) {
         ASSERT_EQ(back->data.size(), static_cast<std::size_t>(back->width) * back->height * 3);
       }
+      const auto next = decode_jpeg(whole);
+      ASSERT_TRUE(next) << "after an error at " << i << ": " << next.error().message;
+      ASSERT_EQ(*next, *good);
     }
 }
 

@@ -137,9 +137,12 @@ Status decode_jpeg(std::span<const std::byte> bytes, ImageRgb& out) {
   if (!starts_jpeg(b)) return Error{Error::Cause::unsupported, "not a JPEG"};
   const auto header = check_jpeg(b);
   if (!header) return header.error();
-  thread_local const TurboJpeg turbo(tjInitDecompress());
+  thread_local TurboJpeg turbo;
+  if (turbo == nullptr) turbo.reset(tjInitDecompress());
   if (turbo == nullptr) return Error{Error::Cause::io, "no room for a JPEG decoder"};
-  return decode_with(turbo.get(), b, *header, out);
+  const auto done = decode_with(turbo.get(), b, *header, out);
+  if (!done) turbo.reset();  // tjDecompressHeader3() leaves its picture half read after an error
+  return done;
 }
 
 Result<ImageRgb> decode_jpeg(std::span<const std::byte> bytes) {
