@@ -26,7 +26,8 @@ struct NodeName {
 
 std::optional<Camera> read_camera(Report& report, const yaml::Node& node, const std::string& name);
 
-/// A sensor's poses: 16 numbers, {file: …}, {files: […]} or {pattern, first, last}.
+/// A sensor's poses: 16 numbers, {file: …}, {files: […]}, {pattern, first, last} or {trajectory: …,
+/// T_trajectory_depth: 16 numbers}. The source's config is known by then.
 void read_poses(Report& report, const yaml::Node& node, const std::string& name,
                 SensorConfig& sensor);
 /// 16 numbers.
