@@ -25,6 +25,12 @@ class FrameSource {
   /// the epoch, so skip(now * fps) puts an endless source in step with the wall clock.
   virtual void skip(std::uint64_t frames) = 0;
 
+  /// Whether frames come from a device at its own pace. next() waits for the next frame, for a
+  /// bounded time (some seconds at most; an Error: none came); times are those of this computer's
+  /// clock, which the source maps the device's own clock to; there is nothing to skip; it has no
+  /// end as long as it is not hopeless.
+  virtual bool is_live() const { return false; }
+
   /// Whether the source starts again after its last frame; frame indices keep increasing.
   virtual bool endless() const = 0;
 };

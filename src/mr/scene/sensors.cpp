@@ -121,6 +121,7 @@ void read_cameras(MapReader& map, SensorConfig& sensor,
                          : "source names color but color_camera is missing");
   if (const yaml::Node* node = map.find("T_color_depth"))
     if (const auto pose = read_pose(report, *node, "T_color_depth")) sensor.T_color_depth = *pose;
+  if (keys) sensor.T_color_depth = keys->T_picture_color * sensor.T_color_depth;
 }
 
 void read_depth_figures(MapReader& map, SensorConfig& sensor) {

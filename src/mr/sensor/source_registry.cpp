@@ -3,6 +3,8 @@
 #include <algorithm>
 
 #include "mr/sensor/azure_kinect/source.h"
+#include "mr/sensor/lidar_360/source.h"
+#include "mr/sensor/ouster/source.h"
 #include "mr/sensor/rgbd_images.h"
 
 namespace mr::sensor {
@@ -11,6 +13,9 @@ namespace {
 constexpr SourceType kSourceTypes[] = {
     {RgbdImagesSource::kType, read_rgbd_images, open_rgbd_images},
     {KinectMkvSource::kType, read_kinect_mkv, open_kinect_mkv},
+    {OusterPcapSource::kType, read_ouster_pcap, open_ouster_pcap},
+    {OusterLiveSource::kType, read_ouster_live, open_ouster_live},
+    {Lidar360Source::kType, read_lidar_360, open_lidar_360},
 };
 
 }  // namespace

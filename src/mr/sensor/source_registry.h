@@ -20,7 +20,7 @@ namespace mr::sensor {
 struct SourceCameras {
   Camera depth;
   std::optional<Camera> color;
-  Pose T_color_depth;
+  Pose T_color_depth;  ///< unless the scene states it
   double depth_near_m = 0.3, depth_far_m = 5;
   Precision precision;
 };
@@ -31,6 +31,7 @@ struct SourceKeys {
   bool has_color = false;  ///< the sensor needs a colour camera
   /// Nothing: the scene has to state them. Anything where a problem was reported.
   std::optional<SourceCameras> cameras{};
+  Pose T_picture_color{};  ///< from the colour camera that the scene means to that of its pictures
 };
 
 struct SourceType {
