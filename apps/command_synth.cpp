@@ -38,6 +38,11 @@ const std::map<std::string, std::pair<int, int>> kDepthModes{{"nfov", {640, 576}
                                                              {"wfov_binned", {512, 512}},
                                                              {"wfov", {1024, 1024}}};
 
+const std::map<std::string, synth::RigExport::Format> kFormats{
+    {"images", synth::RigExport::Format::images},
+    {"mkv", synth::RigExport::Format::mkv},
+    {"tum", synth::RigExport::Format::tum}};
+
 /// Adds events in the words of a scene file; they are read and checked as there.
 Status read_events(const std::vector<std::string>& events, RigConfig& rig) {
   constexpr int kLinesBefore = 2;
@@ -116,7 +121,8 @@ int synth(const SynthOptions& options) {
     return fail(options.folder.string() + " is not empty; choose another folder or add --force");
   Status written;
   Arena(options.threads).run([&] {
-    written = synth::export_rig({*rig, options.fps, options.folder, show_progress});
+    written = synth::export_rig(
+        {*rig, options.fps, options.folder, show_progress, kFormats.at(options.format)});
   });
   if (isatty(STDERR_FILENO)) std::fputs("\r\x1b[K", stderr);
   if (!written) return fail(written.error().message);
@@ -157,7 +163,7 @@ void add_synth(CLI::App& app, int& exit_code) {
   rig.people = 2;
   rig.frames = 30;
   CLI::App* command = app.add_subcommand(
-      "synth", "Write a synthetic rig: pictures, a scene file, and the true surface");
+      "synth", "Write a synthetic rig: pictures or recordings, a scene file, and the true surface");
   command->add_option("OUT", options->folder, "Folder to write")->required();
   CLI::Option* kind = command->add_option("--kind", options->kind, "Kind of room")
                           ->check(CLI::IsMember(kKinds))
@@ -196,8 +202,10 @@ void add_synth(CLI::App& app, int& exit_code) {
   command->add_option("--fps", options->fps, "Frames a second")
       ->check(CLI::Range(1.0, 240.0))
       ->capture_default_str();
-  command->add_option("--format", options->format, "How frames are written")
-      ->check(CLI::IsMember({"images"}))
+  command
+      ->add_option("--format", options->format,
+                   "Frames of Kinects as pictures, as recordings (mkv), or as TUM folders")
+      ->check(CLI::IsMember(kFormats))
       ->capture_default_str();
   command->add_option("--threads", options->threads, "Threads; 0: all cores")
       ->check(CLI::Range(0, 1024));

@@ -110,7 +110,10 @@ grep -qE "no folder '$work/nowhere', where 24 files.*set MR_DATA to the folder t
 # Rigs as pictures
 check "synth KIND" 2 "'office' is a kind of room, not a folder: meshreduce synth FOLDER --kind office" "$meshreduce" synth office
 [ ! -e office ] || fail_test "synth office wrote a folder"
-check "synth as mkv" 2 "format.*images" "$meshreduce" synth pictures-of --format mkv
+check "synth as bag" 2 "format.*images.*mkv.*tum" "$meshreduce" synth pictures-of --format bag
+check "synth as mkv of another size" 1 "Azure Kinect cannot record colour of 640x480 pixels; it has 1280x720" \
+  "$meshreduce" synth pictures-of --format mkv --color 640x480
+[ ! -e pictures-of ] || fail_test "synth of a size that cannot be recorded wrote a folder"
 check "synth ./KIND" 0 "2 sensors, 1 frames" "$meshreduce" synth ./office --sensors 2 --frames 1 --people 0 \
   --depth-mode nfov_binned --color 320x180
 

@@ -2,18 +2,19 @@
 
 #include <array>
 #include <charconv>
-#include <cmath>
 #include <cstdarg>
 #include <cstdio>
+#include <memory>
 #include <numbers>
-#include <numeric>
+#include <utility>
 #include <vector>
 
 #include "mr/core/file.h"
 #include "mr/core/parallel.h"
-#include "mr/kit/image_io.h"
-#include "mr/synth/depth_png.h"
+#include "mr/synth/furniture.h"
+#include "mr/synth/rig_errors.h"
 #include "mr/synth/room.h"
+#include "mr/synth/sensor_files.h"
 #include "mr/synth/truth.h"
 
 namespace mr::synth {
@@ -65,19 +66,37 @@ std::string camera_yaml(const Camera& camera) {
          ", cx: " + number(camera.cx) + ", cy: " + number(camera.cy) + "}";
 }
 
-std::string sensor_yaml(const SensorConfig& sensor, const RigConfig& rig) {
+using Format = RigExport::Format;
+
+/// LiDARs have no format of a recording here.
+Format format_of_sensor(const RigExport& what, const SensorConfig& sensor) {
+  return sensor.depth_camera.model == CameraModel::pinhole ? what.format : Format::images;
+}
+
+/// The value of `source`.
+std::string source_yaml(const SensorConfig& sensor, Format form, const RigConfig& rig) {
+  const std::string loop = std::string(", loop: ") + (rig.loop ? "true}" : "false}");
+  if (form == Format::mkv) return "{type: azure-kinect-mkv, file: " + sensor.id + ".mkv" + loop;
+  if (form == Format::tum)
+    return "{type: tum, folder: " + sensor.id + ", depth_unit_m: 0.0002" + (rig.loop ? loop : "}");
   const auto files = [&](const char* which) {
     return format("{pattern: \"%s/%s/%%06d.png\", first: 0, last: %d}", sensor.id.c_str(), which,
                   rig.frames - 1);
   };
-  return "  - id: " + sensor.id + "\n    source: {type: rgbd-images, color: " + files("color") +
-         ", depth: " + files("depth") +
-         ", depth_unit_m: 0.001, loop: " + (rig.loop ? "true" : "false") +
-         "}\n    depth_camera: " + camera_yaml(sensor.depth_camera) +
-         "\n    color_camera: " + camera_yaml(*sensor.color_camera) +
-         "\n    T_color_depth: " + list(sensor.T_color_depth.matrix()) +
-         "\n    T_world_depth: " + list(sensor.T_world_depth.at(0).matrix()) +
-         "\n    depth_range_m: [" + number(sensor.depth_near_m) + ", " +
+  return "{type: rgbd-images, color: " + files("color") + ", depth: " + files("depth") +
+         ", depth_unit_m: 0.001" + loop;
+}
+
+std::string sensor_yaml(const SensorConfig& sensor, Format form, const RigConfig& rig) {
+  std::string out = "  - id: " + sensor.id + "\n    source: " + source_yaml(sensor, form, rig);
+  if (form != Format::mkv)  // whose recording has them
+    out += "\n    depth_camera: " + camera_yaml(sensor.depth_camera) +
+           "\n    color_camera: " + camera_yaml(*sensor.color_camera) +
+           "\n    T_color_depth: " + list(sensor.T_color_depth.matrix());
+  out += "\n    T_world_depth: ";
+  out += form == Format::tum ? "{trajectory: " + sensor.id + "/groundtruth.txt}"
+                             : list(sensor.T_world_depth.at(0).matrix());
+  return out + "\n    depth_range_m: [" + number(sensor.depth_near_m) + ", " +
          number(sensor.depth_far_m) +
          "]\n    precision: {base_m: " + number(sensor.precision.base_m) +
          ", per_m2: " + number(sensor.precision.per_m2) + "}\n";
@@ -89,42 +108,56 @@ std::string scene_yaml(const RigExport& what, std::span<const SensorConfig> sens
   out += kind_name(what.rig.kind);
   out += "\nup: [0, 0, 1]\nfps: " + number(what.fps) +
          "\nvoxel_m: 0.02\nsimplify: {ratio: 0.1}\nsensors:\n";
-  for (const SensorConfig& sensor : sensors) out += sensor_yaml(sensor, what.rig);
+  for (const SensorConfig& sensor : sensors)
+    out += sensor_yaml(sensor, format_of_sensor(what, sensor), what.rig);
   return out + "truth: {mesh: \"truth/%06d.ply\", rig: " + rig_yaml(what.rig) + "}\n";
 }
 
-std::filesystem::path numbered(const std::filesystem::path& folder, int frame, const char* ending) {
-  return folder / format("%06d%s", frame, ending);
+/// Kinect `i` of the rig: the first leads the others, whose exposures follow 160 us apart, so that
+/// their infrared light does not disturb; each recording begins at another time.
+MkvDevice device_of(const RigExport& what, const SensorConfig& stated, const SensorConfig& exact,
+                    int i) {
+  MkvDevice device;
+  device.depth_camera = stated.depth_camera, device.color_camera = *stated.color_camera;
+  device.T_color_depth = stated.T_color_depth;
+  device.up_depth =
+      transposed(exact.T_world_depth.at(0).rotation) * (room_pose().rotation * Vec3d{0, 0, 1});
+  device.fps = what.fps;
+  device.serial = format("%06u%06d", what.rig.seed % 1'000'000, i + 1);
+  if (what.rig.sensors > 1)
+    device.sync = i == 0 ? MkvDevice::Sync::master : MkvDevice::Sync::subordinate;
+  device.subordinate_delay = std::chrono::microseconds(160 * i);
+  device.start_offset =
+      device.epoch + device.subordinate_delay - std::chrono::milliseconds(20 + 7 * (i % 20));
+  device.color = what.mkv_color;
+  return device;
 }
 
-/// Writes a sensor's next frame.
-Status write_frame(FrameSource& source, const std::filesystem::path& folder, int number) {
+using AllFiles = std::vector<std::unique_ptr<SensorFiles>>;
+
+Result<AllFiles> open_files(const RigExport& what, std::span<const SensorConfig> sensors) {
+  const std::vector<SensorConfig> exact = exact_sensors(what.rig);
+  AllFiles files;
+  for (std::size_t i = 0; i < sensors.size(); ++i) {
+    const SensorConfig& sensor = sensors[i];
+    const Format form = format_of_sensor(what, sensor);
+    const std::filesystem::path folder = what.folder / sensor.id;
+    auto opened = form == Format::images ? open_picture_files(folder)
+                  : form == Format::tum
+                      ? open_tum_folder(folder, sensor.T_world_depth.at(0), what.fps)
+                      : open_mkv_file(folder.string() + ".mkv",
+                                      device_of(what, sensor, exact[i], static_cast<int>(i)));
+    if (!opened) return opened.error();
+    files.push_back(std::move(*opened));
+  }
+  return files;
+}
+
+Status write_next_frame(FrameSource& source, SensorFiles& files) {
   const auto frame = source.next();
   if (!frame) return frame.error();
   MR_ASSERT(frame->has_value());
-  const ImageDepth& depth = (*frame)->depth;
-  std::vector<std::uint16_t> counts(depth.data.size());
-  for (std::size_t i = 0; i < counts.size(); ++i)
-    counts[i] = static_cast<std::uint16_t>(std::lround(depth.data[i] * 1000));
-  if (const Status ok = write_depth_png(numbered(folder / "depth", number, ".png"), depth.width,
-                                        depth.height, counts);
-      !ok)
-    return ok;
-  return kit::write_png(numbered(folder / "color", number, ".png"), (*frame)->color);
-}
-
-Status make_folders(const RigExport& what, std::span<const SensorConfig> sensors) {
-  std::vector<std::filesystem::path> folders{what.folder / "truth"};
-  for (const SensorConfig& sensor : sensors)
-    for (const char* kind : {"color", "depth"}) folders.push_back(what.folder / sensor.id / kind);
-  for (const auto& folder : folders) {
-    std::error_code failed;
-    std::filesystem::create_directories(folder, failed);
-    if (failed)
-      return Error{Error::Cause::io,
-                   "cannot make folder " + folder.string() + ": " + failed.message()};
-  }
-  return {};
+  return files.write(**frame);
 }
 
 /// The keys that count for an event's kind.
@@ -182,7 +215,14 @@ std::string rig_yaml(const RigConfig& rig) {
 
 Status export_rig(const RigExport& what) {
   const std::vector<SensorConfig> sensors = rig_sensors(what.rig);
-  if (const Status made = make_folders(what, sensors); !made) return made;
+  for (const SensorConfig& sensor : sensors)
+    if (format_of_sensor(what, sensor) == Format::mkv)
+      if (const Status can = check_recordable(sensor.depth_camera, *sensor.color_camera, what.fps);
+          !can)
+        return can;
+  if (const Status made = make_folder(what.folder / "truth"); !made) return made;
+  auto files = open_files(what, sensors);
+  if (!files) return files.error();
   const std::vector<SensorId> all = all_sensors(sensors);
   const auto sources = open_rig(what.rig, sensors, all, what.fps, {});
   Truth truth(what.rig, what.fps);
@@ -191,13 +231,15 @@ Status export_rig(const RigExport& what) {
     std::vector<Status> written(sensors.size());
     parallel_for(sensors.size(), 1, [&](std::size_t begin, std::size_t end) {
       for (std::size_t i = begin; i < end; ++i)
-        written[i] = write_frame(*sources[i], what.folder / sensors[i].id, frame);
+        written[i] = write_next_frame(*sources[i], *(*files)[i]);
     });
-    written.push_back(write_ply(numbered(what.folder / "truth", frame, ".ply"),
+    written.push_back(write_ply(what.folder / "truth" / format("%06d.ply", frame),
                                 truth.surface(static_cast<std::uint64_t>(frame))));
     for (const Status& status : written)
       if (!status) return status;
   }
+  for (const auto& file : *files)
+    if (const Status closed = file->close(); !closed) return closed;
   return write_file(what.folder / "scene.yaml", scene_yaml(what, sensors));
 }
 

@@ -234,9 +234,11 @@ Result<Camera> kinect_camera_of(const KinectCamera& from, const KinectMode& mode
   camera.cx = from.cx * mode.binned_width - mode.left - 0.5;
   camera.cy = from.cy * mode.binned_height - mode.top - 0.5;
   camera.fx = from.fx * mode.binned_width, camera.fy = from.fy * mode.binned_height;
-  camera.distortion = from.model == KinectCamera::Model::rational_6kt
-                          ? DistortionModel::rational_6kt
-                          : DistortionModel::rational;
+  const auto zero = [](double v) { return v == 0; };
+  if (!std::ranges::all_of(from.k, zero) || from.p1 != 0 || from.p2 != 0)
+    camera.distortion = from.model == KinectCamera::Model::rational_6kt
+                            ? DistortionModel::rational_6kt
+                            : DistortionModel::rational;
   camera.k = from.k;
   camera.p = {from.p1, from.p2};
   const std::vector<std::string> problems = camera.problems();
