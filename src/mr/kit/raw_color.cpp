@@ -52,8 +52,10 @@ void yuy2_row(const std::uint8_t* from, int width, std::uint8_t* rgb) {
 }
 
 void bgra_row(const std::uint8_t* from, int width, std::uint8_t* rgb) {
-  for (int x = 0; x < width; ++x)
-    for (int c = 0; c < 3; ++c) rgb[3 * x + c] = from[4 * x + 2 - c];
+  for (int x = 0; x < width; ++x, from += 4, rgb += 3) {
+    const std::uint8_t blue = from[0], green = from[1], red = from[2];
+    rgb[0] = red, rgb[1] = green, rgb[2] = blue;
+  }
 }
 
 const char* name_of(RawColorFormat format) {
