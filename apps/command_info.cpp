@@ -12,6 +12,7 @@
 #include "commands.h"
 #include "mr/core/parallel.h"
 #include "mr/eval/scene_check.h"
+#include "mr/eval/scene_clocks.h"
 #include "mr/synth/room.h"
 #include "output.h"
 
@@ -25,6 +26,8 @@ struct InfoOptions {
   std::vector<std::string> set;
   bool json = false;
   std::optional<bool> pictures;  ///< nothing: those of files, not those that must be rendered
+  bool clocks = false;
+  double clock_seconds = 5;
 };
 
 std::string size_of(const Camera& camera) {
@@ -79,8 +82,44 @@ Json fit_as_json(const eval::SceneCheck& check) {
           {"pairs", std::move(pairs)}};
 }
 
-/// `check`: nothing if no pictures were checked.
-Json as_json(const Scene& scene, const std::optional<eval::SceneCheck>& check) {
+/// To the microsecond.
+Json optional_ms(const std::optional<double>& value_ms) {
+  return value_ms ? Json(std::round(*value_ms * 1000) / 1000) : Json();
+}
+
+Json clocks_as_json(const eval::SceneClocks& clocks) {
+  Json out{{"reference", clocks.reference.empty() ? Json() : Json(clocks.reference)},
+           {"frames", clocks.frames},
+           {"seconds", rounded(clocks.seconds)},
+           {"clocks", Json::array()},
+           {"pairs", Json::array()}};
+  if (!clocks.problem.empty()) out["problem"] = clocks.problem;
+  for (const eval::SensorClock& c : clocks.clocks) {
+    Json one{{"sensor", c.id},
+             {"offset_ms", optional_ms(c.offset_ms)},
+             {"sigma_ms", c.offset_ms ? optional_ms(c.sigma_ms) : Json()},
+             {"overlap_points", c.overlap_points}};
+    if (c.true_ms) one["true_ms"] = optional_ms(c.true_ms);
+    if (!c.problem.empty()) one["problem"] = c.problem;
+    out["clocks"].push_back(std::move(one));
+  }
+  for (const eval::ClockPairOffset& p : clocks.pairs)
+    out["pairs"].push_back({{"a", p.a},
+                            {"b", p.b},
+                            {"offset_ms", optional_ms(p.offset_ms)},
+                            {"sigma_ms", optional_ms(p.sigma_ms)},
+                            {"overlap_points", p.points}});
+  return out;
+}
+
+/// What was looked at; nothing if it was not asked for.
+struct Findings {
+  std::optional<eval::SceneCheck> check;
+  std::optional<eval::SceneClocks> clocks;
+};
+
+Json as_json(const Scene& scene, const Findings& findings) {
+  const auto& [check, clocks] = findings;
   Json out{{"scene", scene.id},
            {"fps", scene.fps},
            {"voxel_m", scene.voxel_m},
@@ -93,6 +132,7 @@ Json as_json(const Scene& scene, const std::optional<eval::SceneCheck>& check) {
   for (const MergerConfig& m : scene.mergers)
     out["mergers"].push_back({{"id", m.id}, {"inputs", m.inputs}, {"deadline_ms", m.deadline_ms}});
   if (check) out["fit"] = fit_as_json(*check);
+  if (clocks) out["clocks"] = clocks_as_json(*clocks);
   return out;
 }
 
@@ -136,7 +176,28 @@ std::string fit_as_text(const eval::SceneCheck& check) {
   return out;
 }
 
-std::string as_text(const Scene& scene, const std::optional<eval::SceneCheck>& check) {
+/// One line per sensor, and what to write into the scene file.
+std::string clocks_as_text(const eval::SceneClocks& clocks) {
+  if (!clocks.problem.empty())
+    return fmt::format("clocks: unknown, for {} in {} frames\n", clocks.problem, clocks.frames);
+  std::string out = fmt::format("clocks, against {}, from what moves in {} frames ({:.1f} s):\n",
+                                clocks.reference, clocks.frames, clocks.seconds);
+  for (const eval::SensorClock& c : clocks.clocks) {
+    if (!c.offset_ms)
+      out += fmt::format("  ! {:<12} unknown: {}\n", c.id, c.problem);
+    else if (c.id != clocks.reference)
+      out += fmt::format("  {:<12} {:+.1f} ms (\u00b1 {:.1f}){}: clock_offset_ms: {:.1f}\n", c.id,
+                         *c.offset_ms, c.sigma_ms,
+                         c.true_ms ? fmt::format(", truly {:+.1f} ms", *c.true_ms) : "",
+                         c.clock_offset_ms);
+  }
+  return out +
+         "  (+: it captures later than its frames say; write clock_offset_ms into its entry under "
+         "sensors)\n";
+}
+
+std::string as_text(const Scene& scene, const Findings& findings) {
+  const auto& [check, clocks] = findings;
   std::string out =
       fmt::format("scene {}: {} sensors, {} mergers, {} fps, {} mm voxels\n", scene.id,
                   scene.sensors.size(), scene.mergers.size(), scene.fps, scene.voxel_m * 1000);
@@ -147,7 +208,7 @@ std::string as_text(const Scene& scene, const std::optional<eval::SceneCheck>& c
   for (const MergerConfig& m : scene.mergers)
     out += fmt::format("  merger {:<12} from {}, waits {} ms\n", m.id, fmt::join(m.inputs, " "),
                        m.deadline_ms);
-  return out + (check ? fit_as_text(*check) : "");
+  return out + (check ? fit_as_text(*check) : "") + (clocks ? clocks_as_text(*clocks) : "");
 }
 
 /// Prints each sensor whose picture cannot be read; returns exit code 1 if there is one.
@@ -162,16 +223,20 @@ int info(const InfoOptions& options) {
   auto scene = load_or_print_problems(options.scene, options.set);
   if (!scene) return 1;
   if (scene->rig) scene->sensors = synth::rig_sensors(*scene->rig);
-  std::optional<eval::SceneCheck> check;
-  if (options.pictures.value_or(!scene->rig))
-    Arena(scene->threads).run([&] {
-      check = eval::check_scene(*scene, synth::default_rig_cache());
-    });
-  fmt::print("{}",
-             options.json
-                 ? as_json(*scene, check).dump(2, ' ', false, Json::error_handler_t::replace) + "\n"
-                 : as_text(*scene, check));
-  return check ? print_unreadable(*check) : 0;
+  Findings findings;
+  Arena(scene->threads).run([&] {
+    const std::filesystem::path rig_cache = synth::default_rig_cache();
+    if (options.pictures.value_or(!scene->rig))
+      findings.check = eval::check_scene(*scene, rig_cache);
+    if (options.clocks)
+      findings.clocks = eval::compare_clocks(*scene, rig_cache, options.clock_seconds);
+  });
+  fmt::print(
+      "{}",
+      options.json
+          ? as_json(*scene, findings).dump(2, ' ', false, Json::error_handler_t::replace) + "\n"
+          : as_text(*scene, findings));
+  return findings.check ? print_unreadable(*findings.check) : 0;
 }
 
 }  // namespace
@@ -187,7 +252,18 @@ void add_info(CLI::App& app, int& exit_code) {
       "--pictures,!--no-pictures", [options](std::int64_t count) { options->pictures = count > 0; },
       "Open the first picture of each sensor; without either, those of files are opened, and those "
       "of a rig, which must be rendered, are not");
-  command->footer("Example:\n  meshreduce info examples/red-kitchen.yaml");
+  command->add_flag("--clocks", options->clocks,
+                    "Estimate by how much the sensors' clocks disagree, from what moves before "
+                    "two of them at once");
+  command
+      ->add_option("--clock-seconds", options->clock_seconds,
+                   "With --clocks: how much of the recordings is read")
+      ->check(CLI::Range(0.5, 60.0))
+      ->capture_default_str();
+  command->footer(
+      "Examples:\n"
+      "  meshreduce info examples/red-kitchen.yaml\n"
+      "  meshreduce info people.yaml --clocks        which clock_offset_ms each sensor needs");
   command->callback([options, &exit_code] { exit_code = info(*options); });
 }
 
