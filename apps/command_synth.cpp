@@ -84,6 +84,8 @@ Result<RigConfig> rig_of(const SynthOptions& options) {
     return Error{Error::Cause::invalid, "--color must be WIDTHxHEIGHT, 16 to 8192 pixels a side"};
   std::tie(rig.depth_width, rig.depth_height) = kDepthModes.at(options.depth_mode);
   rig.noise = options.noise == "kinect";
+  if (rig.sensors + rig.lidars == 0)
+    return Error{Error::Cause::invalid, "a rig needs at least one of --sensors and --lidars"};
   if (!options.events.empty())
     if (const Status read = read_events(options.events, rig); !read) return read.error();
   return rig;
@@ -173,11 +175,17 @@ void add_synth(CLI::App& app, int& exit_code) {
   command->add_option("--people", rig.people, "Who walk and gesture")
       ->check(CLI::Range(0, 100))
       ->capture_default_str();
-  command->add_option("--sensors", rig.sensors, "Kinects")
-      ->check(CLI::Range(1, 400))
+  command->add_option("--sensors", rig.sensors, "Kinects; 0: LiDARs alone")
+      ->check(CLI::Range(0, 400))
       ->capture_default_str();
   command->add_option("--lidars", rig.lidars, "360-degree LiDARs")
       ->check(CLI::Range(0, 16))
+      ->capture_default_str();
+  command->add_option("--lidar-beams", rig.lidar_beams, "Of each LiDAR")
+      ->check(CLI::Range(8, 128))
+      ->capture_default_str();
+  command->add_option("--lidar-noise-mm", rig.lidar_noise_mm, "Deviation of its ranges")
+      ->check(CLI::Range(0.1, 1000.0))
       ->capture_default_str();
   command->add_option("--depth-mode", options->depth_mode, "Of the Kinects")
       ->check(CLI::IsMember(kDepthModes))

@@ -7,6 +7,7 @@
 #include <stdexcept>
 
 #include "bytes.h"
+#include "mr/fusion/fusion_config.h"
 #include "mr/kit/image_io.h"
 #include "mr/node/capture.h"
 #include "mr/synth/room.h"
@@ -98,6 +99,7 @@ Message case_message(const FuseCase& c) {
   return {{"name", c.name},
           {"size", {k.width, k.height}},
           {"intrinsics", binary(std::vector<double>{k.fx, k.fy, k.cx, k.cy})},
+          {"beams", binary(k.beam_altitude_rad)},
           {"pose", binary(std::vector<Pose>{c.T_world_camera})},
           {"lengths", binary(std::vector<double>{c.voxel_m, c.truncation_m, c.limit_m})},
           {"depth", binary(c.depth.data)},
@@ -112,6 +114,11 @@ FuseCase case_from(const Message& message) {
   const auto k = array_from<double>(message.at("intrinsics"));
   out.camera.fx = k.at(0), out.camera.fy = k.at(1), out.camera.cx = k.at(2),
   out.camera.cy = k.at(3);
+  out.camera.beam_altitude_rad = array_from<double>(message.at("beams"));
+  if (!out.camera.beam_altitude_rad.empty()) {
+    out.camera.model = CameraModel::lidar;
+    out.camera.beam_azimuth_rad.assign(out.camera.beam_altitude_rad.size(), 0);
+  }
   out.T_world_camera = array_from<Pose>(message.at("pose")).at(0);
   const auto lengths = array_from<double>(message.at("lengths"));
   out.voxel_m = lengths.at(0), out.truncation_m = lengths.at(1), out.limit_m = lengths.at(2);
@@ -120,21 +127,20 @@ FuseCase case_from(const Message& message) {
   return out;
 }
 
-/// One Kinect of the default room, with its noise and the truth.
-FuseCase render_rig() {
-  const RigConfig rig;
+/// The first sensor of a rig, with its noise and the truth.
+FuseCase render(const RigConfig& rig, const std::string& name, double limit_m) {
   const auto sensors = synth::rig_sensors(rig);
   const auto sources = synth::open_rig(rig, sensors, std::array{SensorId{0}}, kTruthFps, {});
   auto frame = sources.at(0)->next();
   if (!frame) throw std::runtime_error(frame.error().message);
   FuseCase out;
-  out.name = kRig;
+  out.name = name;
   out.camera = sensors[0].depth_camera;
   out.depth = std::move((*frame)->depth);
   out.T_world_camera = (*frame)->T_world_depth;
-  out.limit_m = kLimit_m;
+  out.limit_m = limit_m;
   for (float& depth_m : out.depth.data)
-    if (depth_m > kLimit_m) depth_m = 0;
+    if (depth_m > limit_m) depth_m = 0;
   out.truth = synth::Truth(rig, kTruthFps).surface(0).mesh;
   return out;
 }
@@ -181,9 +187,21 @@ std::vector<CaseInfo> fuse_cases() {
 Result<FuseCase> load_fuse_case(const std::string& name) {
   for (const Recording& recording : recordings())
     if (recording.name == name) return read_recording(recording);
-  const auto rig = apart([] { return case_message(render_rig()); });
+  const auto rig = apart([] { return case_message(render({}, kRig, kLimit_m)); });
   if (!rig) return rig.error();
   return case_from(*rig);
+}
+
+Result<FuseCase> load_scan_case(const std::string& name, double voxel_m) {
+  constexpr double kScanLimit_m = 20;
+  RigConfig rig;
+  rig.seed = 2, rig.room_m = {8, 5, 3}, rig.sensors = 0, rig.lidars = 1;
+  const auto message = apart([&] { return case_message(render(rig, name, kScanLimit_m)); });
+  if (!message) return message.error();
+  FuseCase out = case_from(*message);
+  out.voxel_m = voxel_m;
+  out.truncation_m = fusion::FusionConfig::kTruncation_voxels * voxel_m;
+  return out;
 }
 
 Result<std::vector<FuseCase>> load_fuse_scene(const std::filesystem::path& scene_file) {

@@ -16,7 +16,7 @@ namespace mr::bench {
 struct FuseCase {
   std::string name;
   ImageDepth depth;  ///< metres; depth beyond the limit is 0
-  Camera camera;     ///< undistorted pinhole
+  Camera camera;     ///< undistorted pinhole, or LiDAR
   Pose T_world_camera;
   double voxel_m = 0.01, truncation_m = 0.04, limit_m = 5;
   Mesh truth;  ///< the noiseless surface; empty: not known
@@ -27,6 +27,10 @@ struct FuseCase {
 std::vector<CaseInfo> fuse_cases();
 
 Result<FuseCase> load_fuse_case(const std::string& name);
+
+/// A scan, with noise, of a dome LiDAR with 128 beams below the ceiling of an 8x5x3 m room, with
+/// the usual band for the voxel and the truth.
+Result<FuseCase> load_scan_case(const std::string& name, double voxel_m);
 
 /// The first frame of every sensor of a scene, named by the sensor. A scene's problems are
 /// printed on standard error, one line each. unsupported: a sensor is no pinhole camera.

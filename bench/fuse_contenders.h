@@ -1,5 +1,6 @@
 #pragma once
 
+#include <string>
 #include <vector>
 
 #include "fuse_case.h"
@@ -12,6 +13,13 @@ namespace mr::bench {
 /// "ours" bridges depth edges as the peer does, for a fair comparison; "ours/cut" cuts them;
 /// "ours/planes" does so with a plane per pixel, as the pipeline does.
 std::vector<Contender> fuse_ours(const FuseCase& input, int threads);
+
+/// The contender that fuse_ours() calls "ours", in the stage `scan`.
+inline const std::string kFuseRoom = "fuse-room";
+
+/// "ours": the scan as the pipeline fuses it; kFuseRoom: `fuse`'s "ours" on the room; and
+/// "fuse-room/planes", `fuse`'s "ours/planes". Both cases must outlive them.
+std::vector<Contender> scan_contenders(const FuseCase& scan, const FuseCase& room, int threads);
 
 /// Whether this was built with Open3D.
 bool has_open3d();

@@ -69,4 +69,11 @@ std::vector<Contender> fuse_ours(const FuseCase& input, int threads) {
           contender("ours/planes", input, threads, fusion::DepthEdges::cut, true)};
 }
 
+std::vector<Contender> scan_contenders(const FuseCase& scan, const FuseCase& room, int threads) {
+  apply_simd_override();
+  return {contender("ours", scan, threads, fusion::DepthEdges::cut),
+          contender(kFuseRoom, room, threads, fusion::DepthEdges::bridge),
+          contender(kFuseRoom + "/planes", room, threads, fusion::DepthEdges::cut, true)};
+}
+
 }  // namespace mr::bench

@@ -36,6 +36,7 @@ Stage fuse_stage();
 Stage layers_stage();
 Stage merge_stage();
 Stage overlap_stage();
+Stage scan_stage();
 Stage zipper_stage();
 Stage simplify_stage();
 

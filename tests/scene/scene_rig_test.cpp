@@ -41,6 +41,11 @@ TEST_F(SceneFile, ARigsMistakesAndNotices) {
       problems("scene: s\nrig: {sensors: 2}\nmergers:\n  - {id: r, inputs: [cam-0, cam-2]}\n"),
       ElementsAre(HasSubstr("2: sensor 'cam-1' reaches no root"), HasSubstr("4: ")));
   EXPECT_THAT(problems("scene: s\nrig: {kind: castle}\n"), ElementsAre(HasSubstr("kind must be")));
+  EXPECT_THAT(problems("scene: s\nrig: {sensors: 0}\n"),
+              ElementsAre(HasSubstr("2: a rig needs at least one of sensors and lidars")));
+  EXPECT_THAT(problems("scene: s\nrig: {sensors: 0, lidars: 1}\n"), IsEmpty());
+  EXPECT_THAT(problems("scene: s\nrig: {lidars: 1, lidar_beams: 4}\n"),
+              ElementsAre(HasSubstr("lidar_beams must be")));
   EXPECT_THAT(problems("scene: s\nrig: {clock_offset_ms: -1}\n"), ElementsAre(HasSubstr("2: ")));
 }
 

@@ -127,7 +127,7 @@ truth:
 constexpr const char* kRig = R"(
 scene: s
 rig: {type: synthetic, kind: corridor, seed: 2, room: [2, 12, 3], people: 1, sensors: 3, lidars: 1, depth_mode: wfov,
-      color: [640, 360], noise: none, calib_error_mm: 1, calib_error_deg: 1, exposure_spread: 1, clock_offset_ms: 1,
+      lidar_beams: 64, lidar_noise_mm: 20, color: [640, 360], noise: none, calib_error_mm: 1, calib_error_deg: 1, exposure_spread: 1, clock_offset_ms: 1,
       detail: 0.25, frames: 100, loop: true, depth_noise: 2, depth_noise_px: 2, color_noise: 2, exposure_drift: 0.25,
       exposure_period_s: 30, events: [
         {kind: sit, at: 60, frames: 30, place: [0.5, -1]}, {kind: chair, at: 10, frames: 20, place: [0, 1], by_m: 0.7},

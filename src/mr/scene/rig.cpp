@@ -106,6 +106,10 @@ void read_rig_errors(MapReader& map, RigConfig& rig) {
 void read_rig_sensors(MapReader& map, RigConfig& rig) {
   map.integer("sensors", rig.sensors, RigConfig::kSensors);
   map.integer("lidars", rig.lidars, RigConfig::kLidars);
+  if (rig.sensors + rig.lidars == 0)
+    map.report.problem(map.line("sensors"), "a rig needs at least one of sensors and lidars");
+  map.integer("lidar_beams", rig.lidar_beams, RigConfig::kLidarBeams);
+  map.number("lidar_noise_mm", rig.lidar_noise_mm, RigConfig::kLidarNoise_mm);
   std::pair<int, int> depth{rig.depth_width, rig.depth_height};
   map.choice<std::pair<int, int>>("depth_mode", depth,
                                   {{"nfov", {640, 576}},

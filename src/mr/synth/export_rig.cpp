@@ -189,6 +189,8 @@ std::string disturbances_yaml(const RigConfig& rig) {
   add("color_noise", rig.color_noise, usual.color_noise);
   add("exposure_drift", rig.exposure_drift, usual.exposure_drift);
   add("exposure_period_s", rig.exposure_period_s, usual.exposure_period_s);
+  add("lidar_beams", rig.lidar_beams, usual.lidar_beams);
+  add("lidar_noise_mm", rig.lidar_noise_mm, usual.lidar_noise_mm);
   std::string events;
   for (const RigEvent& event : rig.events)
     events += (events.empty() ? "" : ", ") + event_yaml(event);

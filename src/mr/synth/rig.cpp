@@ -130,16 +130,17 @@ SensorConfig kinect(const RigConfig& rig, const FloorPlan& plan, int i) {
   return sensor;
 }
 
-/// A hemispherical LiDAR that hangs upside down: its beams go from the horizon straight down.
+/// A hemispherical LiDAR that hangs upside down, like an OS-Dome: its beams go from the horizon
+/// straight down.
 SensorConfig lidar(const RigConfig& rig, const FloorPlan& plan, int i) {
-  constexpr int kColumns = 2048, kBeams = 128, kPanorama = 2048;
+  constexpr int kColumns = 2048, kPanorama = 2048;
   SensorConfig sensor;
   Camera& beams = sensor.depth_camera;
   beams.model = CameraModel::lidar;
-  beams.width = kColumns, beams.height = kBeams;
-  for (int row = 0; row < kBeams; ++row)
-    beams.beam_altitude_rad.push_back(-(row + 0.5) * 90 / kBeams * kRadians);
-  beams.beam_azimuth_rad.assign(kBeams, 0);
+  beams.width = kColumns, beams.height = rig.lidar_beams;
+  for (int row = 0; row < rig.lidar_beams; ++row)
+    beams.beam_altitude_rad.push_back(-(row + 0.5) * 90 / rig.lidar_beams * kRadians);
+  beams.beam_azimuth_rad.assign(rig.lidar_beams, 0);
   Camera panorama;
   panorama.model = CameraModel::equirectangular;
   panorama.width = kPanorama, panorama.height = kPanorama / 2;
@@ -152,6 +153,7 @@ SensorConfig lidar(const RigConfig& rig, const FloorPlan& plan, int i) {
   sensor.T_world_depth = {room_pose() * look_at(eye, eye + Vec3d{1, 0, 0}, {0, 0, 1})};
   sensor.depth_near_m = 0.3;
   sensor.depth_far_m = 20;
+  sensor.precision = {.base_m = rig.lidar_noise_mm / 1000, .per_m2 = 0};
   return sensor;
 }
 

@@ -64,6 +64,8 @@ std::vector<std::string> RigConfig::problems() const {
                     {"people", people, kPeople},
                     {"sensors", sensors, kSensors},
                     {"lidars", lidars, kLidars},
+                    {"lidar_beams", lidar_beams, kLidarBeams},
+                    {"lidar_noise_mm", lidar_noise_mm, kLidarNoise_mm},
                     {"depth", depth_width, kDepth},
                     {"depth", depth_height, kDepth},
                     {"color", color_width, kColor},
@@ -79,6 +81,7 @@ std::vector<std::string> RigConfig::problems() const {
                     {"clock_offset_ms", clock_offset_ms, kClockOffset_ms},
                     {"detail", detail, kDetail},
                     {"frames", frames, kFrames}});
+  if (sensors + lidars == 0) out.push_back("a rig needs at least one of sensors and lidars");
   for (const RigEvent& event : events)
     append(out, prefixed(std::string("event ") + name_of(event.kind) + ": ", event.problems()));
   return out;

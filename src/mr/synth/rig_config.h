@@ -52,10 +52,12 @@ const char* name_of(RigEvent::Kind kind);
 struct RigConfig {
   enum class Kind { room, conference, office, corridor, hallway } kind = Kind::room;
   std::uint32_t seed = 1;
-  Vec3d room_m{6, 5, 3};  ///< width, depth, height
-  int people = 0;         ///< who walk and gesture
-  int sensors = 4;        ///< Kinects, "cam-0" and so on; 1 to 400
-  int lidars = 0;         ///< 360-degree LiDARs with a panorama, "lidar-0" and so on
+  Vec3d room_m{6, 5, 3};       ///< width, depth, height
+  int people = 0;              ///< who walk and gesture
+  int sensors = 4;             ///< Kinects, "cam-0" and so on; up to 400, 0 beside LiDARs only
+  int lidars = 0;              ///< 360-degree LiDARs with a panorama, "lidar-0" and so on
+  int lidar_beams = 128;       ///< of each LiDAR, from the horizon straight down
+  double lidar_noise_mm = 10;  ///< deviation of its ranges, the same at any distance
   int depth_width = 640,
       depth_height = 576;  ///< depth_mode nfov; wfov_binned 512x512, nfov_binned 320x288
   int color_width = 1280, color_height = 720;
@@ -75,10 +77,11 @@ struct RigConfig {
   bool loop = false;           ///< start again; then motion repeats after `frames`
   std::vector<RigEvent> events;
 
-  static constexpr Range kRoom_m{1, 50}, kPeople{0, 100}, kSensors{1, 400}, kLidars{0, 16},
-      kColor{16, 8192}, kDepth{16, 8192}, kDepthNoise{0, 100}, kDepthNoise_px{0, 16},
-      kColorNoise{0, 64}, kExposure{0, 4}, kExposurePeriod_s{0.1, 36'000}, kCalibError_mm{0, 1000},
-      kCalibError_deg{0, 90}, kClockOffset_ms{0, 10'000}, kDetail{0, 1}, kFrames{1, 1'000'000};
+  static constexpr Range kRoom_m{1, 50}, kPeople{0, 100}, kSensors{0, 400}, kLidars{0, 16},
+      kLidarBeams{8, 128}, kLidarNoise_mm{0.1, 1000}, kColor{16, 8192}, kDepth{16, 8192},
+      kDepthNoise{0, 100}, kDepthNoise_px{0, 16}, kColorNoise{0, 64}, kExposure{0, 4},
+      kExposurePeriod_s{0.1, 36'000}, kCalibError_mm{0, 1000}, kCalibError_deg{0, 90},
+      kClockOffset_ms{0, 10'000}, kDetail{0, 1}, kFrames{1, 1'000'000};
   /// The invalid fields, one line each; empty: valid.
   std::vector<std::string> problems() const;
   /// The ids of its sensors, in order.

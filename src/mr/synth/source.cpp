@@ -290,6 +290,8 @@ void add_disturbances(Hasher& hash, const RigConfig& rig) {
   add_unusual(3, rig.color_noise, usual.color_noise);
   add_unusual(4, rig.exposure_drift, usual.exposure_drift);
   add_unusual(5, rig.exposure_period_s, usual.exposure_period_s);
+  add_unusual(7, rig.lidar_beams, usual.lidar_beams);
+  add_unusual(8, rig.lidar_noise_mm, usual.lidar_noise_mm);
   for (const RigEvent& event : rig.events) {
     hash.add(6);
     for (const double v :
