@@ -35,6 +35,7 @@ Stage atlas_stage();
 Stage fuse_stage();
 Stage layers_stage();
 Stage merge_stage();
+Stage mkv_stage();
 Stage overlap_stage();
 Stage scan_stage();
 Stage zipper_stage();
