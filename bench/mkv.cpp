@@ -73,7 +73,9 @@ class ReadMkv final : public Work {
     const auto cameras = sensor::kinect_cameras(header, file, {});
     MR_ASSERT(cameras.ok());
     sensor_.id = "kinect";
-    sensor_.source = sensor::KinectMkvSource{.file = file, .recorded = {"", *header.first, {}}};
+    sensor::KinectMkvSource source;
+    source.file = file, source.recorded = {"", *header.first, {}};
+    sensor_.source = source;
     sensor_.depth_camera = cameras->depth, sensor_.color_camera = cameras->color;
     sensor_.depth_near_m = 0.3, sensor_.depth_far_m = 6;
     sensor_.T_world_depth = {Pose{}};
