@@ -19,7 +19,7 @@ using Bytes = std::vector<std::byte>;
 struct OusterJson {
   std::string product = "OS-1-16", serial = "122201000998", profile = "RNG19_RFL8_SIG16_NIR16";
   int init_id = 7109750;
-  int width = 512, height = 16;
+  int width = 512, height = 16, columns_per_packet = 16;
   int window_first = 0, window_last = 511;
   double top_deg = 22.5, bottom_deg = -22.5;
   double azimuth_deg = 0;  ///< rows have 1, 1/3, -1/3, -1 of it, again and again
@@ -48,8 +48,8 @@ inline std::string ouster_json(const OusterJson& o) {
          R"(","build_rev":"v3.1.0","initialization_id":)" + text(o.init_id) +
          R"(},"config_params":{"lidar_mode":")" + text(o.width) + (o.width == 4096 ? "x5" : "x10") +
          R"(","udp_port_lidar":7502,"udp_port_imu":7503},"lidar_data_format":{"pixels_per_column":)" +
-         text(o.height) + R"(,"columns_per_frame":)" + text(o.width) +
-         R"(,"columns_per_packet":16,"column_window":[)" + text(o.window_first) + "," +
+         text(o.height) + R"(,"columns_per_frame":)" + text(o.width) + R"(,"columns_per_packet":)" +
+         text(o.columns_per_packet) + R"(,"column_window":[)" + text(o.window_first) + "," +
          text(o.window_last) + R"(],"pixel_shift_by_row":[)" + shifts +
          R"(],"udp_profile_lidar":")" + o.profile +
          R"("},"beam_intrinsics":{"beam_altitude_angles":[)" + altitudes +

@@ -155,8 +155,8 @@ void RangeCamera::make_color_rows() {
 
 void RangeCamera::Samples::reset(std::size_t count) {
   inverse.assign(count, 0);
-  tangent.assign(count, 0);
-  grey.assign(count, 0);
+  tangent.resize(count);  // counts where inverse is not 0
+  grey.resize(count);     // ditto, or is written for every pixel
 }
 
 /// Keeps the nearer of two surfaces at one place.
@@ -280,9 +280,9 @@ void RangeCamera::interpolate_rows(std::size_t upper_row) {
     const float drop = tangent[a] - tangent[b];
     if (inverse[a] == 0 || inverse[b] == 0 || !(drop > 1e-6f) || !is_one_surface(upper_row, x))
       continue;
-    // Beyond the outermost points the surface goes on for half a beam.
-    const float from = tangent[a] + (upper_row == 0 ? 0.5f * drop : 0);
-    const float to = tangent[b] - (upper_row + 2 == beams_.size() ? 0.5f * drop : 0);
+    // Beyond the outermost points the surface goes on, for less than a beam.
+    const float from = tangent[a] + (upper_row == 0 ? 0.75f * drop : 0);
+    const float to = tangent[b] - (upper_row + 2 == beams_.size() ? 0.75f * drop : 0);
     std::size_t row = upper_row;
     while (row > 0 && beams_[row - 1].tangent <= from) --row;
     while (row < beams_.size() && beams_[row].tangent > from) ++row;

@@ -56,7 +56,7 @@ class RangeCamera {
   /// beams on one surface it is interpolated (exactly, for a plane); elsewhere the nearest beam
   /// within half a beam counts; missing columns and returns stay holes. Colour comes along with
   /// depth, and from the beams at infinity where there is no return; above and below the beams it
-  /// is black. Not thread-safe: uses buffers of its own. 2048x128: 12 ms with colour.
+  /// is black. Not thread-safe: uses buffers of its own. 2048x128: 11 ms, with colour 15 ms.
   Picture picture(const LidarScan& scan, GreySource color);
 
   const GreyExposure& exposure() const { return exposure_; }
