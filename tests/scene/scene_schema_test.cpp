@@ -13,9 +13,12 @@
 
 #include "core/temp_dir.h"
 #include "mr/core/file.h"
+#include "mr/kit/image_io.h"
 #include "mr/scene/scene.h"
 #include "mr/yaml/tree.h"
 #include "scene/json_schema.h"
+#include "support/recordings.h"
+#include "support/video_files.h"
 
 namespace mr {
 namespace {
@@ -35,6 +38,11 @@ constexpr BeyondSchema kBeyondSchema[] = {
     {"model: no file", "files exist"},
     {"of the pattern", "files exist"},
     {"must name a file, not ''", "the text after the environment is expanded"},
+    {"times: ", "what the file holds"},
+    {"sender: ", "the text is a numeric address"},
+    {"serial must have", "the text after the environment is expanded"},
+    {"source names both serial and device", "two keys"},
+    {"source needs serial", "two keys"},
     {"too many files", "two keys: first and last"},
     {"last must not be less than first", "two keys"},
     {"they must be as many", "two lists of one length"},
@@ -153,6 +161,59 @@ nats: {url: "nats://127.0.0.1:4222", credentials: node.creds}
 tcp: {a: "127.0.0.1:9000", secret: {file: secret.txt}}
 gateway: {tls: auto}
 )";
+constexpr const char* kRecordings = R"(
+scene: s
+sensors:
+  - id: a
+    source: {type: azure-kinect-mkv, file: kinect.mkv, calibration: calibration.json, loop: true}
+    T_world_depth: [1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1]
+    clock_drift_ppm: 20
+    moving: true
+  - id: b
+    source: {type: ouster-pcap, file: turns.pcap, metadata: turns.json, texture: reflectivity, sender: 192.168.1.10, loop: true}
+    T_world_depth: [1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1]
+  - id: c
+    source: {type: ouster, metadata: turns.json, texture: none, sender: 192.168.1.11, address: 192.168.1.2, port: 7504}
+    T_world_depth: [1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1]
+  - id: d
+    source:
+      type: lidar-360
+      lidar: {type: ouster-pcap, file: turns.pcap, metadata: turns.json}
+      color: {pictures: sphere.png, fps: 10, offset_ms: 5, yaw_deg: 90, stated_pose: false, loop: true}
+    T_world_depth: [1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1]
+  - id: e
+    source:
+      type: lidar-360
+      lidar: {type: rgbd-images, depth: d.png}
+      color: {video: film.mp4}
+    depth_camera: {model: lidar, size: [1024, 3], beam_altitude_deg: {from: 10, to: -10}}
+    color_camera: {model: equirectangular, size: [64, 32]}
+    T_world_depth: [1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1]
+  - id: f
+    source: {type: tum, folder: desk, depth_unit_m: 0.0004, invalid: [0, 3], max_apart_ms: 30, loop: true}
+    depth_camera: {size: [64, 48], fx: 50, fy: 50, cx: 32, cy: 24}
+    color_camera: {size: [64, 48], fx: 50, fy: 50, cx: 32, cy: 24}
+    T_world_depth: {trajectory: desk/groundtruth.txt, T_trajectory_depth: [1, 0, 0, 1, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1]}
+  - id: g
+    source: {type: rgbd-images, depth: [d0.png, d1.png], times: times.txt}
+    depth_camera: {size: [640, 480], fx: 585, fy: 585, cx: 320, cy: 240}
+    T_world_depth: [1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1]
+)";
+constexpr const char* kDevices = R"(
+scene: s
+sensors:
+  - id: a
+    source: {type: k4a, serial: "000123456789", depth_mode: nfov_binned, color: 720p, fps: 15, sync: subordinate,
+             subordinate_delay_us: 160, depth_delay_us: 80, exposure_us: 8330, gain: 100, white_balance_k: 4500,
+             powerline_hz: 50, depth_unit_m: 0.00025}
+    depth_camera: {size: [320, 288], fx: 252, fy: 252, cx: 160, cy: 144}
+    color_camera: {size: [1280, 720], fx: 612, fy: 612, cx: 640, cy: 360}
+    T_world_depth: [1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1]
+  - id: b
+    source: {type: k4a, device: 1}
+    depth_camera: {size: [640, 576], fx: 504, fy: 504, cx: 320, cy: 288}
+    T_world_depth: [1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1]
+)";
 
 /// Converts YAML to JSON: unquoted numbers, true and false get their types; all else is text.
 Json as_json(const yaml::Node& node) {
@@ -211,7 +272,29 @@ class SceneSchema : public testing::Test {
     for (const char* file : {"c.png", "d.png", "d0.png", "d1.png", "m.glb"}) dir_.write(file, "x");
     for (const char* file : {"pose-0.txt", "pose-1.txt"})
       dir_.write(file, "1 0 0 0  0 1 0 0  0 0 1 0  0 0 0 1");
-    for (const char* yaml : {kImages, kRig, kLidar}) bases_.push_back(json_of(yaml));
+    write_recordings();
+    for (const char* yaml : {kImages, kRig, kLidar, kRecordings, kDevices})
+      bases_.push_back(json_of(yaml));
+  }
+
+  /// What kRecordings names.
+  void write_recordings() {
+    test::write_kinect_recording(dir_ / "kinect.mkv", dir_ / "calibration.json");
+    test::write_ouster_recording(dir_ / "turns.pcap", dir_ / "turns.json");
+    ASSERT_TRUE(kit::write_png(dir_ / "sphere.png", ImageRgb(64, 32)).ok());
+    test::write_video(dir_ / "film.mp4", std::vector<ImageRgb>(3, ImageRgb(64, 32)), {});
+    dir_.write("times.txt", "0.0\n0.1\n");
+    dir_.write("desk/rgb.txt", "10.00 rgb/0.png\n");
+    dir_.write("desk/depth.txt", "10.01 depth/0.png\n");
+    dir_.write("desk/groundtruth.txt", "9.9 0 0 0 0 0 0 1\n10.1 0 0 0 0 0 0 1\n");
+    for (const char* picture : {"desk/rgb/0.png", "desk/depth/0.png"}) dir_.write(picture, "x");
+  }
+
+  /// Whether a part of a schema is that of a source of another type than the value's.
+  static bool is_of_other_type(const Json& part, const Json& value) {
+    const Json::json_pointer type("/properties/type/anyOf/0/const");
+    if (!value.is_object() || !part.is_object() || !part.contains(type)) return false;
+    return value.value("type", Json()) != part.at(type);
   }
 
   /// What the reader accepts, the configs' own problems() must accept, too.
@@ -242,6 +325,7 @@ class SceneSchema : public testing::Test {
              const Json& schema, std::vector<Place>& out) const {
     const Json& value = scene.at(at);
     for (const Json* part : schema_.parts(schema)) {
+      if (is_of_other_type(*part, value)) continue;
       if (value.is_object() && part->contains("properties"))
         for (const auto& [name, inner] : (*part)["properties"].items()) {
           if (!is_key(inner) || !value.contains(name)) continue;
@@ -390,7 +474,9 @@ TEST_F(SceneSchema, TheReaderAsksForTheKeysOfTheSchema) {
     all.push_back({Json::json_pointer(), "", &schema_.root()});
     for (const Place& place : all) {
       if (!base.at(place.at).is_object() || place.key == "tcp") continue;  // names of nodes
-      const auto parts = schema_.parts(*place.schema);
+      auto parts = schema_.parts(*place.schema);
+      std::erase_if(parts,
+                    [&](const Json* part) { return is_of_other_type(*part, base.at(place.at)); });
       const auto titled = std::find_if(parts.begin(), parts.end(),
                                        [](const Json* part) { return part->contains("title"); });
       auto& [by_reader, by_schema] = sets[titled == parts.end() ? place.schema : *titled];
