@@ -30,6 +30,9 @@ class FrameInput {
   /// more.
   virtual Result<std::optional<Captured>> next(TimePoint now, const Watch& watch) = 0;
 
+  /// Called once: `wake` is called, on any thread, when a frame has come that due() did not tell.
+  virtual void wake_by(std::function<void()> /*wake*/) {}
+
   /// Number of skipped frames, including those passed to `watch`. Any thread.
   virtual std::uint64_t skipped() const = 0;
 };

@@ -3,6 +3,7 @@
 #include <atomic>
 #include <memory>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "mr/node/frame_input.h"
@@ -28,6 +29,7 @@ class SensorTask final : public Task {
   std::unique_ptr<Work> begin(TimePoint now) override;
   std::optional<Bytes> finish(Work& work, const std::function<void()>& first_part_done) override;
   bool has_ended() const override { return ended_; }
+  void wake_by(std::function<void()> wake) override { input_->wake_by(std::move(wake)); }
   NodeStats stats(TimePoint now) const override;
 
   const Trace& trace() const { return node_.trace(); }

@@ -10,6 +10,7 @@
 #include "mr/node/merge_task.h"
 #include "mr/node/sensor_task.h"
 #include "mr/node/sources.h"
+#include "mr/runtime/live_frames.h"
 #include "mr/runtime/monitor.h"
 #include "mr/runtime/paced_frames.h"
 #include "mr/runtime/report.h"
@@ -193,6 +194,13 @@ Status LiveScene::start_gateway() {
   return {};
 }
 
+/// Devices set the pace themselves; recordings and rendered pictures are paced.
+std::unique_ptr<node::FrameInput> LiveScene::input_of(std::unique_ptr<FrameSource> source,
+                                                      const node::Clock& clock) const {
+  if (source->is_live()) return std::make_unique<LiveFrames>(std::move(source), clock);
+  return std::make_unique<PacedFrames>(std::move(source), scene_->fps, clock);
+}
+
 void LiveScene::start_sensors(const std::vector<SensorId>& sensors) {
   auto sources = node::open_sources(*scene_, sensors, options_.cache_folder, options_.rendering);
   TaskThreads::Config config = threads_config();
@@ -200,11 +208,10 @@ void LiveScene::start_sensors(const std::vector<SensorId>& sensors) {
   config.gives_way = is_whole();
   config.ended = [this] { ++ended_; };
   for (std::size_t i = 0; i < sensors.size(); ++i)
-    add(std::make_unique<node::SensorTask>(
-            *scene_, sensors[i],
-            std::make_unique<PacedFrames>(std::move(sources[i]), scene_->fps, config.clock),
-            log_of(scene_->sensor(sensors[i]).id), node::NodeClock::live(),
-            node::StillWork::beside),
+    add(std::make_unique<node::SensorTask>(*scene_, sensors[i],
+                                           input_of(std::move(sources[i]), config.clock),
+                                           log_of(scene_->sensor(sensors[i]).id),
+                                           node::NodeClock::live(), node::StillWork::beside),
         config);
 }
 

@@ -10,11 +10,13 @@
 #include <string>
 #include <vector>
 
+#include "mr/core/frame_source.h"
 #include "mr/core/log.h"
 #include "mr/core/result.h"
 #include "mr/gateway/gateway.h"
 #include "mr/net/transport.h"
 #include "mr/net/web_server.h"
+#include "mr/node/frame_input.h"
 #include "mr/runtime/task_threads.h"
 #include "mr/scene/scene.h"
 
@@ -63,6 +65,8 @@ class LiveScene {
   TaskThreads::Config threads_config() const;
   Status start_merger(const MergerConfig& merger);
   Status start_gateway();
+  std::unique_ptr<node::FrameInput> input_of(std::unique_ptr<FrameSource> source,
+                                             const node::Clock& clock) const;
   void start_sensors(const std::vector<SensorId>& sensors);
   void add(std::unique_ptr<node::Task> task, TaskThreads::Config config);
   std::vector<node::NodeStats> figures() const;

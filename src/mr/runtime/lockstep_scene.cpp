@@ -169,9 +169,19 @@ bool LockstepScene::capture() {
   bool any = false;
   for (std::size_t i = 0; i < sources_.size(); ++i) {
     frames_[i]->frame = sources_[i]->next();
+    if (sources_[i]->is_live()) lay_on_scene(frames_[i]->frame);
     any |= !frames_[i]->frame || frames_[i]->frame->has_value();
   }
   return any;
+}
+
+/// Devices tell the time of day: the scene begins with their first frame.
+void LockstepScene::lay_on_scene(Result<std::optional<Frame>>& captured) {
+  if (!captured || !*captured) return;
+  Frame& frame = **captured;
+  if (!live_start_) live_start_ = frame.captured_at();
+  frame.exposure_start -= live_start_->time_since_epoch();
+  frame.exposure_end -= live_start_->time_since_epoch();
 }
 
 /// Every sensor, then every merger, children before parents, then the client.

@@ -55,7 +55,8 @@ struct RunListener {
 /// The executor in virtual time: a whole scene in one process, in lockstep. Every frame passes
 /// through every sensor, every merger and a client, one after another, each with all threads of the
 /// caller's arena. No pacing, no deadlines, and no drops except of invalid input. Nodes exchange
-/// the same bytes as over a network. Deterministic: the same input gives the same bytes.
+/// the same bytes as over a network. Deterministic: the same input gives the same bytes. Devices
+/// set the pace: each frame waits for theirs; times count from the first one.
 class LockstepScene {
  public:
   /// Opens the scene's sources; a rig is replaced by its sensors. `cache_folder`: cache of rendered
@@ -106,6 +107,7 @@ class LockstepScene {
   Member<T> member(std::unique_ptr<T> task);
   node::MergeTask& root() const { return *mergers_.back().task; }
   bool capture();
+  void lay_on_scene(Result<std::optional<Frame>>& captured);
   void run_frame(Measured& measured, const std::function<void(const std::string&)>& progress);
   void run_sensor(std::size_t sensor, Measured& measured);
   void run_merger(Member<node::MergeTask>& merger, Measured& measured);
@@ -123,7 +125,8 @@ class LockstepScene {
   DropCounter drops_;
   std::unique_ptr<net::Transport> transport_;
   std::vector<std::unique_ptr<FrameSource>> sources_;
-  std::vector<GivenFrame*> frames_;  ///< owned by the sensors' tasks
+  std::optional<TimePoint> live_start_;  ///< time of day of the first frame of a device
+  std::vector<GivenFrame*> frames_;      ///< owned by the sensors' tasks
   std::vector<Member<node::SensorTask>> sensors_;
   std::vector<Member<node::MergeTask>> mergers_;  ///< children before parents
   Member<node::ClientTask> client_;
