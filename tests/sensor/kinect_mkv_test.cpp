@@ -317,10 +317,15 @@ TEST(KinectMkv, ReadsWhatWasNeverClosedAndWhatIsCutOff) {
   {
     auto writer = recording(dir / "killed.mkv", {});
     for (int i = 0; i < 6; ++i) add_depth(writer, i * 33'333us);
-  }  // never closed
+  }  // never closed: no unit of time, no duration, no index
   auto killed = KinectRecording::open(dir / "killed.mkv");
   ASSERT_TRUE(killed) << killed.error().message;
   EXPECT_FALSE(killed->header().last.has_value());
+  for (int i = 0; i < 4; ++i) {
+    const auto block = killed->next();
+    ASSERT_TRUE(block && *block) << i;
+    EXPECT_EQ((*block)->at, TimePoint(i * 33'333us));
+  }
   auto whole = recording(dir / "whole.mkv", {});
   for (int i = 0; i < 6; ++i) add_depth(whole, i * 33'333us);
   ASSERT_TRUE(whole.close());

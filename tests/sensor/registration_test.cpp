@@ -59,6 +59,23 @@ TEST(Registration, APlaneSeenThroughABentLensComesOutStraight) {
   EXPECT_LT(worst, 0.006);
 }
 
+TEST(Registration, AWideLensKeepsItsRim) {
+  SensorConfig sensor = bent_sensor();
+  Camera& wide = sensor.depth_camera;
+  wide.fx = wide.fy = 0.55 * wide.width;
+  wide.k = {-0.25, 0.05, 0, 0, 0, 0};
+  const Camera pinhole = Registration(sensor, SensorId{0}).depth_camera();
+  EXPECT_EQ(pinhole.width, wide.width);
+  for (const Vec2d edge : {Vec2d{0, wide.cy}, {159, wide.cy}, {wide.cx, 0}, {wide.cx, 143}}) {
+    const auto seen = project(pinhole, unproject(wide, edge));
+    ASSERT_TRUE(seen.has_value());
+    EXPECT_TRUE(seen->x > -1 && seen->x < 160 && seen->y > -1 && seen->y < 144)
+        << seen->x << " " << seen->y;
+    const auto cut = project(undistorted(wide), unproject(wide, edge));
+    EXPECT_TRUE(cut->x < -4 || cut->x > 163 || cut->y < -4 || cut->y > 147) << "the test is none";
+  }
+}
+
 TEST(Registration, ColourLinesBecomeStraight) {
   const SensorConfig sensor = bent_sensor();
   const Camera& bent = *sensor.color_camera;

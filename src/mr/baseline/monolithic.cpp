@@ -13,7 +13,7 @@ namespace mr::baseline {
 Mesh fuse_all(const Scene& scene, std::span<const Frame> capture, double voxel_m) {
   std::vector<PreparedDepth> depths;
   for (const Frame& frame : capture) {
-    const Camera camera = undistorted(scene.sensor(frame.sensor).depth_camera);
+    const Camera camera = undistorted_whole(scene.sensor(frame.sensor).depth_camera);
     depths.push_back({node::prepare_depth(scene, camera, frame), camera, frame.T_world_depth});
   }
   return fuse_prepared(scene, depths, voxel_m);

@@ -46,7 +46,7 @@ PointSet PointStream::merged_points(std::span<const Frame> capture) const {
   parallel_for(views.size(), 1, [&](std::size_t begin, std::size_t end) {
     for (std::size_t i = begin; i < end; ++i) {
       const Frame& frame = frame_of(capture, sensor_of(views[i].id));
-      const Camera camera = undistorted(scene_->sensor(frame.sensor).depth_camera);
+      const Camera camera = undistorted_whole(scene_->sensor(frame.sensor).depth_camera);
       PreparedDepth depth{node::prepare_depth(*scene_, camera, frame), camera, frame.T_world_depth};
       drop_flying_pixels(depth.depth, camera, scene_->sensor(frame.sensor).precision);
       sets[i] = colored_points(depth, frame.color, views[i], scene_->volume);

@@ -67,7 +67,7 @@ Result<TextureUnit> RgbdStream::encode_depth(const Frame& frame) {
   const SensorConfig& sensor = scene_->sensor(frame.sensor);
   const Stopwatch stopwatch(depth_ms_[index_of(frame.sensor)]);
   const ImageDepth depth = trace().time("prepare_depth", [&] {
-    return node::prepare_depth(*scene_, undistorted(sensor.depth_camera), frame);
+    return node::prepare_depth(*scene_, undistorted_whole(sensor.depth_camera), frame);
   });
   return trace().time("encode_depth", [&] {
     return encoders_[index_of(frame.sensor)]->encode(depth_to_picture(depth, range_of(sensor)),
@@ -110,7 +110,7 @@ Result<std::vector<PreparedDepth>> RgbdStream::decode_depth(std::span<const Sens
   parallel_for(heads.size(), 1, [&](std::size_t begin, std::size_t end) {
     for (std::size_t i = begin; i < end; ++i) {
       const SensorConfig& sensor = scene_->sensor(heads[i].sensor);
-      const Camera camera = undistorted(sensor.depth_camera);
+      const Camera camera = undistorted_whole(sensor.depth_camera);
       const auto picture = decode_unit(decoders_[index_of(heads[i].sensor)], units[i],
                                        (camera.width + 1) / 2 * 2, 2 * camera.height);
       if (!picture) {

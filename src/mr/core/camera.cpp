@@ -113,6 +113,47 @@ Camera undistorted(const Camera& camera) {
   return straight;
 }
 
+namespace {
+
+/// The ray farthest out from the middle of the picture to the middle of an edge for which the lens
+/// model holds.
+Vec2d edge_ray(const Camera& c, Vec2d edge) {
+  constexpr double kMost = 2.14;  // tan 65 degrees
+  constexpr int kSteps = 100;
+  const Vec2d middle{c.cx, c.cy};
+  Vec2d best;
+  for (int i = 1; i <= kSteps; ++i) {
+    const Vec2d pixel = middle + (edge - middle) * (static_cast<double>(i) / kSteps);
+    const Vec3d ray = unproject(c, pixel);
+    const auto back = project(c, ray);
+    const bool holds = back && std::hypot(back->x - pixel.x, back->y - pixel.y) < 0.1 &&
+                       std::hypot(ray.x, ray.y) <= kMost;
+    if (!holds) break;
+    best = {ray.x, ray.y};
+  }
+  return best;
+}
+
+}  // namespace
+
+Camera undistorted_whole(const Camera& camera) {
+  Camera out = undistorted(camera);
+  if (camera.model != CameraModel::pinhole || camera.distortion == DistortionModel::none)
+    return out;
+  const double right = camera.width - 1, bottom = camera.height - 1;
+  const double x0 = edge_ray(camera, {0, camera.cy}).x, x1 = edge_ray(camera, {right, camera.cy}).x;
+  const double y0 = edge_ray(camera, {camera.cx, 0}).y,
+               y1 = edge_ray(camera, {camera.cx, bottom}).y;
+  if (x1 <= x0 || y1 <= y0) return out;
+  const double scale =
+      std::min({1.0, right / (camera.fx * (x1 - x0)), bottom / (camera.fy * (y1 - y0))});
+  if (scale == 1) return out;
+  out.fx *= scale, out.fy *= scale;
+  out.cx = right / 2 - out.fx * (x0 + x1) / 2;
+  out.cy = bottom / 2 - out.fy * (y0 + y1) / 2;
+  return out;
+}
+
 std::vector<std::string> Camera::problems() const {
   std::vector<std::string> out;
   constexpr int kMaxSide = 16384;

@@ -52,4 +52,9 @@ Vec3d unproject(const Camera& camera, Vec2d pixel);
 /// The same pinhole without its distortion; other models are returned unchanged.
 Camera undistorted(const Camera& camera);
 
+/// A pinhole without distortion, of the same size, whose picture reaches as far as the middles of
+/// the camera's edges see: with the focal length kept, a wide lens (Azure Kinect: 75 and 120
+/// degrees) would lose its rim. Up to 65 degrees off the axis. Other models are returned unchanged.
+Camera undistorted_whole(const Camera& camera);
+
 }  // namespace mr

@@ -74,7 +74,7 @@ std::vector<SensorFrustum> delivered_frustums(const Scene& scene, std::span<cons
   for (const Frame& frame : capture) {
     const SensorConfig& sensor = scene.sensor(frame.sensor);
     const auto known = poses.find(sensor.id);
-    out.push_back({undistorted(sensor.depth_camera),
+    out.push_back({undistorted_whole(sensor.depth_camera),
                    known != poses.end() ? known->second : frame.T_world_depth, sensor.depth_near_m,
                    sensor.depth_far_m});
   }

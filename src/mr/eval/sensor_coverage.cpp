@@ -16,7 +16,7 @@ std::vector<SensorFrustum> sensor_frustums(const Scene& scene) {
   std::vector<SensorFrustum> frustums;
   for (const SensorConfig& sensor : scene.sensors) {
     const auto known = exact.find(sensor.id);
-    frustums.push_back({undistorted(sensor.depth_camera),
+    frustums.push_back({undistorted_whole(sensor.depth_camera),
                         known != exact.end() ? known->second : sensor.T_world_depth.front(),
                         sensor.depth_near_m, sensor.depth_far_m});
   }

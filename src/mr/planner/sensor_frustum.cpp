@@ -13,7 +13,7 @@ constexpr std::size_t kMostPoses = 16;  // of a sensor that moves
 }  // namespace
 
 SensorFrustum::SensorFrustum(const SensorConfig& sensor, const SensorSample& sample)
-    : camera_(undistorted(sensor.depth_camera)),
+    : camera_(undistorted_whole(sensor.depth_camera)),
       depth_(&sample.depth),
       near_m_(sensor.depth_near_m),
       far_m_(sensor.depth_far_m) {

@@ -21,9 +21,8 @@ bool has_size_of(const auto& image, const Camera& camera) {
   return image.width == camera.width && image.height == camera.height;
 }
 
-/// Where each undistorted pixel lies in the picture as taken; kNowhere outside it.
-std::vector<Vec2f> source_positions(const Camera& camera) {
-  const Camera straight = undistorted(camera);
+/// Where each pixel of the undistorted camera lies in the picture as taken; kNowhere outside it.
+std::vector<Vec2f> source_positions(const Camera& camera, const Camera& straight) {
   std::vector<Vec2f> map(static_cast<std::size_t>(camera.width) * camera.height, kNowhere);
   parallel_for(camera.height, kRowsAtOnce, [&](std::size_t begin, std::size_t end) {
     for (std::size_t y = begin; y < end; ++y)
@@ -40,8 +39,8 @@ std::vector<Vec2f> source_positions(const Camera& camera) {
 }
 
 /// The same as the index of the nearest source pixel; -1 outside.
-std::vector<std::int32_t> nearest_pixels(const Camera& camera) {
-  const std::vector<Vec2f> positions = source_positions(camera);
+std::vector<std::int32_t> nearest_pixels(const Camera& camera, const Camera& straight) {
+  const std::vector<Vec2f> positions = source_positions(camera, straight);
   std::vector<std::int32_t> map(positions.size(), -1);
   for (std::size_t i = 0; i < map.size(); ++i) {
     if (positions[i] == kNowhere) continue;
@@ -108,14 +107,15 @@ Rect covered_rect(const std::vector<Vec2f>& map, int width, int height) {
 
 Registration::Registration(const SensorConfig& sensor, SensorId id)
     : id_(id),
-      depth_camera_(undistorted(sensor.depth_camera)),
+      depth_camera_(undistorted_whole(sensor.depth_camera)),
       T_depth_color_(sensor.T_color_depth.inverse()) {
-  if (needs_undistortion(sensor.depth_camera)) depth_map_ = nearest_pixels(sensor.depth_camera);
+  if (needs_undistortion(sensor.depth_camera))
+    depth_map_ = nearest_pixels(sensor.depth_camera, depth_camera_);
   if (!sensor.color_camera) return;
   color_camera_ = undistorted(*sensor.color_camera);
   color_rect_ = {0, 0, color_camera_->width, color_camera_->height};
   if (!needs_undistortion(*sensor.color_camera)) return;
-  color_map_ = source_positions(*sensor.color_camera);
+  color_map_ = source_positions(*sensor.color_camera, *color_camera_);
   color_rect_ = covered_rect(color_map_, color_camera_->width, color_camera_->height);
 }
 

@@ -43,8 +43,7 @@ Result<SourceCameras> cameras_of(const KinectHeader& header, const std::filesyst
   const auto text = calibration_text(header, instead);
   if (!text) return text.error();
   const auto calibration = parse_kinect_calibration(*text);
-  if (!calibration)
-    return Error{calibration.error().cause, "calibration.json: " + calibration.error().message};
+  if (!calibration) return calibration.error();
   const auto mode = depth_mode_of(*header.depth);
   if (!mode) return mode.error();
   SourceCameras out;

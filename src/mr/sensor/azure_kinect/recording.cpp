@@ -221,6 +221,9 @@ struct KinectRecording::Impl {
   Input input;
   Packet packet{av_packet_alloc()};
   bool read_on = false;  ///< a block was read since the file was opened
+  /// A recording that was never closed has no unit of time, for which Matroska means 1 ms; the
+  /// recorder's is 1 us.
+  bool lacks_unit = false;
 
   Status open() {
     auto opened = open_input(file);
@@ -235,7 +238,8 @@ struct KinectRecording::Impl {
     tracks = find_tracks(*input, header);
     read_tags(*input, header);
     header.period = period_of(*input, tracks);
-    if (input->duration > 0 && input->duration < kMost_ns / 1000)
+    lacks_unit = header.writer.empty() && text_of(input->metadata, "title").empty();
+    if (!lacks_unit && input->duration > 0 && input->duration < kMost_ns / 1000)
       header.last = TimePoint(header.start_offset + microseconds(input->duration));
     else
       header.notes.push_back("no duration: the recording was not closed properly");
@@ -251,7 +255,8 @@ struct KinectRecording::Impl {
         return Error{Error::Cause::corrupt, file.string() + ": damaged; what follows is lost"};
       const auto known = tracks.find(packet->stream_index);
       if (known == tracks.end() || packet->pts == AV_NOPTS_VALUE || packet->size <= 0) continue;
-      const AVRational base = input->streams[packet->stream_index]->time_base;
+      const AVRational stated = input->streams[packet->stream_index]->time_base;
+      const AVRational base = lacks_unit ? AVRational{1, 1'000'000} : stated;
       const std::int64_t ns = av_rescale_q(packet->pts, base, {1, 1'000'000'000});
       if (ns <= -kMost_ns || ns >= kMost_ns) continue;
       return std::optional(KinectBlock{
@@ -304,7 +309,8 @@ Status KinectRecording::seek(TimePoint at) {
   constexpr Duration kMargin = std::chrono::seconds(1);  // blocks of tracks are not in one order
   const Duration since = at - TimePoint(impl_->header.start_offset) - kMargin;
   const auto us = std::chrono::duration_cast<microseconds>(since).count();
-  if (us > 0 && av_seek_frame(impl_->input.get(), -1, us, AVSEEK_FLAG_BACKWARD) >= 0) {
+  if (us > 0 && !impl_->lacks_unit &&
+      av_seek_frame(impl_->input.get(), -1, us, AVSEEK_FLAG_BACKWARD) >= 0) {
     const auto block = impl_->next();
     if (block && *block && (*block)->at < at) return {};
   }
