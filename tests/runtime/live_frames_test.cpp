@@ -175,8 +175,8 @@ TEST_F(LiveFramesTest, EndsWhenTheSourceDoes) {
 }
 
 TEST_F(LiveFramesTest, AFrameWakesItsTask) {
+  Signal signal;  // outlives the reader
   LiveFrames frames = open();
-  Signal signal;
   frames.wake_by([&] { signal.notify(); });
   const auto start = std::chrono::steady_clock::now();
   device_.deliver(0);

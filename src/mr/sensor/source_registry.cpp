@@ -3,6 +3,8 @@
 #include <algorithm>
 
 #include "mr/sensor/azure_kinect/source.h"
+#include "mr/sensor/k4a/k4a_config.h"
+#include "mr/sensor/k4a/k4a_source.h"
 #include "mr/sensor/lidar_360/source.h"
 #include "mr/sensor/ouster/source.h"
 #include "mr/sensor/rgbd_images.h"
@@ -16,6 +18,7 @@ constexpr SourceType kSourceTypes[] = {
     {OusterPcapSource::kType, read_ouster_pcap, open_ouster_pcap},
     {OusterLiveSource::kType, read_ouster_live, open_ouster_live},
     {Lidar360Source::kType, read_lidar_360, open_lidar_360},
+    {K4aSource::kType, read_k4a, open_k4a},
 };
 
 }  // namespace
