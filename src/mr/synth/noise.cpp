@@ -98,12 +98,13 @@ void find_edges(DepthTruth& truth, Rect part) {
   const int x1 = std::min(part.x + part.width, truth.width);
   const int y1 = std::min(part.y + part.height, truth.height);
   constexpr std::array<Vec2i, 4> kBesides{{{-1, 0}, {1, 0}, {0, -1}, {0, 1}}};
+  const std::span besides = std::span(kBesides).first(truth.rows_touch ? 4 : 2);
   for (int y = std::max(part.y, 0); y < y1; ++y)
     for (int x = std::max(part.x, 0); x < x1; ++x) {
       const std::size_t pixel = static_cast<std::size_t>(y) * truth.width + x;
       const float here = truth.z_mm[pixel];
       float beyond = here;
-      for (const Vec2i side : kBesides) {
+      for (const Vec2i side : besides) {
         const int i = x + side.x, j = y + side.y;
         if (i < 0 || j < 0 || i >= truth.width || j >= truth.height) continue;
         const float there = truth.z_mm[static_cast<std::size_t>(j) * truth.width + i];

@@ -19,6 +19,9 @@ struct DepthTruth {
   };
 
   int width = 0, height = 0;
+  /// Neighbouring rows overlap, so that a step between them is an edge; not those of a LiDAR, whose
+  /// beams lie far apart.
+  bool rows_touch = true;
   std::vector<float> z_mm;          ///< [H*W] 0 where nothing is met
   std::vector<float> beyond_mm;     ///< [H*W] of edges: the neighbour's depth that differs most
   std::vector<std::uint8_t> flags;  ///< [H*W]

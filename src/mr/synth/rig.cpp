@@ -130,6 +130,34 @@ SensorConfig kinect(const RigConfig& rig, const FloorPlan& plan, int i) {
   return sensor;
 }
 
+/// The share of the floor, in steps of a sixteenth of the room, that is seen from a place.
+double floor_seen(const FloorPlan& plan, Vec3d eye) {
+  constexpr int kSteps = 16;
+  constexpr double kAbove_m = 0.1;
+  int seen = 0;
+  for (int j = 1; j < kSteps; ++j)
+    for (int i = 1; i < kSteps; ++i)
+      seen += plan.sees(eye, {(2.0 * i / kSteps - 1) * plan.half_width_m(),
+                              (2.0 * j / kSteps - 1) * plan.half_depth_m(), kAbove_m});
+  return seen / static_cast<double>((kSteps - 1) * (kSteps - 1));
+}
+
+/// A free place near a wanted one, farther away only where much more of the floor is seen: not
+/// beside a lamp that hangs in the way.
+Vec3d open_place(const FloorPlan& plan, Vec3d wanted) {
+  constexpr int kReach = 3;
+  constexpr double kStep_m = 0.3, kCostPer_m = 0.04;
+  Vec3d best = wanted;
+  double most = -1e9;
+  for (int j = -kReach; j <= kReach; ++j)
+    for (int i = -kReach; i <= kReach; ++i) {
+      const Vec3d eye = nearest_free(plan, wanted + Vec3d{i * kStep_m, j * kStep_m, 0});
+      const double worth = floor_seen(plan, eye) - kCostPer_m * length(eye - wanted);
+      if (worth > most) most = worth, best = eye;
+    }
+  return best;
+}
+
 /// A hemispherical LiDAR that hangs upside down, like an OS-Dome: its beams go from the horizon
 /// straight down.
 SensorConfig lidar(const RigConfig& rig, const FloorPlan& plan, int i) {
@@ -149,7 +177,7 @@ SensorConfig lidar(const RigConfig& rig, const FloorPlan& plan, int i) {
   const bool along_x = rig.room_m.x >= rig.room_m.y;
   const double place = ((i + 0.5) / rig.lidars - 0.5) * (along_x ? rig.room_m.x : rig.room_m.y);
   const Vec3d wanted{along_x ? place : 0, along_x ? 0 : place, rig.room_m.z - 0.3};
-  const Vec3d eye = nearest_free(plan, wanted);
+  const Vec3d eye = open_place(plan, wanted);
   sensor.T_world_depth = {room_pose() * look_at(eye, eye + Vec3d{1, 0, 0}, {0, 0, 1})};
   sensor.depth_near_m = 0.3;
   sensor.depth_far_m = 20;

@@ -68,6 +68,7 @@ void SensorView::cast_empty_room_depth() {
   const TexturedSurface surface = textured_surface(*room_);
   const PixelShader shader(surface, setup_.depth);
   empty_ = DepthTruth(camera.width, camera.height);
+  empty_.rows_touch = camera.model != CameraModel::lidar;
   for_rows(camera.height, [&](int y) {
     for (int x = 0; x < camera.width; ++x) {
       const Vec3f ray = setup_.depth.ray(x, y);
