@@ -29,8 +29,9 @@ inline constexpr std::int32_t kFarthestBlock = 1'000'000;
 inline VoxelRange voxels_within(Vec3f low, Vec3f high, float margin) {
   const auto voxel = [](float blocks) {
     constexpr float kFarthest = kFarthestBlock;
-    return static_cast<std::int32_t>(
-        std::floor(std::clamp(blocks, -kFarthest, kFarthest) * VoxelBlock::kSide));
+    const float voxels = std::clamp(blocks, -kFarthest, kFarthest) * VoxelBlock::kSide;
+    const auto whole = static_cast<std::int32_t>(voxels);  // std::floor may be a call
+    return whole - static_cast<std::int32_t>(static_cast<float>(whole) > voxels);
   };
   return {{voxel(low.x - margin) + 1, voxel(low.y - margin) + 1, voxel(low.z - margin) + 1},
           {voxel(high.x + margin), voxel(high.y + margin), voxel(high.z + margin)}};

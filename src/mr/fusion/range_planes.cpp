@@ -14,61 +14,97 @@ namespace {
 constexpr float kSteepestRange = 0.15f;
 constexpr float kStraight = 0.2f;  // largest relative change from one step to the next
 
-/// The inverse ranges of five pixels in a line; [2] is the centre; 0: invalid.
-using Line = std::array<float, 5>;
+/// The inverse ranges of a row and of two rows on either side, turned so that their columns align
+/// with the middle one's; 0: invalid.
+class AlignedRows {
+ public:
+  static constexpr int kReach = 2;
+
+  explicit AlignedRows(int width) : width_(width) {
+    for (auto& row : rows_) row.resize(static_cast<std::size_t>(width) + 2 * kReach);
+  }
+
+  void set(const FrameView& view, const std::vector<float>& inverse, int y) {
+    for (int i = -kReach; i <= kReach; ++i) {
+      const int row = y + i;
+      const float turned =  // rows may have azimuth offsets
+          view.row_right[y + 1] - view.row_right[std::clamp(row, 0, view.height - 1) + 1];
+      const int off = static_cast<int>(std::lround(turned * view.columns_per_rad));
+      if (row < 0 || row >= view.height)
+        std::ranges::fill(rows_[i + kReach], 0.0f);
+      else
+        copy(&inverse[static_cast<std::size_t>(row) * width_], off, view.wraps, rows_[i + kReach]);
+    }
+  }
+  /// Pixel 0 of the row `i` below; two more can be read on either side.
+  const float* row(int i) const { return rows_[i + kReach].data() + kReach; }
+
+ private:
+  void copy(const float* from, int off, bool wraps, std::vector<float>& to) const {
+    for (int x = -kReach, at = off - kReach; x < width_ + kReach; ++x, ++at) {
+      if (wraps && (at < 0 || at >= width_)) at = (at % width_ + width_) % width_;
+      to[x + kReach] = at >= 0 && at < width_ ? from[at] : 0.0f;
+    }
+  }
+
+  int width_;
+  std::array<std::vector<float>, 2 * kReach + 1> rows_;
+};
+
+/// The inverse ranges of five pixels in a line, for each pixel of a row; [2] is the centre.
+using Lines = std::array<const float*, 5>;
 
 /// The change of inverse range per pixel along a line, `angle` being between neighbours, radians.
-float slope(const Line& w, float angle) {
-  // Step i leads from pixel i to i + 1.
-  const auto step = [&](int i) { return w[i + 1] - w[i]; };
-  const auto measured = [&](int i) { return w[i] > 0 && w[i + 1] > 0; };
-  const auto steep = [&](int i) {  // |dr| / (r · angle), with dr / r = dw / w
-    return std::abs(step(i)) * kSteepestRange > angle * std::min(w[i], w[i + 1]);
+/// Branch-free, so that it is vectorised.
+void slopes(const Lines& w, float angle, int width, float* out) {
+  const float *const w0 = w[0], *const w1 = w[1], *const w2 = w[2], *const w3 = w[3],
+                     *const w4 = w[4];
+  const auto straight = [](float a, float b) {
+    return static_cast<int>(std::abs(a - b) <= kStraight * std::max(std::abs(a), std::abs(b)));
   };
-  const auto straight = [&](int i, int j) {
-    return measured(i) && measured(j) &&
-           std::abs(step(i) - step(j)) <=
-               kStraight * std::max(std::abs(step(i)), std::abs(step(j)));
+  const auto steep = [&](float step, float a,
+                         float b) {  // |dr| / (r · angle), with dr / r = dw / w
+    return static_cast<int>(std::abs(step) * kSteepestRange > angle * std::min(a, b));
   };
-  const auto goes_on = [&](int i, int j) { return straight(1, 2) || straight(i, j); };
-  const bool before = measured(1) && (!steep(1) || goes_on(0, 1));
-  const bool after = measured(2) && (!steep(2) || goes_on(2, 3));
-  if (before && after) return 0.5f * (step(1) + step(2));
-  return before ? step(1) : after ? step(2) : 0.0f;
-}
-
-float inverse(const FrameView& view, int x, int y) {
-  if (y < 0 || y >= view.height) return 0;
-  if (view.wraps) x = (x % view.width + view.width) % view.width;
-  if (x < 0 || x >= view.width) return 0;
-  const float range = view.row(y)[x];
-  return range > 0 ? 1 / range : 0.0f;
-}
-
-RangePlane plane_at(const FrameView& view, int x, int y) {
-  RangePlane plane;
-  plane.inverse = inverse(view, x, y);
-  if (plane.inverse == 0) return plane;
-  Line across_rows, along_row;
-  for (int i = 0; i < 5; ++i) {
-    const int row = std::clamp(y + i - 2, 0, view.height - 1);  // rows may have azimuth offsets
-    const float turned = view.row_right[y + 1] - view.row_right[row + 1];
-    const int column = x + static_cast<int>(std::lround(turned * view.columns_per_rad));
-    along_row[i] = inverse(view, x + i - 2, y);
-    across_rows[i] = inverse(view, column, y + i - 2);
+  for (int x = 0; x < width; ++x) {
+    // Step i leads from pixel i to i + 1.
+    const float a = w0[x], b = w1[x], c = w2[x], d = w3[x], e = w4[x];
+    const float step0 = b - a, step1 = c - b, step2 = d - c, step3 = e - d;
+    const int has0 = (a > 0) & (b > 0), has1 = (b > 0) & (c > 0), has2 = (c > 0) & (d > 0),
+              has3 = (d > 0) & (e > 0);
+    const int across = has1 & has2 & straight(step1, step2);
+    const int goes_on1 = across | (has0 & has1 & straight(step0, step1));
+    const int goes_on2 = across | (has2 & has3 & straight(step2, step3));
+    const int before = has1 & ((1 ^ steep(step1, b, c)) | goes_on1);
+    const int after = has2 & ((1 ^ steep(step2, c, d)) | goes_on2);
+    const float half = before & after ? 0.5f : 1.0f;
+    out[x] = half * ((before ? step1 : 0.0f) + (after ? step2 : 0.0f));
   }
+}
+
+/// The planes of row y. `right`, `down`: room for a row of slopes.
+void fit_row(FrameView& view, const AlignedRows& rows, int y, float* right, float* down) {
   const float cos_down = std::max(std::cos(view.row_down[y + 1]), 1e-3f);
   const float right_rad = 1 / view.columns_per_rad;
-  plane.right = slope(along_row, right_rad * cos_down) / right_rad;
+  const float* const own = rows.row(0);
+  slopes({own - 2, own - 1, own, own + 1, own + 2}, right_rad * cos_down, view.width, right);
   const int above = std::max(y - 1, 0), below = std::min(y + 1, view.height - 1);
-  if (above < below) {
-    const float down_rad =
-        (view.row_down[below + 1] - view.row_down[above + 1]) / static_cast<float>(below - above);
-    if (down_rad != 0) plane.down = slope(across_rows, std::abs(down_rad)) / down_rad;
+  const float down_rad = above == below ? 0.0f
+                                        : (view.row_down[below + 1] - view.row_down[above + 1]) /
+                                              static_cast<float>(below - above);
+  if (down_rad != 0)
+    slopes({rows.row(-2), rows.row(-1), own, rows.row(1), rows.row(2)}, std::abs(down_rad),
+           view.width, down);
+  const float per_down = down_rad != 0 ? down_rad : 1.0f, has_down = down_rad != 0 ? 1.0f : 0.0f;
+  RangePlane* const out = &view.planes[view.place(0, y)];
+  for (int x = 0; x < view.width; ++x) {
+    const float w = own[x];
+    if (w == 0) continue;
+    RangePlane plane{w, right[x] / right_rad, has_down * down[x] / per_down, 1};
+    const float across = plane.right / (w * cos_down), along = plane.down / w;
+    plane.cosine = 1 / std::sqrt(1 + across * across + along * along);
+    out[x] = plane;
   }
-  const float right = plane.right / (plane.inverse * cos_down), down = plane.down / plane.inverse;
-  plane.cosine = 1 / std::sqrt(1 + right * right + down * down);
-  return plane;
 }
 
 /// Half the angle between row y and its neighbours, the larger one.
@@ -80,17 +116,28 @@ float half_gap_rad(const FrameView& view, int y) {
   return gap > 0 ? gap / 2 : 0.5f / view.columns_per_rad;
 }
 
+/// What all pixels of a row share: how a point of a range picture moves downwards.
+struct RowTurn {
+  Vec3f down_axis;
+  float tan_down = 0;
+
+  RowTurn() = default;
+  RowTurn(const FrameView& view, int y)
+      : down_axis(view.down_axis * std::cos(view.row_down[y + 1])),
+        tan_down(std::tan(view.row_down[y + 1])) {}
+};
+
 /// The part of a pixel's plane between two corners, in the plane's own units (radians, or pixels of
 /// a slanted pinhole) from the pixel's middle; in blocks from eye_block.
 class Patch {
  public:
-  Patch(const FrameView& view, int x, int y)
+  /// `row`: of a range picture.
+  Patch(const FrameView& view, const RowTurn& row, int x, int y)
       : plane_(view.planes[view.place(x, y)]), eye_(view.eye), ahead_(view.direction(x, y)) {
     if (view.spherical) {
-      const float down = view.row_down[y + 1];
       const Vec3f flat = ahead_ - view.ray[y][0];  // times the cosine of `down`
       aside_ = view.ray[y][1] * view.t[x] - view.ray[y][2] * view.s[x];
-      down_ = view.down_axis * std::cos(down) - flat * std::tan(down);
+      down_ = row.down_axis - flat * row.tan_down;
     } else {
       aside_ = view.ray[y][1] * view.per_pixel.x;
       down_ = view.down_per_pixel;
@@ -133,13 +180,52 @@ void patch_ranges(const Patch& patch, float right, float down, float margin,
     }
 }
 
+/// Turns boxes into ranges of voxels, as many as are together no larger than a piece into one.
+class BoxCollector {
+ public:
+  BoxCollector(float margin, std::vector<VoxelRange>& out) : margin_(margin), out_(out) {}
+
+  static bool is_small(const Box3f& box) {
+    const Vec3f extent = box.high - box.low;
+    return std::max({extent.x, extent.y, extent.z}) <= kPiece;
+  }
+  void add(const Box3f& box) {
+    Box3f both = open_;
+    both.add(box.low), both.add(box.high);
+    if (!is_small(both)) flush(), both = box;
+    open_ = both;
+  }
+  void flush() {
+    if (!open_.empty()) out_.push_back(voxels_within(open_.low, open_.high, margin_));
+    open_ = {};
+  }
+
+ private:
+  Box3f open_;
+  float margin_;
+  std::vector<VoxelRange>& out_;
+};
+
 }  // namespace
 
 void fit_range_planes(FrameView& view) {
   view.planes.assign(view.depth.size(), {});
+  const auto width = static_cast<std::size_t>(view.width);
+  std::vector<float> inverse(width * view.height);
+  parallel_for(view.height, 16, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t y = begin; y < end; ++y) {
+      const float* const range = view.row(static_cast<int>(y));
+      for (std::size_t x = 0; x < width; ++x)
+        inverse[y * width + x] = range[x] > 0 ? 1 / range[x] : 0.0f;
+    }
+  });
   parallel_for(view.height, 8, [&](std::size_t begin, std::size_t end) {
-    for (int y = static_cast<int>(begin); y < static_cast<int>(end); ++y)
-      for (int x = 0; x < view.width; ++x) view.planes[view.place(x, y)] = plane_at(view, x, y);
+    AlignedRows rows(view.width);
+    std::vector<float> right(width), down(width);
+    for (int y = static_cast<int>(begin); y < static_cast<int>(end); ++y) {
+      rows.set(view, inverse, y);
+      fit_row(view, rows, y, right.data(), down.data());
+    }
   });
 }
 
@@ -148,16 +234,28 @@ void plane_ranges(const FrameView& view, int y, float margin_blocks, std::vector
   // Dense pixels: the margin around a pixel's point contains its plane patch.
   const float blocks_per_m = length(view.down_axis);
   const float near = 0.5f * margin_blocks / (blocks_per_m * std::hypot(right, down));
+  const RowTurn turn(view, y);
+  BoxCollector boxes(margin_blocks, out);
   for (int x = 0; x < view.width; ++x) {
     const float range = view.row(y)[x];
     if (range <= 0) continue;
     if (range < near * view.planes[view.place(x, y)].cosine) {
       const Vec3f point = view.eye + view.direction(x, y) * range;
-      out.push_back(voxels_within(point, point, 1.5f * margin_blocks));
-    } else {
-      patch_ranges(Patch(view, x, y), right, down, margin_blocks, out);
+      const float wider = 0.5f * margin_blocks;
+      boxes.add({point - Vec3f{wider, wider, wider}, point + Vec3f{wider, wider, wider}});
+      continue;
     }
+    const Patch patch(view, turn, x, y);
+    const Vec3f a = patch.at(-right, -down), b = patch.at(right, -down), c = patch.at(-right, down),
+                d = patch.at(right, down);
+    Box3f box;
+    for (const Vec3f corner : {a, b, c, d}) box.add(corner);
+    if (BoxCollector::is_small(box))
+      boxes.add(box);
+    else
+      patch_ranges(patch, right, down, margin_blocks, out);
   }
+  boxes.flush();
 }
 
 void steep_ranges(const FrameView& view, const Rect& tile, float margin_blocks,
@@ -169,7 +267,7 @@ void steep_ranges(const FrameView& view, const Rect& tile, float margin_blocks,
       if (depth <= 0) continue;
       const float apart = depth * length(view.down_per_pixel);  // blocks, facing the sensor
       if (apart > margin_blocks * view.planes[view.place(x, y)].cosine)
-        patch_ranges(Patch(view, x, y), kHalf, kHalf, margin_blocks, out);
+        patch_ranges(Patch(view, {}, x, y), kHalf, kHalf, margin_blocks, out);
     }
 }
 

@@ -130,9 +130,9 @@ SensorConfig kinect(const RigConfig& rig, const FloorPlan& plan, int i) {
   return sensor;
 }
 
-/// The share of the floor, in steps of a sixteenth of the room, that is seen from a place.
+/// The share of the floor, in steps of a twelfth of the room, that is seen from a place.
 double floor_seen(const FloorPlan& plan, Vec3d eye) {
-  constexpr int kSteps = 16;
+  constexpr int kSteps = 12;
   constexpr double kAbove_m = 0.1;
   int seen = 0;
   for (int j = 1; j < kSteps; ++j)
@@ -145,8 +145,8 @@ double floor_seen(const FloorPlan& plan, Vec3d eye) {
 /// A free place near a wanted one, farther away only where much more of the floor is seen: not
 /// beside a lamp that hangs in the way.
 Vec3d open_place(const FloorPlan& plan, Vec3d wanted) {
-  constexpr int kReach = 3;
-  constexpr double kStep_m = 0.3, kCostPer_m = 0.04;
+  constexpr int kReach = 2;
+  constexpr double kStep_m = 0.4, kCostPer_m = 0.04;
   Vec3d best = wanted;
   double most = -1e9;
   for (int j = -kReach; j <= kReach; ++j)
