@@ -203,7 +203,7 @@ TEST(RecordedSources, PanoramasMustBeWholeSpheres) {
   };
   EXPECT_NE(first("{pictures: flat.png}").find("flat.png: 320x240 pixels"), std::string::npos);
   EXPECT_NE(first("{video: turns.json}").find("turns.json"), std::string::npos);
-  EXPECT_NE(first("{fps: 3}").find("one of video, pictures"), std::string::npos);
+  EXPECT_NE(first("{fps: 3}").find("one of video, pictures, device"), std::string::npos);
 }
 
 }  // namespace

@@ -40,6 +40,7 @@ constexpr BeyondSchema kBeyondSchema[] = {
     {"must name a file, not ''", "the text after the environment is expanded"},
     {"times: ", "what the file holds"},
     {"sender: ", "the text is a numeric address"},
+    {"twice as wide as high", "two numbers of one list"},
     {"serial must have", "the text after the environment is expanded"},
     {"source names both serial and device", "two keys"},
     {"source needs serial", "two keys"},
@@ -194,6 +195,13 @@ sensors:
     depth_camera: {size: [64, 48], fx: 50, fy: 50, cx: 32, cy: 24}
     color_camera: {size: [64, 48], fx: 50, fy: 50, cx: 32, cy: 24}
     T_world_depth: {trajectory: desk/groundtruth.txt, T_trajectory_depth: [1, 0, 0, 1, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1]}
+  - id: h
+    source:
+      type: lidar-360
+      lidar: {type: ouster, metadata: turns.json}
+      color:
+        device: {path: /dev/video0, size: [2048, 1024], format: yuyv, fps: 15, exposure_us: 10000, gain: 10, white_balance_k: 4500}
+    T_world_depth: [1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1]
   - id: g
     source: {type: rgbd-images, depth: [d0.png, d1.png], times: times.txt}
     depth_camera: {size: [640, 480], fx: 585, fy: 585, cx: 320, cy: 240}

@@ -81,17 +81,23 @@ Result<StatedPicture> first_picture(const PanoramaConfig& config) {
 std::vector<std::string> PanoramaConfig::problems() const {
   std::vector<std::string> out = out_of_range(
       {{"fps", fps, kFps}, {"offset_ms", offset_ms, kOffset_ms}, {"yaw_deg", yaw_deg, kYaw_deg}});
-  if (video.empty() == pictures.empty()) out.push_back("either video or pictures must be named");
+  if (int{!video.empty()} + int{!pictures.empty()} + int{device.has_value()} != 1)
+    out.push_back("one of video, pictures and device must be named");
+  if (device) append(out, prefixed("device.", device->problems()));
   return out;
 }
 
 Result<PanoramaStart> panorama_start(const PanoramaConfig& config) {
-  const auto first = first_picture(config);
-  if (!first) return first.error();
   PanoramaStart out;
   out.camera.model = CameraModel::equirectangular;
-  out.camera.width = first->image.width, out.camera.height = first->image.height;
   out.T_picture_camera = turned_right(config.yaw_deg);
+  if (config.device) {
+    out.camera.width = config.device->width, out.camera.height = config.device->height;
+    return out;
+  }
+  const auto first = first_picture(config);
+  if (!first) return first.error();
+  out.camera.width = first->image.width, out.camera.height = first->image.height;
   if (config.stated_pose)
     out.T_picture_camera = kit::T_upright_picture(first->info).inverse() * out.T_picture_camera;
   return out;
@@ -128,23 +134,49 @@ Panorama::Panorama(PanoramaConfig config) : config_(std::move(config)) {}
 Panorama::~Panorama() = default;
 
 Result<ImageRgb> Panorama::at(Duration scene_time) {
+  if (config_.device) return newest();
   const Duration since = scene_time - Duration(std::llround(config_.offset_ms * 1e6));
-  if (config_.video.empty()) {
-    const auto count = static_cast<std::int64_t>(config_.pictures.size());
-    auto item = std::llround(static_cast<double>(since.count()) * 1e-9 * config_.fps);
-    item = config_.loop ? (item % count + count) % count
-                        : std::clamp<std::int64_t>(item, 0, count - 1);
-    if (loaded_ == static_cast<std::size_t>(item)) return image_;
-    auto picture = read_picture(config_.pictures[static_cast<std::size_t>(item)]);
-    if (!picture) return picture.error();
-    loaded_ = static_cast<std::size_t>(item);
-    return image_ = std::move(picture->image);
+  return config_.video.empty() ? file_at(since) : frame_at(since);
+}
+
+/// Of the live camera: what it delivered since the last call; it is waited for once.
+Result<ImageRgb> Panorama::newest() {
+  constexpr Duration kFirst = std::chrono::seconds(1);
+  if (!live_) {
+    auto opened = kit::V4l2Camera::open(*config_.device);
+    if (!opened) return opened.error();
+    live_.emplace(*std::move(opened));
   }
-  return picture_at(since);
+  while (true) {
+    auto picture = live_->next(image_.empty() ? kFirst : Duration{});
+    if (!picture) {
+      if (picture.error().cause == Error::Cause::io) live_.reset();  // to be opened again
+      return picture.error();
+    }
+    if (*picture)
+      image_ = std::move((*picture)->color);
+    else if (image_.empty())
+      return Error{Error::Cause::io, config_.device->device + ": no picture for a second"};
+    else
+      return image_;
+  }
+}
+
+/// Of the picture files.
+Result<ImageRgb> Panorama::file_at(Duration since_start) {
+  const auto count = static_cast<std::int64_t>(config_.pictures.size());
+  auto item = std::llround(static_cast<double>(since_start.count()) * 1e-9 * config_.fps);
+  item =
+      config_.loop ? (item % count + count) % count : std::clamp<std::int64_t>(item, 0, count - 1);
+  if (loaded_ == static_cast<std::size_t>(item)) return image_;
+  auto picture = read_picture(config_.pictures[static_cast<std::size_t>(item)]);
+  if (!picture) return picture.error();
+  loaded_ = static_cast<std::size_t>(item);
+  return image_ = std::move(picture->image);
 }
 
 /// Of the video.
-Result<ImageRgb> Panorama::picture_at(Duration since_start) {
+Result<ImageRgb> Panorama::frame_at(Duration since_start) {
   if (!video_) {
     auto opened = kit::VideoFile::open(config_.video);
     if (!opened) return opened.error();
@@ -168,20 +200,51 @@ Result<ImageRgb> Panorama::picture_at(Duration since_start) {
   return std::move(picture->image);
 }
 
+namespace {
+
+/// The keys of a live camera.
+kit::V4l2Config read_device(yaml::Report& report, const yaml::Node& node) {
+  kit::V4l2Config out;
+  yaml::MapReader map(report, node, "device");
+  if (map.need("path")) map.text("path", out.device);
+  if (map.need("size")) map.size("size", kit::V4l2Config::kSide_px, out.width, out.height);
+  map.choice<kit::V4l2Config::Format>(
+      "format", out.format,
+      {{"mjpg", kit::V4l2Config::Format::mjpg}, {"yuyv", kit::V4l2Config::Format::yuyv}});
+  map.number("fps", out.fps, kit::V4l2Config::kFps);
+  const auto locked = [&](const char* key, std::optional<int>& value, Range range) {
+    int number = 0;
+    if (map.has(key) && map.integer(key, number, range)) value = number;
+  };
+  locked("exposure_us", out.exposure_us, kit::V4l2Config::kExposure_us);
+  locked("gain", out.gain, kit::V4l2Config::kGain);
+  locked("white_balance_k", out.white_balance_k, kit::V4l2Config::kWhiteBalance_k);
+  if (map.has("size") && !kit::is_2_to_1(out.width, out.height))
+    report.problem(map.line("size"), "size of a panorama must be twice as wide as high");
+  return out;
+}
+
+}  // namespace
+
 std::optional<PanoramaConfig> read_panorama(yaml::Report& report, const yaml::Node& node,
                                             const std::string& key) {
   PanoramaConfig out;
   yaml::MapReader map(report, node, "color");
   const yaml::Node* video = map.find("video");
   const yaml::Node* pictures = map.find("pictures");
+  const yaml::Node* device = map.find("device");
   map.number("fps", out.fps, PanoramaConfig::kFps);
   map.number("offset_ms", out.offset_ms, PanoramaConfig::kOffset_ms);
   map.number("yaw_deg", out.yaw_deg, PanoramaConfig::kYaw_deg);
   map.flag("stated_pose", out.stated_pose);
   map.flag("loop", out.loop);
-  if ((video != nullptr) == (pictures != nullptr)) {
-    report.problem(node.line, "color must hold one of video, pictures");
+  if ((video != nullptr) + (pictures != nullptr) + (device != nullptr) != 1) {
+    report.problem(node.line, "color must hold one of video, pictures, device");
     return std::nullopt;
+  }
+  if (device) {
+    out.device = read_device(report, *device);
+    return out;
   }
   auto files = video ? yaml::read_one_file(report, *video, "video")
                      : yaml::read_files(report, *pictures, "pictures");

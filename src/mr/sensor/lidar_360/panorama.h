@@ -10,15 +10,17 @@
 #include "mr/core/pose.h"
 #include "mr/core/range.h"
 #include "mr/core/result.h"
+#include "mr/kit/v4l2_camera.h"
 #include "mr/yaml/map_reader.h"
 
 namespace mr::sensor {
 
-/// The pictures of a 360-degree camera: equirectangular, as a video or as picture files. It has no
-/// common clock with the LiDAR beside it.
+/// The pictures of a 360-degree camera: equirectangular, as a video, as picture files, or live. It
+/// has no common clock with the LiDAR beside it.
 struct PanoramaConfig {
-  std::filesystem::path video;                  ///< MP4, MOV or MKV; empty: pictures
+  std::filesystem::path video;                  ///< MP4, MOV or MKV; empty: one of the others
   std::vector<std::filesystem::path> pictures;  ///< JPEG or PNG; one alone holds at all times
+  std::optional<kit::V4l2Config> device;        ///< a live camera
   double fps = 30;                              ///< of `pictures`
   double offset_ms = 0;                         ///< scene time of the first picture
   double yaw_deg = 0;       ///< the camera is turned to the right by this, seen from above
@@ -45,22 +47,26 @@ class Panorama {
   ~Panorama();
 
   /// The picture nearest to a scene time, of the whole sphere; where the camera does not loop, the
-  /// first before its beginning and the last after its end. Times should rise: going back costs a
-  /// seek. Errors name the file; the next call may succeed.
+  /// first before its beginning and the last after its end. Of a live camera the newest. Times
+  /// should rise: going back costs a seek. Errors name the file or the device; the next call may
+  /// succeed.
   Result<ImageRgb> at(Duration scene_time);
 
  private:
   struct Video;
-  Result<ImageRgb> picture_at(Duration since_start);
+  Result<ImageRgb> file_at(Duration since_start);
+  Result<ImageRgb> frame_at(Duration since_start);
+  Result<ImageRgb> newest();
 
   const PanoramaConfig config_;
   std::unique_ptr<Video> video_;
+  std::optional<kit::V4l2Camera> live_;
   std::optional<std::size_t> loaded_;  ///< item of `pictures` in image_
-  ImageRgb image_;
+  ImageRgb image_;                     ///< the picture of `pictures`, or the newest live one
 };
 
-/// The keys of the mapping `color` of a source lidar-360: video or pictures, fps, offset_ms,
-/// yaw_deg, stated_pose, loop. Nothing where a problem was reported.
+/// The keys of the mapping `color` of a source lidar-360: video, pictures or device, fps,
+/// offset_ms, yaw_deg, stated_pose, loop. Nothing where a problem was reported.
 std::optional<PanoramaConfig> read_panorama(yaml::Report& report, const yaml::Node& node,
                                             const std::string& key);
 
