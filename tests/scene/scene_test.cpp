@@ -51,7 +51,7 @@ sensors:
     T_world_depth: {file: pose.txt}
     depth_range_m: [5, 0.3]
   - id: a
-    source: {type: azure-kinect-mkv, file: x.mkv}
+    source: {type: realsense-bag, file: x.bag}
     depth_camera: {size: [640, 480], fx: 585, fy: 585, cx: 700, cy: 240}
 mergers:
   - {id: root, inputs: [a, ghost]}
@@ -79,7 +79,7 @@ merge:
       {23, "id 'a' is used twice (first in line 9)"},
       {23, "lacks the key 'T_world_depth'"},
       {24,
-       "source type 'azure-kinect-mkv' is not supported by this version; supported: rgbd-images"},
+       "source type 'realsense-bag' is not supported by this version; supported: rgbd-images"},
       {25, "principal point"},
       {27, "'ghost', which is no sensor and no merger"},
       {28, "texture_qp must be between 0 and 51"},

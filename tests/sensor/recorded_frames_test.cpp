@@ -102,9 +102,9 @@ TEST(RecordedFrames, AddsOffsetAndDrift) {
   SensorConfig sensor = sensor_of({{0ms, 10'000ms}});
   sensor.clock_offset_ms = 25, sensor.clock_drift_ppm = 100;
   RecordedFrames source = frames_of(sensor, {.fps = 100});
-  EXPECT_EQ(captures(source, 2), (std::vector{-1, -1}));  // 0 and 10 ms; it is stamped 25 ms
+  EXPECT_EQ(captures(source, 3), (std::vector{-1, -1, -1}));  // to 20 ms; it is stamped 25 ms
   EXPECT_EQ((*source.next())->captured_at(), TimePoint(25ms));
-  source.skip(999);  // frame 1002: 10.02 s
+  source.skip(999);  // frame 1003: 10.03 s
   const auto late = source.next();
   ASSERT_TRUE(late && *late);
   EXPECT_EQ((*late)->captured_at(), TimePoint(10'026ms));
