@@ -3,8 +3,8 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <limits>
-#include <numbers>
+#include <functional>
+#include <utility>
 
 #include "mr/calib/motion.h"
 #include "mr/core/parallel.h"
@@ -22,9 +22,10 @@ constexpr double kLeastClockFacing = 0.35;  // cosine
 constexpr double kSlow_m_s = 0.1;
 constexpr int kCoarseStride = 4;
 constexpr double kCoarseScale_m = 0.025;  // half of the weight; calibration is not better than that
-constexpr int kMostClockSteps = 12;
+constexpr int kMostClockSteps = 20;
 constexpr double kMostStep_s = 0.03;
-constexpr double kConverged_s = 1e-5;
+constexpr double kConverged_s = 1e-5, kConverged_m = 1e-4;
+constexpr double kModel_s = 0.0003;  // what interpolation between captures is off by, measured
 constexpr double kMostRefinement_s = 0.15;  // away from the coarse search
 
 /// A sensor with all that does not depend on the others.
@@ -236,12 +237,6 @@ std::optional<ClockRow> solved_row(ClockEquations e) {
   return x;
 }
 
-double row_product(const ClockRow& a, const ClockRow& b) {
-  double sum = 0;
-  for (std::size_t i = 0; i < kUnknowns; ++i) sum += a[i] * b[i];
-  return sum;
-}
-
 /// One compared point.
 struct ClockMatch {
   ClockRow instrument{}, derivative{};
@@ -253,6 +248,7 @@ struct ClockMatch {
 struct ClockFit {
   const ClockView *a = nullptr, *b = nullptr;
   Vec3d middle;  ///< motions turn about it
+  Pose moved;    ///< what corrects the points of a, world frame; those of b by the inverse
   double start_s = 0, end_s = 0;
   ClockRow x{};  ///< the last is the offset of a against b, in seconds
   std::vector<ClockMatch> matches;
@@ -274,11 +270,28 @@ ClockMatch match_of(const ClockFit& fit, const MovingPoint& point, const ClockRe
   return out;
 }
 
-/// What the residual is after the present motion; the clock's part is in the residual.
+/// What is left of a residual; it was measured with the present motion and clock.
 double left_over_m(const ClockFit& fit, const ClockMatch& match) {
-  ClockRow motion = fit.x;
-  motion[kClockUnknown] = 0;
-  return match.residual_m + row_product(match.derivative, motion);
+  return match.residual_m + match.derivative[kDepthUnknown] * fit.x[kDepthUnknown];
+}
+
+/// A small motion in place of one that is linearized: turned by Rodrigues' formula about `middle`.
+Pose small_motion(const ClockRow& step, Vec3d middle) {
+  const Vec3d turn = Vec3d{step[0], step[1], step[2]} / kArm_m;
+  const double angle = length(turn), c = std::cos(angle), s = std::sin(angle);
+  const auto [x, y, z] = normalized(turn);
+  Pose out;
+  out.rotation = {{c + x * x * (1 - c), x * y * (1 - c) - z * s, x * z * (1 - c) + y * s,
+                   y * x * (1 - c) + z * s, c + y * y * (1 - c), y * z * (1 - c) - x * s,
+                   z * x * (1 - c) - y * s, z * y * (1 - c) + x * s, c + z * z * (1 - c)}};
+  out.translation = middle + Vec3d{step[3], step[4], step[5]} - out.rotation * middle;
+  return out;
+}
+
+MovingPoint moved(const Pose& T, MovingPoint point) {
+  point.position = T * point.position;
+  point.normal = T.rotation * point.normal;
+  return point;
 }
 
 void add_matches(ClockFit& fit, const ClockView& of, const ClockView& in, double sign,
@@ -286,7 +299,9 @@ void add_matches(ClockFit& fit, const ClockView& of, const ClockView& in, double
   const auto keep = [&](ClockMatch match) {
     if (std::abs(left_over_m(fit, match)) < gate_m) fit.matches.push_back(match);
   };
-  for (const MovingPoint& point : of.surface.moving) {
+  const Pose T = sign > 0 ? fit.moved : fit.moved.inverse();
+  for (const MovingPoint& stated : of.surface.moving) {
+    const MovingPoint point = moved(T, stated);
     const auto residual = moving_residual(in, point, point.time_s + sign * fit.x[kClockUnknown]);
     if (!residual) continue;
     ClockMatch match = match_of(fit, point, *residual, sign, true);
@@ -294,9 +309,11 @@ void add_matches(ClockFit& fit, const ClockView& of, const ClockView& in, double
     match.block = static_cast<std::size_t>(std::clamp(part, 0.0, 0.999) * kBlocks);
     keep(match);
   }
-  for (const MovingPoint& point : of.surface.resting)
+  for (const MovingPoint& stated : of.surface.resting) {
+    const MovingPoint point = moved(T, stated);
     if (const auto residual = resting_residual(in, point))
       keep(match_of(fit, point, *residual, sign, false));
+  }
 }
 
 /// Tukey's scale: 4.7 standard deviations from the median of what is left over.
@@ -331,7 +348,7 @@ ClockBlocks equations_of(const ClockFit& fit) {
         .add(match.instrument, match.derivative, residual_m, weight);
     (match.moves ? moving_weight : resting_weight) += weight;
   }
-  if (resting_weight > 0) out.always.add(resting, std::max(1.0, moving_weight / resting_weight));
+  if (resting_weight > 0) out.always.add(resting, moving_weight / resting_weight);
   // A weak prior: motions of 2 cm and 1 degree against residuals of 1 cm.
   for (std::size_t i = 0; i < kClockUnknown; ++i) {
     out.always.matrix[i][i] += 0.25;
@@ -381,6 +398,12 @@ ClockFit begin_fit(const ClockView& a, const ClockView& b, double offset_s) {
   return fit;
 }
 
+bool is_small(const ClockRow& step) {
+  return std::abs(step[kClockUnknown]) < kConverged_s &&
+         std::all_of(step.begin(), step.begin() + kClockUnknown,
+                     [](double x) { return std::abs(x) < kConverged_m; });
+}
+
 std::optional<PairClock> pair_clock(std::span<const ClockView> views, std::size_t a, std::size_t b,
                                     double coarse_s, const ClockConfig& config) {
   ClockFit fit = begin_fit(views[a], views[b], coarse_s);
@@ -393,11 +416,12 @@ std::optional<PairClock> pair_clock(std::span<const ClockView> views, std::size_
     equations = equations_of(fit);
     const auto step = step_without(equations, kBlocks);
     if (!step) return std::nullopt;
+    fit.moved = small_motion(*step, fit.middle) * fit.moved;
     for (std::size_t k = 0; k < kUnknowns; ++k)
       fit.x[k] +=
           k == kClockUnknown ? std::clamp((*step)[k], -kMostStep_s, kMostStep_s) : (*step)[k];
     if (std::abs(fit.x[kClockUnknown] - coarse_s) > kMostRefinement_s) return std::nullopt;
-    if (std::abs((*step)[kClockUnknown]) < kConverged_s) break;
+    if (is_small(*step)) break;
   }
   PairClock out;
   for (std::size_t i = 0; i < kBlocks; ++i) {
@@ -498,7 +522,7 @@ void combine(std::span<const PairClock> pairs, const ClockConfig& config, ClockE
     std::array<double, kBlocks> values{};
     for (std::size_t block = 0; block < kBlocks; ++block) values[block] = without[block][s];
     ClockOffset& clock = out.clocks[s];
-    clock.sigma_s = jackknife_sigma(values);
+    clock.sigma_s = s == group.front() ? 0 : std::hypot(jackknife_sigma(values), kModel_s);
     clock.problem.clear();
     if (clock.sigma_s <= config.most_sigma_s)
       clock.offset_s = x[s];

@@ -21,7 +21,7 @@ struct ClockConfig {
 /// How much later than stated a sensor captures, against the reference.
 struct ClockOffset {
   std::optional<double> offset_s;
-  double sigma_s = 0;             ///< by leaving out a tenth of the time in turn
+  double sigma_s = 0;             ///< by leaving out a tenth of the time in turn; at least 0.3 ms
   std::size_t shared_points = 0;  ///< points in motion that another sensor sees, too
   std::string problem;            ///< one line: why there is no offset
 };
