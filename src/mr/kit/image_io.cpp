@@ -149,6 +149,14 @@ Result<cv::Mat> decode(Bytes b, const Header& header, int flags) {
   }
 }
 
+Result<PictureHeader> decode_header(Bytes b) {
+  if (!is_jpeg(b) && !is_png(b)) return Error{Error::Cause::unsupported, "neither JPEG nor PNG"};
+  const auto header = is_jpeg(b) ? check_jpeg(b) : check_png(b);
+  if (!header) return header.error();
+  return PictureHeader{static_cast<int>(header->width), static_cast<int>(header->height),
+                       header->bits, header->grey};
+}
+
 Result<ImageRgb> decode_jpeg_or_png(Bytes b) {
   if (is_jpeg(std::as_bytes(b))) return decode_jpeg(std::as_bytes(b));
   if (!is_png(b)) return Error{Error::Cause::unsupported, "neither JPEG nor PNG"};
@@ -216,6 +224,10 @@ Result<std::vector<std::byte>> encode(const ImageRgb& image, const char* extensi
 }
 
 }  // namespace
+
+Result<PictureHeader> read_picture_header(const std::filesystem::path& file) {
+  return read_with(&decode_header, file);
+}
 
 Result<ImageRgb> read_color(const std::filesystem::path& file) {
   return read_with(&decode_jpeg_or_png, file);

@@ -13,6 +13,16 @@ namespace mr::kit {
 
 using ImageDepth16 = Image<std::uint16_t, 1>;  ///< sensor counts
 
+/// What the header of a picture file says.
+struct PictureHeader {
+  int width = 0, height = 0;
+  int bits = 8;       ///< per channel
+  bool grey = false;  ///< one channel without palette or alpha
+};
+
+/// Reads the header of a JPEG or PNG. The file is checked to be whole; the picture is not decoded.
+Result<PictureHeader> read_picture_header(const std::filesystem::path& file);
+
 /// Reads JPEG or PNG as 8-bit RGB. Corrupt, truncated, oversized (over 16384 a side) and missing
 /// files are errors that name the file.
 Result<ImageRgb> read_color(const std::filesystem::path& file);

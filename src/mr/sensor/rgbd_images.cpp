@@ -6,6 +6,8 @@
 #include <string>
 #include <utility>
 
+#include "mr/sensor/folders/timed_items.h"
+#include "mr/sensor/recorded_frames.h"
 #include "mr/sensor/rgbd_items.h"
 
 namespace mr::sensor {
@@ -63,6 +65,11 @@ std::vector<std::filesystem::path> RgbdImagesSource::files() const {
   return out;
 }
 
+std::optional<SourceClock> RgbdImagesSource::clock() const {
+  if (times.empty()) return std::nullopt;
+  return SourceClock{"unix", times.front(), times.back()};
+}
+
 std::optional<std::string> RgbdImagesSource::depth_hint(double median_m) const {
   if (median_m >= kLeastMedian_m && median_m <= kMostMedian_m) return std::nullopt;
   return fmt::format(
@@ -73,8 +80,12 @@ std::optional<std::string> RgbdImagesSource::depth_hint(double median_m) const {
 
 std::unique_ptr<FrameSource> open_rgbd_images(const SensorConfig& sensor, SensorId id,
                                               const Timeline& timeline) {
-  MR_ASSERT(sensor.source.get_if<RgbdImagesSource>() != nullptr);
+  const auto* source = sensor.source.get_if<RgbdImagesSource>();
+  MR_ASSERT(source != nullptr);
   MR_ASSERT(timeline.fps > 0);
+  if (!source->times.empty())
+    return std::make_unique<RecordedFrames>(std::make_unique<TimedItems>(sensor, *source), sensor,
+                                            id, timeline);
   return std::make_unique<RgbdImages>(sensor, id, timeline);
 }
 

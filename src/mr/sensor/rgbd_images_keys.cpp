@@ -1,6 +1,7 @@
 #include <optional>
 #include <utility>
 
+#include "mr/sensor/folders/text_lines.h"
 #include "mr/sensor/rgbd_images.h"
 #include "mr/yaml/files.h"
 
@@ -24,6 +25,37 @@ void read_files(MapReader& map, const std::string& key, RgbdImagesSource& out) {
   if (depth) out.depth = std::move(depth->paths);
 }
 
+/// A file of one time in seconds a line, the first word of it; one for each item.
+void read_times(MapReader& map, RgbdImagesSource& out) {
+  const yaml::Node* node = map.find("times");
+  if (!node) return;
+  const auto list = yaml::read_one_file(map.report, *node, "times");
+  if (!list || !list->unusable.empty()) return;
+  const auto refuse = [&](const std::string& why) {
+    map.report.problem(node->line, "times: " + why);
+  };
+  const auto text = read_text_file(list->paths.front());
+  if (!text) return refuse(text.error().message);
+  TextLines lines(*text);
+  std::vector<TimePoint> times;
+  while (lines.next()) {
+    const std::string line =
+        list->paths.front().string() + ": line " + std::to_string(lines.number());
+    const auto time = time_of_seconds(lines.words().front());
+    if (!time) return refuse(line + " must begin with a time in seconds");
+    if (!times.empty() && *time <= times.back())
+      return refuse(line + " must be later than the one before");
+    times.push_back(*time);
+  }
+  if (times.size() != out.depth.size() && !out.depth.empty())
+    return refuse(list->paths.front().string() + " holds " + std::to_string(times.size()) +
+                  " times for " + std::to_string(out.depth.size()) +
+                  " items; they must be as many");
+  out.times = std::move(times);
+}
+
+}  // namespace
+
 void read_invalid_counts(MapReader& map, std::vector<std::uint16_t>& out) {
   const yaml::Node* node = map.find("invalid");
   if (!node) return;
@@ -40,14 +72,13 @@ void read_invalid_counts(MapReader& map, std::vector<std::uint16_t>& out) {
     add(*node);
 }
 
-}  // namespace
-
 SourceKeys read_rgbd_images(MapReader& map, const std::string& key) {
   RgbdImagesSource images;
   read_files(map, key, images);
   map.number("depth_unit_m", images.depth_unit_m, RgbdImagesSource::kDepthUnit_m);
   read_invalid_counts(map, images.invalid);
   map.flag("loop", images.loop);
+  read_times(map, images);
   return {std::move(images), map.has("color")};
 }
 

@@ -3,6 +3,7 @@
 #include <algorithm>
 
 #include "mr/sensor/azure_kinect/source.h"
+#include "mr/sensor/folders/tum.h"
 #include "mr/sensor/k4a/k4a_config.h"
 #include "mr/sensor/k4a/k4a_source.h"
 #include "mr/sensor/lidar_360/source.h"
@@ -14,6 +15,7 @@ namespace {
 
 constexpr SourceType kSourceTypes[] = {
     {RgbdImagesSource::kType, read_rgbd_images, open_rgbd_images},
+    {TumSource::kType, read_tum, open_tum},
     {KinectMkvSource::kType, read_kinect_mkv, open_kinect_mkv},
     {OusterPcapSource::kType, read_ouster_pcap, open_ouster_pcap},
     {OusterLiveSource::kType, read_ouster_live, open_ouster_live},
