@@ -15,6 +15,7 @@
 #include "mr/eval/scene_clocks.h"
 #include "mr/synth/room.h"
 #include "output.h"
+#include "recording_info.h"
 
 namespace mr::apps {
 namespace {
@@ -220,6 +221,7 @@ int print_unreadable(const eval::SceneCheck& check) {
 }
 
 int info(const InfoOptions& options) {
+  if (is_recording(options.scene)) return describe_recording(options.scene, options.json);
   auto scene = load_or_print_problems(options.scene, options.set);
   if (!scene) return 1;
   if (scene->rig) scene->sensors = synth::rig_sensors(*scene->rig);
@@ -243,9 +245,12 @@ int info(const InfoOptions& options) {
 
 void add_info(CLI::App& app, int& exit_code) {
   auto options = std::make_shared<InfoOptions>();
-  CLI::App* command =
-      app.add_subcommand("info", "Check a scene file and its first pictures, and how sensors fit");
-  command->add_option("FILE", options->scene, "Scene file (YAML)")->required();
+  CLI::App* command = app.add_subcommand(
+      "info",
+      "Check a scene file and its first pictures, and how sensors fit; describe a recording");
+  command
+      ->add_option("FILE", options->scene, "Scene file (YAML), recording, or folder of a data set")
+      ->required();
   add_set_option(*command, options->set);
   command->add_flag("--json", options->json, "Print as JSON");
   command->add_flag_function(

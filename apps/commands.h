@@ -11,6 +11,7 @@ void add_demo(CLI::App& app, int& exit_code);
 void add_node(CLI::App& app, int& exit_code);
 void add_export(CLI::App& app, int& exit_code);
 void add_info(CLI::App& app, int& exit_code);
+void add_import(CLI::App& app, int& exit_code);
 void add_devices(CLI::App& app, int& exit_code);
 void add_plan(CLI::App& app, int& exit_code);
 void add_synth(CLI::App& app, int& exit_code);

@@ -20,6 +20,7 @@ int main(int argc, char** argv) {
   mr::apps::add_node(app, exit_code);
   mr::apps::add_export(app, exit_code);
   mr::apps::add_info(app, exit_code);
+  mr::apps::add_import(app, exit_code);
   mr::apps::add_devices(app, exit_code);
   mr::apps::add_plan(app, exit_code);
   mr::apps::add_synth(app, exit_code);

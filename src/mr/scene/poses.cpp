@@ -68,13 +68,17 @@ std::vector<Pose> load_poses(Report& report, FileList& list, const std::string& 
 
 constexpr std::size_t kMostPlaces = 256;  // of a long way, for those who ask where it leads
 
-/// The poses of a trajectory, evenly thinned out; with the first and the last.
+/// The poses of a trajectory, evenly thinned out; with the first and the last. One where the sensor
+/// stands still.
 std::vector<Pose> places_of(const Trajectory& trajectory) {
   const std::vector<TimedPose>& all = trajectory.poses();
+  const Pose& first = all.front().T_world_sensor;
+  if (std::ranges::all_of(all, [&](const TimedPose& pose) { return pose.T_world_sensor == first; }))
+    return {first};
   const std::size_t count = std::min(all.size(), kMostPlaces);
   std::vector<Pose> out;
   for (std::size_t i = 0; i < count; ++i)
-    out.push_back(all[count < 2 ? 0 : i * (all.size() - 1) / (count - 1)].T_world_sensor);
+    out.push_back(all[i * (all.size() - 1) / (count - 1)].T_world_sensor);
   return out;
 }
 
