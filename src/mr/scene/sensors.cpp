@@ -8,13 +8,14 @@ constexpr std::size_t kMaxSensors = 1024;
 
 void read_distortion(Report& report, const yaml::Node& node, Camera& camera) {
   MapReader map(report, node, "distortion");
-  const bool known =
-      map.need("model") && map.choice<DistortionModel>("model", camera.distortion,
-                                                       {{"none", DistortionModel::none},
-                                                        {"brown", DistortionModel::brown},
-                                                        {"rational", DistortionModel::rational}});
+  const bool known = map.need("model") &&
+                     map.choice<DistortionModel>("model", camera.distortion,
+                                                 {{"none", DistortionModel::none},
+                                                  {"brown", DistortionModel::brown},
+                                                  {"rational", DistortionModel::rational},
+                                                  {"rational_6kt", DistortionModel::rational_6kt}});
   if (const yaml::Node* k = map.find("k")) {
-    const std::size_t most = !known || camera.distortion == DistortionModel::rational ? 6 : 3;
+    const std::size_t most = !known || camera.distortion >= DistortionModel::rational ? 6 : 3;
     if (k->kind == yaml::Node::Kind::list && k->items.size() >= 1 && k->items.size() <= most)
       yaml::read_numbers(report, *k, "k", {-1e6, 1e6}, std::span(camera.k).first(k->items.size()));
     else
