@@ -150,8 +150,9 @@ Result<cv::Mat> decode(Bytes b, const Header& header, int flags) {
 }
 
 Result<PictureHeader> decode_header(Bytes b) {
-  if (!is_jpeg(b) && !is_png(b)) return Error{Error::Cause::unsupported, "neither JPEG nor PNG"};
-  const auto header = is_jpeg(b) ? check_jpeg(b) : check_png(b);
+  if (is_jpeg(std::as_bytes(b))) return read_jpeg_header(std::as_bytes(b));
+  if (!is_png(b)) return Error{Error::Cause::unsupported, "neither JPEG nor PNG"};
+  const auto header = check_png(b);
   if (!header) return header.error();
   return PictureHeader{static_cast<int>(header->width), static_cast<int>(header->height),
                        header->bits, header->grey};

@@ -8,17 +8,11 @@
 
 #include "mr/core/image.h"
 #include "mr/core/result.h"
+#include "mr/kit/picture_header.h"
 
 namespace mr::kit {
 
 using ImageDepth16 = Image<std::uint16_t, 1>;  ///< sensor counts
-
-/// What the header of a picture file says.
-struct PictureHeader {
-  int width = 0, height = 0;
-  int bits = 8;       ///< per channel
-  bool grey = false;  ///< one channel without palette or alpha
-};
 
 /// Reads the header of a JPEG or PNG. The file is checked to be whole; the picture is not decoded.
 Result<PictureHeader> read_picture_header(const std::filesystem::path& file);

@@ -130,6 +130,15 @@ bool is_jpeg(std::span<const std::byte> bytes) {
   return starts_jpeg({reinterpret_cast<const std::uint8_t*>(bytes.data()), bytes.size()});
 }
 
+Result<PictureHeader> read_jpeg_header(std::span<const std::byte> bytes) {
+  const JpegBytes b(reinterpret_cast<const std::uint8_t*>(bytes.data()), bytes.size());
+  if (!starts_jpeg(b)) return Error{Error::Cause::unsupported, "not a JPEG"};
+  const auto header = check_jpeg(b);
+  if (!header) return header.error();
+  return PictureHeader{static_cast<int>(header->width), static_cast<int>(header->height), 8,
+                       header->channels == 1};
+}
+
 Status decode_jpeg(std::span<const std::byte> bytes, ImageRgb& out) {
   if (bytes.size() > kMaxJpegBytes)
     return Error{Error::Cause::too_large, "a coded picture of over 2 GiB"};

@@ -5,11 +5,15 @@
 
 #include "mr/core/image.h"
 #include "mr/core/result.h"
+#include "mr/kit/picture_header.h"
 
 namespace mr::kit {
 
 /// Whether bytes begin like a JPEG.
 bool is_jpeg(std::span<const std::byte> bytes);
+
+/// Reads the header of a JPEG that is whole. Errors as of decode_jpeg().
+Result<PictureHeader> read_jpeg_header(std::span<const std::byte> bytes);
 
 /// Decodes a JPEG by libjpeg-turbo: baseline and progressive, 8 bits, grey or of three channels
 /// with any subsampling of chroma (which is interpolated). Any rotation that EXIF asks for is

@@ -8,6 +8,7 @@
 namespace mr::sensor {
 namespace {
 
+constexpr double kNearest_m = 0.25;  // measured in all modes, if not as exactly as farther away
 /// Of depth: random up to 17 mm and systematic up to 11 mm + 0.1 %, as the vendor states them.
 constexpr Precision kTimeOfFlight{.base_m = 0.002, .per_m2 = 0.001};
 
@@ -50,7 +51,8 @@ Result<SourceCameras> cameras_of(const KinectHeader& header, const std::filesyst
   auto depth = depth_camera(*calibration, **mode);
   if (!depth) return depth.error();
   out.depth = *std::move(depth);
-  if ((*mode)->far_m > 0) out.depth_near_m = (*mode)->near_m, out.depth_far_m = (*mode)->far_m;
+  out.depth_near_m = kNearest_m;
+  if ((*mode)->far_m > 0) out.depth_far_m = (*mode)->far_m;
   out.precision = kTimeOfFlight;
   if (!header.color) return out;
   auto color = color_camera(*calibration, header.color->width, header.color->height);
