@@ -48,8 +48,8 @@ double seconds(Duration d) { return std::chrono::duration<double>(d).count(); }
 
 Trajectory::Trajectory(std::vector<TimedPose> poses) : poses_(std::move(poses)) {
   std::ranges::stable_sort(poses_, {}, &TimedPose::at);
-  const auto doubled = std::ranges::unique(poses_, {}, &TimedPose::at);
-  poses_.erase(doubled.begin(), doubled.end());
+  const auto same_time = [](const TimedPose& a, const TimedPose& b) { return a.at == b.at; };
+  poses_.erase(std::unique(poses_.begin(), poses_.end(), same_time), poses_.end());
 }
 
 Result<Pose> Trajectory::at(TimePoint time) const {
