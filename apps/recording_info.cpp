@@ -35,7 +35,9 @@ std::string as_text(const RecordingInfo& info, const std::filesystem::path& path
 Json as_json(const RecordingInfo& info, const std::filesystem::path& path) {
   Json out{{"format", info.format}, {"file", path.string()}};
   for (const RecordingInfo::Field& field : info.fields)
-    out[field.unit.empty() ? field.name : field.name + "_" + field.unit] =
+    out[field.name + (field.unit.empty()  ? ""
+                      : field.unit == "%" ? "_percent"
+                                          : "_" + field.unit)] =
         std::visit([](const auto& value) { return Json(value); }, field.value);
   out["notes"] = info.notes;
   return out;

@@ -28,6 +28,7 @@ constexpr TumCamera kUsualCamera{"", "", 525, 525, 319.5, 239.5};
 void add_cameras_by_name(PictureFolder& out) {
   const PictureSize size = picture_size(out.depth);
   if (size.width != 640 || size.height != 480) return;
+  out.is_structured_light = true;
   const std::string name = id_of(out.folder);
   const auto* found = std::ranges::find_if(kTumCameras, [&](const TumCamera& camera) {
     return name.find(camera.word) != std::string::npos ||
@@ -64,7 +65,6 @@ Result<PictureFolder> open_tum_recording(const std::filesystem::path& folder) {
   out.times = std::move(tum->pictures.times);
   out.depth_unit_m = TumSource::kDepthUnit_m;
   out.depth_unit_from = "the layout (metres = value / 5000)";
-  out.is_structured_light = true;
   out.source = "{type: tum, folder: " + yaml::quoted_text(folder.string()) +
                ", depth_unit_m: " + yaml::exact_text(out.depth_unit_m) + ", loop: true}";
   if (tum->without_color > 0)
