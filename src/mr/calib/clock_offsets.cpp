@@ -36,13 +36,15 @@ struct ClockView {
   TrackSurface surface;
 };
 
-ClockView view_of(const DepthTrack& track, TimePoint epoch) {
+/// A few points on edges that flicker are no motion.
+ClockView view_of(const DepthTrack& track, TimePoint epoch, std::size_t least_points) {
   ClockView view;
   view.track = &track;
   view.T_depth_world = track.T_world_depth.inverse();
   for (const TimePoint t : track.times)
     view.times_s.push_back(std::chrono::duration<double>(t - epoch).count());
   if (track.times.size() >= kLeastFrames) view.surface = surface_of(track, epoch);
+  if (view.surface.moving.size() < least_points) view.surface.moving.clear();
   return view;
 }
 
@@ -561,7 +563,8 @@ ClockEstimate estimate_clock_offsets(std::span<const DepthTrack> tracks,
     if (!track.times.empty()) epoch = std::min(epoch, track.times.front());
   std::vector<ClockView> views(tracks.size());
   parallel_for(tracks.size(), 1, [&](std::size_t begin, std::size_t end) {
-    for (std::size_t i = begin; i < end; ++i) views[i] = view_of(tracks[i], epoch);
+    for (std::size_t i = begin; i < end; ++i)
+      views[i] = view_of(tracks[i], epoch, config.least_points);
   });
   const auto coarse = all_coarse_scores(views, config);
   const auto steps = coarse_offsets(coarse, views.size());
