@@ -1,11 +1,9 @@
 #include "mr/synth/export_rig.h"
 
 #include <array>
-#include <charconv>
 #include <cstdarg>
 #include <cstdio>
 #include <memory>
-#include <numbers>
 #include <utility>
 #include <vector>
 
@@ -16,6 +14,7 @@
 #include "mr/synth/room.h"
 #include "mr/synth/sensor_files.h"
 #include "mr/synth/truth.h"
+#include "mr/yaml/flow_text.h"
 
 namespace mr::synth {
 namespace {
@@ -30,17 +29,9 @@ namespace {
   return text.data();
 }
 
-/// The shortest text that reads back as the same number.
-std::string number(double v) {
-  std::array<char, 32> text{};
-  return {text.data(), std::to_chars(text.data(), text.data() + text.size(), v).ptr};
-}
-
-std::string list(std::span<const double> values) {
-  std::string out;
-  for (const double v : values) out += (out.empty() ? "[" : ", ") + number(v);
-  return out + "]";
-}
+using yaml::camera_text;
+using yaml::exact_text;
+using yaml::list_text;
 
 const char* depth_mode(const RigConfig& rig) {
   if (rig.depth_width == 1024) return "wfov";
@@ -51,19 +42,6 @@ const char* depth_mode(const RigConfig& rig) {
 const char* kind_name(RigConfig::Kind kind) {
   constexpr const char* kNames[] = {"room", "conference", "office", "corridor", "hallway"};
   return kNames[static_cast<int>(kind)];
-}
-
-std::string camera_yaml(const Camera& camera) {
-  const std::string size = format("size: [%d, %d]", camera.width, camera.height);
-  if (camera.model == CameraModel::equirectangular) return "{model: equirectangular, " + size + "}";
-  if (camera.model == CameraModel::lidar) {
-    std::vector<double> degrees;
-    for (const double angle : camera.beam_altitude_rad)
-      degrees.push_back(angle * 180 / std::numbers::pi);
-    return "{model: lidar, " + size + ", beam_altitude_deg: " + list(degrees) + "}";
-  }
-  return "{model: pinhole, " + size + ", fx: " + number(camera.fx) + ", fy: " + number(camera.fy) +
-         ", cx: " + number(camera.cx) + ", cy: " + number(camera.cy) + "}";
 }
 
 using Format = RigExport::Format;
@@ -90,23 +68,23 @@ std::string source_yaml(const SensorConfig& sensor, Format form, const RigConfig
 std::string sensor_yaml(const SensorConfig& sensor, Format form, const RigConfig& rig) {
   std::string out = "  - id: " + sensor.id + "\n    source: " + source_yaml(sensor, form, rig);
   if (form != Format::mkv)  // whose recording has them
-    out += "\n    depth_camera: " + camera_yaml(sensor.depth_camera) +
-           "\n    color_camera: " + camera_yaml(*sensor.color_camera) +
-           "\n    T_color_depth: " + list(sensor.T_color_depth.matrix());
+    out += "\n    depth_camera: " + camera_text(sensor.depth_camera) +
+           "\n    color_camera: " + camera_text(*sensor.color_camera) +
+           "\n    T_color_depth: " + list_text(sensor.T_color_depth.matrix());
   out += "\n    T_world_depth: ";
   out += form == Format::tum ? "{trajectory: " + sensor.id + "/groundtruth.txt}"
-                             : list(sensor.T_world_depth.at(0).matrix());
-  return out + "\n    depth_range_m: [" + number(sensor.depth_near_m) + ", " +
-         number(sensor.depth_far_m) +
-         "]\n    precision: {base_m: " + number(sensor.precision.base_m) +
-         ", per_m2: " + number(sensor.precision.per_m2) + "}\n";
+                             : list_text(sensor.T_world_depth.at(0).matrix());
+  return out + "\n    depth_range_m: [" + exact_text(sensor.depth_near_m) + ", " +
+         exact_text(sensor.depth_far_m) +
+         "]\n    precision: {base_m: " + exact_text(sensor.precision.base_m) +
+         ", per_m2: " + exact_text(sensor.precision.per_m2) + "}\n";
 }
 
 std::string scene_yaml(const RigExport& what, std::span<const SensorConfig> sensors) {
   std::string out =
       "# Written by `meshreduce synth`; `truth` is the noiseless surface.\nscene: synthetic-";
   out += kind_name(what.rig.kind);
-  out += "\nup: [0, 0, 1]\nfps: " + number(what.fps) +
+  out += "\nup: [0, 0, 1]\nfps: " + exact_text(what.fps) +
          "\nvoxel_m: 0.02\nsimplify: {ratio: 0.1}\nsensors:\n";
   for (const SensorConfig& sensor : sensors)
     out += sensor_yaml(sensor, format_of_sensor(what, sensor), what.rig);
@@ -168,12 +146,12 @@ std::string event_yaml(const RigEvent& event) {
   if (kind != Kind::carry && kind != Kind::push) out += format(", frames: %d", event.frames);
   if (!event.sensor.empty()) out += ", sensor: " + event.sensor;
   if (event.place_m) out += format(", place: [%.9g, %.9g]", event.place_m->x, event.place_m->y);
-  if (kind == Kind::chair) out += ", by_m: " + number(event.by_m);
-  if (kind == Kind::light) out += ", level: " + number(event.level);
+  if (kind == Kind::chair) out += ", by_m: " + exact_text(event.by_m);
+  if (kind == Kind::light) out += ", level: " + exact_text(event.level);
   if (kind == Kind::push)
-    out += ", by_mm: " + number(event.by_mm) + ", by_deg: " + number(event.by_deg);
-  if (kind == Kind::exposure || kind == Kind::hunt) out += ", stops: " + number(event.stops);
-  if (kind == Kind::hunt) out += ", period_s: " + number(event.period_s);
+    out += ", by_mm: " + exact_text(event.by_mm) + ", by_deg: " + exact_text(event.by_deg);
+  if (kind == Kind::exposure || kind == Kind::hunt) out += ", stops: " + exact_text(event.stops);
+  if (kind == Kind::hunt) out += ", period_s: " + exact_text(event.period_s);
   return out + "}";
 }
 
@@ -182,7 +160,7 @@ std::string disturbances_yaml(const RigConfig& rig) {
   const RigConfig usual;
   std::string out;
   const auto add = [&](const char* key, double value, double default_value) {
-    if (value != default_value) out += std::string(", ") + key + ": " + number(value);
+    if (value != default_value) out += std::string(", ") + key + ": " + exact_text(value);
   };
   add("depth_noise", rig.depth_noise, usual.depth_noise);
   add("depth_noise_px", rig.depth_noise_px, usual.depth_noise_px);

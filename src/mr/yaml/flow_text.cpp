@@ -19,8 +19,9 @@ std::vector<double> in_degrees(const std::vector<double>& angles_rad) {
 
 std::string lens_text(const Camera& camera) {
   if (camera.distortion == DistortionModel::none) return {};
+  constexpr const char* kModels[] = {"none", "brown", "rational", "rational_6kt"};
   const bool is_brown = camera.distortion == DistortionModel::brown;
-  return std::string(", distortion: {model: ") + (is_brown ? "brown" : "rational") +
+  return std::string(", distortion: {model: ") + kModels[static_cast<int>(camera.distortion)] +
          ", k: " + list_text(std::span(camera.k).first(is_brown ? 3 : 6)) +
          ", p: " + list_text(camera.p) + "}";
 }

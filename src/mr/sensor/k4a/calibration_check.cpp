@@ -1,12 +1,13 @@
 #include "mr/sensor/k4a/calibration_check.h"
 
 #include <fmt/format.h>
-#include <fmt/ranges.h>
 
 #include <algorithm>
 #include <cmath>
 #include <numbers>
 #include <span>
+
+#include "mr/yaml/flow_text.h"
 
 namespace mr::sensor {
 namespace {
@@ -30,19 +31,6 @@ void compare_lens(const char* which, const Camera& scene, const Result<Camera>& 
 double turn_deg(const Mat3& r) {
   const double cosine = (r(0, 0) + r(1, 1) + r(2, 2) - 1) / 2;
   return std::acos(std::clamp(cosine, -1.0, 1.0)) * 180 / std::numbers::pi;
-}
-
-std::string numbers_yaml(std::span<const double> values) {
-  return fmt::format("[{}]", fmt::join(values, ", "));
-}
-
-std::string camera_line(const Camera& camera) {
-  const char* model =
-      camera.distortion == DistortionModel::rational_6kt ? "rational_6kt" : "rational";
-  return fmt::format(
-      "{{size: [{}, {}], fx: {}, fy: {}, cx: {}, cy: {}, distortion: {{model: {}, k: {}, p: {}}}}}",
-      camera.width, camera.height, camera.fx, camera.fy, camera.cx, camera.cy, model,
-      numbers_yaml(camera.k), numbers_yaml(camera.p));
 }
 
 }  // namespace
@@ -88,12 +76,12 @@ Result<std::string> k4a_sensor_yaml(const std::string& id, const K4aSource& sour
       "  source: {{type: k4a, serial: \"{}\", depth_mode: {}, color: {}, fps: {}}}\n"
       "  depth_camera: {}\n",
       id, source.serial, word_of(source.depth_mode), word_of(source.color), source.fps,
-      camera_line(*depth));
+      yaml::camera_text(*depth));
   if (const KinectMode* color = source.color_mode()) {
     const auto camera = color_camera(device, *color);
     if (!camera) return camera.error();
-    out += fmt::format("  color_camera: {}\n  T_color_depth: {}\n", camera_line(*camera),
-                       numbers_yaml(T_color_depth(device).matrix()));
+    out += fmt::format("  color_camera: {}\n  T_color_depth: {}\n", yaml::camera_text(*camera),
+                       yaml::list_text(T_color_depth(device).matrix()));
   }
   return out + fmt::format("  depth_range_m: [{}, {}]\n", mode.near_m, mode.far_m);
 }
