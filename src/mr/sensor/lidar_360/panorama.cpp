@@ -207,7 +207,8 @@ kit::V4l2Config read_device(yaml::Report& report, const yaml::Node& node) {
   kit::V4l2Config out;
   yaml::MapReader map(report, node, "device");
   if (map.need("path")) map.text("path", out.device);
-  if (map.need("size")) map.size("size", kit::V4l2Config::kSide_px, out.width, out.height);
+  const bool has_size =
+      map.need("size") && map.size("size", kit::V4l2Config::kSide_px, out.width, out.height);
   map.choice<kit::V4l2Config::Format>(
       "format", out.format,
       {{"mjpg", kit::V4l2Config::Format::mjpg}, {"yuyv", kit::V4l2Config::Format::yuyv}});
@@ -219,7 +220,7 @@ kit::V4l2Config read_device(yaml::Report& report, const yaml::Node& node) {
   locked("exposure_us", out.exposure_us, kit::V4l2Config::kExposure_us);
   locked("gain", out.gain, kit::V4l2Config::kGain);
   locked("white_balance_k", out.white_balance_k, kit::V4l2Config::kWhiteBalance_k);
-  if (map.has("size") && !kit::is_2_to_1(out.width, out.height))
+  if (has_size && !kit::is_2_to_1(out.width, out.height))
     report.problem(map.line("size"), "size of a panorama must be twice as wide as high");
   return out;
 }
@@ -239,7 +240,8 @@ std::optional<PanoramaConfig> read_panorama(yaml::Report& report, const yaml::No
   map.flag("stated_pose", out.stated_pose);
   map.flag("loop", out.loop);
   if ((video != nullptr) + (pictures != nullptr) + (device != nullptr) != 1) {
-    report.problem(node.line, "color must hold one of video, pictures, device");
+    if (node.kind == yaml::Node::Kind::map)
+      report.problem(node.line, "color must hold one of video, pictures, device");
     return std::nullopt;
   }
   if (device) {
