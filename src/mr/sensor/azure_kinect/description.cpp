@@ -5,8 +5,11 @@
 #include <utility>
 #include <vector>
 
+#include "mr/sensor/azure_kinect/calibration.h"
 #include "mr/sensor/azure_kinect/captures.h"
 #include "mr/sensor/azure_kinect/source.h"
+#include "mr/sensor/folders/picture_folder.h"
+#include "mr/yaml/flow_text.h"
 
 namespace mr::sensor {
 namespace {
@@ -102,6 +105,30 @@ void add_counts(KinectRecording& recording, RecordingInfo& out) {
   out.fields.push_back({"imu_samples", samples});
 }
 
+/// Where up is for the depth camera, by the first samples of the accelerometer: what it measures at
+/// rest holds the device against gravity. Nothing where the recording has none.
+std::optional<Vec3d> up_of(KinectRecording& recording) {
+  const auto calibration = parse_kinect_calibration(recording.header().calibration);
+  if (!calibration || !calibration->T_accelerometer_reference) return std::nullopt;
+  constexpr int kMostBlocks = 100;
+  for (int i = 0; i < kMostBlocks; ++i) {
+    const auto block = recording.next();
+    if (!block || !*block) return std::nullopt;
+    if ((*block)->track != KinectTrack::imu) continue;
+    Vec3d sum;
+    for (const KinectImuSample& sample : decode_imu((*block)->bytes)) {
+      const auto& [x, y, z] = sample.acceleration_mps2;
+      sum += Vec3d{x, y, z};
+    }
+    const Vec3d up = transposed(calibration->T_accelerometer_reference->rotation) * sum;
+    if (!is_finite(up) || length(up) < 1e-3) return std::nullopt;
+    const auto rounded = [](double v) { return std::round(v * 1e4) / 1e4; };
+    const Vec3d unit = normalized(up);
+    return Vec3d{rounded(unit.x), rounded(unit.y), rounded(unit.z)};
+  }
+  return std::nullopt;
+}
+
 }  // namespace
 
 bool is_kinect_mkv(const std::filesystem::path& path) {
@@ -138,16 +165,19 @@ Result<ImportedScene> import_kinect_mkv(const std::filesystem::path& path) {
   const auto cameras = kinect_cameras(header, path, {});
   if (!cameras) return cameras.error();
   ImportedScene out;
-  out.name = path.stem().string();
+  out.name = id_of(path.stem());
   out.fps = std::round(1e5 / milliseconds(header.period)) / 1e2;
   ImportedSensor sensor;
-  sensor.id = path.stem().string();
-  sensor.source = "{type: azure-kinect-mkv, file: \"" + path.string() + "\", loop: true}";
+  sensor.id = id_of(path.stem());
+  sensor.source =
+      "{type: azure-kinect-mkv, file: " + yaml::quoted_text(path.string()) + ", loop: true}";
   sensor.comments.push_back(
       fmt::format("serial {}, {}; the recording does not say where the sensor stood", header.serial,
                   name_of(header.sync)));
   out.sensors.push_back(std::move(sensor));
   out.notes = header.notes;
+  if ((out.up = up_of(*recording)))
+    out.notes.push_back("up is what the accelerometer measures at the beginning");
   return out;
 }
 

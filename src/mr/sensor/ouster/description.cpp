@@ -3,7 +3,9 @@
 #include <algorithm>
 #include <numbers>
 
+#include "mr/sensor/folders/picture_folder.h"
 #include "mr/sensor/ouster/source.h"
+#include "mr/yaml/flow_text.h"
 
 namespace mr::sensor {
 namespace {
@@ -145,13 +147,14 @@ Result<ImportedScene> import_ouster_pcap(const std::filesystem::path& path) {
   const auto metadata = read_ouster_metadata(*file);
   if (!metadata) return metadata.error();
   ImportedScene out;
-  out.name = path.stem().string();
+  out.name = id_of(path.stem());
   out.up = Vec3d{0, 0, 1};
   out.fps = metadata->rate_hz;
   ImportedSensor sensor;
-  sensor.id = path.stem().string();
-  sensor.source = "{type: ouster-pcap, file: \"" + path.string() + "\", metadata: \"" +
-                  file->string() + "\", texture: near_ir, loop: true}";
+  sensor.id = id_of(path.stem());
+  sensor.source = "{type: ouster-pcap, file: " + yaml::quoted_text(path.string()) +
+                  ", metadata: " + yaml::quoted_text(file->string()) +
+                  ", texture: near_ir, loop: true}";
   std::string numbers;
   for (const double v : RangeCamera(*metadata).T_sensor_camera().matrix())
     numbers += (numbers.empty() ? "" : ", ") + fmt::format("{:.9g}", v);
