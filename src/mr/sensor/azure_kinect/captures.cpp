@@ -48,7 +48,7 @@ Status KinectCaptures::read_ahead() {
     const TimePoint at = shifted((*block)->track, (*block)->at);
     newest_ = newest_ ? std::max(*newest_, at) : at;
     Queue& queue = (*block)->track == KinectTrack::color ? color_ : depth_;
-    queue.push_back({(*block)->at, {(*block)->bytes.begin(), (*block)->bytes.end()}});
+    queue.push_back(**std::move(block));
   }
   return {};
 }
@@ -56,7 +56,7 @@ Status KinectCaptures::read_ahead() {
 Result<std::optional<KinectCapture>> KinectCaptures::next() {
   if (const Status read = read_ahead(); !read) error_ = read.error();
   KinectCapture out;
-  const auto take = [](Queue& from, std::optional<KinectCapture::Picture>& to) {
+  const auto take = [](Queue& from, std::optional<KinectBlock>& to) {
     to = std::move(from.front());
     from.pop_front();
   };

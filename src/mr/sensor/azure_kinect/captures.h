@@ -2,7 +2,6 @@
 
 #include <deque>
 #include <optional>
-#include <vector>
 
 #include "mr/sensor/azure_kinect/recording.h"
 
@@ -10,11 +9,7 @@ namespace mr::sensor {
 
 /// Pictures of one device that belong together; one of them may be missing.
 struct KinectCapture {
-  struct Picture {
-    TimePoint at{};  ///< device time
-    std::vector<std::byte> bytes;
-  };
-  std::optional<Picture> color, depth;
+  std::optional<KinectBlock> color, depth;
 
   /// Device time: of depth, without it of colour.
   TimePoint at() const { return depth ? depth->at : color->at; }
@@ -34,7 +29,7 @@ class KinectCaptures {
   Status seek(TimePoint at);
 
  private:
-  using Queue = std::deque<KinectCapture::Picture>;
+  using Queue = std::deque<KinectBlock>;
 
   Status read_ahead();
   TimePoint shifted(KinectTrack track, TimePoint at) const;

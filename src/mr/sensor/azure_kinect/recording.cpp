@@ -219,7 +219,6 @@ struct KinectRecording::Impl {
   KinectHeader header;
   std::map<int, KinectTrack> tracks;  ///< by stream
   Input input;
-  Packet packet{av_packet_alloc()};
   bool read_on = false;  ///< a block was read since the file was opened
   /// A recording that was never closed has no unit of time, for which Matroska means 1 ms; the
   /// recorder's is 1 us.
@@ -230,6 +229,7 @@ struct KinectRecording::Impl {
     if (!opened) return opened.error();
     input = *std::move(opened);
     read_on = false;
+    if (!tracks.empty()) choose_streams();
     return {};
   }
 
@@ -245,10 +245,17 @@ struct KinectRecording::Impl {
       header.notes.push_back("no duration: the recording was not closed properly");
   }
 
+  /// Blocks of other streams are not handed out, and cost no memory of their own.
+  void choose_streams() {
+    for (unsigned i = 0; i < input->nb_streams; ++i)
+      input->streams[i]->discard =
+          tracks.contains(static_cast<int>(i)) ? AVDISCARD_DEFAULT : AVDISCARD_ALL;
+  }
+
   Result<std::optional<KinectBlock>> next() {
     while (true) {
-      av_packet_unref(packet.get());
-      const int status = av_read_frame(input.get(), packet.get());
+      Packet packet(av_packet_alloc());
+      const int status = packet ? av_read_frame(input.get(), packet.get()) : AVERROR(ENOMEM);
       read_on = true;
       if (status == AVERROR_EOF) return std::optional<KinectBlock>();
       if (status < 0)
@@ -259,9 +266,12 @@ struct KinectRecording::Impl {
       const AVRational base = lacks_unit ? AVRational{1, 1'000'000} : stated;
       const std::int64_t ns = av_rescale_q(packet->pts, base, {1, 1'000'000'000});
       if (ns <= -kMost_ns || ns >= kMost_ns) continue;
-      return std::optional(KinectBlock{
-          known->second, TimePoint(header.start_offset + Duration(ns)),
-          std::as_bytes(std::span(packet->data, static_cast<std::size_t>(packet->size)))});
+      KinectBlock block{known->second, TimePoint(header.start_offset + Duration(ns)), {}, {}};
+      block.bytes = std::as_bytes(std::span(packet->data, static_cast<std::size_t>(packet->size)));
+      block.owner = std::shared_ptr<const AVPacket>(packet.release(), [](const AVPacket* done) {
+        FreePacket()(const_cast<AVPacket*>(done));
+      });
+      return std::optional(std::move(block));
     }
   }
 };
@@ -301,6 +311,7 @@ Result<KinectRecording> KinectRecording::open(const std::filesystem::path& file)
 
 void KinectRecording::leave_out(KinectTrack track) {
   std::erase_if(impl_->tracks, [&](const auto& known) { return known.second == track; });
+  impl_->choose_streams();
 }
 
 Result<std::optional<KinectBlock>> KinectRecording::next() { return impl_->next(); }

@@ -53,8 +53,9 @@ struct KinectHeader {
 /// A block: a picture as coded, or samples of the IMU.
 struct KinectBlock {
   KinectTrack track = KinectTrack::depth;
-  TimePoint at{};                    ///< device time: the block's plus the file's start offset
-  std::span<const std::byte> bytes;  ///< until the recording moves on
+  TimePoint at{};  ///< device time: the block's plus the file's start offset
+  std::span<const std::byte> bytes;
+  std::shared_ptr<const void> owner{};  ///< of `bytes`
 };
 
 /// Reads one file forward, a block at a time; files of any size, also without an index and with
