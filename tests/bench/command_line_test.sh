@@ -84,6 +84,15 @@ figures=$(number '(() => {
 [ "$figures" = true ] || fail_test "layers: implausible figures: $(cat out.json)"
 refused "layers: a case of a scene" "no --case with --input" layers --input layers.yaml --case still
 
+# A LiDAR scan beside the room of fuse.
+"$bench" scan --case scan --threads 1 --runs 3 --json >out.json 2>err.txt || fail_test "scan: $(cat err.txt)"
+figures=$(number '(() => {
+  const ours = o.results.find(r => r.impl == "ours"), room = o.results.find(r => r.impl == "fuse-room");
+  return ours.case == "scan" && ours.runs == 3 && ours.area_m2 > 90 && ours.to_truth_rms_mm < 30 && o.input.scan.width == 2048 && o.input.scan.height == 128
+      && room.triangles > 1000 && Math.abs(o.ratio["fuse-room/scan/t1"] - room.ms / ours.ms) < 0.01 && o.stage == "scan"; })()' <out.json)
+[ "$figures" = true ] || fail_test "scan: implausible figures: $(cat out.json)"
+refused "scan: a scene" "scan takes no --input" scan --input room/scene.yaml
+
 misused "no stage" "name a stage"
 misused "unknown stage" "no stage 'fusion'.*did you mean 'fuse'" fusion
 refused "unknown case" "no case 'nothing'" fuse --case nothing

@@ -85,6 +85,20 @@ TEST(Noise, HalfOfTheEdgePixelsAreMixed) {
   EXPECT_NEAR(mixed, edges / 2, edges / 12);
 }
 
+TEST(Noise, RowsThatLieApartHaveNoMixedPixels) {
+  const auto edges = [](bool rows_touch) {
+    DepthTruth truth = wall(2000);
+    truth.rows_touch = rows_touch;
+    for (int y = 0; y < truth.height; ++y)  // as a LiDAR sees a floor: a step from row to row
+      std::fill_n(&truth.z_mm[y * truth.width], truth.width, 2000.0f + 100.0f * y);
+    find_edges(truth, {0, 0, truth.width, truth.height});
+    return std::ranges::count_if(
+        truth.flags, [](std::uint8_t flags) { return (flags & DepthTruth::kEdge) != 0; });
+  };
+  EXPECT_GT(edges(true), 200 * 320);
+  EXPECT_EQ(edges(false), 0);
+}
+
 TEST(Noise, GrazingAlwaysFailsAndDarkMostly) {
   DepthTruth truth = wall(2000);
   for (std::size_t i = 0; i < truth.flags.size(); ++i)

@@ -226,6 +226,41 @@ TEST(Rig, LidarRangesAgreeWithTheWalls) {
   EXPECT_NEAR(*frame.depth.at(1000, 127), eye.z, 0.8);  // straight down, perhaps onto the table
 }
 
+TEST(Rig, LidarsMayBeAloneAndSparseAndAreAsNoisyAsTheySay) {
+  RigConfig rig;
+  rig.sensors = 0, rig.lidars = 1, rig.lidar_beams = 32, rig.lidar_noise_mm = 20, rig.frames = 2;
+  EXPECT_TRUE(rig.problems().empty());
+  std::vector<SensorConfig> sensors = rig_sensors(rig);
+  ASSERT_EQ(sensors.size(), 1u);
+  EXPECT_EQ(sensors[0].id, "lidar-0");
+  EXPECT_EQ(sensors[0].depth_camera.height, 32);
+  EXPECT_EQ(sensors[0].precision, (Precision{.base_m = 0.02, .per_m2 = 0}));
+  sensors[0].color_camera.reset();
+  const SensorId wanted[] = {SensorId{0}};
+  const std::vector<Frame> frames = read(*open_rig(rig, sensors, wanted, 30, {})[0], 2);
+  std::vector<double> changes;
+  for (std::size_t i = 0; i < frames[0].depth.data.size(); ++i)
+    if (frames[0].depth.data[i] > 0 && frames[1].depth.data[i] > 0)
+      changes.push_back(std::abs(frames[1].depth.data[i] - frames[0].depth.data[i]));
+  const auto middle = changes.begin() + static_cast<std::ptrdiff_t>(changes.size() / 2);
+  std::nth_element(changes.begin(), middle, changes.end());
+  EXPECT_NEAR(*middle, 0.6745 * std::sqrt(2.0) * 0.02, 0.001);
+  rig.lidars = 0;
+  EXPECT_FALSE(rig.problems().empty());
+}
+
+// A lamp hangs from the middle of the ceiling.
+TEST(Rig, NoLampHidesTheRoomFromALidar) {
+  RigConfig rig;
+  rig.seed = 2, rig.room_m = {8, 5, 3}, rig.sensors = 0, rig.lidars = 1, rig.noise = false;
+  SensorConfig sensor = rig_sensors(rig).at(0);
+  sensor.color_camera.reset();
+  const SensorId wanted[] = {SensorId{0}};
+  const Frame frame = read(*open_rig(rig, {&sensor, 1}, wanted, 30, {})[0], 1).at(0);
+  const auto near = std::ranges::count_if(frame.depth.data, [](float m) { return m > 0 && m < 1; });
+  EXPECT_LT(static_cast<double>(near), 0.03 * static_cast<double>(frame.depth.data.size()));
+}
+
 TEST(Rig, TheTruthIsTheSurfaceThatIsMeasured) {
   RigConfig rig = busy_rig();
   rig.noise = false;

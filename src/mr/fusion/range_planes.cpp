@@ -12,6 +12,8 @@ namespace {
 
 /// Tangent of the least angle between ray and surface; below it a line must be straight.
 constexpr float kSteepestRange = 0.15f;
+/// Tangent of the change of direction from one step to the next above which there is a corner.
+constexpr float kCorner = 0.25f;
 constexpr float kStraight = 0.2f;  // largest relative change from one step to the next
 
 /// The inverse ranges of a row and of two rows on either side, turned so that their columns align
@@ -54,14 +56,18 @@ class AlignedRows {
 /// The inverse ranges of five pixels in a line, for each pixel of a row; [2] is the centre.
 using Lines = std::array<const float*, 5>;
 
-/// The change of inverse range per pixel along a line, `angle` being between neighbours, radians.
-/// Branch-free, so that it is vectorised.
+/// Whether two steps are about the same, 0 or 1.
+inline int alike(float a, float b, float tolerance) {
+  return static_cast<int>(std::abs(a - b) <=
+                          kStraight * std::max(std::abs(a), std::abs(b)) + tolerance);
+}
+
+/// The change of inverse range per pixel along a line, `angle` being between neighbours, radians:
+/// the mean of both sides; at a corner that of the side that goes on straight. Branch-free, so that
+/// it is vectorised.
 void slopes(const Lines& w, float angle, int width, float* out) {
   const float *const w0 = w[0], *const w1 = w[1], *const w2 = w[2], *const w3 = w[3],
                      *const w4 = w[4];
-  const auto straight = [](float a, float b) {
-    return static_cast<int>(std::abs(a - b) <= kStraight * std::max(std::abs(a), std::abs(b)));
-  };
   const auto steep = [&](float step, float a,
                          float b) {  // |dr| / (r · angle), with dr / r = dw / w
     return static_cast<int>(std::abs(step) * kSteepestRange > angle * std::min(a, b));
@@ -72,13 +78,19 @@ void slopes(const Lines& w, float angle, int width, float* out) {
     const float step0 = b - a, step1 = c - b, step2 = d - c, step3 = e - d;
     const int has0 = (a > 0) & (b > 0), has1 = (b > 0) & (c > 0), has2 = (c > 0) & (d > 0),
               has3 = (d > 0) & (e > 0);
-    const int across = has1 & has2 & straight(step1, step2);
-    const int goes_on1 = across | (has0 & has1 & straight(step0, step1));
-    const int goes_on2 = across | (has2 & has3 & straight(step2, step3));
+    const int across = has1 & has2 & alike(step1, step2, 0);
+    const int goes_on1 = across | (has0 & has1 & alike(step0, step1, 0));
+    const int goes_on2 = across | (has2 & has3 & alike(step2, step3, 0));
     const int before = has1 & ((1 ^ steep(step1, b, c)) | goes_on1);
     const int after = has2 & ((1 ^ steep(step2, c, d)) | goes_on2);
-    const float half = before & after ? 0.5f : 1.0f;
-    out[x] = half * ((before ? step1 : 0.0f) + (after ? step2 : 0.0f));
+    const float tolerance = kCorner * angle * c;
+    const int corner = before & after & (1 ^ alike(step1, step2, tolerance));
+    const int straight1 = has0 & alike(step0, step1, tolerance);
+    const int straight2 = has3 & alike(step2, step3, tolerance);
+    const int use1 = before & (1 ^ (corner & straight2 & (1 ^ straight1)));
+    const int use2 = after & (1 ^ (corner & straight1 & (1 ^ straight2)));
+    const float half = use1 & use2 ? 0.5f : 1.0f;
+    out[x] = half * ((use1 ? step1 : 0.0f) + (use2 ? step2 : 0.0f));
   }
 }
 
