@@ -89,8 +89,8 @@ TEST(Noise, RowsThatLieApartHaveNoMixedPixels) {
   const auto edges = [](bool rows_touch) {
     DepthTruth truth = wall(2000);
     truth.rows_touch = rows_touch;
-    for (int y = 0; y < truth.height; ++y)  // as a LiDAR sees a floor: a step from row to row
-      std::fill_n(&truth.z_mm[y * truth.width], truth.width, 2000.0f + 100.0f * y);
+    for (int y = 0; y < truth.height; ++y)  // a step from row to row
+      std::fill_n(&truth.z_mm[y * truth.width], truth.width, 2000.0f + 200.0f * (y % 2));
     find_edges(truth, {0, 0, truth.width, truth.height});
     return std::ranges::count_if(
         truth.flags, [](std::uint8_t flags) { return (flags & DepthTruth::kEdge) != 0; });
