@@ -46,7 +46,7 @@ Json sensor_as_json(const SensorConfig& s) {
           {"depth", {s.depth_camera.width, s.depth_camera.height}},
           {"color", s.color_camera ? Json{s.color_camera->width, s.color_camera->height} : Json()},
           {"position_m", {at.x, at.y, at.z}},
-          {"moving", s.T_world_depth.size() > 1}};
+          {"moving", s.is_moving()}};
 }
 
 Json pictures_as_json(const eval::SensorCheck& c) {
@@ -144,7 +144,7 @@ std::string sensor_as_text(const SensorConfig& s) {
       "m{}\n",
       s.id, s.source.type(), s.source.content().items, size_of(s.depth_camera),
       s.color_camera ? size_of(*s.color_camera) : "none", at.x, at.y, at.z,
-      s.T_world_depth.size() > 1 ? ", moving" : "");
+      s.is_moving() ? ", moving" : "");
 }
 
 std::string pictures_as_text(const eval::SensorCheck& c) {

@@ -15,7 +15,7 @@ using sensor::RecordingInfo;
 
 std::string value_text(const RecordingInfo::Field& field) {
   const std::string unit = field.unit.empty() ? "" : " " + field.unit;
-  if (const auto* text = std::get_if<std::string>(&field.value)) return *text + unit;
+  if (const auto* text = std::get_if<std::string>(&field.value)) return one_line(*text) + unit;
   if (const auto* whole = std::get_if<std::int64_t>(&field.value))
     return fmt::format("{}{}", *whole, unit);
   if (const auto* number = std::get_if<double>(&field.value))
@@ -28,7 +28,7 @@ std::string as_text(const RecordingInfo& info, const std::filesystem::path& path
   std::string out = fmt::format("{}: {}\n", path.string(), info.format);
   for (const RecordingInfo::Field& field : info.fields)
     out += fmt::format("  {:<20} {}\n", field.name, value_text(field));
-  for (const std::string& note : info.notes) out += fmt::format("  ! {}\n", note);
+  for (const std::string& note : info.notes) out += fmt::format("  ! {}\n", one_line(note));
   return out;
 }
 

@@ -33,6 +33,13 @@ std::string in_quotes(std::string_view text) {
   return "'" + out + (text.size() > kMaxShown ? "...'" : "'");
 }
 
+std::string one_line(std::string_view text) {
+  std::string out(text);
+  for (char& c : out)
+    if (static_cast<unsigned char>(c) < 0x20 || c == 0x7f) c = ' ';
+  return out;
+}
+
 std::string did_you_mean(std::string_view word, const std::vector<std::string>& known) {
   constexpr std::size_t kMaxWord = 32, kMaxKnown = 256;
   std::size_t best = std::clamp<std::size_t>(word.size() / 2, 1, 3) + 1;

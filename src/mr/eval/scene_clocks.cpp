@@ -25,7 +25,7 @@ class ClockReader {
 
   /// The first picture stays for read_until(). False: there is none, or it cannot be compared.
   bool begin() {
-    if (sensor_.T_world_depth.size() > 1) return refuse("it moves itself");
+    if (sensor_.is_moving()) return refuse("it moves itself");
     if (registration_.depth_camera().model != CameraModel::pinhole)
       return refuse("a LiDAR's sweep has no single moment");
     first_ = next();

@@ -1,4 +1,5 @@
 #include "mr/scene/scene_text.h"
+#include "mr/core/user_text.h"
 
 #include <algorithm>
 #include <array>
@@ -37,7 +38,7 @@ std::string key_text(const std::string& key, const std::string& value,
 
 std::string comment_text(const std::vector<std::string>& lines, const std::string& indent) {
   std::string out;
-  for (const std::string& line : lines) out += indent + "# " + line + "\n";
+  for (const std::string& line : lines) out += indent + "# " + one_line(line) + "\n";
   return out;
 }
 
@@ -84,8 +85,8 @@ std::string scene_text(const sensor::ImportedScene& scene, const std::filesystem
     out += "up: " + yaml::list_text(std::array{scene.up->x, scene.up->y, scene.up->z}) + "\n";
   else
     out += "# up: [0, -1, 0]    # the world's direction that points up; not known\n";
-  out += "fps: " + yaml::exact_text(scene.fps) +
-         "\nvoxel_m: 0.01\nsimplify: {ratio: 0.1}\n\n"
+  out += "fps: " + yaml::exact_text(scene.fps) + "\nvoxel_m: " + yaml::exact_text(scene.voxel_m) +
+         "\nsimplify: {ratio: 0.1}\n\n"
          "sensors:\n";
   for (const sensor::ImportedSensor& sensor : scene.sensors) out += sensor_text(sensor, folder);
   return out;
@@ -100,6 +101,7 @@ sensor::ImportedScene one_scene(std::vector<sensor::ImportedScene> scenes) {
   for (sensor::ImportedScene& scene : scenes) {
     out.fps = std::max(out.fps, scene.fps);
     if (!out.up) out.up = scene.up;
+    out.voxel_m = std::max(out.voxel_m, scene.voxel_m);
     for (std::string& note : scene.notes)
       if (std::ranges::find(out.notes, note) == out.notes.end()) out.notes.push_back(note);
     for (sensor::ImportedSensor& sensor : scene.sensors) {

@@ -12,6 +12,7 @@ using Capture = RecordingReader::Capture;
 
 /// Captures farther ahead than this are reached by seeking, nearer ones by reading on.
 constexpr Duration kSeek = std::chrono::seconds(2);
+constexpr Duration kMostGap = std::chrono::minutes(10);  // in a recording
 
 double seconds(Duration d) { return std::chrono::duration<double>(d).count(); }
 
@@ -52,6 +53,8 @@ TimePoint RecordedFrames::own_time(Duration scene_time) const {
 Result<std::optional<Frame>> RecordedFrames::next() {
   const std::uint64_t index = index_++;
   const Duration tick = timeline_.time_of(index), half = timeline_.period() / 2;
+  // A recording whose length is not known begins now, rather than being read for it.
+  if (loops_ && length_ == Duration{} && !last_) round_ = tick;
   if (const Status went = go_to_round(tick); !went) return went.error();
   auto found = first_from(own_time(tick - round_ - half));
   if (found && !*found && loops_) found = ended(tick);
@@ -74,12 +77,32 @@ Status RecordedFrames::go_to_round(Duration tick) {
   return reader_->seek(own_time(tick - round_));
 }
 
+/// Whether a time stamp is so late that it must be damaged: waiting for it would hide what follows.
+/// The second of two that agree is believed.
+bool RecordedFrames::is_astray(TimePoint at) {
+  const TimePoint before = last_.value_or(timeline_.start);
+  const bool is_late = at - before > kMostGap;
+  if (!is_late || (astray_ && at - *astray_ <= kMostGap && *astray_ <= at)) {
+    astray_.reset();
+    return false;
+  }
+  astray_ = at;
+  return true;
+}
+
 /// The first capture at `own` or later.
 Result<std::optional<Capture>> RecordedFrames::first_from(TimePoint own) {
   bool sought = false;
   while (true) {
     auto capture = reader_->peek();
     if (!capture || !*capture) return capture;
+    if (is_astray((*capture)->at)) {
+      reader_->drop();
+      return Error{Error::Cause::corrupt,
+                   fmt::format("sensor '{}': a capture that is stamped {:.0f} s after the one "
+                               "before is left out",
+                               sensor_.id, seconds((*capture)->at - last_.value_or(own)))};
+    }
     last_ = (*capture)->at;
     if ((*capture)->at >= own) return capture;
     if (!sought && own - (*capture)->at > kSeek) {

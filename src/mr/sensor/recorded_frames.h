@@ -33,8 +33,8 @@ class RecordingReader {
   virtual Status seek(TimePoint time) = 0;
 };
 
-/// Plays a recording on the scene's clock: frame i is the capture nearest to i / fps, if there is
-/// one within half a period, with the time at which it was really captured (plus the sensor's clock
+/// Plays a recording on the scene's clock: frame i is the first capture within half a period of
+/// i / fps, if there is one, with the time at which it was really captured (plus the sensor's clock
 /// offset and drift). Where there is none the frame is a gap (is_gap). A capture belongs to one
 /// frame at most. Poses are those of the sensor at the capture's own time; captures without one are
 /// lost.
@@ -51,6 +51,7 @@ class RecordedFrames final : public FrameSource {
   Duration scene_time(TimePoint own) const;  ///< within a round, with offset and drift
   TimePoint own_time(Duration scene_time) const;
   Status go_to_round(Duration tick);
+  bool is_astray(TimePoint at);
   Result<std::optional<RecordingReader::Capture>> first_from(TimePoint own);
   Result<std::optional<RecordingReader::Capture>> ended(Duration tick);
   Result<std::optional<Frame>> take(const RecordingReader::Capture& capture, std::uint64_t index);
@@ -60,10 +61,11 @@ class RecordedFrames final : public FrameSource {
   const SensorId id_;
   const Timeline timeline_;
   const bool loops_;
-  Duration length_;                ///< of a round; 0: not known yet
-  Duration round_{};               ///< scene time at which this round began
-  std::uint64_t index_ = 0;        ///< of the next frame
-  std::optional<TimePoint> last_;  ///< the newest capture seen
+  Duration length_;                  ///< of a round; 0: not known yet
+  Duration round_{};                 ///< scene time at which this round began
+  std::uint64_t index_ = 0;          ///< of the next frame
+  std::optional<TimePoint> last_;    ///< the newest capture seen in this round
+  std::optional<TimePoint> astray_;  ///< a time stamp that was not believed
 };
 
 }  // namespace mr::sensor

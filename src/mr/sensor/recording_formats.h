@@ -49,6 +49,7 @@ struct ImportedScene {
   std::string name;  ///< an id: letters, digits, - and _
   std::optional<Vec3d> up{};
   double fps = 30;
+  double voxel_m = 0.01;  ///< that suits the sensors
   std::vector<ImportedSensor> sensors;
   std::vector<std::string> notes{};  ///< what the user should check, one line each
 };

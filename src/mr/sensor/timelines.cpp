@@ -15,7 +15,8 @@ struct Clocked {
   std::size_t sensor;
   SourceClock clock;
 
-  TimePoint last() const { return clock.last.value_or(clock.first); }
+  /// A recording that was never closed may go on for long.
+  TimePoint last() const { return clock.last.value_or(clock.first + std::chrono::hours(24)); }
 };
 
 /// One session of recordings on one clock, by their first captures.
@@ -29,6 +30,19 @@ void lay(std::span<const Clocked> session, std::vector<Timeline>& out) {
     timeline.start = start;
     timeline.length = is_known ? last - start + timeline.period() : Duration{};
   }
+}
+
+/// Recordings that loop start again together, after the longest of them: else those that began
+/// together would play apart from the second round on.
+void share_length(std::span<const SensorConfig> sensors, std::vector<Timeline>& out) {
+  const auto loops = [&](std::size_t i) {
+    return sensors[i].source.content().loops && out[i].length > Duration{};
+  };
+  Duration longest{};
+  for (std::size_t i = 0; i < out.size(); ++i)
+    if (loops(i)) longest = std::max(longest, out[i].length);
+  for (std::size_t i = 0; i < out.size(); ++i)
+    if (loops(i)) out[i].length = longest;
 }
 
 }  // namespace
@@ -52,6 +66,7 @@ std::vector<Timeline> timelines(std::span<const SensorConfig> sensors, double fp
       if (i < members.size()) first = i, end = members[i].last();
     }
   }
+  share_length(sensors, out);
   return out;
 }
 

@@ -10,7 +10,8 @@ namespace mr::sensor {
 
 /// Lays the clocks of all sensors' recordings on the scene's clock. Recordings of one domain whose
 /// spans meet (or lie less than ten seconds apart) keep their differences in time: the earliest
-/// begins at 0, and all start again together. Others begin at 0, each by itself.
+/// begins at 0. Others begin at 0, each by itself. All that loop and know their length start again
+/// together, after the longest.
 std::vector<Timeline> timelines(std::span<const SensorConfig> sensors, double fps);
 
 }  // namespace mr::sensor

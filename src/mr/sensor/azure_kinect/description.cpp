@@ -37,15 +37,15 @@ void add_pictures(const char* track, const std::optional<KinectPictures>& pictur
 }
 
 void add_times(const KinectHeader& header, RecordingInfo& out) {
-  out.fields.push_back({"fps", 1e3 / milliseconds(header.period), "1/s"});
+  out.fields.push_back({"fps", 1e3 / milliseconds(header.period)});
   if (header.first && header.last)
-    out.fields.push_back({"duration_s", milliseconds(*header.last - *header.first) / 1e3, "s"});
+    out.fields.push_back({"duration", milliseconds(*header.last - *header.first) / 1e3, "s"});
   out.fields.push_back({"sync", std::string(name_of(header.sync))});
-  out.fields.push_back({"start_offset_ns", std::int64_t{header.start_offset.count()}, "ns"});
-  out.fields.push_back({"depth_delay_ns", std::int64_t{header.depth_delay.count()}, "ns"});
+  out.fields.push_back({"start_offset", std::int64_t{header.start_offset.count()}, "ns"});
+  out.fields.push_back({"depth_delay", std::int64_t{header.depth_delay.count()}, "ns"});
   if (header.sync == KinectHeader::Sync::subordinate)
     out.fields.push_back(
-        {"subordinate_delay_ns", std::int64_t{header.subordinate_delay.count()}, "ns"});
+        {"subordinate_delay", std::int64_t{header.subordinate_delay.count()}, "ns"});
 }
 
 std::vector<double> intrinsics(const Camera& c) { return {c.fx, c.fy, c.cx, c.cy}; }
@@ -61,7 +61,7 @@ void add_cameras(const KinectHeader& header, const std::filesystem::path& file,
   if (!cameras->color) return;
   out.fields.push_back({"color_fx_fy_cx_cy", intrinsics(*cameras->color), "px"});
   const Vec3d t = cameras->T_color_depth.translation;
-  out.fields.push_back({"color_from_depth_m", std::vector<double>{t.x, t.y, t.z}, "m"});
+  out.fields.push_back({"color_from_depth", std::vector<double>{t.x, t.y, t.z}, "m"});
 }
 
 /// Of the first capture's depth.
@@ -81,7 +81,7 @@ void add_first_depth(const KinectPictures& depth, std::span<const std::byte> byt
   if (values.empty()) return;
   const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
   std::ranges::nth_element(values, middle);
-  out.fields.push_back({"first_median_m", *middle * 0.001, "m"});
+  out.fields.push_back({"first_median", *middle * 0.001, "m"});
 }
 
 /// Goes through the whole file: how many pictures there are, and whether it can be read to its end.

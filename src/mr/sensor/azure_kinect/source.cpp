@@ -91,7 +91,8 @@ class KinectReader final : public RecordingReader {
 
   std::size_t item_of(TimePoint at) const {
     const KinectHeader& header = captures_->header();
-    const Duration since = at - header.first.value_or(at) + header.period / 2;
+    const TimePoint first = header.first ? *header.first - header.subordinate_delay : at;
+    const Duration since = at - first + header.period / 2;
     return static_cast<std::size_t>(std::max<std::int64_t>(0, since / header.period));
   }
 

@@ -75,7 +75,7 @@ std::optional<double> number_of(std::string_view word) {
 }
 
 std::optional<TimePoint> time_of_seconds(std::string_view word) {
-  constexpr std::int64_t kMost_ns = 9'000'000'000'000'000'000;
+  constexpr std::int64_t kMost_ns = std::int64_t{1} << 61;
   constexpr int kNanosecondDigits = 9;
   const bool is_negative = word.starts_with('-');
   if (is_negative || word.starts_with('+')) word.remove_prefix(1);

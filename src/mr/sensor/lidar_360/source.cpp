@@ -7,16 +7,13 @@ namespace {
 
 class Lidar360 final : public FrameSource {
  public:
-  Lidar360(std::unique_ptr<FrameSource> lidar, const PanoramaConfig& color)
-      : lidar_(std::move(lidar)), panorama_(color) {}
+  Lidar360(std::unique_ptr<FrameSource> lidar, const PanoramaConfig& color, Duration round)
+      : lidar_(std::move(lidar)), panorama_(color), round_(round) {}
 
   Result<std::optional<Frame>> next() override {
     auto frame = lidar_->next();
     if (!frame || !*frame) return frame;
-    // A live LiDAR's times are those of the day; the camera begins with its first frame.
-    const TimePoint at = (*frame)->captured_at();
-    if (lidar_->is_live() && !began_) began_ = at;
-    auto color = panorama_.at(at - began_.value_or(TimePoint{}));
+    auto color = panorama_.at(time_of((*frame)->captured_at()));
     (*frame)->color = color ? *std::move(color) : ImageRgb{};
     return frame;
   }
@@ -26,8 +23,17 @@ class Lidar360 final : public FrameSource {
   bool is_live() const override { return lidar_->is_live(); }
 
  private:
+  /// The camera's time. It begins with every round of a LiDAR recording; where rounds are not
+  /// known, and live, with the first frame.
+  Duration time_of(TimePoint at) {
+    if (round_ > Duration{}) return at.time_since_epoch() % round_;
+    if ((lidar_->is_live() || lidar_->endless()) && !began_) began_ = at;
+    return at - began_.value_or(TimePoint{});
+  }
+
   std::unique_ptr<FrameSource> lidar_;
   Panorama panorama_;
+  const Duration round_;  ///< 0: not known, or there is only one
   std::optional<TimePoint> began_;
 };
 
@@ -78,7 +84,8 @@ std::unique_ptr<FrameSource> open_lidar_360(const SensorConfig& sensor, SensorId
   const SourceType* type = find_source_type(source->lidar.type());
   MR_ASSERT(type != nullptr);
   return std::make_unique<Lidar360>(type->open(lidar_of(sensor, *source), id, timeline),
-                                    source->color);
+                                    source->color,
+                                    source->content().loops ? timeline.length : Duration{});
 }
 
 SourceKeys read_lidar_360(yaml::MapReader& map, const std::string& key) {

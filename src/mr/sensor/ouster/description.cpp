@@ -66,9 +66,8 @@ void add_metadata(const OusterMetadata& metadata, const std::filesystem::path& f
   out.fields.push_back({"profile", std::string(profile_name(metadata.profile))});
   out.fields.push_back(
       {"size", std::vector<double>{double(metadata.width), double(metadata.height)}, "px"});
-  out.fields.push_back(
-      {"altitudes_deg", std::vector<double>{low * kDegrees, high * kDegrees}, "deg"});
-  out.fields.push_back({"fps", metadata.rate_hz, "1/s"});
+  out.fields.push_back({"altitudes", std::vector<double>{low * kDegrees, high * kDegrees}, "deg"});
+  out.fields.push_back({"fps", metadata.rate_hz});
 }
 
 void add_first_scan(const LidarScan& scan, RecordingInfo& out) {
@@ -79,7 +78,7 @@ void add_first_scan(const LidarScan& scan, RecordingInfo& out) {
   if (ranges.empty()) return;
   const auto middle = ranges.begin() + static_cast<std::ptrdiff_t>(ranges.size() / 2);
   std::ranges::nth_element(ranges, middle);
-  out.fields.push_back({"first_median_m", *middle * 0.001, "m"});
+  out.fields.push_back({"first_median", *middle * 0.001, "m"});
 }
 
 /// Goes through the whole capture.
@@ -103,8 +102,8 @@ void add_scans(OusterRecording& recording, const OusterMetadata& metadata, Recor
   out.fields.push_back({"other_packets", count(packets.other_size)});
   out.fields.push_back({"lost_columns", lost});
   if (first) {
-    out.fields.push_back({"duration_s", seconds(last->end - first->start), "s"});
-    out.fields.push_back({"sweep_s", seconds(first->end - first->start), "s"});
+    out.fields.push_back({"duration", seconds(last->end - first->start), "s"});
+    out.fields.push_back({"sweep", seconds(first->end - first->start), "s"});
   }
   if (packets.foreign > 0)
     out.notes.push_back(
@@ -150,6 +149,7 @@ Result<ImportedScene> import_ouster_pcap(const std::filesystem::path& path) {
   out.name = id_of(path.stem());
   out.up = Vec3d{0, 0, 1};
   out.fps = metadata->rate_hz;
+  out.voxel_m = 0.05;  // beams lie centimetres apart
   ImportedSensor sensor;
   sensor.id = id_of(path.stem());
   sensor.source = "{type: ouster-pcap, file: " + yaml::quoted_text(path.string()) +

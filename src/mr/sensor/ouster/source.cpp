@@ -213,11 +213,19 @@ std::optional<OusterMetadata> metadata_of(yaml::MapReader& map, const std::files
 }  // namespace
 
 ScanTime time_of(const LidarScan& scan) {
-  std::uint64_t first = std::numeric_limits<std::uint64_t>::max(), last = 0;
-  for (std::size_t column = 0; column < scan.valid.size(); ++column) {
-    if (!scan.valid[column]) continue;
-    first = std::min(first, scan.timestamp_ns[column]);
-    last = std::max(last, scan.timestamp_ns[column]);
+  std::vector<std::uint64_t> times;
+  for (std::size_t column = 0; column < scan.valid.size(); ++column)
+    if (scan.valid[column]) times.push_back(scan.timestamp_ns[column]);
+  MR_ASSERT(!times.empty());
+  const auto middle = times.begin() + static_cast<std::ptrdiff_t>(times.size() / 2);
+  std::ranges::nth_element(times, middle);
+  // Columns that are stamped farther than a turn from most others are damaged.
+  constexpr std::uint64_t kTurn = 1'000'000'000;
+  const std::uint64_t most = *middle;
+  std::uint64_t first = most, last = most;
+  for (const std::uint64_t time : times) {
+    if (time > most ? time - most > kTurn : most - time > kTurn) continue;
+    first = std::min(first, time), last = std::max(last, time);
   }
   constexpr std::uint64_t kMost = std::uint64_t{1} << 61;  // sums stay in range
   const auto point = [kMost](std::uint64_t ns) {
