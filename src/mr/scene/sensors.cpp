@@ -1,5 +1,6 @@
 #include "mr/scene/parts.h"
 #include "mr/sensor/source_registry.h"
+#include "mr/sensor/timelines.h"
 
 namespace mr::scene_file {
 namespace {
@@ -104,6 +105,12 @@ void read_cameras(MapReader& map, SensorConfig& sensor,
                   const std::optional<sensor::SourceKeys>& keys) {
   Report& report = map.report;
   const bool is_told = keys && keys->cameras;
+  if (keys && !keys->no_camera.empty() && !map.has(is_told ? "color_camera" : "depth_camera")) {
+    report.problem(map.line("source"), keys->no_camera + "; or state " +
+                                           (is_told ? "color_camera" : "depth_camera") +
+                                           " in the scene");
+    return;
+  }
   if (const yaml::Node* node = is_told ? map.find("depth_camera") : map.need("depth_camera")) {
     const auto camera = read_camera(report, *node, "depth_camera");
     if (camera && camera->model == CameraModel::equirectangular)
@@ -213,6 +220,8 @@ std::vector<SensorConfig> read_sensors(Report& report, const yaml::Node& node,
     return sensors;
   }
   for (const yaml::Node& item : node.items) sensors.push_back(read_sensor(report, item, names));
+  for (std::string& note : sensor::timeline_notes(sensors))
+    report.notice(node.line, std::move(note));
   return sensors;
 }
 

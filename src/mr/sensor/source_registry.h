@@ -31,6 +31,9 @@ struct SourceKeys {
   bool has_color = false;  ///< the sensor needs a colour camera
   /// Nothing: the scene has to state them. Anything where a problem was reported.
   std::optional<SourceCameras> cameras{};
+  /// Why a camera is missing in `cameras`, or all are: to be told where the scene does not state
+  /// it.
+  std::string no_camera{};
   Pose T_picture_color{};  ///< from the colour camera that the scene means to that of its pictures
 };
 

@@ -1,6 +1,7 @@
 #include "mr/sensor/timelines.h"
 
 #include <algorithm>
+#include <cmath>
 #include <map>
 #include <string>
 #include <utility>
@@ -67,6 +68,29 @@ std::vector<Timeline> timelines(std::span<const SensorConfig> sensors, double fp
     }
   }
   share_length(sensors, out);
+  return out;
+}
+
+std::vector<std::string> timeline_notes(std::span<const SensorConfig> sensors) {
+  constexpr Duration kMostApart = std::chrono::seconds(1);
+  std::map<std::string, std::pair<std::size_t, TimePoint>> earliest;
+  for (std::size_t i = 0; i < sensors.size(); ++i)
+    if (const auto clock = sensors[i].source.clock()) {
+      const auto [found, is_new] = earliest.try_emplace(clock->domain, i, clock->first);
+      if (!is_new && clock->first < found->second.second) found->second = {i, clock->first};
+    }
+  std::vector<std::string> out;
+  for (std::size_t i = 0; i < sensors.size(); ++i) {
+    const auto clock = sensors[i].source.clock();
+    if (!clock) continue;
+    const auto& [first, at] = earliest.at(clock->domain);
+    if (clock->first - at <= kMostApart) continue;
+    const double seconds = std::chrono::duration<double>(clock->first - at).count();
+    out.push_back("the recording of sensor '" + sensors[i].id + "' begins " +
+                  std::to_string(std::lround(seconds)) + " s after that of '" + sensors[first].id +
+                  "' by their common clock; if they were started together (a master before its "
+                  "subordinates), set clock_offset_ms");
+  }
   return out;
 }
 

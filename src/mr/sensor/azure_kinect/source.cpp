@@ -131,8 +131,17 @@ Status read_recording(KinectMkvSource& source, SourceKeys& keys) {
   source.captures = captures_of(header);
   keys.has_color = header.color.has_value();
   auto cameras = kinect_cameras(header, source.file, source.calibration);
-  if (!cameras) return cameras.error();
-  keys.cameras = *std::move(cameras);
+  if (cameras) {
+    keys.cameras = *std::move(cameras);
+    return {};
+  }
+  if (!header.depth) return cameras.error();
+  KinectHeader without = header;
+  without.color.reset();
+  keys.no_camera = cameras.error().message;
+  keys.cameras.reset();
+  if (auto depth = kinect_cameras(without, source.file, source.calibration))
+    keys.cameras = *std::move(depth);
   return {};
 }
 

@@ -168,6 +168,34 @@ class OusterLive final : public FrameSource {
   std::uint64_t index_ = 0;
 };
 
+/// The sensor's clock; the last turn's middle lies half a turn before the end of a capture.
+SourceClock clock_of(const OusterMetadata& metadata, const LidarScan& first,
+                     std::optional<Duration> length) {
+  SourceClock out;
+  out.domain = "ouster " + metadata.serial;
+  out.first = time_of(first).middle();
+  const Duration turn(std::llround(1e9 / metadata.rate_hz));
+  if (length) out.last = out.first + std::max(*length - turn, Duration{});
+  return out;
+}
+
+/// How long a capture lasts, by the times at which datagrams arrived; nothing for captures that
+/// take long to read.
+std::optional<Duration> length_of(const std::filesystem::path& file) {
+  constexpr std::uintmax_t kMostBytes = std::uintmax_t{256} << 20;
+  std::error_code failed;
+  if (std::filesystem::file_size(file, failed) > kMostBytes || failed) return std::nullopt;
+  auto reader = PcapReader::open(file);
+  if (!reader) return std::nullopt;
+  std::optional<TimePoint> first, last;
+  for (auto datagram = reader->next(); datagram && *datagram; datagram = reader->next()) {
+    if (!first) first = (*datagram)->captured_at;
+    last = (*datagram)->captured_at;
+  }
+  if (!first || *last < *first) return std::nullopt;
+  return *last - *first;
+}
+
 /// The file that a key names; false where a problem was reported.
 bool read_file_key(yaml::MapReader& map, const char* name, std::filesystem::path& out) {
   const yaml::Node* node = map.need(name);
@@ -300,7 +328,8 @@ SourceKeys read_ouster_pcap(yaml::MapReader& map, const std::string&) {
                                                in_quotes(source.metadata.string()) +
                                                " describes: is the metadata of this recording?");
     else
-      source.recorded = {"ouster " + metadata->serial, time_of(**scan).middle(), {}};
+      source.recorded =
+          clock_of(*metadata, **scan, source.loop ? length_of(source.file) : std::nullopt);
   }
   keys.config = std::move(source);
   return keys;
