@@ -16,6 +16,7 @@
 #include "mr/kit/image_io.h"
 #include "mr/model/export.h"
 #include "mr/render/renderer.h"
+#include "mr/sensor/recording_formats.h"
 #include "mr/synth/room.h"
 
 namespace mr::apps {
@@ -145,6 +146,11 @@ std::optional<Scene> usable_or_print_problems(SceneResult result) {
 
 std::optional<Scene> load_or_print_problems(const std::filesystem::path& file,
                                             const std::vector<std::string>& set) {
+  if (const sensor::RecordingFormat* format = sensor::recognize(file)) {
+    fail(fmt::format("{} is a recording ({}), no scene file: meshreduce import {} my.yaml",
+                     file.string(), format->name, file.string()));
+    return std::nullopt;
+  }
   return usable_or_print_problems(load_scene(file, set));
 }
 

@@ -111,6 +111,12 @@ sensor::ImportedScene one_scene(std::vector<sensor::ImportedScene> scenes) {
       out.sensors.push_back(std::move(sensor));
     }
   }
+  const auto unplaced = std::ranges::count_if(
+      out.sensors, [](const auto& sensor) { return sensor.T_world_depth.empty(); });
+  if (unplaced > 1)
+    out.notes.push_back(std::to_string(unplaced) +
+                        " sensors have no pose and stand at one place: give each its "
+                        "T_world_depth, or they will be a jumble");
   return out;
 }
 

@@ -99,6 +99,14 @@ void add_counts(KinectRecording& recording, RecordingInfo& out) {
       add_first_depth(*recording.header().depth, (*block)->bytes, out);
   }
   const auto of = [&](KinectTrack track) { return count[static_cast<int>(track)]; };
+  const KinectHeader& header = recording.header();
+  const std::int64_t stated =
+      header.first && header.last ? (*header.last - *header.first) / header.period + 1 : 1;
+  if (header.depth && of(KinectTrack::depth) < stated)
+    out.notes.push_back(
+        fmt::format("{} of about {} depth pictures are there: the recording is cut "
+                    "off or has gaps",
+                    of(KinectTrack::depth), stated));
   out.fields.push_back({"color_pictures", of(KinectTrack::color)});
   out.fields.push_back({"depth_pictures", of(KinectTrack::depth)});
   out.fields.push_back({"infrared_pictures", of(KinectTrack::infrared)});

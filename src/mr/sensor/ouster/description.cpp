@@ -89,7 +89,11 @@ void add_scans(OusterRecording& recording, const OusterMetadata& metadata, Recor
     const auto scan = recording.next();
     if (!scan) out.notes.push_back(scan.error().message);
     if (!scan || !*scan) break;
-    if (scans == 0) add_first_scan(**scan, out);
+    if (scans == 0) {
+      add_first_scan(**scan, out);
+      if (std::string odd = turn_mismatch(metadata, **scan); !odd.empty())
+        out.notes.push_back(std::move(odd));
+    }
     if (!first) first = time_of(**scan);
     last = time_of(**scan);
     lost += metadata.window_columns() - (*scan)->valid_columns();

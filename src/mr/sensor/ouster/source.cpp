@@ -262,6 +262,19 @@ ScanTime time_of(const LidarScan& scan) {
   return {point(first), point(last)};
 }
 
+std::string turn_mismatch(const OusterMetadata& metadata, const LidarScan& scan) {
+  const ScanTime time = time_of(scan);
+  const double columns = std::max(1, scan.valid_columns());
+  const double turn_s =
+      std::chrono::duration<double>(time.end - time.start).count() * metadata.width / columns;
+  const double stated_s = 1 / metadata.rate_hz;
+  // Of few columns the time between the first and the last says little.
+  if (columns < metadata.width / 2 || std::abs(turn_s - stated_s) < 0.2 * stated_s) return {};
+  return "a turn takes " + std::to_string(std::lround(turn_s * 1e3)) + " ms where mode " +
+         metadata.mode + " says " + std::to_string(std::lround(stated_s * 1e3)) +
+         " ms: is the metadata of this recording?";
+}
+
 Result<OusterRecording> OusterRecording::open(const std::filesystem::path& file,
                                               const OusterMetadata& metadata,
                                               const std::string& sender) {
@@ -327,7 +340,9 @@ SourceKeys read_ouster_pcap(yaml::MapReader& map, const std::string&) {
                                                " holds no packets of the sensor that " +
                                                in_quotes(source.metadata.string()) +
                                                " describes: is the metadata of this recording?");
-    else
+    else if (const std::string odd = turn_mismatch(*metadata, **scan); !odd.empty())
+      map.report.notice(map.line("metadata"), in_quotes(source.metadata.string()) + ": " + odd);
+    if (scan && *scan)
       source.recorded =
           clock_of(*metadata, **scan, source.loop ? length_of(source.file) : std::nullopt);
   }

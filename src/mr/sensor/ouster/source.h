@@ -71,6 +71,9 @@ bool is_ouster_pcap(const std::filesystem::path& path);
 Result<RecordingInfo> describe_ouster_pcap(const std::filesystem::path& path);
 Result<ImportedScene> import_ouster_pcap(const std::filesystem::path& path);
 
+/// Whether a turn took another time than the metadata's mode says: in one line; else empty.
+std::string turn_mismatch(const OusterMetadata& metadata, const LidarScan& scan);
+
 /// When a scan began and ended, by its columns: the sensor's clock. A scan has a valid column.
 struct ScanTime {
   TimePoint start{}, end{};
