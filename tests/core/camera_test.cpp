@@ -206,5 +206,18 @@ TEST(CameraProblems, NamesWhatIsImpossible) {
   EXPECT_EQ(short_table.problems().size(), 1u);
 }
 
+TEST(Camera, HasNoImageBeyondTheRadiusOfItsLens) {
+  Camera camera;
+  camera.width = 100, camera.height = 100;
+  camera.fx = camera.fy = 50, camera.cx = camera.cy = 50;
+  camera.distortion = DistortionModel::rational;
+  camera.k[0] = 0.01;
+  EXPECT_TRUE(project(camera, {1.2, 0, 1}).has_value());
+  camera.most_radius = 1;
+  EXPECT_TRUE(project(camera, {0.9, 0, 1}).has_value());
+  EXPECT_FALSE(project(camera, {1.2, 0, 1}).has_value());
+  EXPECT_EQ(undistorted(camera).most_radius, 0);
+}
+
 }  // namespace
 }  // namespace mr

@@ -350,6 +350,10 @@ TEST(KinectMkv, ADamagedPictureCostsItselfAlone) {
   const auto first = source->next();
   ASSERT_TRUE(first && *first);
   EXPECT_TRUE((*first)->color.empty());
+  ASSERT_TRUE((*first)->color_lost.has_value());
+  EXPECT_NE((*first)->color_lost->message.find("a.mkv: colour: JPEG is truncated"),
+            std::string::npos)
+      << (*first)->color_lost->message;
   const auto second = source->next();
   ASSERT_FALSE(second.ok());
   EXPECT_NE(second.error().message.find("a.mkv: depth: a picture of 99 bytes"), std::string::npos)
@@ -357,6 +361,7 @@ TEST(KinectMkv, ADamagedPictureCostsItselfAlone) {
   const auto third = source->next();
   ASSERT_TRUE(third && *third);
   EXPECT_FALSE((*third)->color.empty());
+  EXPECT_FALSE((*third)->color_lost.has_value());
 }
 
 TEST(KinectMkv, SaysWhatIsWrong) {

@@ -147,6 +147,47 @@ TEST(RecordedFrames, TakesThePoseOfTheCapturesOwnTime) {
   EXPECT_NE(lost.error().message.find("no pose at 1.9"), std::string::npos) << lost.error().message;
 }
 
+/// A reader that fails after its first capture.
+class BrokenReader final : public RecordingReader {
+ public:
+  Result<std::optional<Capture>> peek() override {
+    EXPECT_FALSE(failed_) << "asked again after an error";
+    if (taken_ == 0) return std::optional(Capture{TimePoint(), 0});
+    failed_ = true;
+    return Error{Error::Cause::corrupt, "damaged"};
+  }
+  Result<Frame> take() override {
+    ++taken_;
+    return Frame{};
+  }
+  void drop() override { ++taken_; }
+  Status seek(TimePoint) override { return {}; }
+
+ private:
+  int taken_ = 0;
+  bool failed_ = false;
+};
+
+TEST(RecordedFrames, DamageIsToldOnceAndIsTheEnd) {
+  RecordedFrames source(std::make_unique<BrokenReader>(), sensor_of({{0ms}}), {}, {.fps = 10});
+  EXPECT_TRUE(source.next().ok());
+  const auto broken = source.next();
+  ASSERT_FALSE(broken.ok());
+  EXPECT_EQ(broken.error().message, "damaged");
+  const auto end = source.next();
+  EXPECT_TRUE(end && !*end);
+}
+
+TEST(RecordedFrames, ACaptureStampedFarAheadDoesNotHideThoseBehindIt) {
+  const SensorConfig sensor = sensor_of({{0ms, 24h, 200ms, 300ms}});
+  RecordedFrames source = frames_of(sensor, {.fps = 10});
+  EXPECT_TRUE(source.next().ok());
+  const auto astray = source.next();
+  ASSERT_FALSE(astray.ok());
+  EXPECT_FALSE(is_gap(astray.error()));
+  EXPECT_EQ(captures(source, 2), (std::vector{2, 3}));
+}
+
 TEST(Timelines, SessionsFarApartAndOtherClocksBeginByThemselves) {
   const std::vector<SensorConfig> rig{sensor_of({{100s, 110s}}), sensor_of({{109s, 130s}}),
                                       sensor_of({{500s, 510s}}),

@@ -74,6 +74,7 @@ std::optional<Vec2d> project(const Camera& c, Vec3d p) {
       if (p.z <= 1e-9) return std::nullopt;
       Vec2d n{p.x / p.z, p.y / p.z};
       if (c.distortion != DistortionModel::none) {
+        if (c.most_radius > 0 && std::hypot(n.x, n.y) > c.most_radius) return std::nullopt;
         if (folds_back(c, std::hypot(n.x, n.y))) return std::nullopt;
         n = distort(c, n);
       }
@@ -110,6 +111,7 @@ Camera undistorted(const Camera& camera) {
   straight.distortion = DistortionModel::none;
   straight.k = {};
   straight.p = {};
+  straight.most_radius = 0;
   return straight;
 }
 
@@ -171,7 +173,8 @@ std::vector<std::string> Camera::problems() const {
                     [&](double a) { return within(a, 2 * kPi); })))
     out.push_back("a LiDAR's altitudes must lie within 90 degrees, its azimuths within 360");
   if (model != CameraModel::pinhole) return out;
-  for (const double v : {fx, fy, cx, cy, k[0], k[1], k[2], k[3], k[4], k[5], p[0], p[1]})
+  for (const double v :
+       {fx, fy, cx, cy, k[0], k[1], k[2], k[3], k[4], k[5], p[0], p[1], most_radius})
     if (!std::isfinite(v)) return {"intrinsics hold a number that is not finite"};
   if (fx <= 0 || fy <= 0) out.push_back("focal lengths fx and fy must be positive");
   if (fx > 100.0 * width || fy > 100.0 * height || fx < 0.05 * width || fy < 0.05 * height)

@@ -28,6 +28,7 @@ struct Camera {
   DistortionModel distortion = DistortionModel::none;
   std::array<double, 6> k{};  ///< radial; Brown uses k1..k3
   std::array<double, 2> p{};  ///< tangential
+  double most_radius = 0;  ///< of the plane z = 1, within which the lens model holds; 0: not known
 
   // lidar: one beam per row
   std::vector<double> beam_altitude_rad;  ///< [height], up is positive

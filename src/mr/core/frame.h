@@ -7,6 +7,7 @@
 #include "mr/core/ids.h"
 #include "mr/core/image.h"
 #include "mr/core/pose.h"
+#include "mr/core/result.h"
 
 namespace mr {
 
@@ -27,6 +28,9 @@ struct Frame {
   ImageDepth depth;                            ///< [H, W] metres in depth-camera pixels, 0 invalid
   ImageRgb color;      ///< in colour-camera pixels; empty where the sensor has no colour
   Pose T_world_depth;  ///< depth camera → world
+  /// Why there is no colour where the sensor has some: its picture is damaged, missing, or the
+  /// camera is lost.
+  std::optional<Error> color_lost{};
 
   TimePoint captured_at() const { return exposure_start + (exposure_end - exposure_start) / 2; }
 };

@@ -36,6 +36,7 @@ std::unique_ptr<Task::Work> SensorTask::begin(TimePoint now) {
     return nullptr;
   }
   auto& [frame, read_at] = **captured;
+  if (frame.color_lost) drops_.count(id(), *frame.color_lost);
   newest_ns_ = read_at.time_since_epoch().count();
   correct_stamp(frame, read_at);
   auto surface = node_.reconstruct(std::move(frame));

@@ -74,7 +74,16 @@ Status RecordedFrames::go_to_round(Duration tick) {
   const Duration round = round_of(tick - offset + timeline_.period() / 2, length_);
   if (round == round_) return {};
   round_ = round, last_.reset();
+  failed_ = false;
   return reader_->seek(own_time(tick - round_));
+}
+
+/// The reader's next capture; nothing after an error, which is told once.
+Result<std::optional<Capture>> RecordedFrames::peek() {
+  if (failed_) return std::optional<Capture>();
+  auto capture = reader_->peek();
+  failed_ = !capture;
+  return capture;
 }
 
 /// Whether a time stamp is so late that it must be damaged: waiting for it would hide what follows.
@@ -94,7 +103,7 @@ bool RecordedFrames::is_astray(TimePoint at) {
 Result<std::optional<Capture>> RecordedFrames::first_from(TimePoint own) {
   bool sought = false;
   while (true) {
-    auto capture = reader_->peek();
+    auto capture = peek();
     if (!capture || !*capture) return capture;
     if (is_astray((*capture)->at)) {
       reader_->drop();

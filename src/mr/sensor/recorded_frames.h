@@ -21,8 +21,8 @@ class RecordingReader {
   };
   virtual ~RecordingReader() = default;
 
-  /// The next capture; nothing at the end. Error: what is left of the recording cannot be read;
-  /// after it, nothing.
+  /// The next capture; nothing at the end. Error: what is left of the recording cannot be read; it
+  /// is not called again before a seek().
   virtual Result<std::optional<Capture>> peek() = 0;
   /// Decodes the capture that peek() told and goes on to the next. The frame has the recording's
   /// own times; sensor, index and pose are left. Error: this capture is lost.
@@ -51,6 +51,7 @@ class RecordedFrames final : public FrameSource {
   Duration scene_time(TimePoint own) const;  ///< within a round, with offset and drift
   TimePoint own_time(Duration scene_time) const;
   Status go_to_round(Duration tick);
+  Result<std::optional<RecordingReader::Capture>> peek();
   bool is_astray(TimePoint at);
   Result<std::optional<RecordingReader::Capture>> first_from(TimePoint own);
   Result<std::optional<RecordingReader::Capture>> ended(Duration tick);
@@ -65,6 +66,7 @@ class RecordedFrames final : public FrameSource {
   Duration round_{};                 ///< scene time at which this round began
   std::uint64_t index_ = 0;          ///< of the next frame
   std::optional<TimePoint> last_;    ///< the newest capture seen in this round
+  bool failed_ = false;              ///< what is left of this round cannot be read
   std::optional<TimePoint> astray_;  ///< a time stamp that was not believed
 };
 

@@ -239,6 +239,7 @@ Result<Camera> kinect_camera_of(const KinectCamera& from, const KinectMode& mode
     camera.distortion = from.model == KinectCamera::Model::rational_6kt
                             ? DistortionModel::rational_6kt
                             : DistortionModel::rational;
+  if (camera.distortion != DistortionModel::none) camera.most_radius = from.metric_radius;
   camera.k = from.k;
   camera.p = {from.p1, from.p2};
   const std::vector<std::string> problems = camera.problems();

@@ -8,6 +8,7 @@
 #include "mr/sensor/azure_kinect/calibration.h"
 #include "mr/sensor/azure_kinect/captures.h"
 #include "mr/sensor/azure_kinect/source.h"
+#include "mr/sensor/depth_to_color.h"
 #include "mr/sensor/folders/picture_folder.h"
 #include "mr/yaml/flow_text.h"
 
@@ -64,12 +65,16 @@ void add_cameras(const KinectHeader& header, const std::filesystem::path& file,
   out.fields.push_back({"color_from_depth", std::vector<double>{t.x, t.y, t.z}, "m"});
 }
 
+/// Metres.
+Result<ImageDepth> decode_depth(const KinectBlock& block, const KinectPictures& of) {
+  std::vector<float> metres(65536);
+  for (std::size_t i = 0; i < metres.size(); ++i) metres[i] = static_cast<float>(i) * 0.001f;
+  return decode_counts(block.bytes, of, count_table(std::move(metres), of));
+}
+
 /// Of the first capture's depth.
-void add_first_depth(const KinectPictures& depth, std::span<const std::byte> bytes,
-                     RecordingInfo& out) {
-  std::vector<float> millimetres(65536);
-  for (std::size_t i = 0; i < millimetres.size(); ++i) millimetres[i] = static_cast<float>(i);
-  auto picture = decode_counts(bytes, depth, count_table(std::move(millimetres), depth));
+void add_first_depth(const KinectPictures& depth, const KinectBlock& block, RecordingInfo& out) {
+  auto picture = decode_depth(block, depth);
   if (!picture) {
     out.notes.push_back("first depth picture: " + picture.error().message);
     return;
@@ -81,13 +86,32 @@ void add_first_depth(const KinectPictures& depth, std::span<const std::byte> byt
   if (values.empty()) return;
   const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
   std::ranges::nth_element(values, middle);
-  out.fields.push_back({"first_median", *middle * 0.001, "m"});
+  out.fields.push_back({"first_median", *middle, "m"});
+}
+
+/// How much of the first depth picture the colour camera sees: neither outside its picture nor
+/// hidden from it.
+void add_first_color(const KinectHeader& header, const std::filesystem::path& file,
+                     const KinectBlock& depth_block, const KinectBlock& color_block,
+                     RecordingInfo& out) {
+  const auto cameras = kinect_cameras(header, file, {});
+  const auto depth = decode_depth(depth_block, *header.depth);
+  const auto color = decode_kinect_color(color_block.bytes, *header.color);
+  if (!color) out.notes.push_back("first colour picture: " + color.error().message);
+  if (!cameras || !cameras->color || !depth || !color) return;
+  const DepthColors colors =
+      color_for_depth(*depth, *color, cameras->depth, *cameras->color, cameras->T_color_depth);
+  const auto count = [](const auto& values) {
+    return static_cast<double>(std::ranges::count_if(values, [](auto v) { return v > 0; }));
+  };
+  const double valid = count(depth->data);
+  if (valid > 0) out.fields.push_back({"first_color_seen_ratio", count(colors.seen.data) / valid});
 }
 
 /// Goes through the whole file: how many pictures there are, and whether it can be read to its end.
-void add_counts(KinectRecording& recording, RecordingInfo& out) {
+void add_counts(KinectRecording& recording, const std::filesystem::path& file, RecordingInfo& out) {
   std::int64_t count[4] = {}, samples = 0;
-  bool is_first = true;
+  std::optional<KinectBlock> first_depth, first_color;
   while (true) {
     const auto block = recording.next();
     if (!block) out.notes.push_back(block.error().message);
@@ -95,9 +119,12 @@ void add_counts(KinectRecording& recording, RecordingInfo& out) {
     ++count[static_cast<int>((*block)->track)];
     if ((*block)->track == KinectTrack::imu)
       samples += static_cast<std::int64_t>(decode_imu((*block)->bytes).size());
-    if ((*block)->track == KinectTrack::depth && std::exchange(is_first, false))
-      add_first_depth(*recording.header().depth, (*block)->bytes, out);
+    if ((*block)->track == KinectTrack::depth && !first_depth) first_depth = **block;
+    if ((*block)->track == KinectTrack::color && !first_color) first_color = **block;
   }
+  if (first_depth) add_first_depth(*recording.header().depth, *first_depth, out);
+  if (first_depth && first_color)
+    add_first_color(recording.header(), file, *first_depth, *first_color, out);
   const auto of = [&](KinectTrack track) { return count[static_cast<int>(track)]; };
   const KinectHeader& header = recording.header();
   const std::int64_t stated =
@@ -162,7 +189,7 @@ Result<RecordingInfo> describe_kinect_mkv(const std::filesystem::path& path) {
   add_pictures("infrared", header.infrared, out);
   add_times(header, out);
   add_cameras(header, path, out);
-  add_counts(*recording, out);
+  add_counts(*recording, path, out);
   return out;
 }
 

@@ -21,11 +21,7 @@ class KinectReader final : public RecordingReader {
       : sensor_(sensor), source_(*sensor.source.get_if<KinectMkvSource>()) {}
 
   Result<std::optional<Capture>> peek() override {
-    if (failed_) return std::optional<Capture>();
-    if (const Status ready = look_ahead(); !ready) {
-      failed_ = true;
-      return ready.error();
-    }
+    if (const Status ready = look_ahead(); !ready) return ready.error();
     if (!waiting_) return std::optional<Capture>();
     const TimePoint at = waiting_->at() - captures_->header().subordinate_delay;
     return std::optional(Capture{at, item_of(at)});
@@ -45,9 +41,7 @@ class KinectReader final : public RecordingReader {
     frame.depth = *std::move(depth);
     frame.exposure_start = frame.exposure_end =
         capture.at() - captures_->header().subordinate_delay;
-    if (capture.color && sensor_.color_camera)
-      if (auto color = decode_kinect_color(capture.color->bytes, *captures_->header().color))
-        frame.color = *std::move(color);
+    if (captures_->header().color && sensor_.color_camera) add_color(capture, frame);
     return frame;
   }
 
@@ -56,11 +50,23 @@ class KinectReader final : public RecordingReader {
   Status seek(TimePoint time) override {
     if (!captures_) return {};
     waiting_.reset();
-    failed_ = false;
     return captures_->seek(time + captures_->header().subordinate_delay);
   }
 
  private:
+  /// Damaged colour costs itself alone: the surface goes on.
+  void add_color(const KinectCapture& capture, Frame& frame) const {
+    auto color = capture.color
+                     ? decode_kinect_color(capture.color->bytes, *captures_->header().color)
+                     : Result<ImageRgb>(Error{Error::Cause::not_found, "a capture without it"});
+    if (color)
+      frame.color = *std::move(color);
+    else
+      frame.color_lost =
+          Error{color.error().cause, source_.file.string() + ": colour: " + color.error().message +
+                                         " (of sensor '" + sensor_.id + "')"};
+  }
+
   Status look_ahead() {
     if (!captures_)
       if (const Status opened = open(); !opened) return opened;
@@ -101,7 +107,6 @@ class KinectReader final : public RecordingReader {
   std::optional<KinectCaptures> captures_;
   std::vector<float> table_;  ///< metres by count as stored
   std::optional<KinectCapture> waiting_;
-  bool failed_ = false;
 };
 
 /// The clock of a recording: devices on one sync cable share a clock.

@@ -32,7 +32,7 @@ struct KinectMkvSource {
 
 /// Opens the source of a sensor, which must be a KinectMkvSource. Captures lie on the device's
 /// clock, less a subordinate's delay. A capture whose depth is missing or damaged is lost; one
-/// whose colour is comes without colour.
+/// whose colour is comes without colour (Frame::color_lost).
 std::unique_ptr<FrameSource> open_kinect_mkv(const SensorConfig& sensor, SensorId id,
                                              const Timeline& timeline);
 

@@ -14,7 +14,10 @@ class Lidar360 final : public FrameSource {
     auto frame = lidar_->next();
     if (!frame || !*frame) return frame;
     auto color = panorama_.at(time_of((*frame)->captured_at()));
-    (*frame)->color = color ? *std::move(color) : ImageRgb{};
+    if (color)
+      (*frame)->color = *std::move(color);
+    else
+      (*frame)->color_lost = color.error();
     return frame;
   }
 

@@ -33,7 +33,7 @@ struct Lidar360Source {
 };
 
 /// Each of the LiDAR's frames with the camera's picture nearest to the middle of its sweep. A
-/// frame whose picture cannot be read comes without colour.
+/// frame whose picture cannot be read comes without colour (Frame::color_lost).
 std::unique_ptr<FrameSource> open_lidar_360(const SensorConfig& sensor, SensorId id,
                                             const Timeline& timeline);
 

@@ -43,11 +43,7 @@ class OusterReader final : public RecordingReader {
       : sensor_(sensor), source_(*sensor.source.get_if<OusterPcapSource>()) {}
 
   Result<std::optional<Capture>> peek() override {
-    if (failed_) return std::optional<Capture>();
-    if (const Status ready = look_ahead(); !ready) {
-      failed_ = true;
-      return ready.error();
-    }
+    if (const Status ready = look_ahead(); !ready) return ready.error();
     if (!waiting_) return std::optional<Capture>();
     return std::optional(Capture{time_of(*waiting_).middle(), item_});
   }
@@ -89,7 +85,7 @@ class OusterReader final : public RecordingReader {
     if (!camera_) camera_.emplace(*metadata);
     recording_.emplace(*std::move(opened));
     waiting_.reset();
-    item_ = 0, failed_ = false;
+    item_ = 0;
     return {};
   }
 
@@ -99,7 +95,6 @@ class OusterReader final : public RecordingReader {
   std::optional<RangeCamera> camera_;
   std::optional<LidarScan> waiting_;
   std::size_t item_ = 0;  ///< of waiting_, or of the next scan
-  bool failed_ = false;
 };
 
 class OusterLive final : public FrameSource {
