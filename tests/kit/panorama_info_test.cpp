@@ -4,7 +4,6 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
-#include <cstdlib>
 #include <filesystem>
 #include <numbers>
 #include <string>
@@ -15,6 +14,7 @@
 #include "mr/kit/image_io.h"
 #include "support/jpeg_files.h"
 #include "support/pictures.h"
+#include "support/shared_data.h"
 
 namespace mr::kit {
 namespace {
@@ -213,9 +213,7 @@ TEST(PanoramaInfo, TwoToOneIsTheShapeOfASphere) {
 }
 
 TEST(PanoramaInfo, TheRealPanoramaIsWholeAndStatesNothing) {
-  const char* data = std::getenv("MR_DATA");
-  const std::filesystem::path file =
-      std::filesystem::path(data != nullptr ? data : "../shared/data") / "equirect/examplepano.jpg";
+  const auto file = test::shared_data() / "equirect/examplepano.jpg";
   if (!std::filesystem::exists(file)) GTEST_SKIP() << "no picture at " << file << " (set MR_DATA)";
   const auto bytes = read_file(file);
   ASSERT_TRUE(bytes);

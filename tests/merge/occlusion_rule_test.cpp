@@ -4,7 +4,6 @@
 
 #include <algorithm>
 #include <array>
-#include <cstdlib>
 #include <filesystem>
 #include <fstream>
 #include <limits>
@@ -15,6 +14,7 @@
 #include "mr/kit/image_io.h"
 #include "support/meshes.h"
 #include "support/rays.h"
+#include "support/shared_data.h"
 #include "walls.h"
 
 namespace mr {
@@ -110,11 +110,7 @@ Mesh sheet_of(const kit::ImageDepth16& counts, const SourceInfo& source) {
 }
 
 TEST(OcclusionRule, DrawnAndCastRaysOfRecordingsDecideAlike) {
-  const char* data = std::getenv("MR_DATA");
-  const std::filesystem::path folder =
-      (data ? std::filesystem::path(data)
-            : std::filesystem::path(MR_SOURCE_DIR) / "../shared/data") /
-      "room_bench";
+  const auto folder = test::shared_data() / "room_bench";
   if (!std::filesystem::exists(folder)) GTEST_SKIP() << "no " << folder << " (set MR_DATA)";
   std::vector<kit::Part> parts;
   for (unsigned i = 0; i < 4; ++i) {

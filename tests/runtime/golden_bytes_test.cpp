@@ -20,6 +20,7 @@
 #include "mr/scene/scene.h"
 #include "mr/synth/demo_scene.h"
 #include "mr/synth/room.h"
+#include "support/shared_data.h"
 
 /// The gate for changes that must not change results: SHA-256 of every packet of the root, and of
 /// the exported mesh, against those stored in tests/data/bytes.
@@ -127,12 +128,10 @@ TEST(GoldenBytes, TwoLayers) { compare_example("two-layers"); }
 TEST(GoldenBytes, LidarRoom) { compare_example("lidar-room"); }
 
 TEST(GoldenBytes, RedKitchen) {
-  const char* const data = std::getenv("MR_DATA");
-  const auto folder =
-      data ? std::filesystem::path(data) : std::filesystem::path(MR_SOURCE_DIR) / "../shared/data";
+  const auto folder = test::shared_data();
   if (!std::filesystem::exists(folder / "sevenscenes_redkitchen"))
     GTEST_SKIP() << "no recordings at " << folder << " (set MR_DATA)";
-  ::setenv("MR_DATA", std::filesystem::absolute(folder).c_str(), 1);
+  ::setenv("MR_DATA", folder.c_str(), 1);
   compare_example("red-kitchen");
 }
 

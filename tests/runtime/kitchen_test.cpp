@@ -6,6 +6,7 @@
 #include "mr/kit/topology.h"
 #include "mr/render/renderer.h"
 #include "mr/runtime/lockstep_scene.h"
+#include "support/shared_data.h"
 
 namespace mr {
 namespace {
@@ -13,12 +14,10 @@ namespace {
 TEST(Kitchen, EightRealViewsBecomeOneTexturedMesh) {
   const std::filesystem::path file =
       std::filesystem::path(MR_SOURCE_DIR) / "examples/red-kitchen.yaml";
-  const char* data = std::getenv("MR_DATA");
-  const auto folder =
-      data ? std::filesystem::path(data) : std::filesystem::path(MR_SOURCE_DIR) / "../shared/data";
+  const auto folder = test::shared_data();
   if (!std::filesystem::exists(folder / "sevenscenes_redkitchen"))
     GTEST_SKIP() << "no recordings at " << folder << " (set MR_DATA)";
-  ::setenv("MR_DATA", std::filesystem::absolute(folder).c_str(), 1);
+  ::setenv("MR_DATA", folder.c_str(), 1);
 
   SceneResult loaded = load_scene(file);
   for (const SceneProblem& p : loaded.problems) ADD_FAILURE() << to_string(p);

@@ -6,17 +6,16 @@
 #include "mr/core/mesh.h"
 #include "mr/core/parallel.h"
 #include "mr/runtime/lockstep_scene.h"
+#include "support/shared_data.h"
 
 /// The examples of recordings, from the file to the mesh that a viewer decodes.
 namespace mr {
 namespace {
 
 double decoded_area_m2(const std::string& example, const std::string& folder_name) {
-  const char* data = std::getenv("MR_DATA");
-  const auto folder =
-      data ? std::filesystem::path(data) : std::filesystem::path(MR_SOURCE_DIR) / "../shared/data";
+  const auto folder = test::shared_data();
   if (!std::filesystem::exists(folder / folder_name)) return -1;
-  ::setenv("MR_DATA", std::filesystem::absolute(folder).c_str(), 1);
+  ::setenv("MR_DATA", folder.c_str(), 1);
   const SceneResult loaded =
       load_scene(std::filesystem::path(MR_SOURCE_DIR) / "examples" / example);
   for (const SceneProblem& p : loaded.problems) ADD_FAILURE() << to_string(p);

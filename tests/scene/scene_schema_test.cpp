@@ -103,7 +103,7 @@ sensors:
     source: {type: rgbd-images, color: [c.png], depth: [d.png], depth_unit_m: 0.002, invalid: [0, 9], loop: true}
     depth_camera: {model: pinhole, size: [640, 480], fx: 585, fy: 585, cx: 320, cy: 240}
     color_camera: {size: [640, 480], fx: 500, fy: 500, cx: 320, cy: 240,
-                   distortion: {model: rational, k: [0.01, 0, 0, 0, 0], p: [0.001, 0]}}
+                   distortion: {model: rational, k: [0.01, 0, 0, 0, 0], p: [0.001, 0], most_radius: 1.7}}
     T_color_depth: [1, 0, 0, 0.1, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1]
     T_world_depth: {file: pose-0.txt}
     depth_range_m: [0.4, 4]

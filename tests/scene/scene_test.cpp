@@ -489,12 +489,14 @@ TEST_F(SceneFile, DistortionIsRead) {
       "    color_camera: {size: [640, 480], fx: 500, fy: 500, cx: 320, cy: 240, distortion: ";
   const std::string source = "{type: rgbd-images, color: d.png, depth: d.png}";
   const SceneResult brown = load(long_sensor(
-      source, kIdentity, camera + "{model: brown, k: [0.1, 0.2, 0.3], p: [0.01, 0.02]}}\n"));
+      source, kIdentity,
+      camera + "{model: brown, k: [0.1, 0.2, 0.3], p: [0.01, 0.02], most_radius: 1.7}}\n"));
   EXPECT_THAT(shorten(brown.problems), IsEmpty());
   ASSERT_TRUE(brown.scene.sensors[0].color_camera);
   EXPECT_EQ(brown.scene.sensors[0].color_camera->distortion, DistortionModel::brown);
   EXPECT_EQ(brown.scene.sensors[0].color_camera->k[2], 0.3);
   EXPECT_EQ(brown.scene.sensors[0].color_camera->p[1], 0.02);
+  EXPECT_EQ(brown.scene.sensors[0].color_camera->most_radius, 1.7);
   EXPECT_THAT(
       problems(long_sensor(source, kIdentity, camera + "{model: brown, k: [1, 2, 3, 4]}}\n")),
       ElementsAre(HasSubstr("7: k must be a list of 1 to 3 numbers")));

@@ -52,6 +52,7 @@ TEST_F(SceneFile, WhatIsImportedIsLoadedAgain) {
   sensor.color_camera->distortion = DistortionModel::rational;
   sensor.color_camera->k = {0.5, -0.25, 0.1, 0.4, -0.2, 0.01};
   sensor.color_camera->p = {0.001, -0.002};
+  sensor.color_camera->most_radius = 1.7;
   sensor.T_color_depth = Pose{{}, {-0.032, 0.1, 1.0 / 3}};
   sensor.T_world_depth = "[1, 0, 0, 0.5, 0, 1, 0, 0, 0, 0, 1, 2, 0, 0, 0, 1]";
   sensor.depth_near_m = 0.4, sensor.depth_far_m = 4;

@@ -13,6 +13,7 @@
 #include "mr/sensor/folders/picture_folder.h"
 #include "mr/sensor/recording_formats.h"
 #include "support/pictures.h"
+#include "support/shared_data.h"
 
 namespace mr::sensor {
 namespace {
@@ -354,15 +355,10 @@ TEST(NumberedFiles, PatternsNameExactlyTheFiles) {
   EXPECT_EQ(files_text({"\"/x.png"}), "[\"\\\"/x.png\"]");
 }
 
-path data_folder() {
-  const char* data = std::getenv("MR_DATA");
-  return data ? path(data) : path(MR_SOURCE_DIR) / "../shared/data";
-}
-
 TEST(RealFolders, AreDescribedRightly) {
-  const path kitchen = data_folder() / "sevenscenes_redkitchen";
+  const path kitchen = test::shared_data() / "sevenscenes_redkitchen";
   if (!std::filesystem::exists(kitchen))
-    GTEST_SKIP() << "no recordings at " << data_folder() << " (set MR_DATA)";
+    GTEST_SKIP() << "no recordings at " << test::shared_data() << " (set MR_DATA)";
   for (const auto& [folder, count] :
        {std::pair(kitchen, "100"), std::pair(kitchen / "clip_000300_000389", "90")}) {
     const RecordingFormat* format = recognize(folder);
@@ -377,14 +373,14 @@ TEST(RealFolders, AreDescribedRightly) {
     const double median_m = std::stod(text_of(*info, "first_depth_median"));
     EXPECT_TRUE(0.5 < median_m && median_m < 4) << median_m;
   }
-  const path room = data_folder() / "room_bench";
+  const path room = test::shared_data() / "room_bench";
   const RecordingFormat* format = recognize(room);
   ASSERT_TRUE(format);
   const auto scene = format->import(room);
   ASSERT_TRUE(scene) << scene.error().message;
   EXPECT_EQ(scene->sensors.size(), 4u);
   EXPECT_EQ(scene->sensors[0].depth_camera->fx, 504);
-  const path panorama = data_folder() / "equirect/examplepano.jpg";
+  const path panorama = test::shared_data() / "equirect/examplepano.jpg";
   ASSERT_TRUE(recognize(panorama));
   EXPECT_EQ(recognize(panorama)->name, "equirectangular picture");
 }

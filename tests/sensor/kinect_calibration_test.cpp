@@ -1,12 +1,12 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include <cstdlib>
 #include <filesystem>
 #include <string>
 
 #include "mr/core/file.h"
 #include "mr/sensor/azure_kinect/calibration.h"
+#include "support/shared_data.h"
 
 namespace mr::sensor {
 namespace {
@@ -189,9 +189,7 @@ TEST(KinectCalibration, EveryPixelWithinTheRadiusComesBack) {
 }
 
 TEST(KinectCalibration, TheGenuineOne) {
-  const char* set = std::getenv("MR_DATA");
-  const std::filesystem::path file =
-      std::filesystem::path(set ? set : "../shared/data") / "azure_kinect_mkv/calibration.json";
+  const auto file = test::shared_data() / "azure_kinect_mkv/calibration.json";
   if (!std::filesystem::exists(file)) GTEST_SKIP() << "no recordings at " << file;
   const auto bytes = read_file(file);
   ASSERT_TRUE(bytes);

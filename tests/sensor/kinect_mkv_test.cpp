@@ -2,7 +2,6 @@
 
 #include <gtest/gtest.h>
 
-#include <cstdlib>
 #include <cstring>
 #include <fstream>
 
@@ -11,6 +10,7 @@
 #include "mr/kit/matroska_writer.h"
 #include "mr/sensor/azure_kinect/captures.h"
 #include "mr/sensor/timelines.h"
+#include "support/shared_data.h"
 
 namespace mr::sensor {
 namespace {
@@ -23,13 +23,8 @@ using Bytes = std::vector<std::byte>;
 
 // --- the genuine recording
 
-std::filesystem::path shared_data() {
-  const char* set = std::getenv("MR_DATA");
-  return set ? set : "../shared/data";
-}
-
 TEST(KinectMkv, ReadsTheGenuineRecording) {
-  const auto file = shared_data() / "azure_kinect_mkv/recording.mkv";
+  const auto file = test::shared_data() / "azure_kinect_mkv/recording.mkv";
   if (!std::filesystem::exists(file)) GTEST_SKIP() << "no recordings at " << file;
   auto recording = KinectRecording::open(file);
   ASSERT_TRUE(recording) << recording.error().message;
@@ -55,8 +50,7 @@ TEST(KinectMkv, ReadsTheGenuineRecording) {
   ASSERT_TRUE(capture && *capture && (*capture)->color && (*capture)->depth);
   std::vector<float> counts(65536);
   for (std::size_t i = 0; i < counts.size(); ++i) counts[i] = static_cast<float>(i);
-  const auto depth = decode_counts((*capture)->depth->bytes, *captures.header().depth,
-                                   count_table(counts, *captures.header().depth));
+  const auto depth = decode_counts((*capture)->depth->bytes, *captures.header().depth, counts);
   ASSERT_TRUE(depth);
   std::vector<float> valid = depth->data;
   std::erase(valid, 0.0f);

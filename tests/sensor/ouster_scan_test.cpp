@@ -2,7 +2,6 @@
 #include <gtest/gtest.h>
 #include <openssl/evp.h>
 
-#include <cstdlib>
 #include <filesystem>
 #include <map>
 #include <regex>
@@ -11,6 +10,7 @@
 #include "mr/sensor/ouster/lidar_scan.h"
 #include "mr/sensor/ouster/udp_capture.h"
 #include "support/ouster_packets.h"
+#include "support/shared_data.h"
 
 namespace mr::sensor::ouster_scan_test {
 namespace {
@@ -252,10 +252,7 @@ TEST(OusterScan, PointsAtRangeZeroLieAtTheLidarsCentre) {
 
 // Recordings ------------------------------------------------------------------------------------
 
-std::filesystem::path recordings() {
-  const char* data = std::getenv("MR_DATA");
-  return std::filesystem::path(data != nullptr ? data : "../shared/data") / "ouster";
-}
+std::filesystem::path recordings() { return test::shared_data() / "ouster"; }
 
 struct Recording {
   OusterMetadata metadata;

@@ -9,6 +9,7 @@
 
 #include "core/temp_dir.h"
 #include "mr/sensor/folders/text_lines.h"
+#include "support/shared_data.h"
 
 namespace mr::sensor {
 namespace {
@@ -144,10 +145,7 @@ TEST(TrajectoryFile, ErrorsNameTheLine) {
 }
 
 TEST(TrajectoryFile, ReadsTheDrivenScansOfOuster) {
-  const char* data = std::getenv("MR_DATA");
-  const auto folder =
-      data ? std::filesystem::path(data) : std::filesystem::path(MR_SOURCE_DIR) / "../shared/data";
-  const auto path = folder / "ouster/OS-1-128_v2.3.0_1024x10_lb_n3_poses_kitti.txt";
+  const auto path = test::shared_data() / "ouster/OS-1-128_v2.3.0_1024x10_lb_n3_poses_kitti.txt";
   if (!std::filesystem::exists(path)) GTEST_SKIP() << "no " << path << " (set MR_DATA)";
   const auto file = read_trajectory_file(path);
   ASSERT_TRUE(file) << file.error().message;

@@ -4,7 +4,6 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
-#include <cstdlib>
 #include <cstring>
 #include <fstream>
 #include <map>
@@ -21,6 +20,7 @@
 #include "mr/synth/room.h"
 #include "support/ebml.h"
 #include "support/pictures.h"
+#include "support/shared_data.h"
 
 namespace mr::synth {
 namespace {
@@ -132,9 +132,7 @@ std::string shape_of(const Ebml& element) {
 }
 
 TEST(MkvRecording, HasTheLayoutOfAGenuineOne) {
-  const char* set = std::getenv("MR_DATA");
-  const std::filesystem::path file =
-      std::filesystem::path(set ? set : "../shared/data") / "azure_kinect_mkv/recording.mkv";
+  const auto file = test::shared_data() / "azure_kinect_mkv/recording.mkv";
   if (!std::filesystem::exists(file)) GTEST_SKIP() << "no recordings at " << file;
   const MkvContent genuine(file);
   const TempDir dir;

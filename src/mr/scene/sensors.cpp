@@ -23,8 +23,9 @@ void read_distortion(Report& report, const yaml::Node& node, Camera& camera) {
       report.problem(k->line, "k must be a list of 1 to " + std::to_string(most) + " numbers");
   }
   map.numbers("p", {-1e6, 1e6}, camera.p);
+  map.number("most_radius", camera.most_radius, {0, 1e6});
   if (known && camera.distortion == DistortionModel::none)
-    for (const char* key : {"k", "p"})
+    for (const char* key : {"k", "p", "most_radius"})
       if (map.has(key)) map.not_acted_on(key, std::string(key) + " of distortion none");
 }
 

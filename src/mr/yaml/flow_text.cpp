@@ -21,9 +21,12 @@ std::string lens_text(const Camera& camera) {
   if (camera.distortion == DistortionModel::none) return {};
   constexpr const char* kModels[] = {"none", "brown", "rational", "rational_6kt"};
   const bool is_brown = camera.distortion == DistortionModel::brown;
-  return std::string(", distortion: {model: ") + kModels[static_cast<int>(camera.distortion)] +
-         ", k: " + list_text(std::span(camera.k).first(is_brown ? 3 : 6)) +
-         ", p: " + list_text(camera.p) + "}";
+  std::string out = std::string(", distortion: {model: ") +
+                    kModels[static_cast<int>(camera.distortion)] +
+                    ", k: " + list_text(std::span(camera.k).first(is_brown ? 3 : 6)) +
+                    ", p: " + list_text(camera.p);
+  if (camera.most_radius > 0) out += ", most_radius: " + exact_text(camera.most_radius);
+  return out + "}";
 }
 
 class FlowWriter {

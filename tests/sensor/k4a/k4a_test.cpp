@@ -395,6 +395,10 @@ TEST(CalibrationCheck, MeasuresHowFarLensesDiffer) {
   Camera longer = camera;
   longer.fx *= 1.01;
   EXPECT_NEAR(*lens_difference_px(camera, longer), 2.4, 0.3) << "240 px from the middle";
+  Camera stated = camera;
+  stated.most_radius = 0.5;
+  EXPECT_NEAR(*lens_difference_px(camera, stated), 0, 1e-3) << "where both see";
+  EXPECT_NEAR(*lens_difference_px(stated, camera), 0, 1e-3);
   Camera larger = camera;
   larger.width = 1024;
   EXPECT_EQ(lens_difference_px(camera, larger), std::nullopt);

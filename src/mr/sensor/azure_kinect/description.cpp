@@ -69,7 +69,7 @@ void add_cameras(const KinectHeader& header, const std::filesystem::path& file,
 Result<ImageDepth> decode_depth(const KinectBlock& block, const KinectPictures& of) {
   std::vector<float> metres(65536);
   for (std::size_t i = 0; i < metres.size(); ++i) metres[i] = static_cast<float>(i) * 0.001f;
-  return decode_counts(block.bytes, of, count_table(std::move(metres), of));
+  return decode_counts(block.bytes, of, metres);
 }
 
 /// Of the first capture's depth.

@@ -328,15 +328,6 @@ Status KinectRecording::seek(TimePoint at) {
   return impl_->read_on ? impl_->open() : Status{};
 }
 
-std::vector<float> count_table(std::vector<float> by_count, const KinectPictures& of) {
-  MR_ASSERT(by_count.size() == 65536);
-  const bool is_native = of.little_endian == (std::endian::native == std::endian::little);
-  if (is_native) return by_count;
-  std::vector<float> out(by_count.size());
-  for (std::size_t i = 0; i < out.size(); ++i) out[i] = by_count[(i >> 8 | i << 8) & 0xffff];
-  return out;
-}
-
 Result<ImageDepth> decode_counts(std::span<const std::byte> bytes, const KinectPictures& of,
                                  std::span<const float> table) {
   MR_ASSERT(table.size() == 65536);
@@ -348,10 +339,14 @@ Result<ImageDepth> decode_counts(std::span<const std::byte> bytes, const KinectP
                                             " are wanted"};
   out.width = of.width, out.height = of.height;
   out.data.resize(pixels);
+  // A table of swapped counts would save the turn, but the counts of a scene, which lie close
+  // together, would be spread over all of it.
+  const bool is_native = of.little_endian == (std::endian::native == std::endian::little);
+  const int turn = is_native ? 0 : 8;
   for (std::size_t i = 0; i < pixels; ++i) {
     std::uint16_t count = 0;
     std::memcpy(&count, bytes.data() + 2 * i, sizeof count);
-    out.data[i] = table[count];
+    out.data[i] = table[std::rotr(count, turn)];
   }
   return out;
 }

@@ -84,12 +84,10 @@ class KinectRecording {
   std::unique_ptr<Impl> impl_;
 };
 
-/// A depth or infrared picture from its bytes, by a table of 65,536 values for the counts as they
-/// lie in memory (count_table). Error corrupt: another number of bytes than the picture has.
+/// A depth or infrared picture from its bytes, by a table of 65,536 values, one for each count.
+/// Error corrupt: another number of bytes than the picture has.
 Result<ImageDepth> decode_counts(std::span<const std::byte> bytes, const KinectPictures& of,
                                  std::span<const float> table);
-/// A table by counts → one by counts as the track stores them.
-std::vector<float> count_table(std::vector<float> by_count, const KinectPictures& of);
 
 /// A colour picture from its bytes. Errors: corrupt, also a truncated JPEG; invalid: another size.
 Result<ImageRgb> decode_kinect_color(std::span<const std::byte> bytes, const KinectPictures& of);

@@ -90,7 +90,7 @@ class KinectReader final : public RecordingReader {
     if (header.color && sensor_.color_camera)
       if (const Status good = fits(*header.color, *sensor_.color_camera, "colour"); !good)
         return good;
-    table_ = count_table(depth_table(sensor_, kDepthUnit_m, {}), *header.depth);
+    table_ = depth_table(sensor_, kDepthUnit_m, {});
     captures_.emplace(*std::move(recording));
     return {};
   }
@@ -105,7 +105,7 @@ class KinectReader final : public RecordingReader {
   const SensorConfig sensor_;
   const KinectMkvSource source_;
   std::optional<KinectCaptures> captures_;
-  std::vector<float> table_;  ///< metres by count as stored
+  std::vector<float> table_;  ///< metres by count
   std::optional<KinectCapture> waiting_;
 };
 

@@ -39,11 +39,14 @@ std::optional<double> lens_difference_px(const Camera& a, const Camera& b) {
   if (a.model != b.model || a.width != b.width || a.height != b.height) return std::nullopt;
   constexpr int kSteps = 8;
   double most = 0;
+  Camera unlimited = b;  // the radius tells where a lens model holds, not what the lens is like
+  unlimited.most_radius = 0;
   for (int y = 1; y < kSteps; ++y)
     for (int x = 1; x < kSteps; ++x) {
       const Vec2d pixel{a.width * static_cast<double>(x) / kSteps,
                         a.height * static_cast<double>(y) / kSteps};
-      const auto other = project(b, unproject(a, pixel));
+      if (!project(b, unproject(b, pixel))) continue;  // the device does not see there
+      const auto other = project(unlimited, unproject(a, pixel));
       if (!other) return std::nullopt;
       most = std::max(most, std::hypot(other->x - pixel.x, other->y - pixel.y));
     }

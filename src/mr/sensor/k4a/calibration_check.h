@@ -12,7 +12,8 @@
 namespace mr::sensor {
 
 /// How far apart two cameras see the same direction: the largest distance over a grid of pixels,
-/// without the picture's rim. Nothing where one of them does not see what the other does.
+/// without the picture's rim, as far out as `b` sees. Nothing where `a` is of another size or
+/// model, or looks where `b` has no picture.
 std::optional<double> lens_difference_px(const Camera& a, const Camera& b);
 
 /// In what a sensor's cameras differ from what the device says of itself: lenses by more than a

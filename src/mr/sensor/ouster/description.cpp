@@ -4,6 +4,7 @@
 #include <numbers>
 
 #include "mr/sensor/folders/picture_folder.h"
+#include "mr/sensor/ouster/recording.h"
 #include "mr/sensor/ouster/source.h"
 #include "mr/yaml/flow_text.h"
 

@@ -2,9 +2,9 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
 
 #include "mr/kit/device_clock.h"
+#include "mr/sensor/ouster/recording.h"
 #include "mr/sensor/ouster/udp_socket.h"
 #include "mr/sensor/recorded_frames.h"
 #include "mr/yaml/files.h"
@@ -15,13 +15,6 @@ namespace {
 constexpr double kNear_m = 0.3, kFar_m = 30;  // unless the scene says otherwise
 constexpr Precision kLidar{.base_m = 0.015, .per_m2 = 0};
 constexpr Duration kPatience = std::chrono::seconds(1);
-
-Result<std::optional<IpAddress>> address_of(const std::string& sender) {
-  if (sender.empty()) return std::optional<IpAddress>();
-  const auto address = parse_ip_address(sender);
-  if (!address) return address.error();
-  return std::optional(*address);
-}
 
 /// A scan's pictures as a frame with the sensor's own times.
 Frame frame_of(const LidarScan& scan, RangeCamera& camera, GreySource texture,
@@ -142,7 +135,7 @@ class OusterLive final : public FrameSource {
     if (socket_) return {};
     const auto metadata = read_ouster_metadata(source_.metadata);
     if (!metadata) return metadata.error();
-    const auto sender = address_of(source_.sender);
+    const auto sender = sender_address(source_.sender);
     if (!sender) return sender.error();
     auto socket = UdpSocket::bind(
         {.address = source_.address, .port = static_cast<std::uint16_t>(source_.port)});
@@ -208,7 +201,7 @@ bool read_common_keys(yaml::MapReader& map, Source& source) {
                           {"reflectivity", GreySource::reflectivity},
                           {"none", GreySource::none}});
   if (map.text("sender", source.sender))
-    if (const auto address = address_of(source.sender); !address) {
+    if (const auto address = sender_address(source.sender); !address) {
       map.report.problem(map.line("sender"), "sender: " + address.error().message);
       return false;
     }
@@ -234,68 +227,6 @@ std::optional<OusterMetadata> metadata_of(yaml::MapReader& map, const std::files
 }
 
 }  // namespace
-
-ScanTime time_of(const LidarScan& scan) {
-  std::vector<std::uint64_t> times;
-  for (std::size_t column = 0; column < scan.valid.size(); ++column)
-    if (scan.valid[column]) times.push_back(scan.timestamp_ns[column]);
-  MR_ASSERT(!times.empty());
-  const auto middle = times.begin() + static_cast<std::ptrdiff_t>(times.size() / 2);
-  std::ranges::nth_element(times, middle);
-  // Columns that are stamped farther than a turn from most others are damaged.
-  constexpr std::uint64_t kTurn = 1'000'000'000;
-  const std::uint64_t most = *middle;
-  std::uint64_t first = most, last = most;
-  for (const std::uint64_t time : times) {
-    if (time > most ? time - most > kTurn : most - time > kTurn) continue;
-    first = std::min(first, time), last = std::max(last, time);
-  }
-  constexpr std::uint64_t kMost = std::uint64_t{1} << 61;  // sums stay in range
-  const auto point = [kMost](std::uint64_t ns) {
-    return TimePoint(Duration(static_cast<std::int64_t>(std::min(ns, kMost))));
-  };
-  return {point(first), point(last)};
-}
-
-std::string turn_mismatch(const OusterMetadata& metadata, const LidarScan& scan) {
-  const ScanTime time = time_of(scan);
-  const double columns = std::max(1, scan.valid_columns());
-  const double turn_s =
-      std::chrono::duration<double>(time.end - time.start).count() * metadata.width / columns;
-  const double stated_s = 1 / metadata.rate_hz;
-  // Of few columns the time between the first and the last says little.
-  if (columns < metadata.width / 2 || std::abs(turn_s - stated_s) < 0.2 * stated_s) return {};
-  return "a turn takes " + std::to_string(std::lround(turn_s * 1e3)) + " ms where mode " +
-         metadata.mode + " says " + std::to_string(std::lround(stated_s * 1e3)) +
-         " ms: is the metadata of this recording?";
-}
-
-Result<OusterRecording> OusterRecording::open(const std::filesystem::path& file,
-                                              const OusterMetadata& metadata,
-                                              const std::string& sender) {
-  const auto address = address_of(sender);
-  if (!address) return address.error();
-  auto reader = PcapReader::open(file);
-  if (!reader) return reader.error();
-  return OusterRecording(*std::move(reader), ScanAssembler(metadata, *address));
-}
-
-Result<std::optional<LidarScan>> OusterRecording::next() {
-  while (!ended_) {
-    std::optional<LidarScan> scan;
-    const auto datagram = reader_.next();
-    if (!datagram || !*datagram) {
-      if (!datagram) error_ = datagram.error();
-      ended_ = true;
-      scan = assembler_.flush();
-    } else {
-      scan = assembler_.accept((*datagram)->payload, (*datagram)->from.address);
-    }
-    if (scan && scan->valid_columns() > 0) return std::optional(*std::move(scan));
-  }
-  if (error_) return *std::exchange(error_, std::nullopt);
-  return std::optional<LidarScan>();
-}
 
 std::vector<std::string> OusterLiveSource::problems() const {
   return out_of_range({{"port", static_cast<double>(port), kPort}});
