@@ -2,9 +2,11 @@
 
 #include "commands.h"
 #include "mr/cli/command_line.h"
+#include "mr/kit/freed_memory.h"
 #include "version.h"
 
 int main(int argc, char** argv) {
+  mr::kit::keep_freed_memory();
   CLI::App app{
       "MeshReduce: live 3D capture with many depth sensors, as one streamed textured mesh.",
       "meshreduce"};

@@ -101,7 +101,8 @@ Result<AtlasCase> load_atlas_case(const std::string& name) {
   out.views = array_from<View>(made->at("views"));
   for (std::size_t v = 0; v < out.views.size(); ++v) {
     ImageRgb picture(out.views[v].width, out.views[v].height);
-    picture.data = array_from<std::uint8_t>(made->at("pictures").at(v));
+    const auto pixels = array_from<std::uint8_t>(made->at("pictures").at(v));
+    picture.data.assign(pixels.begin(), pixels.end());
     out.pictures.push_back(std::move(picture));
   }
   out.voxel_m = made->at("voxel_m"), out.error_m = made->at("error_m");

@@ -10,8 +10,8 @@
 namespace mr::bench {
 
 /// An array as a binary value of a message.
-template <typename T>
-Message binary(const std::vector<T>& values) {
+template <typename T, typename Allocator>
+Message binary(const std::vector<T, Allocator>& values) {
   static_assert(std::is_trivially_copyable_v<T>);
   std::vector<std::uint8_t> bytes(values.size() * sizeof(T));
   if (!bytes.empty()) std::memcpy(bytes.data(), values.data(), bytes.size());

@@ -122,7 +122,8 @@ FuseCase case_from(const Message& message) {
   out.T_world_camera = array_from<Pose>(message.at("pose")).at(0);
   const auto lengths = array_from<double>(message.at("lengths"));
   out.voxel_m = lengths.at(0), out.truncation_m = lengths.at(1), out.limit_m = lengths.at(2);
-  out.depth.data = array_from<float>(message.at("depth"));
+  const auto depth = array_from<float>(message.at("depth"));
+  out.depth.data.assign(depth.begin(), depth.end());
   out.truth = mesh_from(message.at("truth"));
   return out;
 }

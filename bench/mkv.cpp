@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "mr/core/parallel.h"
+#include "mr/kit/freed_memory.h"
 #include "mr/sensor/azure_kinect/captures.h"
 #include "mr/sensor/azure_kinect/source.h"
 #include "mr/sensor/timelines.h"
@@ -145,6 +146,14 @@ class DecodePictures final : public Work {
   int decoded_ = 0;
 };
 
+template <typename Reader>
+Contender contender(const std::string& name, const RecordingFile& file) {
+  return {name, 1, Message::object(), [&file] {
+            kit::keep_freed_memory();  // as `meshreduce` does
+            return std::make_unique<Reader>(file.path());
+          }};
+}
+
 std::vector<CaseInfo> mkv_cases() {
   return {{"synthetic", "60 captures: depth and infrared 640x576, MJPG 1280x720", true, ""}};
 }
@@ -163,10 +172,8 @@ Result<Report> run_mkv(const Request& request, cli::ProgressBar& bar) {
   if (!written) return written.error();
   if (const std::string error = (*written)["error"]; !error.empty())
     return Error{Error::Cause::io, error};
-  const std::vector<Contender> contenders{
-      {kOurs, 1, Message::object(), [&] { return std::make_unique<ReadMkv>(file.path()); }},
-      {kTurboJpeg, 1, Message::object(),
-       [&] { return std::make_unique<DecodePictures>(file.path()); }}};
+  const std::vector<Contender> contenders{contender<ReadMkv>(kOurs, file),
+                                          contender<DecodePictures>(kTurboJpeg, file)};
   const auto outcomes = race(contenders, {.runs = request.runs},
                              [&](std::size_t done, std::size_t of) { bar.show("mkv", done, of); });
   Report report{.stage = "mkv", .columns = {{"pictures", "color_pictures", 0}}};

@@ -31,7 +31,7 @@ TEST(Outline, PeopleStandOutFromTheRoom) {
   *room.at(3, 0) = 0;  // something before nothing
   *depth.at(4, 0) = 3.2f;
   const ImageMask people = people_mask(depth, room);
-  EXPECT_EQ(people.data, (std::vector<std::uint8_t>{1, 0, 0, 1, 0}));
+  EXPECT_EQ(people.data, (ImageMask::Values{1, 0, 0, 1, 0}));
 }
 
 TEST(Outline, GrowsByColumnsAndRows) {

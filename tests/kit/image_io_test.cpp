@@ -94,7 +94,7 @@ TEST(ImageIo, PgmHeadersMayHoldCommentsAndMustFitTheData) {
   const TempDir dir;
   const auto good = read_depth16(dir.write("a", "P5 # x\n2#y\n 1\t300\nABCD"));
   ASSERT_TRUE(good) << good.error().message;
-  EXPECT_EQ(good->data, (std::vector<std::uint16_t>{0x4142, 0x4344}));
+  EXPECT_EQ(good->data, (ImageDepth16::Values{0x4142, 0x4344}));
   for (const char* bad : {"P5 2 1 300\nABC", "P5 2 1 300\nABCDE", "P5 2 1 70000\nABCD",
                           "P5 2 1 0\nABCD", "P5 2 0 300\n", "P5 2 -1 300\nABCD", "P5 2", "P5",
                           "P5 2 1 300", "P5 9999999999 1 300\nAB", "P5 99999 99999 65535\n"})

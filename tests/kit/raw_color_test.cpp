@@ -85,7 +85,7 @@ TEST(RawColor, BgraIsTurnedAroundAndLosesItsLastByte) {
   const auto image =
       decode_raw_color(bytes_of({1, 2, 3, 99, 4, 5, 6, 99}), {RawColorFormat::bgra, 1, 2});
   ASSERT_TRUE(image) << image.error().message;
-  EXPECT_EQ(image->data, (std::vector<std::uint8_t>{3, 2, 1, 6, 5, 4}));
+  EXPECT_EQ(image->data, (ImageRgb::Values{3, 2, 1, 6, 5, 4}));
 }
 
 TEST(RawColor, GapsBetweenRowsAreSkipped) {

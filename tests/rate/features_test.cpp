@@ -156,9 +156,9 @@ TEST(DepthPlane, HolesTakeTheirNeighboursDepth) {
   depth.data = {0,    0,    1.5f,  //
                 0,    2.0f, -1,    //
                 kNan, 0,    3.0f};
-  const std::vector<float> expected{1500, 1500, 1500, 1500, 2000, 2000, 1500, 1500, 3000};
+  const ImageDepth::Values expected{1500, 1500, 1500, 1500, 2000, 2000, 1500, 1500, 3000};
   EXPECT_EQ(depth_plane(depth).data, expected);
-  EXPECT_EQ(depth_plane(ImageDepth(2, 1)).data, (std::vector<float>{0, 0}));
+  EXPECT_EQ(depth_plane(ImageDepth(2, 1)).data, (ImageDepth::Values{0, 0}));
 }
 
 TEST(DepthPlane, HolesInAWallAddNoEnergy) {

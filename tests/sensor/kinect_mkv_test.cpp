@@ -52,7 +52,7 @@ TEST(KinectMkv, ReadsTheGenuineRecording) {
   for (std::size_t i = 0; i < counts.size(); ++i) counts[i] = static_cast<float>(i);
   const auto depth = decode_counts((*capture)->depth->bytes, *captures.header().depth, counts);
   ASSERT_TRUE(depth);
-  std::vector<float> valid = depth->data;
+  ImageDepth::Values valid = depth->data;
   std::erase(valid, 0.0f);
   EXPECT_NEAR(100.0 * static_cast<double>(valid.size()) / (640 * 576), 76, 0.5);
   std::ranges::nth_element(valid, valid.begin() + static_cast<std::ptrdiff_t>(valid.size() / 2));

@@ -8,7 +8,7 @@
 namespace mr::test {
 namespace {
 
-std::vector<std::byte> compressed(const std::vector<std::uint8_t>& pixels, int width, int height,
+std::vector<std::byte> compressed(std::span<const std::uint8_t> pixels, int width, int height,
                                   TJPF format, TJSAMP chroma, int quality, int flags) {
   const tjhandle turbo = tjInitCompress();
   unsigned char* coded = nullptr;

@@ -26,9 +26,9 @@ bool plausible(const Mesh& mesh, const Scene& scene) {
 }
 
 /// A vector of numbers from a block of LZ4.
-template <typename T>
-Status unpack(std::span<const std::byte> packed, std::size_t count, std::vector<T>& out) {
-  if (!lz4_plausible(packed.size(), std::uint64_t{count} * sizeof(T)))
+template <typename Numbers>
+Status unpack(std::span<const std::byte> packed, std::size_t count, Numbers& out) {
+  if (!lz4_plausible(packed.size(), std::uint64_t{count} * sizeof(typename Numbers::value_type)))
     return corrupt("an LZ4 block of impossible size");
   out.resize(count);
   return lz4_decompress(packed, std::as_writable_bytes(std::span(out)));

@@ -4,24 +4,53 @@
 #include <array>
 #include <cstddef>
 #include <cstdint>
+#include <memory>
+#include <new>
+#include <utility>
 #include <vector>
 
 #include "mr/core/assert.h"
 
 namespace mr {
 
+/// For vectors of numbers: resize() leaves what it adds as it lies in memory.
+template <typename T>
+struct UnfilledAllocator : std::allocator<T> {
+  template <typename U>
+  struct rebind {
+    using other = UnfilledAllocator<U>;
+  };
+  template <typename U>
+  void construct(U* at) {
+    ::new (static_cast<void*>(at)) U;
+  }
+  template <typename U, typename... Args>
+  void construct(U* at, Args&&... args) {
+    std::construct_at(at, std::forward<Args>(args)...);
+  }
+};
+
 /// A picture: rows from top to bottom, channels interleaved, no padding.
 template <typename T, int kChannelCount>
 struct Image {
   using Value = T;
+  using Values = std::vector<T, UnfilledAllocator<T>>;
   static constexpr int kChannels = kChannelCount;
 
   int width = 0, height = 0;
-  std::vector<T> data;  ///< [height * width * channels]
+  Values data;  ///< [height * width * channels]
 
   Image() = default;
   Image(int w, int h, T fill = T{})
       : width(w), height(h), data(static_cast<std::size_t>(w) * h * kChannels, fill) {}
+
+  /// A picture whose pixels are yet to be written, all of them.
+  static Image unfilled(int w, int h) {
+    Image out;
+    out.width = w, out.height = h;
+    out.data.resize(static_cast<std::size_t>(w) * h * kChannels);
+    return out;
+  }
 
   bool empty() const { return data.empty(); }
   bool contains(int x, int y) const { return x >= 0 && y >= 0 && x < width && y < height; }

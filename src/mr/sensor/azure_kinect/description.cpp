@@ -79,7 +79,7 @@ void add_first_depth(const KinectPictures& depth, const KinectBlock& block, Reco
     out.notes.push_back("first depth picture: " + picture.error().message);
     return;
   }
-  std::vector<float>& values = picture->data;
+  ImageDepth::Values& values = picture->data;
   const auto pixels = static_cast<double>(values.size());
   std::erase(values, 0.0f);
   out.fields.push_back({"first_valid_ratio", static_cast<double>(values.size()) / pixels});

@@ -331,14 +331,12 @@ Status KinectRecording::seek(TimePoint at) {
 Result<ImageDepth> decode_counts(std::span<const std::byte> bytes, const KinectPictures& of,
                                  std::span<const float> table) {
   MR_ASSERT(table.size() == 65536);
-  ImageDepth out;
   const std::size_t pixels = static_cast<std::size_t>(of.width) * of.height;
   if (bytes.size() != 2 * pixels)
     return Error{Error::Cause::corrupt, "a picture of " + std::to_string(bytes.size()) +
                                             " bytes where " + std::to_string(2 * pixels) +
                                             " are wanted"};
-  out.width = of.width, out.height = of.height;
-  out.data.resize(pixels);
+  auto out = ImageDepth::unfilled(of.width, of.height);
   // A table of swapped counts would save the turn, but the counts of a scene, which lie close
   // together, would be spread over all of it.
   const bool is_native = of.little_endian == (std::endian::native == std::endian::little);

@@ -72,7 +72,7 @@ void add_metadata(const OusterMetadata& metadata, const std::filesystem::path& f
 }
 
 void add_first_scan(const LidarScan& scan, RecordingInfo& out) {
-  std::vector<std::uint32_t> ranges = scan.first.range_mm.data;
+  ImageId::Values ranges = scan.first.range_mm.data;
   const auto pixels = static_cast<double>(ranges.size());
   std::erase(ranges, 0u);
   out.fields.push_back({"first_valid_ratio", static_cast<double>(ranges.size()) / pixels});
