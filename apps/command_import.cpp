@@ -36,12 +36,12 @@ Result<sensor::ImportedScene> import_one(const std::filesystem::path& path) {
   const std::filesystem::path whole = whole_path(path);
   const sensor::RecordingFormat* format = sensor::recognize(whole);
   if (!format || !format->import)
-    return Error{Error::Cause::unsupported,
-                 in_quotes(path.string()) +
-                     (format ? " is of a format that makes no scene by itself (" +
-                                   std::string(format->name) + ")"
-                             : std::string(" is of no format that is known")) +
-                     "; can be imported: " + known_formats(true)};
+    return Error{
+        Error::Cause::unsupported,
+        (format ? in_quotes(path.string()) + " is of a format that makes no scene by itself (" +
+                      std::string(format->name) + ")"
+                : unknown_format(path)) +
+            "; can be imported: " + known_formats(true)};
   return format->import(whole);
 }
 

@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <nlohmann/json.hpp>
 
 #include "mr/core/user_text.h"
@@ -53,6 +54,20 @@ std::string known_formats(bool importable_only) {
   return out;
 }
 
+std::string unknown_format(const std::filesystem::path& path) {
+  std::vector<std::string> found;
+  std::error_code failed;
+  for (const auto& entry : std::filesystem::directory_iterator(path, failed))
+    if (const auto* format = sensor::recognize(entry.path()); format && format->import)
+      found.push_back(entry.path().filename().string());
+  if (found.empty()) return in_quotes(path.string()) + " is of no format that is known";
+  std::ranges::sort(found);
+  const std::string rest =
+      found.size() > 1 ? fmt::format(" (and {} more)", found.size() - 1) : std::string();
+  return in_quotes(path.string()) + " is a folder of recordings: name one, such as " +
+         in_quotes((path / found.front()).string()) + rest;
+}
+
 std::filesystem::path whole_path(const std::filesystem::path& path) {
   std::error_code failed;
   const auto whole = std::filesystem::canonical(path, failed);
@@ -72,9 +87,7 @@ int describe_recording(const std::filesystem::path& path, bool json) {
   if (!format && std::filesystem::is_regular_file(path / "scene.yaml", failed))
     return fail(in_quotes(path.string()) + " is the folder of a scene: meshreduce info " +
                 (path / "scene.yaml").string());
-  if (!format)
-    return fail(in_quotes(path.string()) +
-                " is of no format that is known: " + known_formats(false));
+  if (!format) return fail(unknown_format(path) + "; known: " + known_formats(false));
   const auto info = format->describe(whole_path(path));
   if (!info) return fail(info.error().message);
   fmt::print("{}",

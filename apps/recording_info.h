@@ -17,6 +17,9 @@ int describe_recording(const std::filesystem::path& path, bool json);
 /// "TUM RGB-D folder, ScanNet export, …": what can be described, or imported.
 std::string known_formats(bool importable_only);
 
+/// In one line, that a path is of no format, or that recordings lie in it.
+std::string unknown_format(const std::filesystem::path& path);
+
 /// A path without symbolic links and "..", if it is there.
 std::filesystem::path whole_path(const std::filesystem::path& path);
 

@@ -92,6 +92,18 @@ TEST_F(FolderFormats, OthersAreOfNone) {
   EXPECT_EQ(recognized("other/readme.txt"), "");
 }
 
+TEST_F(FolderFormats, AJsonOfADeviceThatIsDamagedIsNamed) {
+  const path kinect = dir_.write("a.json", "{\"CalibrationInformation\": 1}");
+  const path lidar = dir_.write("b.json", "{\"beam_altitude_angles\": 1}");
+  for (const path& file : {kinect, lidar}) {
+    ASSERT_TRUE(recognize(file));
+    const auto info = recognize(file)->describe(file);
+    ASSERT_FALSE(info);
+    EXPECT_THAT(info.error().message, testing::StartsWith(file.string() + ": "));
+  }
+  EXPECT_EQ(recognize(dir_.write("c.json", "{}")), nullptr);
+}
+
 TEST_F(FolderFormats, SevenScenes) {
   for (int i = 0; i < 3; ++i) {
     const std::string frame = "s/seq/frame-00000" + std::to_string(i);
@@ -383,6 +395,26 @@ TEST(RealFolders, AreDescribedRightly) {
   const path panorama = test::shared_data() / "equirect/examplepano.jpg";
   ASSERT_TRUE(recognize(panorama));
   EXPECT_EQ(recognize(panorama)->name, "equirectangular picture");
+}
+
+TEST(RealFiles, OfADeviceAloneAreDescribed) {
+  const path data = test::shared_data();
+  if (!std::filesystem::exists(data / "ouster") ||
+      !std::filesystem::exists(data / "azure_kinect_mkv"))
+    GTEST_SKIP() << "no recordings at " << data << " (set MR_DATA)";
+  const auto described = [](const path& file) {
+    const RecordingFormat* format = recognize(file);
+    if (!format) return Result<RecordingInfo>(Error{Error::Cause::unsupported, file.string()});
+    EXPECT_EQ(format->import, nullptr);
+    return format->describe(file);
+  };
+  const auto kinect = described(data / "azure_kinect_mkv/calibration.json");
+  ASSERT_TRUE(kinect) << kinect.error().message;
+  EXPECT_EQ(text_of(*kinect, "depth_fx_fy_cx_cy").substr(0, 7), "{ 504.6");
+  const auto lidar = described(data / "ouster/OS-1-128_v2.3.0_1024x10.json");
+  ASSERT_TRUE(lidar) << lidar.error().message;
+  EXPECT_EQ(text_of(*lidar, "profile"), "RNG15_RFL8_NIR8");
+  EXPECT_EQ(recognize(data / "ouster/OS-2-32-U0_v2.0.0_1024x10_digest.json"), nullptr);
 }
 
 }  // namespace

@@ -41,6 +41,9 @@ constexpr RecordingFormat kFormats[] = {
     folder_format<open_depth_views>("folder of still depth views", is_depth_views),
     {"cwipc recording", is_cwipc, describe_cwipc, import_cwipc},
     {"ScanNet .sens file", is_sens, describe_sens, nullptr},
+    {"Azure Kinect calibration (.json)", is_kinect_calibration, describe_kinect_calibration,
+     nullptr},
+    {"Ouster metadata (.json)", is_ouster_metadata, describe_ouster_metadata, nullptr},
     {"equirectangular picture", is_equirectangular, describe_equirectangular, nullptr},
 };
 

@@ -10,6 +10,7 @@
 #include "mr/sensor/azure_kinect/source.h"
 #include "mr/sensor/depth_to_color.h"
 #include "mr/sensor/folders/picture_folder.h"
+#include "mr/sensor/folders/text_lines.h"
 #include "mr/yaml/flow_text.h"
 
 namespace mr::sensor {
@@ -51,6 +52,14 @@ void add_times(const KinectHeader& header, RecordingInfo& out) {
 
 std::vector<double> intrinsics(const Camera& c) { return {c.fx, c.fy, c.cx, c.cy}; }
 
+void add_intrinsics(const SourceCameras& cameras, RecordingInfo& out) {
+  out.fields.push_back({"depth_fx_fy_cx_cy", intrinsics(cameras.depth), "px"});
+  if (!cameras.color) return;
+  out.fields.push_back({"color_fx_fy_cx_cy", intrinsics(*cameras.color), "px"});
+  const Vec3d t = cameras.T_color_depth.translation;
+  out.fields.push_back({"color_from_depth", std::vector<double>{t.x, t.y, t.z}, "m"});
+}
+
 void add_cameras(const KinectHeader& header, const std::filesystem::path& file,
                  RecordingInfo& out) {
   const auto cameras = kinect_cameras(header, file, {});
@@ -58,11 +67,7 @@ void add_cameras(const KinectHeader& header, const std::filesystem::path& file,
     out.notes.push_back(cameras.error().message);
     return;
   }
-  out.fields.push_back({"depth_fx_fy_cx_cy", intrinsics(cameras->depth), "px"});
-  if (!cameras->color) return;
-  out.fields.push_back({"color_fx_fy_cx_cy", intrinsics(*cameras->color), "px"});
-  const Vec3d t = cameras->T_color_depth.translation;
-  out.fields.push_back({"color_from_depth", std::vector<double>{t.x, t.y, t.z}, "m"});
+  add_intrinsics(*cameras, out);
 }
 
 /// Metres.
@@ -213,6 +218,38 @@ Result<ImportedScene> import_kinect_mkv(const std::filesystem::path& path) {
   out.notes = header.notes;
   if ((out.up = up_of(*recording)))
     out.notes.push_back("up is what the accelerometer measures at the beginning");
+  return out;
+}
+
+bool is_kinect_calibration(const std::filesystem::path& path) {
+  return is_json_with_key(path, "CalibrationInformation");
+}
+
+Result<RecordingInfo> describe_kinect_calibration(const std::filesystem::path& path) {
+  const auto in_file = [&](const Error& error) {
+    return Error{error.cause, path.string() + ": " + error.message};
+  };
+  const auto text = read_text_file(path, kMostKinectCalibrationBytes);
+  if (!text) return text.error();
+  const auto calibration = parse_kinect_calibration(*text);
+  if (!calibration) return in_file(calibration.error());
+  const auto depth = depth_camera(*calibration, *find_depth_mode("NFOV_UNBINNED"));
+  if (!depth) return in_file(depth.error());
+  SourceCameras cameras;
+  cameras.depth = *depth;
+  if (calibration->color) {
+    const auto color = color_camera(*calibration, *find_color_mode("720P"));
+    if (!color) return in_file(color.error());
+    cameras.color = *color;
+    cameras.T_color_depth = T_color_depth(*calibration);
+  }
+  RecordingInfo out;
+  out.format = "Azure Kinect calibration (JSON)";
+  if (!calibration->serial.empty()) out.fields.push_back({"serial", calibration->serial});
+  out.fields.push_back({"depth_mode", std::string("NFOV_UNBINNED")});
+  if (cameras.color) out.fields.push_back({"color_mode", std::string("720P")});
+  add_intrinsics(cameras, out);
+  out.notes.push_back("the cameras of two modes, for example; a recording (.mkv) holds pictures");
   return out;
 }
 

@@ -44,6 +44,9 @@ SourceKeys read_kinect_mkv(yaml::MapReader& map, const std::string& key);
 bool is_kinect_mkv(const std::filesystem::path& path);
 Result<RecordingInfo> describe_kinect_mkv(const std::filesystem::path& path);
 Result<ImportedScene> import_kinect_mkv(const std::filesystem::path& path);
+/// The same for a device's calibration (.json), which makes no scene by itself.
+bool is_kinect_calibration(const std::filesystem::path& path);
+Result<RecordingInfo> describe_kinect_calibration(const std::filesystem::path& path);
 
 struct KinectHeader;
 /// The cameras of a recording: by the calibration in `calibration`, or where that is empty by its

@@ -101,4 +101,10 @@ Result<std::string> read_text_file(const std::filesystem::path& file, std::size_
   return std::string(reinterpret_cast<const char*>(bytes->data()), bytes->size());
 }
 
+bool is_json_with_key(const std::filesystem::path& file, std::string_view key) {
+  if (file.extension() != ".json") return false;
+  const auto text = read_text_file(file, std::size_t{1} << 20);
+  return text && text->find('"' + std::string(key) + '"') != std::string::npos;
+}
+
 }  // namespace mr::sensor

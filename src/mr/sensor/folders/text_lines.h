@@ -41,4 +41,8 @@ std::optional<TimePoint> time_of_seconds(std::string_view word);
 Result<std::string> read_text_file(const std::filesystem::path& file,
                                    std::size_t max_bytes = std::size_t{64} << 20);
 
+/// Whether a .json file of up to 1 MiB has a key of this name, somewhere: enough to tell whose it
+/// is.
+bool is_json_with_key(const std::filesystem::path& file, std::string_view key);
+
 }  // namespace mr::sensor

@@ -4,6 +4,7 @@
 #include <numbers>
 
 #include "mr/sensor/folders/picture_folder.h"
+#include "mr/sensor/folders/text_lines.h"
 #include "mr/sensor/ouster/recording.h"
 #include "mr/sensor/ouster/source.h"
 #include "mr/yaml/flow_text.h"
@@ -167,6 +168,20 @@ Result<ImportedScene> import_ouster_pcap(const std::filesystem::path& path) {
   sensor.comments.push_back(metadata->product + " " + metadata->serial +
                             "; the world is the sensor's frame: x ahead, y left, z up");
   out.sensors.push_back(std::move(sensor));
+  return out;
+}
+
+bool is_ouster_metadata(const std::filesystem::path& path) {
+  return is_json_with_key(path, "beam_altitude_angles");
+}
+
+Result<RecordingInfo> describe_ouster_metadata(const std::filesystem::path& path) {
+  const auto metadata = read_ouster_metadata(path);
+  if (!metadata) return metadata.error();
+  RecordingInfo out;
+  out.format = "Ouster metadata (JSON)";
+  add_metadata(*metadata, path, out);
+  out.notes.push_back("it belongs to a recording (.pcap), or to a sensor that sends");
   return out;
 }
 

@@ -68,5 +68,8 @@ SourceKeys read_ouster_live(yaml::MapReader& map, const std::string& key);
 bool is_ouster_pcap(const std::filesystem::path& path);
 Result<RecordingInfo> describe_ouster_pcap(const std::filesystem::path& path);
 Result<ImportedScene> import_ouster_pcap(const std::filesystem::path& path);
+/// The same for a sensor's metadata (.json), which makes no scene by itself.
+bool is_ouster_metadata(const std::filesystem::path& path);
+Result<RecordingInfo> describe_ouster_metadata(const std::filesystem::path& path);
 
 }  // namespace mr::sensor
