@@ -198,6 +198,29 @@ TEST(RealSenseBag, PicturesOfATurnedColorCameraLieOnDepth) {
   }
 }
 
+TEST(RealSenseBag, TransformsAreFromTheReferenceOfTheirGroup) {
+  RealSenseMade of = made();
+  of.quaternion = {0, 0, std::sqrt(0.5), std::sqrt(0.5)};  // x becomes y
+  const auto transform = [](double x) {
+    RosWriter out;
+    for (const double v : {x, 0., 0., 0., 0., 0., 1.}) out.put(v);
+    return out.out;
+  };
+  const TempDir dir;
+  for (const char* group : {"0", "1"}) {
+    RealSenseBag bag(of);
+    bag.bag.message(std::string(RealSenseBag::kDepth) + "/tf/" + group, "geometry_msgs/Transform",
+                    {}, transform(0.1));
+    bag.depth(5s, counts(600)), bag.color(5s, pixels(0));
+    const RealSenseHeader header = header_of(write(dir, "a.bag", bag.bag.close()));
+    const Vec3d t = header.T_color_depth.translation;
+    const bool is_one = std::string_view(group) == "0";
+    EXPECT_NEAR(t.x, is_one ? 0.015 : 0, 1e-9);
+    EXPECT_NEAR(t.y, is_one ? 0.0002 - 0.1 : 0, 1e-9);
+    EXPECT_EQ(header.notes.size(), is_one ? 0u : 1u) << "groups that have nothing in common";
+  }
+}
+
 TEST(RealSenseBag, FindsTheUnitOfDepth) {
   const TempDir dir;
   const auto unit = [&](const RealSenseMade& of) {
