@@ -29,7 +29,7 @@ void as_jpeg(std::span<const std::byte> bytes) {
 void as_raw(std::span<const std::byte> bytes) {
   if (bytes.size() < 4) return;
   const auto byte = [&](int i) { return std::to_integer<int>(bytes[static_cast<std::size_t>(i)]); };
-  const auto format = static_cast<mr::kit::RawColorFormat>(byte(0) % 3);
+  const auto format = static_cast<mr::kit::RawColorFormat>(byte(0) % 7);
   const mr::kit::RawColorLayout layout{format, byte(1), byte(2), byte(3) - 1};
   const auto picture = mr::kit::decode_raw_color(bytes.subspan(4), layout);
   if (picture) check(picture->width == layout.width && picture->height == layout.height);

@@ -88,8 +88,24 @@ TEST(RawColor, BgraIsTurnedAroundAndLosesItsLastByte) {
   EXPECT_EQ(image->data, (ImageRgb::Values{3, 2, 1, 6, 5, 4}));
 }
 
+TEST(RawColor, OrdersOfChannelsAreToldApart) {
+  const auto decoded = [](RawColorFormat format, const std::vector<int>& bytes) {
+    const auto image = decode_raw_color(bytes_of(bytes), {format, 2, 1});
+    return image ? image->data : std::vector<std::uint8_t>();
+  };
+  const std::vector<std::uint8_t> right{1, 2, 3, 4, 5, 6};
+  EXPECT_EQ(decoded(RawColorFormat::rgb, {1, 2, 3, 4, 5, 6}), right);
+  EXPECT_EQ(decoded(RawColorFormat::bgr, {3, 2, 1, 6, 5, 4}), right);
+  EXPECT_EQ(decoded(RawColorFormat::rgba, {1, 2, 3, 99, 4, 5, 6, 99}), right);
+  EXPECT_EQ(decoded(RawColorFormat::uyvy, {90, 40, 200, 60}),
+            decoded(RawColorFormat::yuy2, {40, 90, 60, 200}));
+  EXPECT_FALSE(decoded(RawColorFormat::uyvy, {90, 40, 200, 60}).empty());
+}
+
 TEST(RawColor, GapsBetweenRowsAreSkipped) {
-  for (const auto format : {RawColorFormat::nv12, RawColorFormat::yuy2, RawColorFormat::bgra}) {
+  for (const auto format :
+       {RawColorFormat::nv12, RawColorFormat::yuy2, RawColorFormat::bgra, RawColorFormat::uyvy,
+        RawColorFormat::rgb, RawColorFormat::bgr, RawColorFormat::rgba}) {
     const RawColorLayout tight{format, 6, 4};
     const int row = tight_stride_bytes(tight), stride = row + 5;
     const int rows = format == RawColorFormat::nv12 ? 6 : 4;
@@ -127,6 +143,7 @@ TEST(RawColor, WrongSizesAreErrors) {
   for (const RawColorLayout& bad : {RawColorLayout{RawColorFormat::nv12, 3, 4},
                                     {RawColorFormat::nv12, 4, 3},
                                     {RawColorFormat::yuy2, 3, 4},
+                                    {RawColorFormat::uyvy, 3, 4},
                                     {RawColorFormat::bgra, 0, 4},
                                     {RawColorFormat::bgra, 4, -1},
                                     {RawColorFormat::bgra, 4, 4, 15},

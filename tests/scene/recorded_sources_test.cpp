@@ -10,6 +10,7 @@
 #include "mr/sensor/ouster/source.h"
 #include "mr/sensor/timelines.h"
 #include "support/ouster_packets.h"
+#include "support/realsense_bag.h"
 
 /// Sources that tell their own cameras, from the keys of a scene file to frames.
 namespace mr {
@@ -136,6 +137,69 @@ TEST(RecordedSources, OusterMistakesAreOneLineEach) {
   EXPECT_NE(first("{type: ouster-pcap, file: turns.pcap, metadata: turns.json, sender: me}")
                 .find("sender"),
             std::string::npos);
+}
+
+// --- RealSense
+
+/// Two captures of 64x48 pixels of depth, 1500 counts, and 96x64 of colour.
+test::RealSenseMade realsense() {
+  test::RealSenseMade made;
+  made.depth_camera.width = 64, made.depth_camera.height = 48;
+  made.depth_camera.fx = made.depth_camera.fy = 60;
+  made.depth_camera.cx = 32, made.depth_camera.cy = 24;
+  made.color_camera = made.depth_camera;
+  made.color_camera.width = 96;
+  made.T_color_depth.translation = {0.015, 0, 0};
+  return made;
+}
+
+void write_bag(const TempDir& dir, const test::RealSenseMade& made) {
+  test::RealSenseBag bag(made);
+  for (const Duration at : {5000ms, 5100ms}) {
+    bag.depth(at, std::vector<std::uint16_t>(64 * 48, 1500));
+    bag.color(at, Bytes(96 * 48 * 3, std::byte{77}));
+  }
+  dir.write("rs.bag", text_of(bag.bag.close()));
+}
+
+TEST(RecordedSources, ARealSenseRecordingNeedsNoCameras) {
+  const TempDir dir;
+  write_bag(dir, realsense());
+  const SceneResult result =
+      scene_with("{type: realsense-bag, file: rs.bag, depth_unit_m: 0.002}", dir);
+  ASSERT_TRUE(result.problems.empty()) << problems_of(result);
+  const SensorConfig& sensor = result.scene.sensors[0];
+  EXPECT_EQ(sensor.depth_camera, realsense().depth_camera);
+  EXPECT_EQ(sensor.color_camera, realsense().color_camera);
+  EXPECT_EQ(sensor.T_color_depth.translation.x, 0.015);
+  const auto source = open(result.scene);
+  for (int i = 0; i < 2; ++i) {
+    const auto frame = source->next();
+    ASSERT_TRUE(frame && *frame) << frame.error().message;
+    EXPECT_EQ((*frame)->captured_at(), TimePoint(i * 100ms));
+    EXPECT_EQ((*frame)->depth.data[0], 3.0f);
+    EXPECT_EQ((*frame)->color.data[0], 77);
+  }
+}
+
+TEST(RecordedSources, ALensThatIsNotReadHasToBeStated) {
+  const TempDir dir;
+  test::RealSenseMade made = realsense();
+  made.color_model = "Ftheta";
+  write_bag(dir, made);
+  const std::string source = "{type: realsense-bag, file: rs.bag}";
+  EXPECT_NE(problems_of(scene_with(source, dir)).find("or state color_camera in the scene"),
+            std::string::npos)
+      << problems_of(scene_with(source, dir));
+  const SceneResult stated = scene_with(
+      source, dir, "    color_camera: {size: [96, 48], fx: 50, fy: 50, cx: 48, cy: 24}\n");
+  ASSERT_TRUE(stated.problems.empty()) << problems_of(stated);
+  EXPECT_EQ(stated.scene.sensors[0].T_color_depth.translation.x, 0.015);
+  const auto frame = open(stated.scene)->next();
+  ASSERT_TRUE(frame && *frame) << frame.error().message;
+  EXPECT_FALSE((*frame)->color.empty());
+  dir.write("rs.bag", "nothing");
+  EXPECT_NE(problems_of(scene_with(source, dir)).find("rs.bag: no ROS bag"), std::string::npos);
 }
 
 // --- a LiDAR with a 360-degree camera

@@ -206,6 +206,9 @@ sensors:
       color:
         device: {path: /dev/video0, size: [2048, 1024], format: yuyv, fps: 15, exposure_us: 10000, gain: 10, white_balance_k: 4500}
     T_world_depth: [1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1]
+  - id: i
+    source: {type: realsense-bag, file: realsense.bag, depth_unit_m: 0.002, loop: true}
+    T_world_depth: [1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1]
   - id: g
     source: {type: rgbd-images, depth: [d0.png, d1.png], times: times.txt}
     depth_camera: {size: [640, 480], fx: 585, fy: 585, cx: 320, cy: 240}
@@ -293,6 +296,7 @@ class SceneSchema : public testing::Test {
   void write_recordings() {
     test::write_kinect_recording(dir_ / "kinect.mkv", dir_ / "calibration.json");
     test::write_ouster_recording(dir_ / "turns.pcap", dir_ / "turns.json");
+    test::write_realsense_recording(dir_ / "realsense.bag");
     ASSERT_TRUE(kit::write_png(dir_ / "sphere.png", ImageRgb(64, 32)).ok());
     test::write_video(dir_ / "film.mp4", std::vector<ImageRgb>(3, ImageRgb(64, 32)), {});
     dir_.write("times.txt", "0.0\n0.1\n");

@@ -51,7 +51,7 @@ sensors:
     T_world_depth: {file: pose.txt}
     depth_range_m: [5, 0.3]
   - id: a
-    source: {type: realsense-bag, file: x.bag}
+    source: {type: realsense-db3, file: x.db3}
     depth_camera: {size: [640, 480], fx: 585, fy: 585, cx: 700, cy: 240}
 mergers:
   - {id: root, inputs: [a, ghost]}
@@ -78,7 +78,7 @@ merge:
       {22, "near less than far"},
       {23, "id 'a' is used twice (first in line 9)"},
       {23, "lacks the key 'T_world_depth'"},
-      {24, "source type 'realsense-bag' is not supported by this version; supported: rgbd-images"},
+      {24, "source type 'realsense-db3' is not supported by this version; supported: rgbd-images"},
       {25, "principal point"},
       {27, "'ghost', which is no sensor and no merger"},
       {28, "texture_qp must be between 0 and 51"},

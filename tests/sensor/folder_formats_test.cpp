@@ -267,7 +267,8 @@ TEST_F(FolderFormats, Cwipc) {
         {"serial": "A1", "filename": "a.mkv", "trafo": [[1,0,0,0.5],[0,1,0,0],[0,0,1,2],[0,0,0,1]]},
         {"serial": "B2", "disabled": true, "filename": "b.mkv"},
         {"serial": "C3"},
-        {"serial": "D4", "filename": "d.bag", "playback_inpoint_micros": 7}],)" +
+        {"serial": "D4", "type": "realsense_playback", "playback_inpoint_micros": 7},
+        {"serial": "E5", "type": "orbbec_playback", "filename": "e.bag"}],)" +
            extra + "}";
   };
   dir_.write("cw/a.mkv", "x");
@@ -276,16 +277,19 @@ TEST_F(FolderFormats, Cwipc) {
   EXPECT_EQ(recognized("cw"), "cwipc recording");
   const RecordingInfo info = described("cw");
   EXPECT_EQ(text_of(info, "sync_master"), "A1");
-  EXPECT_EQ(text_of(info, "cameras"), "4");
+  EXPECT_EQ(text_of(info, "cameras"), "5");
   EXPECT_THAT(info.notes, AllOf(Contains(HasSubstr("'B2' is disabled")),
                                 Contains(AllOf(HasSubstr("'C3'"), HasSubstr("cw/C3.mkv"))),
-                                Contains(AllOf(HasSubstr("'D4'"), HasSubstr("not supported")))));
+                                Contains(AllOf(HasSubstr("'D4'"), HasSubstr("cw/D4.bag"))),
+                                Contains(AllOf(HasSubstr("'E5'"), HasSubstr("not supported")))));
   dir_.write("cw/cameraconfig.json", config(R"("sync": {"sync_master_serial": "C3"})"));
   EXPECT_EQ(text_of(described("cw"), "sync_master"), "C3");
 
   const ImportedScene scene = imported("cw");
-  ASSERT_EQ(scene.sensors.size(), 2u);
+  ASSERT_EQ(scene.sensors.size(), 3u);
   EXPECT_EQ(scene.sensors[0].id, "A1");
+  EXPECT_THAT(scene.sensors[2].source,
+              AllOf(HasSubstr("{type: realsense-bag, file: \""), HasSubstr("cw/D4.bag")));
   EXPECT_THAT(scene.sensors[0].source,
               AllOf(HasSubstr("{type: azure-kinect-mkv, file: \""), HasSubstr("cw/a.mkv")));
   EXPECT_EQ(scene.sensors[0].T_world_depth, "[1, 0, 0, 0.5, 0, 1, 0, 0, 0, 0, 1, 2, 0, 0, 0, 1]");

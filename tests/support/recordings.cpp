@@ -5,6 +5,7 @@
 #include "mr/core/file.h"
 #include "mr/synth/mkv_recording.h"
 #include "support/ouster_packets.h"
+#include "support/realsense_bag.h"
 
 namespace mr::test {
 namespace {
@@ -60,6 +61,18 @@ void write_ouster_recording(const std::filesystem::path& pcap,
     }
   need(write_file(pcap, pcap_file(frames)));
   need(write_file(metadata, ouster_json(about)));
+}
+
+void write_realsense_recording(const std::filesystem::path& bag) {
+  RealSenseMade made;
+  made.depth_camera = pinhole(64, 48, 60), made.color_camera = pinhole(96, 64, 80);
+  RealSenseBag recording(made);
+  for (int i = 0; i < 2; ++i) {
+    const Duration at = std::chrono::seconds(5) + i * std::chrono::microseconds(33'333);
+    recording.depth(at, std::vector<std::uint16_t>(64 * 48, 1500));
+    recording.color(at, Bytes(96 * 64 * 3, std::byte{100}));
+  }
+  need(write_file(bag, recording.bag.close()));
 }
 
 }  // namespace mr::test

@@ -13,4 +13,7 @@ void write_kinect_recording(const std::filesystem::path& mkv,
 void write_ouster_recording(const std::filesystem::path& pcap,
                             const std::filesystem::path& metadata);
 
+/// Two captures of a RealSense: depth 64x48, rgb8 96x64.
+void write_realsense_recording(const std::filesystem::path& bag);
+
 }  // namespace mr::test

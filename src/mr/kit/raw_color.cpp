@@ -51,15 +51,45 @@ void yuy2_row(const std::uint8_t* from, int width, std::uint8_t* rgb) {
     pair_to_rgb(from[0], from[2], from[1], from[3], rgb + 3 * x);
 }
 
-void bgra_row(const std::uint8_t* from, int width, std::uint8_t* rgb) {
-  for (int x = 0; x < width; ++x, from += 4, rgb += 3) {
-    const std::uint8_t blue = from[0], green = from[1], red = from[2];
-    rgb[0] = red, rgb[1] = green, rgb[2] = blue;
+void uyvy_row(const std::uint8_t* from, int width, std::uint8_t* rgb) {
+  for (int x = 0; x < width; x += 2, from += 4)
+    pair_to_rgb(from[1], from[3], from[0], from[2], rgb + 3 * x);
+}
+
+/// Pixels of `bytes` bytes; red and blue are the first and the third, or the third and the first.
+template <int bytes, bool blue_first>
+void rgb_row(const std::uint8_t* from, int width, std::uint8_t* rgb) {
+  for (int x = 0; x < width; ++x, from += bytes, rgb += 3) {
+    const std::uint8_t first = from[0], green = from[1], third = from[2];
+    rgb[0] = blue_first ? third : first, rgb[1] = green, rgb[2] = blue_first ? first : third;
   }
 }
 
+/// Converts a row of any format but nv12.
+void packed_row(RawColorFormat format, const std::uint8_t* from, int width, std::uint8_t* rgb) {
+  switch (format) {
+    case RawColorFormat::yuy2:
+      return yuy2_row(from, width, rgb);
+    case RawColorFormat::uyvy:
+      return uyvy_row(from, width, rgb);
+    case RawColorFormat::rgb:
+      return rgb_row<3, false>(from, width, rgb);
+    case RawColorFormat::bgr:
+      return rgb_row<3, true>(from, width, rgb);
+    case RawColorFormat::rgba:
+      return rgb_row<4, false>(from, width, rgb);
+    default:
+      return rgb_row<4, true>(from, width, rgb);
+  }
+}
+
+bool shares_chroma(RawColorFormat format) {
+  return format == RawColorFormat::nv12 || format == RawColorFormat::yuy2 ||
+         format == RawColorFormat::uyvy;
+}
+
 const char* name_of(RawColorFormat format) {
-  constexpr const char* kNames[] = {"NV12", "YUY2", "BGRA"};
+  constexpr const char* kNames[] = {"NV12", "YUY2", "BGRA", "UYVY", "RGB", "BGR", "RGBA"};
   return kNames[static_cast<int>(format)];
 }
 
@@ -83,7 +113,7 @@ Status check_layout(const RawColorLayout& l, int stride, std::size_t byte_count)
 }  // namespace
 
 int tight_stride_bytes(const RawColorLayout& layout) {
-  constexpr int kBytes[] = {1, 2, 4};
+  constexpr int kBytes[] = {1, 2, 4, 2, 3, 3, 4};
   return layout.width * kBytes[static_cast<int>(layout.format)];
 }
 
@@ -93,7 +123,7 @@ Result<ImageRgb> decode_raw_color(std::span<const std::byte> bytes, const RawCol
     return Error{Error::Cause::invalid, "a " + described(layout) + " is empty"};
   if (const auto fits = within_image_limits(width, height); !fits) return fits.error();
   const bool nv12 = layout.format == RawColorFormat::nv12;
-  if ((layout.format != RawColorFormat::bgra && width % 2 != 0) || (nv12 && height % 2 != 0))
+  if ((shares_chroma(layout.format) && width % 2 != 0) || (nv12 && height % 2 != 0))
     return Error{Error::Cause::invalid, "a " + described(layout) + " must have even sides"};
   const int tight = tight_stride_bytes(layout);
   const int stride = layout.stride_bytes == 0 ? tight : layout.stride_bytes;
@@ -109,10 +139,8 @@ Result<ImageRgb> decode_raw_color(std::span<const std::byte> bytes, const RawCol
       std::uint8_t* const rgb = out.row(static_cast<int>(y));
       if (nv12)
         nv12_row(row(y), row(height + y / 2), width, rgb);
-      else if (layout.format == RawColorFormat::yuy2)
-        yuy2_row(row(y), width, rgb);
       else
-        bgra_row(row(y), width, rgb);
+        packed_row(layout.format, row(y), width, rgb);
     }
   });
   return out;

@@ -8,21 +8,25 @@
 
 namespace mr::kit {
 
-/// Layouts of uncoded colour pictures, as cameras and the Azure Kinect's recordings name them.
+/// Layouts of uncoded colour pictures, as cameras and recordings name them.
 enum class RawColorFormat {
   nv12,  ///< rows of Y, then half as many rows of Cb Cr pairs, each for 2x2 pixels
   yuy2,  ///< Y0 Cb Y1 Cr for two pixels of a row
   bgra,  ///< blue, green, red and an ignored byte
+  uyvy,  ///< Cb Y0 Cr Y1 for two pixels of a row
+  rgb,   ///< red, green, blue
+  bgr,   ///< blue, green, red
+  rgba,  ///< red, green, blue and an ignored byte
 };
 
-/// A picture of `width` x `height` pixels; Y Cb Cr has even sides (yuy2: an even width).
+/// A picture of `width` x `height` pixels; Y Cb Cr has even sides (yuy2, uyvy: an even width).
 struct RawColorLayout {
   RawColorFormat format = RawColorFormat::nv12;
   int width = 0, height = 0;
   int stride_bytes = 0;  ///< from row to row; 0: rows without gaps
 };
 
-/// Bytes from row to row where there are no gaps: width, 2 width or 4 width.
+/// Bytes from row to row where there are no gaps: 1 to 4 times the width.
 int tight_stride_bytes(const RawColorLayout& layout);
 
 /// Converts to RGB. Y Cb Cr is BT.601, limited range (Y 16..235, Cb and Cr 16..240), a chroma

@@ -3,6 +3,7 @@
 #include "mr/sensor/azure_kinect/source.h"
 #include "mr/sensor/folders/folder_formats.h"
 #include "mr/sensor/ouster/source.h"
+#include "mr/sensor/realsense/source.h"
 
 namespace mr::sensor {
 namespace {
@@ -32,6 +33,7 @@ constexpr RecordingFormat folder_format(std::string_view name, bool (*recognizes
 
 constexpr RecordingFormat kFormats[] = {
     {"Azure Kinect recording (.mkv)", is_kinect_mkv, describe_kinect_mkv, import_kinect_mkv},
+    {"RealSense recording (.bag)", is_realsense_bag, describe_realsense_bag, import_realsense_bag},
     {"Ouster recording (.pcap)", is_ouster_pcap, describe_ouster_pcap, import_ouster_pcap},
     folder_format<open_tum_recording>("TUM RGB-D folder", is_tum),
     folder_format<open_seven_scenes>("7-Scenes or 3DMatch folder", is_seven_scenes),

@@ -8,6 +8,7 @@
 #include "mr/sensor/k4a/k4a_source.h"
 #include "mr/sensor/lidar_360/source.h"
 #include "mr/sensor/ouster/source.h"
+#include "mr/sensor/realsense/source.h"
 #include "mr/sensor/rgbd_images.h"
 
 namespace mr::sensor {
@@ -17,6 +18,7 @@ constexpr SourceType kSourceTypes[] = {
     {RgbdImagesSource::kType, read_rgbd_images, open_rgbd_images},
     {TumSource::kType, read_tum, open_tum},
     {KinectMkvSource::kType, read_kinect_mkv, open_kinect_mkv},
+    {RealSenseBagSource::kType, read_realsense_bag, open_realsense_bag},
     {OusterPcapSource::kType, read_ouster_pcap, open_ouster_pcap},
     {OusterLiveSource::kType, read_ouster_live, open_ouster_live},
     {Lidar360Source::kType, read_lidar_360, open_lidar_360},

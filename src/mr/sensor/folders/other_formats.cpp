@@ -8,14 +8,17 @@
 #include <optional>
 #include <set>
 #include <string>
+#include <string_view>
 #include <utility>
 #include <vector>
 
 #include "mr/core/user_text.h"
 #include "mr/kit/image_io.h"
+#include "mr/sensor/azure_kinect/source.h"
 #include "mr/sensor/folders/camera_files.h"
 #include "mr/sensor/folders/folder_formats.h"
 #include "mr/sensor/folders/text_lines.h"
+#include "mr/sensor/realsense/source.h"
 #include "mr/yaml/flow_text.h"
 
 namespace mr::sensor {
@@ -32,10 +35,17 @@ Result<CwipcConfig> read_cwipc(const path& folder) {
 
 /// The recording of a camera; cwipc names it by the serial number where the config does not.
 path recording_of(const path& folder, const CwipcConfig::Camera& camera) {
-  return folder / (camera.file.empty() ? camera.serial + ".mkv" : camera.file);
+  const char* const ending = camera.type.starts_with("realsense") ? ".bag" : ".mkv";
+  return folder / (camera.file.empty() ? camera.serial + ending : camera.file);
 }
 
-bool is_mkv(const path& file) { return file.extension() == ".mkv"; }
+/// The type of source that reads a camera's recording; empty: none does. Orbbec's SDK records bags,
+/// too, of other topics.
+std::string_view source_type_of(const path& file, const CwipcConfig::Camera& camera) {
+  if (file.extension() == ".mkv") return KinectMkvSource::kType;
+  const bool is_orbbec = camera.type.starts_with("orbbec");
+  return file.extension() == ".bag" && !is_orbbec ? RealSenseBagSource::kType : "";
+}
 
 /// What is unusual about a recording of cwipc.
 std::vector<std::string> cwipc_notes(const path& folder, const CwipcConfig& config) {
@@ -46,7 +56,7 @@ std::vector<std::string> cwipc_notes(const path& folder, const CwipcConfig& conf
     std::error_code failed;
     if (camera.is_disabled)
       out.push_back(name + "is disabled and left out");
-    else if (!is_mkv(file))
+    else if (source_type_of(file, camera).empty())
       out.push_back(name + "is recorded as " + in_quotes(file.filename().string()) +
                     ", which is not supported: left out");
     else if (!std::filesystem::exists(file, failed))
@@ -119,19 +129,20 @@ Result<ImportedScene> import_cwipc(const path& folder) {
   scene.notes.push_back("up is y, as cwipc has it once its floor is aligned");
   for (const CwipcConfig::Camera& camera : config->cameras) {
     const path file = recording_of(folder, camera);
-    if (camera.is_disabled || !is_mkv(file)) continue;
+    const std::string_view type = source_type_of(file, camera);
+    if (camera.is_disabled || type.empty()) continue;
     ImportedSensor sensor;
     sensor.id = camera.serial.empty() ? "cam-" + std::to_string(scene.sensors.size())
                                       : id_of(camera.serial);
-    sensor.source =
-        "{type: azure-kinect-mkv, file: " + yaml::quoted_text(file.string()) + ", loop: true}";
+    sensor.source = "{type: " + std::string(type) + ", file: " + yaml::quoted_text(file.string()) +
+                    ", loop: true}";
     if (camera.T_world_camera)
       sensor.T_world_depth = yaml::list_text(camera.T_world_camera->matrix());
     scene.sensors.push_back(std::move(sensor));
   }
   if (scene.sensors.empty())
-    return Error{Error::Cause::unsupported,
-                 (folder / "cameraconfig.json").string() + ": names no .mkv of an enabled camera"};
+    return Error{Error::Cause::unsupported, (folder / "cameraconfig.json").string() +
+                                                ": names no .mkv and no .bag of an enabled camera"};
   return scene;
 }
 
