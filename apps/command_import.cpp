@@ -35,13 +35,11 @@ Result<sensor::ImportedScene> import_one(const std::filesystem::path& path) {
     return Error{Error::Cause::not_found, "no such file or folder: " + in_quotes(path.string())};
   const std::filesystem::path whole = whole_path(path);
   const sensor::RecordingFormat* format = sensor::recognize(whole);
-  if (!format || !format->import)
-    return Error{
-        Error::Cause::unsupported,
-        (format ? in_quotes(path.string()) + " is of a format that makes no scene by itself (" +
-                      std::string(format->name) + ")"
-                : unknown_format(path)) +
-            "; can be imported: " + known_formats(true)};
+  if (!format) return Error{Error::Cause::unsupported, unknown_format(path)};
+  if (!format->import)
+    return Error{Error::Cause::unsupported,
+                 in_quotes(path.string()) + " is of a format that makes no scene by itself (" +
+                     std::string(format->name) + "); can be imported: " + known_formats(true)};
   return format->import(whole);
 }
 

@@ -60,7 +60,8 @@ std::string unknown_format(const std::filesystem::path& path) {
   for (const auto& entry : std::filesystem::directory_iterator(path, failed))
     if (const auto* format = sensor::recognize(entry.path()); format && format->import)
       found.push_back(entry.path().filename().string());
-  if (found.empty()) return in_quotes(path.string()) + " is of no format that is known";
+  if (found.empty())
+    return in_quotes(path.string()) + " is of no format that is known: " + known_formats(false);
   std::ranges::sort(found);
   const std::string rest =
       found.size() > 1 ? fmt::format(" (and {} more)", found.size() - 1) : std::string();
@@ -87,7 +88,7 @@ int describe_recording(const std::filesystem::path& path, bool json) {
   if (!format && std::filesystem::is_regular_file(path / "scene.yaml", failed))
     return fail(in_quotes(path.string()) + " is the folder of a scene: meshreduce info " +
                 (path / "scene.yaml").string());
-  if (!format) return fail(unknown_format(path) + "; known: " + known_formats(false));
+  if (!format) return fail(unknown_format(path));
   const auto info = format->describe(whole_path(path));
   if (!info) return fail(info.error().message);
   fmt::print("{}",

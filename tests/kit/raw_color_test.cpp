@@ -91,9 +91,9 @@ TEST(RawColor, BgraIsTurnedAroundAndLosesItsLastByte) {
 TEST(RawColor, OrdersOfChannelsAreToldApart) {
   const auto decoded = [](RawColorFormat format, const std::vector<int>& bytes) {
     const auto image = decode_raw_color(bytes_of(bytes), {format, 2, 1});
-    return image ? image->data : std::vector<std::uint8_t>();
+    return image ? image->data : ImageRgb::Values();
   };
-  const std::vector<std::uint8_t> right{1, 2, 3, 4, 5, 6};
+  const ImageRgb::Values right{1, 2, 3, 4, 5, 6};
   EXPECT_EQ(decoded(RawColorFormat::rgb, {1, 2, 3, 4, 5, 6}), right);
   EXPECT_EQ(decoded(RawColorFormat::bgr, {3, 2, 1, 6, 5, 4}), right);
   EXPECT_EQ(decoded(RawColorFormat::rgba, {1, 2, 3, 99, 4, 5, 6, 99}), right);

@@ -354,8 +354,8 @@ TEST(RealSenseBag, ClocksOfOneComputerAreOne) {
 // --- pictures
 
 /// The first pixels of a colour picture of 2x1 pixels; empty: refused.
-std::vector<std::uint8_t> decoded(const std::string& encoding, const std::vector<int>& bytes,
-                                  std::uint32_t step = 0) {
+ImageRgb::Values decoded(const std::string& encoding, const std::vector<int>& bytes,
+                         std::uint32_t step = 0) {
   RealSensePicture picture;
   picture.width = 2, picture.height = 1, picture.encoding = encoding;
   Bytes data;
@@ -364,11 +364,11 @@ std::vector<std::uint8_t> decoded(const std::string& encoding, const std::vector
   picture.bytes = std::make_shared<const Bytes>(std::move(data));
   const auto out = decode_realsense_color(picture);
   EXPECT_TRUE(out || out.error().message.find('\n') == std::string::npos);
-  return out ? out->data : std::vector<std::uint8_t>();
+  return out ? out->data : ImageRgb::Values();
 }
 
 TEST(RealSenseBag, ColorEncodings) {
-  const std::vector<std::uint8_t> right{1, 2, 3, 4, 5, 6};
+  const ImageRgb::Values right{1, 2, 3, 4, 5, 6};
   EXPECT_EQ(decoded("rgb8", {1, 2, 3, 4, 5, 6}), right);
   EXPECT_EQ(decoded("RGB8", {1, 2, 3, 4, 5, 6}), right);
   EXPECT_EQ(decoded("bgr8", {3, 2, 1, 6, 5, 4}), right);
@@ -376,7 +376,7 @@ TEST(RealSenseBag, ColorEncodings) {
   EXPECT_EQ(decoded("bgra8", {3, 2, 1, 9, 6, 5, 4, 9}), right);
   EXPECT_EQ(decoded("rgb8", {1, 2, 3, 4, 5, 6, 0, 0}, 8), right) << "gap behind the row";
   // White, then black.
-  const std::vector<std::uint8_t> white_black{255, 255, 255, 0, 0, 0};
+  const ImageRgb::Values white_black{255, 255, 255, 0, 0, 0};
   EXPECT_EQ(decoded("YUYV", {235, 128, 16, 128}), white_black);
   EXPECT_EQ(decoded("yuv422", {128, 235, 128, 16}), white_black);
   EXPECT_THAT(decoded("rgb8", {1, 2, 3, 4, 5}), IsEmpty());
@@ -407,11 +407,11 @@ TEST(RealSenseBag, DepthHonoursStepAndByteOrder) {
   picture.bytes = std::make_shared<const Bytes>(bytes);
   const auto little = decode_realsense_depth(picture, table);
   ASSERT_TRUE(little) << little.error().message;
-  EXPECT_EQ(little->data, (std::vector<float>{0x0201, 0x0403, 0x0605, 0x0807}));
+  EXPECT_EQ(little->data, (ImageDepth::Values{0x0201, 0x0403, 0x0605, 0x0807}));
   picture.big_endian = true, picture.encoding = "Z16";
   const auto big = decode_realsense_depth(picture, table);
   ASSERT_TRUE(big);
-  EXPECT_EQ(big->data, (std::vector<float>{0x0102, 0x0304, 0x0506, 0x0708}));
+  EXPECT_EQ(big->data, (ImageDepth::Values{0x0102, 0x0304, 0x0506, 0x0708}));
   for (const std::uint32_t step : {0u, 3u, 6u, 0xffffffffu}) {
     picture.step_bytes = step;
     EXPECT_FALSE(decode_realsense_depth(picture, table)) << step;

@@ -73,7 +73,7 @@ std::optional<ImageDepth> add_first_depth(const RealSenseHeader& header,
     out.notes.push_back("first depth picture: " + picture.error().message);
     return std::nullopt;
   }
-  std::vector<float> values = picture->data;
+  ImageDepth::Values values = picture->data;
   std::erase(values, 0.0f);
   const auto valid = static_cast<double>(values.size());
   out.fields.push_back({"first_valid_ratio", valid / static_cast<double>(picture->data.size())});
