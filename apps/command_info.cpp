@@ -28,7 +28,7 @@ struct InfoOptions {
   bool json = false;
   std::optional<bool> pictures;  ///< nothing: those of files, not those that must be rendered
   bool clocks = false;
-  double clock_seconds = 5;
+  eval::ClockSpan clock_span;
 };
 
 std::string size_of(const Camera& camera) {
@@ -231,7 +231,7 @@ int info(const InfoOptions& options) {
     if (options.pictures.value_or(!scene->rig))
       findings.check = eval::check_scene(*scene, rig_cache);
     if (options.clocks)
-      findings.clocks = eval::compare_clocks(*scene, rig_cache, options.clock_seconds);
+      findings.clocks = eval::compare_clocks(*scene, rig_cache, options.clock_span);
   });
   fmt::print(
       "{}",
@@ -261,7 +261,13 @@ void add_info(CLI::App& app, int& exit_code) {
                     "Estimate by how much the sensors' clocks disagree, from what moves before "
                     "two of them at once");
   command
-      ->add_option("--clock-seconds", options->clock_seconds,
+      ->add_option("--clock-from", options->clock_span.from_s,
+                   "With --clocks: where reading begins, in seconds; from two places of long "
+                   "recordings, how clocks drift is seen")
+      ->check(CLI::Range(0.0, 1e6))
+      ->capture_default_str();
+  command
+      ->add_option("--clock-seconds", options->clock_span.seconds,
                    "With --clocks: how much of the recordings is read")
       ->check(CLI::Range(0.5, 60.0))
       ->capture_default_str();

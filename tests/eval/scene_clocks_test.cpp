@@ -52,6 +52,19 @@ TEST(SceneClocks, OffsetsOfARigAreWithin3Ms) {
   EXPECT_GT(std::abs(*clocks.clocks[1].true_ms), 4) << "else nothing is shown";
 }
 
+TEST(SceneClocks, AreComparedFromAnyPlaceOn) {
+  const RigScene rig("sensors: 4, people: 2, frames: 60, clock_offset_ms: 25");
+  const SceneClocks later = compare_clocks(rig.scene, {}, {.from_s = 1});
+  EXPECT_EQ(later.frames, 30u);
+  EXPECT_NEAR(later.seconds, 29 / 30.0, 1e-6);
+  ASSERT_THAT(later.clocks, SizeIs(2));
+  ASSERT_TRUE(later.clocks[1].offset_ms) << later.clocks[1].problem;
+  EXPECT_NEAR(*later.clocks[1].offset_ms, *later.clocks[1].true_ms, 3);
+  const SceneClocks behind = compare_clocks(rig.scene, {}, {.from_s = 2});
+  EXPECT_EQ(behind.frames, 0u);
+  EXPECT_THAT(behind.clocks[0].problem, HasSubstr("no pictures"));
+}
+
 TEST(SceneClocks, AnEmptyRoomGivesNone) {
   const SceneClocks clocks = RigScene("sensors: 4, frames: 10").clocks();
   EXPECT_EQ(clocks.reference, "");

@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <cmath>
 #include <utility>
 
 #include "mr/calib/clock_offsets.h"
@@ -23,11 +24,13 @@ class ClockReader {
   ClockReader(const SensorConfig& sensor, SensorId id, std::unique_ptr<FrameSource> source)
       : sensor_(sensor), registration_(sensor, id), source_(std::move(source)) {}
 
-  /// The first picture stays for read_until(). False: there is none, or it cannot be compared.
-  bool begin() {
+  /// The first picture after `skipped` stays for read(). False: there is none, or it cannot be
+  /// compared.
+  bool begin(std::uint64_t skipped) {
     if (sensor_.is_moving()) return refuse("it moves itself");
     if (registration_.depth_camera().model != CameraModel::pinhole)
       return refuse("a LiDAR's sweep has no single moment");
+    source_->skip(skipped);
     first_ = next();
     return first_ || refuse(problem.empty() ? "it has no pictures" : problem);
   }
@@ -78,22 +81,23 @@ class ClockReader {
 
 /// The pictures of all sensors that can be compared, over the same time.
 std::vector<ClockReader> read_tracks(const Scene& scene, const std::filesystem::path& rig_cache,
-                                     double seconds) {
+                                     const ClockSpan& span) {
   const std::vector<SensorId> wanted = all_sensors(scene.sensors);
   auto sources = node::open_sources(scene, wanted, rig_cache);
   std::vector<ClockReader> readers;
   for (const SensorId id : wanted)
     readers.emplace_back(scene.sensor(id), id, std::move(sources[index_of(id)]));
+  const auto skipped = static_cast<std::uint64_t>(std::llround(span.from_s * scene.fps));
   std::optional<TimePoint> begin;
   std::vector<ClockReader*> usable;
   for (ClockReader& reader : readers) {
-    if (!reader.begin()) continue;
+    if (!reader.begin(skipped)) continue;
     begin = std::max(begin.value_or(reader.first_at()), reader.first_at());
     usable.push_back(&reader);
   }
   if (!begin) return readers;
   const TimePoint until =
-      *begin + std::chrono::duration_cast<Duration>(std::chrono::duration<double>(seconds));
+      *begin + std::chrono::duration_cast<Duration>(std::chrono::duration<double>(span.seconds));
   parallel_for(usable.size(), 1, [&](std::size_t from, std::size_t to) {
     for (std::size_t i = from; i < to; ++i) usable[i]->read(*begin - kBefore, until);
   });
@@ -134,8 +138,8 @@ SensorClock clock_of(const SensorConfig& sensor, const calib::ClockOffset& estim
 }  // namespace
 
 SceneClocks compare_clocks(const Scene& scene, const std::filesystem::path& rig_cache,
-                           double seconds) {
-  const auto readers = read_tracks(scene, rig_cache, seconds);
+                           const ClockSpan& span) {
+  const auto readers = read_tracks(scene, rig_cache, span);
   SceneClocks out;
   std::vector<calib::DepthTrack> tracks;
   std::vector<std::string> unread;

@@ -37,10 +37,15 @@ struct SceneClocks {
   std::string problem;     ///< one line
 };
 
-/// Reads `seconds` of all sensors, which the scene must hold (synth::rig_sensors), from the moment
-/// when the last of them has begun. Pictures of a rig are rendered or read from `rig_cache`. Runs
-/// in the caller's arena.
+/// What is read of the recordings.
+struct ClockSpan {
+  double from_s = 0;   ///< after they begin: two places tell how clocks drift
+  double seconds = 5;  ///< from the moment when the last of them has begun
+};
+
+/// Reads a span of all sensors, which the scene must hold (synth::rig_sensors). Pictures of a rig
+/// are rendered or read from `rig_cache`. Runs in the caller's arena.
 SceneClocks compare_clocks(const Scene& scene, const std::filesystem::path& rig_cache,
-                           double seconds = 5);
+                           const ClockSpan& span = {});
 
 }  // namespace mr::eval
