@@ -139,10 +139,11 @@ Json as_json(const Scene& scene, const Findings& findings) {
 
 std::string sensor_as_text(const SensorConfig& s) {
   const Vec3d at = s.T_world_depth.front().translation;
+  const std::size_t items = s.source.content().items;
   return fmt::format(
       "  sensor {:<12} {:<12} {:>4} items  depth {:<9} color {:<9} at ({:.2f}, {:.2f}, {:.2f}) "
       "m{}\n",
-      s.id, s.source.type(), s.source.content().items, size_of(s.depth_camera),
+      s.id, s.source.type(), items > 0 ? std::to_string(items) : "?", size_of(s.depth_camera),
       s.color_camera ? size_of(*s.color_camera) : "none", at.x, at.y, at.z,
       s.is_moving() ? ", moving" : "");
 }

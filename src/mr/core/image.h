@@ -44,6 +44,16 @@ struct Image {
   Image(int w, int h, T fill = T{})
       : width(w), height(h), data(static_cast<std::size_t>(w) * h * kChannels, fill) {}
 
+  /// In one piece: a vector with an allocator of its own is copied number by number.
+  Image(const Image& other) : width(other.width), height(other.height) {
+    data.resize(other.data.size());
+    std::copy(other.data.begin(), other.data.end(), data.begin());
+  }
+  Image(Image&&) noexcept = default;
+  Image& operator=(const Image&) = default;
+  Image& operator=(Image&&) noexcept = default;
+  ~Image() = default;
+
   /// A picture whose pixels are yet to be written, all of them.
   static Image unfilled(int w, int h) {
     Image out;
