@@ -35,7 +35,7 @@ Result<sensor::ImportedScene> import_one(const std::filesystem::path& path) {
     return Error{Error::Cause::not_found, "no such file or folder: " + in_quotes(path.string())};
   const std::filesystem::path whole = whole_path(path);
   const sensor::RecordingFormat* format = sensor::recognize(whole);
-  if (!format) return Error{Error::Cause::unsupported, unknown_format(path)};
+  if (!format) return Error{Error::Cause::unsupported, unknown_format(path, true)};
   if (!format->import)
     return Error{Error::Cause::unsupported,
                  in_quotes(path.string()) + " is of a format that makes no scene by itself (" +

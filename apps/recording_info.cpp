@@ -54,14 +54,16 @@ std::string known_formats(bool importable_only) {
   return out;
 }
 
-std::string unknown_format(const std::filesystem::path& path) {
+std::string unknown_format(const std::filesystem::path& path, bool importable_only) {
   std::vector<std::string> found;
   std::error_code failed;
-  for (const auto& entry : std::filesystem::directory_iterator(path, failed))
-    if (const auto* format = sensor::recognize(entry.path()); format && format->import)
-      found.push_back(entry.path().filename().string());
+  for (std::filesystem::directory_iterator at(path, failed), end; !failed && at != end;
+       at.increment(failed))
+    if (const auto* format = sensor::recognize(at->path()); format && format->import)
+      found.push_back(at->path().filename().string());
   if (found.empty())
-    return in_quotes(path.string()) + " is of no format that is known: " + known_formats(false);
+    return in_quotes(path.string()) +
+           " is of no format that is known: " + known_formats(importable_only);
   std::ranges::sort(found);
   const std::string rest =
       found.size() > 1 ? fmt::format(" (and {} more)", found.size() - 1) : std::string();
@@ -88,7 +90,7 @@ int describe_recording(const std::filesystem::path& path, bool json) {
   if (!format && std::filesystem::is_regular_file(path / "scene.yaml", failed))
     return fail(in_quotes(path.string()) + " is the folder of a scene: meshreduce info " +
                 (path / "scene.yaml").string());
-  if (!format) return fail(unknown_format(path));
+  if (!format) return fail(unknown_format(path, false));
   const auto info = format->describe(whole_path(path));
   if (!info) return fail(info.error().message);
   fmt::print("{}",

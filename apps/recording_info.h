@@ -18,7 +18,7 @@ int describe_recording(const std::filesystem::path& path, bool json);
 std::string known_formats(bool importable_only);
 
 /// In one line, that a path is of no format, or that recordings lie in it.
-std::string unknown_format(const std::filesystem::path& path);
+std::string unknown_format(const std::filesystem::path& path, bool importable_only);
 
 /// A path without symbolic links and "..", if it is there.
 std::filesystem::path whole_path(const std::filesystem::path& path);

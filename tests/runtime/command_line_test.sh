@@ -107,6 +107,13 @@ missing=$(MR_DATA=$work/nowhere "$meshreduce" info "$here/examples/red-kitchen.y
 grep -qE "no folder '$work/nowhere', where 24 files.*set MR_DATA to the folder that holds 'sevenscenes" <<<"$missing" ||
   fail_test "missing recordings: $missing"
 
+# Folders that are no data set
+mkdir -p recordings/none && touch recordings/a.mkv recordings/b.bag
+check "info of a folder of recordings" 1 "is a folder of recordings: name one, such as 'recordings/a.mkv' (and 1 more)" \
+  "$meshreduce" info recordings
+check "info of another folder" 1 "is of no format that is known: .*Ouster metadata" "$meshreduce" info recordings/none
+check "import of another folder" 1 "is of no format that is known: Azure.*cwipc recording$" "$meshreduce" import recordings/none
+
 # Rigs as pictures
 check "synth KIND" 2 "'office' is a kind of room, not a folder: meshreduce synth FOLDER --kind office" "$meshreduce" synth office
 [ ! -e office ] || fail_test "synth office wrote a folder"

@@ -267,8 +267,9 @@ class RealSenseBag {
                        static_cast<std::uint32_t>(std::max(1, image.height));
     picture(kColor, image);
   }
-  void picture(const std::string& stream, const RosImage& image) {
+  void picture(const std::string& stream, RosImage image) {
     const Duration recorded = image.stamp + made_.recorded_after;
+    image.stamp += stamp_error;
     bag.message(stream + "/image/data", "sensor_msgs/Image", recorded, image.bytes());
     key_value(stream + "/image/metadata", recorded, "system_time", "1500000000000.25");
     key_value(stream + "/image/metadata", recorded, "timestamp_domain", made_.clock);
@@ -314,6 +315,8 @@ class RealSenseBag {
 
  public:
   BagWriter bag;
+  Duration stamp_error{};                  ///< of what follows
+  RealSenseMade& made() { return made_; }  ///< what follows may differ
 };
 
 }  // namespace mr::test

@@ -1,6 +1,9 @@
 #include "mr/kit/freed_memory.h"
 
+#include <cstdlib>
+#ifdef __GLIBC__
 #include <malloc.h>
+#endif
 
 namespace mr::kit {
 

@@ -26,6 +26,15 @@ Duration round_of(Duration time, Duration length) {
 
 }  // namespace
 
+std::size_t captures_of(std::optional<TimePoint> first, std::optional<TimePoint> last,
+                        Duration period) {
+  constexpr std::int64_t kMostCaptures = 100'000'000;  // five weeks at 30 a second
+  MR_ASSERT(period > Duration{});
+  if (!first || !last || *last < *first) return 0;
+  const std::int64_t captures = (*last - *first + period / 2) / period + 1;
+  return captures <= kMostCaptures ? static_cast<std::size_t>(captures) : 0;
+}
+
 RecordedFrames::RecordedFrames(std::unique_ptr<RecordingReader> reader, const SensorConfig& sensor,
                                SensorId id, const Timeline& timeline)
     : reader_(std::move(reader)),

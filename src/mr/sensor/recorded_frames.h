@@ -33,6 +33,10 @@ class RecordingReader {
   virtual Status seek(TimePoint time) = 0;
 };
 
+/// How many captures a recording holds by its times. 0: not known, or more than can be believed.
+std::size_t captures_of(std::optional<TimePoint> first, std::optional<TimePoint> last,
+                        Duration period);
+
 /// Plays a recording on the scene's clock: frame i is the first capture within half a period of
 /// i / fps, if there is one, with the time at which it was really captured (plus the sensor's clock
 /// offset and drift). Where there is none the frame is a gap (is_gap). A capture belongs to one

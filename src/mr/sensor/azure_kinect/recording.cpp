@@ -219,7 +219,8 @@ struct KinectRecording::Impl {
   KinectHeader header;
   std::map<int, KinectTrack> tracks;  ///< by stream
   Input input;
-  bool read_on = false;  ///< a block was read since the file was opened
+  bool read_on = false;                 ///< a block was read since the file was opened
+  std::optional<TimePoint> read_until;  ///< the last of them
   /// A recording that was never closed has no unit of time, for which Matroska means 1 ms; the
   /// recorder's is 1 us.
   bool lacks_unit = false;
@@ -229,6 +230,7 @@ struct KinectRecording::Impl {
     if (!opened) return opened.error();
     input = *std::move(opened);
     read_on = false;
+    read_until.reset();
     if (!tracks.empty()) choose_streams();
     return {};
   }
@@ -271,6 +273,7 @@ struct KinectRecording::Impl {
       block.owner = std::shared_ptr<const AVPacket>(packet.release(), [](const AVPacket* done) {
         FreePacket()(const_cast<AVPacket*>(done));
       });
+      read_until = block.at;
       return std::optional(std::move(block));
     }
   }
@@ -325,6 +328,7 @@ Status KinectRecording::seek(TimePoint at) {
     const auto block = impl_->next();
     if (block && *block && (*block)->at < at) return {};
   }
+  if (impl_->lacks_unit && impl_->read_until && *impl_->read_until + kMargin / 2 < at) return {};
   return impl_->read_on ? impl_->open() : Status{};
 }
 

@@ -120,20 +120,13 @@ SourceClock clock_of(const KinectHeader& header, const std::filesystem::path& fi
   return clock;
 }
 
-std::size_t captures_of(const KinectHeader& header) {
-  if (!header.first || !header.last) return 0;
-  return static_cast<std::size_t>((*header.last - *header.first + header.period / 2) /
-                                  header.period) +
-         1;
-}
-
 /// What the recording says, into the source and the sensor's cameras.
 Status read_recording(KinectMkvSource& source, SourceKeys& keys) {
   const auto recording = KinectRecording::open(source.file);
   if (!recording) return recording.error();
   const KinectHeader& header = recording->header();
   source.recorded = clock_of(header, source.file);
-  source.captures = captures_of(header);
+  source.captures = captures_of(header.first, header.last, header.period);
   keys.has_color = header.color.has_value();
   auto cameras = kinect_cameras(header, source.file, source.calibration);
   if (cameras) {

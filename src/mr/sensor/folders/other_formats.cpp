@@ -30,7 +30,11 @@ Result<CwipcConfig> read_cwipc(const path& folder) {
   const path file = folder / "cameraconfig.json";
   const auto text = read_text_file(file, 4 << 20);
   if (!text) return text.error();
-  return parse_cwipc_config(*text, file.string());
+  auto config = parse_cwipc_config(*text, file.string());
+  if (config)
+    for (CwipcConfig::Camera& camera : config->cameras)
+      if (camera.type.empty()) camera.type = config->type;
+  return config;
 }
 
 /// The recording of a camera; cwipc names it by the serial number where the config does not.

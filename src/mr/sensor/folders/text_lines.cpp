@@ -102,7 +102,8 @@ Result<std::string> read_text_file(const std::filesystem::path& file, std::size_
 }
 
 bool is_json_with_key(const std::filesystem::path& file, std::string_view key) {
-  if (file.extension() != ".json") return false;
+  std::error_code failed;
+  if (file.extension() != ".json" || !std::filesystem::is_regular_file(file, failed)) return false;
   const auto text = read_text_file(file, std::size_t{1} << 20);
   return text && text->find('"' + std::string(key) + '"') != std::string::npos;
 }

@@ -348,7 +348,7 @@ Status BagReader::Impl::open() {
     return refuse("a ROS bag whose header is damaged or truncated");
   index = *place, first_record = at;
   has_index = index != 0 && read_index();
-  if (!has_index) chunks.clear(), last_chunk.clear();
+  if (!has_index) chunks.clear(), last_chunk.clear(), topics.clear();
   return go_to(first_record) ? Status() : failure(Error::Cause::io, "cannot be read");
 }
 

@@ -8,6 +8,7 @@ namespace {
 
 // Of one stream, while the other has none.
 constexpr std::size_t kMostPicturesWaiting = 64, kMostBytesWaiting = 256 << 20;
+constexpr Duration kMostLate = std::chrono::seconds(1);  // pictures wait before they are written
 
 std::size_t bytes_of(const RealSensePicture& picture) {
   return picture.bytes ? picture.bytes->size() : 0;
@@ -29,7 +30,7 @@ RealSenseCaptures::RealSenseCaptures(RealSenseRecording recording, bool with_col
 Status RealSenseCaptures::seek(TimePoint at) {
   color_.clear(), depth_.clear();
   waiting_bytes_ = 0;
-  newest_.reset(), error_.reset();
+  error_.reset();
   ended_ = false;
   return recording_.seek(at);
 }
@@ -40,7 +41,7 @@ bool RealSenseCaptures::is_decided() const {
   if (depth_.empty()) return false;
   const TimePoint at = depth_.front().at;
   return !with_color_ || (!color_.empty() && color_.back().at >= at) ||
-         *newest_ > at + 2 * longest_period_ || depth_.size() > kMostPicturesWaiting ||
+         depth_.back().at > at + kMostLate || depth_.size() > kMostPicturesWaiting ||
          waiting_bytes_ > kMostBytesWaiting;
 }
 
@@ -52,7 +53,6 @@ Status RealSenseCaptures::read_ahead() {
     if (!*picture) return {};
     const bool is_depth = (*picture)->stream == RealSenseStream::depth;
     if (!is_depth && !with_color_) continue;
-    newest_ = newest_ ? std::max(*newest_, (*picture)->at) : (*picture)->at;
     waiting_bytes_ += bytes_of(**picture);
     (is_depth ? depth_ : color_).push_back(**std::move(picture));
     while (color_.size() > kMostPicturesWaiting ||

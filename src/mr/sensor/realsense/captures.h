@@ -36,7 +36,6 @@ class RealSenseCaptures {
   Duration longest_period_;
   std::deque<RealSensePicture> color_, depth_;
   std::size_t waiting_bytes_ = 0;
-  std::optional<TimePoint> newest_;  ///< of what was read
   bool ended_ = false;
   std::optional<Error> error_;  ///< after which there is nothing
 };

@@ -22,6 +22,8 @@ constexpr std::string_view kFirstDevice = "/device_0/", kFirstSensors = "/device
 constexpr std::uint32_t kOldestVersion = 2, kNewestVersion = 4;
 constexpr int kMostFirstPictures = 60, kMostFirstMessages = 20000;
 constexpr std::size_t kMostWordBytes = 200;
+/// Clocks of cameras count from when they were plugged in, those of computers from 1970.
+constexpr Duration kAnotherClock = std::chrono::hours(24);
 
 /// A text of the file that is shown to people.
 std::string word(std::string_view text) { return one_line(text.substr(0, kMostWordBytes)); }
@@ -50,6 +52,17 @@ std::optional<RealSenseStream> stream_of(std::string_view name) {
 const char* name_of(RealSenseStream stream) {
   return stream == RealSenseStream::depth ? "depth" : "colour";
 }
+
+/// The decimal number that was meant: 0.002, not 0.0020000000949949026.
+double decimal(float value) {
+  std::array<char, 64> text{};
+  const auto written = std::to_chars(text.data(), text.data() + text.size(), value);
+  double out = 0;
+  std::from_chars(text.data(), written.ptr, out);
+  return out;
+}
+
+bool is_depth_unit(double metres) { return metres >= 1e-6 && metres <= 0.1; }
 
 /// Header of a ROS message: number, stamp, and a text that is the version of a RealSense image.
 struct RosHeader {
@@ -83,7 +96,8 @@ std::optional<RealSensePicture> read_image(std::span<const std::byte> bytes) {
   out.encoding = word(encoding);
   out.width = static_cast<int>(width), out.height = static_cast<int>(height);
   out.bytes = std::make_shared<const std::vector<std::byte>>(data.begin(), data.end());
-  if (header.text == "1") out.unit_m = from.get<float>();
+  if (header.text == "1") out.unit_m = decimal(from.get<float>());
+  if (!is_depth_unit(out.unit_m)) out.unit_m = 0;
   return out;
 }
 
@@ -133,25 +147,13 @@ std::pair<std::string, std::string> read_key_value(std::span<const std::byte> by
   return from.good() ? std::pair(key, value) : std::pair<std::string, std::string>();
 }
 
-/// The decimal number that was meant: 0.002, not 0.0020000000949949026.
-double decimal(float value) {
-  std::array<char, 64> text{};
-  const auto written = std::to_chars(text.data(), text.data() + text.size(), value);
-  double out = 0;
-  std::from_chars(text.data(), written.ptr, out);
-  return out;
-}
-
-bool is_depth_unit(double metres) { return metres >= 1e-6 && metres <= 0.1; }
-
 /// What is known of one stream.
 struct StreamFacts {
   RealSensePictures pictures;
   std::string group;  ///< of its transform
   std::optional<Pose> T_stream_reference;
-  float unit_m = 0;                ///< of its first picture
-  std::optional<TimePoint> first;  ///< stamp of its first picture
-  Duration recorded_after{};       ///< from that stamp to when it was recorded
+  double unit_m = 0;                                       ///< of its first picture; 0: not told
+  Duration first_recorded_after{}, last_recorded_after{};  ///< from a picture's stamp
 
   bool is_complete() const {
     return pictures.width > 0 && pictures.lens && pictures.fps > 0 && T_stream_reference &&
@@ -170,7 +172,9 @@ class FirstMessages {
     return std::ranges::any_of(of(stream), [](const auto& s) { return s.second.is_complete(); });
   }
   int pictures() const { return pictures_; }
-  Duration recorded_after() const { return recorded_after_; }
+  /// From the stamp of the first and the last depth picture to when these were recorded.
+  Duration first_recorded_after() const { return first_recorded_after_; }
+  Duration last_recorded_after() const { return last_recorded_after_; }
   void finish(const BagReader& bag);
 
  private:
@@ -193,7 +197,7 @@ class FirstMessages {
   Streams depth_, color_;
   double option_unit_m_ = 0;
   int pictures_ = 0;
-  Duration recorded_after_{};
+  Duration first_recorded_after_{}, last_recorded_after_{};
 };
 
 void FirstMessages::accept(const BagMessage& message) {
@@ -253,12 +257,13 @@ void FirstMessages::accept_stream(StreamFacts& facts, std::string_view rest,
 void FirstMessages::accept_picture(StreamFacts& facts, const BagMessage& message) {
   ++pictures_;
   const auto picture = read_image(message.bytes);
-  if (!picture || picture->width == 0 || facts.pictures.width != 0) return;
+  if (!picture || picture->width == 0) return;
+  facts.last_recorded_after = message.recorded - picture->at.time_since_epoch();
+  if (facts.pictures.width != 0) return;
+  facts.first_recorded_after = facts.last_recorded_after;
   facts.pictures.width = picture->width, facts.pictures.height = picture->height;
   facts.pictures.encoding = picture->encoding;
   facts.unit_m = picture->unit_m;
-  facts.first = picture->at;
-  facts.recorded_after = message.recorded - picture->at.time_since_epoch();
 }
 
 /// The first stream that has pictures.
@@ -274,15 +279,15 @@ const StreamFacts* FirstMessages::choose(RealSenseStream stream) {
   const StreamFacts& chosen = found->second;
   if (streams.size() > 1)
     note(std::to_string(streams.size()) + " streams of " + name_of(stream) + ": " +
-         chosen.pictures.topic + " is read");
+         word(chosen.pictures.topic) + " is read");
   if (!chosen.pictures.lens)
     note(std::string("no camera_info of ") + name_of(stream) + ": its camera is not known");
   return &chosen;
 }
 
 void FirstMessages::take_unit(const StreamFacts& depth) {
-  if (is_depth_unit(static_cast<double>(depth.unit_m))) {
-    out_.depth_unit_m = decimal(depth.unit_m);
+  if (depth.unit_m > 0) {
+    out_.depth_unit_m = depth.unit_m;
     out_.depth_unit_from = "its pictures";
   } else if (option_unit_m_ > 0) {
     out_.depth_unit_m = option_unit_m_;
@@ -324,8 +329,9 @@ void FirstMessages::finish(const BagReader& bag) {
   const StreamFacts* const depth = choose(RealSenseStream::depth);
   const StreamFacts* const color = choose(RealSenseStream::color);
   if (depth) {
-    out_.depth = depth->pictures, out_.first = depth->first;
-    recorded_after_ = depth->recorded_after;
+    out_.depth = depth->pictures;
+    first_recorded_after_ = depth->first_recorded_after;
+    last_recorded_after_ = depth->last_recorded_after;
     take_unit(*depth);
   }
   if (color) out_.color = color->pictures;
@@ -365,32 +371,77 @@ Status RealSenseRecording::read_header() {
     if (!message) broken = message.error();
     if (!message || !*message) break;
     first.accept(**message);
-    if (first.knows(RealSenseStream::depth) &&
+    // Without an index the last of these pictures tell which clock stays.
+    if (bag_.has_index() && first.knows(RealSenseStream::depth) &&
         (first.knows(RealSenseStream::color) || !may_have_color))
       break;
   }
   first.finish(bag_);
-  recorded_after_ = first.recorded_after();
   if (!header_.depth && !header_.color)
     return broken ? *broken
                   : Error{Error::Cause::unsupported,
                           file_ +
                               ": no recording of a RealSense: it has no pictures of a topic such "
                               "as /device_0/sensor_0/Depth_0/image/data"};
-  find_last();
-  return bag_.rewind();
+  return find_times(first.first_recorded_after(), first.last_recorded_after());
 }
 
-/// The stamp of the last depth picture, from the last chunk that has one.
-void RealSenseRecording::find_last() {
-  if (!header_.depth || !header_.first) return;
-  if (!bag_.seek_last(header_.depth->topic + "/image/data")) return;
-  while (true) {
+/// Settles which clock stamps the pictures, and when the first and the last depth picture was
+/// taken.
+Status RealSenseRecording::find_times(Duration first_recorded_after, Duration last_recorded_after) {
+  if (!header_.depth) return bag_.rewind();
+  const bool knows_last = bag_.seek_last(header_.depth->topic + "/image/data");
+  while (knows_last) {  // pictures of any clock, for there is none yet
     const auto picture = next();
     if (!picture || !*picture) break;
-    if ((*picture)->stream == RealSenseStream::depth) header_.last = (*picture)->at;
+    if ((*picture)->stream == RealSenseStream::depth)
+      last_recorded_after = (*picture)->recorded_after;
   }
-  if (header_.last && *header_.last < *header_.first) header_.last.reset();
+  const bool changes = std::chrono::abs(first_recorded_after - last_recorded_after) > kAnotherClock;
+  recorded_after_ = changes ? last_recorded_after : first_recorded_after;
+  if (changes)
+    header_.notes.push_back(
+        "its first pictures are stamped by another clock than the last: they are left out");
+  if (knows_last && bag_.seek_last(header_.depth->topic + "/image/data"))
+    while (true) {
+      const auto picture = next();
+      if (!picture || !*picture) break;
+      if ((*picture)->stream == RealSenseStream::depth) header_.last = (*picture)->at;
+    }
+  if (const Status again = rewind(); !again) return again;
+  while (!header_.first) {
+    const auto picture = next();
+    if (!picture || !*picture) break;
+    if ((*picture)->stream == RealSenseStream::depth) header_.first = (*picture)->at;
+  }
+  if (header_.last && (!header_.first || *header_.last < *header_.first)) header_.last.reset();
+  if (changes) read_clock();
+  return rewind();
+}
+
+/// Which clock stamped the depth picture that was read last: its metadata follows.
+void RealSenseRecording::read_clock() {
+  for (int i = 0; i < kMostFirstMessages; ++i) {
+    const auto message = bag_.next();
+    if (!message || !*message) return;
+    if ((*message)->topic != header_.depth->topic + "/image/metadata") continue;
+    auto [key, value] = read_key_value((*message)->bytes);
+    if (key != "timestamp_domain") continue;
+    header_.depth->clock = std::move(value);
+    return;
+  }
+}
+
+/// A picture's time on the recording's clock, whose counter of microseconds begins anew every 72
+/// minutes where it is the camera's. Nothing: another clock stamped it, or the stamp is damaged.
+std::optional<TimePoint> RealSenseRecording::on_clock(const RealSensePicture& picture) const {
+  if (!recorded_after_) return picture.at;
+  constexpr Duration kRound = std::chrono::microseconds(std::int64_t{1} << 32);
+  const Duration late = picture.recorded_after - *recorded_after_;
+  if (std::chrono::abs(late) > kAnotherClock) return std::nullopt;
+  const auto& read = picture.stream == RealSenseStream::depth ? header_.depth : header_.color;
+  if (!read || read->clock != "Hardware Clock") return picture.at;
+  return picture.at + (late + (late < Duration{} ? -kRound : kRound) / 2) / kRound * kRound;
 }
 
 Result<std::optional<RealSensePicture>> RealSenseRecording::next() {
@@ -406,20 +457,32 @@ Result<std::optional<RealSensePicture>> RealSenseRecording::next() {
     auto picture = read_image((*message)->bytes);
     if (!picture) continue;
     picture->stream = *stream;
+    picture->recorded_after = (*message)->recorded - picture->at.time_since_epoch();
+    const auto at = on_clock(*picture);
+    if (!at) continue;
+    picture->at = *at;
+    read_until_ = *at;
     return picture;
   }
 }
 
+Status RealSenseRecording::rewind() {
+  read_until_.reset();
+  return bag_.rewind();
+}
+
 Status RealSenseRecording::seek(TimePoint at) {
   constexpr Duration kMargin = std::chrono::seconds(1);  // pictures wait before they are written
-  if (bag_.has_index() && header_.first && at > *header_.first + kMargin) {
-    const Duration recorded = at.time_since_epoch() + recorded_after_ - kMargin;
+  const bool may_go_on = read_until_ && *read_until_ + kMargin / 2 < at;
+  if (!bag_.has_index() && may_go_on) return {};
+  if (bag_.has_index() && recorded_after_ && header_.first && at > *header_.first + kMargin) {
+    const Duration recorded = at.time_since_epoch() + *recorded_after_ - kMargin;
     if (bag_.seek(recorded)) {
       const auto picture = next();
       if (picture && *picture && (*picture)->at + kMargin / 2 < at) return {};
     }
   }
-  return bag_.rewind();
+  return rewind();
 }
 
 namespace {

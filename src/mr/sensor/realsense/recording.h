@@ -57,12 +57,13 @@ struct RealSenseHeader {
 /// A picture as it was recorded.
 struct RealSensePicture {
   RealSenseStream stream = RealSenseStream::depth;
-  TimePoint at{};             ///< by the clock of the stream
+  TimePoint at{};             ///< by the clock of the stream, which does not start again
   int width = 0, height = 0;  ///< 0: the message is damaged
   std::string encoding;
   bool big_endian = false;
   std::uint32_t step_bytes = 0;  ///< from row to row
-  float unit_m = 0;              ///< of a count of depth; 0: not told
+  double unit_m = 0;             ///< of a count of depth; 0: not told
+  Duration recorded_after{};     ///< its stamp, by the recorder's clock
   std::shared_ptr<const std::vector<std::byte>> bytes;
 };
 
@@ -81,12 +82,16 @@ class RealSenseRecording {
  private:
   RealSenseRecording(BagReader bag, std::string file);
   Status read_header();
-  void find_last();
+  Status find_times(Duration first_recorded_after, Duration last_recorded_after);
+  void read_clock();
+  std::optional<TimePoint> on_clock(const RealSensePicture& picture) const;
+  Status rewind();
 
   BagReader bag_;
   std::string file_;
   RealSenseHeader header_;
-  Duration recorded_after_{};  ///< from the stamp of the first picture to when it was recorded
+  std::optional<Duration> recorded_after_;  ///< from the clock of stamps to that of the recorder
+  std::optional<TimePoint> read_until_;     ///< the last picture that was handed out
 };
 
 /// A depth picture, by a table of 65,536 values, one for each count. Errors: unsupported (no

@@ -31,6 +31,7 @@ class RealSenseReader final : public RecordingReader {
       return Error{error.cause, source_.file.string() + ": depth: " + error.message +
                                     " (a frame of sensor '" + sensor_.id + "' is lost)"};
     };
+    if (!source_.depth_unit_m && capture.depth.unit_m > 0) use_unit(capture.depth.unit_m);
     auto depth = decode_realsense_depth(capture.depth, table_);
     if (!depth) return lost(depth.error());
     if (const Status fits =
@@ -96,9 +97,16 @@ class RealSenseReader final : public RecordingReader {
     if (header.color && sensor_.color_camera)
       if (const Status good = fits(*header.color, *sensor_.color_camera, "colour"); !good)
         return good;
-    table_ = depth_table(sensor_, source_.depth_unit_m.value_or(header.depth_unit_m), {});
+    use_unit(source_.depth_unit_m.value_or(header.depth_unit_m));
     captures_.emplace(*std::move(recording), sensor_.color_camera.has_value());
     return {};
+  }
+
+  /// The unit may be changed while the camera records.
+  void use_unit(double unit_m) {
+    if (unit_m == table_unit_m_) return;
+    table_unit_m_ = unit_m;
+    table_ = depth_table(sensor_, unit_m, {});
   }
 
   std::size_t item_of(TimePoint at) const {
@@ -110,7 +118,8 @@ class RealSenseReader final : public RecordingReader {
   const SensorConfig sensor_;
   const RealSenseBagSource source_;
   std::optional<RealSenseCaptures> captures_;
-  std::vector<float> table_;  ///< metres by count
+  double table_unit_m_ = 0;
+  std::vector<float> table_;  ///< metres by count, of this unit
   std::optional<RealSenseCapture> waiting_;
 };
 
@@ -127,20 +136,13 @@ SourceClock clock_of(const RealSenseHeader& header, const std::filesystem::path&
   return out;
 }
 
-std::size_t captures_of(const RealSenseHeader& header) {
-  if (!header.first || !header.last) return 0;
-  return static_cast<std::size_t>((*header.last - *header.first + header.period / 2) /
-                                  header.period) +
-         1;
-}
-
 /// What the recording says, into the source and the sensor's cameras.
 Status read_recording(RealSenseBagSource& source, SourceKeys& keys) {
   const auto recording = RealSenseRecording::open(source.file);
   if (!recording) return recording.error();
   const RealSenseHeader& header = recording->header();
   source.recorded = clock_of(header, source.file);
-  source.captures = captures_of(header);
+  source.captures = captures_of(header.first, header.last, header.period);
   keys.has_color = header.color.has_value();
   auto cameras = realsense_cameras(header, source.file);
   if (cameras) {
