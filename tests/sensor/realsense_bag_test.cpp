@@ -507,7 +507,7 @@ TEST(RealSenseBag, ACounterThatBeginsAnewGoesOn) {
   const Duration round = std::chrono::microseconds(std::int64_t{1} << 32);
   for (int i = 0; i < 6; ++i) {
     bag.stamp_error = i >= 3 ? -round : Duration{};
-    bag.depth(round - 100ms + i * 33'333us, counts(600 + i));
+    bag.depth(round - 90ms + i * 33'333us, counts(600 + i));
   }
   const auto file = write(dir, "a.bag", bag.bag.close());
   const RealSenseHeader header = header_of(file);

@@ -64,9 +64,11 @@ Status RealSenseCaptures::read_ahead() {
   return {};
 }
 
-/// The nearest colour; what is older than the last one before `at` is dropped.
+/// The nearest colour; what neither `at` nor a waiting depth picture needs is dropped.
 std::optional<RealSensePicture> RealSenseCaptures::nearest_color(TimePoint at) {
-  while (color_.size() > 1 && color_[1].at <= at) {
+  TimePoint needed = at;
+  for (const RealSensePicture& waiting : depth_) needed = std::min(needed, waiting.at);
+  while (color_.size() > 1 && color_[1].at <= needed) {
     waiting_bytes_ -= bytes_of(color_.front());
     color_.pop_front();
   }
