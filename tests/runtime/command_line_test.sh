@@ -109,7 +109,7 @@ grep -qE "no folder '$work/nowhere', where 24 files.*set MR_DATA to the folder t
 
 # Folders that are no data set
 mkdir -p recordings/none && touch recordings/a.mkv recordings/b.bag
-check "info of a folder of recordings" 1 "is a folder of recordings: name one, such as 'recordings/a.mkv' (and 1 more)" \
+check "info of a folder of recordings" 1 "is a folder of recordings: name one, such as 'recordings/a.mkv' .and 1 more." \
   "$meshreduce" info recordings
 check "info of another folder" 1 "is of no format that is known: .*Ouster metadata" "$meshreduce" info recordings/none
 check "import of another folder" 1 "is of no format that is known: Azure.*cwipc recording$" "$meshreduce" import recordings/none

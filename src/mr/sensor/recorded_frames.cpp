@@ -121,9 +121,9 @@ Result<std::optional<Capture>> RecordedFrames::first_from(TimePoint own) {
                                "before is left out",
                                sensor_.id, seconds((*capture)->at - last_.value_or(own)))};
     }
-    last_ = (*capture)->at;
+    last_ = std::max(last_.value_or((*capture)->at), (*capture)->at);  // some stamps are damaged
     if ((*capture)->at >= own) return capture;
-    if (!sought && own - (*capture)->at > kSeek) {
+    if (!sought && own - *last_ > kSeek) {
       if (const Status went = reader_->seek(own); !went) return went.error();
       sought = true;
     } else {

@@ -441,7 +441,10 @@ std::optional<TimePoint> RealSenseRecording::on_clock(const RealSensePicture& pi
   if (std::chrono::abs(late) > kAnotherClock) return std::nullopt;
   const auto& read = picture.stream == RealSenseStream::depth ? header_.depth : header_.color;
   if (!read || read->clock != "Hardware Clock") return picture.at;
-  return picture.at + (late + (late < Duration{} ? -kRound : kRound) / 2) / kRound * kRound;
+  const Duration rounds = (late + (late < Duration{} ? -kRound : kRound) / 2) / kRound * kRound;
+  // The recorder's clock stands still while it is paused; what differs by more is no new round.
+  constexpr Duration kMostPause = std::chrono::minutes(5);
+  return std::chrono::abs(late - rounds) < kMostPause ? picture.at + rounds : picture.at;
 }
 
 Result<std::optional<RealSensePicture>> RealSenseRecording::next() {
