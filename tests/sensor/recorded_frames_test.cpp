@@ -188,6 +188,20 @@ TEST(RecordedFrames, ACaptureStampedFarAheadDoesNotHideThoseBehindIt) {
   EXPECT_EQ(captures(source, 2), (std::vector{2, 3}));
 }
 
+TEST(RecordedFrames, ACaptureStampedLongBeforeCostsItselfAlone) {
+  const SensorConfig sensor =
+      sensor_of({{1'000'000ms, 1'000'100ms, 0ms, 1'000'300ms, 1'000'400ms}});
+  RecordedFrames source = frames_of(sensor, timelines(std::span(&sensor, 1), 10)[0]);
+  EXPECT_EQ(captures(source, 5), (std::vector{0, 1, -1, 3, 4}));
+}
+
+TEST(RecordedFrames, CapturesAreCountedByTimesThatCanBeBelieved) {
+  EXPECT_EQ(captures_of(TimePoint(5s), TimePoint(6s), 100ms), 11u);
+  EXPECT_EQ(captures_of(TimePoint(6s), TimePoint(5s), 100ms), 0u);
+  EXPECT_EQ(captures_of(TimePoint(5s), std::nullopt, 100ms), 0u);
+  EXPECT_EQ(captures_of(TimePoint(0s), TimePoint(4'294'967s), 1ms), 0u);
+}
+
 TEST(Timelines, SessionsFarApartAndOtherClocksBeginByThemselves) {
   const std::vector<SensorConfig> rig{sensor_of({{100s, 110s}}), sensor_of({{109s, 130s}}),
                                       sensor_of({{500s, 510s}}),
