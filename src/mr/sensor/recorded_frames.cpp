@@ -26,6 +26,21 @@ Duration round_of(Duration time, Duration length) {
 
 }  // namespace
 
+void add_recorded_color(Result<ImageRgb> color, const std::filesystem::path& file,
+                        const std::string& sensor, Frame& frame) {
+  if (color)
+    frame.color = *std::move(color);
+  else
+    frame.color_lost =
+        Error{color.error().cause, file.string() + ": colour: " + color.error().message +
+                                       " (of sensor '" + sensor + "')"};
+}
+
+std::size_t item_at(TimePoint at, std::optional<TimePoint> first, Duration period) {
+  const Duration since = at - first.value_or(at) + period / 2;
+  return static_cast<std::size_t>(std::max<std::int64_t>(0, since / period));
+}
+
 std::size_t captures_of(std::optional<TimePoint> first, std::optional<TimePoint> last,
                         Duration period) {
   constexpr std::int64_t kMostCaptures = 100'000'000;  // five weeks at 30 a second

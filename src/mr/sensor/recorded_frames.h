@@ -2,8 +2,10 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <filesystem>
 #include <memory>
 #include <optional>
+#include <string>
 
 #include "mr/core/frame_source.h"
 #include "mr/core/sensor_config.h"
@@ -32,6 +34,14 @@ class RecordingReader {
   /// Goes to a capture at `time` or earlier, such as the last one before it; later ones follow.
   virtual Status seek(TimePoint time) = 0;
 };
+
+/// Puts a recording's colour into a frame. Damaged colour costs itself alone: the surface goes on,
+/// and the frame says what is wrong with it, with the file and the sensor.
+void add_recorded_color(Result<ImageRgb> color, const std::filesystem::path& file,
+                        const std::string& sensor, Frame& frame);
+
+/// The number of a capture in a recording by its time; 0 also where the beginning is not known.
+std::size_t item_at(TimePoint at, std::optional<TimePoint> first, Duration period);
 
 /// How many captures a recording holds by its times. 0: not known, or more than can be believed.
 std::size_t captures_of(std::optional<TimePoint> first, std::optional<TimePoint> last,

@@ -24,7 +24,7 @@ class KinectReader final : public RecordingReader {
     if (const Status ready = look_ahead(); !ready) return ready.error();
     if (!waiting_) return std::optional<Capture>();
     const TimePoint at = waiting_->at() - captures_->header().subordinate_delay;
-    return std::optional(Capture{at, item_of(at)});
+    return std::optional(Capture{at, item_at(at, first(), captures_->header().period)});
   }
 
   Result<Frame> take() override {
@@ -41,7 +41,8 @@ class KinectReader final : public RecordingReader {
     frame.depth = *std::move(depth);
     frame.exposure_start = frame.exposure_end =
         capture.at() - captures_->header().subordinate_delay;
-    if (captures_->header().color && sensor_.color_camera) add_color(capture, frame);
+    if (captures_->header().color && sensor_.color_camera)
+      add_recorded_color(color_of(capture), source_.file, sensor_.id, frame);
     return frame;
   }
 
@@ -54,17 +55,9 @@ class KinectReader final : public RecordingReader {
   }
 
  private:
-  /// Damaged colour costs itself alone: the surface goes on.
-  void add_color(const KinectCapture& capture, Frame& frame) const {
-    auto color = capture.color
-                     ? decode_kinect_color(capture.color->bytes, *captures_->header().color)
-                     : Result<ImageRgb>(Error{Error::Cause::not_found, "a capture without it"});
-    if (color)
-      frame.color = *std::move(color);
-    else
-      frame.color_lost =
-          Error{color.error().cause, source_.file.string() + ": colour: " + color.error().message +
-                                         " (of sensor '" + sensor_.id + "')"};
+  Result<ImageRgb> color_of(const KinectCapture& capture) const {
+    if (!capture.color) return Error{Error::Cause::not_found, "a capture without it"};
+    return decode_kinect_color(capture.color->bytes, *captures_->header().color);
   }
 
   Status look_ahead() {
@@ -95,11 +88,11 @@ class KinectReader final : public RecordingReader {
     return {};
   }
 
-  std::size_t item_of(TimePoint at) const {
+  /// By the clock of the cable.
+  std::optional<TimePoint> first() const {
     const KinectHeader& header = captures_->header();
-    const TimePoint first = header.first ? *header.first - header.subordinate_delay : at;
-    const Duration since = at - first + header.period / 2;
-    return static_cast<std::size_t>(std::max<std::int64_t>(0, since / header.period));
+    if (!header.first) return std::nullopt;
+    return *header.first - header.subordinate_delay;
   }
 
   const SensorConfig sensor_;

@@ -21,7 +21,9 @@ class RealSenseReader final : public RecordingReader {
   Result<std::optional<Capture>> peek() override {
     if (const Status ready = look_ahead(); !ready) return ready.error();
     if (!waiting_) return std::optional<Capture>();
-    return std::optional(Capture{waiting_->depth.at, item_of(waiting_->depth.at)});
+    const RealSenseHeader& header = captures_->header();
+    const TimePoint at = waiting_->depth.at;
+    return std::optional(Capture{at, item_at(at, header.first, header.period)});
   }
 
   Result<Frame> take() override {
@@ -41,7 +43,7 @@ class RealSenseReader final : public RecordingReader {
     Frame frame;
     frame.depth = *std::move(depth);
     frame.exposure_start = frame.exposure_end = capture.depth.at;
-    if (has_color()) add_color(capture, frame);
+    if (has_color()) add_recorded_color(color_of(capture), source_.file, sensor_.id, frame);
     return frame;
   }
 
@@ -56,22 +58,14 @@ class RealSenseReader final : public RecordingReader {
  private:
   bool has_color() const { return captures_->header().color && sensor_.color_camera; }
 
-  /// Damaged colour costs itself alone: the surface goes on.
-  void add_color(const RealSenseCapture& capture, Frame& frame) const {
-    auto color = capture.color
-                     ? decode_realsense_color(*capture.color)
-                     : Result<ImageRgb>(Error{Error::Cause::not_found, "no picture near depth's"});
-    if (color)
-      if (const Status fits =
-              check_size(color->width, color->height, *sensor_.color_camera, "colour", "a picture");
-          !fits)
-        color = fits.error();
-    if (color)
-      frame.color = *std::move(color);
-    else
-      frame.color_lost =
-          Error{color.error().cause, source_.file.string() + ": colour: " + color.error().message +
-                                         " (of sensor '" + sensor_.id + "')"};
+  Result<ImageRgb> color_of(const RealSenseCapture& capture) const {
+    if (!capture.color) return Error{Error::Cause::not_found, "no picture near depth's"};
+    auto color = decode_realsense_color(*capture.color);
+    if (!color) return color;
+    const Status fits =
+        check_size(color->width, color->height, *sensor_.color_camera, "colour", "a picture");
+    if (!fits) return fits.error();
+    return color;
   }
 
   Status look_ahead() {
@@ -107,12 +101,6 @@ class RealSenseReader final : public RecordingReader {
     if (unit_m == table_unit_m_) return;
     table_unit_m_ = unit_m;
     table_ = depth_table(sensor_, unit_m, {});
-  }
-
-  std::size_t item_of(TimePoint at) const {
-    const RealSenseHeader& header = captures_->header();
-    const Duration since = at - header.first.value_or(at) + header.period / 2;
-    return static_cast<std::size_t>(std::max<std::int64_t>(0, since / header.period));
   }
 
   const SensorConfig sensor_;
