@@ -2,113 +2,164 @@
 
 #include <algorithm>
 #include <memory>
+#include <optional>
+#include <span>
 
 #include "commands.h"
 #include "eval_options.h"
 #include "mr/core/file.h"
 #include "mr/eval/plot.h"
-#include "mr/eval/sweep.h"
+#include "mr/eval/rate_sweep.h"
+#include "mr/eval/store.h"
+#include "mr/rate/rate_distortion.h"
 #include "output.h"
 
 namespace mr::apps {
 namespace {
 
 struct RdOptions : EvalOptions {
-  std::filesystem::path scene, csv, plot;
-  std::vector<double> scales{1, 0.75, 0.5, 0.25};
-  std::vector<int> qps{20, 26, 32, 38, 44};
-  std::vector<double> ratios{0.5, 0.2, 0.1, 0.05, 0.02};
-  std::vector<int> bits{9, 10, 11};
-  int views = 30;
+  std::vector<std::filesystem::path> scenes;
+  std::filesystem::path out = "examples/eval/rate", csv, plot;
+  std::size_t views = 16;
 };
 
-struct Swept {
-  eval::ReferenceKind reference;
-  std::vector<eval::SweepPoint> points;
-};
-
-eval::SweepPlan sweep_plan(const RdOptions& options, const Scene& scene) {
-  eval::SweepPlan plan;
-  for (const double ratio : options.ratios)
-    for (const int bits : options.bits)
-      plan.geometries.push_back({scene.voxel_m, ratio, -bits, scene.coding.depth_qp});
-  for (const double scale : options.scales)
-    for (const int qp : options.qps) plan.textures.push_back({scale, qp});
-  return plan;
+std::string_view text_of(const std::vector<std::byte>& bytes) {
+  return {reinterpret_cast<const char*>(bytes.data()), bytes.size()};
 }
 
-std::string draw(const Swept& swept, const Scene& scene) {
-  const auto& points = swept.points;
+/// A scene's stored sweeps, which are measured where they are missing or of another scene file.
+class StoredSweeps {
+ public:
+  StoredSweeps(std::filesystem::path scene, const RdOptions& options)
+      : options_(options),
+        scene_file_(std::move(scene)),
+        file_(options.out / scene_file_.filename().replace_extension(".json")) {}
+
+  Result<rate::SweepFile> measure() {
+    auto scene = load_for_eval(scene_file_, options_.set);
+    if (!scene) return Error{Error::Cause::invalid, scene_file_.string() + " cannot be measured"};
+    scene->coding.frame_divider = 1;
+    if (const Status read = load(); !read) return read.error();
+    std::optional<Status> done;
+    in_arena(options_, *scene, [&] { done.emplace(measure(*scene)); });
+    if (!*done) return done->error();
+    return std::move(kept_);
+  }
+
+ private:
+  Status load() {
+    const auto text = read_file(scene_file_);
+    if (!text) return text.error();
+    eval::Fingerprint print;
+    print.add(std::span(*text)).add(options_.moments).add(static_cast<double>(options_.views));
+    for (const std::string& set : options_.set) print.add(set);
+    kept_.scene_hash = print.hex();
+    const auto stored = read_file(file_);
+    if (!stored) return {};  // none yet
+    auto sweeps = rate::sweeps_from_json(text_of(*stored));
+    if (!sweeps && sweeps.error().cause != Error::Cause::unsupported)
+      return Error{sweeps.error().cause, file_.string() + ": " + sweeps.error().message};
+    if (sweeps && sweeps->scene_hash == kept_.scene_hash) kept_.sweeps = std::move(sweeps->sweeps);
+    return {};
+  }
+
+  /// In the steady state where the scene has one, and with everything sent anew.
+  Status measure(const Scene& scene) {
+    std::vector<Scene> ways{scene};
+    if (scene.still.layers) ways.emplace_back(scene).still.layers = false;
+    cli::ProgressBar bar;
+    for (const Scene& way : ways) {
+      eval::QualityConfig config = quality_config(options_, bar);
+      const auto trial = eval::Trial::prepare(way, config);
+      if (!trial) return trial.error();
+      for (const std::size_t moment : trial->all_moments()) {
+        config.progress = [&](const std::string& step, std::size_t done, std::size_t of) {
+          bar.show(fmt::format("{} {} {}", scene.id, moment + 1, step), done, of);
+        };
+        if (const Status done = measure(*trial, moment, config); !done) return done;
+      }
+    }
+    return {};
+  }
+
+  Status measure(const eval::Trial& trial, std::size_t moment, const eval::QualityConfig& config) {
+    const int capture = trial.moments().shown(moment);
+    const bool layers = eval::is_stateful(trial.scene());
+    for (const rate::Sweep& known : kept_.sweeps)
+      if (known.moment == capture && known.layers == layers) return {};
+    auto sweep = eval::sweep_moment(trial, moment, options_.views, config);
+    if (!sweep) return sweep.error();
+    kept_.sweeps.push_back(*std::move(sweep));
+    return write_file(file_, rate::to_json(kept_));
+  }
+
+  const RdOptions& options_;
+  std::filesystem::path scene_file_, file_;
+  rate::SweepFile kept_;
+};
+
+std::string title(const rate::Sweep& sweep) {
+  return fmt::format("{}, capture {}, {}", sweep.scene, sweep.moment,
+                     sweep.layers ? "with layers" : "everything anew");
+}
+
+std::string draw(const std::vector<rate::Sweep>& sweeps) {
   eval::Plot plot;
-  plot.title = fmt::format("{}: {} settings, against {}", scene.id, points.size(),
-                           to_string(swept.reference));
-  plot.x_label = "Mbit/s at " + fmt::format("{:g}", scene.fps) + " fps";
+  plot.title =
+      title(sweeps.front()) + fmt::format(": {} settings", sweeps.front().qualities.size());
+  plot.x_label = "Mbit/s at " + fmt::format("{:g}", sweeps.front().fps) + " fps";
   plot.y_label = "Multi-View SSIM (masked)";
+  plot.log_x = true;
   eval::Series all{"settings", {}, false, true}, hull{"Pareto hull", {}, true, true};
-  for (const auto& p : points) all.points.emplace_back(p.mbps(), p.score.masked.mean);
-  for (const std::size_t i : eval::pareto_hull(points))
-    hull.points.emplace_back(points[i].mbps(), points[i].score.masked.mean);
-  const auto [least, most] = std::minmax_element(all.points.begin(), all.points.end());
-  plot.log_x = most->first > 4 * least->first;
+  const std::vector<rate::RatePoint> points = rate::measured_points(sweeps.front());
+  for (const rate::RatePoint& p : points) all.points.emplace_back(p.mbps, p.ssim);
+  for (const rate::RatePoint& p : rate::convex_hull(points))
+    hull.points.emplace_back(p.mbps, p.ssim);
   plot.series = {std::move(all), std::move(hull)};
   return eval::draw_svg(plot);
 }
 
-Result<Swept> sweep_scene(const Scene& scene, const RdOptions& options) {
-  cli::ProgressBar bar;
-  const eval::QualityConfig config = quality_config(options, bar);
-  const auto trial = eval::Trial::prepare(scene, config);
-  if (!trial) return trial.error();
-  const eval::SweepPlan plan = sweep_plan(options, scene);
-  auto system = eval::make_system(
-      scene, {trial->moments(), config.rig_cache, config.eval_cache, plan.geometries});
-  if (!system) return system.error();
-  eval::SweepReference references;
-  const auto views = std::min<std::size_t>(options.views, trial->plan().views.size());
-  references.views = trial->plan().views;
-  references.views.resize(views);
-  references.moments = trial->all_moments();
-  auto metric = trial->metric(references.moments, views, 1, config);
-  if (!metric) return metric.error();
-  references.by_divider.push_back(*std::move(metric));
-  auto points = eval::sweep(**system, plan, references, scene.fps,
-                            (*system)->scores(references.views, trial->reference()),
-                            [&](std::size_t done, std::size_t of) { bar.show("sweep", done, of); });
-  if (!points) return points.error();
-  return Swept{trial->reference(), *std::move(points)};
+std::string to_csv(const std::vector<rate::Sweep>& sweeps) {
+  std::string out =
+      "scene,layers,capture,error_voxels,bits,texture_scale,texture_qp,mbps,ssim_masked,on_hull\n";
+  for (const rate::Sweep& sweep : sweeps) {
+    const auto points = rate::measured_points(sweep);
+    const auto hull = rate::convex_hull(points);
+    for (const rate::RatePoint& p : points)
+      out += fmt::format(
+          "{},{},{},{:g},{},{:g},{},{:.4f},{:.5f},{}\n", sweep.scene, sweep.layers ? 1 : 0,
+          sweep.moment, p.setting.error_voxels, p.setting.bits, p.setting.scale, p.setting.qp,
+          p.mbps, p.ssim,
+          std::ranges::find(hull, p.setting, &rate::RatePoint::setting) == hull.end() ? 0 : 1);
+  }
+  return out;
 }
 
 /// What is worth choosing among the settings.
-void print_hull(const Swept& swept) {
-  const auto hull = eval::pareto_hull(swept.points);
-  fmt::print("{} settings, {} on the hull, against {}:\n", swept.points.size(), hull.size(),
-             to_string(swept.reference));
-  for (const std::size_t i : hull) {
-    const eval::SweepPoint& p = swept.points[i];
+void print_hull(const rate::Sweep& sweep) {
+  fmt::print("{}: {} settings\n", title(sweep), sweep.qualities.size());
+  for (const rate::RatePoint& p : rate::convex_hull(rate::measured_points(sweep)))
     fmt::print(
-        "{:8.2f} Mbit/s  SSIM {:.4f}  ratio {:g}, step_exp {}, texture_scale {:g}, "
-        "texture_qp {}\n",
-        p.mbps(), p.score.masked.mean, p.geometry.ratio, p.geometry.step_exp, p.texture.scale,
-        p.texture.qp);
-  }
+        "{:8.2f} Mbit/s  SSIM {:.4f}  error {:g} voxels, {} bits, texture_scale {:g}, texture_qp "
+        "{}\n",
+        p.mbps, p.ssim, p.setting.error_voxels, p.setting.bits, p.setting.scale, p.setting.qp);
 }
 
 int run_rd(const RdOptions& options) {
-  if (const Status ok = check({{}, options.csv, {}}); !ok) return fail(ok.error().message);
-  if (const Status ok = check({{}, options.plot, {}}); !ok) return fail(ok.error().message);
-  auto scene = load_for_eval(options.scene, options.set);
-  if (!scene) return 1;
-  scene->coding.frame_divider = 1;
-  std::optional<Result<Swept>> swept;
-  in_arena(options, *scene, [&] { swept.emplace(sweep_scene(*scene, options)); });
-  if (!*swept) return fail(swept->error().message);
-  const std::string csv = eval::to_csv((*swept)->points, (*swept)->reference);
-  if (const Status ok = write_all({{options.csv, csv}, {options.plot, draw(**swept, *scene)}}); !ok)
+  for (const auto& file : {options.csv, options.plot})
+    if (const Status ok = check({{}, file, {}}); !ok) return fail(ok.error().message);
+  std::error_code error;
+  std::filesystem::create_directories(options.out, error);
+  if (error) return fail("cannot create " + options.out.string() + ": " + error.message());
+  std::vector<rate::Sweep> all;
+  for (const std::filesystem::path& scene : options.scenes) {
+    auto sweeps = StoredSweeps(scene, options).measure();
+    if (!sweeps) return fail(sweeps.error().message);
+    std::ranges::move(sweeps->sweeps, std::back_inserter(all));
+  }
+  if (const Status ok = write_all({{options.csv, to_csv(all)}, {options.plot, draw(all)}}); !ok)
     return fail(ok.error().message);
-  if (options.csv.empty())
-    fmt::print("{}", csv);
-  else
-    print_hull(**swept);
+  for (const rate::Sweep& sweep : all) print_hull(sweep);
   return 0;
 }
 
@@ -116,25 +167,22 @@ int run_rd(const RdOptions& options) {
 
 void add_eval_rd(CLI::App& eval, int& exit_code) {
   auto options = std::make_shared<RdOptions>();
+  options->moments = 2;
   CLI::App* command = eval.add_subcommand(
-      "rd", "Rate against distortion: sweep texture scale x QP x decimation x mesh bits");
-  command->add_option("SCENE", options->scene, "Scene file (YAML)")->required();
+      "rd", "Rate against distortion: explore texture scale x QP x decimation x mesh bits");
+  command->add_option("SCENES", options->scenes, "Scene files (YAML)")->required();
   add_eval_options(*command, *options);
   command->remove_option(command->get_option("--json"));
-  const auto list = [&](const char* name, auto& values, const char* what, auto range) {
-    command->add_option(name, values, what)->delimiter(',')->check(range)->capture_default_str();
-  };
-  list("--scales", options->scales, "Texture scales", between(0.01, 1));
-  list("--qps", options->qps, "H.264 quantisers", CLI::Range(0, 51));
-  list("--ratios", options->ratios, "Shares of the triangles kept", between(0.001, 1));
-  list("--bits", options->bits, "Mesh bits: positions in steps of 2^-bits m", CLI::Range(9, 11));
+  command->add_option("--out", options->out, "Folder of the results, one NAME.json for each scene")
+      ->capture_default_str();
   command->add_option("--views", options->views, "At most so many viewpoints")
       ->check(CLI::Range(1, 1000))
       ->capture_default_str();
-  command->add_option("--csv", options->csv, "Write every setting as a line; else printed");
-  command->add_option("--plot", options->plot, "Draw them with their Pareto hull (SVG)");
+  command->add_option("--csv", options->csv, "Write every setting as a line");
+  command->add_option("--plot", options->plot,
+                      "Draw the first scene's first moment with its Pareto hull (SVG)");
   command->footer(
-      "What was coded and compared is kept: an interrupted sweep goes on where it was.\n"
+      "Moments that are stored already are not measured again, unless the scene file changed.\n"
       "Example:\n  meshreduce eval rd examples/eval/office-still.yaml --csv rd.csv --plot rd.svg");
   command->callback([options, &exit_code] { exit_code = run_rd(*options); });
 }

@@ -20,7 +20,9 @@ Control full() {
   out.shown = 77, out.time = true;
   out.plan.emplace();
   out.plan->sensors = {{0, 0.004}, 0.003, 7, 1, 20};
-  out.plan->root = {{0.25, 0}, 0, 5, 0.3, 51};
+  out.plan->root = {{0.25, 0}, 0, 5, 0.3, 51, 0.5, 30};
+  out.plan->by_sensor[SensorId{2}] = {{0, 0.008}, 0.003, 7, 1, 26};
+  out.plan->by_sensor[SensorId{5}] = {{0, 0.016}, 0.003, 7, 0.5, 32};
   return out;
 }
 
@@ -118,6 +120,12 @@ TEST(Control, AnImpossiblePlanIsRefused) {
   EXPECT_TRUE(refused([](ScenePlan& p) { p.sensors.mesh_speed = 11; }));
   EXPECT_TRUE(refused([&](ScenePlan& p) { p.root.texture_scale = nan; }));
   EXPECT_TRUE(refused([](ScenePlan& p) { p.sensors.texture_qp = 52; }));
+  EXPECT_TRUE(refused([&](ScenePlan& p) { p.root.plate_scale = nan; }));
+  EXPECT_TRUE(refused([](ScenePlan& p) { p.root.plate_qp = -1; }));
+  EXPECT_TRUE(refused([](ScenePlan& p) { p.by_sensor[SensorId{3}].texture_qp = 52; }));
+  EXPECT_TRUE(refused([](ScenePlan& p) {
+    for (std::size_t i = 0; i <= ScenePlan::kMaxSensors; ++i) p.by_sensor[sensor_at(i)] = {};
+  }));
 }
 
 TEST(Control, EveryFlippedBitIsSeen) {

@@ -25,11 +25,12 @@ enum class Section : std::uint32_t {
   whole_head = 4,
   shown = 5,
   time = 6,
-  plan = 7
+  plan = 8  // 7: plans without those of single sensors, of earlier programs
 };
 
 constexpr std::size_t kKeyBytes = 28, kStreamBytes = 4, kSequenceBytes = 8;
-constexpr std::size_t kPlanBytes = 4 * 8 + 2 * 4;  // of one node
+constexpr std::size_t kPlanBytes = 5 * 8 + 3 * 4;  // of one node
+constexpr std::size_t kSensorPlanBytes = 4 + kPlanBytes;
 
 template <typename Integer>
 void put_integer(std::vector<std::byte>& out, Integer value) {
@@ -81,16 +82,17 @@ void put_key(std::vector<std::byte>& out, const ChunkKey& k) {
 
 void put_plan(std::vector<std::byte>& out, const CodingPlan& p) {
   for (const double v :
-       {p.decimation.ratio, p.decimation.error_m, p.still_error_m, p.texture_scale})
+       {p.decimation.ratio, p.decimation.error_m, p.still_error_m, p.texture_scale, p.plate_scale})
     put_number(out, v);
-  for (const std::int32_t v : {p.mesh_speed, p.texture_qp}) put_integer(out, v);
+  for (const std::int32_t v : {p.mesh_speed, p.texture_qp, p.plate_qp}) put_integer(out, v);
 }
 
 CodingPlan get_plan(std::span<const std::byte>& in) {
   CodingPlan p;
-  for (double* v : {&p.decimation.ratio, &p.decimation.error_m, &p.still_error_m, &p.texture_scale})
+  for (double* v : {&p.decimation.ratio, &p.decimation.error_m, &p.still_error_m, &p.texture_scale,
+                    &p.plate_scale})
     *v = get_number(in);
-  for (int* v : {&p.mesh_speed, &p.texture_qp}) *v = get<std::int32_t>(in);
+  for (int* v : {&p.mesh_speed, &p.texture_qp, &p.plate_qp}) *v = get<std::int32_t>(in);
   return p;
 }
 
@@ -137,11 +139,19 @@ Status read_flag(std::span<const std::byte> body, bool& out) {
 }
 
 Status read_plans(std::span<const std::byte> body, Control& out) {
-  if (body.size() != 2 * kPlanBytes)
+  if (body.size() < 2 * kPlanBytes || (body.size() - 2 * kPlanBytes) % kSensorPlanBytes != 0)
     return wrong(Error::Cause::corrupt, "a plan of another length");
+  if ((body.size() - 2 * kPlanBytes) / kSensorPlanBytes > ScenePlan::kMaxSensors)
+    return wrong(Error::Cause::too_large, "plans for too many sensors");
   ScenePlan& plan = out.plan.emplace();
   plan.sensors = get_plan(body);
   plan.root = get_plan(body);
+  while (!body.empty()) {
+    const SensorId sensor{get<std::uint32_t>(body)};
+    if (!plan.by_sensor.empty() && plan.by_sensor.rbegin()->first >= sensor)
+      return wrong(Error::Cause::corrupt, "unsorted plans of sensors");
+    plan.by_sensor.emplace_hint(plan.by_sensor.end(), sensor, get_plan(body));
+  }
   if (const auto problems = plan.problems(); !problems.empty())
     return wrong(Error::Cause::corrupt, "a plan whose " + problems.front());
   return {};
@@ -203,9 +213,14 @@ std::vector<std::byte> encode_control(const Control& control) {
   }
   if (control.time) put_section(out, Section::time, 0);
   if (control.plan) {
-    put_section(out, Section::plan, 2 * kPlanBytes);
+    put_section(out, Section::plan,
+                2 * kPlanBytes + control.plan->by_sensor.size() * kSensorPlanBytes);
     put_plan(out, control.plan->sensors);
     put_plan(out, control.plan->root);
+    for (const auto& [sensor, plan] : control.plan->by_sensor) {
+      put_integer(out, number_of(sensor));
+      put_plan(out, plan);
+    }
   }
   seal(out);
   return out;

@@ -188,7 +188,9 @@ class Reader {
            plan.still_error_m(),
            plan.mesh_speed(),
            plan.texture_scale(),
-           plan.texture_qp()};
+           plan.texture_qp(),
+           plan.plate_scale(),
+           plan.plate_qp()};
     return require(out.problems().empty(), "an impossible coding plan");
   }
 

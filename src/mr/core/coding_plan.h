@@ -1,8 +1,11 @@
 #pragma once
 
+#include <cstddef>
+#include <map>
 #include <string>
 #include <vector>
 
+#include "mr/core/ids.h"
 #include "mr/core/range.h"
 
 namespace mr {
@@ -27,6 +30,9 @@ struct CodingPlan {
   int mesh_speed = 5;        ///< Draco: 0 smallest .. 10 fastest
   double texture_scale = 1;  ///< tile pixels per camera pixel, along each axis
   int texture_qp = 28;       ///< H.264 quantiser
+  // Of the root's clean plates, which are encoded seldom and shown for long:
+  double plate_scale = 1;
+  int plate_qp = 20;
 
   static constexpr Range kTextureScale{0.01, 1};
   /// The invalid fields, one line each; empty: valid.
@@ -37,7 +43,10 @@ struct CodingPlan {
 /// The plans of all nodes of a scene, as a controller sends them to the root.
 struct ScenePlan {
   CodingPlan sensors, root;
+  std::map<SensorId, CodingPlan> by_sensor = {};  ///< sensors whose plan differs from `sensors`
 
+  static constexpr std::size_t kMaxSensors = 1024;  ///< in `by_sensor`
+  const CodingPlan& of(SensorId sensor) const;
   std::vector<std::string> problems() const;
   friend bool operator==(const ScenePlan&, const ScenePlan&) = default;
 };

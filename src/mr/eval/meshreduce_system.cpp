@@ -8,8 +8,10 @@
 
 #include "mr/codec/packet_codec.h"
 #include "mr/codec/receiver.h"
+#include "mr/eval/root_inputs.h"
 #include "mr/eval/system_parts.h"
 #include "mr/kit/video.h"
+#include "mr/node/plans.h"
 #include "mr/runtime/lockstep_scene.h"
 
 namespace mr::eval {
@@ -50,19 +52,8 @@ class MeshReduceSystem final : public System {
   std::string name() const override { return "MeshReduce"; }
 
  private:
-  /// What the root draws one capture from.
-  struct RootInput {
-    node::CaptureSet captures;
-    std::vector<View> views;
-    std::vector<SourceInfo> sources;
-    Mesh moving;
-    std::optional<Mesh> still;
-    float error_m = 0;
-  };
-  struct Inputs {
-    std::vector<RootInput> burst;
-    node::RootAtlas::Memory memory;  ///< at the burst's first capture
-    bool all_settings = false;       ///< `moving` holds what moves in every setting
+  struct Inputs : RootInputs {
+    bool all_settings = false;  ///< they hold what moves in every setting
   };
   using Coded = std::vector<Bytes>;
 
@@ -80,13 +71,6 @@ class MeshReduceSystem final : public System {
 
   Result<std::unique_ptr<runtime::LockstepScene>> open(const GeometrySetting& setting) const {
     return runtime::LockstepScene::open(geometry_only(setting), config_.rig_cache);
-  }
-
-  void note(Inputs& in, const node::RootAtlas::Drawing& drawing) const {
-    if (in.burst.empty()) in.memory = drawing.atlas.memory();
-    in.burst.push_back(
-        {drawing.tick.captures, drawing.tick.views, drawing.tick.sources, drawing.moving,
-         drawing.still ? std::optional(*drawing.still) : std::nullopt, drawing.error_m});
   }
 
   /// Runs the pipeline until what a setting gives at a moment is there.
@@ -111,7 +95,7 @@ class MeshReduceSystem final : public System {
       listener.drawing = [&](int i, const node::RootAtlas::Drawing& drawing) {
         for (std::size_t m = 0; m < moments.first.size(); ++m) {
           const int place = begun + i - moments.shown(m) - moments.later();
-          if (place <= 0 && place > -moments.burst) note(inputs_[m], drawing);
+          if (place <= 0 && place > -moments.burst) inputs_[m].note(drawing);
         }
       };
     }
@@ -145,7 +129,7 @@ class MeshReduceSystem final : public System {
     if (is_noted) {
       inputs_.erase(moment);
       listener.drawing = [&](int, const node::RootAtlas::Drawing& drawing) {
-        note(inputs_[moment], drawing);
+        inputs_[moment].note(drawing);
       };
     }
     (*pipeline)->skip(static_cast<std::uint64_t>(config_.moments.shown(moment) + 1 - captures));
@@ -197,9 +181,7 @@ class MeshReduceSystem final : public System {
       if (setting == first_setting()) continue;
       const auto surface = geometry(setting, moment);
       if (!surface) return surface.error();
-      for (const auto& chunk : surface->decoded.chunks)
-        if (chunk->key.id.layer == Layer::moving)
-          for (RootInput& from : in.burst) append(from.moving, chunk->mesh);
+      in.add_moving(surface->decoded.chunks);
     }
     return &in;
   }
@@ -208,20 +190,18 @@ class MeshReduceSystem final : public System {
     const auto in = inputs(moment);
     if (!in) return in.error();
     const Scene scene = with(scene_, setting);
+    const CodingPlan plan = node::merger_plan(scene, true);
+    auto pictures = (*in)->draw(scene, plan);
+    if (!pictures) return pictures.error();
     node::RootAtlas atlas(scene);
-    atlas.recall((*in)->memory);
     Coded out;
-    for (const RootInput& from : (*in)->burst) {
-      const node::RootAtlas::Tick tick{from.captures, from.views, from.sources};
-      if (is_stateful_ && !out.empty()) atlas.update_plates(tick, from.moving);
+    for (std::size_t i = 0; i < pictures->size(); ++i) {
       Packet packet;
       packet.scene = scene.id, packet.node = scene.mergers.back().id;
-      packet.sequence = out.size(), packet.captured_at = from.captures.tick;
-      packet.plan.texture_scale = setting.scale;
-      packet.plan.texture_qp = setting.qp;
-      const Status drawn = atlas.compose(tick, from.moving, from.still ? &*from.still : nullptr,
-                                         from.error_m, packet);
-      if (!drawn) return drawn.error();
+      packet.sequence = i, packet.captured_at = (*in)->burst[i].captures.tick;
+      packet.plan = plan;
+      if (const Status coded = atlas.encode(std::move((*pictures)[i]), packet); !coded)
+        return coded.error();
       out.push_back(codec::encode_packet(packet));
     }
     return out;

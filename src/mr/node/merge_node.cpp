@@ -152,8 +152,10 @@ Status MergeNode::add_textures(const CaptureSet& captures, Packet& packet) {
     const Mesh* still = still_.shown().mesh.get();
     const float error_m = std::max(moving_.errors().most_m(), still_.shown().error_m);
     if (drawing_listener_) drawing_listener_({atlas_, tick, moving_.mesh(), still, error_m});
-    return trace_.time("encode_atlas", [&] {
-      return atlas_.compose(tick, moving_.mesh(), still, error_m, packet);
+    return trace_.time("encode_atlas", [&]() -> Status {
+      auto drawn = atlas_.draw(tick, moving_.mesh(), still, error_m, packet.plan, packet.sequence);
+      if (!drawn) return drawn.error();
+      return atlas_.encode(*std::move(drawn), packet);
     });
   }
   packet.views = poses_.views;

@@ -83,6 +83,8 @@ class MergeNode {
   using DrawingListener = std::function<void(const RootAtlas::Drawing& drawing)>;
   void set_drawing_listener(DrawingListener listener) { drawing_listener_ = std::move(listener); }
 
+  RootAtlas& atlas() { return atlas_; }
+  const RootAtlas& atlas() const { return atlas_; }
   /// What the root knows about the cameras' colours; empty below it.
   std::vector<CameraColor> colors() const { return atlas_.colors().findings(*scene_); }
   double misplaced_px() const { return atlas_.colors().misplaced_px(); }

@@ -1,5 +1,7 @@
 #include "mr/node/plans.h"
 
+#include <algorithm>
+
 namespace mr::node {
 namespace {
 
@@ -8,6 +10,9 @@ namespace {
 constexpr double kMovingError_voxels = 0.5;
 // Error limit for the still surface: it is sent once, so it may be finer than one capture's noise.
 constexpr double kStillError_voxels = 0.35;
+
+// QP steps: plates are encoded seldom and shown for long.
+constexpr int kPlatesFiner = 8;
 
 /// If the scene sets an error limit and no ratio, only the error limit applies.
 Decimation decimation_of(const SimplifyConfig& config) {
@@ -33,6 +38,8 @@ CodingPlan merger_plan(const Scene& scene, bool is_root) {
   CodingPlan plan;
   if (is_root) plan.decimation = decimation_of(scene.merge.simplify);
   plan.texture_scale = scene.coding.texture_scale, plan.texture_qp = scene.coding.texture_qp;
+  plan.plate_scale = plan.texture_scale;
+  plan.plate_qp = std::max(plan.texture_qp - kPlatesFiner, 0);
   return plan;
 }
 

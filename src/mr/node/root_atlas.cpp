@@ -23,8 +23,6 @@ static_assert(still::kColorTile_px == atlas::CleanPlate::kBlock_px &&
                   sensor::BlindTiles::kTile_px == atlas::CleanPlate::kBlock_px,
               "tiles that sensors name are blocks of plates");
 
-constexpr int kPlatesFiner = 8;  // QP steps: plates are encoded seldom and shown for long
-
 atlas::Pictures pictures_of(const CaptureSet& captures) {
   atlas::Pictures out;
   for (const DecodedScene& scene : captures.scenes)
@@ -232,92 +230,105 @@ ImageRgb RootAtlas::draw_live(const Children& children, const atlas::Pictures& p
 }
 
 /// The children's alpha, arranged as the live atlas is.
-void RootAtlas::add_alpha(const Tick& tick, const Children& children, const Used& used,
-                          Packet& packet) const {
+std::vector<AlphaPlane> RootAtlas::draw_alpha(const Tick& tick, const Children& children,
+                                              const Used& used) const {
   const auto alpha = atlas::compose_alpha(live_layout_, {children, alpha_of(tick.captures), used});
-  if (!alpha) return;
-  packet.alpha = {{kLiveStream, alpha->step_px, alpha->plane.width, alpha->plane.height,
-                   codec::encode_alpha(alpha->plane)}};
+  if (!alpha) return {};
+  return {{kLiveStream, alpha->step_px, alpha->plane.width, alpha->plane.height,
+           codec::encode_alpha(alpha->plane)}};
 }
 
-/// Encodes a picture unless it equals the last one and no key frame was requested.
+/// Encodes a picture unless it equals the last one, which is no coarser, and no key frame was
+/// requested.
 Status RootAtlas::add_unit(TextureStream& stream, int qp, std::uint32_t layout, ImageRgb picture,
-                           ImageRgb& last, Packet& packet) {
-  if (picture == last && !stream.key_frame_asked()) {
+                           Coded& last, Packet& packet) {
+  if (picture == last.picture && qp >= last.qp && !stream.key_frame_asked()) {
     spare_ = std::move(picture);
     return {};
   }
   auto unit = stream.encode(picture, qp, layout);
   if (!unit) return unit.error();
-  spare_ = std::exchange(last, std::move(picture));
+  spare_ = std::exchange(last.picture, std::move(picture));
+  last.qp = qp;
   packet.textures.push_back(*std::move(unit));
   return {};
 }
 
-Status RootAtlas::compose(const Tick& tick, const Mesh& moving, const Mesh* still, float error_m,
-                          Packet& packet) {
+Result<RootAtlas::Drawn> RootAtlas::draw(const Tick& tick, const Mesh& moving, const Mesh* still,
+                                         float error_m, const CodingPlan& plan,
+                                         std::uint64_t sequence) {
   Used used;
   if (scene_->atlas.mask || !plates_.empty()) used = used_pixels(tick, moving, error_m);
-  const double scale = packet.plan.texture_scale;
-  if (const Status ok = arrange(windows(tick.views, used), scale, live_layout_); !ok) return ok;
-  if (const Status ok = arrange(tick.views, scale, plate_layout_); !ok) return ok;
+  const Status live = arrange(windows(tick.views, used), plan.texture_scale, live_layout_);
+  if (!live) return live.error();
+  const Status plates = arrange(tick.views, plan.plate_scale, plate_layout_);
+  if (!plates) return plates.error();
   Children children;
   for (const View& view : tick.views) children[view.id] = view;
   const atlas::Pictures pictures = pictures_of(tick.captures);
   atlas::ValidTiles seeing = seeing_tiles(tick.views, tick.sources);
   colors_.update({tick.views, pictures, seeing, moving, still, plates_, changed_blocks_});
-  add_views(still != nullptr, packet);
-  add_alpha(tick, children, used, packet);
-  const bool has_plates = still && !plates_.empty();
-  const bool plates_due = has_plates && are_plates_due(plate_layout_.views.front().layout);
+
+  Drawn out;
+  out.live_layout = live_layout_.views.front().layout;
+  out.plate_layout = plate_layout_.views.front().layout;
+  out.views = shown_views(still != nullptr);
+  out.alpha = draw_alpha(tick, children, used);
+  const bool plates_due =
+      still && !plates_.empty() && are_plates_due(out.plate_layout, plan.plate_qp);
   if (plates_due)
     shown_plates_ =
         painter_.plates(tick.views, plates_, used_pixels(tick, *still, error_m), *still, colors_);
   const atlas::Pictures shown =
       painter_.live({tick.views, pictures, std::move(seeing)}, used, moving, still, colors_);
-  ImageRgb picture = draw_live(children, shown, std::move(used));
-  if (scene_->atlas.burn_sequence) atlas::draw_watermark(picture, packet.sequence);
-  const std::uint32_t layout = live_layout_.views.front().layout;
-  const Status added =
-      add_unit(live_, packet.plan.texture_qp, layout, std::move(picture), last_live_, packet);
-  if (!added) return added;
-  return plates_due ? add_plates(children, packet) : Status{};
+  out.live = draw_live(children, shown, std::move(used));
+  if (scene_->atlas.burn_sequence) atlas::draw_watermark(out.live, sequence);
+  if (plates_due) out.plates = draw_plates(children);
+  return out;
 }
 
-/// Adds the live views, each followed by the view of its plate.
-void RootAtlas::add_views(bool with_plates, Packet& packet) const {
-  packet.views.clear();
+Status RootAtlas::encode(Drawn drawn, Packet& packet) {
+  packet.views = std::move(drawn.views);
+  packet.alpha = std::move(drawn.alpha);
+  const Status added = add_unit(live_, packet.plan.texture_qp, drawn.live_layout,
+                                std::move(drawn.live), last_live_, packet);
+  if (!added || !drawn.plates) return added;
+  const Status plates = add_unit(plate_, packet.plan.plate_qp, drawn.plate_layout,
+                                 *std::move(drawn.plates), last_plate_, packet);
+  if (!plates) blocks_waiting_ = valid_blocks();  // to be encoded with the next packet
+  return plates;
+}
+
+/// The live views, each followed by the view of its plate.
+std::vector<View> RootAtlas::shown_views(bool with_plates) const {
+  std::vector<View> out;
   for (std::size_t i = 0; i < live_layout_.views.size(); ++i) {
-    packet.views.push_back(live_layout_.views[i]);
+    out.push_back(live_layout_.views[i]);
     const auto plate = plates_.find(live_layout_.views[i].id);
     if (!with_plates || plate == plates_.end()) continue;
-    View& view = packet.views.emplace_back(plate_layout_.views[i]);
+    View& view = out.emplace_back(plate_layout_.views[i]);
     view.layer = Layer::still, view.stream = kPlateStream, view.gain = colors_.exposure();
   }
+  return out;
 }
 
 /// Whether the atlas of plates must be encoded again. A few changed blocks wait for more: encoding
 /// the picture costs the same for one block as for all.
-bool RootAtlas::are_plates_due(std::uint32_t layout) {
+bool RootAtlas::are_plates_due(std::uint32_t layout, int qp) {
   constexpr int kWait = 15;          // ticks
   constexpr std::size_t kMany = 20;  // 1/kMany of all blocks do not wait
-  if (plate_colors_ != colors_.plates() || drawn_layout_ != layout || plate_.key_frame_asked())
+  if (plate_colors_ != colors_.plates() || drawn_layout_ != layout || qp < last_plate_.qp ||
+      plate_.key_frame_asked())
     return true;
   if (blocks_waiting_ == 0) return plates_due_ = false;
   return ++waited_ >= kWait || plates_due_ || kMany * blocks_waiting_ >= valid_blocks();
 }
 
-Status RootAtlas::add_plates(const Children& children, Packet& packet) {
-  const std::uint32_t layout = plate_layout_.views.front().layout;
-  const Status added = add_unit(
-      plate_, std::max(packet.plan.texture_qp - kPlatesFiner, 0), layout,
-      atlas::compose_atlas(plate_layout_, {.children = children, .pictures = shown_plates_},
-                           std::exchange(spare_, {})),
-      last_plate_, packet);
-  if (!added) return added;
+ImageRgb RootAtlas::draw_plates(const Children& children) {
   blocks_waiting_ = 0, waited_ = 0, plates_due_ = false;
-  plate_colors_ = colors_.plates(), drawn_layout_ = layout;
-  return {};
+  plate_colors_ = colors_.plates(), drawn_layout_ = plate_layout_.views.front().layout;
+  return atlas::compose_atlas(plate_layout_, {.children = children, .pictures = shown_plates_},
+                              std::exchange(spare_, {}));
 }
 
 Rect RootAtlas::Window::follow(const Rect& wanted, const Rect& whole) {

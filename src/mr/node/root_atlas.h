@@ -3,6 +3,7 @@
 #include <cstdint>
 #include <map>
 #include <memory>
+#include <optional>
 #include <vector>
 
 #include "mr/atlas/clean_plate.h"
@@ -94,10 +95,22 @@ class RootAtlas {
   /// Restores the state of another RootAtlas.
   void recall(Memory memory);
 
-  /// Adds views and texture units to a packet. `moving`, `still` (null: none): the labelled
-  /// surfaces to be textured; `error_m`: their geometric error.
-  Status compose(const Tick& tick, const Mesh& moving, const Mesh* still, float error_m,
-                 Packet& packet);
+  /// The pictures of one tick before they are encoded. They depend on the plan's scales, not on its
+  /// quantisers.
+  struct Drawn {
+    std::vector<View> views;
+    std::vector<AlphaPlane> alpha;
+    ImageRgb live;
+    std::uint32_t live_layout = 0;
+    std::optional<ImageRgb> plates;  ///< where the atlas of plates is to be encoded again
+    std::uint32_t plate_layout = 0;
+  };
+  /// Draws the pictures for the labelled surfaces `moving` and `still` (null: none). `error_m`:
+  /// their geometric error; `sequence`: of the packet.
+  Result<Drawn> draw(const Tick& tick, const Mesh& moving, const Mesh* still, float error_m,
+                     const CodingPlan& plan, std::uint64_t sequence);
+  /// Adds views and texture units to a packet, coded by its plan.
+  Status encode(Drawn drawn, Packet& packet);
 
   /// Records requests for key frames. Any thread.
   void answer(const codec::Control& request);
@@ -113,18 +126,24 @@ class RootAtlas {
     TileMask blocks;
   };
 
+  /// What a stream's last unit was made from.
+  struct Coded {
+    ImageRgb picture;
+    int qp = 0;
+  };
+
   const TileMask& seen_by_depth(const View& view, const SourceInfo& source);
-  bool are_plates_due(std::uint32_t layout);
+  bool are_plates_due(std::uint32_t layout, int qp);
   Status arrange(const std::vector<View>& views, double scale, atlas::Layout& layout) const;
   std::vector<View> windows(const std::vector<View>& views, const Used& used);
   Used used_pixels(const Tick& tick, const Mesh& shown, float error_m) const;
-  void add_views(bool with_plates, Packet& packet) const;
-  void add_alpha(const Tick& tick, const Children& children, const Used& used,
-                 Packet& packet) const;
+  std::vector<View> shown_views(bool with_plates) const;
+  std::vector<AlphaPlane> draw_alpha(const Tick& tick, const Children& children,
+                                     const Used& used) const;
   ImageRgb draw_live(const Children& children, const atlas::Pictures& pictures, Used used);
-  Status add_plates(const Children& children, Packet& packet);
+  ImageRgb draw_plates(const Children& children);
   Status add_unit(TextureStream& stream, int qp, std::uint32_t layout, ImageRgb picture,
-                  ImageRgb& last, Packet& packet);
+                  Coded& last, Packet& packet);
 
   const Scene* scene_;
   atlas::Layout live_layout_, plate_layout_;
@@ -133,9 +152,9 @@ class RootAtlas {
   RootColors colors_;
   std::map<ViewId, atlas::CleanPlate> plates_;
   TextureStream live_, plate_;
-  ImageRgb last_live_, last_plate_;  ///< as last encoded
-  ImageRgb spare_;                   ///< reused memory for the next picture
-  std::size_t changed_blocks_ = 0;   ///< of the plates, by the last update
+  Coded last_live_, last_plate_;
+  ImageRgb spare_;                  ///< reused memory for the next picture
+  std::size_t changed_blocks_ = 0;  ///< of the plates, by the last update
   TexturePainter painter_;
   /// The plates as shown, by the stream of the view: corrected and blended; as last drawn.
   atlas::Pictures shown_plates_;

@@ -47,9 +47,9 @@ still::BackgroundUpdate SensorLayers::observe(const Frame& frame, bool is_sent) 
   return update;
 }
 
-bool SensorLayers::learn(const Frame& frame) {
-  if (background_.is_new()) observe(frame, false);
-  return background_.is_new();
+void SensorLayers::recall(Memory memory) {
+  background_ = std::move(memory.background), plate_ = std::move(memory.plate);
+  is_outdated_ = true;  // unchanged chunks are not reconstructed again
 }
 
 /// Whether the merger shows all chunks of the still surface. Within ticks: as far as can be told,

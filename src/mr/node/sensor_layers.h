@@ -31,9 +31,19 @@ class SensorLayers {
   SensorLayers(const Scene& scene, SensorId id, const sensor::Registration& registration,
                StillWork work, Trace& trace);
 
-  /// Learns the room from an undistorted frame that is not reconstructed. Returns whether more of
-  /// them are wanted: most is still to be learnt.
-  bool learn(const Frame& frame);
+  /// Learns the room from an undistorted frame that is not reconstructed.
+  void learn(const Frame& frame) { observe(frame, false); }
+  /// Whether most of the room is still to be learnt.
+  bool is_new() const { return background_.is_new(); }
+
+  /// What was learnt, for measuring: to measure again from the same state, or by another sensor
+  /// node of the same sensor.
+  struct Memory {
+    still::Background background;
+    atlas::CleanPlate plate;
+  };
+  Memory memory() const { return {background_, plate_}; }
+  void recall(Memory memory);
 
   struct Divided {
     ImageDepth moving;        ///< cleaned

@@ -39,8 +39,21 @@ SensorNode::SensorNode(const Scene& scene, SensorId id, NodeClock clock, StillWo
 }
 
 bool SensorNode::watch(Frame frame) {
+  if (layers_ && layers_->is_new()) learn(std::move(frame));
+  return layers_ && layers_->is_new();
+}
+
+void SensorNode::learn(Frame frame) {
   frame.color = {};
-  return layers_ && layers_->learn(registration_.undistort(std::move(frame)));
+  if (layers_) layers_->learn(registration_.undistort(std::move(frame)));
+}
+
+std::optional<SensorLayers::Memory> SensorNode::memory() const {
+  return layers_ ? std::optional(layers_->memory()) : std::nullopt;
+}
+
+void SensorNode::recall(SensorLayers::Memory memory) {
+  if (layers_) layers_->recall(std::move(memory));
 }
 
 /// The cleaned depth that is to be reconstructed: of all, or of what moves.
@@ -152,7 +165,7 @@ Result<std::vector<std::byte>> SensorNode::code(const Reconstructed& surface) {
 }
 
 std::vector<std::byte> SensorNode::answer(const codec::Control& control) {
-  if (control.plan) plan_.set(control.plan->sensors);
+  if (control.plan) plan_.set(control.plan->of(sensor_));
   if (control.wants_key_frame(stream_of(sensor_))) texture_.ask_key_frame();
   if (control.whole_head) writer_.ask_whole();
   if (layers_ && control.shown && *control.shown < sequence_)  // else of another epoch

@@ -55,6 +55,11 @@ class SensorNode {
   /// Takes a frame that is not reconstructed: the room is learnt from it. Between calls of
   /// reconstruct(). Returns whether more of them are wanted: most is still to be learnt.
   bool watch(Frame frame);
+  /// Learns the room from a frame that is not reconstructed; does nothing without layers.
+  void learn(Frame frame);
+  /// See SensorLayers::Memory; nothing without layers.
+  std::optional<SensorLayers::Memory> memory() const;
+  void recall(SensorLayers::Memory memory);
   /// What to tell people about an empty one.
   Error no_surface(const Frame& frame) const;
   /// Whether the frame's surface, what is still included, is empty.

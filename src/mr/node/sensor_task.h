@@ -32,6 +32,8 @@ class SensorTask final : public Task {
   void wake_by(std::function<void()> wake) override { input_->wake_by(std::move(wake)); }
   NodeStats stats(TimePoint now) const override;
 
+  SensorNode& node() { return node_; }
+  const SensorNode& node() const { return node_; }
   const Trace& trace() const { return node_.trace(); }
 
  private:

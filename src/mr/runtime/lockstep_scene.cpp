@@ -2,11 +2,13 @@
 
 #include <algorithm>
 #include <chrono>
+#include <cmath>
 #include <numeric>
 #include <set>
 #include <utility>
 
 #include "mr/codec/packet_codec.h"
+#include "mr/core/assert.h"
 #include "mr/kit/topology.h"
 #include "mr/node/sources.h"
 
@@ -132,6 +134,42 @@ void LockstepScene::skip(std::uint64_t frames) {
   for (const auto& source : sources_) source->skip(frames);
 }
 
+Status LockstepScene::learn(int frames) {
+  for (int i = 0; i < frames; ++i)
+    for (std::size_t s = 0; s < sources_.size(); ++s) {
+      auto frame = sources_[s]->next();
+      if (!frame) return frame.error();
+      if (*frame) sensors_[s].task->node().learn(**std::move(frame));
+    }
+  return {};
+}
+
+std::vector<LockstepScene::Capture> LockstepScene::read(int frames) {
+  std::vector<Capture> out;
+  for (int i = 0; i < frames; ++i) {
+    Capture& capture = out.emplace_back();
+    for (const auto& source : sources_) {
+      auto frame = source->next();
+      capture.push_back(frame ? *std::move(frame) : std::nullopt);
+    }
+  }
+  return out;
+}
+
+LockstepScene::Memory LockstepScene::memory() const {
+  Memory out;
+  for (const auto& sensor : sensors_) out.sensors.push_back(sensor.task->node().memory());
+  out.root = root().node().atlas().memory();
+  return out;
+}
+
+void LockstepScene::recall(const Memory& memory) {
+  MR_ASSERT(memory.sensors.size() == sensors_.size());
+  for (std::size_t i = 0; i < sensors_.size(); ++i)
+    if (memory.sensors[i]) sensors_[i].task->node().recall(*memory.sensors[i]);
+  root().node().atlas().recall(memory.root);
+}
+
 void LockstepScene::ask_key_frames(std::vector<StreamId> streams) {
   root().answer({std::move(streams), {}, {}}, now_);
 }
@@ -144,6 +182,25 @@ Status LockstepScene::set_plan(const ScenePlan& plan) {
 }
 
 Result<RunReport> LockstepScene::run(int frames, const RunListener& listener) {
+  return run(
+      frames, [this](int) { return capture(); }, listener);
+}
+
+Result<RunReport> LockstepScene::run(std::span<const Capture> captures,
+                                     const RunListener& listener) {
+  TimePoint first = TimePoint::max();
+  for (const Capture& capture : captures)
+    for (const auto& frame : capture)
+      if (frame) first = std::min(first, frame->captured_at());
+  const Duration period(std::llround(1e9 / scene_->fps));
+  const Duration later = last_capture_ - first + period;
+  return run(
+      static_cast<int>(captures.size()),
+      [&](int i) { return give(captures[static_cast<std::size_t>(i)], later); }, listener);
+}
+
+Result<RunReport> LockstepScene::run(int frames, const std::function<bool(int)>& capture,
+                                     const RunListener& listener) {
   listener_ = &listener;
   Measured measured;
   if (listener.drawing)
@@ -151,7 +208,7 @@ Result<RunReport> LockstepScene::run(int frames, const RunListener& listener) {
       listener.drawing(measured.frame, drawing);
     });
   const auto start = SteadyClock::now();
-  for (measured.frame = 0; measured.frame < frames && capture(); ++measured.frame)
+  for (measured.frame = 0; measured.frame < frames && capture(measured.frame); ++measured.frame)
     run_frame(measured, [&](const std::string& node) {
       if (listener.progress) listener.progress(measured.frame, frames, node);
     });
@@ -171,6 +228,19 @@ bool LockstepScene::capture() {
     frames_[i]->frame = sources_[i]->next();
     if (sources_[i]->is_live()) lay_on_scene(frames_[i]->frame);
     any |= !frames_[i]->frame || frames_[i]->frame->has_value();
+  }
+  return any;
+}
+
+/// These frames, that much later; false when there is none.
+bool LockstepScene::give(const Capture& capture, Duration later) {
+  MR_ASSERT(capture.size() == frames_.size());
+  bool any = false;
+  for (std::size_t i = 0; i < frames_.size(); ++i) {
+    std::optional<Frame> frame = capture[i];
+    if (frame) frame->exposure_start += later, frame->exposure_end += later;
+    any |= frame.has_value();
+    frames_[i]->frame = std::move(frame);
   }
   return any;
 }
@@ -196,6 +266,7 @@ void LockstepScene::run_frame(Measured& measured,
     if (frame && *frame) {
       progress(sensors_[i].task->id());
       now_ = std::max(now_, (*frame)->captured_at());
+      last_capture_ = std::max(last_capture_, now_);
     }
     run_sensor(i, measured);
   }
@@ -283,7 +354,11 @@ void LockstepScene::count_bytes(const Packet& packet, std::uint64_t bytes,
     if (unit.stream == node::RootAtlas::kPlateStream) cost.plate_bytes += unit.data.size();
     cost.key_frame |= unit.key_frame;
   }
-  for (const EncodedChunk& chunk : packet.chunks) cost.mesh_bytes += chunk.payload.size();
+  for (const EncodedChunk& chunk : packet.chunks) {
+    cost.mesh_bytes += chunk.payload.size();
+    if (chunk.key.id.layer == Layer::still) cost.still_bytes += chunk.payload.size();
+  }
+  for (const AlphaPlane& alpha : packet.alpha) cost.alpha_bytes += alpha.data.size();
   cost.head_bytes = bytes - cost.texture_bytes - cost.mesh_bytes;
   measured.texture_bytes += cost.texture_bytes;
   measured.mesh_bytes += bytes - cost.texture_bytes;

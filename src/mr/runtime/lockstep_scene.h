@@ -29,9 +29,11 @@ struct CaptureCost {
   bool shown = false;  ///< the capture reached the client
   // Sent by the root to the client:
   std::uint64_t mesh_bytes = 0;                   ///< payloads of chunks
+  std::uint64_t still_bytes = 0;                  ///< the still surface's part of mesh_bytes
   std::uint64_t plate_bytes = 0;                  ///< the plates' part of texture_bytes
   std::uint64_t texture_bytes = 0;                ///< access units
   std::uint64_t head_bytes = 0;                   ///< the rest of the packet
+  std::uint64_t alpha_bytes = 0;                  ///< the alpha planes' part of head_bytes
   bool key_frame = false;                         ///< some texture unit is a key frame
   double sensors_cpu_ms = 0, mergers_cpu_ms = 0;  ///< CPU time on all threads
   double critical_path_ms = 0;  ///< slowest node of each layer, each alone, summed; wall clock
@@ -68,6 +70,24 @@ class LockstepScene {
   /// Skips this many frames without reading them; cheap.
   void skip(std::uint64_t frames);
 
+  /// Gives this many frames to the sensors only to learn the room: nothing is reconstructed. Much
+  /// cheaper than run().
+  Status learn(int frames);
+
+  /// One frame of every sensor; nothing where a source gave none.
+  using Capture = std::vector<std::optional<Frame>>;
+  /// Reads the next captures of the sources without running them. Fewer if the sources end.
+  std::vector<Capture> read(int frames);
+
+  /// The state of the layers, for measuring: to measure several plans from the same state, also in
+  /// another LockstepScene of the same sensors.
+  struct Memory {
+    std::vector<std::optional<node::SensorLayers::Memory>> sensors;
+    node::RootAtlas::Memory root;
+  };
+  Memory memory() const;
+  void recall(const Memory& memory);
+
   /// Requests key frames of some of the root's streams in the next capture, as a client does.
   void ask_key_frames(std::vector<StreamId> streams);
 
@@ -78,6 +98,8 @@ class LockstepScene {
   /// Runs until `frames` were captured or all sources ended. Error empty: no frame reached the
   /// client.
   Result<RunReport> run(int frames, const RunListener& listener = {});
+  /// Runs these captures in place of the sources', as if they followed the last one.
+  Result<RunReport> run(std::span<const Capture> captures, const RunListener& listener = {});
 
   /// The newest capture as decoded by the client; nothing before the first.
   const std::optional<DecodedScene>& decoded() const { return decoded_; }
@@ -106,7 +128,10 @@ class LockstepScene {
   template <typename T>
   Member<T> member(std::unique_ptr<T> task);
   node::MergeTask& root() const { return *mergers_.back().task; }
+  Result<RunReport> run(int frames, const std::function<bool(int)>& capture,
+                        const RunListener& listener);
   bool capture();
+  bool give(const Capture& capture, Duration later);
   void lay_on_scene(Result<std::optional<Frame>>& captured);
   void run_frame(Measured& measured, const std::function<void(const std::string&)>& progress);
   void run_sensor(std::size_t sensor, Measured& measured);
@@ -119,7 +144,8 @@ class LockstepScene {
   double throughput_fps(const Measured& measured) const;
   RunReport report(const Measured& measured, double seconds) const;
 
-  std::unique_ptr<Scene> scene_;           // nodes point to it
+  std::unique_ptr<Scene> scene_;  // nodes point to it
+  TimePoint last_capture_{};
   const RunListener* listener_ = nullptr;  ///< of the current run
   TimePoint now_{};
   DropCounter drops_;

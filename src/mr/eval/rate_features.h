@@ -1,0 +1,16 @@
+#pragma once
+
+#include <optional>
+#include <vector>
+
+#include "mr/core/frame.h"
+#include "mr/rate/sweep.h"
+
+namespace mr::eval {
+
+/// The features of a burst of captures ([captures][sensors]) that models of rate control are fed:
+/// those of the last capture, given the ones before, mean over the sensors.
+std::vector<rate::Feature> burst_features(
+    const std::vector<std::vector<std::optional<Frame>>>& burst);
+
+}  // namespace mr::eval

@@ -1,0 +1,477 @@
+#include "mr/eval/rate_sweep.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <map>
+#include <memory>
+#include <numeric>
+#include <optional>
+#include <utility>
+#include <vector>
+
+#include "mr/codec/packet_codec.h"
+#include "mr/core/parallel.h"
+#include "mr/eval/geometry_buffer.h"
+#include "mr/eval/rate_features.h"
+#include "mr/eval/root_inputs.h"
+#include "mr/kit/video.h"
+#include "mr/node/plans.h"
+#include "mr/node/texture_stream.h"
+#include "mr/runtime/lockstep_scene.h"
+
+namespace mr::eval {
+namespace {
+
+using runtime::LockstepScene;
+
+// The grid. Finer textures at a smaller scale, and coarser ones at full scale, are never on a
+// front.
+struct TextureNode {
+  double scale;
+  int qp;
+};
+constexpr TextureNode kTextures[] = {{1, 18},   {1, 23},   {1, 28},   {1, 33},
+                                     {1, 39},   {1, 45},   {0.7, 30}, {0.7, 38},
+                                     {0.7, 46}, {0.5, 34}, {0.5, 42}, {0.5, 50}};
+constexpr double kErrors_voxels[] = {0.5, 1, 2.5, 6};
+constexpr int kBits = 10;
+// The lattice's steps are compared at one decimation, with two textures.
+constexpr int kOtherBits[] = {9, 11};
+constexpr double kErrorOfBits_voxels = 1;
+constexpr TextureNode kTexturesOfBits[] = {{1, 28}, {0.7, 38}};
+// Plates and still surface cost nothing in the steady state: they are at their best.
+constexpr int kPlateQp = 20;
+constexpr int kPlateQps[] = {12, 20, 28, 36, 44};
+constexpr double kStillErrors_voxels[] = {1, 3};
+// Captures that run in full before the burst: the still surface is handed over, plates are taken.
+constexpr int kHandOver = 12;
+// Pictures are encoded apart from the pipeline that makes the geometry.
+constexpr double kSmallScale = 0.125;
+
+/// The scene's plan with a decimation, without pictures.
+ScenePlan plan_of(const Scene& scene, double error_voxels) {
+  ScenePlan out;
+  out.sensors = node::sensor_plan(scene, SensorId{0});
+  out.sensors.decimation = {0, error_voxels * scene.voxel_m};
+  out.root = node::merger_plan(scene, true);
+  out.root.decimation = {};
+  out.root.texture_scale = out.root.plate_scale = kSmallScale;
+  return out;
+}
+
+/// Decodes pictures of one stream, in order, and keeps the last.
+class LastPicture {
+ public:
+  Status add(const Packet& packet) {
+    for (const TextureUnit& unit : packet.textures) {
+      if (!decoder_) {
+        auto made = kit::VideoDecoder::create();
+        if (!made) return made.error();
+        decoder_.emplace(*std::move(made));
+      }
+      auto picture = decoder_->decode(unit.data);
+      if (!picture) return picture.error();
+      last_ = luma_of(*picture);
+    }
+    return {};
+  }
+  const ImageLuma& luma() const { return last_; }
+
+ private:
+  std::optional<kit::VideoDecoder> decoder_;
+  ImageLuma last_;
+};
+
+/// One moment's sweep under way.
+class MomentSweep {
+ public:
+  MomentSweep(const Trial& trial, std::size_t moment, std::size_t views,
+              const QualityConfig& config)
+      : trial_(trial),
+        scene_(trial.scene()),
+        moments_(trial.moments()),
+        moment_(moment),
+        config_(config),
+        has_layers_(is_stateful(scene_)) {
+    views_ = trial.plan().views;
+    views_.resize(std::min(views, views_.size()));
+    if (!has_layers_) scene_.reuse_chunks = false, scene_.still.layers = false;
+    sweep_.scene = scene_.id, sweep_.layers = has_layers_;
+    sweep_.moment = moments_.shown(moment), sweep_.fps = scene_.fps;
+    sweep_.voxel_m = scene_.voxel_m;
+  }
+
+  Result<rate::Sweep> run() {
+    auto metric = trial_.metric({moment_}, views_.size(), 1, config_);
+    if (!metric) return metric.error();
+    metric_ = *std::move(metric);
+    for (const auto step :
+         {&MomentSweep::learn, &MomentSweep::measure_grid, &MomentSweep::measure_lattices,
+          &MomentSweep::bisect, &MomentSweep::measure_plates, &MomentSweep::measure_stills})
+      if (const Status done = (this->*step)(); !done) return done.error();
+    sweep_.features = burst_features(burst_);
+    return std::move(sweep_);
+  }
+
+ private:
+  struct Surface {
+    baseline::Geometry geometry;
+    std::vector<GeometryBuffer> buffers;  ///< [views]
+  };
+
+  // -------------------------------------------------- the learnt state
+
+  /// Captures and learns once.
+  Status learn() {
+    auto pipeline = open(kBits);
+    if (!pipeline) return pipeline.error();
+    const int first = moments_.first[moment_] + moments_.later();
+    const int learnt = has_layers_ ? std::min(moments_.warm_up, first) : 0;
+    const int handed = std::min(kHandOver, learnt);
+    show("learn", 0, 1);
+    (*pipeline)->skip(static_cast<std::uint64_t>(first - learnt));
+    if (const Status ok = (*pipeline)->learn(learnt - handed); !ok) return ok;
+    if (handed > 0)
+      if (const auto ran = (*pipeline)->run(handed); !ran) return ran.error();
+    memory_ = (*pipeline)->memory();
+    burst_ = (*pipeline)->read(moments_.burst);
+    pipelines_[kBits] = *std::move(pipeline);
+    return {};
+  }
+
+  Result<std::unique_ptr<LockstepScene>> open(int bits) const {
+    Scene scene = scene_;
+    scene.lattice.step_exp = -bits;
+    scene.coding.texture_scale = kSmallScale;
+    return LockstepScene::open(std::move(scene), config_.rig_cache);
+  }
+
+  /// A pipeline of this lattice; a new one gets the learnt state.
+  Result<LockstepScene*> pipeline_of(int bits) {
+    auto& pipeline = pipelines_[bits];
+    if (!pipeline) {
+      auto opened = open(bits);
+      if (!opened) return opened.error();
+      pipeline = *std::move(opened);
+    }
+    return pipeline.get();
+  }
+
+  std::span<const LockstepScene::Capture> last_captures(std::size_t n) const {
+    return std::span(burst_).last(std::min(n, burst_.size()));
+  }
+
+  // -------------------------------------------------- halves
+
+  /// The place of a geometry in the sweep; replays the burst where it is new.
+  Result<std::size_t> geometry(double error_voxels, int bits) {
+    for (std::size_t g = 0; g < sweep_.geometries.size(); ++g)
+      if (sweep_.geometries[g].error_voxels == error_voxels && sweep_.geometries[g].bits == bits)
+        return g;
+    auto cost = replay(plan_of(scene_, error_voxels), bits);
+    if (!cost) return cost.error();
+    auto surface = take_surface(*pipelines_.at(bits));
+    std::uint64_t triangles = 0;
+    for (const auto& chunk : surface.geometry.chunks)
+      if (chunk->key.id.layer == Layer::moving) triangles += chunk->mesh.triangles.size();
+    sweep_.geometries.push_back({error_voxels, bits, *cost, triangles});
+    surfaces_.push_back(std::move(surface));
+    return surfaces_.size() - 1;
+  }
+
+  /// Replays the burst in the learnt state. Returns the bytes of a capture.
+  Result<double> replay(const ScenePlan& plan, int bits) {
+    const auto opened = pipeline_of(bits);
+    if (!opened) return opened.error();
+    LockstepScene& pipeline = **opened;
+    if (const Status set = pipeline.set_plan(plan); !set) return set.error();
+    // The plan reaches the sensors with the next capture; a new pipeline makes its still surface.
+    if (has_layers_) pipeline.recall(memory_);
+    if (const auto ran = pipeline.run(std::span(burst_).first(1)); !ran) return ran.error();
+    if (has_layers_) pipeline.recall(memory_);
+    double bytes = 0, captures = 0;
+    runtime::RunListener listener;
+    listener.captured = [&](int, const runtime::CaptureCost& cost) {
+      bytes += static_cast<double>(cost.mesh_bytes - cost.still_bytes + cost.head_bytes -
+                                   cost.alpha_bytes);
+      captures += cost.shown;
+    };
+    const bool is_noted = inputs_.burst.empty();
+    if (is_noted)
+      listener.drawing = [&](int, const node::RootAtlas::Drawing& drawing) {
+        inputs_.note(drawing);
+      };
+    const auto ran =
+        pipeline.run(last_captures(has_layers_ || is_noted ? burst_.size() : 1), listener);
+    if (!ran) return ran.error();
+    return bytes / std::max(captures, 1.0);
+  }
+
+  Surface take_surface(const LockstepScene& pipeline) const {
+    const DecodedScene& shown = *pipeline.decoded();
+    Surface out{{shown.chunks, shown.views, shown.sources}, {}};
+    out.buffers.resize(views_.size());
+    parallel_for(views_.size(), 1, [&](std::size_t begin, std::size_t end) {
+      for (std::size_t v = begin; v < end; ++v)
+        out.buffers[v] = draw_geometry(out.geometry, views_[v]);
+    });
+    return out;
+  }
+
+  /// The burst's pictures at a scale, drawn once.
+  Result<const std::vector<node::RootAtlas::Drawn>*> drawn(double scale) {
+    auto& pictures = drawn_[scale];
+    if (pictures.empty()) {
+      CodingPlan plan;
+      plan.texture_scale = scale;
+      auto made = inputs_.draw(scene_, plan);
+      if (!made) return made.error();
+      pictures = *std::move(made);
+      for (node::RootAtlas::Drawn& one : pictures)
+        if (auto plates = std::exchange(one.plates, std::nullopt); plates && plates_.empty())
+          plates_ = *std::move(plates);
+    }
+    return &pictures;
+  }
+
+  /// The place of a texture in the sweep; encodes the burst's pictures where it is new.
+  Result<std::size_t> texture(double scale, int qp) {
+    for (std::size_t t = 0; t < sweep_.textures.size(); ++t)
+      if (sweep_.textures[t].scale == scale && sweep_.textures[t].qp == qp) return t;
+    const auto pictures = drawn(scale);
+    if (!pictures) return pictures.error();
+    if (!plate_) {
+      auto coded = encode_plates(kPlateQp);
+      if (!coded) return coded.error();
+      plate_ = std::move(coded->second);
+    }
+    node::RootAtlas atlas(scene_);
+    LastPicture last;
+    rate::Sweep::Texture cost{scale, qp, 0, 0};
+    for (std::size_t i = 0; i < (*pictures)->size(); ++i) {
+      Packet packet;
+      packet.plan.texture_qp = qp;
+      if (const Status coded = atlas.encode((**pictures)[i], packet); !coded) return coded.error();
+      double bytes = 0;
+      for (const TextureUnit& unit : packet.textures)
+        bytes += static_cast<double>(unit.data.size());
+      for (const AlphaPlane& alpha : packet.alpha) bytes += static_cast<double>(alpha.data.size());
+      (i == 0 ? cost.key_bytes : cost.bytes) += bytes;
+      if (const Status ok = last.add(packet); !ok) return ok.error();
+    }
+    const std::size_t following = (*pictures)->size() - 1;
+    cost.bytes = following > 0 ? cost.bytes / static_cast<double>(following) : cost.key_bytes;
+    sweep_.textures.push_back(cost);
+    textures_.push_back(shown_with((*pictures)->back().views, last.luma(), *plate_));
+    return textures_.size() - 1;
+  }
+
+  static LumaTexture shown_with(const std::vector<View>& views, const ImageLuma& live,
+                                const ImageLuma& plate) {
+    LumaTexture out{views, {}};
+    out.pictures[node::RootAtlas::kLiveStream] = live;
+    if (!plate.empty()) out.pictures[node::RootAtlas::kPlateStream] = plate;
+    return out;
+  }
+
+  // -------------------------------------------------- quality
+
+  Result<double> ssim(const Surface& surface, const LumaTexture& texture) const {
+    std::vector<double> scores(views_.size());
+    std::vector<std::optional<Error>> wrong(views_.size());
+    parallel_for(views_.size(), 1, [&](std::size_t begin, std::size_t end) {
+      for (std::size_t v = begin; v < end; ++v) {
+        const GeometryBuffer& buffer = surface.buffers[v];
+        const auto score = metric_.compare(0, v, shade(buffer, texture), buffer.covered);
+        if (score)
+          scores[v] = score->ssim_masked;
+        else
+          wrong[v] = score.error();
+      }
+    });
+    for (const auto& error : wrong)
+      if (error) return *error;
+    return std::accumulate(scores.begin(), scores.end(), 0.0) / static_cast<double>(scores.size());
+  }
+
+  Status measure(double error_voxels, int bits, TextureNode node) {
+    if (sweep_.qualities.size() >= kMostSettings) return {};
+    const auto g = geometry(error_voxels, bits);
+    if (!g) return g.error();
+    const auto t = texture(node.scale, node.qp);
+    if (!t) return t.error();
+    for (const auto& known : sweep_.qualities)
+      if (known.geometry == *g && known.texture == *t) return {};
+    const auto score = ssim(surfaces_[*g], textures_[*t]);
+    if (!score) return score.error();
+    sweep_.qualities.push_back({*g, *t, *score});
+    show("sweep", sweep_.qualities.size(), kMostSettings);
+    return {};
+  }
+
+  // -------------------------------------------------- steps
+
+  /// Geometries first, so that the pictures hold what all of them use.
+  Status measure_grid() {
+    for (const double error : kErrors_voxels) {
+      show("geometry", static_cast<std::size_t>(&error - kErrors_voxels),
+           std::size(kErrors_voxels));
+      const auto g = geometry(error, kBits);
+      if (!g) return g.error();
+      if (*g > 0) inputs_.add_moving(surfaces_[*g].geometry.chunks);
+    }
+    for (const double error : kErrors_voxels)
+      for (const TextureNode& node : kTextures)
+        if (const Status ok = measure(error, kBits, node); !ok) return ok;
+    return {};
+  }
+
+  Status measure_lattices() {
+    for (const int bits : kOtherBits) {
+      for (const TextureNode& node : kTexturesOfBits)
+        if (const Status ok = measure(kErrorOfBits_voxels, bits, node); !ok) return ok;
+      pipelines_.erase(bits);
+    }
+    return {};
+  }
+
+  struct FrontPoint {
+    double mbps, ssim;
+    rate::Setting setting;
+  };
+  /// The Pareto front of what was measured, by rising rate.
+  std::vector<FrontPoint> front() const {
+    std::vector<FrontPoint> all, out;
+    for (const auto& q : sweep_.qualities) {
+      const auto& g = sweep_.geometries[q.geometry];
+      const auto& t = sweep_.textures[q.texture];
+      all.push_back({sweep_.geometry_mbps(g) + sweep_.texture_mbps(t),
+                     q.ssim,
+                     {g.error_voxels, g.bits, t.scale, t.qp}});
+    }
+    std::ranges::sort(all, {}, &FrontPoint::mbps);
+    for (const FrontPoint& p : all)
+      if (out.empty() || p.ssim > out.back().ssim) out.push_back(p);
+    return out;
+  }
+
+  /// Measures between the two neighbours on the front that lie farthest apart, again and again.
+  Status bisect() {
+    std::vector<std::pair<rate::Setting, rate::Setting>> tried;
+    while (sweep_.qualities.size() < kMostSettings) {
+      const std::vector<FrontPoint> points = front();
+      double widest = 0;
+      std::size_t at = 0;
+      for (std::size_t i = 0; i + 1 < points.size(); ++i) {
+        const double gap = std::log(points[i + 1].mbps / std::max(points[i].mbps, 1e-9)) *
+                           (points[i + 1].ssim - points[i].ssim);
+        const std::pair pair(points[i].setting, points[i + 1].setting);
+        if (gap > widest && std::ranges::find(tried, pair) == tried.end()) widest = gap, at = i;
+      }
+      if (widest <= 0) return {};
+      const auto &low = points[at].setting, &high = points[at + 1].setting;
+      tried.emplace_back(low, high);
+      const double error = std::round(std::sqrt(low.error_voxels * high.error_voxels) * 100) / 100;
+      const int qp = low.scale == high.scale ? (low.qp + high.qp) / 2 : high.qp + 3;
+      if (const Status ok = measure(error, high.bits == low.bits ? high.bits : kBits,
+                                    {high.scale, std::min(qp, 51)});
+          !ok)
+        return ok;
+    }
+    return {};
+  }
+
+  Result<std::pair<double, ImageLuma>> encode_plates(int qp) const {
+    if (plates_.empty()) return std::pair(0.0, ImageLuma{});
+    node::TextureStream stream(scene_, node::RootAtlas::kPlateStream, false);
+    auto unit = stream.encode(plates_, qp, 0);
+    if (!unit) return unit.error();
+    Packet packet;
+    packet.textures.push_back(*std::move(unit));
+    LastPicture last;
+    if (const Status ok = last.add(packet); !ok) return ok.error();
+    return std::pair(static_cast<double>(packet.textures.front().data.size()), last.luma());
+  }
+
+  Status measure_plates() {
+    if (!has_layers_ || plates_.empty()) return {};
+    const LumaTexture& best = textures_.front();
+    for (const int qp : kPlateQps) {
+      const auto coded = encode_plates(qp);
+      if (!coded) return coded.error();
+      const auto score = ssim(
+          surfaces_.front(),
+          shown_with(best.views, best.pictures.at(node::RootAtlas::kLiveStream), coded->second));
+      if (!score) return score.error();
+      sweep_.plates.push_back({qp, coded->first, *score});
+    }
+    return {};
+  }
+
+  /// The still surface at several errors. Last: the pipeline has another one afterwards.
+  Status measure_stills() {
+    if (!has_layers_) return {};
+    const double best = node::sensor_plan(scene_, SensorId{0}).still_error_m / scene_.voxel_m;
+    for (const double error : {best, kStillErrors_voxels[0], kStillErrors_voxels[1]}) {
+      ScenePlan plan = plan_of(scene_, kErrors_voxels[0]);
+      plan.sensors.still_error_m = error * scene_.voxel_m;
+      if (const auto ran = replay(plan, kBits); !ran) return ran.error();
+      const auto score = ssim(take_surface(*pipelines_.at(kBits)), textures_.front());
+      if (!score) return score.error();
+      sweep_.stills.push_back({error, still_bytes(*pipelines_.at(kBits)), *score});
+      show("still", sweep_.stills.size(), 3);
+    }
+    return {};
+  }
+
+  static double still_bytes(const LockstepScene& pipeline) {
+    double out = 0;
+    if (const auto packet = codec::decode_packet(pipeline.last_mesh()))
+      for (const EncodedChunk& chunk : packet->chunks)
+        if (chunk.key.id.layer == Layer::still) out += static_cast<double>(chunk.payload.size());
+    return out;
+  }
+
+  void show(const char* step, std::size_t done, std::size_t of) const {
+    if (config_.progress) config_.progress(step, done, of);
+  }
+
+  const Trial& trial_;
+  Scene scene_;
+  const Moments& moments_;
+  std::size_t moment_;
+  const QualityConfig& config_;
+  bool has_layers_;
+  std::vector<render::Viewpoint> views_;
+  MultiViewSsim metric_;
+  std::map<int, std::unique_ptr<LockstepScene>> pipelines_;  ///< by bits
+  LockstepScene::Memory memory_;
+  std::vector<LockstepScene::Capture> burst_;
+  RootInputs inputs_;
+  std::map<double, std::vector<node::RootAtlas::Drawn>> drawn_;  ///< by scale
+  ImageRgb plates_;                                              ///< empty: there are none
+  std::optional<ImageLuma> plate_;                               ///< decoded, at kPlateQp
+  std::vector<Surface> surfaces_;                                ///< [sweep_.geometries]
+  std::vector<LumaTexture> textures_;                            ///< [sweep_.textures]
+  rate::Sweep sweep_;
+};
+
+}  // namespace
+
+Result<rate::Sweep> sweep_moment(const Trial& trial, std::size_t moment, std::size_t views,
+                                 const QualityConfig& config) {
+  return MomentSweep(trial, moment, views, config).run();
+}
+
+Result<std::vector<rate::Feature>> features_at(const Trial& trial, std::size_t moment,
+                                               const QualityConfig& config) {
+  auto pipeline = LockstepScene::open(trial.scene(), config.rig_cache);
+  if (!pipeline) return pipeline.error();
+  const Moments& moments = trial.moments();
+  (*pipeline)->skip(static_cast<std::uint64_t>(moments.first[moment] + moments.later()));
+  return burst_features((*pipeline)->read(moments.burst));
+}
+
+}  // namespace mr::eval

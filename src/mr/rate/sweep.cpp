@@ -1,0 +1,124 @@
+#include "mr/rate/sweep.h"
+
+#include <cmath>
+#include <nlohmann/json.hpp>
+
+namespace mr::rate {
+namespace {
+
+using Json = nlohmann::ordered_json;
+
+/// Five significant digits: the figures are no better.
+double rounded(double v) {
+  if (v == 0 || !std::isfinite(v)) return 0;
+  const double unit = std::pow(10.0, std::floor(std::log10(std::abs(v))) - 4);
+  return std::round(v / unit) * unit;
+}
+
+Json rows(const auto& list, const auto& row) {
+  Json out = Json::array();
+  for (const auto& item : list) out.push_back(row(item));
+  return out;
+}
+
+Json to_json(const Sweep& s) {
+  Json out{{"scene", s.scene}, {"layers", s.layers},   {"moment", s.moment},
+           {"fps", s.fps},     {"voxel_m", s.voxel_m}, {"features", Json::object()}};
+  for (const Feature& f : s.features) out["features"][f.name] = rounded(f.value);
+  out["geometries"] = rows(s.geometries, [](const Sweep::Geometry& g) {
+    return Json{g.error_voxels, g.bits, rounded(g.bytes), g.triangles};
+  });
+  out["textures"] = rows(s.textures, [](const Sweep::Texture& t) {
+    return Json{t.scale, t.qp, rounded(t.key_bytes), rounded(t.bytes)};
+  });
+  out["qualities"] = rows(s.qualities, [](const Sweep::Quality& q) {
+    return Json{q.geometry, q.texture, rounded(q.ssim)};
+  });
+  out["plates"] = rows(s.plates, [](const Sweep::Plates& p) {
+    return Json{p.qp, rounded(p.key_bytes), rounded(p.ssim)};
+  });
+  out["stills"] = rows(s.stills, [](const Sweep::Still& p) {
+    return Json{p.error_voxels, rounded(p.bytes), rounded(p.ssim)};
+  });
+  return out;
+}
+
+/// Calls `read` with each row of a list, which must have so many numbers.
+void read_rows(const Json& list, std::size_t numbers, const auto& read) {
+  constexpr std::size_t kMostRows = 10'000;
+  if (!list.is_array() || list.size() > kMostRows) throw std::runtime_error("no list of rows");
+  for (const Json& row : list) {
+    if (!row.is_array() || row.size() != numbers)
+      throw std::runtime_error("a row of another length");
+    std::vector<double> values;
+    for (const Json& v : row) values.push_back(v.get<double>());
+    for (const double v : values)
+      if (!std::isfinite(v) || v < 0) throw std::runtime_error("an impossible number");
+    read(values);
+  }
+}
+
+Sweep sweep_from(const Json& in) {
+  Sweep s;
+  s.scene = in.at("scene").get<std::string>();
+  s.layers = in.at("layers").get<bool>(), s.moment = in.at("moment").get<int>();
+  s.fps = in.at("fps").get<double>(), s.voxel_m = in.at("voxel_m").get<double>();
+  if (!(s.fps > 0) || !(s.voxel_m > 0)) throw std::runtime_error("an impossible number");
+  for (const auto& [name, value] : in.at("features").items())
+    s.features.push_back({name, value.get<double>()});
+  read_rows(in.at("geometries"), 4, [&](const auto& v) {
+    s.geometries.push_back({v[0], static_cast<int>(v[1]), v[2], static_cast<std::uint64_t>(v[3])});
+  });
+  read_rows(in.at("textures"), 4, [&](const auto& v) {
+    s.textures.push_back({v[0], static_cast<int>(v[1]), v[2], v[3]});
+  });
+  read_rows(in.at("qualities"), 3, [&](const auto& v) {
+    const Sweep::Quality q{static_cast<std::size_t>(v[0]), static_cast<std::size_t>(v[1]), v[2]};
+    if (q.geometry >= s.geometries.size() || q.texture >= s.textures.size())
+      throw std::runtime_error("a quality of no setting");
+    s.qualities.push_back(q);
+  });
+  read_rows(in.at("plates"), 3, [&](const auto& v) {
+    s.plates.push_back({static_cast<int>(v[0]), v[1], v[2]});
+  });
+  read_rows(in.at("stills"), 3, [&](const auto& v) { s.stills.push_back({v[0], v[1], v[2]}); });
+  return s;
+}
+
+}  // namespace
+
+/// One line for each list, so that a change of one moment is a small difference of the file.
+std::string to_json(const SweepFile& file) {
+  std::string out = "{\"version\": " + std::to_string(SweepFile::kVersion) +
+                    ", \"scene_hash\": " + Json(file.scene_hash).dump() + ", \"sweeps\": [";
+  for (std::size_t i = 0; i < file.sweeps.size(); ++i) {
+    out += i == 0 ? "\n{" : ",\n{";
+    bool first = true;
+    const Json sweep = to_json(file.sweeps[i]);
+    for (const auto& [key, value] : sweep.items()) {
+      out += std::string(first ? "" : ",") + "\n \"" + key + "\": " + value.dump();
+      first = false;
+    }
+    out += "}";
+  }
+  return out + "\n]}\n";
+}
+
+Result<SweepFile> sweeps_from_json(std::string_view text) {
+  try {
+    const Json in = Json::parse(text);
+    if (const int version = in.at("version").get<int>(); version != SweepFile::kVersion)
+      return Error{Error::Cause::unsupported, "sweeps of version " + std::to_string(version) +
+                                                  "; this program reads version " +
+                                                  std::to_string(SweepFile::kVersion) +
+                                                  ": sweep again with 'meshreduce eval rd'"};
+    SweepFile out;
+    out.scene_hash = in.at("scene_hash").get<std::string>();
+    for (const Json& sweep : in.at("sweeps")) out.sweeps.push_back(sweep_from(sweep));
+    return out;
+  } catch (const std::exception& wrong) {
+    return Error{Error::Cause::corrupt, std::string("no sweeps: ") + wrong.what()};
+  }
+}
+
+}  // namespace mr::rate
