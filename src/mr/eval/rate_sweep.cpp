@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <iterator>
 #include <map>
 #include <memory>
 #include <numeric>
@@ -19,6 +20,7 @@
 #include "mr/kit/video.h"
 #include "mr/node/plans.h"
 #include "mr/node/texture_stream.h"
+#include "mr/rate/grid.h"
 #include "mr/runtime/lockstep_scene.h"
 
 namespace mr::eval {
@@ -26,17 +28,9 @@ namespace {
 
 using runtime::LockstepScene;
 
-// The grid. Finer textures at a smaller scale, and coarser ones at full scale, are never on a
-// front.
-struct TextureNode {
-  double scale;
-  int qp;
-};
-constexpr TextureNode kTextures[] = {{1, 18},   {1, 23},   {1, 28},   {1, 33},
-                                     {1, 39},   {1, 45},   {0.7, 30}, {0.7, 38},
-                                     {0.7, 46}, {0.5, 34}, {0.5, 42}, {0.5, 50}};
-constexpr double kErrors_voxels[] = {0.5, 1, 2.5, 6};
-constexpr int kBits = 10;
+using rate::kBits;
+using rate::TextureNode;
+
 // The lattice's steps are compared at one decimation, with two textures.
 constexpr int kOtherBits[] = {9, 11};
 constexpr double kErrorOfBits_voxels = 1;
@@ -47,6 +41,9 @@ constexpr int kPlateQps[] = {12, 20, 28, 36, 44};
 constexpr double kStillErrors_voxels[] = {1, 3};
 // Captures that run in full before the burst: the still surface is handed over, plates are taken.
 constexpr int kHandOver = 12;
+// Replays of the burst in a new pipeline before it is measured. Labels of the still surface are
+// chosen again after 30 captures; of other lattices only the moving surface is measured.
+constexpr int kSettling = 9, kSettlingOfBits = 4;
 // Pictures are encoded apart from the pipeline that makes the geometry.
 constexpr double kSmallScale = 0.125;
 
@@ -137,7 +134,6 @@ class MomentSweep {
       if (const auto ran = (*pipeline)->run(handed); !ran) return ran.error();
     memory_ = (*pipeline)->memory();
     burst_ = (*pipeline)->read(moments_.burst);
-    pipelines_[kBits] = *std::move(pipeline);
     return {};
   }
 
@@ -148,13 +144,18 @@ class MomentSweep {
     return LockstepScene::open(std::move(scene), config_.rig_cache);
   }
 
-  /// A pipeline of this lattice; a new one gets the learnt state.
+  /// A pipeline of this lattice. A new one gets the learnt state, and replays the burst until its
+  /// still surface has been merged, labelled and shown.
   Result<LockstepScene*> pipeline_of(int bits) {
     auto& pipeline = pipelines_[bits];
     if (!pipeline) {
       auto opened = open(bits);
       if (!opened) return opened.error();
       pipeline = *std::move(opened);
+      for (int i = 0; has_layers_ && i < (bits == kBits ? kSettling : kSettlingOfBits); ++i) {
+        pipeline->recall(memory_);
+        if (const auto ran = pipeline->run(burst_); !ran) return ran.error();
+      }
     }
     return pipeline.get();
   }
@@ -181,22 +182,23 @@ class MomentSweep {
     return surfaces_.size() - 1;
   }
 
-  /// Replays the burst in the learnt state. Returns the bytes of a capture.
+  /// Replays the burst in the learnt state. Returns the bytes of a capture: the median, as a head
+  /// that names a change of the still surface is none of the steady state.
   Result<double> replay(const ScenePlan& plan, int bits) {
     const auto opened = pipeline_of(bits);
     if (!opened) return opened.error();
     LockstepScene& pipeline = **opened;
     if (const Status set = pipeline.set_plan(plan); !set) return set.error();
-    // The plan reaches the sensors with the next capture; a new pipeline makes its still surface.
+    // The plan reaches the sensors with the next capture; still surface is handed over.
     if (has_layers_) pipeline.recall(memory_);
-    if (const auto ran = pipeline.run(std::span(burst_).first(1)); !ran) return ran.error();
+    const auto settled = pipeline.run(std::span(burst_).first(has_layers_ ? burst_.size() : 1));
+    if (!settled) return settled.error();
     if (has_layers_) pipeline.recall(memory_);
-    double bytes = 0, captures = 0;
+    std::vector<double> bytes;
     runtime::RunListener listener;
     listener.captured = [&](int, const runtime::CaptureCost& cost) {
-      bytes += static_cast<double>(cost.mesh_bytes - cost.still_bytes + cost.head_bytes -
-                                   cost.alpha_bytes);
-      captures += cost.shown;
+      bytes.push_back(static_cast<double>(cost.mesh_bytes - cost.still_bytes + cost.head_bytes -
+                                          cost.alpha_bytes));
     };
     const bool is_noted = inputs_.burst.empty();
     if (is_noted)
@@ -206,18 +208,30 @@ class MomentSweep {
     const auto ran =
         pipeline.run(last_captures(has_layers_ || is_noted ? burst_.size() : 1), listener);
     if (!ran) return ran.error();
-    return bytes / std::max(captures, 1.0);
+    std::ranges::sort(bytes);
+    return bytes[(bytes.size() - 1) / 2];
   }
 
+  /// What a client shows, with the still surface of the first geometry: that is not what varies.
   Surface take_surface(const LockstepScene& pipeline) const {
     const DecodedScene& shown = *pipeline.decoded();
     Surface out{{shown.chunks, shown.views, shown.sources}, {}};
-    out.buffers.resize(views_.size());
+    if (!surfaces_.empty()) {
+      const auto is_still = [](const auto& chunk) { return chunk->key.id.layer == Layer::still; };
+      std::erase_if(out.geometry.chunks, is_still);
+      std::ranges::copy_if(surfaces_.front().geometry.chunks,
+                           std::back_inserter(out.geometry.chunks), is_still);
+    }
+    draw(out);
+    return out;
+  }
+
+  void draw(Surface& surface) const {
+    surface.buffers.resize(views_.size());
     parallel_for(views_.size(), 1, [&](std::size_t begin, std::size_t end) {
       for (std::size_t v = begin; v < end; ++v)
-        out.buffers[v] = draw_geometry(out.geometry, views_[v]);
+        surface.buffers[v] = draw_geometry(surface.geometry, views_[v]);
     });
-    return out;
   }
 
   /// The burst's pictures at a scale, drawn once.
@@ -315,15 +329,14 @@ class MomentSweep {
 
   /// Geometries first, so that the pictures hold what all of them use.
   Status measure_grid() {
-    for (const double error : kErrors_voxels) {
-      show("geometry", static_cast<std::size_t>(&error - kErrors_voxels),
-           std::size(kErrors_voxels));
+    for (const double error : rate::kErrorNodes_voxels) {
+      show("geometry", surfaces_.size(), std::size(rate::kErrorNodes_voxels));
       const auto g = geometry(error, kBits);
       if (!g) return g.error();
       if (*g > 0) inputs_.add_moving(surfaces_[*g].geometry.chunks);
     }
-    for (const double error : kErrors_voxels)
-      for (const TextureNode& node : kTextures)
+    for (const double error : rate::kErrorNodes_voxels)
+      for (const TextureNode& node : rate::kTextureNodes)
         if (const Status ok = measure(error, kBits, node); !ok) return ok;
     return {};
   }
@@ -415,10 +428,13 @@ class MomentSweep {
     if (!has_layers_) return {};
     const double best = node::sensor_plan(scene_, SensorId{0}).still_error_m / scene_.voxel_m;
     for (const double error : {best, kStillErrors_voxels[0], kStillErrors_voxels[1]}) {
-      ScenePlan plan = plan_of(scene_, kErrors_voxels[0]);
+      ScenePlan plan = plan_of(scene_, rate::kErrorNodes_voxels[0]);
       plan.sensors.still_error_m = error * scene_.voxel_m;
       if (const auto ran = replay(plan, kBits); !ran) return ran.error();
-      const auto score = ssim(take_surface(*pipelines_.at(kBits)), textures_.front());
+      const DecodedScene& shown = *pipelines_.at(kBits)->decoded();
+      Surface surface{{shown.chunks, shown.views, shown.sources}, {}};
+      draw(surface);
+      const auto score = ssim(surface, textures_.front());
       if (!score) return score.error();
       sweep_.stills.push_back({error, still_bytes(*pipelines_.at(kBits)), *score});
       show("still", sweep_.stills.size(), 3);

@@ -1,0 +1,22 @@
+#pragma once
+
+#include "mr/rate/setting.h"
+
+namespace mr::rate {
+
+/// The grid of settings that every sweep measures and that models predict. Finer textures at a
+/// smaller scale, and coarser ones at full scale, are never on a front.
+struct TextureNode {
+  double scale = 1;
+  int qp = 28;
+};
+inline constexpr TextureNode kTextureNodes[] = {
+    {1, 18},   {1, 23},   {1, 28},   {1, 33},   {1, 39},   {1, 45},  // by rising QP at each scale
+    {0.7, 30}, {0.7, 38}, {0.7, 46}, {0.5, 34}, {0.5, 42}, {0.5, 50}};
+inline constexpr double kErrorNodes_voxels[] = {0.5, 1, 2.5, 6};
+inline constexpr int kBits = 10;  ///< of the grid
+
+/// The scene file's usual plan: what is coded until a model decides.
+inline constexpr Setting kUsualSetting{0.5, kBits, 1, 28};
+
+}  // namespace mr::rate
