@@ -17,6 +17,7 @@ void add_eval(CLI::App& app, int& exit_code) {
   add_eval_compare(*eval, exit_code);
   add_eval_match(*eval, exit_code);
   add_eval_rd(*eval, exit_code);
+  add_eval_rate(*eval, exit_code);
   add_eval_features(*eval, exit_code);
 }
 

@@ -15,6 +15,7 @@ void add_import(CLI::App& app, int& exit_code);
 void add_devices(CLI::App& app, int& exit_code);
 void add_plan(CLI::App& app, int& exit_code);
 void add_synth(CLI::App& app, int& exit_code);
+void add_train(CLI::App& app, int& exit_code);
 void add_eval(CLI::App& app, int& exit_code);
 
 // Of `eval`; the app is that command.
@@ -28,5 +29,6 @@ void add_eval_compare(CLI::App& eval, int& exit_code);
 void add_eval_match(CLI::App& eval, int& exit_code);
 void add_eval_photos(CLI::App& eval, int& exit_code);
 void add_eval_rd(CLI::App& eval, int& exit_code);
+void add_eval_rate(CLI::App& eval, int& exit_code);
 
 }  // namespace mr::apps

@@ -26,6 +26,7 @@ int main(int argc, char** argv) {
   mr::apps::add_devices(app, exit_code);
   mr::apps::add_plan(app, exit_code);
   mr::apps::add_synth(app, exit_code);
+  mr::apps::add_train(app, exit_code);
   mr::apps::add_eval(app, exit_code);
   const mr::cli::ExitCode parsed = mr::cli::parse_and_run(app, argc, argv);
   return parsed == mr::cli::kDone ? exit_code : parsed;

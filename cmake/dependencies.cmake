@@ -28,6 +28,9 @@ find_package(spdlog REQUIRED)
 find_package(prometheus-cpp CONFIG REQUIRED)
 # Header only: background models are read without its library, which would bring stb_image along.
 find_path(TINYGLTF_INCLUDE_DIR tiny_gltf.h REQUIRED)
+# libsvm has neither CMake files nor a .pc file.
+find_library(SVM_LIBRARY svm REQUIRED)
+find_path(SVM_INCLUDE_DIR libsvm/svm.h REQUIRED)
 pkg_check_modules(LIBAV REQUIRED IMPORTED_TARGET libavcodec libavformat libavutil libswscale)
 pkg_check_modules(TURBOJPEG REQUIRED IMPORTED_TARGET libturbojpeg)
 pkg_check_modules(LZ4 REQUIRED IMPORTED_TARGET liblz4)

@@ -1,5 +1,8 @@
 #pragma once
 
+#include <cstddef>
+#include <iterator>
+
 #include "mr/rate/setting.h"
 
 namespace mr::rate {
@@ -14,6 +17,8 @@ inline constexpr TextureNode kTextureNodes[] = {
     {1, 18},   {1, 23},   {1, 28},   {1, 33},   {1, 39},   {1, 45},  // by rising QP at each scale
     {0.7, 30}, {0.7, 38}, {0.7, 46}, {0.5, 34}, {0.5, 42}, {0.5, 50}};
 inline constexpr double kErrorNodes_voxels[] = {0.5, 1, 2.5, 6};
+inline constexpr std::size_t kErrors = std::size(kErrorNodes_voxels),
+                             kTextures = std::size(kTextureNodes);
 inline constexpr int kBits = 10;  ///< of the grid
 
 /// The scene file's usual plan: what is coded until a model decides.

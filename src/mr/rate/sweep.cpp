@@ -9,7 +9,7 @@ namespace {
 using Json = nlohmann::ordered_json;
 
 /// Five significant digits: the figures are no better.
-double rounded(double v) {
+double five_digits(double v) {
   if (v == 0 || !std::isfinite(v)) return 0;
   const double unit = std::pow(10.0, std::floor(std::log10(std::abs(v))) - 4);
   return std::round(v / unit) * unit;
@@ -24,21 +24,21 @@ Json rows(const auto& list, const auto& row) {
 Json to_json(const Sweep& s) {
   Json out{{"scene", s.scene}, {"layers", s.layers},   {"moment", s.moment},
            {"fps", s.fps},     {"voxel_m", s.voxel_m}, {"features", Json::object()}};
-  for (const Feature& f : s.features) out["features"][f.name] = rounded(f.value);
+  for (const Feature& f : s.features) out["features"][f.name] = five_digits(f.value);
   out["geometries"] = rows(s.geometries, [](const Sweep::Geometry& g) {
-    return Json{g.error_voxels, g.bits, rounded(g.bytes), g.triangles};
+    return Json{g.error_voxels, g.bits, five_digits(g.bytes), g.triangles};
   });
   out["textures"] = rows(s.textures, [](const Sweep::Texture& t) {
-    return Json{t.scale, t.qp, rounded(t.key_bytes), rounded(t.bytes)};
+    return Json{t.scale, t.qp, five_digits(t.key_bytes), five_digits(t.bytes)};
   });
   out["qualities"] = rows(s.qualities, [](const Sweep::Quality& q) {
-    return Json{q.geometry, q.texture, rounded(q.ssim)};
+    return Json{q.geometry, q.texture, five_digits(q.ssim)};
   });
   out["plates"] = rows(s.plates, [](const Sweep::Plates& p) {
-    return Json{p.qp, rounded(p.key_bytes), rounded(p.ssim)};
+    return Json{p.qp, five_digits(p.key_bytes), five_digits(p.ssim)};
   });
   out["stills"] = rows(s.stills, [](const Sweep::Still& p) {
-    return Json{p.error_voxels, rounded(p.bytes), rounded(p.ssim)};
+    return Json{p.error_voxels, five_digits(p.bytes), five_digits(p.ssim)};
   });
   return out;
 }
@@ -53,9 +53,15 @@ void read_rows(const Json& list, std::size_t numbers, const auto& read) {
     std::vector<double> values;
     for (const Json& v : row) values.push_back(v.get<double>());
     for (const double v : values)
-      if (!std::isfinite(v) || v < 0) throw std::runtime_error("an impossible number");
+      if (!(v >= 0 && v <= 1e12)) throw std::runtime_error("an impossible number");
     read(values);
   }
+}
+
+/// Quantisers, and bits of the lattice.
+int qp_of(double v) {
+  if (v > 51) throw std::runtime_error("an impossible number");
+  return static_cast<int>(v);
 }
 
 Sweep sweep_from(const Json& in) {
@@ -67,10 +73,10 @@ Sweep sweep_from(const Json& in) {
   for (const auto& [name, value] : in.at("features").items())
     s.features.push_back({name, value.get<double>()});
   read_rows(in.at("geometries"), 4, [&](const auto& v) {
-    s.geometries.push_back({v[0], static_cast<int>(v[1]), v[2], static_cast<std::uint64_t>(v[3])});
+    s.geometries.push_back({v[0], qp_of(v[1]), v[2], static_cast<std::uint64_t>(v[3])});
   });
   read_rows(in.at("textures"), 4, [&](const auto& v) {
-    s.textures.push_back({v[0], static_cast<int>(v[1]), v[2], v[3]});
+    s.textures.push_back({v[0], qp_of(v[1]), v[2], v[3]});
   });
   read_rows(in.at("qualities"), 3, [&](const auto& v) {
     const Sweep::Quality q{static_cast<std::size_t>(v[0]), static_cast<std::size_t>(v[1]), v[2]};
@@ -79,7 +85,7 @@ Sweep sweep_from(const Json& in) {
     s.qualities.push_back(q);
   });
   read_rows(in.at("plates"), 3, [&](const auto& v) {
-    s.plates.push_back({static_cast<int>(v[0]), v[1], v[2]});
+    s.plates.push_back({qp_of(v[0]), v[1], v[2]});
   });
   read_rows(in.at("stills"), 3, [&](const auto& v) { s.stills.push_back({v[0], v[1], v[2]}); });
   return s;

@@ -10,7 +10,6 @@
 namespace mr::rate {
 namespace {
 
-constexpr std::size_t kErrors = std::size(kErrorNodes_voxels), kTextures = std::size(kTextureNodes);
 
 std::optional<std::size_t> find_geometry(const Sweep& sweep, double error_voxels) {
   for (std::size_t g = 0; g < sweep.geometries.size(); ++g)
@@ -108,8 +107,7 @@ double RateSurface::ssim(const Setting& setting) const {
 }
 
 RatePoint RateSurface::at(const Setting& setting) const {
-  return {setting,
-          geometry_mbps(setting.error_voxels) + texture_mbps(setting.scale, setting.qp),
+  return {setting, geometry_mbps(setting.error_voxels) + texture_mbps(setting.scale, setting.qp),
           ssim(setting)};
 }
 

@@ -40,7 +40,7 @@ class RateSurface {
     MonotoneCurve log_mbps;           ///< over QP
     std::vector<MonotoneCurve> ssim;  ///< [kErrorNodes_voxels] over QP
   };
-  MonotoneCurve log_geometry_;     ///< over log error
+  MonotoneCurve log_geometry_;  ///< over log error
   std::map<double, Scale> scales_;
 };
 

@@ -1,0 +1,226 @@
+#include "mr/rate/curve_predictor.h"
+
+#include <algorithm>
+#include <cmath>
+#include <iterator>
+#include <numeric>
+#include <utility>
+
+#include "mr/core/assert.h"
+#include "mr/rate/cholesky.h"
+
+namespace mr::rate {
+namespace {
+
+// A scene's values: rates of geometry, rates of texture, losses, the best quality.
+constexpr std::size_t kTextureAt = kErrors, kLossAt = kTextureAt + kTextures,
+                      kBestAt = kLossAt + kErrors * kTextures, kValues = kBestAt + 1;
+
+constexpr double kLeastLoss = 5e-4;       // of SSIM: smaller ones are not told apart
+constexpr double kShrinkage = 0.15;       // of the covariance towards its diagonal
+constexpr double kFeatureNoise = 0.5;     // of their deviation over the scenes
+constexpr double kRateNoise = 0.03;       // of what the encoders produce, from second to second
+constexpr std::size_t kMostReadings = 6;  // of what was produced, the newest
+
+std::vector<double> values_of(const GridValues& grid) {
+  std::vector<double> out;
+  for (const double mbps : grid.geometry_mbps) out.push_back(std::log(mbps));
+  for (const double mbps : grid.texture_mbps) out.push_back(std::log(mbps));
+  const double best = *std::ranges::max_element(grid.ssim);
+  for (const double ssim : grid.ssim) out.push_back(std::log(best - ssim + kLeastLoss));
+  out.push_back(best);
+  return out;
+}
+
+GridValues grid_of(const std::vector<double>& values) {
+  GridValues out;
+  for (std::size_t i = 0; i < kErrors; ++i) out.geometry_mbps.push_back(std::exp(values[i]));
+  for (std::size_t i = kTextureAt; i < kLossAt; ++i)
+    out.texture_mbps.push_back(std::exp(values[i]));
+  for (std::size_t i = kLossAt; i < kBestAt; ++i)
+    out.ssim.push_back(values[kBestAt] - (std::exp(values[i]) - kLeastLoss));
+  return out;
+}
+
+/// A linear reading of a scene's vector: weights of some of its places, and what was read.
+struct Reading {
+  std::vector<std::pair<std::size_t, double>> weights;
+  double value = 0, noise = 0;  ///< standard deviation
+};
+
+/// Weights of the nodes beside a place on an ascending axis.
+std::vector<std::pair<std::size_t, double>> between(std::span<const double> axis, std::size_t first,
+                                                    double x) {
+  const auto above = std::ranges::upper_bound(axis, x);
+  const std::size_t i = static_cast<std::size_t>(std::clamp<std::ptrdiff_t>(
+      above - axis.begin(), 1, static_cast<std::ptrdiff_t>(axis.size()) - 1));
+  const double share = (x - axis[i - 1]) / (axis[i] - axis[i - 1]);
+  return {{first + i - 1, 1 - share}, {first + i, share}};
+}
+
+std::vector<std::pair<std::size_t, double>> geometry_weights(const Setting& setting) {
+  std::vector<double> axis;
+  for (const double error : kErrorNodes_voxels) axis.push_back(std::log(error));
+  return between(axis, 0, std::log(setting.error_voxels));
+}
+
+std::vector<std::pair<std::size_t, double>> texture_weights(const Setting& setting) {
+  std::vector<double> axis;
+  std::size_t first = 0;
+  for (std::size_t t = 0; t < kTextures; ++t)
+    if (kTextureNodes[t].scale == setting.scale) {
+      if (axis.empty()) first = t;
+      axis.push_back(kTextureNodes[t].qp);
+    }
+  MR_ASSERT(axis.size() >= 2);
+  return between(axis, kTextureAt + first, setting.qp);
+}
+
+/// The Gaussian of scenes' vectors (features, then values).
+class Ensemble {
+ public:
+  explicit Ensemble(const std::vector<CurvePredictor::Member>& members) {
+    for (const auto& member : members) {
+      std::vector<double> row = member.features;
+      row.insert(row.end(), member.values.begin(), member.values.end());
+      rows_.push_back(std::move(row));
+    }
+    mean_.assign(rows_.front().size(), 0);
+    for (const auto& row : rows_)
+      for (std::size_t i = 0; i < mean_.size(); ++i)
+        mean_[i] += row[i] / static_cast<double>(rows_.size());
+    for (auto& row : rows_)
+      for (std::size_t i = 0; i < mean_.size(); ++i) row[i] -= mean_[i];
+    for (std::size_t i = 0; i < mean_.size(); ++i) {
+      double sum = 0;
+      for (const auto& row : rows_) sum += row[i] * row[i];
+      variance_.push_back(sum / divisor() + 1e-6);
+    }
+  }
+
+  /// The mean vector given the readings.
+  std::vector<double> given(const std::vector<Reading>& readings) const {
+    const std::size_t n = readings.size();
+    std::vector<std::vector<double>> seen(n);  // [readings][members] deviations of the reading
+    std::vector<double> off(n), covariance(n * n);
+    for (std::size_t r = 0; r < n; ++r) {
+      off[r] = readings[r].value - weighted(readings[r], mean_);
+      for (const auto& row : rows_) seen[r].push_back(weighted(readings[r], row));
+    }
+    for (std::size_t a = 0; a < n; ++a)
+      for (std::size_t b = 0; b < n; ++b)
+        covariance[a * n + b] = (1 - kShrinkage) * product(seen[a], seen[b]) +
+                                kShrinkage * own(readings[a], readings[b]) +
+                                (a == b ? readings[a].noise * readings[a].noise : 0);
+    const std::vector<double> gain = solve_spd(std::move(covariance), std::move(off));
+    std::vector<double> out = mean_;
+    for (std::size_t i = 0; i < out.size(); ++i) {
+      std::vector<double> column;
+      for (const auto& row : rows_) column.push_back(row[i]);
+      for (std::size_t r = 0; r < n; ++r) {
+        double own_part = 0;
+        for (const auto& [at, weight] : readings[r].weights)
+          if (at == i) own_part += weight * variance_[i];
+        out[i] += gain[r] * ((1 - kShrinkage) * product(seen[r], column) + kShrinkage * own_part);
+      }
+    }
+    return out;
+  }
+
+ private:
+  double divisor() const { return std::max<double>(static_cast<double>(rows_.size()) - 1, 1); }
+  static double weighted(const Reading& reading, const std::vector<double>& vector) {
+    double sum = 0;
+    for (const auto& [at, weight] : reading.weights) sum += weight * vector[at];
+    return sum;
+  }
+  double product(const std::vector<double>& a, const std::vector<double>& b) const {
+    return std::inner_product(a.begin(), a.end(), b.begin(), 0.0) / divisor();
+  }
+  /// Of the diagonal's part of the covariance.
+  double own(const Reading& a, const Reading& b) const {
+    double sum = 0;
+    for (const auto& [at, weight] : a.weights)
+      for (const auto& [other, other_weight] : b.weights)
+        if (at == other) sum += weight * other_weight * variance_[at];
+    return sum;
+  }
+
+  std::vector<std::vector<double>> rows_;  ///< deviations from the mean
+  std::vector<double> mean_, variance_;
+};
+
+double log_rate(double mbps) { return std::log(std::max(mbps, 1e-4)); }
+
+/// Quality falls with a coarser setting: what noise says against that is taken out.
+void make_monotone(GridValues& grid) {
+  const auto at = [&](std::size_t e, std::size_t t) -> double& {
+    return grid.ssim[e * kTextures + t];
+  };
+  for (std::size_t e = 0; e < kErrors; ++e)
+    for (std::size_t t = 0; t < kTextures; ++t) {
+      if (e > 0) at(e, t) = std::min(at(e, t), at(e - 1, t));
+      if (t > 0 && kTextureNodes[t].scale == kTextureNodes[t - 1].scale)
+        at(e, t) = std::min(at(e, t), at(e, t - 1));
+    }
+}
+
+}  // namespace
+
+std::size_t CurvePredictor::value_count() { return kValues; }
+
+CurvePredictor::CurvePredictor(FeatureSpace space, Members members)
+    : space_(std::move(space)), members_(std::move(members)) {}
+
+CurvePredictor CurvePredictor::train(std::span<const Sweep> training) {
+  FeatureSpace space(training);
+  Members members;
+  for (const Sweep& sweep : training)
+    (sweep.layers ? members.layers : members.anew)
+        .push_back({space.at(sweep.features), values_of(grid_values(sweep))});
+  return {std::move(space), std::move(members)};
+}
+
+RateSurface CurvePredictor::predict(const Observation& observed) const {
+  const auto& kind = observed.layers ? members_.layers : members_.anew;
+  const auto& members = kind.empty() ? (observed.layers ? members_.anew : members_.layers) : kind;
+  MR_ASSERT(!members.empty());
+  const std::vector<double> features = space_.at(observed.features);
+  std::vector<Reading> readings;
+  for (std::size_t i = 0; i < features.size(); ++i)
+    readings.push_back({{{i, 1.0}}, features[i], kFeatureNoise});
+  const std::size_t first =
+      observed.produced.size() - std::min(observed.produced.size(), kMostReadings);
+  const auto behind_features = [&](auto weights) {
+    for (auto& [at, weight] : weights) at += features.size();
+    return weights;
+  };
+  for (std::size_t i = first; i < observed.produced.size(); ++i) {
+    const auto& produced = observed.produced[i];
+    readings.push_back({behind_features(geometry_weights(produced.setting)),
+                        log_rate(produced.geometry_mbps), kRateNoise});
+    readings.push_back({behind_features(texture_weights(produced.setting)),
+                        log_rate(produced.texture_mbps), kRateNoise});
+  }
+  std::vector<double> vector = Ensemble(members).given(readings);
+  GridValues grid =
+      grid_of({vector.begin() + static_cast<std::ptrdiff_t>(features.size()), vector.end()});
+  make_monotone(grid);
+  if (!observed.produced.empty()) {
+    const auto& newest = observed.produced.back();
+    const RateSurface before(grid);
+    const double geometry = std::max(newest.geometry_mbps, 1e-4) /
+                            before.geometry_mbps(newest.setting.error_voxels),
+                 texture = std::max(newest.texture_mbps, 1e-4) /
+                           before.texture_mbps(newest.setting.scale, newest.setting.qp);
+    for (double& mbps : grid.geometry_mbps) mbps *= geometry;
+    for (double& mbps : grid.texture_mbps) mbps *= texture;
+  }
+  return RateSurface(grid);
+}
+
+Setting CurvePredictor::choose(const Observation& observed, double target_mbps) const {
+  return best_within(candidate_points(predict(observed)), target_mbps).setting;
+}
+
+}  // namespace mr::rate

@@ -1,0 +1,48 @@
+#pragma once
+
+#include <optional>
+#include <span>
+#include <vector>
+
+#include "mr/rate/feature_space.h"
+#include "mr/rate/model.h"
+#include "mr/rate/swept_surface.h"
+
+namespace mr::rate {
+
+/// Our model. A scene is one vector: its features, the logarithms of its rates at the grid's nodes,
+/// and those of its losses of quality against the best. Vectors of scenes are taken to be Gaussian,
+/// with the mean and the (shrunk) covariance of the training sweeps. Features, and what the
+/// encoders really produced, are readings of some of its values; the others are predicted by
+/// conditioning on them, as an ensemble Kalman filter does (Evensen 1994). The rates are at last
+/// scaled so that they agree with the newest readings. So rate and quality of every setting are
+/// predicted, each layer apart, and any target can be solved for.
+class CurvePredictor final : public Model {
+ public:
+  /// A training sweep's values; of one kind, with or without layers.
+  struct Member {
+    std::vector<double> features;  ///< [FeatureSpace::size()]
+    std::vector<double> values;    ///< [value_count()]
+  };
+  struct Members {
+    std::vector<Member> layers, anew;
+  };
+  static std::size_t value_count();
+
+  CurvePredictor() = default;
+  CurvePredictor(FeatureSpace space, Members members);
+  static CurvePredictor train(std::span<const Sweep> training);
+
+  /// The rate of every setting, and its quality.
+  RateSurface predict(const Observation& observed) const;
+  Setting choose(const Observation& observed, double target_mbps) const override;
+
+  const FeatureSpace& space() const { return space_; }
+  const Members& members() const { return members_; }
+
+ private:
+  FeatureSpace space_;
+  Members members_;
+};
+
+}  // namespace mr::rate

@@ -1,0 +1,87 @@
+#include "mr/rate/evaluation.h"
+
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+#include <iterator>
+
+namespace mr::rate {
+namespace {
+
+constexpr double kOver = 1.03;  // of the target
+
+Observation::Produced produced_at(const RateSurface& truth, const Setting& setting) {
+  return {setting, truth.geometry_mbps(setting.error_voxels),
+          truth.texture_mbps(setting.scale, setting.qp)};
+}
+
+/// The model chooses, sees what its choice costs, and chooses again.
+Prediction predict(const Model& model, const Sweep& sweep, const RateSurface& truth,
+                   double target_mbps, const Corrections& corrections) {
+  using Clock = std::chrono::steady_clock;
+  Observation observed{sweep.layers, sweep.features, {}};
+  if (corrections.sees_produced) observed.produced = {produced_at(truth, kUsualSetting)};
+  Prediction out{sweep.scene, sweep.layers, target_mbps, {}, 0, 0};
+  for (int i = 0; i < corrections.choices; ++i) {
+    const auto start = Clock::now();
+    const Setting setting = model.choose(observed, target_mbps);
+    out.decision_ms = std::max(
+        out.decision_ms, std::chrono::duration<double, std::milli>(Clock::now() - start).count());
+    const bool is_settled = i > 0 && setting == out.got.setting;
+    out.got = truth.at(setting);
+    if (is_settled) break;
+    if (corrections.sees_produced) observed.produced.push_back(produced_at(truth, setting));
+  }
+  return out;
+}
+
+}  // namespace
+
+double gap_to_hull(const std::vector<RatePoint>& hull, double target_mbps, const RatePoint& got) {
+  const double best = hull_ssim(hull, target_mbps);
+  // A target below the hull's lowest point is met by nothing: that point is best effort.
+  const bool is_over = got.mbps > kOver * std::max(target_mbps, hull.front().mbps);
+  return std::max(0.0, best - (is_over ? hull.front().ssim : got.ssim));
+}
+
+GapStatistics statistics(std::span<const Prediction> predictions) {
+  GapStatistics out;
+  if (predictions.empty()) return out;
+  std::vector<double> gaps;
+  for (const Prediction& p : predictions) {
+    gaps.push_back(p.gap);
+    out.mean += p.gap, out.max = std::max(out.max, p.gap);
+    out.over += p.got.mbps > kOver * p.target_mbps;
+    out.rate_error += std::abs(p.got.mbps / p.target_mbps - 1);
+  }
+  const auto n = static_cast<double>(gaps.size());
+  out.mean /= n, out.over /= n, out.rate_error /= n;
+  std::ranges::sort(gaps);
+  out.p95 = gaps[static_cast<std::size_t>(0.95 * (n - 1))];
+  return out;
+}
+
+std::vector<Prediction> leave_one_out(std::span<const Sweep> sweeps, const Trainer& train,
+                                      const Targets& targets, const Corrections& corrections) {
+  std::vector<Prediction> out;
+  for (auto first = sweeps.begin(); first != sweeps.end();) {
+    const auto end =
+        std::find_if(first, sweeps.end(), [&](const Sweep& s) { return s.scene != first->scene; });
+    std::vector<Sweep> others;
+    std::ranges::copy_if(sweeps, std::back_inserter(others),
+                         [&](const Sweep& s) { return s.scene != first->scene; });
+    const std::unique_ptr<Model> model = train(others);
+    for (; first != end; ++first) {
+      const RateSurface truth(grid_values(*first));
+      const auto hull = convex_hull(candidate_points(truth));
+      for (const double target : targets(hull)) {
+        Prediction p = predict(*model, *first, truth, target, corrections);
+        p.gap = gap_to_hull(hull, target, p.got);
+        out.push_back(std::move(p));
+      }
+    }
+  }
+  return out;
+}
+
+}  // namespace mr::rate

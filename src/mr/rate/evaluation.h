@@ -1,0 +1,51 @@
+#pragma once
+
+#include <functional>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "mr/rate/model.h"
+#include "mr/rate/swept_surface.h"
+
+namespace mr::rate {
+
+/// One prediction for a scene that the model was not trained on.
+struct Prediction {
+  std::string scene;
+  bool layers = true;
+  double target_mbps = 0;
+  RatePoint got;           ///< what the setting really costs and gives
+  double gap = 0;          ///< to the Pareto hull at the target (gap_to_hull())
+  double decision_ms = 0;  ///< of one choice
+};
+
+/// By how much quality stays behind the hull at the target. A result over its target by more than
+/// 3 % counts as the hull's lowest point.
+double gap_to_hull(const std::vector<RatePoint>& hull, double target_mbps, const RatePoint& got);
+
+/// Mean, 95th percentile and greatest of the gaps; share of the results over their target by more
+/// than 3 %; mean of |rate / target - 1| where the target lies within the scene's range.
+struct GapStatistics {
+  double mean = 0, p95 = 0, max = 0, over = 0, rate_error = 0;
+};
+GapStatistics statistics(std::span<const Prediction> predictions);
+
+using Trainer = std::function<std::unique_ptr<Model>(std::span<const Sweep>)>;
+/// The targets for a scene, given its hull.
+using Targets = std::function<std::vector<double>(const std::vector<RatePoint>& hull)>;
+
+/// How often a model corrects itself by what was produced before it is judged. Before the first
+/// choice the scene was coded in the usual setting.
+struct Corrections {
+  int choices = 1;
+  bool sees_produced = true;  ///< false: features alone
+};
+
+/// Leaves each scene out in turn: trains on the others, predicts for all its sweeps. Every
+/// setting's real cost is taken from its sweep (RateSurface). Sweeps of one scene must follow each
+/// other.
+std::vector<Prediction> leave_one_out(std::span<const Sweep> sweeps, const Trainer& train,
+                                      const Targets& targets, const Corrections& corrections);
+
+}  // namespace mr::rate

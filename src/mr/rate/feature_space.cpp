@@ -1,0 +1,47 @@
+#include "mr/rate/feature_space.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <optional>
+
+namespace mr::rate {
+namespace {
+
+constexpr std::array kNames{"color_spatial", "color_temporal", "depth_spatial", "depth_temporal",
+                            "sensors"};
+
+/// Energies of a still picture are 0.
+std::optional<double> log_of(const std::vector<Feature>& features, const char* name) {
+  const auto found = std::ranges::find(features, name, &Feature::name);
+  if (found == features.end() || !std::isfinite(found->value)) return std::nullopt;
+  return std::log1p(std::max(found->value, 0.0));
+}
+
+}  // namespace
+
+std::size_t FeatureSpace::size() { return kNames.size(); }
+
+FeatureSpace::FeatureSpace(std::span<const Sweep> training) {
+  for (const char* name : kNames) {
+    double sum = 0, squares = 0, n = 0;
+    for (const Sweep& sweep : training)
+      if (const auto value = log_of(sweep.features, name))
+        sum += *value, squares += *value * *value, ++n;
+    const double mean = n > 0 ? sum / n : 0;
+    mean_.push_back(mean);
+    deviation_.push_back(
+        std::max(std::sqrt(std::max(n > 0 ? squares / n - mean * mean : 0, 0.0)), 1e-6));
+  }
+}
+
+std::vector<double> FeatureSpace::at(const std::vector<Feature>& features) const {
+  std::vector<double> out;
+  for (std::size_t i = 0; i < kNames.size(); ++i) {
+    const auto value = log_of(features, kNames[i]);
+    out.push_back(value ? (*value - mean_[i]) / deviation_[i] : 0);
+  }
+  return out;
+}
+
+}  // namespace mr::rate

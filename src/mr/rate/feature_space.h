@@ -1,0 +1,32 @@
+#pragma once
+
+#include <span>
+#include <vector>
+
+#include "mr/rate/observation.h"
+#include "mr/rate/sweep.h"
+
+namespace mr::rate {
+
+/// Features as numbers of mean 0 and deviation 1 over the training scenes: logarithms of energies,
+/// and of what the usual setting costs.
+class FeatureSpace {
+ public:
+  FeatureSpace() = default;
+  explicit FeatureSpace(std::span<const Sweep> training);
+  /// As stored in a model file.
+  FeatureSpace(std::vector<double> mean, std::vector<double> deviation)
+      : mean_(std::move(mean)), deviation_(std::move(deviation)) {}
+
+  static std::size_t size();
+  /// [size()]; what is not known is 0, the mean.
+  std::vector<double> at(const std::vector<Feature>& features) const;
+
+  const std::vector<double>& mean() const { return mean_; }
+  const std::vector<double>& deviation() const { return deviation_; }
+
+ private:
+  std::vector<double> mean_, deviation_;
+};
+
+}  // namespace mr::rate

@@ -1,0 +1,25 @@
+#pragma once
+
+#include <vector>
+
+#include "mr/rate/setting.h"
+#include "mr/rate/sweep.h"
+
+namespace mr::rate {
+
+/// What is known of a scene when a setting is chosen.
+struct Observation {
+  /// What the encoders produced under a setting, lately.
+  struct Produced {
+    Setting setting;
+    double geometry_mbps = 0, texture_mbps = 0;
+
+    double mbps() const { return geometry_mbps + texture_mbps; }
+  };
+
+  bool layers = true;  ///< still.layers
+  std::vector<Feature> features;
+  std::vector<Produced> produced;  ///< oldest first; empty: nothing was coded yet
+};
+
+}  // namespace mr::rate
