@@ -84,7 +84,8 @@ Frame random_frame(unsigned seed, int width = 150, int height = 100) {
   for (float& depth_m : frame.depth.data)
     depth_m = random() % 5 == 0 ? 0 : 1 + static_cast<float>(random() % 5000) * 1e-3f;
   *frame.depth.at(70, 20) = std::numeric_limits<float>::quiet_NaN();
-  std::fill(frame.depth.at(20, 40), frame.depth.at(90, 40), 0.0f);
+  const int middle = frame.depth.height / 2;
+  std::fill(frame.depth.at(20, middle), frame.depth.at(90, middle), 0.0f);
   return frame;
 }
 

@@ -31,7 +31,19 @@ constexpr D8 d8;
 HWY_INLINE int lanes() { return static_cast<int>(hn::Lanes(df)); }
 
 // --- the transform: each lane is one row or column of a block
-// Its loops are unrolled, so that arrays of vectors can be registers.
+
+// Functions inlined and loops unrolled, so that arrays of vectors are registers. Sanitized, that
+// takes minutes to compile; single numbers do not gain by it.
+#ifdef MR_SANITIZED
+#define MR_DCT_INLINE
+#else
+#define MR_DCT_INLINE HWY_INLINE
+#endif
+#if HWY_TARGET == HWY_SCALAR || defined(MR_SANITIZED)
+constexpr int kUnroll = 1;
+#else
+constexpr int kUnroll = kN;
+#endif
 
 /// sin(x) for x in [0, π/2], by its series.
 constexpr double sine(double x) {
@@ -42,19 +54,19 @@ constexpr double sine(double x) {
 constexpr double cosine(double x) { return sine(std::numbers::pi / 2 - x); }
 
 template <int kCount>
-HWY_INLINE void dct2(Vf* x);
+MR_DCT_INLINE void dct2(Vf* x);
 
 /// DCT-IV of `kCount` values, in place, not normalised:
 ///   X[k] = Σ x[j] cos(π (2 j + 1) (2 k + 1) / (4 kCount))
 /// as rotations and two DCT-II of half the length (Plonka and Tasche 2005).
 template <int kCount>
-HWY_INLINE void dct4(Vf* x) {
+MR_DCT_INLINE void dct4(Vf* x) {
   if constexpr (kCount == 1) {
     x[0] = hn::Mul(x[0], hn::Set(df, static_cast<float>(cosine(std::numbers::pi / 4))));
   } else {
     constexpr int kHalf = kCount / 2;
     Vf p[kHalf], q[kHalf];
-    HWY_UNROLL(32)
+    HWY_UNROLL(kUnroll)
     for (int j = 0; j < kHalf; ++j) {
       const double angle = std::numbers::pi * (2 * j + 1) / (4 * kCount);
       const Vf c = hn::Set(df, static_cast<float>(cosine(angle)));
@@ -66,7 +78,7 @@ HWY_INLINE void dct4(Vf* x) {
     dct2<kHalf>(p);
     dct2<kHalf>(q);
     x[0] = p[0], x[kCount - 1] = q[0];
-    HWY_UNROLL(32)
+    HWY_UNROLL(kUnroll)
     for (int k = 1; k < kHalf; ++k) {
       x[2 * k - 1] = hn::Add(p[k], q[kHalf - k]);
       x[2 * k] = hn::Sub(p[k], q[kHalf - k]);
@@ -78,18 +90,18 @@ HWY_INLINE void dct4(Vf* x) {
 ///   X[k] = Σ x[j] cos(π (2 j + 1) k / (2 kCount))
 /// Even k: the DCT-II of sums of opposite values; odd k: the DCT-IV of their differences.
 template <int kCount>
-HWY_INLINE void dct2(Vf* x) {
+MR_DCT_INLINE void dct2(Vf* x) {
   if constexpr (kCount > 1) {
     constexpr int kHalf = kCount / 2;
     Vf sums[kHalf], differences[kHalf];
-    HWY_UNROLL(32)
+    HWY_UNROLL(kUnroll)
     for (int j = 0; j < kHalf; ++j) {
       sums[j] = hn::Add(x[j], x[kCount - 1 - j]);
       differences[j] = hn::Sub(x[j], x[kCount - 1 - j]);
     }
     dct2<kHalf>(sums);
     dct4<kHalf>(differences);
-    HWY_UNROLL(32)
+    HWY_UNROLL(kUnroll)
     for (int k = 0; k < kHalf; ++k) x[2 * k] = sums[k], x[2 * k + 1] = differences[k];
   }
 }
@@ -98,7 +110,7 @@ HWY_INLINE void dct2(Vf* x) {
 
 #if HWY_TARGET == HWY_SCALAR
 HWY_INLINE void load_transposed(const float* rows, Vf* x) {
-  HWY_UNROLL(32)
+  HWY_UNROLL(kUnroll)
   for (int i = 0; i < kN; ++i) x[i] = hn::Load(df, rows + i);
 }
 #else
@@ -115,7 +127,7 @@ HWY_INLINE hn::Vec<D> load_fours(D d, const float* rows) {
 
 /// As many rows of a block as there are lanes: x[i] gets their value i.
 HWY_INLINE void load_transposed(const float* rows, Vf* x) {
-  HWY_UNROLL(32)
+  HWY_UNROLL(kUnroll)
   for (int i = 0; i < kN; i += 4) {
     const Vf a = load_fours(df, rows + i), b = load_fours(df, rows + kN + i),
              c = load_fours(df, rows + 2 * kN + i), d = load_fours(df, rows + 3 * kN + i);
@@ -147,7 +159,7 @@ HWY_INLINE void transform_columns(const float* pixels, std::ptrdiff_t stride, in
                                   ColumnSums& sums, ColumnSums& squares) {
   const Vf first = hn::Set(df, pixels[0]);
   Vf v[kN], sum = hn::Zero(df), square = hn::Zero(df);
-  HWY_UNROLL(32)
+  HWY_UNROLL(kUnroll)
   for (int y = 0; y < kN; ++y) {
     v[y] = hn::Sub(hn::LoadU(df, pixels + y * stride + x), first);
     sum = hn::Add(sum, v[y]);
@@ -156,7 +168,7 @@ HWY_INLINE void transform_columns(const float* pixels, std::ptrdiff_t stride, in
   hn::Store(sum, df, sums.at + x);
   hn::Store(square, df, squares.at + x);
   dct2<kN>(v);
-  HWY_UNROLL(32)
+  HWY_UNROLL(kUnroll)
   for (int j = 0; j < kN; ++j) hn::Store(v[j], df, out + j * kN + x);
 }
 
@@ -166,7 +178,7 @@ HWY_INLINE void transform_rows(const float* columns, const float* weights, int j
   Vf v[kN], energy = hn::Zero(df), change = hn::Zero(df);
   load_transposed(columns + j * kN, v);
   dct2<kN>(v);
-  HWY_UNROLL(32)
+  HWY_UNROLL(kUnroll)
   for (int i = 0; i < kN; ++i) {
     const Vf weight = hn::Load(df, weights + i * kN + j);
     const Vf difference = hn::Sub(v[i], hn::Load(df, dct + i * kN + j));
