@@ -129,8 +129,8 @@ Status agree(const std::vector<Message>& rows) {
   return {};
 }
 
-Status measure_case(const std::string& name, const Request& request, cli::ProgressBar& bar,
-                    Report& report) {
+Status measure_dct(const std::string& name, const Request& request, cli::ProgressBar& bar,
+                   Report& report) {
   const std::vector<Frame> frames{capture(0), capture(1)};
   const LumaPlane plane = name == "depth" ? millimetres(frames[0].depth) : luma_of(frames[0].color);
   const auto contenders = contenders_of(name, plane, frames);
@@ -155,7 +155,7 @@ Result<Report> run_dct(const Request& request, cli::ProgressBar& bar) {
   Report report{.stage = "dct", .columns = {{"energy", "energy", 1}}};
   if (!has_fftw()) report.absent.push_back("fftw");
   for (const std::string& name : *names)
-    if (const Status measured = measure_case(name, request, bar, report); !measured)
+    if (const Status measured = measure_dct(name, request, bar, report); !measured)
       return measured.error();
   return report;
 }

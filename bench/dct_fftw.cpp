@@ -8,16 +8,17 @@
 namespace mr::bench {
 namespace {
 
-constexpr int kN = kDctBlock;
-
 class Fftw final : public Work {
  public:
   explicit Fftw(const LumaPlane& plane)
-      : plane_(plane), columns_(plane.width / kN), dct_(fftwf_alloc_real(columns_ * kN * kN)) {
-    const int size[] = {kN, kN}, rows[] = {kN, plane.width};
+      : plane_(plane),
+        columns_(plane.width / kDctBlock),
+        dct_(fftwf_alloc_real(columns_ * kDctBlock * kDctBlock)) {
+    const int size[] = {kDctBlock, kDctBlock}, rows[] = {kDctBlock, plane.width};
     const fftwf_r2r_kind kinds[] = {FFTW_REDFT10, FFTW_REDFT10};
-    plan_ = fftwf_plan_many_r2r(2, size, columns_, plane_.data.data(), rows, 1, kN, dct_, size, 1,
-                                kN * kN, kinds, FFTW_MEASURE | FFTW_PRESERVE_INPUT);
+    plan_ =
+        fftwf_plan_many_r2r(2, size, columns_, plane_.data.data(), rows, 1, kDctBlock, dct_, size,
+                            1, kDctBlock * kDctBlock, kinds, FFTW_MEASURE | FFTW_PRESERVE_INPUT);
     plane_ = plane;  // planning overwrites it
   }
   ~Fftw() override {
@@ -30,10 +31,10 @@ class Fftw final : public Work {
   void clear() override {}
   void run(StageClock&) override {
     double sum = 0;
-    const int rows = plane_.height / kN;
+    const int rows = plane_.height / kDctBlock;
     for (int row = 0; row < rows; ++row) {
-      fftwf_execute_r2r(plan_, plane_.row(row * kN), dct_);
-      for (int i = 0; i < columns_; ++i) sum += weights_.energy(dct_ + i * kN * kN);
+      fftwf_execute_r2r(plan_, plane_.row(row * kDctBlock), dct_);
+      for (int i = 0; i < columns_; ++i) sum += weights_.energy(dct_ + i * kDctBlock * kDctBlock);
     }
     energy_ = sum / (rows * columns_);
   }
@@ -45,7 +46,7 @@ class Fftw final : public Work {
   float* dct_;  ///< [columns] blocks
   fftwf_plan plan_;
   // FFTW's is 2 Σ pixel cos(…) in each direction.
-  DctWeights weights_{std::sqrt(1.0 / kN) / 2, std::sqrt(2.0 / kN) / 2};
+  DctWeights weights_{std::sqrt(1.0 / kDctBlock) / 2, std::sqrt(2.0 / kDctBlock) / 2};
   double energy_ = 0;
 };
 

@@ -5,8 +5,6 @@
 namespace mr::bench {
 namespace {
 
-constexpr int kN = kDctBlock;
-
 class OpenCv final : public Work {
  public:
   explicit OpenCv(const LumaPlane& plane)
@@ -17,10 +15,10 @@ class OpenCv final : public Work {
   void clear() override {}
   void run(StageClock&) override {
     double sum = 0;
-    const int rows = plane_.rows / kN, columns = plane_.cols / kN;
+    const int rows = plane_.rows / kDctBlock, columns = plane_.cols / kDctBlock;
     for (int y = 0; y < rows; ++y)
       for (int x = 0; x < columns; ++x) {
-        cv::dct(plane_(cv::Rect(x * kN, y * kN, kN, kN)), dct_);
+        cv::dct(plane_(cv::Rect(x * kDctBlock, y * kDctBlock, kDctBlock, kDctBlock)), dct_);
         sum += weights_.energy(dct_.ptr<float>());
       }
     energy_ = sum / (rows * columns);
@@ -29,7 +27,8 @@ class OpenCv final : public Work {
 
  private:
   LumaPlane copy_;
-  cv::Mat plane_, dct_ = cv::Mat(kN, kN, CV_32F);  // braces would make a list of three numbers
+  cv::Mat plane_,
+      dct_ = cv::Mat(kDctBlock, kDctBlock, CV_32F);  // braces would make a list of three numbers
   DctWeights weights_{1, 1};
   double energy_ = 0;
 };
