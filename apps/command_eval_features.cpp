@@ -21,6 +21,7 @@
 namespace mr::apps {
 namespace {
 
+using rate::PictureFeatures;
 using rate::SceneFeatures;
 
 struct FeatureOptions {
@@ -34,13 +35,17 @@ struct FeatureOptions {
 struct Feature {
   const char* key;    ///< in CSV and JSON
   const char* title;  ///< in the plot
-  double SceneFeatures::*value;
+  PictureFeatures SceneFeatures::*picture;
+  double PictureFeatures::*value;
+
+  double of(const SceneFeatures& features) const { return features.*picture.*value; }
+  bool is_of_color() const { return picture == &SceneFeatures::color; }
 };
 constexpr Feature kFeatures[] = {
-    {"color_spatial", "Colour, spatial", &SceneFeatures::color_spatial},
-    {"color_temporal", "Colour, temporal", &SceneFeatures::color_temporal},
-    {"depth_spatial", "Depth, spatial", &SceneFeatures::depth_spatial},
-    {"depth_temporal", "Depth, temporal", &SceneFeatures::depth_temporal}};
+    {"color_spatial", "Colour, spatial", &SceneFeatures::color, &PictureFeatures::spatial},
+    {"color_temporal", "Colour, temporal", &SceneFeatures::color, &PictureFeatures::temporal},
+    {"depth_spatial", "Depth, spatial", &SceneFeatures::depth, &PictureFeatures::spatial},
+    {"depth_temporal", "Depth, temporal", &SceneFeatures::depth, &PictureFeatures::temporal}};
 
 struct FrameFeatures {
   std::uint64_t frame = 0;
@@ -53,7 +58,7 @@ struct SceneRow {
 
   double mean(const Feature& feature) const {
     double sum = 0;
-    for (const FrameFeatures& frame : frames) sum += frame.features.*feature.value;
+    for (const FrameFeatures& frame : frames) sum += feature.of(frame.features);
     return sum / static_cast<double>(frames.size());
   }
 };
@@ -65,37 +70,46 @@ bool has_color(const Scene& scene) {
 
 // ------------------------------------------------------------------------------------ measuring
 
-using Planes = std::map<SensorId, rate::FeaturePlanes>;
+/// Of the sensors that delivered the last capture.
+using Extractors = std::map<SensorId, rate::FeatureExtractor>;
 
-/// One capture of all sensors; nothing at the end.
-std::optional<Planes> next_planes(node::CaptureReader& reader) {
+struct SensorFeatures {
+  bool has_color = false;
+  SceneFeatures features;
+};
+
+/// The features of the next capture, of the sensors that delivered the one before it, too; nothing
+/// at the end.
+std::optional<std::vector<SensorFeatures>> next_features(node::CaptureReader& reader,
+                                                         Extractors& extractors) {
   const auto frames = reader.next(
       [](SensorId, const Error& error) { fmt::print(stderr, "dropped: {}\n", error.message); });
   if (!frames) return std::nullopt;
-  Planes planes;
-  for (const Frame& frame : *frames) planes[frame.sensor] = rate::feature_planes(frame);
-  return planes;
+  Extractors delivered;
+  std::vector<SensorFeatures> out;
+  for (const Frame& frame : *frames) {
+    const auto before = extractors.find(frame.sensor);
+    rate::FeatureExtractor& extractor = delivered[frame.sensor];
+    if (before != extractors.end()) extractor = std::move(before->second);
+    const SceneFeatures features = extractor.extract(frame);
+    if (before != extractors.end()) out.push_back({!frame.color.empty(), features});
+  }
+  extractors = std::move(delivered);
+  return out;
 }
 
-/// Mean over the sensors that delivered both frames, colour over those that have it; nothing where
-/// none did.
-std::optional<SceneFeatures> mean_features(const Planes& before, const Planes& now) {
-  SceneFeatures sum;
-  int sensors = 0, colored = 0;
-  for (const auto& [sensor, planes] : now) {
-    const auto old = before.find(sensor);
-    if (old == before.end()) continue;
-    const SceneFeatures one = rate::scene_features(old->second, planes);
-    for (const Feature& feature : kFeatures) sum.*feature.value += one.*feature.value;
-    ++sensors;
-    colored += planes.color.empty() ? 0 : 1;
+/// Mean over the sensors, colour over those that have it.
+SceneFeatures mean_features(const std::vector<SensorFeatures>& sensors) {
+  SceneFeatures mean;
+  for (const Feature& feature : kFeatures) {
+    double sum = 0, count = 0;
+    for (const SensorFeatures& sensor : sensors) {
+      if (feature.is_of_color() && !sensor.has_color) continue;
+      sum += feature.of(sensor.features), ++count;
+    }
+    mean.*feature.picture.*feature.value = sum / std::max(count, 1.0);
   }
-  if (sensors == 0) return std::nullopt;
-  sum.color_spatial /= std::max(colored, 1);
-  sum.color_temporal /= std::max(colored, 1);
-  sum.depth_spatial /= sensors;
-  sum.depth_temporal /= sensors;
-  return sum;
+  return mean;
 }
 
 void show_frame(const std::string& scene, int done, int of) {
@@ -107,18 +121,18 @@ void show_frame(const std::string& scene, int done, int of) {
 /// Frames 1, 1 + every, …: each has one before it.
 std::vector<FrameFeatures> measure(const Scene& scene, const FeatureOptions& options) {
   node::CaptureReader reader(scene, synth::default_rig_cache());
+  Extractors extractors;
   std::vector<FrameFeatures> rows;
-  std::optional<Planes> before = next_planes(reader), now;
-  for (int i = 0; before && i < options.frames; ++i) {
+  for (int i = 0; i < options.frames; ++i) {
     show_frame(scene.id, i, options.frames);
-    if (i > 0 && options.every > 1) {
-      reader.skip(static_cast<std::uint64_t>(options.every) - 2);
-      if (before = next_planes(reader); !before) break;
+    if (i == 0 || options.every > 1) {
+      if (i > 0) reader.skip(static_cast<std::uint64_t>(options.every) - 2);
+      if (!next_features(reader, extractors)) break;
     }
-    if (now = next_planes(reader); !now) break;
-    if (const auto features = mean_features(*before, *now))
-      rows.push_back({static_cast<std::uint64_t>(i) * options.every + 1, *features});
-    before = std::move(now);
+    const auto sensors = next_features(reader, extractors);
+    if (!sensors) break;
+    if (!sensors->empty())
+      rows.push_back({static_cast<std::uint64_t>(i) * options.every + 1, mean_features(*sensors)});
   }
   return rows;
 }
@@ -151,7 +165,7 @@ std::string to_csv(const std::vector<SceneRow>& rows) {
     for (const FrameFeatures& frame : row.frames) {
       csv += fmt::format("{},{}", row.id, frame.frame);
       for (const Feature& feature : kFeatures)
-        csv += fmt::format(",{:.4f}", frame.features.*feature.value);
+        csv += fmt::format(",{:.4f}", feature.of(frame.features));
       csv += '\n';
     }
   return csv;
@@ -165,7 +179,7 @@ std::string to_json(const std::vector<SceneRow>& rows) {
     for (const FrameFeatures& frame : row.frames) {
       one["frame"].push_back(frame.frame);
       for (const Feature& feature : kFeatures)
-        one[feature.key].push_back(frame.features.*feature.value);
+        one[feature.key].push_back(feature.of(frame.features));
     }
     json.push_back(std::move(one));
   }
@@ -194,7 +208,7 @@ std::string to_svg(const std::vector<SceneRow>& rows) {
     for (const SceneRow& row : rows) {
       eval::Series series{.name = row.id, .points = {}, .markers = false};
       for (const FrameFeatures& frame : row.frames)
-        series.points.emplace_back(frame.frame, frame.features.*feature.value);
+        series.points.emplace_back(frame.frame, feature.of(frame.features));
       plot.series.push_back(std::move(series));
     }
     panels.push_back(std::move(plot));

@@ -88,17 +88,17 @@ std::vector<Outcome> evaluate(const std::vector<rate::Sweep>& sweeps) {
   return out;
 }
 
-double rounded(double v) { return std::round(v * 1e5) / 1e5; }
+double five_places(double v) { return std::round(v * 1e5) / 1e5; }
 
 Json models_of(const Outcome& outcome) {
   Json out = Json::object();
   for (const auto& [name, predictions] : outcome.models) {
     const rate::GapStatistics s = rate::statistics(predictions);
-    out[name] = {{"mean_gap", rounded(s.mean)},
-                 {"p95_gap", rounded(s.p95)},
-                 {"max_gap", rounded(s.max)},
-                 {"over_target", rounded(s.over)},
-                 {"rate_error", rounded(s.rate_error)}};
+    out[name] = {{"mean_gap", five_places(s.mean)},
+                 {"p95_gap", five_places(s.p95)},
+                 {"max_gap", five_places(s.max)},
+                 {"over_target", five_places(s.over)},
+                 {"rate_error", five_places(s.rate_error)}};
   }
   return out;
 }
@@ -119,8 +119,8 @@ double decision_ms(const std::vector<Outcome>& outcomes) {
 /// The first part's figures, and each part's under its key.
 std::string to_json(const std::vector<Outcome>& outcomes) {
   Json out{{"models", models_of(outcomes.front())},
-           {"rate_error", rounded(rate::statistics(ours(outcomes.front())).rate_error)},
-           {"decision_ms", rounded(decision_ms(outcomes))}};
+           {"rate_error", five_places(rate::statistics(ours(outcomes.front())).rate_error)},
+           {"decision_ms", five_places(decision_ms(outcomes))}};
   for (const Outcome& outcome : outcomes)
     out["parts"][outcome.part.key] = {{"predictions", outcome.models.front().second.size()},
                                       {"models", models_of(outcome)}};

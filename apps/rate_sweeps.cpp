@@ -10,6 +10,7 @@
 #include "mr/core/file.h"
 #include "mr/eval/rate_sweep.h"
 #include "mr/eval/store.h"
+#include "mr/rate/feature_space.h"
 #include "mr/rate/swept_surface.h"
 
 namespace mr::apps {
@@ -76,11 +77,25 @@ class StoredSweeps {
   Status measure(const eval::Trial& trial, std::size_t moment, const eval::QualityConfig& config) {
     const int capture = trial.moments().shown(moment);
     const bool layers = eval::is_stateful(trial.scene());
-    for (const rate::Sweep& known : kept_.sweeps)
-      if (known.moment == capture && known.layers == layers) return {};
+    for (rate::Sweep& known : kept_.sweeps)
+      if (known.moment == capture && known.layers == layers)
+        return refresh_features(trial, moment, config, known);
     auto sweep = eval::sweep_moment(trial, moment, options_.views, config);
     if (!sweep) return sweep.error();
     kept_.sweeps.push_back(*std::move(sweep));
+    return write_file(file_, rate::to_json(kept_));
+  }
+
+  /// Measures the features again where the program knows others by now.
+  Status refresh_features(const eval::Trial& trial, std::size_t moment,
+                          const eval::QualityConfig& config, rate::Sweep& known) const {
+    const auto has = [&](const char* name) {
+      return std::ranges::find(known.features, name, &rate::Feature::name) != known.features.end();
+    };
+    if (std::ranges::all_of(rate::feature_names(), has)) return {};
+    auto features = eval::features_at(trial, moment, config);
+    if (!features) return features.error();
+    known.features = *std::move(features);
     return write_file(file_, rate::to_json(kept_));
   }
 

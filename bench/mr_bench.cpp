@@ -21,7 +21,7 @@ struct Options {
 
 std::vector<Stage> stages() {
   return {fuse_stage(),   simplify_stage(), overlap_stage(), merge_stage(), zipper_stage(),
-          layers_stage(), atlas_stage(),    scan_stage(),    mkv_stage()};
+          layers_stage(), atlas_stage(),    scan_stage(),    mkv_stage(),   dct_stage()};
 }
 
 int fail(const std::string& message) {

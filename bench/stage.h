@@ -32,6 +32,7 @@ struct Stage {
 };
 
 Stage atlas_stage();
+Stage dct_stage();
 Stage fuse_stage();
 Stage layers_stage();
 Stage merge_stage();

@@ -8,8 +8,9 @@
 namespace mr::rate {
 namespace {
 
-constexpr std::array kNames{"color_spatial", "color_temporal", "depth_spatial", "depth_temporal",
-                            "sensors"};
+// Those that tell scenes apart best; the deviations follow the energies.
+constexpr std::array kNames{"color_spatial",  "color_temporal", "depth_spatial",
+                            "depth_temporal", "moving_percent", "sensors"};
 
 /// Energies of a still picture are 0.
 std::optional<double> log_of(const std::vector<Feature>& features, const char* name) {
@@ -19,6 +20,25 @@ std::optional<double> log_of(const std::vector<Feature>& features, const char* n
 }
 
 }  // namespace
+
+std::vector<Feature> named(const SceneFeatures& features) {
+  const auto& [color, depth, moving_pixels] = features;
+  return {{"color_spatial", color.spatial},
+          {"color_temporal", color.temporal},
+          {"color_spatial_deviation", color.spatial_deviation},
+          {"color_temporal_deviation", color.temporal_deviation},
+          {"color_temporal_gradient", std::abs(color.temporal_gradient)},
+          {"color_pixel_deviation", color.pixel_deviation},
+          {"depth_spatial", depth.spatial},
+          {"depth_temporal", depth.temporal},
+          {"depth_spatial_deviation", depth.spatial_deviation},
+          {"depth_temporal_deviation", depth.temporal_deviation},
+          {"depth_temporal_gradient", std::abs(depth.temporal_gradient)},
+          {"depth_pixel_deviation", depth.pixel_deviation},
+          {"moving_percent", 100 * moving_pixels}};
+}
+
+std::span<const char* const> feature_names() { return kNames; }
 
 std::size_t FeatureSpace::size() { return kNames.size(); }
 

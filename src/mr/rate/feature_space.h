@@ -3,10 +3,17 @@
 #include <span>
 #include <vector>
 
+#include "mr/rate/features.h"
 #include "mr/rate/observation.h"
 #include "mr/rate/sweep.h"
 
 namespace mr::rate {
+
+/// The features of a frame by their names, as sweeps store them.
+std::vector<Feature> named(const SceneFeatures& features);
+
+/// The names of those that models use.
+std::span<const char* const> feature_names();
 
 /// Features as numbers of mean 0 and deviation 1 over the training scenes: logarithms of energies,
 /// and of what the usual setting costs.

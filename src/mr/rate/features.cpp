@@ -1,124 +1,161 @@
 #include "mr/rate/features.h"
 
 #include <algorithm>
-#include <array>
 #include <cmath>
-#include <numbers>
-#include <numeric>
-#include <vector>
 
-#include "mr/core/assert.h"
 #include "mr/core/parallel.h"
+#include "mr/core/simd.h"
 
 namespace mr::rate {
 namespace {
 
 constexpr int kN = kFeatureBlock;
-using Block = std::array<std::array<double, kN>, kN>;  // [row][column]
+constexpr int kRowGrain = 32;   // rows of pixels for a thread
+constexpr int kStripGrain = 2;  // rows of blocks for a thread
+/// A change of depth by more standard deviations is motion: three of a sensor whose noise is four
+/// times what its precision says.
+constexpr double kMovedSigmas = 12;
 
-struct Tables {
-  Block basis;   // [pixel][frequency] of the orthonormal DCT-II
-  Block weight;  // [j - 1][i - 1]
+struct MeanAndDeviation {
+  double mean = 0, deviation = 0;
 };
 
-Tables make_tables() {
-  Tables tables;
-  for (int x = 0; x < kN; ++x)
-    for (int u = 0; u < kN; ++u) {
-      const double norm = std::sqrt((u == 0 ? 1.0 : 2.0) / kN);
-      tables.basis[x][u] = norm * std::cos(std::numbers::pi * (2 * x + 1) * u / (2.0 * kN));
-    }
-  for (int j = 1; j <= kN; ++j)
-    for (int i = 1; i <= kN; ++i) {
-      const double part = i * j / static_cast<double>(kN * kN);
-      tables.weight[j - 1][i - 1] = std::exp(part * part - 1);
-    }
-  tables.weight[0][0] = 0;
-  return tables;
+/// Of value(block) over blocks; not empty.
+template <typename Value>
+MeanAndDeviation over_blocks(const std::vector<BlockFeatures>& blocks, Value value) {
+  double sum = 0, squares = 0;
+  for (const BlockFeatures& block : blocks) sum += value(block);
+  const double mean = sum / static_cast<double>(blocks.size());
+  for (const BlockFeatures& block : blocks) {
+    const double off = value(block) - mean;
+    squares += off * off;
+  }
+  return {mean, std::sqrt(squares / static_cast<double>(blocks.size()))};
 }
 
-const Tables& tables() {
-  static const Tables made = make_tables();
-  return made;
+/// Standard deviation of all pixels: the variances inside the blocks, and that of their means.
+double pixel_deviation(const std::vector<BlockFeatures>& blocks) {
+  constexpr double kPixels = kN * kN;
+  const auto means =
+      over_blocks(blocks, [](const BlockFeatures& b) { return b.first + b.sum / kPixels; });
+  const auto inside = over_blocks(blocks, [](const BlockFeatures& b) {
+    const double mean = b.sum / kPixels;
+    return std::max(0.0, b.sum_of_squares / kPixels - mean * mean);
+  });
+  return std::sqrt(inside.mean + means.deviation * means.deviation);
 }
 
-/// aᵀ b.
-Block transposed_product(const Block& a, const Block& b) {
-  Block result{};
-  for (int row = 0; row < kN; ++row)
-    for (int k = 0; k < kN; ++k)
-      for (int column = 0; column < kN; ++column) result[row][column] += a[k][row] * b[k][column];
-  return result;
-}
-
-double block_energy(const Image<float, 1>& plane, int x0, int y0) {
-  // Less the corner: that moves only DCT(0, 0), which does not count, and a flat block is exactly
-  // 0.
-  const double corner = *plane.at(x0, y0);
-  Block pixels;
-  for (int y = 0; y < kN; ++y)
-    for (int x = 0; x < kN; ++x) pixels[y][x] = *plane.at(x0 + x, y0 + y) - corner;
-  const Tables& t = tables();
-  const Block dct = transposed_product(transposed_product(pixels, t.basis), t.basis);  // [j][i]
-  double energy = 0;
-  for (int j = 0; j < kN; ++j)
-    for (int i = 0; i < kN; ++i) energy += t.weight[j][i] * std::abs(dct[j][i]);
-  return energy;
+/// For each row of a picture the depth that its pixels before the first valid one take, in metres.
+std::vector<float> row_beginnings(const ImageDepth& depth) {
+  std::vector<float> before_m(depth.height);
+  const auto first = std::find_if(depth.data.begin(), depth.data.end(), is_measured);
+  float last_m = first == depth.data.end() ? 0 : *first;
+  for (int y = 0; y < depth.height; ++y) {
+    if (depth.width > 0 && is_measured(*depth.row(y))) last_m = *depth.row(y);
+    before_m[y] = last_m;
+  }
+  return before_m;
 }
 
 }  // namespace
 
 double dct_energy(const Image<float, 1>& plane) {
+  apply_simd_override();
   const std::size_t columns = plane.width / kN, rows = plane.height / kN;
   if (columns * rows == 0) return 0;
-  std::vector<double> energies(columns * rows);
-  parallel_for(energies.size(), 16, [&](std::size_t begin, std::size_t end) {
-    for (std::size_t b = begin; b < end; ++b)
-      energies[b] = block_energy(plane, static_cast<int>(b % columns) * kN,
-                                 static_cast<int>(b / columns) * kN);
+  std::vector<BlockFeatures> blocks(columns * rows);
+  parallel_for(rows, kStripGrain, [&](std::size_t begin, std::size_t end) {
+    DctBlock unused;
+    for (std::size_t b = begin * columns; b < end * columns; ++b)
+      blocks[b] = block_features(
+          plane.at(static_cast<int>(b % columns) * kN, static_cast<int>(b / columns) * kN),
+          plane.width, unused);
   });
-  return std::accumulate(energies.begin(), energies.end(), 0.0) / energies.size();
-}
-
-double temporal_dct_energy(const Image<float, 1>& before, const Image<float, 1>& now) {
-  MR_ASSERT(before.width == now.width && before.height == now.height);
-  Image<float, 1> difference = now;
-  for (std::size_t i = 0; i < difference.data.size(); ++i) difference.data[i] -= before.data[i];
-  return dct_energy(difference);
+  return over_blocks(blocks, [](const BlockFeatures& b) { return b.spatial; }).mean;
 }
 
 Image<float, 1> luma_plane(const ImageRgb& picture) {
-  Image<float, 1> plane(picture.width, picture.height);
-  for (std::size_t i = 0; i < plane.data.size(); ++i) {
-    const std::uint8_t* rgb = picture.data.data() + 3 * i;
-    plane.data[i] = 0.2126f * rgb[0] + 0.7152f * rgb[1] + 0.0722f * rgb[2];
-  }
+  apply_simd_override();
+  auto plane = Image<float, 1>::unfilled(picture.width, picture.height);
+  parallel_for(picture.height, kRowGrain, [&](std::size_t begin, std::size_t end) {
+    for (int y = static_cast<int>(begin); y < static_cast<int>(end); ++y)
+      luma_row(picture.row(y), picture.width, plane.row(y));
+  });
   return plane;
 }
 
 Image<float, 1> depth_plane(const ImageDepth& depth) {
-  const auto valid = [](float depth_m) { return std::isfinite(depth_m) && depth_m > 0; };
-  Image<float, 1> plane(depth.width, depth.height);
-  const auto first = std::find_if(depth.data.begin(), depth.data.end(), valid);
-  float row_begin_m = first == depth.data.end() ? 0 : *first;
-  for (int y = 0; y < depth.height; ++y) {
-    float last_m = row_begin_m;
-    for (int x = 0; x < depth.width; ++x) {
-      if (valid(*depth.at(x, y))) last_m = *depth.at(x, y);
-      *plane.at(x, y) = last_m * 1000;
-      if (x == 0) row_begin_m = last_m;
-    }
-  }
+  apply_simd_override();
+  auto plane = Image<float, 1>::unfilled(depth.width, depth.height);
+  const std::vector<float> before_m = row_beginnings(depth);
+  parallel_for(depth.height, kRowGrain, [&](std::size_t begin, std::size_t end) {
+    for (int y = static_cast<int>(begin); y < static_cast<int>(end); ++y)
+      depth_row(depth.row(y), depth.width, before_m[y], plane.row(y));
+  });
   return plane;
 }
 
-FeaturePlanes feature_planes(const Frame& frame) {
-  return {luma_plane(frame.color), depth_plane(frame.depth)};
+/// `row(y, out)` writes the `width` values of a row of the picture to `out`.
+template <typename Row>
+PictureFeatures FeatureExtractor::extract_picture(int width, int height, const Row& row,
+                                                  History& history) {
+  const std::size_t columns = width / kN, rows = height / kN;
+  if (history.width != width || history.height != height)
+    history = {width, height, false, std::vector<DctBlock>(columns * rows), {}};
+  if (columns * rows == 0) return {};
+  std::vector<BlockFeatures> blocks(columns * rows);
+  parallel_for(rows, kStripGrain, [&](std::size_t begin, std::size_t end) {
+    auto strip = Image<float, 1>::unfilled(width, kN);
+    for (std::size_t j = begin; j < end; ++j) {
+      for (int y = 0; y < kN; ++y) row(static_cast<int>(j) * kN + y, strip.row(y));
+      for (std::size_t i = 0; i < columns; ++i)
+        blocks[j * columns + i] = block_features(strip.at(static_cast<int>(i) * kN, 0), width,
+                                                 history.dct[j * columns + i]);
+    }
+  });
+
+  PictureFeatures features;
+  const auto spatial = over_blocks(blocks, [](const BlockFeatures& b) { return b.spatial; });
+  features.spatial = spatial.mean, features.spatial_deviation = spatial.deviation;
+  features.pixel_deviation = pixel_deviation(blocks);
+  if (history.has_picture) {
+    const auto temporal = over_blocks(blocks, [](const BlockFeatures& b) { return b.temporal; });
+    features.temporal = temporal.mean, features.temporal_deviation = temporal.deviation;
+    features.temporal_gradient = temporal.mean - history.temporal.value_or(temporal.mean);
+    history.temporal = temporal.mean;
+  }
+  history.has_picture = true;
+  return features;
 }
 
-SceneFeatures scene_features(const FeaturePlanes& before, const FeaturePlanes& now) {
-  return {dct_energy(now.color), temporal_dct_energy(before.color, now.color),
-          dct_energy(now.depth), temporal_dct_energy(before.depth, now.depth)};
+double FeatureExtractor::moving_pixels(const ImageDepth& depth) {
+  if (depth_before_.width != depth.width || depth_before_.height != depth.height)
+    depth_before_ = ImageDepth(depth.width, depth.height);  // nothing is valid
+  std::vector<DepthChange> rows(depth.height);
+  parallel_for(depth.height, kRowGrain, [&](std::size_t begin, std::size_t end) {
+    for (int y = static_cast<int>(begin); y < static_cast<int>(end); ++y)
+      rows[y] = replace_depth_row(depth.row(y), depth.width, precision_, kMovedSigmas,
+                                  depth_before_.row(y));
+  });
+  DepthChange all;
+  for (const DepthChange& row : rows) all.measured += row.measured, all.moved += row.moved;
+  return all.measured == 0 ? 0 : static_cast<double>(all.moved) / static_cast<double>(all.measured);
+}
+
+SceneFeatures FeatureExtractor::extract(const Frame& frame) {
+  apply_simd_override();
+  const ImageRgb& color = frame.color;
+  const ImageDepth& depth = frame.depth;
+  const std::vector<float> before_m = row_beginnings(depth);
+  SceneFeatures features;
+  features.color = extract_picture(
+      color.width, color.height,
+      [&](int y, float* luma) { luma_row(color.row(y), color.width, luma); }, color_);
+  features.depth = extract_picture(
+      depth.width, depth.height,
+      [&](int y, float* mm) { depth_row(depth.row(y), depth.width, before_m[y], mm); }, depth_);
+  features.moving_pixels = moving_pixels(depth);
+  return features;
 }
 
 }  // namespace mr::rate

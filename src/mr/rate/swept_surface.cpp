@@ -10,7 +10,6 @@
 namespace mr::rate {
 namespace {
 
-
 std::optional<std::size_t> find_geometry(const Sweep& sweep, double error_voxels) {
   for (std::size_t g = 0; g < sweep.geometries.size(); ++g)
     if (sweep.geometries[g].error_voxels == error_voxels && sweep.geometries[g].bits == kBits)
