@@ -1,0 +1,140 @@
+#include "mr/rate/controller.h"
+
+#include <algorithm>
+#include <cmath>
+#include <utility>
+
+#include "mr/core/assert.h"
+#include "mr/rate/swept_surface.h"
+
+namespace mr::rate {
+namespace {
+
+constexpr int kDecideEvery = 6;   // captures
+constexpr int kFewest = 5;        // captures behind a mean that a decision uses
+constexpr double kMeanOver = 12;  // captures
+constexpr double kPerQp = 0.115;  // log of the bytes by which quantisers differ: ln 2 / 6
+constexpr int kFinestQp = 18, kCoarsestQp = 51;
+constexpr int kFirstQp = 42;     // of the first captures, while nothing is known of what they take
+constexpr double kUsualKey = 8;  // key frames, in other frames, until one was seen
+constexpr double kLeast_mbps = 0.01;
+constexpr double kRepay = 4;                    // captures over which credit is used
+constexpr double kMostCredit = 3;               // captures' worth, saved
+constexpr int kHold = 30, kHoldReversal = 300;  // captures between changes that are not urgent
+
+int direction_of(const Setting& from, const Setting& to) {
+  const double finer = std::log(from.error_voxels / to.error_voxels) +
+                       2 * std::log(to.scale / from.scale) + kPerQp * (from.qp - to.qp);
+  return finer > 0 ? 1 : -1;
+}
+
+}  // namespace
+
+Controller::Controller(std::shared_ptr<const Model> model, bool layers, double fps,
+                       double target_mbps)
+    : model_(std::move(model)), fps_(fps), setting_(kUsualSetting) {
+  MR_ASSERT(model_ && fps_ > 0);
+  observed_.layers = layers;
+  set_target(target_mbps);
+}
+
+void Controller::set_target(double mbps) {
+  const double wanted = std::isfinite(mbps) ? std::max(mbps, kLeast_mbps) : kLeast_mbps;
+  target_changed_ |= std::abs(wanted - target_mbps_) > 0.02 * target_mbps_;
+  target_mbps_ = wanted;
+}
+
+void Controller::set_features(std::vector<Feature> features) {
+  observed_.features = std::move(features);
+}
+
+/// Texture bytes of the next capture with a quantiser.
+double Controller::texture_at(int qp, bool key_frame) const {
+  return (key_frame ? key_ : texture_) * std::exp(-kPerQp * (qp - setting_.qp));
+}
+
+/// Bytes that the next capture may take: the target's share with what was saved or overdrawn, and
+/// no more than the second that ends with it has left. Captures of the past count by their own
+/// target.
+double Controller::allowed() const {
+  const double share = bytes_of(target_mbps_);
+  double left = kMostInASecond * share * (fps_ - static_cast<double>(second_.size()));
+  for (const Spent& spent : second_) left += kMostInASecond * spent.share - spent.bytes;
+  return std::max(std::min(share + credit_ / kRepay, left), 0.0);
+}
+
+/// A change is urgent where the setting does not fit, or where the target has changed.
+bool Controller::is_worth_it(const Setting& wanted, double budget_mbps) const {
+  if (wanted == setting_) return false;
+  if (!has_chosen_ || target_changed_) return true;
+  const double needed = mbps_of(geometry_ + texture_);
+  const bool is_reversal = direction_ != 0 && direction_of(setting_, wanted) != direction_;
+  const bool is_urgent = needed > 1.3 * budget_mbps;
+  if (is_urgent) return true;
+  if (since_change_ < kHold || (is_reversal && since_change_ < kHoldReversal)) return false;
+  return needed > 1.1 * budget_mbps || needed < 0.7 * budget_mbps;
+}
+
+void Controller::take(const Setting& setting) {
+  direction_ = direction_of(setting_, setting);
+  // Until captures of the new setting come, what they take is judged by the old one's.
+  const double texture = std::exp(-kPerQp * (setting.qp - setting_.qp)) *
+                         std::pow(setting.scale / setting_.scale, 1.5);
+  texture_ *= texture, key_ *= texture;
+  geometry_ *= std::pow(setting.error_voxels / setting_.error_voxels, -0.3);
+  setting_ = setting, captures_ = 0, since_change_ = 0;
+}
+
+/// Lets the model choose for a rate, given what was produced lately.
+void Controller::decide(double for_setting_mbps) {
+  if (captures_ >= kFewest) {
+    const double key = key_ > 0 ? key_ : kUsualKey * texture_;
+    observed_.produced.push_back(
+        {setting_, mbps_of(geometry_), (texture_ * (fps_ - 1) + key) * 8e-6});
+    if (observed_.produced.size() > 6) observed_.produced.erase(observed_.produced.begin());
+  }
+  const Setting wanted = model_->choose(observed_, for_setting_mbps);
+  if (is_worth_it(wanted, for_setting_mbps)) take(wanted);
+  has_chosen_ = true, target_changed_ = false, since_decision_ = 0;
+}
+
+CapturePlan Controller::next(double backlog, bool key_frame) {
+  const double share = bytes_of(target_mbps_);
+  const double for_backlog = std::min(backlog, kLeastForBacklog * share);
+  if (target_changed_ || since_decision_ >= kDecideEvery) decide(mbps_of(share - for_backlog));
+  ++since_decision_, ++since_change_;
+
+  const double most = allowed(), for_texture = most - for_backlog - geometry_;
+  CapturePlan out{setting_, false, 0};
+  out.setting.qp = texture_ > 0 ? kFinestQp : std::max(setting_.qp, kFirstQp);
+  if (texture_ > 0)
+    while (out.setting.qp < kCoarsestQp && texture_at(out.setting.qp, key_frame) > for_texture)
+      ++out.setting.qp;
+  const double least = geometry_ + texture_at(kCoarsestQp, key_frame);
+  is_best_effort_ = least > 1.1 * share;
+  out.skipped = captures_ >= kFewest && least > most && !second_.empty();
+  const double used = out.skipped ? 0 : geometry_ + texture_at(out.setting.qp, key_frame);
+  out.refinement = std::clamp(most - used, 0.0, backlog);
+  planned_ = out;
+  return out;
+}
+
+void Controller::sent(const CaptureBytes& bytes) {
+  const double all = bytes.geometry + bytes.texture + bytes.refinement;
+  const double share = bytes_of(target_mbps_);
+  second_.push_back({all, share});
+  if (static_cast<double>(second_.size()) > fps_ - 1) second_.pop_front();
+  credit_ = std::clamp(credit_ + share - all, -fps_ * share, kMostCredit * share);
+  if (planned_.skipped) return;
+  const double texture = bytes.texture * std::exp(kPerQp * (planned_.setting.qp - setting_.qp));
+  const double weight = 1 / std::min<double>(captures_ + 1, kMeanOver);
+  geometry_ += weight * (bytes.geometry - geometry_);
+  if (bytes.key_frame)
+    key_ = texture;
+  else
+    texture_ += weight * (texture - texture_);
+  if (key_ <= 0) key_ = kUsualKey * texture_;
+  ++captures_;
+}
+
+}  // namespace mr::rate

@@ -1,0 +1,94 @@
+#pragma once
+
+#include <deque>
+#include <memory>
+#include <optional>
+#include <vector>
+
+#include "mr/rate/model.h"
+#include "mr/rate/observation.h"
+#include "mr/rate/setting.h"
+
+namespace mr::rate {
+
+/// What the controller decides for one capture.
+struct CapturePlan {
+  Setting setting;        ///< its QP is this capture's own
+  bool skipped = false;   ///< the capture is not sent: even the least quality does not fit
+  double refinement = 0;  ///< bytes that chunks of the still surface and plates may take
+};
+
+/// What one capture came to, as sent.
+struct CaptureBytes {
+  double geometry = 0;  ///< moving chunks and the head
+  double texture = 0;   ///< live tiles
+  bool key_frame = false;
+  double refinement = 0;  ///< still chunks and plates
+};
+
+/// The control loop of one stream. In: a target, features, and what every capture really took. Out:
+/// a plan for every capture.
+///
+/// - A model chooses decimation, texture scale and quantiser for the target: at once when the
+///   target changes, else every kDecideEvery captures, and keeps what it has unless the change is
+///   worth it, so that pictures do not pump.
+/// - Around that, every capture's own quantiser keeps the stream within its budget: over a tenth of
+///   a second as near to the target as quantisers allow, over every second below kMostInASecond of
+///   it, key frames included.
+/// - Still surface and plates wait in a backlog. They get what the moving surface leaves, and at
+///   least kLeastForBacklog of the target, spread over the captures.
+/// - Where the coarsest setting does not fit, captures are left out.
+///
+/// Time is counted in captures; no socket, no thread, no clock.
+class Controller {
+ public:
+  static constexpr double kMostInASecond = 1.08;
+  static constexpr double kLeastForBacklog = 0.35;
+
+  /// `model` must not be null. `target_mbps`: see set_target().
+  Controller(std::shared_ptr<const Model> model, bool layers, double fps, double target_mbps);
+
+  /// From the next capture on. Not finite or not positive: the least that can be sent.
+  void set_target(double mbps);
+  double target_mbps() const { return target_mbps_; }
+  void set_features(std::vector<Feature> features);
+
+  /// The plan of the next capture. `backlog`: bytes of still surface and plates that wait to be
+  /// sent; `key_frame`: the capture's pictures will be key frames.
+  CapturePlan next(double backlog, bool key_frame);
+  /// What the capture of the last next() took; of a skipped one, nothing.
+  void sent(const CaptureBytes& bytes);
+
+  /// The setting around which quantisers move.
+  const Setting& setting() const { return setting_; }
+  /// Whether the target cannot be met: the coarsest setting needs more.
+  bool is_best_effort() const { return is_best_effort_; }
+
+ private:
+  double bytes_of(double mbps) const { return mbps * 1e6 / 8 / fps_; }
+  double mbps_of(double bytes) const { return bytes * 8e-6 * fps_; }
+  void decide(double for_setting_mbps);
+  bool is_worth_it(const Setting& wanted, double budget_mbps) const;
+  void take(const Setting& setting);
+  double texture_at(int qp, bool key_frame) const;
+  double allowed() const;
+
+  std::shared_ptr<const Model> model_;
+  double fps_, target_mbps_ = 0;
+  Observation observed_;
+  Setting setting_ = {};
+  bool has_chosen_ = false, target_changed_ = true, is_best_effort_ = false;
+  int since_decision_ = 0, since_change_ = 0;
+  int direction_ = 0;  ///< of the last change: 1 finer, -1 coarser
+  // Of the setting in force, means over the last captures:
+  double geometry_ = 0, texture_ = 0, key_ = 0;  ///< bytes of a capture; texture at setting_.qp
+  int captures_ = 0;                             ///< in these means
+  CapturePlan planned_;
+  struct Spent {
+    double bytes = 0, share = 0;  ///< of a capture, and what its target gave it
+  };
+  std::deque<Spent> second_;  ///< the captures of the last second, without the next one
+  double credit_ = 0;         ///< bytes that were not used
+};
+
+}  // namespace mr::rate
