@@ -13,6 +13,7 @@
 #include "mr/rate/models.h"
 #include "output.h"
 #include "rate_sweeps.h"
+#include "rate_traces.h"
 
 namespace mr::apps {
 namespace {
@@ -24,7 +25,8 @@ constexpr int kTargets = 12;
 constexpr int kChoices = 4;  // until ours has seen what its own settings cost
 
 struct RateOptions {
-  std::filesystem::path sweeps = kSweepFolder, plot, csv;
+  std::filesystem::path sweeps = kSweepFolder, plot, traces, csv;
+  std::string scene = "office-lively";
   bool json = false;
 };
 
@@ -117,13 +119,14 @@ double decision_ms(const std::vector<Outcome>& outcomes) {
 }
 
 /// The first part's figures, and each part's under its key.
-std::string to_json(const std::vector<Outcome>& outcomes) {
+std::string to_json(const std::vector<Outcome>& outcomes, const std::vector<TraceRun>& traces) {
   Json out{{"models", models_of(outcomes.front())},
            {"rate_error", five_places(rate::statistics(ours(outcomes.front())).rate_error)},
            {"decision_ms", five_places(decision_ms(outcomes))}};
   for (const Outcome& outcome : outcomes)
     out["parts"][outcome.part.key] = {{"predictions", outcome.models.front().second.size()},
                                       {"models", models_of(outcome)}};
+  out["traces"] = to_json(traces);
   return out.dump(2) + "\n";
 }
 
@@ -175,7 +178,7 @@ std::string to_csv(const std::vector<Outcome>& outcomes) {
 }
 
 int run_rate(const RateOptions& options) {
-  for (const auto& file : {options.csv, options.plot})
+  for (const auto& file : {options.csv, options.plot, options.traces})
     if (const Status ok = check({{}, file, {}}); !ok) return fail(ok.error().message);
   const auto sweeps = read_all_sweeps(options.sweeps);
   if (!sweeps) return fail(sweeps.error().message);
@@ -184,11 +187,16 @@ int run_rate(const RateOptions& options) {
     return fail("all sweeps are of scene '" + first +
                 "': leaving one scene out needs two; measure more with 'meshreduce eval rd'");
   const std::vector<Outcome> outcomes = evaluate(*sweeps);
-  if (const Status ok =
-          write_all({{options.csv, to_csv(outcomes)}, {options.plot, draw(outcomes)}});
+  const std::vector<TraceRun> traces = run_traces(*sweeps);
+  if (!options.traces.empty() &&
+      std::ranges::find(traces, options.scene, &TraceRun::scene) == traces.end())
+    return fail("no sweep in the steady state is of scene '" + options.scene + "'");
+  if (const Status ok = write_all({{options.csv, to_csv(outcomes)},
+                                   {options.plot, draw(outcomes)},
+                                   {options.traces, draw_traces(traces, options.scene)}});
       !ok)
     return fail(ok.error().message);
-  fmt::print("{}", options.json ? to_json(outcomes) : to_text(outcomes));
+  fmt::print("{}", options.json ? to_json(outcomes, traces) : to_text(outcomes) + to_text(traces));
   return 0;
 }
 
@@ -203,7 +211,10 @@ void add_eval_rate(CLI::App& eval, int& exit_code) {
   command->add_flag("--json", options->json, "Print the figures as JSON");
   command->add_option("--csv", options->csv, "Write every prediction as a line");
   command->add_option("--plot", options->plot, "Draw the distributions of the gaps (SVG)");
-  command->footer("Example:\n  meshreduce eval rate --plot gaps.svg");
+  command->add_option("--traces", options->traces,
+                      "Draw how a scene's stream follows steps and a Wi-Fi-like link (SVG)");
+  command->add_option("--scene", options->scene, "The scene of --traces")->capture_default_str();
+  command->footer("Example:\n  meshreduce eval rate --plot gaps.svg --traces traces.svg");
   command->callback([options, &exit_code] { exit_code = run_rate(*options); });
 }
 

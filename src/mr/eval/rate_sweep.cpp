@@ -53,7 +53,7 @@ ScenePlan plan_of(const Scene& scene, double error_voxels) {
   out.sensors = node::sensor_plan(scene, SensorId{0});
   out.sensors.decimation = {0, error_voxels * scene.voxel_m};
   out.root = node::merger_plan(scene, true);
-  out.root.decimation = {};
+  out.root.decimation = out.sensors.decimation;
   out.root.texture_scale = out.root.plate_scale = kSmallScale;
   return out;
 }

@@ -11,6 +11,7 @@ MergeNode::MergeNode(const Scene& scene, const MergerConfig& merger, bool is_roo
       is_root_(is_root),
       clock_(std::move(clock)),
       plan_(merger_plan(scene, is_root)),
+      still_decimation_(plan_.get().decimation),
       synchronizer_(scene, merger, !is_root),
       calibration_(scene),
       publisher_(scene, kMergedSource),
@@ -93,14 +94,14 @@ Status MergeNode::update_layers(const CaptureSet& captures, const Decimation& de
 
   auto still = layer_of(captures.scenes, Layer::still);
   auto moving = layer_of(captures.scenes, Layer::moving);
-  const bool is_still_outdated = still_.is_outdated(still, decimation);
+  const bool is_still_outdated = still_.is_outdated(still, still_decimation_);
   reused_ = !still_.exists() && !is_still_outdated && !moving_.is_outdated(moving, decimation);
   if (reused_) return {};
 
   // Unchanged inputs, too, are merged anew where their corrections go on.
   std::optional<StillMerger::Inputs> inputs;
   if (is_still_outdated || (still_.exists() && calibration_.is_due(sequence_)))
-    inputs = still_.take_inputs(std::move(still), decimation);
+    inputs = still_.take_inputs(std::move(still), still_decimation_);
   if (inputs) {
     const bool changed = correct_poses(captures, true, inputs->parts);
     inputs->bends = calibration_.bends(inputs->parts);
@@ -110,7 +111,7 @@ Status MergeNode::update_layers(const CaptureSet& captures, const Decimation& de
   correct_poses(captures, !still_.exists(), parts);
   if (still_.exists()) {
     update_plates(captures, parts);
-    const StillLayer::Tick tick{sequence_, decimation, poses_, kit::triangles_of(parts)};
+    const StillLayer::Tick tick{sequence_, still_decimation_, poses_, kit::triangles_of(parts)};
     if (const Status updated = still_.update(std::move(inputs), tick); !updated) return updated;
     trace_.time("cover", [&] { still_.remove_shown(parts); });
   }

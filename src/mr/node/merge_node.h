@@ -109,6 +109,7 @@ class MergeNode {
   bool is_root_;
   NodeClock clock_;
   CurrentPlan plan_;
+  Decimation still_decimation_;  ///< as the scene says: plans vary that of the moving surface
   InputSynchronizer synchronizer_;
   CalibrationCheck calibration_;
   CorrectedPoses poses_;  ///< of the newest tick

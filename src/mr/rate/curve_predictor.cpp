@@ -152,16 +152,23 @@ class Ensemble {
 
 double log_rate(double mbps) { return std::log(std::max(mbps, 1e-4)); }
 
-/// Quality falls with a coarser setting: what noise says against that is taken out.
+/// Rate and quality fall with a coarser setting: what noise says against that is taken out.
 void make_monotone(GridValues& grid) {
-  const auto at = [&](std::size_t e, std::size_t t) -> double& {
+  const auto ssim = [&](std::size_t e, std::size_t t) -> double& {
     return grid.ssim[e * kTextures + t];
   };
+  const auto has_finer = [](std::size_t t) {
+    return t > 0 && kTextureNodes[t].scale == kTextureNodes[t - 1].scale;
+  };
+  for (std::size_t e = 1; e < kErrors; ++e)
+    grid.geometry_mbps[e] = std::min(grid.geometry_mbps[e], grid.geometry_mbps[e - 1]);
+  for (std::size_t t = 0; t < kTextures; ++t)
+    if (has_finer(t))
+      grid.texture_mbps[t] = std::min(grid.texture_mbps[t], grid.texture_mbps[t - 1]);
   for (std::size_t e = 0; e < kErrors; ++e)
     for (std::size_t t = 0; t < kTextures; ++t) {
-      if (e > 0) at(e, t) = std::min(at(e, t), at(e - 1, t));
-      if (t > 0 && kTextureNodes[t].scale == kTextureNodes[t - 1].scale)
-        at(e, t) = std::min(at(e, t), at(e, t - 1));
+      if (e > 0) ssim(e, t) = std::min(ssim(e, t), ssim(e - 1, t));
+      if (has_finer(t)) ssim(e, t) = std::min(ssim(e, t), ssim(e, t - 1));
     }
 }
 
