@@ -57,15 +57,22 @@ struct Part {
   rate::Targets targets;
 };
 
-std::vector<double> own_range(const std::vector<rate::RatePoint>& hull) {
+std::vector<double> own_range(const std::vector<rate::RatePoint>& hull, double) {
   return rate::targets_of(hull, kTargets);
 }
-std::vector<double> papers_range(const std::vector<rate::RatePoint>&) {
+std::vector<double> papers_range(const std::vector<rate::RatePoint>&, double) {
   return {10, 20, 30, 40, 50, 60, 70, 80, 90, 100};
+}
+rate::Targets share_of_usual(double share) {
+  return [share](const std::vector<rate::RatePoint>&, double usual_mbps) {
+    return std::vector{share * usual_mbps};
+  };
 }
 
 std::vector<Part> parts() {
   return {{"steady", "steady state, each scene's own range", true, own_range},
+          {"half", "steady state, half of what the usual setting needs", true, share_of_usual(0.5)},
+          {"quarter", "steady state, a quarter of that", true, share_of_usual(0.25)},
           {"anew", "everything sent anew, each scene's own range", false, own_range},
           {"paper", "everything sent anew, 10 to 100 Mbit/s", false, papers_range}};
 }
@@ -96,11 +103,10 @@ Json models_of(const Outcome& outcome) {
   Json out = Json::object();
   for (const auto& [name, predictions] : outcome.models) {
     const rate::GapStatistics s = rate::statistics(predictions);
-    out[name] = {{"mean_gap", five_places(s.mean)},
-                 {"p95_gap", five_places(s.p95)},
-                 {"max_gap", five_places(s.max)},
-                 {"over_target", five_places(s.over)},
-                 {"rate_error", five_places(s.rate_error)}};
+    out[name] = {{"mean_gap", five_places(s.mean)},         {"p95_gap", five_places(s.p95)},
+                 {"max_gap", five_places(s.max)},           {"over_target", five_places(s.over)},
+                 {"rate_error", five_places(s.rate_error)}, {"mean_loss", five_places(s.mean_loss)},
+                 {"max_loss", five_places(s.most_loss)}};
   }
   return out;
 }
@@ -139,8 +145,8 @@ std::string to_text(const std::vector<Outcome>& outcomes) {
       const rate::GapStatistics s = rate::statistics(predictions);
       out += fmt::format(
           "  {:<21} gap to the hull {:.4f} mean, {:.4f} 95th percentile, {:.4f} most; over the "
-          "target {:.0f} %\n",
-          name, s.mean, s.p95, s.max, 100 * s.over);
+          "target {:.0f} %; loss {:.4f} mean, {:.4f} most\n",
+          name, s.mean, s.p95, s.max, 100 * s.over, s.mean_loss, s.most_loss);
     }
   }
   return out + fmt::format("slowest choice {:.2f} ms\n", decision_ms(outcomes));

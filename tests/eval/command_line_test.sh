@@ -22,7 +22,7 @@ without elsewhere 's/^fps: 30/fps: 30\nvolume: {box: [[90, 90, 90], [91, 91, 91]
 without sliver 's/^fps: 30/fps: 30\nvolume: {box: [[-0.3, -0.3, -0.2], [0.3, 0.3, 0.1]]}/'
 without untrue 's/^truth:.*//'
 
-for command in "" ssim geometry views compare match rd features still scene photos; do check "eval $command --help" 0 "Example|COMMAND" measure $command --help; done
+for command in "" ssim geometry views compare match rd rate features still scene photos; do check "eval $command --help" 0 "Example|COMMAND" measure $command --help; done
 
 # Pictures
 pictures=$here/tests/data/ssim
@@ -69,8 +69,11 @@ check "photos of a sensor" fails "000000.png.*--frames" photos room/first.yaml -
 check "photos by no pattern" fails "color must hold one %d" photos $scene --color room/cam-0/color/000000.png
 check "photos: two of one" 2 "measured already" photos $scene --color %d.png --pipeline rgbd --beside rgbd
 check "photos without colour" fails "no colour" photos room/colourless.yaml --color %d.png
-check "rd" 0 "" measure rd $scene --csv rd.csv --plot rd.svg --reference monolithic --moments 1 --burst 2 --views 2 --scales 1,0.5 --qps 24,40 --ratios 0.2 --bits 10
-grep -q monolithic rd.csv && [ "$(wc -l <rd.csv)" = 5 ] || fail_test "rd: not 4 settings in rd.csv"
+check "rd" 0 "settings" measure rd $scene --csv rd.csv --plot rd.svg --out sweeps --reference monolithic --moments 1 --burst 2 --views 2
+[ "$(wc -l <rd.csv)" -gt 100 ] || fail_test "rd: too few settings of two ways in rd.csv"
+before=$(md5sum sweeps/scene.json)
+check "rd, stored already" 0 "settings" measure rd $scene --out sweeps --reference monolithic --moments 1 --burst 2 --views 2
+[ "$before" = "$(md5sum sweeps/scene.json)" ] || fail_test "rd: measured again what was stored"
 grep -q ",1$" rd.csv || fail_test "rd: no setting is on the hull"
 grep -q "</svg>" rd.svg || fail_test "rd: no plot"
 check "match" 0 '"met": true' measure match $scene --mbps 2000 --json --reference monolithic --moments 1 --burst 2 --pipelines points
@@ -100,7 +103,12 @@ check "compare: no folder for the table" fails "no folder" measure compare $scen
 check "rd: no folder for the table" fails "no folder" measure rd $scene --csv nowhere/rd.csv
 check "match without a target" fails "one of --mbps and --ssim" measure match $scene
 check "match for NaN" fails "nan is no number" measure match $scene --mbps nan
-check "rd of NaN" fails "nan is no number" measure rd $scene --scales nan
+check "rd of no views" 2 "" measure rd $scene --views 0
+check "rate of one scene" fails "leaving one scene out" measure rate --sweeps sweeps
+check "train" 0 "of 1 scenes" "$meshreduce" train --sweeps sweeps --out models.json
+mkdir -p none damaged && head -c 300 sweeps/scene.json >damaged/scene.json
+check "train without sweeps" fails "holds no sweeps" "$meshreduce" train --sweeps none --out models.json
+check "train on a damaged sweep" fails "damaged/scene.json" "$meshreduce" train --sweeps damaged --out models.json
 check "views: no folder for the plan" fails "no folder" measure views room/untrue.yaml --plan nowhere/plan.svg
 check "match with two targets" fails "excludes" measure match $scene --mbps 3 --ssim 0.5
 check "no such scene" fails "missing.yaml" measure ssim missing.yaml

@@ -124,7 +124,10 @@ TEST(Sweep, GoesOnWhereItWasInterrupted) {
   const auto points = sweep(resumed, plan(), references(), 30, scores);
   ASSERT_TRUE(points.ok() && expected.ok());
   EXPECT_EQ(resumed.encoded, 1);  // the geometry that was not reached
-  EXPECT_EQ(to_csv(*points, ReferenceKind::truth), to_csv(*expected, ReferenceKind::truth));
+  for (std::size_t i = 0; i < points->size(); ++i) {
+    EXPECT_EQ((*points)[i].mbps(), (*expected)[i].mbps());
+    EXPECT_EQ((*points)[i].score.masked.mean, (*expected)[i].score.masked.mean);
+  }
   FakeSystem done(folder.path() / "coded");
   ASSERT_TRUE(sweep(done, plan(), references(), 30, scores).ok());
   EXPECT_EQ(done.encoded, 0);
@@ -136,15 +139,6 @@ SweepPoint point(double mbps, double ssim) {
   p.geometry_mbps = mbps;
   p.score.masked.mean = ssim;
   return p;
-}
-
-TEST(ParetoHull, IsConvexAndRises) {
-  const std::vector<SweepPoint> points{point(1, 0.5), point(2, 0.8),   point(3, 0.82),
-                                       point(4, 0.9), point(2.5, 0.7), point(5, 0.89)};
-  // From (2, 0.8) straight to (4, 0.9): (3, 0.82) lies below that line.
-  EXPECT_EQ(pareto_hull(points), (std::vector<std::size_t>{0, 1, 3}));
-  EXPECT_TRUE(pareto_hull({}).empty());
-  EXPECT_EQ(pareto_hull({point(1, 0.5), point(1, 0.5)}).size(), 1u);
 }
 
 TEST(OperatingPoint, TakesThePointWhereTheTargetIsJustMet) {

@@ -57,9 +57,9 @@ inline Sweep made_sweep(const MadeScene& scene = {}) {
   }
   for (std::size_t g = 0; g < kErrors; ++g)
     for (std::size_t t = 0; t < kTextures; ++t)
-      out.qualities.push_back({g, t,
-                               made_ssim(scene, kErrorNodes_voxels[g], kTextureNodes[t].scale,
-                                         kTextureNodes[t].qp)});
+      out.qualities.push_back(
+          {g, t,
+           made_ssim(scene, kErrorNodes_voxels[g], kTextureNodes[t].scale, kTextureNodes[t].qp)});
   return out;
 }
 

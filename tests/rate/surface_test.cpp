@@ -79,8 +79,8 @@ TEST(RateSurface, IsNearTheSceneBetweenNodes) {
     const RateSurface surface(grid_values(made_sweep(scene)));
     for (const Setting& s : candidates()) {
       const double geometry = made_geometry_bytes(scene, s.error_voxels) * 30 * 8e-6,
-                   texture = made_texture_bytes(scene, s.scale, s.qp) * (29 + scene.key_ratio) *
-                             8e-6;
+                   texture =
+                       made_texture_bytes(scene, s.scale, s.qp) * (29 + scene.key_ratio) * 8e-6;
       EXPECT_NEAR(surface.geometry_mbps(s.error_voxels), geometry, 0.01 * geometry);
       EXPECT_NEAR(surface.texture_mbps(s.scale, s.qp), texture, 1e-9 * texture);
       EXPECT_NEAR(surface.ssim(s), made_ssim(scene, s.error_voxels, s.scale, s.qp), 0.01);

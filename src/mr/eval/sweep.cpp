@@ -4,7 +4,6 @@
 
 #include <algorithm>
 #include <cstring>
-#include <numeric>
 #include <optional>
 #include <utility>
 
@@ -228,48 +227,6 @@ Result<std::vector<SweepPoint>> sweep(System& system, const SweepPlan& plan,
                                       const SweepReference& references, double fps,
                                       const Store& scores, const SweepProgress& progress) {
   return Sweep(system, plan, references, scores, progress).run(fps);
-}
-
-std::vector<std::size_t> pareto_hull(const std::vector<SweepPoint>& points) {
-  std::vector<std::size_t> order(points.size());
-  std::iota(order.begin(), order.end(), std::size_t{0});
-  const auto quality = [&](std::size_t i) { return points[i].score.masked.mean; };
-  std::sort(order.begin(), order.end(), [&](std::size_t a, std::size_t b) {
-    return std::pair(points[a].mbps(), -quality(a)) < std::pair(points[b].mbps(), -quality(b));
-  });
-  std::vector<std::size_t> hull;
-  for (const std::size_t i : order) {
-    if (!hull.empty() && quality(i) <= quality(hull.back())) continue;
-    const auto rises_more = [&](std::size_t a, std::size_t b, std::size_t c) {
-      // Whether the slope from a to b is less than that from b to c: b lies below the line.
-      return (quality(b) - quality(a)) * (points[c].mbps() - points[b].mbps()) <=
-             (quality(c) - quality(b)) * (points[b].mbps() - points[a].mbps());
-    };
-    while (hull.size() >= 2 && rises_more(hull[hull.size() - 2], hull.back(), i)) hull.pop_back();
-    hull.push_back(i);
-  }
-  return hull;
-}
-
-std::string to_csv(const std::vector<SweepPoint>& points, ReferenceKind reference) {
-  const std::vector<std::size_t> hull = pareto_hull(points);
-  std::string out =
-      "voxel_m,ratio,step_exp,depth_qp,texture_scale,texture_qp,frame_divider,triangles,"
-      "geometry_mbps,texture_mbps,mbps,refresh_mbps,reference,ssim_masked,ssim_masked_p5,ssim_"
-      "masked_min,"
-      "ssim_full,psnr_db,on_hull\n";
-  for (std::size_t i = 0; i < points.size(); ++i) {
-    const SweepPoint& p = points[i];
-    const bool on_hull = std::find(hull.begin(), hull.end(), i) != hull.end();
-    out += fmt::format("{:g},{:g},{},{},{:g},{},{},{},{:.4f},{:.4f},{:.4f},{:.4f},",
-                       p.geometry.voxel_m, p.geometry.ratio, p.geometry.step_exp,
-                       p.geometry.depth_qp, p.texture.scale, p.texture.qp, p.divider, p.triangles,
-                       p.geometry_mbps, p.texture_mbps, p.mbps(), p.refresh_mbps);
-    out += fmt::format("{},{:.5f},{:.5f},{:.5f},{:.5f},{:.3f},{}\n", to_string(reference),
-                       p.score.masked.mean, p.score.masked.p5, p.score.masked.min,
-                       p.score.full.mean, p.score.psnr_db, on_hull ? 1 : 0);
-  }
-  return out;
 }
 
 }  // namespace mr::eval

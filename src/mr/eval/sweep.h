@@ -2,7 +2,6 @@
 
 #include <cstdint>
 #include <functional>
-#include <string>
 #include <vector>
 
 #include "mr/core/result.h"
@@ -48,12 +47,5 @@ using SweepProgress = std::function<void(std::size_t done, std::size_t of)>;
 Result<std::vector<SweepPoint>> sweep(System& system, const SweepPlan& plan,
                                       const SweepReference& references, double fps,
                                       const Store& scores, const SweepProgress& progress = {});
-
-/// The upper convex hull of quality over bitrate (points that time-sharing between others does not
-/// dominate), by rising bitrate. Returns indices into `points`.
-std::vector<std::size_t> pareto_hull(const std::vector<SweepPoint>& points);
-
-/// CSV with one line per point: settings, rates, quality, reference, and whether it is on the hull.
-std::string to_csv(const std::vector<SweepPoint>& points, ReferenceKind reference);
 
 }  // namespace mr::eval

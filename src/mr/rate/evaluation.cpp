@@ -21,7 +21,7 @@ Prediction predict(const Model& model, const Sweep& sweep, const RateSurface& tr
   using Clock = std::chrono::steady_clock;
   Observation observed{sweep.layers, sweep.features, {}};
   if (corrections.sees_produced) observed.produced = {produced_at(truth, kUsualSetting)};
-  Prediction out{sweep.scene, sweep.layers, target_mbps, {}, 0, 0};
+  Prediction out{sweep.scene, sweep.layers, target_mbps, {}, truth.at(kUsualSetting), 0, 0};
   for (int i = 0; i < corrections.choices; ++i) {
     const auto start = Clock::now();
     const Setting setting = model.choose(observed, target_mbps);
@@ -53,9 +53,11 @@ GapStatistics statistics(std::span<const Prediction> predictions) {
     out.mean += p.gap, out.max = std::max(out.max, p.gap);
     out.over += p.got.mbps > kOver * p.target_mbps;
     out.rate_error += std::abs(p.got.mbps / p.target_mbps - 1);
+    const double loss = p.usual.ssim - p.got.ssim;
+    out.mean_loss += loss, out.most_loss = std::max(out.most_loss, loss);
   }
   const auto n = static_cast<double>(gaps.size());
-  out.mean /= n, out.over /= n, out.rate_error /= n;
+  out.mean /= n, out.over /= n, out.rate_error /= n, out.mean_loss /= n;
   std::ranges::sort(gaps);
   out.p95 = gaps[static_cast<std::size_t>(0.95 * (n - 1))];
   return out;
@@ -74,7 +76,7 @@ std::vector<Prediction> leave_one_out(std::span<const Sweep> sweeps, const Train
     for (; first != end; ++first) {
       const RateSurface truth(grid_values(*first));
       const auto hull = convex_hull(candidate_points(truth));
-      for (const double target : targets(hull)) {
+      for (const double target : targets(hull, truth.at(kUsualSetting).mbps)) {
         Prediction p = predict(*model, *first, truth, target, corrections);
         p.gap = gap_to_hull(hull, target, p.got);
         out.push_back(std::move(p));

@@ -16,6 +16,7 @@ struct Prediction {
   bool layers = true;
   double target_mbps = 0;
   RatePoint got;           ///< what the setting really costs and gives
+  RatePoint usual;         ///< what the usual setting does
   double gap = 0;          ///< to the Pareto hull at the target (gap_to_hull())
   double decision_ms = 0;  ///< of one choice
 };
@@ -28,12 +29,15 @@ double gap_to_hull(const std::vector<RatePoint>& hull, double target_mbps, const
 /// than 3 %; mean of |rate / target - 1| where the target lies within the scene's range.
 struct GapStatistics {
   double mean = 0, p95 = 0, max = 0, over = 0, rate_error = 0;
+  /// Of quality, against the usual setting whatever that costs.
+  double mean_loss = 0, most_loss = 0;
 };
 GapStatistics statistics(std::span<const Prediction> predictions);
 
 using Trainer = std::function<std::unique_ptr<Model>(std::span<const Sweep>)>;
-/// The targets for a scene, given its hull.
-using Targets = std::function<std::vector<double>(const std::vector<RatePoint>& hull)>;
+/// The targets for a scene, given its hull and what its usual setting costs.
+using Targets =
+    std::function<std::vector<double>(const std::vector<RatePoint>& hull, double usual_mbps)>;
 
 /// How often a model corrects itself by what was produced before it is judged. Before the first
 /// choice the scene was coded in the usual setting.
