@@ -53,7 +53,7 @@ TEST(MergeNode, HeadNamesSceneMergerAndTick) {
     EXPECT_EQ(packet.epoch, 9u);
     EXPECT_EQ(packet.sequence, i);
     EXPECT_EQ(packet.captured_at, tick) << "a multiple of the frame period";
-    EXPECT_EQ(packet.plan, (CodingPlan{{0.75, 0}, 0, 5, 0.5, 31}));
+    EXPECT_EQ(packet.plan, (CodingPlan{{0.75, 0}, 0, 5, 0.5, 31, 0.5, 23}));
     EXPECT_TRUE(packet.marks.empty()) << "there is no clock";
     ASSERT_EQ(packet.sources.size(), 2u);
     for (std::uint32_t s = 0; s < 2; ++s)

@@ -85,7 +85,8 @@ fb::Offset<wire::View> write(Builder& b, const View& v) {
 fb::Offset<wire::Plan> write(Builder& b, const CodingPlan& p) {
   const auto f = [](double v) { return static_cast<float>(v); };
   return wire::CreatePlan(b, f(p.decimation.ratio), p.mesh_speed, f(p.texture_scale), p.texture_qp,
-                          f(p.decimation.error_m), f(p.still_error_m), f(p.plate_scale), p.plate_qp);
+                          f(p.decimation.error_m), f(p.still_error_m), f(p.plate_scale),
+                          p.plate_qp);
 }
 
 fb::Offset<fb::Vector<std::uint8_t>> write_bytes(Builder& b, const SharedBytes& bytes) {

@@ -18,9 +18,10 @@ constexpr int kFinestQp = 18, kCoarsestQp = 51;
 constexpr int kFirstQp = 42;     // of the first captures, while nothing is known of what they take
 constexpr double kUsualKey = 8;  // key frames, in other frames, until one was seen
 constexpr double kLeast_mbps = 0.01;
-constexpr double kRepay = 4;                    // captures over which credit is used
-constexpr double kMostCredit = 3;               // captures' worth, saved
-constexpr int kHold = 30, kHoldReversal = 300;  // captures between changes that are not urgent
+constexpr double kRepay = 4;                         // captures over which credit is used
+constexpr double kMostCredit = 3;                    // captures' worth, saved
+constexpr double kHold_s = 1, kHoldReversal_s = 10;  // between changes that are not urgent
+constexpr double kLongestGap_s = 1.5;                // between captures that are sent
 
 int direction_of(const Setting& from, const Setting& to) {
   const double finer = std::log(from.error_voxels / to.error_voxels) +
@@ -41,6 +42,8 @@ Controller::Controller(std::shared_ptr<const Model> model, bool layers, double f
 void Controller::set_target(double mbps) {
   const double wanted = std::isfinite(mbps) ? std::max(mbps, kLeast_mbps) : kLeast_mbps;
   target_changed_ |= std::abs(wanted - target_mbps_) > 0.02 * target_mbps_;
+  if (wanted < target_mbps_)
+    credit_ = std::min(credit_, 0.0);  // was saved from what there is no more
   target_mbps_ = wanted;
 }
 
@@ -57,10 +60,14 @@ double Controller::texture_at(int qp, bool key_frame) const {
 /// no more than the second that ends with it has left. Captures of the past count by their own
 /// target.
 double Controller::allowed() const {
+  return std::max(std::min(bytes_of(target_mbps_) + credit_ / kRepay, left()), 0.0);
+}
+
+double Controller::left() const {
   const double share = bytes_of(target_mbps_);
   double left = kMostInASecond * share * (fps_ - static_cast<double>(second_.size()));
   for (const Spent& spent : second_) left += kMostInASecond * spent.share - spent.bytes;
-  return std::max(std::min(share + credit_ / kRepay, left), 0.0);
+  return left;
 }
 
 /// A change is urgent where the setting does not fit, or where the target has changed.
@@ -71,7 +78,12 @@ bool Controller::is_worth_it(const Setting& wanted, double budget_mbps) const {
   const bool is_reversal = direction_ != 0 && direction_of(setting_, wanted) != direction_;
   const bool is_urgent = needed > 1.3 * budget_mbps;
   if (is_urgent) return true;
-  if (since_change_ < kHold || (is_reversal && since_change_ < kHoldReversal)) return false;
+  // Even the finest quantiser leaves some of the budget.
+  const bool is_idle =
+      mbps_of(geometry_ + texture_ * std::exp(-kPerQp * (kFinestQp - setting_.qp))) <
+      0.9 * budget_mbps;
+  const double hold_s = is_reversal && !is_idle ? kHoldReversal_s : kHold_s;
+  if (since_change_ < hold_s * fps_) return false;
   return needed > 1.1 * budget_mbps || needed < 0.7 * budget_mbps;
 }
 
@@ -112,9 +124,14 @@ CapturePlan Controller::next(double backlog, bool key_frame) {
       ++out.setting.qp;
   const double least = geometry_ + texture_at(kCoarsestQp, key_frame);
   is_best_effort_ = least > 1.1 * share;
-  out.skipped = captures_ >= kFewest && least > most && !second_.empty();
+  // Where the least is more than the share, captures wait until what was saved pays for one.
+  const double saved = std::min(share + credit_, left());
+  out.skipped =
+      captures_ >= kFewest && least > std::max(most, saved) && since_sent_ < kLongestGap_s * fps_;
+  since_sent_ = out.skipped ? since_sent_ + 1 : 0;
   const double used = out.skipped ? 0 : geometry_ + texture_at(out.setting.qp, key_frame);
-  out.refinement = std::clamp(most - used, 0.0, backlog);
+  out.refinement =
+      out.skipped ? std::min(for_backlog, most) : std::clamp(most - used, 0.0, backlog);
   planned_ = out;
   return out;
 }
@@ -124,7 +141,8 @@ void Controller::sent(const CaptureBytes& bytes) {
   const double share = bytes_of(target_mbps_);
   second_.push_back({all, share});
   if (static_cast<double>(second_.size()) > fps_ - 1) second_.pop_front();
-  credit_ = std::clamp(credit_ + share - all, -fps_ * share, kMostCredit * share);
+  credit_ = std::clamp(credit_ + share - all, -fps_ * share,
+                       (planned_.skipped ? fps_ : kMostCredit) * share);
   if (planned_.skipped) return;
   const double texture = bytes.texture * std::exp(kPerQp * (planned_.setting.qp - setting_.qp));
   const double weight = 1 / std::min<double>(captures_ + 1, kMeanOver);

@@ -72,13 +72,14 @@ class Controller {
   void take(const Setting& setting);
   double texture_at(int qp, bool key_frame) const;
   double allowed() const;
+  double left() const;
 
   std::shared_ptr<const Model> model_;
   double fps_, target_mbps_ = 0;
   Observation observed_;
   Setting setting_ = {};
   bool has_chosen_ = false, target_changed_ = true, is_best_effort_ = false;
-  int since_decision_ = 0, since_change_ = 0;
+  int since_sent_ = 0, since_decision_ = 0, since_change_ = 0;
   int direction_ = 0;  ///< of the last change: 1 finer, -1 coarser
   // Of the setting in force, means over the last captures:
   double geometry_ = 0, texture_ = 0, key_ = 0;  ///< bytes of a capture; texture at setting_.qp

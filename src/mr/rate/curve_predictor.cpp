@@ -19,6 +19,8 @@ constexpr std::size_t kTextureAt = kErrors, kLossAt = kTextureAt + kTextures,
 constexpr double kLeastLoss = 5e-4;       // of SSIM: smaller ones are not told apart
 constexpr double kShrinkage = 0.15;       // of the covariance towards its diagonal
 constexpr double kFeatureNoise = 0.5;     // of their deviation over the scenes
+constexpr double kFalls = 0.995;          // of a rate, at least, from node to coarser node
+constexpr double kAgeing = 0.02;          // noise of a reading for each that came after it
 constexpr double kRateNoise = 0.03;       // of what the encoders produce, from second to second
 constexpr std::size_t kMostReadings = 6;  // of what was produced, the newest
 
@@ -161,10 +163,10 @@ void make_monotone(GridValues& grid) {
     return t > 0 && kTextureNodes[t].scale == kTextureNodes[t - 1].scale;
   };
   for (std::size_t e = 1; e < kErrors; ++e)
-    grid.geometry_mbps[e] = std::min(grid.geometry_mbps[e], grid.geometry_mbps[e - 1]);
+    grid.geometry_mbps[e] = std::min(grid.geometry_mbps[e], kFalls * grid.geometry_mbps[e - 1]);
   for (std::size_t t = 0; t < kTextures; ++t)
     if (has_finer(t))
-      grid.texture_mbps[t] = std::min(grid.texture_mbps[t], grid.texture_mbps[t - 1]);
+      grid.texture_mbps[t] = std::min(grid.texture_mbps[t], kFalls * grid.texture_mbps[t - 1]);
   for (std::size_t e = 0; e < kErrors; ++e)
     for (std::size_t t = 0; t < kTextures; ++t) {
       if (e > 0) ssim(e, t) = std::min(ssim(e, t), ssim(e - 1, t));
@@ -204,10 +206,12 @@ RateSurface CurvePredictor::predict(const Observation& observed) const {
   };
   for (std::size_t i = first; i < observed.produced.size(); ++i) {
     const auto& produced = observed.produced[i];
+    const auto age = static_cast<double>(observed.produced.size() - 1 - i);
+    const double noise = std::hypot(kRateNoise, kAgeing * age);
     readings.push_back({behind_features(geometry_weights(produced.setting)),
-                        log_rate(produced.geometry_mbps), kRateNoise});
+                        log_rate(produced.geometry_mbps), noise});
     readings.push_back({behind_features(texture_weights(produced.setting)),
-                        log_rate(produced.texture_mbps), kRateNoise});
+                        log_rate(produced.texture_mbps), noise});
   }
   std::vector<double> vector = Ensemble(members).given(readings);
   GridValues grid =
