@@ -10,8 +10,6 @@
 namespace mr::rate {
 namespace {
 
-constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
-constexpr double kInfinite = std::numeric_limits<double>::infinity();
 constexpr double kShares[] = {0.15, 0.35, 0.6, 0.85};  // of the way from the least rate to the most
 
 double target_at(const MadeScene& scene, double share) {

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cmath>
+#include <limits>
 #include <string>
 #include <vector>
 
@@ -10,6 +11,9 @@
 #include "mr/rate/swept_surface.h"
 
 namespace mr::rate {
+
+inline constexpr double kNan = std::numeric_limits<double>::quiet_NaN(),
+                        kInfinite = std::numeric_limits<double>::infinity();
 
 /// A scene whose rate and quality are known in closed form.
 struct MadeScene {

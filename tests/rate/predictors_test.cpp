@@ -15,9 +15,6 @@
 namespace mr::rate {
 namespace {
 
-constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
-constexpr double kInfinite = std::numeric_limits<double>::infinity();
-
 /// With what a choice for a training scene may be off: over the target, and behind the hull.
 struct NamedModel {
   const char* name;

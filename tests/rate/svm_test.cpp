@@ -1,4 +1,5 @@
 #include "mr/rate/svm.h"
+#include "rate/made_sweeps.h"
 
 #include <gtest/gtest.h>
 
@@ -9,9 +10,6 @@
 
 namespace mr::rate {
 namespace {
-
-constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
-constexpr double kInfinite = std::numeric_limits<double>::infinity();
 
 struct Problem {
   std::vector<std::vector<double>> samples;

@@ -26,7 +26,7 @@ struct Prediction {
 double gap_to_hull(const std::vector<RatePoint>& hull, double target_mbps, const RatePoint& got);
 
 /// Mean, 95th percentile and greatest of the gaps; share of the results over their target by more
-/// than 3 %; mean of |rate / target - 1| where the target lies within the scene's range.
+/// than 3 %; mean of |rate / target - 1|.
 struct GapStatistics {
   double mean = 0, p95 = 0, max = 0, over = 0, rate_error = 0;
   /// Of quality, against the usual setting whatever that costs.

@@ -228,7 +228,7 @@ Result<Models> models_from_json(std::string_view text) {
     return Error{Error::Cause::too_large, "a model file of over 16 MiB"};
   try {
     const Json in = Json::parse(text);
-    if (const int version = in.at("version").get<int>(); version != Models::kVersion)
+    if (const int version = integer(in.at("version").get<double>()); version != Models::kVersion)
       return Error{Error::Cause::unsupported, "a model file of version " + std::to_string(version) +
                                                   "; this program reads version " +
                                                   std::to_string(Models::kVersion) +

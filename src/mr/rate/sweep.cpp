@@ -58,16 +58,18 @@ void read_rows(const Json& list, std::size_t numbers, const auto& read) {
   }
 }
 
-/// Quantisers, and bits of the lattice.
-int qp_of(double v) {
-  if (v > 51) throw std::runtime_error("an impossible number");
+/// A whole number that was written as a number of any kind.
+int integer(double v, int most) {
+  if (!(v >= 0 && v <= most)) throw std::runtime_error("an impossible number");
   return static_cast<int>(v);
 }
+int qp_of(double v) { return integer(v, 51); }
 
 Sweep sweep_from(const Json& in) {
   Sweep s;
   s.scene = in.at("scene").get<std::string>();
-  s.layers = in.at("layers").get<bool>(), s.moment = in.at("moment").get<int>();
+  s.layers = in.at("layers").get<bool>(),
+  s.moment = integer(in.at("moment").get<double>(), 1'000'000'000);
   s.fps = in.at("fps").get<double>(), s.voxel_m = in.at("voxel_m").get<double>();
   if (!(s.fps > 0) || !(s.voxel_m > 0)) throw std::runtime_error("an impossible number");
   for (const auto& [name, value] : in.at("features").items())
@@ -113,7 +115,8 @@ std::string to_json(const SweepFile& file) {
 Result<SweepFile> sweeps_from_json(std::string_view text) {
   try {
     const Json in = Json::parse(text);
-    if (const int version = in.at("version").get<int>(); version != SweepFile::kVersion)
+    if (const int version = integer(in.at("version").get<double>(), 1'000'000);
+        version != SweepFile::kVersion)
       return Error{Error::Cause::unsupported, "sweeps of version " + std::to_string(version) +
                                                   "; this program reads version " +
                                                   std::to_string(SweepFile::kVersion) +
