@@ -42,6 +42,9 @@ class StoredSweeps {
     eval::Fingerprint print;
     print.add(std::span(*text)).add(static_cast<double>(options_.views)).add(options_.burst);
     for (const std::string& set : options_.set) print.add(set);
+    print.add(options_.reference);
+    const auto views = std::filesystem::path(scene_file_).replace_extension(".views.json");
+    if (const auto chosen = read_file(views)) print.add(std::span(*chosen));
     kept_.scene_hash = print.hex();
     if (options_.again) return {};
     auto stored = read_sweeps(file_);
@@ -136,6 +139,7 @@ Result<std::vector<rate::Sweep>> read_all_sweeps(const std::filesystem::path& fo
                          "eval rd'"};
     std::ranges::move(sweeps->sweeps, std::back_inserter(out));
   }
+  if (out.empty()) return Error{Error::Cause::not_found, folder.string() + " holds no sweeps"};
   return out;
 }
 

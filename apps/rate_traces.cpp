@@ -38,7 +38,7 @@ struct Summary {
   double target = 0, sent = 0;  ///< Mbit/s, summed over seconds
   double worst_second = 0;      ///< of the target
   double response_s = 0, largest_step = 0;
-  int skipped = 0;
+  int skipped = 0, changes = 0;
 };
 
 std::map<std::string, Summary> summaries(const std::vector<TraceRun>& runs) {
@@ -49,7 +49,7 @@ std::map<std::string, Summary> summaries(const std::vector<TraceRun>& runs) {
     for (std::size_t i = 0; i < seconds.size(); ++i) {
       s.target += seconds[i].target_mbps, s.sent += seconds[i].mbps;
       s.worst_second = std::max(s.worst_second, seconds[i].mbps / seconds[i].target_mbps);
-      s.skipped += seconds[i].skipped;
+      s.skipped += seconds[i].skipped, s.changes += seconds[i].changes;
       const bool same_target =
           i > 2 && std::abs(seconds[i].target_mbps / seconds[i - 1].target_mbps - 1) < 0.02;
       if (same_target)
@@ -92,7 +92,8 @@ nlohmann::ordered_json to_json(const std::vector<TraceRun>& runs) {
                  {"worst_second", rounded_to(s.worst_second)},
                  {"response_s", rounded_to(s.response_s)},
                  {"largest_ssim_step", rounded_to(s.largest_step)},
-                 {"skipped", s.skipped}};
+                 {"skipped", s.skipped},
+                 {"changes", s.changes}};
   return out;
 }
 
@@ -101,8 +102,9 @@ std::string to_text(const std::vector<TraceRun>& runs) {
   for (const auto& [name, s] : summaries(runs))
     out += fmt::format(
         "  {:<9} {:.1f} % of the target, worst second {:.1f} %, slowest answer to a step {:.0f} "
-        "ms, captures left out {}\n",
-        name, 100 * s.sent / s.target, 100 * s.worst_second, 1000 * s.response_s, s.skipped);
+        "ms, captures left out {}, changes of the setting {}, largest step of SSIM {:.4f}\n",
+        name, 100 * s.sent / s.target, 100 * s.worst_second, 1000 * s.response_s, s.skipped,
+        s.changes, s.largest_step);
   return out;
 }
 

@@ -78,7 +78,7 @@ Packet full_packet() {
   lidar.beam_altitude_rad = {0.3, 0.1, -0.1, -0.3};
   lidar.beam_azimuth_rad = {0.01, -0.01, 0.02, 0};
   p.sources[2].depth_camera.model = CameraModel::equirectangular;
-  p.plan = {{0.5, 0}, 0, 7, 0.75, 33};
+  p.plan = {{0.5, 0}, 0, 7, 0.75, 33, 0.5, 24};
   p.views = {view(ViewId{0}), view(ViewId{5})};
   p.views[1].kind = View::Kind::equirectangular;
   p.views[1].stream = StreamId{9};
@@ -280,6 +280,7 @@ TEST(PacketCodec, NumbersAreFiniteAndPossible) {
     const auto badf = static_cast<float>(bad);
     EXPECT_TRUE(invalid([&](Packet& p) { p.plan.decimation.ratio = badf; }));
     EXPECT_TRUE(invalid([&](Packet& p) { p.plan.texture_scale = badf; }));
+    EXPECT_TRUE(invalid([&](Packet& p) { p.plan.plate_scale = badf; }));
     EXPECT_TRUE(invalid([&](Packet& p) { p.sources[0].precision.base_m = bad; }));
     EXPECT_TRUE(invalid([&](Packet& p) { p.sources[0].precision.per_m2 = bad; }));
     EXPECT_TRUE(invalid([&](Packet& p) { p.sources[0].depth_camera.fx = bad; }));
@@ -298,6 +299,7 @@ TEST(PacketCodec, NumbersAreFiniteAndPossible) {
   EXPECT_TRUE(invalid([](Packet& p) { p.plan.decimation.ratio = 1.1f; }));
   EXPECT_TRUE(invalid([](Packet& p) { p.plan.mesh_speed = 11; }));
   EXPECT_TRUE(invalid([](Packet& p) { p.plan.texture_qp = -1; }));
+  EXPECT_TRUE(invalid([](Packet& p) { p.plan.plate_qp = 52; }));
   EXPECT_TRUE(
       invalid([](Packet& p) { p.captured_at = TimePoint(Duration(std::int64_t{1} << 62)); }));
   EXPECT_TRUE(invalid(

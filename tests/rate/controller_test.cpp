@@ -2,6 +2,8 @@
 
 #include <gtest/gtest.h>
 
+#include <utility>
+
 #include <cmath>
 #include <limits>
 
@@ -204,6 +206,24 @@ TEST(Controller, SameInputsGiveTheSamePlans) {
     EXPECT_EQ(a.captures[i].plan.skipped, b.captures[i].plan.skipped);
     EXPECT_EQ(a.captures[i].plan.refinement, b.captures[i].plan.refinement);
   }
+}
+
+TEST(Controller, AnotherTextureScaleIsAKeyFrame) {
+  const MadeScene scene = made_other_scenes()[0];
+  MadeStream stream(scene, 0.9 * made_most_mbps(scene));
+  stream.key_frame_every = 0;
+  stream.run(5);
+  stream.controller.set_target(1.3 * made_least_mbps(scene));
+  stream.run(5);
+  int changes = 0, keys = 0;
+  double scale = stream.captures.front().plan.setting.scale;
+  for (const MadeStream::Capture& capture : stream.captures) {
+    if (capture.plan.skipped) continue;
+    changes += std::exchange(scale, capture.plan.setting.scale) != capture.plan.setting.scale;
+    keys += capture.plan.key_frame;
+  }
+  EXPECT_GT(changes, 0);
+  EXPECT_EQ(keys, 1 + changes) << "the first capture, and one for each";
 }
 
 }  // namespace

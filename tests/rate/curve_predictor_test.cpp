@@ -20,7 +20,7 @@ const CurvePredictor& predictor() {
 std::vector<MadeScene> other_scenes() {
   return {{"quiet", true, 0.6, 1.5, 0.1, 0.25, 6},
           {"full", true, 2.8, 0.9, 0.09, 0.35, 8},
-          {"full anew", false, 1.8, 1.4, 0.1, 0.3, 5}};
+          {"full without_layers", false, 1.8, 1.4, 0.1, 0.3, 5}};
 }
 
 /// Mean over all settings of how far the predicted rates are off: |log(predicted / true)|.

@@ -57,7 +57,7 @@ TEST(GapStatistics, AreMeanPercentileAndGreatest) {
   std::vector<Prediction> predictions;
   for (int i = 1; i <= 100; ++i) {
     Prediction& p = predictions.emplace_back();
-    p.target_mbps = 10, p.gap = i * 0.001;
+    p.target_mbps = p.limit_mbps = 10, p.gap = i * 0.001;
     p.got = {{}, i <= 20 ? 10.4 : 9.0, 0.5}, p.usual = {{}, 8, i <= 50 ? 0.6 : 0.45};
   }
   std::ranges::reverse(predictions);

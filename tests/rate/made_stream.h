@@ -59,14 +59,14 @@ struct MadeStream {
 
   void step() {
     const bool is_due = key_frame_every > 0 && captures.size() % key_frame_every == 0;
-    key_frame |= captures.empty() || is_due;
+    const bool key_frame = captures.empty() || is_due || std::exchange(key_frame_asked, false);
     const CapturePlan plan = controller.next(backlog, key_frame);
     CaptureBytes bytes;
     if (!plan.skipped) {
       bytes.geometry = made_geometry_bytes(scene, plan.setting.error_voxels);
       bytes.texture = made_texture_bytes(scene, plan.setting.scale, plan.setting.qp) *
-                      (key_frame ? scene.key_ratio : 1);
-      bytes.key_frame = std::exchange(key_frame, false);
+                      (plan.key_frame ? scene.key_ratio : 1);
+      bytes.key_frame = plan.key_frame;
     }
     bytes.refinement = std::min(plan.refinement, backlog);
     const double before = backlog;
@@ -90,7 +90,7 @@ struct MadeStream {
   Controller controller;
   std::size_t key_frame_every = 250;  ///< 0: the first alone
   double backlog = 0;                 ///< bytes that wait
-  bool key_frame = false;             ///< the next one is
+  bool key_frame_asked = false;       ///< for the next one
   std::vector<Capture> captures;
 };
 

@@ -16,8 +16,8 @@ constexpr Which kAll[] = {Which::classifier, Which::lookup, Which::ours};
 /// A small file: three scenes of one kind, one of the other.
 const Models& small_models() {
   static const Models models = [] {
-    const auto layers = made_scenes(), anew = made_scenes(false);
-    return Models::train(made_sweeps({layers[0], layers[2], layers[3], anew[2]}));
+    const auto layers = made_scenes(), without_layers = made_scenes(false);
+    return Models::train(made_sweeps({layers[0], layers[2], layers[3], without_layers[2]}));
   }();
   return models;
 }

@@ -85,7 +85,7 @@ TEST_F(Replay, ARepeatedBurstCostsWhatItDid) {
   ASSERT_TRUE(pipeline_->learn(60));
   costs(20);
   const auto memory = pipeline_->memory();
-  const auto burst = pipeline_->read(4);
+  const auto burst = *pipeline_->read(4);
   const auto once = costs(burst);
   const std::size_t moving = triangles(Layer::moving);
   ASSERT_GT(moving, 50u);
@@ -104,7 +104,7 @@ TEST_F(Replay, AnotherPipelineGoesOnFromTheLearntState) {
   ASSERT_TRUE(pipeline_->learn(60));
   costs(20);
   const auto memory = pipeline_->memory();
-  const auto burst = pipeline_->read(4);
+  const auto burst = *pipeline_->read(4);
   costs(burst);
   const auto expected = static_cast<double>(triangles(Layer::still));
   pipeline_ = open(walked_through());
@@ -157,7 +157,7 @@ TEST_F(Replay, TheRootsDecimationLeavesTheStillSurfaceAlone) {
   const auto before = still();
   const std::size_t moving = triangles(Layer::moving);
   const auto memory = pipeline_->memory();
-  const auto burst = pipeline_->read(2);
+  const auto burst = *pipeline_->read(2);
   ScenePlan wanted = plan();
   wanted.root.decimation = {0, 0.2};
   ASSERT_TRUE(pipeline_->set_plan(wanted));

@@ -1,26 +1,33 @@
 #include "mr/eval/rate_features.h"
 
+#include <algorithm>
+
 #include "mr/rate/feature_space.h"
 #include "mr/rate/features.h"
 
 namespace mr::eval {
 
 std::vector<rate::Feature> burst_features(
-    const std::vector<std::vector<std::optional<Frame>>>& burst) {
-  std::vector<rate::Feature> out{{"sensors", 0}};
-  const std::size_t sensors = burst.front().size();
-  for (std::size_t s = 0; s < sensors; ++s) {
-    rate::FeatureExtractor extractor;
-    rate::SceneFeatures last;
+    const Scene& scene, const std::vector<std::vector<std::optional<Frame>>>& burst) {
+  std::vector<rate::Feature> out = rate::named({});
+  double sensors = 0, with_color = 0;
+  for (std::size_t s = 0; s < scene.sensors.size(); ++s) {
+    rate::FeatureExtractor extractor(scene.sensors[s].precision);
+    std::optional<rate::SceneFeatures> last;
+    bool has_color = false;
     for (const auto& capture : burst)
-      if (capture[s]) last = extractor.extract(*capture[s]);
-    const std::vector<rate::Feature> of_sensor = rate::named(last);
-    if (s == 0) out.insert(out.end(), of_sensor.begin(), of_sensor.end());
-    for (std::size_t i = 0; i < of_sensor.size(); ++i)
-      out[i + 1].value =
-          (s == 0 ? 0 : out[i + 1].value) + of_sensor[i].value / static_cast<double>(sensors);
+      if (capture[s]) {
+        last = extractor.extract(*capture[s]);
+        has_color = !capture[s]->color.empty();
+      }
+    if (!last) continue;
+    ++sensors, with_color += has_color;
+    const std::vector<rate::Feature> one = rate::named(*last);
+    for (std::size_t i = 0; i < out.size(); ++i) out[i].value += one[i].value;
   }
-  out.front().value = static_cast<double>(sensors);
+  for (rate::Feature& feature : out)
+    feature.value /= std::max(feature.name.starts_with("color") ? with_color : sensors, 1.0);
+  out.push_back({"sensors", sensors});
   return out;
 }
 

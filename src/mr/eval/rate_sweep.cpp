@@ -21,6 +21,7 @@
 #include "mr/node/plans.h"
 #include "mr/node/texture_stream.h"
 #include "mr/rate/grid.h"
+#include "mr/rate/rate_distortion.h"
 #include "mr/runtime/lockstep_scene.h"
 
 namespace mr::eval {
@@ -41,20 +42,33 @@ constexpr int kPlateQps[] = {12, 20, 28, 36, 44};
 constexpr double kStillErrors_voxels[] = {1, 3};
 // Captures that run in full before the burst: the still surface is handed over, plates are taken.
 constexpr int kHandOver = 12;
-// Replays of the burst in a new pipeline before it is measured. Labels of the still surface are
-// chosen again after 30 captures; of other lattices only the moving surface is measured.
-constexpr int kSettling = 9, kSettlingOfBits = 4;
-// Pictures are encoded apart from the pipeline that makes the geometry.
+// Captures of the burst that a new pipeline replays before it is measured. Labels of the still
+// surface are chosen again after 30; of other lattices only the moving surface is measured.
+constexpr int kSettling = 36, kSettlingOfBits = 16;
+// Texture scale of the pipelines, which are run for their geometry: pictures are drawn and encoded
+// from what they note.
 constexpr double kSmallScale = 0.125;
 
 /// The scene's plan with a decimation, without pictures.
 ScenePlan plan_of(const Scene& scene, double error_voxels) {
+  const Decimation decimation{0, error_voxels * scene.voxel_m};
   ScenePlan out;
-  out.sensors = node::sensor_plan(scene, SensorId{0});
-  out.sensors.decimation = {0, error_voxels * scene.voxel_m};
+  for (const SensorId id : all_sensors(scene.sensors)) {
+    CodingPlan& plan = out.by_sensor[id] = node::sensor_plan(scene, id);
+    plan.decimation = decimation;
+  }
+  out.sensors = out.by_sensor.begin()->second;
   out.root = node::merger_plan(scene, true);
-  out.root.decimation = out.sensors.decimation;
+  out.root.decimation = decimation;
   out.root.texture_scale = out.root.plate_scale = kSmallScale;
+  return out;
+}
+
+/// The finest error limit of the sensors' still surfaces, in voxels.
+double still_error_voxels(const Scene& scene) {
+  double out = 0;
+  for (const auto& [sensor, plan] : plan_of(scene, 1).by_sensor)
+    if (plan.still_error_m > 0) out = plan.still_error_m / scene.voxel_m;
   return out;
 }
 
@@ -108,7 +122,7 @@ class MomentSweep {
          {&MomentSweep::learn, &MomentSweep::measure_grid, &MomentSweep::measure_lattices,
           &MomentSweep::bisect, &MomentSweep::measure_plates, &MomentSweep::measure_stills})
       if (const Status done = (this->*step)(); !done) return done.error();
-    sweep_.features = burst_features(burst_);
+    sweep_.features = burst_features(scene_, burst_);
     return std::move(sweep_);
   }
 
@@ -133,7 +147,10 @@ class MomentSweep {
     if (handed > 0)
       if (const auto ran = (*pipeline)->run(handed); !ran) return ran.error();
     memory_ = (*pipeline)->memory();
-    burst_ = (*pipeline)->read(moments_.burst);
+    auto burst = (*pipeline)->read(moments_.burst);
+    if (!burst) return burst.error();
+    burst_ = *std::move(burst);
+    if (burst_.empty()) return Error{Error::Cause::empty, "scene '" + scene_.id + "' has ended"};
     return {};
   }
 
@@ -152,7 +169,8 @@ class MomentSweep {
       auto opened = open(bits);
       if (!opened) return opened.error();
       pipeline = *std::move(opened);
-      for (int i = 0; has_layers_ && i < (bits == kBits ? kSettling : kSettlingOfBits); ++i) {
+      const int captures = bits == kBits ? kSettling : kSettlingOfBits;
+      for (int i = 0; has_layers_ && i < captures; i += moments_.burst) {
         pipeline->recall(memory_);
         if (const auto ran = pipeline->run(burst_); !ran) return ran.error();
       }
@@ -350,22 +368,11 @@ class MomentSweep {
     return {};
   }
 
-  struct FrontPoint {
-    double mbps, ssim;
-    rate::Setting setting;
-  };
   /// The Pareto front of what was measured, by rising rate.
-  std::vector<FrontPoint> front() const {
-    std::vector<FrontPoint> all, out;
-    for (const auto& q : sweep_.qualities) {
-      const auto& g = sweep_.geometries[q.geometry];
-      const auto& t = sweep_.textures[q.texture];
-      all.push_back({sweep_.geometry_mbps(g) + sweep_.texture_mbps(t),
-                     q.ssim,
-                     {g.error_voxels, g.bits, t.scale, t.qp}});
-    }
-    std::ranges::sort(all, {}, &FrontPoint::mbps);
-    for (const FrontPoint& p : all)
+  std::vector<rate::RatePoint> front() const {
+    std::vector<rate::RatePoint> all = rate::measured_points(sweep_), out;
+    std::ranges::sort(all, {}, &rate::RatePoint::mbps);
+    for (const rate::RatePoint& p : all)
       if (out.empty() || p.ssim > out.back().ssim) out.push_back(p);
     return out;
   }
@@ -374,7 +381,7 @@ class MomentSweep {
   Status bisect() {
     std::vector<std::pair<rate::Setting, rate::Setting>> tried;
     while (sweep_.qualities.size() < kMostSettings) {
-      const std::vector<FrontPoint> points = front();
+      const std::vector<rate::RatePoint> points = front();
       double widest = 0;
       std::size_t at = 0;
       for (std::size_t i = 0; i + 1 < points.size(); ++i) {
@@ -426,10 +433,11 @@ class MomentSweep {
   /// The still surface at several errors. Last: the pipeline has another one afterwards.
   Status measure_stills() {
     if (!has_layers_) return {};
-    const double best = node::sensor_plan(scene_, SensorId{0}).still_error_m / scene_.voxel_m;
+    const double best = still_error_voxels(scene_);
     for (const double error : {best, kStillErrors_voxels[0], kStillErrors_voxels[1]}) {
       ScenePlan plan = plan_of(scene_, rate::kErrorNodes_voxels[0]);
-      plan.sensors.still_error_m = error * scene_.voxel_m;
+      for (auto& [sensor, of_sensor] : plan.by_sensor)
+        if (of_sensor.still_error_m > 0) of_sensor.still_error_m = error * scene_.voxel_m;
       if (const auto ran = replay(plan, kBits); !ran) return ran.error();
       const DecodedScene& shown = *pipelines_.at(kBits)->decoded();
       Surface surface{{shown.chunks, shown.views, shown.sources}, {}};
@@ -487,7 +495,11 @@ Result<std::vector<rate::Feature>> features_at(const Trial& trial, std::size_t m
   if (!pipeline) return pipeline.error();
   const Moments& moments = trial.moments();
   (*pipeline)->skip(static_cast<std::uint64_t>(moments.first[moment] + moments.later()));
-  return burst_features((*pipeline)->read(moments.burst));
+  const auto burst = (*pipeline)->read(moments.burst);
+  if (!burst) return burst.error();
+  if (burst->empty())
+    return Error{Error::Cause::empty, "scene '" + trial.scene().id + "' has ended"};
+  return burst_features(trial.scene(), *burst);
 }
 
 }  // namespace mr::eval

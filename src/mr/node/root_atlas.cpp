@@ -290,13 +290,14 @@ Result<RootAtlas::Drawn> RootAtlas::draw(const Tick& tick, const Mesh& moving, c
 Status RootAtlas::encode(Drawn drawn, Packet& packet) {
   packet.views = std::move(drawn.views);
   packet.alpha = std::move(drawn.alpha);
-  const Status added = add_unit(live_, packet.plan.texture_qp, drawn.live_layout,
-                                std::move(drawn.live), last_live_, packet);
-  if (!added || !drawn.plates) return added;
-  const Status plates = add_unit(plate_, packet.plan.plate_qp, drawn.plate_layout,
-                                 *std::move(drawn.plates), last_plate_, packet);
-  if (!plates) blocks_waiting_ = valid_blocks();  // to be encoded with the next packet
-  return plates;
+  Status coded = add_unit(live_, packet.plan.texture_qp, drawn.live_layout, std::move(drawn.live),
+                          last_live_, packet);
+  if (!drawn.plates) return coded;
+  if (coded)
+    coded = add_unit(plate_, packet.plan.plate_qp, drawn.plate_layout, *std::move(drawn.plates),
+                     last_plate_, packet);
+  if (!coded) drawn_layout_ = 0;  // of no layout: the plates are due with the next packet
+  return coded;
 }
 
 /// The live views, each followed by the view of its plate.

@@ -83,15 +83,16 @@ Classifier Classifier::train(std::span<const Sweep> training) {
     machines.error = Svm::train(samples, errors);
     machines.scale = Svm::train(samples, scales);
     machines.qp = Svm::train(samples, qps);
-    (layers ? out.kinds_.layers : out.kinds_.anew).push_back(std::move(machines));
+    (layers ? out.kinds_.layers : out.kinds_.without_layers).push_back(std::move(machines));
   }
   return out;
 }
 
 Setting Classifier::choose(const Observation& observed, double target_mbps) const {
-  const auto& kind = observed.layers ? kinds_.layers : kinds_.anew;
+  const auto& kind = observed.layers ? kinds_.layers : kinds_.without_layers;
   const Machines& machines =
-      !kind.empty() ? kind.front() : (observed.layers ? kinds_.anew : kinds_.layers).front();
+      !kind.empty() ? kind.front()
+                    : (observed.layers ? kinds_.without_layers : kinds_.layers).front();
   const auto produced =
       observed.produced.empty() ? std::nullopt : std::optional(observed.produced.back());
   const std::vector<double> in =

@@ -23,7 +23,7 @@ class Classifier final : public Model {
     std::vector<Setting> hull;  ///< settings on the training hulls
   };
   struct Kinds {
-    std::vector<Machines> layers, anew;  ///< at most one of each; not both are empty
+    std::vector<Machines> layers, without_layers;  ///< at most one of each; not both are empty
   };
 
   Classifier() = default;

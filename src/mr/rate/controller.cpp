@@ -94,7 +94,8 @@ void Controller::take(const Setting& setting) {
                          std::pow(setting.scale / setting_.scale, 1.5);
   texture_ *= texture, key_ *= texture;
   geometry_ *= std::pow(setting.error_voxels / setting_.error_voxels, -0.3);
-  setting_ = setting, captures_ = 0, since_change_ = 0;
+  key_frame_needed_ |= setting.scale != setting_.scale;
+  setting_ = setting, captures_ = textures_ = 0, since_change_ = 0;
 }
 
 /// Lets the model choose for a rate, given what was produced lately.
@@ -115,15 +116,16 @@ CapturePlan Controller::next(double backlog, bool key_frame) {
   const double for_backlog = std::min(backlog, kLeastForBacklog * share);
   if (target_changed_ || since_decision_ >= kDecideEvery) decide(mbps_of(share - for_backlog));
   ++since_decision_, ++since_change_;
+  key_frame = key_frame_needed_ |= key_frame;
 
   const double most = allowed(), for_texture = most - for_backlog - geometry_;
-  CapturePlan out{setting_, false, 0};
+  CapturePlan out{setting_, key_frame, false, 0};
   out.setting.qp = texture_ > 0 ? kFinestQp : std::max(setting_.qp, kFirstQp);
   if (texture_ > 0)
     while (out.setting.qp < kCoarsestQp && texture_at(out.setting.qp, key_frame) > for_texture)
       ++out.setting.qp;
   const double least = geometry_ + texture_at(kCoarsestQp, key_frame);
-  is_best_effort_ = least > 1.1 * share;
+  is_best_effort_ = geometry_ + texture_at(kCoarsestQp, false) > 1.1 * share;
   // Where the least is more than the share, captures wait until what was saved pays for one.
   const double saved = std::min(share + credit_, left());
   out.skipped =
@@ -145,14 +147,15 @@ void Controller::sent(const CaptureBytes& bytes) {
                        (planned_.skipped ? fps_ : kMostCredit) * share);
   if (planned_.skipped) return;
   const double texture = bytes.texture * std::exp(kPerQp * (planned_.setting.qp - setting_.qp));
-  const double weight = 1 / std::min<double>(captures_ + 1, kMeanOver);
-  geometry_ += weight * (bytes.geometry - geometry_);
-  if (bytes.key_frame)
-    key_ = texture;
-  else
-    texture_ += weight * (texture - texture_);
-  if (key_ <= 0) key_ = kUsualKey * texture_;
-  ++captures_;
+  const auto weight = [](int before) { return 1 / std::min<double>(before + 1, kMeanOver); };
+  geometry_ += weight(captures_++) * (bytes.geometry - geometry_);
+  if (bytes.key_frame) {
+    key_ = texture, key_frame_needed_ = false;
+    if (texture_ <= 0) texture_ = key_ / kUsualKey;
+  } else {
+    texture_ += weight(textures_++) * (texture - texture_);
+    if (key_ <= 0) key_ = kUsualKey * texture_;
+  }
 }
 
 }  // namespace mr::rate

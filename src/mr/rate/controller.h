@@ -2,7 +2,6 @@
 
 #include <deque>
 #include <memory>
-#include <optional>
 #include <vector>
 
 #include "mr/rate/model.h"
@@ -13,9 +12,10 @@ namespace mr::rate {
 
 /// What the controller decides for one capture.
 struct CapturePlan {
-  Setting setting;        ///< its QP is this capture's own
-  bool skipped = false;   ///< the capture is not sent: even the least quality does not fit
-  double refinement = 0;  ///< bytes that chunks of the still surface and plates may take
+  Setting setting;         ///< its QP is this capture's own
+  bool key_frame = false;  ///< the live tiles are to be key frames
+  bool skipped = false;    ///< the capture is not sent: even the least quality does not fit
+  double refinement = 0;   ///< bytes that chunks of the still surface and plates may take
 };
 
 /// What one capture came to, as sent.
@@ -54,14 +54,16 @@ class Controller {
   void set_features(std::vector<Feature> features);
 
   /// The plan of the next capture. `backlog`: bytes of still surface and plates that wait to be
-  /// sent; `key_frame`: the capture's pictures will be key frames.
+  /// sent, at least 0; `key_frame`: one is needed. It stays needed until a capture was sent with
+  /// it; another texture scale needs one, too.
   CapturePlan next(double backlog, bool key_frame);
   /// What the capture of the last next() took; of a skipped one, nothing.
   void sent(const CaptureBytes& bytes);
 
   /// The setting around which quantisers move.
   const Setting& setting() const { return setting_; }
-  /// Whether the target cannot be met: the coarsest setting needs more.
+  /// Whether the target cannot be met: even the coarsest quantiser of the setting in force needs
+  /// more, key frames aside.
   bool is_best_effort() const { return is_best_effort_; }
 
  private:
@@ -83,7 +85,8 @@ class Controller {
   int direction_ = 0;  ///< of the last change: 1 finer, -1 coarser
   // Of the setting in force, means over the last captures:
   double geometry_ = 0, texture_ = 0, key_ = 0;  ///< bytes of a capture; texture at setting_.qp
-  int captures_ = 0;                             ///< in these means
+  int captures_ = 0, textures_ = 0;              ///< in these means; without key frames
+  bool key_frame_needed_ = false;
   CapturePlan planned_;
   struct Spent {
     double bytes = 0, share = 0;  ///< of a capture, and what its target gave it

@@ -185,14 +185,15 @@ CurvePredictor CurvePredictor::train(std::span<const Sweep> training) {
   FeatureSpace space(training);
   Members members;
   for (const Sweep& sweep : training)
-    (sweep.layers ? members.layers : members.anew)
+    (sweep.layers ? members.layers : members.without_layers)
         .push_back({space.at(sweep.features), values_of(grid_values(sweep))});
   return {std::move(space), std::move(members)};
 }
 
 RateSurface CurvePredictor::predict(const Observation& observed) const {
-  const auto& kind = observed.layers ? members_.layers : members_.anew;
-  const auto& members = kind.empty() ? (observed.layers ? members_.anew : members_.layers) : kind;
+  const auto& kind = observed.layers ? members_.layers : members_.without_layers;
+  const auto& members =
+      kind.empty() ? (observed.layers ? members_.without_layers : members_.layers) : kind;
   MR_ASSERT(!members.empty());
   const std::vector<double> features = space_.at(observed.features);
   std::vector<Reading> readings;

@@ -1,6 +1,5 @@
 #pragma once
 
-#include <optional>
 #include <span>
 #include <vector>
 
@@ -16,7 +15,7 @@ namespace mr::rate {
 /// encoders really produced, are readings of some of its values; the others are predicted by
 /// conditioning on them, as an ensemble Kalman filter does (Evensen 1994). The rates are at last
 /// scaled so that they agree with the newest readings. So rate and quality of every setting are
-/// predicted, each layer apart, and any target can be solved for.
+/// predicted, moving surface and live tiles apart, and any target can be solved for.
 class CurvePredictor final : public Model {
  public:
   /// A training sweep's values; of one kind, with or without layers.
@@ -25,7 +24,7 @@ class CurvePredictor final : public Model {
     std::vector<double> values;    ///< [value_count()]
   };
   struct Members {
-    std::vector<Member> layers, anew;
+    std::vector<Member> layers, without_layers;
   };
   static std::size_t value_count();
 

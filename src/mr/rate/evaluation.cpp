@@ -21,7 +21,8 @@ Prediction predict(const Model& model, const Sweep& sweep, const RateSurface& tr
   using Clock = std::chrono::steady_clock;
   Observation observed{sweep.layers, sweep.features, {}};
   if (corrections.sees_produced) observed.produced = {produced_at(truth, kUsualSetting)};
-  Prediction out{sweep.scene, sweep.layers, target_mbps, {}, truth.at(kUsualSetting), 0, 0};
+  Prediction out{
+      sweep.scene, sweep.layers, target_mbps, target_mbps, {}, truth.at(kUsualSetting), 0, 0};
   for (int i = 0; i < corrections.choices; ++i) {
     const auto start = Clock::now();
     const Setting setting = model.choose(observed, target_mbps);
@@ -33,6 +34,14 @@ Prediction predict(const Model& model, const Sweep& sweep, const RateSurface& tr
     if (corrections.sees_produced) observed.produced.push_back(produced_at(truth, setting));
   }
   return out;
+}
+
+bool is_node(const Setting& setting) {
+  return std::ranges::find(kErrorNodes_voxels, setting.error_voxels) !=
+             std::end(kErrorNodes_voxels) &&
+         std::ranges::any_of(kTextureNodes, [&](const TextureNode& node) {
+           return node.scale == setting.scale && node.qp == setting.qp;
+         });
 }
 
 }  // namespace
@@ -51,8 +60,8 @@ GapStatistics statistics(std::span<const Prediction> predictions) {
   for (const Prediction& p : predictions) {
     gaps.push_back(p.gap);
     out.mean += p.gap, out.max = std::max(out.max, p.gap);
-    out.over += p.got.mbps > kOver * p.target_mbps;
-    out.rate_error += std::abs(p.got.mbps / p.target_mbps - 1);
+    out.over += p.got.mbps > kOver * p.limit_mbps;
+    out.rate_error += std::abs(p.got.mbps / p.limit_mbps - 1);
     const double loss = p.usual.ssim - p.got.ssim;
     out.mean_loss += loss, out.most_loss = std::max(out.most_loss, loss);
   }
@@ -60,6 +69,25 @@ GapStatistics statistics(std::span<const Prediction> predictions) {
   out.mean /= n, out.over /= n, out.rate_error /= n, out.mean_loss /= n;
   std::ranges::sort(gaps);
   out.p95 = gaps[static_cast<std::size_t>(0.95 * (n - 1))];
+  return out;
+}
+
+InterpolationError interpolation_error(std::span<const Sweep> sweeps) {
+  InterpolationError out;
+  for (const Sweep& sweep : sweeps) {
+    const RateSurface surface(grid_values(sweep));
+    for (const RatePoint& measured : measured_points(sweep)) {
+      if (measured.setting.bits != kBits || is_node(measured.setting)) continue;
+      const RatePoint between = surface.at(measured.setting);
+      const double rate = std::abs(between.mbps / measured.mbps - 1),
+                   ssim = std::abs(between.ssim - measured.ssim);
+      ++out.points;
+      out.mean_rate += rate, out.most_rate = std::max(out.most_rate, rate);
+      out.mean_ssim += ssim, out.most_ssim = std::max(out.most_ssim, ssim);
+    }
+  }
+  const double n = std::max<double>(static_cast<double>(out.points), 1);
+  out.mean_rate /= n, out.mean_ssim /= n;
   return out;
 }
 
@@ -79,6 +107,7 @@ std::vector<Prediction> leave_one_out(std::span<const Sweep> sweeps, const Train
       for (const double target : targets(hull, truth.at(kUsualSetting).mbps)) {
         Prediction p = predict(*model, *first, truth, target, corrections);
         p.gap = gap_to_hull(hull, target, p.got);
+        p.limit_mbps = std::max(target, hull.front().mbps);
         out.push_back(std::move(p));
       }
     }

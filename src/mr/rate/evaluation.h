@@ -1,6 +1,7 @@
 #pragma once
 
 #include <functional>
+#include <memory>
 #include <span>
 #include <string>
 #include <vector>
@@ -15,6 +16,7 @@ struct Prediction {
   std::string scene;
   bool layers = true;
   double target_mbps = 0;
+  double limit_mbps = 0;   ///< the target, or the scene's lowest rate where the target is below it
   RatePoint got;           ///< what the setting really costs and gives
   RatePoint usual;         ///< what the usual setting does
   double gap = 0;          ///< to the Pareto hull at the target (gap_to_hull())
@@ -25,14 +27,22 @@ struct Prediction {
 /// 3 % counts as the hull's lowest point.
 double gap_to_hull(const std::vector<RatePoint>& hull, double target_mbps, const RatePoint& got);
 
-/// Mean, 95th percentile and greatest of the gaps; share of the results over their target by more
-/// than 3 %; mean of |rate / target - 1|.
+/// Mean, 95th percentile and greatest of the gaps; share of the results over their limit by more
+/// than 3 %; mean of |rate / limit - 1|.
 struct GapStatistics {
   double mean = 0, p95 = 0, max = 0, over = 0, rate_error = 0;
   /// Of quality, against the usual setting whatever that costs.
   double mean_loss = 0, most_loss = 0;
 };
 GapStatistics statistics(std::span<const Prediction> predictions);
+
+/// How far what lies between the nodes of the grid is from what was measured there (by the
+/// bisection): means and greatest, of the rate's ratio and of SSIM.
+struct InterpolationError {
+  std::size_t points = 0;
+  double mean_rate = 0, most_rate = 0, mean_ssim = 0, most_ssim = 0;
+};
+InterpolationError interpolation_error(std::span<const Sweep> sweeps);
 
 using Trainer = std::function<std::unique_ptr<Model>(std::span<const Sweep>)>;
 /// The targets for a scene, given its hull and what its usual setting costs.

@@ -15,8 +15,8 @@ std::vector<Feature> named(const SceneFeatures& features);
 /// The names of those that models use.
 std::span<const char* const> feature_names();
 
-/// Features as numbers of mean 0 and deviation 1 over the training scenes: logarithms of energies,
-/// and of what the usual setting costs.
+/// Features as numbers of mean 0 and deviation 1 over the training scenes: logarithms of the four
+/// energies, of the share of moving pixels, and of the number of sensors.
 class FeatureSpace {
  public:
   FeatureSpace() = default;

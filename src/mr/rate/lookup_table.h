@@ -9,7 +9,7 @@
 namespace mr::rate {
 
 /// The paper's alternative (6.4): settings profiled for scenes of different DCT energy and stored
-/// by energy and rate. Looks up the scene whose energies are the nearest, and there the greatest
+/// by features and rate. Looks up the scene whose features are the nearest, and there the greatest
 /// rate within the target.
 class LookupTable final : public Model {
  public:

@@ -1,13 +1,7 @@
 #pragma once
 
-#include <memory>
-#include <span>
-#include <string>
-
 #include "mr/rate/observation.h"
-#include "mr/rate/rate_config.h"
 #include "mr/rate/setting.h"
-#include "mr/rate/sweep.h"
 
 namespace mr::rate {
 

@@ -1,5 +1,6 @@
 #include "mr/rate/models.h"
 
+#include <algorithm>
 #include <cmath>
 #include <nlohmann/json.hpp>
 
@@ -48,7 +49,7 @@ Numbers numbers(const Json& in, std::size_t count) {
   return out;
 }
 int integer(double v) {
-  if (!(std::abs(v) <= 1e6)) refuse("an impossible number");
+  if (!(std::abs(v) <= 1e6 && v == std::floor(v))) refuse("an impossible number");
   return static_cast<int>(v);
 }
 const Json& rows(const Json& in) {
@@ -60,9 +61,10 @@ Json to_json(const Setting& s) { return {s.error_voxels, s.bits, s.scale, s.qp};
 Setting setting(const Json& in) {
   const Numbers v = numbers(in, 4);
   const Setting out{v[0], integer(v[1]), v[2], integer(v[3])};
-  const bool good = out.error_voxels >= 0.1 && out.error_voxels <= 100 && out.bits >= 9 &&
-                    out.bits <= 11 && out.scale >= 0.01 && out.scale <= 1 && out.qp >= 0 &&
-                    out.qp <= 51;
+  const bool has_scale = std::ranges::any_of(
+      kTextureNodes, [&](const TextureNode& node) { return node.scale == out.scale; });
+  const bool good = out.error_voxels >= 0.1 && out.error_voxels <= 100 && out.bits == kBits &&
+                    has_scale && out.qp >= 0 && out.qp <= 51;
   if (!good) refuse("an impossible setting");
   return out;
 }
@@ -133,11 +135,11 @@ std::vector<Classifier::Machines> machines(const Json& in) {
 Json to_json(const Classifier& c) {
   return {{"features", to_json(c.space())},
           {"layers", to_json(c.kinds().layers)},
-          {"anew", to_json(c.kinds().anew)}};
+          {"without_layers", to_json(c.kinds().without_layers)}};
 }
 Classifier classifier(const Json& in) {
-  Classifier::Kinds kinds{machines(in.at("layers")), machines(in.at("anew"))};
-  if (kinds.layers.empty() && kinds.anew.empty()) refuse("a classifier without machines");
+  Classifier::Kinds kinds{machines(in.at("layers")), machines(in.at("without_layers"))};
+  if (kinds.layers.empty() && kinds.without_layers.empty()) refuse("a classifier without machines");
   return {feature_space(in.at("features")), std::move(kinds)};
 }
 
@@ -187,11 +189,11 @@ std::vector<CurvePredictor::Member> members(const Json& in) {
 Json to_json(const CurvePredictor& p) {
   return {{"features", to_json(p.space())},
           {"layers", to_json(p.members().layers)},
-          {"anew", to_json(p.members().anew)}};
+          {"without_layers", to_json(p.members().without_layers)}};
 }
 CurvePredictor curve_predictor(const Json& in) {
-  CurvePredictor::Members all{members(in.at("layers")), members(in.at("anew"))};
-  if (all.layers.empty() && all.anew.empty()) refuse("a predictor without members");
+  CurvePredictor::Members all{members(in.at("layers")), members(in.at("without_layers"))};
+  if (all.layers.empty() && all.without_layers.empty()) refuse("a predictor without members");
   return {feature_space(in.at("features")), std::move(all)};
 }
 
@@ -240,12 +242,8 @@ Result<Models> models_from_json(std::string_view text) {
   }
 }
 
-const Models& shipped_models() {
-  static const Models models = [] {
-    auto read = models_from_json(kShippedModels);
-    MR_ASSERT(read);
-    return *std::move(read);
-  }();
+const Result<Models>& shipped_models() {
+  static const Result<Models> models = models_from_json(kShippedModels);
   return models;
 }
 

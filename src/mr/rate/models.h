@@ -34,6 +34,6 @@ std::string to_json(const Models& models);
 Result<Models> models_from_json(std::string_view text);
 
 /// The models that this program was built with (src/mr/rate/models.json).
-const Models& shipped_models();
+const Result<Models>& shipped_models();
 
 }  // namespace mr::rate

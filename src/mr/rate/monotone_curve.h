@@ -5,7 +5,7 @@
 namespace mr::rate {
 
 /// A curve through points that rises or falls where they do, without overshoot: piecewise cubic
-/// Hermite (Fritsch and Carlson 1980). Beyond its ends it goes on straight.
+/// Hermite (Fritsch and Butland 1984). Beyond its ends it goes on straight.
 class MonotoneCurve {
  public:
   MonotoneCurve() = default;

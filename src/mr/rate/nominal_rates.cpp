@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <iterator>
 
 #include "mr/core/assert.h"
 #include "mr/rate/swept_surface.h"

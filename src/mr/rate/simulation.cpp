@@ -2,6 +2,8 @@
 
 #include <algorithm>
 #include <cmath>
+#include <deque>
+#include <optional>
 #include <random>
 
 namespace mr::rate {
@@ -62,6 +64,37 @@ class SimulatedScene {
   std::mt19937_64 random_;
 };
 
+/// The time from a step of the target by over 30 % until the stream follows: until the mean of
+/// three captures is within 15 % of the target, or below it at the finest quantiser.
+class Steps {
+ public:
+  explicit Steps(double fps) : fps_(fps) {}
+
+  void add(double s, double target, double mbps, const CapturePlan& plan) {
+    if (last_target_ > 0 && std::abs(target / last_target_ - 1) > 0.3)
+      since_s_ = s, recent_.clear();
+    last_target_ = target;
+    recent_.push_back(mbps);
+    if (recent_.size() > 3) recent_.pop_front();
+    if (!since_s_ || plan.skipped) return;
+    double mean = 0;
+    for (const double one : recent_) mean += one / static_cast<double>(recent_.size());
+    const bool is_finest = plan.setting.qp <= kTextureNodes[0].qp;
+    if (mean > 1.15 * target || (mean < 0.85 * target && !is_finest)) return;
+    longest_s_ = std::max(longest_s_, s - *since_s_ + 1 / fps_);
+    since_s_.reset();
+  }
+  /// A step that was not followed by the end counts until then.
+  double longest_s(double end_s) const {
+    return since_s_ ? std::max(longest_s_, end_s - *since_s_) : longest_s_;
+  }
+
+ private:
+  double fps_, last_target_ = 0, longest_s_ = 0;
+  std::optional<double> since_s_;  ///< a step that is not followed yet
+  std::deque<double> recent_;      ///< Mbit/s of single captures
+};
+
 }  // namespace
 
 std::vector<Trace> traces(double low, double high, std::uint64_t seed) {
@@ -84,46 +117,41 @@ SimulationResult simulate(Controller& controller, const Sweep& sweep, const Trac
                           int key_frame_every) {
   SimulationResult out;
   SimulatedScene scene(sweep, seed);
+  Steps steps(sweep.fps);
   controller.set_features(sweep.features);
   const int captures = static_cast<int>(std::lround(seconds * sweep.fps));
-  double backlog = 0, busier = 1, busy_until_s = 0, target_before = 0, stepped_s = -1;
-  bool key_frame = true;
+  double backlog = 0, busier = 1, busy_until_s = 0, shown_ssim = 0;
   for (int i = 0; i < captures; ++i) {
     const double s = i / sweep.fps;
     if (i % static_cast<int>(std::lround(sweep.fps)) == 0) out.seconds.emplace_back();
     SimulatedSecond& second = out.seconds.back();
+    bool key_frame = i == 0 || (key_frame_every > 0 && i % key_frame_every == 0);
     for (const Burst& burst : bursts)
       if (i == static_cast<int>(std::lround(burst.at_s * sweep.fps))) {
         backlog += burst.still_bytes, key_frame |= burst.key_frame;
         busier = burst.busier, busy_until_s = s + 2;
       }
-    key_frame |= key_frame_every > 0 && i % key_frame_every == 0;
     const double target = trace.mbps(s);
-    if (i > 0 && std::abs(target / target_before - 1) > 0.3 && stepped_s < 0) stepped_s = s;
-    target_before = target;
     controller.set_target(target);
     const Setting before = controller.setting();
     const CapturePlan plan = controller.next(backlog, key_frame);
     second.changes += before != controller.setting();
+    second.skipped += plan.skipped;
     CaptureBytes sent;
-    if (plan.skipped) {
-      ++second.skipped;
-    } else {
-      sent = scene.capture(plan.setting, key_frame, s < busy_until_s ? busier : 1);
-      key_frame = false;
+    if (!plan.skipped) {
+      sent = scene.capture(plan.setting, plan.key_frame, s < busy_until_s ? busier : 1);
+      shown_ssim = scene.ssim(plan.setting);
     }
     sent.refinement = std::min(plan.refinement, backlog);
     backlog -= sent.refinement;
     controller.sent(sent);
     const double mbps = (sent.geometry + sent.texture + sent.refinement) * 8e-6 * sweep.fps;
-    if (stepped_s >= 0 && mbps < 1.15 * target) {
-      out.response_s = std::max(out.response_s, s - stepped_s);
-      stepped_s = -1;
-    }
+    steps.add(s, target, mbps, plan);
     second.target_mbps += target / sweep.fps, second.mbps += mbps / sweep.fps;
     second.refinement_mbps += sent.refinement * 8e-6;
-    second.ssim += scene.ssim(plan.setting) / sweep.fps;
+    second.ssim += shown_ssim / sweep.fps;
   }
+  out.response_s = steps.longest_s(captures / sweep.fps);
   return out;
 }
 

@@ -60,7 +60,8 @@ void read_rows(const Json& list, std::size_t numbers, const auto& read) {
 
 /// A whole number that was written as a number of any kind.
 int integer(double v, int most) {
-  if (!(v >= 0 && v <= most)) throw std::runtime_error("an impossible number");
+  if (!(v >= 0 && v <= most && v == std::floor(v)))
+    throw std::runtime_error("an impossible number");
   return static_cast<int>(v);
 }
 int qp_of(double v) { return integer(v, 51); }
@@ -71,7 +72,8 @@ Sweep sweep_from(const Json& in) {
   s.layers = in.at("layers").get<bool>(),
   s.moment = integer(in.at("moment").get<double>(), 1'000'000'000);
   s.fps = in.at("fps").get<double>(), s.voxel_m = in.at("voxel_m").get<double>();
-  if (!(s.fps > 0) || !(s.voxel_m > 0)) throw std::runtime_error("an impossible number");
+  if (!(s.fps >= 1 && s.fps <= 1000) || !(s.voxel_m > 0 && s.voxel_m <= 1))
+    throw std::runtime_error("an impossible frame rate or voxel");
   for (const auto& [name, value] : in.at("features").items())
     s.features.push_back({name, value.get<double>()});
   read_rows(in.at("geometries"), 4, [&](const auto& v) {
@@ -113,6 +115,8 @@ std::string to_json(const SweepFile& file) {
 }
 
 Result<SweepFile> sweeps_from_json(std::string_view text) {
+  constexpr std::size_t kMostBytes = 16 << 20;
+  if (text.size() > kMostBytes) return Error{Error::Cause::too_large, "sweeps of over 16 MiB"};
   try {
     const Json in = Json::parse(text);
     if (const int version = integer(in.at("version").get<double>(), 1'000'000);

@@ -76,12 +76,12 @@ struct Sweep {
 /// The sweeps of a scene, as stored: their format's version and what they were measured from.
 struct SweepFile {
   static constexpr int kVersion = 1;
-  std::string scene_hash;  ///< of everything that the figures depend on, the program aside
+  std::string scene_hash;  ///< of the scene file, its viewpoints, and the sweep's options
   std::vector<Sweep> sweeps;
 };
 
 std::string to_json(const SweepFile& file);
-/// Errors: corrupt; unsupported: of another version. One line that says where.
+/// Untrusted text. Errors: corrupt; unsupported: of another version; too_large. One line.
 Result<SweepFile> sweeps_from_json(std::string_view text);
 
 }  // namespace mr::rate

@@ -144,14 +144,19 @@ Status LockstepScene::learn(int frames) {
   return {};
 }
 
-std::vector<LockstepScene::Capture> LockstepScene::read(int frames) {
+Result<std::vector<LockstepScene::Capture>> LockstepScene::read(int frames) {
   std::vector<Capture> out;
   for (int i = 0; i < frames; ++i) {
-    Capture& capture = out.emplace_back();
+    Capture capture;
+    bool any = false;
     for (const auto& source : sources_) {
       auto frame = source->next();
-      capture.push_back(frame ? *std::move(frame) : std::nullopt);
+      if (!frame) return frame.error();
+      any |= frame->has_value();
+      capture.push_back(*std::move(frame));
     }
+    if (!any) break;
+    out.push_back(std::move(capture));
   }
   return out;
 }

@@ -76,8 +76,9 @@ class LockstepScene {
 
   /// One frame of every sensor; nothing where a source gave none.
   using Capture = std::vector<std::optional<Frame>>;
-  /// Reads the next captures of the sources without running them. Fewer if the sources end.
-  std::vector<Capture> read(int frames);
+  /// Reads the next captures of the sources without running them. Fewer if all sources end. Errors:
+  /// the first of a source.
+  Result<std::vector<Capture>> read(int frames);
 
   /// The state of the layers, for measuring: to measure several plans from the same state, also in
   /// another LockstepScene of the same sensors.
