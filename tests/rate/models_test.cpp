@@ -203,5 +203,27 @@ TEST(Models, ChooseWhatTheyAlwaysChose) {
           << m << ' ' << t;
 }
 
+/// What the shipped file predicts: an error in it, or in reading it, shows here.
+TEST(ShippedModels, ChooseAsTheyDidWhenTheyWereTrained) {
+  const Result<Models>& models = shipped_models();
+  ASSERT_TRUE(models) << models.error().message;
+  Observation observed;
+  observed.features = {{"color_spatial", 2800},   {"color_temporal", 450}, {"depth_spatial", 39000},
+                       {"depth_temporal", 37000}, {"moving_percent", 3},   {"sensors", 4}};
+  observed.produced = {{kUsualSetting, 6, 5}};
+  const auto chosen = [&](RateConfig::Model which) {
+    std::vector<Setting> out;
+    for (const double mbps : {4.0, 7.0, 10.0})
+      out.push_back(models->get(which)->choose(observed, mbps));
+    return out;
+  };
+  EXPECT_EQ(chosen(RateConfig::Model::classifier),
+            (std::vector<Setting>{{6, 10, 0.5, 50}, {0.5, 10, 0.7, 38}, {0.5, 10, 0.7, 36}}));
+  EXPECT_EQ(chosen(RateConfig::Model::lookup),
+            (std::vector<Setting>{{6, 10, 0.5, 50}, {2.8, 10, 0.5, 42}, {2, 10, 0.7, 39}}));
+  EXPECT_EQ(chosen(RateConfig::Model::ours),
+            (std::vector<Setting>{{1.4, 10, 0.5, 40}, {0.7, 10, 1, 35}, {0.5, 10, 1, 30}}));
+}
+
 }  // namespace
 }  // namespace mr::rate

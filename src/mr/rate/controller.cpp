@@ -42,8 +42,8 @@ Controller::Controller(std::shared_ptr<const Model> model, bool layers, double f
 void Controller::set_target(double mbps) {
   const double wanted = std::isfinite(mbps) ? std::max(mbps, kLeast_mbps) : kLeast_mbps;
   target_changed_ |= std::abs(wanted - target_mbps_) > 0.02 * target_mbps_;
-  if (wanted < target_mbps_)
-    credit_ = std::min(credit_, 0.0);  // was saved from what there is no more
+  if (wanted < target_mbps_ && credit_ > 0)  // was saved from what there is no more
+    credit_ = wanted > 0.9 * target_mbps_ ? credit_ * wanted / target_mbps_ : 0;
   target_mbps_ = wanted;
 }
 
@@ -76,12 +76,13 @@ bool Controller::is_worth_it(const Setting& wanted, double budget_mbps) const {
   if (!has_chosen_ || target_changed_) return true;
   const double needed = mbps_of(geometry_ + texture_);
   const bool is_reversal = direction_ != 0 && direction_of(setting_, wanted) != direction_;
-  const bool is_urgent = needed > 1.3 * budget_mbps;
+  const auto at_qp = [&](int qp) {
+    return mbps_of(geometry_ + texture_ * std::exp(-kPerQp * (qp - setting_.qp)));
+  };
+  const bool is_urgent = needed > 1.3 * budget_mbps || at_qp(kCoarsestQp) > budget_mbps;
   if (is_urgent) return true;
   // Even the finest quantiser leaves some of the budget.
-  const bool is_idle =
-      mbps_of(geometry_ + texture_ * std::exp(-kPerQp * (kFinestQp - setting_.qp))) <
-      0.9 * budget_mbps;
+  const bool is_idle = at_qp(kFinestQp) < 0.9 * budget_mbps;
   const double hold_s = is_reversal && !is_idle ? kHoldReversal_s : kHold_s;
   if (since_change_ < hold_s * fps_) return false;
   return needed > 1.1 * budget_mbps || needed < 0.7 * budget_mbps;
