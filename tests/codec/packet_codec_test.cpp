@@ -78,7 +78,7 @@ Packet full_packet() {
   lidar.beam_altitude_rad = {0.3, 0.1, -0.1, -0.3};
   lidar.beam_azimuth_rad = {0.01, -0.01, 0.02, 0};
   p.sources[2].depth_camera.model = CameraModel::equirectangular;
-  p.plan = {{0.5, 0}, 0, 7, 0.75, 33, 0.5, 24};
+  p.plan = {{0.5, 0}, 0, 7, 0.75, 33};
   p.views = {view(ViewId{0}), view(ViewId{5})};
   p.views[1].kind = View::Kind::equirectangular;
   p.views[1].stream = StreamId{9};
@@ -131,6 +131,7 @@ TEST(PacketCodec, RoundTrip) {
 TEST(PacketCodec, APlanTellsItsErrorLimits) {
   Packet packet = full_packet();
   packet.plan.decimation = {0, 0.25}, packet.plan.still_error_m = 0.125;
+  packet.plan.plate_scale = 0.5, packet.plan.plate_qp = 24;
   const auto back = decode_packet(encode_packet(packet));
   ASSERT_TRUE(back) << back.error().message;
   EXPECT_EQ(back->plan, packet.plan);

@@ -40,11 +40,12 @@ constexpr TextureNode kTexturesOfBits[] = {{1, 28}, {0.7, 38}};
 constexpr int kPlateQp = 20;
 constexpr int kPlateQps[] = {12, 20, 28, 36, 44};
 constexpr double kStillErrors_voxels[] = {1, 3};
-// Captures that run in full before the burst: the still surface is handed over, plates are taken.
-constexpr int kHandOver = 12;
-// Captures of the burst that a new pipeline replays before it is measured. Labels of the still
-// surface are chosen again after 30; of other lattices only the moving surface is measured.
-constexpr int kSettling = 36, kSettlingOfBits = 16;
+// Captures that run in full before the burst: ten until the still surface is handed over, then 32
+// until its plates are refined.
+constexpr int kHandOver = 46;
+// Captures of the burst that a new pipeline replays before it is measured, until its still surface
+// has been merged, labelled and shown.
+constexpr int kSettling = 16;
 // Texture scale of the pipelines, which are run for their geometry: pictures are drawn and encoded
 // from what they note.
 constexpr double kSmallScale = 0.125;
@@ -169,8 +170,7 @@ class MomentSweep {
       auto opened = open(bits);
       if (!opened) return opened.error();
       pipeline = *std::move(opened);
-      const int captures = bits == kBits ? kSettling : kSettlingOfBits;
-      for (int i = 0; has_layers_ && i < captures; i += moments_.burst) {
+      for (int i = 0; has_layers_ && i < kSettling; i += moments_.burst) {
         pipeline->recall(memory_);
         if (const auto ran = pipeline->run(burst_); !ran) return ran.error();
       }
