@@ -43,9 +43,9 @@ constexpr double kStillErrors_voxels[] = {1, 3};
 // Captures that run in full before the burst: ten until the still surface is handed over, then 32
 // until its plates are refined.
 constexpr int kHandOver = 46;
-// Captures of the burst that a new pipeline replays before it is measured, until its still surface
-// has been merged, labelled and shown.
-constexpr int kSettling = 16;
+// Captures of the burst that a new pipeline replays before it is measured: labels of the still
+// surface are chosen again after 30, and chunks that change for that are named in heads.
+constexpr int kSettling = 36;
 // Texture scale of the pipelines, which are run for their geometry: pictures are drawn and encoded
 // from what they note.
 constexpr double kSmallScale = 0.125;
