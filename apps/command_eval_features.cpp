@@ -39,7 +39,6 @@ struct Feature {
   double PictureFeatures::*value;
 
   double of(const SceneFeatures& features) const { return features.*picture.*value; }
-  bool is_of_color() const { return picture == &SceneFeatures::color; }
 };
 constexpr Feature kFeatures[] = {
     {"color_spatial", "Colour, spatial", &SceneFeatures::color, &PictureFeatures::spatial},
@@ -73,20 +72,15 @@ bool has_color(const Scene& scene) {
 /// Of the sensors that delivered the last capture.
 using Extractors = std::map<SensorId, rate::FeatureExtractor>;
 
-struct SensorFeatures {
-  bool has_color = false;
-  SceneFeatures features;
-};
-
 /// The features of the next capture, of the sensors that delivered the one before it, too; nothing
 /// at the end.
-std::optional<std::vector<SensorFeatures>> next_features(node::CaptureReader& reader,
-                                                         Extractors& extractors) {
+std::optional<std::vector<rate::SensorFeatures>> next_features(node::CaptureReader& reader,
+                                                               Extractors& extractors) {
   const auto frames = reader.next(
       [](SensorId, const Error& error) { fmt::print(stderr, "dropped: {}\n", error.message); });
   if (!frames) return std::nullopt;
   Extractors delivered;
-  std::vector<SensorFeatures> out;
+  std::vector<rate::SensorFeatures> out;
   for (const Frame& frame : *frames) {
     const auto before = extractors.find(frame.sensor);
     rate::FeatureExtractor& extractor = delivered[frame.sensor];
@@ -96,20 +90,6 @@ std::optional<std::vector<SensorFeatures>> next_features(node::CaptureReader& re
   }
   extractors = std::move(delivered);
   return out;
-}
-
-/// Mean over the sensors, colour over those that have it.
-SceneFeatures mean_features(const std::vector<SensorFeatures>& sensors) {
-  SceneFeatures mean;
-  for (const Feature& feature : kFeatures) {
-    double sum = 0, count = 0;
-    for (const SensorFeatures& sensor : sensors) {
-      if (feature.is_of_color() && !sensor.has_color) continue;
-      sum += feature.of(sensor.features), ++count;
-    }
-    mean.*feature.picture.*feature.value = sum / std::max(count, 1.0);
-  }
-  return mean;
 }
 
 void show_frame(const std::string& scene, int done, int of) {
@@ -132,7 +112,8 @@ std::vector<FrameFeatures> measure(const Scene& scene, const FeatureOptions& opt
     const auto sensors = next_features(reader, extractors);
     if (!sensors) break;
     if (!sensors->empty())
-      rows.push_back({static_cast<std::uint64_t>(i) * options.every + 1, mean_features(*sensors)});
+      rows.push_back(
+          {static_cast<std::uint64_t>(i) * options.every + 1, rate::mean_features(*sensors)});
   }
   return rows;
 }

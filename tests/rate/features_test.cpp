@@ -377,5 +377,17 @@ TEST(SceneFeatures, ASensorWithoutColourHasNoColourEnergy) {
   EXPECT_GT(features.depth.spatial, 0);
 }
 
+TEST(MeanFeatures, CountColourOnlyOfSensorsThatHaveIt) {
+  SensorFeatures with{true, {}}, without{false, {}};
+  with.features.color.spatial = 6, with.features.depth.temporal = 2,
+  with.features.moving_pixels = 1;
+  without.features.depth.temporal = 4;
+  const SceneFeatures mean = mean_features(std::vector{with, without});
+  EXPECT_EQ(mean.color.spatial, 6);
+  EXPECT_EQ(mean.depth.temporal, 3);
+  EXPECT_EQ(mean.moving_pixels, 0.5);
+  EXPECT_EQ(mean_features({}).depth.temporal, 0);
+}
+
 }  // namespace
 }  // namespace mr::rate

@@ -1,7 +1,5 @@
 #include "mr/eval/rate_features.h"
 
-#include <algorithm>
-
 #include "mr/rate/feature_space.h"
 #include "mr/rate/features.h"
 
@@ -9,25 +7,16 @@ namespace mr::eval {
 
 std::vector<rate::Feature> burst_features(
     const Scene& scene, const std::vector<std::vector<std::optional<Frame>>>& burst) {
-  std::vector<rate::Feature> out = rate::named({});
-  double sensors = 0, with_color = 0;
+  std::vector<rate::SensorFeatures> sensors;
   for (std::size_t s = 0; s < scene.sensors.size(); ++s) {
     rate::FeatureExtractor extractor(scene.sensors[s].precision);
-    std::optional<rate::SceneFeatures> last;
-    bool has_color = false;
+    std::optional<rate::SensorFeatures> last;
     for (const auto& capture : burst)
-      if (capture[s]) {
-        last = extractor.extract(*capture[s]);
-        has_color = !capture[s]->color.empty();
-      }
-    if (!last) continue;
-    ++sensors, with_color += has_color;
-    const std::vector<rate::Feature> one = rate::named(*last);
-    for (std::size_t i = 0; i < out.size(); ++i) out[i].value += one[i].value;
+      if (capture[s]) last = {!capture[s]->color.empty(), extractor.extract(*capture[s])};
+    if (last) sensors.push_back(*last);
   }
-  for (rate::Feature& feature : out)
-    feature.value /= std::max(feature.name.starts_with("color") ? with_color : sensors, 1.0);
-  out.push_back({"sensors", sensors});
+  std::vector<rate::Feature> out = rate::named(rate::mean_features(sensors));
+  out.push_back({"sensors", static_cast<double>(sensors.size())});
   return out;
 }
 

@@ -152,7 +152,7 @@ class Ensemble {
   std::vector<double> mean_, variance_;
 };
 
-double log_rate(double mbps) { return std::log(std::max(mbps, 1e-4)); }
+double log_rate(double mbps) { return std::log(positive_mbps(mbps)); }
 
 /// Rate and quality fall with a coarser setting: what noise says against that is taken out.
 void make_monotone(GridValues& grid) {
@@ -221,9 +221,9 @@ RateSurface CurvePredictor::predict(const Observation& observed) const {
   if (!observed.produced.empty()) {
     const auto& newest = observed.produced.back();
     const RateSurface before(grid);
-    const double geometry = std::max(newest.geometry_mbps, 1e-4) /
+    const double geometry = positive_mbps(newest.geometry_mbps) /
                             before.geometry_mbps(newest.setting.error_voxels),
-                 texture = std::max(newest.texture_mbps, 1e-4) /
+                 texture = positive_mbps(newest.texture_mbps) /
                            before.texture_mbps(newest.setting.scale, newest.setting.qp);
     for (double& mbps : grid.geometry_mbps) mbps *= geometry;
     for (double& mbps : grid.texture_mbps) mbps *= texture;

@@ -158,4 +158,25 @@ SceneFeatures FeatureExtractor::extract(const Frame& frame) {
   return features;
 }
 
+SceneFeatures mean_features(std::span<const SensorFeatures> sensors) {
+  constexpr double PictureFeatures::*kValues[] = {
+      &PictureFeatures::spatial,           &PictureFeatures::temporal,
+      &PictureFeatures::spatial_deviation, &PictureFeatures::temporal_deviation,
+      &PictureFeatures::temporal_gradient, &PictureFeatures::pixel_deviation};
+  SceneFeatures mean;
+  double colored = 0;
+  for (const auto& [has_color, features] : sensors) {
+    for (const auto value : kValues) {
+      mean.depth.*value += features.depth.*value;
+      if (has_color) mean.color.*value += features.color.*value;
+    }
+    mean.moving_pixels += features.moving_pixels, colored += has_color;
+  }
+  const double all = std::max(static_cast<double>(sensors.size()), 1.0);
+  for (const auto value : kValues)
+    mean.depth.*value /= all, mean.color.*value /= std::max(colored, 1.0);
+  mean.moving_pixels /= all;
+  return mean;
+}
+
 }  // namespace mr::rate

@@ -3,6 +3,8 @@
 #include <optional>
 #include <vector>
 
+#include <span>
+
 #include "mr/core/frame.h"
 #include "mr/core/image.h"
 #include "mr/core/packet.h"
@@ -44,6 +46,15 @@ struct SceneFeatures {
   /// changed by more than noise.
   double moving_pixels = 0;
 };
+
+/// The features of one sensor's frame.
+struct SensorFeatures {
+  bool has_color = false;
+  SceneFeatures features;
+};
+
+/// Mean over the sensors; of colour, over those that have it. 0 where there are none.
+SceneFeatures mean_features(std::span<const SensorFeatures> sensors);
 
 /// Computes the features of one sensor's frames, each compared to the one before it. In the first
 /// picture, and after a change of its size, `temporal` is 0; `temporal_gradient` in the first two.

@@ -7,6 +7,7 @@
 #include "mr/core/assert.h"
 #include "mr/rate/grid.h"
 #include "mr/rate/shipped_models.h"
+#include "mr/rate/stored_numbers.h"
 
 namespace mr::rate {
 namespace {
@@ -15,13 +16,10 @@ using Json = nlohmann::ordered_json;
 using Numbers = std::vector<double>;
 
 constexpr std::size_t kMostBytes = 16 << 20, kMostRows = 10'000;
+constexpr int kMostWhole = 1'000'000;
 
-/// Seven significant digits: what is predicted from a file is predicted from its own numbers.
-double seven_digits(double v) {
-  if (v == 0) return 0;
-  const double unit = std::pow(10.0, std::floor(std::log10(std::abs(v))) - 6);
-  return std::round(v / unit) * unit;
-}
+/// What is predicted from a file is predicted from its own numbers.
+double seven_digits(double v) { return rounded_to(v, 7); }
 Json to_json(const Numbers& values) {
   Json out = Json::array();
   for (const double v : values) out.push_back(seven_digits(v));
@@ -48,10 +46,6 @@ Numbers numbers(const Json& in, std::size_t count) {
   if (out.size() != count) refuse("a list of another length");
   return out;
 }
-int integer(double v) {
-  if (!(std::abs(v) <= 1e6 && v == std::floor(v))) refuse("an impossible number");
-  return static_cast<int>(v);
-}
 const Json& rows(const Json& in) {
   if (!in.is_array() || in.size() > kMostRows) refuse("no list");
   return in;
@@ -60,7 +54,8 @@ const Json& rows(const Json& in) {
 Json to_json(const Setting& s) { return {s.error_voxels, s.bits, s.scale, s.qp}; }
 Setting setting(const Json& in) {
   const Numbers v = numbers(in, 4);
-  const Setting out{v[0], integer(v[1]), v[2], integer(v[3])};
+  const Setting out{v[0], whole_number(v[1], -kMostWhole, kMostWhole), v[2],
+                    whole_number(v[3], -kMostWhole, kMostWhole)};
   const bool has_scale = std::ranges::any_of(
       kTextureNodes, [&](const TextureNode& node) { return node.scale == out.scale; });
   const bool good = out.error_voxels >= 0.1 && out.error_voxels <= 100 && out.bits == kBits &&
@@ -93,8 +88,10 @@ Json to_json(const Svm& svm) {
 Svm svm(const Json& in, std::size_t features) {
   Svm::Parts p;
   p.gamma = in.at("gamma").get<double>();
-  for (const double v : numbers(in.at("labels"))) p.labels.push_back(integer(v));
-  for (const double v : numbers(in.at("counts"))) p.counts.push_back(integer(v));
+  for (const double v : numbers(in.at("labels")))
+    p.labels.push_back(whole_number(v, -kMostWhole, kMostWhole));
+  for (const double v : numbers(in.at("counts")))
+    p.counts.push_back(whole_number(v, -kMostWhole, kMostWhole));
   p.rho = numbers(in.at("rho"));
   for (const Json& row : rows(in.at("coefficients"))) p.coefficients.push_back(numbers(row));
   for (const Json& row : rows(in.at("vectors"))) p.vectors.push_back(numbers(row, features));
@@ -230,7 +227,8 @@ Result<Models> models_from_json(std::string_view text) {
     return Error{Error::Cause::too_large, "a model file of over 16 MiB"};
   try {
     const Json in = Json::parse(text);
-    if (const int version = integer(in.at("version").get<double>()); version != Models::kVersion)
+    if (const int version = whole_number(in.at("version").get<double>(), -kMostWhole, kMostWhole);
+        version != Models::kVersion)
       return Error{Error::Cause::unsupported, "a model file of version " + std::to_string(version) +
                                                   "; this program reads version " +
                                                   std::to_string(Models::kVersion) +

@@ -30,7 +30,7 @@ std::vector<double> NominalRates::usual_log_mbps(const Observation::Produced& pr
   grid.ssim.assign(kErrors * kTextures, 0);
   const RateSurface nominal(grid);
   const Setting& s = produced.setting;
-  const auto log_of = [](double mbps) { return std::log(std::max(mbps, 1e-4)); };
+  const auto log_of = [](double mbps) { return std::log(positive_mbps(mbps)); };
   return {log_of(produced.geometry_mbps) +
               log_of(nominal.geometry_mbps(kUsualSetting.error_voxels)) -
               log_of(nominal.geometry_mbps(s.error_voxels)),

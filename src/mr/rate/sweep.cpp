@@ -3,17 +3,15 @@
 #include <cmath>
 #include <nlohmann/json.hpp>
 
+#include "mr/rate/stored_numbers.h"
+
 namespace mr::rate {
 namespace {
 
 using Json = nlohmann::ordered_json;
 
-/// Five significant digits: the figures are no better.
-double five_digits(double v) {
-  if (v == 0 || !std::isfinite(v)) return 0;
-  const double unit = std::pow(10.0, std::floor(std::log10(std::abs(v))) - 4);
-  return std::round(v / unit) * unit;
-}
+/// The figures are no better.
+double five_digits(double v) { return rounded_to(v, 5); }
 
 Json rows(const auto& list, const auto& row) {
   Json out = Json::array();
@@ -58,29 +56,22 @@ void read_rows(const Json& list, std::size_t numbers, const auto& read) {
   }
 }
 
-/// A whole number that was written as a number of any kind.
-int integer(double v, int most) {
-  if (!(v >= 0 && v <= most && v == std::floor(v)))
-    throw std::runtime_error("an impossible number");
-  return static_cast<int>(v);
-}
-int qp_of(double v) { return integer(v, 51); }
-
 Sweep sweep_from(const Json& in) {
   Sweep s;
   s.scene = in.at("scene").get<std::string>();
   s.layers = in.at("layers").get<bool>(),
-  s.moment = integer(in.at("moment").get<double>(), 1'000'000'000);
+  s.moment = whole_number(in.at("moment").get<double>(), 0, 1'000'000'000);
   s.fps = in.at("fps").get<double>(), s.voxel_m = in.at("voxel_m").get<double>();
   if (!(s.fps >= 1 && s.fps <= 1000) || !(s.voxel_m > 0 && s.voxel_m <= 1))
     throw std::runtime_error("an impossible frame rate or voxel");
   for (const auto& [name, value] : in.at("features").items())
     s.features.push_back({name, value.get<double>()});
   read_rows(in.at("geometries"), 4, [&](const auto& v) {
-    s.geometries.push_back({v[0], qp_of(v[1]), v[2], static_cast<std::uint64_t>(v[3])});
+    s.geometries.push_back(
+        {v[0], whole_number(v[1], 0, 51), v[2], static_cast<std::uint64_t>(v[3])});
   });
   read_rows(in.at("textures"), 4, [&](const auto& v) {
-    s.textures.push_back({v[0], qp_of(v[1]), v[2], v[3]});
+    s.textures.push_back({v[0], whole_number(v[1], 0, 51), v[2], v[3]});
   });
   read_rows(in.at("qualities"), 3, [&](const auto& v) {
     const Sweep::Quality q{static_cast<std::size_t>(v[0]), static_cast<std::size_t>(v[1]), v[2]};
@@ -89,7 +80,7 @@ Sweep sweep_from(const Json& in) {
     s.qualities.push_back(q);
   });
   read_rows(in.at("plates"), 3, [&](const auto& v) {
-    s.plates.push_back({qp_of(v[0]), v[1], v[2]});
+    s.plates.push_back({whole_number(v[0], 0, 51), v[1], v[2]});
   });
   read_rows(in.at("stills"), 3, [&](const auto& v) { s.stills.push_back({v[0], v[1], v[2]}); });
   return s;
@@ -119,7 +110,7 @@ Result<SweepFile> sweeps_from_json(std::string_view text) {
   if (text.size() > kMostBytes) return Error{Error::Cause::too_large, "sweeps of over 16 MiB"};
   try {
     const Json in = Json::parse(text);
-    if (const int version = integer(in.at("version").get<double>(), 1'000'000);
+    if (const int version = whole_number(in.at("version").get<double>(), 0, 1'000'000);
         version != SweepFile::kVersion)
       return Error{Error::Cause::unsupported, "sweeps of version " + std::to_string(version) +
                                                   "; this program reads version " +

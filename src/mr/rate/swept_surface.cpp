@@ -29,15 +29,12 @@ std::optional<double> find_ssim(const Sweep& sweep, std::size_t geometry, std::s
   return std::nullopt;
 }
 
-/// Also of a picture that does not change, which costs nothing.
-double positive(double mbps) { return std::max(mbps, 1e-4); }
-
 std::optional<GridValues> find_values(const Sweep& sweep) {
   GridValues out;
   for (const double error : kErrorNodes_voxels) {
     const auto g = find_geometry(sweep, error);
     if (!g) return std::nullopt;
-    out.geometry_mbps.push_back(positive(sweep.geometry_mbps(sweep.geometries[*g])));
+    out.geometry_mbps.push_back(positive_mbps(sweep.geometry_mbps(sweep.geometries[*g])));
     for (const TextureNode& node : kTextureNodes) {
       const auto t = find_texture(sweep, node);
       const auto ssim = t ? find_ssim(sweep, *g, *t) : std::nullopt;
@@ -47,7 +44,7 @@ std::optional<GridValues> find_values(const Sweep& sweep) {
   }
   for (const TextureNode& node : kTextureNodes)
     out.texture_mbps.push_back(
-        positive(sweep.texture_mbps(sweep.textures[*find_texture(sweep, node)])));
+        positive_mbps(sweep.texture_mbps(sweep.textures[*find_texture(sweep, node)])));
   return out;
 }
 

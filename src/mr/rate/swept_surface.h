@@ -1,5 +1,6 @@
 #pragma once
 
+#include <algorithm>
 #include <map>
 #include <span>
 #include <vector>
@@ -18,6 +19,10 @@ struct GridValues {
   std::vector<double> texture_mbps;   ///< [kTextureNodes], > 0
   std::vector<double> ssim;           ///< [kErrorNodes_voxels * kTextureNodes]
 };
+
+/// A rate above 0, also of a picture that does not change, which costs nothing: its logarithm is
+/// taken.
+inline double positive_mbps(double mbps) { return std::max(mbps, 1e-4); }
 
 /// The values of a sweep at the grid's nodes; it must have measured all of them.
 GridValues grid_values(const Sweep& sweep);
