@@ -14,9 +14,9 @@ inline double rounded_to(double v, int digits) {
 }
 
 /// A whole number that was read as a number of any kind. Throws std::runtime_error where it is
-/// none, or beyond ±`most`.
-inline int whole_number(double v, int most = 1'000'000) {
-  if (!(std::abs(v) <= most && v == std::floor(v)))
+/// none, or not within the limits.
+inline int whole_number(double v, int least, int most) {
+  if (!(v >= least && v <= most && v == std::floor(v)))
     throw std::runtime_error("an impossible number");
   return static_cast<int>(v);
 }
