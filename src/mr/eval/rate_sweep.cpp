@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 #include <iterator>
+#include <limits>
 #include <map>
 #include <memory>
 #include <numeric>
@@ -195,13 +196,17 @@ class MomentSweep {
     std::uint64_t triangles = 0;
     for (const auto& chunk : surface.geometry.chunks)
       if (chunk->key.id.layer == Layer::moving) triangles += chunk->mesh.triangles.size();
-    sweep_.geometries.push_back({error_voxels, bits, *cost, triangles});
+    sweep_.geometries.push_back({error_voxels, bits, 0, triangles});
     surfaces_.push_back(std::move(surface));
+    moving_bytes_.push_back(*cost);
+    for (std::size_t g = 0; g < moving_bytes_.size(); ++g)
+      sweep_.geometries[g].bytes = moving_bytes_[g] + least_head_bytes_;
     return surfaces_.size() - 1;
   }
 
-  /// Replays the burst in the learnt state. Returns the bytes of a capture: the median, as a head
-  /// that names a change of the still surface is none of the steady state.
+  /// Replays the burst in the learnt state. Returns the bytes of a capture's moving chunks: the
+  /// median. Notes the least head: others name changes of the still surface, which are none of the
+  /// steady state, and which no setting changes.
   Result<double> replay(const ScenePlan& plan, int bits) {
     const auto opened = pipeline_of(bits);
     if (!opened) return opened.error();
@@ -215,8 +220,9 @@ class MomentSweep {
     std::vector<double> bytes;
     runtime::RunListener listener;
     listener.captured = [&](int, const runtime::CaptureCost& cost) {
-      bytes.push_back(static_cast<double>(cost.mesh_bytes - cost.still_bytes + cost.head_bytes -
-                                          cost.alpha_bytes));
+      bytes.push_back(static_cast<double>(cost.mesh_bytes - cost.still_bytes));
+      const auto head = static_cast<double>(cost.head_bytes - cost.alpha_bytes);
+      least_head_bytes_ = std::min(least_head_bytes_, head);
     };
     const bool is_noted = inputs_.burst.empty();
     if (is_noted)
@@ -478,6 +484,8 @@ class MomentSweep {
   ImageRgb plates_;                                              ///< empty: there are none
   std::optional<ImageLuma> plate_;                               ///< decoded, at kPlateQp
   std::vector<Surface> surfaces_;                                ///< [sweep_.geometries]
+  std::vector<double> moving_bytes_;                             ///< [sweep_.geometries]
+  double least_head_bytes_ = std::numeric_limits<double>::infinity();
   std::vector<LumaTexture> textures_;                            ///< [sweep_.textures]
   rate::Sweep sweep_;
 };
