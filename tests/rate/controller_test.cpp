@@ -170,6 +170,48 @@ TEST(Controller, TheBacklogIsSentAndGetsItsShare) {
     }
 }
 
+TEST(Controller, ABacklogInLargePiecesIsSavedFor) {
+  for (const MadeScene& scene : made_other_scenes()) {
+    const double target = target_at(scene, 0.5);
+    MadeStream stream(scene, target);
+    stream.run(5);
+    stream.backlog = 2 * target * 1e6 / 8;
+    stream.least_piece = 0.35 * target * 1e6 / 8;
+    stream.run(10);
+    EXPECT_LT(stream.backlog, stream.least_piece) << scene.name;
+    for (double s = 1; s < 13.9; s += 1 / scene.fps)
+      ASSERT_LE(stream.mbps(s, s + 1), 1.1 * target) << scene.name << ' ' << s;
+  }
+}
+
+TEST(Controller, KeepsToTheTargetWhereFewerCapturesComeThanUsual) {
+  for (const MadeScene& scene : made_other_scenes())
+    for (const double fps : {3.0, 9.0, 20.0}) {
+      const double target = target_at(scene, 0.4);
+      MadeStream stream(scene, target);
+      stream.key_frame_every = 0;
+      stream.controller.set_fps(fps);
+      stream.run(20);
+      const double most =
+          fps * 8e-6 * (made_geometry_bytes(scene, 0.5) + made_texture_bytes(scene, 1, 18));
+      const double mbps = stream.mbps(5, 20) * fps / scene.fps;
+      EXPECT_NEAR(mbps / std::min(target, most), 1, 0.05) << scene.name << ' ' << fps;
+    }
+}
+
+TEST(Controller, ALeastErrorHoldsForAllSettings) {
+  MadeStream stream({}, 1.2 * made_most_mbps({}));
+  stream.run(2);
+  EXPECT_LT(stream.controller.setting().error_voxels, 2);
+  stream.controller.set_least_error(2);
+  EXPECT_EQ(stream.controller.setting().error_voxels, 2);
+  stream.run(5);
+  EXPECT_GE(stream.controller.setting().error_voxels, 2);
+  stream.controller.set_least_error(0);
+  stream.run(15);
+  EXPECT_LT(stream.controller.setting().error_voxels, 2);
+}
+
 TEST(Controller, ASceneInWhichNothingMovesLeavesAllToTheBacklog) {
   MadeScene still;
   still.moving = 1e-9;

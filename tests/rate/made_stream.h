@@ -60,15 +60,19 @@ struct MadeStream {
   void step() {
     const bool is_due = key_frame_every > 0 && captures.size() % key_frame_every == 0;
     const bool key_frame = captures.empty() || is_due || std::exchange(key_frame_asked, false);
-    const CapturePlan plan = controller.next(backlog, key_frame);
+    CapturePlan plan = controller.begin(backlog);
     CaptureBytes bytes;
+    key_frame_needed |= key_frame || plan.key_frame;
+    plan.key_frame = key_frame_needed;
     if (!plan.skipped) {
       bytes.geometry = made_geometry_bytes(scene, plan.setting.error_voxels);
+      const CaptureBudget budget = controller.code({bytes.geometry, backlog, key_frame_needed});
+      plan.setting.qp = budget.qp, plan.refinement = budget.refinement;
+      bytes.key_frame = std::exchange(key_frame_needed, false);
       bytes.texture = made_texture_bytes(scene, plan.setting.scale, plan.setting.qp) *
-                      (plan.key_frame ? scene.key_ratio : 1);
-      bytes.key_frame = plan.key_frame;
+                      (bytes.key_frame ? scene.key_ratio : 1);
+      if (budget.refinement >= least_piece) bytes.refinement = std::min(budget.refinement, backlog);
     }
-    bytes.refinement = std::min(plan.refinement, backlog);
     const double before = backlog;
     backlog -= bytes.refinement;
     controller.sent(bytes);
@@ -91,6 +95,8 @@ struct MadeStream {
   std::size_t key_frame_every = 250;  ///< 0: the first alone
   double backlog = 0;                 ///< bytes that wait
   bool key_frame_asked = false;       ///< for the next one
+  bool key_frame_needed = false;      ///< and not sent yet
+  double least_piece = 0;             ///< bytes; the backlog is not sent in smaller pieces
   std::vector<Capture> captures;
 };
 

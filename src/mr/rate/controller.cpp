@@ -20,6 +20,7 @@ constexpr double kUsualKey = 8;  // key frames, in other frames, until one was s
 constexpr double kLeast_mbps = 0.01;
 constexpr double kRepay = 4;                         // captures over which credit is used
 constexpr double kMostCredit = 3;                    // captures' worth, saved
+constexpr double kMostPurse_s = 0.4;                 // seconds' worth: as a second has room for
 constexpr double kHold_s = 1, kHoldReversal_s = 10;  // between changes that are not urgent
 constexpr double kLongestGap_s = 1.5;                // between captures that are sent
 
@@ -33,7 +34,7 @@ int direction_of(const Setting& from, const Setting& to) {
 
 Controller::Controller(std::shared_ptr<const Model> model, bool layers, double fps,
                        double target_mbps)
-    : model_(std::move(model)), fps_(fps), setting_(kUsualSetting) {
+    : model_(std::move(model)), nominal_fps_(fps), fps_(fps), setting_(kUsualSetting) {
   MR_ASSERT(model_ && fps_ > 0);
   observed_.layers = layers;
   set_target(target_mbps);
@@ -51,6 +52,20 @@ void Controller::set_features(std::vector<Feature> features) {
   observed_.features = std::move(features);
 }
 
+void Controller::set_fps(double fps) {
+  MR_ASSERT(fps > 0);
+  fps_ = fps;
+}
+
+void Controller::set_least_error(double voxels) {
+  target_changed_ |= voxels < least_error_voxels_;  // another setting may be better now
+  least_error_voxels_ = voxels;
+  if (setting_.error_voxels >= voxels) return;
+  Setting coarser = setting_;
+  coarser.error_voxels = voxels;
+  take(coarser);
+}
+
 /// Texture bytes of the next capture with a quantiser.
 double Controller::texture_at(int qp, bool key_frame) const {
   return (key_frame ? key_ : texture_) * std::exp(-kPerQp * (qp - setting_.qp));
@@ -60,7 +75,16 @@ double Controller::texture_at(int qp, bool key_frame) const {
 /// no more than the second that ends with it has left. Captures of the past count by their own
 /// target.
 double Controller::allowed() const {
-  return std::max(std::min(bytes_of(target_mbps_) + credit_ / kRepay, left()), 0.0);
+  return std::max(std::min(bytes_of(target_mbps_) + credit_ / kRepay, left() - purse_), 0.0);
+}
+
+/// What of a capture's share is for the backlog.
+double Controller::for_backlog(double backlog) const {
+  return std::min({backlog, kLeastForBacklog * bytes_of(target_mbps_), purse_room()});
+}
+
+double Controller::purse_room() const {
+  return std::max(kMostPurse_s * fps_ * bytes_of(target_mbps_) - purse_, 0.0);
 }
 
 double Controller::left() const {
@@ -104,50 +128,65 @@ void Controller::decide(double for_setting_mbps) {
   if (captures_ >= kFewest) {
     const double key = key_ > 0 ? key_ : kUsualKey * texture_;
     observed_.produced.push_back(
-        {setting_, mbps_of(geometry_), (texture_ * (fps_ - 1) + key) * 8e-6});
+        {setting_, geometry_ * 8e-6 * nominal_fps_, (texture_ * (nominal_fps_ - 1) + key) * 8e-6});
     if (observed_.produced.size() > 6) observed_.produced.erase(observed_.produced.begin());
   }
-  const Setting wanted = model_->choose(observed_, for_setting_mbps);
+  Setting wanted = model_->choose(observed_, for_setting_mbps * nominal_fps_ / fps_);
+  wanted.error_voxels = std::max(wanted.error_voxels, least_error_voxels_);
   if (is_worth_it(wanted, for_setting_mbps)) take(wanted);
   has_chosen_ = true, target_changed_ = false, since_decision_ = 0;
 }
 
-CapturePlan Controller::next(double backlog, bool key_frame) {
-  const double share = bytes_of(target_mbps_);
-  const double for_backlog = std::min(backlog, kLeastForBacklog * share);
-  if (target_changed_ || since_decision_ >= kDecideEvery) decide(mbps_of(share - for_backlog));
+CapturePlan Controller::begin(double backlog) {
+  const double share = bytes_of(target_mbps_), aside = for_backlog(backlog);
+  if (target_changed_ || since_decision_ >= kDecideEvery) decide(mbps_of(share - aside));
   ++since_decision_, ++since_change_;
-  key_frame = key_frame_needed_ |= key_frame;
 
-  const double most = allowed(), for_texture = most - for_backlog - geometry_;
-  CapturePlan out{setting_, key_frame, false, 0};
-  out.setting.qp = texture_ > 0 ? kFinestQp : std::max(setting_.qp, kFirstQp);
-  if (texture_ > 0)
-    while (out.setting.qp < kCoarsestQp && texture_at(out.setting.qp, key_frame) > for_texture)
-      ++out.setting.qp;
-  const double least = geometry_ + texture_at(kCoarsestQp, key_frame);
-  is_best_effort_ = geometry_ + texture_at(kCoarsestQp, false) > 1.1 * share;
   // Where the least is more than the share, captures wait until what was saved pays for one.
+  const double least = geometry_ + texture_at(kCoarsestQp, key_frame_needed_);
   const double saved = std::min(share + credit_, left());
-  out.skipped =
-      captures_ >= kFewest && least > std::max(most, saved) && since_sent_ < kLongestGap_s * fps_;
-  since_sent_ = out.skipped ? since_sent_ + 1 : 0;
-  const double used = out.skipped ? 0 : geometry_ + texture_at(out.setting.qp, key_frame);
-  out.refinement =
-      out.skipped ? std::min(for_backlog, most) : std::clamp(most - used, 0.0, backlog);
-  planned_ = out;
-  return out;
+  is_best_effort_ = geometry_ + texture_at(kCoarsestQp, false) > 1.1 * share;
+  planned_ = {setting_, key_frame_needed_, false, std::min(backlog, aside + purse_)};
+  planned_.skipped = captures_ >= kFewest && least > std::max(allowed(), saved) &&
+                     since_sent_ < kLongestGap_s * fps_;
+  since_sent_ = planned_.skipped ? since_sent_ + 1 : 0;
+  if (planned_.skipped) planned_.refinement = 0;
+  return planned_;
+}
+
+CaptureBudget Controller::code(const CaptureState& capture) {
+  const double most = allowed();
+  const double for_texture = most - for_backlog(capture.backlog) - capture.geometry;
+  int qp = texture_ > 0 ? kFinestQp : std::max(setting_.qp, kFirstQp);
+  if (texture_ > 0)
+    while (qp < kCoarsestQp && texture_at(qp, capture.key_frame) > for_texture) ++qp;
+  const double used = capture.geometry + texture_at(qp, capture.key_frame);
+  save_for_backlog(capture.backlog, most - used);
+  budget_ = {qp, std::clamp(std::min(purse_, left() - used), 0.0, capture.backlog)};
+  return budget_;
+}
+
+/// Puts what a capture leaves into the purse, as far as that may be filled.
+void Controller::save_for_backlog(double backlog, double unused) {
+  if (backlog <= 0) {
+    credit_ += std::exchange(purse_, 0);
+    return;
+  }
+  const double saved = std::clamp(unused, 0.0, std::min(purse_room(), backlog));
+  purse_ += saved, credit_ -= saved;
 }
 
 void Controller::sent(const CaptureBytes& bytes) {
   const double all = bytes.geometry + bytes.texture + bytes.refinement;
   const double share = bytes_of(target_mbps_);
   second_.push_back({all, share});
-  if (static_cast<double>(second_.size()) > fps_ - 1) second_.pop_front();
-  credit_ = std::clamp(credit_ + share - all, -fps_ * share,
+  while (!second_.empty() && static_cast<double>(second_.size()) > fps_ - 1) second_.pop_front();
+  const double of_purse = std::min(bytes.refinement, purse_);
+  purse_ -= of_purse;
+  credit_ = std::clamp(credit_ + share + of_purse - all, -fps_ * share,
                        (planned_.skipped ? fps_ : kMostCredit) * share);
   if (planned_.skipped) return;
-  const double texture = bytes.texture * std::exp(kPerQp * (planned_.setting.qp - setting_.qp));
+  const double texture = bytes.texture * std::exp(kPerQp * (budget_.qp - setting_.qp));
   const auto weight = [](int before) { return 1 / std::min<double>(before + 1, kMeanOver); };
   geometry_ += weight(captures_++) * (bytes.geometry - geometry_);
   if (bytes.key_frame) {

@@ -10,12 +10,25 @@
 
 namespace mr::rate {
 
-/// What the controller decides for one capture.
+/// What the controller decides before a capture is merged.
 struct CapturePlan {
-  Setting setting;         ///< its QP is this capture's own
-  bool key_frame = false;  ///< the live tiles are to be key frames
+  Setting setting;         ///< its QP is not decided yet
+  bool key_frame = false;  ///< the live tiles are to be key frames: they have another scale
   bool skipped = false;    ///< the capture is not sent: even the least quality does not fit
-  double refinement = 0;   ///< bytes that chunks of the still surface and plates may take
+  double refinement = 0;   ///< bytes that the still surface and plates may take at least
+};
+
+/// What is known of a capture once its mesh is coded and its pictures are drawn.
+struct CaptureState {
+  double geometry = 0;  ///< bytes: moving chunks and the head
+  double backlog = 0;   ///< bytes of still surface and plates that wait to be sent
+  bool key_frame = false;
+};
+
+/// What the controller decides for the rest of the capture.
+struct CaptureBudget {
+  int qp = 0;             ///< of the live tiles
+  double refinement = 0;  ///< bytes that the still surface and plates may take
 };
 
 /// What one capture came to, as sent.
@@ -27,7 +40,8 @@ struct CaptureBytes {
 };
 
 /// The control loop of one stream. In: a target, features, and what every capture really took. Out:
-/// a plan for every capture.
+/// a plan for every capture, in two steps: begin() before it is merged, and code() before its
+/// pictures are coded. Then follows sent(); after a skipped one, sent({}) alone.
 ///
 /// - A model chooses decimation, texture scale and quantiser for the target: at once when the
 ///   target changes, else every kDecideEvery captures, and keeps what it has unless the change is
@@ -36,7 +50,8 @@ struct CaptureBytes {
 ///   a second as near to the target as quantisers allow, over every second below kMostInASecond of
 ///   it, key frames included.
 /// - Still surface and plates wait in a backlog. They get what the moving surface leaves, and at
-///   least kLeastForBacklog of the target, spread over the captures.
+///   least kLeastForBacklog of the target, spread over the captures. What they do not take at once,
+///   since pictures come in one piece, is kept for them.
 /// - Where the coarsest setting does not fit, captures are left out.
 ///
 /// Time is counted in captures; no socket, no thread, no clock.
@@ -52,12 +67,16 @@ class Controller {
   void set_target(double mbps);
   double target_mbps() const { return target_mbps_; }
   void set_features(std::vector<Feature> features);
+  /// How many captures a second there are; above 0. Models go by the scene's nominal rate.
+  void set_fps(double fps);
+  /// No setting may have a lower error from now on: finer meshes would take too long.
+  void set_least_error(double voxels);
 
   /// The plan of the next capture. `backlog`: bytes of still surface and plates that wait to be
-  /// sent, at least 0; `key_frame`: one is needed. It stays needed until a capture was sent with
-  /// it; another texture scale needs one, too.
-  CapturePlan next(double backlog, bool key_frame);
-  /// What the capture of the last next() took; of a skipped one, nothing.
+  /// sent, at least 0.
+  CapturePlan begin(double backlog);
+  CaptureBudget code(const CaptureState& capture);
+  /// What the capture took; of a skipped one, nothing.
   void sent(const CaptureBytes& bytes);
 
   /// The setting around which quantisers move.
@@ -70,14 +89,17 @@ class Controller {
   double bytes_of(double mbps) const { return mbps * 1e6 / 8 / fps_; }
   double mbps_of(double bytes) const { return bytes * 8e-6 * fps_; }
   void decide(double for_setting_mbps);
+  void save_for_backlog(double backlog, double unused);
   bool is_worth_it(const Setting& wanted, double budget_mbps) const;
   void take(const Setting& setting);
   double texture_at(int qp, bool key_frame) const;
   double allowed() const;
+  double for_backlog(double backlog) const;
+  double purse_room() const;
   double left() const;
 
   std::shared_ptr<const Model> model_;
-  double fps_, target_mbps_ = 0;
+  double nominal_fps_, fps_, target_mbps_ = 0, least_error_voxels_ = 0;
   Observation observed_;
   Setting setting_ = {};
   bool has_chosen_ = false, target_changed_ = true, is_best_effort_ = false;
@@ -86,13 +108,15 @@ class Controller {
   // Of the setting in force, means over the last captures:
   double geometry_ = 0, texture_ = 0, key_ = 0;  ///< bytes of a capture; texture at setting_.qp
   int captures_ = 0, textures_ = 0;              ///< in these means; without key frames
-  bool key_frame_needed_ = false;
+  bool key_frame_needed_ = false;  ///< the scale changed, and no key frame was sent since
   CapturePlan planned_;
+  CaptureBudget budget_;
   struct Spent {
     double bytes = 0, share = 0;  ///< of a capture, and what its target gave it
   };
   std::deque<Spent> second_;  ///< the captures of the last second, without the next one
   double credit_ = 0;         ///< bytes that were not used
+  double purse_ = 0;          ///< bytes that are kept for the backlog, none of credit_
 };
 
 }  // namespace mr::rate

@@ -37,16 +37,19 @@ class SimulatedScene {
     key_ratio_ = other > 0 ? std::max(key / other, 1.0) : 1;
   }
 
-  CaptureBytes capture(const Setting& setting, bool key_frame, double busier) {
+  /// The next capture; `busier`: by which factor more moves than usually.
+  void capture(double busier) {
     noise_ = 0.9 * noise_ + 0.03 * normal();
-    const double more = busier * std::exp(noise_);
-    CaptureBytes out;
-    out.key_frame = key_frame;
-    out.geometry = more * bytes(surface_.geometry_mbps(setting.error_voxels));
+    more_ = busier * std::exp(noise_);
+    more_texture_ = more_ * std::exp(0.05 * normal());
+  }
+  double geometry(const Setting& setting) const {
+    return more_ * bytes(surface_.geometry_mbps(setting.error_voxels));
+  }
+  double texture(const Setting& setting, bool key_frame) const {
     const double mean = bytes(surface_.texture_mbps(setting.scale, setting.qp));
     const double other = mean * fps_ / (fps_ - 1 + key_ratio_);
-    out.texture = more * std::exp(0.05 * normal()) * (key_frame ? key_ratio_ : 1) * other;
-    return out;
+    return more_texture_ * (key_frame ? key_ratio_ : 1) * other;
   }
   double ssim(const Setting& setting) const { return surface_.ssim(setting); }
 
@@ -60,7 +63,7 @@ class SimulatedScene {
   }
 
   RateSurface surface_;
-  double fps_, key_ratio_ = 1, noise_ = 0;
+  double fps_, key_ratio_ = 1, noise_ = 0, more_ = 1, more_texture_ = 1;
   std::mt19937_64 random_;
 };
 
@@ -121,6 +124,7 @@ SimulationResult simulate(Controller& controller, const Sweep& sweep, const Trac
   controller.set_features(sweep.features);
   const int captures = static_cast<int>(std::lround(seconds * sweep.fps));
   double backlog = 0, busier = 1, busy_until_s = 0, shown_ssim = 0;
+  bool key_frame_needed = false;
   for (int i = 0; i < captures; ++i) {
     const double s = i / sweep.fps;
     if (i % static_cast<int>(std::lround(sweep.fps)) == 0) out.seconds.emplace_back();
@@ -134,15 +138,21 @@ SimulationResult simulate(Controller& controller, const Sweep& sweep, const Trac
     const double target = trace.mbps(s);
     controller.set_target(target);
     const Setting before = controller.setting();
-    const CapturePlan plan = controller.next(backlog, key_frame);
+    CapturePlan plan = controller.begin(backlog);
     second.changes += before != controller.setting();
     second.skipped += plan.skipped;
     CaptureBytes sent;
+    key_frame_needed |= key_frame || plan.key_frame;
     if (!plan.skipped) {
-      sent = scene.capture(plan.setting, plan.key_frame, s < busy_until_s ? busier : 1);
+      scene.capture(s < busy_until_s ? busier : 1);
+      const auto [qp, refinement] =
+          controller.code({scene.geometry(plan.setting), backlog, key_frame_needed});
+      plan.setting.qp = qp;
+      sent = {scene.geometry(plan.setting), scene.texture(plan.setting, key_frame_needed),
+              key_frame_needed, std::min(refinement, backlog)};
+      key_frame_needed = false;
       shown_ssim = scene.ssim(plan.setting);
     }
-    sent.refinement = std::min(plan.refinement, backlog);
     backlog -= sent.refinement;
     controller.sent(sent);
     const double mbps = (sent.geometry + sent.texture + sent.refinement) * 8e-6 * sweep.fps;
