@@ -11,6 +11,7 @@ void add_eval(CLI::App& app, int& exit_code) {
   add_eval_ssim(*eval, exit_code);
   add_eval_geometry(*eval, exit_code);
   add_eval_scene(*eval, exit_code);
+  add_eval_follow(*eval, exit_code);
   add_eval_still(*eval, exit_code);
   add_eval_photos(*eval, exit_code);
   add_eval_views(*eval, exit_code);

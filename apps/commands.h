@@ -22,6 +22,7 @@ void add_eval(CLI::App& app, int& exit_code);
 void add_eval_geometry(CLI::App& eval, int& exit_code);
 void add_eval_features(CLI::App& eval, int& exit_code);
 void add_eval_scene(CLI::App& eval, int& exit_code);
+void add_eval_follow(CLI::App& eval, int& exit_code);
 void add_eval_still(CLI::App& eval, int& exit_code);
 void add_eval_views(CLI::App& eval, int& exit_code);
 void add_eval_ssim(CLI::App& eval, int& exit_code);

@@ -2,6 +2,8 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
+#include <map>
 #include <set>
 
 #include "mr/codec/mesh_codec.h"
@@ -86,6 +88,124 @@ TEST(ChunkPublisher, EachChunkHasItsOwnError) {
     different.insert(chunk.error_m);
   }
   EXPECT_GT(different.size(), 1u);
+}
+
+class LittleStillSurface : public testing::Test {
+ protected:
+  /// Sets it in cubes of half a chunk, higher by `bump_m`.
+  void set(float bump_m = 0) {
+    Mesh mesh = surface();
+    for (Vec3f& p : mesh.positions) p.z += bump_m;
+    std::map<Vec3i, node::SurfacePiece> pieces;
+    for (auto& [cube, piece] : node::split_by_cube(mesh, scene_.fusion.chunk_m / 2))
+      pieces[cube].mesh = std::move(piece);
+    publisher_.set_all_still(std::move(pieces));
+  }
+  Packet publish(node::Allowance allowed) {
+    Packet packet;
+    EXPECT_TRUE(publisher_.publish(5, packet, allowed));
+    EXPECT_TRUE(std::ranges::is_sorted(packet.manifest));
+    EXPECT_TRUE(std::ranges::is_sorted(packet.chunks, {}, &EncodedChunk::key));
+    for (const ChunkKey& key : packet.manifest) EXPECT_TRUE(publisher_.find(key));
+    return packet;
+  }
+  static double bytes_of(const Packet& packet) {
+    double out = 0;
+    for (const EncodedChunk& chunk : packet.chunks)
+      out += static_cast<double>(chunk.payload.size());
+    return out;
+  }
+
+  Scene scene_;
+  node::ChunkPublisher publisher_{scene_, SensorId{0}};
+};
+
+TEST_F(LittleStillSurface, ComesPieceByPieceWithinItsBytes) {
+  set();
+  const std::size_t all = publisher_.missing_still().size();
+  ASSERT_GT(all, 4u);
+  const double first_guess = publisher_.waiting_bytes();
+  EXPECT_GT(first_guess, 0);
+  constexpr double kBytes = 700;
+  std::size_t named = 0;
+  int packets = 0;
+  while (publisher_.waiting_bytes() > 0) {
+    ASSERT_LT(++packets, 100);
+    const Packet packet = publish({kBytes});
+    EXPECT_LE(bytes_of(packet), kBytes);
+    EXPECT_FALSE(packet.chunks.empty());
+    named += packet.chunks.size();
+    EXPECT_EQ(packet.manifest.size(), named) << "what was sent, and nothing else";
+    EXPECT_EQ(publisher_.missing_still().size(), all - named);
+  }
+  EXPECT_GT(packets, 2);
+  EXPECT_EQ(named, all);
+  EXPECT_TRUE(publish({kBytes}).chunks.empty());
+}
+
+TEST_F(LittleStillSurface, WhatWaitsIsShownAsItWas) {
+  set();
+  const Packet before = publish({});
+  set(0.05f);
+  EXPECT_TRUE(publisher_.missing_still().empty());
+  EXPECT_GT(publisher_.waiting_bytes(), 0);
+  const Packet held = publish({0});
+  EXPECT_EQ(held.manifest, before.manifest);
+  EXPECT_TRUE(held.chunks.empty());
+  set(0.1f);  // again, before anything of it was sent
+  EXPECT_EQ(publish({0}).manifest, before.manifest);
+  const Packet all = publish({});
+  EXPECT_EQ(all.chunks.size(), before.manifest.size());
+  for (const EncodedChunk& chunk : all.chunks) {
+    const auto decoded = codec::decode_chunk(chunk, Lattice{});
+    ASSERT_TRUE(decoded);
+    EXPECT_NEAR(decoded->mesh.positions[0].z, 1.1, 0.001) << "the newest";
+  }
+}
+
+TEST_F(LittleStillSurface, WhatIsGoneIsGoneAtOnce) {
+  set();
+  publish({});
+  publisher_.set_all_still({});
+  EXPECT_TRUE(publish({0}).manifest.empty());
+  set();
+  publisher_.set_all_still({});
+  EXPECT_EQ(publisher_.waiting_bytes(), 0);
+}
+
+TEST_F(LittleStillSurface, APieceThatNeverFitsComesAnyway) {
+  set();
+  EXPECT_TRUE(publish({1}).chunks.empty());
+  EXPECT_EQ(publish({1, true}).chunks.size(), 1u);
+}
+
+TEST_F(LittleStillSurface, WhatMovesDoesNotWait) {
+  set();
+  publisher_.set_moving(surface(), {});
+  const auto bytes = publisher_.code_moving(5);
+  ASSERT_TRUE(bytes);
+  const Packet packet = publish({0});
+  EXPECT_GT(packet.chunks.size(), 0u);
+  EXPECT_EQ(bytes_of(packet), static_cast<double>(*bytes));
+  for (const EncodedChunk& chunk : packet.chunks) EXPECT_EQ(chunk.key.id.layer, Layer::moving);
+}
+
+TEST_F(LittleStillSurface, SoDoesABackgroundModel) {
+  EncodedChunk chunk;
+  chunk.key.id.source = kBackgroundSource;
+  std::vector<EncodedChunk> background;
+  for (int i = 0; i < 4; ++i) {
+    chunk.key.id.cube.x = i;
+    chunk.payload = std::vector<std::byte>(1000);
+    background.push_back(chunk);
+  }
+  publisher_.add_background(background);
+  EXPECT_EQ(publisher_.waiting_bytes(), 4000);
+  EXPECT_EQ(publish({2500}).manifest.size(), 2u);
+  const Packet rest = publish({2500});
+  EXPECT_EQ(rest.chunks.size(), 2u);
+  EXPECT_EQ(rest.manifest.size(), 4u);
+  EXPECT_EQ(publisher_.waiting_bytes(), 0);
 }
 
 TEST(CubeErrors, WhereNothingIsKnownThoseAroundCount) {

@@ -236,8 +236,8 @@ links: [{from: a, to: root}]
 )";
   EXPECT_THAT(problems(scene_of({"a"}, rest)), IsEmpty());
   EXPECT_THAT(notices(scene_of({"a"}, rest)),
-              ElementsAre("4: rate.target_mbps: accepted, but not acted on by this version",
-                          HasSubstr("4: rate.model"), HasSubstr("5: coding.frame_divider"),
+              ElementsAre("5: coding.frame_divider of pipeline meshreduce: accepted, but not acted "
+                          "on by this version",
                           HasSubstr("6: merge.overlap"), HasSubstr("7: atlas"),
                           HasSubstr("10: links (but for `meshreduce plan`)")));
   EXPECT_THAT(notices(scene_of({"a"}, "fusion: {patches: [2, 2]}\n")),

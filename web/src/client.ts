@@ -49,6 +49,7 @@ export class Client {
   private lastAskMs = -Infinity;
   private askTimer = 0;
   private held: Uint8Array | null = null;
+  private targetMbps: number | null = null;
   private readonly arrivals = new Map<number, number>(); // of packets that are not acknowledged
 
   /** `hold`: takes the first packet and nothing after it. */
@@ -60,6 +61,7 @@ export class Client {
         this.lattice = hello.lattice;
         this.order.startAfresh();
         this.forget();
+        if (this.targetMbps !== null && hello.mostMbps !== null) this.connection.setTarget(this.targetMbps);
         events.onHello(hello);
       },
       onState: (state, reason) => {
@@ -95,6 +97,12 @@ export class Client {
   unlock(token: string): void {
     this.tokens.keep(token);
     this.open();
+  }
+
+  /** Asks for a stream of at most so much, also after the connection was lost. */
+  setTarget(mbps: number): void {
+    this.targetMbps = mbps;
+    this.connection.setTarget(mbps);
   }
 
   /** The newest complete capture since the last call. Acknowledge what it says is done once that is drawn. */
@@ -146,6 +154,7 @@ export class Client {
   }
 
   private received(bytes: Uint8Array): boolean {
+    this.traffic.addMessage(performance.now(), bytes.length);
     try {
       const message = openMessage(bytes);
       if (message.kind === "chunks") this.decode(this.receiver.provide(readChunksAnswer(message)));

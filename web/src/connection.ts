@@ -11,6 +11,8 @@ export interface Hello {
   readonly sensors: readonly string[];
   /** Where the scene wants a viewer to start. */
   readonly start: Start | null;
+  /** The most that the scene sends, where its rate is controlled: a viewer can ask for less. Mbit/s. */
+  readonly mostMbps: number | null;
 }
 
 /** `silent`: nothing comes for now; `ended`: nothing will. `locked`: the gateway wants a token, and is not asked again before it
@@ -88,6 +90,14 @@ function readStart(value: unknown): Start | null | undefined {
   return eye !== null && lookAt !== null && Math.hypot(...subtract(lookAt, eye)) > 0 ? { eye, lookAt } : null;
 }
 
+/** Undefined where the rate is not controlled; null where what the server tells is wrong. */
+function readMostMbps(value: unknown): number | null | undefined {
+  if (value === undefined) return undefined;
+  if (value === null || typeof value !== "object") return null;
+  const mbps = (value as Readonly<Record<string, unknown>>)["target_mbps"];
+  return typeof mbps === "number" && mbps > 0 && Number.isFinite(mbps) ? mbps : null;
+}
+
 /** Null unless all is as docs/wire-format.md says. */
 export function readHello(message: Readonly<Record<string, unknown>>): Hello | null {
   const lattice = message["lattice"] as Readonly<Record<string, unknown>> | undefined;
@@ -99,10 +109,12 @@ export function readHello(message: Readonly<Record<string, unknown>>): Hello | n
   if (up === null || lowCorner === null || !(Math.hypot(...up) > 0) || !(step > 0)) return null;
   const sensors = readSensors(message["sensors"]);
   const start = readStart(message["start"]);
-  if (sensors === null || start === null) return null;
+  const mostMbps = readMostMbps(message["rate"]);
+  if (sensors === null || start === null || mostMbps === null) return null;
   const size = Math.hypot(...up);
   return {
     scene, fps, up: [up[0] / size, up[1] / size, up[2] / size], lattice: { lowCorner, step }, sensors, start: start ?? null,
+    mostMbps: mostMbps ?? null,
   };
 }
 
@@ -157,6 +169,11 @@ export class Connection {
   /** Not by way of JSON.stringify, which knows no numbers of 64 bits. */
   acknowledge(sequence: number | bigint): void {
     this.send(`{"type":"shown","sequence":${sequence}}`);
+  }
+
+  /** Asks for a stream of at most so much. */
+  setTarget(mbps: number): void {
+    this.send(JSON.stringify({ type: "target", mbps }));
   }
 
   private send(text: string): void {

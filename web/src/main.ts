@@ -2,6 +2,7 @@ import { isInPanel, isTyping } from "./controls.ts";
 import { askedLayer } from "./layers.ts";
 import { Overlay } from "./overlay.ts";
 import { LockForm, Notice, Panel } from "./panels.ts";
+import { RateSlider } from "./rate_slider.ts";
 import { checkSupport } from "./support.ts";
 import { installTestHook } from "./test_hook.ts";
 import { sessionStorageOrNull, takeTokenFromAddress, TokenKeeper } from "./token.ts";
@@ -92,6 +93,10 @@ async function main(): Promise<void> {
     element("unlock", HTMLButtonElement), scene, (token) => viewer?.unlock(token),
   );
   const notice = new Notice(element("notice", HTMLElement), element("notice-text", HTMLElement), element("dismiss", HTMLButtonElement));
+  const rate = new RateSlider(
+    element("rate", HTMLElement), element("target", HTMLInputElement), element("target-text", HTMLElement),
+    (mbps) => viewer?.setTarget(mbps),
+  );
   const query = new URLSearchParams(location.search);
   const checkPairs = query.get("check") === "pairs";
   viewer = new Viewer(
@@ -112,6 +117,7 @@ async function main(): Promise<void> {
       notice: (words) => notice.say(words),
       locked: (reason) => lock.show(reason),
       unlocked: () => lock.hide(),
+      rate: (mostMbps) => rate.offer(mostMbps),
     },
   );
   installTestHook(viewer);

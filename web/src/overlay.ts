@@ -1,5 +1,6 @@
 /** What the overlay shows; each field's element is found by data-testid. */
 export interface Readings {
+  readonly rate: string;
   readonly "frame-rate": string;
   readonly latency: string;
   readonly "mesh-rate": string;
@@ -9,10 +10,12 @@ export interface Readings {
   readonly triangles: string;
   readonly chunks: string;
   readonly capture: string;
+  readonly coding: string;
   readonly device: string;
 }
 
 const kLabels: Readonly<Record<keyof Readings, string>> = {
+  rate: "Received",
   "frame-rate": "Captures shown",
   latency: "Capture to screen",
   "mesh-rate": "Mesh, moving",
@@ -22,6 +25,7 @@ const kLabels: Readonly<Record<keyof Readings, string>> = {
   triangles: "Triangles",
   chunks: "Chunks",
   capture: "Capture",
+  coding: "What moves, coded",
   device: "Drawn by",
 };
 const kEveryMs = 500;

@@ -100,6 +100,8 @@ export interface Plan {
   readonly meshSpeed: number;
   readonly textureScale: number;
   readonly textureQp: number;
+  /** Error limit of decimating what moves; 0: none. */
+  readonly simplifyErrorM: number;
 }
 
 export interface Packet {

@@ -207,10 +207,12 @@ export function readPlan(table: Table): Plan {
     meshSpeed: table.i32(1, 5),
     textureScale: table.f32(2, 1),
     textureQp: table.i32(3, 28),
+    simplifyErrorM: table.f32(4, 0),
   };
   require(
     within(plan.simplifyRatio, 0, 1) && within(plan.meshSpeed, 0, 10) &&
-      within(plan.textureScale, 0, 16) && within(plan.textureQp, 0, 51),
+      within(plan.textureScale, 0, 16) && within(plan.textureQp, 0, 51) &&
+      within(plan.simplifyErrorM, 0, 1),
     "an impossible coding plan",
   );
   return plan;

@@ -26,6 +26,16 @@ export class Rate {
 export class Traffic {
   private readonly mesh = kLayers.map(() => new Rate());
   private readonly texture = kLayers.map(() => new Rate());
+  private readonly all = new Rate();
+
+  /** A message of so many bytes, heads and all. */
+  addMessage(nowMs: number, bytes: number): void {
+    this.all.add(nowMs, bytes);
+  }
+
+  bytes(nowMs: number): number {
+    return this.all.perSecond(nowMs);
+  }
 
   add(nowMs: number, { views, chunks, textures, alpha }: Pick<Packet, "views" | "chunks" | "textures" | "alpha">): void {
     const plates = new Set(views.filter((view) => layerOf(view) === kStill).map((view) => view.stream));

@@ -7,7 +7,7 @@ import { kMoving, kStill, layerOf, ofLayer, type Layer } from "./layers.ts";
 import { Navigation, type Start } from "./navigation.ts";
 import type { Readings } from "./overlay.ts";
 import { pick } from "./pick.ts";
-import type { Packet } from "./packet.ts";
+import type { Packet, Plan } from "./packet.ts";
 import { burntNumber, type Picture } from "./picture.ts";
 import { pixelRatio, Resolution, type Motion } from "./resolution.ts";
 import { SceneRenderer } from "./scene_renderer.ts";
@@ -57,6 +57,8 @@ export interface ViewerPage {
   /** Asks for a token; `reason`: why the last one was refused, or empty. */
   locked(reason: string): void;
   unlocked(): void;
+  /** The most that the stream takes, Mbit/s; null where its rate is not controlled. */
+  rate(mostMbps: number | null): void;
 }
 
 const kWaiting = "Connected. Waiting for the first capture …";
@@ -70,6 +72,11 @@ const kStillAfterCaptures = 4; // that did not come: drawn by the processor, a s
 const kLongestCaptureMs = 1000;
 const kHealthEveryMs = 100; // a sensor that is missing is told within two seconds
 const kStartSettlesMs = 10_000; // sensors that come so soon are still counted for the place to start
+
+function describePlan({ simplifyErrorM, textureScale, textureQp }: Plan): string {
+  const error = simplifyErrorM > 0 ? `${(1000 * simplifyErrorM).toFixed(1)} mm, ` : "";
+  return `${error}QP ${textureQp}, ${Math.round(100 * textureScale)} % size`;
+}
 
 /** Shows the newest complete capture; draws only when something changed, once per animation frame. */
 export class Viewer {
@@ -126,6 +133,7 @@ export class Viewer {
         this.navigation.setUp(hello.up);
         this.renderer.setUp(hello.up);
         this.health = new Health(hello.sensors, hello.fps);
+        page.rate(hello.mostMbps);
       },
       onState: (state, reason) => this.setState(state, reason),
       onChange: () => this.schedule(),
@@ -166,6 +174,10 @@ export class Viewer {
       else this.navigation.setDown();
     }
     return this.controls.mode;
+  }
+
+  setTarget(mbps: number): void {
+    this.client.setTarget(mbps);
   }
 
   setTheme(theme: keyof typeof kThemes): void {
@@ -224,7 +236,9 @@ export class Viewer {
     const shown = this.shown();
     const { errors, refused } = this.client;
     const counts = `${errors > 0 ? `, ${errors} broken parts` : ""}${refused > 0 ? `, ${refused} out of order` : ""}`;
+    const plan = this.shownCapture?.packet.plan;
     return {
+      rate: mbps(traffic.bytes(now)),
       "frame-rate": `${this.captures.perSecond(now).toFixed(1)} /s`,
       latency: latency === null ? "–" : `${latency.toFixed(0)} ms`,
       "mesh-rate": mbps(traffic.meshBytes(kMoving, now)),
@@ -234,6 +248,7 @@ export class Viewer {
       triangles: this.renderer.triangles().toLocaleString("en"),
       chunks: shown === null ? "–" : `${shown.chunks - this.newChunks} kept, ${this.newChunks} new`,
       capture: shown === null ? "–" : `${shown.sequence}${counts}`,
+      coding: plan === undefined ? "–" : describePlan(plan),
       device: this.options.device,
     };
   }

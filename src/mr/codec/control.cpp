@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <bit>
+#include <cmath>
 #include <cstring>
 #include <functional>
 #include <string>
@@ -25,7 +26,8 @@ enum class Section : std::uint32_t {
   whole_head = 4,
   shown = 5,
   time = 6,
-  plan = 8  // 7: plans without those of single sensors, of earlier programs
+  plan = 8,  // 7: plans without those of single sensors, of earlier programs
+  target = 9
 };
 
 constexpr std::size_t kKeyBytes = 28, kStreamBytes = 4, kSequenceBytes = 8;
@@ -157,6 +159,15 @@ Status read_plans(std::span<const std::byte> body, Control& out) {
   return {};
 }
 
+Status read_target(std::span<const std::byte> body, Control& out) {
+  if (body.size() != sizeof(double))
+    return wrong(Error::Cause::corrupt, "a target of another length");
+  out.target_mbps = get_number(body);
+  if (!std::isfinite(*out.target_mbps) || *out.target_mbps <= 0)
+    return wrong(Error::Cause::corrupt, "a target that is no rate");
+  return {};
+}
+
 Status read_section(Section kind, std::span<const std::byte> body, Control& out) {
   switch (kind) {
     case Section::key_frames:
@@ -173,6 +184,8 @@ Status read_section(Section kind, std::span<const std::byte> body, Control& out)
       return read_flag(body, out.time);
     case Section::plan:
       return read_plans(body, out);
+    case Section::target:
+      return read_target(body, out);
   }
   return {};  // unknown kind, of a newer version: skipped
 }
@@ -221,6 +234,10 @@ std::vector<std::byte> encode_control(const Control& control) {
       put_integer(out, number_of(sensor));
       put_plan(out, plan);
     }
+  }
+  if (control.target_mbps) {
+    put_section(out, Section::target, sizeof(double));
+    put_number(out, *control.target_mbps);
   }
   seal(out);
   return out;

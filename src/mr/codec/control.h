@@ -30,10 +30,12 @@ struct Control {
   bool time = false;  ///< requests the node's clock; the answer holds nothing else
   /// In force from the next frame on; the node passes it on to its own inputs. It is valid.
   std::optional<ScenePlan> plan = {};
+  /// Mbit/s at which viewers can follow, above 0, for the root's rate control.
+  std::optional<double> target_mbps = {};
 
   bool empty() const {
     return key_frames.empty() && chunks.empty() && !taken && !whole_head && !shown && !time &&
-           !plan;
+           !plan && !target_mbps;
   }
   /// Whether the sender expects an answer.
   bool wants_answer() const { return !chunks.empty() || time; }

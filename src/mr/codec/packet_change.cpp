@@ -240,6 +240,7 @@ Result<Packet> complete(PacketMessage message, const Packet& base, const PacketL
   packet.chunks = std::move(message.chunks);
   packet.textures = std::move(message.textures);
   packet.alpha = std::move(message.alpha);
+  packet.features = std::move(message.features);
   if (const Status sound = check_whole(packet, limits); !sound) return sound.error();
   return packet;
 }

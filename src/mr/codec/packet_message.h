@@ -56,6 +56,7 @@ struct PacketMessage {
   std::vector<EncodedChunk> chunks;
   std::vector<TextureUnit> textures;
   std::vector<AlphaPlane> alpha;
+  std::vector<FrameFeatures> features;
 
   std::uint64_t base_sequence() const { return sequence - age; }
 };

@@ -73,7 +73,7 @@ class Reader {
     if (read_times(in) && read_base(in) &&
         (in.change() == nullptr || read_change(*in.change(), out_.change)) &&
         count_chunks(in.chunks()) && read_chunks(in.chunks()) && read_textures(in.textures()) &&
-        read_alpha(in.alpha()))
+        read_alpha(in.alpha()) && read_features(in.features()))
       return std::move(out_);
     return error_;
   }
@@ -434,6 +434,25 @@ class Reader {
       if (std::max(out.width, out.height) > limits_.texture_side || pixels > limits_.alpha_pixels)
         return fail(too_large_packet("too large an alpha plane"));
       if (!read_payload(*in.data(), out.data)) return false;
+    }
+    return true;
+  }
+
+  bool read_features(const fb::Vector<fb::Offset<wire::Features>>* all) {
+    if (size_of(all) > limits_.views) return fail(too_large_packet("too many features"));
+    for (std::size_t i = 0; i < size_of(all); ++i) {
+      const wire::Features& in = *all->Get(static_cast<fb::uoffset_t>(i));
+      FrameFeatures& out = out_.features.emplace_back();
+      out.sensor = SensorId{in.sensor()}, out.has_color = in.has_color();
+      const std::size_t values = size_of(in.values());
+      if (values > FrameFeatures::kMostValues) return fail(too_large_packet("too many features"));
+      if (!require(i == 0 || out_.features[i - 1].sensor < out.sensor, "unsorted features") ||
+          !spend(sizeof(float) * values))
+        return false;
+      for (std::size_t k = 0; k < values; ++k) out.values.push_back(number_at(*in.values(), k));
+      if (!require(std::ranges::all_of(out.values, [](float v) { return std::isfinite(v); }),
+                   "features that are not finite"))
+        return false;
     }
     return true;
   }

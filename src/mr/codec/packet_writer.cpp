@@ -125,6 +125,10 @@ fb::Offset<wire::Texture> write(Builder& b, const TextureUnit& t) {
                              t.layout, t.width, t.height, t.key_frame, data, t.serial);
 }
 
+fb::Offset<wire::Features> write(Builder& b, const FrameFeatures& f) {
+  return wire::CreateFeatures(b, number_of(f.sensor), f.has_color, b.CreateVector(f.values));
+}
+
 fb::Offset<wire::Alpha> write(Builder& b, const AlphaPlane& a) {
   const auto data =
       b.CreateVector(reinterpret_cast<const std::uint8_t*>(a.data.data()), a.data.size());
@@ -228,6 +232,7 @@ struct Parts {
   const std::vector<EncodedChunk>& chunks;
   const std::vector<TextureUnit>& textures;
   const std::vector<AlphaPlane>& alpha;
+  const std::vector<FrameFeatures>& features;
 };
 
 std::size_t expected_bytes(const Parts& parts) {
@@ -257,12 +262,13 @@ std::vector<std::byte> encode(const Parts& parts) {
   const auto chunks = write_some<wire::Chunk>(b, parts.chunks);
   const auto textures = write_some<wire::Texture>(b, parts.textures);
   const auto alpha = write_some<wire::Alpha>(b, parts.alpha);
+  const auto features = write_some<wire::Features>(b, parts.features);
   const WrittenTimes sources = write_times(b, parts.captured_at, parts.source_times);
   const WrittenTimes marks = write_times(b, parts.captured_at, parts.mark_times);
   wire::FinishPacketBuffer(
       b, wire::CreatePacket(b, parts.epoch, parts.sequence, to_ns(parts.captured_at), parts.age,
                             sources.delays, marks.delays, textures, chunks, change, head,
-                            parts.coalesced, sources.times, marks.times, alpha));
+                            parts.coalesced, sources.times, marks.times, alpha, features));
   return sealed_bytes(b);
 }
 
@@ -284,7 +290,8 @@ std::vector<std::byte> encode_packet(const Packet& packet, const Packet& base,
                  .change = change,
                  .chunks = packet.chunks,
                  .textures = packet.textures,
-                 .alpha = packet.alpha});
+                 .alpha = packet.alpha,
+                 .features = packet.features});
 }
 
 std::vector<std::byte> encode_packet(const Packet& packet) {
@@ -306,7 +313,8 @@ std::vector<std::byte> encode_message(const PacketMessage& message) {
                  .change = message.change,
                  .chunks = message.chunks,
                  .textures = message.textures,
-                 .alpha = message.alpha});
+                 .alpha = message.alpha,
+                 .features = message.features});
 }
 
 std::vector<std::byte> encode_chunks(std::span<const EncodedChunk> chunks) {

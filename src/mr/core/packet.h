@@ -105,6 +105,17 @@ struct AlphaPlane {
   friend bool operator==(const AlphaPlane&, const AlphaPlane&) = default;
 };
 
+/// What a sensor's frame is like, for the root's rate control: as rate::values_of() orders it.
+struct FrameFeatures {
+  static constexpr std::size_t kMostValues = 64;
+
+  SensorId sensor{};
+  bool has_color = false;
+  std::vector<float> values;
+
+  friend bool operator==(const FrameFeatures&, const FrameFeatures&) = default;
+};
+
 /// When a stage ended, for latency overlays.
 struct TimeMark {
   std::string stage;  ///< "<node>/<stage>"
@@ -123,12 +134,13 @@ struct Packet {
   TimePoint captured_at{};          ///< of a merged packet: the tick it was aligned to
   std::vector<SourceInfo> sources;  ///< each sensor's own time, sorted by sensor
   CodingPlan plan;
-  std::vector<View> views;            ///< sorted by id, then by layer
-  std::vector<ChunkKey> manifest;     ///< every live chunk, sorted
-  std::vector<EncodedChunk> chunks;   ///< the payloads that are new, sorted by key
-  std::vector<TextureUnit> textures;  ///< in order; none of a stream whose picture did not change
-  std::vector<StreamState> streams;   ///< sorted by stream; codec::HeadWriter fills it in
-  std::vector<AlphaPlane> alpha;      ///< of this capture, sorted by stream; none: all is drawn
+  std::vector<View> views;              ///< sorted by id, then by layer
+  std::vector<ChunkKey> manifest;       ///< every live chunk, sorted
+  std::vector<EncodedChunk> chunks;     ///< the payloads that are new, sorted by key
+  std::vector<TextureUnit> textures;    ///< in order; none of a stream whose picture did not change
+  std::vector<StreamState> streams;     ///< sorted by stream; codec::HeadWriter fills it in
+  std::vector<AlphaPlane> alpha;        ///< of this capture, sorted by stream; none: all is drawn
+  std::vector<FrameFeatures> features;  ///< sorted by sensor; only on the way to the root
   std::vector<TimeMark> marks;
 
   friend bool operator==(const Packet&, const Packet&) = default;

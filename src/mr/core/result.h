@@ -11,7 +11,7 @@ namespace mr {
 /// A failure caused by bytes, files, devices or peers. Programming errors: MR_ASSERT.
 struct Error {
   /// Causes are counted by name; `message` is one line that names what and where.
-  enum class Cause { invalid, corrupt, too_large, not_found, io, unsupported, empty };
+  enum class Cause { invalid, corrupt, too_large, not_found, io, unsupported, empty, over_budget };
 
   Cause cause = Cause::invalid;
   std::string message;
@@ -21,7 +21,7 @@ struct Error {
 /// "invalid", "corrupt", …: the name under which a cause is counted.
 inline const char* cause_name(Error::Cause cause) {
   constexpr const char* kNames[] = {"invalid", "corrupt",     "too_large", "not_found",
-                                    "io",      "unsupported", "empty"};
+                                    "io",      "unsupported", "empty",     "over_budget"};
   return kNames[static_cast<int>(cause)];
 }
 

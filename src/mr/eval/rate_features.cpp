@@ -15,9 +15,7 @@ std::vector<rate::Feature> burst_features(
       if (capture[s]) last = {!capture[s]->color.empty(), extractor.extract(*capture[s])};
     if (last) sensors.push_back(*last);
   }
-  std::vector<rate::Feature> out = rate::named(rate::mean_features(sensors));
-  out.push_back({"sensors", static_cast<double>(sensors.size())});
-  return out;
+  return rate::scene_features(sensors);
 }
 
 }  // namespace mr::eval

@@ -53,15 +53,7 @@ constexpr double kSmallScale = 0.125;
 
 /// The scene's plan with a decimation, without pictures.
 ScenePlan plan_of(const Scene& scene, double error_voxels) {
-  const Decimation decimation{0, error_voxels * scene.voxel_m};
-  ScenePlan out;
-  for (const SensorId id : all_sensors(scene.sensors)) {
-    CodingPlan& plan = out.by_sensor[id] = node::sensor_plan(scene, id);
-    plan.decimation = decimation;
-  }
-  out.sensors = out.by_sensor.begin()->second;
-  out.root = node::merger_plan(scene, true);
-  out.root.decimation = decimation;
+  ScenePlan out = node::scene_plan(scene, error_voxels);
   out.root.texture_scale = out.root.plate_scale = kSmallScale;
   return out;
 }
@@ -69,8 +61,8 @@ ScenePlan plan_of(const Scene& scene, double error_voxels) {
 /// The finest error limit of the sensors' still surfaces, in voxels.
 double still_error_voxels(const Scene& scene) {
   double out = 0;
-  for (const auto& [sensor, plan] : plan_of(scene, 1).by_sensor)
-    if (plan.still_error_m > 0) out = plan.still_error_m / scene.voxel_m;
+  for (const SensorId id : all_sensors(scene.sensors))
+    out = std::max(out, node::sensor_plan(scene, id).still_error_m / scene.voxel_m);
   return out;
 }
 
@@ -442,8 +434,11 @@ class MomentSweep {
     const double best = still_error_voxels(scene_);
     for (const double error : {best, kStillErrors_voxels[0], kStillErrors_voxels[1]}) {
       ScenePlan plan = plan_of(scene_, rate::kErrorNodes_voxels[0]);
-      for (auto& [sensor, of_sensor] : plan.by_sensor)
+      for (const SensorId id : all_sensors(scene_.sensors)) {
+        CodingPlan of_sensor = plan.of(id);
         if (of_sensor.still_error_m > 0) of_sensor.still_error_m = error * scene_.voxel_m;
+        plan.by_sensor[id] = of_sensor;
+      }
       if (const auto ran = replay(plan, kBits); !ran) return ran.error();
       const DecodedScene& shown = *pipelines_.at(kBits)->decoded();
       Surface surface{{shown.chunks, shown.views, shown.sources}, {}};
@@ -486,7 +481,7 @@ class MomentSweep {
   std::vector<Surface> surfaces_;                                ///< [sweep_.geometries]
   std::vector<double> moving_bytes_;                             ///< [sweep_.geometries]
   double least_head_bytes_ = std::numeric_limits<double>::infinity();
-  std::vector<LumaTexture> textures_;                            ///< [sweep_.textures]
+  std::vector<LumaTexture> textures_;  ///< [sweep_.textures]
   rate::Sweep sweep_;
 };
 

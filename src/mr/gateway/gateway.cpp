@@ -19,6 +19,7 @@ constexpr Duration kSilence =
     std::chrono::milliseconds(1500);  // of the root, then viewers are informed
 constexpr Duration kLongestSilence = std::chrono::seconds(10);  // limit where packets are far apart
 constexpr Duration kLogEvery = std::chrono::seconds(1);         // what happens again and again
+constexpr Duration kTargetEvery = std::chrono::seconds(1);      // the root is told
 constexpr std::size_t kMaxText = 1024;                          // bytes of a viewer's text message
 constexpr std::size_t kMaxSensorsNamed = 256;                   // in a hello
 
@@ -191,8 +192,17 @@ void Gateway::on_text(net::ViewerId viewer, const std::string& text, TimePoint n
     return send_text(viewer,
                      Json{{"type", "pong"}, {"id", *integer("id")}, {"server_ms", ms}}.dump());
   }
+  if (type == "target") return on_target(viewer, message.value("mbps", Json()));
   if (type == "token") return;  // a second token changes nothing
   refuse(viewer, "not a message of this protocol");
+}
+
+/// The rate that a viewer wants. What is none changes nothing.
+void Gateway::on_target(net::ViewerId viewer, const Json& wanted) {
+  const double mbps = wanted.is_number() ? wanted.get<double>() : 0;
+  if (viewers_.want(viewer, mbps)) return;
+  send_text(viewer,
+            Json{{"type", "error"}, {"message", "a target must be a number above 0"}}.dump());
 }
 
 /// Refuses viewers that occupy a connection without making progress.
@@ -240,11 +250,22 @@ std::vector<node::Ask> Gateway::asks(TimePoint now) {
   std::vector<node::Ask> out;
   if (auto request = viewers_.wanted(heads_.lacks_base(), now); !request.empty())
     out.push_back({0, std::move(request)});
+  if (scene_->rate.model != RateConfig::Model::fixed) ask_for_rate(now, out);
   const auto taken = viewers_.taken();
   if (!taken || taken == acknowledged_) return out;
   acknowledged_ = taken;
   out.push_back({0, {.key_frames = {}, .chunks = {}, .taken = taken}});
   return out;
+}
+
+/// Tells the root what viewers want, at once and then again and again: messages may be lost.
+void Gateway::ask_for_rate(TimePoint now, std::vector<node::Ask>& out) {
+  const double wanted = viewers_.wanted_mbps().value_or(scene_->rate.target_mbps);
+  if (wanted == target_mbps_ && !is_due(target_told_, kTargetEvery, now)) return;
+  target_mbps_ = wanted, target_told_ = now;
+  codec::Control request;
+  request.target_mbps = wanted;
+  out.push_back({0, std::move(request)});
 }
 
 void Gateway::watch_silence(TimePoint now) {
@@ -296,6 +317,8 @@ std::string Gateway::hello() const {
       {"lattice",
        {{"low_corner", json_of(scene.lattice.low_corner())}, {"step", scene.lattice.step_m()}}},
       {"sensors", sensor_names(scene)}};
+  if (scene.rate.model != RateConfig::Model::fixed)
+    hello["rate"] = {{"target_mbps", scene.rate.target_mbps}};
   if (scene.gateway && scene.gateway->start)
     hello["start"] = {{"eye", json_of(scene.gateway->start->eye)},
                       {"look_at", json_of(scene.gateway->start->look_at)}};

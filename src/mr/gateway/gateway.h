@@ -5,6 +5,7 @@
 #include <map>
 #include <memory>
 #include <mutex>
+#include <nlohmann/json_fwd.hpp>
 #include <optional>
 #include <string>
 #include <vector>
@@ -61,6 +62,8 @@ class Gateway final : public node::Task {
   void on_decision(net::ViewerId viewer, const ViewerSessions::Decision& decision);
   void on_text(net::ViewerId viewer, const std::string& text, TimePoint now);
   void on_request(net::ViewerId viewer, std::span<const std::byte> bytes, TimePoint now);
+  void on_target(net::ViewerId viewer, const nlohmann::ordered_json& wanted);
+  void ask_for_rate(TimePoint now, std::vector<node::Ask>& out);
   void refuse(net::ViewerId viewer, const std::string& why);
   void close_overdue(TimePoint now);
   void log_refusals(TimePoint now);
@@ -88,7 +91,9 @@ class Gateway final : public node::Task {
   std::map<std::string, std::uint64_t> refusals_;  ///< by cause, of the transports; as last logged
   std::optional<TimePoint> refusals_logged_, version_refused_, first_step_, last_packet_,
       give_back_at_;
-  Duration interval_{};          ///< between the last two packets
+  Duration interval_{};  ///< between the last two packets
+  std::optional<TimePoint> target_told_;
+  double target_mbps_ = 0;       ///< as the root was told
   std::size_t most_unread_ = 0;  ///< bytes, since memory was given back
   std::optional<std::uint64_t> acknowledged_;
   std::atomic<std::uint64_t> frames_ = 0, bytes_ = 0;

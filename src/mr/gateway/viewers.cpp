@@ -1,6 +1,7 @@
 #include "mr/gateway/viewers.h"
 
 #include <algorithm>
+#include <cmath>
 #include <utility>
 
 #include "mr/codec/packet_message.h"
@@ -248,6 +249,22 @@ std::optional<net::Message> Viewers::asked(Id id, const codec::Control& request,
   if (found.empty()) return std::nullopt;
   viewer->second.unread.push_back({net::as_message(codec::encode_chunks(found)), now, true});
   return viewer->second.unread.back().message;
+}
+
+bool Viewers::want(Id id, double mbps) {
+  const auto viewer = viewers_.find(id);
+  if (!std::isfinite(mbps) || mbps <= 0) return false;
+  if (viewer != viewers_.end()) viewer->second.wanted_mbps = mbps;
+  return true;
+}
+
+std::optional<double> Viewers::wanted_mbps() const {
+  std::optional<double> out;
+  for (const auto& [id, viewer] : viewers_) {
+    if (!viewer.wanted_mbps) return std::nullopt;
+    out = std::max(out.value_or(0), *viewer.wanted_mbps);
+  }
+  return out;
 }
 
 /// Those that are there, as many as one answer holds; the rest is asked for again.

@@ -71,6 +71,12 @@ class Viewers {
   /// lacks the base starts anew with the next packet.
   std::optional<net::Message> asked(Id viewer, const codec::Control& request, TimePoint now);
 
+  /// The viewer wants a stream of at most this rate. False: that is no rate, and nothing changes.
+  bool want(Id viewer, double mbps);
+  /// The rate that the root should send: the highest that a viewer wants. Nothing: some viewer has
+  /// said nothing, or nobody watches.
+  std::optional<double> wanted_mbps() const;
+
   /// What to ask the root for now: chunks that are missing, key frames that somebody waits for, and
   /// a whole head where its base is lacking.
   codec::Control wanted(bool lacks_base, TimePoint now);
@@ -104,6 +110,7 @@ class Viewers {
     std::vector<Waiting> waiting;
     std::deque<Unread> unread;
     std::optional<TimePoint> answered, began_anew, first_written, last_shown;
+    std::optional<double> wanted_mbps;
 
     bool may_get_packet() const;
     bool has_unread_answer() const;

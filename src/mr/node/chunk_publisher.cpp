@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <array>
+#include <cmath>
 #include <optional>
 #include <utility>
 #include <vector>
@@ -22,7 +23,10 @@ ChunkPublisher::ChunkPublisher(const Scene& scene, SensorId source)
 void ChunkPublisher::put(const ChunkId& id, SurfacePiece piece) {
   const auto before = live_.find(id);
   if (reuse_ && before != live_.end() && before->second.piece.mesh == piece.mesh) return;
-  live_[id] = Live{publications_ + 1, std::move(piece)};
+  Live chunk{publications_ + 1, std::move(piece)};
+  if (before != live_.end())
+    chunk.before = before->second.is_new ? before->second.before : before->second.version;
+  live_[id] = std::move(chunk);
 }
 
 void ChunkPublisher::set_moving(const Mesh& mesh, const CubeErrors& errors,
@@ -85,31 +89,101 @@ bool ChunkPublisher::set_all_still(std::map<Vec3i, SurfacePiece> pieces) {
   return any_outdated;
 }
 
-Status ChunkPublisher::publish(int mesh_speed, Packet& packet) {
-  std::vector<Chunk> fresh;
-  for (auto& [id, chunk] : live_) {
-    const ChunkKey key{id, 0, chunk.version};
-    packet.manifest.push_back(key);
-    if (chunk.is_new || !reuse_)
-      fresh.push_back({key, chunk.piece.error_m, chunk.piece.mesh, chunk.piece.guessed});
-  }
+/// The chunks to be sent; of the still surface first those that show where nothing was.
+std::vector<ChunkPublisher::Item*> ChunkPublisher::fresh(Layer layer) {
+  std::vector<Item*> out;
+  for (Item& item : live_)
+    if (item.first.layer == layer && (item.second.is_new || !reuse_)) out.push_back(&item);
+  std::stable_partition(out.begin(), out.end(),
+                        [](const Item* item) { return item->second.before == 0; });
+  return out;
+}
 
-  std::vector<std::optional<Result<EncodedChunk>>> coded(fresh.size());
-  parallel_for(fresh.size(), 1, [&](std::size_t begin, std::size_t end) {
-    for (std::size_t i = begin; i < end; ++i)
-      coded[i] = codec::encode_chunk(fresh[i], lattice_, mesh_speed);
+Status ChunkPublisher::code(std::span<Item* const> items, int mesh_speed) {
+  std::vector<std::optional<Result<EncodedChunk>>> coded(items.size());
+  parallel_for(items.size(), 1, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t i = begin; i < end; ++i) {
+      const auto& [id, chunk] = *items[i];
+      const SurfacePiece& piece = chunk.piece;
+      if (!chunk.coded)
+        coded[i] =
+            codec::encode_chunk({{id, 0, chunk.version}, piece.error_m, piece.mesh, piece.guessed},
+                                lattice_, mesh_speed);
+    }
   });
   for (const auto& chunk : coded)
-    if (!chunk->ok()) return chunk->error();
-  for (auto& chunk : coded) {
-    packet.chunks.push_back(**chunk);
-    cache_.put(**std::move(chunk));
+    if (chunk && !chunk->ok()) return chunk->error();
+  for (std::size_t i = 0; i < items.size(); ++i)
+    if (coded[i]) items[i]->second.coded = **std::move(coded[i]);
+  return {};
+}
+
+Result<std::size_t> ChunkPublisher::code_moving(int mesh_speed) {
+  const std::vector<Item*> moving = fresh(Layer::moving);
+  if (const Status coded = code(moving, mesh_speed); !coded) return coded.error();
+  std::size_t bytes = 0;
+  for (const Item* item : moving) bytes += item->second.coded->payload.size();
+  return bytes;
+}
+
+/// Puts these chunks into the packet, in this order, as far as the bytes go.
+Status ChunkPublisher::bring(std::span<Item* const> items, Allowance& allowed, int mesh_speed,
+                             Packet& packet) {
+  constexpr std::size_t kAtOnce = 8;  // coded together where some may have to wait
+  const bool is_limited = std::isfinite(allowed.bytes);
+  const std::size_t step = is_limited ? kAtOnce : std::max<std::size_t>(items.size(), 1);
+  double coded_bytes = 0, triangles = 0;
+  bool has_room = true;
+  for (std::size_t first = 0; has_room && first < items.size(); first += step) {
+    const auto some = items.subspan(first, std::min(step, items.size() - first));
+    has_room = allowed.bytes > 0 || allowed.one_anyway;
+    if (!has_room) break;
+    if (const Status coded = code(some, mesh_speed); !coded) return coded;
+    for (Item* item : some) {
+      Live& chunk = item->second;
+      const auto size = static_cast<double>(chunk.coded->payload.size());
+      coded_bytes += size, triangles += static_cast<double>(chunk.piece.mesh.triangles.size());
+      has_room = has_room && allowed.take(size);
+      if (!has_room) continue;
+      packet.chunks.push_back(*chunk.coded);
+      cache_.put(*std::exchange(chunk.coded, std::nullopt));
+      chunk.is_new = false;
+    }
   }
-  for (auto& [id, chunk] : live_) chunk.is_new = false;
+  if (triangles > 0) bytes_per_triangle_ = coded_bytes / triangles;
+  return {};
+}
+
+Status ChunkPublisher::publish(int mesh_speed, Packet& packet, Allowance of_still) {
+  Allowance all;
+  Status brought = bring(fresh(Layer::moving), all, mesh_speed, packet);
+  if (brought) brought = bring(fresh(Layer::still), of_still, mesh_speed, packet);
+  if (!brought) return brought;
+  std::ranges::sort(packet.chunks, {}, &EncodedChunk::key);
+  for (const auto& [id, chunk] : live_)
+    if (const std::uint32_t shown = chunk.is_new ? chunk.before : chunk.version; shown > 0)
+      packet.manifest.push_back({id, 0, shown});
   ++publications_;
-  name_background(packet);
+  bring_background(of_still, packet);
   cache_.keep(packet.manifest);
   return {};
+}
+
+double ChunkPublisher::waiting_bytes() const {
+  double out = 0;
+  for (const auto& [id, chunk] : live_)
+    if (chunk.is_new && id.layer == Layer::still)
+      out += chunk.coded
+                 ? static_cast<double>(chunk.coded->payload.size())
+                 : bytes_per_triangle_ * static_cast<double>(chunk.piece.mesh.triangles.size());
+  return out;
+}
+
+std::set<Vec3i> ChunkPublisher::missing_still() const {
+  std::set<Vec3i> out;
+  for (const auto& [id, chunk] : live_)
+    if (chunk.is_new && chunk.before == 0 && id.layer == Layer::still) out.insert(id.cube);
+  return out;
 }
 
 void ChunkPublisher::add_background(std::vector<EncodedChunk> chunks) {
@@ -119,16 +193,17 @@ void ChunkPublisher::add_background(std::vector<EncodedChunk> chunks) {
   }
 }
 
-void ChunkPublisher::name_background(Packet& packet) {
+void ChunkPublisher::bring_background(Allowance allowed, Packet& packet) {
   if (background_.empty()) return;
-  const bool first = !std::exchange(background_sent_, true);
-  for (const auto& chunk : background_) {
-    packet.manifest.push_back(chunk.key);
-    if (first) packet.chunks.push_back(chunk);
+  for (; background_sent_ < background_.size(); ++background_sent_) {
+    const EncodedChunk& chunk = background_[background_sent_];
+    if (!allowed.take(static_cast<double>(chunk.payload.size()))) break;
+    packet.chunks.push_back(chunk);
   }
-  std::sort(packet.manifest.begin(), packet.manifest.end());
-  std::sort(packet.chunks.begin(), packet.chunks.end(),
-            [](const EncodedChunk& a, const EncodedChunk& b) { return a.key < b.key; });
+  for (const EncodedChunk& chunk : std::span(background_).first(background_sent_))
+    packet.manifest.push_back(chunk.key);
+  std::ranges::sort(packet.manifest);
+  std::ranges::sort(packet.chunks, {}, &EncodedChunk::key);
 }
 
 std::vector<std::byte> ChunkPublisher::answer(std::vector<ChunkKey> wanted) const {

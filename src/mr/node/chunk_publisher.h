@@ -3,12 +3,16 @@
 #include <cstddef>
 #include <map>
 #include <optional>
+#include <set>
+#include <span>
+#include <utility>
 #include <vector>
 
 #include "mr/codec/chunk_cache.h"
 #include "mr/core/packet.h"
 #include "mr/core/result.h"
 #include "mr/merge/holes/guessed_surface.h"
+#include "mr/node/allowance.h"
 #include "mr/node/chunk_grid.h"
 #include "mr/scene/scene.h"
 
@@ -16,14 +20,16 @@ namespace mr::node {
 
 /// Holds a node's live chunks, gives every chunk a version and codes what is new. A chunk whose
 /// content is what it was keeps its version, and is not coded or sent again. A version is the
-/// number of the publication that brings it: none is used twice. All chunks of one packet come from
-/// one mesh, so their borders fit.
+/// number of the publication for which it was set: none is used twice. All chunks of one packet
+/// come from one mesh, so their borders fit; where chunks of the still surface wait for bytes, the
+/// ones before them stay meanwhile.
 class ChunkPublisher {
  public:
   ChunkPublisher(const Scene& scene, SensorId source);
 
-  /// Chunks of a background model (codec::encode_background), which every packet names and the
-  /// first one brings. Before the first publish().
+  /// Chunks of a background model (codec::encode_background), which the first packet brings and
+  /// every one names; as still surface, those that are not allowed wait. Before the first
+  /// publish().
   void add_background(std::vector<EncodedChunk> chunks);
 
   // Meshes are on the lattice. The next publish() tells what is other.
@@ -39,8 +45,16 @@ class ChunkPublisher {
   /// right, and all of it would be sent again. Returns whether there is one.
   bool set_all_still(std::map<Vec3i, SurfacePiece> pieces);
 
-  /// Fills the packet's manifest and chunks.
-  Status publish(int mesh_speed, Packet& packet);
+  /// Codes the new chunks of the moving surface. Returns their bytes.
+  Result<std::size_t> code_moving(int mesh_speed);
+  /// Fills the packet's manifest and chunks. Of new still surface as much as is allowed: what shows
+  /// where nothing was comes first, the rest waits for the next packet.
+  Status publish(int mesh_speed, Packet& packet, Allowance of_still = {});
+
+  /// About how many bytes of still surface wait to be sent.
+  double waiting_bytes() const;
+  /// The cubes of still surface of which no packet has had anything yet.
+  std::set<Vec3i> missing_still() const;
 
   /// Those of the chunks that are still known, coded as an answer; empty when none is. Any thread.
   std::vector<std::byte> answer(std::vector<ChunkKey> wanted) const;
@@ -48,16 +62,22 @@ class ChunkPublisher {
   std::optional<EncodedChunk> find(const ChunkKey& key) const { return cache_.find(key); }
 
  private:
-  static bool is_nearly(const Mesh& a, const Mesh& b);
-  void name_background(Packet& packet);
-  void put(const ChunkId& id, SurfacePiece piece);
-
   struct Live {
     std::uint32_t version = 0;
     SurfacePiece piece;        // what the version stands for
     bool is_new = true;        // not published yet
     bool is_outdated = false;  // some views should be others since the last set_all_still()
+    std::uint32_t before = 0;  // the version that packets name until this one is published; 0: none
+    std::optional<EncodedChunk> coded = {};  // new ones only
   };
+  using Item = std::pair<const ChunkId, Live>;
+
+  static bool is_nearly(const Mesh& a, const Mesh& b);
+  void bring_background(Allowance allowed, Packet& packet);
+  void put(const ChunkId& id, SurfacePiece piece);
+  std::vector<Item*> fresh(Layer layer);
+  Status code(std::span<Item* const> items, int mesh_speed);
+  Status bring(std::span<Item* const> items, Allowance& allowed, int mesh_speed, Packet& packet);
 
   Lattice lattice_;
   double chunk_m_;
@@ -66,7 +86,8 @@ class ChunkPublisher {
   std::map<ChunkId, Live> live_;
   std::uint32_t publications_ = 0;
   std::vector<EncodedChunk> background_;
-  bool background_sent_ = false;
+  std::size_t background_sent_ = 0;  ///< number of chunks
+  double bytes_per_triangle_ = 2.5;  ///< of the newest chunks
   codec::ChunkCache cache_;
 };
 

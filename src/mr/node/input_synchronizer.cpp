@@ -121,6 +121,9 @@ Status InputSynchronizer::check_sender(const Input& input, const Packet& packet)
   for (const AlphaPlane& plane : packet.alpha)
     if (!is_below(plane.stream))
       return refuse("brings alpha of stream " + name(plane.stream) + ", which is not below it");
+  for (const FrameFeatures& features : packet.features)
+    if (!is_below(features.sensor))
+      return refuse("describes sensor " + name(features.sensor) + ", which is not below it");
   for (const EncodedChunk& chunk : packet.chunks)
     for (const SensorId sensor : chunk.sensors)
       if (!is_below(sensor))
@@ -156,6 +159,7 @@ Status InputSynchronizer::receive(std::size_t input, Packet packet, TimePoint no
   from.streams.clear();
   for (const View& view : packet.views) from.streams.insert(view.stream);
   for (const Error& error : from.stream.accept(packet)) drops_.count(link(from), error);
+  if (!packet.features.empty()) from.features = std::move(packet.features);
   from.marks.clear();
   for (const TimeMark& mark : packet.marks) keep_latest(from.marks, mark.stage, mark.at);
   if (hand_on_) {
@@ -244,6 +248,7 @@ Result<std::optional<CaptureSet>> InputSynchronizer::next_set(TimePoint now) {
     return Error{Error::Cause::empty, "merger '" + merger_.id + "' has no live input at this tick"};
   keep_first_of_each(out.views, [](const View& view) { return std::pair(view.id, view.layer); });
   keep_first_of_each(out.sources, [](const SourceInfo& source) { return source.sensor; });
+  keep_first_of_each(out.features, [](const FrameFeatures& f) { return f.sensor; });
   keep_first_of_each(out.alpha, [](const AlphaPlane& plane) { return plane.stream; });
   return std::optional(std::move(out));
 }
@@ -258,6 +263,7 @@ void InputSynchronizer::add(std::size_t input, CaptureSet& out) {
   out.sources.insert(out.sources.end(), scene.sources.begin(), scene.sources.end());
   out.scenes.push_back(scene);
   for (const auto& [stage, at] : from.marks) keep_latest(out.marks, stage, at);
+  out.features.insert(out.features.end(), from.features.begin(), from.features.end());
   for (const AlphaPlane& plane : from.whole_alpha)
     if (!given.contains(plane.stream)) out.alpha.push_back(plane);
   hand_on_units(input, given, out);

@@ -28,6 +28,7 @@ struct CaptureSet {
   std::vector<SourceInfo> sources;         ///< of all, by sensor
   std::vector<TextureUnit> units;          ///< to hand on; empty where textures are composed anew
   std::vector<AlphaPlane> alpha;           ///< of the captures, by stream; to hand on, as `units`
+  std::vector<FrameFeatures> features;     ///< of the captures, by sensor
   std::map<std::string, TimePoint> marks;  ///< the latest of each stage below
   /// Inputs of which something new was taken, with its sequence: to be acknowledged.
   std::vector<std::pair<std::size_t, std::uint64_t>> taken;
@@ -103,6 +104,7 @@ class InputSynchronizer {
     std::optional<DecodedScene> whole;  // newest capture that was complete
     std::vector<Unit> units;
     std::vector<AlphaPlane> alpha, whole_alpha;  // of the newest packet, of `whole`
+    std::vector<FrameFeatures> features;         // of the newest packet that had some
     std::map<std::string, TimePoint> marks;
     std::optional<std::uint64_t> taken;  // sequence of `whole`, until a set with it was given
     std::set<StreamId> streams;          // of the newest packet's views

@@ -20,6 +20,7 @@ MergeNode::MergeNode(const Scene& scene, const MergerConfig& merger, bool is_roo
       still_(scene, merger_, is_root, clock_.now, still_work, trace_, publisher_, atlas_) {}
 
 std::vector<std::byte> MergeNode::answer(const codec::Control& control) {
+  if (control.target_mbps && rate_) rate_->set_target(*control.target_mbps);
   if (control.plan) {
     CodingPlan plan = control.plan->root;
     if (!is_root_) plan.decimation = {};
@@ -51,25 +52,54 @@ Packet MergeNode::head(const CaptureSet& captures, const CodingPlan& plan) const
   packet.captured_at = captures.tick;
   packet.sources = captures.sources;
   packet.plan = plan;
+  if (!is_root_) packet.features = captures.features;
   return packet;
 }
 
 Result<std::vector<std::byte>> MergeNode::merge(const CaptureSet& captures,
                                                 const std::function<void()>& on_cores_free) {
   const TimePoint started = clock_.now ? clock_.now() : TimePoint{};
-  const CodingPlan plan = plan_.get();
+  CodingPlan plan = plan_.get();
+  if (rate_ && !rate_->begin(captures, waiting_bytes(), plan))
+    return Error{Error::Cause::over_budget, "a tick left out: the target is below what it takes"};
   Packet packet = head(captures, plan);
   if (const Status updated = update_layers(captures, plan.decimation, on_cores_free); !updated)
     return updated.error();
-  const Status coded = trace_.time("encode_mesh", [&] {
-    if (!reused_) publisher_.set_moving(moving_.mesh(), moving_.errors(), moving_.guessed());
-    return publisher_.publish(plan.mesh_speed, packet);
-  });
-  if (!coded) return coded.error();
-  if (const Status textured = add_textures(captures, packet); !textured) return textured.error();
+  add_sources(packet);
+  if (const Status coded = code(captures, packet); !coded) return coded.error();
   ++sequence_;
   add_marks(captures, started, packet);
-  return writer_.write(std::move(packet));
+  if (!rate_) return writer_.write(std::move(packet));
+  auto bytes = writer_.write(packet);
+  rate_->sent(packet, bytes.size());
+  return bytes;
+}
+
+/// Mesh and pictures. What moves is coded first: the rest gets what that leaves.
+Status MergeNode::code(const CaptureSet& captures, Packet& packet) {
+  const auto moving_bytes = trace_.time("encode_mesh", [&] {
+    if (!reused_) publisher_.set_moving(moving_.mesh(), moving_.errors(), moving_.guessed());
+    return publisher_.code_moving(packet.plan.mesh_speed);
+  });
+  if (!moving_bytes) return moving_bytes.error();
+  auto drawn = draw(captures, packet);
+  if (!drawn) return drawn.error();
+  Allowance of_still;
+  if (rate_) {
+    const bool key_frame = *drawn && atlas_.needs_key_frame(**drawn);
+    const RateControl::Budget budget =
+        rate_->code(static_cast<double>(*moving_bytes), waiting_bytes(), key_frame);
+    packet.plan.texture_qp = budget.texture_qp, of_still = budget.refinement;
+  }
+  if (const Status coded = code_pictures(captures, *std::move(drawn), packet); !coded) return coded;
+  for (const TextureUnit& unit : packet.textures)
+    if (is_root_ && unit.stream == RootAtlas::kPlateStream)
+      of_still = {of_still.bytes - static_cast<double>(unit.data.size()), false};
+  if (is_root_ && atlas_.are_plates_held()) of_still = {0, false};
+  const Status published = trace_.time(
+      "publish", [&] { return publisher_.publish(packet.plan.mesh_speed, packet, of_still); });
+  if (rate_) is_still_missing_ = !publisher_.missing_still().empty();
+  return published;
 }
 
 std::optional<Mesh> MergeNode::surface() const {
@@ -142,23 +172,37 @@ void MergeNode::update_plates(const CaptureSet& captures, const std::vector<kit:
   });
 }
 
-Status MergeNode::add_textures(const CaptureSet& captures, Packet& packet) {
+void MergeNode::add_sources(Packet& packet) const {
   for (SourceInfo& source : packet.sources) {
     for (const SourceInfo& corrected : poses_.sources)
       if (corrected.sensor == source.sensor) source.T_world_depth = corrected.T_world_depth;
     if (is_root_) source.confirmed_depth = source.confirmed_color = source.blind_color = {};
   }
-  if (is_root_ && !poses_.views.empty()) {
-    const RootAtlas::Tick tick{captures, poses_.views, poses_.sources};
-    const Mesh* still = still_.shown().mesh.get();
-    const float error_m = std::max(moving_.errors().most_m(), still_.shown().error_m);
-    if (drawing_listener_) drawing_listener_({atlas_, tick, moving_.mesh(), still, error_m});
-    return trace_.time("encode_atlas", [&]() -> Status {
-      auto drawn = atlas_.draw(tick, moving_.mesh(), still, error_m, packet.plan, packet.sequence);
-      if (!drawn) return drawn.error();
-      return atlas_.encode(*std::move(drawn), packet);
-    });
-  }
+}
+
+/// The root's pictures; nothing below it.
+Result<std::optional<RootAtlas::Drawn>> MergeNode::draw(const CaptureSet& captures,
+                                                        const Packet& packet) {
+  using Drawn = std::optional<RootAtlas::Drawn>;
+  if (!is_root_ || poses_.views.empty()) return Drawn();
+  const RootAtlas::Tick tick{captures, poses_.views, poses_.sources};
+  const Mesh* still = still_.shown().mesh.get();
+  const float error_m = std::max(moving_.errors().most_m(), still_.shown().error_m);
+  if (drawing_listener_) drawing_listener_({atlas_, tick, moving_.mesh(), still, error_m});
+  return trace_.time("draw_atlas", [&]() -> Result<Drawn> {
+    const PlateLimits limits =
+        rate_ ? rate_->plate_limits(publisher_.waiting_bytes() <= 0) : PlateLimits{};
+    auto drawn =
+        atlas_.draw(tick, moving_.mesh(), still, error_m, packet.plan, packet.sequence, limits);
+    if (!drawn) return drawn.error();
+    return Drawn(*std::move(drawn));
+  });
+}
+
+Status MergeNode::code_pictures(const CaptureSet& captures, std::optional<RootAtlas::Drawn> drawn,
+                                Packet& packet) {
+  if (drawn)
+    return trace_.time("encode_atlas", [&] { return atlas_.encode(*std::move(drawn), packet); });
   packet.views = poses_.views;
   packet.textures = captures.units, packet.alpha = captures.alpha;
   return {};

@@ -25,6 +25,7 @@
 #include "mr/node/moving_layer.h"
 #include "mr/node/node_clock.h"
 #include "mr/node/plans.h"
+#include "mr/node/rate_control.h"
 #include "mr/node/root_atlas.h"
 #include "mr/node/still_layer.h"
 #include "mr/scene/scene.h"
@@ -48,13 +49,21 @@ class MergeNode {
     publisher_.add_background(std::move(chunks));
   }
 
+  /// From then on a model chooses plans, for the root. Not null. Before the first merge().
+  void control_rate(std::shared_ptr<const rate::Model> model) {
+    rate_ = std::make_unique<RateControl>(*scene_, std::move(model));
+  }
+  /// The plan of all nodes that rate control has chosen, if it changed. After a merge().
+  std::optional<ScenePlan> take_plan() { return rate_ ? rate_->take_plan() : std::nullopt; }
+
   const std::string& id() const { return merger_.id; }
   const MergerConfig& config() const { return merger_; }
 
   InputSynchronizer& inputs() { return synchronizer_; }
   const InputSynchronizer& inputs() const { return synchronizer_; }
 
-  /// The bytes of the merged packet. After an Error the inputs should send key frames, as units
+  /// The bytes of the merged packet; over_budget: rate control leaves the tick out. After another
+  /// Error the inputs should send key frames, as units
   /// that were to be handed on are lost. `on_cores_free` is called when the stages that use every
   /// core are over: on one machine, the inputs' next frames fit in from there.
   Result<std::vector<std::byte>> merge(const CaptureSet& captures,
@@ -70,6 +79,7 @@ class MergeNode {
 
   /// Inputs whose still surface is shown as their packet with that sequence had it. Forgets them.
   std::vector<std::pair<std::size_t, std::uint64_t>> take_shown() {
+    if (is_still_missing_) return {};
     return still_.receipts().take();
   }
 
@@ -101,7 +111,12 @@ class MergeNode {
                        const std::function<void()>& on_cores_free);
   bool correct_poses(const CaptureSet& captures, bool measure, std::vector<kit::Part>& parts);
   void update_plates(const CaptureSet& captures, const std::vector<kit::Part>& moving);
-  Status add_textures(const CaptureSet& captures, Packet& packet);
+  void add_sources(Packet& packet) const;
+  double waiting_bytes() const { return publisher_.waiting_bytes() + atlas_.waiting_bytes(); }
+  Result<std::optional<RootAtlas::Drawn>> draw(const CaptureSet& captures, const Packet& packet);
+  Status code(const CaptureSet& captures, Packet& packet);
+  Status code_pictures(const CaptureSet& captures, std::optional<RootAtlas::Drawn> drawn,
+                       Packet& packet);
   void add_marks(const CaptureSet& captures, TimePoint started, Packet& packet) const;
 
   const Scene* scene_;
@@ -118,9 +133,11 @@ class MergeNode {
   RootAtlas atlas_;
   MovingLayer moving_;
   StillLayer still_;
+  std::unique_ptr<RateControl> rate_;  ///< null: plans are fixed
   codec::HeadWriter writer_;
   std::atomic<std::uint64_t> sequence_ = 0;
   std::atomic<bool> reused_ = false;
+  std::atomic<bool> is_still_missing_ = false;  ///< some of the still surface was never sent yet
   std::mutex key_frames_mutex_;
   std::set<StreamId> key_frames_wanted_;
   DrawingListener drawing_listener_;

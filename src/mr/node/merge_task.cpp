@@ -18,6 +18,7 @@ MergeTask::MergeTask(const Scene& scene, const MergerConfig& merger, NodeLog log
   drops_.set_listener(log_.dropped);
   node_.inputs().set_drop_listener(log_.dropped);
   node_.set_background(std::move(options.background));
+  if (is_root_ && options.rate_model) node_.control_rate(std::move(options.rate_model));
   if (options.inputs_since) presence_.begin(*options.inputs_since);
 }
 
@@ -94,11 +95,14 @@ void MergeTask::watch_inputs(Duration busy, TimePoint now) {
 }
 
 Task::Bytes MergeTask::answer(const codec::Control& control, TimePoint) {
-  if (control.plan) {
-    const std::lock_guard lock(plan_mutex_);
-    if (plan_ != control.plan) plan_ = control.plan, plan_passed_.reset();
-  }
+  if (control.plan) pass_on(*control.plan);
   return node_.answer(control);
+}
+
+/// With the next step.
+void MergeTask::pass_on(const ScenePlan& plan) {
+  const std::lock_guard lock(plan_mutex_);
+  if (plan_ != plan) plan_ = plan, plan_passed_.reset();
 }
 
 std::unique_ptr<Task::Work> MergeTask::begin(TimePoint now) {
@@ -119,8 +123,9 @@ std::optional<Task::Bytes> MergeTask::finish(Work& work,
                                              const std::function<void()>& first_part_done) {
   auto bytes = node_.merge(static_cast<Tick&>(work).captures, first_part_done);
   if (const auto notice = node_.calibration().take_notice()) log_.warn(*notice);
+  if (const auto plan = node_.take_plan()) pass_on(*plan);
   if (bytes) return *std::move(bytes);
-  drops_.count(id(), bytes.error());
+  drops_.count(id(), bytes.error(), bytes.error().cause != Error::Cause::over_budget);
   key_frames_wanted_ = !is_root_;
   return std::nullopt;
 }

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <atomic>
+#include <memory>
 #include <mutex>
 #include <optional>
 #include <string>
@@ -21,7 +22,8 @@ class MergeTask final : public Task {
   struct Options {
     NodeClock clock = {};
     StillWork still_work = StillWork::at_once;
-    std::vector<EncodedChunk> background = {};  ///< chunks of the scene's background model
+    std::vector<EncodedChunk> background = {};           ///< chunks of the scene's background model
+    std::shared_ptr<const rate::Model> rate_model = {};  ///< of the root; null: plans are fixed
     /// From then on, inputs that have never delivered are reported missing.
     std::optional<TimePoint> inputs_since = {};
   };
@@ -47,6 +49,7 @@ class MergeTask final : public Task {
   void take_answer(const Arrivals::Answer& answer);
   void pass_plan(TimePoint now, std::vector<Ask>& asks);
   void watch_inputs(Duration busy, TimePoint now);
+  void pass_on(const ScenePlan& plan);
 
   bool is_root_;
   MergeNode node_;

@@ -43,4 +43,21 @@ CodingPlan merger_plan(const Scene& scene, bool is_root) {
   return plan;
 }
 
+Decimation moving_decimation(const Scene& scene, double error_voxels) {
+  return {0, error_voxels * scene.voxel_m};
+}
+
+ScenePlan scene_plan(const Scene& scene, double error_voxels) {
+  ScenePlan out;
+  for (const SensorId id : all_sensors(scene.sensors)) {
+    CodingPlan& plan = out.by_sensor[id] = sensor_plan(scene, id);
+    plan.decimation = moving_decimation(scene, error_voxels);
+  }
+  out.sensors = out.by_sensor.begin()->second;
+  std::erase_if(out.by_sensor, [&](const auto& item) { return item.second == out.sensors; });
+  out.root = merger_plan(scene, true);
+  out.root.decimation = moving_decimation(scene, error_voxels);
+  return out;
+}
+
 }  // namespace mr::node

@@ -15,6 +15,12 @@ CodingPlan sensor_plan(const Scene& scene, SensorId sensor);
 /// A merger's initial plan. Only the root decimates.
 CodingPlan merger_plan(const Scene& scene, bool is_root);
 
+/// Decimation of the moving surface to an error limit in voxels, as rate control varies it.
+Decimation moving_decimation(const Scene& scene, double error_voxels);
+
+/// The initial plans of all nodes of a scene with layers or without, but with that decimation.
+ScenePlan scene_plan(const Scene& scene, double error_voxels);
+
 /// A node's plan in force: the initial one until set() is called. Thread-safe.
 class CurrentPlan {
  public:

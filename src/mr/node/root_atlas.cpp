@@ -256,7 +256,7 @@ Status RootAtlas::add_unit(TextureStream& stream, int qp, std::uint32_t layout, 
 
 Result<RootAtlas::Drawn> RootAtlas::draw(const Tick& tick, const Mesh& moving, const Mesh* still,
                                          float error_m, const CodingPlan& plan,
-                                         std::uint64_t sequence) {
+                                         std::uint64_t sequence, const PlateLimits& limits) {
   Used used;
   if (scene_->atlas.mask || !plates_.empty()) used = used_pixels(tick, moving, error_m);
   const Status live = arrange(windows(tick.views, used), plan.texture_scale, live_layout_);
@@ -274,16 +274,16 @@ Result<RootAtlas::Drawn> RootAtlas::draw(const Tick& tick, const Mesh& moving, c
   out.plate_layout = plate_layout_.views.front().layout;
   out.views = shown_views(still != nullptr);
   out.alpha = draw_alpha(tick, children, used);
-  const bool plates_due =
-      still && !plates_.empty() && are_plates_due(out.plate_layout, plan.plate_qp);
-  if (plates_due)
+  const std::optional<int> plate_qp =
+      still && !plates_.empty() ? due_plate_qp(plan.plate_qp, limits) : std::nullopt;
+  if (plate_qp)
     shown_plates_ =
         painter_.plates(tick.views, plates_, used_pixels(tick, *still, error_m), *still, colors_);
   const atlas::Pictures shown =
       painter_.live({tick.views, pictures, std::move(seeing)}, used, moving, still, colors_);
   out.live = draw_live(children, shown, std::move(used));
   if (scene_->atlas.burn_sequence) atlas::draw_watermark(out.live, sequence);
-  if (plates_due) out.plates = draw_plates(children);
+  if (plate_qp) out.plates = draw_plates(children), out.plate_qp = *plate_qp;
   return out;
 }
 
@@ -293,10 +293,14 @@ Status RootAtlas::encode(Drawn drawn, Packet& packet) {
   Status coded = add_unit(live_, packet.plan.texture_qp, drawn.live_layout, std::move(drawn.live),
                           last_live_, packet);
   if (!drawn.plates) return coded;
+  packet.plan.plate_qp = drawn.plate_qp;
+  const std::size_t before = packet.textures.size();
   if (coded)
-    coded = add_unit(plate_, packet.plan.plate_qp, drawn.plate_layout, *std::move(drawn.plates),
+    coded = add_unit(plate_, drawn.plate_qp, drawn.plate_layout, *std::move(drawn.plates),
                      last_plate_, packet);
   if (!coded) drawn_layout_ = 0;  // of no layout: the plates are due with the next packet
+  if (packet.textures.size() > before && packet.textures.back().key_frame)
+    key_bytes_ = static_cast<double>(packet.textures.back().data.size()), key_qp_ = drawn.plate_qp;
   return coded;
 }
 
@@ -313,16 +317,48 @@ std::vector<View> RootAtlas::shown_views(bool with_plates) const {
   return out;
 }
 
-/// Whether the atlas of plates must be encoded again. A few changed blocks wait for more: encoding
-/// the picture costs the same for one block as for all.
-bool RootAtlas::are_plates_due(std::uint32_t layout, int qp) {
+/// Whether the atlas of plates has something new to be encoded. A few changed blocks wait for more:
+/// encoding the picture costs the same for one block as for all.
+bool RootAtlas::are_plates_new(std::uint32_t layout) {
   constexpr int kWait = 15;          // ticks
   constexpr std::size_t kMany = 20;  // 1/kMany of all blocks do not wait
-  if (plate_colors_ != colors_.plates() || drawn_layout_ != layout || qp < last_plate_.qp ||
-      plate_.key_frame_asked())
+  if (plate_colors_ != colors_.plates() || drawn_layout_ != layout || plate_.key_frame_asked())
     return true;
   if (blocks_waiting_ == 0) return plates_due_ = false;
   return ++waited_ >= kWait || plates_due_ || kMany * blocks_waiting_ >= valid_blocks();
+}
+
+/// About what the atlas of plates takes with a quantiser. A key frame tells; before the first one,
+/// its size has to do.
+double RootAtlas::plate_bytes(int qp) const {
+  constexpr double kPerQp = 0.1155;        // log of the bytes: ln 2 / 6
+  constexpr double kBytesPerPixel = 0.03;  // with kUsualQp
+  constexpr int kUsualQp = 28;
+  if (key_bytes_ > 0) return key_bytes_ * std::exp(-kPerQp * (qp - key_qp_));
+  double pixels = 0;
+  for (const View& view : plate_layout_.views)
+    pixels += static_cast<double>(view.atlas_rect.width) * view.atlas_rect.height;
+  return kBytesPerPixel * pixels * std::exp(-kPerQp * (qp - kUsualQp));
+}
+
+/// The quantiser with which the atlas of plates is to be encoded now; nothing: it is as good as it
+/// can be, or waits.
+std::optional<int> RootAtlas::due_plate_qp(int best_qp, const PlateLimits& limits) {
+  constexpr int kCoarsestQp = 44;
+  const bool is_new = are_plates_new(plate_layout_.views.front().layout);
+  const auto finest = [&](double bytes, int from_qp) {
+    while (from_qp < kCoarsestQp && plate_bytes(from_qp) > bytes) ++from_qp;
+    return from_qp;
+  };
+  const int best = finest(limits.largest_bytes, best_qp);
+  const bool is_due = is_new || (limits.may_refine && best < last_plate_.qp);
+  plates_held_ = false, waiting_bytes_ = is_due ? plate_bytes(best) : 0;
+  if (!is_due) return std::nullopt;
+  const int qp = finest(limits.now.bytes, best);
+  const bool fits = plate_bytes(qp) <= limits.now.bytes || limits.now.one_anyway;
+  if (fits && (is_new || qp == best)) return qp;
+  plates_held_ = is_new;
+  return std::nullopt;
 }
 
 ImageRgb RootAtlas::draw_plates(const Children& children) {

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstdint>
+#include <limits>
 #include <map>
 #include <memory>
 #include <optional>
@@ -13,6 +14,7 @@
 #include "mr/core/mesh.h"
 #include "mr/core/packet.h"
 #include "mr/core/result.h"
+#include "mr/node/allowance.h"
 #include "mr/node/input_synchronizer.h"
 #include "mr/node/root_colors.h"
 #include "mr/node/texture_painter.h"
@@ -104,11 +106,23 @@ class RootAtlas {
     std::uint32_t live_layout = 0;
     std::optional<ImageRgb> plates;  ///< where the atlas of plates is to be encoded again
     std::uint32_t plate_layout = 0;
+    int plate_qp = 0;
   };
   /// Draws the pictures for the labelled surfaces `moving` and `still` (null: none). `error_m`:
-  /// their geometric error; `sequence`: of the packet.
+  /// their geometric error; `sequence`: of the packet. The atlas of plates waits until there are
+  /// enough bytes; coarse ones come first, and are refined later up to the plan's quantiser.
   Result<Drawn> draw(const Tick& tick, const Mesh& moving, const Mesh* still, float error_m,
-                     const CodingPlan& plan, std::uint64_t sequence);
+                     const CodingPlan& plan, std::uint64_t sequence,
+                     const PlateLimits& limits = {});
+  /// Whether the live picture would become a key frame.
+  bool needs_key_frame(const Drawn& drawn) const {
+    return live_.is_key_frame_due(drawn.live.width, drawn.live.height, drawn.live_layout);
+  }
+  /// Whether, by the last draw(), plates with new content wait to be sent. New labels may refer to
+  /// it.
+  bool are_plates_held() const { return plates_held_; }
+  /// About how many bytes of plates waited in the last draw(), with those that it gave.
+  double waiting_bytes() const { return waiting_bytes_; }
   /// Adds views and texture units to a packet, coded by its plan.
   Status encode(Drawn drawn, Packet& packet);
 
@@ -133,7 +147,9 @@ class RootAtlas {
   };
 
   const TileMask& seen_by_depth(const View& view, const SourceInfo& source);
-  bool are_plates_due(std::uint32_t layout, int qp);
+  bool are_plates_new(std::uint32_t layout);
+  double plate_bytes(int qp) const;
+  std::optional<int> due_plate_qp(int best_qp, const PlateLimits& limits);
   Status arrange(const std::vector<View>& views, double scale, atlas::Layout& layout) const;
   std::vector<View> windows(const std::vector<View>& views, const Used& used);
   Used used_pixels(const Tick& tick, const Mesh& shown, float error_m) const;
@@ -162,6 +178,11 @@ class RootAtlas {
   std::size_t blocks_waiting_ = 0;
   int waited_ = 0;  ///< ticks
   bool plates_due_ = false;
+  // What plates take: the bytes of a key frame with a quantiser; and what waits.
+  double key_bytes_ = 0;
+  int key_qp_ = 0;
+  bool plates_held_ = false;
+  double waiting_bytes_ = 0;
   atlas::ColorCorrections plate_colors_;
   std::uint32_t drawn_layout_ = 0;
 };

@@ -52,12 +52,15 @@ void SensorLayers::recall(Memory memory) {
   is_outdated_ = true;  // unchanged chunks are not reconstructed again
 }
 
-/// Whether the merger shows all chunks of the still surface. Within ticks: as far as can be told,
-/// the background waits for some captures by itself. Who never says so is not waited for for ever.
+/// Whether the merger shows all chunks of the still surface. Where it does so with the next tick,
+/// nobody is waited for: the background waits for some captures by itself. Who never says so is not
+/// waited for for ever.
 bool SensorLayers::is_shown() {
   constexpr int kPatience = 300;  // captures
   if (is_outdated_ || job_.is_busy() || !unsent_.empty()) return false;
-  const bool shown = work_ == StillWork::at_once || (on_the_way_ == 0 && shown_ >= sent_);
+  const bool is_at_once =
+      work_ == StillWork::at_once && scene_->rate.model == RateConfig::Model::fixed;
+  const bool shown = is_at_once || (on_the_way_ == 0 && shown_ >= sent_);
   waited_ = shown ? 0 : waited_ + 1;
   return shown || waited_ > kPatience;
 }

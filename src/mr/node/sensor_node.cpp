@@ -35,6 +35,7 @@ SensorNode::SensorNode(const Scene& scene, SensorId id, NodeClock clock, StillWo
     blind_tiles_.emplace(registration_.depth_camera(), view->camera(),
                          view->T_world_camera.inverse(),
                          sensor::ReconstructedSpace{scene.volume, scene.floor, scene.up});
+  if (scene.rate.model != RateConfig::Model::fixed) features_.emplace(scene.sensor(id).precision);
   if (has_layers(scene, id)) layers_.emplace(scene, id, registration_, still_work, trace_);
 }
 
@@ -82,6 +83,11 @@ Result<SensorNode::Reconstructed> SensorNode::reconstruct(Frame raw) {
   Reconstructed out;
   out.plan = plan_.get();
   out.frame = trace_.time("register", [&] { return registration_.undistort(std::move(raw)); });
+  if (features_)
+    trace_.time("features", [&] {
+      out.features = {sensor_, !out.frame.color.empty(),
+                      rate::values_of(features_->extract(out.frame))};
+    });
   const auto depth = depth_to_reconstruct(out);
   if (!depth) return depth.error();
   auto surface = reconstructor_.run(*depth, out.frame.T_world_depth, out.plan.decimation);
@@ -119,6 +125,7 @@ Packet SensorNode::head(const Reconstructed& surface) const {
   packet.sources = {{sensor_, frame.captured_at(), registration_.depth_camera(),
                      frame.T_world_depth, scene_->sensor(sensor_).precision,
                      surface.confirmed_depth, surface.confirmed_color, surface.blind_color}};
+  if (surface.features) packet.features = {*surface.features};
   if (auto view =
           frame.color.empty() ? std::nullopt : registration_.color_view(frame.T_world_depth)) {
     view->stream = stream_of(sensor_);

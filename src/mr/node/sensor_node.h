@@ -20,6 +20,7 @@
 #include "mr/node/side_job.h"
 #include "mr/node/surface_reconstructor.h"
 #include "mr/node/texture_stream.h"
+#include "mr/rate/features.h"
 #include "mr/scene/scene.h"
 #include "mr/sensor/blind_tiles.h"
 #include "mr/sensor/registration.h"
@@ -38,7 +39,8 @@ class SensorNode {
     Mesh mesh;        // decimated, on the lattice; with layers: of what moves
     CubeErrors errors;
     TileMask blind_color;
-    ImageMask alpha;  ///< still::Outline
+    ImageMask alpha;                        ///< still::Outline
+    std::optional<FrameFeatures> features;  ///< where rate is controlled
     // With layers:
     SensorLayers::News still;
     TileMask confirmed_depth, confirmed_color;
@@ -87,7 +89,8 @@ class SensorNode {
   CurrentPlan plan_;
   Trace trace_;
   sensor::Registration registration_;
-  std::optional<sensor::BlindTiles> blind_tiles_;  ///< none: the sensor has no colour
+  std::optional<rate::FeatureExtractor> features_;  ///< none: rate is not controlled
+  std::optional<sensor::BlindTiles> blind_tiles_;   ///< none: the sensor has no colour
   std::optional<SensorLayers> layers_;  ///< none: everything is reconstructed with every frame
   SurfaceReconstructor reconstructor_;
   ChunkPublisher publisher_;

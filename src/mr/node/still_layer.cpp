@@ -1,15 +1,17 @@
 #include "mr/node/still_layer.h"
 
 #include <algorithm>
+#include <set>
 #include <utility>
+#include <vector>
 
 #include "mr/node/surface_joiner.h"
 
 namespace mr::node {
-
 StillLayer::StillLayer(const Scene& scene, const MergerConfig& merger, bool is_root, Clock clock,
                        StillWork work, Trace& trace, ChunkPublisher& publisher, RootAtlas& atlas)
     : is_root_(is_root),
+      piece_m_(StillMerger::piece_m(scene, is_root)),
       work_(work),
       publisher_(&publisher),
       atlas_(&atlas),
@@ -82,7 +84,22 @@ Status StillLayer::publish(Update update, std::uint64_t sequence) {
 
 void StillLayer::remove_shown(std::vector<kit::Part>& moving) const {
   if (!shown_.cover) return;
-  for (kit::Part& part : moving) part.mesh = shown_.cover->uncovered(part);
+  const std::set<Vec3i> missing = publisher_->missing_still();
+  for (kit::Part& part : moving) {
+    if (missing.empty()) {
+      part.mesh = shown_.cover->uncovered(part);
+      continue;
+    }
+    std::vector<std::uint8_t> stays(part.mesh.triangles.size()), rest(stays.size());
+    for (std::size_t t = 0; t < stays.size(); ++t) {
+      stays[t] = missing.contains(cube_of(vec_cast<double>(part.mesh.centroid(t)), piece_m_));
+      rest[t] = !stays[t];
+    }
+    Mesh kept = select_triangles(part.mesh, stays);
+    part.mesh = select_triangles(part.mesh, rest);
+    part.mesh = shown_.cover->uncovered(part);
+    append(part.mesh, kept);
+  }
 }
 
 }  // namespace mr::node

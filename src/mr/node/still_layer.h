@@ -51,7 +51,8 @@ class StillLayer {
   /// Merges `inputs`, where there are any, and sees to labels and to what was carried away.
   Status update(std::optional<StillMerger::Inputs> inputs, const Tick& tick);
 
-  /// Takes from the parts of the moving surface what the still one shows.
+  /// Takes from the parts of the moving surface what the still one shows. Where that waits to be
+  /// sent, the moving surface stays.
   void remove_shown(std::vector<kit::Part>& moving) const;
 
   const ShownStill& shown() const { return shown_; }
@@ -68,6 +69,7 @@ class StillLayer {
   bool is_mostly_learnt(std::size_t moving_triangles) const;
 
   bool is_root_;
+  double piece_m_;  ///< edge of the cubes in which the surface is sent
   StillWork work_;
   ChunkPublisher* publisher_;
   RootAtlas* atlas_;

@@ -105,13 +105,16 @@ Result<StillMerger::Made> StillMerger::update(Task task) {
   return Made{shown_, pieces(), !withheld_until_};
 }
 
+double StillMerger::piece_m(const Scene& scene, bool is_root) {
+  return scene.fusion.chunk_m / (is_root ? kStillPerCube : 1);
+}
+
 /// The shown mesh by the cubes that it is sent in.
 std::map<Vec3i, SurfacePiece> StillMerger::pieces() const {
-  const int per_cube = is_root_ ? kStillPerCube : 1;
-  const double piece_m = scene_->fusion.chunk_m / per_cube;
+  const double edge_m = piece_m(*scene_, is_root_);
   std::map<Vec3i, SurfacePiece> out;
-  for (auto& [place, mesh] : split_by_cube(*shown_.mesh, piece_m)) {
-    const Vec3d middle = (vec_cast<double>(place) + Vec3d{0.5, 0.5, 0.5}) * piece_m;
+  for (auto& [place, mesh] : split_by_cube(*shown_.mesh, edge_m)) {
+    const Vec3d middle = (vec_cast<double>(place) + Vec3d{0.5, 0.5, 0.5}) * edge_m;
     const float error_m = joined_.errors.at(cube_of(middle, scene_->fusion.chunk_m));
     std::vector<std::uint8_t> guessed = joined_.guessed.marks(mesh);
     out[place] = {std::move(mesh), error_m, std::move(guessed)};

@@ -76,6 +76,9 @@ class StillMerger {
   StillMerger(const Scene& scene, const MergerConfig& merger, bool is_root, Clock clock,
               Trace& trace);
 
+  /// Edge of the cubes in which the shown mesh is sent.
+  static double piece_m(const Scene& scene, bool is_root);
+
   /// Whether an update is due although no input changed. `emptied_m2`: area of the surface whose
   /// place became free space, or ceased to be, since the last update.
   bool is_due(std::uint64_t sequence, std::size_t valid_blocks, double emptied_m2) const;

@@ -16,6 +16,14 @@ ImageRgb padded_to_even(const ImageRgb& picture) {
 
 }  // namespace
 
+bool TextureStream::is_key_frame_due(int width, int height, std::uint32_t layout) const {
+  if (!encoder_ || key_frame_asked_ || layout != layout_) return true;
+  const kit::VideoSettings& now = encoder_->settings();
+  const auto even = [](int side) { return (side + 1) / 2 * 2; };
+  return now.width != even(width) || now.height != even(height) ||
+         (now.key_frame_every > 0 && since_key_frame_ + 1 >= now.key_frame_every);
+}
+
 Result<TextureUnit> TextureStream::encode(const ImageRgb& picture, int qp, std::uint32_t layout) {
   if (picture.width % 2 || picture.height % 2) return encode(padded_to_even(picture), qp, layout);
   kit::VideoSettings wanted{picture.width,         picture.height,      scene_->fps, qp,
@@ -35,6 +43,7 @@ Result<TextureUnit> TextureStream::encode(const ImageRgb& picture, int qp, std::
     return unit.error();
   }
   layout_ = layout;
+  since_key_frame_ = unit->key_frame ? 0 : since_key_frame_ + 1;
   return TextureUnit{stream_,       serial_++,      TextureCodec::h264, layout,
                      picture.width, picture.height, unit->key_frame,    std::move(unit->data)};
 }

@@ -23,6 +23,8 @@ class TextureStream {
   Result<TextureUnit> encode(const ImageRgb& picture, int qp, std::uint32_t layout);
   /// The next unit will be a key frame. Any thread.
   void ask_key_frame() { key_frame_asked_ = true; }
+  /// Whether a picture of this size and layout would become a key frame now.
+  bool is_key_frame_due(int width, int height, std::uint32_t layout) const;
   /// Whether a key frame was requested: then the picture must be encoded even if it did not change.
   /// Any thread.
   bool key_frame_asked() const { return key_frame_asked_; }
@@ -32,6 +34,7 @@ class TextureStream {
   StreamId stream_;
   bool periodic_;
   std::uint32_t layout_ = 0, serial_ = 0;
+  int since_key_frame_ = 0;  ///< units
   std::atomic<bool> key_frame_asked_ = false;
   std::optional<kit::VideoEncoder> encoder_;
 };

@@ -83,9 +83,9 @@ double Controller::for_backlog(double backlog) const {
   return std::min({backlog, kLeastForBacklog * bytes_of(target_mbps_), purse_room()});
 }
 
-double Controller::purse_room() const {
-  return std::max(kMostPurse_s * fps_ * bytes_of(target_mbps_) - purse_, 0.0);
-}
+double Controller::purse_room() const { return std::max(largest_piece() - purse_, 0.0); }
+
+double Controller::largest_piece() const { return kMostPurse_s * fps_ * bytes_of(target_mbps_); }
 
 double Controller::left() const {
   const double share = bytes_of(target_mbps_);
@@ -162,7 +162,8 @@ CaptureBudget Controller::code(const CaptureState& capture) {
     while (qp < kCoarsestQp && texture_at(qp, capture.key_frame) > for_texture) ++qp;
   const double used = capture.geometry + texture_at(qp, capture.key_frame);
   save_for_backlog(capture.backlog, most - used);
-  budget_ = {qp, std::clamp(std::min(purse_, left() - used), 0.0, capture.backlog)};
+  budget_ = {qp, std::clamp(std::min(purse_, left() - used), 0.0, capture.backlog),
+             purse_room() <= 0};
   return budget_;
 }
 

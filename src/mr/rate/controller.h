@@ -27,8 +27,9 @@ struct CaptureState {
 
 /// What the controller decides for the rest of the capture.
 struct CaptureBudget {
-  int qp = 0;             ///< of the live tiles
-  double refinement = 0;  ///< bytes that the still surface and plates may take
+  int qp = 0;                  ///< of the live tiles
+  double refinement = 0;       ///< bytes that the still surface and plates may take
+  bool is_purse_full = false;  ///< no more is saved for them: a piece that needs more does not fit
 };
 
 /// What one capture came to, as sent.
@@ -76,6 +77,8 @@ class Controller {
   /// sent, at least 0.
   CapturePlan begin(double backlog);
   CaptureBudget code(const CaptureState& capture);
+  /// The most bytes that are saved for one piece of the backlog.
+  double largest_piece() const;
   /// What the capture took; of a skipped one, nothing.
   void sent(const CaptureBytes& bytes);
 

@@ -38,6 +38,12 @@ std::vector<Feature> named(const SceneFeatures& features) {
           {"moving_percent", 100 * moving_pixels}};
 }
 
+std::vector<Feature> scene_features(std::span<const SensorFeatures> sensors) {
+  std::vector<Feature> out = named(mean_features(sensors));
+  out.push_back({"sensors", static_cast<double>(sensors.size())});
+  return out;
+}
+
 std::span<const char* const> feature_names() { return kNames; }
 
 std::size_t FeatureSpace::size() { return kNames.size(); }

@@ -12,6 +12,9 @@ namespace mr::rate {
 /// The features of a frame by their names, as sweeps store them.
 std::vector<Feature> named(const SceneFeatures& features);
 
+/// The features of a scene: their mean over its sensors, and how many there are.
+std::vector<Feature> scene_features(std::span<const SensorFeatures> sensors);
+
 /// The names of those that models use.
 std::span<const char* const> feature_names();
 

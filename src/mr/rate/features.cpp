@@ -158,6 +158,34 @@ SceneFeatures FeatureExtractor::extract(const Frame& frame) {
   return features;
 }
 
+namespace {
+
+/// Calls `at` with every feature, in the order in which they are stored.
+template <typename Features, typename At>
+void for_each_feature(Features& features, const At& at) {
+  for (auto* picture : {&features.color, &features.depth}) {
+    at(picture->spatial), at(picture->temporal);
+    at(picture->spatial_deviation), at(picture->temporal_deviation);
+    at(picture->temporal_gradient), at(picture->pixel_deviation);
+  }
+  at(features.moving_pixels);
+}
+
+}  // namespace
+
+std::vector<float> values_of(const SceneFeatures& features) {
+  std::vector<float> out;
+  for_each_feature(features, [&](double value) { out.push_back(static_cast<float>(value)); });
+  return out;
+}
+
+std::optional<SceneFeatures> features_of(std::span<const float> values) {
+  SceneFeatures out;
+  std::size_t at = 0;
+  for_each_feature(out, [&](double& value) { value = at < values.size() ? values[at] : 0, ++at; });
+  return at == values.size() ? std::optional(out) : std::nullopt;
+}
+
 SceneFeatures mean_features(std::span<const SensorFeatures> sensors) {
   constexpr double PictureFeatures::*kValues[] = {
       &PictureFeatures::spatial,           &PictureFeatures::temporal,

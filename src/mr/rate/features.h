@@ -53,6 +53,11 @@ struct SensorFeatures {
   SceneFeatures features;
 };
 
+/// The features as a list, in a fixed order, as packets carry them.
+std::vector<float> values_of(const SceneFeatures& features);
+/// Untrusted values; nothing where they are not as many as there should be.
+std::optional<SceneFeatures> features_of(std::span<const float> values);
+
 /// Mean over the sensors; of colour, over those that have it. 0 where there are none.
 SceneFeatures mean_features(std::span<const SensorFeatures> sensors);
 

@@ -5,6 +5,7 @@
 #include <nlohmann/json.hpp>
 
 #include "mr/core/assert.h"
+#include "mr/core/file.h"
 #include "mr/rate/grid.h"
 #include "mr/rate/shipped_models.h"
 #include "mr/rate/stored_numbers.h"
@@ -243,6 +244,23 @@ Result<Models> models_from_json(std::string_view text) {
 const Result<Models>& shipped_models() {
   static const Result<Models> models = models_from_json(kShippedModels);
   return models;
+}
+
+Result<std::shared_ptr<const Model>> open_model(
+    const RateConfig& config, const std::function<void(const std::string&)>& notice) {
+  if (config.model == RateConfig::Model::fixed) return std::shared_ptr<const Model>();
+  if (!config.model_file.empty()) {
+    const auto bytes = read_file(config.model_file, kMostBytes);
+    const auto models =
+        bytes ? models_from_json({reinterpret_cast<const char*>(bytes->data()), bytes->size()})
+              : Result<Models>(bytes.error());
+    if (models) return models->get(config.model);
+    notice("rate.model_file '" + config.model_file.string() + "': " + models.error().message +
+           "; the program's own model takes its place");
+  }
+  const Result<Models>& own = shipped_models();
+  if (!own) return own.error();
+  return own->get(config.model);
 }
 
 }  // namespace mr::rate

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <functional>
 #include <memory>
 #include <span>
 #include <string>
@@ -35,5 +36,10 @@ Result<Models> models_from_json(std::string_view text);
 
 /// The models that this program was built with (src/mr/rate/models.json).
 const Result<Models>& shipped_models();
+
+/// The model that a scene names; null: fixed. Where its file cannot be used, `notice` gets one
+/// line, and the program's own model takes its place. Error: the program's own are damaged.
+Result<std::shared_ptr<const Model>> open_model(
+    const RateConfig& config, const std::function<void(const std::string&)>& notice);
 
 }  // namespace mr::rate

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <filesystem>
 #include <string>
 #include <vector>
 
@@ -9,7 +10,8 @@ namespace mr::rate {
 
 struct RateConfig {
   enum class Model { fixed, lookup, classifier, ours } model = Model::fixed;
-  double target_mbps = 20;
+  double target_mbps = 20;           ///< of what the root sends to viewers
+  std::filesystem::path model_file;  ///< from `meshreduce train`; empty: the program's own models
 
   static constexpr Range kTarget_mbps{0, 1e5, true};
   /// The invalid fields, one line each; empty: valid.

@@ -145,11 +145,11 @@ SimulationResult simulate(Controller& controller, const Sweep& sweep, const Trac
     key_frame_needed |= key_frame || plan.key_frame;
     if (!plan.skipped) {
       scene.capture(s < busy_until_s ? busier : 1);
-      const auto [qp, refinement] =
+      const CaptureBudget budget =
           controller.code({scene.geometry(plan.setting), backlog, key_frame_needed});
-      plan.setting.qp = qp;
+      plan.setting.qp = budget.qp;
       sent = {scene.geometry(plan.setting), scene.texture(plan.setting, key_frame_needed),
-              key_frame_needed, std::min(refinement, backlog)};
+              key_frame_needed, std::min(budget.refinement, backlog)};
       key_frame_needed = false;
       shown_ssim = scene.ssim(plan.setting);
     }

@@ -10,6 +10,7 @@
 #include "mr/node/merge_task.h"
 #include "mr/node/sensor_task.h"
 #include "mr/node/sources.h"
+#include "mr/rate/models.h"
 #include "mr/runtime/live_frames.h"
 #include "mr/runtime/monitor.h"
 #include "mr/runtime/paced_frames.h"
@@ -159,6 +160,10 @@ Status LiveScene::start_merger(const MergerConfig& merger) {
         node::open_background(*scene_, [&](const std::string& notice) { log.info(notice); });
     if (!opened) return opened.error();
     options.background = *std::move(opened);
+    auto model =
+        rate::open_model(scene_->rate, [&](const std::string& notice) { log.warn(notice); });
+    if (!model) return model.error();
+    options.rate_model = *std::move(model);
   }
   add(std::make_unique<node::MergeTask>(*scene_, merger, log, std::move(options)),
       threads_config());

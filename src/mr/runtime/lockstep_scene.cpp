@@ -11,6 +11,7 @@
 #include "mr/core/assert.h"
 #include "mr/kit/topology.h"
 #include "mr/node/sources.h"
+#include "mr/rate/models.h"
 
 namespace mr::runtime {
 namespace {
@@ -80,11 +81,18 @@ Result<std::unique_ptr<LockstepScene>> LockstepScene::open(
   if (!scene) return scene.error();
   auto background = node::open_background(*scene);
   if (!background) return background.error();
-  return std::unique_ptr<LockstepScene>(new LockstepScene(
-      std::make_unique<Scene>(*std::move(scene)), *std::move(background), cache_folder));
+  std::string unusable;
+  auto model = rate::open_model(scene->rate, [&](const std::string& why) { unusable = why; });
+  if (!model) return model.error();
+  std::unique_ptr<LockstepScene> out(new LockstepScene(std::make_unique<Scene>(*std::move(scene)),
+                                                       *std::move(background), *std::move(model),
+                                                       cache_folder));
+  out->model_unusable_ = std::move(unusable);
+  return out;
 }
 
 LockstepScene::LockstepScene(std::unique_ptr<Scene> scene, std::vector<EncodedChunk> background,
+                             std::shared_ptr<const rate::Model> rate_model,
                              const std::filesystem::path& cache_folder)
     : scene_(std::move(scene)), transport_(net::make_in_process_transport()) {
   drops_.set_listener(log_of("").dropped);
@@ -99,7 +107,7 @@ LockstepScene::LockstepScene(std::unique_ptr<Scene> scene, std::vector<EncodedCh
   for (const MergerConfig& merger : scene_->mergers) {
     const bool is_root = &merger == &scene_->mergers.back();
     node::MergeTask::Options options;
-    if (is_root) options.background = std::move(background);
+    if (is_root) options.background = std::move(background), options.rate_model = rate_model;
     mergers_.push_back(member(
         std::make_unique<node::MergeTask>(*scene_, merger, log_of(merger.id), std::move(options))));
   }
@@ -186,6 +194,12 @@ Status LockstepScene::set_plan(const ScenePlan& plan) {
   return {};
 }
 
+void LockstepScene::set_target(double mbps) {
+  codec::Control control;
+  control.target_mbps = mbps;
+  root().answer(control, now_);
+}
+
 Result<RunReport> LockstepScene::run(int frames, const RunListener& listener) {
   return run(
       frames, [this](int) { return capture(); }, listener);
@@ -207,6 +221,8 @@ Result<RunReport> LockstepScene::run(std::span<const Capture> captures,
 Result<RunReport> LockstepScene::run(int frames, const std::function<bool(int)>& capture,
                                      const RunListener& listener) {
   listener_ = &listener;
+  if (listener.warned && !model_unusable_.empty())
+    listener.warned(std::exchange(model_unusable_, std::string()));
   Measured measured;
   if (listener.drawing)
     root().node().set_drawing_listener([&](const node::RootAtlas::Drawing& drawing) {
@@ -353,7 +369,7 @@ void LockstepScene::show(Measured& measured) {
 void LockstepScene::count_bytes(const Packet& packet, std::uint64_t bytes,
                                 Measured& measured) const {
   CaptureCost& cost = measured.cost;
-  cost.shown = true;
+  cost.shown = true, cost.plan = packet.plan;
   for (const TextureUnit& unit : packet.textures) {
     cost.texture_bytes += unit.data.size();
     if (unit.stream == node::RootAtlas::kPlateStream) cost.plate_bytes += unit.data.size();

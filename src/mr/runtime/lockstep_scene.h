@@ -35,6 +35,7 @@ struct CaptureCost {
   std::uint64_t head_bytes = 0;                   ///< the rest of the packet
   std::uint64_t alpha_bytes = 0;                  ///< the alpha planes' part of head_bytes
   bool key_frame = false;                         ///< some texture unit is a key frame
+  CodingPlan plan;                                ///< by which the root coded it
   double sensors_cpu_ms = 0, mergers_cpu_ms = 0;  ///< CPU time on all threads
   double critical_path_ms = 0;  ///< slowest node of each layer, each alone, summed; wall clock
 };
@@ -96,6 +97,10 @@ class LockstepScene {
   /// on, the sensors from the one after that. Error invalid: the first of the plan's problems().
   Status set_plan(const ScenePlan& plan);
 
+  /// Sets the rate that the root aims at from the next capture on, as viewers do; above 0. Without
+  /// effect where the scene's rate.model is fixed.
+  void set_target(double mbps);
+
   /// Runs until `frames` were captured or all sources ended. Error empty: no frame reached the
   /// client.
   Result<RunReport> run(int frames, const RunListener& listener = {});
@@ -124,6 +129,7 @@ class LockstepScene {
   };
 
   LockstepScene(std::unique_ptr<Scene> scene, std::vector<EncodedChunk> background,
+                std::shared_ptr<const rate::Model> rate_model,
                 const std::filesystem::path& cache_folder);
   node::NodeLog log_of(const std::string& id);
   template <typename T>
@@ -146,6 +152,7 @@ class LockstepScene {
   RunReport report(const Measured& measured, double seconds) const;
 
   std::unique_ptr<Scene> scene_;  // nodes point to it
+  std::string model_unusable_;    ///< why the scene's model file is not used; told once
   TimePoint last_capture_{};
   const RunListener* listener_ = nullptr;  ///< of the current run
   TimePoint now_{};

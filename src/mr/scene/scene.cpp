@@ -184,8 +184,8 @@ void read_rate_and_coding(MapReader& top, Scene& scene) {
                         {"classifier", Model::classifier},
                         {"ours", Model::ours}});
     rate.number("target_mbps", scene.rate.target_mbps, RateConfig::kTarget_mbps);
-    if (rate.has("target_mbps")) rate.not_acted_on("target_mbps", "rate.target_mbps");
-    if (scene.rate.model != Model::fixed) rate.not_acted_on("model", "rate.model other than fixed");
+    if (std::string file; rate.text("model_file", file))
+      scene.rate.model_file = file.empty() ? "" : rate.report.resolve(file);
   }
   if (const yaml::Node* node = top.find("coding")) {
     MapReader coding(top.report, *node, "coding");

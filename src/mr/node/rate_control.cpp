@@ -1,0 +1,101 @@
+#include "mr/node/rate_control.h"
+
+#include <algorithm>
+#include <cmath>
+#include <utility>
+
+#include "mr/node/plans.h"
+#include "mr/node/root_atlas.h"
+#include "mr/rate/feature_space.h"
+
+namespace mr::node {
+
+RateControl::RateControl(const Scene& scene, std::shared_ptr<const rate::Model> model)
+    : scene_(&scene),
+      controller_(std::move(model), scene.still.layers, scene.fps, scene.rate.target_mbps),
+      target_mbps_(scene.rate.target_mbps) {}
+
+/// Where nodes cannot keep up, there are fewer ticks than the scene's nominal rate.
+void RateControl::note_pace(TimePoint tick) {
+  constexpr std::size_t kFewest = 4;
+  constexpr double kLikeNominal = 0.97;
+  if (!ticks_.empty() && tick <= ticks_.back()) ticks_.clear();
+  ticks_.push_back(tick);
+  while (ticks_.size() > kFewest && tick - ticks_.front() > std::chrono::seconds(1))
+    ticks_.pop_front();
+  if (ticks_.size() < kFewest) return;
+  const double seconds = std::chrono::duration<double>(tick - ticks_.front()).count();
+  const double fps = static_cast<double>(ticks_.size() - 1) / seconds;
+  controller_.set_fps(fps > kLikeNominal * scene_->fps ? scene_->fps : fps);
+}
+
+void RateControl::note_features(const std::vector<FrameFeatures>& frames) {
+  std::vector<rate::SensorFeatures> sensors;
+  for (const FrameFeatures& frame : frames)
+    if (const auto features = rate::features_of(frame.values))
+      sensors.push_back({frame.has_color, *features});
+  if (!sensors.empty()) controller_.set_features(rate::scene_features(sensors));
+}
+
+bool RateControl::begin(const CaptureSet& captures, double waiting, CodingPlan& root) {
+  note_pace(captures.tick);
+  note_features(captures.features);
+  const double target = target_mbps_;
+  controller_.set_target(std::isfinite(target) ? std::min(target, scene_->rate.target_mbps) : 0);
+  planned_ = controller_.begin(waiting);
+  if (planned_.skipped) {
+    controller_.sent({});
+    return false;
+  }
+  root.decimation = moving_decimation(*scene_, planned_.setting.error_voxels);
+  root.texture_scale = scene_->coding.texture_scale * planned_.setting.scale;
+  return true;
+}
+
+PlateLimits RateControl::plate_limits(bool may_refine) const {
+  const double largest = controller_.largest_piece();
+  return {{planned_.refinement, planned_.refinement >= largest}, largest, may_refine};
+}
+
+RateControl::Budget RateControl::code(double moving_bytes, double waiting, bool key_frame) {
+  const rate::CaptureBudget budget =
+      controller_.code({moving_bytes + head_bytes_, waiting, key_frame});
+  return {budget.qp, {budget.refinement, budget.is_purse_full}};
+}
+
+void RateControl::sent(const Packet& packet, std::size_t bytes) {
+  rate::CaptureBytes out;
+  double head = static_cast<double>(bytes);
+  bool brings_still = false;
+  for (const EncodedChunk& chunk : packet.chunks) {
+    const bool is_still = chunk.key.id.layer == Layer::still;
+    const auto size = static_cast<double>(chunk.payload.size());
+    (is_still ? out.refinement : out.geometry) += size;
+    head -= size, brings_still |= is_still;
+  }
+  for (const TextureUnit& unit : packet.textures) {
+    const bool is_plate = unit.stream == RootAtlas::kPlateStream;
+    const auto size = static_cast<double>(unit.data.size());
+    (is_plate ? out.refinement : out.texture) += size;
+    out.key_frame |= !is_plate && unit.key_frame;
+    head -= size;
+  }
+  for (const AlphaPlane& alpha : packet.alpha) {
+    out.texture += static_cast<double>(alpha.data.size());
+    head -= static_cast<double>(alpha.data.size());
+  }
+  // What a head takes to name changes of the still surface belongs to these.
+  if (!brings_still) head_bytes_ = head;
+  out.geometry += std::min(head, head_bytes_);
+  out.refinement += head - std::min(head, head_bytes_);
+  controller_.sent(out);
+}
+
+std::optional<ScenePlan> RateControl::take_plan() {
+  const double error_voxels = controller_.setting().error_voxels;
+  if (passed_error_voxels_ == error_voxels) return std::nullopt;
+  passed_error_voxels_ = error_voxels;
+  return scene_plan(*scene_, error_voxels);
+}
+
+}  // namespace mr::node

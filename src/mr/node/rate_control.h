@@ -1,0 +1,64 @@
+#pragma once
+
+#include <atomic>
+#include <cstddef>
+#include <deque>
+#include <memory>
+#include <optional>
+#include <vector>
+
+#include "mr/core/coding_plan.h"
+#include "mr/core/packet.h"
+#include "mr/node/allowance.h"
+#include "mr/node/input_synchronizer.h"
+#include "mr/rate/controller.h"
+#include "mr/rate/model.h"
+#include "mr/scene/scene.h"
+
+namespace mr::node {
+
+/// Rate control of the root (paper 4; docs/rate-control.md): leads a rate::Controller through its
+/// ticks. Each tick begin(), code() and sent(); a tick that is left out, begin() alone. On one
+/// thread, but for set_target().
+class RateControl {
+ public:
+  /// `model` must not be null. The scene must outlive this.
+  RateControl(const Scene& scene, std::shared_ptr<const rate::Model> model);
+
+  /// The rate wanted from the next tick on, at most the scene's rate.target_mbps. Any thread.
+  void set_target(double mbps) { target_mbps_ = mbps; }
+
+  /// Before a tick is merged: puts decimation and texture scale into the root's plan. `waiting`:
+  /// bytes of still surface and plates. False: the tick is to be left out.
+  bool begin(const CaptureSet& captures, double waiting, CodingPlan& root);
+  /// What plates may take in this tick; `may_refine`: no still surface waits.
+  PlateLimits plate_limits(bool may_refine) const;
+
+  struct Budget {
+    int texture_qp = 0;
+    Allowance refinement;  ///< still surface and plates
+  };
+  /// Once the moving surface is coded, which takes `moving_bytes`, and the pictures are drawn.
+  Budget code(double moving_bytes, double waiting, bool key_frame);
+  /// The tick's packet, which takes `bytes`.
+  void sent(const Packet& packet, std::size_t bytes);
+
+  /// The plan of all nodes, if it is another than when this was last asked.
+  std::optional<ScenePlan> take_plan();
+  /// Whether not even the coarsest quality fits the target.
+  bool is_best_effort() const { return controller_.is_best_effort(); }
+
+ private:
+  void note_pace(TimePoint tick);
+  void note_features(const std::vector<FrameFeatures>& frames);
+
+  const Scene* scene_;
+  rate::Controller controller_;
+  std::atomic<double> target_mbps_;
+  rate::CapturePlan planned_;
+  std::deque<TimePoint> ticks_;  ///< of about the last second
+  double head_bytes_ = 0;        ///< of the last packet that named no change of the still surface
+  std::optional<double> passed_error_voxels_;  ///< of the plan that was taken last
+};
+
+}  // namespace mr::node
