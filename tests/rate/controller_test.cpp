@@ -170,6 +170,20 @@ TEST(Controller, TheBacklogIsSentAndGetsItsShare) {
     }
 }
 
+TEST(Controller, TheBacklogGetsItsShareBelowTheLeast) {
+  for (const MadeScene& scene : made_other_scenes()) {
+    const double target = 0.5 * made_least_mbps(scene);
+    MadeStream stream(scene, target);
+    stream.key_frame_every = 0;
+    stream.run(3);
+    stream.backlog = 3 * target * 1e6 / 8;
+    stream.run(6);
+    const double sent = 3 - stream.backlog * 8e-6 / target;
+    EXPECT_GT(sent, 0.8 * 6 * Controller::kLeastForBacklog) << scene.name;
+    EXPECT_LT(stream.mbps(3, 9), 1.1 * target) << scene.name;
+  }
+}
+
 TEST(Controller, ABacklogInLargePiecesIsSavedFor) {
   for (const MadeScene& scene : made_other_scenes()) {
     const double target = target_at(scene, 0.5);

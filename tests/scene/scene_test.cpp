@@ -226,7 +226,7 @@ TEST_F(SceneFile, EachPartOfTheDepthCleanUpIsASwitch) {
 }
 
 TEST_F(SceneFile, WhatThisVersionDoesNotActOnIsANotice) {
-  const std::string rest = R"(rate: {model: ours, target_mbps: 10}
+  const std::string rest = R"(rate: {model: fixed, target_mbps: 10}
 coding: {frame_divider: 2}
 merge: {overlap: raster, refine: true, color_gain: true}
 atlas: {views: packed}

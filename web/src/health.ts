@@ -10,6 +10,8 @@ export interface Came {
   readonly workMs: number;
   /** From the capture to the screen; null where the clocks are not known. */
   readonly latencyMs: number | null;
+  /** Its pictures are as coarse as rate control can make them. */
+  readonly isCoarsest: boolean;
 }
 
 const kWindowMs = 4000;
@@ -158,8 +160,11 @@ export class Health {
     if (this.slowText === "" || !about) {
       this.saidRate = rate;
       const work = this.recent.reduce((sum, { workMs }) => sum + workMs, 0);
-      const who = work > kOwnShare * kWindowMs ? "This device" : "The server";
-      this.slowText = `${who} is slower than the sensors: ${whole(rate)} of ${whole(this.fps)} captures a second.`;
+      const captures = `${whole(rate)} of ${whole(this.fps)} captures a second.`;
+      const coarsest = this.recent.filter(({ isCoarsest }) => isCoarsest).length;
+      if (coarsest > this.recent.length / 2) this.slowText = `The scene takes more than this bandwidth: ${captures}`;
+      else if (work > kOwnShare * kWindowMs) this.slowText = `This device is slower than the sensors: ${captures}`;
+      else this.slowText = `The server is slower than the sensors: ${captures}`;
     }
     return [this.slowText];
   }

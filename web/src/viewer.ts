@@ -70,6 +70,7 @@ const kLongestLatencyMs = 3_600_000;
 const kStillAfterMs = 500;
 const kStillAfterCaptures = 4; // that did not come: drawn by the processor, a still picture takes the time of several others
 const kLongestCaptureMs = 1000;
+const kCoarsestQp = 51;
 const kHealthEveryMs = 100; // a sensor that is missing is told within two seconds
 const kStartSettlesMs = 10_000; // sensors that come so soon are still counted for the place to start
 
@@ -434,12 +435,12 @@ export class Viewer {
     if (!this.options.isSoftware && this.resolution.drew(frameMs)) this.resize();
     if (capture === null) return;
     const now = this.client.serverNowMs();
-    const { capturedAtNs, sources } = capture.packet;
+    const { capturedAtNs, sources, plan } = capture.packet;
     const latency = now === null ? null : now - Number(capturedAtNs) / 1e6;
     const latencyMs = latency !== null && Math.abs(latency) < kLongestLatencyMs ? latency : null; // recordings have other times
     if (latencyMs !== null) this.latency.add(latencyMs);
     const atMs = performance.now();
-    this.health?.came({ atMs, capturedAtNs, sources, workMs: atMs - arrivedMs, latencyMs });
+    this.health?.came({ atMs, capturedAtNs, sources, workMs: atMs - arrivedMs, latencyMs, isCoarsest: plan.textureQp >= kCoarsestQp });
   }
 
   private checkHealth(): void {

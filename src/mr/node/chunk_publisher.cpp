@@ -176,6 +176,8 @@ double ChunkPublisher::waiting_bytes() const {
       out += chunk.coded
                  ? static_cast<double>(chunk.coded->payload.size())
                  : bytes_per_triangle_ * static_cast<double>(chunk.piece.mesh.triangles.size());
+  for (const EncodedChunk& chunk : std::span(background_).subspan(background_sent_))
+    out += static_cast<double>(chunk.payload.size());
   return out;
 }
 

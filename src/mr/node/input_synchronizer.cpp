@@ -204,6 +204,12 @@ std::optional<TimePoint> InputSynchronizer::newest(std::size_t input) const {
   return whole ? std::optional(whole->captured_at) : std::nullopt;
 }
 
+std::optional<TimePoint> InputSynchronizer::sent_at(std::size_t input) const {
+  std::optional<TimePoint> out;
+  for (const auto& [stage, at] : inputs_[input].marks) out = std::max(out.value_or(at), at);
+  return out;
+}
+
 /// If the input's newest capture is complete, it is what is merged from now on.
 void InputSynchronizer::settle(std::size_t input, TimePoint now) {
   Input& from = inputs_[input];

@@ -72,6 +72,8 @@ Result<std::vector<std::byte>> MergeNode::merge(const CaptureSet& captures,
   if (!rate_) return writer_.write(std::move(packet));
   auto bytes = writer_.write(packet);
   rate_->sent(packet, bytes.size());
+  rate_->note_surface(captures, moving_.mesh());
+  if (clock_.now) rate_->note_time(captures, clock_.now() - started);
   return bytes;
 }
 

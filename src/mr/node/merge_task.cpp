@@ -1,5 +1,9 @@
 #include "mr/node/merge_task.h"
 
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
 #include <utility>
 
 namespace mr::node {
@@ -19,13 +23,19 @@ MergeTask::MergeTask(const Scene& scene, const MergerConfig& merger, NodeLog log
   node_.inputs().set_drop_listener(log_.dropped);
   node_.set_background(std::move(options.background));
   if (is_root_ && options.rate_model) node_.control_rate(std::move(options.rate_model));
+  for (const std::string& input : merger.inputs) {
+    const auto link = std::ranges::find_if(scene.links, [&](const LinkConfig& l) {
+      return l.from == input && l.to == merger.id && l.limit_mbps > 0;
+    });
+    links_.emplace_back(link == scene.links.end() ? std::nullopt : std::optional(link->limit_mbps));
+  }
   if (options.inputs_since) presence_.begin(*options.inputs_since);
 }
 
 std::vector<Ask> MergeTask::step(const Arrivals& arrivals, TimePoint now) {
   for (const auto& [input, bytes] : arrivals.packets) {
     // The synchronizer counts and logs refused packets.
-    static_cast<void>(node_.inputs().receive(input, *bytes, now).ok());
+    if (node_.inputs().receive(input, *bytes, now)) watch_link(input, bytes->size(), now);
     const std::lock_guard lock(watch_mutex_);
     if (const auto newest = node_.inputs().newest(input)) presence_.seen(input, *newest, now);
     if (clocks_[input].offset() != Duration{}) ++retimed_;
@@ -56,10 +66,12 @@ std::vector<Ask> MergeTask::step(const Arrivals& arrivals, TimePoint now) {
 void MergeTask::pass_plan(TimePoint now, std::vector<Ask>& asks) {
   constexpr Duration kPlanEvery = std::chrono::seconds(1);
   const std::lock_guard lock(plan_mutex_);
-  if (!plan_ || !is_due(plan_passed_, kPlanEvery, now)) return;
-  plan_passed_ = now;
+  if (!plan_) return;
+  ScenePlan plan = limited(*plan_);
+  if (plan == passed_ && !is_due(plan_passed_, kPlanEvery, now)) return;
+  plan_passed_ = now, passed_ = plan;
   codec::Control control;
-  control.plan = plan_;
+  control.plan = std::move(plan);
   for (std::size_t i = 0; i < clocks_.size(); ++i) asks.push_back({i, control});
 }
 
@@ -102,7 +114,37 @@ Task::Bytes MergeTask::answer(const codec::Control& control, TimePoint) {
 /// With the next step.
 void MergeTask::pass_on(const ScenePlan& plan) {
   const std::lock_guard lock(plan_mutex_);
-  if (plan_ != plan) plan_ = plan, plan_passed_.reset();
+  plan_ = plan;
+}
+
+/// Measures what comes over the link from an input, and tells people when it is too narrow.
+void MergeTask::watch_link(std::size_t input, std::size_t bytes, TimePoint now) {
+  rate::LinkBudget& link = links_[input];
+  const bool was_narrow = link.coarser() > 0;
+  link.arrived(static_cast<double>(bytes), node_.inputs().sent_at(input), now);
+  const bool is_narrow = link.coarser() > 0;
+  if (is_narrow == was_narrow || !passed_) return;
+  const std::string name = "the link from '" + node_.config().inputs[input] + "'";
+  log_.info(is_narrow
+                ? fmt::format("{} carries {:.1f} Mbit/s: what comes over it is coded more coarsely",
+                              name, link.limit_mbps().value_or(0))
+                : name + " is wide enough again");
+}
+
+/// A plan, coarser for the sensors behind narrow links.
+ScenePlan MergeTask::limited(ScenePlan plan) const {
+  constexpr double kQpPerDoubledError = 12;
+  constexpr int kCoarsestQp = 51;
+  for (std::size_t i = 0; i < links_.size(); ++i)
+    if (const int coarser = links_[i].coarser(); coarser > 0)
+      for (const SensorId sensor : node_.inputs().sensors_of(i)) {
+        CodingPlan of_sensor = plan.of(sensor);
+        of_sensor.texture_qp = std::min(of_sensor.texture_qp + coarser, kCoarsestQp);
+        of_sensor.decimation.error_m =
+            std::min(of_sensor.decimation.error_m * std::exp2(coarser / kQpPerDoubledError), 1.0);
+        plan.by_sensor[sensor] = of_sensor;
+      }
+  return plan;
 }
 
 std::unique_ptr<Task::Work> MergeTask::begin(TimePoint now) {

@@ -11,6 +11,7 @@
 #include "mr/node/merge_node.h"
 #include "mr/node/presence.h"
 #include "mr/node/task.h"
+#include "mr/rate/link_budget.h"
 
 namespace mr::node {
 
@@ -50,6 +51,8 @@ class MergeTask final : public Task {
   void pass_plan(TimePoint now, std::vector<Ask>& asks);
   void watch_inputs(Duration busy, TimePoint now);
   void pass_on(const ScenePlan& plan);
+  void watch_link(std::size_t input, std::size_t bytes, TimePoint now);
+  ScenePlan limited(ScenePlan plan) const;
 
   bool is_root_;
   MergeNode node_;
@@ -59,7 +62,9 @@ class MergeTask final : public Task {
   std::vector<ClockOffset> clocks_;  ///< [inputs]
   std::optional<TimePoint> clocks_asked_, plan_passed_;
   std::mutex plan_mutex_;
-  std::optional<ScenePlan> plan_;  ///< received; passed on to the inputs
+  std::optional<ScenePlan> plan_;        ///< received, or chosen; passed on to the inputs
+  std::optional<ScenePlan> passed_;      ///< as it was: coarser where links are narrow
+  std::vector<rate::LinkBudget> links_;  ///< [inputs]
   std::atomic<std::uint64_t> retimed_ = 0;
   std::atomic<bool> key_frames_wanted_ = false;  ///< a tick failed: units to forward were lost
   DropCounter drops_;

@@ -1,7 +1,10 @@
 #include "mr/node/rate_control.h"
 
 #include <algorithm>
+#include <chrono>
 #include <cmath>
+#include <map>
+#include <string>
 #include <utility>
 
 #include "mr/node/plans.h"
@@ -91,11 +94,43 @@ void RateControl::sent(const Packet& packet, std::size_t bytes) {
   controller_.sent(out);
 }
 
+void RateControl::note_surface(const CaptureSet& captures, const Mesh& moving) {
+  std::map<SensorId, rate::SensorShares::Triangles> triangles;
+  for (const DecodedScene& scene : captures.scenes)
+    for (const auto& chunk : scene.chunks)
+      if (chunk->key.id.layer == Layer::moving)
+        for (const SensorRun& run : chunk->mesh.sensors) triangles[run.id].delivered += run.count;
+  for (const SourceInfo& source : captures.sources)
+    for (const ViewRun& run : moving.views)
+      if (run.id == view_of(source.sensor)) triangles[source.sensor].shown += run.count;
+  shares_.note(triangles);
+}
+
+void RateControl::note_time(const CaptureSet& captures, Duration own) {
+  Duration slowest = own;
+  const auto note = [&](const std::string& from, const std::string& to) {
+    const auto first = captures.marks.find(from), last = captures.marks.find(to);
+    if (first != captures.marks.end() && last != captures.marks.end())
+      slowest = std::max(slowest, last->second - first->second);
+  };
+  note("sensors/reconstructed", "sensors/coded");
+  for (const MergerConfig& merger : scene_->mergers)
+    note(merger.id + "/gathered", merger.id + "/merged");
+  time_.note(std::chrono::duration<double, std::milli>(slowest).count());
+  controller_.set_least_error(time_.least_error_voxels());
+}
+
 std::optional<ScenePlan> RateControl::take_plan() {
-  const double error_voxels = controller_.setting().error_voxels;
-  if (passed_error_voxels_ == error_voxels) return std::nullopt;
-  passed_error_voxels_ = error_voxels;
-  return scene_plan(*scene_, error_voxels);
+  ScenePlan plan = scene_plan(*scene_, controller_.setting().error_voxels);
+  for (const SensorId id : all_sensors(scene_->sensors))
+    if (const double coarser = shares_.coarser(id); coarser > 1) {
+      CodingPlan of_sensor = plan.of(id);
+      of_sensor.decimation.error_m *= coarser;
+      plan.by_sensor[id] = of_sensor;
+    }
+  if (passed_ == plan) return std::nullopt;
+  passed_ = plan;
+  return plan;
 }
 
 }  // namespace mr::node

@@ -13,6 +13,8 @@
 #include "mr/node/input_synchronizer.h"
 #include "mr/rate/controller.h"
 #include "mr/rate/model.h"
+#include "mr/rate/sensor_shares.h"
+#include "mr/rate/time_budget.h"
 #include "mr/scene/scene.h"
 
 namespace mr::node {
@@ -42,6 +44,10 @@ class RateControl {
   Budget code(double moving_bytes, double waiting, bool key_frame);
   /// The tick's packet, which takes `bytes`.
   void sent(const Packet& packet, std::size_t bytes);
+  /// What came of the inputs' surfaces: the moving surface as shown.
+  void note_surface(const CaptureSet& captures, const Mesh& moving);
+  /// How long the nodes took for the tick: this one, those below by their marks.
+  void note_time(const CaptureSet& captures, Duration own);
 
   /// The plan of all nodes, if it is another than when this was last asked.
   std::optional<ScenePlan> take_plan();
@@ -58,7 +64,9 @@ class RateControl {
   rate::CapturePlan planned_;
   std::deque<TimePoint> ticks_;  ///< of about the last second
   double head_bytes_ = 0;        ///< of the last packet that named no change of the still surface
-  std::optional<double> passed_error_voxels_;  ///< of the plan that was taken last
+  rate::TimeBudget time_;
+  rate::SensorShares shares_;
+  std::optional<ScenePlan> passed_;  ///< that was taken last
 };
 
 }  // namespace mr::node

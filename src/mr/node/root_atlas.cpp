@@ -13,6 +13,7 @@
 #include "mr/core/parallel.h"
 #include "mr/node/layers.h"
 #include "mr/node/sensor_node.h"
+#include "mr/rate/setting.h"
 #include "mr/sensor/blind_tiles.h"
 #include "mr/still/tiles.h"
 
@@ -272,10 +273,11 @@ Result<RootAtlas::Drawn> RootAtlas::draw(const Tick& tick, const Mesh& moving, c
   Drawn out;
   out.live_layout = live_layout_.views.front().layout;
   out.plate_layout = plate_layout_.views.front().layout;
-  out.views = shown_views(still != nullptr);
   out.alpha = draw_alpha(tick, children, used);
   const std::optional<int> plate_qp =
       still && !plates_.empty() ? due_plate_qp(plan.plate_qp, limits) : std::nullopt;
+  if (plate_qp) sent_plates_ = plate_layout_.views;
+  out.views = shown_views(still != nullptr);
   if (plate_qp)
     shown_plates_ =
         painter_.plates(tick.views, plates_, used_pixels(tick, *still, error_m), *still, colors_);
@@ -304,14 +306,17 @@ Status RootAtlas::encode(Drawn drawn, Packet& packet) {
   return coded;
 }
 
-/// The live views, each followed by the view of its plate.
+/// The live views, each followed by the view of its plate, where that was sent: in its place of
+/// then.
 std::vector<View> RootAtlas::shown_views(bool with_plates) const {
   std::vector<View> out;
   for (std::size_t i = 0; i < live_layout_.views.size(); ++i) {
     out.push_back(live_layout_.views[i]);
-    const auto plate = plates_.find(live_layout_.views[i].id);
-    if (!with_plates || plate == plates_.end()) continue;
+    const ViewId id = live_layout_.views[i].id;
+    const auto sent = std::ranges::find(sent_plates_, id, &View::id);
+    if (!with_plates || !plates_.contains(id) || sent == sent_plates_.end()) continue;
     View& view = out.emplace_back(plate_layout_.views[i]);
+    view.atlas_rect = sent->atlas_rect, view.layout = sent->layout;
     view.layer = Layer::still, view.stream = kPlateStream, view.gain = colors_.exposure();
   }
   return out;
@@ -331,14 +336,13 @@ bool RootAtlas::are_plates_new(std::uint32_t layout) {
 /// About what the atlas of plates takes with a quantiser. A key frame tells; before the first one,
 /// its size has to do.
 double RootAtlas::plate_bytes(int qp) const {
-  constexpr double kPerQp = 0.1155;        // log of the bytes: ln 2 / 6
   constexpr double kBytesPerPixel = 0.03;  // with kUsualQp
   constexpr int kUsualQp = 28;
-  if (key_bytes_ > 0) return key_bytes_ * std::exp(-kPerQp * (qp - key_qp_));
+  if (key_bytes_ > 0) return key_bytes_ * std::exp(-rate::kPerQp * (qp - key_qp_));
   double pixels = 0;
   for (const View& view : plate_layout_.views)
     pixels += static_cast<double>(view.atlas_rect.width) * view.atlas_rect.height;
-  return kBytesPerPixel * pixels * std::exp(-kPerQp * (qp - kUsualQp));
+  return kBytesPerPixel * pixels * std::exp(-rate::kPerQp * (qp - kUsualQp));
 }
 
 /// The quantiser with which the atlas of plates is to be encoded now; nothing: it is as good as it

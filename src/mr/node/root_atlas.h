@@ -185,6 +185,7 @@ class RootAtlas {
   double waiting_bytes_ = 0;
   atlas::ColorCorrections plate_colors_;
   std::uint32_t drawn_layout_ = 0;
+  std::vector<View> sent_plates_;  ///< the layout of the newest atlas of plates
 };
 
 }  // namespace mr::node

@@ -5,6 +5,7 @@
 #include <utility>
 
 #include "mr/core/assert.h"
+#include "mr/rate/grid.h"
 #include "mr/rate/swept_surface.h"
 
 namespace mr::rate {
@@ -13,8 +14,8 @@ namespace {
 constexpr int kDecideEvery = 6;   // captures
 constexpr int kFewest = 5;        // captures behind a mean that a decision uses
 constexpr double kMeanOver = 12;  // captures
-constexpr double kPerQp = 0.115;  // log of the bytes by which quantisers differ: ln 2 / 6
 constexpr int kFinestQp = 18, kCoarsestQp = 51;
+constexpr Setting kFinestSetting{kErrorNodes_voxels[0], kBits, 1, kFinestQp};
 constexpr int kFirstQp = 42;     // of the first captures, while nothing is known of what they take
 constexpr double kUsualKey = 8;  // key frames, in other frames, until one was seen
 constexpr double kLeast_mbps = 0.01;
@@ -105,6 +106,7 @@ bool Controller::is_worth_it(const Setting& wanted, double budget_mbps) const {
   };
   const bool is_urgent = needed > 1.3 * budget_mbps || at_qp(kCoarsestQp) > budget_mbps;
   if (is_urgent) return true;
+  if ((direction_of(setting_, wanted) > 0) == (needed > budget_mbps)) return false;
   // Even the finest quantiser leaves some of the budget.
   const bool is_idle = at_qp(kFinestQp) < 0.9 * budget_mbps;
   const double hold_s = is_reversal && !is_idle ? kHoldReversal_s : kHold_s;
@@ -123,6 +125,16 @@ void Controller::take(const Setting& setting) {
   setting_ = setting, captures_ = textures_ = 0, since_change_ = 0;
 }
 
+/// Whether even the best quality leaves half of a rate: next to nothing moves. Models were trained
+/// on scenes in which something does.
+bool Controller::has_ample(double mbps) const {
+  if (captures_ < kFewest) return false;
+  const double geometry = geometry_ * setting_.error_voxels / kFinestSetting.error_voxels;
+  const double texture =
+      texture_at(kFinestQp, false) * std::pow(kFinestSetting.scale / setting_.scale, 2);
+  return mbps_of(geometry + texture) < 0.5 * mbps;
+}
+
 /// Lets the model choose for a rate, given what was produced lately.
 void Controller::decide(double for_setting_mbps) {
   if (captures_ >= kFewest) {
@@ -131,7 +143,9 @@ void Controller::decide(double for_setting_mbps) {
         {setting_, geometry_ * 8e-6 * nominal_fps_, (texture_ * (nominal_fps_ - 1) + key) * 8e-6});
     if (observed_.produced.size() > 6) observed_.produced.erase(observed_.produced.begin());
   }
-  Setting wanted = model_->choose(observed_, for_setting_mbps * nominal_fps_ / fps_);
+  Setting wanted = has_ample(for_setting_mbps)
+                       ? kFinestSetting
+                       : model_->choose(observed_, for_setting_mbps * nominal_fps_ / fps_);
   wanted.error_voxels = std::max(wanted.error_voxels, least_error_voxels_);
   if (is_worth_it(wanted, for_setting_mbps)) take(wanted);
   has_chosen_ = true, target_changed_ = false, since_decision_ = 0;
@@ -144,20 +158,23 @@ CapturePlan Controller::begin(double backlog) {
 
   // Where the least is more than the share, captures wait until what was saved pays for one.
   const double least = geometry_ + texture_at(kCoarsestQp, key_frame_needed_);
-  const double saved = std::min(share + credit_, left());
+  const double saved = std::min(share + credit_, left() - purse_);
   is_best_effort_ = geometry_ + texture_at(kCoarsestQp, false) > 1.1 * share;
   planned_ = {setting_, key_frame_needed_, false, std::min(backlog, aside + purse_)};
-  planned_.skipped = captures_ >= kFewest && least > std::max(allowed(), saved) &&
-                     since_sent_ < kLongestGap_s * fps_;
+  planned_.skipped = least > std::max(allowed(), saved) && since_sent_ < kLongestGap_s * fps_;
   since_sent_ = planned_.skipped ? since_sent_ + 1 : 0;
-  if (planned_.skipped) planned_.refinement = 0;
+  if (planned_.skipped) {
+    planned_.refinement = 0;
+    purse_ += aside, credit_ -= aside;
+  }
   return planned_;
 }
 
 CaptureBudget Controller::code(const CaptureState& capture) {
   const double most = allowed();
   const double for_texture = most - for_backlog(capture.backlog) - capture.geometry;
-  int qp = texture_ > 0 ? kFinestQp : std::max(setting_.qp, kFirstQp);
+  int qp = kFinestQp;
+  if (texture_ <= 0) qp = captures_ == 0 ? std::max(setting_.qp, kFirstQp) : qp_of_rest();
   if (texture_ > 0)
     while (qp < kCoarsestQp && texture_at(qp, capture.key_frame) > for_texture) ++qp;
   const double used = capture.geometry + texture_at(qp, capture.key_frame);
@@ -167,13 +184,20 @@ CaptureBudget Controller::code(const CaptureState& capture) {
   return budget_;
 }
 
-/// Puts what a capture leaves into the purse, as far as that may be filled.
+/// Nothing has moved lately, and what will move next is not known: pictures become finer step by
+/// step.
+int Controller::qp_of_rest() const {
+  return std::max(kFinestQp, std::min(budget_.qp, kUsualSetting.qp) - 1);
+}
+
+/// Puts what a capture leaves into the purse, as far as that may be filled; its share in any case.
 void Controller::save_for_backlog(double backlog, double unused) {
   if (backlog <= 0) {
     credit_ += std::exchange(purse_, 0);
     return;
   }
-  const double saved = std::clamp(unused, 0.0, std::min(purse_room(), backlog));
+  const double saved =
+      std::clamp(std::max(unused, for_backlog(backlog)), 0.0, std::min(purse_room(), backlog));
   purse_ += saved, credit_ -= saved;
 }
 

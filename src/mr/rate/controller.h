@@ -91,7 +91,9 @@ class Controller {
  private:
   double bytes_of(double mbps) const { return mbps * 1e6 / 8 / fps_; }
   double mbps_of(double bytes) const { return bytes * 8e-6 * fps_; }
+  bool has_ample(double mbps) const;
   void decide(double for_setting_mbps);
+  int qp_of_rest() const;
   void save_for_backlog(double backlog, double unused);
   bool is_worth_it(const Setting& wanted, double budget_mbps) const;
   void take(const Setting& setting);

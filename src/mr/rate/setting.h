@@ -4,6 +4,10 @@
 
 namespace mr::rate {
 
+/// By how much the logarithms of the bytes of two neighbouring quantisers differ: these halve with
+/// every sixth.
+inline constexpr double kPerQp = 0.1155;
+
 /// The coding parameters that rate control varies: decimation and texture from second to second,
 /// the lattice with an epoch.
 struct Setting {

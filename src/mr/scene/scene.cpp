@@ -184,8 +184,12 @@ void read_rate_and_coding(MapReader& top, Scene& scene) {
                         {"classifier", Model::classifier},
                         {"ours", Model::ours}});
     rate.number("target_mbps", scene.rate.target_mbps, RateConfig::kTarget_mbps);
-    if (std::string file; rate.text("model_file", file))
-      scene.rate.model_file = file.empty() ? "" : rate.report.resolve(file);
+    if (std::string file; rate.text("model_file", file)) {
+      if (file.empty())
+        rate.report.problem(rate.line("model_file"), "model_file must name a file, not ''");
+      else
+        scene.rate.model_file = rate.report.resolve(file);
+    }
   }
   if (const yaml::Node* node = top.find("coding")) {
     MapReader coding(top.report, *node, "coding");
@@ -252,7 +256,8 @@ void read_tree(MapReader& top, const std::vector<NodeName>& leaves, Scene& scene
     std::vector<NodeName> names = leaves;
     for (const MergerConfig& merger : scene.mergers) names.push_back({merger.id, 0});
     scene.links = scene_file::read_links(top.report, *node, names);
-    if (!scene.links.empty()) top.not_acted_on("links", "links (but for `meshreduce plan`)");
+    if (!scene.links.empty() && scene.rate.model == RateConfig::Model::fixed)
+      top.not_acted_on("links", "links (but for `meshreduce plan`) where rate.model is fixed");
   }
 }
 
@@ -282,11 +287,11 @@ void read_scene(Report& report, const yaml::Node& root, Scene& scene) {
   const std::vector<NodeName> leaves = read_leaves(top, scene);
   if (leaves.size() == scene.sensors.size()) check_positions(report, leaves, scene);
   read_fusion(top, scene, scene.fusion);
+  read_rate_and_coding(top, scene);
   read_tree(top, leaves, scene);
   read_simplify(top, scene.simplify);
   read_merge(top, scene.merge);
   read_atlas(top, scene.atlas);
-  read_rate_and_coding(top, scene);
   read_truth(top, scene.truth);
   scene_file::read_background(top, scene.background);
   scene_file::read_network(top, scene);

@@ -34,7 +34,7 @@ test("the golden packet of the C++ side reads", () => {
   assert.equal(packet.capturedAtNs, 1_700_000_000_123_456_789n);
   assert.deepEqual(packet.sources.map((source) => source.sensor), [0, 2, 5]);
   assert.equal(packet.sources[1]!.capturedAtNs, 1_700_000_000_000_000_002n);
-  const plan = { simplifyRatio: 0.5, meshSpeed: 7, textureScale: 0.75, textureQp: 33 };
+  const plan = { simplifyRatio: 0.5, meshSpeed: 7, textureScale: 0.75, textureQp: 33, simplifyErrorM: 0 };
   assert.deepEqual(packet.plan, plan);
   assert.deepEqual(packet.manifest.map((key) => key.name), [
     "-1,2,3,4294967295,0,0,7", "0,0,0,1,0,0,8", "0,0,0,1,0,2,1", "0,0,0,1,1,0,1",

@@ -8,16 +8,17 @@ interface Stream {
   readonly workMs?: number;
   readonly latencyMs?: number;
   readonly sensors?: readonly number[];
+  readonly isCoarsest?: boolean;
 }
 
 /** What is said after each second of a stream. */
-function listen(health: Health, fromS: number, seconds: number, { fps, workMs = 5, latencyMs = 100, sensors = [0, 1] }: Stream): string[] {
+function listen(health: Health, fromS: number, seconds: number, { fps, workMs = 5, latencyMs = 100, sensors = [0, 1], isCoarsest = false }: Stream): string[] {
   const said: string[] = [];
   for (let s = fromS; s < fromS + seconds; ++s) {
     for (let i = 0; i < fps; ++i) {
       const atMs = 1000 * (s + i / fps);
       const capturedAtNs = BigInt(Math.round(atMs * 1e6));
-      health.came({ atMs, capturedAtNs, sources: sensors.map((sensor) => ({ sensor, capturedAtNs })), workMs, latencyMs });
+      health.came({ atMs, capturedAtNs, sources: sensors.map((sensor) => ({ sensor, capturedAtNs })), workMs, latencyMs, isCoarsest });
     }
     said.push(health.words(1000 * (s + 1)).join(" "));
   }
@@ -38,6 +39,11 @@ test("a slow server is told after some seconds, with the same words until it is 
   const between = listen(health, 20, 10, { fps: 20 }); // neither slow nor quick
   assert.notEqual(between.at(-1), "");
   assert.equal(listen(health, 30, 15, { fps: 30 }).at(-1), "");
+});
+
+test("where captures are left out for want of bandwidth, that is told", () => {
+  const said = listen(new Health(["a", "b"], 30), 0, 10, { fps: 6, isCoarsest: true });
+  assert.equal(said.at(-1), "The scene takes more than this bandwidth: 6 of 30 captures a second.");
 });
 
 test("a slow server that has become much quicker is told anew", () => {
@@ -76,7 +82,7 @@ function watch(health: Health, fromMs: number, forMs: number, sourcesAt: (ms: nu
   let nextMs = fromMs;
   for (let atMs = fromMs; atMs < fromMs + forMs; atMs += 10) {
     for (; nextMs <= atMs; nextMs += everyMs)
-      health.came({ atMs: nextMs, capturedAtNs: nsOf(nextMs), sources: sourcesAt(nextMs), workMs: 5, latencyMs: null });
+      health.came({ atMs: nextMs, capturedAtNs: nsOf(nextMs), sources: sourcesAt(nextMs), workMs: 5, latencyMs: null, isCoarsest: false });
     if (atMs % 100 !== 0) continue;
     const words = health.words(atMs).join(" ");
     if (words !== (said.at(-1)?.[1] ?? "")) said.push([atMs, words]);

@@ -56,7 +56,7 @@ test("the server's clock comes from the quickest answers", () => {
 test("a hello is taken only when it is whole", () => {
   const hello = { type: "hello", scene: "demo", up: [0, 0, 2], fps: 30, lattice: { low_corner: [-512, 0, 1], step: 0.5 } };
   assert.deepEqual(readHello(hello), {
-    scene: "demo", up: [0, 0, 1], fps: 30, lattice: { lowCorner: [-512, 0, 1], step: 0.5 }, sensors: [], start: null,
+    scene: "demo", up: [0, 0, 1], fps: 30, lattice: { lowCorner: [-512, 0, 1], step: 0.5 }, sensors: [], start: null, mostMbps: null,
   });
   const more = readHello({ ...hello, sensors: ["cam-0", "cam-1"], start: { eye: [1, 2, 1.6], look_at: [0, 0, 1] } });
   assert.deepEqual(more?.sensors, ["cam-0", "cam-1"]);

@@ -26,7 +26,7 @@ function view(layout = 0, stream = 0): View {
 function packet(sequence: number, rest: Partial<Packet> = {}): Packet {
   return {
     scene: "room", node: "root", epoch: 1, sequence, capturedAtNs: BigInt(sequence), sources: [],
-    plan: { simplifyRatio: 1, meshSpeed: 5, textureScale: 1, textureQp: 28 },
+    plan: { simplifyRatio: 1, meshSpeed: 5, textureScale: 1, textureQp: 28, simplifyErrorM: 0 },
     views: [view()], manifest: [key(0)], chunks: [], textures: [unit(false, sequence)], alpha: [], streams: new Map([[0, sequence]]),
     marks: [], coalesced: 0, ...rest,
   };

@@ -1,0 +1,39 @@
+#include "mr/rate/time_budget.h"
+
+#include <algorithm>
+
+namespace mr::rate {
+
+void TimeBudget::note(double ms) {
+  constexpr int kDecideEvery = 15;  // captures
+  sum_ms_ += ms;
+  if (++captures_ < kDecideEvery) return;
+  const double mean_ms = sum_ms_ / captures_;
+  sum_ms_ = 0, captures_ = 0;
+  decide(mean_ms);
+}
+
+void TimeBudget::decide(double mean_ms) {
+  constexpr double kFirst_voxels = 0.7, kMost_voxels = 6;
+  constexpr double kRaise = 1.4, kLower = 1.2;
+  constexpr double kHelps = 0.95;  // of the time before
+  constexpr double kAmple = 0.7;   // of the budget
+  constexpr int kWait = 20;        // decisions, after a raise that did not help
+  if (is_tried_) {
+    is_tried_ = false;
+    if (mean_ms > kHelps * ms_before_) {
+      least_voxels_ = voxels_before_, wait_ = kWait;
+      return;
+    }
+  }
+  if (wait_ > 0) --wait_;
+  if (mean_ms > kMost_ms && wait_ == 0 && least_voxels_ < kMost_voxels) {
+    is_tried_ = true, voxels_before_ = least_voxels_, ms_before_ = mean_ms;
+    least_voxels_ = std::clamp(least_voxels_ * kRaise, kFirst_voxels, kMost_voxels);
+  } else if (mean_ms < kAmple * kMost_ms && least_voxels_ > 0) {
+    least_voxels_ /= kLower;
+    if (least_voxels_ < kFirst_voxels) least_voxels_ = 0;
+  }
+}
+
+}  // namespace mr::rate

@@ -1,0 +1,56 @@
+#include "mr/rate/time_budget.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+
+namespace mr::rate {
+namespace {
+
+/// A node whose time has a fixed part and one that falls with the error limit.
+struct Node {
+  double fixed_ms = 20, of_triangles_ms = 200;
+
+  double ms(double voxels) const {
+    return fixed_ms + of_triangles_ms / std::sqrt(std::fmax(voxels, 0.5) / 0.5);
+  }
+};
+
+double settled_ms(TimeBudget& budget, const Node& node, int captures) {
+  for (int i = 0; i < captures; ++i) budget.note(node.ms(budget.least_error_voxels()));
+  return node.ms(budget.least_error_voxels());
+}
+
+TEST(TimeBudget, LeavesWhatIsQuickAlone) {
+  TimeBudget budget;
+  settled_ms(budget, {20, 60}, 3000);
+  EXPECT_EQ(budget.least_error_voxels(), 0);
+}
+
+TEST(TimeBudget, FewerTrianglesBeforeMoreTime) {
+  TimeBudget budget;
+  EXPECT_LE(settled_ms(budget, {20, 200}, 600), TimeBudget::kMost_ms);
+  EXPECT_GT(budget.least_error_voxels(), 0.5);
+  EXPECT_LE(budget.least_error_voxels(), 6);
+}
+
+TEST(TimeBudget, WhereItDoesNotHelpQualityStays) {
+  TimeBudget budget;
+  int raised = 0;
+  for (int i = 0; i < 3000; ++i) {
+    budget.note(150);
+    raised += budget.least_error_voxels() > 0;
+  }
+  EXPECT_LT(raised, 3000 / 8);
+  EXPECT_LE(budget.least_error_voxels(), 0.7);
+}
+
+TEST(TimeBudget, IsGivenUpOnceThereIsTime) {
+  TimeBudget budget;
+  settled_ms(budget, {20, 200}, 600);
+  settled_ms(budget, {5, 30}, 600);
+  EXPECT_EQ(budget.least_error_voxels(), 0);
+}
+
+}  // namespace
+}  // namespace mr::rate
