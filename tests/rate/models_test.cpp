@@ -218,11 +218,11 @@ TEST(ShippedModels, ChooseAsTheyDidWhenTheyWereTrained) {
     return out;
   };
   EXPECT_EQ(chosen(RateConfig::Model::classifier),
-            (std::vector<Setting>{{6, 10, 0.5, 50}, {0.5, 10, 0.7, 38}, {0.5, 10, 0.7, 36}}));
+            (std::vector<Setting>{{2, 10, 0.5, 39}, {0.5, 10, 1, 36}, {0.5, 10, 1, 36}}));
   EXPECT_EQ(chosen(RateConfig::Model::lookup),
-            (std::vector<Setting>{{6, 10, 0.5, 50}, {2.8, 10, 0.5, 42}, {2, 10, 0.7, 39}}));
+            (std::vector<Setting>{{2, 10, 0.5, 42}, {0.7, 10, 0.7, 38}, {0.5, 10, 1, 33}}));
   EXPECT_EQ(chosen(RateConfig::Model::ours),
-            (std::vector<Setting>{{1.4, 10, 0.5, 40}, {0.7, 10, 1, 35}, {0.5, 10, 1, 30}}));
+            (std::vector<Setting>{{1, 10, 0.7, 35}, {0.7, 10, 1, 32}, {0.5, 10, 1, 30}}));
 }
 
 }  // namespace

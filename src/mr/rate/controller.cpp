@@ -18,6 +18,7 @@ constexpr int kFinestQp = 18, kCoarsestQp = 51;
 constexpr Setting kFinestSetting{kErrorNodes_voxels[0], kBits, 1, kFinestQp};
 constexpr int kFirstQp = 42;     // of the first captures, while nothing is known of what they take
 constexpr double kUsualKey = 8;  // key frames, in other frames, until one was seen
+constexpr double kErrorPower = 0.3;  // bytes of the mesh fall with this power of the error limit
 constexpr double kLeast_mbps = 0.01;
 constexpr double kRepay = 4;                         // captures over which credit is used
 constexpr double kMostCredit = 3;                    // captures' worth, saved
@@ -109,6 +110,8 @@ bool Controller::is_worth_it(const Setting& wanted, double budget_mbps) const {
   if ((direction_of(setting_, wanted) > 0) == (needed > budget_mbps)) return false;
   // Even the finest quantiser leaves some of the budget.
   const bool is_idle = at_qp(kFinestQp) < 0.9 * budget_mbps;
+  if (is_idle && (wanted.error_voxels > setting_.error_voxels || wanted.scale < setting_.scale))
+    return false;
   const double hold_s = is_reversal && !is_idle ? kHoldReversal_s : kHold_s;
   if (since_change_ < hold_s * fps_) return false;
   return needed > 1.1 * budget_mbps || needed < 0.7 * budget_mbps;
@@ -120,7 +123,7 @@ void Controller::take(const Setting& setting) {
   const double texture = std::exp(-kPerQp * (setting.qp - setting_.qp)) *
                          std::pow(setting.scale / setting_.scale, 1.5);
   texture_ *= texture, key_ *= texture;
-  geometry_ *= std::pow(setting.error_voxels / setting_.error_voxels, -0.3);
+  geometry_ *= std::pow(setting.error_voxels / setting_.error_voxels, -kErrorPower);
   key_frame_needed_ |= setting.scale != setting_.scale;
   setting_ = setting, captures_ = textures_ = 0, since_change_ = 0;
 }
@@ -161,7 +164,9 @@ CapturePlan Controller::begin(double backlog) {
   const double saved = std::min(share + credit_, left() - purse_);
   is_best_effort_ = geometry_ + texture_at(kCoarsestQp, false) > 1.1 * share;
   planned_ = {setting_, key_frame_needed_, false, std::min(backlog, aside + purse_)};
-  planned_.skipped = least > std::max(allowed(), saved) && since_sent_ < kLongestGap_s * fps_;
+  const bool is_known = captures_ >= kFewest || sent_ < kFewest;  // else judged by another setting
+  planned_.skipped =
+      is_known && least > std::max(allowed(), saved) && since_sent_ < kLongestGap_s * fps_;
   since_sent_ = planned_.skipped ? since_sent_ + 1 : 0;
   if (planned_.skipped) {
     planned_.refinement = 0;
@@ -211,6 +216,7 @@ void Controller::sent(const CaptureBytes& bytes) {
   credit_ = std::clamp(credit_ + share + of_purse - all, -fps_ * share,
                        (planned_.skipped ? fps_ : kMostCredit) * share);
   if (planned_.skipped) return;
+  ++sent_;
   const double texture = bytes.texture * std::exp(kPerQp * (budget_.qp - setting_.qp));
   const auto weight = [](int before) { return 1 / std::min<double>(before + 1, kMeanOver); };
   geometry_ += weight(captures_++) * (bytes.geometry - geometry_);

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cstdint>
 #include <deque>
 #include <memory>
 #include <vector>
@@ -112,6 +113,7 @@ class Controller {
   int direction_ = 0;  ///< of the last change: 1 finer, -1 coarser
   // Of the setting in force, means over the last captures:
   double geometry_ = 0, texture_ = 0, key_ = 0;  ///< bytes of a capture; texture at setting_.qp
+  std::uint64_t sent_ = 0;                       ///< captures in all
   int captures_ = 0, textures_ = 0;              ///< in these means; without key frames
   bool key_frame_needed_ = false;  ///< the scale changed, and no key frame was sent since
   CapturePlan planned_;

@@ -68,22 +68,28 @@ class SimulatedScene {
 };
 
 /// The time from a step of the target by over 30 % until the stream follows: until the mean of
-/// three captures is within 15 % of the target, or below it at the finest quantiser.
+/// three captures, or of all since the step, is within 15 % of the target, or below it at the
+/// finest quantiser. Of all, as single captures take a multiple where others are left out.
 class Steps {
  public:
   explicit Steps(double fps) : fps_(fps) {}
 
   void add(double s, double target, double mbps, const CapturePlan& plan) {
     if (last_target_ > 0 && std::abs(target / last_target_ - 1) > 0.3)
-      since_s_ = s, recent_.clear();
+      since_s_ = s, recent_.clear(), sum_ = 0, captures_ = 0;
     last_target_ = target;
     recent_.push_back(mbps);
     if (recent_.size() > 3) recent_.pop_front();
+    sum_ += mbps, ++captures_;
     if (!since_s_ || plan.skipped) return;
-    double mean = 0;
-    for (const double one : recent_) mean += one / static_cast<double>(recent_.size());
     const bool is_finest = plan.setting.qp <= kTextureNodes[0].qp;
-    if (mean > 1.15 * target || (mean < 0.85 * target && !is_finest)) return;
+    const auto is_near = [&](double mean) {
+      return mean <= 1.15 * target && (mean >= 0.85 * target || is_finest);
+    };
+    double recent = 0;
+    for (const double one : recent_) recent += one / static_cast<double>(recent_.size());
+    const bool follows = captures_ >= 3 && is_near(sum_ / captures_);
+    if (!is_near(recent) && !follows) return;
     longest_s_ = std::max(longest_s_, s - *since_s_ + 1 / fps_);
     since_s_.reset();
   }
@@ -94,6 +100,8 @@ class Steps {
 
  private:
   double fps_, last_target_ = 0, longest_s_ = 0;
+  double sum_ = 0;  ///< Mbit/s of the captures since the step
+  int captures_ = 0;
   std::optional<double> since_s_;  ///< a step that is not followed yet
   std::deque<double> recent_;      ///< Mbit/s of single captures
 };
