@@ -27,10 +27,14 @@ const std::vector<std::string> kSmall{"voxel_m=0.03",         "rig.depth_mode=nf
                                       "rig.color=[640, 360]", "fusion.chunk_m=2.56",
                                       "simplify.ratio=0.05",  "atlas.size=[1280, 720]"};
 
+/// Live, viewers choose what they get.
+const std::vector<std::string> kLive{"rate.model=ours", "rate.target_mbps=30"};
+
 int demo(const DemoOptions& options) {
   if (const Status ok = check(options.outputs); !ok) return refused(ok.error());
   std::vector<std::string> set;
   if (options.small) set = kSmall;
+  if (!options.no_viewer) set.insert(set.end(), kLive.begin(), kLive.end());
   set.insert(set.end(), options.set.begin(), options.set.end());
   auto preset = usable_or_print_problems(parse_scene(synth::kDemoScene, "demo", set));
   if (!preset) return 1;

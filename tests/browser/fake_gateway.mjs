@@ -76,6 +76,8 @@ export class FakeGateway {
   /** What a locked one wants to hear; null: it is not locked. */
   token = null;
   refusal = "wrong token";
+  /** The most that it sends, Mbit/s; null: its rate is not controlled. */
+  mostMbps = null;
 
   static async start(folder) {
     const gateway = new FakeGateway();
@@ -129,7 +131,8 @@ export class FakeGateway {
   hello(viewer) {
     viewer.isIn = true;
     const sensors = this.sensors.map((_, i) => `cam-${i}`);
-    viewer.text({ type: "hello", scene: "fake", up: [0, 0, 1], fps: 20, lattice: kLattice, sensors });
+    const rate = this.mostMbps === null ? {} : { rate: { target_mbps: this.mostMbps } };
+    viewer.text({ type: "hello", scene: "fake", up: [0, 0, 1], fps: 20, lattice: kLattice, sensors, ...rate });
   }
 
   async #serve(folder, request, response) {

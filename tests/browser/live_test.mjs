@@ -164,6 +164,31 @@ test("a late joiner has the full picture within a second", async () => {
   }
 });
 
+test("the slider changes rate and coding within a second or two", async () => {
+  const server = await Server.start(program, [
+    "run", sceneFile({ loop: true }), "--listen", "127.0.0.1:0", "--set", "rate.model=ours", "--set", "rate.target_mbps=20", "--set", "still.layers=false",
+  ]);
+  try {
+    const page = await openViewer(browser, server.url, [], { width: 900, height: 600 });
+    const mbps = async () => parseFloat(await page.getByTestId("received").textContent());
+    const coding = () => page.getByTestId("coding").textContent();
+    await page.locator("#scene").press("i");
+    await page.waitForTimeout(6000);
+    const [rateBefore, codingBefore] = [await mbps(), await coding()];
+    await page.getByTestId("target").fill("0");
+    await page.waitForFunction((before) => document.querySelector('[data-testid="coding"]').textContent !== before, codingBefore, { timeout: 3000 });
+    await page.waitForTimeout(4000); // rates are means over two seconds
+    assert.ok((await mbps()) < 0.8, `${await mbps()} Mbit/s of 0.5, before ${rateBefore}`);
+    assert.ok(rateBefore > 1, `${rateBefore} Mbit/s`);
+    await page.getByTestId("target").fill("1000");
+    await page.waitForTimeout(4000);
+    assert.ok((await mbps()) > 0.7 * rateBefore);
+    await page.close();
+  } finally {
+    await server.stop();
+  }
+});
+
 test("a restarted server is found again", async () => {
   let server = await serve({ loop: true });
   const { port } = server;

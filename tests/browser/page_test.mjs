@@ -85,6 +85,37 @@ async function noteShown(page) {
 }
 const notedBy = (page) => page.evaluate(() => window.noted);
 
+const targetsOf = (viewer) => viewer.texts.filter(({ type }) => type === "target").map(({ mbps }) => mbps);
+
+test("the slider asks for a rate, and again when the connection is made anew", async () => {
+  gateway.mostMbps = 20;
+  const page = await openShown({ viewport: { width: 900, height: 600 } });
+  const slider = page.getByTestId("target");
+  assert.equal(await page.getByTestId("target-text").textContent(), "20 Mbit/s");
+  assert.deepEqual(targetsOf(gateway.viewer), [], "nothing is asked for unasked");
+  await slider.fill("500");
+  await page.waitForTimeout(300);
+  assert.equal(targetsOf(gateway.viewer).length, 1);
+  assert.ok(Math.abs(targetsOf(gateway.viewer)[0] - Math.sqrt(0.5 * 20)) < 0.01);
+  assert.equal(await page.getByTestId("target-text").textContent(), "3.2 Mbit/s");
+  await slider.focus();
+  for (let i = 0; i < 5; ++i) await page.keyboard.press("ArrowLeft");
+  await page.waitForTimeout(300);
+  assert.ok(targetsOf(gateway.viewer).at(-1) < Math.sqrt(0.5 * 20), "by keys, too");
+  const last = targetsOf(gateway.viewer).at(-1);
+  gateway.closeAll(1001, "a restart");
+  await page.waitForFunction(() => document.getElementById("message").textContent === "", null, { timeout: 10_000 });
+  assert.equal(gateway.viewers.length, 2);
+  assert.deepEqual(targetsOf(gateway.viewer), [last]);
+  await page.locator("#scene").press("i");
+  await page.waitForFunction(() => /Mbit/.test(document.querySelector('[data-testid="received"]').textContent));
+});
+
+test("without rate control there is no slider", async () => {
+  const page = await openShown({ viewport: { width: 900, height: 600 } });
+  assert.equal(await page.getByTestId("target").isVisible(), false);
+});
+
 test("packets with absurd numbers do not freeze the page", async () => {
   const page = await openShown();
   await noteShown(page);

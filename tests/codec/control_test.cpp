@@ -23,6 +23,7 @@ Control full() {
   out.plan->root = {{0.25, 0}, 0, 5, 0.3, 51, 0.5, 30};
   out.plan->by_sensor[SensorId{2}] = {{0, 0.008}, 0.003, 7, 1, 26};
   out.plan->by_sensor[SensorId{5}] = {{0, 0.016}, 0.003, 7, 0.5, 32};
+  out.target_mbps = 4.5;
   return out;
 }
 
@@ -126,6 +127,19 @@ TEST(Control, AnImpossiblePlanIsRefused) {
   EXPECT_TRUE(refused([](ScenePlan& p) {
     for (std::size_t i = 0; i <= ScenePlan::kMaxSensors; ++i) p.by_sensor[sensor_at(i)] = {};
   }));
+}
+
+TEST(Control, ATargetThatIsNoRateIsRefused) {
+  const auto is_read = [](double mbps) {
+    Control control;
+    control.target_mbps = mbps;
+    EXPECT_FALSE(control.empty());
+    return decode_control(encode_control(control)).ok();
+  };
+  for (const double good : {1e-3, 5.0, 1e5}) EXPECT_TRUE(is_read(good)) << good;
+  constexpr double kInfinite = std::numeric_limits<double>::infinity();
+  for (const double bad : {0.0, -1.0, kInfinite, std::numeric_limits<double>::quiet_NaN()})
+    EXPECT_FALSE(is_read(bad)) << bad;
 }
 
 TEST(Control, EveryFlippedBitIsSeen) {

@@ -51,6 +51,7 @@ class GatewayTest : public testing::Test {
       const std::lock_guard lock(mutex_);
       const auto request = codec::decode_control(question);
       if (!request) return net::Message();
+      if (request->target_mbps) targets_.push_back(*request->target_mbps);
       auto answer = sender_.answer(*request);
       return answer.empty() ? net::Message() : net::as_message(std::move(answer));
     });
@@ -122,6 +123,7 @@ class GatewayTest : public testing::Test {
   std::unique_ptr<net::Transport> transport_ = net::make_in_process_transport();
   std::mutex mutex_;
   test::Sender sender_;
+  std::vector<double> targets_;  ///< that the root was told
   test::Lines lines_;
   std::unique_ptr<net::Subscription> service_;
   runtime::Monitor monitor_{[this] { return std::vector<node::NodeStats>{gateway_->stats()}; }};
@@ -222,6 +224,46 @@ TEST_F(GatewayTest, NothingIsToldWithoutAToken) {
   EXPECT_EQ(lines_.count("the token has expired"), 1);
   for (const std::string& line : lines_.all())
     EXPECT_EQ(line.find("0123456789"), std::string::npos) << line;
+}
+
+TEST_F(GatewayTest, TellsTheRootWhatViewersWant) {
+  scene_.rate.model = RateConfig::Model::ours;
+  scene_.rate.target_mbps = 25;
+  start();
+  WebViewer viewer(port());
+  EXPECT_NE(text(viewer).find(R"("rate":{"target_mbps":25.0})"), std::string::npos);
+  publish(next(true));
+  ASSERT_TRUE(packet(viewer));
+  const auto is_told = [&](double mbps) {
+    return eventually([&] {
+      const std::lock_guard lock(mutex_);
+      return std::ranges::find(targets_, mbps) != targets_.end();
+    });
+  };
+  EXPECT_TRUE(is_told(25)) << "nobody has asked for less";
+  viewer.send(1, R"({"type":"target","mbps":4.5})");
+  EXPECT_TRUE(is_told(4.5));
+  for (const char* bad : {"0", "-1", "\"5\"", "null"}) {
+    viewer.send(1, std::string(R"({"type":"target","mbps":)") + bad + "}");
+    EXPECT_EQ(text(viewer), R"({"type":"error","message":"a target must be a number above 0"})");
+  }
+  viewer.send(1, R"({"type":"target","mbps":2})");
+  EXPECT_TRUE(is_told(2)) << "it is still listened to";
+}
+
+TEST_F(GatewayTest, WhereTheRateIsFixedNoTargetIsPassedOn) {
+  start();
+  WebViewer viewer(port());
+  EXPECT_EQ(text(viewer).find("rate"), std::string::npos);
+  publish(next(true));
+  ASSERT_TRUE(packet(viewer));
+  viewer.send(1, R"({"type":"target","mbps":4})");
+  viewer.send(1, R"({"type":"ping","id":1})");
+  EXPECT_NE(text(viewer).find("pong"), std::string::npos);
+  publish(next());
+  ASSERT_TRUE(packet(viewer));
+  const std::lock_guard lock(mutex_);
+  EXPECT_TRUE(targets_.empty());
 }
 
 TEST_F(GatewayTest, WhoIsRefusedIsNotListenedToAnyMore) {

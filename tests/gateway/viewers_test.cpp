@@ -2,6 +2,8 @@
 
 #include <gtest/gtest.h>
 
+#include <cmath>
+
 #include "mr/codec/head.h"
 #include "mr/codec/packet_codec.h"
 #include "mr/codec/receiver.h"
@@ -39,6 +41,27 @@ std::vector<Viewers::Send> shown(Viewers& viewers, Viewers::Id id, std::uint64_t
 }
 
 Packet decoded(const Viewers::Send& send) { return *codec::decode_packet(*send.second); }
+
+TEST(Viewers, TheRootSendsWhatTheHighestTargetAsksFor) {
+  Viewers viewers;
+  EXPECT_FALSE(viewers.wanted_mbps()) << "nobody watches";
+  viewers.opened(1);
+  EXPECT_FALSE(viewers.wanted_mbps()) << "nobody said anything";
+  EXPECT_TRUE(viewers.want(1, 3));
+  EXPECT_EQ(viewers.wanted_mbps(), 3);
+  viewers.opened(2);
+  EXPECT_FALSE(viewers.wanted_mbps()) << "the other one takes all";
+  EXPECT_TRUE(viewers.want(2, 8));
+  EXPECT_EQ(viewers.wanted_mbps(), 8);
+  EXPECT_TRUE(viewers.want(2, 1));
+  EXPECT_EQ(viewers.wanted_mbps(), 3);
+  for (const double bad : {0.0, -2.0, 1e308 * 10, std::nan("")}) EXPECT_FALSE(viewers.want(2, bad));
+  EXPECT_EQ(viewers.wanted_mbps(), 3) << "what is no rate changes nothing";
+  viewers.closed(1);
+  EXPECT_EQ(viewers.wanted_mbps(), 1);
+  EXPECT_TRUE(viewers.want(7, 5)) << "who has left";
+  EXPECT_EQ(viewers.wanted_mbps(), 1);
+}
 
 TEST(Viewers, ANewcomerStartsWithEverything) {
   Sender sender;

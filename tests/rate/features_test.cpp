@@ -389,5 +389,22 @@ TEST(MeanFeatures, CountColourOnlyOfSensorsThatHaveIt) {
   EXPECT_EQ(mean_features({}).depth.temporal, 0);
 }
 
+TEST(SceneFeatures, TravelAsNumbers) {
+  SceneFeatures features;
+  features.color = {1, 2, 3, 4, -5, 6};
+  features.depth = {7, 8, 9, 10, 11, 12};
+  features.moving_pixels = 0.25;
+  const std::vector<float> values = values_of(features);
+  EXPECT_EQ(values, (std::vector<float>{1, 2, 3, 4, -5, 6, 7, 8, 9, 10, 11, 12, 0.25f}));
+  const auto back = features_of(values);
+  ASSERT_TRUE(back);
+  EXPECT_EQ(values_of(*back), values);
+  EXPECT_FALSE(features_of({}));
+  EXPECT_FALSE(features_of(std::span(values).first(12)));
+  std::vector<float> more = values;
+  more.push_back(0);
+  EXPECT_FALSE(features_of(more));
+}
+
 }  // namespace
 }  // namespace mr::rate

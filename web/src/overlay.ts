@@ -1,6 +1,6 @@
 /** What the overlay shows; each field's element is found by data-testid. */
 export interface Readings {
-  readonly rate: string;
+  readonly received: string;
   readonly "frame-rate": string;
   readonly latency: string;
   readonly "mesh-rate": string;
@@ -15,7 +15,7 @@ export interface Readings {
 }
 
 const kLabels: Readonly<Record<keyof Readings, string>> = {
-  rate: "Received",
+  received: "Received",
   "frame-rate": "Captures shown",
   latency: "Capture to screen",
   "mesh-rate": "Mesh, moving",

@@ -239,7 +239,7 @@ export class Viewer {
     const counts = `${errors > 0 ? `, ${errors} broken parts` : ""}${refused > 0 ? `, ${refused} out of order` : ""}`;
     const plan = this.shownCapture?.packet.plan;
     return {
-      rate: mbps(traffic.bytes(now)),
+      received: mbps(traffic.bytes(now)),
       "frame-rate": `${this.captures.perSecond(now).toFixed(1)} /s`,
       latency: latency === null ? "–" : `${latency.toFixed(0)} ms`,
       "mesh-rate": mbps(traffic.meshBytes(kMoving, now)),

@@ -13,6 +13,7 @@ namespace {
 
 constexpr int kDecideEvery = 6;   // captures
 constexpr int kFewest = 5;        // captures behind a mean that a decision uses
+constexpr int kStart = 30;        // captures in which what is known changes quickly
 constexpr double kMeanOver = 12;  // captures
 constexpr int kFinestQp = 18, kCoarsestQp = 51;
 constexpr Setting kFinestSetting{kErrorNodes_voxels[0], kBits, 1, kFinestQp};
@@ -164,7 +165,7 @@ CapturePlan Controller::begin(double backlog) {
   const double saved = std::min(share + credit_, left() - purse_);
   is_best_effort_ = geometry_ + texture_at(kCoarsestQp, false) > 1.1 * share;
   planned_ = {setting_, key_frame_needed_, false, std::min(backlog, aside + purse_)};
-  const bool is_known = captures_ >= kFewest || sent_ < kFewest;  // else judged by another setting
+  const bool is_known = captures_ >= kFewest || sent_ < kStart;  // else judged by another setting
   planned_.skipped =
       is_known && least > std::max(allowed(), saved) && since_sent_ < kLongestGap_s * fps_;
   since_sent_ = planned_.skipped ? since_sent_ + 1 : 0;

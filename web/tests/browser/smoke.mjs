@@ -11,7 +11,7 @@ try {
   console.log(`first picture after ${Math.round(performance.now() - start)} ms`);
   await page.keyboard.press("i");
   await page.waitForTimeout(3000);
-  for (const id of ["frame-rate", "latency", "mesh-rate", "still-mesh-rate", "texture-rate", "plate-rate", "triangles", "chunks", "capture", "device"])
+  for (const id of ["frame-rate", "latency", "received", "mesh-rate", "still-mesh-rate", "texture-rate", "plate-rate", "triangles", "chunks", "capture", "coding", "device"])
     console.log(`${id}: ${await page.getByTestId(id).textContent()}`);
   console.log(await page.evaluate(() => [window.meshreduce.state(), window.meshreduce.shown()]));
   await page.screenshot({ path: file });
