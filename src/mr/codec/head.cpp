@@ -1,6 +1,7 @@
 #include "mr/codec/head.h"
 
 #include <algorithm>
+#include <iterator>
 #include <string>
 #include <utility>
 
@@ -17,6 +18,15 @@ void HeadWriter::note_streams(Packet& packet) {
   serials_ = std::move(used);
 }
 
+/// Counts the keys of a change that the packet before had, too.
+void HeadWriter::note_repeated(const PacketChange& change, const std::vector<ChunkKey>& manifest) {
+  std::vector<ChunkKey> other;
+  std::ranges::set_symmetric_difference(manifest_, manifest, std::back_inserter(other));
+  const std::size_t told = change.removed.size() + change.added.size();
+  repeated_ += told - std::min(told, other.size());
+  manifest_ = manifest;
+}
+
 std::vector<std::byte> HeadWriter::write(Packet packet) {
   note_streams(packet);
   const bool follows = base_ && base_->scene == packet.scene && base_->node == packet.node &&
@@ -25,11 +35,14 @@ std::vector<std::byte> HeadWriter::write(Packet packet) {
   PacketChange change;
   if (follows) change = change_between(*base_, packet);
   const bool due = follows && packet.sequence - brought_ >= kWholeEvery;
-  const bool is_large = change.removed.size() + change.added.size() > packet.manifest.size();
+  note_repeated(change, packet.manifest);
+  const bool is_large = change.removed.size() + change.added.size() > packet.manifest.size() ||
+                        repeated_ > kBroughtBy * packet.manifest.size();
   if (!follows || is_large || (due && !change.empty())) {
     base_ = base_of(packet);
     change = change_between(*base_, packet);
     to_bring_ = kBroughtBy;
+    repeated_ = 0;
   } else if (due) {
     to_bring_ = std::max(to_bring_, 1);
   }

@@ -22,6 +22,9 @@ namespace mr::codec {
 /// base, the head of an earlier packet. The first packets that refer to a new base contain it, so
 /// only a receiver that loses all of these must request it; other losses do no harm. One thread
 /// writes; ask_whole() may be called from any thread.
+///
+/// Every packet tells again what has changed since the base. Once that took as many keys as a new
+/// base takes, there is one.
 class HeadWriter {
  public:
   static constexpr std::uint64_t kWholeEvery = 30;  ///< packets, at the latest
@@ -31,14 +34,23 @@ class HeadWriter {
   /// far.
   std::vector<std::byte> write(Packet packet);
 
+  /// Whether the packet of this sequence will contain a base, as far as can be told before it is
+  /// written. The writing thread.
+  bool is_base_due(std::uint64_t sequence) const {
+    return to_bring_ > 0 || asked_ || !base_ || sequence - brought_ >= kWholeEvery;
+  }
+
   /// A receiver lacks the base: the next packets contain it.
   void ask_whole() { asked_ = true; }
 
  private:
   void note_streams(Packet& packet);
+  void note_repeated(const PacketChange& change, const std::vector<ChunkKey>& manifest);
 
   std::shared_ptr<const Packet> base_;
-  std::uint64_t brought_ = 0;  ///< sequence of the last packet that contained it
+  std::vector<ChunkKey> manifest_;  ///< of the last packet
+  std::size_t repeated_ = 0;        ///< keys, of changes that packets since the base told again
+  std::uint64_t brought_ = 0;       ///< sequence of the last packet that contained it
   int to_bring_ = 0;
   std::map<StreamId, std::uint32_t> serials_;  ///< serial of each stream's newest unit
   std::atomic<bool> asked_ = false;

@@ -143,7 +143,7 @@ Status ChunkPublisher::bring(std::span<Item* const> items, Allowance& allowed, i
       Live& chunk = item->second;
       const auto size = static_cast<double>(chunk.coded->payload.size());
       coded_bytes += size, triangles += static_cast<double>(chunk.piece.mesh.triangles.size());
-      has_room = has_room && allowed.take(size);
+      has_room = has_room && allowed.take(size + kNameBytes);
       if (!has_room) continue;
       packet.chunks.push_back(*chunk.coded);
       cache_.put(*std::exchange(chunk.coded, std::nullopt));

@@ -25,6 +25,9 @@ namespace mr::node {
 /// ones before them stay meanwhile.
 class ChunkPublisher {
  public:
+  /// About what a chunk takes in a packet beside its payload.
+  static constexpr double kNameBytes = 100;
+
   ChunkPublisher(const Scene& scene, SensorId source);
 
   /// Chunks of a background model (codec::encode_background), which the first packet brings and

@@ -60,11 +60,14 @@ Result<std::vector<std::byte>> MergeNode::merge(const CaptureSet& captures,
                                                 const std::function<void()>& on_cores_free) {
   const TimePoint started = clock_.now ? clock_.now() : TimePoint{};
   CodingPlan plan = plan_.get();
-  if (rate_ && !rate_->begin(captures, waiting_bytes(), plan))
-    return Error{Error::Cause::over_budget, "a tick left out: the target is below what it takes"};
+  is_still_missing_ = rate_ != nullptr;  // until it is known
+  const bool is_left_out = rate_ && !rate_->begin(captures, waiting_bytes(), plan);
   Packet packet = head(captures, plan);
   if (const Status updated = update_layers(captures, plan.decimation, on_cores_free); !updated)
     return updated.error();
+  // The room is learnt all the same.
+  if (is_left_out)
+    return Error{Error::Cause::over_budget, "a tick left out: the target is below what it takes"};
   add_sources(packet);
   if (const Status coded = code(captures, packet); !coded) return coded.error();
   ++sequence_;
@@ -90,7 +93,8 @@ Status MergeNode::code(const CaptureSet& captures, Packet& packet) {
   if (rate_) {
     const bool key_frame = *drawn && atlas_.needs_key_frame(**drawn);
     const RateControl::Budget budget =
-        rate_->code(static_cast<double>(*moving_bytes), waiting_bytes(), key_frame);
+        rate_->code(static_cast<double>(*moving_bytes), waiting_bytes(), key_frame,
+                    writer_.is_base_due(packet.sequence));
     packet.plan.texture_qp = budget.texture_qp, of_still = budget.refinement;
   }
   if (const Status coded = code_pictures(captures, *std::move(drawn), packet); !coded) return coded;

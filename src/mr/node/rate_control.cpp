@@ -7,6 +7,7 @@
 #include <string>
 #include <utility>
 
+#include "mr/node/chunk_publisher.h"
 #include "mr/node/plans.h"
 #include "mr/node/root_atlas.h"
 #include "mr/rate/feature_space.h"
@@ -46,13 +47,10 @@ bool RateControl::begin(const CaptureSet& captures, double waiting, CodingPlan& 
   const double target = target_mbps_;
   controller_.set_target(std::isfinite(target) ? std::min(target, scene_->rate.target_mbps) : 0);
   planned_ = controller_.begin(waiting);
-  if (planned_.skipped) {
-    controller_.sent({});
-    return false;
-  }
+  if (planned_.skipped) controller_.sent({});
   root.decimation = moving_decimation(*scene_, planned_.setting.error_voxels);
   root.texture_scale = scene_->coding.texture_scale * planned_.setting.scale;
-  return true;
+  return !planned_.skipped;
 }
 
 PlateLimits RateControl::plate_limits(bool may_refine) const {
@@ -60,21 +58,24 @@ PlateLimits RateControl::plate_limits(bool may_refine) const {
   return {{planned_.refinement, planned_.refinement >= largest}, largest, may_refine};
 }
 
-RateControl::Budget RateControl::code(double moving_bytes, double waiting, bool key_frame) {
-  const rate::CaptureBudget budget =
-      controller_.code({moving_bytes + head_bytes_, waiting, key_frame});
+RateControl::Budget RateControl::code(double moving_bytes, double waiting, bool key_frame,
+                                      bool whole_head) {
+  is_whole_head_ = whole_head;
+  const double head = whole_head ? std::max(whole_head_bytes_, head_bytes_) : head_bytes_;
+  const rate::CaptureBudget budget = controller_.code({moving_bytes + head, waiting, key_frame});
   return {budget.qp, {budget.refinement, budget.is_purse_full}};
 }
 
 void RateControl::sent(const Packet& packet, std::size_t bytes) {
   rate::CaptureBytes out;
   double head = static_cast<double>(bytes);
-  bool brings_still = false;
+  double named = 0;
   for (const EncodedChunk& chunk : packet.chunks) {
     const bool is_still = chunk.key.id.layer == Layer::still;
     const auto size = static_cast<double>(chunk.payload.size());
     (is_still ? out.refinement : out.geometry) += size;
-    head -= size, brings_still |= is_still;
+    head -= size;
+    if (is_still) named += ChunkPublisher::kNameBytes;
   }
   for (const TextureUnit& unit : packet.textures) {
     const bool is_plate = unit.stream == RootAtlas::kPlateStream;
@@ -87,10 +88,11 @@ void RateControl::sent(const Packet& packet, std::size_t bytes) {
     out.texture += static_cast<double>(alpha.data.size());
     head -= static_cast<double>(alpha.data.size());
   }
-  // What a head takes to name changes of the still surface belongs to these.
-  if (!brings_still) head_bytes_ = head;
-  out.geometry += std::min(head, head_bytes_);
-  out.refinement += head - std::min(head, head_bytes_);
+  // What a head takes to name new still surface belongs to that. Heads tell changes again and again
+  // until there is a new base, so the next one will take about as much as the rest.
+  named = std::min(named, head);
+  (is_whole_head_ ? whole_head_bytes_ : head_bytes_) = head - named;
+  out.geometry += head - named, out.refinement += named;
   controller_.sent(out);
 }
 

@@ -31,7 +31,7 @@ class RateControl {
   void set_target(double mbps) { target_mbps_ = mbps; }
 
   /// Before a tick is merged: puts decimation and texture scale into the root's plan. `waiting`:
-  /// bytes of still surface and plates. False: the tick is to be left out.
+  /// bytes of still surface and plates. False: the tick is not to be sent.
   bool begin(const CaptureSet& captures, double waiting, CodingPlan& root);
   /// What plates may take in this tick; `may_refine`: no still surface waits.
   PlateLimits plate_limits(bool may_refine) const;
@@ -41,7 +41,8 @@ class RateControl {
     Allowance refinement;  ///< still surface and plates
   };
   /// Once the moving surface is coded, which takes `moving_bytes`, and the pictures are drawn.
-  Budget code(double moving_bytes, double waiting, bool key_frame);
+  /// `whole_head`: the packet's head will contain a base.
+  Budget code(double moving_bytes, double waiting, bool key_frame, bool whole_head);
   /// The tick's packet, which takes `bytes`.
   void sent(const Packet& packet, std::size_t bytes);
   /// What came of the inputs' surfaces: the moving surface as shown.
@@ -63,7 +64,9 @@ class RateControl {
   std::atomic<double> target_mbps_;
   rate::CapturePlan planned_;
   std::deque<TimePoint> ticks_;  ///< of about the last second
-  double head_bytes_ = 0;        ///< of the last packet that named no change of the still surface
+  // Of the newest head without a base and with one, less what names new still surface.
+  double head_bytes_ = 0, whole_head_bytes_ = 0;
+  bool is_whole_head_ = false;  ///< of this tick's packet
   rate::TimeBudget time_;
   rate::SensorShares shares_;
   std::optional<ScenePlan> passed_;  ///< that was taken last

@@ -62,6 +62,8 @@ void hide(const Mesh& mesh, const View& view, const TileMask& seen, TileMask& un
   }
 }
 
+constexpr int kUsualQp = 28;
+
 Rect bounds_of(const ImageMask& mask) {
   int left = mask.width, top = mask.height, right = 0, bottom = 0;
   for (int y = 0; y < mask.height; ++y) {
@@ -274,18 +276,20 @@ Result<RootAtlas::Drawn> RootAtlas::draw(const Tick& tick, const Mesh& moving, c
   out.live_layout = live_layout_.views.front().layout;
   out.plate_layout = plate_layout_.views.front().layout;
   out.alpha = draw_alpha(tick, children, used);
-  const std::optional<int> plate_qp =
-      still && !plates_.empty() ? due_plate_qp(plan.plate_qp, limits) : std::nullopt;
-  if (plate_qp) sent_plates_ = plate_layout_.views;
+  const std::optional<DuePlates> due =
+      still && !plates_.empty() ? due_plates(plan.plate_qp, limits) : std::nullopt;
+  if (due) sent_plates_ = plate_layout_.views;
   out.views = shown_views(still != nullptr);
-  if (plate_qp)
+  if (due)
     shown_plates_ =
         painter_.plates(tick.views, plates_, used_pixels(tick, *still, error_m), *still, colors_);
   const atlas::Pictures shown =
       painter_.live({tick.views, pictures, std::move(seeing)}, used, moving, still, colors_);
   out.live = draw_live(children, shown, std::move(used));
   if (scene_->atlas.burn_sequence) atlas::draw_watermark(out.live, sequence);
-  if (plate_qp) out.plates = draw_plates(children), out.plate_qp = *plate_qp;
+  if (!due) return out;
+  out.plates = draw_plates(children);
+  out.plate_qp = due->qp, out.plate_blocks = due->blocks;
   return out;
 }
 
@@ -301,8 +305,8 @@ Status RootAtlas::encode(Drawn drawn, Packet& packet) {
     coded = add_unit(plate_, drawn.plate_qp, drawn.plate_layout, *std::move(drawn.plates),
                      last_plate_, packet);
   if (!coded) drawn_layout_ = 0;  // of no layout: the plates are due with the next packet
-  if (packet.textures.size() > before && packet.textures.back().key_frame)
-    key_bytes_ = static_cast<double>(packet.textures.back().data.size()), key_qp_ = drawn.plate_qp;
+  if (packet.textures.size() > before)
+    note_plate_bytes(packet.textures.back().data.size(), drawn.plate_blocks, drawn.plate_qp);
   return coded;
 }
 
@@ -333,34 +337,39 @@ bool RootAtlas::are_plates_new(std::uint32_t layout) {
   return ++waited_ >= kWait || plates_due_ || kMany * blocks_waiting_ >= valid_blocks();
 }
 
-/// About what the atlas of plates takes with a quantiser. A key frame tells; before the first one,
-/// its size has to do.
-double RootAtlas::plate_bytes(int qp) const {
-  constexpr double kBytesPerPixel = 0.03;  // with kUsualQp
-  constexpr int kUsualQp = 28;
-  if (key_bytes_ > 0) return key_bytes_ * std::exp(-rate::kPerQp * (qp - key_qp_));
-  double pixels = 0;
-  for (const View& view : plate_layout_.views)
-    pixels += static_cast<double>(view.atlas_rect.width) * view.atlas_rect.height;
-  return kBytesPerPixel * pixels * std::exp(-rate::kPerQp * (qp - kUsualQp));
+/// About what so many new blocks of plates take with a quantiser.
+double RootAtlas::plate_bytes(std::size_t blocks, int qp) const {
+  return static_cast<double>(blocks) * block_bytes_ * std::exp(-rate::kPerQp * (qp - kUsualQp));
 }
 
-/// The quantiser with which the atlas of plates is to be encoded now; nothing: it is as good as it
-/// can be, or waits.
-std::optional<int> RootAtlas::due_plate_qp(int best_qp, const PlateLimits& limits) {
+void RootAtlas::note_plate_bytes(std::size_t bytes, std::size_t blocks, int qp) {
+  constexpr std::size_t kFew = 50;
+  constexpr double kFactor = 2;  // at most, at once
+  if (blocks < kFew) return;
+  const double of_block = static_cast<double>(bytes) / static_cast<double>(blocks) *
+                          std::exp(rate::kPerQp * (qp - kUsualQp));
+  block_bytes_ = std::clamp(of_block, block_bytes_ / kFactor, block_bytes_ * kFactor);
+}
+
+/// How the atlas of plates is to be encoded now; nothing: it is as good as it can be, or waits.
+std::optional<RootAtlas::DuePlates> RootAtlas::due_plates(int best_qp, const PlateLimits& limits) {
   constexpr int kCoarsestQp = 44;
+  const bool is_whole = plate_.key_frame_asked() || drawn_layout_ == 0 ||
+                        drawn_layout_ != plate_layout_.views.front().layout;
   const bool is_new = are_plates_new(plate_layout_.views.front().layout);
-  const auto finest = [&](double bytes, int from_qp) {
-    while (from_qp < kCoarsestQp && plate_bytes(from_qp) > bytes) ++from_qp;
+  const std::size_t all = valid_blocks(), fresh = is_whole ? all : std::min(blocks_waiting_, all);
+  const auto finest = [&](double bytes, std::size_t blocks, int from_qp) {
+    while (from_qp < kCoarsestQp && plate_bytes(blocks, from_qp) > bytes) ++from_qp;
     return from_qp;
   };
-  const int best = finest(limits.largest_bytes, best_qp);
-  const bool is_due = is_new || (limits.may_refine && best < last_plate_.qp);
-  plates_held_ = false, waiting_bytes_ = is_due ? plate_bytes(best) : 0;
-  if (!is_due) return std::nullopt;
-  const int qp = finest(limits.now.bytes, best);
-  const bool fits = plate_bytes(qp) <= limits.now.bytes || limits.now.one_anyway;
-  if (fits && (is_new || qp == best)) return qp;
+  const int best = finest(limits.largest_bytes, all, best_qp);
+  const bool is_refined = !is_new && limits.may_refine && best < last_plate_.qp;
+  const std::size_t blocks = is_new ? fresh : all;
+  plates_held_ = false, waiting_bytes_ = is_new || is_refined ? plate_bytes(blocks, best) : 0;
+  if (!is_new && !is_refined) return std::nullopt;
+  const int qp = finest(limits.now.bytes, blocks, best);
+  const bool fits = plate_bytes(blocks, qp) <= limits.now.bytes || limits.now.one_anyway;
+  if (fits && (is_new || qp == best)) return DuePlates{qp, blocks};
   plates_held_ = is_new;
   return std::nullopt;
 }

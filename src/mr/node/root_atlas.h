@@ -107,6 +107,7 @@ class RootAtlas {
     std::optional<ImageRgb> plates;  ///< where the atlas of plates is to be encoded again
     std::uint32_t plate_layout = 0;
     int plate_qp = 0;
+    std::size_t plate_blocks = 0;  ///< of the plates, about how many are new, or refined
   };
   /// Draws the pictures for the labelled surfaces `moving` and `still` (null: none). `error_m`:
   /// their geometric error; `sequence`: of the packet. The atlas of plates waits until there are
@@ -148,8 +149,13 @@ class RootAtlas {
 
   const TileMask& seen_by_depth(const View& view, const SourceInfo& source);
   bool are_plates_new(std::uint32_t layout);
-  double plate_bytes(int qp) const;
-  std::optional<int> due_plate_qp(int best_qp, const PlateLimits& limits);
+  double plate_bytes(std::size_t blocks, int qp) const;
+  void note_plate_bytes(std::size_t bytes, std::size_t blocks, int qp);
+  struct DuePlates {
+    int qp = 0;
+    std::size_t blocks = 0;
+  };
+  std::optional<DuePlates> due_plates(int best_qp, const PlateLimits& limits);
   Status arrange(const std::vector<View>& views, double scale, atlas::Layout& layout) const;
   std::vector<View> windows(const std::vector<View>& views, const Used& used);
   Used used_pixels(const Tick& tick, const Mesh& shown, float error_m) const;
@@ -178,9 +184,7 @@ class RootAtlas {
   std::size_t blocks_waiting_ = 0;
   int waited_ = 0;  ///< ticks
   bool plates_due_ = false;
-  // What plates take: the bytes of a key frame with a quantiser; and what waits.
-  double key_bytes_ = 0;
-  int key_qp_ = 0;
+  double block_bytes_ = 16;  ///< of a block of plates, with a usual quantiser; learnt
   bool plates_held_ = false;
   double waiting_bytes_ = 0;
   atlas::ColorCorrections plate_colors_;

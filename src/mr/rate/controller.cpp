@@ -18,6 +18,7 @@ constexpr double kMeanOver = 12;  // captures
 constexpr int kFinestQp = 18, kCoarsestQp = 51;
 constexpr Setting kFinestSetting{kErrorNodes_voxels[0], kBits, 1, kFinestQp};
 constexpr int kFirstQp = 42;     // of the first captures, while nothing is known of what they take
+constexpr int kFinerAtOnce = 6;  // quantisers, from one capture to the next
 constexpr double kUsualKey = 8;  // key frames, in other frames, until one was seen
 constexpr double kErrorPower = 0.3;  // bytes of the mesh fall with this power of the error limit
 constexpr double kLeast_mbps = 0.01;
@@ -83,10 +84,12 @@ double Controller::allowed() const {
 
 /// What of a capture's share is for the backlog.
 double Controller::for_backlog(double backlog) const {
-  return std::min({backlog, kLeastForBacklog * bytes_of(target_mbps_), purse_room()});
+  return std::min(kLeastForBacklog * bytes_of(target_mbps_), purse_room(backlog));
 }
 
-double Controller::purse_room() const { return std::max(largest_piece() - purse_, 0.0); }
+double Controller::purse_room(double backlog) const {
+  return std::max(std::min(largest_piece(), backlog) - purse_, 0.0);
+}
 
 double Controller::largest_piece() const { return kMostPurse_s * fps_ * bytes_of(target_mbps_); }
 
@@ -183,10 +186,12 @@ CaptureBudget Controller::code(const CaptureState& capture) {
   if (texture_ <= 0) qp = captures_ == 0 ? std::max(setting_.qp, kFirstQp) : qp_of_rest();
   if (texture_ > 0)
     while (qp < kCoarsestQp && texture_at(qp, capture.key_frame) > for_texture) ++qp;
+  // A picture that was coarse until now takes more than the same one coded finely all along.
+  if (sent_ > 0 && !capture.key_frame) qp = std::max(qp, budget_.qp - kFinerAtOnce);
   const double used = capture.geometry + texture_at(qp, capture.key_frame);
   save_for_backlog(capture.backlog, most - used);
   budget_ = {qp, std::clamp(std::min(purse_, left() - used), 0.0, capture.backlog),
-             purse_room() <= 0};
+             purse_room(capture.backlog) <= 0};
   return budget_;
 }
 
@@ -202,8 +207,7 @@ void Controller::save_for_backlog(double backlog, double unused) {
     credit_ += std::exchange(purse_, 0);
     return;
   }
-  const double saved =
-      std::clamp(std::max(unused, for_backlog(backlog)), 0.0, std::min(purse_room(), backlog));
+  const double saved = std::clamp(std::max(unused, for_backlog(backlog)), 0.0, purse_room(backlog));
   purse_ += saved, credit_ -= saved;
 }
 

@@ -101,7 +101,7 @@ class Controller {
   double texture_at(int qp, bool key_frame) const;
   double allowed() const;
   double for_backlog(double backlog) const;
-  double purse_room() const;
+  double purse_room(double backlog) const;
   double left() const;
 
   std::shared_ptr<const Model> model_;
