@@ -184,6 +184,23 @@ TEST(Controller, TheBacklogGetsItsShareBelowTheLeast) {
   }
 }
 
+TEST(Controller, FollowsAStepDownWhileABacklogWaits) {
+  for (const MadeScene& scene : made_other_scenes()) {
+    MadeStream stream(scene, 3 * made_most_mbps(scene));
+    stream.key_frame_every = 0;
+    stream.least_piece = 1e9;  // it is saved for, and never goes
+    stream.backlog = 1e7;
+    stream.run(6);
+    const double target = target_at(scene, 0.4);
+    stream.controller.set_target(target);
+    stream.least_piece = 0;
+    stream.run(6);
+    for (double s = 6.3; s < 10.6; s += 0.1)
+      EXPECT_LT(stream.mbps(s, s + 1), 1.15 * target) << scene.name << ' ' << s;
+    EXPECT_GT(stream.mbps(7, 12), 0.9 * target) << scene.name;
+  }
+}
+
 TEST(Controller, ABacklogInLargePiecesIsSavedFor) {
   for (const MadeScene& scene : made_other_scenes()) {
     const double target = target_at(scene, 0.5);

@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 
 namespace mr::rate {
@@ -16,9 +17,10 @@ struct Node {
   }
 };
 
-double settled_ms(TimeBudget& budget, const Node& node, int captures) {
-  for (int i = 0; i < captures; ++i) budget.note(node.ms(budget.least_error_voxels()));
-  return node.ms(budget.least_error_voxels());
+double settled_ms(TimeBudget& budget, const Node& node, int captures, double chosen_voxels = 0.5) {
+  const auto error = [&] { return std::max(budget.least_error_voxels(), chosen_voxels); };
+  for (int i = 0; i < captures; ++i) budget.note(node.ms(error()), error());
+  return node.ms(error());
 }
 
 TEST(TimeBudget, LeavesWhatIsQuickAlone) {
@@ -34,11 +36,17 @@ TEST(TimeBudget, FewerTrianglesBeforeMoreTime) {
   EXPECT_LE(budget.least_error_voxels(), 6);
 }
 
+TEST(TimeBudget, GoesOnFromTheErrorInForce) {
+  TimeBudget budget;
+  EXPECT_LE(settled_ms(budget, {20, 320}, 600, 2), TimeBudget::kMost_ms);
+  EXPECT_GT(budget.least_error_voxels(), 2);
+}
+
 TEST(TimeBudget, WhereItDoesNotHelpQualityStays) {
   TimeBudget budget;
   int raised = 0;
   for (int i = 0; i < 3000; ++i) {
-    budget.note(150);
+    budget.note(150, 0.5);
     raised += budget.least_error_voxels() > 0;
   }
   EXPECT_LT(raised, 3000 / 8);

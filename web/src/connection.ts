@@ -173,7 +173,7 @@ export class Connection {
 
   /** Asks for a stream of at most so much. */
   setTarget(mbps: number): void {
-    this.send(JSON.stringify({ type: "target", mbps }));
+    if (this.isWelcome) this.send(JSON.stringify({ type: "target", mbps }));
   }
 
   private send(text: string): void {

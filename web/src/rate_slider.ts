@@ -12,6 +12,7 @@ export function mbpsAt(place: number, mostMbps: number): number {
 export class RateSlider {
   private mostMbps: number | null = null;
   private timer = 0;
+  private isChosen = false; // somebody has moved it
 
   constructor(
     private readonly section: HTMLElement,
@@ -29,7 +30,9 @@ export class RateSlider {
     const isOther = mostMbps !== this.mostMbps;
     this.mostMbps = mostMbps;
     this.section.hidden = mostMbps === null;
-    if (isOther) this.tell();
+    if (!isOther) return;
+    this.tell();
+    if (this.isChosen) this.ask();
   }
 
   private targetMbps(): number | null {
@@ -45,11 +48,16 @@ export class RateSlider {
 
   private moved(): void {
     this.tell();
+    this.isChosen = true;
     if (this.timer !== 0) return;
     this.timer = window.setTimeout(() => {
       this.timer = 0;
-      const mbps = this.targetMbps();
-      if (mbps !== null) this.onTarget(mbps);
+      this.ask();
     }, kEveryMs);
+  }
+
+  private ask(): void {
+    const mbps = this.targetMbps();
+    if (mbps !== null) this.onTarget(mbps);
   }
 }

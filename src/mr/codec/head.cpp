@@ -23,7 +23,8 @@ void HeadWriter::note_repeated(const PacketChange& change, const std::vector<Chu
   std::vector<ChunkKey> other;
   std::ranges::set_symmetric_difference(manifest_, manifest, std::back_inserter(other));
   const std::size_t told = change.removed.size() + change.added.size();
-  repeated_ += told - std::min(told, other.size());
+  repeated_lately_ = told - std::min(told, other.size());
+  repeated_ += repeated_lately_;
   manifest_ = manifest;
 }
 
@@ -37,12 +38,12 @@ std::vector<std::byte> HeadWriter::write(Packet packet) {
   const bool due = follows && packet.sequence - brought_ >= kWholeEvery;
   note_repeated(change, packet.manifest);
   const bool is_large = change.removed.size() + change.added.size() > packet.manifest.size() ||
-                        repeated_ > kBroughtBy * packet.manifest.size();
+                        has_repeated_much(repeated_);
   if (!follows || is_large || (due && !change.empty())) {
     base_ = base_of(packet);
     change = change_between(*base_, packet);
     to_bring_ = kBroughtBy;
-    repeated_ = 0;
+    repeated_ = repeated_lately_ = 0;
   } else if (due) {
     to_bring_ = std::max(to_bring_, 1);
   }

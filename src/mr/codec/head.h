@@ -37,7 +37,8 @@ class HeadWriter {
   /// Whether the packet of this sequence will contain a base, as far as can be told before it is
   /// written. The writing thread.
   bool is_base_due(std::uint64_t sequence) const {
-    return to_bring_ > 0 || asked_ || !base_ || sequence - brought_ >= kWholeEvery;
+    return to_bring_ > 0 || asked_ || !base_ || sequence - brought_ >= kWholeEvery ||
+           has_repeated_much(repeated_ + repeated_lately_);
   }
 
   /// A receiver lacks the base: the next packets contain it.
@@ -46,11 +47,13 @@ class HeadWriter {
  private:
   void note_streams(Packet& packet);
   void note_repeated(const PacketChange& change, const std::vector<ChunkKey>& manifest);
+  bool has_repeated_much(std::size_t keys) const { return keys > kBroughtBy * manifest_.size(); }
 
   std::shared_ptr<const Packet> base_;
   std::vector<ChunkKey> manifest_;  ///< of the last packet
-  std::size_t repeated_ = 0;        ///< keys, of changes that packets since the base told again
-  std::uint64_t brought_ = 0;       ///< sequence of the last packet that contained it
+  // Keys, of changes that packets since the base told again: of all, of the last one.
+  std::size_t repeated_ = 0, repeated_lately_ = 0;
+  std::uint64_t brought_ = 0;  ///< sequence of the last packet that contained it
   int to_bring_ = 0;
   std::map<StreamId, std::uint32_t> serials_;  ///< serial of each stream's newest unit
   std::atomic<bool> asked_ = false;

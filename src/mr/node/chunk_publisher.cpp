@@ -164,6 +164,7 @@ Status ChunkPublisher::publish(int mesh_speed, Packet& packet, Allowance of_stil
     if (const std::uint32_t shown = chunk.is_new ? chunk.before : chunk.version; shown > 0)
       packet.manifest.push_back({id, 0, shown});
   ++publications_;
+  if (std::isfinite(of_still.bytes) && !waiting_still().empty()) of_still = {0, false};
   bring_background(of_still, packet);
   cache_.keep(packet.manifest);
   return {};
@@ -181,10 +182,10 @@ double ChunkPublisher::waiting_bytes() const {
   return out;
 }
 
-std::set<Vec3i> ChunkPublisher::missing_still() const {
+std::set<Vec3i> ChunkPublisher::waiting_still() const {
   std::set<Vec3i> out;
   for (const auto& [id, chunk] : live_)
-    if (chunk.is_new && chunk.before == 0 && id.layer == Layer::still) out.insert(id.cube);
+    if (chunk.is_new && id.layer == Layer::still) out.insert(id.cube);
   return out;
 }
 

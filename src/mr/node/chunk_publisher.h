@@ -56,8 +56,8 @@ class ChunkPublisher {
 
   /// About how many bytes of still surface wait to be sent.
   double waiting_bytes() const;
-  /// The cubes of still surface of which no packet has had anything yet.
-  std::set<Vec3i> missing_still() const;
+  /// The cubes whose still surface, or a change of it, waits to be sent.
+  std::set<Vec3i> waiting_still() const;
 
   /// Those of the chunks that are still known, coded as an answer; empty when none is. Any thread.
   std::vector<std::byte> answer(std::vector<ChunkKey> wanted) const;

@@ -60,52 +60,68 @@ Result<std::vector<std::byte>> MergeNode::merge(const CaptureSet& captures,
                                                 const std::function<void()>& on_cores_free) {
   const TimePoint started = clock_.now ? clock_.now() : TimePoint{};
   CodingPlan plan = plan_.get();
-  is_still_missing_ = rate_ != nullptr;  // until it is known
-  const bool is_left_out = rate_ && !rate_->begin(captures, waiting_bytes(), plan);
-  Packet packet = head(captures, plan);
-  if (const Status updated = update_layers(captures, plan.decimation, on_cores_free); !updated)
-    return updated.error();
+  const bool is_left_out =
+      rate_ && !rate_->begin(captures, waiting_bytes(), writer_.is_base_due(sequence_), plan);
   // The room is learnt all the same.
+  if (const Status updated = update_layers(captures, plan.decimation, on_cores_free); !updated) {
+    if (rate_ && !is_left_out) rate_->give_up();
+    return updated.error();
+  }
   if (is_left_out)
     return Error{Error::Cause::over_budget, "a tick left out: the target is below what it takes"};
-  add_sources(packet);
-  if (const Status coded = code(captures, packet); !coded) return coded.error();
-  ++sequence_;
-  add_marks(captures, started, packet);
-  if (!rate_) return writer_.write(std::move(packet));
-  auto bytes = writer_.write(packet);
-  rate_->sent(packet, bytes.size());
+  auto bytes = send(captures, plan, started);
+  if (!rate_) return bytes;
+  if (!bytes) rate_->give_up();
   rate_->note_surface(captures, moving_.mesh());
   if (clock_.now) rate_->note_time(captures, clock_.now() - started);
   return bytes;
 }
 
+/// The packet of the surfaces as they are now.
+Result<std::vector<std::byte>> MergeNode::send(const CaptureSet& captures, const CodingPlan& plan,
+                                               TimePoint started) {
+  Packet packet = head(captures, plan);
+  add_sources(packet);
+  if (const Status coded = code(captures, packet); !coded) return coded.error();
+  if (publisher_.waiting_still().empty()) still_.receipts().release();
+  ++sequence_;
+  add_marks(captures, started, packet);
+  if (!rate_) return writer_.write(std::move(packet));
+  auto bytes = writer_.write(packet);
+  rate_->sent(packet, bytes.size());
+  return bytes;
+}
+
+/// Still surface and plates.
+double MergeNode::waiting_bytes() const {
+  return publisher_.waiting_bytes() + (poses_.views.empty() ? 0 : atlas_.waiting_bytes());
+}
+
 /// Mesh and pictures. What moves is coded first: the rest gets what that leaves.
 Status MergeNode::code(const CaptureSet& captures, Packet& packet) {
   const auto moving_bytes = trace_.time("encode_mesh", [&] {
-    if (!reused_) publisher_.set_moving(moving_.mesh(), moving_.errors(), moving_.guessed());
+    if (std::exchange(is_moving_new_, false))
+      publisher_.set_moving(moving_.mesh(), moving_.errors(), moving_.guessed());
     return publisher_.code_moving(packet.plan.mesh_speed);
   });
   if (!moving_bytes) return moving_bytes.error();
   auto drawn = draw(captures, packet);
   if (!drawn) return drawn.error();
+  const bool is_drawn = drawn->has_value();
   Allowance of_still;
   if (rate_) {
-    const bool key_frame = *drawn && atlas_.needs_key_frame(**drawn);
+    const bool key_frame = is_drawn && atlas_.needs_key_frame(**drawn);
     const RateControl::Budget budget =
-        rate_->code(static_cast<double>(*moving_bytes), waiting_bytes(), key_frame,
-                    writer_.is_base_due(packet.sequence));
+        rate_->code(static_cast<double>(*moving_bytes), waiting_bytes(), key_frame);
     packet.plan.texture_qp = budget.texture_qp, of_still = budget.refinement;
   }
   if (const Status coded = code_pictures(captures, *std::move(drawn), packet); !coded) return coded;
   for (const TextureUnit& unit : packet.textures)
     if (is_root_ && unit.stream == RootAtlas::kPlateStream)
       of_still = {of_still.bytes - static_cast<double>(unit.data.size()), false};
-  if (is_root_ && atlas_.are_plates_held()) of_still = {0, false};
-  const Status published = trace_.time(
-      "publish", [&] { return publisher_.publish(packet.plan.mesh_speed, packet, of_still); });
-  if (rate_) is_still_missing_ = !publisher_.missing_still().empty();
-  return published;
+  if (is_drawn && atlas_.are_plates_held()) of_still = {0, false};
+  return trace_.time("publish",
+                     [&] { return publisher_.publish(packet.plan.mesh_speed, packet, of_still); });
 }
 
 std::optional<Mesh> MergeNode::surface() const {
@@ -152,9 +168,11 @@ Status MergeNode::update_layers(const CaptureSet& captures, const Decimation& de
     trace_.time("cover", [&] { still_.remove_shown(parts); });
   }
   const atlas::PictureSampler colors = atlas_.live_colors(captures);
-  return moving_.update(std::move(moving), parts,
-                        {decimation, poses_, still_.shown().occluders.get(), &colors,
-                         alpha_of(captures), on_cores_free});
+  const Status updated = moving_.update(std::move(moving), parts,
+                                        {decimation, poses_, still_.shown().occluders.get(),
+                                         &colors, alpha_of(captures), on_cores_free});
+  is_moving_new_ |= updated.ok();
+  return updated;
 }
 
 /// Calibration is measured on the layer that has most surface. Whether corrections changed.

@@ -79,7 +79,6 @@ class MergeNode {
 
   /// Inputs whose still surface is shown as their packet with that sequence had it. Forgets them.
   std::vector<std::pair<std::size_t, std::uint64_t>> take_shown() {
-    if (is_still_missing_) return {};
     return still_.receipts().take();
   }
 
@@ -112,7 +111,9 @@ class MergeNode {
   bool correct_poses(const CaptureSet& captures, bool measure, std::vector<kit::Part>& parts);
   void update_plates(const CaptureSet& captures, const std::vector<kit::Part>& moving);
   void add_sources(Packet& packet) const;
-  double waiting_bytes() const { return publisher_.waiting_bytes() + atlas_.waiting_bytes(); }
+  double waiting_bytes() const;
+  Result<std::vector<std::byte>> send(const CaptureSet& captures, const CodingPlan& plan,
+                                      TimePoint started);
   Result<std::optional<RootAtlas::Drawn>> draw(const CaptureSet& captures, const Packet& packet);
   Status code(const CaptureSet& captures, Packet& packet);
   Status code_pictures(const CaptureSet& captures, std::optional<RootAtlas::Drawn> drawn,
@@ -137,7 +138,7 @@ class MergeNode {
   codec::HeadWriter writer_;
   std::atomic<std::uint64_t> sequence_ = 0;
   std::atomic<bool> reused_ = false;
-  std::atomic<bool> is_still_missing_ = false;  ///< some of the still surface was never sent yet
+  bool is_moving_new_ = false;  ///< and not published yet
   std::mutex key_frames_mutex_;
   std::set<StreamId> key_frames_wanted_;
   DrawingListener drawing_listener_;

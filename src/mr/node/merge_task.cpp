@@ -18,7 +18,8 @@ MergeTask::MergeTask(const Scene& scene, const MergerConfig& merger, NodeLog log
       node_(scene, merger, is_root_, std::move(options.clock), options.still_work),
       log_(std::move(log)),
       presence_(merger.inputs.size()),
-      clocks_(merger.inputs.size()) {
+      clocks_(merger.inputs.size()),
+      measures_links_(options.measures_links) {
   drops_.set_listener(log_.dropped);
   node_.inputs().set_drop_listener(log_.dropped);
   node_.set_background(std::move(options.background));
@@ -87,6 +88,7 @@ void MergeTask::take_answer(const Arrivals::Answer& answer) {
   clock.add(answer.asked, **reported, answer.came);
   if (clock.offset() == before) return;
   node_.inputs().set_clock_offset(answer.input, clock.offset());
+  links_[answer.input].forget_delays();
   log_.warn(clock.offset() == Duration{}
                 ? "the clock of '" + name + "' is right again"
                 : "the clock of '" + name + "' is " + clock_offset_text(clock.offset()) +
@@ -121,7 +123,8 @@ void MergeTask::pass_on(const ScenePlan& plan) {
 void MergeTask::watch_link(std::size_t input, std::size_t bytes, TimePoint now) {
   rate::LinkBudget& link = links_[input];
   const bool was_narrow = link.coarser() > 0;
-  link.arrived(static_cast<double>(bytes), node_.inputs().sent_at(input), now);
+  link.arrived(static_cast<double>(bytes),
+               measures_links_ ? node_.inputs().sent_at(input) : std::nullopt, now);
   const bool is_narrow = link.coarser() > 0;
   if (is_narrow == was_narrow || !passed_) return;
   const std::string name = "the link from '" + node_.config().inputs[input] + "'";

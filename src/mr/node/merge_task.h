@@ -25,6 +25,8 @@ class MergeTask final : public Task {
     StillWork still_work = StillWork::at_once;
     std::vector<EncodedChunk> background = {};           ///< chunks of the scene's background model
     std::shared_ptr<const rate::Model> rate_model = {};  ///< of the root; null: plans are fixed
+    /// Links from the inputs are measured by times of arrival; else there are none to measure.
+    bool measures_links = false;
     /// From then on, inputs that have never delivered are reported missing.
     std::optional<TimePoint> inputs_since = {};
   };
@@ -62,8 +64,9 @@ class MergeTask final : public Task {
   std::vector<ClockOffset> clocks_;  ///< [inputs]
   std::optional<TimePoint> clocks_asked_, plan_passed_;
   std::mutex plan_mutex_;
-  std::optional<ScenePlan> plan_;        ///< received, or chosen; passed on to the inputs
-  std::optional<ScenePlan> passed_;      ///< as it was: coarser where links are narrow
+  std::optional<ScenePlan> plan_;    ///< received, or chosen; passed on to the inputs
+  std::optional<ScenePlan> passed_;  ///< as it was: coarser where links are narrow
+  bool measures_links_;
   std::vector<rate::LinkBudget> links_;  ///< [inputs]
   std::atomic<std::uint64_t> retimed_ = 0;
   std::atomic<bool> key_frames_wanted_ = false;  ///< a tick failed: units to forward were lost

@@ -23,7 +23,12 @@ RateControl::RateControl(const Scene& scene, std::shared_ptr<const rate::Model> 
 void RateControl::note_pace(TimePoint tick) {
   constexpr std::size_t kFewest = 4;
   constexpr double kLikeNominal = 0.97;
-  if (!ticks_.empty() && tick <= ticks_.back()) ticks_.clear();
+  if (!ticks_.empty()) {
+    const Duration usual =
+        (ticks_.back() - ticks_.front()) / std::max<std::size_t>(ticks_.size() - 1, 1);
+    const Duration pause = std::max<Duration>(std::chrono::milliseconds(500), 3 * usual);
+    if (tick <= ticks_.back() || tick - ticks_.back() > pause) ticks_.clear();
+  }
   ticks_.push_back(tick);
   while (ticks_.size() > kFewest && tick - ticks_.front() > std::chrono::seconds(1))
     ticks_.pop_front();
@@ -41,12 +46,14 @@ void RateControl::note_features(const std::vector<FrameFeatures>& frames) {
   if (!sensors.empty()) controller_.set_features(rate::scene_features(sensors));
 }
 
-bool RateControl::begin(const CaptureSet& captures, double waiting, CodingPlan& root) {
+bool RateControl::begin(const CaptureSet& captures, double waiting, bool whole_head,
+                        CodingPlan& root) {
+  is_whole_head_ = whole_head;
   note_pace(captures.tick);
   note_features(captures.features);
   const double target = target_mbps_;
   controller_.set_target(std::isfinite(target) ? std::min(target, scene_->rate.target_mbps) : 0);
-  planned_ = controller_.begin(waiting);
+  planned_ = controller_.begin(waiting, head_bytes() - head_bytes_);
   if (planned_.skipped) controller_.sent({});
   root.decimation = moving_decimation(*scene_, planned_.setting.error_voxels);
   root.texture_scale = scene_->coding.texture_scale * planned_.setting.scale;
@@ -58,11 +65,9 @@ PlateLimits RateControl::plate_limits(bool may_refine) const {
   return {{planned_.refinement, planned_.refinement >= largest}, largest, may_refine};
 }
 
-RateControl::Budget RateControl::code(double moving_bytes, double waiting, bool key_frame,
-                                      bool whole_head) {
-  is_whole_head_ = whole_head;
-  const double head = whole_head ? std::max(whole_head_bytes_, head_bytes_) : head_bytes_;
-  const rate::CaptureBudget budget = controller_.code({moving_bytes + head, waiting, key_frame});
+RateControl::Budget RateControl::code(double moving_bytes, double waiting, bool key_frame) {
+  const rate::CaptureBudget budget =
+      controller_.code({moving_bytes + head_bytes(), waiting, key_frame});
   return {budget.qp, {budget.refinement, budget.is_purse_full}};
 }
 
@@ -98,13 +103,19 @@ void RateControl::sent(const Packet& packet, std::size_t bytes) {
 
 void RateControl::note_surface(const CaptureSet& captures, const Mesh& moving) {
   std::map<SensorId, rate::SensorShares::Triangles> triangles;
+  // Who has no picture textures nothing, and may add surface all the same.
+  for (const SourceInfo& source : captures.sources)
+    for (const View& view : captures.views)
+      if (view.id == view_of(source.sensor)) triangles[source.sensor];
   for (const DecodedScene& scene : captures.scenes)
     for (const auto& chunk : scene.chunks)
       if (chunk->key.id.layer == Layer::moving)
-        for (const SensorRun& run : chunk->mesh.sensors) triangles[run.id].delivered += run.count;
-  for (const SourceInfo& source : captures.sources)
+        for (const SensorRun& run : chunk->mesh.sensors)
+          if (const auto sensor = triangles.find(run.id); sensor != triangles.end())
+            sensor->second.delivered += run.count;
+  for (auto& [sensor, counts] : triangles)
     for (const ViewRun& run : moving.views)
-      if (run.id == view_of(source.sensor)) triangles[source.sensor].shown += run.count;
+      if (run.id == view_of(sensor)) counts.shown += run.count;
   shares_.note(triangles);
 }
 
@@ -118,7 +129,8 @@ void RateControl::note_time(const CaptureSet& captures, Duration own) {
   note("sensors/reconstructed", "sensors/coded");
   for (const MergerConfig& merger : scene_->mergers)
     note(merger.id + "/gathered", merger.id + "/merged");
-  time_.note(std::chrono::duration<double, std::milli>(slowest).count());
+  time_.note(std::chrono::duration<double, std::milli>(slowest).count(),
+             controller_.setting().error_voxels);
   controller_.set_least_error(time_.least_error_voxels());
 }
 

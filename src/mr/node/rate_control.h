@@ -1,5 +1,6 @@
 #pragma once
 
+#include <algorithm>
 #include <atomic>
 #include <cstddef>
 #include <deque>
@@ -20,8 +21,8 @@
 namespace mr::node {
 
 /// Rate control of the root (paper 4; docs/rate-control.md): leads a rate::Controller through its
-/// ticks. Each tick begin(), code() and sent(); a tick that is left out, begin() alone. On one
-/// thread, but for set_target().
+/// ticks. Each tick begin(), code() and sent(), or give_up(); a tick that is left out, begin()
+/// alone. On one thread, but for set_target().
 class RateControl {
  public:
   /// `model` must not be null. The scene must outlive this.
@@ -31,8 +32,9 @@ class RateControl {
   void set_target(double mbps) { target_mbps_ = mbps; }
 
   /// Before a tick is merged: puts decimation and texture scale into the root's plan. `waiting`:
-  /// bytes of still surface and plates. False: the tick is not to be sent.
-  bool begin(const CaptureSet& captures, double waiting, CodingPlan& root);
+  /// bytes of still surface and plates; `whole_head`: the packet's head will contain a base. False:
+  /// the tick is not to be sent.
+  bool begin(const CaptureSet& captures, double waiting, bool whole_head, CodingPlan& root);
   /// What plates may take in this tick; `may_refine`: no still surface waits.
   PlateLimits plate_limits(bool may_refine) const;
 
@@ -41,21 +43,25 @@ class RateControl {
     Allowance refinement;  ///< still surface and plates
   };
   /// Once the moving surface is coded, which takes `moving_bytes`, and the pictures are drawn.
-  /// `whole_head`: the packet's head will contain a base.
-  Budget code(double moving_bytes, double waiting, bool key_frame, bool whole_head);
+  Budget code(double moving_bytes, double waiting, bool key_frame);
   /// The tick's packet, which takes `bytes`.
   void sent(const Packet& packet, std::size_t bytes);
+  /// In place of sent(): nothing came of the tick.
+  void give_up() { controller_.give_up(); }
   /// What came of the inputs' surfaces: the moving surface as shown.
   void note_surface(const CaptureSet& captures, const Mesh& moving);
-  /// How long the nodes took for the tick: this one, those below by their marks.
+  /// How long the nodes took for the tick: this one, mergers below and the coding of sensors by
+  /// their marks.
   void note_time(const CaptureSet& captures, Duration own);
 
   /// The plan of all nodes, if it is another than when this was last asked.
   std::optional<ScenePlan> take_plan();
-  /// Whether not even the coarsest quality fits the target.
-  bool is_best_effort() const { return controller_.is_best_effort(); }
 
  private:
+  /// What the tick's head is expected to take.
+  double head_bytes() const {
+    return is_whole_head_ ? std::max(whole_head_bytes_, head_bytes_) : head_bytes_;
+  }
   void note_pace(TimePoint tick);
   void note_features(const std::vector<FrameFeatures>& frames);
 

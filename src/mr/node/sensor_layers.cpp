@@ -56,13 +56,14 @@ void SensorLayers::recall(Memory memory) {
 /// nobody is waited for: the background waits for some captures by itself. Who never says so is not
 /// waited for for ever.
 bool SensorLayers::is_shown() {
-  constexpr int kPatience = 300;  // captures
+  // Captures. Where rate is controlled, still surface may wait for long before it is sent.
+  constexpr int kPatience = 300, kPatienceWithRate = 3000;
   if (is_outdated_ || job_.is_busy() || !unsent_.empty()) return false;
-  const bool is_at_once =
-      work_ == StillWork::at_once && scene_->rate.model == RateConfig::Model::fixed;
+  const bool is_fixed = scene_->rate.model == RateConfig::Model::fixed;
+  const bool is_at_once = work_ == StillWork::at_once && is_fixed;
   const bool shown = is_at_once || (on_the_way_ == 0 && shown_ >= sent_);
   waited_ = shown ? 0 : waited_ + 1;
-  return shown || waited_ > kPatience;
+  return shown || waited_ > (is_fixed ? kPatience : kPatienceWithRate);
 }
 
 /// The cleaned depth of a mask. Mixed pixels are known by the surfaces on both sides, so more than

@@ -84,15 +84,15 @@ Status StillLayer::publish(Update update, std::uint64_t sequence) {
 
 void StillLayer::remove_shown(std::vector<kit::Part>& moving) const {
   if (!shown_.cover) return;
-  const std::set<Vec3i> missing = publisher_->missing_still();
+  const std::set<Vec3i> waiting = publisher_->waiting_still();
   for (kit::Part& part : moving) {
-    if (missing.empty()) {
+    if (waiting.empty()) {
       part.mesh = shown_.cover->uncovered(part);
       continue;
     }
     std::vector<std::uint8_t> stays(part.mesh.triangles.size()), rest(stays.size());
     for (std::size_t t = 0; t < stays.size(); ++t) {
-      stays[t] = missing.contains(cube_of(vec_cast<double>(part.mesh.centroid(t)), piece_m_));
+      stays[t] = waiting.contains(cube_of(vec_cast<double>(part.mesh.centroid(t)), piece_m_));
       rest[t] = !stays[t];
     }
     Mesh kept = select_triangles(part.mesh, stays);

@@ -12,12 +12,18 @@ void StillReceipts::publish(std::optional<Sequences> inputs, bool is_whole,
   if (inputs) not_whole_ = *std::move(inputs);
   if (not_whole_.empty() || !is_whole) return;
   Sequences brought = std::exchange(not_whole_, {});
+  if (is_root_) {
+    for (const auto& [input, packet] : brought) unsent_[input] = packet;
+    return;
+  }
   const std::lock_guard lock(mutex_);
-  if (is_root_)
-    for (const auto& [input, packet] : brought) shown_[input] = packet;
-  else
-    waiting_.emplace_back(sequence, std::move(brought));
+  waiting_.emplace_back(sequence, std::move(brought));
   if (waiting_.size() > kMostWaiting) waiting_.pop_front();
+}
+
+void StillReceipts::release() {
+  const std::lock_guard lock(mutex_);
+  for (const auto& [input, packet] : std::exchange(unsent_, {})) shown_[input] = packet;
 }
 
 void StillReceipts::acknowledge(std::uint64_t sequence) {

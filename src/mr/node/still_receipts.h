@@ -28,8 +28,12 @@ class StillReceipts {
   const Sequences& taken() const { return taken_; }
 
   /// The node's packet `sequence` brings a still surface made of the inputs' packets `inputs`;
-  /// nothing: of the same as before. `is_whole`: no triangle of it is withheld.
+  /// nothing: of the same as before. `is_whole`: no triangle of it is withheld. A root's is told
+  /// from release() on.
   void publish(std::optional<Sequences> inputs, bool is_whole, std::uint64_t sequence);
+
+  /// The root has sent all of what was published.
+  void release();
 
   /// The node above shows the still surface of this node's packet `sequence`. Any thread.
   void acknowledge(std::uint64_t sequence);
@@ -42,6 +46,7 @@ class StillReceipts {
   bool is_root_;
   Sequences taken_;
   Sequences not_whole_;  ///< published with triangles withheld
+  Sequences unsent_;     ///< published by the root, and not sent yet
   std::mutex mutex_;
   Sequences shown_;                                          ///< not told yet
   std::deque<std::pair<std::uint64_t, Sequences>> waiting_;  ///< own sequence, what it brought

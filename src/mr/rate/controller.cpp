@@ -26,7 +26,7 @@ constexpr double kRepay = 4;                         // captures over which cred
 constexpr double kMostCredit = 3;                    // captures' worth, saved
 constexpr double kMostPurse_s = 0.4;                 // seconds' worth: as a second has room for
 constexpr double kHold_s = 1, kHoldReversal_s = 10;  // between changes that are not urgent
-constexpr double kLongestGap_s = 1.5;                // between captures that are sent
+constexpr double kLongestGap_s = 1;                  // between captures that are sent
 
 int direction_of(const Setting& from, const Setting& to) {
   const double finer = std::log(from.error_voxels / to.error_voxels) +
@@ -50,6 +50,7 @@ void Controller::set_target(double mbps) {
   if (wanted < target_mbps_ && credit_ > 0)  // was saved from what there is no more
     credit_ = wanted > 0.9 * target_mbps_ ? credit_ * wanted / target_mbps_ : 0;
   target_mbps_ = wanted;
+  purse_ = std::min(purse_, largest_piece());
 }
 
 void Controller::set_features(std::vector<Feature> features) {
@@ -62,7 +63,8 @@ void Controller::set_fps(double fps) {
 }
 
 void Controller::set_least_error(double voxels) {
-  target_changed_ |= voxels < least_error_voxels_;  // another setting may be better now
+  // Where it was this limit that held, another setting may be better now.
+  target_changed_ |= voxels < least_error_voxels_ && setting_.error_voxels <= least_error_voxels_;
   least_error_voxels_ = voxels;
   if (setting_.error_voxels >= voxels) return;
   Setting coarser = setting_;
@@ -158,19 +160,19 @@ void Controller::decide(double for_setting_mbps) {
   has_chosen_ = true, target_changed_ = false, since_decision_ = 0;
 }
 
-CapturePlan Controller::begin(double backlog) {
+CapturePlan Controller::begin(double backlog, double extra) {
   const double share = bytes_of(target_mbps_), aside = for_backlog(backlog);
   if (target_changed_ || since_decision_ >= kDecideEvery) decide(mbps_of(share - aside));
   ++since_decision_, ++since_change_;
 
   // Where the least is more than the share, captures wait until what was saved pays for one.
-  const double least = geometry_ + texture_at(kCoarsestQp, key_frame_needed_);
+  const double least = geometry_ + extra + texture_at(kCoarsestQp, key_frame_needed_);
   const double saved = std::min(share + credit_, left() - purse_);
   is_best_effort_ = geometry_ + texture_at(kCoarsestQp, false) > 1.1 * share;
   planned_ = {setting_, key_frame_needed_, false, std::min(backlog, aside + purse_)};
   const bool is_known = captures_ >= kFewest || sent_ < kStart;  // else judged by another setting
   planned_.skipped =
-      is_known && least > std::max(allowed(), saved) && since_sent_ < kLongestGap_s * fps_;
+      is_known && least > std::max(allowed(), saved) && since_sent_ + 1 < kLongestGap_s * fps_;
   since_sent_ = planned_.skipped ? since_sent_ + 1 : 0;
   if (planned_.skipped) {
     planned_.refinement = 0;
@@ -232,6 +234,11 @@ void Controller::sent(const CaptureBytes& bytes) {
     texture_ += weight(textures_++) * (texture - texture_);
     if (key_ <= 0) key_ = kUsualKey * texture_;
   }
+}
+
+void Controller::give_up() {
+  planned_.skipped = true;
+  sent({});
 }
 
 }  // namespace mr::rate

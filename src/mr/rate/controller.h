@@ -14,7 +14,7 @@ namespace mr::rate {
 /// What the controller decides before a capture is merged.
 struct CapturePlan {
   Setting setting;         ///< its QP is not decided yet
-  bool key_frame = false;  ///< the live tiles are to be key frames: they have another scale
+  bool key_frame = false;  ///< the live tiles have another scale, and so will be key frames
   bool skipped = false;    ///< the capture is not sent: even the least quality does not fit
   double refinement = 0;   ///< bytes that the still surface and plates may take at least
 };
@@ -48,8 +48,8 @@ struct CaptureBytes {
 /// - A model chooses decimation, texture scale and quantiser for the target: at once when the
 ///   target changes, else every kDecideEvery captures, and keeps what it has unless the change is
 ///   worth it, so that pictures do not pump.
-/// - Around that, every capture's own quantiser keeps the stream within its budget: over a tenth of
-///   a second as near to the target as quantisers allow, over every second below kMostInASecond of
+/// - Around that, every capture's own quantiser keeps the stream within its budget: over some
+///   captures as near to the target as quantisers allow, over every second below kMostInASecond of
 ///   it, key frames included.
 /// - Still surface and plates wait in a backlog. They get what the moving surface leaves, and at
 ///   least kLeastForBacklog of the target, spread over the captures. What they do not take at once,
@@ -75,13 +75,15 @@ class Controller {
   void set_least_error(double voxels);
 
   /// The plan of the next capture. `backlog`: bytes of still surface and plates that wait to be
-  /// sent, at least 0.
-  CapturePlan begin(double backlog);
+  /// sent, at least 0; `extra`: bytes that this one takes beside what others take.
+  CapturePlan begin(double backlog, double extra = 0);
   CaptureBudget code(const CaptureState& capture);
   /// The most bytes that are saved for one piece of the backlog.
   double largest_piece() const;
   /// What the capture took; of a skipped one, nothing.
   void sent(const CaptureBytes& bytes);
+  /// In place of sent(): nothing came of the capture.
+  void give_up();
 
   /// The setting around which quantisers move.
   const Setting& setting() const { return setting_; }

@@ -44,13 +44,23 @@ void LinkBudget::measure(Duration delay, TimePoint came) {
   const Duration waited = delay - delays_.front().delay;
   late_ = waited > kWaited ? late_ + 1 : 0;
   if (late_ >= kInARow && came - *first_ >= seconds(1)) {
-    measured_mbps_ = kOfReceived * mbps_;
+    lower(kOfReceived * mbps_, came);
   } else if (measured_mbps_ && waited < kQuick && limit_changed_) {
     const double s = std::chrono::duration<double>(came - *limit_changed_).count();
     *measured_mbps_ *= std::exp(kGrowth_per_s * std::clamp(s, 0.0, 1.0));
     if (*measured_mbps_ > kFree * mbps_ && coarser_ == 0) measured_mbps_.reset();
   }
   limit_changed_ = came;
+}
+
+/// What comes after the first measurement is what was asked for, which tells nothing of the link:
+/// only where packets still wait after a while is the limit lower.
+void LinkBudget::lower(double mbps, TimePoint now) {
+  constexpr Duration kWait = seconds(2);
+  constexpr double kStep = 0.8;
+  if (measured_mbps_ && now - *lowered_ < kWait) return;
+  measured_mbps_ = measured_mbps_ ? std::max(mbps, kStep * *measured_mbps_) : mbps;
+  lowered_ = now;
 }
 
 /// What was asked for takes a while to arrive, so decisions are some captures apart.

@@ -19,6 +19,9 @@ class LinkBudget {
   /// `limit_mbps`: of the scene; nothing: not known.
   explicit LinkBudget(std::optional<double> limit_mbps = {}) : scene_limit_mbps_(limit_mbps) {}
 
+  /// The clocks of the two nodes are compared otherwise from now on.
+  void forget_delays() { delays_.clear(), late_ = 0; }
+
   /// A packet arrived; `sent`: when its sender had finished it, if that is known.
   void arrived(double bytes, std::optional<TimePoint> sent, TimePoint came);
 
@@ -31,6 +34,7 @@ class LinkBudget {
 
  private:
   void measure(Duration delay, TimePoint came);
+  void lower(double mbps, TimePoint now);
   void decide(TimePoint now);
 
   struct Arrival {
@@ -45,7 +49,7 @@ class LinkBudget {
   std::deque<Arrival> second_;  ///< of the last second
   std::deque<Delay> delays_;    ///< of the last seconds; only those that may become the shortest
   double mbps_ = 0;
-  std::optional<TimePoint> first_, limit_changed_, decided_;
+  std::optional<TimePoint> first_, limit_changed_, decided_, lowered_;
   int late_ = 0;  ///< packets in a row that waited
   int coarser_ = 0;
 };

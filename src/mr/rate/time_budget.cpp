@@ -4,16 +4,16 @@
 
 namespace mr::rate {
 
-void TimeBudget::note(double ms) {
+void TimeBudget::note(double ms, double error_voxels) {
   constexpr int kDecideEvery = 15;  // captures
   sum_ms_ += ms;
   if (++captures_ < kDecideEvery) return;
   const double mean_ms = sum_ms_ / captures_;
   sum_ms_ = 0, captures_ = 0;
-  decide(mean_ms);
+  decide(mean_ms, error_voxels);
 }
 
-void TimeBudget::decide(double mean_ms) {
+void TimeBudget::decide(double mean_ms, double error_voxels) {
   constexpr double kFirst_voxels = 0.7, kMost_voxels = 6;
   constexpr double kRaise = 1.4, kLower = 1.2;
   constexpr double kHelps = 0.95;  // of the time before
@@ -27,9 +27,10 @@ void TimeBudget::decide(double mean_ms) {
     }
   }
   if (wait_ > 0) --wait_;
-  if (mean_ms > kMost_ms && wait_ == 0 && least_voxels_ < kMost_voxels) {
+  const double now_voxels = std::max(least_voxels_, error_voxels);
+  if (mean_ms > kMost_ms && wait_ == 0 && now_voxels < kMost_voxels) {
     is_tried_ = true, voxels_before_ = least_voxels_, ms_before_ = mean_ms;
-    least_voxels_ = std::clamp(least_voxels_ * kRaise, kFirst_voxels, kMost_voxels);
+    least_voxels_ = std::clamp(now_voxels * kRaise, kFirst_voxels, kMost_voxels);
   } else if (mean_ms < kAmple * kMost_ms && least_voxels_ > 0) {
     least_voxels_ /= kLower;
     if (least_voxels_ < kFirst_voxels) least_voxels_ = 0;

@@ -9,13 +9,13 @@ class TimeBudget {
  public:
   static constexpr double kMost_ms = 100;
 
-  /// The slowest node took so long for its newest capture.
-  void note(double ms);
+  /// The slowest node took so long for its newest capture, which had that error limit.
+  void note(double ms, double error_voxels);
   /// In voxels; 0: there is time for any.
   double least_error_voxels() const { return least_voxels_; }
 
  private:
-  void decide(double mean_ms);
+  void decide(double mean_ms, double error_voxels);
 
   double sum_ms_ = 0;
   int captures_ = 0;  ///< in the sum

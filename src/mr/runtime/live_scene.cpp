@@ -153,6 +153,7 @@ Status LiveScene::start_merger(const MergerConfig& merger) {
   node::MergeTask::Options options;
   options.clock = node::NodeClock::live();
   options.still_work = node::StillWork::beside;
+  options.measures_links = !is_whole();
   if (!is_whole()) options.inputs_since = node::wall_time() + kStart;
   const node::NodeLog log = log_of(merger.id);
   if (&merger == &scene_->mergers.back()) {
