@@ -164,6 +164,19 @@ TEST_F(LittleStillSurface, WhatWaitsIsShownAsItWas) {
   }
 }
 
+TEST_F(LittleStillSurface, OtherViewsWaitButAreNoOtherSurface) {
+  set();
+  publish({});
+  std::map<Vec3i, node::SurfacePiece> pieces;
+  for (auto& [cube, piece] : node::split_by_cube(surface(), scene_.fusion.chunk_m / 2)) {
+    set_view(piece, ViewId{1});
+    pieces[cube].mesh = std::move(piece);
+  }
+  publisher_.set_all_still(std::move(pieces));
+  EXPECT_GT(publisher_.waiting_bytes(), 0);
+  EXPECT_TRUE(publisher_.waiting_still().empty());
+}
+
 TEST_F(LittleStillSurface, WhatIsGoneIsGoneAtOnce) {
   set();
   publish({});

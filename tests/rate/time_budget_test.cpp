@@ -38,7 +38,7 @@ TEST(TimeBudget, FewerTrianglesBeforeMoreTime) {
 
 TEST(TimeBudget, GoesOnFromTheErrorInForce) {
   TimeBudget budget;
-  EXPECT_LE(settled_ms(budget, {20, 320}, 600, 2), TimeBudget::kMost_ms);
+  EXPECT_LE(settled_ms(budget, {20, 240}, 600, 2), TimeBudget::kMost_ms);
   EXPECT_GT(budget.least_error_voxels(), 2);
 }
 

@@ -49,10 +49,11 @@ void ChunkPublisher::set_still(Vec3i cube, SurfacePiece piece) {
     put(id, std::move(piece));
 }
 
-/// Whether two textured meshes have the same triangles, and nearly all of them the same view.
-bool ChunkPublisher::is_nearly(const Mesh& a, const Mesh& b) {
-  constexpr std::size_t kFew = 100;  // one in so many
-  if (a.triangles.size() != b.triangles.size() || a.views.empty() || b.views.empty()) return false;
+/// How many triangles of two meshes with the same ones have another view; nothing: they have
+/// others.
+std::optional<std::size_t> ChunkPublisher::relabelled(const Mesh& a, const Mesh& b) {
+  if (a.triangles.size() != b.triangles.size() || a.views.empty() || b.views.empty())
+    return std::nullopt;
   using Labelled = std::pair<std::array<Vec3f, 3>, ViewId>;
   const auto sorted = [](const Mesh& mesh) {
     const std::vector<ViewId> views = triangle_views(mesh);
@@ -65,13 +66,14 @@ bool ChunkPublisher::is_nearly(const Mesh& a, const Mesh& b) {
   const std::vector<Labelled> of_a = sorted(a), of_b = sorted(b);
   std::size_t others = 0;
   for (std::size_t t = 0; t < of_a.size(); ++t) {
-    if (of_a[t].first != of_b[t].first) return false;
+    if (of_a[t].first != of_b[t].first) return std::nullopt;
     others += of_a[t].second != of_b[t].second;
   }
-  return kFew * others <= of_a.size();
+  return others;
 }
 
 bool ChunkPublisher::set_all_still(std::map<Vec3i, SurfacePiece> pieces) {
+  constexpr std::size_t kFew = 100;  // one triangle in so many
   bool any_outdated = false;
   std::erase_if(live_, [&](const auto& item) {
     return item.first.layer == Layer::still && !pieces.contains(item.first.cube);
@@ -80,11 +82,15 @@ bool ChunkPublisher::set_all_still(std::map<Vec3i, SurfacePiece> pieces) {
     const auto found = live_.find({cube, source_, Layer::still});
     Live* const before = reuse_ && found != live_.end() ? &found->second : nullptr;
     const bool was_outdated = before && std::exchange(before->is_outdated, false);
-    if (before && !was_outdated && before->piece.mesh != piece.mesh &&
-        is_nearly(before->piece.mesh, piece.mesh))
+    const bool is_other = before && before->piece.mesh != piece.mesh;
+    const auto others = is_other ? relabelled(before->piece.mesh, piece.mesh) : std::nullopt;
+    if (!was_outdated && others && kFew * *others <= piece.mesh.triangles.size()) {
       any_outdated = before->is_outdated = true;
-    else
-      set_still(cube, std::move(piece));
+      continue;
+    }
+    const bool adds = !others || (before->is_new && before->adds_surface);
+    set_still(cube, std::move(piece));
+    if (is_other) live_.at({cube, source_, Layer::still}).adds_surface = adds;
   }
   return any_outdated;
 }
@@ -164,7 +170,7 @@ Status ChunkPublisher::publish(int mesh_speed, Packet& packet, Allowance of_stil
     if (const std::uint32_t shown = chunk.is_new ? chunk.before : chunk.version; shown > 0)
       packet.manifest.push_back({id, 0, shown});
   ++publications_;
-  if (std::isfinite(of_still.bytes) && !waiting_still().empty()) of_still = {0, false};
+  if (std::isfinite(of_still.bytes) && !fresh(Layer::still).empty()) of_still = {0, false};
   bring_background(of_still, packet);
   cache_.keep(packet.manifest);
   return {};
@@ -185,7 +191,7 @@ double ChunkPublisher::waiting_bytes() const {
 std::set<Vec3i> ChunkPublisher::waiting_still() const {
   std::set<Vec3i> out;
   for (const auto& [id, chunk] : live_)
-    if (chunk.is_new && id.layer == Layer::still) out.insert(id.cube);
+    if (chunk.is_new && chunk.adds_surface && id.layer == Layer::still) out.insert(id.cube);
   return out;
 }
 

@@ -56,7 +56,8 @@ class ChunkPublisher {
 
   /// About how many bytes of still surface wait to be sent.
   double waiting_bytes() const;
-  /// The cubes whose still surface, or a change of it, waits to be sent.
+  /// The cubes whose still surface waits to be sent: surface that packets have had, with other
+  /// views, does not count.
   std::set<Vec3i> waiting_still() const;
 
   /// Those of the chunks that are still known, coded as an answer; empty when none is. Any thread.
@@ -70,12 +71,13 @@ class ChunkPublisher {
     SurfacePiece piece;        // what the version stands for
     bool is_new = true;        // not published yet
     bool is_outdated = false;  // some views should be others since the last set_all_still()
+    bool adds_surface = true;  // else only views are other than in the version before
     std::uint32_t before = 0;  // the version that packets name until this one is published; 0: none
     std::optional<EncodedChunk> coded = {};  // new ones only
   };
   using Item = std::pair<const ChunkId, Live>;
 
-  static bool is_nearly(const Mesh& a, const Mesh& b);
+  static std::optional<std::size_t> relabelled(const Mesh& a, const Mesh& b);
   void bring_background(Allowance allowed, Packet& packet);
   void put(const ChunkId& id, SurfacePiece piece);
   std::vector<Item*> fresh(Layer layer);

@@ -13,6 +13,7 @@ namespace {
 
 constexpr int kDecideEvery = 6;   // captures
 constexpr int kFewest = 5;        // captures behind a mean that a decision uses
+constexpr double kReserve = 0.7;  // of an estimate
 constexpr int kStart = 30;        // captures in which what is known changes quickly
 constexpr double kMeanOver = 12;  // captures
 constexpr int kFinestQp = 18, kCoarsestQp = 51;
@@ -170,9 +171,10 @@ CapturePlan Controller::begin(double backlog, double extra) {
   const double saved = std::min(share + credit_, left() - purse_);
   is_best_effort_ = geometry_ + texture_at(kCoarsestQp, false) > 1.1 * share;
   planned_ = {setting_, key_frame_needed_, false, std::min(backlog, aside + purse_)};
-  const bool is_known = captures_ >= kFewest || sent_ < kStart;  // else judged by another setting
+  // A setting that is new is judged by what the one before it took: with reserve.
+  const double sure = captures_ >= kFewest || sent_ < kStart ? 1 : kReserve;
   planned_.skipped =
-      is_known && least > std::max(allowed(), saved) && since_sent_ + 1 < kLongestGap_s * fps_;
+      sure * least > std::max(allowed(), saved) && since_sent_ + 1 < kLongestGap_s * fps_;
   since_sent_ = planned_.skipped ? since_sent_ + 1 : 0;
   if (planned_.skipped) {
     planned_.refinement = 0;
