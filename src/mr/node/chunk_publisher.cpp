@@ -188,10 +188,13 @@ double ChunkPublisher::waiting_bytes() const {
   return out;
 }
 
+/// What was set since the last publish() does not wait yet.
 std::set<Vec3i> ChunkPublisher::waiting_still() const {
   std::set<Vec3i> out;
   for (const auto& [id, chunk] : live_)
-    if (chunk.is_new && chunk.adds_surface && id.layer == Layer::still) out.insert(id.cube);
+    if (chunk.is_new && chunk.version <= publications_ && chunk.adds_surface &&
+        id.layer == Layer::still)
+      out.insert(id.cube);
   return out;
 }
 

@@ -164,8 +164,12 @@ Status MergeNode::update_layers(const CaptureSet& captures, const Decimation& de
   if (still_.exists()) {
     update_plates(captures, parts);
     const StillLayer::Tick tick{sequence_, still_decimation_, poses_, kit::triangles_of(parts)};
+    const auto cover = [&] { trace_.time("cover", [&] { still_.remove_shown(parts); }); };
+    // Where rate is controlled, still surface of this tick may wait: what moves there stays until
+    // it was sent.
+    if (rate_) cover();
     if (const Status updated = still_.update(std::move(inputs), tick); !updated) return updated;
-    trace_.time("cover", [&] { still_.remove_shown(parts); });
+    if (!rate_) cover();
   }
   const atlas::PictureSampler colors = atlas_.live_colors(captures);
   const Status updated = moving_.update(std::move(moving), parts,
