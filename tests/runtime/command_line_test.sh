@@ -74,8 +74,8 @@ for command in "run room.yaml" "node room.yaml root" "export room.yaml o.ply" "i
 done
 check "plan --set --write" fails "not change" "$meshreduce" plan room.yaml --mergers 1 --set fps=10 --write o.yaml
 check "--set of a PLY" fails "are for scenes" "$meshreduce" eval geometry a.ply b.ply --set fps=10
-check "what is not acted on" 0 "note: --set 'rate.target_mbps=5': rate.target_mbps: accepted, but not acted on" \
-  "$meshreduce" info room.yaml --set rate.target_mbps=5
+check "what is not acted on" 0 "note: --set 'atlas.views=packed': atlas.views packed: accepted, but not acted on" \
+  "$meshreduce" info room.yaml --set atlas.views=packed
 
 printf 'scene: bad\nvoxl_m: 1\nup: [0, 0, 0]\nsensors: []\n' >bad.yaml
 check "unknown key, line 2" fails "bad.yaml:2:.*voxl_m" "$meshreduce" run bad.yaml

@@ -21,7 +21,8 @@ export class RateSlider {
     private readonly onTarget: (mbps: number) => void,
   ) {
     input.min = "0";
-    input.max = input.value = String(kSteps);
+    input.max = String(kSteps);
+    input.value = input.max; // after the limits, which cut it off
     input.addEventListener("input", () => this.moved());
   }
 

@@ -74,9 +74,7 @@ class InputSynchronizer {
   /// When an input had finished its newest packet, by our clock; nothing: it does not say so.
   std::optional<TimePoint> sent_at(std::size_t input) const;
   /// The sensors that an input may speak for.
-  const std::set<SensorId>& sensors_of(std::size_t input) const {
-    return inputs_[input].sensors;
-  }
+  const std::set<SensorId>& sensors_of(std::size_t input) const { return inputs_[input].sensors; }
   /// How far an input's clock is ahead of ours: its times are taken back by that.
   void set_clock_offset(std::size_t input, Duration ahead) { inputs_[input].clock_ahead = ahead; }
 
