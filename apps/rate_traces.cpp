@@ -8,6 +8,7 @@
 
 #include "mr/eval/plot.h"
 #include "mr/rate/curve_predictor.h"
+#include "mr/rate/grid.h"
 #include "mr/rate/swept_surface.h"
 
 namespace mr::apps {
@@ -77,6 +78,7 @@ std::vector<TraceRun> run_traces(std::span<const rate::Sweep> sweeps) {
     const std::vector<rate::Burst> bursts = bursts_of(sweep);
     for (const rate::Trace& trace : rate::traces(low, high, 7)) {
       rate::Controller controller(model, true, sweep.fps, trace.mbps(0));
+      controller.set_coarsest_error(rate::coarsest_error_voxels(sweep.voxel_m));
       out.push_back(
           {sweep.scene, trace.name, rate::simulate(controller, sweep, trace, bursts, kSeconds, 1)});
     }

@@ -1,7 +1,10 @@
 #pragma once
 
+#include <functional>
+#include <optional>
 #include <vector>
 
+#include "mr/core/image.h"
 #include "mr/core/result.h"
 #include "mr/eval/quality.h"
 #include "mr/rate/simulation.h"
@@ -20,11 +23,20 @@ struct RateSecond {
   double error_voxels = 0;  ///< of decimating what moves
   double scale = 1;
   std::size_t still_chunks = 0;
+  std::optional<double> ssim;  ///< masked, of what a client shows; where views are compared
 };
 
-/// Runs a scene in lockstep under its rate control, as the target follows a trace, from the first
-/// capture on. Error invalid: the scene's rate.model is fixed.
-Result<std::vector<RateSecond>> run_rate(const Scene& scene, const rate::Trace& trace, int seconds,
+struct RateRun {
+  rate::Trace trace;  ///< of the target
+  int seconds = 30;
+  std::size_t views = 0;  ///< so many viewpoints are compared with the reference, every second
+  /// The pictures of a second, [views]; may be empty.
+  std::function<Status(int second, const std::vector<ImageRgb>& pictures)> pictures{};
+};
+
+/// Runs a prepared scene in lockstep under its rate control, from the first capture on. Error
+/// invalid: the scene's rate.model is fixed.
+Result<std::vector<RateSecond>> run_rate(const Scene& scene, const RateRun& run,
                                          const QualityConfig& config);
 
 }  // namespace mr::eval

@@ -11,13 +11,16 @@
 #include "mr/node/plans.h"
 #include "mr/node/root_atlas.h"
 #include "mr/rate/feature_space.h"
+#include "mr/rate/grid.h"
 
 namespace mr::node {
 
 RateControl::RateControl(const Scene& scene, std::shared_ptr<const rate::Model> model)
     : scene_(&scene),
       controller_(std::move(model), scene.still.layers, scene.fps, scene.rate.target_mbps),
-      target_mbps_(scene.rate.target_mbps) {}
+      target_mbps_(scene.rate.target_mbps) {
+  controller_.set_coarsest_error(rate::coarsest_error_voxels(scene.voxel_m));
+}
 
 /// Where nodes cannot keep up, there are fewer ticks than the scene's nominal rate.
 void RateControl::note_pace(TimePoint tick) {
@@ -136,10 +139,12 @@ void RateControl::note_time(const CaptureSet& captures, Duration own) {
 
 std::optional<ScenePlan> RateControl::take_plan() {
   ScenePlan plan = scene_plan(*scene_, controller_.setting().error_voxels);
+  const double coarsest_m = rate::coarsest_error_voxels(scene_->voxel_m) * scene_->voxel_m;
   for (const SensorId id : all_sensors(scene_->sensors))
     if (const double coarser = shares_.coarser(id); coarser > 1) {
       CodingPlan of_sensor = plan.of(id);
-      of_sensor.decimation.error_m *= coarser;
+      double& error_m = of_sensor.decimation.error_m;
+      error_m = std::max(error_m, std::min(error_m * coarser, coarsest_m));
       plan.by_sensor[id] = of_sensor;
     }
   if (passed_ == plan) return std::nullopt;

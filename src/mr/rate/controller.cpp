@@ -5,7 +5,6 @@
 #include <utility>
 
 #include "mr/core/assert.h"
-#include "mr/rate/grid.h"
 #include "mr/rate/swept_surface.h"
 
 namespace mr::rate {
@@ -67,10 +66,22 @@ void Controller::set_least_error(double voxels) {
   // Where it was this limit that held, another setting may be better now.
   target_changed_ |= voxels < least_error_voxels_ && setting_.error_voxels <= least_error_voxels_;
   least_error_voxels_ = voxels;
-  if (setting_.error_voxels >= voxels) return;
-  Setting coarser = setting_;
-  coarser.error_voxels = voxels;
-  take(coarser);
+  keep_within_limits();
+}
+
+void Controller::set_coarsest_error(double voxels) {
+  coarsest_error_voxels_ = voxels;
+  keep_within_limits();
+}
+
+double Controller::within_limits(double error_voxels) const {
+  return std::min(std::max(error_voxels, least_error_voxels_), coarsest_error_voxels_);
+}
+
+void Controller::keep_within_limits() {
+  Setting allowed = setting_;
+  allowed.error_voxels = within_limits(setting_.error_voxels);
+  if (allowed != setting_) take(allowed);
 }
 
 /// Texture bytes of the next capture with a quantiser.
@@ -156,7 +167,7 @@ void Controller::decide(double for_setting_mbps) {
   Setting wanted = has_ample(for_setting_mbps)
                        ? kFinestSetting
                        : model_->choose(observed_, for_setting_mbps * nominal_fps_ / fps_);
-  wanted.error_voxels = std::max(wanted.error_voxels, least_error_voxels_);
+  wanted.error_voxels = within_limits(wanted.error_voxels);
   if (is_worth_it(wanted, for_setting_mbps)) take(wanted);
   has_chosen_ = true, target_changed_ = false, since_decision_ = 0;
 }

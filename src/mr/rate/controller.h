@@ -5,6 +5,7 @@
 #include <memory>
 #include <vector>
 
+#include "mr/rate/grid.h"
 #include "mr/rate/model.h"
 #include "mr/rate/observation.h"
 #include "mr/rate/setting.h"
@@ -71,8 +72,11 @@ class Controller {
   void set_features(std::vector<Feature> features);
   /// How many captures a second there are; above 0. Models go by the scene's nominal rate.
   void set_fps(double fps);
-  /// No setting may have a lower error from now on: finer meshes would take too long.
+  /// No setting may have a lower error from now on, up to the coarsest: finer meshes would take too
+  /// long.
   void set_least_error(double voxels);
+  /// No setting may have a higher error: captures are left out before.
+  void set_coarsest_error(double voxels);
 
   /// The plan of the next capture. `backlog`: bytes of still surface and plates that wait to be
   /// sent, at least 0; `extra`: bytes that this one takes beside what others take.
@@ -100,6 +104,8 @@ class Controller {
   void save_for_backlog(double backlog, double unused);
   bool is_worth_it(const Setting& wanted, double budget_mbps) const;
   void take(const Setting& setting);
+  double within_limits(double error_voxels) const;
+  void keep_within_limits();
   double texture_at(int qp, bool key_frame) const;
   double allowed() const;
   double for_backlog(double backlog) const;
@@ -107,7 +113,8 @@ class Controller {
   double left() const;
 
   std::shared_ptr<const Model> model_;
-  double nominal_fps_, fps_, target_mbps_ = 0, least_error_voxels_ = 0;
+  double nominal_fps_, fps_, target_mbps_ = 0;
+  double least_error_voxels_ = 0, coarsest_error_voxels_ = kErrorNodes_voxels[kErrors - 1];
   Observation observed_;
   Setting setting_ = {};
   bool has_chosen_ = false, target_changed_ = true, is_best_effort_ = false;

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <algorithm>
 #include <cstddef>
 #include <iterator>
 
@@ -19,6 +20,11 @@ inline constexpr TextureNode kTextureNodes[] = {
 inline constexpr double kErrorNodes_voxels[] = {0.5, 1, 2.5, 6};
 inline constexpr std::size_t kErrors = std::size(kErrorNodes_voxels),
                              kTextures = std::size(kTextureNodes);
+/// The least quality of what moves: with more, limbs and heads are lost, which SSIM of whole
+/// pictures hardly notices. Captures are left out before.
+inline constexpr double coarsest_error_voxels(double voxel_m) {
+  return std::max(0.04 / voxel_m, 1.0);
+}
 inline constexpr int kBits = 10;  ///< of the grid
 
 /// The scene file's usual plan: what is coded until a model decides.
