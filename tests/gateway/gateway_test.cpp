@@ -47,6 +47,14 @@ class GatewayTest : public testing::Test {
     scene_.sensors[0].id = "cam-0", scene_.sensors[1].id = "cam-1";
     scene_.mergers.push_back({});
     scene_.mergers.back().id = "sender";
+    slower_service_ = transport_->serve("sender~1", [this](std::span<const std::byte> question) {
+      const std::lock_guard lock(mutex_);
+      const auto request = codec::decode_control(question);
+      if (!request) return net::Message();
+      if (request->target_mbps) slower_targets_.push_back(*request->target_mbps);
+      auto answer = slower_.answer(*request);
+      return answer.empty() ? net::Message() : net::as_message(std::move(answer));
+    });
     service_ = transport_->serve("sender", [this](std::span<const std::byte> question) {
       const std::lock_guard lock(mutex_);
       const auto request = codec::decode_control(question);
@@ -77,8 +85,8 @@ class GatewayTest : public testing::Test {
   }
 
   void publish(const Packet& packet) { publish(codec::encode_packet(packet)); }
-  void publish(std::vector<std::byte> bytes) {
-    transport_->publish("sender", net::as_message(std::move(bytes)));
+  void publish(std::vector<std::byte> bytes, const std::string& stream = "sender") {
+    transport_->publish(stream, net::as_message(std::move(bytes)));
   }
   Packet next(bool key_frame = false) {
     const std::lock_guard lock(mutex_);
@@ -122,10 +130,10 @@ class GatewayTest : public testing::Test {
   Scene scene_;
   std::unique_ptr<net::Transport> transport_ = net::make_in_process_transport();
   std::mutex mutex_;
-  test::Sender sender_;
-  std::vector<double> targets_;  ///< that the root was told
+  test::Sender sender_, slower_;
+  std::vector<double> targets_, slower_targets_;  ///< that the root and its rung were told
   test::Lines lines_;
-  std::unique_ptr<net::Subscription> service_;
+  std::unique_ptr<net::Subscription> service_, slower_service_;
   runtime::Monitor monitor_{[this] { return std::vector<node::NodeStats>{gateway_->stats()}; }};
   std::unique_ptr<net::WebServer> web_;            // outlives the gateway, which sends by it
   std::unique_ptr<runtime::TaskThreads> gateway_;  // last: it uses the rest
@@ -249,6 +257,53 @@ TEST_F(GatewayTest, TellsTheRootWhatViewersWant) {
   }
   viewer.send(1, R"({"type":"target","mbps":2})");
   EXPECT_TRUE(is_told(2)) << "it is still listened to";
+}
+
+TEST_F(GatewayTest, WhoWantsLessThanOthersMovesToARungOnceThatIsThere) {
+  scene_.rate.model = RateConfig::Model::ours;
+  scene_.rate.target_mbps = 25;
+  start();
+  WebViewer whole(port()), thrifty(port());
+  for (WebViewer* viewer : {&whole, &thrifty}) {
+    EXPECT_NE(text(*viewer).find("hello"), std::string::npos);
+  }
+  const Packet first = next(true);
+  const std::uint64_t at = first.sequence;
+  publish(first);
+  ASSERT_EQ(packet(whole), at);
+  ASSERT_EQ(packet(thrifty), at);
+  thrifty.send(1, R"({"type":"target","mbps":3})");
+  EXPECT_TRUE(eventually([&] {
+    const std::lock_guard lock(mutex_);
+    return std::ranges::find(slower_targets_, 3) != slower_targets_.end();
+  }));
+  publish(next());
+  ASSERT_EQ(packet(thrifty), at + 1) << "nothing comes from the rung yet";
+  for (int i = 0; i < 50; ++i) slower_.next();  // its numbers are others than the root's
+  ASSERT_EQ(packet(whole), at + 1);
+  const auto publish_slower = [&](bool key_frame) {
+    Packet packet = [&] {
+      const std::lock_guard lock(mutex_);
+      return slower_.next(key_frame);
+    }();
+    packet.node = "sender~1";
+    publish(codec::encode_packet(packet), "sender~1");
+    return packet.sequence;
+  };
+  publish_slower(true);
+  EXPECT_NE(text(thrifty).find("hello"), std::string::npos) << "it starts afresh";
+  ASSERT_EQ(packet(thrifty), publish_slower(false));
+  publish(next());
+  ASSERT_EQ(packet(thrifty), publish_slower(false)) << "of the rung alone";
+  ASSERT_EQ(packet(whole), at + 2);
+  {
+    const std::lock_guard lock(mutex_);
+    EXPECT_EQ(targets_.back(), 25);
+  }
+  thrifty.send(1, R"({"type":"target","mbps":25})");
+  EXPECT_NE(text(thrifty).find("hello"), std::string::npos) << "back at once";
+  publish(next());
+  ASSERT_EQ(packet(thrifty), at + 3);
 }
 
 TEST_F(GatewayTest, WhereTheRateIsFixedNoTargetIsPassedOn) {

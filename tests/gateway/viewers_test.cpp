@@ -2,8 +2,6 @@
 
 #include <gtest/gtest.h>
 
-#include <cmath>
-
 #include "mr/codec/head.h"
 #include "mr/codec/packet_codec.h"
 #include "mr/codec/receiver.h"
@@ -42,25 +40,26 @@ std::vector<Viewers::Send> shown(Viewers& viewers, Viewers::Id id, std::uint64_t
 
 Packet decoded(const Viewers::Send& send) { return *codec::decode_packet(*send.second); }
 
-TEST(Viewers, TheRootSendsWhatTheHighestTargetAsksFor) {
-  Viewers viewers;
-  EXPECT_FALSE(viewers.wanted_mbps()) << "nobody watches";
+TEST(Viewers, WhoMovesToAnotherStreamStartsThereWithEverything) {
+  Sender sender, other;
+  Viewers viewers, slower;
   viewers.opened(1);
-  EXPECT_FALSE(viewers.wanted_mbps()) << "nobody said anything";
-  EXPECT_TRUE(viewers.want(1, 3));
-  EXPECT_EQ(viewers.wanted_mbps(), 3);
-  viewers.opened(2);
-  EXPECT_FALSE(viewers.wanted_mbps()) << "the other one takes all";
-  EXPECT_TRUE(viewers.want(2, 8));
-  EXPECT_EQ(viewers.wanted_mbps(), 8);
-  EXPECT_TRUE(viewers.want(2, 1));
-  EXPECT_EQ(viewers.wanted_mbps(), 3);
-  for (const double bad : {0.0, -2.0, 1e308 * 10, std::nan("")}) EXPECT_FALSE(viewers.want(2, bad));
-  EXPECT_EQ(viewers.wanted_mbps(), 3) << "what is no rate changes nothing";
-  viewers.closed(1);
-  EXPECT_EQ(viewers.wanted_mbps(), 1);
-  EXPECT_TRUE(viewers.want(7, 5)) << "who has left";
-  EXPECT_EQ(viewers.wanted_mbps(), 1);
+  ASSERT_EQ(give(viewers, sender.next(true)).size(), 1u);
+  EXPECT_FALSE(slower.can_start());
+  slower.expect(true);
+  EXPECT_TRUE(give(slower, other.next(true)).empty()) << "nobody is there yet";
+  EXPECT_TRUE(slower.can_start());
+  EXPECT_TRUE(slower.wanted(false, kStart).key_frames.empty()) << "it has one";
+  viewers.move(1, slower);
+  EXPECT_EQ(viewers.size(), 0u);
+  EXPECT_TRUE(give(viewers, sender.next()).empty());
+  const auto sent = give(slower, other.next());
+  ASSERT_EQ(sent.size(), 1u);
+  const Packet start = decoded(sent.front());
+  EXPECT_EQ(start.chunks.size(), start.manifest.size());
+  EXPECT_TRUE(start.textures.front().key_frame);
+  viewers.move(7, slower);  // who has left
+  EXPECT_EQ(slower.size(), 1u);
 }
 
 TEST(Viewers, ANewcomerStartsWithEverything) {

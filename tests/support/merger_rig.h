@@ -90,8 +90,11 @@ class Merger {
     ++tick_;
     if (!captures) return captures.error();
     EXPECT_TRUE(*captures) << "nothing is ready";
-    return node.merge(**captures);
+    captures_ = **captures;
+    return node.merge(captures_);
   }
+  /// What was merged last.
+  const node::CaptureSet& captures() const { return captures_; }
   /// The same, as received.
   Packet merged() { return inbox_.take(merge()); }
   /// A tick in which all sensors but some see the same.
@@ -134,6 +137,7 @@ class Merger {
 
   const Scene scene_;
   std::uint64_t tick_ = 0;
+  node::CaptureSet captures_;
   PacketInbox inbox_{scene_.lattice};
 
  public:

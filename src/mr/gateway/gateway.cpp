@@ -9,6 +9,7 @@
 
 #include "mr/codec/packet_codec.h"
 #include "mr/codec/stream_receiver.h"
+#include "mr/node/rungs.h"
 
 namespace mr::gateway {
 namespace {
@@ -39,14 +40,20 @@ Gateway::Gateway(const Scene& scene, node::NodeLog log, Options options)
     : scene_(&scene),
       log_(std::move(log)),
       options_(std::move(options)),
-      root_(scene.mergers.back().id),
       sessions_(std::move(options_.tokens)),
-      sensors_(scene.sensors.size()),
-      heads_(scene.id, root_) {
+      choice_(1 + node::rung_names(scene).size(), scene.rate.target_mbps),
+      sensors_(scene.sensors.size()) {
+  for (const std::string& node : inputs()) streams_.emplace_back(scene.id, node);
   drops_.set_listener(log_.dropped);
 }
 
 Gateway::~Gateway() = default;
+
+std::vector<std::string> Gateway::inputs() const {
+  std::vector<std::string> out = node::rung_names(*scene_);
+  out.insert(out.begin(), scene_->mergers.back().id);
+  return out;
+}
 
 void Gateway::wake_by(std::function<void()> wake) { inbox_->wake_by(std::move(wake)); }
 
@@ -71,15 +78,17 @@ std::vector<node::Ask> Gateway::step(const node::Arrivals& arrivals, TimePoint n
   if (!first_step_) first_step_ = now;
   for (const Event& event : inbox_->take()) on_event(event, now);
   for (const auto& [input, bytes] : arrivals.packets) {
-    auto packet = heads_.read(*bytes, now);
-    packet ? take_packet(bytes, *std::move(packet), now)
-           : drops_.count(root_ + " → gateway", packet.error());
+    Stream& stream = streams_[input];
+    auto packet = stream.heads.read(*bytes, now);
+    packet ? take_packet(stream, bytes, *std::move(packet), now)
+           : drops_.count(stream.node + " → gateway", packet.error());
   }
   for (const node::Arrivals::Answer& answer : arrivals.answers) {
     auto chunks = codec::read_answer(*answer.bytes);
-    chunks ? viewers_.take_chunks(*std::move(chunks))
-           : drops_.count(root_ + " → gateway", chunks.error());
+    chunks ? streams_[answer.input].viewers.take_chunks(*std::move(chunks))
+           : drops_.count(streams_[answer.input].node + " → gateway", chunks.error());
   }
+  move_viewers(now);
   close_overdue(now);
   log_refusals(now);
   give_memory_back(now);
@@ -87,12 +96,19 @@ std::vector<node::Ask> Gateway::step(const node::Arrivals& arrivals, TimePoint n
   return asks(now);
 }
 
-void Gateway::take_packet(const net::Message& bytes, Packet packet, TimePoint now) {
-  if (heads_.began_afresh()) {
-    viewers_.begin_afresh();
-    acknowledged_.reset();
-    if (frames_ > 0) send_to_all(hello());
+void Gateway::take_packet(Stream& stream, const net::Message& bytes, Packet packet, TimePoint now) {
+  const bool is_root = &stream == &streams_.front();
+  if (stream.heads.began_afresh()) {
+    stream.viewers.begin_afresh();
+    if (is_root) acknowledged_.reset();
+    if (is_root && frames_ > 0) send_to_all(hello());
   }
+  if (!stream.begun) stream.begun = now;
+  if (is_root) note_root(packet, bytes, now);
+  send(stream.viewers.packet(std::move(packet), bytes, stream.heads.base(), now));
+}
+
+void Gateway::note_root(const Packet& packet, const net::Message& bytes, TimePoint now) {
   ++frames_;
   bytes_ += bytes->size();
   if (last_packet_) interval_ = now - *last_packet_;
@@ -101,7 +117,31 @@ void Gateway::take_packet(const net::Message& bytes, Packet packet, TimePoint no
   for (const SourceInfo& source : packet.sources)
     if (index_of(source.sensor) < scene_->sensors.size())
       sensors_.seen(index_of(source.sensor), source.captured_at, now);
-  send(viewers_.packet(std::move(packet), bytes, heads_.base(), now));
+}
+
+/// Whoever is served by another rung starts afresh there, as a newcomer.
+void Gateway::move_viewers(TimePoint now) {
+  const auto moves = choice_.moves();
+  for (std::size_t i = 0; i < streams_.size(); ++i)
+    streams_[i].viewers.expect(
+        std::ranges::any_of(moves, [&](const auto& move) { return move.second == i; }));
+  for (const auto& [viewer, rung] : moves) {
+    Stream& from = streams_[choice_.served_by(viewer)];
+    if (!can_take(streams_[rung], from, now)) continue;
+    from.viewers.move(viewer, streams_[rung].viewers);
+    choice_.moved(viewer, rung);
+    send_text(viewer, hello());
+  }
+}
+
+/// A rung begins with an empty room: whoever comes from another waits until it is about as full.
+bool Gateway::can_take(const Stream& stream, const Stream& before, TimePoint now) const {
+  constexpr double kAsFull = 0.9;
+  constexpr Duration kPatience = std::chrono::seconds(4);
+  if (!stream.begun || !stream.viewers.can_start()) return false;
+  return now - *stream.begun > kPatience ||
+         static_cast<double>(stream.viewers.still_chunks()) >=
+             kAsFull * static_cast<double>(before.viewers.still_chunks());
 }
 
 void Gateway::on_event(const Event& event, TimePoint now) {
@@ -110,10 +150,9 @@ void Gateway::on_event(const Event& event, TimePoint now) {
       return on_decision(event.viewer,
                          sessions_.open(event.viewer, *event.transport, event.visitor, now));
     case Event::Kind::closed:
-      sessions_.close(event.viewer);
-      return viewers_.closed(event.viewer);
+      return close(event.viewer);
     case Event::Kind::written:
-      return send(viewers_.written(event.viewer, event.messages, now));
+      return send(viewers_of(event.viewer).written(event.viewer, event.messages, now));
     case Event::Kind::binary:
       return on_request(event.viewer, event.bytes, now);
     case Event::Kind::text:
@@ -129,7 +168,8 @@ void Gateway::on_decision(net::ViewerId viewer, const ViewerSessions::Decision& 
     case ViewerSessions::Verdict::must_show_token:
       return send_text(viewer, Json{{"type", "locked"}}.dump());
     case ViewerSessions::Verdict::admitted:
-      viewers_.opened(viewer);
+      choice_.opened(viewer);
+      viewers_of(viewer).opened(viewer);
       return send_text(viewer, hello());
   }
 }
@@ -141,7 +181,12 @@ void Gateway::refuse(net::ViewerId viewer, const std::string& why) {
   drops_.count("viewer → gateway",
                {Error::Cause::invalid, "from " + session->address + ": " + why});
   session->transport->close(viewer, why);
-  viewers_.closed(viewer);
+  close(viewer);
+}
+
+void Gateway::close(net::ViewerId viewer) {
+  viewers_of(viewer).closed(viewer);
+  choice_.closed(viewer);
   sessions_.close(viewer);
 }
 
@@ -158,7 +203,7 @@ void Gateway::on_request(net::ViewerId viewer, std::span<const std::byte> bytes,
   }
   if (!request) return refuse(viewer, "not a request");
   if (request->plan) return refuse(viewer, "a viewer makes no plans");
-  if (const auto answer = viewers_.asked(viewer, *request, now))
+  if (const auto answer = viewers_of(viewer).asked(viewer, *request, now))
     session->transport->send(viewer, *answer);
 }
 
@@ -182,8 +227,9 @@ void Gateway::on_text(net::ViewerId viewer, const std::string& text, TimePoint n
     return type == "token" ? on_decision(viewer, sessions_.show_token(viewer, word("token"), now))
                            : refuse(viewer, "no token");
   if (type == "shown" && integer("sequence")) {
-    send(viewers_.shown(viewer, *integer("sequence"), now));
-    if (viewers_.has_shown(viewer) && !std::exchange(session->is_kept, true))
+    Viewers& viewers = viewers_of(viewer);
+    send(viewers.shown(viewer, *integer("sequence"), now));
+    if (viewers.has_shown(viewer) && !std::exchange(session->is_kept, true))
       session->transport->pin(viewer);
     return;
   }
@@ -200,19 +246,20 @@ void Gateway::on_text(net::ViewerId viewer, const std::string& text, TimePoint n
 /// The rate that a viewer wants. What is none changes nothing.
 void Gateway::on_target(net::ViewerId viewer, const Json& wanted) {
   const double mbps = wanted.is_number() ? wanted.get<double>() : 0;
-  if (viewers_.want(viewer, mbps)) return;
+  if (choice_.want(viewer, mbps)) return;
   send_text(viewer,
             Json{{"type", "error"}, {"message", "a target must be a number above 0"}}.dump());
 }
 
 /// Refuses viewers that occupy a connection without making progress.
 void Gateway::close_overdue(TimePoint now) {
-  for (const auto& [viewer, why, reads] : viewers_.overdue(now)) {
-    const ViewerSessions::Session* const session = sessions_.find(viewer);
-    net::ViewerTransport* const transport = session ? session->transport : nullptr;
-    refuse(viewer, why);
-    if (!reads && transport) transport->cut(viewer);
-  }
+  for (Stream& stream : streams_)
+    for (const auto& [viewer, why, reads] : stream.viewers.overdue(now)) {
+      const ViewerSessions::Session* const session = sessions_.find(viewer);
+      net::ViewerTransport* const transport = session ? session->transport : nullptr;
+      refuse(viewer, why);
+      if (!reads && transport) transport->cut(viewer);
+    }
   for (const auto& [viewer, why] : sessions_.overdue(now)) refuse(viewer, why);
 }
 
@@ -232,7 +279,7 @@ void Gateway::log_refusals(TimePoint now) {
 void Gateway::give_memory_back(TimePoint now) {
   constexpr std::size_t kWorthIt = 8u << 20;
   constexpr Duration kLater = std::chrono::seconds(1);  // by then sockets have released it, too
-  const std::size_t unread = viewers_.unread_bytes();
+  const std::size_t unread = unread_bytes();
   most_unread_ = std::max(most_unread_, unread);
   if (most_unread_ >= kWorthIt && unread <= most_unread_ / 2) {
     most_unread_ = unread;
@@ -243,36 +290,58 @@ void Gateway::give_memory_back(TimePoint now) {
   ::malloc_trim(0);
 }
 
+std::size_t Gateway::unread_bytes() const {
+  std::size_t bytes = 0;
+  for (const Stream& stream : streams_) bytes += stream.viewers.unread_bytes();
+  return bytes;
+}
+
 /// Requests to the root: for the chunks and key frames that viewers lack, for a complete packet
 /// head, and the acknowledgement by which the root paces its output (back-pressure): the newest
 /// packet that the fastest viewer has taken.
 std::vector<node::Ask> Gateway::asks(TimePoint now) {
   std::vector<node::Ask> out;
-  if (auto request = viewers_.wanted(heads_.lacks_base(), now); !request.empty())
-    out.push_back({0, std::move(request)});
-  if (scene_->rate.model != RateConfig::Model::fixed) ask_for_rate(now, out);
-  const auto taken = viewers_.taken();
+  const bool is_controlled = scene_->rate.model != RateConfig::Model::fixed;
+  if (is_controlled) ask_for_rates(now, out);
+  for (std::size_t i = 0; i < streams_.size(); ++i) {
+    Stream& stream = streams_[i];
+    if (i > 0 && !stream.target_told) continue;  // nobody wants it
+    if (auto request = stream.viewers.wanted(stream.heads.lacks_base(), now); !request.empty())
+      out.push_back({i, std::move(request)});
+  }
+  const auto taken = streams_.front().viewers.taken();
   if (!taken || taken == acknowledged_) return out;
   acknowledged_ = taken;
   out.push_back({0, {.key_frames = {}, .chunks = {}, .taken = taken}});
   return out;
 }
 
-/// Tells the root what viewers want, at once and then again and again: messages may be lost.
-void Gateway::ask_for_rate(TimePoint now, std::vector<node::Ask>& out) {
-  const double wanted = viewers_.wanted_mbps().value_or(scene_->rate.target_mbps);
-  if (wanted == target_mbps_ && !is_due(target_told_, kTargetEvery, now)) return;
-  target_mbps_ = wanted, target_told_ = now;
-  codec::Control request;
-  request.target_mbps = wanted;
-  out.push_back({0, std::move(request)});
+/// Tells the root what viewers want, at once and then again and again: messages may be lost, and a
+/// rung that nobody wants any more ends. Whoever is still served by it gets what there is.
+void Gateway::ask_for_rates(TimePoint now, std::vector<node::Ask>& out) {
+  const std::vector<double>& ladder = choice_.ladder();
+  for (std::size_t i = 0; i < streams_.size(); ++i) {
+    Stream& stream = streams_[i];
+    const bool is_wanted = i < ladder.size() || stream.viewers.size() > 0;
+    if (!is_wanted) {
+      if (stream.target_told) stream.viewers.begin_afresh();
+      stream.target_told.reset(), stream.begun.reset();
+      continue;
+    }
+    const double wanted = ladder[std::min(i, ladder.size() - 1)];
+    if (wanted == stream.target_mbps && !is_due(stream.target_told, kTargetEvery, now)) continue;
+    stream.target_mbps = wanted, stream.target_told = now;
+    codec::Control request;
+    request.target_mbps = wanted;
+    out.push_back({i, std::move(request)});
+  }
 }
 
 void Gateway::watch_silence(TimePoint now) {
   constexpr Duration kStart = std::chrono::seconds(5);
   if (!last_packet_ && options_.expects_root && now - *first_step_ > kStart && !is_silent_) {
     is_silent_ = true;
-    log_.warn("nothing has come from '" + root_ + "' yet");
+    log_.warn("nothing has come from '" + streams_.front().node + "' yet");
   }
   if (is_silent_ || !last_packet_) return;
   if (now - *last_packet_ < std::clamp<Duration>(interval_ * 3, kSilence, kLongestSilence)) return;
@@ -281,7 +350,7 @@ void Gateway::watch_silence(TimePoint now) {
   Json stopped{{"type", "stopped"}, {"after_ms", ms.count()}};
   if (options_.has_ended()) stopped["ended"] = true;
   send_to_all(stopped.dump());
-  log_.warn("nothing comes from '" + root_ + "'");
+  log_.warn("nothing comes from '" + streams_.front().node + "'");
 }
 
 void Gateway::send(std::vector<Viewers::Send> messages) {
@@ -329,12 +398,17 @@ node::NodeStats Gateway::stats(TimePoint now) const {
   node::NodeStats out{.id = id_, .frames = frames_, .drops = drops_.by_cause(), .stages_ms = {}};
   out.bytes = bytes_;
   const std::lock_guard lock(mutex_);
-  for (const auto& more : {viewers_.drops(), transport_drops()})
+  const auto add = [&](const std::map<std::string, std::uint64_t>& more) {
     for (const auto& [cause, n] : more) out.drops[cause] += n;
+  };
+  std::size_t watching = 0;
+  for (const Stream& stream : streams_)
+    add(stream.viewers.drops()), watching += stream.viewers.size();
+  add(transport_drops());
   out.is_silent = is_silent_ || !last_packet_;
   for (std::size_t i = 0; i < scene_->sensors.size(); ++i)
     out.inputs[scene_->sensors[i].id] = !out.is_silent && !sensors_.is_missing(i, now);
-  out.viewers = {viewers_.size(), 0, viewers_.unread_bytes()};
+  out.viewers = {watching, 0, unread_bytes()};
   for (const net::ViewerTransport* transport : transports_)
     out.viewers->sent_bytes += transport->sent_bytes();
   return out;

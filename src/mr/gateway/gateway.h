@@ -1,6 +1,7 @@
 #pragma once
 
 #include <atomic>
+#include <deque>
 #include <functional>
 #include <map>
 #include <memory>
@@ -11,6 +12,7 @@
 #include <vector>
 
 #include "mr/codec/head.h"
+#include "mr/gateway/rung_choice.h"
 #include "mr/gateway/viewer_inbox.h"
 #include "mr/gateway/viewer_sessions.h"
 #include "mr/gateway/viewers.h"
@@ -22,9 +24,9 @@
 
 namespace mr::gateway {
 
-/// Sends the root's stream to viewers over the attached transports (docs/wire-format.md). If the
-/// scene has tokens, a viewer without one receives nothing about the scene. A Task: no socket and
-/// no thread inside, and the time is an argument.
+/// Sends the root's stream, or a rung of it at a lower rate, to viewers over the attached
+/// transports (docs/wire-format.md). If the scene has tokens, a viewer without one receives nothing
+/// about the scene. A Task: no socket and no thread inside, and the time is an argument.
 class Gateway final : public node::Task {
  public:
   struct Options {
@@ -49,7 +51,8 @@ class Gateway final : public node::Task {
   }
 
   const std::string& id() const override { return id_; }
-  std::vector<std::string> inputs() const override { return {root_}; }
+  /// The root, then its rungs.
+  std::vector<std::string> inputs() const override;
   std::vector<node::Ask> step(const node::Arrivals& arrivals, TimePoint now) override;
   Bytes answer(const codec::Control&, TimePoint) override { return {}; }
   void wake_by(std::function<void()> wake) override;
@@ -57,13 +60,29 @@ class Gateway final : public node::Task {
 
  private:
   using Event = ViewerInbox::Event;
-  void take_packet(const net::Message& bytes, Packet packet, TimePoint now);
+  /// One of the root's streams.
+  struct Stream {
+    Stream(const std::string& scene, std::string of) : node(std::move(of)), heads(scene, node) {}
+    std::string node;
+    codec::HeadReader heads;
+    Viewers viewers;
+    double target_mbps = 0;  ///< as the root was told
+    std::optional<TimePoint> target_told;
+    std::optional<TimePoint> begun;  ///< its first packet since it is wanted
+  };
+  Viewers& viewers_of(net::ViewerId viewer) { return streams_[choice_.served_by(viewer)].viewers; }
+  void take_packet(Stream& stream, const net::Message& bytes, Packet packet, TimePoint now);
+  void note_root(const Packet& packet, const net::Message& bytes, TimePoint now);
+  void close(net::ViewerId viewer);
+  void move_viewers(TimePoint now);
+  bool can_take(const Stream& stream, const Stream& before, TimePoint now) const;
+  std::size_t unread_bytes() const;
   void on_event(const Event& event, TimePoint now);
   void on_decision(net::ViewerId viewer, const ViewerSessions::Decision& decision);
   void on_text(net::ViewerId viewer, const std::string& text, TimePoint now);
   void on_request(net::ViewerId viewer, std::span<const std::byte> bytes, TimePoint now);
   void on_target(net::ViewerId viewer, const nlohmann::ordered_json& wanted);
-  void ask_for_rate(TimePoint now, std::vector<node::Ask>& out);
+  void ask_for_rates(TimePoint now, std::vector<node::Ask>& out);
   void refuse(net::ViewerId viewer, const std::string& why);
   void close_overdue(TimePoint now);
   void log_refusals(TimePoint now);
@@ -79,21 +98,19 @@ class Gateway final : public node::Task {
   const Scene* scene_;
   node::NodeLog log_;
   Options options_;
-  std::string id_ = kName, root_;
+  std::string id_ = kName;
   std::shared_ptr<ViewerInbox> inbox_ = std::make_shared<ViewerInbox>();  // transports push to it
   mutable std::mutex mutex_;  // guards the members below: stats() is called from any thread
   std::vector<net::ViewerTransport*> transports_;
   ViewerSessions sessions_;
-  Viewers viewers_;
+  std::deque<Stream> streams_;  ///< as inputs()
+  RungChoice choice_;
   node::Presence sensors_;
-  bool is_silent_ = false;  ///< of the root, and viewers were informed
-  codec::HeadReader heads_;
+  bool is_silent_ = false;                         ///< of the root, and viewers were informed
   std::map<std::string, std::uint64_t> refusals_;  ///< by cause, of the transports; as last logged
   std::optional<TimePoint> refusals_logged_, version_refused_, first_step_, last_packet_,
       give_back_at_;
-  Duration interval_{};  ///< between the last two packets
-  std::optional<TimePoint> target_told_;
-  double target_mbps_ = 0;       ///< as the root was told
+  Duration interval_{};          ///< between the last two packets
   std::size_t most_unread_ = 0;  ///< bytes, since memory was given back
   std::optional<std::uint64_t> acknowledged_;
   std::atomic<std::uint64_t> frames_ = 0, bytes_ = 0;

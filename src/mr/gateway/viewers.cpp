@@ -1,7 +1,6 @@
 #include "mr/gateway/viewers.h"
 
 #include <algorithm>
-#include <cmath>
 #include <utility>
 
 #include "mr/codec/packet_message.h"
@@ -32,7 +31,7 @@ std::vector<Viewers::Send> Viewers::packet(Packet packet, net::Message bytes,
   base_ = std::move(base);
   take_head(shared);
   keep_units(*shared);
-  const bool start = complete() && streams_without_start().empty();
+  const bool start = can_start();
   net::Message everything;
   std::vector<Send> out;
   for (auto& [id, viewer] : viewers_) {
@@ -251,20 +250,18 @@ std::optional<net::Message> Viewers::asked(Id id, const codec::Control& request,
   return viewer->second.unread.back().message;
 }
 
-bool Viewers::want(Id id, double mbps) {
-  const auto viewer = viewers_.find(id);
-  if (!std::isfinite(mbps) || mbps <= 0) return false;
-  if (viewer != viewers_.end()) viewer->second.wanted_mbps = mbps;
-  return true;
+std::size_t Viewers::still_chunks() const {
+  return static_cast<std::size_t>(std::ranges::count_if(
+      chunks_, [](const auto& item) { return item.first.id.layer == Layer::still; }));
 }
 
-std::optional<double> Viewers::wanted_mbps() const {
-  std::optional<double> out;
-  for (const auto& [id, viewer] : viewers_) {
-    if (!viewer.wanted_mbps) return std::nullopt;
-    out = std::max(out.value_or(0), *viewer.wanted_mbps);
-  }
-  return out;
+void Viewers::move(Id id, Viewers& to) {
+  auto node = viewers_.extract(id);
+  if (node.empty()) return;
+  Viewer& viewer = node.mapped();
+  viewer.fresh = true;
+  viewer.waiting.clear(), viewer.in_flight.clear();
+  to.viewers_.insert(std::move(node));
 }
 
 /// Those that are there, as many as one answer holds; the rest is asked for again.
@@ -284,9 +281,10 @@ std::vector<EncodedChunk> Viewers::find_chunks(const std::vector<ChunkKey>& keys
 
 /// Streams whose key frame a viewer or a newcomer waits for.
 std::set<StreamId> Viewers::key_frames_lacking() const {
-  const bool newcomer = std::any_of(viewers_.begin(), viewers_.end(), [](const auto& item) {
-    return item.second.fresh && item.second.may_get_packet();
-  });
+  const bool newcomer =
+      expects_newcomers_ || std::any_of(viewers_.begin(), viewers_.end(), [](const auto& item) {
+        return item.second.fresh && item.second.may_get_packet();
+      });
   std::set<StreamId> out = key_frames_wanted_;
   if (newcomer) out.merge(streams_without_start());
   return out;

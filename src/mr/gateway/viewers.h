@@ -37,7 +37,7 @@ class Viewers {
   static constexpr Duration kAnewEvery = std::chrono::milliseconds(500);    ///< per viewer
   static constexpr Duration kAnswerEvery = std::chrono::milliseconds(100);  ///< per viewer
   static constexpr std::size_t kAnswerBytes = 4u << 20;   ///< payload of one answer, at most
-  static constexpr std::size_t kUnreadBytes = 64u << 20;  ///< of all viewers together
+  static constexpr std::size_t kUnreadBytes = 64u << 20;  ///< of all viewers of a stream together
   /// A viewer that shows nothing for so long after it got something is none; one that did before,
   /// and then does not for kSlowest.
   static constexpr Duration kFirstShown = std::chrono::seconds(10);
@@ -71,11 +71,13 @@ class Viewers {
   /// lacks the base starts anew with the next packet.
   std::optional<net::Message> asked(Id viewer, const codec::Control& request, TimePoint now);
 
-  /// The viewer wants a stream of at most this rate. False: that is no rate, and nothing changes.
-  bool want(Id viewer, double mbps);
-  /// The rate that the root should send: the highest that a viewer wants. Nothing: some viewer has
-  /// said nothing, or nobody watches.
-  std::optional<double> wanted_mbps() const;
+  /// Whether a newcomer could start now, and with how many chunks of still surface.
+  bool can_start() const { return complete() && streams_without_start().empty(); }
+  std::size_t still_chunks() const;
+  /// Somebody will come, who cannot yet be served.
+  void expect(bool newcomers) { expects_newcomers_ = newcomers; }
+  /// A viewer is served from another stream: there it starts anew.
+  void move(Id viewer, Viewers& to);
 
   /// What to ask the root for now: chunks that are missing, key frames that somebody waits for, and
   /// a whole head where its base is lacking.
@@ -110,7 +112,6 @@ class Viewers {
     std::vector<Waiting> waiting;
     std::deque<Unread> unread;
     std::optional<TimePoint> answered, began_anew, first_written, last_shown;
-    std::optional<double> wanted_mbps;
 
     bool may_get_packet() const;
     bool has_unread_answer() const;
@@ -137,6 +138,7 @@ class Viewers {
   std::map<ChunkKey, EncodedChunk> chunks_;  // of the newest manifest
   std::map<StreamId, Kept> kept_;            // by stream
   std::set<StreamId> key_frames_wanted_;     // by viewers
+  bool expects_newcomers_ = false;
   codec::ControlPacing pacing_;
   std::uint64_t folded_ = 0, restarted_ = 0, impatient_ = 0, unread_answers_ = 0;
 };

@@ -15,15 +15,23 @@ struct MergeTask::Tick final : Work {
 
 MergeTask::MergeTask(const Scene& scene, const MergerConfig& merger, NodeLog log, Options options)
     : is_root_(merger.id == scene.mergers.back().id),
-      node_(scene, merger, is_root_, std::move(options.clock), options.still_work),
+      node_(scene, merger, is_root_, options.clock, options.still_work),
       log_(std::move(log)),
       presence_(merger.inputs.size()),
       clocks_(merger.inputs.size()),
-      measures_links_(options.measures_links) {
+      measures_links_(options.measures_links),
+      now_(options.clock.now) {
   drops_.set_listener(log_.dropped);
   node_.inputs().set_drop_listener(log_.dropped);
+  if (is_root_ && options.rate_model) {
+    node_.control_rate(options.rate_model);
+    if (!rung_names(scene).empty())
+      rungs_ = std::make_unique<Rungs>(
+          scene, merger,
+          Rungs::Options{std::move(options.clock), options.still_work,
+                         std::move(options.rate_model), options.background});
+  }
   node_.set_background(std::move(options.background));
-  if (is_root_ && options.rate_model) node_.control_rate(std::move(options.rate_model));
   for (const std::string& input : merger.inputs) {
     const auto link = std::ranges::find_if(scene.links, [&](const LinkConfig& l) {
       return l.from == input && l.to == merger.id && l.limit_mbps > 0;
@@ -166,13 +174,28 @@ std::vector<Ask> MergeTask::taken(const Work& work) const {
 
 std::optional<Task::Bytes> MergeTask::finish(Work& work,
                                              const std::function<void()>& first_part_done) {
+  const TimePoint begun = now_ ? now_() : TimePoint{};
   auto bytes = node_.merge(static_cast<Tick&>(work).captures, first_part_done);
+  if (now_) took_ = now_() - begun;
   if (const auto notice = node_.calibration().take_notice()) log_.warn(*notice);
   if (const auto plan = node_.take_plan()) pass_on(*plan);
   if (bytes) return *std::move(bytes);
   drops_.count(id(), bytes.error(), bytes.error().cause != Error::Cause::over_budget);
   key_frames_wanted_ = !is_root_;
   return std::nullopt;
+}
+
+Task::Bytes MergeTask::answer_rung(std::size_t rung, const codec::Control& request, TimePoint now) {
+  return rungs_->answer(rung, request, now);
+}
+
+std::vector<std::pair<std::size_t, Task::Bytes>> MergeTask::finish_rungs(Work& work,
+                                                                         TimePoint now) {
+  if (!rungs_) return {};
+  std::vector<Error> failed;
+  auto packets = rungs_->merge(static_cast<const Tick&>(work).captures, node_, took_, now, failed);
+  for (const Error& error : failed) drops_.count(id(), error);
+  return packets;
 }
 
 NodeStats MergeTask::stats(TimePoint now) const {

@@ -10,6 +10,7 @@
 #include "mr/node/clock_offset.h"
 #include "mr/node/merge_node.h"
 #include "mr/node/presence.h"
+#include "mr/node/rungs.h"
 #include "mr/node/task.h"
 #include "mr/rate/link_budget.h"
 
@@ -42,6 +43,11 @@ class MergeTask final : public Task {
   std::unique_ptr<Work> begin(TimePoint now) override;
   std::vector<Ask> taken(const Work& work) const override;
   std::optional<Bytes> finish(Work& work, const std::function<void()>& first_part_done) override;
+  std::vector<std::string> rungs() const override {
+    return rungs_ ? rungs_->names() : std::vector<std::string>();
+  }
+  Bytes answer_rung(std::size_t rung, const codec::Control& request, TimePoint now) override;
+  std::vector<std::pair<std::size_t, Bytes>> finish_rungs(Work& work, TimePoint now) override;
   NodeStats stats(TimePoint now) const override;
 
   MergeNode& node() { return node_; }
@@ -68,6 +74,9 @@ class MergeTask final : public Task {
   std::optional<ScenePlan> passed_;  ///< as it was: coarser where links are narrow
   bool measures_links_;
   std::vector<rate::LinkBudget> links_;  ///< [inputs]
+  std::unique_ptr<Rungs> rungs_;         ///< null: one stream
+  Clock now_;                            ///< null in virtual time
+  Duration took_{};                      ///< the newest finish()
   std::atomic<std::uint64_t> retimed_ = 0;
   std::atomic<bool> key_frames_wanted_ = false;  ///< a tick failed: units to forward were lost
   DropCounter drops_;

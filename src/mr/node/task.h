@@ -7,6 +7,7 @@
 #include <memory>
 #include <optional>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "mr/codec/control.h"
@@ -81,7 +82,8 @@ struct NodeLog {
 
 /// The behaviour of a node. A packet is made in two pipeline stages, begin() and finish(), which
 /// may run on two threads, so that two packets are in progress at once. step(), is_ready(), due()
-/// and begin() are called on the first thread, answer() and stats() on any thread.
+/// and begin() are called on the first thread, finish() and finish_rungs() on the second, answer(),
+/// answer_rung() and stats() on any thread.
 class Task {
  public:
   /// A packet between its two stages.
@@ -115,6 +117,20 @@ class Task {
                                       const std::function<void()>& /*first_part_done*/) {
     return std::nullopt;
   }
+
+  /// The names of streams that it can send beside its own: the same captures at other rates.
+  virtual std::vector<std::string> rungs() const { return {}; }
+  /// As answer(), to a consumer of a rung.
+  virtual Bytes answer_rung(std::size_t /*rung*/, const codec::Control& /*request*/,
+                            TimePoint /*now*/) {
+    return {};
+  }
+  /// After finish(): the packets of the rungs that are wanted.
+  virtual std::vector<std::pair<std::size_t, Bytes>> finish_rungs(Work& /*work*/,
+                                                                  TimePoint /*now*/) {
+    return {};
+  }
+
   /// No packet will follow.
   virtual bool has_ended() const { return false; }
 

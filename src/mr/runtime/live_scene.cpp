@@ -122,9 +122,13 @@ Status LiveScene::open_transport() {
     if (!read) return Error{read.error().cause, "tcp.secret: " + read.error().message};
     secret = *std::move(read);
   }
+  // The root's rungs come from where it is.
+  std::map<std::string, std::string> addresses = network.tcp;
+  if (const auto root = addresses.find(scene_->mergers.back().id); root != addresses.end())
+    for (const std::string& rung : node::rung_names(*scene_)) addresses[rung] = root->second;
   auto made =
       use_nats ? net::make_nats_transport(network.nats, scene_->id, limits, node::coalesce_packets)
-               : net::make_tcp_transport(network.tcp, node::coalesce_packets, limits, secret);
+               : net::make_tcp_transport(addresses, node::coalesce_packets, limits, secret);
   if (!made) return made.error();
   transport_ = *std::move(made);
   return {};

@@ -48,10 +48,10 @@ Port::Port(net::Transport& transport, Config config)
   }
 }
 
-void Port::serve(Answering answering, DropCounter& drops) {
+void Port::serve(const std::string& name, Answering answering, DropCounter& drops) {
   subscriptions_.push_back(transport_.serve(
-      config_.id,
-      [answering = std::move(answering), &drops, clock = config_.clock, id = config_.id,
+      name,
+      [answering = std::move(answering), &drops, clock = config_.clock, id = name,
        limit = std::make_shared<RateLimit>()](std::span<const std::byte> question) -> net::Message {
         auto request = codec::decode_control(question);
         if (!request) {
@@ -105,8 +105,6 @@ void Port::send(const std::vector<node::Ask>& asks) {
         });
   }
 }
-
-void Port::publish(net::Message packet) { transport_.publish(config_.id, std::move(packet)); }
 
 std::map<std::string, std::uint64_t> Port::drops() const {
   std::map<std::string, std::uint64_t> out;

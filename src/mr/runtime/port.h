@@ -4,6 +4,7 @@
 #include <map>
 #include <memory>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "mr/core/trace.h"
@@ -32,14 +33,20 @@ class Port {
   /// The transport must outlive the port.
   Port(net::Transport& transport, Config config);
 
-  /// Starts to answer requests to the node; the port itself answers requests for the time. Invalid
-  /// requests are counted in `drops`, which must outlive the port.
-  void serve(Answering answering, DropCounter& drops);
+  /// Starts to answer requests to the node, or to another name of it; the port itself answers
+  /// requests for the time. Invalid requests are counted in `drops`, which must outlive the port.
+  void serve(Answering answering, DropCounter& drops) {
+    serve(config_.id, std::move(answering), drops);
+  }
+  void serve(const std::string& name, Answering answering, DropCounter& drops);
 
   /// Takes everything that has arrived since the last call.
   node::Arrivals take();
   void send(const std::vector<node::Ask>& asks);
-  void publish(net::Message packet);
+  void publish(net::Message packet) { publish(config_.id, std::move(packet)); }
+  void publish(const std::string& name, net::Message packet) {
+    transport_.publish(name, std::move(packet));
+  }
 
   /// Packets that were folded or lost because the node is slow, by cause.
   std::map<std::string, std::uint64_t> drops() const;

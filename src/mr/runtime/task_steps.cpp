@@ -10,6 +10,7 @@ namespace mr::runtime {
 TaskSteps::TaskSteps(node::Task& task, net::Transport& transport, node::Clock clock,
                      DropCounter& drops)
     : task_(task),
+      rungs_(task.rungs()),
       port_(transport, {.id = task.id(),
                         .inputs = task.inputs(),
                         .fold = node::coalesce_packets,
@@ -18,6 +19,13 @@ TaskSteps::TaskSteps(node::Task& task, net::Transport& transport, node::Clock cl
   port_.serve(
       [this](const codec::Control& request, TimePoint now) { return task_.answer(request, now); },
       drops);
+  for (std::size_t i = 0; i < rungs_.size(); ++i)
+    port_.serve(
+        rungs_[i],
+        [this, i](const codec::Control& request, TimePoint now) {
+          return task_.answer_rung(i, request, now);
+        },
+        drops);
 }
 
 void TaskSteps::step(TimePoint now) {
@@ -31,10 +39,13 @@ void TaskSteps::step(TimePoint now) {
 net::Message TaskSteps::make_packet(TimePoint now) {
   const auto work = task_.is_ready(now) ? task_.begin(now) : nullptr;
   if (!work) return nullptr;
-  auto bytes = task_.finish(*work, [] {});
-  if (!bytes) return nullptr;
-  auto packet = std::make_shared<const node::Task::Bytes>(*std::move(bytes));
-  port_.publish(packet);
+  net::Message packet;
+  if (auto bytes = task_.finish(*work, [] {})) {
+    packet = net::as_message(*std::move(bytes));
+    port_.publish(packet);
+  }
+  for (auto& [rung, bytes] : task_.finish_rungs(*work, now))
+    port_.publish(rungs_[rung], net::as_message(std::move(bytes)));
   return packet;
 }
 

@@ -1,5 +1,8 @@
 #pragma once
 
+#include <string>
+#include <vector>
+
 #include "mr/core/trace.h"
 #include "mr/net/transport.h"
 #include "mr/node/node_clock.h"
@@ -18,11 +21,13 @@ class TaskSteps {
 
   /// Passes arrivals to the task, then the answers to its requests that arrive at once.
   void step(TimePoint now);
-  /// Makes and publishes a packet if the task is ready for one. Returns it; null: none.
+  /// Makes and publishes a packet if the task is ready for one, and those of its rungs. Returns it;
+  /// null: none.
   net::Message make_packet(TimePoint now);
 
  private:
   node::Task& task_;
+  std::vector<std::string> rungs_;
   Port port_;
 };
 

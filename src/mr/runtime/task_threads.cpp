@@ -16,6 +16,7 @@ TaskThreads::TaskThreads(std::unique_ptr<node::Task> task, net::Transport& trans
     : config_(std::move(config)),
       task_(std::move(task)),
       credit_(config_.packets_ahead),
+      rungs_(task_->rungs()),
       port_(transport, port_config(config_.folds)) {
   drops_.set_listener(std::move(log.dropped));
   task_->wake_by([signal = signal_] { signal->notify(); });
@@ -23,6 +24,15 @@ TaskThreads::TaskThreads(std::unique_ptr<node::Task> task, net::Transport& trans
     port_.serve(
         [this](const codec::Control& request, TimePoint now) { return answer(request, now); },
         drops_);
+  for (std::size_t i = 0; i < rungs_.size(); ++i) {
+    rung_limits_.push_back(std::make_unique<node::RequestLimits>());
+    port_.serve(
+        rungs_[i],
+        [this, i](const codec::Control& request, TimePoint now) {
+          return answer_rung(i, request, now);
+        },
+        drops_);
+  }
   first_ = std::jthread([this](const std::stop_token& stop) { run_first_half(stop); });
   if (config_.makes_packets)
     second_ = std::jthread([this](const std::stop_token& stop) { run_second_half(stop); });
@@ -42,6 +52,14 @@ node::Task::Bytes TaskThreads::answer(const codec::Control& request, TimePoint n
   auto bytes = task_->answer(limits_.admit(request, now), now);
   limits_.answered(bytes.size());
   signal_->notify();
+  return bytes;
+}
+
+node::Task::Bytes TaskThreads::answer_rung(std::size_t rung, const codec::Control& request,
+                                           TimePoint now) {
+  node::RequestLimits& limits = *rung_limits_[rung];
+  auto bytes = task_->answer_rung(rung, limits.admit(request, now), now);
+  limits.answered(bytes.size());
   return bytes;
 }
 
@@ -109,10 +127,20 @@ void TaskThreads::finish(node::Task::Work& work) {
   auto bytes = task_->finish(work, tell_inputs);
   tell_inputs();
   credit_.end(bytes.has_value());
-  if (!bytes) return;
-  ++packets_;
-  bytes_ += bytes->size();
-  port_.publish(std::make_shared<const node::Task::Bytes>(*std::move(bytes)));
+  if (bytes) {
+    ++packets_;
+    bytes_ += bytes->size();
+    port_.publish(std::make_shared<const node::Task::Bytes>(*std::move(bytes)));
+  }
+  finish_rungs(work);
+}
+
+void TaskThreads::finish_rungs(node::Task::Work& work) {
+  if (rungs_.empty()) return;
+  for (auto& [rung, bytes] : task_->finish_rungs(work, config_.clock())) {
+    bytes_ += bytes.size();
+    port_.publish(rungs_[rung], std::make_shared<const node::Task::Bytes>(std::move(bytes)));
+  }
 }
 
 /// Duration of the last second stage, or of the current one so far if longer.

@@ -3,7 +3,9 @@
 #include <atomic>
 #include <functional>
 #include <memory>
+#include <string>
 #include <thread>
+#include <vector>
 
 #include "mr/node/node_clock.h"
 #include "mr/node/request_limits.h"
@@ -40,11 +42,13 @@ class TaskThreads {
  private:
   Port::Config port_config(bool folds);
   node::Task::Bytes answer(const codec::Control& request, TimePoint now);
+  node::Task::Bytes answer_rung(std::size_t rung, const codec::Control& request, TimePoint now);
   void give_way() const;
   void run_first_half(const std::stop_token& stop);
   bool hand_over(const std::stop_token& stop, std::unique_ptr<node::Task::Work> work);
   void run_second_half(const std::stop_token& stop);
   void finish(node::Task::Work& work);
+  void finish_rungs(node::Task::Work& work);
   Duration busy_for(TimePoint now) const;
 
   Config config_;
@@ -52,7 +56,9 @@ class TaskThreads {
   std::shared_ptr<Signal> signal_ = std::make_shared<Signal>();  // late answers may outlive this
   DropCounter drops_;
   Credit credit_;
+  std::vector<std::string> rungs_;
   node::RequestLimits limits_;
+  std::vector<std::unique_ptr<node::RequestLimits>> rung_limits_;  ///< as rungs_
   Port port_;
   Handoff<std::unique_ptr<node::Task::Work>> begun_;
   std::atomic<std::int64_t> busy_since_ns_ = 0, busy_ns_ = 0;  // 0: not busy

@@ -184,6 +184,7 @@ void read_rate_and_coding(MapReader& top, Scene& scene) {
                         {"classifier", Model::classifier},
                         {"ours", Model::ours}});
     rate.number("target_mbps", scene.rate.target_mbps, RateConfig::kTarget_mbps);
+    rate.integer("rungs", scene.rate.rungs, RateConfig::kRungs);
     if (std::string file; rate.text("model_file", file)) {
       if (file.empty())
         rate.report.problem(rate.line("model_file"), "model_file must name a file, not ''");

@@ -1,0 +1,122 @@
+#include "mr/node/rungs.h"
+
+#include <gtest/gtest.h>
+
+#include <chrono>
+#include <optional>
+
+#include "mr/rate/models.h"
+#include "support/merger_rig.h"
+
+namespace mr {
+namespace {
+
+using namespace std::chrono_literals;
+using node::Rungs;
+using test::box_on_the_right;
+using test::kLearnt;
+using test::Merger;
+using test::wall;
+
+Scene controlled_scene() {
+  Scene scene = test::two_sensors_with_layers();
+  scene.rate.model = RateConfig::Model::ours;
+  scene.rate.target_mbps = 20;
+  return scene;
+}
+
+/// A root whose sensors see something that moves, and its rungs.
+class RungsTest : public testing::Test {
+ protected:
+  RungsTest() {
+    const std::shared_ptr<const rate::Model> model = *rate::open_model(root_.scene().rate, {});
+    root_.node.control_rate(model);
+    Rungs::Options options;
+    options.model = model;
+    rungs_.emplace(root_.scene(), root_.scene().mergers.front(), std::move(options));
+  }
+  void want(std::size_t rung, double mbps) {
+    codec::Control control;
+    control.target_mbps = mbps;
+    rungs_->answer(rung, control, root_.now());
+  }
+  /// One tick; the rungs' packets.
+  Rungs::Packets next() {
+    const TimePoint now = root_.now();
+    root_.see(box_on_the_right(0.02 * (tick_++ % 10)));
+    std::vector<Error> failed;
+    auto packets = rungs_->merge(root_.captures(), root_.node, {}, now, failed);
+    EXPECT_TRUE(failed.empty()) << failed.front().message;
+    return packets;
+  }
+
+  Merger root_{controlled_scene()};
+  std::optional<Rungs> rungs_;
+  int tick_ = 0;
+};
+
+TEST_F(RungsTest, ARungIsThereWhileItIsWanted) {
+  EXPECT_EQ(rungs_->names(), (std::vector<std::string>{"root~1", "root~2"}));
+  EXPECT_TRUE(next().empty());
+  want(1, 2);
+  auto packets = next();
+  ASSERT_EQ(packets.size(), 1u);
+  EXPECT_EQ(packets.front().first, 1u);
+  test::PacketInbox inbox(root_.scene().lattice);
+  const Packet first = inbox.take(packets.front().second);
+  EXPECT_EQ(first.node, "root~2");
+  EXPECT_EQ(first.sequence, 0u);
+  for (int i = 0; i < 25; ++i) ASSERT_EQ(next().size(), 1u) << "within its patience";
+  for (int i = 0; i < 10; ++i) next();
+  EXPECT_TRUE(next().empty()) << "nobody wants it any more";
+  want(1, 2);
+  packets = next();
+  ASSERT_EQ(packets.size(), 1u);
+  const auto again = codec::decode_packet(packets.front().second);
+  ASSERT_TRUE(again) << again.error().message;
+  EXPECT_NE(again->epoch, first.epoch) << "of another start, so that nobody joins the two";
+}
+
+TEST_F(RungsTest, ARungShowsTheSameSurface) {
+  for (int i = 0; i < kLearnt; ++i) next();
+  test::PacketInbox inbox(root_.scene().lattice);
+  for (int i = 0; i < 15; ++i) {
+    want(0, 4);
+    for (const auto& [rung, bytes] : next()) inbox.take(bytes);
+  }
+  const auto shown = inbox.receiver().scene();
+  ASSERT_TRUE(shown) << "chunks or pictures are missing";
+  const double area = surface_area_m2(root_.surface());
+  EXPECT_NEAR(surface_area_m2(test::all_of(shown->chunks)), area, 0.05 * area);
+  EXPECT_EQ(shown->textures.size(), root_.decoded().textures.size()) << "with its plates";
+}
+
+TEST_F(RungsTest, EachKeepsToItsRate) {
+  for (int i = 0; i < kLearnt; ++i) next();
+  constexpr double kTargets[] = {0.4, 0.2};  // Mbit/s
+  double bits[2] = {};
+  constexpr int kTicks = 60;
+  for (int i = 0; i < kTicks; ++i) {
+    want(0, kTargets[0]), want(1, kTargets[1]);
+    for (const auto& [rung, bytes] : next()) bits[rung] += 8.0 * static_cast<double>(bytes.size());
+  }
+  for (std::size_t rung = 0; rung < 2; ++rung) {
+    const double mbps = bits[rung] * 1e-6 * root_.scene().fps / kTicks;
+    EXPECT_LT(mbps, 1.08 * kTargets[rung]);
+    EXPECT_GT(mbps, 0.1 * kTargets[rung]);
+  }
+  EXPECT_GT(bits[0], bits[1]);
+}
+
+TEST(RungNames, ThereAreNoneWhereTheRateIsFixedOrOneStreamIsWanted) {
+  Scene scene = controlled_scene();
+  scene.rate.rungs = 2;
+  EXPECT_EQ(node::rung_names(scene), std::vector<std::string>{"root~1"});
+  scene.rate.rungs = 1;
+  EXPECT_TRUE(node::rung_names(scene).empty());
+  scene.rate = {};
+  EXPECT_TRUE(node::rung_names(scene).empty());
+}
+
+}  // namespace
+}  // namespace mr
