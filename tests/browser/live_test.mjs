@@ -189,6 +189,32 @@ test("the slider changes rate and coding within a second or two", async () => {
   }
 });
 
+test("two viewers get what each asks for", async () => {
+  const server = await Server.start(program, [
+    "run", sceneFile({ loop: true }), "--listen", "127.0.0.1:0", "--set", "rate.model=ours", "--set", "rate.target_mbps=20", "--set", "still.layers=false",
+  ]);
+  try {
+    const all = await openViewer(browser, server.url, [], { width: 600, height: 400 });
+    const little = await openViewer(browser, server.url, [], { width: 600, height: 400 });
+    const mbps = async (page) => parseFloat(await page.getByTestId("received").textContent());
+    for (const page of [all, little]) await page.locator("#scene").press("i");
+    await little.getByTestId("target").fill("0"); // 0.5 Mbit/s
+    const capturedAt = (page) => page.evaluate(() => window.meshreduce.shown()?.capturedAt ?? 0);
+    await little.waitForTimeout(8000); // moved to its rung, and rates are means over two seconds
+    const before = await capturedAt(little);
+    const [most, least] = [await mbps(all), await mbps(little)];
+    assert.ok(least < 0.8, `${least} Mbit/s of 0.5`);
+    assert.ok(most > 1.3 * least, `${most} Mbit/s beside ${least}`);
+    await little.waitForFunction((at) => (window.meshreduce.shown()?.capturedAt ?? 0) > at, before, { timeout: 10_000 });
+    await all.close();
+    await little.getByTestId("target").fill("1000");
+    await little.waitForFunction(() => parseFloat(document.querySelector('[data-testid="received"]').textContent) > 1, null, { timeout: 15_000 });
+    await little.close();
+  } finally {
+    await server.stop();
+  }
+});
+
 test("a restarted server is found again", async () => {
   let server = await serve({ loop: true });
   const { port } = server;

@@ -24,26 +24,33 @@ double settled_ms(TimeBudget& budget, const Node& node, int captures, double cho
 }
 
 TEST(TimeBudget, LeavesWhatIsQuickAlone) {
-  TimeBudget budget;
+  TimeBudget budget(6);
   settled_ms(budget, {20, 60}, 3000);
   EXPECT_EQ(budget.least_error_voxels(), 0);
 }
 
 TEST(TimeBudget, FewerTrianglesBeforeMoreTime) {
-  TimeBudget budget;
+  TimeBudget budget(6);
   EXPECT_LE(settled_ms(budget, {20, 200}, 600), TimeBudget::kMost_ms);
   EXPECT_GT(budget.least_error_voxels(), 0.5);
   EXPECT_LE(budget.least_error_voxels(), 6);
 }
 
+TEST(TimeBudget, ButNotFewerThanShowPeople) {
+  TimeBudget budget(1);
+  EXPECT_GT(settled_ms(budget, {20, 200}, 600), TimeBudget::kMost_ms);
+  EXPECT_LE(budget.least_error_voxels(), 1);
+  EXPECT_GT(budget.least_error_voxels(), 0.9);
+}
+
 TEST(TimeBudget, GoesOnFromTheErrorInForce) {
-  TimeBudget budget;
+  TimeBudget budget(6);
   EXPECT_LE(settled_ms(budget, {20, 240}, 600, 2), TimeBudget::kMost_ms);
   EXPECT_GT(budget.least_error_voxels(), 2);
 }
 
 TEST(TimeBudget, WhereItDoesNotHelpQualityStays) {
-  TimeBudget budget;
+  TimeBudget budget(6);
   int raised = 0;
   for (int i = 0; i < 3000; ++i) {
     budget.note(150, 0.5);
@@ -54,7 +61,7 @@ TEST(TimeBudget, WhereItDoesNotHelpQualityStays) {
 }
 
 TEST(TimeBudget, IsGivenUpOnceThereIsTime) {
-  TimeBudget budget;
+  TimeBudget budget(6);
   settled_ms(budget, {20, 200}, 600);
   settled_ms(budget, {5, 30}, 600);
   EXPECT_EQ(budget.least_error_voxels(), 0);

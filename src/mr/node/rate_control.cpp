@@ -18,7 +18,8 @@ namespace mr::node {
 RateControl::RateControl(const Scene& scene, std::shared_ptr<const rate::Model> model)
     : scene_(&scene),
       controller_(std::move(model), scene.still.layers, scene.fps, scene.rate.target_mbps),
-      target_mbps_(scene.rate.target_mbps) {
+      target_mbps_(scene.rate.target_mbps),
+      time_(std::max(rate::coarsest_error_voxels(scene.voxel_m) / 2, 1.0)) {
   controller_.set_coarsest_error(rate::coarsest_error_voxels(scene.voxel_m));
 }
 

@@ -9,6 +9,9 @@ class TimeBudget {
  public:
   static constexpr double kMost_ms = 100;
 
+  /// No error is raised above `most_voxels`, for however little time there is.
+  explicit TimeBudget(double most_voxels) : most_voxels_(most_voxels) {}
+
   /// The slowest node took so long for its newest capture, which had that error limit.
   void note(double ms, double error_voxels);
   /// In voxels; 0: there is time for any.
@@ -17,6 +20,7 @@ class TimeBudget {
  private:
   void decide(double mean_ms, double error_voxels);
 
+  double most_voxels_;
   double sum_ms_ = 0;
   int captures_ = 0;  ///< in the sum
   double least_voxels_ = 0;
