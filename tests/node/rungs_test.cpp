@@ -18,12 +18,7 @@ using test::kLearnt;
 using test::Merger;
 using test::wall;
 
-Scene controlled_scene() {
-  Scene scene = test::two_sensors_with_layers();
-  scene.rate.model = RateConfig::Model::ours;
-  scene.rate.target_mbps = 20;
-  return scene;
-}
+Scene scene_with_rungs() { return test::rate_controlled(test::two_sensors_with_layers(), 20); }
 
 /// A root whose sensors see something that moves, and its rungs.
 class RungsTest : public testing::Test {
@@ -50,7 +45,7 @@ class RungsTest : public testing::Test {
     return packets;
   }
 
-  Merger root_{controlled_scene()};
+  Merger root_{scene_with_rungs()};
   std::optional<Rungs> rungs_;
   int tick_ = 0;
 };
@@ -109,7 +104,7 @@ TEST_F(RungsTest, EachKeepsToItsRate) {
 }
 
 TEST(RungNames, ThereAreNoneWhereTheRateIsFixedOrOneStreamIsWanted) {
-  Scene scene = controlled_scene();
+  Scene scene = scene_with_rungs();
   scene.rate.rungs = 2;
   EXPECT_EQ(node::rung_names(scene), std::vector<std::string>{"root~1"});
   scene.rate.rungs = 1;

@@ -31,7 +31,13 @@ inline Scene two_sensors_with_layers() {
   scene.still.layers = true;
   return scene;
 }
-/// The same below an inner merger, the scene's first.
+/// A scene whose rate is controlled by our model.
+inline Scene rate_controlled(Scene scene, double target_mbps) {
+  scene.rate.model = RateConfig::Model::ours;
+  scene.rate.target_mbps = target_mbps;
+  return scene;
+}
+/// Two sensors below an inner merger, the scene's first.
 inline Scene two_sensors_below_west(Scene scene = two_sensors()) {
   scene.mergers = {{.id = "west", .inputs = {"cam-0", "cam-1"}, .deadline_ms = 50},
                    {.id = "root", .inputs = {"west"}, .deadline_ms = 50}};
