@@ -23,13 +23,14 @@ Scene scene_with_rungs() { return test::rate_controlled(test::two_sensors_with_l
 /// A root whose sensors see something that moves, and its rungs.
 class RungsTest : public testing::Test {
  protected:
-  RungsTest() {
+  void make(node::NodeClock clock) {
     const std::shared_ptr<const rate::Model> model = *rate::open_model(root_.scene().rate, {});
     root_.node.control_rate(model);
     Rungs::Options options;
-    options.model = model;
+    options.model = model, options.clock = std::move(clock);
     rungs_.emplace(root_.scene(), root_.scene().mergers.front(), std::move(options));
   }
+  RungsTest() { make({}); }
   void want(std::size_t rung, double mbps) {
     codec::Control control;
     control.target_mbps = mbps;
@@ -39,13 +40,15 @@ class RungsTest : public testing::Test {
   Rungs::Packets next() {
     const TimePoint now = root_.now();
     root_.see(box_on_the_right(0.02 * (tick_++ % 10)));
-    std::vector<Error> failed;
-    auto packets = rungs_->merge(root_.captures(), root_.node, {}, now, failed);
-    EXPECT_TRUE(failed.empty()) << failed.front().message;
+    std::vector<Rungs::Missing> missing;
+    auto packets = rungs_->merge(root_.captures(), root_.node, took_, now, missing);
+    for (const auto& [rung, why] : missing)
+      EXPECT_EQ(why.cause, Error::Cause::over_budget) << why.message;
     return packets;
   }
 
   Merger root_{scene_with_rungs()};
+  Duration took_{};  ///< the root, for each tick
   std::optional<Rungs> rungs_;
   int tick_ = 0;
 };
@@ -61,9 +64,20 @@ TEST_F(RungsTest, ARungIsThereWhileItIsWanted) {
   const Packet first = inbox.take(packets.front().second);
   EXPECT_EQ(first.node, "root~2");
   EXPECT_EQ(first.sequence, 0u);
-  for (int i = 0; i < 25; ++i) ASSERT_EQ(next().size(), 1u) << "within its patience";
-  for (int i = 0; i < 10; ++i) next();
+  for (int i = 0; i < 25; ++i) {
+    packets = next();
+    ASSERT_EQ(packets.size(), 1u) << "within its patience";
+    inbox.take(packets.front().second);
+  }
+  for (int i = 0; i < 10; ++i)
+    for (const auto& [rung, bytes] : next()) inbox.take(bytes);
   EXPECT_TRUE(next().empty()) << "nobody wants it any more";
+  want(1, 2);
+  packets = next();
+  ASSERT_EQ(packets.size(), 1u);
+  EXPECT_EQ(inbox.take(packets.front().second).epoch, first.epoch) << "it had a rest";
+  for (int i = 0; i < 601; ++i) root_.pass();
+  EXPECT_TRUE(next().empty());
   want(1, 2);
   packets = next();
   ASSERT_EQ(packets.size(), 1u);
@@ -101,6 +115,24 @@ TEST_F(RungsTest, EachKeepsToItsRate) {
     EXPECT_GT(mbps, 0.1 * kTargets[rung]);
   }
   EXPECT_GT(bits[0], bits[1]);
+}
+
+TEST_F(RungsTest, TogetherTheyTakeNoMoreTimeThanTheRoot) {
+  constexpr int kTicks = 60;
+  const TimePoint start(1h);
+  TimePoint machine = start;
+  make({.epoch = 1, .now = [&] { return machine += 10ms; }});  // each look at the clock
+  took_ = 60ms;
+  int packets[2] = {};
+  for (int i = 0; i < kTicks; ++i) {
+    want(0, 4), want(1, 2);
+    for (const auto& [rung, bytes] : next()) ++packets[rung];
+  }
+  const Duration looks = 2 * kTicks * 10ms;  // whether there is time left
+  EXPECT_LT(machine - start, 1.1 * kTicks * took_ + looks);
+  EXPECT_GT(machine - start, 0.7 * kTicks * took_) << "but all that there is";
+  EXPECT_GT(packets[0], 5);
+  EXPECT_NEAR(packets[0], packets[1], 3) << "by turns";
 }
 
 TEST(RungNames, ThereAreNoneWhereTheRateIsFixedOrOneStreamIsWanted) {

@@ -99,6 +99,8 @@ class Merger {
     captures_ = **captures;
     return node.merge(captures_);
   }
+  /// A tick in which nothing comes.
+  void pass() { ++tick_; }
   /// What was merged last.
   const node::CaptureSet& captures() const { return captures_; }
   /// The same, as received.

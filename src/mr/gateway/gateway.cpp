@@ -79,11 +79,13 @@ std::vector<node::Ask> Gateway::step(const node::Arrivals& arrivals, TimePoint n
   for (const Event& event : inbox_->take()) on_event(event, now);
   for (const auto& [input, bytes] : arrivals.packets) {
     Stream& stream = streams_[input];
+    if (!is_wanted(stream)) continue;  // what was on its way
     auto packet = stream.heads.read(*bytes, now);
     packet ? take_packet(stream, bytes, *std::move(packet), now)
            : drops_.count(stream.node + " → gateway", packet.error());
   }
   for (const node::Arrivals::Answer& answer : arrivals.answers) {
+    if (!is_wanted(streams_[answer.input])) continue;
     auto chunks = codec::read_answer(*answer.bytes);
     chunks ? streams_[answer.input].viewers.take_chunks(*std::move(chunks))
            : drops_.count(streams_[answer.input].node + " → gateway", chunks.error());
@@ -100,8 +102,9 @@ void Gateway::take_packet(Stream& stream, const net::Message& bytes, Packet pack
   const bool is_root = &stream == &streams_.front();
   if (stream.heads.began_afresh()) {
     stream.viewers.begin_afresh();
+    stream.begun.reset();
     if (is_root) acknowledged_.reset();
-    if (is_root && frames_ > 0) send_to_all(hello());
+    if (!is_root || frames_ > 0) greet(stream);
   }
   if (!stream.begun) stream.begun = now;
   if (is_root) note_root(packet, bytes, now);
@@ -119,8 +122,16 @@ void Gateway::note_root(const Packet& packet, const net::Message& bytes, TimePoi
       sensors_.seen(index_of(source.sensor), source.captured_at, now);
 }
 
-/// Whoever is served by another rung starts afresh there, as a newcomer.
+/// Whoever a stream serves starts afresh.
+void Gateway::greet(const Stream& stream) {
+  for (const auto& [viewer, session] : sessions_.admitted())
+    if (&streams_[choice_.served_by(viewer)] == &stream)
+      session->transport->send_text(viewer, hello());
+}
+
+/// Whoever is served by another stream starts afresh there, as a newcomer.
 void Gateway::move_viewers(TimePoint now) {
+  choice_.update(now);
   const auto moves = choice_.moves();
   for (std::size_t i = 0; i < streams_.size(); ++i)
     streams_[i].viewers.expect(
@@ -129,7 +140,7 @@ void Gateway::move_viewers(TimePoint now) {
     Stream& from = streams_[choice_.served_by(viewer)];
     if (!can_take(streams_[rung], from, now)) continue;
     from.viewers.move(viewer, streams_[rung].viewers);
-    choice_.moved(viewer, rung);
+    choice_.moved(viewer, rung, now);
     send_text(viewer, hello());
   }
 }
@@ -137,7 +148,7 @@ void Gateway::move_viewers(TimePoint now) {
 /// A rung begins with an empty room: whoever comes from another waits until it is about as full.
 bool Gateway::can_take(const Stream& stream, const Stream& before, TimePoint now) const {
   constexpr double kAsFull = 0.9;
-  constexpr Duration kPatience = std::chrono::seconds(4);
+  constexpr Duration kPatience = std::chrono::seconds(15);
   if (!stream.begun || !stream.viewers.can_start()) return false;
   return now - *stream.begun > kPatience ||
          static_cast<double>(stream.viewers.still_chunks()) >=
@@ -148,7 +159,7 @@ void Gateway::on_event(const Event& event, TimePoint now) {
   switch (event.kind) {
     case Event::Kind::opened:
       return on_decision(event.viewer,
-                         sessions_.open(event.viewer, *event.transport, event.visitor, now));
+                         sessions_.open(event.viewer, *event.transport, event.visitor, now), now);
     case Event::Kind::closed:
       return close(event.viewer);
     case Event::Kind::written:
@@ -161,14 +172,15 @@ void Gateway::on_event(const Event& event, TimePoint now) {
   }
 }
 
-void Gateway::on_decision(net::ViewerId viewer, const ViewerSessions::Decision& decision) {
+void Gateway::on_decision(net::ViewerId viewer, const ViewerSessions::Decision& decision,
+                          TimePoint now) {
   switch (decision.verdict) {
     case ViewerSessions::Verdict::refused:
       return refuse(viewer, decision.why);
     case ViewerSessions::Verdict::must_show_token:
       return send_text(viewer, Json{{"type", "locked"}}.dump());
     case ViewerSessions::Verdict::admitted:
-      choice_.opened(viewer);
+      choice_.opened(viewer, now);
       viewers_of(viewer).opened(viewer);
       return send_text(viewer, hello());
   }
@@ -224,8 +236,9 @@ void Gateway::on_text(net::ViewerId viewer, const std::string& text, TimePoint n
   };
   const std::string type = word("type");
   if (!session->is_admitted)
-    return type == "token" ? on_decision(viewer, sessions_.show_token(viewer, word("token"), now))
-                           : refuse(viewer, "no token");
+    return type == "token"
+               ? on_decision(viewer, sessions_.show_token(viewer, word("token"), now), now)
+               : refuse(viewer, "no token");
   if (type == "shown" && integer("sequence")) {
     Viewers& viewers = viewers_of(viewer);
     send(viewers.shown(viewer, *integer("sequence"), now));
@@ -305,31 +318,39 @@ std::vector<node::Ask> Gateway::asks(TimePoint now) {
   if (is_controlled) ask_for_rates(now, out);
   for (std::size_t i = 0; i < streams_.size(); ++i) {
     Stream& stream = streams_[i];
-    if (i > 0 && !stream.target_told) continue;  // nobody wants it
+    if (!is_wanted(stream)) continue;
     if (auto request = stream.viewers.wanted(stream.heads.lacks_base(), now); !request.empty())
       out.push_back({i, std::move(request)});
   }
-  const auto taken = streams_.front().viewers.taken();
-  if (!taken || taken == acknowledged_) return out;
-  acknowledged_ = taken;
-  out.push_back({0, {.key_frames = {}, .chunks = {}, .taken = taken}});
+  const auto newest = streams_.front().viewers.newest();
+  if (!newest || newest == acknowledged_ || !can_follow()) return out;
+  acknowledged_ = newest;
+  out.push_back({0, {.key_frames = {}, .chunks = {}, .taken = newest}});
   return out;
 }
 
+/// Whether any viewer can take another packet; true where nobody watches.
+bool Gateway::can_follow() const {
+  const auto nobody = [](const Stream& s) { return s.viewers.size() == 0; };
+  return std::ranges::all_of(streams_, nobody) ||
+         std::ranges::any_of(streams_, [](const Stream& s) { return s.viewers.can_take(); });
+}
+
 /// Tells the root what viewers want, at once and then again and again: messages may be lost, and a
-/// rung that nobody wants any more ends. Whoever is still served by it gets what there is.
+/// rung that nobody wants any more ends. Who changes its mind quickly is not passed on each time.
 void Gateway::ask_for_rates(TimePoint now, std::vector<node::Ask>& out) {
-  const std::vector<double>& ladder = choice_.ladder();
+  constexpr Duration kSoonest = std::chrono::milliseconds(100);
   for (std::size_t i = 0; i < streams_.size(); ++i) {
     Stream& stream = streams_[i];
-    const bool is_wanted = i < ladder.size() || stream.viewers.size() > 0;
-    if (!is_wanted) {
+    const std::optional<double> rate = choice_.rates()[i];
+    if (!rate && stream.viewers.size() == 0) {
       if (stream.target_told) stream.viewers.begin_afresh();
       stream.target_told.reset(), stream.begun.reset();
       continue;
     }
-    const double wanted = ladder[std::min(i, ladder.size() - 1)];
-    if (wanted == stream.target_mbps && !is_due(stream.target_told, kTargetEvery, now)) continue;
+    const double wanted = rate.value_or(stream.target_mbps);
+    if (!is_due(stream.target_told, wanted == stream.target_mbps ? kTargetEvery : kSoonest, now))
+      continue;
     stream.target_mbps = wanted, stream.target_told = now;
     codec::Control request;
     request.target_mbps = wanted;

@@ -73,12 +73,18 @@ class Gateway final : public node::Task {
   Viewers& viewers_of(net::ViewerId viewer) { return streams_[choice_.served_by(viewer)].viewers; }
   void take_packet(Stream& stream, const net::Message& bytes, Packet packet, TimePoint now);
   void note_root(const Packet& packet, const net::Message& bytes, TimePoint now);
+  /// The root's own stream is there in any case.
+  bool is_wanted(const Stream& stream) const {
+    return stream.target_told || &stream == &streams_.front();
+  }
+  void greet(const Stream& stream);
+  bool can_follow() const;
   void close(net::ViewerId viewer);
   void move_viewers(TimePoint now);
   bool can_take(const Stream& stream, const Stream& before, TimePoint now) const;
   std::size_t unread_bytes() const;
   void on_event(const Event& event, TimePoint now);
-  void on_decision(net::ViewerId viewer, const ViewerSessions::Decision& decision);
+  void on_decision(net::ViewerId viewer, const ViewerSessions::Decision& decision, TimePoint now);
   void on_text(net::ViewerId viewer, const std::string& text, TimePoint now);
   void on_request(net::ViewerId viewer, std::span<const std::byte> bytes, TimePoint now);
   void on_target(net::ViewerId viewer, const nlohmann::ordered_json& wanted);

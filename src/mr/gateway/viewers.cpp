@@ -261,6 +261,7 @@ void Viewers::move(Id id, Viewers& to) {
   Viewer& viewer = node.mapped();
   viewer.fresh = true;
   viewer.waiting.clear(), viewer.in_flight.clear();
+  if (!viewer.has_shown) viewer.first_written.reset();  // it has as long as any newcomer
   to.viewers_.insert(std::move(node));
 }
 
@@ -303,12 +304,9 @@ codec::Control Viewers::wanted(bool lacks_base, TimePoint now) {
   return request;
 }
 
-std::optional<std::uint64_t> Viewers::taken() const {
-  if (!newest_) return std::nullopt;
-  const auto can_take = [](const auto& item) { return item.second.may_get_packet(); };
-  if (viewers_.empty() || std::any_of(viewers_.begin(), viewers_.end(), can_take))
-    return newest_->sequence;
-  return std::nullopt;
+bool Viewers::can_take() const {
+  return std::ranges::any_of(viewers_,
+                             [](const auto& item) { return item.second.may_get_packet(); });
 }
 
 std::map<std::string, std::uint64_t> Viewers::drops() const {

@@ -83,9 +83,12 @@ class Viewers {
   /// a whole head where its base is lacking.
   codec::Control wanted(bool lacks_base, TimePoint now);
 
-  /// The newest sequence that a viewer can follow: all of it where nobody watches. The root need
-  /// not run ahead of it.
-  std::optional<std::uint64_t> taken() const;
+  /// Of the newest packet; nothing before the first.
+  std::optional<std::uint64_t> newest() const {
+    return newest_ ? std::optional(newest_->sequence) : std::nullopt;
+  }
+  /// Whether somebody can take another packet.
+  bool can_take() const;
 
   std::size_t size() const { return viewers_.size(); }
   /// Whether the viewer ever showed something.

@@ -20,6 +20,7 @@ MergeTask::MergeTask(const Scene& scene, const MergerConfig& merger, NodeLog log
       presence_(merger.inputs.size()),
       clocks_(merger.inputs.size()),
       measures_links_(options.measures_links),
+      coarsest_m_(rate::coarsest_error_m(scene.voxel_m)),
       now_(options.clock.now) {
   drops_.set_listener(log_.dropped);
   node_.inputs().set_drop_listener(log_.dropped);
@@ -151,8 +152,9 @@ ScenePlan MergeTask::limited(ScenePlan plan) const {
       for (const SensorId sensor : node_.inputs().sensors_of(i)) {
         CodingPlan of_sensor = plan.of(sensor);
         of_sensor.texture_qp = std::min(of_sensor.texture_qp + coarser, kCoarsestQp);
-        of_sensor.decimation.error_m =
-            std::min(of_sensor.decimation.error_m * std::exp2(coarser / kQpPerDoubledError), 1.0);
+        double& error_m = of_sensor.decimation.error_m;
+        error_m = std::max(
+            error_m, std::min(error_m * std::exp2(coarser / kQpPerDoubledError), coarsest_m_));
         plan.by_sensor[sensor] = of_sensor;
       }
   return plan;
@@ -192,9 +194,10 @@ Task::Bytes MergeTask::answer_rung(std::size_t rung, const codec::Control& reque
 std::vector<std::pair<std::size_t, Task::Bytes>> MergeTask::finish_rungs(Work& work,
                                                                          TimePoint now) {
   if (!rungs_) return {};
-  std::vector<Error> failed;
-  auto packets = rungs_->merge(static_cast<const Tick&>(work).captures, node_, took_, now, failed);
-  for (const Error& error : failed) drops_.count(id(), error);
+  std::vector<Rungs::Missing> missing;
+  auto packets = rungs_->merge(static_cast<const Tick&>(work).captures, node_, took_, now, missing);
+  for (const auto& [rung, why] : missing)
+    drops_.count(rungs_->names()[rung], why, why.cause != Error::Cause::over_budget);
   return packets;
 }
 

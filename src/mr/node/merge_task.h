@@ -12,6 +12,7 @@
 #include "mr/node/presence.h"
 #include "mr/node/rungs.h"
 #include "mr/node/task.h"
+#include "mr/rate/grid.h"
 #include "mr/rate/link_budget.h"
 
 namespace mr::node {
@@ -73,6 +74,7 @@ class MergeTask final : public Task {
   std::optional<ScenePlan> plan_;    ///< received, or chosen; passed on to the inputs
   std::optional<ScenePlan> passed_;  ///< as it was: coarser where links are narrow
   bool measures_links_;
+  double coarsest_m_;                    ///< error of decimation, see rate::coarsest_error_m()
   std::vector<rate::LinkBudget> links_;  ///< [inputs]
   std::unique_ptr<Rungs> rungs_;         ///< null: one stream
   Clock now_;                            ///< null in virtual time

@@ -140,7 +140,7 @@ void RateControl::note_time(const CaptureSet& captures, Duration own) {
 
 std::optional<ScenePlan> RateControl::take_plan() {
   ScenePlan plan = scene_plan(*scene_, controller_.setting().error_voxels);
-  const double coarsest_m = rate::coarsest_error_voxels(scene_->voxel_m) * scene_->voxel_m;
+  const double coarsest_m = rate::coarsest_error_m(scene_->voxel_m);
   for (const SensorId id : all_sensors(scene_->sensors))
     if (const double coarser = shares_.coarser(id); coarser > 1) {
       CodingPlan of_sensor = plan.of(id);

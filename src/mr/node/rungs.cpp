@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <chrono>
+#include <thread>
 
 #include "mr/core/assert.h"
 
@@ -36,56 +37,74 @@ std::vector<std::byte> Rungs::answer(std::size_t rung, const codec::Control& req
   return node ? node->answer(request) : std::vector<std::byte>();
 }
 
-/// The rung's node, begun or ended as is wanted; null: nobody wants it.
-std::shared_ptr<MergeNode> Rungs::started(std::size_t rung, const MergeNode& top, TimePoint now) {
-  std::optional<double> mbps;
-  std::shared_ptr<MergeNode> node;
+Rungs::~Rungs() = default;
+
+/// The rung's node; null: nobody wants it now.
+std::shared_ptr<MergeNode> Rungs::wanted(std::size_t rung, const MergeNode& top, TimePoint now) {
+  std::shared_ptr<MergeNode> old;
   {
     const std::lock_guard lock(mutex_);
-    Rung& wanted = rungs_[rung];
-    if (wanted.wanted_mbps && now - wanted.wanted_at > kPatience) wanted = {};
-    mbps = wanted.wanted_mbps, node = wanted.node;
+    Rung& asked = rungs_[rung];
+    if (!asked.wanted_mbps) return nullptr;
+    const Duration since = now - asked.wanted_at;
+    if (since <= kPatience && asked.node) return asked.node;
+    if (since > kPatience && since <= kKept) return nullptr;
+    if (since > kKept) old = std::move(asked.node), asked = {};
   }
-  if (node || !mbps) return node;
+  if (!old) return start(rung, top);
+  end(std::move(old));
+  return nullptr;
+}
+
+std::shared_ptr<MergeNode> Rungs::start(std::size_t rung, const MergeNode& top) {
   MergerConfig config = root_;
   config.id = names_[rung];
   NodeClock clock = options_.clock;
   clock.epoch = clock.now ? NodeClock::live().epoch : clock.epoch + ++starts_;
-  node = std::make_shared<MergeNode>(*scene_, config, true, clock, options_.still_work);
+  const auto node = std::make_shared<MergeNode>(*scene_, config, true, clock, options_.still_work);
   node->set_background(options_.background);
   node->control_rate(options_.model);
   node->atlas().recall(top.atlas().memory());
-  codec::Control target;
-  target.target_mbps = mbps;
-  node->answer(target);
   const std::lock_guard lock(mutex_);
+  codec::Control target;
+  target.target_mbps = rungs_[rung].wanted_mbps;
+  node->answer(target);
   rungs_[rung].node = node;
   return node;
 }
 
+/// A node waits for its job beside, which takes its time; and an answer() may still be using it.
+void Rungs::end(std::shared_ptr<MergeNode> node) {
+  ended_ = std::async(std::launch::async, [node = std::move(node)] {
+    while (node.use_count() > 1) std::this_thread::sleep_for(std::chrono::milliseconds(10));
+  });
+}
+
 Rungs::Packets Rungs::merge(const CaptureSet& captures, const MergeNode& top, Duration took,
-                            TimePoint now, std::vector<Error>& failed) {
+                            TimePoint now, std::vector<Missing>& missing) {
+  constexpr int kMostDebt = 2;  // captures' worth: a rung that begins does not stop the others
+  const auto& clock = options_.clock.now;
   Packets out;
   time_left_ = std::min(time_left_ + took, took);
   bool is_any_left_out = false;
   const std::size_t first = first_;
   for (std::size_t i = 0; i < names_.size(); ++i) {
     const std::size_t rung = (first + i) % names_.size();
-    const std::shared_ptr<MergeNode> node = started(rung, top, now);
+    const TimePoint begun = clock ? clock() : TimePoint{};
+    const std::shared_ptr<MergeNode> node = wanted(rung, top, now);
     if (!node) continue;
-    const auto& clock = options_.clock.now;
     if (clock && time_left_ < Duration{}) {
       if (!std::exchange(is_any_left_out, true)) first_ = rung;  // it is the first next time
+      missing.push_back({rung, {Error::Cause::over_budget, "a tick left out: there is no time"}});
       continue;
     }
-    const TimePoint begun = clock ? clock() : TimePoint{};
     auto bytes = node->merge(captures);
-    if (clock) time_left_ -= clock() - begun;
+    if (clock) time_left_ = std::max(time_left_ - (clock() - begun), -kMostDebt * took);
     node->take_shown();
     if (bytes)
       out.emplace_back(rung, *std::move(bytes));
-    else if (bytes.error().cause != Error::Cause::over_budget)
-      failed.push_back(bytes.error());
+    else
+      missing.push_back({rung, bytes.error()});
   }
   return out;
 }

@@ -2,6 +2,7 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <future>
 #include <memory>
 #include <mutex>
 #include <optional>
@@ -21,13 +22,13 @@ namespace mr::node {
 std::vector<std::string> rung_names(const Scene& scene);
 
 /// The root's stream at lower rates (docs/rate-control.md, Rungs): each rung is a root of its own
-/// for the same captures, with its own rate control, from when somebody wants it until nobody has
-/// for kPatience. Sensors follow the plan of the root's own stream, which has the highest rate.
-/// Rungs together take no more time than that stream: where there is none left, they leave captures
-/// out.
+/// for the same captures, with its own rate control. It begins when somebody wants it, rests when
+/// nobody has for kPatience, and is gone after kKept. Sensors follow the plan of the root's own
+/// stream, which has the highest rate. In the mean, rungs together take no more time than that
+/// stream: where there is none left, they leave captures out.
 class Rungs {
  public:
-  static constexpr Duration kPatience = std::chrono::seconds(3);
+  static constexpr Duration kPatience = std::chrono::seconds(3), kKept = std::chrono::seconds(60);
 
   struct Options {
     NodeClock clock = {};
@@ -40,14 +41,19 @@ class Rungs {
 
   const std::vector<std::string>& names() const { return names_; }
 
+  ~Rungs();
   /// As MergeNode::answer(). A wanted rate is what makes a rung exist. Any thread.
   std::vector<std::byte> answer(std::size_t rung, const codec::Control& request, TimePoint now);
 
   using Packets = std::vector<std::pair<std::size_t, std::vector<std::byte>>>;  ///< by rung
-  /// The packets of a capture that `top`, the root, has merged, which took it `took`. `failed`: why
-  /// a rung has none, but for captures that rate control leaves out.
+  /// Why a rung has no packet of a capture; over_budget: it was left out, for its rate or for time.
+  struct Missing {
+    std::size_t rung;
+    Error why;
+  };
+  /// The packets of a capture that `top`, the root, has merged, which took it `took`.
   Packets merge(const CaptureSet& captures, const MergeNode& top, Duration took, TimePoint now,
-                std::vector<Error>& failed);
+                std::vector<Missing>& missing);
 
  private:
   struct Rung {
@@ -55,7 +61,9 @@ class Rungs {
     std::optional<double> wanted_mbps;
     TimePoint wanted_at{};
   };
-  std::shared_ptr<MergeNode> started(std::size_t rung, const MergeNode& top, TimePoint now);
+  std::shared_ptr<MergeNode> wanted(std::size_t rung, const MergeNode& top, TimePoint now);
+  std::shared_ptr<MergeNode> start(std::size_t rung, const MergeNode& top);
+  void end(std::shared_ptr<MergeNode> node);
 
   const Scene* scene_;
   MergerConfig root_;
@@ -66,6 +74,7 @@ class Rungs {
   std::uint32_t starts_ = 0;  ///< of rungs; merge()'s thread, as all below
   std::size_t first_ = 0;     ///< whose turn it is
   Duration time_left_{};
+  std::future<void> ended_;  ///< of the last node
 };
 
 }  // namespace mr::node

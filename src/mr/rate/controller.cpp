@@ -64,18 +64,20 @@ void Controller::set_fps(double fps) {
 
 void Controller::set_least_error(double voxels) {
   // Where it was this limit that held, another setting may be better now.
-  target_changed_ |= voxels < least_error_voxels_ && setting_.error_voxels <= least_error_voxels_;
-  least_error_voxels_ = voxels;
+  target_changed_ |= voxels < observed_.least_error_voxels &&
+                     setting_.error_voxels <= observed_.least_error_voxels;
+  observed_.least_error_voxels = voxels;
   keep_within_limits();
 }
 
 void Controller::set_coarsest_error(double voxels) {
-  coarsest_error_voxels_ = voxels;
+  observed_.coarsest_error_voxels = voxels;
   keep_within_limits();
 }
 
 double Controller::within_limits(double error_voxels) const {
-  return std::min(std::max(error_voxels, least_error_voxels_), coarsest_error_voxels_);
+  return std::min(std::max(error_voxels, observed_.least_error_voxels),
+                  observed_.coarsest_error_voxels);
 }
 
 void Controller::keep_within_limits() {
@@ -98,7 +100,8 @@ double Controller::allowed() const {
 
 /// What of a capture's share is for the backlog.
 double Controller::for_backlog(double backlog) const {
-  return std::min(kLeastForBacklog * bytes_of(target_mbps_), purse_room(backlog));
+  const double share = is_best_effort_ ? kMostForBacklog : kLeastForBacklog;
+  return std::min(share * bytes_of(target_mbps_), purse_room(backlog));
 }
 
 double Controller::purse_room(double backlog) const {

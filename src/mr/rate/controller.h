@@ -53,8 +53,8 @@ struct CaptureBytes {
 ///   captures as near to the target as quantisers allow, over every second below kMostInASecond of
 ///   it, key frames included.
 /// - Still surface and plates wait in a backlog. They get what the moving surface leaves, and at
-///   least kLeastForBacklog of the target, spread over the captures. What they do not take at once,
-///   since pictures come in one piece, is kept for them.
+///   least kLeastForBacklog of the target (kMostForBacklog), spread over the captures. What they do
+///   not take at once, since pictures come in one piece, is kept for them.
 /// - Where the coarsest setting does not fit, captures are left out.
 ///
 /// Time is counted in captures; no socket, no thread, no clock.
@@ -62,6 +62,9 @@ class Controller {
  public:
   static constexpr double kMostInASecond = 1.08;
   static constexpr double kLeastForBacklog = 0.35;
+  /// The same where the target is below what moves takes: at a start most of that is the room,
+  /// which ceases to move once it was sent as still surface.
+  static constexpr double kMostForBacklog = 0.7;
 
   /// `model` must not be null. `target_mbps`: see set_target().
   Controller(std::shared_ptr<const Model> model, bool layers, double fps, double target_mbps);
@@ -114,7 +117,6 @@ class Controller {
 
   std::shared_ptr<const Model> model_;
   double nominal_fps_, fps_, target_mbps_ = 0;
-  double least_error_voxels_ = 0, coarsest_error_voxels_ = kErrorNodes_voxels[kErrors - 1];
   Observation observed_;
   Setting setting_ = {};
   bool has_chosen_ = false, target_changed_ = true, is_best_effort_ = false;

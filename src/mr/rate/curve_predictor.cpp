@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <functional>
 #include <iterator>
 #include <numeric>
 #include <utility>
@@ -232,7 +233,13 @@ RateSurface CurvePredictor::predict(const Observation& observed) const {
 }
 
 Setting CurvePredictor::choose(const Observation& observed, double target_mbps) const {
-  return best_within(candidate_points(predict(observed)), target_mbps).setting;
+  std::vector<RatePoint> points = candidate_points(predict(observed));
+  const auto is_allowed = [&](const RatePoint& p) {
+    return p.setting.error_voxels >= observed.least_error_voxels &&
+           p.setting.error_voxels <= observed.coarsest_error_voxels;
+  };
+  if (std::ranges::any_of(points, is_allowed)) std::erase_if(points, std::not_fn(is_allowed));
+  return best_within(points, target_mbps).setting;
 }
 
 }  // namespace mr::rate

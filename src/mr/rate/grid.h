@@ -22,8 +22,9 @@ inline constexpr std::size_t kErrors = std::size(kErrorNodes_voxels),
                              kTextures = std::size(kTextureNodes);
 /// The least quality of what moves: with more, limbs and heads are lost, which SSIM of whole
 /// pictures hardly notices. Captures are left out before.
+inline constexpr double coarsest_error_m(double voxel_m) { return std::max(0.04, voxel_m); }
 inline constexpr double coarsest_error_voxels(double voxel_m) {
-  return std::max(0.04 / voxel_m, 1.0);
+  return coarsest_error_m(voxel_m) / voxel_m;
 }
 inline constexpr int kBits = 10;  ///< of the grid
 

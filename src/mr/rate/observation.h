@@ -2,6 +2,7 @@
 
 #include <vector>
 
+#include "mr/rate/grid.h"
 #include "mr/rate/setting.h"
 #include "mr/rate/sweep.h"
 
@@ -20,6 +21,8 @@ struct Observation {
   bool layers = true;  ///< still.layers
   std::vector<Feature> features;
   std::vector<Produced> produced;  ///< oldest first; empty: nothing was coded yet
+  /// No setting may have another error. Our model heeds that; those of the paper do not.
+  double least_error_voxels = 0, coarsest_error_voxels = kErrorNodes_voxels[kErrors - 1];
 };
 
 }  // namespace mr::rate

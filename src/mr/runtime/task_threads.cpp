@@ -24,15 +24,15 @@ TaskThreads::TaskThreads(std::unique_ptr<node::Task> task, net::Transport& trans
     port_.serve(
         [this](const codec::Control& request, TimePoint now) { return answer(request, now); },
         drops_);
-  for (std::size_t i = 0; i < rungs_.size(); ++i) {
+  for (std::size_t i = 0; i < rungs_.size(); ++i)
     rung_limits_.push_back(std::make_unique<node::RequestLimits>());
+  for (std::size_t i = 0; i < rungs_.size(); ++i)
     port_.serve(
         rungs_[i],
         [this, i](const codec::Control& request, TimePoint now) {
           return answer_rung(i, request, now);
         },
         drops_);
-  }
   first_ = std::jthread([this](const std::stop_token& stop) { run_first_half(stop); });
   if (config_.makes_packets)
     second_ = std::jthread([this](const std::stop_token& stop) { run_second_half(stop); });
@@ -137,10 +137,8 @@ void TaskThreads::finish(node::Task::Work& work) {
 
 void TaskThreads::finish_rungs(node::Task::Work& work) {
   if (rungs_.empty()) return;
-  for (auto& [rung, bytes] : task_->finish_rungs(work, config_.clock())) {
-    bytes_ += bytes.size();
-    port_.publish(rungs_[rung], std::make_shared<const node::Task::Bytes>(std::move(bytes)));
-  }
+  for (auto& [rung, bytes] : task_->finish_rungs(work, config_.clock()))
+    port_.publish(rungs_[rung], net::as_message(std::move(bytes)));
 }
 
 /// Duration of the last second stage, or of the current one so far if longer.
@@ -155,8 +153,12 @@ node::NodeStats TaskThreads::stats() const {
   if (config_.makes_packets) out.frames = packets_, out.bytes = bytes_;
   for (const auto& more : {drops_.by_cause(), port_.drops()})
     for (const auto& [cause, n] : more) out.drops[cause] += n;
-  if (const auto refused = limits_.refused(); refused > 0)
-    out.drops["requests to " + task_->id() + ": too soon after others"] = refused;
+  const auto add_refused = [&](const std::string& name, std::uint64_t refused) {
+    if (refused > 0) out.drops["requests to " + name + ": too soon after others"] = refused;
+  };
+  add_refused(task_->id(), limits_.refused());
+  for (std::size_t i = 0; i < rungs_.size(); ++i)
+    add_refused(rungs_[i], rung_limits_[i]->refused());
   return out;
 }
 
