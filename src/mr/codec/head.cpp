@@ -42,12 +42,12 @@ std::vector<std::byte> HeadWriter::write(Packet packet) {
   if (!follows || is_large || (due && !change.empty())) {
     base_ = base_of(packet);
     change = change_between(*base_, packet);
-    to_bring_ = kBroughtBy;
+    to_bring_ = brought_by_;
     repeated_ = repeated_lately_ = 0;
   } else if (due) {
     to_bring_ = std::max(to_bring_, 1);
   }
-  if (asked_.exchange(false)) to_bring_ = kBroughtBy;
+  if (asked_.exchange(false)) to_bring_ = brought_by_;
   const bool bring = to_bring_ > 0;
   if (bring) --to_bring_, brought_ = packet.sequence;
   return encode_packet(packet, *base_, change, bring);

@@ -28,7 +28,7 @@ namespace mr::codec {
 class HeadWriter {
  public:
   static constexpr std::uint64_t kWholeEvery = 30;  ///< packets, at the latest
-  static constexpr int kBroughtBy = 3;              ///< consecutive packets that contain a new base
+  static constexpr int kBroughtBy = 3;  ///< consecutive packets that contain a new base, usually
 
   /// Encodes the node's next packet. Its field `streams` is set from the texture units written so
   /// far.
@@ -41,20 +41,26 @@ class HeadWriter {
            has_repeated_much(repeated_ + repeated_lately_);
   }
 
+  /// One packet alone contains a new base: fewer bytes, and who loses it has to ask. Before the
+  /// first write().
+  void bring_once() { brought_by_ = 1; }
+
   /// A receiver lacks the base: the next packets contain it.
   void ask_whole() { asked_ = true; }
 
  private:
   void note_streams(Packet& packet);
   void note_repeated(const PacketChange& change, const std::vector<ChunkKey>& manifest);
-  bool has_repeated_much(std::size_t keys) const { return keys > kBroughtBy * manifest_.size(); }
+  bool has_repeated_much(std::size_t keys) const {
+    return keys > static_cast<std::size_t>(brought_by_) * manifest_.size();
+  }
 
   std::shared_ptr<const Packet> base_;
   std::vector<ChunkKey> manifest_;  ///< of the last packet
   // Keys, of changes that packets since the base told again: of all, of the last one.
   std::size_t repeated_ = 0, repeated_lately_ = 0;
   std::uint64_t brought_ = 0;  ///< sequence of the last packet that contained it
-  int to_bring_ = 0;
+  int to_bring_ = 0, brought_by_ = kBroughtBy;
   std::map<StreamId, std::uint32_t> serials_;  ///< serial of each stream's newest unit
   std::atomic<bool> asked_ = false;
 };

@@ -24,8 +24,12 @@ void ChunkPublisher::put(const ChunkId& id, SurfacePiece piece) {
   const auto before = live_.find(id);
   if (reuse_ && before != live_.end() && before->second.piece.mesh == piece.mesh) return;
   Live chunk{publications_ + 1, std::move(piece)};
-  if (before != live_.end())
-    chunk.before = before->second.is_new ? before->second.before : before->second.version;
+  chunk.since = publications_;
+  if (before != live_.end()) {
+    const Live& old = before->second;
+    chunk.before = old.is_new ? old.before : old.version;
+    if (old.is_new && old.adds_surface) chunk.since = old.since;
+  }
   live_[id] = std::move(chunk);
 }
 
@@ -95,13 +99,16 @@ bool ChunkPublisher::set_all_still(std::map<Vec3i, SurfacePiece> pieces) {
   return any_outdated;
 }
 
-/// The chunks to be sent; of the still surface first those that show where nothing was.
+/// The chunks to be sent; of the still surface first those that show where nothing was, then what
+/// has waited for longest.
 std::vector<ChunkPublisher::Item*> ChunkPublisher::fresh(Layer layer) {
   std::vector<Item*> out;
   for (Item& item : live_)
     if (item.first.layer == layer && (item.second.is_new || !reuse_)) out.push_back(&item);
-  std::stable_partition(out.begin(), out.end(),
-                        [](const Item* item) { return item->second.before == 0; });
+  if (layer == Layer::still)
+    std::ranges::stable_sort(out, {}, [](const Item* item) {
+      return std::pair(item->second.before != 0, item->second.since);
+    });
   return out;
 }
 
@@ -195,6 +202,14 @@ std::set<Vec3i> ChunkPublisher::waiting_still() const {
     if (chunk.is_new && chunk.version <= publications_ && chunk.adds_surface &&
         id.layer == Layer::still)
       out.insert(id.cube);
+  return out;
+}
+
+std::uint32_t ChunkPublisher::sent_until() const {
+  std::uint32_t out = publications_;
+  for (const auto& [id, chunk] : live_)
+    if (chunk.is_new && chunk.adds_surface && id.layer == Layer::still)
+      out = std::min(out, chunk.since);
   return out;
 }
 

@@ -59,6 +59,8 @@ class ChunkPublisher {
   /// The cubes whose still surface waits to be sent: surface that packets have had, with other
   /// views, does not count.
   std::set<Vec3i> waiting_still() const;
+  /// All still surface that was set before this many publications was sent.
+  std::uint32_t sent_until() const;
 
   /// Those of the chunks that are still known, coded as an answer; empty when none is. Any thread.
   std::vector<std::byte> answer(std::vector<ChunkKey> wanted) const;
@@ -72,6 +74,7 @@ class ChunkPublisher {
     bool is_new = true;        // not published yet
     bool is_outdated = false;  // some views should be others since the last set_all_still()
     bool adds_surface = true;  // else only views are other than in the version before
+    std::uint32_t since = 0;   // publications, when the first surface was set that waits
     std::uint32_t before = 0;  // the version that packets name until this one is published; 0: none
     std::optional<EncodedChunk> coded = {};  // new ones only
   };

@@ -83,7 +83,7 @@ Result<std::vector<std::byte>> MergeNode::send(const CaptureSet& captures, const
   Packet packet = head(captures, plan);
   add_sources(packet);
   if (const Status coded = code(captures, packet); !coded) return coded.error();
-  if (publisher_.waiting_still().empty()) still_.receipts().release();
+  still_.receipts().release(publisher_.sent_until());
   ++sequence_;
   add_marks(captures, started, packet);
   if (!rate_) return writer_.write(std::move(packet));

@@ -52,6 +52,7 @@ class MergeNode {
   /// From then on a model chooses plans, for the root. Not null. Before the first merge().
   void control_rate(std::shared_ptr<const rate::Model> model) {
     rate_ = std::make_unique<RateControl>(*scene_, std::move(model));
+    writer_.bring_once();
   }
   /// The plan of all nodes that rate control has chosen, if it changed. After a merge().
   std::optional<ScenePlan> take_plan() { return rate_ ? rate_->take_plan() : std::nullopt; }

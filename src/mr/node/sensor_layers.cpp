@@ -36,10 +36,10 @@ SensorLayers::SensorLayers(const Scene& scene, SensorId id,
     outline_.emplace(depth, view->camera(), view->T_world_camera.inverse());
 }
 
-still::BackgroundUpdate SensorLayers::observe(const Frame& frame, bool is_sent) {
+still::BackgroundUpdate SensorLayers::observe(const Frame& frame, std::uint32_t shown) {
   const bool was_new = background_.is_new();
   const still::BackgroundUpdate update =
-      trace_->time("background", [&] { return background_.update(frame.depth, is_sent); });
+      trace_->time("background", [&] { return background_.update(frame.depth, shown); });
   const bool is_learnt = was_new && !background_.is_new();  // it is cleaned otherwise now
   is_outdated_ |= update.still_changed || is_learnt;
   began_anew_ |= update.was_reset;
@@ -50,20 +50,23 @@ still::BackgroundUpdate SensorLayers::observe(const Frame& frame, bool is_sent) 
 void SensorLayers::recall(Memory memory) {
   background_ = std::move(memory.background), plate_ = std::move(memory.plate);
   is_outdated_ = true;  // unchanged chunks are not reconstructed again
+  shown_ = made_ = 0;
 }
 
-/// Whether the merger shows all chunks of the still surface. Where it does so with the next tick,
-/// nobody is waited for: the background waits for some captures by itself. Who never says so is not
-/// waited for for ever.
-bool SensorLayers::is_shown() {
+/// Of how many changes of the still picture the merger shows the surface. Where it does so with the
+/// next tick, nobody is waited for: the background waits for some captures by itself. Who never
+/// says so is not waited for for ever.
+std::uint32_t SensorLayers::shown_changes() {
   // Captures. Where rate is controlled, still surface may wait for long before it is sent.
   constexpr int kPatience = 300, kPatienceWithRate = 3000;
-  if (is_outdated_ || job_.is_busy() || !unsent_.empty()) return false;
   const bool is_fixed = scene_->rate.model == RateConfig::Model::fixed;
-  const bool is_at_once = work_ == StillWork::at_once && is_fixed;
-  const bool shown = is_at_once || (on_the_way_ == 0 && shown_ >= sent_);
-  waited_ = shown ? 0 : waited_ + 1;
-  return shown || waited_ > (is_fixed ? kPatience : kPatienceWithRate);
+  const bool is_made = !is_outdated_ && !job_.is_busy() && unsent_.empty();
+  if (work_ == StillWork::at_once && is_fixed) return is_made ? still::Background::kAll : 0;
+  const std::lock_guard lock(sent_mutex_);
+  const bool is_all_shown = is_made && on_the_way_.empty() && sent_.empty();
+  if (is_all_shown) shown_ = made_;
+  waited_ = is_all_shown ? 0 : waited_ + 1;
+  return waited_ > (is_fixed ? kPatience : kPatienceWithRate) ? made_ : shown_;
 }
 
 /// The cleaned depth of a mask. Mixed pixels are known by the surfaces on both sides, so more than
@@ -95,7 +98,7 @@ Result<SensorLayers::Divided> SensorLayers::divide(const Frame& frame, double st
   const Camera& camera = registration_->depth_camera();
   Divided out;
   // Until the still surface is shown, the moving one shows what has become still.
-  still::BackgroundUpdate update = observe(frame, is_shown());
+  still::BackgroundUpdate update = observe(frame, shown_changes());
   trace_->time("clean", [&] {
     out.moving = clean_where(update.moving, camera, frame);
     out.confirmed_depth = still::confirmed_tiles(update.confirmed, update.moving);
@@ -139,6 +142,7 @@ Status SensorLayers::accept(Chunks made) {
     return made.error();
   }
   chunks_ = surface_.chunks();
+  made_ = begun_;
   std::ranges::move(*made, std::back_inserter(unsent_));  // newer ones come later
   return {};
 }
@@ -149,7 +153,7 @@ Status SensorLayers::update_surface(const Frame& frame, double error_m) {
     if (const Status accepted = accept(*std::move(made)); !accepted) return accepted;
   const bool is_replanned = error_m != error_m_ && chunks_ > 0;
   if ((!is_outdated_ && !is_replanned) || job_.is_busy()) return {};
-  is_outdated_ = false, error_m_ = error_m;
+  is_outdated_ = false, error_m_ = error_m, begun_ = background_.changes();
   Frame still;
   still.sensor = frame.sensor, still.depth = background_.still();
   still.T_world_depth = frame.T_world_depth;
@@ -164,14 +168,24 @@ Status SensorLayers::update_surface(const Frame& frame, double error_m) {
 
 SensorLayers::News SensorLayers::take_news() {
   News out{std::exchange(unsent_, {}), std::exchange(began_anew_, false)};
-  if (!out.chunks.empty()) ++on_the_way_, waited_ = 0;
+  if (out.chunks.empty()) return out;
+  waited_ = 0;
+  const std::lock_guard lock(sent_mutex_);
+  on_the_way_.push_back(made_);
   return out;
 }
 
+void SensorLayers::note_sent(std::uint64_t sequence) {
+  const std::lock_guard lock(sent_mutex_);
+  if (on_the_way_.empty()) return;
+  sent_.emplace_back(sequence, on_the_way_.front());
+  on_the_way_.pop_front();
+}
+
 void SensorLayers::note_shown(std::uint64_t sequence) {
-  std::uint64_t before = shown_;
-  while (before < sequence + 1 && !shown_.compare_exchange_weak(before, sequence + 1)) {
-  }
+  const std::lock_guard lock(sent_mutex_);
+  for (; !sent_.empty() && sent_.front().first <= sequence; sent_.pop_front())
+    shown_ = sent_.front().second;
 }
 
 }  // namespace mr::node

@@ -1,8 +1,9 @@
 #pragma once
 
-#include <atomic>
 #include <cstddef>
 #include <cstdint>
+#include <deque>
+#include <mutex>
 #include <optional>
 #include <vector>
 
@@ -32,7 +33,7 @@ class SensorLayers {
                StillWork work, Trace& trace);
 
   /// Learns the room from an undistorted frame that is not reconstructed.
-  void learn(const Frame& frame) { observe(frame, false); }
+  void learn(const Frame& frame) { observe(frame, 0); }
   /// Whether most of the room is still to be learnt.
   bool is_new() const { return background_.is_new(); }
 
@@ -67,15 +68,15 @@ class SensorLayers {
   /// What the next packet is to bring; once.
   News take_news();
   /// The packet with that sequence brings chunks of take_news().
-  void note_sent(std::uint64_t sequence) { sent_ = sequence + 1, --on_the_way_; }
+  void note_sent(std::uint64_t sequence);
   /// The merger shows the still surface as that packet had it.
   void note_shown(std::uint64_t sequence);
 
  private:
   using Chunks = Result<std::vector<StillChunk>>;
 
-  still::BackgroundUpdate observe(const Frame& frame, bool is_sent);
-  bool is_shown();
+  still::BackgroundUpdate observe(const Frame& frame, std::uint32_t shown);
+  std::uint32_t shown_changes();
   still::Outline find_outline(const Frame& frame, const Divided& divided, const ImageMask& foreign);
   ImageDepth clean_where(const ImageMask& mask, const Camera& camera, const Frame& frame) const;
   Chunks reconstruct(const Frame& still, int readings, double error_m);
@@ -93,13 +94,17 @@ class SensorLayers {
   StillSurface surface_;                         ///< the job's, while that is busy
   std::size_t chunks_ = 0;                       ///< of the surface
   std::vector<StillChunk> unsent_;               ///< changed, and no packet was begun with them
-  bool is_outdated_ = false;         ///< the still picture changed since chunks were last begun
-  double error_m_ = 0;               ///< to which these are decimated
-  bool began_anew_ = false;          ///< and nobody was told yet
-  int waited_ = 0;                   ///< captures, for word that the newest chunks are shown
-  std::atomic<int> on_the_way_ = 0;  ///< frames with chunks, taken and not coded yet
-  /// One more than the sequence of the newest packet with chunks, and of the newest that is shown.
-  std::atomic<std::uint64_t> sent_ = 0, shown_ = 0;
+  bool is_outdated_ = false;  ///< the still picture changed since chunks were last begun
+  double error_m_ = 0;        ///< to which these are decimated
+  bool began_anew_ = false;   ///< and nobody was told yet
+  int waited_ = 0;            ///< captures, for word that the newest chunks are shown
+  // Changes of the still picture, as the background counts them:
+  std::uint32_t begun_ = 0;               ///< of which the surface is being reconstructed
+  std::uint32_t made_ = 0;                ///< of which it was
+  std::mutex sent_mutex_;                 ///< guards what is below
+  std::deque<std::uint32_t> on_the_way_;  ///< in frames that were taken and are not coded yet
+  std::deque<std::pair<std::uint64_t, std::uint32_t>> sent_;  ///< by packets, which are not shown
+  std::uint32_t shown_ = 0;
   SideJob<Chunks> job_;  ///< last: it uses what is above
 };
 

@@ -13,7 +13,8 @@ void StillReceipts::publish(std::optional<Sequences> inputs, bool is_whole,
   if (not_whole_.empty() || !is_whole) return;
   Sequences brought = std::exchange(not_whole_, {});
   if (is_root_) {
-    for (const auto& [input, packet] : brought) unsent_[input] = packet;
+    for (const auto& [input, packet] : brought) unsent_[sequence][input] = packet;
+    if (unsent_.size() > kMostWaiting) merge_oldest();
     return;
   }
   const std::lock_guard lock(mutex_);
@@ -21,9 +22,16 @@ void StillReceipts::publish(std::optional<Sequences> inputs, bool is_whole,
   if (waiting_.size() > kMostWaiting) waiting_.pop_front();
 }
 
-void StillReceipts::release() {
+/// The oldest two are told with the second of them.
+void StillReceipts::merge_oldest() {
+  auto oldest = unsent_.extract(unsent_.begin());
+  unsent_.begin()->second.merge(std::move(oldest.mapped()));
+}
+
+void StillReceipts::release(std::uint64_t before) {
   const std::lock_guard lock(mutex_);
-  for (const auto& [input, packet] : std::exchange(unsent_, {})) shown_[input] = packet;
+  for (; !unsent_.empty() && unsent_.begin()->first < before; unsent_.erase(unsent_.begin()))
+    for (const auto& [input, packet] : unsent_.begin()->second) shown_[input] = packet;
 }
 
 void StillReceipts::acknowledge(std::uint64_t sequence) {

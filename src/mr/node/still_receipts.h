@@ -29,11 +29,11 @@ class StillReceipts {
 
   /// The node's packet `sequence` brings a still surface made of the inputs' packets `inputs`;
   /// nothing: of the same as before. `is_whole`: no triangle of it is withheld. A root's is told
-  /// from release() on.
+  /// once it was sent: see release().
   void publish(std::optional<Sequences> inputs, bool is_whole, std::uint64_t sequence);
 
-  /// The root has sent all of what was published.
-  void release();
+  /// The root has sent all still surface that was published for packets before this one.
+  void release(std::uint64_t before);
 
   /// The node above shows the still surface of this node's packet `sequence`. Any thread.
   void acknowledge(std::uint64_t sequence);
@@ -43,10 +43,12 @@ class StillReceipts {
   std::vector<std::pair<std::size_t, std::uint64_t>> take();
 
  private:
+  void merge_oldest();
+
   bool is_root_;
   Sequences taken_;
-  Sequences not_whole_;  ///< published with triangles withheld
-  Sequences unsent_;     ///< published by the root, and not sent yet
+  Sequences not_whole_;                        ///< published with triangles withheld
+  std::map<std::uint64_t, Sequences> unsent_;  ///< by the root, by own sequence
   std::mutex mutex_;
   Sequences shown_;                                          ///< not told yet
   std::deque<std::pair<std::uint64_t, Sequences>> waiting_;  ///< own sequence, what it brought

@@ -21,6 +21,7 @@ constexpr int kFirstQp = 42;     // of the first captures, while nothing is know
 constexpr int kFinerAtOnce = 6;  // quantisers, from one capture to the next
 constexpr double kUsualKey = 8;  // key frames, in other frames, until one was seen
 constexpr double kErrorPower = 0.3;  // bytes of the mesh fall with this power of the error limit
+constexpr double kFinerMesh = 1.4;   // errors, by a step
 constexpr double kLeast_mbps = 0.01;
 constexpr double kRepay = 4;                         // captures over which credit is used
 constexpr double kMostCredit = 3;                    // captures' worth, saved
@@ -100,8 +101,7 @@ double Controller::allowed() const {
 
 /// What of a capture's share is for the backlog.
 double Controller::for_backlog(double backlog) const {
-  const double share = is_best_effort_ ? kMostForBacklog : kLeastForBacklog;
-  return std::min(share * bytes_of(target_mbps_), purse_room(backlog));
+  return std::min(kLeastForBacklog * bytes_of(target_mbps_), purse_room(backlog));
 }
 
 double Controller::purse_room(double backlog) const {
@@ -117,25 +117,34 @@ double Controller::left() const {
   return left;
 }
 
+/// What the setting in force takes with another quantiser.
+double Controller::mbps_at(int qp) const {
+  return mbps_of(geometry_ + texture_ * std::exp(-kPerQp * (qp - setting_.qp)));
+}
+
+/// Whether even the finest quantiser of the setting in force leaves some of a rate: by what it is
+/// expected to take, or as it did for some captures.
+bool Controller::is_idle(double mbps) const {
+  const bool is_saved = credit_ > 0.6 * kMostCredit * bytes_of(target_mbps_);
+  return mbps_at(kFinestQp) < 0.9 * mbps || (at_finest_ >= kDecideEvery && is_saved);
+}
+
 /// A change is urgent where the setting does not fit, or where the target has changed.
 bool Controller::is_worth_it(const Setting& wanted, double budget_mbps) const {
   if (wanted == setting_) return false;
   if (!has_chosen_ || target_changed_) return true;
   const double needed = mbps_of(geometry_ + texture_);
   const bool is_reversal = direction_ != 0 && direction_of(setting_, wanted) != direction_;
-  const auto at_qp = [&](int qp) {
-    return mbps_of(geometry_ + texture_ * std::exp(-kPerQp * (qp - setting_.qp)));
-  };
-  const bool is_urgent = needed > 1.3 * budget_mbps || at_qp(kCoarsestQp) > budget_mbps;
+  const bool is_urgent = needed > 1.3 * budget_mbps || mbps_at(kCoarsestQp) > budget_mbps;
   if (is_urgent) return true;
   if ((direction_of(setting_, wanted) > 0) == (needed > budget_mbps)) return false;
-  // Even the finest quantiser leaves some of the budget.
-  const bool is_idle = at_qp(kFinestQp) < 0.9 * budget_mbps;
-  if (is_idle && (wanted.error_voxels > setting_.error_voxels || wanted.scale < setting_.scale))
+  const bool idle = is_idle(budget_mbps);
+  if (idle && (wanted.error_voxels > setting_.error_voxels || wanted.scale < setting_.scale))
     return false;
-  const double hold_s = is_reversal && !is_idle ? kHoldReversal_s : kHold_s;
+  const double hold_s = is_reversal && !idle ? kHoldReversal_s : kHold_s;
   if (since_change_ < hold_s * fps_) return false;
-  return needed > 1.1 * budget_mbps || needed < 0.7 * budget_mbps;
+  const bool is_free = idle && wanted.scale == setting_.scale;  // no key frame
+  return is_free || needed > 1.1 * budget_mbps || needed < 0.7 * budget_mbps;
 }
 
 void Controller::take(const Setting& setting) {
@@ -170,6 +179,11 @@ void Controller::decide(double for_setting_mbps) {
   Setting wanted = has_ample(for_setting_mbps)
                        ? kFinestSetting
                        : model_->choose(observed_, for_setting_mbps * nominal_fps_ / fps_);
+  // What the model expects of finer pictures may be wrong: finer meshes by steps use what is left.
+  if (captures_ >= kFewest && is_idle(for_setting_mbps) && direction_of(setting_, wanted) <= 0) {
+    wanted = setting_;
+    wanted.error_voxels = std::max(setting_.error_voxels / kFinerMesh, kFinestSetting.error_voxels);
+  }
   wanted.error_voxels = within_limits(wanted.error_voxels);
   if (is_worth_it(wanted, for_setting_mbps)) take(wanted);
   has_chosen_ = true, target_changed_ = false, since_decision_ = 0;
@@ -240,6 +254,7 @@ void Controller::sent(const CaptureBytes& bytes) {
                        (planned_.skipped ? fps_ : kMostCredit) * share);
   if (planned_.skipped) return;
   ++sent_;
+  at_finest_ = budget_.qp <= kFinestQp ? at_finest_ + 1 : 0;
   const double texture = bytes.texture * std::exp(kPerQp * (budget_.qp - setting_.qp));
   const auto weight = [](int before) { return 1 / std::min<double>(before + 1, kMeanOver); };
   geometry_ += weight(captures_++) * (bytes.geometry - geometry_);

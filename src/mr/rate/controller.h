@@ -53,7 +53,7 @@ struct CaptureBytes {
 ///   captures as near to the target as quantisers allow, over every second below kMostInASecond of
 ///   it, key frames included.
 /// - Still surface and plates wait in a backlog. They get what the moving surface leaves, and at
-///   least kLeastForBacklog of the target (kMostForBacklog), spread over the captures. What they do
+///   least kLeastForBacklog of the target, spread over the captures. What they do
 ///   not take at once, since pictures come in one piece, is kept for them.
 /// - Where the coarsest setting does not fit, captures are left out.
 ///
@@ -62,9 +62,6 @@ class Controller {
  public:
   static constexpr double kMostInASecond = 1.08;
   static constexpr double kLeastForBacklog = 0.35;
-  /// The same where the target is below what moves takes: at a start most of that is the room,
-  /// which ceases to move once it was sent as still surface.
-  static constexpr double kMostForBacklog = 0.7;
 
   /// `model` must not be null. `target_mbps`: see set_target().
   Controller(std::shared_ptr<const Model> model, bool layers, double fps, double target_mbps);
@@ -101,6 +98,8 @@ class Controller {
  private:
   double bytes_of(double mbps) const { return mbps * 1e6 / 8 / fps_; }
   double mbps_of(double bytes) const { return bytes * 8e-6 * fps_; }
+  double mbps_at(int qp) const;
+  bool is_idle(double mbps) const;
   bool has_ample(double mbps) const;
   void decide(double for_setting_mbps);
   int qp_of_rest() const;
@@ -126,6 +125,7 @@ class Controller {
   double geometry_ = 0, texture_ = 0, key_ = 0;  ///< bytes of a capture; texture at setting_.qp
   std::uint64_t sent_ = 0;                       ///< captures in all
   int captures_ = 0, textures_ = 0;              ///< in these means; without key frames
+  int at_finest_ = 0;                            ///< captures in a row with the finest quantiser
   bool key_frame_needed_ = false;  ///< the scale changed, and no key frame was sent since
   CapturePlan planned_;
   CaptureBudget budget_;

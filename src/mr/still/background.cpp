@@ -103,9 +103,9 @@ double Background::least_region() const {
 
 bool Background::is_new() const { return captures_ < 2 * kFreezeEvery; }
 
-BackgroundUpdate Background::update(const ImageDepth& depth, bool is_sent) {
+BackgroundUpdate Background::update(const ImageDepth& depth, std::uint32_t shown) {
   MR_ASSERT(depth.width == width_ && depth.height == height_);
-  is_sent_ = is_sent;
+  shown_ = shown;
   BackgroundUpdate out;
   measure_noise(depth);
   read_pixels(depth);
@@ -227,7 +227,7 @@ Background::Reading Background::read(float depth, PixelModel& known,
   }
   trust(known, detail);
   known.has_candidate = known.is_farther = false;
-  if (is_sent_ && known.age < kHandOver) ++known.age;
+  if (known.age < kHandOver && shown_ > 0 && detail.change <= shown_) ++known.age;
   // A trimmed mean: deviating depths do not count, so that a foot on the floor does not shift it.
   if (std::abs(off) > kTrusted_sigmas * sigma + kRounding_m / 2) return Reading::agrees;
   if (known.count < kMostReadings)
@@ -593,8 +593,9 @@ bool Background::freeze() {
     changed |= was != mean;
     still_.data[i] = mean;
     details_[i].frozen_count = now.count;
-    if (other) now.age = 0;
+    if (other) now.age = 0, details_[i].change = changes_ + 1;
   }
+  changes_ += changed;
   return changed;
 }
 

@@ -52,17 +52,20 @@ class Background {
   /// For an undistorted depth camera that does not move.
   Background(const Camera& camera, const Pose& T_world_camera, const BackgroundConfig& config);
 
+  static constexpr std::uint32_t kAll = 0xFFFFFFFFu;
   /// Learns from a capture and segments it. `depth`: as measured (not filtered), of the camera's
-  /// size. `is_sent`: its foreground will be reconstructed and sent; otherwise the capture only
-  /// serves for learning and does not count for the hand-over of pixels between the two surfaces.
+  /// size. `shown`: of still() so many changes are shown (changes()); only their pixels are handed
+  /// over from the moving surface to the still one. 0: the capture only serves for learning.
   /// Parallel; the same result on any number of threads.
-  BackgroundUpdate update(const ImageDepth& depth, bool is_sent = true);
+  BackgroundUpdate update(const ImageDepth& depth, std::uint32_t shown = kAll);
 
   /// Forgets the model.
   void reset();
 
   /// Depth of the background, 0 where it is unknown.
   const ImageDepth& still() const { return still_; }
+  /// How often that has changed.
+  std::uint32_t changes() const { return changes_; }
 
   /// Noise of the depth as a multiple of `precision`, 1 .. 4, estimated from the 30th percentile of
   /// the changes between captures.
@@ -99,6 +102,7 @@ class Background {
     Surface candidate;         ///< recent depths that agree with each other but not with the model
     std::uint16_t region = 0;  ///< of an absorbed object: index into regions_
     std::uint16_t frozen_count = 0;  ///< readings in the mean that still_ holds
+    std::uint32_t change = 0;        ///< by which still_ got this depth, as changes() counts them
     /// Recent captures without depth and without motion, minus kAgainstDoubt for each valid depth.
     std::uint16_t doubt = 0;
   };
@@ -156,8 +160,9 @@ class Background {
   ImageDepth still_, previous_;
   std::vector<AbsorbedRegion> regions_;  ///< [id], 0: none
   std::uint64_t captures_ = 0;
-  int pushed_for_ = 0;   ///< consecutive captures in which most pixels disagreed
-  bool is_sent_ = true;  ///< of the current capture
+  int pushed_for_ = 0;  ///< consecutive captures in which most pixels disagreed
+  std::uint32_t changes_ = 0;
+  std::uint32_t shown_ = kAll;  ///< of the changes, as of the current capture
   float noise_ = 1;
   // Of the current capture:
   bool any_contradicted_ = false, any_stopped_ = false;  ///< pixels
