@@ -47,22 +47,8 @@ class GatewayTest : public testing::Test {
     scene_.sensors[0].id = "cam-0", scene_.sensors[1].id = "cam-1";
     scene_.mergers.push_back({});
     scene_.mergers.back().id = "sender";
-    slower_service_ = transport_->serve("sender~1", [this](std::span<const std::byte> question) {
-      const std::lock_guard lock(mutex_);
-      const auto request = codec::decode_control(question);
-      if (!request) return net::Message();
-      if (request->target_mbps) slower_targets_.push_back(*request->target_mbps);
-      auto answer = slower_.answer(*request);
-      return answer.empty() ? net::Message() : net::as_message(std::move(answer));
-    });
-    service_ = transport_->serve("sender", [this](std::span<const std::byte> question) {
-      const std::lock_guard lock(mutex_);
-      const auto request = codec::decode_control(question);
-      if (!request) return net::Message();
-      if (request->target_mbps) targets_.push_back(*request->target_mbps);
-      auto answer = sender_.answer(*request);
-      return answer.empty() ? net::Message() : net::as_message(std::move(answer));
-    });
+    service_ = serve("sender", sender_, targets_);
+    slower_service_ = serve("sender~1", slower_, slower_targets_);
     auto policy = AccessPolicy::open(config, {});
     ASSERT_TRUE(policy) << policy.error().message;
     const node::NodeLog log{
@@ -82,6 +68,18 @@ class GatewayTest : public testing::Test {
         std::move(gateway), *transport_, log,
         runtime::TaskThreads::Config{
             .makes_packets = false, .folds = false, .longest_wait = 100ms});
+  }
+
+  std::unique_ptr<net::Subscription> serve(const std::string& name, test::Sender& sender,
+                                           std::vector<double>& targets) {
+    return transport_->serve(name, [this, &sender, &targets](std::span<const std::byte> question) {
+      const std::lock_guard lock(mutex_);
+      const auto request = codec::decode_control(question);
+      if (!request) return net::Message();
+      if (request->target_mbps) targets.push_back(*request->target_mbps);
+      auto answer = sender.answer(*request);
+      return answer.empty() ? net::Message() : net::as_message(std::move(answer));
+    });
   }
 
   void publish(const Packet& packet) { publish(codec::encode_packet(packet)); }

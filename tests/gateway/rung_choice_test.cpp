@@ -25,6 +25,15 @@ void move_all(RungChoice& choice, TimePoint now) {
   choice.update(now);
 }
 
+/// Two viewers who have said what they want.
+RungChoice with_two(double first_mbps, double second_mbps, std::size_t streams = 3) {
+  RungChoice out(streams, 20);
+  out.opened(1, kStart), out.opened(2, kStart);
+  EXPECT_TRUE(out.want(1, first_mbps) && out.want(2, second_mbps));
+  out.update(kStart);
+  return out;
+}
+
 TEST(RungChoice, WhoeverSaysNothingGetsTheMost) {
   RungChoice choice(3, 20);
   choice.update(kStart);
@@ -50,10 +59,7 @@ TEST(RungChoice, OneViewerStaysOnTheRootsOwnStream) {
 }
 
 TEST(RungChoice, WhoeverWantsLessMovesOnceItsStreamIsThere) {
-  RungChoice choice(3, 20);
-  choice.opened(1, kStart), choice.opened(2, kStart);
-  EXPECT_TRUE(choice.want(1, 3) && choice.want(2, 20));
-  choice.update(kStart);
+  RungChoice choice = with_two(3, 20);
   EXPECT_EQ(choice.rates(), (Rates{20, 3, kNone}));
   EXPECT_EQ(choice.moves(), (Moves{{1, 1}}));
   EXPECT_EQ(choice.served_by(1), 0u);
@@ -101,10 +107,7 @@ TEST(RungChoice, AStreamBecomesRicherOnceThoseHaveLeftThatWantLess) {
 }
 
 TEST(RungChoice, ButDoesNotWaitForEver) {
-  RungChoice choice(3, 20);
-  choice.opened(1, kStart), choice.opened(2, kStart);
-  EXPECT_TRUE(choice.want(1, 0.5) && choice.want(2, 0.5));
-  choice.update(kStart);
+  RungChoice choice = with_two(0.5, 0.5);
   EXPECT_TRUE(choice.want(2, 20));
   choice.update(kStart);
   EXPECT_EQ(choice.rates().front(), 0.5);
@@ -113,20 +116,14 @@ TEST(RungChoice, ButDoesNotWaitForEver) {
 }
 
 TEST(RungChoice, WhoGoesDownTakesNothingFromTheOthers) {
-  RungChoice choice(3, 20);
-  choice.opened(1, kStart), choice.opened(2, kStart);
-  EXPECT_TRUE(choice.want(1, 20) && choice.want(2, 20));
-  choice.update(kStart);
+  RungChoice choice = with_two(20, 20);
   EXPECT_TRUE(choice.want(2, 1));
   choice.update(kStart);
   EXPECT_EQ(choice.rates(), (Rates{20, 1, kNone}));
 }
 
 TEST(RungChoice, OneStreamHasTheLeastThatAnybodyWants) {
-  RungChoice choice(1, 20);
-  choice.opened(1, kStart), choice.opened(2, kStart);
-  EXPECT_TRUE(choice.want(1, 20) && choice.want(2, 4));
-  choice.update(kStart);
+  RungChoice choice = with_two(20, 4, 1);
   EXPECT_EQ(choice.rates(), Rates{4});
   EXPECT_TRUE(choice.moves().empty());
 }

@@ -1,10 +1,14 @@
 #include "scene/json_schema.h"
 
+#include <gtest/gtest.h>
+
 #include <algorithm>
 #include <cmath>
 #include <map>
 #include <regex>
 #include <stdexcept>
+
+#include "mr/core/file.h"
 
 namespace mr::test {
 namespace {
@@ -101,6 +105,16 @@ std::vector<const Json*> JsonSchema::parts(const Json& schema) const {
     if (schema.contains(key))
       for (const Json& inner : schema[key]) add(inner);
   return out;
+}
+
+std::string text_of(const std::filesystem::path& file) {
+  const auto bytes = read_file(file, 1 << 24);
+  EXPECT_TRUE(bytes) << file;
+  return bytes ? std::string(reinterpret_cast<const char*>(bytes->data()), bytes->size()) : "";
+}
+
+JsonSchema scene_schema() {
+  return JsonSchema(Json::parse(text_of(MR_SOURCE_DIR "/schema/scene.schema.json")));
 }
 
 }  // namespace mr::test

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <filesystem>
 #include <nlohmann/json.hpp>
 #include <string>
 #include <vector>
@@ -24,5 +25,14 @@ class JsonSchema {
 
   Json root_;
 };
+
+/// The text of a file; empty, and the test fails, where it cannot be read.
+std::string text_of(const std::filesystem::path& file);
+/// schema/scene.schema.json.
+JsonSchema scene_schema();
+/// A key of the schema: an entry of `properties` with a description. (Others only narrow one.)
+inline bool is_key(const Json& schema) {
+  return schema.is_object() && schema.contains("description");
+}
 
 }  // namespace mr::test

@@ -176,10 +176,12 @@ SensorLayers::News SensorLayers::take_news() {
 }
 
 void SensorLayers::note_sent(std::uint64_t sequence) {
+  constexpr std::size_t kMostUnconfirmed = 64;
   const std::lock_guard lock(sent_mutex_);
   if (on_the_way_.empty()) return;
   sent_.emplace_back(sequence, on_the_way_.front());
   on_the_way_.pop_front();
+  if (sent_.size() > kMostUnconfirmed) sent_.pop_front();  // the next one tells as much, later
 }
 
 void SensorLayers::note_shown(std::uint64_t sequence) {

@@ -53,8 +53,8 @@ struct CaptureBytes {
 ///   captures as near to the target as quantisers allow, over every second below kMostInASecond of
 ///   it, key frames included.
 /// - Still surface and plates wait in a backlog. They get what the moving surface leaves, and at
-///   least kLeastForBacklog of the target, spread over the captures. What they do
-///   not take at once, since pictures come in one piece, is kept for them.
+///   least kLeastForBacklog of the target, spread over the captures. What they do not take at once,
+///   since pictures come in one piece, is kept for them.
 /// - Where the coarsest setting does not fit, captures are left out.
 ///
 /// Time is counted in captures; no socket, no thread, no clock.
