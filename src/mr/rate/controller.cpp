@@ -10,8 +10,9 @@
 namespace mr::rate {
 namespace {
 
-constexpr int kDecideEvery = 6;   // captures
-constexpr int kFewest = 5;        // captures behind a mean that a decision uses
+constexpr int kDecideEvery = 6;  // captures
+constexpr int kFewest = 5;       // captures behind a mean that a decision uses
+constexpr int kFewestAtWorst = 2;
 constexpr double kReserve = 0.7;  // of an estimate
 constexpr int kStart = 30;        // captures in which what is known changes quickly
 constexpr double kMeanOver = 12;  // captures
@@ -136,8 +137,8 @@ bool Controller::is_worth_it(const Setting& wanted, double budget_mbps) const {
   const double needed = mbps_of(geometry_ + texture_);
   const bool is_reversal = direction_ != 0 && direction_of(setting_, wanted) != direction_;
   const bool is_urgent = needed > 1.3 * budget_mbps || mbps_at(kCoarsestQp) > budget_mbps;
-  if (is_urgent) return true;
   if ((direction_of(setting_, wanted) > 0) == (needed > budget_mbps)) return false;
+  if (is_urgent) return true;
   const bool idle = is_idle(budget_mbps);
   if (idle && (wanted.error_voxels > setting_.error_voxels || wanted.scale < setting_.scale))
     return false;
@@ -170,7 +171,8 @@ bool Controller::has_ample(double mbps) const {
 
 /// Lets the model choose for a rate, given what was produced lately.
 void Controller::decide(double for_setting_mbps) {
-  if (captures_ >= kFewest) {
+  // Where captures are left out, waiting for more of them takes long.
+  if (captures_ >= (is_best_effort_ ? kFewestAtWorst : kFewest)) {
     const double key = key_ > 0 ? key_ : kUsualKey * texture_;
     observed_.produced.push_back(
         {setting_, geometry_ * 8e-6 * nominal_fps_, (texture_ * (nominal_fps_ - 1) + key) * 8e-6});
