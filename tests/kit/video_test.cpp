@@ -143,6 +143,60 @@ TEST(Video, AnotherQuantiserGoesOnWithoutAKeyFrame) {
   EXPECT_NEAR(fine_again, fine, 1);
 }
 
+/// Rows of a picture, [top, bottom).
+ImageRgb rows_of(const ImageRgb& picture, int top, int bottom) {
+  ImageRgb out(picture.width, bottom - top);
+  std::copy_n(picture.row(top), out.data.size(), out.data.begin());
+  return out;
+}
+
+TEST(Video, BandsAreRefinedOneByOne) {
+  constexpr int kWidth = 320, kHeight = 240, kMiddle = 112;
+  const ImageRgb picture = waves(kWidth, kHeight, 0);
+  auto enc = encoder({.width = kWidth, .height = kHeight, .qp = 44, .bands = true});
+  auto dec = decoder();
+  const auto decoded = [&](const Result<AccessUnit>& unit) {
+    EXPECT_TRUE(unit);
+    return *dec.decode(unit->data);
+  };
+  const ImageRgb coarse = decoded(enc.encode(picture));
+  enc.set_qp(18);
+  const auto first = enc.encode_band(picture, {0, kMiddle});
+  const ImageRgb half = decoded(first);
+  EXPECT_FALSE(first->key_frame);
+  constexpr int kBorder = 8;  // next to it, the deblocking filter works
+  EXPECT_GT(psnr_db(rows_of(half, 0, kMiddle - kBorder), rows_of(picture, 0, kMiddle - kBorder)),
+            psnr_db(rows_of(coarse, 0, kMiddle), rows_of(picture, 0, kMiddle)) + 6);
+  const ImageRgb below = rows_of(picture, kMiddle + kBorder, kHeight);
+  EXPECT_GT(psnr_db(rows_of(half, kMiddle + kBorder, kHeight), below),
+            psnr_db(rows_of(coarse, kMiddle + kBorder, kHeight), below) - 0.1);
+  const auto second = enc.encode_band(picture, {kMiddle, kHeight});
+  const ImageRgb whole = decoded(second);
+  const ImageRgb above = rows_of(picture, 0, kMiddle - kBorder);
+  EXPECT_GT(psnr_db(rows_of(whole, 0, kMiddle - kBorder), above),
+            psnr_db(rows_of(half, 0, kMiddle - kBorder), above) - 0.1);
+
+  auto at_once = encoder({.width = kWidth, .height = kHeight, .qp = 44});
+  ASSERT_TRUE(at_once.encode(picture));
+  at_once.set_qp(18);
+  const auto all = at_once.encode(picture);
+  EXPECT_LT(first->data.size(), 0.7 * all->data.size());
+  EXPECT_LT(first->data.size() + second->data.size(), 1.1 * all->data.size());
+  EXPECT_NEAR(psnr_db(whole, picture), 45, 5);
+}
+
+TEST(Video, WhereBandsMayComeWholePicturesAreWhatTheyAre) {
+  auto enc = encoder({.width = 320, .height = 240, .qp = 30}),
+       with_bands = encoder({.width = 320, .height = 240, .qp = 30, .bands = true});
+  for (int t = 0; t < 4; ++t) {
+    const ImageRgb picture = waves(320, 240, t);
+    const auto plain = enc.encode(picture), other = with_bands.encode(picture);
+    ASSERT_TRUE(plain && other);
+    EXPECT_NEAR(static_cast<double>(other->data.size()), static_cast<double>(plain->data.size()),
+                0.02 * static_cast<double>(plain->data.size()));
+  }
+}
+
 TEST(Video, KeyFramesOnDemandStandAlone) {
   auto enc = encoder({.width = 128, .height = 96});
   for (int t = 0; t < 12; ++t) {

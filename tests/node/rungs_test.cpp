@@ -4,6 +4,7 @@
 
 #include <chrono>
 #include <optional>
+#include <thread>
 
 #include "mr/rate/models.h"
 #include "support/merger_rig.h"
@@ -23,11 +24,11 @@ Scene scene_with_rungs() { return test::rate_controlled(test::two_sensors_with_l
 /// A root whose sensors see something that moves, and its rungs.
 class RungsTest : public testing::Test {
  protected:
-  void make(node::NodeClock clock) {
+  void make(node::NodeClock clock, node::StillWork work = node::StillWork::at_once) {
     const std::shared_ptr<const rate::Model> model = *rate::open_model(root_.scene().rate, {});
     root_.node.control_rate(model);
     Rungs::Options options;
-    options.model = model, options.clock = std::move(clock);
+    options.model = model, options.clock = std::move(clock), options.still_work = work;
     rungs_.emplace(root_.scene(), root_.scene().mergers.front(), std::move(options));
   }
   RungsTest() { make({}); }
@@ -98,6 +99,26 @@ TEST_F(RungsTest, ARungShowsTheSameSurface) {
   const double area = surface_area_m2(root_.surface());
   EXPECT_NEAR(surface_area_m2(test::all_of(shown->chunks)), area, 0.05 * area);
   EXPECT_EQ(shown->textures.size(), root_.decoded().textures.size()) << "with its plates";
+}
+
+TEST_F(RungsTest, ARungBeginsInTheBackgroundWhereStillWorkIsDoneThere) {
+  make({}, node::StillWork::beside);
+  for (int i = 0; i < kLearnt; ++i) next();
+  want(0, 4);
+  EXPECT_TRUE(next().empty()) << "it has only begun";
+  Rungs::Packets packets;
+  for (int i = 0; packets.empty() && i < 1000; ++i) {
+    std::this_thread::sleep_for(10ms);
+    want(0, 4);
+    packets = next();
+  }
+  ASSERT_EQ(packets.size(), 1u);
+  test::PacketInbox inbox(root_.scene().lattice);
+  EXPECT_EQ(inbox.take(packets.front().second).sequence, 0u);
+  want(0, 4);
+  packets = next();
+  ASSERT_EQ(packets.size(), 1u);
+  EXPECT_EQ(inbox.take(packets.front().second).sequence, 1u);
 }
 
 TEST_F(RungsTest, EachKeepsToItsRate) {

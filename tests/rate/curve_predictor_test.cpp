@@ -140,5 +140,47 @@ TEST(CurvePredictor, KnowsItsOnlySceneAlmostByHeart) {
   }
 }
 
+TEST(CurvePredictor, WhatMovesIsWorthMoreWhereItWeighsMore) {
+  const Sweep sweep = made_sweep();
+  const RateSurface truth(grid_values(sweep));
+  Observation observed{true, sweep.features, {made_produced(truth, kUsualSetting)}};
+  for (const double mbps : {0.75, 0.9, 1.05}) {
+    observed.moving_weight = 0;
+    const Setting whole = predictor().choose(observed, mbps);
+    observed.moving_weight = 0.8;
+    const Setting moving = predictor().choose(observed, mbps);
+    EXPECT_LT(moving.error_voxels, whole.error_voxels) << mbps;
+    EXPECT_LE(truth.at(moving).mbps, 1.05 * mbps);
+  }
+}
+
+TEST(CurvePredictor, KeepsTheLatticeInForce) {
+  const Sweep sweep = made_sweep();
+  for (const int bits : kLattices)
+    for (const double mbps : {0.5, 2.0, 8.0}) {
+      Observation observed{true, sweep.features, {}};
+      observed.bits = bits;
+      EXPECT_EQ(predictor().choose(observed, mbps).bits, bits);
+    }
+}
+
+TEST(CurvePredictor, ChoosesTheLatticeWithTheTarget) {
+  const Sweep sweep = made_sweep();
+  const Observation observed{true, sweep.features, {}};
+  EXPECT_EQ(predictor().choose(observed, 0.6).bits, 9) << "cheaper, for some quality";
+  EXPECT_EQ(predictor().choose(observed, 500).bits, 11) << "the best there is";
+}
+
+TEST(CurvePredictor, ReadsRatesOnAnyLattice) {
+  const Sweep sweep = made_sweep();
+  const RateSurface truth(grid_values(sweep));
+  Observation observed{true, sweep.features, {}};
+  const Setting coarse{1, 9, 1, 28};
+  observed.produced = {{coarse, truth.geometry_mbps(1, 9), truth.texture_mbps(1, 28)}};
+  const RateSurface predicted = predictor().predict(observed);
+  EXPECT_NEAR(predicted.at(coarse).mbps, truth.at(coarse).mbps, 1e-9);
+  EXPECT_NEAR(predicted.at({1, 10, 1, 28}).mbps / truth.at({1, 10, 1, 28}).mbps, 1, 0.03);
+}
+
 }  // namespace
 }  // namespace mr::rate

@@ -380,12 +380,15 @@ TEST(SceneFeatures, ASensorWithoutColourHasNoColourEnergy) {
 TEST(MeanFeatures, CountColourOnlyOfSensorsThatHaveIt) {
   SensorFeatures with{true, {}}, without{false, {}};
   with.features.color.spatial = 6, with.features.depth.temporal = 2,
-  with.features.moving_pixels = 1;
+  with.features.moving_pixels = 1, with.features.mask_coverage = 0.5;
+  with.features.triangles = 1000;
   without.features.depth.temporal = 4;
   const SceneFeatures mean = mean_features(std::vector{with, without});
   EXPECT_EQ(mean.color.spatial, 6);
   EXPECT_EQ(mean.depth.temporal, 3);
   EXPECT_EQ(mean.moving_pixels, 0.5);
+  EXPECT_EQ(mean.mask_coverage, 0.25);
+  EXPECT_EQ(mean.triangles, 500);
   EXPECT_EQ(mean_features({}).depth.temporal, 0);
 }
 
@@ -393,14 +396,15 @@ TEST(SceneFeatures, TravelAsNumbers) {
   SceneFeatures features;
   features.color = {1, 2, 3, 4, -5, 6};
   features.depth = {7, 8, 9, 10, 11, 12};
-  features.moving_pixels = 0.25;
+  features.moving_pixels = 0.25, features.mask_coverage = 0.5, features.triangles = 1234;
   const std::vector<float> values = values_of(features);
-  EXPECT_EQ(values, (std::vector<float>{1, 2, 3, 4, -5, 6, 7, 8, 9, 10, 11, 12, 0.25f}));
+  EXPECT_EQ(values,
+            (std::vector<float>{1, 2, 3, 4, -5, 6, 7, 8, 9, 10, 11, 12, 0.25f, 0.5f, 1234}));
   const auto back = features_of(values);
   ASSERT_TRUE(back);
   EXPECT_EQ(values_of(*back), values);
   EXPECT_FALSE(features_of({}));
-  EXPECT_FALSE(features_of(std::span(values).first(12)));
+  EXPECT_FALSE(features_of(std::span(values).first(14)));
   std::vector<float> more = values;
   more.push_back(0);
   EXPECT_FALSE(features_of(more));

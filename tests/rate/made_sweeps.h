@@ -43,7 +43,19 @@ inline double made_ssim(const MadeScene& scene, double error_voxels, double scal
          0.003 * scene.textured * (std::exp(0.09 * (qp - 18)) - 1);
 }
 
-/// Of all nodes of the grid.
+/// What moves is a part of the picture, which loses more; of meshes above all.
+inline double made_moving_ssim(const MadeScene& scene, double error_voxels, double scale, int qp) {
+  return made_ssim(scene, error_voxels, scale, qp) - 0.06 * std::log1p(error_voxels);
+}
+
+/// What a lattice takes of the geometry's bytes, and what it adds to quality.
+struct MadeLattice {
+  int bits = kBits;
+  double rate = 1, ssim = 0;
+};
+inline constexpr MadeLattice kMadeLattices[] = {{9, 0.92, -0.0005}, {11, 1.08, 0.0002}};
+
+/// Of all nodes of the grid, and of the other lattices at one error.
 inline Sweep made_sweep(const MadeScene& scene = {}) {
   Sweep out;
   out.scene = scene.name, out.layers = scene.layers, out.fps = scene.fps;
@@ -52,6 +64,8 @@ inline Sweep made_sweep(const MadeScene& scene = {}) {
                   {"depth_spatial", 20'000 + 3000 * scene.moving},
                   {"depth_temporal", 5000 * scene.moving},
                   {"moving_percent", 2 * scene.moving},
+                  {"mask_percent", scene.layers ? 5 * scene.moving : 60},
+                  {"triangles", (scene.layers ? 5000 : 20'000) * scene.moving},
                   {"sensors", 4}};
   for (const double error : kErrorNodes_voxels)
     out.geometries.push_back({error, kBits, made_geometry_bytes(scene, error), 1000});
@@ -60,11 +74,34 @@ inline Sweep made_sweep(const MadeScene& scene = {}) {
     out.textures.push_back({scale, qp, scene.key_ratio * bytes, bytes});
   }
   for (std::size_t g = 0; g < kErrors; ++g)
-    for (std::size_t t = 0; t < kTextures; ++t)
+    for (std::size_t t = 0; t < kTextures; ++t) {
+      const double error = kErrorNodes_voxels[g];
+      const auto& [scale, qp] = kTextureNodes[t];
       out.qualities.push_back(
-          {g, t,
-           made_ssim(scene, kErrorNodes_voxels[g], kTextureNodes[t].scale, kTextureNodes[t].qp)});
+          {g, t, made_ssim(scene, error, scale, qp), made_moving_ssim(scene, error, scale, qp)});
+    }
+  for (const auto& [bits, rate, ssim] : kMadeLattices) {
+    const std::size_t usual = 1, g = out.geometries.size();
+    const double error = kErrorNodes_voxels[usual];
+    out.geometries.push_back({error, bits, rate * made_geometry_bytes(scene, error), 1000});
+    for (const std::size_t t : {2, 7}) {
+      const auto& [scale, qp] = kTextureNodes[t];
+      out.qualities.push_back({g, t, made_ssim(scene, error, scale, qp) + ssim,
+                               made_moving_ssim(scene, error, scale, qp) + 2 * ssim});
+    }
+  }
   return out;
+}
+
+/// The settings among which rate control chooses, on the grid's lattice.
+inline const std::vector<Setting>& candidates() {
+  static const std::vector<Setting> all = [] {
+    std::vector<Setting> out;
+    for (const RatePoint& p : candidate_points(RateSurface(grid_values(made_sweep())), kBits))
+      out.push_back(p.setting);
+    return out;
+  }();
+  return all;
 }
 
 /// Scenes of a kind that differ in all that a scene can differ in, by name.

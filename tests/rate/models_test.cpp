@@ -90,12 +90,12 @@ TEST(ModelsFile, IsTheSameWhenWrittenAgain) {
 }
 
 TEST(ModelsFile, OfAnotherVersionIsUnsupported) {
-  for (const char* version : {"0", "2", "-1"}) {
+  for (const char* version : {"0", "1", "3", "-1"}) {
     const auto read = models_from_json(with_number(small_file(), "\"version\": ", version));
     ASSERT_FALSE(read);
     EXPECT_EQ(read.error().cause, Error::Cause::unsupported) << read.error().message;
   }
-  EXPECT_EQ(models_from_json("{\"version\": 2}").error().cause, Error::Cause::unsupported);
+  EXPECT_EQ(models_from_json("{\"version\": 1}").error().cause, Error::Cause::unsupported);
 }
 
 TEST(ModelsFile, TruncatedIsRefused) {
@@ -175,9 +175,9 @@ TEST(ModelsFile, RefusesImpossibleParts) {
 
 TEST(ModelsFile, RefusesWhatIsNone) {
   for (const std::string_view text :
-       {"", "null", "[]", "7", "\"version\"", "{\"version\": 1}", "{\"version\": \"1\"}",
-        "{\"version\": 1, \"classifier\": [], \"lookup\": [], \"ours\": []}",
-        "{\"version\": 1, \"classifier\": 1, \"lookup\": 2, \"ours\": 3}", "\xff\xfe"}) {
+       {"", "null", "[]", "7", "\"version\"", "{\"version\": 2}", "{\"version\": \"2\"}",
+        "{\"version\": 2, \"classifier\": [], \"lookup\": [], \"ours\": []}",
+        "{\"version\": 2, \"classifier\": 1, \"lookup\": 2, \"ours\": 3}", "\xff\xfe"}) {
     const auto read = models_from_json(text);
     ASSERT_FALSE(read) << text;
     EXPECT_EQ(read.error().cause, Error::Cause::corrupt) << text;
@@ -194,13 +194,23 @@ TEST(Models, ChooseWhatTheyAlwaysChose) {
   const Observation observed{true, sweep.features, {made_produced(truth, kUsualSetting)}};
   constexpr double kTargets[] = {1.2, 3, 7};
   const Setting expected[3][3] = {
-      {{6, 10, 0.5, 42}, {0.5, 10, 0.7, 30}, {0.5, 10, 1, 24}},   // classifier
-      {{1.4, 10, 0.5, 39}, {0.5, 10, 1, 31}, {0.5, 10, 1, 21}},   // lookup
-      {{1.4, 10, 0.5, 39}, {0.5, 10, 1, 32}, {0.5, 10, 1, 19}}};  // ours
+      {{6, 9, 0.5, 42}, {0.5, 10, 0.7, 30}, {0.5, 11, 1, 24}},  // classifier
+      {{1.4, 9, 0.5, 39}, {0.5, 10, 1, 31}, {0.5, 11, 1, 21}},  // lookup
+      {{1.4, 9, 0.5, 37}, {0.5, 9, 1, 31}, {0.5, 10, 1, 19}}};  // ours
   for (std::size_t m = 0; m < 3; ++m)
     for (std::size_t t = 0; t < 3; ++t)
       EXPECT_EQ(small_models().get(kAll[m])->choose(observed, kTargets[t]), expected[m][t])
           << m << ' ' << t;
+}
+
+TEST(LatticeOfEpoch, IsTheUsualOneWhereNothingIsControlled) {
+  EXPECT_EQ(lattice_of_epoch({}, true), kBits);
+}
+
+TEST(LatticeOfEpoch, IsOneOfThree) {
+  for (const Which which : kAll)
+    for (const double mbps : {0.1, 3.0, 1000.0})
+      EXPECT_LT(lattice_place(lattice_of_epoch({which, mbps, {}}, true)), std::size(kLattices));
 }
 
 /// What the shipped file predicts: an error in it, or in reading it, shows here.

@@ -37,10 +37,12 @@ const std::vector<NamedModel>& models() {
 Observation seen(const Sweep& sweep) {
   return {sweep.layers,
           sweep.features,
-          {made_produced(RateSurface(grid_values(sweep)), kUsualSetting)}};
+          {made_produced(RateSurface(grid_values(sweep)), kUsualSetting)},
+          kBits};
 }
 
-bool is_candidate(const Setting& setting) {
+bool is_candidate(Setting setting) {
+  setting.bits = kBits;  // or any other
   return std::ranges::find(candidates(), setting) != candidates().end();
 }
 
@@ -48,7 +50,7 @@ TEST(Models, GiveSettingsThatFitScenesTheyKnow) {
   for (const auto& [name, model, over, behind] : models())
     for (const Sweep& sweep : made_training()) {
       const RateSurface truth(grid_values(sweep));
-      const auto hull = convex_hull(candidate_points(truth));
+      const auto hull = convex_hull(candidate_points(truth, kBits));
       for (const double target : targets_of(hull, 6)) {
         const RatePoint got = truth.at(model->choose(seen(sweep), target));
         EXPECT_TRUE(is_candidate(got.setting));

@@ -22,7 +22,8 @@ TEST(IsComplete, NotWithoutAnyOneNode) {
   for (std::size_t q = 0; q < sweep.qualities.size(); ++q) {
     Sweep without = sweep;
     without.qualities.erase(without.qualities.begin() + static_cast<std::ptrdiff_t>(q));
-    EXPECT_FALSE(is_complete(without)) << q;
+    const bool is_node = sweep.geometries[sweep.qualities[q].geometry].bits == kBits;
+    EXPECT_EQ(is_complete(without), !is_node) << q;
   }
   Sweep other_lattice = sweep;
   other_lattice.geometries[2].bits = 9;
@@ -36,11 +37,42 @@ TEST(RateSurface, IsTheSweepAtItsNodes) {
     for (const Sweep::Quality& q : sweep.qualities) {
       const Sweep::Geometry& g = sweep.geometries[q.geometry];
       const Sweep::Texture& t = sweep.textures[q.texture];
-      const RatePoint p = surface.at({g.error_voxels, kBits, t.scale, t.qp});
+      const RatePoint p = surface.at({g.error_voxels, g.bits, t.scale, t.qp});
       EXPECT_NEAR(p.mbps, sweep.geometry_mbps(g) + sweep.texture_mbps(t), 1e-9 * p.mbps);
       EXPECT_NEAR(p.ssim, q.ssim, 1e-12);
     }
   }
+}
+
+TEST(RateSurface, ALatticeChangesRateAndQualityOfAllSettings) {
+  const MadeScene scene;
+  const RateSurface surface(grid_values(made_sweep(scene)));
+  for (const auto& [bits, rate, ssim] : kMadeLattices)
+    for (Setting setting : candidates()) {
+      const RatePoint usual = surface.at(setting);
+      setting.bits = bits;
+      const double geometry = surface.geometry_mbps(setting.error_voxels);
+      EXPECT_NEAR(surface.at(setting).mbps, usual.mbps + (rate - 1) * geometry, 1e-9);
+      EXPECT_NEAR(surface.at(setting).ssim, usual.ssim + ssim, 1e-9);
+    }
+}
+
+TEST(RateSurface, LatticesThatWereNotMeasuredAreTheUsualOne) {
+  Sweep sweep = made_sweep();
+  std::erase_if(sweep.qualities, [](const Sweep::Quality& q) { return q.geometry >= kErrors; });
+  const RateSurface surface(grid_values(sweep));
+  EXPECT_EQ(surface.at({1, 9, 1, 28}).mbps, surface.at({1, 10, 1, 28}).mbps);
+  EXPECT_EQ(surface.at({1, 9, 1, 28}).ssim, surface.at({1, 10, 1, 28}).ssim);
+}
+
+TEST(Weighted, IsBetweenTheWholePictureAndWhatMoves) {
+  const GridValues values = grid_values(made_sweep());
+  EXPECT_EQ(weighted(values, 0).ssim, values.ssim);
+  EXPECT_EQ(weighted(values, 1).ssim, values.moving_ssim);
+  const GridValues half = weighted(values, 0.5);
+  for (std::size_t i = 0; i < half.ssim.size(); ++i)
+    EXPECT_NEAR(half.ssim[i], (values.ssim[i] + values.moving_ssim[i]) / 2, 1e-12);
+  EXPECT_NEAR(half.lattices[0].ssim, 1.5 * kMadeLattices[0].ssim, 1e-9);
 }
 
 TEST(RateSurface, DoesNotDependOnTheOrderOfTheSweep) {
@@ -83,7 +115,7 @@ TEST(RateSurface, IsNearTheSceneBetweenNodes) {
                        made_texture_bytes(scene, s.scale, s.qp) * (29 + scene.key_ratio) * 8e-6;
       EXPECT_NEAR(surface.geometry_mbps(s.error_voxels), geometry, 0.01 * geometry);
       EXPECT_NEAR(surface.texture_mbps(s.scale, s.qp), texture, 1e-9 * texture);
-      EXPECT_NEAR(surface.ssim(s), made_ssim(scene, s.error_voxels, s.scale, s.qp), 0.01);
+      EXPECT_NEAR(surface.at(s).ssim, made_ssim(scene, s.error_voxels, s.scale, s.qp), 0.01);
     }
   }
 }
@@ -102,6 +134,12 @@ TEST(RateSurface, OfAPictureThatDoesNotChange) {
 TEST(Candidates, AreTheNodesAndWhatLiesBetween) {
   const std::set<Setting> all(candidates().begin(), candidates().end());
   EXPECT_EQ(all.size(), candidates().size()) << "each once";
+  const RateSurface surface(grid_values(made_sweep()));
+  EXPECT_EQ(candidate_points(surface).size(), std::size(kLattices) * all.size());
+  for (const RatePoint& p : candidate_points(surface)) {
+    EXPECT_EQ(surface.at(p.setting).mbps, p.mbps);
+    EXPECT_EQ(surface.at(p.setting).ssim, p.ssim);
+  }
   for (const double error : {0.5, 1.0, 6.0})
     for (const auto& [scale, qp] : kTextureNodes)
       EXPECT_TRUE(all.contains({error, kBits, scale, qp})) << error << ' ' << scale << ' ' << qp;

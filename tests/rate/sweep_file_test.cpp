@@ -15,7 +15,7 @@ SweepFile file() {
   a.features = {{"color_spatial", 1234.5}, {"sensors", 4}};
   a.geometries = {{0.5, 10, 19323, 3858}, {1.58, 9, 151.25, 27310987}};
   a.textures = {{1, 18, 159540, 31675}, {0.7, 46, 9826, 1460.3}};
-  a.qualities = {{0, 1, 0.78647}, {1, 0, 0.92101}};
+  a.qualities = {{0, 1, 0.78647, 0.61234}, {1, 0, 0.92101, 0.8}};
   a.plates = {{22, 154320, 0.81}};
   a.stills = {{0.25, 812340, 0.8}};
   Sweep b = a;
@@ -57,6 +57,7 @@ TEST(SweepFile, ReadsBackWhatWasWritten) {
   EXPECT_NEAR(read.geometries[1].bytes, 151.25, 0.01);
   EXPECT_NEAR(read.textures[1].bytes, 1460.3, 0.01);
   EXPECT_NEAR(read.qualities[0].ssim, 0.78647, 1e-9);
+  EXPECT_NEAR(read.qualities[0].moving_ssim, 0.61234, 1e-9);
   EXPECT_NEAR(read.features.at(0).value, 1234.5, 1e-6);
   EXPECT_NEAR(read.plates.at(0).ssim, 0.81, 1e-9);
   EXPECT_NEAR(read.stills.at(0).bytes, 812340, 1e-3);
@@ -73,10 +74,10 @@ TEST(SweepFile, IsTheSameWhenWrittenAgain) {
 }
 
 TEST(SweepFile, OfAnotherVersionIsUnsupported) {
-  const auto read = sweeps_from_json(replaced(to_json(file()), "\"version\": 1", "\"version\": 2"));
+  const auto read = sweeps_from_json(replaced(to_json(file()), "\"version\": 2", "\"version\": 1"));
   ASSERT_FALSE(read);
   EXPECT_EQ(read.error().cause, Error::Cause::unsupported);
-  EXPECT_NE(read.error().message.find("version 2"), std::string::npos);
+  EXPECT_NE(read.error().message.find("version 1"), std::string::npos);
 }
 
 TEST(SweepFile, RefusesQualitiesOfNoSetting) {
@@ -114,8 +115,8 @@ TEST(SweepFile, RefusesWhatIsMissing) {
 
 TEST(SweepFile, RefusesText) {
   for (const char* text :
-       {"", "no sweeps", "[]", "null", "3", "{\"version\": 1}", "{\"version\": \"1\"}",
-        "\xff\xfe{}", "{\"version\": 1, \"scene_hash\": \"\", \"sweeps\": [1, 2]}"})
+       {"", "no sweeps", "[]", "null", "3", "{\"version\": 2}", "{\"version\": \"1\"}",
+        "\xff\xfe{}", "{\"version\": 2, \"scene_hash\": \"\", \"sweeps\": [1, 2]}"})
     expect_corrupt(text);
   expect_corrupt(std::string(100'000, '['));
 }

@@ -75,11 +75,17 @@ class Process {
   pid_t pid_ = 0;
 };
 
-/// Receives a node's packets as a client would, perhaps on a line that loses some.
+/// Receives a node's packets as a client would, perhaps on a line that loses some, and perhaps at a
+/// rate of its own.
 class Client {
  public:
-  Client(net::Transport& transport, const Scene& scene, std::string node, double loss = 0)
-      : transport_(transport), node_(std::move(node)), loss_(loss), receiver_(scene.lattice) {
+  Client(net::Transport& transport, const Scene& scene, std::string node, double loss = 0,
+         std::optional<double> target_mbps = {})
+      : transport_(transport),
+        node_(std::move(node)),
+        loss_(loss),
+        target_mbps_(target_mbps),
+        receiver_(scene.lattice) {
     subscription_ = transport.subscribe(node_, [this](const net::Message& m) { take(*m); });
   }
 
@@ -138,6 +144,8 @@ class Client {
       if (!request.chunks.empty()) chunks_asked_ = now;
     }
     if (sequence_ && sequence_ != acknowledged_) request.taken = acknowledged_ = sequence_;
+    if (target_mbps_ && now - target_told_ > milliseconds(500))
+      request.target_mbps = target_mbps_, target_told_ = now;
     if (request.empty()) return;
     transport_.request(node_, net::as_message(codec::encode_control(request)),
                        [this](const net::Message& answer) {
@@ -159,13 +167,14 @@ class Client {
   net::Transport& transport_;
   const std::string node_;
   const double loss_;
+  const std::optional<double> target_mbps_;
   std::recursive_mutex mutex_;
   codec::HeadReader all_heads_, heads_;  // without the losses, with them
   codec::Receiver receiver_;
   std::mt19937 random_{7};
   std::uint64_t packets_ = 0, lost_ = 0;
   std::optional<std::uint64_t> sequence_, acknowledged_;
-  Clock::time_point key_asked_{}, chunks_asked_{};
+  Clock::time_point key_asked_{}, chunks_asked_{}, target_told_{};
   std::map<TimePoint, std::vector<ChunkKey>> manifests_, wholes_;
   std::unique_ptr<net::Subscription> subscription_;
 };
@@ -260,6 +269,19 @@ rig: {type: synthetic, seed: 3, room: [5, 4, 2.6], depth_mode: nfov_binned, colo
     auto transport = net::make_tcp_transport(scene_.network.tcp, node::coalesce_packets);
     ASSERT_TRUE(transport) << transport.error().message;
     transport_ = *std::move(transport);
+  }
+  /// The root's two streams of different rates, wherever they come from.
+  void expect_rungs(net::Transport& transport) {
+    for (const char* node : {"cam-0", "cam-1", "west", "east", "root"}) start(node);
+    Client root(transport, scene_, "root", 0, 20.0);
+    EXPECT_TRUE(shows(root, {0, 1}));
+    Client rung(transport, scene_, "root~1", 0, 1.0);
+    EXPECT_TRUE(shows(rung, {0, 1})) << "the root makes it once it is asked for";
+    EXPECT_TRUE(shows(root, {0, 1})) << "and goes on with its own";
+  }
+  void control_rate() {
+    std::ofstream(file(), std::ios::app) << "rate: {model: ours, target_mbps: 20}\n";
+    scene_ = load_scene(file()).scene;
   }
   void start_nats() {
     nats_ =
@@ -399,6 +421,21 @@ TEST_F(Processes, EachNodeMayDieAndComesBack) {
   nats_.stop(SIGKILL);
   start_nats();
   EXPECT_TRUE(shows(client, {0, 1})) << "nats-server was restarted";
+}
+
+TEST_F(Processes, ARungComesByNats) {
+  control_rate();
+  expect_rungs(*transport_);
+}
+
+TEST_F(Processes, ARungComesByTcpFromWhereTheRootIs) {
+  use_tcp();
+  control_rate();
+  std::map<std::string, std::string> addresses = scene_.network.tcp;
+  addresses["root~1"] = addresses.at("root");
+  auto transport = net::make_tcp_transport(addresses, node::coalesce_packets);
+  ASSERT_TRUE(transport) << transport.error().message;
+  expect_rungs(**transport);
 }
 
 TEST_F(Processes, ASensorWhoseClockIsOffIsShownAndTold) {

@@ -92,6 +92,7 @@ TEST(SceneProblems, EachStageRefusesWhatCannotBeAndSaysWhichKey) {
       {"atlas.size must be", [](Scene& s) { s.atlas.width = 0; }},
       {"still.after_s must be", [](Scene& s) { s.still.after_s = 0; }},
       {"rate.target_mbps must be", [](Scene& s) { s.rate.target_mbps = 0; }},
+      {"rate.moving_weight must be", [](Scene& s) { s.rate.moving_weight = 1.1; }},
       {"coding.texture_qp must be", [](Scene& s) { s.coding.texture_qp = 52; }},
       {"mergers.root.deadline_ms must be", [](Scene& s) { s.mergers[0].deadline_ms = 0; }},
       {"mergers.root.inputs must name", [](Scene& s) { s.mergers[0].inputs.clear(); }},

@@ -102,7 +102,7 @@ merge: {owner: paper, overlap: rays, refine: true, color_gain: true, simplify: {
 atlas: {views: best_angle, mask: false, size: [512, 256], burn_sequence: true}
 reuse: {chunks: false}
 still: {layers: true, after_s: 3}
-rate: {model: fixed, target_mbps: 10, rungs: 2, model_file: models.json}
+rate: {model: fixed, target_mbps: 10, rungs: 2, moving_weight: 0.7, model_file: models.json}
 coding: {texture_scale: 0.5, texture_qp: 30, sensor_texture_qp: 20, depth_qp: 10, frame_divider: 1}
 gateway: {listen: "0.0.0.0:80", start: {eye: [1, 1, 1.6], look_at: [0, 0, 1]}, tls: {cert: c.pem, key: k.pem},
           tokens: {file: tokens}, hosts: [room.example.org, "fe80::1"], open: true, viewers: 10, viewers_per_address: 2}

@@ -162,6 +162,14 @@ LumaTexture luma_texture(const baseline::Texture& texture) {
   return out;
 }
 
+ImageMask pixels_of(const GeometryBuffer& buffer, Layer layer) {
+  ImageMask out(buffer.width, buffer.height);
+  std::ranges::transform(buffer.view.data, out.data.begin(), [&](std::uint16_t v) {
+    return v != GeometryBuffer::kUntextured && buffer.views[v].layer == layer;
+  });
+  return out;
+}
+
 ImageLuma shade(const GeometryBuffer& buffer, const LumaTexture& texture) {
   std::vector<Tile> tiles;
   for (const View& view : buffer.views) tiles.push_back(tile_of(view, texture));

@@ -27,6 +27,9 @@ struct GeometryBuffer {
 GeometryBuffer draw_geometry(const baseline::Geometry& geometry,
                              const render::Viewpoint& viewpoint);
 
+/// The pixels that a layer's textured surface covers.
+ImageMask pixels_of(const GeometryBuffer& buffer, Layer layer);
+
 /// The luma of a texture's pictures, by stream: converted once, used for many viewpoints.
 struct LumaTexture {
   std::vector<View> views;

@@ -34,6 +34,11 @@ Status MultiViewSsim::add(const std::vector<std::vector<RenderedView>>& referenc
   return {};
 }
 
+void MultiViewSsim::set_seen(std::size_t moment, std::size_t view, const ImageMask& seen) {
+  for (ReferencePictures& pictures : ages_) pictures.at(moment).at(view).seen = seen;
+  has_seen_masks_ = true;
+}
+
 Result<PictureScore> MultiViewSsim::compare(std::size_t moment, std::size_t view,
                                             const ImageLuma& luma, const ImageMask& covered) const {
   PictureScore sum;

@@ -41,6 +41,8 @@ class MultiViewSsim {
   Result<PictureScore> compare(std::size_t moment, std::size_t view, const ImageLuma& luma,
                                const ImageMask& covered) const;
 
+  /// Replaces the pixels for ssim_seen of one picture, at all ages. Of the picture's size.
+  void set_seen(std::size_t moment, std::size_t view, const ImageMask& seen);
   /// Whether scores have ssim_seen.
   bool has_seen_masks() const { return has_seen_masks_; }
 

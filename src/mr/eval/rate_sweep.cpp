@@ -41,9 +41,9 @@ constexpr TextureNode kTexturesOfBits[] = {{1, 28}, {0.7, 38}};
 constexpr int kPlateQp = 20;
 constexpr int kPlateQps[] = {12, 20, 28, 36, 44};
 constexpr double kStillErrors_voxels[] = {1, 3};
-// Captures that run in full before the burst: ten until the still surface is handed over, then 32
+// Captures that run in full before the burst, until the still surface is handed over, and then
 // until its plates are refined.
-constexpr int kHandOver = 46;
+constexpr int kHandOver = 14, kRefined = 32;
 // Captures of the burst that a new pipeline replays before it is measured: labels of the still
 // surface are chosen again after 30, and chunks that change for that are named in heads.
 constexpr int kSettling = 36;
@@ -89,6 +89,31 @@ class LastPicture {
   ImageLuma last_;
 };
 
+/// A moment's burst, and what the pipeline knew before it.
+struct LearntMoment {
+  LockstepScene::Memory memory;
+  std::vector<LockstepScene::Capture> burst;
+};
+
+/// Learns the room up to a moment; the last captures before it, at most `in_full`, run in full.
+Result<LearntMoment> learn_moment(LockstepScene& pipeline, const Moments& moments,
+                                  std::size_t moment, int in_full) {
+  const int first = moments.first[moment] + moments.later();
+  const int learnt = is_stateful(pipeline.scene()) ? std::min(moments.warm_up, first) : 0;
+  const int run = std::min(in_full, learnt);
+  pipeline.skip(static_cast<std::uint64_t>(first - learnt));
+  if (const Status ok = pipeline.learn(learnt - run); !ok) return ok.error();
+  if (run > 0)
+    if (const auto ran = pipeline.run(run); !ran) return ran.error();
+  LearntMoment out{pipeline.memory(), {}};
+  auto burst = pipeline.read(moments.burst);
+  if (!burst) return burst.error();
+  out.burst = *std::move(burst);
+  if (out.burst.empty())
+    return Error{Error::Cause::empty, "scene '" + pipeline.scene().id + "' has ended"};
+  return out;
+}
+
 /// One moment's sweep under way.
 class MomentSweep {
  public:
@@ -113,10 +138,13 @@ class MomentSweep {
     if (!metric) return metric.error();
     metric_ = *std::move(metric);
     for (const auto step :
-         {&MomentSweep::learn, &MomentSweep::measure_grid, &MomentSweep::measure_lattices,
-          &MomentSweep::bisect, &MomentSweep::measure_plates, &MomentSweep::measure_stills})
+         {&MomentSweep::learn, &MomentSweep::reconstruct, &MomentSweep::measure_grid,
+          &MomentSweep::measure_lattices, &MomentSweep::bisect, &MomentSweep::measure_plates,
+          &MomentSweep::measure_stills})
       if (const Status done = (this->*step)(); !done) return done.error();
-    sweep_.features = burst_features(scene_, burst_);
+    auto features = burst_features(scene_, burst_, memory_);
+    if (!features) return features.error();
+    sweep_.features = *std::move(features);
     return std::move(sweep_);
   }
 
@@ -132,19 +160,10 @@ class MomentSweep {
   Status learn() {
     auto pipeline = open(kBits);
     if (!pipeline) return pipeline.error();
-    const int first = moments_.first[moment_] + moments_.later();
-    const int learnt = has_layers_ ? std::min(moments_.warm_up, first) : 0;
-    const int handed = std::min(kHandOver, learnt);
     show("learn", 0, 1);
-    (*pipeline)->skip(static_cast<std::uint64_t>(first - learnt));
-    if (const Status ok = (*pipeline)->learn(learnt - handed); !ok) return ok;
-    if (handed > 0)
-      if (const auto ran = (*pipeline)->run(handed); !ran) return ran.error();
-    memory_ = (*pipeline)->memory();
-    auto burst = (*pipeline)->read(moments_.burst);
-    if (!burst) return burst.error();
-    burst_ = *std::move(burst);
-    if (burst_.empty()) return Error{Error::Cause::empty, "scene '" + scene_.id + "' has ended"};
+    auto learnt = learn_moment(**pipeline, moments_, moment_, kHandOver + kRefined);
+    if (!learnt) return learnt.error();
+    memory_ = std::move(learnt->memory), burst_ = std::move(learnt->burst);
     return {};
   }
 
@@ -308,22 +327,42 @@ class MomentSweep {
 
   // -------------------------------------------------- quality
 
-  Result<double> ssim(const Surface& surface, const LumaTexture& texture) const {
-    std::vector<double> scores(views_.size());
+  struct Score {
+    double ssim = 0, moving_ssim = 0;  ///< as in Sweep::Quality
+  };
+  Result<Score> score(const Surface& surface, const LumaTexture& texture) const {
+    std::vector<PictureScore> scores(views_.size());
     std::vector<std::optional<Error>> wrong(views_.size());
     parallel_for(views_.size(), 1, [&](std::size_t begin, std::size_t end) {
       for (std::size_t v = begin; v < end; ++v) {
         const GeometryBuffer& buffer = surface.buffers[v];
-        const auto score = metric_.compare(0, v, shade(buffer, texture), buffer.covered);
-        if (score)
-          scores[v] = score->ssim_masked;
+        const auto of_view = metric_.compare(0, v, shade(buffer, texture), buffer.covered);
+        if (of_view)
+          scores[v] = *of_view;
         else
-          wrong[v] = score.error();
+          wrong[v] = of_view.error();
       }
     });
     for (const auto& error : wrong)
       if (error) return *error;
-    return std::accumulate(scores.begin(), scores.end(), 0.0) / static_cast<double>(scores.size());
+    Score out;
+    double moving = 0;
+    for (std::size_t v = 0; v < views_.size(); ++v) {
+      out.ssim += scores[v].ssim_masked / static_cast<double>(views_.size());
+      moving += moving_pixels_[v] * scores[v].ssim_seen;
+    }
+    const double pixels = std::accumulate(moving_pixels_.begin(), moving_pixels_.end(), 0.0);
+    out.moving_ssim = pixels > 0 ? moving / pixels : out.ssim;
+    return out;
+  }
+
+  /// Notes which pixels show the moving surface.
+  void note_moving(const Surface& surface) {
+    for (std::size_t v = 0; v < views_.size(); ++v) {
+      const ImageMask moving = pixels_of(surface.buffers[v], Layer::moving);
+      moving_pixels_.push_back(static_cast<double>(std::ranges::count(moving.data, 1)));
+      if (moving_pixels_.back() > 0) metric_.set_seen(0, v, moving);
+    }
   }
 
   Status measure(double error_voxels, int bits, TextureNode node) {
@@ -334,23 +373,32 @@ class MomentSweep {
     if (!t) return t.error();
     for (const auto& known : sweep_.qualities)
       if (known.geometry == *g && known.texture == *t) return {};
-    const auto score = ssim(surfaces_[*g], textures_[*t]);
-    if (!score) return score.error();
-    sweep_.qualities.push_back({*g, *t, *score});
+    const auto quality = score(surfaces_[*g], textures_[*t]);
+    if (!quality) return quality.error();
+    sweep_.qualities.push_back({*g, *t, quality->ssim, quality->moving_ssim});
     show("sweep", sweep_.qualities.size(), kMostSettings);
     return {};
   }
 
   // -------------------------------------------------- steps
 
-  /// Geometries first, so that the pictures hold what all of them use.
-  Status measure_grid() {
-    for (const double error : rate::kErrorNodes_voxels) {
-      show("geometry", surfaces_.size(), std::size(rate::kErrorNodes_voxels));
-      const auto g = geometry(error, kBits);
+  /// The surfaces of the grid and of the lattices, so that the pictures hold what all of them use.
+  Status reconstruct() {
+    std::vector<std::pair<double, int>> all;
+    for (const double error : rate::kErrorNodes_voxels) all.emplace_back(error, kBits);
+    for (const int bits : kOtherBits) all.emplace_back(kErrorOfBits_voxels, bits);
+    for (const auto& [error, bits] : all) {
+      show("geometry", surfaces_.size(), all.size());
+      const auto g = geometry(error, bits);
       if (!g) return g.error();
       if (*g > 0) inputs_.add_moving(surfaces_[*g].geometry.chunks);
+      if (bits != kBits) pipelines_.erase(bits);
     }
+    note_moving(surfaces_.front());
+    return {};
+  }
+
+  Status measure_grid() {
     for (const double error : rate::kErrorNodes_voxels)
       for (const TextureNode& node : rate::kTextureNodes)
         if (const Status ok = measure(error, kBits, node); !ok) return ok;
@@ -358,11 +406,9 @@ class MomentSweep {
   }
 
   Status measure_lattices() {
-    for (const int bits : kOtherBits) {
+    for (const int bits : kOtherBits)
       for (const TextureNode& node : kTexturesOfBits)
         if (const Status ok = measure(kErrorOfBits_voxels, bits, node); !ok) return ok;
-      pipelines_.erase(bits);
-    }
     return {};
   }
 
@@ -419,11 +465,11 @@ class MomentSweep {
     for (const int qp : kPlateQps) {
       const auto coded = encode_plates(qp);
       if (!coded) return coded.error();
-      const auto score = ssim(
+      const auto quality = score(
           surfaces_.front(),
           shown_with(best.views, best.pictures.at(node::RootAtlas::kLiveStream), coded->second));
-      if (!score) return score.error();
-      sweep_.plates.push_back({qp, coded->first, *score});
+      if (!quality) return quality.error();
+      sweep_.plates.push_back({qp, coded->first, quality->ssim});
     }
     return {};
   }
@@ -443,9 +489,9 @@ class MomentSweep {
       const DecodedScene& shown = *pipelines_.at(kBits)->decoded();
       Surface surface{{shown.chunks, shown.views, shown.sources}, {}};
       draw(surface);
-      const auto score = ssim(surface, textures_.front());
-      if (!score) return score.error();
-      sweep_.stills.push_back({error, still_bytes(*pipelines_.at(kBits)), *score});
+      const auto quality = score(surface, textures_.front());
+      if (!quality) return quality.error();
+      sweep_.stills.push_back({error, still_bytes(*pipelines_.at(kBits)), quality->ssim});
       show("still", sweep_.stills.size(), 3);
     }
     return {};
@@ -471,6 +517,7 @@ class MomentSweep {
   bool has_layers_;
   std::vector<render::Viewpoint> views_;
   MultiViewSsim metric_;
+  std::vector<double> moving_pixels_;  ///< [views_] that show the moving surface
   std::map<int, std::unique_ptr<LockstepScene>> pipelines_;  ///< by bits
   LockstepScene::Memory memory_;
   std::vector<LockstepScene::Capture> burst_;
@@ -494,15 +541,13 @@ Result<rate::Sweep> sweep_moment(const Trial& trial, std::size_t moment, std::si
 
 Result<std::vector<rate::Feature>> features_at(const Trial& trial, std::size_t moment,
                                                const QualityConfig& config) {
-  auto pipeline = LockstepScene::open(trial.scene(), config.rig_cache);
+  Scene scene = trial.scene();
+  scene.coding.texture_scale = kSmallScale;
+  auto pipeline = LockstepScene::open(std::move(scene), config.rig_cache);
   if (!pipeline) return pipeline.error();
-  const Moments& moments = trial.moments();
-  (*pipeline)->skip(static_cast<std::uint64_t>(moments.first[moment] + moments.later()));
-  const auto burst = (*pipeline)->read(moments.burst);
-  if (!burst) return burst.error();
-  if (burst->empty())
-    return Error{Error::Cause::empty, "scene '" + trial.scene().id + "' has ended"};
-  return burst_features(trial.scene(), *burst);
+  const auto learnt = learn_moment(**pipeline, trial.moments(), moment, kHandOver);
+  if (!learnt) return learnt.error();
+  return burst_features((*pipeline)->scene(), learnt->burst, learnt->memory);
 }
 
 }  // namespace mr::eval

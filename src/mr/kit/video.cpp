@@ -10,6 +10,7 @@ extern "C" {
 #include <cstring>
 #include <string>
 
+#include "mr/core/assert.h"
 #include "mr/kit/yuv.h"
 
 namespace mr::kit {
@@ -95,8 +96,12 @@ Result<Context> open_encoder(const VideoSettings& s) {
   av_opt_set(c->priv_data, "profile", "main", 0);
   set_rate_factor(*c, s.qp - kKeyFramesFiner);  // before the first picture x264 knows no ratio
   av_opt_set_int(c->priv_data, "forced-idr", 1, 0);
-  // Key frames only on demand; a constant quantiser.
-  av_opt_set(c->priv_data, "x264-params", "scenecut=0:qcomp=1:aq-mode=0", 0);
+  // Key frames only on demand; a constant quantiser. x264 takes bands only while it adapts
+  // quantisers: so little that it does not.
+  av_opt_set(
+      c->priv_data, "x264-params",
+      s.bands ? "scenecut=0:qcomp=1:aq-mode=1:aq-strength=0.001" : "scenecut=0:qcomp=1:aq-mode=0",
+      0);
   if (const int rc = avcodec_open2(c.get(), codec, nullptr); rc < 0)
     return failed(Error::Cause::unsupported, "libx264 refuses the settings", rc);
   return c;
@@ -110,6 +115,22 @@ Result<Picture> make_picture(const VideoSettings& s) {
   if (const int rc = av_frame_get_buffer(picture.get(), 0); rc < 0)
     return failed(Error::Cause::io, "no room for a picture", rc);
   return picture;
+}
+
+/// Tells x264 to code the rows beyond a band as coarsely as it can.
+Status set_band(AVFrame& frame, RowBand band) {
+  std::vector<AVRegionOfInterest> beyond;
+  const auto add = [&](int top, int bottom) {
+    if (top < bottom)
+      beyond.push_back({sizeof(AVRegionOfInterest), top, bottom, 0, frame.width, {1, 1}});
+  };
+  add(0, band.first), add(band.end, frame.height);
+  if (beyond.empty()) return {};
+  const std::size_t bytes = beyond.size() * sizeof(AVRegionOfInterest);
+  AVFrameSideData* data = av_frame_new_side_data(&frame, AV_FRAME_DATA_REGIONS_OF_INTEREST, bytes);
+  if (data == nullptr) return Error{Error::Cause::io, "video: out of memory"};
+  std::memcpy(data->data, beyond.data(), bytes);
+  return {};
 }
 
 /// The first byte of each NAL unit of an Annex B stream, as offsets.
@@ -194,12 +215,25 @@ Result<VideoEncoder> VideoEncoder::create(const VideoSettings& settings) {
 }
 
 Result<AccessUnit> VideoEncoder::encode(const ImageRgb& picture, bool force_key_frame) {
+  return encode(picture, force_key_frame, nullptr);
+}
+
+Result<AccessUnit> VideoEncoder::encode_band(const ImageRgb& picture, RowBand band) {
+  MR_ASSERT(impl_->settings.bands);
+  return encode(picture, false, &band);
+}
+
+Result<AccessUnit> VideoEncoder::encode(const ImageRgb& picture, bool force_key_frame,
+                                        const RowBand* band) {
   Impl& i = *impl_;
   if (picture.width != i.settings.width || picture.height != i.settings.height)
     return Error{Error::Cause::invalid, "video: a picture of another size than the stream's"};
   if (const int rc = av_frame_make_writable(i.picture.get()); rc < 0)
     return failed(Error::Cause::io, "no room for a picture", rc);
   rgb_to_yuv(picture, planes_of<std::uint8_t>(*i.picture));
+  av_frame_remove_side_data(i.picture.get(), AV_FRAME_DATA_REGIONS_OF_INTEREST);
+  if (band)
+    if (const Status set = set_band(*i.picture, *band); !set) return set.error();
   if (i.frames > 0) set_rate_factor(*i.context, i.settings.qp);
   i.picture->pts = i.frames++;
   i.picture->pict_type = force_key_frame ? AV_PICTURE_TYPE_I : AV_PICTURE_TYPE_NONE;

@@ -24,7 +24,14 @@ struct VideoSettings {
   int qp = 28;                  ///< quantiser of most pictures, 0..51; set_qp() changes it
   int threads = 1, slices = 1;  ///< fixed per scene, as libx264's output depends on them
   int key_frame_every = 250;    ///< pictures; 0: only the first and on demand
+  bool bands = false;           ///< encode() may be given a band
   friend bool operator==(const VideoSettings&, const VideoSettings&) = default;
+};
+
+/// Rows of a picture's pixels, [first, end).
+struct RowBand {
+  int first = 0, end = 0;
+  friend bool operator==(const RowBand&, const RowBand&) = default;
 };
 
 struct AccessUnit {
@@ -46,11 +53,16 @@ class VideoEncoder {
 
   /// The picture must have the settings' size.
   Result<AccessUnit> encode(const ImageRgb& picture, bool force_key_frame = false);
+  /// Codes what is in a band; elsewhere, nearly all stays as it was. Refines a picture that did not
+  /// change, part by part. Of rows in steps of kBandStep; settings().bands must be true.
+  Result<AccessUnit> encode_band(const ImageRgb& picture, RowBand band);
+  static constexpr int kBandStep = 16;
 
   const VideoSettings& settings() const;
 
  private:
   struct Impl;
+  Result<AccessUnit> encode(const ImageRgb& picture, bool force_key_frame, const RowBand* band);
   explicit VideoEncoder(std::unique_ptr<Impl> impl);
   std::unique_ptr<Impl> impl_;
 };

@@ -21,6 +21,8 @@ RateControl::RateControl(const Scene& scene, std::shared_ptr<const rate::Model> 
       target_mbps_(scene.rate.target_mbps),
       time_(std::max(rate::coarsest_error_voxels(scene.voxel_m) / 2, 1.0)) {
   controller_.set_coarsest_error(rate::coarsest_error_voxels(scene.voxel_m));
+  controller_.set_lattice(-scene.lattice.step_exp);
+  controller_.set_moving_weight(scene.rate.moving_weight);
 }
 
 /// Where nodes cannot keep up, there are fewer ticks than the scene's nominal rate.

@@ -278,9 +278,10 @@ Result<RootAtlas::Drawn> RootAtlas::draw(const Tick& tick, const Mesh& moving, c
   out.alpha = draw_alpha(tick, children, used);
   const std::optional<DuePlates> due =
       still && !plates_.empty() ? due_plates(plan.plate_qp, limits) : std::nullopt;
-  if (due) sent_plates_ = plate_layout_.views;
+  const bool is_drawn = due && !due->band;
+  if (is_drawn) sent_plates_ = plate_layout_.views;
   out.views = shown_views(still != nullptr);
-  if (due)
+  if (is_drawn)
     shown_plates_ =
         painter_.plates(tick.views, plates_, used_pixels(tick, *still, error_m), *still, colors_);
   const atlas::Pictures shown =
@@ -288,8 +289,8 @@ Result<RootAtlas::Drawn> RootAtlas::draw(const Tick& tick, const Mesh& moving, c
   out.live = draw_live(children, shown, std::move(used));
   if (scene_->atlas.burn_sequence) atlas::draw_watermark(out.live, sequence);
   if (!due) return out;
-  out.plates = draw_plates(children);
-  out.plate_qp = due->qp, out.plate_blocks = due->blocks;
+  out.plates = is_drawn ? draw_plates(children) : last_plate_.picture;
+  out.plate_qp = due->qp, out.plate_blocks = due->blocks, out.plate_band = due->band;
   return out;
 }
 
@@ -299,15 +300,26 @@ Status RootAtlas::encode(Drawn drawn, Packet& packet) {
   Status coded = add_unit(live_, packet.plan.texture_qp, drawn.live_layout, std::move(drawn.live),
                           last_live_, packet);
   if (!drawn.plates) return coded;
+  if (coded) coded = add_plates(drawn, packet);
+  if (!coded && !drawn.plate_band)
+    drawn_layout_ = 0;  // of no layout: the plates are due with the next packet
+  return coded;
+}
+
+Status RootAtlas::add_plates(Drawn& drawn, Packet& packet) {
   packet.plan.plate_qp = drawn.plate_qp;
   const std::size_t before = packet.textures.size();
-  if (coded)
-    coded = add_unit(plate_, drawn.plate_qp, drawn.plate_layout, *std::move(drawn.plates),
-                     last_plate_, packet);
-  if (!coded) drawn_layout_ = 0;  // of no layout: the plates are due with the next packet
-  if (packet.textures.size() > before)
-    note_plate_bytes(packet.textures.back().data.size(), drawn.plate_blocks, drawn.plate_qp);
-  return coded;
+  if (drawn.plate_band) {
+    auto unit = plate_.refine(*drawn.plates, drawn.plate_qp, drawn.plate_layout, *drawn.plate_band);
+    if (!unit) return unit.error();
+    packet.textures.push_back(*std::move(unit));
+  } else if (const Status coded = add_unit(plate_, drawn.plate_qp, drawn.plate_layout,
+                                           *std::move(drawn.plates), last_plate_, packet);
+             !coded) {
+    return coded;
+  }
+  if (packet.textures.size() > before) note_plates(drawn, packet.textures.back().data.size());
+  return {};
 }
 
 /// The live views, each followed by the view of its plate, where that was sent: in its place of
@@ -353,25 +365,62 @@ void RootAtlas::note_plate_bytes(std::size_t bytes, std::size_t blocks, int qp) 
 
 /// How the atlas of plates is to be encoded now; nothing: it is as good as it can be, or waits.
 std::optional<RootAtlas::DuePlates> RootAtlas::due_plates(int best_qp, const PlateLimits& limits) {
+  plates_held_ = false, waiting_bytes_ = 0;
+  if (are_plates_new(plate_layout_.views.front().layout)) return new_plates(best_qp, limits);
+  return limits.may_refine ? refined_plates(best_qp, limits) : std::nullopt;
+}
+
+/// What is new comes with the finest quantiser that fits.
+std::optional<RootAtlas::DuePlates> RootAtlas::new_plates(int best_qp, const PlateLimits& limits) {
   constexpr int kCoarsestQp = 44;
   const bool is_whole = plate_.key_frame_asked() || drawn_layout_ == 0 ||
                         drawn_layout_ != plate_layout_.views.front().layout;
-  const bool is_new = are_plates_new(plate_layout_.views.front().layout);
   const std::size_t all = valid_blocks(), fresh = is_whole ? all : std::min(blocks_waiting_, all);
   const auto finest = [&](double bytes, std::size_t blocks, int from_qp) {
     while (from_qp < kCoarsestQp && plate_bytes(blocks, from_qp) > bytes) ++from_qp;
     return from_qp;
   };
   const int best = finest(limits.largest_bytes, all, best_qp);
-  const bool is_refined = !is_new && limits.may_refine && best < last_plate_.qp;
-  const std::size_t blocks = is_new ? fresh : all;
-  plates_held_ = false, waiting_bytes_ = is_new || is_refined ? plate_bytes(blocks, best) : 0;
-  if (!is_new && !is_refined) return std::nullopt;
-  const int qp = finest(limits.now.bytes, blocks, best);
-  const bool fits = plate_bytes(blocks, qp) <= limits.now.bytes || limits.now.one_anyway;
-  if (fits && (is_new || qp == best)) return DuePlates{qp, blocks};
-  plates_held_ = is_new;
+  waiting_bytes_ = plate_bytes(fresh, best);
+  const int qp = finest(limits.now.bytes, fresh, best);
+  if (plate_bytes(fresh, qp) <= limits.now.bytes || limits.now.one_anyway)
+    return DuePlates{qp, fresh};
+  plates_held_ = true;
   return std::nullopt;
+}
+
+/// What is coarser than the best quantiser comes again: all at once, or in bands, each as large as
+/// may ever be sent.
+std::optional<RootAtlas::DuePlates> RootAtlas::refined_plates(int best_qp,
+                                                              const PlateLimits& limits) {
+  constexpr double kWorthIt = 0.8;  // of the largest: each band takes the coding of a picture
+  const auto is_coarse = [&](int qp) { return qp > best_qp; };
+  const auto coarse = static_cast<double>(std::ranges::count_if(row_qps_, is_coarse));
+  if (coarse == 0) return std::nullopt;
+  const std::size_t all = valid_blocks();
+  const double bytes = plate_bytes(all, best_qp), rows = static_cast<double>(row_qps_.size());
+  waiting_bytes_ = bytes * coarse / rows;
+  if (bytes <= limits.now.bytes) return DuePlates{best_qp, all};
+  const double fitting = rows * limits.now.bytes / bytes;
+  if (fitting < coarse && limits.now.bytes < kWorthIt * limits.largest_bytes) return std::nullopt;
+  const auto first = std::ranges::find_if(row_qps_, is_coarse) - row_qps_.begin();
+  const double count = std::clamp(std::floor(fitting), 1.0, rows - static_cast<double>(first));
+  constexpr int kStep = kit::VideoEncoder::kBandStep;
+  const int top = static_cast<int>(first) * kStep;
+  return DuePlates{best_qp, static_cast<std::size_t>(static_cast<double>(all) * count / rows),
+                   kit::RowBand{top, top + static_cast<int>(count) * kStep}};
+}
+
+/// Learns from a unit of plates that was sent.
+void RootAtlas::note_plates(const Drawn& drawn, std::size_t bytes) {
+  constexpr int kStep = kit::VideoEncoder::kBandStep;
+  note_plate_bytes(bytes, drawn.plate_blocks, drawn.plate_qp);
+  if (!drawn.plate_band)
+    row_qps_.assign(static_cast<std::size_t>((last_plate_.picture.height + kStep - 1) / kStep),
+                    drawn.plate_qp);
+  else
+    std::fill(row_qps_.begin() + drawn.plate_band->first / kStep,
+              row_qps_.begin() + drawn.plate_band->end / kStep, drawn.plate_qp);
 }
 
 ImageRgb RootAtlas::draw_plates(const Children& children) {

@@ -107,11 +107,13 @@ class RootAtlas {
     std::optional<ImageRgb> plates;  ///< where the atlas of plates is to be encoded again
     std::uint32_t plate_layout = 0;
     int plate_qp = 0;
-    std::size_t plate_blocks = 0;  ///< of the plates, about how many are new, or refined
+    std::optional<kit::RowBand> plate_band;  ///< only that is refined, of the last picture
+    std::size_t plate_blocks = 0;            ///< of the plates, about how many are new, or refined
   };
   /// Draws the pictures for the labelled surfaces `moving` and `still` (null: none). `error_m`:
   /// their geometric error; `sequence`: of the packet. The atlas of plates waits until there are
-  /// enough bytes; coarse ones come first, and are refined later up to the plan's quantiser.
+  /// enough bytes; coarse ones come first, and are refined later up to the plan's quantiser, in as
+  /// many bands as it takes.
   Result<Drawn> draw(const Tick& tick, const Mesh& moving, const Mesh* still, float error_m,
                      const CodingPlan& plan, std::uint64_t sequence,
                      const PlateLimits& limits = {});
@@ -154,8 +156,12 @@ class RootAtlas {
   struct DuePlates {
     int qp = 0;
     std::size_t blocks = 0;
+    std::optional<kit::RowBand> band = {};
   };
   std::optional<DuePlates> due_plates(int best_qp, const PlateLimits& limits);
+  std::optional<DuePlates> new_plates(int best_qp, const PlateLimits& limits);
+  std::optional<DuePlates> refined_plates(int best_qp, const PlateLimits& limits);
+  void note_plates(const Drawn& drawn, std::size_t bytes);
   Status arrange(const std::vector<View>& views, double scale, atlas::Layout& layout) const;
   std::vector<View> windows(const std::vector<View>& views, const Used& used);
   Used used_pixels(const Tick& tick, const Mesh& shown, float error_m) const;
@@ -166,6 +172,7 @@ class RootAtlas {
   ImageRgb draw_plates(const Children& children);
   Status add_unit(TextureStream& stream, int qp, std::uint32_t layout, ImageRgb picture,
                   Coded& last, Packet& packet);
+  Status add_plates(Drawn& drawn, Packet& packet);
 
   const Scene* scene_;
   atlas::Layout live_layout_, plate_layout_;
@@ -187,6 +194,7 @@ class RootAtlas {
   double block_bytes_ = 16;  ///< of a block of plates, with a usual quantiser; learnt
   bool plates_held_ = false;
   double waiting_bytes_ = 0;
+  std::vector<int> row_qps_;  ///< of the newest atlas of plates, by kit::VideoEncoder::kBandStep
   atlas::ColorCorrections plate_colors_;
   std::uint32_t drawn_layout_ = 0;
   std::vector<View> sent_plates_;  ///< the layout of the newest atlas of plates

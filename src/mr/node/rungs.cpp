@@ -21,7 +21,8 @@ Rungs::Rungs(const Scene& scene, const MergerConfig& root, Options options)
       root_(root),
       options_(std::move(options)),
       names_(rung_names(scene)),
-      rungs_(names_.size()) {
+      rungs_(names_.size()),
+      beginnings_(names_.size()) {
   MR_ASSERT(options_.model);
 }
 
@@ -39,8 +40,9 @@ std::vector<std::byte> Rungs::answer(std::size_t rung, const codec::Control& req
 
 Rungs::~Rungs() = default;
 
-/// The rung's node; null: nobody wants it now.
-std::shared_ptr<MergeNode> Rungs::wanted(std::size_t rung, const MergeNode& top, TimePoint now) {
+/// The rung's node; null: nobody wants it now, or it begins in the background.
+std::shared_ptr<MergeNode> Rungs::wanted(std::size_t rung, const CaptureSet& captures,
+                                         const MergeNode& top, TimePoint now) {
   std::shared_ptr<MergeNode> old;
   {
     const std::lock_guard lock(mutex_);
@@ -51,12 +53,13 @@ std::shared_ptr<MergeNode> Rungs::wanted(std::size_t rung, const MergeNode& top,
     if (since > kPatience && since <= kKept) return nullptr;
     if (since > kKept) old = std::move(asked.node), asked = {};
   }
-  if (!old) return start(rung, top);
+  if (!old) return start(rung, captures, top);
   end(std::move(old));
   return nullptr;
 }
 
-std::shared_ptr<MergeNode> Rungs::start(std::size_t rung, const MergeNode& top) {
+std::shared_ptr<MergeNode> Rungs::start(std::size_t rung, const CaptureSet& captures,
+                                        const MergeNode& top) {
   MergerConfig config = root_;
   config.id = names_[rung];
   NodeClock clock = options_.clock;
@@ -70,7 +73,9 @@ std::shared_ptr<MergeNode> Rungs::start(std::size_t rung, const MergeNode& top) 
   target.target_mbps = rungs_[rung].wanted_mbps;
   node->answer(target);
   rungs_[rung].node = node;
-  return node;
+  if (options_.still_work == StillWork::at_once) return node;
+  beginnings_[rung].start([node, captures] { return node->merge(captures); });
+  return nullptr;
 }
 
 /// A node waits for its job beside, which takes its time; and an answer() may still be using it.
@@ -85,13 +90,23 @@ Rungs::Packets Rungs::merge(const CaptureSet& captures, const MergeNode& top, Du
   constexpr int kMostDebt = 2;  // captures' worth: a rung that begins does not stop the others
   const auto& clock = options_.clock.now;
   Packets out;
+  const auto add = [&](std::size_t rung, Bytes bytes) {
+    if (bytes)
+      out.emplace_back(rung, *std::move(bytes));
+    else
+      missing.push_back({rung, bytes.error()});
+  };
   time_left_ = std::min(time_left_ + took, took);
   bool is_any_left_out = false;
   const std::size_t first = first_;
   for (std::size_t i = 0; i < names_.size(); ++i) {
     const std::size_t rung = (first + i) % names_.size();
     const TimePoint begun = clock ? clock() : TimePoint{};
-    const std::shared_ptr<MergeNode> node = wanted(rung, top, now);
+    if (beginnings_[rung].is_busy()) {
+      if (auto bytes = beginnings_[rung].take()) add(rung, *std::move(bytes));
+      continue;
+    }
+    const std::shared_ptr<MergeNode> node = wanted(rung, captures, top, now);
     if (!node) continue;
     if (clock && time_left_ < Duration{}) {
       if (!std::exchange(is_any_left_out, true)) first_ = rung;  // it is the first next time
@@ -101,10 +116,7 @@ Rungs::Packets Rungs::merge(const CaptureSet& captures, const MergeNode& top, Du
     auto bytes = node->merge(captures);
     if (clock) time_left_ = std::max(time_left_ - (clock() - begun), -kMostDebt * took);
     node->take_shown();
-    if (bytes)
-      out.emplace_back(rung, *std::move(bytes));
-    else
-      missing.push_back({rung, bytes.error()});
+    add(rung, std::move(bytes));
   }
   return out;
 }

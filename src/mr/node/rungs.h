@@ -13,6 +13,7 @@
 #include "mr/codec/control.h"
 #include "mr/core/packet.h"
 #include "mr/node/merge_node.h"
+#include "mr/node/side_job.h"
 #include "mr/scene/scene.h"
 
 namespace mr::node {
@@ -25,7 +26,8 @@ std::vector<std::string> rung_names(const Scene& scene);
 /// for the same captures, with its own rate control. It begins when somebody wants it, rests when
 /// nobody has for kPatience, and is gone after kKept. Sensors follow the plan of the root's own
 /// stream, which has the highest rate. In the mean, rungs together take no more time than that
-/// stream: where there is none left, they leave captures out.
+/// stream: where there is none left, they leave captures out. A rung's first capture makes the
+/// whole still surface, in the background where still surface is made there.
 class Rungs {
  public:
   static constexpr Duration kPatience = std::chrono::seconds(3), kKept = std::chrono::seconds(60);
@@ -61,8 +63,11 @@ class Rungs {
     std::optional<double> wanted_mbps;
     TimePoint wanted_at{};
   };
-  std::shared_ptr<MergeNode> wanted(std::size_t rung, const MergeNode& top, TimePoint now);
-  std::shared_ptr<MergeNode> start(std::size_t rung, const MergeNode& top);
+  using Bytes = Result<std::vector<std::byte>>;
+  std::shared_ptr<MergeNode> wanted(std::size_t rung, const CaptureSet& captures,
+                                    const MergeNode& top, TimePoint now);
+  std::shared_ptr<MergeNode> start(std::size_t rung, const CaptureSet& captures,
+                                   const MergeNode& top);
   void end(std::shared_ptr<MergeNode> node);
 
   const Scene* scene_;
@@ -74,7 +79,8 @@ class Rungs {
   std::uint32_t starts_ = 0;  ///< of rungs; merge()'s thread, as all below
   std::size_t first_ = 0;     ///< whose turn it is
   Duration time_left_{};
-  std::future<void> ended_;  ///< of the last node
+  std::vector<SideJob<Bytes>> beginnings_;  ///< as names_: first captures, in the background
+  std::future<void> ended_;                 ///< of the last node
 };
 
 }  // namespace mr::node

@@ -20,6 +20,12 @@ bool has_layers(const Scene& scene, SensorId id) {
   return scene.still.layers && !scene.sensor(id).is_moving();
 }
 
+double share_of_measured(const ImageDepth& depth) {
+  const auto pixels = static_cast<double>(depth.data.size());
+  const auto holes = static_cast<double>(std::ranges::count(depth.data, 0.0f));
+  return pixels > 0 ? 1 - holes / pixels : 0;
+}
+
 }  // namespace
 
 SensorNode::SensorNode(const Scene& scene, SensorId id, NodeClock clock, StillWork still_work)
@@ -83,11 +89,8 @@ Result<SensorNode::Reconstructed> SensorNode::reconstruct(Frame raw) {
   Reconstructed out;
   out.plan = plan_.get();
   out.frame = trace_.time("register", [&] { return registration_.undistort(std::move(raw)); });
-  if (features_)
-    trace_.time("features", [&] {
-      out.features = {sensor_, !out.frame.color.empty(),
-                      rate::values_of(features_->extract(out.frame))};
-    });
+  rate::SceneFeatures features;
+  if (features_) trace_.time("features", [&] { features = features_->extract(out.frame); });
   const auto depth = depth_to_reconstruct(out);
   if (!depth) return depth.error();
   auto surface = reconstructor_.run(*depth, out.frame.T_world_depth, out.plan.decimation);
@@ -96,6 +99,11 @@ Result<SensorNode::Reconstructed> SensorNode::reconstruct(Frame raw) {
                  "frame " + std::to_string(out.frame.index) + ": " + surface.error().message};
   out.mesh = std::move(surface->mesh), out.errors = std::move(surface->errors);
   if (layers_) out.still = layers_->take_news();
+  if (features_) {
+    features.mask_coverage = share_of_measured(*depth);
+    features.triangles = static_cast<double>(surface->fused_triangles);
+    out.features = {sensor_, !out.frame.color.empty(), rate::values_of(features)};
+  }
   return out;
 }
 

@@ -71,6 +71,7 @@ SurfaceReconstructor::Patch SurfaceReconstructor::reconstruct_patch(const ImageD
   out.usable = report.usable;
   const Stopwatch stopwatch(out.simplify_ms);
   kit::fill_small_holes(*fused, kPinhole_voxels * scene_->voxel_m);
+  out.surface.fused_triangles = fused->triangles.size();
   auto small = worker.simplifier.run(*fused, limits_of(decimation, *fused));
   if (!small) {  // what the camera saw lies too far away
     out.usable = false;
@@ -89,6 +90,7 @@ Result<SurfaceReconstructor::Surface> SurfaceReconstructor::join(
   for (const Patch& patch : patches) {
     parts.push_back(patch.surface.mesh);
     out.errors.raise(patch.surface.errors);
+    out.fused_triangles += patch.surface.fused_triangles;
   }
   auto snapped = codec::snap_to_lattice(merge::zip(parts, merge::zipper_config(scene_->voxel_m)),
                                         scene_->lattice);

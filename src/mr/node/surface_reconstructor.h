@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cstddef>
 #include <vector>
 
 #include "mr/core/camera.h"
@@ -24,6 +25,7 @@ class SurfaceReconstructor {
   struct Surface {
     Mesh mesh;  ///< decimated, on the lattice
     CubeErrors errors;
+    std::size_t fused_triangles = 0;  ///< before decimation
   };
 
   /// `camera`: undistorted. All must outlive this.

@@ -25,10 +25,22 @@ bool TextureStream::is_key_frame_due(int width, int height, std::uint32_t layout
 }
 
 Result<TextureUnit> TextureStream::encode(const ImageRgb& picture, int qp, std::uint32_t layout) {
-  if (picture.width % 2 || picture.height % 2) return encode(padded_to_even(picture), qp, layout);
+  return encode(picture, qp, layout, nullptr);
+}
+
+Result<TextureUnit> TextureStream::refine(const ImageRgb& picture, int qp, std::uint32_t layout,
+                                          kit::RowBand band) {
+  return encode(picture, qp, layout, &band);
+}
+
+Result<TextureUnit> TextureStream::encode(const ImageRgb& picture, int qp, std::uint32_t layout,
+                                          const kit::RowBand* band) {
+  if (picture.width % 2 || picture.height % 2)
+    return encode(padded_to_even(picture), qp, layout, band);
   kit::VideoSettings wanted{picture.width,         picture.height,      scene_->fps, qp,
                             scene_->video.threads, scene_->video.slices};
   if (!periodic_) wanted.key_frame_every = 0;
+  wanted.bands = !periodic_ && scene_->rate.model != RateConfig::Model::fixed;
   if (encoder_) encoder_->set_qp(qp);
   if (!encoder_ || encoder_->settings() != wanted) {
     auto encoder = kit::VideoEncoder::create(wanted);
@@ -37,7 +49,9 @@ Result<TextureUnit> TextureStream::encode(const ImageRgb& picture, int qp, std::
     key_frame_asked_ = true;
   }
   const bool asked = key_frame_asked_.exchange(false);
-  auto unit = encoder_->encode(picture, asked || layout != layout_);
+  const bool is_key_frame = asked || layout != layout_;
+  auto unit = band && !is_key_frame ? encoder_->encode_band(picture, *band)
+                                    : encoder_->encode(picture, is_key_frame);
   if (!unit) {
     if (asked) key_frame_asked_ = true;
     return unit.error();

@@ -21,6 +21,11 @@ class TextureStream {
       : scene_(&scene), stream_(stream), periodic_(periodic) {}
 
   Result<TextureUnit> encode(const ImageRgb& picture, int qp, std::uint32_t layout);
+  /// Refines a band of the last picture, which did not change: see
+  /// kit::VideoEncoder::encode_band(). Where a key frame is due, that brings all of it. Of a stream
+  /// without periodic key frames, where rate is controlled.
+  Result<TextureUnit> refine(const ImageRgb& picture, int qp, std::uint32_t layout,
+                             kit::RowBand band);
   /// The next unit will be a key frame. Any thread.
   void ask_key_frame() { key_frame_asked_ = true; }
   /// Whether a picture of this size and layout would become a key frame now.
@@ -30,6 +35,9 @@ class TextureStream {
   bool key_frame_asked() const { return key_frame_asked_; }
 
  private:
+  Result<TextureUnit> encode(const ImageRgb& picture, int qp, std::uint32_t layout,
+                             const kit::RowBand* band);
+
   const Scene* scene_;
   StreamId stream_;
   bool periodic_;

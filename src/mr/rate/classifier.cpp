@@ -4,6 +4,7 @@
 #include <cmath>
 #include <iterator>
 #include <optional>
+#include <utility>
 
 #include "mr/core/assert.h"
 #include "mr/rate/hull_targets.h"
@@ -36,6 +37,11 @@ std::vector<double> input(std::vector<double> features, const NominalRates& nomi
   features.push_back(std::log(std::max(target_mbps, 1e-3)));
   return features;
 }
+/// The same on a lattice, which is chosen first.
+std::vector<double> on_lattice(std::vector<double> input, int bits) {
+  input.push_back(bits - kBits);
+  return input;
+}
 
 /// What a sweep's scene costs in the usual setting.
 Observation::Produced usual(const RateSurface& surface) {
@@ -43,12 +49,31 @@ Observation::Produced usual(const RateSurface& surface) {
           surface.texture_mbps(kUsualSetting.scale, kUsualSetting.qp)};
 }
 
+/// What a machine is trained on.
+struct Samples {
+  std::vector<std::vector<double>> features;
+  std::vector<int> classes;
+
+  void add(std::vector<double> of_sample, int of_class) {
+    features.push_back(std::move(of_sample)), classes.push_back(of_class);
+  }
+  Svm train() const { return Svm::train(features, classes); }
+};
+
 /// How far settings lie apart: 1 is as much as one class.
 double distance(const Setting& a, const Setting& b) {
   const double error = 2 * std::log2(a.error_voxels / b.error_voxels),
                scale = 4 * std::log2(a.scale / b.scale),
                qp = (a.qp - b.qp) / static_cast<double>(kQpStep);
   return error * error + scale * scale + qp * qp;
+}
+
+/// The setting on a hull that is nearest to the wanted one, of its lattice.
+Setting nearest(const std::vector<Setting>& hull, const Setting& wanted) {
+  MR_ASSERT(!hull.empty());
+  return *std::ranges::min_element(hull, {}, [&](const Setting& setting) {
+    return std::pair(setting.bits != wanted.bits, distance(setting, wanted));
+  });
 }
 
 }  // namespace
@@ -61,28 +86,34 @@ Classifier Classifier::train(std::span<const Sweep> training) {
     std::ranges::copy_if(training, std::back_inserter(sweeps),
                          [&](const Sweep& sweep) { return sweep.layers == layers; });
     if (sweeps.empty()) continue;
-    std::vector<std::vector<double>> samples;
-    std::vector<int> errors, scales, qps;
+    Samples lattices, errors, scales, qps;
     Machines machines;
     machines.nominal = NominalRates::train(sweeps);
     for (const Sweep& sweep : sweeps) {
       const RateSurface surface(grid_values(sweep));
+      const auto at = [&](double mbps) {
+        return input(out.space_.at(sweep.features), machines.nominal, usual(surface), mbps);
+      };
       const auto hull = convex_hull(candidate_points(surface));
-      for (const RatePoint& p : hull) machines.hull.push_back(p.setting);
-      for (const double mbps : targets_of(hull, kTargets)) {
-        const Setting best = best_within(hull, kMargin * mbps).setting;
-        samples.push_back(
-            input(out.space_.at(sweep.features), machines.nominal, usual(surface), mbps));
-        errors.push_back(error_class(best.error_voxels));
-        scales.push_back(scale_class(best.scale)), qps.push_back(qp_class(best.qp));
+      for (const double mbps : targets_of(hull, kTargets))
+        lattices.add(at(mbps), best_within(hull, kMargin * mbps).setting.bits);
+      for (const int bits : kLattices) {
+        const auto of_lattice = convex_hull(candidate_points(surface, bits));
+        for (const RatePoint& p : of_lattice) machines.hull.push_back(p.setting);
+        for (const double mbps : targets_of(of_lattice, kTargets)) {
+          const Setting best = best_within(of_lattice, kMargin * mbps).setting;
+          const std::vector<double> features = on_lattice(at(mbps), bits);
+          errors.add(features, error_class(best.error_voxels));
+          scales.add(features, scale_class(best.scale));
+          qps.add(features, qp_class(best.qp));
+        }
       }
     }
     std::ranges::sort(machines.hull);
     machines.hull.erase(std::unique(machines.hull.begin(), machines.hull.end()),
                         machines.hull.end());
-    machines.error = Svm::train(samples, errors);
-    machines.scale = Svm::train(samples, scales);
-    machines.qp = Svm::train(samples, qps);
+    machines.bits = lattices.train(), machines.error = errors.train();
+    machines.scale = scales.train(), machines.qp = qps.train();
     (layers ? out.kinds_.layers : out.kinds_.without_layers).push_back(std::move(machines));
   }
   return out;
@@ -95,14 +126,13 @@ Setting Classifier::choose(const Observation& observed, double target_mbps) cons
                     : (observed.layers ? kinds_.without_layers : kinds_.layers).front();
   const auto produced =
       observed.produced.empty() ? std::nullopt : std::optional(observed.produced.back());
-  const std::vector<double> in =
+  std::vector<double> in =
       input(space_.at(observed.features), machines.nominal, produced, target_mbps);
+  const int bits = observed.bits.value_or(machines.bits.predict(in));
+  in = on_lattice(std::move(in), bits);
   const auto scale = static_cast<std::size_t>(std::clamp(machines.scale.predict(in), 0, 2));
-  const Setting wanted{error_of(machines.error.predict(in)), kBits, kScales[scale],
-                       machines.qp.predict(in) * kQpStep};
-  MR_ASSERT(!machines.hull.empty());
-  return *std::ranges::min_element(
-      machines.hull, {}, [&](const Setting& setting) { return distance(setting, wanted); });
+  return nearest(machines.hull, {error_of(machines.error.predict(in)), bits, kScales[scale],
+                                 machines.qp.predict(in) * kQpStep});
 }
 
 }  // namespace mr::rate

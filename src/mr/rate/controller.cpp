@@ -43,6 +43,7 @@ Controller::Controller(std::shared_ptr<const Model> model, bool layers, double f
     : model_(std::move(model)), nominal_fps_(fps), fps_(fps), setting_(kUsualSetting) {
   MR_ASSERT(model_ && fps_ > 0);
   observed_.layers = layers;
+  set_lattice(kBits);
   set_target(target_mbps);
 }
 
@@ -54,6 +55,8 @@ void Controller::set_target(double mbps) {
   target_mbps_ = wanted;
   purse_ = std::min(purse_, largest_piece());
 }
+
+void Controller::set_lattice(int bits) { observed_.bits = setting_.bits = bits; }
 
 void Controller::set_features(std::vector<Feature> features) {
   observed_.features = std::move(features);
@@ -178,9 +181,10 @@ void Controller::decide(double for_setting_mbps) {
         {setting_, geometry_ * 8e-6 * nominal_fps_, (texture_ * (nominal_fps_ - 1) + key) * 8e-6});
     if (observed_.produced.size() > 6) observed_.produced.erase(observed_.produced.begin());
   }
-  Setting wanted = has_ample(for_setting_mbps)
-                       ? kFinestSetting
-                       : model_->choose(observed_, for_setting_mbps * nominal_fps_ / fps_);
+  Setting wanted = kFinestSetting;
+  wanted.bits = setting_.bits;
+  if (!has_ample(for_setting_mbps))
+    wanted = model_->choose(observed_, for_setting_mbps * nominal_fps_ / fps_);
   // What the model expects of finer pictures may be wrong: finer meshes by steps use what is left.
   if (captures_ >= kFewest && is_idle(for_setting_mbps) && direction_of(setting_, wanted) <= 0) {
     wanted = setting_;

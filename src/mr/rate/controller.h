@@ -69,6 +69,10 @@ class Controller {
   /// From the next capture on. Not finite or not positive: the least that can be sent.
   void set_target(double mbps);
   double target_mbps() const { return target_mbps_; }
+  /// The lattice in force, as its bits.
+  void set_lattice(int bits);
+  /// What the quality of what moves weighs (Observation::moving_weight); 0 until then.
+  void set_moving_weight(double weight) { observed_.moving_weight = weight; }
   void set_features(std::vector<Feature> features);
   /// How many captures a second there are; above 0. Models go by the scene's nominal rate.
   void set_fps(double fps);

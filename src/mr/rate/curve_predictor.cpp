@@ -13,9 +13,13 @@
 namespace mr::rate {
 namespace {
 
-// A scene's values: rates of geometry, rates of texture, losses, the best quality.
-constexpr std::size_t kTextureAt = kErrors, kLossAt = kTextureAt + kTextures,
-                      kBestAt = kLossAt + kErrors * kTextures, kValues = kBestAt + 1;
+// A scene's values: rates of geometry, rates of texture; losses of quality and the best, of the
+// whole picture and of what moves; of each lattice but the grid's, the logarithm of its rate
+// against the grid's and the differences of quality.
+constexpr std::size_t kTextureAt = kErrors, kQualityAt = kTextureAt + kTextures,
+                      kOfQuality = kErrors * kTextures + 1, kMovingAt = kQualityAt + kOfQuality,
+                      kLatticesAt = kMovingAt + kOfQuality, kOfLattice = 3,
+                      kValues = kLatticesAt + (std::size(kLattices) - 1) * kOfLattice;
 
 constexpr double kLeastLoss = 5e-4;       // of SSIM: smaller ones are not told apart
 constexpr double kShrinkage = 0.15;       // of the covariance towards its diagonal
@@ -25,23 +29,40 @@ constexpr double kAgeing = 0.02;          // noise of a reading for each that ca
 constexpr double kRateNoise = 0.03;       // of what the encoders produce, from second to second
 constexpr std::size_t kMostReadings = 6;  // of what was produced, the newest
 
+/// Losses against the best, and the best.
+void add_losses(const std::vector<double>& ssim, std::vector<double>& out) {
+  const double best = *std::ranges::max_element(ssim);
+  for (const double of_setting : ssim) out.push_back(std::log(best - of_setting + kLeastLoss));
+  out.push_back(best);
+}
+std::vector<double> ssim_from(const double* losses) {
+  std::vector<double> out;
+  const double best = losses[kOfQuality - 1];
+  for (std::size_t i = 0; i + 1 < kOfQuality; ++i)
+    out.push_back(best - (std::exp(losses[i]) - kLeastLoss));
+  return out;
+}
+
 std::vector<double> values_of(const GridValues& grid) {
   std::vector<double> out;
   for (const double mbps : grid.geometry_mbps) out.push_back(std::log(mbps));
   for (const double mbps : grid.texture_mbps) out.push_back(std::log(mbps));
-  const double best = *std::ranges::max_element(grid.ssim);
-  for (const double ssim : grid.ssim) out.push_back(std::log(best - ssim + kLeastLoss));
-  out.push_back(best);
+  add_losses(grid.ssim, out), add_losses(grid.moving_ssim, out);
+  for (std::size_t l = 0; l < grid.lattices.size(); ++l)
+    if (const auto& [rate, ssim, moving_ssim] = grid.lattices[l]; kLattices[l] != kBits)
+      out.insert(out.end(), {std::log(rate), ssim, moving_ssim});
   return out;
 }
 
 GridValues grid_of(const std::vector<double>& values) {
   GridValues out;
   for (std::size_t i = 0; i < kErrors; ++i) out.geometry_mbps.push_back(std::exp(values[i]));
-  for (std::size_t i = kTextureAt; i < kLossAt; ++i)
+  for (std::size_t i = kTextureAt; i < kQualityAt; ++i)
     out.texture_mbps.push_back(std::exp(values[i]));
-  for (std::size_t i = kLossAt; i < kBestAt; ++i)
-    out.ssim.push_back(values[kBestAt] - (std::exp(values[i]) - kLeastLoss));
+  out.ssim = ssim_from(&values[kQualityAt]), out.moving_ssim = ssim_from(&values[kMovingAt]);
+  const double* at = &values[kLatticesAt];
+  for (std::size_t l = 0; l < out.lattices.size(); ++l)
+    if (kLattices[l] != kBits) out.lattices[l] = {std::exp(at[0]), at[1], at[2]}, at += kOfLattice;
   return out;
 }
 
@@ -64,7 +85,14 @@ std::vector<std::pair<std::size_t, double>> between(std::span<const double> axis
 std::vector<std::pair<std::size_t, double>> geometry_weights(const Setting& setting) {
   std::vector<double> axis;
   for (const double error : kErrorNodes_voxels) axis.push_back(std::log(error));
-  return between(axis, 0, std::log(setting.error_voxels));
+  auto out = between(axis, 0, std::log(setting.error_voxels));
+  std::size_t at = kLatticesAt;
+  for (const int bits : kLattices)
+    if (bits != kBits) {
+      if (bits == setting.bits) out.emplace_back(at, 1);
+      at += kOfLattice;
+    }
+  return out;
 }
 
 std::vector<std::pair<std::size_t, double>> texture_weights(const Setting& setting) {
@@ -157,9 +185,6 @@ double log_rate(double mbps) { return std::log(positive_mbps(mbps)); }
 
 /// Rate and quality fall with a coarser setting: what noise says against that is taken out.
 void make_monotone(GridValues& grid) {
-  const auto ssim = [&](std::size_t e, std::size_t t) -> double& {
-    return grid.ssim[e * kTextures + t];
-  };
   const auto has_finer = [](std::size_t t) {
     return t > 0 && kTextureNodes[t].scale == kTextureNodes[t - 1].scale;
   };
@@ -168,11 +193,13 @@ void make_monotone(GridValues& grid) {
   for (std::size_t t = 0; t < kTextures; ++t)
     if (has_finer(t))
       grid.texture_mbps[t] = std::min(grid.texture_mbps[t], kFalls * grid.texture_mbps[t - 1]);
-  for (std::size_t e = 0; e < kErrors; ++e)
-    for (std::size_t t = 0; t < kTextures; ++t) {
-      if (e > 0) ssim(e, t) = std::min(ssim(e, t), ssim(e - 1, t));
-      if (has_finer(t)) ssim(e, t) = std::min(ssim(e, t), ssim(e, t - 1));
-    }
+  for (auto* ssim : {&grid.ssim, &grid.moving_ssim})
+    for (std::size_t e = 0; e < kErrors; ++e)
+      for (std::size_t t = 0; t < kTextures; ++t) {
+        double& here = (*ssim)[e * kTextures + t];
+        if (e > 0) here = std::min(here, (*ssim)[(e - 1) * kTextures + t]);
+        if (has_finer(t)) here = std::min(here, (*ssim)[e * kTextures + t - 1]);
+      }
 }
 
 }  // namespace
@@ -191,7 +218,7 @@ CurvePredictor CurvePredictor::train(std::span<const Sweep> training) {
   return {std::move(space), std::move(members)};
 }
 
-RateSurface CurvePredictor::predict(const Observation& observed) const {
+GridValues CurvePredictor::predict_values(const Observation& observed) const {
   const auto& kind = observed.layers ? members_.layers : members_.without_layers;
   const auto& members =
       kind.empty() ? (observed.layers ? members_.without_layers : members_.layers) : kind;
@@ -223,17 +250,21 @@ RateSurface CurvePredictor::predict(const Observation& observed) const {
     const auto& newest = observed.produced.back();
     const RateSurface before(grid);
     const double geometry = positive_mbps(newest.geometry_mbps) /
-                            before.geometry_mbps(newest.setting.error_voxels),
+                            before.geometry_mbps(newest.setting.error_voxels, newest.setting.bits),
                  texture = positive_mbps(newest.texture_mbps) /
                            before.texture_mbps(newest.setting.scale, newest.setting.qp);
     for (double& mbps : grid.geometry_mbps) mbps *= geometry;
     for (double& mbps : grid.texture_mbps) mbps *= texture;
   }
-  return RateSurface(grid);
+  return grid;
+}
+
+RateSurface CurvePredictor::predict(const Observation& observed) const {
+  return RateSurface(weighted(predict_values(observed), observed.moving_weight));
 }
 
 Setting CurvePredictor::choose(const Observation& observed, double target_mbps) const {
-  std::vector<RatePoint> points = candidate_points(predict(observed));
+  std::vector<RatePoint> points = candidate_points(predict(observed), observed.bits);
   const auto is_allowed = [&](const RatePoint& p) {
     return p.setting.error_voxels >= observed.least_error_voxels &&
            p.setting.error_voxels <= observed.coarsest_error_voxels;

@@ -32,7 +32,9 @@ class CurvePredictor final : public Model {
   CurvePredictor(FeatureSpace space, Members members);
   static CurvePredictor train(std::span<const Sweep> training);
 
-  /// The rate of every setting, and its quality.
+  /// Rates and qualities at the nodes of the grid.
+  GridValues predict_values(const Observation& observed) const;
+  /// The rate of every setting, and its quality, what moves weighted as the observation says.
   RateSurface predict(const Observation& observed) const;
   Setting choose(const Observation& observed, double target_mbps) const override;
 

@@ -11,7 +11,7 @@ namespace {
 constexpr double kOver = 1.03;  // of the target
 
 Observation::Produced produced_at(const RateSurface& truth, const Setting& setting) {
-  return {setting, truth.geometry_mbps(setting.error_voxels),
+  return {setting, truth.geometry_mbps(setting.error_voxels, setting.bits),
           truth.texture_mbps(setting.scale, setting.qp)};
 }
 
@@ -19,15 +19,19 @@ Observation::Produced produced_at(const RateSurface& truth, const Setting& setti
 Prediction predict(const Model& model, const Sweep& sweep, const RateSurface& truth,
                    double target_mbps, const Corrections& corrections) {
   using Clock = std::chrono::steady_clock;
-  Observation observed{sweep.layers, sweep.features, {}};
+  Observation observed;
+  observed.layers = sweep.layers, observed.features = sweep.features;
+  observed.moving_weight = corrections.moving_weight;
   if (corrections.sees_produced) observed.produced = {produced_at(truth, kUsualSetting)};
-  Prediction out{
-      sweep.scene, sweep.layers, target_mbps, target_mbps, {}, truth.at(kUsualSetting), 0, 0};
+  Prediction out;
+  out.scene = sweep.scene, out.layers = sweep.layers;
+  out.target_mbps = out.limit_mbps = target_mbps, out.usual = truth.at(kUsualSetting);
   for (int i = 0; i < corrections.choices; ++i) {
     const auto start = Clock::now();
     const Setting setting = model.choose(observed, target_mbps);
     out.decision_ms = std::max(
         out.decision_ms, std::chrono::duration<double, std::milli>(Clock::now() - start).count());
+    observed.bits = setting.bits;  // of the whole epoch
     const bool is_settled = i > 0 && setting == out.got.setting;
     out.got = truth.at(setting);
     if (is_settled) break;
@@ -64,9 +68,11 @@ GapStatistics statistics(std::span<const Prediction> predictions) {
     out.rate_error += std::abs(p.got.mbps / p.limit_mbps - 1);
     const double loss = p.usual.ssim - p.got.ssim;
     out.mean_loss += loss, out.most_loss = std::max(out.most_loss, loss);
+    out.mean_moving_loss += p.moving_loss;
   }
   const auto n = static_cast<double>(gaps.size());
   out.mean /= n, out.over /= n, out.rate_error /= n, out.mean_loss /= n;
+  out.mean_moving_loss /= n;
   std::ranges::sort(gaps);
   out.p95 = gaps[static_cast<std::size_t>(0.95 * (n - 1))];
   return out;
@@ -102,11 +108,13 @@ std::vector<Prediction> leave_one_out(std::span<const Sweep> sweeps, const Train
                          [&](const Sweep& s) { return s.scene != first->scene; });
     const std::unique_ptr<Model> model = train(others);
     for (; first != end; ++first) {
-      const RateSurface truth(grid_values(*first));
+      const GridValues values = grid_values(*first);
+      const RateSurface truth(values), moving(weighted(values, 1));
       const auto hull = convex_hull(candidate_points(truth));
       for (const double target : targets(hull, truth.at(kUsualSetting).mbps)) {
         Prediction p = predict(*model, *first, truth, target, corrections);
         p.gap = gap_to_hull(hull, target, p.got);
+        p.moving_loss = moving.at(kUsualSetting).ssim - moving.at(p.got.setting).ssim;
         p.limit_mbps = std::max(target, hull.front().mbps);
         out.push_back(std::move(p));
       }

@@ -19,6 +19,7 @@ struct Prediction {
   double limit_mbps = 0;   ///< the target, or the scene's lowest rate where the target is below it
   RatePoint got;           ///< what the setting really costs and gives
   RatePoint usual;         ///< what the usual setting does
+  double moving_loss = 0;  ///< of the quality of what moves, against the usual setting
   double gap = 0;          ///< to the Pareto hull at the target (gap_to_hull())
   double decision_ms = 0;  ///< of one choice
 };
@@ -32,7 +33,7 @@ double gap_to_hull(const std::vector<RatePoint>& hull, double target_mbps, const
 struct GapStatistics {
   double mean = 0, p95 = 0, max = 0, over = 0, rate_error = 0;
   /// Of quality, against the usual setting whatever that costs.
-  double mean_loss = 0, most_loss = 0;
+  double mean_loss = 0, most_loss = 0, mean_moving_loss = 0;
 };
 GapStatistics statistics(std::span<const Prediction> predictions);
 
@@ -54,6 +55,7 @@ using Targets =
 struct Corrections {
   int choices = 1;
   bool sees_produced = true;  ///< false: features alone
+  double moving_weight = 0;   ///< in what the model looks for; gaps are of the whole picture
 };
 
 /// Leaves each scene out in turn: trains on the others, predicts for all its sweeps. Every

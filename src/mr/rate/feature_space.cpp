@@ -9,8 +9,8 @@ namespace mr::rate {
 namespace {
 
 // Those that tell scenes apart best; the deviations follow the energies.
-constexpr std::array kNames{"color_spatial",  "color_temporal", "depth_spatial",
-                            "depth_temporal", "moving_percent", "sensors"};
+constexpr std::array kNames{"color_spatial",  "color_temporal", "depth_spatial", "depth_temporal",
+                            "moving_percent", "mask_percent",   "triangles",     "sensors"};
 
 /// Energies of a still picture are 0.
 std::optional<double> log_of(const std::vector<Feature>& features, const char* name) {
@@ -22,7 +22,7 @@ std::optional<double> log_of(const std::vector<Feature>& features, const char* n
 }  // namespace
 
 std::vector<Feature> named(const SceneFeatures& features) {
-  const auto& [color, depth, moving_pixels] = features;
+  const auto& [color, depth, moving_pixels, mask_coverage, triangles] = features;
   return {{"color_spatial", color.spatial},
           {"color_temporal", color.temporal},
           {"color_spatial_deviation", color.spatial_deviation},
@@ -35,7 +35,9 @@ std::vector<Feature> named(const SceneFeatures& features) {
           {"depth_temporal_deviation", depth.temporal_deviation},
           {"depth_temporal_gradient", std::abs(depth.temporal_gradient)},
           {"depth_pixel_deviation", depth.pixel_deviation},
-          {"moving_percent", 100 * moving_pixels}};
+          {"moving_percent", 100 * moving_pixels},
+          {"mask_percent", 100 * mask_coverage},
+          {"triangles", triangles}};
 }
 
 std::vector<Feature> scene_features(std::span<const SensorFeatures> sensors) {

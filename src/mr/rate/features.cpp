@@ -168,7 +168,7 @@ void for_each_feature(Features& features, const At& at) {
     at(picture->spatial_deviation), at(picture->temporal_deviation);
     at(picture->temporal_gradient), at(picture->pixel_deviation);
   }
-  at(features.moving_pixels);
+  at(features.moving_pixels), at(features.mask_coverage), at(features.triangles);
 }
 
 }  // namespace
@@ -191,6 +191,8 @@ SceneFeatures mean_features(std::span<const SensorFeatures> sensors) {
       &PictureFeatures::spatial,           &PictureFeatures::temporal,
       &PictureFeatures::spatial_deviation, &PictureFeatures::temporal_deviation,
       &PictureFeatures::temporal_gradient, &PictureFeatures::pixel_deviation};
+  constexpr double SceneFeatures::*kOwnValues[] = {
+      &SceneFeatures::moving_pixels, &SceneFeatures::mask_coverage, &SceneFeatures::triangles};
   SceneFeatures mean;
   double colored = 0;
   for (const auto& [has_color, features] : sensors) {
@@ -198,12 +200,13 @@ SceneFeatures mean_features(std::span<const SensorFeatures> sensors) {
       mean.depth.*value += features.depth.*value;
       if (has_color) mean.color.*value += features.color.*value;
     }
-    mean.moving_pixels += features.moving_pixels, colored += has_color;
+    for (const auto value : kOwnValues) mean.*value += features.*value;
+    colored += has_color;
   }
   const double all = std::max(static_cast<double>(sensors.size()), 1.0);
   for (const auto value : kValues)
     mean.depth.*value /= all, mean.color.*value /= std::max(colored, 1.0);
-  mean.moving_pixels /= all;
+  for (const auto value : kOwnValues) mean.*value /= all;
   return mean;
 }
 

@@ -45,6 +45,9 @@ struct SceneFeatures {
   /// 0..1: of the depth pixels that are valid in this frame and the one before, those whose depth
   /// changed by more than noise.
   double moving_pixels = 0;
+  // Of the surface that is sent with the frame; FeatureExtractor leaves these at 0:
+  double mask_coverage = 0;  ///< 0..1: of the depth pixels, those that it is reconstructed from
+  double triangles = 0;      ///< before decimation
 };
 
 /// The features of one sensor's frame.

@@ -26,7 +26,8 @@ inline constexpr double coarsest_error_m(double voxel_m) { return std::max(0.04,
 inline constexpr double coarsest_error_voxels(double voxel_m) {
   return coarsest_error_m(voxel_m) / voxel_m;
 }
-inline constexpr int kBits = 10;  ///< of the grid
+inline constexpr int kBits = 10;                 ///< of the grid
+inline constexpr int kLattices[] = {9, 10, 11};  ///< bits; measured at one error
 
 /// The scene file's usual plan: what is coded until a model decides.
 inline constexpr Setting kUsualSetting{0.5, kBits, 1, 28};

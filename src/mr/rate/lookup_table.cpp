@@ -1,5 +1,6 @@
 #include "mr/rate/lookup_table.h"
 
+#include <iterator>
 #include <limits>
 
 #include "mr/core/assert.h"
@@ -23,11 +24,16 @@ LookupTable LookupTable::train(std::span<const Sweep> training) {
   LookupTable out;
   out.space_ = FeatureSpace(training);
   for (const Sweep& sweep : training) {
-    Row row{sweep.layers, out.space_.at(sweep.features), {}};
-    const auto hull = convex_hull(candidate_points(RateSurface(grid_values(sweep))));
-    for (const double mbps : targets_of(hull, kEntries))
-      row.entries.push_back({mbps, best_within(hull, mbps).setting});
-    out.rows_.push_back(std::move(row));
+    const RateSurface surface(grid_values(sweep));
+    std::vector<std::optional<int>> lattices{std::nullopt};  // which may be chosen
+    lattices.insert(lattices.end(), std::begin(kLattices), std::end(kLattices));
+    for (const auto& bits : lattices) {
+      Row row{sweep.layers, out.space_.at(sweep.features), {}, bits};
+      const auto hull = convex_hull(candidate_points(surface, bits));
+      for (const double mbps : targets_of(hull, kEntries))
+        row.entries.push_back({mbps, best_within(hull, mbps).setting});
+      out.rows_.push_back(std::move(row));
+    }
   }
   return out;
 }
@@ -38,14 +44,16 @@ Setting LookupTable::choose(const Observation& observed, double target_mbps) con
   const Row* nearest = nullptr;
   double least = std::numeric_limits<double>::max();
   for (const Row& row : rows_) {
-    // Rows of the other kind only where there are no rows of this one.
-    const double away =
-        distance(row.features, features) + (row.layers == observed.layers ? 0 : 1e6);
+    // Rows of another kind only where there are none of this one.
+    const double away = distance(row.features, features) +
+                        (row.layers == observed.layers ? 0 : 2e6) +
+                        (row.bits == observed.bits ? 0 : 1e6);
     if (away < least) least = away, nearest = &row;
   }
   Setting out = nearest->entries.front().setting;
   for (const Entry& entry : nearest->entries)
     if (entry.mbps <= target_mbps) out = entry.setting;
+  if (observed.bits) out.bits = *observed.bits;
   return out;
 }
 

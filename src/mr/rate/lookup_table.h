@@ -1,5 +1,6 @@
 #pragma once
 
+#include <optional>
 #include <span>
 #include <vector>
 
@@ -21,6 +22,7 @@ class LookupTable final : public Model {
     bool layers = true;
     std::vector<double> features;  ///< [FeatureSpace::size()]
     std::vector<Entry> entries;    ///< by rising rate; not empty
+    std::optional<int> bits = {};  ///< the lattice of all entries; nothing: each its own
   };
 
   LookupTable() = default;

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <iterator>
 #include <nlohmann/json.hpp>
 
 #include "mr/core/assert.h"
@@ -59,8 +60,9 @@ Setting setting(const Json& in) {
                     whole_number(v[3], -kMostWhole, kMostWhole)};
   const bool has_scale = std::ranges::any_of(
       kTextureNodes, [&](const TextureNode& node) { return node.scale == out.scale; });
-  const bool good = out.error_voxels >= 0.1 && out.error_voxels <= 100 && out.bits == kBits &&
-                    has_scale && out.qp >= 0 && out.qp <= 51;
+  const bool good = out.error_voxels >= 0.1 && out.error_voxels <= 100 && has_scale &&
+                    std::ranges::find(kLattices, out.bits) != std::end(kLattices) && out.qp >= 0 &&
+                    out.qp <= 51;
   if (!good) refuse("an impossible setting");
   return out;
 }
@@ -109,6 +111,7 @@ Json to_json(const std::vector<Classifier::Machines>& kind) {
     out.push_back({{"nominal", to_json(m.nominal.log_mbps())},
                    {"hull", std::move(hull)},
                    {"error", to_json(m.error)},
+                   {"bits", to_json(m.bits)},
                    {"scale", to_json(m.scale)},
                    {"qp", to_json(m.qp)}});
   }
@@ -117,11 +120,13 @@ Json to_json(const std::vector<Classifier::Machines>& kind) {
 std::vector<Classifier::Machines> machines(const Json& in) {
   std::vector<Classifier::Machines> out;
   const std::size_t features = FeatureSpace::size() + 3;  // with what was produced, and the target
+  const std::size_t on_lattice = features + 1;
   for (const Json& m : rows(in)) {
     Classifier::Machines one{NominalRates(numbers(m.at("nominal"), NominalRates::size())),
-                             svm(m.at("error"), features),
-                             svm(m.at("scale"), features),
-                             svm(m.at("qp"), features),
+                             svm(m.at("error"), on_lattice),
+                             svm(m.at("bits"), features),
+                             svm(m.at("scale"), on_lattice),
+                             svm(m.at("qp"), on_lattice),
                              {}};
     for (const Json& s : rows(m.at("hull"))) one.hull.push_back(setting(s));
     if (one.hull.empty()) refuse("a classifier without settings");
@@ -149,8 +154,10 @@ Json to_json(const LookupTable& table) {
     Json entries = Json::array();
     for (const auto& [mbps, setting] : row.entries)
       entries.push_back({seven_digits(mbps), to_json(setting)});
-    out["rows"].push_back(
-        {{"layers", row.layers}, {"at", to_json(row.features)}, {"entries", std::move(entries)}});
+    out["rows"].push_back({{"layers", row.layers},
+                           {"bits", row.bits.value_or(0)},
+                           {"at", to_json(row.features)},
+                           {"entries", std::move(entries)}});
   }
   return out;
 }
@@ -159,6 +166,7 @@ LookupTable lookup_table(const Json& in) {
   for (const Json& r : rows(in.at("rows"))) {
     LookupTable::Row& row = out.emplace_back();
     row.layers = r.at("layers").get<bool>();
+    if (const int bits = whole_number(r.at("bits").get<double>(), 0, kMostWhole)) row.bits = bits;
     row.features = numbers(r.at("at"), FeatureSpace::size());
     for (const Json& entry : rows(r.at("entries")))
       row.entries.push_back({entry.at(0).get<double>(), setting(entry.at(1))});
@@ -261,6 +269,14 @@ Result<std::shared_ptr<const Model>> open_model(
   const Result<Models>& own = shipped_models();
   if (!own) return own.error();
   return own->get(config.model);
+}
+
+int lattice_of_epoch(const RateConfig& config, bool layers) {
+  const auto model = open_model(config, [](const std::string&) {});  // told where it is used
+  if (!model || !*model) return kBits;
+  Observation observed;
+  observed.layers = layers;
+  return (*model)->choose(observed, config.target_mbps).bits;
 }
 
 }  // namespace mr::rate

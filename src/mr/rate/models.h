@@ -17,7 +17,7 @@ namespace mr::rate {
 
 /// All models that a scene may name, trained on the same sweeps.
 struct Models {
-  static constexpr int kVersion = 1;  ///< of the file
+  static constexpr int kVersion = 2;  ///< of the file
 
   Classifier classifier;
   LookupTable lookup;
@@ -41,5 +41,9 @@ const Result<Models>& shipped_models();
 /// line, and the program's own model takes its place. Error: the program's own are damaged.
 Result<std::shared_ptr<const Model>> open_model(
     const RateConfig& config, const std::function<void(const std::string&)>& notice);
+
+/// The lattice of an epoch, its bits, as the scene's model chooses it for the target before
+/// anything is known of the scene, errors aside. Fixed: the usual one.
+int lattice_of_epoch(const RateConfig& config, bool layers);
 
 }  // namespace mr::rate

@@ -27,7 +27,7 @@ std::vector<double> NominalRates::usual_log_mbps(const Observation::Produced& pr
   GridValues grid;
   for (std::size_t i = 0; i < log_mbps_.size(); ++i)
     (i < kErrors ? grid.geometry_mbps : grid.texture_mbps).push_back(std::exp(log_mbps_[i]));
-  grid.ssim.assign(kErrors * kTextures, 0);
+  grid.ssim.assign(kErrors * kTextures, 0);  // of no interest
   const RateSurface nominal(grid);
   const Setting& s = produced.setting;
   const auto log_of = [](double mbps) { return std::log(positive_mbps(mbps)); };

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <optional>
 #include <vector>
 
 #include "mr/rate/grid.h"
@@ -21,8 +22,13 @@ struct Observation {
   bool layers = true;  ///< still.layers
   std::vector<Feature> features;
   std::vector<Produced> produced;  ///< oldest first; empty: nothing was coded yet
+  /// The lattice in force, as its bits. Nothing: an epoch begins, and it may be chosen.
+  std::optional<int> bits = {};
   /// No setting may have another error. Our model heeds that; those of the paper do not.
   double least_error_voxels = 0, coarsest_error_voxels = kErrorNodes_voxels[kErrors - 1];
+  /// 0..1: of the quality of what moves in what our model looks for; the rest is of the whole
+  /// picture.
+  double moving_weight = 0;
 };
 
 }  // namespace mr::rate

@@ -51,7 +51,7 @@ class SimulatedScene {
     const double other = mean * fps_ / (fps_ - 1 + key_ratio_);
     return more_texture_ * (key_frame ? key_ratio_ : 1) * other;
   }
-  double ssim(const Setting& setting) const { return surface_.ssim(setting); }
+  double ssim(const Setting& setting) const { return surface_.at(setting).ssim; }
 
  private:
   double bytes(double mbps) const { return mbps * 1e6 / 8 / fps_; }

@@ -30,7 +30,7 @@ Json to_json(const Sweep& s) {
     return Json{t.scale, t.qp, five_digits(t.key_bytes), five_digits(t.bytes)};
   });
   out["qualities"] = rows(s.qualities, [](const Sweep::Quality& q) {
-    return Json{q.geometry, q.texture, five_digits(q.ssim)};
+    return Json{q.geometry, q.texture, five_digits(q.ssim), five_digits(q.moving_ssim)};
   });
   out["plates"] = rows(s.plates, [](const Sweep::Plates& p) {
     return Json{p.qp, five_digits(p.key_bytes), five_digits(p.ssim)};
@@ -73,8 +73,9 @@ Sweep sweep_from(const Json& in) {
   read_rows(in.at("textures"), 4, [&](const auto& v) {
     s.textures.push_back({v[0], whole_number(v[1], 0, 51), v[2], v[3]});
   });
-  read_rows(in.at("qualities"), 3, [&](const auto& v) {
-    const Sweep::Quality q{static_cast<std::size_t>(v[0]), static_cast<std::size_t>(v[1]), v[2]};
+  read_rows(in.at("qualities"), 4, [&](const auto& v) {
+    const Sweep::Quality q{static_cast<std::size_t>(v[0]), static_cast<std::size_t>(v[1]), v[2],
+                           v[3]};
     if (q.geometry >= s.geometries.size() || q.texture >= s.textures.size())
       throw std::runtime_error("a quality of no setting");
     s.qualities.push_back(q);

@@ -52,6 +52,8 @@ struct Sweep {
   struct Quality {
     std::size_t geometry = 0, texture = 0;  ///< index
     double ssim = 0;                        ///< masked, mean over the viewpoints
+    /// Of the pixels that show the moving surface, decimated least; where nothing moves, of all.
+    double moving_ssim = 0;
     friend bool operator==(const Quality&, const Quality&) = default;
   };
 
@@ -75,7 +77,7 @@ struct Sweep {
 
 /// The sweeps of a scene, as stored: their format's version and what they were measured from.
 struct SweepFile {
-  static constexpr int kVersion = 1;
+  static constexpr int kVersion = 2;
   std::string scene_hash;  ///< of the scene file, its viewpoints, and the sweep's options
   std::vector<Sweep> sweeps;
 };

@@ -23,10 +23,29 @@ std::optional<std::size_t> find_texture(const Sweep& sweep, const TextureNode& n
   return std::nullopt;
 }
 
-std::optional<double> find_ssim(const Sweep& sweep, std::size_t geometry, std::size_t texture) {
+const Sweep::Quality* find_quality(const Sweep& sweep, std::size_t geometry, std::size_t texture) {
   for (const Sweep::Quality& q : sweep.qualities)
-    if (q.geometry == geometry && q.texture == texture) return q.ssim;
-  return std::nullopt;
+    if (q.geometry == geometry && q.texture == texture) return &q;
+  return nullptr;
+}
+
+/// What a lattice changes where it was measured: mean over the textures. Nothing where it was not.
+GridValues::Lattice find_lattice(const Sweep& sweep, int bits) {
+  GridValues::Lattice out;
+  double pairs = 0;
+  for (const Sweep::Quality& q : sweep.qualities) {
+    const Sweep::Geometry& geometry = sweep.geometries[q.geometry];
+    if (geometry.bits != bits || bits == kBits) continue;
+    const auto usual = find_geometry(sweep, geometry.error_voxels);
+    const Sweep::Quality* of_usual = usual ? find_quality(sweep, *usual, q.texture) : nullptr;
+    if (!of_usual) continue;
+    out.rate = positive_mbps(sweep.geometry_mbps(geometry)) /
+               positive_mbps(sweep.geometry_mbps(sweep.geometries[*usual]));
+    out.ssim += q.ssim - of_usual->ssim, out.moving_ssim += q.moving_ssim - of_usual->moving_ssim;
+    ++pairs;
+  }
+  if (pairs > 0) out.ssim /= pairs, out.moving_ssim /= pairs;
+  return out;
 }
 
 std::optional<GridValues> find_values(const Sweep& sweep) {
@@ -37,14 +56,16 @@ std::optional<GridValues> find_values(const Sweep& sweep) {
     out.geometry_mbps.push_back(positive_mbps(sweep.geometry_mbps(sweep.geometries[*g])));
     for (const TextureNode& node : kTextureNodes) {
       const auto t = find_texture(sweep, node);
-      const auto ssim = t ? find_ssim(sweep, *g, *t) : std::nullopt;
-      if (!ssim) return std::nullopt;
-      out.ssim.push_back(*ssim);
+      const Sweep::Quality* quality = t ? find_quality(sweep, *g, *t) : nullptr;
+      if (!quality) return std::nullopt;
+      out.ssim.push_back(quality->ssim), out.moving_ssim.push_back(quality->moving_ssim);
     }
   }
   for (const TextureNode& node : kTextureNodes)
     out.texture_mbps.push_back(
         positive_mbps(sweep.texture_mbps(sweep.textures[*find_texture(sweep, node)])));
+  for (std::size_t l = 0; l < out.lattices.size(); ++l)
+    out.lattices[l] = find_lattice(sweep, kLattices[l]);
   return out;
 }
 
@@ -58,7 +79,23 @@ GridValues grid_values(const Sweep& sweep) {
 
 bool is_complete(const Sweep& sweep) { return find_values(sweep).has_value(); }
 
-RateSurface::RateSurface(const GridValues& values) {
+std::size_t lattice_place(int bits) {
+  const auto found = std::ranges::find(kLattices, bits);
+  MR_ASSERT(found != std::end(kLattices));
+  return static_cast<std::size_t>(found - std::begin(kLattices));
+}
+
+GridValues weighted(GridValues values, double moving_weight) {
+  MR_ASSERT(values.moving_ssim.size() == values.ssim.size());
+  const auto mixed = [&](double whole, double moving) {
+    return (1 - moving_weight) * whole + moving_weight * moving;
+  };
+  std::ranges::transform(values.ssim, values.moving_ssim, values.ssim.begin(), mixed);
+  for (auto& lattice : values.lattices) lattice.ssim = mixed(lattice.ssim, lattice.moving_ssim);
+  return values;
+}
+
+RateSurface::RateSurface(const GridValues& values) : lattices_(values.lattices) {
   MR_ASSERT(values.geometry_mbps.size() == kErrors && values.texture_mbps.size() == kTextures &&
             values.ssim.size() == kErrors * kTextures);
   std::vector<double> log_error, log_mbps;
@@ -83,50 +120,65 @@ RateSurface::RateSurface(const GridValues& values) {
   }
 }
 
-double RateSurface::geometry_mbps(double error_voxels) const {
-  return std::exp(log_geometry_.at(std::log(error_voxels)));
+double RateSurface::geometry_mbps(double error_voxels, int bits) const {
+  return lattices_[lattice_place(bits)].rate * std::exp(log_geometry_.at(std::log(error_voxels)));
 }
 
 double RateSurface::texture_mbps(double scale, int qp) const {
   return std::exp(scales_.at(scale).log_mbps.at(qp));
 }
 
-double RateSurface::ssim(const Setting& setting) const {
-  const Scale& scale = scales_.at(setting.scale);
-  std::vector<double> log_error, of_error;
+MonotoneCurve RateSurface::ssim_over_log_error(double scale, int qp) const {
+  std::vector<double> log_error, ssim;
   for (std::size_t e = 0; e < kErrors; ++e) {
     log_error.push_back(std::log(kErrorNodes_voxels[e]));
-    of_error.push_back(scale.ssim[e].at(setting.qp));
+    ssim.push_back(scales_.at(scale).ssim[e].at(qp));
   }
-  return MonotoneCurve(std::move(log_error), std::move(of_error))
-      .at(std::log(setting.error_voxels));
+  return {std::move(log_error), std::move(ssim)};
 }
 
 RatePoint RateSurface::at(const Setting& setting) const {
-  return {setting, geometry_mbps(setting.error_voxels) + texture_mbps(setting.scale, setting.qp),
-          ssim(setting)};
+  return {
+      setting,
+      geometry_mbps(setting.error_voxels, setting.bits) + texture_mbps(setting.scale, setting.qp),
+      ssim_over_log_error(setting.scale, setting.qp).at(std::log(setting.error_voxels)) +
+          ssim_of_lattice(setting.bits)};
 }
 
-const std::vector<Setting>& candidates() {
-  static const std::vector<Setting> all = [] {
-    std::vector<Setting> out;
-    for (const double error : {0.5, 0.7, 1.0, 1.4, 2.0, 2.8, 4.0, 6.0})
-      for (std::size_t t = 0; t < kTextures; ++t) {
-        // From each node up to the next one of its scale.
-        const bool is_last =
-            t + 1 == kTextures || kTextureNodes[t + 1].scale != kTextureNodes[t].scale;
-        const int end = is_last ? kTextureNodes[t].qp + 1 : kTextureNodes[t + 1].qp;
-        for (int qp = kTextureNodes[t].qp; qp < end; ++qp)
-          out.push_back({error, kBits, kTextureNodes[t].scale, qp});
-      }
+namespace {
+
+constexpr double kErrorSteps_voxels[] = {0.5, 0.7, 1.0, 1.4, 2.0, 2.8, 4.0, 6.0};
+
+/// Every quantiser at each scale, from its first node to its last.
+const std::vector<TextureNode>& texture_steps() {
+  static const std::vector<TextureNode> all = [] {
+    std::vector<TextureNode> out;
+    for (const TextureNode& node : kTextureNodes) {
+      const bool is_first = out.empty() || out.back().scale != node.scale;
+      for (int qp = is_first ? node.qp : out.back().qp + 1; qp <= node.qp; ++qp)
+        out.push_back({node.scale, qp});
+    }
     return out;
   }();
   return all;
 }
 
-std::vector<RatePoint> candidate_points(const RateSurface& surface) {
+}  // namespace
+
+std::vector<RatePoint> candidate_points(const RateSurface& surface, std::optional<int> bits) {
   std::vector<RatePoint> out;
-  for (const Setting& setting : candidates()) out.push_back(surface.at(setting));
+  for (const auto& [scale, qp] : texture_steps()) {
+    const double texture_mbps = surface.texture_mbps(scale, qp);
+    const MonotoneCurve ssim = surface.ssim_over_log_error(scale, qp);
+    for (const double error : kErrorSteps_voxels) {
+      const double on_grid = ssim.at(std::log(error));
+      for (const int lattice : kLattices)
+        if (!bits || lattice == *bits)
+          out.push_back({{error, lattice, scale, qp},
+                         surface.geometry_mbps(error, lattice) + texture_mbps,
+                         on_grid + surface.ssim_of_lattice(lattice)});
+    }
+  }
   return out;
 }
 

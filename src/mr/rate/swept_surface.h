@@ -1,7 +1,11 @@
 #pragma once
 
 #include <algorithm>
+#include <array>
+#include <cstddef>
+#include <iterator>
 #include <map>
+#include <optional>
 #include <span>
 #include <vector>
 
@@ -18,7 +22,19 @@ struct GridValues {
   std::vector<double> geometry_mbps;  ///< [kErrorNodes_voxels], > 0
   std::vector<double> texture_mbps;   ///< [kTextureNodes], > 0
   std::vector<double> ssim;           ///< [kErrorNodes_voxels * kTextureNodes]
+  std::vector<double> moving_ssim;    ///< the same, of the moving surface (Sweep::Quality)
+  /// A lattice against the grid's: factor of the geometry's rate, differences of quality.
+  struct Lattice {
+    double rate = 1, ssim = 0, moving_ssim = 0;
+  };
+  std::array<Lattice, std::size(kLattices)> lattices = {};
 };
+
+/// The place of a lattice in kLattices.
+std::size_t lattice_place(int bits);
+/// The same with quality in one figure: `moving_weight` (0..1) of what moves, the rest of the
+/// whole picture.
+GridValues weighted(GridValues values, double moving_weight);
 
 /// A rate above 0, also of a picture that does not change, which costs nothing: its logarithm is
 /// taken.
@@ -30,14 +46,18 @@ GridValues grid_values(const Sweep& sweep);
 bool is_complete(const Sweep& sweep);
 
 /// Rate and quality of every setting, between the nodes of the grid: monotone curves of the
-/// logarithm of the rate, and of quality, over the quantiser and the logarithm of the error.
+/// logarithm of the rate, and of quality, over the quantiser and the logarithm of the error. Of the
+/// values' `ssim`: see weighted().
 class RateSurface {
  public:
   explicit RateSurface(const GridValues& values);
 
-  double geometry_mbps(double error_voxels) const;
+  double geometry_mbps(double error_voxels, int bits = kBits) const;
   double texture_mbps(double scale, int qp) const;
-  double ssim(const Setting& setting) const;
+  /// Quality over the logarithm of the error, on the grid's lattice.
+  MonotoneCurve ssim_over_log_error(double scale, int qp) const;
+  /// What another lattice than the grid's adds to quality.
+  double ssim_of_lattice(int bits) const { return lattices_[lattice_place(bits)].ssim; }
   RatePoint at(const Setting& setting) const;
 
  private:
@@ -47,14 +67,12 @@ class RateSurface {
   };
   MonotoneCurve log_geometry_;  ///< over log error
   std::map<double, Scale> scales_;
+  std::array<GridValues::Lattice, std::size(kLattices)> lattices_;
 };
 
-/// The settings among which rate control chooses: every quantiser at each scale, from decimation to
-/// decimation a step of a 1.4th; with the grid's lattice.
-const std::vector<Setting>& candidates();
-
-/// All candidates on a surface.
-std::vector<RatePoint> candidate_points(const RateSurface& surface);
+/// The settings among which rate control chooses, on a surface: every quantiser at each scale, from
+/// decimation to decimation a step of a 1.4th, every lattice; `bits`: this one.
+std::vector<RatePoint> candidate_points(const RateSurface& surface, std::optional<int> bits = {});
 
 /// The setting of best quality within a rate; the one of lowest rate where none is. The points must
 /// not be empty.

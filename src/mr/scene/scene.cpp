@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "mr/core/file.h"
+#include "mr/rate/models.h"
 #include "mr/scene/parts.h"
 #include "mr/yaml/edit.h"
 
@@ -28,10 +29,7 @@ void read_up(MapReader& top, Vec3d& up) {
 }
 
 /// A point cloud may be coarser than what browsers decode.
-void read_lattice(MapReader& top, bool of_points, Lattice& lattice) {
-  const yaml::Node* node = top.find("lattice");
-  if (!node) return;
-  MapReader map(top.report, *node, "lattice");
+void read_step(MapReader& map, bool of_points, Lattice& lattice) {
   const bool read = map.integer("step_exp", lattice.step_exp, {-1000, 1000});
   const bool coarse = lattice.step_exp == -7 || lattice.step_exp == -8;
   if (read && (lattice.step_exp > (of_points ? -7 : -9) || lattice.step_exp < -11)) {
@@ -41,6 +39,19 @@ void read_lattice(MapReader& top, bool of_points, Lattice& lattice) {
                            (coarse ? ", which is for pipeline points" : ""));
     lattice.step_exp = Lattice{}.step_exp;
   }
+}
+
+/// After rate control's keys, which `step_exp: auto` goes by.
+void read_lattice(MapReader& top, Scene& scene) {
+  const yaml::Node* node = top.find("lattice");
+  if (!node) return;
+  MapReader map(top.report, *node, "lattice");
+  Lattice& lattice = scene.lattice;
+  const yaml::Node* step = map.find("step_exp");
+  if (step && step->kind == yaml::Node::Kind::scalar && step->text == "auto")
+    lattice.step_exp = -rate::lattice_of_epoch(scene.rate, scene.still.layers);
+  else
+    read_step(map, scene.pipeline == "points", lattice);
   double v[3];
   if (!map.numbers("origin", Lattice::kOrigin_m, v)) return;
   lattice.origin = {v[0], v[1], v[2]};
@@ -76,7 +87,6 @@ void read_general(MapReader& top, Scene& scene) {
                            {"holoportation++", "holoportation++"},
                            {"points", "points"},
                            {"rgbd", "rgbd"}});
-  read_lattice(top, scene.pipeline == "points", scene.lattice);
   if (const yaml::Node* node = top.find("video")) {
     MapReader video(top.report, *node, "video");
     video.integer("threads", scene.video.threads, VideoConfig::kThreads);
@@ -185,6 +195,7 @@ void read_rate_and_coding(MapReader& top, Scene& scene) {
                         {"ours", Model::ours}});
     rate.number("target_mbps", scene.rate.target_mbps, RateConfig::kTarget_mbps);
     rate.integer("rungs", scene.rate.rungs, RateConfig::kRungs);
+    rate.number("moving_weight", scene.rate.moving_weight, RateConfig::kMovingWeight);
     if (std::string file; rate.text("model_file", file)) {
       if (file.empty())
         rate.report.problem(rate.line("model_file"), "model_file must name a file, not ''");
@@ -285,10 +296,11 @@ void read_scene(Report& report, const yaml::Node& root, Scene& scene) {
   }
   MapReader top(report, root, "the scene");
   read_general(top, scene);
+  read_rate_and_coding(top, scene);
+  read_lattice(top, scene);
   const std::vector<NodeName> leaves = read_leaves(top, scene);
   if (leaves.size() == scene.sensors.size()) check_positions(report, leaves, scene);
   read_fusion(top, scene, scene.fusion);
-  read_rate_and_coding(top, scene);
   read_tree(top, leaves, scene);
   read_simplify(top, scene.simplify);
   read_merge(top, scene.merge);
