@@ -17,10 +17,10 @@ namespace {
 constexpr double kSeconds = 60, kDoor_s = 30;
 
 /// The range in which traces move: above the least rate, and below that of the best quality, so
-/// that the scene could always use more.
+/// that the scene could always use more; on the usual lattice.
 std::pair<double, double> range_of(const rate::Sweep& sweep) {
-  const auto hull =
-      rate::convex_hull(rate::candidate_points(rate::RateSurface(rate::grid_values(sweep))));
+  const rate::RateSurface surface(rate::grid_values(sweep));
+  const auto hull = rate::convex_hull(rate::candidate_points(surface, rate::kBits));
   const double low = 1.4 * hull.front().mbps;
   return {low, std::max(0.8 * hull.back().mbps, 1.2 * low)};
 }

@@ -9,6 +9,7 @@
 #include <cstdlib>
 
 #include "mr/core/file.h"
+#include "mr/rate/models.h"
 #include "mr/sensor/rgbd_images.h"
 #include "scene/scene_file.h"
 
@@ -187,6 +188,22 @@ TEST_F(SceneFile, RefusesValuesOutOfRange) {
   EXPECT_THAT(problems(scene_of({"a"}, "pipeline: points\nlattice: {step_exp: -7}\n")), IsEmpty());
   EXPECT_THAT(problem_of("pipeline: magic"), HasSubstr("pipeline must be one of meshreduce"));
   EXPECT_THAT(problem_of("mergers: [{id: r, inputs: [a], deadline_ms: 0}]"), HasSubstr("deadline"));
+}
+
+TEST_F(SceneFile, TheModelChoosesTheLatticeForTheTargetWhereThatSaysAuto) {
+  const auto step_of = [&](const std::string& rate) {
+    const SceneResult read = load(scene_of({"a"}, "lattice: {step_exp: auto}\n" + rate));
+    EXPECT_THAT(read.problems, IsEmpty());
+    return read.scene.lattice.step_exp;
+  };
+  EXPECT_EQ(step_of(""), Lattice{}.step_exp) << "nothing is controlled";
+  for (const double mbps : {0.2, 5.0, 1000.0}) {
+    RateConfig config;
+    config.model = RateConfig::Model::ours, config.target_mbps = mbps;
+    EXPECT_EQ(step_of("rate: {model: ours, target_mbps: " + std::to_string(mbps) + "}\n"),
+              -rate::lattice_of_epoch(config, true))
+        << mbps;
+  }
 }
 
 TEST_F(SceneFile, AcceptsTheEdgesOfTheRanges) {
