@@ -31,6 +31,8 @@ void expect_plausible(const rate::Sweep& sweep) {
   for (const auto& q : sweep.qualities) {
     EXPECT_GT(q.ssim, 0.1);
     EXPECT_LT(q.ssim, 1);
+    EXPECT_GT(q.moving_ssim, 0.05);
+    EXPECT_LT(q.moving_ssim, 1);
   }
   const rate::GridValues grid = rate::grid_values(sweep);
   EXPECT_GT(grid.geometry_mbps.front(), grid.geometry_mbps.back());
@@ -54,6 +56,10 @@ TEST(RateSweep, MeasuresTheSteadyState) {
   EXPECT_GE(made.plates.front().ssim, made.plates.back().ssim);
   ASSERT_EQ(made.stills.size(), 3u);
   EXPECT_GT(made.stills.front().bytes, made.stills.back().bytes);
+  // What moves loses more than the whole picture, most of which is still.
+  const rate::GridValues grid = rate::grid_values(made);
+  const auto loss = [](const std::vector<double>& ssim) { return ssim.front() - ssim.back(); };
+  EXPECT_GT(loss(grid.moving_ssim), 2 * loss(grid.ssim));
   // The room has been sent: the person is a part of what everything costs.
   EXPECT_LT(made.geometries.front().bytes, made.stills.front().bytes);
 }

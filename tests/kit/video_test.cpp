@@ -157,7 +157,7 @@ TEST(Video, BandsAreRefinedOneByOne) {
   auto dec = decoder();
   const auto decoded = [&](const Result<AccessUnit>& unit) {
     EXPECT_TRUE(unit);
-    return *dec.decode(unit->data);
+    return unit ? *dec.decode(unit->data) : ImageRgb(kWidth, kHeight);
   };
   const ImageRgb coarse = decoded(enc.encode(picture));
   enc.set_qp(18);

@@ -106,19 +106,19 @@ TEST_F(RungsTest, ARungBeginsInTheBackgroundWhereStillWorkIsDoneThere) {
   for (int i = 0; i < kLearnt; ++i) next();
   want(0, 4);
   EXPECT_TRUE(next().empty()) << "it has only begun";
-  Rungs::Packets packets;
-  for (int i = 0; packets.empty() && i < 1000; ++i) {
-    std::this_thread::sleep_for(10ms);
-    want(0, 4);
-    packets = next();
-  }
-  ASSERT_EQ(packets.size(), 1u);
+  const auto next_packet = [&] {
+    Rungs::Packets packets;
+    for (int i = 0; packets.empty() && i < 1000; ++i) {
+      std::this_thread::sleep_for(10ms);
+      want(0, 4);
+      packets = next();
+    }
+    EXPECT_EQ(packets.size(), 1u);
+    return packets.front().second;
+  };
   test::PacketInbox inbox(root_.scene().lattice);
-  EXPECT_EQ(inbox.take(packets.front().second).sequence, 0u);
-  want(0, 4);
-  packets = next();
-  ASSERT_EQ(packets.size(), 1u);
-  EXPECT_EQ(inbox.take(packets.front().second).sequence, 1u);
+  EXPECT_EQ(inbox.take(next_packet()).sequence, 0u);
+  EXPECT_EQ(inbox.take(next_packet()).sequence, 1u);
 }
 
 TEST_F(RungsTest, EachKeepsToItsRate) {

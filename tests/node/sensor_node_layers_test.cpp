@@ -51,6 +51,27 @@ TEST(SensorNodeLayers, TheRoomIsSentOnceAndThenOnlyWhatMoves) {
   EXPECT_EQ(sensor.see(wall()).manifest, still.manifest) << "it left";
 }
 
+TEST(SensorNodeLayers, FeaturesTellOfTheSurfaceThatMoves) {
+  Scene scene = with_layers();
+  scene.rate.model = RateConfig::Model::ours;
+  Sensor sensor(scene);
+  const auto features_of = [](const Packet& packet) {
+    EXPECT_EQ(packet.features.size(), 1u);
+    return rate::features_of(packet.features.at(0).values).value();
+  };
+  const rate::SceneFeatures all = features_of(sensor.see(wall()));
+  EXPECT_GT(all.mask_coverage, 0.5) << "nothing is known yet";
+  for (int i = 0; i < 3 * kLearnt; ++i) sensor.see(wall());
+  const rate::SceneFeatures none = features_of(sensor.see(wall()));
+  EXPECT_EQ(none.mask_coverage, 0);
+  EXPECT_EQ(none.triangles, 0);
+  const rate::SceneFeatures box = features_of(sensor.see(wall_and_box()));
+  EXPECT_GT(box.mask_coverage, 0);
+  EXPECT_LT(box.mask_coverage, 0.5 * all.mask_coverage);
+  EXPECT_GT(box.triangles, 0);
+  EXPECT_LT(box.triangles, 0.5 * all.triangles);
+}
+
 TEST(SensorNodeLayers, ConfirmedTilesAreWhereNothingMoves) {
   Sensor sensor(with_layers());
   EXPECT_EQ(std::ranges::count(sensor.see(wall()).sources[0].confirmed_depth.tiles, 1), 0)

@@ -4,6 +4,7 @@
 
 #include <random>
 
+#include "core/temp_dir.h"
 #include "mr/rate/hull_targets.h"
 #include "rate/made_sweeps.h"
 
@@ -204,13 +205,17 @@ TEST(Models, ChooseWhatTheyAlwaysChose) {
 }
 
 TEST(LatticeOfEpoch, IsTheUsualOneWhereNothingIsControlled) {
-  EXPECT_EQ(lattice_of_epoch({}, true), kBits);
+  EXPECT_EQ(lattice_of_epoch({}, true, 0.01), kBits);
 }
 
-TEST(LatticeOfEpoch, IsOneOfThree) {
-  for (const Which which : kAll)
-    for (const double mbps : {0.1, 3.0, 1000.0})
-      EXPECT_LT(lattice_place(lattice_of_epoch({which, mbps, {}}, true)), std::size(kLattices));
+TEST(LatticeOfEpoch, IsWhatTheModelOfTheFileChoosesForTheTarget) {
+  const test::TempDir folder;
+  RateConfig config;
+  config.model = Which::ours, config.model_file = folder.write("models.json", small_file());
+  config.target_mbps = 0.6;
+  EXPECT_EQ(lattice_of_epoch(config, true, 0.01), 9);
+  config.target_mbps = 1000;
+  EXPECT_EQ(lattice_of_epoch(config, true, 0.01), 11);
 }
 
 /// What the shipped file predicts: an error in it, or in reading it, shows here.
@@ -219,7 +224,8 @@ TEST(ShippedModels, ChooseAsTheyDidWhenTheyWereTrained) {
   ASSERT_TRUE(models) << models.error().message;
   Observation observed;
   observed.features = {{"color_spatial", 2800},   {"color_temporal", 450}, {"depth_spatial", 39000},
-                       {"depth_temporal", 37000}, {"moving_percent", 3},   {"sensors", 4}};
+                       {"depth_temporal", 37000}, {"moving_percent", 3},   {"mask_percent", 7},
+                       {"triangles", 20000},      {"sensors", 4}};
   observed.produced = {{kUsualSetting, 6, 5}};
   const auto chosen = [&](RateConfig::Model which) {
     std::vector<Setting> out;
@@ -228,11 +234,11 @@ TEST(ShippedModels, ChooseAsTheyDidWhenTheyWereTrained) {
     return out;
   };
   EXPECT_EQ(chosen(RateConfig::Model::classifier),
-            (std::vector<Setting>{{2, 10, 0.5, 39}, {0.5, 10, 1, 36}, {0.5, 10, 1, 36}}));
+            (std::vector<Setting>{{1, 9, 0.5, 39}, {0.5, 9, 1, 36}, {0.5, 9, 1, 33}}));
   EXPECT_EQ(chosen(RateConfig::Model::lookup),
-            (std::vector<Setting>{{2, 10, 0.5, 42}, {0.7, 10, 0.7, 38}, {0.5, 10, 1, 33}}));
+            (std::vector<Setting>{{1.4, 9, 0.5, 40}, {0.5, 9, 0.7, 36}, {0.5, 9, 1, 32}}));
   EXPECT_EQ(chosen(RateConfig::Model::ours),
-            (std::vector<Setting>{{1, 10, 0.7, 35}, {0.7, 10, 1, 32}, {0.5, 10, 1, 30}}));
+            (std::vector<Setting>{{1, 9, 1, 37}, {0.5, 9, 1, 37}, {0.5, 9, 1, 29}}));
 }
 
 }  // namespace

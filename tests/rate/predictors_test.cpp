@@ -54,6 +54,7 @@ TEST(Models, GiveSettingsThatFitScenesTheyKnow) {
       for (const double target : targets_of(hull, 6)) {
         const RatePoint got = truth.at(model->choose(seen(sweep), target));
         EXPECT_TRUE(is_candidate(got.setting));
+        EXPECT_EQ(got.setting.bits, kBits) << name << ": the lattice in force";
         EXPECT_LE(got.mbps, (1 + over) * target) << name << ' ' << sweep.scene;
         EXPECT_GE(got.ssim, hull_ssim(hull, target) - behind) << name << ' ' << sweep.scene;
       }

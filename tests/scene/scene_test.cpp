@@ -201,9 +201,12 @@ TEST_F(SceneFile, TheModelChoosesTheLatticeForTheTargetWhereThatSaysAuto) {
     RateConfig config;
     config.model = RateConfig::Model::ours, config.target_mbps = mbps;
     EXPECT_EQ(step_of("rate: {model: ours, target_mbps: " + std::to_string(mbps) + "}\n"),
-              -rate::lattice_of_epoch(config, true))
+              -rate::lattice_of_epoch(config, true, Scene{}.voxel_m))
         << mbps;
   }
+  EXPECT_THAT(problem_of("lattice: {step_exp: auto, origin: [0, 0, 0.0009765625]}"),
+              HasSubstr("multiples"))
+      << "of whichever step that will be";
 }
 
 TEST_F(SceneFile, AcceptsTheEdgesOfTheRanges) {

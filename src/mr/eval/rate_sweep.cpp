@@ -34,7 +34,6 @@ using rate::kBits;
 using rate::TextureNode;
 
 // The lattice's steps are compared at one decimation, with two textures.
-constexpr int kOtherBits[] = {9, 11};
 constexpr double kErrorOfBits_voxels = 1;
 constexpr TextureNode kTexturesOfBits[] = {{1, 28}, {0.7, 38}};
 // Plates and still surface cost nothing in the steady state: they are at their best.
@@ -386,7 +385,8 @@ class MomentSweep {
   Status reconstruct() {
     std::vector<std::pair<double, int>> all;
     for (const double error : rate::kErrorNodes_voxels) all.emplace_back(error, kBits);
-    for (const int bits : kOtherBits) all.emplace_back(kErrorOfBits_voxels, bits);
+    for (const int bits : rate::kLattices)
+      if (bits != kBits) all.emplace_back(kErrorOfBits_voxels, bits);
     for (const auto& [error, bits] : all) {
       show("geometry", surfaces_.size(), all.size());
       const auto g = geometry(error, bits);
@@ -406,7 +406,7 @@ class MomentSweep {
   }
 
   Status measure_lattices() {
-    for (const int bits : kOtherBits)
+    for (const int bits : rate::kLattices)
       for (const TextureNode& node : kTexturesOfBits)
         if (const Status ok = measure(kErrorOfBits_voxels, bits, node); !ok) return ok;
     return {};

@@ -66,7 +66,7 @@ std::vector<std::string> problems(const VideoSettings& s) {
 }
 
 /// Sets the quantiser by x264's rate factor, which unlike `qp` may be changed in a running encoder.
-/// With adaptation to complexity disabled (qcomp, aq-mode) both are equal.
+/// With adaptation to complexity disabled (qcomp, aq-mode; next to, for bands) both are equal.
 void set_rate_factor(AVCodecContext& c, double qp) {
   constexpr double kFinest = 1;  // 0 is lossless, not in main
   av_opt_set_double(c.priv_data, "crf", std::max(qp, kFinest), 0);

@@ -24,14 +24,13 @@ struct VideoSettings {
   int qp = 28;                  ///< quantiser of most pictures, 0..51; set_qp() changes it
   int threads = 1, slices = 1;  ///< fixed per scene, as libx264's output depends on them
   int key_frame_every = 250;    ///< pictures; 0: only the first and on demand
-  bool bands = false;           ///< encode() may be given a band
+  bool bands = false;           ///< encode_band() may be called
   friend bool operator==(const VideoSettings&, const VideoSettings&) = default;
 };
 
 /// Rows of a picture's pixels, [first, end).
 struct RowBand {
   int first = 0, end = 0;
-  friend bool operator==(const RowBand&, const RowBand&) = default;
 };
 
 struct AccessUnit {

@@ -73,7 +73,8 @@ Result<std::vector<std::byte>> MergeNode::merge(const CaptureSet& captures,
   if (!rate_) return bytes;
   if (!bytes) rate_->give_up();
   rate_->note_surface(captures, moving_.mesh());
-  if (clock_.now) rate_->note_time(captures, clock_.now() - started);
+  const bool is_usual = sequence_ > 1;  // the first one makes the whole still surface
+  if (clock_.now && is_usual) rate_->note_time(captures, clock_.now() - started);
   return bytes;
 }
 

@@ -289,7 +289,7 @@ Result<RootAtlas::Drawn> RootAtlas::draw(const Tick& tick, const Mesh& moving, c
   out.live = draw_live(children, shown, std::move(used));
   if (scene_->atlas.burn_sequence) atlas::draw_watermark(out.live, sequence);
   if (!due) return out;
-  out.plates = is_drawn ? draw_plates(children) : last_plate_.picture;
+  if (is_drawn) out.plates = draw_plates(children);
   out.plate_qp = due->qp, out.plate_blocks = due->blocks, out.plate_band = due->band;
   return out;
 }
@@ -299,26 +299,40 @@ Status RootAtlas::encode(Drawn drawn, Packet& packet) {
   packet.alpha = std::move(drawn.alpha);
   Status coded = add_unit(live_, packet.plan.texture_qp, drawn.live_layout, std::move(drawn.live),
                           last_live_, packet);
+  if (coded && drawn.plate_band) return refine_plates(drawn, packet);
   if (!drawn.plates) return coded;
   if (coded) coded = add_plates(drawn, packet);
-  if (!coded && !drawn.plate_band)
-    drawn_layout_ = 0;  // of no layout: the plates are due with the next packet
+  if (!coded) drawn_layout_ = 0;  // of no layout: the plates are due with the next packet
   return coded;
 }
 
 Status RootAtlas::add_plates(Drawn& drawn, Packet& packet) {
   packet.plan.plate_qp = drawn.plate_qp;
   const std::size_t before = packet.textures.size();
-  if (drawn.plate_band) {
-    auto unit = plate_.refine(*drawn.plates, drawn.plate_qp, drawn.plate_layout, *drawn.plate_band);
-    if (!unit) return unit.error();
-    packet.textures.push_back(*std::move(unit));
-  } else if (const Status coded = add_unit(plate_, drawn.plate_qp, drawn.plate_layout,
-                                           *std::move(drawn.plates), last_plate_, packet);
-             !coded) {
-    return coded;
+  const Status coded = add_unit(plate_, drawn.plate_qp, drawn.plate_layout,
+                                *std::move(drawn.plates), last_plate_, packet);
+  if (!coded || packet.textures.size() == before) return coded;
+  const TextureUnit& unit = packet.textures.back();
+  rows_.note_picture(spare_, last_plate_.picture, drawn.plate_qp, unit.key_frame);
+  note_plate_bytes(unit.data.size(), drawn.plate_blocks, drawn.plate_qp);
+  return {};
+}
+
+/// Of the last picture, a band. Where a key frame was asked for meanwhile, the next packet brings
+/// it.
+Status RootAtlas::refine_plates(const Drawn& drawn, Packet& packet) {
+  if (plate_.key_frame_asked()) return {};
+  packet.plan.plate_qp = drawn.plate_qp;
+  const ImageRgb& picture = last_plate_.picture;
+  auto unit = plate_.refine(picture, drawn.plate_qp, drawn.plate_layout, *drawn.plate_band);
+  if (!unit) return unit.error();
+  if (unit->key_frame) {
+    rows_.note_picture(picture, picture, drawn.plate_qp, true);
+  } else {
+    rows_.note_band(*drawn.plate_band, drawn.plate_qp);
+    note_plate_bytes(unit->data.size(), drawn.plate_blocks, drawn.plate_qp);
   }
-  if (packet.textures.size() > before) note_plates(drawn, packet.textures.back().data.size());
+  packet.textures.push_back(*std::move(unit));
   return {};
 }
 
@@ -370,21 +384,23 @@ std::optional<RootAtlas::DuePlates> RootAtlas::due_plates(int best_qp, const Pla
   return limits.may_refine ? refined_plates(best_qp, limits) : std::nullopt;
 }
 
-/// What is new comes with the finest quantiser that fits.
+/// What is new comes with the finest quantiser that fits. What was coarser than that becomes finer
+/// with it.
 std::optional<RootAtlas::DuePlates> RootAtlas::new_plates(int best_qp, const PlateLimits& limits) {
   constexpr int kCoarsestQp = 44;
   const bool is_whole = plate_.key_frame_asked() || drawn_layout_ == 0 ||
                         drawn_layout_ != plate_layout_.views.front().layout;
-  const std::size_t all = valid_blocks(), fresh = is_whole ? all : std::min(blocks_waiting_, all);
-  const auto finest = [&](double bytes, std::size_t blocks, int from_qp) {
-    while (from_qp < kCoarsestQp && plate_bytes(blocks, from_qp) > bytes) ++from_qp;
-    return from_qp;
+  const std::size_t all = valid_blocks();
+  const auto blocks_at = [&](int qp) {
+    const auto coarser =
+        static_cast<std::size_t>(static_cast<double>(all) * rows_.coarser_than(qp));
+    return is_whole ? all : std::min(blocks_waiting_ + coarser, all);
   };
-  const int best = finest(limits.largest_bytes, all, best_qp);
-  waiting_bytes_ = plate_bytes(fresh, best);
-  const int qp = finest(limits.now.bytes, fresh, best);
-  if (plate_bytes(fresh, qp) <= limits.now.bytes || limits.now.one_anyway)
-    return DuePlates{qp, fresh};
+  waiting_bytes_ = plate_bytes(blocks_at(best_qp), best_qp);
+  int qp = best_qp;
+  while (qp < kCoarsestQp && plate_bytes(blocks_at(qp), qp) > limits.now.bytes) ++qp;
+  if (plate_bytes(blocks_at(qp), qp) <= limits.now.bytes || limits.now.one_anyway)
+    return DuePlates{qp, blocks_at(qp)};
   plates_held_ = true;
   return std::nullopt;
 }
@@ -393,34 +409,19 @@ std::optional<RootAtlas::DuePlates> RootAtlas::new_plates(int best_qp, const Pla
 /// may ever be sent.
 std::optional<RootAtlas::DuePlates> RootAtlas::refined_plates(int best_qp,
                                                               const PlateLimits& limits) {
-  constexpr double kWorthIt = 0.8;  // of the largest: each band takes the coding of a picture
-  const auto is_coarse = [&](int qp) { return qp > best_qp; };
-  const auto coarse = static_cast<double>(std::ranges::count_if(row_qps_, is_coarse));
-  if (coarse == 0) return std::nullopt;
+  constexpr double kWorthIt = 0.8;    // of the largest: each band takes the coding of a picture
+  constexpr double kRounding = 1e-9;  // the limit was made from what waits
   const std::size_t all = valid_blocks();
-  const double bytes = plate_bytes(all, best_qp), rows = static_cast<double>(row_qps_.size());
-  waiting_bytes_ = bytes * coarse / rows;
-  if (bytes <= limits.now.bytes) return DuePlates{best_qp, all};
-  const double fitting = rows * limits.now.bytes / bytes;
-  if (fitting < coarse && limits.now.bytes < kWorthIt * limits.largest_bytes) return std::nullopt;
-  const auto first = std::ranges::find_if(row_qps_, is_coarse) - row_qps_.begin();
-  const double count = std::clamp(std::floor(fitting), 1.0, rows - static_cast<double>(first));
-  constexpr int kStep = kit::VideoEncoder::kBandStep;
-  const int top = static_cast<int>(first) * kStep;
-  return DuePlates{best_qp, static_cast<std::size_t>(static_cast<double>(all) * count / rows),
-                   kit::RowBand{top, top + static_cast<int>(count) * kStep}};
-}
-
-/// Learns from a unit of plates that was sent.
-void RootAtlas::note_plates(const Drawn& drawn, std::size_t bytes) {
-  constexpr int kStep = kit::VideoEncoder::kBandStep;
-  note_plate_bytes(bytes, drawn.plate_blocks, drawn.plate_qp);
-  if (!drawn.plate_band)
-    row_qps_.assign(static_cast<std::size_t>((last_plate_.picture.height + kStep - 1) / kStep),
-                    drawn.plate_qp);
-  else
-    std::fill(row_qps_.begin() + drawn.plate_band->first / kStep,
-              row_qps_.begin() + drawn.plate_band->end / kStep, drawn.plate_qp);
+  const double whole = plate_bytes(all, best_qp), coarse = rows_.coarser_than(best_qp);
+  waiting_bytes_ = whole * coarse;
+  if (waiting_bytes_ <= 0) return std::nullopt;
+  const double now = limits.now.bytes * (1 + kRounding);
+  if (whole <= now) return DuePlates{best_qp, all};
+  if (waiting_bytes_ > now && now < kWorthIt * limits.largest_bytes) return std::nullopt;
+  const auto band = rows_.first_coarser_than(best_qp, now / whole);
+  if (!band) return std::nullopt;
+  const double share = rows_.coarser_than(best_qp, *band);
+  return DuePlates{best_qp, static_cast<std::size_t>(static_cast<double>(all) * share), band};
 }
 
 ImageRgb RootAtlas::draw_plates(const Children& children) {

@@ -16,6 +16,7 @@
 #include "mr/core/result.h"
 #include "mr/node/allowance.h"
 #include "mr/node/input_synchronizer.h"
+#include "mr/node/plate_rows.h"
 #include "mr/node/root_colors.h"
 #include "mr/node/texture_painter.h"
 #include "mr/node/texture_stream.h"
@@ -26,7 +27,7 @@ namespace mr::node {
 /// The root's pictures (paper 3.3; docs/layers.md, Colour): the live atlas, stream
 /// 0, with a tile for each view, and for a still surface the atlas of clean plates, stream 1. The
 /// live tile of a view that has a plate shows only a window of the view. A picture that did not
-/// change is not encoded again.
+/// change is not encoded again, but to refine it.
 class RootAtlas {
  public:
   static constexpr StreamId kLiveStream{0}, kPlateStream{1};
@@ -161,7 +162,6 @@ class RootAtlas {
   std::optional<DuePlates> due_plates(int best_qp, const PlateLimits& limits);
   std::optional<DuePlates> new_plates(int best_qp, const PlateLimits& limits);
   std::optional<DuePlates> refined_plates(int best_qp, const PlateLimits& limits);
-  void note_plates(const Drawn& drawn, std::size_t bytes);
   Status arrange(const std::vector<View>& views, double scale, atlas::Layout& layout) const;
   std::vector<View> windows(const std::vector<View>& views, const Used& used);
   Used used_pixels(const Tick& tick, const Mesh& shown, float error_m) const;
@@ -173,6 +173,7 @@ class RootAtlas {
   Status add_unit(TextureStream& stream, int qp, std::uint32_t layout, ImageRgb picture,
                   Coded& last, Packet& packet);
   Status add_plates(Drawn& drawn, Packet& packet);
+  Status refine_plates(const Drawn& drawn, Packet& packet);
 
   const Scene* scene_;
   atlas::Layout live_layout_, plate_layout_;
@@ -194,7 +195,7 @@ class RootAtlas {
   double block_bytes_ = 16;  ///< of a block of plates, with a usual quantiser; learnt
   bool plates_held_ = false;
   double waiting_bytes_ = 0;
-  std::vector<int> row_qps_;  ///< of the newest atlas of plates, by kit::VideoEncoder::kBandStep
+  PlateRows rows_;  ///< of the newest atlas of plates
   atlas::ColorCorrections plate_colors_;
   std::uint32_t drawn_layout_ = 0;
   std::vector<View> sent_plates_;  ///< the layout of the newest atlas of plates

@@ -22,8 +22,8 @@ bool has_layers(const Scene& scene, SensorId id) {
 
 double share_of_measured(const ImageDepth& depth) {
   const auto pixels = static_cast<double>(depth.data.size());
-  const auto holes = static_cast<double>(std::ranges::count(depth.data, 0.0f));
-  return pixels > 0 ? 1 - holes / pixels : 0;
+  const auto measured = std::ranges::count_if(depth.data, [](float z) { return z > 0; });
+  return pixels > 0 ? static_cast<double>(measured) / pixels : 0;
 }
 
 }  // namespace

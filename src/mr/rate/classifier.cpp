@@ -131,8 +131,10 @@ Setting Classifier::choose(const Observation& observed, double target_mbps) cons
   const int bits = observed.bits.value_or(machines.bits.predict(in));
   in = on_lattice(std::move(in), bits);
   const auto scale = static_cast<std::size_t>(std::clamp(machines.scale.predict(in), 0, 2));
-  return nearest(machines.hull, {error_of(machines.error.predict(in)), bits, kScales[scale],
-                                 machines.qp.predict(in) * kQpStep});
+  Setting out = nearest(machines.hull, {error_of(machines.error.predict(in)), bits, kScales[scale],
+                                        machines.qp.predict(in) * kQpStep});
+  if (observed.bits) out.bits = *observed.bits;
+  return out;
 }
 
 }  // namespace mr::rate

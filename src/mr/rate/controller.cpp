@@ -10,12 +10,12 @@
 namespace mr::rate {
 namespace {
 
-constexpr int kDecideEvery = 6;  // captures
-constexpr int kFewest = 5;       // captures behind a mean that a decision uses
-constexpr int kFewestAtWorst = 2;
-constexpr double kReserve = 0.7;  // of an estimate
-constexpr int kStart = 30;        // captures in which what is known changes quickly
-constexpr double kMeanOver = 12;  // captures
+constexpr int kDecideEvery = 6;    // captures
+constexpr int kFewest = 5;         // captures behind a mean that a decision uses
+constexpr int kFewestAtWorst = 2;  // the same, while captures are left out
+constexpr double kReserve = 0.7;   // of an estimate
+constexpr int kStart = 30;         // captures in which what is known changes quickly
+constexpr double kMeanOver = 12;   // captures
 constexpr int kFinestQp = 18, kCoarsestQp = 51;
 constexpr Setting kFinestSetting{kErrorNodes_voxels[0], kBits, 1, kFinestQp};
 constexpr int kFirstQp = 42;     // of the first captures, while nothing is known of what they take
@@ -23,6 +23,7 @@ constexpr int kFinerAtOnce = 6;  // quantisers, from one capture to the next
 constexpr double kUsualKey = 8;  // key frames, in other frames, until one was seen
 constexpr double kErrorPower = 0.3;  // bytes of the mesh fall with this power of the error limit
 constexpr double kFinerMesh = 1.4;   // errors, by a step
+constexpr double kHelps = 0.95;      // an urgent change cuts what is needed to less
 constexpr double kLeast_mbps = 0.01;
 constexpr double kRepay = 4;                         // captures over which credit is used
 constexpr double kMostCredit = 3;                    // captures' worth, saved
@@ -140,8 +141,9 @@ bool Controller::is_worth_it(const Setting& wanted, double budget_mbps) const {
   const double needed = mbps_of(geometry_ + texture_);
   const bool is_reversal = direction_ != 0 && direction_of(setting_, wanted) != direction_;
   const bool is_urgent = needed > 1.3 * budget_mbps || mbps_at(kCoarsestQp) > budget_mbps;
+  if (is_urgent)
+    return mbps_of(expected_geometry(wanted) + expected_texture(wanted)) < kHelps * needed;
   if ((direction_of(setting_, wanted) > 0) == (needed > budget_mbps)) return false;
-  if (is_urgent) return true;
   const bool idle = is_idle(budget_mbps);
   if (idle && (wanted.error_voxels > setting_.error_voxels || wanted.scale < setting_.scale))
     return false;
@@ -151,13 +153,21 @@ bool Controller::is_worth_it(const Setting& wanted, double budget_mbps) const {
   return is_free || needed > 1.1 * budget_mbps || needed < 0.7 * budget_mbps;
 }
 
+/// Bytes of a capture with another setting, judged by what the one in force takes.
+double Controller::expected_geometry(const Setting& setting) const {
+  return geometry_ * std::pow(setting.error_voxels / setting_.error_voxels, -kErrorPower);
+}
+double Controller::expected_texture(const Setting& setting) const {
+  return texture_ * std::exp(-kPerQp * (setting.qp - setting_.qp)) *
+         std::pow(setting.scale / setting_.scale, 1.5);
+}
+
 void Controller::take(const Setting& setting) {
   direction_ = direction_of(setting_, setting);
-  // Until captures of the new setting come, what they take is judged by the old one's.
-  const double texture = std::exp(-kPerQp * (setting.qp - setting_.qp)) *
-                         std::pow(setting.scale / setting_.scale, 1.5);
-  texture_ *= texture, key_ *= texture;
-  geometry_ *= std::pow(setting.error_voxels / setting_.error_voxels, -kErrorPower);
+  // Until captures of the new setting come.
+  const double texture = expected_texture(setting);
+  key_ *= texture_ > 0 ? texture / texture_ : 1;
+  texture_ = texture, geometry_ = expected_geometry(setting);
   key_frame_needed_ |= setting.scale != setting_.scale;
   setting_ = setting, captures_ = textures_ = 0, since_change_ = 0;
 }
@@ -182,9 +192,9 @@ void Controller::decide(double for_setting_mbps) {
     if (observed_.produced.size() > 6) observed_.produced.erase(observed_.produced.begin());
   }
   Setting wanted = kFinestSetting;
-  wanted.bits = setting_.bits;
   if (!has_ample(for_setting_mbps))
     wanted = model_->choose(observed_, for_setting_mbps * nominal_fps_ / fps_);
+  wanted.bits = setting_.bits;
   // What the model expects of finer pictures may be wrong: finer meshes by steps use what is left.
   if (captures_ >= kFewest && is_idle(for_setting_mbps) && direction_of(setting_, wanted) <= 0) {
     wanted = setting_;

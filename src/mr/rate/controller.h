@@ -109,6 +109,8 @@ class Controller {
   int qp_of_rest() const;
   void save_for_backlog(double backlog, double unused);
   bool is_worth_it(const Setting& wanted, double budget_mbps) const;
+  double expected_geometry(const Setting& setting) const;
+  double expected_texture(const Setting& setting) const;
   void take(const Setting& setting);
   double within_limits(double error_voxels) const;
   void keep_within_limits();

@@ -32,8 +32,6 @@ class CurvePredictor final : public Model {
   CurvePredictor(FeatureSpace space, Members members);
   static CurvePredictor train(std::span<const Sweep> training);
 
-  /// Rates and qualities at the nodes of the grid.
-  GridValues predict_values(const Observation& observed) const;
   /// The rate of every setting, and its quality, what moves weighted as the observation says.
   RateSurface predict(const Observation& observed) const;
   Setting choose(const Observation& observed, double target_mbps) const override;
@@ -42,6 +40,8 @@ class CurvePredictor final : public Model {
   const Members& members() const { return members_; }
 
  private:
+  GridValues predict_values(const Observation& observed) const;
+
   FeatureSpace space_;
   Members members_;
 };

@@ -12,6 +12,9 @@ namespace {
 constexpr std::array kNames{"color_spatial",  "color_temporal", "depth_spatial", "depth_temporal",
                             "moving_percent", "mask_percent",   "triangles",     "sensors"};
 
+// Of a logarithm: in what is the same in all training scenes, others may not differ by much.
+constexpr double kLeastDeviation = 0.02;
+
 /// Energies of a still picture are 0.
 std::optional<double> log_of(const std::vector<Feature>& features, const char* name) {
   const auto found = std::ranges::find(features, name, &Feature::name);
@@ -67,7 +70,8 @@ std::vector<double> FeatureSpace::at(const std::vector<Feature>& features) const
   std::vector<double> out;
   for (std::size_t i = 0; i < kNames.size(); ++i) {
     const auto value = log_of(features, kNames[i]);
-    out.push_back(value ? (*value - mean_[i]) / deviation_[i] : 0);
+    const bool is_known = value && deviation_[i] > kLeastDeviation;
+    out.push_back(is_known ? (*value - mean_[i]) / deviation_[i] : 0);
   }
   return out;
 }

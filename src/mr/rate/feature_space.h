@@ -18,8 +18,8 @@ std::vector<Feature> scene_features(std::span<const SensorFeatures> sensors);
 /// The names of those that models use.
 std::span<const char* const> feature_names();
 
-/// Features as numbers of mean 0 and deviation 1 over the training scenes: logarithms of the four
-/// energies, of the share of moving pixels, and of the number of sensors.
+/// Features as numbers of mean 0 and deviation 1 over the training scenes: logarithms of
+/// feature_names(). One that is the same in all of these is left out.
 class FeatureSpace {
  public:
   FeatureSpace() = default;

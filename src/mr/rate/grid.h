@@ -27,7 +27,7 @@ inline constexpr double coarsest_error_voxels(double voxel_m) {
   return coarsest_error_m(voxel_m) / voxel_m;
 }
 inline constexpr int kBits = 10;                 ///< of the grid
-inline constexpr int kLattices[] = {9, 10, 11};  ///< bits; measured at one error
+inline constexpr int kLattices[] = {9, 10, 11};  ///< bits; of all settings
 
 /// The scene file's usual plan: what is coded until a model decides.
 inline constexpr Setting kUsualSetting{0.5, kBits, 1, 28};

@@ -155,7 +155,7 @@ Json to_json(const LookupTable& table) {
     for (const auto& [mbps, setting] : row.entries)
       entries.push_back({seven_digits(mbps), to_json(setting)});
     out["rows"].push_back({{"layers", row.layers},
-                           {"bits", row.bits.value_or(0)},
+                           {"bits", row.bits ? Json(*row.bits) : Json(nullptr)},
                            {"at", to_json(row.features)},
                            {"entries", std::move(entries)}});
   }
@@ -166,7 +166,8 @@ LookupTable lookup_table(const Json& in) {
   for (const Json& r : rows(in.at("rows"))) {
     LookupTable::Row& row = out.emplace_back();
     row.layers = r.at("layers").get<bool>();
-    if (const int bits = whole_number(r.at("bits").get<double>(), 0, kMostWhole)) row.bits = bits;
+    if (const Json& bits = r.at("bits"); !bits.is_null())
+      row.bits = whole_number(bits.get<double>(), 0, kMostWhole);
     row.features = numbers(r.at("at"), FeatureSpace::size());
     for (const Json& entry : rows(r.at("entries")))
       row.entries.push_back({entry.at(0).get<double>(), setting(entry.at(1))});
@@ -271,11 +272,12 @@ Result<std::shared_ptr<const Model>> open_model(
   return own->get(config.model);
 }
 
-int lattice_of_epoch(const RateConfig& config, bool layers) {
+int lattice_of_epoch(const RateConfig& config, bool layers, double voxel_m) {
   const auto model = open_model(config, [](const std::string&) {});  // told where it is used
   if (!model || !*model) return kBits;
   Observation observed;
-  observed.layers = layers;
+  observed.layers = layers, observed.moving_weight = config.moving_weight;
+  observed.coarsest_error_voxels = coarsest_error_voxels(voxel_m);
   return (*model)->choose(observed, config.target_mbps).bits;
 }
 

@@ -43,7 +43,7 @@ Result<std::shared_ptr<const Model>> open_model(
     const RateConfig& config, const std::function<void(const std::string&)>& notice);
 
 /// The lattice of an epoch, its bits, as the scene's model chooses it for the target before
-/// anything is known of the scene, errors aside. Fixed: the usual one.
-int lattice_of_epoch(const RateConfig& config, bool layers);
+/// anything is known of the scene. Fixed, or a damaged model of the program's own: the usual one.
+int lattice_of_epoch(const RateConfig& config, bool layers, double voxel_m);
 
 }  // namespace mr::rate

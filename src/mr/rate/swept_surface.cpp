@@ -29,22 +29,22 @@ const Sweep::Quality* find_quality(const Sweep& sweep, std::size_t geometry, std
   return nullptr;
 }
 
-/// What a lattice changes where it was measured: mean over the textures. Nothing where it was not.
+/// What a lattice changes: mean over the pairs that were measured. Nothing where none was.
 GridValues::Lattice find_lattice(const Sweep& sweep, int bits) {
   GridValues::Lattice out;
-  double pairs = 0;
+  double pairs = 0, log_rate = 0;
   for (const Sweep::Quality& q : sweep.qualities) {
     const Sweep::Geometry& geometry = sweep.geometries[q.geometry];
     if (geometry.bits != bits || bits == kBits) continue;
     const auto usual = find_geometry(sweep, geometry.error_voxels);
     const Sweep::Quality* of_usual = usual ? find_quality(sweep, *usual, q.texture) : nullptr;
     if (!of_usual) continue;
-    out.rate = positive_mbps(sweep.geometry_mbps(geometry)) /
-               positive_mbps(sweep.geometry_mbps(sweep.geometries[*usual]));
+    log_rate += std::log(positive_mbps(sweep.geometry_mbps(geometry)) /
+                         positive_mbps(sweep.geometry_mbps(sweep.geometries[*usual])));
     out.ssim += q.ssim - of_usual->ssim, out.moving_ssim += q.moving_ssim - of_usual->moving_ssim;
     ++pairs;
   }
-  if (pairs > 0) out.ssim /= pairs, out.moving_ssim /= pairs;
+  if (pairs > 0) out = {std::exp(log_rate / pairs), out.ssim / pairs, out.moving_ssim / pairs};
   return out;
 }
 

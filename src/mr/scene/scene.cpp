@@ -48,14 +48,17 @@ void read_lattice(MapReader& top, Scene& scene) {
   MapReader map(top.report, *node, "lattice");
   Lattice& lattice = scene.lattice;
   const yaml::Node* step = map.find("step_exp");
-  if (step && step->kind == yaml::Node::Kind::scalar && step->text == "auto")
-    lattice.step_exp = -rate::lattice_of_epoch(scene.rate, scene.still.layers);
+  const bool is_auto = step && step->kind == yaml::Node::Kind::scalar && step->text == "auto";
+  if (is_auto)
+    lattice.step_exp = -rate::lattice_of_epoch(scene.rate, scene.still.layers, scene.voxel_m);
   else
     read_step(map, scene.pipeline == "points", lattice);
   double v[3];
   if (!map.numbers("origin", Lattice::kOrigin_m, v)) return;
   lattice.origin = {v[0], v[1], v[2]};
-  for (const std::string& problem : lattice.problems())
+  Lattice coarsest = lattice;  // that it may be
+  if (is_auto) coarsest.step_exp = static_cast<int>(Lattice::kMeshStepExp.high);
+  for (const std::string& problem : coarsest.problems())
     map.report.problem(map.line("origin"), problem);
 }
 
