@@ -19,6 +19,7 @@ void choose(const Models& models) {
     for (const double mbps : {0.0, 1.0, 1e9, std::nan("")}) {
       const Setting setting = model->choose(observed, mbps);
       observed.produced.push_back({setting, 1, 2});
+      observed.bits = setting.bits, observed.moving_weight = 0.5;
       observed.layers = !observed.layers;
     }
   }
@@ -32,7 +33,8 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   if (const auto file = sweeps_from_json(text)) {
     static_cast<void>(to_json(*file));
     for (const Sweep& sweep : file->sweeps)
-      if (is_complete(sweep)) static_cast<void>(candidate_points(RateSurface(grid_values(sweep))));
+      if (is_complete(sweep))
+        static_cast<void>(candidate_points(RateSurface(weighted(grid_values(sweep), 0.5))));
   }
   return 0;
 }

@@ -55,17 +55,21 @@ TEST(SensorNodeLayers, FeaturesTellOfTheSurfaceThatMoves) {
   Scene scene = with_layers();
   scene.rate.model = RateConfig::Model::ours;
   Sensor sensor(scene);
-  const auto features_of = [](const Packet& packet) {
+  const auto see = [&](const Solids& solids) {
+    const Packet packet = sensor.see(solids);
+    codec::Control control;
+    control.shown = packet.sequence;
+    sensor.node.answer(control);
     EXPECT_EQ(packet.features.size(), 1u);
     return rate::features_of(packet.features.at(0).values).value();
   };
-  const rate::SceneFeatures all = features_of(sensor.see(wall()));
+  const rate::SceneFeatures all = see(wall());
   EXPECT_GT(all.mask_coverage, 0.5) << "nothing is known yet";
-  for (int i = 0; i < 3 * kLearnt; ++i) sensor.see(wall());
-  const rate::SceneFeatures none = features_of(sensor.see(wall()));
+  for (int i = 0; i < kLearnt; ++i) see(wall());
+  const rate::SceneFeatures none = see(wall());
   EXPECT_EQ(none.mask_coverage, 0);
   EXPECT_EQ(none.triangles, 0);
-  const rate::SceneFeatures box = features_of(sensor.see(wall_and_box()));
+  const rate::SceneFeatures box = see(wall_and_box());
   EXPECT_GT(box.mask_coverage, 0);
   EXPECT_LT(box.mask_coverage, 0.5 * all.mask_coverage);
   EXPECT_GT(box.triangles, 0);

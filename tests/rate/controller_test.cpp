@@ -107,6 +107,22 @@ TEST(Controller, BelowTheLeastItLeavesOutCapturesAndSaysSo) {
     }
 }
 
+TEST(Controller, FindsTheSettingThatFitsSoonWhereTheFirstLeavesMostCapturesOut) {
+  // Everything moves: at the first error the mesh alone takes several times the target.
+  MadeScene scene{"start", true, 30, 1, 0.095, 1.2, 6};
+  const double first = made_geometry_bytes(scene, kUsualSetting.error_voxels) * scene.fps * 8e-6;
+  const double target = 1.15 * made_least_mbps(scene);
+  ASSERT_GT(first, 2 * target);
+  MadeStream stream(scene, target);
+  stream.key_frame_every = 0;
+  stream.run(4);
+  int skipped = 0;
+  for (std::size_t i = 45; i < stream.captures.size(); ++i)
+    skipped += stream.captures[i].plan.skipped;
+  EXPECT_LE(skipped, 4) << "in the last two and a half seconds";
+  EXPECT_NEAR(stream.mbps(1, 4) / target, 1, 0.05);
+}
+
 TEST(Controller, RecoversFromATargetThatWasTooLow) {
   const MadeScene scene;
   for (const double low : {0.3, 0.02}) {

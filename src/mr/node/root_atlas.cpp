@@ -368,13 +368,14 @@ double RootAtlas::plate_bytes(std::size_t blocks, int qp) const {
   return static_cast<double>(blocks) * block_bytes_ * std::exp(-rate::kPerQp * (qp - kUsualQp));
 }
 
+/// Learns what blocks take. Many change next to nothing, and tell little of those that do.
 void RootAtlas::note_plate_bytes(std::size_t bytes, std::size_t blocks, int qp) {
   constexpr std::size_t kFew = 50;
-  constexpr double kFactor = 2;  // at most, at once
+  constexpr double kLess = 1.1, kMore = 2;  // factors, at most, at once
   if (blocks < kFew) return;
   const double of_block = static_cast<double>(bytes) / static_cast<double>(blocks) *
                           std::exp(rate::kPerQp * (qp - kUsualQp));
-  block_bytes_ = std::clamp(of_block, block_bytes_ / kFactor, block_bytes_ * kFactor);
+  block_bytes_ = std::clamp(of_block, block_bytes_ / kLess, block_bytes_ * kMore);
 }
 
 /// How the atlas of plates is to be encoded now; nothing: it is as good as it can be, or waits.

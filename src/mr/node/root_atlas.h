@@ -192,7 +192,7 @@ class RootAtlas {
   std::size_t blocks_waiting_ = 0;
   int waited_ = 0;  ///< ticks
   bool plates_due_ = false;
-  double block_bytes_ = 16;  ///< of a block of plates, with a usual quantiser; learnt
+  double block_bytes_ = 32;  ///< of a block of plates, with a usual quantiser; learnt
   bool plates_held_ = false;
   double waiting_bytes_ = 0;
   PlateRows rows_;  ///< of the newest atlas of plates
