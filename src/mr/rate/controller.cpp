@@ -214,8 +214,9 @@ CapturePlan Controller::begin(double backlog, double extra) {
   const double least = geometry_ + extra + texture_at(kCoarsestQp, key_frame_needed_);
   const double saved = std::min(share + credit_, left() - purse_);
   is_best_effort_ = geometry_ + texture_at(kCoarsestQp, false) > 1.1 * share;
-  const double room = std::max(left() - least, 0.0);
-  planned_ = {setting_, key_frame_needed_, false, std::min({backlog, aside + purse_, room})};
+  const double room = std::max(left() - purse_ - least, 0.0);
+  planned_ = {setting_, key_frame_needed_, false,
+              std::min(backlog, purse_ + std::min(aside, room))};
   // A setting that is new is judged by what the one before it took: with reserve.
   const double sure = captures_ >= kFewest || sent_ < kStart ? 1 : kReserve;
   planned_.skipped =
