@@ -78,7 +78,8 @@ TEST(PlateRows, WhatDidNotChangeStaysAsFineAsItWas) {
   rows.note_picture({}, before, 40, true);
   rows.note_band(steps(0, 8), 20);
   rows.note_picture(before, now, 36, false);
-  EXPECT_NEAR(rows.coarser_than(20), 0.3, 1e-12);  // 5, 8, 9
+  constexpr double kOneBlock = 0.1 / (kWidth / kStep);
+  EXPECT_NEAR(rows.coarser_than(20), 0.2 + kOneBlock, 1e-12);
   EXPECT_EQ(rows.coarser_than(36), 0) << "the last two became finer with it";
   expect_band(rows.first_coarser_than(20, 0.1), 5, 6);
   rows.note_picture(before, now, 36, true);

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cstddef>
 #include <optional>
 #include <vector>
 
@@ -8,8 +9,9 @@
 
 namespace mr::node {
 
-/// How finely the rows of the atlas of clean plates were sent, in steps of kStep, and which are to
-/// be sent again. A row's share of the picture is that of its pixels that are not black.
+/// How finely the blocks of the atlas of clean plates were sent, squares of kStep, and which rows
+/// of them are to be sent again. A block's share of the picture is that of its pixels that are not
+/// black.
 class PlateRows {
  public:
   static constexpr int kStep = kit::VideoEncoder::kBandStep;
@@ -20,18 +22,23 @@ class PlateRows {
   /// A band of it was.
   void note_band(kit::RowBand band, int qp);
 
-  /// 0..1: the share of the rows that were sent more coarsely.
+  /// 0..1: the share of the blocks that were sent more coarsely.
   double coarser_than(int qp) const;
   double coarser_than(int qp, kit::RowBand band) const;
-  /// The first of them, as many as have at most this share together; nothing: not even one row.
+  /// The first rows that have some, as many as have at most this share together; nothing: not even
+  /// one row.
   std::optional<kit::RowBand> first_coarser_than(int qp, double share) const;
 
  private:
-  struct Row {
+  struct Block {
     double share = 0;
     int qp = 0;
   };
-  std::vector<Row> rows_;
+  int rows() const { return columns_ > 0 ? static_cast<int>(blocks_.size()) / columns_ : 0; }
+  double row_coarser_than(int qp, int row) const;
+
+  int columns_ = 0;
+  std::vector<Block> blocks_;  ///< row by row
 };
 
 }  // namespace mr::node
