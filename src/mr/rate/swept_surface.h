@@ -32,8 +32,8 @@ struct GridValues {
 
 /// The place of a lattice in kLattices.
 std::size_t lattice_place(int bits);
-/// The same with quality in one figure: `moving_weight` (0..1) of what moves, the rest of the
-/// whole picture.
+/// Values whose `ssim` is a mean: with weight `moving_weight` (0..1) of that of what moves, and the
+/// rest of that of the whole picture.
 GridValues weighted(GridValues values, double moving_weight);
 
 /// A rate above 0, also of a picture that does not change, which costs nothing: its logarithm is
